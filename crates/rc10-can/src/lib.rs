@@ -1,0 +1,27 @@
+//! What everything that touches a CAN bus shares: the frame, its length on the wire, the port,
+//! and integer time.
+//!
+//! * [`CanFrame`]: a classic CAN 2.0 frame; implements [`embedded_can::Frame`].
+//! * [`WireLength`]: how many bit times a frame takes, exactly (with its stuff bits) or at worst.
+//! * [`IdPattern`]: one identifier, or a family of them (`id` under `mask`).
+//! * [`CanPort`]: a non-blocking port to one bus. [`NbPort`] makes one from any
+//!   [`embedded_can::nb::Can`]; [`Mailboxes`] is the "newest frame per identifier" store that
+//!   ports are built on.
+//! * [`Micros`], [`Schedule`], [`Timing`]: time is an integer count of microseconds.
+//!
+//! The crate has no clock, no I/O and no allocation.
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod frame;
+mod length;
+mod pattern;
+mod port;
+mod time;
+
+pub use embedded_can;
+pub use frame::{CanFrame, FrameTooLong};
+pub use length::{LengthBounds, WireLength};
+pub use pattern::IdPattern;
+pub use port::{BusError, CanPort, ErrorState, Health, Mailboxes, NbPort, Submitted};
+pub use time::{Micros, Schedule, Start, Timing};

@@ -1,0 +1,421 @@
+use core::fmt;
+
+use embedded_can::nb::Can;
+use embedded_can::{Error, ErrorKind, Frame};
+use heapless::Vec;
+
+use crate::{CanFrame, Micros};
+
+/// A non-blocking port to one CAN bus.
+///
+/// No method waits. A port keeps **at most one unsent frame per identifier**: a newer one replaces
+/// it, so that nothing stale leaves after an outage. What it loses it counts in [`Health`].
+pub trait CanPort {
+    /// The oldest received frame with its arrival time, if there is one.
+    fn receive(&mut self) -> Option<(CanFrame, Micros)>;
+
+    /// Hands a frame over for sending.
+    fn submit(&mut self, frame: &CanFrame) -> Submitted;
+
+    /// Takes back every frame that has not been sent yet; says how many.
+    fn cancel_pending(&mut self) -> u8;
+
+    /// How the bus and the controller are.
+    fn health(&self) -> Health;
+}
+
+impl<P: CanPort + ?Sized> CanPort for &mut P {
+    fn receive(&mut self) -> Option<(CanFrame, Micros)> {
+        (**self).receive()
+    }
+    fn submit(&mut self, frame: &CanFrame) -> Submitted {
+        (**self).submit(frame)
+    }
+    fn cancel_pending(&mut self) -> u8 {
+        (**self).cancel_pending()
+    }
+    fn health(&self) -> Health {
+        (**self).health()
+    }
+}
+
+/// What became of a submitted frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use = "a refused frame is lost unless the caller counts or repeats it"]
+pub enum Submitted {
+    /// It will be sent.
+    Queued,
+    /// It will be sent instead of an older frame of the same identifier.
+    Replaced,
+    /// There is no room: it will not be sent.
+    Refused,
+}
+
+/// Error state of a CAN controller (ISO 11898-1, fault confinement).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ErrorState {
+    /// Both error counters below 96.
+    #[default]
+    Active,
+    /// An error counter at 96 or more: the bus is heavily disturbed, or nobody acknowledges.
+    Warning,
+    /// An error counter above 127: the controller may no longer destroy others' frames.
+    Passive,
+    /// Transmit error counter above 255: the controller is off the bus.
+    BusOff,
+}
+
+/// The last error a controller saw on the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum BusError {
+    /// More than five equal bits in a row.
+    Stuff,
+    /// A fixed-form field had the wrong value.
+    Form,
+    /// Nobody acknowledged: no other node is alive on the bus.
+    Acknowledge,
+    /// A bit read back differs from the bit sent.
+    Bit,
+    /// The checksum of a received frame was wrong.
+    Crc,
+    /// Frames came faster than they were read.
+    Overrun,
+}
+
+/// How a bus and its controller are, and what was lost so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Health {
+    /// Error state.
+    pub state: ErrorState,
+    /// Transmit error counter, 0 ..= 255.
+    pub transmit_errors: u8,
+    /// Receive error counter, 0 ..= 127.
+    pub receive_errors: u8,
+    /// The last bus error seen, if any was.
+    pub last_error: Option<BusError>,
+    /// Received frames lost because nobody read them in time.
+    pub receive_lost: u32,
+    /// How often the controller went bus-off.
+    pub bus_offs: u32,
+}
+
+/// At most one unsent frame per identifier, at most `N` identifiers; the most urgent one (lowest in
+/// arbitration) leaves first.
+#[derive(Clone, Debug, Default)]
+pub struct Mailboxes<const N: usize> {
+    frames: Vec<CanFrame, N>,
+}
+
+impl<const N: usize> Mailboxes<N> {
+    /// No frames.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { frames: Vec::new() }
+    }
+
+    /// Stores a frame; an older one of the same identifier is replaced.
+    pub fn put(&mut self, frame: &CanFrame) -> Submitted {
+        if let Some(older) = self.find(frame) {
+            *older = *frame;
+            return Submitted::Replaced;
+        }
+        match self.frames.push(*frame) {
+            Ok(()) => Submitted::Queued,
+            Err(_) => Submitted::Refused,
+        }
+    }
+
+    /// Stores a frame that a controller gave back; a newer one of the same identifier stays, and
+    /// then, as where there is no room, the answer is [`Submitted::Refused`].
+    pub fn put_back(&mut self, frame: &CanFrame) -> Submitted {
+        match self.find(frame) {
+            Some(_) => Submitted::Refused,
+            None => self.put(frame),
+        }
+    }
+
+    /// The most urgent frame.
+    #[must_use]
+    pub fn peek(&self) -> Option<&CanFrame> {
+        self.most_urgent().map(|index| &self.frames[index])
+    }
+
+    /// Takes the most urgent frame out.
+    pub fn pop(&mut self) -> Option<CanFrame> {
+        self.most_urgent()
+            .map(|index| self.frames.swap_remove(index))
+    }
+
+    /// Forgets all frames; says how many there were.
+    pub fn clear(&mut self) -> u8 {
+        let count = self.frames.len();
+        self.frames.clear();
+        u8::try_from(count).unwrap_or(u8::MAX)
+    }
+
+    /// How many frames wait.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.frames.len()
+    }
+
+    /// Whether no frame waits.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.frames.is_empty()
+    }
+
+    fn find(&mut self, frame: &CanFrame) -> Option<&mut CanFrame> {
+        self.frames
+            .iter_mut()
+            .find(|waiting| waiting.key() == frame.key())
+    }
+
+    fn most_urgent(&self) -> Option<usize> {
+        // `Id`'s order is arbitration order; a data frame goes before a remote one of the same id.
+        let urgency = |&index: &usize| {
+            let frame = &self.frames[index];
+            (frame.id(), frame.is_remote())
+        };
+        (0..self.frames.len()).min_by_key(urgency)
+    }
+}
+
+/// A [`CanPort`] on any HAL that implements [`embedded_can::nb::Can`].
+///
+/// That trait has no arrival times, no way to take a frame back, no error counters: the arrival
+/// time is the time of [`receive`](CanPort::receive), and [`Health`] knows only the errors that
+/// the driver returned. A frame the driver holds cannot be replaced any more; `N` frames wait
+/// here, newest per identifier, and go out on the next `receive` or `submit`.
+pub struct NbPort<C, const N: usize = 16> {
+    can: C,
+    now: fn() -> Micros,
+    waiting: Mailboxes<N>,
+    health: Health,
+}
+
+impl<C: Can, const N: usize> NbPort<C, N> {
+    /// A port on `can`; `now` reads a clock.
+    pub const fn new(can: C, now: fn() -> Micros) -> Self {
+        Self {
+            can,
+            now,
+            waiting: Mailboxes::new(),
+            health: HEALTHY,
+        }
+    }
+
+    /// The driver inside, for what the port does not offer.
+    pub const fn driver(&mut self) -> &mut C {
+        &mut self.can
+    }
+
+    /// Sends what waits, until the driver is full.
+    fn flush(&mut self) {
+        while let Some(frame) = self.waiting.peek() {
+            let Some(raw) = to_driver::<C>(frame) else {
+                // The driver's frame type cannot hold it: it can never be sent.
+                self.waiting.pop();
+                continue;
+            };
+            match self.can.transmit(&raw) {
+                Ok(evicted) => {
+                    self.waiting.pop();
+                    let Some(evicted) = evicted.as_ref().and_then(from_driver::<C>) else {
+                        continue;
+                    };
+                    // A newer frame of that identifier may wait already: it wins.
+                    let _ = self.waiting.put_back(&evicted);
+                    // The driver is full and only trades: go on at the next call.
+                    return;
+                }
+                Err(nb::Error::WouldBlock) => return,
+                Err(nb::Error::Other(error)) => {
+                    self.note(&error);
+                    return;
+                }
+            }
+        }
+    }
+
+    fn note(&mut self, error: &C::Error) {
+        self.health.last_error = match error.kind() {
+            ErrorKind::Overrun => {
+                self.health.receive_lost = self.health.receive_lost.saturating_add(1);
+                Some(BusError::Overrun)
+            }
+            ErrorKind::Bit => Some(BusError::Bit),
+            ErrorKind::Stuff => Some(BusError::Stuff),
+            ErrorKind::Crc => Some(BusError::Crc),
+            ErrorKind::Form => Some(BusError::Form),
+            ErrorKind::Acknowledge => Some(BusError::Acknowledge),
+            _ => self.health.last_error,
+        };
+    }
+}
+
+const HEALTHY: Health = Health {
+    state: ErrorState::Active,
+    transmit_errors: 0,
+    receive_errors: 0,
+    last_error: None,
+    receive_lost: 0,
+    bus_offs: 0,
+};
+
+fn to_driver<C: Can>(frame: &CanFrame) -> Option<C::Frame> {
+    if frame.is_remote() {
+        C::Frame::new_remote(frame.id(), frame.len())
+    } else {
+        C::Frame::new(frame.id(), frame.bytes())
+    }
+}
+
+fn from_driver<C: Can>(frame: &C::Frame) -> Option<CanFrame> {
+    if frame.is_remote_frame() {
+        CanFrame::new_remote(frame.id(), frame.dlc())
+    } else {
+        CanFrame::new(frame.id(), frame.data())
+    }
+}
+
+impl<C: Can, const N: usize> CanPort for NbPort<C, N> {
+    fn receive(&mut self) -> Option<(CanFrame, Micros)> {
+        self.flush();
+        loop {
+            match self.can.receive() {
+                Ok(frame) => match from_driver::<C>(&frame) {
+                    Some(frame) => return Some((frame, (self.now)())),
+                    // More than eight bytes, or an id that no classic frame has.
+                    None => self.health.receive_lost = self.health.receive_lost.saturating_add(1),
+                },
+                Err(nb::Error::WouldBlock) => return None,
+                Err(nb::Error::Other(error)) => {
+                    self.note(&error);
+                    return None;
+                }
+            }
+        }
+    }
+
+    fn submit(&mut self, frame: &CanFrame) -> Submitted {
+        let submitted = self.waiting.put(frame);
+        self.flush();
+        submitted
+    }
+
+    fn cancel_pending(&mut self) -> u8 {
+        self.waiting.clear()
+    }
+
+    fn health(&self) -> Health {
+        self.health
+    }
+}
+
+impl<C, const N: usize> fmt::Debug for NbPort<C, N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("NbPort")
+            .field("waiting", &self.waiting)
+            .finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    extern crate std;
+    use std::collections::VecDeque;
+    use std::vec;
+    use std::vec::Vec as StdVec;
+
+    use embedded_can::StandardId;
+
+    fn frame(id: u16, byte: u8) -> CanFrame {
+        CanFrame::data_frame(StandardId::new(id).unwrap(), &[byte]).unwrap()
+    }
+
+    #[test]
+    fn a_newer_frame_replaces_the_older_of_its_id_and_the_lowest_id_leaves_first() {
+        let mut mailboxes = Mailboxes::<2>::new();
+        assert_eq!(mailboxes.put(&frame(0x200, 1)), Submitted::Queued);
+        assert_eq!(mailboxes.put(&frame(0x1FF, 2)), Submitted::Queued);
+        assert_eq!(mailboxes.put(&frame(0x200, 3)), Submitted::Replaced);
+        assert_eq!(mailboxes.put(&frame(0x201, 4)), Submitted::Refused);
+        assert_eq!(mailboxes.pop(), Some(frame(0x1FF, 2)));
+        assert_eq!(mailboxes.pop(), Some(frame(0x200, 3)));
+        assert_eq!(mailboxes.pop(), None);
+    }
+
+    /// A driver with `room` transmit buffers that, like bxCAN, trades its least urgent frame for
+    /// a more urgent one when full.
+    struct Trader {
+        room: usize,
+        held: StdVec<CanFrame>,
+        arrived: VecDeque<CanFrame>,
+    }
+
+    impl Can for Trader {
+        type Frame = CanFrame;
+        type Error = ErrorKind;
+
+        fn transmit(&mut self, frame: &CanFrame) -> nb::Result<Option<CanFrame>, ErrorKind> {
+            if self.held.len() < self.room {
+                self.held.push(*frame);
+                return Ok(None);
+            }
+            let least = (0..self.held.len()).max_by_key(|&index| self.held[index].id());
+            match least {
+                Some(index) if self.held[index].id() > frame.id() => {
+                    let evicted = core::mem::replace(&mut self.held[index], *frame);
+                    Ok(Some(evicted))
+                }
+                _ => Err(nb::Error::WouldBlock),
+            }
+        }
+
+        fn receive(&mut self) -> nb::Result<CanFrame, ErrorKind> {
+            self.arrived.pop_front().ok_or(nb::Error::WouldBlock)
+        }
+    }
+
+    #[test]
+    fn a_frame_the_driver_evicts_is_not_lost() {
+        let driver = Trader {
+            room: 1,
+            held: vec![],
+            arrived: VecDeque::from(vec![frame(0x201, 9)]),
+        };
+        let mut port = NbPort::<_, 4>::new(driver, || Micros::new(7));
+        assert_eq!(port.submit(&frame(0x300, 1)), Submitted::Queued);
+        assert_eq!(port.submit(&frame(0x100, 2)), Submitted::Queued);
+        assert_eq!(port.driver().held, [frame(0x100, 2)]);
+        port.driver().held.clear();
+        assert_eq!(port.receive(), Some((frame(0x201, 9), Micros::new(7))));
+        assert_eq!(port.driver().held, [frame(0x300, 1)]);
+    }
+
+    #[test]
+    fn an_evicted_frame_does_not_displace_a_newer_one() {
+        let mut port = NbPort::<_, 4>::new(
+            Trader {
+                room: 1,
+                held: vec![],
+                arrived: VecDeque::new(),
+            },
+            || Micros::ZERO,
+        );
+        let _ = port.submit(&frame(0x300, 1));
+        let _ = port.submit(&frame(0x300, 2)); // waits: the driver is full
+        let _ = port.submit(&frame(0x100, 3)); // evicts 300#01 from the driver
+        port.driver().held.clear();
+        assert_eq!(port.receive(), None);
+        assert_eq!(port.driver().held, [frame(0x300, 2)]);
+        port.driver().held.clear();
+        assert_eq!(port.receive(), None);
+        assert_eq!(port.driver().held, []);
+    }
+}
