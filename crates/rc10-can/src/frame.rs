@@ -26,11 +26,7 @@ pub struct FrameTooLong {
 
 impl fmt::Display for FrameTooLong {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "a classic CAN frame carries at most 8 data bytes, not {}",
-            self.len
-        )
+        write!(f, "a classic CAN frame carries at most 8 data bytes, not {}", self.len)
     }
 }
 
@@ -51,27 +47,16 @@ impl CanFrame {
     /// ```
     pub fn data_frame(id: impl Into<Id>, data: &[u8]) -> Result<Self, FrameTooLong> {
         let mut bytes = [0; 8];
-        bytes
-            .get_mut(..data.len())
-            .ok_or(FrameTooLong { len: data.len() })?
-            .copy_from_slice(data);
+        bytes.get_mut(..data.len()).ok_or(FrameTooLong { len: data.len() })?.copy_from_slice(data);
         #[expect(clippy::cast_possible_truncation, reason = "at most 8, checked above")]
-        Ok(Self {
-            key: key_of(id.into()),
-            len: data.len() as u8,
-            data: bytes,
-        })
+        Ok(Self { key: key_of(id.into()), len: data.len() as u8, data: bytes })
     }
 
     /// A data frame of exactly eight bytes: cannot fail.
     #[inline]
     #[must_use]
     pub fn eight_bytes(id: impl Into<Id>, data: [u8; 8]) -> Self {
-        Self {
-            key: key_of(id.into()),
-            len: 8,
-            data,
-        }
+        Self { key: key_of(id.into()), len: 8, data }
     }
 
     /// A remote request for `len` bytes.
@@ -80,11 +65,9 @@ impl CanFrame {
     /// [`FrameTooLong`] if `len` is more than 8.
     pub fn remote_frame(id: impl Into<Id>, len: usize) -> Result<Self, FrameTooLong> {
         match u8::try_from(len) {
-            Ok(short) if short <= 8 => Ok(Self {
-                key: key_of(id.into()) | REMOTE,
-                len: short,
-                data: [0; 8],
-            }),
+            Ok(short) if short <= 8 => {
+                Ok(Self { key: key_of(id.into()) | REMOTE, len: short, data: [0; 8] })
+            }
             _ => Err(FrameTooLong { len }),
         }
     }
@@ -139,10 +122,7 @@ impl CanFrame {
     }
 
     /// Number of data bytes (of bytes asked for, if this is a remote request), 0 ..= 8.
-    #[expect(
-        clippy::len_without_is_empty,
-        reason = "a frame without data is still a frame"
-    )]
+    #[expect(clippy::len_without_is_empty, reason = "a frame without data is still a frame")]
     #[inline]
     #[must_use]
     pub const fn len(&self) -> usize {
@@ -162,11 +142,7 @@ impl CanFrame {
     #[inline]
     #[must_use]
     pub const fn all_eight(&self) -> Option<&[u8; 8]> {
-        if self.len == 8 && !self.is_remote() {
-            Some(&self.data)
-        } else {
-            None
-        }
+        if self.len == 8 && !self.is_remote() { Some(&self.data) } else { None }
     }
 
     /// Overwrites data bytes from `offset` on; `false`, and nothing changed, where they do not fit
@@ -231,9 +207,7 @@ impl fmt::Display for CanFrame {
         if self.is_remote() {
             return write!(f, "R{}", self.len);
         }
-        self.bytes()
-            .iter()
-            .try_for_each(|byte| write!(f, "{byte:02X}"))
+        self.bytes().iter().try_for_each(|byte| write!(f, "{byte:02X}"))
     }
 }
 
@@ -263,15 +237,9 @@ mod tests {
     #[test]
     fn nine_bytes_are_an_error_and_eight_are_not() {
         let id = standard(1);
-        assert_eq!(
-            CanFrame::data_frame(id, &[0; 9]),
-            Err(FrameTooLong { len: 9 })
-        );
+        assert_eq!(CanFrame::data_frame(id, &[0; 9]), Err(FrameTooLong { len: 9 }));
         assert_eq!(CanFrame::data_frame(id, &[1; 8]).unwrap().bytes(), [1; 8]);
-        assert_eq!(
-            CanFrame::remote_frame(id, 256),
-            Err(FrameTooLong { len: 256 })
-        );
+        assert_eq!(CanFrame::remote_frame(id, 256), Err(FrameTooLong { len: 256 }));
     }
 
     #[test]

@@ -47,18 +47,12 @@ impl LengthBounds {
     /// Lukkien, "Controller Area Network (CAN) schedulability analysis", 2007.
     #[must_use]
     pub const fn of(len: usize, extended: bool) -> Self {
-        let len = if len > 8 { 8 } else { len as u8 };
-        let g = if extended {
-            STUFFED_EXTENDED
-        } else {
-            STUFFED_STANDARD
-        };
-        let stuffed = g + 8 * len as u32;
+        let g = if extended { STUFFED_EXTENDED } else { STUFFED_STANDARD };
+        let bytes = if len < 8 { len } else { 8 };
+        #[expect(clippy::cast_possible_truncation, reason = "at most 64")]
+        let stuffed = g + 8 * bytes as u32;
         let min = stuffed + UNSTUFFED_TAIL;
-        Self {
-            min,
-            max: min + (stuffed - 1) / 4,
-        }
+        Self { min, max: min + (stuffed - 1) / 4 }
     }
 
     /// What planning calls "typical": 30 % of the worst case's stuff bits, which is what motor
@@ -118,13 +112,7 @@ impl CanFrame {
     /// The exact length of this frame on the wire.
     #[must_use]
     pub fn wire_length(&self) -> WireLength {
-        let mut wire = Wire {
-            crc: 0,
-            count: 0,
-            stuff_bits: 0,
-            run: 0,
-            last: true,
-        };
+        let mut wire = Wire { crc: 0, count: 0, stuff_bits: 0, run: 0, last: true };
         let remote = self.is_remote();
         let id = self.raw_id();
         wire.bit(false); // start of frame
@@ -150,11 +138,7 @@ impl CanFrame {
         }
         #[expect(clippy::cast_possible_truncation, reason = "13")]
         let unstuffed = wire.count + UNSTUFFED_TAIL as u16;
-        WireLength {
-            unstuffed,
-            stuff_bits: wire.stuff_bits,
-            crc15,
-        }
+        WireLength { unstuffed, stuff_bits: wire.stuff_bits, crc15 }
     }
 
     /// The bounds for frames of this one's shape.
@@ -173,10 +157,7 @@ mod tests {
     fn an_all_zero_command_is_the_longest_usual_frame() {
         let frame = CanFrame::eight_bytes(StandardId::new(0x200).unwrap(), [0; 8]);
         let length = frame.wire_length();
-        assert_eq!(
-            (length.unstuffed, length.stuff_bits, length.crc15),
-            (111, 15, 0x55BD)
-        );
+        assert_eq!((length.unstuffed, length.stuff_bits, length.crc15), (111, 15, 0x55BD));
     }
 
     #[test]
@@ -201,10 +182,7 @@ mod tests {
 
     #[test]
     fn typical_is_118_bits_for_a_motor_frame() {
-        assert_eq!(
-            LengthBounds::of(8, false),
-            LengthBounds { min: 111, max: 135 }
-        );
+        assert_eq!(LengthBounds::of(8, false), LengthBounds { min: 111, max: 135 });
         assert_eq!(LengthBounds::of(8, false).typical(), 118);
     }
 }

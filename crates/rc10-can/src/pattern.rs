@@ -21,37 +21,25 @@ impl IdPattern {
     /// Just this identifier.
     #[must_use]
     pub fn exact(id: impl Into<Id>) -> Self {
-        Self {
-            id: id.into(),
-            mask: EXACT,
-        }
+        Self { id: id.into(), mask: EXACT }
     }
 
     /// Every identifier of the same size that equals `id` where `mask` has a one.
     #[must_use]
     pub fn masked(id: impl Into<Id>, mask: u32) -> Self {
-        Self {
-            id: id.into(),
-            mask: mask & EXACT,
-        }
+        Self { id: id.into(), mask: mask & EXACT }
     }
 
     /// Every standard identifier.
     #[must_use]
     pub const fn any_standard() -> Self {
-        Self {
-            id: Id::Standard(StandardId::ZERO),
-            mask: 0,
-        }
+        Self { id: Id::Standard(StandardId::ZERO), mask: 0 }
     }
 
     /// Every extended identifier.
     #[must_use]
     pub const fn any_extended() -> Self {
-        Self {
-            id: Id::Extended(ExtendedId::ZERO),
-            mask: 0,
-        }
+        Self { id: Id::Extended(ExtendedId::ZERO), mask: 0 }
     }
 
     /// The identifier the pattern was made with.
@@ -129,11 +117,7 @@ impl fmt::Display for IdPattern {
             Id::Standard(id) => write!(f, "0x{:03X}", id.as_raw())?,
             Id::Extended(id) => write!(f, "0x{:08X}", id.as_raw())?,
         }
-        if self.is_exact() {
-            Ok(())
-        } else {
-            write!(f, "/0x{:X}", self.mask & self.width())
-        }
+        if self.is_exact() { Ok(()) } else { write!(f, "/0x{:X}", self.mask & self.width()) }
     }
 }
 

@@ -102,6 +102,18 @@ pub struct Health {
     pub bus_offs: u32,
 }
 
+impl Health {
+    /// Nothing wrong and nothing lost yet.
+    pub const NEW: Self = Self {
+        state: ErrorState::Active,
+        transmit_errors: 0,
+        receive_errors: 0,
+        last_error: None,
+        receive_lost: 0,
+        bus_offs: 0,
+    };
+}
+
 /// At most one unsent frame per identifier, at most `N` identifiers; the most urgent one (lowest in
 /// arbitration) leaves first.
 #[derive(Clone, Debug, Default)]
@@ -145,8 +157,7 @@ impl<const N: usize> Mailboxes<N> {
 
     /// Takes the most urgent frame out.
     pub fn pop(&mut self) -> Option<CanFrame> {
-        self.most_urgent()
-            .map(|index| self.frames.swap_remove(index))
+        self.most_urgent().map(|index| self.frames.swap_remove(index))
     }
 
     /// Forgets all frames; says how many there were.
@@ -169,9 +180,7 @@ impl<const N: usize> Mailboxes<N> {
     }
 
     fn find(&mut self, frame: &CanFrame) -> Option<&mut CanFrame> {
-        self.frames
-            .iter_mut()
-            .find(|waiting| waiting.key() == frame.key())
+        self.frames.iter_mut().find(|waiting| waiting.key() == frame.key())
     }
 
     fn most_urgent(&self) -> Option<usize> {
@@ -200,12 +209,7 @@ pub struct NbPort<C, const N: usize = 16> {
 impl<C: Can, const N: usize> NbPort<C, N> {
     /// A port on `can`; `now` reads a clock.
     pub const fn new(can: C, now: fn() -> Micros) -> Self {
-        Self {
-            can,
-            now,
-            waiting: Mailboxes::new(),
-            health: HEALTHY,
-        }
+        Self { can, now, waiting: Mailboxes::new(), health: Health::NEW }
     }
 
     /// The driver inside, for what the port does not offer.
@@ -256,15 +260,6 @@ impl<C: Can, const N: usize> NbPort<C, N> {
         };
     }
 }
-
-const HEALTHY: Health = Health {
-    state: ErrorState::Active,
-    transmit_errors: 0,
-    receive_errors: 0,
-    last_error: None,
-    receive_lost: 0,
-    bus_offs: 0,
-};
 
 fn to_driver<C: Can>(frame: &CanFrame) -> Option<C::Frame> {
     if frame.is_remote() {
@@ -318,9 +313,7 @@ impl<C: Can, const N: usize> CanPort for NbPort<C, N> {
 
 impl<C, const N: usize> fmt::Debug for NbPort<C, N> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("NbPort")
-            .field("waiting", &self.waiting)
-            .finish_non_exhaustive()
+        f.debug_struct("NbPort").field("waiting", &self.waiting).finish_non_exhaustive()
     }
 }
 
@@ -384,11 +377,8 @@ mod tests {
 
     #[test]
     fn a_frame_the_driver_evicts_is_not_lost() {
-        let driver = Trader {
-            room: 1,
-            held: vec![],
-            arrived: VecDeque::from(vec![frame(0x201, 9)]),
-        };
+        let driver =
+            Trader { room: 1, held: vec![], arrived: VecDeque::from(vec![frame(0x201, 9)]) };
         let mut port = NbPort::<_, 4>::new(driver, || Micros::new(7));
         assert_eq!(port.submit(&frame(0x300, 1)), Submitted::Queued);
         assert_eq!(port.submit(&frame(0x100, 2)), Submitted::Queued);
@@ -400,14 +390,10 @@ mod tests {
 
     #[test]
     fn an_evicted_frame_does_not_displace_a_newer_one() {
-        let mut port = NbPort::<_, 4>::new(
-            Trader {
-                room: 1,
-                held: vec![],
-                arrived: VecDeque::new(),
-            },
-            || Micros::ZERO,
-        );
+        let mut port =
+            NbPort::<_, 4>::new(Trader { room: 1, held: vec![], arrived: VecDeque::new() }, || {
+                Micros::ZERO
+            });
         let _ = port.submit(&frame(0x300, 1));
         let _ = port.submit(&frame(0x300, 2)); // waits: the driver is full
         let _ = port.submit(&frame(0x100, 3)); // evicts 300#01 from the driver

@@ -107,10 +107,7 @@ impl Schedule {
     /// First start at `first`, then one every `period` (at least 1 µs).
     #[must_use]
     pub fn new(first: Micros, period: Micros) -> Self {
-        Self {
-            next: first,
-            period: period.max(Micros::new(1)),
-        }
+        Self { next: first, period: period.max(Micros::new(1)) }
     }
 
     /// When the next start is planned.
@@ -136,10 +133,7 @@ impl Schedule {
         }
         let missed = late.get() / self.period.get();
         self.next += Micros::new(missed.saturating_mul(self.period.get()));
-        Start {
-            late,
-            missed: u32::try_from(missed).unwrap_or(u32::MAX),
-        }
+        Start { late, missed: u32::try_from(missed).unwrap_or(u32::MAX) }
     }
 
     /// As [`start`](Self::start), but what was missed is made up for: the next start stays one
@@ -164,12 +158,7 @@ impl Timing {
     /// Nothing measured yet.
     #[must_use]
     pub const fn new() -> Self {
-        Self {
-            count: 0,
-            min: u32::MAX,
-            max: 0,
-            sum: 0,
-        }
+        Self { count: 0, min: u32::MAX, max: 0, sum: 0 }
     }
 
     /// Adds one duration; more than 71 minutes counts as 71 minutes.
@@ -243,15 +232,9 @@ mod tests {
     #[test]
     fn timing_of_nothing_is_nothing() {
         let mut timing = Timing::new();
-        assert_eq!(
-            (timing.min(), timing.mean(), timing.max()),
-            (None, None, None)
-        );
+        assert_eq!((timing.min(), timing.mean(), timing.max()), (None, None, None));
         timing.add(Micros::new(10));
         timing.add(Micros::new(20));
-        assert_eq!(
-            (timing.min(), timing.mean(), timing.max()),
-            (Some(10), Some(15.0), Some(20))
-        );
+        assert_eq!((timing.min(), timing.mean(), timing.max()), (Some(10), Some(15.0), Some(20)));
     }
 }

@@ -1,0 +1,291 @@
+//! Angles that stay exact: whole counts of a known fraction of a turn, and the shortest way round.
+
+use core::fmt;
+
+use crate::Degrees;
+
+/// How fine a [`TotalAngle`] counts: `counts` counts make `turns` turns of the output shaft.
+///
+/// Two numbers, because a gearbox seldom leaves a whole number of encoder counts per output turn:
+/// an M3508's 8192-count encoder behind 3591 : 187 makes 29,417,472 counts in 187 turns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct CountsPerTurn {
+    counts: u32,
+    turns: u32,
+}
+
+impl CountsPerTurn {
+    /// Millionths of a degree.
+    pub const MICRODEGREES: Self = Self { counts: 360_000_000, turns: 1 };
+
+    /// `counts` counts in `turns` turns; zero counts as one.
+    #[must_use]
+    pub const fn new(counts: u32, turns: u32) -> Self {
+        Self {
+            counts: if counts == 0 { 1 } else { counts },
+            turns: if turns == 0 { 1 } else { turns },
+        }
+    }
+
+    /// Counts that make [`turns`](Self::turns) turns.
+    #[must_use]
+    pub const fn counts(self) -> u32 {
+        self.counts
+    }
+
+    /// See [`counts`](Self::counts).
+    #[must_use]
+    pub const fn turns(self) -> u32 {
+        self.turns
+    }
+}
+
+/// An angle of any number of turns, as an exact integer count. Adding a million turns and taking
+/// them away again leaves nothing behind; an f32 is only made for people and for differences.
+///
+/// ```
+/// use rc10_app::{CountsPerTurn, TotalAngle};
+/// let target = TotalAngle::from_degrees(720);
+/// let encoder = CountsPerTurn::new(8192 * 36, 1); // an M2006: 36 : 1
+/// assert_eq!(target.counts_at(encoder), 2 * 8192 * 36);
+/// ```
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct TotalAngle {
+    counts: i64,
+    scale: CountsPerTurn,
+}
+
+impl TotalAngle {
+    /// No turn at all.
+    pub const ZERO: Self = Self { counts: 0, scale: CountsPerTurn::MICRODEGREES };
+
+    /// A count on a scale.
+    #[must_use]
+    pub const fn new(counts: i64, scale: CountsPerTurn) -> Self {
+        Self { counts, scale }
+    }
+
+    /// Whole degrees.
+    #[must_use]
+    pub const fn from_degrees(degrees: i32) -> Self {
+        Self::from_microdegrees(degrees as i64 * 1_000_000)
+    }
+
+    /// Millionths of a degree.
+    #[must_use]
+    pub const fn from_microdegrees(microdegrees: i64) -> Self {
+        Self::new(microdegrees, CountsPerTurn::MICRODEGREES)
+    }
+
+    /// The nearest angle to an f32 of degrees, within ± 9 · 10¹² degrees; `None` if it is not
+    /// finite or out of that range.
+    #[must_use]
+    pub fn try_from_degrees(degrees: Degrees) -> Option<Self> {
+        let degrees = degrees.get();
+        if degrees.is_nan() || degrees.abs() > 9e12 {
+            return None;
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "the range was checked")]
+        let whole = degrees as i64;
+        #[expect(clippy::cast_precision_loss, reason = "whole came from this f32: exact")]
+        let fraction = degrees - whole as f32;
+        let fraction = crate::maths::round_to_i32(fraction * 1e6);
+        Some(Self::from_microdegrees(whole * 1_000_000 + i64::from(fraction)))
+    }
+
+    /// The count on its own scale.
+    #[must_use]
+    pub const fn counts(self) -> i64 {
+        self.counts
+    }
+
+    /// The scale.
+    #[must_use]
+    pub const fn scale(self) -> CountsPerTurn {
+        self.scale
+    }
+
+    /// The nearest count on another scale; saturates at i64's ends.
+    #[must_use]
+    pub fn counts_at(self, scale: CountsPerTurn) -> i64 {
+        if scale == self.scale {
+            return self.counts;
+        }
+        // Cannot overflow: 64 + 32 + 32 bits are fewer than 127 with either `turns` below 2^31.
+        let turns = u64::from(self.scale.turns) * u64::from(scale.counts);
+        let counts = i128::from(u64::from(self.scale.counts) * u64::from(scale.turns));
+        let scaled = i128::from(self.counts) * i128::from(turns);
+        let half = if scaled < 0 { -(counts / 2) } else { counts / 2 };
+        let nearest = (scaled + half) / counts;
+        i64::try_from(nearest).unwrap_or(if nearest < 0 { i64::MIN } else { i64::MAX })
+    }
+
+    /// Millionths of a degree, rounded to the nearest; exact for ever.
+    #[must_use]
+    pub fn microdegrees(self) -> i64 {
+        self.counts_at(CountsPerTurn::MICRODEGREES)
+    }
+
+    /// In degrees, as near as an f32 comes: seven digits.
+    #[must_use]
+    pub fn degrees(self) -> Degrees {
+        #[expect(clippy::cast_precision_loss, reason = "seven digits, as documented")]
+        Degrees::new(self.microdegrees() as f32 * 1e-6)
+    }
+
+    /// The angle within its turn, 0 ..< 360 degrees.
+    #[must_use]
+    pub fn within_turn(self) -> Degrees {
+        let microdegrees = self.microdegrees().rem_euclid(360_000_000);
+        #[expect(clippy::cast_precision_loss, reason = "a millionth of a turn is enough")]
+        let degrees = microdegrees as f32 * 1e-6;
+        // The last few microdegrees round up to a full turn.
+        Degrees::new(if degrees < 360.0 { degrees } else { 0.0 })
+    }
+
+    /// This angle and another added, on this one's scale; saturating.
+    #[must_use]
+    pub fn plus(self, other: Self) -> Self {
+        Self { counts: self.counts.saturating_add(other.counts_at(self.scale)), ..self }
+    }
+
+    /// This angle less another, on this one's scale; saturating.
+    #[must_use]
+    pub fn minus(self, other: Self) -> Self {
+        Self { counts: self.counts.saturating_sub(other.counts_at(self.scale)), ..self }
+    }
+}
+
+impl Default for TotalAngle {
+    fn default() -> Self {
+        Self::ZERO
+    }
+}
+
+/// Equal angles are equal on whatever scale they are counted.
+impl PartialEq for TotalAngle {
+    fn eq(&self, other: &Self) -> bool {
+        let cross = |a: &Self, b: &Self| {
+            i128::from(a.counts) * i128::from(u64::from(a.scale.turns) * u64::from(b.scale.counts))
+        };
+        cross(self, other) == cross(other, self)
+    }
+}
+
+impl Eq for TotalAngle {}
+
+impl fmt::Display for TotalAngle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self.degrees(), f)
+    }
+}
+
+/// The shortest way from `from` to `to` on a circle of `turn` counts: -turn/2 ..< turn/2 for
+/// positions 0 ..< turn. Exact. Half a turn is ambiguous and goes backwards.
+///
+/// ```
+/// use rc10_app::angle::shortest_way;
+/// assert_eq!(shortest_way(350, 10, 360), 20);
+/// assert_eq!(shortest_way(10, 350, 360), -20);
+/// ```
+#[inline]
+#[must_use]
+pub const fn shortest_way(from: i32, to: i32, turn: i32) -> i32 {
+    let way = to.wrapping_sub(from);
+    if way >= turn - turn / 2 {
+        way.wrapping_sub(turn)
+    } else if way < -(turn / 2) {
+        way.wrapping_add(turn)
+    } else {
+        way
+    }
+}
+
+/// The shortest way from one angle to another, both any finite number of degrees:
+/// -180 ..= 180 degrees.
+#[must_use]
+pub fn shortest_way_degrees(from: Degrees, to: Degrees) -> Degrees {
+    Degrees::new(shortest_way_f32(from.get(), to.get(), 360.0))
+}
+
+/// As [`shortest_way`], for f32 on a circle of any size.
+#[inline]
+#[must_use]
+pub(crate) fn shortest_way_f32(from: f32, to: f32, turn: f32) -> f32 {
+    let way = to - from;
+    if way.abs() <= turn * 0.5 { way } else { way - turn * crate::maths::round(way / turn) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `RC10_LIB`: 350 to 10 gave an error of -340.
+    #[test]
+    fn from_350_to_10_degrees_is_20_forward() {
+        let way = |from, to| shortest_way_degrees(Degrees::new(from), Degrees::new(to)).get();
+        assert!((way(350.0, 10.0) - 20.0).abs() < 1e-4);
+        assert!((way(10.0, 350.0) + 20.0).abs() < 1e-4);
+        assert!((way(-170.0, 170.0) + 20.0).abs() < 1e-4);
+        assert!((way(0.0, 3600.0)).abs() < 1e-3);
+    }
+
+    #[test]
+    fn an_odd_circle_has_no_ambiguous_pair() {
+        for from in 0..7 {
+            for to in 0..7 {
+                let way = shortest_way(from, to, 7);
+                assert!((-3..=3).contains(&way));
+                assert_eq!((from + way).rem_euclid(7), to);
+            }
+        }
+    }
+
+    #[test]
+    fn a_geared_angle_converts_exactly_both_ways() {
+        let m3508 = CountsPerTurn::new(8192 * 3591, 187);
+        // 1,000,000 turns of the output and a quarter.
+        let angle = TotalAngle::from_microdegrees(360_000_000_000_000 + 90_000_000);
+        let counts = angle.counts_at(m3508);
+        let back = TotalAngle::new(counts, m3508).microdegrees();
+        // One count is 2288 microdegrees.
+        assert!((back - angle.microdegrees()).abs() <= 1145);
+        assert_eq!(TotalAngle::from_degrees(360 * 187).counts_at(m3508), 8192 * 3591);
+    }
+
+    #[test]
+    fn equal_on_any_scale() {
+        let coarse = TotalAngle::new(1, CountsPerTurn::new(4, 1));
+        assert_eq!(coarse, TotalAngle::from_degrees(90));
+        assert_ne!(coarse, TotalAngle::from_microdegrees(90_000_001));
+    }
+
+    #[test]
+    fn within_a_turn_never_reaches_360() {
+        assert!((TotalAngle::from_degrees(-90).within_turn().get() - 270.0).abs() < 1e-3);
+        for microdegrees in [359_999_999, -1, 719_999_999] {
+            let angle = TotalAngle::from_microdegrees(microdegrees).within_turn().get();
+            assert!((0.0..360.0).contains(&angle), "{microdegrees}: {angle}");
+        }
+    }
+
+    #[test]
+    fn saturates_instead_of_wrapping() {
+        let huge = TotalAngle::new(i64::MAX, CountsPerTurn::new(1, u32::MAX));
+        assert_eq!(huge.microdegrees(), i64::MAX);
+        assert_eq!(huge.plus(huge).counts(), i64::MAX);
+        let negative = TotalAngle::new(i64::MIN, CountsPerTurn::new(1, u32::MAX));
+        assert_eq!(negative.microdegrees(), i64::MIN);
+    }
+
+    #[test]
+    fn non_finite_degrees_are_no_angle() {
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e13] {
+            assert_eq!(TotalAngle::try_from_degrees(Degrees::new(bad)), None);
+        }
+        let angle = TotalAngle::try_from_degrees(Degrees::new(-12.5)).unwrap();
+        assert_eq!(angle.microdegrees(), -12_500_000);
+    }
+}

@@ -1,0 +1,46 @@
+//! Control maths for robots: pure functions and small states, `no_std`, f32, no clock, no I/O.
+//!
+//! Every block is a **configuration** (a `Copy` struct you can write down, check and swap while
+//! running) and a **state** that it works on. Time comes in as an argument.
+//!
+//! | module | what is in it |
+//! |---|---|
+//! | [`units`] | [`Rpm`], [`RotorRpm`], [`Degrees`], [`Amps`], [`Seconds`] …: units are types, and the two sides of a gearbox are two types |
+//! | [`angle`] | [`TotalAngle`]: a multi-turn angle that stays exact for ever; shortest way round a circle |
+//! | [`encoder`] | [`Encoder`]: unwraps a single-turn counter |
+//! | [`pid`] | positional PID |
+//! | [`incremental`] | incremental PID |
+//! | [`differentiator`] | second-order tracking differentiator |
+//! | [`low_pass`], [`ramp`] | first-order low-pass, rate limit |
+//! | [`transform`] | poses in the plane, SE(2) |
+//! | [`chassis`] | twists, mecanum wheels, desaturation, acceleration limit |
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod angle;
+pub mod chassis;
+pub mod differentiator;
+pub mod encoder;
+pub mod incremental;
+pub mod low_pass;
+pub mod maths;
+pub mod pid;
+pub mod ramp;
+pub mod transform;
+pub mod units;
+
+mod config;
+
+pub use angle::{CountsPerTurn, TotalAngle};
+pub use chassis::{Mecanum, Twist, TwistLimiter, TwistLimits, TwistNotFinite, WheelSpeeds};
+pub use config::ConfigError;
+pub use differentiator::{Differentiator, DifferentiatorConfig};
+pub use encoder::Encoder;
+pub use incremental::{IncrementalPidConfig, IncrementalPidState};
+pub use low_pass::{LowPass, LowPassConfig};
+pub use pid::{PidConfig, PidState};
+pub use ramp::{Ramp, RampConfig};
+pub use transform::Pose;
+pub use units::{
+    Amps, Celsius, Degrees, Gear, NewtonMetres, Radians, RotorRpm, Rpm, RpmPerSecond, Seconds,
+};

@@ -1,0 +1,298 @@
+//! Positional PID controller.
+//!
+//! Anti-windup is conditional integration: while the output is limited, the integral takes no step
+//! that would push it further into the limit. It needs no tuning, and when the error turns round
+//! the output follows at once.
+//!
+//! ```
+//! use rc10_app::{PidConfig, PidState, Seconds};
+//! let config = PidConfig::new(0.5, 2.0, 0.0, 20.0);
+//! let mut state = PidState::new();
+//! let amps = state.update(&config, 100.0, 90.0, 0.0, Seconds::new(0.001));
+//! assert!(amps > 5.0 && amps <= 20.0);
+//! ```
+
+use crate::angle::shortest_way_f32;
+use crate::config::{ConfigError, finite, not_negative, positive, positive_or_unlimited};
+use crate::maths::within;
+use crate::units::Seconds;
+
+/// Gains and limits. Units: those of the output per those of the measurement.
+///
+/// Start with [`PidConfig::new`], which switches every refinement off, and set the fields you need.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PidConfig {
+    /// Output per error.
+    pub kp: f32,
+    /// Output per error and second.
+    pub ki: f32,
+    /// Output per measured change per second; acts on the measurement, so that a step of the
+    /// setpoint gives no kick.
+    pub kd: f32,
+    /// The output stays within ± this.
+    pub output_limit: f32,
+    /// The integral's part of the output stays within ± this.
+    pub integral_limit: f32,
+    /// The integral rests while the error is larger than this (integral separation); infinite:
+    /// it never rests.
+    pub integral_separation: f32,
+    /// Errors up to this count as zero.
+    pub deadband: f32,
+    /// The measurement lies on a circle of this size (360 for degrees), and the error goes the
+    /// shorter way round; infinite: it lies on a line.
+    pub turn: f32,
+}
+
+impl PidConfig {
+    /// Three gains and the output limit; the integral may use the whole output.
+    #[must_use]
+    pub const fn new(kp: f32, ki: f32, kd: f32, output_limit: f32) -> Self {
+        Self {
+            kp,
+            ki,
+            kd,
+            output_limit,
+            integral_limit: output_limit,
+            integral_separation: f32::INFINITY,
+            deadband: 0.0,
+            turn: f32::INFINITY,
+        }
+    }
+
+    /// Whether every field can be used.
+    ///
+    /// # Errors
+    /// The first field that cannot, and what it must be.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        finite("kp", self.kp)?;
+        finite("ki", self.ki)?;
+        finite("kd", self.kd)?;
+        positive("output_limit", self.output_limit)?;
+        not_negative("integral_limit", self.integral_limit)?;
+        positive_or_unlimited("integral_separation", self.integral_separation)?;
+        not_negative("deadband", self.deadband)?;
+        positive_or_unlimited("turn", self.turn)
+    }
+}
+
+/// What a PID controller remembers from call to call.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PidState {
+    integral: f32,
+    last_error: f32,
+    last_measured: Option<f32>,
+    output: f32,
+}
+
+impl PidState {
+    /// Nothing integrated, nothing measured.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { integral: 0.0, last_error: 0.0, last_measured: None, output: 0.0 }
+    }
+
+    /// Starts over so that the first output, at error zero, is `output`: switching over from
+    /// another controller gives no kick.
+    pub const fn preset(&mut self, output: f32) {
+        *self = Self::new();
+        if output.is_finite() {
+            self.integral = output;
+            self.output = output;
+        }
+    }
+
+    /// The newest output.
+    #[inline]
+    #[must_use]
+    pub const fn output(&self) -> f32 {
+        self.output
+    }
+
+    /// The integral's part of the output.
+    #[must_use]
+    pub const fn integral(&self) -> f32 {
+        self.integral
+    }
+
+    /// One step from setpoint and measurement. `feed_forward` is added to the output before it is
+    /// limited. Any input that is not finite leaves everything as it was, and the last output is
+    /// returned again.
+    pub fn update(
+        &mut self,
+        config: &PidConfig,
+        setpoint: f32,
+        measured: f32,
+        feed_forward: f32,
+        dt: Seconds,
+    ) -> f32 {
+        let way = |from, to| {
+            if config.turn < f32::INFINITY {
+                shortest_way_f32(from, to, config.turn)
+            } else {
+                to - from
+            }
+        };
+        let change = self.last_measured.map_or(0.0, |last| way(last, measured));
+        let output = self.update_error(config, way(measured, setpoint), change, feed_forward, dt);
+        if measured.is_finite() {
+            self.last_measured = Some(measured);
+        }
+        output
+    }
+
+    /// One step from the error and from how far the measurement moved since the last step: for
+    /// callers that know both exactly, such as an integer encoder.
+    #[inline]
+    pub fn update_error(
+        &mut self,
+        config: &PidConfig,
+        error: f32,
+        change: f32,
+        feed_forward: f32,
+        dt: Seconds,
+    ) -> f32 {
+        let dt = dt.get();
+        let error = if error.abs() <= config.deadband { 0.0 } else { error };
+        let mut step = 0.0;
+        if error.abs() <= config.integral_separation {
+            // Trapezoidal rule: exact for an error that changes linearly between two steps.
+            step = config.ki * 0.5 * dt * (error + self.last_error);
+        }
+        let integral = within(self.integral + step, config.integral_limit);
+        let mut wanted = config.kp * error + integral + feed_forward;
+        if config.kd != 0.0 {
+            wanted -= config.kd * change / dt;
+        }
+        // One check for all inputs but the time: whatever is not finite ends up here.
+        let usable = wanted.is_finite() && dt > 0.0 && dt < f32::INFINITY;
+        if !usable {
+            return self.output;
+        }
+        let output = within(wanted, config.output_limit);
+        let excess = wanted - output;
+        if excess * step <= 0.0 {
+            self.integral = integral;
+        }
+        self.last_error = error;
+        self.output = output;
+        output
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Seconds = Seconds::new(0.001);
+
+    #[test]
+    fn the_integral_is_trapezoidal() {
+        let config = PidConfig::new(0.0, 1.0, 0.0, 1e6);
+        let mut state = PidState::new();
+        // The integral of t over 1 s is 1/2; a rectangle rule would give 0.5005.
+        for step in 1..=1000_u16 {
+            state.update(&config, f32::from(step) * 1e-3, 0.0, 0.0, MS);
+        }
+        assert!((state.integral() - 0.5).abs() < 1e-5, "{}", state.integral());
+    }
+
+    #[test]
+    fn a_setpoint_step_gives_no_derivative_kick_but_a_moving_measurement_does() {
+        let config = PidConfig::new(0.0, 0.0, 1.0, 1e6);
+        let mut state = PidState::new();
+        assert!(state.update(&config, 0.0, 5.0, 0.0, MS).abs() < f32::EPSILON);
+        assert!(state.update(&config, 100.0, 5.0, 0.0, MS).abs() < f32::EPSILON);
+        assert!((state.update(&config, 100.0, 5.1, 0.0, MS) + 100.0).abs() < 0.1);
+    }
+
+    /// `RC10_LIB`: the threshold 0 that its own demo passes kept the integral at 0 for ever.
+    #[test]
+    fn r5_the_integral_works_unless_separation_is_asked_for() {
+        let mut state = PidState::new();
+        let mut config = PidConfig::new(0.0, 10.0, 0.0, 100.0);
+        for _ in 0..100 {
+            state.update(&config, 1.0, 0.0, 0.0, MS);
+        }
+        assert!((state.integral() - 0.995).abs() < 1e-3);
+        config.integral_separation = 0.5;
+        let before = state.integral();
+        state.update(&config, 1.0, 0.0, 0.0, MS);
+        assert!((state.integral() - before).abs() < f32::EPSILON);
+        config.integral_separation = 0.0;
+        assert_eq!(config.validate().unwrap_err().field, "integral_separation");
+    }
+
+    #[test]
+    fn after_saturation_the_integral_does_not_hold_the_output_back() {
+        // A plant that cannot follow for 2 s: it stays at 0 while 100 is wanted.
+        let config = PidConfig::new(1.0, 20.0, 0.0, 50.0);
+        let mut state = PidState::new();
+        for _ in 0..2000 {
+            state.update(&config, 100.0, 0.0, 0.0, MS);
+        }
+        // Then it overshoots. A mere clamp would hold an integral of 50 against it for 50 ms.
+        let first = state.update(&config, 100.0, 120.0, 0.0, MS);
+        assert!(first < 0.0, "{first}");
+    }
+
+    #[test]
+    fn the_integral_still_reaches_what_a_load_takes() {
+        // A load of 40 of the 50 the output may be: the integral has to carry all of it.
+        let config = PidConfig::new(1.0, 20.0, 0.0, 50.0);
+        let (mut state, mut speed) = (PidState::new(), 0.0_f32);
+        for _ in 0..5000 {
+            speed += (state.update(&config, 100.0, speed, 0.0, MS) - 40.0) * 0.01;
+        }
+        assert!((speed - 100.0).abs() < 0.1 && (state.integral() - 40.0).abs() < 0.1);
+    }
+
+    #[test]
+    fn the_circle_goes_the_shorter_way() {
+        let config = PidConfig { turn: 360.0, ..PidConfig::new(1.0, 0.0, 0.0, 1e3) };
+        let mut state = PidState::new();
+        assert!((state.update(&config, 10.0, 350.0, 0.0, MS) - 20.0).abs() < 1e-3);
+        assert!((state.update(&config, 350.0, 10.0, 0.0, MS) + 20.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn feed_forward_passes_through_and_is_limited_with_the_rest() {
+        let config = PidConfig::new(1.0, 0.0, 0.0, 10.0);
+        let mut state = PidState::new();
+        assert!((state.update(&config, 1.0, 0.0, 5.0, MS) - 6.0).abs() < 1e-6);
+        assert!((state.update(&config, 1.0, 0.0, 50.0, MS) - 10.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn nothing_that_is_not_finite_gets_in() {
+        let config = PidConfig::new(1.0, 10.0, 0.1, 10.0);
+        let mut state = PidState::new();
+        state.update(&config, 5.0, 1.0, 0.0, MS);
+        let before = state;
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            state.update(&config, bad, 1.0, 0.0, MS);
+            state.update(&config, 5.0, bad, 0.0, MS);
+            state.update(&config, 5.0, 1.0, bad, MS);
+            state.update(&config, 5.0, 1.0, 0.0, Seconds::new(bad));
+        }
+        state.update(&config, 5.0, 1.0, 0.0, Seconds::ZERO);
+        state.update(&config, 5.0, 1.0, 0.0, Seconds::new(-1.0));
+        assert_eq!(state, before);
+    }
+
+    #[test]
+    fn a_deadband_keeps_small_errors_quiet() {
+        let config = PidConfig { deadband: 0.5, ..PidConfig::new(1.0, 10.0, 0.0, 10.0) };
+        let mut state = PidState::new();
+        for _ in 0..100 {
+            assert!(state.update(&config, 0.4, 0.0, 0.0, MS).abs() < f32::EPSILON);
+        }
+    }
+
+    #[test]
+    fn preset_takes_over_without_a_kick() {
+        let config = PidConfig::new(1.0, 1.0, 0.0, 10.0);
+        let mut state = PidState::new();
+        state.preset(4.0);
+        assert!((state.update(&config, 100.0, 100.0, 0.0, MS) - 4.0).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,121 @@
+use core::fmt;
+use core::sync::atomic::{AtomicU8, Ordering};
+
+/// Whether the motors of a robot may move.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ArmState {
+    /// Nothing is driven: the state after power-on.
+    #[default]
+    Disarmed,
+    /// Motors follow their commands.
+    Armed,
+    /// Every motor is in its safe state, until [`ArmSwitch::reset`].
+    EStopped,
+}
+
+/// The one switch that arms and stops a robot. All its buses look at it in every tick; anything
+/// may hold a reference to it and stop the robot, from any task or interrupt.
+///
+/// An emergency stop latches: [`arm`](Self::arm) fails until somebody calls
+/// [`reset`](Self::reset), and then the robot is disarmed, not armed.
+///
+/// ```
+/// use rc10_motor::{ArmState, ArmSwitch};
+/// let switch = ArmSwitch::new();
+/// switch.arm()?;
+/// switch.emergency_stop();
+/// assert!(switch.arm().is_err());
+/// switch.reset();
+/// assert_eq!(switch.state(), ArmState::Disarmed);
+/// # Ok::<(), rc10_motor::EStopped>(())
+/// ```
+#[derive(Debug, Default)]
+pub struct ArmSwitch(AtomicU8);
+
+const DISARMED: u8 = 0;
+const ARMED: u8 = 1;
+const STOPPED: u8 = 2;
+
+/// The robot is stopped; it must be reset before it can be armed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct EStopped;
+
+impl fmt::Display for EStopped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the emergency stop is latched: reset it before arming")
+    }
+}
+
+impl core::error::Error for EStopped {}
+
+impl ArmSwitch {
+    /// A switch in state [`ArmState::Disarmed`].
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(AtomicU8::new(DISARMED))
+    }
+
+    /// The state now.
+    #[inline]
+    #[must_use]
+    pub fn state(&self) -> ArmState {
+        match self.0.load(Ordering::Acquire) {
+            ARMED => ArmState::Armed,
+            DISARMED => ArmState::Disarmed,
+            _ => ArmState::EStopped,
+        }
+    }
+
+    /// Lets the motors follow their commands. Arming an armed robot changes nothing.
+    ///
+    /// # Errors
+    /// [`EStopped`] while an emergency stop is latched.
+    pub fn arm(&self) -> Result<(), EStopped> {
+        self.change(DISARMED, ARMED);
+        if self.state() == ArmState::EStopped { Err(EStopped) } else { Ok(()) }
+    }
+
+    /// Stops driving: every motor coasts. A latched emergency stop stays latched.
+    pub fn disarm(&self) {
+        self.change(ARMED, DISARMED);
+    }
+
+    /// Sends every motor to its safe state in the next tick of its bus, until [`reset`](Self::reset).
+    pub fn emergency_stop(&self) {
+        self.0.store(STOPPED, Ordering::Release);
+    }
+
+    /// Ends an emergency stop; the robot is disarmed then. Changes nothing if there is none.
+    pub fn reset(&self) {
+        self.change(STOPPED, DISARMED);
+    }
+
+    /// One step of the state machine; an emergency stop in between wins.
+    fn change(&self, from: u8, to: u8) {
+        let _ = self.0.compare_exchange(from, to, Ordering::AcqRel, Ordering::Acquire);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_reset_ends_a_stop_and_it_disarms() {
+        let switch = ArmSwitch::new();
+        switch.reset();
+        assert_eq!(switch.state(), ArmState::Disarmed);
+        switch.arm().unwrap();
+        switch.arm().unwrap();
+        switch.reset();
+        assert_eq!(switch.state(), ArmState::Armed);
+        switch.emergency_stop();
+        switch.disarm();
+        assert_eq!(switch.arm(), Err(EStopped));
+        assert_eq!(switch.state(), ArmState::EStopped);
+        switch.reset();
+        assert_eq!(switch.state(), ArmState::Disarmed);
+    }
+}

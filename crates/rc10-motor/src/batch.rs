@@ -1,0 +1,110 @@
+use core::fmt;
+
+use embedded_can::Id;
+use heapless::Vec;
+use rc10_can::CanFrame;
+
+/// The frames of one tick. Motors that share a frame each write their own bytes of it (their
+/// lane): the batch finds the frame of that identifier, or opens it with all other bytes zero.
+/// So there is one frame per identifier on a bus, whoever contributes.
+#[derive(Clone, Debug, Default)]
+pub struct TxBatch {
+    frames: Vec<CanFrame, { Self::CAPACITY }>,
+}
+
+/// A tick has more frames than a [`TxBatch`] holds, or a lane does not fit its frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TxFull {
+    /// The identifier of the frame that found no room.
+    pub id: Id,
+}
+
+impl fmt::Display for TxFull {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "no room in the tick's batch for a frame with identifier {:?}", self.id)
+    }
+}
+
+impl core::error::Error for TxFull {}
+
+impl TxBatch {
+    /// Frames a batch holds.
+    pub const CAPACITY: usize = 16;
+
+    /// An empty batch.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { frames: Vec::new() }
+    }
+
+    /// Adds a whole frame.
+    ///
+    /// # Errors
+    /// [`TxFull`] if there are [`CAPACITY`](Self::CAPACITY) already.
+    pub fn push(&mut self, frame: CanFrame) -> Result<(), TxFull> {
+        self.frames.push(frame).map_err(|frame| TxFull { id: frame.id() })
+    }
+
+    /// Writes two bytes at `offset` (0 ..= 6) into the eight-byte frame of identifier `id`.
+    ///
+    /// # Errors
+    /// [`TxFull`] if the frame had to be opened and there is no room, or the lane lies outside it.
+    #[inline]
+    pub fn lane(&mut self, id: impl Into<Id>, offset: usize, bytes: [u8; 2]) -> Result<(), TxFull> {
+        let id = id.into();
+        let key = CanFrame::key_of(id);
+        let written = match self.frames.iter_mut().find(|frame| frame.key() == key) {
+            Some(frame) => frame.write(offset, &bytes),
+            None => {
+                let mut frame = CanFrame::eight_bytes(id, [0; 8]);
+                frame.write(offset, &bytes) && self.frames.push(frame).is_ok()
+            }
+        };
+        if written { Ok(()) } else { Err(TxFull { id }) }
+    }
+
+    /// The frames, in the order they were opened.
+    #[inline]
+    #[must_use]
+    pub fn frames(&self) -> &[CanFrame] {
+        &self.frames
+    }
+
+    /// Forgets all frames.
+    #[inline]
+    pub fn clear(&mut self) {
+        self.frames.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use embedded_can::StandardId;
+
+    fn id(raw: u16) -> StandardId {
+        StandardId::new(raw).unwrap()
+    }
+
+    #[test]
+    fn lanes_of_one_id_meet_in_one_frame() {
+        let mut tx = TxBatch::new();
+        tx.lane(id(0x1FF), 0, [1, 2]).unwrap();
+        tx.lane(id(0x200), 0, [9, 9]).unwrap();
+        tx.lane(id(0x1FF), 6, [3, 4]).unwrap();
+        assert_eq!(tx.frames().len(), 2);
+        assert_eq!(tx.frames()[0].bytes(), [1, 2, 0, 0, 0, 0, 3, 4]);
+    }
+
+    #[test]
+    fn a_full_batch_refuses_new_ids_but_not_known_lanes() {
+        let mut tx = TxBatch::new();
+        for raw in 0..16 {
+            tx.lane(id(raw), 0, [1, 1]).unwrap();
+        }
+        assert_eq!(tx.lane(id(16), 0, [1, 1]), Err(TxFull { id: id(16).into() }));
+        tx.lane(id(3), 2, [5, 5]).unwrap();
+        assert_eq!(tx.lane(id(3), 7, [5, 5]), Err(TxFull { id: id(3).into() }));
+        assert_eq!(tx.frames()[3].bytes(), [1, 1, 5, 5, 0, 0, 0, 0]);
+    }
+}

@@ -1,0 +1,711 @@
+//! DJI RoboMaster motors: M3508 with C620, M2006 with C610, GM6020 in current and voltage mode.
+//!
+//! The controllers send their feedback by themselves (1 kHz by default); one command frame drives
+//! up to four of them, two bytes each. What they do when commands stop is not documented: assume
+//! that they keep the last current. They have no speed or angle control of their own, so a
+//! [`Dji`] runs a [`Cascade`] at its output shaft.
+//!
+//! Sources: C620, C610 and GM6020 user manuals (CAN tables), RoboMaster Development-Board-C
+//! examples.
+
+use core::fmt;
+
+use embedded_can::{Id, StandardId};
+use rc10_app::maths::{round_to_i16, round_to_i32, within};
+use rc10_app::{
+    Amps, Celsius, ConfigError, CountsPerTurn, Degrees, Encoder, Gear, NewtonMetres, PidConfig,
+    RotorRpm, Rpm, RpmPerSecond, Seconds, TotalAngle, angle::shortest_way,
+};
+use rc10_can::{CanFrame, IdPattern, Micros};
+
+use crate::batch::{TxBatch, TxFull};
+use crate::cascade::{Cascade, CascadeState};
+use crate::motor::{
+    CanMotor, Drive, Fault, Feedback, FrameError, Gains, Motor, Request, RequestError, Target,
+    TargetError, TargetKind, TargetSet,
+};
+use crate::wiring::{Rate, Receive, Transmit, Wiring};
+
+/// Encoder counts per rotor turn, of all models.
+const ENCODER_COUNTS: u32 = 8192;
+
+/// What tells one DJI model from another. Other controllers that speak the same protocol are one
+/// more constant of this type.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Model {
+    /// As the vendor writes it.
+    pub name: &'static str,
+    /// Identifiers go from 1 to this.
+    pub last_id: u8,
+    /// Feedback comes with this plus the identifier set on the device.
+    pub feedback_base: u16,
+    /// Command frame of identifiers 1 ..= 4, and of 5 ..= 8.
+    pub command_ids: [u16; 2],
+    /// What the command means.
+    pub effort: Effort,
+    /// Raw command at full scale.
+    pub full_scale: i16,
+    /// Amperes per raw unit of the current in the feedback.
+    pub amps_per_count: f32,
+    /// Whether byte 6 of the feedback is a temperature.
+    pub has_temperature: bool,
+    /// The gearbox it is sold with.
+    pub gear: Gear,
+    /// Torque per ampere at the rotor, N m / A.
+    pub rotor_torque_constant: f32,
+    /// Gains it works well with, out of the box.
+    pub cascade: Cascade,
+}
+
+/// What a raw command stands for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Effort {
+    /// A torque-producing current; full scale is so many amperes.
+    Current(f32),
+    /// A voltage, as a share of full scale: the vendor documents no volts per count.
+    Voltage,
+}
+
+impl Effort {
+    /// Full scale, in the unit the cascade works in.
+    const fn full(self) -> f32 {
+        match self {
+            Self::Current(amps) => amps,
+            Self::Voltage => 1.0,
+        }
+    }
+}
+
+const fn gear(rotor: u32, output: u32) -> Gear {
+    match Gear::new(rotor, output) {
+        Some(gear) => gear,
+        None => Gear::DIRECT,
+    }
+}
+
+const fn cascade(speed: PidConfig, angle: PidConfig, acceleration: f32, forward: f32) -> Cascade {
+    Cascade {
+        speed,
+        angle,
+        outer_divider: 2,
+        acceleration: RpmPerSecond::new(acceleration),
+        feed_forward: forward,
+    }
+}
+
+/// M3508 with its C620: ±20 A, gear 3591 : 187.
+pub const M3508: Model = Model {
+    name: "M3508",
+    last_id: 8,
+    feedback_base: 0x200,
+    command_ids: [0x200, 0x1FF],
+    effort: Effort::Current(20.0),
+    full_scale: 16384,
+    amps_per_count: 20.0 / 16384.0,
+    has_temperature: true,
+    gear: gear(3591, 187),
+    rotor_torque_constant: 0.015_622,
+    cascade: cascade(
+        PidConfig::new(0.20, 1.2, 0.0, 20.0),
+        PidConfig::new(1.6, 0.0, 0.0, 400.0),
+        1500.0,
+        0.0,
+    ),
+};
+
+/// M2006 with its C610: ±10 A, gear 36 : 1. It has no temperature sensor.
+pub const M2006: Model = Model {
+    name: "M2006",
+    last_id: 8,
+    feedback_base: 0x200,
+    command_ids: [0x200, 0x1FF],
+    effort: Effort::Current(10.0),
+    full_scale: 10000,
+    amps_per_count: 10.0 / 10000.0,
+    has_temperature: false,
+    gear: gear(36, 1),
+    rotor_torque_constant: 0.005,
+    cascade: cascade(
+        PidConfig::new(0.06, 0.5, 0.0, 10.0),
+        PidConfig::new(1.6, 0.0, 0.0, 400.0),
+        3000.0,
+        0.0,
+    ),
+};
+
+/// GM6020 set to current mode: ±3 A, no gearbox. The mode is set in RoboMaster Assistant (firmware
+/// 1.0.11.2 or newer); a motor obeys only the mode it is set to.
+pub const GM6020_CURRENT: Model = Model {
+    name: "GM6020 (current mode)",
+    last_id: 7,
+    feedback_base: 0x204,
+    command_ids: [0x1FE, 0x2FE],
+    effort: Effort::Current(3.0),
+    full_scale: 16384,
+    amps_per_count: 3.0 / 16384.0,
+    has_temperature: true,
+    gear: Gear::DIRECT,
+    rotor_torque_constant: 0.741,
+    cascade: cascade(
+        PidConfig::new(0.05, 0.5, 0.0, 3.0),
+        PidConfig::new(1.6, 0.0, 0.0, 250.0),
+        1500.0,
+        0.0,
+    ),
+};
+
+/// GM6020 set to voltage mode, as it is sold. ±25000 is what every firmware takes (the first manual
+/// says 30000, all newer ones 25000).
+pub const GM6020_VOLTAGE: Model = Model {
+    name: "GM6020 (voltage mode)",
+    command_ids: [0x1FF, 0x2FF],
+    effort: Effort::Voltage,
+    full_scale: 25000,
+    cascade: cascade(
+        PidConfig::new(0.01, 0.1, 0.0, 1.0),
+        PidConfig::new(1.6, 0.0, 0.0, 250.0),
+        1500.0,
+        1.0 / 320.0,
+    ),
+    ..GM6020_CURRENT
+};
+
+/// An identifier that no device of the model can be set to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct IdOutOfRange {
+    /// The model.
+    pub model: &'static str,
+    /// What was asked for.
+    pub id: u8,
+    /// Identifiers go from 1 to this.
+    pub last_id: u8,
+}
+
+impl fmt::Display for IdOutOfRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} has identifiers 1 to {}, not {}", self.model, self.last_id, self.id)
+    }
+}
+
+impl core::error::Error for IdOutOfRange {}
+
+/// Which way the output shaft counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Direction {
+    /// As the motor does.
+    #[default]
+    Forward,
+    /// The other way: a motor that is mounted mirrored.
+    Reversed,
+}
+
+/// How often the controller sends feedback; set in RoboMaster Assistant (GM6020: 1 kHz only).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum FeedbackRate {
+    /// 1000 Hz, the factory setting.
+    #[default]
+    Hz1000,
+    /// 500 Hz: needed from six motors a bus on.
+    Hz500,
+    /// 250 Hz; rotors above 7500 rpm cannot be counted any more.
+    Hz250,
+    /// 125 Hz; rotors above 3750 rpm cannot be counted any more.
+    Hz125,
+}
+
+impl FeedbackRate {
+    /// In frames a second.
+    #[must_use]
+    pub const fn hz(self) -> u16 {
+        match self {
+            Self::Hz1000 => 1000,
+            Self::Hz500 => 500,
+            Self::Hz250 => 250,
+            Self::Hz125 => 125,
+        }
+    }
+}
+
+/// The bytes of a feedback frame, as numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RawFeedback {
+    /// Rotor angle, 0 ..= 8191 for one turn.
+    pub angle: u16,
+    /// Rotor speed, rpm.
+    pub rpm: i16,
+    /// Torque current, [`Model::amps_per_count`] each.
+    pub current: i16,
+    /// Temperature in degrees Celsius, where the model has one.
+    pub temperature: u8,
+}
+
+impl RawFeedback {
+    /// From the eight bytes of a frame; byte 7 means nothing.
+    #[inline]
+    #[must_use]
+    pub const fn unpack(bytes: &[u8; 8]) -> Self {
+        Self {
+            angle: u16::from_be_bytes([bytes[0], bytes[1]]),
+            rpm: i16::from_be_bytes([bytes[2], bytes[3]]),
+            current: i16::from_be_bytes([bytes[4], bytes[5]]),
+            temperature: bytes[6],
+        }
+    }
+}
+
+impl Model {
+    /// The identifier of the feedback of device `id`.
+    ///
+    /// # Errors
+    /// [`IdOutOfRange`].
+    pub fn feedback_id(&self, id: u8) -> Result<StandardId, IdOutOfRange> {
+        let error = IdOutOfRange { model: self.name, id, last_id: self.last_id };
+        if id == 0 || id > self.last_id {
+            return Err(error);
+        }
+        StandardId::new(self.feedback_base + u16::from(id)).ok_or(error)
+    }
+
+    /// The identifier of the frame that commands device `id`, and the first of its two bytes in it.
+    ///
+    /// # Errors
+    /// [`IdOutOfRange`].
+    pub fn command_lane(&self, id: u8) -> Result<(StandardId, usize), IdOutOfRange> {
+        self.feedback_id(id)?;
+        let error = IdOutOfRange { model: self.name, id, last_id: self.last_id };
+        let group = usize::from(id - 1) / 4;
+        let frame = self.command_ids.get(group).copied().and_then(StandardId::new).ok_or(error)?;
+        Ok((frame, usize::from(id - 1) % 4 * 2))
+    }
+
+    /// The raw command for an effort: rounded to the nearest, limited to full scale; 0 for NaN.
+    #[inline]
+    #[must_use]
+    pub fn raw_command(&self, effort: f32) -> i16 {
+        let full = f32::from(self.full_scale);
+        round_to_i16(within(effort * (full / self.effort.full()), full))
+    }
+}
+
+/// One DJI motor.
+#[derive(Clone, Debug)]
+pub struct Dji {
+    model: &'static Model,
+    id: u8,
+    feedback_key: u32,
+    command_id: StandardId,
+    lane: usize,
+    gear: Gear,
+    direction: Direction,
+    rate: FeedbackRate,
+    cascade: Cascade,
+    /// Largest effort, at most full scale.
+    limit: f32,
+    scale: Scale,
+    target: Target,
+    goal: Goal,
+    /// The angle to keep while the bus says hold.
+    held: Option<i64>,
+    state: CascadeState,
+    raw: i16,
+    encoder: Encoder,
+    seen: Option<Seen>,
+}
+
+/// Factors that follow from model, gear and direction: computed once.
+#[derive(Clone, Copy, Debug)]
+struct Scale {
+    /// 1 or -1.
+    sign: i32,
+    /// Output rpm per rotor rpm, with the sign.
+    output_per_rotor: f32,
+    /// Raw command per effort, with the sign.
+    raw_per_effort: f32,
+    /// Degrees of the output per rotor count.
+    degrees_per_count: f32,
+    /// Phase steps per turn of the output: encoder counts times rotor turns, so that a rotor count
+    /// is a whole number of them whatever the gear.
+    phase_turn: i32,
+    /// Phase steps per rotor count.
+    phase_per_count: i32,
+}
+
+/// The target in the motor's own terms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Goal {
+    Rest,
+    Effort(f32),
+    Speed(f32),
+    /// Phase of the output within its turn.
+    Angle(i32),
+    /// Rotor counts.
+    Total(i64),
+}
+
+/// What the newest feedback told.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    at: Micros,
+    raw: RawFeedback,
+    /// Output rpm.
+    speed: f32,
+    /// Rotor counts in output direction, from the zero.
+    total: i64,
+    /// Of the output, 0 ..< `phase_turn`.
+    phase: i32,
+}
+
+/// Speed (rpm) times time (µs) in which the rotor makes 0.45 turns: beyond it, the turns between
+/// two frames are not certain any more.
+const CERTAIN_RPM_MICROS: u64 = 27_000_000;
+
+impl Dji {
+    /// The device set to identifier `id`, with its stock gearbox, turning forward, at 1 kHz
+    /// feedback and with the gains that come with the model.
+    ///
+    /// # Errors
+    /// [`IdOutOfRange`].
+    pub fn new(model: &'static Model, id: u8) -> Result<Self, IdOutOfRange> {
+        let feedback_id = model.feedback_id(id)?;
+        let (command_id, lane) = model.command_lane(id)?;
+        Ok(Self {
+            model,
+            id,
+            feedback_key: CanFrame::key_of(feedback_id),
+            command_id,
+            lane,
+            gear: model.gear,
+            direction: Direction::Forward,
+            rate: FeedbackRate::Hz1000,
+            cascade: model.cascade,
+            limit: model.effort.full(),
+            scale: Scale::of(model, model.gear, Direction::Forward),
+            target: Target::Coast,
+            goal: Goal::Rest,
+            held: None,
+            state: CascadeState::new(),
+            raw: 0,
+            encoder: Encoder::new(ENCODER_COUNTS),
+            seen: None,
+        })
+    }
+
+    /// With another gearbox ([`Gear::DIRECT`] for none). The gains are scaled so that the rotor is
+    /// driven as before; an explicit [`with_cascade`](Self::with_cascade) comes after this.
+    #[must_use]
+    pub fn with_gear(mut self, gear: Gear) -> Self {
+        let factor = gear.ratio() / self.gear.ratio();
+        self.cascade.speed.kp *= factor;
+        self.cascade.speed.ki *= factor;
+        self.cascade.speed.kd *= factor;
+        self.cascade.feed_forward *= factor;
+        self.cascade.angle.output_limit /= factor;
+        self.cascade.acceleration = self.cascade.acceleration / factor;
+        self.gear = gear;
+        self.scale = Scale::of(self.model, gear, self.direction);
+        self
+    }
+
+    /// Turning the given way.
+    #[must_use]
+    pub fn with_direction(mut self, direction: Direction) -> Self {
+        self.direction = direction;
+        self.scale = Scale::of(self.model, self.gear, direction);
+        self
+    }
+
+    /// With the feedback rate that is set in the controller.
+    #[must_use]
+    pub const fn with_feedback_rate(mut self, rate: FeedbackRate) -> Self {
+        self.rate = rate;
+        self
+    }
+
+    /// With gains of your own.
+    ///
+    /// # Errors
+    /// [`ConfigError`], naming the field that cannot be used.
+    pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
+        cascade.validate()?;
+        self.cascade = cascade;
+        Ok(self)
+    }
+
+    /// The model.
+    #[must_use]
+    pub const fn model(&self) -> &'static Model {
+        self.model
+    }
+
+    /// The command it sends now: raw, as on the wire.
+    #[must_use]
+    pub const fn raw_command(&self) -> i16 {
+        self.raw
+    }
+
+    /// How a [`TotalAngle`] of this motor counts: rotor encoder counts.
+    #[must_use]
+    pub const fn counts_per_turn(&self) -> CountsPerTurn {
+        CountsPerTurn::new(ENCODER_COUNTS * self.gear.rotor_turns(), self.gear.output_turns())
+    }
+
+    fn goal_of(&self, target: Target) -> Result<Goal, TargetError> {
+        self.supports().accepts(&target)?;
+        Ok(match target {
+            Target::Current(amps) => Goal::Effort(amps.get()),
+            Target::Duty(duty) => Goal::Effort(duty),
+            Target::Speed(rpm) => Goal::Speed(rpm.get()),
+            Target::Angle(degrees) => Goal::Angle(self.phase_of(degrees)),
+            Target::TotalAngle(angle) => Goal::Total(angle.counts_at(self.counts_per_turn())),
+            Target::Coast => Goal::Rest,
+        })
+    }
+
+    /// The output's phase at an angle of any number of degrees.
+    fn phase_of(&self, degrees: Degrees) -> i32 {
+        let degrees = TotalAngle::try_from_degrees(degrees).unwrap_or_default().within_turn();
+        #[expect(clippy::cast_precision_loss, reason = "0.4 of a rotor count at worst")]
+        let phase = round_to_i32(degrees.get() * (self.scale.phase_turn as f32 / 360.0));
+        if phase < self.scale.phase_turn { phase } else { 0 }
+    }
+
+    /// The turns between two frames are uncertain: the speed says which is likeliest.
+    #[cold]
+    fn bridge_gap(
+        &mut self,
+        raw: &RawFeedback,
+        last: &Seen,
+        micros: u64,
+    ) -> Result<i64, FrameError> {
+        let mean_rpm = (i64::from(raw.rpm) + i64::from(last.raw.rpm)) / 2;
+        let micros = i64::try_from(micros).unwrap_or(i64::MAX);
+        let expected = mean_rpm.saturating_mul(micros).saturating_mul(8192) / 60_000_000;
+        self.encoder.update_after_gap(raw.angle.into(), expected).map_err(FrameError::Encoder)
+    }
+
+    #[inline]
+    fn follow(&mut self, goal: Goal, seen: &Seen, dt: Seconds) {
+        let full = self.limit;
+        match goal {
+            Goal::Rest => self.state.rest(),
+            Goal::Effort(effort) => self.state.give(effort, full, dt),
+            Goal::Speed(rpm) => self.state.seek_speed(&self.cascade, rpm, seen.speed, full, dt),
+            Goal::Angle(phase) => {
+                let way = shortest_way(seen.phase, phase, self.scale.phase_turn);
+                self.seek_angle(way, self.scale.phase_per_count, seen.speed, dt);
+            }
+            Goal::Total(counts) => {
+                let way = counts.saturating_sub(seen.total);
+                let way = way.clamp(i32::MIN.into(), i32::MAX.into());
+                #[expect(clippy::cast_possible_truncation, reason = "clamped")]
+                self.seek_angle(way as i32, 1, seen.speed, dt);
+            }
+        }
+    }
+
+    /// `way` steps are to go, `per_count` of which are one rotor count.
+    #[inline]
+    fn seek_angle(&mut self, way: i32, per_count: i32, speed: f32, dt: Seconds) {
+        #[expect(clippy::cast_precision_loss, reason = "a way to go: large ones need no precision")]
+        let degrees = way as f32 * self.scale.degrees_per_count / per_count as f32;
+        self.state.seek_angle(&self.cascade, degrees, speed, self.limit, dt);
+    }
+}
+
+impl Scale {
+    #[expect(clippy::cast_possible_wrap, reason = "8192 times at most 65,535 is below 2^31")]
+    #[expect(clippy::cast_precision_loss, reason = "factors")]
+    fn of(model: &Model, gear: Gear, direction: Direction) -> Self {
+        let sign = match direction {
+            Direction::Forward => 1,
+            Direction::Reversed => -1,
+        };
+        let phase_turn = (ENCODER_COUNTS * gear.rotor_turns()) as i32;
+        let phase_per_count = gear.output_turns() as i32;
+        Self {
+            sign,
+            output_per_rotor: sign as f32 / gear.ratio(),
+            raw_per_effort: sign as f32 * f32::from(model.full_scale) / model.effort.full(),
+            degrees_per_count: 360.0 * phase_per_count as f32 / phase_turn as f32,
+            phase_turn,
+            phase_per_count,
+        }
+    }
+}
+
+impl Motor for Dji {
+    fn supports(&self) -> TargetSet {
+        use TargetKind::{Angle, Coast, Current, Duty, Speed, TotalAngle};
+        match self.model.effort {
+            Effort::Current(_) => TargetSet::of(&[Coast, Current, Speed, Angle, TotalAngle]),
+            Effort::Voltage => TargetSet::of(&[Coast, Duty, Speed, Angle, TotalAngle]),
+        }
+    }
+
+    fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
+        // The usual case is the same target again; converting an angle is not free.
+        if target != self.target {
+            self.goal = self.goal_of(target)?;
+            self.target = target;
+        }
+        Ok(())
+    }
+
+    fn target(&self) -> Target {
+        self.target
+    }
+
+    fn feedback(&self) -> Feedback {
+        let Some(seen) = &self.seen else {
+            return Feedback::default();
+        };
+        let signed = f32::from(seen.raw.current) * self.model.amps_per_count;
+        #[expect(clippy::cast_precision_loss, reason = "1 or -1")]
+        let amps = signed * self.scale.sign as f32;
+        let torque = amps * self.model.rotor_torque_constant * self.gear.ratio();
+        #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of a turn")]
+        let angle = seen.phase as f32 * (360.0 / self.scale.phase_turn as f32);
+        let celsius = Celsius::new(f32::from(seen.raw.temperature));
+        Feedback {
+            at: seen.at,
+            speed: Rpm::new(seen.speed),
+            // The last steps before a full turn may round up to it.
+            angle: Degrees::new(if angle < 360.0 { angle } else { 0.0 }),
+            total_angle: TotalAngle::new(seen.total, self.counts_per_turn()),
+            current: Some(Amps::new(amps)),
+            torque: Some(NewtonMetres::new(torque)),
+            temperature: self.model.has_temperature.then_some(celsius),
+            turn_gaps: self.encoder.gaps(),
+        }
+    }
+
+    /// None of these controllers has a documented error code.
+    fn fault(&self) -> Option<Fault> {
+        None
+    }
+
+    fn update(&mut self, dt: Seconds, drive: Drive) {
+        let Some(seen) = self.seen else { return };
+        let goal = match drive {
+            Drive::Run => self.goal,
+            Drive::Off | Drive::Coast => Goal::Rest,
+            Drive::Brake => Goal::Speed(0.0),
+            Drive::Hold => Goal::Total(*self.held.get_or_insert(seen.total)),
+        };
+        if drive != Drive::Hold {
+            self.held = None;
+        }
+        self.follow(goal, &seen, dt);
+        self.raw = round_to_i16(self.state.effort() * self.scale.raw_per_effort);
+    }
+
+    fn request(&mut self, request: Request) -> Result<(), RequestError> {
+        let set = |pid: PidConfig, gains: Gains| {
+            let pid = PidConfig { kp: gains.kp, ki: gains.ki, kd: gains.kd, ..pid };
+            pid.validate().map(|()| pid)
+        };
+        match request {
+            Request::SetZero => {
+                let seen = self.seen.as_mut().ok_or(RequestError::NoFeedback)?;
+                (seen.total, seen.phase) = (0, 0);
+                self.held = self.held.map(|_| 0);
+            }
+            Request::SpeedGains(gains) => self.cascade.speed = set(self.cascade.speed, gains)?,
+            Request::AngleGains(gains) => self.cascade.angle = set(self.cascade.angle, gains)?,
+            Request::CurrentLimit(limit) => {
+                let Effort::Current(full) = self.model.effort else {
+                    return Err(RequestError::Unsupported);
+                };
+                let limit = limit.get();
+                if limit.is_nan() || limit < 0.0 {
+                    let must_be = "zero or more";
+                    return Err(
+                        ConfigError { field: "current limit", value: limit, must_be }.into()
+                    );
+                }
+                self.limit = limit.min(full);
+            }
+            Request::ClearFault => return Err(RequestError::Unsupported),
+        }
+        Ok(())
+    }
+}
+
+impl CanMotor for Dji {
+    fn wiring(&self) -> Wiring {
+        let exact = |raw: u16| IdPattern::exact(StandardId::new(raw).unwrap_or(StandardId::ZERO));
+        let feedback = Receive {
+            pattern: exact(self.model.feedback_base + u16::from(self.id)),
+            len: 8,
+            rate: Rate::Hz(self.rate.hz()),
+            guard: None,
+        };
+        let command = Transmit {
+            pattern: IdPattern::exact(Id::Standard(self.command_id)),
+            len: 8,
+            rate: Rate::EveryTick,
+            lane: Some(0b11 << self.lane),
+        };
+        let wiring = Wiring::new(self.model.name, self.id.into());
+        let wired = wiring.clone().receives(feedback).and_then(|wiring| wiring.transmits(command));
+        wired.unwrap_or(wiring)
+    }
+
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<(), FrameError> {
+        if frame.key() != self.feedback_key {
+            return Err(FrameError::NotMine);
+        }
+        let Some(bytes) = frame.all_eight() else {
+            #[expect(clippy::cast_possible_truncation, reason = "0 ..= 8")]
+            return Err(FrameError::Length { expected: 8, actual: frame.len() as u8 });
+        };
+        let raw = RawFeedback::unpack(bytes);
+        let (total, phase) = match self.seen {
+            None => {
+                // The first frame sets the absolute angle of the rotor.
+                self.encoder.update(raw.angle.into()).map_err(FrameError::Encoder)?;
+                let counts = i32::from(raw.angle) * self.scale.sign;
+                let phase = counts * self.scale.phase_per_count;
+                (i64::from(counts), phase.rem_euclid(self.scale.phase_turn))
+            }
+            Some(last) => {
+                let micros = at.since(last.at).get();
+                let rpm = u64::from(raw.rpm.unsigned_abs().max(last.raw.rpm.unsigned_abs()));
+                if rpm.saturating_mul(micros) > CERTAIN_RPM_MICROS {
+                    let moved = self.bridge_gap(&raw, &last, micros)?;
+                    let moved = moved.saturating_mul(self.scale.sign.into());
+                    let turn = i64::from(self.scale.phase_turn);
+                    let steps = (moved % turn) * i64::from(self.scale.phase_per_count);
+                    let phase = (i64::from(last.phase) + steps).rem_euclid(turn);
+                    #[expect(clippy::cast_possible_truncation, reason = "below the turn, an i32")]
+                    (last.total.saturating_add(moved), phase as i32)
+                } else {
+                    let moved =
+                        self.encoder.update(raw.angle.into()).map_err(FrameError::Encoder)?;
+                    let moved = moved * self.scale.sign;
+                    let turn = self.scale.phase_turn;
+                    let mut phase = last.phase + moved * self.scale.phase_per_count;
+                    if phase >= turn || phase < 0 {
+                        phase = phase.rem_euclid(turn);
+                    }
+                    (last.total + i64::from(moved), phase)
+                }
+            }
+        };
+        let speed = RotorRpm::new(f32::from(raw.rpm)).get() * self.scale.output_per_rotor;
+        self.seen = Some(Seen { at, raw, speed, total, phase });
+        Ok(())
+    }
+
+    #[inline]
+    fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        tx.lane(self.command_id, self.lane, self.raw.to_be_bytes())
+    }
+
+    fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        tx.lane(self.command_id, self.lane, [0, 0])
+    }
+}

@@ -1,0 +1,16 @@
+//! The bus under Embassy: a runner that owns the motors and ticks every millisecond, and the port
+//! that all other tasks share with it.
+//!
+//! No other task ever touches a motor: a [`MotorPort`] is a mailbox for the newest command and a
+//! copy of the newest status. No lock is held over an `await`, so no task can stall another's bus.
+//!
+//! The runner is generic over [`CanPort`](rc10_can::CanPort): the same code runs on the chip and,
+//! with a virtual clock, on a PC. It enables no time driver and no executor.
+
+mod port;
+mod runner;
+mod subscription;
+
+pub use port::{BusPort, BusStatus, MotorPort, OutboxError};
+pub use runner::{Runner, run_bus};
+pub use subscription::{Filter, NoFreeSubscription, Received, Subscription};

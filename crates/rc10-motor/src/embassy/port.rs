@@ -1,0 +1,279 @@
+use core::cell::{Cell, RefCell};
+use core::fmt;
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::channel::Channel;
+use embassy_sync::signal::Signal;
+use embedded_can::Id;
+use heapless::Vec;
+use rc10_can::{CanFrame, Health, IdPattern, Timing};
+
+use super::subscription::{Filter, NoFreeSubscription, Received, Subscription, Subscriptions};
+use crate::arm::ArmState;
+use crate::bus::{BusCounters, MotorBus, MotorId, MotorStatus};
+use crate::load::BusLoad;
+use crate::motor::{Request, RequestError, Target, TargetError, TargetSet};
+
+/// What a bus and all other tasks share: a mailbox and a status per motor, an outbox, and
+/// subscriptions. One per bus; every method works from any task or interrupt.
+pub struct BusPort<const N: usize = 8> {
+    motors: [MotorCell; N],
+    status: Mutex<CriticalSectionRawMutex, Cell<BusStatus>>,
+    outbox: Channel<CriticalSectionRawMutex, CanFrame, OUTBOX>,
+    /// Identifiers that motors are commanded with: not for the outbox.
+    claimed: Mutex<CriticalSectionRawMutex, RefCell<Vec<IdPattern, CLAIMED>>>,
+    subscriptions: Subscriptions,
+}
+
+const OUTBOX: usize = 16;
+const CLAIMED: usize = 32;
+
+struct MotorCell {
+    mail: Mutex<CriticalSectionRawMutex, Cell<Mail>>,
+    outcome: Signal<CriticalSectionRawMutex, Result<(), RequestError>>,
+    status: Mutex<CriticalSectionRawMutex, Cell<MotorStatus>>,
+}
+
+#[derive(Clone, Copy)]
+struct Mail {
+    supports: TargetSet,
+    command: Option<Target>,
+    request: Option<Request>,
+}
+
+/// How a bus is doing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct BusStatus {
+    /// Ticks so far.
+    pub ticks: u32,
+    /// Ticks that did not happen because the one before ended too late, or the processor was busy.
+    pub overruns: u32,
+    /// Time from one tick's start to the next one's.
+    pub period: Timing,
+    /// How long a tick takes.
+    pub execution: Timing,
+    /// Frames handed to the port, the outbox's included.
+    pub submitted: u32,
+    /// Frames that replaced an older one of the same identifier that had not been sent yet.
+    pub replaced: u32,
+    /// Frames that the port or the tick's batch had no room for.
+    pub refused: u32,
+    /// What came in.
+    pub received: BusCounters,
+    /// Error state, error counters and losses of the controller.
+    pub health: Health,
+    /// What the attached motors need of the bus at 1 Mbit/s.
+    pub load: BusLoad,
+    /// Whether the robot is armed.
+    pub arm: ArmState,
+}
+
+/// Why a frame was not put into the outbox.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OutboxError {
+    /// As many frames wait as there is room for.
+    Full,
+    /// A motor of this bus is commanded with this identifier, and only its bus may do that.
+    BelongsToMotor(Id),
+}
+
+impl fmt::Display for OutboxError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Full => write!(f, "{OUTBOX} frames wait in the outbox already"),
+            Self::BelongsToMotor(id) => {
+                write!(f, "{} commands a motor of this bus", IdPattern::exact(*id))
+            }
+        }
+    }
+}
+
+impl core::error::Error for OutboxError {}
+
+impl<const N: usize> BusPort<N> {
+    /// The port of a bus that does not run yet: it refuses all targets until it does.
+    #[must_use]
+    pub const fn new() -> Self {
+        const NOTHING: Mail = Mail { supports: TargetSet::NONE, command: None, request: None };
+        Self {
+            motors: [const {
+                MotorCell {
+                    mail: Mutex::new(Cell::new(NOTHING)),
+                    outcome: Signal::new(),
+                    status: Mutex::new(Cell::new(MotorStatus::NEW)),
+                }
+            }; N],
+            status: Mutex::new(Cell::new(BusStatus::NEW)),
+            outbox: Channel::new(),
+            claimed: Mutex::new(RefCell::new(Vec::new())),
+            subscriptions: Subscriptions::new(),
+        }
+    }
+
+    /// The port of one motor. A motor the bus does not have refuses everything.
+    #[must_use]
+    pub fn motor(&self, motor: MotorId) -> MotorPort<'_> {
+        MotorPort { cell: self.motors.get(motor.index()) }
+    }
+
+    /// How the bus is doing, as of its last tick.
+    #[must_use]
+    pub fn status(&self) -> BusStatus {
+        self.status.lock(Cell::get)
+    }
+
+    /// Sends a frame after the motors' frames of the next tick.
+    ///
+    /// # Errors
+    /// [`OutboxError`]; the frame is not sent.
+    pub fn send(&self, frame: &CanFrame) -> Result<(), OutboxError> {
+        let id = frame.id();
+        if self.claimed.lock(|claimed| claimed.borrow().iter().any(|own| own.contains(id))) {
+            return Err(OutboxError::BelongsToMotor(id));
+        }
+        self.outbox.try_send(*frame).map_err(|_| OutboxError::Full)
+    }
+
+    /// A stream of the frames that pass `filter`.
+    ///
+    /// # Errors
+    /// [`NoFreeSubscription`] if four exist already.
+    pub fn subscribe(&self, filter: Filter) -> Result<Subscription<'_>, NoFreeSubscription> {
+        self.subscriptions.subscribe(filter)
+    }
+
+    /// The bus starts: from now on targets are checked against its motors.
+    pub(super) fn open(&self, bus: &MotorBus<'_, N>) {
+        for ((motor, _), cell) in bus.motors().zip(&self.motors) {
+            cell.mail.lock(|mail| {
+                mail.set(Mail { supports: bus.supports(motor), ..mail.get() });
+            });
+        }
+        self.claimed.lock(|claimed| {
+            let mut claimed = claimed.borrow_mut();
+            claimed.clear();
+            for pattern in bus.command_patterns() {
+                // Lanes of one frame repeat its identifier.
+                if !claimed.contains(&pattern) {
+                    let _ = claimed.push(pattern);
+                }
+            }
+        });
+    }
+
+    pub(super) fn take_mail(&self, motor: MotorId) -> (Option<Target>, Option<Request>) {
+        self.motors.get(motor.index()).map_or((None, None), |cell| {
+            cell.mail.lock(|mail| {
+                let Mail { supports, command, request } = mail.get();
+                if command.is_some() || request.is_some() {
+                    mail.set(Mail { supports, command: None, request: None });
+                }
+                (command, request)
+            })
+        })
+    }
+
+    pub(super) fn answer(&self, motor: MotorId, outcome: Result<(), RequestError>) {
+        if let Some(cell) = self.motors.get(motor.index()) {
+            cell.outcome.signal(outcome);
+        }
+    }
+
+    pub(super) fn publish(&self, motor: MotorId, status: MotorStatus) {
+        if let Some(cell) = self.motors.get(motor.index()) {
+            cell.status.lock(|newest| newest.set(status));
+        }
+    }
+
+    pub(super) fn publish_bus(&self, status: BusStatus) {
+        self.status.lock(|newest| newest.set(status));
+    }
+
+    pub(super) fn take_outgoing(&self) -> Option<CanFrame> {
+        self.outbox.try_receive().ok()
+    }
+
+    pub(super) fn deliver(&self, received: Received, claimed: bool) {
+        self.subscriptions.deliver(received, claimed);
+    }
+}
+
+impl<const N: usize> Default for BusPort<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl BusStatus {
+    pub(super) const NEW: Self = Self {
+        ticks: 0,
+        overruns: 0,
+        period: Timing::new(),
+        execution: Timing::new(),
+        submitted: 0,
+        replaced: 0,
+        refused: 0,
+        received: BusCounters::NEW,
+        health: Health::NEW,
+        load: BusLoad::NONE,
+        arm: ArmState::Disarmed,
+    };
+}
+
+/// One motor, as other tasks see it: a mailbox and a status.
+#[derive(Clone, Copy)]
+pub struct MotorPort<'p> {
+    cell: Option<&'p MotorCell>,
+}
+
+impl MotorPort<'_> {
+    /// Gives the motor a new target: it holds from the bus's next tick until it expires (50 ms
+    /// unless the motor was attached otherwise), so repeat it. A newer command replaces one that
+    /// the bus has not taken yet.
+    ///
+    /// # Errors
+    /// [`TargetError`]: the motor does not take such targets, or a number is not finite. While the
+    /// bus is not running yet every target is unsupported.
+    pub fn command(&self, target: Target) -> Result<(), TargetError> {
+        let cell = self.cell.ok_or(TargetError::Unsupported(target.kind()))?;
+        cell.mail.lock(|mail| {
+            let now = mail.get();
+            now.supports.accepts(&target)?;
+            mail.set(Mail { command: Some(target), ..now });
+            Ok(())
+        })
+    }
+
+    /// Asks something of the motor beside a target, and waits until its bus has done it (the next
+    /// tick). If the future is dropped the request is still carried out.
+    ///
+    /// # Errors
+    /// [`RequestError`]; nothing changed.
+    pub async fn request(&self, request: Request) -> Result<(), RequestError> {
+        let cell = self.cell.ok_or(RequestError::NoSuchMotor)?;
+        cell.mail.lock(|mail| {
+            let now = mail.get();
+            if now.request.is_some() {
+                return Err(RequestError::Busy);
+            }
+            cell.outcome.reset();
+            mail.set(Mail { request: Some(request), ..now });
+            Ok(())
+        })?;
+        cell.outcome.wait().await
+    }
+
+    /// All there is to know about the motor, as of its bus's last tick.
+    #[must_use]
+    pub fn status(&self) -> MotorStatus {
+        self.cell.map_or(MotorStatus::NEW, |cell| cell.status.lock(Cell::get))
+    }
+
+    /// The targets it takes; none while its bus is not running yet.
+    #[must_use]
+    pub fn supports(&self) -> TargetSet {
+        self.cell.map_or(TargetSet::NONE, |cell| cell.mail.lock(Cell::get).supports)
+    }
+}

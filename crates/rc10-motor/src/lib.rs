@@ -1,0 +1,64 @@
+//! Motors on a CAN bus, and the bus that keeps them safe. `no_std`, no allocation, no I/O.
+//!
+//! * A [`Motor`] takes a [`Target`] and tells its [`Feedback`]. A [`CanMotor`] also knows its
+//!   frames, and declares everything it occupies on the bus in one [`Wiring`].
+//! * A [`MotorBus`] owns up to eight of them. It refuses motors whose wirings clash, sends each
+//!   received frame to its motor, and every tick decides what each motor may do: run, or go to
+//!   its [`SafeState`] because its command expired, its link is lost, or the [`ArmSwitch`] says so.
+//! * With feature `embassy`, [`run_bus`](embassy::run_bus) does this every millisecond on any
+//!   [`CanPort`](rc10_can::CanPort), and tasks talk to the motors through a
+//!   [`BusPort`](embassy::BusPort).
+//!
+//! Without embassy a bus is plain functions in a loop of your own:
+//!
+//! ```
+//! use rc10_can::{CanFrame, Micros};
+//! use rc10_motor::dji::{Dji, M3508};
+//! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target, TxBatch};
+//! use rc10_app::{Rpm, Seconds};
+//!
+//! let switch = ArmSwitch::new();
+//! let mut wheel = Dji::new(&M3508, 1)?;
+//! let mut bus = MotorBus::<8>::new(&switch);
+//! let wheel = bus.attach(&mut wheel, Safety::COAST)?;
+//!
+//! switch.arm()?;
+//! // Every millisecond: frames in, newest target in, frames out.
+//! # let received: [CanFrame; 0] = [];
+//! let now = Micros::from_millis(1);
+//! for frame in &received {
+//!     bus.on_frame(frame, now);
+//! }
+//! bus.command(wheel, Target::Speed(Rpm::new(120.0)), now)?;
+//! let mut tx = TxBatch::new();
+//! bus.tick(now, Seconds::new(0.001), &mut tx)?;
+//! assert_eq!(tx.frames()[0].to_string(), "200#0000000000000000"); // no feedback yet: safe
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod arm;
+mod batch;
+mod bus;
+pub mod cascade;
+pub mod dji;
+#[cfg(feature = "embassy")]
+pub mod embassy;
+mod load;
+mod motor;
+mod table;
+mod wiring;
+
+pub use arm::{ArmState, ArmSwitch, EStopped};
+pub use batch::{TxBatch, TxFull};
+pub use bus::{
+    AttachError, BusCounters, CommandError, Dispatch, Link, MotorBus, MotorCounters, MotorId,
+    MotorStatus, Safety,
+};
+pub use load::{BusLoad, Verdict};
+pub use motor::{
+    CanMotor, Drive, Fault, Feedback, FrameError, Gains, Motor, Request, RequestError, SafeState,
+    Target, TargetError, TargetKind, TargetSet,
+};
+pub use wiring::{Clash, Guard, MotorName, Rate, Receive, Transmit, Wiring, WiringFull};

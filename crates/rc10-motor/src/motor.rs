@@ -1,0 +1,392 @@
+use core::fmt;
+
+use rc10_app::encoder::OutOfRange;
+use rc10_app::{Amps, Celsius, ConfigError, Degrees, NewtonMetres, Rpm, Seconds, TotalAngle};
+use rc10_can::{CanFrame, Micros};
+
+use crate::batch::{TxBatch, TxFull};
+use crate::wiring::Wiring;
+
+/// What a motor shall do. All values are at the output shaft.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Target {
+    /// Turn freely: no torque.
+    #[default]
+    Coast,
+    /// A torque-producing current. More than the motor takes is limited.
+    Current(Amps),
+    /// A share of the full voltage, -1 ..= 1; more is limited.
+    Duty(f32),
+    /// A speed.
+    Speed(Rpm),
+    /// An angle within the turn, reached the shorter way round; any number of degrees, taken
+    /// modulo 360.
+    Angle(Degrees),
+    /// An angle of many turns.
+    TotalAngle(TotalAngle),
+}
+
+/// The kinds of [`Target`], without their values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+#[repr(u8)]
+pub enum TargetKind {
+    /// [`Target::Coast`].
+    Coast,
+    /// [`Target::Current`].
+    Current,
+    /// [`Target::Duty`].
+    Duty,
+    /// [`Target::Speed`].
+    Speed,
+    /// [`Target::Angle`].
+    Angle,
+    /// [`Target::TotalAngle`].
+    TotalAngle,
+}
+
+impl Target {
+    /// Its kind.
+    #[must_use]
+    pub const fn kind(&self) -> TargetKind {
+        match self {
+            Self::Coast => TargetKind::Coast,
+            Self::Current(_) => TargetKind::Current,
+            Self::Duty(_) => TargetKind::Duty,
+            Self::Speed(_) => TargetKind::Speed,
+            Self::Angle(_) => TargetKind::Angle,
+            Self::TotalAngle(_) => TargetKind::TotalAngle,
+        }
+    }
+
+    /// Whether every number in it is finite.
+    #[must_use]
+    pub const fn is_finite(&self) -> bool {
+        match self {
+            Self::Coast | Self::TotalAngle(_) => true,
+            Self::Current(amps) => amps.is_finite(),
+            Self::Duty(duty) => duty.is_finite(),
+            Self::Speed(rpm) => rpm.is_finite(),
+            Self::Angle(degrees) => degrees.is_finite(),
+        }
+    }
+}
+
+/// Which kinds of target a motor takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct TargetSet(u16);
+
+impl TargetSet {
+    /// None: not even coasting. What a port offers before its motor is attached.
+    pub const NONE: Self = Self(0);
+
+    /// The kinds listed.
+    #[must_use]
+    pub const fn of(kinds: &[TargetKind]) -> Self {
+        let mut bits = 0;
+        let mut index = 0;
+        while index < kinds.len() {
+            bits |= 1 << kinds[index] as u16;
+            index += 1;
+        }
+        Self(bits)
+    }
+
+    /// Whether a kind is among them.
+    #[must_use]
+    pub const fn contains(self, kind: TargetKind) -> bool {
+        self.0 & (1 << kind as u16) != 0
+    }
+
+    /// `Ok` if the target's kind is among these and its numbers are finite.
+    ///
+    /// # Errors
+    /// [`TargetError`], saying which of both is wrong.
+    pub const fn accepts(self, target: &Target) -> Result<(), TargetError> {
+        if !self.contains(target.kind()) {
+            Err(TargetError::Unsupported(target.kind()))
+        } else if target.is_finite() {
+            Ok(())
+        } else {
+            Err(TargetError::NotFinite(target.kind()))
+        }
+    }
+}
+
+/// Why a target was refused. The motor keeps the one it had.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum TargetError {
+    /// This motor cannot do that.
+    Unsupported(TargetKind),
+    /// A number in it is infinite or NaN.
+    NotFinite(TargetKind),
+}
+
+impl fmt::Display for TargetError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unsupported(kind) => write!(f, "this motor takes no {kind:?} target"),
+            Self::NotFinite(kind) => write!(f, "the {kind:?} target is infinite or NaN"),
+        }
+    }
+}
+
+impl core::error::Error for TargetError {}
+
+/// What a motor measured, at the output shaft.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct Feedback {
+    /// When it arrived.
+    pub at: Micros,
+    /// Speed.
+    pub speed: Rpm,
+    /// Angle within the turn, 0 ..< 360 degrees. Behind a gearbox it counts from where the motor
+    /// was at power-on, or from where it was zeroed.
+    pub angle: Degrees,
+    /// Angle of many turns, exact.
+    pub total_angle: TotalAngle,
+    /// Torque-producing current, positive for positive torque.
+    pub current: Option<Amps>,
+    /// Torque, where the device tells it or its torque constant is known.
+    pub torque: Option<NewtonMetres>,
+    /// Temperature of the motor, where the device tells it.
+    pub temperature: Option<Celsius>,
+    /// How often the number of turns had to be estimated because feedback was missing at speed.
+    pub turn_gaps: u32,
+}
+
+impl Feedback {
+    /// Nothing measured: everything zero or absent.
+    pub const NEW: Self = Self {
+        at: Micros::ZERO,
+        speed: Rpm::ZERO,
+        angle: Degrees::ZERO,
+        total_angle: TotalAngle::ZERO,
+        current: None,
+        torque: None,
+        temperature: None,
+        turn_gaps: 0,
+    };
+}
+
+/// What is wrong with a motor, by its own account.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct Fault {
+    /// The code the device sent.
+    pub code: u32,
+    /// What it means.
+    pub text: &'static str,
+}
+
+impl Fault {
+    /// A fault.
+    #[must_use]
+    pub const fn new(code: u32, text: &'static str) -> Self {
+        Self { code, text }
+    }
+}
+
+/// What the bus lets a motor do in this tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Drive {
+    /// The robot is disarmed: no torque; a device that can be disabled is.
+    #[default]
+    Off,
+    /// No torque.
+    Coast,
+    /// Slow down and stand still.
+    Brake,
+    /// Keep the angle the shaft has now.
+    Hold,
+    /// Follow the target.
+    Run,
+}
+
+/// What a motor does when it may not follow its target: its command expired, or the emergency
+/// stop is latched. (A motor whose feedback is lost always coasts: nothing can be held blindly.)
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum SafeState {
+    /// Turn freely. Right for wheels.
+    #[default]
+    Coast,
+    /// Slow down actively and stand still.
+    Brake,
+    /// Hold the angle. Right for a lift, which would fall.
+    Hold,
+}
+
+impl SafeState {
+    /// The drive that brings it about.
+    #[must_use]
+    pub const fn drive(self) -> Drive {
+        match self {
+            Self::Coast => Drive::Coast,
+            Self::Brake => Drive::Brake,
+            Self::Hold => Drive::Hold,
+        }
+    }
+}
+
+/// The gains of one loop.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Gains {
+    /// Proportional.
+    pub kp: f32,
+    /// Integral, per second.
+    pub ki: f32,
+    /// Derivative, times seconds.
+    pub kd: f32,
+}
+
+/// What can be asked of a motor beside targets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Request {
+    /// The shaft's angle now is zero from now on.
+    SetZero,
+    /// Forget a fault and go on.
+    ClearFault,
+    /// Never command more current than this.
+    CurrentLimit(Amps),
+    /// New gains for the speed loop.
+    SpeedGains(Gains),
+    /// New gains for the angle loop.
+    AngleGains(Gains),
+}
+
+/// Why a request was refused.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum RequestError {
+    /// This motor cannot do that.
+    Unsupported,
+    /// A number in it cannot be used.
+    Config(ConfigError),
+    /// It needs feedback, and none came yet.
+    NoFeedback,
+    /// The one before has not been carried out yet.
+    Busy,
+    /// The bus has no such motor.
+    NoSuchMotor,
+}
+
+impl fmt::Display for RequestError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unsupported => f.write_str("this motor cannot do that"),
+            Self::Config(error) => error.fmt(f),
+            Self::NoFeedback => f.write_str("the motor has not been heard of yet"),
+            Self::Busy => f.write_str("the request before has not been carried out yet"),
+            Self::NoSuchMotor => f.write_str("the bus has no such motor"),
+        }
+    }
+}
+
+impl core::error::Error for RequestError {}
+
+impl From<ConfigError> for RequestError {
+    fn from(error: ConfigError) -> Self {
+        Self::Config(error)
+    }
+}
+
+/// Why a frame is no feedback. It changes nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum FrameError {
+    /// Another identifier, or a remote request.
+    NotMine,
+    /// Not the length this frame always has.
+    Length {
+        /// What it must be.
+        expected: u8,
+        /// What it was.
+        actual: u8,
+    },
+    /// An encoder value the device cannot have.
+    Encoder(OutOfRange),
+}
+
+impl fmt::Display for FrameError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotMine => f.write_str("not a frame of this motor"),
+            Self::Length { expected, actual } => {
+                write!(f, "{actual} data bytes instead of {expected}")
+            }
+            Self::Encoder(error) => error.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for FrameError {}
+
+/// A motor, whatever it is connected by.
+pub trait Motor: Send {
+    /// The targets it takes, so that a port can refuse the others where the caller sees it.
+    fn supports(&self) -> TargetSet;
+
+    /// Takes a new target; it takes effect in the next [`update`](Self::update).
+    ///
+    /// # Errors
+    /// [`TargetError`]; the old target stays.
+    fn set_target(&mut self, target: Target) -> Result<(), TargetError>;
+
+    /// The target it has.
+    fn target(&self) -> Target;
+
+    /// What it measured last; all zero before the first feedback.
+    fn feedback(&self) -> Feedback;
+
+    /// What is wrong with it, by its own account.
+    fn fault(&self) -> Option<Fault>;
+
+    /// One step of its control loops. Only maths: what it decides leaves with the next command.
+    fn update(&mut self, dt: Seconds, drive: Drive);
+
+    /// Asks for something beside a target.
+    ///
+    /// # Errors
+    /// [`RequestError`]; nothing changed.
+    fn request(&mut self, request: Request) -> Result<(), RequestError>;
+}
+
+/// A motor on a CAN bus.
+pub trait CanMotor: Motor {
+    /// Everything it occupies on its bus.
+    fn wiring(&self) -> Wiring;
+
+    /// Takes a frame of its own that arrived at `at`.
+    ///
+    /// # Errors
+    /// [`FrameError`]; the frame changed nothing.
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<(), FrameError>;
+
+    /// Adds what it sends in this tick: called every tick, also when it is disarmed or lost, so
+    /// that it can enable, poll, or say "zero".
+    ///
+    /// # Errors
+    /// [`TxFull`] if the batch has no room.
+    fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull>;
+
+    /// Adds the frames that leave it without torque, whatever state it is in: what a panic
+    /// handler sends.
+    ///
+    /// # Errors
+    /// [`TxFull`] if the batch has no room.
+    fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull>;
+}

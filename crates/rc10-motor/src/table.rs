@@ -1,0 +1,135 @@
+use heapless::Vec;
+use rc10_can::CanFrame;
+
+use crate::wiring::{Guard, Receive};
+
+/// From a frame to the motor it belongs to, in constant time: an open-addressed hash table for
+/// exact identifiers, then a short list for patterns.
+pub(crate) struct ReceiveTable {
+    entries: [Entry; SIZE],
+    used: u8,
+    masked: Vec<(Receive, u8), 8>,
+}
+
+const BITS: u32 = 6;
+const SIZE: usize = 1 << BITS;
+/// At most three quarters full, so that probing stays short.
+const MOST: u8 = 48;
+const _: () = assert!(MOST as usize == SIZE / 4 * 3);
+
+#[derive(Clone, Copy)]
+struct Entry {
+    key: u32,
+    slot: u8,
+    guard: Guard,
+}
+
+/// No frame has this key: bit 29 of a key is never set.
+const FREE: u32 = u32::MAX;
+const NO_GUARD: Guard = Guard { byte: 0, mask: 0, value: 0 };
+
+impl ReceiveTable {
+    pub(crate) const fn new() -> Self {
+        Self {
+            entries: [Entry { key: FREE, slot: 0, guard: NO_GUARD }; SIZE],
+            used: 0,
+            masked: Vec::new(),
+        }
+    }
+
+    /// Room for so many more patterns of either sort?
+    pub(crate) fn has_room(&self, receives: &[Receive]) -> bool {
+        let exact = receives.iter().filter(|receive| receive.pattern.is_exact()).count();
+        let masked = receives.len() - exact;
+        usize::from(self.used) + exact <= usize::from(MOST)
+            && self.masked.len() + masked <= self.masked.capacity()
+    }
+
+    /// Adds a motor's patterns; the caller asked [`has_room`](Self::has_room).
+    pub(crate) fn insert(&mut self, receive: &Receive, slot: u8) {
+        if !receive.pattern.is_exact() {
+            let _ = self.masked.push((*receive, slot));
+            return;
+        }
+        let key = CanFrame::key_of(receive.pattern.id());
+        let mut index = home(key);
+        while self.entries[index].key != FREE {
+            index = (index + 1) % SIZE;
+        }
+        self.entries[index] = Entry { key, slot, guard: receive.guard.unwrap_or(NO_GUARD) };
+        self.used += 1;
+    }
+
+    #[inline]
+    pub(crate) fn find(&self, frame: &CanFrame) -> Option<u8> {
+        let key = frame.key();
+        let mut index = home(key);
+        // Never full, so this ends at a free entry at the latest.
+        loop {
+            let entry = &self.entries[index % SIZE];
+            if entry.key == key && (entry.guard.mask == 0 || entry.guard.passes(frame)) {
+                return Some(entry.slot);
+            }
+            if entry.key == FREE {
+                break;
+            }
+            index += 1;
+        }
+        let belongs = |receive: &Receive| {
+            receive.pattern.matches(frame) && receive.guard.is_none_or(|guard| guard.passes(frame))
+        };
+        self.masked.iter().find(|(receive, _)| belongs(receive)).map(|&(_, slot)| slot)
+    }
+}
+
+/// Fibonacci hashing: spreads identifiers that differ in any bit.
+#[inline]
+const fn home(key: u32) -> usize {
+    (key.wrapping_mul(0x9E37_79B1) >> (32 - BITS)) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wiring::Rate;
+    use embedded_can::{ExtendedId, StandardId};
+    use rc10_can::IdPattern;
+
+    fn receive(pattern: IdPattern, guard: Option<Guard>) -> Receive {
+        Receive { pattern, len: 8, rate: Rate::EveryTick, guard }
+    }
+
+    #[test]
+    fn finds_every_id_of_a_full_table_and_no_other() {
+        let mut table = ReceiveTable::new();
+        let id = |raw: u16| StandardId::new(raw * 41).unwrap();
+        for slot in 0..MOST {
+            let receive = receive(IdPattern::exact(id(slot.into())), None);
+            assert!(table.has_room(&[receive]));
+            table.insert(&receive, slot);
+        }
+        assert!(!table.has_room(&[receive(IdPattern::exact(id(49)), None)]));
+        for raw in 0..=0x7FF {
+            let frame = CanFrame::eight_bytes(StandardId::new(raw).unwrap(), [0; 8]);
+            let slot = (raw % 41 == 0 && raw / 41 < u16::from(MOST)).then_some(raw / 41);
+            assert_eq!(table.find(&frame).map(u16::from), slot, "{raw}");
+        }
+    }
+
+    #[test]
+    fn guards_and_masks_tell_motors_apart() {
+        let mut table = ReceiveTable::new();
+        let master = IdPattern::exact(StandardId::ZERO);
+        for slot in 0..3 {
+            let guard = Guard { byte: 0, mask: 0x0F, value: slot + 1 };
+            table.insert(&receive(master, Some(guard)), slot);
+        }
+        let module = IdPattern::masked(ExtendedId::new(0x1D00_1000).unwrap(), 0x1F00_FF00);
+        table.insert(&receive(module, None), 7);
+        let frame = |byte| CanFrame::eight_bytes(StandardId::ZERO, [byte, 0, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(table.find(&frame(0x12)), Some(1));
+        assert_eq!(table.find(&frame(0x14)), None);
+        let state = CanFrame::eight_bytes(ExtendedId::new(0x1D55_1023).unwrap(), [0; 8]);
+        assert_eq!(table.find(&state), Some(7));
+    }
+}

@@ -1,0 +1,329 @@
+use core::fmt;
+
+use embedded_can::Id;
+use heapless::Vec;
+use rc10_can::{CanFrame, IdPattern, LengthBounds, Micros};
+
+/// Everything a motor occupies on its bus, declared once. The clash check, the receive table, the
+/// load figure and the link timeout all follow from it.
+#[derive(Clone, Debug)]
+pub struct Wiring {
+    name: MotorName,
+    receive: Vec<Receive, 8>,
+    transmit: Vec<Transmit, 8>,
+    listens: Vec<IdPattern, 2>,
+}
+
+/// What a motor is called in errors and tables: its model and the identifier set on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MotorName {
+    /// Model, as the vendor writes it.
+    pub model: &'static str,
+    /// The identifier set on the device.
+    pub id: u16,
+}
+
+impl fmt::Display for MotorName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} id {}", self.model, self.id)
+    }
+}
+
+/// How often a frame comes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rate {
+    /// So many times a second, by the device's own clock.
+    Hz(u16),
+    /// Once every tick of the bus (1 ms): commands, and the replies to them.
+    EveryTick,
+    /// Now and then (set-up, enabling): it does not count towards the load.
+    Rare,
+}
+
+impl Rate {
+    /// Frames a second; ticks are 1 ms.
+    #[must_use]
+    pub const fn per_second(self) -> u32 {
+        match self {
+            Self::Hz(hz) => hz as u32,
+            Self::EveryTick => 1000,
+            Self::Rare => 0,
+        }
+    }
+}
+
+/// Frames that a device sends to us.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Receive {
+    /// Their identifiers.
+    pub pattern: IdPattern,
+    /// Data bytes.
+    pub len: u8,
+    /// How often.
+    pub rate: Rate,
+    /// For devices that share an identifier: what the payload of this one's frames looks like.
+    pub guard: Option<Guard>,
+}
+
+/// A test on one byte of a payload.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Guard {
+    /// Which byte, 0 ..= 7.
+    pub byte: u8,
+    /// The bits that count.
+    pub mask: u8,
+    /// What they must be.
+    pub value: u8,
+}
+
+impl Guard {
+    /// Whether a frame passes; a byte it does not have never does.
+    #[must_use]
+    pub fn passes(self, frame: &CanFrame) -> bool {
+        frame
+            .bytes()
+            .get(usize::from(self.byte))
+            .is_some_and(|byte| byte & self.mask == self.value & self.mask)
+    }
+
+    /// Whether no payload passes both.
+    const fn excludes(self, other: Self) -> bool {
+        let common = self.mask & other.mask;
+        self.byte == other.byte && (self.value ^ other.value) & common != 0
+    }
+}
+
+/// Frames that we send to a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Transmit {
+    /// Their identifiers.
+    pub pattern: IdPattern,
+    /// Data bytes.
+    pub len: u8,
+    /// How often.
+    pub rate: Rate,
+    /// For a frame that several devices share: the bytes of it that are this one's, bit n for
+    /// byte n. `None`: the whole frame is.
+    pub lane: Option<u8>,
+}
+
+/// More frames than a [`Wiring`] holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WiringFull;
+
+impl fmt::Display for WiringFull {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a wiring holds 8 received, 8 sent and 2 listened-to patterns")
+    }
+}
+
+impl core::error::Error for WiringFull {}
+
+/// Why two motors cannot share a bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clash {
+    /// Both devices send frames with this identifier, and nothing tells them apart.
+    Receive(Id),
+    /// Both are commanded by the same bytes of the frame with this identifier.
+    Transmit(Id),
+    /// A frame with this identifier, meant for or sent by one, is taken for a command by the other.
+    Confuses(Id),
+}
+
+impl fmt::Display for Clash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (Self::Receive(id) | Self::Transmit(id) | Self::Confuses(id)) = *self;
+        let id = IdPattern::exact(id);
+        match self {
+            Self::Receive(_) => write!(f, "both send feedback with identifier {id}"),
+            Self::Transmit(_) => write!(f, "both are commanded by the same bytes of {id}"),
+            Self::Confuses(_) => write!(f, "one takes the other's frame {id} for a command"),
+        }
+    }
+}
+
+impl Wiring {
+    /// A motor that occupies nothing yet.
+    #[must_use]
+    pub const fn new(model: &'static str, id: u16) -> Self {
+        Self {
+            name: MotorName { model, id },
+            receive: Vec::new(),
+            transmit: Vec::new(),
+            listens: Vec::new(),
+        }
+    }
+
+    /// Adds frames the device sends.
+    ///
+    /// # Errors
+    /// [`WiringFull`] beyond eight.
+    pub fn receives(mut self, receive: Receive) -> Result<Self, WiringFull> {
+        self.receive.push(receive).map_err(|_| WiringFull)?;
+        Ok(self)
+    }
+
+    /// Adds frames sent to the device.
+    ///
+    /// # Errors
+    /// [`WiringFull`] beyond eight.
+    pub fn transmits(mut self, transmit: Transmit) -> Result<Self, WiringFull> {
+        self.transmit.push(transmit).map_err(|_| WiringFull)?;
+        Ok(self)
+    }
+
+    /// Adds identifiers the device obeys although we never use them: no other device's frames may
+    /// match. (A Damiao reacts to the low byte of every standard identifier.)
+    ///
+    /// # Errors
+    /// [`WiringFull`] beyond two.
+    pub fn listens_to(mut self, pattern: IdPattern) -> Result<Self, WiringFull> {
+        self.listens.push(pattern).map_err(|_| WiringFull)?;
+        Ok(self)
+    }
+
+    /// What the motor is called.
+    #[must_use]
+    pub const fn name(&self) -> MotorName {
+        self.name
+    }
+
+    /// What the device sends.
+    #[must_use]
+    pub fn received(&self) -> &[Receive] {
+        &self.receive
+    }
+
+    /// What is sent to the device.
+    #[must_use]
+    pub fn transmitted(&self) -> &[Transmit] {
+        &self.transmit
+    }
+
+    /// After so long without a frame the motor is lost: three periods of its most frequent
+    /// feedback, but at least 10 ms.
+    #[must_use]
+    pub fn link_timeout(&self) -> Micros {
+        let rates = self.receive.iter().map(|receive| receive.rate.per_second());
+        let fastest = rates.max().unwrap_or(0).max(1);
+        Micros::new(u64::from(3_000_000_u32.div_ceil(fastest)).max(10_000))
+    }
+
+    /// Why this motor and another cannot share a bus, if so.
+    #[must_use]
+    pub fn clash(&self, other: &Self) -> Option<Clash> {
+        for ours in &self.receive {
+            for theirs in &other.receive {
+                let told_apart = match (ours.guard, theirs.guard) {
+                    (Some(ours), Some(theirs)) => ours.excludes(theirs),
+                    _ => false,
+                };
+                if let (Some(id), false) = (ours.pattern.overlap(&theirs.pattern), told_apart) {
+                    return Some(Clash::Receive(id));
+                }
+            }
+        }
+        for ours in &self.transmit {
+            for theirs in &other.transmit {
+                let apart = match (ours.lane, theirs.lane) {
+                    (Some(a), Some(b)) => a & b == 0 && ours.len == theirs.len,
+                    _ => false,
+                };
+                if let (Some(id), false) = (ours.pattern.overlap(&theirs.pattern), apart) {
+                    return Some(Clash::Transmit(id));
+                }
+            }
+        }
+        self.confused_by(other).or_else(|| other.confused_by(self)).map(Clash::Confuses)
+    }
+
+    /// A frame sent by or to `other` that this device takes for a command.
+    fn confused_by(&self, other: &Self) -> Option<Id> {
+        let sent = other.receive.iter().map(|receive| receive.pattern);
+        let commands = other.transmit.iter().map(|transmit| transmit.pattern);
+        let obeyed = self.transmit.iter().map(|transmit| transmit.pattern);
+        // Commands of both were compared before: they may share a frame.
+        let by_feedback =
+            sent.clone().find_map(|frame| obeyed.clone().find_map(|c| c.overlap(&frame)));
+        by_feedback.or_else(|| {
+            sent.chain(commands).find_map(|f| self.listens.iter().find_map(|l| l.overlap(&f)))
+        })
+    }
+
+    /// Bit times a second that this motor's feedback takes.
+    pub(crate) fn receive_bits(&self) -> impl Iterator<Item = (LengthBounds, u32)> + '_ {
+        self.receive.iter().map(|receive| {
+            let bounds = LengthBounds::of(usize::from(receive.len), is_extended(&receive.pattern));
+            (bounds, receive.rate.per_second())
+        })
+    }
+}
+
+pub(crate) const fn is_extended(pattern: &IdPattern) -> bool {
+    matches!(pattern.id(), Id::Extended(_))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use embedded_can::StandardId;
+
+    fn exact(raw: u16) -> IdPattern {
+        IdPattern::exact(StandardId::new(raw).unwrap())
+    }
+
+    fn feedback(raw: u16, guard: Option<Guard>) -> Receive {
+        Receive { pattern: exact(raw), len: 8, rate: Rate::EveryTick, guard }
+    }
+
+    fn command(raw: u16, lane: Option<u8>) -> Transmit {
+        Transmit { pattern: exact(raw), len: 8, rate: Rate::EveryTick, lane }
+    }
+
+    /// As protocols of later motors need it: two Damiao motors on one master identifier.
+    #[test]
+    fn a_shared_feedback_id_needs_guards_that_exclude_each_other() {
+        let nibble = |value| Some(Guard { byte: 0, mask: 0x0F, value });
+        let damiao = |id: u16, guard| {
+            Wiring::new("J4310", id)
+                .receives(feedback(0x000, guard))
+                .and_then(|wiring| wiring.transmits(command(id, None)))
+                .unwrap()
+        };
+        assert_eq!(damiao(0x11, nibble(1)).clash(&damiao(0x12, nibble(2))), None);
+        let clash = damiao(0x11, nibble(1)).clash(&damiao(0x21, nibble(1)));
+        assert_eq!(clash, Some(Clash::Receive(StandardId::ZERO.into())));
+        assert!(damiao(0x11, nibble(1)).clash(&damiao(0x12, None)).is_some());
+    }
+
+    #[test]
+    fn lanes_share_a_frame_unless_their_bytes_overlap() {
+        let wired = |lane| Wiring::new("x", 1).transmits(command(0x200, lane)).unwrap();
+        assert_eq!(wired(Some(0b0011)).clash(&wired(Some(0b1100))), None);
+        let id = StandardId::new(0x200).unwrap().into();
+        assert_eq!(wired(Some(0b0011)).clash(&wired(Some(0b0110))), Some(Clash::Transmit(id)));
+        assert_eq!(wired(None).clash(&wired(Some(1))), Some(Clash::Transmit(id)));
+    }
+
+    #[test]
+    fn a_device_that_obeys_a_low_byte_clashes_with_feedback_that_ends_in_it() {
+        let low_byte = IdPattern::masked(StandardId::new(0x001).unwrap(), 0xFF);
+        let damiao = Wiring::new("J4310", 1).listens_to(low_byte).unwrap();
+        let dji = Wiring::new("M3508", 1).receives(feedback(0x201, None)).unwrap();
+        let id = StandardId::new(0x201).unwrap().into();
+        assert_eq!(damiao.clash(&dji), Some(Clash::Confuses(id)));
+        assert_eq!(dji.clash(&damiao), Some(Clash::Confuses(id)));
+    }
+
+    #[test]
+    fn the_link_timeout_is_three_periods_or_ten_milliseconds() {
+        let at = |rate| {
+            let receive = Receive { rate, ..feedback(0x201, None) };
+            Wiring::new("x", 1).receives(receive).unwrap().link_timeout().get()
+        };
+        assert_eq!(at(Rate::EveryTick), 10_000);
+        assert_eq!(at(Rate::Hz(125)), 24_000);
+        assert_eq!(at(Rate::Hz(50)), 60_000);
+    }
+}
