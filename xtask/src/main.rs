@@ -1,1 +1,39 @@
-fn main() {}
+//! The project's chores. `cargo xtask` lists them.
+#![forbid(unsafe_code)]
+
+mod cargo;
+mod check;
+mod count;
+mod firmware;
+mod setup;
+mod size;
+
+use std::process::ExitCode;
+
+use anyhow::Result;
+
+const USAGE: &str = "\
+cargo xtask setup   make this machine able to build for the chip
+cargo xtask check   everything that must hold before a commit
+cargo xtask size    flash and RAM of the firmware, against their budgets
+cargo xtask count   instructions of the control loop, against their budget";
+
+fn main() -> ExitCode {
+    let task: fn() -> Result<()> = match std::env::args().nth(1).as_deref() {
+        Some("setup") => || setup::chip_toolchain().map(|_| ()),
+        Some("check") => check::run,
+        Some("size") => || size::run(&firmware::build()?),
+        Some("count") => || count::run(&firmware::build_count()?),
+        _ => {
+            eprintln!("{USAGE}");
+            return ExitCode::from(2);
+        }
+    };
+    match task() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("xtask: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

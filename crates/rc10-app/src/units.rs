@@ -142,10 +142,13 @@ unit!(
 );
 
 impl Seconds {
-    /// From whole microseconds.
+    /// From whole microseconds; more than 71 minutes are 71 minutes.
     #[inline]
     #[must_use]
-    pub const fn from_micros(micros: u32) -> Self {
+    pub const fn from_micros(micros: u64) -> Self {
+        // Through 32 bits: a Cortex-M7 converts those in one instruction.
+        #[expect(clippy::cast_possible_truncation, reason = "checked")]
+        let micros = if micros < u32::MAX as u64 { micros as u32 } else { u32::MAX };
         #[expect(clippy::cast_precision_loss, reason = "exact up to 16 s")]
         Self::new(micros as f32 * 1e-6)
     }

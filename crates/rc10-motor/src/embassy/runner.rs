@@ -79,12 +79,12 @@ impl<'m, 'p, P: CanPort, const N: usize> Runner<'m, 'p, P, N> {
         if let Some(elapsed) = elapsed {
             self.status.period.add(elapsed);
         }
-        let dt = u32::try_from(elapsed.unwrap_or(PERIOD).get()).unwrap_or(u32::MAX);
+        let dt = Seconds::from_micros(elapsed.unwrap_or(PERIOD).get());
 
         self.receive();
         self.take_commands(now);
         self.tx.clear();
-        if self.bus.tick(now, Seconds::from_micros(dt), &mut self.tx).is_err() {
+        if self.bus.tick(now, dt, &mut self.tx).is_err() {
             // The batch was full; the frame that found no room counts as refused.
             self.status.refused = self.status.refused.saturating_add(1);
         }

@@ -1,0 +1,38 @@
+//! Board support: what a robot's tasks are made of, and what is under them.
+//!
+//! The portable part knows no chip and runs on a PC too:
+//!
+//! * [`Topic`]: a stream of messages to several subscribers; who is slow learns what it missed.
+//! * [`Latest`]: the newest value of something, and how old it is.
+//! * [`periodic`]: work on a grid of time, without drift, with [`Statistics`].
+//!
+//! All of them may be statics and may be shared between executors and interrupts. They need a
+//! [`critical_section`](https://docs.rs/critical-section) implementation and an
+//! [`embassy_time`] driver, which the binary chooses: this crate enables neither.
+//!
+//! The chip side is behind the feature `stm32h723`, for the target `thumbv7em-none-eabihf` only:
+//! clocks, the FDCAN ports and their `Bus::start`, the watchdog, and what happens after a crash.
+#![no_std]
+#![cfg_attr(not(feature = "stm32h723"), forbid(unsafe_code))]
+
+mod latest;
+mod periodic;
+mod topic;
+
+#[cfg(feature = "stm32h723")]
+mod stm32h723;
+
+pub use latest::{Changes, Latest, Stamped};
+pub use periodic::{Load, Overrun, Statistics, Tick, periodic};
+#[cfg(feature = "stm32h723")]
+pub use stm32h723::{FDCAN_CLOCK, can, clocks, crash, initialise, watchdog};
+pub use topic::{Message, SubscribersFull, Subscription, Topic};
+
+use embassy_time::Instant;
+use rc10_can::Micros;
+
+/// What time it is, by embassy's clock.
+#[must_use]
+pub fn now() -> Micros {
+    Micros::new(Instant::now().as_micros())
+}

@@ -1,0 +1,71 @@
+//! The chip side: STM32H723, on embassy-stm32. Facts are from RM0468 (the reference manual) and
+//! from the board's CubeMX project unless said otherwise.
+//!
+//! * [`initialise`]: clocks and caches.
+//! * [`can`]: the three FDCAN ports, and [`can::Bus::start`].
+//! * [`watchdog`]: fed only while everything that must tick ticks.
+//! * [`crash`]: what happens after a panic or a fault: the motors are made safe by registers, the
+//!   cause is kept, the chip restarts.
+#![expect(unsafe_code, reason = "registers, vectors and retained memory")]
+
+pub mod can;
+pub mod crash;
+pub mod watchdog;
+
+use embassy_stm32::rcc::mux::Fdcansel;
+use embassy_stm32::rcc::{
+    AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllDiv, PllMul, PllPreDiv, PllSource, Sysclk,
+};
+use embassy_stm32::time::Hertz;
+use embassy_stm32::{Config, Peripherals};
+
+/// Kernel clock of the three FDCANs: PLL1 Q.
+pub const FDCAN_CLOCK: Hertz = Hertz(120_000_000);
+
+/// The board's clocks: 25 MHz crystal / 5 x 96 = 480 MHz for the core, half of it for AHB (limit
+/// 275 MHz), a quarter for every APB (limit 137.5 MHz), a quarter from PLL1 Q for the FDCANs.
+///
+/// The timers run at 240 MHz: the time driver wants a whole number of megahertz.
+#[must_use]
+pub fn clocks() -> Config {
+    let mut config = Config::default();
+    let clocks = &mut config.rcc;
+    clocks.hse = Some(Hse {
+        freq: Hertz(25_000_000),
+        mode: HseMode::Oscillator,
+    });
+    clocks.pll1 = Some(Pll {
+        source: PllSource::HSE,
+        prediv: PllPreDiv::DIV5,
+        mul: PllMul::MUL96,
+        divp: Some(PllDiv::DIV1),
+        divq: Some(PllDiv::DIV4),
+        divr: None,
+    });
+    clocks.sys = Sysclk::PLL1_P;
+    clocks.ahb_pre = AHBPrescaler::DIV2;
+    clocks.apb1_pre = APBPrescaler::DIV2;
+    clocks.apb2_pre = APBPrescaler::DIV2;
+    clocks.apb3_pre = APBPrescaler::DIV2;
+    clocks.apb4_pre = APBPrescaler::DIV2;
+    // embassy's default is the crystal itself.
+    clocks.mux.fdcansel = Fdcansel::PLL1_Q;
+    config
+}
+
+/// Starts the chip: [`clocks`], instruction cache on, data cache off.
+///
+/// The data cache stays off because stack and statics live in DTCM, which is as fast as a cache,
+/// and because nothing here would keep it coherent with DMA.
+///
+/// # Panics
+/// If called twice.
+#[must_use]
+pub fn initialise() -> Peripherals {
+    let peripherals = embassy_stm32::init(clocks());
+    // SAFETY: the core's peripherals are touched by nobody else; `init` above panics if this
+    // function runs a second time.
+    let mut core = unsafe { cortex_m::Peripherals::steal() };
+    core.SCB.enable_icache();
+    peripherals
+}

@@ -1,0 +1,240 @@
+//! One FDCAN controller by its registers (RM0468, chapter 57) and its share of the message RAM.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use embassy_stm32::pac;
+use embassy_stm32::pac::can::regs;
+use embedded_can::{ExtendedId, Id, StandardId};
+use rc10_can::{BusError, CanFrame, ErrorState, embedded_can};
+
+/// Frames that a controller holds before the interrupt has to run: 3 ms of the shortest frames.
+pub const HARDWARE_RECEIVE: usize = 64;
+/// Transmit buffers, the most that the hardware has.
+const TRANSMIT: usize = 32;
+/// Transmit buffers kept for the coast image: the last ones.
+pub const COAST_FRAMES: usize = 8;
+/// Transmit buffers for [`submit`](rc10_can::CanPort::submit).
+pub(super) const COMMANDS: usize = TRANSMIT - COAST_FRAMES;
+/// The buffers of `submit` as a register mask.
+pub(super) const COMMAND_MASK: u32 = (1 << COMMANDS) - 1;
+
+// Message RAM, in words from the start of a controller's share. Elements with eight data bytes
+// are four words: two of header, two of data.
+const ELEMENT: usize = 4;
+const RECEIVE_AT: usize = 0;
+const TRANSMIT_AT: usize = RECEIVE_AT + HARDWARE_RECEIVE * ELEMENT;
+const SHARE: usize = TRANSMIT_AT + TRANSMIT * ELEMENT;
+const _: () = assert!(3 * SHARE <= 2560, "the three FDCANs share 2560 words");
+
+// Header bits that receive and transmit elements have in common (RM0468, tables 484 and 486).
+const EXTENDED: u32 = 1 << 30;
+const REMOTE: u32 = 1 << 29;
+const STANDARD_ID_SHIFT: u32 = 18;
+const LENGTH_SHIFT: u32 = 16;
+
+/// One of the three controllers.
+#[derive(Clone, Copy)]
+pub struct Controller {
+    pub(super) registers: pac::can::Fdcan,
+    share: usize,
+    /// Which transmit buffers hold coast frames. Static, for the crash handler.
+    coast: &'static AtomicU32,
+}
+
+static COAST: [AtomicU32; 3] = [const { AtomicU32::new(0) }; 3];
+
+/// The controllers of FDCAN1, FDCAN2 and FDCAN3.
+pub(crate) const ALL: [Controller; 3] = [
+    Controller::new(pac::FDCAN1, 0),
+    Controller::new(pac::FDCAN2, 1),
+    Controller::new(pac::FDCAN3, 2),
+];
+
+impl Controller {
+    const fn new(registers: pac::can::Fdcan, index: usize) -> Self {
+        Self {
+            registers,
+            share: index * SHARE,
+            coast: &COAST[index],
+        }
+    }
+
+    /// Configures and starts a controller that was just reset (CCCR.INIT is set).
+    pub(super) fn start(self) {
+        let can = self.registers;
+        can.cccr().modify(|w| w.set_cce(true));
+        // 120 MHz / 3 = 40 time quanta a bit: 1 + 29 before the sample point (75 %), 10 after it.
+        // The registers hold each value less one.
+        can.nbtp().write(|w| {
+            w.set_nbrp(3 - 1);
+            w.set_ntseg1(29 - 1);
+            w.set_ntseg2(10 - 1);
+            w.set_nsjw(10 - 1);
+        });
+        // Zero is right for: classic frames, no filters, everything accepted into FIFO 0, elements
+        // of eight bytes, transmit buffers that are all dedicated ones, no event FIFO, line 0.
+        can.cccr().modify(|w| w.set_fdoe(false));
+        can.sidfc().write_value(regs::Sidfc(0));
+        can.xidfc().write_value(regs::Xidfc(0));
+        can.gfc().write_value(regs::Gfc(0));
+        can.rxesc().write_value(regs::Rxesc(0));
+        can.txesc().write_value(regs::Txesc(0));
+        can.txefc().write_value(regs::Txefc(0));
+        can.ils().write_value(regs::Ils(0));
+        can.rxfc(0).write(|w| {
+            w.set_fsa(word(self.share + RECEIVE_AT));
+            w.set_fs(HARDWARE_RECEIVE as u8);
+        });
+        can.rxfc(1).write_value(regs::Rxfc(0));
+        can.txbc().write(|w| {
+            w.set_tbsa(word(self.share + TRANSMIT_AT));
+            w.set_ndtb(TRANSMIT as u8);
+        });
+        can.ir().write_value(regs::Ir(u32::MAX));
+        can.ie().write(|w| {
+            w.set_rfne(0, true);
+            w.set_rfle(0, true);
+            w.set_boe(true);
+        });
+        can.ile().write(|w| w.set_eint0(true));
+        self.leave_initialisation();
+    }
+
+    /// Goes on the bus, after the configuration or after bus-off; the hardware itself waits for
+    /// the 129 x 11 recessive bits that ISO 11898-1 asks for after bus-off.
+    pub(super) fn leave_initialisation(self) {
+        self.registers.cccr().modify(|w| w.set_init(false));
+    }
+
+    /// The oldest received frame.
+    pub(super) fn read(self) -> Option<CanFrame> {
+        let status = self.registers.rxfs(0).read();
+        if status.ffl() == 0 {
+            return None;
+        }
+        let index = status.fgi();
+        let at = self.share + RECEIVE_AT + usize::from(index) * ELEMENT;
+        let element = core::array::from_fn(|word| pac::FDCANRAM.ram(at + word).read());
+        self.registers.rxfa(0).write(|w| w.set_fai(index));
+        Some(decode(element))
+    }
+
+    /// Writes a frame into a transmit buffer that is not pending; does not send it.
+    pub(super) fn write(self, buffer: usize, frame: &CanFrame) {
+        let at = self.share + TRANSMIT_AT + buffer * ELEMENT;
+        for (word, value) in encode(frame).into_iter().enumerate() {
+            pac::FDCANRAM.ram(at + word).write_value(value);
+        }
+    }
+
+    /// The transmit buffers that wait or are being sent.
+    pub(super) fn pending(self) -> u32 {
+        self.registers.txbrp().read().0
+    }
+
+    pub(super) fn request(self, buffers: u32) {
+        self.registers.txbar().write_value(regs::Txbar(buffers));
+    }
+
+    /// Takes buffers back; one that is on the wire right now is not repeated if it fails. Says
+    /// which were not being cancelled yet.
+    pub(super) fn cancel(self, buffers: u32) -> u32 {
+        let cancelled = buffers & !self.registers.txbcr().read().0;
+        self.registers.txbcr().write_value(regs::Txbcr(buffers));
+        cancelled
+    }
+
+    /// Error state and, if one came since the last call, the last bus error: reading it clears it.
+    pub(super) fn status(self) -> (ErrorState, Option<BusError>) {
+        let status = self.registers.psr().read();
+        let state = match (status.bo(), status.ep(), status.ew()) {
+            (true, _, _) => ErrorState::BusOff,
+            (_, true, _) => ErrorState::Passive,
+            (_, _, true) => ErrorState::Warning,
+            _ => ErrorState::Active,
+        };
+        let error = match status.lec() {
+            1 => Some(BusError::Stuff),
+            2 => Some(BusError::Form),
+            3 => Some(BusError::Acknowledge),
+            4 | 5 => Some(BusError::Bit),
+            6 => Some(BusError::Crc),
+            _ => None,
+        };
+        (state, error)
+    }
+
+    /// Writes the coast image into its buffers; at most [`COAST_FRAMES`] frames.
+    pub(super) fn keep_coast_image(self, frames: &[CanFrame]) {
+        let mut mask = 0;
+        for (buffer, frame) in (COMMANDS..TRANSMIT).zip(frames) {
+            self.write(buffer, frame);
+            mask |= 1 << buffer;
+        }
+        self.coast.store(mask, Ordering::Release);
+    }
+
+    /// For the crash handler: nothing but the coast image goes out from here on.
+    pub(crate) fn send_coast_image(self) {
+        let coast = self.coast.load(Ordering::Acquire);
+        if coast == 0 {
+            // Perhaps not even clocked: touching it could fault.
+            return;
+        }
+        self.registers.ie().write_value(regs::Ie(0));
+        self.cancel(COMMAND_MASK);
+        self.leave_initialisation();
+        self.request(coast);
+    }
+
+    /// For the crash handler: whether every coast frame has left, or there are none.
+    pub(crate) fn coast_image_sent(self) -> bool {
+        let coast = self.coast.load(Ordering::Acquire);
+        coast == 0 || self.pending() & coast == 0
+    }
+}
+
+/// A message RAM word index as the address registers take it.
+const fn word(index: usize) -> u16 {
+    // Below 2560, checked above.
+    index as u16
+}
+
+fn encode(frame: &CanFrame) -> [u32; ELEMENT] {
+    let id = match frame.id() {
+        Id::Standard(id) => u32::from(id.as_raw()) << STANDARD_ID_SHIFT,
+        Id::Extended(id) => id.as_raw() | EXTENDED,
+    };
+    let remote = if frame.is_remote() { REMOTE } else { 0 };
+    let mut data = [0; 8];
+    data[..frame.bytes().len()].copy_from_slice(frame.bytes());
+    let [a, b, c, d, e, f, g, h] = data;
+    [
+        id | remote,
+        (frame.len() as u32) << LENGTH_SHIFT,
+        u32::from_le_bytes([a, b, c, d]),
+        u32::from_le_bytes([e, f, g, h]),
+    ]
+}
+
+fn decode([header, length, low, high]: [u32; ELEMENT]) -> CanFrame {
+    let id = if header & EXTENDED == 0 {
+        let raw = (header >> STANDARD_ID_SHIFT) & 0x7FF;
+        Id::Standard(StandardId::new(raw as u16).unwrap_or(StandardId::ZERO))
+    } else {
+        let raw = header & 0x1FFF_FFFF;
+        Id::Extended(ExtendedId::new(raw).unwrap_or(ExtendedId::ZERO))
+    };
+    // Lengths 9 ..= 15 are legal on a classic wire and mean 8.
+    let len = ((length >> LENGTH_SHIFT) as usize & 0xF).min(8);
+    let [a, b, c, d] = low.to_le_bytes();
+    let [e, f, g, h] = high.to_le_bytes();
+    let data = [a, b, c, d, e, f, g, h];
+    let frame = if header & REMOTE != 0 {
+        CanFrame::remote_frame(id, len)
+    } else {
+        CanFrame::data_frame(id, &data[..len])
+    };
+    // At most eight bytes: there is no error to hide.
+    frame.unwrap_or_else(|_| CanFrame::eight_bytes(id, data))
+}

@@ -1,0 +1,219 @@
+//! What happens after a panic, a fault or an interrupt that nobody handles.
+//!
+//! Interrupts go off; on every bus what is unsent is cancelled and the stored coast image is sent
+//! by registers; the cause is written to memory that a reset keeps; the chip restarts. The next
+//! run finds the cause with [`take_last`].
+//!
+//! [`crash_handlers!`](crate::crash_handlers) puts it all in place. The fault handler sets the
+//! stack pointer back first, so that it also works after a stack overflow.
+
+use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use cortex_m::peripheral::SCB;
+use embassy_stm32::pac;
+use heapless::String;
+
+use super::can;
+
+/// Why the chip restarted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum LastCrash {
+    /// A panic.
+    Panic {
+        /// Source file, its last [`FILE_LENGTH`] bytes.
+        file: String<FILE_LENGTH>,
+        /// Line in it.
+        line: u32,
+    },
+    /// A HardFault; every other fault escalates to it.
+    Fault {
+        /// Address of the instruction; 0 if the stack was no longer readable.
+        program_counter: u32,
+        /// Where that function returns to; 0 likewise.
+        link: u32,
+        /// Configurable Fault Status Register (ARMv7-M manual, B3.2.15).
+        status: u32,
+        /// The address that could not be accessed; valid if `status` says so.
+        address: u32,
+    },
+    /// An interrupt or exception without a handler.
+    Interrupt {
+        /// Its number; exceptions are negative, as cortex-m-rt counts.
+        number: i16,
+    },
+    /// The watchdog was not fed in time.
+    Watchdog,
+}
+
+/// How much of a file name is kept.
+pub const FILE_LENGTH: usize = 48;
+
+const MAGIC: u32 = 0x5243_3130;
+const PANIC: u32 = 1;
+const FAULT: u32 = 2;
+const INTERRUPT: u32 = 3;
+
+const FILE_WORDS: usize = FILE_LENGTH / 4;
+/// Magic, kind, four values, file name, checksum.
+const WORDS: usize = 2 + 4 + FILE_WORDS + 1;
+
+/// Outside what the start-up code clears. Whole words, because a chip with ECC may lose a part of
+/// a word in a reset.
+#[unsafe(link_section = ".uninit.rc10_crash")]
+static RECORD: [AtomicU32; WORDS] = [const { AtomicU32::new(0) }; WORDS];
+
+/// The crash that ended the last run, if one did; forgets it.
+#[must_use]
+pub fn take_last() -> Option<LastCrash> {
+    let words: [u32; WORDS] = core::array::from_fn(|index| RECORD[index].load(Ordering::Relaxed));
+    RECORD[0].store(0, Ordering::Relaxed);
+    let by_watchdog = pac::RCC.rsr().read().iwdg1rstf();
+    pac::RCC.rsr().modify(|w| w.set_rmvf(true));
+
+    let (checksum, kept) = words.split_last()?;
+    if kept[0] != MAGIC || *checksum != checksum_of(kept) {
+        return by_watchdog.then_some(LastCrash::Watchdog);
+    }
+    match kept[1] {
+        PANIC => {
+            let mut file = String::new();
+            for byte in kept[6..].iter().flat_map(|word| word.to_le_bytes()) {
+                if byte.is_ascii_graphic() {
+                    let _ = file.push(char::from(byte));
+                }
+            }
+            Some(LastCrash::Panic {
+                file,
+                line: kept[2],
+            })
+        }
+        FAULT => Some(LastCrash::Fault {
+            program_counter: kept[2],
+            link: kept[3],
+            status: kept[4],
+            address: kept[5],
+        }),
+        INTERRUPT => Some(LastCrash::Interrupt {
+            number: kept[2] as i16,
+        }),
+        _ => None,
+    }
+}
+
+/// For [`crash_handlers!`](crate::crash_handlers).
+#[doc(hidden)]
+pub fn on_panic(info: &PanicInfo<'_>) -> ! {
+    let (file, line) = info.location().map_or(("", 0), |at| (at.file(), at.line()));
+    crash(PANIC, [line, 0, 0, 0], file)
+}
+
+/// For [`crash_handlers!`](crate::crash_handlers).
+#[doc(hidden)]
+pub fn on_interrupt(number: i16) -> ! {
+    crash(INTERRUPT, [number as u32, 0, 0, 0], "")
+}
+
+/// For [`crash_handlers!`](crate::crash_handlers): `frame` is where the fault pushed the registers.
+#[doc(hidden)]
+pub extern "C" fn on_fault(frame: u32) -> ! {
+    // r0 - r3, r12, lr, pc, xpsr (ARMv7-M manual, B1.5.6). An overflowed stack is outside DTCM.
+    const DTCM: core::ops::Range<u32> = 0x2000_0000..0x2002_0000 - 8 * 4;
+    let [link, program_counter] = if DTCM.contains(&frame) && frame.is_multiple_of(4) {
+        let frame = frame as *const u32;
+        // SAFETY: eight words from `frame` on lie in DTCM, which is always readable.
+        unsafe { [frame.add(5).read_volatile(), frame.add(6).read_volatile()] }
+    } else {
+        [0; 2]
+    };
+    // SAFETY: two reads of read-only or sticky registers of this core, which always exist.
+    let (status, address) = unsafe { ((*SCB::PTR).cfsr.read(), (*SCB::PTR).bfar.read()) };
+    crash(FAULT, [program_counter, link, status, address], "")
+}
+
+fn crash(kind: u32, values: [u32; 4], file: &str) -> ! {
+    cortex_m::interrupt::disable();
+    send_coast_images();
+    keep(kind, values, file);
+    SCB::sys_reset()
+}
+
+/// Makes the motors safe, by registers alone. Bounded: 4 ms, enough for a bus to come back from
+/// bus-off (1.4 ms) and to send eight frames (1.1 ms).
+fn send_coast_images() {
+    for controller in can::ALL {
+        controller.send_coast_image();
+    }
+    for _ in 0..400 {
+        if can::ALL
+            .iter()
+            .all(|controller| controller.coast_image_sent())
+        {
+            return;
+        }
+        cortex_m::asm::delay(4_800); // 10 us
+    }
+}
+
+fn keep(kind: u32, values: [u32; 4], file: &str) {
+    let mut words = [0; WORDS];
+    words[0] = MAGIC;
+    words[1] = kind;
+    words[2..6].copy_from_slice(&values);
+    let bytes = file.as_bytes();
+    let bytes = &bytes[bytes.len().saturating_sub(FILE_LENGTH)..];
+    for (word, chunk) in words[6..].iter_mut().zip(bytes.chunks(4)) {
+        let mut whole = [0; 4];
+        whole[..chunk.len()].copy_from_slice(chunk);
+        *word = u32::from_le_bytes(whole);
+    }
+    words[WORDS - 1] = checksum_of(&words[..WORDS - 1]);
+    for (place, word) in RECORD.iter().zip(words) {
+        place.store(word, Ordering::Relaxed);
+    }
+    cortex_m::asm::dsb();
+}
+
+/// FNV-1a over words: tells a record from what memory holds after power-on.
+fn checksum_of(words: &[u32]) -> u32 {
+    words.iter().fold(0x811C_9DC5, |hash, word| {
+        (hash ^ word).wrapping_mul(0x0100_0193)
+    })
+}
+
+/// Defines the panic handler, the HardFault handler and the handler of unexpected interrupts of a
+/// firmware: [`crash`](crate::crash).
+#[macro_export]
+macro_rules! crash_handlers {
+    () => {
+        #[panic_handler]
+        fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
+            $crate::crash::on_panic(info)
+        }
+
+        // SAFETY: the name is what cortex-m-rt's vector table asks for. Written in assembly because
+        // the stack may be gone: it keeps the old stack pointer for the report and starts again at
+        // the top.
+        #[unsafe(export_name = "HardFault")]
+        #[unsafe(naked)]
+        unsafe extern "C" fn hard_fault() -> ! {
+            core::arch::naked_asm!(
+                "mrs r0, msp",
+                "ldr r1, =_stack_start",
+                "msr msp, r1",
+                "b {on_fault}",
+                on_fault = sym $crate::crash::on_fault,
+            )
+        }
+
+        // SAFETY: as above; cortex-m-rt calls it for every vector without a handler.
+        #[unsafe(export_name = "DefaultHandler")]
+        unsafe extern "C" fn unexpected_interrupt() -> ! {
+            let number: u32;
+            // SAFETY: reads the number of the active exception.
+            unsafe { core::arch::asm!("mrs {}, ipsr", out(reg) number) };
+            $crate::crash::on_interrupt((number as i16) - 16)
+        }
+    };
+}

@@ -1,0 +1,38 @@
+//! The independent watchdog: if it is not fed in time, it resets the chip.
+
+use embassy_stm32::peripherals::IWDG1;
+use embassy_stm32::wdg::IndependentWatchdog;
+use embassy_stm32::{Peri, pac};
+use embassy_time::Duration;
+
+/// A watchdog that is fed only while everything that must run, runs.
+///
+/// It cannot be stopped once started. While a debugger holds the core it holds still.
+///
+/// A reset by it sends no coast image: nothing runs any more that could. What the motors do then
+/// is up to their own timeout.
+pub struct Watchdog(IndependentWatchdog<'static, IWDG1>);
+
+impl Watchdog {
+    /// Starts the watchdog. `timeout` is 125 µs ..= 32 s, within the LSI oscillator's 5 %.
+    ///
+    /// # Panics
+    /// If `timeout` is longer than 32 s.
+    #[must_use]
+    pub fn start(peripheral: Peri<'static, IWDG1>, timeout: Duration) -> Self {
+        pac::DBGMCU.apb4fzr1().modify(|w| w.set_iwdg1(true));
+        let micros = u32::try_from(timeout.as_micros()).unwrap_or(u32::MAX);
+        let mut watchdog = IndependentWatchdog::new(peripheral, micros);
+        watchdog.unleash();
+        Self(watchdog)
+    }
+
+    /// Feeds the watchdog if `alive` says so; passes on what it said.
+    pub fn feed_if(&mut self, alive: impl FnOnce() -> bool) -> bool {
+        let alive = alive();
+        if alive {
+            self.0.pet();
+        }
+        alive
+    }
+}

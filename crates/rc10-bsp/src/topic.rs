@@ -1,0 +1,157 @@
+use core::fmt;
+
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::pubsub::{PubSubChannel, Subscriber, WaitResult};
+
+type Channel<T, const CAPACITY: usize, const SUBSCRIBERS: usize> =
+    PubSubChannel<CriticalSectionRawMutex, T, CAPACITY, SUBSCRIBERS, 0>;
+
+/// A stream of messages: every subscriber hears every message.
+///
+/// Publishing never waits. Who reads too slowly misses the oldest messages, and is told how many.
+/// Up to `CAPACITY` messages wait for the slowest of at most `SUBSCRIBERS` subscribers.
+///
+/// ```
+/// use rc10_bsp::Topic;
+///
+/// static BUTTONS: Topic<u8, 2, 4> = Topic::new();
+///
+/// let mut display = BUTTONS.subscribe()?;
+/// BUTTONS.publish(1);
+/// BUTTONS.publish(2);
+/// BUTTONS.publish(3); // pushes out 1, which `display` has not read yet
+/// let message = display.try_next().unwrap();
+/// assert_eq!((message.value, message.missed), (2, 1));
+/// # Ok::<(), rc10_bsp::SubscribersFull>(())
+/// ```
+pub struct Topic<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> {
+    channel: Channel<T, CAPACITY, SUBSCRIBERS>,
+}
+
+/// A message and what was missed before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Message<T> {
+    /// What was published.
+    pub value: T,
+    /// How many messages this subscriber missed just before this one.
+    pub missed: u64,
+}
+
+impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> Topic<T, CAPACITY, SUBSCRIBERS> {
+    /// A topic without messages and subscribers.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            channel: Channel::new(),
+        }
+    }
+
+    /// Sends a message to all subscribers there are now.
+    pub fn publish(&self, message: T) {
+        self.channel
+            .immediate_publisher()
+            .publish_immediate(message);
+    }
+
+    /// A subscription to what is published from now on. Dropping it makes room for another.
+    ///
+    /// # Errors
+    /// [`SubscribersFull`] if there are `SUBSCRIBERS` already.
+    pub fn subscribe(&self) -> Result<Subscription<'_, T, CAPACITY, SUBSCRIBERS>, SubscribersFull> {
+        let subscriber = self
+            .channel
+            .subscriber()
+            .map_err(|_| SubscribersFull { most: SUBSCRIBERS })?;
+        Ok(Subscription {
+            subscriber,
+            missed: 0,
+        })
+    }
+}
+
+impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> Default
+    for Topic<T, CAPACITY, SUBSCRIBERS>
+{
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> fmt::Debug
+    for Topic<T, CAPACITY, SUBSCRIBERS>
+{
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Topic").finish_non_exhaustive()
+    }
+}
+
+/// One listener of a [`Topic`].
+pub struct Subscription<'t, T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> {
+    subscriber: Subscriber<'t, CriticalSectionRawMutex, T, CAPACITY, SUBSCRIBERS, 0>,
+    missed: u64,
+}
+
+impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize>
+    Subscription<'_, T, CAPACITY, SUBSCRIBERS>
+{
+    /// Waits for the next message.
+    ///
+    /// # Cancel safety
+    /// Nothing is lost, and no count of what was missed, if the future is dropped.
+    pub async fn next(&mut self) -> Message<T> {
+        loop {
+            let result = self.subscriber.next_message().await;
+            if let Some(message) = self.sort(result) {
+                return message;
+            }
+        }
+    }
+
+    /// The next message if there is one.
+    pub fn try_next(&mut self) -> Option<Message<T>> {
+        loop {
+            let result = self.subscriber.try_next_message()?;
+            if let Some(message) = self.sort(result) {
+                return Some(message);
+            }
+        }
+    }
+
+    fn sort(&mut self, result: WaitResult<T>) -> Option<Message<T>> {
+        match result {
+            WaitResult::Lagged(count) => {
+                self.missed += count;
+                None
+            }
+            WaitResult::Message(value) => Some(Message {
+                value,
+                missed: core::mem::take(&mut self.missed),
+            }),
+        }
+    }
+}
+
+impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> fmt::Debug
+    for Subscription<'_, T, CAPACITY, SUBSCRIBERS>
+{
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Subscription")
+            .field("missed", &self.missed)
+            .finish_non_exhaustive()
+    }
+}
+
+/// A [`Topic`] or a [`Latest`](crate::Latest) has as many subscribers as it has room for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SubscribersFull {
+    /// How many it has room for.
+    pub most: usize,
+}
+
+impl fmt::Display for SubscribersFull {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "there is room for {} subscribers", self.most)
+    }
+}
+
+impl core::error::Error for SubscribersFull {}

@@ -1,0 +1,23 @@
+//! The example robot: a mecanum base, a two-axis gimbal with a feeder, and a lift on four motors.
+//! Copy this crate to make your own; nothing else has to be edited.
+//!
+//! * [`table`]: **which motor, on which bus, with which id, gains and safe state.** Start here.
+//! * [`Robot`]: everything the robot consists of, in one value; no statics. On the chip it lives in
+//!   a `StaticCell`, on a PC there is one per simulated world.
+//! * [`chassis`], [`mechanisms`]: from what the robot shall do to motor targets.
+//! * [`driver`]: decides what it shall do; here, a script.
+//! * [`status`]: ten times a second, how it is.
+//!
+//! Each task is an `async fn run(io: &Io) -> !`. The chip's executor or a simulated world polls it.
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod chassis;
+pub mod driver;
+pub mod mechanisms;
+mod robot;
+pub mod status;
+pub mod table;
+
+pub use robot::{Bus, Io, Robot, SetupError};
+pub use table::Name;

@@ -1,0 +1,72 @@
+//! How the robot is, in one small message that a log, a lamp or a display can use.
+
+use embassy_time::{Duration, Ticker};
+use rc10_can::{ErrorState, Micros};
+use rc10_motor::{ArmState, Link};
+
+use crate::robot::Io;
+use crate::table::{BUSES, MOTORS};
+
+/// How the robot is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct RobotStatus {
+    /// When.
+    pub at: Micros,
+    /// Whether it is armed.
+    pub arm: ArmState,
+    /// Motors that are heard.
+    pub online: u8,
+    /// How the buses are.
+    pub buses: [BusSummary; BUSES],
+}
+
+/// How a bus is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BusSummary {
+    /// Ticks so far.
+    pub ticks: u32,
+    /// Ticks that did not happen in time.
+    pub overruns: u32,
+    /// Longest time from tick to tick, in microseconds.
+    pub longest_period: u32,
+    /// Longest tick, in microseconds.
+    pub longest_tick: u32,
+    /// Received frames that were lost.
+    pub lost: u32,
+    /// Error state of the controller.
+    pub state: ErrorState,
+}
+
+/// The status task.
+pub async fn run(io: &Io) -> ! {
+    let mut ticker = Ticker::every(Duration::from_millis(100));
+    loop {
+        ticker.next().await;
+        io.status.publish(now(io));
+    }
+}
+
+/// How the robot is now.
+#[must_use]
+pub fn now(io: &Io) -> RobotStatus {
+    let online = MOTORS.iter().filter(|motor| io.motor(motor.name).status().link == Link::Online);
+    let summary = |bus: usize| {
+        let status = io.buses[bus].status();
+        BusSummary {
+            ticks: status.ticks,
+            overruns: status.overruns,
+            longest_period: status.period.max().unwrap_or(0),
+            longest_tick: status.execution.max().unwrap_or(0),
+            lost: status.health.receive_lost,
+            state: status.health.state,
+        }
+    };
+    RobotStatus {
+        at: rc10_bsp::now(),
+        arm: io.switch.state(),
+        online: u8::try_from(online.count()).unwrap_or(u8::MAX),
+        buses: core::array::from_fn(summary),
+    }
+}

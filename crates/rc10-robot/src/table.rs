@@ -1,0 +1,133 @@
+//! Which motor, on which bus, with which id, gains and safe state; and the robot's measures.
+
+use rc10_app::{Mecanum, Rpm, TwistLimits};
+use rc10_motor::Safety;
+use rc10_motor::cascade::Cascade;
+use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
+
+/// What the robot calls its motors, in the order of [`MOTORS`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum Name {
+    FrontLeft,
+    FrontRight,
+    RearLeft,
+    RearRight,
+    Yaw,
+    Pitch,
+    Feeder,
+    LiftFrontLeft,
+    LiftFrontRight,
+    LiftRearLeft,
+    LiftRearRight,
+}
+
+/// One motor of the robot.
+#[derive(Clone, Copy, Debug)]
+pub struct Entry {
+    /// What the robot calls it.
+    pub name: Name,
+    /// The same, for people.
+    pub label: &'static str,
+    /// On which bus: 1, 2 or 3.
+    pub bus: u8,
+    /// Which motor it is.
+    pub model: &'static Model,
+    /// The identifier set on it.
+    pub id: u8,
+    /// Which way it counts.
+    pub direction: Direction,
+    /// The feedback rate set on it.
+    pub rate: FeedbackRate,
+    /// Gains of its own, in place of its model's.
+    pub gains: Option<Cascade>,
+    /// What it does when it may not follow its target.
+    pub safety: Safety,
+}
+
+const fn entry(name: Name, label: &'static str, bus: u8, model: &'static Model, id: u8) -> Entry {
+    Entry {
+        name,
+        label,
+        bus,
+        model,
+        id,
+        direction: Direction::Forward,
+        rate: FeedbackRate::Hz1000,
+        gains: None,
+        safety: Safety::COAST,
+    }
+}
+
+/// Mounted the other way round.
+const fn mirrored(entry: Entry) -> Entry {
+    Entry { direction: Direction::Reversed, ..entry }
+}
+
+/// A lift that coasts falls.
+const fn holding(entry: Entry) -> Entry {
+    Entry { safety: Safety::HOLD, ..entry }
+}
+
+/// All motors of the robot.
+pub const MOTORS: [Entry; 11] = [
+    entry(Name::FrontLeft, "wheel front left", 1, &dji::M3508, 1),
+    mirrored(entry(Name::FrontRight, "wheel front right", 1, &dji::M3508, 2)),
+    entry(Name::RearLeft, "wheel rear left", 1, &dji::M3508, 3),
+    mirrored(entry(Name::RearRight, "wheel rear right", 1, &dji::M3508, 4)),
+    entry(Name::Yaw, "gimbal yaw", 2, &dji::GM6020_CURRENT, 1),
+    entry(Name::Pitch, "gimbal pitch", 2, &dji::GM6020_VOLTAGE, 2),
+    entry(Name::Feeder, "feeder", 2, &dji::M2006, 3),
+    holding(entry(Name::LiftFrontLeft, "lift front left", 3, &dji::M3508, 1)),
+    holding(mirrored(entry(Name::LiftFrontRight, "lift front right", 3, &dji::M3508, 2))),
+    holding(entry(Name::LiftRearLeft, "lift rear left", 3, &dji::M3508, 3)),
+    holding(mirrored(entry(Name::LiftRearRight, "lift rear right", 3, &dji::M3508, 4))),
+];
+
+/// The buses of the board.
+pub const BUSES: usize = 3;
+
+/// The wheels, in the order of [`Mecanum`].
+pub const WHEELS: [Name; 4] = [Name::FrontLeft, Name::FrontRight, Name::RearLeft, Name::RearRight];
+
+/// The lift's motors.
+pub const LIFT: [Name; 4] =
+    [Name::LiftFrontLeft, Name::LiftFrontRight, Name::LiftRearLeft, Name::LiftRearRight];
+
+/// The base: wheels of 76 mm radius, 400 mm by 440 mm apart. The wheels stay below the 480 rpm that
+/// an M3508 reaches unloaded.
+pub const BASE: Mecanum = Mecanum::new(0.076, 0.20, 0.22, Rpm::new(400.0));
+
+/// What the base can accelerate without its wheels slipping: m/s² and rad/s².
+pub const BASE_LIMITS: TwistLimits = TwistLimits::new(3.0, 12.0);
+
+impl Name {
+    /// The motor's line in [`MOTORS`].
+    #[must_use]
+    pub const fn entry(self) -> &'static Entry {
+        &MOTORS[self as usize]
+    }
+
+    /// How many motors of its bus stand before it in [`MOTORS`]: its number on the bus.
+    pub(crate) const fn index_on_bus(self) -> u8 {
+        let bus = self.entry().bus;
+        let (mut index, mut line) = (0, 0);
+        while line < self as usize {
+            if MOTORS[line].bus == bus {
+                index += 1;
+            }
+            line += 1;
+        }
+        index
+    }
+}
+
+/// Checked when this is compiled: the lines stand in the order of the names, on buses that exist.
+const _: () = {
+    let mut line = 0;
+    while line < MOTORS.len() {
+        assert!(MOTORS[line].name as usize == line, "MOTORS must be in the order of Name");
+        assert!(MOTORS[line].bus >= 1 && MOTORS[line].bus as usize <= BUSES, "no such bus");
+        line += 1;
+    }
+};

@@ -1,0 +1,64 @@
+//! A robot's buses without the robot: simulated DJI ESCs and motors, CAN wires with true
+//! arbitration and bit lengths, a mecanum base, and virtual time behind `embassy-time`.
+//!
+//! * [`World`]: holds everything and lets time pass. [`World::run`] runs a future, as the robot's
+//!   own tasks are; [`World::advance`] is for a plain loop.
+//! * [`Bus`] and its [`SimPort`]: one wire. The port implements [`rc10_can::CanPort`].
+//! * [`Esc`]: an ESC with its motor ([`Model`], [`Plant`]): what it really does, and faults.
+//! * [`Base`]: four motors under a body that rolls and slides.
+//!
+//! **An independent witness.** The ESCs decode commands and encode feedback with code of their
+//! own. This crate knows no motor library and no robot: a scale error in theirs does not cancel
+//! itself out here.
+//!
+//! **The same seed gives the same run**, to the bit, on one machine. Time is an integer count of
+//! microseconds, and nothing reads a wall clock. Two machines may differ in the last bit of a sine
+//! or an exponential.
+//!
+//! The crate brings the host's `embassy-time` driver (1 MHz) and critical section: a program that
+//! links it must not bring others.
+//!
+//! ```
+//! use rc10_can::{CanFrame, CanPort, Micros, embedded_can::StandardId};
+//! use rc10_sim::{BusConfig, EscConfig, Model, World};
+//!
+//! let mut world = World::new(42);
+//! let bus = world.add_bus(BusConfig::default());
+//! let wheel = bus.add_esc(EscConfig::new(Model::C620, 1))?;
+//! let mut port = bus.port();
+//! for millisecond in 1..=100 {
+//!     world.advance(Micros::from_millis(millisecond));
+//!     while let Some((_frame, _arrived)) = port.receive() {}
+//!     // 2 A to motor 1.
+//!     let command = CanFrame::eight_bytes(
+//!         StandardId::new(0x200).unwrap(),
+//!         [0x06, 0x66, 0, 0, 0, 0, 0, 0],
+//!     );
+//!     let _ = port.submit(&command);
+//! }
+//! assert!(wheel.state().output_rpm > 50.0);
+//! # Ok::<(), rc10_sim::IdOutOfRange>(())
+//! ```
+//!
+//! Not simulated: start-up time of an ESC, its own protections, clock drift, measurement noise,
+//! cogging and gear play, bit errors on the wire (frames are lost, never damaged).
+#![forbid(unsafe_code)]
+
+mod base;
+mod esc;
+mod handles;
+mod motor;
+mod random;
+mod tasks;
+mod time;
+mod wire;
+mod world;
+
+pub use base::{Chassis, Mounting, Pose, Twist, WheelError, Wheels};
+pub use esc::{EscConfig, EscState, FeedbackRate, IdOutOfRange, Model};
+pub use handles::{Base, Bus, Esc, SimPort};
+pub use motor::{Plant, Scale};
+pub use tasks::Tasks;
+pub use time::now;
+pub use wire::{BusConfig, BusCounters, TraceEntry};
+pub use world::World;

@@ -1,0 +1,86 @@
+//! Virtual time behind `embassy-time`: the clock stands still until a [`World`](crate::World)
+//! moves it.
+
+use std::cell::{Cell, RefCell};
+use std::rc::Rc;
+use std::task::Waker;
+
+// Code under test locks with `CriticalSectionRawMutex`: this links the host's implementation.
+use critical_section as _;
+use embassy_time_driver::Driver;
+use rc10_can::Micros;
+
+/// One world's time and the wakers that wait for it.
+#[derive(Default)]
+pub(crate) struct Clock {
+    now: Cell<Micros>,
+    timers: RefCell<Vec<(Micros, Waker)>>,
+}
+
+impl Clock {
+    pub(crate) fn now(&self) -> Micros {
+        self.now.get()
+    }
+
+    pub(crate) fn set(&self, now: Micros) {
+        self.now.set(now);
+    }
+
+    /// One entry per waker is enough, the earliest: whoever is woken polls, and each of its timers
+    /// that still waits then registers again (what `embassy-time`'s own queues rely on, too).
+    fn schedule(&self, at: Micros, waker: &Waker) {
+        let mut timers = self.timers.borrow_mut();
+        match timers.iter_mut().find(|(_, other)| other.will_wake(waker)) {
+            Some((earliest, _)) => *earliest = at.min(*earliest),
+            None => timers.push((at, waker.clone())),
+        }
+    }
+
+    /// When the next timer is due.
+    pub(crate) fn next_timer(&self) -> Option<Micros> {
+        self.timers.borrow().iter().map(|&(at, _)| at).min()
+    }
+
+    /// Wakes everybody whose time has come; says whether there was anybody.
+    pub(crate) fn wake_due(&self) -> bool {
+        let now = self.now.get();
+        let due: Vec<_> =
+            self.timers.borrow_mut().extract_if(.., |&mut (at, _)| at <= now).collect();
+        // Woken after the queue is free again: a waker may run any code.
+        let any = !due.is_empty();
+        due.into_iter().for_each(|(_, waker)| waker.wake());
+        any
+    }
+}
+
+thread_local! {
+    static CURRENT: RefCell<Rc<Clock>> = RefCell::default();
+}
+
+/// From now on `embassy-time` shows this clock on this thread.
+pub(crate) fn make_current(clock: &Rc<Clock>) {
+    // While the thread ends there is nobody left to show the time to.
+    let _ = CURRENT.try_with(|current| current.replace(Rc::clone(clock)));
+}
+
+/// The time of the world that was made, run or advanced last on this thread: the same clock that
+/// [`embassy_time_driver::now`] reads. Zero where there has been none.
+#[must_use]
+pub fn now() -> Micros {
+    CURRENT.try_with(|current| current.borrow().now()).unwrap_or(Micros::ZERO)
+}
+
+struct VirtualTime;
+
+impl Driver for VirtualTime {
+    fn now(&self) -> u64 {
+        now().get()
+    }
+
+    fn schedule_wake(&self, at: u64, waker: &Waker) {
+        // Fails only while the thread ends: then no world runs on it that could wake anybody.
+        let _ = CURRENT.try_with(|current| current.borrow().schedule(Micros::new(at), waker));
+    }
+}
+
+embassy_time_driver::time_driver_impl!(static DRIVER: VirtualTime = VirtualTime);

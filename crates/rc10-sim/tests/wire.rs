@@ -1,0 +1,246 @@
+//! Arbitration, bit timing, overload, missing acknowledge.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+use rc10_can::embedded_can::{ExtendedId, StandardId};
+use rc10_can::{BusError, CanFrame, CanPort, ErrorState, Micros, Submitted};
+use rc10_sim::{Bus, BusConfig, EscConfig, FeedbackRate, Model, SimPort, World};
+
+fn standard(id: u16, data: [u8; 8]) -> CanFrame {
+    CanFrame::eight_bytes(StandardId::new(id).unwrap(), data)
+}
+
+/// A bus with one silent ESC: somebody who acknowledges.
+fn quiet_bus(world: &mut World) -> (Bus, SimPort) {
+    let bus = world.add_bus(BusConfig::default());
+    let esc = bus.add_esc(EscConfig::new(Model::C620, 8)).unwrap();
+    esc.set_feedback(false);
+    let port = bus.port();
+    (bus, port)
+}
+
+/// What went over the wire, as `end time, frame`.
+fn trace(bus: &Bus) -> Vec<(u64, String)> {
+    let trace = bus.take_trace();
+    let line = |entry: &rc10_sim::TraceEntry| (entry.at.get(), entry.frame.to_string());
+    trace.iter().map(line).collect()
+}
+
+#[test]
+fn the_lowest_identifier_leaves_first_and_data_before_remote() {
+    let mut world = World::new(1);
+    let (bus, mut port) = quiet_bus(&mut world);
+    let id = |raw| StandardId::new(raw).unwrap();
+    for frame in [
+        standard(0x300, [0; 8]),
+        // Extended 0x100 << 18 starts like standard 0x100, and loses to it.
+        CanFrame::data_frame(ExtendedId::new(0x100 << 18).unwrap(), &[]).unwrap(),
+        CanFrame::data_frame(id(0x100), &[]).unwrap(),
+    ] {
+        assert_eq!(port.submit(&frame), Submitted::Queued);
+    }
+    bus.inject(&CanFrame::data_frame(id(0x0FF), &[7]).unwrap());
+    bus.inject(&CanFrame::remote_frame(id(0x100), 0).unwrap());
+    world.advance(Micros::from_millis(1));
+    let order: Vec<_> = trace(&bus).into_iter().map(|(_, frame)| frame).collect();
+    let expected = ["0FF#07", "100#", "100#R0", "04000000#", "300#0000000000000000"];
+    assert_eq!(order, expected);
+}
+
+#[test]
+fn frames_take_exactly_their_bits() {
+    let mut world = World::new(1);
+    let (bus, mut port) = quiet_bus(&mut world);
+    world.advance(Micros::new(1000));
+    // 111 bits and 15 stuff bits.
+    let _ = port.submit(&standard(0x200, [0; 8]));
+    // 111 bits and as many stuff bits as this frame needs.
+    let other = standard(0x1FF, [0x55; 8]);
+    let other_bits = u64::from(other.wire_length().total());
+    let _ = port.submit(&other);
+    world.advance(Micros::new(2000));
+    assert_eq!(
+        trace(&bus),
+        [
+            (1000 + other_bits, "1FF#5555555555555555".to_string()),
+            (1000 + other_bits + 126, "200#0000000000000000".to_string()),
+        ]
+    );
+    let busy = (other_bits + 126) as f64;
+    assert!((bus.load() - busy * 100.0 / 2000.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_bit_time_that_is_no_whole_microsecond_adds_up_exactly() {
+    let mut world = World::new(1);
+    let bus = world.add_bus(BusConfig { bit_time_ns: 1250, ..BusConfig::default() });
+    for _ in 0..4 {
+        bus.inject(&standard(0x200, [0; 8]));
+    }
+    world.advance(Micros::from_millis(1));
+    // 126 bits of 1.25 µs are 157.5 µs; times are rounded up.
+    let ends: Vec<_> = trace(&bus).into_iter().map(|(at, _)| at).collect();
+    assert_eq!(ends, [158, 315, 473, 630]);
+}
+
+#[test]
+fn a_newer_frame_replaces_one_that_waits_but_not_one_on_the_wire() {
+    let mut world = World::new(1);
+    let (bus, mut port) = quiet_bus(&mut world);
+    let _ = port.submit(&standard(0x200, [1; 8]));
+    world.advance(Micros::new(10));
+    assert_eq!(
+        port.submit(&standard(0x200, [2; 8])),
+        Submitted::Queued,
+        "the first is on the wire"
+    );
+    assert_eq!(port.submit(&standard(0x200, [3; 8])), Submitted::Replaced, "the second waits");
+    let _ = port.submit(&standard(0x201, [4; 8]));
+    world.advance(Micros::new(1000));
+    let sent: Vec<_> = trace(&bus).into_iter().map(|(_, frame)| frame).collect();
+    let expected = ["200#0101010101010101", "200#0303030303030303", "201#0404040404040404"];
+    assert_eq!(sent, expected);
+
+    let _ = port.submit(&standard(0x200, [5; 8]));
+    let _ = port.submit(&standard(0x201, [6; 8]));
+    assert_eq!(port.cancel_pending(), 2);
+    world.advance(Micros::new(2000));
+    assert_eq!(trace(&bus), []);
+}
+
+#[test]
+fn the_thirty_third_identifier_is_refused() {
+    let mut world = World::new(1);
+    let (_, mut port) = quiet_bus(&mut world);
+    for id in 0..32 {
+        assert_eq!(port.submit(&standard(id, [0; 8])), Submitted::Queued);
+    }
+    assert_eq!(port.submit(&standard(32, [0; 8])), Submitted::Refused);
+}
+
+/// Runs eight ESCs and a command of two frames each millisecond for a second.
+fn eight_motors(rate: FeedbackRate) -> (Bus, Vec<u64>) {
+    let mut world = World::new(7);
+    let bus = world.add_bus(BusConfig::default());
+    let escs: Vec<_> = (1..=8)
+        .map(|id| {
+            let config = EscConfig { rate, ..EscConfig::new(Model::C620, id) };
+            bus.add_esc(config).unwrap()
+        })
+        .collect();
+    let mut port = bus.port();
+    for millisecond in 1..=1000 {
+        world.advance(Micros::from_millis(millisecond));
+        while port.receive().is_some() {}
+        let _ = port.submit(&standard(0x200, [2; 8]));
+        let _ = port.submit(&standard(0x1FF, [2; 8]));
+    }
+    let lost = escs.iter().map(|esc| esc.state().feedback_overwritten);
+    (bus, lost.collect())
+}
+
+#[test]
+fn eight_motors_at_1_khz_overload_the_bus_and_at_500_hz_do_not() {
+    let (bus, lost) = eight_motors(FeedbackRate::Hz1000);
+    assert!(bus.load() > 99.0, "{}", bus.load());
+    assert!(lost.iter().sum::<u64>() > 500, "{lost:?}");
+    let full = |load: &f64| (99.0..=100.0).contains(load);
+    assert!(bus.load_windows().iter().all(full), "{:?}", bus.load_windows());
+    // Whoever has the highest identifier loses.
+    assert_eq!(lost[0], 0, "{lost:?}");
+    assert!(lost[7] > 500, "{lost:?}");
+
+    let (bus, lost) = eight_motors(FeedbackRate::Hz500);
+    assert_eq!(lost, [0; 8]);
+    let windows = bus.load_windows();
+    assert_eq!(windows.len(), 10);
+    assert!(windows.iter().all(|load| (65.0..82.0).contains(load)), "{windows:?}");
+}
+
+#[test]
+fn a_full_receive_queue_loses_frames_and_counts_them() {
+    let mut world = World::new(3);
+    let bus = world.add_bus(BusConfig { receive_capacity: 4, ..BusConfig::default() });
+    bus.add_esc(EscConfig::new(Model::C620, 1)).unwrap();
+    let mut port = bus.port();
+    world.advance(Micros::from_millis(10));
+    let sent = bus.take_trace();
+    let received: Vec<_> = std::iter::from_fn(|| port.receive()).collect();
+    // The oldest stay.
+    let first: Vec<_> = sent[..4].iter().map(|e| (e.frame, e.at)).collect();
+    assert_eq!(received, first);
+    assert_eq!(port.health().receive_lost as usize, sent.len() - 4);
+}
+
+#[test]
+fn without_an_acknowledge_the_sender_repeats_and_turns_passive_until_somebody_listens() {
+    let mut world = World::new(1);
+    let bus = world.add_bus(BusConfig::default());
+    let esc = bus.add_esc(EscConfig::new(Model::C620, 1)).unwrap();
+    esc.set_feedback(false);
+    esc.set_power(false);
+    let mut port = bus.port();
+    let _ = port.submit(&standard(0x200, [0; 8])); // 126 µs each time
+
+    world.advance(Micros::new(126 * 11));
+    let health = port.health();
+    assert_eq!((health.transmit_errors, health.state), (88, ErrorState::Active));
+    assert_eq!(health.last_error, Some(BusError::Acknowledge));
+    world.advance(Micros::new(126 * 12));
+    let health = port.health();
+    assert_eq!((health.transmit_errors, health.state), (96, ErrorState::Warning));
+    world.advance(Micros::new(126 * 100));
+    let health = port.health();
+    assert_eq!((health.transmit_errors, health.state), (128, ErrorState::Passive));
+    assert_eq!(health.bus_offs, 0);
+    assert_eq!((bus.counters().frames, bus.counters().unacknowledged), (0, 100));
+    assert!(bus.load() > 99.9);
+
+    // A newer command takes the failed one's place: nothing stale leaves after an outage.
+    assert_eq!(port.submit(&standard(0x200, [0; 8])), Submitted::Replaced);
+    assert_eq!(port.cancel_pending(), 1);
+    let _ = port.submit(&standard(0x200, [0; 8]));
+    world.advance(Micros::new(126 * 100 + 50));
+    assert_eq!(port.submit(&standard(0x200, [9; 8])), Submitted::Queued);
+    esc.set_power(true);
+    world.advance(Micros::new(126 * 104));
+    let sent: Vec<_> = trace(&bus).into_iter().map(|(_, frame)| frame).collect();
+    assert_eq!(sent, ["200#0909090909090909"]);
+    assert_eq!(port.health().transmit_errors, 127);
+    assert_eq!(port.health().state, ErrorState::Warning);
+}
+
+#[test]
+fn a_cut_controller_is_alone_and_the_others_go_on() {
+    let mut world = World::new(5);
+    let bus = world.add_bus(BusConfig::default());
+    let escs = [1, 2].map(|id| bus.add_esc(EscConfig::new(Model::C620, id)).unwrap());
+    let mut port = bus.port();
+    bus.set_cut(true);
+    let _ = port.submit(&standard(0x200, [1; 8]));
+    world.advance(Micros::from_millis(100));
+    assert_eq!(port.receive(), None);
+    assert_eq!(port.health().state, ErrorState::Passive);
+    assert!(escs.iter().all(|esc| esc.state().commands == 0));
+    // The two ESCs acknowledge each other, undisturbed.
+    let counters = bus.counters();
+    assert_eq!((counters.frames, counters.unacknowledged), (200, 0));
+
+    bus.set_cut(false);
+    world.advance(Micros::from_millis(101));
+    assert_eq!(escs[0].state().commands, 1);
+    assert!(port.receive().is_some());
+}
+
+#[test]
+fn two_nodes_of_one_identifier_are_counted() {
+    let mut world = World::new(5);
+    let (bus, _) = quiet_bus(&mut world);
+    bus.add_esc(EscConfig::new(Model::C620, 5)).unwrap();
+    bus.add_esc(EscConfig::new(Model::Gm6020Voltage, 1)).unwrap();
+    // The wire is busy for so long that both wait for it.
+    for _ in 0..20 {
+        bus.inject(&standard(0x001, [0; 8]));
+    }
+    world.advance(Micros::from_millis(5));
+    assert!(bus.counters().id_clashes > 0);
+}

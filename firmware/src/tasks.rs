@@ -1,0 +1,124 @@
+//! The robot's `async fn`s as tasks of the chip's executors.
+
+use embassy_executor::SpawnError;
+use embassy_stm32::Peri;
+use embassy_stm32::peripherals::IWDG1;
+use embassy_time::{Duration, Instant, Ticker, Timer};
+use rc10_bsp::can::FdcanPort;
+use rc10_bsp::watchdog::Watchdog;
+use rc10_motor::TxBatch;
+use rc10_motor::embassy::{BusPort, Runner};
+use rc10_robot::{Io, SetupError, chassis, driver, mechanisms, status};
+
+/// The chip restarts if a bus did not tick for so long.
+const WATCHDOG: Duration = Duration::from_millis(100);
+
+/// One bus: frames in, motors, frames out, every millisecond. The frames that make its motors safe
+/// are stored before the first tick.
+///
+/// Not an `async fn`: that keeps a second copy of its arguments, 2 KiB a bus.
+#[embassy_executor::task(pool_size = 3)]
+pub fn bus(
+    mut can: FdcanPort,
+    motors: rc10_robot::Bus<'static>,
+    shared: &'static BusPort,
+) -> impl Future<Output = ()> {
+    let mut coast = TxBatch::new();
+    if motors.coast_image(&mut coast).is_err() || can.keep_coast_image(coast.frames()).is_err() {
+        defmt::panic!("a bus has more motors than its coast image holds");
+    }
+    let mut runner = Runner::new(can, motors, shared, rc10_bsp::now());
+    async move {
+        loop {
+            Timer::at(Instant::from_micros(runner.next().get())).await;
+            runner.tick(rc10_bsp::now);
+        }
+    }
+}
+
+/// The base.
+#[embassy_executor::task]
+pub async fn chassis(io: &'static Io) -> ! {
+    chassis::run(io).await
+}
+
+/// Gimbal, feeder, lift.
+#[embassy_executor::task]
+pub async fn mechanisms(io: &'static Io) -> ! {
+    mechanisms::run(io).await
+}
+
+/// Who decides.
+#[embassy_executor::task]
+pub async fn driver(io: &'static Io) -> ! {
+    driver::run(io).await
+}
+
+/// Publishes the status.
+#[embassy_executor::task]
+pub async fn status(io: &'static Io) -> ! {
+    status::run(io).await
+}
+
+/// Writes the status, ten times a second, into the debug probe's buffer: never faster, because
+/// writing there blocks interrupts.
+#[embassy_executor::task]
+pub async fn log(io: &'static Io) {
+    let Ok(mut messages) = io.status.subscribe() else {
+        defmt::error!("no room for the log to subscribe to the status");
+        return;
+    };
+    loop {
+        let message = messages.next().await;
+        defmt::info!("{} (missed {})", message.value, message.missed);
+    }
+}
+
+/// Feeds the watchdog while every bus ticks.
+#[embassy_executor::task]
+pub async fn watch(watchdog: Peri<'static, IWDG1>, io: &'static Io) -> ! {
+    let mut watchdog = Watchdog::start(watchdog, WATCHDOG);
+    let mut ticker = Ticker::every(WATCHDOG / 10);
+    let ticks = || io.buses.each_ref().map(|bus| bus.status().ticks);
+    let mut before = ticks();
+    loop {
+        ticker.next().await;
+        let now = ticks();
+        watchdog.feed_if(|| now.iter().zip(before).all(|(now, before)| *now != before));
+        before = now;
+    }
+}
+
+/// Why the robot cannot start: something in it is wrong, not on the board.
+pub enum Unstartable {
+    /// Its table of motors.
+    Robot(SetupError),
+    /// A task was spawned more often than its pool allows.
+    Task(SpawnError),
+}
+
+impl From<SetupError> for Unstartable {
+    fn from(error: SetupError) -> Self {
+        Self::Robot(error)
+    }
+}
+
+impl From<SpawnError> for Unstartable {
+    fn from(error: SpawnError) -> Self {
+        Self::Task(error)
+    }
+}
+
+impl defmt::Format for Unstartable {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        match self {
+            // Short: all about it is in `cargo test`, and float formatting takes 15 KiB of flash.
+            Self::Robot(SetupError::Id(motor, _)) => defmt::write!(f, "{}: no such id", motor),
+            Self::Robot(SetupError::Gains(motor, _)) => defmt::write!(f, "{}: bad gains", motor),
+            Self::Robot(SetupError::Attach(motor, _)) => {
+                defmt::write!(f, "{}: cannot be on its bus", motor);
+            }
+            Self::Task(error) => defmt::write!(f, "a task does not start: {}", error),
+        }
+    }
+}

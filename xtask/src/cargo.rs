@@ -1,0 +1,60 @@
+//! Running other programs.
+
+use std::env;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, Result, ensure};
+
+/// The folder of the root workspace.
+pub fn root() -> PathBuf {
+    let xtask = Path::new(env!("CARGO_MANIFEST_DIR"));
+    xtask.parent().unwrap_or(xtask).to_path_buf()
+}
+
+/// A cargo command in the root workspace.
+pub fn host(arguments: &str) -> Command {
+    let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.args(arguments.split_whitespace()).current_dir(root());
+    cargo
+}
+
+/// A cargo command in the firmware workspace. `rustc` is the compiler to use if it is not the
+/// active toolchain's.
+pub fn chip(arguments: &str, rustc: Option<&Path>) -> Command {
+    let mut cargo = host(arguments);
+    cargo.current_dir(root().join("firmware"));
+    if let Some(rustc) = rustc {
+        cargo.env("RUSTC", rustc);
+    }
+    cargo
+}
+
+/// Prints a command, runs it, and wants it to succeed.
+pub fn run(command: &mut Command) -> Result<()> {
+    let line = shown(command);
+    println!("$ {line}");
+    let status = command.status().with_context(|| format!("cannot start: {line}"))?;
+    ensure!(status.success(), "failed ({status}): {line}");
+    Ok(())
+}
+
+/// What a command prints, without its last line break; `None` if it cannot be started or fails.
+pub fn answer(command: &mut Command) -> Option<String> {
+    let output = command.output().ok().filter(|output| output.status.success())?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    Some(text.trim_end().to_owned())
+}
+
+fn shown(command: &Command) -> String {
+    let mut line = Path::new(command.get_program())
+        .file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned();
+    for argument in command.get_args() {
+        line.push(' ');
+        line.push_str(&argument.to_string_lossy());
+    }
+    line
+}

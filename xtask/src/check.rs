@@ -1,0 +1,147 @@
+//! Everything that must hold before a commit. All steps run, also after one failed.
+
+use std::env;
+use std::fmt;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::{Result, bail};
+
+use crate::cargo::{chip, host, run as run_command};
+use crate::firmware::{build_count_with, build_interop_with, build_with};
+use crate::setup::{TARGET, chip_toolchain, component};
+use crate::{count, size};
+
+enum Outcome {
+    Passed,
+    Failed(String),
+    Skipped(String),
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Passed => write!(f, "ok"),
+            Self::Failed(why) => write!(f, "FAILED: {why}"),
+            Self::Skipped(why) => write!(f, "SKIPPED: {why}"),
+        }
+    }
+}
+
+impl From<Result<()>> for Outcome {
+    fn from(result: Result<()>) -> Self {
+        match result {
+            Ok(()) => Self::Passed,
+            Err(error) => Self::Failed(format!("{error:#}")),
+        }
+    }
+}
+
+#[derive(Default)]
+struct Report {
+    steps: Vec<(&'static str, Outcome, u64)>,
+}
+
+impl Report {
+    fn step(&mut self, name: &'static str, work: impl FnOnce() -> Outcome) {
+        println!("\n== {name}");
+        let start = Instant::now();
+        let outcome = work();
+        println!("== {name}: {outcome}");
+        self.steps.push((name, outcome, start.elapsed().as_secs()));
+    }
+
+    /// # Errors
+    /// If a step failed; or was skipped, where nobody looks at the output.
+    fn conclude(&self) -> Result<()> {
+        println!("\n== summary");
+        for (name, outcome, seconds) in &self.steps {
+            println!("{name:<12}{seconds:>5} s  {outcome}");
+        }
+        let automatic = env::var("CI").is_ok_and(|value| value == "true");
+        let bad = |outcome: &Outcome| match outcome {
+            Outcome::Passed => false,
+            Outcome::Failed(_) => true,
+            Outcome::Skipped(_) => automatic,
+        };
+        let bad: Vec<_> =
+            self.steps.iter().filter(|step| bad(&step.1)).map(|step| step.0).collect();
+        if bad.is_empty() {
+            return Ok(());
+        }
+        bail!("not all right: {}", bad.join(", "))
+    }
+}
+
+/// # Errors
+/// If a step failed, or was skipped on a CI machine.
+pub fn run() -> Result<()> {
+    let mut report = Report::default();
+    // What the chip's steps build with: the compiler, or why there is none.
+    let mut rustc: Result<Option<PathBuf>, String> = Err("not set up".to_owned());
+    report.step("setup", || match chip_toolchain() {
+        Ok(found) => {
+            rustc = Ok(found);
+            Outcome::Passed
+        }
+        Err(error) => {
+            rustc = Err(format!("{error:#}"));
+            Outcome::Skipped(format!("no chip build here: {error:#}"))
+        }
+    });
+    report.step("format", || {
+        with_component("fmt", || {
+            run_command(&mut host("fmt --all --check"))?;
+            run_command(&mut chip("fmt --all --check", None))
+        })
+    });
+    report.step("lint", || {
+        with_component("clippy", || {
+            run_command(&mut host("clippy --workspace --all-targets -- -D warnings"))
+        })
+    });
+    report.step("lint chip", || match &rustc {
+        // clippy is a compiler of its own and knows only its own toolchain's targets.
+        Ok(None) => with_component("clippy", || {
+            let bsp = format!("clippy --package rc10-bsp --features stm32h723,defmt --target {TARGET} -- -D warnings");
+            run_command(&mut host(&bsp))?;
+            run_command(&mut chip("clippy --workspace --release -- -D warnings", None))
+        }),
+        _ => Outcome::Skipped("the active toolchain's clippy has no chip target".to_owned()),
+    });
+    report.step("test", || run_command(&mut host("test --workspace")).into());
+    report.step("docs", || {
+        run_command(host("doc --workspace --no-deps").env("RUSTDOCFLAGS", "-Dwarnings")).into()
+    });
+    let mut program = None;
+    report.step("firmware", || {
+        with_chip(&rustc, |rustc| {
+            program = Some(build_with(rustc)?);
+            build_interop_with(rustc)
+        })
+    });
+    report.step("size", || match &program {
+        Some(program) => size::run(program).into(),
+        None => Outcome::Skipped("no firmware".to_owned()),
+    });
+    report.step("count", || with_chip(&rustc, |rustc| count::run(&build_count_with(rustc)?)));
+    report.conclude()
+}
+
+fn with_component(name: &str, work: impl FnOnce() -> Result<()>) -> Outcome {
+    if component(name) {
+        work().into()
+    } else {
+        Outcome::Skipped(format!("cargo {name} is not there and cannot be installed"))
+    }
+}
+
+fn with_chip(
+    rustc: &Result<Option<PathBuf>, String>,
+    work: impl FnOnce(Option<&std::path::Path>) -> Result<()>,
+) -> Outcome {
+    match rustc {
+        Ok(rustc) => work(rustc.as_deref()).into(),
+        Err(why) => Outcome::Skipped(why.clone()),
+    }
+}

@@ -1,0 +1,40 @@
+//! Building the chip's programs.
+
+use std::env;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+
+use crate::cargo::{chip, root, run};
+use crate::setup::{TARGET, chip_toolchain};
+
+/// Builds the firmware for release; says where its ELF file is.
+pub fn build() -> Result<PathBuf> {
+    build_with(chip_toolchain()?.as_deref())
+}
+
+/// Builds the program that [`count`](crate::count) runs; says where its ELF file is.
+pub fn build_count() -> Result<PathBuf> {
+    build_count_with(chip_toolchain()?.as_deref())
+}
+
+pub fn build_with(rustc: Option<&Path>) -> Result<PathBuf> {
+    run(&mut chip("build --release", rustc))?;
+    Ok(elf("rc10-firmware"))
+}
+
+pub fn build_count_with(rustc: Option<&Path>) -> Result<PathBuf> {
+    // By itself: features unify over what is built together.
+    run(&mut chip("build --release --package count", rustc))?;
+    Ok(elf("count"))
+}
+
+pub fn build_interop_with(rustc: Option<&Path>) -> Result<()> {
+    run(&mut chip("build --release --package interop", rustc))
+}
+
+fn elf(name: &str) -> PathBuf {
+    let target =
+        env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+    target.join(TARGET).join("release").join(name)
+}
