@@ -38,7 +38,7 @@ pub use differentiator::{Differentiator, DifferentiatorConfig};
 pub use encoder::Encoder;
 pub use incremental::{IncrementalPidConfig, IncrementalPidState};
 pub use low_pass::{LowPass, LowPassConfig};
-pub use pid::{PidConfig, PidState};
+pub use pid::{PidConfig, PidInput, PidState};
 pub use ramp::{Ramp, RampConfig};
 pub use transform::Pose;
 pub use units::{

@@ -75,6 +75,19 @@ impl PidConfig {
     }
 }
 
+/// What goes into one step of a PID controller.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PidInput {
+    /// Setpoint less measurement.
+    pub error: f32,
+    /// How far the measurement moved since the last step.
+    pub change: f32,
+    /// Added to the output before it is limited.
+    pub feed_forward: f32,
+    /// Whether the integral may move in this step.
+    pub integrate: bool,
+}
+
 /// What a PID controller remembers from call to call.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PidState {
@@ -133,28 +146,24 @@ impl PidState {
             }
         };
         let change = self.last_measured.map_or(0.0, |last| way(last, measured));
-        let output = self.update_error(config, way(measured, setpoint), change, feed_forward, dt);
+        let error = way(measured, setpoint);
+        let input = PidInput { error, change, feed_forward, integrate: true };
+        let output = self.update_error(config, input, dt);
         if measured.is_finite() {
             self.last_measured = Some(measured);
         }
         output
     }
 
-    /// One step from the error and from how far the measurement moved since the last step: for
-    /// callers that know both exactly, such as an integer encoder.
+    /// One step for callers that know the error and the change of the measurement exactly, such as
+    /// an integer encoder. As [`update`](Self::update) otherwise; [`PidConfig::turn`] is not used.
     #[inline]
-    pub fn update_error(
-        &mut self,
-        config: &PidConfig,
-        error: f32,
-        change: f32,
-        feed_forward: f32,
-        dt: Seconds,
-    ) -> f32 {
+    pub fn update_error(&mut self, config: &PidConfig, input: PidInput, dt: Seconds) -> f32 {
+        let PidInput { error, change, feed_forward, integrate } = input;
         let dt = dt.get();
         let error = if error.abs() <= config.deadband { 0.0 } else { error };
         let mut step = 0.0;
-        if error.abs() <= config.integral_separation {
+        if integrate && error.abs() <= config.integral_separation {
             // Trapezoidal rule: exact for an error that changes linearly between two steps.
             step = config.ki * 0.5 * dt * (error + self.last_error);
         }

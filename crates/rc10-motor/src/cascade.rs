@@ -9,7 +9,7 @@
 //! full voltage.
 
 use rc10_app::maths::{fast_sqrt, within};
-use rc10_app::{ConfigError, PidConfig, PidState, RpmPerSecond, Seconds};
+use rc10_app::{ConfigError, PidConfig, PidInput, PidState, RpmPerSecond, Seconds};
 
 /// Gains and limits of both loops.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -160,7 +160,8 @@ impl CascadeState {
             let dt = dt * f32::from(self.tick);
             let change = self.last_angle_error - error;
             self.last_angle_error = error;
-            let asked = self.angle.update_error(&config.angle, error, change, 0.0, dt);
+            let input = PidInput { error, change, feed_forward: 0.0, integrate: true };
+            let asked = self.angle.update_error(&config.angle, input, dt);
             // v² = 2 a s, in rpm and degrees: 1 rpm = 6 degrees a second. Beyond the point where
             // the proportional law falls below this parabola it is the law that brakes.
             let steepest = config.acceleration.get();
@@ -180,12 +181,18 @@ impl CascadeState {
     #[inline]
     fn speed_loop(&mut self, config: &Cascade, target: f32, measured: f32, full: f32, dt: Seconds) {
         let step = config.acceleration.get() * dt.get();
-        self.reference += within(target - self.reference, step);
+        let gap = target - self.reference;
+        self.reference += within(gap, step);
         let change = measured - self.last_speed;
         self.last_speed = measured;
-        let forward = config.feed_forward * self.reference;
-        let error = self.reference - measured;
-        let effort = self.speed.update_error(&config.speed, error, change, forward, dt);
+        let input = PidInput {
+            error: self.reference - measured,
+            change,
+            feed_forward: config.feed_forward * self.reference,
+            // The lag behind a moving reference is no load: integrating it would overshoot.
+            integrate: gap.abs() <= step,
+        };
+        let effort = self.speed.update_error(&config.speed, input, dt);
         self.finish(effort, full, dt);
     }
 

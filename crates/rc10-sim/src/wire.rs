@@ -305,7 +305,7 @@ impl Wire {
         self.foreign.push_back(frame);
     }
 
-    /// What a controller sends to nobody when it is connected again ends as it began.
+    /// A frame that goes to nobody when the controller is connected again still ends unheard.
     pub(crate) const fn set_cut(&mut self, cut: bool, now: Micros) {
         match (cut, self.presence) {
             (true, _) => self.presence = Presence::Absent,

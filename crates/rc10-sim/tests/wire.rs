@@ -196,7 +196,6 @@ fn without_an_acknowledge_the_sender_repeats_and_turns_passive_until_somebody_li
     assert!(bus.load() > 99.9);
 
     // A newer command takes the failed one's place: nothing stale leaves after an outage.
-    assert_eq!(port.submit(&standard(0x200, [0; 8])), Submitted::Replaced);
     assert_eq!(port.cancel_pending(), 1);
     let _ = port.submit(&standard(0x200, [0; 8]));
     world.advance(Micros::new(126 * 100 + 50));
@@ -229,6 +228,70 @@ fn a_cut_controller_is_alone_and_the_others_go_on() {
     world.advance(Micros::from_millis(101));
     assert_eq!(escs[0].state().commands, 1);
     assert!(port.receive().is_some());
+}
+
+#[test]
+fn the_failed_frame_keeps_its_transmit_buffer() {
+    let mut world = World::new(1);
+    let mut port = world.add_bus(BusConfig::default()).port();
+    let _ = port.submit(&standard(0x000, [0; 8]));
+    world.advance(Micros::new(10));
+    for id in 1..=32 {
+        assert_eq!(port.submit(&standard(id, [0; 8])), Submitted::Queued);
+    }
+    let attempt = u64::from(standard(0, [0; 8]).wire_length().total());
+    world.advance(Micros::new(attempt));
+    assert_eq!(port.submit(&standard(0x000, [1; 8])), Submitted::Replaced);
+    assert_eq!(port.cancel_pending(), 33);
+}
+
+#[test]
+fn a_frame_cut_off_on_the_wire_is_not_heard_and_what_failed_alone_goes_first() {
+    let mut world = World::new(1);
+    let (bus, mut port) = quiet_bus(&mut world);
+    let _ = port.submit(&standard(0x200, [0; 8])); // 126 µs
+    world.advance(Micros::new(50));
+    bus.set_cut(true);
+    // Connected again in the middle of the third attempt, the first one that nobody could hear
+    // because the controller was alone.
+    world.advance(Micros::new(126 * 2 + 50));
+    assert_eq!(bus.counters().frames, 0);
+    bus.set_cut(false);
+    let _ = port.submit(&standard(0x300, [2; 8]));
+    world.advance(Micros::from_millis(1));
+    let sent: Vec<_> = trace(&bus).into_iter().map(|(_, frame)| frame).collect();
+    assert_eq!(sent, ["200#0000000000000000", "300#0202020202020202"]);
+}
+
+#[test]
+fn a_lone_esc_repeats_its_newest_frame_until_it_is_heard() {
+    let mut world = World::new(1);
+    let bus = world.add_bus(BusConfig::default());
+    bus.add_esc(EscConfig::new(Model::C620, 1)).unwrap();
+    let mut port = bus.port();
+    bus.set_cut(true);
+    world.advance(Micros::from_millis(100));
+    assert!(bus.load() > 95.0, "{}", bus.load());
+    assert_eq!(bus.counters().frames, 0);
+    bus.set_cut(false);
+    world.advance(Micros::from_millis(101));
+    assert!(port.receive().is_some());
+}
+
+#[test]
+fn a_foreign_node_waits_to_be_heard_and_acknowledges_meanwhile() {
+    let mut world = World::new(1);
+    let bus = world.add_bus(BusConfig::default());
+    let mut port = bus.port();
+    bus.set_cut(true);
+    bus.inject(&standard(0x300, [3; 8]));
+    world.advance(Micros::from_millis(10));
+    assert_eq!(bus.counters().frames, 0);
+    bus.set_cut(false);
+    let _ = port.submit(&standard(0x200, [2; 8]));
+    world.advance(Micros::from_millis(11));
+    let sent: Vec<_> = trace(&bus).into_iter().map(|(_, frame)| frame).collect();
+    assert_eq!(sent, ["200#0202020202020202", "300#0303030303030303"]);
 }
 
 #[test]
