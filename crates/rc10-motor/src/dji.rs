@@ -488,6 +488,17 @@ impl Dji {
         self.encoder.update_after_gap(raw.angle.into(), expected).map_err(FrameError::Encoder)
     }
 
+    /// Where the motor can come to a stand: holding the angle at which it still turns would throw
+    /// it back there.
+    #[cold]
+    fn standstill(&self, seen: &Seen) -> i64 {
+        // s = v² / 2 a, in degrees and rpm: 1 rpm = 6 degrees a second.
+        let speed = seen.speed;
+        let degrees = 3.0 * speed * speed.abs() / self.cascade.acceleration.get();
+        let counts = round_to_i32(degrees / self.scale.degrees_per_count);
+        seen.total.saturating_add(counts.into())
+    }
+
     #[inline]
     fn follow(&mut self, goal: Goal, seen: &Seen, dt: Seconds) {
         let full = self.limit;
@@ -595,7 +606,7 @@ impl Motor for Dji {
             Drive::Run => self.goal,
             Drive::Off | Drive::Coast => Goal::Rest,
             Drive::Brake => Goal::Speed(0.0),
-            Drive::Hold => Goal::Total(*self.held.get_or_insert(seen.total)),
+            Drive::Hold => Goal::Total(*self.held.get_or_insert(self.standstill(&seen))),
         };
         if drive != Drive::Hold {
             self.held = None;

@@ -206,7 +206,7 @@ pub enum Drive {
     Coast,
     /// Slow down and stand still.
     Brake,
-    /// Keep the angle the shaft has now.
+    /// Slow down and keep the angle at which the shaft comes to a stand.
     Hold,
     /// Follow the target.
     Run,

@@ -1,0 +1,208 @@
+//! What stops the robot, and how fast: measured on simulated buses.
+
+mod common;
+
+use std::pin::Pin;
+
+use common::{Bench, motor, twin};
+use rc10_app::{Amps, Rpm, TotalAngle, Twist};
+use rc10_can::Micros;
+use rc10_cli::simulate::{Surroundings, tasks};
+use rc10_motor::dji::{self, FeedbackRate, Model};
+use rc10_motor::{ArmSwitch, Drive, Link, Safety, Target};
+use rc10_robot::table::{LIFT, Name};
+use rc10_robot::{Robot, driver};
+
+const MODELS: [&Model; 4] = [&dji::M3508, &dji::M2006, &dji::GM6020_CURRENT, &dji::GM6020_VOLTAGE];
+
+/// Runs a motor at speed, then silences it: after how many milliseconds is it lost, and is it safe?
+fn lost_after(model: &'static Model, rate: FeedbackRate, seed: u64) -> u32 {
+    let switch = ArmSwitch::new();
+    let mut ours = motor(model, 1).with_feedback_rate(rate);
+    let mut device = twin(model, 1);
+    device.rate = match rate {
+        FeedbackRate::Hz125 => rc10_sim::FeedbackRate::Hz125,
+        _ => rc10_sim::FeedbackRate::Hz1000,
+    };
+    let mut bench = Bench::new(seed, &switch);
+    let (id, esc) = bench.add(&mut ours, Safety::COAST, device);
+    assert_eq!(bench.status(id).link, Link::NeverSeen);
+    switch.arm().unwrap();
+    let target = Target::Speed(Rpm::new(60.0));
+    bench.hold(id, target, 500);
+    assert_eq!((bench.status(id).link, bench.status(id).drive), (Link::Online, Drive::Run));
+    assert_ne!(esc.state().command, 0);
+    esc.set_feedback(false);
+    for millis in 1..100 {
+        bench.hold(id, target, 1);
+        if bench.status(id).link == Link::Lost {
+            // The very tick that finds it lost sends zero; the ESC obeys within the millisecond.
+            assert_eq!(bench.tx.frames()[0].bytes(), [0; 8]);
+            bench.tick();
+            assert_eq!(esc.state().command, 0);
+            return millis;
+        }
+    }
+    panic!("{} was never lost", model.name);
+}
+
+#[test]
+fn an_unplugged_motor_is_lost_within_three_periods_or_ten_milliseconds() {
+    for model in MODELS {
+        for seed in 0..10 {
+            // One tick more, for the tick that notices.
+            assert!(lost_after(model, FeedbackRate::Hz1000, seed) <= 11);
+        }
+    }
+    for seed in 0..10 {
+        let millis = lost_after(&dji::M3508, FeedbackRate::Hz125, seed);
+        assert!((17..=25).contains(&millis), "{millis}");
+    }
+}
+
+/// Unplugged for a second at speed, under load: when it comes back it starts from where it is.
+#[test]
+fn a_motor_that_comes_back_is_picked_up_gently() {
+    for (model, rpm) in MODELS.into_iter().zip([200.0, 200.0, 60.0, 60.0]) {
+        for seed in 0..5 {
+            let switch = ArmSwitch::new();
+            let mut ours = motor(model, 1);
+            let mut device = twin(model, 1);
+            device.plant = device.plant.with_load_inertia(0.02);
+            let mut bench = Bench::new(seed, &switch);
+            let (id, esc) = bench.add(&mut ours, Safety::COAST, device);
+            switch.arm().unwrap();
+            let target = Target::Speed(Rpm::new(rpm));
+            bench.hold(id, target, 1500);
+            esc.set_power(false);
+            bench.hold(id, target, 300);
+            assert_eq!(bench.status(id).link, Link::Lost);
+            esc.set_power(true);
+            let tenth = model.full_scale / 10 + 1;
+            let (mut last, mut ticks) = (0, 0);
+            while ticks < 20 {
+                bench.hold(id, target, 1);
+                let command = i16::from_be_bytes(bench.tx.frames()[0].bytes()[..2].try_into().unwrap());
+                let jump = (command - last).abs();
+                assert!(jump <= tenth, "{} tick {ticks}: {last} to {command}", model.name);
+                ticks += u32::from(bench.status(id).drive == Drive::Run);
+                last = command;
+            }
+            bench.hold(id, target, 2500);
+            assert!((esc.state().output_rpm - f64::from(rpm)).abs() < 0.03 * f64::from(rpm).max(50.0));
+        }
+    }
+}
+
+#[test]
+fn a_commander_that_stops_leaves_the_motor_safe_within_50_ms() {
+    let switch = ArmSwitch::new();
+    let mut ours = motor(&dji::M3508, 1);
+    let mut bench = Bench::new(1, &switch);
+    let (id, esc) = bench.add(&mut ours, Safety::COAST, twin(&dji::M3508, 1));
+    switch.arm().unwrap();
+    bench.hold(id, Target::Current(Amps::new(2.0)), 100);
+    let silent_since = bench.now();
+    while bench.status(id).drive == Drive::Run {
+        bench.tick();
+    }
+    assert_eq!(bench.tx.frames()[0].bytes(), [0; 8]);
+    assert!(bench.now().since(silent_since) <= Micros::from_millis(51));
+    assert!(bench.now().since(silent_since) >= Micros::from_millis(49));
+    assert_eq!(bench.status(id).counters.expired, 1);
+    bench.tick();
+    assert_eq!(esc.state().command, 0);
+}
+
+/// Safe state hold: the load stays where it is, against gravity, for as long as it takes.
+#[test]
+fn a_lift_whose_commander_stops_holds_its_load() {
+    let switch = ArmSwitch::new();
+    let mut ours = motor(&dji::M3508, 1);
+    let mut bench = Bench::new(1, &switch);
+    let mut device = twin(&dji::M3508, 1);
+    device.plant = device.plant.with_load_inertia(0.01);
+    let (id, esc) = bench.add(&mut ours, Safety::HOLD, device);
+    switch.arm().unwrap();
+    bench.tick();
+    bench.tick();
+    let start = bench.status(id).feedback.total_angle;
+    let up = start.plus(TotalAngle::from_degrees(360));
+    esc.set_load(-1.5);
+    bench.hold(id, Target::TotalAngle(up), 2000);
+    let held = esc.state().output_degrees;
+    for _ in 0..5000 {
+        bench.tick();
+    }
+    assert_eq!(bench.status(id).drive, Drive::Hold);
+    let moved = esc.state().output_degrees - held;
+    assert!(moved.abs() < 2.0, "moved {moved}");
+    // A stop holds it too; disarming does not.
+    switch.emergency_stop();
+    bench.hold(id, Target::TotalAngle(start), 1000);
+    let moved = esc.state().output_degrees - held;
+    assert!(moved.abs() < 2.0, "moved {moved}");
+    switch.reset();
+    bench.hold(id, Target::TotalAngle(up), 500);
+    assert!(esc.state().output_degrees < held - 20.0);
+}
+
+#[test]
+fn nothing_moves_before_the_robot_is_armed() {
+    for model in MODELS {
+        let switch = ArmSwitch::new();
+        let mut ours = motor(model, 1);
+        let mut bench = Bench::new(1, &switch);
+        let (id, esc) = bench.add(&mut ours, Safety::HOLD, twin(model, 1));
+        bench.hold(id, Target::Speed(Rpm::new(100.0)), 200);
+        assert_eq!(esc.state().command, 0);
+        assert!(esc.state().commands > 190);
+    }
+}
+
+/// The whole robot at full activity; somebody hits the stop.
+#[test]
+fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
+    let mut robot = Robot::new().unwrap();
+    let (io, buses) = robot.start().unwrap();
+    let Surroundings { mut world, wires, motors, .. } = Surroundings::new(4).unwrap();
+    let mut tasks = tasks(io, buses, &wires);
+    let stop = Micros::new(7_400_300);
+    let _ = world.run(Pin::new(&mut tasks), Micros::from_millis(7_300));
+    let traces = |wires: &[rc10_sim::Bus; 3]| wires.each_ref().map(rc10_sim::Bus::take_trace);
+    let _ = traces(&wires);
+    // Something for the wheels to do, whatever the script says.
+    io.twist.set(Twist::new(1.0, 0.0, 0.0), world.now());
+    let _ = world.run(Pin::new(&mut tasks), stop);
+    let lift = || LIFT.map(|name| motors[name as usize].state().output_degrees);
+    assert!(motors[Name::LiftFrontLeft as usize].state().output_rpm > 20.0, "the lift moves");
+    io.switch.emergency_stop();
+    // The next tick starts 0.7 ms from now; its frames are through 0.6 ms later at the latest.
+    let _ = world.run(Pin::new(&mut tasks), stop + Micros::new(1_300));
+    let _ = traces(&wires);
+    let _ = world.run(Pin::new(&mut tasks), stop + Micros::from_millis(300));
+    let still = lift();
+    let [wheels, gimbal, _] = traces(&wires);
+    let commands = wheels.iter().chain(&gimbal).filter(|entry| entry.from_controller);
+    let mut count = 0;
+    for entry in commands {
+        assert_eq!(entry.frame.bytes(), [0; 8], "{} at {}", entry.frame, entry.at);
+        count += 1;
+    }
+    assert!(count > 1000, "{count} frames");
+    // Nobody can arm it, and the lift hangs where it stopped.
+    assert!(io.switch.arm().is_err());
+    let _ = world.run(Pin::new(&mut tasks), stop + Micros::from_millis(900));
+    for (now, before) in lift().into_iter().zip(still) {
+        assert!((now - before).abs() < 1.5, "{before} to {now}");
+    }
+    for name in [Name::FrontLeft, Name::Yaw, Name::LiftRearRight] {
+        let drive = io.motor(name).status().drive;
+        assert_eq!(drive, name.entry().safety.state.drive());
+    }
+    assert!(driver::SCRIPT_LENGTH > 8_000);
+    io.switch.reset();
+    io.switch.arm().unwrap();
+    let _ = world.run(Pin::new(&mut tasks), stop + Micros::from_millis(950));
+    assert_eq!(io.motor(Name::FrontLeft).status().drive, Drive::Run);
+}
