@@ -12,8 +12,8 @@ use std::sync::Mutex;
 
 use common::{Bench, motor, twin};
 use rc10_app::{
-    Amps, Encoder, IncrementalPidConfig, IncrementalPidState, Mecanum, PidConfig,
-    PidState, Rpm, Seconds, Twist,
+    Amps, Encoder, IncrementalPidConfig, IncrementalPidState, Mecanum, PidConfig, PidState, Rpm,
+    Seconds, Twist,
 };
 use rc10_bsp::{Overrun, Statistics, periodic};
 use rc10_can::embedded_can::{Id, StandardId};
@@ -21,9 +21,9 @@ use rc10_can::{CanFrame, CanPort, Health, Micros, Submitted};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::{
-    ArmSwitch, AttachError, CanMotor, Clash, Drive, Fault, Feedback, FrameError, Link, Motor,
-    MotorBus, Request, RequestError, Safety, Target, TargetError, TargetKind, TargetSet, TxBatch,
-    TxFull, Wiring,
+    ArmSwitch, AttachError, CanMotor, Clash, Drive, Fault, Feedback, FrameError, Heard, Link,
+    Motor, MotorBus, Request, RequestError, Safety, Target, TargetError, TargetKind, TargetSet,
+    TxBatch, TxFull, Wiring,
 };
 
 const MS: Seconds = Seconds::new(0.001);
@@ -91,7 +91,7 @@ impl CanMotor for Witness<'_> {
     fn wiring(&self) -> Wiring {
         Wiring::new("witness", 1)
     }
-    fn unpack_feedback(&mut self, _: &CanFrame, _: Micros) -> Result<(), FrameError> {
+    fn unpack_feedback(&mut self, _: &CanFrame, _: Micros) -> Result<Heard, FrameError> {
         Err(FrameError::NotMine)
     }
     fn pack_command(&mut self, _: &mut TxBatch) -> Result<(), TxFull> {

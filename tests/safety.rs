@@ -82,14 +82,17 @@ fn a_motor_that_comes_back_is_picked_up_gently() {
             let (mut last, mut ticks) = (0, 0);
             while ticks < 20 {
                 bench.hold(id, target, 1);
-                let command = i16::from_be_bytes(bench.tx.frames()[0].bytes()[..2].try_into().unwrap());
+                let command =
+                    i16::from_be_bytes(bench.tx.frames()[0].bytes()[..2].try_into().unwrap());
                 let jump = (command - last).abs();
                 assert!(jump <= tenth, "{} tick {ticks}: {last} to {command}", model.name);
                 ticks += u32::from(bench.status(id).drive == Drive::Run);
                 last = command;
             }
             bench.hold(id, target, 2500);
-            assert!((esc.state().output_rpm - f64::from(rpm)).abs() < 0.03 * f64::from(rpm).max(50.0));
+            assert!(
+                (esc.state().output_rpm - f64::from(rpm)).abs() < 0.03 * f64::from(rpm).max(50.0)
+            );
         }
     }
 }

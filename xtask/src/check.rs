@@ -103,9 +103,11 @@ pub fn run() -> Result<()> {
     report.step("lint chip", || match &rustc {
         // clippy is a compiler of its own and knows only its own toolchain's targets.
         Ok(None) => with_component("clippy", || {
-            let bsp = format!("clippy --package rc10-bsp --features stm32h723,defmt --target {TARGET} -- -D warnings");
-            run_command(&mut host(&bsp))?;
-            run_command(&mut chip("clippy --workspace --release -- -D warnings", None))
+            let bsp = format!("--package rc10-bsp --features stm32h723,defmt --target {TARGET}");
+            run_command(&mut host(&format!("clippy {bsp} -- -D warnings")))?;
+            run_command(&mut chip("clippy --workspace --release -- -D warnings", None))?;
+            let docs = format!("doc --no-deps {bsp}");
+            run_command(host(&docs).env("RUSTDOCFLAGS", "-Dwarnings"))
         }),
         _ => Outcome::Skipped("the active toolchain's clippy has no chip target".to_owned()),
     });

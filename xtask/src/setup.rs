@@ -141,6 +141,6 @@ fn linker(targets: &Path, install: impl Fn(&[&str]) -> Result<()>) -> Result<()>
     if let Some(folder) = place.parent() {
         fs::create_dir_all(folder)?;
     }
-    fs::copy(&linker, &place).with_context(|| format!("{}", linker.display()))?;
-    Ok(())
+    // A link, not a copy: the linker finds its libraries by where it really is.
+    run(Command::new("ln").arg("-sfn").arg(linker).arg(place))
 }

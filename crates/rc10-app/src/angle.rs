@@ -203,6 +203,31 @@ pub const fn shortest_way(from: i32, to: i32, turn: i32) -> i32 {
     }
 }
 
+/// As [`shortest_way`] on a circle of 2^`BITS` counts (1 ..= 31), in three instructions. Of both
+/// positions only the low `BITS` bits count.
+///
+/// ```
+/// use rc10_app::angle::shortest_way_in_bits;
+/// assert_eq!(shortest_way_in_bits::<13>(8190, 100), 102);
+/// ```
+#[inline]
+#[must_use]
+pub const fn shortest_way_in_bits<const BITS: u32>(from: i32, to: i32) -> i32 {
+    // The sign bit of the difference, as BITS bits, becomes that of the result.
+    (to.wrapping_sub(from) << (32 - BITS)) >> (32 - BITS)
+}
+
+/// Of all movements that end where `step` ends on a circle of `turn` counts, the one nearest to
+/// `expected`: bridges a gap in which an unknown number of turns was made. Saturating.
+#[must_use]
+pub fn nearest_movement(step: i64, expected: i64, turn: i64) -> i64 {
+    let turn = turn.max(1);
+    let excess = expected.saturating_sub(step);
+    // The nearest whole number of turns: halves up.
+    let turns = excess.saturating_add(turn / 2).div_euclid(turn);
+    step.saturating_add(turns.saturating_mul(turn))
+}
+
 /// The shortest way from one angle to another, both any finite number of degrees:
 /// -180 ..= 180 degrees.
 #[must_use]

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::angle::shortest_way;
+use crate::angle::{nearest_movement, shortest_way};
 
 /// Unwraps a counter of 0 ..< modulus into an exact total. Integers only: no drift, and no overflow
 /// before 9 · 10¹⁸ counts.
@@ -85,11 +85,7 @@ impl Encoder {
             return Ok(0);
         }
         self.gaps = self.gaps.saturating_add(1);
-        let modulus = i64::from(self.modulus);
-        let excess = expected.saturating_sub(step);
-        // The nearest whole number of turns: round half up.
-        let turns = excess.saturating_add(modulus / 2).div_euclid(modulus);
-        let moved = step.saturating_add(turns.saturating_mul(modulus));
+        let moved = nearest_movement(step, expected, self.modulus.into());
         self.total = self.total.saturating_add(moved);
         Ok(moved)
     }
@@ -130,12 +126,14 @@ impl Encoder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::angle::shortest_way_in_bits;
 
     #[test]
     fn every_pair_of_8192_is_exact() {
         for from in 0..8192 {
             for to in 0..8192 {
                 let way = shortest_way(from, to, 8192);
+                assert_eq!(way, shortest_way_in_bits::<13>(from, to));
                 assert!((-4096..4096).contains(&way));
                 assert_eq!((from + way) & 8191, to);
             }

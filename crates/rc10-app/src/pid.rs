@@ -75,13 +75,23 @@ impl PidConfig {
     }
 }
 
+/// Out of line: a division takes as long as all the rest, and most loops have no derivative.
+#[cold]
+fn derivative(kd: f32, change: f32, dt: f32) -> f32 {
+    kd * change / dt
+}
+
+/// Out of line: seldom is a moving thing within its deadband.
+#[cold]
+const fn no_error() -> f32 {
+    0.0
+}
+
 /// What goes into one step of a PID controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PidInput {
     /// Setpoint less measurement.
     pub error: f32,
-    /// How far the measurement moved since the last step.
-    pub change: f32,
     /// Added to the output before it is limited.
     pub feed_forward: f32,
     /// Whether the integral may move in this step.
@@ -110,6 +120,13 @@ impl PidState {
         *self = Self::new();
         if output.is_finite() {
             self.integral = output;
+            self.output = output;
+        }
+    }
+
+    /// Makes `output` the newest output, because something after this controller limited it.
+    pub const fn override_output(&mut self, output: f32) {
+        if output.is_finite() {
             self.output = output;
         }
     }
@@ -145,10 +162,13 @@ impl PidState {
                 to - from
             }
         };
+        if !(dt.get() > 0.0 && dt.is_finite()) {
+            return self.output;
+        }
         let change = self.last_measured.map_or(0.0, |last| way(last, measured));
         let error = way(measured, setpoint);
-        let input = PidInput { error, change, feed_forward, integrate: true };
-        let output = self.update_error(config, input, dt);
+        let input = PidInput { error, feed_forward, integrate: true };
+        let output = self.update_error(config, input, || change, dt);
         if measured.is_finite() {
             self.last_measured = Some(measured);
         }
@@ -156,35 +176,53 @@ impl PidState {
     }
 
     /// One step for callers that know the error and the change of the measurement exactly, such as
-    /// an integer encoder. As [`update`](Self::update) otherwise; [`PidConfig::turn`] is not used.
+    /// an integer encoder. `change` tells how far the measurement moved since the last step, and is
+    /// asked only if there is a derivative. As [`update`](Self::update) otherwise, but [`PidConfig::turn`] is not
+    /// used, and that `dt` is positive and finite is the caller's business.
     #[inline]
-    pub fn update_error(&mut self, config: &PidConfig, input: PidInput, dt: Seconds) -> f32 {
-        let PidInput { error, change, feed_forward, integrate } = input;
+    pub fn update_error(
+        &mut self,
+        config: &PidConfig,
+        input: PidInput,
+        change: impl FnOnce() -> f32,
+        dt: Seconds,
+    ) -> f32 {
+        let PidInput { error, feed_forward, integrate } = input;
         let dt = dt.get();
-        let error = if error.abs() <= config.deadband { 0.0 } else { error };
+        let error = if error.abs() <= config.deadband { no_error() } else { error };
         let mut step = 0.0;
         if integrate && error.abs() <= config.integral_separation {
             // Trapezoidal rule: exact for an error that changes linearly between two steps.
-            step = config.ki * 0.5 * dt * (error + self.last_error);
+            step = config.ki * (0.5 * dt) * (error + self.last_error);
         }
         let integral = within(self.integral + step, config.integral_limit);
-        let mut wanted = config.kp * error + integral + feed_forward;
+        let mut wanted = feed_forward + config.kp * error + integral;
         if config.kd != 0.0 {
-            wanted -= config.kd * change / dt;
+            wanted -= derivative(config.kd, change(), dt);
         }
-        // One check for all inputs but the time: whatever is not finite ends up here.
-        let usable = wanted.is_finite() && dt > 0.0 && dt < f32::INFINITY;
-        if !usable {
-            return self.output;
-        }
-        let output = within(wanted, config.output_limit);
-        let excess = wanted - output;
-        if excess * step <= 0.0 {
+        // The usual case costs one comparison, which is false for NaN too.
+        if wanted.abs() <= config.output_limit {
             self.integral = integral;
+            self.output = wanted;
+            self.last_error = error;
+            wanted
+        } else {
+            self.saturate(config.output_limit, wanted, integral, step, error)
         }
-        self.last_error = error;
-        self.output = output;
-        output
+    }
+
+    /// The output is limited, or something was not finite.
+    #[cold]
+    fn saturate(&mut self, limit: f32, wanted: f32, integral: f32, step: f32, error: f32) -> f32 {
+        if wanted.is_finite() {
+            self.output = within(wanted, limit);
+            // Away from the limit the integral may move, further into it not.
+            if wanted * step <= 0.0 {
+                self.integral = integral;
+            }
+            self.last_error = error;
+        }
+        self.output
     }
 }
 

@@ -39,9 +39,7 @@ impl<T: Clone, const SUBSCRIBERS: usize> Latest<T, SUBSCRIBERS> {
     /// No value yet.
     #[must_use]
     pub const fn new() -> Self {
-        Self {
-            watch: Watch::new(),
-        }
+        Self { watch: Watch::new() }
     }
 
     /// Replaces the value and wakes who waits for it.
@@ -69,9 +67,7 @@ impl<T: Clone, const SUBSCRIBERS: usize> Latest<T, SUBSCRIBERS> {
     /// [`SubscribersFull`] if there are `SUBSCRIBERS` already.
     pub fn subscribe(&self) -> Result<Changes<'_, T, SUBSCRIBERS>, SubscribersFull> {
         let full = SubscribersFull { most: SUBSCRIBERS };
-        Ok(Changes {
-            receiver: self.watch.receiver().ok_or(full)?,
-        })
+        Ok(Changes { receiver: self.watch.receiver().ok_or(full)? })
     }
 }
 

@@ -114,11 +114,7 @@ pub async fn periodic(
         }
         last = Some(started);
 
-        work(Tick {
-            now: started,
-            since_last,
-        })
-        .await;
+        work(Tick { now: started, since_last }).await;
         load.execution.add(now().since(started));
         statistics.write(load);
     }

@@ -1,5 +1,5 @@
 //! The chip side: STM32H723, on embassy-stm32. Facts are from RM0468 (the reference manual) and
-//! from the board's CubeMX project unless said otherwise.
+//! from the board's `CubeMX` project unless said otherwise.
 //!
 //! * [`initialise`]: clocks and caches.
 //! * [`can`]: the three FDCAN ports, and [`can::Bus::start`].
@@ -30,10 +30,7 @@ pub const FDCAN_CLOCK: Hertz = Hertz(120_000_000);
 pub fn clocks() -> Config {
     let mut config = Config::default();
     let clocks = &mut config.rcc;
-    clocks.hse = Some(Hse {
-        freq: Hertz(25_000_000),
-        mode: HseMode::Oscillator,
-    });
+    clocks.hse = Some(Hse { freq: Hertz(25_000_000), mode: HseMode::Oscillator });
     clocks.pll1 = Some(Pll {
         source: PllSource::HSE,
         prediv: PllPreDiv::DIV5,

@@ -41,16 +41,12 @@ impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> Topic<T, CAPACIT
     /// A topic without messages and subscribers.
     #[must_use]
     pub const fn new() -> Self {
-        Self {
-            channel: Channel::new(),
-        }
+        Self { channel: Channel::new() }
     }
 
     /// Sends a message to all subscribers there are now.
     pub fn publish(&self, message: T) {
-        self.channel
-            .immediate_publisher()
-            .publish_immediate(message);
+        self.channel.immediate_publisher().publish_immediate(message);
     }
 
     /// A subscription to what is published from now on. Dropping it makes room for another.
@@ -58,14 +54,9 @@ impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> Topic<T, CAPACIT
     /// # Errors
     /// [`SubscribersFull`] if there are `SUBSCRIBERS` already.
     pub fn subscribe(&self) -> Result<Subscription<'_, T, CAPACITY, SUBSCRIBERS>, SubscribersFull> {
-        let subscriber = self
-            .channel
-            .subscriber()
-            .map_err(|_| SubscribersFull { most: SUBSCRIBERS })?;
-        Ok(Subscription {
-            subscriber,
-            missed: 0,
-        })
+        let subscriber =
+            self.channel.subscriber().map_err(|_| SubscribersFull { most: SUBSCRIBERS })?;
+        Ok(Subscription { subscriber, missed: 0 })
     }
 }
 
@@ -123,10 +114,9 @@ impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize>
                 self.missed += count;
                 None
             }
-            WaitResult::Message(value) => Some(Message {
-                value,
-                missed: core::mem::take(&mut self.missed),
-            }),
+            WaitResult::Message(value) => {
+                Some(Message { value, missed: core::mem::take(&mut self.missed) })
+            }
         }
     }
 }
@@ -135,9 +125,7 @@ impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> fmt::Debug
     for Subscription<'_, T, CAPACITY, SUBSCRIBERS>
 {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Subscription")
-            .field("missed", &self.missed)
-            .finish_non_exhaustive()
+        f.debug_struct("Subscription").field("missed", &self.missed).finish_non_exhaustive()
     }
 }
 

@@ -24,10 +24,7 @@ fn ten_thousand_periods_of_uneven_work_do_not_drift() {
     let load = statistics.read();
     assert_eq!(load.overruns, 0);
     assert_eq!(load.period.count(), 10_000);
-    assert_eq!(
-        (load.period.min(), load.period.max()),
-        (Some(1000), Some(1000))
-    );
+    assert_eq!((load.period.min(), load.period.max()), (Some(1000), Some(1000)));
     assert!(load.execution.max() <= Some(996));
 }
 
@@ -37,11 +34,7 @@ fn stumble(overrun: Overrun) -> (Vec<u64>, Statistics) {
     let starts = RefCell::new(Vec::new());
     let task = periodic(PERIOD, overrun, &statistics, async |tick| {
         starts.borrow_mut().push(tick.now.get());
-        spend(Micros::new(if starts.borrow().len() == 5 {
-            3_500
-        } else {
-            10
-        }));
+        spend(Micros::new(if starts.borrow().len() == 5 { 3_500 } else { 10 }));
     });
     run_until(Micros::from_millis(20), task);
     (starts.into_inner(), statistics)
@@ -56,10 +49,7 @@ fn skipping_counts_what_it_skips_and_stays_on_the_grid() {
     let load = statistics.read();
     assert_eq!(load.overruns, 2);
     assert_eq!(load.execution.max(), Some(3_500));
-    assert_eq!(
-        (load.period.min(), load.period.max()),
-        (Some(500), Some(3_500))
-    );
+    assert_eq!((load.period.min(), load.period.max()), (Some(500), Some(3_500)));
 }
 
 #[test]

@@ -24,18 +24,9 @@ fn every_subscriber_hears_everything_and_a_slow_one_learns_what_it_missed() {
         topic.publish(value);
         assert_eq!(quick.try_next(), Some(Message { value, missed: 0 }));
     }
-    assert_eq!(
-        slow.try_next(),
-        Some(Message {
-            value: 6,
-            missed: 6
-        })
-    );
+    assert_eq!(slow.try_next(), Some(Message { value: 6, missed: 6 }));
     let rest: Vec<_> = std::iter::from_fn(|| slow.try_next()).collect();
-    assert_eq!(
-        rest.iter().map(|message| message.value).collect::<Vec<_>>(),
-        [7, 8, 9]
-    );
+    assert_eq!(rest.iter().map(|message| message.value).collect::<Vec<_>>(), [7, 8, 9]);
     assert!(rest.iter().all(|message| message.missed == 0));
 }
 
@@ -45,13 +36,7 @@ fn waiting_ends_with_a_message() {
     let mut listener = topic.subscribe().unwrap();
     assert_eq!(poll(listener.next()), None);
     topic.publish(7);
-    assert_eq!(
-        poll(listener.next()),
-        Some(Message {
-            value: 7,
-            missed: 0
-        })
-    );
+    assert_eq!(poll(listener.next()), Some(Message { value: 7, missed: 0 }));
 }
 
 #[test]
@@ -86,10 +71,7 @@ fn each_subscriber_sees_a_change_once() {
     assert_eq!(poll(one.next()), None);
     latest.set(1, Micros::new(1));
     latest.set(2, Micros::new(2));
-    let newest = Stamped {
-        value: 2,
-        at: Micros::new(2),
-    };
+    let newest = Stamped { value: 2, at: Micros::new(2) };
     assert_eq!(poll(one.next()), Some(newest));
     assert_eq!(one.try_next(), None);
     assert_eq!(other.try_next(), Some(newest));

@@ -10,12 +10,15 @@ use embedded_can::{ExtendedId, Frame, Id, StandardId};
 pub struct CanFrame {
     /// Identifier, with [`EXTENDED`] and [`REMOTE`] on top: one word to compare and to hash.
     key: u32,
+    /// Data length code, with [`NO_DATA`] on top for a remote request: a data frame of eight bytes
+    /// is one comparison away.
     len: u8,
     data: [u8; 8],
 }
 
 const EXTENDED: u32 = 1 << 31;
 const REMOTE: u32 = 1 << 30;
+const NO_DATA: u8 = 1 << 7;
 
 /// More than eight data bytes were asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,7 +69,8 @@ impl CanFrame {
     pub fn remote_frame(id: impl Into<Id>, len: usize) -> Result<Self, FrameTooLong> {
         match u8::try_from(len) {
             Ok(short) if short <= 8 => {
-                Ok(Self { key: key_of(id.into()) | REMOTE, len: short, data: [0; 8] })
+                let len = short | NO_DATA;
+                Ok(Self { key: key_of(id.into()) | REMOTE, len, data: [0; 8] })
             }
             _ => Err(FrameTooLong { len }),
         }
@@ -126,7 +130,7 @@ impl CanFrame {
     #[inline]
     #[must_use]
     pub const fn len(&self) -> usize {
-        self.len as usize
+        (self.len & !NO_DATA) as usize
     }
 
     /// The data bytes, byte 0 first; empty for a remote request.
@@ -142,25 +146,13 @@ impl CanFrame {
     #[inline]
     #[must_use]
     pub const fn all_eight(&self) -> Option<&[u8; 8]> {
-        if self.len == 8 && !self.is_remote() { Some(&self.data) } else { None }
+        if self.len == 8 { Some(&self.data) } else { None }
     }
 
-    /// Overwrites data bytes from `offset` on; `false`, and nothing changed, where they do not fit
-    /// into the frame.
+    /// All eight bytes, to be changed, if this is a data frame of length eight, else `None`.
     #[inline]
-    #[must_use]
-    pub fn write(&mut self, offset: usize, bytes: &[u8]) -> bool {
-        let end = offset.saturating_add(bytes.len());
-        if end > self.len() || self.is_remote() {
-            return false;
-        }
-        match self.data.get_mut(offset..end) {
-            Some(place) => {
-                place.copy_from_slice(bytes);
-                true
-            }
-            None => false,
-        }
+    pub const fn all_eight_mut(&mut self) -> Option<&mut [u8; 8]> {
+        if self.len == 8 { Some(&mut self.data) } else { None }
     }
 }
 
@@ -205,7 +197,7 @@ impl fmt::Display for CanFrame {
             write!(f, "{:03X}#", self.raw_id())?;
         }
         if self.is_remote() {
-            return write!(f, "R{}", self.len);
+            return write!(f, "R{}", self.len());
         }
         self.bytes().iter().try_for_each(|byte| write!(f, "{byte:02X}"))
     }
@@ -261,13 +253,12 @@ mod tests {
     }
 
     #[test]
-    fn writes_that_do_not_fit_change_nothing() {
-        let mut frame = CanFrame::data_frame(standard(1), &[1, 2, 3, 4]).unwrap();
-        assert!(!frame.write(3, &[9, 9]));
-        assert!(!frame.write(usize::MAX, &[9]));
-        assert_eq!(frame.bytes(), [1, 2, 3, 4]);
-        assert!(frame.write(2, &[9, 9]));
-        assert_eq!(frame.bytes(), [1, 2, 9, 9]);
+    fn only_a_data_frame_of_eight_bytes_has_all_eight() {
+        let mut short = CanFrame::data_frame(standard(1), &[1, 2, 3, 4]).unwrap();
+        assert_eq!(short.all_eight_mut(), None);
+        let mut whole = CanFrame::eight_bytes(standard(1), [0; 8]);
+        whole.all_eight_mut().unwrap()[7] = 9;
+        assert_eq!(whole.all_eight(), Some(&[0, 0, 0, 0, 0, 0, 0, 9]));
     }
 
     #[test]

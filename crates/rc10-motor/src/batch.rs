@@ -1,6 +1,6 @@
 use core::fmt;
 
-use embedded_can::Id;
+use embedded_can::{Id, StandardId};
 use heapless::Vec;
 use rc10_can::CanFrame;
 
@@ -10,18 +10,17 @@ use rc10_can::CanFrame;
 #[derive(Clone, Debug, Default)]
 pub struct TxBatch {
     frames: Vec<CanFrame, { Self::CAPACITY }>,
+    refused: Option<Id>,
 }
 
 /// A tick has more frames than a [`TxBatch`] holds, or a lane does not fit its frame.
+/// [`TxBatch::refused`] says which frame it was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TxFull {
-    /// The identifier of the frame that found no room.
-    pub id: Id,
-}
+pub struct TxFull;
 
 impl fmt::Display for TxFull {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "no room in the tick's batch for a frame with identifier {:?}", self.id)
+        f.write_str("no room in the tick's batch for a frame")
     }
 }
 
@@ -34,7 +33,7 @@ impl TxBatch {
     /// An empty batch.
     #[must_use]
     pub const fn new() -> Self {
-        Self { frames: Vec::new() }
+        Self { frames: Vec::new(), refused: None }
     }
 
     /// Adds a whole frame.
@@ -42,7 +41,7 @@ impl TxBatch {
     /// # Errors
     /// [`TxFull`] if there are [`CAPACITY`](Self::CAPACITY) already.
     pub fn push(&mut self, frame: CanFrame) -> Result<(), TxFull> {
-        self.frames.push(frame).map_err(|frame| TxFull { id: frame.id() })
+        self.frames.push(frame).map_err(|frame| self.refuse(frame.id()))
     }
 
     /// Writes two bytes at `offset` (0 ..= 6) into the eight-byte frame of identifier `id`.
@@ -50,17 +49,41 @@ impl TxBatch {
     /// # Errors
     /// [`TxFull`] if the frame had to be opened and there is no room, or the lane lies outside it.
     #[inline]
-    pub fn lane(&mut self, id: impl Into<Id>, offset: usize, bytes: [u8; 2]) -> Result<(), TxFull> {
-        let id = id.into();
+    pub fn lane(&mut self, id: StandardId, offset: usize, bytes: [u8; 2]) -> Result<(), TxFull> {
         let key = CanFrame::key_of(id);
-        let written = match self.frames.iter_mut().find(|frame| frame.key() == key) {
-            Some(frame) => frame.write(offset, &bytes),
-            None => {
-                let mut frame = CanFrame::eight_bytes(id, [0; 8]);
-                frame.write(offset, &bytes) && self.frames.push(frame).is_ok()
+        // Neighbours share a frame, so the newest one is nearly always the one.
+        match self.frames.iter_mut().rev().find(|frame| frame.key() == key) {
+            None => self.open(id, offset, bytes),
+            Some(frame) => {
+                if write(frame, offset, bytes) {
+                    Ok(())
+                } else {
+                    Err(self.refuse(id.into()))
+                }
             }
-        };
-        if written { Ok(()) } else { Err(TxFull { id }) }
+        }
+    }
+
+    #[cold]
+    fn open(&mut self, id: StandardId, offset: usize, bytes: [u8; 2]) -> Result<(), TxFull> {
+        let mut data = [0; 8];
+        match data.get_mut(offset..).and_then(|rest| rest.first_chunk_mut()) {
+            Some(lane) => *lane = bytes,
+            None => return Err(self.refuse(id.into())),
+        }
+        self.push(CanFrame::eight_bytes(id, data))
+    }
+
+    #[cold]
+    fn refuse(&mut self, id: Id) -> TxFull {
+        self.refused = Some(id);
+        TxFull
+    }
+
+    /// The identifier of the last frame that found no room since [`clear`](Self::clear).
+    #[must_use]
+    pub const fn refused(&self) -> Option<Id> {
+        self.refused
     }
 
     /// The frames, in the order they were opened.
@@ -74,13 +97,26 @@ impl TxBatch {
     #[inline]
     pub fn clear(&mut self) {
         self.frames.clear();
+        self.refused = None;
+    }
+}
+
+/// Writes a lane; `false` where it does not fit.
+#[inline]
+fn write(frame: &mut CanFrame, offset: usize, bytes: [u8; 2]) -> bool {
+    match frame.all_eight_mut() {
+        Some(data) if offset <= 6 => {
+            data[offset] = bytes[0];
+            data[offset + 1] = bytes[1];
+            true
+        }
+        _ => false,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use embedded_can::StandardId;
 
     fn id(raw: u16) -> StandardId {
         StandardId::new(raw).unwrap()
@@ -102,9 +138,11 @@ mod tests {
         for raw in 0..16 {
             tx.lane(id(raw), 0, [1, 1]).unwrap();
         }
-        assert_eq!(tx.lane(id(16), 0, [1, 1]), Err(TxFull { id: id(16).into() }));
+        assert_eq!(tx.lane(id(16), 0, [1, 1]), Err(TxFull));
+        assert_eq!(tx.refused(), Some(id(16).into()));
         tx.lane(id(3), 2, [5, 5]).unwrap();
-        assert_eq!(tx.lane(id(3), 7, [5, 5]), Err(TxFull { id: id(3).into() }));
+        assert_eq!(tx.lane(id(3), 7, [5, 5]), Err(TxFull));
+        assert_eq!(tx.refused(), Some(id(3).into()));
         assert_eq!(tx.frames()[3].bytes(), [1, 1, 5, 5, 0, 0, 0, 0]);
     }
 }

@@ -8,7 +8,7 @@ use crate::arm::{ArmState, ArmSwitch};
 use crate::batch::{TxBatch, TxFull};
 use crate::load::BusLoad;
 use crate::motor::{
-    CanMotor, Drive, Fault, Feedback, FrameError, Request, RequestError, SafeState, Target,
+    CanMotor, Drive, Fault, Feedback, FrameError, Heard, Request, RequestError, SafeState, Target,
     TargetError, TargetSet,
 };
 use crate::table::ReceiveTable;
@@ -27,17 +27,25 @@ pub struct MotorBus<'m, const N: usize = 8> {
     switch: &'m ArmSwitch,
     slots: Vec<Slot<'m>, N>,
     table: ReceiveTable,
-    counters: BusCounters,
+    unclaimed: u32,
+    last_unclaimed: Option<u32>,
 }
 
 struct Slot<'m> {
     motor: &'m mut dyn CanMotor,
-    last_seen: Option<Micros>,
-    link_timeout: Micros,
-    valid_until: Option<Micros>,
+    /// When it was heard last and when it was commanded last: the low 32 bits of the time, which
+    /// is enough while `link` and `fresh` keep what was true before.
+    heard_at: u32,
+    commanded_at: u32,
+    /// In microseconds.
+    link_timeout: i32,
+    command_expiry: i32,
     safety: Safety,
     drive: Drive,
-    online: bool,
+    link: Link,
+    fresh: bool,
+    /// The motor has told of a fault that nobody has cleared.
+    faulted: bool,
     counters: MotorCounters,
 }
 
@@ -187,7 +195,8 @@ pub enum Link {
     Lost,
 }
 
-/// What a motor's frames amounted to. Counters stay at their largest value instead of wrapping.
+/// What a motor's frames amounted to. `received` starts over after 2³² (49 days at 1 kHz); the
+/// others stay at their largest value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MotorCounters {
@@ -199,6 +208,8 @@ pub struct MotorCounters {
     pub lost: u32,
     /// Times its command expired while it was armed and online.
     pub expired: u32,
+    /// Targets it did not take.
+    pub refused: u32,
 }
 
 /// What the frames of a bus amounted to.
@@ -233,6 +244,7 @@ pub struct MotorStatus {
     pub counters: MotorCounters,
 }
 
+#[cfg(feature = "embassy")]
 impl BusCounters {
     pub(crate) const NEW: Self =
         Self { received: 0, malformed: 0, unclaimed: 0, last_unclaimed: None };
@@ -246,7 +258,7 @@ impl MotorStatus {
         target: Target::Coast,
         feedback: Feedback::NEW,
         fault: None,
-        counters: MotorCounters { received: 0, malformed: 0, lost: 0, expired: 0 },
+        counters: MotorCounters { received: 0, malformed: 0, lost: 0, expired: 0, refused: 0 },
     };
 }
 
@@ -254,7 +266,13 @@ impl<'m, const N: usize> MotorBus<'m, N> {
     /// A bus without motors, armed and stopped by `switch`.
     #[must_use]
     pub const fn new(switch: &'m ArmSwitch) -> Self {
-        Self { switch, slots: Vec::new(), table: ReceiveTable::new(), counters: BusCounters::NEW }
+        Self {
+            switch,
+            slots: Vec::new(),
+            table: ReceiveTable::new(),
+            unclaimed: 0,
+            last_unclaimed: None,
+        }
     }
 
     /// Adds a motor.
@@ -283,12 +301,15 @@ impl<'m, const N: usize> MotorBus<'m, N> {
         }
         let slot = Slot {
             motor,
-            last_seen: None,
-            link_timeout: wiring.link_timeout(),
-            valid_until: None,
+            heard_at: 0,
+            commanded_at: 0,
+            link_timeout: micros(wiring.link_timeout()),
+            command_expiry: micros(asked),
             safety,
             drive: Drive::Off,
-            online: false,
+            link: Link::NeverSeen,
+            fresh: false,
+            faulted: false,
             counters: MotorCounters::default(),
         };
         let full = AttachError::Full { motor: name, capacity: N };
@@ -301,29 +322,39 @@ impl<'m, const N: usize> MotorBus<'m, N> {
     }
 
     /// Takes a frame that arrived at `at`; constant time.
-    #[inline]
     pub fn on_frame(&mut self, frame: &CanFrame, at: Micros) -> Dispatch {
-        count(&mut self.counters.received);
-        let owner = self.table.find(frame);
-        let Some((index, slot)) =
-            owner.and_then(|index| Some((index, self.slots.get_mut(usize::from(index))?)))
-        else {
-            count(&mut self.counters.unclaimed);
-            self.counters.last_unclaimed = Some(frame.key());
+        // Nearly always the first place looked at is the right one.
+        match self.table.find_first(frame) {
+            Some(index) => self.hear(index, frame, at),
+            None => self.on_other_frame(frame, at),
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn on_other_frame(&mut self, frame: &CanFrame, at: Micros) -> Dispatch {
+        if let Some(index) = self.table.find(frame) {
+            return self.hear(index, frame, at);
+        }
+        count(&mut self.unclaimed);
+        self.last_unclaimed = Some(frame.key());
+        Dispatch::Unclaimed
+    }
+
+    #[inline]
+    fn hear(&mut self, index: u8, frame: &CanFrame, at: Micros) -> Dispatch {
+        // The table only has indices of motors.
+        let Some(slot) = self.slots.get_mut(usize::from(index)) else {
             return Dispatch::Unclaimed;
         };
-        match slot.motor.unpack_feedback(frame, at) {
-            Ok(()) => {
-                slot.last_seen = Some(at);
-                count(&mut slot.counters.received);
-                Dispatch::Motor(MotorId(index))
-            }
-            Err(error) => {
-                count(&mut slot.counters.malformed);
-                count(&mut self.counters.malformed);
-                Dispatch::Malformed(MotorId(index), error)
-            }
+        let heard = slot.motor.unpack_feedback(frame, at);
+        if heard != Ok(Heard::Feedback) {
+            return slot.heard_otherwise(MotorId(index), heard, at);
         }
+        slot.counters.received = slot.counters.received.wrapping_add(1);
+        slot.heard_at = low(at);
+        slot.link = Link::Online;
+        Dispatch::Motor(MotorId(index))
     }
 
     /// Gives a motor a new target, which holds from `now` until it expires.
@@ -337,8 +368,12 @@ impl<'m, const N: usize> MotorBus<'m, N> {
         now: Micros,
     ) -> Result<(), CommandError> {
         let slot = self.slots.get_mut(motor.index()).ok_or(CommandError::NoSuchMotor)?;
-        slot.motor.set_target(target).map_err(CommandError::Target)?;
-        slot.valid_until = Some(now + slot.safety.command_expiry);
+        if let Err(error) = slot.motor.set_target(target) {
+            count(&mut slot.counters.refused);
+            return Err(CommandError::Target(error));
+        }
+        slot.commanded_at = low(now);
+        slot.fresh = true;
         Ok(())
     }
 
@@ -348,17 +383,24 @@ impl<'m, const N: usize> MotorBus<'m, N> {
     /// [`RequestError`]; nothing changed.
     pub fn request(&mut self, motor: MotorId, request: Request) -> Result<(), RequestError> {
         let slot = self.slots.get_mut(motor.index()).ok_or(RequestError::NoSuchMotor)?;
-        slot.motor.request(request)
+        slot.motor.request(request)?;
+        if request == Request::ClearFault {
+            // If the fault is still there, the motor's next frame says so.
+            slot.faulted = false;
+        }
+        Ok(())
     }
 
     /// One tick: decides what each motor may do, lets it compute, and adds its frames to `tx`.
-    /// `dt` is the time since the last tick.
+    /// `dt` is the time since the last tick; what is not within 0 to 1 s counts as 1 ms.
     ///
     /// # Errors
     /// [`TxFull`] if not all frames fit into `tx`; the other motors' frames are in it.
     pub fn tick(&mut self, now: Micros, dt: Seconds, tx: &mut TxBatch) -> Result<(), TxFull> {
         let arm = self.switch.state();
         let mut outcome = Ok(());
+        // Loops divide by it. A pause longer than the longest expiry is no time step either.
+        let dt = Seconds::new(if dt.get() > 0.0 && dt.get() <= 1.0 { dt.get() } else { 0.001 });
         for slot in &mut self.slots {
             let drive = slot.decide(arm, now);
             slot.motor.update(dt, drive);
@@ -424,8 +466,19 @@ impl<'m, const N: usize> MotorBus<'m, N> {
 
     /// What the frames of this bus amounted to.
     #[must_use]
-    pub const fn counters(&self) -> BusCounters {
-        self.counters
+    pub fn counters(&self) -> BusCounters {
+        let mut sum = BusCounters {
+            received: self.unclaimed,
+            malformed: 0,
+            unclaimed: self.unclaimed,
+            last_unclaimed: self.last_unclaimed,
+        };
+        for MotorCounters { received, malformed, .. } in self.slots.iter().map(|slot| slot.counters)
+        {
+            sum.received = sum.received.saturating_add(received).saturating_add(malformed);
+            sum.malformed = sum.malformed.saturating_add(malformed);
+        }
+        sum
     }
 
     /// The switch that arms this bus.
@@ -436,43 +489,98 @@ impl<'m, const N: usize> MotorBus<'m, N> {
 }
 
 impl Slot<'_> {
-    #[inline]
+    /// A frame of the motor was something else than its plain feedback.
+    #[cold]
+    fn heard_otherwise(
+        &mut self,
+        motor: MotorId,
+        heard: Result<Heard, FrameError>,
+        at: Micros,
+    ) -> Dispatch {
+        let heard = match heard {
+            Ok(heard) => heard,
+            Err(error) => {
+                count(&mut self.counters.malformed);
+                return Dispatch::Malformed(motor, error);
+            }
+        };
+        self.counters.received = self.counters.received.wrapping_add(1);
+        if heard != Heard::Other {
+            (self.heard_at, self.link) = (low(at), Link::Online);
+        }
+        if heard == Heard::Fault {
+            self.faulted = true;
+            // The next tick decides afresh.
+            self.drive = Drive::Off;
+        }
+        Dispatch::Motor(motor)
+    }
+
+    fn is_online(&self, now: Micros) -> bool {
+        self.link == Link::Online && since(self.heard_at, now) <= self.link_timeout
+    }
+
     fn link(&self, now: Micros) -> Link {
-        match self.last_seen {
-            None => Link::NeverSeen,
-            Some(seen) if now.since(seen) > self.link_timeout => Link::Lost,
-            Some(_) => Link::Online,
+        match self.link {
+            Link::Online if !self.is_online(now) => Link::Lost,
+            link => link,
         }
     }
 
-    /// What the motor may do now. The one place where motors are stopped.
+    /// What the motor may do now. This and [`change`](Self::change) are the one place where motors
+    /// are stopped.
     #[inline]
     fn decide(&mut self, arm: ArmState, now: Micros) -> Drive {
-        let online = self.link(now) == Link::Online;
-        let fresh = self.valid_until.is_some_and(|until| now <= until);
+        if arm == ArmState::Armed
+            && self.drive == Drive::Run
+            && since(self.heard_at, now) <= self.link_timeout
+            && since(self.commanded_at, now) < self.command_expiry
+        {
+            return Drive::Run;
+        }
+        self.change(arm, now)
+    }
+
+    /// What the motor may do when it does not simply go on running.
+    #[cold]
+    fn change(&mut self, arm: ArmState, now: Micros) -> Drive {
+        let online = self.is_online(now);
+        let fresh = self.fresh && since(self.commanded_at, now) < self.command_expiry;
         let drive = match arm {
             ArmState::Disarmed => Drive::Off,
             _ if !online => Drive::Coast,
-            ArmState::Armed if fresh => Drive::Run,
+            ArmState::Armed if fresh && !self.faulted => Drive::Run,
             ArmState::Armed | ArmState::EStopped => self.safety.state.drive(),
         };
-        if drive != self.drive || online != self.online {
-            self.note_change(arm, online, drive);
-        }
-        drive
-    }
-
-    /// Rare, and so kept out of the tick's straight path.
-    #[cold]
-    fn note_change(&mut self, arm: ArmState, online: bool, drive: Drive) {
-        if self.online && !online {
+        if self.link == Link::Online && !online {
+            self.link = Link::Lost;
             count(&mut self.counters.lost);
-        } else if self.drive == Drive::Run && arm == ArmState::Armed {
+        } else if self.drive == Drive::Run && arm == ArmState::Armed && !fresh {
             count(&mut self.counters.expired);
         }
-        self.drive = drive;
-        self.online = online;
+        (self.drive, self.fresh) = (drive, fresh);
+        drive
     }
+}
+
+/// The low half of a time.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "the low half is what is wanted")]
+const fn low(time: Micros) -> u32 {
+    time.get() as u32
+}
+
+/// Microseconds from a time kept by its low half to `now`; below zero if that is yet to come (a
+/// frame that arrived while the tick had already begun). Right within half an hour.
+#[inline]
+#[expect(clippy::cast_possible_wrap, reason = "a difference either way")]
+const fn since(earlier: u32, now: Micros) -> i32 {
+    low(now).wrapping_sub(earlier) as i32
+}
+
+/// A time-out as a number of microseconds; half an hour at most.
+fn micros(time: Micros) -> i32 {
+    i32::try_from(time.get()).unwrap_or(i32::MAX)
 }
 
 #[inline]

@@ -45,6 +45,25 @@ impl Cascade {
     }
 }
 
+/// How far a measurement moved since this was asked last.
+const fn change(last: &mut f32, measured: f32) -> f32 {
+    measured - core::mem::replace(last, measured)
+}
+
+/// The speed from which the acceleration limit just brakes until there is no way left to go, if
+/// that is less than what the angle loop asked for.
+#[inline(never)]
+fn brake_in_time(config: &Cascade, way: f32, asked: f32) -> f32 {
+    let (kp, steepest) = (config.angle.kp, config.acceleration.get());
+    if kp <= 0.0 {
+        return asked;
+    }
+    // v² = 2 a s, in rpm and degrees: 1 rpm = 6 degrees a second. It meets the proportional law
+    // where that needs the same deceleration, without a corner.
+    let knee = steepest / (6.0 * kp);
+    within(asked, fast_sqrt(steepest * (way.abs() - 0.5 * knee / kp) * (1.0 / 3.0)))
+}
+
 /// After driving starts, the effort may change by this share of full scale per second …
 const SOFT_SLOPE: f32 = 100.0;
 /// … for so long. (10 % per millisecond for 20 ms; half a tick more, for rounding.)
@@ -59,12 +78,20 @@ pub struct CascadeState {
     asked: f32,
     /// Speed reference after the acceleration limit.
     reference: f32,
+    /// For the derivative alone, and only kept up if there is one.
     last_speed: f32,
-    last_angle_error: f32,
+    /// As `last_speed`: the way left, taken as a position.
+    last_way: f32,
+    /// Seconds for which the effort may only change slowly yet, because driving has just begun.
     soft_time_left: f32,
-    effort: f32,
+    /// What drove last; [`Active::Nothing`] also during a soft start, so that the usual case has
+    /// one thing to compare.
     active: Active,
-    tick: u8,
+    /// What drives during a soft start.
+    starting: Active,
+    /// Ticks until the angle loop runs again; zero also if no angle is sought, and during a soft
+    /// start.
+    ticks_left: u8,
 }
 
 /// Which loops ran last.
@@ -87,11 +114,11 @@ impl CascadeState {
             asked: 0.0,
             reference: 0.0,
             last_speed: 0.0,
-            last_angle_error: 0.0,
+            last_way: 0.0,
             soft_time_left: 0.0,
-            effort: 0.0,
             active: Active::Nothing,
-            tick: 0,
+            starting: Active::Nothing,
+            ticks_left: 0,
         }
     }
 
@@ -99,7 +126,7 @@ impl CascadeState {
     #[inline]
     #[must_use]
     pub const fn effort(&self) -> f32 {
-        self.effort
+        self.speed.output()
     }
 
     /// The speed the speed loop works towards now, rpm.
@@ -111,18 +138,21 @@ impl CascadeState {
     /// No effort; whatever drives next starts afresh.
     #[inline]
     pub fn rest(&mut self) {
-        if self.active != Active::Nothing {
+        if self.active != Active::Nothing || self.starting != Active::Nothing {
             *self = Self::new();
         }
     }
 
-    /// Gives this effort, without any loop. `full` is the full scale of the effort.
-    #[inline]
+    /// Gives this effort, without any loop. `full` is the full scale of the effort; a loop's own
+    /// output limit must not be above it.
+    #[inline(never)]
     pub fn give(&mut self, effort: f32, full: f32, dt: Seconds) {
-        if self.active != Active::Effort {
-            self.enter(Active::Effort, 0.0);
+        let last = self.effort();
+        let goes_on = self.active == Active::Effort || self.enter(Active::Effort, 0.0);
+        self.speed.preset(within(effort, full));
+        if !goes_on {
+            self.soften(last, full, dt);
         }
-        self.finish(effort, full, dt);
     }
 
     /// One step towards a speed. `target` and `measured` in rpm.
@@ -135,93 +165,153 @@ impl CascadeState {
         full: f32,
         dt: Seconds,
     ) {
-        if self.active != Active::Speed {
-            self.enter(Active::Speed, measured);
+        if self.active == Active::Speed {
+            self.speed_loop(config, target, measured, dt);
+        } else {
+            self.start_speed(config, target, measured, full, dt);
         }
-        self.speed_loop(config, target, measured, full, dt);
     }
 
-    /// One step towards an angle. `error` is the way still to go, in degrees; `measured` in rpm.
+    #[cold]
+    #[inline(never)]
+    fn start_speed(
+        &mut self,
+        config: &Cascade,
+        target: f32,
+        measured: f32,
+        full: f32,
+        dt: Seconds,
+    ) {
+        let last = self.effort();
+        let goes_on = self.enter(Active::Speed, measured);
+        self.speed_loop(config, target, measured, dt);
+        if !goes_on {
+            self.soften(last, full, dt);
+        }
+    }
+
+    /// One step towards the angle sought so far, if it is not the angle loop's turn; else `false`,
+    /// and [`seek_angle`](Self::seek_angle) is to be called, with the way that is left.
+    #[inline]
+    pub fn keep_seeking_angle(&mut self, config: &Cascade, measured: f32, dt: Seconds) -> bool {
+        // Above zero only while an angle is sought.
+        let goes_on = self.ticks_left > 0;
+        if goes_on {
+            self.ticks_left -= 1;
+            self.speed_loop(config, self.asked, measured, dt);
+        }
+        goes_on
+    }
+
+    /// One step towards an angle that is `way` degrees away. `measured` in rpm.
     #[inline]
     pub fn seek_angle(
         &mut self,
         config: &Cascade,
-        error: f32,
+        way: f32,
         measured: f32,
         full: f32,
         dt: Seconds,
     ) {
         if self.active != Active::Angle {
-            self.enter(Active::Angle, measured);
-            self.last_angle_error = error;
+            return self.start_angle(config, way, measured, full, dt);
         }
-        if self.tick == 0 {
-            self.tick = config.outer_divider.max(1);
-            let dt = dt * f32::from(self.tick);
-            let change = self.last_angle_error - error;
-            self.last_angle_error = error;
-            let input = PidInput { error, change, feed_forward: 0.0, integrate: true };
-            let asked = self.angle.update_error(&config.angle, input, dt);
-            // v² = 2 a s, in rpm and degrees: 1 rpm = 6 degrees a second. Beyond the point where
-            // the proportional law falls below this parabola it is the law that brakes.
-            let steepest = config.acceleration.get();
-            let linear = steepest / (6.0 * config.angle.kp);
-            let distance = error.abs();
-            self.asked = if config.angle.kp > 0.0 && asked.abs() > linear {
-                let knee = linear / config.angle.kp;
-                within(asked, fast_sqrt(steepest * (distance - 0.5 * knee) * (1.0 / 3.0)))
-            } else {
-                asked
-            };
-        }
-        self.tick -= 1;
-        self.speed_loop(config, self.asked, measured, full, dt);
+        self.angle_loop(config, way, dt);
+        self.speed_loop(config, self.asked, measured, dt);
     }
 
-    #[inline]
-    fn speed_loop(&mut self, config: &Cascade, target: f32, measured: f32, full: f32, dt: Seconds) {
+    #[cold]
+    #[inline(never)]
+    fn start_angle(&mut self, config: &Cascade, way: f32, measured: f32, full: f32, dt: Seconds) {
+        if self.starting != Active::Angle {
+            self.last_way = -way;
+        }
+        let last = self.effort();
+        let goes_on = self.enter(Active::Angle, measured);
+        self.angle_loop(config, way, dt);
+        self.speed_loop(config, self.asked, measured, dt);
+        if !goes_on {
+            self.ticks_left = 0;
+            self.soften(last, full, dt);
+        }
+    }
+
+    #[inline(always)]
+    fn angle_loop(&mut self, config: &Cascade, way: f32, dt: Seconds) {
+        let ticks = config.outer_divider.max(1);
+        self.ticks_left = ticks - 1;
+        let Self { angle, last_way, .. } = self;
+        let input = PidInput { error: way, feed_forward: 0.0, integrate: true };
+        let dt = dt * f32::from(ticks);
+        let asked = angle.update_error(&config.angle, input, || change(last_way, -way), dt);
+        self.asked = if asked.abs() * 6.0 * config.angle.kp <= config.acceleration.get() {
+            asked
+        } else {
+            brake_in_time(config, way, asked)
+        };
+    }
+
+    #[inline(always)]
+    fn speed_loop(&mut self, config: &Cascade, target: f32, measured: f32, dt: Seconds) {
         let step = config.acceleration.get() * dt.get();
         let gap = target - self.reference;
-        self.reference += within(gap, step);
-        let change = measured - self.last_speed;
-        self.last_speed = measured;
-        let input = PidInput {
-            error: self.reference - measured,
-            change,
-            feed_forward: config.feed_forward * self.reference,
-            // The lag behind a moving reference is no load: integrating it would overshoot.
-            integrate: gap.abs() <= step,
-        };
-        let effort = self.speed.update_error(&config.speed, input, dt);
-        self.finish(effort, full, dt);
+        if gap.abs() > step {
+            return self.ramp(config, step.copysign(gap), measured, dt);
+        }
+        self.reference = target;
+        let error = target - measured;
+        let feed_forward = config.feed_forward * target;
+        let input = PidInput { error, feed_forward, integrate: true };
+        let Self { speed, last_speed, .. } = self;
+        speed.update_error(&config.speed, input, || change(last_speed, measured), dt);
     }
 
-    #[inline]
-    fn finish(&mut self, effort: f32, full: f32, dt: Seconds) {
-        let effort = if self.soft_time_left > 0.0 {
-            self.soft_time_left -= dt.get();
-            self.effort + within(effort - self.effort, SOFT_SLOPE * full * dt.get())
-        } else {
-            effort
-        };
-        self.effort = within(effort, full);
+    /// The speed loop while its reference is on the way to the target.
+    #[inline(never)]
+    fn ramp(&mut self, config: &Cascade, step: f32, measured: f32, dt: Seconds) {
+        self.reference += step;
+        let error = self.reference - measured;
+        let feed_forward = config.feed_forward * self.reference;
+        // The lag behind a moving reference is no load: integrating it would overshoot.
+        let input = PidInput { error, feed_forward, integrate: false };
+        let Self { speed, last_speed, .. } = self;
+        speed.update_error(&config.speed, input, || change(last_speed, measured), dt);
     }
 
-    /// Takes over from whatever drove before.
+    /// Driving has just begun: the effort may not move far from what it was.
     #[cold]
-    fn enter(&mut self, next: Active, measured: f32) {
-        if self.active == Active::Nothing {
+    #[inline(never)]
+    fn soften(&mut self, last: f32, full: f32, dt: Seconds) {
+        let step = within(self.effort() - last, SOFT_SLOPE * full * dt.get());
+        self.speed.override_output(last + step);
+        self.soft_time_left -= dt.get();
+        if self.soft_time_left <= 0.0 {
+            (self.active, self.starting) = (self.starting, Active::Nothing);
+        }
+    }
+
+    /// Takes over from whatever drove before. Whether driving simply goes on; if not, it starts
+    /// softly.
+    #[cold]
+    #[inline(never)]
+    fn enter(&mut self, next: Active, measured: f32) -> bool {
+        let before = if self.active == Active::Nothing { self.starting } else { self.active };
+        if before == Active::Nothing {
             self.soft_time_left = SOFT_TIME;
         }
         // From speed to angle or back the speed loop simply goes on; else it starts at the
         // measured speed with the effort that flows now.
-        if matches!(self.active, Active::Nothing | Active::Effort) {
-            self.speed.preset(self.effort);
+        if matches!(before, Active::Nothing | Active::Effort) && next != before {
+            self.speed.preset(self.effort());
             self.reference = measured;
             self.last_speed = measured;
         }
-        self.angle = PidState::new();
-        self.tick = 0;
-        self.active = next;
+        if next != before {
+            self.angle = PidState::new();
+            self.ticks_left = 0;
+        }
+        let goes_on = self.active != Active::Nothing;
+        *(if goes_on { &mut self.active } else { &mut self.starting }) = next;
+        goes_on
     }
 }

@@ -13,21 +13,23 @@ use core::fmt;
 use embedded_can::{Id, StandardId};
 use rc10_app::maths::{round_to_i16, round_to_i32, within};
 use rc10_app::{
-    Amps, Celsius, ConfigError, CountsPerTurn, Degrees, Encoder, Gear, NewtonMetres, PidConfig,
-    RotorRpm, Rpm, RpmPerSecond, Seconds, TotalAngle, angle::shortest_way,
+    Amps, Celsius, ConfigError, CountsPerTurn, Degrees, Gear, NewtonMetres, PidConfig, Rpm,
+    RpmPerSecond, Seconds, TotalAngle,
+    angle::{nearest_movement, shortest_way, shortest_way_in_bits},
 };
 use rc10_can::{CanFrame, IdPattern, Micros};
 
 use crate::batch::{TxBatch, TxFull};
 use crate::cascade::{Cascade, CascadeState};
 use crate::motor::{
-    CanMotor, Drive, Fault, Feedback, FrameError, Gains, Motor, Request, RequestError, Target,
-    TargetError, TargetKind, TargetSet,
+    CanMotor, Drive, Fault, Feedback, FrameError, Gains, Heard, Motor, Request, RequestError,
+    Target, TargetError, TargetKind, TargetSet,
 };
 use crate::wiring::{Rate, Receive, Transmit, Wiring};
 
-/// Encoder counts per rotor turn, of all models.
-const ENCODER_COUNTS: u32 = 8192;
+/// Encoder counts per rotor turn, of all models: 8192.
+const ENCODER_COUNTS: u32 = 1 << ENCODER_BITS;
+const ENCODER_BITS: u32 = 13;
 
 /// What tells one DJI model from another. Other controllers that speak the same protocol are one
 /// more constant of this type.
@@ -88,7 +90,7 @@ const fn cascade(speed: PidConfig, angle: PidConfig, acceleration: f32, forward:
     Cascade {
         speed,
         angle,
-        outer_divider: 2,
+        outer_divider: 10,
         acceleration: RpmPerSecond::new(acceleration),
         feed_forward: forward,
     }
@@ -249,12 +251,13 @@ impl RawFeedback {
     #[inline]
     #[must_use]
     pub const fn unpack(bytes: &[u8; 8]) -> Self {
-        Self {
-            angle: u16::from_be_bytes([bytes[0], bytes[1]]),
-            rpm: i16::from_be_bytes([bytes[2], bytes[3]]),
-            current: i16::from_be_bytes([bytes[4], bytes[5]]),
-            temperature: bytes[6],
-        }
+        // Two fields to a word: half the loads and byte swaps.
+        let [a, b, c, d, e, f, temperature, _] = *bytes;
+        let motion = u32::from_be_bytes([a, b, c, d]);
+        #[expect(clippy::cast_possible_truncation, reason = "the halves of a word")]
+        #[expect(clippy::cast_possible_wrap, reason = "two's complement on the wire")]
+        let (angle, rpm) = ((motion >> 16) as u16, motion as i16);
+        Self { angle, rpm, current: i16::from_be_bytes([e, f]), temperature }
     }
 }
 
@@ -306,15 +309,17 @@ pub struct Dji {
     cascade: Cascade,
     /// Largest effort, at most full scale.
     limit: f32,
+    /// Largest effort of the speed loop by its own gains.
+    loop_limit: f32,
     scale: Scale,
     target: Target,
     goal: Goal,
     /// The angle to keep while the bus says hold.
     held: Option<i64>,
     state: CascadeState,
-    raw: i16,
-    encoder: Encoder,
-    seen: Option<Seen>,
+    turn_gaps: u32,
+    heard: bool,
+    seen: Seen,
 }
 
 /// Factors that follow from model, gear and direction: computed once.
@@ -326,12 +331,14 @@ struct Scale {
     output_per_rotor: f32,
     /// Raw command per effort, with the sign.
     raw_per_effort: f32,
-    /// Degrees of the output per rotor count.
+    /// Degrees of the output per rotor count, with the sign.
     degrees_per_count: f32,
+    /// Degrees of the output per phase step.
+    degrees_per_phase: f32,
     /// Phase steps per turn of the output: encoder counts times rotor turns, so that a rotor count
     /// is a whole number of them whatever the gear.
     phase_turn: i32,
-    /// Phase steps per rotor count.
+    /// Phase steps per rotor count, with the sign.
     phase_per_count: i32,
 }
 
@@ -343,26 +350,34 @@ enum Goal {
     Speed(f32),
     /// Phase of the output within its turn.
     Angle(i32),
-    /// Rotor counts.
+    /// Rotor counts, in the rotor's own direction.
     Total(i64),
 }
 
 /// What the newest feedback told.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Seen {
     at: Micros,
-    raw: RawFeedback,
+    /// As received; what is rarely asked for is decoded when it is.
+    bytes: [u8; 8],
+    /// Rotor angle, 0 ..= 8191.
+    angle: i32,
     /// Output rpm.
     speed: f32,
-    /// Rotor counts in output direction, from the zero.
+    /// Rotor counts from the zero, in the rotor's own direction.
     total: i64,
     /// Of the output, 0 ..< `phase_turn`.
     phase: i32,
 }
 
+/// Frames this close together (µs) are certain to be less than half a turn apart: no rotor of these
+/// motors makes 20,700 rpm.
+const CERTAIN_MICROS: u64 = 1_300;
 /// Speed (rpm) times time (µs) in which the rotor makes 0.45 turns: beyond it, the turns between
 /// two frames are not certain any more.
 const CERTAIN_RPM_MICROS: u64 = 27_000_000;
+/// Nor are they after such a silence, whatever the speed was before and after.
+const LONG_SILENCE: Micros = Micros::from_millis(100);
 
 impl Dji {
     /// The device set to identifier `id`, with its stock gearbox, turning forward, at 1 kHz
@@ -384,14 +399,16 @@ impl Dji {
             rate: FeedbackRate::Hz1000,
             cascade: model.cascade,
             limit: model.effort.full(),
+            loop_limit: model.cascade.speed.output_limit,
             scale: Scale::of(model, model.gear, Direction::Forward),
             target: Target::Coast,
             goal: Goal::Rest,
             held: None,
             state: CascadeState::new(),
-            raw: 0,
-            encoder: Encoder::new(ENCODER_COUNTS),
-            seen: None,
+            turn_gaps: 0,
+            heard: false,
+            // So long ago that the first frame comes after a silence, whenever it comes.
+            seen: Seen { at: Micros::new(u64::MAX / 2), ..Seen::default() },
         })
     }
 
@@ -433,6 +450,8 @@ impl Dji {
     pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
         cascade.validate()?;
         self.cascade = cascade;
+        self.loop_limit = cascade.speed.output_limit;
+        self.apply_limit();
         Ok(self)
     }
 
@@ -443,15 +462,21 @@ impl Dji {
     }
 
     /// The command it sends now: raw, as on the wire.
+    #[inline]
     #[must_use]
-    pub const fn raw_command(&self) -> i16 {
-        self.raw
+    pub fn raw_command(&self) -> i16 {
+        round_to_i16(self.state.effort() * self.scale.raw_per_effort)
     }
 
     /// How a [`TotalAngle`] of this motor counts: rotor encoder counts.
     #[must_use]
     pub const fn counts_per_turn(&self) -> CountsPerTurn {
         CountsPerTurn::new(ENCODER_COUNTS * self.gear.rotor_turns(), self.gear.output_turns())
+    }
+
+    /// The speed loop never asks for more than the motor's limit.
+    fn apply_limit(&mut self) {
+        self.cascade.speed.output_limit = self.loop_limit.min(self.limit);
     }
 
     fn goal_of(&self, target: Target) -> Result<Goal, TargetError> {
@@ -461,7 +486,10 @@ impl Dji {
             Target::Duty(duty) => Goal::Effort(duty),
             Target::Speed(rpm) => Goal::Speed(rpm.get()),
             Target::Angle(degrees) => Goal::Angle(self.phase_of(degrees)),
-            Target::TotalAngle(angle) => Goal::Total(angle.counts_at(self.counts_per_turn())),
+            Target::TotalAngle(angle) => {
+                let counts = angle.counts_at(self.counts_per_turn());
+                Goal::Total(counts.saturating_mul(self.scale.sign.into()))
+            }
             Target::Coast => Goal::Rest,
         })
     }
@@ -474,57 +502,118 @@ impl Dji {
         if phase < self.scale.phase_turn { phase } else { 0 }
     }
 
-    /// The turns between two frames are uncertain: the speed says which is likeliest.
+    /// What is wrong with a frame.
     #[cold]
-    fn bridge_gap(
+    #[inline(never)]
+    fn reject(&self, frame: &CanFrame) -> Result<Heard, FrameError> {
+        Err(if frame.key() != self.feedback_key {
+            FrameError::NotMine
+        } else if frame.all_eight().is_some() {
+            FrameError::Encoder
+        } else {
+            FrameError::Length
+        })
+    }
+
+    /// The first frame, which sets the absolute angle of the rotor; or one after a silence in which
+    /// the rotor may have gone round: the speed says which number of turns is likeliest.
+    #[cold]
+    #[inline(never)]
+    fn feedback_after_silence(
         &mut self,
-        raw: &RawFeedback,
-        last: &Seen,
-        micros: u64,
-    ) -> Result<i64, FrameError> {
-        let mean_rpm = (i64::from(raw.rpm) + i64::from(last.raw.rpm)) / 2;
-        let micros = i64::try_from(micros).unwrap_or(i64::MAX);
-        let expected = mean_rpm.saturating_mul(micros).saturating_mul(8192) / 60_000_000;
-        self.encoder.update_after_gap(raw.angle.into(), expected).map_err(FrameError::Encoder)
+        frame: &CanFrame,
+        at: Micros,
+    ) -> Result<Heard, FrameError> {
+        let Some(bytes) = frame.all_eight() else { return self.reject(frame) };
+        let RawFeedback { angle, rpm, .. } = RawFeedback::unpack(bytes);
+        let (scale, last) = (self.scale, self.seen);
+        let angle = i32::from(angle);
+        let last_rpm = RawFeedback::unpack(&last.bytes).rpm;
+        let silence = at.since(last.at);
+        let step = shortest_way_in_bits::<ENCODER_BITS>(last.angle, angle);
+        let fastest = u64::from(rpm.unsigned_abs().max(last_rpm.unsigned_abs()));
+        let moved = if !self.heard {
+            angle.into()
+        } else if silence <= LONG_SILENCE && fastest * silence.get() <= CERTAIN_RPM_MICROS {
+            step.into()
+        } else {
+            self.turn_gaps = self.turn_gaps.saturating_add(1);
+            let mean_rpm = (i64::from(rpm) + i64::from(last_rpm)) / 2;
+            let micros = i64::try_from(silence.get()).unwrap_or(i64::MAX);
+            let expected = mean_rpm.saturating_mul(micros).saturating_mul(8192) / 60_000_000;
+            nearest_movement(step.into(), expected, ENCODER_COUNTS.into())
+        };
+        let turn = i64::from(scale.phase_turn);
+        let steps = (moved % turn) * i64::from(scale.phase_per_count);
+        #[expect(clippy::cast_possible_truncation, reason = "below the turn, an i32")]
+        let phase = (i64::from(last.phase) + steps).rem_euclid(turn) as i32;
+        if !self.heard {
+            self.heard = true;
+            self.goal = self.goal_of(self.target).unwrap_or(Goal::Rest);
+        }
+        self.seen = Seen {
+            at,
+            bytes: *bytes,
+            angle,
+            speed: f32::from(rpm) * scale.output_per_rotor,
+            total: last.total.saturating_add(moved),
+            phase,
+        };
+        Ok(Heard::Feedback)
     }
 
     /// Where the motor can come to a stand: holding the angle at which it still turns would throw
     /// it back there.
-    #[cold]
-    fn standstill(&self, seen: &Seen) -> i64 {
+    fn standstill(&self) -> i64 {
+        let Seen { speed, total, .. } = self.seen;
         // s = v² / 2 a, in degrees and rpm: 1 rpm = 6 degrees a second.
-        let speed = seen.speed;
         let degrees = 3.0 * speed * speed.abs() / self.cascade.acceleration.get();
         let counts = round_to_i32(degrees / self.scale.degrees_per_count);
-        seen.total.saturating_add(counts.into())
+        total.saturating_add(counts.into())
     }
 
-    #[inline]
-    fn follow(&mut self, goal: Goal, seen: &Seen, dt: Seconds) {
-        let full = self.limit;
-        match goal {
-            Goal::Rest => self.state.rest(),
-            Goal::Effort(effort) => self.state.give(effort, full, dt),
-            Goal::Speed(rpm) => self.state.seek_speed(&self.cascade, rpm, seen.speed, full, dt),
-            Goal::Angle(phase) => {
-                let way = shortest_way(seen.phase, phase, self.scale.phase_turn);
-                self.seek_angle(way, self.scale.phase_per_count, seen.speed, dt);
+    /// One step towards the goal.
+    #[inline(always)]
+    fn pursue(&mut self, dt: Seconds) {
+        let Self { state, cascade, limit, seen, goal, .. } = self;
+        match *goal {
+            Goal::Speed(rpm) => state.seek_speed(cascade, rpm, seen.speed, *limit, dt),
+            Goal::Angle(_) | Goal::Total(_) => {
+                if !state.keep_seeking_angle(cascade, seen.speed, dt) {
+                    self.pursue_angle(dt);
+                }
             }
-            Goal::Total(counts) => {
-                let way = counts.saturating_sub(seen.total);
-                let way = way.clamp(i32::MIN.into(), i32::MAX.into());
-                #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-                self.seek_angle(way as i32, 1, seen.speed, dt);
-            }
+            Goal::Rest => state.rest(),
+            Goal::Effort(effort) => state.give(effort, *limit, dt),
         }
     }
 
-    /// `way` steps are to go, `per_count` of which are one rotor count.
-    #[inline]
-    fn seek_angle(&mut self, way: i32, per_count: i32, speed: f32, dt: Seconds) {
-        #[expect(clippy::cast_precision_loss, reason = "a way to go: large ones need no precision")]
-        let degrees = way as f32 * self.scale.degrees_per_count / per_count as f32;
-        self.state.seek_angle(&self.cascade, degrees, speed, self.limit, dt);
+    /// One step towards the goal, which is an angle, with the angle loop.
+    #[inline(never)]
+    fn pursue_angle(&mut self, dt: Seconds) {
+        let Self { state, cascade, scale, limit, seen, goal, .. } = self;
+        state.seek_angle(cascade, scale.degrees_to(goal, seen), seen.speed, *limit, dt);
+    }
+
+    /// One step while the target may not be followed.
+    #[cold]
+    #[inline(never)]
+    fn stop(&mut self, drive: Drive, dt: Seconds) {
+        let held = match (drive, self.held) {
+            (Drive::Hold, None) if self.heard => Some(self.standstill()),
+            (Drive::Hold, held) => held,
+            _ => None,
+        };
+        self.held = held;
+        let goal = match (drive, held) {
+            (Drive::Hold, Some(counts)) => Goal::Total(counts),
+            (Drive::Brake, _) if self.heard => Goal::Speed(0.0),
+            _ => Goal::Rest,
+        };
+        // The target's own goal waits until it may be followed again.
+        let waiting = core::mem::replace(&mut self.goal, goal);
+        self.pursue(dt);
+        self.goal = waiting;
     }
 }
 
@@ -537,15 +626,36 @@ impl Scale {
             Direction::Reversed => -1,
         };
         let phase_turn = (ENCODER_COUNTS * gear.rotor_turns()) as i32;
-        let phase_per_count = gear.output_turns() as i32;
+        let phase_per_count = sign * gear.output_turns() as i32;
         Self {
             sign,
             output_per_rotor: sign as f32 / gear.ratio(),
             raw_per_effort: sign as f32 * f32::from(model.full_scale) / model.effort.full(),
             degrees_per_count: 360.0 * phase_per_count as f32 / phase_turn as f32,
+            degrees_per_phase: 360.0 / phase_turn as f32,
             phase_turn,
             phase_per_count,
         }
+    }
+}
+
+impl Scale {
+    /// The way from where the motor is to a goal that is an angle, in degrees.
+    fn degrees_to(&self, goal: &Goal, seen: &Seen) -> f32 {
+        let (way, degrees_per_step) = match *goal {
+            Goal::Angle(phase) => {
+                (shortest_way(seen.phase, phase, self.phase_turn), self.degrees_per_phase)
+            }
+            Goal::Total(counts) => {
+                let way = counts.saturating_sub(seen.total);
+                // Thousands of turns away, some more or less do not matter.
+                let most = if way < 0 { i32::MIN } else { i32::MAX };
+                (i32::try_from(way).unwrap_or(most), self.degrees_per_count)
+            }
+            Goal::Rest | Goal::Effort(_) | Goal::Speed(_) => (0, 0.0),
+        };
+        #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of the way to go")]
+        return way as f32 * degrees_per_step;
     }
 }
 
@@ -561,8 +671,12 @@ impl Motor for Dji {
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
         // The usual case is the same target again; converting an angle is not free.
         if target != self.target {
-            self.goal = self.goal_of(target)?;
+            let goal = self.goal_of(target)?;
             self.target = target;
+            // Until it is heard there is nothing to compute with.
+            if self.heard {
+                self.goal = goal;
+            }
         }
         Ok(())
     }
@@ -572,26 +686,31 @@ impl Motor for Dji {
     }
 
     fn feedback(&self) -> Feedback {
-        let Some(seen) = &self.seen else {
-            return Feedback::default();
-        };
-        let signed = f32::from(seen.raw.current) * self.model.amps_per_count;
+        if !self.heard {
+            return Feedback::NEW;
+        }
+        let seen = &self.seen;
+        let raw = RawFeedback::unpack(&seen.bytes);
+        let signed = f32::from(raw.current) * self.model.amps_per_count;
         #[expect(clippy::cast_precision_loss, reason = "1 or -1")]
         let amps = signed * self.scale.sign as f32;
         let torque = amps * self.model.rotor_torque_constant * self.gear.ratio();
         #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of a turn")]
         let angle = seen.phase as f32 * (360.0 / self.scale.phase_turn as f32);
-        let celsius = Celsius::new(f32::from(seen.raw.temperature));
+        let celsius = Celsius::new(f32::from(raw.temperature));
         Feedback {
             at: seen.at,
             speed: Rpm::new(seen.speed),
             // The last steps before a full turn may round up to it.
             angle: Degrees::new(if angle < 360.0 { angle } else { 0.0 }),
-            total_angle: TotalAngle::new(seen.total, self.counts_per_turn()),
+            total_angle: TotalAngle::new(
+                seen.total.saturating_mul(self.scale.sign.into()),
+                self.counts_per_turn(),
+            ),
             current: Some(Amps::new(amps)),
             torque: Some(NewtonMetres::new(torque)),
             temperature: self.model.has_temperature.then_some(celsius),
-            turn_gaps: self.encoder.gaps(),
+            turn_gaps: self.turn_gaps,
         }
     }
 
@@ -601,18 +720,12 @@ impl Motor for Dji {
     }
 
     fn update(&mut self, dt: Seconds, drive: Drive) {
-        let Some(seen) = self.seen else { return };
-        let goal = match drive {
-            Drive::Run => self.goal,
-            Drive::Off | Drive::Coast => Goal::Rest,
-            Drive::Brake => Goal::Speed(0.0),
-            Drive::Hold => Goal::Total(*self.held.get_or_insert(self.standstill(&seen))),
-        };
-        if drive != Drive::Hold {
+        if drive == Drive::Run {
             self.held = None;
+            self.pursue(dt);
+        } else {
+            self.stop(drive, dt);
         }
-        self.follow(goal, &seen, dt);
-        self.raw = round_to_i16(self.state.effort() * self.scale.raw_per_effort);
     }
 
     fn request(&mut self, request: Request) -> Result<(), RequestError> {
@@ -622,8 +735,10 @@ impl Motor for Dji {
         };
         match request {
             Request::SetZero => {
-                let seen = self.seen.as_mut().ok_or(RequestError::NoFeedback)?;
-                (seen.total, seen.phase) = (0, 0);
+                if !self.heard {
+                    return Err(RequestError::NoFeedback);
+                }
+                (self.seen.total, self.seen.phase) = (0, 0);
                 self.held = self.held.map(|_| 0);
             }
             Request::SpeedGains(gains) => self.cascade.speed = set(self.cascade.speed, gains)?,
@@ -640,6 +755,7 @@ impl Motor for Dji {
                     );
                 }
                 self.limit = limit.min(full);
+                self.apply_limit();
             }
             Request::ClearFault => return Err(RequestError::Unsupported),
         }
@@ -667,55 +783,41 @@ impl CanMotor for Dji {
         wired.unwrap_or(wiring)
     }
 
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<(), FrameError> {
-        if frame.key() != self.feedback_key {
-            return Err(FrameError::NotMine);
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+        let Some(bytes) = frame.all_eight() else { return self.reject(frame) };
+        let RawFeedback { angle, rpm, .. } = RawFeedback::unpack(bytes);
+        let angle = i32::from(angle);
+        if frame.key() != self.feedback_key || angle >= 1 << ENCODER_BITS {
+            return self.reject(frame);
         }
-        let Some(bytes) = frame.all_eight() else {
-            #[expect(clippy::cast_possible_truncation, reason = "0 ..= 8")]
-            return Err(FrameError::Length { expected: 8, actual: frame.len() as u8 });
+        // Also for the first frame of all.
+        let silence = at.get().wrapping_sub(self.seen.at.get());
+        if silence >= CERTAIN_MICROS {
+            return self.feedback_after_silence(frame, at);
+        }
+        let Self { seen, scale, .. } = self;
+        let moved = shortest_way_in_bits::<ENCODER_BITS>(seen.angle, angle);
+        seen.total += i64::from(moved);
+        // At most one turn too far either way.
+        let phase = seen.phase + moved * scale.phase_per_count;
+        seen.phase = if phase >= scale.phase_turn {
+            phase - scale.phase_turn
+        } else if phase < 0 {
+            phase + scale.phase_turn
+        } else {
+            phase
         };
-        let raw = RawFeedback::unpack(bytes);
-        let (total, phase) = match self.seen {
-            None => {
-                // The first frame sets the absolute angle of the rotor.
-                self.encoder.update(raw.angle.into()).map_err(FrameError::Encoder)?;
-                let counts = i32::from(raw.angle) * self.scale.sign;
-                let phase = counts * self.scale.phase_per_count;
-                (i64::from(counts), phase.rem_euclid(self.scale.phase_turn))
-            }
-            Some(last) => {
-                let micros = at.since(last.at).get();
-                let rpm = u64::from(raw.rpm.unsigned_abs().max(last.raw.rpm.unsigned_abs()));
-                if rpm.saturating_mul(micros) > CERTAIN_RPM_MICROS {
-                    let moved = self.bridge_gap(&raw, &last, micros)?;
-                    let moved = moved.saturating_mul(self.scale.sign.into());
-                    let turn = i64::from(self.scale.phase_turn);
-                    let steps = (moved % turn) * i64::from(self.scale.phase_per_count);
-                    let phase = (i64::from(last.phase) + steps).rem_euclid(turn);
-                    #[expect(clippy::cast_possible_truncation, reason = "below the turn, an i32")]
-                    (last.total.saturating_add(moved), phase as i32)
-                } else {
-                    let moved =
-                        self.encoder.update(raw.angle.into()).map_err(FrameError::Encoder)?;
-                    let moved = moved * self.scale.sign;
-                    let turn = self.scale.phase_turn;
-                    let mut phase = last.phase + moved * self.scale.phase_per_count;
-                    if phase >= turn || phase < 0 {
-                        phase = phase.rem_euclid(turn);
-                    }
-                    (last.total + i64::from(moved), phase)
-                }
-            }
-        };
-        let speed = RotorRpm::new(f32::from(raw.rpm)).get() * self.scale.output_per_rotor;
-        self.seen = Some(Seen { at, raw, speed, total, phase });
-        Ok(())
+        seen.at = at;
+        seen.angle = angle;
+        seen.speed = f32::from(rpm) * scale.output_per_rotor;
+        seen.bytes = *bytes;
+        Ok(Heard::Feedback)
     }
 
     #[inline]
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
-        tx.lane(self.command_id, self.lane, self.raw.to_be_bytes())
+        // The lane is one of 0, 2, 4, 6; said in a way that the compiler understands too.
+        tx.lane(self.command_id, self.lane & 6, self.raw_command().to_be_bytes())
     }
 
     fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {

@@ -58,7 +58,7 @@ pub use bus::{
 };
 pub use load::{BusLoad, Verdict};
 pub use motor::{
-    CanMotor, Drive, Fault, Feedback, FrameError, Gains, Motor, Request, RequestError, SafeState,
-    Target, TargetError, TargetKind, TargetSet,
+    CanMotor, Drive, Fault, Feedback, FrameError, Gains, Heard, Motor, Request, RequestError,
+    SafeState, Target, TargetError, TargetKind, TargetSet,
 };
 pub use wiring::{Clash, Guard, MotorName, Rate, Receive, Transmit, Wiring, WiringFull};

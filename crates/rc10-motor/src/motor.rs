@@ -1,6 +1,5 @@
 use core::fmt;
 
-use rc10_app::encoder::OutOfRange;
 use rc10_app::{Amps, Celsius, ConfigError, Degrees, NewtonMetres, Rpm, Seconds, TotalAngle};
 use rc10_can::{CanFrame, Micros};
 
@@ -120,6 +119,7 @@ impl TargetSet {
 /// Why a target was refused. The motor keeps the one it had.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum TargetError {
     /// This motor cannot do that.
     Unsupported(TargetKind),
@@ -270,6 +270,7 @@ pub enum Request {
 /// Why a request was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum RequestError {
     /// This motor cannot do that.
     Unsupported,
@@ -303,6 +304,18 @@ impl From<ConfigError> for RequestError {
     }
 }
 
+/// What a motor learned from a frame of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heard {
+    /// How it is now: this keeps its link alive.
+    Feedback,
+    /// How it is now, and that it has a fault: its bus takes it to its safe state until the fault
+    /// is cleared ([`Request::ClearFault`]).
+    Fault,
+    /// Something else, such as the reply to a request: it may still be lost.
+    Other,
+}
+
 /// Why a frame is no feedback. It changes nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -310,25 +323,18 @@ impl From<ConfigError> for RequestError {
 pub enum FrameError {
     /// Another identifier, or a remote request.
     NotMine,
-    /// Not the length this frame always has.
-    Length {
-        /// What it must be.
-        expected: u8,
-        /// What it was.
-        actual: u8,
-    },
-    /// An encoder value the device cannot have.
-    Encoder(OutOfRange),
+    /// Not the length that this frame always has.
+    Length,
+    /// An encoder value that the device cannot have.
+    Encoder,
 }
 
 impl fmt::Display for FrameError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotMine => f.write_str("not a frame of this motor"),
-            Self::Length { expected, actual } => {
-                write!(f, "{actual} data bytes instead of {expected}")
-            }
-            Self::Encoder(error) => error.fmt(f),
+            Self::Length => f.write_str("not the length that this frame always has"),
+            Self::Encoder => f.write_str("an encoder value that the device cannot have"),
         }
     }
 }
@@ -370,14 +376,15 @@ pub trait CanMotor: Motor {
     /// Everything it occupies on its bus.
     fn wiring(&self) -> Wiring;
 
-    /// Takes a frame of its own that arrived at `at`.
+    /// Takes a frame of its own that arrived at `at`, and says what it was.
     ///
     /// # Errors
     /// [`FrameError`]; the frame changed nothing.
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<(), FrameError>;
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError>;
 
     /// Adds what it sends in this tick: called every tick, also when it is disarmed or lost, so
-    /// that it can enable, poll, or say "zero".
+    /// that it can enable, poll, or say "zero". Frames of one tick leave in arbitration order, not
+    /// in the order they were added: what must follow another frame waits for the next tick.
     ///
     /// # Errors
     /// [`TxFull`] if the batch has no room.

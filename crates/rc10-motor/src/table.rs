@@ -24,8 +24,10 @@ struct Entry {
     guard: Guard,
 }
 
-/// No frame has this key: bit 29 of a key is never set.
+/// No frame has a key with bit 29 set.
 const FREE: u32 = u32::MAX;
+/// On top of the key of an entry with a guard, so that it is never taken at first sight.
+const GUARDED: u32 = 1 << 29;
 const NO_GUARD: Guard = Guard { byte: 0, mask: 0, value: 0 };
 
 impl ReceiveTable {
@@ -56,18 +58,29 @@ impl ReceiveTable {
         while self.entries[index].key != FREE {
             index = (index + 1) % SIZE;
         }
-        self.entries[index] = Entry { key, slot, guard: receive.guard.unwrap_or(NO_GUARD) };
+        let (key, guard) = match receive.guard {
+            None => (key, NO_GUARD),
+            Some(guard) => (key | GUARDED, guard),
+        };
+        self.entries[index] = Entry { key, slot, guard };
         self.used += 1;
     }
 
+    /// Which motor a frame belongs to, if that is known at first sight.
     #[inline]
+    pub(crate) fn find_first(&self, frame: &CanFrame) -> Option<u8> {
+        let entry = &self.entries[home(frame.key()) % SIZE];
+        (entry.key == frame.key()).then_some(entry.slot)
+    }
+
+    /// Which motor a frame belongs to.
     pub(crate) fn find(&self, frame: &CanFrame) -> Option<u8> {
         let key = frame.key();
         let mut index = home(key);
         // Never full, so this ends at a free entry at the latest.
         loop {
             let entry = &self.entries[index % SIZE];
-            if entry.key == key && (entry.guard.mask == 0 || entry.guard.passes(frame)) {
+            if entry.key == key || (entry.key == key | GUARDED && entry.guard.passes(frame)) {
                 return Some(entry.slot);
             }
             if entry.key == FREE {
@@ -113,6 +126,8 @@ mod tests {
             let frame = CanFrame::eight_bytes(StandardId::new(raw).unwrap(), [0; 8]);
             let slot = (raw % 41 == 0 && raw / 41 < u16::from(MOST)).then_some(raw / 41);
             assert_eq!(table.find(&frame).map(u16::from), slot, "{raw}");
+            let first = table.find_first(&frame).map(u16::from);
+            assert!(first.is_none() || first == slot, "{raw}");
         }
     }
 
@@ -128,6 +143,7 @@ mod tests {
         table.insert(&receive(module, None), 7);
         let frame = |byte| CanFrame::eight_bytes(StandardId::ZERO, [byte, 0, 0, 0, 0, 0, 0, 0]);
         assert_eq!(table.find(&frame(0x12)), Some(1));
+        assert_eq!(table.find_first(&frame(0x12)), None);
         assert_eq!(table.find(&frame(0x14)), None);
         let state = CanFrame::eight_bytes(ExtendedId::new(0x1D55_1023).unwrap(), [0; 8]);
         assert_eq!(table.find(&state), Some(7));

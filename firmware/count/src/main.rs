@@ -2,8 +2,7 @@
 //! executor, interrupts and peripherals.
 //!
 //! Every function whose symbol is `count_<units>_<name>` is a measurement: the instructions from
-//! its call to its return, per call and per unit. `count_done` ends the run. What is measured
-//! starts from the same state and gets the same input every time.
+//! its call to its return, per call and per unit. `count_done` ends the run.
 #![no_std]
 #![no_main]
 
@@ -13,13 +12,16 @@ use cortex_m_rt::entry;
 use rc10_app::{Degrees, Rpm, Seconds};
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
-use rc10_motor::dji::{Dji, M3508};
+use rc10_motor::dji::{Dji, M2006, M3508};
 use rc10_motor::{ArmSwitch, CanMotor, MotorBus, MotorId, Safety, Target, TxBatch};
 
-const MOTORS: usize = 8;
+/// The motors' identifiers: M3508 are 1 to 4, M2006 5 to 8.
+const IDS: [u8; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
 const TICK: Micros = Micros::from_millis(1);
-/// Each measurement is repeated for so many milliseconds.
-const ROUNDS: u64 = 200;
+/// Each measurement is repeated for so many milliseconds …
+const ROUNDS: u16 = 450;
+/// … after so many in which the motors are armed and started softly.
+const WARM_UP: u16 = 50;
 
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
@@ -29,19 +31,22 @@ fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
 
 #[entry]
 fn main() -> ! {
-    measure(Target::Speed(Rpm::new(120.0)), speed_tick);
-    measure(Target::Angle(Degrees::new(200.0)), angle_tick);
-    measure(Target::Speed(Rpm::new(120.0)), frames);
-    measure(Target::Coast, coasting_tick);
+    measure(|_, rpm| Target::Speed(rpm), speed_tick);
+    measure(|degrees, _| Target::Angle(degrees), angle_tick);
+    measure(|_, rpm| Target::Speed(rpm), frames);
+    measure(|_, _| Target::Coast, coasting_tick);
     done()
 }
 
-/// Eight M3508 on one bus, with this target; `tick` once a millisecond.
-fn measure(target: Target, tick: extern "C" fn(&mut MotorBus<'_>, &Input, &mut TxBatch)) {
+/// Four M3508 and four M2006 on one bus that follow a moving target closely; `tick` once a
+/// millisecond. `target` makes one from the output's angle and speed.
+fn measure(
+    target: fn(Degrees, Rpm) -> Target,
+    tick: extern "C" fn(&mut MotorBus<'_>, &Input, &mut TxBatch),
+) {
     let switch = ArmSwitch::new();
-    let mut motors: [Option<Dji>; MOTORS] =
-        core::array::from_fn(|index| Dji::new(&M3508, index as u8 + 1).ok());
-    let mut bus = MotorBus::<MOTORS>::new(&switch);
+    let mut motors = IDS.map(|id| Dji::new(if id <= 4 { &M3508 } else { &M2006 }, id).ok());
+    let mut bus = MotorBus::<{ IDS.len() }>::new(&switch);
     for motor in motors.iter_mut().flatten() {
         let motor: &mut dyn CanMotor = motor;
         if bus.attach(black_box(motor), Safety::COAST).is_err() {
@@ -54,12 +59,21 @@ fn measure(target: Target, tick: extern "C" fn(&mut MotorBus<'_>, &Input, &mut T
     let mut tx = TxBatch::new();
     for round in 1..=ROUNDS {
         let input = Input::of(round);
-        for index in 0..MOTORS {
-            // A motor that is not there has no feedback to compute with: the count would show.
-            let _ = bus.command(MotorId::new(index as u8), target, input.now);
+        for id in IDS {
+            let motor = MotorId::new(id - 1);
+            let Some(status) = bus.status(motor, input.now) else { cortex_m::asm::udf() };
+            // Where it is and how fast, and a little more.
+            let ahead = Degrees::new(status.feedback.angle.get() + 1.0);
+            let faster = status.feedback.speed * 1.01;
+            // A motor that is not heard yet takes it as well.
+            let _ = bus.command(motor, target(ahead, faster), input.now);
         }
         tx.clear();
-        tick(&mut bus, &input, &mut tx);
+        if round <= WARM_UP {
+            everything(&mut bus, &input, &mut tx);
+        } else {
+            tick(&mut bus, &input, &mut tx);
+        }
         black_box(tx.frames());
     }
 }
@@ -67,23 +81,24 @@ fn measure(target: Target, tick: extern "C" fn(&mut MotorBus<'_>, &Input, &mut T
 /// What one millisecond brings.
 struct Input {
     now: Micros,
-    frames: [CanFrame; MOTORS],
+    frames: [CanFrame; IDS.len()],
 }
 
 impl Input {
-    /// Rotors that turn at 2000 rpm and more, so that turns are counted too.
-    fn of(round: u64) -> Self {
-        let frame = |index: usize| {
-            let speed = 2000 + 100 * index as u16;
-            // 8192 counts a turn: rpm / 60,000 of it in a millisecond.
-            let angle = (round * u64::from(speed) * 8192 / 60_000) as u16 % 8192;
+    /// Rotors that speed up slowly, to 4000 rpm, so that turns are counted too.
+    fn of(round: u16) -> Self {
+        let frame = |id: u8| {
+            let speed = round * 10;
+            // 8192 counts a turn; rpm / 60,000 turns in a millisecond, summed up.
+            let angle = u32::from(round) * u32::from(round) * 5 * 8192 / 60_000 % 8192;
+            let angle = u16::try_from(angle).unwrap_or(0);
             let current = 500_u16;
             let ([a, b], [c, d], [e, f]) =
                 (angle.to_be_bytes(), speed.to_be_bytes(), current.to_be_bytes());
-            let id = StandardId::new(0x201 + index as u16).unwrap_or(StandardId::ZERO);
+            let id = StandardId::new(0x200 + u16::from(id)).unwrap_or(StandardId::ZERO);
             CanFrame::eight_bytes(id, [a, b, c, d, e, f, 30, 0])
         };
-        Self { now: Micros::from_millis(round), frames: core::array::from_fn(frame) }
+        Self { now: Micros::from_millis(round.into()), frames: IDS.map(frame) }
     }
 }
 
@@ -94,36 +109,45 @@ fn everything(bus: &mut MotorBus<'_>, input: &Input, tx: &mut TxBatch) {
     let _ = bus.tick(input.now, Seconds::from_micros(TICK.get()), tx);
 }
 
-/// Eight frames received and dispatched, eight speed loops, two group frames.
-#[unsafe(export_name = "count_8_motor_speed")]
-#[inline(never)]
-extern "C" fn speed_tick(bus: &mut MotorBus<'_>, input: &Input, tx: &mut TxBatch) {
-    everything(bus, input, tx);
-}
-
-/// As above with the angle loop before the speed loop.
-#[unsafe(export_name = "count_8_motor_angle")]
-#[inline(never)]
-extern "C" fn angle_tick(bus: &mut MotorBus<'_>, input: &Input, tx: &mut TxBatch) {
-    everything(bus, input, tx);
-}
-
-/// As above without a loop.
-#[unsafe(export_name = "count_8_motor_coasting")]
-#[inline(never)]
-extern "C" fn coasting_tick(bus: &mut MotorBus<'_>, input: &Input, tx: &mut TxBatch) {
-    everything(bus, input, tx);
-}
-
-/// The receiving half alone.
-#[unsafe(export_name = "count_8_frame_received")]
-#[inline(never)]
-extern "C" fn frames(bus: &mut MotorBus<'_>, input: &Input, _: &mut TxBatch) {
+fn receive(bus: &mut MotorBus<'_>, input: &Input, _: &mut TxBatch) {
     for frame in &input.frames {
         bus.on_frame(frame, input.now);
     }
 }
 
+/// Gives a function of its own, and a symbol to find it by, to something that is measured.
+macro_rules! measured {
+    ($(#[$doc:meta])* $symbol:literal, $name:ident, $what:ident) => {
+        $(#[$doc])*
+        // SAFETY: nothing else has this name.
+        #[unsafe(export_name = $symbol)]
+        #[inline(never)]
+        extern "C" fn $name(bus: &mut MotorBus<'_>, input: &Input, tx: &mut TxBatch) {
+            // SAFETY: a comment. It keeps the compiler from merging functions that are equal.
+            unsafe { core::arch::asm!(concat!("// ", $symbol), options(nomem, nostack)) };
+            $what(bus, input, tx);
+        }
+    };
+}
+
+measured! {
+    /// Eight frames received and dispatched, eight speed loops, two group frames.
+    "count_8_motor_speed", speed_tick, everything
+}
+measured! {
+    /// As above with the angle loop before the speed loop.
+    "count_8_motor_angle", angle_tick, everything
+}
+measured! {
+    /// As above without a loop.
+    "count_8_motor_coasting", coasting_tick, everything
+}
+measured! {
+    /// The receiving half alone.
+    "count_8_frame_received", frames, receive
+}
+
+// SAFETY: nothing else has this name.
 #[unsafe(export_name = "count_done")]
 #[inline(never)]
 extern "C" fn done() -> ! {

@@ -15,6 +15,7 @@
 
 mod bus;
 mod controller;
+mod element;
 mod port;
 
 pub use bus::{Bus, BusParts};

@@ -27,7 +27,7 @@ pub enum LastCrash {
         /// Line in it.
         line: u32,
     },
-    /// A HardFault; every other fault escalates to it.
+    /// A `HardFault`; every other fault escalates to it.
     Fault {
         /// Address of the instruction; 0 if the stack was no longer readable.
         program_counter: u32,
@@ -84,10 +84,7 @@ pub fn take_last() -> Option<LastCrash> {
                     let _ = file.push(char::from(byte));
                 }
             }
-            Some(LastCrash::Panic {
-                file,
-                line: kept[2],
-            })
+            Some(LastCrash::Panic { file, line: kept[2] })
         }
         FAULT => Some(LastCrash::Fault {
             program_counter: kept[2],
@@ -96,7 +93,7 @@ pub fn take_last() -> Option<LastCrash> {
             address: kept[5],
         }),
         INTERRUPT => Some(LastCrash::Interrupt {
-            number: kept[2] as i16,
+            number: i16::try_from(kept[2].cast_signed()).unwrap_or(i16::MAX),
         }),
         _ => None,
     }
@@ -112,7 +109,7 @@ pub fn on_panic(info: &PanicInfo<'_>) -> ! {
 /// For [`crash_handlers!`](crate::crash_handlers).
 #[doc(hidden)]
 pub fn on_interrupt(number: i16) -> ! {
-    crash(INTERRUPT, [number as u32, 0, 0, 0], "")
+    crash(INTERRUPT, [i32::from(number).cast_unsigned(), 0, 0, 0], "")
 }
 
 /// For [`crash_handlers!`](crate::crash_handlers): `frame` is where the fault pushed the registers.
@@ -146,10 +143,7 @@ fn send_coast_images() {
         controller.send_coast_image();
     }
     for _ in 0..400 {
-        if can::ALL
-            .iter()
-            .all(|controller| controller.coast_image_sent())
-        {
+        if can::ALL.iter().all(|controller| controller.coast_image_sent()) {
             return;
         }
         cortex_m::asm::delay(4_800); // 10 us
@@ -177,12 +171,10 @@ fn keep(kind: u32, values: [u32; 4], file: &str) {
 
 /// FNV-1a over words: tells a record from what memory holds after power-on.
 fn checksum_of(words: &[u32]) -> u32 {
-    words.iter().fold(0x811C_9DC5, |hash, word| {
-        (hash ^ word).wrapping_mul(0x0100_0193)
-    })
+    words.iter().fold(0x811C_9DC5, |hash, word| (hash ^ word).wrapping_mul(0x0100_0193))
 }
 
-/// Defines the panic handler, the HardFault handler and the handler of unexpected interrupts of a
+/// Defines the panic handler, the `HardFault` handler and the handler of unexpected interrupts of a
 /// firmware: [`crash`](crate::crash).
 #[macro_export]
 macro_rules! crash_handlers {

@@ -14,7 +14,7 @@ use embassy_time::Duration;
 pub struct Watchdog(IndependentWatchdog<'static, IWDG1>);
 
 impl Watchdog {
-    /// Starts the watchdog. `timeout` is 125 µs ..= 32 s, within the LSI oscillator's 5 %.
+    /// Starts the watchdog. `timeout` is 125 µs ..= 32 s, as exact as the LSI oscillator.
     ///
     /// # Panics
     /// If `timeout` is longer than 32 s.

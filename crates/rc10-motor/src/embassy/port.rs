@@ -27,19 +27,27 @@ pub struct BusPort<const N: usize = 8> {
 }
 
 const OUTBOX: usize = 16;
-const CLAIMED: usize = 32;
+const CLAIMED: usize = 64;
 
 struct MotorCell {
     mail: Mutex<CriticalSectionRawMutex, Cell<Mail>>,
-    outcome: Signal<CriticalSectionRawMutex, Result<(), RequestError>>,
+    /// The answer to the request with this ticket.
+    answer: Signal<CriticalSectionRawMutex, (Ticket, Result<(), RequestError>)>,
     status: Mutex<CriticalSectionRawMutex, Cell<MotorStatus>>,
 }
+
+/// Tells one request from the next, so that nobody takes another's answer.
+type Ticket = u32;
 
 #[derive(Clone, Copy)]
 struct Mail {
     supports: TargetSet,
     command: Option<Target>,
     request: Option<Request>,
+    /// Of the newest request.
+    ticket: Ticket,
+    /// Whether its caller still waits.
+    awaited: bool,
 }
 
 /// How a bus is doing.
@@ -96,12 +104,18 @@ impl<const N: usize> BusPort<N> {
     /// The port of a bus that does not run yet: it refuses all targets until it does.
     #[must_use]
     pub const fn new() -> Self {
-        const NOTHING: Mail = Mail { supports: TargetSet::NONE, command: None, request: None };
+        const NOTHING: Mail = Mail {
+            supports: TargetSet::NONE,
+            command: None,
+            request: None,
+            ticket: 0,
+            awaited: false,
+        };
         Self {
             motors: [const {
                 MotorCell {
                     mail: Mutex::new(Cell::new(NOTHING)),
-                    outcome: Signal::new(),
+                    answer: Signal::new(),
                     status: Mutex::new(Cell::new(MotorStatus::NEW)),
                 }
             }; N],
@@ -166,18 +180,18 @@ impl<const N: usize> BusPort<N> {
     pub(super) fn take_mail(&self, motor: MotorId) -> (Option<Target>, Option<Request>) {
         self.motors.get(motor.index()).map_or((None, None), |cell| {
             cell.mail.lock(|mail| {
-                let Mail { supports, command, request } = mail.get();
-                if command.is_some() || request.is_some() {
-                    mail.set(Mail { supports, command: None, request: None });
+                let now = mail.get();
+                if now.command.is_some() || now.request.is_some() {
+                    mail.set(Mail { command: None, request: None, ..now });
                 }
-                (command, request)
+                (now.command, now.request)
             })
         })
     }
 
     pub(super) fn answer(&self, motor: MotorId, outcome: Result<(), RequestError>) {
         if let Some(cell) = self.motors.get(motor.index()) {
-            cell.outcome.signal(outcome);
+            cell.answer.signal((cell.mail.lock(Cell::get).ticket, outcome));
         }
     }
 
@@ -222,6 +236,15 @@ impl BusStatus {
     };
 }
 
+/// The right to wait for an answer; given back on drop.
+struct Turn<'p>(&'p MotorCell);
+
+impl Drop for Turn<'_> {
+    fn drop(&mut self) {
+        self.0.mail.lock(|mail| mail.set(Mail { awaited: false, ..mail.get() }));
+    }
+}
+
 /// One motor, as other tasks see it: a mailbox and a status.
 #[derive(Clone, Copy)]
 pub struct MotorPort<'p> {
@@ -247,22 +270,30 @@ impl MotorPort<'_> {
     }
 
     /// Asks something of the motor beside a target, and waits until its bus has done it (the next
-    /// tick). If the future is dropped the request is still carried out.
+    /// tick). If the future is dropped the request may still be carried out.
     ///
     /// # Errors
-    /// [`RequestError`]; nothing changed.
+    /// [`RequestError`]; nothing changed. [`RequestError::Busy`] while another caller waits.
     pub async fn request(&self, request: Request) -> Result<(), RequestError> {
         let cell = self.cell.ok_or(RequestError::NoSuchMotor)?;
-        cell.mail.lock(|mail| {
+        let ticket = cell.mail.lock(|mail| {
             let now = mail.get();
-            if now.request.is_some() {
+            if now.awaited || now.request.is_some() {
                 return Err(RequestError::Busy);
             }
-            cell.outcome.reset();
-            mail.set(Mail { request: Some(request), ..now });
-            Ok(())
+            let ticket = now.ticket.wrapping_add(1);
+            mail.set(Mail { request: Some(request), ticket, awaited: true, ..now });
+            Ok(ticket)
         })?;
-        cell.outcome.wait().await
+        // Also when this future is dropped, the next caller gets its turn.
+        let _turn = Turn(cell);
+        loop {
+            let (answered, outcome) = cell.answer.wait().await;
+            // An answer that an earlier, dropped caller left behind is not ours.
+            if answered == ticket {
+                return outcome;
+            }
+        }
     }
 
     /// All there is to know about the motor, as of its bus's last tick.

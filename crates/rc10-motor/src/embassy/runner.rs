@@ -108,7 +108,7 @@ impl<'m, 'p, P: CanPort, const N: usize> Runner<'m, 'p, P, N> {
         for motor in self.bus.ids() {
             let (target, request) = self.shared.take_mail(motor);
             if let Some(target) = target {
-                // The port has checked it, with this motor's own set.
+                // The port has checked it; what the motor refuses all the same is counted.
                 let _ = self.bus.command(motor, target, now);
             }
             if let Some(request) = request {

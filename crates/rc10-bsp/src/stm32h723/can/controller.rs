@@ -1,11 +1,12 @@
-//! One FDCAN controller by its registers (RM0468, chapter 57) and its share of the message RAM.
+//! One FDCAN controller by its registers (RM0468, FDCAN chapter) and its share of the message RAM.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use embassy_stm32::pac;
 use embassy_stm32::pac::can::regs;
-use embedded_can::{ExtendedId, Id, StandardId};
-use rc10_can::{BusError, CanFrame, ErrorState, embedded_can};
+use rc10_can::{BusError, CanFrame, ErrorState};
+
+use super::element::{ELEMENT, decode, encode};
 
 /// Frames that a controller holds before the interrupt has to run: 3 ms of the shortest frames.
 pub const HARDWARE_RECEIVE: usize = 64;
@@ -18,19 +19,11 @@ pub(super) const COMMANDS: usize = TRANSMIT - COAST_FRAMES;
 /// The buffers of `submit` as a register mask.
 pub(super) const COMMAND_MASK: u32 = (1 << COMMANDS) - 1;
 
-// Message RAM, in words from the start of a controller's share. Elements with eight data bytes
-// are four words: two of header, two of data.
-const ELEMENT: usize = 4;
+// Message RAM, in words from the start of a controller's share.
 const RECEIVE_AT: usize = 0;
 const TRANSMIT_AT: usize = RECEIVE_AT + HARDWARE_RECEIVE * ELEMENT;
 const SHARE: usize = TRANSMIT_AT + TRANSMIT * ELEMENT;
 const _: () = assert!(3 * SHARE <= 2560, "the three FDCANs share 2560 words");
-
-// Header bits that receive and transmit elements have in common (RM0468, tables 484 and 486).
-const EXTENDED: u32 = 1 << 30;
-const REMOTE: u32 = 1 << 29;
-const STANDARD_ID_SHIFT: u32 = 18;
-const LENGTH_SHIFT: u32 = 16;
 
 /// One of the three controllers.
 #[derive(Clone, Copy)]
@@ -52,11 +45,7 @@ pub(crate) const ALL: [Controller; 3] = [
 
 impl Controller {
     const fn new(registers: pac::can::Fdcan, index: usize) -> Self {
-        Self {
-            registers,
-            share: index * SHARE,
-            coast: &COAST[index],
-        }
+        Self { registers, share: index * SHARE, coast: &COAST[index] }
     }
 
     /// Configures and starts a controller that was just reset (CCCR.INIT is set).
@@ -83,12 +72,12 @@ impl Controller {
         can.ils().write_value(regs::Ils(0));
         can.rxfc(0).write(|w| {
             w.set_fsa(word(self.share + RECEIVE_AT));
-            w.set_fs(HARDWARE_RECEIVE as u8);
+            w.set_fs(byte(HARDWARE_RECEIVE));
         });
         can.rxfc(1).write_value(regs::Rxfc(0));
         can.txbc().write(|w| {
             w.set_tbsa(word(self.share + TRANSMIT_AT));
-            w.set_ndtb(TRANSMIT as u8);
+            w.set_ndtb(byte(TRANSMIT));
         });
         can.ir().write_value(regs::Ir(u32::MAX));
         can.ie().write(|w| {
@@ -195,46 +184,13 @@ impl Controller {
 }
 
 /// A message RAM word index as the address registers take it.
+#[expect(clippy::cast_possible_truncation, reason = "below 2560, checked above")]
 const fn word(index: usize) -> u16 {
-    // Below 2560, checked above.
     index as u16
 }
 
-fn encode(frame: &CanFrame) -> [u32; ELEMENT] {
-    let id = match frame.id() {
-        Id::Standard(id) => u32::from(id.as_raw()) << STANDARD_ID_SHIFT,
-        Id::Extended(id) => id.as_raw() | EXTENDED,
-    };
-    let remote = if frame.is_remote() { REMOTE } else { 0 };
-    let mut data = [0; 8];
-    data[..frame.bytes().len()].copy_from_slice(frame.bytes());
-    let [a, b, c, d, e, f, g, h] = data;
-    [
-        id | remote,
-        (frame.len() as u32) << LENGTH_SHIFT,
-        u32::from_le_bytes([a, b, c, d]),
-        u32::from_le_bytes([e, f, g, h]),
-    ]
-}
-
-fn decode([header, length, low, high]: [u32; ELEMENT]) -> CanFrame {
-    let id = if header & EXTENDED == 0 {
-        let raw = (header >> STANDARD_ID_SHIFT) & 0x7FF;
-        Id::Standard(StandardId::new(raw as u16).unwrap_or(StandardId::ZERO))
-    } else {
-        let raw = header & 0x1FFF_FFFF;
-        Id::Extended(ExtendedId::new(raw).unwrap_or(ExtendedId::ZERO))
-    };
-    // Lengths 9 ..= 15 are legal on a classic wire and mean 8.
-    let len = ((length >> LENGTH_SHIFT) as usize & 0xF).min(8);
-    let [a, b, c, d] = low.to_le_bytes();
-    let [e, f, g, h] = high.to_le_bytes();
-    let data = [a, b, c, d, e, f, g, h];
-    let frame = if header & REMOTE != 0 {
-        CanFrame::remote_frame(id, len)
-    } else {
-        CanFrame::data_frame(id, &data[..len])
-    };
-    // At most eight bytes: there is no error to hide.
-    frame.unwrap_or_else(|_| CanFrame::eight_bytes(id, data))
+/// A number of elements as a register field takes it.
+#[expect(clippy::cast_possible_truncation, reason = "at most 64")]
+const fn byte(count: usize) -> u8 {
+    count as u8
 }

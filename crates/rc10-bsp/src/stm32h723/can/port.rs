@@ -27,11 +27,7 @@ pub struct Inbox(Mutex<CriticalSectionRawMutex, RefCell<Received>>);
 
 impl Inbox {
     const fn new() -> Self {
-        Self(Mutex::new(RefCell::new(Received {
-            frames: Deque::new(),
-            lost: 0,
-            bus_offs: 0,
-        })))
+        Self(Mutex::new(RefCell::new(Received { frames: Deque::new(), lost: 0, bus_offs: 0 })))
     }
 
     fn with<R>(&self, f: impl FnOnce(&mut Received) -> R) -> R {
@@ -115,12 +111,7 @@ pub struct FdcanPort {
 
 impl FdcanPort {
     pub(super) const fn new(controller: Controller, inbox: &'static Inbox) -> Self {
-        Self {
-            controller,
-            inbox,
-            keys: [0; COMMANDS],
-            last_error: Cell::new(None),
-        }
+        Self { controller, inbox, keys: [0; COMMANDS], last_error: Cell::new(None) }
     }
 
     /// Stores the frames that make every motor of this bus safe. They wait in the controller's own
@@ -130,9 +121,7 @@ impl FdcanPort {
     /// [`CoastImageFull`] if there are more than [`COAST_FRAMES`]; then none is stored.
     pub fn keep_coast_image(&mut self, frames: &[CanFrame]) -> Result<(), CoastImageFull> {
         if frames.len() > COAST_FRAMES {
-            return Err(CoastImageFull {
-                frames: frames.len(),
-            });
+            return Err(CoastImageFull { frames: frames.len() });
         }
         self.controller.keep_coast_image(frames);
         Ok(())
@@ -170,17 +159,12 @@ impl CanPort for FdcanPort {
         *key = frame.key();
         self.controller.write(buffer, frame);
         self.controller.request(1 << buffer);
-        if replaced {
-            Submitted::Replaced
-        } else {
-            Submitted::Queued
-        }
+        if replaced { Submitted::Replaced } else { Submitted::Queued }
     }
 
     fn cancel_pending(&mut self) -> u8 {
         let unsent = self.controller.pending() & COMMAND_MASK;
-        // At most 24.
-        self.controller.cancel(unsent).count_ones() as u8
+        u8::try_from(self.controller.cancel(unsent).count_ones()).unwrap_or(u8::MAX)
     }
 
     fn health(&self) -> Health {
@@ -189,9 +173,8 @@ impl CanPort for FdcanPort {
             self.last_error.set(error);
         }
         let errors = self.controller.registers.ecr().read();
-        let (receive_lost, bus_offs) = self
-            .inbox
-            .with(|received| (received.lost, received.bus_offs));
+        let (receive_lost, bus_offs) =
+            self.inbox.with(|received| (received.lost, received.bus_offs));
         Health {
             state,
             transmit_errors: errors.tec(),
@@ -218,11 +201,7 @@ pub struct CoastImageFull {
 
 impl fmt::Display for CoastImageFull {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "a bus keeps at most {COAST_FRAMES} coast frames, not {}",
-            self.frames
-        )
+        write!(f, "a bus keeps at most {COAST_FRAMES} coast frames, not {}", self.frames)
     }
 }
 

@@ -1,0 +1,607 @@
+//! candump logs: what can-utils and python-can write, line by line.
+//!
+//! | form | a line of it |
+//! |---|---|
+//! | file (`candump -l`, python-can) | `(1732150000.000150) can0 201#000100080BB81E00`, perhaps with ` R` or ` T` |
+//! | console (`candump`) | `  can0  201   [8]  00 01 00 08 0B B8 1E 00`, perhaps with a time before and ASCII behind |
+//!
+//! Standard identifiers have three hex digits, extended ones eight. A remote request is `201#R8`
+//! or `[8]  remote request`. Empty lines, and lines that start with `#`, say nothing.
+//!
+//! Source: can-utils, `lib.h` (log format) and `candump.c` (console format); python-can,
+//! `CanutilsLogWriter` (direction).
+
+use std::fmt;
+use std::io::{self, BufRead, Read};
+
+use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
+use rc10_can::{CanFrame, FrameTooLong, Micros};
+
+/// No line of a candump log has more bytes; longer ones are not kept.
+const LONGEST_LINE: usize = 1000;
+
+/// Set in the identifier of an error frame (linux/can.h, `CAN_ERR_FLAG`).
+const ERROR_FLAG: u32 = 0x2000_0000;
+
+/// One frame of a log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Line<'t> {
+    /// When, if the line says so. `candump -td` writes the time since the line before instead.
+    pub at: Option<Micros>,
+    /// On which interface, such as `can0`.
+    pub channel: &'t str,
+    /// What was on the wire.
+    pub frame: CanFrame,
+    /// Which way it went, as the machine that wrote the log saw it, if the line says so.
+    pub direction: Option<Direction>,
+}
+
+/// Which way a frame went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// Into the machine that wrote the log.
+    Received,
+    /// Out of it.
+    Sent,
+}
+
+/// Why a line is no frame that can be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LineError {
+    /// It has bytes that are no UTF-8.
+    NotText,
+    /// It is longer than any line of a candump log.
+    TooLong,
+    /// It has neither form.
+    NotAFrame,
+    /// What stands in parentheses is no time in seconds.
+    Time,
+    /// No interface stands before the frame.
+    NoChannel,
+    /// An identifier of other than three or eight hex digits.
+    IdDigits,
+    /// An identifier that no frame has: standard above 7FF, extended above 1FFFFFFF.
+    IdOutOfRange(u32),
+    /// A character among the data that is no hex digit.
+    NotHex(char),
+    /// A data byte of one digit: so many digits in all.
+    OddDigits(usize),
+    /// More than eight data bytes.
+    TooManyBytes(usize),
+    /// Another number of data bytes than the line announces.
+    ByteCount {
+        /// What stands in brackets.
+        announced: usize,
+        /// What stands behind them.
+        found: usize,
+    },
+    /// The length of a remote request is not one digit, 0 to 8.
+    RemoteLength,
+    /// Something that does not belong there stands behind the frame.
+    Trailing,
+    /// A CAN FD or CAN XL frame.
+    FlexibleDataRate,
+    /// A report of the controller about an error on the bus, not a frame.
+    ErrorFrame,
+}
+
+impl fmt::Display for LineError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotText => f.write_str("it is not UTF-8 text"),
+            Self::TooLong => write!(f, "it is longer than {LONGEST_LINE} bytes"),
+            Self::NotAFrame => f.write_str(
+                "not a frame: neither \"(1.000150) can0 201#00\" nor \"can0 201 [1] 00\"",
+            ),
+            Self::Time => {
+                f.write_str("the time is not in seconds, as candump -l, -ta and -tz write it")
+            }
+            Self::NoChannel => f.write_str("no interface, such as can0, stands before the frame"),
+            Self::IdDigits => {
+                f.write_str("an identifier has 3 hex digits, or 8 if it is an extended one")
+            }
+            Self::IdOutOfRange(id) => {
+                write!(
+                    f,
+                    "identifier {id:X} is out of range: standard ends at 7FF, extended at 1FFFFFFF"
+                )
+            }
+            Self::NotHex(character) => write!(f, "{character:?} is no hex digit"),
+            Self::OddDigits(digits) => write!(f, "odd number of hex digits in the data: {digits}"),
+            Self::TooManyBytes(len) => fmt::Display::fmt(&FrameTooLong { len: *len }, f),
+            Self::ByteCount { announced, found } => {
+                write!(f, "{announced} data bytes announced, but {found} found")
+            }
+            Self::RemoteLength => {
+                f.write_str("the length of a remote request is one digit, 0 to 8")
+            }
+            Self::Trailing => f.write_str("something that does not belong there follows the frame"),
+            Self::FlexibleDataRate => f.write_str("CAN FD and CAN XL frames cannot be read"),
+            Self::ErrorFrame => f.write_str("an error frame: the controller reports a bus error"),
+        }
+    }
+}
+
+impl std::error::Error for LineError {}
+
+/// Reads one line, without or with its end; `None` if it says nothing: empty, or a comment.
+///
+/// ```
+/// use rc10_cli::candump::parse;
+/// let line = parse("(1732150000.000150) can0 201#000100080BB81E00 R")?.unwrap();
+/// assert_eq!(line.at.unwrap().get(), 1_732_150_000_000_150);
+/// assert_eq!((line.channel, line.frame.raw_id()), ("can0", 0x201));
+/// assert_eq!(parse("  can0  201   [2]  00 01")?.unwrap().frame.bytes(), [0, 1]);
+/// # Ok::<(), rc10_cli::candump::LineError>(())
+/// ```
+///
+/// # Errors
+/// [`LineError`]: what is wrong with it.
+pub fn parse(text: &str) -> Result<Option<Line<'_>>, LineError> {
+    let mut rest = text.trim();
+    if rest.is_empty() || rest.starts_with('#') {
+        return Ok(None);
+    }
+    let at = match rest.strip_prefix('(') {
+        None => None,
+        Some(time) => {
+            let (time, behind) = time.split_once(')').ok_or(LineError::Time)?;
+            rest = behind;
+            Some(micros(time).ok_or(LineError::Time)?)
+        }
+    };
+    let channel = word(&mut rest).ok_or(LineError::NotAFrame)?;
+    if channel.contains('#') {
+        return Err(LineError::NoChannel);
+    }
+    let mut identifier = word(&mut rest).ok_or(LineError::NotAFrame)?;
+    let mut direction = None;
+    // `candump -x` writes "RX - -" or "TX - -" here: the two flags are those of CAN FD.
+    if let "RX" | "TX" = identifier {
+        direction = direction_of(&identifier[..1]);
+        let _flags = (word(&mut rest), word(&mut rest));
+        identifier = word(&mut rest).ok_or(LineError::NotAFrame)?;
+    }
+    let frame = match identifier.split_once('#') {
+        None => console_frame(identifier, rest)?,
+        Some((identifier, data)) => {
+            let frame = file_frame(identifier, data)?;
+            if let Some(letter) = word(&mut rest) {
+                direction = Some(direction_of(letter).ok_or(LineError::Trailing)?);
+            }
+            if !rest.trim().is_empty() {
+                return Err(LineError::Trailing);
+            }
+            frame
+        }
+    };
+    Ok(Some(Line { at, channel, frame, direction }))
+}
+
+/// Takes the first word away.
+fn word<'t>(rest: &mut &'t str) -> Option<&'t str> {
+    let text = rest.trim_start();
+    let end = text.find(char::is_whitespace).unwrap_or(text.len());
+    let (word, behind) = text.split_at(end);
+    *rest = behind;
+    (!word.is_empty()).then_some(word)
+}
+
+fn direction_of(letter: &str) -> Option<Direction> {
+    match letter {
+        "R" => Some(Direction::Received),
+        "T" => Some(Direction::Sent),
+        _ => None,
+    }
+}
+
+/// From decimal seconds, exactly. Digits after the sixth are cut off.
+fn micros(text: &str) -> Option<Micros> {
+    let (seconds, fraction) = text.split_once('.').unwrap_or((text, "0"));
+    let digits = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
+    if !digits(seconds) || !digits(fraction) {
+        return None;
+    }
+    let padded = fraction.bytes().chain(std::iter::repeat(b'0')).take(6);
+    let fraction = padded.fold(0, |sum, digit| sum * 10 + u64::from(digit - b'0'));
+    let seconds: u64 = seconds.parse().ok()?;
+    seconds.checked_mul(1_000_000)?.checked_add(fraction).map(Micros::new)
+}
+
+/// `201` `000100080BB81E00`, `201` `R8`.
+fn file_frame(identifier: &str, data: &str) -> Result<CanFrame, LineError> {
+    if data.starts_with('#') {
+        return Err(LineError::FlexibleDataRate);
+    }
+    let id = id(identifier)?;
+    if let Some(len) = data.strip_prefix('R') {
+        return remote(id, if len.is_empty() { "0" } else { len });
+    }
+    let mut bytes = Bytes::default();
+    bytes.add(data)?;
+    bytes.frame(id)
+}
+
+/// `201` `[8]  00 01 00 08 0B B8 1E 00`, `201` `[8]  remote request`.
+fn console_frame(identifier: &str, mut rest: &str) -> Result<CanFrame, LineError> {
+    let announced = word(&mut rest)
+        .and_then(|len| len.strip_prefix('[')?.strip_suffix(']'))
+        .filter(|len| !len.is_empty() && len.bytes().all(|byte| byte.is_ascii_digit()))
+        .ok_or(LineError::NotAFrame)?;
+    // Classic frames are written with one digit, CAN FD with two, CAN XL with four.
+    if announced.len() > 1 {
+        return Err(LineError::FlexibleDataRate);
+    }
+    let id = id(identifier)?;
+    let mut rest = rest.trim();
+    if rest.ends_with("ERRORFRAME") {
+        return Err(LineError::ErrorFrame);
+    }
+    if rest == "remote request" {
+        return remote(id, announced);
+    }
+    let announced = usize::from(announced.as_bytes()[0] - b'0');
+    let mut bytes = Bytes::default();
+    while !rest.is_empty() && !rest.starts_with('\'') {
+        let Some(byte) = word(&mut rest) else { break };
+        bytes.add(byte)?;
+        rest = rest.trim_start();
+    }
+    // Behind the bytes, `candump -a` writes them once more as characters, in quotes.
+    if !rest.is_empty() && (rest.len() < 2 || !rest.ends_with('\'')) {
+        return Err(LineError::Trailing);
+    }
+    let found = bytes.len;
+    if found != announced {
+        return Err(LineError::ByteCount { announced, found });
+    }
+    bytes.frame(id)
+}
+
+fn id(text: &str) -> Result<Id, LineError> {
+    // `from_str_radix` alone would take a sign.
+    if !text.bytes().all(|byte| byte.is_ascii_hexdigit()) || !matches!(text.len(), 3 | 8) {
+        return Err(LineError::IdDigits);
+    }
+    let raw = u32::from_str_radix(text, 16).map_err(|_| LineError::IdDigits)?;
+    let id = if text.len() == 3 {
+        u16::try_from(raw).ok().and_then(StandardId::new).map(Id::Standard)
+    } else if raw & !(ERROR_FLAG - 1) == ERROR_FLAG {
+        return Err(LineError::ErrorFrame);
+    } else {
+        ExtendedId::new(raw).map(Id::Extended)
+    };
+    id.ok_or(LineError::IdOutOfRange(raw))
+}
+
+fn remote(id: Id, len: &str) -> Result<CanFrame, LineError> {
+    match len.as_bytes() {
+        [digit @ b'0'..=b'8'] => CanFrame::remote_frame(id, usize::from(digit - b'0'))
+            .map_err(|_| LineError::RemoteLength),
+        _ => Err(LineError::RemoteLength),
+    }
+}
+
+/// Data bytes as they are read: those that a frame has no room for are counted only.
+#[derive(Default)]
+struct Bytes {
+    data: [u8; 8],
+    len: usize,
+}
+
+impl Bytes {
+    /// Pairs of hex digits.
+    fn add(&mut self, text: &str) -> Result<(), LineError> {
+        if let Some(character) = text.chars().find(|character| !character.is_ascii_hexdigit()) {
+            return Err(LineError::NotHex(character));
+        }
+        if text.len() % 2 != 0 {
+            return Err(LineError::OddDigits(text.len()));
+        }
+        for start in (0..text.len()).step_by(2) {
+            let byte = u8::from_str_radix(&text[start..start + 2], 16);
+            if let (Some(place), Ok(byte)) = (self.data.get_mut(self.len), byte) {
+                *place = byte;
+            }
+            self.len += 1;
+        }
+        Ok(())
+    }
+
+    fn frame(&self, id: Id) -> Result<CanFrame, LineError> {
+        let data = self.data.get(..self.len).ok_or(LineError::TooManyBytes(self.len))?;
+        CanFrame::data_frame(id, data).map_err(|error| LineError::TooManyBytes(error.len))
+    }
+}
+
+/// Reads a log line by line, keeping one line at a time.
+pub struct Reader<R> {
+    source: R,
+    bytes: Vec<u8>,
+    text: String,
+    number: u64,
+}
+
+/// A line of a log, read or not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Numbered<'t> {
+    /// Which line it is, counted from 1.
+    pub number: u64,
+    /// What stands there; the beginning of it, if it is too long. Bytes that are no text are
+    /// replaced.
+    pub text: &'t str,
+    /// What it says, if anything.
+    pub line: Result<Option<Line<'t>>, LineError>,
+}
+
+impl<R: BufRead> Reader<R> {
+    /// A reader from the start of `source`.
+    pub const fn new(source: R) -> Self {
+        Self { source, bytes: Vec::new(), text: String::new(), number: 0 }
+    }
+
+    /// The next line; `None` at the end. A line that cannot be read does not end the log.
+    ///
+    /// # Errors
+    /// Whatever the source fails with.
+    pub fn next_line(&mut self) -> io::Result<Option<Numbered<'_>>> {
+        self.bytes.clear();
+        let limit = LONGEST_LINE as u64 + 1;
+        if (&mut self.source).take(limit).read_until(b'\n', &mut self.bytes)? == 0 {
+            return Ok(None);
+        }
+        self.number += 1;
+        let too_long = self.bytes.len() > LONGEST_LINE && !self.bytes.ends_with(b"\n");
+        if too_long {
+            self.source.skip_until(b'\n')?;
+        }
+        self.text.clear();
+        let lossy = String::from_utf8_lossy(&self.bytes);
+        // Some editors put a byte order mark before the first line.
+        self.text.push_str(if self.number == 1 {
+            lossy.trim_start_matches('\u{FEFF}')
+        } else {
+            &lossy
+        });
+        let line = if too_long {
+            Err(LineError::TooLong)
+        } else if std::str::from_utf8(&self.bytes).is_err() {
+            Err(LineError::NotText)
+        } else {
+            parse(&self.text)
+        };
+        Ok(Some(Numbered { number: self.number, text: self.text.trim_end(), line }))
+    }
+}
+
+/// Writes a frame as a line of a log, in the file form.
+///
+/// # Errors
+/// Whatever `out` fails with; a `String` never does.
+pub fn write_line(
+    out: &mut impl fmt::Write,
+    at: Micros,
+    channel: &str,
+    frame: &CanFrame,
+) -> fmt::Result {
+    writeln!(out, "({}) {channel} {frame}", SecondsOf(at))
+}
+
+/// A time as a log writes it, `1732150000.000150`: every digit of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SecondsOf(pub Micros);
+
+impl fmt::Display for SecondsOf {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:010}.{:06}", self.0.get() / 1_000_000, self.0.get() % 1_000_000)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(text: &str) -> String {
+        parse(text).unwrap().unwrap().frame.to_string()
+    }
+
+    fn error(text: &str) -> LineError {
+        parse(text).unwrap_err()
+    }
+
+    #[test]
+    fn reads_the_file_form_with_and_without_a_direction() {
+        let line = parse("(1732150000.000150) can0 201#000100080BB81E00").unwrap().unwrap();
+        assert_eq!(line.at, Some(Micros::new(1_732_150_000_000_150)));
+        assert_eq!((line.channel, line.direction), ("can0", None));
+        assert_eq!(line.frame.to_string(), "201#000100080BB81E00");
+        let way = |text| parse(text).unwrap().unwrap().direction;
+        assert_eq!(way("(1.5) can0 201#00 R"), Some(Direction::Received));
+        assert_eq!(way("(1.5) can0 201#00 T\r\n"), Some(Direction::Sent));
+        assert_eq!(frame("(1.5) vcan12 00000301#5208"), "00000301#5208");
+        assert_eq!(frame("(1.5) can0 1fffffff#ab"), "1FFFFFFF#AB");
+        assert_eq!(frame("(1.5) can0 7FF#"), "7FF#");
+        assert_eq!(frame("(1.5) can0 201#R"), "201#R0");
+        assert_eq!(frame("(1.5) can0 00000201#R8"), "00000201#R8");
+    }
+
+    #[test]
+    fn reads_the_console_form_with_all_it_can_have() {
+        assert_eq!(frame("  can0  201   [8]  00 01 00 08 0B B8 1E 00\r\n"), "201#000100080BB81E00");
+        assert_eq!(frame("  can0  00000301   [2]  52 08"), "00000301#5208");
+        assert_eq!(frame("  can0  201   [0]"), "201#");
+        assert_eq!(frame("  can0  201   [8]  remote request"), "201#R8");
+        assert_eq!(frame("  can0  201   [3]  41 20 27                   'A ''"), "201#412027");
+        let line = parse(" (000.000150)  can1  TX - -  200   [1]  7F").unwrap().unwrap();
+        assert_eq!((line.at, line.channel), (Some(Micros::new(150)), "can1"));
+        assert_eq!((line.direction, line.frame.raw_id()), (Some(Direction::Sent), 0x200));
+    }
+
+    #[test]
+    fn times_are_exact_to_the_microsecond() {
+        let at = |text: &str| micros(text).map(Micros::get);
+        assert_eq!(at("1732150000.999999"), Some(1_732_150_000_999_999));
+        // A double has no room for these digits.
+        assert_eq!(at("9007199254740.993001"), Some(9_007_199_254_740_993_001));
+        assert_eq!(at("0.5"), Some(500_000));
+        assert_eq!(at("1.000001999"), Some(1_000_001));
+        assert_eq!(at("7"), Some(7_000_000));
+        for wrong in ["", ".", "1.", ".1", "-1.0", "+1.0", "1e3", "nan", "1.-5", "18446744073710.0"]
+        {
+            assert_eq!(at(wrong), None, "{wrong}");
+        }
+        assert_eq!(error("(2024-11-21 00:46:40.000150) can0 201#00"), LineError::Time);
+        assert_eq!(error("(1.0 can0 201#00"), LineError::Time);
+    }
+
+    #[test]
+    fn says_what_is_wrong_with_a_line() {
+        assert_eq!(error("hello"), LineError::NotAFrame);
+        assert_eq!(error("hello there, motor"), LineError::NotAFrame);
+        assert_eq!(error("(1.0)"), LineError::NotAFrame);
+        assert_eq!(error("(1.0) can0"), LineError::NotAFrame);
+        assert_eq!(error("(1.0) 201#00"), LineError::NoChannel);
+        assert_eq!(error("(1.0) can0 2001#00"), LineError::IdDigits);
+        assert_eq!(error("(1.0) can0 #00"), LineError::IdDigits);
+        assert_eq!(error("(1.0) can0 +12#00"), LineError::IdDigits);
+        assert_eq!(error("(1.0) can0 800#00"), LineError::IdOutOfRange(0x800));
+        assert_eq!(error("(1.0) can0 80000000#00"), LineError::IdOutOfRange(0x8000_0000));
+        assert_eq!(error("(1.0) can0 20000004#0000000000000000"), LineError::ErrorFrame);
+        assert_eq!(error("(1.0) can0 201#0"), LineError::OddDigits(1));
+        assert_eq!(error("(1.0) can0 201#0G"), LineError::NotHex('G'));
+        assert_eq!(error("(1.0) can0 201#é0"), LineError::NotHex('é'));
+        assert_eq!(error("(1.0) can0 201#001122334455667788"), LineError::TooManyBytes(9));
+        assert_eq!(error("(1.0) can0 201##10011"), LineError::FlexibleDataRate);
+        assert_eq!(error("(1.0) can0 201#R9"), LineError::RemoteLength);
+        assert_eq!(error("(1.0) can0 201#00 X"), LineError::Trailing);
+        assert_eq!(error("(1.0) can0 201#00 R R"), LineError::Trailing);
+        assert_eq!(error("can0 201 [12] 00"), LineError::FlexibleDataRate);
+        assert_eq!(error("can0 201 [08] 00"), LineError::FlexibleDataRate);
+        assert_eq!(error("can0 201 [9] 00 00 00 00 00 00 00 00 00"), LineError::TooManyBytes(9));
+        let short = LineError::ByteCount { announced: 8, found: 2 };
+        assert_eq!(error("can0 201 [8] 00 01"), short);
+        assert_eq!(error("can0 201 [1] 0"), LineError::OddDigits(1));
+        assert_eq!(error("can0 201 [1] 00 'x"), LineError::Trailing);
+        assert_eq!(error("can0 201 [9] remote request"), LineError::RemoteLength);
+        assert_eq!(error("can0 201 [] 00"), LineError::NotAFrame);
+        let report = "can0  20000080   [8]  00 00 00 00 00 00 00 00   ERRORFRAME";
+        assert_eq!(error(report), LineError::ErrorFrame);
+    }
+
+    #[test]
+    fn empty_lines_and_comments_say_nothing() {
+        for text in ["", " \r\n", "# can0 201#00", "\t#"] {
+            assert_eq!(parse(text), Ok(None));
+        }
+    }
+
+    #[test]
+    fn the_reader_goes_on_behind_lines_it_cannot_read() {
+        let mut log = b"\xEF\xBB\xBF(1.0) can0 201#01\r\n\xFF\xFE\n".to_vec();
+        log.extend(std::iter::repeat_n(b'0', 100_000));
+        log.extend(b"\n\n# end\n(2.0) can0 202#02");
+        let mut reader = Reader::new(io::Cursor::new(log));
+        let mut seen = Vec::new();
+        while let Some(Numbered { number, text, line }) = reader.next_line().unwrap() {
+            assert!(text.len() <= LONGEST_LINE + 1);
+            seen.push((number, line.map(|line| line.map(|line| line.frame.raw_id()))));
+        }
+        let expected = [
+            (1, Ok(Some(0x201))),
+            (2, Err(LineError::NotText)),
+            (3, Err(LineError::TooLong)),
+            (4, Ok(None)),
+            (5, Ok(None)),
+            (6, Ok(Some(0x202))),
+        ];
+        assert_eq!(seen, expected);
+    }
+
+    /// Knuth's MMIX generator: the tests need variety, not quality.
+    struct Numbers(u64);
+
+    impl Numbers {
+        fn below(&mut self, end: u64) -> u64 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (self.0 >> 16) % end
+        }
+
+        fn byte(&mut self) -> u8 {
+            u8::try_from(self.below(256)).unwrap()
+        }
+
+        fn frame(&mut self) -> CanFrame {
+            let id = if self.below(2) == 0 {
+                Id::Standard(StandardId::new(u16::try_from(self.below(0x800)).unwrap()).unwrap())
+            } else {
+                let raw = u32::try_from(self.below(0x2000_0000)).unwrap();
+                Id::Extended(ExtendedId::new(raw).unwrap())
+            };
+            let len = usize::try_from(self.below(9)).unwrap();
+            if self.below(4) == 0 {
+                return CanFrame::remote_frame(id, len).unwrap();
+            }
+            let data: Vec<u8> = (0..len).map(|_| self.byte()).collect();
+            CanFrame::data_frame(id, &data).unwrap()
+        }
+    }
+
+    /// As candump prints it on a console.
+    fn console(at: Micros, channel: &str, frame: &CanFrame) -> String {
+        let text = frame.to_string();
+        let id = text.split('#').next().unwrap();
+        let data: String = frame.bytes().iter().map(|byte| format!(" {byte:02X}")).collect();
+        let data = if frame.is_remote() { " remote request" } else { &data };
+        format!(" ({})  {channel}  {id}   [{}] {data}", SecondsOf(at), frame.len())
+    }
+
+    #[test]
+    fn what_is_written_is_read_back() {
+        let mut numbers = Numbers(1);
+        for _ in 0..5000 {
+            let (at, frame) = (Micros::new(numbers.below(1 << 48)), numbers.frame());
+            let expected = Line { at: Some(at), channel: "can2", frame, direction: None };
+            let mut file = String::new();
+            write_line(&mut file, at, "can2", &frame).unwrap();
+            assert_eq!(parse(&file), Ok(Some(expected)), "{file}");
+            let console = console(at, "can2", &frame);
+            assert_eq!(parse(&console), Ok(Some(expected)), "{console}");
+        }
+    }
+
+    #[test]
+    fn lines_with_damage_are_read_or_refused_but_never_panic() {
+        let mut numbers = Numbers(2);
+        for _ in 0..20_000 {
+            let frame = numbers.frame();
+            let mut line = console(Micros::new(150), "can0", &frame);
+            if numbers.below(2) == 0 {
+                line.clear();
+                write_line(&mut line, Micros::new(150), "can0", &frame).unwrap();
+            }
+            let mut line = line.into_bytes();
+            for _ in 0..=numbers.below(3) {
+                let place = usize::try_from(numbers.below(line.len() as u64)).unwrap();
+                match numbers.below(3) {
+                    0 => line[place] = numbers.byte(),
+                    1 => line.truncate(place + 1),
+                    _ => line.insert(place, b" #[]()'RT0"[usize::from(numbers.byte() % 10)]),
+                }
+            }
+            let mut reader = Reader::new(line.as_slice());
+            while let Some(numbered) = reader.next_line().unwrap() {
+                if let Ok(Some(line)) = numbered.line {
+                    assert!(line.frame.len() <= 8);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_small_time_is_written_with_ten_digits_like_candump() {
+        let mut line = String::new();
+        let frame = CanFrame::data_frame(StandardId::ZERO, &[1]).unwrap();
+        write_line(&mut line, Micros::new(1_000_150), "can0", &frame).unwrap();
+        assert_eq!(line, "(0000000001.000150) can0 000#01\n");
+    }
+}

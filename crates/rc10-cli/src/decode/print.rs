@@ -1,0 +1,346 @@
+//! Text for people, JSON for programs.
+
+use std::io::{self, Write};
+
+use rc10_can::embedded_can::Id;
+
+use rc10_motor::dji::{Direction, Effort};
+use rc10_motor::{FrameError, MotorStatus};
+use rc10_robot::table::{BUSES, Entry, MOTORS};
+use serde_json::{Map, Value, json};
+
+use super::{Decoder, Lane, Meaning, Summary};
+use crate::candump::{self, Line, SecondsOf};
+
+/// Prints frames as they come, then the summary.
+pub(super) struct Printer<'o> {
+    out: &'o mut dyn Write,
+    json: bool,
+    /// What parts the next JSON value from the one before.
+    separator: &'static str,
+}
+
+impl<'o> Printer<'o> {
+    pub(super) fn new(out: &'o mut dyn Write, json: bool) -> io::Result<Self> {
+        if json {
+            out.write_all(b"{\"frames\": [")?;
+        }
+        Ok(Self { out, json, separator: "\n" })
+    }
+
+    pub(super) fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+
+    pub(super) fn frame(
+        &mut self,
+        number: u64,
+        line: &Line<'_>,
+        bus: u8,
+        meaning: &Meaning,
+    ) -> io::Result<()> {
+        if !self.json {
+            return writeln!(self.out, "{}", text(line, meaning));
+        }
+        let separator = std::mem::replace(&mut self.separator, ",\n");
+        write!(self.out, "{separator}{}", object(number, line, bus, meaning))
+    }
+
+    pub(super) fn finish(self, summary: &Summary, decoder: &Decoder<'_>) -> io::Result<()> {
+        if self.json {
+            let summary = summary_object(summary, decoder);
+            return writeln!(self.out, "\n],\n\"summary\": {summary}}}");
+        }
+        summary_text(self.out, summary, decoder)
+    }
+}
+
+/// Rounded to so many places, and never a negative zero.
+fn rounded(value: f64, places: i32) -> f64 {
+    let power = 10_f64.powi(places);
+    (value * power).round() / power + 0.0
+}
+
+/// A number for a column, with three places.
+fn three(value: f32) -> f64 {
+    rounded(value.into(), 3)
+}
+
+/// `M3508 id 3`.
+fn device(motor: &Entry) -> String {
+    format!("{} id {}", motor.model.name, motor.id)
+}
+
+/// The longest text of a column.
+fn width(column: impl Fn(&Entry) -> String) -> usize {
+    MOTORS.iter().map(|motor| column(motor).len()).max().unwrap_or(0)
+}
+
+fn motor_columns(motor: &Entry) -> String {
+    let (label, device_width) = (width(|motor| motor.label.to_owned()), width(device));
+    format!("{:<label$}  {:<device_width$}", motor.label, device(motor))
+}
+
+/// What a raw command asks of a motor, the way the robot counts, and its unit: amperes, or per cent
+/// of the full voltage.
+fn effort(motor: &Entry, raw: i16) -> (f64, &'static str) {
+    let share = f64::from(raw) / f64::from(motor.model.full_scale);
+    let share = match motor.direction {
+        Direction::Forward => share,
+        Direction::Reversed => -share,
+    };
+    match motor.model.effort {
+        Effort::Current(full) => (share * f64::from(full), "A"),
+        Effort::Voltage => (share * 100.0, "%"),
+    }
+}
+
+fn beyond_full_scale(motor: &Entry, raw: i16) -> bool {
+    raw.unsigned_abs() > motor.model.full_scale.unsigned_abs()
+}
+
+fn text(line: &Line<'_>, meaning: &Meaning) -> String {
+    let at = line.at.map_or_else(|| "-".to_owned(), |at| SecondsOf(at).to_string());
+    let start = format!("{at:>17}  {:<5}", line.channel);
+    match meaning {
+        Meaning::Feedback { motor, feedback, .. } => {
+            let celsius = feedback.temperature.map_or_else(
+                || "  - degC".to_owned(),
+                |temperature| format!("{:>3} degC", temperature.get()),
+            );
+            format!(
+                "{start}  {}  angle {:>7.3} deg  total {:>11.3} deg  speed {:>8.2} rpm  \
+                 current {:>7.3} A  {celsius}",
+                motor_columns(motor),
+                three(feedback.angle.get()),
+                rounded(millionths(feedback.total_angle.microdegrees()), 3),
+                rounded(feedback.speed.get().into(), 2),
+                three(feedback.current.unwrap_or_default().get()),
+            )
+        }
+        Meaning::Command(lanes) => {
+            let lanes: Vec<String> = lanes.iter().map(lane_text).collect();
+            let lanes = if lanes.is_empty() { "no motor".to_owned() } else { lanes.join("  ") };
+            format!("{start}  command {:03X}  {lanes}", line.frame.raw_id())
+        }
+        Meaning::Malformed { motor, error } => {
+            let command = || format!("command {:03X}", line.frame.raw_id());
+            let whose = motor.map_or_else(command, motor_columns);
+            format!("{start}  {whose}  MALFORMED: {}: {}", reason(line, *error), line.frame)
+        }
+        Meaning::Unknown => start,
+    }
+}
+
+/// What is wrong with a frame, with the figures that a motor on the chip does not keep.
+fn reason(line: &Line<'_>, error: FrameError) -> String {
+    match error {
+        // All frames of DJI motors have eight.
+        FrameError::Length => format!("{} data bytes instead of 8", line.frame.len()),
+        other => other.to_string(),
+    }
+}
+
+fn lane_text(lane: &Lane) -> String {
+    let Some(motor) = lane.motor else {
+        return format!("lane {} of no motor: raw {}", lane.number, lane.raw);
+    };
+    let (value, unit) = effort(motor, lane.raw);
+    let beyond = if beyond_full_scale(motor, lane.raw) { " (beyond full scale)" } else { "" };
+    format!("{} {:>7.3} {unit}{beyond}", motor.label, rounded(value, 3))
+}
+
+fn object(number: u64, line: &Line<'_>, bus: u8, meaning: &Meaning) -> Value {
+    let direction = line.direction.map(|direction| match direction {
+        candump::Direction::Received => "received",
+        candump::Direction::Sent => "sent",
+    });
+    let mut object = json!({
+        "line": number,
+        "time_us": line.at.map(|at| at.get()),
+        "channel": line.channel,
+        "bus": bus,
+        "direction": direction,
+    });
+    let rest = match meaning {
+        Meaning::Feedback { motor, raw, feedback } => json!({
+            "kind": "feedback",
+            "motor": motor.label,
+            "model": motor.model.name,
+            "id": motor.id,
+            "angle_deg": six(feedback.angle.get()),
+            "total_angle_deg": millionths(feedback.total_angle.microdegrees()),
+            "speed_rpm": six(feedback.speed.get()),
+            "current_a": feedback.current.map(|current| six(current.get())),
+            "torque_nm": feedback.torque.map(|torque| six(torque.get())),
+            "temperature_c": feedback.temperature.map(|temperature| six(temperature.get())),
+            "raw": {
+                "angle": raw.angle,
+                "rpm": raw.rpm,
+                "current": raw.current,
+                "temperature": raw.temperature,
+            },
+        }),
+        Meaning::Command(lanes) => json!({
+            "kind": "command",
+            "frame": line.frame.to_string(),
+            "lanes": lanes.iter().map(lane_object).collect::<Value>(),
+        }),
+        Meaning::Malformed { motor, error } => json!({
+            "kind": "malformed",
+            "frame": line.frame.to_string(),
+            "motor": motor.map(|motor| motor.label),
+            "error": reason(line, *error),
+        }),
+        Meaning::Unknown => json!({ "kind": "unknown", "frame": line.frame.to_string() }),
+    };
+    merge(&mut object, rest);
+    object
+}
+
+fn merge(object: &mut Value, rest: Value) {
+    if let (Value::Object(object), Value::Object(rest)) = (object, rest) {
+        object.extend(rest);
+    }
+}
+
+fn lane_object(lane: &Lane) -> Value {
+    let mut object = json!({ "lane": lane.number, "raw": lane.raw });
+    if let Some(motor) = lane.motor {
+        let (value, unit) = effort(motor, lane.raw);
+        let mut rest = Map::new();
+        rest.insert("motor".to_owned(), json!(motor.label));
+        rest.insert("model".to_owned(), json!(motor.model.name));
+        rest.insert("id".to_owned(), json!(motor.id));
+        let name = if unit == "A" { "current_a" } else { "voltage_percent" };
+        rest.insert(name.to_owned(), json!(rounded(value, 6)));
+        rest.insert("beyond_full_scale".to_owned(), json!(beyond_full_scale(motor, lane.raw)));
+        merge(&mut object, Value::Object(rest));
+    }
+    object
+}
+
+/// Six places of an f32, so that 0.1 is not 0.10000000149.
+fn six(value: f32) -> f64 {
+    rounded(value.into(), 6)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "exact to a microdegree for 25 million turns")]
+fn millionths(count: i64) -> f64 {
+    count as f64 / 1e6
+}
+
+fn id_text(id: Id) -> String {
+    match id {
+        Id::Standard(id) => format!("{:03X}", id.as_raw()),
+        Id::Extended(id) => format!("{:08X}", id.as_raw()),
+    }
+}
+
+/// The buses that came in the log, each with its interface.
+fn buses(summary: &Summary) -> impl Iterator<Item = (&str, u8)> {
+    let channels = summary.channels.iter();
+    channels.filter_map(|(name, channel)| Some((name.as_str(), channel.bus?)))
+}
+
+fn summary_object(summary: &Summary, decoder: &Decoder<'_>) -> Value {
+    let channels = summary.channels.iter().map(
+        |(name, channel)| json!({ "channel": name, "bus": channel.bus, "frames": channel.frames }),
+    );
+    let motors = buses(summary).flat_map(|(name, bus)| {
+        decoder.motors(bus).map(move |(motor, status)| {
+            json!({
+                "motor": motor.label,
+                "model": motor.model.name,
+                "id": motor.id,
+                "channel": name,
+                "bus": bus,
+                "mirrored": motor.direction == Direction::Reversed,
+                "feedback": status.counters.received,
+                "malformed": status.counters.malformed,
+                "turn_gaps": status.feedback.turn_gaps,
+            })
+        })
+    });
+    let unknown = summary.channels.iter().flat_map(|(name, channel)| {
+        channel.unknown.iter().map(move |((id, remote), frames)| {
+            json!({ "channel": name, "id": id_text(*id), "remote": remote, "frames": frames })
+        })
+    });
+    let further: u64 = summary.channels.values().map(|channel| channel.unknown_further).sum();
+    json!({
+        "lines": summary.lines,
+        "frames": summary.frames,
+        "feedback": summary.feedback,
+        "commands": summary.commands,
+        "malformed": summary.malformed,
+        "unknown": summary.unknown,
+        "broken_lines": summary.broken_lines,
+        "channels": channels.collect::<Value>(),
+        "motors": motors.collect::<Value>(),
+        "unknown_ids": unknown.collect::<Value>(),
+        "unknown_of_further_ids": further,
+    })
+}
+
+fn summary_text(out: &mut dyn Write, summary: &Summary, decoder: &Decoder<'_>) -> io::Result<()> {
+    let Summary { lines, frames, feedback, commands, malformed, unknown, broken_lines, .. } =
+        summary;
+    if *frames > 0 {
+        writeln!(out)?;
+    }
+    match (lines, frames) {
+        (0, _) => writeln!(out, "The log is empty.")?,
+        (_, 0) => writeln!(out, "The log has no frames.")?,
+        _ => {}
+    }
+    writeln!(out, "lines {lines}, of which broken {broken_lines}")?;
+    writeln!(
+        out,
+        "frames {frames}: feedback {feedback}, commands {commands}, malformed {malformed}, \
+         unknown {unknown}"
+    )?;
+    for (name, bus) in buses(summary) {
+        writeln!(out, "\n{name} is bus {bus}")?;
+        for (motor, status) in decoder.motors(bus) {
+            writeln!(out, "  {}  {}", motor_columns(motor), motor_summary(motor, &status))?;
+        }
+    }
+    for (name, _) in summary.channels.iter().filter(|(_, channel)| channel.bus.is_none()) {
+        writeln!(
+            out,
+            "\n{name} is not known as a bus of the robot; --bus {name}=N makes it bus N \
+             (1 to {BUSES})"
+        )?;
+    }
+    if *unknown > 0 {
+        writeln!(out, "\nunknown identifiers")?;
+    }
+    for (name, channel) in &summary.channels {
+        for ((id, remote), count) in &channel.unknown {
+            let what = if *remote { "remote requests" } else { "frames" };
+            writeln!(out, "  {name:<5}  {:>8}  {what} {count}", id_text(*id))?;
+        }
+        if channel.unknown_further > 0 {
+            writeln!(out, "  {name:<5}   further  frames {}", channel.unknown_further)?;
+        }
+    }
+    Ok(())
+}
+
+fn motor_summary(motor: &Entry, status: &MotorStatus) -> String {
+    let mut text = match status.counters.received {
+        0 => "never heard".to_owned(),
+        received => format!("feedback {received}"),
+    };
+    if status.counters.malformed > 0 {
+        text += &format!(", malformed {}", status.counters.malformed);
+    }
+    if status.feedback.turn_gaps > 0 {
+        text += &format!(", turns estimated over {} gaps", status.feedback.turn_gaps);
+    }
+    if motor.direction == Direction::Reversed {
+        text += "; mirrored: signs are turned";
+    }
+    text
+}

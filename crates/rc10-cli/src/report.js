@@ -1,0 +1,481 @@
+// Draws the plots of the report. Everything it needs is in the element "data".
+(() => {
+  "use strict";
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const COLOURS = 8, FONT = "11px system-ui, sans-serif", LANE = 15, SLANT = Math.PI / 3;
+  const whole = [0, Math.max(data.length, data.period)];
+  let view = whole, cursor = null, ink = {};
+
+  // ---- small things ----------------------------------------------------------------------------
+  const element = (tag, parent, name, text) => {
+    const made = document.createElement(tag);
+    if (name) made.className = name;
+    if (text !== undefined) made.textContent = text;
+    return parent.appendChild(made);
+  };
+  const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
+  const nice = (rough) => {
+    const power = 10 ** Math.floor(Math.log10(rough)), share = rough / power;
+    return power * (share < 1.4 ? 1 : share < 3.2 ? 2 : share < 7 ? 5 : 10);
+  };
+  const digits = (step) => Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+  const ticks = (low, high, count) => {
+    const step = nice(Math.max(high - low, 1e-9) / Math.max(count, 1)), all = [];
+    for (let n = Math.ceil(low / step - 1e-6); n * step <= high + step * 1e-6; n++) {
+      all.push([n * step, (n * step).toFixed(digits(step)).replace(/^-(?=0(\.0*)?$)/, "").replace("-", "−")]);
+    }
+    return all;
+  };
+  const show = (value, places) => (value == null ? "–" : value.toFixed(places).replace("-", "−"));
+  const style = (name) => ink[name] ??= getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+  const colour = (index) => style("line-" + (index % COLOURS));
+
+  // A canvas cleared and scaled to the screen's pixels.
+  const open = (canvas) => {
+    const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+    const pen = canvas.getContext("2d");
+    pen.scale(ratio, ratio);
+    pen.font = FONT;
+    pen.lineJoin = "round";
+    return { pen, width, height };
+  };
+  const text = (pen, words, x, y, align, baseline) => {
+    pen.textAlign = align;
+    pen.textBaseline = baseline;
+    pen.fillText(words, x, y);
+  };
+  const stroke = (pen, points, paint, width = 1) => {
+    pen.strokeStyle = paint;
+    pen.lineWidth = width;
+    pen.beginPath();
+    points.forEach(([x, y], index) => (index ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+    pen.stroke();
+  };
+  const inside = (pen, box, draw) => {
+    pen.save();
+    pen.beginPath();
+    pen.rect(box.left, box.top, box.right - box.left, box.bottom - box.top);
+    pen.clip();
+    draw();
+    pen.restore();
+  };
+
+  // ---- what all time plots share ---------------------------------------------------------------
+  const across = (box) => (time) => box.left + (time - view[0]) / (view[1] - view[0]) * (box.right - box.left);
+  const shade = (pen, box, x) => inside(pen, box, () => data.stops.forEach(([from, to]) => {
+    pen.fillStyle = style("stop");
+    pen.fillRect(x(from), box.top, x(to) - x(from), box.bottom - box.top);
+  }));
+  const timeAxis = (pen, box, x, named) => {
+    ticks(view[0], view[1], (box.right - box.left) / 60).forEach(([time, words]) => {
+      stroke(pen, [[x(time), box.bottom], [x(time), box.bottom + 4]], style("muted"));
+      pen.fillStyle = style("muted");
+      text(pen, words, x(time), box.bottom + 7, "center", "top");
+    });
+    if (named) text(pen, "time / s", box.right, box.bottom + 20, "right", "top");
+  };
+  const marks = (x) => data.events.map(([time, label], index) => ({ time, x: x(time), label, number: String(index + 1) }))
+    .filter(({ time }) => time >= view[0] && time <= view[1]);
+  const eventLines = (pen, box, events) => {
+    pen.setLineDash([2, 3]);
+    events.forEach(({ x }) => stroke(pen, [[x, box.top], [x, box.bottom]], style("event")));
+    pen.setLineDash([]);
+  };
+  // The name of an event where there is room, else its number, else only its line.
+  const flags = (pen, box, events) => {
+    let free = -Infinity;
+    pen.font = "10px system-ui, sans-serif";
+    events.forEach(({ x, label, number }, index) => {
+      const room = (index + 1 < events.length ? events[index + 1].x : box.right) - x;
+      const words = [label, number].find((one) => pen.measureText(one).width + 5 < room) || number;
+      if (x < free) return;
+      pen.fillStyle = style("muted");
+      text(pen, words, x, box.top - 3, "left", "bottom");
+      free = x + pen.measureText(words).width + 3;
+    });
+    pen.font = FONT;
+  };
+
+  // ---- values over time ------------------------------------------------------------------------
+  class TimePlot {
+    constructor(canvas) {
+      this.canvas = canvas;
+      this.holder = canvas.parentElement;
+      this.holder.classList.add("time");
+      this.legend = canvas.closest("figure").querySelector(".legend");
+      this.line = element("div", this.holder, "cursor");
+      this.clock = element("span", this.line);
+      this.selection = element("div", this.holder, "selection");
+      this.listen();
+    }
+    place(box) {
+      this.box = box;
+      for (const part of [this.line, this.selection]) {
+        part.style.top = box.top + "px";
+        part.style.height = box.bottom - box.top + "px";
+      }
+    }
+    time(event) {
+      const x = event.clientX - this.canvas.getBoundingClientRect().left;
+      const share = (x - this.box.left) / (this.box.right - this.box.left);
+      return view[0] + clamp(share, 0, 1) * (view[1] - view[0]);
+    }
+    listen() {
+      let start = null;
+      const select = (end) => {
+        const x = across(this.box), [from, to] = [Math.min(start, end), Math.max(start, end)];
+        this.selection.style.left = x(from) + "px";
+        this.selection.style.width = x(to) - x(from) + "px";
+        this.selection.style.visibility = x(to) - x(from) > 4 ? "visible" : "hidden";
+        return x(to) - x(from) > 4 && to - from >= 2 * data.period ? [from, to] : null;
+      };
+      const stop = () => {
+        start = null;
+        this.selection.style.visibility = "hidden";
+      };
+      this.holder.addEventListener("pointerdown", (event) => {
+        if (event.button !== 0) return;
+        start = this.time(event);
+        this.holder.setPointerCapture(event.pointerId);
+        point(start);
+      });
+      this.holder.addEventListener("pointermove", (event) => {
+        point(this.time(event));
+        if (start !== null) select(cursor);
+      });
+      this.holder.addEventListener("pointerup", (event) => {
+        const wanted = start === null ? null : select(this.time(event));
+        stop();
+        if (wanted) zoom(wanted);
+      });
+      this.holder.addEventListener("pointercancel", stop);
+      this.holder.addEventListener("pointerleave", (event) => event.pointerType === "mouse" && point(null));
+      this.holder.addEventListener("dblclick", () => zoom(whole));
+    }
+    point() {
+      const seen = cursor !== null && cursor >= view[0] && cursor <= view[1];
+      this.line.style.visibility = seen ? "visible" : "hidden";
+      if (seen) {
+        this.line.style.left = across(this.box)(cursor) + "px";
+        this.clock.textContent = cursor.toFixed(2) + " s";
+      }
+      this.read(seen);
+    }
+  }
+
+  class Chart extends TimePlot {
+    constructor(canvas, chart) {
+      super(canvas);
+      this.chart = chart;
+      this.hidden = new Set();
+      // Room for the longest value, so that nothing moves while values are shown.
+      const longest = ({ measured, target = [] }) =>
+        [...measured, ...target].reduce((most, value) => Math.max(most, show(value, chart.places).length), 1);
+      const paired = chart.series.some(({ target }) => target);
+      const room = Math.max(...chart.series.map(longest)) * (paired ? 2 : 1);
+      this.outputs = chart.series.map(({ name }, index) => {
+        const button = element("button", this.legend);
+        button.type = "button";
+        button.setAttribute("aria-pressed", "true");
+        element("i", button).style.background = `var(--line-${index % COLOURS})`;
+        element("span", button, "", name);
+        button.addEventListener("click", () => {
+          if (!this.hidden.delete(index)) this.hidden.add(index);
+          button.setAttribute("aria-pressed", String(!this.hidden.has(index)));
+          this.draw();
+        });
+        const output = element("output", button);
+        output.style.minWidth = room + (paired ? 3 : 1) + chart.unit.length + "ch";
+        return output;
+      });
+    }
+    shown() {
+      return this.chart.series.map((series, index) => ({ ...series, index })).filter(({ index }) => !this.hidden.has(index));
+    }
+    // Lowest and highest of what is in view, with some air.
+    range(first, last) {
+      let low = Infinity, high = -Infinity;
+      const see = (value) => {
+        if (value == null) return;
+        low = Math.min(low, value);
+        high = Math.max(high, value);
+      };
+      for (const { measured, target = [] } of this.shown()) {
+        for (let index = first; index <= last; index++) {
+          see(measured[index]);
+          see(target[index]);
+        }
+      }
+      if (this.chart.plan) [0, 100, ...this.chart.plan].forEach(see);
+      if (low > high) [low, high] = [0, 1];
+      const air = Math.max((high - low) * 0.06, this.chart.least / 2);
+      return [this.chart.plan ? low : low - air, high + air];
+    }
+    draw() {
+      const { pen, width, height } = open(this.canvas), { chart } = this;
+      const box = { left: 46, top: 22, right: width - 8, bottom: height - 36 };
+      this.place(box);
+      const x = across(box), { from, step } = chart;
+      const first = Math.max(0, Math.floor((view[0] - from) / step) - 1), last = Math.ceil((view[1] - from) / step) + 1;
+      const [low, high] = this.range(first, last);
+      const y = (value) => box.bottom - (value - low) / (high - low) * (box.bottom - box.top);
+      shade(pen, box, x);
+      ticks(low, high, (box.bottom - box.top) / 34).forEach(([value, words]) => {
+        stroke(pen, [[box.left, y(value)], [box.right, y(value)]], style("rule"));
+        pen.fillStyle = style("muted");
+        text(pen, words, box.left - 6, y(value), "right", "middle");
+      });
+      text(pen, chart.unit, box.left - 6, box.top - 3, "right", "bottom");
+      timeAxis(pen, box, x, true);
+      const events = marks(x);
+      eventLines(pen, box, events);
+      flags(pen, box, events);
+      inside(pen, box, () => {
+        if (chart.plan) this.drawPlan(pen, box, y);
+        for (const { measured, target, index } of this.shown()) {
+          pen.strokeStyle = colour(index);
+          pen.lineWidth = 1.6;
+          this.trace(pen, measured, x, y, first, last);
+          if (!target) continue;
+          pen.lineWidth = 1.2;
+          pen.setLineDash([6, 4]);
+          this.trace(pen, target, x, y, first, last);
+          pen.setLineDash([]);
+        }
+      });
+      this.point();
+    }
+    drawPlan(pen, box, y) {
+      const [least, typical, worst] = this.chart.plan;
+      pen.fillStyle = style("band");
+      pen.fillRect(box.left, y(worst), box.right - box.left, y(least) - y(worst));
+      pen.setLineDash([6, 4]);
+      stroke(pen, [[box.left, y(typical)], [box.right, y(typical)]], style("line-0"));
+      pen.setLineDash([]);
+      stroke(pen, [[box.left, y(100)], [box.right, y(100)]], style("bad"));
+      pen.fillStyle = style("muted");
+      const label = (words, value, baseline) => text(pen, `${words} ${value.toFixed(0)} %`, box.right - 4, y(value), "right", baseline);
+      label("planned at worst", worst, "bottom");
+      label("at least", least, "top");
+    }
+    // One line; it breaks where there is no value, and where an angle goes round.
+    trace(pen, values, x, y, first, last) {
+      const { from, step, wraps, stairs } = this.chart;
+      let before = null;
+      pen.beginPath();
+      for (let index = first; index <= Math.min(last, values.length - 1); index++) {
+        const value = values[index];
+        if (value !== null) {
+          const joined = before !== null && !(wraps && Math.abs(value - before) > 180);
+          pen[joined ? "lineTo" : "moveTo"](x(from + index * step), y(value));
+          if (stairs) pen.lineTo(x(from + (index + 1) * step), y(value));
+        }
+        before = value;
+      }
+      pen.stroke();
+    }
+    read(seen) {
+      const { from, step, stairs, series, places, unit } = this.chart;
+      const index = Math[stairs ? "floor" : "round"]((cursor - from) / step);
+      series.forEach(({ measured, target }, number) => {
+        const goal = target && target[index] != null ? " → " + show(target[index], places) : "";
+        this.outputs[number].textContent = seen ? show(measured[index], places) + goal + " " + unit : "";
+      });
+    }
+  }
+
+  // ---- states of the motors, and the names of the events ---------------------------------------
+  class Timeline extends TimePlot {
+    constructor(canvas) {
+      super(canvas);
+      const used = new Set(data.lanes.flatMap(({ runs }) => runs.map(([, , state]) => state)));
+      data.states.forEach((state, index) => {
+        if (!used.has(index)) return;
+        const item = element("span", this.legend);
+        element("i", item, "block").style.background = `var(--state-${state})`;
+        item.append(state === "unheard" ? "never heard" : state);
+      });
+      this.output = element("output", element("span", this.legend, "whole"));
+      const pen = canvas.getContext("2d");
+      pen.font = FONT;
+      const longest = (all) => Math.max(0, ...all.map((words) => pen.measureText(words).width));
+      this.left = longest(data.lanes.map(({ name }) => name)) + 12;
+      this.top = longest(data.events.map(([, label]) => "00 " + label)) * Math.sin(SLANT) + 22;
+      canvas.style.height = this.top + data.lanes.length * LANE + 38 + "px";
+    }
+    draw() {
+      const { pen, width, height } = open(this.canvas);
+      const box = { left: this.left, top: this.top, right: width - 48, bottom: height - 36 };
+      this.place(box);
+      const x = across(box), events = marks(x);
+      data.lanes.forEach(({ name, runs }, lane) => {
+        const top = box.top + lane * LANE + 3;
+        pen.fillStyle = style("text");
+        text(pen, name, box.left - 8, top + LANE / 2 - 1, "right", "middle");
+        inside(pen, box, () => runs.forEach(([from, to, state]) => {
+          pen.fillStyle = style("state-" + data.states[state]);
+          pen.fillRect(x(from), top, x(to) - x(from) + 0.3, LANE - 4);
+        }));
+      });
+      timeAxis(pen, box, x, true);
+      eventLines(pen, box, events);
+      this.names(pen, box, events);
+      this.point();
+    }
+    // The events' names, slanted, moved apart where their marks are close together.
+    names(pen, box, events) {
+      const gap = 13, end = box.right + 8;
+      let shown = events.map((event) => ({ ...event, at: event.x }));
+      if (shown.length * gap > end - box.left) {
+        shown = shown.reduce((kept, event) => (kept.length && event.x < kept.at(-1).x + gap ? kept : [...kept, event]), []);
+      } else {
+        shown.forEach((event, index) => index && (event.at = Math.max(event.x, shown[index - 1].at + gap)));
+        for (let index = shown.length - 1, most = end; index >= 0; index--, most -= gap) {
+          shown[index].at = most = Math.min(shown[index].at, most);
+        }
+      }
+      shown.forEach(({ x, at, label, number }) => {
+        pen.setLineDash([2, 3]);
+        stroke(pen, [[x, box.top], [at, box.top - 10]], style("event"));
+        pen.setLineDash([]);
+        pen.save();
+        pen.translate(at, box.top - 12);
+        pen.rotate(-SLANT);
+        pen.fillStyle = style("text");
+        text(pen, number + " " + label, 0, 0, "left", "middle");
+        pen.restore();
+      });
+    }
+    read(seen) {
+      const last = seen && data.events.filter(([time]) => time <= cursor).at(-1);
+      const stop = seen && data.stops.find(([from, to]) => from <= cursor && cursor < to);
+      this.output.textContent = seen ? [cursor.toFixed(2) + " s", last && "after: " + last[1], stop && stop[2]].filter(Boolean).join(" · ") : "";
+    }
+  }
+
+  // ---- the base in the plane -------------------------------------------------------------------
+  class Path {
+    constructor(canvas) {
+      this.canvas = canvas;
+      this.dot = element("div", canvas.parentElement, "dot");
+      this.output = element("output", element("span", canvas.closest("figure").querySelector(".legend"), "whole"));
+    }
+    draw() {
+      const { pen, width, height } = open(this.canvas), { from, step, x: xs, y: ys, yaw } = data.path;
+      const box = { left: 40, top: 18, right: width - 8, bottom: height - 36 };
+      const extent = (all) => all.reduce(([low, high], value) => [Math.min(low, value ?? 0), Math.max(high, value ?? 0)], [0, 0]);
+      const [left, right] = extent(xs), [low, high] = extent(ys), air = 0.12 * Math.max(right - left, high - low, 0.5);
+      // Metres are as long one way as the other.
+      const scale = Math.min((box.right - box.left) / (right - left + 2 * air), (box.bottom - box.top) / (high - low + 2 * air));
+      const middle = [(box.left + box.right) / 2, (box.top + box.bottom) / 2];
+      const x = (metres) => middle[0] + (metres - (left + right) / 2) * scale;
+      const y = (metres) => middle[1] - (metres - (low + high) / 2) * scale;
+      this.spot = (index) => (xs[index] == null || ys[index] == null ? null : [x(xs[index]), y(ys[index])]);
+      const span = (from, to) => [(from - middle[0]) / scale + (left + right) / 2, (to - middle[0]) / scale + (left + right) / 2];
+      const count = (box.right - box.left) / 60, pitch = (box.right - box.left) / scale;
+      const rise = [(middle[1] - box.bottom) / scale, (middle[1] - box.top) / scale].map((metres) => metres + (low + high) / 2);
+      ticks(...span(box.left, box.right), count).forEach(([metres, words]) => {
+        stroke(pen, [[x(metres), box.top], [x(metres), box.bottom]], style("rule"));
+        pen.fillStyle = style("muted");
+        text(pen, words, x(metres), box.bottom + 5, "center", "top");
+      });
+      ticks(...rise, count * (rise[1] - rise[0]) / pitch).forEach(([metres, words]) => {
+        stroke(pen, [[box.left, y(metres)], [box.right, y(metres)]], style("rule"));
+        pen.fillStyle = style("muted");
+        text(pen, words, box.left - 5, y(metres), "right", "middle");
+      });
+      text(pen, "x (forward) / m", box.right, box.bottom + 20, "right", "top");
+      text(pen, "y (left) / m", 2, box.top - 4, "left", "bottom");
+      const first = Math.max(0, Math.floor((view[0] - from) / step)), last = Math.ceil((view[1] - from) / step);
+      this.trace(pen, 0, xs.length - 1, "rule");
+      this.trace(pen, first, Math.min(last, xs.length - 1), "line-0");
+      const every = Math.max(1, Math.round(0.5 / step));
+      for (let index = 0; index < xs.length; index += every) {
+        const spot = this.spot(index);
+        if (spot && yaw[index] != null && index >= first && index <= last) this.arrow(pen, spot, yaw[index]);
+      }
+      this.mark(pen, 0, "start", "good", "bottom");
+      this.mark(pen, xs.length - 1, "end", "bad", "top");
+      this.point();
+    }
+    trace(pen, first, last, paint) {
+      let points = [];
+      for (let index = first; index <= last + 1; index++) {
+        const spot = index <= last && this.spot(index);
+        if (spot) points.push(spot);
+        else if (points.length) {
+          stroke(pen, points, style(paint), 2);
+          points = [];
+        }
+      }
+    }
+    arrow(pen, [x, y], yaw) {
+      pen.save();
+      pen.translate(x, y);
+      pen.rotate(-yaw);
+      pen.fillStyle = style("line-0");
+      pen.strokeStyle = style("card");
+      pen.beginPath();
+      [[9, 0], [-5, 5], [-2, 0], [-5, -5]].forEach((corner) => pen.lineTo(...corner));
+      pen.closePath();
+      pen.stroke();
+      pen.fill();
+      pen.restore();
+    }
+    mark(pen, index, words, paint, side) {
+      const spot = this.spot(index);
+      if (!spot) return;
+      pen.fillStyle = style(paint);
+      pen.beginPath();
+      pen.arc(...spot, 4, 0, 2 * Math.PI);
+      pen.fill();
+      pen.font = "bold " + FONT;
+      text(pen, words, spot[0], spot[1] + (side === "top" ? 10 : -10), "center", side);
+      pen.font = FONT;
+    }
+    point() {
+      const { from, step, x, y, yaw } = data.path;
+      const index = cursor === null ? -1 : Math.round((cursor - from) / step), spot = this.spot(index);
+      this.dot.style.visibility = spot ? "visible" : "hidden";
+      this.output.textContent = "";
+      if (!spot) return;
+      const heading = yaw[index] == null ? null : yaw[index] * 180 / Math.PI;
+      [this.dot.style.left, this.dot.style.top] = spot.map((place) => place + "px");
+      this.output.textContent = `x ${show(x[index], 2)} m   y ${show(y[index], 2)} m   heading ${show(heading, 0)}°`;
+    }
+  }
+
+  // ---- all together ----------------------------------------------------------------------------
+  const plots = Array.from(document.querySelectorAll("canvas"), (canvas) => {
+    const which = canvas.dataset.plot;
+    if (which === "timeline") return new Timeline(canvas);
+    return which === "path" ? new Path(canvas) : new Chart(canvas, data.charts[Number(which)]);
+  });
+  const reset = document.getElementById("reset");
+  const draw = () => {
+    ink = {};
+    plots.forEach((plot) => plot.draw());
+  };
+  function point(time) {
+    cursor = time;
+    plots.forEach((plot) => plot.point());
+  }
+  function zoom(wanted) {
+    view = wanted;
+    reset.hidden = view === whole;
+    draw();
+  }
+  const print = (on) => {
+    document.documentElement.classList.toggle("print", on);
+    point(null);
+    draw();
+  };
+  reset.addEventListener("click", () => zoom(whole));
+  window.addEventListener("resize", draw);
+  window.addEventListener("beforeprint", () => print(true));
+  window.addEventListener("afterprint", () => print(false));
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  draw();
+})();

@@ -1,0 +1,94 @@
+//! On embassy-stm32's own CAN driver, polled: its futures are asked once each.
+//!
+//! What it cannot do, and `rc10-bsp` can: more than three frames in each direction, take a frame
+//! back, notice lost frames.
+#![no_std]
+#![no_main]
+
+use core::num::{NonZeroU8, NonZeroU16};
+
+use cortex_m_rt::entry;
+use embassy_futures::poll_once;
+use embassy_stm32::can::config::NominalBitTiming;
+use embassy_stm32::can::enums::BusError;
+use embassy_stm32::can::{
+    CanConfigurator, Frame, IT0InterruptHandler, IT1InterruptHandler, config::TxBufferMode,
+};
+use embassy_stm32::peripherals::FDCAN1;
+use embassy_stm32::rcc::mux::Fdcansel;
+use embassy_stm32::rcc::{Hse, HseMode};
+use embassy_stm32::time::Hertz;
+use embassy_stm32::{Config, bind_interrupts};
+use interop::{Heartbeat, superloop};
+use rc10_can::embedded_can::nb::Can;
+use rc10_can::embedded_can::{Error, ErrorKind};
+
+bind_interrupts!(struct Irqs {
+    FDCAN1_IT0 => IT0InterruptHandler<FDCAN1>;
+    FDCAN1_IT1 => IT1InterruptHandler<FDCAN1>;
+});
+
+struct Embassy(embassy_stm32::can::Can<'static>);
+
+impl Can for Embassy {
+    type Frame = Frame;
+    type Error = Failed;
+
+    fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Failed> {
+        // A frame that is not taken at once is not taken at all: the future is dropped.
+        match poll_once(self.0.write(frame)) {
+            core::task::Poll::Ready(evicted) => Ok(evicted),
+            core::task::Poll::Pending => Err(nb::Error::WouldBlock),
+        }
+    }
+
+    fn receive(&mut self) -> nb::Result<Frame, Failed> {
+        match poll_once(self.0.read()) {
+            core::task::Poll::Ready(Ok(envelope)) => Ok(envelope.frame),
+            core::task::Poll::Ready(Err(error)) => Err(nb::Error::Other(Failed(error))),
+            core::task::Poll::Pending => Err(nb::Error::WouldBlock),
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Failed(BusError);
+
+impl Error for Failed {
+    fn kind(&self) -> ErrorKind {
+        match self.0 {
+            BusError::Stuff => ErrorKind::Stuff,
+            BusError::Form => ErrorKind::Form,
+            BusError::Acknowledge => ErrorKind::Acknowledge,
+            BusError::BitRecessive | BusError::BitDominant => ErrorKind::Bit,
+            BusError::Crc => ErrorKind::Crc,
+            _ => ErrorKind::Other,
+        }
+    }
+}
+
+/// 25 MHz / 1 = 25 time quanta a bit; sampled after 19 of them (76 %).
+const TIMING: NominalBitTiming = NominalBitTiming {
+    prescaler: NonZeroU16::MIN,
+    seg1: NonZeroU8::new(18).expect("not zero"),
+    seg2: NonZeroU8::new(6).expect("not zero"),
+    sync_jump_width: NonZeroU8::new(6).expect("not zero"),
+};
+
+#[entry]
+fn main() -> ! {
+    let Some(core) = cortex_m::Peripherals::take() else {
+        unreachable!("taken once");
+    };
+    let mut config = Config::default();
+    // The core stays at the internal oscillator's 64 MHz; CAN needs the crystal.
+    config.rcc.hse = Some(Hse { freq: Hertz(25_000_000), mode: HseMode::Oscillator });
+    config.rcc.mux.fdcansel = Fdcansel::HSE;
+    let p = embassy_stm32::init(config);
+    let mut can = CanConfigurator::new(p.FDCAN1, p.PD0, p.PD1, Irqs);
+    let mut settings = can.config().set_nominal_bit_timing(TIMING);
+    // The default mode evicts frames to send more urgent ones.
+    settings.tx_buffer_mode = TxBufferMode::Fifo;
+    can.set_config(settings);
+    superloop(Embassy(can.into_normal_mode()), Heartbeat::start(core.SYST, 64_000_000))
+}
