@@ -1,4 +1,5 @@
 //! `rc10 decode` as somebody with a capture uses it: the command itself, on whole logs.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::io::{Read, Write};
 use std::path::PathBuf;

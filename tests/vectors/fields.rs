@@ -142,11 +142,8 @@ pub fn frame(mut fields: Fields) -> Check<Option<CanFrame>> {
         return Err(format!("`dlc` is {len}, but there are {} data bytes", data.len()));
     }
     Ok(id.and_then(|id| {
-        let frame = if remote {
-            CanFrame::remote_frame(id, len)
-        } else {
-            CanFrame::data_frame(id, &data)
-        };
+        let frame =
+            if remote { CanFrame::remote_frame(id, len) } else { CanFrame::data_frame(id, &data) };
         frame.ok()
     }))
 }
@@ -160,24 +157,34 @@ fn bytes(hexadecimal: &str) -> Check<Vec<u8>> {
     bytes.ok_or_else(|| format!("no hexadecimal bytes: {hexadecimal}"))
 }
 
-/// One number for all fields, or one for each.
+/// One number for all fields, or one for each, and whether it was asked for.
 #[derive(Default)]
 struct PerField {
     common: Option<f64>,
-    named: Map<String, Value>,
+    named: Vec<(String, f64, bool)>,
 }
 
 impl PerField {
     fn of(value: Option<Value>) -> Check<Self> {
+        let mut all = Self::default();
         match value {
-            None => Ok(Self::default()),
-            Some(Value::Object(named)) => Ok(Self { common: None, named }),
-            Some(number) => Ok(Self { common: Some(float(&number)?), named: Map::new() }),
+            None => {}
+            Some(Value::Object(named)) => {
+                for (field, value) in named {
+                    all.named.push((field, float(&value)?, false));
+                }
+            }
+            Some(number) => all.common = Some(float(&number)?),
         }
+        Ok(all)
     }
 
-    fn field(&mut self, field: &str) -> Check<Option<f64>> {
-        self.named.remove(field).map_or(Ok(self.common), |value| float(&value).map(Some))
+    fn field(&mut self, field: &str) -> Option<f64> {
+        let Some((_, value, asked)) = self.named.iter_mut().find(|(name, ..)| name == field) else {
+            return self.common;
+        };
+        *asked = true;
+        Some(*value)
     }
 }
 
@@ -203,15 +210,14 @@ impl Tolerance {
     }
 
     /// How many steps a raw field may be off.
-    pub fn steps(&mut self, field: &str) -> Check<u32> {
-        let steps = self.lsb.field(field)?.unwrap_or(0.0);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
-        Ok(steps as u32)
+    pub fn steps(&mut self, field: &str) -> u32 {
+        #[expect(clippy::cast_possible_truncation, reason = "it saturates")]
+        return self.lsb.field(field).unwrap_or(0.0) as u32;
     }
 
     /// Compares a raw field.
     pub fn raw(&mut self, field: &str, expected: &Value, actual: i64) -> Check {
-        let steps = self.steps(field)?;
+        let steps = self.steps(field);
         let off = integer(expected)?.abs_diff(actual);
         same(field, off <= u64::from(steps), expected, &actual)
     }
@@ -219,11 +225,10 @@ impl Tolerance {
     /// Compares a physical value, one step of whose raw field is `lsb`.
     pub fn float(&mut self, field: &str, lsb: f64, expected: &Value, actual: f32) -> Check {
         let wanted = float(expected)?;
-        let relative = self.relative.field(field)?;
-        let absolute = self.absolute.field(field)?.unwrap_or(0.0);
-        let steps = self.absolute_lsb.field(field)?.unwrap_or(0.0);
-        let bound = relative.unwrap_or(RELATIVE) * wanted.abs();
-        let bound = bound.max(absolute).max(steps * lsb);
+        let relative = self.relative.field(field).unwrap_or(RELATIVE);
+        let absolute = self.absolute.field(field).unwrap_or(0.0);
+        let steps = self.absolute_lsb.field(field).unwrap_or(0.0);
+        let bound = (relative * wanted.abs()).max(absolute).max(steps * lsb);
         // False for NaN.
         same(field, (wanted - f64::from(actual)).abs() <= bound, expected, &actual)
     }
@@ -231,8 +236,8 @@ impl Tolerance {
     /// `Ok` if every field with a tolerance of its own was compared.
     pub fn finish(self) -> Check {
         let all = [self.lsb, self.relative, self.absolute, self.absolute_lsb];
-        let left = all.into_iter().flat_map(|tolerance| tolerance.named).next();
-        left.map_or(Ok(()), |(field, _)| Err(format!("tolerance for a field `{field}` unknown here")))
+        let left = all.iter().flat_map(|tolerance| &tolerance.named).find(|(.., asked)| !asked);
+        left.map_or(Ok(()), |(field, ..)| Err(format!("a tolerance for `{field}`, unknown here")))
     }
 }
 

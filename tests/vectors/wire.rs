@@ -74,9 +74,8 @@ pub fn totals(modulus: u32, counts: &[Value]) -> Check<Vec<i64>> {
     let mut encoder = Encoder::new(modulus);
     let mut first = None;
     let total = |count| {
-        let step = encoder.update(narrow(count)?).map_err(|error| error.to_string())?;
-        let before = encoder.total() - i64::from(step);
-        Ok(encoder.total() - *first.get_or_insert(before))
+        encoder.update(narrow(count)?).map_err(|error| error.to_string())?;
+        Ok(encoder.total() - *first.get_or_insert(encoder.total()))
     };
     counts.iter().map(total).collect()
 }

@@ -75,7 +75,6 @@ pub fn round_to_i16(x: f32) -> i16 {
     const LAST_PLACE_IS_ONE: f32 = 12_582_912.0;
     if x.abs() <= 32767.0 {
         #[expect(clippy::cast_possible_truncation, reason = "the low bits are the integer")]
-        #[expect(clippy::cast_possible_wrap, reason = "two's complement")]
         return (x + LAST_PLACE_IS_ONE).to_bits() as i16;
     }
     saturated(x)

@@ -295,7 +295,7 @@ impl Bytes {
         if let Some(character) = text.chars().find(|character| !character.is_ascii_hexdigit()) {
             return Err(LineError::NotHex(character));
         }
-        if text.len() % 2 != 0 {
+        if !text.len().is_multiple_of(2) {
             return Err(LineError::OddDigits(text.len()));
         }
         for start in (0..text.len()).step_by(2) {

@@ -587,3 +587,165 @@ fn micros(time: Micros) -> i32 {
 const fn count(counter: &mut u32) {
     *counter = counter.saturating_add(1);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dji::{Dji, M3508};
+    use embedded_can::StandardId;
+    use rc10_app::Rpm;
+
+    const MS: Seconds = Seconds::new(0.001);
+
+    /// A motor that says of itself whatever byte 0 tells it to.
+    struct Talker {
+        targets: u32,
+        drive: Drive,
+    }
+
+    impl crate::motor::Motor for Talker {
+        fn supports(&self) -> TargetSet {
+            TargetSet::of(&[crate::TargetKind::Coast, crate::TargetKind::Speed])
+        }
+        fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
+            self.targets += 1;
+            self.supports().accepts(&target)
+        }
+        fn target(&self) -> Target {
+            Target::Coast
+        }
+        fn feedback(&self) -> Feedback {
+            Feedback::NEW
+        }
+        fn fault(&self) -> Option<Fault> {
+            None
+        }
+        fn update(&mut self, _: Seconds, drive: Drive) {
+            self.drive = drive;
+        }
+        fn request(&mut self, _: Request) -> Result<(), RequestError> {
+            Ok(())
+        }
+    }
+
+    impl CanMotor for Talker {
+        fn wiring(&self) -> crate::Wiring {
+            let pattern = IdPattern::exact(StandardId::new(0x10).unwrap());
+            let rate = crate::Rate::EveryTick;
+            let receive = crate::Receive { pattern, len: 1, rate, guard: None };
+            crate::Wiring::new("talker", 1).receives(receive).unwrap()
+        }
+        fn unpack_feedback(&mut self, frame: &CanFrame, _: Micros) -> Result<Heard, FrameError> {
+            match frame.bytes() {
+                [0] => Ok(Heard::Feedback),
+                [1] => Ok(Heard::Fault),
+                [2] => Ok(Heard::Other),
+                _ => Err(FrameError::Length),
+            }
+        }
+        fn pack_command(&mut self, _: &mut TxBatch) -> Result<(), TxFull> {
+            Ok(())
+        }
+        fn coast_frames(&self, _: &mut TxBatch) -> Result<(), TxFull> {
+            Ok(())
+        }
+    }
+
+    fn says(byte: u8) -> CanFrame {
+        CanFrame::data_frame(StandardId::new(0x10).unwrap(), &[byte]).unwrap()
+    }
+
+    /// One tick with a frame and a fresh command; what the motor was allowed.
+    fn tick(bus: &mut MotorBus<'_>, now: u64, byte: Option<u8>) -> (Drive, Link) {
+        let now = Micros::from_millis(now);
+        if let Some(byte) = byte {
+            bus.on_frame(&says(byte), now);
+        }
+        bus.command(MotorId(0), Target::Speed(Rpm::new(1.0)), now).unwrap();
+        bus.tick(now, MS, &mut TxBatch::new()).unwrap();
+        let status = bus.status(MotorId(0), now).unwrap();
+        (status.drive, status.link)
+    }
+
+    #[test]
+    fn a_fault_stops_the_motor_until_it_is_cleared() {
+        let switch = ArmSwitch::new();
+        let mut talker = Talker { targets: 0, drive: Drive::Off };
+        let mut bus = MotorBus::<8>::new(&switch);
+        bus.attach(&mut talker, Safety::BRAKE).unwrap();
+        switch.arm().unwrap();
+        assert_eq!(tick(&mut bus, 1, Some(0)), (Drive::Run, Link::Online));
+        assert_eq!(tick(&mut bus, 2, Some(1)), (Drive::Brake, Link::Online));
+        // That the fault goes by itself is not enough.
+        assert_eq!(tick(&mut bus, 3, Some(0)), (Drive::Brake, Link::Online));
+        bus.request(MotorId(0), Request::ClearFault).unwrap();
+        assert_eq!(tick(&mut bus, 4, Some(0)), (Drive::Run, Link::Online));
+        assert_eq!(bus.status(MotorId(0), Micros::ZERO).unwrap().counters.expired, 0);
+    }
+
+    #[test]
+    fn a_reply_that_is_no_feedback_does_not_keep_the_link_alive() {
+        let switch = ArmSwitch::new();
+        let mut talker = Talker { targets: 0, drive: Drive::Off };
+        let mut bus = MotorBus::<8>::new(&switch);
+        bus.attach(&mut talker, Safety::HOLD).unwrap();
+        switch.arm().unwrap();
+        assert_eq!(tick(&mut bus, 1, Some(2)), (Drive::Coast, Link::NeverSeen));
+        assert_eq!(tick(&mut bus, 2, Some(0)), (Drive::Run, Link::Online));
+        for now in 3..=12 {
+            assert_eq!(tick(&mut bus, now, Some(2)).1, Link::Online);
+        }
+        assert_eq!(tick(&mut bus, 13, Some(2)), (Drive::Coast, Link::Lost));
+        // A motor once lost stays lost, also when the low half of the time has gone round.
+        for millis in [4_294_967_u64, 4_294_972] {
+            assert_eq!(tick(&mut bus, millis, None), (Drive::Coast, Link::Lost));
+        }
+        let counters = bus.status(MotorId(0), Micros::ZERO).unwrap().counters;
+        assert_eq!((counters.lost, counters.received), (1, 13));
+    }
+
+    #[test]
+    fn a_frame_that_arrives_during_the_tick_is_not_old() {
+        let switch = ArmSwitch::new();
+        let mut talker = Talker { targets: 0, drive: Drive::Off };
+        let mut bus = MotorBus::<8>::new(&switch);
+        bus.attach(&mut talker, Safety::COAST).unwrap();
+        switch.arm().unwrap();
+        let now = Micros::from_millis(5);
+        bus.on_frame(&says(0), now + Micros::new(40));
+        bus.command(MotorId(0), Target::Coast, now).unwrap();
+        bus.tick(now, MS, &mut TxBatch::new()).unwrap();
+        assert_eq!(bus.status(MotorId(0), now).unwrap().drive, Drive::Run);
+    }
+
+    #[test]
+    fn refusals_and_strangers_are_counted() {
+        let switch = ArmSwitch::new();
+        let mut talker = Talker { targets: 0, drive: Drive::Off };
+        let mut bus = MotorBus::<8>::new(&switch);
+        let motor = bus.attach(&mut talker, Safety::COAST).unwrap();
+        assert!(bus.command(motor, Target::Duty(0.5), Micros::ZERO).is_err());
+        let nobody = bus.command(MotorId(5), Target::Coast, Micros::ZERO);
+        assert_eq!(nobody, Err(CommandError::NoSuchMotor));
+        let stranger = CanFrame::data_frame(StandardId::new(0x55).unwrap(), &[]).unwrap();
+        assert_eq!(bus.on_frame(&stranger, Micros::ZERO), Dispatch::Unclaimed);
+        let wrong = Dispatch::Malformed(motor, FrameError::Length);
+        assert_eq!(bus.on_frame(&says(9), Micros::ZERO), wrong);
+        let counters = bus.counters();
+        assert_eq!((counters.received, counters.malformed, counters.unclaimed), (2, 1, 1));
+        assert_eq!(counters.last_unclaimed, Some(0x55));
+        assert_eq!(bus.status(motor, Micros::ZERO).unwrap().counters.refused, 1);
+    }
+
+    #[test]
+    fn an_expiry_that_is_none_is_refused() {
+        let switch = ArmSwitch::new();
+        for micros in [0, 1_000_001] {
+            let mut wheel = Dji::new(&M3508, 1).unwrap();
+            let mut bus = MotorBus::<8>::new(&switch);
+            let safety = Safety { command_expiry: Micros::new(micros), ..Safety::COAST };
+            let refused = bus.attach(&mut wheel, safety);
+            assert!(matches!(refused, Err(AttachError::Expiry { .. })));
+        }
+    }
+}

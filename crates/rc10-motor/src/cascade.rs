@@ -216,7 +216,7 @@ impl CascadeState {
         if self.active != Active::Angle {
             return self.start_angle(config, way, measured, full, dt);
         }
-        self.angle_loop(config, way, dt);
+        self.angle_loop(config, way, config.outer_divider.max(1), dt);
         self.speed_loop(config, self.asked, measured, dt);
     }
 
@@ -228,17 +228,18 @@ impl CascadeState {
         }
         let last = self.effort();
         let goes_on = self.enter(Active::Angle, measured);
-        self.angle_loop(config, way, dt);
+        // During a soft start it runs in every tick.
+        let ticks = if goes_on { config.outer_divider.max(1) } else { 1 };
+        self.angle_loop(config, way, ticks, dt);
         self.speed_loop(config, self.asked, measured, dt);
         if !goes_on {
-            self.ticks_left = 0;
             self.soften(last, full, dt);
         }
     }
 
+    /// The angle loop, which runs every `ticks` ticks of `dt`.
     #[inline(always)]
-    fn angle_loop(&mut self, config: &Cascade, way: f32, dt: Seconds) {
-        let ticks = config.outer_divider.max(1);
+    fn angle_loop(&mut self, config: &Cascade, way: f32, ticks: u8, dt: Seconds) {
         self.ticks_left = ticks - 1;
         let Self { angle, last_way, .. } = self;
         let input = PidInput { error: way, feed_forward: 0.0, integrate: true };
@@ -313,5 +314,92 @@ impl CascadeState {
         let goes_on = self.active != Active::Nothing;
         *(if goes_on { &mut self.active } else { &mut self.starting }) = next;
         goes_on
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Seconds = Seconds::new(0.001);
+    const CONFIG: Cascade = Cascade {
+        speed: PidConfig::new(0.4, 2.0, 0.0, 20.0),
+        angle: PidConfig::new(1.3, 0.0, 0.0, 400.0),
+        outer_divider: 10,
+        acceleration: RpmPerSecond::new(1000.0),
+        feed_forward: 0.0,
+    };
+
+    #[test]
+    fn the_speed_reference_starts_at_the_measured_speed_and_moves_at_the_acceleration() {
+        let mut state = CascadeState::new();
+        for tick in 1..=100_u8 {
+            state.seek_speed(&CONFIG, 400.0, 50.0, 20.0, MS);
+            assert!((state.reference() - 50.0 - f32::from(tick)).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn a_start_is_soft_and_then_is_not_held_back_any_more() {
+        let mut state = CascadeState::new();
+        let mut last = 0.0;
+        for _ in 0..20 {
+            state.give(20.0, 20.0, MS);
+            assert!((state.effort() - last).abs() <= 2.001);
+            last = state.effort();
+        }
+        assert!((last - 20.0).abs() < 1e-3);
+        state.give(20.0, 20.0, MS);
+        state.give(-20.0, 20.0, MS);
+        assert!((state.effort() + 20.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn changing_between_effort_speed_and_angle_gives_no_kick() {
+        let mut state = CascadeState::new();
+        for _ in 0..100 {
+            state.give(5.0, 20.0, MS);
+        }
+        state.seek_speed(&CONFIG, 100.0, 100.0, 20.0, MS);
+        assert!((state.effort() - 5.0).abs() < 0.1, "{}", state.effort());
+        state.seek_angle(&CONFIG, 100.0 / 1.3, 100.0, 20.0, MS);
+        assert!((state.effort() - 5.0).abs() < 0.1, "{}", state.effort());
+        state.seek_speed(&CONFIG, 100.0, 100.0, 20.0, MS);
+        assert!((state.effort() - 5.0).abs() < 0.1, "{}", state.effort());
+    }
+
+    #[test]
+    fn the_angle_loop_runs_every_tenth_tick() {
+        let mut state = CascadeState::new();
+        for _ in 0..30 {
+            state.seek_angle(&CONFIG, 10.0, 0.0, 20.0, MS);
+        }
+        let mut between = 0;
+        while state.keep_seeking_angle(&CONFIG, 0.0, MS) {
+            between += 1;
+        }
+        assert_eq!(between, 9);
+        // Leaving the angle ends that at once.
+        state.seek_angle(&CONFIG, 10.0, 0.0, 20.0, MS);
+        state.seek_speed(&CONFIG, 0.0, 0.0, 20.0, MS);
+        assert!(!state.keep_seeking_angle(&CONFIG, 0.0, MS));
+    }
+
+    #[test]
+    fn no_speed_is_asked_for_that_could_not_be_braked_from() {
+        for degrees in [1.0_f32, 10.0, 90.0, 720.0, 1e6] {
+            let asked = brake_in_time(&CONFIG, degrees, 1.3 * degrees);
+            // v² / 2 a, with 1 rpm = 6 degrees a second.
+            let braking = 3.0 * asked * asked / 1000.0;
+            assert!(braking <= degrees * 1.001, "{degrees}: {asked} rpm");
+        }
+    }
+
+    #[test]
+    fn a_cascade_that_cannot_work_is_named() {
+        let wrong = Cascade { acceleration: RpmPerSecond::ZERO, ..CONFIG };
+        assert_eq!(wrong.validate().unwrap_err().field, "acceleration");
+        let wrong = Cascade { speed: PidConfig { kp: f32::NAN, ..CONFIG.speed }, ..CONFIG };
+        assert_eq!(wrong.validate().unwrap_err().field, "kp");
     }
 }
