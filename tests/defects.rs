@@ -117,7 +117,7 @@ fn r3_a_millisecond_is_a_millisecond_after_any_uptime() {
     for hours in [0, 1, 5, 24 * 365 * 100] {
         let start = Micros::from_millis(hours * 3_600_000);
         let switch = ArmSwitch::new();
-        let shared = BusPort::<8>::new();
+        let shared = BusPort::new();
         let mut witness = Witness(&seen);
         let mut bus = MotorBus::new(&switch);
         bus.attach(&mut witness, Safety::COAST).unwrap();
@@ -162,7 +162,7 @@ fn r8_eight_motors_of_two_groups_fit_and_the_ninth_is_named() {
     let switch = ArmSwitch::new();
     let mut motors: Vec<Dji> = (1..=8).map(|id| motor(&dji::M3508, id)).collect();
     let mut ninth = motor(&dji::GM6020_CURRENT, 7);
-    let mut bus = MotorBus::<8>::new(&switch);
+    let mut bus = MotorBus::new(&switch);
     for motor in &mut motors {
         bus.attach(motor, Safety::COAST).unwrap();
     }
@@ -180,7 +180,7 @@ fn r8_eight_motors_of_two_groups_fit_and_the_ninth_is_named() {
 #[test]
 fn r9_all_received_frames_are_taken_in_one_tick_and_losses_are_counted() {
     let switch = ArmSwitch::new();
-    let shared = BusPort::<8>::new();
+    let shared = BusPort::new();
     let mut motors: Vec<Dji> = (1..=8).map(|id| motor(&dji::M3508, id)).collect();
     let mut bus = MotorBus::new(&switch);
     for motor in &mut motors {
@@ -259,7 +259,7 @@ fn r14_motors_with_one_feedback_id_are_refused_and_both_are_named() {
         for model in [&dji::GM6020_CURRENT, &dji::GM6020_VOLTAGE] {
             let switch = ArmSwitch::new();
             let (mut wheel, mut gimbal) = (motor(&dji::M3508, n + 4), motor(model, n));
-            let mut bus = MotorBus::<8>::new(&switch);
+            let mut bus = MotorBus::new(&switch);
             bus.attach(&mut wheel, Safety::COAST).unwrap();
             let error = bus.attach(&mut gimbal, Safety::COAST).unwrap_err();
             let id = Id::Standard(StandardId::new(0x204 + u16::from(n)).unwrap());

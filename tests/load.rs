@@ -83,7 +83,7 @@ fn four_and_five_motors_fit_and_six_are_tight() {
     ] {
         let switch = ArmSwitch::new();
         let mut motors = eight(FeedbackRate::Hz1000);
-        let mut bus = rc10_motor::MotorBus::<8>::new(&switch);
+        let mut bus = rc10_motor::MotorBus::new(&switch);
         for motor in &mut motors[..count] {
             bus.attach(motor, Safety::COAST).unwrap();
         }

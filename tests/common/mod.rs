@@ -24,7 +24,7 @@ pub struct Bench<'m> {
     pub world: World,
     pub wire: rc10_sim::Bus,
     pub port: SimPort,
-    pub bus: MotorBus<'m, 8>,
+    pub bus: MotorBus<'m>,
     pub tx: TxBatch,
     pub refused: u32,
 }

@@ -23,13 +23,16 @@ use crate::wiring::{Clash, MotorName};
 /// No motor can opt out of: no torque until the [`ArmSwitch`] is armed; its safe state when
 /// commands stop coming; no torque when its feedback is lost; its safe state while the emergency
 /// stop is latched.
-pub struct MotorBus<'m, const N: usize = 8> {
+pub struct MotorBus<'m> {
     switch: &'m ArmSwitch,
-    slots: Vec<Slot<'m>, N>,
+    slots: Vec<Slot<'m>, CAPACITY>,
     table: ReceiveTable,
     unclaimed: u32,
     last_unclaimed: Option<u32>,
 }
+
+/// See [`MotorBus::CAPACITY`].
+const CAPACITY: usize = 8;
 
 struct Slot<'m> {
     motor: &'m mut dyn CanMotor,
@@ -262,7 +265,10 @@ impl MotorStatus {
     };
 }
 
-impl<'m, const N: usize> MotorBus<'m, N> {
+impl<'m> MotorBus<'m> {
+    /// Motors that a bus holds. More DJI motors than this fit on no wire, whatever their rate.
+    pub const CAPACITY: usize = CAPACITY;
+
     /// A bus without motors, armed and stopped by `switch`.
     #[must_use]
     pub const fn new(switch: &'m ArmSwitch) -> Self {
@@ -312,7 +318,7 @@ impl<'m, const N: usize> MotorBus<'m, N> {
             faulted: false,
             counters: MotorCounters::default(),
         };
-        let full = AttachError::Full { motor: name, capacity: N };
+        let full = AttachError::Full { motor: name, capacity: Self::CAPACITY };
         let index = u8::try_from(self.slots.len()).map_err(|_| full)?;
         self.slots.push(slot).map_err(|_| full)?;
         for receive in wiring.received() {
@@ -322,6 +328,7 @@ impl<'m, const N: usize> MotorBus<'m, N> {
     }
 
     /// Takes a frame that arrived at `at`; constant time.
+    #[inline]
     pub fn on_frame(&mut self, frame: &CanFrame, at: Micros) -> Dispatch {
         // Nearly always the first place looked at is the right one.
         match self.table.find_first(frame) {
@@ -397,10 +404,10 @@ impl<'m, const N: usize> MotorBus<'m, N> {
     /// # Errors
     /// [`TxFull`] if not all frames fit into `tx`; the other motors' frames are in it.
     pub fn tick(&mut self, now: Micros, dt: Seconds, tx: &mut TxBatch) -> Result<(), TxFull> {
-        let arm = self.switch.state();
-        let mut outcome = Ok(());
         // Loops divide by it. A pause longer than the longest expiry is no time step either.
         let dt = Seconds::new(if dt.get() > 0.0 && dt.get() <= 1.0 { dt.get() } else { 0.001 });
+        let arm = self.switch.state();
+        let mut outcome = Ok(());
         for slot in &mut self.slots {
             let drive = slot.decide(arm, now);
             slot.motor.update(dt, drive);
@@ -422,7 +429,7 @@ impl<'m, const N: usize> MotorBus<'m, N> {
     /// How much of a bus of `bits_per_second` the attached motors need.
     #[must_use]
     pub fn load(&self, bits_per_second: u32) -> BusLoad {
-        let wirings: Vec<_, N> = self.slots.iter().map(|slot| slot.motor.wiring()).collect();
+        let wirings: Vec<_, CAPACITY> = self.slots.iter().map(|slot| slot.motor.wiring()).collect();
         BusLoad::of(wirings.iter(), bits_per_second)
     }
 
@@ -432,7 +439,7 @@ impl<'m, const N: usize> MotorBus<'m, N> {
     }
 
     /// The attached motors' numbers, in order.
-    pub fn ids(&self) -> impl Iterator<Item = MotorId> + use<N> {
+    pub fn ids(&self) -> impl Iterator<Item = MotorId> + use<> {
         (0..).take(self.slots.len()).map(MotorId)
     }
 
@@ -671,7 +678,7 @@ mod tests {
     fn a_fault_stops_the_motor_until_it_is_cleared() {
         let switch = ArmSwitch::new();
         let mut talker = Talker { targets: 0, drive: Drive::Off };
-        let mut bus = MotorBus::<8>::new(&switch);
+        let mut bus = MotorBus::new(&switch);
         bus.attach(&mut talker, Safety::BRAKE).unwrap();
         switch.arm().unwrap();
         assert_eq!(tick(&mut bus, 1, Some(0)), (Drive::Run, Link::Online));
@@ -687,7 +694,7 @@ mod tests {
     fn a_reply_that_is_no_feedback_does_not_keep_the_link_alive() {
         let switch = ArmSwitch::new();
         let mut talker = Talker { targets: 0, drive: Drive::Off };
-        let mut bus = MotorBus::<8>::new(&switch);
+        let mut bus = MotorBus::new(&switch);
         bus.attach(&mut talker, Safety::HOLD).unwrap();
         switch.arm().unwrap();
         assert_eq!(tick(&mut bus, 1, Some(2)), (Drive::Coast, Link::NeverSeen));
@@ -708,7 +715,7 @@ mod tests {
     fn a_frame_that_arrives_during_the_tick_is_not_old() {
         let switch = ArmSwitch::new();
         let mut talker = Talker { targets: 0, drive: Drive::Off };
-        let mut bus = MotorBus::<8>::new(&switch);
+        let mut bus = MotorBus::new(&switch);
         bus.attach(&mut talker, Safety::COAST).unwrap();
         switch.arm().unwrap();
         let now = Micros::from_millis(5);
@@ -722,7 +729,7 @@ mod tests {
     fn refusals_and_strangers_are_counted() {
         let switch = ArmSwitch::new();
         let mut talker = Talker { targets: 0, drive: Drive::Off };
-        let mut bus = MotorBus::<8>::new(&switch);
+        let mut bus = MotorBus::new(&switch);
         let motor = bus.attach(&mut talker, Safety::COAST).unwrap();
         assert!(bus.command(motor, Target::Duty(0.5), Micros::ZERO).is_err());
         let nobody = bus.command(MotorId(5), Target::Coast, Micros::ZERO);
@@ -742,7 +749,7 @@ mod tests {
         let switch = ArmSwitch::new();
         for micros in [0, 1_000_001] {
             let mut wheel = Dji::new(&M3508, 1).unwrap();
-            let mut bus = MotorBus::<8>::new(&switch);
+            let mut bus = MotorBus::new(&switch);
             let safety = Safety { command_expiry: Micros::new(micros), ..Safety::COAST };
             let refused = bus.attach(&mut wheel, safety);
             assert!(matches!(refused, Err(AttachError::Expiry { .. })));

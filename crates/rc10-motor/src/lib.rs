@@ -19,7 +19,7 @@
 //!
 //! let switch = ArmSwitch::new();
 //! let mut wheel = Dji::new(&M3508, 1)?;
-//! let mut bus = MotorBus::<8>::new(&switch);
+//! let mut bus = MotorBus::new(&switch);
 //! let wheel = bus.attach(&mut wheel, Safety::COAST)?;
 //!
 //! switch.arm()?;

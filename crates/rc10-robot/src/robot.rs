@@ -10,7 +10,7 @@ use crate::status::RobotStatus;
 use crate::table::{BUSES, Entry, MOTORS, Name};
 
 /// A bus of this robot: up to eight motors.
-pub type Bus<'r> = MotorBus<'r, 8>;
+pub type Bus<'r> = MotorBus<'r>;
 
 /// The whole robot: its motors, and all that its tasks share.
 pub struct Robot {
@@ -23,7 +23,7 @@ pub struct Io {
     /// Arms and stops all motors.
     pub switch: ArmSwitch,
     /// One port per bus; bus 1 is the first.
-    pub buses: [BusPort<8>; BUSES],
+    pub buses: [BusPort; BUSES],
     /// How the base shall move, in its own axes.
     pub twist: Latest<Twist, 1>,
     /// Where the gimbal shall point, how fast the feeder shall turn, how high the lift shall be.

@@ -46,7 +46,7 @@ fn measure(
 ) {
     let switch = ArmSwitch::new();
     let mut motors = IDS.map(|id| Dji::new(if id <= 4 { &M3508 } else { &M2006 }, id).ok());
-    let mut bus = MotorBus::<{ IDS.len() }>::new(&switch);
+    let mut bus = MotorBus::new(&switch);
     for motor in motors.iter_mut().flatten() {
         let motor: &mut dyn CanMotor = motor;
         if bus.attach(black_box(motor), Safety::COAST).is_err() {

@@ -55,7 +55,7 @@ pub fn superloop(can: impl nb::Can, mut heartbeat: Heartbeat) -> ! {
     else {
         unreachable!("both motors have an id 1");
     };
-    let mut bus = MotorBus::<8>::new(&switch);
+    let mut bus = MotorBus::new(&switch);
     let attached = (bus.attach(&mut wheel, Safety::COAST), bus.attach(&mut turret, Safety::COAST));
     let (Ok(wheel), Ok(_)) = attached else {
         unreachable!("their identifiers do not clash");

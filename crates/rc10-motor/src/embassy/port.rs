@@ -17,8 +17,8 @@ use crate::motor::{Request, RequestError, Target, TargetError, TargetSet};
 
 /// What a bus and all other tasks share: a mailbox and a status per motor, an outbox, and
 /// subscriptions. One per bus; every method works from any task or interrupt.
-pub struct BusPort<const N: usize = 8> {
-    motors: [MotorCell; N],
+pub struct BusPort {
+    motors: [MotorCell; MotorBus::CAPACITY],
     status: Mutex<CriticalSectionRawMutex, Cell<BusStatus>>,
     outbox: Channel<CriticalSectionRawMutex, CanFrame, OUTBOX>,
     /// Identifiers that motors are commanded with: not for the outbox.
@@ -100,7 +100,7 @@ impl fmt::Display for OutboxError {
 
 impl core::error::Error for OutboxError {}
 
-impl<const N: usize> BusPort<N> {
+impl BusPort {
     /// The port of a bus that does not run yet: it refuses all targets until it does.
     #[must_use]
     pub const fn new() -> Self {
@@ -118,7 +118,7 @@ impl<const N: usize> BusPort<N> {
                     answer: Signal::new(),
                     status: Mutex::new(Cell::new(MotorStatus::NEW)),
                 }
-            }; N],
+            }; MotorBus::CAPACITY],
             status: Mutex::new(Cell::new(BusStatus::NEW)),
             outbox: Channel::new(),
             claimed: Mutex::new(RefCell::new(Vec::new())),
@@ -159,7 +159,7 @@ impl<const N: usize> BusPort<N> {
     }
 
     /// The bus starts: from now on targets are checked against its motors.
-    pub(super) fn open(&self, bus: &MotorBus<'_, N>) {
+    pub(super) fn open(&self, bus: &MotorBus<'_>) {
         for ((motor, _), cell) in bus.motors().zip(&self.motors) {
             cell.mail.lock(|mail| {
                 mail.set(Mail { supports: bus.supports(motor), ..mail.get() });
@@ -214,7 +214,7 @@ impl<const N: usize> BusPort<N> {
     }
 }
 
-impl<const N: usize> Default for BusPort<N> {
+impl Default for BusPort {
     fn default() -> Self {
         Self::new()
     }

@@ -17,11 +17,7 @@ const RECEIVE_LIMIT: usize = 42;
 
 /// Runs a bus for ever: one tick every millisecond, on the grid, without drift. Ticks whose time
 /// has gone by are skipped and counted.
-pub async fn run_bus<P: CanPort, const N: usize>(
-    port: P,
-    bus: MotorBus<'_, N>,
-    shared: &BusPort<N>,
-) -> ! {
+pub async fn run_bus<P: CanPort>(port: P, bus: MotorBus<'_>, shared: &BusPort) -> ! {
     let mut runner = Runner::new(port, bus, shared, now());
     loop {
         Timer::at(Instant::from_micros(runner.next().get())).await;
@@ -35,19 +31,19 @@ fn now() -> Micros {
 
 /// What [`run_bus`] runs, for loops of your own: a bus, its CAN port, and the port it shares with
 /// other tasks.
-pub struct Runner<'m, 'p, P, const N: usize> {
+pub struct Runner<'m, 'p, P> {
     port: P,
-    bus: MotorBus<'m, N>,
-    shared: &'p BusPort<N>,
+    bus: MotorBus<'m>,
+    shared: &'p BusPort,
     schedule: Schedule,
     last_start: Option<Micros>,
     tx: TxBatch,
     status: BusStatus,
 }
 
-impl<'m, 'p, P: CanPort, const N: usize> Runner<'m, 'p, P, N> {
+impl<'m, 'p, P: CanPort> Runner<'m, 'p, P> {
     /// The first tick is due one period after `now`.
-    pub fn new(port: P, bus: MotorBus<'m, N>, shared: &'p BusPort<N>, now: Micros) -> Self {
+    pub fn new(port: P, bus: MotorBus<'m>, shared: &'p BusPort, now: Micros) -> Self {
         shared.open(&bus);
         let mut status = BusStatus::NEW;
         status.load = bus.load(BITS_PER_SECOND);
