@@ -1,5 +1,6 @@
 //! A bus of our own code on a simulated wire, ticked by a plain loop.
 #![allow(dead_code, reason = "each test file uses its part of it")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rc10_app::Seconds;
 use rc10_can::{CanPort, Micros};

@@ -173,7 +173,7 @@ fn received(model: &'static Model, frame: &CanFrame, gear: Gear) -> Check<Feedba
     let mut motor = Dji::new(model, id).map_err(|error| error.to_string())?.with_gear(gear);
     let mut alone = motor.clone();
     let switch = ArmSwitch::new();
-    let mut bus = MotorBus::<1>::new(&switch);
+    let mut bus = MotorBus::new(&switch);
     let id = bus.attach(&mut motor, Safety::COAST).map_err(|error| error.to_string())?;
     let frame = CanFrame::eight_bytes(own, *bytes);
     if bus.on_frame(&frame, at) != Dispatch::Motor(id) {
@@ -342,14 +342,19 @@ fn config(vector: &mut Fields) -> Check {
     same("accepted in reverse order", attachable(&wanted) == accepted, &accepted, &!accepted)
 }
 
-/// More motors than a bus has by default: it is the identifiers that count here.
-type Bus<'m> = MotorBus<'m, 16>;
-
+/// Whether these devices can share a bus, as far as their identifiers go: a bus has no more than
+/// [`MotorBus::CAPACITY`] motors.
 fn attachable(devices: &[(&'static Model, Option<u8>)]) -> bool {
     let motors = devices.iter().map(|&(model, id)| Dji::new(model, id?).ok());
     let Some(mut motors) = motors.collect::<Option<Vec<_>>>() else { return false };
+    if motors.len() > MotorBus::CAPACITY {
+        let wirings: Vec<_> = motors.iter().map(CanMotor::wiring).collect();
+        return (1..wirings.len()).all(|index| {
+            wirings[..index].iter().all(|other| wirings[index].clash(other).is_none())
+        });
+    }
     let switch = ArmSwitch::new();
-    let mut bus = Bus::new(&switch);
+    let mut bus = MotorBus::new(&switch);
     motors.iter_mut().all(|motor| bus.attach(motor, Safety::COAST).is_ok())
 }
 
@@ -384,7 +389,7 @@ fn encode_bus(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     sort(&mut lanes);
     same_frames(&expected, &lanes, steps)?;
     // A motor never asks for more than full scale; a lane takes any number.
-    if efforts.iter().all(|&(.., within)| within) {
+    if efforts.len() <= MotorBus::CAPACITY && efforts.iter().all(|&(.., within)| within) {
         let efforts: Vec<_> =
             efforts.into_iter().map(|(m, id, effort, _)| (m, id, effort)).collect();
         let mut frames = driven(&efforts)?;
@@ -407,7 +412,7 @@ fn driven(devices: &[(&'static Model, u8, f32)]) -> Check<Vec<CanFrame>> {
     }
     let switch = ArmSwitch::new();
     switch.arm().map_err(|error| error.to_string())?;
-    let mut bus = Bus::new(&switch);
+    let mut bus = MotorBus::new(&switch);
     let mut ids = Vec::new();
     for motor in &mut motors {
         ids.push(bus.attach(motor, Safety::COAST).map_err(|error| error.to_string())?);
@@ -456,7 +461,7 @@ fn reject(vector: &mut Fields) -> Check {
         let mut alone = motor.clone();
         let name = alone.wiring().name();
         let switch = ArmSwitch::new();
-        let mut bus = MotorBus::<1>::new(&switch);
+        let mut bus = MotorBus::new(&switch);
         let id = bus.attach(&mut motor, Safety::COAST).map_err(|error| error.to_string())?;
         let at = Micros::from_millis(1);
         let taken = matches!(bus.on_frame(&frame, at), Dispatch::Motor(_))

@@ -48,7 +48,7 @@ impl Surroundings {
         }
         for name in LIFT {
             // The weight of the lift, which pulls every shaft down.
-            motors[name as usize].set_load(-1.0 * sign(name.entry()));
+            motors[name as usize].set_load(-sign(name.entry()));
         }
         let wheel = |name: Name| {
             let mounting = match name.entry().direction {
@@ -111,7 +111,8 @@ pub fn tasks<'r>(io: &'r Io, buses: [Bus<'r>; BUSES], wires: &[rc10_sim::Bus; BU
     let mut tasks = Tasks::new();
     for ((bus, shared), wire) in buses.into_iter().zip(&io.buses).zip(wires) {
         let port = wire.port();
-        tasks.add(async move { run_bus(port, bus, shared).await });
+        let run = run_bus(port, bus, shared);
+        tasks.add(async { match run.await {} });
     }
     tasks.add(async { chassis::run(io).await });
     tasks.add(async { mechanisms::run(io).await });

@@ -1,0 +1,167 @@
+//! Motors that occupy any identifiers: who clashes, who is heard, how full the bus is.
+
+use proptest::collection::vec;
+use proptest::prelude::*;
+use rc10_app::Seconds;
+use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
+use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_motor::{
+    ArmSwitch, AttachError, CanMotor, Dispatch, Drive, Fault, Feedback, FrameError, Guard, Heard,
+    Motor, MotorBus, Rate, Receive, Request, RequestError, Safety, Target, TargetError, TargetKind,
+    TargetSet, Transmit, TxBatch, TxFull, Wiring,
+};
+
+use crate::any;
+
+/// A motor that is nothing but its wiring.
+#[derive(Debug)]
+struct Wired(Wiring);
+
+impl Motor for Wired {
+    fn supports(&self) -> TargetSet {
+        TargetSet::NONE
+    }
+    fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
+        Err(TargetError::Unsupported(target.kind()))
+    }
+    fn target(&self) -> Target {
+        Target::Coast
+    }
+    fn feedback(&self) -> Feedback {
+        Feedback::NEW
+    }
+    fn fault(&self) -> Option<Fault> {
+        None
+    }
+    fn update(&mut self, _: Seconds, _: Drive) {}
+    fn request(&mut self, _: Request) -> Result<(), RequestError> {
+        Err(RequestError::Unsupported)
+    }
+}
+
+impl CanMotor for Wired {
+    fn wiring(&self) -> Wiring {
+        self.0.clone()
+    }
+    fn unpack_feedback(&mut self, _: &CanFrame, _: Micros) -> Result<Heard, FrameError> {
+        Ok(Heard::Feedback)
+    }
+    fn pack_command(&mut self, _: &mut TxBatch) -> Result<(), TxFull> {
+        Ok(())
+    }
+    fn coast_frames(&self, _: &mut TxBatch) -> Result<(), TxFull> {
+        Ok(())
+    }
+}
+
+/// Few identifiers, so that they meet.
+fn few_ids() -> impl Strategy<Value = Id> {
+    (0..64_u16, any::<bool>()).prop_map(|(raw, extended)| {
+        if extended {
+            Id::Extended(ExtendedId::new(raw.into()).unwrap())
+        } else {
+            Id::Standard(StandardId::new(raw).unwrap())
+        }
+    })
+}
+
+fn pattern() -> impl Strategy<Value = IdPattern> {
+    prop_oneof![
+        4 => few_ids().prop_map(IdPattern::exact),
+        1 => (few_ids(), any::<u32>()).prop_map(|(id, mask)| IdPattern::masked(id, mask | 0x30)),
+    ]
+}
+
+fn rate() -> impl Strategy<Value = Rate> {
+    prop_oneof![any::<u16>().prop_map(Rate::Hz), Just(Rate::EveryTick), Just(Rate::Rare)]
+}
+
+fn receive() -> impl Strategy<Value = Receive> {
+    let guard = (0..10_u8, any::<u8>(), any::<u8>()).prop_map(|(byte, mask, value)| Guard {
+        byte,
+        mask,
+        value,
+    });
+    (pattern(), any::<u8>(), rate(), prop::option::of(guard))
+        .prop_map(|(pattern, len, rate, guard)| Receive { pattern, len, rate, guard })
+}
+
+fn transmit() -> impl Strategy<Value = Transmit> {
+    (pattern(), any::<u8>(), rate(), any::<Option<u8>>())
+        .prop_map(|(pattern, len, rate, lane)| Transmit { pattern, len, rate, lane })
+}
+
+fn wired() -> impl Strategy<Value = Wired> {
+    (vec(receive(), 0..=4), vec(transmit(), 0..=1), vec(pattern(), 0..=1)).prop_map(
+        |(receives, transmits, listens)| {
+            let mut wiring = Wiring::new("any", 1);
+            for receive in receives {
+                wiring = wiring.receives(receive).unwrap();
+            }
+            for transmit in transmits {
+                wiring = wiring.transmits(transmit).unwrap();
+            }
+            for pattern in listens {
+                wiring = wiring.listens_to(pattern).unwrap();
+            }
+            Wired(wiring)
+        },
+    )
+}
+
+fn hears(wiring: &Wiring, frame: &CanFrame) -> bool {
+    wiring.received().iter().any(|receive| {
+        receive.pattern.matches(frame) && receive.guard.is_none_or(|guard| guard.passes(frame))
+    })
+}
+
+proptest! {
+    #![proptest_config(any::cases(1500))]
+
+    /// Whatever was attached: a frame is claimed by one motor at most, and that one gets it.
+    #[test]
+    fn a_frame_reaches_the_motor_that_claims_it(
+        mut motors in vec(wired(), 1..12),
+        frames in vec((few_ids(), vec(any::<u8>(), 0..=8)), 40),
+        bits_per_second in any::<u32>(),
+    ) {
+        let wirings: Vec<_> = motors.iter().map(CanMotor::wiring).collect();
+        let switch = ArmSwitch::new();
+        let mut bus = MotorBus::new(&switch);
+        let mut attached: Vec<(_, &Wiring)> = Vec::new();
+        for (motor, wiring) in motors.iter_mut().zip(&wirings) {
+            let clashes = attached.iter().any(|(_, other)| {
+                let clash = wiring.clash(other);
+                assert_eq!(clash.is_some(), other.clash(wiring).is_some(), "{wiring:?} {other:?}");
+                clash.is_some()
+            });
+            match bus.attach(motor, Safety::COAST) {
+                Ok(id) => attached.push((id, wiring)),
+                Err(AttachError::Full { .. }) => prop_assert_eq!(attached.len(), 8),
+                Err(AttachError::Clash { .. }) => prop_assert!(clashes),
+                Err(AttachError::TableFull { .. }) => {}
+                Err(error) => return Err(TestCaseError::fail(error.to_string())),
+            }
+            prop_assert!(wiring.link_timeout() >= Micros::from_millis(10));
+        }
+        for (id, bytes) in frames {
+            let frame = CanFrame::data_frame(id, &bytes).unwrap();
+            let claims = attached.iter().filter(|(_, wiring)| hears(wiring, &frame));
+            let claims: Vec<_> = claims.map(|(id, _)| *id).collect();
+            let expected = match claims[..] {
+                [] => Dispatch::Unclaimed,
+                [one] => Dispatch::Motor(one),
+                _ => return Err(TestCaseError::fail(format!("{frame} is claimed by {claims:?}"))),
+            };
+            prop_assert_eq!(bus.on_frame(&frame, Micros::ZERO), expected, "{}", frame);
+            let remote = CanFrame::remote_frame(id, bytes.len()).unwrap();
+            prop_assert_eq!(bus.on_frame(&remote, Micros::ZERO), Dispatch::Unclaimed);
+        }
+        let load = bus.load(bits_per_second);
+        let numbers = [0.0, load.least, load.typical, load.worst];
+        prop_assert!(numbers.is_sorted() && load.worst.is_finite(), "{:?}", load);
+        prop_assert!(!load.to_string().is_empty());
+        prop_assert!(bus.supports(rc10_motor::MotorId::new(200)) == TargetSet::NONE);
+        prop_assert!(!TargetSet::NONE.contains(TargetKind::Coast));
+    }
+}
