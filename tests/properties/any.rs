@@ -32,7 +32,7 @@ pub fn number() -> impl Strategy<Value = f32> {
 
 /// Any f32 but NaN and infinities.
 fn finite() -> impl Strategy<Value = f32> {
-    number().prop_filter("finite", |number| number.is_finite())
+    number().prop_map(|number| if number.is_finite() { number } else { f32::MAX })
 }
 
 /// Any identifier, those that DJI motors use more often.
@@ -146,7 +146,8 @@ pub fn request() -> impl Strategy<Value = Request> {
         Just(Request::SetZero),
         Just(Request::ClearFault),
         number().prop_map(|amps| Request::CurrentLimit(Amps::new(amps))),
-        (0.0..25.0_f32).prop_map(|amps| Request::CurrentLimit(Amps::new(amps))),
+        prop_oneof![Just(0.0), 0.0..25.0_f32]
+            .prop_map(|amps| Request::CurrentLimit(Amps::new(amps))),
         gains().prop_map(Request::SpeedGains),
         gains().prop_map(Request::AngleGains),
     ]

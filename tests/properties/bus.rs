@@ -326,7 +326,7 @@ fn safe_state() -> impl Strategy<Value = SafeState> {
 }
 
 proptest! {
-    #![proptest_config(any::cases(600))]
+    #![proptest_config(any::cases(2000))]
 
     #[test]
     fn a_bus_stays_sane_whatever_happens(

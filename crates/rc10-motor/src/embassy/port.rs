@@ -273,11 +273,16 @@ impl MotorPort<'_> {
     /// tick). If the future is dropped the request may still be carried out.
     ///
     /// # Errors
-    /// [`RequestError`]; nothing changed. [`RequestError::Busy`] while another caller waits.
+    /// [`RequestError`]; nothing changed. [`RequestError::Busy`] while another caller waits;
+    /// [`RequestError::NoSuchMotor`] also while the bus is not running yet.
     pub async fn request(&self, request: Request) -> Result<(), RequestError> {
         let cell = self.cell.ok_or(RequestError::NoSuchMotor)?;
         let ticket = cell.mail.lock(|mail| {
             let now = mail.get();
+            if now.supports == TargetSet::NONE {
+                // Nobody would ever answer.
+                return Err(RequestError::NoSuchMotor);
+            }
             if now.awaited || now.request.is_some() {
                 return Err(RequestError::Busy);
             }

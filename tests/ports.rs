@@ -1,0 +1,234 @@
+//! What tasks share with a bus: commands, requests, the outbox, subscriptions, statistics.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod common;
+
+use std::cell::{Cell, RefCell};
+use std::pin::Pin;
+
+use common::{motor, twin};
+use embassy_time::Timer;
+use rc10_app::{Amps, Degrees, Rpm};
+use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
+use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_motor::dji::{self, Dji};
+use rc10_motor::embassy::{BusPort, Filter, OutboxError, Runner, run_bus};
+use rc10_motor::{
+    ArmSwitch, Link, MotorBus, MotorId, Request, RequestError, Safety, Target, TargetError,
+    TargetKind,
+};
+use rc10_sim::{BusConfig, Tasks, World};
+
+const FIRST: MotorId = MotorId::new(0);
+
+fn frame(id: u16, data: &[u8]) -> CanFrame {
+    CanFrame::data_frame(StandardId::new(id).unwrap(), data).unwrap()
+}
+
+/// An M3508 (id 1) on a simulated bus with its runner; `task` is the task of a user.
+fn with_wheel<F: Future<Output = ()>>(
+    millis: u64,
+    task: impl FnOnce(&'static BusPort, &'static ArmSwitch, rc10_sim::Bus) -> F,
+) where
+    F: 'static,
+{
+    let mut world = World::new(9);
+    let wire = world.add_bus(BusConfig::default());
+    let _esc = wire.add_esc(twin(&dji::M3508, 1)).unwrap();
+    // A test ends soon enough.
+    let wheel: &'static mut Dji = Box::leak(Box::new(motor(&dji::M3508, 1)));
+    let switch: &'static ArmSwitch = Box::leak(Box::default());
+    let shared: &'static BusPort = Box::leak(Box::default());
+    let mut bus = MotorBus::new(switch);
+    bus.attach(wheel, Safety::COAST).unwrap();
+    let mut tasks = Tasks::new();
+    let run = run_bus(wire.port(), bus, shared);
+    tasks.add(async { match run.await {} });
+    let ended = std::rc::Rc::new(Cell::new(false));
+    let task = task(shared, switch, wire);
+    let tell = std::rc::Rc::clone(&ended);
+    tasks.add(async move {
+        task.await;
+        tell.set(true);
+    });
+    let _ = world.run(Pin::new(&mut tasks), Micros::from_millis(millis));
+    assert!(ended.get(), "the task did not end in time");
+}
+
+#[test]
+fn a_port_refuses_what_the_motor_cannot_do_where_it_is_asked() {
+    let closed = BusPort::new();
+    let coast = closed.motor(FIRST).command(Target::Coast);
+    assert_eq!(coast, Err(TargetError::Unsupported(TargetKind::Coast)));
+    with_wheel(100, async |shared, _, _| {
+        let port = shared.motor(FIRST);
+        assert_eq!(port.command(Target::Speed(Rpm::new(10.0))), Ok(()));
+        let duty = port.command(Target::Duty(0.5));
+        assert_eq!(duty, Err(TargetError::Unsupported(TargetKind::Duty)));
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            let current = port.command(Target::Current(Amps::new(bad)));
+            assert_eq!(current, Err(TargetError::NotFinite(TargetKind::Current)));
+            let angle = port.command(Target::Angle(Degrees::new(bad)));
+            assert_eq!(angle, Err(TargetError::NotFinite(TargetKind::Angle)));
+        }
+        // A refused target does not disturb the one before.
+        Timer::after_millis(5).await;
+        assert_eq!(port.status().target, Target::Speed(Rpm::new(10.0)));
+        let nobody = shared.motor(MotorId::new(3));
+        assert!(nobody.command(Target::Coast).is_err());
+        assert_eq!(nobody.request(Request::SetZero).await, Err(RequestError::NoSuchMotor));
+    });
+}
+
+#[test]
+fn a_request_is_answered_after_the_next_tick() {
+    with_wheel(100, async |shared, _, _| {
+        let port = shared.motor(FIRST);
+        assert_eq!(port.request(Request::ClearFault).await, Err(RequestError::Unsupported));
+        assert_eq!(port.request(Request::SetZero).await, Ok(()));
+        assert_eq!(port.status().feedback.total_angle.counts(), 0);
+    });
+}
+
+/// Two callers at one motor: each gets its own answer, or is told that it is not its turn.
+#[test]
+fn no_caller_gets_the_answer_of_another() {
+    with_wheel(200, async |shared, _, _| {
+        Timer::after_millis(5).await;
+        let port = shared.motor(FIRST);
+        let answers = RefCell::new(Vec::new());
+        let ask = async |name: &str, request, pause| {
+            Timer::after_micros(pause).await;
+            let answer = port.request(request).await;
+            answers.borrow_mut().push((name.to_owned(), answer));
+        };
+        let mut callers = Tasks::new();
+        callers.add(ask("unsupported", Request::ClearFault, 0));
+        callers.add(ask("too early", Request::SetZero, 10));
+        callers.add(ask("in its turn", Request::SetZero, 5_000));
+        Pin::new(&mut callers).await;
+        let mut answers = answers.take();
+        answers.sort_by(|a, b| a.0.cmp(&b.0));
+        assert_eq!(answers[0], ("in its turn".into(), Ok(())));
+        assert_eq!(answers[1], ("too early".into(), Err(RequestError::Busy)));
+        assert_eq!(answers[2], ("unsupported".into(), Err(RequestError::Unsupported)));
+        // A caller that gives up leaves no answer behind for the next one.
+        let given_up = port.request(Request::ClearFault);
+        let mut given_up = Box::pin(given_up);
+        let waker = std::task::Waker::noop();
+        let mut context = std::task::Context::from_waker(waker);
+        assert!(given_up.as_mut().poll(&mut context).is_pending());
+        drop(given_up);
+        Timer::after_millis(3).await;
+        assert_eq!(port.request(Request::SetZero).await, Ok(()));
+    });
+}
+
+#[test]
+fn frames_for_others_go_out_after_the_motors_and_never_in_their_name() {
+    with_wheel(100, async |shared, _, wire| {
+        Timer::after_millis(10).await;
+        let _ = wire.take_trace();
+        let own = frame(0x200, &[9; 8]);
+        let refused =
+            Err(OutboxError::BelongsToMotor(Id::Standard(StandardId::new(0x200).unwrap())));
+        assert_eq!(shared.send(&own), refused);
+        let lamp = CanFrame::data_frame(ExtendedId::new(0x1234).unwrap(), &[1, 2]).unwrap();
+        shared.send(&lamp).unwrap();
+        Timer::after_millis(2).await;
+        let sent: Vec<_> = wire.take_trace().into_iter().filter(|e| e.from_controller).collect();
+        assert!(sent.iter().any(|entry| entry.frame == lamp));
+        assert!(sent.iter().all(|entry| entry.frame == lamp || entry.frame.bytes() == [0; 8]));
+        for n in 0..16 {
+            shared.send(&frame(0x300 + n, &[])).unwrap();
+        }
+        assert_eq!(shared.send(&lamp), Err(OutboxError::Full));
+    });
+}
+
+#[test]
+fn subscribers_get_what_they_asked_for_and_know_what_they_lost() {
+    with_wheel(200, async |shared, _, wire| {
+        let mut strangers = shared.subscribe(Filter::Unclaimed).unwrap();
+        let wheel = IdPattern::exact(StandardId::new(0x201).unwrap());
+        let mut feedback = shared.subscribe(Filter::Pattern(wheel)).unwrap();
+        for n in 0..3 {
+            wire.inject(&frame(0x500, &[n]));
+        }
+        for n in 0..3 {
+            let received = strangers.next().await;
+            assert_eq!(received.frame, frame(0x500, &[n]));
+        }
+        assert_eq!(strangers.try_next(), None);
+        Timer::after_millis(50).await;
+        // Eight frames wait, the others of 50 ms were lost, and are counted.
+        let kept = std::iter::from_fn(|| feedback.try_next()).count();
+        assert_eq!(kept, 8);
+        assert!((35..=60).contains(&feedback.lost()), "{}", feedback.lost());
+        assert_eq!(strangers.lost(), 0);
+        // Four at most; a dropped one makes room.
+        let third = shared.subscribe(Filter::Unclaimed).unwrap();
+        let _fourth = shared.subscribe(Filter::Unclaimed).unwrap();
+        assert!(shared.subscribe(Filter::Unclaimed).is_err());
+        drop(third);
+        assert!(shared.subscribe(Filter::Unclaimed).is_ok());
+        assert_eq!(shared.status().received.unclaimed, 3);
+    });
+}
+
+/// Nobody acknowledges: the newest command waits alone, and what it replaced is counted.
+#[test]
+fn after_an_outage_only_the_newest_command_leaves() {
+    let mut world = World::new(2);
+    let wire = world.add_bus(BusConfig::default());
+    let esc = wire.add_esc(twin(&dji::M3508, 1)).unwrap();
+    let switch = ArmSwitch::new();
+    let shared = BusPort::new();
+    let mut wheel = motor(&dji::M3508, 1);
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(&mut wheel, Safety::COAST).unwrap();
+    let mut tasks = Tasks::new();
+    let run = run_bus(wire.port(), bus, &shared);
+    tasks.add(async { match run.await {} });
+    switch.arm().unwrap();
+    tasks.add(async {
+        loop {
+            let _ = shared.motor(FIRST).command(Target::Current(Amps::new(3.0)));
+            Timer::after_millis(5).await;
+        }
+    });
+    let _ = world.run(Pin::new(&mut tasks), Micros::from_millis(100));
+    assert!(esc.state().command > 2000);
+    wire.set_cut(true);
+    let _ = world.run(Pin::new(&mut tasks), Micros::from_millis(400));
+    let status = shared.status();
+    // Most of the time the one before is just being repeated on the wire, and not replaced there.
+    assert!(status.replaced > 0, "{status:?}");
+    assert_eq!(status.refused, 0);
+    assert_ne!(status.health.transmit_errors, 0);
+    assert_eq!(shared.motor(FIRST).status().link, Link::Lost);
+    let _ = wire.take_trace();
+    wire.set_cut(false);
+    let _ = world.run(Pin::new(&mut tasks), Micros::from_millis(402));
+    // The bus noticed long ago: the first command after the outage says zero.
+    let first = wire.take_trace().into_iter().find(|entry| entry.from_controller).unwrap();
+    assert_eq!(first.frame.bytes(), [0; 8]);
+}
+
+/// A tick that comes late is counted, and the next ones are on the grid again.
+#[test]
+fn overruns_are_counted_and_do_not_move_the_grid() {
+    let mut world = World::new(1);
+    let wire = world.add_bus(BusConfig::default());
+    let switch = ArmSwitch::new();
+    let shared = BusPort::new();
+    let mut runner = Runner::new(wire.port(), MotorBus::new(&switch), &shared, Micros::ZERO);
+    for start in [1_000, 2_000, 5_400, 6_000, 7_010] {
+        world.advance(Micros::new(start));
+        runner.tick(|| Micros::new(start));
+        assert_eq!(runner.next().get() % 1000, 0);
+    }
+    let status = shared.status();
+    assert_eq!((status.ticks, status.overruns), (5, 2));
+    assert_eq!((status.period.min(), status.period.max()), (Some(600), Some(3_400)));
+}

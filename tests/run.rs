@@ -1,0 +1,159 @@
+//! The `rc10 run` command, as a user calls it.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn rc10(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rc10")).args(arguments).output().unwrap()
+}
+
+/// A folder of its own for each test, below the target directory.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&folder);
+    folder
+}
+
+fn run_json(seed: &str, seconds: &str, folder: &Path) -> Value {
+    let out = folder.to_str().unwrap();
+    let output = rc10(&["run", "--seed", seed, "--seconds", seconds, "--out", out, "--json"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn ten_seconds_lose_nothing_and_leave_the_files() {
+    let folder = folder("ten_seconds");
+    let figures = run_json("1", "10", &folder);
+    assert_eq!(figures["virtual_seconds"], 10.0);
+    assert_eq!(figures["ticks"], 30_000);
+    let motors = figures["motors"].as_array().unwrap();
+    assert_eq!(motors.len(), 11);
+    for motor in motors {
+        assert_eq!(motor["link"], "Online", "{motor}");
+        assert_eq!((&motor["malformed"], &motor["lost"]), (&0.into(), &0.into()), "{motor}");
+        assert!(motor["received"].as_u64().unwrap() >= 9_998, "{motor}");
+        assert!(motor["error_rms"].is_number() && motor["peak_current_a"].is_number());
+    }
+    for bus in figures["buses"].as_array().unwrap() {
+        for lost in ["lost", "replaced", "refused", "overruns", "unclaimed"] {
+            assert_eq!(bus[lost], 0, "{bus}");
+        }
+        assert_eq!(bus["tick_period_us"]["max"], 1000);
+        let plan = &bus["planned_load_percent"];
+        let range = plan["least"].as_f64().unwrap()..=plan["worst"].as_f64().unwrap();
+        assert!(range.contains(&bus["load_percent"].as_f64().unwrap()), "{bus}");
+    }
+    for file in ["report.html", "bus1.log", "bus2.log", "bus3.log"] {
+        assert!(fs::metadata(folder.join(file)).unwrap().len() > 10_000, "{file}");
+    }
+    // Nothing half written is left beside them.
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 4);
+}
+
+/// The script: a square, a spin, a gimbal sweep, a lift, an emergency stop and recovery.
+#[test]
+fn the_robot_does_what_its_script_says() {
+    use rc10_cli::simulate::simulate;
+    use rc10_motor::Drive;
+    use rc10_robot::table::Name;
+    let recording = simulate(3, rc10_can::Micros::from_millis(10_000)).unwrap();
+    let sample = |millis: usize| millis / 10 - 1;
+    let at = |millis| recording.path[sample(millis)];
+    // Back at the start after the square: it went out by a metre and more in x and in y.
+    let square = || recording.path[..sample(3800)].iter();
+    let reach = |far: f64, value: f64| far.max(value);
+    assert!(square().map(|point| point.x).fold(0.0, reach) > 0.8);
+    assert!(square().map(|point| point.y).fold(0.0, reach) > 0.8);
+    let back = at(4400);
+    assert!(back.x.hypot(back.y) < 0.15, "{back:?}");
+    // The spin turned it round, and left it where it was.
+    assert!(at(4800).yaw - at(3800).yaw > 3.0);
+    let measured = |name: Name, millis| {
+        let motor = &recording.motors[name as usize];
+        motor.samples[sample(millis)].measured
+    };
+    assert!(measured(Name::Yaw, 5600) < 140.0 && measured(Name::Yaw, 6400) > 220.0);
+    assert!((measured(Name::Feeder, 6500) - 180.0).abs() < 5.0);
+    assert!((measured(Name::LiftRearRight, 8000) - 720.0).abs() < 5.0);
+    // During the stop the lift holds and everything else coasts; then they run again.
+    let drive = |name: Name, millis| recording.motors[name as usize].samples[sample(millis)].drive;
+    assert_eq!(drive(Name::LiftFrontLeft, 9000), Drive::Hold);
+    assert_eq!(drive(Name::FrontLeft, 9000), Drive::Coast);
+    assert_eq!(drive(Name::FrontLeft, 9500), Drive::Run);
+    assert!((measured(Name::LiftFrontLeft, 9000) - 720.0).abs() < 5.0);
+}
+
+#[test]
+fn one_seed_gives_one_trace_and_another_seed_another() {
+    let hash = |seed, name| run_json(seed, "1.5", &folder(name))["trace_hash"].clone();
+    let first = hash("7", "seed_a");
+    assert_eq!(first, hash("7", "seed_b"));
+    assert_ne!(first, hash("8", "seed_c"));
+    assert_eq!(first.as_str().unwrap().len(), 64);
+}
+
+/// The hash is what it says: SHA-256 of the three logs one after another.
+#[test]
+fn the_hash_is_that_of_the_logs() {
+    let folder = folder("hash");
+    let figures = run_json("2", "0.2", &folder);
+    let logs = ["bus1.log", "bus2.log", "bus3.log"].map(|log| fs::read(folder.join(log)).unwrap());
+    let joined = folder.join("joined");
+    fs::write(&joined, logs.concat()).unwrap();
+    let Ok(output) = Command::new("sha256sum").arg(&joined).output() else {
+        println!("no sha256sum on this machine: not compared");
+        return;
+    };
+    let sum = String::from_utf8(output.stdout).unwrap();
+    assert!(sum.starts_with(figures["trace_hash"].as_str().unwrap()));
+}
+
+#[test]
+fn tables_name_every_motor_and_bus() {
+    let folder = folder("tables");
+    let output = rc10(&["run", "--seconds", "0.5", "--out", folder.to_str().unwrap()]);
+    assert!(output.status.success());
+    let text = String::from_utf8(output.stdout).unwrap();
+    for motor in &rc10_robot::table::MOTORS {
+        assert!(text.contains(motor.label), "{text}");
+    }
+    assert!(text.contains("planned load") && text.contains("report.html"));
+}
+
+#[test]
+fn wrong_arguments_end_with_2_and_a_reason() {
+    let file = folder("a_file");
+    fs::create_dir_all(file.parent().unwrap()).unwrap();
+    fs::write(&file, "in the way").unwrap();
+    let file = file.to_str().unwrap();
+    let below = format!("{file}/below");
+    for (arguments, reason) in [
+        (&["run", "--seconds", "0"][..], "seconds"),
+        (&["run", "--seconds", "-3"], "-3"),
+        (&["run", "--seconds", "NaN"], "must be a number of seconds"),
+        (&["run", "--seed", "x"], "--seed"),
+        (&["run", "--out", file], "cannot make the folder"),
+        (&["run", "--out", &below], "cannot make the folder"),
+        (&["fly"], "fly"),
+        (&["--nonsense"], "--nonsense"),
+    ] {
+        let output = rc10(arguments);
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
+        assert!(error.contains(reason), "{arguments:?}: {error}");
+        assert!(output.stdout.is_empty() && !error.contains("panicked"), "{arguments:?}: {error}");
+    }
+}
+
+#[test]
+fn help_shows_examples() {
+    let output = rc10(&["--help"]);
+    assert!(output.status.success());
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("Examples:") && text.contains("rc10 decode"), "{text}");
+}
