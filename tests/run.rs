@@ -70,7 +70,8 @@ fn the_robot_does_what_its_script_says() {
     assert!(square().map(|point| point.x).fold(0.0, reach) > 0.8);
     assert!(square().map(|point| point.y).fold(0.0, reach) > 0.8);
     let back = at(4400);
-    assert!(back.x.hypot(back.y) < 0.15, "{back:?}");
+    // Nothing measures where it is: accelerating and slipping leave it some way off.
+    assert!(back.x.hypot(back.y) < 0.25, "{back:?}");
     // The spin turned it round, and left it where it was.
     assert!(at(4800).yaw - at(3800).yaw > 3.0);
     let measured = |name: Name, millis| {
