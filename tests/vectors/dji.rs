@@ -285,7 +285,7 @@ fn sequence(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     let field = "total_counts_from_first";
     let expected = expect.list(field)?;
     expect.finish()?;
-    compare(field, &expected, &totals(TURN, &angles)?, tolerance)?;
+    compare(field, &expected, &totals(TURN.into(), &angles)?, tolerance)?;
     for model in [&M3508, &M2006, &GM6020_CURRENT, &GM6020_VOLTAGE] {
         for (direction, sign) in [(Direction::Forward, 1), (Direction::Reversed, -1)] {
             let motor = Dji::new(model, 1).map_err(|error| error.to_string())?;

@@ -70,7 +70,7 @@ pub fn encoder(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Ch
 }
 
 /// The total after each count, from the first.
-pub fn totals(modulus: u32, counts: &[Value]) -> Check<Vec<i64>> {
+pub fn totals(modulus: u64, counts: &[Value]) -> Check<Vec<i64>> {
     let mut encoder = Encoder::new(modulus);
     let mut first = None;
     let total = |count| {

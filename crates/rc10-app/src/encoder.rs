@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::angle::{nearest_movement, shortest_way};
+use crate::angle::nearest_movement;
 
 /// Unwraps a counter of 0 ..< modulus into an exact total. Integers only: no drift, and no overflow
 /// before 9 · 10¹⁸ counts.
@@ -23,7 +23,7 @@ use crate::angle::{nearest_movement, shortest_way};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Encoder {
-    modulus: u32,
+    modulus: u64,
     last: Option<u32>,
     total: i64,
     gaps: u32,
@@ -36,7 +36,7 @@ pub struct OutOfRange {
     /// What it showed.
     pub raw: u32,
     /// It must be below this.
-    pub modulus: u32,
+    pub modulus: u64,
 }
 
 impl fmt::Display for OutOfRange {
@@ -48,26 +48,27 @@ impl fmt::Display for OutOfRange {
 impl core::error::Error for OutOfRange {}
 
 impl Encoder {
-    /// A counter of `modulus` counts (2 ..= 2³⁰; anything else is brought into that range).
+    /// A counter of `modulus` counts, 2 ..= 2³² (anything else is brought into that range). A timer
+    /// of 32 bits has 2³².
     #[must_use]
-    pub const fn new(modulus: u32) -> Self {
+    pub const fn new(modulus: u64) -> Self {
         let modulus = match modulus {
             0 | 1 => 2,
-            too_large if too_large > 1 << 30 => 1 << 30,
+            too_large if too_large > 1 << 32 => 1 << 32,
             fine => fine,
         };
         Self { modulus, last: None, total: 0, gaps: 0 }
     }
 
     /// Takes a sample; returns how far the counter moved since the last one, the shorter way
-    /// round: -modulus/2 ..< modulus/2, and 0 for the first sample.
+    /// round: -modulus/2 ..< modulus/2. The first sample moves it from 0 to itself.
     ///
     /// # Errors
     /// [`OutOfRange`] if `raw` is not below the modulus; the sample is ignored.
     #[inline]
-    pub fn update(&mut self, raw: u32) -> Result<i32, OutOfRange> {
+    pub fn update(&mut self, raw: u32) -> Result<i64, OutOfRange> {
         let step = self.step(raw)?;
-        self.total += i64::from(step);
+        self.total = self.total.saturating_add(step);
         Ok(step)
     }
 
@@ -79,28 +80,36 @@ impl Encoder {
     /// [`OutOfRange`] as for [`update`](Self::update).
     pub fn update_after_gap(&mut self, raw: u32, expected: i64) -> Result<i64, OutOfRange> {
         let first = self.last.is_none();
-        let step = i64::from(self.step(raw)?);
+        let step = self.step(raw)?;
         if first {
             self.total = step;
             return Ok(0);
         }
         self.gaps = self.gaps.saturating_add(1);
-        let moved = nearest_movement(step, expected, self.modulus.into());
+        let moved = nearest_movement(step, expected, self.turn());
         self.total = self.total.saturating_add(moved);
         Ok(moved)
     }
 
     /// Movement since the last sample; the first sample is the movement from zero.
     #[inline]
-    #[expect(clippy::cast_possible_wrap, reason = "the modulus is at most 2^30")]
-    fn step(&mut self, raw: u32) -> Result<i32, OutOfRange> {
-        if raw >= self.modulus {
+    fn step(&mut self, raw: u32) -> Result<i64, OutOfRange> {
+        if u64::from(raw) >= self.modulus {
             return Err(OutOfRange { raw, modulus: self.modulus });
         }
-        match self.last.replace(raw) {
-            Some(last) => Ok(shortest_way(last as i32, raw as i32, self.modulus as i32)),
-            None => Ok(raw as i32),
-        }
+        let Some(last) = self.last.replace(raw) else { return Ok(raw.into()) };
+        let (way, turn) = (i64::from(raw) - i64::from(last), self.turn());
+        Ok(if way >= turn - turn / 2 {
+            way - turn
+        } else if way < -(turn / 2) {
+            way + turn
+        } else {
+            way
+        })
+    }
+
+    const fn turn(&self) -> i64 {
+        self.modulus.cast_signed()
     }
 
     /// All counts, from the encoder's own zero at the first sample.
@@ -126,7 +135,7 @@ impl Encoder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::angle::shortest_way_in_bits;
+    use crate::angle::{shortest_way, shortest_way_in_bits};
 
     #[test]
     fn every_pair_of_8192_is_exact() {
@@ -154,6 +163,14 @@ mod tests {
         }
         assert_eq!(encoder.total(), samples * i64::from(step));
         assert!(encoder.total() > i64::from(i32::MAX));
+    }
+
+    #[test]
+    fn a_timer_of_32_bits_goes_round_too() {
+        let mut timer = Encoder::new(1 << 32);
+        timer.update(u32::MAX - 5).unwrap();
+        assert_eq!(timer.update(10), Ok(16));
+        assert_eq!(timer.update(u32::MAX), Ok(-11));
     }
 
     #[test]

@@ -222,6 +222,8 @@ impl PidState {
             }
             self.last_error = error;
         }
+        // Even an output that stays as it was obeys a limit that has been lowered.
+        self.output = within(self.output, limit);
         self.output
     }
 }

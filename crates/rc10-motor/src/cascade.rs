@@ -283,8 +283,11 @@ impl CascadeState {
     #[cold]
     #[inline(never)]
     fn soften(&mut self, last: f32, full: f32, dt: Seconds) {
-        let step = within(self.effort() - last, SOFT_SLOPE * full * dt.get());
-        self.speed.override_output(last + step);
+        // A step back in time is no step.
+        let most = SOFT_SLOPE * full * dt.get().max(0.0);
+        // The limit may have been lowered since.
+        let step = within(self.effort() - last, most);
+        self.speed.override_output(within(last + step, full));
         self.soft_time_left -= dt.get();
         if self.soft_time_left <= 0.0 {
             (self.active, self.starting) = (self.starting, Active::Nothing);

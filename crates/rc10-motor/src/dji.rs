@@ -496,9 +496,11 @@ impl Dji {
 
     /// The output's phase at an angle of any number of degrees.
     fn phase_of(&self, degrees: Degrees) -> i32 {
-        let degrees = TotalAngle::try_from_degrees(degrees).unwrap_or_default().within_turn();
-        #[expect(clippy::cast_precision_loss, reason = "0.4 of a rotor count at worst")]
-        let phase = round_to_i32(degrees.get() * (self.scale.phase_turn as f32 / 360.0));
+        let degrees = degrees.get() % 360.0;
+        let degrees = if degrees < 0.0 { degrees + 360.0 } else { degrees };
+        #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of a turn")]
+        let phase = round_to_i32(degrees * (self.scale.phase_turn as f32 / 360.0));
+        // The last steps before a full turn may round up to it.
         if phase < self.scale.phase_turn { phase } else { 0 }
     }
 
@@ -617,6 +619,12 @@ impl Dji {
     }
 }
 
+/// Out of line: it happens once in a turn of the output.
+#[cold]
+const fn wrapped(phase: i32, turn: i32) -> i32 {
+    phase.rem_euclid(turn)
+}
+
 impl Scale {
     #[expect(clippy::cast_possible_wrap, reason = "8192 times at most 65,535 is below 2^31")]
     #[expect(clippy::cast_precision_loss, reason = "factors")]
@@ -730,8 +738,9 @@ impl Motor for Dji {
 
     fn request(&mut self, request: Request) -> Result<(), RequestError> {
         let set = |pid: PidConfig, gains: Gains| {
-            let pid = PidConfig { kp: gains.kp, ki: gains.ki, kd: gains.kd, ..pid };
-            pid.validate().map(|()| pid)
+            // Its limits stand already; one of them may be a current limit of zero.
+            PidConfig::new(gains.kp, gains.ki, gains.kd, 1.0).validate()?;
+            Ok::<_, RequestError>(PidConfig { kp: gains.kp, ki: gains.ki, kd: gains.kd, ..pid })
         };
         match request {
             Request::SetZero => {
@@ -798,14 +807,12 @@ impl CanMotor for Dji {
         let Self { seen, scale, .. } = self;
         let moved = shortest_way_in_bits::<ENCODER_BITS>(seen.angle, angle);
         seen.total += i64::from(moved);
-        // At most one turn too far either way.
         let phase = seen.phase + moved * scale.phase_per_count;
-        seen.phase = if phase >= scale.phase_turn {
-            phase - scale.phase_turn
-        } else if phase < 0 {
-            phase + scale.phase_turn
-        } else {
+        // Below zero is far above the turn, too.
+        seen.phase = if phase.cast_unsigned() < scale.phase_turn.cast_unsigned() {
             phase
+        } else {
+            wrapped(phase, scale.phase_turn)
         };
         seen.at = at;
         seen.angle = angle;

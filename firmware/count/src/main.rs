@@ -9,6 +9,8 @@
 use core::hint::black_box;
 
 use cortex_m_rt::entry;
+// For its interrupt vectors alone: built together with the firmware, cortex-m-rt asks for them.
+use embassy_stm32 as _;
 use rc10_app::{Degrees, Rpm, Seconds};
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};

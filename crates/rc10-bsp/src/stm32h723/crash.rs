@@ -1,8 +1,8 @@
 //! What happens after a panic, a fault or an interrupt that nobody handles.
 //!
 //! Interrupts go off; on every bus what is unsent is cancelled and the stored coast image is sent
-//! by registers; the cause is written to memory that a reset keeps; the chip restarts. The next
-//! run finds the cause with [`take_last`].
+//! by registers; the cause is written to memory that a reset keeps; when the images have left, the
+//! chip restarts. The next run finds the cause with [`take_last`].
 //!
 //! [`crash_handlers!`](crate::crash_handlers) puts it all in place. The fault handler sets the
 //! stack pointer back first, so that it also works after a stack overflow.
@@ -131,22 +131,25 @@ pub extern "C" fn on_fault(frame: u32) -> ! {
 
 fn crash(kind: u32, values: [u32; 4], file: &str) -> ! {
     cortex_m::interrupt::disable();
-    send_coast_images();
-    keep(kind, values, file);
-    SCB::sys_reset()
-}
-
-/// Makes the motors safe, by registers alone. Bounded: 4 ms, enough for a bus to come back from
-/// bus-off (1.4 ms) and to send eight frames (1.1 ms).
-fn send_coast_images() {
+    // Registers alone make the motors safe.
     for controller in can::ALL {
         controller.send_coast_image();
     }
-    for _ in 0..400 {
+    // Before the wait, in which the watchdog could strike.
+    keep(kind, values, file);
+    wait_for_coast_images();
+    SCB::sys_reset()
+}
+
+/// Waits 20 ms at least and 60 ms at most: eight frames take 1 ms, and a bus that comes back from
+/// bus-off 1.4 ms if it is idle, 17 ms if it is full. A bus where nobody acknowledges takes all of
+/// it. The watchdog's 100 ms are longer.
+fn wait_for_coast_images() {
+    for _ in 0..4_000 {
         if can::ALL.iter().all(|controller| controller.coast_image_sent()) {
             return;
         }
-        cortex_m::asm::delay(4_800); // 10 us
+        cortex_m::asm::delay(4_800); // 5 us to 15 us: not exact on this core
     }
 }
 

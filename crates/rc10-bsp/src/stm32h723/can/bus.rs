@@ -55,6 +55,7 @@ impl Bus {
         _interrupt: impl Binding<T::IT0Interrupt, Interrupt<T>>,
         task: impl FnOnce(FdcanPort) -> Result<SpawnToken<S>, SpawnError>,
     ) -> Result<(), SpawnError> {
+        // The three controllers have one reset in common; embassy does it before the first only.
         rcc::enable_and_reset::<T>();
         // The pins only now: a transmit pin without a controller behind it could hold the bus low.
         let (mut receive, function) = parts.receive;

@@ -60,39 +60,35 @@ impl Controller {
             w.set_ntseg2(10 - 1);
             w.set_nsjw(10 - 1);
         });
-        // Zero is right for: classic frames, no filters, everything accepted into FIFO 0, elements
-        // of eight bytes, transmit buffers that are all dedicated ones, no event FIFO, line 0.
-        can.cccr().modify(|w| w.set_fdoe(false));
-        can.sidfc().write_value(regs::Sidfc(0));
-        can.xidfc().write_value(regs::Xidfc(0));
-        can.gfc().write_value(regs::Gfc(0));
-        can.rxesc().write_value(regs::Rxesc(0));
-        can.txesc().write_value(regs::Txesc(0));
-        can.txefc().write_value(regs::Txefc(0));
-        can.ils().write_value(regs::Ils(0));
+        // What the reset left, zero, is right for: classic frames, sent again until acknowledged; no
+        // filters, everything accepted into FIFO 0; elements of eight data bytes; transmit buffers
+        // that are all dedicated ones; no event FIFO; interrupt line 0.
         can.rxfc(0).write(|w| {
             w.set_fsa(word(self.share + RECEIVE_AT));
             w.set_fs(byte(HARDWARE_RECEIVE));
         });
-        can.rxfc(1).write_value(regs::Rxfc(0));
         can.txbc().write(|w| {
             w.set_tbsa(word(self.share + TRANSMIT_AT));
             w.set_ndtb(byte(TRANSMIT));
         });
-        can.ir().write_value(regs::Ir(u32::MAX));
         can.ie().write(|w| {
             w.set_rfne(0, true);
             w.set_rfle(0, true);
+            w.set_mrafe(true);
             w.set_boe(true);
         });
         can.ile().write(|w| w.set_eint0(true));
-        self.leave_initialisation();
+        self.go_on_bus();
     }
 
-    /// Goes on the bus, after the configuration or after bus-off; the hardware itself waits for
-    /// the 129 x 11 recessive bits that ISO 11898-1 asks for after bus-off.
-    pub(super) fn leave_initialisation(self) {
-        self.registers.cccr().modify(|w| w.set_init(false));
+    /// Takes part in the bus: after the configuration; after bus-off, when the hardware itself
+    /// waits for the 129 x 11 recessive bits that ISO 11898-1 asks for; and after the message RAM
+    /// was too slow for a frame, when the hardware stops sending (restricted operation, CCCR.ASM).
+    pub(super) fn go_on_bus(self) {
+        self.registers.cccr().modify(|w| {
+            w.set_init(false);
+            w.set_asm(false);
+        });
     }
 
     /// The oldest received frame.
@@ -118,7 +114,8 @@ impl Controller {
 
     /// The transmit buffers that wait or are being sent.
     pub(super) fn pending(self) -> u32 {
-        self.registers.txbrp().read().0
+        // A new request may stay in TXBAR while the controller looks for its most urgent frame.
+        self.registers.txbar().read().0 | self.registers.txbrp().read().0
     }
 
     pub(super) fn request(self, buffers: u32) {
@@ -143,6 +140,8 @@ impl Controller {
             _ => ErrorState::Active,
         };
         let error = match status.lec() {
+            // On its way back the hardware notes a bit error for every 11 recessive bits.
+            _ if status.bo() => None,
             1 => Some(BusError::Stuff),
             2 => Some(BusError::Form),
             3 => Some(BusError::Acknowledge),
@@ -170,16 +169,16 @@ impl Controller {
             // Perhaps not even clocked: touching it could fault.
             return;
         }
-        self.registers.ie().write_value(regs::Ie(0));
         self.cancel(COMMAND_MASK);
-        self.leave_initialisation();
+        self.go_on_bus();
         self.request(coast);
     }
 
-    /// For the crash handler: whether every coast frame has left, or there are none.
+    /// For the crash handler: whether every coast frame was sent and acknowledged, or there are
+    /// none.
     pub(crate) fn coast_image_sent(self) -> bool {
         let coast = self.coast.load(Ordering::Acquire);
-        coast == 0 || self.pending() & coast == 0
+        coast == 0 || self.registers.txbto().read().0 & coast == coast
     }
 }
 

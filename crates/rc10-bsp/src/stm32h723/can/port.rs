@@ -57,7 +57,12 @@ impl Inbox {
             if raised.bo() && can.cccr().read().init() {
                 received.bus_offs = received.bus_offs.saturating_add(1);
                 controller.cancel(COMMAND_MASK);
-                controller.leave_initialisation();
+                controller.go_on_bus();
+            }
+            if raised.mraf() {
+                // The message RAM was too slow to store a frame, or to send one.
+                received.lost = received.lost.saturating_add(1);
+                controller.go_on_bus();
             }
         });
     }
@@ -99,8 +104,8 @@ impl<T: BusPeripheral> Handler<T::IT0Interrupt> for Interrupt<T> {
 /// A [`CanPort`] on one FDCAN of the chip.
 ///
 /// [`Health::receive_lost`] counts frames that the queue had no room for one by one, and overruns
-/// of the hardware FIFO as one each, because the hardware does not say how many frames an overrun
-/// cost. After bus-off the port cancels what is unsent, counts, and goes back on the bus.
+/// of the hardware FIFO and of its access to the message RAM as one each, because the hardware does
+/// not say how many frames they cost. After bus-off the port cancels what is unsent, counts, and goes back on the bus.
 pub struct FdcanPort {
     controller: Controller,
     inbox: &'static Inbox,
