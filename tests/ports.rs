@@ -26,11 +26,11 @@ fn frame(id: u16, data: &[u8]) -> CanFrame {
 }
 
 /// An M3508 (id 1) on a simulated bus with its runner; `task` is the task of a user.
-fn with_wheel<F: Future<Output = ()>>(
+fn with_wheel<F>(
     millis: u64,
     task: impl FnOnce(&'static BusPort, &'static ArmSwitch, rc10_sim::Bus) -> F,
 ) where
-    F: 'static,
+    F: Future<Output = ()> + 'static,
 {
     let mut world = World::new(9);
     let wire = world.add_bus(BusConfig::default());

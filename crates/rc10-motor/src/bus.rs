@@ -202,6 +202,7 @@ pub enum Link {
 /// others stay at their largest value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct MotorCounters {
     /// Good feedback frames.
     pub received: u32,
@@ -232,6 +233,7 @@ pub struct BusCounters {
 /// All there is to know about one motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct MotorStatus {
     /// Whether it is heard.
     pub link: Link,

@@ -141,15 +141,15 @@ fn crash(kind: u32, values: [u32; 4], file: &str) -> ! {
     SCB::sys_reset()
 }
 
-/// Waits 20 ms at least and 60 ms at most: eight frames take 1 ms, and a bus that comes back from
-/// bus-off 1.4 ms if it is idle, 17 ms if it is full. A bus where nobody acknowledges takes all of
-/// it. The watchdog's 100 ms are longer.
+/// Bounded: 20 ms at least. Eight frames take 1 ms; a bus that comes back from bus-off takes 1.4 ms
+/// if it is idle, 17 ms if it is full; one where nobody acknowledges takes all of it. The watchdog
+/// leaves 90 ms.
 fn wait_for_coast_images() {
-    for _ in 0..4_000 {
+    for _ in 0..2_000 {
         if can::ALL.iter().all(|controller| controller.coast_image_sent()) {
             return;
         }
-        cortex_m::asm::delay(4_800); // 5 us to 15 us: not exact on this core
+        cortex_m::asm::delay(4_800); // 10 us at least
     }
 }
 

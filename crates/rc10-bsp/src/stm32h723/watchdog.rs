@@ -9,8 +9,10 @@ use embassy_time::Duration;
 ///
 /// It cannot be stopped once started. While a debugger holds the core it holds still.
 ///
-/// A reset by it sends no coast image: nothing runs any more that could. What the motors do then
-/// is up to their own timeout.
+/// A reset by it sends no coast image: nothing runs any more that could. The motors keep their last
+/// command until their own timeout, or until the restarted program's first frames.
+///
+/// Erasing flash stalls the core for up to two seconds: not with a shorter timeout than that.
 pub struct Watchdog(IndependentWatchdog<'static, IWDG1>);
 
 impl Watchdog {
