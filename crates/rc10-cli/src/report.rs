@@ -606,7 +606,8 @@ mod tests {
                     drive: Drive::Run,
                 }
             };
-            let last = MotorStatus { link: Link::Online, drive: Drive::Run, ..MotorStatus::NEW };
+            let mut last = MotorStatus::NEW;
+            (last.link, last.drive) = (Link::Online, Drive::Run);
             MotorTrack { entry, samples: (0..samples).map(sample).collect(), last, overwritten: 0 }
         });
         let bus = |number| BusTrack {
