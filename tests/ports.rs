@@ -42,8 +42,7 @@ fn with_wheel<F>(
     let mut bus = MotorBus::new(switch);
     bus.attach(wheel, Safety::COAST).unwrap();
     let mut tasks = Tasks::new();
-    let run = run_bus(wire.port(), bus, shared);
-    tasks.add(async { match run.await {} });
+    tasks.add(run_bus(wire.port(), bus, shared));
     let ended = std::rc::Rc::new(Cell::new(false));
     let task = task(shared, switch, wire);
     let tell = std::rc::Rc::clone(&ended);
@@ -188,8 +187,7 @@ fn after_an_outage_only_the_newest_command_leaves() {
     let mut bus = MotorBus::new(&switch);
     bus.attach(&mut wheel, Safety::COAST).unwrap();
     let mut tasks = Tasks::new();
-    let run = run_bus(wire.port(), bus, &shared);
-    tasks.add(async { match run.await {} });
+    tasks.add(run_bus(wire.port(), bus, &shared));
     switch.arm().unwrap();
     tasks.add(async {
         loop {

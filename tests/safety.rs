@@ -11,8 +11,8 @@ use rc10_can::Micros;
 use rc10_cli::simulate::{Surroundings, tasks};
 use rc10_motor::dji::{self, FeedbackRate, Model};
 use rc10_motor::{ArmSwitch, Drive, Link, Safety, Target};
-use rc10_robot::table::{LIFT, Name};
 use rc10_robot::Robot;
+use rc10_robot::table::{LIFT, Name};
 
 const MODELS: [&Model; 4] = [&dji::M3508, &dji::M2006, &dji::GM6020_CURRENT, &dji::GM6020_VOLTAGE];
 

@@ -3,11 +3,11 @@
 use embassy_executor::SpawnError;
 use embassy_stm32::Peri;
 use embassy_stm32::peripherals::IWDG1;
-use embassy_time::{Duration, Instant, Ticker, Timer};
+use embassy_time::{Duration, Ticker};
 use rc10_bsp::can::FdcanPort;
 use rc10_bsp::watchdog::Watchdog;
 use rc10_motor::TxBatch;
-use rc10_motor::embassy::{BusPort, Runner};
+use rc10_motor::embassy::{BusPort, run_bus};
 use rc10_robot::{Io, SetupError, chassis, driver, mechanisms, status};
 
 /// The chip restarts if a bus did not tick for so long.
@@ -28,13 +28,7 @@ pub fn bus(
         // Not defmt's: with that one, the crash record would name a line of defmt.
         panic!("a bus has more motors than its coast image holds");
     }
-    let mut runner = Runner::new(can, motors, shared, rc10_bsp::now());
-    async move {
-        loop {
-            Timer::at(Instant::from_micros(runner.next().get())).await;
-            runner.tick(rc10_bsp::now);
-        }
-    }
+    run_bus(can, motors, shared)
 }
 
 /// The base.

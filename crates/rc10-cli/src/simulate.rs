@@ -111,8 +111,7 @@ pub fn tasks<'r>(io: &'r Io, buses: [Bus<'r>; BUSES], wires: &[rc10_sim::Bus; BU
     let mut tasks = Tasks::new();
     for ((bus, shared), wire) in buses.into_iter().zip(&io.buses).zip(wires) {
         let port = wire.port();
-        let run = run_bus(port, bus, shared);
-        tasks.add(async { match run.await {} });
+        tasks.add(run_bus(port, bus, shared));
     }
     tasks.add(async { chassis::run(io).await });
     tasks.add(async { mechanisms::run(io).await });

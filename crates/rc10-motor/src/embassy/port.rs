@@ -54,7 +54,7 @@ struct Mail {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct BusStatus {
-    /// Ticks so far.
+    /// Ticks so far; starts over after 2³² (49 days).
     pub ticks: u32,
     /// Ticks that did not happen because the one before ended too late, or the processor was busy.
     pub overruns: u32,

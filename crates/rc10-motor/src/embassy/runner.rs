@@ -1,5 +1,3 @@
-use core::convert::Infallible;
-
 use embassy_time::{Instant, Timer};
 use rc10_app::Seconds;
 use rc10_can::{CanFrame, CanPort, Micros, Schedule, Submitted};
@@ -17,7 +15,7 @@ const BITS_PER_SECOND: u32 = 1_000_000;
 /// a tick after an outage; the rest is taken in the next one.
 const RECEIVE_LIMIT: usize = 42;
 
-/// Runs a bus for ever: one tick every millisecond, on the grid, without drift. Ticks whose time
+/// Runs a bus; the future never ends. One tick every millisecond, on the grid, without drift. Ticks whose time
 /// has gone by are skipped and counted.
 ///
 /// Not written `async fn`, which would keep a second copy of its arguments: 2 KiB a bus.
@@ -25,7 +23,7 @@ pub fn run_bus<P: CanPort>(
     port: P,
     bus: MotorBus<'_>,
     shared: &BusPort,
-) -> impl Future<Output = Infallible> {
+) -> impl Future<Output = ()> {
     let mut runner = Runner::new(port, bus, shared, now());
     async move {
         loop {
@@ -136,7 +134,8 @@ impl<'m, 'p, P: CanPort> Runner<'m, 'p, P> {
                 self.shared.publish(motor, status);
             }
         }
-        self.status.ticks = self.status.ticks.saturating_add(1);
+        // It tells a watchdog that the bus ticks: it must not stand still at the largest value.
+        self.status.ticks = self.status.ticks.wrapping_add(1);
         self.status.received = self.bus.counters();
         self.status.health = self.port.health();
         self.status.arm = self.bus.switch().state();

@@ -75,7 +75,6 @@ impl Controller {
             w.set_rfne(0, true);
             w.set_rfle(0, true);
             w.set_mrafe(true);
-            w.set_boe(true);
         });
         can.ile().write(|w| w.set_eint0(true));
         self.go_on_bus();

@@ -19,7 +19,6 @@ pub const RECEIVE_QUEUE: usize = 32;
 struct Received {
     frames: Deque<(CanFrame, Micros), RECEIVE_QUEUE>,
     lost: u32,
-    bus_offs: u32,
 }
 
 #[doc(hidden)]
@@ -27,7 +26,7 @@ pub struct Inbox(Mutex<CriticalSectionRawMutex, RefCell<Received>>);
 
 impl Inbox {
     const fn new() -> Self {
-        Self(Mutex::new(RefCell::new(Received { frames: Deque::new(), lost: 0, bus_offs: 0 })))
+        Self(Mutex::new(RefCell::new(Received { frames: Deque::new(), lost: 0 })))
     }
 
     fn with<R>(&self, f: impl FnOnce(&mut Received) -> R) -> R {
@@ -49,20 +48,10 @@ impl Inbox {
                 // There is room now.
                 let _ = received.frames.push_back((frame, at));
             }
-            if raised.rfl(0) {
-                // At least one: the hardware does not say how many.
+            // The FIFO was full, or the message RAM too slow: for one frame at least, the hardware
+            // does not say for how many.
+            if raised.rfl(0) || raised.mraf() {
                 received.lost = received.lost.saturating_add(1);
-            }
-            // The hardware sets INIT when it goes bus-off; the flag also reports the way back.
-            if raised.bo() && can.cccr().read().init() {
-                received.bus_offs = received.bus_offs.saturating_add(1);
-                controller.cancel(COMMAND_MASK);
-                controller.go_on_bus();
-            }
-            if raised.mraf() {
-                // The message RAM was too slow to store a frame, or to send one.
-                received.lost = received.lost.saturating_add(1);
-                controller.go_on_bus();
             }
         });
     }
@@ -105,22 +94,25 @@ impl<T: BusPeripheral> Handler<T::IT0Interrupt> for Interrupt<T> {
 ///
 /// [`Health::receive_lost`] counts frames that the queue had no room for one by one, and overruns
 /// of the hardware FIFO and of its access to the message RAM as one each, because the hardware does
-/// not say how many frames they cost. After bus-off the port cancels what is unsent, counts, and goes back on the bus.
+/// not say how many frames they cost. After bus-off the port cancels what is unsent, counts, and
+/// goes back on the bus, the next time that [`receive`](CanPort::receive) finds nothing.
 pub struct FdcanPort {
     controller: Controller,
     inbox: &'static Inbox,
     /// The key of the frame last written to each transmit buffer.
     keys: [u32; COMMANDS],
     last_error: Cell<Option<BusError>>,
+    bus_offs: u32,
 }
 
 impl FdcanPort {
     pub(super) const fn new(controller: Controller, inbox: &'static Inbox) -> Self {
-        Self { controller, inbox, keys: [0; COMMANDS], last_error: Cell::new(None) }
+        let last_error = Cell::new(None);
+        Self { controller, inbox, keys: [0; COMMANDS], last_error, bus_offs: 0 }
     }
 
     /// Stores the frames that make every motor of this bus safe. They wait in the controller's own
-    /// memory; a crash sends them by two register writes ([`crash`](crate::crash)).
+    /// memory; a crash sends them by a few register writes ([`crash`](crate::crash)).
     ///
     /// # Errors
     /// [`CoastImageFull`] if there are more than [`COAST_FRAMES`]; then none is stored.
@@ -130,6 +122,20 @@ impl FdcanPort {
         }
         self.controller.keep_coast_image(frames);
         Ok(())
+    }
+
+    /// Goes back on the bus if the controller has left it. Polled, because a state cannot be missed
+    /// as the interrupt of a change can: and that would be for ever.
+    fn return_to_bus(&mut self) {
+        let control = self.controller.registers.cccr().read();
+        if control.init() {
+            // Since the start only the hardware sets it: bus-off.
+            self.bus_offs = self.bus_offs.saturating_add(1);
+            self.controller.cancel(COMMAND_MASK);
+        }
+        if control.init() || control.asm() {
+            self.controller.go_on_bus();
+        }
     }
 
     /// The pending buffers among `buffers` that hold a frame of this key.
@@ -148,7 +154,11 @@ impl FdcanPort {
 
 impl CanPort for FdcanPort {
     fn receive(&mut self) -> Option<(CanFrame, Micros)> {
-        self.inbox.with(|received| received.frames.pop_front())
+        let oldest = self.inbox.with(|received| received.frames.pop_front());
+        if oldest.is_none() {
+            self.return_to_bus();
+        }
+        oldest
     }
 
     fn submit(&mut self, frame: &CanFrame) -> Submitted {
@@ -178,15 +188,13 @@ impl CanPort for FdcanPort {
             self.last_error.set(error);
         }
         let errors = self.controller.registers.ecr().read();
-        let (receive_lost, bus_offs) =
-            self.inbox.with(|received| (received.lost, received.bus_offs));
         Health {
             state,
             transmit_errors: errors.tec(),
             receive_errors: errors.rec(),
             last_error: self.last_error.get(),
-            receive_lost,
-            bus_offs,
+            receive_lost: self.inbox.with(|received| received.lost),
+            bus_offs: self.bus_offs,
         }
     }
 }
