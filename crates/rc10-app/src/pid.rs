@@ -213,6 +213,7 @@ impl PidState {
 
     /// The output is limited, or something was not finite.
     #[cold]
+    #[inline(never)]
     fn saturate(&mut self, limit: f32, wanted: f32, integral: f32, step: f32, error: f32) -> f32 {
         if wanted.is_finite() {
             self.output = within(wanted, limit);

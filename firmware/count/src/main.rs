@@ -64,11 +64,12 @@ fn measure(
         for id in IDS {
             let motor = MotorId::new(id - 1);
             let Some(status) = bus.status(motor, input.now) else { cortex_m::asm::udf() };
-            // Where it is and how fast, and a little more.
-            let ahead = Degrees::new(status.feedback.angle.get() + 1.0);
-            let faster = status.feedback.speed * 1.01;
+            // As fast as it turns, and as far ahead as asks for that speed: no loop is at its
+            // limit.
+            let speed = status.feedback.speed;
+            let ahead = Degrees::new(status.feedback.angle.get() + speed.get() / 1.3);
             // A motor that is not heard yet takes it as well.
-            let _ = bus.command(motor, target(ahead, faster), input.now);
+            let _ = bus.command(motor, target(ahead, speed), input.now);
         }
         tx.clear();
         if round <= WARM_UP {
