@@ -145,7 +145,7 @@ fn print(text: &mut String, recording: &Recording, wall: f64, folder: &Path) -> 
     writeln!(text, "{length} s of virtual time in {wall:.2} s, seed {}\n", recording.seed)?;
     writeln!(
         text,
-        "{:<18} {:<24} {:>3}  {:<9} {:>9} {:>9}     {:>10} {:>8} {:>8} {:>5} {:>5}",
+        "{:<18} {:<26} {:>3}  {:<9} {:>9} {:>9}     {:>10} {:>8} {:>8} {:>5} {:>5}",
         "motor",
         "model",
         "bus",
@@ -166,7 +166,7 @@ fn print(text: &mut String, recording: &Recording, wall: f64, folder: &Path) -> 
         let counters = track.last.counters;
         writeln!(
             text,
-            "{:<18} {:<24} {:>3}  {:<9} {:>9} {:>9.1} {:<3} {:>10} {:>8.2} {:>8} {:>5} {:>5}",
+            "{:<18} {:<26} {:>3}  {:<9} {:>9} {:>9.1} {:<3} {:>10} {:>8.2} {:>8} {:>5} {:>5}",
             track.entry.label,
             model,
             track.entry.bus,
