@@ -1,5 +1,6 @@
 use core::fmt;
 
+use heapless::Vec;
 use rc10_app::{ConfigError, Degrees, Rpm, Twist};
 use rc10_bsp::{Latest, Statistics, Topic};
 use rc10_motor::dji::{Dji, IdOutOfRange};
@@ -15,7 +16,7 @@ pub type Bus<'r> = MotorBus<'r>;
 /// The whole robot: its motors, and all that its tasks share.
 pub struct Robot {
     io: Io,
-    motors: [Dji; MOTORS.len()],
+    motors: Vec<Dji, { MOTORS.len() }>,
 }
 
 /// What the tasks share: every port, topic and switch of the robot.
@@ -76,13 +77,12 @@ impl Robot {
     /// # Errors
     /// [`SetupError`], naming the line of the table.
     pub fn new() -> Result<Self, SetupError> {
-        // The wheels' first motor stands in until each line has made its own.
-        let first = motor(&MOTORS[0])?;
-        let mut motors = [const { None::<Dji> }; MOTORS.len()];
-        for (place, entry) in motors.iter_mut().zip(&MOTORS) {
-            *place = Some(motor(entry)?);
+        let mut motors = Vec::new();
+        for entry in &MOTORS {
+            // It has room for exactly these.
+            let _ = motors.push(motor(entry)?);
         }
-        Ok(Self { io: Io::new(), motors: motors.map(|motor| motor.unwrap_or(first.clone())) })
+        Ok(Self { io: Io::new(), motors })
     }
 
     /// What the tasks share, and the buses with their motors attached: each goes to a runner.
