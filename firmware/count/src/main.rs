@@ -60,7 +60,7 @@ fn measure(
     }
     let mut tx = TxBatch::new();
     for round in 1..=ROUNDS {
-        let input = Input::of(round);
+        let input = black_box(Input::of(round));
         for id in IDS {
             let motor = MotorId::new(id - 1);
             let Some(status) = bus.status(motor, input.now) else { cortex_m::asm::udf() };
