@@ -215,3 +215,82 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     let _ = world.run(Pin::new(&mut tasks), stop + Micros::from_millis(950));
     assert_eq!(io.motor(Name::FrontLeft).status().drive, Drive::Run);
 }
+
+/// A gripper pushes against its end stop; then somebody stops it. It must let go.
+#[test]
+fn a_stalled_motor_that_is_stopped_does_not_go_on_pushing() {
+    for target in [Target::Current(Amps::new(15.0)), Target::Speed(Rpm::new(20.0))] {
+        let switch = ArmSwitch::new();
+        let mut ours = motor(&dji::M3508, 1);
+        let mut bench = Bench::new(1, &switch);
+        let mut device = twin(&dji::M3508, 1);
+        // Nothing turns this shaft.
+        device.plant.static_friction = 100.0;
+        device.plant.coulomb_friction = 100.0;
+        let (id, esc) = bench.add(&mut ours, Safety::BRAKE, device);
+        switch.arm().unwrap();
+        bench.hold(id, target, 3000);
+        assert!(esc.state().current > 10.0, "{target:?}");
+        switch.emergency_stop();
+        bench.hold(id, target, 50);
+        assert_eq!(bench.status(id).drive, Drive::Brake);
+        assert!(esc.state().current.abs() < 0.1, "{target:?}: {}", esc.state().current);
+    }
+}
+
+#[test]
+fn stopping_a_disarmed_robot_gives_no_motor_torque_and_disarming_a_stopped_one_takes_it() {
+    let switch = ArmSwitch::new();
+    let mut ours = motor(&dji::M3508, 1);
+    let mut bench = Bench::new(1, &switch);
+    let (id, esc) = bench.add(&mut ours, Safety::HOLD, twin(&dji::M3508, 1));
+    esc.set_load(-2.0);
+    bench.hold(id, Target::Coast, 20);
+    switch.emergency_stop();
+    bench.hold(id, Target::Coast, 100);
+    assert_eq!((bench.status(id).drive, esc.state().command), (Drive::Off, 0));
+    switch.reset();
+    switch.arm().unwrap();
+    bench.hold(id, Target::Coast, 20);
+    switch.emergency_stop();
+    bench.hold(id, Target::Coast, 200);
+    assert_eq!(bench.status(id).drive, Drive::Hold);
+    assert_ne!(esc.state().command, 0);
+    switch.disarm();
+    bench.hold(id, Target::Coast, 2);
+    assert_eq!((bench.status(id).drive, esc.state().command), (Drive::Off, 0));
+    assert!(switch.arm().is_err());
+}
+
+/// The program slept for longer than a second, or the bus's clock and the port's differ.
+#[test]
+fn what_was_heard_long_ago_or_will_be_is_not_fresh() {
+    let switch = ArmSwitch::new();
+    let mut ours = motor(&dji::M3508, 1);
+    let mut bench = Bench::new(1, &switch);
+    let (id, _) = bench.add(&mut ours, Safety::COAST, twin(&dji::M3508, 1));
+    switch.arm().unwrap();
+    bench.hold(id, Target::Current(Amps::new(5.0)), 100);
+    let (now, mut tx) = (bench.now(), rc10_motor::TxBatch::new());
+    for minutes in [1, 40, 60, 71, 72] {
+        let later = now + Micros::from_millis(minutes * 60_000);
+        tx.clear();
+        bench.bus.tick(later, rc10_app::Seconds::new(0.001), &mut tx).unwrap();
+        assert_eq!(tx.frames()[0].bytes(), [0; 8], "{minutes} min");
+    }
+    // A port whose clock is a minute ahead: its frames keep no link alive.
+    let feedback = bench.wire.take_trace().into_iter().find(|entry| !entry.from_controller);
+    let start = now + Micros::from_millis(80 * 60_000);
+    let mut tick = |at: Micros, frame: Option<Micros>| {
+        if let Some(arrival) = frame {
+            bench.bus.on_frame(&feedback.unwrap().frame, arrival);
+        }
+        bench.bus.tick(at, rc10_app::Seconds::new(0.001), &mut tx).unwrap();
+        bench.bus.status(id, at).unwrap().link
+    };
+    tick(start, None);
+    let ahead = start + Micros::from_millis(60_000);
+    assert_eq!(tick(start + Micros::from_millis(1), Some(ahead)), Link::Lost);
+    let during = start + Micros::new(2_500);
+    assert_eq!(tick(start + Micros::from_millis(2), Some(during)), Link::Online);
+}

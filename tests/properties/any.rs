@@ -74,7 +74,7 @@ fn cascade() -> impl Strategy<Value = Cascade> {
                 integral_limit: integral_limit.abs(),
                 integral_separation: if separated { 10.0 } else { f32::INFINITY },
                 deadband: if separated { 0.5 } else { 0.0 },
-                ..PidConfig::new(kp, ki, kd, limit.abs().max(f32::MIN_POSITIVE))
+                ..PidConfig::new(kp.abs(), ki.abs(), kd.abs(), limit.abs().max(f32::MIN_POSITIVE))
             },
         )
     };

@@ -244,8 +244,9 @@ impl<'m> Bench<'m> {
     fn request(&mut self, which: usize, request: Request) -> TestCaseResult {
         let index = which % self.known.len();
         let known = &mut self.known[index];
-        let finite =
-            |gains: Gains| [gains.kp, gains.ki, gains.kd].iter().all(|gain| gain.is_finite());
+        let finite = |gains: Gains| {
+            [gains.kp, gains.ki, gains.kd].iter().all(|gain| gain.is_finite() && *gain >= 0.0)
+        };
         let granted = match request {
             Request::SetZero => known.heard,
             Request::CurrentLimit(amps) => !known.voltage && amps.get() >= 0.0,

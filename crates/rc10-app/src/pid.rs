@@ -13,7 +13,7 @@
 //! ```
 
 use crate::angle::shortest_way_f32;
-use crate::config::{ConfigError, finite, not_negative, positive, positive_or_unlimited};
+use crate::config::{ConfigError, not_negative, positive, positive_or_unlimited};
 use crate::maths::within;
 use crate::units::Seconds;
 
@@ -64,9 +64,10 @@ impl PidConfig {
     /// # Errors
     /// The first field that cannot, and what it must be.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        finite("kp", self.kp)?;
-        finite("ki", self.ki)?;
-        finite("kd", self.kd)?;
+        // A negative gain runs away.
+        not_negative("kp", self.kp)?;
+        not_negative("ki", self.ki)?;
+        not_negative("kd", self.kd)?;
         positive("output_limit", self.output_limit)?;
         not_negative("integral_limit", self.integral_limit)?;
         positive_or_unlimited("integral_separation", self.integral_separation)?;
@@ -122,6 +123,11 @@ impl PidState {
             self.integral = output;
             self.output = output;
         }
+    }
+
+    /// Starts the integral at zero again.
+    pub const fn drop_integral(&mut self) {
+        self.integral = 0.0;
     }
 
     /// Makes `output` the newest output, because something after this controller limited it.

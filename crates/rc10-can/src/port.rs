@@ -207,7 +207,7 @@ pub struct NbPort<C, const N: usize = 16> {
 }
 
 impl<C: Can, const N: usize> NbPort<C, N> {
-    /// A port on `can`; `now` reads a clock.
+    /// A port on `can`; `now` reads the clock that the bus is ticked by.
     pub const fn new(can: C, now: fn() -> Micros) -> Self {
         Self { can, now, waiting: Mailboxes::new(), health: Health::NEW }
     }
@@ -280,7 +280,9 @@ fn from_driver<C: Can>(frame: &C::Frame) -> Option<CanFrame> {
 impl<C: Can, const N: usize> CanPort for NbPort<C, N> {
     fn receive(&mut self) -> Option<(CanFrame, Micros)> {
         self.flush();
-        loop {
+        // A driver may tell of an overrun before it gives the frames behind it; one that has only
+        // errors to tell must not hold up the caller.
+        for _ in 0..8 {
             match self.can.receive() {
                 Ok(frame) => match from_driver::<C>(&frame) {
                     Some(frame) => return Some((frame, (self.now)())),
@@ -288,12 +290,10 @@ impl<C: Can, const N: usize> CanPort for NbPort<C, N> {
                     None => self.health.receive_lost = self.health.receive_lost.saturating_add(1),
                 },
                 Err(nb::Error::WouldBlock) => return None,
-                Err(nb::Error::Other(error)) => {
-                    self.note(&error);
-                    return None;
-                }
+                Err(nb::Error::Other(error)) => self.note(&error),
             }
         }
+        None
     }
 
     fn submit(&mut self, frame: &CanFrame) -> Submitted {

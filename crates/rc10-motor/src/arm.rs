@@ -36,6 +36,8 @@ pub struct ArmSwitch(AtomicU8);
 const DISARMED: u8 = 0;
 const ARMED: u8 = 1;
 const STOPPED: u8 = 2;
+/// Stopped, and without torque: it was not armed, or has been disarmed since.
+const STOPPED_OFF: u8 = 3;
 
 /// The robot is stopped; it must be reset before it can be armed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,19 +79,36 @@ impl ArmSwitch {
         if self.state() == ArmState::EStopped { Err(EStopped) } else { Ok(()) }
     }
 
-    /// Stops driving: every motor coasts. A latched emergency stop stays latched.
+    /// Stops driving: every motor coasts, also one that holds during an emergency stop. The stop
+    /// stays latched.
     pub fn disarm(&self) {
         self.change(ARMED, DISARMED);
+        self.change(STOPPED, STOPPED_OFF);
     }
 
-    /// Sends every motor to its safe state in the next tick of its bus, until [`reset`](Self::reset).
+    /// Sends every motor to its safe state in the next tick of its bus, until
+    /// [`reset`](Self::reset). Motors of a robot that is not armed stay without torque.
     pub fn emergency_stop(&self) {
-        self.0.store(STOPPED, Ordering::Release);
+        let stop =
+            |state| Some(if matches!(state, ARMED | STOPPED) { STOPPED } else { STOPPED_OFF });
+        // It always has an answer, so this always takes effect.
+        let _ = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, stop);
     }
 
     /// Ends an emergency stop; the robot is disarmed then. Changes nothing if there is none.
     pub fn reset(&self) {
         self.change(STOPPED, DISARMED);
+        self.change(STOPPED_OFF, DISARMED);
+    }
+
+    /// What the motors have to know: disarmed also while stopped without torque.
+    #[inline]
+    pub(crate) fn for_motors(&self) -> ArmState {
+        match self.0.load(Ordering::Acquire) {
+            ARMED => ArmState::Armed,
+            STOPPED => ArmState::EStopped,
+            _ => ArmState::Disarmed,
+        }
     }
 
     /// One step of the state machine; an emergency stop in between wins.
@@ -115,7 +134,16 @@ mod tests {
         switch.disarm();
         assert_eq!(switch.arm(), Err(EStopped));
         assert_eq!(switch.state(), ArmState::EStopped);
+        // Disarmed on top: no torque either.
+        assert_eq!(switch.for_motors(), ArmState::Disarmed);
         switch.reset();
         assert_eq!(switch.state(), ArmState::Disarmed);
+        // Stopping a disarmed robot gives no motor torque.
+        switch.emergency_stop();
+        assert_eq!((switch.state(), switch.for_motors()), (ArmState::EStopped, ArmState::Disarmed));
+        switch.reset();
+        switch.arm().unwrap();
+        switch.emergency_stop();
+        assert_eq!(switch.for_motors(), ArmState::EStopped);
     }
 }

@@ -29,7 +29,16 @@ pub struct MotorBus<'m> {
     table: ReceiveTable,
     unclaimed: u32,
     last_unclaimed: Option<u32>,
+    last_tick: Option<Micros>,
 }
+
+/// No loop takes a longer step, s.
+const LONGEST_STEP: f32 = 0.010;
+/// After a longer pause between two ticks nothing that was heard or commanded before still holds.
+const LONGEST_PAUSE: Micros = Micros::from_millis(1000);
+/// A frame may have arrived so long after the tick began that takes it, µs. What lies further in
+/// the future is not fresh, but another clock.
+const SKEW: u32 = 2_000;
 
 /// See [`MotorBus::CAPACITY`].
 const CAPACITY: usize = 8;
@@ -40,9 +49,9 @@ struct Slot<'m> {
     /// is enough while `link` and `fresh` keep what was true before.
     heard_at: u32,
     commanded_at: u32,
-    /// In microseconds.
-    link_timeout: i32,
-    command_expiry: i32,
+    /// In microseconds, with [`SKEW`].
+    link_timeout: u32,
+    command_expiry: u32,
     safety: Safety,
     drive: Drive,
     link: Link,
@@ -280,6 +289,7 @@ impl<'m> MotorBus<'m> {
             table: ReceiveTable::new(),
             unclaimed: 0,
             last_unclaimed: None,
+            last_tick: None,
         }
     }
 
@@ -401,14 +411,18 @@ impl<'m> MotorBus<'m> {
     }
 
     /// One tick: decides what each motor may do, lets it compute, and adds its frames to `tx`.
-    /// `dt` is the time since the last tick; what is not within 0 to 1 s counts as 1 ms.
+    /// `dt` is the time since the last tick: more than 10 ms counts as 10 ms, so that no loop takes a
+    /// leap after a pause; what is not above zero counts as 1 ms.
     ///
     /// # Errors
     /// [`TxFull`] if not all frames fit into `tx`; the other motors' frames are in it.
     pub fn tick(&mut self, now: Micros, dt: Seconds, tx: &mut TxBatch) -> Result<(), TxFull> {
-        // Loops divide by it. A pause longer than the longest expiry is no time step either.
-        let dt = Seconds::new(if dt.get() > 0.0 && dt.get() <= 1.0 { dt.get() } else { 0.001 });
-        let arm = self.switch.state();
+        let dt = Seconds::new(if dt.get() > 0.0 { dt.get().min(LONGEST_STEP) } else { 0.001 });
+        let last = self.last_tick.replace(now);
+        if last.is_some_and(|last| now.since(last) > LONGEST_PAUSE) {
+            self.slots.iter_mut().for_each(Slot::forget);
+        }
+        let arm = self.switch.for_motors();
         let mut outcome = Ok(());
         for slot in &mut self.slots {
             let drive = slot.decide(arm, now);
@@ -525,6 +539,16 @@ impl Slot<'_> {
         Dispatch::Motor(motor)
     }
 
+    /// Nothing from before a long pause holds any more.
+    fn forget(&mut self) {
+        self.fresh = false;
+        self.drive = Drive::Off;
+        if self.link == Link::Online {
+            self.link = Link::Lost;
+            count(&mut self.counters.lost);
+        }
+    }
+
     fn is_online(&self, now: Micros) -> bool {
         self.link == Link::Online && since(self.heard_at, now) <= self.link_timeout
     }
@@ -579,17 +603,16 @@ const fn low(time: Micros) -> u32 {
     time.get() as u32
 }
 
-/// Microseconds from a time kept by its low half to `now`; below zero if that is yet to come (a
-/// frame that arrived while the tick had already begun). Right within half an hour.
+/// Microseconds from a time kept by its low half to `now`, and [`SKEW`]: a time a little in the
+/// future is fresh, one further off is old. Right for an hour, and no tick is later than a second.
 #[inline]
-#[expect(clippy::cast_possible_wrap, reason = "a difference either way")]
-const fn since(earlier: u32, now: Micros) -> i32 {
-    low(now).wrapping_sub(earlier) as i32
+const fn since(earlier: u32, now: Micros) -> u32 {
+    low(now).wrapping_sub(earlier.wrapping_sub(SKEW))
 }
 
-/// A time-out as a number of microseconds; half an hour at most.
-fn micros(time: Micros) -> i32 {
-    i32::try_from(time.get()).unwrap_or(i32::MAX)
+/// A time-out as a number of microseconds to compare [`since`] with; half an hour at most.
+fn micros(time: Micros) -> u32 {
+    u32::try_from(time.get()).unwrap_or(u32::MAX).min(u32::MAX / 2).saturating_add(SKEW)
 }
 
 #[inline]
@@ -608,7 +631,6 @@ mod tests {
 
     /// A motor that says of itself whatever byte 0 tells it to.
     struct Talker {
-        targets: u32,
         drive: Drive,
     }
 
@@ -617,14 +639,14 @@ mod tests {
             TargetSet::of(&[crate::TargetKind::Coast, crate::TargetKind::Speed])
         }
         fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-            self.targets += 1;
             self.supports().accepts(&target)
         }
         fn target(&self) -> Target {
             Target::Coast
         }
+        /// Tells as its speed what it was allowed to do.
         fn feedback(&self) -> Feedback {
-            Feedback::NEW
+            Feedback { speed: Rpm::new(f32::from(self.drive as u8)), ..Feedback::NEW }
         }
         fn fault(&self) -> Option<Fault> {
             None
@@ -673,13 +695,15 @@ mod tests {
         bus.command(MotorId(0), Target::Speed(Rpm::new(1.0)), now).unwrap();
         bus.tick(now, MS, &mut TxBatch::new()).unwrap();
         let status = bus.status(MotorId(0), now).unwrap();
+        let told = status.feedback.speed;
+        assert_eq!(told, Rpm::new(f32::from(status.drive as u8)), "the motor was told otherwise");
         (status.drive, status.link)
     }
 
     #[test]
     fn a_fault_stops_the_motor_until_it_is_cleared() {
         let switch = ArmSwitch::new();
-        let mut talker = Talker { targets: 0, drive: Drive::Off };
+        let mut talker = Talker { drive: Drive::Off };
         let mut bus = MotorBus::new(&switch);
         bus.attach(&mut talker, Safety::BRAKE).unwrap();
         switch.arm().unwrap();
@@ -695,7 +719,7 @@ mod tests {
     #[test]
     fn a_reply_that_is_no_feedback_does_not_keep_the_link_alive() {
         let switch = ArmSwitch::new();
-        let mut talker = Talker { targets: 0, drive: Drive::Off };
+        let mut talker = Talker { drive: Drive::Off };
         let mut bus = MotorBus::new(&switch);
         bus.attach(&mut talker, Safety::HOLD).unwrap();
         switch.arm().unwrap();
@@ -706,7 +730,7 @@ mod tests {
         }
         assert_eq!(tick(&mut bus, 13, Some(2)), (Drive::Coast, Link::Lost));
         // A motor once lost stays lost, also when the low half of the time has gone round.
-        for millis in [4_294_967_u64, 4_294_972] {
+        for millis in [4_294_967_u64, 4_294_972, 4_294_980] {
             assert_eq!(tick(&mut bus, millis, None), (Drive::Coast, Link::Lost));
         }
         let counters = bus.status(MotorId(0), Micros::ZERO).unwrap().counters;
@@ -716,7 +740,7 @@ mod tests {
     #[test]
     fn a_frame_that_arrives_during_the_tick_is_not_old() {
         let switch = ArmSwitch::new();
-        let mut talker = Talker { targets: 0, drive: Drive::Off };
+        let mut talker = Talker { drive: Drive::Off };
         let mut bus = MotorBus::new(&switch);
         bus.attach(&mut talker, Safety::COAST).unwrap();
         switch.arm().unwrap();
@@ -730,7 +754,7 @@ mod tests {
     #[test]
     fn refusals_and_strangers_are_counted() {
         let switch = ArmSwitch::new();
-        let mut talker = Talker { targets: 0, drive: Drive::Off };
+        let mut talker = Talker { drive: Drive::Off };
         let mut bus = MotorBus::new(&switch);
         let motor = bus.attach(&mut talker, Safety::COAST).unwrap();
         assert!(bus.command(motor, Target::Duty(0.5), Micros::ZERO).is_err());

@@ -138,8 +138,33 @@ impl CascadeState {
     /// No effort; whatever drives next starts afresh.
     #[inline]
     pub fn rest(&mut self) {
-        if self.active != Active::Nothing || self.starting != Active::Nothing {
+        // Nobody may be left pushing: the effort itself is looked at, not only who gave it.
+        let drives = self.active != Active::Nothing || self.starting != Active::Nothing;
+        if drives || self.effort().to_bits() != 0 {
             *self = Self::new();
+        }
+    }
+
+    /// Forgets what the loops have gathered; the effort that flows now is left softly. For a stop:
+    /// pushing against an obstacle must not go on. With `keep_load`, what a loop has gathered to
+    /// carry a load stays.
+    pub fn start_over(&mut self, keep_load: bool) {
+        let before = if self.active == Active::Nothing { self.starting } else { self.active };
+        self.ticks_left = 0;
+        if !keep_load || before == Active::Effort {
+            (self.active, self.starting) = (Active::Nothing, Active::Nothing);
+        }
+    }
+
+    /// The gains have changed: no derivative reaches back before that, and no integral stays that
+    /// nothing can move. `way` is the way left to an angle.
+    pub fn change_gains(&mut self, config: &Cascade, measured: f32, way: f32) {
+        (self.last_speed, self.last_way) = (measured, -way);
+        if config.speed.ki <= 0.0 {
+            self.speed.drop_integral();
+        }
+        if config.angle.ki <= 0.0 {
+            self.angle.drop_integral();
         }
     }
 
@@ -304,9 +329,9 @@ impl CascadeState {
             self.soft_time_left = SOFT_TIME;
         }
         // From speed to angle or back the speed loop simply goes on; else it starts at the
-        // measured speed with the effort that flows now.
+        // measured speed, with the effort that was asked for.
         if matches!(before, Active::Nothing | Active::Effort) && next != before {
-            self.speed.preset(self.effort());
+            self.speed.preset(if before == Active::Effort { self.effort() } else { 0.0 });
             self.reference = measured;
             self.last_speed = measured;
         }

@@ -316,6 +316,8 @@ pub struct Dji {
     goal: Goal,
     /// The angle to keep while the bus says hold.
     held: Option<i64>,
+    /// Whether it followed its target in the last tick.
+    ran: bool,
     state: CascadeState,
     turn_gaps: u32,
     heard: bool,
@@ -404,6 +406,7 @@ impl Dji {
             target: Target::Coast,
             goal: Goal::Rest,
             held: None,
+            ran: false,
             state: CascadeState::new(),
             turn_gaps: 0,
             heard: false,
@@ -601,6 +604,10 @@ impl Dji {
     #[cold]
     #[inline(never)]
     fn stop(&mut self, drive: Drive, dt: Seconds) {
+        let ran = core::mem::take(&mut self.ran);
+        if ran && matches!(drive, Drive::Brake | Drive::Hold) {
+            self.state.start_over(drive == Drive::Hold);
+        }
         let held = match (drive, self.held) {
             (Drive::Hold, None) if self.heard => Some(self.standstill()),
             (Drive::Hold, held) => held,
@@ -729,7 +736,7 @@ impl Motor for Dji {
 
     fn update(&mut self, dt: Seconds, drive: Drive) {
         if drive == Drive::Run {
-            self.held = None;
+            (self.held, self.ran) = (None, true);
             self.pursue(dt);
         } else {
             self.stop(drive, dt);
@@ -747,8 +754,15 @@ impl Motor for Dji {
                 if !self.heard {
                     return Err(RequestError::NoFeedback);
                 }
-                (self.seen.total, self.seen.phase) = (0, 0);
-                self.held = self.held.map(|_| 0);
+                let old = core::mem::take(&mut self.seen.total);
+                self.seen.phase = 0;
+                // What is held or sought stays where it is; the same number commanded again lies
+                // elsewhere now.
+                self.held = self.held.map(|held| held.saturating_sub(old));
+                if let Goal::Total(counts) = self.goal {
+                    self.goal = Goal::Total(counts.saturating_sub(old));
+                    self.target = Target::Coast;
+                }
             }
             Request::SpeedGains(gains) => self.cascade.speed = set(self.cascade.speed, gains)?,
             Request::AngleGains(gains) => self.cascade.angle = set(self.cascade.angle, gains)?,
@@ -767,6 +781,10 @@ impl Motor for Dji {
                 self.apply_limit();
             }
             Request::ClearFault => return Err(RequestError::Unsupported),
+        }
+        if matches!(request, Request::SpeedGains(_) | Request::AngleGains(_)) {
+            let way = self.scale.degrees_to(&self.goal, &self.seen);
+            self.state.change_gains(&self.cascade, self.seen.speed, way);
         }
         Ok(())
     }

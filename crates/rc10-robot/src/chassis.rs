@@ -3,7 +3,7 @@
 use rc10_app::{Seconds, TwistLimiter};
 use rc10_bsp::{Overrun, periodic};
 use rc10_can::Micros;
-use rc10_motor::Target;
+use rc10_motor::{ArmState, Target};
 
 use crate::robot::Io;
 use crate::table::{BASE, BASE_LIMITS, WHEELS};
@@ -17,8 +17,11 @@ const OLDEST_TWIST: Micros = Micros::from_millis(100);
 pub async fn run(io: &Io) -> ! {
     let mut limiter = TwistLimiter::new();
     periodic(PERIOD, Overrun::Skip, &io.chassis_timing, async |tick| {
-        // Without a fresh wish the wheels get no commands: their bus makes them safe.
-        let Some(wish) = io.twist.newer_than(OLDEST_TWIST, tick.now) else {
+        // Without a fresh wish the wheels get no commands: their bus makes them safe. Armed again,
+        // the base starts from standstill.
+        let armed = io.switch.state() == ArmState::Armed;
+        let wish = io.twist.newer_than(OLDEST_TWIST, tick.now);
+        let Some(wish) = wish.filter(|_| armed) else {
             limiter = TwistLimiter::new();
             return;
         };

@@ -144,10 +144,15 @@ impl BusPort {
     /// [`OutboxError`]; the frame is not sent.
     pub fn send(&self, frame: &CanFrame) -> Result<(), OutboxError> {
         let id = frame.id();
-        if self.claimed.lock(|claimed| claimed.borrow().iter().any(|own| own.contains(id))) {
+        if self.is_claimed(id) {
             return Err(OutboxError::BelongsToMotor(id));
         }
         self.outbox.try_send(*frame).map_err(|_| OutboxError::Full)
+    }
+
+    /// Whether a motor is commanded with this identifier; known once the bus runs.
+    pub(super) fn is_claimed(&self, id: Id) -> bool {
+        self.claimed.lock(|claimed| claimed.borrow().iter().any(|own| own.contains(id)))
     }
 
     /// A stream of the frames that pass `filter`.

@@ -123,7 +123,12 @@ impl<'m, 'p, P: CanPort> Runner<'m, 'p, P> {
 
     fn send_outbox(&mut self) {
         while let Some(frame) = self.shared.take_outgoing() {
-            let submitted = self.port.submit(&frame);
+            // It may have been put in before the bus ran, and knew its motors.
+            let submitted = if self.shared.is_claimed(frame.id()) {
+                Submitted::Refused
+            } else {
+                self.port.submit(&frame)
+            };
             self.status.count(submitted);
         }
     }
