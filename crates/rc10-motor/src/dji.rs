@@ -215,9 +215,9 @@ pub enum FeedbackRate {
     Hz1000,
     /// 500 Hz: needed from six motors a bus on.
     Hz500,
-    /// 250 Hz; rotors above 7500 rpm cannot be counted any more.
+    /// 250 Hz; above 6750 rpm the rotor's turns are estimated, see [`Feedback::turn_gaps`].
     Hz250,
-    /// 125 Hz; rotors above 3750 rpm cannot be counted any more.
+    /// 125 Hz; above 3375 rpm the rotor's turns are estimated.
     Hz125,
 }
 

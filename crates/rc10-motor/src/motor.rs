@@ -158,7 +158,8 @@ pub struct Feedback {
     pub torque: Option<NewtonMetres>,
     /// Temperature of the motor, where the device tells it.
     pub temperature: Option<Celsius>,
-    /// How often the number of turns had to be estimated because feedback was missing at speed.
+    /// How often the number of turns had to be estimated, because feedback was missing at speed or
+    /// for more than 100 ms. A motor that has lost count runs on: watch this where it matters.
     pub turn_gaps: u32,
 }
 
@@ -255,7 +256,8 @@ pub struct Gains {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Request {
-    /// The shaft's angle now is zero from now on.
+    /// The shaft's angle now is zero from now on. A total angle that is sought or held stays where
+    /// it is; the same number commanded again lies elsewhere.
     SetZero,
     /// Forget a fault and go on.
     ClearFault,
