@@ -79,7 +79,7 @@ impl LowPass {
         let next = match self.value {
             None => sample,
             Some(value) if dt.get() > 0.0 && dt.get().is_finite() => {
-                let share = -libm::expm1f(-dt.get() / config.time_constant.get());
+                let share = -crate::maths::exp_m1(-dt.get() / config.time_constant.get());
                 value + share * (sample - value)
             }
             Some(value) => value,

@@ -13,12 +13,6 @@ pub fn sqrt(x: f32) -> f32 {
     libm::sqrtf(x)
 }
 
-/// Angle of the vector (x, y) in radians, -π ..= π.
-#[must_use]
-pub fn atan2(y: f32, x: f32) -> f32 {
-    libm::atan2f(y, x)
-}
-
 /// Length of the vector (x, y) within two units in the last place, without overflow on the way.
 /// (`libm` computes it in f64, which a chip built for f32 does in software.)
 #[must_use]
@@ -34,10 +28,10 @@ pub fn hypot(x: f32, y: f32) -> f32 {
     }
 }
 
-/// e to the power of x.
+/// e to the power of x, less one: exact also where x is nearly zero.
 #[must_use]
-pub fn exp(x: f32) -> f32 {
-    libm::expf(x)
+pub fn exp_m1(x: f32) -> f32 {
+    libm::expm1f(x)
 }
 
 /// The nearest whole number; halves away from zero.

@@ -1,6 +1,6 @@
 use embassy_time::{Instant, Timer};
 use rc10_app::Seconds;
-use rc10_can::{CanFrame, CanPort, Micros, Schedule, Submitted};
+use rc10_can::{CanPort, Micros, Schedule, Submitted};
 
 use super::port::{BusPort, BusStatus};
 use super::subscription::Received;
@@ -146,12 +146,6 @@ impl<'m, 'p, P: CanPort> Runner<'m, 'p, P> {
         self.status.arm = self.bus.switch().state();
         self.status.execution.add(clock().since(now));
         self.shared.publish_bus(self.status);
-    }
-
-    /// The frames of the newest tick.
-    #[must_use]
-    pub fn sent(&self) -> &[CanFrame] {
-        self.tx.frames()
     }
 }
 
