@@ -7,21 +7,26 @@
 //! * [`CanPort`]: a non-blocking port to one bus. [`NbPort`] makes one from any
 //!   [`embedded_can::nb::Can`]; [`Mailboxes`] is the "newest frame per identifier" store that
 //!   ports are built on.
+//! * [`Health`]: how a bus is, and what was lost on it; [`BusOffPolicy`]: who brings it back.
 //! * [`Micros`], [`Schedule`], [`Timing`]: time is an integer count of microseconds.
 //!
 //! The crate has no clock, no I/O and no allocation.
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod bus_off;
 mod frame;
+mod health;
 mod length;
 mod pattern;
 mod port;
 mod time;
 
+pub use bus_off::BusOffPolicy;
 pub use embedded_can;
 pub use frame::{CanFrame, FrameTooLong};
+pub use health::{BusError, ErrorState, Health};
 pub use length::{LengthBounds, WireLength};
 pub use pattern::IdPattern;
-pub use port::{BusError, CanPort, ErrorState, Health, Mailboxes, NbPort, Submitted};
+pub use port::{CanPort, Mailboxes, NbPort, Submitted};
 pub use time::{Micros, Schedule, Start, Timing};

@@ -4,14 +4,15 @@ use embedded_can::nb::Can;
 use embedded_can::{Error, ErrorKind, Frame};
 use heapless::Vec;
 
-use crate::{CanFrame, Micros};
+use crate::{BusError, CanFrame, Health, IdPattern, Micros};
 
 /// A non-blocking port to one CAN bus.
 ///
 /// No method waits. A port keeps **at most one unsent frame per identifier**: a newer one replaces
 /// it, so that nothing stale leaves after an outage. What it loses it counts in [`Health`].
 pub trait CanPort {
-    /// The oldest received frame with its arrival time, if there is one.
+    /// The oldest received frame with its arrival time, if there is one. Where the controller can
+    /// tell, that is the time of the frame's first bit on the wire.
     fn receive(&mut self) -> Option<(CanFrame, Micros)>;
 
     /// Hands a frame over for sending.
@@ -22,6 +23,17 @@ pub trait CanPort {
 
     /// How the bus and the controller are.
     fn health(&self) -> Health;
+
+    /// Says which frames are wanted from now on, instead of all. A port that can drop the others
+    /// before they cost anything does, but it never drops one that is wanted. The default receives
+    /// everything.
+    fn accept(&mut self, _patterns: &[IdPattern]) {}
+
+    /// Goes back on the bus after bus-off: takes back what is unsent, then takes part again. Does
+    /// nothing while the bus is not off, and nothing more while it is on its way back. When to
+    /// call it is the caller's [`BusOffPolicy`](crate::BusOffPolicy). The default does nothing, for
+    /// drivers that go back by themselves.
+    fn recover(&mut self) {}
 }
 
 impl<P: CanPort + ?Sized> CanPort for &mut P {
@@ -37,6 +49,12 @@ impl<P: CanPort + ?Sized> CanPort for &mut P {
     fn health(&self) -> Health {
         (**self).health()
     }
+    fn accept(&mut self, patterns: &[IdPattern]) {
+        (**self).accept(patterns);
+    }
+    fn recover(&mut self) {
+        (**self).recover();
+    }
 }
 
 /// What became of a submitted frame.
@@ -47,71 +65,8 @@ pub enum Submitted {
     Queued,
     /// It will be sent instead of an older frame of the same identifier.
     Replaced,
-    /// There is no room: it will not be sent.
+    /// There is no room, or the bus is off: it will not be sent.
     Refused,
-}
-
-/// Error state of a CAN controller (ISO 11898-1, fault confinement).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum ErrorState {
-    /// Both error counters below 96.
-    #[default]
-    Active,
-    /// An error counter at 96 or more: the bus is heavily disturbed, or nobody acknowledges.
-    Warning,
-    /// An error counter above 127: the controller may no longer destroy others' frames.
-    Passive,
-    /// Transmit error counter above 255: the controller is off the bus.
-    BusOff,
-}
-
-/// The last error a controller saw on the bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum BusError {
-    /// More than five equal bits in a row.
-    Stuff,
-    /// A fixed-form field had the wrong value.
-    Form,
-    /// Nobody acknowledged: no other node is alive on the bus.
-    Acknowledge,
-    /// A bit read back differs from the bit sent.
-    Bit,
-    /// The checksum of a received frame was wrong.
-    Crc,
-    /// Frames came faster than they were read.
-    Overrun,
-}
-
-/// How a bus and its controller are, and what was lost so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Health {
-    /// Error state.
-    pub state: ErrorState,
-    /// Transmit error counter, 0 ..= 255.
-    pub transmit_errors: u8,
-    /// Receive error counter, 0 ..= 127.
-    pub receive_errors: u8,
-    /// The last bus error seen, if any was.
-    pub last_error: Option<BusError>,
-    /// Received frames lost because nobody read them in time.
-    pub receive_lost: u32,
-    /// How often the controller went bus-off.
-    pub bus_offs: u32,
-}
-
-impl Health {
-    /// Nothing wrong and nothing lost yet.
-    pub const NEW: Self = Self {
-        state: ErrorState::Active,
-        transmit_errors: 0,
-        receive_errors: 0,
-        last_error: None,
-        receive_lost: 0,
-        bus_offs: 0,
-    };
 }
 
 /// At most one unsent frame per identifier, at most `N` identifiers; the most urgent one (lowest in
@@ -198,7 +153,8 @@ impl<const N: usize> Mailboxes<N> {
 /// That trait has no arrival times, no way to take a frame back, no error counters: the arrival
 /// time is the time of [`receive`](CanPort::receive), and [`Health`] knows only the errors that
 /// the driver returned. A frame the driver holds cannot be replaced any more; `N` frames wait
-/// here, newest per identifier, and go out on the next `receive` or `submit`.
+/// here, newest per identifier, and go out on the next `receive` or `submit`. One that the driver
+/// refuses with an error is dropped and counted ([`Health::transmit_lost`]).
 pub struct NbPort<C, const N: usize = 16> {
     can: C,
     now: fn() -> Micros,
@@ -222,33 +178,45 @@ impl<C: Can, const N: usize> NbPort<C, N> {
         while let Some(frame) = self.waiting.peek() {
             let Some(raw) = to_driver::<C>(frame) else {
                 // The driver's frame type cannot hold it: it can never be sent.
-                self.waiting.pop();
+                self.drop_first();
                 continue;
             };
             match self.can.transmit(&raw) {
-                Ok(evicted) => {
+                Ok(None) => {
                     self.waiting.pop();
-                    let Some(evicted) = evicted.as_ref().and_then(from_driver::<C>) else {
-                        continue;
-                    };
-                    // A newer frame of that identifier may wait already: it wins.
-                    let _ = self.waiting.put_back(&evicted);
+                }
+                Ok(Some(evicted)) => {
+                    self.waiting.pop();
+                    match from_driver::<C>(&evicted) {
+                        // A newer frame of that identifier may wait already: it wins.
+                        Some(evicted) => {
+                            let _ = self.waiting.put_back(&evicted);
+                        }
+                        None => count(&mut self.health.transmit_lost),
+                    }
                     // The driver is full and only trades: go on at the next call.
                     return;
                 }
                 Err(nb::Error::WouldBlock) => return,
                 Err(nb::Error::Other(error)) => {
                     self.note(&error);
-                    return;
+                    // Offered again, it could be refused for ever, and with it all that wait.
+                    self.drop_first();
                 }
             }
         }
     }
 
+    /// Gives up the most urgent frame.
+    fn drop_first(&mut self) {
+        self.waiting.pop();
+        count(&mut self.health.transmit_lost);
+    }
+
     fn note(&mut self, error: &C::Error) {
         self.health.last_error = match error.kind() {
             ErrorKind::Overrun => {
-                self.health.receive_lost = self.health.receive_lost.saturating_add(1);
+                count(&mut self.health.receive_lost);
                 Some(BusError::Overrun)
             }
             ErrorKind::Bit => Some(BusError::Bit),
@@ -259,6 +227,10 @@ impl<C: Can, const N: usize> NbPort<C, N> {
             _ => self.health.last_error,
         };
     }
+}
+
+fn count(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
 }
 
 fn to_driver<C: Can>(frame: &CanFrame) -> Option<C::Frame> {
@@ -287,7 +259,7 @@ impl<C: Can, const N: usize> CanPort for NbPort<C, N> {
                 Ok(frame) => match from_driver::<C>(&frame) {
                     Some(frame) => return Some((frame, (self.now)())),
                     // More than eight bytes, or an id that no classic frame has.
-                    None => self.health.receive_lost = self.health.receive_lost.saturating_add(1),
+                    None => count(&mut self.health.receive_lost),
                 },
                 Err(nb::Error::WouldBlock) => return None,
                 Err(nb::Error::Other(error)) => self.note(&error),
@@ -403,5 +375,35 @@ mod tests {
         port.driver().held.clear();
         assert_eq!(port.receive(), None);
         assert_eq!(port.driver().held, []);
+    }
+
+    /// A driver that refuses one identifier for ever.
+    struct Picky(StdVec<CanFrame>);
+
+    impl Can for Picky {
+        type Frame = CanFrame;
+        type Error = ErrorKind;
+
+        fn transmit(&mut self, frame: &CanFrame) -> nb::Result<Option<CanFrame>, ErrorKind> {
+            if frame.raw_id() == 0x100 {
+                return Err(nb::Error::Other(ErrorKind::Form));
+            }
+            self.0.push(*frame);
+            Ok(None)
+        }
+
+        fn receive(&mut self) -> nb::Result<CanFrame, ErrorKind> {
+            Err(nb::Error::WouldBlock)
+        }
+    }
+
+    #[test]
+    fn a_frame_the_driver_refuses_is_counted_and_holds_nobody_up() {
+        let mut port = NbPort::<_, 4>::new(Picky(vec![]), || Micros::ZERO);
+        let _ = port.submit(&frame(0x100, 1));
+        let _ = port.submit(&frame(0x300, 2));
+        assert_eq!(port.driver().0, [frame(0x300, 2)]);
+        assert_eq!((port.health().transmit_lost, port.cancel_pending()), (1, 0));
+        assert_eq!(port.health().last_error, Some(BusError::Form));
     }
 }

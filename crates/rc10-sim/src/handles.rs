@@ -8,8 +8,11 @@ use rc10_can::{CanFrame, CanPort, Health, Micros, Submitted};
 
 use crate::base::{Pose, Twist};
 use crate::esc::{Device, EscConfig, EscState, IdOutOfRange};
-use crate::wire::{BusCounters, TraceEntry};
+use crate::host::Host;
+use crate::time::Clock;
+use crate::wire::{BusCounters, TraceEntry, Wire};
 use crate::world::Inner;
+use crate::{Controller, Nanos};
 
 /// A CAN bus of a [`World`](crate::World).
 #[derive(Clone)]
@@ -34,64 +37,105 @@ impl Bus {
         let now = inner.clock.now();
         device.power(true, now, phase);
         device.bus = self.index;
+        let now = inner.clock.now_ns();
         device.node = inner.wires[self.index].join(now);
         inner.devices.push(device);
         Ok(Esc { inner: Rc::clone(&self.inner), index: inner.devices.len() - 1 })
     }
 
-    /// The controller's port. A bus has one controller: all its ports share it.
+    /// The port of the bus's own controller: all its ports share it.
     #[must_use]
     pub fn port(&self) -> SimPort {
-        SimPort(self.clone())
+        let inner = self.inner.borrow();
+        let host = Rc::clone(&inner.wires[self.index].host);
+        SimPort { host, clock: Rc::clone(&inner.clock) }
+    }
+
+    /// Puts another controller in the place of the bus's own one, or of the one attached before.
+    ///
+    /// It is told at once what the wire carries. From then on the bus's own controller is plugged
+    /// in nowhere: its [`port`](Self::port)s hear nothing, and what is submitted there waits for
+    /// ever. A frame of the old controller that is on the wire breaks off.
+    ///
+    /// The world borrows the controller while time passes; between its calls it is the caller's.
+    pub fn attach(&self, controller: Rc<RefCell<dyn Controller>>) {
+        self.with_wire(|wire, now| wire.attach(controller, now));
     }
 
     /// A foreign node sends a frame, after those it was given before. It is on the bus, and
     /// acknowledges others' frames, only while it has something to send.
     pub fn inject(&self, frame: &CanFrame) {
-        self.inner.borrow_mut().wires[self.index].inject(*frame);
+        self.with_wire(|wire, _| wire.inject(*frame));
+    }
+
+    /// How many of those it still has to send; one that is on the wire does not count.
+    #[must_use]
+    pub fn foreign_waiting(&self) -> usize {
+        self.with_wire(|wire, _| wire.foreign_waiting())
     }
 
     /// Cuts the controller off the bus, or connects it again.
     ///
     /// Cut off it hears nothing, and nobody acknowledges what it sends: it repeats it until it is
-    /// connected again.
+    /// connected again. Faults of the wire do not reach it there.
     pub fn set_cut(&self, cut: bool) {
-        let mut inner = self.inner.borrow_mut();
-        let now = inner.clock.now();
-        inner.wires[self.index].set_cut(cut, now);
+        self.with_wire(|wire, now| wire.set_cut(cut, now));
+    }
+
+    /// Shorts the two wires of the bus (CANH to CANL), or takes the short away.
+    ///
+    /// Shorted the bus is recessive whatever anybody sends: each attempt fails with a bit error at
+    /// its first bit and takes 18 bit times, error frame and interframe space included. A frame
+    /// that is on the wire is destroyed.
+    pub fn set_shorted(&self, shorted: bool) {
+        self.with_wire(|wire, now| wire.set_shorted(shorted, now));
+    }
+
+    /// Holds the bus dominant, as a node does that is stuck, or lets it go.
+    ///
+    /// Held it is never idle: nobody can send, and nobody comes back from bus-off. A frame that is
+    /// on the wire is destroyed. The bus is idle 11 bit times after it was let go.
+    pub fn set_held_dominant(&self, held: bool) {
+        self.with_wire(|wire, now| wire.set_held_dominant(held, now));
+    }
+
+    /// The next frames on the bus, one that is on it now included, are destroyed by noise just
+    /// before their end: an error frame follows, and their senders repeat them. Replaces the number
+    /// given before; 0 for no more noise.
+    pub fn damage(&self, frames: u32) {
+        self.with_wire(|wire, _| wire.damage(frames));
     }
 
     /// The frames that went over the bus since the last call, in the order of the wire; empty if
     /// tracing is off.
     #[must_use]
     pub fn take_trace(&self) -> Vec<TraceEntry> {
-        self.inner.borrow_mut().wires[self.index].take_trace()
+        self.with_wire(|wire, _| wire.take_trace())
     }
 
     /// How busy the bus was since time zero, in per cent. A frame counts when it has ended, and
     /// counts also if nobody acknowledged it.
-    #[expect(clippy::cast_precision_loss, reason = "104 days of nanoseconds are exact")]
     #[must_use]
     pub fn load(&self) -> f64 {
-        let inner = self.inner.borrow();
-        let passed_ns = inner.clock.now().get() * 1000;
-        if passed_ns == 0 {
-            return 0.0;
-        }
-        inner.wires[self.index].busy_ns() as f64 * 100.0 / passed_ns as f64
+        self.with_wire(|wire, now| wire.occupancy.load(now))
     }
 
     /// How busy the bus was in each 100 ms that is over, in per cent.
     #[must_use]
     pub fn load_windows(&self) -> Vec<f64> {
-        let inner = self.inner.borrow();
-        inner.wires[self.index].load_windows(inner.clock.now())
+        self.with_wire(|wire, now| wire.occupancy.windows(now))
     }
 
     /// What happened so far.
     #[must_use]
     pub fn counters(&self) -> BusCounters {
-        self.inner.borrow().wires[self.index].counters()
+        self.with_wire(|wire, _| wire.counters)
+    }
+
+    fn with_wire<T>(&self, f: impl FnOnce(&mut Wire, Nanos) -> T) -> T {
+        let mut inner = self.inner.borrow_mut();
+        let now = inner.clock.now_ns();
+        f(&mut inner.wires[self.index], now)
     }
 }
 
@@ -99,29 +143,36 @@ impl Bus {
 /// receive queue of [`BusConfig::receive_capacity`](crate::BusConfig::receive_capacity) frames.
 ///
 /// A frame that is on the wire is not replaced any more: a newer one of its identifier follows it.
-/// As nodes acknowledge frames that are whole, the controller never goes bus-off: its transmit
-/// error counter stops at 128, error passive.
+///
+/// Its controller keeps the error counters of ISO 11898-1: each failed transmission counts 8 (a
+/// missing acknowledge no further once it is error-passive), each disturbed frame of others 1, and
+/// each good frame takes 1 off; a receive error counter above 127 goes to 127 then. In bus-off it
+/// keeps what is submitted.
 #[derive(Clone)]
-pub struct SimPort(Bus);
+pub struct SimPort {
+    host: Rc<RefCell<Host>>,
+    clock: Rc<Clock>,
+}
 
 impl CanPort for SimPort {
     fn receive(&mut self) -> Option<(CanFrame, Micros)> {
-        let mut inner = self.0.inner.borrow_mut();
-        inner.wires[self.0.index].controller.receive()
+        self.host.borrow_mut().receive()
     }
 
     fn submit(&mut self, frame: &CanFrame) -> Submitted {
-        let mut inner = self.0.inner.borrow_mut();
-        inner.wires[self.0.index].controller.submit(frame)
+        self.host.borrow_mut().submit(frame)
     }
 
     fn cancel_pending(&mut self) -> u8 {
-        let mut inner = self.0.inner.borrow_mut();
-        inner.wires[self.0.index].controller.cancel_pending()
+        self.host.borrow_mut().cancel_pending()
     }
 
     fn health(&self) -> Health {
-        self.0.inner.borrow().wires[self.0.index].controller.health()
+        self.host.borrow().health()
+    }
+
+    fn recover(&mut self) {
+        self.host.borrow_mut().recover(self.clock.now_ns());
     }
 }
 
@@ -151,6 +202,7 @@ impl Esc {
             let phase = Micros::new(inner.random.below(device.period().get()));
             let now = inner.clock.now();
             device.power(powered, now, phase);
+            let now = inner.clock.now_ns();
             inner.wires[device.bus].power(device.node, powered, now);
         }
     }

@@ -3,7 +3,9 @@
 //!
 //! * [`World`]: holds everything and lets time pass. [`World::run`] runs a future, as the robot's
 //!   own tasks are; [`World::advance`] is for a plain loop.
-//! * [`Bus`] and its [`SimPort`]: one wire. The port implements [`rc10_can::CanPort`].
+//! * [`Bus`] and its [`SimPort`]: one wire, and its faults. The port implements
+//!   [`rc10_can::CanPort`].
+//! * [`Controller`]: what takes the port's place on a wire, an emulated chip for example.
 //! * [`Esc`]: an ESC with its motor ([`Model`], [`Plant`]): what it really does, and faults.
 //! * [`Base`]: four motors under a body that rolls and slides.
 //!
@@ -12,8 +14,8 @@
 //! itself out here.
 //!
 //! **The same seed gives the same run**, to the bit, on one machine. Time is an integer count of
-//! microseconds, and nothing reads a wall clock. Two machines may differ in the last bit of a sine
-//! or an exponential.
+//! nanoseconds, of which ports and `embassy-time` see whole microseconds, and nothing reads a wall
+//! clock. Two machines may differ in the last bit of a sine or an exponential.
 //!
 //! The crate brings the host's `embassy-time` driver (1 MHz) and critical section: a program that
 //! links it must not bring others.
@@ -41,20 +43,26 @@
 //! ```
 //!
 //! Not simulated: start-up time of an ESC, its own protections, clock drift, measurement noise,
-//! cogging and gear play, bit errors on the wire (frames are lost, never damaged).
+//! cogging and gear play; error counters and bus-off of an ESC, which repeats a frame until it is
+//! heard or a newer one takes its place; suspended transmission and passive error frames.
 #![forbid(unsafe_code)]
 
 mod base;
+mod controller;
 mod esc;
 mod handles;
+mod host;
 mod motor;
+mod occupancy;
 mod random;
+mod segment;
 mod tasks;
 mod time;
 mod wire;
 mod world;
 
 pub use base::{Chassis, Mounting, Pose, Twist, WheelError, Wheels};
+pub use controller::{Activity, Controller, Nanos, Outcome};
 pub use esc::{EscConfig, EscState, FeedbackRate, IdOutOfRange, Model};
 pub use handles::{Base, Bus, Esc, SimPort};
 pub use motor::{Plant, Scale};

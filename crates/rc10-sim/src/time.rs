@@ -10,19 +10,25 @@ use critical_section as _;
 use embassy_time_driver::Driver;
 use rc10_can::Micros;
 
+use crate::Nanos;
+
 /// One world's time and the wakers that wait for it.
 #[derive(Default)]
 pub(crate) struct Clock {
-    now: Cell<Micros>,
+    now: Cell<Nanos>,
     timers: RefCell<Vec<(Micros, Waker)>>,
 }
 
 impl Clock {
     pub(crate) fn now(&self) -> Micros {
+        self.now.get().micros()
+    }
+
+    pub(crate) fn now_ns(&self) -> Nanos {
         self.now.get()
     }
 
-    pub(crate) fn set(&self, now: Micros) {
+    pub(crate) fn set(&self, now: Nanos) {
         self.now.set(now);
     }
 
@@ -43,7 +49,7 @@ impl Clock {
 
     /// Wakes everybody whose time has come; says whether there was anybody.
     pub(crate) fn wake_due(&self) -> bool {
-        let now = self.now.get();
+        let now = self.now();
         let due: Vec<_> =
             self.timers.borrow_mut().extract_if(.., |&mut (at, _)| at <= now).collect();
         // Woken after the queue is free again: a waker may run any code.
@@ -63,8 +69,8 @@ pub(crate) fn make_current(clock: &Rc<Clock>) {
     let _ = CURRENT.try_with(|current| current.replace(Rc::clone(clock)));
 }
 
-/// The time of the world that was made, run or advanced last on this thread: the same clock that
-/// [`embassy_time_driver::now`] reads. Zero where there has been none.
+/// The time of the world that was made, run or advanced last on this thread, in whole
+/// microseconds: the same clock that [`embassy_time_driver::now`] reads. Zero where there has been none.
 #[must_use]
 pub fn now() -> Micros {
     CURRENT.try_with(|current| current.borrow().now()).unwrap_or(Micros::ZERO)

@@ -1,17 +1,25 @@
 //! One CAN wire: who may send, how long it takes, who hears it.
 
+use std::cell::RefCell;
+use std::cmp::Ordering;
 use std::collections::VecDeque;
+use std::rc::Rc;
 
 use rc10_can::embedded_can::Id;
-use rc10_can::{BusError, CanFrame, ErrorState, Health, Mailboxes, Micros, Submitted};
+use rc10_can::{BusError, CanFrame, Micros};
+
+use crate::host::Host;
+use crate::occupancy::Occupancy;
+use crate::segment::{Segment, Sender, Transmission};
+use crate::{Activity, Controller, Nanos, Outcome};
 
 /// How a bus is set up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusConfig {
     /// Length of one bit in nanoseconds; 1000 (1 Mbit/s, the fastest classic CAN goes) or more.
     pub bit_time_ns: u32,
-    /// Frames the controller's receive queue holds; what comes while it is full is lost and
-    /// counted in [`Health::receive_lost`].
+    /// Frames the receive queue of the bus's own controller holds; what comes while it is full is
+    /// lost and counted in [`Health::receive_lost`](rc10_can::Health::receive_lost).
     pub receive_capacity: usize,
     /// Whether every frame is kept for [`Bus::take_trace`](crate::Bus::take_trace).
     pub trace: bool,
@@ -27,11 +35,27 @@ impl Default for BusConfig {
 /// ISO 11898-2: classic CAN goes up to 1 Mbit/s.
 const FASTEST_BIT_NS: u32 = 1000;
 
+/// Lengths in bit times, ISO 11898-1. Error flag (6) and error delimiter (8).
+const ERROR_FRAME: u32 = 14;
+/// Interframe space without a suspended transmission.
+const INTERFRAME: u32 = 3;
+/// After so many recessive bits a wire is idle, whatever was before.
+const IDLE: u32 = 11;
+
+/// Whoever is more than one part in this many off the wire's bit time understands nothing. Bosch,
+/// CAN 2.0, oscillator tolerance: at most a twentieth of the synchronization jump width, which is
+/// a tenth of a bit here.
+const CLOCK_TOLERANCE: u64 = 200;
+
 /// One frame that went over a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TraceEntry {
-    /// When it ended, interframe space included: when its receivers have it.
+    /// When the interframe space after it ended, in whole microseconds.
     pub at: Micros,
+    /// When its start-of-frame bit began.
+    pub start: Nanos,
+    /// When it ended, before the interframe space: when its receivers have it.
+    pub end: Nanos,
     /// The frame.
     pub frame: CanFrame,
     /// Whether the controller sent it (else an ESC or the foreign node).
@@ -45,250 +69,99 @@ pub struct BusCounters {
     pub frames: u64,
     /// Attempts that nobody acknowledged; each is repeated.
     pub unacknowledged: u64,
+    /// Attempts that were destroyed: by a fault of the wire, by a sender that fell silent half-way,
+    /// by another bit rate. Each is repeated by a sender that is still there.
+    pub destroyed: u64,
     /// Arbitrations in which two nodes sent the same identifier at once. On a real bus they would
     /// destroy each other's frames; here the node that was added first wins.
     pub id_clashes: u64,
 }
 
-/// Transmit buffers of the controller (STM32H7 FDCAN: 32 dedicated ones).
-const MAILBOXES: usize = 32;
-/// Fault confinement, ISO 11898-1: a failed transmission counts 8, and an error-passive sender
-/// that only misses its acknowledge counts no further.
-const FAILED_TRANSMISSION: u8 = 8;
-const ERROR_WARNING: u8 = 96;
-const ERROR_PASSIVE: u8 = 128;
-/// Length of the windows of [`Bus::load_windows`](crate::Bus::load_windows).
-const WINDOW_NS: u64 = 100_000_000;
-
-/// The host's side of the bus.
-pub(crate) struct Controller {
-    mailboxes: Mailboxes<MAILBOXES>,
-    /// A frame whose last attempt failed. It keeps its transmit buffer, as in the real controller:
-    /// no room has to be found for it.
-    retry: Option<CanFrame>,
-    /// Identifier and size of the frame on the wire, while one is.
-    sending: Option<u32>,
-    /// The frame on the wire is not to be repeated: it was cancelled, or a newer one waits.
-    stale: bool,
-    received: VecDeque<(CanFrame, Micros)>,
-    capacity: usize,
-    health: Health,
-}
-
-impl Controller {
-    pub(crate) fn receive(&mut self) -> Option<(CanFrame, Micros)> {
-        self.received.pop_front()
-    }
-
-    pub(crate) fn submit(&mut self, frame: &CanFrame) -> Submitted {
-        let replaces_retry = self.retry.is_some_and(|retry| retry.key() == frame.key());
-        let submitted = self.mailboxes.put(frame);
-        if submitted == Submitted::Refused {
-            if !replaces_retry {
-                return Submitted::Refused;
-            }
-            // The failed frame's own buffer takes the newer one.
-            self.retry = Some(*frame);
-            return Submitted::Replaced;
-        }
-        if self.sending == Some(frame.key()) {
-            self.stale = true;
-        }
-        if replaces_retry {
-            self.retry = None;
-            return Submitted::Replaced;
-        }
-        submitted
-    }
-
-    pub(crate) fn cancel_pending(&mut self) -> u8 {
-        self.stale = true;
-        self.mailboxes.clear() + u8::from(self.retry.take().is_some())
-    }
-
-    pub(crate) const fn health(&self) -> Health {
-        self.health
-    }
-
-    fn peek(&self) -> Option<&CanFrame> {
-        self.retry.iter().chain(self.mailboxes.peek()).min_by_key(|frame| urgency(frame))
-    }
-
-    fn take(&mut self) -> Option<CanFrame> {
-        let frame = *self.peek()?;
-        if self.retry == Some(frame) {
-            self.retry = None;
-        } else {
-            self.mailboxes.pop();
-        }
-        self.sending = Some(frame.key());
-        self.stale = false;
-        Some(frame)
-    }
-
-    /// The transmission ended without success: it is repeated, unless it is stale.
-    fn give_back(&mut self, frame: CanFrame) {
-        self.sending = None;
-        if !self.stale {
-            self.retry = Some(frame);
-        }
-    }
-
-    fn sent(&mut self) {
-        self.sending = None;
-        self.count(self.health.transmit_errors.saturating_sub(1));
-    }
-
-    fn not_acknowledged(&mut self, frame: CanFrame) {
-        self.give_back(frame);
-        self.health.last_error = Some(BusError::Acknowledge);
-        if self.health.transmit_errors < ERROR_PASSIVE {
-            self.count(self.health.transmit_errors + FAILED_TRANSMISSION);
-        }
-    }
-
-    fn count(&mut self, transmit_errors: u8) {
-        self.health.transmit_errors = transmit_errors;
-        self.health.state = match transmit_errors {
-            ERROR_PASSIVE.. => ErrorState::Passive,
-            ERROR_WARNING.. => ErrorState::Warning,
-            _ => ErrorState::Active,
-        };
-    }
-
-    fn arrive(&mut self, frame: CanFrame, at: Micros) {
-        if self.received.len() < self.capacity {
-            self.received.push_back((frame, at));
-        } else {
-            self.health.receive_lost = self.health.receive_lost.saturating_add(1);
-        }
-    }
-}
-
-/// Whether a node is on the bus. It hears, and acknowledges, frames that began while it was.
-#[derive(Clone, Copy)]
-enum Presence {
-    Absent,
-    Since(Micros),
-}
-
-impl Presence {
-    const fn covers(self, air: &Transmission) -> bool {
-        match self {
-            Self::Absent => false,
-            Self::Since(start) => start.get() * 1000 <= air.start_ns,
-        }
-    }
-}
-
 /// An ESC's CAN controller: room for one frame.
 struct Node {
-    presence: Presence,
+    /// Since when it is powered: it hears, and acknowledges, frames that began since.
+    present_since: Option<Nanos>,
     pending: Option<CanFrame>,
     overwritten: u64,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Sender {
-    Controller,
-    Node(usize),
-    Foreign,
-}
-
-pub(crate) struct Transmission {
-    pub(crate) frame: CanFrame,
-    sender: Sender,
-    start_ns: u64,
-    end_ns: u64,
-}
-
-/// A piece of wire: what is on it, and when the last frame ended.
-#[derive(Default)]
-struct Segment {
-    on_air: Option<Transmission>,
-    free_ns: u64,
-}
-
-impl Segment {
-    fn start(&mut self, frame: CanFrame, sender: Sender, now: Micros, bit_time_ns: u64) {
-        // The last frame may have ended within this very microsecond: then the next one follows
-        // it without a gap.
-        let start_ns = if micros_up(self.free_ns) == now { self.free_ns } else { now.get() * 1000 };
-        let end_ns = start_ns + u64::from(frame.wire_length().total()) * bit_time_ns;
-        self.free_ns = end_ns;
-        self.on_air = Some(Transmission { frame, sender, start_ns, end_ns });
+impl Node {
+    fn was_there_for(&self, air: &Transmission) -> bool {
+        self.present_since.is_some_and(|since| since <= air.start)
     }
-
-    fn next_end(&self) -> Option<Micros> {
-        self.on_air.as_ref().map(|air| micros_up(air.end_ns))
-    }
-
-    fn end(&mut self, now: Micros) -> Option<Transmission> {
-        self.on_air.take_if(|air| micros_up(air.end_ns) <= now)
-    }
-}
-
-/// The first whole microsecond that is not before a time in nanoseconds.
-const fn micros_up(ns: u64) -> Micros {
-    Micros::new(ns.div_ceil(1000))
 }
 
 /// Lowest wins. `Id`'s order is arbitration order; a data frame goes before a remote one.
-fn urgency(frame: &CanFrame) -> (Id, bool) {
+pub(crate) fn urgency(frame: &CanFrame) -> (Id, bool) {
     (frame.id(), frame.is_remote())
 }
 
 pub(crate) struct Wire {
     bit_time_ns: u64,
-    pub(crate) controller: Controller,
+    /// The bus's own controller.
+    pub(crate) host: Rc<RefCell<Host>>,
+    /// That one, unless another was attached.
+    controller: Rc<RefCell<dyn Controller>>,
     nodes: Vec<Node>,
     foreign: VecDeque<CanFrame>,
-    /// The controller's.
-    presence: Presence,
     bus: Segment,
-    /// What is left of the wire at a controller that was cut off: it sends there to nobody.
+    /// What is left of the wire at a controller that is cut off: it sends there to nobody.
     stub: Segment,
+    cut: bool,
+    shorted: bool,
+    held: bool,
+    /// Frames that noise is going to destroy.
+    to_damage: u32,
+    /// Whether the controller is connected, when that was looked at last.
+    connected: bool,
+    /// What the controller was told last.
+    told: Option<Activity>,
     trace: Option<Vec<TraceEntry>>,
-    counters: BusCounters,
-    busy_ns: u64,
-    window_ns: Vec<u64>,
+    pub(crate) counters: BusCounters,
+    pub(crate) occupancy: Occupancy,
 }
 
 impl Wire {
     pub(crate) fn new(config: BusConfig) -> Self {
+        let bit_time_ns = u64::from(config.bit_time_ns.max(FASTEST_BIT_NS));
+        let host = Rc::new(RefCell::new(Host::new(config.receive_capacity, bit_time_ns)));
         Self {
-            bit_time_ns: u64::from(config.bit_time_ns.max(FASTEST_BIT_NS)),
-            controller: Controller {
-                mailboxes: Mailboxes::new(),
-                retry: None,
-                sending: None,
-                stale: false,
-                received: VecDeque::new(),
-                capacity: config.receive_capacity,
-                health: Health::default(),
-            },
+            bit_time_ns,
+            controller: Rc::<RefCell<Host>>::clone(&host),
+            host,
             nodes: Vec::new(),
             foreign: VecDeque::new(),
-            presence: Presence::Since(Micros::ZERO),
-            bus: Segment::default(),
-            stub: Segment::default(),
+            bus: Segment::Idle,
+            stub: Segment::Idle,
+            cut: false,
+            shorted: false,
+            held: false,
+            to_damage: 0,
+            connected: true,
+            told: None,
             trace: config.trace.then(Vec::new),
             counters: BusCounters::default(),
-            busy_ns: 0,
-            window_ns: Vec::new(),
+            occupancy: Occupancy::default(),
         }
     }
 
+    fn bits(&self, bits: u32) -> Nanos {
+        Nanos::new(u64::from(bits) * self.bit_time_ns)
+    }
+
     /// Another ESC on the wire, powered from now on; its number.
-    pub(crate) fn join(&mut self, now: Micros) -> usize {
-        self.nodes.push(Node { presence: Presence::Since(now), pending: None, overwritten: 0 });
+    pub(crate) fn join(&mut self, now: Nanos) -> usize {
+        self.nodes.push(Node { present_since: Some(now), pending: None, overwritten: 0 });
         self.nodes.len() - 1
     }
 
-    /// Switches an ESC's power: what it had to send is gone.
-    pub(crate) fn power(&mut self, node: usize, powered: bool, now: Micros) {
-        self.nodes[node].presence = if powered { Presence::Since(now) } else { Presence::Absent };
+    /// Switches an ESC's power: what it had to send is gone, and what it sends is no frame.
+    pub(crate) fn power(&mut self, node: usize, powered: bool, now: Nanos) {
+        self.nodes[node].present_since = powered.then_some(now);
         self.nodes[node].pending = None;
+        if matches!(&self.bus, Segment::Frame(air) if air.sender == Sender::Node(node)) {
+            self.destroy(now);
+        }
     }
 
     /// A node's next frame; one that still waits is overwritten.
@@ -305,105 +178,269 @@ impl Wire {
         self.foreign.push_back(frame);
     }
 
-    /// A frame that goes to nobody when the controller is connected again still ends unheard.
-    pub(crate) const fn set_cut(&mut self, cut: bool, now: Micros) {
-        match (cut, self.presence) {
-            (true, _) => self.presence = Presence::Absent,
-            (false, Presence::Absent) => self.presence = Presence::Since(now),
-            (false, Presence::Since(_)) => (),
+    pub(crate) fn foreign_waiting(&self) -> usize {
+        self.foreign.len()
+    }
+
+    /// Another controller in the place of the present one, whose frame on the wire breaks off.
+    pub(crate) fn attach(&mut self, controller: Rc<RefCell<dyn Controller>>, now: Nanos) {
+        let cut = std::mem::replace(&mut self.cut, true);
+        self.look_at_controller(now);
+        self.cut = cut;
+        self.stub = Segment::Idle;
+        self.controller = controller;
+        self.told = None;
+        self.look_at_controller(now);
+    }
+
+    pub(crate) fn set_cut(&mut self, cut: bool, now: Nanos) {
+        self.cut = cut;
+        self.look_at_controller(now);
+    }
+
+    pub(crate) fn set_shorted(&mut self, shorted: bool, now: Nanos) {
+        self.shorted = shorted;
+        if shorted {
+            self.destroy(now);
         }
+    }
+
+    pub(crate) fn set_held_dominant(&mut self, held: bool, now: Nanos) {
+        self.held = held;
+        match self.bus {
+            Segment::Idle if held => self.bus = Segment::Held { since: now },
+            Segment::Gap { since, .. } if held => self.bus = Segment::Held { since },
+            Segment::Frame(_) if held => self.destroy(now),
+            Segment::Held { since } if !held => {
+                self.bus = Segment::Gap { since, until: now + self.bits(IDLE) };
+            }
+            _ => (),
+        }
+        self.tell(now);
+    }
+
+    pub(crate) const fn damage(&mut self, frames: u32) {
+        self.to_damage = frames;
     }
 
     pub(crate) fn take_trace(&mut self) -> Vec<TraceEntry> {
         self.trace.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
-    pub(crate) const fn counters(&self) -> BusCounters {
-        self.counters
+    /// When something happens here by itself.
+    pub(crate) fn next_event(&self) -> Option<Nanos> {
+        let segments = self.bus.next_event().into_iter().chain(self.stub.next_event());
+        segments.chain(self.controller.borrow().next_event()).min()
     }
 
-    /// Nanoseconds the wire was busy since the start of time.
-    pub(crate) const fn busy_ns(&self) -> u64 {
-        self.busy_ns
-    }
-
-    /// How busy it was in each 100 ms that is over by `now`, in per cent.
-    #[expect(clippy::cast_precision_loss, reason = "at most 1e8")]
-    pub(crate) fn load_windows(&self, now: Micros) -> Vec<f64> {
-        (0..now.get() * 1000 / WINDOW_NS)
-            .map(|index| {
-                let busy = usize::try_from(index)
-                    .ok()
-                    .and_then(|index| self.window_ns.get(index))
-                    .map_or(0, |&busy| busy);
-                busy as f64 * 100.0 / WINDOW_NS as f64
-            })
-            .collect()
-    }
-
-    /// When the next frame ends.
-    pub(crate) fn next_end(&self) -> Option<Micros> {
-        let stub = self.stub.next_end();
-        self.bus.next_end().into_iter().chain(stub).min()
-    }
-
-    /// Ends what ends by now; an acknowledged frame is the caller's to hand to the ESCs that
+    /// What happens by itself now. An acknowledged frame is the caller's to hand to the ESCs that
     /// [hear](Self::hears) it.
-    pub(crate) fn end(&mut self, now: Micros) -> Option<Transmission> {
-        if let Some(air) = self.stub.end(now) {
-            self.controller.not_acknowledged(air.frame);
+    pub(crate) fn process(&mut self, now: Nanos) -> Option<Transmission> {
+        if self.next_event().is_none_or(|at| at > now) {
+            return None;
         }
-        let air = self.bus.end(now)?;
-        self.count_busy(air.start_ns, air.end_ns);
-        if let Sender::Node(node) = air.sender
-            && !self.nodes[node].presence.covers(&air)
         {
-            // The sender lost power half-way: what was on the wire is no frame.
-            return None;
+            let mut controller = self.controller.borrow_mut();
+            if controller.next_event().is_some_and(|at| at <= now) {
+                controller.advance(now);
+            }
         }
-        if !self.is_acknowledged(&air) {
-            self.counters.unacknowledged += 1;
-            self.repeat(air);
-            return None;
+        let interframe = self.bits(INTERFRAME);
+        if let Some(air) = self.stub.end_frame(now, interframe) {
+            let outcome = match air.failed {
+                Some(_) => Outcome::Destroyed(BusError::Bit),
+                None => Outcome::Unacknowledged,
+            };
+            self.controller.borrow_mut().sent(outcome, air.end);
         }
-        self.counters.frames += 1;
-        if let Some(trace) = &mut self.trace {
-            trace.push(TraceEntry {
-                at: now,
-                frame: air.frame,
-                from_controller: air.sender == Sender::Controller,
-            });
+        self.stub.end_gap(now);
+        if let Some((since, until)) = self.bus.end_gap(now) {
+            self.occupancy.add(since, until);
         }
-        if air.sender == Sender::Controller {
-            self.controller.sent();
-        } else if self.presence.covers(&air) {
-            self.controller.arrive(air.frame, now);
+        self.make_noise(now);
+        let ended = self.bus.end_frame(now, interframe);
+        if let Some(air) = &ended
+            && self.held
+        {
+            self.bus = Segment::Held { since: air.start };
         }
-        Some(air)
+        let heard = ended.and_then(|air| self.finish(air));
+        self.tell(now);
+        heard
     }
 
     /// Whether an ESC hears a frame.
     pub(crate) fn hears(&self, node: usize, air: &Transmission) -> bool {
-        air.sender != Sender::Node(node) && self.nodes[node].presence.covers(air)
+        air.sender != Sender::Node(node) && self.nodes[node].was_there_for(air)
     }
 
-    fn is_acknowledged(&self, air: &Transmission) -> bool {
-        let by_controller = self.presence.covers(air);
-        let by_others = || {
-            (0..self.nodes.len()).any(|node| self.hears(node, air))
-                || air.sender != Sender::Foreign && !self.foreign.is_empty()
+    /// An idle wire: everybody who has a frame competes now.
+    pub(crate) fn arbitrate(&mut self, now: Nanos) {
+        self.look_at_controller(now);
+        let offer = self.offer(now);
+        if let Some(frame) = offer
+            && !self.connected
+        {
+            self.stub = Segment::Frame(self.transmission(frame, Sender::Controller, now));
+            self.controller.borrow_mut().sending(now);
+        }
+        if self.bus.is_idle() {
+            self.compete(offer.filter(|_| self.connected), now);
+        }
+        self.tell(now);
+    }
+
+    fn offer(&self, now: Nanos) -> Option<CanFrame> {
+        let may_start = self.stub.is_idle() && (self.bus.is_idle() || !self.connected);
+        let mut controller = self.controller.borrow_mut();
+        (may_start && controller.is_on_bus()).then(|| controller.offer(now)).flatten()
+    }
+
+    fn compete(&mut self, offer: Option<CanFrame>, now: Nanos) {
+        let from_nodes = self.nodes.iter().enumerate();
+        let from_nodes = from_nodes
+            .filter_map(|(index, node)| node.pending.map(|frame| (frame, Sender::Node(index))));
+        let from_foreign = self.foreign.front().map(|&frame| (frame, Sender::Foreign));
+        let mut winner = offer.map(|frame| (frame, Sender::Controller));
+        let mut clash = false;
+        for candidate in from_nodes.chain(from_foreign) {
+            match winner.map(|(best, _)| urgency(&candidate.0).cmp(&urgency(&best))) {
+                None | Some(Ordering::Less) => {
+                    winner = Some(candidate);
+                    clash = false;
+                }
+                Some(Ordering::Equal) => clash = true,
+                Some(Ordering::Greater) => (),
+            }
+        }
+        let Some((mut frame, mut sender)) = winner else {
+            return;
         };
-        match air.sender {
-            // A controller that is cut off while it sends is heard by nobody.
-            Sender::Controller => by_controller && by_others(),
-            _ => by_controller || by_others(),
+        if let Some(offer) = offer
+            && self.shorted
+        {
+            // Everybody fails at the first bit, the controller with them: only it counts.
+            (frame, sender) = (offer, Sender::Controller);
+        }
+        self.counters.id_clashes += u64::from(clash && !self.shorted);
+        let mut controller = self.controller.borrow_mut();
+        match sender {
+            Sender::Controller => controller.sending(now),
+            Sender::Node(node) => self.nodes[node].pending = None,
+            Sender::Foreign => drop(self.foreign.pop_front()),
+        }
+        if offer.is_some() && sender != Sender::Controller {
+            controller.lost_arbitration(now);
+        }
+        let mut air = self.transmission(frame, sender, now);
+        air.controller_hears = sender != Sender::Controller
+            && self.connected
+            && !self.shorted
+            && controller.is_on_bus();
+        if self.shorted {
+            air.fail(BusError::Bit, now + self.bits(1 + ERROR_FRAME));
+        } else if sender == Sender::Controller && self.is_off_clock(&*controller) {
+            air.fail(BusError::Stuff, air.end + self.bits(ERROR_FRAME));
+        }
+        self.bus = Segment::Frame(air);
+    }
+
+    fn transmission(&self, frame: CanFrame, sender: Sender, start: Nanos) -> Transmission {
+        let end = start + self.bits(frame.wire_length().total() - INTERFRAME);
+        Transmission { frame, sender, start, end, failed: None, controller_hears: false }
+    }
+
+    fn is_off_clock(&self, controller: &dyn Controller) -> bool {
+        controller.bit_time_ns().is_some_and(|bit_time_ns| {
+            u64::from(bit_time_ns).abs_diff(self.bit_time_ns) * CLOCK_TOLERANCE > self.bit_time_ns
+        })
+    }
+
+    /// Whatever frame is on the wire is none any more.
+    fn destroy(&mut self, now: Nanos) {
+        let end = now + self.bits(ERROR_FRAME);
+        if let Segment::Frame(air) = &mut self.bus {
+            air.fail(BusError::Stuff, end);
         }
     }
 
-    fn repeat(&mut self, air: Transmission) {
+    /// Destroys a frame that ends now, if noise is to.
+    fn make_noise(&mut self, now: Nanos) {
+        let error_frame = self.bits(ERROR_FRAME);
+        if let Segment::Frame(air) = &mut self.bus
+            && self.to_damage > 0
+            && air.end <= now
+            && air.failed.is_none()
+        {
+            self.to_damage -= 1;
+            air.fail(BusError::Crc, air.end + error_frame);
+        }
+    }
+
+    /// Notices that the controller has left the bus, or its wire, within a frame.
+    fn look_at_controller(&mut self, now: Nanos) {
+        let on_bus = {
+            let controller = self.controller.borrow();
+            self.connected = !self.cut && controller.is_connected();
+            controller.is_on_bus()
+        };
+        let error_end = now + self.bits(ERROR_FRAME);
+        let until = error_end + self.bits(INTERFRAME);
+        if let Segment::Frame(air) = &mut self.bus {
+            if air.sender != Sender::Controller {
+                air.controller_hears &= on_bus && self.connected;
+            } else if !self.connected {
+                // It goes on alone; the others destroy what they have of the frame.
+                let broken_off = Segment::Gap { since: air.start, until };
+                self.counters.destroyed += 1;
+                self.stub = std::mem::replace(&mut self.bus, broken_off);
+            } else if !on_bus {
+                air.fail(BusError::Stuff, error_end);
+            }
+        }
+        if let Segment::Frame(air) = &mut self.stub
+            && !on_bus
+        {
+            air.fail(BusError::Stuff, error_end);
+        }
+        self.tell(now);
+    }
+
+    /// Tells the controller what its wire carries, if that has changed.
+    fn tell(&mut self, now: Nanos) {
+        let is_idle = self.stub.is_idle() && (self.bus.is_idle() || !self.connected);
+        let activity = if is_idle { Activity::Idle } else { Activity::Busy };
+        if self.told != Some(activity) {
+            self.told = Some(activity);
+            self.controller.borrow_mut().wire_is(activity, now);
+        }
+    }
+
+    /// Tells everybody but the ESCs how a frame ended; returns it if they hear it.
+    fn finish(&mut self, air: Transmission) -> Option<Transmission> {
+        let understands = !self.is_off_clock(&*self.controller.borrow());
+        let outcome = match air.failed {
+            Some(_) => Outcome::Destroyed(BusError::Bit),
+            None if self.is_acknowledged(&air, understands) => Outcome::Acknowledged,
+            None => Outcome::Unacknowledged,
+        };
+        match outcome {
+            Outcome::Acknowledged => self.counters.frames += 1,
+            Outcome::Unacknowledged => self.counters.unacknowledged += 1,
+            Outcome::Destroyed(_) => self.counters.destroyed += 1,
+        }
+        if air.controller_hears {
+            let mut controller = self.controller.borrow_mut();
+            match air.failed {
+                _ if !understands => controller.disturbed(BusError::Stuff, air.end),
+                Some(error) => controller.disturbed(error, air.end),
+                None => controller.received(&air.frame, air.start, air.end),
+            }
+        }
+        let is_heard = outcome == Outcome::Acknowledged;
         match air.sender {
-            Sender::Controller => self.controller.not_acknowledged(air.frame),
-            Sender::Node(node) => {
+            Sender::Controller => self.controller.borrow_mut().sent(outcome, air.end),
+            Sender::Node(node) if !is_heard && self.nodes[node].was_there_for(&air) => {
                 let node = &mut self.nodes[node];
                 if node.pending.is_some() {
                     node.overwritten += 1;
@@ -411,66 +448,28 @@ impl Wire {
                     node.pending = Some(air.frame);
                 }
             }
-            Sender::Foreign => self.foreign.push_front(air.frame),
+            Sender::Foreign if !is_heard => self.foreign.push_front(air.frame),
+            Sender::Node(_) | Sender::Foreign => (),
         }
+        if !is_heard {
+            return None;
+        }
+        let at = (air.end + self.bits(INTERFRAME)).micros();
+        if let Some(trace) = &mut self.trace {
+            trace.push(TraceEntry {
+                at,
+                start: air.start,
+                end: air.end,
+                frame: air.frame,
+                from_controller: air.sender == Sender::Controller,
+            });
+        }
+        Some(air)
     }
 
-    fn count_busy(&mut self, mut start_ns: u64, end_ns: u64) {
-        self.busy_ns += end_ns - start_ns;
-        while start_ns < end_ns {
-            let window = start_ns / WINDOW_NS;
-            let until = end_ns.min((window + 1) * WINDOW_NS);
-            if let Ok(index) = usize::try_from(window) {
-                if self.window_ns.len() <= index {
-                    self.window_ns.resize(index + 1, 0);
-                }
-                self.window_ns[index] += until - start_ns;
-            }
-            start_ns = until;
-        }
-    }
-
-    /// An idle wire: everybody who has a frame competes now.
-    pub(crate) fn arbitrate(&mut self, now: Micros) {
-        let may_send = self.controller.sending.is_none();
-        let connected = matches!(self.presence, Presence::Since(_));
-        if !connected
-            && may_send
-            && let Some(frame) = self.controller.take()
-        {
-            self.stub.start(frame, Sender::Controller, now, self.bit_time_ns);
-        }
-        if self.bus.on_air.is_some() {
-            return;
-        }
-        let from_controller = (may_send && connected).then(|| self.controller.peek());
-        let from_controller = from_controller.flatten().map(|f| (f, Sender::Controller));
-        let from_foreign = self.foreign.front().map(|frame| (frame, Sender::Foreign));
-        let from_nodes = self.nodes.iter().enumerate();
-        let from_nodes = from_nodes
-            .filter_map(|(index, node)| node.pending.as_ref().map(|f| (f, Sender::Node(index))));
-        let mut winner: Option<(&CanFrame, Sender)> = None;
-        let candidates = from_controller.into_iter().chain(from_nodes);
-        let mut clash = false;
-        for candidate in candidates.chain(from_foreign) {
-            match winner.map(|(best, _)| urgency(candidate.0).cmp(&urgency(best))) {
-                None | Some(std::cmp::Ordering::Less) => {
-                    winner = Some(candidate);
-                    clash = false;
-                }
-                Some(std::cmp::Ordering::Equal) => clash = true,
-                Some(std::cmp::Ordering::Greater) => (),
-            }
-        }
-        let Some((&frame, sender)) = winner else {
-            return;
-        };
-        self.counters.id_clashes += u64::from(clash);
-        match sender {
-            Sender::Controller => drop(self.controller.take()),
-            Sender::Node(node) => self.nodes[node].pending = None,
-            Sender::Foreign => drop(self.foreign.pop_front()),
-        }
-        self.bus.start(frame, sender, now, self.bit_time_ns);
+    fn is_acknowledged(&self, air: &Transmission, controller_understands: bool) -> bool {
+        air.controller_hears && controller_understands
+            || (0..self.nodes.len()).any(|node| self.hears(node, air))
+            || air.sender != Sender::Foreign && !self.foreign.is_empty()
     }
 }

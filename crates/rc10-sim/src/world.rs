@@ -7,6 +7,7 @@ use std::task::{Context, Poll, Waker};
 
 use rc10_can::Micros;
 
+use crate::Nanos;
 use crate::base::{Body, Chassis, Mounting, WheelError, Wheels};
 use crate::esc::Device;
 use crate::handles::{Base, Bus, Esc};
@@ -15,8 +16,8 @@ use crate::tasks::Awake;
 use crate::time::{Clock, make_current};
 use crate::wire::{BusConfig, Wire};
 
-/// The physics step in microseconds: [`STEP`](crate::motor::STEP).
-const STEP_MICROS: Micros = Micros::new(100);
+/// The physics step: [`STEP`](crate::motor::STEP).
+const STEP: Nanos = Nanos::new(100_000);
 
 /// How often a future is polled within one microsecond before time goes on. A computer that waits
 /// in a busy loop is not infinitely fast either: so such a loop ends.
@@ -26,44 +27,63 @@ const POLLS_PER_INSTANT: u32 = 1000;
 pub(crate) struct Inner {
     pub(crate) clock: Rc<Clock>,
     pub(crate) random: Random,
-    next_step: Micros,
+    next_step: Nanos,
     pub(crate) wires: Vec<Wire>,
     pub(crate) devices: Vec<Device>,
     pub(crate) bodies: Vec<Body>,
 }
 
 impl Inner {
-    fn next_event(&self) -> Micros {
-        let ends = self.wires.iter().filter_map(Wire::next_end);
-        let feedback = self.devices.iter().filter_map(Device::next_feedback);
-        ends.chain(feedback).fold(self.next_step, Micros::min)
+    fn next_event(&self) -> Nanos {
+        let wires = self.wires.iter().filter_map(Wire::next_event);
+        let feedback = self.devices.iter().filter_map(Device::next_feedback).map(Nanos::from);
+        wires.chain(feedback).fold(self.next_step, Nanos::min)
     }
 
-    /// Everything that happens at one instant, in a fixed order: physics up to now, then the
-    /// frames that end now, then the feedback that is due now.
-    fn process(&mut self, now: Micros) {
+    /// Everything that happens at one instant, in a fixed order: physics up to now, then the wires
+    /// and controllers, then the feedback that is due now.
+    fn process(&mut self, now: Nanos) {
         if now >= self.next_step {
-            self.next_step += STEP_MICROS;
+            self.next_step = self.next_step + STEP;
             for body in &mut self.bodies {
                 body.step(&mut self.devices);
             }
             self.devices.iter_mut().for_each(Device::step);
         }
+        let micros = now.micros();
         for (bus, wire) in self.wires.iter_mut().enumerate() {
-            let Some(arrived) = wire.end(now) else {
+            let Some(heard) = wire.process(now) else {
                 continue;
             };
             let on_bus = self.devices.iter_mut().filter(|device| device.bus == bus);
-            for device in on_bus.filter(|device| wire.hears(device.node, &arrived)) {
-                device.receive(&arrived.frame, now);
+            for device in on_bus.filter(|device| wire.hears(device.node, &heard)) {
+                device.receive(&heard.frame, micros);
             }
         }
         for device in &mut self.devices {
-            if let Some(frame) = device.feedback(now) {
+            if let Some(frame) = device.feedback(micros) {
                 self.wires[device.bus].send(device.node, frame);
             }
         }
     }
+
+    /// Ends an instant: who wants an idle wire competes for it. When the next thing happens.
+    fn end_instant(&mut self, now: Nanos) -> Nanos {
+        self.wires.iter_mut().for_each(|wire| wire.arbitrate(now));
+        let next = self.next_event();
+        if next > now {
+            return next;
+        }
+        // Asked for within this instant: an ESC was switched on, a controller was written to.
+        self.process(now);
+        self.wires.iter_mut().for_each(|wire| wire.arbitrate(now));
+        self.next_event()
+    }
+}
+
+/// Time never stands still, whatever a controller says.
+fn later(event: Nanos, now: Nanos) -> Nanos {
+    event.max(now + Nanos::new(1))
 }
 
 /// Buses, ESCs, motors and bases in virtual time. See the [crate's](crate) first page for an
@@ -79,6 +99,8 @@ pub struct World {
     clock: Rc<Clock>,
     inner: Rc<RefCell<Inner>>,
     awake: Arc<Awake>,
+    /// Whether [`next_event`](Self::next_event) has ended the present instant.
+    is_instant_over: bool,
 }
 
 impl World {
@@ -91,18 +113,29 @@ impl World {
         let inner = Inner {
             clock: Rc::clone(&clock),
             random: Random::new(seed),
-            next_step: STEP_MICROS,
+            next_step: STEP,
             wires: Vec::new(),
             devices: Vec::new(),
             bodies: Vec::new(),
         };
-        Self { clock, inner: Rc::new(RefCell::new(inner)), awake: Arc::default() }
+        Self {
+            clock,
+            inner: Rc::new(RefCell::new(inner)),
+            awake: Arc::default(),
+            is_instant_over: false,
+        }
+    }
+
+    /// The time, in whole microseconds.
+    #[must_use]
+    pub fn now(&self) -> Micros {
+        self.clock.now()
     }
 
     /// The time.
     #[must_use]
-    pub fn now(&self) -> Micros {
-        self.clock.now()
+    pub fn now_ns(&self) -> Nanos {
+        self.clock.now_ns()
     }
 
     /// A new bus with a controller and no ESCs on it.
@@ -143,8 +176,30 @@ impl World {
     /// nobody polls. Frames that are submitted before or between calls compete for the bus when
     /// the next call begins.
     pub fn advance(&mut self, until: Micros) {
+        self.advance_to(until.into());
+    }
+
+    /// As [`advance`](Self::advance), to the nanosecond. Cheap if nothing happens meanwhile.
+    pub fn advance_to(&mut self, until: Nanos) {
         make_current(&self.clock);
         while self.pass(until) {}
+    }
+
+    /// Ends the present instant: what was submitted or is offered by a
+    /// [`Controller`](crate::Controller) competes for the bus now. Then says when the next thing
+    /// happens by itself, always later than now: a frame ends, an ESC reports, physics makes a
+    /// step, a controller has an event, a timer falls due.
+    ///
+    /// For who emulates a computer. It runs on its own up to that time, or until it touches a
+    /// controller; then [`advance_to`](Self::advance_to) lets the world catch up. What was done
+    /// between the two calls happens at the time advanced to, to the nanosecond.
+    pub fn next_event(&mut self) -> Nanos {
+        make_current(&self.clock);
+        self.clock.wake_due();
+        self.is_instant_over = true;
+        let now = self.now_ns();
+        let next = self.inner.borrow_mut().end_instant(now);
+        self.earlier_timer(later(next, now))
     }
 
     /// Runs a future up to and including `until`, in virtual time: it is polled until it waits,
@@ -165,6 +220,7 @@ impl World {
         let mut context = Context::from_waker(&waker);
         // It may be another future than last time.
         self.awake.set();
+        self.is_instant_over = false;
         loop {
             let mut polls = 0;
             while polls < POLLS_PER_INSTANT && self.is_awake() {
@@ -174,11 +230,11 @@ impl World {
                 polls += 1;
             }
             if polls < POLLS_PER_INSTANT {
-                if !self.pass(until) {
+                if !self.pass(until.into()) {
                     return Poll::Pending;
                 }
             } else if self.now() < until {
-                let next = self.now() + Micros::new(1);
+                let next = Nanos::from(self.now() + Micros::new(1));
                 while self.pass(next) {}
             } else {
                 return Poll::Pending;
@@ -192,15 +248,17 @@ impl World {
     }
 
     /// Lets time pass until a timer has woken somebody (`true`), or up to `limit`.
-    fn pass(&self, limit: Micros) -> bool {
-        while self.now() < limit {
+    fn pass(&mut self, limit: Nanos) -> bool {
+        while self.now_ns() < limit {
+            let now = self.now_ns();
             {
                 let mut inner = self.inner.borrow_mut();
-                let now = self.now();
-                // The instant is over: whoever wants an idle wire has said so.
-                inner.wires.iter_mut().for_each(|wire| wire.arbitrate(now));
-                let timer = self.clock.next_timer().unwrap_or(limit);
-                let next = inner.next_event().min(timer).min(limit).max(now);
+                let next = if std::mem::take(&mut self.is_instant_over) {
+                    inner.next_event()
+                } else {
+                    inner.end_instant(now)
+                };
+                let next = self.earlier_timer(later(next, now)).min(limit).max(now);
                 self.clock.set(next);
                 inner.process(next);
             }
@@ -209,5 +267,9 @@ impl World {
             }
         }
         false
+    }
+
+    fn earlier_timer(&self, event: Nanos) -> Nanos {
+        self.clock.next_timer().map_or(event, |timer| event.min(timer.into()))
     }
 }

@@ -77,9 +77,13 @@ fn a_bit_time_that_is_no_whole_microsecond_adds_up_exactly() {
         bus.inject(&standard(0x200, [0; 8]));
     }
     world.advance(Micros::from_millis(1));
-    // 126 bits of 1.25 µs are 157.5 µs; times are rounded up.
-    let ends: Vec<_> = trace(&bus).into_iter().map(|(at, _)| at).collect();
-    assert_eq!(ends, [158, 315, 473, 630]);
+    // 126 bits of 1.25 µs are 157.5 µs.
+    let trace = bus.take_trace();
+    let ends: Vec<_> = trace.iter().map(|entry| entry.at.get()).collect();
+    assert_eq!(ends, [157, 315, 472, 630]);
+    let starts: Vec<_> = trace.iter().map(|entry| entry.start.get()).collect();
+    assert_eq!(starts, [0, 157_500, 315_000, 472_500]);
+    assert_eq!(trace[3].end.get(), 472_500 + 123 * 1250);
 }
 
 #[test]
@@ -166,7 +170,7 @@ fn a_full_receive_queue_loses_frames_and_counts_them() {
     let sent = bus.take_trace();
     let received: Vec<_> = std::iter::from_fn(|| port.receive()).collect();
     // The oldest stay.
-    let first: Vec<_> = sent[..4].iter().map(|e| (e.frame, e.at)).collect();
+    let first: Vec<_> = sent[..4].iter().map(|e| (e.frame, e.start.micros())).collect();
     assert_eq!(received, first);
     assert_eq!(port.health().receive_lost as usize, sent.len() - 4);
 }

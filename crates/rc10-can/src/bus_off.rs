@@ -1,0 +1,17 @@
+/// What happens when a controller has left its bus: its transmit error counter went above 255,
+/// because the wire is cut, shorted, or nobody speaks its bit rate.
+///
+/// Whatever the policy, nothing that was unsent then leaves later.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum BusOffPolicy {
+    /// It goes back by itself: at once the first time, and with growing pauses (2 ms, 4 ms .. 50 ms)
+    /// while that keeps failing.
+    #[default]
+    Automatic,
+    /// It stays off until somebody asks for it.
+    Manual,
+    /// As [`Automatic`](Self::Automatic), but the whole robot is in emergency stop then, until that
+    /// is reset: for a bus whose motors must never go on as if nothing had been.
+    Latched,
+}

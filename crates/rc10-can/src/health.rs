@@ -1,0 +1,161 @@
+use core::fmt;
+
+/// Error state of a CAN controller (ISO 11898-1, fault confinement).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ErrorState {
+    /// Both error counters below 96.
+    #[default]
+    Active,
+    /// An error counter at 96 or more: the bus is heavily disturbed, or nobody acknowledges.
+    Warning,
+    /// An error counter above 127: the controller may no longer destroy others' frames.
+    Passive,
+    /// Transmit error counter above 255: the controller is off the bus.
+    BusOff,
+}
+
+/// The last error a controller saw on the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum BusError {
+    /// More than five equal bits in a row.
+    Stuff,
+    /// A fixed-form field had the wrong value.
+    Form,
+    /// Nobody acknowledged: no other node is alive on the bus.
+    Acknowledge,
+    /// A bit read back differs from the bit sent.
+    Bit,
+    /// The checksum of a received frame was wrong.
+    Crc,
+    /// Frames came faster than they were read.
+    Overrun,
+}
+
+/// How a bus and its controller are, and what was lost so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Health {
+    /// Error state.
+    pub state: ErrorState,
+    /// Transmit error counter, 0 ..= 255.
+    pub transmit_errors: u8,
+    /// Receive error counter, 0 ..= 127.
+    pub receive_errors: u8,
+    /// The last bus error seen, if any was.
+    pub last_error: Option<BusError>,
+    /// Received frames lost because nobody read them in time. A controller that only says that
+    /// it lost some is counted as having lost one.
+    pub receive_lost: u32,
+    /// Frames accepted for sending that never left, and were not replaced by a newer one: the
+    /// driver refused them in the end, or they were too old when the bus came back.
+    pub transmit_lost: u32,
+    /// Received frames that nobody had asked for ([`CanPort::accept`](crate::CanPort::accept)),
+    /// dropped without a look at them.
+    pub ignored: u32,
+    /// How often the controller went bus-off.
+    pub bus_offs: u32,
+    /// How often a supervisor made the motors of the bus safe because nobody had asked the port
+    /// for frames for too long.
+    pub stalls: u32,
+}
+
+impl Health {
+    /// Nothing wrong and nothing lost yet.
+    pub const NEW: Self = Self {
+        state: ErrorState::Active,
+        transmit_errors: 0,
+        receive_errors: 0,
+        last_error: None,
+        receive_lost: 0,
+        transmit_lost: 0,
+        ignored: 0,
+        bus_offs: 0,
+        stalls: 0,
+    };
+
+    /// Whether nobody else is on the bus, as it seems: frames are sent, and nobody acknowledges.
+    #[must_use]
+    pub fn is_alone(&self) -> bool {
+        self.state != ErrorState::Active && self.last_error == Some(BusError::Acknowledge)
+    }
+}
+
+/// As CAN people say it.
+impl fmt::Display for ErrorState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Active => "error active",
+            Self::Warning => "error warning",
+            Self::Passive => "error passive",
+            Self::BusOff => "bus-off",
+        })
+    }
+}
+
+impl fmt::Display for BusError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Stuff => "six equal bits in a row",
+            Self::Form => "a malformed frame",
+            Self::Acknowledge => "nobody acknowledges",
+            Self::Bit => "a bit was not read back as sent",
+            Self::Crc => "a wrong checksum",
+            Self::Overrun => "frames were read too slowly",
+        })
+    }
+}
+
+/// One line: the state, and whatever is not zero. `error passive, transmit errors 128: nobody
+/// acknowledges, alone on the bus?`
+impl fmt::Display for Health {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.state.fmt(f)?;
+        let counters = [
+            ("transmit errors", self.transmit_errors.into()),
+            ("receive errors", self.receive_errors.into()),
+            ("received frames lost", self.receive_lost),
+            ("unsent frames lost", self.transmit_lost),
+            ("frames ignored", self.ignored),
+            ("times bus-off", self.bus_offs),
+            ("stalls", self.stalls),
+        ];
+        for (name, count) in counters.into_iter().filter(|&(_, count)| count > 0) {
+            write!(f, ", {name} {count}")?;
+        }
+        match self.last_error {
+            Some(error) if self.state != ErrorState::Active => write!(f, ": {error}")?,
+            _ => {}
+        }
+        if self.is_alone() { f.write_str(", alone on the bus?") } else { Ok(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    extern crate std;
+    use std::string::ToString;
+
+    #[test]
+    fn health_says_what_is_wrong_and_nothing_else() {
+        assert_eq!(Health::NEW.to_string(), "error active");
+        let alone = Health {
+            state: ErrorState::Passive,
+            transmit_errors: 128,
+            last_error: Some(BusError::Acknowledge),
+            ..Health::NEW
+        };
+        assert_eq!(
+            alone.to_string(),
+            "error passive, transmit errors 128: nobody acknowledges, alone on the bus?"
+        );
+        // An error of long ago.
+        let healed = Health { state: ErrorState::Active, transmit_errors: 0, bus_offs: 2, ..alone };
+        assert_eq!(healed.to_string(), "error active, times bus-off 2");
+        let shorted =
+            Health { state: ErrorState::BusOff, last_error: Some(BusError::Bit), ..alone };
+        assert!(!shorted.is_alone());
+    }
+}

@@ -1,0 +1,140 @@
+//! What a wire and a CAN controller tell each other.
+
+use std::fmt;
+use std::ops::Add;
+
+use rc10_can::{BusError, CanFrame, Micros};
+
+/// Time in whole nanoseconds since the start of a [`World`](crate::World): 584 years.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Nanos(u64);
+
+impl Nanos {
+    /// The start of time, or no time at all.
+    pub const ZERO: Self = Self(0);
+
+    /// A number of nanoseconds.
+    #[must_use]
+    pub const fn new(nanos: u64) -> Self {
+        Self(nanos)
+    }
+
+    /// The number of nanoseconds.
+    #[must_use]
+    pub const fn get(self) -> u64 {
+        self.0
+    }
+
+    /// How much later than `earlier` this is; zero if it is not later.
+    #[must_use]
+    pub const fn since(self, earlier: Self) -> Self {
+        Self(self.0.saturating_sub(earlier.0))
+    }
+
+    /// The last whole microsecond that is not after it.
+    #[must_use]
+    pub const fn micros(self) -> Micros {
+        Micros::new(self.0 / 1000)
+    }
+}
+
+impl From<Micros> for Nanos {
+    fn from(micros: Micros) -> Self {
+        Self(micros.get().saturating_mul(1000))
+    }
+}
+
+impl Add for Nanos {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self(self.0.saturating_add(other.0))
+    }
+}
+
+impl fmt::Display for Nanos {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{:09} s", self.0 / 1_000_000_000, self.0 % 1_000_000_000)
+    }
+}
+
+/// How a transmission ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Somebody heard it whole.
+    Acknowledged,
+    /// Nobody did.
+    Unacknowledged,
+    /// It was destroyed on the wire: by noise, by a short, by nodes of another bit rate.
+    Destroyed(BusError),
+}
+
+/// What a wire carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Activity {
+    /// Recessive, the interframe space of the last frame included: from now on nodes may start.
+    Idle,
+    /// A frame has started, or the wire is held dominant.
+    Busy,
+}
+
+/// A CAN controller at its end of a wire, as the wire sees it: the simulator's own behind
+/// [`SimPort`](crate::SimPort), or an emulated chip's ([`Bus::attach`](crate::Bus::attach)).
+///
+/// The wire calls, in the order of time; a controller never calls back.
+///
+/// Error frames are always those of error-active nodes (6 + 8 bits), and a frame that nobody
+/// acknowledges ends as if somebody had.
+pub trait Controller {
+    /// Whether the controller takes part: it sends, hears frames whole and acknowledges them. Not
+    /// while it is being configured, and not in bus-off. If it leaves within its own frame, that
+    /// frame is destroyed.
+    fn is_on_bus(&self) -> bool;
+
+    /// Whether it is wired up at all. If not, it is alone on a wire of its own: nobody acknowledges
+    /// what it sends.
+    fn is_connected(&self) -> bool {
+        true
+    }
+
+    /// The length of its bits in nanoseconds; `None` if it is the wire's. Who is more than half a
+    /// per cent off destroys the frames that it sends, and understands none.
+    fn bit_time_ns(&self) -> Option<u32> {
+        None
+    }
+
+    /// The frame that it sends if the wire is idle now. Asked at every arbitration it could take
+    /// part in, which is at the end of every instant at which its wire is idle: often. A frame that
+    /// is offered need not be offered again.
+    fn offer(&mut self, now: Nanos) -> Option<CanFrame>;
+
+    /// What it just offered is on the wire since now.
+    fn sending(&mut self, start: Nanos);
+
+    /// What it just offered lost arbitration; it hears the winner now.
+    fn lost_arbitration(&mut self, _start: Nanos) {}
+
+    /// What it sent has ended, before the interframe space; after an error, the error frame is over
+    /// too. Told also if it has left the bus meanwhile.
+    fn sent(&mut self, outcome: Outcome, end: Nanos);
+
+    /// Another node's frame: when its start-of-frame bit began, and when it had ended (before the
+    /// interframe space).
+    fn received(&mut self, frame: &CanFrame, start: Nanos, end: Nanos);
+
+    /// Another node's frame was destroyed while it listened; the error frame is over.
+    fn disturbed(&mut self, _error: BusError, _at: Nanos) {}
+
+    /// What the wire carries from now on; told when it is attached and at every change, on the bus
+    /// or off it. Whenever the wire becomes idle, 11 recessive bits have just passed: a controller
+    /// on its way back from bus-off counts one for that, and one more for each 11 bits until the
+    /// wire is busy again.
+    fn wire_is(&mut self, _activity: Activity, _at: Nanos) {}
+
+    /// When something happens in it without the wire's doing. In the past means now.
+    fn next_event(&self) -> Option<Nanos> {
+        None
+    }
+
+    /// Lets that happen.
+    fn advance(&mut self, _now: Nanos) {}
+}

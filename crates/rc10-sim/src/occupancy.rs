@@ -1,0 +1,54 @@
+//! How busy a wire was.
+
+use crate::Nanos;
+
+/// Length of the windows of [`Bus::load_windows`](crate::Bus::load_windows), in nanoseconds.
+const WINDOW: u64 = 100_000_000;
+
+/// Busy nanoseconds: in total, and in each window.
+#[derive(Default)]
+pub(crate) struct Occupancy {
+    total: u64,
+    windows: Vec<u64>,
+}
+
+impl Occupancy {
+    pub(crate) fn add(&mut self, since: Nanos, until: Nanos) {
+        let (mut since, until) = (since.get(), until.get());
+        self.total += until - since;
+        while since < until {
+            let window = since / WINDOW;
+            let end = until.min((window + 1) * WINDOW);
+            if let Ok(index) = usize::try_from(window) {
+                if self.windows.len() <= index {
+                    self.windows.resize(index + 1, 0);
+                }
+                self.windows[index] += end - since;
+            }
+            since = end;
+        }
+    }
+
+    /// Per cent of the time since zero.
+    #[expect(clippy::cast_precision_loss, reason = "104 days of nanoseconds are exact")]
+    pub(crate) fn load(&self, now: Nanos) -> f64 {
+        if now == Nanos::ZERO {
+            return 0.0;
+        }
+        self.total as f64 * 100.0 / now.get() as f64
+    }
+
+    /// Per cent of each window that is over.
+    #[expect(clippy::cast_precision_loss, reason = "at most 1e8")]
+    pub(crate) fn windows(&self, now: Nanos) -> Vec<f64> {
+        (0..now.get() / WINDOW)
+            .map(|index| {
+                let busy = usize::try_from(index)
+                    .ok()
+                    .and_then(|index| self.windows.get(index))
+                    .map_or(0, |&busy| busy);
+                busy as f64 * 100.0 / WINDOW as f64
+            })
+            .collect()
+    }
+}
