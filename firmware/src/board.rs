@@ -1,6 +1,6 @@
 //! Which pin is what. Source: the team's `CubeMX` project for the STM32H723ZGT6 board.
 
-use embassy_stm32::peripherals::{FDCAN1, FDCAN2, FDCAN3, IWDG1};
+use embassy_stm32::peripherals::{FDCAN1, FDCAN2, FDCAN3, IWDG1, TIM7};
 use embassy_stm32::{Peri, Peripherals};
 use rc10_bsp::can::BusParts;
 
@@ -12,6 +12,8 @@ pub struct Board {
     pub bus_2: BusParts<FDCAN2>,
     /// FDCAN3: receive PF6, transmit PF7.
     pub bus_3: BusParts<FDCAN3>,
+    /// A timer that drives no pin.
+    pub supervisor: Peri<'static, TIM7>,
     /// The independent watchdog.
     pub watchdog: Peri<'static, IWDG1>,
 }
@@ -23,6 +25,7 @@ impl Board {
             bus_1: BusParts::new(p.FDCAN1, p.PD0, p.PD1),
             bus_2: BusParts::new(p.FDCAN2, p.PB12, p.PB13),
             bus_3: BusParts::new(p.FDCAN3, p.PF6, p.PF7),
+            supervisor: p.TIM7,
             watchdog: p.IWDG1,
         }
     }

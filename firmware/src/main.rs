@@ -1,9 +1,9 @@
 //! The chip binary of the robot in `rc10-robot`: which pins, which interrupts, which executor runs
 //! what. All else is in the library crates, where it also runs on a PC.
 //!
-//! Priorities, most urgent first: the interrupts of FDCAN and of time (P0); the buses, on an
-//! executor of their own (P6); everything else, in thread mode. So no log line, no chassis maths
-//! and no script can delay a motor.
+//! Priorities, most urgent first: the interrupt of time (P0); the supervisor, which makes the motors
+//! safe if the buses hang (P3); the buses, on an executor of their own (P6); everything else, in
+//! thread mode. So no log line, no chassis maths and no script can delay a motor.
 #![no_std]
 #![no_main]
 
@@ -15,11 +15,12 @@ use embassy_executor::{InterruptExecutor, Spawner};
 use embassy_stm32::bind_interrupts;
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
-use embassy_stm32::peripherals::{FDCAN1, FDCAN2, FDCAN3};
-use rc10_bsp::can::{Bus, Interrupt};
-use rc10_bsp::crash;
-use rc10_robot::Robot;
-use static_cell::StaticCell;
+use rc10_bsp::can::Bus;
+use rc10_bsp::{crash, supervisor};
+use rc10_motor::embassy::BusPort;
+use rc10_robot::table::BUSES;
+use rc10_robot::{Io, Motors};
+use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::board::Board;
 use crate::tasks::Unstartable;
@@ -27,12 +28,15 @@ use crate::tasks::Unstartable;
 rc10_bsp::crash_handlers!();
 
 bind_interrupts!(struct Irqs {
-    FDCAN1_IT0 => Interrupt<FDCAN1>;
-    FDCAN2_IT0 => Interrupt<FDCAN2>;
-    FDCAN3_IT0 => Interrupt<FDCAN3>;
+    TIM7 => supervisor::Interrupt;
 });
 
-static ROBOT: StaticCell<Robot> = StaticCell::new();
+// What is large is made where it stays: moved, it would go over the stack.
+static PORTS: [StaticCell<BusPort>; BUSES] = [const { StaticCell::new() }; BUSES];
+static IO: StaticCell<Io<'static>> = StaticCell::new();
+static MOTORS: ConstStaticCell<Motors> = ConstStaticCell::new(Motors::new());
+static MOTOR_BUSES: [StaticCell<rc10_robot::Bus<'static>>; BUSES] =
+    [const { StaticCell::new() }; BUSES];
 
 /// Runs the buses. It borrows the interrupt of a peripheral that the board does not use.
 static CONTROL: InterruptExecutor = InterruptExecutor::new();
@@ -57,16 +61,22 @@ async fn main(spawner: Spawner) {
     }
 }
 
+// Not inlined, and so neither are the parts of it: one after another they use the same stack.
+#[inline(never)]
 fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
-    let robot = ROBOT.init(Robot::new()?);
-    let (io, [first, second, third]) = robot.start()?;
+    let ports = PORTS.each_ref().map(|place| &*place.init_with(|| const { BusPort::new() }));
+    let io = &*IO.init_with(|| Io::new(ports));
+    let places = MOTOR_BUSES.each_ref();
+    let buses = places.map(|place| place.init_with(|| rc10_robot::Bus::new(&io.switch)));
+    let [first, second, third] = MOTORS.take().attach(buses)?;
 
     interrupt::UART9.set_priority(Priority::P6);
     let control = CONTROL.start(interrupt::UART9);
-    let [port_1, port_2, port_3] = io.buses.each_ref();
-    Bus::start(control, board.bus_1, Irqs, |can| tasks::bus(can, first, port_1))?;
-    Bus::start(control, board.bus_2, Irqs, |can| tasks::bus(can, second, port_2))?;
-    Bus::start(control, board.bus_3, Irqs, |can| tasks::bus(can, third, port_3))?;
+    let [port_1, port_2, port_3] = io.buses;
+    Bus::start(control, board.bus_1, |can| tasks::bus(can, first, port_1))?;
+    Bus::start(control, board.bus_2, |can| tasks::bus(can, second, port_2))?;
+    Bus::start(control, board.bus_3, |can| tasks::bus(can, third, port_3))?;
+    supervisor::start(board.supervisor, Irqs, Priority::P3);
 
     spawner.spawn(tasks::chassis(io)?);
     spawner.spawn(tasks::mechanisms(io)?);

@@ -11,7 +11,8 @@
 //! [`embassy_time`] driver, which the binary chooses: this crate enables neither.
 //!
 //! The chip side is behind the feature `stm32h723`, for the target `thumbv7em-none-eabihf` only:
-//! clocks, the FDCAN ports and their `Bus::start`, the watchdog, and what happens after a crash.
+//! clocks, the FDCAN ports and their `Bus::start`, the supervisor and the watchdog, and what happens
+//! after a crash.
 #![no_std]
 #![cfg_attr(not(feature = "stm32h723"), forbid(unsafe_code))]
 
@@ -25,7 +26,7 @@ mod stm32h723;
 pub use latest::{Changes, Latest, Stamped};
 pub use periodic::{Load, Overrun, Statistics, Tick, periodic};
 #[cfg(feature = "stm32h723")]
-pub use stm32h723::{FDCAN_CLOCK, can, clocks, crash, initialise, watchdog};
+pub use stm32h723::{FDCAN_CLOCK, can, clocks, crash, initialise, supervisor, watchdog};
 pub use topic::{Message, SubscribersFull, Subscription, Topic};
 
 use embassy_time::Instant;

@@ -3,6 +3,7 @@
 //!
 //! * [`initialise`]: clocks and caches.
 //! * [`can`]: the three FDCAN ports, and [`can::Bus::start`].
+//! * [`supervisor`]: makes the motors of a bus safe that does not tick.
 //! * [`watchdog`]: fed only while everything that must tick ticks.
 //! * [`crash`]: what happens after a panic or a fault: the motors are made safe by registers, the
 //!   cause is kept, the chip restarts.
@@ -10,6 +11,7 @@
 
 pub mod can;
 pub mod crash;
+pub mod supervisor;
 pub mod watchdog;
 
 use embassy_stm32::rcc::mux::Fdcansel;
@@ -58,6 +60,7 @@ pub fn clocks() -> Config {
 /// # Panics
 /// If called twice.
 #[must_use]
+#[inline(never)]
 pub fn initialise() -> Peripherals {
     let peripherals = embassy_stm32::init(clocks());
     // SAFETY: the core's peripherals are touched by nobody else; `init` above panics if this

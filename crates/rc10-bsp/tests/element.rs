@@ -5,7 +5,7 @@
 #[path = "../src/stm32h723/can/element.rs"]
 mod element;
 
-use element::{decode, encode};
+use element::{decode, encode, time_stamp};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 
@@ -54,4 +54,9 @@ fn lengths_beyond_eight_mean_eight() {
         let frame = decode([0, length << 16, 0x0403_0201, 0x0807_0605]);
         assert_eq!(frame.bytes(), [1, 2, 3, 4, 5, 6, 7, 8]);
     }
+}
+
+#[test]
+fn the_time_stamp_is_the_lower_half_of_the_second_word() {
+    assert_eq!(time_stamp([u32::MAX, 0x0008_1234, u32::MAX, u32::MAX]), 0x1234);
 }

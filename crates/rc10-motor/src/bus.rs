@@ -2,7 +2,7 @@ use core::fmt;
 
 use heapless::Vec;
 use rc10_app::Seconds;
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_can::{CanFrame, Micros};
 
 use crate::arm::{ArmState, ArmSwitch};
 use crate::batch::{TxBatch, TxFull};
@@ -12,7 +12,7 @@ use crate::motor::{
     TargetError, TargetSet,
 };
 use crate::table::ReceiveTable;
-use crate::wiring::{Clash, MotorName};
+use crate::wiring::{Clash, MotorName, Wiring};
 
 /// The motors of one CAN bus, and what keeps them safe.
 ///
@@ -29,6 +29,7 @@ pub struct MotorBus<'m> {
     table: ReceiveTable,
     unclaimed: u32,
     last_unclaimed: Option<u32>,
+    remote: u32,
     last_tick: Option<Micros>,
 }
 
@@ -190,7 +191,7 @@ pub enum Dispatch {
     Motor(MotorId),
     /// It has this motor's identifier, but is no feedback. Counted; nothing changed.
     Malformed(MotorId, FrameError),
-    /// No motor claims it. Counted.
+    /// No motor claims it, or it is a remote request, which no motor sends. Counted.
     Unclaimed,
 }
 
@@ -233,10 +234,13 @@ pub struct BusCounters {
     pub received: u32,
     /// Those that had a motor's identifier but were no feedback.
     pub malformed: u32,
-    /// Those that no motor claims.
+    /// Those that no motor claims. Of frames that nobody asked for, a port with filters hands out
+    /// a sample only; [`Health::ignored`](rc10_can::Health::ignored) counts the others.
     pub unclaimed: u32,
     /// Key ([`CanFrame::key`]) of the newest frame no motor claims.
     pub last_unclaimed: Option<u32>,
+    /// Remote requests: nobody answers them.
+    pub remote: u32,
 }
 
 /// All there is to know about one motor.
@@ -261,7 +265,7 @@ pub struct MotorStatus {
 #[cfg(feature = "embassy")]
 impl BusCounters {
     pub(crate) const NEW: Self =
-        Self { received: 0, malformed: 0, unclaimed: 0, last_unclaimed: None };
+        Self { received: 0, malformed: 0, unclaimed: 0, last_unclaimed: None, remote: 0 };
 }
 
 impl MotorStatus {
@@ -289,6 +293,7 @@ impl<'m> MotorBus<'m> {
             table: ReceiveTable::new(),
             unclaimed: 0,
             last_unclaimed: None,
+            remote: 0,
             last_tick: None,
         }
     }
@@ -352,6 +357,10 @@ impl<'m> MotorBus<'m> {
     #[cold]
     #[inline(never)]
     fn on_other_frame(&mut self, frame: &CanFrame, at: Micros) -> Dispatch {
+        if frame.is_remote() {
+            count(&mut self.remote);
+            return Dispatch::Unclaimed;
+        }
         if let Some(index) = self.table.find(frame) {
             return self.hear(index, frame, at);
         }
@@ -445,8 +454,7 @@ impl<'m> MotorBus<'m> {
     /// How much of a bus of `bits_per_second` the attached motors need.
     #[must_use]
     pub fn load(&self, bits_per_second: u32) -> BusLoad {
-        let wirings: Vec<_, CAPACITY> = self.slots.iter().map(|slot| slot.motor.wiring()).collect();
-        BusLoad::of(wirings.iter(), bits_per_second)
+        BusLoad::of(self.slots.iter().map(|slot| slot.motor.wiring()), bits_per_second)
     }
 
     /// The motors attached, in order.
@@ -459,13 +467,12 @@ impl<'m> MotorBus<'m> {
         (0..).take(self.slots.len()).map(MotorId)
     }
 
-    /// The identifiers that motors of this bus are commanded with; shared ones come repeatedly.
-    pub fn command_patterns(&self) -> impl Iterator<Item = IdPattern> {
-        self.slots.iter().flat_map(|slot| {
-            let patterns: Vec<_, 8> =
-                slot.motor.wiring().transmitted().iter().map(|sent| sent.pattern).collect();
-            patterns
-        })
+    /// What each motor occupies, in order. One after the other: all at once they would take a large
+    /// part of a chip's stack.
+    pub fn for_each_wiring(&self, mut f: impl FnMut(&Wiring)) {
+        for slot in &self.slots {
+            f(&slot.motor.wiring());
+        }
     }
 
     /// What targets a motor takes; none for a motor that does not exist.
@@ -477,24 +484,31 @@ impl<'m> MotorBus<'m> {
     /// All there is to know about a motor.
     #[must_use]
     pub fn status(&self, motor: MotorId, now: Micros) -> Option<MotorStatus> {
-        self.slots.get(motor.index()).map(|slot| MotorStatus {
-            link: slot.link(now),
-            drive: slot.drive,
-            target: slot.motor.target(),
-            feedback: slot.motor.feedback(),
-            fault: slot.motor.fault(),
-            counters: slot.counters,
-        })
+        let slot = self.slots.get(motor.index())?;
+        let mut status = MotorStatus::NEW;
+        slot.write_status(now, &mut status);
+        Some(status)
+    }
+
+    /// The same, written where it is wanted: every tick for every motor. Nothing for a motor that
+    /// does not exist.
+    #[cfg(feature = "embassy")]
+    #[inline]
+    pub(crate) fn write_status(&self, motor: MotorId, now: Micros, status: &mut MotorStatus) {
+        if let Some(slot) = self.slots.get(motor.index()) {
+            slot.write_status(now, status);
+        }
     }
 
     /// What the frames of this bus amounted to.
     #[must_use]
     pub fn counters(&self) -> BusCounters {
         let mut sum = BusCounters {
-            received: self.unclaimed,
+            received: self.unclaimed.saturating_add(self.remote),
             malformed: 0,
             unclaimed: self.unclaimed,
             last_unclaimed: self.last_unclaimed,
+            remote: self.remote,
         };
         for MotorCounters { received, malformed, .. } in self.slots.iter().map(|slot| slot.counters)
         {
@@ -547,6 +561,16 @@ impl Slot<'_> {
             self.link = Link::Lost;
             count(&mut self.counters.lost);
         }
+    }
+
+    #[inline]
+    fn write_status(&self, now: Micros, status: &mut MotorStatus) {
+        status.link = self.link(now);
+        status.drive = self.drive;
+        status.target = self.motor.target();
+        status.feedback = self.motor.feedback();
+        status.fault = self.motor.fault();
+        status.counters = self.counters;
     }
 
     fn is_online(&self, now: Micros) -> bool {
@@ -626,6 +650,7 @@ mod tests {
     use crate::dji::{Dji, M3508};
     use embedded_can::StandardId;
     use rc10_app::Rpm;
+    use rc10_can::IdPattern;
 
     const MS: Seconds = Seconds::new(0.001);
 

@@ -520,6 +520,14 @@ impl Dji {
         })
     }
 
+    /// Whether a rotor that has this speed after a silence (µs) cannot have gone round in it.
+    #[inline]
+    fn is_certain(&self, rpm: i16, silence: u64) -> bool {
+        let last_rpm = RawFeedback::unpack(&self.seen.bytes).rpm;
+        let fastest = u64::from(rpm.unsigned_abs().max(last_rpm.unsigned_abs()));
+        silence <= LONG_SILENCE.get() && fastest * silence <= CERTAIN_RPM_MICROS
+    }
+
     /// The first frame, which sets the absolute angle of the rotor; or one after a silence in which
     /// the rotor may have gone round: the speed says which number of turns is likeliest.
     #[cold]
@@ -536,17 +544,14 @@ impl Dji {
         let last_rpm = RawFeedback::unpack(&last.bytes).rpm;
         let silence = at.since(last.at);
         let step = shortest_way_in_bits::<ENCODER_BITS>(last.angle, angle);
-        let fastest = u64::from(rpm.unsigned_abs().max(last_rpm.unsigned_abs()));
-        let moved = if !self.heard {
-            angle.into()
-        } else if silence <= LONG_SILENCE && fastest * silence.get() <= CERTAIN_RPM_MICROS {
-            step.into()
-        } else {
+        let moved = if self.heard {
             self.turn_gaps = self.turn_gaps.saturating_add(1);
             let mean_rpm = (i64::from(rpm) + i64::from(last_rpm)) / 2;
             let micros = i64::try_from(silence.get()).unwrap_or(i64::MAX);
             let expected = mean_rpm.saturating_mul(micros).saturating_mul(8192) / 60_000_000;
             nearest_movement(step.into(), expected, ENCODER_COUNTS.into())
+        } else {
+            angle.into()
         };
         let turn = i64::from(scale.phase_turn);
         let steps = (moved % turn) * i64::from(scale.phase_per_count);
@@ -819,7 +824,7 @@ impl CanMotor for Dji {
         }
         // Also for the first frame of all.
         let silence = at.get().wrapping_sub(self.seen.at.get());
-        if silence >= CERTAIN_MICROS {
+        if silence >= CERTAIN_MICROS && !self.is_certain(rpm, silence) {
             return self.feedback_after_silence(frame, at);
         }
         let Self { seen, scale, .. } = self;

@@ -62,3 +62,5 @@ pub use motor::{
     SafeState, Target, TargetError, TargetKind, TargetSet,
 };
 pub use wiring::{Clash, Guard, MotorName, Rate, Receive, Transmit, Wiring, WiringFull};
+// Whose types stand in the signatures of the above: who uses the crate needs no other.
+pub use {rc10_app, rc10_can};

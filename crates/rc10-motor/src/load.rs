@@ -54,7 +54,7 @@ impl BusLoad {
     }
 
     /// The load of motors with these wirings on a bus of `bits_per_second`.
-    pub(crate) fn of<'w>(wirings: impl Iterator<Item = &'w Wiring>, bits_per_second: u32) -> Self {
+    pub(crate) fn of(wirings: impl Iterator<Item = Wiring>, bits_per_second: u32) -> Self {
         let mut sum = Sum::default();
         // A frame that several motors share is sent once.
         let mut shared: Vec<_, 32> = Vec::new();

@@ -1,25 +1,37 @@
-//! The three FDCAN buses: 1 Mbit/s, classic frames.
+//! The three FDCAN buses: 1 Mbit/s, classic frames. No interrupts.
 //!
-//! Receiving: a frame passes the controller's FIFO of [`HARDWARE_RECEIVE`] frames, the interrupt
-//! moves it with its arrival time into a queue of [`RECEIVE_QUEUE`], and
-//! [`FdcanPort::receive`](rc10_can::CanPort::receive) takes it from there. Where the queue is full
-//! the oldest frame goes, and is counted: a control loop wants the newest.
+//! **Receiving.** The controller's filters sort. What the bus's motors and subscriptions want goes
+//! to FIFO 0, which holds [`HARDWARE_RECEIVE`] frames, and [`receive`](rc10_can::CanPort::receive)
+//! takes it from there: straight from the message RAM, once a tick, in the order of arrival, dated
+//! by the controller's own time stamps. An interrupt for every frame would move each of them twice
+//! to the same end: the tick is the only one who reads. Everything else goes to FIFO 1, where the
+//! newest overwrites the oldest; one of it is looked at in a tick, for diagnosis, and the rest is
+//! counted.
 //!
-//! Sending: 24 of the controller's 32 transmit buffers take frames, and the controller sends the
-//! one that wins arbitration first. No interrupt is needed. A newer frame cancels the unsent older
-//! one of its identifier, so that nothing stale leaves after an outage. The other eight buffers
-//! hold the bus's coast image ([`FdcanPort::keep_coast_image`]): what the crash handler sends.
+//! **Sending.** 24 of the controller's 32 transmit buffers are for commands, and the controller
+//! sends the one that wins arbitration first. A newer frame cancels the unsent older one of its
+//! identifier and takes another buffer: its own may be on the wire, and then must not be rewritten,
+//! and with a buffer to spare nobody has to wait for that. So each identifier has one live buffer,
+//! and nothing stale leaves after an outage: what is sent is as old as the tick before, at most. If
+//! the ticks stop, the supervisor takes it back (not while interrupts are masked: then nothing
+//! can). The other eight buffers hold the bus's coast image ([`FdcanPort::keep_coast_image`]): what
+//! the [`supervisor`](crate::supervisor) and the [crash handler](crate::crash) send.
+//!
+//! **Losses** are counted, all of them: see [`Health`](rc10_can::Health) and [`FdcanPort`].
 //!
 //! embassy-stm32's own CAN driver is not used: its FIFOs are three frames deep, it does not see
-//! overruns, and it cannot take a frame back. This port shares the pin and interrupt types with it.
+//! overruns, and it cannot take a frame back. This port shares the pin types with it.
 
 mod bus;
+mod clock;
 mod controller;
 mod element;
+mod filter;
 mod port;
+mod timing;
 
 pub use bus::{Bus, BusParts};
 pub use controller::{COAST_FRAMES, HARDWARE_RECEIVE};
-pub use port::{BusPeripheral, CoastImageFull, FdcanPort, Interrupt, RECEIVE_QUEUE};
+pub use port::{BusPeripheral, CoastImageFull, FdcanPort};
 
 pub(super) use controller::ALL;

@@ -8,6 +8,7 @@
 //! with a virtual clock, on a PC. It enables no time driver and no executor.
 
 mod port;
+mod recovery;
 mod runner;
 mod subscription;
 

@@ -1,5 +1,6 @@
-use core::cell::{Cell, RefCell};
+use core::cell::RefCell;
 use core::fmt;
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -9,7 +10,7 @@ use embedded_can::Id;
 use heapless::Vec;
 use rc10_can::{CanFrame, Health, IdPattern, Timing};
 
-use super::subscription::{Filter, NoFreeSubscription, Received, Subscription, Subscriptions};
+use super::subscription::{Filter, NoFreeSubscription, Subscription, Subscriptions};
 use crate::arm::ArmState;
 use crate::bus::{BusCounters, MotorBus, MotorId, MotorStatus};
 use crate::load::BusLoad;
@@ -19,27 +20,37 @@ use crate::motor::{Request, RequestError, Target, TargetError, TargetSet};
 /// subscriptions. One per bus; every method works from any task or interrupt.
 pub struct BusPort {
     motors: [MotorCell; MotorBus::CAPACITY],
-    status: Mutex<CriticalSectionRawMutex, Cell<BusStatus>>,
+    status: Mutex<CriticalSectionRawMutex, RefCell<BusStatus>>,
     outbox: Channel<CriticalSectionRawMutex, CanFrame, OUTBOX>,
     /// Identifiers that motors are commanded with: not for the outbox.
-    claimed: Mutex<CriticalSectionRawMutex, RefCell<Vec<IdPattern, CLAIMED>>>,
+    claimed: Mutex<CriticalSectionRawMutex, RefCell<Claimed>>,
     subscriptions: Subscriptions,
+    /// Somebody wants the bus back.
+    recover: AtomicBool,
 }
 
 const OUTBOX: usize = 16;
-const CLAIMED: usize = 64;
+/// Identifiers that are remembered. A bus that has more keeps all for itself.
+const CLAIMED: usize = 24;
+
+struct Claimed {
+    patterns: Vec<IdPattern, CLAIMED>,
+    all: bool,
+}
 
 struct MotorCell {
-    mail: Mutex<CriticalSectionRawMutex, Cell<Mail>>,
+    /// Whether there is a command or a request in the mail. The bus asks in every tick.
+    commanded: AtomicBool,
+    asked: AtomicBool,
+    mail: Mutex<CriticalSectionRawMutex, RefCell<Mail>>,
     /// The answer to the request with this ticket.
     answer: Signal<CriticalSectionRawMutex, (Ticket, Result<(), RequestError>)>,
-    status: Mutex<CriticalSectionRawMutex, Cell<MotorStatus>>,
+    status: Mutex<CriticalSectionRawMutex, RefCell<MotorStatus>>,
 }
 
 /// Tells one request from the next, so that nobody takes another's answer.
 type Ticket = u32;
 
-#[derive(Clone, Copy)]
 struct Mail {
     supports: TargetSet,
     command: Option<Target>,
@@ -66,7 +77,8 @@ pub struct BusStatus {
     pub submitted: u32,
     /// Frames that replaced an older one of the same identifier that had not been sent yet.
     pub replaced: u32,
-    /// Frames that the port or the tick's batch had no room for.
+    /// Frames that the port or the tick's batch had no room for, or that the port did not take
+    /// because the bus was off.
     pub refused: u32,
     /// What came in.
     pub received: BusCounters,
@@ -114,15 +126,18 @@ impl BusPort {
         Self {
             motors: [const {
                 MotorCell {
-                    mail: Mutex::new(Cell::new(NOTHING)),
+                    commanded: AtomicBool::new(false),
+                    asked: AtomicBool::new(false),
+                    mail: Mutex::new(RefCell::new(NOTHING)),
                     answer: Signal::new(),
-                    status: Mutex::new(Cell::new(MotorStatus::NEW)),
+                    status: Mutex::new(RefCell::new(MotorStatus::NEW)),
                 }
             }; MotorBus::CAPACITY],
-            status: Mutex::new(Cell::new(BusStatus::NEW)),
+            status: Mutex::new(RefCell::new(BusStatus::NEW)),
             outbox: Channel::new(),
-            claimed: Mutex::new(RefCell::new(Vec::new())),
+            claimed: Mutex::new(RefCell::new(Claimed { patterns: Vec::new(), all: false })),
             subscriptions: Subscriptions::new(),
+            recover: AtomicBool::new(false),
         }
     }
 
@@ -135,7 +150,7 @@ impl BusPort {
     /// How the bus is doing, as of its last tick.
     #[must_use]
     pub fn status(&self) -> BusStatus {
-        self.status.lock(Cell::get)
+        self.status.lock(|status| *status.borrow())
     }
 
     /// Sends a frame after the motors' frames of the next tick.
@@ -152,7 +167,10 @@ impl BusPort {
 
     /// Whether a motor is commanded with this identifier; known once the bus runs.
     pub(super) fn is_claimed(&self, id: Id) -> bool {
-        self.claimed.lock(|claimed| claimed.borrow().iter().any(|own| own.contains(id)))
+        self.claimed.lock(|claimed| {
+            let claimed = claimed.borrow();
+            claimed.all || claimed.patterns.iter().any(|own| own.contains(id))
+        })
     }
 
     /// A stream of the frames that pass `filter`.
@@ -163,59 +181,86 @@ impl BusPort {
         self.subscriptions.subscribe(filter)
     }
 
+    /// Brings the bus back in its next tick, if it is off then: the only way back under
+    /// [`BusOffPolicy::Manual`](rc10_can::BusOffPolicy::Manual).
+    pub fn recover(&self) {
+        self.recover.store(true, Ordering::Release);
+    }
+
+    /// Whether somebody wants the bus back; asked once.
+    pub(super) fn take_recover(&self) -> bool {
+        self.recover.load(Ordering::Acquire) && self.recover.swap(false, Ordering::AcqRel)
+    }
+
     /// The bus starts: from now on targets are checked against its motors.
     pub(super) fn open(&self, bus: &MotorBus<'_>) {
         for ((motor, _), cell) in bus.motors().zip(&self.motors) {
-            cell.mail.lock(|mail| {
-                mail.set(Mail { supports: bus.supports(motor), ..mail.get() });
-            });
+            cell.mail.lock(|mail| mail.borrow_mut().supports = bus.supports(motor));
         }
         self.claimed.lock(|claimed| {
             let mut claimed = claimed.borrow_mut();
-            claimed.clear();
-            for pattern in bus.command_patterns() {
-                // Lanes of one frame repeat its identifier.
-                if !claimed.contains(&pattern) {
-                    let _ = claimed.push(pattern);
+            let Claimed { patterns, all } = &mut *claimed;
+            patterns.clear();
+            *all = false;
+            bus.for_each_wiring(|wiring| {
+                for sent in wiring.transmitted() {
+                    // Lanes of one frame repeat its identifier.
+                    *all |=
+                        !patterns.contains(&sent.pattern) && patterns.push(sent.pattern).is_err();
                 }
-            }
+            });
         });
     }
 
-    pub(super) fn take_mail(&self, motor: MotorId) -> (Option<Target>, Option<Request>) {
-        self.motors.get(motor.index()).map_or((None, None), |cell| {
-            cell.mail.lock(|mail| {
-                let now = mail.get();
-                if now.command.is_some() || now.request.is_some() {
-                    mail.set(Mail { command: None, request: None, ..now });
-                }
-                (now.command, now.request)
-            })
-        })
+    /// The newest command that the bus has not taken yet.
+    #[inline]
+    pub(super) fn take_command(&self, motor: MotorId) -> Option<Target> {
+        let cell = self.motors.get(motor.index())?;
+        // Before the mail is looked at: what comes now is seen now or next time.
+        if !cell.commanded.load(Ordering::Acquire) {
+            return None;
+        }
+        cell.commanded.store(false, Ordering::Release);
+        cell.mail.lock(|mail| mail.borrow_mut().command.take())
+    }
+
+    /// The request that the bus has not taken yet.
+    #[inline]
+    pub(super) fn take_request(&self, motor: MotorId) -> Option<Request> {
+        let cell = self.motors.get(motor.index())?;
+        if !cell.asked.load(Ordering::Acquire) {
+            return None;
+        }
+        cell.asked.store(false, Ordering::Release);
+        cell.mail.lock(|mail| mail.borrow_mut().request.take())
     }
 
     pub(super) fn answer(&self, motor: MotorId, outcome: Result<(), RequestError>) {
         if let Some(cell) = self.motors.get(motor.index()) {
-            cell.answer.signal((cell.mail.lock(Cell::get).ticket, outcome));
+            cell.answer.signal((cell.mail.lock(|mail| mail.borrow().ticket), outcome));
         }
     }
 
-    pub(super) fn publish(&self, motor: MotorId, status: MotorStatus) {
+    /// Has a motor's status written where its port reads it.
+    #[inline]
+    pub(super) fn publish(&self, motor: MotorId, write: impl FnOnce(&mut MotorStatus)) {
         if let Some(cell) = self.motors.get(motor.index()) {
-            cell.status.lock(|newest| newest.set(status));
+            cell.status.lock(|status| write(&mut status.borrow_mut()));
         }
     }
 
-    pub(super) fn publish_bus(&self, status: BusStatus) {
-        self.status.lock(|newest| newest.set(status));
+    /// Has the bus's status written.
+    #[inline]
+    pub(super) fn publish_bus(&self, write: impl FnOnce(&mut BusStatus)) {
+        self.status.lock(|status| write(&mut status.borrow_mut()));
     }
 
     pub(super) fn take_outgoing(&self) -> Option<CanFrame> {
         self.outbox.try_receive().ok()
     }
 
-    pub(super) fn deliver(&self, received: Received, claimed: bool) {
-        self.subscriptions.deliver(received, claimed);
+    pub(super) const fn subscriptions(&self) -> &Subscriptions {
+        &self.subscriptions
     }
 }
 
@@ -246,7 +291,7 @@ struct Turn<'p>(&'p MotorCell);
 
 impl Drop for Turn<'_> {
     fn drop(&mut self) {
-        self.0.mail.lock(|mail| mail.set(Mail { awaited: false, ..mail.get() }));
+        self.0.mail.lock(|mail| mail.borrow_mut().awaited = false);
     }
 }
 
@@ -267,9 +312,10 @@ impl MotorPort<'_> {
     pub fn command(&self, target: Target) -> Result<(), TargetError> {
         let cell = self.cell.ok_or(TargetError::Unsupported(target.kind()))?;
         cell.mail.lock(|mail| {
-            let now = mail.get();
-            now.supports.accepts(&target)?;
-            mail.set(Mail { command: Some(target), ..now });
+            let mut mail = mail.borrow_mut();
+            mail.supports.accepts(&target)?;
+            mail.command = Some(target);
+            cell.commanded.store(true, Ordering::Release);
             Ok(())
         })
     }
@@ -283,17 +329,18 @@ impl MotorPort<'_> {
     pub async fn request(&self, request: Request) -> Result<(), RequestError> {
         let cell = self.cell.ok_or(RequestError::NoSuchMotor)?;
         let ticket = cell.mail.lock(|mail| {
-            let now = mail.get();
-            if now.supports == TargetSet::NONE {
+            let mut mail = mail.borrow_mut();
+            if mail.supports == TargetSet::NONE {
                 // Nobody would ever answer.
                 return Err(RequestError::NoSuchMotor);
             }
-            if now.awaited || now.request.is_some() {
+            if mail.awaited || mail.request.is_some() {
                 return Err(RequestError::Busy);
             }
-            let ticket = now.ticket.wrapping_add(1);
-            mail.set(Mail { request: Some(request), ticket, awaited: true, ..now });
-            Ok(ticket)
+            mail.ticket = mail.ticket.wrapping_add(1);
+            (mail.request, mail.awaited) = (Some(request), true);
+            cell.asked.store(true, Ordering::Release);
+            Ok(mail.ticket)
         })?;
         // Also when this future is dropped, the next caller gets its turn.
         let _turn = Turn(cell);
@@ -309,12 +356,12 @@ impl MotorPort<'_> {
     /// All there is to know about the motor, as of its bus's last tick.
     #[must_use]
     pub fn status(&self) -> MotorStatus {
-        self.cell.map_or(MotorStatus::NEW, |cell| cell.status.lock(Cell::get))
+        self.cell.map_or(MotorStatus::NEW, |cell| cell.status.lock(|status| *status.borrow()))
     }
 
     /// The targets it takes; none while its bus is not running yet.
     #[must_use]
     pub fn supports(&self) -> TargetSet {
-        self.cell.map_or(TargetSet::NONE, |cell| cell.mail.lock(Cell::get).supports)
+        self.cell.map_or(TargetSet::NONE, |cell| cell.mail.lock(|mail| mail.borrow().supports))
     }
 }

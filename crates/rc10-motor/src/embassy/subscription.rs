@@ -1,5 +1,6 @@
 use core::cell::Cell;
 use core::fmt;
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -50,20 +51,24 @@ struct State {
     lost: u32,
 }
 
-pub(super) struct Subscriptions([Place; Self::COUNT]);
+pub(super) struct Subscriptions {
+    places: [Place; Self::COUNT],
+    changes: AtomicU32,
+}
 
 impl Subscriptions {
     pub(super) const COUNT: usize = 4;
 
     pub(super) const fn new() -> Self {
-        Self(
-            [const {
+        Self {
+            places: [const {
                 Place {
                     state: Mutex::new(Cell::new(State { filter: None, lost: 0 })),
                     frames: Channel::new(),
                 }
             }; Self::COUNT],
-        )
+            changes: AtomicU32::new(0),
+        }
     }
 
     pub(super) fn subscribe(&self, filter: Filter) -> Result<Subscription<'_>, NoFreeSubscription> {
@@ -76,14 +81,25 @@ impl Subscriptions {
                 free
             })
         };
-        let place = self.0.iter().find(take).ok_or(NoFreeSubscription)?;
+        let place = self.places.iter().find(take).ok_or(NoFreeSubscription)?;
         place.frames.clear();
-        Ok(Subscription { place })
+        self.changes.fetch_add(1, Ordering::Release);
+        Ok(Subscription { place, changes: &self.changes })
+    }
+
+    /// Changes whenever a subscription begins or ends.
+    pub(super) fn changes(&self) -> u32 {
+        self.changes.load(Ordering::Acquire)
+    }
+
+    /// What is subscribed to.
+    pub(super) fn filters(&self) -> impl Iterator<Item = Filter> {
+        self.places.iter().filter_map(|place| place.state.lock(Cell::get).filter)
     }
 
     /// Gives a frame to all who want it. A subscriber that does not keep up loses it, and knows.
     pub(super) fn deliver(&self, received: Received, claimed: bool) {
-        for place in &self.0 {
+        for place in &self.places {
             let wanted = place.state.lock(Cell::get).filter.is_some_and(|filter| match filter {
                 Filter::Unclaimed => !claimed,
                 Filter::Pattern(pattern) => pattern.matches(&received.frame),
@@ -101,6 +117,7 @@ impl Subscriptions {
 /// A stream of frames from a bus; dropping it ends it.
 pub struct Subscription<'p> {
     place: &'p Place,
+    changes: &'p AtomicU32,
 }
 
 impl Subscription<'_> {
@@ -124,5 +141,6 @@ impl Subscription<'_> {
 impl Drop for Subscription<'_> {
     fn drop(&mut self) {
         self.place.state.lock(|state| state.set(State { filter: None, lost: 0 }));
+        self.changes.fetch_add(1, Ordering::Release);
     }
 }

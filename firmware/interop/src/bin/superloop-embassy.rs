@@ -1,6 +1,6 @@
-//! On embassy-stm32's own CAN driver, polled: its futures are asked once each.
+//! On embassy-stm32's own CAN driver with its queues, polled: interrupts fill and empty them.
 //!
-//! What it cannot do, and `rc10-bsp` can: more than three frames in each direction, take a frame
+//! What it cannot do, and `rc10-bsp` can: more than three frames in the controller, take a frame
 //! back, notice lost frames.
 #![no_std]
 #![no_main]
@@ -8,11 +8,11 @@
 use core::num::{NonZeroU8, NonZeroU16};
 
 use cortex_m_rt::entry;
-use embassy_futures::poll_once;
 use embassy_stm32::can::config::NominalBitTiming;
 use embassy_stm32::can::enums::BusError;
 use embassy_stm32::can::{
-    CanConfigurator, Frame, IT0InterruptHandler, IT1InterruptHandler, config::TxBufferMode,
+    BufferedCanReceiver, BufferedCanSender, CanConfigurator, Frame, IT0InterruptHandler,
+    IT1InterruptHandler, RxBuf, TxBuf, config::TxBufferMode,
 };
 use embassy_stm32::peripherals::FDCAN1;
 use embassy_stm32::rcc::mux::Fdcansel;
@@ -22,31 +22,36 @@ use embassy_stm32::{Config, bind_interrupts};
 use interop::{Heartbeat, superloop};
 use rc10_can::embedded_can::nb::Can;
 use rc10_can::embedded_can::{Error, ErrorKind};
+use static_cell::ConstStaticCell;
 
 bind_interrupts!(struct Irqs {
     FDCAN1_IT0 => IT0InterruptHandler<FDCAN1>;
     FDCAN1_IT1 => IT1InterruptHandler<FDCAN1>;
 });
 
-struct Embassy(embassy_stm32::can::Can<'static>);
+/// What two motors send in 8 ms at 1 kHz.
+static RECEIVE: ConstStaticCell<RxBuf<16>> = ConstStaticCell::new(RxBuf::new());
+/// The commands of one tick.
+static TRANSMIT: ConstStaticCell<TxBuf<4>> = ConstStaticCell::new(TxBuf::new());
+
+struct Embassy {
+    receiver: BufferedCanReceiver,
+    sender: BufferedCanSender,
+}
 
 impl Can for Embassy {
     type Frame = Frame;
     type Error = Failed;
 
     fn transmit(&mut self, frame: &Frame) -> nb::Result<Option<Frame>, Failed> {
-        // A frame that is not taken at once is not taken at all: the future is dropped.
-        match poll_once(self.0.write(frame)) {
-            core::task::Poll::Ready(evicted) => Ok(evicted),
-            core::task::Poll::Pending => Err(nb::Error::WouldBlock),
-        }
+        self.sender.try_write(*frame).map(|()| None).map_err(|_| nb::Error::WouldBlock)
     }
 
     fn receive(&mut self) -> nb::Result<Frame, Failed> {
-        match poll_once(self.0.read()) {
-            core::task::Poll::Ready(Ok(envelope)) => Ok(envelope.frame),
-            core::task::Poll::Ready(Err(error)) => Err(nb::Error::Other(Failed(error))),
-            core::task::Poll::Pending => Err(nb::Error::WouldBlock),
+        match self.receiver.try_receive() {
+            Ok(Ok(envelope)) => Ok(envelope.frame),
+            Ok(Err(error)) => Err(nb::Error::Other(Failed(error))),
+            Err(_) => Err(nb::Error::WouldBlock),
         }
     }
 }
@@ -90,5 +95,7 @@ fn main() -> ! {
     // The default mode evicts frames to send more urgent ones.
     settings.tx_buffer_mode = TxBufferMode::Fifo;
     can.set_config(settings);
-    superloop(Embassy(can.into_normal_mode()), Heartbeat::start(core.SYST, 64_000_000))
+    let can = can.into_normal_mode().buffered(TRANSMIT.take(), RECEIVE.take());
+    let can = Embassy { receiver: can.reader(), sender: can.writer() };
+    superloop(can, Heartbeat::start(core.SYST, 64_000_000))
 }

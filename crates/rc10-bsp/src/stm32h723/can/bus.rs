@@ -1,10 +1,9 @@
 use embassy_executor::{SendSpawner, SpawnError, SpawnToken};
 use embassy_stm32::can::{RxPin, TxPin};
 use embassy_stm32::gpio::{AfType, Flex, OutputType, Pull, Speed};
-use embassy_stm32::interrupt::typelevel::{Binding, Interrupt as _};
 use embassy_stm32::{Peri, rcc};
 
-use super::port::{BusPeripheral, FdcanPort, Interrupt};
+use super::port::{BusPeripheral, FdcanPort};
 
 /// What one bus is made of on the chip: a peripheral and its two pins.
 pub struct BusParts<T: BusPeripheral> {
@@ -44,7 +43,7 @@ impl Bus {
     /// #[embassy_executor::task]
     /// async fn chassis(port: FdcanPort, motors: Motors) -> ! { .. }
     ///
-    /// Bus::start(spawner, parts, Irqs, |port| chassis(port, motors))?;
+    /// Bus::start(spawner, parts, |port| chassis(port, motors))?;
     /// ```
     ///
     /// # Errors
@@ -52,7 +51,6 @@ impl Bus {
     pub fn start<T: BusPeripheral, S: Send>(
         spawner: SendSpawner,
         parts: BusParts<T>,
-        _interrupt: impl Binding<T::IT0Interrupt, Interrupt<T>>,
         task: impl FnOnce(FdcanPort) -> Result<SpawnToken<S>, SpawnError>,
     ) -> Result<(), SpawnError> {
         // The three controllers have one reset in common; embassy does it before the first only.
@@ -67,10 +65,7 @@ impl Bus {
         core::mem::forget((receive, transmit));
 
         T::CONTROLLER.start();
-        T::IT0Interrupt::unpend();
-        // SAFETY: the handler is bound, as `_interrupt` proves, and what it needs is set up.
-        unsafe { T::IT0Interrupt::enable() };
-        spawner.spawn(task(FdcanPort::new(T::CONTROLLER, T::inbox()))?);
+        spawner.spawn(task(FdcanPort::new(T::CONTROLLER))?);
         Ok(())
     }
 }

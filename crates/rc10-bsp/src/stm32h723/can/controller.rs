@@ -1,15 +1,21 @@
 //! One FDCAN controller by its registers (RM0468, FDCAN chapter) and its share of the message RAM.
 
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 use embassy_stm32::pac;
 use embassy_stm32::pac::can::regs;
-use rc10_can::{BusError, CanFrame, ErrorState};
+use rc10_can::{BusError, CanFrame, ErrorState, IdPattern};
 
-use super::element::{ELEMENT, decode, encode};
+use super::element::{ELEMENT, encode};
+use super::filter;
+use super::timing::BitTiming;
+use crate::FDCAN_CLOCK;
 
-/// Frames that a controller holds before the interrupt has to run: 3 ms of the shortest frames.
+/// Wanted frames that a controller holds until somebody takes them, the most that the hardware
+/// can: 3 ms of the shortest frames, 7 ms of frames of eight bytes.
 pub const HARDWARE_RECEIVE: usize = 64;
+/// Unwanted frames that it holds, newest first to be looked at: a bus carries 21 in a millisecond.
+const FOREIGN: usize = 32;
 /// Transmit buffers, the most that the hardware has.
 const TRANSMIT: usize = 32;
 /// Transmit buffers kept for the coast image: the last ones.
@@ -20,21 +26,50 @@ pub(super) const COMMANDS: usize = TRANSMIT - COAST_FRAMES;
 pub(super) const COMMAND_MASK: u32 = (1 << COMMANDS) - 1;
 
 // Message RAM, in words from the start of a controller's share.
-const RECEIVE_AT: usize = 0;
-const TRANSMIT_AT: usize = RECEIVE_AT + HARDWARE_RECEIVE * ELEMENT;
+const STANDARD_FILTERS_AT: usize = 0;
+const EXTENDED_FILTERS_AT: usize = STANDARD_FILTERS_AT + filter::STANDARD;
+const RECEIVE_AT: usize = STANDARD_FILTERS_AT + filter::WORDS;
+const FOREIGN_AT: usize = RECEIVE_AT + HARDWARE_RECEIVE * ELEMENT;
+const TRANSMIT_AT: usize = FOREIGN_AT + FOREIGN * ELEMENT;
 const SHARE: usize = TRANSMIT_AT + TRANSMIT * ELEMENT;
 const _: () = assert!(3 * SHARE <= 2560, "the three FDCANs share 2560 words");
+
+/// Bits a second, of all buses.
+const BIT_RATE: u32 = 1_000_000;
+const BIT_TIMING: BitTiming = BitTiming::exact(FDCAN_CLOCK.0, BIT_RATE);
 
 /// One of the three controllers.
 #[derive(Clone, Copy)]
 pub struct Controller {
     pub(super) registers: pac::can::Fdcan,
     share: usize,
-    /// Which transmit buffers hold coast frames. Static, for the crash handler.
-    coast: &'static AtomicU32,
+    pub(super) shared: &'static Shared,
 }
 
-static COAST: [AtomicU32; 3] = [const { AtomicU32::new(0) }; 3];
+/// What a bus's port, the supervisor and the crash handler know together.
+pub(super) struct Shared {
+    /// Which transmit buffers hold coast frames.
+    coast: AtomicU32,
+    /// Whether the port is being asked for frames: [`POLLED`], [`SEEN`] or [`STALLED`].
+    attendance: AtomicU8,
+    /// How often it was not.
+    stalls: AtomicU32,
+}
+
+/// The port has been asked since the supervisor looked last.
+const POLLED: u8 = 0;
+/// It has not been asked again since the supervisor saw that.
+const SEEN: u8 = 1;
+/// It had not been asked when the supervisor looked again.
+const STALLED: u8 = 2;
+
+static SHARED: [Shared; 3] = [const {
+    Shared {
+        coast: AtomicU32::new(0),
+        attendance: AtomicU8::new(POLLED),
+        stalls: AtomicU32::new(0),
+    }
+}; 3];
 
 /// The controllers of FDCAN1, FDCAN2 and FDCAN3.
 pub(crate) const ALL: [Controller; 3] = [
@@ -43,41 +78,74 @@ pub(crate) const ALL: [Controller; 3] = [
     Controller::new(pac::FDCAN3, 2),
 ];
 
+/// One of a controller's two receive FIFOs.
+#[derive(Clone, Copy)]
+pub(super) enum Fifo {
+    /// FIFO 0, for what the filters let in. When it is full, new frames are lost.
+    Wanted = 0,
+    /// FIFO 1, for all else. When it is full, new frames replace the oldest.
+    Foreign = 1,
+}
+
 impl Controller {
     const fn new(registers: pac::can::Fdcan, index: usize) -> Self {
-        Self { registers, share: index * SHARE, coast: &COAST[index] }
+        Self { registers, share: index * SHARE, shared: &SHARED[index] }
     }
 
-    /// Configures and starts a controller that was just reset (CCCR.INIT is set).
+    /// Configures and starts a controller that was just reset (CCCR.INIT is set). It accepts all
+    /// frames.
     pub(super) fn start(self) {
         let can = self.registers;
         can.cccr().modify(|w| w.set_cce(true));
-        // 120 MHz / 3 = 40 time quanta a bit: 1 + 29 before the sample point (75 %), 10 after it.
-        // The registers hold each value less one.
+        // The register holds each value less one.
         can.nbtp().write(|w| {
-            w.set_nbrp(3 - 1);
-            w.set_ntseg1(29 - 1);
-            w.set_ntseg2(10 - 1);
-            w.set_nsjw(10 - 1);
+            w.set_nbrp(BIT_TIMING.prescaler - 1);
+            w.set_ntseg1(byte(BIT_TIMING.before as usize - 1));
+            w.set_ntseg2(byte(BIT_TIMING.after as usize - 1));
+            w.set_nsjw(byte(BIT_TIMING.after as usize - 1));
         });
-        // What the reset left, zero, is right for: classic frames, sent again until acknowledged; no
-        // filters, everything accepted into FIFO 0; elements of eight data bytes; transmit buffers
-        // that are all dedicated ones; no event FIFO; interrupt line 0.
-        can.rxfc(0).write(|w| {
+        // The time stamp counter counts bit times.
+        can.tscc().write(|w| w.set_tss(0b01));
+        can.sidfc().write(|w| {
+            w.set_flssa(word(self.share + STANDARD_FILTERS_AT));
+            w.set_lss(byte(filter::STANDARD));
+        });
+        can.xidfc().write(|w| {
+            w.set_flesa(word(self.share + EXTENDED_FILTERS_AT));
+            w.set_lse(byte(filter::EXTENDED));
+        });
+        self.accept(&[IdPattern::any_standard(), IdPattern::any_extended()]);
+        // What no filter lets in goes to FIFO 1. Remote frames are filtered as data frames are.
+        can.gfc().write(|w| {
+            w.set_anfs(0b01);
+            w.set_anfe(0b01);
+        });
+        // What the reset left, zero, is right for all else: classic frames, sent again until
+        // acknowledged; elements of eight data bytes; transmit buffers that are all dedicated ones;
+        // no event FIFO; no interrupts.
+        can.rxfc(Fifo::Wanted as usize).write(|w| {
             w.set_fsa(word(self.share + RECEIVE_AT));
             w.set_fs(byte(HARDWARE_RECEIVE));
+        });
+        can.rxfc(Fifo::Foreign as usize).write(|w| {
+            w.set_fsa(word(self.share + FOREIGN_AT));
+            w.set_fs(byte(FOREIGN));
+            w.set_fom(true);
         });
         can.txbc().write(|w| {
             w.set_tbsa(word(self.share + TRANSMIT_AT));
             w.set_ndtb(byte(TRANSMIT));
         });
-        can.ie().write(|w| {
-            w.set_rfne(0, true);
-            w.set_rfle(0, true);
-            w.set_mrafe(true);
-        });
-        can.ile().write(|w| w.set_eint0(true));
         self.go_on_bus();
+    }
+
+    /// Rewrites the filters, also of a controller on the bus: the hardware reads them one by one,
+    /// and a filter that stays where it was never changes.
+    pub(super) fn accept(self, patterns: &[IdPattern]) {
+        for (offset, filter) in filter::words(patterns).into_iter().enumerate() {
+            let at = self.share + STANDARD_FILTERS_AT + offset;
+            pac::FDCANRAM.ram(at).write_value(filter);
+        }
     }
 
     /// Takes part in the bus: after the configuration; after bus-off, when the hardware itself
@@ -90,17 +158,43 @@ impl Controller {
         });
     }
 
-    /// The oldest received frame.
-    pub(super) fn read(self) -> Option<CanFrame> {
-        let status = self.registers.rxfs(0).read();
-        if status.ffl() == 0 {
-            return None;
-        }
-        let index = status.fgi();
-        let at = self.share + RECEIVE_AT + usize::from(index) * ELEMENT;
-        let element = core::array::from_fn(|word| pac::FDCANRAM.ram(at + word).read());
-        self.registers.rxfa(0).write(|w| w.set_fai(index));
-        Some(decode(element))
+    /// A frame's element. Its index must be below the FIFO's size; the hardware's are.
+    #[inline]
+    pub(super) fn element(self, fifo: Fifo, index: u8) -> [u32; ELEMENT] {
+        let (first, size) = match fifo {
+            Fifo::Wanted => (RECEIVE_AT, HARDWARE_RECEIVE),
+            Fifo::Foreign => (FOREIGN_AT, FOREIGN),
+        };
+        let at = self.share + first + usize::from(index) % size * ELEMENT;
+        // One check for all four words.
+        let element = pac::FDCANRAM.ram(at).as_ptr();
+        // SAFETY: whole elements lie behind `at`, inside this controller's share of the message
+        // RAM, which is always readable once the controllers' clock runs.
+        let read = |word| unsafe { element.add(word).read_volatile() };
+        [read(0), read(1), read(2), read(3)]
+    }
+
+    /// How many frames a FIFO holds, and where the oldest is.
+    #[inline]
+    pub(super) fn held(self, fifo: Fifo) -> (u8, u8) {
+        let status = self.registers.rxfs(fifo as usize).read();
+        (status.ffl(), status.fgi())
+    }
+
+    /// The index so many elements behind another.
+    #[inline]
+    pub(super) const fn after(fifo: Fifo, index: u8, elements: u8) -> u8 {
+        let size = match fifo {
+            Fifo::Wanted => HARDWARE_RECEIVE,
+            Fifo::Foreign => FOREIGN,
+        };
+        (index + elements) % byte(size)
+    }
+
+    /// Gives a FIFO's elements back, up to and with this one.
+    #[inline]
+    pub(super) fn release(self, fifo: Fifo, index: u8) {
+        self.registers.rxfa(fifo as usize).write(|w| w.set_fai(index));
     }
 
     /// Writes a frame into a transmit buffer that is not pending; does not send it.
@@ -127,6 +221,21 @@ impl Controller {
         let cancelled = buffers & !self.registers.txbcr().read().0;
         self.registers.txbcr().write_value(regs::Txbcr(buffers));
         cancelled
+    }
+
+    /// Whether frames were lost on the way in since the last call: because FIFO 0 was full, and
+    /// because the message RAM was too slow.
+    pub(super) fn losses(self) -> [bool; 2] {
+        let raised = self.registers.ir().read();
+        let losses = [raised.rfl(Fifo::Wanted as usize), raised.mraf()];
+        if losses != [false; 2] {
+            // Writing a one clears a flag.
+            self.registers.ir().write(|w| {
+                w.set_rfl(Fifo::Wanted as usize, losses[0]);
+                w.set_mraf(losses[1]);
+            });
+        }
+        losses
     }
 
     /// Error state and, if one came since the last call, the last bus error: reading it clears it.
@@ -158,25 +267,69 @@ impl Controller {
             self.write(buffer, frame);
             mask |= 1 << buffer;
         }
-        self.coast.store(mask, Ordering::Release);
+        self.shared.coast.store(mask, Ordering::Release);
     }
 
-    /// For the crash handler: nothing but the coast image goes out from here on.
-    pub(crate) fn send_coast_image(self) {
-        let coast = self.coast.load(Ordering::Acquire);
+    /// The port is being asked. If it had not been for so long that the coast image was sent, what
+    /// is left of that is taken back: it must not follow newer commands. Says how often that was.
+    #[inline]
+    pub(super) fn attend(self) -> u32 {
+        if self.shared.attendance.swap(POLLED, Ordering::AcqRel) == STALLED {
+            self.cancel(!COMMAND_MASK);
+        }
+        self.stalls()
+    }
+
+    /// How often the port was not asked in time.
+    #[inline]
+    pub(super) fn stalls(self) -> u32 {
+        self.shared.stalls.load(Ordering::Acquire)
+    }
+
+    /// For the supervisor, which interrupts the port but never the other way round: if the port
+    /// was not asked since the last call, nothing but the coast image goes out.
+    pub(crate) fn supervise(self) {
+        let Shared { attendance, stalls, .. } = self.shared;
+        match attendance.load(Ordering::Acquire) {
+            POLLED => attendance.store(SEEN, Ordering::Release),
+            before => {
+                if before == SEEN && self.coast() != 0 {
+                    stalls.store(stalls.load(Ordering::Relaxed).wrapping_add(1), Ordering::Release);
+                    attendance.store(STALLED, Ordering::Release);
+                }
+                self.replace_by_coast_image();
+            }
+        }
+    }
+
+    fn coast(self) -> u32 {
+        self.shared.coast.load(Ordering::Acquire)
+    }
+
+    /// Nothing but the coast image goes out from here on, if there is one.
+    fn replace_by_coast_image(self) {
+        let coast = self.coast();
         if coast == 0 {
             // Perhaps not even clocked: touching it could fault.
             return;
         }
         self.cancel(COMMAND_MASK);
-        self.go_on_bus();
         self.request(coast);
+    }
+
+    /// For the crash handler: the coast image, even if the bus is off.
+    pub(crate) fn send_coast_image(self) {
+        if self.coast() != 0 {
+            self.cancel(COMMAND_MASK);
+            self.go_on_bus();
+        }
+        self.replace_by_coast_image();
     }
 
     /// For the crash handler: whether every coast frame was sent and acknowledged, or there are
     /// none.
     pub(crate) fn coast_image_sent(self) -> bool {
-        let coast = self.coast.load(Ordering::Acquire);
+        let coast = self.coast();
         coast == 0 || self.registers.txbto().read().0 & coast == coast
     }
 }
@@ -187,8 +340,8 @@ const fn word(index: usize) -> u16 {
     index as u16
 }
 
-/// A number of elements as a register field takes it.
-#[expect(clippy::cast_possible_truncation, reason = "at most 64")]
+/// A number of elements or quanta as a register field takes it.
+#[expect(clippy::cast_possible_truncation, reason = "at most 255")]
 const fn byte(count: usize) -> u8 {
     count as u8
 }

@@ -12,40 +12,58 @@ const EXTENDED: u32 = 1 << 30;
 const REMOTE: u32 = 1 << 29;
 const STANDARD_ID_SHIFT: u32 = 18;
 const LENGTH_SHIFT: u32 = 16;
+/// Lengths 8 ..= 15: those above 8 are legal on a classic wire and mean 8.
+const WHOLE: u32 = 8 << LENGTH_SHIFT;
 
 /// A frame as a transmit buffer holds it.
+#[inline]
 pub fn encode(frame: &CanFrame) -> [u32; ELEMENT] {
     let id = match frame.id() {
         Id::Standard(id) => u32::from(id.as_raw()) << STANDARD_ID_SHIFT,
         Id::Extended(id) => id.as_raw() | EXTENDED,
     };
+    match frame.all_eight() {
+        Some(data) => element(id, 8, *data),
+        None => encode_other(frame, id),
+    }
+}
+
+#[cold]
+fn encode_other(frame: &CanFrame, id: u32) -> [u32; ELEMENT] {
     let length = u32::try_from(frame.len()).unwrap_or(8);
     let remote = if frame.is_remote() { REMOTE } else { 0 };
     let mut data = [0; 8];
     data[..frame.bytes().len()].copy_from_slice(frame.bytes());
-    let [a, b, c, d, e, f, g, h] = data;
-    [
-        id | remote,
-        length << LENGTH_SHIFT,
-        u32::from_le_bytes([a, b, c, d]),
-        u32::from_le_bytes([e, f, g, h]),
-    ]
+    element(id | remote, length, data)
+}
+
+#[inline]
+const fn element(header: u32, length: u32, [a, b, c, d, e, f, g, h]: [u8; 8]) -> [u32; ELEMENT] {
+    let (low, high) = (u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h]));
+    [header, length << LENGTH_SHIFT, low, high]
 }
 
 /// The frame of an element of a receive FIFO.
-pub fn decode([header, length, low, high]: [u32; ELEMENT]) -> CanFrame {
-    let id = if header & EXTENDED == 0 {
-        let raw = (header >> STANDARD_ID_SHIFT) & 0x7FF;
-        Id::Standard(StandardId::new(raw as u16).unwrap_or(StandardId::ZERO))
+#[inline]
+pub fn decode(element: [u32; ELEMENT]) -> CanFrame {
+    let [header, length, low, high] = element;
+    // Nearly every motor's frames are standard ones of eight bytes.
+    if header & (EXTENDED | REMOTE) == 0 && length & WHOLE != 0 {
+        CanFrame::eight_bytes(standard(header), bytes(low, high))
     } else {
-        let raw = header & 0x1FFF_FFFF;
-        Id::Extended(ExtendedId::new(raw).unwrap_or(ExtendedId::ZERO))
+        decode_other(element)
+    }
+}
+
+#[inline(never)]
+fn decode_other([header, length, low, high]: [u32; ELEMENT]) -> CanFrame {
+    let id = if header & EXTENDED == 0 {
+        Id::Standard(standard(header))
+    } else {
+        Id::Extended(ExtendedId::new(header & 0x1FFF_FFFF).unwrap_or(ExtendedId::ZERO))
     };
-    // Lengths 9 ..= 15 are legal on a classic wire and mean 8.
     let len = ((length >> LENGTH_SHIFT) as usize & 0xF).min(8);
-    let [a, b, c, d] = low.to_le_bytes();
-    let [e, f, g, h] = high.to_le_bytes();
-    let data = [a, b, c, d, e, f, g, h];
+    let data = bytes(low, high);
     let frame = if header & REMOTE != 0 {
         CanFrame::remote_frame(id, len)
     } else {
@@ -53,4 +71,25 @@ pub fn decode([header, length, low, high]: [u32; ELEMENT]) -> CanFrame {
     };
     // At most eight bytes: there is no error to hide.
     frame.unwrap_or_else(|_| CanFrame::eight_bytes(id, data))
+}
+
+#[inline]
+fn standard(header: u32) -> StandardId {
+    let raw = (header >> STANDARD_ID_SHIFT) & 0x7FF;
+    StandardId::new(raw as u16).unwrap_or(StandardId::ZERO)
+}
+
+#[inline]
+const fn bytes(low: u32, high: u32) -> [u8; 8] {
+    let [a, b, c, d] = low.to_le_bytes();
+    let [e, f, g, h] = high.to_le_bytes();
+    [a, b, c, d, e, f, g, h]
+}
+
+/// When the frame of a receive element began: the controller's time stamp counter at that moment,
+/// which counts bit times modulo 2¹⁶.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "the lower half of the word")]
+pub const fn time_stamp([_, length, ..]: [u32; ELEMENT]) -> u16 {
+    length as u16
 }

@@ -1,118 +1,87 @@
-use core::cell::{Cell, RefCell};
+use core::cell::Cell;
 use core::fmt;
-use core::marker::PhantomData;
 
 use embassy_stm32::can::Instance;
-use embassy_stm32::interrupt::typelevel::Handler;
 use embassy_stm32::peripherals::{FDCAN1, FDCAN2, FDCAN3};
-use embassy_sync::blocking_mutex::Mutex;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use heapless::Deque;
-use rc10_can::{BusError, CanFrame, CanPort, Health, Micros, Submitted};
+use rc10_can::{BusError, CanFrame, CanPort, Health, IdPattern, Micros, Submitted};
 
-use super::controller::{ALL, COAST_FRAMES, COMMAND_MASK, COMMANDS, Controller};
-
-/// Received frames that wait for their task, per bus.
-pub const RECEIVE_QUEUE: usize = 32;
-
-/// What the interrupt leaves for the port.
-struct Received {
-    frames: Deque<(CanFrame, Micros), RECEIVE_QUEUE>,
-    lost: u32,
-}
-
-#[doc(hidden)]
-pub struct Inbox(Mutex<CriticalSectionRawMutex, RefCell<Received>>);
-
-impl Inbox {
-    const fn new() -> Self {
-        Self(Mutex::new(RefCell::new(Received { frames: Deque::new(), lost: 0 })))
-    }
-
-    fn with<R>(&self, f: impl FnOnce(&mut Received) -> R) -> R {
-        self.0.lock(|received| f(&mut received.borrow_mut()))
-    }
-
-    fn on_interrupt(&self, controller: Controller) {
-        let can = controller.registers;
-        // Cleared before the FIFO is read: a frame that comes meanwhile raises it again.
-        let raised = can.ir().read();
-        can.ir().write_value(raised);
-        let at = crate::now();
-        self.with(|received| {
-            while let Some(frame) = controller.read() {
-                if received.frames.is_full() {
-                    received.frames.pop_front();
-                    received.lost = received.lost.saturating_add(1);
-                }
-                // There is room now.
-                let _ = received.frames.push_back((frame, at));
-            }
-            // The FIFO was full, or the message RAM too slow: for one frame at least, the hardware
-            // does not say for how many.
-            if raised.rfl(0) || raised.mraf() {
-                received.lost = received.lost.saturating_add(1);
-            }
-        });
-    }
-}
+use super::clock::Clock;
+use super::controller::{ALL, COAST_FRAMES, COMMAND_MASK, COMMANDS, Controller, Fifo};
+use super::element::{decode, time_stamp};
 
 /// FDCAN1, FDCAN2 or FDCAN3.
 pub trait BusPeripheral: Instance {
     #[doc(hidden)]
     const CONTROLLER: Controller;
-    #[doc(hidden)]
-    fn inbox() -> &'static Inbox;
 }
 
-macro_rules! bus_peripheral {
-    ($peripheral:ty, $index:literal) => {
-        impl BusPeripheral for $peripheral {
-            const CONTROLLER: Controller = ALL[$index];
-            fn inbox() -> &'static Inbox {
-                static INBOX: Inbox = Inbox::new();
-                &INBOX
-            }
-        }
-    };
+impl BusPeripheral for FDCAN1 {
+    const CONTROLLER: Controller = ALL[0];
 }
-bus_peripheral!(FDCAN1, 0);
-bus_peripheral!(FDCAN2, 1);
-bus_peripheral!(FDCAN3, 2);
-
-/// The interrupt handler of a bus, for `bind_interrupts!`:
-/// `FDCAN1_IT0 => can::Interrupt<FDCAN1>;`
-pub struct Interrupt<T>(PhantomData<T>);
-
-impl<T: BusPeripheral> Handler<T::IT0Interrupt> for Interrupt<T> {
-    unsafe fn on_interrupt() {
-        T::inbox().on_interrupt(T::CONTROLLER);
-    }
+impl BusPeripheral for FDCAN2 {
+    const CONTROLLER: Controller = ALL[1];
+}
+impl BusPeripheral for FDCAN3 {
+    const CONTROLLER: Controller = ALL[2];
 }
 
-/// A [`CanPort`] on one FDCAN of the chip.
+/// A [`CanPort`] on one FDCAN of the chip. There is no interrupt behind it: frames wait in the
+/// controller until [`receive`](CanPort::receive) takes them, so take them all, every millisecond.
 ///
-/// [`Health::receive_lost`] counts frames that the queue had no room for one by one, and overruns
-/// of the hardware FIFO and of its access to the message RAM as one each, because the hardware does
-/// not say how many frames they cost. After bus-off the port cancels what is unsent, counts, and
-/// goes back on the bus, the next time that [`receive`](CanPort::receive) finds nothing.
+/// What the filters let in ([`accept`](CanPort::accept); all frames at first) comes first, oldest
+/// first. When there is no more of that, one frame that they did not let in follows, the newest,
+/// and only then `None`: so strangers can be seen, and cost nothing. The others of them are counted
+/// ([`Health::ignored`]); if more than 32 came since the last time, that count is too low.
+///
+/// [`Health::receive_lost`] counts an overrun of the hardware FIFO and of its access to the message
+/// RAM as one frame each, because the hardware does not say how many it cost.
+///
+/// After bus-off the port takes back what is unsent and refuses new frames, until
+/// [`recover`](CanPort::recover). It also refuses what was computed before a
+/// [supervisor](crate::supervisor) made the bus safe.
 pub struct FdcanPort {
     controller: Controller,
-    inbox: &'static Inbox,
+    /// Frames of FIFO 0 that are known to be there, and where the oldest of them is.
+    held: u8,
+    oldest: u8,
+    clock: Clock,
+    /// The frame that the filters did not let in has been handed out.
+    foreign_taken: bool,
     /// The key of the frame last written to each transmit buffer.
     keys: [u32; COMMANDS],
     last_error: Cell<Option<BusError>>,
+    receive_lost: u32,
+    transmit_lost: u32,
+    ignored: u32,
     bus_offs: u32,
+    /// The controller has left the bus, and has not been told to go back.
+    off: bool,
+    /// How often the bus had stalled when the port was asked for frames last.
+    stalls: u32,
 }
 
 impl FdcanPort {
-    pub(super) const fn new(controller: Controller, inbox: &'static Inbox) -> Self {
-        let last_error = Cell::new(None);
-        Self { controller, inbox, keys: [0; COMMANDS], last_error, bus_offs: 0 }
+    pub(super) fn new(controller: Controller) -> Self {
+        Self {
+            controller,
+            held: 0,
+            oldest: 0,
+            clock: Clock::new(crate::now()),
+            foreign_taken: false,
+            keys: [0; COMMANDS],
+            last_error: Cell::new(None),
+            receive_lost: 0,
+            transmit_lost: 0,
+            ignored: 0,
+            bus_offs: 0,
+            off: false,
+            stalls: controller.stalls(),
+        }
     }
 
     /// Stores the frames that make every motor of this bus safe. They wait in the controller's own
-    /// memory; a crash sends them by a few register writes ([`crash`](crate::crash)).
+    /// memory; a crash and the supervisor send them by a few register writes
+    /// ([`crash`](crate::crash), [`supervisor`](crate::supervisor)).
     ///
     /// # Errors
     /// [`CoastImageFull`] if there are more than [`COAST_FRAMES`]; then none is stored.
@@ -124,18 +93,58 @@ impl FdcanPort {
         Ok(())
     }
 
-    /// Goes back on the bus if the controller has left it. Polled, because a state cannot be missed
-    /// as the interrupt of a change can: and that would be for ever.
-    fn return_to_bus(&mut self) {
+    /// Looks what FIFO 0 holds; once for many frames.
+    fn look(&mut self) {
+        self.stalls = self.controller.attend();
+        (self.held, self.oldest) = self.controller.held(Fifo::Wanted);
+        // After the FIFO: no frame in it can be younger.
+        self.clock.read(crate::now(), self.controller.registers.tscv().read().tsc());
+    }
+
+    /// FIFO 0 is empty: how is the controller, and is there a frame that nobody asked for?
+    fn finish(&mut self) -> Option<(CanFrame, Micros)> {
+        let [overrun, too_slow] = self.controller.losses();
+        if overrun || too_slow {
+            let lost = u32::from(overrun) + u32::from(too_slow);
+            self.receive_lost = self.receive_lost.saturating_add(lost);
+        }
         let control = self.controller.registers.cccr().read();
         if control.init() {
             // Since the start only the hardware sets it: bus-off.
-            self.bus_offs = self.bus_offs.saturating_add(1);
-            self.controller.cancel(COMMAND_MASK);
-        }
-        if control.init() || control.asm() {
+            self.leave_bus();
+        } else if control.asm() {
+            // The message RAM was too slow, and that is over.
             self.controller.go_on_bus();
         }
+        if core::mem::take(&mut self.foreign_taken) {
+            return None;
+        }
+        let foreign = self.take_foreign();
+        self.foreign_taken = foreign.is_some();
+        foreign
+    }
+
+    /// The newest frame that the filters did not let in; the others go. The newest, because the
+    /// hardware overwrites the oldest, perhaps right now.
+    fn take_foreign(&mut self) -> Option<(CanFrame, Micros)> {
+        let (held, oldest) = self.controller.held(Fifo::Foreign);
+        let older = held.checked_sub(1)?;
+        self.ignored = self.ignored.saturating_add(older.into());
+        let newest = Controller::after(Fifo::Foreign, oldest, older);
+        let element = self.controller.element(Fifo::Foreign, newest);
+        self.controller.release(Fifo::Foreign, newest);
+        Some((decode(element), self.clock.time_of(time_stamp(element))))
+    }
+
+    #[cold]
+    fn leave_bus(&mut self) {
+        if self.off {
+            return;
+        }
+        self.off = true;
+        self.bus_offs = self.bus_offs.saturating_add(1);
+        let unsent = self.cancel_pending();
+        self.transmit_lost = self.transmit_lost.saturating_add(unsent.into());
     }
 
     /// The pending buffers among `buffers` that hold a frame of this key.
@@ -153,15 +162,29 @@ impl FdcanPort {
 }
 
 impl CanPort for FdcanPort {
+    #[inline]
     fn receive(&mut self) -> Option<(CanFrame, Micros)> {
-        let oldest = self.inbox.with(|received| received.frames.pop_front());
-        if oldest.is_none() {
-            self.return_to_bus();
+        if self.held == 0 {
+            self.look();
+            if self.held == 0 {
+                return self.finish();
+            }
         }
-        oldest
+        let index = self.oldest;
+        let element = self.controller.element(Fifo::Wanted, index);
+        self.held -= 1;
+        if self.held == 0 {
+            // All of them at once.
+            self.controller.release(Fifo::Wanted, index);
+        }
+        self.oldest = Controller::after(Fifo::Wanted, index, 1);
+        Some((decode(element), self.clock.time_of(time_stamp(element))))
     }
 
     fn submit(&mut self, frame: &CanFrame) -> Submitted {
+        if self.off || self.stalls != self.controller.stalls() {
+            return Submitted::Refused;
+        }
         let pending = self.controller.pending();
         let older = self.of_key(frame.key(), pending & COMMAND_MASK);
         let replaced = older != 0 && self.controller.cancel(older) != 0;
@@ -193,8 +216,23 @@ impl CanPort for FdcanPort {
             transmit_errors: errors.tec(),
             receive_errors: errors.rec(),
             last_error: self.last_error.get(),
-            receive_lost: self.inbox.with(|received| received.lost),
+            receive_lost: self.receive_lost,
+            transmit_lost: self.transmit_lost,
+            ignored: self.ignored,
             bus_offs: self.bus_offs,
+            stalls: self.controller.stalls(),
+        }
+    }
+
+    fn accept(&mut self, patterns: &[IdPattern]) {
+        self.controller.accept(patterns);
+    }
+
+    fn recover(&mut self) {
+        if core::mem::take(&mut self.off) {
+            // Also a coast image that could not leave.
+            self.controller.cancel(!0);
+            self.controller.go_on_bus();
         }
     }
 }

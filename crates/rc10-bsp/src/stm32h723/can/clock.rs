@@ -1,0 +1,40 @@
+//! From a controller's time stamps to time. Knows no register, so that it can be tested on a PC.
+
+use rc10_can::Micros;
+
+/// The controller's time stamp counter beside the clock. It counts bit times, 1 µs at 1 Mbit/s,
+/// and has 16 bits: the age of a frame is known as long as it is below 65.5 ms.
+pub struct Clock {
+    read_at: Micros,
+    /// A frame's time is this, less the known bits of its age.
+    base: Micros,
+    known: u16,
+    counter: u16,
+}
+
+/// After a longer pause an old frame could look like a new one.
+const LONGEST_PAUSE: Micros = Micros::from_millis(65);
+
+impl Clock {
+    /// A clock whose frames all come after `now`.
+    pub const fn new(now: Micros) -> Self {
+        Self { read_at: now, base: now, known: u16::MAX, counter: 0 }
+    }
+
+    /// Reads both clocks, for the frames that came since the last time. If that is too long ago,
+    /// all of them count as having come right after it: rather too old than too young.
+    #[inline]
+    pub fn read(&mut self, now: Micros, counter: u16) {
+        let last = core::mem::replace(&mut self.read_at, now);
+        self.counter = counter;
+        (self.base, self.known) =
+            if now.since(last) <= LONGEST_PAUSE { (now, u16::MAX) } else { (last, 0) };
+    }
+
+    /// When the frame with this time stamp began.
+    #[inline]
+    pub fn time_of(&self, stamp: u16) -> Micros {
+        let age = self.counter.wrapping_sub(stamp) & self.known;
+        self.base.since(Micros::new(age.into()))
+    }
+}

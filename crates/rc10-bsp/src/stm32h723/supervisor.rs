@@ -1,0 +1,61 @@
+//! What happens when the buses' executor hangs, or starves: within 10 ms the motors are made safe
+//! by registers, from an interrupt that comes before it.
+//!
+//! Every 4 ms a timer looks at the buses that have a coast image. One whose port has not been asked
+//! for frames since the look before last, so for 4 to 8 ms, has its pending commands taken back and
+//! its coast image sent; again at every look, until the port is asked again. It is counted
+//! ([`Health::stalls`](rc10_can::Health::stalls)).
+//!
+//! A bus that ticks again goes on by itself, and that is safe: what it sends was computed in a new
+//! tick, because its port refuses the rest of a tick that was overtaken; its motors' feedback is
+//! as old as its time stamps say, so that what was not heard for too long coasts; and its loops
+//! never take a step of more than 10 ms. One that does not tick again is the watchdog's case.
+//!
+//! ```ignore
+//! bind_interrupts!(struct Irqs { TIM7 => supervisor::Interrupt; });
+//!
+//! supervisor::start(p.TIM7, Irqs, Priority::P3); // above the buses' executor
+//! ```
+
+use embassy_stm32::interrupt::Priority;
+use embassy_stm32::interrupt::typelevel::{self, Binding, Handler, Interrupt as _};
+use embassy_stm32::peripherals::TIM7;
+use embassy_stm32::time::Hertz;
+use embassy_stm32::timer::low_level::{RoundTo, Timer};
+use embassy_stm32::{Peri, pac};
+
+use super::can;
+
+/// Looks a second.
+const RATE: Hertz = Hertz(250);
+
+/// The interrupt handler, for `bind_interrupts!`.
+pub struct Interrupt;
+
+impl Handler<typelevel::TIM7> for Interrupt {
+    unsafe fn on_interrupt() {
+        pac::TIM7.sr().modify(|w| w.set_uif(false));
+        for controller in can::ALL {
+            controller.supervise();
+        }
+    }
+}
+
+/// Starts to look after the buses. `priority` must be above that of their executor.
+pub fn start(
+    timer: Peri<'static, TIM7>,
+    _interrupt: impl Binding<typelevel::TIM7, Interrupt>,
+    priority: Priority,
+) {
+    let timer = Timer::new(timer);
+    timer.set_frequency(RATE, RoundTo::Slower);
+    timer.clear_update_interrupt();
+    timer.enable_update_interrupt(true);
+    timer.start();
+    // Dropped, it would stop.
+    core::mem::forget(timer);
+    typelevel::TIM7::set_priority(priority);
+    typelevel::TIM7::unpend();
+    // SAFETY: the handler is bound, as `_interrupt` proves, and needs nothing else.
+    unsafe { typelevel::TIM7::enable() };
+}
