@@ -58,14 +58,20 @@ fn ten_seconds_lose_nothing_and_leave_the_files() {
 /// The script: a square, a spin, a gimbal sweep, a lift, an emergency stop and recovery.
 #[test]
 fn the_robot_does_what_its_script_says() {
-    use rc10_cli::simulate::simulate;
+    use rc10_cli::{simulate::simulate, team};
     use rc10_motor::Drive;
     use rc10_robot::table::Name;
-    let recording = simulate(3, rc10_can::Micros::from_millis(10_000)).unwrap();
+    let ports = rc10_robot::ports();
+    let io = &rc10_robot::Io::new(ports.each_ref());
+    let mut motors = rc10_robot::Motors::new();
+    let buses = motors.start(io).unwrap();
+    let length = rc10_can::Micros::from_millis(10_000);
+    let recording = simulate(team::robot(io, buses), 3, length).unwrap();
+    let path = recording.base.unwrap().path;
     let sample = |millis: usize| millis / 10 - 1;
-    let at = |millis| recording.path[sample(millis)];
+    let at = |millis| path[sample(millis)];
     // Back at the start after the square: it went out by a metre and more in x and in y.
-    let square = || recording.path[..sample(3800)].iter();
+    let square = || path[..sample(3800)].iter();
     let reach = |far: f64, value: f64| far.max(value);
     assert!(square().map(|point| point.x).fold(0.0, reach) > 0.8);
     assert!(square().map(|point| point.y).fold(0.0, reach) > 0.8);

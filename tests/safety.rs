@@ -8,11 +8,12 @@ use std::pin::Pin;
 use common::{Bench, motor, twin};
 use rc10_app::{Amps, Rpm, TotalAngle, Twist};
 use rc10_can::Micros;
-use rc10_cli::simulate::{Surroundings, tasks};
+use rc10_cli::surroundings::Surroundings;
+use rc10_cli::team;
 use rc10_motor::dji::{self, FeedbackRate, Model};
 use rc10_motor::{ArmSwitch, Drive, Link, Safety, Target};
-use rc10_robot::Robot;
 use rc10_robot::table::{LIFT, Name};
+use rc10_robot::{Io, Motors};
 
 const MODELS: [&Model; 4] = [&dji::M3508, &dji::M2006, &dji::GM6020_CURRENT, &dji::GM6020_VOLTAGE];
 
@@ -173,14 +174,18 @@ fn nothing_moves_before_the_robot_is_armed() {
 /// The whole robot at full activity; somebody hits the stop.
 #[test]
 fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
-    let mut robot = Robot::new().unwrap();
-    let (io, buses) = robot.start().unwrap();
-    let Surroundings { mut world, wires, motors, .. } = Surroundings::new(4).unwrap();
-    let mut tasks = tasks(io, buses, &wires);
+    let ports = rc10_robot::ports();
+    let io = &Io::new(ports.each_ref());
+    let mut motors = Motors::new();
+    let buses = motors.start(io).unwrap();
+    let robot = team::robot(io, buses);
+    let around = Surroundings::new(robot.description(), 4).unwrap();
+    let Surroundings { mut world, wires, motors, .. } = around;
+    let mut tasks = robot.tasks(&wires).unwrap();
     let stop = Micros::new(7_400_300);
     let _ = world.run(Pin::new(&mut tasks), Micros::from_millis(7_300));
-    let traces = |wires: &[rc10_sim::Bus; 3]| wires.each_ref().map(rc10_sim::Bus::take_trace);
-    let _ = traces(&wires);
+    let traces = || wires.iter().map(rc10_sim::Bus::take_trace).collect::<Vec<_>>();
+    let _ = traces();
     // Something for the wheels to do, whatever the script says.
     io.twist.set(Twist::new(1.0, 0.0, 0.0), world.now());
     let _ = world.run(Pin::new(&mut tasks), stop);
@@ -189,11 +194,11 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     io.switch.emergency_stop();
     // The next tick starts 0.7 ms from now; its frames are through 0.6 ms later at the latest.
     let _ = world.run(Pin::new(&mut tasks), stop + Micros::new(1_300));
-    let _ = traces(&wires);
+    let _ = traces();
     let _ = world.run(Pin::new(&mut tasks), stop + Micros::from_millis(300));
     let still = lift();
-    let [wheels, gimbal, _] = traces(&wires);
-    let commands = wheels.iter().chain(&gimbal).filter(|entry| entry.from_controller);
+    let traces = traces();
+    let commands = traces[0].iter().chain(&traces[1]).filter(|entry| entry.from_controller);
     let mut count = 0;
     for entry in commands {
         assert_eq!(entry.frame.bytes(), [0; 8], "{} at {}", entry.frame, entry.at);

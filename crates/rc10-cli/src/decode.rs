@@ -13,11 +13,10 @@ use anyhow::Context;
 use rc10_can::embedded_can::Id;
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::{self, Model, RawFeedback};
-use rc10_motor::{Dispatch, Feedback, FrameError, MotorId, MotorStatus};
-use rc10_robot::table::{BUSES, Entry, MOTORS};
-use rc10_robot::{Bus, Robot};
+use rc10_motor::{Dispatch, Feedback, FrameError, MotorBus, MotorId, MotorStatus};
 
 use crate::candump::{Line, Numbered, Reader};
+use crate::robot::{Description, Motor, Robot};
 use print::Printer;
 
 /// Arguments of `rc10 decode`.
@@ -36,8 +35,8 @@ pub struct DecodeArgs {
 
 const HELP: &str = "\
 Angles, speeds and currents are those of the output shaft, counted the way the robot counts: a
-motor that is mounted mirrored has its signs turned. Which motor is where stands in
-crates/rc10-robot/src/table.rs. Lines that cannot be read are reported on standard error.
+motor that is mounted mirrored has its signs turned. Which motor is where stands in the robot's
+table of motors. Lines that cannot be read are reported on standard error.
 
 With --json each frame is a line of its own, written while the log is read:
   feedback   {\"line\", \"time_us\", \"channel\", \"bus\", \"direction\", \"kind\": \"feedback\", \"motor\", \"model\",
@@ -61,7 +60,7 @@ Exit code 0: every line was read; 1: some were broken; 2: the file cannot be rea
 pub struct BusOfChannel {
     /// The interface, as the log calls it.
     pub channel: String,
-    /// 1, 2 or 3.
+    /// The first one is 1.
     pub bus: u8,
 }
 
@@ -74,39 +73,42 @@ impl FromStr for BusOfChannel {
             .filter(|(channel, _)| !channel.is_empty())
             .ok_or_else(|| "write it as CHANNEL=NUMBER, such as can0=2".to_owned())?;
         match bus.parse() {
-            Ok(number) if (1..=BUSES).contains(&usize::from(number)) => {
-                Ok(Self { channel: channel.to_owned(), bus: number })
-            }
-            _ => Err(format!("the robot has buses 1 to {BUSES}, not {bus:?}")),
+            Ok(number @ 1..) => Ok(Self { channel: channel.to_owned(), bus: number }),
+            _ => Err(format!("the robot's buses have numbers from 1 on, not {bus:?}")),
         }
     }
 }
 
-/// Prints what a log says to `out`, and the lines that cannot be read to `err`. Whether there were
+/// Prints what a log of the robot's buses says to `out`, and the lines that cannot be read to `err`. Whether there were
 /// such lines.
 ///
 /// # Errors
-/// The file cannot be read; a bus or an interface is given twice; the robot's table is wrong; or
-/// whatever the outputs fail with (an [`io::Error`], so that a closed pipe can be told apart).
-pub fn decode(args: &DecodeArgs, out: &mut dyn Write, err: &mut dyn Write) -> anyhow::Result<bool> {
+/// The file cannot be read; a bus or an interface is given twice, or the robot has no such bus; the
+/// robot is not as described; or whatever the outputs fail with (an [`io::Error`], so that a closed pipe can be told apart).
+pub fn decode(
+    args: &DecodeArgs,
+    robot: Robot<'_>,
+    out: &mut dyn Write,
+    err: &mut dyn Write,
+) -> anyhow::Result<bool> {
     if args.file == Path::new("-") {
-        return decode_log(io::stdin().lock(), args, out, err);
+        return decode_log(io::stdin().lock(), args, robot, out, err);
     }
     let file = File::open(&args.file).with_context(|| unreadable(&args.file))?;
-    decode_log(BufReader::new(file), args, out, err)
+    decode_log(BufReader::new(file), args, robot, out, err)
 }
 
 fn decode_log(
     source: impl BufRead,
     args: &DecodeArgs,
+    robot: Robot<'_>,
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> anyhow::Result<bool> {
-    let mut robot = Robot::new()?;
-    let (_, buses) = robot.start()?;
-    let mut decoder = Decoder { buses, newest: Micros::ZERO };
-    let mut summary = Summary::new(&args.buses)?;
-    let mut printer = Printer::new(out, args.json)?;
+    let (robot, buses) = robot.into_buses()?;
+    let mut decoder = Decoder { robot: &robot, buses, newest: Micros::ZERO };
+    let mut summary = Summary::new(&args.buses, robot.buses)?;
+    let mut printer = Printer::new(out, args.json, &robot)?;
     let mut log = Reader::new(source);
     while let Some(Numbered { number, text, line }) =
         log.next_line().with_context(|| unreadable(&args.file))?
@@ -145,36 +147,37 @@ fn excerpt(text: &str) -> String {
 }
 
 /// The robot's buses, which only listen here.
-struct Decoder<'r> {
-    buses: [Bus<'r>; BUSES],
+struct Decoder<'d, 'm> {
+    robot: &'d Description,
+    buses: Vec<MotorBus<'m>>,
     /// The newest time in the log: that of frames without one.
     newest: Micros,
 }
 
 /// What a frame says.
-enum Meaning {
-    Feedback { motor: &'static Entry, raw: RawFeedback, feedback: Feedback },
-    Command(Vec<Lane>),
-    Malformed { motor: Option<&'static Entry>, error: FrameError },
+enum Meaning<'d> {
+    Feedback { motor: &'d Motor, raw: RawFeedback, feedback: Feedback },
+    Command(Vec<Lane<'d>>),
+    Malformed { motor: Option<&'d Motor>, error: FrameError },
     Unknown,
 }
 
 /// Two bytes of a command frame.
-struct Lane {
+struct Lane<'d> {
     /// 1 ..= 4.
     number: u8,
     raw: i16,
     /// The motor that they command.
-    motor: Option<&'static Entry>,
+    motor: Option<&'d Motor>,
 }
 
 /// Everything of DJI that can be on a bus, also where the robot has none: their command frames are
 /// known.
 const MODELS: [&Model; 4] = [&dji::M3508, &dji::M2006, &dji::GM6020_CURRENT, &dji::GM6020_VOLTAGE];
 
-impl Decoder<'_> {
-    /// What a frame on a bus of the robot (1, 2, 3) says.
-    fn decode(&mut self, bus: u8, line: &Line<'_>) -> Meaning {
+impl<'d> Decoder<'d, '_> {
+    /// What a frame on a bus of the robot (the first one is 1) says.
+    fn decode(&mut self, bus: u8, line: &Line<'_>) -> Meaning<'d> {
         let frame = &line.frame;
         let at = line.at.unwrap_or(self.newest);
         self.newest = at;
@@ -182,16 +185,17 @@ impl Decoder<'_> {
             && !frame.is_remote()
             && MODELS.iter().any(|model| model.command_ids.contains(&id.as_raw()))
         {
-            return command(bus, frame);
+            return command(self.robot, bus, frame);
         }
+        let described = |id: MotorId| self.robot.on_bus(bus).nth(id.index());
         let Some(motors) = self.buses.get_mut(usize::from(bus) - 1) else {
             return Meaning::Unknown;
         };
         match motors.on_frame(frame, at) {
             Dispatch::Unclaimed => Meaning::Unknown,
-            Dispatch::Malformed(id, error) => Meaning::Malformed { motor: entry(bus, id), error },
+            Dispatch::Malformed(id, error) => Meaning::Malformed { motor: described(id), error },
             Dispatch::Motor(id) => {
-                match (entry(bus, id), frame.all_eight(), motors.status(id, at)) {
+                match (described(id), frame.all_eight(), motors.status(id, at)) {
                     (Some(motor), Some(bytes), Some(status)) => Meaning::Feedback {
                         motor,
                         raw: RawFeedback::unpack(bytes),
@@ -204,32 +208,28 @@ impl Decoder<'_> {
     }
 
     /// How the motors of a bus are, in the order of the table.
-    fn motors(&self, bus: u8) -> impl Iterator<Item = (&'static Entry, MotorStatus)> {
-        let motors = self.buses.get(usize::from(bus) - 1);
-        let status = move |id| Some((entry(bus, id)?, motors?.status(id, self.newest)?));
-        motors.into_iter().flat_map(Bus::ids).filter_map(status)
+    fn motors(&self, bus: u8) -> impl Iterator<Item = (&'d Motor, MotorStatus)> {
+        let motors = self.buses.get(usize::from(bus) - 1).into_iter();
+        let status = |motors: &MotorBus<'_>, id| motors.status(id, self.newest);
+        let statuses =
+            motors.flat_map(move |motors| motors.ids().filter_map(move |id| status(motors, id)));
+        self.robot.on_bus(bus).zip(statuses)
     }
 }
 
-/// The line of the table that is motor `id` of a bus: they were attached in its order.
-fn entry(bus: u8, id: MotorId) -> Option<&'static Entry> {
-    MOTORS.iter().filter(|entry| entry.bus == bus).nth(id.index())
-}
-
 /// The lanes of a command frame that a motor takes, and those that say something to nobody.
-fn command(bus: u8, frame: &CanFrame) -> Meaning {
+fn command<'d>(robot: &'d Description, bus: u8, frame: &CanFrame) -> Meaning<'d> {
     let Some(bytes) = frame.all_eight() else {
         return Meaning::Malformed { motor: None, error: FrameError::Length };
     };
-    let commands = |entry: &Entry, lane: usize| {
-        let place = entry.model.command_lane(entry.id);
-        entry.bus == bus
-            && place.is_ok_and(|(id, byte)| Id::Standard(id) == frame.id() && byte == lane * 2)
+    let commands = |motor: &Motor, lane: usize| {
+        let place = motor.model.command_lane(motor.id);
+        place.is_ok_and(|(id, byte)| Id::Standard(id) == frame.id() && byte == lane * 2)
     };
     let lanes = (1..).zip(bytes.chunks_exact(2)).enumerate().map(|(index, (number, pair))| Lane {
         number,
         raw: i16::from_be_bytes([pair[0], pair[1]]),
-        motor: MOTORS.iter().find(|entry| commands(entry, index)),
+        motor: robot.on_bus(bus).find(|motor| commands(motor, index)),
     });
     Meaning::Command(lanes.filter(|lane| lane.motor.is_some() || lane.raw != 0).collect())
 }
@@ -237,6 +237,8 @@ fn command(bus: u8, frame: &CanFrame) -> Meaning {
 /// What the lines of a log amounted to.
 #[derive(Default)]
 struct Summary {
+    /// How many buses the robot has.
+    buses: u8,
     told: Vec<BusOfChannel>,
     lines: u64,
     broken_lines: u64,
@@ -263,8 +265,13 @@ struct Channel {
 const MOST_IDS: usize = 1000;
 
 impl Summary {
-    fn new(told: &[BusOfChannel]) -> anyhow::Result<Self> {
+    fn new(told: &[BusOfChannel], buses: u8) -> anyhow::Result<Self> {
         for (index, one) in told.iter().enumerate() {
+            let BusOfChannel { channel, bus } = one;
+            anyhow::ensure!(
+                (1..=buses).contains(bus),
+                "--bus {channel}={bus}: the robot has buses 1 to {buses}"
+            );
             for other in &told[..index] {
                 let (channel, bus) = (&one.channel, one.bus);
                 anyhow::ensure!(*channel != other.channel, "--bus: {channel} is given twice");
@@ -275,7 +282,7 @@ impl Summary {
                 );
             }
         }
-        Ok(Self { told: told.to_vec(), ..Self::default() })
+        Ok(Self { buses, told: told.to_vec(), ..Self::default() })
     }
 
     /// Which bus an interface is: what was told; else canN is bus N+1, if no other one was told to
@@ -284,12 +291,16 @@ impl Summary {
         if let Some(told) = self.told.iter().find(|told| told.channel == channel) {
             return Some(told.bus);
         }
-        let stock = (1..).zip(0..BUSES).find(|(_, number)| channel == format!("can{number}"));
-        stock.map(|(bus, _)| bus).filter(|bus| self.told.iter().all(|told| told.bus != *bus))
+        let stock = (1..=self.buses).find(|bus| channel == format!("can{}", bus - 1));
+        stock.filter(|bus| self.told.iter().all(|told| told.bus != *bus))
     }
 
     /// Decodes and counts a frame; `None`: it is unknown.
-    fn count(&mut self, decoder: &mut Decoder<'_>, line: &Line<'_>) -> Option<(u8, Meaning)> {
+    fn count<'d>(
+        &mut self,
+        decoder: &mut Decoder<'d, '_>,
+        line: &Line<'_>,
+    ) -> Option<(u8, Meaning<'d>)> {
         if !self.channels.contains_key(line.channel) {
             let channel = Channel { bus: self.bus_of(line.channel), ..Channel::default() };
             self.channels.insert(line.channel.to_owned(), channel);
@@ -338,9 +349,22 @@ mod tests {
         let buses = buses.iter().map(|bus| bus.parse().unwrap()).collect();
         let args = DecodeArgs { file: PathBuf::from("test.log"), buses, json };
         let (mut out, mut err) = (Vec::new(), Vec::new());
-        let broken = decode_log(log, &args, &mut out, &mut err)?;
+        let broken = decode_team(log, &args, &mut out, &mut err)?;
         let text = |bytes| String::from_utf8(bytes).unwrap();
         Ok(Output { text: text(out), errors: text(err), broken })
+    }
+
+    fn decode_team(
+        log: &[u8],
+        args: &DecodeArgs,
+        out: &mut dyn Write,
+        err: &mut dyn Write,
+    ) -> anyhow::Result<bool> {
+        let ports = rc10_robot::ports();
+        let io = rc10_robot::Io::new(ports.each_ref());
+        let mut motors = rc10_robot::Motors::new();
+        let buses = motors.start(&io)?;
+        decode_log(log, args, crate::team::robot(&io, buses), out, err)
     }
 
     fn frames(log: &str) -> Vec<Value> {
@@ -504,10 +528,11 @@ mod tests {
     fn wrong_buses_are_refused_in_words() {
         let parse = |text: &str| text.parse::<BusOfChannel>();
         assert_eq!(parse("can0=3"), Ok(BusOfChannel { channel: "can0".to_owned(), bus: 3 }));
-        for text in ["can0", "=1", "can0=", "can0=0", "can0=4", "can0=x", "can0=256"] {
+        for text in ["can0", "=1", "can0=", "can0=0", "can0=x", "can0=256"] {
             assert!(parse(text).is_err(), "{text}");
         }
         let error = |buses: &[&str]| run(b"", buses, false).map(|_| ()).unwrap_err().to_string();
+        assert_eq!(error(&["can0=4"]), "--bus can0=4: the robot has buses 1 to 3");
         assert_eq!(error(&["can0=1", "can0=2"]), "--bus: can0 is given twice");
         assert_eq!(error(&["can0=1", "can1=1"]), "--bus: can0 and can1 cannot both be bus 1");
     }
@@ -544,7 +569,7 @@ mod tests {
     #[test]
     fn a_closed_pipe_can_be_told_apart() {
         let args = DecodeArgs { file: PathBuf::from("test.log"), buses: Vec::new(), json: true };
-        let error = decode_log(MIXED, &args, &mut Closed, &mut io::sink()).unwrap_err();
+        let error = decode_team(MIXED, &args, &mut Closed, &mut io::sink()).unwrap_err();
         let kind = error.downcast_ref::<io::Error>().map(io::Error::kind);
         assert_eq!(kind, Some(io::ErrorKind::BrokenPipe));
     }

@@ -1,9 +1,13 @@
-//! What a simulated run leaves behind: everything that tables, JSON and the report are made from.
+//! What a run leaves behind: everything that tables, JSON and the report are made from.
+
+use std::fmt::Write as _;
 
 use rc10_can::Micros;
 use rc10_motor::embassy::BusStatus;
-use rc10_motor::{BusLoad, Drive, Link, MotorStatus, TargetKind};
-use rc10_robot::table::Entry;
+use rc10_motor::{Drive, Link, MotorStatus, TargetKind};
+use sha2::{Digest, Sha256};
+
+use crate::robot::Motor;
 
 /// Samples are taken this far apart.
 pub const SAMPLE_PERIOD: Micros = Micros::from_millis(10);
@@ -18,16 +22,31 @@ pub struct Recording {
     pub motors: Vec<MotorTrack>,
     /// One per bus.
     pub buses: Vec<BusTrack>,
-    /// Where the base was, per sample.
-    pub path: Vec<PathPoint>,
-    /// What the driver's script did, in order.
+    /// What its base did, if it has one.
+    pub base: Option<BaseTrack>,
+    /// What the robot's script did, in order.
     pub events: Vec<Event>,
+}
+
+impl Recording {
+    /// The logs of all buses, one after another, as one SHA-256 hash in hex digits.
+    #[must_use]
+    pub fn trace_hash(&self) -> String {
+        let mut hash = Sha256::new();
+        for bus in &self.buses {
+            hash.update(&bus.log);
+        }
+        hash.finalize().iter().fold(String::new(), |mut text, byte| {
+            let _ = write!(text, "{byte:02x}");
+            text
+        })
+    }
 }
 
 /// What one motor did.
 pub struct MotorTrack {
-    /// Its line in the robot's table.
-    pub entry: &'static Entry,
+    /// Which motor it is.
+    pub motor: Motor,
     /// One per sample.
     pub samples: Vec<MotorSample>,
     /// Its status at the end.
@@ -57,20 +76,26 @@ pub struct MotorSample {
 
 /// What one bus did.
 pub struct BusTrack {
-    /// 1, 2 or 3.
+    /// The first one is 1.
     pub number: u8,
-    /// What its motors need, as known before the start.
-    pub plan: BusLoad,
     /// Busy share of the wire, per cent, over the whole run.
     pub load: f64,
     /// The same in each 100 ms.
     pub load_windows: Vec<f64>,
-    /// Its status at the end.
+    /// Its status at the end; with what its motors need of it, as known before the start.
     pub last: BusStatus,
     /// Frames on the wire.
     pub frames: u64,
     /// Frames on the wire, as a candump log.
     pub log: String,
+}
+
+/// What a base did.
+pub struct BaseTrack {
+    /// Its wheels: places in [`Recording::motors`].
+    pub wheels: [usize; 4],
+    /// Where it was, per sample.
+    pub path: Vec<PathPoint>,
 }
 
 /// Where the base was.
@@ -84,7 +109,7 @@ pub struct PathPoint {
     pub yaw: f64,
 }
 
-/// Something the driver did.
+/// Something the robot did by itself.
 #[derive(Clone, Copy, Debug)]
 pub struct Event {
     /// When.

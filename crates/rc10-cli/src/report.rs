@@ -7,7 +7,6 @@ use std::fmt::Write as _;
 
 use rc10_can::Micros;
 use rc10_motor::{Drive, Link, TargetKind, Verdict};
-use rc10_robot::table::WHEELS;
 use serde_json::{Value, json};
 
 use crate::recording::{BusTrack, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD};
@@ -42,7 +41,12 @@ pub fn report(recording: &Recording) -> String {
         verdict = verdict(recording),
         tiles = tiles(recording),
         events = events(recording),
+        stopped = match recording.base {
+            Some(_) => "the wheels do not follow their targets",
+            None => "no motor follows its target",
+        },
         main_motion = next(main),
+        path = if recording.base.is_some() { PATH } else { "" },
         motion = next(motion.len() - main),
         currents = next(currents.len()),
         loads = next(loads.len()),
@@ -58,7 +62,7 @@ pub fn report(recording: &Recording) -> String {
 fn problems(recording: &Recording) -> Vec<String> {
     let mut problems = Vec::new();
     for track in &recording.motors {
-        let (label, last) = (track.entry.label, &track.last);
+        let (label, last) = (track.motor.label, &track.last);
         let counters = [
             (u64::from(last.counters.lost), "× lost during the run"),
             (u64::from(last.counters.malformed), "malformed frames"),
@@ -109,23 +113,29 @@ fn tiles(recording: &Recording) -> String {
     let busiest = recording.buses.iter().map(|track| track.load).reduce(f64::max);
     let longest = recording.buses.iter().filter_map(|track| track.last.period.max()).max();
     let current = recording.motors.iter().filter_map(peak_current).reduce(f64::max);
-    let driven: f64 = recording
-        .path
-        .windows(2)
-        .map(|step| (step[1].x - step[0].x).hypot(step[1].y - step[0].y))
-        .filter(|metres| metres.is_finite())
-        .sum();
-    [
+    let mut tiles = vec![
         (format!("{online} of {}", recording.motors.len()), "motors online at the end"),
         (grouped(frames), "frames on the wires"),
         (optional(busiest, 1, " %"), "load of the busiest bus"),
         (optional(longest.map(f64::from), 0, " µs"), "longest tick period, 1000 µs planned"),
         (optional(current, 1, " A"), "largest current"),
-        (optional(Some(driven), 1, " m"), "driven by the base"),
-    ]
-    .iter()
-    .map(|(value, name)| format!("<div class=\"tile\"><b>{value}</b><span>{name}</span></div>\n"))
-    .collect()
+    ];
+    if let Some(base) = &recording.base {
+        tiles.push((optional(Some(driven(&base.path)), 1, " m"), "driven by the base"));
+    }
+    tiles
+        .iter()
+        .map(|(value, name)| {
+            format!("<div class=\"tile\"><b>{value}</b><span>{name}</span></div>\n")
+        })
+        .collect()
+}
+
+/// Metres.
+fn driven(path: &[PathPoint]) -> f64 {
+    let steps = path.windows(2);
+    let steps = steps.map(|step| (step[1].x - step[0].x).hypot(step[1].y - step[0].y));
+    steps.filter(|metres| metres.is_finite()).sum()
 }
 
 /// The driver's events; what happened at the same time is one.
@@ -160,11 +170,11 @@ fn events(recording: &Recording) -> String {
 
 fn motor_table(recording: &Recording) -> String {
     let rows = recording.motors.iter().map(|track| {
-        let (entry, last) = (track.entry, &track.last);
+        let (motor, last) = (track.motor, &track.last);
         vec![
-            words(entry.label),
-            words(&format!("{} id {}", entry.model.name, entry.id)),
-            words(&entry.bus.to_string()),
+            words(motor.label),
+            words(&format!("{} id {}", motor.model.name, motor.id)),
+            words(&motor.bus.to_string()),
             word(link_name(last.link), last.link != Link::Online),
             words(drive_name(last.drive)),
             cell(&optional(tracking_error(track), 2, &format!(" {}", Scale::of(track).unit))),
@@ -182,7 +192,7 @@ fn motor_table(recording: &Recording) -> String {
 
 fn bus_table(recording: &Recording) -> String {
     let rows = recording.buses.iter().map(|track| {
-        let (plan, last) = (&track.plan, &track.last);
+        let (plan, last) = (&track.last.load, &track.last);
         let percent = |value: f64| optional(Some(value), 1, " %");
         let micros = |value: Option<f64>, digits| cell(&optional(value, digits, " µs"));
         vec![
@@ -335,10 +345,15 @@ fn periods(count: usize) -> Value {
     number(seconds(Micros::new(count.saturating_mul(SAMPLE_PERIOD.get()))), 2)
 }
 
+/// Where the base was; nowhere, if there is none.
+fn path(recording: &Recording) -> &[PathPoint] {
+    recording.base.as_ref().map_or(&[], |base| &base.path)
+}
+
 /// Every so many-th sample is drawn.
 fn stride(recording: &Recording) -> usize {
     let samples = recording.motors.iter().map(|track| track.samples.len());
-    samples.max().unwrap_or(0).max(recording.path.len()).div_ceil(DRAWN).max(1)
+    samples.max().unwrap_or(0).max(path(recording).len()).div_ceil(DRAWN).max(1)
 }
 
 /// A JSON number of few digits; null if it is not finite.
@@ -407,12 +422,20 @@ fn figure(number: usize, chart: &Chart) -> String {
     )
 }
 
+/// The plot of the path, which has no time axis.
+const PATH: &str = "<figure>
+<figcaption><h3>Path of the base <small>seen from above, an arrow each 0.5 s</small></h3></figcaption>
+<div class=\"legend\"></div>
+<div class=\"plot\"><canvas data-plot=\"path\" role=\"img\" aria-label=\"Path of the base in the plane, in metres\"></canvas></div>
+</figure>
+";
+
 /// Measured values and targets. Motors whose labels start with the same word share a plot, if
 /// they have targets of the same kind: a new motor finds its place by itself.
 fn motion_charts(recording: &Recording) -> Vec<Chart> {
     let mut groups: Vec<(&str, Scale, Vec<&MotorTrack>)> = Vec::new();
     for track in &recording.motors {
-        let (word, scale) = (split(track.entry.label).0, Scale::of(track));
+        let (word, scale) = (split(track.motor.label).0, Scale::of(track));
         match groups.iter_mut().find(|group| (group.0, group.1) == (word, scale)) {
             Some((_, _, tracks)) => tracks.push(track),
             None => groups.push((word, scale, vec![track])),
@@ -423,7 +446,7 @@ fn motion_charts(recording: &Recording) -> Vec<Chart> {
         let series = tracks.iter().map(|track| {
             let samples = || track.samples.iter().step_by(stride);
             json!({
-                "name": split(track.entry.label).1,
+                "name": split(track.motor.label).1,
                 "measured": numbers(samples().map(|sample| scale.measured(sample)), 2),
                 "target": numbers(samples().map(|sample| scale.target(sample)), 2),
             })
@@ -445,11 +468,11 @@ fn motion_charts(recording: &Recording) -> Vec<Chart> {
 fn current_charts(recording: &Recording) -> Vec<Chart> {
     let stride = stride(recording);
     let chart = |bus: &BusTrack| {
-        let tracks = recording.motors.iter().filter(|track| track.entry.bus == bus.number);
+        let tracks = recording.motors.iter().filter(|track| track.motor.bus == bus.number);
         let series = tracks.map(|track| {
             let samples = track.samples.iter().step_by(stride);
             json!({
-                "name": track.entry.label,
+                "name": track.motor.label,
                 "measured": numbers(samples.map(|sample| sample.current), 2),
             })
         });
@@ -468,7 +491,8 @@ fn current_charts(recording: &Recording) -> Vec<Chart> {
 
 fn load_charts(recording: &Recording) -> Vec<Chart> {
     let chart = |bus: &BusTrack| {
-        let plan = [bus.plan.least, bus.plan.typical, bus.plan.worst];
+        let plan = bus.last.load;
+        let plan = [plan.least, plan.typical, plan.worst];
         let body = json!({
             "unit": "%",
             "from": 0,
@@ -503,7 +527,7 @@ fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> S
     let events = merged_events(recording);
     let stride = stride(recording);
     let path =
-        |of: fn(&PathPoint) -> f64| numbers(recording.path.iter().step_by(stride).map(of), 3);
+        |of: fn(&PathPoint) -> f64| numbers(path(recording).iter().step_by(stride).map(of), 3);
     let data = json!({
         "length": seconds(recording.length),
         "period": periods(1),
@@ -540,13 +564,18 @@ const fn state(sample: &MotorSample) -> u8 {
 }
 
 fn lane(track: &MotorTrack) -> Value {
-    json!({ "name": track.entry.label, "runs": runs(track.samples.iter().map(state)) })
+    json!({ "name": track.motor.label, "runs": runs(track.samples.iter().map(state)) })
 }
 
-/// When no wheel follows its target: the robot is disarmed, or something stopped it.
+/// When no wheel of the base, or without one no motor, follows its target: the robot is disarmed,
+/// or something stopped it.
 fn stops(recording: &Recording) -> Value {
-    let wheels = recording.motors.iter().filter(|track| WHEELS.contains(&track.entry.name));
-    let wheels: Vec<_> = wheels.map(|track| track.samples.as_slice()).collect();
+    let wheel = |place: usize| match &recording.base {
+        Some(base) => base.wheels.contains(&place),
+        None => true,
+    };
+    let wheels = recording.motors.iter().enumerate().filter(|(place, _)| wheel(*place));
+    let wheels: Vec<_> = wheels.map(|(_, track)| track.samples.as_slice()).collect();
     let samples = wheels.iter().map(|samples| samples.len()).min().unwrap_or(0);
     let state = |index: usize| {
         let all = |test: fn(Drive) -> bool| wheels.iter().all(|wheel| test(wheel[index].drive));
@@ -580,22 +609,22 @@ fn runs<T: PartialEq + Into<Value>>(values: impl Iterator<Item = T>) -> Vec<Valu
 mod tests {
     use rc10_motor::embassy::BusStatus;
     use rc10_motor::{BusLoad, MotorStatus};
-    use rc10_robot::table::{MOTORS, Name};
 
     use super::*;
-    use crate::recording::Event;
+    use crate::recording::{BaseTrack, Event};
+    use crate::team;
 
     /// All motors follow a target exactly; nothing is wrong.
     fn recording(length: Micros) -> Recording {
         let samples = usize::try_from(length.get() / SAMPLE_PERIOD.get()).unwrap();
-        let motors = MOTORS.iter().map(|entry| {
-            let kind = match entry.name {
-                Name::Yaw | Name::Pitch => TargetKind::Angle,
-                name if name as usize >= Name::LiftFrontLeft as usize => TargetKind::TotalAngle,
+        let motors = team::description().motors.into_iter().map(|motor| {
+            let kind = match motor.label.split_once(' ') {
+                Some(("gimbal", _)) => TargetKind::Angle,
+                Some(("lift", _)) => TargetKind::TotalAngle,
                 _ => TargetKind::Speed,
             };
             let sample = |index: usize| {
-                let wave = 123.4 * (index as f64 / 40.0 + f64::from(entry.id)).sin();
+                let wave = 123.4 * (index as f64 / 40.0 + f64::from(motor.id)).sin();
                 MotorSample {
                     target: Some(wave),
                     measured: wave,
@@ -608,14 +637,15 @@ mod tests {
             };
             let mut last = MotorStatus::NEW;
             (last.link, last.drive) = (Link::Online, Drive::Run);
-            MotorTrack { entry, samples: (0..samples).map(sample).collect(), last, overwritten: 0 }
+            MotorTrack { motor, samples: (0..samples).map(sample).collect(), last, overwritten: 0 }
         });
+        let mut status = BusStatus::default();
+        status.load = BusLoad { frames_per_second: 5000, least: 55.5, typical: 59.0, worst: 67.5 };
         let bus = |number| BusTrack {
             number,
-            plan: BusLoad { frames_per_second: 5000, least: 55.5, typical: 59.0, worst: 67.5 },
             load: 57.25,
             load_windows: vec![57.25; samples / 10],
-            last: BusStatus::default(),
+            last: status,
             frames: 50_123,
             log: Default::default(),
         };
@@ -626,7 +656,7 @@ mod tests {
             length,
             motors: motors.collect(),
             buses: (1..=3).map(bus).collect(),
-            path: (0..samples).map(path).collect(),
+            base: Some(BaseTrack { wheels: [0, 1, 2, 3], path: (0..samples).map(path).collect() }),
             events: vec![
                 event(100, "arm"),
                 event(900, "square: forward"),
@@ -649,7 +679,7 @@ mod tests {
     #[test]
     fn shows_every_motor_bus_and_event() {
         let page = report(&two_seconds());
-        for motor in &MOTORS {
+        for motor in team::description().motors {
             assert!(page.contains(&format!("<td class=\"words\">{}</td>", motor.label)));
         }
         for text in ["bus 1", "bus 3", "seed 42", "<b>2</b> s of", "arm <time>0.10 s", "59.0 %"] {
@@ -703,7 +733,7 @@ mod tests {
         recording.motors[0].samples[3].measured = f64::NAN;
         recording.motors[0].samples[4].target = None;
         recording.motors[0].samples[5].current = f64::INFINITY;
-        recording.path[6].x = f64::NAN;
+        recording.base.as_mut().unwrap().path[6].x = f64::NAN;
         recording.buses[0].load = f64::NAN;
         let data = embedded(&report(&recording));
         let wheel = &data["charts"][0]["series"][0];
@@ -765,13 +795,32 @@ mod tests {
     }
 
     #[test]
+    fn a_robot_without_a_base_has_no_path_and_stops_when_no_motor_runs() {
+        let mut recording = two_seconds();
+        let with = report(&recording);
+        recording.base = None;
+        for motor in &mut recording.motors[..4] {
+            motor.samples[50..100].iter_mut().for_each(|sample| sample.drive = Drive::Coast);
+        }
+        assert_eq!(embedded(&report(&recording))["stops"], json!([]));
+        for motor in &mut recording.motors[4..] {
+            motor.samples[60..100].iter_mut().for_each(|sample| sample.drive = Drive::Hold);
+        }
+        let without = report(&recording);
+        assert_eq!(embedded(&without)["stops"], json!([[0.6, 1.0, "stopped"]]));
+        for text in ["data-plot=\"path\"", "driven by the base", "the wheels do not follow"] {
+            assert!(with.contains(text) && !without.contains(text), "{text}");
+        }
+    }
+
+    #[test]
     fn an_empty_recording_is_a_page_too() {
         let nothing = Recording {
             seed: 0,
             length: Micros::ZERO,
             motors: Vec::new(),
             buses: Vec::new(),
-            path: Vec::new(),
+            base: None,
             events: Vec::new(),
         };
         assert_eq!(embedded(&report(&nothing))["charts"], json!([]));

@@ -14,7 +14,7 @@ pub const PERIOD: Micros = Micros::from_millis(5);
 const OLDEST_TWIST: Micros = Micros::from_millis(100);
 
 /// The chassis task.
-pub async fn run(io: &Io) -> ! {
+pub async fn run(io: &Io<'_>) -> ! {
     let mut limiter = TwistLimiter::new();
     periodic(PERIOD, Overrun::Skip, &io.chassis_timing, async |tick| {
         // Without a fresh wish the wheels get no commands: their bus makes them safe. Armed again,

@@ -57,7 +57,7 @@ pub const SCRIPT_LENGTH: u32 = 10_000;
 pub const EARLIEST_START: u64 = 100;
 
 /// The driver task.
-pub async fn run(io: &Io) -> ! {
+pub async fn run(io: &Io<'_>) -> ! {
     Timer::at(Instant::from_millis(EARLIEST_START)).await;
     wait_for_motors(io).await;
     for motor in LIFT {
@@ -101,7 +101,7 @@ pub async fn run(io: &Io) -> ! {
 }
 
 /// Waits until every motor is heard, but not for ever: a robot with a dead motor still drives.
-async fn wait_for_motors(io: &Io) {
+async fn wait_for_motors(io: &Io<'_>) {
     for _ in 0..100 {
         let heard = |name| io.motor(name).status().link == Link::Online;
         if MOTORS.iter().all(|entry| heard(entry.name)) {

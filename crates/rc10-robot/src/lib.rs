@@ -8,7 +8,7 @@
 //! * [`driver`]: decides what it shall do; here, a script.
 //! * [`status`]: ten times a second, how it is.
 //!
-//! Each task is an `async fn run(io: &Io) -> !`. The chip's executor or a simulated world polls it.
+//! Each task is an `async fn run(io: &Io<'_>) -> !`. The chip's executor or a simulated world polls it.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -19,5 +19,5 @@ mod robot;
 pub mod status;
 pub mod table;
 
-pub use robot::{Bus, Io, Robot, SetupError};
+pub use robot::{Bus, Io, Motors, SetupError, ports};
 pub use table::Name;

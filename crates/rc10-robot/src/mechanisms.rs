@@ -12,7 +12,7 @@ use crate::table::{LIFT, Name};
 const OLDEST_POSTURE: Micros = Micros::from_millis(100);
 
 /// The mechanisms' task.
-pub async fn run(io: &Io) -> ! {
+pub async fn run(io: &Io<'_>) -> ! {
     let mut ticker = Ticker::every(Duration::from_millis(10));
     loop {
         ticker.next().await;

@@ -1,3 +1,4 @@
+use core::borrow::BorrowMut;
 use core::fmt;
 
 use heapless::Vec;
@@ -13,18 +14,16 @@ use crate::table::{BUSES, Entry, MOTORS, Name};
 /// A bus of this robot: up to eight motors.
 pub type Bus<'r> = MotorBus<'r>;
 
-/// The whole robot: its motors, and all that its tasks share.
-pub struct Robot {
-    io: Io,
-    motors: Vec<Dji, { MOTORS.len() }>,
-}
+/// The robot's motors: they stand here, and the buses borrow them.
+#[derive(Default)]
+pub struct Motors(Vec<Dji, { MOTORS.len() }>);
 
 /// What the tasks share: every port, topic and switch of the robot.
-pub struct Io {
+pub struct Io<'p> {
     /// Arms and stops all motors.
     pub switch: ArmSwitch,
     /// One port per bus; bus 1 is the first.
-    pub buses: [BusPort; BUSES],
+    pub buses: [&'p BusPort; BUSES],
     /// How the base shall move, in its own axes.
     pub twist: Latest<Twist, 1>,
     /// Where the gimbal shall point, how fast the feeder shall turn, how high the lift shall be.
@@ -71,37 +70,52 @@ impl fmt::Display for SetupError {
 
 impl core::error::Error for SetupError {}
 
-impl Robot {
-    /// The robot of [`table`](crate::table).
-    ///
-    /// # Errors
-    /// [`SetupError`], naming the line of the table.
-    pub fn new() -> Result<Self, SetupError> {
-        let mut motors = Vec::new();
-        for entry in &MOTORS {
-            // It has room for exactly these.
-            let _ = motors.push(motor(entry)?);
-        }
-        Ok(Self { io: Io::new(), motors })
+impl Motors {
+    /// Room for the motors of [`table`](crate::table).
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(Vec::new())
     }
 
-    /// What the tasks share, and the buses with their motors attached: each goes to a runner.
+    /// The motors of the table on the buses of a robot: each goes to a runner.
     ///
     /// # Errors
-    /// [`SetupError::Attach`], naming both motors of a clash.
-    pub fn start(&mut self) -> Result<(&Io, [Bus<'_>; BUSES]), SetupError> {
-        let Self { io, motors } = self;
-        let io: &Io = io;
-        let mut buses = core::array::from_fn(|_| Bus::new(&io.switch));
-        for (motor, entry) in motors.iter_mut().zip(&MOTORS) {
-            let bus = &mut buses[usize::from(entry.bus - 1)];
+    /// [`SetupError`], naming the line of the table, and both motors of a clash.
+    pub fn start<'r>(&'r mut self, io: &'r Io<'_>) -> Result<[Bus<'r>; BUSES], SetupError> {
+        self.attach(core::array::from_fn(|_| Bus::new(&io.switch)))
+    }
+
+    /// The same on buses that stand elsewhere, as `&mut Bus`: a chip's stack is too small to make
+    /// them there.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    #[inline(never)]
+    pub fn attach<'r, B: BorrowMut<Bus<'r>>>(
+        &'r mut self,
+        mut buses: [B; BUSES],
+    ) -> Result<[B; BUSES], SetupError> {
+        self.0.clear();
+        for entry in &MOTORS {
+            // It has room for exactly these.
+            let _ = self.0.push(motor(entry)?);
+        }
+        for (motor, entry) in self.0.iter_mut().zip(&MOTORS) {
+            let bus = buses[usize::from(entry.bus - 1)].borrow_mut();
             bus.attach(motor, entry.safety)
                 .map_err(|error| SetupError::Attach(entry.label, error))?;
         }
-        Ok((io, buses))
+        Ok(buses)
     }
 }
 
+/// A port for each bus.
+#[must_use]
+pub const fn ports() -> [BusPort; BUSES] {
+    [const { BusPort::new() }; BUSES]
+}
+
+#[inline(never)]
 fn motor(entry: &Entry) -> Result<Dji, SetupError> {
     let motor = Dji::new(entry.model, entry.id)
         .map_err(|error| SetupError::Id(entry.label, error))?
@@ -115,11 +129,16 @@ fn motor(entry: &Entry) -> Result<Dji, SetupError> {
     }
 }
 
-impl Io {
-    const fn new() -> Self {
+impl<'p> Io<'p> {
+    /// What the tasks of a robot share that has not begun, with a port per bus: [`ports`] makes
+    /// some.
+    // Always inlined, so that it is made where it stays and does not pass over the stack.
+    #[inline(always)]
+    #[must_use]
+    pub const fn new(buses: [&'p BusPort; BUSES]) -> Self {
         Self {
             switch: ArmSwitch::new(),
-            buses: [const { BusPort::new() }; BUSES],
+            buses,
             twist: Latest::new(),
             posture: Latest::new(),
             status: Topic::new(),

@@ -33,14 +33,24 @@ pub struct BusSummary {
     pub longest_period: u32,
     /// Longest tick, in microseconds.
     pub longest_tick: u32,
+    /// Frames that its motors understood.
+    pub received: u32,
+    /// Frames that had a motor's identifier and were no feedback.
+    pub malformed: u32,
     /// Received frames that were lost.
     pub lost: u32,
     /// Error state of the controller.
     pub state: ErrorState,
+    /// Nobody acknowledges: alone on the bus, as it seems.
+    pub alone: bool,
+    /// How often the controller went bus-off.
+    pub bus_offs: u32,
+    /// How often the bus stood still and was made safe.
+    pub stalls: u32,
 }
 
 /// The status task.
-pub async fn run(io: &Io) -> ! {
+pub async fn run(io: &Io<'_>) -> ! {
     let mut ticker = Ticker::every(Duration::from_millis(100));
     loop {
         ticker.next().await;
@@ -50,7 +60,7 @@ pub async fn run(io: &Io) -> ! {
 
 /// How the robot is now.
 #[must_use]
-pub fn now(io: &Io) -> RobotStatus {
+pub fn now(io: &Io<'_>) -> RobotStatus {
     let online = MOTORS.iter().filter(|motor| io.motor(motor.name).status().link == Link::Online);
     let summary = |bus: usize| {
         let status = io.buses[bus].status();
@@ -59,8 +69,13 @@ pub fn now(io: &Io) -> RobotStatus {
             overruns: status.overruns,
             longest_period: status.period.max().unwrap_or(0),
             longest_tick: status.execution.max().unwrap_or(0),
+            received: status.received.received,
+            malformed: status.received.malformed,
             lost: status.health.receive_lost,
             state: status.health.state,
+            alone: status.health.is_alone(),
+            bus_offs: status.health.bus_offs,
+            stalls: status.health.stalls,
         }
     };
     RobotStatus {

@@ -6,26 +6,27 @@ use rc10_can::embedded_can::Id;
 
 use rc10_motor::dji::{Direction, Effort};
 use rc10_motor::{FrameError, MotorStatus};
-use rc10_robot::table::{BUSES, Entry, MOTORS};
 use serde_json::{Map, Value, json};
 
 use super::{Decoder, Lane, Meaning, Summary};
 use crate::candump::{self, Line, SecondsOf};
+use crate::robot::{Description, Motor};
 
 /// Prints frames as they come, then the summary.
 pub(super) struct Printer<'o> {
     out: &'o mut dyn Write,
     json: bool,
+    columns: Columns,
     /// What parts the next JSON value from the one before.
     separator: &'static str,
 }
 
 impl<'o> Printer<'o> {
-    pub(super) fn new(out: &'o mut dyn Write, json: bool) -> io::Result<Self> {
+    pub(super) fn new(out: &'o mut dyn Write, json: bool, robot: &Description) -> io::Result<Self> {
         if json {
             out.write_all(b"{\"frames\": [")?;
         }
-        Ok(Self { out, json, separator: "\n" })
+        Ok(Self { out, json, columns: Columns::of(robot), separator: "\n" })
     }
 
     pub(super) fn flush(&mut self) -> io::Result<()> {
@@ -37,21 +38,21 @@ impl<'o> Printer<'o> {
         number: u64,
         line: &Line<'_>,
         bus: u8,
-        meaning: &Meaning,
+        meaning: &Meaning<'_>,
     ) -> io::Result<()> {
         if !self.json {
-            return writeln!(self.out, "{}", text(line, meaning));
+            return writeln!(self.out, "{}", text(&self.columns, line, meaning));
         }
         let separator = std::mem::replace(&mut self.separator, ",\n");
         write!(self.out, "{separator}{}", object(number, line, bus, meaning))
     }
 
-    pub(super) fn finish(self, summary: &Summary, decoder: &Decoder<'_>) -> io::Result<()> {
+    pub(super) fn finish(self, summary: &Summary, decoder: &Decoder<'_, '_>) -> io::Result<()> {
         if self.json {
             let summary = summary_object(summary, decoder);
             return writeln!(self.out, "\n],\n\"summary\": {summary}}}");
         }
-        summary_text(self.out, summary, decoder)
+        summary_text(self.out, &self.columns, summary, decoder)
     }
 }
 
@@ -67,23 +68,32 @@ fn three(value: f32) -> f64 {
 }
 
 /// `M3508 id 3`.
-fn device(motor: &Entry) -> String {
+fn device(motor: &Motor) -> String {
     format!("{} id {}", motor.model.name, motor.id)
 }
 
-/// The longest text of a column.
-fn width(column: impl Fn(&Entry) -> String) -> usize {
-    MOTORS.iter().map(|motor| column(motor).len()).max().unwrap_or(0)
+/// How wide the columns that name a motor are: as the longest text in them.
+struct Columns {
+    label: usize,
+    device: usize,
 }
 
-fn motor_columns(motor: &Entry) -> String {
-    let (label, device_width) = (width(|motor| motor.label.to_owned()), width(device));
-    format!("{:<label$}  {:<device_width$}", motor.label, device(motor))
+impl Columns {
+    fn of(robot: &Description) -> Self {
+        let width =
+            |column: fn(&Motor) -> usize| robot.motors.iter().map(column).max().unwrap_or(0);
+        Self { label: width(|motor| motor.label.len()), device: width(|motor| device(motor).len()) }
+    }
+
+    fn name(&self, motor: &Motor) -> String {
+        let Self { label, device: device_width } = *self;
+        format!("{:<label$}  {:<device_width$}", motor.label, device(motor))
+    }
 }
 
 /// What a raw command asks of a motor, the way the robot counts, and its unit: amperes, or per cent
 /// of the full voltage.
-fn effort(motor: &Entry, raw: i16) -> (f64, &'static str) {
+fn effort(motor: &Motor, raw: i16) -> (f64, &'static str) {
     let share = f64::from(raw) / f64::from(motor.model.full_scale);
     let share = match motor.direction {
         Direction::Forward => share,
@@ -95,11 +105,11 @@ fn effort(motor: &Entry, raw: i16) -> (f64, &'static str) {
     }
 }
 
-fn beyond_full_scale(motor: &Entry, raw: i16) -> bool {
+fn beyond_full_scale(motor: &Motor, raw: i16) -> bool {
     raw.unsigned_abs() > motor.model.full_scale.unsigned_abs()
 }
 
-fn text(line: &Line<'_>, meaning: &Meaning) -> String {
+fn text(columns: &Columns, line: &Line<'_>, meaning: &Meaning<'_>) -> String {
     let at = line.at.map_or_else(|| "-".to_owned(), |at| SecondsOf(at).to_string());
     let start = format!("{at:>17}  {:<5}", line.channel);
     match meaning {
@@ -111,7 +121,7 @@ fn text(line: &Line<'_>, meaning: &Meaning) -> String {
             format!(
                 "{start}  {}  angle {:>7.3} deg  total {:>11.3} deg  speed {:>8.2} rpm  \
                  current {:>7.3} A  {celsius}",
-                motor_columns(motor),
+                columns.name(motor),
                 three(feedback.angle.get()),
                 rounded(millionths(feedback.total_angle.microdegrees()), 3),
                 rounded(feedback.speed.get().into(), 2),
@@ -125,7 +135,7 @@ fn text(line: &Line<'_>, meaning: &Meaning) -> String {
         }
         Meaning::Malformed { motor, error } => {
             let command = || format!("command {:03X}", line.frame.raw_id());
-            let whose = motor.map_or_else(command, motor_columns);
+            let whose = motor.map_or_else(command, |motor| columns.name(motor));
             format!("{start}  {whose}  MALFORMED: {}: {}", reason(line, *error), line.frame)
         }
         Meaning::Unknown => start,
@@ -141,7 +151,7 @@ fn reason(line: &Line<'_>, error: FrameError) -> String {
     }
 }
 
-fn lane_text(lane: &Lane) -> String {
+fn lane_text(lane: &Lane<'_>) -> String {
     let Some(motor) = lane.motor else {
         return format!("lane {} of no motor: raw {}", lane.number, lane.raw);
     };
@@ -150,7 +160,7 @@ fn lane_text(lane: &Lane) -> String {
     format!("{} {:>7.3} {unit}{beyond}", motor.label, rounded(value, 3))
 }
 
-fn object(number: u64, line: &Line<'_>, bus: u8, meaning: &Meaning) -> Value {
+fn object(number: u64, line: &Line<'_>, bus: u8, meaning: &Meaning<'_>) -> Value {
     let direction = line.direction.map(|direction| match direction {
         candump::Direction::Received => "received",
         candump::Direction::Sent => "sent",
@@ -204,7 +214,7 @@ fn merge(object: &mut Value, rest: Value) {
     }
 }
 
-fn lane_object(lane: &Lane) -> Value {
+fn lane_object(lane: &Lane<'_>) -> Value {
     let mut object = json!({ "lane": lane.number, "raw": lane.raw });
     if let Some(motor) = lane.motor {
         let (value, unit) = effort(motor, lane.raw);
@@ -243,7 +253,7 @@ fn buses(summary: &Summary) -> impl Iterator<Item = (&str, u8)> {
     channels.filter_map(|(name, channel)| Some((name.as_str(), channel.bus?)))
 }
 
-fn summary_object(summary: &Summary, decoder: &Decoder<'_>) -> Value {
+fn summary_object(summary: &Summary, decoder: &Decoder<'_, '_>) -> Value {
     let channels = summary.channels.iter().map(
         |(name, channel)| json!({ "channel": name, "bus": channel.bus, "frames": channel.frames }),
     );
@@ -283,7 +293,12 @@ fn summary_object(summary: &Summary, decoder: &Decoder<'_>) -> Value {
     })
 }
 
-fn summary_text(out: &mut dyn Write, summary: &Summary, decoder: &Decoder<'_>) -> io::Result<()> {
+fn summary_text(
+    out: &mut dyn Write,
+    columns: &Columns,
+    summary: &Summary,
+    decoder: &Decoder<'_, '_>,
+) -> io::Result<()> {
     let Summary { lines, frames, feedback, commands, malformed, unknown, broken_lines, .. } =
         summary;
     if *frames > 0 {
@@ -303,14 +318,15 @@ fn summary_text(out: &mut dyn Write, summary: &Summary, decoder: &Decoder<'_>) -
     for (name, bus) in buses(summary) {
         writeln!(out, "\n{name} is bus {bus}")?;
         for (motor, status) in decoder.motors(bus) {
-            writeln!(out, "  {}  {}", motor_columns(motor), motor_summary(motor, &status))?;
+            writeln!(out, "  {}  {}", columns.name(motor), motor_summary(motor, &status))?;
         }
     }
     for (name, _) in summary.channels.iter().filter(|(_, channel)| channel.bus.is_none()) {
         writeln!(
             out,
             "\n{name} is not known as a bus of the robot; --bus {name}=N makes it bus N \
-             (1 to {BUSES})"
+             (1 to {})",
+            summary.buses
         )?;
     }
     if *unknown > 0 {
@@ -328,7 +344,7 @@ fn summary_text(out: &mut dyn Write, summary: &Summary, decoder: &Decoder<'_>) -
     Ok(())
 }
 
-fn motor_summary(motor: &Entry, status: &MotorStatus) -> String {
+fn motor_summary(motor: &Motor, status: &MotorStatus) -> String {
     let mut text = match status.counters.received {
         0 => "never heard".to_owned(),
         received => format!("feedback {received}"),

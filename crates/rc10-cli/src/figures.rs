@@ -1,0 +1,199 @@
+//! The figures of a run: tables for people, JSON for programs.
+
+use std::fmt::Write as _;
+
+use rc10_can::Timing;
+use rc10_motor::TargetKind;
+use serde_json::{Value, json};
+
+use crate::recording::{MotorTrack, Recording};
+
+/// What a track's samples amount to.
+struct Tracking {
+    unit: &'static str,
+    /// Root of the mean square difference of target and measurement, while it followed a target.
+    rms: Option<f64>,
+    /// Newest target and measurement.
+    last: (Option<f64>, f64),
+    /// Largest current, A, either way.
+    peak_current: f64,
+}
+
+fn tracking(track: &MotorTrack) -> Tracking {
+    let errors: Vec<f64> = (track.samples.iter())
+        .filter_map(|sample| Some(sample.target? - sample.measured))
+        .collect();
+    let mean_square = errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64;
+    let last = track.samples.last();
+    let kind = last.map_or(TargetKind::Coast, |sample| sample.kind);
+    Tracking {
+        unit: if matches!(kind, TargetKind::Angle | TargetKind::TotalAngle) {
+            "deg"
+        } else {
+            "rpm"
+        },
+        rms: (!errors.is_empty()).then(|| mean_square.sqrt()),
+        last: last.map_or((None, 0.0), |sample| (sample.target, sample.measured)),
+        peak_current: track.samples.iter().fold(0.0, |peak, sample| peak.max(sample.current.abs())),
+    }
+}
+
+/// A line per motor.
+#[must_use]
+pub fn motor_table(recording: &Recording) -> String {
+    let mut text = String::new();
+    let _ = write_motors(&mut text, recording);
+    text
+}
+
+fn write_motors(text: &mut String, recording: &Recording) -> std::fmt::Result {
+    writeln!(
+        text,
+        "{:<18} {:<26} {:>3}  {:<9} {:>9} {:>9}     {:>10} {:>8} {:>8} {:>5} {:>5}",
+        "motor",
+        "model",
+        "bus",
+        "link",
+        "target",
+        "measured",
+        "error rms",
+        "peak A",
+        "received",
+        "bad",
+        "lost"
+    )?;
+    for track in &recording.motors {
+        let Tracking { unit, rms, last: (target, measured), peak_current } = tracking(track);
+        let target = target.map_or("-".into(), |target| format!("{target:.1}"));
+        let rms = rms.map_or("-".into(), |rms| format!("{rms:.2}"));
+        let model = format!("{} id {}", track.motor.model.name, track.motor.id);
+        let counters = track.last.counters;
+        writeln!(
+            text,
+            "{:<18} {:<26} {:>3}  {:<9} {:>9} {:>9.1} {:<3} {:>10} {:>8.2} {:>8} {:>5} {:>5}",
+            track.motor.label,
+            model,
+            track.motor.bus,
+            format!("{:?}", track.last.link),
+            target,
+            measured,
+            unit,
+            rms,
+            peak_current,
+            counters.received,
+            counters.malformed,
+            counters.lost + u32::try_from(track.overwritten).unwrap_or(u32::MAX),
+        )?;
+    }
+    Ok(())
+}
+
+/// A line per bus.
+#[must_use]
+pub fn bus_table(recording: &Recording) -> String {
+    let mut text = String::new();
+    let _ = write_buses(&mut text, recording);
+    text
+}
+
+fn write_buses(text: &mut String, recording: &Recording) -> std::fmt::Result {
+    writeln!(
+        text,
+        "{:<5} {:>15} {:>8} {:>8} {:>6} {:>9} {:>8} {:>9}  {:<24} {:<18}",
+        "bus",
+        "planned load %",
+        "load %",
+        "frames",
+        "lost",
+        "replaced",
+        "refused",
+        "overruns",
+        "tick period us",
+        "tick takes us"
+    )?;
+    for bus in &recording.buses {
+        let last = &bus.last;
+        writeln!(
+            text,
+            "{:<5} {:>15} {:>8.1} {:>8} {:>6} {:>9} {:>8} {:>9}  {:<24} {:<18}",
+            bus.number,
+            format!("{:.0}..{:.0}", last.load.least, last.load.worst),
+            bus.load,
+            bus.frames,
+            last.health.receive_lost,
+            last.replaced,
+            last.refused,
+            last.overruns,
+            min_mean_max(&last.period),
+            min_mean_max(&last.execution),
+        )?;
+    }
+    Ok(())
+}
+
+fn min_mean_max(timing: &Timing) -> String {
+    match (timing.min(), timing.mean(), timing.max()) {
+        (Some(min), Some(mean), Some(max)) => format!("{min} / {mean:.1} / {max}"),
+        _ => "-".into(),
+    }
+}
+
+/// All figures as one JSON object. `wall` is how many seconds of real time the run took.
+#[must_use]
+pub fn to_json(recording: &Recording, wall: f64) -> Value {
+    let motors = recording.motors.iter().map(|track| {
+        let Tracking { unit, rms, last: (target, measured), peak_current } = tracking(track);
+        json!({
+            "motor": track.motor.label,
+            "model": track.motor.model.name,
+            "id": track.motor.id,
+            "bus": track.motor.bus,
+            "link": format!("{:?}", track.last.link),
+            "drive": format!("{:?}", track.last.drive),
+            "unit": unit,
+            "target": target,
+            "measured": measured,
+            "error_rms": rms,
+            "peak_current_a": peak_current,
+            "received": track.last.counters.received,
+            "malformed": track.last.counters.malformed,
+            "lost": track.last.counters.lost,
+            "expired": track.last.counters.expired,
+            "feedback_overwritten": track.overwritten,
+        })
+    });
+    let timing = |timing: &Timing| json!({ "min": timing.min(), "mean": timing.mean(), "max": timing.max() });
+    let buses = recording.buses.iter().map(|bus| {
+        json!({
+            "bus": bus.number,
+            "planned_load_percent": {
+                "least": f64::from(bus.last.load.least),
+                "typical": f64::from(bus.last.load.typical),
+                "worst": f64::from(bus.last.load.worst),
+            },
+            "load_percent": bus.load,
+            "frames": bus.frames,
+            "received": bus.last.received.received,
+            "malformed": bus.last.received.malformed,
+            "unclaimed": bus.last.received.unclaimed,
+            "lost": bus.last.health.receive_lost,
+            "submitted": bus.last.submitted,
+            "replaced": bus.last.replaced,
+            "refused": bus.last.refused,
+            "overruns": bus.last.overruns,
+            "ticks": bus.last.ticks,
+            "tick_period_us": timing(&bus.last.period),
+            "tick_execution_us": timing(&bus.last.execution),
+        })
+    });
+    let ticks: u64 = recording.buses.iter().map(|bus| u64::from(bus.last.ticks)).sum();
+    json!({
+        "seed": recording.seed,
+        "virtual_seconds": recording.length.get() as f64 * 1e-6,
+        "wall_seconds": wall,
+        "ticks": ticks,
+        "trace_hash": recording.trace_hash(),
+        "motors": motors.collect::<Vec<_>>(),
+        "buses": buses.collect::<Vec<_>>(),
+    })
+}

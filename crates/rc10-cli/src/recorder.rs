@@ -1,0 +1,145 @@
+//! Writes down what a robot does in its surroundings, whoever runs it.
+
+use rc10_app::TotalAngle;
+use rc10_app::angle::shortest_way_degrees;
+use rc10_can::Micros;
+use rc10_motor::embassy::BusStatus;
+use rc10_motor::{Drive, MotorStatus, Target};
+use rc10_sim::{Base, Esc, TraceEntry};
+
+use crate::candump;
+use crate::recording::{
+    BaseTrack, BusTrack, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD,
+};
+use crate::robot::{Description, Motor};
+
+/// Writes down what a robot does. It sees the wires and the shafts for itself; what the robot
+/// believes of its motors and buses it must be told.
+pub struct Recorder<'d> {
+    description: &'d Description,
+    seed: u64,
+    samples: Vec<Vec<MotorSample>>,
+    logs: Vec<(String, u64)>,
+    path: Vec<PathPoint>,
+}
+
+impl<'d> Recorder<'d> {
+    /// A recorder before the start. `seed` is the surroundings' one.
+    #[must_use]
+    pub fn new(description: &'d Description, seed: u64) -> Self {
+        Self {
+            description,
+            seed,
+            samples: vec![Vec::new(); description.motors.len()],
+            logs: vec![Default::default(); description.buses.into()],
+            path: Vec::new(),
+        }
+    }
+
+    /// How long to let time pass until the next sample, if the run is to end at `end`.
+    #[must_use]
+    pub fn next_sample(now: Micros, end: Micros) -> Micros {
+        (now + SAMPLE_PERIOD).min(end)
+    }
+
+    /// Takes frames of a bus down, 0 for the first, in the order of the wire.
+    pub fn frames(&mut self, bus: usize, entries: &[TraceEntry]) {
+        let Some((log, frames)) = self.logs.get_mut(bus) else {
+            return;
+        };
+        // As can-utils would call them.
+        let channel = format!("can{bus}");
+        for entry in entries {
+            *frames += 1;
+            // A string takes everything.
+            let _ = candump::write_line(log, entry.at, &channel, &entry.frame);
+        }
+    }
+
+    /// Takes a sample of everything but the wires. `status` is what is known of the motor in a line
+    /// of the robot's table.
+    pub fn sample(
+        &mut self,
+        motors: &[Esc],
+        base: Option<&Base>,
+        status: impl Fn(usize) -> MotorStatus,
+    ) {
+        let motors = self.description.motors.iter().zip(motors);
+        for (line, (samples, (motor, esc))) in self.samples.iter_mut().zip(motors).enumerate() {
+            samples.push(sample(motor, &status(line), esc));
+        }
+        if let Some(base) = base {
+            let pose = base.pose();
+            self.path.push(PathPoint { x: pose.x, y: pose.y, yaw: pose.yaw });
+        }
+    }
+
+    /// The recording. `motor` is what the robot knows of the motor in a line of its table, `bus`
+    /// of its bus with a number, at the end.
+    #[must_use]
+    pub fn finish(
+        self,
+        length: Micros,
+        wires: &[rc10_sim::Bus],
+        escs: &[Esc],
+        motor: impl Fn(usize) -> MotorStatus,
+        bus: impl Fn(u8) -> BusStatus,
+    ) -> Recording {
+        let motors = self.description.motors.iter().zip(escs).zip(self.samples);
+        let motors = motors.enumerate().map(|(line, ((described, esc), samples))| MotorTrack {
+            motor: *described,
+            samples,
+            last: motor(line),
+            overwritten: esc.state().feedback_overwritten,
+        });
+        let buses = (1..=u8::MAX).zip(wires.iter().zip(self.logs));
+        let buses = buses.map(|(number, (wire, (log, frames)))| BusTrack {
+            number,
+            load: wire.load(),
+            load_windows: wire.load_windows(),
+            last: bus(number),
+            frames,
+            log,
+        });
+        let base = self.description.base;
+        Recording {
+            seed: self.seed,
+            length,
+            motors: motors.collect(),
+            buses: buses.collect(),
+            base: base.map(|base| BaseTrack { wheels: base.wheels, path: self.path }),
+            events: self.description.script.until(length),
+        }
+    }
+}
+
+fn sample(motor: &Motor, status: &MotorStatus, esc: &Esc) -> MotorSample {
+    let feedback = status.feedback;
+    let (wanted, measured) = match status.target {
+        Target::Angle(wanted) => {
+            let measured = feedback.angle.get();
+            // Shown next to its target, also across the end of the turn.
+            let way = shortest_way_degrees(wanted, feedback.angle).get();
+            (
+                Some(f64::from(wanted.get())),
+                f64::from(if way.is_finite() { wanted.get() + way } else { measured }),
+            )
+        }
+        Target::TotalAngle(wanted) => {
+            let degrees = |angle: TotalAngle| angle.microdegrees() as f64 * 1e-6;
+            (Some(degrees(wanted)), degrees(feedback.total_angle))
+        }
+        Target::Speed(wanted) => (Some(wanted.get().into()), feedback.speed.get().into()),
+        _ => (None, feedback.speed.get().into()),
+    };
+    let state = esc.state();
+    MotorSample {
+        target: wanted.filter(|_| status.drive == Drive::Run),
+        measured,
+        kind: status.target.kind(),
+        current: state.current * motor.sign(),
+        rpm: state.output_rpm * motor.sign(),
+        link: status.link,
+        drive: status.drive,
+    }
+}

@@ -1,0 +1,300 @@
+//! A robot as the tools see it: plain data that say what its motors are and what surrounds them,
+//! and the running part that a robot crate hands over.
+
+use std::pin::Pin;
+
+use anyhow::{Result, bail, ensure};
+use rc10_can::Micros;
+use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
+use rc10_motor::embassy::{BusPort, MotorPort, run_bus};
+use rc10_motor::{MotorBus, MotorId};
+use rc10_sim::{EscConfig, Tasks};
+
+use crate::recording::Event;
+
+/// What the tools must know of a robot before it runs.
+#[derive(Clone, Debug, Default)]
+pub struct Description {
+    /// All motors; those of one bus in the order in which they are attached to it.
+    pub motors: Vec<Motor>,
+    /// How many buses it has: their numbers are 1 to this.
+    pub buses: u8,
+    /// What its wheels carry, if that shall be simulated.
+    pub base: Option<Base>,
+    /// What it does by itself, to be named in reports.
+    pub script: Script,
+}
+
+/// One motor of a robot, and what is on its shaft.
+#[derive(Clone, Copy, Debug)]
+pub struct Motor {
+    /// What people call it. Motors whose labels begin with the same word share a plot.
+    pub label: &'static str,
+    /// On which bus; the first one is 1.
+    pub bus: u8,
+    /// Which motor it is.
+    pub model: &'static Model,
+    /// The identifier set on it.
+    pub id: u8,
+    /// Which way the robot counts.
+    pub direction: Direction,
+    /// The feedback rate set on it.
+    pub rate: FeedbackRate,
+    /// Inertia of what is on its output shaft, kg m². The wheels of a [`Base`] get theirs from it.
+    pub inertia: f64,
+    /// Constant torque on its output shaft from outside, such as a weight, N m; positive the way
+    /// the robot counts.
+    pub load: f64,
+}
+
+impl Motor {
+    /// A motor that counts forward, speaks 1000 times a second, and has a bare shaft.
+    #[must_use]
+    pub const fn new(label: &'static str, bus: u8, model: &'static Model, id: u8) -> Self {
+        Self {
+            label,
+            bus,
+            model,
+            id,
+            direction: Direction::Forward,
+            rate: FeedbackRate::Hz1000,
+            inertia: 0.0,
+            load: 0.0,
+        }
+    }
+
+    /// 1 if it counts as the motor does, -1 if the other way.
+    pub(crate) const fn sign(&self) -> f64 {
+        match self.direction {
+            Direction::Forward => 1.0,
+            Direction::Reversed => -1.0,
+        }
+    }
+
+    /// Its simulated twin, with the inertia on its shaft.
+    ///
+    /// # Errors
+    /// If there is no simulated ESC for its model.
+    pub fn esc(&self) -> Result<EscConfig> {
+        let model = match self.model {
+            model if *model == dji::M3508 => rc10_sim::Model::C620,
+            model if *model == dji::M2006 => rc10_sim::Model::C610,
+            model if *model == dji::GM6020_CURRENT => rc10_sim::Model::Gm6020Current,
+            model if *model == dji::GM6020_VOLTAGE => rc10_sim::Model::Gm6020Voltage,
+            model => bail!("no simulated ESC for a {}", model.name),
+        };
+        let mut config = EscConfig::new(model, self.id);
+        config.plant = config.plant.with_load_inertia(self.inertia);
+        config.rate = match self.rate {
+            FeedbackRate::Hz1000 => rc10_sim::FeedbackRate::Hz1000,
+            FeedbackRate::Hz500 => rc10_sim::FeedbackRate::Hz500,
+            FeedbackRate::Hz250 => rc10_sim::FeedbackRate::Hz250,
+            FeedbackRate::Hz125 => rc10_sim::FeedbackRate::Hz125,
+        };
+        Ok(config)
+    }
+}
+
+/// A mecanum base on four of the motors.
+#[derive(Clone, Copy, Debug)]
+pub struct Base {
+    /// Front left, front right, rear left, rear right: lines of [`Description::motors`]. A
+    /// reversed motor is mounted mirrored.
+    pub wheels: [usize; 4],
+    /// Its masses and measures.
+    pub chassis: rc10_sim::Chassis,
+}
+
+/// What a robot does by itself at known times.
+#[derive(Clone, Debug, Default)]
+pub struct Script {
+    /// What happens first, in order of time.
+    pub events: Vec<Event>,
+    /// After how long the same happens again, if it does.
+    pub repeats_after: Option<Micros>,
+}
+
+impl Script {
+    /// All events before `end`.
+    #[must_use]
+    pub fn until(&self, end: Micros) -> Vec<Event> {
+        let period = self.repeats_after.map_or(0, Micros::get);
+        let repeats = end.get().checked_div(period).unwrap_or(0);
+        let later = |round: u64| {
+            let delay = Micros::new(round * period);
+            self.events.iter().map(move |event| Event { at: event.at + delay, ..*event })
+        };
+        (0..=repeats).flat_map(later).filter(|event| event.at < end).collect()
+    }
+}
+
+impl Description {
+    /// The motors of a bus, in the order in which they are attached.
+    pub fn on_bus(&self, bus: u8) -> impl Iterator<Item = &Motor> {
+        self.motors.iter().filter(move |motor| motor.bus == bus)
+    }
+
+    /// Where the motor in a line of [`Description::motors`] is: its bus, 0 for the first, and its
+    /// place there.
+    #[must_use]
+    pub fn place(&self, line: usize) -> Option<(usize, MotorId)> {
+        let bus = self.motors.get(line)?.bus;
+        let before = self.motors[..line].iter().filter(|motor| motor.bus == bus).count();
+        Some((usize::from(bus).checked_sub(1)?, MotorId::new(u8::try_from(before).ok()?)))
+    }
+
+    /// The port of the motor in a line of [`Description::motors`], if `ports` has its bus.
+    #[must_use]
+    pub fn motor_port<'p>(&self, line: usize, ports: &[&'p BusPort]) -> Option<MotorPort<'p>> {
+        let (bus, motor) = self.place(line)?;
+        Some(ports.get(bus)?.motor(motor))
+    }
+}
+
+/// A robot that is set up and has not begun: its description, its buses with their motors, and its
+/// tasks.
+pub struct Robot<'r> {
+    description: Description,
+    buses: Vec<MotorBus<'r>>,
+    ports: Vec<&'r BusPort>,
+    tasks: Vec<Pin<Box<dyn Future<Output = ()> + 'r>>>,
+}
+
+impl<'r> Robot<'r> {
+    /// A robot without buses and tasks.
+    #[must_use]
+    pub const fn new(description: Description) -> Self {
+        Self { description, buses: Vec::new(), ports: Vec::new(), tasks: Vec::new() }
+    }
+
+    /// Adds its next bus, and the port that its tasks know it by.
+    #[must_use]
+    pub fn bus(mut self, bus: MotorBus<'r>, port: &'r BusPort) -> Self {
+        self.buses.push(bus);
+        self.ports.push(port);
+        self
+    }
+
+    /// Adds a task of its own; the buses' tasks are there already.
+    #[must_use]
+    pub fn task<T>(mut self, task: impl Future<Output = T> + 'r) -> Self {
+        self.tasks.push(Box::pin(async {
+            task.await;
+        }));
+        self
+    }
+
+    /// What it was described as.
+    #[must_use]
+    pub const fn description(&self) -> &Description {
+        &self.description
+    }
+
+    /// The ports of its buses; the first is bus 1's.
+    #[must_use]
+    pub fn ports(&self) -> Vec<&'r BusPort> {
+        self.ports.clone()
+    }
+
+    /// Its buses' runners on `wires`, bus 1 on the first of them, then its own tasks.
+    ///
+    /// # Errors
+    /// If its buses are not as described.
+    pub fn tasks(self, wires: &[rc10_sim::Bus]) -> Result<Tasks<'r>> {
+        self.check()?;
+        let mut tasks = Tasks::new();
+        for ((bus, shared), wire) in self.buses.into_iter().zip(self.ports).zip(wires) {
+            tasks.add(run_bus(wire.port(), bus, shared));
+        }
+        self.tasks.into_iter().for_each(|task| tasks.add(task));
+        Ok(tasks)
+    }
+
+    /// Its description, and its buses, which nobody runs.
+    ///
+    /// # Errors
+    /// If its buses are not as described.
+    pub fn into_buses(self) -> Result<(Description, Vec<MotorBus<'r>>)> {
+        self.check()?;
+        Ok((self.description, self.buses))
+    }
+
+    /// Whether the motors on the buses are those of the description: otherwise every figure would
+    /// stand beside another motor's name.
+    fn check(&self) -> Result<()> {
+        let (buses, described) = (self.buses.len(), self.description.buses);
+        ensure!(buses == usize::from(described), "{buses} buses, but {described} described");
+        for (number, bus) in (1..=described).zip(&self.buses) {
+            let attached: Vec<_> = bus.motors().map(|(_, name)| name.to_string()).collect();
+            let described: Vec<_> = (self.description.on_bus(number))
+                .map(|motor| format!("{} id {}", motor.model.name, motor.id))
+                .collect();
+            let list = |motors: Vec<String>| motors.join(", ");
+            ensure!(
+                attached == described,
+                "bus {number} has the motors [{}], but described are [{}]",
+                list(attached),
+                list(described)
+            );
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_motor::dji::Dji;
+    use rc10_motor::{ArmSwitch, Safety};
+
+    use super::*;
+
+    fn event(millis: u64, label: &'static str) -> Event {
+        Event { at: Micros::from_millis(millis), label }
+    }
+
+    fn times(script: &Script, end: u64) -> Vec<u64> {
+        let events = script.until(Micros::from_millis(end));
+        events.iter().map(|event| event.at.get() / 1000).collect()
+    }
+
+    #[test]
+    fn a_script_may_repeat_and_ends_before_the_end() {
+        let mut script =
+            Script { events: vec![event(100, "a"), event(300, "b")], ..<_>::default() };
+        assert_eq!(times(&script, 5000), [100, 300]);
+        assert_eq!(times(&script, 300), [100]);
+        script.repeats_after = Some(Micros::from_millis(1000));
+        assert_eq!(times(&script, 2300), [100, 300, 1100, 1300, 2100]);
+        script.repeats_after = Some(Micros::ZERO);
+        assert_eq!(times(&script, 5000), [100, 300]);
+        let nothing = Script { events: Vec::new(), ..script };
+        assert!(nothing.until(Micros::from_millis(5000)).is_empty());
+    }
+
+    #[test]
+    fn buses_that_are_not_as_described_are_refused_in_words() {
+        let (switch, port) = (ArmSwitch::new(), BusPort::new());
+        let mut motors = [1, 2].map(|id| Dji::new(&dji::M3508, id).unwrap());
+        let mut complaint = |description: Description| {
+            let mut bus = MotorBus::new(&switch);
+            for motor in &mut motors {
+                bus.attach(motor, Safety::COAST).unwrap();
+            }
+            let robot = Robot::new(description).bus(bus, &port);
+            robot.into_buses().err().map(|error| error.to_string())
+        };
+        let left = Motor::new("left", 1, &dji::M3508, 1);
+        let right = Motor::new("right", 1, &dji::M3508, 2);
+        let described = |buses, motors: [Motor; 2]| Description {
+            buses,
+            motors: motors.into(),
+            ..<_>::default()
+        };
+        assert_eq!(complaint(described(1, [left, right])), None);
+        let two = "1 buses, but 2 described";
+        assert_eq!(complaint(described(2, [left, right])).as_deref(), Some(two));
+        let turned = "bus 1 has the motors [M3508 id 1, M3508 id 2], \
+                      but described are [M3508 id 2, M3508 id 1]";
+        assert_eq!(complaint(described(1, [right, left])).as_deref(), Some(turned));
+    }
+}

@@ -1,0 +1,67 @@
+//! Two wheels, in simulation: `cargo run --release`.
+//!
+//! [`robot`] is the robot. Here stands what the simulator must know of it beyond that, and that is
+//! all: the command line, the tables and the report come from `rc10-cli`.
+
+mod robot;
+
+use std::process::ExitCode;
+
+use rc10_cli::{Description, Event, Motor, Robot, Script};
+use rc10_motor::AttachError;
+use rc10_motor::dji::M3508;
+
+use robot::{SCRIPT, TwoWheels, WHEELS, drive};
+
+fn main() -> ExitCode {
+    rc10_cli::main_for(|command| {
+        let mut robot = TwoWheels::new()?;
+        command.run(ready(&mut robot)?)
+    })
+}
+
+fn ready(robot: &mut TwoWheels) -> Result<Robot<'_>, AttachError> {
+    let (io, bus) = robot.start()?;
+    Ok(Robot::new(description()).bus(bus, &io.bus).task(drive(io)))
+}
+
+fn description() -> Description {
+    // A robot of 10 kg on wheels of 76 mm: 0.029 kg m² for each.
+    let wheel = |(label, id, direction)| Motor {
+        direction,
+        inertia: 0.029,
+        ..Motor::new(label, 1, &M3508, id)
+    };
+    Description {
+        motors: WHEELS.map(wheel).into(),
+        buses: 1,
+        script: Script {
+            events: SCRIPT.map(|(at, label, _)| Event { at, label }).into(),
+            repeats_after: None,
+        },
+        ..Description::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_cli::simulate::simulate;
+    use rc10_motor::rc10_can::Micros;
+
+    use super::*;
+
+    #[test]
+    fn both_wheels_reach_every_speed_of_the_script() {
+        let mut robot = TwoWheels::new().unwrap();
+        let run = simulate(ready(&mut robot).unwrap(), 1, Micros::from_millis(2000)).unwrap();
+        for (millis, speeds) in [(950, [200.0, 200.0]), (1450, [-60.0, 60.0]), (2000, [120.0; 2])] {
+            for (wheel, rpm) in run.motors.iter().zip(speeds) {
+                // What the simulated shaft does, not what the robot believes.
+                let real = wheel.samples[millis / 10 - 1].rpm;
+                assert!((real - rpm).abs() < 4.0, "{} at {millis} ms: {real}", wheel.motor.label);
+            }
+        }
+        let lost = run.buses[0].last.refused + run.buses[0].last.replaced;
+        assert_eq!((run.buses[0].last.ticks, lost), (2000, 0));
+    }
+}

@@ -1,0 +1,70 @@
+//! The robot: its table, what its tasks share, and its task.
+
+use rc10_bsp::{Overrun, Statistics, periodic};
+use rc10_motor::dji::{Direction, Dji, IdOutOfRange, M3508};
+use rc10_motor::embassy::BusPort;
+use rc10_motor::rc10_app::Rpm;
+use rc10_motor::rc10_can::Micros;
+use rc10_motor::{ArmSwitch, AttachError, MotorBus, MotorId, Safety, Target};
+
+/// What it calls its wheels, the identifiers set on them, and which way they count.
+pub const WHEELS: [(&str, u8, Direction); 2] =
+    [("wheel left", 1, Direction::Forward), ("wheel right", 2, Direction::Reversed)];
+
+/// What it does: from when on, what that is called, and the speeds of the wheels in rpm.
+pub const SCRIPT: [(Micros, &str, [f32; WHEELS.len()]); 4] = [
+    (Micros::from_millis(100), "forward", [200.0, 200.0]),
+    (Micros::from_millis(1000), "turn left", [-60.0, 60.0]),
+    (Micros::from_millis(1500), "forward again", [120.0, 120.0]),
+    (Micros::from_millis(5000), "stand", [0.0, 0.0]),
+];
+
+/// The whole robot.
+pub struct TwoWheels {
+    io: Io,
+    wheels: Vec<Dji>,
+}
+
+/// What its tasks share.
+pub struct Io {
+    /// Arms and stops both motors.
+    pub switch: ArmSwitch,
+    /// The bus both are on.
+    pub bus: BusPort,
+    /// How punctual the task is.
+    pub timing: Statistics,
+}
+
+impl TwoWheels {
+    /// The robot of the table, at rest and disarmed.
+    pub fn new() -> Result<Self, IdOutOfRange> {
+        let wheel = |(_, id, direction)| Ok(Dji::new(&M3508, id)?.with_direction(direction));
+        let wheels = WHEELS.into_iter().map(wheel).collect::<Result<_, _>>()?;
+        let io = Io { switch: ArmSwitch::new(), bus: BusPort::new(), timing: Statistics::new() };
+        Ok(Self { io, wheels })
+    }
+
+    /// What its tasks share, and the bus with both motors, for whoever runs it.
+    pub fn start(&mut self) -> Result<(&Io, MotorBus<'_>), AttachError> {
+        let mut bus = MotorBus::new(&self.io.switch);
+        for wheel in &mut self.wheels {
+            bus.attach(wheel, Safety::COAST)?;
+        }
+        Ok((&self.io, bus))
+    }
+}
+
+/// The task: arms the robot, and tells its wheels every 10 ms what the script says.
+pub async fn drive(io: &Io) -> ! {
+    // Refused only after an emergency stop, and then it shall stay stopped.
+    let _ = io.switch.arm();
+    periodic(Micros::from_millis(10), Overrun::Skip, &io.timing, async |tick| {
+        let line = SCRIPT.iter().rev().find(|(from, ..)| *from <= tick.now);
+        let Some((_, _, speeds)) = line else { return };
+        for (wheel, rpm) in (0..).zip(speeds) {
+            // Refused only while the bus is not running yet.
+            let _ = io.bus.motor(MotorId::new(wheel)).command(Target::Speed(Rpm::new(*rpm)));
+        }
+    })
+    .await
+}
