@@ -10,7 +10,10 @@ use anyhow::{Result, bail};
 use crate::cargo::{chip, host, run as run_command};
 use crate::firmware::{build_count_with, build_interop_with, build_with};
 use crate::setup::{TARGET, chip_toolchain, component};
-use crate::{count, size};
+use crate::{count, emulate, size};
+
+/// A robot of somebody else's, outside the workspace. It shares the target directory.
+const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";
 
 enum Outcome {
     Passed,
@@ -92,12 +95,14 @@ pub fn run() -> Result<()> {
     report.step("format", || {
         with_component("fmt", || {
             run_command(&mut host("fmt --all --check"))?;
+            run_command(&mut host(&format!("fmt {TWO_WHEELS} --check")))?;
             run_command(&mut chip("fmt --all --check", None))
         })
     });
     report.step("lint", || {
         with_component("clippy", || {
-            run_command(&mut host("clippy --workspace --all-targets -- -D warnings"))
+            run_command(&mut host("clippy --workspace --all-targets -- -D warnings"))?;
+            run_command(&mut host(&format!("clippy {TWO_WHEELS} --all-targets -- -D warnings")))
         })
     });
     report.step("lint chip", || match &rustc {
@@ -112,6 +117,7 @@ pub fn run() -> Result<()> {
         _ => Outcome::Skipped("the active toolchain's clippy has no chip target".to_owned()),
     });
     report.step("test", || run_command(&mut host("test --workspace")).into());
+    report.step("two wheels", || two_wheels().into());
     report.step("docs", || {
         run_command(host("doc --workspace --no-deps").env("RUSTDOCFLAGS", "-Dwarnings")).into()
     });
@@ -126,8 +132,19 @@ pub fn run() -> Result<()> {
         Some(program) => size::run(program).into(),
         None => Outcome::Skipped("no firmware".to_owned()),
     });
+    report.step("emulate", || match &program {
+        Some(program) => emulate::run(program).into(),
+        None => Outcome::Skipped("no firmware".to_owned()),
+    });
     report.step("count", || with_chip(&rustc, |rustc| count::run(&build_count_with(rustc)?)));
     report.conclude()
+}
+
+/// Builds it with its own lock file, runs its test, and itself.
+fn two_wheels() -> Result<()> {
+    run_command(&mut host(&format!("test --locked {TWO_WHEELS}")))?;
+    let arguments = "run --seconds 2 --out target/two-wheels";
+    run_command(&mut host(&format!("run --locked {TWO_WHEELS} -- {arguments}")))
 }
 
 fn with_component(name: &str, work: impl FnOnce() -> Result<()>) -> Outcome {

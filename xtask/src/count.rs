@@ -10,25 +10,16 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
-use object::Endianness;
-use object::elf::{FileHeader32, PT_LOAD, SHT_SYMTAB, STT_FUNC};
-use object::read::elf::{FileHeader, ProgramHeader, Sym};
-use rsemu::core::space::{AddressSpace, RamStore, Region};
-use rsemu::cpu::arm::v7m::sys::Exception;
-use rsemu::cpu::arm::v7m::{ArmV7m, Config};
+use rc10_emu::core::{Core as _, Step, bare};
+use rc10_emu::{Image, Memory};
 
 /// Instructions that one motor may cost in one tick: a received frame, a cascade, its share of a
 /// group frame.
 const MOTOR_BUDGET: u64 = 260;
 /// The measurements that this budget is for start so.
 const BUDGETED: &str = "motor";
-
-/// Where memory is, and how much: memory.x.
-const FLASH: (u32, u64) = (0x0800_0000, 1 << 20);
-const DTCM: (u32, u64) = (0x2000_0000, 128 << 10);
 
 /// A program that takes longer than this has lost its way.
 const INSTRUCTION_LIMIT: u64 = 50_000_000;
@@ -76,12 +67,9 @@ pub fn run(program: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What the ELF file says.
+/// The program, and what in it is to be measured.
 struct Program {
-    /// Physical address and bytes.
-    segments: Vec<(u32, Vec<u8>)>,
-    /// Every function by its address.
-    functions: BTreeMap<u32, String>,
+    image: Image,
     /// Entry address of every function to measure: name and units.
     measured: BTreeMap<u32, (String, u64)>,
     done: u32,
@@ -89,47 +77,28 @@ struct Program {
 
 impl Program {
     fn parse(file: &[u8]) -> Result<Self> {
-        let header = FileHeader32::<Endianness>::parse(file)?;
-        let endian = header.endian()?;
-        let mut segments = Vec::new();
-        for segment in header.program_headers(endian, file)? {
-            if segment.p_type(endian) == PT_LOAD {
-                let bytes = segment.data(endian, file).ok().context("a segment is cut short")?;
-                segments.push((segment.p_paddr(endian), bytes.to_vec()));
-            }
-        }
-        let sections = header.sections(endian, file)?;
-        let symbols = sections.symbols(endian, file, SHT_SYMTAB)?;
-        let mut functions = BTreeMap::new();
+        let image = Image::parse(file)?;
         let mut measured = BTreeMap::new();
-        let mut done = None;
-        for symbol in symbols.iter().filter(|symbol| symbol.st_type() == STT_FUNC) {
-            let name = std::str::from_utf8(symbol.name(endian, symbols.strings())?)?;
-            // The lowest bit says "Thumb code".
-            let address = symbol.st_value(endian) & !1;
-            functions.insert(address, format!("{:#}", rustc_demangle::demangle(name)));
-            match name.strip_prefix("count_").map(|name| name.split_once('_').unwrap_or((name, "")))
-            {
-                None => {}
-                Some(("done", _)) => done = Some(address),
-                Some((units, title)) => {
-                    let units = units.parse().with_context(|| name.to_owned())?;
-                    ensure!(units > 0, "{name} measures no units");
-                    measured.insert(address, (title.replace('_', " "), units));
-                }
-            }
+        for (&address, name) in &image.functions {
+            let Some(name) = name.strip_prefix("count_").filter(|name| *name != "done") else {
+                continue;
+            };
+            let (units, title) = name.split_once('_').unwrap_or((name, ""));
+            let units = units.parse().with_context(|| name.to_owned())?;
+            ensure!(units > 0, "{name} measures no units");
+            measured.insert(address, (title.replace('_', " "), units));
         }
-        let done = done.context("the program has no count_done")?;
-        Ok(Self { segments, functions, measured, done })
+        let done = image.symbol("count_done")? & !1;
+        Ok(Self { image, measured, done })
     }
 
     fn run(&self) -> Result<Vec<Measurement>> {
-        let core = self.load()?;
+        let mut core = bare(&Memory::with(&self.image)?)?;
         let mut results: BTreeMap<u32, Measurement> = BTreeMap::new();
         // The call being measured: its entry, where it returns to, and what it took so far.
         let mut call: Option<(u32, u32, u64)> = None;
         for _ in 0..INSTRUCTION_LIMIT {
-            let at = core.pc() & !1;
+            let at = core.program_counter();
             if let Some((entry, back, taken)) = call
                 && at == back
             {
@@ -147,40 +116,16 @@ impl Program {
                 return Ok(named.collect());
             }
             if call.is_none() && self.measured.contains_key(&at) {
-                call = Some((at, core.reg(14) & !1, 0));
+                call = Some((at, core.link_register() & !1, 0));
             }
             if let Some((entry, _, taken)) = &mut call {
                 *taken += 1;
-                let function = self.functions.range(..=at).next_back().map_or(0, |found| *found.0);
+                let function = self.image.function_at(at).map_or(0, |(start, _)| start);
                 *results.entry(*entry).or_default().functions.entry(function).or_default() += 1;
             }
-            ensure!(core.step() > 0 && !core.is_locked_up(), "the core stopped at {at:#010x}");
-            ensure!(core.current_exception() == Exception::THREAD, "a fault at {at:#010x}");
+            ensure!(core.step().0 == Step::Instruction, "a fault at {at:#010x}");
         }
         bail!("the program did not reach count_done")
-    }
-
-    /// A Cortex-M7 with the program in its memory, after its reset.
-    fn load(&self) -> Result<ArmV7m> {
-        let space = AddressSpace::new("cpu", 32);
-        for (name, (base, length)) in [("flash", FLASH), ("dtcm", DTCM)] {
-            let memory = Arc::new(RamStore::new(length));
-            for (address, bytes) in &self.segments {
-                let offset = u64::from(address.wrapping_sub(base));
-                if offset < length {
-                    let written = memory.write_at(offset, bytes);
-                    ensure!(written.is_ok(), "a segment does not fit into {name}");
-                }
-            }
-            let mapped = space.topology().map(Region::ram(name, memory), u64::from(base));
-            ensure!(mapped.is_ok(), "{name} cannot be mapped");
-        }
-        let mut config = Config::CORTEX_M7F;
-        config.reset_vtor = FLASH.0;
-        let core = ArmV7m::new(config);
-        core.attach_space(Arc::new(space));
-        core.step();
-        Ok(core)
     }
 
     /// Prints where the instructions went.
@@ -189,7 +134,7 @@ impl Program {
         let mut functions: Vec<_> = measurement.functions.iter().collect();
         functions.sort_by_key(|(_, instructions)| std::cmp::Reverse(**instructions));
         for (address, instructions) in functions.into_iter().take(8) {
-            let name = self.functions.get(address).map_or("?", String::as_str);
+            let name = self.image.functions.get(address).map_or("?", String::as_str);
             println!("{:>8}  {name}", instructions / measurement.calls);
         }
     }

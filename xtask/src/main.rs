@@ -4,6 +4,7 @@
 mod cargo;
 mod check;
 mod count;
+mod emulate;
 mod firmware;
 mod setup;
 mod size;
@@ -15,6 +16,8 @@ use anyhow::Result;
 const USAGE: &str = "\
 cargo xtask setup   make this machine able to build for the chip
 cargo xtask check   everything that must hold before a commit
+cargo xtask firmware   build the firmware, say where it is
+cargo xtask emulate   the firmware on an emulated chip: every scenario, against its budgets
 cargo xtask size    flash and RAM of the firmware, against their budgets
 cargo xtask count   instructions of the control loop, against their budget";
 
@@ -22,6 +25,8 @@ fn main() -> ExitCode {
     let task: fn() -> Result<()> = match std::env::args().nth(1).as_deref() {
         Some("setup") => || setup::chip_toolchain().map(|_| ()),
         Some("check") => check::run,
+        Some("firmware") => || firmware::build().map(|elf| println!("{}", elf.display())),
+        Some("emulate") => || emulate::run(&firmware::build()?),
         Some("size") => || size::run(&firmware::build()?),
         Some("count") => || count::run(&firmware::build_count()?),
         _ => {

@@ -1,15 +1,31 @@
-//! The `rc10` command: runs the robot in a simulated world, draws a report, decodes CAN captures.
-//! The only place where robot and simulator meet.
+//! The `rc10` command, and what it is made of: runs a robot in a simulated world, draws a report,
+//! decodes CAN captures. The only place where robots and the simulator meet.
+//!
+//! A robot crate needs no copy of this one: it hands a [`Robot`], which is a [`Description`] with
+//! buses and tasks, to [`main_for`] and has the same command line. `examples/two-wheels` does.
+//!
+//! * [`robot`]: what the tools must know of a robot. [`team`]: the one of `rc10-robot`.
+//! * [`surroundings`]: the world around a robot, from its description alone.
+//! * [`recorder`]: writes down what happens there, whoever runs the robot. [`simulate`] runs its
+//!   own tasks, on this machine.
+//! * [`recording`]: what is left of a run. [`figures`] and [`report`] are made from it.
+//! * [`run`], [`emulate`], [`decode`]: the commands.
 #![forbid(unsafe_code)]
 // Figures for people and plots: a rounded digit does no harm here.
 #![allow(clippy::cast_precision_loss, clippy::cast_possible_truncation)]
 
 pub mod candump;
 pub mod decode;
+pub mod emulate;
+pub mod figures;
+pub mod recorder;
 pub mod recording;
 pub mod report;
+pub mod robot;
 pub mod run;
 pub mod simulate;
+pub mod surroundings;
+pub mod team;
 
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -17,7 +33,11 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use decode::DecodeArgs;
+use emulate::EmuArgs;
 use run::RunArgs;
+
+pub use recording::{Event, Recording};
+pub use robot::{Base, Description, Motor, Robot, Script};
 
 /// RC10: a robot's motor buses, on a PC.
 #[derive(Parser)]
@@ -29,8 +49,10 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Drives the robot of crates/rc10-robot in a simulated world (also without any command)
+    /// Drives the robot in a simulated world (also without any command)
     Run(RunArgs),
+    /// Runs the firmware itself, on an emulated chip
+    Emu(EmuArgs),
     /// Says in words what a candump log of the robot's buses contains
     Decode(DecodeArgs),
 }
@@ -40,15 +62,39 @@ Examples:
   rc10                                   ten seconds of the robot, and target/rc10/report.html
   rc10 run --seconds 3 --seed 7          three seconds of another world
   rc10 run --out /tmp/tonight --json     all figures as one JSON object
+  rc10 emu --fault cut:2@0.3s..0.5s      the firmware's ELF, with bus 2 unplugged for a while
   rc10 decode target/rc10/bus1.log       what was said on bus 1
   rc10 decode capture.log --bus can0=2   a capture whose can0 is the robot's bus 2
 
 From a checkout: cargo run --release -- run --seconds 3";
 
-/// Runs the command line. Exit code 0: fine; 1: the input has broken lines; 2: bad arguments, or a
+/// What was asked for on the command line.
+pub struct CommandLine(Command);
+
+impl CommandLine {
+    /// Does it with `robot`. Exit code 0: fine; 1: the input has broken lines.
+    ///
+    /// # Errors
+    /// If the robot is not as described, or a file cannot be read or written.
+    pub fn run(self, robot: Robot<'_>) -> anyhow::Result<ExitCode> {
+        let mut out = io::BufWriter::new(io::stdout().lock());
+        let broken = match self.0 {
+            Command::Run(args) => run::run(&args, robot, &mut out).map(|()| false),
+            Command::Emu(args) => emulate::emulate(&args, robot, &mut out).map(|()| false),
+            Command::Decode(args) => {
+                decode::decode(&args, robot, &mut out, &mut io::stderr().lock())
+            }
+        }?;
+        out.flush()?;
+        Ok(ExitCode::from(u8::from(broken)))
+    }
+}
+
+/// The command line for a robot: `robot` sets it up and gives it to [`CommandLine::run`]. Exit code
+/// 0: fine; 1: the input has broken lines; 2: bad arguments, a robot that cannot be set up, or a
 /// file that cannot be read or written.
 #[must_use]
-pub fn main() -> ExitCode {
+pub fn main_for(robot: impl FnOnce(CommandLine) -> anyhow::Result<ExitCode>) -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(error) => {
@@ -56,24 +102,28 @@ pub fn main() -> ExitCode {
             return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
         }
     };
-    let mut out = io::BufWriter::new(io::stdout().lock());
-    let mut err = io::stderr().lock();
-    let result = match arguments.command {
-        None => run::run(&RunArgs::default(), &mut out).map(|()| false),
-        Some(Command::Run(args)) => run::run(&args, &mut out).map(|()| false),
-        Some(Command::Decode(args)) => decode::decode(&args, &mut out, &mut err),
-    };
-    let result = result.and_then(|broken| Ok(out.flush().map(|()| broken)?));
-    match result {
-        Ok(false) => ExitCode::SUCCESS,
-        Ok(true) => ExitCode::from(1),
+    let command = arguments.command.unwrap_or_else(|| Command::Run(RunArgs::default()));
+    match robot(CommandLine(command)) {
+        Ok(code) => code,
         // Whoever reads our output has read enough (`| head`).
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            let _ = writeln!(err, "rc10: {error:#}");
+            let _ = writeln!(io::stderr(), "rc10: {error:#}");
             ExitCode::from(2)
         }
     }
+}
+
+/// The `rc10` command: [`main_for`] the robot of `rc10-robot`.
+#[must_use]
+pub fn main() -> ExitCode {
+    main_for(|command| {
+        let ports = rc10_robot::ports();
+        let io = rc10_robot::Io::new(ports.each_ref());
+        let mut motors = rc10_robot::Motors::new();
+        let buses = motors.start(&io)?;
+        command.run(team::robot(&io, buses))
+    })
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {

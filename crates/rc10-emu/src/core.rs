@@ -1,0 +1,299 @@
+//! The processor behind a small trait, so that another interpreter can take its place.
+
+use std::fmt;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use anyhow::{Context, Result};
+use rc10_sim::Nanos;
+use rsemu::core::error::BusError;
+use rsemu::core::space::{AddressSpace, MemAttrs, MemOps, MemResult, Region};
+use rsemu::cpu::arm::v7m::sys::Exception;
+use rsemu::cpu::arm::v7m::{ArmV7m, Config};
+
+use crate::memory::{FLASH, Memory, PERIPHERALS};
+use crate::peripherals::{Soc, Width};
+
+/// External interrupts of the STM32H723, in words of 32: 0 ..= 162 (RM0468, NVIC chapter).
+pub const INTERRUPT_WORDS: usize = 6;
+
+/// What one step of a core was.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// An instruction was executed.
+    Instruction,
+    /// An exception of this number was entered; its handler's first instruction comes next.
+    Entry(u16),
+    /// Nothing to do until an interrupt comes.
+    Asleep,
+    /// A fault inside the fault handler: only a reset helps.
+    LockedUp,
+}
+
+/// A Cortex-M7 that executes from the chip's memories and peripherals.
+pub trait Core {
+    /// Starts anew, as after a reset of the chip; memories keep what is in them.
+    fn reset(&mut self);
+    /// Enters an exception, or executes one instruction; says what it was, and about how many
+    /// clocks it took.
+    fn step(&mut self) -> (Step, u64);
+    /// Clocks until the core's own timer (`SysTick`) would end its sleep, if it runs.
+    fn clocks_until_timer(&self) -> Option<u64>;
+    /// Lets the core's own timer count while the core sleeps.
+    fn sleep(&mut self, clocks: u64);
+    /// The levels of the external interrupts: bit n of word n / 32.
+    fn set_interrupts(&mut self, levels: [u32; INTERRUPT_WORDS]);
+    /// Whether the program asked for a reset of the chip; forgets it.
+    fn take_reset_request(&mut self) -> bool;
+    /// Number of the exception that is handled; 0 in thread mode.
+    fn exception(&self) -> u16;
+    /// Address of the next instruction.
+    fn program_counter(&self) -> u32;
+    /// The stack pointer.
+    fn stack_pointer(&self) -> u32;
+    /// Where the function that is executed returns to, at its first instruction.
+    fn link_register(&self) -> u32;
+    /// Goes on at an address, with the first registers set to `arguments`: for injected faults.
+    fn call(&mut self, address: u32, arguments: [u32; 3]);
+    /// Masks all interrupts (PRIMASK) or unmasks them: for injected faults.
+    fn mask_interrupts(&mut self, masked: bool);
+}
+
+/// A core with memories and no peripherals, after its reset: for programs that only compute.
+///
+/// # Errors
+/// If the memories overlap.
+pub fn bare(memory: &Memory) -> Result<impl Core + use<>> {
+    Interpreter::new(memory, None)
+}
+
+/// What core and peripherals share.
+#[derive(Clone)]
+pub(crate) struct Wiring {
+    pub(crate) soc: Arc<Mutex<Soc>>,
+    /// The time of the access, nanoseconds.
+    pub(crate) now: Arc<AtomicU64>,
+    /// Set by every access to a peripheral: it may have changed an interrupt, or what comes next.
+    pub(crate) touched: Arc<AtomicBool>,
+}
+
+impl Wiring {
+    pub(crate) fn soc(&self) -> std::sync::MutexGuard<'_, Soc> {
+        // What a panic left behind is as good as any state of a chip.
+        self.soc.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn time(&self) -> Nanos {
+        Nanos::new(self.now.load(Ordering::Relaxed))
+    }
+}
+
+impl fmt::Debug for Wiring {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("peripherals")
+    }
+}
+
+fn width_of(bytes: usize) -> Result<Width, BusError> {
+    match bytes {
+        1 => Ok(Width::Byte),
+        2 => Ok(Width::Half),
+        4 => Ok(Width::Word),
+        _ => Err(BusError::BadAccess),
+    }
+}
+
+/// The peripherals' part of the address space.
+impl MemOps for Wiring {
+    fn read(&self, offset: u64, to: &mut [u8], attributes: MemAttrs) -> MemResult {
+        if attributes.debug {
+            to.fill(0);
+            return Ok(());
+        }
+        let width = width_of(to.len())?;
+        let address = address_of(offset)?;
+        self.touched.store(true, Ordering::Relaxed);
+        let value = self.soc().read(address, width, self.time());
+        let value = value.map_err(|_| BusError::Unassigned)?;
+        to.copy_from_slice(&value.to_le_bytes()[..to.len()]);
+        Ok(())
+    }
+
+    fn write(&self, offset: u64, from: &[u8], attributes: MemAttrs) -> MemResult {
+        if attributes.debug {
+            return Err(BusError::Protected);
+        }
+        let width = width_of(from.len())?;
+        let address = address_of(offset)?;
+        let mut bytes = [0; 4];
+        bytes[..from.len()].copy_from_slice(from);
+        self.touched.store(true, Ordering::Relaxed);
+        let written = self.soc().write(address, width, u32::from_le_bytes(bytes), self.time());
+        written.map_err(|_| BusError::Unassigned)
+    }
+}
+
+fn address_of(offset: u64) -> Result<u32, BusError> {
+    let address = u32::try_from(offset).ok().and_then(|offset| PERIPHERALS.0.checked_add(offset));
+    address.ok_or(BusError::Unassigned)
+}
+
+/// The interpreter of the `rsemu` package.
+pub(crate) struct Interpreter {
+    core: ArmV7m,
+    space: Arc<AddressSpace>,
+    levels: [u32; INTERRUPT_WORDS],
+    exception: u16,
+    program_counter: u32,
+    stack_pointer: u32,
+}
+
+impl Interpreter {
+    pub(crate) fn new(memory: &Memory, wiring: Option<Wiring>) -> Result<Self> {
+        let space = AddressSpace::new("cpu", 32);
+        for bank in memory.banks() {
+            space
+                .topology()
+                .map(Region::ram(bank.name, bank.store()), u64::from(bank.base))
+                .with_context(|| bank.name)?;
+        }
+        if let Some(wiring) = wiring {
+            let (base, length) = PERIPHERALS;
+            let region = Region::io("peripherals", length.into(), Arc::new(wiring));
+            space.topology().map(region, base.into()).context("peripherals")?;
+        }
+        let space = Arc::new(space);
+        let mut interpreter = Self {
+            core: fresh(&space),
+            space,
+            levels: [0; INTERRUPT_WORDS],
+            exception: 0,
+            program_counter: 0,
+            stack_pointer: 0,
+        };
+        interpreter.reset();
+        Ok(interpreter)
+    }
+
+    /// Whether the next instruction is the first one of the handler of the exception that is
+    /// handled. A return to a handler that was interrupted changes the exception's number too.
+    fn is_at_handler(&self) -> bool {
+        let vector = self.core.vtor() + 4 * u32::from(self.exception);
+        let handler =
+            self.space.read(vector.into(), rsemu::core::value::Width::U32, MemAttrs::DEBUG);
+        handler.is_ok_and(|handler| handler & !1 == u64::from(self.program_counter))
+    }
+
+    fn look(&mut self) {
+        let registers = self.core.regs();
+        self.exception = registers.exception().0;
+        self.program_counter = registers.r[15];
+        self.stack_pointer = registers.r[13];
+    }
+}
+
+/// A core after its reset: the interpreter's own reset leaves the interrupt controller as it was.
+fn fresh(space: &Arc<AddressSpace>) -> ArmV7m {
+    // The STM32H7 has 16 priorities.
+    let config = Config::CORTEX_M7F.with_priority_bits(4).with_reset_vtor(FLASH);
+    let core = ArmV7m::new(config);
+    core.attach_space(Arc::clone(space));
+    // The reset sequence: stack pointer and first address are read.
+    core.step();
+    core
+}
+
+impl Core for Interpreter {
+    fn reset(&mut self) {
+        self.core = fresh(&self.space);
+        self.levels = [0; INTERRUPT_WORDS];
+        self.look();
+    }
+
+    fn step(&mut self) -> (Step, u64) {
+        let (before, was_at) = (self.exception, self.program_counter);
+        let clocks = self.core.step();
+        self.look();
+        if self.core.is_locked_up() {
+            return (Step::LockedUp, clocks);
+        }
+        if self.exception != before && self.exception != 0 && self.is_at_handler() {
+            return (Step::Entry(self.exception), clocks);
+        }
+        if was_at == self.program_counter && self.core.is_asleep() {
+            return (Step::Asleep, clocks);
+        }
+        (Step::Instruction, clocks)
+    }
+
+    fn clocks_until_timer(&self) -> Option<u64> {
+        self.core.with_sys(|system| {
+            let counts = system.syst_csr & 1 != 0 && system.syst_rvr != 0;
+            // It reloads in the clock after zero.
+            counts.then(|| {
+                u64::from(if system.syst_cvr == 0 { system.syst_rvr + 1 } else { system.syst_cvr })
+            })
+        })
+    }
+
+    fn sleep(&mut self, clocks: u64) {
+        self.core.with_sys(|system| {
+            let interrupts = system.syst_csr & 0b10 != 0;
+            if system.tick_systick(clocks) && interrupts {
+                system.set_pending(Exception::SYSTICK, true);
+            }
+        });
+    }
+
+    fn set_interrupts(&mut self, levels: [u32; INTERRUPT_WORDS]) {
+        for ((word, &new), old) in (0_u16..).zip(&levels).zip(&mut self.levels) {
+            let mut changed = new ^ std::mem::replace(old, new);
+            while changed != 0 {
+                let bit = changed.trailing_zeros();
+                changed &= changed - 1;
+                #[expect(clippy::cast_possible_truncation, reason = "below 32")]
+                self.core.set_irq(word * 32 + bit as u16, new & (1 << bit) != 0);
+            }
+        }
+    }
+
+    fn take_reset_request(&mut self) -> bool {
+        let requested = self.core.reset_requested();
+        if requested {
+            self.core.clear_reset_request();
+        }
+        requested
+    }
+
+    fn exception(&self) -> u16 {
+        self.exception
+    }
+
+    fn program_counter(&self) -> u32 {
+        self.program_counter
+    }
+
+    fn stack_pointer(&self) -> u32 {
+        self.stack_pointer
+    }
+
+    fn link_register(&self) -> u32 {
+        self.core.reg(14)
+    }
+
+    fn call(&mut self, address: u32, arguments: [u32; 3]) {
+        let mut registers = self.core.regs();
+        registers.r[..3].copy_from_slice(&arguments);
+        registers.r[15] = address & !1;
+        // Not in the middle of an IT block of the interrupted code.
+        registers.xpsr &= !rsemu::cpu::arm::v7m::xpsr::IT_MASK;
+        self.core.set_regs(registers);
+        self.look();
+    }
+
+    fn mask_interrupts(&mut self, masked: bool) {
+        let mut registers = self.core.regs();
+        registers.primask = masked;
+        self.core.set_regs(registers);
+    }
+}

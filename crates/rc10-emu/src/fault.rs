@@ -1,0 +1,200 @@
+//! Faults of a scenario, as a user writes them: `cut:2@0.3s..0.5s`.
+
+use std::fmt;
+use std::str::FromStr;
+
+use rc10_sim::Nanos;
+
+/// What goes wrong.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// `cut:BUS`: the bus's plug is out of the board. Nobody acknowledges what the chip sends.
+    Cut(usize),
+    /// `short:BUS`: CANH touches CANL. Whoever sends fails with its first bit.
+    Short(usize),
+    /// `dominant:BUS`: something holds the bus dominant.
+    Dominant(usize),
+    /// `noise:BUS`: the frame on the wire, or the next one, is destroyed. Has no end.
+    Noise(usize),
+    /// `power:BUS`: the motors of a bus have no power.
+    Power(usize),
+    /// `load:BUS`: another node fills the bus up to more than 99 %, with repetitions of the least
+    /// urgent feedback.
+    Load(usize),
+    /// `panic`: the program panics. Has no end.
+    Panic,
+    /// `hardfault`: the program executes an undefined instruction. Has no end.
+    HardFault,
+    /// `hang[:HANDLER]`: an interrupt handler never ends; `UART9` if none is named: the executor of
+    /// RC10's buses. Has no end.
+    Hang(String),
+    /// `mask`: all interrupts are masked.
+    Mask,
+}
+
+/// The handler that runs the buses of RC10's firmware.
+const CONTROL_EXECUTOR: &str = "UART9";
+
+impl Kind {
+    /// Whether it happens at one moment and cannot be taken back.
+    const fn is_sudden(&self) -> bool {
+        matches!(self, Self::Noise(_) | Self::Panic | Self::HardFault | Self::Hang(_))
+    }
+
+    /// The bus it concerns, 0 for the first.
+    #[must_use]
+    pub const fn bus(&self) -> Option<usize> {
+        match self {
+            Self::Cut(bus)
+            | Self::Short(bus)
+            | Self::Dominant(bus)
+            | Self::Noise(bus)
+            | Self::Power(bus)
+            | Self::Load(bus) => Some(*bus),
+            Self::Panic | Self::HardFault | Self::Hang(_) | Self::Mask => None,
+        }
+    }
+}
+
+/// A fault and its time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// What goes wrong.
+    pub kind: Kind,
+    /// When it begins, counted from power-on.
+    pub from: Nanos,
+    /// When all is well again; `None`: never, or it has no end.
+    pub until: Option<Nanos>,
+}
+
+/// Why a text is no fault.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NoFault(String);
+
+impl fmt::Display for NoFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for NoFault {}
+
+const KINDS: &str = "cut:BUS short:BUS dominant:BUS noise:BUS power:BUS load:BUS panic hardfault \
+                     hang[:HANDLER] mask";
+
+impl FromStr for Fault {
+    type Err = NoFault;
+
+    fn from_str(text: &str) -> Result<Self, NoFault> {
+        let wrong = |why: String| NoFault(format!("`{text}`: {why}"));
+        let (kind, times) = text.split_once('@').ok_or_else(|| {
+            wrong("write KIND@TIME or KIND@TIME..TIME, as cut:2@0.3s..0.5s".into())
+        })?;
+        let kind = kind_of(kind).map_err(wrong)?;
+        let (from, until) = match times.split_once("..") {
+            None => (time_of(times).map_err(wrong)?, None),
+            Some((from, until)) => {
+                (time_of(from).map_err(wrong)?, Some(time_of(until).map_err(wrong)?))
+            }
+        };
+        if until.is_some_and(|until| until <= from) {
+            return Err(wrong("it ends before it begins".into()));
+        }
+        if until.is_some() && kind.is_sudden() {
+            return Err(wrong("such a fault has a beginning, and no end".into()));
+        }
+        Ok(Self { kind, from, until })
+    }
+}
+
+fn kind_of(text: &str) -> Result<Kind, String> {
+    let (name, argument) = match text.split_once(':') {
+        Some((name, argument)) => (name, Some(argument)),
+        None => (text, None),
+    };
+    let bus = || match argument.map(str::parse::<usize>) {
+        Some(Ok(number @ 1..=3)) => Ok(number - 1),
+        _ => Err(format!("`{name}` needs a bus, 1 to 3: {name}:2")),
+    };
+    let alone = |kind: Kind| match argument {
+        None => Ok(kind),
+        Some(_) => Err(format!("`{name}` concerns the whole chip, no bus")),
+    };
+    match name {
+        "cut" => bus().map(Kind::Cut),
+        "short" => bus().map(Kind::Short),
+        "dominant" => bus().map(Kind::Dominant),
+        "noise" => bus().map(Kind::Noise),
+        "power" => bus().map(Kind::Power),
+        "load" => bus().map(Kind::Load),
+        "panic" => alone(Kind::Panic),
+        "hardfault" => alone(Kind::HardFault),
+        "mask" => alone(Kind::Mask),
+        "hang" => Ok(Kind::Hang(argument.unwrap_or(CONTROL_EXECUTOR).to_owned())),
+        _ => Err(format!("there is no such fault; there are: {KINDS}")),
+    }
+}
+
+/// `1.5s`, `300ms`, `20us`, exactly.
+fn time_of(text: &str) -> Result<Nanos, String> {
+    let wrong = || format!("`{text}` is no time: write 0.5s, 500ms or 20us, at most an hour");
+    let units = [("ms", 1_000_000), ("us", 1_000), ("s", 1_000_000_000_u64)];
+    let (number, unit) = units
+        .iter()
+        .find_map(|(name, unit)| Some((text.strip_suffix(name)?, *unit)))
+        .ok_or_else(wrong)?;
+    let (whole, fraction) = number.split_once('.').unwrap_or((number, ""));
+    let digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    if whole.is_empty() || !digits(whole) || !digits(fraction) || fraction.len() > 9 {
+        return Err(wrong());
+    }
+    let whole: u64 = whole.parse().map_err(|_| wrong())?;
+    // Nine digits after the point are whole nanoseconds of a second.
+    let fraction: u64 = format!("{fraction:0<9}").parse().map_err(|_| wrong())?;
+    let nanos = whole
+        .checked_mul(unit)
+        .and_then(|nanos| nanos.checked_add(fraction * unit / 1_000_000_000))
+        .filter(|&nanos| nanos <= 3_600_000_000_000)
+        .ok_or_else(wrong)?;
+    Ok(Nanos::new(nanos))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faults_are_written_as_the_help_says() {
+        let fault: Fault = "cut:2@0.3s..500ms".parse().unwrap();
+        assert_eq!(fault.kind, Kind::Cut(1));
+        assert_eq!(fault.from, Nanos::new(300_000_000));
+        assert_eq!(fault.until, Some(Nanos::new(500_000_000)));
+        let fault: Fault = "hang@1.000001s".parse().unwrap();
+        assert_eq!(fault.kind, Kind::Hang("UART9".into()));
+        assert_eq!((fault.from, fault.until), (Nanos::new(1_000_001_000), None));
+        let fault: Fault = "mask@20us..25us".parse().unwrap();
+        assert_eq!((fault.kind, fault.from), (Kind::Mask, Nanos::new(20_000)));
+    }
+
+    #[test]
+    fn what_is_no_fault_is_told_why() {
+        for (text, why) in [
+            ("cut:2", "KIND@TIME"),
+            ("cut@1s", "needs a bus"),
+            ("cut:4@1s", "needs a bus"),
+            ("cut:0@1s", "needs a bus"),
+            ("panic:1@1s", "whole chip"),
+            ("flood@1s", "cut:BUS"),
+            ("mask@1", "is no time"),
+            ("mask@1e3s", "is no time"),
+            ("mask@-1s", "is no time"),
+            ("mask@3601s", "is no time"),
+            ("mask@99999999999999999999s", "is no time"),
+            ("mask@2s..1s", "before it begins"),
+            ("panic@1s..2s", "no end"),
+        ] {
+            let error = text.parse::<Fault>().unwrap_err().to_string();
+            assert!(error.contains(why) && error.contains(text), "{error}");
+        }
+    }
+}

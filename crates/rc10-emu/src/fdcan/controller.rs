@@ -1,0 +1,447 @@
+//! One controller: its registers, and what it does on the wire.
+
+use rc10_can::{BusError, CanFrame};
+use rc10_sim::{Activity, Nanos, Outcome};
+
+use super::counters::Counters;
+use super::errors::Errors;
+use super::link::Link;
+use super::ram::MessageRam;
+use super::receive::Receive;
+use super::registers::{Access, Register, Registers, TEST_LBCK, at, cccr, find, ir};
+use super::timing::{Period, Timestamp};
+use super::transmit::Transmit;
+
+/// Sequences of eleven recessive bits before a controller takes part: one to find the bus idle,
+/// and after bus-off 128 more (RM0468, PSR.BO; ISO 11898-1: 128).
+const TO_JOIN: u64 = 1;
+const TO_RECOVER: u64 = 129;
+/// Recessive bits an error-passive sender adds to the interframe space (ISO 11898-1, suspend
+/// transmission).
+const SUSPEND_BITS: u64 = 8;
+
+pub(super) struct Controller {
+    registers: Registers,
+    /// IR.
+    flags: u32,
+    kernel_hz: u64,
+    /// Whether the receive and the transmit pin lead to it.
+    pub pins: (bool, bool),
+    timestamp: Timestamp,
+    link: Link,
+    errors: Errors,
+    receive: Receive,
+    transmit: Transmit,
+    /// The frame that ended last was its own.
+    sent_last: bool,
+    suspended_until: Nanos,
+    /// The latest time that it knows of.
+    now: Nanos,
+    pub counters: Counters,
+}
+
+impl Controller {
+    pub fn new() -> Self {
+        Self {
+            registers: Registers::new(),
+            flags: 0,
+            kernel_hz: 0,
+            pins: (false, false),
+            timestamp: Timestamp::new(),
+            link: Link::new(),
+            errors: Errors::new(),
+            receive: Receive::default(),
+            transmit: Transmit::default(),
+            sent_last: false,
+            suspended_until: Nanos::ZERO,
+            now: Nanos::ZERO,
+            counters: Counters::default(),
+        }
+    }
+
+    /// The block's reset: what is outside of it (clock, pins, wire) stays.
+    pub fn reset(&mut self) {
+        self.registers = Registers::new();
+        self.flags = 0;
+        self.timestamp = Timestamp::new();
+        self.link.stop();
+        self.errors = Errors::new();
+        self.receive = Receive::default();
+        self.transmit = Transmit::default();
+        self.sent_last = false;
+        self.suspended_until = Nanos::ZERO;
+    }
+
+    pub fn set_kernel_clock(&mut self, hz: u64) {
+        let was_off = std::mem::replace(&mut self.kernel_hz, hz) == 0;
+        self.set_timestamp_rate();
+        if self.is(cccr::INIT) {
+            return;
+        }
+        if hz == 0 {
+            self.stop();
+        } else if was_off {
+            self.start();
+        }
+    }
+
+    fn is(&self, bit: u32) -> bool {
+        self.registers.has(at::CCCR, bit)
+    }
+
+    fn may_configure(&self) -> bool {
+        self.is(cccr::INIT | cccr::CCE)
+    }
+
+    pub fn bit(&self) -> Option<Period> {
+        Period::of_bit(self.registers.at(at::NBTP), self.kernel_hz)
+    }
+
+    fn set_timestamp_rate(&mut self) {
+        let prescaler = self.registers.field(at::TSCC, 16, 4) + 1;
+        let counts_bits = self.registers.field(at::TSCC, 0, 2) == 1;
+        let tick = self.bit().filter(|_| counts_bits).map(|bit| bit.times(prescaler));
+        self.timestamp.set_tick(tick, self.now);
+    }
+
+    /// The timestamp of something that began at `at`. The external counter is not modelled: 0, as
+    /// with none.
+    fn stamp(&self, at: Nanos) -> u32 {
+        match self.registers.field(at::TSCC, 0, 2) {
+            1 => self.timestamp.value(at),
+            _ => 0,
+        }
+    }
+
+    /// Whether one of its two interrupt lines is raised.
+    pub fn interrupt_line(&self, line: u32) -> bool {
+        let second = self.registers.at(at::ILS);
+        let of_line = if line == 0 { !second } else { second };
+        let enabled = self.registers.at(at::IE) & of_line;
+        self.registers.at(at::ILE) >> line & 1 != 0 && self.flags & enabled != 0
+    }
+
+    // Time.
+
+    /// Brings everything up to this time.
+    pub fn settle(&mut self, now: Nanos) {
+        self.now = self.now.max(now);
+        if let Some(bit) = self.bit() {
+            let seen = self.link.settle(self.now, bit);
+            if seen > 0 && self.errors.is_bus_off() {
+                self.errors.recovering(seen);
+                if self.link.is_joined() {
+                    self.flags |= self.errors.recovered();
+                }
+            }
+        }
+        if self.timestamp.has_wrapped(self.now) {
+            self.flags |= ir::TSW;
+        }
+        self.stop_clock_if_asked();
+    }
+
+    pub fn next_event(&self) -> Option<Nanos> {
+        let joins = self.bit().and_then(|bit| self.link.next_event(bit));
+        let resumes = (self.transmit.pending != 0).then_some(self.suspended_until);
+        let wraps = self.registers.has(at::IE, ir::TSW).then(|| self.timestamp.next_wrap());
+        let events = joins.into_iter().chain(resumes).chain(wraps.flatten());
+        events.filter(|&event| event > self.now).min()
+    }
+
+    // Taking part.
+
+    /// CCCR.INIT was cleared, or its clock is back.
+    fn start(&mut self) {
+        if self.kernel_hz == 0 {
+            return;
+        }
+        if self.errors.is_bus_off() {
+            self.errors.start_recovery();
+            self.link.start(TO_RECOVER, self.now);
+        } else {
+            self.link.start(TO_JOIN, self.now);
+        }
+    }
+
+    /// CCCR.INIT was set, or its clock is off. Takes effect at once, in mid-frame too.
+    fn stop(&mut self) {
+        self.link.stop();
+        self.flags |= self.transmit.abort(&self.registers, &mut self.counters);
+        self.sent_last = false;
+    }
+
+    /// Clock stop request: granted as soon as nothing is pending and the wire is idle.
+    fn stop_clock_if_asked(&mut self) {
+        let is_quiet = !self.link.is_joined() || !self.link.is_busy();
+        let idle = self.transmit.pending == 0 && !self.transmit.is_sending() && is_quiet;
+        if self.is(cccr::CSR) && !self.is(cccr::CSA) && idle {
+            let value = self.registers.at(at::CCCR) | cccr::INIT | cccr::CSA;
+            self.registers.set(at::CCCR, value);
+            self.stop();
+        }
+    }
+
+    fn loops_back(&self) -> bool {
+        self.is(cccr::TEST) && self.registers.has(at::TEST, TEST_LBCK)
+    }
+
+    pub fn is_on_bus(&self) -> bool {
+        self.link.is_joined() && self.kernel_hz > 0 && !self.loops_back()
+    }
+
+    pub const fn is_connected(&self) -> bool {
+        self.pins.0 && self.pins.1
+    }
+
+    // The wire.
+
+    pub fn offer(&mut self, now: Nanos, ram: &mut MessageRam) -> Option<CanFrame> {
+        self.settle(now);
+        let silent = self.is(cccr::MON) || self.is(cccr::ASM);
+        if silent || !self.is_on_bus() || now < self.suspended_until {
+            return None;
+        }
+        let (frame, flags) = self.transmit.offer(&self.registers, ram, &mut self.counters);
+        self.flags |= flags;
+        frame
+    }
+
+    pub fn sending(&mut self, start: Nanos) {
+        self.settle(start);
+        self.transmit.start(self.stamp(start));
+    }
+
+    pub fn lost_arbitration(&mut self, start: Nanos) {
+        self.settle(start);
+        self.flags |= self.transmit.lost_arbitration(&self.registers, &mut self.counters);
+    }
+
+    pub fn sent(&mut self, outcome: Outcome, end: Nanos, ram: &mut MessageRam) {
+        self.settle(end);
+        if !self.transmit.is_sending() {
+            // It was stopped meanwhile.
+            return;
+        }
+        self.sent_last = true;
+        let error = match outcome {
+            Outcome::Acknowledged => {
+                let flags = self.transmit.succeeded(&self.registers, ram, &mut self.counters);
+                self.flags |= flags | self.errors.sent();
+                return;
+            }
+            Outcome::Unacknowledged => BusError::Acknowledge,
+            Outcome::Destroyed(error) => error,
+        };
+        self.flags |= self.transmit.failed(&self.registers, &mut self.counters);
+        self.flags |= self.errors.transmission_failed(error);
+        if self.errors.is_bus_off() {
+            self.counters.bus_offs += 1;
+            self.registers.set(at::CCCR, self.registers.at(at::CCCR) | cccr::INIT);
+            self.stop();
+        }
+    }
+
+    pub fn received(&mut self, frame: &CanFrame, start: Nanos, end: Nanos, ram: &mut MessageRam) {
+        self.settle(end);
+        if !self.is_on_bus() {
+            return;
+        }
+        self.flags |= self.errors.received(self.is(cccr::ASM));
+        let stamp = self.stamp(start);
+        let counters = &mut self.counters;
+        self.flags |= self.receive.accept(frame, stamp, &self.registers, ram, counters);
+    }
+
+    pub fn disturbed(&mut self, error: BusError, at: Nanos) {
+        self.settle(at);
+        if self.is_on_bus() {
+            self.flags |= self.errors.reception_failed(error, self.is(cccr::ASM));
+        }
+    }
+
+    pub fn wire_is(&mut self, activity: Activity, at: Nanos) {
+        self.settle(at);
+        let bit = self.bit();
+        self.link.wire_is(activity, at, bit);
+        if activity == Activity::Idle
+            && std::mem::take(&mut self.sent_last)
+            && self.errors.is_passive()
+            && let Some(bit) = bit
+        {
+            self.suspended_until = at + bit.many(SUSPEND_BITS);
+        }
+        self.settle(at);
+    }
+
+    // Registers.
+
+    pub fn read(&mut self, offset: u32, now: Nanos) -> Option<u32> {
+        self.settle(now);
+        let Some(register) = find(offset) else {
+            self.flags |= ir::ARA;
+            return None;
+        };
+        if register.access != Access::Active {
+            return Some(self.registers.at(offset));
+        }
+        let lost = |flag| u32::from(self.flags & flag != 0) << 25;
+        Some(match offset {
+            at::TSCV => self.stamp(self.now),
+            // The timeout counter does not count.
+            at::TOCV => self.registers.field(at::TOCC, 16, 16),
+            at::ECR => self.errors.read_ecr(),
+            at::PSR => self.errors.read_psr() | self.activity() << 3,
+            at::IR => self.flags,
+            at::HPMS => self.receive.high_priority,
+            at::NDAT1 => self.receive.new_data(0),
+            at::NDAT2 => self.receive.new_data(1),
+            at::RXF0S => self.receive.status(0, &self.registers) | lost(ir::RF0L),
+            at::RXF1S => self.receive.status(1, &self.registers) | lost(ir::RF0L << 4),
+            at::TXFQS => self.transmit.status(&self.registers),
+            at::TXBRP => self.transmit.pending,
+            at::TXBTO => self.transmit.occurred,
+            at::TXBCF => self.transmit.cancelled,
+            at::TXEFS => self.transmit.event_status(&self.registers) | lost(ir::TEFL),
+            at::CCCR | at::TEST => self.registers.at(offset),
+            // Acknowledge and request registers read as zero.
+            _ => 0,
+        })
+    }
+
+    /// PSR.ACT: synchronizing, idle, receiver, transmitter.
+    fn activity(&self) -> u32 {
+        if !self.link.is_joined() {
+            0
+        } else if self.transmit.is_sending() {
+            3
+        } else {
+            1 + u32::from(self.link.is_busy())
+        }
+    }
+
+    pub fn write(&mut self, offset: u32, value: u32, now: Nanos) -> bool {
+        self.settle(now);
+        let Some(register) = find(offset) else {
+            self.flags |= ir::ARA;
+            return false;
+        };
+        match register.access {
+            Access::Constant => (),
+            Access::Open => drop(self.registers.store(register, value)),
+            Access::Protected => self.configure(register, value),
+            Access::Active => self.act(offset, value),
+        }
+        self.settle(now);
+        true
+    }
+
+    fn configure(&mut self, register: &Register, value: u32) {
+        if !self.may_configure() {
+            self.refuse_if(self.registers.would_change(register, value));
+        } else if self.registers.store(register, value) {
+            self.set_timestamp_rate();
+        }
+    }
+
+    fn refuse_if(&mut self, changes: bool) {
+        self.counters.protected_writes += u64::from(changes);
+    }
+
+    fn act(&mut self, offset: u32, value: u32) {
+        let registers = &self.registers;
+        let is_there = match offset {
+            at::CCCR => return self.write_cccr(value),
+            at::TEST => return self.write_test(value),
+            at::TSCV => return self.timestamp.restart(self.now),
+            at::IR => {
+                self.flags &= !value;
+                return;
+            }
+            at::NDAT1 => return self.receive.clear_new_data(0, value),
+            at::NDAT2 => return self.receive.clear_new_data(1, value),
+            at::TXBAR => return self.request(value),
+            at::TXBCR => return self.cancel(value),
+            at::RXF0A => self.receive.acknowledge(0, value, registers),
+            at::RXF1A => self.receive.acknowledge(1, value, registers),
+            at::TXEFA => self.transmit.acknowledge_event(value, registers),
+            // The others are read-only; TOCV stands at its preset.
+            _ => return,
+        };
+        self.counters.bad_acknowledges += u64::from(!is_there);
+    }
+
+    fn request(&mut self, buffers: u32) {
+        if buffers == 0 {
+            return;
+        }
+        self.counters.requested(self.now);
+        if self.is(cccr::CCE) {
+            self.refuse_if(true);
+        } else if self.is(cccr::MON) {
+            self.counters.requests_ignored += u64::from(buffers.count_ones());
+        } else {
+            self.counters.requests_ignored += self.transmit.request(buffers, &self.registers);
+        }
+    }
+
+    fn cancel(&mut self, buffers: u32) {
+        if self.is(cccr::CCE) {
+            self.refuse_if(buffers != 0);
+        } else {
+            let counters = &mut self.counters;
+            self.flags |= self.transmit.cancel(buffers, &self.registers, counters);
+        }
+    }
+
+    /// TEST needs CCCR.TEST as well.
+    fn write_test(&mut self, value: u32) {
+        let Some(register) = find(at::TEST) else { return };
+        if self.may_configure() && self.is(cccr::TEST) {
+            self.registers.store(register, value);
+        } else {
+            self.refuse_if(self.registers.would_change(register, value));
+        }
+    }
+
+    fn write_cccr(&mut self, value: u32) {
+        let old = self.registers.at(at::CCCR);
+        let was_init = old & cccr::INIT != 0;
+        let may_configure = self.may_configure();
+
+        // While the clock is stopped, INIT stays set.
+        let clock_stopped = value & cccr::CSR != 0 && old & cccr::CSA != 0;
+        let init = value & cccr::INIT != 0 || clock_stopped;
+        let may_set_cce = was_init && init;
+        let cce = value & cccr::CCE != 0 && may_set_cce;
+        self.refuse_if(value & cccr::CCE != 0 && value & cccr::INIT != 0 && !may_set_cce);
+
+        let mut guarded = value & (cccr::PROTECTED | cccr::SET_PROTECTED);
+        if !may_configure {
+            let held = old & cccr::PROTECTED | old & guarded & cccr::SET_PROTECTED;
+            self.refuse_if(held != guarded);
+            guarded = held;
+        }
+        let mut new = guarded | value & cccr::CSR;
+        new |= if init { cccr::INIT } else { 0 };
+        new |= if cce { cccr::CCE } else { 0 };
+        new |= if clock_stopped { cccr::CSA } else { 0 };
+        self.registers.set(at::CCCR, new);
+
+        if new & cccr::TEST == 0 {
+            self.registers.set(at::TEST, 0);
+        }
+        if cce && old & cccr::CCE == 0 {
+            self.receive.reset();
+            self.counters.cancelled += self.transmit.reset();
+        }
+        if new & cccr::MON != 0 {
+            self.counters.cancelled += self.transmit.drop_requests(&self.registers);
+        }
+        match (was_init, init) {
+            (false, true) => self.stop(),
+            (true, false) => self.start(),
+            _ => (),
+        }
+    }
+}

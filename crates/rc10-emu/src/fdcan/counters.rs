@@ -1,0 +1,118 @@
+//! What the model saw, for whoever judges a driver: nothing the chip could tell of itself.
+
+use rc10_sim::Nanos;
+
+/// A request after a pause longer than this begins a new tick.
+const PAUSE_NS: u64 = 500_000;
+
+/// The time from one tick's first transmit request to the next's, nanoseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TickPeriod {
+    /// Periods measured.
+    pub count: u64,
+    /// The shortest; 0 if none was measured.
+    pub min_ns: u64,
+    /// The longest.
+    pub max_ns: u64,
+    /// All of them together.
+    pub sum_ns: u64,
+}
+
+impl TickPeriod {
+    /// The mean, rounded down; `None` if none was measured.
+    #[must_use]
+    pub const fn mean_ns(&self) -> Option<u64> {
+        self.sum_ns.checked_div(self.count)
+    }
+
+    fn add(&mut self, period: u64) {
+        self.min_ns = if self.count == 0 { period } else { self.min_ns.min(period) };
+        self.max_ns = self.max_ns.max(period);
+        self.sum_ns += period;
+        self.count += 1;
+    }
+}
+
+/// What happened in one controller since the model was made; a reset of the block clears nothing.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Frames stored in FIFO 0 and in FIFO 1.
+    pub received: [u64; 2],
+    /// Frames that came while FIFO 0, FIFO 1 was full (or had no element at all) and are lost.
+    pub lost: [u64; 2],
+    /// Oldest frames that FIFO 0, FIFO 1 gave up for newer ones, in overwrite mode.
+    pub overwritten: [u64; 2],
+    /// Frames stored in dedicated receive buffers.
+    pub received_in_buffers: u64,
+    /// Frames that the filters stored nowhere.
+    pub rejected: u64,
+    /// Frames sent and acknowledged.
+    pub sent: u64,
+    /// Transmissions that failed: not acknowledged, or destroyed.
+    pub failed: u64,
+    /// Requests that ended without their frame having been sent: cancelled, failed with automatic
+    /// retransmission switched off, or dropped when configuration (CCE) or bus monitoring began.
+    pub cancelled: u64,
+    /// Transmit requests that did nothing: the buffer was pending already, or is not configured,
+    /// or bus monitoring is on.
+    pub requests_ignored: u64,
+    /// Transmit requests for CAN FD frames, which are not modelled: cancelled.
+    pub fd_refused: u64,
+    /// Transmit events that found no room.
+    pub events_lost: u64,
+    /// Acknowledged elements that were not in their FIFO: ignored.
+    pub bad_acknowledges: u64,
+    /// Times it went to bus-off.
+    pub bus_offs: u64,
+    /// Writes that would have changed a protected bit while it was protected: ignored.
+    pub protected_writes: u64,
+    /// When a transmit was last requested.
+    pub last_request: Option<Nanos>,
+    /// From tick to tick.
+    pub tick_period: TickPeriod,
+    last_tick: Option<Nanos>,
+}
+
+impl Counters {
+    /// Those of a controller that does not exist.
+    pub(super) const NONE: Self = Self {
+        received: [0; 2],
+        lost: [0; 2],
+        overwritten: [0; 2],
+        received_in_buffers: 0,
+        rejected: 0,
+        sent: 0,
+        failed: 0,
+        cancelled: 0,
+        requests_ignored: 0,
+        fd_refused: 0,
+        events_lost: 0,
+        bad_acknowledges: 0,
+        bus_offs: 0,
+        protected_writes: 0,
+        last_request: None,
+        tick_period: TickPeriod { count: 0, min_ns: 0, max_ns: 0, sum_ns: 0 },
+        last_tick: None,
+    };
+
+    /// Frames that no receive FIFO could take.
+    #[must_use]
+    pub const fn rx_lost(&self) -> u64 {
+        self.lost[0] + self.lost[1]
+    }
+
+    pub(super) fn requested(&mut self, now: Nanos) {
+        let last = self.last_request.replace(now);
+        if last.is_some_and(|last| now.since(last).get() <= PAUSE_NS) {
+            return;
+        }
+        if let Some(tick) = self.last_tick.replace(now) {
+            self.tick_period.add(now.since(tick).get());
+        }
+    }
+
+    pub(super) fn restart_ticks(&mut self) {
+        self.tick_period = TickPeriod::default();
+        self.last_tick = None;
+    }
+}

@@ -1,0 +1,180 @@
+//! Fault confinement: error counters, error states, last error code (ISO 11898-1; registers ECR
+//! and PSR).
+
+use rc10_can::BusError;
+
+use super::registers::ir;
+
+/// A failed transmission counts eight, a failed reception one.
+const FAILED_TRANSMISSION: u8 = 8;
+const ERROR_WARNING: u8 = 96;
+const ERROR_PASSIVE: u8 = 128;
+/// A receive error counter above 127 falls to a value from 119 to 127 with the next good frame;
+/// ISO leaves the choice.
+const REC_AFTER_PASSIVE: u8 = 127;
+
+/// PSR.LEC: no error.
+const NO_ERROR: u32 = 0;
+/// PSR.LEC: a dominant bit was read back recessive.
+const BIT0_ERROR: u32 = 5;
+/// PSR.LEC: nothing has happened since PSR was read.
+const NO_CHANGE: u32 = 7;
+
+/// PSR.LEC for an error on the wire; `None` if it is none of the wire's.
+const fn code(error: BusError) -> Option<u32> {
+    match error {
+        BusError::Stuff => Some(1),
+        BusError::Form => Some(2),
+        BusError::Acknowledge => Some(3),
+        BusError::Bit => Some(BIT0_ERROR),
+        BusError::Crc => Some(6),
+        BusError::Overrun => None,
+    }
+}
+
+/// All functions return the flags they raise in IR.
+pub(super) struct Errors {
+    transmit: u8,
+    receive: u8,
+    bus_off: bool,
+    /// ECR.CEL.
+    logged: u8,
+    last: u32,
+}
+
+impl Errors {
+    pub const fn new() -> Self {
+        Self { transmit: 0, receive: 0, bus_off: false, logged: 0, last: NO_CHANGE }
+    }
+
+    pub const fn is_bus_off(&self) -> bool {
+        self.bus_off
+    }
+
+    pub const fn is_passive(&self) -> bool {
+        self.bus_off || self.transmit >= ERROR_PASSIVE || self.receive >= ERROR_PASSIVE
+    }
+
+    const fn is_warning(&self) -> bool {
+        self.is_passive() || self.transmit >= ERROR_WARNING || self.receive >= ERROR_WARNING
+    }
+
+    /// A change of the counters, and the flags of the states that it changes.
+    fn change(&mut self, change: impl FnOnce(&mut Self) -> u32) -> u32 {
+        let before = (self.is_warning(), self.is_passive(), self.bus_off);
+        let flags = change(self);
+        let after = (self.is_warning(), self.is_passive(), self.bus_off);
+        let flag = |changed, flag| if changed { flag } else { 0 };
+        flags
+            | flag(before.0 != after.0, ir::EW)
+            | flag(before.1 != after.1, ir::EP)
+            | flag(before.2 != after.2, ir::BO)
+    }
+
+    /// A frame of its own was acknowledged.
+    pub fn sent(&mut self) -> u32 {
+        self.last = NO_ERROR;
+        self.change(|errors| {
+            errors.transmit = errors.transmit.saturating_sub(1);
+            0
+        })
+    }
+
+    /// Another node's frame was good. Frozen (restricted operation mode): nothing counts.
+    pub fn received(&mut self, frozen: bool) -> u32 {
+        self.last = NO_ERROR;
+        self.change(|errors| {
+            errors.receive = match errors.receive {
+                receive if frozen => receive,
+                ERROR_PASSIVE.. => REC_AFTER_PASSIVE,
+                receive => receive.saturating_sub(1),
+            };
+            0
+        })
+    }
+
+    /// A frame of its own failed.
+    pub fn transmission_failed(&mut self, error: BusError) -> u32 {
+        // An error-passive sender that only misses its acknowledge counts no further, else a
+        // node that is alone would go to bus-off.
+        let counts = error != BusError::Acknowledge || !self.is_passive();
+        self.failed(error, |errors| {
+            if counts {
+                match errors.transmit.checked_add(FAILED_TRANSMISSION) {
+                    Some(transmit) => errors.transmit = transmit,
+                    None => errors.bus_off = true,
+                }
+            }
+            counts
+        })
+    }
+
+    /// Another node's frame was destroyed. Frozen (restricted operation mode): it is only logged.
+    pub fn reception_failed(&mut self, error: BusError, frozen: bool) -> u32 {
+        self.failed(error, |errors| {
+            if !frozen {
+                errors.receive = (errors.receive + 1).min(ERROR_PASSIVE);
+            }
+            true
+        })
+    }
+
+    fn failed(&mut self, error: BusError, count: impl FnOnce(&mut Self) -> bool) -> u32 {
+        let Some(code) = code(error) else { return 0 };
+        self.last = code;
+        ir::PEA
+            | self.change(|errors| {
+                if !count(errors) {
+                    return 0;
+                }
+                match errors.logged.checked_add(1) {
+                    Some(logged) => {
+                        errors.logged = logged;
+                        0
+                    }
+                    None => ir::ELO,
+                }
+            })
+    }
+
+    /// The recovery from bus-off begins: REC counts its sequences.
+    pub const fn start_recovery(&mut self) {
+        self.receive = 0;
+    }
+
+    /// So many more sequences of recessive bits were seen during recovery.
+    pub fn recovering(&mut self, sequences: u64) {
+        self.last = BIT0_ERROR;
+        let seen = u64::from(self.receive).saturating_add(sequences).min(127);
+        self.receive = u8::try_from(seen).unwrap_or(127);
+    }
+
+    /// Error-active again.
+    pub fn recovered(&mut self) -> u32 {
+        self.change(|errors| {
+            errors.transmit = 0;
+            errors.receive = 0;
+            errors.bus_off = false;
+            0
+        })
+    }
+
+    /// ECR; reading it clears CEL.
+    pub fn read_ecr(&mut self) -> u32 {
+        let logged = std::mem::take(&mut self.logged);
+        let passive = !self.bus_off && self.receive >= ERROR_PASSIVE;
+        u32::from(self.transmit)
+            | u32::from(self.receive.min(127)) << 8
+            | u32::from(passive) << 15
+            | u32::from(logged) << 16
+    }
+
+    /// PSR without ACT; reading it sets LEC to "no change". DLEC belongs to CAN FD's data phase.
+    pub fn read_psr(&mut self) -> u32 {
+        let last = std::mem::replace(&mut self.last, NO_CHANGE);
+        last | u32::from(self.is_passive()) << 5
+            | u32::from(self.is_warning()) << 6
+            | u32::from(self.bus_off) << 7
+            | NO_CHANGE << 8
+    }
+}

@@ -1,0 +1,187 @@
+//! The STM32H7's three FDCAN controllers and the message RAM they share, for classic CAN.
+//!
+//! Each is Bosch's `M_CAN`, release 3.2.1. [`Fdcans`] is what the processor sees: registers,
+//! message RAM, interrupt lines. [`Node`] is what a wire sees: a [`Controller`].
+//!
+//! Not modelled, beside CAN FD frames (counted and cancelled): the bits themselves. A frame is
+//! received when it ends, not at the last bit of its end-of-frame but one; a sender's broken frame
+//! is always a bit error ([`BusError::Bit`] reads as `Bit0Error`). Further:
+//! * Loop-back: a controller in it is not on the bus.
+//! * Bus monitoring sends nothing, but a wire takes whoever hears for one that acknowledges.
+//! * The timeout counter, the RAM watchdog, the external timestamp counter (reads as 0) and
+//!   transmit pause hold what is written and do nothing. The time-triggered registers and the clock
+//!   calibration unit do not exist.
+//! * Remote frames and length codes above 8 are those of [`CanFrame`]: 8 at most.
+//! * While in bus-off, TEC keeps its last value, which the manual leaves open.
+//! * Acknowledging an element that is not in the FIFO is ignored, where the chip's indices would go
+//!   astray.
+
+mod controller;
+mod counters;
+mod errors;
+mod filters;
+mod link;
+mod ram;
+mod receive;
+mod registers;
+mod ring;
+mod timing;
+mod transmit;
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rc10_can::{BusError, CanFrame};
+use rc10_sim::{Activity, Controller, Nanos, Outcome};
+
+pub use counters::{Counters, TickPeriod};
+use ram::MessageRam;
+
+/// FDCAN1, FDCAN2, FDCAN3 and their message RAM. Controllers are counted from 0.
+pub struct Fdcans {
+    controllers: [controller::Controller; 3],
+    ram: MessageRam,
+}
+
+impl Default for Fdcans {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Fdcans {
+    /// After power-on: kernel clock off, no pins, message RAM zero.
+    #[must_use]
+    pub fn new() -> Self {
+        let controllers = [(); 3].map(|()| controller::Controller::new());
+        Self { controllers, ram: MessageRam::new() }
+    }
+
+    /// The block's reset in RCC: all registers. Message RAM, kernel clock and pins stay, and so
+    /// do the [`Counters`].
+    pub fn reset(&mut self) {
+        self.controllers.iter_mut().for_each(controller::Controller::reset);
+    }
+
+    /// Reads a register; `offset` is in bytes from the controller's base address. `None`: there
+    /// is no such register.
+    pub fn read(&mut self, index: usize, offset: u32, now: Nanos) -> Option<u32> {
+        self.controllers.get_mut(index)?.read(offset, now)
+    }
+
+    /// Writes a register; what is read-only or protected at the time ignores it. `false`: there is
+    /// no such register.
+    pub fn write(&mut self, index: usize, offset: u32, value: u32, now: Nanos) -> bool {
+        self.controllers.get_mut(index).is_some_and(|one| one.write(offset, value, now))
+    }
+
+    /// A word of the message RAM, 0 ..= 2559; `None` beyond.
+    #[must_use]
+    pub fn read_ram(&self, word: usize) -> Option<u32> {
+        self.ram.word(word)
+    }
+
+    /// Writes a word of the message RAM, 0 ..= 2559; `false` beyond.
+    pub fn write_ram(&mut self, word: usize, value: u32) -> bool {
+        self.ram.word_mut(word).map(|slot| *slot = value).is_some()
+    }
+
+    /// How often a controller went beyond the message RAM's end, where a register had sent it.
+    #[must_use]
+    pub const fn ram_misses(&self) -> u64 {
+        self.ram.misses
+    }
+
+    /// The frequency of all three kernel clocks in hertz; 0: off, then no controller takes part.
+    pub fn set_kernel_clock(&mut self, hz: u64) {
+        self.controllers.iter_mut().for_each(|one| one.set_kernel_clock(hz));
+    }
+
+    /// Whether pins lead to a controller's receive input and from its transmit output. It is wired
+    /// up only with both.
+    pub fn set_pins(&mut self, index: usize, receive: bool, transmit: bool) {
+        if let Some(one) = self.controllers.get_mut(index) {
+            one.pins = (receive, transmit);
+        }
+    }
+
+    /// Both interrupt lines of each controller.
+    #[must_use]
+    pub fn interrupt_lines(&self) -> [[bool; 2]; 3] {
+        self.controllers.each_ref().map(|one| [one.interrupt_line(0), one.interrupt_line(1)])
+    }
+
+    /// What one controller saw.
+    #[must_use]
+    pub fn counters(&self, index: usize) -> &Counters {
+        self.controllers.get(index).map_or(&Counters::NONE, |one| &one.counters)
+    }
+
+    /// Starts [`Counters::tick_period`] anew, for all controllers.
+    pub fn restart_ticks(&mut self) {
+        self.controllers.iter_mut().for_each(|one| one.counters.restart_ticks());
+    }
+}
+
+/// One controller at its end of a wire.
+pub struct Node {
+    fdcans: Arc<Mutex<Fdcans>>,
+    index: usize,
+}
+
+impl Node {
+    /// Controller 0, 1 or 2; any other is never on the bus.
+    #[must_use]
+    pub const fn new(fdcans: Arc<Mutex<Fdcans>>, index: usize) -> Self {
+        Self { fdcans, index }
+    }
+
+    /// Does something with the controller, if it exists.
+    fn with<R: Default>(
+        &self,
+        act: impl FnOnce(&mut controller::Controller, &mut MessageRam) -> R,
+    ) -> R {
+        let mut fdcans: MutexGuard<'_, Fdcans> =
+            self.fdcans.lock().unwrap_or_else(PoisonError::into_inner);
+        let Fdcans { controllers, ram } = &mut *fdcans;
+        controllers.get_mut(self.index).map_or_else(R::default, |one| act(one, ram))
+    }
+}
+
+impl Controller for Node {
+    fn is_on_bus(&self) -> bool {
+        self.with(|one, _| one.is_on_bus())
+    }
+    fn is_connected(&self) -> bool {
+        self.with(|one, _| one.is_connected())
+    }
+    fn bit_time_ns(&self) -> Option<u32> {
+        self.with(|one, _| one.bit().map(timing::Period::nanos))
+    }
+    fn offer(&mut self, now: Nanos) -> Option<CanFrame> {
+        self.with(|one, ram| one.offer(now, ram))
+    }
+    fn sending(&mut self, start: Nanos) {
+        self.with(|one, _| one.sending(start));
+    }
+    fn lost_arbitration(&mut self, start: Nanos) {
+        self.with(|one, _| one.lost_arbitration(start));
+    }
+    fn sent(&mut self, outcome: Outcome, end: Nanos) {
+        self.with(|one, ram| one.sent(outcome, end, ram));
+    }
+    fn received(&mut self, frame: &CanFrame, start: Nanos, end: Nanos) {
+        self.with(|one, ram| one.received(frame, start, end, ram));
+    }
+    fn disturbed(&mut self, error: BusError, at: Nanos) {
+        self.with(|one, _| one.disturbed(error, at));
+    }
+    fn wire_is(&mut self, activity: Activity, at: Nanos) {
+        self.with(|one, _| one.wire_is(activity, at));
+    }
+    fn next_event(&self) -> Option<Nanos> {
+        self.with(|one, _| one.next_event())
+    }
+    fn advance(&mut self, now: Nanos) {
+        self.with(|one, _| one.settle(now));
+    }
+}

@@ -1,0 +1,136 @@
+//! What a scenario amounts to.
+
+use rc10_sim::Nanos;
+
+use crate::rig::Rig;
+
+/// The figures of a scenario so far.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figures {
+    /// How long it ran, since power-on.
+    pub length: Nanos,
+    /// From the moment the chip ran on its final clock to the start of the chip's first frame on
+    /// the last of its buses; `None` if one has seen none.
+    pub boot: Option<Nanos>,
+    /// One per bus.
+    pub buses: Vec<BusFigures>,
+    /// Executed instructions.
+    pub instructions: u64,
+    /// The deepest that the stack ever was, in bytes.
+    pub stack_bytes: u32,
+    /// Accesses to addresses that nobody owns.
+    pub unowned_accesses: u64,
+    /// Accesses to peripherals without a clock.
+    pub gated_accesses: u64,
+}
+
+/// The figures of one bus.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BusFigures {
+    /// Frames on the wire.
+    pub frames: u64,
+    /// Of these, how many the chip sent.
+    pub sent: u64,
+    /// Of the others', how many the chip's filters let into FIFO 0.
+    pub received: u64,
+    /// How many found FIFO 0 full.
+    pub lost: u64,
+    /// How many were let into FIFO 1 or nowhere: no motor's, no subscriber's.
+    pub foreign: u64,
+    /// Transmissions that nobody acknowledged, or that were destroyed.
+    pub failed: u64,
+    /// How often the controller went bus-off.
+    pub bus_offs: u64,
+    /// How busy the wire was, per cent.
+    pub load: f64,
+    /// Time from one tick to the next: from request to request for a first frame after a pause.
+    pub tick_period: Option<Spread>,
+}
+
+/// Least, mean and most of a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Spread {
+    /// How many there were.
+    pub count: u64,
+    /// The shortest.
+    pub min: Nanos,
+    /// Their mean.
+    pub mean: Nanos,
+    /// The longest.
+    pub max: Nanos,
+}
+
+impl Figures {
+    /// What a scenario amounts to so far.
+    #[must_use]
+    pub fn of(rig: &Rig) -> Self {
+        let machine = &rig.machine;
+        let soc = machine.soc();
+        let ready = machine.ready();
+        let first = |log: &crate::BusLog| {
+            log.frames.iter().find(|entry| entry.from_controller).map(|entry| entry.start)
+        };
+        let last_first = rig
+            .logs()
+            .iter()
+            .map(first)
+            .try_fold(Nanos::ZERO, |latest, first| Some(latest.max(first?)));
+        let stack_top = machine.image().stack().map_or(0, |stack| stack.end);
+        let lowest = machine.profile().lowest_stack().unwrap_or(stack_top);
+        Self {
+            length: machine.now(),
+            boot: ready.zip(last_first).map(|(ready, first)| first.since(ready)),
+            buses: (0..rig.buses().len()).map(|index| BusFigures::of(rig, index)).collect(),
+            instructions: machine.profile().total(),
+            stack_bytes: stack_top.saturating_sub(lowest),
+            unowned_accesses: soc.unowned(),
+            gated_accesses: soc.gated(),
+        }
+    }
+
+    /// Ticks of all buses.
+    #[must_use]
+    pub fn ticks(&self) -> u64 {
+        let periods = self.buses.iter().filter_map(|bus| bus.tick_period);
+        periods.map(|period| period.count + 1).sum()
+    }
+
+    /// Frames that the chip received.
+    #[must_use]
+    pub fn received(&self) -> u64 {
+        self.buses.iter().map(|bus| bus.received).sum()
+    }
+
+    /// Frames that the chip lost.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        self.buses.iter().map(|bus| bus.lost).sum()
+    }
+}
+
+impl BusFigures {
+    fn of(rig: &Rig, index: usize) -> Self {
+        let frames = &rig.logs()[index].frames;
+        let sent = frames.iter().filter(|entry| entry.from_controller).count();
+        let fdcan = rig.machine.fdcan();
+        let counters = fdcan.counters(index);
+        let period = counters.tick_period;
+        let [claimed, foreign] = counters.received;
+        Self {
+            frames: frames.len() as u64,
+            sent: sent as u64,
+            received: claimed,
+            lost: counters.lost[0],
+            foreign: foreign + counters.rejected,
+            failed: counters.failed,
+            bus_offs: counters.bus_offs,
+            load: rig.buses()[index].load(),
+            tick_period: period.mean_ns().map(|mean| Spread {
+                count: period.count,
+                min: Nanos::new(period.min_ns),
+                mean: Nanos::new(mean),
+                max: Nanos::new(period.max_ns),
+            }),
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! What an ELF file says about a program: its bytes, its functions, how much of the chip it takes.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use anyhow::{Context, Result, ensure};
+use object::elf::{FileHeader32, PT_LOAD, SHF_ALLOC, SHF_WRITE, SHT_NOBITS, SHT_SYMTAB, STT_FUNC};
+use object::read::elf::{FileHeader, ProgramHeader, SectionHeader, Sym};
+use object::{Endianness, elf};
+
+/// A program.
+pub struct Image {
+    /// Physical address and bytes of everything to be stored.
+    pub segments: Vec<(u32, Vec<u8>)>,
+    /// Every function: its address, without the Thumb bit, and its demangled name.
+    pub functions: BTreeMap<u32, String>,
+    /// Every symbol's address, as it stands in the file (functions with the Thumb bit), by the name
+    /// in the file.
+    pub symbols: BTreeMap<String, u32>,
+    /// Bytes of flash: code, constants, the initial values of statics.
+    pub flash: u32,
+    /// Bytes of static RAM: initialised, zeroed, and what a reset keeps.
+    pub ram: u32,
+    /// The compiler and its version, if the file says: `rustc version 1.95.0 (..)`.
+    pub compiler: Option<String>,
+}
+
+impl Image {
+    /// Reads an ELF file for a 32-bit Arm.
+    ///
+    /// # Errors
+    /// If it is none, or is cut short.
+    pub fn parse(file: &[u8]) -> Result<Self> {
+        let header = FileHeader32::<Endianness>::parse(file).context("no 32-bit ELF file")?;
+        let endian = header.endian()?;
+        ensure!(header.e_machine(endian) == elf::EM_ARM, "not a program for an Arm processor");
+        let mut segments = Vec::new();
+        for segment in header.program_headers(endian, file)? {
+            if segment.p_type(endian) == PT_LOAD {
+                let bytes = segment.data(endian, file).ok().context("a segment is cut short")?;
+                if !bytes.is_empty() {
+                    segments.push((segment.p_paddr(endian), bytes.to_vec()));
+                }
+            }
+        }
+        ensure!(!segments.is_empty(), "nothing in it is to be loaded");
+        let sections = header.sections(endian, file)?;
+        let (mut flash, mut ram) = (0, 0);
+        let mut compiler = None;
+        for section in sections.iter() {
+            if sections.section_name(endian, section)? == b".comment" {
+                let comments = section.data(endian, file)?.split(|&byte| byte == 0);
+                let comments = comments.filter_map(|comment| std::str::from_utf8(comment).ok());
+                let mut compilers = comments.filter(|comment| comment.starts_with("rustc"));
+                compiler = compilers.next().map(str::to_owned);
+            }
+            let bytes = section.sh_size(endian);
+            if section.sh_flags(endian) & SHF_ALLOC == 0 {
+                continue;
+            }
+            if section.sh_type(endian) != SHT_NOBITS {
+                flash += bytes;
+            }
+            // Writable: `.data` is in both, once as itself and once as its initial values.
+            if section.sh_flags(endian) & SHF_WRITE != 0 {
+                ram += bytes;
+            }
+        }
+        let table = sections.symbols(endian, file, SHT_SYMTAB)?;
+        let (mut functions, mut symbols) = (BTreeMap::new(), BTreeMap::new());
+        for symbol in table.iter() {
+            let name = std::str::from_utf8(symbol.name(endian, table.strings())?)?;
+            let address = symbol.st_value(endian);
+            if symbol.st_type() == STT_FUNC {
+                functions.insert(address & !1, format!("{:#}", rustc_demangle::demangle(name)));
+            }
+            symbols.insert(name.to_owned(), address);
+        }
+        Ok(Self { segments, functions, symbols, flash, ram, compiler })
+    }
+
+    /// The value of a symbol.
+    ///
+    /// # Errors
+    /// If the program has none of this name.
+    pub fn symbol(&self, name: &str) -> Result<u32> {
+        self.symbols.get(name).copied().with_context(|| format!("the program has no {name}"))
+    }
+
+    /// The function that an address lies in.
+    #[must_use]
+    pub fn function_at(&self, address: u32) -> Option<(u32, &str)> {
+        let (&start, name) = self.functions.range(..=address).next_back()?;
+        Some((start, name))
+    }
+
+    /// Where the stack may be: `_stack_end .. _stack_start`.
+    ///
+    /// # Errors
+    /// If the program does not say.
+    pub fn stack(&self) -> Result<Range<u32>> {
+        Ok(self.symbol("_stack_end")?..self.symbol("_stack_start")?)
+    }
+}

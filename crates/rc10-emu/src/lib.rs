@@ -1,0 +1,22 @@
+//! An emulated STM32H723 that runs the firmware's ELF unchanged, on the wires of `rc10-sim`.
+#![forbid(unsafe_code)]
+
+pub mod core;
+pub mod fault;
+pub mod fdcan;
+mod figures;
+pub mod image;
+mod log;
+mod machine;
+pub mod memory;
+pub mod peripherals;
+pub mod profile;
+mod rig;
+
+pub use fault::Fault;
+pub use figures::{BusFigures, Figures, Spread};
+pub use image::Image;
+pub use machine::{Injection, LogLine, Machine, Report, Restart};
+pub use memory::Memory;
+pub use profile::{ExceptionCost, Profile};
+pub use rig::{BusLog, Rig};

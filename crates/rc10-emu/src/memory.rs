@@ -1,0 +1,133 @@
+//! The chip's memories (RM0468, memory organisation).
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result, anyhow};
+use rsemu::core::space::RamStore;
+
+use crate::image::Image;
+
+/// Where peripherals are: base and length.
+pub const PERIPHERALS: (u32, u32) = (0x4000_0000, 0x2000_0000);
+
+/// One memory.
+pub struct Bank {
+    /// What the manual calls it.
+    pub name: &'static str,
+    /// Its first address.
+    pub base: u32,
+    store: Arc<RamStore>,
+}
+
+impl Bank {
+    pub(crate) fn store(&self) -> Arc<RamStore> {
+        Arc::clone(&self.store)
+    }
+}
+
+/// Name, first address and length of every memory.
+const BANKS: [(&str, u32, u64); 8] = [
+    ("ITCM", 0x0000_0000, 64 << 10),
+    ("flash", 0x0800_0000, 1 << 20),
+    ("DTCM", 0x2000_0000, 128 << 10),
+    ("AXI SRAM", 0x2400_0000, 320 << 10),
+    ("SRAM1", 0x3000_0000, 16 << 10),
+    ("SRAM2", 0x3000_4000, 16 << 10),
+    ("SRAM4", 0x3800_0000, 16 << 10),
+    ("backup SRAM", 0x3880_0000, 4 << 10),
+];
+
+/// Where the processor's first instruction comes from.
+pub const FLASH: u32 = BANKS[1].1;
+
+/// All memories. A reset leaves them as they are.
+pub struct Memory {
+    banks: Vec<Bank>,
+}
+
+impl Memory {
+    /// Memories full of zeros; erased flash is full of ones.
+    #[must_use]
+    pub fn new() -> Self {
+        let banks = BANKS.map(|(name, base, length)| {
+            let store = Arc::new(RamStore::new(length));
+            if base == FLASH {
+                // Cannot fail: it is the whole store.
+                let _ = store.fill(0, length, 0xFF);
+            }
+            Bank { name, base, store }
+        });
+        Self { banks: banks.into() }
+    }
+
+    /// Memories with a program in them.
+    ///
+    /// # Errors
+    /// If it does not fit.
+    pub fn with(image: &Image) -> Result<Self> {
+        let memory = Self::new();
+        for (address, bytes) in &image.segments {
+            memory.write(*address, bytes).context("the program does not fit")?;
+        }
+        Ok(memory)
+    }
+
+    /// The banks, in the order of their addresses.
+    #[must_use]
+    pub fn banks(&self) -> &[Bank] {
+        &self.banks
+    }
+
+    fn bank(&self, address: u32, length: usize) -> Result<(&Bank, u64)> {
+        let place = self.banks.iter().find_map(|bank| {
+            let offset = u64::from(address.checked_sub(bank.base)?);
+            let end = offset.checked_add(u64::try_from(length).ok()?)?;
+            (end <= bank.store.len()).then_some((bank, offset))
+        });
+        place.ok_or_else(|| anyhow!("no memory holds {length} bytes at {address:#010x}"))
+    }
+
+    /// Copies bytes out.
+    ///
+    /// # Errors
+    /// If no memory holds them all.
+    pub fn read(&self, address: u32, to: &mut [u8]) -> Result<()> {
+        let (bank, offset) = self.bank(address, to.len())?;
+        bank.store.read_at(offset, to).map_err(|error| anyhow!("{}: {error:?}", bank.name))
+    }
+
+    /// Copies bytes in.
+    ///
+    /// # Errors
+    /// If no memory holds them all.
+    pub fn write(&self, address: u32, from: &[u8]) -> Result<()> {
+        let (bank, offset) = self.bank(address, from.len())?;
+        bank.store.write_at(offset, from).map_err(|error| anyhow!("{}: {error:?}", bank.name))
+    }
+
+    /// A word.
+    ///
+    /// # Errors
+    /// If no memory holds it.
+    pub fn word(&self, address: u32) -> Result<u32> {
+        let mut bytes = [0; 4];
+        self.read(address, &mut bytes)?;
+        Ok(u32::from_le_bytes(bytes))
+    }
+}
+
+impl Clone for Memory {
+    /// The same memories, not a copy of them: what a DMA controller sees.
+    fn clone(&self) -> Self {
+        let banks = self.banks.iter();
+        let banks =
+            banks.map(|bank| Bank { name: bank.name, base: bank.base, store: bank.store() });
+        Self { banks: banks.collect() }
+    }
+}
+
+impl Default for Memory {
+    fn default() -> Self {
+        Self::new()
+    }
+}

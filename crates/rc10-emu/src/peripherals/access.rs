@@ -1,0 +1,168 @@
+//! Accesses, and what the chip does not like about them.
+
+use std::fmt;
+
+/// How much an access reads or writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Width {
+    /// 8 bit.
+    Byte,
+    /// 16 bit.
+    Half,
+    /// 32 bit.
+    Word,
+}
+
+impl Width {
+    pub(super) const fn bytes(self) -> u32 {
+        match self {
+            Self::Byte => 1,
+            Self::Half => 2,
+            Self::Word => 4,
+        }
+    }
+
+    pub(super) const fn mask(self) -> u32 {
+        match self {
+            Self::Byte => 0xFF,
+            Self::Half => 0xFFFF,
+            Self::Word => u32::MAX,
+        }
+    }
+}
+
+/// What is wrong with an access.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AccessKind {
+    /// Nobody is at that address, or the access is not aligned: a bus fault.
+    Unowned,
+    /// The peripheral has no clock, or is held in reset: reads 0, ignores writes.
+    Gated,
+    /// The chip has it, this model does not: reads 0, ignores writes.
+    Unmodelled,
+    /// The register is locked, or what was written is not allowed: ignored.
+    Protected,
+    /// The flash has too few wait states for the clock it now has at its voltage.
+    WaitStates,
+}
+
+/// An access that the chip does not like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Access {
+    /// Where.
+    pub address: u32,
+    /// Whether it was a write.
+    pub write: bool,
+    /// What is wrong with it.
+    pub kind: AccessKind,
+}
+
+impl fmt::Display for Access {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let verb = if self.write { "write to" } else { "read of" };
+        let name = super::map::row_of(self.address).map_or("nobody", |(_, row)| row.name);
+        let what = match self.kind {
+            AccessKind::Unowned => "unowned or unaligned",
+            AccessKind::Gated => "without clock or in reset",
+            AccessKind::Unmodelled => "not modelled",
+            AccessKind::Protected => "locked",
+            AccessKind::WaitStates => "too few wait states",
+        };
+        write!(f, "{verb} {:#010x} ({name}): {what}", self.address)
+    }
+}
+
+/// How many accesses of each [`AccessKind`] there were.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// [`AccessKind::Unowned`].
+    pub unowned: u64,
+    /// [`AccessKind::Gated`].
+    pub gated: u64,
+    /// [`AccessKind::Unmodelled`].
+    pub unmodelled: u64,
+    /// [`AccessKind::Protected`].
+    pub protected: u64,
+    /// [`AccessKind::WaitStates`].
+    pub wait_states: u64,
+}
+
+impl Counts {
+    pub(super) const fn add(&mut self, kind: AccessKind) {
+        let count = match kind {
+            AccessKind::Unowned => &mut self.unowned,
+            AccessKind::Gated => &mut self.gated,
+            AccessKind::Unmodelled => &mut self.unmodelled,
+            AccessKind::Protected => &mut self.protected,
+            AccessKind::WaitStates => &mut self.wait_states,
+        };
+        *count += 1;
+    }
+}
+
+/// The bus answers with an error: a `BusFault` of the core.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BusFault;
+
+impl fmt::Display for BusFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("bus fault")
+    }
+}
+
+impl std::error::Error for BusFault {}
+
+/// Why a block does not do what an access asks for. The access itself is harmless.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Refusal {
+    Unmodelled,
+    Protected,
+}
+
+impl From<Refusal> for AccessKind {
+    fn from(refusal: Refusal) -> Self {
+        match refusal {
+            Refusal::Unmodelled => Self::Unmodelled,
+            Refusal::Protected => Self::Protected,
+        }
+    }
+}
+
+/// A write to a register: of a word, or of some of its bytes. Where writing a one or a zero does
+/// something, bytes that were not written do nothing.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Write {
+    /// Of the whole word.
+    pub offset: u32,
+    value: u32,
+    lanes: u32,
+}
+
+impl Write {
+    /// `offset` as accessed; the value in its lowest bytes.
+    pub(super) const fn new(offset: u32, width: Width, value: u32) -> Self {
+        let shift = 8 * (offset & 3);
+        let lanes = width.mask() << shift;
+        Self { offset: offset & !3, value: (value << shift) & lanes, lanes }
+    }
+
+    /// The same write to another register.
+    pub(super) const fn at(self, offset: u32) -> Self {
+        Self { offset, ..self }
+    }
+
+    /// The register's new value, if it simply stores.
+    pub(super) const fn over(self, old: u32) -> u32 {
+        old & !self.lanes | self.value
+    }
+
+    /// Bits written as one.
+    pub(super) const fn ones(self) -> u32 {
+        self.value
+    }
+
+    /// Bits written as zero.
+    pub(super) const fn zeros(self) -> u32 {
+        !self.value & self.lanes
+    }
+}

@@ -1,0 +1,212 @@
+//! The clock tree as it is set at one moment (RM0468, RCC chapter, clock tree figure).
+
+/// The board's crystal. Source: the team's `CubeMX` project.
+pub const HSE_HZ: u64 = 25_000_000;
+pub(super) const HSI_HZ: u64 = 64_000_000;
+pub(super) const CSI_HZ: u64 = 4_000_000;
+pub(super) const LSI_HZ: u64 = 32_000;
+pub(super) const LSE_HZ: u64 = 32_768;
+
+/// Frequencies in hertz; 0 where nothing ticks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Clocks {
+    /// The core.
+    pub core: u64,
+    /// AXI and AHB.
+    pub bus: u64,
+    /// APB1 and APB2.
+    pub apb: [u64; 2],
+    /// Timers on APB1 and APB2.
+    pub timers: [u64; 2],
+    /// Kernel clock of the FDCANs.
+    pub fdcan: u64,
+    /// Kernel clocks of the UARTs: those on APB1 (2, 3, 4, 5, 7, 8), those on APB2 (1, 6, 9, 10).
+    pub usarts: [u64; 2],
+}
+
+/// Frequencies of what the tree starts from: 0 if not running.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Sources {
+    pub hsi: u64,
+    pub csi: u64,
+    pub hse: u64,
+    pub lse: u64,
+    /// P, Q and R of PLL1 to PLL3.
+    pub plls: [[u64; 3]; 3],
+}
+
+/// The registers that shape the tree.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Settings {
+    /// SWS: the source of the system clock.
+    pub source: u32,
+    pub cfgr: u32,
+    pub d1cfgr: u32,
+    pub d2cfgr: u32,
+    pub d2ccip1r: u32,
+    pub d2ccip2r: u32,
+}
+
+pub(super) fn field(register: u32, shift: u32, bits: u32) -> u32 {
+    register >> shift & ((1 << bits) - 1)
+}
+
+impl Clocks {
+    pub(super) fn new(sources: &Sources, settings: &Settings) -> Self {
+        let system = match settings.source {
+            0 => sources.hsi,
+            1 => sources.csi,
+            2 => sources.hse,
+            3 => sources.plls[0][0],
+            _ => 0,
+        };
+        let core = system / ahb_divider(field(settings.d1cfgr, 8, 4));
+        let bus = core / ahb_divider(field(settings.d1cfgr, 0, 4));
+        let prescalers = [4, 8].map(|shift| apb_divider(field(settings.d2cfgr, shift, 3)));
+        let apb = prescalers.map(|divider| bus / divider);
+        // RM0468, RCC_CFGR, TIMPRE: timers run at the bus's clock, if APB is not much slower.
+        let faster = if field(settings.cfgr, 15, 1) == 0 { 2 } else { 4 };
+        let timers =
+            prescalers.map(|divider| if divider <= faster { bus } else { bus / divider * faster });
+        let fdcan = match field(settings.d2ccip1r, 28, 2) {
+            0 => sources.hse,
+            1 => sources.plls[0][1],
+            2 => sources.plls[1][1],
+            _ => 0,
+        };
+        let usart = |selected, bus| match selected {
+            0 => bus,
+            1 => sources.plls[1][1],
+            2 => sources.plls[2][1],
+            3 => sources.hsi,
+            4 => sources.csi,
+            5 => sources.lse,
+            _ => 0,
+        };
+        let usarts = [
+            usart(field(settings.d2ccip2r, 0, 3), apb[0]),
+            usart(field(settings.d2ccip2r, 3, 3), apb[1]),
+        ];
+        Self { core, bus, apb, timers, fdcan, usarts }
+    }
+}
+
+/// D1CPRE, HPRE.
+fn ahb_divider(bits: u32) -> u64 {
+    match bits {
+        0..8 => 1,
+        8..12 => 2 << (bits - 8),
+        _ => 64 << (bits - 12),
+    }
+}
+
+/// D2PPRE1, D2PPRE2.
+fn apb_divider(bits: u32) -> u64 {
+    if bits < 4 { 1 } else { 2 << (bits - 4) }
+}
+
+/// The outputs P, Q and R of a PLL, 0 where disabled; `None` if it cannot lock with these settings.
+///
+/// `fraction` is in 1/8192; `wide` is VCOSEL = 0, 192 ..= 836 MHz, otherwise 150 ..= 420 MHz;
+/// `range` is RGE. Limits: RM0468, RCC chapter, PLL section, and the data sheet's PLL table.
+pub(super) fn pll(input: u64, settings: &Pll) -> Option<[u64; 3]> {
+    let reference = input.checked_div(u64::from(settings.pre_divider))?;
+    let allowed = match settings.range {
+        0 => 1_000_000..=2_000_000,
+        1 => 2_000_000..=4_000_000,
+        2 => 4_000_000..=8_000_000,
+        _ => 8_000_000..=16_000_000,
+    };
+    let multiplier = u64::from(settings.multiplier) * 8192 + u64::from(settings.fraction);
+    let oscillator = reference * multiplier / 8192;
+    let reachable =
+        if settings.wide { 192_000_000..=836_000_000 } else { 150_000_000..=420_000_000 };
+    if !allowed.contains(&reference) || !reachable.contains(&oscillator) {
+        return None;
+    }
+    Some(settings.dividers.map(|divider| divider.map_or(0, |divider| oscillator / divider)))
+}
+
+/// How one PLL is set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Pll {
+    /// DIVM; 0: no clock.
+    pub pre_divider: u32,
+    /// DIVN, 4 ..= 512.
+    pub multiplier: u32,
+    pub fraction: u32,
+    pub wide: bool,
+    pub range: u32,
+    /// P, Q, R: 1 ..= 128; `None` if the output is disabled.
+    pub dividers: [Option<u64>; 3],
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RC10: Pll = Pll {
+        pre_divider: 5,
+        multiplier: 96,
+        fraction: 0,
+        wide: true,
+        range: 2,
+        dividers: [Some(1), Some(4), None],
+    };
+
+    #[test]
+    fn a_pll_multiplies() {
+        assert_eq!(pll(HSE_HZ, &RC10), Some([480_000_000, 120_000_000, 0]));
+        let half = Pll { fraction: 4096, ..RC10 };
+        assert_eq!(pll(HSE_HZ, &half), Some([482_500_000, 120_625_000, 0]));
+    }
+
+    #[test]
+    fn a_pll_outside_its_limits_does_not_lock() {
+        assert_eq!(pll(0, &RC10), None);
+        assert_eq!(pll(HSE_HZ, &Pll { pre_divider: 0, ..RC10 }), None);
+        assert_eq!(pll(HSE_HZ, &Pll { range: 3, ..RC10 }), None);
+        assert_eq!(pll(HSE_HZ, &Pll { multiplier: 200, ..RC10 }), None);
+    }
+
+    #[test]
+    fn dividers_are_the_manuals() {
+        assert_eq!([0, 7, 8, 11, 12, 15].map(ahb_divider), [1, 1, 2, 16, 64, 512]);
+        assert_eq!([0, 3, 4, 7].map(apb_divider), [1, 1, 2, 16]);
+    }
+
+    #[test]
+    fn the_bus_divides_the_cores_clock_which_divides_the_systems() {
+        let sources = Sources { hsi: HSI_HZ, ..Sources::default() };
+        let settings = Settings {
+            source: 0,
+            cfgr: 0,
+            d1cfgr: 8 << 8 | 9,
+            d2cfgr: 0,
+            d2ccip1r: 0,
+            d2ccip2r: 0,
+        };
+        let clocks = Clocks::new(&sources, &settings);
+        assert_eq!((clocks.core, clocks.bus), (32_000_000, 8_000_000));
+    }
+
+    #[test]
+    fn timers_run_at_the_bus_clock_unless_apb_is_much_slower() {
+        let sources = Sources { hsi: HSI_HZ, ..Sources::default() };
+        let clocks = |cfgr, prescaler: u32| {
+            let settings = Settings {
+                source: 0,
+                cfgr,
+                d1cfgr: 0,
+                d2cfgr: prescaler << 4,
+                d2ccip1r: 0,
+                d2ccip2r: 0,
+            };
+            Clocks::new(&sources, &settings).timers[0]
+        };
+        assert_eq!(clocks(0, 4), 64_000_000);
+        assert_eq!(clocks(0, 5), 32_000_000);
+        assert_eq!(clocks(1 << 15, 5), 64_000_000);
+        assert_eq!(clocks(1 << 15, 6), 32_000_000);
+    }
+}

@@ -1,0 +1,298 @@
+//! DMA1 and DMA2, and the router DMAMUX1 in front of them (RM0468, DMA and DMAMUX chapters).
+//!
+//! An item moves in the moment its peripheral asks, without bus or FIFO delay; memory to memory in
+//! the moment the stream is enabled. Items are as wide as the peripheral's; where memory's are
+//! wider or narrower, the same bytes lie in the same places.
+//! Not modelled, and reported when asked for: double buffers, flow control by the peripheral,
+//! synchronised requests and request generators. Priorities are those of the streams' numbers.
+
+use std::ops::Range;
+
+use super::access::{Refusal, Width, Write};
+
+/// Streams of one controller.
+pub(super) const STREAMS: usize = 8;
+
+/// What a DMA1 or DMA2 cannot reach: the core's own memories (RM0468, bus matrix).
+pub(super) const UNREACHABLE: [Range<u32>; 2] =
+    [0x0000_0000..0x0001_0000, 0x2000_0000..0x2002_0000];
+
+// Flags of one stream.
+const ERROR: u32 = 1 << 3;
+const HALF: u32 = 1 << 4;
+const COMPLETE: u32 = 1 << 5;
+
+// CR.
+const ENABLE: u32 = 1 << 0;
+/// EN and the interrupt enables DMEIE, TEIE, HTIE, TCIE: may change while enabled.
+const UNLOCKED: u32 = 0x1F;
+/// PFCTRL, DBM.
+const UNMODELLED: u32 = 1 << 5 | 1 << 18;
+const CIRCULAR: u32 = 1 << 8;
+const PERIPHERAL_INCREMENT: u32 = 1 << 9;
+const MEMORY_INCREMENT: u32 = 1 << 10;
+
+/// Interrupts of DMA1's and DMA2's streams. Source: stm32-metapac.
+const INTERRUPTS: [[usize; STREAMS]; 2] =
+    [[11, 12, 13, 14, 15, 16, 17, 47], [56, 57, 58, 59, 60, 68, 69, 70]];
+
+/// Where data goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Direction {
+    FromPeripheral,
+    ToPeripheral,
+    /// From the "peripheral" address to the other.
+    MemoryToMemory,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Stream {
+    control: u32,
+    /// Items that remain, and what it starts again with.
+    items: u32,
+    reload: u32,
+    peripheral: u32,
+    memory: [u32; 2],
+    /// Reset value 0x21: its FIFO is empty.
+    fifo: u32,
+    flags: u32,
+    /// Items done since it was enabled or started again.
+    done: u32,
+}
+
+/// One item to move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Transfer {
+    pub from: u32,
+    pub to: u32,
+    pub width: Width,
+}
+
+impl Stream {
+    const fn new() -> Self {
+        Self {
+            control: 0,
+            items: 0,
+            reload: 0,
+            peripheral: 0,
+            memory: [0; 2],
+            fifo: 0x21,
+            flags: 0,
+            done: 0,
+        }
+    }
+
+    const fn is(&self, bit: u32) -> bool {
+        self.control & bit != 0
+    }
+
+    const fn direction(&self) -> Direction {
+        match self.control >> 6 & 3 {
+            0 => Direction::FromPeripheral,
+            1 => Direction::ToPeripheral,
+            _ => Direction::MemoryToMemory,
+        }
+    }
+
+    const fn width(&self) -> Width {
+        match self.control >> 11 & 3 {
+            0 => Width::Byte,
+            1 => Width::Half,
+            _ => Width::Word,
+        }
+    }
+
+    fn next(&self) -> Transfer {
+        let width = self.width();
+        let moved = self.done.wrapping_mul(width.bytes());
+        let at = |base: u32, bit| if self.is(bit) { base.wrapping_add(moved) } else { base };
+        let peripheral = at(self.peripheral, PERIPHERAL_INCREMENT);
+        let memory = at(self.memory[0], MEMORY_INCREMENT);
+        let (from, to) = match self.direction() {
+            Direction::ToPeripheral => (memory, peripheral),
+            Direction::FromPeripheral | Direction::MemoryToMemory => (peripheral, memory),
+        };
+        Transfer { from, to, width }
+    }
+
+    fn moved(&mut self, worked: bool) {
+        if !worked {
+            self.flags |= ERROR;
+            self.control &= !ENABLE;
+            return;
+        }
+        self.done += 1;
+        self.items = self.items.saturating_sub(1);
+        if self.done == self.reload / 2 {
+            self.flags |= HALF;
+        }
+        if self.items == 0 {
+            self.flags |= COMPLETE;
+            if self.is(CIRCULAR) {
+                self.items = self.reload;
+                self.done = 0;
+            } else {
+                self.control &= !ENABLE;
+            }
+        }
+    }
+
+    fn write(&mut self, register: u32, write: Write) -> Result<(), Refusal> {
+        let locked = self.is(ENABLE);
+        match register {
+            0x00 => {
+                let wanted = write.over(self.control);
+                let unlocked = if locked { UNLOCKED } else { 0x01FF_FFFF };
+                self.control = self.control & !unlocked | wanted & unlocked;
+                if locked && !self.is(ENABLE) {
+                    // RM0468, EN: the flag tells that the stream has come to its end.
+                    self.flags |= COMPLETE;
+                }
+                if !locked && self.is(ENABLE) {
+                    if self.items == 0 || self.is(UNMODELLED) {
+                        let nothing_to_do = self.items == 0;
+                        self.control &= !ENABLE;
+                        return Err(if nothing_to_do {
+                            Refusal::Protected
+                        } else {
+                            Refusal::Unmodelled
+                        });
+                    }
+                    self.reload = self.items;
+                    self.done = 0;
+                }
+            }
+            0x04 | 0x08 | 0x0C if locked => return Err(Refusal::Protected),
+            0x04 => self.items = write.over(self.items) & 0xFFFF,
+            0x08 => self.peripheral = write.over(self.peripheral),
+            0x0C => self.memory[0] = write.over(self.memory[0]),
+            0x10 => self.memory[1] = write.over(self.memory[1]),
+            _ => self.fifo = write.over(self.fifo) & 0x87 | 0x20,
+        }
+        Ok(())
+    }
+}
+
+#[derive(Debug)]
+pub(super) struct Dma {
+    index: usize,
+    streams: [Stream; STREAMS],
+}
+
+/// Position of a stream's flags in LISR or HISR.
+const FLAG_SHIFTS: [u32; 4] = [0, 6, 16, 22];
+const FLAGS: u32 = 0x3D;
+
+/// A register of a stream: which stream, which register.
+fn stream_of(offset: u32) -> Option<(usize, u32)> {
+    let offset = offset.checked_sub(0x10)?;
+    let stream = (offset / 0x18) as usize;
+    (stream < STREAMS).then_some((stream, offset % 0x18))
+}
+
+impl Dma {
+    /// DMA1 is 0.
+    pub(super) const fn new(index: usize) -> Self {
+        Self { index, streams: [const { Stream::new() }; STREAMS] }
+    }
+
+    pub(super) fn reset(&mut self) {
+        *self = Self::new(self.index);
+    }
+
+    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
+        if let 0x00 | 0x04 = offset {
+            let half = self.streams.iter().skip(offset as usize).take(4);
+            return Ok(half.zip(FLAG_SHIFTS).map(|(stream, shift)| stream.flags << shift).sum());
+        }
+        if let 0x08 | 0x0C = offset {
+            return Ok(0);
+        }
+        let (stream, register) = stream_of(offset).ok_or(Refusal::Unmodelled)?;
+        let stream = &self.streams[stream];
+        Ok(match register {
+            0x00 => stream.control,
+            0x04 => stream.items,
+            0x08 => stream.peripheral,
+            0x0C => stream.memory[0],
+            0x10 => stream.memory[1],
+            _ => stream.fifo,
+        })
+    }
+
+    pub(super) fn write(&mut self, write: Write) -> Result<(), Refusal> {
+        match write.offset {
+            // LISR, HISR cannot be written.
+            0x00 | 0x04 => Ok(()),
+            0x08 | 0x0C => {
+                let half = self.streams.iter_mut().skip(write.offset as usize - 0x08).take(4);
+                for (stream, shift) in half.zip(FLAG_SHIFTS) {
+                    stream.flags &= !(write.ones() >> shift & FLAGS);
+                }
+                Ok(())
+            }
+            _ => {
+                let (stream, register) = stream_of(write.offset).ok_or(Refusal::Unmodelled)?;
+                self.streams[stream].write(register, write)
+            }
+        }
+    }
+
+    /// What an enabled stream moves next; `None` if it waits for a request that is not there.
+    pub(super) fn next(&self, stream: usize, requested: bool) -> Option<Transfer> {
+        let stream = self.streams.get(stream).filter(|stream| stream.is(ENABLE))?;
+        let moves = requested || stream.direction() == Direction::MemoryToMemory;
+        moves.then(|| stream.next())
+    }
+
+    /// The transfer that [`next`](Self::next) named was made, or could not be.
+    pub(super) fn moved(&mut self, stream: usize, worked: bool) {
+        self.streams[stream].moved(worked);
+    }
+
+    pub(super) fn is_idle(&self) -> bool {
+        self.streams.iter().all(|stream| !stream.is(ENABLE))
+    }
+
+    /// Numbers of the interrupts that are asked for.
+    pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> {
+        let asks = |stream: &Stream| {
+            // TEIE, HTIE, TCIE are one bit below their flags.
+            stream.flags & (stream.control << 1) & (ERROR | HALF | COMPLETE) != 0
+        };
+        let streams = self.streams.iter().zip(INTERRUPTS[self.index]);
+        streams.filter(move |(stream, _)| asks(stream)).map(|(_, number)| number)
+    }
+}
+
+/// Routes requests: channels 0 ..= 7 belong to DMA1's streams, the others to DMA2's.
+#[derive(Debug, Default)]
+pub(super) struct DmaMux {
+    channels: [u32; 2 * STREAMS],
+}
+
+impl DmaMux {
+    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
+        match offset {
+            0x80 | 0x84 => Ok(0),
+            _ => self.channels.get(offset as usize / 4).copied().ok_or(Refusal::Unmodelled),
+        }
+    }
+
+    pub(super) fn write(&mut self, write: Write) -> Result<(), Refusal> {
+        if let 0x80 | 0x84 = write.offset {
+            return Ok(());
+        }
+        let channel =
+            self.channels.get_mut(write.offset as usize / 4).ok_or(Refusal::Unmodelled)?;
+        let wanted = write.over(*channel);
+        *channel = wanted;
+        // SOIE, SE. EGE alone does nothing.
+        if wanted & (1 << 8 | 1 << 16) == 0 { Ok(()) } else { Err(Refusal::Unmodelled) }
+    }
+
+    /// The request that a stream listens to; 0: none.
+    pub(super) fn request(&self, dma: usize, stream: usize) -> u32 {
+        self.channels[dma * STREAMS + stream] & 0x7F
+    }
+}

@@ -1,0 +1,47 @@
+//! The STM32H723's peripherals, from the reference manual's rules (RM0468).
+//!
+//! [`Soc`] answers register accesses at a time in nanoseconds, says when it next does something by
+//! itself, and drives the interrupt lines. [`map::MAP`] declares who is at which address, with
+//! which clock gate and which reset bit; everything else follows from it.
+//!
+//! The chip refuses much, and so does the model. What it refuses is kept as an [`Access`]:
+//! a peripheral without clock, an address nobody owns, a register that is locked. Addresses, bits
+//! and interrupt numbers are those of stm32-metapac 21.0.0 for the STM32H723ZG.
+//!
+//! | file | what |
+//! |---|---|
+//! | `map` | who is where |
+//! | `soc` | routes accesses, keeps gates, resets and interrupt lines |
+//! | `rcc`, `clocks` | oscillators, PLLs and their ready times; the clock tree |
+//! | `power` | PWR: supply and voltage scaling; wait states of the flash |
+//! | `gpio`, `pins` | ports; which pin carries which signal with which alternate function |
+//! | `exti` | edges on pins, software triggers |
+//! | `timer` | TIM2-7, 12-14, 23, 24: counting up, compare, update |
+//! | `usart` | USART1-3, 6, 10 and UART4, 5, 7-9, with baud timing |
+//! | `dma` | DMA1, DMA2 and DMAMUX1 |
+//! | `watchdog` | IWDG1 |
+//! | `registers` | a block's registers as a table; blocks that only store |
+//!
+//! To add a peripheral: give it a file with `read`, `write`, `advance` and `next_event`, a variant
+//! in [`map::Block`], a row in [`map::MAP`], and an arm in `Soc`'s matches on the block.
+
+mod access;
+mod clocks;
+mod dma;
+mod exti;
+mod gpio;
+pub mod map;
+mod pins;
+mod power;
+mod rcc;
+mod registers;
+mod soc;
+mod timer;
+mod usart;
+mod watchdog;
+
+pub use access::{Access, AccessKind, BusFault, Counts, Width};
+pub use clocks::{Clocks, HSE_HZ};
+pub use rcc::ResetCause;
+pub use soc::Soc;
+pub use usart::SentByte;

@@ -1,0 +1,390 @@
+//! Reset and clock control: oscillators and PLLs that need time to start, the switch of the system
+//! clock, gates and resets (RM0468, RCC chapter).
+//!
+//! While a PLL is on, its input and its dividers are locked: writes to them change nothing, and are
+//! not reported, because embassy writes there at every boot and relies on it.
+//!
+//! Only stored: MCO outputs, ready interrupts, clock security, calibration, low-power gates.
+//! A `CPURST` does nothing.
+
+use rc10_sim::Nanos;
+
+use super::access::{Refusal, Write};
+use super::clocks::{self, CSI_HZ, Clocks, HSE_HZ, HSI_HZ, LSE_HZ, Pll, Settings, Sources, field};
+use super::registers::{Register, Registers, masked, plain};
+
+/// Why the chip starts anew.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ResetCause {
+    /// Power came.
+    PowerOn,
+    /// The reset pin.
+    Pin,
+    /// The program asked for it (`SYSRESETREQ`).
+    Software,
+    /// The independent watchdog was not fed.
+    Watchdog,
+}
+
+impl ResetCause {
+    /// Flags in `RCC_RSR`. A reset from inside also pulls the reset pin. Source: RM0468, table of
+    /// reset sources: CPURSTF 17, D1RSTF 19, D2RSTF 20, BORRSTF 21, PINRSTF 22, PORRSTF 23,
+    /// SFTRSTF 24, IWDG1RSTF 26.
+    const fn flags(self) -> u32 {
+        const PIN: u32 = 1 << 22 | 1 << 17;
+        match self {
+            Self::PowerOn => 1 << 23 | 1 << 21 | 1 << 20 | 1 << 19 | PIN,
+            Self::Pin => PIN,
+            Self::Software => 1 << 24 | PIN,
+            Self::Watchdog => 1 << 26 | PIN,
+        }
+    }
+}
+
+const CR: u32 = 0x00;
+const CFGR: u32 = 0x10;
+const D1CFGR: u32 = 0x18;
+const D2CFGR: u32 = 0x1C;
+const PLLCKSELR: u32 = 0x28;
+const PLLCFGR: u32 = 0x2C;
+const D2CCIP1R: u32 = 0x50;
+const D2CCIP2R: u32 = 0x54;
+const BDCR: u32 = 0x70;
+const CSR: u32 = 0x74;
+const RSR: u32 = 0xD0;
+/// First and last of the enable registers.
+const ENABLES: std::ops::RangeInclusive<u32> = 0xD4..=0xF4;
+/// The same registers, from RSR on, once more: "for core 1".
+const CORE_1: std::ops::RangeInclusive<u32> = 0x130..=0x17C;
+
+const fn divider(pll: u32) -> u32 {
+    0x30 + 8 * pll
+}
+const fn fraction(pll: u32) -> u32 {
+    0x34 + 8 * pll
+}
+
+/// Enable and reset registers: the bits that stm32-metapac knows on any STM32H7. Low-power gates
+/// are all open after a reset.
+#[rustfmt::skip]
+const TABLE: &[Register] = &[
+    masked(CR, 0x0000_0001, 0x150D_129B), plain(0x04, 0x4000_0000), plain(0x08, 0),
+    plain(0x0C, 0x2000_0000), masked(CFGR, 0, 0xFFFC_FFC7), masked(D1CFGR, 0, 0xF7F),
+    masked(D2CFGR, 0, 0x770), masked(0x20, 0, 0x70),
+    masked(PLLCKSELR, 0x0202_0200, 0x03F3_F3F3), masked(PLLCFGR, 0x01FF_0000, 0x01FF_0FFF),
+    masked(divider(0), 0x0101_0280, 0x7F7F_FFFF), masked(fraction(0), 0, 0xFFF8),
+    masked(divider(1), 0x0101_0280, 0x7F7F_FFFF), masked(fraction(1), 0, 0xFFF8),
+    masked(divider(2), 0x0101_0280, 0x7F7F_FFFF), masked(fraction(2), 0, 0xFFF8),
+    masked(0x4C, 0, 0x3001_0133), masked(D2CCIP1R, 0, 0xB137_71C7),
+    masked(D2CCIP2R, 0, 0x70F0_333F), masked(0x58, 0, 0x7FE3_FF07),
+    masked(0x60, 0, 0x27F), masked(0x64, 0, 0), masked(0x68, 0, 0),
+    masked(BDCR, 0, 0x1_833D), masked(CSR, 0, 1),
+    masked(0x7C, 0, 0x80E9_5031), masked(0x80, 0, 0x0A00_C023), masked(0x84, 0, 0x0003_0271),
+    masked(0x88, 0, 0x0328_07FF), masked(0x8C, 0, 0x18), masked(0x90, 0, 0xEAFF_C3FF),
+    masked(0x94, 0, 0x0300_0136), masked(0x98, 0, 0x31D7_30F3), masked(0x9C, 0, 0x0420_FEAA),
+    masked(0xA0, 0, 0xF), masked(0xA8, 0, 0x3529_FEA9), masked(RSR, 0, 0),
+    masked(0xD4, 0, 0xF0E9_5031), masked(0xD8, 0, 0x1E03_C023), masked(0xDC, 0, 0xE003_0271),
+    masked(0xE0, 0, 0x1328_07FF), masked(0xE4, 0, 0x58), masked(0xE8, 0, 0xEAFF_CBFF),
+    masked(0xEC, 0, 0x0300_0136), masked(0xF0, 0, 0x31D7_30F3),
+    masked(0xF4, 0x0001_0000, 0x0421_FEAA),
+    plain(0xFC, 0xF0E9_5131), plain(0x100, 0x1E03_C023), plain(0x104, 0xE003_0271),
+    plain(0x108, 0x3128_07FF), plain(0x10C, 0x58), plain(0x110, 0xEAFF_CBFF),
+    plain(0x114, 0x0300_0136), plain(0x118, 0x31D7_3033), plain(0x11C, 0x0421_FEAA),
+];
+
+/// What has to start before it can be used: its bit in CR, and how long that takes. The flag that
+/// says it is ready is the next bit, two further for HSI. Source: STM32H723 data sheet, maximum or
+/// typical times of the oscillator tables.
+#[rustfmt::skip]
+const STARTERS: [(u32, u32, Nanos); 4] = [
+    (HSI, 2, Nanos::new(2_000)),
+    (CSI, 8, Nanos::new(2_000)),
+    (12, 13, Nanos::new(3_500)), // HSI48
+    (HSE, 17, Nanos::new(2_000_000)),
+];
+const HSI: u32 = 0;
+const CSI: u32 = 7;
+const HSE: u32 = 16;
+/// PLL1's bit in CR; PLL2 and PLL3 are two further each.
+const PLL: u32 = 24;
+/// Data sheet, PLL characteristics, typical.
+const LOCK: Nanos = Nanos::new(50_000);
+/// Data sheet, LSI characteristics, typical.
+const LSI_START: Nanos = Nanos::new(80_000);
+/// Data sheet, LSE characteristics, typical.
+const LSE_START: Nanos = Nanos::new(2_000_000_000);
+
+/// Index in `Rcc::ready` of LSI and LSE; CR's are at their bit.
+const LSI: usize = 32;
+const LSE: usize = 33;
+
+#[derive(Debug)]
+pub(super) struct Rcc {
+    registers: Registers,
+    /// When each starter becomes ready, by its bit in CR.
+    ready: [Option<Nanos>; 34],
+    /// SWS.
+    source: u32,
+    /// Until when changes that need no access are taken into account.
+    settled: Nanos,
+    system_ready_at: Option<Nanos>,
+}
+
+impl Rcc {
+    pub(super) fn new() -> Self {
+        let mut ready = [None; 34];
+        ready[HSI as usize] = Some(Nanos::ZERO);
+        let mut registers = Registers::new(TABLE);
+        registers.set(RSR, ResetCause::PowerOn.flags());
+        Self { registers, ready, source: 0, settled: Nanos::ZERO, system_ready_at: None }
+    }
+
+    /// A reset of the chip. The backup domain stays, unless power was gone.
+    pub(super) fn reset(&mut self, cause: ResetCause, now: Nanos) {
+        let (flags, backup) = (self.registers.value(RSR), self.registers.value(BDCR));
+        let lse = self.ready[LSE];
+        *self = Self::new();
+        self.settled = now;
+        if cause != ResetCause::PowerOn {
+            self.registers.set(RSR, flags | cause.flags());
+            self.registers.set(BDCR, backup);
+            self.ready[LSE] = lse;
+        }
+    }
+
+    /// When the system clock was switched to PLL1.
+    pub(super) const fn system_ready_at(&self) -> Option<Nanos> {
+        self.system_ready_at
+    }
+
+    fn is_ready(&self, index: usize) -> bool {
+        self.ready[index].is_some_and(|at| at <= self.settled)
+    }
+
+    fn pll_is_on(&self, pll: u32) -> bool {
+        field(self.registers.value(CR), PLL + 2 * pll, 1) != 0
+    }
+
+    pub(super) fn csi_is_ready(&self) -> bool {
+        self.is_ready(CSI as usize)
+    }
+
+    /// Whether one of `mask`'s bits is set in the enable register, and none in the reset register.
+    pub(super) fn is_running(&self, switch: super::map::Switch) -> bool {
+        let held = switch.reset.is_some_and(|offset| self.resets(offset) & switch.mask != 0);
+        self.registers.value(switch.enable) & switch.mask != 0 && !held
+    }
+
+    /// A reset register.
+    pub(super) fn resets(&self, offset: u32) -> u32 {
+        self.registers.value(offset)
+    }
+
+    /// Whether gates or resets may have changed by a write there.
+    pub(super) fn switches_at(offset: u32) -> bool {
+        let offset = alias(offset);
+        ENABLES.contains(&offset) || (0x7C..=0x9C).contains(&offset)
+    }
+
+    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
+        let offset = alias(offset);
+        let stored = self.registers.read(offset)?;
+        let ready = |index, flag: u32| u32::from(self.is_ready(index)) << flag;
+        Ok(match offset {
+            CR => {
+                // D1CKRDY, D2CKRDY, and HSIDIVF: dividers change at once.
+                let always = 1 << 14 | 1 << 15 | 1 << 5;
+                let plls = (0..3).map(|pll| PLL + 2 * pll).map(|bit| ready(bit as usize, bit + 1));
+                let starters = STARTERS.iter().map(|&(bit, flag, _)| ready(bit as usize, flag));
+                starters.chain(plls).fold(stored | always, |sum, flag| sum | flag)
+            }
+            CFGR => stored | self.source << 3,
+            BDCR => stored | ready(LSE, 1),
+            CSR => stored | ready(LSI, 1),
+            _ => stored,
+        })
+    }
+
+    /// `backup_unlocked`: `PWR_CR1.DBP`.
+    pub(super) fn write(
+        &mut self,
+        write: Write,
+        now: Nanos,
+        backup_unlocked: bool,
+    ) -> Result<(), Refusal> {
+        self.advance(now);
+        let write = write.at(alias(write.offset));
+        let off = |pll, mask| if self.pll_is_on(pll) { 0 } else { mask };
+        match write.offset {
+            CR => {
+                // What drives the system clock cannot be switched off.
+                let before = self.registers.value(CR);
+                self.registers.write(write)?;
+                self.registers.set(CR, self.registers.value(CR) | before & self.in_use());
+            }
+            PLLCKSELR => {
+                let sources = off(0, 3) & off(1, 3) & off(2, 3);
+                let dividers = off(0, 0x3F << 4) | off(1, 0x3F << 12) | off(2, 0x3F << 20);
+                self.registers.write_only(write, sources | dividers)?;
+            }
+            PLLCFGR => {
+                let fractions = 0x111;
+                let each = |pll: u32| off(pll, 0xE << (4 * pll) | 7 << (16 + 3 * pll));
+                self.registers.write_only(write, fractions | each(0) | each(1) | each(2))?;
+            }
+            0x30 | 0x38 | 0x40 => {
+                let unlocked = off((write.offset - 0x30) / 8, u32::MAX);
+                self.registers.write_only(write, unlocked)?;
+            }
+            BDCR if !backup_unlocked => return Err(Refusal::Protected),
+            BDCR => {
+                const RTCSEL: u32 = 3 << 8;
+                const BDRST: u32 = 1 << 16;
+                let old = self.registers.value(BDCR);
+                // RTCSEL is written once; only a reset of the domain lets it go.
+                let unlocked = if old & RTCSEL == 0 { u32::MAX } else { !RTCSEL };
+                self.registers.write_only(write, unlocked)?;
+                if self.registers.value(BDCR) & BDRST != 0 {
+                    self.registers.set(BDCR, BDRST);
+                }
+            }
+            RSR if write.ones() & 1 << 16 != 0 => self.registers.set(RSR, 0),
+            _ => self.registers.write(write)?,
+        }
+        self.start(now);
+        Ok(())
+    }
+
+    /// Bits of CR that the system clock needs.
+    fn in_use(&self) -> u32 {
+        let pll_source = || match field(self.registers.value(PLLCKSELR), 0, 2) {
+            0 => 1 << HSI,
+            1 => 1 << CSI,
+            _ => 1 << HSE,
+        };
+        match self.source {
+            0 => 1 << HSI,
+            1 => 1 << CSI,
+            2 => 1 << HSE,
+            _ => 1 << PLL | pll_source(),
+        }
+    }
+
+    /// Notes when what was switched on is ready, and what was switched off.
+    fn start(&mut self, now: Nanos) {
+        let control = self.registers.value(CR);
+        let mut note = |index: usize, on: bool, at: Option<Nanos>| {
+            let ready = &mut self.ready[index];
+            *ready = if on { ready.or(at) } else { None };
+        };
+        for (bit, _, time) in STARTERS {
+            note(bit as usize, control & 1 << bit != 0, Some(now + time));
+        }
+        note(LSI, self.registers.value(CSR) & 1 != 0, Some(now + LSI_START));
+        note(LSE, self.registers.value(BDCR) & 1 != 0, Some(now + LSE_START));
+        for pll in 0..3 {
+            let bit = PLL + 2 * pll;
+            // Its input may still be starting.
+            let input = match field(self.registers.value(PLLCKSELR), 0, 2) {
+                0 => Some(HSI),
+                1 => Some(CSI),
+                2 => Some(HSE),
+                _ => None,
+            };
+            let input = input.and_then(|input| self.ready[input as usize]);
+            let locks = clocks::pll(self.pll_input(), &self.pll(pll)).is_some();
+            let at = input.filter(|_| locks).map(|input| now.max(input) + LOCK);
+            let ready = &mut self.ready[bit as usize];
+            *ready = if control & 1 << bit != 0 { ready.or(at) } else { None };
+        }
+        self.advance(now);
+    }
+
+    /// Frequency at the PLLs' input, running or not.
+    fn pll_input(&self) -> u64 {
+        match field(self.registers.value(PLLCKSELR), 0, 2) {
+            0 => self.hsi(),
+            1 => CSI_HZ,
+            2 => HSE_HZ,
+            _ => 0,
+        }
+    }
+
+    fn hsi(&self) -> u64 {
+        HSI_HZ >> field(self.registers.value(CR), 3, 2)
+    }
+
+    fn pll(&self, pll: u32) -> Pll {
+        let (config, dividers) =
+            (self.registers.value(PLLCFGR), self.registers.value(divider(pll)));
+        let output = |index, shift| {
+            let enabled = field(config, 16 + 3 * pll + index, 1) != 0;
+            enabled.then(|| u64::from(field(dividers, shift, 7)) + 1)
+        };
+        Pll {
+            pre_divider: field(self.registers.value(PLLCKSELR), 4 + 8 * pll, 6),
+            multiplier: field(dividers, 0, 9) + 1,
+            fraction: if field(config, 4 * pll, 1) != 0 {
+                field(self.registers.value(fraction(pll)), 3, 13)
+            } else {
+                0
+            },
+            wide: field(config, 4 * pll + 1, 1) == 0,
+            range: field(config, 4 * pll + 2, 2),
+            dividers: [output(0, 9), output(1, 16), output(2, 24)],
+        }
+    }
+
+    /// When something becomes ready.
+    pub(super) fn next_event(&self) -> Option<Nanos> {
+        self.ready.iter().flatten().copied().filter(|&at| at > self.settled).min()
+    }
+
+    /// Lets what is due become ready; the system clock is switched when its new source is.
+    pub(super) fn advance(&mut self, now: Nanos) {
+        self.settled = now.max(self.settled);
+        let wanted = field(self.registers.value(CFGR), 0, 3);
+        let bit = match wanted {
+            0 => HSI,
+            1 => CSI,
+            2 => HSE,
+            3 => PLL,
+            _ => return,
+        };
+        if wanted != self.source && self.is_ready(bit as usize) {
+            self.source = wanted;
+            if wanted == 3 && self.system_ready_at.is_none() {
+                self.system_ready_at = Some(now);
+            }
+        }
+    }
+
+    pub(super) fn clocks(&self) -> Clocks {
+        let if_ready = |index: usize, hz| if self.is_ready(index) { hz } else { 0 };
+        let output = |pll: u32| {
+            let outputs = clocks::pll(self.pll_input(), &self.pll(pll)).unwrap_or_default();
+            outputs.map(|hz| if_ready((PLL + 2 * pll) as usize, hz))
+        };
+        let sources = Sources {
+            hsi: if_ready(HSI as usize, self.hsi()),
+            csi: if_ready(CSI as usize, CSI_HZ),
+            hse: if_ready(HSE as usize, HSE_HZ),
+            lse: if_ready(LSE, LSE_HZ),
+            plls: [0, 1, 2].map(output),
+        };
+        let settings = Settings {
+            source: self.source,
+            cfgr: self.registers.value(CFGR),
+            d1cfgr: self.registers.value(D1CFGR),
+            d2cfgr: self.registers.value(D2CFGR),
+            d2ccip1r: self.registers.value(D2CCIP1R),
+            d2ccip2r: self.registers.value(D2CCIP2R),
+        };
+        Clocks::new(&sources, &settings)
+    }
+}
+
+/// The register that an offset means.
+fn alias(offset: u32) -> u32 {
+    if CORE_1.contains(&offset) { offset - 0x60 } else { offset }
+}

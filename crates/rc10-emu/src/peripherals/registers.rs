@@ -1,0 +1,109 @@
+//! A block's registers as a table.
+
+use super::access::{Refusal, Write};
+
+/// A register: where, its value after a reset, and the bits that keep what is written. All other
+/// bits do not change by writing.
+#[derive(Debug)]
+pub(super) struct Register {
+    pub offset: u32,
+    pub reset: u32,
+    pub writable: u32,
+}
+
+/// A register whose bits all keep what is written.
+pub(super) const fn plain(offset: u32, reset: u32) -> Register {
+    Register { offset, reset, writable: u32::MAX }
+}
+
+/// A register of which some bits keep what is written.
+pub(super) const fn masked(offset: u32, reset: u32, writable: u32) -> Register {
+    Register { offset, reset, writable }
+}
+
+/// A register that cannot be written.
+pub(super) const fn fixed(offset: u32, value: u32) -> Register {
+    Register { offset, reset: value, writable: 0 }
+}
+
+/// The registers of one block, and what is in them. What the table lacks is not modelled.
+#[derive(Debug)]
+pub(super) struct Registers {
+    table: &'static [Register],
+    values: Vec<u32>,
+}
+
+impl Registers {
+    pub(super) fn new(table: &'static [Register]) -> Self {
+        Self { table, values: table.iter().map(|register| register.reset).collect() }
+    }
+
+    pub(super) fn reset(&mut self) {
+        *self = Self::new(self.table);
+    }
+
+    fn position(&self, offset: u32) -> Result<usize, Refusal> {
+        self.table.iter().position(|register| register.offset == offset).ok_or(Refusal::Unmodelled)
+    }
+
+    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
+        self.position(offset).map(|position| self.values[position])
+    }
+
+    /// Like [`read`](Self::read), for a register that the table is known to have.
+    pub(super) fn value(&self, offset: u32) -> u32 {
+        self.read(offset).unwrap_or(0)
+    }
+
+    pub(super) fn write(&mut self, write: Write) -> Result<(), Refusal> {
+        self.write_only(write, u32::MAX)
+    }
+
+    /// Writes those bits that are both writable and `unlocked`.
+    pub(super) fn write_only(&mut self, write: Write, unlocked: u32) -> Result<(), Refusal> {
+        let position = self.position(write.offset)?;
+        let writable = self.table[position].writable & unlocked;
+        let old = self.values[position];
+        self.values[position] = old & !writable | write.over(old) & writable;
+        Ok(())
+    }
+
+    /// Sets a value from inside.
+    pub(super) fn set(&mut self, offset: u32, value: u32) {
+        if let Ok(position) = self.position(offset) {
+            self.values[position] = value;
+        }
+    }
+}
+
+/// Debug unit: what it freezes matters only while a debugger holds the core, so it only stores.
+/// `IDC`: device 0x483, revision Z (RM0468, debug chapter).
+pub(super) const DEBUG: &[Register] = &[
+    fixed(0x00, 0x1001_6483),
+    masked(0x04, 0, 0x1070_0007),
+    plain(0x34, 0),
+    plain(0x3C, 0),
+    plain(0x40, 0),
+    plain(0x4C, 0),
+    plain(0x54, 0),
+];
+
+/// System configuration. `EXTICR` routes pins to EXTI; the compensation cell's ready flag is added
+/// where it is read; the rest only stores. User registers `UR0` ..= `UR18`: as after a reset with
+/// factory option bytes (`UR18`: no frequency boost).
+pub(super) const SYSCFG: &[Register] = &[
+    masked(0x04, 0x0F00_0000, 0x0FE0_03FF),
+    masked(0x08, 0, 0xFFFF),
+    masked(0x0C, 0, 0xFFFF),
+    masked(0x10, 0, 0xFFFF),
+    masked(0x14, 0, 0xFFFF),
+    plain(0x18, 0),
+    masked(0x20, 0, 0x0001_0003),
+    fixed(0x24, 0),
+    masked(0x28, 0, 0xFF),
+    fixed(0x348, 0),
+];
+
+/// Clock calibration unit of the FDCANs: bypassed, it only stores.
+pub(super) const CAN_CALIBRATION: &[Register] =
+    &[plain(0x04, 0x4), fixed(0x08, 0x0203_FFFF), plain(0x0C, 0), plain(0x14, 0)];

@@ -1,0 +1,182 @@
+//! The independent watchdog IWDG1 (RM0468, IWDG chapter).
+//!
+//! New values of `PR`, `RLR` and `WINR` come into force after five periods of the LSI oscillator,
+//! whose flag is set until then: the data sheet's and our estimate. The counter starts at 0xFFF,
+//! whatever `RLR` says: the first feeding loads it.
+
+use rc10_sim::Nanos;
+
+use super::access::{Refusal, Write};
+use super::clocks::LSI_HZ;
+
+const KEY_START: u32 = 0xCCCC;
+const KEY_FEED: u32 = 0xAAAA;
+const KEY_UNLOCK: u32 = 0x5555;
+
+const COUNTER_MASK: u32 = 0xFFF;
+/// Periods of LSI that an update takes.
+const UPDATE: u64 = 5;
+
+/// A register that comes into force later.
+#[derive(Clone, Copy, Debug)]
+struct Late {
+    written: u32,
+    in_force: u32,
+    updated_at: Option<Nanos>,
+}
+
+impl Late {
+    const fn new(value: u32) -> Self {
+        Self { written: value, in_force: value, updated_at: None }
+    }
+
+    fn write(&mut self, value: u32, now: Nanos) {
+        self.written = value;
+        self.updated_at = Some(now + lsi_periods(UPDATE));
+    }
+
+    fn advance(&mut self, now: Nanos) {
+        if self.updated_at.is_some_and(|at| at <= now) {
+            self.in_force = self.written;
+            self.updated_at = None;
+        }
+    }
+}
+
+/// The time of so many periods, rounded up to a nanosecond.
+const fn lsi_periods(periods: u64) -> Nanos {
+    Nanos::new((periods * 1_000_000_000).div_ceil(LSI_HZ))
+}
+
+#[derive(Debug)]
+pub(super) struct Watchdog {
+    unlocked: bool,
+    /// PR: the counter's period is 4 << PR periods of LSI.
+    prescaler: Late,
+    reload: Late,
+    window: Late,
+    /// When it was running last at `counter`; `None` if it was never started.
+    counting_from: Option<Nanos>,
+    counter: u32,
+    bites: bool,
+}
+
+impl Watchdog {
+    pub(super) const fn new() -> Self {
+        Self {
+            unlocked: false,
+            prescaler: Late::new(0),
+            reload: Late::new(COUNTER_MASK),
+            window: Late::new(COUNTER_MASK),
+            counting_from: None,
+            counter: COUNTER_MASK,
+            bites: false,
+        }
+    }
+
+    fn period(&self) -> u64 {
+        4 << self.prescaler.in_force.min(6)
+    }
+
+    /// When the counter has passed zero.
+    fn bite_at(&self) -> Option<Nanos> {
+        let periods = (u64::from(self.counter) + 1) * self.period();
+        self.counting_from.map(|start| start + lsi_periods(periods))
+    }
+
+    /// The counter at a time.
+    fn count(&self, now: Nanos) -> u32 {
+        let from = self.counting_from.unwrap_or(now);
+        let periods = u128::from(now.since(from).get()) * u128::from(LSI_HZ) / 1_000_000_000;
+        let ticks = periods / u128::from(self.period());
+        self.counter.saturating_sub(u32::try_from(ticks).unwrap_or(u32::MAX))
+    }
+
+    fn restart(&mut self, counter: u32, now: Nanos) {
+        self.counter = counter;
+        self.counting_from = self.counting_from.map(|_| now);
+    }
+
+    /// Whether it has asked for a reset; forgets it.
+    pub(super) fn take_bite(&mut self) -> bool {
+        std::mem::take(&mut self.bites)
+    }
+
+    fn is_running(&self) -> bool {
+        self.counting_from.is_some()
+    }
+
+    pub(super) fn read(&self, offset: u32) -> Result<u32, Refusal> {
+        let updating = |late: &Late, bit: u32| u32::from(late.updated_at.is_some()) << bit;
+        Ok(match offset {
+            0x00 => 0,
+            0x04 => self.prescaler.written,
+            0x08 => self.reload.written,
+            0x0C => {
+                updating(&self.prescaler, 0) | updating(&self.reload, 1) | updating(&self.window, 2)
+            }
+            0x10 => self.window.written,
+            _ => return Err(Refusal::Unmodelled),
+        })
+    }
+
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+        let value = write.ones();
+        match write.offset {
+            0x00 => {
+                let key = value & 0xFFFF;
+                self.unlocked = key == KEY_UNLOCK;
+                if key == KEY_START {
+                    self.counting_from.get_or_insert(now);
+                }
+                if key == KEY_FEED {
+                    self.feed(now);
+                }
+                return Ok(());
+            }
+            0x0C => return Ok(()),
+            0x04 | 0x08 | 0x10 if !self.unlocked => return Err(Refusal::Protected),
+            0x04 => self.prescaler.write(value & 7, now),
+            0x08 => self.reload.write(value & COUNTER_MASK, now),
+            // Writing the window also feeds.
+            0x10 => {
+                self.window.write(value & COUNTER_MASK, now);
+                self.restart(self.reload.in_force, now);
+            }
+            _ => return Err(Refusal::Unmodelled),
+        }
+        Ok(())
+    }
+
+    fn feed(&mut self, now: Nanos) {
+        // Too early is as bad as too late.
+        if self.is_running() && self.count(now) > self.window.in_force {
+            self.bites = true;
+        }
+        self.restart(self.reload.in_force, now);
+    }
+
+    pub(super) fn next_event(&self) -> Option<Nanos> {
+        let updates = [&self.prescaler, &self.reload, &self.window].map(|late| late.updated_at);
+        updates.into_iter().chain([self.bite_at()]).flatten().min()
+    }
+
+    pub(super) fn advance(&mut self, now: Nanos) {
+        if let Some(at) = self.prescaler.updated_at
+            && at <= now
+        {
+            let counter = self.count(at);
+            let before = self.period();
+            self.prescaler.advance(now);
+            if self.period() != before {
+                self.restart(counter, at);
+            }
+        }
+        self.reload.advance(now);
+        self.window.advance(now);
+        if self.bite_at().is_some_and(|at| at <= now) {
+            self.bites = true;
+            self.counting_from = None;
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! Where the instructions went.
+
+use std::collections::BTreeMap;
+
+use crate::image::Image;
+use crate::memory::FLASH;
+
+/// Halfwords of flash that are counted one by one.
+const PLACES: usize = (1 << 20) / 2;
+/// Exceptions of an Armv7-M core.
+const EXCEPTIONS: usize = 256;
+
+/// Executed instructions since the start, or since [`restart`](Self::restart).
+#[derive(Clone)]
+pub struct Profile {
+    places: Vec<u64>,
+    /// Instructions in code that is not in flash.
+    elsewhere: u64,
+    exceptions: [u64; EXCEPTIONS],
+    entries: [u64; EXCEPTIONS],
+    total: u64,
+    lowest_stack: u32,
+}
+
+/// What the handler of one exception cost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExceptionCost {
+    /// Its number; 0 is thread mode, external interrupts start at 16.
+    pub exception: u16,
+    /// How often it was entered.
+    pub entries: u64,
+    /// Instructions in its handler, those of handlers that interrupted it not included.
+    pub instructions: u64,
+}
+
+impl Profile {
+    pub(crate) fn new() -> Self {
+        Self {
+            places: vec![0; PLACES],
+            elsewhere: 0,
+            exceptions: [0; EXCEPTIONS],
+            entries: [0; EXCEPTIONS],
+            total: 0,
+            lowest_stack: u32::MAX,
+        }
+    }
+
+    /// Counts from zero again; the stack's lowest point stays.
+    pub fn restart(&mut self) {
+        *self = Self { lowest_stack: self.lowest_stack, ..Self::new() };
+    }
+
+    #[inline]
+    pub(crate) fn instruction(&mut self, address: u32, exception: u16, stack: u32) {
+        let place = (address.wrapping_sub(FLASH) / 2) as usize;
+        match self.places.get_mut(place) {
+            Some(count) => *count += 1,
+            None => self.elsewhere += 1,
+        }
+        if let Some(count) = self.exceptions.get_mut(usize::from(exception)) {
+            *count += 1;
+        }
+        self.total += 1;
+        self.lowest_stack = self.lowest_stack.min(stack);
+    }
+
+    pub(crate) fn entry(&mut self, exception: u16, stack: u32) {
+        if let Some(count) = self.entries.get_mut(usize::from(exception)) {
+            *count += 1;
+        }
+        self.lowest_stack = self.lowest_stack.min(stack);
+    }
+
+    /// All instructions.
+    #[must_use]
+    pub const fn total(&self) -> u64 {
+        self.total
+    }
+
+    /// The lowest stack pointer ever seen; `None` before the first instruction.
+    #[must_use]
+    pub fn lowest_stack(&self) -> Option<u32> {
+        (self.lowest_stack != u32::MAX).then_some(self.lowest_stack)
+    }
+
+    /// What was spent in each exception that occurred, and in thread mode.
+    #[must_use]
+    pub fn by_exception(&self) -> Vec<ExceptionCost> {
+        (0..)
+            .zip(self.entries.iter().zip(&self.exceptions))
+            .map(|(exception, (&entries, &instructions))| ExceptionCost {
+                exception,
+                entries,
+                instructions,
+            })
+            .filter(|cost| cost.entries + cost.instructions > 0)
+            .collect()
+    }
+
+    /// How often each executed address of flash was executed, in the order of the addresses.
+    pub fn by_address(&self) -> impl Iterator<Item = (u32, u64)> {
+        let places = (FLASH..).step_by(2).zip(self.places.iter().copied());
+        places.filter(|&(_, count)| count > 0)
+    }
+
+    /// Instructions of each function, most first. Functions that the compiler inlined belong to
+    /// those they went into.
+    #[must_use]
+    pub fn by_function<'i>(&self, image: &'i Image) -> Vec<(&'i str, u64)> {
+        let mut functions: BTreeMap<u32, (&str, u64)> = BTreeMap::new();
+        for (address, count) in self.by_address() {
+            let (start, name) = image.function_at(address).unwrap_or((0, "(no symbol)"));
+            functions.entry(start).or_insert((name, 0)).1 += count;
+        }
+        if self.elsewhere > 0 {
+            functions.insert(u32::MAX, ("(outside flash)", self.elsewhere));
+        }
+        let mut functions: Vec<_> = functions.into_values().collect();
+        // Stable: functions of equal cost stay in the order of their addresses.
+        functions.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
+        functions
+    }
+}

@@ -1,0 +1,130 @@
+use rc10_emu::peripherals::{AccessKind, Clocks, ResetCause};
+use rc10_sim::Nanos;
+
+use crate::chip::{APB1LENR, Chip, FLASH, PWR, RCC};
+
+const RSR: u32 = RCC + 0xD0;
+
+#[test]
+fn our_firmwares_clocks() {
+    let mut chip = Chip::new();
+    assert_eq!(chip.soc.core_clock_hz(), 64_000_000);
+    assert_eq!(chip.soc.system_ready_at(), None);
+    chip.start_clocks();
+    let expected = Clocks {
+        core: 480_000_000,
+        bus: 240_000_000,
+        apb: [120_000_000; 2],
+        timers: [240_000_000; 2],
+        fdcan: 120_000_000,
+        usarts: [120_000_000; 2],
+    };
+    assert_eq!(chip.soc.clocks(), expected);
+    assert_eq!(chip.soc.core_clock_hz(), 480_000_000);
+    assert!(chip.soc.system_ready_at().is_some_and(|at| at.get() <= chip.now));
+    assert_eq!(chip.kinds(), []);
+}
+
+#[test]
+fn the_crystal_takes_two_milliseconds_and_the_pll_fifty_microseconds() {
+    let mut chip = Chip::new();
+    chip.now = 1_000;
+    chip.set(RCC, 1 << 16, 1 << 16);
+    chip.to(2_000_999);
+    assert_eq!(chip.read(RCC) & 1 << 17, 0);
+    chip.to(2_001_000);
+    assert_ne!(chip.read(RCC) & 1 << 17, 0);
+
+    chip.set(RCC + 0x28, 0x3F << 4 | 3, 5 << 4 | 2);
+    chip.set(RCC + 0x2C, 0xF, 0b10 << 2);
+    chip.write(RCC + 0x30, 95 | 3 << 16);
+    chip.set(RCC, 1 << 24, 1 << 24);
+    // Wanted before it is there: the switch waits.
+    chip.set(RCC + 0x10, 7, 3);
+    chip.run_to(2_050_999);
+    assert_eq!((chip.read(RCC) >> 25 & 1, chip.read(RCC + 0x10) >> 3 & 7), (0, 0));
+    chip.run_to(2_051_000);
+    assert_eq!((chip.read(RCC) >> 25 & 1, chip.read(RCC + 0x10) >> 3 & 7), (1, 3));
+    assert_eq!(chip.soc.system_ready_at(), Some(Nanos::new(2_051_000)));
+}
+
+#[test]
+fn a_pll_whose_input_is_off_never_locks() {
+    let mut chip = Chip::new();
+    chip.write(RCC + 0x28, 5 << 4 | 2);
+    chip.write(RCC + 0x30, 95);
+    chip.set(RCC, 1 << 24, 1 << 24);
+    chip.run_to(1_000_000_000);
+    assert_eq!(chip.read(RCC) >> 25 & 1, 0);
+}
+
+#[test]
+fn a_running_pll_is_locked_and_the_system_clock_cannot_be_switched_off() {
+    let mut chip = Chip::running();
+    chip.write(RCC + 0x28, 0);
+    chip.write(RCC + 0x30, 0);
+    chip.write(RCC + 0x2C, 0);
+    chip.write(RCC, 0);
+    assert_eq!(chip.read(RCC + 0x28) & 0x3F3, 5 << 4 | 2);
+    assert_eq!(chip.soc.core_clock_hz(), 480_000_000);
+    // PLL2 is off: its divider is not locked.
+    assert_eq!(chip.read(RCC + 0x28) >> 12 & 0x3F, 0);
+}
+
+#[test]
+fn too_few_wait_states_are_reported_once() {
+    let mut chip = Chip::running();
+    chip.write(FLASH, 2);
+    chip.write(FLASH, 1);
+    assert_eq!(chip.kinds(), [AccessKind::WaitStates]);
+    chip.write(FLASH, 3);
+    chip.write(FLASH, 2);
+    assert_eq!(chip.soc.counts().wait_states, 2);
+}
+
+#[test]
+fn reset_flags_tell_every_cause_until_they_are_removed() {
+    let mut chip = Chip::running();
+    const PIN: u32 = 1 << 22;
+    const POWER: u32 = 1 << 23;
+    const SOFTWARE: u32 = 1 << 24;
+    const WATCHDOG: u32 = 1 << 26;
+    const ALL: u32 = PIN | POWER | SOFTWARE | WATCHDOG;
+    assert_eq!(chip.read(RSR) & ALL, POWER | PIN);
+    chip.write(RSR, 1 << 16);
+    assert_eq!(chip.read(RSR), 0);
+    for (cause, flags) in [
+        (ResetCause::Watchdog, WATCHDOG | PIN),
+        (ResetCause::Software, WATCHDOG | SOFTWARE | PIN),
+        (ResetCause::PowerOn, POWER | PIN),
+        (ResetCause::Pin, POWER | PIN),
+    ] {
+        chip.soc.reset(cause, Nanos::new(chip.now));
+        assert_eq!(chip.read(RSR) & ALL, flags, "{cause:?}");
+    }
+}
+
+#[test]
+fn a_reset_starts_anew_but_keeps_supply_and_backup_domain() {
+    let mut chip = Chip::running();
+    chip.write(APB1LENR, 1);
+    // BDCR, locked at first.
+    chip.write(RCC + 0x70, 1 << 15);
+    assert_eq!((chip.read(RCC + 0x70), chip.kinds()), (0, vec![AccessKind::Protected]));
+    chip.set(PWR, 1 << 8, 1 << 8);
+    chip.write(RCC + 0x70, 1 << 15 | 2 << 8);
+    chip.write(RCC + 0x70, 1 << 15 | 1 << 8);
+    assert_eq!(chip.read(RCC + 0x70), 1 << 15 | 2 << 8, "RTCSEL is written once");
+
+    chip.soc.reset(ResetCause::Software, Nanos::new(chip.now));
+    assert_eq!(chip.soc.core_clock_hz(), 64_000_000);
+    assert_eq!(chip.soc.system_ready_at(), None);
+    assert_eq!(chip.read(APB1LENR), 0);
+    assert_eq!(chip.read(RCC + 0x70), 1 << 15 | 2 << 8);
+    assert_eq!(chip.read(PWR + 0x04) >> 13 & 1, 1, "supply");
+    chip.start_clocks();
+    assert_eq!(chip.soc.core_clock_hz(), 480_000_000);
+
+    chip.soc.reset(ResetCause::PowerOn, Nanos::new(chip.now));
+    assert_eq!((chip.read(RCC + 0x70), chip.read(PWR + 0x04) >> 13 & 1), (0, 0));
+}

@@ -1,0 +1,100 @@
+use rc10_emu::peripherals::{AccessKind, BusFault, Width};
+use rc10_sim::Nanos;
+
+use crate::chip::{APB1HENR, APB1LENR, APB4ENR, Chip, RCC};
+
+const TIM2: u32 = 0x4000_0000;
+const SPI1: u32 = 0x4001_3000;
+
+#[test]
+fn without_clock_it_reads_zero_and_is_counted() {
+    let mut chip = Chip::running();
+    chip.write(APB1LENR, 1);
+    chip.write(TIM2 + 0x2C, 1234);
+    chip.write(APB1LENR, 0);
+    assert_eq!(chip.read(TIM2 + 0x2C), 0);
+    chip.write(TIM2 + 0x2C, 99);
+    assert_eq!(chip.soc.gated(), 2);
+    let reports = chip.soc.take_reports();
+    assert_eq!(reports.iter().map(|access| access.write).collect::<Vec<_>>(), [false, true]);
+    assert_eq!(reports[0].to_string(), "read of 0x4000002c (TIM2): without clock or in reset");
+    chip.write(APB1LENR, 1);
+    assert_eq!(chip.read(TIM2 + 0x2C), 1234);
+}
+
+#[test]
+fn a_peripheral_held_in_reset_has_its_reset_values_afterwards() {
+    let mut chip = Chip::running();
+    chip.write(APB1LENR, 1);
+    chip.write(TIM2 + 0x2C, 1234);
+    chip.write(RCC + 0x90, 1);
+    assert_eq!((chip.read(TIM2 + 0x2C), chip.soc.gated()), (0, 1));
+    chip.write(RCC + 0x90, 0);
+    assert_eq!(chip.read(TIM2 + 0x2C), u32::MAX);
+}
+
+#[test]
+fn nobody_answers_with_a_bus_fault() {
+    let mut chip = Chip::running();
+    let now = Nanos::new(chip.now);
+    for address in [0x4000_7000, 0x4FFF_FFFC, 0x5802_2000, 0x5FFF_FFFC] {
+        assert_eq!(chip.soc.read(address, Width::Word, now), Err(BusFault));
+        assert_eq!(chip.soc.write(address, Width::Byte, 0, now), Err(BusFault));
+    }
+    assert_eq!(chip.soc.read(RCC + 2, Width::Word, now), Err(BusFault), "not aligned");
+    assert_eq!(chip.soc.unowned(), 9);
+    assert_eq!(chip.soc.gated(), 0);
+}
+
+#[test]
+fn what_is_not_modelled_says_so() {
+    let mut chip = Chip::running();
+    chip.write(crate::chip::APB2ENR, 1 << 12);
+    assert_eq!(chip.read(SPI1), 0);
+    chip.write(SPI1, 1);
+    assert_eq!(chip.kinds(), [AccessKind::Unmodelled; 2]);
+}
+
+#[test]
+fn parts_of_words() {
+    let mut chip = Chip::running();
+    chip.write(APB4ENR, 1 << 1);
+    let (syscfg, now) = (0x5800_0400, Nanos::new(chip.now));
+    chip.write(syscfg + 0x08, 0x1234);
+    chip.soc.write(syscfg + 0x09, Width::Byte, 0xAB, now).unwrap();
+    assert_eq!(chip.read(syscfg + 0x08), 0xAB34);
+    assert_eq!(chip.soc.read(syscfg + 0x09, Width::Byte, now), Ok(0xAB));
+    chip.soc.write(syscfg + 0x08, Width::Half, 0xFFFF_5678, now).unwrap();
+    assert_eq!(chip.soc.read(syscfg + 0x08, Width::Half, now), Ok(0x5678));
+}
+
+#[test]
+fn the_fdcans_share_a_clock_gate_a_reset_and_their_memory() {
+    let mut chip = Chip::running();
+    let fdcans = [0x4000_A000, 0x4000_A400, 0x4000_D400];
+    let ram = 0x4000_AC00;
+    for base in fdcans.into_iter().chain([ram]) {
+        assert_eq!(chip.read(base), 0);
+    }
+    assert_eq!(chip.soc.gated(), 4);
+    chip.write(APB1HENR, 1 << 8);
+    for base in fdcans {
+        assert_eq!(chip.read(base), 0x3214_1218, "CREL");
+        assert_eq!(chip.read(base + 4), 0x8765_4321, "ENDN");
+        // CCCR: INIT, CCE; then NBTP.
+        chip.write(base + 0x18, 3);
+        chip.write(base + 0x1C, 0x1234_0506);
+        assert_eq!(chip.read(base + 0x1C), 0x1234_0506);
+    }
+    chip.write(ram + 0x27FC, 0x5A5A_0001);
+    let now = Nanos::new(chip.now);
+    chip.soc.write(ram + 0x27FD, Width::Byte, 0x77, now).unwrap();
+    assert_eq!(chip.read(ram + 0x27FC), 0x5A5A_7701);
+
+    chip.write(RCC + 0x94, 1 << 8);
+    chip.write(RCC + 0x94, 0);
+    for base in fdcans {
+        assert_eq!(chip.read(base + 0x1C), 0x0600_0A03, "NBTP after a reset");
+    }
+    assert_eq!(chip.read(ram + 0x27FC), 0x5A5A_7701);
+}

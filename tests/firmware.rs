@@ -1,0 +1,423 @@
+//! The firmware's release ELF on the emulated chip: what the README promises of it.
+//!
+//! `cargo xtask emulate` builds the chip's programs, says where they are, and runs these tests.
+//! They print the figures that they judge.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::pin::Pin;
+use std::sync::OnceLock;
+
+use rc10_can::Micros;
+use rc10_cli::emulate::{Emulation, Setup, content_hash};
+use rc10_cli::team;
+use rc10_emu::peripherals::ResetCause;
+use rc10_emu::{Figures, Machine, Rig};
+use rc10_motor::dji::FeedbackRate;
+use rc10_robot::table::Name;
+use rc10_robot::{Io, Motors};
+use rc10_sim::{BusConfig, EscConfig, Model, Nanos, TraceEntry, World};
+
+#[path = "firmware/budgets.rs"]
+mod budgets;
+
+/// The file of one of the chip's programs, beside the firmware.
+fn program(name: &str) -> Vec<u8> {
+    let firmware = std::env::var_os("RC10_FIRMWARE").expect("run this with: cargo xtask emulate");
+    let firmware = PathBuf::from(firmware);
+    let file = firmware.parent().unwrap_or(Path::new("")).join(name);
+    fs::read(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()))
+}
+
+fn firmware() -> &'static [u8] {
+    static FILE: OnceLock<Vec<u8>> = OnceLock::new();
+    FILE.get_or_init(|| program("rc10-firmware"))
+}
+
+const fn millis(millis: u64) -> Nanos {
+    Nanos::new(millis * 1_000_000)
+}
+
+fn micros(time: Nanos) -> f64 {
+    time.get() as f64 * 1e-3
+}
+
+/// The robot's firmware in the robot's surroundings.
+fn run<R>(setup: &Setup, scenario: impl FnOnce(&mut Emulation<'_>) -> R) -> R {
+    let ports = rc10_robot::ports();
+    let io = Io::new(ports.each_ref());
+    let mut motors = Motors::new();
+    let robot = team::robot(&io, motors.start(&io).unwrap());
+    scenario(&mut Emulation::new(firmware(), robot, setup).unwrap())
+}
+
+fn setup(faults: &[&str]) -> Setup {
+    let faults = faults.iter().map(|fault| fault.parse().unwrap()).collect();
+    Setup { seed: 1, faults, ..Setup::default() }
+}
+
+fn log(emulation: &mut Emulation<'_>) -> String {
+    let lines = emulation.rig.machine.take_log();
+    lines.iter().map(|line| format!("{} {}\n", line.at, line.text)).collect()
+}
+
+/// The chip's frames on a bus, from a time on.
+fn commands(rig: &Rig, bus: usize, from: Nanos) -> impl Iterator<Item = &TraceEntry> {
+    let frames = rig.logs()[bus].frames.iter();
+    frames.filter(move |entry| entry.from_controller && entry.start >= from)
+}
+
+/// Whether a command asks for no torque.
+fn is_zero(entry: &TraceEntry) -> bool {
+    entry.frame.bytes().iter().all(|&byte| byte == 0)
+}
+
+fn keeps_its_period(figures: &Figures, buses: &[usize]) {
+    for &bus in buses {
+        let period = figures.buses[bus].tick_period.unwrap();
+        let [min, mean, max] = [period.min, period.mean, period.max].map(micros);
+        println!("bus {}: tick period {min:.2} / {mean:.2} / {max:.2} us", bus + 1);
+        assert!(min >= 995.0 && max <= 1005.0, "bus {}: {period:?}", bus + 1);
+    }
+}
+
+/// Nothing was touched that must not be, and nothing lost.
+fn is_clean(rig: &Rig, figures: &Figures) {
+    let reports = rig.machine.reports();
+    assert_eq!((figures.unowned_accesses, figures.gated_accesses), (0, 0), "{reports:?}");
+    assert!(reports.is_empty(), "{reports:?}");
+    assert!(rig.machine.restarts().is_empty(), "{:?}", rig.machine.restarts());
+    let fdcan = rig.machine.fdcan();
+    assert_eq!(fdcan.ram_misses(), 0);
+    for (index, bus) in figures.buses.iter().enumerate() {
+        let counters = fdcan.counters(index);
+        assert_eq!((counters.protected_writes, counters.bad_acknowledges), (0, 0));
+        assert_eq!((bus.lost, bus.foreign), (0, 0), "bus {}", index + 1);
+        // Some were on the wires before the controller was.
+        let by_others = bus.frames - bus.sent;
+        assert!(by_others - bus.received <= 16, "bus {}: {bus:?}", index + 1);
+    }
+}
+
+/// Boots within 10 ms, ticks every millisecond, touches nothing that it must not.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn boots_and_keeps_its_period() {
+    run(&setup(&[]), |emulation| {
+        emulation.run(millis(1200)).unwrap();
+        let figures = Figures::of(&emulation.rig);
+        let boot = figures.boot.unwrap();
+        println!("boot: {:.1} us from the final clock to the first frames", micros(boot));
+        assert!(boot > Nanos::ZERO && boot <= millis(10), "{boot}");
+        keeps_its_period(&figures, &[0, 1, 2]);
+        assert!(figures.buses.iter().all(|bus| bus.tick_period.unwrap().count >= 1190));
+        is_clean(&emulation.rig, &figures);
+        let log = log(emulation);
+        assert!(log.contains("start\n"), "{log}");
+        assert!(log.contains("online: 11"), "{log}");
+    });
+}
+
+/// At more than 99 % load nothing is lost, whatever slows the core down.
+fn loses_nothing(speed: Option<u64>, faults: &[&str]) {
+    let load = ["load:1@0.2s..1.2s", "load:2@0.2s..1.2s", "load:3@0.2s..1.2s"];
+    let setup = Setup { speed, ..setup(&[&load[..], faults].concat()) };
+    run(&setup, |emulation| {
+        emulation.run(millis(200)).unwrap();
+        let busy = |rig: &Rig| rig.buses().iter().map(|bus| bus.load()).collect::<Vec<_>>();
+        let before = busy(&emulation.rig);
+        emulation.run(millis(1200)).unwrap();
+        let figures = Figures::of(&emulation.rig);
+        for (bus, (before, after)) in before.into_iter().zip(busy(&emulation.rig)).enumerate() {
+            // Per cent of 0.2 s and of 1.2 s.
+            let load = after * 1.2 - before * 0.2;
+            let received = figures.buses[bus].received;
+            println!("bus {}: load {load:.2} %, {received} received, 0 lost", bus + 1);
+            assert!(load >= 99.0, "bus {}: {load}", bus + 1);
+        }
+        is_clean(&emulation.rig, &figures);
+        let log = log(emulation);
+        let last = log.lines().last().unwrap();
+        assert!(last.contains("online: 11"), "{last}");
+        // What the firmware itself says: of each bus, and of its motors.
+        assert_eq!(last.matches("lost: 0").count(), 3, "{last}");
+        assert_eq!(last.matches("malformed: 0").count(), 3, "{last}");
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn loses_nothing_on_full_buses() {
+    loses_nothing(None, &[]);
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn loses_nothing_on_a_slow_core() {
+    loses_nothing(Some(120_000_000), &[]);
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn loses_nothing_while_interrupts_are_masked() {
+    loses_nothing(None, &["mask@0.7s..0.705s"]);
+}
+
+/// What one more received frame costs, all in; what a whole second costs.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn instructions_stay_within_their_budgets() {
+    let second = |rate| {
+        let setup = Setup { rate: Some(rate), ..setup(&[]) };
+        run(&setup, |emulation| {
+            emulation.run(millis(200)).unwrap();
+            let before = Figures::of(&emulation.rig);
+            emulation.run(millis(1200)).unwrap();
+            let after = Figures::of(&emulation.rig);
+            let spent = after.instructions - before.instructions;
+            (spent, after.received() - before.received(), after)
+        })
+    };
+    let (many, many_frames, figures) = second(FeedbackRate::Hz1000);
+    let (few, few_frames, _) = second(FeedbackRate::Hz500);
+    assert!(many_frames > few_frames + 5000, "{many_frames} {few_frames}");
+    println!("{many} instructions with {many_frames} frames, {few} with {few_frames}");
+    let per_frame = many.saturating_sub(few) / (many_frames - few_frames);
+    // Three buses tick a thousand times.
+    let per_tick = many / 3000;
+    budgets::judge(firmware(), &figures, many, per_tick, per_frame);
+}
+
+/// Bus 2 has nobody on it, then is shorted until it is off, then is healed.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_broken_bus_leaves_the_others_alone_and_comes_back() {
+    let (broken, healed) = (millis(300), millis(450));
+    let faults = ["cut:2@300ms..350ms", "short:2@350ms..450ms"];
+    run(&setup(&faults), |emulation| {
+        emulation.run(millis(1200)).unwrap();
+        let rig = &emulation.rig;
+        let figures = Figures::of(rig);
+        keeps_its_period(&figures, &[0, 2]);
+        let torque =
+            |from, to| commands(rig, 1, from).any(|entry| entry.start < to && !is_zero(entry));
+        assert!(torque(millis(200), broken), "the gimbal moves before");
+        // Online again: heard for the first time after it was healed, all three of them.
+        let heard = |id: u32| {
+            let frames = rig.logs()[1].frames.iter();
+            let mut frames = frames.filter(|entry| !entry.from_controller && entry.end > healed);
+            frames.find(|entry| entry.frame.raw_id() == id).unwrap().end
+        };
+        let online = [0x205, 0x206, 0x203].map(heard).into_iter().min().unwrap();
+        assert!(!torque(broken, online), "torque was asked for on a broken bus");
+        let back = commands(rig, 1, healed).next().unwrap().start;
+        let enabled = commands(rig, 1, healed).find(|entry| !is_zero(entry)).unwrap().start;
+        println!(
+            "bus 2: back {:.2} ms after it was healed, torque after {:.2} ms",
+            micros(back.since(healed)) * 1e-3,
+            micros(enabled.since(healed)) * 1e-3
+        );
+        assert!(enabled.since(healed) <= millis(100));
+        let bus = &figures.buses[1];
+        println!("bus 2: {} transmissions failed, {} times bus-off", bus.failed, bus.bus_offs);
+        assert!(bus.bus_offs > 1 && bus.failed > 32);
+        assert_eq!((figures.buses[0].bus_offs, figures.buses[2].bus_offs), (0, 0));
+        assert!(rig.machine.restarts().is_empty());
+        // The firmware tells the same story.
+        let log = log(emulation);
+        let at = |time: &str| log.lines().find(|line| line.starts_with(time)).unwrap();
+        assert!(at("0.40").contains("BusOff"), "{log}");
+        assert!(log.contains("alone: true"), "{log}");
+        let last = log.lines().last().unwrap();
+        assert_eq!(last.matches("Active").count(), 3, "{last}");
+        assert!(last.contains("online: 11"), "{last}");
+    });
+}
+
+/// After a crash every bus carries its coast image, nothing else; the restarted program knows why,
+/// and asks for no torque until it is armed.
+fn crashes_safely(fault: &str, within: Nanos, cause: ResetCause, words: &[&str]) {
+    run(&setup(&[fault]), |emulation| {
+        emulation.run(millis(700)).unwrap();
+        let rig = &emulation.rig;
+        let struck = rig.machine.struck().unwrap();
+        let restarts = rig.machine.restarts();
+        assert_eq!(restarts.len(), 1, "{restarts:?}");
+        assert_eq!(restarts[0].cause, cause);
+        let mut latest = Nanos::ZERO;
+        for bus in 0..3 {
+            let before = commands(rig, bus, millis(300));
+            let before: Vec<_> = before.filter(|entry| entry.end < struck).collect();
+            assert!(before.iter().any(|entry| !is_zero(entry)), "bus {}", bus + 1);
+            let mut ids: Vec<_> = before.iter().map(|entry| entry.frame.id()).collect();
+            ids.sort();
+            ids.dedup();
+            for id in ids {
+                let coast = commands(rig, bus, struck)
+                    .find(|entry| entry.frame.id() == id && is_zero(entry))
+                    .unwrap_or_else(|| panic!("bus {}: no coast frame for {id:?}", bus + 1));
+                latest = latest.max(coast.end);
+                let torque = commands(rig, bus, coast.end)
+                    .find(|entry| entry.frame.id() == id && !is_zero(entry));
+                // The script arms the robot 100 ms after its start.
+                let armed = restarts[0].at + millis(100);
+                assert!(torque.is_none_or(|entry| entry.start > armed), "{torque:?}");
+            }
+        }
+        let reset = restarts[0].at.since(struck);
+        println!(
+            "{fault}: all coast after {:.2} ms, reset after {:.2} ms",
+            micros(latest.since(struck)) * 1e-3,
+            micros(reset) * 1e-3
+        );
+        assert!(latest.since(struck) <= within, "{}", latest.since(struck));
+        assert!(reset <= millis(100), "{reset}");
+        let log = log(emulation);
+        for word in words {
+            assert!(log.contains(word), "{word} is not in:\n{log}");
+        }
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_panic_makes_every_bus_safe() {
+    let words = ["the last run ended in a crash: Panic", "injected.rs", "2300"];
+    crashes_safely("panic@0.4s", millis(2), ResetCause::Software, &words);
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_hard_fault_makes_every_bus_safe() {
+    let words = ["the last run ended in a crash: Fault"];
+    crashes_safely("hardfault@0.4s", millis(2), ResetCause::Software, &words);
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_hung_control_task_makes_every_bus_safe() {
+    let words = ["the last run ended in a crash: Watchdog"];
+    crashes_safely("hang@0.4s", millis(10), ResetCause::Watchdog, &words);
+}
+
+/// The same seed gives the same frames, another one others.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_run_can_be_repeated() {
+    let hash = |seed| {
+        run(&Setup { seed, ..setup(&["noise:1@0.2s"]) }, |emulation| {
+            emulation.run(millis(400)).unwrap();
+            content_hash(&emulation.rig)
+        })
+    };
+    assert_eq!(hash(1), hash(1));
+    assert_ne!(hash(1), hash(2));
+}
+
+/// How a motor follows: root of the mean square of its distance from the reference, and how long
+/// it needs after a moment to stay within a band around where it ends up.
+struct Response {
+    error: f64,
+    settled: Micros,
+}
+
+fn response(measured: &[f64], wanted: &[f64], from: usize, band: f64) -> Response {
+    let pairs = measured.iter().zip(wanted);
+    let squares: f64 = pairs.map(|(is, shall)| (is - shall).powi(2)).sum();
+    let last = *measured.last().unwrap();
+    let outside = measured[from..].iter().rposition(|is| (is - last).abs() > band).unwrap_or(0);
+    Response {
+        error: (squares / measured.len() as f64).sqrt(),
+        settled: Micros::from_millis(outside as u64),
+    }
+}
+
+/// The robot moves as it does in the simulator.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn the_chip_drives_as_the_simulator_does() {
+    // The script: forward from 200 ms on, to the left from 1100 ms on.
+    let end = 1000_u64;
+    let wheel = Name::FrontLeft as usize;
+    let simulated: Vec<(f64, f64)> = {
+        let ports = rc10_robot::ports();
+        let io = Io::new(ports.each_ref());
+        let mut motors = Motors::new();
+        let robot = team::robot(&io, motors.start(&io).unwrap());
+        let description = robot.description().clone();
+        let mut around = rc10_cli::surroundings::Surroundings::new(&description, 1).unwrap();
+        let mut tasks = robot.tasks(&around.wires).unwrap();
+        (1..=end)
+            .map(|millisecond| {
+                let until = Micros::from_millis(millisecond);
+                let _ = around.world.run(Pin::new(&mut tasks), until);
+                let target = match io.motor(Name::FrontLeft).status().target {
+                    rc10_motor::Target::Speed(speed) => f64::from(speed.get()),
+                    _ => 0.0,
+                };
+                (around.motors[wheel].state().output_rpm, target)
+            })
+            .collect()
+    };
+    let emulated: Vec<f64> = run(&setup(&[]), |emulation| {
+        // The chip's time begins when its clocks run.
+        emulation.run(millis(5)).unwrap();
+        let start = emulation.rig.machine.ready().unwrap();
+        (1..=end)
+            .map(|millisecond| {
+                emulation.run(start + millis(millisecond)).unwrap();
+                emulation.motors[wheel].state().output_rpm
+            })
+            .collect()
+    });
+    let wanted: Vec<f64> = simulated.iter().map(|sample| sample.1).collect();
+    let simulated: Vec<f64> = simulated.iter().map(|sample| sample.0).collect();
+    assert!(wanted.iter().any(|&rpm| rpm > 100.0), "{wanted:?}");
+    let [here, there] =
+        [&simulated, &emulated].map(|rpm| response(rpm, &wanted, 200, 0.05 * wanted[900]));
+    println!(
+        "wheel: tracking error {:.3} rpm simulated, {:.3} rpm on the chip; settled after {} and {}",
+        here.error, there.error, here.settled, there.settled
+    );
+    assert!((here.error - there.error).abs() <= 0.05 * here.error);
+    let [here, there] = [here.settled, there.settled].map(|time| time.get() as f64);
+    assert!(here > 50_000.0 && (here - there).abs() <= 0.05 * here, "{here} {there}");
+}
+
+/// The world of firmware/interop: an M3508 and a GM6020 on bus 1.
+fn interop(name: &str) -> Rig {
+    let mut world = World::new(1);
+    let bus = world.add_bus(BusConfig::default());
+    let models = [Model::C620, Model::Gm6020Voltage];
+    let motors = models.map(|model| (0, bus.add_esc(EscConfig::new(model, 1)).unwrap()));
+    let machine = Machine::new(&program(name)).unwrap();
+    Rig::new(machine, world, vec![bus], motors.into(), &[]).unwrap()
+}
+
+/// Drivers of other people's run on the model as they are.
+fn drives_with(name: &str) {
+    let mut rig = interop(name);
+    rig.run(millis(600)).unwrap();
+    let figures = Figures::of(&rig);
+    let bus = &figures.buses[0];
+    println!("{name}: {} sent, {} received, {} lost", bus.sent, bus.received, bus.lost);
+    assert!(bus.sent > 1000 && bus.received > 1000, "{bus:?}");
+    assert_eq!((figures.unowned_accesses, figures.gated_accesses), (0, 0));
+    assert!(rig.machine.restarts().is_empty());
+    // It asks its M3508 for 60 rpm.
+    let rpm = rig.motors()[0].1.state().output_rpm;
+    assert!((rpm - 60.0).abs() < 6.0, "{rpm} rpm");
+}
+
+#[test]
+#[ignore = "needs the chip's programs: cargo xtask emulate"]
+fn embassys_buffered_can_drives_a_motor() {
+    drives_with("superloop-embassy");
+}
+
+#[test]
+#[ignore = "needs the chip's programs: cargo xtask emulate"]
+fn the_fdcan_crate_drives_a_motor() {
+    drives_with("superloop-fdcan");
+}

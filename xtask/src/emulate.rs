@@ -1,0 +1,16 @@
+//! The firmware on an emulated chip: the scenarios of tests/firmware.rs.
+
+use std::path::Path;
+
+use anyhow::Result;
+
+use crate::cargo::{host, run as run_command};
+
+/// Runs every scenario on the program.
+///
+/// # Errors
+/// If one of them fails.
+pub fn run(program: &Path) -> Result<()> {
+    let test = "test --test firmware -- --include-ignored --show-output";
+    run_command(host(test).env("RC10_FIRMWARE", program))
+}
