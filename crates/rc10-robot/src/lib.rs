@@ -2,13 +2,14 @@
 //! Copy this crate to make your own; nothing else has to be edited.
 //!
 //! * [`table`]: **which motor, on which bus, with which id, gains and safe state.** Start here.
-//! * [`Robot`]: everything the robot consists of, in one value; no statics. On the chip it lives in
-//!   a `StaticCell`, on a PC there is one per simulated world.
+//! * [`Io`]: what its tasks share. [`Motors`]: where its motors stand. No statics: on the chip both
+//!   live in a `StaticCell`, on a PC there is one of each per simulated world.
 //! * [`chassis`], [`mechanisms`]: from what the robot shall do to motor targets.
 //! * [`driver`]: decides what it shall do; here, a script.
 //! * [`status`]: ten times a second, how it is.
 //!
-//! Each task is an `async fn run(io: &Io<'_>) -> !`. The chip's executor or a simulated world polls it.
+//! Each task is an `async fn run(io: &Io<'_>) -> !`. The chip's executor or a simulated world polls
+//! it.
 #![no_std]
 #![forbid(unsafe_code)]
 
