@@ -7,6 +7,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::pin::Pin;
+use std::process::Command;
 use std::sync::OnceLock;
 
 use rc10_can::Micros;
@@ -18,6 +19,7 @@ use rc10_motor::dji::FeedbackRate;
 use rc10_robot::table::Name;
 use rc10_robot::{Io, Motors};
 use rc10_sim::{BusConfig, EscConfig, Model, Nanos, TraceEntry, World};
+use serde_json::Value;
 
 #[path = "firmware/budgets.rs"]
 mod budgets;
@@ -189,6 +191,35 @@ fn instructions_stay_within_their_budgets() {
     budgets::judge(firmware(), &figures, many, per_tick, per_frame);
 }
 
+/// When the first of bus 2's motors is heard after a time.
+fn online_again(rig: &Rig, healed: Nanos) -> Nanos {
+    let mut frames = rig.logs()[1].frames.iter();
+    frames.find(|entry| !entry.from_controller && entry.end > healed).unwrap().end
+}
+
+/// Without anybody on it a bus does not go off: what waited is not sent when somebody comes back.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn an_unplugged_bus_sends_nothing_old() {
+    for fault in ["cut:2@300ms..350ms", "power:2@300ms..350ms"] {
+        let (broken, healed) = (millis(300), millis(350));
+        run(&setup(&[fault]), |emulation| {
+            emulation.run(millis(600)).unwrap();
+            let rig = &emulation.rig;
+            let torque =
+                |from, to| commands(rig, 1, from).any(|entry| entry.start < to && !is_zero(entry));
+            assert!(torque(millis(200), broken), "the gimbal moves before");
+            assert!(!torque(broken, online_again(rig, healed)), "{fault}: old torque");
+            assert!(torque(healed, millis(600)), "{fault}: the gimbal does not move again");
+            let figures = Figures::of(rig);
+            let bus = &figures.buses[1];
+            println!("{fault}: {} transmissions failed", bus.failed);
+            assert!(bus.failed > 32 && bus.bus_offs == 0, "{bus:?}");
+            keeps_its_period(&figures, &[0, 2]);
+        });
+    }
+}
+
 /// Bus 2 has nobody on it, then is shorted until it is off, then is healed.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
@@ -203,13 +234,7 @@ fn a_broken_bus_leaves_the_others_alone_and_comes_back() {
         let torque =
             |from, to| commands(rig, 1, from).any(|entry| entry.start < to && !is_zero(entry));
         assert!(torque(millis(200), broken), "the gimbal moves before");
-        // Online again: heard for the first time after it was healed, all three of them.
-        let heard = |id: u32| {
-            let frames = rig.logs()[1].frames.iter();
-            let mut frames = frames.filter(|entry| !entry.from_controller && entry.end > healed);
-            frames.find(|entry| entry.frame.raw_id() == id).unwrap().end
-        };
-        let online = [0x205, 0x206, 0x203].map(heard).into_iter().min().unwrap();
+        let online = online_again(rig, healed);
         assert!(!torque(broken, online), "torque was asked for on a broken bus");
         let back = commands(rig, 1, healed).next().unwrap().start;
         let enabled = commands(rig, 1, healed).find(|entry| !is_zero(entry)).unwrap().start;
@@ -218,6 +243,7 @@ fn a_broken_bus_leaves_the_others_alone_and_comes_back() {
             micros(back.since(healed)) * 1e-3,
             micros(enabled.since(healed)) * 1e-3
         );
+        assert!(enabled > back, "its first command is one of before");
         assert!(enabled.since(healed) <= millis(100));
         let bus = &figures.buses[1];
         println!("bus 2: {} transmissions failed, {} times bus-off", bus.failed, bus.bus_offs);
@@ -235,6 +261,30 @@ fn a_broken_bus_leaves_the_others_alone_and_comes_back() {
     });
 }
 
+/// From a moment on every bus carries its coast image: for every identifier that was commanded
+/// before, a frame without torque, and until `armed` no other. When the last of them has ended.
+fn coasts(rig: &Rig, struck: Nanos, armed: Nanos) -> Nanos {
+    let mut latest = Nanos::ZERO;
+    for bus in 0..3 {
+        let before = commands(rig, bus, millis(300));
+        let before: Vec<_> = before.filter(|entry| entry.end < struck).collect();
+        assert!(before.iter().any(|entry| !is_zero(entry)), "bus {}", bus + 1);
+        let mut ids: Vec<_> = before.iter().map(|entry| entry.frame.id()).collect();
+        ids.sort();
+        ids.dedup();
+        for id in ids {
+            let coast = commands(rig, bus, struck)
+                .find(|entry| entry.frame.id() == id && is_zero(entry))
+                .unwrap_or_else(|| panic!("bus {}: no coast frame for {id:?}", bus + 1));
+            latest = latest.max(coast.end);
+            let torque = commands(rig, bus, coast.end)
+                .find(|entry| entry.frame.id() == id && !is_zero(entry));
+            assert!(torque.is_none_or(|entry| entry.start > armed), "{torque:?}");
+        }
+    }
+    latest
+}
+
 /// After a crash every bus carries its coast image, nothing else; the restarted program knows why,
 /// and asks for no torque until it is armed.
 fn crashes_safely(fault: &str, within: Nanos, cause: ResetCause, words: &[&str]) {
@@ -245,26 +295,8 @@ fn crashes_safely(fault: &str, within: Nanos, cause: ResetCause, words: &[&str])
         let restarts = rig.machine.restarts();
         assert_eq!(restarts.len(), 1, "{restarts:?}");
         assert_eq!(restarts[0].cause, cause);
-        let mut latest = Nanos::ZERO;
-        for bus in 0..3 {
-            let before = commands(rig, bus, millis(300));
-            let before: Vec<_> = before.filter(|entry| entry.end < struck).collect();
-            assert!(before.iter().any(|entry| !is_zero(entry)), "bus {}", bus + 1);
-            let mut ids: Vec<_> = before.iter().map(|entry| entry.frame.id()).collect();
-            ids.sort();
-            ids.dedup();
-            for id in ids {
-                let coast = commands(rig, bus, struck)
-                    .find(|entry| entry.frame.id() == id && is_zero(entry))
-                    .unwrap_or_else(|| panic!("bus {}: no coast frame for {id:?}", bus + 1));
-                latest = latest.max(coast.end);
-                let torque = commands(rig, bus, coast.end)
-                    .find(|entry| entry.frame.id() == id && !is_zero(entry));
-                // The script arms the robot 100 ms after its start.
-                let armed = restarts[0].at + millis(100);
-                assert!(torque.is_none_or(|entry| entry.start > armed), "{torque:?}");
-            }
-        }
+        // The script arms the robot 100 ms after its start.
+        let latest = coasts(rig, struck, restarts[0].at + millis(100));
         let reset = restarts[0].at.since(struck);
         println!(
             "{fault}: all coast after {:.2} ms, reset after {:.2} ms",
@@ -301,6 +333,39 @@ fn a_hung_control_task_makes_every_bus_safe() {
     crashes_safely("hang@0.4s", millis(10), ResetCause::Watchdog, &words);
 }
 
+/// The buses' executor hangs for 20 ms, which the watchdog does not mind.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_stall_is_survived_without_a_restart() {
+    run(&setup(&["hang@0.4s..0.42s"]), |emulation| {
+        emulation.run(millis(800)).unwrap();
+        let rig = &emulation.rig;
+        let (struck, ended) = (rig.machine.struck().unwrap(), millis(420));
+        assert!(rig.machine.restarts().is_empty(), "{:?}", rig.machine.restarts());
+        let coast = coasts(rig, struck, ended).since(struck);
+        println!("20 ms without the buses: all coast after {:.2} ms", micros(coast) * 1e-3);
+        assert!(coast <= millis(10), "{coast}");
+        // The wheels' torque currents, of the C620's 16384 for 20 A.
+        let largest = |from, to| {
+            let frames = commands(rig, 0, from).filter(|entry| entry.end < to);
+            let currents = frames.flat_map(|entry| {
+                let bytes = entry.frame.bytes().as_chunks().0.to_vec();
+                bytes.into_iter().map(|bytes| i16::from_be_bytes(bytes).unsigned_abs())
+            });
+            currents.max().unwrap()
+        };
+        let before = largest(millis(380), struck);
+        let again = largest(ended, millis(425));
+        println!("largest torque current {before} before, {again} after");
+        // No integral has wound up meanwhile.
+        assert!(again > 100 && again < 2 * before, "{again} {before}");
+        let log = log(emulation);
+        let last = log.lines().last().unwrap();
+        assert_eq!(last.matches("stalls: 1 ").count(), 3, "{last}");
+        assert!(last.contains("arm: Armed, online: 11"), "{last}");
+    });
+}
+
 /// The same seed gives the same frames, another one others.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
@@ -313,6 +378,58 @@ fn a_run_can_be_repeated() {
     };
     assert_eq!(hash(1), hash(1));
     assert_ne!(hash(1), hash(2));
+}
+
+fn rc10_emu(arguments: &[&str]) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
+    let file = std::env::var_os("RC10_FIRMWARE").unwrap();
+    let output = command.arg("emu").arg(file).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The command tells everything, in the order in which it happened.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn the_command_tells_what_happened() {
+    let faults = ["--seconds", "0.4", "--fault", "hang@0.3s..0.31s", "--fault", "panic@0.35s"];
+    let text = rc10_emu(&faults);
+    let story = [
+        "start",
+        "fault hang:UART9 begins",
+        "fault hang:UART9 ends",
+        "fault panic",
+        "CHIP  restart, cause: Software",
+        "the last run ended in a crash: Panic",
+        "s on the emulated chip",
+        "tick period us",
+        "million a second",
+        "thread mode",
+    ];
+    let mut rest = text.as_str();
+    for part in story {
+        let at =
+            rest.find(part).unwrap_or_else(|| panic!("{part} is not, or too early, in:\n{text}"));
+        rest = &rest[at..];
+    }
+    let times = text.lines().map_while(|line| line.split_once(" ms  "));
+    let times: Vec<f64> = times.map(|(time, _)| time.trim().parse().unwrap()).collect();
+    assert!(times.len() > 6 && times.is_sorted(), "{text}");
+
+    let json = rc10_emu(&[&faults[..], &["--json"]].concat());
+    let figures: Value = serde_json::from_str(&json).unwrap();
+    for number in
+        ["frames", "rx_lost", "instructions", "stack_bytes", "unowned_accesses", "gated_accesses"]
+    {
+        assert!(figures[number].is_u64(), "{number}: {json}");
+    }
+    let period = &figures["tick_period_us"];
+    let [min, mean, max] = ["min", "mean", "max"].map(|name| period[name].as_f64().unwrap());
+    assert!(0.0 < min && min < mean && mean < max, "{period}");
+    assert_eq!(figures["restarts"][0]["cause"], "Software");
+    // Another process, and the same frames.
+    let hash = figures["content_hash"].as_str().unwrap();
+    assert!(hash.len() == 64 && text.contains(hash), "{json}");
 }
 
 /// How a motor follows: root of the mean square of its distance from the reference, and how long

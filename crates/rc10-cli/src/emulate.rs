@@ -1,5 +1,7 @@
 //! `rc10 emu`: runs the firmware itself, on an emulated chip, in the robot's surroundings.
 
+mod output;
+
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -10,15 +12,14 @@ use std::{env, fs};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_emu::{BusFigures, Fault, Figures, LogLine, Machine, Rig, Spread};
+use rc10_emu::{Fault, Machine, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{MotorBus, MotorStatus};
 use rc10_sim::{Esc, Nanos, TraceEntry};
-use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
-use crate::figures::motor_table;
+use self::output::Outcome;
 use crate::recorder::Recorder;
 use crate::recording::Recording;
 use crate::robot::{Description, Robot};
@@ -41,16 +42,13 @@ pub struct EmuArgs {
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub mips: Option<u64>,
     /// Something goes wrong: cut:2@0.3s..0.5s short:2@.. dominant:2@.. noise:2@0.3s power:2@..
-    /// load:2@.. mask@0.3s..305ms panic@0.3s hardfault@0.3s hang@0.3s; repeat for more
+    /// load:2@.. hang@0.3s..320ms mask@0.3s..305ms panic@0.3s hardfault@0.3s; repeat for more
     #[arg(long = "fault", value_name = "FAULT")]
     pub faults: Vec<Fault>,
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
 }
-
-/// How many functions are listed.
-const TOP_FUNCTIONS: usize = 12;
 
 /// What is different from a plain run.
 #[derive(Clone, Debug, Default)]
@@ -175,11 +173,16 @@ impl<'r> Emulation<'r> {
 /// Runs a program, prints the figures.
 ///
 /// # Errors
-/// If there is no program, it is none, or its core locks up.
+/// If there is no program, or it is none, or a fault cannot happen.
 pub fn emulate(args: &EmuArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let path = match &args.elf {
-        Some(path) => path.clone(),
-        None => build()?,
+    let late = args.faults.iter().find(|fault| fault.from >= args.seconds.into());
+    if let Some(fault) = late {
+        bail!("{} would begin at {}, after the end: say --seconds", fault.kind, fault.from);
+    }
+    let path = match (&args.elf, robot.description().firmware) {
+        (Some(path), _) => path.clone(),
+        (None, Some(build)) => build()?,
+        (None, None) => bail!("this robot does not say how to build a firmware: name an ELF file"),
     };
     let program = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
     let setup = Setup {
@@ -190,23 +193,21 @@ pub fn emulate(args: &EmuArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<
     };
     let started = Instant::now();
     let emulation =
-        Emulation::new(&program, robot, &setup).with_context(|| format!("{}", path.display()))?;
+        Emulation::new(&program, robot, &setup).with_context(|| path.display().to_string())?;
     let (mut emulation, recording) = emulation.record(args.seconds)?;
-    let wall = started.elapsed().as_secs_f64();
-    let figures = Figures::of(&emulation.rig);
+    let took = started.elapsed();
     let log = emulation.rig.machine.take_log();
-    if args.json {
-        writeln!(out, "{:#}", to_json(&emulation.rig, &figures, &recording, &log))?;
-    } else {
-        let mut text = String::new();
-        print(&mut text, &emulation.rig, &figures, &recording, &log, wall)?;
-        out.write_all(text.as_bytes())?;
-    }
+    let outcome = Outcome::new(&emulation.rig, &recording, &args.faults, &log);
+    let text = if args.json { format!("{:#}\n", outcome.to_json()) } else { outcome.text(took) };
+    out.write_all(text.as_bytes())?;
     Ok(())
 }
 
-/// Builds the firmware of the checkout; says where its ELF file is.
-fn build() -> Result<PathBuf> {
+/// Builds the firmware of this checkout; says where its ELF file is.
+///
+/// # Errors
+/// If there is no checkout, or the firmware cannot be built.
+pub fn build_firmware() -> Result<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     ensure!(
         root.join("firmware").is_dir(),
@@ -241,202 +242,4 @@ pub fn content_hash(rig: &Rig) -> String {
         let _ = write!(text, "{byte:02x}");
         text
     })
-}
-
-fn micros(time: Nanos) -> f64 {
-    time.get() as f64 * 1e-3
-}
-
-/// How often `part` fits into `all`; `None` where there is nothing to divide by.
-fn ratio(all: u64, part: u64) -> Option<u64> {
-    all.checked_div(part)
-}
-
-fn to_json(rig: &Rig, figures: &Figures, recording: &Recording, log: &[LogLine]) -> Value {
-    let spread = |bus: &BusFigures| {
-        bus.tick_period.map(|period| {
-            json!({
-                "min": micros(period.min),
-                "mean": micros(period.mean),
-                "max": micros(period.max),
-            })
-        })
-    };
-    let buses = figures.buses.iter().zip(1..).map(|(bus, number)| {
-        json!({
-            "bus": number,
-            "frames": bus.frames,
-            "sent": bus.sent,
-            "received": bus.received,
-            "rx_lost": bus.lost,
-            "foreign": bus.foreign,
-            "failed": bus.failed,
-            "bus_offs": bus.bus_offs,
-            "load_percent": bus.load,
-            "tick_period_us": spread(bus),
-        })
-    });
-    let profile = rig.machine.profile();
-    let functions = profile.by_function(rig.machine.image());
-    let all_periods = figures.buses.iter().filter_map(|bus| bus.tick_period);
-    let worst = all_periods.clone().map(|period| micros(period.max)).fold(0.0, f64::max);
-    let least = all_periods.clone().map(|period| micros(period.min)).fold(f64::MAX, f64::min);
-    let count: u64 = all_periods.clone().map(|period| period.count).sum();
-    let sum: f64 = all_periods.map(|period| micros(period.mean) * period.count as f64).sum();
-    let period =
-        (count > 0).then(|| json!({ "min": least, "mean": sum / count as f64, "max": worst }));
-    json!({
-        "seed": recording.seed,
-        "virtual_seconds": figures.length.get() as f64 * 1e-9,
-        "frames": figures.buses.iter().map(|bus| bus.frames).sum::<u64>(),
-        "content_hash": content_hash(rig),
-        "rx_lost": figures.lost(),
-        "tick_period_us": period,
-        "boot_us": figures.boot.map(micros),
-        "instructions": figures.instructions,
-        "instructions_per_tick": ratio(figures.instructions, figures.ticks()),
-        "instructions_per_received_frame": ratio(figures.instructions, figures.received()),
-        "stack_bytes": figures.stack_bytes,
-        "static_ram_bytes": rig.machine.image().ram,
-        "flash_bytes": rig.machine.image().flash,
-        "unowned_accesses": figures.unowned_accesses,
-        "gated_accesses": figures.gated_accesses,
-        "restarts": rig.machine.restarts().iter().map(|restart| json!({
-            "at_us": micros(restart.at),
-            "cause": format!("{:?}", restart.cause),
-        })).collect::<Vec<_>>(),
-        "buses": buses.collect::<Vec<_>>(),
-        "motors": recording.motors.iter().map(|track| json!({
-            "motor": track.motor.label,
-            "bus": track.motor.bus,
-            "link": format!("{:?}", track.last.link),
-            "rpm": track.samples.last().map(|sample| sample.rpm),
-            "received": track.last.counters.received,
-            "malformed": track.last.counters.malformed,
-            "feedback_overwritten": track.overwritten,
-        })).collect::<Vec<_>>(),
-        "functions": functions.iter().take(TOP_FUNCTIONS).map(|(name, instructions)| json!({
-            "function": name,
-            "instructions": instructions,
-        })).collect::<Vec<_>>(),
-        "log": log.iter().map(|line| json!({
-            "at_us": micros(line.at),
-            "text": line.text,
-        })).collect::<Vec<_>>(),
-    })
-}
-
-fn print(
-    text: &mut String,
-    rig: &Rig,
-    figures: &Figures,
-    recording: &Recording,
-    log: &[LogLine],
-    wall: f64,
-) -> std::fmt::Result {
-    let machine = &rig.machine;
-    let seconds = figures.length.get() as f64 * 1e-9;
-    for line in log {
-        writeln!(text, "{:>10.3} ms  {}", micros(line.at) * 1e-3, line.text)?;
-    }
-    for report in machine.reports() {
-        writeln!(text, "{:>10.3} ms  {}", micros(report.at) * 1e-3, report.text)?;
-    }
-    for restart in machine.restarts() {
-        let at = micros(restart.at) * 1e-3;
-        writeln!(text, "{at:>10.3} ms  the chip restarted: {:?}", restart.cause)?;
-    }
-    writeln!(
-        text,
-        "\n{seconds:.3} s on the emulated chip in {wall:.1} s, seed {}\n",
-        recording.seed
-    )?;
-    writeln!(text, "{}", motor_table(recording))?;
-    writeln!(
-        text,
-        "{:<5} {:>8} {:>8} {:>8} {:>9} {:>6} {:>8} {:>8} {:>8}  {:<30}",
-        "bus",
-        "load %",
-        "frames",
-        "sent",
-        "received",
-        "lost",
-        "foreign",
-        "failed",
-        "bus-offs",
-        "tick period us"
-    )?;
-    for (bus, number) in figures.buses.iter().zip(1..) {
-        let period = bus.tick_period.map_or("-".into(), |period| {
-            let Spread { min, mean, max, .. } = period;
-            format!("{:.2} / {:.2} / {:.2}", micros(min), micros(mean), micros(max))
-        });
-        writeln!(
-            text,
-            "{number:<5} {:>8.1} {:>8} {:>8} {:>9} {:>6} {:>8} {:>8} {:>8}  {period}",
-            bus.load,
-            bus.frames,
-            bus.sent,
-            bus.received,
-            bus.lost,
-            bus.foreign,
-            bus.failed,
-            bus.bus_offs,
-        )?;
-    }
-    let per = |part: u64| ratio(figures.instructions, part).map_or("-".into(), |n| n.to_string());
-    writeln!(text)?;
-    if let Some(boot) = figures.boot {
-        writeln!(
-            text,
-            "boot           {:.1} us from the end of clock start to the first frames",
-            micros(boot)
-        )?;
-    }
-    writeln!(
-        text,
-        "instructions   {} ({:.2} million a second), {} a tick, {} a received frame",
-        figures.instructions,
-        figures.instructions as f64 * 1e-6 / seconds,
-        per(figures.ticks()),
-        per(figures.received()),
-    )?;
-    writeln!(
-        text,
-        "memory         stack {} + static {} bytes of RAM, {} bytes of flash",
-        figures.stack_bytes,
-        machine.image().ram,
-        machine.image().flash
-    )?;
-    writeln!(
-        text,
-        "bad accesses   {} unowned, {} without a clock",
-        figures.unowned_accesses, figures.gated_accesses
-    )?;
-    writeln!(text, "content        {}\n", content_hash(rig))?;
-    let share = |instructions: u64| instructions as f64 * 100.0 / figures.instructions as f64;
-    writeln!(text, "{:>12} {:>6} {:>10}  exception", "instructions", "%", "entries")?;
-    for cost in machine.profile().by_exception() {
-        let name = match cost.exception.checked_sub(16) {
-            Some(interrupt) => format!("interrupt {interrupt} ({})", handler(rig, cost.exception)),
-            None if cost.exception == 0 => "thread mode".into(),
-            None => format!("exception {}", cost.exception),
-        };
-        let share = share(cost.instructions);
-        writeln!(text, "{:>12} {share:>6.1} {:>10}  {name}", cost.instructions, cost.entries)?;
-    }
-    writeln!(text, "\n{:>12} {:>6}  function", "instructions", "%")?;
-    for (name, instructions) in
-        machine.profile().by_function(machine.image()).into_iter().take(TOP_FUNCTIONS)
-    {
-        writeln!(text, "{instructions:>12} {:>6.1}  {name}", share(instructions))?;
-    }
-    Ok(())
-}
-
-/// The function that handles an exception.
-fn handler(rig: &Rig, exception: u16) -> &str {
-    let vector = rc10_emu::memory::FLASH + 4 * u32::from(exception);
-    let address = rig.machine.memory().word(vector).unwrap_or(0) & !1;
-    rig.machine.image().function_at(address).map_or("?", |(_, name)| name)
 }

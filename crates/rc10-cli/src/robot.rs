@@ -1,6 +1,7 @@
 //! A robot as the tools see it: plain data that say what its motors are and what surrounds them,
 //! and the running part that a robot crate hands over.
 
+use std::path::PathBuf;
 use std::pin::Pin;
 
 use anyhow::{Result, bail, ensure};
@@ -23,6 +24,8 @@ pub struct Description {
     pub base: Option<Base>,
     /// What it does by itself, to be named in reports.
     pub script: Script,
+    /// Builds its firmware and says where the ELF file is. `None`: `rc10 emu` must be told.
+    pub firmware: Option<fn() -> Result<PathBuf>>,
 }
 
 /// One motor of a robot, and what is on its shaft.

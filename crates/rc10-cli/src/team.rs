@@ -6,6 +6,7 @@ use rc10_robot::table::{BASE, BUSES, Entry, LIFT, MOTORS, Name, WHEELS};
 use rc10_robot::{Bus, Io, chassis, driver, mechanisms, status};
 use rc10_sim::Chassis;
 
+use crate::emulate::build_firmware;
 use crate::recording::Event;
 use crate::robot::{Base, Description, Motor, Robot, Script};
 
@@ -30,6 +31,7 @@ pub fn description() -> Description {
             events: SCRIPT.iter().map(event).collect(),
             repeats_after: Some(Micros::from_millis(SCRIPT_LENGTH.into())),
         },
+        firmware: Some(build_firmware),
     }
 }
 

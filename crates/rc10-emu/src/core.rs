@@ -7,15 +7,26 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhow::{Context, Result};
 use rc10_sim::Nanos;
 use rsemu::core::error::BusError;
-use rsemu::core::space::{AddressSpace, MemAttrs, MemOps, MemResult, Region};
+use rsemu::core::space::{
+    AccessPurpose, AddressSpace, DispatchPolicy, Mapping, MemAttrs, MemOps, MemResult, Perms,
+    Region,
+};
 use rsemu::cpu::arm::v7m::sys::Exception;
-use rsemu::cpu::arm::v7m::{ArmV7m, Config};
+use rsemu::cpu::arm::v7m::{ArmV7m, Config, Regs};
 
-use crate::memory::{FLASH, Memory, PERIPHERALS};
+use crate::memory::{FLASH, Memory};
 use crate::peripherals::{Soc, Width};
 
 /// External interrupts of the STM32H723, in words of 32: 0 ..= 162 (RM0468, NVIC chapter).
 pub const INTERRUPT_WORDS: usize = 6;
+
+/// The address space, bytes.
+const EVERYTHING: u64 = 1 << 32;
+/// It is looked up in pages of 64 KiB.
+const PAGE_BITS: u32 = 16;
+
+/// Where a core that locked up stands (Armv7-M Architecture Reference Manual, B1.5.15).
+const LOCKED_UP: u32 = 0xFFFF_FFFE;
 
 /// What one step of a core was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +37,7 @@ pub enum Step {
     Entry(u16),
     /// Nothing to do until an interrupt comes.
     Asleep,
-    /// A fault inside the fault handler: only a reset helps.
+    /// Nothing to do ever again, after a fault inside the fault handler: only a reset helps.
     LockedUp,
 }
 
@@ -55,8 +66,12 @@ pub trait Core {
     fn link_register(&self) -> u32;
     /// Goes on at an address, with the first registers set to `arguments`: for injected faults.
     fn call(&mut self, address: u32, arguments: [u32; 3]);
-    /// Masks all interrupts (PRIMASK) or unmasks them: for injected faults.
-    fn mask_interrupts(&mut self, masked: bool);
+    /// Goes on at an address, which is to be an endless loop, with all interrupts masked (PRIMASK),
+    /// as in somebody's long critical section: for injected faults. `false`: they are masked
+    /// already, by the program itself.
+    fn hold(&mut self, address: u32) -> bool;
+    /// Ends that loop, if it is still in it: everything is again as it was.
+    fn release(&mut self);
 }
 
 /// A core with memories and no peripherals, after its reset: for programs that only compute.
@@ -103,7 +118,7 @@ fn width_of(bytes: usize) -> Result<Width, BusError> {
     }
 }
 
-/// The peripherals' part of the address space.
+/// Everything in the address space that is no memory, or that a program cannot write to.
 impl MemOps for Wiring {
     fn read(&self, offset: u64, to: &mut [u8], attributes: MemAttrs) -> MemResult {
         if attributes.debug {
@@ -113,7 +128,12 @@ impl MemOps for Wiring {
         let width = width_of(to.len())?;
         let address = address_of(offset)?;
         self.touched.store(true, Ordering::Relaxed);
-        let value = self.soc().read(address, width, self.time());
+        // Instructions do not come from peripherals, whatever stands there.
+        let value = if attributes.purpose == AccessPurpose::FETCH {
+            Err(self.soc().refuse(address, false))
+        } else {
+            self.soc().read(address, width, self.time())
+        };
         let value = value.map_err(|_| BusError::Unassigned)?;
         to.copy_from_slice(&value.to_le_bytes()[..to.len()]);
         Ok(())
@@ -134,8 +154,7 @@ impl MemOps for Wiring {
 }
 
 fn address_of(offset: u64) -> Result<u32, BusError> {
-    let address = u32::try_from(offset).ok().and_then(|offset| PERIPHERALS.0.checked_add(offset));
-    address.ok_or(BusError::Unassigned)
+    u32::try_from(offset).map_err(|_| BusError::Unassigned)
 }
 
 /// The interpreter of the `rsemu` package.
@@ -146,21 +165,25 @@ pub(crate) struct Interpreter {
     exception: u16,
     program_counter: u32,
     stack_pointer: u32,
+    /// Where it was held, and what was in its registers before.
+    held: Option<(u32, Regs)>,
 }
 
 impl Interpreter {
     pub(crate) fn new(memory: &Memory, wiring: Option<Wiring>) -> Result<Self> {
-        let space = AddressSpace::new("cpu", 32);
+        // A table instead of a search: it is asked for every instruction.
+        let table = DispatchPolicy::Dense { page_bits: PAGE_BITS, cover: EVERYTHING };
+        let space = AddressSpace::new("cpu", 32).with_dispatch(table);
         for bank in memory.banks() {
-            space
-                .topology()
-                .map(Region::ram(bank.name, bank.store()), u64::from(bank.base))
-                .with_context(|| bank.name)?;
+            // A plain write does not program the flash.
+            let allowed = if bank.base == FLASH { Perms::RX } else { Perms::RWX };
+            let region = Region::ram(bank.name, bank.store());
+            let mapping = Mapping::new(region, bank.base.into()).with_perms(allowed);
+            space.topology().map_with(mapping).context(bank.name)?;
         }
         if let Some(wiring) = wiring {
-            let (base, length) = PERIPHERALS;
-            let region = Region::io("peripherals", length.into(), Arc::new(wiring));
-            space.topology().map(region, base.into()).context("peripherals")?;
+            let region = Region::io("peripherals", EVERYTHING, Arc::new(wiring));
+            space.topology().map_with_priority(region, 0, -1).context("peripherals")?;
         }
         let space = Arc::new(space);
         let mut interpreter = Self {
@@ -170,6 +193,7 @@ impl Interpreter {
             exception: 0,
             program_counter: 0,
             stack_pointer: 0,
+            held: None,
         };
         interpreter.reset();
         Ok(interpreter)
@@ -207,6 +231,7 @@ impl Core for Interpreter {
     fn reset(&mut self) {
         self.core = fresh(&self.space);
         self.levels = [0; INTERRUPT_WORDS];
+        self.held = None;
         self.look();
     }
 
@@ -214,7 +239,8 @@ impl Core for Interpreter {
         let (before, was_at) = (self.exception, self.program_counter);
         let clocks = self.core.step();
         self.look();
-        if self.core.is_locked_up() {
+        // It waits at an address where no program can be.
+        if self.program_counter == LOCKED_UP && self.core.is_locked_up() {
             return (Step::LockedUp, clocks);
         }
         if self.exception != before && self.exception != 0 && self.is_at_handler() {
@@ -291,9 +317,25 @@ impl Core for Interpreter {
         self.look();
     }
 
-    fn mask_interrupts(&mut self, masked: bool) {
+    fn hold(&mut self, address: u32) -> bool {
         let mut registers = self.core.regs();
-        registers.primask = masked;
+        if registers.primask {
+            return false;
+        }
+        self.held = Some((address, registers));
+        registers.primask = true;
         self.core.set_regs(registers);
+        let arguments = std::array::from_fn(|index| registers.r[index]);
+        self.call(address, arguments);
+        true
+    }
+
+    fn release(&mut self) {
+        if let Some((address, registers)) = self.held.take()
+            && address == self.program_counter
+        {
+            self.core.set_regs(registers);
+            self.look();
+        }
     }
 }

@@ -25,10 +25,10 @@ pub enum Kind {
     Panic,
     /// `hardfault`: the program executes an undefined instruction. Has no end.
     HardFault,
-    /// `hang[:HANDLER]`: an interrupt handler never ends; `UART9` if none is named: the executor of
-    /// RC10's buses. Has no end.
+    /// `hang[:HANDLER]`: an interrupt handler hangs when it is called next, before its first
+    /// instruction; `UART9` if none is named: the executor of RC10's buses.
     Hang(String),
-    /// `mask`: all interrupts are masked.
+    /// `mask`: somebody's critical section, with all interrupts masked, takes so long.
     Mask,
 }
 
@@ -38,7 +38,7 @@ const CONTROL_EXECUTOR: &str = "UART9";
 impl Kind {
     /// Whether it happens at one moment and cannot be taken back.
     const fn is_sudden(&self) -> bool {
-        matches!(self, Self::Noise(_) | Self::Panic | Self::HardFault | Self::Hang(_))
+        matches!(self, Self::Noise(_) | Self::Panic | Self::HardFault)
     }
 
     /// The bus it concerns, 0 for the first.
@@ -52,6 +52,28 @@ impl Kind {
             | Self::Power(bus)
             | Self::Load(bus) => Some(*bus),
             Self::Panic | Self::HardFault | Self::Hang(_) | Self::Mask => None,
+        }
+    }
+}
+
+impl fmt::Display for Kind {
+    /// As a user writes it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = match self {
+            Self::Cut(_) => "cut",
+            Self::Short(_) => "short",
+            Self::Dominant(_) => "dominant",
+            Self::Noise(_) => "noise",
+            Self::Power(_) => "power",
+            Self::Load(_) => "load",
+            Self::Panic => "panic",
+            Self::HardFault => "hardfault",
+            Self::Hang(handler) => return write!(f, "hang:{handler}"),
+            Self::Mask => "mask",
+        };
+        match self.bus() {
+            Some(bus) => write!(f, "{name}:{}", bus + 1),
+            None => f.write_str(name),
         }
     }
 }
@@ -98,7 +120,7 @@ impl FromStr for Fault {
             }
         };
         if until.is_some_and(|until| until <= from) {
-            return Err(wrong("it ends before it begins".into()));
+            return Err(wrong("it ends when or before it begins".into()));
         }
         if until.is_some() && kind.is_sudden() {
             return Err(wrong("such a fault has a beginning, and no end".into()));
@@ -130,6 +152,7 @@ fn kind_of(text: &str) -> Result<Kind, String> {
         "panic" => alone(Kind::Panic),
         "hardfault" => alone(Kind::HardFault),
         "mask" => alone(Kind::Mask),
+        "hang" if argument == Some("") => Err("name a handler: hang:TIM2; or none: hang".into()),
         "hang" => Ok(Kind::Hang(argument.unwrap_or(CONTROL_EXECUTOR).to_owned())),
         _ => Err(format!("there is no such fault; there are: {KINDS}")),
     }
@@ -172,8 +195,22 @@ mod tests {
         let fault: Fault = "hang@1.000001s".parse().unwrap();
         assert_eq!(fault.kind, Kind::Hang("UART9".into()));
         assert_eq!((fault.from, fault.until), (Nanos::new(1_000_001_000), None));
+        let fault: Fault = "hang:TIM2@1s..2s".parse().unwrap();
+        assert_eq!(
+            (fault.kind, fault.until),
+            (Kind::Hang("TIM2".into()), Some(time_of("2s").unwrap()))
+        );
         let fault: Fault = "mask@20us..25us".parse().unwrap();
         assert_eq!((fault.kind, fault.from), (Kind::Mask, Nanos::new(20_000)));
+    }
+
+    #[test]
+    fn kinds_are_shown_as_they_are_written() {
+        let kinds =
+            "cut:1 short:2 dominant:3 noise:1 power:2 load:3 panic hardfault hang:TIM2 mask";
+        for kind in kinds.split(' ') {
+            assert_eq!(kind_of(kind).unwrap().to_string(), kind);
+        }
     }
 
     #[test]
@@ -192,6 +229,8 @@ mod tests {
             ("mask@99999999999999999999s", "is no time"),
             ("mask@2s..1s", "before it begins"),
             ("panic@1s..2s", "no end"),
+            ("hang:@1s", "name a handler"),
+            ("mask@1s..1s", "when or before it begins"),
         ] {
             let error = text.parse::<Fault>().unwrap_err().to_string();
             assert!(error.contains(why) && error.contains(text), "{error}");

@@ -87,6 +87,14 @@ impl Image {
         self.symbols.get(name).copied().with_context(|| format!("the program has no {name}"))
     }
 
+    /// Whether the file says what stands at an address.
+    #[must_use]
+    pub fn holds(&self, address: u32) -> bool {
+        self.segments.iter().any(|(start, bytes)| {
+            address.checked_sub(*start).is_some_and(|offset| (offset as usize) < bytes.len())
+        })
+    }
+
     /// The function that an address lies in.
     #[must_use]
     pub fn function_at(&self, address: u32) -> Option<(u32, &str)> {

@@ -1,18 +1,19 @@
 //! The chip as a whole: a program in its memories, time, and faults.
 
 use std::cell::RefCell;
+use std::collections::{BTreeSet, VecDeque};
 use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, ensure};
 use rc10_sim::{Nanos, World};
 
 use crate::core::{Core, Interpreter, Step, Wiring};
 use crate::fdcan::{Fdcans, Node};
 use crate::image::Image;
 use crate::log::Log;
-use crate::memory::Memory;
+use crate::memory::{FLASH, Memory};
 use crate::peripherals::{ResetCause, Soc};
 use crate::profile::Profile;
 
@@ -20,8 +21,21 @@ use crate::profile::Profile;
 const FULL_CLOCK_HZ: u64 = 480_000_000;
 /// How often a debug probe looks for log messages.
 const LOG_PERIOD: Nanos = Nanos::new(1_000_000);
-/// Code that injected faults jump to, in the otherwise unused ITCM.
-const INJECTED: u32 = 0x0000_0000;
+/// What injected faults need, in the otherwise unused ITCM: an undefined instruction, ..
+const UNDEFINED: u32 = 0x0000_0000;
+/// .. a loop for who masks interrupts, ..
+const MASKED: u32 = 0x0000_0010;
+/// .. a panic's location and the name of its file, ..
+const LOCATION: u32 = 0x0000_0020;
+const FILE_NAME: u32 = 0x0000_0030;
+/// .. and for each exception the code that stands in for its handler: an instruction and a word.
+const STAND_INS: u32 = 0x0000_0100;
+/// `UDF #0`.
+const UDF: [u8; 2] = [0x00, 0xDE];
+/// `B` to itself.
+const BRANCH_TO_SELF: [u8; 2] = [0xFE, 0xE7];
+/// `LDR.W PC, [PC]`: goes on at the address in the next word.
+const JUMP: [u8; 4] = [0xDF, 0xF8, 0x00, 0xF0];
 /// Where an injected panic says it happened.
 const PANIC_FILE: &str = "injected.rs";
 const PANIC_LINE: u32 = 2300;
@@ -33,16 +47,23 @@ pub enum Injection {
     Panic,
     /// An undefined instruction, which is a `HardFault` where nobody handles usage faults.
     HardFault,
-    /// The handler of this exception, when it runs next, never ends.
+    /// The handler of this exception hangs before its first instruction when it is called next.
     Hang {
         /// Number of the exception; external interrupts start at 16.
         exception: u16,
     },
-    /// Interrupts are masked from now on, or unmasked again.
+    /// The handler of this exception hangs no longer: it begins. If it has not been called since,
+    /// it will not hang.
+    EndHang {
+        /// Number of the exception.
+        exception: u16,
+    },
+    /// The program does nothing but mask interrupts from now on, or goes on again. If it masks them
+    /// itself at that moment, as soon as it no longer does.
     MaskInterrupts(bool),
 }
 
-/// An access to something that does not exist, or has no clock.
+/// An access to something that does not exist, or has no clock; or a core that locked up.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Report {
     /// When.
@@ -91,11 +112,16 @@ pub struct Machine {
     fraction: u64,
     /// Instructions per second at the full clock, if not as many as the clocks allow.
     speed: Option<u64>,
+    /// Rate that `fraction` is of.
+    rate: u64,
     /// Where the program is to go on, with which arguments, as soon as it executes anything: a core
     /// that sleeps cannot fail.
-    jump: Option<(u32, [u32; 3])>,
-    /// The exception whose handler is not to end.
-    hang: Option<u16>,
+    jumps: VecDeque<(u32, [u32; 3])>,
+    /// The exceptions whose handlers are to hang when they are called next.
+    hangs: BTreeSet<u16>,
+    /// Whether interrupts are to be masked as soon as they are not.
+    is_mask_due: bool,
+    is_locked_up: bool,
     struck: Option<Nanos>,
     ready: Option<Nanos>,
     reports: Vec<Report>,
@@ -111,6 +137,12 @@ impl Machine {
         let image = Image::parse(file)?;
         let log = Log::new(file, &image)?;
         let memory = Memory::with(&image)?;
+        let [stack, start] = [memory.word(FLASH)?, memory.word(FLASH + 4)?];
+        // The stack is full at first: its pointer may stand right behind a memory.
+        ensure!(
+            memory.word(stack.wrapping_sub(4)).is_ok() && start & 1 == 1 && image.holds(start & !1),
+            "no vector table at {FLASH:#010x}: this is no program for an STM32H7"
+        );
         let fdcan = Arc::new(Mutex::new(Fdcans::new()));
         let wiring = Wiring {
             soc: Arc::new(Mutex::new(Soc::new(Arc::clone(&fdcan), memory.clone()))),
@@ -131,8 +163,11 @@ impl Machine {
             now: 0,
             fraction: 0,
             speed: None,
-            jump: None,
-            hang: None,
+            rate: 1,
+            jumps: VecDeque::new(),
+            hangs: BTreeSet::new(),
+            is_mask_due: false,
+            is_locked_up: false,
             struck: None,
             ready: None,
             reports: Vec::new(),
@@ -227,9 +262,8 @@ impl Machine {
     pub fn inject(&mut self, fault: Injection) -> Result<()> {
         match fault {
             Injection::HardFault => {
-                // UDF #0.
-                self.memory.write(INJECTED, &[0x00, 0xDE])?;
-                self.jump = Some((INJECTED, [0; 3]));
+                self.memory.write(UNDEFINED, &UDF)?;
+                self.jumps.push_back((UNDEFINED, [0; 3]));
             }
             Injection::Panic => {
                 let panic = "core::panicking::panic_fmt";
@@ -238,16 +272,35 @@ impl Machine {
                     .find(|(_, name)| *name == panic)
                     .with_context(|| format!("the program has no {panic}"))?;
                 // A core::panic::Location: file name, its length, line, column.
-                let file = INJECTED + 32;
                 let length = u32::try_from(PANIC_FILE.len())?;
-                let location = [file, length, PANIC_LINE, 1].map(u32::to_le_bytes);
-                self.memory.write(INJECTED, location.as_flattened())?;
-                self.memory.write(file, PANIC_FILE.as_bytes())?;
+                let location = [FILE_NAME, length, PANIC_LINE, 1].map(u32::to_le_bytes);
+                self.memory.write(LOCATION, location.as_flattened())?;
+                self.memory.write(FILE_NAME, PANIC_FILE.as_bytes())?;
                 // Whichever of its arguments the compiler has left: it is the location.
-                self.jump = Some((address, [INJECTED; 3]));
+                self.jumps.push_back((address, [LOCATION; 3]));
             }
-            Injection::Hang { exception } => self.hang = Some(exception),
-            Injection::MaskInterrupts(masked) => self.core.mask_interrupts(masked),
+            Injection::Hang { exception } => {
+                self.memory.write(stand_in(exception), &BRANCH_TO_SELF)?;
+                self.hangs.insert(exception);
+            }
+            Injection::EndHang { exception } => {
+                if !self.hangs.remove(&exception) {
+                    // Nothing of the handler has run yet.
+                    let handler = self.memory.word(FLASH + 4 * u32::from(exception))?;
+                    let stand_in = stand_in(exception);
+                    self.memory.write(stand_in + 4, &handler.to_le_bytes())?;
+                    self.memory.write(stand_in, &JUMP)?;
+                }
+            }
+            Injection::MaskInterrupts(true) => {
+                self.memory.write(MASKED, &BRANCH_TO_SELF)?;
+                self.is_mask_due = !self.core.hold(MASKED);
+            }
+            Injection::MaskInterrupts(false) => {
+                if !std::mem::take(&mut self.is_mask_due) {
+                    self.core.release();
+                }
+            }
         }
         Ok(())
     }
@@ -255,7 +308,7 @@ impl Machine {
     /// Lets chip and world go on up to a time.
     ///
     /// # Errors
-    /// If the core locks up, or the program's memory makes no sense.
+    /// If the program's memory makes no sense.
     pub fn run(&mut self, world: &mut World, until: Nanos) -> Result<()> {
         while self.now < until.get() {
             let mut horizon = world.next_event().min(self.next_log).min(until);
@@ -288,22 +341,24 @@ impl Machine {
             match step {
                 Step::Instruction => {
                     self.profile.instruction(address, exception, self.core.stack_pointer());
-                    if let Some((address, arguments)) = self.jump.take() {
+                    if let Some((address, arguments)) = self.jumps.pop_front() {
                         self.core.call(address, arguments);
                         self.struck = Some(self.now());
+                    } else if self.is_mask_due {
+                        self.is_mask_due = !self.core.hold(MASKED);
                     }
                 }
                 Step::Entry(exception) => {
                     self.profile.entry(exception, self.core.stack_pointer());
-                    if self.hang == Some(exception) {
-                        self.hang = None;
-                        // B to itself.
-                        self.memory.write(INJECTED, &[0xFE, 0xE7])?;
-                        self.core.call(INJECTED, [0; 3]);
+                    if self.hangs.remove(&exception) {
+                        self.core.call(stand_in(exception), [0; 3]);
                         self.struck = Some(self.now());
                     }
                 }
-                Step::Asleep => {
+                Step::Asleep | Step::LockedUp => {
+                    if step == Step::LockedUp && !std::mem::replace(&mut self.is_locked_up, true) {
+                        self.report(format!("the core locked up at {address:#010x}"));
+                    }
                     let nanos = horizon.saturating_sub(self.now);
                     let idle = (u128::from(nanos) * u128::from(clock)).div_ceil(1_000_000_000);
                     let idle = u64::try_from(idle).unwrap_or(u64::MAX).max(clocks);
@@ -311,11 +366,10 @@ impl Machine {
                     self.core.sleep(idle.saturating_sub(clocks));
                     clocks = idle;
                 }
-                Step::LockedUp => bail!("the core locked up at {address:#010x}, {}", self.now()),
             }
             match self.speed {
                 // A core that sleeps does not count instructions.
-                Some(speed) if step != Step::Asleep => {
+                Some(speed) if !matches!(step, Step::Asleep | Step::LockedUp) => {
                     self.pass(1, (clock.saturating_mul(speed) / FULL_CLOCK_HZ).max(1));
                 }
                 _ => self.pass(clocks, clock),
@@ -328,22 +382,32 @@ impl Machine {
 
     /// Lets `count` periods of a rate go by.
     fn pass(&mut self, count: u64, rate: u64) {
-        let nanos = u128::from(self.fraction) + u128::from(count) * 1_000_000_000;
-        let rate = u128::from(rate);
-        self.now += u64::try_from(nanos / rate).unwrap_or(u64::MAX);
-        // Below the rate, which is 64 bits. Where the rate has changed, less than a nanosecond is
-        // off.
-        self.fraction = u64::try_from(nanos % rate).unwrap_or(0);
+        if rate != self.rate {
+            let fraction = u128::from(self.fraction) * u128::from(rate) / u128::from(self.rate);
+            self.fraction = u64::try_from(fraction).unwrap_or(0);
+            self.rate = rate;
+        }
+        let product = count.checked_mul(1_000_000_000);
+        if let Some(nanos) = product.and_then(|nanos| nanos.checked_add(self.fraction)) {
+            self.now += nanos / rate;
+            self.fraction = nanos % rate;
+        } else {
+            let nanos = u128::from(self.fraction) + u128::from(count) * 1_000_000_000;
+            let rate = u128::from(rate);
+            self.now += u64::try_from(nanos / rate).unwrap_or(u64::MAX);
+            self.fraction = u64::try_from(nanos % rate).unwrap_or(0);
+        }
         self.wiring.now.store(self.now, Ordering::Relaxed);
     }
 
     /// What is not the core's: resets, reports, the log.
     fn after(&mut self, now: Nanos) -> Result<()> {
-        self.collect_reports(now);
+        let reported = self.collect_reports();
         let cause = self.wiring.soc().take_reset();
         let cause =
             cause.or_else(|| self.core.take_reset_request().then_some(ResetCause::Software));
-        if now >= self.next_log || cause.is_some() {
+        // What the program said before comes before.
+        if now >= self.next_log || cause.is_some() || reported {
             self.next_log = now + LOG_PERIOD;
             let messages = self.log.messages(&self.memory)?;
             self.lines.extend(messages.into_iter().map(|text| LogLine { at: now, text }));
@@ -353,23 +417,32 @@ impl Machine {
             self.wiring.soc().reset(cause, now);
             self.core.reset();
             self.log.reset();
-            (self.jump, self.hang) = (None, None);
+            self.jumps.clear();
+            self.hangs.clear();
+            (self.is_mask_due, self.is_locked_up) = (false, false);
         }
         Ok(())
     }
 
-    fn collect_reports(&mut self, now: Nanos) {
-        let accesses = self.wiring.soc().take_reports();
-        for access in accesses {
-            if self.reports.len() == REPORTS {
-                return;
-            }
-            let address = self.core.program_counter();
-            let function = self.image.function_at(address).map_or("?", |(_, name)| name);
-            self.reports.push(Report {
-                at: now,
-                text: format!("{access} by {function}, before {address:#010x}"),
-            });
+    fn report(&mut self, text: String) {
+        if self.reports.len() < REPORTS {
+            self.reports.push(Report { at: self.now(), text });
         }
     }
+
+    /// Whether there were any.
+    fn collect_reports(&mut self) -> bool {
+        let accesses = self.wiring.soc().take_reports();
+        for access in &accesses {
+            let address = self.core.program_counter();
+            let function = self.image.function_at(address).map_or("?", |(_, name)| name);
+            self.report(format!("{access} by {function}, before {address:#010x}"));
+        }
+        !accesses.is_empty()
+    }
+}
+
+/// Where the code is that stands in for the handler of an exception.
+fn stand_in(exception: u16) -> u32 {
+    STAND_INS + 8 * u32::from(exception)
 }

@@ -98,7 +98,7 @@ impl Profile {
     }
 
     /// How often each executed address of flash was executed, in the order of the addresses.
-    pub fn by_address(&self) -> impl Iterator<Item = (u32, u64)> {
+    fn by_address(&self) -> impl Iterator<Item = (u32, u64)> {
         let places = (FLASH..).step_by(2).zip(self.places.iter().copied());
         places.filter(|&(_, count)| count > 0)
     }

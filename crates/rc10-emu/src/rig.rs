@@ -44,7 +44,7 @@ impl Rig {
     /// Puts a chip on buses; FDCAN1 is on the first. `motors` says on which bus each motor is.
     ///
     /// # Errors
-    /// If a fault is on a bus that is not there.
+    /// If a fault is on a bus that is not there, or in a handler that the program does not have.
     pub fn new(
         machine: Machine,
         world: World,
@@ -56,9 +56,12 @@ impl Rig {
         for Fault { kind, from, until } in faults {
             ensure!(
                 kind.bus().is_none_or(|bus| bus < buses.len()),
-                "{kind:?}: there are {} buses",
+                "{kind}: there is no such bus; the last is {}",
                 buses.len()
             );
+            if let Kind::Hang(handler) = kind {
+                exception_of(&machine, handler)?;
+            }
             timeline.push((*from, true, kind.clone()));
             timeline.extend(until.map(|until| (until, false, kind.clone())));
         }
@@ -100,7 +103,7 @@ impl Rig {
     /// Lets chip and world go on up to a time.
     ///
     /// # Errors
-    /// If the core locks up, or a fault cannot be put into the program.
+    /// If a fault cannot be put into the program.
     pub fn run(&mut self, until: Nanos) -> Result<()> {
         while self.machine.now() < until {
             let next_fault = self.timeline.first().map_or(until, |entry| entry.0);
@@ -133,24 +136,16 @@ impl Rig {
             Kind::Panic => self.machine.inject(Injection::Panic)?,
             Kind::HardFault => self.machine.inject(Injection::HardFault)?,
             Kind::Hang(ref handler) => {
-                let exception = self.exception_of(handler)?;
-                self.machine.inject(Injection::Hang { exception })?;
+                let exception = exception_of(&self.machine, handler)?;
+                self.machine.inject(if begins {
+                    Injection::Hang { exception }
+                } else {
+                    Injection::EndHang { exception }
+                })?;
             }
             Kind::Mask => self.machine.inject(Injection::MaskInterrupts(begins))?,
         }
         Ok(())
-    }
-
-    /// The number of the exception that a function handles.
-    fn exception_of(&self, handler: &str) -> Result<u16> {
-        let address = self.machine.image().symbol(handler)?;
-        // 16 exceptions of the core, then 163 interrupts (RM0468, NVIC chapter).
-        for number in 1_u16..16 + 163 {
-            if self.machine.memory().word(FLASH + 4 * u32::from(number))? == address {
-                return Ok(number);
-            }
-        }
-        None.with_context(|| format!("{handler} handles no exception"))
     }
 
     fn collect(&mut self) {
@@ -178,4 +173,16 @@ impl Rig {
             }
         }
     }
+}
+
+/// The number of the exception that a function handles.
+fn exception_of(machine: &Machine, handler: &str) -> Result<u16> {
+    let address = machine.image().symbol(handler)?;
+    // 16 exceptions of the core, then 163 interrupts (RM0468, NVIC chapter).
+    for number in 1_u16..16 + 163 {
+        if machine.memory().word(FLASH + 4 * u32::from(number))? == address {
+            return Ok(number);
+        }
+    }
+    None.with_context(|| format!("{handler} handles no exception"))
 }

@@ -65,6 +65,9 @@ impl Host {
     }
 
     pub(crate) fn submit(&mut self, frame: &CanFrame) -> Submitted {
+        if !self.is_on_bus() && self.missing.is_none() {
+            return Submitted::Refused;
+        }
         let replaces_retry = self.retry.is_some_and(|retry| retry.key() == frame.key());
         let submitted = self.mailboxes.put(frame);
         if submitted == Submitted::Refused {
@@ -120,6 +123,8 @@ impl Host {
         };
         if self.health.state == ErrorState::BusOff && before != ErrorState::BusOff {
             self.health.bus_offs = self.health.bus_offs.saturating_add(1);
+            let unsent = self.cancel_pending();
+            self.health.transmit_lost = self.health.transmit_lost.saturating_add(unsent.into());
         }
         self.health.transmit_errors = u8::try_from(transmit_errors).unwrap_or(u8::MAX);
         self.health.receive_errors =

@@ -55,10 +55,11 @@ fn a_short_takes_the_controller_off_the_bus() {
     world.advance(Micros::from_millis(50));
     assert_eq!((bus.counters().destroyed, bus.counters().frames), (32, 0));
 
-    // It stays off when the wire is whole again, and keeps what is submitted.
+    // What was unsent is lost. It stays off when the wire is whole again, and takes nothing.
+    assert_eq!(port.health().transmit_lost, 1);
     bus.set_shorted(false);
-    assert_eq!(port.submit(&frame(0x200)), Submitted::Replaced);
-    assert_eq!(port.submit(&frame(0x201)), Submitted::Queued);
+    assert_eq!(port.submit(&frame(0x200)), Submitted::Refused);
+    assert_eq!(port.cancel_pending(), 0);
     world.advance(Micros::from_millis(100));
     assert_eq!(errors(&port), (255, 0, ErrorState::BusOff));
     assert_eq!(trace(&bus), []);

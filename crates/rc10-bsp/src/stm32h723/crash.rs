@@ -13,6 +13,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m::peripheral::SCB;
 use embassy_stm32::pac;
 use heapless::String;
+use rc10_can::Micros;
 
 use super::can;
 
@@ -141,15 +142,18 @@ fn crash(kind: u32, values: [u32; 4], file: &str) -> ! {
     SCB::sys_reset()
 }
 
-/// Bounded: 20 ms at least. Eight frames take 1 ms; a bus that comes back from bus-off takes 1.4 ms
-/// if it is idle, 17 ms if it is full; one where nobody acknowledges takes all of it. The watchdog
-/// leaves 90 ms.
+/// Bounded: 20 ms. Eight frames take 1 ms; a bus that comes back from bus-off takes 1.4 ms if it is
+/// idle, 17 ms if it is full; one where nobody acknowledges takes all of it. The watchdog leaves
+/// 70 ms.
+///
+/// The clock needs no interrupt for half of its counter's period, 32 ms; it runs if there is an
+/// image, which only a started bus has.
 fn wait_for_coast_images() {
-    for _ in 0..2_000 {
-        if can::ALL.iter().all(|controller| controller.coast_image_sent()) {
+    let until = crate::now() + Micros::from_millis(20);
+    while !can::ALL.iter().all(|controller| controller.coast_image_sent()) {
+        if crate::now() >= until {
             return;
         }
-        cortex_m::asm::delay(4_800); // 10 us at least
     }
 }
 

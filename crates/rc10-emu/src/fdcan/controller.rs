@@ -209,7 +209,7 @@ impl Controller {
 
     pub fn sending(&mut self, start: Nanos) {
         self.settle(start);
-        self.transmit.start(self.stamp(start));
+        self.transmit.start(self.stamp(start), start);
     }
 
     pub fn lost_arbitration(&mut self, start: Nanos) {
@@ -300,6 +300,7 @@ impl Controller {
             at::RXF1S => self.receive.status(1, &self.registers) | lost(ir::RF0L << 4),
             at::TXFQS => self.transmit.status(&self.registers),
             at::TXBRP => self.transmit.pending,
+            at::TXBCR => self.transmit.being_cancelled(),
             at::TXBTO => self.transmit.occurred,
             at::TXBCF => self.transmit.cancelled,
             at::TXEFS => self.transmit.event_status(&self.registers) | lost(ir::TEFL),
@@ -381,7 +382,8 @@ impl Controller {
         } else if self.is(cccr::MON) {
             self.counters.requests_ignored += u64::from(buffers.count_ones());
         } else {
-            self.counters.requests_ignored += self.transmit.request(buffers, &self.registers);
+            self.counters.requests_ignored +=
+                self.transmit.request(buffers, self.now, &self.registers);
         }
     }
 

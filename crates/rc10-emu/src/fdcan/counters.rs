@@ -48,6 +48,9 @@ pub struct Counters {
     pub rejected: u64,
     /// Frames sent and acknowledged.
     pub sent: u64,
+    /// The longest time from a request to the start of the transmission that was acknowledged: how
+    /// stale what it sent was at most.
+    pub oldest_sent: Nanos,
     /// Transmissions that failed: not acknowledged, or destroyed.
     pub failed: u64,
     /// Requests that ended without their frame having been sent: cancelled, failed with automatic
@@ -82,6 +85,7 @@ impl Counters {
         received_in_buffers: 0,
         rejected: 0,
         sent: 0,
+        oldest_sent: Nanos::ZERO,
         failed: 0,
         cancelled: 0,
         requests_ignored: 0,

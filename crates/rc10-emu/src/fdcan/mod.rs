@@ -49,7 +49,7 @@ impl Default for Fdcans {
 }
 
 impl Fdcans {
-    /// After power-on: kernel clock off, no pins, message RAM zero.
+    /// After power-on: kernel clock off, no pins, noise in the message RAM.
     #[must_use]
     pub fn new() -> Self {
         let controllers = [(); 3].map(|()| controller::Controller::new());

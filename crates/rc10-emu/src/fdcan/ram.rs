@@ -15,8 +15,14 @@ pub(super) struct MessageRam {
 }
 
 impl MessageRam {
+    /// After power-on: anything, the same in every run.
     pub fn new() -> Self {
-        Self { words: vec![0; WORDS as usize], misses: 0 }
+        // Constants of a linear congruential generator: Knuth, MMIX.
+        let noise = (0..WORDS).scan(1_u64, |state, _| {
+            *state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            Some((*state >> 32) as u32)
+        });
+        Self { words: noise.collect(), misses: 0 }
     }
 
     pub fn word(&self, index: usize) -> Option<u32> {

@@ -1,6 +1,7 @@
 //! Which buffer is sent next, and what becomes of it (RM0468, "Tx handling").
 
 use rc10_can::CanFrame;
+use rc10_sim::Nanos;
 
 use super::counters::Counters;
 use super::ram::{self, MessageRam};
@@ -60,6 +61,8 @@ struct Candidate {
     control: u32,
     /// Timestamp counter at its start of frame.
     timestamp: u32,
+    /// How long it had been asked for then.
+    age: Nanos,
     /// Not to be repeated if it fails.
     cancelled: bool,
 }
@@ -70,6 +73,8 @@ pub(super) struct Transmit {
     pub pending: u32,
     pub occurred: u32,
     pub cancelled: u32,
+    /// When each buffer was asked for last.
+    requested: [Nanos; BUFFERS as usize],
     /// The FIFO's get index, counted from its first buffer, and its elements in use.
     head: u32,
     used: u32,
@@ -97,9 +102,14 @@ impl Transmit {
     }
 
     /// TXBAR; the number of requests without effect.
-    pub fn request(&mut self, bits: u32, registers: &Registers) -> u64 {
+    pub fn request(&mut self, bits: u32, now: Nanos, registers: &Registers) -> u64 {
         let layout = Layout::new(registers);
         let new = bits & layout.all() & !self.pending;
+        for (buffer, requested) in self.requested.iter_mut().enumerate() {
+            if new >> buffer & 1 != 0 {
+                *requested = now;
+            }
+        }
         self.pending |= new;
         self.occurred &= !new;
         self.cancelled &= !new;
@@ -134,6 +144,11 @@ impl Transmit {
         if bits & registers.at(at::TXBCIE) != 0 { ir::TCF } else { 0 }
     }
 
+    /// TXBCR: the buffers that are over only when their transmission is.
+    pub fn being_cancelled(&self) -> u32 {
+        self.on_wire.filter(|sending| sending.cancelled).map_or(0, |sending| 1 << sending.buffer)
+    }
+
     /// The FIFO's get index moves on over buffers that are done.
     fn release(&mut self, layout: Layout) -> u32 {
         let before = self.used;
@@ -164,7 +179,7 @@ impl Transmit {
     fn read(&self, buffer: u32, registers: &Registers, ram: &mut MessageRam) -> Candidate {
         let address = Self::address(buffer, registers);
         let (header, control) = (ram.load(address), ram.load(address + 1));
-        Candidate { buffer, header, control, timestamp: 0, cancelled: false }
+        Candidate { buffer, header, control, timestamp: 0, age: Nanos::ZERO, cancelled: false }
     }
 
     fn address(buffer: u32, registers: &Registers) -> u32 {
@@ -208,9 +223,12 @@ impl Transmit {
         }
     }
 
-    /// What was offered is on the wire.
-    pub fn start(&mut self, timestamp: u32) {
-        self.on_wire = self.offered.take().map(|offered| Candidate { timestamp, ..offered });
+    /// What was offered is on the wire since now.
+    pub fn start(&mut self, timestamp: u32, now: Nanos) {
+        self.on_wire = self.offered.take().map(|offered| {
+            let age = now.since(self.requested[offered.buffer as usize % self.requested.len()]);
+            Candidate { timestamp, age, ..offered }
+        });
     }
 
     /// What was offered lost arbitration.
@@ -259,6 +277,7 @@ impl Transmit {
         let Some(sending) = self.on_wire.take() else { return 0 };
         let bit = 1 << sending.buffer;
         counters.sent += 1;
+        counters.oldest_sent = counters.oldest_sent.max(sending.age);
         self.pending &= !bit;
         self.occurred |= bit;
         let mut flags = if bit & registers.at(at::TXBTIE) != 0 { ir::TC } else { 0 };

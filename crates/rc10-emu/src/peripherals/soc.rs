@@ -161,6 +161,13 @@ impl Soc {
         Ok(())
     }
 
+    /// Reports an access that nobody answers, whatever is at the address: instructions are not
+    /// fetched from peripherals.
+    pub fn refuse(&mut self, address: u32, write: bool) -> BusFault {
+        self.report(address, write, AccessKind::Unowned);
+        BusFault
+    }
+
     /// When something happens without an access: the earliest time to call [`advance`](Self::advance)
     /// at. The FDCANs' own events are their wires'.
     #[must_use]
@@ -319,8 +326,7 @@ impl Soc {
     ) -> Result<(&'static Row, bool), BusFault> {
         let Some((index, row)) = row_of(address).filter(|_| address.is_multiple_of(width.bytes()))
         else {
-            self.report(address, write, AccessKind::Unowned);
-            return Err(BusFault);
+            return Err(self.refuse(address, write));
         };
         let running = self.running[index];
         if !running {

@@ -166,8 +166,9 @@ fn cancelled_on_the_wire_and_sent_all_the_same() {
     bench.request(0, &named(0x200));
     let frame = bench.start().unwrap();
     bench.write(TXBCR, 1);
-    assert_eq!(state(&bench), (1, 0, 0));
+    assert_eq!((state(&bench), bench.read(TXBCR)), ((1, 0, 0), 1));
     bench.end(&frame, Outcome::Acknowledged);
+    assert_eq!(bench.read(TXBCR), 0);
     assert_eq!((state(&bench), bench.take_flags()), ((0, 1, 1), TC | TCF));
     assert_eq!((bench.counters().sent, bench.counters().cancelled), (1, 0));
 }
@@ -331,4 +332,22 @@ fn ticks_are_told_from_the_requests_within_them() {
     request_at(6000, 0);
     assert_eq!(bench.counters().tick_period.count, 1);
     assert_eq!(bench.counters().last_request, Some(Nanos::new(6_000_000)));
+}
+
+#[test]
+fn what_is_sent_is_as_old_as_its_request() {
+    let mut bench = Bench::sending(2, 0, false);
+    bench.request(0, &named(0x200));
+    bench.wait(700 * BIT);
+    // A request that is there already stays as old as it is; one that failed, too.
+    bench.write(TXBAR, 1);
+    bench.carry(NOISE);
+    assert_eq!(bench.counters().oldest_sent, Nanos::ZERO);
+    bench.wait(300 * BIT);
+    bench.carry(Outcome::Acknowledged);
+    let oldest = bench.counters().oldest_sent;
+    assert!(oldest > Nanos::new(1000 * BIT), "{oldest}");
+    bench.request(1, &named(0x300));
+    bench.carry(Outcome::Acknowledged);
+    assert_eq!(bench.counters().oldest_sent, oldest);
 }

@@ -263,6 +263,8 @@ impl Controller {
     /// Writes the coast image into its buffers; at most [`COAST_FRAMES`] frames.
     pub(super) fn keep_coast_image(self, frames: &[CanFrame]) {
         let mut mask = 0;
+        // Nobody sends half of it.
+        self.shared.coast.store(mask, Ordering::Release);
         for (buffer, frame) in (COMMANDS..TRANSMIT).zip(frames) {
             self.write(buffer, frame);
             mask |= 1 << buffer;

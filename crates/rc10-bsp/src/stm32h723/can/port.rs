@@ -182,7 +182,7 @@ impl CanPort for FdcanPort {
     }
 
     fn submit(&mut self, frame: &CanFrame) -> Submitted {
-        if self.off || self.stalls != self.controller.stalls() {
+        if self.off {
             return Submitted::Refused;
         }
         let pending = self.controller.pending();
@@ -196,6 +196,10 @@ impl CanPort for FdcanPort {
         };
         *key = frame.key();
         self.controller.write(buffer, frame);
+        // Not earlier: the supervisor may come between any two instructions.
+        if self.stalls != self.controller.stalls() {
+            return Submitted::Refused;
+        }
         self.controller.request(1 << buffer);
         if replaced { Submitted::Replaced } else { Submitted::Queued }
     }

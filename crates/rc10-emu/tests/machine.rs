@@ -1,0 +1,172 @@
+//! The whole chip with programs of a few instructions: what it refuses, and what becomes of it.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use rc10_emu::{Injection, Machine};
+use rc10_sim::{Nanos, World};
+
+const FLASH: u32 = 0x0800_0000;
+const STACK: u32 = 0x2002_0000;
+/// The first instruction, behind the vectors of the core's own exceptions.
+const START: u32 = FLASH + 0x40;
+/// `B` to itself, at [`START`] + 6: what handles faults.
+const HANDLER: u32 = START + 6;
+
+/// `LDR R1, [R0]`.
+const LOAD: u16 = 0x6801;
+/// `STR R1, [R0]`.
+const STORE: u16 = 0x6001;
+/// `BX R0`.
+const BRANCH: u16 = 0x4700;
+/// `CPSID i`.
+const MASK: u16 = 0xB672;
+
+/// An ELF file whose flash holds the bytes, at an address.
+fn elf(address: u32, flash: &[u8]) -> Vec<u8> {
+    let mut file = b"\x7fELF\x01\x01\x01".to_vec();
+    file.resize(16, 0);
+    let half = |file: &mut Vec<u8>, value: u16| file.extend(value.to_le_bytes());
+    let word = |file: &mut Vec<u8>, value: u32| file.extend(value.to_le_bytes());
+    // An executable for Arm.
+    half(&mut file, 2);
+    half(&mut file, 40);
+    // Version, entry, program headers behind this header, no sections, flags.
+    [1, address, 52, 0, 0].into_iter().for_each(|value| word(&mut file, value));
+    // Sizes of this header and of a program header, one of these; no sections.
+    [52, 32, 1, 40, 0, 0].into_iter().for_each(|value| half(&mut file, value));
+    // To be loaded: from where in the file, where to, how much, read and execute, alignment.
+    let length = u32::try_from(flash.len()).unwrap();
+    let segment = [1, 84, address, address, length, length, 5, 4];
+    segment.into_iter().for_each(|value| word(&mut file, value));
+    file.extend(flash);
+    file
+}
+
+/// Loads an address into R0, executes an instruction, then loops; faults end in a loop, too.
+fn program(instruction: u16, address: u32, fault_handler: u32) -> Vec<u8> {
+    let mut words = vec![STACK, START | 1, HANDLER | 1, fault_handler | 1];
+    words.resize(16, HANDLER | 1);
+    let mut flash: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    // LDR R0, [PC, #4]
+    let code = [0x4801, instruction, 0xE7FE, 0xE7FE];
+    flash.extend(code.iter().flat_map(|half| half.to_le_bytes()));
+    flash.extend(address.to_le_bytes());
+    elf(FLASH, &flash)
+}
+
+const fn micros(micros: u64) -> Nanos {
+    Nanos::new(micros * 1000)
+}
+
+fn run(program: &[u8]) -> Machine {
+    let mut machine = Machine::new(program).unwrap();
+    machine.run(&mut World::new(1), micros(10)).unwrap();
+    machine
+}
+
+fn reports(machine: &Machine) -> Vec<&str> {
+    machine.reports().iter().map(|report| report.text.as_str()).collect()
+}
+
+/// The function that most instructions were in.
+fn busiest(machine: &Machine) -> &str {
+    machine.profile().by_function(machine.image())[0].0
+}
+
+#[test]
+fn what_nobody_owns_is_counted_wherever_it_is() {
+    // Behind the flash, the bootloader's memory, behind DTCM, behind the peripherals.
+    for address in [0x0810_0000, 0x1FF1_E800, STACK, 0x6000_0000, 0x9000_0000, 0xFFFF_FFF0] {
+        for instruction in [LOAD, STORE, BRANCH] {
+            // Thumb.
+            let address = if instruction == BRANCH { address | 1 } else { address };
+            let machine = run(&program(instruction, address, HANDLER));
+            let reports = reports(&machine);
+            assert_eq!(machine.soc().unowned(), 1, "{address:#x} {instruction:#x} {reports:?}");
+            assert!(reports[0].contains(&format!("{:#010x}", address & !1)), "{reports:?}");
+            assert!(machine.profile().by_exception().iter().any(|cost| cost.exception == 3));
+        }
+    }
+    let machine = run(&program(LOAD, FLASH, HANDLER));
+    assert_eq!((machine.soc().unowned(), machine.reports()), (0, &[][..]));
+}
+
+#[test]
+fn flash_is_not_written_and_peripherals_are_not_executed() {
+    let stores = program(STORE, START + 4, HANDLER);
+    let machine = run(&stores);
+    assert_eq!(machine.soc().unowned(), 1);
+    assert_eq!(machine.memory().word(START + 4).unwrap(), 0xE7FE_E7FE);
+    // RCC.
+    let machine = run(&program(BRANCH, 0x5802_4401, HANDLER));
+    assert_eq!(machine.soc().unowned(), 1, "{:?}", reports(&machine));
+}
+
+#[test]
+fn a_core_that_locks_up_says_so_and_waits() {
+    // The fault handler is nowhere.
+    let machine = run(&program(LOAD, 0x9000_0000, 0xA000_0000));
+    let reports = reports(&machine);
+    assert!(reports.iter().any(|text| text.contains("locked up")), "{reports:?}");
+    assert!(machine.now() >= micros(10) && machine.profile().total() < 10);
+}
+
+#[test]
+fn what_is_no_program_for_this_chip_is_refused() {
+    let program = program(LOAD, FLASH, HANDLER);
+    // Another chip's flash is where this one has ITCM.
+    for other in [elf(0, &program[84..]), elf(FLASH, &[0; 64]), elf(FLASH, &[0xFF; 64])] {
+        let error = Machine::new(&other).err().unwrap().to_string();
+        assert!(error.contains("vector table"), "{error}");
+    }
+    for text in [&b""[..], b"\x89PNG\r\n", &program[..80]] {
+        assert!(Machine::new(text).is_err());
+    }
+}
+
+/// At 64 MHz after the reset: two clocks or so for each turn of the loop.
+#[test]
+fn time_is_what_the_instructions_take() {
+    let program = program(LOAD, FLASH, HANDLER);
+    let mut machine = Machine::new(&program).unwrap();
+    // At 480 MHz: so 64 million here.
+    machine.set_speed(480_000_000);
+    machine.run(&mut World::new(1), micros(1000)).unwrap();
+    assert!(machine.profile().total().abs_diff(64_000) <= 1, "{}", machine.profile().total());
+}
+
+/// Faults at one moment happen one after the other.
+#[test]
+fn no_fault_is_forgotten() {
+    let program = program(LOAD, FLASH, HANDLER);
+    let mut machine = Machine::new(&program).unwrap();
+    machine.inject(Injection::HardFault).unwrap();
+    machine.inject(Injection::HardFault).unwrap();
+    machine.run(&mut World::new(1), micros(10)).unwrap();
+    // The second one in the first one's handler.
+    assert!(reports(&machine)[0].contains("locked up"), "{:?}", reports(&machine));
+}
+
+/// Who masks interrupts itself is not unmasked by a fault's end.
+#[test]
+fn a_mask_ends_as_it_began() {
+    let mut world = World::new(1);
+    let loops = program(LOAD, FLASH, HANDLER);
+    let mut machine = Machine::new(&loops).unwrap();
+    machine.run(&mut world, micros(1)).unwrap();
+    machine.inject(Injection::MaskInterrupts(true)).unwrap();
+    machine.restart_profile();
+    machine.run(&mut world, micros(2)).unwrap();
+    assert_eq!(busiest(&machine), "(outside flash)");
+    machine.inject(Injection::MaskInterrupts(false)).unwrap();
+    machine.restart_profile();
+    machine.run(&mut world, micros(3)).unwrap();
+    assert_eq!(busiest(&machine), "(no symbol)");
+
+    let mut world = World::new(1);
+    let mut machine = Machine::new(&program(MASK, 0, HANDLER)).unwrap();
+    machine.run(&mut world, micros(1)).unwrap();
+    machine.inject(Injection::MaskInterrupts(true)).unwrap();
+    machine.restart_profile();
+    machine.run(&mut world, micros(2)).unwrap();
+    assert_eq!(busiest(&machine), "(no symbol)", "the program's own mask never ends");
+}
