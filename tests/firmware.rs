@@ -503,18 +503,19 @@ fn the_chip_drives_as_the_simulator_does() {
 }
 
 /// The world of firmware/interop: an M3508 and a GM6020 on bus 1.
-fn interop(name: &str) -> Rig {
+fn interop(name: &str, faults: &[&str]) -> Rig {
     let mut world = World::new(1);
     let bus = world.add_bus(BusConfig::default());
     let models = [Model::C620, Model::Gm6020Voltage];
     let motors = models.map(|model| (0, bus.add_esc(EscConfig::new(model, 1)).unwrap()));
     let machine = Machine::new(&program(name)).unwrap();
-    Rig::new(machine, world, vec![bus], motors.into(), &[]).unwrap()
+    let faults: Vec<_> = faults.iter().map(|fault| fault.parse().unwrap()).collect();
+    Rig::new(machine, world, vec![bus], motors.into(), &faults).unwrap()
 }
 
 /// Drivers of other people's run on the model as they are.
 fn drives_with(name: &str) {
-    let mut rig = interop(name);
+    let mut rig = interop(name, &[]);
     rig.run(millis(600)).unwrap();
     let figures = Figures::of(&rig);
     let bus = &figures.buses[0];
@@ -537,4 +538,15 @@ fn embassys_buffered_can_drives_a_motor() {
 #[ignore = "needs the chip's programs: cargo xtask emulate"]
 fn the_fdcan_crate_drives_a_motor() {
     drives_with("superloop-fdcan");
+}
+
+/// The scenario that our driver survives with three full buses is not an easy one.
+#[test]
+#[ignore = "needs the chip's programs: cargo xtask emulate"]
+fn a_fifo_of_three_loses_frames_while_interrupts_are_masked() {
+    let mut rig = interop("superloop-embassy", &["mask@0.3s..0.305s"]);
+    rig.run(millis(400)).unwrap();
+    let bus = &Figures::of(&rig).buses[0];
+    println!("embassy's driver: {} of {} frames lost", bus.lost, bus.frames - bus.sent);
+    assert!(bus.lost >= 5, "{bus:?}");
 }

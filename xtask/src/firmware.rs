@@ -13,6 +13,11 @@ pub fn build() -> Result<PathBuf> {
     build_with(chip_toolchain()?.as_deref())
 }
 
+/// Builds the programs on other people's drivers, beside the firmware.
+pub fn build_interop() -> Result<()> {
+    build_interop_with(chip_toolchain()?.as_deref())
+}
+
 /// Builds the program that [`count`](crate::count) runs; says where its ELF file is.
 pub fn build_count() -> Result<PathBuf> {
     build_count_with(chip_toolchain()?.as_deref())

@@ -26,7 +26,11 @@ fn main() -> ExitCode {
         Some("setup") => || setup::chip_toolchain().map(|_| ()),
         Some("check") => check::run,
         Some("firmware") => || firmware::build().map(|elf| println!("{}", elf.display())),
-        Some("emulate") => || emulate::run(&firmware::build()?),
+        Some("emulate") => || {
+            let firmware = firmware::build()?;
+            firmware::build_interop()?;
+            emulate::run(&firmware)
+        },
         Some("size") => || size::run(&firmware::build()?),
         Some("count") => || count::run(&firmware::build_count()?),
         _ => {
