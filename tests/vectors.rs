@@ -5,12 +5,24 @@
 //! field this runner does not know. Only vectors of protocols that do not exist yet are skipped.
 //! One line per protocol says so; to print it, the test has no harness but its own.
 
+#[path = "vectors/cybergear.rs"]
+mod cybergear;
+#[path = "vectors/damiao.rs"]
+mod damiao;
 #[path = "vectors/dji.rs"]
 mod dji;
 #[path = "vectors/fields.rs"]
 mod fields;
+#[path = "vectors/lk.rs"]
+mod lk;
+#[path = "vectors/odrive.rs"]
+mod odrive;
 #[path = "vectors/self_test.rs"]
 mod self_test;
+#[path = "vectors/unitree.rs"]
+mod unitree;
+#[path = "vectors/vesc.rs"]
+mod vesc;
 #[path = "vectors/wire.rs"]
 mod wire;
 
@@ -38,6 +50,14 @@ fn run(vector: Value) -> Check<Ran> {
     let mut tolerance = Tolerance::of(&mut vector)?;
     match protocol.as_str() {
         "dji" => dji::run(&kind, &mut vector, &mut tolerance)?,
+        "vesc" => vesc::run(&kind, &mut vector, &mut tolerance)?,
+        "unitree_go" => unitree::line(&kind, &mut vector, &mut tolerance)?,
+        "unitree_can" => unitree::module(&kind, &mut vector, &mut tolerance)?,
+        "damiao" => damiao::run(&kind, &mut vector, &mut tolerance)?,
+        "cybergear" => cybergear::cybergear(&kind, &mut vector, &mut tolerance)?,
+        "robstride" => cybergear::robstride(&kind, &mut vector, &mut tolerance)?,
+        "lk" => lk::run(&kind, &mut vector, &mut tolerance)?,
+        "odrive" => odrive::run(&kind, &mut vector, &mut tolerance)?,
         "can_bits" => wire::can_bits(&kind, &mut vector, &mut tolerance)?,
         "encoder" => wire::encoder(&kind, &mut vector, &mut tolerance)?,
         _ => return Ok(Ran::No),

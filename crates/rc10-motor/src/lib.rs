@@ -42,12 +42,18 @@ mod arm;
 mod batch;
 mod bus;
 pub mod cascade;
+pub mod cybergear;
+pub mod damiao;
 pub mod dji;
 #[cfg(feature = "embassy")]
 pub mod embassy;
+pub mod lk;
 mod load;
 mod motor;
+pub mod odrive;
 mod table;
+pub mod unitree;
+pub mod vesc;
 mod wiring;
 
 pub use arm::{ArmState, ArmSwitch, EStopped};

@@ -1,0 +1,127 @@
+//! What tells one model from another: ranges, and what the fault bits mean.
+
+use crate::damiao::mit::Limits;
+use crate::motor::Fault;
+
+/// A model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Model {
+    /// As the vendor writes it.
+    pub name: &'static str,
+    /// What the ends of the fields stand for.
+    pub limits: Limits,
+    /// What bits 16 to 21 of a feedback's identifier mean, the gravest first.
+    pub faults: &'static [(u8, &'static str); 6],
+}
+
+/// CyberGear manual, feedback frame.
+const CYBERGEAR_FAULTS: [(u8, &str); 6] = [
+    (1, "over-current"),
+    (2, "too hot"),
+    (3, "magnetic encoder fault"),
+    (4, "Hall encoder fault"),
+    (0, "under-voltage"),
+    (5, "not calibrated"),
+];
+
+/// RobStride manuals, feedback frame: bits 1 and 4 differ.
+const ROBSTRIDE_FAULTS: [(u8, &str); 6] = [
+    (1, "driver fault"),
+    (2, "too hot"),
+    (3, "magnetic encoder fault"),
+    (4, "stall overload"),
+    (0, "under-voltage"),
+    (5, "not calibrated"),
+];
+
+/// What the bits of a [`FaultReport`](super::wire::FaultReport) mean: their mask and text, the
+/// gravest first (CyberGear manual, fault frame).
+pub const DETAILS: [(u32, &str); 9] = [
+    (1 << 1, "driver chip fault"),
+    (1 << 16, "over-current in phase A"),
+    (1 << 4, "over-current in phase B"),
+    (1 << 5, "over-current in phase C"),
+    (1 << 0, "motor too hot (80 °C)"),
+    (0xFF << 8, "overload"),
+    (1 << 3, "over-voltage"),
+    (1 << 2, "under-voltage"),
+    (1 << 7, "encoder not calibrated"),
+];
+
+/// Xiaomi CyberGear: ±12.5 rad, ±30 rad/s, ±12 N m. The manual's table says ±4π rad, its own sample
+/// and every driver 12.5; [`Limits::with_position`] makes it the other.
+pub const CYBERGEAR: Model =
+    Model { name: "CyberGear", limits: Limits::of(12.5, 30.0, 12.0), faults: &CYBERGEAR_FAULTS };
+
+const fn robstride(name: &'static str, limits: Limits) -> Model {
+    Model { name, limits, faults: &ROBSTRIDE_FAULTS }
+}
+
+// RobStride manuals RS00 to RS06, 260428.
+
+/// RobStride RS00: ±12.57 rad, ±33 rad/s, ±14 N m. Firmware before 0.0.2.6 has ±12.5 rad:
+/// [`Limits::with_position`].
+pub const RS00: Model = robstride("RS00", Limits::of(12.57, 33.0, 14.0));
+/// RobStride RS01: ±12.57 rad, ±44 rad/s, ±17 N m.
+pub const RS01: Model = robstride("RS01", Limits::of(12.57, 44.0, 17.0));
+/// RobStride RS02: as RS01.
+pub const RS02: Model = robstride("RS02", Limits::of(12.57, 44.0, 17.0));
+/// RobStride RS03: ±12.57 rad, ±20 rad/s, ±60 N m; gains up to 5000 and 100.
+pub const RS03: Model = robstride("RS03", Limits::of(12.57, 20.0, 60.0).gains(5000.0, 100.0));
+/// RobStride RS04: ±12.57 rad, ±15 rad/s, ±120 N m; gains up to 5000 and 100.
+pub const RS04: Model = robstride("RS04", Limits::of(12.57, 15.0, 120.0).gains(5000.0, 100.0));
+/// RobStride RS05: ±12.57 rad, ±50 rad/s, ±5.5 N m.
+pub const RS05: Model = robstride("RS05", Limits::of(12.57, 50.0, 5.5));
+/// RobStride RS06: ±12.57 rad, ±50 rad/s, ±36 N m; gains up to 5000 and 100.
+pub const RS06: Model = robstride("RS06", Limits::of(12.57, 50.0, 36.0).gains(5000.0, 100.0));
+
+/// All of them.
+pub const ALL: [&Model; 8] = [&CYBERGEAR, &RS00, &RS01, &RS02, &RS03, &RS04, &RS05, &RS06];
+
+/// Bits 21 to 16 of a feedback's identifier.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Faults(u8);
+
+impl Faults {
+    pub(super) const fn from_bits(bits: u8) -> Self {
+        Self(bits & 0x3F)
+    }
+
+    /// The six bits.
+    #[must_use]
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// All bits as the code, the gravest as the text; `None` if nothing is wrong.
+    #[must_use]
+    pub fn gravest(self, model: &Model) -> Option<Fault> {
+        let &(_, text) = model.faults.iter().find(|(bit, _)| self.0 >> bit & 1 != 0)?;
+        Some(Fault::new(self.0.into(), text))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_limits_can_be_used_and_all_bits_have_a_text() {
+        for model in ALL {
+            assert_eq!(model.limits.checked(), Ok(model.limits), "{}", model.name);
+            for bit in 0..6 {
+                assert!(Faults::from_bits(1 << bit).gravest(model).is_some(), "{bit}");
+            }
+        }
+        assert_eq!(Faults::from_bits(0xC0).gravest(&CYBERGEAR), None);
+    }
+
+    #[test]
+    fn the_gravest_fault_gives_the_text() {
+        let faults = Faults::from_bits(0b10_0011);
+        assert_eq!(faults.gravest(&CYBERGEAR), Some(Fault::new(0x23, "over-current")));
+        assert_eq!(faults.gravest(&RS04), Some(Fault::new(0x23, "driver fault")));
+    }
+}

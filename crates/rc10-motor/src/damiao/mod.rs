@@ -1,0 +1,41 @@
+//! Damiao motors: DM-J, -H, -G and -S series.
+//!
+//! Terms: **`CAN_ID`** is what a motor listens to, **`MST_ID`** the identifier it answers with; both
+//! are settings. A **mode** is a way of control, chosen in register 10. **Limits** (PMAX, VMAX,
+//! TMAX) are what the ends of range-mapped fields stand for, registers 21 to 23; who scales with
+//! others than the motor gets wrong values and no error, so they are always given, from a
+//! [`Model`] or by hand.
+//!
+//! Standard identifiers, 1 Mbit/s unless set otherwise. A motor speaks only when spoken to.
+//! Positions are in rad, velocities in rad/s, torques in N m, at the output shaft.
+//!
+//! | frame | identifier | bytes |
+//! |---|---|---|
+//! | [`wire::mit`] | `CAN_ID` | position 16 bits, velocity, kp, kd, torque 12 bits each, big endian |
+//! | [`wire::position_velocity`] | 0x100 + `CAN_ID` | two f32, little endian |
+//! | [`wire::velocity`] | 0x200 + `CAN_ID` | one f32; four bytes |
+//! | [`wire::force_position`] | 0x300 + `CAN_ID` | f32, velocity u16 · 0.01 rad/s, current u16 · 0.0001 |
+//! | [`wire::operate`] | as the mode | seven 0xFF; 0xFC enable, 0xFD disable, 0xFE store zero, 0xFB clear error |
+//! | [`Access`](registers::Access) | 0x7FF | `CAN_ID` u16, operation, register, value |
+//! | [`Feedback`] | `MST_ID` | error and low four bits of `CAN_ID`, position, velocity, torque, two temperatures |
+//!
+//! * It reacts to **every** standard frame whose low byte is its `CAN_ID`: to a DJI motor's
+//!   feedback, and to another Damiao's if its `MST_ID` ends so.
+//! * Only four bits of `CAN_ID` fit into feedback: several motors on one `MST_ID` need 1 to 15.
+//! * A setpoint with all fields at their ends would be an operation; [`wire::mit`] never sends one.
+//! * What a mode's frame does while the motor is in another mode is not documented.
+//! * Storing the zero takes effect at once and lasts: only while disabled.
+//!
+//! Sources: manuals of J4310, J4340, J6006, J8009, J10010L and S3519; the vendor's `dm_motor_drv.c`,
+//! `DM_CAN` and dm-tools; `openarm_can` and damiao-motor 1.0.6 (Python). Where they disagree: 0xFD disables
+//! (one vendor table swaps it with 0xFE); a write is acknowledged with 0x55 or 0x33; a velocity has
+//! four bytes.
+
+pub mod mit;
+pub mod models;
+pub mod registers;
+pub mod wire;
+
+pub use mit::{Limits, Setpoint};
+pub use models::Model;
+pub use wire::{DeviceId, Feedback, Mode, Operation, State};

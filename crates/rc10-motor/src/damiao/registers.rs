@@ -1,0 +1,276 @@
+//! Reading, writing and saving a motor's settings. All frames go to 0x7FF and name the motor in
+//! their first two bytes; it answers on its `MST_ID`, where feedback arrives as well. So a frame is
+//! a [`Reply`] only while one is awaited, and only if it [answers](Reply::answers) what was asked.
+
+use core::fmt;
+
+use rc10_can::CanFrame;
+
+use super::wire::{DeviceId, REGISTERS, four_bytes, standard};
+
+/// A register, by its number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Register(pub u8);
+
+impl Register {
+    /// Identifier of the feedback, `MST_ID`; whole.
+    pub const MASTER_ID: Self = Self(7);
+    /// What the motor listens to, `ESC_ID`; whole.
+    pub const DEVICE_ID: Self = Self(8);
+    /// Silence after which the motor stops, in steps of 50 µs (so the vendor's tool); whole.
+    pub const TIMEOUT: Self = Self(9);
+    /// `CTRL_MODE`, see [`Mode::register_value`](super::Mode::register_value); whole.
+    pub const MODE: Self = Self(10);
+    /// `PMAX`, rad.
+    pub const POSITION_LIMIT: Self = Self(21);
+    /// `VMAX`, rad/s.
+    pub const VELOCITY_LIMIT: Self = Self(22);
+    /// `TMAX`, N m.
+    pub const TORQUE_LIMIT: Self = Self(23);
+    /// Bit rate: 0 125k, 1 200k, 2 250k, 3 500k, 4 1M; whole.
+    pub const BIT_RATE: Self = Self(35);
+    /// The position now, rad. Read it before changing to a mode that seeks a position.
+    pub const POSITION: Self = Self(80);
+
+    /// Whether it holds a whole number: 7 to 10, 13 to 16, 35 and 36 do, all others an f32 (manual
+    /// of J10010L, register table).
+    #[must_use]
+    pub const fn is_whole(self) -> bool {
+        matches!(self.0, 7..=10 | 13..=16 | 35 | 36)
+    }
+}
+
+/// What a register holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Value {
+    /// An f32.
+    Real(f32),
+    /// A whole number.
+    Whole(u32),
+}
+
+/// What is done to a register.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Access {
+    /// What does it hold?
+    Read(Register),
+    /// Hold this, until the power is cut. Out of range, the old value stays and is answered.
+    Write(Register, Value),
+    /// Keep all values when the power is cut: while disabled only, up to 30 ms, and the memory
+    /// lasts for about 10,000 times.
+    Save,
+    /// Send a feedback; the answer is that, and no [`Reply`].
+    Refresh,
+}
+
+const READ: u8 = 0x33;
+const WRITE: u8 = 0x55;
+const SAVE: u8 = 0xAA;
+const REFRESH: u8 = 0xCC;
+
+impl Access {
+    /// The frame that asks for it: eight bytes for a write, else four.
+    ///
+    /// # Errors
+    /// [`RegisterError::WrongType`] for a whole number in a register that holds none, or the
+    /// reverse; [`RegisterError::NotFinite`].
+    pub fn pack(&self, id: DeviceId) -> Result<CanFrame, RegisterError> {
+        let [low, high] = id.raw().to_le_bytes();
+        let short = |operation, last| four_bytes(standard(REGISTERS), [low, high, operation, last]);
+        Ok(match *self {
+            Self::Read(register) => short(READ, register.0),
+            Self::Save => short(SAVE, 1),
+            Self::Refresh => short(REFRESH, 0),
+            Self::Write(register, value) => {
+                let bytes = match value {
+                    Value::Real(real) if !real.is_finite() => return Err(RegisterError::NotFinite),
+                    Value::Real(real) if !register.is_whole() => real.to_le_bytes(),
+                    Value::Whole(whole) if register.is_whole() => whole.to_le_bytes(),
+                    Value::Real(_) | Value::Whole(_) => return Err(RegisterError::WrongType),
+                };
+                let [a, b, c, d] = bytes;
+                let data = [low, high, WRITE, register.0, a, b, c, d];
+                CanFrame::eight_bytes(standard(REGISTERS), data)
+            }
+        })
+    }
+}
+
+/// What a motor answers to an [`Access`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Reply {
+    /// The motor's `CAN_ID`.
+    pub id: u16,
+    /// What it says.
+    pub content: Content,
+}
+
+/// What a [`Reply`] says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Content {
+    /// What a register holds (0x33). Some models answer a write so, too.
+    Holds(Register, Value),
+    /// What a register holds, after a write (0x55).
+    Written(Register, Value),
+    /// Everything is saved.
+    Saved,
+}
+
+impl Reply {
+    /// From a frame that came with the motor's `MST_ID` while a reply was awaited.
+    ///
+    /// # Errors
+    /// [`RegisterError`]; nothing in the frame is to be believed.
+    pub fn unpack(frame: &CanFrame) -> Result<Self, RegisterError> {
+        if frame.is_extended_id() || frame.is_remote() {
+            return Err(RegisterError::NotMine);
+        }
+        let &[low, high, operation, last, ref value @ ..] = frame.bytes() else {
+            return Err(RegisterError::Length);
+        };
+        let register = Register(last);
+        let content = match operation {
+            READ => Content::Holds(register, held(register, value)?),
+            WRITE => Content::Written(register, held(register, value)?),
+            SAVE if last == 1 => Content::Saved,
+            _ => return Err(RegisterError::NotMine),
+        };
+        Ok(Self { id: u16::from_le_bytes([low, high]), content })
+    }
+
+    /// Whether this is motor `id`'s answer to `access`. A write is answered with either of two
+    /// codes, and, if refused, with another value than was written: compare it.
+    #[must_use]
+    pub fn answers(&self, id: DeviceId, access: &Access) -> bool {
+        let fits = match (access, &self.content) {
+            (Access::Read(asked), Content::Holds(register, _))
+            | (
+                Access::Write(asked, _),
+                Content::Holds(register, _) | Content::Written(register, _),
+            ) => asked == register,
+            (Access::Save, Content::Saved) => true,
+            _ => false,
+        };
+        fits && self.id == id.raw()
+    }
+}
+
+fn held(register: Register, bytes: &[u8]) -> Result<Value, RegisterError> {
+    let bytes = bytes.try_into().map_err(|_| RegisterError::Length)?;
+    if register.is_whole() {
+        return Ok(Value::Whole(u32::from_le_bytes(bytes)));
+    }
+    let real = f32::from_le_bytes(bytes);
+    if real.is_finite() { Ok(Value::Real(real)) } else { Err(RegisterError::NotFinite) }
+}
+
+/// Why a register access cannot be sent, or a frame is no reply.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum RegisterError {
+    /// No reply to a register access, by its identifier or its third byte.
+    NotMine,
+    /// Not the length that such a reply has.
+    Length,
+    /// The value is infinite or NaN.
+    NotFinite,
+    /// A whole number for a register that holds none, or the reverse.
+    WrongType,
+}
+
+impl fmt::Display for RegisterError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotMine => "not a reply to a register access",
+            Self::Length => "not the length that a register reply has",
+            Self::NotFinite => "the register's value is infinite or NaN",
+            Self::WrongType => "the register does not hold this type of value",
+        })
+    }
+}
+
+impl core::error::Error for RegisterError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    extern crate std;
+    use std::string::ToString;
+
+    fn packed(id: u16, access: Access) -> Result<std::string::String, RegisterError> {
+        access.pack(DeviceId::new(id).unwrap()).map(|frame| frame.to_string())
+    }
+
+    fn reply(data: &[u8]) -> Result<Reply, RegisterError> {
+        Reply::unpack(&CanFrame::data_frame(standard(0x11), data).unwrap())
+    }
+
+    #[test]
+    fn requests_have_the_bytes_of_the_vendor_code() {
+        for (id, access, bytes) in [
+            (1, Access::Read(Register::POSITION_LIMIT), "7FF#01003315"),
+            (0x12, Access::Read(Register::MODE), "7FF#1200330A"),
+            (0x105, Access::Refresh, "7FF#0501CC00"),
+            (2, Access::Save, "7FF#0200AA01"),
+            (7, Access::Write(Register::TIMEOUT, Value::Whole(20_000)), "7FF#07005509204E0000"),
+            (3, Access::Write(Register(21), Value::Real(12.5)), "7FF#0300551500004841"),
+        ] {
+            assert_eq!(packed(id, access).unwrap(), bytes, "{access:?}");
+        }
+    }
+
+    #[test]
+    fn a_value_of_the_wrong_type_is_not_sent() {
+        for (register, value, error) in [
+            (Register::MODE, Value::Real(1.0), RegisterError::WrongType),
+            (Register::POSITION_LIMIT, Value::Whole(12), RegisterError::WrongType),
+            (Register::POSITION_LIMIT, Value::Real(f32::NAN), RegisterError::NotFinite),
+        ] {
+            assert_eq!(packed(1, Access::Write(register, value)), Err(error));
+        }
+    }
+
+    #[test]
+    fn replies_are_read_and_matched() {
+        let one = DeviceId::new(1).unwrap();
+        let read = Access::Read(Register(21));
+        let write = Access::Write(Register(21), Value::Real(12.5));
+        let holds = reply(&[1, 0, 0x33, 21, 0, 0, 0x48, 0x41]).unwrap();
+        assert_eq!(holds.content, Content::Holds(Register(21), Value::Real(12.5)));
+        assert!(holds.answers(one, &read) && holds.answers(one, &write));
+        assert!(!holds.answers(DeviceId::new(0x101).unwrap(), &read));
+        assert!(!holds.answers(one, &Access::Read(Register(22))));
+        assert!(!holds.answers(one, &Access::Save));
+        let written = reply(&[7, 0, 0x55, 10, 2, 0, 0, 0]).unwrap();
+        assert_eq!(
+            (written.id, written.content),
+            (7, Content::Written(Register::MODE, Value::Whole(2)))
+        );
+        let seven = DeviceId::new(7).unwrap();
+        assert!(written.answers(seven, &Access::Write(Register::MODE, Value::Whole(2))));
+        assert!(!written.answers(seven, &Access::Read(Register::MODE)));
+        for saved in [&[1, 0, 0xAA, 1][..], &[1, 0, 0xAA, 1, 0, 0, 0, 0]] {
+            assert!(reply(saved).unwrap().answers(one, &Access::Save));
+        }
+    }
+
+    #[test]
+    fn what_is_no_reply_says_why() {
+        assert_eq!(reply(&[1, 0, 0x33]), Err(RegisterError::Length));
+        assert_eq!(reply(&[1, 0, 0x33, 21, 0, 0, 0]), Err(RegisterError::Length));
+        assert_eq!(reply(&[1, 0, 0x34, 21, 0, 0, 0, 0]), Err(RegisterError::NotMine));
+        assert_eq!(reply(&[1, 0, 0xAA, 2, 0, 0, 0, 0]), Err(RegisterError::NotMine));
+        let infinite = reply(&[1, 0, 0x33, 21, 0, 0, 0x80, 0x7F]);
+        assert_eq!(infinite, Err(RegisterError::NotFinite));
+        let remote = CanFrame::remote_frame(standard(0x11), 8).unwrap();
+        assert_eq!(Reply::unpack(&remote), Err(RegisterError::NotMine));
+    }
+}

@@ -1,0 +1,33 @@
+//! LK-TECH drives: MF (direct drive), MG (with gearbox), MS (open loop).
+//!
+//! *Terms.* A *drive* is the motor with its controller. *iq* is the torque current. *Open loop* is
+//! a voltage without current measurement, which only MS drives have. Angles and speeds on the wire
+//! are the rotor's, in front of the gearbox of an MG, and count up clockwise (manual V2.3).
+//!
+//! *Identifiers.* A drive set to 1 ..= 32 takes commands at standard `0x140 + id` and answers each
+//! with one frame of the same identifier. 1 Mbit/s; eight bytes, always; little endian.
+//!
+//! *Frames.* Byte 0 is the command, and again the command in the answer. There are three kinds of
+//! answers: an echo (off, stop, run), a measurement (to every command that moves, and to `9C`:
+//! temperature, iq, speed, encoder), and what was asked for (`9A` health, `9D` phase currents, `92`
+//! and `94` angles).
+//!
+//! *Multi-motor frame.* `0x280` carries the iq of drives 1 ..= 4, two bytes each. It has to be
+//! switched on with the vendor's tool, and then no single command is obeyed any more.
+//!
+//! *Rules.*
+//! * The current step depends on the model, the encoder's width on the device: both stand in
+//!   [`Model`]. The manual writes ±2000 = ±32 A for commands and ±2048 = ±33 A for measurements:
+//!   the same step, 33 / 2048 A on an MG; MF drives have half of it.
+//! * A drive may act one frame late (XDU librm): off and run are to be sent until they are echoed.
+//! * The encoder of an 18 bit device is reported by its upper 16 bits.
+//!
+//! Sources: LK CAN manual V2.3; XDU-IRobot librm `lk_motor.hpp` (which says the commands lag, and
+//! names all eight error bits of newer firmware; the manual knows two).
+
+pub mod wire;
+
+pub use wire::{
+    CENTIDEGREES, Command, Direction, DriveId, EncoderBits, Errors, Health, MULTI_MOTOR_ID, Model,
+    Motion, NotANumber, PhaseCurrents, Reply, ReplyError, pack_multi_motor,
+};

@@ -1,0 +1,778 @@
+//! Bytes of the LK-TECH protocol as values, and back. Pure, without state.
+
+use core::fmt;
+
+use embedded_can::StandardId;
+use rc10_app::maths::{round_to_i32, within};
+use rc10_app::{Amps, Celsius, CountsPerTurn, Degrees, RotorRpm, TotalAngle};
+use rc10_can::CanFrame;
+
+use crate::motor::{Fault, FrameError};
+
+// Command bytes: LK CAN manual V2.3, table of commands.
+const OFF: u8 = 0x80;
+const STOP: u8 = 0x81;
+const RUN: u8 = 0x88;
+const MULTI_TURN: u8 = 0x92;
+const SINGLE_TURN: u8 = 0x94;
+const HEALTH: u8 = 0x9A;
+const CLEAR_ERRORS: u8 = 0x9B;
+const MOTION: u8 = 0x9C;
+const PHASE_CURRENTS: u8 = 0x9D;
+const OPEN_LOOP: u8 = 0xA0;
+const CURRENT: u8 = 0xA1;
+const SPEED: u8 = 0xA2;
+const TURN_TO: u8 = 0xA3;
+const TURN_TO_LIMITED: u8 = 0xA4;
+const TURN_WITHIN: u8 = 0xA5;
+const TURN_WITHIN_LIMITED: u8 = 0xA6;
+const TURN_BY: u8 = 0xA7;
+const TURN_BY_LIMITED: u8 = 0xA8;
+
+/// Commands and answers of a drive stand at this plus its identifier (manual V2.3).
+const BASE_ID: u16 = 0x140;
+const LAST_ID: u8 = 32;
+
+/// The frame that carries the current of drives 1 ..= 4 (manual V2.3, multi-motor command).
+pub const MULTI_MOTOR_ID: StandardId = standard(0x280);
+
+/// Raw iq at full scale, of every model (manual V2.3, answer to `9C`: ±2048; librm clamps commands
+/// to the same).
+const FULL_SCALE: i16 = 2048;
+/// Raw open-loop power at full scale (manual V2.3, command `A0`: ±850).
+const OPEN_LOOP_FULL_SCALE: i16 = 850;
+/// Speed in commands: 0.01 degrees/s a step (manual V2.3, command `A2`); 6 degrees/s are 1 rpm.
+const SPEED_STEPS_PER_RPM: f32 = 600.0;
+/// Speed in answers and as a limit: 1 degree/s a step (manual V2.3, `9C` and `A4`).
+const DEGREES_PER_SECOND_PER_RPM: f32 = 6.0;
+/// Angles: 0.01 degrees a step (manual V2.3, `A3` and `92`), so 36,000 make a turn.
+pub const CENTIDEGREES: CountsPerTurn = CountsPerTurn::new(36_000, 1);
+/// Supply voltage: 0.1 V a step (manual V2.3, answer to `9A`).
+const VOLTS_PER_STEP: f32 = 0.1;
+/// Phase current: 64 steps an ampere (manual V2.3, answer to `9D`).
+const PHASE_AMPS_PER_STEP: f32 = 1.0 / 64.0;
+
+const fn standard(raw: u16) -> StandardId {
+    match StandardId::new(raw) {
+        Some(id) => id,
+        None => StandardId::ZERO,
+    }
+}
+
+/// What a drive is set to: 1 ..= 32.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DriveId {
+    number: u8,
+    can: StandardId,
+}
+
+impl DriveId {
+    /// `None` unless 1 ..= 32.
+    #[must_use]
+    pub const fn new(number: u8) -> Option<Self> {
+        if number == 0 || number > LAST_ID {
+            return None;
+        }
+        Some(Self { number, can: standard(BASE_ID + number as u16) })
+    }
+
+    /// As set on the drive.
+    #[inline]
+    #[must_use]
+    pub const fn number(self) -> u8 {
+        self.number
+    }
+
+    /// Where it takes single commands and where it answers: `0x140` plus the number.
+    #[inline]
+    #[must_use]
+    pub const fn can_id(self) -> StandardId {
+        self.can
+    }
+
+    /// The first of its two bytes in the frame [`MULTI_MOTOR_ID`]; `None` for drives above 4.
+    #[must_use]
+    pub const fn multi_motor_lane(self) -> Option<usize> {
+        if self.number <= 4 { Some((self.number as usize - 1) * 2) } else { None }
+    }
+}
+
+/// Width of the encoder value in answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum EncoderBits {
+    /// 14 bit devices: 0 ..= 16383.
+    Fourteen = 14,
+    /// 15 bit devices: 0 ..= 32767.
+    Fifteen = 15,
+    /// 16 bit devices, and 18 bit devices, which report their upper 16: 0 ..= 65535.
+    Sixteen = 16,
+}
+
+impl EncoderBits {
+    /// Steps in a turn of the rotor.
+    #[inline]
+    #[must_use]
+    pub const fn counts(self) -> u32 {
+        1 << self as u32
+    }
+}
+
+/// What tells one drive from another on the wire.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Model {
+    /// As the vendor writes it.
+    pub name: &'static str,
+    /// Amperes in a step of iq, in commands and answers alike.
+    pub amps_per_count: f32,
+    /// Width of the encoder.
+    pub encoder: EncoderBits,
+}
+
+impl Model {
+    /// MG drives: 2048 steps are 33 A (manual V2.3).
+    #[must_use]
+    pub const fn mg(encoder: EncoderBits) -> Self {
+        Self { name: "MG", amps_per_count: 33.0 / 2048.0, encoder }
+    }
+
+    /// MF drives: 2048 steps are 16.5 A (librm).
+    #[must_use]
+    pub const fn mf(encoder: EncoderBits) -> Self {
+        Self { name: "MF", amps_per_count: 16.5 / 2048.0, encoder }
+    }
+
+    /// MS drives, which have no current loop: only [`Command::OpenLoop`], [`Command::Speed`] and
+    /// angles, and no step of iq.
+    #[must_use]
+    pub const fn ms(encoder: EncoderBits) -> Self {
+        Self { name: "MS", amps_per_count: 0.0, encoder }
+    }
+
+    /// The raw iq for a current, within ±2048; 0 for NaN. Cut off towards zero, as librm does: the
+    /// drive never gets more than was asked for, and what [`Motion`] reported comes out unchanged.
+    #[inline]
+    #[must_use]
+    pub fn raw_current(&self, current: Amps) -> i16 {
+        let full = f32::from(FULL_SCALE) * self.amps_per_count;
+        // Divided, not multiplied by the inverse: whole steps must stay whole.
+        #[expect(clippy::cast_possible_truncation, reason = "within ±2048, or NaN, which is 0")]
+        return (within(current.get(), full) / self.amps_per_count) as i16;
+    }
+
+    /// The torque current of an answer; `None` where there is none, see [`Motion::effort`].
+    #[inline]
+    #[must_use]
+    pub fn current(&self, motion: &Motion) -> Option<Amps> {
+        let current = Amps::new(f32::from(motion.effort) * self.amps_per_count);
+        (motion.command != OPEN_LOOP && self.amps_per_count > 0.0).then_some(current)
+    }
+
+    /// The rotor's angle of an answer, 0 ..< 360 degrees.
+    ///
+    /// # Errors
+    /// [`FrameError::Encoder`] if the encoder is not as wide as that.
+    #[inline]
+    pub fn angle(&self, motion: &Motion) -> Result<Degrees, FrameError> {
+        let degrees = match self.encoder {
+            EncoderBits::Fourteen => 360.0 / 16_384.0,
+            EncoderBits::Fifteen => 360.0 / 32_768.0,
+            EncoderBits::Sixteen => 360.0 / 65_536.0,
+        };
+        if u32::from(motion.encoder) < self.encoder.counts() {
+            Ok(Degrees::new(f32::from(motion.encoder) * degrees))
+        } else {
+            Err(FrameError::Encoder)
+        }
+    }
+}
+
+/// Which way round to an angle within a turn (byte 1 of `A5` and `A6`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Direction {
+    /// The way angles count up.
+    Clockwise = 0,
+    /// The other way.
+    CounterClockwise = 1,
+}
+
+/// What a drive can be told. Angles and speeds are the rotor's. What is out of range is limited to
+/// the range. An angle on the scale [`CENTIDEGREES`] is packed without a division.
+#[derive(Clone, Copy, Debug)]
+pub enum Command {
+    /// `80`: no torque, and what it was doing is forgotten. Echoed.
+    Off,
+    /// `81`: stops, but knows what it was doing. Echoed.
+    Stop,
+    /// `88`: goes on after a stop. Echoed.
+    Run,
+    /// `A0`, MS only: a voltage in the drive's own steps, ±850 at full scale.
+    OpenLoop(i16),
+    /// `A1`, not MS: torque current, ±2048 steps of the model.
+    Current(Amps),
+    /// `A2`: speed in steps of 0.01 degrees/s, ±3,579,139 rpm.
+    Speed(RotorRpm),
+    /// `A3`; `A4` if there is a limit: to an angle over many turns, ±59,652 turns.
+    TurnTo {
+        /// Where to.
+        angle: TotalAngle,
+        /// How fast at most, 0 ..= 10,922 rpm, in steps of 1 degree/s.
+        speed_limit: Option<RotorRpm>,
+    },
+    /// `A5`; `A6` if there is a limit: to an angle within a turn.
+    TurnWithin {
+        /// Where to, 0 ..= 359.99 degrees.
+        angle: Degrees,
+        /// Which way round.
+        direction: Direction,
+        /// As in [`TurnTo`](Self::TurnTo).
+        speed_limit: Option<RotorRpm>,
+    },
+    /// `A7`; `A8` if there is a limit: by an angle from here, ±59,652 turns.
+    TurnBy {
+        /// How far.
+        angle: TotalAngle,
+        /// As in [`TurnTo`](Self::TurnTo).
+        speed_limit: Option<RotorRpm>,
+    },
+    /// `9A`: asks for [`Health`].
+    ReadHealth,
+    /// `9B`: clears the errors whose cause is gone; answered by [`Health`].
+    ClearErrors,
+    /// `9C`: asks for [`Motion`].
+    ReadMotion,
+    /// `9D`: asks for [`PhaseCurrents`].
+    ReadPhaseCurrents,
+    /// `92`: asks for [`Reply::MultiTurn`].
+    ReadMultiTurn,
+    /// `94`: asks for [`Reply::SingleTurn`].
+    ReadSingleTurn,
+}
+
+/// A command that contains a NaN.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct NotANumber {
+    /// What is not a number.
+    pub field: &'static str,
+    /// What may be sent in its place: current or speed zero. No angle is neutral; in place of one
+    /// stands [`Command::ReadMotion`], which moves nothing.
+    pub neutral: CanFrame,
+}
+
+impl fmt::Display for NotANumber {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "the {} is not a number", self.field)
+    }
+}
+
+impl core::error::Error for NotANumber {}
+
+impl Command {
+    /// The frame for a drive. The model matters only to [`Command::Current`].
+    ///
+    /// # Errors
+    /// [`NotANumber`].
+    pub fn pack(&self, id: DriveId, model: &Model) -> Result<CanFrame, NotANumber> {
+        let frame = |bytes| CanFrame::eight_bytes(id.can, bytes);
+        let plain = |command| Ok(frame([command, 0, 0, 0, 0, 0, 0, 0]));
+        let nan = |field, neutral| Err(NotANumber { field, neutral: frame(neutral) });
+        let read_motion = [MOTION, 0, 0, 0, 0, 0, 0, 0];
+        let limited = |[one, with_limit]: [u8; 2], direction, [e, f, g, h]: [u8; 4], limit| {
+            let Some(RawLimit([c, d])) = limit else {
+                return Ok(frame([one, direction, 0, 0, e, f, g, h]));
+            };
+            Ok(frame([with_limit, direction, c, d, e, f, g, h]))
+        };
+        match *self {
+            Self::Off => plain(OFF),
+            Self::Stop => plain(STOP),
+            Self::Run => plain(RUN),
+            Self::ReadHealth => plain(HEALTH),
+            Self::ClearErrors => plain(CLEAR_ERRORS),
+            Self::ReadMotion => plain(MOTION),
+            Self::ReadPhaseCurrents => plain(PHASE_CURRENTS),
+            Self::ReadMultiTurn => plain(MULTI_TURN),
+            Self::ReadSingleTurn => plain(SINGLE_TURN),
+            Self::OpenLoop(power) => {
+                let [e, f] = power.clamp(-OPEN_LOOP_FULL_SCALE, OPEN_LOOP_FULL_SCALE).to_le_bytes();
+                Ok(frame([OPEN_LOOP, 0, 0, 0, e, f, 0, 0]))
+            }
+            Self::Current(current) => {
+                let [e, f] = model.raw_current(current).to_le_bytes();
+                let bytes = [CURRENT, 0, 0, 0, e, f, 0, 0];
+                if current.get().is_nan() { nan("current", bytes) } else { Ok(frame(bytes)) }
+            }
+            Self::Speed(speed) => {
+                let [e, f, g, h] = round_to_i32(speed.get() * SPEED_STEPS_PER_RPM).to_le_bytes();
+                let bytes = [SPEED, 0, 0, 0, e, f, g, h];
+                if speed.get().is_nan() { nan("speed", bytes) } else { Ok(frame(bytes)) }
+            }
+            Self::TurnTo { angle, speed_limit } => match raw_limit(speed_limit) {
+                Ok(limit) => limited([TURN_TO, TURN_TO_LIMITED], 0, raw_angle(angle), limit),
+                Err(field) => nan(field, read_motion),
+            },
+            Self::TurnBy { angle, speed_limit } => match raw_limit(speed_limit) {
+                Ok(limit) => limited([TURN_BY, TURN_BY_LIMITED], 0, raw_angle(angle), limit),
+                Err(field) => nan(field, read_motion),
+            },
+            Self::TurnWithin { angle, .. } if angle.get().is_nan() => nan("angle", read_motion),
+            Self::TurnWithin { angle, direction, speed_limit } => match raw_limit(speed_limit) {
+                Ok(limit) => {
+                    let angle = round_to_i32(angle.get() * 100.0).clamp(0, 35_999);
+                    let commands = [TURN_WITHIN, TURN_WITHIN_LIMITED];
+                    limited(commands, direction as u8, angle.to_le_bytes(), limit)
+                }
+                Err(field) => nan(field, read_motion),
+            },
+        }
+    }
+}
+
+/// Bytes 2 and 3 of a command with a speed limit.
+struct RawLimit([u8; 2]);
+
+/// `Err` names the field that is not a number.
+fn raw_limit(limit: Option<RotorRpm>) -> Result<Option<RawLimit>, &'static str> {
+    let Some(limit) = limit else { return Ok(None) };
+    if limit.get().is_nan() {
+        return Err("speed limit");
+    }
+    let degrees_per_second = round_to_i32(limit.get() * DEGREES_PER_SECOND_PER_RPM);
+    let [low, high, ..] = degrees_per_second.clamp(0, 0xFFFF).to_le_bytes();
+    Ok(Some(RawLimit([low, high])))
+}
+
+fn raw_angle(angle: TotalAngle) -> [u8; 4] {
+    let steps = angle.counts_at(CENTIDEGREES).clamp(i32::MIN.into(), i32::MAX.into());
+    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
+    return (steps as i32).to_le_bytes();
+}
+
+/// The frame with the raw iq of drives 1 ..= 4 ([`Model::raw_current`]), at [`MULTI_MOTOR_ID`].
+/// Nobody limits these: a lane is sent as it is.
+#[must_use]
+pub fn pack_multi_motor(raw: [i16; 4]) -> CanFrame {
+    let [[a, b], [c, d], [e, f], [g, h]] = raw.map(i16::to_le_bytes);
+    CanFrame::eight_bytes(MULTI_MOTOR_ID, [a, b, c, d, e, f, g, h])
+}
+
+/// Measured with every command that moves, and on [`Command::ReadMotion`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Motion {
+    /// The command that this answers: `9C`, `A0` ..= `A8`.
+    pub command: u8,
+    /// Degrees Celsius.
+    pub temperature: i8,
+    /// Torque current in steps of the model ([`Model::current`]); in an answer to `A0`, and from
+    /// MS drives always, the open-loop power.
+    pub effort: i16,
+    /// Degrees a second.
+    pub speed: i16,
+    /// Angle within the turn, in steps of the model's encoder ([`Model::angle`]).
+    pub encoder: u16,
+}
+
+impl Motion {
+    #[inline]
+    const fn unpack(bytes: &[u8; 8]) -> Self {
+        let [command, temperature, c, d, e, f, g, h] = *bytes;
+        Self {
+            command,
+            temperature: i8::from_le_bytes([temperature]),
+            effort: i16::from_le_bytes([c, d]),
+            speed: i16::from_le_bytes([e, f]),
+            encoder: u16::from_le_bytes([g, h]),
+        }
+    }
+
+    /// The rotor's speed.
+    #[inline]
+    #[must_use]
+    pub fn speed(&self) -> RotorRpm {
+        RotorRpm::new(f32::from(self.speed) * (1.0 / DEGREES_PER_SECOND_PER_RPM))
+    }
+
+    /// The motor's temperature.
+    #[inline]
+    #[must_use]
+    pub fn temperature(&self) -> Celsius {
+        Celsius::new(self.temperature.into())
+    }
+}
+
+/// Answer to `9A` and `9B`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Health {
+    /// Of the motor.
+    pub temperature: Celsius,
+    /// Of the supply, in volts.
+    pub supply: f32,
+    /// What is wrong.
+    pub errors: Errors,
+}
+
+/// Error bits of a drive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Errors(u8);
+
+/// Text of each error bit, lowest first. Bits 0 and 3: manual V2.3 (bit 3: over-temperature); all:
+/// librm, for newer firmware.
+const ERROR_TEXTS: [&str; 8] = [
+    "supply voltage too low",
+    "supply voltage too high",
+    "controller too hot",
+    "motor too hot",
+    "current too high",
+    "motor short-circuited",
+    "motor stalled",
+    "commands have stopped",
+];
+
+/// Error bits, the gravest first.
+const GRAVEST: [u8; 8] = [5, 4, 3, 2, 1, 0, 6, 7];
+
+impl Errors {
+    /// From byte 7 of the answer.
+    #[must_use]
+    pub const fn new(bits: u8) -> Self {
+        Self(bits)
+    }
+
+    /// As the drive sent them.
+    #[must_use]
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// The text of each error, lowest bit first.
+    pub fn texts(self) -> impl Iterator<Item = &'static str> {
+        let texts = ERROR_TEXTS.iter().enumerate();
+        texts.filter(move |(bit, _)| self.0 >> bit & 1 == 1).map(|(_, text)| *text)
+    }
+
+    /// All bits, with the text of the gravest; `None` without an error.
+    #[must_use]
+    pub fn fault(self) -> Option<Fault> {
+        let bit = GRAVEST.iter().find(|bit| self.0 >> **bit & 1 == 1)?;
+        let text = ERROR_TEXTS.get(usize::from(*bit))?;
+        Some(Fault::new(self.0.into(), text))
+    }
+}
+
+/// Answer to `9D`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PhaseCurrents {
+    /// Of the motor.
+    pub temperature: Celsius,
+    /// Phases A, B, C.
+    pub phases: [Amps; 3],
+}
+
+/// What a drive says.
+#[derive(Clone, Copy, Debug)]
+pub enum Reply {
+    /// Echo of [`Command::Off`].
+    Off,
+    /// Echo of [`Command::Stop`].
+    Stop,
+    /// Echo of [`Command::Run`].
+    Run,
+    /// To every command that moves, and to [`Command::ReadMotion`].
+    Motion(Motion),
+    /// To [`Command::ReadHealth`] and [`Command::ClearErrors`].
+    Health(Health),
+    /// To [`Command::ReadPhaseCurrents`].
+    PhaseCurrents(PhaseCurrents),
+    /// To [`Command::ReadMultiTurn`], on the scale [`CENTIDEGREES`].
+    MultiTurn(TotalAngle),
+    /// To [`Command::ReadSingleTurn`], never negative, on the scale [`CENTIDEGREES`].
+    SingleTurn(TotalAngle),
+}
+
+/// Why a frame is no answer of a drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ReplyError {
+    /// Another identifier, or a remote request.
+    NotMine,
+    /// Not eight bytes.
+    Length,
+    /// The answer to a command that nobody here sends.
+    Command(u8),
+}
+
+impl fmt::Display for ReplyError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotMine => f.write_str("not an answer of this drive"),
+            Self::Length => f.write_str("an answer has eight bytes"),
+            Self::Command(byte) => write!(f, "the answer to an unknown command {byte:#04X}"),
+        }
+    }
+}
+
+impl core::error::Error for ReplyError {}
+
+impl Reply {
+    /// From a frame of the drive `id`.
+    ///
+    /// # Errors
+    /// [`ReplyError`].
+    #[inline]
+    pub fn from_frame(frame: &CanFrame, id: DriveId) -> Result<Self, ReplyError> {
+        if frame.key() != CanFrame::key_of(id.can) {
+            return Err(ReplyError::NotMine);
+        }
+        Self::unpack(frame.all_eight().ok_or(ReplyError::Length)?)
+    }
+
+    /// From the eight bytes of an answer.
+    ///
+    /// # Errors
+    /// [`ReplyError::Command`].
+    #[inline]
+    pub fn unpack(bytes: &[u8; 8]) -> Result<Self, ReplyError> {
+        let [command, b, c, d, e, f, g, h] = *bytes;
+        let temperature = || Celsius::new(i8::from_le_bytes([b]).into());
+        Ok(match command {
+            MOTION | OPEN_LOOP..=TURN_BY_LIMITED => Self::Motion(Motion::unpack(bytes)),
+            OFF => Self::Off,
+            STOP => Self::Stop,
+            RUN => Self::Run,
+            HEALTH | CLEAR_ERRORS => Self::Health(Health {
+                temperature: temperature(),
+                supply: f32::from(u16::from_le_bytes([d, e])) * VOLTS_PER_STEP,
+                errors: Errors(h),
+            }),
+            PHASE_CURRENTS => {
+                let phases = [[c, d], [e, f], [g, h]].map(|bytes| {
+                    Amps::new(f32::from(i16::from_le_bytes(bytes)) * PHASE_AMPS_PER_STEP)
+                });
+                Self::PhaseCurrents(PhaseCurrents { temperature: temperature(), phases })
+            }
+            MULTI_TURN => {
+                // Seven bytes behind the command: shifting the command out extends the sign.
+                Self::MultiTurn(TotalAngle::new(i64::from_le_bytes(*bytes) >> 8, CENTIDEGREES))
+            }
+            SINGLE_TURN => {
+                let steps = u32::from_le_bytes([e, f, g, h]);
+                Self::SingleTurn(TotalAngle::new(steps.into(), CENTIDEGREES))
+            }
+            other => return Err(ReplyError::Command(other)),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    extern crate std;
+    use std::string::{String, ToString};
+    use std::vec::Vec;
+
+    const MG: Model = Model::mg(EncoderBits::Fourteen);
+    const MF: Model = Model::mf(EncoderBits::Sixteen);
+
+    fn id(number: u8) -> DriveId {
+        DriveId::new(number).unwrap()
+    }
+
+    fn sent(command: Command, number: u8, model: &Model) -> String {
+        command.pack(id(number), model).unwrap().to_string()
+    }
+
+    fn rpm(degrees_per_second: f32) -> RotorRpm {
+        RotorRpm::new(degrees_per_second / 6.0)
+    }
+
+    fn angle(degrees: f32) -> TotalAngle {
+        TotalAngle::try_from_degrees(Degrees::new(degrees)).unwrap()
+    }
+
+    #[test]
+    fn identifiers_go_from_1_to_32() {
+        assert_eq!((DriveId::new(0), DriveId::new(33)), (None, None));
+        assert_eq!((id(1).can_id().as_raw(), id(32).can_id().as_raw()), (0x141, 0x160));
+        assert_eq!(
+            (id(1).multi_motor_lane(), id(4).multi_motor_lane(), id(5).multi_motor_lane()),
+            (Some(0), Some(6), None)
+        );
+    }
+
+    /// librm compiled, and the tables of manual V2.3.
+    #[test]
+    fn commands_have_the_bytes_of_the_manual() {
+        for (command, bytes) in [
+            (Command::Off, "80"),
+            (Command::Stop, "81"),
+            (Command::Run, "88"),
+            (Command::ReadMultiTurn, "92"),
+            (Command::ReadSingleTurn, "94"),
+            (Command::ReadHealth, "9A"),
+            (Command::ClearErrors, "9B"),
+            (Command::ReadMotion, "9C"),
+            (Command::ReadPhaseCurrents, "9D"),
+        ] {
+            assert_eq!(sent(command, 7, &MG), std::format!("147#{bytes}00000000000000"));
+        }
+        let limit = Some(rpm(500.0));
+        let (counter, free) = (Direction::CounterClockwise, None);
+        for (command, frame) in [
+            (Command::OpenLoop(-3), "141#A0000000FDFF0000"),
+            (Command::OpenLoop(2000), "141#A000000052030000"),
+            (Command::Current(Amps::new(3.3)), "141#A1000000CC000000"),
+            (Command::Current(Amps::new(-33.0)), "141#A100000000F80000"),
+            (Command::Current(Amps::new(f32::NEG_INFINITY)), "141#A100000000F80000"),
+            (Command::Current(Amps::new(40.0)), "141#A100000000080000"),
+            (Command::Speed(rpm(90.0)), "141#A200000028230000"),
+            (Command::Speed(rpm(-0.01)), "141#A2000000FFFFFFFF"),
+            (Command::Speed(rpm(f32::INFINITY)), "141#A2000000FFFFFF7F"),
+            (Command::TurnTo { angle: angle(360.0), speed_limit: free }, "141#A3000000A08C0000"),
+            (Command::TurnTo { angle: angle(-90.5), speed_limit: limit }, "141#A400F401A6DCFFFF"),
+            (
+                Command::TurnTo { angle: angle(1e12), speed_limit: Some(rpm(-1.0)) },
+                "141#A4000000FFFFFF7F",
+            ),
+            (
+                Command::TurnWithin {
+                    angle: Degrees::new(90.0),
+                    direction: counter,
+                    speed_limit: free,
+                },
+                "141#A501000028230000",
+            ),
+            (
+                Command::TurnWithin {
+                    angle: Degrees::new(400.0),
+                    direction: Direction::Clockwise,
+                    speed_limit: Some(rpm(1e9)),
+                },
+                "141#A600FFFF9F8C0000",
+            ),
+            (Command::TurnBy { angle: angle(-1.0), speed_limit: free }, "141#A70000009CFFFFFF"),
+            (Command::TurnBy { angle: angle(1.0), speed_limit: limit }, "141#A800F40164000000"),
+        ] {
+            assert_eq!(sent(command, 1, &MG), frame, "{command:?}");
+        }
+        assert_eq!(sent(Command::Current(Amps::new(1.65)), 7, &MF), "147#A1000000CC000000");
+        let multi = pack_multi_motor([100, -100, 2000, -2000]);
+        assert_eq!(multi.to_string(), "280#64009CFFD00730F8");
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_reported_and_moves_nothing() {
+        let nan = f32::NAN;
+        let limit = Some(RotorRpm::new(nan));
+        let direction = Direction::Clockwise;
+        for (command, field, neutral) in [
+            (Command::Current(Amps::new(nan)), "current", "A1"),
+            (Command::Speed(RotorRpm::new(nan)), "speed", "A2"),
+            (
+                Command::TurnWithin { angle: Degrees::new(nan), direction, speed_limit: None },
+                "angle",
+                "9C",
+            ),
+            (
+                Command::TurnWithin { angle: Degrees::ZERO, direction, speed_limit: limit },
+                "speed limit",
+                "9C",
+            ),
+            (Command::TurnTo { angle: angle(1.0), speed_limit: limit }, "speed limit", "9C"),
+            (Command::TurnBy { angle: angle(1.0), speed_limit: limit }, "speed limit", "9C"),
+        ] {
+            let error = command.pack(id(1), &MG).unwrap_err();
+            assert_eq!(error.field, field);
+            assert_eq!(error.neutral.to_string(), std::format!("141#{neutral}00000000000000"));
+        }
+    }
+
+    #[test]
+    fn a_reported_current_can_be_asked_for() {
+        for model in [MG, MF] {
+            for effort in -2048..=2048 {
+                let motion =
+                    Motion { command: CURRENT, temperature: 0, effort, speed: 0, encoder: 0 };
+                let current = model.current(&motion).unwrap();
+                assert_eq!(model.raw_current(current), effort, "{} {effort}", model.name);
+            }
+        }
+        assert_eq!(Model::ms(EncoderBits::Fourteen).raw_current(Amps::new(5.0)), 0);
+    }
+
+    #[test]
+    fn a_measurement_is_unpacked() {
+        let bytes = [0xA1, 0x23, 0xE8, 0x03, 0xA6, 0xFF, 0x00, 0x20];
+        let Ok(Reply::Motion(motion)) = Reply::unpack(&bytes) else { panic!("no measurement") };
+        let expected =
+            Motion { command: 0xA1, temperature: 35, effort: 1000, speed: -90, encoder: 8192 };
+        assert_eq!(motion, expected);
+        assert_eq!(MG.current(&motion), Some(Amps::new(1000.0 * 33.0 / 2048.0)));
+        assert!((motion.speed().get() + 15.0).abs() < 1e-5);
+        assert_eq!(motion.temperature(), Celsius::new(35.0));
+        assert_eq!(MG.angle(&motion), Ok(Degrees::new(180.0)));
+        assert_eq!(MF.angle(&motion), Ok(Degrees::new(45.0)));
+        let far = Motion { encoder: 16_384, ..motion };
+        assert_eq!(MG.angle(&far), Err(FrameError::Encoder));
+        assert_eq!(Model::mg(EncoderBits::Fifteen).angle(&far), Ok(Degrees::new(180.0)));
+        let power = Motion { command: 0xA0, ..motion };
+        assert_eq!(MG.current(&power), None);
+        assert_eq!(Model::ms(EncoderBits::Fourteen).current(&motion), None);
+    }
+
+    #[test]
+    fn the_other_answers_are_unpacked() {
+        let unpack = |bytes| Reply::unpack(&bytes).unwrap();
+        assert!(matches!(unpack([0x80, 0, 0, 0, 0, 0, 0, 0]), Reply::Off));
+        assert!(matches!(unpack([0x81, 0, 0, 0, 0, 0, 0, 0]), Reply::Stop));
+        assert!(matches!(unpack([0x88, 0, 0, 0, 0, 0, 0, 0]), Reply::Run));
+        for command in [0x9A, 0x9B] {
+            let reply = unpack([command, 0xD8, 0, 0xF1, 0, 0, 0, 9]);
+            let Reply::Health(health) = reply else { panic!("no health") };
+            assert_eq!(health.temperature, Celsius::new(-40.0));
+            assert!((health.supply - 24.1).abs() < 1e-5);
+            let texts: Vec<_> = health.errors.texts().collect();
+            assert_eq!(texts, ["supply voltage too low", "motor too hot"]);
+            assert_eq!(health.errors.fault(), Some(Fault::new(9, "motor too hot")));
+        }
+        assert_eq!(Errors::default().fault(), None);
+        let Reply::PhaseCurrents(currents) = unpack([0x9D, 25, 0x40, 0, 0xE0, 0xFF, 0, 0x80])
+        else {
+            panic!("no phase currents")
+        };
+        assert_eq!(currents.temperature, Celsius::new(25.0));
+        assert_eq!(currents.phases, [1.0, -0.5, -512.0].map(Amps::new));
+        let Reply::MultiTurn(angle) = unpack([0x92, 0xA6, 0xDC, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF])
+        else {
+            panic!("no angle over many turns")
+        };
+        assert_eq!((angle.counts(), angle.scale()), (-9050, CENTIDEGREES));
+        let Reply::SingleTurn(angle) = unpack([0x94, 0, 0, 0, 0x9F, 0x8C, 0, 0]) else {
+            panic!("no angle within a turn")
+        };
+        assert_eq!((angle.counts(), angle.scale()), (35_999, CENTIDEGREES));
+    }
+
+    #[test]
+    fn what_is_no_answer_is_refused() {
+        let of = |frame: &CanFrame| Reply::from_frame(frame, id(1)).map(drop);
+        let bytes = [0x9C, 0, 0, 0, 0, 0, 0, 0];
+        let extended = embedded_can::ExtendedId::new(0x141).unwrap();
+        assert_eq!(of(&CanFrame::eight_bytes(id(1).can_id(), bytes)), Ok(()));
+        for stranger in [
+            CanFrame::eight_bytes(id(2).can_id(), bytes),
+            CanFrame::eight_bytes(extended, bytes),
+            CanFrame::remote_frame(id(1).can_id(), 8).unwrap(),
+        ] {
+            assert_eq!(of(&stranger), Err(ReplyError::NotMine));
+        }
+        let short = CanFrame::data_frame(id(1).can_id(), &bytes[..7]).unwrap();
+        assert_eq!(of(&short), Err(ReplyError::Length));
+        for command in [0x00, 0x7F, 0x90, 0x93, 0x9E, 0x9F, 0xA9, 0xFF] {
+            let frame = CanFrame::eight_bytes(id(1).can_id(), [command; 8]);
+            assert_eq!(of(&frame), Err(ReplyError::Command(command)));
+        }
+    }
+}

@@ -1,0 +1,686 @@
+//! Bytes of `ODrive`'s `CANSimple` as values, and back. Pure, without state.
+
+use core::fmt;
+
+use embedded_can::StandardId;
+use rc10_app::maths::round_to_i16;
+use rc10_app::{Amps, NewtonMetres};
+use rc10_can::CanFrame;
+
+use crate::motor::Fault;
+
+// Message numbers: ODrive firmware 0.5.6, `can_simple.hpp`; the same in 0.6.
+const HEARTBEAT: u8 = 0x01;
+const STATE: u8 = 0x07;
+const ESTIMATES: u8 = 0x09;
+const MODES: u8 = 0x0B;
+const POSITION: u8 = 0x0C;
+const VELOCITY: u8 = 0x0D;
+const TORQUE: u8 = 0x0E;
+const LIMITS: u8 = 0x0F;
+const CURRENTS: u8 = 0x14;
+const SUPPLY: u8 = 0x17;
+const CLEAR_ERRORS: u8 = 0x18;
+
+const LAST_NODE: u8 = 63;
+const MESSAGE_BITS: u32 = 5;
+const MESSAGE_MASK: u16 = (1 << MESSAGE_BITS) - 1;
+
+/// The feed-forwards of a position: 0.001 turns/s and 0.001 N m a step (firmware 0.5.6,
+/// `set_input_pos_callback`).
+const STEPS_PER_FEED_FORWARD: f32 = 1000.0;
+
+/// An axis on the bus: 0 ..= 63.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Node(u8);
+
+impl Node {
+    /// `None` above 63.
+    #[must_use]
+    pub const fn new(number: u8) -> Option<Self> {
+        if number <= LAST_NODE { Some(Self(number)) } else { None }
+    }
+
+    /// As set on the device.
+    #[inline]
+    #[must_use]
+    pub const fn number(self) -> u8 {
+        self.0
+    }
+
+    /// The identifier of one of its messages, of which the lower five bits count.
+    #[inline]
+    #[must_use]
+    pub const fn can_id(self, message: u8) -> StandardId {
+        let raw = (self.0 as u16) << MESSAGE_BITS | message as u16 & MESSAGE_MASK;
+        match StandardId::new(raw) {
+            Some(id) => id,
+            None => StandardId::ZERO,
+        }
+    }
+
+    /// Node and message number of an identifier: every standard one has both.
+    #[inline]
+    #[must_use]
+    pub fn of(id: StandardId) -> (Self, u8) {
+        let [node, message] = [id.as_raw() >> MESSAGE_BITS, id.as_raw() & MESSAGE_MASK];
+        #[expect(clippy::cast_possible_truncation, reason = "six bits, five bits")]
+        return (Self(node as u8), message as u8);
+    }
+}
+
+/// What an axis does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct AxisState(u8);
+
+/// Names of the states, in their order (firmware 0.5.6 `AxisState`, and 0.6.7 from 11 on; 5 is
+/// sensorless control up to 0.5.1).
+const AXIS_STATES: [&str; 15] = [
+    "undefined",
+    "idle",
+    "startup sequence",
+    "full calibration",
+    "motor calibration",
+    "sensorless control",
+    "encoder index search",
+    "encoder offset calibration",
+    "closed-loop control",
+    "lock-in spin",
+    "encoder direction search",
+    "homing",
+    "encoder hall polarity calibration",
+    "encoder hall phase calibration",
+    "anticogging calibration",
+];
+
+impl AxisState {
+    /// No torque.
+    pub const IDLE: Self = Self(1);
+    /// Turns the motor by itself, then idle.
+    pub const FULL_CALIBRATION: Self = Self(3);
+    /// Follows its inputs.
+    pub const CLOSED_LOOP: Self = Self(8);
+
+    /// Any state, by its number.
+    #[must_use]
+    pub const fn new(number: u8) -> Self {
+        Self(number)
+    }
+
+    /// As on the wire.
+    #[must_use]
+    pub const fn number(self) -> u8 {
+        self.0
+    }
+
+    /// Its name; `None` for a state that is not documented.
+    #[must_use]
+    pub fn name(self) -> Option<&'static str> {
+        AXIS_STATES.get(usize::from(self.0)).copied()
+    }
+}
+
+/// Which loops run (firmware 0.5.6 `ControlMode`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ControlMode {
+    /// None: a voltage, for gimbal motors.
+    Voltage = 0,
+    /// Only the current's.
+    Torque = 1,
+    /// And the velocity's.
+    Velocity = 2,
+    /// And the position's.
+    Position = 3,
+}
+
+/// What happens to an input before it reaches the loops (firmware 0.5.6 `InputMode`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum InputMode {
+    /// Inputs are ignored.
+    Inactive = 0,
+    /// Nothing.
+    Passthrough = 1,
+    /// Velocities are ramped.
+    VelocityRamp = 2,
+    /// Positions are filtered.
+    PositionFilter = 3,
+    /// Not implemented by the vendor.
+    MixChannels = 4,
+    /// Positions become trapezoidal trajectories.
+    Trapezoid = 5,
+    /// Torques are ramped.
+    TorqueRamp = 6,
+    /// Another axis is followed.
+    Mirror = 7,
+    /// A test signal is added.
+    Tuning = 8,
+}
+
+/// What an axis can be told. Positions are in turns, velocities in turns a second, of the shaft the
+/// encoder sits on: the units of the wire, so that every value arrives as it was given. What is
+/// infinite becomes the largest f32.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Command {
+    /// `07`: do this.
+    State(AxisState),
+    /// `0B`: how inputs are understood.
+    Modes(ControlMode, InputMode),
+    /// `0C`: be there.
+    Position {
+        /// Turns.
+        position: f32,
+        /// Feed-forward, ±32.767 turns/s.
+        velocity: f32,
+        /// Feed-forward, ±32.767 N m.
+        torque: NewtonMetres,
+    },
+    /// `0D`: turn as fast.
+    Velocity {
+        /// Turns a second.
+        velocity: f32,
+        /// Feed-forward.
+        torque: NewtonMetres,
+    },
+    /// `0E`: push as much.
+    Torque(NewtonMetres),
+    /// `0F`: never more than this.
+    Limits {
+        /// Turns a second, not negative.
+        velocity: f32,
+        /// Of the motor, not negative.
+        current: Amps,
+    },
+    /// `18`: forget the errors.
+    ClearErrors,
+}
+
+/// A command that contains a NaN.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct NotANumber {
+    /// What is not a number.
+    pub field: &'static str,
+    /// What may be sent in its place: zero where the NaN was. No position is neutral; in place of
+    /// one stands velocity and torque zero, which leave a position input as it is. Limits are zero
+    /// both: nothing moves.
+    pub neutral: CanFrame,
+}
+
+impl fmt::Display for NotANumber {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "the {} is not a number", self.field)
+    }
+}
+
+impl core::error::Error for NotANumber {}
+
+/// The number, the nearest finite one, or 0 for NaN.
+#[inline]
+fn finite(x: f32) -> f32 {
+    if x.is_finite() {
+        x
+    } else if x.is_nan() {
+        0.0
+    } else {
+        f32::MAX.copysign(x)
+    }
+}
+
+impl Command {
+    /// The frame for an axis.
+    ///
+    /// # Errors
+    /// [`NotANumber`].
+    pub fn pack(&self, node: Node) -> Result<CanFrame, NotANumber> {
+        let frame = |message, low: [u8; 4], high: [u8; 4]| {
+            let ([a, b, c, d], [e, f, g, h]) = (low, high);
+            CanFrame::eight_bytes(node.can_id(message), [a, b, c, d, e, f, g, h])
+        };
+        let floats = |message, low: f32, high: f32| {
+            frame(message, finite(low).to_le_bytes(), finite(high).to_le_bytes())
+        };
+        // Of a command with up to two numbers: who is not one.
+        let checked = |frame, numbers: [(f32, &'static str); 2]| match numbers
+            .iter()
+            .find(|(number, _)| number.is_nan())
+        {
+            None => Ok(frame),
+            Some(&(_, field)) => Err(NotANumber { field, neutral: frame }),
+        };
+        match *self {
+            Self::State(state) => Ok(frame(STATE, [state.0, 0, 0, 0], [0; 4])),
+            Self::Modes(control, input) => {
+                Ok(frame(MODES, [control as u8, 0, 0, 0], [input as u8, 0, 0, 0]))
+            }
+            Self::Position { position, velocity, torque } => {
+                if position.is_nan() {
+                    let neutral = floats(VELOCITY, 0.0, 0.0);
+                    return Err(NotANumber { field: "position", neutral });
+                }
+                let torque = torque.get();
+                let [e, f] = round_to_i16(velocity * STEPS_PER_FEED_FORWARD).to_le_bytes();
+                let [g, h] = round_to_i16(torque * STEPS_PER_FEED_FORWARD).to_le_bytes();
+                checked(
+                    frame(POSITION, finite(position).to_le_bytes(), [e, f, g, h]),
+                    [(velocity, "velocity"), (torque, "torque")],
+                )
+            }
+            Self::Velocity { velocity, torque } => checked(
+                floats(VELOCITY, velocity, torque.get()),
+                [(velocity, "velocity"), (torque.get(), "torque")],
+            ),
+            Self::Torque(torque) => {
+                checked(floats(TORQUE, torque.get(), 0.0), [(torque.get(), "torque"), (0.0, "")])
+            }
+            Self::Limits { velocity, current } => {
+                let current = current.get();
+                let numbers = [(velocity, "velocity limit"), (current, "current limit")];
+                if velocity.is_nan() || current.is_nan() {
+                    return checked(floats(LIMITS, 0.0, 0.0), numbers);
+                }
+                checked(floats(LIMITS, velocity.max(0.0), current.max(0.0)), numbers)
+            }
+            Self::ClearErrors => Ok(empty(node.can_id(CLEAR_ERRORS))),
+        }
+    }
+}
+
+fn empty(id: StandardId) -> CanFrame {
+    // No data is not too much data.
+    CanFrame::data_frame(id, &[]).unwrap_or_else(|_| CanFrame::eight_bytes(id, [0; 8]))
+}
+
+/// A message that can be asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Query {
+    /// `09`.
+    Estimates = ESTIMATES as isize,
+    /// `14`.
+    Currents = CURRENTS as isize,
+    /// `17`.
+    Supply = SUPPLY as isize,
+}
+
+impl Query {
+    /// The remote frame that asks an axis for it.
+    #[must_use]
+    pub fn pack(self, node: Node) -> CanFrame {
+        let id = node.can_id(self as u8);
+        // Eight bytes are not too many.
+        CanFrame::remote_frame(id, 8).unwrap_or_else(|_| empty(id))
+    }
+}
+
+/// Message `01`: sent every 100 ms from the factory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Heartbeat {
+    /// Bits of [`Firmware::errors`]; 0 if nothing is wrong.
+    pub errors: u32,
+    /// What it does.
+    pub state: AxisState,
+    /// Bytes 5 ..= 7. Firmware 0.5: an error of the motor, of the encoder, of the controller (bit 0
+    /// each), and in bit 7 of the last that a trajectory is done. Firmware 0.6: result of the last
+    /// procedure, trajectory done, reserved.
+    pub details: [u8; 3],
+}
+
+/// Message `09`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Estimates {
+    /// Turns.
+    pub position: f32,
+    /// Turns a second.
+    pub velocity: f32,
+}
+
+/// Message `14`: torque current.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Currents {
+    /// What the loops ask for.
+    pub setpoint: Amps,
+    /// What flows.
+    pub measured: Amps,
+}
+
+/// Message `17`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Supply {
+    /// Volts.
+    pub voltage: f32,
+    /// Negative if the axis feeds the supply.
+    pub current: Amps,
+}
+
+/// What an axis says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Message {
+    /// `01`.
+    Heartbeat(Heartbeat),
+    /// `09`.
+    Estimates(Estimates),
+    /// `14`.
+    Currents(Currents),
+    /// `17`.
+    Supply(Supply),
+}
+
+/// Why a frame is no message of an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum MessageError {
+    /// Another node, an extended identifier, or a remote request.
+    NotMine,
+    /// Not eight bytes.
+    Length,
+    /// A message that is not read here, or that an axis does not send.
+    Message(u8),
+    /// A number that is infinite or not one.
+    NotFinite,
+}
+
+impl fmt::Display for MessageError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotMine => f.write_str("not a message of this node"),
+            Self::Length => f.write_str("a message has eight bytes"),
+            Self::Message(number) => write!(f, "an unknown message {number:#04X}"),
+            Self::NotFinite => f.write_str("a number that is infinite or not one"),
+        }
+    }
+}
+
+impl core::error::Error for MessageError {}
+
+impl Message {
+    /// From a frame of an axis.
+    ///
+    /// # Errors
+    /// [`MessageError`].
+    #[inline]
+    pub fn from_frame(frame: &CanFrame, node: Node) -> Result<Self, MessageError> {
+        // The key of a standard data frame is its identifier, and larger for every other frame.
+        if frame.key() >> MESSAGE_BITS != u32::from(node.0) {
+            return Err(MessageError::NotMine);
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "five bits")]
+        let message = (frame.key() as u16 & MESSAGE_MASK) as u8;
+        let Some(&[a, b, c, d, e, f, g, h]) = frame.all_eight() else {
+            return Err(MessageError::Length);
+        };
+        let floats = || {
+            let low = f32::from_le_bytes([a, b, c, d]);
+            let high = f32::from_le_bytes([e, f, g, h]);
+            let finite = low.is_finite() && high.is_finite();
+            if finite { Ok((low, high)) } else { Err(MessageError::NotFinite) }
+        };
+        match message {
+            ESTIMATES => floats()
+                .map(|(position, velocity)| Self::Estimates(Estimates { position, velocity })),
+            HEARTBEAT => Ok(Self::Heartbeat(Heartbeat {
+                errors: u32::from_le_bytes([a, b, c, d]),
+                state: AxisState(e),
+                details: [f, g, h],
+            })),
+            CURRENTS => floats().map(|(setpoint, measured)| {
+                Self::Currents(Currents {
+                    setpoint: Amps::new(setpoint),
+                    measured: Amps::new(measured),
+                })
+            }),
+            SUPPLY => floats().map(|(voltage, current)| {
+                Self::Supply(Supply { voltage, current: Amps::new(current) })
+            }),
+            other => Err(MessageError::Message(other)),
+        }
+    }
+}
+
+/// A family of firmware, by what its error word means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Firmware {
+    /// As the vendor counts.
+    pub version: &'static str,
+    /// Bits of the error word and their texts, the gravest first.
+    pub errors: &'static [(u8, &'static str)],
+}
+
+impl Firmware {
+    /// `ODrive` v3 (`odrive-interface.yaml`, `ODrive.Axis.error`; bits 1 to 5, 10, 15 and 16 only
+    /// in older ones).
+    pub const V0_5: Self = Self {
+        version: "0.5",
+        errors: &[
+            (14, "emergency stop requested"),
+            (6, "motor failed"),
+            (8, "encoder failed"),
+            (9, "controller failed"),
+            (7, "sensorless estimator failed"),
+            (18, "too hot"),
+            (2, "supply voltage too high"),
+            (1, "supply voltage too low"),
+            (16, "supply current too high"),
+            (15, "too much current fed back"),
+            (3, "current measurement timed out"),
+            (4, "brake resistor disarmed"),
+            (5, "motor disarmed"),
+            (11, "watchdog expired"),
+            (12, "lower end stop pressed"),
+            (13, "upper end stop pressed"),
+            (17, "homing without end stop"),
+            (19, "position unknown"),
+            (10, "position control while sensorless"),
+            (0, "state not possible now"),
+        ],
+    };
+
+    /// `ODrive` Pro, S1 and Micro (`odrive` 0.6.7, `ODriveError`).
+    pub const V0_6: Self = Self {
+        version: "0.6",
+        errors: &[
+            (25, "emergency stop requested"),
+            (5, "gate driver failed"),
+            (1, "system failed"),
+            (2, "timing failed"),
+            (12, "current limit violated"),
+            (13, "motor too hot"),
+            (14, "controller too hot"),
+            (8, "supply voltage too high"),
+            (9, "supply voltage too low"),
+            (10, "supply current too high"),
+            (11, "too much current fed back"),
+            (15, "velocity limit violated"),
+            (16, "position limit violated"),
+            (26, "motor does not follow its field"),
+            (27, "brake resistor disarmed"),
+            (28, "thermistor disconnected"),
+            (24, "watchdog expired"),
+            (3, "encoder estimate missing"),
+            (6, "input missing"),
+            (4, "configuration invalid"),
+            (30, "calibration failed"),
+            (0, "still starting"),
+        ],
+    };
+
+    /// The whole error word, with the text of its gravest error; `None` without an error.
+    #[must_use]
+    pub fn fault(&self, errors: u32) -> Option<Fault> {
+        if errors == 0 {
+            return None;
+        }
+        let gravest = self.errors.iter().find(|(bit, _)| errors >> bit & 1 == 1);
+        Some(Fault::new(errors, gravest.map_or("an undocumented error", |(_, text)| text)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    extern crate std;
+    use std::string::{String, ToString};
+
+    fn node(number: u8) -> Node {
+        Node::new(number).unwrap()
+    }
+
+    fn sent(command: Command) -> String {
+        command.pack(node(3)).unwrap().to_string()
+    }
+
+    #[test]
+    fn nodes_go_from_0_to_63() {
+        assert_eq!(Node::new(64), None);
+        assert_eq!(node(63).can_id(0x1F).as_raw(), 0x7FF);
+        assert_eq!(node(0).can_id(ESTIMATES).as_raw(), 0x009);
+        assert_eq!(Node::of(node(42).can_id(0x17)), (node(42), 0x17));
+    }
+
+    /// odrive-can's DBC of firmware 0.5.6, and IEEE 754.
+    #[test]
+    fn commands_have_the_bytes_of_the_vendors_dbc() {
+        let torque = NewtonMetres::new;
+        for (command, frame) in [
+            (Command::State(AxisState::CLOSED_LOOP), "067#0800000000000000"),
+            (Command::Modes(ControlMode::Velocity, InputMode::Trapezoid), "06B#0200000005000000"),
+            (
+                Command::Position { position: 1.5, velocity: -0.25, torque: torque(1.5) },
+                "06C#0000C03F06FFDC05",
+            ),
+            (
+                Command::Position {
+                    position: f32::INFINITY,
+                    velocity: 33.0,
+                    torque: torque(f32::NEG_INFINITY),
+                },
+                "06C#FFFF7F7FFF7F0080",
+            ),
+            (Command::Velocity { velocity: 2.5, torque: torque(-0.25) }, "06D#00002040000080BE"),
+            (Command::Torque(torque(0.75)), "06E#0000403F00000000"),
+            (Command::Torque(torque(f32::NEG_INFINITY)), "06E#FFFF7FFF00000000"),
+            (Command::Limits { velocity: 10.0, current: Amps::new(20.0) }, "06F#000020410000A041"),
+            (Command::Limits { velocity: -1.0, current: Amps::new(-20.0) }, "06F#0000000000000000"),
+            (Command::ClearErrors, "078#"),
+        ] {
+            assert_eq!(sent(command), frame, "{command:?}");
+        }
+        assert_eq!(Query::Estimates.pack(node(3)).to_string(), "069#R8");
+        assert_eq!(Query::Currents.pack(node(3)).to_string(), "074#R8");
+        assert_eq!(Query::Supply.pack(node(3)).to_string(), "077#R8");
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_reported_and_neutral() {
+        let (nan, one) = (f32::NAN, NewtonMetres::new(1.0));
+        let none = NewtonMetres::new(nan);
+        for (command, field, neutral) in [
+            (Command::Torque(none), "torque", "06E#0000000000000000"),
+            (Command::Velocity { velocity: nan, torque: one }, "velocity", "06D#000000000000803F"),
+            (Command::Velocity { velocity: 1.0, torque: none }, "torque", "06D#0000803F00000000"),
+            (
+                Command::Position { position: nan, velocity: 1.0, torque: one },
+                "position",
+                "06D#0000000000000000",
+            ),
+            (
+                Command::Position { position: 1.0, velocity: nan, torque: one },
+                "velocity",
+                "06C#0000803F0000E803",
+            ),
+            (
+                Command::Position { position: 1.0, velocity: 1.0, torque: none },
+                "torque",
+                "06C#0000803FE8030000",
+            ),
+            (
+                Command::Limits { velocity: nan, current: Amps::new(1.0) },
+                "velocity limit",
+                "06F#0000000000000000",
+            ),
+            (
+                Command::Limits { velocity: 1.0, current: Amps::new(nan) },
+                "current limit",
+                "06F#0000000000000000",
+            ),
+        ] {
+            let error = command.pack(node(3)).unwrap_err();
+            assert_eq!((error.field, error.neutral.to_string().as_str()), (field, neutral));
+        }
+    }
+
+    fn heard(message: u8, bytes: [u8; 8]) -> Result<Message, MessageError> {
+        Message::from_frame(&CanFrame::eight_bytes(node(5).can_id(message), bytes), node(5))
+    }
+
+    #[test]
+    fn messages_are_unpacked() {
+        let heartbeat = Heartbeat { errors: 64, state: AxisState::CLOSED_LOOP, details: [1, 2, 3] };
+        assert_eq!(heard(0x01, [0x40, 0, 0, 0, 8, 1, 2, 3]), Ok(Message::Heartbeat(heartbeat)));
+        assert_eq!(
+            heard(0x09, [0, 0, 0xC0, 0x3F, 0, 0, 0x50, 0xC0]),
+            Ok(Message::Estimates(Estimates { position: 1.5, velocity: -3.25 }))
+        );
+        assert_eq!(
+            heard(0x14, [0, 0, 0x40, 0x40, 0, 0, 0x38, 0x40]),
+            Ok(Message::Currents(Currents {
+                setpoint: Amps::new(3.0),
+                measured: Amps::new(2.875)
+            }))
+        );
+        assert_eq!(
+            heard(0x17, [0, 0, 0xC4, 0x41, 0, 0, 0xA0, 0xBF]),
+            Ok(Message::Supply(Supply { voltage: 24.5, current: Amps::new(-1.25) }))
+        );
+    }
+
+    #[test]
+    fn what_is_no_message_is_refused() {
+        for message in [0x00, 0x02, 0x07, 0x0D, 0x18, 0x1F] {
+            assert_eq!(heard(message, [0; 8]), Err(MessageError::Message(message)));
+        }
+        for message in [0x09, 0x14, 0x17] {
+            for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+                let [a, b, c, d] = bad.to_le_bytes();
+                for bytes in [[a, b, c, d, 0, 0, 0, 0], [0, 0, 0, 0, a, b, c, d]] {
+                    assert_eq!(heard(message, bytes), Err(MessageError::NotFinite));
+                }
+            }
+        }
+        let of = |frame| Message::from_frame(&frame, node(5));
+        let id = node(5).can_id(ESTIMATES);
+        assert_eq!(of(CanFrame::data_frame(id, &[0; 7]).unwrap()), Err(MessageError::Length));
+        let extended = embedded_can::ExtendedId::new(id.as_raw().into()).unwrap();
+        for stranger in [
+            CanFrame::remote_frame(id, 8).unwrap(),
+            CanFrame::eight_bytes(extended, [0; 8]),
+            CanFrame::eight_bytes(node(4).can_id(ESTIMATES), [0; 8]),
+        ] {
+            assert_eq!(of(stranger), Err(MessageError::NotMine));
+        }
+    }
+
+    #[test]
+    fn the_gravest_error_speaks() {
+        let text = |firmware: Firmware, errors| firmware.fault(errors).map(|fault| fault.text);
+        assert_eq!(text(Firmware::V0_5, 0), None);
+        assert_eq!(text(Firmware::V0_5, 1 << 6 | 1), Some("motor failed"));
+        assert_eq!(text(Firmware::V0_6, 1 << 6 | 1 << 14), Some("controller too hot"));
+        assert_eq!(text(Firmware::V0_5, 1 << 31), Some("an undocumented error"));
+        assert_eq!(Firmware::V0_5.fault(65).map(|fault| fault.code), Some(65));
+        for firmware in [Firmware::V0_5, Firmware::V0_6] {
+            let bits = firmware.errors.iter().fold(0, |bits, (bit, _)| bits | 1 << bit);
+            assert_eq!(u32::count_ones(bits), u32::try_from(firmware.errors.len()).unwrap());
+        }
+        assert_eq!(AxisState::CLOSED_LOOP.name(), Some("closed-loop control"));
+        assert_eq!(AxisState::new(15).name(), None);
+    }
+}

@@ -1,0 +1,149 @@
+//! The bytes of both links, and the numbers in them. Pure functions, no state but the
+//! [`line::Parser`]'s buffer.
+//!
+//! From physical to wire: clamp, convert to the nearest step, saturate; nothing wraps and nothing
+//! panics. What is not a number becomes zero, and [`Motion::check`] or [`Impedance::check`] says
+//! so.
+
+pub mod line;
+pub mod module;
+mod scale;
+
+pub use scale::{GEAR, Impedance, Motion, NotANumber, RawImpedance, RawMotion, Shaft};
+
+use core::fmt;
+
+use crate::motor::Fault;
+
+/// A motor on a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Address(u8);
+
+impl Address {
+    /// Every motor; none answers.
+    pub const BROADCAST: Self = Self(15);
+
+    /// One motor, 0 ..= 14, else `None`.
+    #[must_use]
+    pub const fn new(id: u8) -> Option<Self> {
+        if id < Self::BROADCAST.0 { Some(Self(id)) } else { None }
+    }
+
+    /// Its number, 0 ..= 15.
+    #[must_use]
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+}
+
+/// What a motor is to do, or does: three bits.
+///
+/// Motors may answer with one of the five values that have no name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Status(u8);
+
+impl Status {
+    /// Locked: the vendor's word for the state after power-up, without control.
+    pub const LOCK: Self = Self(0);
+    /// Field-oriented control: follows the command.
+    pub const FOC: Self = Self(1);
+    /// Calibrates its encoder. **The motor turns by itself for about five seconds**; send nothing
+    /// meanwhile.
+    pub const CALIBRATE: Self = Self(2);
+
+    /// Its number, 0 ..= 7.
+    #[must_use]
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+}
+
+/// Status in bits 6 to 4, address in bits 3 to 0: "mode" on the line, "low2" in the module's
+/// identifiers.
+const fn mode(address: Address, status: Status) -> u8 {
+    status.0 << 4 | address.0
+}
+
+/// The two halves of a [`mode`]; bit 7 is reserved.
+const fn split_mode(mode: u8) -> (Address, Status) {
+    (Address(mode & 0xF), Status(mode >> 4 & 7))
+}
+
+/// Texts of the vendor's `MError`, from 1 (data manual, table of the reply).
+const ERRORS: [&str; 4] = ["over-temperature", "over-current", "over-voltage", "encoder"];
+
+/// What an `MError` says; `None` for 0, no error.
+#[must_use]
+pub fn fault(error: u8) -> Option<Fault> {
+    let index = usize::from(error.checked_sub(1)?);
+    let text = ERRORS.get(index).copied().unwrap_or("an error the vendor does not name");
+    Some(Fault::new(error.into(), text))
+}
+
+/// Why bytes or a frame are no answer of a motor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum ReplyError {
+    /// Not the length that an answer always has.
+    Length,
+    /// Another head than `FD EE`.
+    Head,
+    /// The CRC does not match.
+    Crc {
+        /// The one that was received.
+        received: u16,
+        /// The one of the received bytes.
+        computed: u16,
+    },
+    /// A standard identifier or a remote request: not of a module at all.
+    NotAModule,
+    /// A command to a module.
+    Command,
+    /// A kind of answer that nobody has documented.
+    Content(u8),
+}
+
+impl fmt::Display for ReplyError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Length => f.write_str("not the length of a Unitree motor's answer"),
+            Self::Head => f.write_str("an answer begins with FD EE"),
+            Self::Crc { received, computed } => {
+                write!(f, "CRC {received:04X} received, {computed:04X} computed")
+            }
+            Self::NotAModule => f.write_str("no frame of a Unitree module"),
+            Self::Command => f.write_str("a command to a Unitree module, no answer"),
+            Self::Content(content) => write!(f, "an answer of unknown content {content}"),
+        }
+    }
+}
+
+impl core::error::Error for ReplyError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_is_one_motor_or_all() {
+        assert_eq!(Address::new(14).map(Address::get), Some(14));
+        assert_eq!(Address::new(15), None);
+        assert_eq!(mode(Address(14), Status::FOC), 0x1E);
+        assert_eq!(split_mode(0xAF), (Address::BROADCAST, Status::CALIBRATE));
+    }
+
+    #[test]
+    fn every_error_has_a_text_and_none_has_none() {
+        assert_eq!(fault(0), None);
+        assert_eq!(fault(1), Some(Fault::new(1, "over-temperature")));
+        assert_eq!(fault(4), Some(Fault::new(4, "encoder")));
+        for reserved in 5..=u8::MAX {
+            let fault = fault(reserved).unwrap();
+            assert_eq!(fault.code, reserved.into());
+            assert_eq!(fault.text, "an error the vendor does not name");
+        }
+    }
+}

@@ -1,0 +1,322 @@
+//! Physical values at a shaft, raw numbers at the rotor.
+
+use core::f64::consts::TAU;
+use core::fmt;
+
+use rc10_app::maths::{round_to_i16, within};
+use rc10_app::{CountsPerTurn, Gear, NewtonMetres, Rpm, TotalAngle};
+
+/// The gearbox of a GO-M8010-6, 6.33 : 1 (user manual; the SDK's `queryGearRatio`). The 9.1 that
+/// is found in places belongs to another motor, the A1.
+pub const GEAR: Gear = match Gear::new(633, 100) {
+    Some(gear) => gear,
+    None => Gear::DIRECT,
+};
+
+// Scales and ranges, all of the rotor: data manual, tables of command and reply; the SDK's
+// binary has the same. The module uses those of the line.
+
+/// Steps per N m of τ.
+const TORQUE_STEPS: f64 = 256.0;
+/// Largest |τ| in N m.
+const TORQUE_LIMIT: f64 = 127.99;
+/// Steps per revolution per second of ω.
+const SPEED_STEPS: f64 = 256.0;
+/// Largest |ω| in rad/s.
+const SPEED_LIMIT: f64 = 804.0;
+/// Steps per turn of θ.
+const ANGLE_STEPS: u32 = 32768;
+/// Largest |θ| in rad.
+const ANGLE_LIMIT: f64 = 411_774.0;
+/// Steps per N m / rad of `k_pos` and per N m s / rad of `k_spd`.
+const GAIN_STEPS: f64 = 1280.0;
+/// Largest `k_pos` in N m / rad, largest `k_spd` in N m s / rad.
+const GAIN_LIMIT: f64 = 25.599;
+
+// The ranges in steps, so that clamping does not depend on the gear.
+const TORQUE_LIMIT_STEPS: f32 = single(TORQUE_LIMIT * TORQUE_STEPS);
+const SPEED_LIMIT_STEPS: f32 = single(SPEED_LIMIT / TAU * SPEED_STEPS);
+#[expect(clippy::cast_possible_truncation, reason = "below 2^31")]
+const ANGLE_LIMIT_STEPS: i32 = (ANGLE_LIMIT / TAU * ANGLE_STEPS as f64) as i32;
+const GAIN_LIMIT_STEPS: f32 = single(GAIN_LIMIT * GAIN_STEPS);
+
+/// The nearest f32, so that constants can be computed exactly.
+#[expect(clippy::cast_possible_truncation, reason = "the purpose")]
+const fn single(x: f64) -> f32 {
+    x as f32
+}
+
+/// Torque, speed and angle at a shaft: what a command asks for, and what a motor measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Motion {
+    /// In a command, the torque that is added to what stiffness and damping make.
+    pub torque: NewtonMetres,
+    /// Speed.
+    pub speed: Rpm,
+    /// Angle over many turns, from where the device has its zero. On [`Shaft::scale`] it goes to
+    /// the wire as it is; from another scale it takes a wide division.
+    pub angle: TotalAngle,
+}
+
+impl Motion {
+    /// What may be sent.
+    ///
+    /// # Errors
+    /// [`NotANumber`]; such a value is sent as zero.
+    pub const fn check(&self) -> Result<(), NotANumber> {
+        match () {
+            () if self.torque.get().is_nan() => Err(NotANumber { value: "torque" }),
+            () if self.speed.get().is_nan() => Err(NotANumber { value: "speed" }),
+            () => Ok(()),
+        }
+    }
+}
+
+/// How a motor reacts to the difference between the motion it shall have and the one it has, at a
+/// shaft.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Impedance {
+    /// `k_pos` in N m / rad, 0 ..= 1025.7 at the output shaft.
+    pub stiffness: f32,
+    /// `k_spd` in N m s / rad, 0 ..= 1025.7 at the output shaft.
+    pub damping: f32,
+}
+
+impl Impedance {
+    /// What may be sent.
+    ///
+    /// # Errors
+    /// [`NotANumber`]; such a value is sent as zero.
+    pub const fn check(&self) -> Result<(), NotANumber> {
+        match () {
+            () if self.stiffness.is_nan() => Err(NotANumber { value: "stiffness" }),
+            () if self.damping.is_nan() => Err(NotANumber { value: "damping" }),
+            () => Ok(()),
+        }
+    }
+}
+
+/// A value of a command that is not a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct NotANumber {
+    /// Which one.
+    pub value: &'static str,
+}
+
+impl fmt::Display for NotANumber {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} is not a number", self.value)
+    }
+}
+
+impl core::error::Error for NotANumber {}
+
+/// τ, ω and θ of the rotor as they stand in commands and answers of both links.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct RawMotion {
+    /// In 1/256 N m.
+    pub torque: i16,
+    /// In 1/256 revolutions per second.
+    pub speed: i16,
+    /// In 1/32768 turns.
+    pub angle: i32,
+}
+
+/// `k_pos` and `k_spd` of the rotor as they stand in frames of both links, in steps of 1/1280.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct RawImpedance {
+    /// `k_pos` in 1/1280 N m / rad.
+    pub stiffness: u16,
+    /// `k_spd` in 1/1280 N m s / rad.
+    pub damping: u16,
+}
+
+/// Converts between a shaft and the rotor.
+///
+/// Through a gearbox of ratio r: torque / r, speed and angle · r, stiffness and damping / r².
+///
+/// ```
+/// use rc10_app::{NewtonMetres, Rpm, TotalAngle};
+/// use rc10_motor::unitree::wire::{Motion, Shaft};
+/// let quarter_turn = Motion {
+///     torque: NewtonMetres::new(6.33),
+///     speed: Rpm::new(60.0),
+///     angle: TotalAngle::from_degrees(90),
+/// };
+/// let raw = Shaft::OUTPUT.raw(&quarter_turn);
+/// assert_eq!((raw.torque, raw.speed, raw.angle), (256, 1620, 51855)); // 1 N m, 6.33 turns/s
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shaft {
+    torque_steps: f32,
+    torque_step: f32,
+    speed_steps: f32,
+    speed_step: f32,
+    gain_steps: f32,
+    gain_step: f32,
+    scale: CountsPerTurn,
+}
+
+impl Shaft {
+    /// The output shaft of a GO-M8010-6.
+    pub const OUTPUT: Self = Self::new(GEAR);
+
+    /// The shaft behind a gearbox; [`Gear::DIRECT`] is the rotor itself.
+    #[must_use]
+    pub const fn new(gear: Gear) -> Self {
+        let ratio = gear.rotor_turns() as f64 / gear.output_turns() as f64;
+        let torque = TORQUE_STEPS / ratio;
+        let speed = SPEED_STEPS * ratio / 60.0;
+        let gain = GAIN_STEPS / (ratio * ratio);
+        Self {
+            torque_steps: single(torque),
+            torque_step: single(1.0 / torque),
+            speed_steps: single(speed),
+            speed_step: single(1.0 / speed),
+            gain_steps: single(gain),
+            gain_step: single(1.0 / gain),
+            scale: CountsPerTurn::new(ANGLE_STEPS * gear.rotor_turns(), gear.output_turns()),
+        }
+    }
+
+    /// What angles of this shaft are counted in.
+    #[must_use]
+    pub const fn scale(&self) -> CountsPerTurn {
+        self.scale
+    }
+
+    /// To the wire: clamped to what the protocol can carry, nearest step; zero for what is not a
+    /// number.
+    #[inline]
+    #[must_use]
+    pub fn raw(&self, motion: &Motion) -> RawMotion {
+        let torque = within(motion.torque.get() * self.torque_steps, TORQUE_LIMIT_STEPS);
+        let speed = within(motion.speed.get() * self.speed_steps, SPEED_LIMIT_STEPS);
+        RawMotion {
+            torque: round_to_i16(torque),
+            speed: round_to_i16(speed),
+            angle: angle(motion.angle.counts_at(self.scale)),
+        }
+    }
+
+    /// From the wire.
+    #[inline]
+    #[must_use]
+    pub fn motion(&self, raw: RawMotion) -> Motion {
+        Motion {
+            torque: NewtonMetres::new(f32::from(raw.torque) * self.torque_step),
+            speed: Rpm::new(f32::from(raw.speed) * self.speed_step),
+            angle: TotalAngle::new(raw.angle.into(), self.scale),
+        }
+    }
+
+    /// To the wire, as [`raw`](Self::raw).
+    #[inline]
+    #[must_use]
+    pub fn raw_impedance(&self, impedance: &Impedance) -> RawImpedance {
+        RawImpedance {
+            stiffness: gain(impedance.stiffness * self.gain_steps),
+            damping: gain(impedance.damping * self.gain_steps),
+        }
+    }
+
+    /// From the wire.
+    #[inline]
+    #[must_use]
+    pub fn impedance(&self, raw: RawImpedance) -> Impedance {
+        Impedance {
+            stiffness: f32::from(raw.stiffness) * self.gain_step,
+            damping: f32::from(raw.damping) * self.gain_step,
+        }
+    }
+}
+
+#[inline]
+fn angle(steps: i64) -> i32 {
+    let limit = i64::from(ANGLE_LIMIT_STEPS);
+    #[expect(clippy::cast_possible_truncation, reason = "the limit has 31 bits")]
+    return steps.clamp(-limit, limit) as i32;
+}
+
+#[inline]
+fn gain(steps: f32) -> u16 {
+    round_to_i16(steps.clamp(0.0, GAIN_LIMIT_STEPS)).unsigned_abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROTOR: Shaft = Shaft::new(Gear::DIRECT);
+
+    fn motion(torque: f32, rad_per_s: f32, radians: f64) -> Motion {
+        #[expect(clippy::cast_possible_truncation, reason = "a test's own numbers")]
+        let microdegrees = (radians.to_degrees() * 1e6).round() as i64;
+        Motion {
+            torque: NewtonMetres::new(torque),
+            speed: Rpm::new(rad_per_s * 60.0 / core::f32::consts::TAU),
+            angle: TotalAngle::from_microdegrees(microdegrees),
+        }
+    }
+
+    #[test]
+    fn rotor_values_of_the_vendor_s_examples() {
+        // π/2 and π, of which the SDK makes 8191 and 127 because it truncates with 6.2832.
+        let raw = ROTOR.raw(&motion(0.75, core::f32::consts::PI, core::f64::consts::FRAC_PI_2));
+        assert_eq!(raw, RawMotion { torque: 192, speed: 128, angle: 8192 });
+        // The manual's 1.57 rad: 8188 by exact 2π, 8187 by its own.
+        assert_eq!(ROTOR.raw(&motion(-1.25, -20.0, 1.57)).angle, 8188);
+        let gains = ROTOR.raw_impedance(&Impedance { stiffness: 0.1, damping: 0.2 });
+        assert_eq!(gains, RawImpedance { stiffness: 128, damping: 256 });
+    }
+
+    #[test]
+    fn the_gearbox_scales_each_quantity_its_way() {
+        let raw = RawMotion { torque: 256, speed: 256, angle: 32768 };
+        let output = Shaft::OUTPUT.motion(raw);
+        assert!((output.torque.get() - 6.33).abs() < 1e-6);
+        assert!((output.speed.get() - 60.0 / 6.33).abs() < 1e-5);
+        assert!((output.angle.degrees().get() - 360.0 / 6.33).abs() < 1e-4);
+        assert_eq!(Shaft::OUTPUT.raw(&output), raw);
+        let gains = RawImpedance { stiffness: 1280, damping: 640 };
+        let output = Shaft::OUTPUT.impedance(gains);
+        assert!((output.stiffness - 6.33 * 6.33).abs() < 1e-4);
+        assert!((output.damping - 0.5 * 6.33 * 6.33).abs() < 1e-4);
+        assert_eq!(Shaft::OUTPUT.raw_impedance(&output), gains);
+    }
+
+    #[test]
+    fn the_ends_of_the_ranges_are_the_protocol_s() {
+        let end = RawMotion { torque: 32765, speed: 32758, angle: 2_147_479_307 };
+        let minus = RawMotion { torque: -end.torque, speed: -end.speed, angle: -end.angle };
+        for (scale, beyond) in [(1.0, 411_774.0), (f32::MAX, 1e12), (f32::INFINITY, 1e300)] {
+            let most = ROTOR.raw(&motion(127.99 * scale, 804.0 * scale, beyond));
+            assert_eq!(most, end, "{scale}");
+            let least = ROTOR.raw(&motion(-127.99 * scale, -804.0 * scale, -beyond));
+            assert_eq!(least, minus, "{scale}");
+            let gain = 25.599 * scale;
+            let gains = ROTOR.raw_impedance(&Impedance { stiffness: gain, damping: -gain });
+            assert_eq!(gains, RawImpedance { stiffness: 32767, damping: 0 });
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_zero_and_an_error() {
+        let nan = f32::NAN;
+        let strange = motion(nan, nan, 1.0);
+        assert_eq!((ROTOR.raw(&strange).torque, ROTOR.raw(&strange).speed), (0, 0));
+        assert_eq!(strange.check(), Err(NotANumber { value: "torque" }));
+        assert_eq!(motion(0.0, nan, 1.0).check(), Err(NotANumber { value: "speed" }));
+        assert_eq!(motion(f32::INFINITY, 0.0, 1.0).check(), Ok(()));
+        let strange = Impedance { stiffness: nan, damping: nan };
+        assert_eq!(ROTOR.raw_impedance(&strange), RawImpedance::default());
+        assert_eq!(strange.check(), Err(NotANumber { value: "stiffness" }));
+        let strange = Impedance { stiffness: 1.0, ..strange };
+        assert_eq!(strange.check(), Err(NotANumber { value: "damping" }));
+    }
+}
