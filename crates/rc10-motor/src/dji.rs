@@ -25,7 +25,7 @@ use crate::motor::{
     CanMotor, Drive, Fault, Feedback, FrameError, Gains, Heard, Motor, Request, RequestError,
     Target, TargetError, TargetKind, TargetSet,
 };
-use crate::wiring::{Rate, Receive, Transmit, Wiring};
+use crate::wiring::{Rate, Receive, Share, Transmit, Wiring};
 
 /// Encoder counts per rotor turn, of all models: 8192.
 const ENCODER_COUNTS: u32 = 1 << ENCODER_BITS;
@@ -808,7 +808,7 @@ impl CanMotor for Dji {
             pattern: IdPattern::exact(Id::Standard(self.command_id)),
             len: 8,
             rate: Rate::EveryTick,
-            lane: Some(0b11 << self.lane),
+            share: Share::Lane(0b11 << self.lane),
         };
         let wiring = Wiring::new(self.model.name, self.id.into());
         let wired = wiring.clone().receives(feedback).and_then(|wiring| wiring.transmits(command));

@@ -67,6 +67,6 @@ pub use motor::{
     CanMotor, Drive, Fault, Feedback, FrameError, Gains, Heard, Motor, Request, RequestError,
     SafeState, Target, TargetError, TargetKind, TargetSet,
 };
-pub use wiring::{Clash, Guard, MotorName, Rate, Receive, Transmit, Wiring, WiringFull};
+pub use wiring::{Clash, Guard, MotorName, Rate, Receive, Share, Transmit, Wiring, WiringFull};
 // Whose types stand in the signatures of the above: who uses the crate needs no other.
 pub use {rc10_app, rc10_can};

@@ -3,7 +3,7 @@ use core::fmt;
 use heapless::Vec;
 use rc10_can::LengthBounds;
 
-use crate::wiring::{Wiring, is_extended};
+use crate::wiring::{Share, Wiring, is_extended};
 
 /// How much of a bus the motors attached to it need, known before power-on: from their wirings
 /// alone.
@@ -64,7 +64,7 @@ impl BusLoad {
             }
             for transmit in wiring.transmitted() {
                 let key = transmit.pattern.id();
-                if transmit.lane.is_some() && shared.contains(&key) {
+                if matches!(transmit.share, Share::Lane(_)) && shared.contains(&key) {
                     continue;
                 }
                 // If the list is full, a shared frame counts twice: the load is never too low.

@@ -103,9 +103,30 @@ pub struct Transmit {
     pub len: u8,
     /// How often.
     pub rate: Rate,
-    /// For a frame that several devices share: the bytes of it that are this one's, bit n for
-    /// byte n. `None`: the whole frame is.
-    pub lane: Option<u8>,
+    /// Whose the frame is.
+    pub share: Share,
+}
+
+/// How much of a frame that we send is one device's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Share {
+    /// All of it.
+    Whole,
+    /// Some of its bytes, bit n for byte n: several devices are commanded by one frame.
+    Lane(u8),
+    /// All of it, if the payload says so: several devices are commanded with one identifier.
+    Guard(Guard),
+}
+
+impl Share {
+    /// Whether two devices can have their shares of frames with one identifier.
+    const fn excludes(self, other: Self) -> bool {
+        match (self, other) {
+            (Self::Lane(ours), Self::Lane(theirs)) => ours & theirs == 0,
+            (Self::Guard(ours), Self::Guard(theirs)) => ours.excludes(theirs),
+            _ => false,
+        }
+    }
 }
 
 /// More frames than a [`Wiring`] holds.
@@ -226,10 +247,8 @@ impl Wiring {
         }
         for ours in &self.transmit {
             for theirs in &other.transmit {
-                let apart = match (ours.lane, theirs.lane) {
-                    (Some(a), Some(b)) => a & b == 0 && ours.len == theirs.len,
-                    _ => false,
-                };
+                let apart = ours.share.excludes(theirs.share)
+                    && (ours.len == theirs.len || matches!(ours.share, Share::Guard(_)));
                 if let (Some(id), false) = (ours.pattern.overlap(&theirs.pattern), apart) {
                     return Some(Clash::Transmit(id));
                 }
@@ -277,8 +296,8 @@ mod tests {
         Receive { pattern: exact(raw), len: 8, rate: Rate::EveryTick, guard }
     }
 
-    fn command(raw: u16, lane: Option<u8>) -> Transmit {
-        Transmit { pattern: exact(raw), len: 8, rate: Rate::EveryTick, lane }
+    fn command(raw: u16, share: Share) -> Transmit {
+        Transmit { pattern: exact(raw), len: 8, rate: Rate::EveryTick, share }
     }
 
     /// As protocols of later motors need it: two Damiao motors on one master identifier.
@@ -288,7 +307,7 @@ mod tests {
         let damiao = |id: u16, guard| {
             Wiring::new("J4310", id)
                 .receives(feedback(0x000, guard))
-                .and_then(|wiring| wiring.transmits(command(id, None)))
+                .and_then(|wiring| wiring.transmits(command(id, Share::Whole)))
                 .unwrap()
         };
         assert_eq!(damiao(0x11, nibble(1)).clash(&damiao(0x12, nibble(2))), None);
@@ -299,11 +318,27 @@ mod tests {
 
     #[test]
     fn lanes_share_a_frame_unless_their_bytes_overlap() {
-        let wired = |lane| Wiring::new("x", 1).transmits(command(0x200, lane)).unwrap();
-        assert_eq!(wired(Some(0b0011)).clash(&wired(Some(0b1100))), None);
+        let wired = |share| Wiring::new("x", 1).transmits(command(0x200, share)).unwrap();
+        let lane = |bytes| wired(Share::Lane(bytes));
+        assert_eq!(lane(0b0011).clash(&lane(0b1100)), None);
         let id = StandardId::new(0x200).unwrap().into();
-        assert_eq!(wired(Some(0b0011)).clash(&wired(Some(0b0110))), Some(Clash::Transmit(id)));
-        assert_eq!(wired(None).clash(&wired(Some(1))), Some(Clash::Transmit(id)));
+        assert_eq!(lane(0b0011).clash(&lane(0b0110)), Some(Clash::Transmit(id)));
+        assert_eq!(wired(Share::Whole).clash(&lane(1)), Some(Clash::Transmit(id)));
+    }
+
+    /// Damiao's registers: all motors of a bus are asked with one identifier, by payload.
+    #[test]
+    fn devices_that_are_commanded_by_payload_share_an_identifier() {
+        let asked = |value| {
+            let guard = Guard { byte: 0, mask: 0xFF, value };
+            let register = Transmit { len: 4 + value % 2, ..command(0x7FF, Share::Guard(guard)) };
+            Wiring::new("x", 1).transmits(register).unwrap()
+        };
+        assert_eq!(asked(0x11).clash(&asked(0x12)), None);
+        let id = StandardId::new(0x7FF).unwrap().into();
+        assert_eq!(asked(0x11).clash(&asked(0x11)), Some(Clash::Transmit(id)));
+        let lane = Wiring::new("x", 1).transmits(command(0x7FF, Share::Lane(1))).unwrap();
+        assert_eq!(asked(0x11).clash(&lane), Some(Clash::Transmit(id)));
     }
 
     #[test]
