@@ -11,7 +11,7 @@ use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::{Dji, Effort};
 use rc10_motor::{
     ArmState, ArmSwitch, CanMotor, Dispatch, Drive, Feedback, FrameError, Gains, Motor, MotorBus,
-    MotorId, Request, SafeState, Safety, Target, TargetError, TxBatch,
+    MotorId, Request, SafeState, Safety, Share, Target, TargetError, TxBatch,
 };
 
 use crate::any;
@@ -88,7 +88,8 @@ struct Known {
 
 fn known(motor: &Dji, id: MotorId, safety: Safety) -> Known {
     let wiring = motor.wiring();
-    let lane = wiring.transmitted()[0].lane.unwrap().trailing_zeros();
+    let Share::Lane(lane) = wiring.transmitted()[0].share else { panic!("a lane") };
+    let lane = lane.trailing_zeros();
     Known {
         id,
         feedback_id: wiring.received()[0].pattern.id(),

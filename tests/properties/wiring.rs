@@ -7,8 +7,8 @@ use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::{
     ArmSwitch, AttachError, CanMotor, Dispatch, Drive, Fault, Feedback, FrameError, Guard, Heard,
-    Motor, MotorBus, Rate, Receive, Request, RequestError, Safety, Target, TargetError, TargetKind,
-    TargetSet, Transmit, TxBatch, TxFull, Wiring,
+    Motor, MotorBus, Rate, Receive, Request, RequestError, Safety, Share, Target, TargetError,
+    TargetKind, TargetSet, Transmit, TxBatch, TxFull, Wiring,
 };
 
 use crate::any;
@@ -76,19 +76,28 @@ fn rate() -> impl Strategy<Value = Rate> {
     prop_oneof![any::<u16>().prop_map(Rate::Hz), Just(Rate::EveryTick), Just(Rate::Rare)]
 }
 
+fn guard() -> impl Strategy<Value = Guard> {
+    let parts = (0..10_u8, any::<u8>(), any::<u8>());
+    parts.prop_map(|(byte, mask, value)| Guard { byte, mask, value })
+}
+
 fn receive() -> impl Strategy<Value = Receive> {
-    let guard = (0..10_u8, any::<u8>(), any::<u8>()).prop_map(|(byte, mask, value)| Guard {
-        byte,
-        mask,
-        value,
-    });
-    (pattern(), any::<u8>(), rate(), prop::option::of(guard))
+    (pattern(), any::<u8>(), rate(), prop::option::of(guard()))
         .prop_map(|(pattern, len, rate, guard)| Receive { pattern, len, rate, guard })
 }
 
 fn transmit() -> impl Strategy<Value = Transmit> {
-    (pattern(), any::<u8>(), rate(), any::<Option<u8>>())
-        .prop_map(|(pattern, len, rate, lane)| Transmit { pattern, len, rate, lane })
+    let share = prop_oneof![
+        Just(Share::Whole),
+        any::<u8>().prop_map(Share::Lane),
+        guard().prop_map(Share::Guard),
+    ];
+    (pattern(), any::<u8>(), rate(), share).prop_map(|(pattern, len, rate, share)| Transmit {
+        pattern,
+        len,
+        rate,
+        share,
+    })
 }
 
 fn wired() -> impl Strategy<Value = Wired> {
