@@ -62,6 +62,24 @@ impl CanFrame {
         Self { key: key_of(id.into()), len: 8, data }
     }
 
+    /// A data frame of a length that is known at build time: cannot fail. More than eight bytes do
+    /// not compile.
+    ///
+    /// ```
+    /// use rc10_can::{CanFrame, embedded_can::StandardId};
+    /// let frame = CanFrame::exact(StandardId::new(0x211).unwrap(), [0x0A, 0xD7, 0x23, 0x3C]);
+    /// assert_eq!(frame.to_string(), "211#0AD7233C");
+    /// ```
+    #[inline]
+    #[must_use]
+    pub fn exact<const LEN: usize>(id: impl Into<Id>, data: [u8; LEN]) -> Self {
+        const { assert!(LEN <= 8, "a classic CAN frame carries at most 8 data bytes") };
+        let mut bytes = [0; 8];
+        bytes[..LEN].copy_from_slice(&data);
+        #[expect(clippy::cast_possible_truncation, reason = "at most 8, checked above")]
+        Self { key: key_of(id.into()), len: LEN as u8, data: bytes }
+    }
+
     /// A remote request for `len` bytes.
     ///
     /// # Errors

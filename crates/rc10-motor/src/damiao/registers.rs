@@ -6,7 +6,7 @@ use core::fmt;
 
 use rc10_can::CanFrame;
 
-use super::wire::{DeviceId, REGISTERS, four_bytes, standard};
+use super::wire::{DeviceId, REGISTERS, standard};
 
 /// A register, by its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,7 +80,8 @@ impl Access {
     /// reverse; [`RegisterError::NotFinite`].
     pub fn pack(&self, id: DeviceId) -> Result<CanFrame, RegisterError> {
         let [low, high] = id.raw().to_le_bytes();
-        let short = |operation, last| four_bytes(standard(REGISTERS), [low, high, operation, last]);
+        let short =
+            |operation, last| CanFrame::exact(standard(REGISTERS), [low, high, operation, last]);
         Ok(match *self {
             Self::Read(register) => short(READ, register.0),
             Self::Save => short(SAVE, 1),

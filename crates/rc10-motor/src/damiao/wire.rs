@@ -153,7 +153,7 @@ pub fn position_velocity(id: DeviceId, position: f32, velocity: f32) -> CanFrame
 #[inline]
 #[must_use]
 pub fn velocity(id: DeviceId, velocity: f32) -> CanFrame {
-    four_bytes(id.command_id(Mode::Velocity), sendable(velocity).to_le_bytes())
+    CanFrame::exact(id.command_id(Mode::Velocity), sendable(velocity).to_le_bytes())
 }
 
 /// A position, approached with at most this velocity (0 ..= 100 rad/s, in steps of 0.01) and this
@@ -181,12 +181,6 @@ fn steps(x: f32, per_unit: f32) -> u16 {
     let limited = if scaled > MOST { MOST } else { scaled };
     #[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
     return (limited + 0.5) as u16;
-}
-
-/// Cannot fail: four bytes are no more than eight.
-pub(super) fn four_bytes(id: StandardId, bytes: [u8; 4]) -> CanFrame {
-    let frame = CanFrame::data_frame(id, &bytes);
-    frame.unwrap_or_else(|_| CanFrame::eight_bytes(id, [0; 8]))
 }
 
 /// Whether a motor moves, by its own account: the high four bits of byte 0.

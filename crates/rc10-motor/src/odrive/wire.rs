@@ -284,14 +284,9 @@ impl Command {
                 }
                 checked(floats(LIMITS, velocity.max(0.0), current.max(0.0)), numbers)
             }
-            Self::ClearErrors => Ok(empty(node.can_id(CLEAR_ERRORS))),
+            Self::ClearErrors => Ok(CanFrame::exact(node.can_id(CLEAR_ERRORS), [])),
         }
     }
-}
-
-fn empty(id: StandardId) -> CanFrame {
-    // No data is not too much data.
-    CanFrame::data_frame(id, &[]).unwrap_or_else(|_| CanFrame::eight_bytes(id, [0; 8]))
 }
 
 /// A message that can be asked for.
@@ -312,7 +307,7 @@ impl Query {
     pub fn pack(self, node: Node) -> CanFrame {
         let id = node.can_id(self as u8);
         // Eight bytes are not too many.
-        CanFrame::remote_frame(id, 8).unwrap_or_else(|_| empty(id))
+        CanFrame::remote_frame(id, 8).unwrap_or_else(|_| CanFrame::exact(id, []))
     }
 }
 

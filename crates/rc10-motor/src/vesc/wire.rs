@@ -249,11 +249,7 @@ impl Setting {
 /// A frame of exactly this length.
 #[inline]
 fn frame<const LEN: usize>(packet: Packet, to: Address, data: [u8; LEN]) -> CanFrame {
-    const { assert!(LEN <= 8) };
-    match CanFrame::data_frame(packet.id(to), &data) {
-        Ok(frame) => frame,
-        Err(_) => unreachable!("checked by the compiler"),
-    }
+    CanFrame::exact(packet.id(to), data)
 }
 
 /// What a VESC tells, by itself or asked.
