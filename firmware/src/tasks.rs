@@ -68,7 +68,10 @@ pub async fn log(io: &'static Io<'static>) {
     };
     loop {
         let message = messages.next().await;
-        defmt::info!("{} (missed {})", message.value, message.missed);
+        if message.missed > 0 {
+            defmt::warn!("the log was too slow for {} lines", message.missed);
+        }
+        defmt::info!("{}", message.value);
     }
 }
 

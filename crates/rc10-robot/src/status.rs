@@ -9,7 +9,6 @@ use crate::table::{BUSES, MOTORS};
 
 /// How the robot is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RobotStatus {
     /// When.
     pub at: Micros,
@@ -23,7 +22,6 @@ pub struct RobotStatus {
 
 /// How a bus is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BusSummary {
     /// Ticks so far.
     pub ticks: u32,
@@ -47,6 +45,45 @@ pub struct BusSummary {
     pub bus_offs: u32,
     /// How often the bus stood still and was made safe.
     pub stalls: u32,
+}
+
+/// For people: what is as it should be takes few words.
+#[cfg(feature = "defmt")]
+impl defmt::Format for RobotStatus {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{}, {} of {} motors online", self.arm, self.online, MOTORS.len());
+        for (number, bus) in (1_u8..).zip(&self.buses) {
+            defmt::write!(f, "; bus {} {}", number, bus);
+        }
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for BusSummary {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{}", self.state);
+        if self.alone {
+            defmt::write!(f, ", alone on the bus");
+        }
+        let Self { ticks, longest_tick, longest_period, received, .. } = self;
+        defmt::write!(f, ": {} ticks of {} us, {} us apart", ticks, longest_tick, longest_period);
+        defmt::write!(f, ", {} received", received);
+        if self.overruns > 0 {
+            defmt::write!(f, ", {} ticks missed", self.overruns);
+        }
+        if self.malformed > 0 {
+            defmt::write!(f, ", {} malformed", self.malformed);
+        }
+        if self.lost > 0 {
+            defmt::write!(f, ", {} lost", self.lost);
+        }
+        if self.bus_offs > 0 {
+            defmt::write!(f, ", {} times bus-off", self.bus_offs);
+        }
+        if self.stalls > 0 {
+            defmt::write!(f, ", {} times stalled", self.stalls);
+        }
+    }
 }
 
 /// The status task.
