@@ -1,6 +1,6 @@
 //! Inputs: the usual, the extreme, and the impossible.
 
-use proptest::array::uniform8;
+use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::RngSeed;
@@ -21,10 +21,15 @@ pub fn cases(cases: u32) -> ProptestConfig {
 
 /// Any f32, NaN and infinities included.
 pub fn number() -> impl Strategy<Value = f32> {
+    number_below(1e4)
+}
+
+/// Any f32, NaN and infinities included; mostly those up to `usual`, either way.
+pub fn number_below(usual: f32) -> impl Strategy<Value = f32> {
     const SPECIAL: [f32; 7] =
         [0.0, -0.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN];
     prop_oneof![
-        4 => -1e4..1e4_f32,
+        4 => -usual..usual,
         2 => any::<u32>().prop_map(f32::from_bits),
         1 => select(&SPECIAL[..]),
     ]
@@ -47,16 +52,27 @@ pub fn id() -> impl Strategy<Value = Id> {
 
 /// Any frame.
 pub fn frame() -> impl Strategy<Value = CanFrame> {
-    (id(), uniform8(any::<u8>()), 0..=8_usize, prop::bool::weighted(0.1)).prop_map(
-        |(id, bytes, len, remote)| {
-            let frame = if remote {
-                CanFrame::remote_frame(id, len)
-            } else {
-                CanFrame::data_frame(id, &bytes[..len])
-            };
-            frame.unwrap()
-        },
-    )
+    frame_of(id(), vec(any::<u8>(), 0..=8))
+}
+
+/// A frame with one of these identifiers and data; now and then a remote request instead.
+pub fn frame_of(
+    id: impl Strategy<Value = Id>,
+    data: impl Strategy<Value = Vec<u8>>,
+) -> impl Strategy<Value = CanFrame> {
+    (id, data, prop::bool::weighted(0.1)).prop_map(|(id, data, remote)| {
+        let frame = if remote {
+            CanFrame::remote_frame(id, data.len())
+        } else {
+            CanFrame::data_frame(id, &data)
+        };
+        frame.unwrap()
+    })
+}
+
+/// Any standard identifier.
+pub fn standard() -> impl Strategy<Value = Id> {
+    (0..=0x7FF_u16).prop_map(|raw| Id::Standard(StandardId::new(raw).unwrap()))
 }
 
 fn gear() -> impl Strategy<Value = Gear> {

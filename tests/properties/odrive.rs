@@ -1,12 +1,10 @@
 //! `ODrive`'s `CANSimple` against a second codec, written from the DBC alone, for thousands of
 //! values: the same ones in each run.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use proptest::array::uniform8;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
-use proptest::test_runner::RngSeed;
 use rc10_app::{Amps, NewtonMetres};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
@@ -14,20 +12,11 @@ use rc10_motor::odrive::{
     AxisState, Command, ControlMode, Firmware, InputMode, Message, MessageError, Node, Query,
 };
 
-fn cases() -> ProptestConfig {
-    let rng_seed = RngSeed::Fixed(10);
-    ProptestConfig { cases: 3000, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
-}
+use crate::any;
 
-/// Any f32, NaN and infinities included.
+/// Mostly near the ranges of real motors.
 fn number() -> impl Strategy<Value = f32> {
-    const SPECIAL: [f32; 7] =
-        [0.0, -0.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN];
-    prop_oneof![
-        4 => -50.0..50.0_f32,
-        2 => any::<u32>().prop_map(f32::from_bits),
-        1 => select(&SPECIAL[..]),
-    ]
+    any::number_below(50.0)
 }
 
 fn node() -> impl Strategy<Value = Node> {
@@ -78,7 +67,7 @@ fn packed(command: Command, node: Node, message: u8, bad: bool) -> Option<[u8; 8
 }
 
 proptest! {
-    #![proptest_config(cases())]
+    #![proptest_config(any::cases(3000))]
 
     #[test]
     fn inputs_arrive_as_they_were_given(

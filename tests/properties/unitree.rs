@@ -1,9 +1,4 @@
 //! Unitree's codec, for every input: what is packed comes back, what is not a frame never gets in.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
-
-#[path = "properties/any.rs"]
-#[expect(dead_code, reason = "the other properties use the rest")]
-mod any;
 
 use proptest::array::uniform8;
 use proptest::collection::vec;
@@ -16,6 +11,8 @@ use rc10_motor::unitree::wire::module::{self, Content, Module, Request};
 use rc10_motor::unitree::wire::{
     Address, Impedance, Motion, RawImpedance, RawMotion, ReplyError, Shaft, Status,
 };
+
+use crate::any;
 
 fn shaft() -> impl Strategy<Value = Shaft> {
     prop_oneof![Just(Shaft::OUTPUT), Just(Shaft::new(Gear::DIRECT))]

@@ -1,25 +1,21 @@
 //! Damiao's codec on random values, bytes and lengths; what comes out is taken apart here again.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use proptest::collection::vec;
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_motor::damiao::registers::{Access, Content, Register, Reply, Value};
 use rc10_motor::damiao::{DeviceId, Feedback, Limits, Mode, Operation, Setpoint, models, wire};
 
-fn cases() -> ProptestConfig {
-    let rng_seed = RngSeed::Fixed(4);
-    ProptestConfig { cases: 4096, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
+use crate::any;
+
+/// Mostly near the ranges of real motors.
+pub fn number() -> impl Strategy<Value = f32> {
+    prop_oneof![2 => any::number_below(20.0), 1 => any::number_below(600.0)]
 }
 
-/// Any f32, NaN and infinities included; mostly near the ranges of real motors.
-fn number() -> impl Strategy<Value = f32> {
-    prop_oneof![4 => -20.0..20.0_f32, 2 => -600.0..600.0_f32, 1 => any::<u32>().prop_map(f32::from_bits)]
-}
-
-fn setpoint() -> impl Strategy<Value = Setpoint> {
+/// CyberGear's are the same.
+pub fn setpoint() -> impl Strategy<Value = Setpoint> {
     (number(), number(), number(), number(), number()).prop_map(
         |(position, velocity, kp, kd, torque)| Setpoint { position, velocity, kp, kd, torque },
     )
@@ -38,17 +34,8 @@ fn id() -> impl Strategy<Value = DeviceId> {
 }
 
 fn frame() -> impl Strategy<Value = CanFrame> {
-    let short = (0..=0x7FF_u16).prop_map(|raw| Id::Standard(StandardId::new(raw).unwrap()));
     let long = any::<u32>().prop_map(|raw| Id::Extended(ExtendedId::new(raw >> 3).unwrap()));
-    let id = prop_oneof![7 => short, 1 => long];
-    (id, vec(any::<u8>(), 0..=8), prop::bool::weighted(0.05)).prop_map(|(id, bytes, remote)| {
-        let frame = if remote {
-            CanFrame::remote_frame(id, bytes.len())
-        } else {
-            CanFrame::data_frame(id, &bytes)
-        };
-        frame.unwrap()
-    })
+    any::frame_of(prop_oneof![7 => any::standard(), 1 => long], vec(any::<u8>(), 0..=8))
 }
 
 /// A field of an MIT frame, its bits counted from the end, as a share of its range.
@@ -58,12 +45,12 @@ fn share(bits: u64, shift: u32, width: u32) -> f64 {
 }
 
 /// What a value should come out as: limited, the neutral one for NaN.
-fn limited(x: f32, low: f64, high: f64) -> f64 {
+pub fn limited(x: f32, low: f64, high: f64) -> f64 {
     if x.is_nan() { 0.0 } else { f64::from(x).clamp(low, high) }
 }
 
 proptest! {
-    #![proptest_config(cases())]
+    #![proptest_config(any::cases(4096))]
 
     #[test]
     fn a_setpoint_comes_out_within_a_step(id in id(), wanted in setpoint(), limits in limits()) {

@@ -1,32 +1,26 @@
 //! What must hold for every VESC frame, tried with thousands of them: the same ones in each run.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::num::NonZeroU8;
 
-use proptest::array::uniform8;
+use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
-use proptest::test_runner::RngSeed;
 use rc10_app::{Amps, Degrees, Gear, Rpm};
 use rc10_can::CanFrame;
-use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
+use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_motor::vesc::{
     Command, ElectricalRpm, Packet, Reply, Setting, Shaft, Status, UnpackError, VescId,
 };
 
-/// So many cases, from the same seed in every run.
-fn cases(cases: u32) -> ProptestConfig {
-    let rng_seed = RngSeed::Fixed(10);
-    ProptestConfig { cases, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
-}
+use crate::any;
 
 fn vesc() -> impl Strategy<Value = VescId> {
     (0..=254_u8).prop_map(|id| VescId::new(id).unwrap())
 }
 
-/// Any f32, NaN and infinities included.
+/// Shares, and all else.
 fn number() -> impl Strategy<Value = f32> {
-    prop_oneof![-1e4..1e4_f32, -1.5..1.5_f32, any::<u32>().prop_map(f32::from_bits)]
+    prop_oneof![any::number_below(1.5), any::number()]
 }
 
 /// A command of each sort, and what a VESC divides its number by.
@@ -66,19 +60,10 @@ fn any_frame() -> impl Strategy<Value = CanFrame> {
     ];
     let id = prop_oneof![
         9 => id.prop_map(|raw| Id::Extended(ExtendedId::new(raw).unwrap())),
-        1 => (0..=0x7FF_u16).prop_map(|raw| Id::Standard(StandardId::new(raw).unwrap())),
+        1 => any::standard(),
     ];
     let len = prop_oneof![2 => Just(8_usize), 1 => Just(2), 1 => 0..=8_usize];
-    (id, uniform8(any::<u8>()), len, prop::bool::weighted(0.1)).prop_map(
-        |(id, bytes, len, remote)| {
-            let frame = if remote {
-                CanFrame::remote_frame(id, len)
-            } else {
-                CanFrame::data_frame(id, &bytes[..len])
-            };
-            frame.unwrap()
-        },
-    )
+    any::frame_of(id, len.prop_flat_map(|len| vec(any::<u8>(), len)))
 }
 
 /// All numbers of a status.
@@ -102,7 +87,7 @@ fn near(actual: f32, expected: f64) -> bool {
 }
 
 proptest! {
-    #![proptest_config(cases(5000))]
+    #![proptest_config(any::cases(5000))]
 
     #[test]
     fn commands_arrive_to_the_nearest_step(to in vesc(), value in number()) {

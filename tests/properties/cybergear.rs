@@ -1,30 +1,15 @@
 //! CyberGear's and RobStride's codec on random values, bytes and lengths; what comes out is taken
 //! apart here again.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use proptest::collection::vec;
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use rc10_can::CanFrame;
-use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
+use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_motor::cybergear::wire::{self, Parameter};
 use rc10_motor::cybergear::{Address, Limits, Reply, Setpoint, models};
 
-fn cases() -> ProptestConfig {
-    let rng_seed = RngSeed::Fixed(5);
-    ProptestConfig { cases: 4096, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
-}
-
-/// Any f32, NaN and infinities included; mostly near the ranges of real motors.
-fn number() -> impl Strategy<Value = f32> {
-    prop_oneof![4 => -20.0..20.0_f32, 2 => -600.0..600.0_f32, 1 => any::<u32>().prop_map(f32::from_bits)]
-}
-
-fn setpoint() -> impl Strategy<Value = Setpoint> {
-    (number(), number(), number(), number(), number()).prop_map(
-        |(position, velocity, kp, kd, torque)| Setpoint { position, velocity, kp, kd, torque },
-    )
-}
+use crate::any;
+use crate::damiao::{limited, number, setpoint};
 
 fn limits() -> impl Strategy<Value = Limits> {
     let own = (1e-3..1e6_f32, 1e-3..1e6_f32, 1e-3..1e6_f32, 1e-3..1e6_f32, 1e-3..1e6_f32);
@@ -42,27 +27,12 @@ fn frame() -> impl Strategy<Value = CanFrame> {
     ];
     let long = (kind, 0..1_u32 << 24)
         .prop_map(|(kind, rest)| Id::Extended(ExtendedId::new(kind << 24 | rest).unwrap()));
-    let short = (0..=0x7FF_u16).prop_map(|raw| Id::Standard(StandardId::new(raw).unwrap()));
     let data = prop_oneof![3 => vec(any::<u8>(), 8), 1 => vec(any::<u8>(), 0..=8)];
-    (prop_oneof![7 => long, 1 => short], data, prop::bool::weighted(0.05)).prop_map(
-        |(id, bytes, remote)| {
-            let frame = if remote {
-                CanFrame::remote_frame(id, bytes.len())
-            } else {
-                CanFrame::data_frame(id, &bytes)
-            };
-            frame.unwrap()
-        },
-    )
-}
-
-/// What a value should come out as: limited, the neutral one for NaN.
-fn limited(x: f32, low: f64, high: f64) -> f64 {
-    if x.is_nan() { 0.0 } else { f64::from(x).clamp(low, high) }
+    any::frame_of(prop_oneof![7 => long, 1 => any::standard()], data)
 }
 
 proptest! {
-    #![proptest_config(cases())]
+    #![proptest_config(any::cases(4096))]
 
     #[test]
     fn a_setpoint_comes_out_within_a_step(
