@@ -2,7 +2,6 @@
 
 mod output;
 
-use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -21,7 +20,7 @@ use sha2::{Digest, Sha256};
 
 use self::output::Outcome;
 use crate::recorder::Recorder;
-use crate::recording::Recording;
+use crate::recording::{Recording, hex_digits};
 use crate::robot::{Description, Robot};
 use crate::run::seconds;
 use crate::surroundings::Surroundings;
@@ -238,8 +237,5 @@ pub fn content_hash(rig: &Rig) -> String {
             hash.update(frame.bytes());
         }
     }
-    hash.finalize().iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+    hex_digits(hash)
 }

@@ -36,11 +36,16 @@ impl Recording {
         for bus in &self.buses {
             hash.update(&bus.log);
         }
-        hash.finalize().iter().fold(String::new(), |mut text, byte| {
-            let _ = write!(text, "{byte:02x}");
-            text
-        })
+        hex_digits(hash)
     }
+}
+
+/// A finished hash in hex digits.
+pub(crate) fn hex_digits(hash: Sha256) -> String {
+    hash.finalize().iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
 }
 
 /// What one motor did.
