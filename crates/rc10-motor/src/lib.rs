@@ -50,6 +50,7 @@ pub mod embassy;
 pub mod lk;
 mod load;
 mod motor;
+mod not_a_number;
 pub mod odrive;
 mod table;
 pub mod unitree;

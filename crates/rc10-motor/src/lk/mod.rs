@@ -27,7 +27,8 @@
 
 pub mod wire;
 
+pub use crate::not_a_number::NotANumber;
 pub use wire::{
     CENTIDEGREES, Command, Direction, DriveId, EncoderBits, Errors, Health, MULTI_MOTOR_ID, Model,
-    Motion, NotANumber, PhaseCurrents, Reply, ReplyError, pack_multi_motor,
+    Motion, PhaseCurrents, Reply, ReplyError, pack_multi_motor,
 };

@@ -8,6 +8,7 @@ use rc10_app::{Amps, Celsius, CountsPerTurn, Degrees, RotorRpm, TotalAngle};
 use rc10_can::CanFrame;
 
 use crate::motor::{Fault, FrameError};
+use crate::not_a_number::NotANumber;
 
 // Command bytes: LK CAN manual V2.3, table of commands.
 const OFF: u8 = 0x80;
@@ -250,30 +251,12 @@ pub enum Command {
     ReadSingleTurn,
 }
 
-/// A command that contains a NaN.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct NotANumber {
-    /// What is not a number.
-    pub field: &'static str,
-    /// What may be sent in its place: current or speed zero. No angle is neutral; in place of one
-    /// stands [`Command::ReadMotion`], which moves nothing.
-    pub neutral: CanFrame,
-}
-
-impl fmt::Display for NotANumber {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "the {} is not a number", self.field)
-    }
-}
-
-impl core::error::Error for NotANumber {}
-
 impl Command {
     /// The frame for a drive. The model matters only to [`Command::Current`].
     ///
     /// # Errors
-    /// [`NotANumber`].
+    /// [`NotANumber`]; neutral is current or speed zero. No angle is neutral: in place of one stands
+    /// [`Command::ReadMotion`], which moves nothing.
     pub fn pack(&self, id: DriveId, model: &Model) -> Result<CanFrame, NotANumber> {
         let frame = |bytes| CanFrame::eight_bytes(id.can, bytes);
         let plain = |command| Ok(frame([command, 0, 0, 0, 0, 0, 0, 0]));

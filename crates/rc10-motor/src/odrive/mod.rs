@@ -26,7 +26,8 @@
 
 pub mod wire;
 
+pub use crate::not_a_number::NotANumber;
 pub use wire::{
     AxisState, Command, ControlMode, Currents, Estimates, Firmware, Heartbeat, InputMode, Message,
-    MessageError, Node, NotANumber, Query, Supply,
+    MessageError, Node, Query, Supply,
 };

@@ -8,6 +8,7 @@ use rc10_app::{Amps, NewtonMetres};
 use rc10_can::CanFrame;
 
 use crate::motor::Fault;
+use crate::not_a_number::NotANumber;
 
 // Message numbers: ODrive firmware 0.5.6, `can_simple.hpp`; the same in 0.6.
 const HEARTBEAT: u8 = 0x01;
@@ -198,26 +199,6 @@ pub enum Command {
     ClearErrors,
 }
 
-/// A command that contains a NaN.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct NotANumber {
-    /// What is not a number.
-    pub field: &'static str,
-    /// What may be sent in its place: zero where the NaN was. No position is neutral; in place of
-    /// one stands velocity and torque zero, which leave a position input as it is. Limits are zero
-    /// both: nothing moves.
-    pub neutral: CanFrame,
-}
-
-impl fmt::Display for NotANumber {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "the {} is not a number", self.field)
-    }
-}
-
-impl core::error::Error for NotANumber {}
-
 /// The number, the nearest finite one, or 0 for NaN.
 #[inline]
 fn finite(x: f32) -> f32 {
@@ -234,7 +215,9 @@ impl Command {
     /// The frame for an axis.
     ///
     /// # Errors
-    /// [`NotANumber`].
+    /// [`NotANumber`]; neutral is zero where the NaN was. No position is neutral: in place of one
+    /// stands velocity and torque zero, which leave a position input as it is. Limits are zero both:
+    /// nothing moves.
     pub fn pack(&self, node: Node) -> Result<CanFrame, NotANumber> {
         let frame = |message, low: [u8; 4], high: [u8; 4]| {
             let ([a, b, c, d], [e, f, g, h]) = (low, high);
