@@ -12,6 +12,10 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
+use embassy_stm32::rcc::mux::Fdcansel;
+use embassy_stm32::rcc::{Hse, HseMode};
+use embassy_stm32::time::Hertz;
+use embassy_stm32::{Config, Peripherals};
 use embedded_can::nb;
 use rc10_app::{Rpm, Seconds};
 use rc10_can::embedded_can;
@@ -46,6 +50,22 @@ impl Heartbeat {
         while !self.0.has_wrapped() {}
         MILLIS.store(MILLIS.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
     }
+}
+
+/// Starts the chip for a driver on embassy-stm32's peripherals: clocks and the heartbeat. FDCAN runs
+/// from the crystal's 25 MHz, the core stays at the internal oscillator's 64 MHz.
+///
+/// # Panics
+/// If called twice.
+#[must_use]
+pub fn start() -> (Peripherals, Heartbeat) {
+    let Some(core) = cortex_m::Peripherals::take() else {
+        unreachable!("taken once");
+    };
+    let mut config = Config::default();
+    config.rcc.hse = Some(Hse { freq: Hertz(25_000_000), mode: HseMode::Oscillator });
+    config.rcc.mux.fdcansel = Fdcansel::HSE;
+    (embassy_stm32::init(config), Heartbeat::start(core.SYST, 64_000_000))
 }
 
 /// Two motors on one bus, once a millisecond, for ever.

@@ -8,6 +8,7 @@
 use core::num::{NonZeroU8, NonZeroU16};
 
 use cortex_m_rt::entry;
+use embassy_stm32::bind_interrupts;
 use embassy_stm32::can::config::NominalBitTiming;
 use embassy_stm32::can::enums::BusError;
 use embassy_stm32::can::{
@@ -15,11 +16,7 @@ use embassy_stm32::can::{
     IT1InterruptHandler, RxBuf, TxBuf, config::TxBufferMode,
 };
 use embassy_stm32::peripherals::FDCAN1;
-use embassy_stm32::rcc::mux::Fdcansel;
-use embassy_stm32::rcc::{Hse, HseMode};
-use embassy_stm32::time::Hertz;
-use embassy_stm32::{Config, bind_interrupts};
-use interop::{Heartbeat, superloop};
+use interop::{start, superloop};
 use rc10_can::embedded_can::nb::Can;
 use rc10_can::embedded_can::{Error, ErrorKind};
 use static_cell::ConstStaticCell;
@@ -82,14 +79,7 @@ const TIMING: NominalBitTiming = NominalBitTiming {
 
 #[entry]
 fn main() -> ! {
-    let Some(core) = cortex_m::Peripherals::take() else {
-        unreachable!("taken once");
-    };
-    let mut config = Config::default();
-    // The core stays at the internal oscillator's 64 MHz; CAN needs the crystal.
-    config.rcc.hse = Some(Hse { freq: Hertz(25_000_000), mode: HseMode::Oscillator });
-    config.rcc.mux.fdcansel = Fdcansel::HSE;
-    let p = embassy_stm32::init(config);
+    let (p, heartbeat) = start();
     let mut can = CanConfigurator::new(p.FDCAN1, p.PD0, p.PD1, Irqs);
     let mut settings = can.config().set_nominal_bit_timing(TIMING);
     // The default mode evicts frames to send more urgent ones.
@@ -97,5 +87,5 @@ fn main() -> ! {
     can.set_config(settings);
     let can = can.into_normal_mode().buffered(TRANSMIT.take(), RECEIVE.take());
     let can = Embassy { receiver: can.reader(), sender: can.writer() };
-    superloop(can, Heartbeat::start(core.SYST, 64_000_000))
+    superloop(can, heartbeat)
 }

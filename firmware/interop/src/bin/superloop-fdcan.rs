@@ -12,14 +12,12 @@ use cortex_m_rt::entry;
 use embassy_stm32::gpio::{AfType, Flex, OutputType, Pull, Speed};
 use embassy_stm32::pac::can::vals::Tfqm;
 use embassy_stm32::peripherals::FDCAN1;
-use embassy_stm32::rcc::mux::Fdcansel;
-use embassy_stm32::rcc::{self, Hse, HseMode};
-use embassy_stm32::time::Hertz;
-use embassy_stm32::{Config, Peri, pac};
+use embassy_stm32::rcc;
+use embassy_stm32::{Peri, pac};
 use fdcan::config::{Interrupt, NominalBitTiming};
 use fdcan::frame::{FrameFormat, TxFrameHeader};
 use fdcan::{FdCan, NormalOperationMode, ReceiveOverrun, message_ram};
-use interop::{Heartbeat, superloop};
+use interop::{start, superloop};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::nb::Can;
 use rc10_can::embedded_can::{self, Error, ErrorKind, ExtendedId, Frame, Id, StandardId};
@@ -207,14 +205,7 @@ const TIMING: NominalBitTiming = NominalBitTiming {
 
 #[entry]
 fn main() -> ! {
-    let Some(core) = cortex_m::Peripherals::take() else {
-        unreachable!("taken once");
-    };
-    let mut config = Config::default();
-    // The core stays at the internal oscillator's 64 MHz; CAN needs the crystal.
-    config.rcc.hse = Some(Hse { freq: Hertz(25_000_000), mode: HseMode::Oscillator });
-    config.rcc.mux.fdcansel = Fdcansel::HSE;
-    let p = embassy_stm32::init(config);
+    let (p, heartbeat) = start();
     rcc::enable_and_reset::<FDCAN1>();
     let alternate_function = 9; // STM32H723 data sheet, alternate functions of port D
     let (mut receive, mut transmit) = (Flex::new(p.PD0), Flex::new(p.PD1));
@@ -226,5 +217,5 @@ fn main() -> ! {
     lay_out_message_ram();
     can.set_nominal_bit_timing(TIMING);
     let can = Fdcan { can: can.into_normal(), overrun: false };
-    superloop(can, Heartbeat::start(core.SYST, 64_000_000))
+    superloop(can, heartbeat)
 }
