@@ -36,7 +36,7 @@ impl CanPort for &Patient {
         let frame = self.incoming.borrow_mut().pop_front()?;
         Some((frame, Micros::from_millis(self.now.get())))
     }
-    fn submit(&mut self, _: &CanFrame) -> Submitted {
+    fn submit_as(&mut self, _: &CanFrame, _: u32) -> Submitted {
         Submitted::Queued
     }
     fn cancel_pending(&mut self) -> u8 {

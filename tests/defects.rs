@@ -22,9 +22,9 @@ use rc10_can::{CanFrame, CanPort, Health, Micros, Submitted};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::{
-    ArmSwitch, AttachError, CanMotor, Clash, Drive, Fault, Feedback, FrameError, Heard, Link,
-    Motor, MotorBus, Request, RequestError, Safety, Target, TargetError, TargetKind, TargetSet,
-    TxBatch, TxFull, Wiring,
+    Answer, ArmSwitch, AttachError, CanMotor, Clash, Drive, Fault, Feedback, FrameError, Heard,
+    Link, Motor, MotorBus, Request, RequestError, Safety, Target, TargetError, TargetKind,
+    TargetSet, TxBatch, TxFull, Wiring,
 };
 
 const MS: Seconds = Seconds::new(0.001);
@@ -46,7 +46,7 @@ impl CanPort for FakePort {
     fn receive(&mut self) -> Option<(CanFrame, Micros)> {
         self.incoming.pop_front().map(|frame| (frame, Micros::from_millis(1)))
     }
-    fn submit(&mut self, frame: &CanFrame) -> Submitted {
+    fn submit_as(&mut self, frame: &CanFrame, _: u32) -> Submitted {
         if self.sent.borrow().len() >= self.room {
             return Submitted::Refused;
         }
@@ -83,7 +83,7 @@ impl Motor for Witness<'_> {
     fn update(&mut self, dt: Seconds, _: Drive) {
         self.0.lock().unwrap().push(dt.get());
     }
-    fn request(&mut self, _: Request) -> Result<(), RequestError> {
+    fn request(&mut self, _: Request) -> Result<Answer, RequestError> {
         Err(RequestError::Unsupported)
     }
 }

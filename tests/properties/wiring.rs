@@ -6,9 +6,9 @@ use rc10_app::Seconds;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::{
-    ArmSwitch, AttachError, CanMotor, Dispatch, Drive, Fault, Feedback, FrameError, Guard, Heard,
-    Motor, MotorBus, Rate, Receive, Request, RequestError, Safety, Share, Target, TargetError,
-    TargetKind, TargetSet, Transmit, TxBatch, TxFull, Wiring,
+    Answer, ArmSwitch, AttachError, CanMotor, Dispatch, Drive, Fault, Feedback, FrameError, Guard,
+    Heard, Motor, MotorBus, Rate, Receive, Request, RequestError, Safety, Share, Target,
+    TargetError, TargetKind, TargetSet, Transmit, TxBatch, TxFull, Wiring,
 };
 
 use crate::any;
@@ -34,7 +34,7 @@ impl Motor for Wired {
         None
     }
     fn update(&mut self, _: Seconds, _: Drive) {}
-    fn request(&mut self, _: Request) -> Result<(), RequestError> {
+    fn request(&mut self, _: Request) -> Result<Answer, RequestError> {
         Err(RequestError::Unsupported)
     }
 }

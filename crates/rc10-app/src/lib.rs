@@ -43,4 +43,5 @@ pub use ramp::{Ramp, RampConfig};
 pub use transform::Pose;
 pub use units::{
     Amps, Celsius, Degrees, Gear, NewtonMetres, Radians, RotorRpm, Rpm, RpmPerSecond, Seconds,
+    Volts,
 };

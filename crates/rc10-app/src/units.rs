@@ -126,6 +126,11 @@ unit!(
     "A"
 );
 unit!(
+    /// A voltage in volts.
+    Volts,
+    "V"
+);
+unit!(
     /// Torque at an output shaft in newton metres.
     NewtonMetres,
     "N m"

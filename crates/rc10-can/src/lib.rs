@@ -5,7 +5,7 @@
 //! * [`WireLength`]: how many bit times a frame takes, exactly (with its stuff bits) or at worst.
 //! * [`IdPattern`]: one identifier, or a family of them (`id` under `mask`).
 //! * [`CanPort`]: a non-blocking port to one bus. [`NbPort`] makes one from any
-//!   [`embedded_can::nb::Can`]; [`Mailboxes`] is the "newest frame per identifier" store that
+//!   [`embedded_can::nb::Can`]; [`Mailboxes`] is the "newest frame per stream" store that
 //!   ports are built on.
 //! * [`Health`]: how a bus is, and what was lost on it; [`BusOffPolicy`]: who brings it back.
 //! * [`Micros`], [`Schedule`], [`Timing`]: time is an integer count of microseconds.
@@ -28,5 +28,5 @@ pub use frame::{CanFrame, FrameTooLong};
 pub use health::{BusError, ErrorState, Health};
 pub use length::{LengthBounds, WireLength};
 pub use pattern::IdPattern;
-pub use port::{CanPort, Mailboxes, NbPort, Submitted};
+pub use port::{CanPort, Mailboxes, NbPort, Queued, Submitted};
 pub use time::{Micros, Schedule, Start, Timing};

@@ -2,21 +2,33 @@ use core::fmt;
 
 use embedded_can::nb::Can;
 use embedded_can::{Error, ErrorKind, Frame};
-use heapless::Vec;
+use heapless::{Deque, Vec};
 
 use crate::{BusError, CanFrame, Health, IdPattern, Micros};
 
 /// A non-blocking port to one CAN bus.
 ///
-/// No method waits. A port keeps **at most one unsent frame per identifier**: a newer one replaces
-/// it, so that nothing stale leaves after an outage. What it loses it counts in [`Health`].
+/// No method waits. A port keeps **at most one unsent frame per stream**: a newer one replaces it,
+/// so that nothing stale leaves after an outage. Frames of one identifier are a stream, unless the
+/// sender says otherwise. What a port loses it counts in [`Health`].
 pub trait CanPort {
     /// The oldest received frame with its arrival time, if there is one. Where the controller can
     /// tell, that is the time of the frame's first bit on the wire.
     fn receive(&mut self) -> Option<(CanFrame, Micros)>;
 
-    /// Hands a frame over for sending.
-    fn submit(&mut self, frame: &CanFrame) -> Submitted;
+    /// Hands a frame over for sending. Whatever its identifier, it takes the place of an unsent
+    /// frame of the same `stream`, and of no other.
+    ///
+    /// A stream is a [key](CanFrame::key) of the sender's own: that of an identifier on which
+    /// nobody else sends. It is needed where the identifier says what is commanded, and not only
+    /// to whom.
+    fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted;
+
+    /// Hands a frame over for sending: the stream is that of its identifier.
+    #[inline]
+    fn submit(&mut self, frame: &CanFrame) -> Submitted {
+        self.submit_as(frame, frame.key())
+    }
 
     /// Takes back every frame that has not been sent yet; says how many.
     fn cancel_pending(&mut self) -> u8;
@@ -40,8 +52,8 @@ impl<P: CanPort + ?Sized> CanPort for &mut P {
     fn receive(&mut self) -> Option<(CanFrame, Micros)> {
         (**self).receive()
     }
-    fn submit(&mut self, frame: &CanFrame) -> Submitted {
-        (**self).submit(frame)
+    fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
+        (**self).submit_as(frame, stream)
     }
     fn cancel_pending(&mut self) -> u8 {
         (**self).cancel_pending()
@@ -63,17 +75,26 @@ impl<P: CanPort + ?Sized> CanPort for &mut P {
 pub enum Submitted {
     /// It will be sent.
     Queued,
-    /// It will be sent instead of an older frame of the same identifier.
+    /// It will be sent instead of an older frame of the same stream.
     Replaced,
     /// There is no room, or the bus is off: it will not be sent.
     Refused,
 }
 
-/// At most one unsent frame per identifier, at most `N` identifiers; the most urgent one (lowest in
+/// A frame, and the stream whose newest one it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Queued {
+    /// The frame.
+    pub frame: CanFrame,
+    /// What an unsent frame is replaced by: see [`CanPort::submit_as`].
+    pub stream: u32,
+}
+
+/// At most one unsent frame per stream, at most `N` streams; the most urgent one (lowest in
 /// arbitration) leaves first.
 #[derive(Clone, Debug, Default)]
 pub struct Mailboxes<const N: usize> {
-    frames: Vec<CanFrame, N>,
+    frames: Vec<Queued, N>,
 }
 
 impl<const N: usize> Mailboxes<N> {
@@ -83,35 +104,35 @@ impl<const N: usize> Mailboxes<N> {
         Self { frames: Vec::new() }
     }
 
-    /// Stores a frame; an older one of the same identifier is replaced.
-    pub fn put(&mut self, frame: &CanFrame) -> Submitted {
-        if let Some(older) = self.find(frame) {
-            *older = *frame;
+    /// Stores a frame; an older one of the same stream is replaced.
+    pub fn put(&mut self, queued: Queued) -> Submitted {
+        if let Some(older) = self.find(queued.stream) {
+            *older = queued;
             return Submitted::Replaced;
         }
-        match self.frames.push(*frame) {
+        match self.frames.push(queued) {
             Ok(()) => Submitted::Queued,
             Err(_) => Submitted::Refused,
         }
     }
 
-    /// Stores a frame that a controller gave back; a newer one of the same identifier stays, and
-    /// then, as where there is no room, the answer is [`Submitted::Refused`].
-    pub fn put_back(&mut self, frame: &CanFrame) -> Submitted {
-        match self.find(frame) {
+    /// Stores a frame that a controller gave back; a newer one of the same stream stays, and then,
+    /// as where there is no room, the answer is [`Submitted::Refused`].
+    pub fn put_back(&mut self, queued: Queued) -> Submitted {
+        match self.find(queued.stream) {
             Some(_) => Submitted::Refused,
-            None => self.put(frame),
+            None => self.put(queued),
         }
     }
 
     /// The most urgent frame.
     #[must_use]
-    pub fn peek(&self) -> Option<&CanFrame> {
+    pub fn peek(&self) -> Option<&Queued> {
         self.most_urgent().map(|index| &self.frames[index])
     }
 
     /// Takes the most urgent frame out.
-    pub fn pop(&mut self) -> Option<CanFrame> {
+    pub fn pop(&mut self) -> Option<Queued> {
         self.most_urgent().map(|index| self.frames.swap_remove(index))
     }
 
@@ -134,14 +155,14 @@ impl<const N: usize> Mailboxes<N> {
         self.frames.is_empty()
     }
 
-    fn find(&mut self, frame: &CanFrame) -> Option<&mut CanFrame> {
-        self.frames.iter_mut().find(|waiting| waiting.key() == frame.key())
+    fn find(&mut self, stream: u32) -> Option<&mut Queued> {
+        self.frames.iter_mut().find(|waiting| waiting.stream == stream)
     }
 
     fn most_urgent(&self) -> Option<usize> {
         // `Id`'s order is arbitration order; a data frame goes before a remote one of the same id.
         let urgency = |&index: &usize| {
-            let frame = &self.frames[index];
+            let frame = &self.frames[index].frame;
             (frame.id(), frame.is_remote())
         };
         (0..self.frames.len()).min_by_key(urgency)
@@ -153,19 +174,21 @@ impl<const N: usize> Mailboxes<N> {
 /// That trait has no arrival times, no way to take a frame back, no error counters: the arrival
 /// time is the time of [`receive`](CanPort::receive), and [`Health`] knows only the errors that
 /// the driver returned. A frame the driver holds cannot be replaced any more; `N` frames wait
-/// here, newest per identifier, and go out on the next `receive` or `submit`. One that the driver
+/// here, newest per stream, and go out on the next `receive` or `submit`. One that the driver
 /// refuses with an error is dropped and counted ([`Health::transmit_lost`]).
 pub struct NbPort<C, const N: usize = 16> {
     can: C,
     now: fn() -> Micros,
     waiting: Mailboxes<N>,
+    /// What the driver was given last, `N` at most: it may give a frame back without its stream.
+    handed: Deque<Queued, N>,
     health: Health,
 }
 
 impl<C: Can, const N: usize> NbPort<C, N> {
     /// A port on `can`; `now` reads the clock that the bus is ticked by.
     pub const fn new(can: C, now: fn() -> Micros) -> Self {
-        Self { can, now, waiting: Mailboxes::new(), health: Health::NEW }
+        Self { can, now, waiting: Mailboxes::new(), handed: Deque::new(), health: Health::NEW }
     }
 
     /// The driver inside, for what the port does not offer.
@@ -175,27 +198,28 @@ impl<C: Can, const N: usize> NbPort<C, N> {
 
     /// Sends what waits, until the driver is full.
     fn flush(&mut self) {
-        while let Some(frame) = self.waiting.peek() {
-            let Some(raw) = to_driver::<C>(frame) else {
+        while let Some(&queued) = self.waiting.peek() {
+            let Some(raw) = to_driver::<C>(&queued.frame) else {
                 // The driver's frame type cannot hold it: it can never be sent.
                 self.drop_first();
                 continue;
             };
             match self.can.transmit(&raw) {
-                Ok(None) => {
+                Ok(evicted) => {
                     self.waiting.pop();
-                }
-                Ok(Some(evicted)) => {
-                    self.waiting.pop();
-                    match from_driver::<C>(&evicted) {
-                        // A newer frame of that identifier may wait already: it wins.
-                        Some(evicted) => {
-                            let _ = self.waiting.put_back(&evicted);
+                    self.remember(queued);
+                    if let Some(evicted) = evicted {
+                        match from_driver::<C>(&evicted) {
+                            // A newer frame of that stream may wait already: it wins.
+                            Some(evicted) => {
+                                let stream = self.stream_of(&evicted);
+                                let _ = self.waiting.put_back(Queued { frame: evicted, stream });
+                            }
+                            None => count(&mut self.health.transmit_lost),
                         }
-                        None => count(&mut self.health.transmit_lost),
+                        // The driver is full and only trades: go on at the next call.
+                        return;
                     }
-                    // The driver is full and only trades: go on at the next call.
-                    return;
                 }
                 Err(nb::Error::WouldBlock) => return,
                 Err(nb::Error::Other(error)) => {
@@ -205,6 +229,19 @@ impl<C: Can, const N: usize> NbPort<C, N> {
                 }
             }
         }
+    }
+
+    fn remember(&mut self, queued: Queued) {
+        if self.handed.is_full() {
+            self.handed.pop_front();
+        }
+        let _ = self.handed.push_back(queued);
+    }
+
+    /// The stream of a frame that the driver was given.
+    fn stream_of(&self, frame: &CanFrame) -> u32 {
+        let handed = self.handed.iter().rev().find(|handed| handed.frame == *frame);
+        handed.map_or(frame.key(), |handed| handed.stream)
     }
 
     /// Gives up the most urgent frame.
@@ -268,8 +305,8 @@ impl<C: Can, const N: usize> CanPort for NbPort<C, N> {
         None
     }
 
-    fn submit(&mut self, frame: &CanFrame) -> Submitted {
-        let submitted = self.waiting.put(frame);
+    fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
+        let submitted = self.waiting.put(Queued { frame: *frame, stream });
         self.flush();
         submitted
     }
@@ -303,15 +340,26 @@ mod tests {
         CanFrame::data_frame(StandardId::new(id).unwrap(), &[byte]).unwrap()
     }
 
+    fn of_stream(frame: CanFrame, stream: u32) -> Queued {
+        Queued { frame, stream }
+    }
+
     #[test]
-    fn a_newer_frame_replaces_the_older_of_its_id_and_the_lowest_id_leaves_first() {
+    fn a_newer_frame_replaces_the_older_of_its_stream_and_the_lowest_id_leaves_first() {
         let mut mailboxes = Mailboxes::<2>::new();
-        assert_eq!(mailboxes.put(&frame(0x200, 1)), Submitted::Queued);
-        assert_eq!(mailboxes.put(&frame(0x1FF, 2)), Submitted::Queued);
-        assert_eq!(mailboxes.put(&frame(0x200, 3)), Submitted::Replaced);
-        assert_eq!(mailboxes.put(&frame(0x201, 4)), Submitted::Refused);
-        assert_eq!(mailboxes.pop(), Some(frame(0x1FF, 2)));
-        assert_eq!(mailboxes.pop(), Some(frame(0x200, 3)));
+        let by_id = |frame: CanFrame| of_stream(frame, frame.key());
+        assert_eq!(mailboxes.put(by_id(frame(0x200, 1))), Submitted::Queued);
+        assert_eq!(mailboxes.put(by_id(frame(0x1FF, 2))), Submitted::Queued);
+        assert_eq!(mailboxes.put(by_id(frame(0x200, 3))), Submitted::Replaced);
+        assert_eq!(mailboxes.put(by_id(frame(0x201, 4))), Submitted::Refused);
+        // A stream may change its identifier, and one identifier may serve two streams.
+        assert_eq!(mailboxes.put(of_stream(frame(0x100, 5), 0x1FF)), Submitted::Replaced);
+        assert_eq!(mailboxes.put_back(of_stream(frame(0x001, 6), 0x200)), Submitted::Refused);
+        assert_eq!(mailboxes.pop(), Some(of_stream(frame(0x100, 5), 0x1FF)));
+        assert_eq!(mailboxes.put(of_stream(frame(0x200, 7), 0x201)), Submitted::Queued);
+        assert_eq!(mailboxes.len(), 2);
+        assert_eq!(mailboxes.pop(), Some(by_id(frame(0x200, 3))));
+        assert_eq!(mailboxes.pop(), Some(of_stream(frame(0x200, 7), 0x201)));
         assert_eq!(mailboxes.pop(), None);
     }
 
@@ -375,6 +423,15 @@ mod tests {
         port.driver().held.clear();
         assert_eq!(port.receive(), None);
         assert_eq!(port.driver().held, []);
+    }
+
+    #[test]
+    fn an_evicted_frame_keeps_its_stream() {
+        let driver = Trader { room: 1, held: vec![], arrived: VecDeque::new() };
+        let mut port = NbPort::<_, 4>::new(driver, || Micros::ZERO);
+        let _ = port.submit_as(&frame(0x300, 1), 7);
+        let _ = port.submit(&frame(0x100, 2)); // evicts 300#01
+        assert_eq!(port.submit_as(&frame(0x400, 3), 7), Submitted::Replaced);
     }
 
     /// A driver that refuses one identifier for ever.

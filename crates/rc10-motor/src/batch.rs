@@ -6,10 +6,13 @@ use rc10_can::CanFrame;
 
 /// The frames of one tick. Motors that share a frame each write their own bytes of it (their
 /// lane): the batch finds the frame of that identifier, or opens it with all other bytes zero.
-/// So there is one frame per identifier on a bus, whoever contributes.
+/// So there is one frame per identifier on a bus, whoever contributes; of frames that a motor
+/// [names a stream](Self::push_as) for, one per stream.
 #[derive(Clone, Debug, Default)]
 pub struct TxBatch {
     frames: Vec<CanFrame, { Self::CAPACITY }>,
+    /// Of each of the frames.
+    streams: Vec<u32, { Self::CAPACITY }>,
     refused: Option<Id>,
 }
 
@@ -33,7 +36,7 @@ impl TxBatch {
     /// An empty batch.
     #[must_use]
     pub const fn new() -> Self {
-        Self { frames: Vec::new(), refused: None }
+        Self { frames: Vec::new(), streams: Vec::new(), refused: None }
     }
 
     /// Adds a whole frame.
@@ -41,7 +44,20 @@ impl TxBatch {
     /// # Errors
     /// [`TxFull`] if there are [`CAPACITY`](Self::CAPACITY) already.
     pub fn push(&mut self, frame: CanFrame) -> Result<(), TxFull> {
-        self.frames.push(frame).map_err(|frame| self.refuse(frame.id()))
+        self.push_as(frame, frame.key())
+    }
+
+    /// Adds a whole frame that, whatever its identifier, takes the place of an unsent frame of the
+    /// same `stream` and of no other: for devices whose identifiers say what is commanded. A stream
+    /// is the [key](CanFrame::key) of an identifier of the motor's own [`Wiring`](crate::Wiring).
+    ///
+    /// # Errors
+    /// [`TxFull`] if there are [`CAPACITY`](Self::CAPACITY) frames already.
+    pub fn push_as(&mut self, frame: CanFrame, stream: u32) -> Result<(), TxFull> {
+        self.frames.push(frame).map_err(|frame| self.refuse(frame.id()))?;
+        // As long as the frames.
+        let _ = self.streams.push(stream);
+        Ok(())
     }
 
     /// Writes two bytes at `offset` (0 ..= 6) into the eight-byte frame of identifier `id`.
@@ -93,10 +109,18 @@ impl TxBatch {
         &self.frames
     }
 
+    /// The frames with their streams: what [`CanPort::submit_as`](rc10_can::CanPort::submit_as)
+    /// takes.
+    #[inline]
+    pub fn entries(&self) -> impl Iterator<Item = (&CanFrame, u32)> {
+        self.frames.iter().zip(self.streams.iter().copied())
+    }
+
     /// Forgets all frames.
     #[inline]
     pub fn clear(&mut self) {
         self.frames.clear();
+        self.streams.clear();
         self.refused = None;
     }
 }

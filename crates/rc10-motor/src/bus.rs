@@ -4,13 +4,13 @@ use heapless::Vec;
 use rc10_app::Seconds;
 use rc10_can::{CanFrame, Micros};
 
-use crate::arm::{ArmState, ArmSwitch};
+use crate::arm::ArmSwitch;
 use crate::batch::{TxBatch, TxFull};
 use crate::load::BusLoad;
 use crate::motor::{
-    CanMotor, Drive, Fault, Feedback, FrameError, Heard, Request, RequestError, SafeState, Target,
-    TargetError, TargetSet,
+    Answer, CanMotor, FrameError, Heard, Request, RequestError, Target, TargetError, TargetSet,
 };
+use crate::supervision::{MotorCounters, MotorStatus, Safety, Supervision};
 use crate::table::ReceiveTable;
 use crate::wiring::{Clash, MotorName, Wiring};
 
@@ -37,29 +37,12 @@ pub struct MotorBus<'m> {
 const LONGEST_STEP: f32 = 0.010;
 /// After a longer pause between two ticks nothing that was heard or commanded before still holds.
 const LONGEST_PAUSE: Micros = Micros::from_millis(1000);
-/// A frame may have arrived so long after the tick began that takes it, µs. What lies further in
-/// the future is not fresh, but another clock.
-const SKEW: u32 = 2_000;
-
 /// See [`MotorBus::CAPACITY`].
 const CAPACITY: usize = 8;
 
 struct Slot<'m> {
     motor: &'m mut dyn CanMotor,
-    /// When it was heard last and when it was commanded last: the low 32 bits of the time, which
-    /// is enough while `link` and `fresh` keep what was true before.
-    heard_at: u32,
-    commanded_at: u32,
-    /// In microseconds, with [`SKEW`].
-    link_timeout: u32,
-    command_expiry: u32,
-    safety: Safety,
-    drive: Drive,
-    link: Link,
-    fresh: bool,
-    /// The motor has told of a fault that nobody has cleared.
-    faulted: bool,
-    counters: MotorCounters,
+    watch: Supervision,
 }
 
 /// Which motor of a bus: as [`MotorBus::attach`] counted them.
@@ -78,32 +61,6 @@ impl MotorId {
     #[must_use]
     pub const fn index(self) -> usize {
         self.0 as usize
-    }
-}
-
-/// When and how a motor leaves its target.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Safety {
-    /// What it does then.
-    pub state: SafeState,
-    /// A command holds for so long: 1 µs ..= [`LONGEST_EXPIRY`](Self::LONGEST_EXPIRY).
-    pub command_expiry: Micros,
-}
-
-impl Safety {
-    /// Nobody needs a motor that runs on for longer than this without a word.
-    pub const LONGEST_EXPIRY: Micros = Micros::from_millis(1000);
-    /// Coast when no command came for 50 ms.
-    pub const COAST: Self = Self::new(SafeState::Coast);
-    /// Brake when no command came for 50 ms.
-    pub const BRAKE: Self = Self::new(SafeState::Brake);
-    /// Hold the angle when no command came for 50 ms.
-    pub const HOLD: Self = Self::new(SafeState::Hold);
-
-    /// A safe state, taken when no command came for 50 ms.
-    #[must_use]
-    pub const fn new(state: SafeState) -> Self {
-        Self { state, command_expiry: Micros::from_millis(50) }
     }
 }
 
@@ -195,37 +152,6 @@ pub enum Dispatch {
     Unclaimed,
 }
 
-/// Whether a motor is heard.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Link {
-    /// No feedback since power-on.
-    #[default]
-    NeverSeen,
-    /// Feedback is fresh.
-    Online,
-    /// No feedback for max(3 feedback periods, 10 ms).
-    Lost,
-}
-
-/// What a motor's frames amounted to. `received` starts over after 2³² (49 days at 1 kHz); the
-/// others stay at their largest value.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub struct MotorCounters {
-    /// Good feedback frames.
-    pub received: u32,
-    /// Frames with its identifier that were no feedback.
-    pub malformed: u32,
-    /// Times it went from online to lost.
-    pub lost: u32,
-    /// Times its command expired while it was armed and online.
-    pub expired: u32,
-    /// Targets it did not take.
-    pub refused: u32,
-}
-
 /// What the frames of a bus amounted to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -243,41 +169,10 @@ pub struct BusCounters {
     pub remote: u32,
 }
 
-/// All there is to know about one motor.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub struct MotorStatus {
-    /// Whether it is heard.
-    pub link: Link,
-    /// What the bus let it do in the last tick.
-    pub drive: Drive,
-    /// The target it has.
-    pub target: Target,
-    /// What it measured last.
-    pub feedback: Feedback,
-    /// What is wrong with it, by its own account.
-    pub fault: Option<Fault>,
-    /// Its counters.
-    pub counters: MotorCounters,
-}
-
 #[cfg(feature = "embassy")]
 impl BusCounters {
     pub(crate) const NEW: Self =
         Self { received: 0, malformed: 0, unclaimed: 0, last_unclaimed: None, remote: 0 };
-}
-
-impl MotorStatus {
-    /// Of a motor that was never heard.
-    pub const NEW: Self = Self {
-        link: Link::NeverSeen,
-        drive: Drive::Off,
-        target: Target::Coast,
-        feedback: Feedback::NEW,
-        fault: None,
-        counters: MotorCounters { received: 0, malformed: 0, lost: 0, expired: 0, refused: 0 },
-    };
 }
 
 impl<'m> MotorBus<'m> {
@@ -309,9 +204,8 @@ impl<'m> MotorBus<'m> {
     ) -> Result<MotorId, AttachError> {
         let wiring = motor.wiring();
         let name = wiring.name();
-        let asked = safety.command_expiry;
-        if asked == Micros::ZERO || asked > Safety::LONGEST_EXPIRY {
-            return Err(AttachError::Expiry { motor: name, asked });
+        if !safety.is_valid() {
+            return Err(AttachError::Expiry { motor: name, asked: safety.command_expiry });
         }
         for slot in &self.slots {
             let other = slot.motor.wiring();
@@ -322,19 +216,7 @@ impl<'m> MotorBus<'m> {
         if !self.table.has_room(wiring.received()) {
             return Err(AttachError::TableFull { motor: name });
         }
-        let slot = Slot {
-            motor,
-            heard_at: 0,
-            commanded_at: 0,
-            link_timeout: micros(wiring.link_timeout()),
-            command_expiry: micros(asked),
-            safety,
-            drive: Drive::Off,
-            link: Link::NeverSeen,
-            fresh: false,
-            faulted: false,
-            counters: MotorCounters::default(),
-        };
+        let slot = Slot { motor, watch: Supervision::new(safety, wiring.link_timeout()) };
         let full = AttachError::Full { motor: name, capacity: Self::CAPACITY };
         let index = u8::try_from(self.slots.len()).map_err(|_| full)?;
         self.slots.push(slot).map_err(|_| full)?;
@@ -376,13 +258,14 @@ impl<'m> MotorBus<'m> {
             return Dispatch::Unclaimed;
         };
         let heard = slot.motor.unpack_feedback(frame, at);
-        if heard != Ok(Heard::Feedback) {
-            return slot.heard_otherwise(MotorId(index), heard, at);
+        if heard == Ok(Heard::Feedback) {
+            slot.watch.heard_feedback(at);
+            return Dispatch::Motor(MotorId(index));
         }
-        slot.counters.received = slot.counters.received.wrapping_add(1);
-        slot.heard_at = low(at);
-        slot.link = Link::Online;
-        Dispatch::Motor(MotorId(index))
+        match slot.watch.heard(heard, at) {
+            Ok(()) => Dispatch::Motor(MotorId(index)),
+            Err(error) => Dispatch::Malformed(MotorId(index), error),
+        }
     }
 
     /// Gives a motor a new target, which holds from `now` until it expires.
@@ -396,27 +279,23 @@ impl<'m> MotorBus<'m> {
         now: Micros,
     ) -> Result<(), CommandError> {
         let slot = self.slots.get_mut(motor.index()).ok_or(CommandError::NoSuchMotor)?;
-        if let Err(error) = slot.motor.set_target(target) {
-            count(&mut slot.counters.refused);
-            return Err(CommandError::Target(error));
-        }
-        slot.commanded_at = low(now);
-        slot.fresh = true;
-        Ok(())
+        slot.watch.command(&mut *slot.motor, target, now).map_err(CommandError::Target)
     }
 
-    /// Asks something of a motor beside a target.
+    /// Asks something of a motor beside a target. After [`Answer::Pending`] its
+    /// [`answer`](Self::answer) is to be asked for after each tick.
     ///
     /// # Errors
     /// [`RequestError`]; nothing changed.
-    pub fn request(&mut self, motor: MotorId, request: Request) -> Result<(), RequestError> {
+    pub fn request(&mut self, motor: MotorId, request: Request) -> Result<Answer, RequestError> {
         let slot = self.slots.get_mut(motor.index()).ok_or(RequestError::NoSuchMotor)?;
-        slot.motor.request(request)?;
-        if request == Request::ClearFault {
-            // If the fault is still there, the motor's next frame says so.
-            slot.faulted = false;
-        }
-        Ok(())
+        slot.watch.request(&mut *slot.motor, request)
+    }
+
+    /// How a request went that was [`Pending`](Answer::Pending), once that is known; told once.
+    pub fn answer(&mut self, motor: MotorId) -> Option<Result<Answer, RequestError>> {
+        let slot = self.slots.get_mut(motor.index())?;
+        slot.watch.answer(&mut *slot.motor)
     }
 
     /// One tick: decides what each motor may do, lets it compute, and adds its frames to `tx`.
@@ -429,12 +308,12 @@ impl<'m> MotorBus<'m> {
         let dt = Seconds::new(if dt.get() > 0.0 { dt.get().min(LONGEST_STEP) } else { 0.001 });
         let last = self.last_tick.replace(now);
         if last.is_some_and(|last| now.since(last) > LONGEST_PAUSE) {
-            self.slots.iter_mut().for_each(Slot::forget);
+            self.slots.iter_mut().for_each(|slot| slot.watch.forget());
         }
         let arm = self.switch.for_motors();
         let mut outcome = Ok(());
         for slot in &mut self.slots {
-            let drive = slot.decide(arm, now);
+            let drive = slot.watch.decide(arm, now);
             slot.motor.update(dt, drive);
             if let Err(full) = slot.motor.pack_command(tx) {
                 outcome = Err(full);
@@ -486,7 +365,7 @@ impl<'m> MotorBus<'m> {
     pub fn status(&self, motor: MotorId, now: Micros) -> Option<MotorStatus> {
         let slot = self.slots.get(motor.index())?;
         let mut status = MotorStatus::NEW;
-        slot.write_status(now, &mut status);
+        slot.watch.write_status(&*slot.motor, now, &mut status);
         Some(status)
     }
 
@@ -496,7 +375,7 @@ impl<'m> MotorBus<'m> {
     #[inline]
     pub(crate) fn write_status(&self, motor: MotorId, now: Micros, status: &mut MotorStatus) {
         if let Some(slot) = self.slots.get(motor.index()) {
-            slot.write_status(now, status);
+            slot.watch.write_status(&*slot.motor, now, status);
         }
     }
 
@@ -510,8 +389,8 @@ impl<'m> MotorBus<'m> {
             last_unclaimed: self.last_unclaimed,
             remote: self.remote,
         };
-        for MotorCounters { received, malformed, .. } in self.slots.iter().map(|slot| slot.counters)
-        {
+        for slot in &self.slots {
+            let MotorCounters { received, malformed, .. } = *slot.watch.counters();
             sum.received = sum.received.saturating_add(received).saturating_add(malformed);
             sum.malformed = sum.malformed.saturating_add(malformed);
         }
@@ -525,120 +404,6 @@ impl<'m> MotorBus<'m> {
     }
 }
 
-impl Slot<'_> {
-    /// A frame of the motor was something else than its plain feedback.
-    #[cold]
-    fn heard_otherwise(
-        &mut self,
-        motor: MotorId,
-        heard: Result<Heard, FrameError>,
-        at: Micros,
-    ) -> Dispatch {
-        let heard = match heard {
-            Ok(heard) => heard,
-            Err(error) => {
-                count(&mut self.counters.malformed);
-                return Dispatch::Malformed(motor, error);
-            }
-        };
-        self.counters.received = self.counters.received.wrapping_add(1);
-        if heard != Heard::Other {
-            (self.heard_at, self.link) = (low(at), Link::Online);
-        }
-        if heard == Heard::Fault {
-            self.faulted = true;
-            // The next tick decides afresh.
-            self.drive = Drive::Off;
-        }
-        Dispatch::Motor(motor)
-    }
-
-    /// Nothing from before a long pause holds any more.
-    fn forget(&mut self) {
-        self.fresh = false;
-        self.drive = Drive::Off;
-        if self.link == Link::Online {
-            self.link = Link::Lost;
-            count(&mut self.counters.lost);
-        }
-    }
-
-    #[inline]
-    fn write_status(&self, now: Micros, status: &mut MotorStatus) {
-        status.link = self.link(now);
-        status.drive = self.drive;
-        status.target = self.motor.target();
-        status.feedback = self.motor.feedback();
-        status.fault = self.motor.fault();
-        status.counters = self.counters;
-    }
-
-    fn is_online(&self, now: Micros) -> bool {
-        self.link == Link::Online && since(self.heard_at, now) <= self.link_timeout
-    }
-
-    fn link(&self, now: Micros) -> Link {
-        match self.link {
-            Link::Online if !self.is_online(now) => Link::Lost,
-            link => link,
-        }
-    }
-
-    /// What the motor may do now. This and [`change`](Self::change) are the one place where motors
-    /// are stopped.
-    #[inline]
-    fn decide(&mut self, arm: ArmState, now: Micros) -> Drive {
-        if arm == ArmState::Armed
-            && self.drive == Drive::Run
-            && since(self.heard_at, now) <= self.link_timeout
-            && since(self.commanded_at, now) < self.command_expiry
-        {
-            return Drive::Run;
-        }
-        self.change(arm, now)
-    }
-
-    /// What the motor may do when it does not simply go on running.
-    #[cold]
-    fn change(&mut self, arm: ArmState, now: Micros) -> Drive {
-        let online = self.is_online(now);
-        let fresh = self.fresh && since(self.commanded_at, now) < self.command_expiry;
-        let drive = match arm {
-            ArmState::Disarmed => Drive::Off,
-            _ if !online => Drive::Coast,
-            ArmState::Armed if fresh && !self.faulted => Drive::Run,
-            ArmState::Armed | ArmState::EStopped => self.safety.state.drive(),
-        };
-        if self.link == Link::Online && !online {
-            self.link = Link::Lost;
-            count(&mut self.counters.lost);
-        } else if self.drive == Drive::Run && arm == ArmState::Armed && !fresh {
-            count(&mut self.counters.expired);
-        }
-        (self.drive, self.fresh) = (drive, fresh);
-        drive
-    }
-}
-
-/// The low half of a time.
-#[inline]
-#[expect(clippy::cast_possible_truncation, reason = "the low half is what is wanted")]
-const fn low(time: Micros) -> u32 {
-    time.get() as u32
-}
-
-/// Microseconds from a time kept by its low half to `now`, and [`SKEW`]: a time a little in the
-/// future is fresh, one further off is old. Right for an hour, and no tick is later than a second.
-#[inline]
-const fn since(earlier: u32, now: Micros) -> u32 {
-    low(now).wrapping_sub(earlier.wrapping_sub(SKEW))
-}
-
-/// A time-out as a number of microseconds to compare [`since`] with; half an hour at most.
-fn micros(time: Micros) -> u32 {
-    u32::try_from(time.get()).unwrap_or(u32::MAX).min(u32::MAX / 2).saturating_add(SKEW)
-}
-
 #[inline]
 const fn count(counter: &mut u32) {
     *counter = counter.saturating_add(1);
@@ -648,6 +413,8 @@ const fn count(counter: &mut u32) {
 mod tests {
     use super::*;
     use crate::dji::{Dji, M3508};
+    use crate::motor::{Drive, Fault, Feedback, Motor};
+    use crate::supervision::Link;
     use embedded_can::StandardId;
     use rc10_app::Rpm;
     use rc10_can::IdPattern;
@@ -655,8 +422,12 @@ mod tests {
     const MS: Seconds = Seconds::new(0.001);
 
     /// A motor that says of itself whatever byte 0 tells it to.
+    #[derive(Default)]
     struct Talker {
         drive: Drive,
+        /// Whether it first asks its device.
+        asks: bool,
+        answer: Option<Result<Answer, RequestError>>,
     }
 
     impl crate::motor::Motor for Talker {
@@ -679,8 +450,11 @@ mod tests {
         fn update(&mut self, _: Seconds, drive: Drive) {
             self.drive = drive;
         }
-        fn request(&mut self, _: Request) -> Result<(), RequestError> {
-            Ok(())
+        fn request(&mut self, _: Request) -> Result<Answer, RequestError> {
+            Ok(if self.asks { Answer::Pending } else { Answer::Done })
+        }
+        fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+            self.answer.take()
         }
     }
 
@@ -696,6 +470,10 @@ mod tests {
                 [0] => Ok(Heard::Feedback),
                 [1] => Ok(Heard::Fault),
                 [2] => Ok(Heard::Other),
+                [3] => {
+                    self.answer = Some(Ok(Answer::Done));
+                    Ok(Heard::Feedback)
+                }
                 _ => Err(FrameError::Length),
             }
         }
@@ -728,7 +506,7 @@ mod tests {
     #[test]
     fn a_fault_stops_the_motor_until_it_is_cleared() {
         let switch = ArmSwitch::new();
-        let mut talker = Talker { drive: Drive::Off };
+        let mut talker = Talker::default();
         let mut bus = MotorBus::new(&switch);
         bus.attach(&mut talker, Safety::BRAKE).unwrap();
         switch.arm().unwrap();
@@ -742,9 +520,27 @@ mod tests {
     }
 
     #[test]
+    fn a_fault_is_cleared_when_the_device_says_so_and_not_before() {
+        let switch = ArmSwitch::new();
+        let mut talker = Talker { asks: true, ..Talker::default() };
+        let mut bus = MotorBus::new(&switch);
+        bus.attach(&mut talker, Safety::COAST).unwrap();
+        switch.arm().unwrap();
+        assert_eq!(tick(&mut bus, 1, Some(1)), (Drive::Coast, Link::Online));
+        assert_eq!(bus.request(MotorId(0), Request::ClearFault), Ok(Answer::Pending));
+        assert_eq!(bus.answer(MotorId(0)), None);
+        // A frame that was on its way still tells of the fault, and it is gone with the answer.
+        assert_eq!(tick(&mut bus, 2, Some(1)), (Drive::Coast, Link::Online));
+        assert_eq!(tick(&mut bus, 3, Some(3)), (Drive::Coast, Link::Online));
+        assert_eq!(bus.answer(MotorId(0)), Some(Ok(Answer::Done)));
+        assert_eq!(bus.answer(MotorId(0)), None);
+        assert_eq!(tick(&mut bus, 4, Some(0)), (Drive::Run, Link::Online));
+    }
+
+    #[test]
     fn a_reply_that_is_no_feedback_does_not_keep_the_link_alive() {
         let switch = ArmSwitch::new();
-        let mut talker = Talker { drive: Drive::Off };
+        let mut talker = Talker::default();
         let mut bus = MotorBus::new(&switch);
         bus.attach(&mut talker, Safety::HOLD).unwrap();
         switch.arm().unwrap();
@@ -765,7 +561,7 @@ mod tests {
     #[test]
     fn a_frame_that_arrives_during_the_tick_is_not_old() {
         let switch = ArmSwitch::new();
-        let mut talker = Talker { drive: Drive::Off };
+        let mut talker = Talker::default();
         let mut bus = MotorBus::new(&switch);
         bus.attach(&mut talker, Safety::COAST).unwrap();
         switch.arm().unwrap();
@@ -779,7 +575,7 @@ mod tests {
     #[test]
     fn refusals_and_strangers_are_counted() {
         let switch = ArmSwitch::new();
-        let mut talker = Talker { drive: Drive::Off };
+        let mut talker = Talker::default();
         let mut bus = MotorBus::new(&switch);
         let motor = bus.attach(&mut talker, Safety::COAST).unwrap();
         assert!(bus.command(motor, Target::Duty(0.5), Micros::ZERO).is_err());

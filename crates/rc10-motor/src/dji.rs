@@ -22,8 +22,8 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 use crate::batch::{TxBatch, TxFull};
 use crate::cascade::{Cascade, CascadeState};
 use crate::motor::{
-    CanMotor, Drive, Fault, Feedback, FrameError, Gains, Heard, Motor, Request, RequestError,
-    Target, TargetError, TargetKind, TargetSet,
+    Answer, CanMotor, Drive, Fault, Feedback, FrameError, Gains, Heard, Motor, Request,
+    RequestError, Target, TargetError, TargetKind, TargetSet,
 };
 use crate::wiring::{Rate, Receive, Share, Transmit, Wiring};
 
@@ -493,7 +493,8 @@ impl Dji {
                 let counts = angle.counts_at(self.counts_per_turn());
                 Goal::Total(counts.saturating_mul(self.scale.sign.into()))
             }
-            Target::Coast => Goal::Rest,
+            // What is not supported was refused above.
+            _ => Goal::Rest,
         })
     }
 
@@ -731,6 +732,7 @@ impl Motor for Dji {
             torque: Some(NewtonMetres::new(torque)),
             temperature: self.model.has_temperature.then_some(celsius),
             turn_gaps: self.turn_gaps,
+            ..Feedback::NEW
         }
     }
 
@@ -748,7 +750,7 @@ impl Motor for Dji {
         }
     }
 
-    fn request(&mut self, request: Request) -> Result<(), RequestError> {
+    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
         let set = |pid: PidConfig, gains: Gains| {
             // Its limits stand already; one of them may be a current limit of zero.
             PidConfig::new(gains.kp, gains.ki, gains.kd, 1.0).validate()?;
@@ -785,13 +787,13 @@ impl Motor for Dji {
                 self.limit = limit.min(full);
                 self.apply_limit();
             }
-            Request::ClearFault => return Err(RequestError::Unsupported),
+            _ => return Err(RequestError::Unsupported),
         }
         if matches!(request, Request::SpeedGains(_) | Request::AngleGains(_)) {
             let way = self.scale.degrees_to(&self.goal, &self.seen);
             self.state.change_gains(&self.cascade, self.seen.speed, way);
         }
-        Ok(())
+        Ok(Answer::Done)
     }
 }
 

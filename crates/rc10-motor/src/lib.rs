@@ -52,6 +52,7 @@ mod load;
 mod motor;
 mod not_a_number;
 pub mod odrive;
+mod supervision;
 mod table;
 pub mod unitree;
 pub mod vesc;
@@ -59,15 +60,13 @@ mod wiring;
 
 pub use arm::{ArmState, ArmSwitch, EStopped};
 pub use batch::{TxBatch, TxFull};
-pub use bus::{
-    AttachError, BusCounters, CommandError, Dispatch, Link, MotorBus, MotorCounters, MotorId,
-    MotorStatus, Safety,
-};
+pub use bus::{AttachError, BusCounters, CommandError, Dispatch, MotorBus, MotorId};
 pub use load::{BusLoad, Verdict};
 pub use motor::{
-    CanMotor, Drive, Fault, Feedback, FrameError, Gains, Heard, Motor, Request, RequestError,
-    SafeState, Target, TargetError, TargetKind, TargetSet,
+    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Gains, Heard, Impedance,
+    Motor, Request, RequestError, SafeState, Target, TargetError, TargetKind, TargetSet,
 };
+pub use supervision::{Link, MotorCounters, MotorStatus, Safety};
 pub use wiring::{Clash, Guard, MotorName, Rate, Receive, Share, Transmit, Wiring, WiringFull};
 // Whose types stand in the signatures of the above: who uses the crate needs no other.
 pub use {rc10_app, rc10_can};

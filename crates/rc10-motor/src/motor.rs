@@ -1,6 +1,8 @@
 use core::fmt;
 
-use rc10_app::{Amps, Celsius, ConfigError, Degrees, NewtonMetres, Rpm, Seconds, TotalAngle};
+use rc10_app::{
+    Amps, Celsius, ConfigError, Degrees, NewtonMetres, Rpm, Seconds, TotalAngle, Volts,
+};
 use rc10_can::{CanFrame, Micros};
 
 use crate::batch::{TxBatch, TxFull};
@@ -25,6 +27,54 @@ pub enum Target {
     Angle(Degrees),
     /// An angle of many turns.
     TotalAngle(TotalAngle),
+    /// A torque.
+    Torque(NewtonMetres),
+    /// A spring and a damper between the shaft and a moving point, and a torque on top ("MIT
+    /// mode").
+    Impedance(Impedance),
+    /// A current that brakes whichever way the shaft turns, 0 or more; none at standstill.
+    Brake(Amps),
+    /// A current that holds the rotor where it stands, 0 or more: it locks a field, and heats.
+    Handbrake(Amps),
+    /// As [`Current`](Self::Current), as a share of the limit set in the drive, -1 ..= 1.
+    CurrentShare(f32),
+    /// As [`Brake`](Self::Brake), as a share of the limit set in the drive, 0 ..= 1.
+    BrakeShare(f32),
+    /// As [`Handbrake`](Self::Handbrake), as a share of the limit set in the drive, 0 ..= 1.
+    HandbrakeShare(f32),
+}
+
+/// What [`Target::Impedance`] asks for: torque = `kp` · (`angle` - measured) + `kd` · (`speed` -
+/// measured) + `torque`.
+///
+/// A single step of `angle` is a blow: a spring pulls with all it has. Move it, or keep `kp` low.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Impedance {
+    /// Where the spring pulls to, over many turns, counted from the zero as
+    /// [`Feedback::total_angle`] is.
+    pub angle: Degrees,
+    /// The speed at which the damper does nothing.
+    pub speed: Rpm,
+    /// Torque on top.
+    pub torque: NewtonMetres,
+    /// Stiffness, N m/rad, 0 or more.
+    pub kp: f32,
+    /// Damping, N m s/rad, 0 or more.
+    pub kd: f32,
+}
+
+impl Impedance {
+    /// Whether every number in it is finite.
+    #[must_use]
+    pub const fn is_finite(&self) -> bool {
+        let Self { angle, speed, torque, kp, kd } = self;
+        angle.is_finite()
+            && speed.is_finite()
+            && torque.is_finite()
+            && kp.is_finite()
+            && kd.is_finite()
+    }
 }
 
 /// The kinds of [`Target`], without their values.
@@ -45,6 +95,20 @@ pub enum TargetKind {
     Angle,
     /// [`Target::TotalAngle`].
     TotalAngle,
+    /// [`Target::Torque`].
+    Torque,
+    /// [`Target::Impedance`].
+    Impedance,
+    /// [`Target::Brake`].
+    Brake,
+    /// [`Target::Handbrake`].
+    Handbrake,
+    /// [`Target::CurrentShare`].
+    CurrentShare,
+    /// [`Target::BrakeShare`].
+    BrakeShare,
+    /// [`Target::HandbrakeShare`].
+    HandbrakeShare,
 }
 
 impl Target {
@@ -58,6 +122,13 @@ impl Target {
             Self::Speed(_) => TargetKind::Speed,
             Self::Angle(_) => TargetKind::Angle,
             Self::TotalAngle(_) => TargetKind::TotalAngle,
+            Self::Torque(_) => TargetKind::Torque,
+            Self::Impedance(_) => TargetKind::Impedance,
+            Self::Brake(_) => TargetKind::Brake,
+            Self::Handbrake(_) => TargetKind::Handbrake,
+            Self::CurrentShare(_) => TargetKind::CurrentShare,
+            Self::BrakeShare(_) => TargetKind::BrakeShare,
+            Self::HandbrakeShare(_) => TargetKind::HandbrakeShare,
         }
     }
 
@@ -66,8 +137,13 @@ impl Target {
     pub const fn is_finite(&self) -> bool {
         match self {
             Self::Coast | Self::TotalAngle(_) => true,
-            Self::Current(amps) => amps.is_finite(),
-            Self::Duty(duty) => duty.is_finite(),
+            Self::Current(amps) | Self::Brake(amps) | Self::Handbrake(amps) => amps.is_finite(),
+            Self::Duty(share)
+            | Self::CurrentShare(share)
+            | Self::BrakeShare(share)
+            | Self::HandbrakeShare(share) => share.is_finite(),
+            Self::Torque(torque) => torque.is_finite(),
+            Self::Impedance(impedance) => impedance.is_finite(),
             Self::Speed(rpm) => rpm.is_finite(),
             Self::Angle(degrees) => degrees.is_finite(),
         }
@@ -125,6 +201,8 @@ pub enum TargetError {
     Unsupported(TargetKind),
     /// A number in it is infinite or NaN.
     NotFinite(TargetKind),
+    /// A number in it lies where the motor cannot go.
+    OutOfRange(TargetKind),
 }
 
 impl fmt::Display for TargetError {
@@ -132,6 +210,9 @@ impl fmt::Display for TargetError {
         match self {
             Self::Unsupported(kind) => write!(f, "this motor takes no {kind:?} target"),
             Self::NotFinite(kind) => write!(f, "the {kind:?} target is infinite or NaN"),
+            Self::OutOfRange(kind) => {
+                write!(f, "the {kind:?} target lies where the motor cannot go")
+            }
         }
     }
 }
@@ -158,6 +239,10 @@ pub struct Feedback {
     pub torque: Option<NewtonMetres>,
     /// Temperature of the motor, where the device tells it.
     pub temperature: Option<Celsius>,
+    /// Temperature of what drives it, where the device tells it.
+    pub controller_temperature: Option<Celsius>,
+    /// Voltage that it is supplied with, where the device tells it.
+    pub supply: Option<Volts>,
     /// How often the number of turns had to be estimated, because feedback was missing at speed or
     /// for more than 100 ms. A motor that has lost count runs on: watch this where it matters.
     pub turn_gaps: u32,
@@ -173,6 +258,8 @@ impl Feedback {
         current: None,
         torque: None,
         temperature: None,
+        controller_temperature: None,
+        supply: None,
         turn_gaps: 0,
     };
 }
@@ -267,6 +354,34 @@ pub enum Request {
     SpeedGains(Gains),
     /// New gains for the angle loop.
     AngleGains(Gains),
+    /// Never command more torque than this.
+    TorqueLimit(NewtonMetres),
+    /// The shaft's angle now is zero from now on, also after power-off: the device stores it. Only
+    /// while the robot is disarmed.
+    StoreZero,
+    /// What stands in a register of the device: four bytes, little endian
+    /// ([`Answer::Register`]).
+    ReadRegister(u16),
+    /// Writes four bytes, little endian, into a register of the device, until power-off. Only while
+    /// the robot is disarmed.
+    WriteRegister(u16, u32),
+    /// The device keeps its registers also after power-off. Only while the robot is disarmed: its
+    /// flash wears, and its loops stop meanwhile.
+    SaveRegisters,
+}
+
+/// What became of a request that was not refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Answer {
+    /// It is done.
+    Done,
+    /// The device was asked; [`Motor::answer`] has what it says. Who waits at a motor's port never
+    /// sees this.
+    Pending,
+    /// What stands in the register.
+    Register(u32),
 }
 
 /// Why a request was refused.
@@ -284,6 +399,12 @@ pub enum RequestError {
     Busy,
     /// The bus has no such motor.
     NoSuchMotor,
+    /// Only while the robot is disarmed.
+    NotWhileArmed,
+    /// The device did not answer in time: whether it did what was asked is not known.
+    NoReply,
+    /// The device refused, with this code of its own.
+    Refused(u32),
 }
 
 impl fmt::Display for RequestError {
@@ -294,6 +415,9 @@ impl fmt::Display for RequestError {
             Self::NoFeedback => f.write_str("the motor has not been heard of yet"),
             Self::Busy => f.write_str("the request before has not been carried out yet"),
             Self::NoSuchMotor => f.write_str("the bus has no such motor"),
+            Self::NotWhileArmed => f.write_str("only while the robot is disarmed"),
+            Self::NoReply => f.write_str("the device did not answer in time"),
+            Self::Refused(code) => write!(f, "the device refused, code {code}"),
         }
     }
 }
@@ -304,6 +428,22 @@ impl From<ConfigError> for RequestError {
     fn from(error: ConfigError) -> Self {
         Self::Config(error)
     }
+}
+
+/// Whether a motor that may run does what its target says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Condition {
+    /// It does.
+    #[default]
+    Ready,
+    /// Not yet: its device is being set up or enabled.
+    Starting,
+    /// The speed asked for is below what its drive regulates: it turns as the load lets it.
+    Unregulated,
+    /// Its feedback comes too seldom to control it by.
+    SlowFeedback,
 }
 
 /// What a motor learned from a frame of its own.
@@ -329,6 +469,8 @@ pub enum FrameError {
     Length,
     /// An encoder value that the device cannot have.
     Encoder,
+    /// Content that the device cannot send, or an answer that nobody asked for.
+    Unexpected,
 }
 
 impl fmt::Display for FrameError {
@@ -337,6 +479,7 @@ impl fmt::Display for FrameError {
             Self::NotMine => f.write_str("not a frame of this motor"),
             Self::Length => f.write_str("not the length that this frame always has"),
             Self::Encoder => f.write_str("an encoder value that the device cannot have"),
+            Self::Unexpected => f.write_str("content that the device cannot send, or unasked"),
         }
     }
 }
@@ -366,11 +509,23 @@ pub trait Motor: Send {
     /// One step of its control loops. Only maths: what it decides leaves with the next command.
     fn update(&mut self, dt: Seconds, drive: Drive);
 
-    /// Asks for something beside a target.
+    /// Asks for something beside a target. After [`Answer::Pending`] all further requests are
+    /// [`Busy`](RequestError::Busy), until [`answer`](Self::answer) has told how it went.
     ///
     /// # Errors
     /// [`RequestError`]; nothing changed.
-    fn request(&mut self, request: Request) -> Result<(), RequestError>;
+    fn request(&mut self, request: Request) -> Result<Answer, RequestError>;
+
+    /// How a request went that was [`Pending`](Answer::Pending), once that is known; told once.
+    /// The motor itself gives up on a device that does not answer.
+    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+        None
+    }
+
+    /// Whether it does what its target says, given that it may run.
+    fn condition(&self) -> Condition {
+        Condition::Ready
+    }
 }
 
 /// A motor on a CAN bus.

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::esc::Device;
+use crate::device::Unit;
 use crate::motor::STEP;
 
 /// Standard gravity, m/s².
@@ -143,17 +143,17 @@ impl Body {
     pub(crate) fn new(
         chassis: Chassis,
         wheels: [(usize, Mounting); 4],
-        devices: &mut [Device],
+        units: &mut [Unit],
     ) -> Self {
         let wheel_load = chassis.mass * GRAVITY / 4.0;
         let mut lightest = f64::INFINITY;
         for (index, _) in wheels {
-            let device = &mut devices[index];
-            device.is_wheel = true;
-            device.motor.add_load_inertia(chassis.wheel_inertia);
-            device.motor.rolling_friction =
+            let unit = &mut units[index];
+            unit.is_wheel = true;
+            unit.motor.add_load_inertia(chassis.wheel_inertia);
+            unit.motor.rolling_friction =
                 chassis.rolling_resistance * wheel_load * chassis.wheel_radius;
-            lightest = lightest.min(device.motor.plant().inertia());
+            lightest = lightest.min(unit.motor.plant().inertia());
         }
         // The stiffest contact that an explicit step follows without swinging: the sum of what a
         // force moves at the wheel and at the body, in its most easily moved direction.
@@ -177,7 +177,7 @@ impl Body {
     }
 
     /// One step of the body; sets what the floor does to the wheels in theirs.
-    pub(crate) fn step(&mut self, devices: &mut [Device]) {
+    pub(crate) fn step(&mut self, units: &mut [Unit]) {
         let chassis = &self.chassis;
         let twist = self.twist();
         let radius = chassis.wheel_radius;
@@ -189,7 +189,7 @@ impl Body {
         let turn = [-lever, lever, -lever, lever];
         let (mut force_x, mut force_y, mut moment) = (0.0, 0.0, 0.0);
         for (wheel, (index, mounting)) in self.wheels.into_iter().enumerate() {
-            let motor = &mut devices[index].motor;
+            let motor = &mut units[index].motor;
             let rim = mounting.sign() * motor.speed * radius;
             let ground = twist.x + left[wheel] * twist.y + turn[wheel] * twist.yaw;
             let force = self.stiffness * (rim - ground);

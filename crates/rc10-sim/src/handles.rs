@@ -4,11 +4,13 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use rc10_can::{CanFrame, CanPort, Health, Micros, Submitted};
+use rc10_can::{CanFrame, CanPort, Health, Micros, Queued, Submitted};
 
 use crate::base::{Pose, Twist};
-use crate::esc::{Device, EscConfig, EscState, IdOutOfRange};
+use crate::device::{Device, EscFault, EscState, Unit};
+use crate::dji::{Dji, EscConfig, IdOutOfRange};
 use crate::host::Host;
+use crate::motor::{Motor, Plant};
 use crate::time::Clock;
 use crate::wire::{BusCounters, TraceEntry, Wire};
 use crate::world::Inner;
@@ -30,17 +32,19 @@ impl Bus {
     /// # Errors
     /// [`IdOutOfRange`] if the model has no such id.
     pub fn add_esc(&self, config: EscConfig) -> Result<Esc, IdOutOfRange> {
+        Ok(self.add(Dji::new(&config)?, config.plant))
+    }
+
+    /// Puts any device with its motor on the bus, powered, at rest: DJI's own
+    /// [`add_esc`](Self::add_esc) does it with one of DJI.
+    pub fn add(&self, device: impl Device, plant: Plant) -> Esc {
         let mut inner = self.inner.borrow_mut();
-        let angle = inner.random.unit();
-        let mut device = Device::new(&config, angle)?;
+        let motor = Motor::new(plant, inner.random.unit());
         let phase = Micros::new(inner.random.below(device.period().get()));
-        let now = inner.clock.now();
-        device.power(true, now, phase);
-        device.bus = self.index;
-        let now = inner.clock.now_ns();
-        device.node = inner.wires[self.index].join(now);
-        inner.devices.push(device);
-        Ok(Esc { inner: Rc::clone(&self.inner), index: inner.devices.len() - 1 })
+        let (now, now_ns) = (inner.clock.now(), inner.clock.now_ns());
+        let place = (self.index, inner.wires[self.index].join(now_ns));
+        inner.units.push(Unit::new(Box::new(device), motor, place, now, phase));
+        Esc { inner: Rc::clone(&self.inner), index: inner.units.len() - 1 }
     }
 
     /// The port of the bus's own controller: all its ports share it.
@@ -139,10 +143,10 @@ impl Bus {
     }
 }
 
-/// The host's port to a simulated bus: 32 transmit buffers, newest frame per identifier, and a
+/// The host's port to a simulated bus: 32 transmit buffers, newest frame per stream, and a
 /// receive queue of [`BusConfig::receive_capacity`](crate::BusConfig::receive_capacity) frames.
 ///
-/// A frame that is on the wire is not replaced any more: a newer one of its identifier follows it.
+/// A frame that is on the wire is not replaced any more: a newer one of its stream follows it.
 ///
 /// Its controller keeps the error counters of ISO 11898-1: each failed transmission counts 8 (a
 /// missing acknowledge no further once it is error-passive), each disturbed frame of others 1, and
@@ -159,8 +163,8 @@ impl CanPort for SimPort {
         self.host.borrow_mut().receive()
     }
 
-    fn submit(&mut self, frame: &CanFrame) -> Submitted {
-        self.host.borrow_mut().submit(frame)
+    fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
+        self.host.borrow_mut().submit(Queued { frame: *frame, stream })
     }
 
     fn cancel_pending(&mut self) -> u8 {
@@ -188,34 +192,45 @@ impl Esc {
     #[must_use]
     pub fn state(&self) -> EscState {
         let inner = self.inner.borrow();
-        let device = &inner.devices[self.index];
-        device.state(inner.wires[device.bus].overwritten(device.node))
+        let unit = &inner.units[self.index];
+        unit.state(inner.wires[unit.bus].overwritten(unit.node))
     }
 
     /// Switches the ESC's power. Without it there is no current, no feedback, no acknowledge; the
-    /// rotor coasts. With it again, the ESC starts at command 0 and sends at a new phase, at once
-    /// (a real one takes a second or two to start).
+    /// rotor coasts. With it again, the ESC starts afresh, a DJI at command 0 and sending at a new
+    /// phase, at once (a real one takes a second or two to start).
     pub fn set_power(&self, powered: bool) {
         let inner = &mut *self.inner.borrow_mut();
-        let device = &mut inner.devices[self.index];
-        if device.is_powered() != powered {
-            let phase = Micros::new(inner.random.below(device.period().get()));
+        let unit = &mut inner.units[self.index];
+        if unit.is_powered() != powered {
+            let phase = Micros::new(inner.random.below(unit.period().get()));
             let now = inner.clock.now();
-            device.power(powered, now, phase);
+            unit.power(powered, now, phase);
             let now = inner.clock.now_ns();
-            inner.wires[device.bus].power(device.node, powered, now);
+            inner.wires[unit.bus].power(unit.node, powered, now);
         }
     }
 
     /// Silences its feedback, or lets it speak again; it goes on driving.
     pub fn set_feedback(&self, enabled: bool) {
-        self.inner.borrow_mut().devices[self.index].set_muted(!enabled);
+        self.inner.borrow_mut().units[self.index].set_muted(!enabled);
+    }
+
+    /// Has it find something wrong with itself, until power-off. `false`: such a device knows no
+    /// such fault, and nothing happened.
+    pub fn inject(&self, fault: EscFault) -> bool {
+        self.inner.borrow_mut().units[self.index].inject(fault)
+    }
+
+    /// A look into its electronics, or a hand: `None` if it is not a `D`.
+    pub fn with<D: Device, T>(&self, look: impl FnOnce(&mut D) -> T) -> Option<T> {
+        self.inner.borrow_mut().units[self.index].device().downcast_mut().map(look)
     }
 
     /// A constant torque on the output shaft from outside, N·m, positive in the motor's positive
     /// direction: the weight on a lift, for example.
     pub fn set_load(&self, torque: f64) {
-        self.inner.borrow_mut().devices[self.index].motor.load = torque;
+        self.inner.borrow_mut().units[self.index].motor.load = torque;
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use rc10_can::{BusError, CanFrame, ErrorState, Health, Mailboxes, Micros, Submitted};
+use rc10_can::{BusError, CanFrame, ErrorState, Health, Mailboxes, Micros, Queued, Submitted};
 
 use crate::wire::urgency;
 use crate::{Activity, Controller, Nanos, Outcome};
@@ -24,9 +24,9 @@ pub(crate) struct Host {
     mailboxes: Mailboxes<MAILBOXES>,
     /// A frame whose last attempt failed. It keeps its transmit buffer, as in the real controller:
     /// no room has to be found for it.
-    retry: Option<CanFrame>,
+    retry: Option<Queued>,
     /// The frame on the wire, while one is.
-    sending: Option<CanFrame>,
+    sending: Option<Queued>,
     /// The frame on the wire is not to be repeated: it was cancelled, or a newer one waits.
     stale: bool,
     received: VecDeque<(CanFrame, Micros)>,
@@ -64,21 +64,22 @@ impl Host {
         self.received.pop_front()
     }
 
-    pub(crate) fn submit(&mut self, frame: &CanFrame) -> Submitted {
+    pub(crate) fn submit(&mut self, queued: Queued) -> Submitted {
         if !self.is_on_bus() && self.missing.is_none() {
             return Submitted::Refused;
         }
-        let replaces_retry = self.retry.is_some_and(|retry| retry.key() == frame.key());
-        let submitted = self.mailboxes.put(frame);
+        let of_stream = |other: &Queued| other.stream == queued.stream;
+        let replaces_retry = self.retry.as_ref().is_some_and(of_stream);
+        let submitted = self.mailboxes.put(queued);
         if submitted == Submitted::Refused {
             if !replaces_retry {
                 return Submitted::Refused;
             }
             // The failed frame's own buffer takes the newer one.
-            self.retry = Some(*frame);
+            self.retry = Some(queued);
             return Submitted::Replaced;
         }
-        if self.sending.is_some_and(|sending| sending.key() == frame.key()) {
+        if self.sending.as_ref().is_some_and(of_stream) {
             self.stale = true;
         }
         if replaces_retry {
@@ -107,8 +108,8 @@ impl Host {
         self.idle_since = self.idle_since.map(|_| now);
     }
 
-    fn peek(&self) -> Option<&CanFrame> {
-        self.retry.iter().chain(self.mailboxes.peek()).min_by_key(|frame| urgency(frame))
+    fn peek(&self) -> Option<&Queued> {
+        self.retry.iter().chain(self.mailboxes.peek()).min_by_key(|queued| urgency(&queued.frame))
     }
 
     fn count(&mut self, transmit_errors: u16, receive_errors: u16) {
@@ -151,7 +152,7 @@ impl Controller for Host {
     }
 
     fn offer(&mut self, _now: Nanos) -> Option<CanFrame> {
-        self.peek().copied()
+        self.peek().map(|queued| queued.frame)
     }
 
     fn sending(&mut self, _start: Nanos) {

@@ -6,7 +6,8 @@
 //! * [`Bus`] and its [`SimPort`]: one wire, and its faults. The port implements
 //!   [`rc10_can::CanPort`].
 //! * [`Controller`]: what takes the port's place on a wire, an emulated chip for example.
-//! * [`Esc`]: an ESC with its motor ([`Model`], [`Plant`]): what it really does, and faults.
+//! * [`Esc`]: an ESC with its motor ([`Model`], [`Plant`]): what it really does, and faults. Any
+//!   other vendor's, or one of your own, is a [`Device`].
 //! * [`Base`]: four motors under a body that rolls and slides.
 //!
 //! **An independent witness.** The ESCs decode commands and encode feedback with code of their
@@ -49,7 +50,8 @@
 
 mod base;
 mod controller;
-mod esc;
+mod device;
+mod dji;
 mod handles;
 mod host;
 mod motor;
@@ -63,7 +65,8 @@ mod world;
 
 pub use base::{Chassis, Mounting, Pose, Twist, WheelError, Wheels};
 pub use controller::{Activity, Controller, Nanos, Outcome};
-pub use esc::{EscConfig, EscState, FeedbackRate, IdOutOfRange, Model};
+pub use device::{Device, EscFault, EscState, Outbox, Shaft, Taken, Winding};
+pub use dji::{EscConfig, FeedbackRate, IdOutOfRange, Model};
 pub use handles::{Base, Bus, Esc, SimPort};
 pub use motor::{Plant, Scale};
 pub use tasks::Tasks;

@@ -2,6 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use crate::device::Winding;
+
 /// Physics step in seconds, on one grid for all motors and bases of a world.
 pub(crate) const STEP: f64 = 100e-6;
 
@@ -145,7 +147,7 @@ impl Plant {
     }
 
     /// The back-EMF that makes the unloaded rotor reach `rotor_rpm` at full supply.
-    const fn with_no_load_speed(mut self, rotor_rpm: f64) -> Self {
+    pub(crate) const fn with_no_load_speed(mut self, rotor_rpm: f64) -> Self {
         let speed = rotor_rpm / self.gear_ratio * TAU / 60.0;
         let friction = self.coulomb_friction + self.viscous_friction * speed;
         let drop = self.resistance * friction / self.torque_constant;
@@ -185,17 +187,6 @@ impl Plant {
         let reflected = self.rotor_inertia * self.gear_ratio * self.gear_ratio;
         (self.load_inertia + reflected).max(1e-9)
     }
-}
-
-/// What the ESC does to the winding.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Drive {
-    /// Bridge open.
-    Off,
-    /// Regulated current, A.
-    Current(f64),
-    /// Fixed voltage, V.
-    Voltage(f64),
 }
 
 /// A moving motor.
@@ -249,30 +240,30 @@ impl Motor {
     }
 
     /// The current the winding settles at.
-    fn settled_current(&self, drive: Drive) -> f64 {
+    fn settled_current(&self, winding: Winding) -> f64 {
         let plant = &self.plant;
         let at_voltage = |volts: f64| (volts - plant.back_emf * self.speed) / plant.resistance;
         let limit = plant.current_limit;
-        match drive {
-            Drive::Off => 0.0,
+        match winding {
+            Winding::Open => 0.0,
             // Near the no-load speed the supply no longer drives the current that is asked for.
-            Drive::Current(amps) => amps
+            Winding::Current(amps) => amps
                 .max(-limit)
                 .min(limit)
                 .max(at_voltage(-plant.supply))
                 .min(at_voltage(plant.supply)),
-            Drive::Voltage(volts) => {
+            Winding::Voltage(volts) => {
                 let volts = volts.max(-plant.supply).min(plant.supply);
                 at_voltage(volts).max(-limit).min(limit)
             }
         }
     }
 
-    pub(crate) fn step(&mut self, drive: Drive) {
+    pub(crate) fn step(&mut self, winding: Winding) {
         let plant = &self.plant;
-        let settled = self.settled_current(drive);
-        self.current = match drive {
-            Drive::Off => 0.0,
+        let settled = self.settled_current(winding);
+        self.current = match winding {
+            Winding::Open => 0.0,
             _ => settled + (self.current - settled) * self.current_decay,
         };
 
@@ -315,6 +306,12 @@ impl Motor {
     /// Where in its turn the rotor is, 0 .. 1.
     pub(crate) fn rotor_angle(&self) -> f64 {
         (self.fraction + self.offset).fract()
+    }
+
+    /// Rotor turns since the start, and where it stood then.
+    #[expect(clippy::cast_precision_loss, reason = "exact up to 2^53 turns")]
+    pub(crate) fn rotor_turns(&self) -> f64 {
+        self.turns as f64 + self.fraction + self.offset
     }
 
     /// Output shaft's angle since the start, degrees, over many turns.

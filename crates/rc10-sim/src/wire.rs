@@ -77,13 +77,16 @@ pub struct BusCounters {
     pub id_clashes: u64,
 }
 
-/// An ESC's CAN controller: room for one frame.
+/// An ESC's CAN controller: a queue with one frame per identifier.
 struct Node {
     /// Since when it is powered: it hears, and acknowledges, frames that began since.
     present_since: Option<Nanos>,
-    pending: Option<CanFrame>,
+    queue: VecDeque<CanFrame>,
     overwritten: u64,
 }
+
+/// Frames an ESC's queue holds; then the oldest goes.
+const QUEUE: usize = 16;
 
 impl Node {
     fn was_there_for(&self, air: &Transmission) -> bool {
@@ -151,23 +154,32 @@ impl Wire {
 
     /// Another ESC on the wire, powered from now on; its number.
     pub(crate) fn join(&mut self, now: Nanos) -> usize {
-        self.nodes.push(Node { present_since: Some(now), pending: None, overwritten: 0 });
+        self.nodes.push(Node { present_since: Some(now), queue: VecDeque::new(), overwritten: 0 });
         self.nodes.len() - 1
     }
 
     /// Switches an ESC's power: what it had to send is gone, and what it sends is no frame.
     pub(crate) fn power(&mut self, node: usize, powered: bool, now: Nanos) {
         self.nodes[node].present_since = powered.then_some(now);
-        self.nodes[node].pending = None;
+        self.nodes[node].queue.clear();
         if matches!(&self.bus, Segment::Frame(air) if air.sender == Sender::Node(node)) {
             self.destroy(now);
         }
     }
 
-    /// A node's next frame; one that still waits is overwritten.
+    /// A node's next frame; one of its identifier that still waits is overwritten.
     pub(crate) fn send(&mut self, node: usize, frame: CanFrame) {
-        let node = &mut self.nodes[node];
-        node.overwritten += u64::from(node.pending.replace(frame).is_some());
+        let Node { queue, overwritten, .. } = &mut self.nodes[node];
+        if let Some(older) = queue.iter_mut().find(|older| older.key() == frame.key()) {
+            *older = frame;
+            *overwritten += 1;
+            return;
+        }
+        if queue.len() == QUEUE {
+            queue.pop_front();
+            *overwritten += 1;
+        }
+        queue.push_back(frame);
     }
 
     pub(crate) fn overwritten(&self, node: usize) -> u64 {
@@ -299,7 +311,7 @@ impl Wire {
     fn compete(&mut self, offer: Option<CanFrame>, now: Nanos) {
         let from_nodes = self.nodes.iter().enumerate();
         let from_nodes = from_nodes
-            .filter_map(|(index, node)| node.pending.map(|frame| (frame, Sender::Node(index))));
+            .filter_map(|(index, node)| Some((*node.queue.front()?, Sender::Node(index))));
         let from_foreign = self.foreign.front().map(|&frame| (frame, Sender::Foreign));
         let mut winner = offer.map(|frame| (frame, Sender::Controller));
         let mut clash = false;
@@ -326,7 +338,7 @@ impl Wire {
         let mut controller = self.controller.borrow_mut();
         match sender {
             Sender::Controller => controller.sending(now),
-            Sender::Node(node) => self.nodes[node].pending = None,
+            Sender::Node(node) => drop(self.nodes[node].queue.pop_front()),
             Sender::Foreign => drop(self.foreign.pop_front()),
         }
         if offer.is_some() && sender != Sender::Controller {
@@ -442,10 +454,10 @@ impl Wire {
             Sender::Controller => self.controller.borrow_mut().sent(outcome, air.end),
             Sender::Node(node) if !is_heard && self.nodes[node].was_there_for(&air) => {
                 let node = &mut self.nodes[node];
-                if node.pending.is_some() {
+                if node.queue.iter().any(|newer| newer.key() == air.frame.key()) {
                     node.overwritten += 1;
                 } else {
-                    node.pending = Some(air.frame);
+                    node.queue.push_front(air.frame);
                 }
             }
             Sender::Foreign if !is_heard => self.foreign.push_front(air.frame),

@@ -9,7 +9,7 @@ use rc10_can::Micros;
 
 use crate::Nanos;
 use crate::base::{Body, Chassis, Mounting, WheelError, Wheels};
-use crate::esc::Device;
+use crate::device::Unit;
 use crate::handles::{Base, Bus, Esc};
 use crate::random::Random;
 use crate::tasks::Awake;
@@ -29,41 +29,41 @@ pub(crate) struct Inner {
     pub(crate) random: Random,
     next_step: Nanos,
     pub(crate) wires: Vec<Wire>,
-    pub(crate) devices: Vec<Device>,
+    pub(crate) units: Vec<Unit>,
     pub(crate) bodies: Vec<Body>,
 }
 
 impl Inner {
     fn next_event(&self) -> Nanos {
         let wires = self.wires.iter().filter_map(Wire::next_event);
-        let feedback = self.devices.iter().filter_map(Device::next_feedback).map(Nanos::from);
-        wires.chain(feedback).fold(self.next_step, Nanos::min)
+        let units = self.units.iter().filter_map(Unit::next_event).map(Nanos::from);
+        wires.chain(units).fold(self.next_step, Nanos::min)
     }
 
     /// Everything that happens at one instant, in a fixed order: physics up to now, then the wires
-    /// and controllers, then the feedback that is due now.
+    /// and controllers, then the ESCs' answers and the feedback that is due now.
     fn process(&mut self, now: Nanos) {
+        let micros = now.micros();
         if now >= self.next_step {
             self.next_step = self.next_step + STEP;
             for body in &mut self.bodies {
-                body.step(&mut self.devices);
+                body.step(&mut self.units);
             }
-            self.devices.iter_mut().for_each(Device::step);
+            self.units.iter_mut().for_each(|unit| unit.step(micros));
         }
-        let micros = now.micros();
         for (bus, wire) in self.wires.iter_mut().enumerate() {
             let Some(heard) = wire.process(now) else {
                 continue;
             };
-            let on_bus = self.devices.iter_mut().filter(|device| device.bus == bus);
-            for device in on_bus.filter(|device| wire.hears(device.node, &heard)) {
-                device.receive(&heard.frame, micros);
+            let on_bus = self.units.iter_mut().filter(|unit| unit.bus == bus);
+            for unit in on_bus.filter(|unit| wire.hears(unit.node, &heard)) {
+                unit.receive(&heard.frame, micros);
             }
         }
-        for device in &mut self.devices {
-            if let Some(frame) = device.feedback(micros) {
-                self.wires[device.bus].send(device.node, frame);
-            }
+        for unit in &mut self.units {
+            unit.advance(micros);
+            let (wire, node) = (&mut self.wires[unit.bus], unit.node);
+            unit.take_frames().for_each(|frame| wire.send(node, frame));
         }
     }
 
@@ -115,7 +115,7 @@ impl World {
             random: Random::new(seed),
             next_step: STEP,
             wires: Vec::new(),
-            devices: Vec::new(),
+            units: Vec::new(),
             bodies: Vec::new(),
         };
         Self {
@@ -162,12 +162,12 @@ impl World {
                 return Err(WheelError::OtherWorld);
             }
             let twice = wheels[..position].iter().any(|(e, _)| e.index == esc.index);
-            if twice || inner.devices[esc.index].is_wheel {
+            if twice || inner.units[esc.index].is_wheel {
                 return Err(WheelError::Taken);
             }
         }
         let wheels = wheels.map(|(esc, mounting)| (esc.index, mounting));
-        let body = Body::new(chassis, wheels, &mut inner.devices);
+        let body = Body::new(chassis, wheels, &mut inner.units);
         inner.bodies.push(body);
         Ok(Base { inner: Rc::clone(&self.inner), index: inner.bodies.len() - 1 })
     }

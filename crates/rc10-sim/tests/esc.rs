@@ -240,5 +240,5 @@ fn foreign_frames_move_nothing_and_short_ones_are_counted() {
     bus.inject(&CanFrame::eight_bytes(StandardId::new(0x1FF).unwrap(), [0x40; 8]));
     world.advance(Micros::from_millis(5));
     let state = esc.state();
-    assert_eq!((state.command, state.commands, state.wrong_length), (0, 0, 1));
+    assert_eq!((state.command, state.commands, state.malformed), (0, 0, 1));
 }

@@ -7,11 +7,13 @@
 //! The runner is generic over [`CanPort`](rc10_can::CanPort): the same code runs on the chip and,
 //! with a virtual clock, on a PC. It enables no time driver and no executor.
 
+mod motors;
 mod port;
 mod recovery;
 mod runner;
 mod subscription;
 
-pub use port::{BusPort, BusStatus, MotorPort, OutboxError};
+pub use motors::MotorPort;
+pub use port::{BusPort, BusStatus, OutboxError};
 pub use runner::{Runner, run_bus};
 pub use subscription::{Filter, NoFreeSubscription, Received, Subscription};

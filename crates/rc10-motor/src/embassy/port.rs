@@ -5,21 +5,20 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
-use embassy_sync::signal::Signal;
 use embedded_can::Id;
 use heapless::Vec;
 use rc10_can::{CanFrame, Health, IdPattern, Timing};
 
+use super::motors::{MotorPort, MotorPorts};
 use super::subscription::{Filter, NoFreeSubscription, Subscription, Subscriptions};
 use crate::arm::ArmState;
-use crate::bus::{BusCounters, MotorBus, MotorId, MotorStatus};
+use crate::bus::{BusCounters, MotorBus, MotorId};
 use crate::load::BusLoad;
-use crate::motor::{Request, RequestError, Target, TargetError, TargetSet};
 
 /// What a bus and all other tasks share: a mailbox and a status per motor, an outbox, and
 /// subscriptions. One per bus; every method works from any task or interrupt.
 pub struct BusPort {
-    motors: [MotorCell; MotorBus::CAPACITY],
+    motors: MotorPorts<{ MotorBus::CAPACITY }>,
     status: Mutex<CriticalSectionRawMutex, RefCell<BusStatus>>,
     outbox: Channel<CriticalSectionRawMutex, CanFrame, OUTBOX>,
     /// Identifiers that motors are commanded with: not for the outbox.
@@ -36,29 +35,6 @@ const CLAIMED: usize = 24;
 struct Claimed {
     patterns: Vec<IdPattern, CLAIMED>,
     all: bool,
-}
-
-struct MotorCell {
-    /// Whether there is a command or a request in the mail. The bus asks in every tick.
-    commanded: AtomicBool,
-    asked: AtomicBool,
-    mail: Mutex<CriticalSectionRawMutex, RefCell<Mail>>,
-    /// The answer to the request with this ticket.
-    answer: Signal<CriticalSectionRawMutex, (Ticket, Result<(), RequestError>)>,
-    status: Mutex<CriticalSectionRawMutex, RefCell<MotorStatus>>,
-}
-
-/// Tells one request from the next, so that nobody takes another's answer.
-type Ticket = u32;
-
-struct Mail {
-    supports: TargetSet,
-    command: Option<Target>,
-    request: Option<Request>,
-    /// Of the newest request.
-    ticket: Ticket,
-    /// Whether its caller still waits.
-    awaited: bool,
 }
 
 /// How a bus is doing.
@@ -116,23 +92,8 @@ impl BusPort {
     /// The port of a bus that does not run yet: it refuses all targets until it does.
     #[must_use]
     pub const fn new() -> Self {
-        const NOTHING: Mail = Mail {
-            supports: TargetSet::NONE,
-            command: None,
-            request: None,
-            ticket: 0,
-            awaited: false,
-        };
         Self {
-            motors: [const {
-                MotorCell {
-                    commanded: AtomicBool::new(false),
-                    asked: AtomicBool::new(false),
-                    mail: Mutex::new(RefCell::new(NOTHING)),
-                    answer: Signal::new(),
-                    status: Mutex::new(RefCell::new(MotorStatus::NEW)),
-                }
-            }; MotorBus::CAPACITY],
+            motors: MotorPorts::new(),
             status: Mutex::new(RefCell::new(BusStatus::NEW)),
             outbox: Channel::new(),
             claimed: Mutex::new(RefCell::new(Claimed { patterns: Vec::new(), all: false })),
@@ -144,7 +105,7 @@ impl BusPort {
     /// The port of one motor. A motor the bus does not have refuses everything.
     #[must_use]
     pub fn motor(&self, motor: MotorId) -> MotorPort<'_> {
-        MotorPort { cell: self.motors.get(motor.index()) }
+        self.motors.motor(motor)
     }
 
     /// How the bus is doing, as of its last tick.
@@ -194,8 +155,8 @@ impl BusPort {
 
     /// The bus starts: from now on targets are checked against its motors.
     pub(super) fn open(&self, bus: &MotorBus<'_>) {
-        for ((motor, _), cell) in bus.motors().zip(&self.motors) {
-            cell.mail.lock(|mail| mail.borrow_mut().supports = bus.supports(motor));
+        for motor in bus.ids() {
+            self.motors.open(motor, bus.supports(motor));
         }
         self.claimed.lock(|claimed| {
             let mut claimed = claimed.borrow_mut();
@@ -212,41 +173,10 @@ impl BusPort {
         });
     }
 
-    /// The newest command that the bus has not taken yet.
+    /// The ports of its motors.
     #[inline]
-    pub(super) fn take_command(&self, motor: MotorId) -> Option<Target> {
-        let cell = self.motors.get(motor.index())?;
-        // Before the mail is looked at: what comes now is seen now or next time.
-        if !cell.commanded.load(Ordering::Acquire) {
-            return None;
-        }
-        cell.commanded.store(false, Ordering::Release);
-        cell.mail.lock(|mail| mail.borrow_mut().command.take())
-    }
-
-    /// The request that the bus has not taken yet.
-    #[inline]
-    pub(super) fn take_request(&self, motor: MotorId) -> Option<Request> {
-        let cell = self.motors.get(motor.index())?;
-        if !cell.asked.load(Ordering::Acquire) {
-            return None;
-        }
-        cell.asked.store(false, Ordering::Release);
-        cell.mail.lock(|mail| mail.borrow_mut().request.take())
-    }
-
-    pub(super) fn answer(&self, motor: MotorId, outcome: Result<(), RequestError>) {
-        if let Some(cell) = self.motors.get(motor.index()) {
-            cell.answer.signal((cell.mail.lock(|mail| mail.borrow().ticket), outcome));
-        }
-    }
-
-    /// Has a motor's status written where its port reads it.
-    #[inline]
-    pub(super) fn publish(&self, motor: MotorId, write: impl FnOnce(&mut MotorStatus)) {
-        if let Some(cell) = self.motors.get(motor.index()) {
-            cell.status.lock(|status| write(&mut status.borrow_mut()));
-        }
+    pub(super) const fn motors(&self) -> &MotorPorts<{ MotorBus::CAPACITY }> {
+        &self.motors
     }
 
     /// Has the bus's status written.
@@ -284,84 +214,4 @@ impl BusStatus {
         load: BusLoad::NONE,
         arm: ArmState::Disarmed,
     };
-}
-
-/// The right to wait for an answer; given back on drop.
-struct Turn<'p>(&'p MotorCell);
-
-impl Drop for Turn<'_> {
-    fn drop(&mut self) {
-        self.0.mail.lock(|mail| mail.borrow_mut().awaited = false);
-    }
-}
-
-/// One motor, as other tasks see it: a mailbox and a status.
-#[derive(Clone, Copy)]
-pub struct MotorPort<'p> {
-    cell: Option<&'p MotorCell>,
-}
-
-impl MotorPort<'_> {
-    /// Gives the motor a new target: it holds from the bus's next tick until it expires (50 ms
-    /// unless the motor was attached otherwise), so repeat it. A newer command replaces one that
-    /// the bus has not taken yet.
-    ///
-    /// # Errors
-    /// [`TargetError`]: the motor does not take such targets, or a number is not finite. While the
-    /// bus is not running yet every target is unsupported.
-    pub fn command(&self, target: Target) -> Result<(), TargetError> {
-        let cell = self.cell.ok_or(TargetError::Unsupported(target.kind()))?;
-        cell.mail.lock(|mail| {
-            let mut mail = mail.borrow_mut();
-            mail.supports.accepts(&target)?;
-            mail.command = Some(target);
-            cell.commanded.store(true, Ordering::Release);
-            Ok(())
-        })
-    }
-
-    /// Asks something of the motor beside a target, and waits until its bus has done it (the next
-    /// tick). If the future is dropped the request may still be carried out.
-    ///
-    /// # Errors
-    /// [`RequestError`]; nothing changed. [`RequestError::Busy`] while another caller waits;
-    /// [`RequestError::NoSuchMotor`] also while the bus is not running yet.
-    pub async fn request(&self, request: Request) -> Result<(), RequestError> {
-        let cell = self.cell.ok_or(RequestError::NoSuchMotor)?;
-        let ticket = cell.mail.lock(|mail| {
-            let mut mail = mail.borrow_mut();
-            if mail.supports == TargetSet::NONE {
-                // Nobody would ever answer.
-                return Err(RequestError::NoSuchMotor);
-            }
-            if mail.awaited || mail.request.is_some() {
-                return Err(RequestError::Busy);
-            }
-            mail.ticket = mail.ticket.wrapping_add(1);
-            (mail.request, mail.awaited) = (Some(request), true);
-            cell.asked.store(true, Ordering::Release);
-            Ok(mail.ticket)
-        })?;
-        // Also when this future is dropped, the next caller gets its turn.
-        let _turn = Turn(cell);
-        loop {
-            let (answered, outcome) = cell.answer.wait().await;
-            // An answer that an earlier, dropped caller left behind is not ours.
-            if answered == ticket {
-                return outcome;
-            }
-        }
-    }
-
-    /// All there is to know about the motor, as of its bus's last tick.
-    #[must_use]
-    pub fn status(&self) -> MotorStatus {
-        self.cell.map_or(MotorStatus::NEW, |cell| cell.status.lock(|status| *status.borrow()))
-    }
-
-    /// The targets it takes; none while its bus is not running yet.
-    #[must_use]
-    pub fn supports(&self) -> TargetSet {
-        self.cell.map_or(TargetSet::NONE, |cell| cell.mail.lock(|mail| mail.borrow().supports))
-    }
 }

@@ -11,6 +11,7 @@ use super::recovery::Recovery;
 use super::subscription::{Filter, Received};
 use crate::batch::TxBatch;
 use crate::bus::{Dispatch, MotorBus};
+use crate::motor::Answer;
 
 /// Length of a tick.
 pub(super) const PERIOD: Micros = Micros::from_millis(1);
@@ -57,6 +58,8 @@ pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
     subscriptions: u32,
     /// Whether there are any.
     listening: bool,
+    /// Motors whose device has not answered a request yet, a bit each.
+    pending: u8,
 }
 
 impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
@@ -77,6 +80,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
             recovery: Recovery::new(BusOffPolicy::default()),
             subscriptions: 0,
             listening: false,
+            pending: 0,
         };
         runner.accept(shared.subscriptions().changes());
         runner
@@ -128,8 +132,8 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
             // The batch was full; the frame that found no room counts as refused.
             self.traffic.refused += 1;
         }
-        for frame in self.tx.frames() {
-            self.traffic.count(self.port.submit(frame));
+        for (frame, stream) in self.tx.entries() {
+            self.traffic.count(self.port.submit_as(frame, stream));
         }
         self.send_outbox();
         self.publish_motors(now);
@@ -212,12 +216,32 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
 
     fn take_commands(&mut self, now: Micros) {
         for motor in self.bus.borrow().ids() {
-            if let Some(target) = self.shared.take_command(motor) {
+            if let Some(target) = self.shared.motors().take_command(motor) {
                 // The port has checked it; what the motor refuses all the same is counted.
                 let _ = self.bus.borrow_mut().command(motor, target, now);
             }
-            if let Some(request) = self.shared.take_request(motor) {
-                self.shared.answer(motor, self.bus.borrow_mut().request(motor, request));
+            if let Some(request) = self.shared.motors().take_request(motor) {
+                match self.bus.borrow_mut().request(motor, request) {
+                    Ok(Answer::Pending) => self.pending |= 1 << motor.index(),
+                    outcome => self.shared.motors().answer(motor, outcome),
+                }
+            }
+        }
+        if self.pending != 0 {
+            self.pass_on_answers();
+        }
+    }
+
+    /// What devices have answered since the last tick.
+    #[cold]
+    fn pass_on_answers(&mut self) {
+        for motor in self.bus.borrow().ids() {
+            let bit = 1 << motor.index();
+            if self.pending & bit != 0
+                && let Some(outcome) = self.bus.borrow_mut().answer(motor)
+            {
+                self.pending &= !bit;
+                self.shared.motors().answer(motor, outcome);
             }
         }
     }
@@ -237,7 +261,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     fn publish_motors(&self, now: Micros) {
         let bus = self.bus.borrow();
         for motor in bus.ids() {
-            self.shared.publish(motor, |status| bus.write_status(motor, now, status));
+            self.shared.motors().publish(motor, |status| bus.write_status(motor, now, status));
         }
     }
 }

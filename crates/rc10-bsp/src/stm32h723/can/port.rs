@@ -47,8 +47,8 @@ pub struct FdcanPort {
     clock: Clock,
     /// The frame that the filters did not let in has been handed out.
     foreign_taken: bool,
-    /// The key of the frame last written to each transmit buffer.
-    keys: [u32; COMMANDS],
+    /// The stream of the frame last written to each transmit buffer.
+    streams: [u32; COMMANDS],
     last_error: Cell<Option<BusError>>,
     receive_lost: u32,
     transmit_lost: u32,
@@ -68,7 +68,7 @@ impl FdcanPort {
             oldest: 0,
             clock: Clock::new(crate::now()),
             foreign_taken: false,
-            keys: [0; COMMANDS],
+            streams: [0; COMMANDS],
             last_error: Cell::new(None),
             receive_lost: 0,
             transmit_lost: 0,
@@ -147,13 +147,13 @@ impl FdcanPort {
         self.transmit_lost = self.transmit_lost.saturating_add(unsent.into());
     }
 
-    /// The pending buffers among `buffers` that hold a frame of this key.
-    fn of_key(&self, key: u32, mut buffers: u32) -> u32 {
+    /// Those among `buffers` that were last written with a frame of this stream.
+    fn of_stream(&self, stream: u32, mut buffers: u32) -> u32 {
         let mut found = 0;
         while buffers != 0 {
             let lowest = buffers.trailing_zeros();
             buffers &= buffers - 1;
-            if self.keys.get(lowest as usize) == Some(&key) {
+            if self.streams.get(lowest as usize) == Some(&stream) {
                 found |= 1 << lowest;
             }
         }
@@ -181,20 +181,20 @@ impl CanPort for FdcanPort {
         Some((decode(element), self.clock.time_of(time_stamp(element))))
     }
 
-    fn submit(&mut self, frame: &CanFrame) -> Submitted {
+    fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
         if self.off {
             return Submitted::Refused;
         }
         let pending = self.controller.pending();
-        let older = self.of_key(frame.key(), pending & COMMAND_MASK);
+        let older = self.of_stream(stream, pending & COMMAND_MASK);
         let replaced = older != 0 && self.controller.cancel(older) != 0;
         // A cancelled buffer is free only once the controller has let go of it, which takes a
         // frame's time if it is on the wire: take another one.
         let buffer = (!pending & COMMAND_MASK).trailing_zeros() as usize;
-        let Some(key) = self.keys.get_mut(buffer) else {
+        let Some(held) = self.streams.get_mut(buffer) else {
             return Submitted::Refused;
         };
-        *key = frame.key();
+        *held = stream;
         self.controller.write(buffer, frame);
         // Not earlier: the supervisor may come between any two instructions.
         if self.stalls != self.controller.stalls() {

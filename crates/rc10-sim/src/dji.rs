@@ -8,7 +8,8 @@ use std::fmt;
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, Micros};
 
-use crate::motor::{Drive, Motor, Plant};
+use crate::device::{Device, Outbox, Shaft, Taken, Winding};
+use crate::motor::Plant;
 
 /// Which ESC, in which mode.
 ///
@@ -89,13 +90,13 @@ impl Model {
         }
     }
 
-    fn drive(self, raw: i16, plant: &Plant) -> Drive {
+    fn drive(self, raw: i16, plant: &Plant) -> Winding {
         let full = self.full_scale();
         let raw = f64::from(raw.clamp(-full, full));
         match self {
             // The fraction of full scale is all that is documented.
-            Self::Gm6020Voltage => Drive::Voltage(raw / f64::from(full) * plant.supply),
-            _ => Drive::Current(raw / self.raw_per_ampere()),
+            Self::Gm6020Voltage => Winding::Voltage(raw / f64::from(full) * plant.supply),
+            _ => Winding::Current(raw / self.raw_per_ampere()),
         }
     }
 }
@@ -167,57 +168,19 @@ impl fmt::Display for IdOutOfRange {
 
 impl std::error::Error for IdOutOfRange {}
 
-/// What is true of an ESC and its motor, whatever its feedback says.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EscState {
-    /// Speed of the rotor, rpm.
-    pub rotor_rpm: f64,
-    /// Speed of the output shaft, rpm.
-    pub output_rpm: f64,
-    /// Angle of the output shaft since the start of the world, degrees, over many turns.
-    pub output_degrees: f64,
-    /// Torque current, A.
-    pub current: f64,
-    /// Temperature of the motor, °C.
-    pub temperature: f64,
-    /// Whether the ESC has power.
-    pub powered: bool,
-    /// The raw command it obeys: the last one it got since power-on, 0 before.
-    pub command: i16,
-    /// Command frames it took.
-    pub commands: u64,
-    /// When the last of them arrived.
-    pub last_command_at: Option<Micros>,
-    /// Command frames it ignored because they had not eight bytes.
-    pub wrong_length: u64,
-    /// Feedback frames a newer one overwrote before the bus was free.
-    pub feedback_overwritten: u64,
-}
-
-pub(crate) struct Device {
+/// The electronics of one of them.
+pub(crate) struct Dji {
     model: Model,
     command_id: Id,
     slot: usize,
     feedback_id: StandardId,
     period: Micros,
     next_feedback: Micros,
-    powered: bool,
-    muted: bool,
     command: i16,
-    commands: u64,
-    last_command_at: Option<Micros>,
-    wrong_length: u64,
-    pub(crate) motor: Motor,
-    /// Where it is plugged in.
-    pub(crate) bus: usize,
-    pub(crate) node: usize,
-    /// Carries a wheel of a base.
-    pub(crate) is_wheel: bool,
 }
 
-impl Device {
-    /// Its place on the bus is the caller's to set.
-    pub(crate) fn new(config: &EscConfig, rotor_angle: f64) -> Result<Self, IdOutOfRange> {
+impl Dji {
+    pub(crate) fn new(config: &EscConfig) -> Result<Self, IdOutOfRange> {
         let EscConfig { model, id, .. } = *config;
         let error = IdOutOfRange { model, id };
         if !(1..=model.last_id()).contains(&id) {
@@ -232,50 +195,8 @@ impl Device {
             feedback_id: StandardId::new(model.feedback_base() + u16::from(id)).ok_or(error)?,
             period: config.rate.period(),
             next_feedback: Micros::ZERO,
-            powered: true,
-            muted: false,
             command: 0,
-            commands: 0,
-            last_command_at: None,
-            wrong_length: 0,
-            motor: Motor::new(config.plant, rotor_angle),
-            bus: 0,
-            node: 0,
-            is_wheel: false,
         })
-    }
-
-    pub(crate) const fn period(&self) -> Micros {
-        self.period
-    }
-
-    /// Feedback starts `phase` after now. Power on forgets the last command.
-    pub(crate) fn power(&mut self, powered: bool, now: Micros, phase: Micros) {
-        self.powered = powered;
-        self.command = 0;
-        self.next_feedback = now + phase;
-    }
-
-    pub(crate) const fn is_powered(&self) -> bool {
-        self.powered
-    }
-
-    /// Muted or not: it goes on driving.
-    pub(crate) const fn set_muted(&mut self, muted: bool) {
-        self.muted = muted;
-    }
-
-    pub(crate) fn next_feedback(&self) -> Option<Micros> {
-        self.powered.then_some(self.next_feedback)
-    }
-
-    /// The feedback that is due by now, if one is.
-    pub(crate) fn feedback(&mut self, now: Micros) -> Option<CanFrame> {
-        if !self.powered || now < self.next_feedback {
-            return None;
-        }
-        self.next_feedback += self.period;
-        (!self.muted).then(|| self.feedback_frame())
     }
 
     #[expect(
@@ -283,57 +204,65 @@ impl Device {
         clippy::cast_sign_loss,
         reason = "float casts saturate, as the ESC's own numbers do"
     )]
-    fn feedback_frame(&self) -> CanFrame {
-        let motor = &self.motor;
-        let angle = ((motor.rotor_angle() * 8192.0) as u16).min(8191);
-        let rpm = motor.rotor_rpm().round() as i16;
-        let current = (motor.current * self.model.raw_per_ampere()).round() as i16;
+    fn feedback(&self, shaft: &Shaft<'_>) -> CanFrame {
+        let angle = ((shaft.rotor_angle() * 8192.0) as u16).min(8191);
+        let rpm = shaft.rotor_rpm().round() as i16;
+        let current = (shaft.current() * self.model.raw_per_ampere()).round() as i16;
         let temperature = match self.model {
             // C610 manual: this byte is null.
             Model::C610 => 0,
-            _ => motor.temperature.round() as u8,
+            _ => shaft.temperature().round() as u8,
         };
         let [a, b] = angle.to_be_bytes();
         let [c, d] = rpm.to_be_bytes();
         let [e, f] = current.to_be_bytes();
         CanFrame::eight_bytes(self.feedback_id, [a, b, c, d, e, f, temperature, 0])
     }
+}
 
-    pub(crate) fn receive(&mut self, frame: &CanFrame, now: Micros) {
+impl Device for Dji {
+    fn power_on(&mut self, now: Micros, phase: Micros) {
+        self.command = 0;
+        self.next_feedback = now + phase;
+    }
+
+    fn period(&self) -> Micros {
+        self.period
+    }
+
+    fn receive(
+        &mut self,
+        frame: &CanFrame,
+        _shaft: &Shaft<'_>,
+        _now: Micros,
+        _out: &mut Outbox,
+    ) -> Taken {
         if frame.is_remote() || frame.id() != self.command_id {
-            return;
+            return Taken::NotMine;
         }
         let Some(bytes) = frame.all_eight() else {
-            self.wrong_length += 1;
-            return;
+            return Taken::Malformed;
         };
         self.command = i16::from_be_bytes([bytes[2 * self.slot], bytes[2 * self.slot + 1]]);
-        self.commands += 1;
-        self.last_command_at = Some(now);
+        Taken::Yes
     }
 
-    pub(crate) fn step(&mut self) {
-        let drive = if self.powered {
-            self.model.drive(self.command, self.motor.plant())
-        } else {
-            Drive::Off
-        };
-        self.motor.step(drive);
+    fn next_event(&self) -> Option<Micros> {
+        Some(self.next_feedback)
     }
 
-    pub(crate) fn state(&self, feedback_overwritten: u64) -> EscState {
-        EscState {
-            rotor_rpm: self.motor.rotor_rpm(),
-            output_rpm: self.motor.output_rpm(),
-            output_degrees: self.motor.output_degrees(),
-            current: self.motor.current,
-            temperature: self.motor.temperature,
-            powered: self.powered,
-            command: self.command,
-            commands: self.commands,
-            last_command_at: self.last_command_at,
-            wrong_length: self.wrong_length,
-            feedback_overwritten,
+    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+        if now >= self.next_feedback {
+            self.next_feedback += self.period;
+            out.send(self.feedback(shaft));
         }
+    }
+
+    fn drive(&mut self, shaft: &Shaft<'_>, _now: Micros) -> Winding {
+        self.model.drive(self.command, shaft.plant())
+    }
+
+    fn command(&self) -> i16 {
+        self.command
     }
 }

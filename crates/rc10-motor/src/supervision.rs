@@ -1,0 +1,319 @@
+//! What keeps one motor safe, whatever it is connected by.
+
+use rc10_can::Micros;
+
+use crate::arm::ArmState;
+use crate::motor::{
+    Answer, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request, RequestError,
+    SafeState, Target, TargetError,
+};
+
+/// When and how a motor leaves its target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Safety {
+    /// What it does then.
+    pub state: SafeState,
+    /// A command holds for so long: 1 µs ..= [`LONGEST_EXPIRY`](Self::LONGEST_EXPIRY).
+    pub command_expiry: Micros,
+}
+
+impl Safety {
+    /// Nobody needs a motor that runs on for longer than this without a word.
+    pub const LONGEST_EXPIRY: Micros = Micros::from_millis(1000);
+    /// Coast when no command came for 50 ms.
+    pub const COAST: Self = Self::new(SafeState::Coast);
+    /// Brake when no command came for 50 ms.
+    pub const BRAKE: Self = Self::new(SafeState::Brake);
+    /// Hold the angle when no command came for 50 ms.
+    pub const HOLD: Self = Self::new(SafeState::Hold);
+
+    /// A safe state, taken when no command came for 50 ms.
+    #[must_use]
+    pub const fn new(state: SafeState) -> Self {
+        Self { state, command_expiry: Micros::from_millis(50) }
+    }
+
+    /// Whether a command holds for some time, and not for too long.
+    pub(crate) fn is_valid(&self) -> bool {
+        let expiry = self.command_expiry;
+        expiry > Micros::ZERO && expiry <= Self::LONGEST_EXPIRY
+    }
+}
+
+/// Whether a motor is heard.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Link {
+    /// No feedback since power-on.
+    #[default]
+    NeverSeen,
+    /// Feedback is fresh.
+    Online,
+    /// No feedback for max(3 feedback periods, 10 ms).
+    Lost,
+}
+
+/// What a motor's frames amounted to. `received` starts over after 2³² (49 days at 1 kHz); the
+/// others stay at their largest value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct MotorCounters {
+    /// Good feedback frames.
+    pub received: u32,
+    /// Frames with its identifier that were no feedback.
+    pub malformed: u32,
+    /// Times it went from online to lost.
+    pub lost: u32,
+    /// Times its command expired while it was armed and online.
+    pub expired: u32,
+    /// Targets it did not take.
+    pub refused: u32,
+}
+
+/// All there is to know about one motor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct MotorStatus {
+    /// Whether it is heard.
+    pub link: Link,
+    /// What the bus let it do in the last tick.
+    pub drive: Drive,
+    /// The target it has.
+    pub target: Target,
+    /// What it measured last.
+    pub feedback: Feedback,
+    /// What is wrong with it, by its own account.
+    pub fault: Option<Fault>,
+    /// Whether it does what its target says, given that it may run.
+    pub condition: Condition,
+    /// Its counters.
+    pub counters: MotorCounters,
+}
+
+impl MotorStatus {
+    /// Of a motor that was never heard.
+    pub const NEW: Self = Self {
+        link: Link::NeverSeen,
+        drive: Drive::Off,
+        target: Target::Coast,
+        feedback: Feedback::NEW,
+        fault: None,
+        condition: Condition::Ready,
+        counters: MotorCounters { received: 0, malformed: 0, lost: 0, expired: 0, refused: 0 },
+    };
+}
+
+/// A frame may have arrived so long after the tick began that takes it, µs. What lies further in
+/// the future is not fresh, but another clock.
+const SKEW: u32 = 2_000;
+
+/// Decides in every tick what a motor may do, from when it was heard and commanded last.
+pub(crate) struct Supervision {
+    /// When it was heard last and when it was commanded last: the low 32 bits of the time, which
+    /// is enough while `link` and `fresh` keep what was true before.
+    heard_at: u32,
+    commanded_at: u32,
+    /// In microseconds, with [`SKEW`].
+    link_timeout: u32,
+    command_expiry: u32,
+    safety: Safety,
+    drive: Drive,
+    link: Link,
+    fresh: bool,
+    /// The motor has told of a fault that nobody has cleared.
+    faulted: bool,
+    /// Clearing it has been asked for, and the device has not answered yet.
+    clearing: bool,
+    counters: MotorCounters,
+}
+
+impl Supervision {
+    /// Of a motor that was never heard; `safety` is valid.
+    pub(crate) fn new(safety: Safety, link_timeout: Micros) -> Self {
+        Self {
+            heard_at: 0,
+            commanded_at: 0,
+            link_timeout: micros(link_timeout),
+            command_expiry: micros(safety.command_expiry),
+            safety,
+            drive: Drive::Off,
+            link: Link::NeverSeen,
+            fresh: false,
+            faulted: false,
+            clearing: false,
+            counters: MotorCounters::default(),
+        }
+    }
+
+    pub(crate) const fn counters(&self) -> &MotorCounters {
+        &self.counters
+    }
+
+    /// Gives the motor a target, which holds from `now` until it expires.
+    #[inline]
+    pub(crate) fn command(
+        &mut self,
+        motor: &mut (impl Motor + ?Sized),
+        target: Target,
+        now: Micros,
+    ) -> Result<(), TargetError> {
+        if let Err(error) = motor.set_target(target) {
+            count(&mut self.counters.refused);
+            return Err(error);
+        }
+        self.commanded_at = low(now);
+        self.fresh = true;
+        Ok(())
+    }
+
+    pub(crate) fn request(
+        &mut self,
+        motor: &mut (impl Motor + ?Sized),
+        request: Request,
+    ) -> Result<Answer, RequestError> {
+        let answer = motor.request(request)?;
+        if request == Request::ClearFault {
+            // If the fault is still there, the motor's next frame says so.
+            self.clearing = answer == Answer::Pending;
+            self.faulted &= self.clearing;
+        }
+        Ok(answer)
+    }
+
+    pub(crate) fn answer(
+        &mut self,
+        motor: &mut (impl Motor + ?Sized),
+    ) -> Option<Result<Answer, RequestError>> {
+        let answer = motor.answer()?;
+        if core::mem::take(&mut self.clearing) && answer.is_ok() {
+            self.faulted = false;
+        }
+        Some(answer)
+    }
+
+    /// The motor told how it is.
+    #[inline]
+    pub(crate) fn heard_feedback(&mut self, at: Micros) {
+        self.counters.received = self.counters.received.wrapping_add(1);
+        self.heard_at = low(at);
+        self.link = Link::Online;
+    }
+
+    /// A frame of the motor was something else than its plain feedback.
+    #[cold]
+    pub(crate) fn heard(
+        &mut self,
+        heard: Result<Heard, FrameError>,
+        at: Micros,
+    ) -> Result<(), FrameError> {
+        let heard = heard.inspect_err(|_| count(&mut self.counters.malformed))?;
+        self.counters.received = self.counters.received.wrapping_add(1);
+        if heard != Heard::Other {
+            (self.heard_at, self.link) = (low(at), Link::Online);
+        }
+        if heard == Heard::Fault {
+            self.faulted = true;
+            // The next tick decides afresh.
+            self.drive = Drive::Off;
+        }
+        Ok(())
+    }
+
+    /// Nothing from before a long pause holds any more.
+    pub(crate) fn forget(&mut self) {
+        self.fresh = false;
+        self.drive = Drive::Off;
+        if self.link == Link::Online {
+            self.link = Link::Lost;
+            count(&mut self.counters.lost);
+        }
+    }
+
+    #[inline]
+    pub(crate) fn write_status(
+        &self,
+        motor: &(impl Motor + ?Sized),
+        now: Micros,
+        status: &mut MotorStatus,
+    ) {
+        status.link = self.link(now);
+        status.drive = self.drive;
+        status.target = motor.target();
+        status.feedback = motor.feedback();
+        status.fault = motor.fault();
+        status.condition = motor.condition();
+        status.counters = self.counters;
+    }
+
+    fn is_online(&self, now: Micros) -> bool {
+        self.link == Link::Online && since(self.heard_at, now) <= self.link_timeout
+    }
+
+    fn link(&self, now: Micros) -> Link {
+        match self.link {
+            Link::Online if !self.is_online(now) => Link::Lost,
+            link => link,
+        }
+    }
+
+    /// What the motor may do now. This and [`change`](Self::change) are the one place where motors
+    /// are stopped.
+    #[inline]
+    pub(crate) fn decide(&mut self, arm: ArmState, now: Micros) -> Drive {
+        if arm == ArmState::Armed
+            && self.drive == Drive::Run
+            && since(self.heard_at, now) <= self.link_timeout
+            && since(self.commanded_at, now) < self.command_expiry
+        {
+            return Drive::Run;
+        }
+        self.change(arm, now)
+    }
+
+    /// What the motor may do when it does not simply go on running.
+    #[cold]
+    fn change(&mut self, arm: ArmState, now: Micros) -> Drive {
+        let online = self.is_online(now);
+        let fresh = self.fresh && since(self.commanded_at, now) < self.command_expiry;
+        let drive = match arm {
+            ArmState::Disarmed => Drive::Off,
+            _ if !online => Drive::Coast,
+            ArmState::Armed if fresh && !self.faulted => Drive::Run,
+            ArmState::Armed | ArmState::EStopped => self.safety.state.drive(),
+        };
+        if self.link == Link::Online && !online {
+            self.link = Link::Lost;
+            count(&mut self.counters.lost);
+        } else if self.drive == Drive::Run && arm == ArmState::Armed && !fresh {
+            count(&mut self.counters.expired);
+        }
+        (self.drive, self.fresh) = (drive, fresh);
+        drive
+    }
+}
+
+/// The low half of a time.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "the low half is what is wanted")]
+const fn low(time: Micros) -> u32 {
+    time.get() as u32
+}
+
+/// Microseconds from a time kept by its low half to `now`, and [`SKEW`]: a time a little in the
+/// future is fresh, one further off is old. Right for an hour, and no tick is later than a second.
+#[inline]
+const fn since(earlier: u32, now: Micros) -> u32 {
+    low(now).wrapping_sub(earlier.wrapping_sub(SKEW))
+}
+
+/// A time-out as a number of microseconds to compare [`since`] with; half an hour at most.
+fn micros(time: Micros) -> u32 {
+    u32::try_from(time.get()).unwrap_or(u32::MAX).min(u32::MAX / 2).saturating_add(SKEW)
+}
+
+#[inline]
+const fn count(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
+}
