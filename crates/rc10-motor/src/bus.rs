@@ -413,7 +413,7 @@ const fn count(counter: &mut u32) {
 mod tests {
     use super::*;
     use crate::dji::{Dji, M3508};
-    use crate::motor::{Drive, Fault, Feedback, Motor};
+    use crate::motor::{Drive, Fault, Feedback};
     use crate::supervision::Link;
     use embedded_can::StandardId;
     use rc10_app::Rpm;

@@ -52,6 +52,8 @@ mod load;
 mod motor;
 mod not_a_number;
 pub mod odrive;
+pub mod servo;
+pub mod signals;
 mod supervision;
 mod table;
 pub mod unitree;
