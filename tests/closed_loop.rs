@@ -194,7 +194,7 @@ fn agrees(model: &'static Model, gear_of: &'static Model) -> Result<(), String> 
         bench.hold(id, Target::Current(Amps::new(amps)), 60);
         let one_percent = 0.01 * f64::from(amps);
         check("current commanded", amps.into(), esc.state().current, one_percent)?;
-        let told = bench.status(id).feedback.current.unwrap().get();
+        let told = bench.status(id).feedback.current().unwrap().get();
         check("current reported", told.into(), esc.state().current, one_percent)?;
     }
     bench.hold(id, Target::Speed(Rpm::new(50.0)), 1200);

@@ -237,7 +237,7 @@ fn r11_currents_are_limited_before_they_become_integers_and_reported_in_amperes(
         assert_eq!(refused, Err(TargetError::NotFinite(TargetKind::Current)));
     }
     wheel.unpack_feedback(&frame(0x201, [0, 0, 0, 0, 0x40, 0, 0, 0]), Micros::ZERO).unwrap();
-    assert_eq!(wheel.feedback().current, Some(Amps::new(20.0)));
+    assert_eq!(wheel.feedback().current(), Some(Amps::new(20.0)));
 }
 
 /// The limited wheel speeds were computed and thrown away.

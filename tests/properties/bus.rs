@@ -309,9 +309,9 @@ fn check_feedback(feedback: &Feedback) -> TestCaseResult {
     let numbers = [
         Some(feedback.speed.get()),
         Some(feedback.total_angle.degrees().get()),
-        feedback.current.map(|amps| amps.get()),
-        feedback.torque.map(|torque| torque.get()),
-        feedback.temperature.map(|celsius| celsius.get()),
+        feedback.current().map(|amps| amps.get()),
+        feedback.torque().map(|torque| torque.get()),
+        feedback.temperature().map(|celsius| celsius.get()),
     ];
     prop_assert!(numbers.iter().flatten().all(|number| number.is_finite()), "{:?}", feedback);
     prop_assert!((0.0..360.0).contains(&feedback.angle.get()), "{:?}", feedback);

@@ -140,11 +140,11 @@ fn value(
     let degree = 360.0 / f64::from(TURN);
     let rpm = 1.0 / f64::from(model.gear.ratio());
     let (lsb, actual) = match field {
-        "current_A" => (model.amps_per_count.into(), stock.current.map(|amps| amps.get())),
-        "temp_C" => (1.0, stock.temperature.map(|celsius| celsius.get())),
+        "current_A" => (model.amps_per_count.into(), stock.current().map(|amps| amps.get())),
+        "temp_C" => (1.0, stock.temperature().map(|celsius| celsius.get())),
         "torque_Nm" => {
             let step = model.rotor_torque_constant * model.amps_per_count * model.gear.ratio();
-            (step.into(), stock.torque.map(|torque| torque.get()))
+            (step.into(), stock.torque().map(|torque| torque.get()))
         }
         "angle_deg" => (degree, Some(rotor.angle.get())),
         "rotor_rpm" => (1.0, Some(rotor.speed.get())),

@@ -442,7 +442,9 @@ mod tests {
         }
         /// Tells as its speed what it was allowed to do.
         fn feedback(&self) -> Feedback {
-            Feedback { speed: Rpm::new(f32::from(self.drive as u8)), ..Feedback::NEW }
+            let mut told = Feedback::NEW;
+            told.speed = Rpm::new(f32::from(self.drive as u8));
+            told
         }
         fn fault(&self) -> Option<Fault> {
             None

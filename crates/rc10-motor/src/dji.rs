@@ -718,21 +718,22 @@ impl Motor for Dji {
         let torque = amps * self.model.rotor_torque_constant * self.gear.ratio();
         #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of a turn")]
         let angle = seen.phase as f32 * (360.0 / self.scale.phase_turn as f32);
-        let celsius = Celsius::new(f32::from(raw.temperature));
-        Feedback {
-            at: seen.at,
-            speed: Rpm::new(seen.speed),
+        let mut told = Feedback::new(
+            seen.at,
+            Rpm::new(seen.speed),
             // The last steps before a full turn may round up to it.
-            angle: Degrees::new(if angle < 360.0 { angle } else { 0.0 }),
-            total_angle: TotalAngle::new(
+            Degrees::new(if angle < 360.0 { angle } else { 0.0 }),
+            TotalAngle::new(
                 seen.total.saturating_mul(self.scale.sign.into()),
                 self.counts_per_turn(),
             ),
-            current: Some(Amps::new(amps)),
-            torque: Some(NewtonMetres::new(torque)),
-            temperature: self.model.has_temperature.then_some(celsius),
-            turn_gaps: self.turn_gaps,
-            ..Feedback::NEW
+        );
+        told.turn_gaps = self.turn_gaps;
+        let told = told.with_current(Amps::new(amps)).with_torque(NewtonMetres::new(torque));
+        if self.model.has_temperature {
+            told.with_temperature(Celsius::new(f32::from(raw.temperature)))
+        } else {
+            told
         }
     }
 
@@ -881,19 +882,19 @@ mod tests {
         let heard = wheel.unpack_feedback(&frame(0x201, bytes), Micros::new(7));
         assert_eq!(heard, Ok(Heard::Feedback));
         let seen = wheel.feedback();
-        assert_eq!((seen.at, seen.current), (Micros::new(7), Some(Amps::new(20.0))));
-        assert_eq!(seen.temperature, Some(Celsius::new(35.0)));
+        assert_eq!((seen.at, seen.current()), (Micros::new(7), Some(Amps::new(20.0))));
+        assert_eq!(seen.temperature(), Some(Celsius::new(35.0)));
         assert!((seen.speed.get() - 26.037_315).abs() < 1e-4);
         // Half a rotor turn is 9.37 degrees of the output.
         assert!((seen.total_angle.degrees().get() - 180.0 / 19.203_21).abs() < 1e-3);
-        assert!((seen.torque.unwrap().get() - 6.0).abs() < 0.01);
+        assert!((seen.torque().unwrap().get() - 6.0).abs() < 0.01);
     }
 
     #[test]
     fn a_c610_has_no_temperature_and_a_gm6020_an_absolute_angle() {
         let mut feeder = Dji::new(&M2006, 3).unwrap();
         feeder.unpack_feedback(&frame(0x203, [0, 0, 0, 0, 0, 0, 99, 0]), Micros::ZERO).unwrap();
-        assert_eq!(feeder.feedback().temperature, None);
+        assert_eq!(feeder.feedback().temperature(), None);
         let mut yaw = Dji::new(&GM6020_VOLTAGE, 1).unwrap();
         yaw.unpack_feedback(&feedback(0x205, 2048, 0), Micros::ZERO).unwrap();
         assert!((yaw.feedback().angle.get() - 90.0).abs() < 1e-4);

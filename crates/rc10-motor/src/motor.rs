@@ -233,19 +233,47 @@ pub struct Feedback {
     pub angle: Degrees,
     /// Angle of many turns, exact.
     pub total_angle: TotalAngle,
-    /// Torque-producing current, positive for positive torque.
-    pub current: Option<Amps>,
-    /// Torque, where the device tells it or its torque constant is known.
-    pub torque: Option<NewtonMetres>,
-    /// Temperature of the motor, where the device tells it.
-    pub temperature: Option<Celsius>,
-    /// Temperature of what drives it, where the device tells it.
-    pub controller_temperature: Option<Celsius>,
-    /// Voltage that it is supplied with, where the device tells it.
-    pub supply: Option<Volts>,
     /// How often the number of turns had to be estimated, because feedback was missing at speed or
     /// for more than 100 ms. A motor that has lost count runs on: watch this where it matters.
     pub turn_gaps: u32,
+    current: Reading,
+    torque: Reading,
+    temperature: Reading,
+    controller_temperature: Reading,
+    supply: Reading,
+}
+
+/// What not every device tells: absent as NaN, because an `Option<f32>` takes twice the room, and
+/// every task that looks at a motor gets a copy.
+#[derive(Clone, Copy)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+struct Reading(f32);
+
+impl Reading {
+    const NONE: Self = Self(f32::NAN);
+
+    #[inline]
+    const fn get(self) -> Option<f32> {
+        if self.0.is_nan() { None } else { Some(self.0) }
+    }
+}
+
+impl Default for Reading {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+impl PartialEq for Reading {
+    fn eq(&self, other: &Self) -> bool {
+        self.get() == other.get()
+    }
+}
+
+impl fmt::Debug for Reading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.get().fmt(f)
+    }
 }
 
 impl Feedback {
@@ -255,13 +283,90 @@ impl Feedback {
         speed: Rpm::ZERO,
         angle: Degrees::ZERO,
         total_angle: TotalAngle::ZERO,
-        current: None,
-        torque: None,
-        temperature: None,
-        controller_temperature: None,
-        supply: None,
         turn_gaps: 0,
+        current: Reading::NONE,
+        torque: Reading::NONE,
+        temperature: Reading::NONE,
+        controller_temperature: Reading::NONE,
+        supply: Reading::NONE,
     };
+
+    /// What every device tells, and nothing else.
+    #[inline]
+    #[must_use]
+    pub const fn new(at: Micros, speed: Rpm, angle: Degrees, total_angle: TotalAngle) -> Self {
+        Self { at, speed, angle, total_angle, ..Self::NEW }
+    }
+
+    /// Torque-producing current, positive for positive torque.
+    #[must_use]
+    pub fn current(&self) -> Option<Amps> {
+        self.current.get().map(Amps::new)
+    }
+
+    /// Torque, where the device tells it or its torque constant is known.
+    #[must_use]
+    pub fn torque(&self) -> Option<NewtonMetres> {
+        self.torque.get().map(NewtonMetres::new)
+    }
+
+    /// Temperature of the motor, where the device tells it.
+    #[must_use]
+    pub fn temperature(&self) -> Option<Celsius> {
+        self.temperature.get().map(Celsius::new)
+    }
+
+    /// Temperature of what drives the motor, where the device tells it.
+    #[must_use]
+    pub fn controller_temperature(&self) -> Option<Celsius> {
+        self.controller_temperature.get().map(Celsius::new)
+    }
+
+    /// Voltage it is supplied with, where the device tells it.
+    #[must_use]
+    pub fn supply(&self) -> Option<Volts> {
+        self.supply.get().map(Volts::new)
+    }
+
+    /// The same with a current. What is NaN counts as not told, here and below.
+    #[inline]
+    #[must_use]
+    pub const fn with_current(mut self, current: Amps) -> Self {
+        self.current = Reading(current.get());
+        self
+    }
+
+    /// The same with a torque.
+    #[inline]
+    #[must_use]
+    pub const fn with_torque(mut self, torque: NewtonMetres) -> Self {
+        self.torque = Reading(torque.get());
+        self
+    }
+
+    /// The same with a temperature of the motor.
+    #[inline]
+    #[must_use]
+    pub const fn with_temperature(mut self, temperature: Celsius) -> Self {
+        self.temperature = Reading(temperature.get());
+        self
+    }
+
+    /// The same with a temperature of what drives the motor.
+    #[inline]
+    #[must_use]
+    pub const fn with_controller_temperature(mut self, temperature: Celsius) -> Self {
+        self.controller_temperature = Reading(temperature.get());
+        self
+    }
+
+    /// The same with the voltage it is supplied with.
+    #[inline]
+    #[must_use]
+    pub const fn with_supply(mut self, supply: Volts) -> Self {
+        self.supply = Reading(supply.get());
+        self
+    }
 }
 
 /// What is wrong with a motor, by its own account.

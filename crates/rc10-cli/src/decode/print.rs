@@ -114,7 +114,7 @@ fn text(columns: &Columns, line: &Line<'_>, meaning: &Meaning<'_>) -> String {
     let start = format!("{at:>17}  {:<5}", line.channel);
     match meaning {
         Meaning::Feedback { motor, feedback, .. } => {
-            let celsius = feedback.temperature.map_or_else(
+            let celsius = feedback.temperature().map_or_else(
                 || "  - degC".to_owned(),
                 |temperature| format!("{:>3} degC", temperature.get()),
             );
@@ -125,7 +125,7 @@ fn text(columns: &Columns, line: &Line<'_>, meaning: &Meaning<'_>) -> String {
                 three(feedback.angle.get()),
                 rounded(millionths(feedback.total_angle.microdegrees()), 3),
                 rounded(feedback.speed.get().into(), 2),
-                three(feedback.current.unwrap_or_default().get()),
+                three(feedback.current().unwrap_or_default().get()),
             )
         }
         Meaning::Command(lanes) => {
@@ -181,9 +181,9 @@ fn object(number: u64, line: &Line<'_>, bus: u8, meaning: &Meaning<'_>) -> Value
             "angle_deg": six(feedback.angle.get()),
             "total_angle_deg": millionths(feedback.total_angle.microdegrees()),
             "speed_rpm": six(feedback.speed.get()),
-            "current_a": feedback.current.map(|current| six(current.get())),
-            "torque_nm": feedback.torque.map(|torque| six(torque.get())),
-            "temperature_c": feedback.temperature.map(|temperature| six(temperature.get())),
+            "current_a": feedback.current().map(|current| six(current.get())),
+            "torque_nm": feedback.torque().map(|torque| six(torque.get())),
+            "temperature_c": feedback.temperature().map(|temperature| six(temperature.get())),
             "raw": {
                 "angle": raw.angle,
                 "rpm": raw.rpm,
