@@ -13,10 +13,11 @@ use anyhow::Context;
 use rc10_can::embedded_can::Id;
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::{self, Model, RawFeedback};
+use rc10_motor::signals::Message;
 use rc10_motor::{Dispatch, Feedback, FrameError, MotorBus, MotorId, MotorStatus};
 
 use crate::candump::{Line, Numbered, Reader};
-use crate::robot::{Description, Motor, Robot};
+use crate::robot::{Description, Motor, Place, Robot};
 use print::Printer;
 
 /// Arguments of `rc10 decode`.
@@ -45,6 +46,8 @@ With --json each frame is a line of its own, written while the log is read:
   command    {.., \"kind\": \"command\", \"frame\", \"lanes\": [{\"lane\", \"raw\", \"motor\", \"model\", \"id\",
              \"current_a\" or \"voltage_percent\", \"beyond_full_scale\"}]}; the lane of a command that no
              motor takes has only \"lane\" and \"raw\"
+  message    {.., \"kind\": \"message\", \"frame\", \"motor\", \"model\", \"id\", \"message\", \"from_device\",
+             \"signals\": [{\"signal\", \"value\", \"unit\", \"name\"}]}: a frame of a motor of another vendor
   malformed  {.., \"kind\": \"malformed\", \"frame\", \"motor\", \"error\"}
 Unknown frames are only counted, in the summary. What a line does not tell is null.
 
@@ -106,7 +109,11 @@ fn decode_log(
     err: &mut dyn Write,
 ) -> anyhow::Result<bool> {
     let (robot, buses) = robot.into_buses()?;
-    let mut decoder = Decoder { robot: &robot, buses, newest: Micros::ZERO };
+    let described = robot.motors.iter();
+    let messages = described
+        .flat_map(|motor| motor.messages().into_iter().map(move |message| (motor, message)))
+        .collect();
+    let mut decoder = Decoder { robot: &robot, messages, buses, newest: Micros::ZERO };
     let mut summary = Summary::new(&args.buses, robot.buses)?;
     let mut printer = Printer::new(out, args.json, &robot)?;
     let mut log = Reader::new(source);
@@ -149,6 +156,8 @@ fn excerpt(text: &str) -> String {
 /// The robot's buses, which only listen here.
 struct Decoder<'d, 'm> {
     robot: &'d Description,
+    /// What the tables of the motors describe.
+    messages: Vec<(&'d Motor, Message)>,
     buses: Vec<MotorBus<'m>>,
     /// The newest time in the log: that of frames without one.
     newest: Micros,
@@ -156,9 +165,22 @@ struct Decoder<'d, 'm> {
 
 /// What a frame says.
 enum Meaning<'d> {
-    Feedback { motor: &'d Motor, raw: RawFeedback, feedback: Feedback },
+    Feedback {
+        motor: &'d Motor,
+        raw: Option<RawFeedback>,
+        feedback: Feedback,
+    },
+    /// A frame that a motor's tables describe.
+    Message {
+        motor: &'d Motor,
+        message: Message,
+        from_device: bool,
+    },
     Command(Vec<Lane<'d>>),
-    Malformed { motor: Option<&'d Motor>, error: FrameError },
+    Malformed {
+        motor: Option<&'d Motor>,
+        error: FrameError,
+    },
     Unknown,
 }
 
@@ -184,25 +206,39 @@ impl<'d> Decoder<'d, '_> {
         if let Id::Standard(id) = frame.id()
             && !frame.is_remote()
             && MODELS.iter().any(|model| model.command_ids.contains(&id.as_raw()))
+            && self.robot.on_bus(bus).any(|motor| motor.dji().is_some())
         {
             return command(self.robot, bus, frame);
         }
         let described = |id: MotorId| self.robot.on_bus(bus).nth(id.index());
+        let message = |from_device, whose: Option<&Motor>| {
+            let mut messages = self.messages.iter();
+            let is_it = |(motor, message): &&(&Motor, Message)| {
+                motor.on == Place::Bus(bus)
+                    && whose.is_none_or(|whose| std::ptr::eq(*motor, whose))
+                    && message.from_device == from_device
+                    && message.id == frame.id()
+                    && usize::from(message.len) == frame.len()
+            };
+            let &(motor, message) = messages.find(is_it).filter(|_| !frame.is_remote())?;
+            Some(Meaning::Message { motor, message, from_device })
+        };
         let Some(motors) = self.buses.get_mut(usize::from(bus) - 1) else {
             return Meaning::Unknown;
         };
         match motors.on_frame(frame, at) {
-            Dispatch::Unclaimed => Meaning::Unknown,
+            Dispatch::Unclaimed => message(false, None).unwrap_or(Meaning::Unknown),
             Dispatch::Malformed(id, error) => Meaning::Malformed { motor: described(id), error },
             Dispatch::Motor(id) => {
-                match (described(id), frame.all_eight(), motors.status(id, at)) {
-                    (Some(motor), Some(bytes), Some(status)) => Meaning::Feedback {
-                        motor,
-                        raw: RawFeedback::unpack(bytes),
-                        feedback: status.feedback,
-                    },
-                    _ => Meaning::Unknown,
+                let (Some(motor), Some(status)) = (described(id), motors.status(id, at)) else {
+                    return Meaning::Unknown;
+                };
+                if let Some(message) = message(true, Some(motor)) {
+                    return message;
                 }
+                let bytes = motor.dji().and_then(|_| frame.all_eight());
+                let raw = bytes.map(RawFeedback::unpack);
+                Meaning::Feedback { motor, raw, feedback: status.feedback }
             }
         }
     }
@@ -223,8 +259,8 @@ fn command<'d>(robot: &'d Description, bus: u8, frame: &CanFrame) -> Meaning<'d>
         return Meaning::Malformed { motor: None, error: FrameError::Length };
     };
     let commands = |motor: &Motor, lane: usize| {
-        let place = motor.model.command_lane(motor.id);
-        place.is_ok_and(|(id, byte)| Id::Standard(id) == frame.id() && byte == lane * 2)
+        let place = motor.dji().and_then(|(model, id)| model.command_lane(id).ok());
+        place.is_some_and(|(id, byte)| Id::Standard(id) == frame.id() && byte == lane * 2)
     };
     let lanes = (1..).zip(bytes.chunks_exact(2)).enumerate().map(|(index, (number, pair))| Lane {
         number,
@@ -310,8 +346,10 @@ impl Summary {
         channel.frames += 1;
         let meaning = channel.bus.map(|bus| (bus, decoder.decode(bus, line)));
         match &meaning {
-            Some((_, Meaning::Feedback { .. })) => self.feedback += 1,
-            Some((_, Meaning::Command(_))) => self.commands += 1,
+            Some((_, Meaning::Feedback { .. } | Meaning::Message { from_device: true, .. })) => {
+                self.feedback += 1;
+            }
+            Some((_, Meaning::Command(_) | Meaning::Message { .. })) => self.commands += 1,
             Some((_, Meaning::Malformed { .. })) => self.malformed += 1,
             None | Some((_, Meaning::Unknown)) => {
                 self.unknown += 1;

@@ -21,7 +21,7 @@ use sha2::{Digest, Sha256};
 use self::output::Outcome;
 use crate::recorder::Recorder;
 use crate::recording::{Recording, hex_digits};
-use crate::robot::{Description, Robot};
+use crate::robot::{Description, Device, Place, Robot};
 use crate::run::seconds;
 use crate::surroundings::Surroundings;
 
@@ -86,7 +86,11 @@ impl<'r> Emulation<'r> {
     pub fn new(program: &[u8], robot: Robot<'r>, setup: &Setup) -> Result<Self> {
         let (mut description, listeners) = robot.into_buses()?;
         if let Some(rate) = setup.rate {
-            description.motors.iter_mut().for_each(|motor| motor.rate = rate);
+            for motor in &mut description.motors {
+                if let Device::Dji { rate: set, .. } = &mut motor.device {
+                    *set = rate;
+                }
+            }
         }
         let Surroundings { world, wires, motors, base } =
             Surroundings::new(&description, setup.seed)?;
@@ -96,7 +100,10 @@ impl<'r> Emulation<'r> {
             machine.set_speed(speed);
         }
         let on_buses = description.motors.iter().zip(&motors);
-        let on_buses = on_buses.map(|(motor, esc)| (usize::from(motor.bus) - 1, esc.clone()));
+        let on_buses = on_buses.filter_map(|(motor, esc)| match motor.on {
+            Place::Bus(bus) => Some((usize::from(bus) - 1, esc.clone())),
+            Place::Line(_) => None,
+        });
         let heard = vec![0; wires.len()];
         let rig = Rig::new(machine, world, wires, on_buses.collect(), &setup.faults)?;
         let seed = setup.seed;

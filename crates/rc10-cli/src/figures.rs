@@ -66,14 +66,14 @@ fn write_motors(text: &mut String, recording: &Recording) -> std::fmt::Result {
         let Tracking { unit, rms, last: (target, measured), peak_current } = tracking(track);
         let target = target.map_or("-".into(), |target| format!("{target:.1}"));
         let rms = rms.map_or("-".into(), |rms| format!("{rms:.2}"));
-        let model = format!("{} id {}", track.motor.model.name, track.motor.id);
+        let model = track.motor.name().to_string();
         let counters = track.last.counters;
         writeln!(
             text,
             "{:<18} {:<26} {:>3}  {:<9} {:>9} {:>9.1} {:<3} {:>10} {:>8.2} {:>8} {:>5} {:>5}",
             track.motor.label,
             model,
-            track.motor.bus,
+            track.motor.on.short(),
             format!("{:?}", track.last.link),
             target,
             measured,
@@ -145,9 +145,10 @@ pub fn to_json(recording: &Recording, wall: f64) -> Value {
         let Tracking { unit, rms, last: (target, measured), peak_current } = tracking(track);
         json!({
             "motor": track.motor.label,
-            "model": track.motor.model.name,
-            "id": track.motor.id,
-            "bus": track.motor.bus,
+            "model": track.motor.name().model,
+            "id": track.motor.name().id,
+            "bus": track.motor.on.bus(),
+            "line": track.motor.on.line(),
             "link": format!("{:?}", track.last.link),
             "drive": format!("{:?}", track.last.drive),
             "unit": unit,

@@ -10,6 +10,7 @@ use rc10_motor::{Drive, Link, TargetKind, Verdict};
 use serde_json::{Value, json};
 
 use crate::recording::{BusTrack, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD};
+use crate::robot::Place;
 
 /// Width of the windows of [`BusTrack::load_windows`].
 const LOAD_WINDOW: Micros = Micros::from_millis(100);
@@ -173,8 +174,8 @@ fn motor_table(recording: &Recording) -> String {
         let (motor, last) = (track.motor, &track.last);
         vec![
             words(motor.label),
-            words(&format!("{} id {}", motor.model.name, motor.id)),
-            words(&motor.bus.to_string()),
+            words(&motor.name().to_string()),
+            words(&motor.on.short()),
             word(link_name(last.link), last.link != Link::Online),
             words(drive_name(last.drive)),
             cell(&optional(tracking_error(track), 2, &format!(" {}", Scale::of(track).unit))),
@@ -468,7 +469,8 @@ fn motion_charts(recording: &Recording) -> Vec<Chart> {
 fn current_charts(recording: &Recording) -> Vec<Chart> {
     let stride = stride(recording);
     let chart = |bus: &BusTrack| {
-        let tracks = recording.motors.iter().filter(|track| track.motor.bus == bus.number);
+        let tracks =
+            recording.motors.iter().filter(|track| track.motor.on == Place::Bus(bus.number));
         let series = tracks.map(|track| {
             let samples = track.samples.iter().step_by(stride);
             json!({
@@ -624,7 +626,7 @@ mod tests {
                 _ => TargetKind::Speed,
             };
             let sample = |index: usize| {
-                let wave = 123.4 * (index as f64 / 40.0 + f64::from(motor.id)).sin();
+                let wave = 123.4 * (index as f64 / 40.0 + f64::from(motor.name().id)).sin();
                 MotorSample {
                     target: Some(wave),
                     measured: wave,

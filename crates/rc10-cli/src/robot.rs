@@ -1,6 +1,7 @@
 //! A robot as the tools see it: plain data that say what its motors are and what surrounds them,
 //! and the running part that a robot crate hands over.
 
+use std::fmt;
 use std::path::PathBuf;
 use std::pin::Pin;
 
@@ -8,8 +9,9 @@ use anyhow::{Result, bail, ensure};
 use rc10_can::Micros;
 use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
 use rc10_motor::embassy::{BusPort, MotorPort, run_bus};
-use rc10_motor::{MotorBus, MotorId};
-use rc10_sim::{EscConfig, Tasks};
+use rc10_motor::signals::Message;
+use rc10_motor::{MotorBus, MotorId, MotorName};
+use rc10_sim::{Esc, EscConfig, Tasks};
 
 use crate::recording::Event;
 
@@ -33,16 +35,12 @@ pub struct Description {
 pub struct Motor {
     /// What people call it. Motors whose labels begin with the same word share a plot.
     pub label: &'static str,
-    /// On which bus; the first one is 1.
-    pub bus: u8,
+    /// What it is plugged into.
+    pub on: Place,
     /// Which motor it is.
-    pub model: &'static Model,
-    /// The identifier set on it.
-    pub id: u8,
+    pub device: Device,
     /// Which way the robot counts.
     pub direction: Direction,
-    /// The feedback rate set on it.
-    pub rate: FeedbackRate,
     /// Inertia of what is on its output shaft, kg m². The wheels of a [`Base`] get theirs from it.
     pub inertia: f64,
     /// Constant torque on its output shaft from outside, such as a weight, N m; positive the way
@@ -50,19 +48,115 @@ pub struct Motor {
     pub load: f64,
 }
 
+/// What a motor is plugged into; the first of each sort is 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// A CAN bus.
+    Bus(u8),
+    /// An RS-485 line.
+    Line(u8),
+}
+
+impl Place {
+    /// For a narrow column: `2`, or `L1` for a line.
+    #[must_use]
+    pub fn short(self) -> String {
+        match self {
+            Self::Bus(number) => number.to_string(),
+            Self::Line(number) => format!("L{number}"),
+        }
+    }
+
+    /// The number of the bus, if it is one.
+    #[must_use]
+    pub const fn bus(self) -> Option<u8> {
+        match self {
+            Self::Bus(number) => Some(number),
+            Self::Line(_) => None,
+        }
+    }
+
+    /// The number of the line, if it is one.
+    #[must_use]
+    pub const fn line(self) -> Option<u8> {
+        match self {
+            Self::Bus(_) => None,
+            Self::Line(number) => Some(number),
+        }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bus(number) => write!(f, "bus {number}"),
+            Self::Line(number) => write!(f, "line {number}"),
+        }
+    }
+}
+
+/// Which motor it is, for the simulator and for tables.
+#[derive(Clone, Copy, Debug)]
+pub enum Device {
+    /// One of DJI's.
+    Dji {
+        /// Which one.
+        model: &'static Model,
+        /// The identifier set on it.
+        id: u8,
+        /// The feedback rate set on it.
+        rate: FeedbackRate,
+    },
+    /// Any other on a CAN bus.
+    Can {
+        /// What the bus calls it.
+        name: MotorName,
+        /// Puts its simulated twin on a wire, with so much inertia (kg m²) on its shaft.
+        twin: fn(wire: &rc10_sim::Bus, inertia: f64) -> Result<Esc>,
+        /// What stands where in its frames.
+        messages: fn() -> Vec<Message>,
+    },
+}
+
 impl Motor {
-    /// A motor that counts forward, speaks 1000 times a second, and has a bare shaft.
+    /// A motor of DJI on a bus (the first one is 1) that counts forward, speaks 1000 times a second,
+    /// and has a bare shaft.
     #[must_use]
     pub const fn new(label: &'static str, bus: u8, model: &'static Model, id: u8) -> Self {
-        Self {
-            label,
-            bus,
-            model,
-            id,
-            direction: Direction::Forward,
-            rate: FeedbackRate::Hz1000,
-            inertia: 0.0,
-            load: 0.0,
+        let device = Device::Dji { model, id, rate: FeedbackRate::Hz1000 };
+        Self::with_device(label, Place::Bus(bus), device)
+    }
+
+    /// Any motor that counts forward and has a bare shaft.
+    #[must_use]
+    pub const fn with_device(label: &'static str, on: Place, device: Device) -> Self {
+        Self { label, on, device, direction: Direction::Forward, inertia: 0.0, load: 0.0 }
+    }
+
+    /// What buses and tables call it.
+    #[must_use]
+    pub const fn name(&self) -> MotorName {
+        match self.device {
+            Device::Dji { model, id, .. } => MotorName { model: model.name, id: id as u16 },
+            Device::Can { name, .. } => name,
+        }
+    }
+
+    /// Model and identifier, if it is one of DJI's.
+    #[must_use]
+    pub const fn dji(&self) -> Option<(&'static Model, u8)> {
+        match self.device {
+            Device::Dji { model, id, .. } => Some((model, id)),
+            Device::Can { .. } => None,
+        }
+    }
+
+    /// What stands where in its frames.
+    #[must_use]
+    pub fn messages(&self) -> Vec<Message> {
+        match self.device {
+            Device::Dji { .. } => Vec::new(),
+            Device::Can { messages, .. } => messages(),
         }
     }
 
@@ -74,28 +168,39 @@ impl Motor {
         }
     }
 
-    /// Its simulated twin, with the inertia on its shaft.
+    /// Puts its simulated twin on a wire.
     ///
     /// # Errors
-    /// If there is no simulated ESC for its model.
-    pub fn esc(&self) -> Result<EscConfig> {
-        let model = match self.model {
-            model if *model == dji::M3508 => rc10_sim::Model::C620,
-            model if *model == dji::M2006 => rc10_sim::Model::C610,
-            model if *model == dji::GM6020_CURRENT => rc10_sim::Model::Gm6020Current,
-            model if *model == dji::GM6020_VOLTAGE => rc10_sim::Model::Gm6020Voltage,
-            model => bail!("no simulated ESC for a {}", model.name),
+    /// If there is no simulated ESC for its model, or its identifier is none.
+    pub fn put_on(&self, wire: &rc10_sim::Bus) -> Result<Esc> {
+        let esc = match self.device {
+            Device::Dji { model, id, rate } => {
+                wire.add_esc(dji_twin(model, id, rate, self.inertia)?)?
+            }
+            Device::Can { twin, .. } => twin(wire, self.inertia)?,
         };
-        let mut config = EscConfig::new(model, self.id);
-        config.plant = config.plant.with_load_inertia(self.inertia);
-        config.rate = match self.rate {
-            FeedbackRate::Hz1000 => rc10_sim::FeedbackRate::Hz1000,
-            FeedbackRate::Hz500 => rc10_sim::FeedbackRate::Hz500,
-            FeedbackRate::Hz250 => rc10_sim::FeedbackRate::Hz250,
-            FeedbackRate::Hz125 => rc10_sim::FeedbackRate::Hz125,
-        };
-        Ok(config)
+        esc.set_load(self.sign() * self.load);
+        Ok(esc)
     }
+}
+
+fn dji_twin(model: &Model, id: u8, rate: FeedbackRate, inertia: f64) -> Result<EscConfig> {
+    let twin = match model {
+        model if *model == dji::M3508 => rc10_sim::Model::C620,
+        model if *model == dji::M2006 => rc10_sim::Model::C610,
+        model if *model == dji::GM6020_CURRENT => rc10_sim::Model::Gm6020Current,
+        model if *model == dji::GM6020_VOLTAGE => rc10_sim::Model::Gm6020Voltage,
+        model => bail!("no simulated ESC for a {}", model.name),
+    };
+    let mut config = EscConfig::new(twin, id);
+    config.plant = config.plant.with_load_inertia(inertia);
+    config.rate = match rate {
+        FeedbackRate::Hz1000 => rc10_sim::FeedbackRate::Hz1000,
+        FeedbackRate::Hz500 => rc10_sim::FeedbackRate::Hz500,
+        FeedbackRate::Hz250 => rc10_sim::FeedbackRate::Hz250,
+        FeedbackRate::Hz125 => rc10_sim::FeedbackRate::Hz125,
+    };
+    Ok(config)
 }
 
 /// A mecanum base on four of the motors.
@@ -134,15 +239,16 @@ impl Script {
 impl Description {
     /// The motors of a bus, in the order in which they are attached.
     pub fn on_bus(&self, bus: u8) -> impl Iterator<Item = &Motor> {
-        self.motors.iter().filter(move |motor| motor.bus == bus)
+        self.motors.iter().filter(move |motor| motor.on == Place::Bus(bus))
     }
 
     /// Where the motor in a line of [`Description::motors`] is: its bus, 0 for the first, and its
     /// place there.
     #[must_use]
     pub fn place(&self, line: usize) -> Option<(usize, MotorId)> {
-        let bus = self.motors.get(line)?.bus;
-        let before = self.motors[..line].iter().filter(|motor| motor.bus == bus).count();
+        let on = self.motors.get(line)?.on;
+        let before = self.motors[..line].iter().filter(|motor| motor.on == on).count();
+        let Place::Bus(bus) = on else { return None };
         Some((usize::from(bus).checked_sub(1)?, MotorId::new(u8::try_from(before).ok()?)))
     }
 
@@ -229,9 +335,8 @@ impl<'r> Robot<'r> {
         ensure!(buses == usize::from(described), "{buses} buses, but {described} described");
         for (number, bus) in (1..=described).zip(&self.buses) {
             let attached: Vec<_> = bus.motors().map(|(_, name)| name.to_string()).collect();
-            let described: Vec<_> = (self.description.on_bus(number))
-                .map(|motor| format!("{} id {}", motor.model.name, motor.id))
-                .collect();
+            let described: Vec<_> =
+                (self.description.on_bus(number)).map(|motor| motor.name().to_string()).collect();
             let list = |motors: Vec<String>| motors.join(", ");
             ensure!(
                 attached == described,

@@ -1,10 +1,10 @@
 //! The world around a robot, without the robot: wires, ESCs with their motors and loads, a base.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use rc10_motor::dji::Direction;
 use rc10_sim::{Base, BusConfig, Esc, Mounting, Wheels, World};
 
-use crate::robot::Description;
+use crate::robot::{Description, Place};
 
 /// The world around a robot.
 pub struct Surroundings {
@@ -31,11 +31,9 @@ impl Surroundings {
         let mut motors = Vec::new();
         for motor in &description.motors {
             let add = || {
-                let wire = usize::from(motor.bus).checked_sub(1).and_then(|bus| wires.get(bus));
-                let wire = wire.with_context(|| format!("there is no bus {}", motor.bus))?;
-                let esc = wire.add_esc(motor.esc()?)?;
-                esc.set_load(motor.sign() * motor.load);
-                anyhow::Ok(esc)
+                let Place::Bus(bus) = motor.on else { bail!("there is no {}", motor.on) };
+                let wire = usize::from(bus).checked_sub(1).and_then(|bus| wires.get(bus));
+                motor.put_on(wire.with_context(|| format!("there is no {}", motor.on))?)
             };
             motors.push(add().with_context(|| format!("motor table, {}", motor.label))?);
         }
@@ -83,10 +81,10 @@ mod tests {
         let arm = Motor::new("arm", 2, &dji::M2006, 1);
         assert_eq!(complaint(arm, None), None);
         for (motor, wheels, words) in [
-            (Motor { bus: 0, ..arm }, None, "motor table, arm: there is no bus 0"),
-            (Motor { bus: 3, ..arm }, None, "motor table, arm: there is no bus 3"),
+            (Motor { on: Place::Bus(0), ..arm }, None, "motor table, arm: there is no bus 0"),
+            (Motor { on: Place::Bus(3), ..arm }, None, "motor table, arm: there is no bus 3"),
             (
-                Motor { model: &OTHER, ..arm },
+                Motor::new("arm", 2, &OTHER, 1),
                 None,
                 "motor table, arm: no simulated ESC for a M3508 without gearbox",
             ),
@@ -94,7 +92,7 @@ mod tests {
         ] {
             assert_eq!(complaint(motor, wheels).as_deref(), Some(words));
         }
-        assert!(complaint(Motor { id: 9, ..arm }, None).is_some());
+        assert!(complaint(Motor::new("arm", 2, &dji::M2006, 9), None).is_some());
         assert!(complaint(arm, Some([0, 1, 2, 2])).is_some());
     }
 }

@@ -8,7 +8,7 @@ use rc10_sim::Chassis;
 
 use crate::emulate::build_firmware;
 use crate::recording::Event;
-use crate::robot::{Base, Description, Motor, Robot, Script};
+use crate::robot::{Base, Description, Device, Motor, Place, Robot, Script};
 
 /// What the tools must know of it.
 #[must_use]
@@ -46,7 +46,8 @@ fn motor(entry: &Entry) -> Motor {
         _ => (0.0, 0.0),
     };
     let &Entry { label, bus, model, id, direction, rate, .. } = entry;
-    Motor { label, bus, model, id, direction, rate, inertia, load }
+    let device = Device::Dji { model, id, rate };
+    Motor { direction, inertia, load, ..Motor::with_device(label, Place::Bus(bus), device) }
 }
 
 /// The robot with all its tasks, before it runs.

@@ -2,9 +2,11 @@
 
 use std::io::{self, Write};
 
+use rc10_can::CanFrame;
 use rc10_can::embedded_can::Id;
 
-use rc10_motor::dji::{Direction, Effort};
+use rc10_motor::dji::{Direction, Effort, Model};
+use rc10_motor::signals::{Message, Presence, Signal};
 use rc10_motor::{FrameError, MotorStatus};
 use serde_json::{Map, Value, json};
 
@@ -69,7 +71,7 @@ fn three(value: f32) -> f64 {
 
 /// `M3508 id 3`.
 fn device(motor: &Motor) -> String {
-    format!("{} id {}", motor.model.name, motor.id)
+    motor.name().to_string()
 }
 
 /// How wide the columns that name a motor are: as the longest text in them.
@@ -93,20 +95,48 @@ impl Columns {
 
 /// What a raw command asks of a motor, the way the robot counts, and its unit: amperes, or per cent
 /// of the full voltage.
-fn effort(motor: &Motor, raw: i16) -> (f64, &'static str) {
-    let share = f64::from(raw) / f64::from(motor.model.full_scale);
+fn effort(motor: &Motor, model: &Model, raw: i16) -> (f64, &'static str) {
+    let share = f64::from(raw) / f64::from(model.full_scale);
     let share = match motor.direction {
         Direction::Forward => share,
         Direction::Reversed => -share,
     };
-    match motor.model.effort {
+    match model.effort {
         Effort::Current(full) => (share * f64::from(full), "A"),
         Effort::Voltage => (share * 100.0, "%"),
     }
 }
 
-fn beyond_full_scale(motor: &Motor, raw: i16) -> bool {
-    raw.unsigned_abs() > motor.model.full_scale.unsigned_abs()
+fn beyond_full_scale(model: &Model, raw: i16) -> bool {
+    raw.unsigned_abs() > model.full_scale.unsigned_abs()
+}
+
+/// The signals that are in a frame, with their values.
+fn signals<'m>(
+    message: &'m Message,
+    frame: &CanFrame,
+) -> impl Iterator<Item = (&'m Signal, f64, Option<&'static str>)> {
+    let switch = message.signals.iter().find(|signal| signal.presence == Presence::Switch);
+    let payload = *frame;
+    let case = switch.and_then(|switch| switch.raw(payload.bytes()));
+    message.signals.iter().filter_map(move |signal| {
+        if let Presence::If(wanted) = signal.presence
+            && case != Some(u64::from(wanted))
+        {
+            return None;
+        }
+        let raw = signal.raw(payload.bytes())?;
+        let name = signal.values.iter().find(|(value, _)| u64::from(*value) == raw);
+        Some((signal, signal.physical(payload.bytes())?, name.map(|(_, name)| *name)))
+    })
+}
+
+fn signal_text((signal, value, name): (&Signal, f64, Option<&'static str>)) -> String {
+    match (name, signal.unit) {
+        (Some(name), _) => format!("{} {name}", signal.name),
+        (None, "") => format!("{} {}", signal.name, rounded(value, 3)),
+        (None, unit) => format!("{} {} {unit}", signal.name, rounded(value, 3)),
+    }
 }
 
 fn text(columns: &Columns, line: &Line<'_>, meaning: &Meaning<'_>) -> String {
@@ -128,6 +158,10 @@ fn text(columns: &Columns, line: &Line<'_>, meaning: &Meaning<'_>) -> String {
                 three(feedback.current().unwrap_or_default().get()),
             )
         }
+        Meaning::Message { motor, message, .. } => {
+            let signals: Vec<_> = signals(message, &line.frame).map(signal_text).collect();
+            format!("{start}  {}  {}  {}", columns.name(motor), message.name, signals.join("  "))
+        }
         Meaning::Command(lanes) => {
             let lanes: Vec<String> = lanes.iter().map(lane_text).collect();
             let lanes = if lanes.is_empty() { "no motor".to_owned() } else { lanes.join("  ") };
@@ -136,27 +170,29 @@ fn text(columns: &Columns, line: &Line<'_>, meaning: &Meaning<'_>) -> String {
         Meaning::Malformed { motor, error } => {
             let command = || format!("command {:03X}", line.frame.raw_id());
             let whose = motor.map_or_else(command, |motor| columns.name(motor));
-            format!("{start}  {whose}  MALFORMED: {}: {}", reason(line, *error), line.frame)
+            format!("{start}  {whose}  MALFORMED: {}: {}", reason(line, *motor, *error), line.frame)
         }
         Meaning::Unknown => start,
     }
 }
 
 /// What is wrong with a frame, with the figures that a motor on the chip does not keep.
-fn reason(line: &Line<'_>, error: FrameError) -> String {
+fn reason(line: &Line<'_>, motor: Option<&Motor>, error: FrameError) -> String {
     match error {
         // All frames of DJI motors have eight.
-        FrameError::Length => format!("{} data bytes instead of 8", line.frame.len()),
+        FrameError::Length if motor.is_none_or(|motor| motor.dji().is_some()) => {
+            format!("{} data bytes instead of 8", line.frame.len())
+        }
         other => other.to_string(),
     }
 }
 
 fn lane_text(lane: &Lane<'_>) -> String {
-    let Some(motor) = lane.motor else {
+    let Some((motor, (model, _))) = lane.motor.and_then(|motor| Some((motor, motor.dji()?))) else {
         return format!("lane {} of no motor: raw {}", lane.number, lane.raw);
     };
-    let (value, unit) = effort(motor, lane.raw);
-    let beyond = if beyond_full_scale(motor, lane.raw) { " (beyond full scale)" } else { "" };
+    let (value, unit) = effort(motor, model, lane.raw);
+    let beyond = if beyond_full_scale(model, lane.raw) { " (beyond full scale)" } else { "" };
     format!("{} {:>7.3} {unit}{beyond}", motor.label, rounded(value, 3))
 }
 
@@ -176,21 +212,41 @@ fn object(number: u64, line: &Line<'_>, bus: u8, meaning: &Meaning<'_>) -> Value
         Meaning::Feedback { motor, raw, feedback } => json!({
             "kind": "feedback",
             "motor": motor.label,
-            "model": motor.model.name,
-            "id": motor.id,
+            "model": motor.name().model,
+            "id": motor.name().id,
             "angle_deg": six(feedback.angle.get()),
             "total_angle_deg": millionths(feedback.total_angle.microdegrees()),
             "speed_rpm": six(feedback.speed.get()),
             "current_a": feedback.current().map(|current| six(current.get())),
             "torque_nm": feedback.torque().map(|torque| six(torque.get())),
             "temperature_c": feedback.temperature().map(|temperature| six(temperature.get())),
-            "raw": {
+            "raw": raw.map(|raw| json!({
                 "angle": raw.angle,
                 "rpm": raw.rpm,
                 "current": raw.current,
                 "temperature": raw.temperature,
-            },
+            })),
         }),
+        Meaning::Message { motor, message, from_device } => {
+            let signals = signals(message, &line.frame).map(|(signal, value, name)| {
+                json!({
+                    "signal": signal.name,
+                    "value": rounded(value, 9),
+                    "unit": signal.unit,
+                    "name": name,
+                })
+            });
+            json!({
+                "kind": "message",
+                "frame": line.frame.to_string(),
+                "motor": motor.label,
+                "model": motor.name().model,
+                "id": motor.name().id,
+                "message": message.name,
+                "from_device": from_device,
+                "signals": signals.collect::<Value>(),
+            })
+        }
         Meaning::Command(lanes) => json!({
             "kind": "command",
             "frame": line.frame.to_string(),
@@ -200,7 +256,7 @@ fn object(number: u64, line: &Line<'_>, bus: u8, meaning: &Meaning<'_>) -> Value
             "kind": "malformed",
             "frame": line.frame.to_string(),
             "motor": motor.map(|motor| motor.label),
-            "error": reason(line, *error),
+            "error": reason(line, *motor, *error),
         }),
         Meaning::Unknown => json!({ "kind": "unknown", "frame": line.frame.to_string() }),
     };
@@ -216,15 +272,17 @@ fn merge(object: &mut Value, rest: Value) {
 
 fn lane_object(lane: &Lane<'_>) -> Value {
     let mut object = json!({ "lane": lane.number, "raw": lane.raw });
-    if let Some(motor) = lane.motor {
-        let (value, unit) = effort(motor, lane.raw);
+    if let Some(motor) = lane.motor
+        && let Some((model, id)) = motor.dji()
+    {
+        let (value, unit) = effort(motor, model, lane.raw);
         let mut rest = Map::new();
         rest.insert("motor".to_owned(), json!(motor.label));
-        rest.insert("model".to_owned(), json!(motor.model.name));
-        rest.insert("id".to_owned(), json!(motor.id));
+        rest.insert("model".to_owned(), json!(model.name));
+        rest.insert("id".to_owned(), json!(id));
         let name = if unit == "A" { "current_a" } else { "voltage_percent" };
         rest.insert(name.to_owned(), json!(rounded(value, 6)));
-        rest.insert("beyond_full_scale".to_owned(), json!(beyond_full_scale(motor, lane.raw)));
+        rest.insert("beyond_full_scale".to_owned(), json!(beyond_full_scale(model, lane.raw)));
         merge(&mut object, Value::Object(rest));
     }
     object
@@ -261,8 +319,8 @@ fn summary_object(summary: &Summary, decoder: &Decoder<'_, '_>) -> Value {
         decoder.motors(bus).map(move |(motor, status)| {
             json!({
                 "motor": motor.label,
-                "model": motor.model.name,
-                "id": motor.id,
+                "model": motor.name().model,
+                "id": motor.name().id,
                 "channel": name,
                 "bus": bus,
                 "mirrored": motor.direction == Direction::Reversed,

@@ -125,7 +125,8 @@ impl<'a> Outcome<'a> {
             })).collect::<Vec<_>>(),
             "motors": recording.motors.iter().map(|track| json!({
                 "motor": track.motor.label,
-                "bus": track.motor.bus,
+                "bus": track.motor.on.bus(),
+                "line": track.motor.on.line(),
                 "link": format!("{:?}", track.last.link),
                 "rpm": track.samples.last().map(|sample| sample.rpm),
                 "received": track.last.counters.received,
