@@ -6,6 +6,8 @@
 #![no_std]
 #![no_main]
 
+mod codecs;
+
 use core::hint::black_box;
 
 use cortex_m_rt::entry;
@@ -37,6 +39,7 @@ fn main() -> ! {
     measure(|degrees, _| Target::Angle(degrees), angle_tick);
     measure(|_, rpm| Target::Speed(rpm), frames);
     measure(|_, _| Target::Coast, coasting_tick);
+    codecs::measure();
     done()
 }
 
