@@ -50,6 +50,7 @@
 
 mod base;
 mod controller;
+pub mod damiao;
 mod device;
 mod dji;
 mod handles;

@@ -1,0 +1,121 @@
+//! How a motor is set up, and what its data sheet says.
+
+use super::codec::{Limits, Mode};
+use crate::motor::Plant;
+
+/// What it reports beyond ±PMAX: no source says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Beyond {
+    /// The end of the range.
+    #[default]
+    Saturates,
+    /// The other end, and on from there.
+    Wraps,
+}
+
+/// A motor, to be put on a bus.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DamiaoConfig {
+    /// What it listens to, 0 ..= 0x7FF.
+    pub can_id: u16,
+    /// What it answers with, 0 ..= 0x7FF.
+    pub master_id: u16,
+    /// How it is controlled.
+    pub mode: Mode,
+    /// Its ranges.
+    pub limits: Limits,
+    /// Silence after which it stops, in 50 µs; 0 for never, as it is sold.
+    pub timeout: u32,
+    /// How fast its own loops change the velocity, rad/s².
+    pub acceleration: f64,
+    /// What it acknowledges a written register with: 0x55 (J10010L) or 0x33 (S3519).
+    pub acknowledges_with: u8,
+    /// Old firmware takes frames only with the offset of the mode it is in.
+    pub old_firmware: bool,
+    /// Whether it shorts its winding while disabled (H3510).
+    pub brakes_while_disabled: bool,
+    /// See [`Beyond`].
+    pub beyond: Beyond,
+    /// The motor and its load.
+    pub plant: Plant,
+}
+
+impl DamiaoConfig {
+    /// A DM-J4310 on 24 V in MIT mode, as it is sold, nothing on its shaft.
+    #[must_use]
+    pub const fn j4310(can_id: u16, master_id: u16) -> Self {
+        let limits = Limits { position: 12.5, velocity: 30.0, torque: 10.0 };
+        Self::new(can_id, master_id, limits, j4310())
+    }
+
+    /// A DM-J8009 on 48 V in MIT mode, as it is sold, nothing on its shaft.
+    #[must_use]
+    pub const fn j8009(can_id: u16, master_id: u16) -> Self {
+        let limits = Limits { position: 12.5, velocity: 45.0, torque: 54.0 };
+        Self::new(can_id, master_id, limits, j8009())
+    }
+
+    /// Any other, in MIT mode.
+    #[must_use]
+    pub const fn new(can_id: u16, master_id: u16, limits: Limits, plant: Plant) -> Self {
+        Self {
+            can_id,
+            master_id,
+            mode: Mode::Mit,
+            limits,
+            timeout: 0,
+            acceleration: 200.0,
+            acknowledges_with: 0x55,
+            old_firmware: false,
+            brakes_while_disabled: false,
+            beyond: Beyond::Saturates,
+            plant,
+        }
+    }
+}
+
+/// DM-J4310-2EC V1.1. Data sheet: gear 10, 0.945 N·m/A, 200 rpm without load at 24 V, 0.85 Ω,
+/// 1.8e-5 kg·m², 10.261 A. Friction and heating are estimates.
+const fn j4310() -> Plant {
+    Plant {
+        gear_ratio: 10.0,
+        torque_constant: 0.945,
+        back_emf: 0.0,
+        resistance: 0.85,
+        supply: 24.0,
+        current_limit: 10.261,
+        current_time_constant: 1e-3,
+        rotor_inertia: 1.8e-5,
+        load_inertia: 0.0,
+        viscous_friction: 5e-3,
+        coulomb_friction: 0.05,
+        static_friction: 0.07,
+        ambient: 25.0,
+        thermal_resistance: 4.0,
+        thermal_time_constant: 200.0,
+    }
+    .with_no_load_speed(2000.0)
+}
+
+/// DM-J8009-2EC. Data sheet: gear 9, 1.261575 N·m/A, 335 rpm without load at 48 V, 0.145 Ω,
+/// 1.95e-4 kg·m², 41.045 A. Friction and heating are estimates.
+const fn j8009() -> Plant {
+    Plant {
+        gear_ratio: 9.0,
+        torque_constant: 1.261_575,
+        back_emf: 0.0,
+        resistance: 0.145,
+        supply: 48.0,
+        current_limit: 41.045,
+        current_time_constant: 1e-3,
+        rotor_inertia: 1.95e-4,
+        load_inertia: 0.0,
+        viscous_friction: 2e-2,
+        coulomb_friction: 0.25,
+        static_friction: 0.35,
+        ambient: 25.0,
+        thermal_resistance: 1.5,
+        thermal_time_constant: 400.0,
+    }
+    .with_no_load_speed(3015.0)
+}
