@@ -107,8 +107,10 @@ impl Servo {
     /// # Errors
     /// [`TargetError`]; the old target stays.
     pub fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        // The usual case is the same target again.
-        if target != self.target {
+        // The usual case is the same target again; but coasting is also what a target becomes whose
+        // number lies elsewhere since a new zero.
+        let is_same = target == self.target && (target != Target::Coast || self.goal == Goal::Rest);
+        if !is_same {
             self.supports().accepts(&target)?;
             self.goal = goal_of(target);
             self.target = target;
