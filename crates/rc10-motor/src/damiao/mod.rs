@@ -26,16 +26,57 @@
 //! * What a mode's frame does while the motor is in another mode is not documented.
 //! * Storing the zero takes effect at once and lasts: only while disabled.
 //!
+//! A [`Damiao`] enables its motor when it is driven, and disables it when the robot is disarmed or
+//! has no command: only MIT mode can coast while enabled ([`Target::Coast`](crate::Target::Coast)).
+//! Before it is ever enabled, registers 10 and 21 to 23 are read; what is not as configured is a
+//! fault with text (code 0x100 + register). An error of the device (codes 5 to 14) keeps it
+//! disabled until [`Request::ClearFault`](crate::Request::ClearFault).
+//!
+//! * An angle is sought within ±PMAX only: what a motor does beyond is not documented.
+//!   A target there is [`OutOfRange`](crate::TargetError::OutOfRange).
+//! * Holding and braking are the same in the position modes; in velocity mode a motor told to hold
+//!   stands still, and gives way slowly.
+//! * [`StoreZero`](crate::Request::StoreZero), writing and saving registers: only while disarmed.
+//!   Saving makes it deaf for up to 30 ms: it is lost for a moment.
+//!
+//! ```
+//! use rc10_motor::cascade::Cascade;
+//! use rc10_motor::damiao::{Control, Damiao, models};
+//! use rc10_motor::rc10_app::{PidConfig, RpmPerSecond};
+//!
+//! // A J4310 under an arm of 0.02 kg m², driven in MIT mode. 1 rpm is 0.105 rad/s: with
+//! // kp = 0.063 N m/rpm the speed follows in 0.02 / (0.063 · 9.55) s = 33 ms.
+//! let cascade = Cascade {
+//!     speed: PidConfig::new(0.063, 0.5, 0.0, 7.0),
+//!     angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
+//!     outer_divider: 1,
+//!     acceleration: RpmPerSecond::new(1000.0),
+//!     feed_forward: 0.0,
+//! };
+//! let arm = Damiao::new(models::J4310, 0x11, 0x31, Control::Mit(cascade))?;
+//! // The same low byte twice: it would answer itself.
+//! assert!(Damiao::new(models::J4310, 0x11, 0x111, Control::Velocity).is_err());
+//! # Ok::<(), rc10_motor::rc10_app::ConfigError>(())
+//! ```
+//!
 //! Sources: manuals of J4310, J4340, J6006, J8009, J10010L and S3519; the vendor's `dm_motor_drv.c`,
 //! `DM_CAN` and dm-tools; `openarm_can` and damiao-motor 1.0.6 (Python). Where they disagree: 0xFD disables
 //! (one vendor table swaps it with 0xFE); a write is acknowledged with 0x55 or 0x33; a velocity has
 //! four bytes.
 
+mod can;
+mod control;
+mod dialogue;
 pub mod mit;
 pub mod models;
+mod motor;
 pub mod registers;
+mod shaft;
+pub mod signals;
 pub mod wire;
 
+pub use control::Control;
 pub use mit::{Limits, Setpoint};
 pub use models::Model;
+pub use motor::Damiao;
 pub use wire::{DeviceId, Feedback, Mode, Operation, State};

@@ -195,6 +195,21 @@ pub enum State {
     Error(u8),
 }
 
+/// States of a motor on the wire: manuals of J4310 and S3519 (5, 6).
+pub(super) const ERRORS: [(u32, &str); 11] = [
+    (0x0, "disabled"),
+    (0x1, "enabled"),
+    (0x5, "sensor error"),
+    (0x6, "parameter error"),
+    (0x8, "over-voltage"),
+    (0x9, "under-voltage"),
+    (0xA, "over-current"),
+    (0xB, "transistors too hot"),
+    (0xC, "coil too hot"),
+    (0xD, "communication lost"),
+    (0xE, "overload"),
+];
+
 impl State {
     /// As it is on the wire, 0 ..= 15.
     #[must_use]
@@ -218,19 +233,14 @@ impl State {
     #[must_use]
     pub const fn fault(self) -> Option<Fault> {
         let Self::Error(code) = self else { return None };
-        // Manuals of J4310 and S3519 (5, 6).
-        let text = match code {
-            0x5 => "sensor error",
-            0x6 => "parameter error",
-            0x8 => "over-voltage",
-            0x9 => "under-voltage",
-            0xA => "over-current",
-            0xB => "transistors too hot",
-            0xC => "coil too hot",
-            0xD => "communication lost",
-            0xE => "overload",
-            _ => "an error the manual does not name",
-        };
+        let mut text = "an error the manual does not name";
+        let mut index = 0;
+        while index < ERRORS.len() {
+            if ERRORS[index].0 == code as u32 {
+                text = ERRORS[index].1;
+            }
+            index += 1;
+        }
         Some(Fault::new(code as u32, text))
     }
 }
