@@ -5,6 +5,7 @@
 
 mod cybergear;
 mod damiao;
+mod damiao_values;
 mod lk;
 mod odrive;
 mod unitree_line;

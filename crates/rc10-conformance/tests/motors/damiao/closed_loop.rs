@@ -1,0 +1,325 @@
+use super::{LOAD, Rig, cascade, controls, device, motor};
+use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
+use rc10_motor::damiao::{Control, Damiao, models};
+use rc10_motor::dji::Direction;
+use rc10_motor::{
+    ArmSwitch, CommandError, Condition, Drive, Impedance, Request, Safety, Target, TargetError,
+    TargetKind,
+};
+use rc10_sim::damiao::{Beyond, DamiaoConfig};
+
+const FORWARD: Target = Target::Speed(Rpm::new(100.0));
+
+fn angle(degrees: i32) -> Target {
+    Target::TotalAngle(TotalAngle::from_degrees(degrees))
+}
+
+fn mit() -> Control {
+    Control::Mit(cascade())
+}
+
+/// Armed, the motor is enabled within three ticks; before, never.
+#[test]
+fn it_is_enabled_by_a_command_and_disabled_with_the_robot() {
+    for control in controls() {
+        let switch = ArmSwitch::new();
+        let mut motor = motor(control);
+        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST);
+        rig.bench.tick();
+        assert_eq!(rig.status().condition, Condition::Starting);
+        let target = if control == Control::Velocity { FORWARD } else { angle(90) };
+        rig.bench.hold(rig.motor, target, 50).unwrap();
+        assert!(!rig.is_enabled(), "{control:?}");
+        assert_eq!(rig.status().condition, Condition::Ready);
+        switch.arm().unwrap();
+        rig.bench.hold(rig.motor, target, 3).unwrap();
+        assert!(rig.is_enabled(), "{control:?}");
+        rig.bench.hold(rig.motor, target, 100).unwrap();
+        assert!(rig.esc.state().output_rpm > 20.0, "{control:?}");
+        switch.disarm();
+        rig.bench.wait(2);
+        assert!(!rig.is_enabled(), "{control:?}");
+        assert_eq!(rig.esc.state().current, 0.0);
+        switch.arm().unwrap();
+        rig.bench.hold(rig.motor, target, 3).unwrap();
+        assert!(rig.is_enabled(), "{control:?}");
+        switch.emergency_stop();
+        rig.bench.wait(2);
+        assert!(!rig.is_enabled(), "{control:?}");
+        assert_eq!(rig.esc.state().malformed, 0);
+        assert_eq!(rig.bench.refused(), 0);
+    }
+}
+
+#[test]
+fn mit_mode_reaches_speeds_angles_and_torques() {
+    let switch = ArmSwitch::new();
+    let mut motor = motor(mit());
+    let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST).armed();
+    rig.bench.hold(rig.motor, FORWARD, 400).unwrap();
+    let rpm = rig.esc.state().output_rpm;
+    assert!((rpm - 100.0).abs() < 2.0, "{rpm} rpm");
+    assert!((f64::from(rig.status().feedback.speed.get()) - rpm).abs() < 0.2);
+
+    // From wherever it is now, back to 250 degrees.
+    rig.bench.hold(rig.motor, angle(250), 1500).unwrap();
+    let told = rig.status().feedback;
+    assert!((told.total_angle.degrees().get() - 250.0).abs() < 0.5, "{:?}", told.total_angle);
+    // The shorter way round: 10 degrees are 370.
+    rig.bench.hold(rig.motor, Target::Angle(Degrees::new(10.0)), 1000).unwrap();
+    let told = rig.status().feedback;
+    assert!((told.total_angle.degrees().get() - 370.0).abs() < 0.5, "{:?}", told.total_angle);
+    assert!((told.angle.get() - 10.0).abs() < 0.5);
+
+    // 1 N m on 0.0218 kg m² for 100 ms, friction 0.05: 4.3 rad/s.
+    rig.bench.hold(rig.motor, Target::Coast, 300).unwrap();
+    assert!(rig.is_enabled(), "coasting is no reason to disable it");
+    let before = rig.esc.state().output_rpm;
+    rig.bench.hold(rig.motor, Target::Torque(NewtonMetres::new(1.0)), 100).unwrap();
+    let gained = (rig.esc.state().output_rpm - before) * 0.104_72;
+    let expected = (1.0 - 0.05) / (LOAD + 1.8e-3) * 0.09;
+    assert!((gained - expected).abs() < 0.4, "{gained} {expected}");
+    let torque = rig.status().feedback.torque().unwrap().get();
+    assert!((torque - 1.0).abs() < 0.02, "{torque}");
+}
+
+/// Half-way round and loaded, the device's own spring gives what was asked for.
+#[test]
+fn an_impedance_is_the_devices_own() {
+    for direction in [Direction::Forward, Direction::Reversed] {
+        let switch = ArmSwitch::new();
+        let mut motor = motor(mit()).with_direction(direction);
+        let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST).armed();
+        let spring =
+            Impedance { angle: Degrees::new(60.0), kp: 20.0, kd: 1.5, ..Impedance::default() };
+        rig.bench.hold(rig.motor, Target::Impedance(spring), 1000).unwrap();
+        let told = rig.status().feedback.total_angle.degrees().get();
+        // Friction of 0.07 N m on 20 N m/rad: 0.2 degrees.
+        assert!((told - 60.0).abs() < 0.3, "{told}");
+        // A load of 2 N m: 5.7 degrees.
+        let sign = if direction == Direction::Forward { 1.0 } else { -1.0 };
+        rig.esc.set_load(sign * 2.0);
+        rig.bench.hold(rig.motor, Target::Impedance(spring), 1000).unwrap();
+        let told = rig.status().feedback.total_angle.degrees().get();
+        assert!((told - 65.73).abs() < 0.4, "{told}");
+        let against = Impedance { torque: NewtonMetres::new(-2.0), ..spring };
+        rig.bench.hold(rig.motor, Target::Impedance(against), 1000).unwrap();
+        let told = rig.status().feedback.total_angle.degrees().get();
+        assert!((told - 60.0).abs() < 0.4, "{told}");
+    }
+}
+
+#[test]
+fn an_impedance_begins_softly() {
+    let switch = ArmSwitch::new();
+    let mut motor = motor(mit());
+    let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST).armed();
+    let torque = NewtonMetres::new(5.0);
+    let target = Target::Impedance(Impedance { torque, ..Impedance::default() });
+    let mut last = 0.0;
+    for _ in 0..40 {
+        rig.bench.hold(rig.motor, target, 1).unwrap();
+        let now = rig.esc.state().current * 0.945;
+        assert!(now - last < 0.45, "{last} to {now} N m in a tick");
+        last = now;
+    }
+    assert!((last - 5.0).abs() < 0.2, "{last}");
+}
+
+#[test]
+fn the_devices_own_loops_reach_their_targets() {
+    for control in controls() {
+        let (target, is_position) = match control {
+            Control::Mit(_) => continue,
+            Control::Velocity => (FORWARD, false),
+            _ => (angle(-200), true),
+        };
+        let switch = ArmSwitch::new();
+        let mut motor = motor(control);
+        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+        let mut fastest: f64 = 0.0;
+        for _ in 0..900 {
+            rig.bench.hold(rig.motor, target, 1).unwrap();
+            fastest = fastest.max(rig.esc.state().output_rpm.abs());
+        }
+        let told = rig.status().feedback;
+        if is_position {
+            let degrees = told.total_angle.degrees().get();
+            assert!((degrees + 200.0).abs() < 0.5, "{control:?}: {degrees}");
+            rig.bench.hold(rig.motor, Target::Angle(Degrees::new(170.0)), 700).unwrap();
+            let degrees = rig.status().feedback.total_angle.degrees().get();
+            assert!((degrees + 190.0).abs() < 0.5, "{control:?}: {degrees}");
+        } else {
+            assert!((told.speed.get() - 100.0).abs() < 1.0, "{control:?}: {}", told.speed);
+        }
+        assert!(fastest < 108.0, "{control:?}: no faster than told, but {fastest} rpm");
+        // No torque means disabled there.
+        rig.bench.hold(rig.motor, Target::Coast, 3).unwrap();
+        assert!(!rig.is_enabled(), "{control:?}");
+        assert_eq!(rig.status().condition, Condition::Ready);
+    }
+}
+
+#[test]
+fn force_position_pushes_no_harder_than_its_share() {
+    let control = Control::ForcePosition { speed: Rpm::new(100.0), torque_share: 0.2 };
+    let switch = ArmSwitch::new();
+    let mut motor = motor(control);
+    let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+    // 0.2 of 10 N m cannot lift 3 N m.
+    rig.esc.set_load(-3.0);
+    let mut hardest: f64 = 0.0;
+    for _ in 0..200 {
+        rig.bench.hold(rig.motor, angle(90), 1).unwrap();
+        hardest = hardest.max(rig.esc.state().current.abs() * 0.945);
+    }
+    assert!((hardest - 2.0).abs() < 0.05, "{hardest}");
+}
+
+#[test]
+fn holding_and_braking_stop_it_where_it_is() {
+    for control in controls() {
+        for safety in [Safety::HOLD, Safety::BRAKE] {
+            let switch = ArmSwitch::new();
+            let mut motor = motor(control);
+            let mut rig = Rig::new(&switch, &mut motor, &device(&control), safety).armed();
+            let target = if control == Control::Velocity { FORWARD } else { angle(500) };
+            rig.bench.hold(rig.motor, target, 150).unwrap();
+            assert!(rig.esc.state().output_rpm > 60.0, "{control:?}");
+            let expired = rig.status().counters.expired;
+            // 50 ms until the command expires.
+            rig.bench.wait(50 + 900);
+            let status = rig.status();
+            assert_eq!(status.counters.expired, expired + 1);
+            assert_eq!(status.drive, safety.state.drive());
+            let (rpm, stands) = (rig.esc.state().output_rpm, rig.esc.state().output_degrees);
+            assert!(rpm.abs() < 2.0, "{control:?} {safety:?}: {rpm}");
+            rig.esc.set_load(-1.0);
+            rig.bench.wait(500);
+            let (rpm, now) = (rig.esc.state().output_rpm, rig.esc.state().output_degrees);
+            assert!(rpm.abs() < 2.0, "{control:?} {safety:?}: {rpm}");
+            let holds = safety == Safety::HOLD && control != Control::Velocity;
+            if holds {
+                assert!((now - stands).abs() < 3.0, "{control:?}: {stands} to {now}");
+            }
+            assert!(rig.is_enabled());
+        }
+    }
+}
+
+#[test]
+fn what_lies_beyond_its_range_is_refused() {
+    let switch = ArmSwitch::new();
+    let mut motor = motor(mit());
+    let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST).armed();
+    let id = rig.motor;
+    let far = |rig: &mut Rig<'_>, target| {
+        let now = rig.bench.world.now();
+        rig.bench.bus.command(id, target, now)
+    };
+    let out = |kind| Err(CommandError::Target(TargetError::OutOfRange(kind)));
+    // PMAX is 716.197 degrees, VMAX 286.5 rpm.
+    assert_eq!(far(&mut rig, angle(716)), Ok(()));
+    assert_eq!(far(&mut rig, angle(717)), out(TargetKind::TotalAngle));
+    assert_eq!(far(&mut rig, angle(-717)), out(TargetKind::TotalAngle));
+    let fast = Target::Speed(Rpm::new(287.0));
+    assert_eq!(far(&mut rig, fast), out(TargetKind::Speed));
+    let good = Impedance { kp: 10.0, kd: 1.0, ..Impedance::default() };
+    assert_eq!(far(&mut rig, Target::Impedance(good)), Ok(()));
+    for bad in [
+        Impedance { kp: -1.0, ..good },
+        Impedance { kp: 501.0, ..good },
+        Impedance { kd: 5.1, ..good },
+        Impedance { angle: Degrees::new(720.0), ..good },
+        Impedance { angle: Degrees::new(f32::MAX), ..good },
+        Impedance { speed: Rpm::new(300.0), ..good },
+    ] {
+        assert_eq!(far(&mut rig, Target::Impedance(bad)), out(TargetKind::Impedance), "{bad:?}");
+    }
+    // A new zero moves the range.
+    rig.bench.hold(rig.motor, angle(90), 1000).unwrap();
+    assert_eq!(rig.ask(Request::SetZero), Ok(rc10_motor::Answer::Done));
+    assert_eq!(far(&mut rig, angle(630)), out(TargetKind::TotalAngle));
+    assert_eq!(far(&mut rig, angle(-716)), Ok(()));
+    assert_eq!(rig.status().counters.refused, 10);
+
+    let narrow = rc10_motor::damiao::Limits::new(3.0, 30.0, 10.0).unwrap();
+    let model = rc10_motor::damiao::Model { limits: narrow, ..models::J4310 };
+    let mut single = Damiao::new(model, 1, 0x21, mit()).unwrap();
+    let target = Target::Angle(Degrees::new(180.0));
+    use rc10_motor::Motor;
+    let refused = single.set_target(target);
+    assert_eq!(refused, Err(TargetError::OutOfRange(TargetKind::Angle)));
+    assert_eq!(single.set_target(Target::Angle(Degrees::new(190.0))), Ok(()));
+}
+
+/// Sources do not say what is told beyond PMAX; turning on and coming back is right for both.
+#[test]
+fn turning_beyond_the_range_and_back_is_survived() {
+    for beyond in [Beyond::Saturates, Beyond::Wraps] {
+        let switch = ArmSwitch::new();
+        let mut motor = motor(mit());
+        let config = DamiaoConfig { beyond, ..device(&mit()) };
+        let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST).armed();
+        let start = rig.esc.state().output_degrees;
+        rig.bench.hold(rig.motor, Target::Speed(Rpm::new(150.0)), 1200).unwrap();
+        let went = rig.esc.state().output_degrees - start;
+        assert!(went > 800.0, "{went}");
+        assert!((rig.status().feedback.speed.get() - 150.0).abs() < 3.0);
+        if beyond == Beyond::Wraps {
+            let told = f64::from(rig.status().feedback.total_angle.degrees().get());
+            assert!((told - went).abs() < 2.0, "{told} {went}");
+        }
+        rig.bench.hold(rig.motor, angle(100), 3000).unwrap();
+        let told = rig.status().feedback.total_angle.degrees().get();
+        assert!((told - 100.0).abs() < 0.5, "{beyond:?}: {told}");
+        let left = rig.esc.state().output_degrees - start;
+        assert!((left - 100.0).abs() < 1.0, "{beyond:?}: {left}");
+    }
+}
+
+#[test]
+fn a_reversed_motor_turns_the_other_way() {
+    for control in controls() {
+        let switch = ArmSwitch::new();
+        let mut motor = motor(control).with_direction(Direction::Reversed);
+        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+        let start = rig.esc.state().output_degrees;
+        if control == Control::Velocity {
+            rig.bench.hold(rig.motor, FORWARD, 500).unwrap();
+            assert!((rig.esc.state().output_rpm + 100.0).abs() < 2.0);
+            assert!((rig.status().feedback.speed.get() - 100.0).abs() < 2.0);
+        } else {
+            rig.bench.hold(rig.motor, angle(120), 1500).unwrap();
+            let moved = rig.esc.state().output_degrees - start;
+            assert!((moved + 120.0).abs() < 1.0, "{control:?}: {moved}");
+            let told = rig.status().feedback.total_angle.degrees().get();
+            assert!((told - 120.0).abs() < 0.5, "{control:?}: {told}");
+        }
+    }
+}
+
+#[test]
+fn a_new_zero_moves_nothing_and_coasting_still_coasts() {
+    for control in controls() {
+        if control == Control::Velocity {
+            continue;
+        }
+        let switch = ArmSwitch::new();
+        let mut motor = motor(control);
+        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+        rig.bench.hold(rig.motor, angle(120), 1500).unwrap();
+        let stands = rig.esc.state().output_degrees;
+        assert_eq!(rig.ask(Request::SetZero), Ok(rc10_motor::Answer::Done));
+        rig.bench.wait(40);
+        assert_eq!(rig.status().drive, Drive::Run);
+        assert!((rig.esc.state().output_degrees - stands).abs() < 0.5, "{control:?}");
+        assert!(rig.status().feedback.total_angle.degrees().get().abs() < 0.5);
+        // Not taken for what it does already.
+        rig.bench.hold(rig.motor, Target::Coast, 10).unwrap();
+        assert!(rig.esc.state().current.abs() < 0.01, "{control:?}");
+        rig.bench.hold(rig.motor, angle(-120), 1500).unwrap();
+        let moved = rig.esc.state().output_degrees - stands;
+        assert!((moved + 120.0).abs() < 1.0, "{control:?}: {moved}");
+    }
+}

@@ -1,0 +1,384 @@
+//! Cut wires, restarts, faults, strange frames.
+
+use super::{CAN_ID, MASTER_ID, MOST, Rig, TICK, cascade, controls, device, motor};
+use rc10_app::{Rpm, TotalAngle};
+use rc10_can::embedded_can::{ExtendedId, StandardId};
+use rc10_can::{CanFrame, Micros};
+use rc10_motor::damiao::{Control, Damiao, models};
+use rc10_motor::{
+    Answer, ArmSwitch, CanMotor, Condition, Drive, FrameError, Heard, Impedance, Link, Motor,
+    Request, RequestError, Safety, Target, TxBatch,
+};
+use rc10_sim::EscFault;
+use rc10_sim::damiao::{DamiaoConfig, Mode};
+
+fn mit() -> Control {
+    Control::Mit(cascade())
+}
+
+fn target_of(control: &Control) -> Target {
+    match control {
+        Control::Velocity => Target::Speed(Rpm::new(100.0)),
+        _ => Target::TotalAngle(TotalAngle::from_degrees(600)),
+    }
+}
+
+/// A cut wire: lost after 10 ms. Connected again: driven again at once, softly.
+#[test]
+fn a_cut_wire_is_survived() {
+    for control in controls() {
+        let switch = ArmSwitch::new();
+        let mut motor = motor(control);
+        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+        let target = target_of(&control);
+        rig.bench.hold(rig.motor, target, 100).unwrap();
+        rig.bench.wire.set_cut(true);
+        rig.bench.hold(rig.motor, target, 30).unwrap();
+        assert_eq!(rig.status().link, Link::Lost);
+        // Its word while it is lost is to disable.
+        let said: Vec<_> = rig.bench.sent().frames().iter().map(ToString::to_string).collect();
+        assert!(said.iter().all(|frame| frame.ends_with("#FFFFFFFFFFFFFFFD")), "{said:?}");
+        rig.bench.wire.set_cut(false);
+        rig.bench.hold(rig.motor, target, 15).unwrap();
+        assert_eq!(rig.status().link, Link::Online);
+        assert_eq!(rig.status().feedback.turn_gaps, 1);
+        rig.bench.hold(rig.motor, target, 30).unwrap();
+        assert!(rig.is_enabled(), "{control:?}");
+        assert!(rig.esc.state().output_rpm > 20.0, "{control:?}");
+    }
+}
+
+/// A device that restarts is disabled: it is looked at again, enabled again, and pushed softly.
+#[test]
+fn a_restart_gives_no_kick() {
+    let impedance = Impedance { kp: 20.0, kd: 1.0, ..Impedance::default() };
+    let cases: Vec<_> = controls()
+        .into_iter()
+        .map(|control| (control, target_of(&control)))
+        .chain([(mit(), Target::Impedance(impedance))])
+        .collect();
+    for (control, target) in cases {
+        // Shorter than the link timeout, and longer.
+        for pause in [3, 300] {
+            let switch = ArmSwitch::new();
+            let mut motor = motor(control);
+            let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+            rig.bench.hold(rig.motor, target, 200).unwrap();
+            rig.esc.set_power(false);
+            rig.bench.hold(rig.motor, target, pause).unwrap();
+            rig.esc.set_power(true);
+            let mut torque = 0.0;
+            let mut hardest: f64 = 0.0;
+            let mut driven = 0;
+            for _ in 0..200 {
+                rig.bench.hold(rig.motor, target, 1).unwrap();
+                let now = rig.esc.state().current * 0.945;
+                // A tenth of the largest torque in a tick, where the loop is ours.
+                let is_ours = matches!(control, Control::Mit(_));
+                if is_ours && driven < 20 {
+                    let step = (now - torque).abs();
+                    assert!(step < 0.13 * f64::from(MOST), "{target:?}: {torque} to {now}");
+                }
+                hardest = hardest.max(now.abs());
+                torque = now;
+                driven += u32::from(rig.is_enabled());
+            }
+            assert!(driven > 150, "{control:?} {pause}: enabled for {driven} ms");
+            assert_eq!(rig.status().fault, None);
+            assert_eq!(rig.status().condition, Condition::Ready);
+            let enabled = rig.is_enabled();
+            assert!(enabled && hardest < 10.0, "{control:?} {pause}: {hardest} N m");
+        }
+    }
+}
+
+#[test]
+fn a_silent_device_is_lost_and_disabled() {
+    let switch = ArmSwitch::new();
+    let mut motor = motor(mit());
+    let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::HOLD).armed();
+    rig.bench.hold(rig.motor, target_of(&mit()), 100).unwrap();
+    rig.esc.set_feedback(false);
+    rig.bench.hold(rig.motor, target_of(&mit()), 15).unwrap();
+    assert_eq!(rig.status().link, Link::Lost);
+    assert!(!rig.is_enabled());
+    rig.esc.set_feedback(true);
+    rig.bench.hold(rig.motor, target_of(&mit()), 30).unwrap();
+    assert!(rig.is_enabled());
+    assert_eq!(rig.status().counters.lost, 1);
+}
+
+#[test]
+fn every_fault_stops_it_and_only_clearing_it_helps() {
+    let faults = [
+        (EscFault::OverTemperature, 0xB, "transistors too hot"),
+        (EscFault::CommunicationLost, 0xD, "communication lost"),
+        (EscFault::OverCurrent, 0xA, "over-current"),
+        (EscFault::OverVoltage, 0x8, "over-voltage"),
+        (EscFault::UnderVoltage, 0x9, "under-voltage"),
+        (EscFault::Encoder, 0x5, "sensor error"),
+    ];
+    for control in controls() {
+        for (wrong, code, text) in faults {
+            let switch = ArmSwitch::new();
+            let mut motor = motor(control);
+            // Even a motor that is to hold: it cannot.
+            let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::HOLD).armed();
+            let target = target_of(&control);
+            rig.bench.hold(rig.motor, target, 50).unwrap();
+            assert!(rig.esc.inject(wrong));
+            rig.bench.hold(rig.motor, target, 3).unwrap();
+            let fault = rig.status().fault.unwrap();
+            assert_eq!((fault.code, fault.text), (code, text));
+            assert_eq!((rig.status().drive, rig.status().link), (Drive::Hold, Link::Online));
+            // Gone by itself, it is still a fault.
+            let stays = wrong != EscFault::CommunicationLost;
+            if stays {
+                let refused = rig.ask(Request::ClearFault);
+                assert_eq!(refused, Err(RequestError::Refused(code)), "{wrong:?}");
+                assert!(rig.status().fault.is_some());
+            }
+            rig.device(rc10_sim::damiao::Damiao::repair);
+            rig.bench.hold(rig.motor, target, 50).unwrap();
+            assert_eq!(rig.status().fault, Some(fault));
+            assert!(!rig.is_enabled() && rig.esc.state().current == 0.0);
+            assert_eq!(rig.ask(Request::ClearFault), Ok(Answer::Done));
+            assert_eq!(rig.status().fault, None);
+            rig.bench.hold(rig.motor, target, 20).unwrap();
+            assert!(rig.is_enabled(), "{control:?} {wrong:?}");
+        }
+    }
+}
+
+/// Restarted, the device has forgotten its error; the fault is still ours to clear.
+#[test]
+fn a_restart_clears_no_fault() {
+    let switch = ArmSwitch::new();
+    let mut motor = motor(mit());
+    let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST).armed();
+    let target = target_of(&mit());
+    rig.bench.hold(rig.motor, target, 50).unwrap();
+    assert!(rig.esc.inject(EscFault::OverCurrent));
+    rig.bench.hold(rig.motor, target, 5).unwrap();
+    rig.esc.set_power(false);
+    rig.bench.hold(rig.motor, target, 50).unwrap();
+    rig.esc.set_power(true);
+    rig.bench.hold(rig.motor, target, 50).unwrap();
+    assert!(rig.status().fault.is_some() && !rig.is_enabled());
+    assert_eq!(rig.ask(Request::ClearFault), Ok(Answer::Done));
+    rig.bench.hold(rig.motor, target, 20).unwrap();
+    assert!(rig.is_enabled());
+}
+
+/// Register 9: the device stops by itself when nobody speaks to it.
+#[test]
+fn the_devices_own_time_out_is_a_fault() {
+    let switch = ArmSwitch::new();
+    let mut motor = motor(mit());
+    // 20 ms.
+    let config = DamiaoConfig { timeout: 400, ..device(&mit()) };
+    let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST).armed();
+    let target = target_of(&mit());
+    rig.bench.hold(rig.motor, target, 100).unwrap();
+    rig.bench.wire.set_cut(true);
+    rig.bench.hold(rig.motor, target, 15).unwrap();
+    assert!(rig.is_enabled() && rig.esc.state().current.abs() > 0.01, "as it was told last");
+    rig.bench.hold(rig.motor, target, 10).unwrap();
+    assert!(!rig.is_enabled() && rig.esc.state().current == 0.0);
+    rig.bench.wire.set_cut(false);
+    rig.bench.hold(rig.motor, target, 50).unwrap();
+    assert_eq!(rig.status().fault.unwrap().text, "communication lost");
+    assert_eq!(rig.ask(Request::ClearFault), Ok(Answer::Done));
+    rig.bench.hold(rig.motor, target, 20).unwrap();
+    assert!(rig.is_enabled());
+}
+
+/// What is not set up as we were told is never enabled.
+#[test]
+fn settings_that_differ_are_faults_with_text() {
+    let right = device(&mit());
+    let limits = right.limits;
+    let with = |limits| DamiaoConfig { limits, ..right };
+    for (config, code, named) in [
+        (DamiaoConfig { mode: Mode::Velocity, ..right }, 0x10A, "CTRL_MODE"),
+        (with(rc10_sim::damiao::Limits { position: 12.6, ..limits }), 0x115, "PMAX"),
+        (with(rc10_sim::damiao::Limits { velocity: 45.0, ..limits }), 0x116, "VMAX"),
+        (with(rc10_sim::damiao::Limits { torque: 9.9, ..limits }), 0x117, "TMAX"),
+    ] {
+        let switch = ArmSwitch::new();
+        let mut motor = motor(mit());
+        let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST);
+        rig.bench.wait(20);
+        let fault = rig.status().fault.unwrap();
+        assert_eq!(fault.code, code);
+        assert!(fault.text.contains(named), "{}", fault.text);
+        switch.arm().unwrap();
+        for _ in 0..100 {
+            rig.bench.hold(rig.motor, target_of(&mit()), 1).unwrap();
+            assert!(!rig.is_enabled());
+        }
+        // Looked at again, and not better.
+        assert_eq!(rig.ask(Request::ClearFault), Ok(Answer::Done));
+        rig.bench.hold(rig.motor, target_of(&mit()), 20).unwrap();
+        assert_eq!(rig.status().fault, Some(fault));
+        // Set right.
+        switch.disarm();
+        rig.bench.wait(2);
+        let register = u16::try_from(code - 0x100).unwrap();
+        let value = match register {
+            10 => 1,
+            21 => 12.5_f32.to_bits(),
+            22 => 30.0_f32.to_bits(),
+            _ => 10.0_f32.to_bits(),
+        };
+        assert_eq!(rig.ask(Request::WriteRegister(register, value)), Ok(Answer::Done));
+        assert_eq!(rig.ask(Request::ClearFault), Ok(Answer::Done));
+        switch.arm().unwrap();
+        rig.bench.hold(rig.motor, target_of(&mit()), 20).unwrap();
+        assert!(rig.is_enabled(), "{named}");
+    }
+    // 4π for 12.566.
+    let mut motor = Damiao::new(models::J3507, CAN_ID, MASTER_ID, Control::Velocity).unwrap();
+    let limits = rc10_sim::damiao::Limits {
+        position: 4.0 * std::f64::consts::PI,
+        velocity: 50.0,
+        torque: 5.0,
+    };
+    let config = DamiaoConfig { limits, mode: Mode::Velocity, ..right };
+    let switch = ArmSwitch::new();
+    let _ = Rig::new(&switch, &mut motor, &config, Safety::COAST).armed();
+}
+
+/// A device that answers, but whose registers cannot be read, says so; told not to look, it runs.
+#[test]
+fn firmware_without_registers_is_told_apart() {
+    let id = StandardId::new(MASTER_ID).unwrap();
+    let answer =
+        |code: u8| CanFrame::eight_bytes(id, [code << 4 | 1, 0x7F, 0xFF, 0x7F, 0xF7, 0xFF, 25, 25]);
+    for verify in [true, false] {
+        let mut motor = motor(mit()).verify_limits(verify);
+        let mut enabled_at = None;
+        for millis in 1..=200 {
+            motor.set_target(Target::Speed(Rpm::new(10.0))).unwrap();
+            motor.update(TICK, if millis < 3 { Drive::Off } else { Drive::Run });
+            let mut tx = TxBatch::new();
+            motor.pack_command(&mut tx).unwrap();
+            let enables = tx.frames()[0].bytes().ends_with(&[0xFF, 0xFC]);
+            if enables {
+                enabled_at = enabled_at.or(Some(millis));
+            }
+            let code = u8::from(enabled_at.is_some());
+            let _ = motor.unpack_feedback(&answer(code), Micros::from_millis(millis)).unwrap();
+        }
+        if verify {
+            assert_eq!(enabled_at, None);
+            assert_eq!(motor.fault().unwrap().code, 0x1FF);
+            let heard = motor.unpack_feedback(&answer(0), Micros::from_millis(201));
+            assert_eq!(heard, Ok(Heard::Fault));
+        } else {
+            assert_eq!((enabled_at, motor.fault()), (Some(3), None));
+        }
+    }
+}
+
+/// Old firmware knows operations only with the offset of the mode it is in. It may be in another
+/// than ours: it is disabled all the same, on the bare identifier.
+#[test]
+fn old_firmware_in_another_mode_is_disabled() {
+    let control = Control::Velocity;
+    let switch = ArmSwitch::new();
+    let mut motor = motor(control);
+    let config = DamiaoConfig { mode: Mode::Mit, old_firmware: true, ..device(&control) };
+    let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST);
+    let enable = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFC];
+    rig.bench.wire.inject(&CanFrame::eight_bytes(StandardId::new(CAN_ID).unwrap(), enable));
+    rig.bench.wait(20);
+    assert!(!rig.is_enabled());
+    assert_eq!(rig.status().fault.unwrap().code, 0x10A);
+
+    let switch = ArmSwitch::new();
+    let mut motor = super::motor(control);
+    let config = DamiaoConfig { old_firmware: true, ..device(&control) };
+    let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST).armed();
+    rig.bench.hold(rig.motor, target_of(&control), 20).unwrap();
+    assert!(rig.is_enabled());
+}
+
+#[test]
+fn an_enabled_device_is_disabled_before_all_else() {
+    for control in controls() {
+        let switch = ArmSwitch::new();
+        let mut motor = motor(control);
+        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST);
+        let enable = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFC];
+        rig.bench.wire.inject(&CanFrame::eight_bytes(StandardId::new(CAN_ID).unwrap(), enable));
+        rig.bench.world.advance(Micros::new(500));
+        assert!(rig.is_enabled());
+        rig.bench.wait(3);
+        assert!(!rig.is_enabled(), "{control:?}");
+    }
+}
+
+#[test]
+fn frames_that_are_none_of_its_own_change_nothing() {
+    let mut motor = motor(mit()).verify_limits(false);
+    let id = StandardId::new(MASTER_ID).unwrap();
+    let good = [0x11, 0x80, 0x00, 0x80, 0x07, 0xFF, 30, 40];
+    let at = Micros::from_millis(5);
+    let hear = |motor: &mut Damiao, frame: CanFrame| motor.unpack_feedback(&frame, at);
+    assert_eq!(hear(&mut motor, CanFrame::eight_bytes(id, good)), Ok(Heard::Feedback));
+    let before = motor.feedback();
+    let wrong_id = StandardId::new(MASTER_ID + 1).unwrap();
+    let extended = ExtendedId::new(MASTER_ID.into()).unwrap();
+    // As if motor 2 answered on the same identifier.
+    let other = [0x12, 0, 0, 0, 0, 0, 0, 0];
+    // The answer to somebody else's question about register 21.
+    let reply = [0x11, 0, 0x33, 21, 0, 0, 0x48, 0x41];
+    for (frame, error) in [
+        (CanFrame::eight_bytes(wrong_id, good), FrameError::NotMine),
+        (CanFrame::eight_bytes(extended, good), FrameError::NotMine),
+        (CanFrame::remote_frame(id, 8).unwrap(), FrameError::NotMine),
+        (CanFrame::data_frame(id, &good[..7]).unwrap(), FrameError::Length),
+        (CanFrame::data_frame(id, &[]).unwrap(), FrameError::Length),
+        (CanFrame::eight_bytes(id, other), FrameError::NotMine),
+        (CanFrame::eight_bytes(id, reply), FrameError::Unexpected),
+    ] {
+        assert_eq!(hear(&mut motor, frame), Err(error), "{frame}");
+        assert_eq!(motor.feedback(), before, "{frame}");
+    }
+}
+
+/// Whatever comes, nothing that is not finite comes out.
+#[test]
+fn random_frames_do_no_harm() {
+    use proptest::prelude::Rng;
+    let mut random = proptest::test_runner::TestRng::deterministic_rng(
+        proptest::test_runner::RngAlgorithm::ChaCha,
+    );
+    let id = StandardId::new(MASTER_ID).unwrap();
+    for control in controls() {
+        let mut motor = motor(control).verify_limits(false);
+        for millis in 0..20_000_u64 {
+            let mut data = [0; 8];
+            random.fill_bytes(&mut data);
+            if millis % 2 == 0 {
+                data[0] = 0x11;
+            }
+            let at = Micros::from_millis(millis + u64::from(data[7] % 13));
+            let frame = CanFrame::data_frame(id, &data[..usize::from(data[1] % 9)]).unwrap();
+            let _ = motor.unpack_feedback(&frame, at);
+            let _ = motor.unpack_feedback(&CanFrame::eight_bytes(id, data), at);
+            let drives = [Drive::Off, Drive::Coast, Drive::Brake, Drive::Hold, Drive::Run];
+            let _ = motor.set_target(target_of(&control));
+            let _ = motor.request(Request::ClearFault);
+            let _ = motor.answer();
+            motor.update(TICK, drives[usize::from(data[2]) % 5]);
+            let told = motor.feedback();
+            assert!(told.speed.is_finite() && told.angle.is_finite());
+            assert!((0.0..360.0).contains(&told.angle.get()), "{}", told.angle);
+            let mut tx = TxBatch::new();
+            motor.pack_command(&mut tx).unwrap();
+            assert!(tx.frames().len() <= 2);
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! Damiao: our motor and the simulated one.
+
+mod attach;
+mod closed_loop;
+mod codecs;
+mod failures;
+mod registers;
+mod table;
+
+use rc10_app::{PidConfig, Rpm, RpmPerSecond, Seconds};
+use rc10_conformance::Bench;
+use rc10_motor::cascade::Cascade;
+use rc10_motor::damiao::{Control, Damiao, models};
+use rc10_motor::{ArmSwitch, Link, MotorId, MotorStatus, Safety};
+use rc10_sim::Esc;
+use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
+
+pub const CAN_ID: u16 = 0x11;
+pub const MASTER_ID: u16 = 0x31;
+pub const TICK: Seconds = Seconds::new(0.001);
+/// On the shaft, kg m².
+pub const LOAD: f64 = 0.02;
+/// The largest torque of [`cascade`].
+pub const MOST: f32 = 7.0;
+
+pub fn cascade() -> Cascade {
+    Cascade {
+        speed: PidConfig::new(0.063, 0.5, 0.0, MOST),
+        angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
+        outer_divider: 1,
+        acceleration: RpmPerSecond::new(1000.0),
+        feed_forward: 0.0,
+    }
+}
+
+pub fn controls() -> [Control; 4] {
+    let speed = Rpm::new(100.0);
+    [
+        Control::Mit(cascade()),
+        Control::PositionVelocity { speed },
+        Control::Velocity,
+        Control::ForcePosition { speed, torque_share: 0.5 },
+    ]
+}
+
+pub fn motor(control: Control) -> Damiao {
+    Damiao::new(models::J4310, CAN_ID, MASTER_ID, control).unwrap()
+}
+
+/// As the control's register 10.
+pub fn mode_of(control: &Control) -> Mode {
+    match control {
+        Control::Mit(_) => Mode::Mit,
+        Control::PositionVelocity { .. } => Mode::PositionVelocity,
+        Control::Velocity => Mode::Velocity,
+        Control::ForcePosition { .. } => Mode::ForcePosition,
+    }
+}
+
+pub fn device(control: &Control) -> DamiaoConfig {
+    let config = DamiaoConfig { mode: mode_of(control), ..DamiaoConfig::j4310(CAN_ID, MASTER_ID) };
+    DamiaoConfig { plant: config.plant.with_load_inertia(LOAD), ..config }
+}
+
+/// A bench with one motor and one device.
+pub struct Rig<'m> {
+    pub bench: Bench<'m>,
+    pub switch: &'m ArmSwitch,
+    pub motor: MotorId,
+    pub esc: Esc,
+}
+
+impl<'m> Rig<'m> {
+    pub fn new(
+        switch: &'m ArmSwitch,
+        motor: &'m mut Damiao,
+        config: &DamiaoConfig,
+        safety: Safety,
+    ) -> Self {
+        let mut bench = Bench::new(7, switch);
+        let esc = bench.wire.add(Device::new(config), config.plant);
+        let motor = bench.attach(motor, safety).unwrap();
+        Self { bench, switch, motor, esc }
+    }
+
+    /// Disarmed until it has looked at the device, then armed.
+    pub fn armed(mut self) -> Self {
+        self.bench.wait(20);
+        assert_eq!(self.status().link, Link::Online);
+        assert_eq!(self.status().fault, None);
+        self.switch.arm().unwrap();
+        self
+    }
+
+    pub fn status(&self) -> MotorStatus {
+        self.bench.status(self.motor)
+    }
+
+    pub fn device<T>(&self, look: impl FnOnce(&mut Device) -> T) -> T {
+        self.esc.with(look).unwrap()
+    }
+
+    pub fn is_enabled(&self) -> bool {
+        self.device(|device| device.is_enabled())
+    }
+
+    /// What is asked, until it is answered.
+    pub fn ask(
+        &mut self,
+        request: rc10_motor::Request,
+    ) -> Result<rc10_motor::Answer, rc10_motor::RequestError> {
+        let mut answer = self.bench.bus.request(self.motor, request)?;
+        let mut left = 300;
+        while answer == rc10_motor::Answer::Pending {
+            assert!(left > 0, "never answered");
+            left -= 1;
+            self.bench.tick();
+            if let Some(told) = self.bench.bus.answer(self.motor) {
+                answer = told?;
+            }
+        }
+        Ok(answer)
+    }
+}

@@ -1,0 +1,194 @@
+//! Registers, the zero in flash, and who may touch them when.
+
+use super::{CAN_ID, MASTER_ID, Rig, cascade, controls, device, motor};
+use rc10_app::{Rpm, TotalAngle};
+use rc10_conformance::Bench;
+use rc10_motor::damiao::{Control, Damiao, models};
+use rc10_motor::{Answer, ArmSwitch, Condition, Link, Request, RequestError, Safety, Target};
+use rc10_sim::damiao::{Damiao as Device, DamiaoConfig};
+
+fn mit() -> Control {
+    Control::Mit(cascade())
+}
+
+fn bits(answer: Result<Answer, RequestError>) -> u32 {
+    match answer {
+        Ok(Answer::Register(bits)) => bits,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn registers_are_read_also_while_it_turns() {
+    for control in controls() {
+        let switch = ArmSwitch::new();
+        let mut motor = motor(control);
+        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::HOLD).armed();
+        rig.bench.wait(20);
+        assert!(rig.is_enabled());
+        let ratio = f32::from_bits(bits(rig.ask(Request::ReadRegister(20))));
+        assert_eq!(ratio, 10.0);
+        assert_eq!(bits(rig.ask(Request::ReadRegister(8))), u32::from(CAN_ID));
+        assert_eq!(bits(rig.ask(Request::ReadRegister(7))), u32::from(MASTER_ID));
+        assert!(rig.is_enabled());
+        assert_eq!(rig.status().counters.malformed, 0);
+        assert_eq!(rig.status().link, Link::Online);
+        // There is none of that number: nobody answers.
+        assert_eq!(rig.ask(Request::ReadRegister(49)), Err(RequestError::NoReply));
+        let error = rig.ask(Request::ReadRegister(256));
+        assert!(matches!(error, Err(RequestError::Config(error)) if error.field == "register"));
+    }
+}
+
+#[test]
+fn registers_are_written_and_saved_only_while_disarmed() {
+    for acknowledges_with in [0x55, 0x33] {
+        let switch = ArmSwitch::new();
+        let mut motor = motor(mit());
+        let config = DamiaoConfig { acknowledges_with, ..device(&mit()) };
+        let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST);
+        rig.bench.wait(20);
+        assert_eq!(rig.ask(Request::WriteRegister(9, 2000)), Ok(Answer::Done));
+        assert_eq!(rig.device(|device| device.register(9)), Some(2000));
+        let acceleration = 150.0_f32.to_bits();
+        assert_eq!(rig.ask(Request::WriteRegister(4, acceleration)), Ok(Answer::Done));
+        // Out of its range: the old value stays and is told.
+        let refused = rig.ask(Request::WriteRegister(10, 7));
+        assert_eq!(refused, Err(RequestError::Refused(1)));
+        // Read only.
+        let ratio = 10.0_f32.to_bits();
+        let refused = rig.ask(Request::WriteRegister(20, 1.0_f32.to_bits()));
+        assert_eq!(refused, Err(RequestError::Refused(ratio)));
+        let nan = rig.ask(Request::WriteRegister(4, f32::NAN.to_bits()));
+        assert!(matches!(nan, Err(RequestError::Config(_))));
+        // Looked at again after each.
+        rig.bench.wait(10);
+        assert_eq!(rig.status().condition, Condition::Ready);
+
+        // Forgotten without power, unless saved.
+        rig.esc.set_power(false);
+        rig.bench.wait(20);
+        rig.esc.set_power(true);
+        rig.bench.wait(20);
+        assert_eq!(bits(rig.ask(Request::ReadRegister(9))), 0);
+        assert_eq!(rig.ask(Request::WriteRegister(9, 2000)), Ok(Answer::Done));
+        assert_eq!(rig.ask(Request::SaveRegisters), Ok(Answer::Done));
+        assert_eq!(rig.device(|device| device.saves()), 1);
+        rig.esc.set_power(false);
+        rig.bench.wait(20);
+        rig.esc.set_power(true);
+        rig.bench.wait(20);
+        assert_eq!(bits(rig.ask(Request::ReadRegister(9))), 2000);
+
+        switch.arm().unwrap();
+        rig.bench.wait(2);
+        for request in [Request::WriteRegister(9, 0), Request::SaveRegisters, Request::StoreZero] {
+            assert_eq!(rig.ask(request), Err(RequestError::NotWhileArmed), "{request:?}");
+        }
+        // Armed before it goes out.
+        switch.disarm();
+        rig.bench.wait(2);
+        assert_eq!(rig.bench.bus.request(rig.motor, Request::StoreZero), Ok(Answer::Pending));
+        let busy = rig.bench.bus.request(rig.motor, Request::ReadRegister(1));
+        assert_eq!(busy, Err(RequestError::Busy));
+        switch.arm().unwrap();
+        rig.bench.tick();
+        let answer = rig.bench.bus.answer(rig.motor);
+        assert_eq!(answer, Some(Err(RequestError::NotWhileArmed)));
+        assert_eq!(rig.bench.bus.answer(rig.motor), None);
+        assert_eq!(rig.device(|device| device.register(9)), Some(2000));
+    }
+}
+
+#[test]
+fn a_zero_in_flash_is_kept_without_power() {
+    for control in controls() {
+        let switch = ArmSwitch::new();
+        let mut motor = motor(control);
+        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+        let target = match control {
+            Control::Velocity => Target::Speed(Rpm::new(60.0)),
+            _ => Target::TotalAngle(TotalAngle::from_degrees(70)),
+        };
+        rig.bench.hold(rig.motor, target, 300).unwrap();
+        switch.disarm();
+        // Until friction has stopped it.
+        rig.bench.wait(4000);
+        // Ours first, so that it is seen to go.
+        assert_eq!(rig.ask(Request::SetZero), Ok(Answer::Done));
+        assert_eq!(rig.ask(Request::StoreZero), Ok(Answer::Done));
+        let degrees = |rig: &Rig<'_>| rig.status().feedback.total_angle.degrees().get();
+        assert!(degrees(&rig).abs() < 0.1, "{}", degrees(&rig));
+        rig.esc.set_power(false);
+        rig.bench.wait(20);
+        rig.esc.set_power(true);
+        rig.bench.wait(20);
+        assert!(degrees(&rig).abs() < 0.1, "{}", degrees(&rig));
+        assert!(!rig.is_enabled());
+    }
+}
+
+#[test]
+fn a_device_that_is_not_there_answers_nothing() {
+    let switch = ArmSwitch::new();
+    let mut motor = motor(mit());
+    let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST);
+    rig.esc.set_power(false);
+    rig.bench.wait(5);
+    assert_eq!(rig.ask(Request::SetZero), Err(RequestError::NoFeedback));
+    assert_eq!(rig.ask(Request::ClearFault), Err(RequestError::NoFeedback));
+    assert_eq!(rig.ask(Request::ReadRegister(21)), Err(RequestError::NoReply));
+    assert_eq!(rig.ask(Request::StoreZero), Err(RequestError::NoReply));
+    assert_eq!(rig.ask(Request::SaveRegisters), Err(RequestError::NoReply));
+    assert_eq!(rig.status().fault, None);
+    rig.esc.set_power(true);
+    // What nobody acknowledged still waits: it saves first.
+    rig.bench.wait(60);
+    assert_eq!(rig.status().link, Link::Online);
+    assert_eq!(rig.status().condition, Condition::Ready);
+}
+
+/// Three motors on one `MST_ID`, all asked at once, all on 0x7FF.
+#[test]
+fn several_motors_share_one_master_id() {
+    let switch = ArmSwitch::new();
+    let mut motors = [1, 2, 3].map(|id| Damiao::new(models::J4310, id, 0x00, mit()).unwrap());
+    let mut bench = Bench::new(3, &switch);
+    let mut escs = Vec::new();
+    let mut ids = Vec::new();
+    for (can_id, motor) in (1..).zip(&mut motors) {
+        let config = DamiaoConfig { can_id, master_id: 0, ..device(&mit()) };
+        escs.push(bench.wire.add(Device::new(&config), config.plant));
+        ids.push(bench.attach(motor, Safety::COAST).unwrap());
+    }
+    bench.wait(50);
+    for &id in &ids {
+        assert_eq!(bench.status(id).condition, Condition::Ready);
+        assert_eq!(bench.bus.request(id, Request::ReadRegister(8)), Ok(Answer::Pending));
+    }
+    let mut answers = vec![None; 3];
+    for _ in 0..20 {
+        bench.tick();
+        for (&id, answer) in ids.iter().zip(&mut answers) {
+            *answer = answer.or_else(|| bench.bus.answer(id));
+        }
+    }
+    let own = |id| Some(Ok(Answer::Register(id)));
+    assert_eq!(answers, [own(1), own(2), own(3)]);
+    switch.arm().unwrap();
+    for _ in 0..600 {
+        for (index, &id) in (0_u8..).zip(&ids) {
+            let target = Target::Speed(Rpm::new(40.0 + 20.0 * f32::from(index)));
+            bench.bus.command(id, target, bench.world.now()).unwrap();
+        }
+        bench.tick();
+    }
+    for (index, (esc, &id)) in (0_u8..).zip(escs.iter().zip(&ids)) {
+        let (wanted, rpm) = (40.0 + 20.0 * f64::from(index), esc.state().output_rpm);
+        assert!((rpm - wanted).abs() < 2.0, "{rpm}");
+        let status = bench.status(id);
+        assert!((f64::from(status.feedback.speed.get()) - wanted).abs() < 2.0);
+        assert_eq!((status.counters.malformed, status.counters.lost), (0, 0));
+    }
+    assert_eq!(bench.bus.counters().unclaimed, 0);
+}
