@@ -45,13 +45,18 @@ impl<'m> Bench<'m> {
 
     /// One tick, one millisecond later: frames in, motors, frames out.
     pub fn tick(&mut self) {
+        self.tick_with(Seconds::new(0.001));
+    }
+
+    /// The same, with the motors told that another time has passed.
+    pub fn tick_with(&mut self, dt: Seconds) {
         let now = self.world.now() + Micros::from_millis(1);
         self.world.advance(now);
         while let Some((frame, at)) = self.port.receive() {
             self.bus.on_frame(&frame, at);
         }
         self.tx.clear();
-        let full = self.bus.tick(now, Seconds::new(0.001), &mut self.tx).is_err();
+        let full = self.bus.tick(now, dt, &mut self.tx).is_err();
         self.refused += u32::from(full);
         for (frame, stream) in self.tx.entries() {
             self.refused += u32::from(self.port.submit_as(frame, stream) == Submitted::Refused);

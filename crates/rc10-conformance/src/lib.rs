@@ -1,7 +1,40 @@
-//! Tests that a motor of [`rc10_motor`] keeps the rules of its trait, and a bench to drive it on:
-//! one bus, our motors, and simulated devices on the wire.
+//! The rules that every motor of [`rc10_motor`] keeps, and a way to try them on a motor of your
+//! own: [`check`] puts it and its simulated device on a wire and runs all of them. [`Bench`] is for
+//! tests of what only your motor does.
+//!
+//! [`RULES`] is the list: the documentation and what is run are the same table.
+//!
+//! ```
+//! use rc10_app::{Amps, NewtonMetres, Rpm};
+//! use rc10_conformance::{Declaration, RULES, Trial, check};
+//! use rc10_motor::Target;
+//! use rc10_motor::dji::{Dji, M3508};
+//! use rc10_sim::{EscConfig, Model};
+//!
+//! let declared = Declaration::new([1, 2], Rpm::new(100.0), NewtonMetres::new(6.0))
+//!     .with_trials(&[Trial::new(Target::Speed(Rpm::new(200.0)), 5.0, 1000)]);
+//! let report = check(
+//!     &declared,
+//!     |id| Dji::new(&M3508, id).unwrap(),
+//!     |wire, id| wire.add_esc(EscConfig::new(Model::C620, id)).unwrap(),
+//! )
+//! .unwrap_err();
+//! // It takes currents and angles too, and nobody has tried them.
+//! assert_eq!(report.broken().collect::<Vec<_>>(), ["every-target-is-tried"]);
+//! assert!(RULES.iter().any(|rule| rule.name == "every-target-is-tried"));
+//! ```
 #![forbid(unsafe_code)]
 
 mod bench;
+mod case;
+mod declaration;
+mod recorder;
+mod report;
+mod rig;
+mod rules;
 
 pub use bench::Bench;
+pub use case::check;
+pub use declaration::{Claim, Declaration, Trial};
+pub use report::{Breach, Report};
+pub use rules::{RULES, Rule};

@@ -222,6 +222,12 @@ impl Wiring {
         &self.transmit
     }
 
+    /// What the device obeys although it is never sent.
+    #[must_use]
+    pub fn listened_to(&self) -> &[IdPattern] {
+        &self.listens
+    }
+
     /// After so long without a frame the motor is lost: three periods of its most frequent
     /// feedback, but at least 10 ms.
     #[must_use]

@@ -292,6 +292,7 @@ impl Unit {
             output_rpm: self.motor.output_rpm(),
             output_degrees: self.motor.output_degrees(),
             current: self.motor.current,
+            torque: self.motor.plant().torque_constant * self.motor.current,
             temperature: self.motor.temperature,
             powered: self.powered,
             command: if self.powered { self.device.command() } else { 0 },
@@ -314,6 +315,8 @@ pub struct EscState {
     pub output_degrees: f64,
     /// Torque current, A.
     pub current: f64,
+    /// Torque of the winding at the output shaft, N·m.
+    pub torque: f64,
     /// Temperature of the motor, °C.
     pub temperature: f64,
     /// Whether the ESC has power.

@@ -1,0 +1,109 @@
+use rc10_app::{NewtonMetres, Rpm};
+use rc10_motor::Target;
+use rc10_sim::EscFault;
+
+/// What a motor can do, as far as the rules have to know it. How often it reports, and after what
+/// silence it is lost, they read in its wiring.
+#[derive(Clone, Debug)]
+pub struct Declaration {
+    /// Two identifiers that can be set on devices of one bus. The first is used when one will do.
+    pub ids: [u8; 2],
+    /// A speed it reaches with ease, also against the `load`; positive.
+    pub cruise: Rpm,
+    /// Its largest torque at the output shaft.
+    pub full_torque: NewtonMetres,
+    /// A torque it can easily work against, well above its own friction.
+    pub load: NewtonMetres,
+    /// What counts as no torque: what noise and rounding leave of it.
+    pub no_torque: NewtonMetres,
+    /// From the first tick in which it may run until it can be driven: at most so many ms.
+    pub enables_within: u32,
+    /// From the tick in which it has to stop until its winding is without torque: at most so many
+    /// ms.
+    pub stops_within: u32,
+    /// Coming back, its torque may grow by this share of `full_torque` in a millisecond.
+    pub softness: f64,
+    /// How far a shaft that is held may give under the `load`, in degrees.
+    pub hold_gives: f64,
+    /// Targets to try, one at least for each kind that it takes.
+    pub trials: Vec<Trial>,
+    /// Whether its shaft turns freely when it coasts. Where it cannot, torque against the movement
+    /// counts as none.
+    pub coasts_freely: Claim,
+    /// Whether [`Drive::Brake`](rc10_motor::Drive::Brake) slows it down.
+    pub brakes: Claim,
+    /// Whether [`Drive::Hold`](rc10_motor::Drive::Hold) keeps its angle.
+    pub holds: Claim,
+    /// Faults that its device can have and its protocol cannot tell.
+    pub untold_faults: Vec<(EscFault, &'static str)>,
+}
+
+/// Whether a motor does something that not every one can.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Claim {
+    /// It does.
+    Does,
+    /// It cannot, and this is why.
+    Cannot(&'static str),
+}
+
+/// A target, and when it counts as reached.
+///
+/// | target | reached when |
+/// |---|---|
+/// | `Coast` | the winding is without torque |
+/// | `Speed` | the shaft turns at this speed ± `tolerance` rpm |
+/// | `Angle`, `TotalAngle`, `Impedance` | the feedback says this angle ± `tolerance` degrees |
+/// | `Current` | the winding carries this current ± `tolerance` A |
+/// | `Torque` | the shaft gets this torque ± `tolerance` N m |
+/// | `Duty`, `CurrentShare` | the shaft turns that way, faster than `tolerance` rpm |
+/// | `Brake`, `Handbrake` and their shares | after cruising, it turns slower than `tolerance` rpm |
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trial {
+    /// What is asked for, every millisecond.
+    pub target: Target,
+    /// See above.
+    pub tolerance: f64,
+    /// In so many ms after enabling, for 10 ms on end.
+    pub within: u32,
+}
+
+impl Trial {
+    /// A target, its tolerance, and the time it may take in ms.
+    #[must_use]
+    pub const fn new(target: Target, tolerance: f64, within: u32) -> Self {
+        Self { target, tolerance, within }
+    }
+}
+
+impl Declaration {
+    /// A motor that is driven at once, stops within 10 ms, starts as softly as a
+    /// [`Servo`](rc10_motor::servo::Servo) does, coasts freely, brakes and holds, and works easily
+    /// against a tenth of its full torque. 0.2 % of that is none.
+    #[must_use]
+    pub fn new(ids: [u8; 2], cruise: Rpm, full_torque: NewtonMetres) -> Self {
+        Self {
+            ids,
+            cruise,
+            full_torque,
+            load: full_torque * 0.1,
+            no_torque: full_torque * 0.002,
+            enables_within: 20,
+            stops_within: 10,
+            softness: 0.12,
+            hold_gives: 10.0,
+            trials: Vec::new(),
+            coasts_freely: Claim::Does,
+            brakes: Claim::Does,
+            holds: Claim::Does,
+            untold_faults: Vec::new(),
+        }
+    }
+
+    /// The same with more targets to try.
+    #[must_use]
+    pub fn with_trials(mut self, trials: &[Trial]) -> Self {
+        self.trials.extend_from_slice(trials);
+        self
+    }
+}

@@ -1,0 +1,204 @@
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rc10_app::Seconds;
+use rc10_can::{CanFrame, Micros};
+use rc10_motor::{
+    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request,
+    RequestError, Target, TargetError, TargetSet, TxBatch, TxFull, Wiring,
+};
+
+/// What was asked of a motor, to be asked of another one again.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Call {
+    Target(Target),
+    Request(Request),
+    Answer,
+    Frame(CanFrame, Micros),
+    Update(Seconds, Drive),
+    Pack,
+}
+
+/// What a motor said after each tick.
+#[derive(Clone, Debug)]
+pub(crate) struct Moment {
+    pub(crate) at: Micros,
+    pub(crate) drive: Drive,
+    pub(crate) frames: Vec<(CanFrame, u32)>,
+    pub(crate) coast: Vec<CanFrame>,
+    pub(crate) supports: TargetSet,
+    pub(crate) feedback: Feedback,
+    /// Written out, every tenth tick.
+    pub(crate) wiring: Option<String>,
+}
+
+#[derive(Debug, Default)]
+pub(crate) struct Log {
+    pub(crate) calls: Vec<Call>,
+    pub(crate) moments: Vec<Moment>,
+    /// Plain feedback: when it arrived, and when the motor says it did.
+    pub(crate) arrivals: Vec<(Micros, Micros)>,
+}
+
+#[derive(Clone, Default)]
+pub(crate) struct Shared(Arc<Mutex<Log>>);
+
+impl Shared {
+    /// A motor that panicked leaves what was written until then.
+    pub(crate) fn log(&self) -> MutexGuard<'_, Log> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn note(&self, call: Call) {
+        self.log().calls.push(call);
+    }
+}
+
+/// A motor of which everything is written down.
+pub(crate) struct Recorded {
+    pub(crate) motor: Box<dyn CanMotor>,
+    pub(crate) shared: Shared,
+    ticks: u64,
+    drive: Drive,
+}
+
+impl Recorded {
+    pub(crate) fn new(motor: Box<dyn CanMotor>) -> Self {
+        Self { motor, shared: Shared::default(), ticks: 0, drive: Drive::Off }
+    }
+}
+
+impl Motor for Recorded {
+    fn supports(&self) -> TargetSet {
+        self.motor.supports()
+    }
+
+    fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
+        self.shared.note(Call::Target(target));
+        self.motor.set_target(target)
+    }
+
+    fn target(&self) -> Target {
+        self.motor.target()
+    }
+
+    fn feedback(&self) -> Feedback {
+        self.motor.feedback()
+    }
+
+    fn fault(&self) -> Option<Fault> {
+        self.motor.fault()
+    }
+
+    fn update(&mut self, dt: Seconds, drive: Drive) {
+        self.shared.note(Call::Update(dt, drive));
+        (self.ticks, self.drive) = (self.ticks + 1, drive);
+        self.motor.update(dt, drive);
+    }
+
+    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+        self.shared.note(Call::Request(request));
+        self.motor.request(request)
+    }
+
+    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+        self.shared.note(Call::Answer);
+        self.motor.answer()
+    }
+
+    fn condition(&self) -> Condition {
+        self.motor.condition()
+    }
+}
+
+impl CanMotor for Recorded {
+    fn wiring(&self) -> Wiring {
+        self.motor.wiring()
+    }
+
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+        self.shared.note(Call::Frame(*frame, at));
+        let heard = self.motor.unpack_feedback(frame, at);
+        if heard == Ok(Heard::Feedback) {
+            self.shared.log().arrivals.push((at, self.motor.feedback().at));
+        }
+        heard
+    }
+
+    fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        self.shared.note(Call::Pack);
+        let mut own = TxBatch::new();
+        self.motor.pack_command(&mut own)?;
+        let mut coast = TxBatch::new();
+        self.motor.coast_frames(&mut coast)?;
+        let wiring = self.ticks.is_multiple_of(10).then(|| format!("{:?}", self.motor.wiring()));
+        self.shared.log().moments.push(Moment {
+            at: Micros::from_millis(self.ticks),
+            drive: self.drive,
+            frames: own.entries().map(|(frame, stream)| (*frame, stream)).collect(),
+            coast: coast.frames().to_vec(),
+            supports: self.motor.supports(),
+            feedback: self.motor.feedback(),
+            wiring,
+        });
+        own.entries().try_for_each(|(frame, stream)| tx.push_as(*frame, stream))
+    }
+
+    fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        self.motor.coast_frames(tx)
+    }
+}
+
+/// Asks all of it of another motor; its frames of the last tick.
+pub(crate) fn replay(motor: &mut dyn CanMotor, calls: &[Call]) -> Vec<(CanFrame, u32)> {
+    let mut last = Vec::new();
+    for call in calls {
+        match *call {
+            Call::Target(target) => drop(motor.set_target(target)),
+            Call::Request(request) => drop(motor.request(request)),
+            Call::Answer => drop(motor.answer()),
+            Call::Frame(frame, at) => drop(motor.unpack_feedback(&frame, at)),
+            Call::Update(dt, drive) => motor.update(dt, drive),
+            Call::Pack => {
+                let mut tx = TxBatch::new();
+                // What does not fit is missing from the frames.
+                let _ = motor.pack_command(&mut tx);
+                last = tx.entries().map(|(frame, stream)| (*frame, stream)).collect();
+            }
+        }
+    }
+    last
+}
+
+/// All that a motor says of itself.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Told {
+    pub(crate) feedback: Feedback,
+    fault: Option<Fault>,
+    condition: Condition,
+    target: Target,
+}
+
+impl Told {
+    pub(crate) fn of(motor: &dyn CanMotor) -> Self {
+        Self {
+            feedback: motor.feedback(),
+            fault: motor.fault(),
+            condition: motor.condition(),
+            target: motor.target(),
+        }
+    }
+}
+
+/// The first number in it that is infinite or NaN.
+pub(crate) fn not_finite(feedback: &Feedback) -> Option<&'static str> {
+    let numbers = [
+        ("speed", Some(feedback.speed.get())),
+        ("angle", Some(feedback.angle.get())),
+        ("current", feedback.current().map(|amps| amps.get())),
+        ("torque", feedback.torque().map(|torque| torque.get())),
+        ("temperature", feedback.temperature().map(|celsius| celsius.get())),
+        ("controller temperature", feedback.controller_temperature().map(|celsius| celsius.get())),
+        ("supply", feedback.supply().map(|volts| volts.get())),
+    ];
+    numbers.into_iter().find(|(_, number)| number.is_some_and(|n| !n.is_finite())).map(|n| n.0)
+}

@@ -1,0 +1,222 @@
+use rc10_can::Micros;
+use rc10_motor::{
+    Answer, ArmSwitch, Condition, Link, MotorId, MotorStatus, Request, RequestError, Target,
+};
+use rc10_sim::Esc;
+
+use crate::Bench;
+use crate::case::{Halt, Outcome, broken};
+use crate::declaration::{Claim, Declaration};
+
+/// A motor on a bus and its device on the wire, and what can be seen of both.
+pub(crate) struct Rig<'m> {
+    pub(crate) declared: &'m Declaration,
+    pub(crate) bench: Bench<'m>,
+    pub(crate) esc: Esc,
+    pub(crate) motor: MotorId,
+    pub(crate) switch: &'m ArmSwitch,
+    last_torque: f64,
+    /// For how many milliseconds the torque has gone with the movement.
+    with_movement: u32,
+    /// The fastest the torque has grown since [`watch`](Self::watch), N m a millisecond, and when.
+    steepest: (f64, Micros),
+}
+
+/// Times that everything must be over in, ms.
+const SPIN_UP: u32 = 2_000;
+const LONGEST_SILENCE: u32 = 500;
+const LONGEST_ANSWER: u32 = 3_000;
+
+impl<'m> Rig<'m> {
+    pub(crate) const fn new(
+        declared: &'m Declaration,
+        bench: Bench<'m>,
+        esc: Esc,
+        motor: MotorId,
+        switch: &'m ArmSwitch,
+    ) -> Self {
+        let steepest = (0.0, Micros::ZERO);
+        Self { declared, bench, esc, motor, switch, last_torque: 0.0, with_movement: 0, steepest }
+    }
+
+    pub(crate) fn now(&self) -> Micros {
+        self.bench.world.now()
+    }
+
+    pub(crate) fn status(&self) -> MotorStatus {
+        self.bench.status(self.motor)
+    }
+
+    /// The speed that every motor can turn at.
+    pub(crate) const fn cruise(&self) -> Target {
+        Target::Speed(self.declared.cruise)
+    }
+
+    pub(crate) fn cruise_rpm(&self) -> f64 {
+        self.declared.cruise.get().into()
+    }
+
+    pub(crate) fn load(&self) -> f64 {
+        self.declared.load.get().into()
+    }
+
+    fn no_torque(&self) -> f64 {
+        self.declared.no_torque.get().into()
+    }
+
+    /// A millisecond, commanded or not.
+    pub(crate) fn tick(&mut self, target: Option<Target>) {
+        if let Some(target) = target {
+            let now = self.now();
+            // Refusals have a rule of their own.
+            let _ = self.bench.bus.command(self.motor, target, now);
+        }
+        self.bench.tick();
+        self.look();
+    }
+
+    /// Notes how the torque has changed in the last millisecond.
+    pub(crate) fn look(&mut self) {
+        let state = self.esc.state();
+        let torque = state.torque;
+        let last = std::mem::replace(&mut self.last_torque, torque);
+        let goes_with = torque * state.output_rpm > 0.0;
+        self.with_movement = if goes_with { self.with_movement + 1 } else { 0 };
+        if !goes_with && self.declared.coasts_freely != Claim::Does {
+            // The drag of a winding that is not open comes as suddenly as it likes.
+            return;
+        }
+        // Falling to nothing is no kick, whatever it falls from.
+        let grown = if torque * last > 0.0 { torque.abs() - last.abs() } else { torque.abs() };
+        if grown > self.steepest.0 {
+            self.steepest = (grown, self.now());
+        }
+    }
+
+    pub(crate) fn wait(&mut self, target: Option<Target>, millis: u32) {
+        (0..millis).for_each(|_| self.tick(target));
+    }
+
+    /// Forgets how steep the torque was.
+    pub(crate) const fn watch(&mut self) {
+        self.steepest = (0.0, Micros::ZERO);
+    }
+
+    /// The torque has not grown faster since than it is declared to.
+    pub(crate) fn was_soft(&self, when: &str) -> Outcome {
+        let full = f64::from(self.declared.full_torque.get());
+        let most = self.declared.softness * full;
+        let (steepest, at) = self.steepest;
+        if steepest <= most {
+            return Ok(());
+        }
+        broken(
+            at,
+            format!("{when} its torque grew by {steepest:.3} N m in 1 ms, at most {most:.3}"),
+        )
+    }
+
+    /// The torque at the shaft, if there is any that should not be.
+    fn push(&self) -> Option<f64> {
+        let state = self.esc.state();
+        // Drag ends a little later than the movement that it comes from.
+        let free = self.declared.coasts_freely == Claim::Does;
+        let pushes = free || self.with_movement > self.declared.stops_within;
+        (pushes && state.torque.abs() > self.no_torque()).then_some(state.torque)
+    }
+
+    /// From `grace` ms on there is no torque, until `millis` are over.
+    pub(crate) fn rests(
+        &mut self,
+        target: Option<Target>,
+        (grace, millis): (u32, u32),
+        when: &str,
+    ) -> Outcome {
+        for past in 1..=millis {
+            self.tick(target);
+            if past > grace {
+                self.is_at_rest(&format!("{past} ms {when}"))?;
+            }
+        }
+        Ok(())
+    }
+
+    pub(crate) fn is_at_rest(&self, when: &str) -> Outcome {
+        match self.push() {
+            Some(torque) => broken(self.now(), format!("{torque:.3} N m at the shaft {when}")),
+            None => Ok(()),
+        }
+    }
+
+    /// The usual case of it: it had to stop just now.
+    pub(crate) fn stops(&mut self, target: Option<Target>, when: &str) -> Outcome {
+        let grace = self.declared.stops_within;
+        self.rests(target, (grace, grace + 60), when)?;
+        self.esc.set_load(0.0);
+        self.rests(target, (0, 200), when)
+    }
+
+    /// Whether it turns the way it should, at half the speed at least.
+    pub(crate) fn goes(&self, target: Target) -> bool {
+        let Target::Speed(wanted) = target else { return false };
+        self.esc.state().output_rpm * f64::from(wanted.get().signum()) >= 0.5 * self.cruise_rpm()
+    }
+
+    /// Waits until it turns.
+    pub(crate) fn goes_again(&mut self, target: Target, when: &str) -> Outcome {
+        for _ in 0..self.declared.enables_within + SPIN_UP {
+            self.tick(Some(target));
+            if self.goes(target) {
+                return Ok(());
+            }
+        }
+        let rpm = self.esc.state().output_rpm;
+        broken(self.now(), format!("{when} it makes {rpm:.1} rpm, not {}", self.cruise_rpm()))
+    }
+
+    /// Waits until its device was heard: for some, that is a matter of tenths of a second.
+    pub(crate) fn is_heard(&mut self) -> Outcome {
+        self.wait(None, 20);
+        for _ in 0..LONGEST_SILENCE {
+            if self.status().link == Link::Online {
+                return Ok(());
+            }
+            self.tick(None);
+        }
+        broken(self.now(), format!("disarmed, its link is {:?}", self.status().link))
+    }
+
+    /// Armed, heard, and turning against the load.
+    pub(crate) fn get_going(&mut self) -> Outcome {
+        self.is_heard().map_err(|_| Halt::Stuck)?;
+        self.switch.arm().map_err(|_| Halt::Stuck)?;
+        let cruise = self.cruise();
+        self.goes_again(cruise, "").map_err(|_| Halt::Stuck)?;
+        self.esc.set_load(-self.load());
+        self.wait(Some(cruise), 100);
+        // What is stopped later must be there to be stopped.
+        let torque = self.esc.state().torque;
+        if self.goes(cruise) && torque > 0.5 * self.load() { Ok(()) } else { Err(Halt::Stuck) }
+    }
+
+    /// Asks for something, and waits for the answer without commanding.
+    pub(crate) fn ask(&mut self, request: Request) -> Result<Answer, RequestError> {
+        let answer = self.bench.bus.request(self.motor, request)?;
+        if answer != Answer::Pending {
+            return Ok(answer);
+        }
+        self.answer().unwrap_or(Err(RequestError::NoReply))
+    }
+
+    /// The answer that is pending, if it comes.
+    pub(crate) fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+        (0..LONGEST_ANSWER).find_map(|_| {
+            self.tick(None);
+            self.bench.bus.answer(self.motor)
+        })
+    }
+
+    pub(crate) fn is_starting(&self) -> bool {
+        self.status().condition == Condition::Starting
+    }
+}

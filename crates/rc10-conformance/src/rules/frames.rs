@@ -1,0 +1,216 @@
+use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
+use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_motor::{CanMotor, FrameError, Receive, TxBatch, Wiring};
+
+use crate::case::{Case, Findings, Outcome, broken};
+use crate::recorder::{Call, Told, not_finite, replay};
+
+/// Chance that is the same everywhere for ever: `SplitMix64`.
+struct Random(u64);
+
+impl Random {
+    const fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut mixed = self.0;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        mixed ^ (mixed >> 31)
+    }
+
+    /// Eight bytes; in every fourth case such as make infinities and NaN of any float.
+    const fn bytes(&mut self) -> [u8; 8] {
+        match self.next() % 8 {
+            0 => [0xFF; 8],
+            1 => [0x7F, 0x80, 0x00, 0x00, 0x80, 0x7F, 0x80, 0x7F],
+            _ => self.next().to_le_bytes(),
+        }
+    }
+
+    fn id(&mut self) -> Id {
+        let bits = self.next();
+        if bits & 1 == 0 { standard(bits >> 1) } else { extended(bits >> 1) }
+    }
+
+    /// An identifier of a pattern.
+    fn id_of(&mut self, pattern: &IdPattern) -> Id {
+        let free = self.next() & !u64::from(pattern.mask());
+        match pattern.id() {
+            Id::Standard(id) => standard(u64::from(id.as_raw()) & u64::from(pattern.mask()) | free),
+            Id::Extended(id) => extended(u64::from(id.as_raw()) & u64::from(pattern.mask()) | free),
+        }
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "the low bits are what is wanted")]
+fn standard(bits: u64) -> Id {
+    StandardId::new(bits as u16 & 0x7FF).unwrap_or(StandardId::ZERO).into()
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "the low bits are what is wanted")]
+fn extended(bits: u64) -> Id {
+    ExtendedId::new(bits as u32 & 0x1FFF_FFFF).unwrap_or(ExtendedId::ZERO).into()
+}
+
+fn frame(id: Id, bytes: &[u8]) -> CanFrame {
+    CanFrame::data_frame(id, bytes).unwrap_or_else(|_| CanFrame::eight_bytes(id, [0; 8]))
+}
+
+/// Whether the motor is expected to look at such an identifier at all.
+fn is_own(wiring: &Wiring, id: Id) -> bool {
+    wiring.received().iter().any(|receive| receive.pattern.contains(id))
+}
+
+/// Gives frames that are refused to a motor that runs; then it must go on as its twin does that
+/// never got them.
+fn change_nothing(
+    case: &Case<'_>,
+    frames: impl Iterator<Item = CanFrame>,
+    is_right: impl Fn(&CanFrame, FrameError) -> bool,
+) -> Outcome {
+    let (before, after) = case.life().calls();
+    let (mut motor, mut twin) = (case.motor(), case.motor());
+    replay(&mut *motor, before);
+    replay(&mut *twin, before);
+    let told = Told::of(&*motor);
+    let at = told.feedback.at + Micros::from_millis(1);
+    for frame in frames {
+        match motor.unpack_feedback(&frame, at) {
+            Err(error) if is_right(&frame, error) => (),
+            answer => return broken(at, format!("{frame} ({} bytes): {answer:?}", frame.len())),
+        }
+        if Told::of(&*motor) != told {
+            return broken(at, format!("{frame} changed what the motor says of itself"));
+        }
+    }
+    let few = &after[..after.len().min(100)];
+    if replay(&mut *motor, few) == replay(&mut *twin, few) {
+        return Ok(());
+    }
+    broken(at, "after them it sends other frames than without")
+}
+
+pub(super) fn foreign_frames(case: &Case<'_>, found: &mut Findings) {
+    let wiring = case.motor().wiring();
+    let mut random = Random(1);
+    // Neighbours first: the identifiers that differ from its own by a bit.
+    let near: Vec<Id> = wiring
+        .received()
+        .iter()
+        .flat_map(|Receive { pattern, .. }| match pattern.id() {
+            Id::Standard(id) => {
+                let raw = u64::from(id.as_raw());
+                (0..11).map(|bit| standard(raw ^ 1 << bit)).chain([extended(raw)]).collect()
+            }
+            Id::Extended(id) => {
+                let raw = u64::from(id.as_raw());
+                let other = (0..29).map(|bit| extended(raw ^ 1 << bit));
+                other.chain([standard(raw)]).collect::<Vec<_>>()
+            }
+        })
+        .collect();
+    let commands = wiring.transmitted().iter().map(|transmit| transmit.pattern.id());
+    let ids: Vec<Id> = near
+        .into_iter()
+        .chain(commands)
+        .chain((0..5000).map(|_| random.id()))
+        .filter(|id| !is_own(&wiring, *id))
+        .collect();
+    let foreign = ids.into_iter().map(|id| {
+        let len = random.next() % 9;
+        let bytes = random.bytes();
+        frame(id, bytes.get(..usize::try_from(len).unwrap_or(8)).unwrap_or(&bytes))
+    });
+    let remote = wiring.received().iter().filter_map(|receive| {
+        CanFrame::remote_frame(receive.pattern.id(), receive.len.into()).ok()
+    });
+    let is_right = |_: &CanFrame, error| error == FrameError::NotMine;
+    found.note(change_nothing(case, foreign.chain(remote), is_right));
+}
+
+pub(super) fn wrong_lengths(case: &Case<'_>, found: &mut Findings) {
+    let wiring = case.motor().wiring();
+    let mut random = Random(2);
+    let mut wrong = Vec::new();
+    for receive in wiring.received() {
+        for len in 0..=8_u8 {
+            for _ in 0..50 {
+                let id = random.id_of(&receive.pattern);
+                let mut others = wiring.received().iter();
+                if others.any(|other| other.len == len && other.pattern.contains(id)) {
+                    continue;
+                }
+                wrong.push(frame(id, &random.bytes()[..usize::from(len)]));
+            }
+        }
+    }
+    found.note(change_nothing(case, wrong.into_iter(), |_, _| true));
+}
+
+pub(super) fn any_content(case: &Case<'_>, found: &mut Findings) {
+    for receive in case.motor().wiring().received() {
+        found.note(content(case, receive));
+    }
+    for moment in case.life().moments() {
+        if let Some(name) = not_finite(&moment.feedback) {
+            found.add(Some(moment.at), format!("the {name} in the feedback is not finite"));
+        }
+    }
+}
+
+fn content(case: &Case<'_>, receive: &Receive) -> Outcome {
+    let mut random = Random(3);
+    let (before, after) = case.life().calls();
+    let mut motor = case.motor();
+    replay(&mut *motor, before);
+    let mut at = motor.feedback().at;
+    let real: Vec<CanFrame> = before.iter().filter_map(|call| frame_of(call, receive)).collect();
+    for turn in 0..4000_usize {
+        at += Micros::new(random.next() % 3000);
+        let mut bytes = random.bytes();
+        let mut id = random.id_of(&receive.pattern);
+        // Every other one is a real one in which a byte or two are wrong: it comes further.
+        if let (true, Some(real)) = (turn % 2 == 0, real.get(turn / 2 % real.len().max(1))) {
+            id = real.id();
+            let wrong = random.next().to_le_bytes();
+            let (first, second) = (usize::from(wrong[0] % 8), usize::from(wrong[1] % 8));
+            bytes[..real.len()].copy_from_slice(real.bytes());
+            (bytes[first], bytes[second]) = (wrong[2], wrong[3]);
+        }
+        let frame = frame(id, &bytes[..receive.len.min(8).into()]);
+        let told = Told::of(&*motor);
+        let heard = motor.unpack_feedback(&frame, at);
+        let now = Told::of(&*motor);
+        if heard.is_err() && now != told {
+            return broken(at, format!("{frame} was refused and changed something"));
+        }
+        if let Some(name) = not_finite(&now.feedback) {
+            return broken(at, format!("{frame} makes the {name} infinite or NaN"));
+        }
+        drive_on(&mut *motor);
+    }
+    // And it takes real ones still.
+    replay(&mut *motor, &after[..after.len().min(100)]);
+    Ok(())
+}
+
+/// A frame that the motor really got.
+fn frame_of(call: &Call, receive: &Receive) -> Option<CanFrame> {
+    match call {
+        Call::Frame(frame, _) if receive.pattern.matches(frame) => Some(*frame),
+        _ => None,
+    }
+}
+
+/// A tick of a motor that has just heard nonsense.
+fn drive_on(motor: &mut dyn CanMotor) {
+    motor.update(rc10_app::Seconds::new(0.001), rc10_motor::Drive::Run);
+    let _ = motor.pack_command(&mut TxBatch::new());
+}
+
+pub(super) fn feedback_at(case: &Case<'_>, found: &mut Findings) {
+    for (arrived, told) in &case.life().log.arrivals {
+        if arrived != told {
+            found.add(Some(*arrived), format!("it says that it arrived at {told}"));
+        }
+    }
+}

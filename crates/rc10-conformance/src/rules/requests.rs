@@ -1,0 +1,176 @@
+use rc10_app::{Amps, NewtonMetres, TotalAngle};
+use rc10_motor::{
+    Answer, Feedback, Gains, Request, RequestError, SafeState, Safety, Target, TargetKind,
+};
+
+use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::rig::Rig;
+
+/// How far from zero an angle just set to zero may be, degrees.
+const NEARLY_ZERO: f32 = 2.0;
+
+fn is_zero(feedback: &Feedback) -> bool {
+    let angle = feedback.angle.get();
+    angle.min(360.0 - angle) <= NEARLY_ZERO
+        && feedback.total_angle.degrees().get().abs() <= NEARLY_ZERO
+}
+
+pub(super) fn set_zero(case: &Case<'_>, found: &mut Findings) {
+    let early = case.motor().request(Request::SetZero);
+    if early != Err(RequestError::NoFeedback) {
+        found.add(None, format!("before any feedback: {early:?}, not NoFeedback"));
+    }
+    found.note(case.alone(SafeState::Coast, |rig| {
+        rig.get_going()?;
+        rig.esc.set_load(0.0);
+        rig.wait(None, 50);
+        // However long it turns on: it is stopped.
+        rig.switch.disarm();
+        for _ in 0..20_000 {
+            rig.tick(None);
+            if rig.esc.state().output_rpm.abs() < 0.01 {
+                break;
+            }
+        }
+        rig.wait(None, 50);
+        zero_moves_nothing(rig, 0.5)
+    }));
+    if case.motor().supports().contains(TargetKind::TotalAngle) {
+        let patient = Safety { command_expiry: Safety::LONGEST_EXPIRY, ..Safety::COAST };
+        found.note(case.with(&mut *case.motor(), patient, seeking));
+    }
+}
+
+/// An angle that is sought stays where it is.
+fn seeking(rig: &mut Rig<'_>) -> Outcome {
+    rig.get_going()?;
+    rig.esc.set_load(0.0);
+    let there = rig.status().feedback.total_angle.plus(TotalAngle::from_degrees(90));
+    for _ in 0..4000 {
+        rig.tick(Some(Target::TotalAngle(there)));
+    }
+    let off = rig.status().feedback.total_angle.minus(there).degrees().get();
+    if off.abs() > 10.0 {
+        return Err(Halt::Stuck);
+    }
+    zero_moves_nothing(rig, 5.0)
+}
+
+fn zero_moves_nothing(rig: &mut Rig<'_>, most: f64) -> Outcome {
+    let start = rig.esc.state().output_degrees;
+    match rig.bench.bus.request(rig.motor, Request::SetZero) {
+        Ok(Answer::Done) => (),
+        answer => return broken(rig.now(), format!("SetZero: {answer:?}")),
+    }
+    for _ in 0..500 {
+        rig.tick(None);
+        let feedback = rig.status().feedback;
+        let moved = rig.esc.state().output_degrees - start;
+        if moved.abs() > most {
+            return broken(rig.now(), format!("it moves {moved:.1} degrees"));
+        }
+        if !is_zero(&feedback) {
+            let (angle, total) = (feedback.angle, feedback.total_angle.degrees());
+            return broken(rig.now(), format!("angle {angle:?}, total angle {total:?}"));
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn requests_are_checked(case: &Case<'_>, found: &mut Findings) {
+    let gains = |kp| Gains { kp, ki: 0.0, kd: 0.0 };
+    found.note(case.alone(SafeState::Coast, |rig| {
+        rig.is_heard().map_err(|_| Halt::Stuck)?;
+        for bad in [f32::NAN, -1.0] {
+            for request in [
+                Request::CurrentLimit(Amps::new(bad)),
+                Request::TorqueLimit(NewtonMetres::new(bad)),
+                Request::SpeedGains(gains(bad)),
+                Request::AngleGains(gains(bad)),
+            ] {
+                let answer = rig.bench.bus.request(rig.motor, request);
+                let right =
+                    matches!(answer, Err(RequestError::Config(_) | RequestError::Unsupported));
+                if !right {
+                    return broken(rig.now(), format!("{request:?}: {answer:?}"));
+                }
+            }
+        }
+        Ok(())
+    }));
+}
+
+pub(super) fn set_up_while_disarmed(case: &Case<'_>, found: &mut Findings) {
+    for request in [Request::StoreZero, Request::WriteRegister(u16::MAX, 0), Request::SaveRegisters]
+    {
+        found.note(case.alone(SafeState::Coast, |rig| {
+            rig.get_going()?;
+            let answer = rig.bench.bus.request(rig.motor, request);
+            match answer {
+                Err(RequestError::NotWhileArmed | RequestError::Unsupported) => Ok(()),
+                // That there is no such register is a reason as well.
+                Err(RequestError::Config(_)) => Ok(()),
+                _ => broken(rig.now(), format!("{request:?} while it runs: {answer:?}")),
+            }
+        }));
+    }
+}
+
+pub(super) fn pending_is_answered(case: &Case<'_>, found: &mut Findings) {
+    let requests =
+        [Request::ClearFault, Request::StoreZero, Request::ReadRegister(0), Request::SaveRegisters];
+    for request in requests {
+        for is_silent in [false, true] {
+            found.note(case.alone(SafeState::Coast, |rig| {
+                rig.is_heard().map_err(|_| Halt::Stuck)?;
+                // What cannot be cleared without a fault is asked with one.
+                if request == Request::ClearFault {
+                    rig.esc.inject(rc10_sim::EscFault::OverTemperature);
+                    rig.wait(None, 100);
+                }
+                rig.bench.wire.set_cut(is_silent);
+                rig.wait(None, 1);
+                is_answered(rig, request)
+            }));
+        }
+    }
+}
+
+fn is_answered(rig: &mut Rig<'_>, request: Request) -> Outcome {
+    if rig.bench.bus.request(rig.motor, request) != Ok(Answer::Pending) {
+        return Ok(());
+    }
+    let second = rig.bench.bus.request(rig.motor, request);
+    if second != Err(RequestError::Busy) {
+        return broken(rig.now(), format!("{request:?} is pending; the same again: {second:?}"));
+    }
+    if rig.answer().is_none() {
+        return broken(rig.now(), format!("{request:?} is pending for ever"));
+    }
+    rig.tick(None);
+    match rig.bench.bus.answer(rig.motor) {
+        None => Ok(()),
+        Some(answer) => broken(rig.now(), format!("{request:?} is answered again: {answer:?}")),
+    }
+}
+
+pub(super) fn clear_fault_moves_nothing(case: &Case<'_>, found: &mut Findings) {
+    let clear = |rig: &mut Rig<'_>| match rig.ask(Request::ClearFault) {
+        Ok(_) | Err(RequestError::Unsupported) => Ok(()),
+        Err(error) => broken(rig.now(), format!("ClearFault without a fault: {error}")),
+    };
+    found.note(case.alone(SafeState::Coast, |rig| {
+        rig.is_heard().map_err(|_| Halt::Stuck)?;
+        clear(rig)?;
+        let cruise = rig.cruise();
+        rig.rests(Some(cruise), (0, 200), "after ClearFault while disarmed")
+    }));
+    found.note(case.alone(SafeState::Coast, |rig| {
+        rig.get_going()?;
+        rig.watch();
+        clear(rig)?;
+        let cruise = rig.cruise();
+        rig.goes_again(cruise, "after ClearFault")?;
+        rig.was_soft("after ClearFault")
+    }));
+}

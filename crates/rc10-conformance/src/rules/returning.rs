@@ -1,0 +1,44 @@
+use rc10_app::Rpm;
+use rc10_motor::{SafeState, Target};
+
+use crate::case::{Case, Findings};
+
+pub(super) fn back_on_the_wire(case: &Case<'_>, found: &mut Findings) {
+    for millis in [60, 400] {
+        found.note(case.alone(SafeState::Coast, |rig| {
+            rig.get_going()?;
+            rig.esc.set_load(0.0);
+            // What is wanted when it comes back is far from what it does.
+            let back = Target::Speed(Rpm::new(-rig.declared.cruise.get()));
+            rig.bench.wire.set_cut(true);
+            rig.wait(Some(back), millis);
+            rig.bench.wire.set_cut(false);
+            rig.watch();
+            let when = format!("after a cut of {millis} ms");
+            rig.goes_again(back, &when)?;
+            rig.was_soft(&when)
+        }));
+    }
+}
+
+pub(super) fn restart(case: &Case<'_>, found: &mut Findings) {
+    for millis in [3, 300, 1500] {
+        found.note(case.alone(SafeState::Coast, |rig| {
+            rig.get_going()?;
+            rig.esc.set_load(0.0);
+            let cruise = rig.cruise();
+            rig.esc.set_power(false);
+            rig.wait(Some(cruise), millis);
+            rig.esc.set_power(true);
+            rig.watch();
+            let when = format!("restarted after {millis} ms");
+            // It turns on for a while without torque.
+            rig.wait(Some(cruise), rig.declared.enables_within + 500);
+            rig.goes_again(cruise, &when)?;
+            rig.esc.set_load(-rig.load());
+            rig.wait(Some(cruise), 300);
+            rig.goes_again(cruise, &format!("{when}, under load,"))?;
+            rig.was_soft(&when)
+        }));
+    }
+}

@@ -1,0 +1,247 @@
+use rc10_app::Seconds;
+use rc10_can::{CanPort, Micros};
+use rc10_motor::{Drive, Request, SafeState, TxBatch};
+use rc10_sim::{BusConfig, EscFault, World};
+
+use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::declaration::Claim;
+use crate::rig::Rig;
+
+pub(super) fn silent_before_feedback(case: &Case<'_>, found: &mut Findings) {
+    // The bus lets it only coast until it is heard: here nothing is between it and the wire.
+    for drive in [Drive::Run, Drive::Hold, Drive::Brake, Drive::Coast, Drive::Off] {
+        let mut world = World::new(1);
+        let wire = world.add_bus(BusConfig::default());
+        let esc = case.device(&wire, case.declared.ids[0]);
+        esc.set_feedback(false);
+        let mut port = wire.port();
+        let mut motor = case.motor();
+        for target in case.declared.trials.iter().map(|trial| trial.target) {
+            let _ = motor.set_target(target);
+            for _ in 0..200 {
+                motor.update(Seconds::new(0.001), drive);
+                let mut tx = TxBatch::new();
+                let _ = motor.pack_command(&mut tx);
+                for (frame, stream) in tx.entries() {
+                    let _ = port.submit_as(frame, stream);
+                }
+                world.advance(world.now() + Micros::from_millis(1));
+                let torque = esc.state().torque.abs();
+                if torque > f64::from(case.declared.no_torque.get()) {
+                    let what = format!("{torque:.3} N m in {drive:?}, told {target:?}");
+                    return found.add(Some(world.now()), what);
+                }
+            }
+        }
+    }
+}
+
+pub(super) fn off_until_armed(case: &Case<'_>, found: &mut Findings) {
+    found.note(case.alone(SafeState::Hold, |rig| {
+        rig.is_heard().map_err(|_| Halt::Stuck)?;
+        let targets: Vec<_> = rig.declared.trials.iter().map(|trial| trial.target).collect();
+        for target in targets.into_iter().chain([rig.cruise()]) {
+            rig.rests(Some(target), (0, 100), "of being commanded while disarmed")?;
+        }
+        rig.rests(None, (0, 100), "after the last command while disarmed")
+    }));
+}
+
+pub(super) fn disarm(case: &Case<'_>, found: &mut Findings) {
+    for state in [SafeState::Coast, SafeState::Hold] {
+        found.note(case.alone(state, |rig| {
+            rig.get_going()?;
+            let cruise = rig.cruise();
+            rig.switch.disarm();
+            rig.stops(Some(cruise), "after disarming")?;
+            rig.watch();
+            let _ = rig.switch.arm();
+            rig.goes_again(cruise, "armed again")?;
+            rig.was_soft("armed again")
+        }));
+    }
+}
+
+pub(super) fn emergency_stop(case: &Case<'_>, found: &mut Findings) {
+    found.note(case.alone(SafeState::Coast, |rig| {
+        rig.get_going()?;
+        let cruise = rig.cruise();
+        rig.switch.emergency_stop();
+        rig.tick(Some(cruise));
+        may(rig, Drive::Coast)?;
+        rig.stops(Some(cruise), "after the emergency stop")
+    }));
+    // One that holds must be let go by disarming.
+    found.note(case.alone(SafeState::Hold, |rig| {
+        rig.get_going()?;
+        rig.switch.emergency_stop();
+        rig.wait(None, 300);
+        may(rig, Drive::Hold)?;
+        rig.switch.disarm();
+        rig.stops(None, "after disarming during an emergency stop")
+    }));
+}
+
+fn may(rig: &Rig<'_>, wanted: Drive) -> Outcome {
+    let drive = rig.status().drive;
+    if drive == wanted {
+        return Ok(());
+    }
+    broken(rig.now(), format!("it may {drive:?}, not {wanted:?}"))
+}
+
+pub(super) fn expiry(case: &Case<'_>, found: &mut Findings) {
+    found.note(case.alone(SafeState::Coast, |rig| {
+        rig.get_going()?;
+        rig.wait(None, 51);
+        may(rig, Drive::Coast)?;
+        rig.stops(None, "after its command had expired")?;
+        let cruise = rig.cruise();
+        rig.watch();
+        rig.goes_again(cruise, "commanded again")?;
+        rig.was_soft("commanded again")
+    }));
+}
+
+pub(super) fn lost(case: &Case<'_>, found: &mut Findings) {
+    let timeout = case.motor().wiring().link_timeout().get() / 1000;
+    let timeout = u32::try_from(timeout).unwrap_or(u32::MAX);
+    found.note(case.alone(SafeState::Hold, |rig| {
+        rig.get_going()?;
+        let cruise = rig.cruise();
+        rig.esc.set_feedback(false);
+        // A frame may have been on its way.
+        rig.wait(Some(cruise), timeout + 3);
+        may(rig, Drive::Coast)?;
+        rig.stops(Some(cruise), "after its link was lost")
+    }));
+}
+
+pub(super) fn coast_frames_are_fixed(case: &Case<'_>, found: &mut Findings) {
+    let mut tx = TxBatch::new();
+    if case.motor().coast_frames(&mut tx).is_err() || tx.frames().is_empty() {
+        return found.add(None, "a fresh motor has none".to_owned());
+    }
+    for moment in case.life().moments() {
+        if moment.coast != tx.frames() {
+            let (now, fresh) = (&moment.coast, tx.frames());
+            let what = format!("in {:?} they are {now:?}, before {fresh:?}", moment.drive);
+            return found.add(Some(moment.at), what);
+        }
+    }
+}
+
+/// What the device is doing when the program panics.
+#[derive(Clone, Copy, Debug)]
+enum Doing {
+    Waiting,
+    Enabling,
+    Running,
+    Holding,
+    Faulted,
+}
+
+pub(super) fn coast_frames_stop(case: &Case<'_>, found: &mut Findings) {
+    use Doing::{Enabling, Faulted, Holding, Running, Waiting};
+    for doing in [Waiting, Enabling, Running, Holding, Faulted] {
+        found.note(case.alone(SafeState::Hold, |rig| {
+            let cruise = rig.cruise();
+            match doing {
+                Waiting => rig.wait(None, 50),
+                Enabling => {
+                    rig.is_heard().map_err(|_| Halt::Stuck)?;
+                    rig.switch.arm().map_err(|_| Halt::Stuck)?;
+                    rig.wait(Some(cruise), rig.declared.enables_within / 2 + 1);
+                }
+                Running => rig.get_going()?,
+                Holding => {
+                    rig.get_going()?;
+                    rig.wait(None, 500);
+                }
+                Faulted => {
+                    rig.get_going()?;
+                    rig.esc.inject(EscFault::OverTemperature);
+                    rig.wait(Some(cruise), 50);
+                    let _ = rig.bench.bus.request(rig.motor, Request::ClearFault);
+                    rig.wait(Some(cruise), 5);
+                }
+            }
+            panics(rig, doing)
+        }));
+    }
+}
+
+/// No tick comes any more: only these frames.
+fn panics(rig: &mut Rig<'_>, doing: Doing) -> Outcome {
+    let mut image = TxBatch::new();
+    let _ = rig.bench.bus.coast_image(&mut image);
+    let mut port = rig.bench.wire.port();
+    port.cancel_pending();
+    for (frame, stream) in image.entries() {
+        let _ = port.submit_as(frame, stream);
+    }
+    for past in 1..=200 {
+        let next = rig.now() + Micros::from_millis(1);
+        rig.bench.world.advance(next);
+        rig.look();
+        if past == rig.declared.stops_within + 20 {
+            rig.esc.set_load(0.0);
+        }
+        if past > rig.declared.stops_within {
+            rig.is_at_rest(&format!("{past} ms after them, sent when it was {doing:?}"))?;
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn brakes(case: &Case<'_>, found: &mut Findings) {
+    if let Claim::Cannot(_) = case.declared.brakes {
+        return;
+    }
+    found.note(case.alone(SafeState::Brake, |rig| {
+        rig.get_going()?;
+        let before = rig.esc.state().output_rpm;
+        rig.esc.set_load(rig.load() * 0.5);
+        rig.wait(None, 51);
+        may(rig, Drive::Brake)?;
+        rig.wait(None, 500);
+        let rpm = rig.esc.state().output_rpm;
+        if rpm.abs() > 0.5 * before {
+            let what = format!("driven by a load it makes {rpm:.1} rpm, {before:.1} before");
+            return broken(rig.now(), what);
+        }
+        rig.esc.set_load(0.0);
+        rig.wait(None, 1500);
+        let rpm = rig.esc.state().output_rpm;
+        if rpm.abs() <= 0.05 * rig.cruise_rpm() {
+            return Ok(());
+        }
+        broken(rig.now(), format!("after 2 s of braking it makes {rpm:.1} rpm"))
+    }));
+}
+
+pub(super) fn holds(case: &Case<'_>, found: &mut Findings) {
+    if let Claim::Cannot(_) = case.declared.holds {
+        return;
+    }
+    found.note(case.alone(SafeState::Hold, |rig| {
+        rig.get_going()?;
+        rig.wait(None, 51);
+        may(rig, Drive::Hold)?;
+        rig.esc.set_load(0.0);
+        rig.wait(None, 2000);
+        let start = rig.esc.state().output_degrees;
+        for load in [rig.load(), -rig.load(), 0.0] {
+            rig.esc.set_load(load);
+            for _ in 0..700 {
+                rig.tick(None);
+                let gave = rig.esc.state().output_degrees - start;
+                if gave.abs() > rig.declared.hold_gives {
+                    let what = format!("against {load:.2} N m it gave {gave:.1} degrees");
+                    return broken(rig.now(), what);
+                }
+            }
+        }
+        Ok(())
+    }));
+}

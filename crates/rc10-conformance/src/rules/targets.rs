@@ -1,0 +1,264 @@
+use rc10_app::{Seconds, TotalAngle};
+use rc10_can::CanFrame;
+use rc10_motor::{Condition, Drive, SafeState, Target, TargetError, TargetKind, TxBatch};
+
+use super::declared::every_kind;
+use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::declaration::Trial;
+use crate::recorder::{not_finite, replay};
+use crate::rig::Rig;
+
+pub(super) fn supports_is_constant(case: &Case<'_>, found: &mut Findings) {
+    let fresh = case.motor().supports();
+    if !fresh.contains(TargetKind::Coast) {
+        found.add(None, "it cannot be told to coast".to_owned());
+    }
+    for moment in case.life().moments() {
+        if moment.supports != fresh {
+            let what = format!("in {:?} it takes other targets than a fresh motor", moment.drive);
+            return found.add(Some(moment.at), what);
+        }
+    }
+}
+
+pub(super) fn refuses_targets(case: &Case<'_>, found: &mut Findings) {
+    let (before, _) = case.life().calls();
+    let mut motor = case.motor();
+    let supports = motor.supports();
+    for is_running in [false, true] {
+        if is_running {
+            replay(&mut *motor, before);
+        }
+        let mut old = Target::Coast;
+        if motor.set_target(old).is_err() {
+            found.add(None, "coasting is refused".to_owned());
+        }
+        for trial in &case.declared.trials {
+            match motor.set_target(trial.target) {
+                Ok(()) if motor.target() == trial.target => old = trial.target,
+                answer => {
+                    let now = motor.target();
+                    found.add(None, format!("{:?}: {answer:?}, it has {now:?}", trial.target));
+                    old = now;
+                }
+            }
+        }
+        let numbers = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
+        for target in [1.0].into_iter().chain(numbers).flat_map(every_kind) {
+            let wanted = match supports.accepts(&target) {
+                Ok(()) => continue,
+                Err(error) => error,
+            };
+            let refused = motor.set_target(target);
+            let right = match wanted {
+                // What cannot be done need not be looked at closer.
+                TargetError::Unsupported(_) => refused == Err(wanted),
+                _ => matches!(refused, Err(TargetError::NotFinite(_) | TargetError::OutOfRange(_))),
+            };
+            if !right {
+                found.add(None, format!("{target:?}: {refused:?}, not {wanted:?}"));
+            }
+            if motor.target() != old {
+                found.add(None, format!("{target:?} was refused and took the place of {old:?}"));
+                old = motor.target();
+            }
+        }
+    }
+}
+
+pub(super) fn gets_going(case: &Case<'_>, found: &mut Findings) {
+    found.note(case.alone(SafeState::Coast, |rig| {
+        let cruise = rig.cruise();
+        rig.is_heard()?;
+        if rig.switch.arm().is_err() {
+            return Err(Halt::Stuck);
+        }
+        rig.wait(Some(cruise), rig.declared.enables_within);
+        if rig.is_starting() {
+            let after = rig.declared.enables_within;
+            return broken(rig.now(), format!("it is still starting after {after} ms"));
+        }
+        rig.goes_again(cruise, "armed and commanded")?;
+        rig.esc.set_load(-rig.load());
+        rig.wait(Some(cruise), 100);
+        if rig.status().condition != Condition::Ready {
+            let condition = rig.status().condition;
+            return broken(rig.now(), format!("turning, it says that it is {condition:?}"));
+        }
+        let torque = rig.esc.state().torque;
+        if torque > 0.5 * rig.load() {
+            return Ok(());
+        }
+        broken(rig.now(), format!("{torque:.3} N m do not carry the load of {}", rig.load()))
+    }));
+}
+
+pub(super) fn follows(case: &Case<'_>, found: &mut Findings) {
+    for trial in &case.declared.trials {
+        found.note(case.alone(SafeState::Coast, |rig| reaches(rig, trial)));
+    }
+}
+
+/// Ticks for which a target has to be kept.
+const KEPT: u32 = 10;
+
+fn reaches(rig: &mut Rig<'_>, trial: &Trial) -> Outcome {
+    let slows = matches!(
+        trial.target.kind(),
+        TargetKind::Brake
+            | TargetKind::BrakeShare
+            | TargetKind::Handbrake
+            | TargetKind::HandbrakeShare
+    );
+    if slows {
+        rig.get_going()?;
+        rig.esc.set_load(0.0);
+    } else {
+        rig.is_heard().map_err(|_| Halt::Stuck)?;
+        let _ = rig.switch.arm();
+    }
+    let (mut kept, mut nearest) = (0, f64::INFINITY);
+    for _ in 0..rig.declared.enables_within + trial.within {
+        rig.tick(Some(trial.target));
+        let off = off_by(rig, trial);
+        let is_near = off <= trial.tolerance;
+        kept = if is_near { kept + 1 } else { 0 };
+        nearest = nearest.min(off);
+        if kept == KEPT {
+            return Ok(());
+        }
+    }
+    let Trial { target, tolerance, within } = trial;
+    let what = format!("{target:?}: not within {tolerance} for {KEPT} ms on end, in {within} ms");
+    broken(rig.now(), format!("{what}; {nearest:.3} at best"))
+}
+
+/// How far the motor is from its target: at most the tolerance when it is reached.
+fn off_by(rig: &Rig<'_>, trial: &Trial) -> f64 {
+    let state = rig.esc.state();
+    let feedback = rig.status().feedback;
+    let way = |wanted: TotalAngle| {
+        let way = feedback.total_angle.minus(wanted).microdegrees();
+        f64::from(i32::try_from(way / 1000).unwrap_or(i32::MAX)).abs() * 1e-3
+    };
+    // Here the tolerance is what the speed must not be below.
+    let turns = |number: f32| 2.0 * trial.tolerance - state.output_rpm * f64::from(number.signum());
+    match trial.target {
+        Target::Speed(rpm) => (state.output_rpm - f64::from(rpm.get())).abs(),
+        Target::Current(amps) => (state.current - f64::from(amps.get())).abs(),
+        Target::Torque(torque) => (state.torque - f64::from(torque.get())).abs(),
+        Target::Angle(degrees) => {
+            let off = f64::from(feedback.angle.get() - degrees.get()).rem_euclid(360.0);
+            off.min(360.0 - off)
+        }
+        Target::TotalAngle(angle) => way(angle),
+        Target::Impedance(impedance) => {
+            TotalAngle::try_from_degrees(impedance.angle).map_or(f64::INFINITY, way)
+        }
+        Target::Duty(share) | Target::CurrentShare(share) => turns(share),
+        Target::Coast => state.torque.abs(),
+        _ => state.output_rpm.abs(),
+    }
+}
+
+pub(super) fn feedback_is_true(case: &Case<'_>, found: &mut Findings) {
+    found.note(case.alone(SafeState::Coast, |rig| {
+        rig.get_going()?;
+        let cruise = rig.cruise();
+        rig.wait(Some(cruise), 300);
+        let (start, told_start) = (rig.esc.state(), rig.status().feedback);
+        for _ in 0..500 {
+            rig.tick(Some(cruise));
+            let angle = rig.status().feedback.angle.get();
+            if !(0.0..360.0).contains(&angle) {
+                return broken(rig.now(), format!("its angle is {angle} degrees"));
+            }
+        }
+        let (end, told) = (rig.esc.state(), rig.status().feedback);
+        let (rpm, told_rpm) = (end.output_rpm, f64::from(told.speed.get()));
+        if (rpm - told_rpm).abs() > 0.05 * rig.cruise_rpm() {
+            return broken(rig.now(), format!("it says {told_rpm:.1} rpm, and makes {rpm:.1}"));
+        }
+        let moved = end.output_degrees - start.output_degrees;
+        let told_moved = told.total_angle.minus(told_start.total_angle).degrees();
+        let told_moved = f64::from(told_moved.get());
+        // At both ends the feedback is some milliseconds old: 6 degrees a second for each rpm.
+        let age = 2.0 * period_ms(case) * 0.006 * rig.cruise_rpm();
+        if (moved - told_moved).abs() <= 0.01 * moved.abs() + age {
+            return Ok(());
+        }
+        broken(rig.now(), format!("it says {told_moved:.1} degrees, and went {moved:.1}"))
+    }));
+}
+
+/// Between two reports of the device, and some for the way.
+fn period_ms(case: &Case<'_>) -> f64 {
+    let wiring = case.motor().wiring();
+    let slowest = wiring.received().iter().map(|receive| receive.rate.per_second());
+    let slowest = slowest.filter(|rate| *rate > 0).min().unwrap_or(1000);
+    1000.0 / f64::from(slowest) + 2.0
+}
+
+/// Steps that no clock should take, s.
+const STRANGE: [f32; 7] = [0.0, -0.0, -1.0, 3600.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
+
+pub(super) fn strange_steps(case: &Case<'_>, found: &mut Findings) {
+    let (before, _) = case.life().calls();
+    for dt in STRANGE.map(Seconds::new) {
+        let mut motor = case.motor();
+        replay(&mut *motor, before);
+        for drive in [Drive::Run, Drive::Hold, Drive::Brake, Drive::Coast, Drive::Off] {
+            motor.update(dt, drive);
+            let _ = motor.pack_command(&mut TxBatch::new());
+            if let Some(name) = not_finite(&motor.feedback()) {
+                found.add(None, format!("after {dt:?} its {name} is not finite"));
+            }
+        }
+    }
+    found.note(case.alone(SafeState::Coast, |rig| {
+        rig.get_going()?;
+        let cruise = rig.cruise();
+        rig.wait(Some(cruise), 300);
+        rig.watch();
+        for dt in STRANGE.map(Seconds::new) {
+            for is_strange in [true, false, false, false, false].repeat(8) {
+                let now = rig.now();
+                let _ = rig.bench.bus.command(rig.motor, cruise, now);
+                rig.bench.tick_with(if is_strange { dt } else { Seconds::new(0.001) });
+                rig.look();
+            }
+            if !rig.goes(cruise) {
+                let rpm = rig.esc.state().output_rpm;
+                return broken(rig.now(), format!("{dt:?} takes it from its speed to {rpm:.1}"));
+            }
+        }
+        rig.was_soft("after strange steps")
+    }));
+}
+
+pub(super) fn deterministic(case: &Case<'_>, found: &mut Findings) {
+    let trace = || {
+        let mut frames = Vec::new();
+        let outcome = case.alone(SafeState::Coast, |rig| {
+            rig.get_going()?;
+            frames = rig.bench.wire.take_trace();
+            Ok(())
+        });
+        outcome.map(|()| frames.iter().map(|e| (e.at, e.frame)).collect::<Vec<_>>())
+    };
+    match (trace(), trace()) {
+        (Ok(once), Ok(twice)) => {
+            let mut both = once.iter().zip(&twice);
+            if let Some(((at, frame), (_, other))) = both.find(|(one, other)| one != other) {
+                found.add(Some(*at), differs(frame, other));
+            } else if once.len() != twice.len() {
+                found.add(None, "the same run again has more or fewer frames".to_owned());
+            }
+        }
+        _ => found.note(Err(Halt::Stuck)),
+    }
+}
+
+fn differs(frame: &CanFrame, other: &CanFrame) -> String {
+    format!("{frame} was on the wire, and {other} when the same happened again")
+}

@@ -1,0 +1,160 @@
+use rc10_can::CanFrame;
+use rc10_can::embedded_can::Id;
+use rc10_motor::{Guard, SafeState, Share, Transmit, Wiring};
+
+use crate::case::{Case, Findings, Outcome, broken};
+use crate::rig::Rig;
+
+pub(super) fn wiring_is_valid(case: &Case<'_>, found: &mut Findings) {
+    let wiring = case.motor().wiring();
+    if wiring.name().model.is_empty() {
+        found.add(None, "its model has no name".to_owned());
+    }
+    if !wiring.received().iter().any(|receive| receive.rate.per_second() > 0) {
+        found.add(None, "no feedback comes regularly: it would always be lost".to_owned());
+    }
+    if wiring.transmitted().is_empty() {
+        found.add(None, "nothing is sent to it".to_owned());
+    }
+    let received = wiring.received().iter().map(|r| (r.pattern, r.len, r.guard, 0));
+    let sent = wiring.transmitted().iter().map(|t| match t.share {
+        Share::Guard(guard) => (t.pattern, t.len, Some(guard), 0),
+        Share::Lane(bytes) => (t.pattern, t.len, None, bytes),
+        Share::Whole => (t.pattern, t.len, None, 0),
+    });
+    for (pattern, len, guard, lane) in received.chain(sent) {
+        if len > 8 {
+            found.add(None, format!("{pattern} has {len} bytes; a frame has 8 at most"));
+        }
+        let outside = |guard: Guard| guard.byte >= len;
+        if guard.is_some_and(outside) || u32::from(len) < 8 - lane.leading_zeros() {
+            found.add(None, format!("guard or lane of {pattern} lies outside of its {len} bytes"));
+        }
+    }
+}
+
+pub(super) fn wiring_is_constant(case: &Case<'_>, found: &mut Findings) {
+    let fresh = format!("{:?}", case.motor().wiring());
+    for moment in case.life().moments() {
+        if moment.wiring.as_ref().is_some_and(|now| *now != fresh) {
+            let what = format!("in {:?} it differs from that of a fresh motor", moment.drive);
+            return found.add(Some(moment.at), what);
+        }
+    }
+}
+
+/// Whether a wiring says that this is sent.
+fn declares(transmit: &Transmit, frame: &CanFrame) -> bool {
+    let Transmit { pattern, len, share, .. } = transmit;
+    let is_own = match share {
+        Share::Whole => true,
+        Share::Guard(guard) => guard.passes(frame),
+        Share::Lane(bytes) => {
+            let mut rest = frame.bytes().iter().enumerate().filter(|(n, _)| bytes >> n & 1 == 0);
+            rest.all(|(_, byte)| *byte == 0)
+        }
+    };
+    is_own && pattern.matches(frame) && frame.len() == usize::from(*len)
+}
+
+pub(super) fn frames_are_declared(case: &Case<'_>, found: &mut Findings) {
+    let wiring = case.motor().wiring();
+    let is_declared = |frame: &CanFrame| wiring.transmitted().iter().any(|t| declares(t, frame));
+    for moment in case.life().moments() {
+        if let Some((frame, _)) = moment.frames.iter().find(|(frame, _)| !is_declared(frame)) {
+            found.add(Some(moment.at), format!("{frame}, sent in {:?}", moment.drive));
+        }
+    }
+    let coast = case.life().moments().first().map_or(&[][..], |moment| &moment.coast);
+    if let Some(frame) = coast.iter().find(|frame| !is_declared(frame)) {
+        found.add(None, format!("{frame}, for a panic handler"));
+    }
+}
+
+/// Whether a key is that of an identifier which the motor occupies.
+fn occupies(wiring: &Wiring, key: u32) -> bool {
+    let sent = wiring.transmitted().iter().map(|transmit| transmit.pattern);
+    let received = wiring.received().iter().map(|receive| receive.pattern);
+    let listens = wiring.listened_to().iter().copied();
+    sent.chain(received).chain(listens).any(|pattern| {
+        // An identifier of the pattern that has this key, if there is one.
+        let id = match pattern.id() {
+            Id::Standard(_) => rc10_can::embedded_can::StandardId::new(
+                u16::try_from(key & 0x3FFF_FFFF).unwrap_or(u16::MAX),
+            )
+            .map(Id::from),
+            Id::Extended(_) => {
+                rc10_can::embedded_can::ExtendedId::new(key & 0x3FFF_FFFF).map(Id::from)
+            }
+        };
+        id.is_some_and(|id| CanFrame::key_of(id) == key && pattern.contains(id))
+    })
+}
+
+pub(super) fn streams_are_own(case: &Case<'_>, found: &mut Findings) {
+    let wiring = case.motor().wiring();
+    for moment in case.life().moments() {
+        // A frame without a stream of its own is declared, or another rule says so.
+        let foreign = |(frame, stream): &&(CanFrame, u32)| {
+            *stream != frame.key() && !occupies(&wiring, *stream)
+        };
+        if let Some((frame, stream)) = moment.frames.iter().find(foreign) {
+            found.add(Some(moment.at), format!("{frame} is of stream {stream:#X}"));
+        }
+    }
+}
+
+pub(super) fn few_frames_a_tick(case: &Case<'_>, found: &mut Findings) {
+    for moment in case.life().moments() {
+        let (sent, coast) = (moment.frames.len(), moment.coast.len());
+        if sent > 2 || coast > 2 {
+            let what = format!("{sent} frames in a tick, {coast} for a panic handler");
+            found.add(Some(moment.at), what);
+        }
+    }
+}
+
+pub(super) fn load_is_as_declared(case: &Case<'_>, found: &mut Findings) {
+    let wiring = case.motor().wiring();
+    found.note(case.alone(SafeState::Coast, |rig| {
+        rig.get_going()?;
+        let _ = rig.bench.wire.take_trace();
+        count(rig, &wiring)
+    }));
+}
+
+/// Counts frames for a second.
+fn count(rig: &mut Rig<'_>, wiring: &Wiring) -> Outcome {
+    let cruise = rig.cruise();
+    rig.wait(Some(cruise), 1000);
+    let at = rig.now();
+    let (mut sent, mut received) = (0_u32, 0_u32);
+    for entry in rig.bench.wire.take_trace() {
+        if entry.from_controller {
+            sent += 1;
+            continue;
+        }
+        received += 1;
+        let frame = &entry.frame;
+        let is_declared = wiring.received().iter().any(|receive| {
+            receive.pattern.matches(frame)
+                && frame.len() == usize::from(receive.len)
+                && receive.guard.is_none_or(|guard| guard.passes(frame))
+        });
+        if !is_declared {
+            return broken(entry.at, format!("{frame} comes from the device"));
+        }
+    }
+    let rates = || wiring.received().iter().map(|receive| receive.rate.per_second());
+    let most: u32 = rates().sum();
+    let fastest = rates().max().unwrap_or(0);
+    let commands: u32 = wiring.transmitted().iter().map(|t| t.rate.per_second()).sum();
+    // A tenth for what is rare.
+    if received > most + most / 10 || received < fastest - fastest / 5 {
+        return broken(at, format!("{received} frames came in a second, {most} are declared"));
+    }
+    if sent > commands + commands / 10 {
+        return broken(at, format!("{sent} frames were sent in a second, {commands} are declared"));
+    }
+    Ok(())
+}

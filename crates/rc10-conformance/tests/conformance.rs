@@ -1,0 +1,28 @@
+//! Every motor of `rc10-motor` keeps the rules. One entry a model: put yours into [`MOTORS`].
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod conformance_of {
+    pub mod dji;
+}
+
+use rc10_conformance::Report;
+
+/// A model, and what its check says.
+type Entry = (&'static str, fn() -> Result<(), Report>);
+
+const MOTORS: &[Entry] = &[
+    ("M3508", conformance_of::dji::m3508),
+    ("M2006", conformance_of::dji::m2006),
+    ("GM6020, current mode", conformance_of::dji::gm6020_current),
+    ("GM6020, voltage mode", conformance_of::dji::gm6020_voltage),
+    // One line for each further model, one file for each vendor in `conformance_of/`.
+];
+
+#[test]
+fn every_motor_keeps_the_rules() {
+    let broken: Vec<String> = MOTORS
+        .iter()
+        .filter_map(|(name, check)| check().err().map(|report| format!("{name}: {report}")))
+        .collect();
+    assert!(broken.is_empty(), "{}", broken.join("\n\n"));
+}

@@ -1,0 +1,56 @@
+use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
+use rc10_conformance::{Claim, Declaration, Report, Trial, check};
+use rc10_motor::Target;
+use rc10_motor::dji::{self, Dji};
+use rc10_sim::{EscConfig, Model, Plant};
+
+/// All models are driven alike. Each has about the inertia on its shaft that its gains are made for.
+fn dji(
+    model: &'static dji::Model,
+    esc: Model,
+    declared: Declaration,
+    inertia: f64,
+) -> Result<(), Report> {
+    let trials = [
+        Trial::new(Target::Speed(declared.cruise), 2.0, 1500),
+        Trial::new(Target::Speed(Rpm::new(-0.5 * declared.cruise.get())), 2.0, 1500),
+        Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 3000),
+        Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 4000),
+    ];
+    let plant: Plant = esc.plant().with_load_inertia(inertia);
+    check(
+        &declared.with_trials(&trials),
+        |id| Dji::new(model, id).unwrap(),
+        |wire, id| wire.add_esc(EscConfig { plant, ..EscConfig::new(esc, id) }).unwrap(),
+    )
+}
+
+pub fn m3508() -> Result<(), Report> {
+    let declared = Declaration::new([1, 2], Rpm::new(100.0), NewtonMetres::new(6.0))
+        .with_trials(&[Trial::new(Target::Current(Amps::new(-3.0)), 0.1, 100)]);
+    dji(&dji::M3508, Model::C620, declared, 0.029)
+}
+
+/// The second one is commanded by the other frame.
+pub fn m2006() -> Result<(), Report> {
+    let declared = Declaration::new([1, 5], Rpm::new(100.0), NewtonMetres::new(1.8))
+        .with_trials(&[Trial::new(Target::Current(Amps::new(2.0)), 0.1, 100)]);
+    dji(&dji::M2006, Model::C610, declared, 0.002)
+}
+
+pub fn gm6020_current() -> Result<(), Report> {
+    let declared = Declaration::new([1, 2], Rpm::new(60.0), NewtonMetres::new(2.2))
+        .with_trials(&[Trial::new(Target::Current(Amps::new(1.0)), 0.05, 100)]);
+    dji(&dji::GM6020_CURRENT, Model::Gm6020Current, declared, 0.01)
+}
+
+pub fn gm6020_voltage() -> Result<(), Report> {
+    let declared = Declaration {
+        coasts_freely: Claim::Cannot("no voltage shorts the winding: it turns with a drag"),
+        // The winding's inductance.
+        stops_within: 30,
+        ..Declaration::new([1, 2], Rpm::new(60.0), NewtonMetres::new(2.2))
+    }
+    .with_trials(&[Trial::new(Target::Duty(0.2), 20.0, 500)]);
+    dji(&dji::GM6020_VOLTAGE, Model::Gm6020Voltage, declared, 0.01)
+}

@@ -1,0 +1,422 @@
+//! Motors that break one rule each.
+
+use std::cell::{Cell, RefCell};
+
+use rc10_app::{Degrees, Rpm, Seconds};
+use rc10_can::embedded_can::{ExtendedId, StandardId};
+use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_motor::{
+    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Rate, Receive,
+    Request, RequestError, Target, TargetError, TargetKind, TargetSet, TxBatch, TxFull, Wiring,
+};
+
+use crate::motor::{Command, Finch};
+
+/// What is wrong with a motor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Spoil {
+    Nothing,
+    /// Breaks many rules, because nothing can be tried.
+    NeverEnables,
+    NineBytes,
+    OtherName,
+    UndeclaredFrame,
+    ForeignStream,
+    ThreeFrames,
+    RareCommands,
+    TakesMore,
+    TakesInfinity,
+    AlwaysStarting,
+    HalfTheTorque,
+    AngleBeyondTurn,
+    LeapsAfterPause,
+    SecondIsOther,
+    TakesExtended,
+    TakesSeven,
+    NotANumber,
+    AMicrosecondLate,
+    DrivesUnheard,
+    DrivesUnarmed,
+    DisarmsLate,
+    IgnoresStop,
+    IgnoresExpiry,
+    IgnoresSilence,
+    OtherCoastFrame,
+    CoastFrameEnables,
+    CoastsForBraking,
+    CoastsForHolding,
+    OneCutTooMany,
+    OneRestartTooMany,
+    NoZero,
+    AnyLimit,
+    StoresAnyTime,
+    AnswersTwice,
+    ClearingDrives,
+    FaultWithoutWords,
+    ForgetsFaults,
+    Unaware,
+    SpeaksForAnother,
+}
+
+impl Spoil {
+    /// The rule that each breaks.
+    pub const ALL: &[(&str, Self)] = &[
+        ("wiring-is-valid", Self::NineBytes),
+        ("wiring-is-constant", Self::OtherName),
+        ("frames-are-declared", Self::UndeclaredFrame),
+        ("streams-are-own", Self::ForeignStream),
+        ("few-frames-a-tick", Self::ThreeFrames),
+        ("load-is-as-declared", Self::RareCommands),
+        ("supports-is-constant", Self::TakesMore),
+        ("refuses-targets", Self::TakesInfinity),
+        ("gets-going", Self::AlwaysStarting),
+        ("follows", Self::HalfTheTorque),
+        ("feedback-is-true", Self::AngleBeyondTurn),
+        ("strange-steps", Self::LeapsAfterPause),
+        ("deterministic", Self::SecondIsOther),
+        ("foreign-frames", Self::TakesExtended),
+        ("wrong-lengths", Self::TakesSeven),
+        ("any-content", Self::NotANumber),
+        ("feedback-at", Self::AMicrosecondLate),
+        ("silent-before-feedback", Self::DrivesUnheard),
+        ("off-until-armed", Self::DrivesUnarmed),
+        ("disarm", Self::DisarmsLate),
+        ("emergency-stop", Self::IgnoresStop),
+        ("expiry", Self::IgnoresExpiry),
+        ("lost", Self::IgnoresSilence),
+        ("coast-frames-are-fixed", Self::OtherCoastFrame),
+        ("coast-frames-stop", Self::CoastFrameEnables),
+        ("brakes", Self::CoastsForBraking),
+        ("holds", Self::CoastsForHolding),
+        ("back-on-the-wire", Self::OneCutTooMany),
+        ("restart", Self::OneRestartTooMany),
+        ("set-zero", Self::NoZero),
+        ("requests-are-checked", Self::AnyLimit),
+        ("set-up-while-disarmed", Self::StoresAnyTime),
+        ("pending-is-answered", Self::AnswersTwice),
+        ("clear-fault-moves-nothing", Self::ClearingDrives),
+        ("fault-is-told", Self::FaultWithoutWords),
+        ("fault-waits", Self::ForgetsFaults),
+        ("same-id-is-refused", Self::Unaware),
+        ("two-share-a-bus", Self::SpeaksForAnother),
+    ];
+}
+
+thread_local! {
+    static MADE: Cell<u32> = const { Cell::new(0) };
+    /// Identifier and number of every motor that lives.
+    static ALIVE: RefCell<Vec<(u16, u32)>> = const { RefCell::new(Vec::new()) };
+}
+
+/// A good motor, but for one thing.
+pub struct Spoiled {
+    good: Finch,
+    spoil: Spoil,
+    id: u16,
+    number: u32,
+    ticks: u32,
+    /// What the bus said, and since how many ticks.
+    drive: Drive,
+    since: u32,
+    /// What it said before.
+    before: Drive,
+    was_armed: bool,
+    was_asked: bool,
+    /// A target came since the last tick.
+    commanded: bool,
+    report: Option<[u8; 8]>,
+    /// Ticks since the last report, and how many there were between the two before.
+    silent_for: u32,
+    silence: u32,
+    /// Ticks for which it does something wrong yet.
+    wrong_for: u32,
+    /// The time step was a long one.
+    long_step: bool,
+    answer: Option<Result<Answer, RequestError>>,
+}
+
+impl Spoiled {
+    pub fn new(good: Finch, spoil: Spoil) -> Self {
+        let number = MADE.with(|made| made.replace(made.get() + 1));
+        let id = good.wiring().name().id;
+        ALIVE.with(|alive| alive.borrow_mut().push((id, number)));
+        Self {
+            good,
+            spoil,
+            id,
+            number,
+            ticks: 0,
+            drive: Drive::Off,
+            since: 0,
+            before: Drive::Off,
+            was_armed: false,
+            was_asked: false,
+            commanded: false,
+            report: None,
+            silent_for: 0,
+            silence: 0,
+            wrong_for: 0,
+            long_step: false,
+            answer: None,
+        }
+    }
+
+    fn is(&self, spoil: Spoil) -> bool {
+        self.spoil == spoil
+    }
+
+    fn is_enabled(&self) -> bool {
+        self.report.is_some_and(|bytes| bytes[6] == 1)
+    }
+
+    /// Whether it does what it must not do just now.
+    fn drives_anyhow(&self) -> bool {
+        match self.spoil {
+            Spoil::DrivesUnheard => self.report.is_none() && self.drive == Drive::Run,
+            Spoil::DrivesUnarmed => {
+                let told = self.good.target() != Target::Coast;
+                !self.was_armed && !self.was_asked && told && self.report.is_some()
+            }
+            Spoil::DisarmsLate => {
+                self.drive == Drive::Off && self.before == Drive::Run && self.since < 60
+            }
+            Spoil::ClearingDrives => self.wrong_for > 0,
+            Spoil::ForgetsFaults => self.fault().is_some() && self.wrong_for > 0,
+            _ => false,
+        }
+    }
+
+    /// What it takes for what the bus says.
+    fn heeds(&self, drive: Drive) -> Drive {
+        let (commanded, is_heard) = (self.commanded, self.silent_for < 5);
+        let from_run = drive == Drive::Coast && self.before == Drive::Run;
+        let fine = self.fault().is_none() && is_heard;
+        match (self.spoil, drive) {
+            (Spoil::IgnoresStop, _) if from_run && fine && commanded => Drive::Run,
+            (Spoil::IgnoresExpiry, _) if from_run && fine && !commanded && self.since < 60 => {
+                Drive::Run
+            }
+            (Spoil::IgnoresSilence, _) if from_run && !is_heard && self.since < 30 => Drive::Run,
+            (Spoil::CoastsForBraking, Drive::Brake)
+            | (Spoil::CoastsForHolding, Drive::Hold)
+            | (Spoil::NeverEnables, Drive::Run) => Drive::Coast,
+            (Spoil::OneCutTooMany | Spoil::OneRestartTooMany, Drive::Run) if self.wrong_for > 0 => {
+                Drive::Coast
+            }
+            _ => drive,
+        }
+    }
+
+    fn command(&self, command: Command) -> CanFrame {
+        CanFrame::exact(standard(0x300 + self.id), command.pack())
+    }
+}
+
+impl Drop for Spoiled {
+    fn drop(&mut self) {
+        ALIVE.with(|alive| alive.borrow_mut().retain(|(_, number)| *number != self.number));
+    }
+}
+
+fn standard(raw: u16) -> StandardId {
+    StandardId::new(raw).unwrap()
+}
+
+/// A torque frame with another torque.
+fn scaled(frame: CanFrame, factor: f32) -> CanFrame {
+    match *frame.bytes() {
+        [2, high, low] => {
+            let torque = f32::from(i16::from_be_bytes([high, low])) * 1e-3;
+            CanFrame::exact(frame.id(), Command::Torque(torque * factor).pack())
+        }
+        _ => frame,
+    }
+}
+
+impl Motor for Spoiled {
+    fn supports(&self) -> TargetSet {
+        use TargetKind::{Angle, Coast, Duty, Speed, Torque, TotalAngle};
+        if self.is(Spoil::TakesMore) && self.report.is_some() {
+            TargetSet::of(&[Coast, Torque, Speed, Angle, TotalAngle, Duty])
+        } else {
+            self.good.supports()
+        }
+    }
+
+    fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
+        self.commanded = true;
+        if self.is(Spoil::TakesInfinity) && !target.is_finite() {
+            return Ok(());
+        }
+        self.good.set_target(target)
+    }
+
+    fn target(&self) -> Target {
+        self.good.target()
+    }
+
+    fn feedback(&self) -> Feedback {
+        let mut told = self.good.feedback();
+        if self.is(Spoil::AngleBeyondTurn) {
+            told.angle = Degrees::new(told.angle.get() + 360.0);
+        }
+        if self.is(Spoil::AMicrosecondLate) {
+            told.at += Micros::new(1);
+        }
+        if self.is(Spoil::NotANumber) && self.report.is_some_and(|bytes| bytes[7] > 99) {
+            told.speed = Rpm::new(f32::NAN);
+        }
+        told
+    }
+
+    fn fault(&self) -> Option<Fault> {
+        let fault = self.good.fault()?;
+        Some(if self.is(Spoil::FaultWithoutWords) { Fault::new(fault.code, "") } else { fault })
+    }
+
+    fn update(&mut self, dt: Seconds, drive: Drive) {
+        self.ticks += 1;
+        self.wrong_for = self.wrong_for.saturating_sub(1);
+        if drive == self.drive {
+            self.since += 1;
+        } else {
+            (self.before, self.drive, self.since) = (self.drive, drive, 0);
+        }
+        self.was_armed |= drive != Drive::Off;
+        self.long_step = dt.get() > 0.005;
+        self.good.update(dt, self.heeds(drive));
+        self.commanded = false;
+        self.silent_for += 1;
+    }
+
+    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+        self.was_asked = true;
+        match (self.spoil, request) {
+            (Spoil::NoZero, Request::SetZero)
+            | (Spoil::AnyLimit, Request::TorqueLimit(_))
+            | (Spoil::StoresAnyTime, Request::StoreZero) => return Ok(Answer::Done),
+            (Spoil::ClearingDrives, Request::ClearFault) if self.fault().is_none() => {
+                self.wrong_for = 300;
+            }
+            _ => (),
+        }
+        self.good.request(request)
+    }
+
+    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+        let again = self.answer.take();
+        let answer = self.good.answer();
+        if self.is(Spoil::AnswersTwice) {
+            self.answer = answer;
+        }
+        answer.or(again)
+    }
+
+    fn condition(&self) -> Condition {
+        if self.is(Spoil::AlwaysStarting) { Condition::Starting } else { self.good.condition() }
+    }
+}
+
+impl CanMotor for Spoiled {
+    fn wiring(&self) -> Wiring {
+        let good = self.good.wiring();
+        let (mut received, mut sent) = (good.received().to_vec(), good.transmitted().to_vec());
+        let mut name = good.name().model;
+        match self.spoil {
+            Spoil::NineBytes => received.push(Receive {
+                pattern: IdPattern::exact(standard(0x700 + self.id)),
+                len: 9,
+                rate: Rate::Rare,
+                guard: None,
+            }),
+            Spoil::OtherName if self.report.is_some() => name = "Falcon",
+            Spoil::RareCommands => sent[0].rate = Rate::Hz(100),
+            Spoil::Unaware => {
+                let mine = (self.id, self.number);
+                let older = |(id, number): &(u16, u32)| *id == mine.0 && *number < mine.1;
+                if ALIVE.with(|alive| alive.borrow().iter().any(older)) {
+                    received[0].pattern = IdPattern::exact(standard(0x600 + self.id));
+                    sent[0].pattern = IdPattern::exact(standard(0x680 + self.id));
+                }
+            }
+            _ => (),
+        }
+        let empty = Wiring::new(name, self.id);
+        let wiring = received.into_iter().try_fold(empty, Wiring::receives).unwrap();
+        sent.into_iter().try_fold(wiring, Wiring::transmits).unwrap()
+    }
+
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+        let heard = self.good.unpack_feedback(frame, at);
+        let is_own = frame.key() == CanFrame::key_of(standard(0x380 + self.id));
+        if heard.is_err() {
+            let takes = match self.spoil {
+                Spoil::TakesExtended => frame.is_extended_id(),
+                Spoil::TakesSeven => is_own && frame.len() == 7,
+                _ => false,
+            };
+            return if takes { Ok(Heard::Other) } else { heard };
+        }
+        let was_enabled = self.is_enabled();
+        (self.silence, self.silent_for) = (self.silent_for, 0);
+        self.report = frame.all_eight().copied();
+        let wrong = match self.spoil {
+            Spoil::OneCutTooMany => self.silence > 30 && self.is_enabled(),
+            Spoil::OneRestartTooMany => {
+                let lost_it = was_enabled && !self.is_enabled();
+                lost_it && self.silence < 9 && self.drive == Drive::Run && self.fault().is_none()
+            }
+            Spoil::ForgetsFaults => self.silence > 50 && self.fault().is_some(),
+            _ => false,
+        };
+        if wrong {
+            self.wrong_for = 5000;
+        }
+        heard
+    }
+
+    fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        let mut own = TxBatch::new();
+        self.good.pack_command(&mut own)?;
+        let mut frame = own.frames()[0];
+        let mut stream = frame.key();
+        match self.spoil {
+            _ if self.drives_anyhow() => {
+                let enable = !self.is_enabled() && self.ticks.is_multiple_of(2);
+                frame = self.command(if enable { Command::Enable } else { Command::Torque(0.5) });
+            }
+            Spoil::UndeclaredFrame if self.ticks.is_multiple_of(100) => {
+                tx.push(CanFrame::exact(ExtendedId::new(0x7B0).unwrap(), [0]))?;
+            }
+            Spoil::ForeignStream => stream = 0x700 + u32::from(self.id),
+            Spoil::ThreeFrames if self.ticks.is_multiple_of(100) => {
+                tx.push(frame)?;
+                tx.push(frame)?;
+            }
+            Spoil::HalfTheTorque if matches!(self.good.target(), Target::Torque(_)) => {
+                frame = scaled(frame, 0.5);
+            }
+            Spoil::LeapsAfterPause if self.long_step && self.is_enabled() => {
+                frame = self.command(Command::Torque(-5.0));
+            }
+            Spoil::SecondIsOther if self.ticks == 5 => {
+                frame = CanFrame::exact(frame.id(), [0, 0, self.number as u8]);
+            }
+            Spoil::SpeaksForAnother if self.id == 2 => {
+                frame = CanFrame::data_frame(standard(0x301), frame.bytes()).unwrap();
+                stream = frame.key();
+            }
+            _ => (),
+        }
+        tx.push_as(frame, stream)
+    }
+
+    fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        let command = match self.spoil {
+            Spoil::OtherCoastFrame if self.report.is_some() => Command::ClearError,
+            Spoil::CoastFrameEnables => Command::Enable,
+            _ => return self.good.coast_frames(tx),
+        };
+        tx.push(self.command(command))
+    }
+}
