@@ -125,6 +125,22 @@ pub(super) fn foreign_frames(case: &Case<'_>, found: &mut Findings) {
     });
     let is_right = |_: &CanFrame, error| error == FrameError::NotMine;
     found.note(change_nothing(case, foreign.chain(remote), is_right));
+    // Where devices share an identifier, a byte says whose a frame is.
+    let mut random = Random(4);
+    let guarded = wiring.received().iter().filter(|receive| receive.guard.is_some());
+    let others = guarded.flat_map(|receive| {
+        let made = (0..500).map(|_| {
+            let id = random.id_of(&receive.pattern);
+            frame(id, &random.bytes()[..receive.len.min(8).into()])
+        });
+        let is_other = |frame: &CanFrame| {
+            let mut own = wiring.received().iter().filter(|own| own.pattern.matches(frame));
+            own.all(|own| own.guard.is_some_and(|guard| !guard.passes(frame)))
+        };
+        made.filter(is_other).collect::<Vec<_>>()
+    });
+    let others: Vec<CanFrame> = others.collect();
+    found.note(change_nothing(case, others.into_iter(), |_, _| true));
 }
 
 pub(super) fn wrong_lengths(case: &Case<'_>, found: &mut Findings) {

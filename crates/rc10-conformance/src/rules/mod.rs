@@ -100,7 +100,8 @@ pub const RULES: &[Rule] = &[
     ),
     rule(
         "foreign-frames",
-        "Frames with identifiers of others, and remote requests, are `NotMine` and change nothing.",
+        "Frames with identifiers of others, and remote requests, are `NotMine` and change nothing; \
+         nor do frames whose guard says that they are another's.",
         frames::foreign_frames,
     ),
     rule(

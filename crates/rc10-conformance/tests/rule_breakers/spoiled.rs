@@ -6,101 +6,13 @@ use rc10_app::{Degrees, Rpm, Seconds};
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::{
-    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Rate, Receive,
-    Request, RequestError, Target, TargetError, TargetKind, TargetSet, TxBatch, TxFull, Wiring,
+    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Guard, Heard, Motor, Rate,
+    Receive, Request, RequestError, Target, TargetError, TargetKind, TargetSet, TxBatch, TxFull,
+    Wiring,
 };
 
 use crate::motor::{Command, Finch};
-
-/// What is wrong with a motor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Spoil {
-    Nothing,
-    /// Breaks many rules, because nothing can be tried.
-    NeverEnables,
-    NineBytes,
-    OtherName,
-    UndeclaredFrame,
-    ForeignStream,
-    ThreeFrames,
-    RareCommands,
-    TakesMore,
-    TakesInfinity,
-    AlwaysStarting,
-    HalfTheTorque,
-    AngleBeyondTurn,
-    LeapsAfterPause,
-    SecondIsOther,
-    TakesExtended,
-    TakesSeven,
-    NotANumber,
-    AMicrosecondLate,
-    DrivesUnheard,
-    DrivesUnarmed,
-    DisarmsLate,
-    IgnoresStop,
-    IgnoresExpiry,
-    IgnoresSilence,
-    OtherCoastFrame,
-    CoastFrameEnables,
-    CoastsForBraking,
-    CoastsForHolding,
-    OneCutTooMany,
-    OneRestartTooMany,
-    NoZero,
-    AnyLimit,
-    StoresAnyTime,
-    AnswersTwice,
-    ClearingDrives,
-    FaultWithoutWords,
-    ForgetsFaults,
-    Unaware,
-    SpeaksForAnother,
-}
-
-impl Spoil {
-    /// The rule that each breaks.
-    pub const ALL: &[(&str, Self)] = &[
-        ("wiring-is-valid", Self::NineBytes),
-        ("wiring-is-constant", Self::OtherName),
-        ("frames-are-declared", Self::UndeclaredFrame),
-        ("streams-are-own", Self::ForeignStream),
-        ("few-frames-a-tick", Self::ThreeFrames),
-        ("load-is-as-declared", Self::RareCommands),
-        ("supports-is-constant", Self::TakesMore),
-        ("refuses-targets", Self::TakesInfinity),
-        ("gets-going", Self::AlwaysStarting),
-        ("follows", Self::HalfTheTorque),
-        ("feedback-is-true", Self::AngleBeyondTurn),
-        ("strange-steps", Self::LeapsAfterPause),
-        ("deterministic", Self::SecondIsOther),
-        ("foreign-frames", Self::TakesExtended),
-        ("wrong-lengths", Self::TakesSeven),
-        ("any-content", Self::NotANumber),
-        ("feedback-at", Self::AMicrosecondLate),
-        ("silent-before-feedback", Self::DrivesUnheard),
-        ("off-until-armed", Self::DrivesUnarmed),
-        ("disarm", Self::DisarmsLate),
-        ("emergency-stop", Self::IgnoresStop),
-        ("expiry", Self::IgnoresExpiry),
-        ("lost", Self::IgnoresSilence),
-        ("coast-frames-are-fixed", Self::OtherCoastFrame),
-        ("coast-frames-stop", Self::CoastFrameEnables),
-        ("brakes", Self::CoastsForBraking),
-        ("holds", Self::CoastsForHolding),
-        ("back-on-the-wire", Self::OneCutTooMany),
-        ("restart", Self::OneRestartTooMany),
-        ("set-zero", Self::NoZero),
-        ("requests-are-checked", Self::AnyLimit),
-        ("set-up-while-disarmed", Self::StoresAnyTime),
-        ("pending-is-answered", Self::AnswersTwice),
-        ("clear-fault-moves-nothing", Self::ClearingDrives),
-        ("fault-is-told", Self::FaultWithoutWords),
-        ("fault-waits", Self::ForgetsFaults),
-        ("same-id-is-refused", Self::Unaware),
-        ("two-share-a-bus", Self::SpeaksForAnother),
-    ];
-}
+use crate::spoil::Spoil;
 
 thread_local! {
     static MADE: Cell<u32> = const { Cell::new(0) };
@@ -180,7 +92,7 @@ impl Spoiled {
             Spoil::DisarmsLate => {
                 self.drive == Drive::Off && self.before == Drive::Run && self.since < 60
             }
-            Spoil::ClearingDrives => self.wrong_for > 0,
+            Spoil::ClearingDrives | Spoil::ZeroMoves => self.wrong_for > 0,
             Spoil::ForgetsFaults => self.fault().is_some() && self.wrong_for > 0,
             _ => false,
         }
@@ -200,9 +112,10 @@ impl Spoiled {
             (Spoil::CoastsForBraking, Drive::Brake)
             | (Spoil::CoastsForHolding, Drive::Hold)
             | (Spoil::NeverEnables, Drive::Run) => Drive::Coast,
-            (Spoil::OneCutTooMany | Spoil::OneRestartTooMany, Drive::Run) if self.wrong_for > 0 => {
-                Drive::Coast
-            }
+            (
+                Spoil::OneCutTooMany | Spoil::OneRestartTooMany | Spoil::NeverRecovers,
+                Drive::Run,
+            ) if self.wrong_for > 0 => Drive::Coast,
             _ => drive,
         }
     }
@@ -260,6 +173,9 @@ impl Motor for Spoiled {
         if self.is(Spoil::AngleBeyondTurn) {
             told.angle = Degrees::new(told.angle.get() + 360.0);
         }
+        if self.is(Spoil::TooFast) {
+            told.speed = Rpm::new(told.speed.get() * 1.07);
+        }
         if self.is(Spoil::AMicrosecondLate) {
             told.at += Micros::new(1);
         }
@@ -298,6 +214,7 @@ impl Motor for Spoiled {
             (Spoil::ClearingDrives, Request::ClearFault) if self.fault().is_none() => {
                 self.wrong_for = 300;
             }
+            (Spoil::ZeroMoves, Request::SetZero) => self.wrong_for = 100,
             _ => (),
         }
         self.good.request(request)
@@ -308,6 +225,9 @@ impl Motor for Spoiled {
         let answer = self.good.answer();
         if self.is(Spoil::AnswersTwice) {
             self.answer = answer;
+        }
+        if self.is(Spoil::NeverRecovers) && answer == Some(Ok(Answer::Done)) {
+            self.wrong_for = 5000;
         }
         answer.or(again)
     }
@@ -330,6 +250,9 @@ impl CanMotor for Spoiled {
                 guard: None,
             }),
             Spoil::OtherName if self.report.is_some() => name = "Falcon",
+            Spoil::IgnoresGuard => {
+                received[0].guard = Some(Guard { byte: 6, mask: 0xFE, value: 0 });
+            }
             Spoil::RareCommands => sent[0].rate = Rate::Hz(100),
             Spoil::Unaware => {
                 let mine = (self.id, self.number);
@@ -353,6 +276,11 @@ impl CanMotor for Spoiled {
             let takes = match self.spoil {
                 Spoil::TakesExtended => frame.is_extended_id(),
                 Spoil::TakesSeven => is_own && frame.len() == 7,
+                Spoil::IgnoresGuard => is_own && frame.all_eight().is_some(),
+                Spoil::PanicsWithoutBytes => {
+                    assert!(!is_own || !frame.bytes().is_empty(), "no byte 0");
+                    false
+                }
                 _ => false,
             };
             return if takes { Ok(Heard::Other) } else { heard };
@@ -361,8 +289,8 @@ impl CanMotor for Spoiled {
         (self.silence, self.silent_for) = (self.silent_for, 0);
         self.report = frame.all_eight().copied();
         let wrong = match self.spoil {
-            Spoil::OneCutTooMany => self.silence > 30 && self.is_enabled(),
-            Spoil::OneRestartTooMany => {
+            Spoil::OneCutTooMany | Spoil::KicksAfterCut => self.silence > 30 && self.is_enabled(),
+            Spoil::OneRestartTooMany | Spoil::KicksAfterRestart => {
                 let lost_it = was_enabled && !self.is_enabled();
                 lost_it && self.silence < 9 && self.drive == Drive::Run && self.fault().is_none()
             }
@@ -370,9 +298,12 @@ impl CanMotor for Spoiled {
             _ => false,
         };
         if wrong {
-            self.wrong_for = 5000;
+            self.wrong_for = match self.spoil {
+                Spoil::KicksAfterCut | Spoil::KicksAfterRestart => 10,
+                _ => 5000,
+            };
         }
-        heard
+        if self.is(Spoil::FaultUnheard) { Ok(Heard::Feedback) } else { heard }
     }
 
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
@@ -398,6 +329,11 @@ impl CanMotor for Spoiled {
             }
             Spoil::LeapsAfterPause if self.long_step && self.is_enabled() => {
                 frame = self.command(Command::Torque(-5.0));
+            }
+            Spoil::KicksAfterCut | Spoil::KicksAfterRestart
+                if self.wrong_for > 0 && self.is_enabled() && self.drive == Drive::Run =>
+            {
+                frame = self.command(Command::Torque(5.0));
             }
             Spoil::SecondIsOther if self.ticks == 5 => {
                 frame = CanFrame::exact(frame.id(), [0, 0, self.number as u8]);
