@@ -6,6 +6,7 @@ mod check;
 mod count;
 mod emulate;
 mod firmware;
+mod fuzz;
 mod setup;
 mod size;
 
@@ -19,7 +20,8 @@ cargo xtask check   everything that must hold before a commit
 cargo xtask firmware   build the firmware, say where it is
 cargo xtask emulate   the firmware on an emulated chip: every scenario, against its budgets
 cargo xtask size    flash and RAM of the firmware, against their budgets
-cargo xtask count   instructions of the control loop, against their budget";
+cargo xtask count   instructions of the control loop and of every codec, against their budgets
+cargo xtask fuzz [seconds] [target ..]   throws bytes at every decoder, 60 s each; needs nightly";
 
 fn main() -> ExitCode {
     let task: fn() -> Result<()> = match std::env::args().nth(1).as_deref() {
@@ -33,6 +35,7 @@ fn main() -> ExitCode {
         },
         Some("size") => || size::run(&firmware::build()?),
         Some("count") => || count::run(&firmware::build_count()?),
+        Some("fuzz") => || fuzz::run(std::env::args().skip(2)),
         _ => {
             eprintln!("{USAGE}");
             return ExitCode::from(2);

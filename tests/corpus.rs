@@ -1,0 +1,25 @@
+//! What fuzzing once found worth keeping, thrown at every decoder again. `cargo xtask fuzz` finds
+//! more.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+#[path = "../fuzz/src/targets.rs"]
+mod targets;
+
+use std::fs;
+use std::path::Path;
+
+#[test]
+fn every_target_takes_its_corpus() {
+    let fuzz = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz");
+    for (name, feed) in targets::TARGETS {
+        let folder = fuzz.join("corpus").join(name);
+        let files: Vec<_> =
+            fs::read_dir(&folder).unwrap().map(|file| file.unwrap().path()).collect();
+        assert!(files.len() >= 5, "{} has next to nothing", folder.display());
+        for file in files {
+            println!("{}", file.display());
+            feed(&fs::read(file).unwrap());
+        }
+        assert!(fuzz.join("fuzz_targets").join(format!("{name}.rs")).exists());
+    }
+}
