@@ -10,7 +10,9 @@ use crate::load::BusLoad;
 use crate::motor::{
     Answer, CanMotor, FrameError, Heard, Request, RequestError, Target, TargetError, TargetSet,
 };
-use crate::supervision::{MotorCounters, MotorStatus, Safety, Supervision};
+use crate::supervision::{
+    LONGEST_PAUSE, MotorCounters, MotorStatus, Safety, Supervision, sound_step,
+};
 use crate::table::ReceiveTable;
 use crate::wiring::{Clash, MotorName, Wiring};
 
@@ -33,10 +35,6 @@ pub struct MotorBus<'m> {
     last_tick: Option<Micros>,
 }
 
-/// No loop takes a longer step, s.
-const LONGEST_STEP: f32 = 0.010;
-/// After a longer pause between two ticks nothing that was heard or commanded before still holds.
-const LONGEST_PAUSE: Micros = Micros::from_millis(1000);
 /// See [`MotorBus::CAPACITY`].
 const CAPACITY: usize = 8;
 
@@ -305,7 +303,7 @@ impl<'m> MotorBus<'m> {
     /// # Errors
     /// [`TxFull`] if not all frames fit into `tx`; the other motors' frames are in it.
     pub fn tick(&mut self, now: Micros, dt: Seconds, tx: &mut TxBatch) -> Result<(), TxFull> {
-        let dt = Seconds::new(if dt.get() > 0.0 { dt.get().min(LONGEST_STEP) } else { 0.001 });
+        let dt = sound_step(dt);
         let last = self.last_tick.replace(now);
         if last.is_some_and(|last| now.since(last) > LONGEST_PAUSE) {
             self.slots.iter_mut().for_each(|slot| slot.watch.forget());

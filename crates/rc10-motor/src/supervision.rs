@@ -1,5 +1,6 @@
 //! What keeps one motor safe, whatever it is connected by.
 
+use rc10_app::Seconds;
 use rc10_can::Micros;
 
 use crate::arm::ArmState;
@@ -103,6 +104,16 @@ impl MotorStatus {
         condition: Condition::Ready,
         counters: MotorCounters { received: 0, malformed: 0, lost: 0, expired: 0, refused: 0 },
     };
+}
+
+/// After a longer pause between two ticks nothing that was heard or commanded before still holds.
+pub(crate) const LONGEST_PAUSE: Micros = Micros::from_millis(1000);
+
+/// The step that loops take when so much time has passed since the last one: not above 10 ms, and
+/// 1 ms for what is no time at all.
+#[inline]
+pub(crate) fn sound_step(dt: Seconds) -> Seconds {
+    Seconds::new(if dt.get() > 0.0 { dt.get().min(0.010) } else { 0.001 })
 }
 
 /// A frame may have arrived so long after the tick began that takes it, µs. What lies further in
@@ -247,7 +258,7 @@ impl Supervision {
         status.counters = self.counters;
     }
 
-    fn is_online(&self, now: Micros) -> bool {
+    pub(crate) fn is_online(&self, now: Micros) -> bool {
         self.link == Link::Online && since(self.heard_at, now) <= self.link_timeout
     }
 

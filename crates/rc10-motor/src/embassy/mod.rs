@@ -4,15 +4,19 @@
 //! No other task ever touches a motor: a [`MotorPort`] is a mailbox for the newest command and a
 //! copy of the newest status. No lock is held over an `await`, so no task can stall another's bus.
 //!
+//! A serial line of motors has the same: [`run_line`], [`LinePort`] and the same [`MotorPort`]s.
+//!
 //! The runner is generic over [`CanPort`](rc10_can::CanPort): the same code runs on the chip and,
 //! with a virtual clock, on a PC. It enables no time driver and no executor.
 
+mod line;
 mod motors;
 mod port;
 mod recovery;
 mod runner;
 mod subscription;
 
+pub use line::{LinePort, LineStatus, run_line};
 pub use motors::MotorPort;
 pub use port::{BusPort, BusStatus, OutboxError};
 pub use runner::{Runner, run_bus};

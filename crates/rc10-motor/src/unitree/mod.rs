@@ -26,4 +26,10 @@
 //! Sources: GO-M8010-6 user manual v1.2 and data manual, CAN-to-485 module manual V1.0,
 //! `unitree_actuator_sdk`.
 
+mod go;
+mod line;
+mod spring;
 pub mod wire;
+
+pub use go::{GoM8010, IdOutOfRange};
+pub use line::{AttachError, LineCounters, Step, UnitreeLine};
