@@ -8,6 +8,7 @@
 //! * [`Controller`]: what takes the port's place on a wire, an emulated chip for example.
 //! * [`Esc`]: an ESC with its motor ([`Model`], [`Plant`]): what it really does, and faults. Any
 //!   other vendor's, or one of your own, is a [`Device`].
+//! * [`Line`] and its [`SerialPort`]: an RS-485 line with its [`LineDevice`]s.
 //! * [`Base`]: four motors under a body that rolls and slides.
 //!
 //! **An independent witness.** The ESCs decode commands and encode feedback with code of their
@@ -55,12 +56,15 @@ mod device;
 mod dji;
 mod handles;
 mod host;
+mod line;
+mod line_handles;
 mod motor;
 mod occupancy;
 mod random;
 mod segment;
 mod tasks;
 mod time;
+pub mod unitree_line;
 mod wire;
 mod world;
 
@@ -69,6 +73,8 @@ pub use controller::{Activity, Controller, Nanos, Outcome};
 pub use device::{Device, EscFault, EscState, Outbox, Shaft, Taken, Winding};
 pub use dji::{EscConfig, FeedbackRate, IdOutOfRange, Model};
 pub use handles::{Base, Bus, Esc, SimPort};
+pub use line::{Heard, LineConfig, LineCounters, LineDevice};
+pub use line_handles::{Line, LineMotor, SerialPort};
 pub use motor::{Plant, Scale};
 pub use tasks::Tasks;
 pub use time::now;

@@ -11,6 +11,8 @@ use crate::Nanos;
 use crate::base::{Body, Chassis, Mounting, WheelError, Wheels};
 use crate::device::Unit;
 use crate::handles::{Base, Bus, Esc};
+use crate::line::{self, LineConfig};
+use crate::line_handles::Line;
 use crate::random::Random;
 use crate::tasks::Awake;
 use crate::time::{Clock, make_current};
@@ -29,6 +31,7 @@ pub(crate) struct Inner {
     pub(crate) random: Random,
     next_step: Nanos,
     pub(crate) wires: Vec<Wire>,
+    pub(crate) lines: Vec<line::Line>,
     pub(crate) units: Vec<Unit>,
     pub(crate) bodies: Vec<Body>,
 }
@@ -37,7 +40,9 @@ impl Inner {
     fn next_event(&self) -> Nanos {
         let wires = self.wires.iter().filter_map(Wire::next_event);
         let units = self.units.iter().filter_map(Unit::next_event).map(Nanos::from);
-        wires.chain(units).fold(self.next_step, Nanos::min)
+        let now = self.clock.now_ns();
+        let lines = self.lines.iter().filter_map(|line| line.next_event(now));
+        wires.chain(units).chain(lines).fold(self.next_step, Nanos::min)
     }
 
     /// Everything that happens at one instant, in a fixed order: physics up to now, then the wires
@@ -50,7 +55,9 @@ impl Inner {
                 body.step(&mut self.units);
             }
             self.units.iter_mut().for_each(|unit| unit.step(micros));
+            self.lines.iter_mut().for_each(|line| line.step(now));
         }
+        self.lines.iter_mut().for_each(|line| line.process(now, &mut self.random));
         for (bus, wire) in self.wires.iter_mut().enumerate() {
             let Some(heard) = wire.process(now) else {
                 continue;
@@ -67,17 +74,22 @@ impl Inner {
         }
     }
 
-    /// Ends an instant: who wants an idle wire competes for it. When the next thing happens.
+    /// Ends an instant: who wants an idle wire competes for it, who wants a line talks. When the next thing happens.
     fn end_instant(&mut self, now: Nanos) -> Nanos {
-        self.wires.iter_mut().for_each(|wire| wire.arbitrate(now));
+        self.let_start(now);
         let next = self.next_event();
         if next > now {
             return next;
         }
         // Asked for within this instant: an ESC was switched on, a controller was written to.
         self.process(now);
-        self.wires.iter_mut().for_each(|wire| wire.arbitrate(now));
+        self.let_start(now);
         self.next_event()
+    }
+
+    fn let_start(&mut self, now: Nanos) {
+        self.wires.iter_mut().for_each(|wire| wire.arbitrate(now));
+        self.lines.iter_mut().for_each(|line| line.start(now));
     }
 }
 
@@ -115,6 +127,7 @@ impl World {
             random: Random::new(seed),
             next_step: STEP,
             wires: Vec::new(),
+            lines: Vec::new(),
             units: Vec::new(),
             bodies: Vec::new(),
         };
@@ -144,6 +157,14 @@ impl World {
         let mut inner = self.inner.borrow_mut();
         inner.wires.push(Wire::new(config));
         Bus { inner: Rc::clone(&self.inner), index: inner.wires.len() - 1 }
+    }
+
+    /// A new serial line in half duplex (RS-485) with a host and no devices on it.
+    #[must_use]
+    pub fn add_line(&mut self, config: LineConfig) -> Line {
+        let mut inner = self.inner.borrow_mut();
+        inner.lines.push(line::Line::new(config));
+        Line { inner: Rc::clone(&self.inner), index: inner.lines.len() - 1 }
     }
 
     /// Puts four motors under a base. Each gets the wheel's inertia and rolling friction.
@@ -247,7 +268,7 @@ impl World {
         self.awake.take()
     }
 
-    /// Lets time pass until a timer has woken somebody (`true`), or up to `limit`.
+    /// Lets time pass until a timer or a serial port has woken somebody (`true`), or up to `limit`.
     fn pass(&mut self, limit: Nanos) -> bool {
         while self.now_ns() < limit {
             let now = self.now_ns();
@@ -262,11 +283,23 @@ impl World {
                 self.clock.set(next);
                 inner.process(next);
             }
-            if self.clock.wake_due() {
+            if self.wake_ports() | self.clock.wake_due() {
                 return true;
             }
         }
         false
+    }
+
+    /// Wakes who waits at a serial port for what is there now; says whether there was anybody.
+    fn wake_ports(&self) -> bool {
+        let take = |inner: &mut Inner| -> Vec<Waker> {
+            inner.lines.iter_mut().flat_map(line::Line::take_wakers).flatten().collect()
+        };
+        let due = take(&mut self.inner.borrow_mut());
+        // As timers: woken after everything is free again.
+        let any = !due.is_empty();
+        due.into_iter().for_each(Waker::wake);
+        any
     }
 
     fn earlier_timer(&self, event: Nanos) -> Nanos {

@@ -1,0 +1,429 @@
+//! A serial line in half duplex: bytes that take their time, collide, and are heard by everybody
+//! else.
+
+use std::any::Any;
+use std::collections::VecDeque;
+use std::task::Waker;
+
+use crate::Nanos;
+use crate::device::{EscFault, EscState, Shaft, Winding};
+use crate::motor::{Motor, Plant};
+use crate::random::Random;
+
+/// How a line is set up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineConfig {
+    /// Bits a second. A byte is ten of them: start, eight, stop; it lasts whole nanoseconds, rounded
+    /// down.
+    pub baud: u32,
+    /// Whether the host hears its own bytes, as with a transceiver whose receiver stays on.
+    pub echo: bool,
+    /// Bytes that the host's receive buffer holds; what comes while it is full is lost.
+    pub receive_capacity: usize,
+}
+
+impl Default for LineConfig {
+    /// 4 Mbit/s, no echo, 256 bytes.
+    fn default() -> Self {
+        Self { baud: 4_000_000, echo: false, receive_capacity: 256 }
+    }
+}
+
+/// What happened on a line so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct LineCounters {
+    /// Bytes that the host sent.
+    pub from_host: u64,
+    /// Bytes that devices sent.
+    pub from_devices: u64,
+    /// Bytes that met others and came out as something else.
+    pub collided: u64,
+    /// Bytes that found the host's receive buffer full.
+    pub overrun: u64,
+    /// How long anybody was sending, ns; bytes that collide count each.
+    pub busy_ns: u64,
+}
+
+/// The electronics of a device on a serial line: what it takes from the line, what it answers, what
+/// it does to the winding. As [`Device`](crate::Device), for bytes.
+///
+/// Write it from the vendor's manual and with code of its own, never with that of the motor library
+/// it is a witness for.
+pub trait LineDevice: Any {
+    /// Power has come: everything volatile starts afresh.
+    fn power_on(&mut self, shaft: &Shaft<'_>, now: Nanos);
+
+    /// A byte has just ended on the line.
+    fn receive(&mut self, byte: u8, shaft: &Shaft<'_>, now: Nanos) -> Heard;
+
+    /// What it does to the winding for the next 100 µs. Its control loops and time-outs run here.
+    fn drive(&mut self, shaft: &Shaft<'_>, now: Nanos) -> Winding;
+
+    /// Has it find something wrong with itself, until power-off. Whether it knows such a fault.
+    fn inject(&mut self, _fault: EscFault) -> bool {
+        false
+    }
+}
+
+/// What a byte amounted to at a device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Heard {
+    /// Nothing for it, or nothing yet.
+    Nothing,
+    /// It ended a command for everybody.
+    Command,
+    /// It ended a command, and these bytes answer it, the first of them so much later.
+    Question(Vec<u8>, Nanos),
+    /// It ended something that has the device's address but is no command.
+    Malformed,
+}
+
+/// Somebody who can send.
+#[derive(Debug, Default)]
+struct Sender {
+    waiting: VecDeque<u8>,
+    /// When the first of those may start.
+    from: Nanos,
+    flight: Option<Flight>,
+    /// It has sent a byte, and not stopped since.
+    in_frame: bool,
+    /// Bytes until one of this frame that noise changes.
+    noise_in: Option<u32>,
+    cut: bool,
+}
+
+/// A byte on the line.
+#[derive(Debug)]
+struct Flight {
+    byte: u8,
+    end: Nanos,
+    collided: bool,
+}
+
+impl Sender {
+    fn next_event(&self, now: Nanos) -> Option<Nanos> {
+        match &self.flight {
+            Some(flight) => Some(flight.end),
+            None if !self.waiting.is_empty() => Some(self.from.max(now)),
+            None => None,
+        }
+    }
+
+    fn is_silent(&self) -> bool {
+        self.flight.is_none() && self.waiting.is_empty()
+    }
+}
+
+/// A device with its motor, at its place.
+struct Place {
+    device: Box<dyn LineDevice>,
+    motor: Motor,
+    sender: Sender,
+    powered: bool,
+    muted: bool,
+    commands: u64,
+    last_command_at: Option<Nanos>,
+    malformed: u64,
+}
+
+/// The host's end: what it received and has not taken.
+#[derive(Default)]
+pub(crate) struct HostEnd {
+    pub(crate) received: VecDeque<u8>,
+    pub(crate) reader: Option<Waker>,
+    pub(crate) flusher: Option<Waker>,
+    sender: Sender,
+}
+
+impl HostEnd {
+    pub(crate) fn send(&mut self, bytes: &[u8], now: Nanos) {
+        if self.sender.is_silent() {
+            self.sender.from = now;
+        }
+        self.sender.waiting.extend(bytes);
+    }
+
+    pub(crate) fn has_sent_all(&self) -> bool {
+        self.sender.is_silent()
+    }
+}
+
+/// One line and everything on it.
+pub(crate) struct Line {
+    config: LineConfig,
+    byte_ns: u64,
+    pub(crate) host: HostEnd,
+    /// Somebody who is no device.
+    noise: Sender,
+    places: Vec<Place>,
+    /// Frames that are to be damaged yet.
+    damage: u32,
+    pub(crate) counters: LineCounters,
+}
+
+/// Which byte of a frame noise hits, counted from its first: within the payload of anything.
+const NOISE_AT: u32 = 5;
+
+impl Line {
+    pub(crate) fn new(config: LineConfig) -> Self {
+        let byte_ns = 10_000_000_000 / u64::from(config.baud.max(1));
+        Self {
+            config,
+            byte_ns,
+            host: HostEnd::default(),
+            noise: Sender::default(),
+            places: Vec::new(),
+            damage: 0,
+            counters: LineCounters::default(),
+        }
+    }
+
+    pub(crate) fn add(
+        &mut self,
+        device: Box<dyn LineDevice>,
+        plant: Plant,
+        phase: f64,
+        now: Nanos,
+    ) -> usize {
+        self.places.push(Place {
+            device,
+            motor: Motor::new(plant, phase),
+            sender: Sender::default(),
+            powered: false,
+            muted: false,
+            commands: 0,
+            last_command_at: None,
+            malformed: 0,
+        });
+        let index = self.places.len() - 1;
+        self.set_power(index, true, now);
+        index
+    }
+
+    pub(crate) fn set_power(&mut self, index: usize, powered: bool, now: Nanos) {
+        let place = &mut self.places[index];
+        if place.powered != powered {
+            place.powered = powered;
+            // What it was about to say it says no more.
+            place.sender.waiting.clear();
+            if powered {
+                place.device.power_on(&Shaft::new(&place.motor), now);
+            }
+        }
+    }
+
+    pub(crate) fn set_muted(&mut self, index: usize, muted: bool) {
+        self.places[index].muted = muted;
+    }
+
+    pub(crate) fn set_motor_cut(&mut self, index: usize, cut: bool) {
+        self.places[index].sender.cut = cut;
+    }
+
+    pub(crate) const fn set_cut(&mut self, cut: bool) {
+        self.host.sender.cut = cut;
+    }
+
+    pub(crate) fn set_load(&mut self, index: usize, torque: f64) {
+        self.places[index].motor.load = torque;
+    }
+
+    pub(crate) fn inject_fault(&mut self, index: usize, fault: EscFault) -> bool {
+        self.places[index].device.inject(fault)
+    }
+
+    pub(crate) fn device(&mut self, index: usize) -> &mut dyn Any {
+        &mut *self.places[index].device
+    }
+
+    pub(crate) fn inject(&mut self, bytes: &[u8], now: Nanos) {
+        if self.noise.is_silent() {
+            self.noise.from = now;
+        }
+        self.noise.waiting.extend(bytes);
+    }
+
+    pub(crate) const fn damage(&mut self, frames: u32) {
+        self.damage = frames;
+    }
+
+    pub(crate) fn state(&self, index: usize) -> EscState {
+        let place = &self.places[index];
+        EscState {
+            rotor_rpm: place.motor.rotor_rpm(),
+            output_rpm: place.motor.output_rpm(),
+            output_degrees: place.motor.output_degrees(),
+            current: place.motor.current,
+            temperature: place.motor.temperature,
+            powered: place.powered,
+            command: 0,
+            commands: place.commands,
+            last_command_at: place.last_command_at.map(Nanos::micros),
+            malformed: place.malformed,
+            feedback_overwritten: 0,
+        }
+    }
+
+    pub(crate) fn next_event(&self, now: Nanos) -> Option<Nanos> {
+        self.senders().filter_map(|sender| sender.next_event(now)).min()
+    }
+
+    fn senders(&self) -> impl Iterator<Item = &Sender> {
+        [&self.host.sender, &self.noise]
+            .into_iter()
+            .chain(self.places.iter().map(|place| &place.sender))
+    }
+
+    fn sender(&mut self, who: Who) -> &mut Sender {
+        match who {
+            Who::Host => &mut self.host.sender,
+            Who::Noise => &mut self.noise,
+            Who::Device(index) => &mut self.places[index].sender,
+        }
+    }
+
+    fn everybody(&self) -> impl Iterator<Item = Who> + use<> {
+        [Who::Host, Who::Noise].into_iter().chain((0..self.places.len()).map(Who::Device))
+    }
+
+    /// Bytes that end now are heard.
+    pub(crate) fn process(&mut self, now: Nanos, random: &mut Random) {
+        for who in self.everybody() {
+            let sender = self.sender(who);
+            if let Some(flight) = sender.flight.take_if(|flight| flight.end <= now) {
+                let cut = sender.cut;
+                self.end(who, flight, cut, now, random);
+            }
+        }
+    }
+
+    fn end(&mut self, who: Who, flight: Flight, cut: bool, now: Nanos, random: &mut Random) {
+        self.counters.busy_ns += self.byte_ns;
+        match who {
+            Who::Host => self.counters.from_host += 1,
+            Who::Device(_) => self.counters.from_devices += 1,
+            Who::Noise => (),
+        }
+        let byte = if flight.collided {
+            self.counters.collided += 1;
+            u8::try_from(random.below(256)).unwrap_or(0)
+        } else {
+            flight.byte
+        };
+        let host_hears = match who {
+            Who::Host => self.config.echo,
+            _ => !cut && !self.host.sender.cut,
+        };
+        if host_hears {
+            if self.host.received.len() < self.config.receive_capacity {
+                self.host.received.push_back(byte);
+            } else {
+                self.counters.overrun += 1;
+            }
+        }
+        if cut {
+            return;
+        }
+        for (index, place) in self.places.iter_mut().enumerate() {
+            if who != Who::Device(index) && place.powered && !place.sender.cut {
+                place.hear(byte, now);
+            }
+        }
+    }
+
+    /// Who has something to say starts, whatever others do.
+    pub(crate) fn start(&mut self, now: Nanos) {
+        let byte_ns = self.byte_ns;
+        for who in self.everybody() {
+            let mut damage = self.damage;
+            let sender = self.sender(who);
+            if sender.flight.is_some() {
+                continue;
+            }
+            if sender.waiting.is_empty() || sender.from > now {
+                sender.in_frame = false;
+                continue;
+            }
+            let Some(mut byte) = sender.waiting.pop_front() else {
+                continue;
+            };
+            if !sender.in_frame {
+                sender.in_frame = true;
+                sender.noise_in = (damage > 0 && who != Who::Noise).then_some(NOISE_AT);
+                damage -= u32::from(sender.noise_in.is_some());
+            }
+            byte ^= u8::from(sender.noise_in == Some(0));
+            sender.noise_in = sender.noise_in.and_then(|bytes| bytes.checked_sub(1));
+            let cut = sender.cut;
+            let end = now + Nanos::new(byte_ns);
+            sender.flight = Some(Flight { byte, end, collided: false });
+            self.damage = damage;
+            if !cut {
+                self.collide(who);
+            }
+        }
+    }
+
+    /// Whoever else is sending, and is plugged in, spoils the byte, and his own.
+    fn collide(&mut self, who: Who) {
+        let mut met = false;
+        for other in self.everybody().filter(|other| *other != who) {
+            let other = self.sender(other);
+            if let Some(flight) = other.flight.as_mut().filter(|_| !other.cut) {
+                (flight.collided, met) = (true, true);
+            }
+        }
+        if met && let Some(flight) = &mut self.sender(who).flight {
+            flight.collided = true;
+        }
+    }
+
+    /// One step of physics.
+    pub(crate) fn step(&mut self, now: Nanos) {
+        for place in &mut self.places {
+            let winding = if place.powered {
+                place.device.drive(&Shaft::new(&place.motor), now)
+            } else {
+                Winding::Open
+            };
+            place.motor.step(winding);
+        }
+    }
+
+    /// Who waits for what is there now.
+    pub(crate) fn take_wakers(&mut self) -> [Option<Waker>; 2] {
+        let host = &mut self.host;
+        let reader = if host.received.is_empty() { None } else { host.reader.take() };
+        [reader, if host.has_sent_all() { host.flusher.take() } else { None }]
+    }
+}
+
+/// Somebody on the line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Who {
+    Host,
+    Noise,
+    Device(usize),
+}
+
+impl Place {
+    fn hear(&mut self, byte: u8, now: Nanos) {
+        match self.device.receive(byte, &Shaft::new(&self.motor), now) {
+            Heard::Nothing => return,
+            Heard::Malformed => {
+                self.malformed += 1;
+                return;
+            }
+            Heard::Command => (),
+            Heard::Question(answer, after) => {
+                if !self.muted {
+                    self.sender.waiting = answer.into();
+                    self.sender.from = now + after;
+                }
+            }
+        }
+        self.commands += 1;
+        self.last_command_at = Some(now);
+    }
+}

@@ -1,0 +1,369 @@
+//! Unitree GO-M8010-6 on RS-485, from the motor's side.
+//!
+//! Nothing here is shared with the motor library. Sources: GO-M8010-6 user manual v1.2 and data
+//! manual. What they leave open is an estimate, and named so: how long the motor thinks, what it
+//! does when commands stop, what "lock" feels like, where its angle begins.
+
+use std::f64::consts::TAU;
+
+use crate::Nanos;
+use crate::device::{EscFault, Shaft, Winding};
+use crate::line::{Heard, LineDevice};
+use crate::motor::Plant;
+
+/// Bytes of a command and of an answer.
+const COMMAND: usize = 17;
+const ANSWER: usize = 16;
+
+/// Rotor turns per turn of the output (user manual).
+const GEAR: f64 = 6.33;
+/// Address of all motors, who do not answer.
+const EVERYBODY: u8 = 15;
+/// Its own protection (user manual): at this temperature, until power-off.
+const TOO_HOT: f64 = 90.0;
+/// It turns by itself for so long when told to calibrate (user manual), and hears nothing.
+const CALIBRATION: Nanos = Nanos::new(5_000_000_000);
+
+/// What a command says, as the numbers of the table: at the rotor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Command {
+    /// Whom it is for, 0 ..= 15.
+    pub id: u8,
+    /// 0 lock, 1 field-oriented control, 2 calibrate.
+    pub status: u8,
+    /// N m.
+    pub torque: f64,
+    /// rad/s.
+    pub speed: f64,
+    /// rad.
+    pub angle: f64,
+    /// N m/rad.
+    pub stiffness: f64,
+    /// N m s/rad.
+    pub damping: f64,
+}
+
+/// What an answer says, as the numbers of the table: at the rotor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Answer {
+    /// Who answers, 0 ..= 14.
+    pub id: u8,
+    /// As in [`Command`].
+    pub status: u8,
+    /// N m.
+    pub torque: f64,
+    /// rad/s.
+    pub speed: f64,
+    /// rad.
+    pub angle: f64,
+    /// °C.
+    pub temperature: i8,
+    /// 0 none, 1 over-temperature, 2 over-current, 3 over-voltage, 4 encoder.
+    pub error: u8,
+    /// 0 ..= 4095.
+    pub foot_force: u16,
+}
+
+/// CRC-16/KERMIT, bit by bit.
+fn checksum(bytes: &[u8]) -> u16 {
+    let mut register = 0_u16;
+    for byte in bytes {
+        register ^= u16::from(*byte);
+        for _ in 0..8 {
+            let out = register & 1;
+            register >>= 1;
+            if out == 1 {
+                register ^= 0x8408;
+            }
+        }
+    }
+    register
+}
+
+/// Both bytes of a word, low one first.
+fn word(bytes: &[u8], at: usize) -> u16 {
+    u16::from(bytes[at]) + 256 * u16::from(bytes[at + 1])
+}
+
+fn double_word(bytes: &[u8], at: usize) -> u32 {
+    u32::from(word(bytes, at)) + 65_536 * u32::from(word(bytes, at + 2))
+}
+
+impl Command {
+    /// Reads the 17 bytes of a command; `None` if head or check sum are wrong.
+    #[must_use]
+    pub fn read(bytes: &[u8]) -> Option<Self> {
+        if bytes.len() != COMMAND || bytes[0] != 0xFE || bytes[1] != 0xEE {
+            return None;
+        }
+        if checksum(&bytes[..15]) != word(bytes, 15) {
+            return None;
+        }
+        Some(Self {
+            id: bytes[2] % 16,
+            status: bytes[2] / 16 % 8,
+            torque: f64::from(word(bytes, 3).cast_signed()) / 256.0,
+            speed: f64::from(word(bytes, 5).cast_signed()) / 256.0 * TAU,
+            angle: f64::from(double_word(bytes, 7).cast_signed()) / 32_768.0 * TAU,
+            stiffness: f64::from(word(bytes, 11)) / 1280.0,
+            damping: f64::from(word(bytes, 13)) / 1280.0,
+        })
+    }
+}
+
+impl Answer {
+    /// The 16 bytes of an answer; what a field cannot hold is held at its end.
+    #[must_use]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "float casts saturate, as the motor's own numbers do"
+    )]
+    pub fn write(&self) -> [u8; ANSWER] {
+        let torque = (self.torque * 256.0).round() as i16;
+        let speed = (self.speed / TAU * 256.0).round() as i16;
+        let angle = (self.angle / TAU * 32_768.0).round() as i32;
+        let mut bytes = [0; ANSWER];
+        bytes[0] = 0xFD;
+        bytes[1] = 0xEE;
+        bytes[2] = self.id % 16 + self.status % 8 * 16;
+        bytes[3..5].copy_from_slice(&torque.to_le_bytes());
+        bytes[5..7].copy_from_slice(&speed.to_le_bytes());
+        bytes[7..11].copy_from_slice(&angle.to_le_bytes());
+        bytes[11] = self.temperature.cast_unsigned();
+        let last = u16::from(self.error % 8) + self.foot_force % 4096 * 8;
+        bytes[12..14].copy_from_slice(&last.to_le_bytes());
+        let check = checksum(&bytes[..14]);
+        bytes[14..].copy_from_slice(&check.to_le_bytes());
+        bytes
+    }
+}
+
+/// GO-M8010-6 at 24 V, nothing on the shaft.
+///
+/// Gear, torque constant, no-load speed and largest torque are the data manual's (6.33, 0.63895
+/// N·m/A and 23.7 N·m at the output, 30 rad/s at 24 V). The rotor's inertia is the one that Unitree
+/// publishes in its robot descriptions of the Go1; resistance, friction and thermal figures are our
+/// estimates.
+#[must_use]
+pub const fn plant() -> Plant {
+    Plant {
+        gear_ratio: GEAR,
+        torque_constant: 0.638_95,
+        back_emf: 0.0,
+        resistance: 0.2,
+        supply: 24.0,
+        current_limit: 23.7 / 0.638_95,
+        current_time_constant: 0.5e-3,
+        rotor_inertia: 1.12e-4,
+        load_inertia: 0.0,
+        viscous_friction: 5e-3,
+        coulomb_friction: 0.08,
+        static_friction: 0.10,
+        ambient: 25.0,
+        thermal_resistance: 1.0,
+        thermal_time_constant: 200.0,
+    }
+    .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
+}
+
+/// The motor's electronics.
+#[derive(Debug)]
+pub struct GoM8010 {
+    id: u8,
+    think: Nanos,
+    patience: Nanos,
+    /// The beginning of what may be a command.
+    heard: Vec<u8>,
+    command: Command,
+    commanded_at: Nanos,
+    /// Rotor turns that it does not count.
+    uncounted: f64,
+    error: u8,
+    calibrating_until: Option<Nanos>,
+}
+
+impl GoM8010 {
+    /// A motor of this id, 0 ..= 14. It answers 20 µs after a command, and stops obeying 50 ms after
+    /// the last one: both are estimates, nothing is documented.
+    ///
+    /// # Panics
+    /// With another id.
+    #[must_use]
+    pub fn new(id: u8) -> Self {
+        assert!(id < EVERYBODY, "a GO-M8010-6 takes ids 0 to 14, not {id}");
+        Self {
+            id,
+            think: Nanos::new(20_000),
+            patience: Nanos::new(50_000_000),
+            heard: Vec::new(),
+            command: Command::default(),
+            commanded_at: Nanos::ZERO,
+            uncounted: 0.0,
+            error: 0,
+            calibrating_until: None,
+        }
+    }
+
+    /// The same, answering after another time.
+    #[must_use]
+    pub const fn with_turnaround(mut self, turnaround: Nanos) -> Self {
+        self.think = turnaround;
+        self
+    }
+
+    /// The command it obeys: the newest, or lock with nothing else when it has waited too long.
+    #[must_use]
+    pub const fn command(&self) -> Command {
+        self.command
+    }
+
+    /// Whether it turns by itself.
+    #[must_use]
+    pub const fn is_calibrating(&self) -> bool {
+        self.calibrating_until.is_some()
+    }
+
+    /// Angle of the rotor as the motor counts it, rad: from power-on within the first turn.
+    #[must_use]
+    pub fn angle(&self, shaft: &Shaft<'_>) -> f64 {
+        (shaft.rotor_turns() - self.uncounted) * TAU
+    }
+
+    fn answer(&self, shaft: &Shaft<'_>) -> Answer {
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let temperature = shaft.temperature().round() as i8;
+        Answer {
+            id: self.id,
+            status: self.command.status,
+            torque: shaft.torque() / GEAR,
+            speed: shaft.speed() * GEAR,
+            angle: self.angle(shaft),
+            temperature,
+            error: self.error,
+            foot_force: 0,
+        }
+    }
+}
+
+impl LineDevice for GoM8010 {
+    fn power_on(&mut self, shaft: &Shaft<'_>, now: Nanos) {
+        *self = Self { think: self.think, patience: self.patience, ..Self::new(self.id) };
+        self.uncounted = shaft.rotor_turns().floor();
+        self.commanded_at = now;
+    }
+
+    fn receive(&mut self, byte: u8, shaft: &Shaft<'_>, now: Nanos) -> Heard {
+        if self.calibrating_until.is_some() {
+            return Heard::Nothing;
+        }
+        self.heard.push(byte);
+        // What cannot be the beginning of a command is none.
+        while !self.heard.is_empty() && !self.heard.iter().zip([0xFE, 0xEE]).all(|(a, b)| *a == b) {
+            self.heard.remove(0);
+        }
+        if self.heard.len() < COMMAND {
+            return Heard::Nothing;
+        }
+        let Some(command) = Command::read(&self.heard) else {
+            let is_for_me = self.heard[2] % 16 == self.id;
+            self.heard.remove(0);
+            return if is_for_me { Heard::Malformed } else { Heard::Nothing };
+        };
+        self.heard.clear();
+        if command.id != self.id && command.id != EVERYBODY {
+            return Heard::Nothing;
+        }
+        (self.command, self.commanded_at) = (command, now);
+        if command.status == 2 {
+            self.calibrating_until = Some(now + CALIBRATION);
+            return Heard::Command;
+        }
+        if command.id == EVERYBODY {
+            return Heard::Command;
+        }
+        Heard::Question(self.answer(shaft).write().to_vec(), self.think)
+    }
+
+    fn drive(&mut self, shaft: &Shaft<'_>, now: Nanos) -> Winding {
+        if self.calibrating_until.is_some_and(|until| now >= until) {
+            (self.calibrating_until, self.command) = (None, Command::default());
+        }
+        if shaft.temperature() >= TOO_HOT {
+            self.error = 1;
+        }
+        if self.error != 0 {
+            return Winding::Open;
+        }
+        if self.calibrating_until.is_some() {
+            // Slowly, by itself.
+            return Winding::Current(1.0);
+        }
+        if now.since(self.commanded_at) >= self.patience {
+            self.command = Command::default();
+        }
+        let Command { status, torque, speed, angle, stiffness, damping, .. } = self.command;
+        if status != 1 {
+            // Locked: its winding is shorted.
+            return Winding::Voltage(0.0);
+        }
+        let torque = torque
+            + stiffness * (angle - self.angle(shaft))
+            + damping * (speed - shaft.speed() * GEAR);
+        Winding::Current(torque * GEAR / shaft.plant().torque_constant)
+    }
+
+    fn inject(&mut self, fault: EscFault) -> bool {
+        self.error = match fault {
+            EscFault::OverTemperature => 1,
+            EscFault::OverCurrent => 2,
+            EscFault::OverVoltage => 3,
+            EscFault::Encoder => 4,
+            _ => return false,
+        };
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bytes of the vendor's SDK: id 11, field-oriented control, 85 °C, over-voltage.
+    const ANSWER_BYTES: [u8; 16] = [
+        0xFD, 0xEE, 0x1B, 0xC7, 0xCF, 0xA0, 0x5B, 0x4F, 0x97, 0x21, 0xC5, 0x55, 0x23, 0x03, 0xB0,
+        0x5D,
+    ];
+
+    #[test]
+    fn an_answer_is_the_vendor_s_bytes() {
+        let answer = Answer {
+            id: 11,
+            status: 1,
+            torque: -12345.0 / 256.0,
+            speed: 23456.0 / 256.0 * TAU,
+            angle: -987_654_321.0 / 32_768.0 * TAU,
+            temperature: 85,
+            error: 3,
+            foot_force: 100,
+        };
+        assert_eq!(answer.write(), ANSWER_BYTES);
+    }
+
+    #[test]
+    fn a_command_is_read_as_the_vendor_wrote_it() {
+        let bytes = *b"\xFE\xEE\x10\xC0\x00\x7F\x00\xFF\x1F\x00\x00\x80\x00\x00\x01\xA6\x60";
+        let command = Command::read(&bytes).expect("a command");
+        assert_eq!((command.id, command.status), (0, 1));
+        let near = |value: f64, expected: f64| assert!((value - expected).abs() < 1e-9, "{value}");
+        near(command.torque, 0.75);
+        near(command.speed, 127.0 / 256.0 * TAU);
+        near(command.angle, 8191.0 / 32_768.0 * TAU);
+        near(command.stiffness, 0.1);
+        near(command.damping, 0.2);
+        for at in 0..bytes.len() {
+            let mut broken = bytes;
+            broken[at] ^= 4;
+            assert_eq!(Command::read(&broken), None, "byte {at}");
+        }
+    }
+}
