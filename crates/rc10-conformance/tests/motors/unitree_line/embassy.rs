@@ -1,0 +1,107 @@
+use std::pin::Pin;
+
+use embassy_time::Timer;
+use rc10_app::Rpm;
+use rc10_can::Micros;
+use rc10_motor::embassy::{LinePort, run_line};
+use rc10_motor::unitree::{GoM8010, UnitreeLine};
+use rc10_motor::{
+    Answer, ArmState, ArmSwitch, Drive, Link, MotorId, Request, RequestError, Safety, Target,
+    TargetError, TargetKind,
+};
+use rc10_sim::unitree_line::{GoM8010 as Device, plant};
+use rc10_sim::{EscFault, LineConfig, LineMotor, Tasks, World};
+
+use super::bench::motors;
+
+const SPEED: Target = Target::Speed(Rpm::new(60.0));
+
+/// Eight motors under embassy, of which number 3 has no power at first; what `robot` does with them
+/// in two seconds.
+fn run<F: Future<Output = ()>>(
+    config: LineConfig,
+    robot: impl FnOnce(&'static LinePort, &'static ArmSwitch, Vec<LineMotor>) -> F,
+) -> (&'static LinePort, Vec<LineMotor>, rc10_sim::Line) {
+    let switch: &'static ArmSwitch = Box::leak(Box::default());
+    let port: &'static LinePort = Box::leak(Box::default());
+    let ours: &'static mut [GoM8010] = Box::leak(motors(8).into_boxed_slice());
+    let mut world = World::new(40);
+    let wire = world.add_line(config);
+    let devices: Vec<_> = (0..8).map(|id| wire.add(Device::new(id), plant())).collect();
+    devices[3].set_power(false);
+    let mut line = UnitreeLine::new(switch);
+    for motor in ours {
+        line.attach(motor, Safety::COAST).unwrap();
+    }
+    let mut tasks = Tasks::new();
+    tasks.add(run_line(wire.port(), line, port));
+    tasks.add(robot(port, switch, devices.clone()));
+    assert!(world.run(Pin::new(&mut tasks), Micros::from_millis(2000)).is_pending());
+    (port, devices, wire)
+}
+
+async fn command_all(port: &LinePort, millis: u32) {
+    for _ in 0..millis {
+        for index in 0..8 {
+            port.motor(MotorId::new(index)).command(SPEED).unwrap();
+        }
+        Timer::after_millis(1).await;
+    }
+}
+
+#[test]
+fn a_line_under_embassy_drives_its_motors_and_answers_requests() {
+    let (port, devices, wire) = run(LineConfig::default(), |port, switch, devices| async move {
+        let first = port.motor(MotorId::new(0));
+        let refused = TargetError::Unsupported(TargetKind::Speed);
+        assert_eq!(port.motor(MotorId::new(8)).command(SPEED), Err(refused));
+        Timer::after_millis(5).await;
+        assert_eq!(first.status().drive, Drive::Off);
+        assert_eq!(first.request(Request::SetZero).await, Ok(Answer::Done));
+        switch.arm().unwrap();
+        command_all(port, 500).await;
+        assert!(devices[0].inject(EscFault::OverCurrent));
+        command_all(port, 5).await;
+        assert_eq!(first.status().fault.map(|fault| fault.text), Some("over-current"));
+        // Each waits for the device's own answer.
+        assert_eq!(first.request(Request::ClearFault).await, Err(RequestError::Refused(2)));
+        let silent = port.motor(MotorId::new(3));
+        assert_eq!(silent.request(Request::ClearFault).await, Err(RequestError::NoReply));
+        devices[0].set_power(false);
+        devices[3].set_power(true);
+        command_all(port, 50).await;
+        devices[0].set_power(true);
+        command_all(port, 150).await;
+        assert_eq!(first.request(Request::ClearFault).await, Ok(Answer::Done));
+        command_all(port, 2000).await;
+    });
+    for (index, device) in (0..8).zip(&devices) {
+        let status = port.motor(MotorId::new(index)).status();
+        assert_eq!((status.link, status.drive), (Link::Online, Drive::Run), "{index}");
+        assert!((device.state().output_rpm - 60.0).abs() < 0.5, "{index} {:?}", device.state());
+    }
+    let status = port.status();
+    assert_eq!((status.ticks, status.overruns, status.port_errors), (2000, 0, 0));
+    assert_eq!((status.period.min(), status.period.max()), (Some(1000), Some(1000)));
+    assert_eq!(status.arm, ArmState::Armed);
+    // Eight exchanges a millisecond, less what the silent ones and power-offs cost.
+    assert!((14_500..16_000).contains(&status.traffic.exchanges), "{:?}", status.traffic);
+    assert!((3..80).contains(&status.traffic.timeouts), "{:?}", status.traffic);
+    assert_eq!((status.traffic.unexpected, status.traffic.crc_errors), (0, 0));
+    assert_eq!((wire.counters().collided, wire.counters().overrun), (0, 0));
+}
+
+#[test]
+fn hearing_its_own_commands_is_no_harm() {
+    let echo = LineConfig { echo: true, ..LineConfig::default() };
+    let (port, devices, wire) = run(echo, |port, switch, _| async move {
+        Timer::after_millis(5).await;
+        switch.arm().unwrap();
+        command_all(port, 2000).await;
+    });
+    assert!((devices[0].state().output_rpm - 60.0).abs() < 0.5);
+    let status = port.status();
+    assert_eq!(status.traffic.garbage, u32::try_from(wire.counters().from_host).unwrap() / 17 * 17);
+    assert!(status.traffic.exchanges > 13_500, "{:?}", status.traffic);
+    assert_eq!(status.traffic.unexpected, 0);
+}

@@ -1,0 +1,129 @@
+use rc10_app::{NewtonMetres, Rpm};
+use rc10_motor::unitree::GoM8010;
+use rc10_motor::{
+    Answer, ArmSwitch, Drive, Impedance, Link, Request, RequestError, Safety, Target,
+};
+use rc10_sim::EscFault;
+use rc10_sim::unitree_line::GoM8010 as Device;
+
+use super::bench::{Bench, obeys};
+
+const SPEED: Target = Target::Speed(Rpm::new(60.0));
+
+#[test]
+fn each_fault_is_named_stops_the_motor_and_stays_until_it_is_cleared() {
+    for (fault, code, text) in [
+        (EscFault::OverTemperature, 1, "over-temperature"),
+        (EscFault::OverCurrent, 2, "over-current"),
+        (EscFault::OverVoltage, 3, "over-voltage"),
+        (EscFault::Encoder, 4, "encoder"),
+    ] {
+        let switch = ArmSwitch::new();
+        let mut motor = GoM8010::new(6).unwrap();
+        let mut bench = Bench::new(30, &switch);
+        let device = bench.device(6);
+        let id = bench.line.attach(&mut motor, Safety::BRAKE).unwrap();
+        bench.wait(5);
+        switch.arm().unwrap();
+        bench.hold(id, SPEED, 300);
+        assert!(device.inject(fault));
+        bench.hold(id, SPEED, 3);
+        let status = bench.status(id);
+        let told = status.fault.unwrap();
+        assert_eq!((told.code, told.text), (code, text));
+        assert_eq!((status.link, status.drive), (Link::Online, Drive::Brake));
+        assert_eq!((obeys(&device).status, obeys(&device).torque), (0, 0.0));
+
+        // Still there: the device refuses.
+        assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Answer::Pending));
+        bench.hold(id, SPEED, 3);
+        assert_eq!(bench.line.answer(id), Some(Err(RequestError::Refused(code))));
+        bench.hold(id, SPEED, 50);
+        assert_eq!(bench.status(id).drive, Drive::Brake);
+        // Gone with the power, but nobody has cleared it.
+        device.set_power(false);
+        bench.hold(id, SPEED, 50);
+        device.set_power(true);
+        bench.hold(id, SPEED, 300);
+        let status = bench.status(id);
+        assert_eq!((status.link, status.drive), (Link::Online, Drive::Brake));
+        assert_eq!(status.fault.unwrap().text, text);
+        assert_eq!(obeys(&device).status, 0);
+        assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Answer::Pending));
+        bench.hold(id, SPEED, 3);
+        assert_eq!(bench.line.answer(id), Some(Ok(Answer::Done)));
+        bench.hold(id, SPEED, 400);
+        assert_eq!((bench.status(id).fault, bench.status(id).drive), (None, Drive::Run));
+        assert!((device.state().output_rpm - 60.0).abs() < 0.5);
+    }
+}
+
+#[test]
+fn a_motor_that_gets_too_hot_protects_itself_and_says_so() {
+    let switch = ArmSwitch::new();
+    let mut motor = GoM8010::new(0).unwrap();
+    let mut bench = Bench::new(31, &switch);
+    let plant = rc10_sim::Plant {
+        ambient: 85.0,
+        static_friction: 1e3,
+        coulomb_friction: 1e3,
+        thermal_time_constant: 1.0,
+        ..rc10_sim::unitree_line::plant()
+    };
+    let device = bench.device_with(0, plant);
+    let id = bench.line.attach(&mut motor, Safety::COAST).unwrap();
+    bench.wait(5);
+    switch.arm().unwrap();
+    let torque = Target::Torque(NewtonMetres::new(8.0));
+    for _ in 0..2000 {
+        bench.hold(id, torque, 1);
+        if bench.status(id).fault.is_some() {
+            break;
+        }
+    }
+    let status = bench.status(id);
+    assert_eq!(status.fault.map(|fault| fault.text), Some("over-temperature"));
+    assert!((status.feedback.temperature().unwrap().get() - 90.0).abs() < 1.0);
+    bench.hold(id, torque, 5);
+    assert!(device.state().current.abs() < 0.01);
+}
+
+/// Numbers for a target from a counter: no chance needed.
+fn strange(step: u32) -> Target {
+    let numbers = [0.0, -1.0, 1e9, f32::MAX, -f32::MAX, f32::NAN, f32::INFINITY, 37.5];
+    let pick = |shift: u32| numbers[(step >> shift) as usize % numbers.len()];
+    match step % 4 {
+        0 => Target::Speed(Rpm::new(pick(2))),
+        1 => Target::Torque(NewtonMetres::new(pick(2))),
+        2 => Target::Angle(rc10_app::Degrees::new(pick(2))),
+        _ => Target::Impedance(Impedance {
+            angle: rc10_app::Degrees::new(pick(2)),
+            speed: Rpm::new(pick(5)),
+            torque: NewtonMetres::new(pick(4)),
+            kp: pick(3).abs(),
+            kd: pick(6).abs(),
+        }),
+    }
+}
+
+#[test]
+fn whatever_is_commanded_the_device_is_never_told_to_calibrate() {
+    let switch = ArmSwitch::new();
+    let mut motor = GoM8010::new(0).unwrap();
+    let mut bench = Bench::new(32, &switch);
+    let device = bench.device(0);
+    let id = bench.line.attach(&mut motor, Safety::HOLD).unwrap();
+    bench.wait(5);
+    switch.arm().unwrap();
+    for step in 0..3000 {
+        let _ = bench.line.command(id, strange(step), bench.world.now());
+        bench.tick();
+        let told = bench.told(0);
+        assert!(told.status <= 1 && told.torque.abs() <= 23.71 / 6.33, "{told:?}");
+        let rest = [told.speed, told.angle, told.stiffness, told.damping];
+        assert!(rest.iter().all(|number| number.is_finite()));
+    }
+    assert_eq!(device.with(|device: &mut Device| device.is_calibrating()), Some(false));
+    assert_eq!(device.state().malformed, 0);
+    assert!(bench.status(id).feedback.speed.is_finite());
+}

@@ -1,0 +1,273 @@
+use rc10_app::Rpm;
+use rc10_can::Micros;
+use rc10_motor::unitree::{AttachError, GoM8010, UnitreeLine};
+use rc10_motor::{ArmSwitch, Link, MotorId, MotorName, SafeState, Safety, Target};
+use rc10_sim::unitree_line::{Answer, GoM8010 as Device, plant};
+use rc10_sim::{LineMotor, Nanos};
+
+use super::bench::{Bench, motors};
+
+/// Eight motors at a speed for a second, 3 of them silent or not; the longest times between two
+/// questions to the same motor, in µs.
+fn eight<'m>(
+    bench: &mut Bench<'m>,
+    ours: &'m mut [GoM8010],
+    silent: bool,
+) -> (Vec<MotorId>, Vec<LineMotor>) {
+    let devices: Vec<_> = (0..8).map(|id| bench.device(id)).collect();
+    devices[3].set_power(!silent);
+    let ids: Vec<_> =
+        ours.iter_mut().map(|motor| bench.line.attach(motor, Safety::COAST).unwrap()).collect();
+    bench.wait(150);
+    bench.line.switch().arm().unwrap();
+    bench.hold_all(&ids, Target::Speed(Rpm::new(60.0)), 1000);
+    (ids, devices)
+}
+
+/// Mean and longest time in µs from one question to the next.
+fn cycle(asked: &[Micros], from: Micros) -> (f64, u64) {
+    let asked: Vec<_> = asked.iter().filter(|at| **at >= from).collect();
+    let gaps: Vec<_> = asked.windows(2).map(|pair| pair[1].since(*pair[0]).get()).collect();
+    let longest = *gaps.iter().max().unwrap();
+    #[expect(clippy::cast_precision_loss, reason = "small")]
+    let mean = gaps.iter().sum::<u64>() as f64 / gaps.len() as f64;
+    (mean, longest)
+}
+
+#[test]
+fn eight_motors_are_asked_every_millisecond() {
+    let switch = ArmSwitch::new();
+    let mut ours = motors(8);
+    let mut bench = Bench::new(10, &switch);
+    let (ids, devices) = eight(&mut bench, &mut ours, false);
+    for (id, device) in ids.iter().zip(&devices) {
+        let (mean, longest) = cycle(&bench.asked[id.index()], Micros::from_millis(200));
+        assert!((mean - 1000.0).abs() < 1.0 && longest <= 1002, "{id:?} {mean} {longest}");
+        assert!((device.state().output_rpm - 60.0).abs() < 0.5);
+    }
+    let counters = bench.line.counters();
+    assert_eq!((counters.timeouts, counters.garbage, counters.unexpected), (0, 0, 0));
+    // 33 bytes of 2.5 µs, and the device's 20 µs.
+    assert_eq!((counters.exchange.min(), counters.exchange.max()), (Some(102), Some(103)));
+}
+
+#[test]
+fn one_silent_motor_of_eight_costs_the_others_one_time_out_in_a_hundred_milliseconds() {
+    let switch = ArmSwitch::new();
+    let mut ours = motors(8);
+    let mut bench = Bench::new(11, &switch);
+    let (ids, devices) = eight(&mut bench, &mut ours, true);
+    let from = Micros::from_millis(200);
+    for id in ids.iter().filter(|id| id.index() != 3) {
+        let (mean, longest) = cycle(&bench.asked[id.index()], from);
+        assert!(mean < 1012.0, "{id:?}: {mean} us on average");
+        assert!(longest <= 2050, "{id:?}: {longest} us at most");
+        assert_eq!(bench.status(*id).link, Link::Online);
+        assert_eq!(bench.status(*id).counters.lost, 0);
+        assert!((devices[id.index()].state().output_rpm - 60.0).abs() < 0.5);
+    }
+    assert_eq!(bench.status(ids[3]).link, Link::NeverSeen);
+    let (mean, _) = cycle(&bench.asked[3], from);
+    assert!((100_000.0..101_000.0).contains(&mean), "{mean}");
+    let before = bench.line.counters().timeouts;
+    bench.hold_all(&ids, Target::Speed(Rpm::new(60.0)), 1000);
+    assert_eq!(bench.line.counters().timeouts - before, 10);
+
+    // It comes back, softly, and without a kick; the others do not notice.
+    devices[3].set_power(true);
+    let mut last = devices[3].state().current;
+    let mut heard_after = None;
+    for millis in 0..200 {
+        bench.hold_all(&ids, Target::Speed(Rpm::new(60.0)), 1);
+        let current = devices[3].state().current;
+        // 10 % of full scale, 2.37 N m, each millisecond at most.
+        assert!((current - last).abs() < 2.37 / 0.638_95 + 0.1, "{millis}: {last} to {current}");
+        last = current;
+        if heard_after.is_none() && bench.status(ids[3]).link == Link::Online {
+            heard_after = Some(millis);
+        }
+    }
+    assert!(heard_after.unwrap() <= 102, "{heard_after:?}");
+    bench.hold_all(&ids, Target::Speed(Rpm::new(60.0)), 200);
+    assert!((devices[3].state().output_rpm - 60.0).abs() < 0.5);
+    let (mean, longest) = cycle(&bench.asked[3], bench.world.now() - Micros::from_millis(100));
+    assert!((mean - 1000.0).abs() < 1.0 && longest <= 1002, "{mean} {longest}");
+}
+
+#[test]
+fn fourteen_that_fall_silent_at_once_do_not_cost_the_fifteenth_its_link() {
+    let switch = ArmSwitch::new();
+    let mut ours = motors(15);
+    let mut bench = Bench::new(12, &switch);
+    let devices: Vec<_> = (0..15).map(|id| bench.device(id)).collect();
+    let ids: Vec<_> =
+        ours.iter_mut().map(|motor| bench.line.attach(motor, Safety::COAST).unwrap()).collect();
+    bench.wait(50);
+    switch.arm().unwrap();
+    let speed = Target::Speed(Rpm::new(30.0));
+    bench.hold_all(&ids, speed, 500);
+    for id in &ids {
+        // More than a tick has room for: 15 times 103 µs and what a poll takes.
+        let (mean, longest) = cycle(&bench.asked[id.index()], Micros::from_millis(100));
+        assert!(mean < 1700.0 && longest <= 2600, "{id:?} {mean} {longest}");
+        assert_eq!(bench.status(*id).link, Link::Online);
+    }
+    devices.iter().filter(|device| !std::ptr::eq(*device, &devices[7])).for_each(|device| {
+        device.set_cut(true);
+    });
+    bench.hold_all(&ids, speed, 1000);
+    for id in &ids {
+        let expected = if id.index() == 7 { Link::Online } else { Link::Lost };
+        assert_eq!(bench.status(*id).link, expected, "{id:?}");
+    }
+    assert_eq!(bench.status(ids[7]).counters.lost, 0);
+    assert!((devices[7].state().output_rpm - 30.0).abs() < 0.5);
+    let (mean, longest) = cycle(&bench.asked[7], bench.world.now() - Micros::from_millis(500));
+    // 14 time-outs in 100 ms, each followed by a question to it.
+    assert!(mean < 1250.0 && longest <= 2100, "{mean} {longest}");
+}
+
+#[test]
+fn garbage_and_wrong_bits_are_counted_and_never_taken() {
+    let switch = ArmSwitch::new();
+    let mut ours = motors(2);
+    let mut bench = Bench::new(13, &switch);
+    let devices = [bench.device(0), bench.device(1)];
+    let ids: Vec<_> =
+        ours.iter_mut().map(|motor| bench.line.attach(motor, Safety::COAST).unwrap()).collect();
+    bench.wait(50);
+    switch.arm().unwrap();
+    let speed = Target::Speed(Rpm::new(60.0));
+    bench.hold_all(&ids, speed, 500);
+    let before = bench.line.counters();
+    assert_eq!((before.timeouts, before.crc_errors, before.garbage), (0, 0, 0));
+
+    // Each damaged exchange is a command that the device refuses, or an answer that we do.
+    for _ in 0..40 {
+        bench.wire.damage(1);
+        bench.hold_all(&ids, speed, 3);
+        bench.wire.inject(&[0xFD, 0xEE, 0x10, 0x00, 0xFE, 0xEE, 0x01]);
+        bench.hold_all(&ids, speed, 3);
+    }
+    let counters = bench.line.counters();
+    let malformed: u64 = devices.iter().map(|device| device.state().malformed).sum();
+    assert!(malformed > 10, "{malformed}");
+    assert!(counters.garbage > 100, "{counters:?}");
+    assert!(counters.timeouts >= 40 && counters.timeouts <= 120, "{counters:?}");
+    assert_eq!(counters.unexpected, 0);
+    for (id, device) in ids.iter().zip(&devices) {
+        let status = bench.status(*id);
+        assert_eq!((status.link, status.counters.lost, status.fault), (Link::Online, 0, None));
+        assert!((device.state().output_rpm - 60.0).abs() < 0.7, "{:?}", device.state());
+    }
+
+    // An answer with a wrong bit.
+    let crc_errors = counters.crc_errors;
+    let damaged = Answer { id: 0, status: 1, speed: 100.0, ..Answer::default() };
+    for at in 2..16 {
+        let mut bytes = damaged.write();
+        bytes[at] ^= 0x20;
+        bench.line.on_bytes(&bytes, bench.world.now());
+    }
+    let counters = bench.line.counters();
+    assert!(counters.crc_errors >= crc_errors + 14, "{counters:?}");
+}
+
+#[test]
+fn damaged_answers_cost_one_exchange_each() {
+    let switch = ArmSwitch::new();
+    let mut ours = motors(1);
+    let mut bench = Bench::new(14, &switch);
+    let _device = bench.device(0);
+    let id = bench.line.attach(&mut ours[0], Safety::COAST).unwrap();
+    bench.wait(50);
+    // The first frame after this is a command, the second its answer: the device does not answer
+    // the first, so that the next two are command and answer again.
+    bench.wire.damage(1);
+    bench.wait(10);
+    assert_eq!(bench.line.counters().timeouts, 1);
+    assert_eq!(bench.status(id).counters.lost, 0);
+    assert_eq!(bench.status(id).link, Link::Online);
+}
+
+#[test]
+fn an_answer_that_nobody_asked_for_is_not_taken() {
+    let switch = ArmSwitch::new();
+    let mut ours = motors(2);
+    let mut line = UnitreeLine::new(&switch);
+    for motor in &mut ours {
+        line.attach(motor, Safety::COAST).unwrap();
+    }
+    let now = Micros::from_millis(1);
+    let answer = |id| Answer { id, status: 1, ..Answer::default() }.write();
+    // Nobody was asked.
+    line.on_bytes(&answer(0), now);
+    assert_eq!((line.counters().unexpected, line.counters().exchanges), (1, 0));
+    // Motor 0 is asked, another answers; then motor 0, in two portions, with garbage before it.
+    let rc10_motor::unitree::Step::Send(bytes) = line.poll(now) else { panic!("a question") };
+    assert_eq!(bytes[2], 0x00);
+    line.on_bytes(&answer(1), now);
+    assert_eq!((line.counters().unexpected, line.counters().exchanges), (2, 0));
+    assert_eq!(line.status(MotorId::new(1), now).unwrap().link, Link::NeverSeen);
+    line.on_bytes(&[0xFD, 0x00, 0xFD], now);
+    line.on_bytes(&answer(0)[..9], now);
+    line.on_bytes(&answer(0)[9..], now);
+    assert_eq!((line.counters().unexpected, line.counters().exchanges), (2, 1));
+    assert_eq!(line.status(MotorId::new(0), now).unwrap().link, Link::Online);
+    // The same again comes too late: its question has been answered.
+    line.on_bytes(&answer(0), now);
+    assert_eq!((line.counters().unexpected, line.counters().exchanges), (3, 1));
+    // Motor 1 is asked and takes too long: what comes then is not its turn any more.
+    let rc10_motor::unitree::Step::Send(bytes) = line.poll(now) else { panic!("a question") };
+    assert_eq!(bytes[2], 0x01);
+    let late = now + Micros::from_millis(1);
+    let _ = line.poll(late);
+    line.on_bytes(&answer(1), late + Micros::new(10));
+    assert_eq!(line.counters().timeouts, 1);
+    assert_eq!((line.counters().unexpected, line.counters().exchanges), (4, 1));
+    assert_eq!(line.status(MotorId::new(1), late).unwrap().link, Link::NeverSeen);
+}
+
+#[test]
+fn slow_devices_are_waited_for_up_to_the_time_out() {
+    for (turnaround, answers) in [(880, true), (950, false)] {
+        let switch = ArmSwitch::new();
+        let mut ours = motors(1);
+        let mut bench = Bench::new(15, &switch);
+        let device = Device::new(0).with_turnaround(Nanos::new(turnaround * 1000));
+        let _device = bench.wire.add(device, plant());
+        let id = bench.line.attach(&mut ours[0], Safety::COAST).unwrap();
+        bench.wait(500);
+        let online = bench.status(id).link == Link::Online;
+        assert_eq!(online, answers, "{turnaround} us");
+        assert_eq!(bench.line.counters().timeouts > 0, !answers);
+    }
+    let switch = ArmSwitch::new();
+    let line = |micros| UnitreeLine::new(&switch).with_reply_timeout(Micros::new(micros));
+    assert!(line(100).is_ok() && line(1000).is_ok());
+    assert_eq!(line(99).err().unwrap().field, "reply_timeout");
+    assert_eq!(line(1001).err().unwrap().must_be, "100 to 1000 us");
+}
+
+#[test]
+fn what_cannot_be_attached_is_refused_by_name() {
+    let switch = ArmSwitch::new();
+    let mut ours = motors(15);
+    let mut twin = GoM8010::new(4).unwrap();
+    let mut hasty = GoM8010::new(5).unwrap();
+    let mut line = UnitreeLine::new(&switch);
+    let expiry = Safety { command_expiry: Micros::ZERO, ..Safety::new(SafeState::Hold) };
+    let name = |id| MotorName { model: "GO-M8010-6", id };
+    let error = line.attach(&mut hasty, expiry).unwrap_err();
+    assert_eq!(error, AttachError::Expiry { motor: name(5), asked: Micros::ZERO });
+    for (index, motor) in ours.iter_mut().enumerate() {
+        assert_eq!(line.attach(motor, Safety::COAST).unwrap().index(), index);
+    }
+    let error = line.attach(&mut twin, Safety::COAST).unwrap_err();
+    assert_eq!(error, AttachError::Duplicate { motor: name(4) });
+    let text = "GO-M8010-6 id 4 cannot share a line with another of its id";
+    assert_eq!(error.to_string(), text);
+    assert_eq!(line.motors().count(), 15);
+    let text = GoM8010::new(15).unwrap_err().to_string();
+    assert_eq!(text, "a GO-M8010-6 takes ids 0 to 14, not 15");
+}
