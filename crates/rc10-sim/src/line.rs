@@ -157,8 +157,8 @@ pub(crate) struct Line {
     /// Somebody who is no device.
     noise: Sender,
     places: Vec<Place>,
-    /// Frames that are to be damaged yet.
-    damage: u32,
+    /// Frames that are to be damaged yet: the host's, and the devices'.
+    damage: [u32; 2],
     pub(crate) counters: LineCounters,
 }
 
@@ -174,7 +174,7 @@ impl Line {
             host: HostEnd::default(),
             noise: Sender::default(),
             places: Vec::new(),
-            damage: 0,
+            damage: [0; 2],
             counters: LineCounters::default(),
         }
     }
@@ -244,8 +244,12 @@ impl Line {
         self.noise.waiting.extend(bytes);
     }
 
-    pub(crate) const fn damage(&mut self, frames: u32) {
-        self.damage = frames;
+    pub(crate) const fn damage_commands(&mut self, frames: u32) {
+        self.damage[0] = frames;
+    }
+
+    pub(crate) const fn damage_answers(&mut self, frames: u32) {
+        self.damage[1] = frames;
     }
 
     pub(crate) fn state(&self, index: usize) -> EscState {
@@ -334,35 +338,38 @@ impl Line {
 
     /// Who has something to say starts, whatever others do.
     pub(crate) fn start(&mut self, now: Nanos) {
-        let byte_ns = self.byte_ns;
         for who in self.everybody() {
-            let mut damage = self.damage;
             let sender = self.sender(who);
             if sender.flight.is_some() {
                 continue;
             }
-            if sender.waiting.is_empty() || sender.from > now {
+            let due = if sender.from <= now { sender.waiting.pop_front() } else { None };
+            let Some(byte) = due else {
                 sender.in_frame = false;
                 continue;
-            }
-            let Some(mut byte) = sender.waiting.pop_front() else {
-                continue;
             };
-            if !sender.in_frame {
-                sender.in_frame = true;
-                sender.noise_in = (damage > 0 && who != Who::Noise).then_some(NOISE_AT);
-                damage -= u32::from(sender.noise_in.is_some());
-            }
-            byte ^= u8::from(sender.noise_in == Some(0));
-            sender.noise_in = sender.noise_in.and_then(|bytes| bytes.checked_sub(1));
-            let cut = sender.cut;
-            let end = now + Nanos::new(byte_ns);
+            let (begins, cut) = (!std::mem::replace(&mut sender.in_frame, true), sender.cut);
+            let noise_in = if begins { self.noise_in_frame(who) } else { sender.noise_in };
+            let end = now + Nanos::new(self.byte_ns);
+            let byte = byte ^ u8::from(noise_in == Some(0));
+            let sender = self.sender(who);
+            sender.noise_in = noise_in.and_then(|bytes| bytes.checked_sub(1));
             sender.flight = Some(Flight { byte, end, collided: false });
-            self.damage = damage;
             if !cut {
                 self.collide(who);
             }
         }
+    }
+
+    /// After how many bytes of a frame that begins now noise hits it.
+    fn noise_in_frame(&mut self, who: Who) -> Option<u32> {
+        let left = match who {
+            Who::Host => &mut self.damage[0],
+            Who::Device(_) => &mut self.damage[1],
+            Who::Noise => return None,
+        };
+        *left = left.checked_sub(1)?;
+        Some(NOISE_AT)
     }
 
     /// Whoever else is sending, and is plugged in, spoils the byte, and his own.

@@ -47,10 +47,15 @@ impl Line {
         self.with(|line, now| line.inject(bytes, now));
     }
 
-    /// In each of the next frames one bit is wrong. A frame is what somebody, host or device, sends
-    /// without a pause. Replaces the number given before.
-    pub fn damage(&self, frames: u32) {
-        self.with(|line, _| line.damage(frames));
+    /// In each of the host's next frames one bit is wrong. A frame is what somebody sends without a
+    /// pause. Replaces the number given before.
+    pub fn damage_commands(&self, frames: u32) {
+        self.with(|line, _| line.damage_commands(frames));
+    }
+
+    /// The same with the devices' frames.
+    pub fn damage_answers(&self, frames: u32) {
+        self.with(|line, _| line.damage_answers(frames));
     }
 
     /// What happened so far.

@@ -30,7 +30,9 @@ fn a_speed_is_reached() {
         let motor = bench.line.attach(&mut motor, Safety::COAST).unwrap();
         bench.wait(5);
         switch.arm().unwrap();
-        bench.hold(motor, Target::Speed(Rpm::new(120.0)), 150);
+        bench.hold(motor, Target::Speed(Rpm::new(120.0)), 1);
+        assert_eq!(bench.status(motor).condition, Condition::Starting);
+        bench.hold(motor, Target::Speed(Rpm::new(120.0)), 149);
         let rpm = device.state().output_rpm;
         assert!((rpm - 120.0).abs() < 3.0, "after 150 ms: {rpm}");
         bench.hold(motor, Target::Speed(Rpm::new(120.0)), 350);

@@ -82,7 +82,9 @@ fn a_line_under_embassy_drives_its_motors_and_answers_requests() {
     }
     let status = port.status();
     assert_eq!((status.ticks, status.overruns, status.port_errors), (2000, 0, 0));
-    assert_eq!((status.period.min(), status.period.max()), (Some(1000), Some(1000)));
+    // A tick waits for the end of a command that is going out, 42.5 us, and no longer.
+    let (shortest, longest) = (status.period.min().unwrap(), status.period.max().unwrap());
+    assert!(shortest >= 957 && longest <= 1043, "{shortest} {longest}");
     assert_eq!(status.arm, ArmState::Armed);
     // Eight exchanges a millisecond, less what the silent ones and power-offs cost.
     assert!((14_500..16_000).contains(&status.traffic.exchanges), "{:?}", status.traffic);

@@ -48,7 +48,7 @@ fn a_command_expires_into_the_safe_state() {
         let switch = ArmSwitch::new();
         let mut motor = GoM8010::new(0).unwrap();
         let (mut bench, device, id) = turning(&switch, &mut motor, state);
-        bench.wait(49);
+        bench.wait(48);
         assert_eq!(bench.status(id).drive, Drive::Run);
         bench.wait(2);
         assert_eq!((bench.status(id).drive, bench.status(id).counters.expired), (state.drive(), 1));
@@ -152,6 +152,8 @@ fn comes_back(target: Target) -> (Vec<f64>, f64) {
     });
     let currents: Vec<_> = currents.collect();
     assert_eq!(bench.status(id).link, Link::Online);
+    // It only knows its rotor's angle now, and we say so.
+    assert_eq!(bench.status(id).feedback.turn_gaps, 1);
     (currents, moved)
 }
 
