@@ -518,6 +518,30 @@ mod tests {
     }
 
     #[test]
+    fn heard_again_after_a_silence_it_starts_softly() {
+        let angle = Degrees::new(90.0);
+        let pull = crate::motor::Impedance { angle, kp: 20.0, ..Default::default() };
+        for target in [Target::Speed(Rpm::new(200.0)), Target::Impedance(pull)] {
+            let mut motor = GoM8010::new(0).unwrap();
+            motor.set_target(target).unwrap();
+            let mut force = |from: u64, ticks: u64| {
+                for at in from..from + ticks {
+                    motor.unpack_reply(&reply(0, 0), Micros::from_millis(at)).unwrap();
+                    motor.update(Seconds::new(0.001), Drive::Run);
+                }
+                i32::from(motor.command.motion.torque)
+                    + i32::from(motor.command.impedance.stiffness)
+            };
+            let full = force(0, 100);
+            assert!(full > 300, "{target:?} {full}");
+            assert!(force(100, 1) >= full);
+            // Nobody ticked it in between, and nobody commanded it anew.
+            let soft = force(130, 1);
+            assert!(soft < full / 5, "{target:?} {soft} of {full}");
+        }
+    }
+
+    #[test]
     fn the_angle_stays_within_its_turn() {
         let mut motor = GoM8010::new(0).unwrap().with_direction(Direction::Reversed);
         for step in 0..500 {

@@ -142,15 +142,21 @@ mod tests {
 
     #[test]
     fn it_never_asks_for_more_than_the_limit() {
+        let speed = Rpm::new(f32::MAX);
+        let racing = Spring::new(Impedance { speed, kd: 1000.0, ..Impedance::default() }).unwrap();
         for (mut spring, rpm) in [
             (spring(3.6e6, 1025.0, 0.0, 0.0), 0.0),
             (spring(-90.0, 500.0, 1000.0, f32::MAX), 190.0),
             (spring(0.0, 0.0, 1000.0, -f32::MAX), -190.0),
+            (racing, 0.0),
         ] {
+            let mut last = 0.0;
             for _ in 0..40 {
-                let pull = spring.update(MS, Measured { rpm, ..STILL }, 5.0);
-                assert!(torque_of(&pull, rpm).abs() < 5.0 + 1e-3);
+                last = torque_of(&spring.update(MS, Measured { rpm, ..STILL }, 5.0), rpm).abs();
+                assert!(last < 5.0 + 1e-3, "{last}");
             }
+            // Nor for less, where the law wants more.
+            assert!((last - 5.0).abs() < 1e-3, "{last}");
         }
     }
 

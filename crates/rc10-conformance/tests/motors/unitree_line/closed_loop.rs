@@ -69,8 +69,17 @@ fn an_angle_is_reached_and_zero_is_ours() {
     // The shorter way round: 350 is 10 back.
     bench.hold(motor, Target::Angle(Degrees::new(350.0)), 800);
     assert!((turned() + 730.0).abs() < 0.5, "{}", turned());
-    // Zero moves nothing; the same number lies elsewhere then.
+    // Zero moves nothing that is sought or held; the same number commanded anew lies elsewhere.
+    bench.hold(motor, Target::TotalAngle(TotalAngle::from_degrees(-730)), 300);
     assert_eq!(bench.line.request(motor, Request::SetZero), Ok(Answer::Done));
+    bench.wait(40);
+    assert_eq!(bench.status(motor).drive, Drive::Run);
+    assert!((turned() + 730.0).abs() < 0.5, "{}", turned());
+    bench.wait(100);
+    assert_eq!(bench.status(motor).drive, Drive::Hold);
+    assert_eq!(bench.line.request(motor, Request::SetZero), Ok(Answer::Done));
+    bench.wait(200);
+    assert!((turned() + 730.0).abs() < 0.5, "{}", turned());
     bench.hold(motor, Target::TotalAngle(TotalAngle::from_degrees(0)), 300);
     assert!((turned() + 730.0).abs() < 0.7, "{}", turned());
 }

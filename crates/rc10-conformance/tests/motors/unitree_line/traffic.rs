@@ -196,9 +196,13 @@ fn an_answer_that_nobody_asked_for_is_not_taken() {
     // The same again comes too late: its question has been answered.
     line.on_bytes(&answer(0), now);
     assert_eq!((line.counters().unexpected, line.counters().exchanges), (3, 1));
+    // What was received before a question is no part of its answer.
+    line.on_bytes(&answer(1)[..9], now);
     // Motor 1 is asked and takes too long: what comes then is not its turn any more.
     let Step::Send(bytes) = line.poll(now) else { panic!("a question") };
     assert_eq!(bytes[2], 0x01);
+    line.on_bytes(&answer(1)[9..], now);
+    assert_eq!((line.counters().unexpected, line.counters().exchanges), (3, 1));
     let late = now + Micros::from_millis(1);
     let _ = line.poll(late);
     line.on_bytes(&answer(1), late + Micros::new(10));
