@@ -15,13 +15,13 @@ use rc10_emu::{Fault, Machine, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{MotorBus, MotorStatus};
-use rc10_sim::{Esc, Nanos, TraceEntry};
+use rc10_sim::{Nanos, TraceEntry};
 use sha2::{Digest, Sha256};
 
 use self::output::Outcome;
 use crate::recorder::Recorder;
 use crate::recording::{Recording, hex_digits};
-use crate::robot::{Description, Device, Place, Robot};
+use crate::robot::{Description, Device, Place, Robot, Twin};
 use crate::run::seconds;
 use crate::surroundings::Surroundings;
 
@@ -68,7 +68,7 @@ pub struct Emulation<'r> {
     /// The scenario.
     pub rig: Rig,
     /// The motors, in the order of the description.
-    pub motors: Vec<Esc>,
+    pub motors: Vec<Twin>,
     description: Description,
     base: Option<rc10_sim::Base>,
     seed: u64,
@@ -92,16 +92,17 @@ impl<'r> Emulation<'r> {
                 }
             }
         }
-        let Surroundings { world, wires, motors, base } =
+        let Surroundings { world, wires, lines, motors, base } =
             Surroundings::new(&description, setup.seed)?;
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
+        ensure!(lines.is_empty(), "the firmware has no RS-485 line yet, the robot {}", lines.len());
         let mut machine = Machine::new(program)?;
         if let Some(speed) = setup.speed {
             machine.set_speed(speed);
         }
         let on_buses = description.motors.iter().zip(&motors);
         let on_buses = on_buses.filter_map(|(motor, esc)| match motor.on {
-            Place::Bus(bus) => Some((usize::from(bus) - 1, esc.clone())),
+            Place::Bus(bus) => Some((usize::from(bus) - 1, esc.esc()?.clone())),
             Place::Line(_) => None,
         });
         let heard = vec![0; wires.len()];
@@ -163,16 +164,19 @@ impl<'r> Emulation<'r> {
                 }
                 status
             },
+            Vec::new(),
         );
         Ok((self, recording))
     }
 
     /// What is heard of a motor.
-    fn status(&self, line: usize, now: Micros) -> MotorStatus {
-        let found = self.description.place(line).and_then(|(bus, motor)| {
-            self.listeners.get(bus).and_then(|listener| listener.status(motor, now))
-        });
-        found.unwrap_or(MotorStatus::NEW)
+    fn status(&self, entry: usize, now: Micros) -> MotorStatus {
+        let heard = || {
+            let bus = self.description.motors.get(entry)?.on.bus()?;
+            let listener = self.listeners.get(usize::from(bus).checked_sub(1)?)?;
+            listener.status(self.description.number(entry)?, now)
+        };
+        heard().unwrap_or(MotorStatus::NEW)
     }
 }
 

@@ -131,6 +131,48 @@ fn write_buses(text: &mut String, recording: &Recording) -> std::fmt::Result {
     Ok(())
 }
 
+/// An empty line and one per RS-485 line; nothing for a robot without any.
+#[must_use]
+pub fn line_table(recording: &Recording) -> String {
+    let mut text = String::new();
+    let _ = write_lines(&mut text, recording);
+    text
+}
+
+fn write_lines(text: &mut String, recording: &Recording) -> std::fmt::Result {
+    if recording.lines.is_empty() {
+        return Ok(());
+    }
+    writeln!(
+        text,
+        "\n{:<5} {:>10} {:>9} {:>11} {:>8} {:>11} {:>9}  {:<24}",
+        "line",
+        "exchanges",
+        "timeouts",
+        "crc errors",
+        "garbage",
+        "unexpected",
+        "overruns",
+        "exchange us"
+    )?;
+    for (number, line) in (1..).zip(&recording.lines) {
+        let number: u8 = number;
+        let traffic = &line.traffic;
+        writeln!(
+            text,
+            "{number:<5} {:>10} {:>9} {:>11} {:>8} {:>11} {:>9}  {:<24}",
+            traffic.exchanges,
+            traffic.timeouts,
+            traffic.crc_errors,
+            traffic.garbage,
+            traffic.unexpected,
+            line.overruns,
+            min_mean_max(&traffic.exchange),
+        )?;
+    }
+    Ok(())
+}
+
 fn min_mean_max(timing: &Timing) -> String {
     match (timing.min(), timing.mean(), timing.max()) {
         (Some(min), Some(mean), Some(max)) => format!("{min} / {mean:.1} / {max}"),
@@ -187,6 +229,22 @@ pub fn to_json(recording: &Recording, wall: f64) -> Value {
             "tick_execution_us": timing(&bus.last.execution),
         })
     });
+    let lines = (1..).zip(&recording.lines).map(|(number, line): (u8, _)| {
+        let traffic = &line.traffic;
+        json!({
+            "line": number,
+            "exchanges": traffic.exchanges,
+            "timeouts": traffic.timeouts,
+            "crc_errors": traffic.crc_errors,
+            "garbage_bytes": traffic.garbage,
+            "unexpected": traffic.unexpected,
+            "port_errors": line.port_errors,
+            "overruns": line.overruns,
+            "ticks": line.ticks,
+            "tick_period_us": timing(&line.period),
+            "exchange_us": timing(&traffic.exchange),
+        })
+    });
     let ticks: u64 = recording.buses.iter().map(|bus| u64::from(bus.last.ticks)).sum();
     json!({
         "seed": recording.seed,
@@ -196,5 +254,6 @@ pub fn to_json(recording: &Recording, wall: f64) -> Value {
         "trace_hash": recording.trace_hash(),
         "motors": motors.collect::<Vec<_>>(),
         "buses": buses.collect::<Vec<_>>(),
+        "lines": lines.collect::<Vec<_>>(),
     })
 }

@@ -3,15 +3,15 @@
 use rc10_app::TotalAngle;
 use rc10_app::angle::shortest_way_degrees;
 use rc10_can::Micros;
-use rc10_motor::embassy::BusStatus;
+use rc10_motor::embassy::{BusStatus, LineStatus};
 use rc10_motor::{Drive, MotorStatus, Target};
-use rc10_sim::{Base, Esc, TraceEntry};
+use rc10_sim::{Base, TraceEntry};
 
 use crate::candump;
 use crate::recording::{
     BaseTrack, BusTrack, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD,
 };
-use crate::robot::{Description, Motor};
+use crate::robot::{Description, Motor, Twin};
 
 /// Writes down what a robot does. It sees the wires and the shafts for itself; what the robot
 /// believes of its motors and buses it must be told.
@@ -60,7 +60,7 @@ impl<'d> Recorder<'d> {
     /// of the robot's table.
     pub fn sample(
         &mut self,
-        motors: &[Esc],
+        motors: &[Twin],
         base: Option<&Base>,
         status: impl Fn(usize) -> MotorStatus,
     ) {
@@ -75,15 +75,16 @@ impl<'d> Recorder<'d> {
     }
 
     /// The recording. `motor` is what the robot knows of the motor in a line of its table, `bus`
-    /// of its bus with a number, at the end.
+    /// of its bus with a number, `lines` of its RS-485 lines, at the end.
     #[must_use]
     pub fn finish(
         self,
         length: Micros,
         wires: &[rc10_sim::Bus],
-        escs: &[Esc],
+        escs: &[Twin],
         motor: impl Fn(usize) -> MotorStatus,
         bus: impl Fn(u8) -> BusStatus,
+        lines: Vec<LineStatus>,
     ) -> Recording {
         let motors = self.description.motors.iter().zip(escs).zip(self.samples);
         let motors = motors.enumerate().map(|(line, ((described, esc), samples))| MotorTrack {
@@ -107,13 +108,14 @@ impl<'d> Recorder<'d> {
             length,
             motors: motors.collect(),
             buses: buses.collect(),
+            lines,
             base: base.map(|base| BaseTrack { wheels: base.wheels, path: self.path }),
             events: self.description.script.until(length),
         }
     }
 }
 
-fn sample(motor: &Motor, status: &MotorStatus, esc: &Esc) -> MotorSample {
+fn sample(motor: &Motor, status: &MotorStatus, esc: &Twin) -> MotorSample {
     let feedback = status.feedback;
     let (wanted, measured) = match status.target {
         Target::Angle(wanted) => {

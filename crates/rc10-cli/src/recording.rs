@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use rc10_can::Micros;
-use rc10_motor::embassy::BusStatus;
+use rc10_motor::embassy::{BusStatus, LineStatus};
 use rc10_motor::{Drive, Link, MotorStatus, TargetKind};
 use sha2::{Digest, Sha256};
 
@@ -22,6 +22,8 @@ pub struct Recording {
     pub motors: Vec<MotorTrack>,
     /// One per bus.
     pub buses: Vec<BusTrack>,
+    /// How each RS-485 line was at the end.
+    pub lines: Vec<LineStatus>,
     /// What its base did, if it has one.
     pub base: Option<BaseTrack>,
     /// What the robot's script did, in order.

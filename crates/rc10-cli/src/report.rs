@@ -53,6 +53,7 @@ pub fn report(recording: &Recording) -> String {
         loads = next(loads.len()),
         motor_table = motor_table(recording),
         bus_table = bus_table(recording),
+        line_table = line_table(recording),
         data = data(recording, motion.iter().chain(&currents).chain(&loads)),
     )
 }
@@ -216,6 +217,33 @@ fn bus_table(recording: &Recording) -> String {
     let head = "bus | plan | planned: least | typical | worst | measured | frames | \
                 lost | replaced | refused | overruns | tick period: min | mean | max";
     table(head, 2, rows)
+}
+
+/// Nothing for a robot without RS-485 lines.
+fn line_table(recording: &Recording) -> String {
+    if recording.lines.is_empty() {
+        return String::new();
+    }
+    let rows = (1..).zip(&recording.lines).map(|(number, line): (u8, _)| {
+        let traffic = &line.traffic;
+        let micros = |value: Option<f64>, digits| cell(&optional(value, digits, " µs"));
+        vec![
+            words(&format!("line {number}")),
+            cell(&grouped(traffic.exchanges.into())),
+            loss(traffic.timeouts.into()),
+            loss(traffic.crc_errors.into()),
+            loss(traffic.garbage.into()),
+            loss(traffic.unexpected.into()),
+            loss(line.port_errors.into()),
+            loss(line.overruns.into()),
+            micros(traffic.exchange.min().map(f64::from), 0),
+            micros(traffic.exchange.mean().map(f64::from), 1),
+            micros(traffic.exchange.max().map(f64::from), 0),
+        ]
+    });
+    let head = "line | exchanges | timeouts | CRC errors | garbage bytes | unexpected | \
+                port errors | overruns | exchange: min | mean | max";
+    table(head, 1, rows)
 }
 
 /// A table whose first `left` columns are words; `|` parts the titles of its columns.
@@ -658,6 +686,7 @@ mod tests {
             length,
             motors: motors.collect(),
             buses: (1..=3).map(bus).collect(),
+            lines: Vec::new(),
             base: Some(BaseTrack { wheels: [0, 1, 2, 3], path: (0..samples).map(path).collect() }),
             events: vec![
                 event(100, "arm"),
@@ -822,6 +851,7 @@ mod tests {
             length: Micros::ZERO,
             motors: Vec::new(),
             buses: Vec::new(),
+            lines: Vec::new(),
             base: None,
             events: Vec::new(),
         };

@@ -5,13 +5,14 @@ use std::fmt;
 use std::path::PathBuf;
 use std::pin::Pin;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use rc10_can::Micros;
 use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
-use rc10_motor::embassy::{BusPort, MotorPort, run_bus};
+use rc10_motor::embassy::{BusPort, LinePort, MotorPort, run_bus, run_line};
 use rc10_motor::signals::Message;
+use rc10_motor::unitree::UnitreeLine;
 use rc10_motor::{MotorBus, MotorId, MotorName};
-use rc10_sim::{Esc, EscConfig, Tasks};
+use rc10_sim::{Esc, EscConfig, EscState, LineMotor, Tasks};
 
 use crate::recording::Event;
 
@@ -22,6 +23,8 @@ pub struct Description {
     pub motors: Vec<Motor>,
     /// How many buses it has: their numbers are 1 to this.
     pub buses: u8,
+    /// How many RS-485 lines it has: their numbers are 1 to this.
+    pub lines: u8,
     /// What its wheels carry, if that shall be simulated.
     pub base: Option<Base>,
     /// What it does by itself, to be named in reports.
@@ -116,6 +119,13 @@ pub enum Device {
         /// What stands where in its frames.
         messages: fn() -> Vec<Message>,
     },
+    /// One on an RS-485 line.
+    Line {
+        /// What the line calls it.
+        name: MotorName,
+        /// Puts its simulated twin on a line, with so much inertia (kg m²) on its shaft.
+        twin: fn(line: &rc10_sim::Line, inertia: f64) -> Result<LineMotor>,
+    },
 }
 
 impl Motor {
@@ -138,7 +148,7 @@ impl Motor {
     pub const fn name(&self) -> MotorName {
         match self.device {
             Device::Dji { model, id, .. } => MotorName { model: model.name, id: id as u16 },
-            Device::Can { name, .. } => name,
+            Device::Can { name, .. } | Device::Line { name, .. } => name,
         }
     }
 
@@ -147,7 +157,7 @@ impl Motor {
     pub const fn dji(&self) -> Option<(&'static Model, u8)> {
         match self.device {
             Device::Dji { model, id, .. } => Some((model, id)),
-            Device::Can { .. } => None,
+            Device::Can { .. } | Device::Line { .. } => None,
         }
     }
 
@@ -155,7 +165,7 @@ impl Motor {
     #[must_use]
     pub fn messages(&self) -> Vec<Message> {
         match self.device {
-            Device::Dji { .. } => Vec::new(),
+            Device::Dji { .. } | Device::Line { .. } => Vec::new(),
             Device::Can { messages, .. } => messages(),
         }
     }
@@ -168,19 +178,72 @@ impl Motor {
         }
     }
 
-    /// Puts its simulated twin on a wire.
+    /// Puts its simulated twin where it belongs: on one of the wires or lines.
     ///
     /// # Errors
-    /// If there is no simulated ESC for its model, or its identifier is none.
-    pub fn put_on(&self, wire: &rc10_sim::Bus) -> Result<Esc> {
-        let esc = match self.device {
-            Device::Dji { model, id, rate } => {
-                wire.add_esc(dji_twin(model, id, rate, self.inertia)?)?
+    /// If there is no such bus or line, the device is not made for it, there is no simulated ESC
+    /// for its model, or its identifier is none.
+    pub fn plug_in(&self, wires: &[rc10_sim::Bus], lines: &[rc10_sim::Line]) -> Result<Twin> {
+        let index = |number: u8| usize::from(number).checked_sub(1);
+        let nowhere = || format!("there is no {}", self.on);
+        let twin = match self.on {
+            Place::Bus(number) => {
+                let wire = index(number).and_then(|at| wires.get(at)).with_context(nowhere)?;
+                Twin::Esc(match self.device {
+                    Device::Dji { model, id, rate } => {
+                        wire.add_esc(dji_twin(model, id, rate, self.inertia)?)?
+                    }
+                    Device::Can { twin, .. } => twin(wire, self.inertia)?,
+                    Device::Line { .. } => bail!("it has no CAN: {} is nothing for it", self.on),
+                })
             }
-            Device::Can { twin, .. } => twin(wire, self.inertia)?,
+            Place::Line(number) => {
+                let line = index(number).and_then(|at| lines.get(at)).with_context(nowhere)?;
+                match self.device {
+                    Device::Line { twin, .. } => Twin::Line(twin(line, self.inertia)?),
+                    _ => bail!("it has only CAN: {} is nothing for it", self.on),
+                }
+            }
         };
-        esc.set_load(self.sign() * self.load);
-        Ok(esc)
+        twin.set_load(self.sign() * self.load);
+        Ok(twin)
+    }
+}
+
+/// The simulated twin of a motor.
+#[derive(Clone)]
+pub enum Twin {
+    /// On a CAN bus.
+    Esc(Esc),
+    /// On an RS-485 line.
+    Line(LineMotor),
+}
+
+impl Twin {
+    /// What is true now (of the mechanics: at the last physics step).
+    #[must_use]
+    pub fn state(&self) -> EscState {
+        match self {
+            Self::Esc(esc) => esc.state(),
+            Self::Line(motor) => motor.state(),
+        }
+    }
+
+    /// A constant torque on the output shaft from outside, N m, the way the device counts.
+    pub fn set_load(&self, torque: f64) {
+        match self {
+            Self::Esc(esc) => esc.set_load(torque),
+            Self::Line(motor) => motor.set_load(torque),
+        }
+    }
+
+    /// The ESC, if it is on a bus.
+    #[must_use]
+    pub const fn esc(&self) -> Option<&Esc> {
+        match self {
+            Self::Esc(esc) => Some(esc),
+            Self::Line(_) => None,
+        }
     }
 }
 
@@ -242,21 +305,35 @@ impl Description {
         self.motors.iter().filter(move |motor| motor.on == Place::Bus(bus))
     }
 
-    /// Where the motor in a line of [`Description::motors`] is: its bus, 0 for the first, and its
-    /// place there.
+    /// Which of the motors that are plugged in at the same place the one in an entry of
+    /// [`Description::motors`] is.
     #[must_use]
-    pub fn place(&self, line: usize) -> Option<(usize, MotorId)> {
-        let on = self.motors.get(line)?.on;
-        let before = self.motors[..line].iter().filter(|motor| motor.on == on).count();
-        let Place::Bus(bus) = on else { return None };
-        Some((usize::from(bus).checked_sub(1)?, MotorId::new(u8::try_from(before).ok()?)))
+    pub fn number(&self, entry: usize) -> Option<MotorId> {
+        let on = self.motors.get(entry)?.on;
+        let before = self.motors[..entry].iter().filter(|motor| motor.on == on).count();
+        Some(MotorId::new(u8::try_from(before).ok()?))
     }
+}
 
-    /// The port of the motor in a line of [`Description::motors`], if `ports` has its bus.
+/// What a running robot's tasks know its buses and lines by; the first of each is number 1.
+#[derive(Clone, Default)]
+pub struct Ports<'r> {
+    /// The buses.
+    pub buses: Vec<&'r BusPort>,
+    /// The lines.
+    pub lines: Vec<&'r LinePort>,
+}
+
+impl<'r> Ports<'r> {
+    /// The port of the motor in an entry of [`Description::motors`], if it is plugged in here.
     #[must_use]
-    pub fn motor_port<'p>(&self, line: usize, ports: &[&'p BusPort]) -> Option<MotorPort<'p>> {
-        let (bus, motor) = self.place(line)?;
-        Some(ports.get(bus)?.motor(motor))
+    pub fn motor(&self, description: &Description, entry: usize) -> Option<MotorPort<'r>> {
+        let motor = description.number(entry)?;
+        let index = |number: u8| usize::from(number).checked_sub(1);
+        match description.motors.get(entry)?.on {
+            Place::Bus(number) => Some(self.buses.get(index(number)?)?.motor(motor)),
+            Place::Line(number) => Some(self.lines.get(index(number)?)?.motor(motor)),
+        }
     }
 }
 
@@ -265,7 +342,8 @@ impl Description {
 pub struct Robot<'r> {
     description: Description,
     buses: Vec<MotorBus<'r>>,
-    ports: Vec<&'r BusPort>,
+    lines: Vec<UnitreeLine<'r>>,
+    ports: Ports<'r>,
     tasks: Vec<Pin<Box<dyn Future<Output = ()> + 'r>>>,
 }
 
@@ -273,14 +351,23 @@ impl<'r> Robot<'r> {
     /// A robot without buses and tasks.
     #[must_use]
     pub const fn new(description: Description) -> Self {
-        Self { description, buses: Vec::new(), ports: Vec::new(), tasks: Vec::new() }
+        let ports = Ports { buses: Vec::new(), lines: Vec::new() };
+        Self { description, buses: Vec::new(), lines: Vec::new(), ports, tasks: Vec::new() }
     }
 
     /// Adds its next bus, and the port that its tasks know it by.
     #[must_use]
     pub fn bus(mut self, bus: MotorBus<'r>, port: &'r BusPort) -> Self {
         self.buses.push(bus);
-        self.ports.push(port);
+        self.ports.buses.push(port);
+        self
+    }
+
+    /// Adds its next RS-485 line, and the port that its tasks know it by.
+    #[must_use]
+    pub fn line(mut self, line: UnitreeLine<'r>, port: &'r LinePort) -> Self {
+        self.lines.push(line);
+        self.ports.lines.push(port);
         self
     }
 
@@ -299,21 +386,25 @@ impl<'r> Robot<'r> {
         &self.description
     }
 
-    /// The ports of its buses; the first is bus 1's.
+    /// The ports of its buses and lines.
     #[must_use]
-    pub fn ports(&self) -> Vec<&'r BusPort> {
+    pub fn ports(&self) -> Ports<'r> {
         self.ports.clone()
     }
 
-    /// Its buses' runners on `wires`, bus 1 on the first of them, then its own tasks.
+    /// Its buses' runners on `wires`, bus 1 on the first of them, those of its lines on `lines`,
+    /// then its own tasks.
     ///
     /// # Errors
-    /// If its buses are not as described.
-    pub fn tasks(self, wires: &[rc10_sim::Bus]) -> Result<Tasks<'r>> {
+    /// If its buses or lines are not as described.
+    pub fn tasks(self, wires: &[rc10_sim::Bus], lines: &[rc10_sim::Line]) -> Result<Tasks<'r>> {
         self.check()?;
         let mut tasks = Tasks::new();
-        for ((bus, shared), wire) in self.buses.into_iter().zip(self.ports).zip(wires) {
+        for ((bus, shared), wire) in self.buses.into_iter().zip(self.ports.buses).zip(wires) {
             tasks.add(run_bus(wire.port(), bus, shared));
+        }
+        for ((line, shared), wire) in self.lines.into_iter().zip(self.ports.lines).zip(lines) {
+            tasks.add(run_line(wire.port(), line, shared));
         }
         self.tasks.into_iter().for_each(|task| tasks.add(task));
         Ok(tasks)
@@ -328,23 +419,35 @@ impl<'r> Robot<'r> {
         Ok((self.description, self.buses))
     }
 
-    /// Whether the motors on the buses are those of the description: otherwise every figure would
-    /// stand beside another motor's name.
+    /// Whether the motors on the buses and lines are those of the description: otherwise every
+    /// figure would stand beside another motor's name.
     fn check(&self) -> Result<()> {
         let (buses, described) = (self.buses.len(), self.description.buses);
         ensure!(buses == usize::from(described), "{buses} buses, but {described} described");
-        for (number, bus) in (1..=described).zip(&self.buses) {
-            let attached: Vec<_> = bus.motors().map(|(_, name)| name.to_string()).collect();
-            let described: Vec<_> =
-                (self.description.on_bus(number)).map(|motor| motor.name().to_string()).collect();
-            let list = |motors: Vec<String>| motors.join(", ");
-            ensure!(
-                attached == described,
-                "bus {number} has the motors [{}], but described are [{}]",
-                list(attached),
-                list(described)
-            );
+        let (lines, described) = (self.lines.len(), self.description.lines);
+        ensure!(lines == usize::from(described), "{lines} lines, but {described} described");
+        for (number, bus) in (1..=u8::MAX).zip(&self.buses) {
+            self.check_place(Place::Bus(number), bus.motors().map(|(_, name)| name))?;
         }
+        for (number, line) in (1..=u8::MAX).zip(&self.lines) {
+            self.check_place(Place::Line(number), line.motors().map(|(_, name)| name))?;
+        }
+        Ok(())
+    }
+
+    fn check_place(&self, on: Place, attached: impl Iterator<Item = MotorName>) -> Result<()> {
+        let described = self.description.motors.iter().filter(|motor| motor.on == on);
+        let described: Vec<MotorName> = described.map(Motor::name).collect();
+        let attached: Vec<MotorName> = attached.collect();
+        let list = |motors: &[MotorName]| {
+            motors.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+        };
+        ensure!(
+            attached == described,
+            "{on} has the motors [{}], but described are [{}]",
+            list(&attached),
+            list(&described)
+        );
         Ok(())
     }
 }

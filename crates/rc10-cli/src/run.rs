@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use clap::Args;
 use rc10_can::Micros;
 
-use crate::figures::{bus_table, motor_table, to_json};
+use crate::figures::{bus_table, line_table, motor_table, to_json};
 use crate::recording::Recording;
 use crate::report::report;
 use crate::robot::Robot;
@@ -86,7 +86,8 @@ pub fn run(args: &RunArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
 fn print(recording: &Recording, wall: f64, folder: &Path, out: &mut dyn Write) -> io::Result<()> {
     let length = recording.length.get() as f64 * 1e-6;
     writeln!(out, "{length} s of virtual time in {wall:.2} s, seed {}\n", recording.seed)?;
-    writeln!(out, "{}\n{}", motor_table(recording), bus_table(recording))?;
+    let (motors, buses) = (motor_table(recording), bus_table(recording));
+    writeln!(out, "{motors}\n{buses}{}", line_table(recording))?;
     writeln!(
         out,
         "A tick takes 0 us here: virtual time stands still while code runs. Instructions per tick\n\

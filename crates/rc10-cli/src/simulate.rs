@@ -19,9 +19,9 @@ use crate::surroundings::Surroundings;
 pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording> {
     let (description, ports) = (robot.description().clone(), robot.ports());
     let mut around = Surroundings::new(&description, seed)?;
-    let mut tasks = robot.tasks(&around.wires)?;
+    let mut tasks = robot.tasks(&around.wires, &around.lines)?;
     let motor =
-        |line| description.motor_port(line, &ports).map_or(MotorStatus::NEW, |port| port.status());
+        |entry| ports.motor(&description, entry).map_or(MotorStatus::NEW, |port| port.status());
     let mut recorder = Recorder::new(&description, seed);
     while around.world.now() < length {
         let until = Recorder::next_sample(around.world.now(), length);
@@ -35,10 +35,11 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
         recorder.sample(&around.motors, around.base.as_ref(), motor);
     }
     let bus = |number: u8| {
-        let port = usize::from(number).checked_sub(1).and_then(|index| ports.get(index));
+        let port = usize::from(number).checked_sub(1).and_then(|index| ports.buses.get(index));
         port.map_or_else(BusStatus::default, |port| port.status())
     };
-    Ok(recorder.finish(around.world.now(), &around.wires, &around.motors, motor, bus))
+    let lines = ports.lines.iter().map(|port| port.status()).collect();
+    Ok(recorder.finish(around.world.now(), &around.wires, &around.motors, motor, bus, lines))
 }
 
 #[cfg(test)]

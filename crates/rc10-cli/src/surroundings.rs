@@ -1,10 +1,10 @@
 //! The world around a robot, without the robot: wires, ESCs with their motors and loads, a base.
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use rc10_motor::dji::Direction;
-use rc10_sim::{Base, BusConfig, Esc, Mounting, Wheels, World};
+use rc10_sim::{Base, BusConfig, LineConfig, Mounting, Wheels, World};
 
-use crate::robot::{Description, Place};
+use crate::robot::{Description, Twin};
 
 /// The world around a robot.
 pub struct Surroundings {
@@ -12,8 +12,10 @@ pub struct Surroundings {
     pub world: World,
     /// The wires; bus 1 is the first.
     pub wires: Vec<rc10_sim::Bus>,
-    /// The ESCs, in the order of [`Description::motors`].
-    pub motors: Vec<Esc>,
+    /// The RS-485 lines; line 1 is the first.
+    pub lines: Vec<rc10_sim::Line>,
+    /// The motors' twins, in the order of [`Description::motors`].
+    pub motors: Vec<Twin>,
     /// The base on its wheels, if the robot has one.
     pub base: Option<Base>,
 }
@@ -28,14 +30,12 @@ impl Surroundings {
         let mut world = World::new(seed);
         let wires: Vec<_> =
             (0..description.buses).map(|_| world.add_bus(BusConfig::default())).collect();
+        let lines: Vec<_> =
+            (0..description.lines).map(|_| world.add_line(LineConfig::default())).collect();
         let mut motors = Vec::new();
         for motor in &description.motors {
-            let add = || {
-                let Place::Bus(bus) = motor.on else { bail!("there is no {}", motor.on) };
-                let wire = usize::from(bus).checked_sub(1).and_then(|bus| wires.get(bus));
-                motor.put_on(wire.with_context(|| format!("there is no {}", motor.on))?)
-            };
-            motors.push(add().with_context(|| format!("motor table, {}", motor.label))?);
+            let twin = motor.plug_in(&wires, &lines);
+            motors.push(twin.with_context(|| format!("motor table, {}", motor.label))?);
         }
         let mut base = None;
         if let Some(under) = &description.base {
@@ -47,6 +47,7 @@ impl Surroundings {
                     Direction::Forward => Mounting::Normal,
                     Direction::Reversed => Mounting::Mirrored,
                 };
+                let esc = esc.esc().context("base: a wheel's motor must be on a bus")?;
                 anyhow::Ok((esc, mounting))
             };
             let [front_left, front_right, rear_left, rear_right] = under.wheels;
@@ -58,7 +59,7 @@ impl Surroundings {
             };
             base = Some(world.add_base(under.chassis, wheels).context("base")?);
         }
-        Ok(Self { world, wires, motors, base })
+        Ok(Self { world, wires, lines, motors, base })
     }
 }
 
@@ -67,7 +68,7 @@ mod tests {
     use rc10_motor::dji;
 
     use super::*;
-    use crate::robot::{self, Motor};
+    use crate::robot::{self, Motor, Place};
 
     #[test]
     fn what_cannot_be_built_is_named() {

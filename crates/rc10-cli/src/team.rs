@@ -26,6 +26,7 @@ pub fn description() -> Description {
     Description {
         motors: MOTORS.iter().map(motor).collect(),
         buses: BUSES as u8,
+        lines: 0,
         base: Some(Base { wheels: WHEELS.map(|name| name as usize), chassis }),
         script: Script {
             events: SCRIPT.iter().map(event).collect(),

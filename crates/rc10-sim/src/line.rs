@@ -259,6 +259,7 @@ impl Line {
             output_rpm: place.motor.output_rpm(),
             output_degrees: place.motor.output_degrees(),
             current: place.motor.current,
+            torque: place.motor.plant().torque_constant * place.motor.current,
             temperature: place.motor.temperature,
             powered: place.powered,
             command: 0,
