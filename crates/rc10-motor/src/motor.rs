@@ -549,6 +549,10 @@ pub enum Condition {
     Unregulated,
     /// Its feedback comes too seldom to control it by.
     SlowFeedback,
+    /// Its device answers when asked, but sends no feedback: that has to be switched on there.
+    NoReports,
+    /// Its device does not do what it is told, and does not say why: it may have a fault.
+    NotFollowing,
 }
 
 /// What a motor learned from a frame of its own.

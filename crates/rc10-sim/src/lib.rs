@@ -65,6 +65,7 @@ mod segment;
 mod tasks;
 mod time;
 pub mod unitree_line;
+pub mod vesc;
 mod wire;
 mod world;
 

@@ -11,3 +11,4 @@ mod odrive;
 mod unitree_line;
 mod unitree_module;
 mod vesc;
+mod vesc_values;

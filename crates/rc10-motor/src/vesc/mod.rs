@@ -29,13 +29,66 @@
 //! * `STATUS_6` is packet 58, from firmware 6.00 on. Packet 28, as which it is often listed, asks
 //!   for an encoder's state.
 //!
+//! **As a motor.** A [`Vesc`] sends one command frame, repeated at the rate of its [`Config`] and at
+//! once when it is to drive in another way; whatever it says takes the place of what has not left
+//! yet. Each target is a packet of its own:
+//!
+//! | target | sent |
+//! |---|---|
+//! | `Coast`, and disarmed | `SET_CURRENT` 0 |
+//! | `Current`, `CurrentShare` | `SET_CURRENT`, `SET_CURRENT_REL`, rising within 20 ms |
+//! | `Duty` | `SET_DUTY` |
+//! | `Speed` | `SET_RPM`, also below the minimum: then [`Condition::Unregulated`] |
+//! | `Brake`, `BrakeShare` | `SET_CURRENT_BRAKE`, `SET_CURRENT_BRAKE_REL` |
+//! | `Handbrake`, `HandbrakeShare` | `SET_CURRENT_HANDBRAKE`, `SET_CURRENT_HANDBRAKE_REL` |
+//! | `Angle` | `SET_POS`, only with an encoder on the output shaft |
+//! | `TotalAngle`, and `Angle` without such an encoder | `SET_CURRENT` of our own angle loops ([`Vesc::with_servo`]): `SET_RPM` cannot be regulated near standstill |
+//!
+//! The safe states: coast; the brake of its [`Currents`]; to hold, our angle loops if there are
+//! any, else the brake until a still field can catch the rotor, then the handbrake.
+//!
+//! A VESC that does not report is asked twice a second (PING). If it answers, its status frames are
+//! off: [`Condition::NoReports`]. One that draws no current though it should is
+//! [`Condition::NotFollowing`]: it may have a fault. A current limit
+//! ([`Request::CurrentLimit`](crate::Request::CurrentLimit)) is kept here, and told to the VESC
+//! (`CONF_CURRENT_LIMITS`, not stored) once a second and when it is heard again.
+//!
+//! ```
+//! use core::num::NonZeroU8;
+//! use rc10_app::{Amps, Gear};
+//! use rc10_motor::vesc::{Config, Currents, Shaft, Vesc, VescId};
+//! use rc10_motor::{ArmSwitch, MotorBus, Safety};
+//!
+//! let seven = NonZeroU8::new(7).unwrap();
+//! let shaft = Shaft::new(seven, Gear::new(3, 1).unwrap());
+//! let currents =
+//!     Currents { limit: Amps::new(40.0), brake: Amps::new(15.0), handbrake: Amps::new(10.0) };
+//! let mut wheel = Vesc::new(Config::new(VescId::new(1).unwrap(), shaft, currents))?;
+//! let switch = ArmSwitch::new();
+//! let mut bus = MotorBus::new(&switch);
+//! bus.attach(&mut wheel, Safety::BRAKE)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! [`Condition::Unregulated`]: crate::Condition::Unregulated
+//! [`Condition::NoReports`]: crate::Condition::NoReports
+//! [`Condition::NotFollowing`]: crate::Condition::NotFollowing
+//!
 //! Sources: vedderb/bldc, `comm/comm_can.c`, `datatypes.h`, `motor/mcconf_default.h` (firmware 5.03
 //! to 7.01) and `documentation/comm_can.md`.
 
+mod config;
+mod hold;
+mod motor;
 mod packet;
 mod shaft;
+pub mod signals;
+mod tachometer;
+mod watch;
 pub mod wire;
 
+pub use config::{CONTROL_HZ, Config, Currents, StatusRates};
+pub use motor::Vesc;
 pub use packet::{Address, Packet, VescId};
 pub use shaft::{DEFAULT_MINIMUM, ElectricalRpm, Shaft};
 pub use wire::{Command, NotANumber, Reply, Setting, Status, UnpackError, coast, ping, shutdown};

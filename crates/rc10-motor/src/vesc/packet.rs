@@ -13,6 +13,9 @@ pub struct VescId(u8);
 const EVERY: u8 = 255;
 
 impl VescId {
+    /// The highest number: 254.
+    pub const LAST: Self = Self(EVERY - 1);
+
     /// `None` for 255, which means all of them.
     #[must_use]
     pub const fn new(id: u8) -> Option<Self> {

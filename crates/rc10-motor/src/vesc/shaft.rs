@@ -83,6 +83,12 @@ impl Shaft {
         self
     }
 
+    /// The minimum that is set in the VESC.
+    #[must_use]
+    pub const fn minimum(&self) -> ElectricalRpm {
+        self.minimum
+    }
+
     /// The electrical speed at a speed of the output shaft.
     #[inline]
     #[must_use]

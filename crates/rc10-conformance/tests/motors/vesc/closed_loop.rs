@@ -1,0 +1,361 @@
+//! What each target does to a simulated motor.
+
+use rc10_app::{Amps, Degrees, PidConfig, Rpm, RpmPerSecond, TotalAngle};
+use rc10_motor::cascade::Cascade;
+use rc10_motor::dji::Direction;
+use rc10_motor::{Condition, Drive, Request, RequestError, Target, TargetError, TargetKind};
+use rc10_sim::vesc::Mode;
+
+use super::*;
+
+fn hold(bench: &mut Bench<'_>, motor: MotorId, target: Target, millis: u32) {
+    bench.hold(motor, target, millis).unwrap();
+}
+
+fn near(actual: f64, wanted: f64, within: f64) {
+    assert!((actual - wanted).abs() <= within, "{actual}, not {wanted} ± {within}");
+}
+
+/// What the motor tells is what is true, but for its steps and the time on the way.
+fn assert_told(bench: &Bench<'_>, motor: MotorId, esc: &Esc, rpm: f64, amps: f64) {
+    let (told, state) = (bench.status(motor).feedback, esc.state());
+    near(told.speed.get().into(), state.output_rpm, rpm);
+    near(told.current().unwrap().get().into(), state.current, amps);
+}
+
+#[test]
+fn a_current_is_reached_softly_and_measured_with_its_sign() {
+    armed(|bench, motor, esc, _| {
+        let target = Target::Current(Amps::new(10.0));
+        hold(bench, motor, target, 5);
+        assert!(esc.state().current < 5.0, "a kick of {} A", esc.state().current);
+        hold(bench, motor, target, 45);
+        near(esc.state().current, 10.0, 0.05);
+        assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Current(10.0));
+        hold(bench, motor, target, 250);
+        assert_told(bench, motor, esc, 20.0, 0.2);
+        // Against the movement the firmware tells a current that feeds back as negative.
+        for (amps, millis) in [(-10.0, 100), (-10.0, 600), (10.0, 100)] {
+            hold(bench, motor, Target::Current(Amps::new(amps)), millis);
+            near(esc.state().current, amps.into(), 0.05);
+            assert_told(bench, motor, esc, 20.0, 0.2);
+        }
+        let share = Target::CurrentShare(-0.25);
+        hold(bench, motor, share, 50);
+        near(esc.state().current, -10.0, 0.05);
+        // More than the limit is limited on our side, and a share on the device's.
+        hold(bench, motor, Target::Current(Amps::new(90.0)), 30);
+        assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Current(40.0));
+        hold(bench, motor, Target::CurrentShare(7.0), 30);
+        assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Current(40.0));
+    });
+}
+
+#[test]
+fn a_speed_is_reached_and_kept() {
+    armed(|bench, motor, esc, _| {
+        for rpm in [1500.0, -1500.0, 2500.0_f32] {
+            hold(bench, motor, Target::Speed(Rpm::new(rpm)), 1500);
+            // The firmware's own gains: an integral that takes its time.
+            near(esc.state().output_rpm, rpm.into(), 0.05 * f64::from(rpm.abs()));
+            hold(bench, motor, Target::Speed(Rpm::new(rpm)), 4000);
+            near(esc.state().output_rpm, rpm.into(), 0.005 * f64::from(rpm.abs()));
+            assert_told(bench, motor, esc, 2.0, 0.2);
+            assert_eq!(bench.status(motor).condition, Condition::Ready);
+        }
+    });
+}
+
+#[test]
+fn a_slow_speed_is_sent_as_it_is_and_said_not_to_be_regulated() {
+    armed(|bench, motor, esc, _| {
+        hold(bench, motor, Target::Speed(Rpm::new(1000.0)), 800);
+        for rpm in [100.0, 0.0_f32] {
+            hold(bench, motor, Target::Speed(Rpm::new(rpm)), 20);
+            assert_eq!(bench.status(motor).condition, Condition::Unregulated);
+            assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Speed(f64::from(rpm) * 7.0));
+        }
+        hold(bench, motor, Target::Speed(Rpm::new(0.0)), 2000);
+        near(esc.state().output_rpm, 0.0, 0.1);
+        // It holds nothing.
+        esc.set_load(0.2);
+        hold(bench, motor, Target::Speed(Rpm::new(0.0)), 500);
+        assert!(esc.state().output_degrees > 10.0);
+        assert_eq!(bench.status(motor).condition, Condition::Unregulated);
+        hold(bench, motor, Target::Speed(Rpm::new(129.0)), 1);
+        assert_eq!(bench.status(motor).condition, Condition::Ready);
+        bench.wait(60);
+        assert_eq!(bench.status(motor).condition, Condition::Ready, "it may not run at all");
+    });
+}
+
+#[test]
+fn a_duty_turns_the_motor_in_proportion() {
+    armed(|bench, motor, esc, _| {
+        // 24 V and 270 rpm/V, less what friction takes.
+        for (duty, rpm) in [(0.3, 1944.0), (-0.3, -1944.0), (0.1, 648.0)] {
+            hold(bench, motor, Target::Duty(duty), 1500);
+            near(esc.state().output_rpm, rpm, 30.0);
+            assert_told(bench, motor, esc, 2.0, 0.2);
+        }
+        assert!(bench.bus.command(motor, Target::Duty(f32::NAN), Micros::ZERO).is_err());
+        hold(bench, motor, Target::Duty(-9.0), 20);
+        assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Duty(-1.0));
+    });
+}
+
+#[test]
+fn brake_and_handbrake_are_what_they_say() {
+    armed(|bench, motor, esc, _| {
+        hold(bench, motor, Target::Duty(0.3), 800);
+        let before = esc.state().output_rpm;
+        hold(bench, motor, Target::Brake(Amps::new(10.0)), 100);
+        near(esc.state().current, -10.0, 0.1);
+        assert!(esc.state().output_rpm < before - 100.0);
+        hold(bench, motor, Target::BrakeShare(0.5), 1000);
+        near(esc.state().output_rpm, 0.0, 1.0);
+        near(esc.state().current, 0.0, 0.2);
+        // A brake does not hold; a handbrake does.
+        esc.set_load(0.2);
+        let stood = esc.state().output_degrees;
+        hold(bench, motor, Target::Brake(Amps::new(10.0)), 1000);
+        assert!(esc.state().output_degrees > stood + 5.0);
+        hold(bench, motor, Target::Handbrake(Amps::new(20.0)), 500);
+        // Within the field's turn, in which it swings.
+        let stood = esc.state().output_degrees;
+        for _ in 0..1000 {
+            hold(bench, motor, Target::Handbrake(Amps::new(20.0)), 1);
+            near(esc.state().output_degrees, stood, 360.0 / 7.0);
+        }
+        hold(bench, motor, Target::HandbrakeShare(0.25), 20);
+        assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Handbrake(10.0));
+        hold(bench, motor, Target::Coast, 20);
+        assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Released);
+        for negative in [
+            Target::Brake(Amps::new(-1.0)),
+            Target::BrakeShare(-0.1),
+            Target::Handbrake(Amps::new(-1.0)),
+            Target::HandbrakeShare(-0.1),
+        ] {
+            let error = bench.bus.command(motor, negative, Micros::ZERO).unwrap_err();
+            let range = TargetError::OutOfRange(negative.kind());
+            assert_eq!(error, rc10_motor::CommandError::Target(range));
+        }
+    });
+}
+
+#[test]
+fn an_angle_is_reached_by_the_device_only_where_its_encoder_sits_on_the_shaft() {
+    let (mut ours, mut theirs) = (config(1), device(1));
+    assert!(!supports(&ours).contains(TargetKind::Angle));
+    for encoder in [&mut ours.encoder_on_shaft, &mut theirs.encoder_on_shaft] {
+        *encoder = true;
+    }
+    (ours.status.status_4, theirs.status_hz[3]) = (200, 200);
+    for direction in [Direction::Forward, Direction::Reversed] {
+        ours.direction = direction;
+        assert!(supports(&ours).contains(TargetKind::Angle));
+        assert!(!supports(&ours).contains(TargetKind::TotalAngle));
+        on_bench(Vesc::new(ours).unwrap(), theirs, Safety::COAST, |bench, motor, esc, switch| {
+            switch.arm().unwrap();
+            bench.wait(50);
+            let sign = if direction == Direction::Forward { 1.0 } else { -1.0 };
+            // The shorter way round, told in degrees of any number.
+            for (wanted, stands) in [(90.0, 90.0), (350.0, -10.0), (720.0 + 100.0, 100.0)] {
+                hold(bench, motor, Target::Angle(Degrees::new(wanted)), 700);
+                near(esc.state().output_degrees * sign, stands, 1.0);
+                let told = bench.status(motor).feedback.angle.get();
+                near(told.into(), stands.rem_euclid(360.0), 1.0);
+            }
+            assert_eq!(bench.bus.request(motor, Request::SetZero), Ok(rc10_motor::Answer::Done));
+            bench.wait(1);
+            let told = bench.status(motor).feedback.angle.get();
+            assert!(!(1.0..359.0).contains(&told), "{told}");
+            hold(bench, motor, Target::Angle(Degrees::new(45.0)), 700);
+            near(esc.state().output_degrees * sign, 145.0, 1.5);
+        });
+    }
+}
+
+fn supports(config: &Config) -> rc10_motor::TargetSet {
+    rc10_motor::Motor::supports(&Vesc::new(*config).unwrap())
+}
+
+/// A lift: gear 19, 1 N m of friction and load that a shaft of its size has.
+fn lift() -> (Vesc, VescConfig) {
+    let mut ours = config(1);
+    let gear = Gear::new(19, 1).unwrap();
+    ours.shaft = Shaft::new(NonZeroU8::new(POLE_PAIRS).unwrap(), gear);
+    ours.command_hz = 500;
+    let cascade = Cascade {
+        speed: PidConfig::new(0.9, 5.0, 0.0, 40.0),
+        angle: PidConfig::new(2.0, 0.0, 0.0, 120.0),
+        outer_divider: 5,
+        acceleration: RpmPerSecond::new(400.0),
+        feed_forward: 0.0,
+    };
+    let mut theirs = device(1);
+    let plant = &mut theirs.plant;
+    plant.gear_ratio = 19.0;
+    plant.torque_constant *= 19.0;
+    plant.back_emf *= 19.0;
+    plant.load_inertia = 0.05;
+    (plant.coulomb_friction, plant.static_friction) = (0.3, 0.4);
+    (Vesc::new(ours).unwrap().with_servo(cascade).unwrap(), theirs)
+}
+
+#[test]
+fn a_servo_reaches_many_turns_under_load_and_holds() {
+    let (ours, theirs) = lift();
+    on_bench(ours, theirs, Safety::HOLD, |bench, motor, esc, switch| {
+        switch.arm().unwrap();
+        bench.wait(50);
+        let total = |degrees| Target::TotalAngle(TotalAngle::from_degrees(degrees));
+        hold(bench, motor, total(720), 3000);
+        // A step of the tachometer is 0.45 degrees here.
+        near(esc.state().output_degrees, 720.0, 1.0);
+        esc.set_load(-5.0);
+        hold(bench, motor, total(0), 3500);
+        near(esc.state().output_degrees, 0.0, 1.0);
+        assert_eq!(bench.status(motor).condition, Condition::Ready);
+        hold(bench, motor, Target::Angle(Degrees::new(-90.0)), 1500);
+        near(esc.state().output_degrees, -90.0, 1.0);
+        // Zero moves nothing, and counts from here on.
+        assert!(bench.bus.request(motor, Request::SetZero).is_ok());
+        hold(bench, motor, total(10), 1000);
+        near(esc.state().output_degrees, -80.0, 1.0);
+        // Nobody commands it any more: it stays, also while it is pushed.
+        bench.wait(500);
+        assert_eq!(bench.status(motor).drive, Drive::Hold);
+        near(esc.state().output_degrees, -80.0, 1.5);
+        esc.set_load(-8.0);
+        bench.wait(3000);
+        near(esc.state().output_degrees, -80.0, 1.5);
+        // And where its angle is not told any more, by a still field: not far from there.
+        let now = bench.world.now();
+        inside(esc, |vesc| vesc.set_status_hz([200, 0, 0, 0, 0, 0], now));
+        bench.wait(100);
+        assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Handbrake(20.0));
+        assert_eq!(bench.status(motor).drive, Drive::Hold);
+    });
+}
+
+#[test]
+fn a_servo_seeks_nothing_by_a_tachometer_that_has_stopped() {
+    let (ours, theirs) = lift();
+    on_bench(ours, theirs, Safety::COAST, |bench, motor, esc, switch| {
+        switch.arm().unwrap();
+        bench.wait(50);
+        let far = Target::TotalAngle(TotalAngle::from_degrees(7200));
+        hold(bench, motor, far, 300);
+        assert!(esc.state().current > 1.0);
+        let now = bench.world.now();
+        inside(esc, |vesc| vesc.set_status_hz([200, 0, 0, 0, 0, 0], now));
+        hold(bench, motor, far, 50);
+        near(esc.state().current, 0.0, 0.01);
+        assert_eq!(bench.status(motor).condition, Condition::SlowFeedback);
+        inside(esc, |vesc| vesc.set_status_hz([200, 0, 0, 0, 200, 0], now));
+        hold(bench, motor, far, 300);
+        assert!(esc.state().current > 0.2);
+        assert_eq!(bench.status(motor).condition, Condition::Ready);
+    });
+}
+
+#[test]
+fn hold_slows_down_before_it_locks() {
+    let motor = Vesc::new(config(1)).unwrap();
+    on_bench(motor, device(1), Safety::HOLD, |bench, motor, esc, switch| {
+        switch.arm().unwrap();
+        bench.wait(50);
+        hold(bench, motor, Target::Speed(Rpm::new(1000.0)), 1000);
+        bench.wait(100);
+        assert_eq!(bench.status(motor).drive, Drive::Hold);
+        assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Brake(15.0));
+        bench.wait(2000);
+        assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Handbrake(20.0));
+        let stood = esc.state().output_degrees;
+        for _ in 0..1000 {
+            bench.wait(1);
+            near(esc.state().output_degrees, stood, 360.0 / 7.0);
+        }
+        hold(bench, motor, Target::Speed(Rpm::new(1000.0)), 1500);
+        near(esc.state().output_rpm, 1000.0, 50.0);
+    });
+}
+
+/// A brake fades at low speed: under a weight the shaft sinks on until a still field catches it.
+#[test]
+fn hold_locks_also_where_the_brake_does_not_stop_the_shaft() {
+    let motor = Vesc::new(config(1)).unwrap();
+    let mut theirs = device(1);
+    theirs.plant.load_inertia = 0.0;
+    on_bench(motor, theirs, Safety::HOLD, |bench, motor, esc, switch| {
+        switch.arm().unwrap();
+        bench.wait(50);
+        esc.set_load(-0.2);
+        hold(bench, motor, Target::Speed(Rpm::new(-1000.0)), 500);
+        bench.wait(250);
+        assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Brake(15.0));
+        let sinks = esc.state().output_rpm;
+        assert!((-110.0..-60.0).contains(&sinks), "{sinks}");
+        bench.wait(2000);
+        let stood = esc.state().output_degrees;
+        for _ in 0..1000 {
+            bench.wait(1);
+            near(esc.state().output_degrees, stood, 360.0 / 7.0);
+        }
+    });
+}
+
+#[test]
+fn angle_speed_and_current_keep_their_sign_when_reversed() {
+    let mut ours = config(1);
+    ours.direction = Direction::Reversed;
+    on_bench(Vesc::new(ours).unwrap(), device(1), Safety::COAST, |bench, motor, esc, switch| {
+        switch.arm().unwrap();
+        bench.wait(50);
+        for target in [
+            Target::Current(Amps::new(5.0)),
+            Target::CurrentShare(0.1),
+            Target::Duty(0.3),
+            Target::Speed(Rpm::new(1500.0)),
+        ] {
+            let before = esc.state().output_degrees;
+            hold(bench, motor, target, 400);
+            assert!(esc.state().output_degrees < before - 20.0, "{target:?}");
+            let told = bench.status(motor).feedback;
+            near(told.speed.get().into(), -esc.state().output_rpm, 20.0);
+            near(told.current().unwrap().get().into(), -esc.state().current, 0.6);
+            let total = f64::from(told.total_angle.degrees().get());
+            near(total, -esc.state().output_degrees, 80.0);
+        }
+    });
+}
+
+#[test]
+fn limits_are_kept_here_and_told_to_the_device_again_after_a_restart() {
+    armed(|bench, motor, esc, _| {
+        assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-40.0, 40.0));
+        let limit = |amps| Request::CurrentLimit(Amps::new(amps));
+        assert!(bench.bus.request(motor, limit(12.5)).is_ok());
+        hold(bench, motor, Target::Current(Amps::new(30.0)), 50);
+        assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-12.5, 12.5));
+        assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Current(12.5));
+        // So that a speed, which the device regulates, keeps to it too.
+        hold(bench, motor, Target::Speed(Rpm::new(-2000.0)), 200);
+        assert!(esc.state().current.abs() < 12.6);
+        esc.set_power(false);
+        bench.wait(100);
+        esc.set_power(true);
+        assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-40.0, 40.0));
+        bench.wait(30);
+        assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-12.5, 12.5));
+        // Never above what it was made with.
+        assert!(bench.bus.request(motor, limit(1e9)).is_ok());
+        bench.wait(10);
+        assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-40.0, 40.0));
+        for bad in [-1.0, f32::NAN] {
+            assert!(matches!(bench.bus.request(motor, limit(bad)), Err(RequestError::Config(_))));
+        }
+    });
+}

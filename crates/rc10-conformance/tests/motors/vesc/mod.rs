@@ -1,0 +1,78 @@
+//! VESC.
+
+mod closed_loop;
+mod codec;
+mod safety;
+mod wiring;
+
+use std::num::NonZeroU8;
+
+use rc10_app::{Amps, Gear};
+use rc10_can::Micros;
+use rc10_conformance::Bench;
+use rc10_motor::vesc::{Config, Currents, Shaft, Vesc, VescId};
+use rc10_motor::{ArmSwitch, MotorId, Safety};
+use rc10_sim::Esc;
+use rc10_sim::vesc::{VescConfig, outrunner_270_kv};
+
+/// Of the wheel's motor in the simulation.
+const POLE_PAIRS: u8 = 7;
+
+fn id(number: u8) -> VescId {
+    VescId::new(number).unwrap()
+}
+
+fn amps(limit: f32, brake: f32, handbrake: f32) -> Currents {
+    let (limit, brake) = (Amps::new(limit), Amps::new(brake));
+    Currents { limit, brake, handbrake: Amps::new(handbrake) }
+}
+
+/// Our side: an outrunner without gearbox.
+fn config(number: u8) -> Config {
+    let shaft = Shaft::new(NonZeroU8::new(POLE_PAIRS).unwrap(), Gear::DIRECT);
+    Config::new(id(number), shaft, amps(40.0, 15.0, 20.0))
+}
+
+/// Its side, set up as the page says: rates and timeout; a wheel of 1 kg, radius 5 cm.
+fn device(number: u8) -> VescConfig {
+    VescConfig {
+        status_hz: [200, 0, 0, 10, 200, 0],
+        timeout: Micros::from_millis(200),
+        current_max: 40.0,
+        brake_max: 40.0,
+        ..VescConfig::new(number, outrunner_270_kv().with_load_inertia(1.25e-3))
+    }
+}
+
+/// A motor of ours and a device, on a bench; then the test.
+fn on_bench(
+    motor: Vesc,
+    device: VescConfig,
+    safety: Safety,
+    test: impl FnOnce(&mut Bench<'_>, MotorId, &Esc, &ArmSwitch),
+) {
+    let switch = ArmSwitch::new();
+    let mut motor = motor;
+    let mut bench = Bench::new(7, &switch);
+    let esc = bench.wire.add(rc10_sim::vesc::Vesc::new(device).unwrap(), device.plant);
+    let motor = bench.attach(&mut motor, safety).unwrap();
+    test(&mut bench, motor, &esc, &switch);
+    assert_eq!(bench.refused(), 0);
+    assert_eq!(bench.bus.counters().malformed, 0);
+    assert_eq!(esc.state().malformed, 0);
+}
+
+/// The usual motor, device and safety, armed.
+fn armed(test: impl FnOnce(&mut Bench<'_>, MotorId, &Esc, &ArmSwitch)) {
+    let motor = Vesc::new(config(1)).unwrap();
+    on_bench(motor, device(1), Safety::COAST, |bench, motor, esc, switch| {
+        switch.arm().unwrap();
+        bench.wait(50);
+        test(bench, motor, esc, switch);
+    });
+}
+
+/// The device's electronics.
+fn inside<T>(esc: &Esc, look: impl FnOnce(&mut rc10_sim::vesc::Vesc) -> T) -> T {
+    esc.with(look).unwrap()
+}

@@ -1,0 +1,250 @@
+//! What a VESC occupies, sends and refuses.
+
+use rc10_app::{Amps, ConfigError, PidConfig, Rpm, RpmPerSecond, Seconds};
+use rc10_can::CanFrame;
+use rc10_can::embedded_can::{ExtendedId, StandardId};
+use rc10_motor::cascade::Cascade;
+use rc10_motor::dji::{Dji, FeedbackRate, M3508};
+use rc10_motor::vesc::{ElectricalRpm, StatusRates};
+use rc10_motor::{
+    AttachError, CanMotor, Clash, Drive, FrameError, Heard, Motor, MotorBus, Target, TxBatch,
+    Verdict,
+};
+
+use super::*;
+
+const MS: Seconds = Seconds::new(0.001);
+
+fn vesc(number: u8) -> Vesc {
+    Vesc::new(config(number)).unwrap()
+}
+
+fn frame(raw: u32, data: &[u8]) -> CanFrame {
+    CanFrame::data_frame(ExtendedId::new(raw).unwrap(), data).unwrap()
+}
+
+#[test]
+fn a_configuration_that_cannot_be_is_refused_by_name() {
+    let refused = |change: fn(&mut Config)| {
+        let mut config = config(1);
+        change(&mut config);
+        let ConfigError { field, .. } = Vesc::new(config).unwrap_err();
+        field
+    };
+    let good = config(1);
+    assert!(Vesc::new(good).is_ok());
+    assert_eq!(refused(|config| config.status.status_1 = 0), "status_1");
+    assert_eq!(refused(|config| config.status.status_1 = 1001), "status_1");
+    assert_eq!(refused(|config| config.status.status_5 = 201), "status_5");
+    assert_eq!(refused(|config| config.command_hz = 0), "command_hz");
+    assert_eq!(refused(|config| config.command_hz = 1001), "command_hz");
+    assert_eq!(refused(|config| config.timeout = Micros::new(14_999)), "timeout");
+    assert_eq!(refused(|config| config.timeout = Micros::ZERO), "timeout");
+    for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        let mut config = config(1);
+        config.currents.limit = Amps::new(bad);
+        assert_eq!(Vesc::new(config).unwrap_err().field, "limit");
+    }
+    assert_eq!(refused(|config| config.currents.brake = Amps::new(40.5)), "brake");
+    assert_eq!(refused(|config| config.currents.handbrake = Amps::new(f32::NAN)), "handbrake");
+    assert_eq!(
+        refused(|c| c.shaft = c.shaft.with_minimum(ElectricalRpm::new(f32::NAN))),
+        "minimum"
+    );
+    assert_eq!(
+        refused(|config| {
+            config.encoder_on_shaft = true;
+            config.status.status_4 = 0;
+        }),
+        "status_4"
+    );
+    assert_eq!(refused(|config| config.asker = config.id), "asker");
+    let cascade = Cascade {
+        speed: PidConfig::new(1.0, 0.0, 0.0, 40.0),
+        angle: PidConfig::new(1.0, 0.0, 0.0, 100.0),
+        outer_divider: 1,
+        acceleration: RpmPerSecond::new(100.0),
+        feed_forward: 0.0,
+    };
+    let mut slow = good;
+    slow.status.status_5 = 100;
+    let error = Vesc::new(slow).unwrap().with_servo(cascade).unwrap_err();
+    assert_eq!((error.field, error.value), ("status_5", 100.0));
+    let wrong = Cascade { acceleration: RpmPerSecond::new(0.0), ..cascade };
+    assert_eq!(vesc(1).with_servo(wrong).unwrap_err().field, "acceleration");
+}
+
+#[test]
+fn vescs_share_a_bus_with_others_unless_they_would_be_mistaken() {
+    let switch = ArmSwitch::new();
+    let (mut one, mut two, mut twin) = (vesc(1), vesc(2), vesc(1));
+    let mut wheel = Dji::new(&M3508, 1).unwrap();
+    let mut asked = vesc(254 - 1);
+    let mut as_asker = {
+        let mut config = config(254);
+        config.asker = id(100);
+        Vesc::new(config).unwrap()
+    };
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(&mut one, Safety::COAST).unwrap();
+    bus.attach(&mut two, Safety::COAST).unwrap();
+    bus.attach(&mut wheel, Safety::COAST).unwrap();
+    bus.attach(&mut asked, Safety::COAST).unwrap();
+    let error = bus.attach(&mut twin, Safety::COAST).unwrap_err();
+    assert!(matches!(error, AttachError::Clash { clash: Clash::Receive(_), .. }), "{error}");
+    assert!(error.to_string().contains("VESC id 1"), "{error}");
+    // The answers of the others would be commands to it.
+    let error = bus.attach(&mut as_asker, Safety::COAST).unwrap_err();
+    assert!(matches!(error, AttachError::Clash { clash: Clash::Confuses(_), .. }), "{error}");
+}
+
+#[test]
+fn loads_are_as_said_and_as_measured() {
+    let switch = ArmSwitch::new();
+    let mut vescs = [1, 2, 3, 4].map(vesc);
+    let mut wheels =
+        [1, 2].map(|id| Dji::new(&M3508, id).unwrap().with_feedback_rate(FeedbackRate::Hz500));
+    let mut bench = Bench::new(3, &switch);
+    let mut motors = Vec::new();
+    for (motor, number) in vescs.iter_mut().zip(1..) {
+        let device = device(number);
+        bench.wire.add(rc10_sim::vesc::Vesc::new(device).unwrap(), device.plant);
+        motors.push(bench.attach(motor, Safety::COAST).unwrap());
+    }
+    let alone = bench.bus.load(1_000_000);
+    // 200 commands, 200 and 200 and 10 reports a second, each.
+    assert_eq!(alone.frames_per_second, 4 * 610);
+    assert!((31.0..34.0).contains(&alone.typical), "{}", alone.typical);
+    for (wheel, number) in wheels.iter_mut().zip(1..) {
+        let mut config = rc10_sim::EscConfig::new(rc10_sim::Model::C620, number);
+        config.rate = rc10_sim::FeedbackRate::Hz500;
+        bench.wire.add_esc(config).unwrap();
+        motors.push(bench.attach(wheel, Safety::COAST).unwrap());
+    }
+    let plan = bench.bus.load(1_000_000);
+    assert_eq!(plan.verdict(), Verdict::Fits);
+    switch.arm().unwrap();
+    for _ in 0..3000 {
+        let now = bench.world.now();
+        for motor in &motors {
+            bench.bus.command(*motor, Target::Speed(Rpm::new(300.0)), now).unwrap();
+        }
+        bench.tick();
+    }
+    let measured = bench.wire.load();
+    assert!((measured - f64::from(plan.typical)).abs() < 3.0, "{measured} {plan:?}");
+    assert!(measured < f64::from(plan.worst) && measured > f64::from(plan.least));
+    assert_eq!(bench.refused(), 0);
+}
+
+#[test]
+fn with_every_status_six_fit_and_the_seventh_is_refused_by_name() {
+    let every = StatusRates {
+        status_1: 50,
+        status_2: 5,
+        status_3: 5,
+        status_4: 5,
+        status_5: 50,
+        status_6: 5,
+    };
+    let mut vescs = [1, 2, 3, 4, 5, 6, 7]
+        .map(|number| Vesc::new(Config { status: every, ..config(number) }).unwrap());
+    let switch = ArmSwitch::new();
+    let mut bus = MotorBus::new(&switch);
+    for (index, vesc) in vescs.iter_mut().enumerate() {
+        match bus.attach(vesc, Safety::COAST) {
+            Ok(_) => assert!(index < 6),
+            Err(error) => {
+                assert_eq!(index, 6);
+                assert!(matches!(error, AttachError::TableFull { .. }));
+                assert!(error.to_string().contains("VESC id 7"), "{error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_frame_is_sent_when_there_is_something_to_say() {
+    let mut motor = vesc(5);
+    let mut sent = Vec::new();
+    let mut tick = |motor: &mut Vesc, drive, millis: u32| {
+        sent.clear();
+        for _ in 0..millis {
+            let mut tx = TxBatch::new();
+            motor.update(MS, drive);
+            motor.pack_command(&mut tx).unwrap();
+            let key = CanFrame::key_of(ExtendedId::new(5).unwrap());
+            for (frame, stream) in tx.entries() {
+                assert!(frame.raw_id() == 0x1105 || stream == key);
+                sent.push(frame.to_string());
+            }
+        }
+        sent.clone()
+    };
+    // Repeated at 200 Hz; after half a second it is asked whether it is there.
+    assert_eq!(tick(&mut motor, Drive::Off, 1), ["00000105#00000000"]);
+    let sent = tick(&mut motor, Drive::Off, 510);
+    assert_eq!(sent.iter().filter(|frame| *frame == "00000105#00000000").count(), 102);
+    assert_eq!(sent.iter().filter(|frame| *frame == "00001105#FE").count(), 1);
+    assert_eq!(sent.len(), 103);
+    // Another way to drive does not wait, and the same one does.
+    motor.set_target(Target::Speed(Rpm::new(100.0))).unwrap();
+    let _ = tick(&mut motor, Drive::Off, 2);
+    assert_eq!(tick(&mut motor, Drive::Run, 1), ["00000305#000002BC"]);
+    motor.set_target(Target::Speed(Rpm::new(200.0))).unwrap();
+    assert_eq!(tick(&mut motor, Drive::Run, 5), ["00000305#00000578"]);
+    motor.set_target(Target::Brake(Amps::new(3.0))).unwrap();
+    assert_eq!(tick(&mut motor, Drive::Run, 1), ["00000205#00000BB8"]);
+    assert_eq!(tick(&mut motor, Drive::Coast, 1), ["00000105#00000000"]);
+    let mut image = TxBatch::new();
+    motor.coast_frames(&mut image).unwrap();
+    assert_eq!(image.frames()[0].to_string(), "00000105#00000000");
+}
+
+#[test]
+fn a_frame_that_finds_no_room_is_sent_in_the_next_tick() {
+    let mut motor = vesc(5);
+    motor.set_target(Target::Duty(0.5)).unwrap();
+    motor.update(MS, Drive::Run);
+    let mut full = TxBatch::new();
+    while full.push(frame(1, &[])).is_ok() {}
+    assert!(motor.pack_command(&mut full).is_err());
+    motor.update(MS, Drive::Run);
+    let mut tx = TxBatch::new();
+    motor.pack_command(&mut tx).unwrap();
+    assert_eq!(tx.frames()[0].to_string(), "00000005#0000C350");
+}
+
+#[test]
+fn frames_of_others_and_of_other_lengths_change_nothing() {
+    let mut motor = vesc(5);
+    let at = Micros::from_millis(3);
+    let eight = [0, 0, 0x10, 0, 0, 10, 0, 10];
+    let standard = CanFrame::eight_bytes(StandardId::new(0x105).unwrap(), eight);
+    let remote = CanFrame::remote_frame(ExtendedId::new(0x905).unwrap(), 8).unwrap();
+    for (frame, error) in [
+        (frame(0x906, &eight), FrameError::NotMine),
+        (frame(0x9FF, &eight), FrameError::NotMine),
+        (frame(0x1_0905, &eight), FrameError::NotMine),
+        (frame(0x105, &eight[..4]), FrameError::NotMine),
+        // Not switched on.
+        (frame(0xE05, &eight), FrameError::NotMine),
+        (standard, FrameError::NotMine),
+        (remote, FrameError::NotMine),
+        (frame(0x905, &eight[..7]), FrameError::Length),
+        (frame(0x1B05, &eight[..4]), FrameError::Length),
+        (frame(0x12FE, &[5, 0, 0]), FrameError::Length),
+        (frame(0x12FE, &[6, 0]), FrameError::NotMine),
+        (frame(0x12FE, &[5, 1]), FrameError::Unexpected),
+        (frame(0x12FD, &[5, 0]), FrameError::Unexpected),
+    ] {
+        assert_eq!(motor.unpack_feedback(&frame, at), Err(error), "{frame}");
+        assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);
+    }
+    assert_eq!(motor.unpack_feedback(&frame(0x905, &eight), at), Ok(Heard::Feedback));
+    assert_eq!(motor.unpack_feedback(&frame(0x1B05, &eight), at), Ok(Heard::Other));
+    assert_eq!(motor.unpack_feedback(&frame(0x12FE, &[5, 0]), at), Ok(Heard::Other));
+    let told = motor.feedback();
+    assert_eq!((told.at, told.speed), (at, Rpm::new(4096.0 / 7.0)));
+    assert_eq!(told.current(), Some(Amps::new(1.0)));
+}

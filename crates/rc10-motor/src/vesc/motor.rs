@@ -1,0 +1,549 @@
+//! A VESC as a motor of a bus: what it sends when, and what it makes of what it hears.
+
+use embedded_can::{ExtendedId, Id};
+use rc10_app::maths::within;
+use rc10_app::{Amps, Celsius, ConfigError, Degrees, Rpm, Seconds, Volts};
+use rc10_can::{CanFrame, IdPattern, Micros};
+
+use super::config::check;
+use super::hold::Hold;
+use super::tachometer::Tachometer;
+use super::watch::Watch;
+use super::{
+    CONTROL_HZ, Command, Config, ElectricalRpm, Packet, Reply, Setting, Status, UnpackError, coast,
+    ping,
+};
+use crate::batch::{TxBatch, TxFull};
+use crate::cascade::Cascade;
+use crate::dji::Direction;
+use crate::motor::{
+    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request,
+    RequestError, Target, TargetError, TargetKind, TargetSet,
+};
+use crate::servo::{Measured, Servo};
+use crate::wiring::{Guard, Rate, Receive, Share, Transmit, Wiring};
+
+/// After driving starts, a current rises to what was asked for within this time, s.
+const SOFT_TIME: f32 = 0.020;
+/// How often a changed current limit is told again, s: no VESC says that it has taken it.
+const LIMIT_PERIOD: f32 = 1.0;
+/// A tachometer value older than this, s, is nothing to seek an angle by.
+const OLD: f32 = 0.025;
+
+/// A VESC. See the [module's documentation](super) for what each target becomes.
+#[derive(Clone, Copy, Debug)]
+pub struct Vesc {
+    config: Config,
+    /// 1 or -1.
+    sign: f32,
+    /// The command frames' stream.
+    stream: u32,
+    /// Largest current now, A.
+    limit: f32,
+    target: Target,
+    goal: Goal,
+    servo: Option<Servo>,
+    drive: Drive,
+    hold: Hold,
+    /// How far a soft start has come, 0 ..= 1.
+    risen: f32,
+    command: Command,
+    is_due: bool,
+    /// Seconds until the command is repeated.
+    until_next: f32,
+    /// The VESC was told another limit than it is set to; seconds until it is told again.
+    told_limit: Option<f32>,
+    seen: Seen,
+    tachometer: Tachometer,
+    /// Seconds since the tachometer was heard.
+    tachometer_age: f32,
+    /// The next tachometer value comes after a silence.
+    after_silence: bool,
+    watch: Watch,
+}
+
+/// The target in the VESC's own terms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Goal {
+    /// For the VESC to follow; whether it regulates that.
+    Command(Command, bool),
+    /// For our servo, which asks for a current.
+    Servo,
+}
+
+/// What the newest frames told, as the VESC counts it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    at: Micros,
+    heard: bool,
+    speed: ElectricalRpm,
+    /// Positive for positive torque.
+    current: f32,
+    motor: Option<Celsius>,
+    transistors: Option<Celsius>,
+    /// Of the position controller, degrees; and where it counts from.
+    position: Option<f32>,
+    position_zero: f32,
+    volts: Option<f32>,
+}
+
+impl Vesc {
+    /// A VESC that is set up like this.
+    ///
+    /// # Errors
+    /// [`ConfigError`], naming the field that cannot be used.
+    pub fn new(config: Config) -> Result<Self, ConfigError> {
+        config.validate()?;
+        Ok(Self {
+            config,
+            sign: match config.direction {
+                Direction::Forward => 1.0,
+                Direction::Reversed => -1.0,
+            },
+            stream: CanFrame::key_of(Packet::SetDuty.id(config.id)),
+            limit: config.currents.limit.get(),
+            target: Target::Coast,
+            goal: Goal::Command(COAST, true),
+            servo: None,
+            drive: Drive::Off,
+            hold: Hold::default(),
+            risen: 0.0,
+            command: COAST,
+            is_due: true,
+            until_next: 0.0,
+            told_limit: None,
+            seen: Seen::default(),
+            tachometer: Tachometer::new(&config.shaft, config.direction),
+            tachometer_age: f32::INFINITY,
+            after_silence: false,
+            watch: Watch::new(config.status.status_1),
+        })
+    }
+
+    /// With angle loops on our side, which ask the VESC for a current: it then takes
+    /// [`Target::TotalAngle`], and [`Target::Angle`] also without an encoder on its shaft. Efforts
+    /// of the cascade are amperes. The motor needs hall sensors or an encoder: sensorless it has no
+    /// torque at rest. It stands as still as the tachometer is fine: a step is 60 degrees of the
+    /// field.
+    ///
+    /// # Errors
+    /// [`ConfigError`], naming the field that cannot be used: of the cascade, or `status_5`, which
+    /// has to come at [`CONTROL_HZ`] or more.
+    pub fn with_servo(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
+        let rate = self.config.status.status_5;
+        check("status_5", rate.into(), rate >= CONTROL_HZ, "200 Hz or more, to seek angles by")?;
+        let mut servo = Servo::new(TargetKind::Current, cascade)?;
+        servo.set_limit("limit", self.limit)?;
+        self.servo = Some(servo);
+        Ok(self)
+    }
+
+    /// What it was made from.
+    #[must_use]
+    pub const fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// How it comes to follow a target that it takes.
+    fn goal_of(&self, target: Target) -> Result<Goal, TargetError> {
+        let sign = self.sign;
+        // What only has a size goes from zero on.
+        let size = |value: f32| match value {
+            value if value < 0.0 => Err(TargetError::OutOfRange(target.kind())),
+            value => Ok(value),
+        };
+        let command = match target {
+            Target::Current(amps) => Command::Current(Amps::new(sign * amps.get())),
+            Target::CurrentShare(share) => Command::RelativeCurrent(sign * within(share, 1.0)),
+            Target::Duty(duty) => Command::Duty(sign * within(duty, 1.0)),
+            Target::Speed(rpm) => {
+                let electrical = self.config.shaft.to_electrical(rpm).get();
+                let command = Command::Speed(ElectricalRpm::new(sign * electrical));
+                return Ok(Goal::Command(command, self.config.shaft.regulates(rpm)));
+            }
+            Target::Brake(amps) => Command::Brake(Amps::new(size(amps.get())?)),
+            Target::BrakeShare(share) => Command::RelativeBrake(within(size(share)?, 1.0)),
+            Target::Handbrake(amps) => Command::Handbrake(Amps::new(size(amps.get())?)),
+            Target::HandbrakeShare(share) => Command::RelativeHandbrake(within(size(share)?, 1.0)),
+            Target::Angle(angle) if self.config.encoder_on_shaft => {
+                let angle = sign * (angle.get() % 360.0) + self.seen.position_zero;
+                Command::Position(Degrees::new(within_turn(angle)))
+            }
+            Target::Angle(_) | Target::TotalAngle(_) => return Ok(Goal::Servo),
+            // What is not supported was refused before.
+            _ => COAST,
+        };
+        Ok(Goal::Command(command, true))
+    }
+
+    /// What to tell the VESC now.
+    fn decide(&mut self, dt: Seconds, drive: Drive) -> Command {
+        let currents = self.config.currents;
+        let seeks = match drive {
+            Drive::Run => self.goal == Goal::Servo,
+            // Angle loops hold better than a still field, as long as they see the shaft.
+            Drive::Hold => self.servo.is_some() && !self.is_blind(),
+            Drive::Off | Drive::Coast | Drive::Brake => false,
+        };
+        if drive != Drive::Hold || seeks {
+            self.hold.start_over();
+        }
+        if seeks {
+            return self.seek(dt, drive);
+        }
+        if let Some(servo) = &mut self.servo {
+            servo.rest();
+        }
+        let command = match drive {
+            Drive::Off | Drive::Coast => COAST,
+            Drive::Hold if self.hold.update(dt, self.seen.speed) => {
+                Command::Handbrake(currents.handbrake)
+            }
+            Drive::Brake | Drive::Hold => Command::Brake(currents.brake),
+            Drive::Run => match self.goal {
+                Goal::Command(command, _) => command,
+                Goal::Servo => COAST,
+            },
+        };
+        // Whoever begins to push begins softly.
+        let pushes = matches!(command, Command::Current(_) | Command::RelativeCurrent(_));
+        let rise = if drive == Drive::Run && pushes { dt.get() / SOFT_TIME } else { -1.0 };
+        self.risen = (self.risen + rise).clamp(0.0, 1.0);
+        let limited = |amps: Amps| Amps::new(within(amps.get(), self.limit));
+        match command {
+            Command::Current(amps) => Command::Current(Amps::new(limited(amps).get() * self.risen)),
+            Command::RelativeCurrent(share) => Command::RelativeCurrent(share * self.risen),
+            Command::Brake(amps) => Command::Brake(limited(amps)),
+            Command::Handbrake(amps) => Command::Handbrake(limited(amps)),
+            other => other,
+        }
+    }
+
+    /// One step of our own angle loops, which start softly and keep to the limit by themselves.
+    fn seek(&mut self, dt: Seconds, drive: Drive) -> Command {
+        self.risen = 0.0;
+        let measured = (!self.is_blind()).then(|| self.measured());
+        let amps = match &mut self.servo {
+            Some(servo) => servo.update(dt, drive, measured),
+            None => 0.0,
+        };
+        Command::Current(Amps::new(self.sign * amps))
+    }
+
+    /// Whether nothing is known of where the shaft is now.
+    fn is_blind(&self) -> bool {
+        !self.seen.heard || self.tachometer_age >= OLD
+    }
+
+    /// Takes a status frame; whether it is the one that tells how the motor moves.
+    fn take(&mut self, status: Status, at: Micros) -> Heard {
+        let seen = &mut self.seen;
+        match status {
+            Status::Motion { speed, current, duty } => {
+                let gap = at.since(seen.at);
+                if !seen.heard || gap > self.watch.link_timeout() {
+                    self.after_silence = true;
+                    // It may have started anew, with the limits that are set in it.
+                    self.told_limit = self.told_limit.map(|_| 0.0);
+                }
+                let torque = torque_current(current.get(), duty, speed);
+                (seen.at, seen.heard) = (at, true);
+                (seen.speed, seen.current) = (speed, torque);
+                self.watch.hear(current.get(), duty);
+                return Heard::Feedback;
+            }
+            Status::Temperatures { transistors, motor, position, .. } => {
+                (seen.transistors, seen.motor) = (Some(transistors), Some(motor));
+                seen.position = Some(position.get());
+            }
+            Status::Tachometer { steps, volts } => {
+                seen.volts = Some(volts);
+                let after_silence = core::mem::take(&mut self.after_silence);
+                self.tachometer.update(steps, after_silence);
+                self.tachometer_age = 0.0;
+            }
+            // Whole-match figures, and inputs of its own: for who reads the bus.
+            Status::AmpHours { .. } | Status::WattHours { .. } | Status::Inputs { .. } => (),
+        }
+        Heard::Other
+    }
+
+    fn set_zero(&mut self) -> Result<Answer, RequestError> {
+        let counts = self.config.status.status_5 > 0;
+        let sees = self.config.encoder_on_shaft;
+        if !counts && !sees {
+            return Err(RequestError::Unsupported);
+        }
+        let position = match (sees, self.seen.position) {
+            (true, None) => return Err(RequestError::NoFeedback),
+            (true, Some(position)) => position,
+            (false, _) => 0.0,
+        };
+        if counts && !self.tachometer.is_heard() {
+            return Err(RequestError::NoFeedback);
+        }
+        self.seen.position_zero = position;
+        let zero = self.tachometer.set_zero();
+        if let Some(servo) = &mut self.servo {
+            servo.set_zero(zero);
+        }
+        if matches!(self.target, Target::Angle(_) | Target::TotalAngle(_)) {
+            // What is sought stays where it is; the same number commanded again lies elsewhere.
+            self.target = Target::Coast;
+        }
+        Ok(Answer::Done)
+    }
+
+    fn set_limit(&mut self, limit: Amps) -> Result<Answer, RequestError> {
+        let asked = limit.get();
+        check("current limit", asked, asked >= 0.0, "zero or more")?;
+        self.limit = asked.min(self.config.currents.limit.get());
+        if let Some(servo) = &mut self.servo {
+            servo.set_limit("current limit", self.limit)?;
+        }
+        self.told_limit = Some(0.0);
+        Ok(Answer::Done)
+    }
+
+    /// Of the output shaft.
+    fn speed(&self) -> Rpm {
+        Rpm::new(self.sign * self.config.shaft.to_output(self.seen.speed).get())
+    }
+
+    fn measured(&self) -> Measured {
+        Measured { rpm: self.speed().get(), microdegrees: self.tachometer.microdegrees() }
+    }
+
+    /// The frame of the command. A number that is none is never sent: then it goes free.
+    fn frame(&self) -> CanFrame {
+        self.command.pack(self.config.id).unwrap_or_else(|_| coast(self.config.id))
+    }
+}
+
+/// The current as torque: the firmware gives one that takes power from the supply a positive sign,
+/// and one that feeds it back a negative one, whichever way the motor turns (`mcpwm_foc.c`,
+/// `mcpwm_foc_get_tot_current`: the sign of voltage times current).
+fn torque_current(current: f32, duty: f32, speed: ElectricalRpm) -> f32 {
+    let speed = speed.get();
+    if duty < 0.0 {
+        -current
+    } else if duty > 0.0 || speed.abs() < 0.5 {
+        current
+    } else {
+        // At no voltage the winding is shorted: that brakes.
+        -current.abs().copysign(speed)
+    }
+}
+
+/// No torque, no braking.
+const COAST: Command = Command::Current(Amps::ZERO);
+
+/// 0 ..= 360, of what is within two turns of it.
+fn within_turn(degrees: f32) -> f32 {
+    let degrees = degrees % 360.0;
+    if degrees < 0.0 { degrees + 360.0 } else { degrees }
+}
+
+impl Motor for Vesc {
+    fn supports(&self) -> TargetSet {
+        use TargetKind::{
+            Angle, Brake, BrakeShare, Coast, Current, CurrentShare, Duty, Handbrake,
+            HandbrakeShare, Speed, TotalAngle,
+        };
+        #[rustfmt::skip]
+        const ALL: [TargetKind; 11] = [
+            Coast, Current, Duty, Speed, Brake, Handbrake, CurrentShare, BrakeShare, HandbrakeShare,
+            Angle, TotalAngle,
+        ];
+        let without = match (&self.servo, self.config.encoder_on_shaft) {
+            (Some(_), _) => 0,
+            (None, true) => 1,
+            (None, false) => 2,
+        };
+        TargetSet::of(&ALL[..ALL.len() - without])
+    }
+
+    fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
+        // The usual case is the same target again.
+        if target != self.target {
+            self.supports().accepts(&target)?;
+            let goal = self.goal_of(target)?;
+            if let (Goal::Servo, Some(servo)) = (goal, &mut self.servo) {
+                servo.set_target(target)?;
+            }
+            (self.goal, self.target) = (goal, target);
+        }
+        Ok(())
+    }
+
+    fn target(&self) -> Target {
+        self.target
+    }
+
+    fn feedback(&self) -> Feedback {
+        let seen = &self.seen;
+        if !seen.heard {
+            return Feedback::NEW;
+        }
+        let angle = match seen.position {
+            Some(position) if self.config.encoder_on_shaft => {
+                let degrees = within_turn(self.sign * (position - seen.position_zero));
+                Degrees::new(if degrees < 360.0 { degrees } else { 0.0 })
+            }
+            _ => self.tachometer.angle(),
+        };
+        let total = self.tachometer.total_angle();
+        let mut told = Feedback::new(seen.at, self.speed(), angle, total)
+            .with_current(Amps::new(self.sign * seen.current));
+        told.turn_gaps = self.tachometer.gaps();
+        if let Some(motor) = seen.motor {
+            told = told.with_temperature(motor);
+        }
+        if let Some(transistors) = seen.transistors {
+            told = told.with_controller_temperature(transistors);
+        }
+        match seen.volts {
+            Some(volts) => told.with_supply(Volts::new(volts)),
+            None => told,
+        }
+    }
+
+    /// Never one: no frame of a VESC tells its faults. [`Condition::NotFollowing`] is what is seen
+    /// of them.
+    fn fault(&self) -> Option<Fault> {
+        None
+    }
+
+    fn update(&mut self, dt: Seconds, drive: Drive) {
+        self.tachometer_age += dt.get();
+        let command = self.decide(dt, drive);
+        self.watch.tick(dt, drive, &command, self.seen.speed);
+        self.told_limit = self.told_limit.map(|left| left - dt.get());
+        self.until_next -= dt.get();
+        let period = 1.0 / f32::from(self.config.command_hz);
+        if drive != self.drive || command.packet() != self.command.packet() {
+            // Another way to drive does not wait for its turn.
+            self.is_due = true;
+            self.until_next = period;
+        } else if self.until_next < 0.5 * dt.get() {
+            self.is_due = true;
+            self.until_next = (self.until_next + period).max(0.0);
+        }
+        (self.drive, self.command) = (drive, command);
+    }
+
+    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+        match request {
+            Request::SetZero => self.set_zero(),
+            Request::CurrentLimit(limit) => self.set_limit(limit),
+            // A VESC forgets its faults by itself, and never tells them: there is nothing to clear.
+            Request::ClearFault => Ok(Answer::Done),
+            Request::SpeedGains(_) | Request::AngleGains(_) => {
+                let measured = self.seen.heard.then(|| self.measured());
+                let servo = self.servo.as_mut().ok_or(RequestError::Unsupported)?;
+                servo.request(request, measured)
+            }
+            _ => Err(RequestError::Unsupported),
+        }
+    }
+
+    fn condition(&self) -> Condition {
+        let regulated = !matches!(self.goal, Goal::Command(_, false));
+        let blind = self.goal == Goal::Servo && self.is_blind();
+        self.watch.condition(self.drive, regulated, blind)
+    }
+}
+
+impl CanMotor for Vesc {
+    fn wiring(&self) -> Wiring {
+        let Config { id, status, asker, command_hz, .. } = self.config;
+        let exact = |packet: Packet, id| IdPattern::exact(Id::Extended(packet.id(id)));
+        // Whatever is said to one VESC, or to all.
+        let to = |id: u32| {
+            IdPattern::masked(ExtendedId::new(id).unwrap_or(ExtendedId::ZERO), 0x1FFF_00FF)
+        };
+        let statuses = STATUSES.into_iter().zip(status.all()).filter(|(_, rate)| *rate > 0);
+        let mut receives = statuses.map(|(packet, rate)| Receive {
+            pattern: exact(packet, id),
+            len: 8,
+            rate: Rate::Hz(rate),
+            guard: None,
+        });
+        let pong = Receive {
+            pattern: exact(Packet::Pong, asker),
+            len: 2,
+            rate: Rate::Rare,
+            // Who answers.
+            guard: Some(Guard { byte: 0, mask: 0xFF, value: id.get() }),
+        };
+        let commands = Transmit {
+            pattern: to(id.get().into()),
+            len: 4,
+            rate: Rate::Hz(command_hz),
+            share: Share::Whole,
+        };
+        let wiring = Wiring::new("VESC", id.get().into());
+        // Seven patterns at most, of eight.
+        let wired = receives
+            .try_fold(wiring.clone(), Wiring::receives)
+            .and_then(|wiring| wiring.receives(pong))
+            .and_then(|wiring| wiring.transmits(commands))
+            .and_then(|wiring| wiring.listens_to(to(0xFF)));
+        wired.unwrap_or(wiring)
+    }
+
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+        match Reply::unpack(frame) {
+            Ok(Reply::Status { from, status }) if from == self.config.id => {
+                if self.config.status.of(&status) > 0 {
+                    Ok(self.take(status, at))
+                } else {
+                    Err(FrameError::NotMine)
+                }
+            }
+            Ok(Reply::Pong { from, to, hardware: 0 })
+                if from == self.config.id && to == self.config.asker =>
+            {
+                self.watch.hear_answer();
+                Ok(Heard::Other)
+            }
+            Ok(Reply::Pong { from, .. }) if from == self.config.id => Err(FrameError::Unexpected),
+            Err(UnpackError::Length(..)) => Err(FrameError::Length),
+            Ok(_) | Err(_) => Err(FrameError::NotMine),
+        }
+    }
+
+    fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        if self.is_due {
+            tx.push_as(self.frame(), self.stream)?;
+            self.is_due = false;
+        }
+        if self.told_limit.is_some_and(|left| left <= 0.0) {
+            let (min, max) = (Amps::new(-self.limit), Amps::new(self.limit));
+            // A limit that is not a number was refused.
+            if let Ok(frame) = (Setting::MotorCurrent { min, max }).pack(self.config.id) {
+                tx.push(frame)?;
+            }
+            self.told_limit = Some(LIMIT_PERIOD);
+        }
+        if self.watch.asks() {
+            tx.push(ping(self.config.id, self.config.asker))?;
+            self.watch.asked();
+        }
+        Ok(())
+    }
+
+    fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        tx.push_as(coast(self.config.id), self.stream)
+    }
+}
+
+/// In the order of their numbers.
+pub(super) const STATUSES: [Packet; 6] = [
+    Packet::Status,
+    Packet::Status2,
+    Packet::Status3,
+    Packet::Status4,
+    Packet::Status5,
+    Packet::Status6,
+];

@@ -1,0 +1,142 @@
+//! What stands in the frames of a VESC, as data.
+//!
+//! Values are the VESC's own: electrical rpm, and its own direction.
+
+use embedded_can::Id;
+use heapless::Vec;
+
+use super::motor::STATUSES;
+use super::{Config, Packet};
+use crate::signals::{Message, Signal};
+
+/// What a DBC file cannot say of these frames.
+pub const NOT_IN_DBC: &[&str] = &[
+    "VESC: all that is sent to id 255 is for every VESC; this software sends nothing to it",
+    "VESC: PONG has the identifier of who asked; VESC_PONG_FROM tells who answered",
+    "VESC: no frame tells a fault; VESC Tool, or the VESC's terminal, does",
+    "VESC: the current in STATUS is negative when the motor generates, whichever way it turns",
+];
+
+/// All messages of a VESC, and all that is sent to it.
+pub const MOST: usize = 18;
+
+/// The status frames that are switched on, the answer to a PING, and all that is sent to it.
+#[must_use]
+pub fn messages(config: &Config) -> Vec<Message, MOST> {
+    let from = |packet: Packet, id, name, len, signals| Message {
+        name,
+        id: Id::Extended(packet.id(id)),
+        len,
+        from_device: true,
+        signals,
+    };
+    let statuses = STATUSES.into_iter().zip(REPORTS).zip(config.status.all());
+    let reports = statuses
+        .filter(|(_, rate)| *rate > 0)
+        .map(|((packet, (name, signals)), _)| from(packet, config.id, name, 8, signals));
+    let pong = from(Packet::Pong, config.asker, "VESC_PONG", 2, PONG);
+    let orders = ORDERS.iter().map(|&(packet, name, len, signals)| Message {
+        from_device: false,
+        ..from(packet, config.id, name, len, signals)
+    });
+    // Six, one, and eleven.
+    reports.chain([pong]).chain(orders).take(MOST).collect()
+}
+
+/// In the order of their numbers (bldc `comm_can.c`, `comm_can_send_status1` to `status6`).
+const REPORTS: [(&str, &[Signal]); 6] = [
+    (
+        "VESC_STATUS_1",
+        &[
+            Signal::big("VESC_SPEED", 0, 4).signed().scaled(1.0, "erpm"),
+            Signal::big("VESC_CURRENT", 4, 2).signed().scaled(0.1, "A"),
+            Signal::big("VESC_DUTY", 6, 2).signed().scaled(0.001, ""),
+        ],
+    ),
+    (
+        "VESC_STATUS_2",
+        &[
+            Signal::big("VESC_CHARGE_USED", 0, 4).signed().scaled(1e-4, "Ah"),
+            Signal::big("VESC_CHARGE_FED_BACK", 4, 4).signed().scaled(1e-4, "Ah"),
+        ],
+    ),
+    (
+        "VESC_STATUS_3",
+        &[
+            Signal::big("VESC_ENERGY_USED", 0, 4).signed().scaled(1e-4, "Wh"),
+            Signal::big("VESC_ENERGY_FED_BACK", 4, 4).signed().scaled(1e-4, "Wh"),
+        ],
+    ),
+    (
+        "VESC_STATUS_4",
+        &[
+            Signal::big("VESC_TRANSISTOR_TEMPERATURE", 0, 2).signed().scaled(0.1, "degC"),
+            Signal::big("VESC_MOTOR_TEMPERATURE", 2, 2).signed().scaled(0.1, "degC"),
+            Signal::big("VESC_INPUT_CURRENT", 4, 2).signed().scaled(0.1, "A"),
+            Signal::big("VESC_POSITION", 6, 2).signed().scaled(0.02, "deg"),
+        ],
+    ),
+    (
+        "VESC_STATUS_5",
+        &[
+            Signal::big("VESC_TACHOMETER", 0, 4).signed().scaled(1.0, "steps"),
+            Signal::big("VESC_SUPPLY", 4, 2).signed().scaled(0.1, "V"),
+        ],
+    ),
+    (
+        "VESC_STATUS_6",
+        &[
+            Signal::big("VESC_INPUT_1", 0, 2).signed().scaled(0.001, "V"),
+            Signal::big("VESC_INPUT_2", 2, 2).signed().scaled(0.001, "V"),
+            Signal::big("VESC_INPUT_3", 4, 2).signed().scaled(0.001, "V"),
+            Signal::big("VESC_PPM", 6, 2).signed().scaled(0.001, ""),
+        ],
+    ),
+];
+
+const PONG: &[Signal] = &[
+    Signal::big("VESC_PONG_FROM", 0, 1),
+    Signal::big("VESC_PONG_HARDWARE", 1, 1).named(&[(0, "VESC")]),
+];
+
+const fn order(name: &'static str, factor: f64, unit: &'static str) -> [Signal; 1] {
+    [Signal::big(name, 0, 4).signed().scaled(factor, unit)]
+}
+
+/// What the motor sends (bldc `comm_can.c`, `comm_can_set_*`).
+const ORDERS: &[(Packet, &str, u8, &[Signal])] = &[
+    (Packet::SetDuty, "VESC_SET_DUTY", 4, &order("VESC_SET_DUTY", 1e-5, "")),
+    (Packet::SetCurrent, "VESC_SET_CURRENT", 4, &order("VESC_SET_CURRENT", 1e-3, "A")),
+    (Packet::SetCurrentBrake, "VESC_SET_BRAKE", 4, &order("VESC_SET_BRAKE", 1e-3, "A")),
+    (Packet::SetRpm, "VESC_SET_SPEED", 4, &order("VESC_SET_SPEED", 1.0, "erpm")),
+    (Packet::SetPos, "VESC_SET_POSITION", 4, &order("VESC_SET_POSITION", 1e-6, "deg")),
+    (
+        Packet::SetCurrentRel,
+        "VESC_SET_CURRENT_SHARE",
+        4,
+        &order("VESC_SET_CURRENT_SHARE", 1e-5, ""),
+    ),
+    (
+        Packet::SetCurrentBrakeRel,
+        "VESC_SET_BRAKE_SHARE",
+        4,
+        &order("VESC_SET_BRAKE_SHARE", 1e-5, ""),
+    ),
+    (Packet::SetCurrentHandbrake, "VESC_SET_HANDBRAKE", 4, &order("VESC_SET_HANDBRAKE", 1e-3, "A")),
+    (
+        Packet::SetCurrentHandbrakeRel,
+        "VESC_SET_HANDBRAKE_SHARE",
+        4,
+        &order("VESC_SET_HANDBRAKE_SHARE", 1e-5, ""),
+    ),
+    (Packet::Ping, "VESC_PING", 1, &[Signal::big("VESC_PING_FROM", 0, 1)]),
+    (
+        Packet::ConfCurrentLimits,
+        "VESC_CURRENT_LIMITS",
+        8,
+        &[
+            Signal::big("VESC_LIMIT_MIN", 0, 4).signed().scaled(1e-3, "A"),
+            Signal::big("VESC_LIMIT_MAX", 4, 4).signed().scaled(1e-3, "A"),
+        ],
+    ),
+];

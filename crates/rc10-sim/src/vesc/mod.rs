@@ -1,0 +1,381 @@
+//! A VESC from the device's side: what it takes from the bus, what it puts on it, and its control
+//! modes.
+//!
+//! Sources: vedderb/bldc, `comm/comm_can.c`, `motor/foc_math.c`, `motor/mcpwm_foc.c`,
+//! `motor/mcconf_default.h`, `applications/appconf_default.h` (facts, no code).
+//!
+//! Estimated: the brake (no more current than the shorted winding would drive, so that it fades at
+//! low speed) and the handbrake (a spring of half a field's turn, without a damper of its own). Not
+//! simulated: start-up time, sensorless start, input current limits, field weakening.
+
+mod control;
+mod wire;
+
+use std::fmt;
+
+use rc10_can::{CanFrame, Micros};
+
+pub use control::Mode;
+pub use wire::{NoOrder, Order, Report, Stored};
+
+use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
+use crate::motor::{Plant, STEP};
+use control::Control;
+
+/// How a VESC is set up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VescConfig {
+    /// 0 ..= 254.
+    pub id: u8,
+    /// Pole pairs of the motor, 1 or more.
+    pub pole_pairs: u8,
+    /// How often STATUS to `STATUS_6` come, in Hz; 0: never, as by factory default.
+    pub status_hz: [u16; 6],
+    /// Slower than this speed is not regulated, electrical rpm.
+    pub minimum_erpm: f64,
+    /// Commands hold for so long.
+    pub timeout: Micros,
+    /// What it brakes with after that, A.
+    pub timeout_brake: f64,
+    /// Most current that drives, A.
+    pub current_max: f64,
+    /// Most current that brakes, A.
+    pub brake_max: f64,
+    /// Its position controller has an encoder on the output shaft; else it knows the field's angle.
+    pub encoder_on_shaft: bool,
+    /// Gains of the speed controller, in shares of the current limit per 20 electrical rpm: `s_pid_kp`
+    /// and, per second, `s_pid_ki`.
+    pub speed_gains: [f64; 2],
+    /// How fast its speed may be changed, electrical rpm per second: `s_pid_ramp_erpms_s`.
+    pub speed_ramp: f64,
+    /// Gains of the position controller, in shares of the current limit per degree, and times
+    /// seconds: `p_pid_kp`, `p_pid_kd_proc`.
+    pub position_gains: [f64; 2],
+    /// The motor and its load.
+    pub plant: Plant,
+}
+
+impl VescConfig {
+    /// As it comes from the factory (bldc's `mcconf_default.h` and `appconf_default.h`), but for
+    /// the plant; seven pole pairs. It reports nothing, and lets go after one second.
+    #[must_use]
+    pub const fn new(id: u8, plant: Plant) -> Self {
+        Self {
+            id,
+            pole_pairs: 7,
+            status_hz: [0; 6],
+            minimum_erpm: 900.0,
+            timeout: Micros::from_millis(1000),
+            timeout_brake: 0.0,
+            current_max: 60.0,
+            brake_max: 60.0,
+            encoder_on_shaft: false,
+            speed_gains: [0.004, 0.004],
+            speed_ramp: 25_000.0,
+            position_gains: [0.025, 0.000_35],
+            plant,
+        }
+    }
+}
+
+/// A VESC cannot be set up like this.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VescError {
+    /// Id 255 means all of them.
+    Id,
+    /// There is no motor without poles.
+    PolePairs,
+    /// It does not report more than 1000 times a second.
+    StatusRate(u16),
+}
+
+impl fmt::Display for VescError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Id => f.write_str("a VESC takes ids 0 to 254"),
+            Self::PolePairs => f.write_str("a motor has one pole pair or more"),
+            Self::StatusRate(hz) => {
+                write!(f, "a VESC reports at most 1000 times a second, not {hz}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for VescError {}
+
+/// What a VESC can find wrong with itself, with the numbers of bldc's `mc_fault_code`. No CAN frame
+/// tells them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum VescFault {
+    /// `FAULT_CODE_OVER_VOLTAGE`
+    OverVoltage = 1,
+    /// `FAULT_CODE_UNDER_VOLTAGE`
+    UnderVoltage = 2,
+    /// `FAULT_CODE_ABS_OVER_CURRENT`
+    OverCurrent = 4,
+    /// `FAULT_CODE_OVER_TEMP_FET`
+    OverTemperature = 5,
+    /// `FAULT_CODE_ENCODER_SPI`
+    Encoder = 11,
+}
+
+/// An outrunner of the size that robots drive wheels with, 270 rpm/V, on 24 V, no gearbox and no
+/// load. The torque constant follows from the speed constant; resistance, inertia, friction and
+/// thermal figures are estimates for such a motor.
+#[must_use]
+pub const fn outrunner_270_kv() -> Plant {
+    // 60 / (2 π · 270)
+    let torque_constant = 0.035_368;
+    Plant {
+        gear_ratio: 1.0,
+        torque_constant,
+        back_emf: torque_constant,
+        resistance: 0.06,
+        supply: 24.0,
+        current_limit: 80.0,
+        current_time_constant: 1e-3,
+        rotor_inertia: 1.2e-4,
+        load_inertia: 0.0,
+        viscous_friction: 5e-5,
+        coulomb_friction: 0.02,
+        static_friction: 0.025,
+        ambient: 25.0,
+        thermal_resistance: 1.5,
+        thermal_time_constant: 200.0,
+    }
+}
+
+/// The electronics of a VESC.
+pub struct Vesc {
+    config: VescConfig,
+    control: Control,
+    /// Newest order that drives, and when it came.
+    last_order: Option<Micros>,
+    limits: (f64, f64),
+    fault: Option<VescFault>,
+    is_off: bool,
+    next_reports: [Option<Micros>; 6],
+    /// Rotor turns at which the tachometer stood at zero.
+    tachometer_zero: Option<f64>,
+    /// Ampere hours and watt hours: drawn, fed back.
+    charge: [f64; 2],
+    energy: [f64; 2],
+    /// What the winding gets now: share of the supply voltage.
+    duty: f64,
+    input_current: f64,
+}
+
+impl Vesc {
+    /// A VESC that is set up like this; it goes on a bus with its plant
+    /// ([`Bus::add`](crate::Bus::add)).
+    ///
+    /// # Errors
+    /// [`VescError`].
+    pub fn new(config: VescConfig) -> Result<Self, VescError> {
+        if config.id == 255 {
+            return Err(VescError::Id);
+        }
+        if config.pole_pairs == 0 {
+            return Err(VescError::PolePairs);
+        }
+        if let Some(&hz) = config.status_hz.iter().find(|hz| **hz > 1000) {
+            return Err(VescError::StatusRate(hz));
+        }
+        Ok(Self {
+            control: Control::new(),
+            last_order: None,
+            limits: (-config.brake_max, config.current_max),
+            fault: None,
+            is_off: false,
+            next_reports: [None; 6],
+            tachometer_zero: None,
+            charge: [0.0; 2],
+            energy: [0.0; 2],
+            duty: 0.0,
+            input_current: 0.0,
+            config,
+        })
+    }
+
+    /// What it does to the motor now.
+    #[must_use]
+    pub const fn mode(&self) -> Mode {
+        self.control.mode()
+    }
+
+    /// What is wrong with it.
+    #[must_use]
+    pub const fn fault(&self) -> Option<VescFault> {
+        self.fault
+    }
+
+    /// Most negative and most positive motor current, A.
+    #[must_use]
+    pub const fn current_limits(&self) -> (f64, f64) {
+        self.limits
+    }
+
+    /// Switches status frames on or off, as VESC Tool does; they come at once.
+    pub const fn set_status_hz(&mut self, status_hz: [u16; 6], now: Micros) {
+        self.config.status_hz = status_hz;
+        self.schedule(now);
+    }
+
+    const fn schedule(&mut self, first: Micros) {
+        let mut index = 0;
+        while index < 6 {
+            self.next_reports[index] =
+                if self.config.status_hz[index] > 0 { Some(first) } else { None };
+            index += 1;
+        }
+    }
+
+    fn pole_pairs(&self) -> f64 {
+        self.config.pole_pairs.into()
+    }
+
+    /// Of the position controller, degrees in 0 .. 360.
+    fn position(&self, shaft: &Shaft<'_>) -> f64 {
+        if self.config.encoder_on_shaft {
+            shaft.radians().to_degrees().rem_euclid(360.0)
+        } else {
+            (shaft.rotor_angle() * self.pole_pairs()).fract() * 360.0
+        }
+    }
+
+    /// What the report of this index says.
+    fn report(&mut self, index: usize, shaft: &Shaft<'_>) -> Report {
+        match index {
+            0 => Report::Status1 {
+                erpm: shaft.rotor_rpm() * self.pole_pairs(),
+                // Its sign says whether the motor takes power or gives it.
+                current: shaft.current().abs() * (shaft.current() * self.duty).signum(),
+                duty: self.duty,
+            },
+            1 => Report::Status2(self.charge[0], self.charge[1]),
+            2 => Report::Status3(self.energy[0], self.energy[1]),
+            3 => Report::Status4 {
+                transistors: match self.fault {
+                    // Where the firmware drives no current any more (`l_temp_fet_end`), and above.
+                    Some(VescFault::OverTemperature) => 105.0,
+                    _ => shaft.plant().ambient + 0.2 * shaft.current().abs(),
+                },
+                motor: shaft.temperature(),
+                input: self.input_current,
+                position: self.position(shaft),
+            },
+            4 => Report::Status5 { steps: self.steps(shaft), supply: shaft.plant().supply },
+            _ => Report::Status6([0.0; 4]),
+        }
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "goes round, as the firmware's int does")]
+    fn steps(&mut self, shaft: &Shaft<'_>) -> i32 {
+        let turns = shaft.rotor_turns();
+        let zero = *self.tachometer_zero.get_or_insert(turns);
+        ((turns - zero) * self.pole_pairs() * 6.0).floor() as i64 as i32
+    }
+}
+
+impl Device for Vesc {
+    fn power_on(&mut self, now: Micros, phase: Micros) {
+        self.control = Control::new();
+        self.last_order = None;
+        self.limits = (-self.config.brake_max, self.config.current_max);
+        (self.fault, self.is_off) = (None, false);
+        self.tachometer_zero = None;
+        (self.charge, self.energy) = ([0.0; 2], [0.0; 2]);
+        (self.duty, self.input_current) = (0.0, 0.0);
+        self.schedule(now + phase);
+    }
+
+    fn period(&self) -> Micros {
+        let fastest = self.config.status_hz.into_iter().max().unwrap_or(0).max(1);
+        Micros::new(1_000_000 / u64::from(fastest))
+    }
+
+    fn receive(
+        &mut self,
+        frame: &CanFrame,
+        _shaft: &Shaft<'_>,
+        now: Micros,
+        out: &mut Outbox,
+    ) -> Taken {
+        let order = match Order::parse(frame, self.config.id) {
+            Ok(_) | Err(_) if self.is_off => return Taken::NotMine,
+            Ok(order) => order,
+            Err(NoOrder::NotMine) => return Taken::NotMine,
+            Err(NoOrder::Length) => return Taken::Malformed,
+        };
+        match order {
+            Order::Ping(asker) => out.send(Report::Pong(asker).frame(self.config.id)),
+            Order::CurrentLimits(min, max, stored) => {
+                self.limits = (min.min(0.0), max.max(0.0));
+                if stored == Stored::Yes {
+                    (self.config.brake_max, self.config.current_max) =
+                        (-self.limits.0, self.limits.1);
+                }
+            }
+            Order::Shutdown => self.is_off = true,
+            order => {
+                self.last_order = Some(now);
+                self.control.take(&order, self.limits);
+            }
+        }
+        Taken::Yes
+    }
+
+    fn next_event(&self) -> Option<Micros> {
+        self.next_reports.into_iter().flatten().min()
+    }
+
+    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+        for index in 0..self.next_reports.len() {
+            let Some(due) = self.next_reports[index].filter(|due| now >= *due) else { continue };
+            let period = 1_000_000 / u64::from(self.config.status_hz[index].max(1));
+            self.next_reports[index] = Some(due + Micros::new(period));
+            let report = self.report(index, shaft);
+            if !self.is_off {
+                out.send(report.frame(self.config.id));
+            }
+        }
+    }
+
+    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+        let _ = self.steps(shaft);
+        let silent = self.last_order.is_some_and(|at| now.since(at) >= self.config.timeout);
+        if silent {
+            self.last_order = None;
+            self.control.take(&Order::Brake(self.config.timeout_brake), self.limits);
+        }
+        if self.fault.is_some() || self.is_off {
+            self.control = Control::new();
+        }
+        let position = self.position(shaft);
+        let winding = self.control.drive(&self.config, self.limits, shaft, position);
+        let plant = shaft.plant();
+        // What the terminals see; undriven, the firmware follows the motor's own voltage.
+        let volts = plant.back_emf * shaft.speed() + plant.resistance * shaft.current();
+        self.duty = (volts / plant.supply).clamp(-1.0, 1.0);
+        self.input_current = self.duty * shaft.current();
+        let hours = self.input_current.abs() * STEP / 3600.0;
+        let way = usize::from(self.input_current < 0.0);
+        self.charge[way] += hours;
+        self.energy[way] += hours * plant.supply;
+        winding
+    }
+
+    fn inject(&mut self, fault: EscFault) -> bool {
+        self.fault = Some(match fault {
+            EscFault::OverTemperature => VescFault::OverTemperature,
+            EscFault::OverCurrent => VescFault::OverCurrent,
+            EscFault::OverVoltage => VescFault::OverVoltage,
+            EscFault::UnderVoltage => VescFault::UnderVoltage,
+            EscFault::Encoder => VescFault::Encoder,
+            // It has a timeout, which is no fault.
+            EscFault::CommunicationLost => return false,
+        });
+        true
+    }
+}

@@ -1,0 +1,218 @@
+//! A VESC's frames, from the VESC's side. Numbers are signed, highest byte first.
+
+use rc10_can::CanFrame;
+use rc10_can::embedded_can::{ExtendedId, Id};
+
+/// What somebody tells a VESC.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Order {
+    /// Packet 0: share of the supply voltage, -1 ..= 1.
+    Duty(f64),
+    /// Packet 1: A.
+    Current(f64),
+    /// Packet 2: A.
+    Brake(f64),
+    /// Packet 3: electrical rpm.
+    Speed(f64),
+    /// Packet 4: degrees.
+    Position(f64),
+    /// Packet 10: share of the current limit.
+    CurrentShare(f64),
+    /// Packet 11: share of the braking limit.
+    BrakeShare(f64),
+    /// Packet 12: A.
+    Handbrake(f64),
+    /// Packet 13: share of the braking limit.
+    HandbrakeShare(f64),
+    /// Packet 17, with the id of who asks.
+    Ping(u8),
+    /// Packets 21 and 22 (which also writes the flash): most negative and most positive current, A.
+    CurrentLimits(f64, f64, Stored),
+    /// Packet 31.
+    Shutdown,
+}
+
+/// Whether a setting is to survive power-off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stored {
+    /// It is.
+    Yes,
+    /// Until power-off.
+    No,
+}
+
+/// Why a frame is no order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoOrder {
+    /// For another device, or nothing that this firmware knows.
+    NotMine,
+    /// A length that this packet never has.
+    Length,
+}
+
+impl Order {
+    /// What a frame tells the VESC of this id.
+    ///
+    /// The firmware from 6.00 on takes a current of six or more bytes for one with a delay, which
+    /// it reads first: so does this. All other packets are taken only at their exact lengths; the
+    /// firmware does not look.
+    ///
+    /// # Errors
+    /// [`NoOrder`].
+    pub fn parse(frame: &CanFrame, id: u8) -> Result<Self, NoOrder> {
+        let raw = frame.raw_id();
+        let to = raw.to_be_bytes()[3];
+        if !frame.is_extended_id() || frame.is_remote() || raw > 0xFFFF || (to != id && to != 255) {
+            return Err(NoOrder::NotMine);
+        }
+        let bytes = frame.bytes();
+        let word = |at: usize| bytes.get(at..at + 4).and_then(|word| word.try_into().ok());
+        let number = |at, scale| word(at).map(|word| f64::from(i32::from_be_bytes(word)) / scale);
+        let (length, order) = match raw >> 8 {
+            0 => (4, number(0, 1e5).map(Self::Duty)),
+            1 if bytes.len() >= 6 => (bytes.len(), number(2, 1e3).map(Self::Current)),
+            1 => (4, number(0, 1e3).map(Self::Current)),
+            2 => (4, number(0, 1e3).map(Self::Brake)),
+            3 => (4, number(0, 1.0).map(Self::Speed)),
+            4 => (4, number(0, 1e6).map(Self::Position)),
+            10 => (4, number(0, 1e5).map(Self::CurrentShare)),
+            11 => (4, number(0, 1e5).map(Self::BrakeShare)),
+            12 => (4, number(0, 1e3).map(Self::Handbrake)),
+            13 => (4, number(0, 1e5).map(Self::HandbrakeShare)),
+            17 => (1, bytes.first().copied().map(Self::Ping)),
+            packet @ (21 | 22) => {
+                let stored = if packet == 22 { Stored::Yes } else { Stored::No };
+                let limits = number(0, 1e3).zip(number(4, 1e3));
+                (8, limits.map(|(min, max)| Self::CurrentLimits(min, max, stored)))
+            }
+            31 => (0, Some(Self::Shutdown)),
+            _ => return Err(NoOrder::NotMine),
+        };
+        order.filter(|_| bytes.len() == length).ok_or(NoOrder::Length)
+    }
+}
+
+/// What a VESC tells by itself, or asked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Report {
+    /// Packet 9: electrical rpm, A (negative while the motor generates), share of the voltage.
+    Status1 {
+        /// Electrical rpm.
+        erpm: f64,
+        /// A.
+        current: f64,
+        /// -1 ..= 1.
+        duty: f64,
+    },
+    /// Packet 14: ampere hours drawn and fed back.
+    Status2(f64, f64),
+    /// Packet 15: watt hours drawn and fed back.
+    Status3(f64, f64),
+    /// Packet 16.
+    Status4 {
+        /// °C.
+        transistors: f64,
+        /// °C.
+        motor: f64,
+        /// Of the supply, A.
+        input: f64,
+        /// Of the position controller, degrees.
+        position: f64,
+    },
+    /// Packet 27.
+    Status5 {
+        /// Six an electrical turn; goes round.
+        steps: i32,
+        /// V.
+        supply: f64,
+    },
+    /// Packet 58: V at the three analogue inputs, and the PPM input.
+    Status6([f64; 4]),
+    /// Packet 18, to the id that asked.
+    Pong(u8),
+}
+
+impl Report {
+    /// Its frame, from the VESC of this id. Numbers are cut off towards zero, as the firmware does,
+    /// and saturate, as it does not.
+    #[must_use]
+    pub fn frame(&self, id: u8) -> CanFrame {
+        let halves = |values: [f64; 4]| {
+            let [[a, b], [c, d], [e, f], [g, h]] = values.map(half);
+            [a, b, c, d, e, f, g, h]
+        };
+        let words = |first: i32, second: i32| {
+            let ([a, b, c, d], [e, f, g, h]) = (first.to_be_bytes(), second.to_be_bytes());
+            [a, b, c, d, e, f, g, h]
+        };
+        let mixed = |first: i32, third: f64, fourth: f64| {
+            let ([a, b, c, d], [e, f], [g, h]) = (first.to_be_bytes(), half(third), half(fourth));
+            [a, b, c, d, e, f, g, h]
+        };
+        let (packet, data) = match *self {
+            Self::Status1 { erpm, current, duty } => {
+                (9, mixed(word(erpm), current * 10.0, duty * 1e3))
+            }
+            Self::Status2(used, charged) => (14, words(word(used * 1e4), word(charged * 1e4))),
+            Self::Status3(used, charged) => (15, words(word(used * 1e4), word(charged * 1e4))),
+            Self::Status4 { transistors, motor, input, position } => {
+                let tenths = [transistors, motor, input].map(|value| value * 10.0);
+                (16, halves([tenths[0], tenths[1], tenths[2], position * 50.0]))
+            }
+            Self::Status5 { steps, supply } => (27, mixed(steps, supply * 10.0, 0.0)),
+            Self::Status6(inputs) => (58, halves(inputs.map(|value| value * 1e3))),
+            Self::Pong(asker) => return CanFrame::exact(identifier(18, asker), [id, 0]),
+        };
+        CanFrame::eight_bytes(identifier(packet, id), data)
+    }
+}
+
+fn identifier(packet: u8, id: u8) -> Id {
+    let raw = u32::from(u16::from_be_bytes([packet, id]));
+    ExtendedId::new(raw).unwrap_or(ExtendedId::ZERO).into()
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "saturation is meant")]
+const fn word(value: f64) -> i32 {
+    value as i32
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "saturation is meant")]
+const fn half(value: f64) -> [u8; 2] {
+    (value as i16).to_be_bytes()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn order(raw: u32, data: &[u8]) -> Result<Order, NoOrder> {
+        let id = ExtendedId::new(raw).unwrap();
+        Order::parse(&CanFrame::data_frame(id, data).unwrap(), 7)
+    }
+
+    #[test]
+    fn orders_are_told_from_strangers() {
+        assert_eq!(order(0x007, &[0, 0, 0xC3, 0x50]), Ok(Order::Duty(0.5)));
+        assert_eq!(order(0x1FF, &[0, 0, 0x27, 0x10]), Ok(Order::Current(10.0)));
+        assert_eq!(order(0x307, &[0xFF, 0xFF, 0xFF, 0xFE]), Ok(Order::Speed(-2.0)));
+        assert_eq!(order(0x1107, &[9]), Ok(Order::Ping(9)));
+        assert_eq!(order(0x108, &[0; 4]), Err(NoOrder::NotMine));
+        assert_eq!(order(0x1_0107, &[0; 4]), Err(NoOrder::NotMine));
+        assert_eq!(order(0x907, &[0; 8]), Err(NoOrder::NotMine));
+        assert_eq!(order(0x307, &[0; 8]), Err(NoOrder::Length));
+        assert_eq!(order(0x307, &[0; 3]), Err(NoOrder::Length));
+        // 10 A in eight bytes, as the firmware from 6.00 on understands them.
+        let padded = [0, 0, 0x27, 0x10, 0, 0, 0, 0];
+        assert_eq!(order(0x107, &padded), Ok(Order::Current(655_360.0)));
+    }
+
+    #[test]
+    fn reports_have_the_bytes_of_the_firmware() {
+        let report = Report::Status1 { erpm: 100_000.0, current: 45.7, duty: -0.25 };
+        assert_eq!(report.frame(0x17).to_string(), "00000917#000186A001C9FF06");
+        let report = Report::Status5 { steps: -5, supply: 24.5 };
+        assert_eq!(report.frame(1).to_string(), "00001B01#FFFFFFFB00F50000");
+        assert_eq!(Report::Pong(200).frame(23).to_string(), "000012C8#1700");
+    }
+}
