@@ -77,6 +77,7 @@
 //! Sources: vedderb/bldc, `comm/comm_can.c`, `datatypes.h`, `motor/mcconf_default.h` (firmware 5.03
 //! to 7.01) and `documentation/comm_can.md`.
 
+mod can;
 mod config;
 mod hold;
 mod motor;

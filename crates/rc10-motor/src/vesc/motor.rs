@@ -1,45 +1,37 @@
-//! A VESC as a motor of a bus: what it sends when, and what it makes of what it hears.
+//! A VESC as a motor: what it is told when, and what is made of what it tells.
 
-use embedded_can::{ExtendedId, Id};
 use rc10_app::maths::within;
 use rc10_app::{Amps, Celsius, ConfigError, Degrees, Rpm, Seconds, Volts};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_can::{CanFrame, Micros};
 
 use super::config::check;
 use super::hold::Hold;
 use super::tachometer::Tachometer;
 use super::watch::Watch;
-use super::{
-    CONTROL_HZ, Command, Config, ElectricalRpm, Packet, Reply, Setting, Status, UnpackError, coast,
-    ping,
-};
-use crate::batch::{TxBatch, TxFull};
+use super::{CONTROL_HZ, Command, Config, ElectricalRpm, Packet, Status, coast};
 use crate::cascade::Cascade;
 use crate::dji::Direction;
 use crate::motor::{
-    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request,
-    RequestError, Target, TargetError, TargetKind, TargetSet,
+    Answer, Condition, Drive, Fault, Feedback, Heard, Motor, Request, RequestError, Target,
+    TargetError, TargetKind, TargetSet,
 };
 use crate::servo::{Measured, Servo};
-use crate::wiring::{Guard, Rate, Receive, Share, Transmit, Wiring};
 
 /// After driving starts, a current rises to what was asked for within this time, s.
 const SOFT_TIME: f32 = 0.020;
-/// How often a changed current limit is told again, s: no VESC says that it has taken it.
-const LIMIT_PERIOD: f32 = 1.0;
 /// A tachometer value older than this, s, is nothing to seek an angle by.
 const OLD: f32 = 0.025;
 
 /// A VESC. See the [module's documentation](super) for what each target becomes.
 #[derive(Clone, Copy, Debug)]
 pub struct Vesc {
-    config: Config,
+    pub(super) config: Config,
     /// 1 or -1.
     sign: f32,
     /// The command frames' stream.
-    stream: u32,
+    pub(super) stream: u32,
     /// Largest current now, A.
-    limit: f32,
+    pub(super) limit: f32,
     target: Target,
     goal: Goal,
     servo: Option<Servo>,
@@ -48,18 +40,18 @@ pub struct Vesc {
     /// How far a soft start has come, 0 ..= 1.
     risen: f32,
     command: Command,
-    is_due: bool,
+    pub(super) is_due: bool,
     /// Seconds until the command is repeated.
     until_next: f32,
     /// The VESC was told another limit than it is set to; seconds until it is told again.
-    told_limit: Option<f32>,
+    pub(super) told_limit: Option<f32>,
     seen: Seen,
     tachometer: Tachometer,
     /// Seconds since the tachometer was heard.
     tachometer_age: f32,
     /// The next tachometer value comes after a silence.
     after_silence: bool,
-    watch: Watch,
+    pub(super) watch: Watch,
 }
 
 /// The target in the VESC's own terms.
@@ -206,8 +198,10 @@ impl Vesc {
             },
         };
         // Whoever begins to push begins softly.
-        let pushes = matches!(command, Command::Current(_) | Command::RelativeCurrent(_));
-        let rise = if drive == Drive::Run && pushes { dt.get() / SOFT_TIME } else { -1.0 };
+        let pushes = drive == Drive::Run
+            && self.target != Target::Coast
+            && matches!(command, Command::Current(_) | Command::RelativeCurrent(_));
+        let rise = if pushes { dt.get() / SOFT_TIME } else { -1.0 };
         self.risen = (self.risen + rise).clamp(0.0, 1.0);
         let limited = |amps: Amps| Amps::new(within(amps.get(), self.limit));
         match command {
@@ -236,7 +230,7 @@ impl Vesc {
     }
 
     /// Takes a status frame; whether it is the one that tells how the motor moves.
-    fn take(&mut self, status: Status, at: Micros) -> Heard {
+    pub(super) fn take(&mut self, status: Status, at: Micros) -> Heard {
         let seen = &mut self.seen;
         match status {
             Status::Motion { speed, current, duty } => {
@@ -315,7 +309,7 @@ impl Vesc {
     }
 
     /// The frame of the command. A number that is none is never sent: then it goes free.
-    fn frame(&self) -> CanFrame {
+    pub(super) fn frame(&self) -> CanFrame {
         self.command.pack(self.config.id).unwrap_or_else(|_| coast(self.config.id))
     }
 }
@@ -453,97 +447,3 @@ impl Motor for Vesc {
         self.watch.condition(self.drive, regulated, blind)
     }
 }
-
-impl CanMotor for Vesc {
-    fn wiring(&self) -> Wiring {
-        let Config { id, status, asker, command_hz, .. } = self.config;
-        let exact = |packet: Packet, id| IdPattern::exact(Id::Extended(packet.id(id)));
-        // Whatever is said to one VESC, or to all.
-        let to = |id: u32| {
-            IdPattern::masked(ExtendedId::new(id).unwrap_or(ExtendedId::ZERO), 0x1FFF_00FF)
-        };
-        let statuses = STATUSES.into_iter().zip(status.all()).filter(|(_, rate)| *rate > 0);
-        let mut receives = statuses.map(|(packet, rate)| Receive {
-            pattern: exact(packet, id),
-            len: 8,
-            rate: Rate::Hz(rate),
-            guard: None,
-        });
-        let pong = Receive {
-            pattern: exact(Packet::Pong, asker),
-            len: 2,
-            rate: Rate::Rare,
-            // Who answers.
-            guard: Some(Guard { byte: 0, mask: 0xFF, value: id.get() }),
-        };
-        let commands = Transmit {
-            pattern: to(id.get().into()),
-            len: 4,
-            rate: Rate::Hz(command_hz),
-            share: Share::Whole,
-        };
-        let wiring = Wiring::new("VESC", id.get().into());
-        // Seven patterns at most, of eight.
-        let wired = receives
-            .try_fold(wiring.clone(), Wiring::receives)
-            .and_then(|wiring| wiring.receives(pong))
-            .and_then(|wiring| wiring.transmits(commands))
-            .and_then(|wiring| wiring.listens_to(to(0xFF)));
-        wired.unwrap_or(wiring)
-    }
-
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
-        match Reply::unpack(frame) {
-            Ok(Reply::Status { from, status }) if from == self.config.id => {
-                if self.config.status.of(&status) > 0 {
-                    Ok(self.take(status, at))
-                } else {
-                    Err(FrameError::NotMine)
-                }
-            }
-            Ok(Reply::Pong { from, to, hardware: 0 })
-                if from == self.config.id && to == self.config.asker =>
-            {
-                self.watch.hear_answer();
-                Ok(Heard::Other)
-            }
-            Ok(Reply::Pong { from, .. }) if from == self.config.id => Err(FrameError::Unexpected),
-            Err(UnpackError::Length(..)) => Err(FrameError::Length),
-            Ok(_) | Err(_) => Err(FrameError::NotMine),
-        }
-    }
-
-    fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
-        if self.is_due {
-            tx.push_as(self.frame(), self.stream)?;
-            self.is_due = false;
-        }
-        if self.told_limit.is_some_and(|left| left <= 0.0) {
-            let (min, max) = (Amps::new(-self.limit), Amps::new(self.limit));
-            // A limit that is not a number was refused.
-            if let Ok(frame) = (Setting::MotorCurrent { min, max }).pack(self.config.id) {
-                tx.push(frame)?;
-            }
-            self.told_limit = Some(LIMIT_PERIOD);
-        }
-        if self.watch.asks() {
-            tx.push(ping(self.config.id, self.config.asker))?;
-            self.watch.asked();
-        }
-        Ok(())
-    }
-
-    fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
-        tx.push_as(coast(self.config.id), self.stream)
-    }
-}
-
-/// In the order of their numbers.
-pub(super) const STATUSES: [Packet; 6] = [
-    Packet::Status,
-    Packet::Status2,
-    Packet::Status3,
-    Packet::Status4,
-    Packet::Status5,
-    Packet::Status6,
-];

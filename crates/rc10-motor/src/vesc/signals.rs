@@ -5,7 +5,7 @@
 use embedded_can::Id;
 use heapless::Vec;
 
-use super::motor::STATUSES;
+use super::can::STATUSES;
 use super::{Config, Packet};
 use crate::signals::{Message, Signal};
 

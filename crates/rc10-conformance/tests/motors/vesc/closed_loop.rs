@@ -40,8 +40,11 @@ fn a_current_is_reached_softly_and_measured_with_its_sign() {
             near(esc.state().current, amps.into(), 0.05);
             assert_told(bench, motor, esc, 20.0, 0.2);
         }
+        hold(bench, motor, Target::Coast, 50);
         let share = Target::CurrentShare(-0.25);
-        hold(bench, motor, share, 50);
+        hold(bench, motor, share, 5);
+        assert!(esc.state().current > -5.0, "a kick of {} A", esc.state().current);
+        hold(bench, motor, share, 45);
         near(esc.state().current, -10.0, 0.05);
         // More than the limit is limited on our side, and a share on the device's.
         hold(bench, motor, Target::Current(Amps::new(90.0)), 30);
@@ -224,13 +227,18 @@ fn a_servo_reaches_many_turns_under_load_and_holds() {
         assert!(bench.bus.request(motor, Request::SetZero).is_ok());
         hold(bench, motor, total(10), 1000);
         near(esc.state().output_degrees, -80.0, 1.0);
+        // The same number again lies elsewhere.
+        assert!(bench.bus.request(motor, Request::SetZero).is_ok());
+        hold(bench, motor, total(10), 1000);
+        near(esc.state().output_degrees, -70.0, 1.0);
         // Nobody commands it any more: it stays, also while it is pushed.
         bench.wait(500);
         assert_eq!(bench.status(motor).drive, Drive::Hold);
-        near(esc.state().output_degrees, -80.0, 1.5);
+        near(esc.state().output_degrees, -70.0, 1.5);
+        assert!(bench.bus.request(motor, Request::SetZero).is_ok());
         esc.set_load(-8.0);
         bench.wait(3000);
-        near(esc.state().output_degrees, -80.0, 1.5);
+        near(esc.state().output_degrees, -70.0, 1.5);
         // Where its angle is not told any more it is not left to fall.
         let now = bench.world.now();
         inside(esc, |vesc| vesc.set_status_hz([200, 0, 0, 0, 0, 0], now));
@@ -240,6 +248,33 @@ fn a_servo_reaches_many_turns_under_load_and_holds() {
         }
         let mode = inside(esc, |vesc| vesc.mode());
         assert!(matches!(mode, Mode::Brake(_) | Mode::Handbrake(_)), "{mode:?}");
+    });
+}
+
+#[test]
+fn a_servo_keeps_to_the_limits() {
+    let (ours, theirs) = lift();
+    let mut config = *ours.config();
+    config.currents = amps(4.0, 0.0, 0.0);
+    let cascade = Cascade {
+        speed: PidConfig::new(50.0, 0.0, 0.0, 40.0),
+        angle: PidConfig::new(2.0, 0.0, 0.0, 120.0),
+        outer_divider: 5,
+        acceleration: RpmPerSecond::new(4000.0),
+        feed_forward: 0.0,
+    };
+    let ours = Vesc::new(config).unwrap().with_servo(cascade).unwrap();
+    on_bench(ours, theirs, Safety::COAST, |bench, motor, esc, switch| {
+        switch.arm().unwrap();
+        bench.wait(50);
+        let far = Target::TotalAngle(TotalAngle::from_degrees(7200));
+        hold(bench, motor, far, 100);
+        near(esc.state().current, 4.0, 0.1);
+        let limit = Request::CurrentLimit(Amps::new(2.0));
+        assert!(bench.bus.request(motor, limit).is_ok());
+        hold(bench, motor, far, 100);
+        near(esc.state().current, 2.0, 0.1);
+        assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Current(2.0));
     });
 }
 
@@ -348,9 +383,10 @@ fn angle_speed_and_current_keep_their_sign_when_reversed() {
             Target::Duty(0.3),
             Target::Speed(Rpm::new(1500.0)),
         ] {
-            let before = esc.state().output_degrees;
+            // From rest each time.
+            hold(bench, motor, Target::Brake(Amps::new(40.0)), 1500);
             hold(bench, motor, target, 400);
-            assert!(esc.state().output_degrees < before - 20.0, "{target:?}");
+            assert!(esc.state().output_rpm < -20.0, "{target:?}");
             let told = bench.status(motor).feedback;
             near(told.speed.get().into(), -esc.state().output_rpm, 20.0);
             near(told.current().unwrap().get().into(), -esc.state().current, 0.6);

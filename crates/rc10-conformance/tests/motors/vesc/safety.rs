@@ -122,6 +122,7 @@ fn reports_that_come_too_seldom_are_said_so() {
     for (declared, comes, condition) in [
         (200, 200, Condition::Ready),
         (50, 50, Condition::SlowFeedback),
+        (100, 300, Condition::SlowFeedback),
         (200, 100, Condition::SlowFeedback),
         (500, 300, Condition::Ready),
     ] {
@@ -197,6 +198,24 @@ fn a_motor_that_follows_is_never_said_not_to() {
         ] {
             for _ in 0..3000 {
                 bench.hold(motor, target, 1).unwrap();
+                assert_eq!(bench.status(motor).condition, Condition::Ready, "{target:?}");
+            }
+        }
+    });
+}
+
+/// Somebody else may turn the shaft just as fast: then it needs no current.
+#[test]
+fn a_motor_that_needs_no_current_is_not_said_to_miss_its_target() {
+    armed(|bench, motor, esc, _| {
+        let (duty, speed) = (Target::Duty(0.5), Target::Speed(Rpm::new(3000.0)));
+        for (target, radians) in [(duty, 339.0), (speed, 314.0)] {
+            bench.hold(motor, target, 6000).unwrap();
+            esc.set_load(0.02 + 5e-5 * radians);
+            bench.hold(motor, target, 6000).unwrap();
+            for _ in 0..3000 {
+                bench.hold(motor, target, 1).unwrap();
+                assert!(esc.state().current.abs() < 0.05, "{}", esc.state().current);
                 assert_eq!(bench.status(motor).condition, Condition::Ready, "{target:?}");
             }
         }

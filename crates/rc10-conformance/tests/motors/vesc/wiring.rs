@@ -1,14 +1,14 @@
 //! What a VESC occupies, sends and refuses.
 
 use rc10_app::{Amps, ConfigError, PidConfig, Rpm, RpmPerSecond, Seconds};
-use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, StandardId};
+use rc10_can::{CanFrame, IdPattern};
 use rc10_motor::cascade::Cascade;
 use rc10_motor::dji::{Dji, FeedbackRate, M3508};
 use rc10_motor::vesc::{ElectricalRpm, StatusRates};
 use rc10_motor::{
-    AttachError, CanMotor, Clash, Drive, FrameError, Heard, Motor, MotorBus, Target, TxBatch,
-    Verdict,
+    AttachError, CanMotor, Clash, Drive, FrameError, Heard, Motor, MotorBus, Rate, Share, Target,
+    Transmit, TxBatch, Verdict, Wiring,
 };
 
 use super::*;
@@ -96,6 +96,20 @@ fn vescs_share_a_bus_with_others_unless_they_would_be_mistaken() {
     // The answers of the others would be commands to it.
     let error = bus.attach(&mut as_asker, Safety::COAST).unwrap_err();
     assert!(matches!(error, AttachError::Clash { clash: Clash::Confuses(_), .. }), "{error}");
+}
+
+/// What is sent to id 255 every VESC obeys.
+#[test]
+fn nobody_else_may_send_what_every_vesc_obeys() {
+    let id = ExtendedId::new(0x3FF).unwrap();
+    let stranger = Transmit {
+        pattern: IdPattern::exact(id),
+        len: 4,
+        rate: Rate::EveryTick,
+        share: Share::Whole,
+    };
+    let stranger = Wiring::new("stranger", 1).transmits(stranger).unwrap();
+    assert_eq!(vesc(1).wiring().clash(&stranger), Some(Clash::Confuses(id.into())));
 }
 
 #[test]
