@@ -25,7 +25,8 @@ pub struct Declaration {
     pub softness: f64,
     /// How far a shaft that is held may give under the `load`, in degrees.
     pub hold_gives: f64,
-    /// Targets to try, one at least for each kind that it takes.
+    /// Targets to try, one at least for each kind that it takes. A torque or current of about half
+    /// of what it can give shows best whether it starts softly.
     pub trials: Vec<Trial>,
     /// Whether its shaft turns freely when it coasts. Where it cannot, torque against the movement
     /// counts as none.

@@ -1,7 +1,28 @@
 use rc10_app::Rpm;
-use rc10_motor::{SafeState, Target};
+use rc10_motor::{SafeState, Target, TargetKind};
 
-use crate::case::{Case, Findings};
+use crate::case::{Case, Findings, Halt, Outcome};
+use crate::rig::Rig;
+
+/// A speed is approached gently anyway; a torque is a step, and shows whether the start is soft.
+fn for_each_effort(
+    case: &Case<'_>,
+    found: &mut Findings,
+    scenario: impl Fn(&mut Rig<'_>, Target) -> Outcome,
+) {
+    let efforts =
+        [TargetKind::Torque, TargetKind::Current, TargetKind::Duty, TargetKind::CurrentShare];
+    for trial in &case.declared.trials {
+        if efforts.contains(&trial.target.kind()) {
+            found.note(case.alone(SafeState::Coast, |rig| {
+                rig.is_heard().map_err(|_| Halt::Stuck)?;
+                rig.switch.arm().map_err(|_| Halt::Stuck)?;
+                rig.wait(Some(trial.target), rig.declared.enables_within + 50);
+                scenario(rig, trial.target)
+            }));
+        }
+    }
+}
 
 pub(super) fn back_on_the_wire(case: &Case<'_>, found: &mut Findings) {
     for millis in [60, 400] {
@@ -19,6 +40,14 @@ pub(super) fn back_on_the_wire(case: &Case<'_>, found: &mut Findings) {
             rig.was_soft(&when)
         }));
     }
+    for_each_effort(case, found, |rig, effort| {
+        rig.bench.wire.set_cut(true);
+        rig.wait(Some(effort), 60);
+        rig.bench.wire.set_cut(false);
+        rig.watch();
+        rig.wait(Some(effort), rig.declared.enables_within + 100);
+        rig.was_soft(&format!("after a cut, with {effort:?},"))
+    });
 }
 
 pub(super) fn restart(case: &Case<'_>, found: &mut Findings) {
@@ -41,4 +70,12 @@ pub(super) fn restart(case: &Case<'_>, found: &mut Findings) {
             rig.was_soft(&when)
         }));
     }
+    for_each_effort(case, found, |rig, effort| {
+        rig.esc.set_power(false);
+        rig.wait(Some(effort), 300);
+        rig.esc.set_power(true);
+        rig.watch();
+        rig.wait(Some(effort), rig.declared.enables_within + 100);
+        rig.was_soft(&format!("restarted, with {effort:?},"))
+    });
 }
