@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod conformance_of {
+    pub mod damiao;
     pub mod dji;
 }
 
@@ -15,6 +16,8 @@ const MOTORS: &[Entry] = &[
     ("M2006", conformance_of::dji::m2006),
     ("GM6020, current mode", conformance_of::dji::gm6020_current),
     ("GM6020, voltage mode", conformance_of::dji::gm6020_voltage),
+    ("Damiao J4310, MIT", conformance_of::damiao::j4310_mit),
+    ("Damiao J4310, velocity", conformance_of::damiao::j4310_velocity),
     // One line for each further model, one file for each vendor in `conformance_of/`.
 ];
 

@@ -1,0 +1,57 @@
+use rc10_app::{Degrees, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle};
+use rc10_conformance::{Declaration, Report, Trial, check};
+use rc10_motor::cascade::Cascade;
+use rc10_motor::damiao::{Control, Damiao, models};
+use rc10_motor::{Impedance, Target};
+use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
+
+/// N m.
+const FULL: f32 = 7.0;
+
+fn j4310(control: Control, mode: Mode, declared: Declaration) -> Result<(), Report> {
+    let trials = [
+        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
+        Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
+    ];
+    let ids = |id: u8| (u16::from(id), u16::from(id) + 0x20);
+    check(
+        &declared.with_trials(&trials),
+        |id| {
+            let (can_id, master_id) = ids(id);
+            Damiao::new(models::J4310, can_id, master_id, control).unwrap()
+        },
+        |wire, id| {
+            let (can_id, master_id) = ids(id);
+            let config = DamiaoConfig { mode, ..DamiaoConfig::j4310(can_id, master_id) };
+            wire.add(Device::new(&config), config.plant.with_load_inertia(0.02))
+        },
+    )
+}
+
+/// The registers that it compares before it enables are read one after the other.
+fn declared() -> Declaration {
+    let declared = Declaration::new([0x11, 0x12], Rpm::new(60.0), NewtonMetres::new(FULL));
+    Declaration { enables_within: 60, ..declared }
+}
+
+pub fn j4310_mit() -> Result<(), Report> {
+    let cascade = Cascade {
+        speed: PidConfig::new(0.063, 0.5, 0.0, FULL),
+        angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
+        outer_divider: 1,
+        acceleration: RpmPerSecond::new(1000.0),
+        feed_forward: 0.0,
+    };
+    let spring = Impedance { angle: Degrees::new(90.0), kp: 8.0, kd: 0.8, ..Impedance::default() };
+    let declared = declared().with_trials(&[
+        Trial::new(Target::Torque(NewtonMetres::new(3.5)), 0.1, 100),
+        Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 3000),
+        Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-360)), 1.0, 4000),
+        Trial::new(Target::Impedance(spring), 3.0, 3000),
+    ]);
+    j4310(Control::Mit(cascade), Mode::Mit, declared)
+}
+
+pub fn j4310_velocity() -> Result<(), Report> {
+    j4310(Control::Velocity, Mode::Velocity, declared())
+}
