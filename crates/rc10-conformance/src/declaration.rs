@@ -1,4 +1,4 @@
-use rc10_app::{NewtonMetres, Rpm};
+use rc10_app::{NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::Target;
 use rc10_sim::EscFault;
 
@@ -10,6 +10,10 @@ pub struct Declaration {
     pub ids: [u8; 2],
     /// A speed it reaches with ease, also against the `load`; positive.
     pub cruise: Rpm,
+    /// For a motor that takes no speed: an angle that is positive and so far away that it turns
+    /// towards it at `cruise` for four seconds, wherever in its first turn it starts; the same
+    /// negative one must be in its range, too.
+    pub far: Option<TotalAngle>,
     /// Its largest torque at the output shaft.
     pub full_torque: NewtonMetres,
     /// A torque it can easily work against, well above its own friction.
@@ -86,6 +90,7 @@ impl Declaration {
         Self {
             ids,
             cruise,
+            far: None,
             full_torque,
             load: full_torque * 0.1,
             no_torque: full_torque * 0.002,
@@ -106,5 +111,16 @@ impl Declaration {
     pub fn with_trials(mut self, trials: &[Trial]) -> Self {
         self.trials.extend_from_slice(trials);
         self
+    }
+
+    /// What makes it turn.
+    pub(crate) fn onward(&self) -> Target {
+        self.far.map_or(Target::Speed(self.cruise), Target::TotalAngle)
+    }
+
+    /// What makes it turn the other way.
+    pub(crate) fn backward(&self) -> Target {
+        let speed = Target::Speed(Rpm::new(-self.cruise.get()));
+        self.far.map_or(speed, |far| Target::TotalAngle(TotalAngle::ZERO.minus(far)))
     }
 }

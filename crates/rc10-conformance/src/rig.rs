@@ -47,9 +47,9 @@ impl<'m> Rig<'m> {
         self.bench.status(self.motor)
     }
 
-    /// The speed that every motor can turn at.
-    pub(crate) const fn cruise(&self) -> Target {
-        Target::Speed(self.declared.cruise)
+    /// What makes it turn.
+    pub(crate) fn cruise(&self) -> Target {
+        self.declared.onward()
     }
 
     pub(crate) fn cruise_rpm(&self) -> f64 {
@@ -156,10 +156,11 @@ impl<'m> Rig<'m> {
         self.rests(target, (0, 200), when)
     }
 
-    /// Whether it turns the way it should, at half the speed at least.
+    /// Whether it turns onward or backward as it should, at half the speed at least.
     pub(crate) fn goes(&self, target: Target) -> bool {
-        let Target::Speed(wanted) = target else { return false };
-        self.esc.state().output_rpm * f64::from(wanted.get().signum()) >= 0.5 * self.cruise_rpm()
+        let rpm = self.esc.state().output_rpm;
+        let rpm = if target == self.declared.onward() { rpm } else { -rpm };
+        rpm >= 0.5 * self.cruise_rpm()
     }
 
     /// Waits until it turns.

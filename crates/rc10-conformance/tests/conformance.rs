@@ -18,6 +18,8 @@ const MOTORS: &[Entry] = &[
     ("GM6020, voltage mode", conformance_of::dji::gm6020_voltage),
     ("Damiao J4310, MIT", conformance_of::damiao::j4310_mit),
     ("Damiao J4310, velocity", conformance_of::damiao::j4310_velocity),
+    ("Damiao J4310, position-velocity", conformance_of::damiao::j4310_position_velocity),
+    ("Damiao J4310, force-position", conformance_of::damiao::j4310_force_position),
     // One line for each further model, one file for each vendor in `conformance_of/`.
 ];
 

@@ -1,4 +1,3 @@
-use rc10_app::Rpm;
 use rc10_motor::{SafeState, Target, TargetKind};
 
 use crate::case::{Case, Findings, Halt, Outcome};
@@ -30,7 +29,7 @@ pub(super) fn back_on_the_wire(case: &Case<'_>, found: &mut Findings) {
             rig.get_going()?;
             rig.esc.set_load(0.0);
             // What is wanted when it comes back is far from what it does.
-            let back = Target::Speed(Rpm::new(-rig.declared.cruise.get()));
+            let back = rig.declared.backward();
             rig.bench.wire.set_cut(true);
             rig.wait(Some(back), millis);
             rig.bench.wire.set_cut(false);

@@ -43,7 +43,7 @@ fn share(case: &Case<'_>) -> Outcome {
         // The one that ran before has to come to a stand first.
         for _ in 0..case.declared.enables_within + 3000 {
             let now = bench.world.now();
-            let _ = bench.bus.command(motors[runs], Target::Speed(case.declared.cruise), now);
+            let _ = bench.bus.command(motors[runs], case.declared.onward(), now);
             let _ = bench.bus.command(motors[rests], Target::Coast, now);
             bench.tick();
             rested += 1;

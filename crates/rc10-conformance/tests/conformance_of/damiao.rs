@@ -9,13 +9,9 @@ use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
 const FULL: f32 = 7.0;
 
 fn j4310(control: Control, mode: Mode, declared: Declaration) -> Result<(), Report> {
-    let trials = [
-        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
-        Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
-    ];
     let ids = |id: u8| (u16::from(id), u16::from(id) + 0x20);
     check(
-        &declared.with_trials(&trials),
+        &declared,
         |id| {
             let (can_id, master_id) = ids(id);
             Damiao::new(models::J4310, can_id, master_id, control).unwrap()
@@ -27,6 +23,15 @@ fn j4310(control: Control, mode: Mode, declared: Declaration) -> Result<(), Repo
         },
     )
 }
+
+const SPEEDS: [Trial; 2] = [
+    Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
+    Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
+];
+const ANGLES: [Trial; 2] = [
+    Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 5000),
+    Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-360)), 1.0, 12_000),
+];
 
 /// The registers that it compares before it enables are read one after the other.
 fn declared() -> Declaration {
@@ -45,13 +50,32 @@ pub fn j4310_mit() -> Result<(), Report> {
     let spring = Impedance { angle: Degrees::new(90.0), kp: 8.0, kd: 0.8, ..Impedance::default() };
     let declared = declared().with_trials(&[
         Trial::new(Target::Torque(NewtonMetres::new(3.5)), 0.1, 100),
-        Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 3000),
-        Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-360)), 1.0, 4000),
         Trial::new(Target::Impedance(spring), 3.0, 3000),
     ]);
-    j4310(Control::Mit(cascade), Mode::Mit, declared)
+    j4310(Control::Mit(cascade), Mode::Mit, declared.with_trials(&SPEEDS).with_trials(&ANGLES))
 }
 
 pub fn j4310_velocity() -> Result<(), Report> {
-    j4310(Control::Velocity, Mode::Velocity, declared())
+    j4310(Control::Velocity, Mode::Velocity, declared().with_trials(&SPEEDS))
+}
+
+/// These take no speed, and reach two turns from zero: they cruise slowly.
+fn to_angles(control: Control, mode: Mode) -> Result<(), Report> {
+    let declared = Declaration {
+        cruise: SLOW,
+        far: Some(TotalAngle::from_degrees(700)),
+        ..declared().with_trials(&ANGLES)
+    };
+    j4310(control, mode, declared)
+}
+
+const SLOW: Rpm = Rpm::new(15.0);
+
+pub fn j4310_position_velocity() -> Result<(), Report> {
+    to_angles(Control::PositionVelocity { speed: SLOW }, Mode::PositionVelocity)
+}
+
+pub fn j4310_force_position() -> Result<(), Report> {
+    let control = Control::ForcePosition { speed: SLOW, torque_share: 0.5 };
+    to_angles(control, Mode::ForcePosition)
 }
