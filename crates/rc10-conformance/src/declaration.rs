@@ -35,6 +35,8 @@ pub struct Declaration {
     /// Whether its shaft turns freely when it coasts. Where it cannot, torque against the movement
     /// counts as none.
     pub coasts_freely: Claim,
+    /// Whether it can be disabled. Disarmed and after a fault its bridge must be open then.
+    pub disables: Claim,
     /// Whether [`Drive::Brake`](rc10_motor::Drive::Brake) slows it down.
     pub brakes: Claim,
     /// Whether [`Drive::Hold`](rc10_motor::Drive::Hold) keeps its angle.
@@ -83,7 +85,7 @@ impl Trial {
 
 impl Declaration {
     /// A motor that is driven at once, stops within 10 ms, starts as softly as a
-    /// [`Servo`](rc10_motor::servo::Servo) does, coasts freely, brakes and holds, and works easily
+    /// [`Servo`](rc10_motor::servo::Servo) does, coasts freely, disables, brakes and holds, and works easily
     /// against a tenth of its full torque. 0.2 % of that is none.
     #[must_use]
     pub fn new(ids: [u8; 2], cruise: Rpm, full_torque: NewtonMetres) -> Self {
@@ -100,6 +102,7 @@ impl Declaration {
             hold_gives: 10.0,
             trials: Vec::new(),
             coasts_freely: Claim::Does,
+            disables: Claim::Does,
             brakes: Claim::Does,
             holds: Claim::Does,
             untold_faults: Vec::new(),

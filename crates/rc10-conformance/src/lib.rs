@@ -6,13 +6,14 @@
 //!
 //! ```
 //! use rc10_app::{Amps, NewtonMetres, Rpm};
-//! use rc10_conformance::{Declaration, RULES, Trial, check};
+//! use rc10_conformance::{Claim, Declaration, RULES, Trial, check};
 //! use rc10_motor::Target;
 //! use rc10_motor::dji::{Dji, M3508};
 //! use rc10_sim::{EscConfig, Model};
 //!
 //! let declared = Declaration::new([1, 2], Rpm::new(100.0), NewtonMetres::new(6.0))
 //!     .with_trials(&[Trial::new(Target::Speed(Rpm::new(200.0)), 5.0, 1000)]);
+//! let declared = Declaration { disables: Claim::Cannot("it has no enable command"), ..declared };
 //! let report = check(
 //!     &declared,
 //!     |id| Dji::new(&M3508, id).unwrap(),

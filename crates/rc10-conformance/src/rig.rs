@@ -148,6 +148,14 @@ impl<'m> Rig<'m> {
         }
     }
 
+    /// Its bridge is open, if it has a way to open it.
+    pub(crate) fn is_disabled(&self, when: &str) -> Outcome {
+        if self.esc.state().open || self.declared.disables != Claim::Does {
+            return Ok(());
+        }
+        broken(self.now(), format!("its device is enabled {when}"))
+    }
+
     /// The usual case of it: it had to stop just now.
     pub(crate) fn stops(&mut self, target: Option<Target>, when: &str) -> Outcome {
         let grace = self.declared.stops_within;

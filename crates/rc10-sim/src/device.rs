@@ -185,6 +185,8 @@ pub(crate) struct Unit {
     /// Carries a wheel of a base.
     pub(crate) is_wheel: bool,
     powered: bool,
+    /// Whether the bridge was open in the last step.
+    open: bool,
     muted: bool,
     commands: u64,
     last_command_at: Option<Micros>,
@@ -208,6 +210,7 @@ impl Unit {
             node,
             is_wheel: false,
             powered: false,
+            open: true,
             muted: false,
             commands: 0,
             last_command_at: None,
@@ -283,6 +286,7 @@ impl Unit {
         } else {
             Winding::Open
         };
+        self.open = winding == Winding::Open;
         self.motor.step(winding);
     }
 
@@ -295,6 +299,7 @@ impl Unit {
             torque: self.motor.plant().torque_constant * self.motor.current,
             temperature: self.motor.temperature,
             powered: self.powered,
+            open: self.open,
             command: if self.powered { self.device.command() } else { 0 },
             commands: self.commands,
             last_command_at: self.last_command_at,
@@ -321,6 +326,8 @@ pub struct EscState {
     pub temperature: f64,
     /// Whether the ESC has power.
     pub powered: bool,
+    /// Whether its bridge is open: it has no power, or drives nothing, not even no current.
+    pub open: bool,
     /// The raw command it obeys: the last one it got since power-on, 0 before. 0 also of devices
     /// whose commands are more than one number.
     pub command: i16,

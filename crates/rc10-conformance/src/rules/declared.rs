@@ -49,7 +49,7 @@ pub(super) fn every_target_is_tried(case: &Case<'_>, found: &mut Findings) {
     if !(declared.cruise.get() > 0.0 && declared.load > declared.no_torque * 2.0) {
         found.add(None, "cruise must be above 0, and load far above no_torque".to_owned());
     }
-    let claims = [declared.coasts_freely, declared.brakes, declared.holds];
+    let claims = [declared.coasts_freely, declared.disables, declared.brakes, declared.holds];
     if claims.contains(&Claim::Cannot("")) {
         found.add(None, "what it cannot do needs a reason".to_owned());
     }

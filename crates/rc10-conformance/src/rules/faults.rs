@@ -69,8 +69,10 @@ pub(super) fn fault_waits(case: &Case<'_>, found: &mut Findings) {
         let _ = is_told(rig, fault);
         rig.wait(Some(cruise), rig.declared.stops_within);
         rig.rests(Some(cruise), (0, 300), &format!("of commands after {fault:?}"))?;
+        rig.is_disabled(&format!("after {fault:?}"))?;
         restart(rig);
         rig.rests(Some(cruise), (0, 300), &format!("after a restart, with {fault:?} not cleared"))?;
+        rig.is_disabled(&format!("after a restart, with {fault:?} not cleared"))?;
         let answer = rig.ask(Request::ClearFault);
         if let Err(error) = answer {
             return broken(rig.now(), format!("clearing {fault:?}: {error}"));

@@ -123,12 +123,12 @@ pub const RULES: &[Rule] = &[
     ),
     rule(
         "off-until-armed",
-        "Commanded while the robot was never armed, it drives nothing.",
+        "Commanded while the robot was never armed, it drives and enables nothing.",
         stopping::off_until_armed,
     ),
     rule(
         "disarm",
-        "Disarmed it has no torque any more, and armed again it runs.",
+        "Disarmed it has no torque any more and its device is disabled; armed again it runs.",
         stopping::disarm,
     ),
     rule(
@@ -200,7 +200,7 @@ pub const RULES: &[Rule] = &[
     ),
     rule(
         "fault-waits",
-        "After a fault it stays so until `ClearFault`, also if its device is restarted; then it \
+        "After a fault its device stays disabled until `ClearFault`, also if it is restarted; then it \
          runs again.",
         faults::fault_waits,
     ),

@@ -42,6 +42,7 @@ pub(super) fn off_until_armed(case: &Case<'_>, found: &mut Findings) {
         let targets: Vec<_> = rig.declared.trials.iter().map(|trial| trial.target).collect();
         for target in targets.into_iter().chain([rig.cruise()]) {
             rig.rests(Some(target), (0, 100), "of being commanded while disarmed")?;
+            rig.is_disabled("by a command while disarmed")?;
         }
         rig.rests(None, (0, 100), "after the last command while disarmed")
     }));
@@ -54,6 +55,7 @@ pub(super) fn disarm(case: &Case<'_>, found: &mut Findings) {
             let cruise = rig.cruise();
             rig.switch.disarm();
             rig.stops(Some(cruise), "after disarming")?;
+            rig.is_disabled("after disarming")?;
             rig.watch();
             let _ = rig.switch.arm();
             rig.goes_again(cruise, "armed again")?;

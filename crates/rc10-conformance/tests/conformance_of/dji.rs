@@ -19,7 +19,10 @@ fn dji(
     ];
     let plant: Plant = esc.plant().with_load_inertia(inertia);
     check(
-        &declared.with_trials(&trials),
+        &Declaration {
+            disables: Claim::Cannot("it has no enable command"),
+            ..declared.with_trials(&trials)
+        },
         |id| Dji::new(model, id).unwrap(),
         |wire, id| wire.add_esc(EscConfig { plant, ..EscConfig::new(esc, id) }).unwrap(),
     )

@@ -52,6 +52,9 @@ pub enum Spoil {
     ZeroMoves,
     FaultUnheard,
     NeverRecovers,
+    StaysEnabled,
+    EnablesUnarmed,
+    EnablesFaulted,
 }
 
 impl Spoil {
@@ -103,5 +106,8 @@ impl Spoil {
         ("set-zero", Self::ZeroMoves),
         ("fault-is-told", Self::FaultUnheard),
         ("fault-waits", Self::NeverRecovers),
+        ("disarm", Self::StaysEnabled),
+        ("off-until-armed", Self::EnablesUnarmed),
+        ("fault-waits", Self::EnablesFaulted),
     ];
 }

@@ -85,7 +85,7 @@ impl Spoiled {
     fn drives_anyhow(&self) -> bool {
         match self.spoil {
             Spoil::DrivesUnheard => self.report.is_none() && self.drive == Drive::Run,
-            Spoil::DrivesUnarmed => {
+            Spoil::DrivesUnarmed | Spoil::EnablesUnarmed => {
                 let told = self.good.target() != Target::Coast;
                 !self.was_armed && !self.was_asked && told && self.report.is_some()
             }
@@ -93,7 +93,10 @@ impl Spoiled {
                 self.drive == Drive::Off && self.before == Drive::Run && self.since < 60
             }
             Spoil::ClearingDrives | Spoil::ZeroMoves => self.wrong_for > 0,
-            Spoil::ForgetsFaults => self.fault().is_some() && self.wrong_for > 0,
+            Spoil::ForgetsFaults | Spoil::EnablesFaulted => {
+                self.fault().is_some() && self.wrong_for > 0
+            }
+            Spoil::StaysEnabled => self.drive == Drive::Off && self.before != Drive::Off,
             _ => false,
         }
     }
@@ -294,7 +297,9 @@ impl CanMotor for Spoiled {
                 let lost_it = was_enabled && !self.is_enabled();
                 lost_it && self.silence < 9 && self.drive == Drive::Run && self.fault().is_none()
             }
-            Spoil::ForgetsFaults => self.silence > 50 && self.fault().is_some(),
+            Spoil::ForgetsFaults | Spoil::EnablesFaulted => {
+                self.silence > 50 && self.fault().is_some()
+            }
             _ => false,
         };
         if wrong {
@@ -314,7 +319,12 @@ impl CanMotor for Spoiled {
         match self.spoil {
             _ if self.drives_anyhow() => {
                 let enable = !self.is_enabled() && self.ticks.is_multiple_of(2);
-                frame = self.command(if enable { Command::Enable } else { Command::Torque(0.5) });
+                let torque = match self.spoil {
+                    Spoil::StaysEnabled | Spoil::EnablesUnarmed | Spoil::EnablesFaulted => 0.0,
+                    _ => 0.5,
+                };
+                frame =
+                    self.command(if enable { Command::Enable } else { Command::Torque(torque) });
             }
             Spoil::UndeclaredFrame if self.ticks.is_multiple_of(100) => {
                 tx.push(CanFrame::exact(ExtendedId::new(0x7B0).unwrap(), [0]))?;
