@@ -2,8 +2,8 @@
 
 use super::{controls, motor};
 use proptest::prelude::*;
-use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
+use rc10_can::{CanFrame, CanPort};
 use rc10_motor::damiao::registers::{Access, Register, Value};
 use rc10_motor::damiao::wire::{self, DeviceId, Feedback};
 use rc10_motor::damiao::{Limits, Setpoint, models};
@@ -192,4 +192,40 @@ fn operations_are_understood_in_every_mode() {
             assert_eq!(device::Operation::decode(frame.bytes()), Some(theirs));
         }
     }
+}
+
+/// Frames as other drivers send them: eight bytes for every question, eight for a velocity.
+#[test]
+fn frames_of_other_drivers_are_answered() {
+    let mut world = rc10_sim::World::new(5);
+    let wire = world.add_bus(rc10_sim::BusConfig::default());
+    let config = device::DamiaoConfig::j4310(0x01, 0x11);
+    let esc = wire.add(device::Damiao::new(&config), config.plant);
+    let mut port = wire.port();
+    let mut millis = 0;
+    let mut say = |raw: u16, data: [u8; 8]| {
+        let _ = port.submit(&CanFrame::eight_bytes(StandardId::new(raw).unwrap(), data));
+        millis += 1;
+        world.advance(rc10_can::Micros::from_millis(millis));
+        port.receive().map(|(frame, _)| (frame.raw_id(), *frame.all_eight().unwrap()))
+    };
+    let operation = |last| [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last];
+    let (id, report) = say(0x01, operation(0xFC)).unwrap();
+    assert_eq!((id, report[0]), (0x11, 0x11), "enabled");
+    let (_, limit) = say(0x7FF, [1, 0, 0x33, 21, 0, 0, 0, 0]).unwrap();
+    assert_eq!(limit, [1, 0, 0x33, 21, 0, 0, 0x48, 0x41]);
+    let (_, report) = say(0x7FF, [1, 0, 0xCC, 0, 0, 0, 0, 0]).unwrap();
+    assert_eq!(report[0], 0x11);
+    assert_eq!(say(0x7FF, [2, 0, 0x33, 21, 0, 0, 0, 0]), None, "somebody else");
+    let (_, held) = say(0x7FF, [1, 0, 0x55, 10, 3, 0, 0, 0]).unwrap();
+    assert_eq!(held, [1, 0, 0x55, 10, 3, 0, 0, 0]);
+    let [a, b, c, d] = 5.0_f32.to_le_bytes();
+    let (_, report) = say(0x201, [a, b, c, d, 0, 0, 0, 0]).unwrap();
+    assert_eq!(report[0], 0x11);
+    // Another mode's frame is answered, and not obeyed.
+    assert!(say(0x01, [0xFF; 8]).is_some());
+    let followed = esc.with(|damiao: &mut device::Damiao| damiao.setpoint()).unwrap();
+    assert_eq!(followed, Some(device::Setpoint::Velocity(5.0)));
+    let (_, report) = say(0x201, operation(0xFD)).unwrap();
+    assert_eq!(report[0], 0x01, "disabled");
 }

@@ -130,6 +130,8 @@ fn every_fault_stops_it_and_only_clearing_it_helps() {
             rig.bench.hold(rig.motor, target, 3).unwrap();
             let fault = rig.status().fault.unwrap();
             assert_eq!((fault.code, fault.text), (code, text));
+            let said = rig.bench.sent().frames()[0].bytes().last().copied();
+            assert_eq!(said, Some(0xFD), "asked to disable, not to enable");
             assert_eq!((rig.status().drive, rig.status().link), (Drive::Hold, Link::Online));
             // Gone by itself, it is still a fault.
             let stays = wrong != EscFault::CommunicationLost;
@@ -153,21 +155,53 @@ fn every_fault_stops_it_and_only_clearing_it_helps() {
 /// Restarted, the device has forgotten its error; the fault is still ours to clear.
 #[test]
 fn a_restart_clears_no_fault() {
-    let switch = ArmSwitch::new();
-    let mut motor = motor(mit());
-    let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST).armed();
-    let target = target_of(&mit());
-    rig.bench.hold(rig.motor, target, 50).unwrap();
-    assert!(rig.esc.inject(EscFault::OverCurrent));
-    rig.bench.hold(rig.motor, target, 5).unwrap();
-    rig.esc.set_power(false);
-    rig.bench.hold(rig.motor, target, 50).unwrap();
-    rig.esc.set_power(true);
-    rig.bench.hold(rig.motor, target, 50).unwrap();
-    assert!(rig.status().fault.is_some() && !rig.is_enabled());
-    assert_eq!(rig.ask(Request::ClearFault), Ok(Answer::Done));
-    rig.bench.hold(rig.motor, target, 20).unwrap();
-    assert!(rig.is_enabled());
+    for verify in [true, false] {
+        let switch = ArmSwitch::new();
+        let mut motor = motor(mit()).verify_limits(verify);
+        let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::HOLD).armed();
+        let target = target_of(&mit());
+        rig.bench.hold(rig.motor, target, 50).unwrap();
+        assert!(rig.esc.inject(EscFault::OverCurrent));
+        rig.bench.hold(rig.motor, target, 5).unwrap();
+        rig.esc.set_power(false);
+        rig.bench.hold(rig.motor, target, 50).unwrap();
+        rig.esc.set_power(true);
+        rig.bench.hold(rig.motor, target, 50).unwrap();
+        assert!(rig.status().fault.is_some() && !rig.is_enabled());
+        assert_eq!(rig.ask(Request::ClearFault), Ok(Answer::Done));
+        rig.bench.hold(rig.motor, target, 20).unwrap();
+        assert!(rig.is_enabled());
+    }
+}
+
+/// What came back may be set up otherwise: it is looked at again before it is enabled.
+#[test]
+fn a_restarted_device_is_looked_at_again() {
+    // Shorter than the link timeout, and longer.
+    for pause in [3, 300] {
+        let wrong = rc10_sim::damiao::Limits { position: 3.2, velocity: 30.0, torque: 10.0 };
+        let switch = ArmSwitch::new();
+        let mut motor = motor(mit());
+        let config = DamiaoConfig { limits: wrong, ..device(&mit()) };
+        let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST);
+        rig.bench.wait(20);
+        // Set right, and not saved.
+        let position = 12.5_f32.to_bits();
+        assert_eq!(rig.ask(Request::WriteRegister(21, position)), Ok(Answer::Done));
+        assert_eq!(rig.ask(Request::ClearFault), Ok(Answer::Done));
+        let mut rig = rig.armed();
+        let target = Target::Speed(Rpm::new(30.0));
+        rig.bench.hold(rig.motor, target, 50).unwrap();
+        assert!(rig.is_enabled());
+        rig.esc.set_power(false);
+        rig.bench.hold(rig.motor, target, pause).unwrap();
+        rig.esc.set_power(true);
+        for _ in 0..50 {
+            rig.bench.hold(rig.motor, target, 1).unwrap();
+            assert!(!rig.is_enabled(), "{pause}");
+        }
+        assert_eq!(rig.status().fault.unwrap().code, 0x115);
+    }
 }
 
 /// Register 9: the device stops by itself when nobody speaks to it.

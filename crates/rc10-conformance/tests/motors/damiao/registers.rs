@@ -83,8 +83,17 @@ fn registers_are_written_and_saved_only_while_disarmed() {
         switch.arm().unwrap();
         rig.bench.wait(2);
         for request in [Request::WriteRegister(9, 0), Request::SaveRegisters, Request::StoreZero] {
-            assert_eq!(rig.ask(request), Err(RequestError::NotWhileArmed), "{request:?}");
+            let refused = rig.bench.bus.request(rig.motor, request);
+            assert_eq!(refused, Err(RequestError::NotWhileArmed), "{request:?}");
         }
+        // Disarmed, but still enabled.
+        rig.bench.hold(rig.motor, Target::Speed(Rpm::new(10.0)), 5).unwrap();
+        switch.disarm();
+        let refused = rig.bench.bus.request(rig.motor, Request::StoreZero);
+        assert_eq!((refused, rig.is_enabled()), (Err(RequestError::NotWhileArmed), true));
+        rig.bench.tick();
+        let refused = rig.bench.bus.request(rig.motor, Request::StoreZero);
+        assert_eq!(refused, Err(RequestError::NotWhileArmed));
         // Armed before it goes out.
         switch.disarm();
         rig.bench.wait(2);
