@@ -67,6 +67,7 @@
 mod can;
 mod control;
 mod dialogue;
+mod goal;
 pub mod mit;
 pub mod models;
 mod motor;

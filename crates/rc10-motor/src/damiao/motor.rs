@@ -1,20 +1,20 @@
 //! The motor: what a target becomes, and when the device may move.
 
 use embedded_can::StandardId;
-use rc10_app::maths::round_to_i32;
-use rc10_app::{ConfigError, CountsPerTurn, Seconds, TotalAngle};
+use rc10_app::{ConfigError, Seconds, TotalAngle};
 use rc10_can::{CanFrame, Micros};
 
 use super::control::{Control, Steering};
 use super::dialogue::{Dialogue, News, Situation};
+use super::goal::Goal;
 use super::mit::Setpoint;
 use super::models::Model;
 use super::shaft::{LONGEST_SILENCE, RPM_PER_RADIAN_PER_SECOND, Shaft};
 use super::wire::{self, DeviceId, Mode, Operation, REGISTERS, State, operate, standard};
 use crate::dji::Direction;
 use crate::motor::{
-    Answer, Condition, Drive, Fault, Feedback, FrameError, Heard, Impedance, Motor, Request,
-    RequestError, Target, TargetError, TargetSet,
+    Answer, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request, RequestError,
+    Target, TargetError, TargetSet,
 };
 
 /// One Damiao motor. What it does is told in the [module's documentation](super).
@@ -44,22 +44,6 @@ pub struct Damiao {
     is_bare: bool,
 }
 
-/// The target in the device's terms.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Goal {
-    Rest,
-    /// The servo has it.
-    Servo,
-    /// Microdegrees within the turn.
-    Angle(i32),
-    /// Microdegrees of many turns.
-    Total(i64),
-    /// rad/s, as the device counts.
-    Velocity(f32),
-    /// As the device counts.
-    Impedance(Setpoint),
-}
-
 /// What goes out in this tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Command {
@@ -75,7 +59,6 @@ enum Command {
 const SOFT_SLOPE: f32 = 50.0;
 /// Slower than this share of `VMAX` is standing still.
 const STANDSTILL: f32 = 0.005;
-const PHASE_TURN: i32 = 360_000_000;
 
 impl Damiao {
     /// The motor that listens to `can_id` and answers with `master_id`, controlled as `control`
@@ -163,58 +146,6 @@ impl Damiao {
     #[must_use]
     pub const fn mode(&self) -> Mode {
         self.steering.mode()
-    }
-
-    fn goal_of(&self, target: Target) -> Result<Goal, TargetError> {
-        self.supports().accepts(&target)?;
-        let beyond = TargetError::OutOfRange(target.kind());
-        let is_mit = matches!(self.steering, Steering::Mit(_));
-        Ok(match target {
-            Target::Speed(rpm) => {
-                // The device cannot tell of a higher speed either.
-                let velocity = rpm.get() / RPM_PER_RADIAN_PER_SECOND;
-                if velocity.abs() > self.model.limits.velocity() {
-                    return Err(beyond);
-                }
-                if is_mit { Goal::Servo } else { Goal::Velocity(velocity * self.shaft.sign()) }
-            }
-            Target::Angle(degrees) => {
-                let phase = phase_of(degrees.get());
-                self.shaft.nearest(phase).ok_or(beyond)?;
-                Goal::Angle(phase)
-            }
-            Target::TotalAngle(angle) => {
-                let total = angle.counts_at(CountsPerTurn::MICRODEGREES);
-                if !self.shaft.reaches(total) {
-                    return Err(beyond);
-                }
-                if is_mit { Goal::Servo } else { Goal::Total(total) }
-            }
-            Target::Torque(_) => Goal::Servo,
-            Target::Impedance(impedance) => {
-                Goal::Impedance(self.setpoint_of(&impedance).ok_or(beyond)?)
-            }
-            // What is not supported was refused above.
-            _ => Goal::Rest,
-        })
-    }
-
-    /// `None` for what the wire cannot carry; a torque is limited later.
-    fn setpoint_of(&self, impedance: &Impedance) -> Option<Setpoint> {
-        let (limits, sign) = (&self.model.limits, self.shaft.sign());
-        let total = TotalAngle::try_from_degrees(impedance.angle)?.microdegrees();
-        let velocity = impedance.speed.get() / RPM_PER_RADIAN_PER_SECOND;
-        let fits = self.shaft.reaches(total)
-            && velocity.abs() <= limits.velocity()
-            && (0.0..=limits.kp()).contains(&impedance.kp)
-            && (0.0..=limits.kd()).contains(&impedance.kd);
-        fits.then(|| Setpoint {
-            position: self.shaft.device_radians(total),
-            velocity: velocity * sign,
-            kp: impedance.kp,
-            kd: impedance.kd,
-            torque: impedance.torque.get() * sign,
-        })
     }
 
     /// Whether it has to be enabled for what the bus lets it do.
@@ -404,7 +335,8 @@ impl Motor for Damiao {
         if is_same {
             return Ok(());
         }
-        let goal = self.goal_of(target)?;
+        self.supports().accepts(&target)?;
+        let goal = Goal::of(target, &self.steering, &self.shaft, &self.model.limits)?;
         if let (Steering::Mit(servo), Goal::Servo | Goal::Rest) = (&mut self.steering, goal) {
             servo.set_target(target)?;
         }
@@ -489,13 +421,4 @@ impl Motor for Damiao {
 const fn longest_silence() -> f32 {
     #[expect(clippy::cast_precision_loss, reason = "ten milliseconds")]
     return LONGEST_SILENCE.get() as f32 * 1e-6;
-}
-
-/// Any number of degrees as microdegrees within the turn.
-fn phase_of(degrees: f32) -> i32 {
-    let degrees = degrees % 360.0;
-    let degrees = if degrees < 0.0 { degrees + 360.0 } else { degrees };
-    let phase = round_to_i32(degrees * 1e6);
-    // The last steps before a full turn may round up to it.
-    if phase < PHASE_TURN { phase } else { 0 }
 }

@@ -13,7 +13,7 @@ use crate::servo::Measured;
 
 /// Of the output shaft.
 const TURN: i64 = 360_000_000;
-const PHASE_TURN: i32 = 360_000_000;
+pub(super) const PHASE_TURN: i32 = 360_000_000;
 const PER_RADIAN: f32 = 57_295_780.0;
 pub(super) const RPM_PER_RADIAN_PER_SECOND: f32 = 9.549_297;
 /// A device that was silent for longer is a new one: the link timeout of one that answers in every
