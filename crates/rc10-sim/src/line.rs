@@ -121,6 +121,8 @@ struct Place {
     motor: Motor,
     sender: Sender,
     powered: bool,
+    /// Whether its bridge was open in the last step.
+    open: bool,
     muted: bool,
     commands: u64,
     last_command_at: Option<Nanos>,
@@ -191,6 +193,7 @@ impl Line {
             motor: Motor::new(plant, phase),
             sender: Sender::default(),
             powered: false,
+            open: true,
             muted: false,
             commands: 0,
             last_command_at: None,
@@ -262,6 +265,7 @@ impl Line {
             torque: place.motor.plant().torque_constant * place.motor.current,
             temperature: place.motor.temperature,
             powered: place.powered,
+            open: place.open,
             command: 0,
             commands: place.commands,
             last_command_at: place.last_command_at.map(Nanos::micros),
@@ -395,6 +399,7 @@ impl Line {
             } else {
                 Winding::Open
             };
+            place.open = winding == Winding::Open;
             place.motor.step(winding);
         }
     }
