@@ -51,6 +51,7 @@
 
 mod base;
 mod controller;
+pub mod cybergear;
 pub mod damiao;
 mod device;
 mod dji;

@@ -20,16 +20,39 @@
 //! | 21 | [`wire::FaultReport`] | faults, warnings: u32, taken as little endian, as parameters are |
 //!
 //! * The torque is part of the identifier: a newer command does not have an older one's.
-//! * Bit rate (22), saving and switching the reports on are left to the vendor's tool: RobStride
-//!   gives type 22 another meaning than CyberGear.
+//! * Type 22 saves a RobStride's parameters ([`wire::save`]), and changes a CyberGear's bit rate:
+//!   that, and switching RobStride's reports on, is left to the vendor's tool.
 //! * Range-mapped fields are those of [`mit`](crate::damiao::mit).
+//!
+//! ```
+//! use rc10_can::Micros;
+//! use rc10_motor::cybergear::{Address, CyberGear, models};
+//! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target, TxBatch};
+//! use rc10_app::{Rpm, Seconds};
+//!
+//! let switch = ArmSwitch::new();
+//! // Set to identifier 1 with the vendor's tool; 0xFD is what such tools call themselves.
+//! let mut joint = CyberGear::new(&models::CYBERGEAR, Address { motor: 1, host: 0xFD })?;
+//! let mut bus = MotorBus::new(&switch);
+//! let joint = bus.attach(&mut joint, Safety::HOLD)?;
+//! bus.command(joint, Target::Speed(Rpm::new(60.0)), Micros::ZERO)?;
+//! let mut tx = TxBatch::new();
+//! bus.tick(Micros::from_millis(1), Seconds::new(0.001), &mut tx)?;
+//! assert_eq!(tx.frames()[0].to_string(), "0400FD01#0000000000000000"); // not armed: stop
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 //!
 //! Sources: CyberGear manual and its samples, `CyberGearDriver` 0.2.0 (Python); RobStride manuals
 //! RS00 to RS06 (260428).
 
+mod exchange;
 pub mod models;
+mod motor;
+mod position;
+pub mod signals;
 pub mod wire;
 
 pub use crate::damiao::mit::{Limits, Setpoint};
 pub use models::{Faults, Model};
+pub use motor::CyberGear;
 pub use wire::{Address, Reply};

@@ -1,5 +1,8 @@
 //! What tells one model from another: ranges, and what the fault bits mean.
 
+use rc10_app::{PidConfig, RpmPerSecond};
+
+use crate::cascade::Cascade;
 use crate::damiao::mit::Limits;
 use crate::motor::Fault;
 
@@ -13,6 +16,14 @@ pub struct Model {
     pub limits: Limits,
     /// What bits 16 to 21 of a feedback's identifier mean, the gravest first.
     pub faults: &'static [(u8, &'static str); 6],
+    /// What the bits of a [`FaultReport`](super::wire::FaultReport) mean: their mask and text, the
+    /// gravest first.
+    pub details: &'static [(u32, &'static str)],
+    /// Whether it can keep settings and its zero when the power is cut (type 22).
+    pub saves: bool,
+    /// Gains it works well with out of the box, efforts in N m; in simulation from a bare shaft to
+    /// a load of a tenth of a second's full torque at 60 rad/s (CyberGear: 0.02 kg m²).
+    pub cascade: Cascade,
 }
 
 /// CyberGear manual, feedback frame.
@@ -35,9 +46,8 @@ const ROBSTRIDE_FAULTS: [(u8, &str); 6] = [
     (5, "not calibrated"),
 ];
 
-/// What the bits of a [`FaultReport`](super::wire::FaultReport) mean: their mask and text, the
-/// gravest first (CyberGear manual, fault frame).
-pub const DETAILS: [(u32, &str); 9] = [
+/// CyberGear manual, fault frame.
+pub(super) const CYBERGEAR_DETAILS: [(u32, &str); 9] = [
     (1 << 1, "driver chip fault"),
     (1 << 16, "over-current in phase A"),
     (1 << 4, "over-current in phase B"),
@@ -49,13 +59,55 @@ pub const DETAILS: [(u32, &str); 9] = [
     (1 << 7, "encoder not calibrated"),
 ];
 
+/// RobStride manuals RS00, RS04 and RS05, fault frame.
+pub(super) const ROBSTRIDE_DETAILS: [(u32, &str); 11] = [
+    (1 << 1, "driver chip fault"),
+    (1 << 16, "over-current in phase A"),
+    (1 << 4, "over-current in phase B"),
+    (1 << 5, "over-current in phase C"),
+    (1 << 0, "motor too hot"),
+    (1 << 14, "stall overload"),
+    (1 << 3, "over-voltage"),
+    (1 << 2, "under-voltage"),
+    (1 << 9, "position not initialised"),
+    (1 << 8, "hardware not recognised"),
+    (1 << 7, "encoder not calibrated"),
+];
+
+/// Gains in proportion to the torque, because inertia grows about as it does. Nobody seeks angles
+/// at more than two thirds of the largest speed: what is left is for a supply that is low.
+const fn cascade(limits: &Limits) -> Cascade {
+    const RPM_PER_RAD_S: f32 = 30.0 / core::f32::consts::PI;
+    let kp = limits.torque() / 300.0;
+    Cascade {
+        speed: PidConfig::new(kp, 5.0 * kp, 0.0, limits.torque()),
+        angle: PidConfig::new(1.3, 0.0, 0.0, limits.velocity() * RPM_PER_RAD_S * (2.0 / 3.0)),
+        outer_divider: 1,
+        acceleration: RpmPerSecond::new(1000.0),
+        feed_forward: 0.0,
+    }
+}
+
 /// Xiaomi CyberGear: ±12.5 rad, ±30 rad/s, ±12 N m. The manual's table says ±4π rad, its own sample
 /// and every driver 12.5; [`Limits::with_position`] makes it the other.
-pub const CYBERGEAR: Model =
-    Model { name: "CyberGear", limits: Limits::of(12.5, 30.0, 12.0), faults: &CYBERGEAR_FAULTS };
+pub const CYBERGEAR: Model = Model {
+    name: "CyberGear",
+    limits: Limits::of(12.5, 30.0, 12.0),
+    faults: &CYBERGEAR_FAULTS,
+    details: &CYBERGEAR_DETAILS,
+    saves: false,
+    cascade: cascade(&Limits::of(12.5, 30.0, 12.0)),
+};
 
 const fn robstride(name: &'static str, limits: Limits) -> Model {
-    Model { name, limits, faults: &ROBSTRIDE_FAULTS }
+    Model {
+        name,
+        limits,
+        faults: &ROBSTRIDE_FAULTS,
+        details: &ROBSTRIDE_DETAILS,
+        saves: true,
+        cascade: cascade(&limits),
+    }
 }
 
 // RobStride manuals RS00 to RS06, 260428.
@@ -78,6 +130,19 @@ pub const RS06: Model = robstride("RS06", Limits::of(12.57, 50.0, 36.0).gains(50
 
 /// All of them.
 pub const ALL: [&Model; 8] = [&CYBERGEAR, &RS00, &RS01, &RS02, &RS03, &RS04, &RS05, &RS06];
+
+impl Model {
+    /// What a fault frame means: its bits as the code, the gravest as the text; `None` if nothing is
+    /// wrong.
+    #[must_use]
+    pub fn detail(&self, faults: u32) -> Option<Fault> {
+        if faults == 0 {
+            return None;
+        }
+        let known = self.details.iter().find(|(mask, _)| faults & mask != 0);
+        Some(Fault::new(faults, known.map_or("unknown fault", |&(_, text)| text)))
+    }
+}
 
 /// Bits 21 to 16 of a feedback's identifier.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -111,6 +176,7 @@ mod tests {
     fn all_limits_can_be_used_and_all_bits_have_a_text() {
         for model in ALL {
             assert_eq!(model.limits.checked(), Ok(model.limits), "{}", model.name);
+            assert_eq!(model.cascade.validate(), Ok(()), "{}", model.name);
             for bit in 0..6 {
                 assert!(Faults::from_bits(1 << bit).gravest(model).is_some(), "{bit}");
             }
@@ -123,5 +189,9 @@ mod tests {
         let faults = Faults::from_bits(0b10_0011);
         assert_eq!(faults.gravest(&CYBERGEAR), Some(Fault::new(0x23, "over-current")));
         assert_eq!(faults.gravest(&RS04), Some(Fault::new(0x23, "driver fault")));
+        assert_eq!(CYBERGEAR.detail(0), None);
+        assert_eq!(CYBERGEAR.detail(0x4001), Some(Fault::new(0x4001, "motor too hot (80 °C)")));
+        assert_eq!(RS04.detail(0x4008), Some(Fault::new(0x4008, "stall overload")));
+        assert_eq!(RS04.detail(1 << 31), Some(Fault::new(1 << 31, "unknown fault")));
     }
 }

@@ -25,7 +25,7 @@ pub struct Address {
 }
 
 /// What a frame is for: bits 28 to 24 of the identifier.
-mod kind {
+pub(super) mod kind {
     pub const IDENTITY: u8 = 0;
     pub const MOTION: u8 = 1;
     pub const FEEDBACK: u8 = 2;
@@ -36,6 +36,8 @@ mod kind {
     pub const READ: u8 = 17;
     pub const WRITE: u8 = 18;
     pub const FAULTS: u8 = 21;
+    /// RobStride only: a CyberGear changes its bit rate.
+    pub const SAVE: u8 = 22;
     /// RobStride only.
     pub const REPORT: u8 = 24;
 }
@@ -139,6 +141,12 @@ pub fn read(to: Address, parameter: Parameter) -> CanFrame {
     access(kind::READ, to, parameter, [0; 4])
 }
 
+/// Sets a parameter, little endian, until the power is cut; answered with feedback.
+#[must_use]
+pub fn write(to: Address, parameter: Parameter, bytes: [u8; 4]) -> CanFrame {
+    access(kind::WRITE, to, parameter, bytes)
+}
+
 /// Sets a parameter of one byte, until the power is cut.
 #[must_use]
 pub fn write_byte(to: Address, parameter: Parameter, value: u8) -> CanFrame {
@@ -149,6 +157,13 @@ pub fn write_byte(to: Address, parameter: Parameter, value: u8) -> CanFrame {
 #[must_use]
 pub fn write_real(to: Address, parameter: Parameter, value: f32) -> CanFrame {
     access(kind::WRITE, to, parameter, sendable(value).to_le_bytes())
+}
+
+/// A RobStride keeps its parameters when the power is cut; answered with feedback. **Never to a
+/// CyberGear**: there the first byte is a new bit rate, 500 kbit/s for example.
+#[must_use]
+pub fn save(to: Address) -> CanFrame {
+    frame(kind::SAVE, to.host.into(), to.motor, [1, 2, 3, 4, 5, 6, 7, 8])
 }
 
 fn access(kind: u8, to: Address, parameter: Parameter, value: [u8; 4]) -> CanFrame {
@@ -201,6 +216,8 @@ pub struct Feedback {
     pub mode: Mode,
     /// What is wrong.
     pub faults: Faults,
+    /// Position as its field, 0 ..= 65535.
+    pub steps: u16,
     /// In rad.
     pub position: f32,
     /// In rad/s.
@@ -219,6 +236,8 @@ pub struct ParameterValue {
     pub address: Address,
     /// Which one.
     pub parameter: Parameter,
+    /// There is no such one, and the bytes mean nothing (RobStride manuals, type 17: bits 23 to 16).
+    pub refused: bool,
     /// Little endian.
     pub bytes: [u8; 4],
 }
@@ -271,7 +290,9 @@ impl Reply {
             kind::READ => {
                 let [low, high, _, _, a, b, c, d] = *bytes?;
                 let parameter = Parameter(u16::from_le_bytes([low, high]));
-                Ok(Self::Parameter(ParameterValue { address, parameter, bytes: [a, b, c, d] }))
+                let bytes = [a, b, c, d];
+                let refused = upper != 0;
+                Ok(Self::Parameter(ParameterValue { address, parameter, refused, bytes }))
             }
             kind::FAULTS => {
                 let [a, b, c, d, e, f, g, h] = *bytes?;
@@ -302,6 +323,7 @@ fn feedback(address: Address, upper: u8, bytes: &[u8; 8], limits: &Limits) -> Fe
             _ => Mode::Unknown,
         },
         faults: Faults::from_bits(upper),
+        steps: u16::from_be_bytes([a, b]),
         position: unpack_signed::<16>(motion >> 16, limits.position()),
         velocity: unpack_signed::<16>(motion & full(16), limits.velocity()),
         torque: unpack_signed::<16>(rest >> 16, limits.torque()),

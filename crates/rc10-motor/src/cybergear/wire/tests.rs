@@ -84,6 +84,10 @@ fn parameters_faults_and_identities_are_told_apart() {
     assert_eq!((value.real(), value.byte()), (Some(24.0), 0));
     let infinite = ParameterValue { bytes: [0, 0, 0x80, 0x7F], ..value };
     assert_eq!(infinite.real(), None);
+    let Ok(Reply::Parameter(unknown)) = unpack(0x1101_7FFD, [0x1C, 0x77, 0, 0, 0, 0, 0, 0]) else {
+        panic!("no parameter")
+    };
+    assert!(unknown.refused && !value.refused);
     assert_eq!(
         unpack(0x1500_7FFD, [4, 0, 1, 0, 1, 0, 0, 0]),
         Ok(Reply::Faults(FaultReport { address, faults: 0x1_0004, warnings: 1 }))

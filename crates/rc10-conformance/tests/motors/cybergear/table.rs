@@ -1,0 +1,119 @@
+//! The signal table against the codec.
+
+use std::collections::BTreeSet;
+
+use rc10_can::CanFrame;
+use rc10_motor::cybergear::signals::{NOT_IN_DBC, messages};
+use rc10_motor::signals::{Message, Presence};
+
+use super::values::{PARAMETERS, values};
+use super::{ADDRESS, models};
+
+/// Any bits, the same in every run (xorshift64*).
+struct Bits(u64);
+
+impl Bits {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
+    }
+}
+
+/// Values of the table, present ones only.
+fn physical(message: &Message, frame: &CanFrame) -> Vec<(&'static str, f64)> {
+    let switch = message.signals.iter().find(|signal| signal.presence == Presence::Switch);
+    let selected = switch.map(|signal| signal.raw(frame.bytes()).unwrap());
+    let is_there = |presence| match presence {
+        Presence::If(value) => selected == Some(value.into()),
+        _ => true,
+    };
+    let there = message.signals.iter().filter(|signal| is_there(signal.presence));
+    there.map(|signal| (signal.name, signal.physical(frame.bytes()).unwrap())).collect()
+}
+
+#[test]
+fn the_table_reads_ten_thousand_frames_as_the_codec_does() {
+    let mut bits = Bits(1);
+    let mut seen = BTreeSet::new();
+    let mut frames = 0;
+    let mut compared = 0;
+    while frames < 10_000 {
+        for (model, _) in models() {
+            for message in messages(model, ADDRESS).iter().filter(|message| message.from_device) {
+                let mut data = bits.next().to_le_bytes();
+                if message.name.ends_with("PARAMETER") {
+                    let choice = usize::try_from(bits.next() % 10).unwrap();
+                    let index = PARAMETERS.get(choice).map_or(0x7005, |(index, _)| index.0);
+                    data[..2].copy_from_slice(&index.to_le_bytes());
+                }
+                let frame = CanFrame::eight_bytes(message.id, data);
+                let ours = values(message.name, &frame, model);
+                let table = physical(message, &frame);
+                frames += 1;
+                // What is no number, our codec does not hand out.
+                if table.iter().any(|(_, value)| !value.is_finite()) {
+                    continue;
+                }
+                assert_eq!(ours.len(), table.len(), "{} {frame}", message.name);
+                for (name, value) in ours {
+                    let (_, wanted) = table.iter().find(|(known, _)| *known == name).unwrap();
+                    let off = (value - wanted).abs();
+                    assert!(off <= 1e-6 * wanted.abs().max(1.0) * 4.0, "{name} {value} {wanted}");
+                    seen.insert((message.name, name));
+                    compared += 1;
+                }
+            }
+        }
+    }
+    assert!(compared > 40_000, "{compared}");
+    let all: BTreeSet<_> = models()
+        .flat_map(|(model, _)| messages(model, ADDRESS))
+        .filter(|message| message.from_device)
+        .flat_map(|message| message.signals.iter().map(move |signal| (message.name, signal.name)))
+        .collect();
+    assert_eq!(seen, all);
+}
+
+#[test]
+fn messages_have_names_and_identifiers_of_their_own() {
+    for (model, _) in models() {
+        let all = messages(model, ADDRESS);
+        assert_eq!(all.len(), if model.saves { 10 } else { 9 });
+        let ids: BTreeSet<_> = all.iter().map(|message| CanFrame::key_of(message.id)).collect();
+        let names: BTreeSet<_> = all.iter().map(|message| message.name).collect();
+        assert_eq!((ids.len(), names.len()), (all.len(), all.len()));
+    }
+    assert!(NOT_IN_DBC.iter().any(|line| line.contains("torque")));
+}
+
+/// What a host sends is read as the device reads it.
+#[test]
+fn commands_in_the_table_are_the_devices() {
+    use rc10_sim::cybergear::wire::{Command, read};
+    for (model, theirs) in models() {
+        for message in messages(model, ADDRESS).iter().filter(|message| !message.from_device) {
+            let mut data = [0x05, 0x70, 0, 0, 2, 0, 0, 0];
+            if message.name.ends_with("SAVE") {
+                data = [1, 2, 3, 4, 5, 6, 7, 8];
+            }
+            if message.name.ends_with("STOP") || message.name.ends_with("ZERO") {
+                data[0] = 1;
+            }
+            let (to, host, command) =
+                read(&CanFrame::eight_bytes(message.id, data), theirs).unwrap();
+            assert_eq!((to, host), (ADDRESS.motor, ADDRESS.host));
+            let wanted = match message.name.split_once('_').unwrap().1 {
+                "ENABLE" => Command::Enable,
+                "STOP" => Command::Stop { clear: true },
+                "SET_ZERO" => Command::SetZero,
+                "READ_PARAMETER" => Command::Read(0x7005),
+                "WRITE_PARAMETER" => Command::Write(0x7005, [2, 0, 0, 0]),
+                "SAVE" => Command::SaveOrBitRate(data),
+                other => panic!("{other}"),
+            };
+            assert_eq!(command, Ok(wanted));
+        }
+    }
+}

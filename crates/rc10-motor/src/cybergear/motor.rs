@@ -1,0 +1,561 @@
+//! A [`CyberGear`]: any model of [`models`](super::models), as a motor on a bus.
+
+use core::f32::consts::PI;
+
+use embedded_can::ExtendedId;
+use rc10_app::{Celsius, ConfigError, CountsPerTurn, NewtonMetres, Rpm, Seconds, TotalAngle};
+use rc10_can::{CanFrame, IdPattern, Micros};
+
+use super::exchange::{Ask, Exchange, Outcome};
+use super::models::Model;
+use super::position::Position;
+use super::wire::{self, Address, Mode, Parameter, ParameterValue, Reply};
+use crate::batch::{TxBatch, TxFull};
+use crate::cascade::Cascade;
+use crate::damiao::mit::{Limits, Setpoint};
+use crate::dji::Direction;
+use crate::motor::{
+    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Impedance, Motor,
+    Request, RequestError, Target, TargetError, TargetKind, TargetSet,
+};
+use crate::servo::{Measured, Servo};
+use crate::wiring::{Rate, Receive, Share, Transmit, Wiring};
+
+/// One CyberGear or RobStride.
+///
+/// Speeds and angles are controlled here and sent as torques; [`Target::Impedance`] is the device's
+/// own loop. Both are motion control, its run mode 0, which is checked before it is enabled.
+#[derive(Clone, Debug)]
+pub struct CyberGear {
+    model: &'static Model,
+    limits: Limits,
+    address: Address,
+    direction: Direction,
+    servo: Servo,
+    impedance: Option<Impedance>,
+    /// How much of an impedance is given: from 0 to 1 after it begins.
+    share: f32,
+    setpoint: Setpoint,
+    drive: Drive,
+    step: Step,
+    /// Seconds since its last feedback; meaningless before the first.
+    silence: f32,
+    position: Position,
+    seen: Seen,
+    fault: Option<Fault>,
+    exchange: Option<Exchange>,
+    answer: Option<Outcome>,
+}
+
+/// How far it is with enabling: the device's answers lead from one to the next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    /// Sends stops, which are answered.
+    Stopped,
+    /// The same, and asks for the run mode.
+    Checking,
+    /// The same, and sets the run mode.
+    Setting,
+    /// Sends enables until the device says that it runs.
+    Enabling,
+    /// Sends setpoints.
+    Running,
+}
+
+/// The newest feedback, in the device's direction.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    at: Micros,
+    /// rad/s.
+    speed: f32,
+    /// N m.
+    torque: f32,
+    temperature: Celsius,
+    runs: bool,
+}
+
+/// As the bus has it for feedback in every tick, in both units of time it is needed in.
+const LINK_TIMEOUT: f32 = 0.010;
+const LINK_TIMEOUT_MICROS: Micros = Micros::from_millis(10);
+/// No device starts within this time: if it does not run before and after a shorter silence, it
+/// was there all the time.
+const RESTART: Micros = Micros::from_millis(100);
+/// An impedance is given in full after so many seconds.
+const SOFT_TIME: f32 = 0.1;
+const RPM: f32 = 30.0 / PI;
+const MOTION: u32 = 1 << 24;
+/// What no host is called: the address for everybody.
+const EVERYBODY: u8 = 0xFE;
+
+impl CyberGear {
+    /// The targets it takes.
+    pub const TARGETS: TargetSet = TargetSet::of(&[
+        TargetKind::Coast,
+        TargetKind::Torque,
+        TargetKind::Speed,
+        TargetKind::Angle,
+        TargetKind::TotalAngle,
+        TargetKind::Impedance,
+    ]);
+
+    /// A motor of the model that is set to an identifier of 1 ..= 127, and a host, which is any
+    /// number below 0xFE that no motor on the bus has (vendors' tools: 0xFD). Turning forward, with
+    /// the gains that come with the model.
+    ///
+    /// # Errors
+    /// [`ConfigError`], naming the field that cannot be used.
+    pub fn new(model: &'static Model, address: Address) -> Result<Self, ConfigError> {
+        let Address { motor, host } = address;
+        if !(1..=127).contains(&motor) {
+            return Err(ConfigError { field: "motor", value: motor.into(), must_be: "1 to 127" });
+        }
+        if host == motor || host >= EVERYBODY {
+            let must_be = "below 254, and not the motor's own identifier";
+            return Err(ConfigError { field: "host", value: host.into(), must_be });
+        }
+        let limits = model.limits.checked()?;
+        Ok(Self {
+            model,
+            limits,
+            address,
+            direction: Direction::Forward,
+            servo: Servo::new(TargetKind::Torque, model.cascade)?,
+            impedance: None,
+            share: 0.0,
+            setpoint: Setpoint::COAST,
+            drive: Drive::Off,
+            step: Step::Stopped,
+            silence: 0.0,
+            position: Position::new(position_range(limits)?, Direction::Forward),
+            seen: Seen {
+                at: Micros::ZERO,
+                speed: 0.0,
+                torque: 0.0,
+                temperature: Celsius::ZERO,
+                runs: false,
+            },
+            fault: None,
+            exchange: None,
+            answer: None,
+        })
+    }
+
+    /// Turning the given way.
+    ///
+    /// # Errors
+    /// [`ConfigError`], if the model's range of position cannot be used.
+    pub fn with_direction(mut self, direction: Direction) -> Result<Self, ConfigError> {
+        self.direction = direction;
+        self.position = Position::new(position_range(self.limits)?, direction);
+        Ok(self)
+    }
+
+    /// With another range of position, rad, above 0 and at most 15: sources give a CyberGear 12.5 or
+    /// 4π, an RS00 before firmware 0.0.2.6 has 12.5.
+    ///
+    /// # Errors
+    /// [`ConfigError`], if it cannot be used.
+    pub fn with_position_range(mut self, range: f32) -> Result<Self, ConfigError> {
+        self.limits = self.limits.with_position(range)?;
+        self.position = Position::new(position_range(self.limits)?, self.direction);
+        Ok(self)
+    }
+
+    /// With gains of your own, efforts in N m.
+    ///
+    /// # Errors
+    /// [`ConfigError`], naming the field that cannot be used.
+    pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
+        let (torque, most) = (cascade.speed.output_limit, self.limits.torque());
+        if torque > most {
+            let must_be = "at most the model's torque";
+            return Err(ConfigError { field: "speed.output_limit", value: torque, must_be });
+        }
+        self.servo = Servo::new(TargetKind::Torque, cascade)?;
+        Ok(self)
+    }
+
+    /// The model.
+    #[must_use]
+    pub const fn model(&self) -> &'static Model {
+        self.model
+    }
+
+    /// What the ends of its fields stand for.
+    #[must_use]
+    pub const fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// Who speaks to whom.
+    #[must_use]
+    pub const fn address(&self) -> Address {
+        self.address
+    }
+
+    const fn sign(&self) -> f32 {
+        match self.direction {
+            Direction::Forward => 1.0,
+            Direction::Reversed => -1.0,
+        }
+    }
+
+    fn measured(&self) -> Option<Measured> {
+        let rpm = self.seen.speed * RPM * self.sign();
+        self.position.is_known().then(|| Measured { rpm, microdegrees: self.position.counted() })
+    }
+
+    fn is_heard(&self) -> bool {
+        self.position.is_known() && self.silence <= LINK_TIMEOUT
+    }
+
+    /// Where the device's own loop pulls to; `None` where it has no number for.
+    fn place(&self, impedance: &Impedance) -> Option<f32> {
+        #[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
+        let counted = (impedance.angle.get() * 1e6) as i64;
+        self.position.in_device(counted)
+    }
+
+    fn accepts_impedance(&self, impedance: &Impedance) -> Result<(), TargetError> {
+        Self::TARGETS.accepts(&Target::Impedance(*impedance))?;
+        let Impedance { kp, kd, .. } = *impedance;
+        let good = (0.0..=self.limits.kp()).contains(&kp)
+            && (0.0..=self.limits.kd()).contains(&kd)
+            && !self.position.is_beyond()
+            && self.place(impedance).is_some();
+        if good { Ok(()) } else { Err(TargetError::OutOfRange(TargetKind::Impedance)) }
+    }
+
+    /// The device's own loop, with as much of it as the torque limit and the soft start allow.
+    fn impede(&mut self, impedance: &Impedance, dt: Seconds) -> Setpoint {
+        let Some(position) = self.place(impedance) else {
+            return Setpoint::COAST;
+        };
+        let Some(now) = self.position.in_device(self.position.counted()) else {
+            return Setpoint::COAST;
+        };
+        self.share = (self.share + dt.get() * (1.0 / SOFT_TIME)).min(1.0);
+        let sign = self.sign();
+        let velocity = impedance.speed.get() * (sign / RPM);
+        let (kp, kd) = (impedance.kp, impedance.kd);
+        let torque = impedance.torque.get() * sign;
+        let whole = kp * (position - now) + kd * (velocity - self.seen.speed) + torque;
+        let limit = self.servo.cascade().speed.output_limit;
+        let share = if whole.abs() > limit { self.share * limit / whole.abs() } else { self.share };
+        Setpoint { position, velocity, kp: kp * share, kd: kd * share, torque: torque * share }
+    }
+
+    /// One step of what leads to [`Step::Running`] or back.
+    fn advance(&mut self, drive: Drive) {
+        let may_run = self.is_heard() && self.fault.is_none();
+        let wanted = match drive {
+            Drive::Off => false,
+            // Nothing needs to be enabled for that.
+            Drive::Coast => self.step == Step::Running,
+            Drive::Brake | Drive::Hold | Drive::Run => true,
+        };
+        if !(may_run && wanted) {
+            self.step = Step::Stopped;
+        } else if self.step == Step::Stopped {
+            self.step = Step::Checking;
+        }
+    }
+
+    fn finish(&mut self, outcome: Outcome) {
+        self.exchange = None;
+        self.answer = Some(outcome);
+    }
+
+    fn heard_feedback(&mut self, heard: &wire::Feedback, at: Micros) -> Heard {
+        let since = at.since(self.seen.at);
+        let runs = heard.mode == Mode::Run;
+        let was_known = self.position.is_known();
+        if !was_known || since <= LINK_TIMEOUT_MICROS {
+            self.position.follow(heard.steps, heard.velocity, since);
+        } else {
+            self.heard_again(heard, runs, since);
+        }
+        self.seen = Seen {
+            at,
+            speed: heard.velocity,
+            torque: heard.torque,
+            temperature: heard.temperature,
+            runs,
+        };
+        self.silence = 0.0;
+        self.step = match (self.step, runs) {
+            (Step::Setting, _) => Step::Checking,
+            (Step::Enabling, true) => Step::Running,
+            // It has stopped of its own accord, or was off for a moment.
+            (Step::Running, false) => Step::Stopped,
+            (step, _) => step,
+        };
+        let fault = heard.faults.gravest(self.model);
+        if let Some(exchange) = &mut self.exchange
+            && let Some(outcome) = exchange.feedback(heard)
+        {
+            let ask = exchange.ask();
+            self.done(ask, heard, outcome);
+        }
+        if fault.is_some() {
+            self.fault = self.fault.or(fault);
+            return Heard::Fault;
+        }
+        Heard::Feedback
+    }
+
+    /// The device has done what it was asked for.
+    fn done(&mut self, ask: Ask, heard: &wire::Feedback, outcome: Outcome) {
+        if ask == Ask::Zero {
+            self.servo.set_zero(self.position.counted());
+            self.position.restart_at_zero(heard.steps);
+            // A zero that is not saved is gone with the power.
+            self.exchange = Some(Exchange::new(Ask::Save));
+            return;
+        }
+        if ask == Ask::Clear {
+            self.fault = None;
+        }
+        self.finish(outcome);
+    }
+
+    /// After a silence it is a new device; whether it still counts as before is another question.
+    #[cold]
+    fn heard_again(&mut self, heard: &wire::Feedback, runs: bool, since: Micros) {
+        self.step = Step::Stopped;
+        let goes_on = if self.seen.runs { runs } else { since <= RESTART };
+        if goes_on {
+            self.position.follow(heard.steps, 0.0, since);
+            if since > RESTART {
+                self.position.count_gap();
+            }
+        } else {
+            self.position.restart(heard.steps);
+        }
+    }
+
+    fn heard_parameter(&mut self, value: &ParameterValue) -> Result<Heard, FrameError> {
+        if self.step == Step::Checking && value.parameter == Parameter::RUN_MODE && !value.refused {
+            self.step = if value.byte() == 0 { Step::Enabling } else { Step::Setting };
+        } else {
+            let exchange = self.exchange.as_mut().ok_or(FrameError::Unexpected)?;
+            if let Some(outcome) = exchange.parameter(value).ok_or(FrameError::Unexpected)? {
+                self.finish(outcome);
+            }
+        }
+        Ok(Heard::Other)
+    }
+}
+
+fn position_range(limits: Limits) -> Result<f32, ConfigError> {
+    let value = limits.position();
+    if value <= 15.0 {
+        Ok(value)
+    } else {
+        Err(ConfigError { field: "position", value, must_be: "at most 15 rad" })
+    }
+}
+
+impl Motor for CyberGear {
+    fn supports(&self) -> TargetSet {
+        Self::TARGETS
+    }
+
+    fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
+        match target {
+            Target::Impedance(impedance) => {
+                self.accepts_impedance(&impedance)?;
+                self.impedance = Some(impedance);
+                return Ok(());
+            }
+            Target::TotalAngle(angle) => {
+                let counted = angle.counts_at(CountsPerTurn::MICRODEGREES);
+                let place = self.position.in_device(counted);
+                place.ok_or(TargetError::OutOfRange(TargetKind::TotalAngle))?;
+            }
+            _ => (),
+        }
+        self.servo.set_target(target)?;
+        if self.impedance.take().is_some() {
+            self.share = 0.0;
+        }
+        Ok(())
+    }
+
+    fn target(&self) -> Target {
+        self.impedance.map_or_else(|| self.servo.target(), Target::Impedance)
+    }
+
+    fn feedback(&self) -> Feedback {
+        if !self.position.is_known() {
+            return Feedback::NEW;
+        }
+        let Seen { at, speed, torque, temperature, .. } = self.seen;
+        let total = TotalAngle::from_microdegrees(self.position.counted());
+        let rpm = Rpm::new(speed * RPM * self.sign());
+        let mut feedback = Feedback::new(at, rpm, self.position.within_turn(), total)
+            .with_torque(NewtonMetres::new(torque * self.sign()))
+            .with_temperature(temperature);
+        feedback.turn_gaps = self.position.gaps();
+        feedback
+    }
+
+    fn fault(&self) -> Option<Fault> {
+        self.fault
+    }
+
+    fn update(&mut self, dt: Seconds, drive: Drive) {
+        self.silence += dt.get();
+        self.drive = drive;
+        self.advance(drive);
+        let runs = self.step == Step::Running;
+        self.setpoint = match self.impedance {
+            Some(impedance) if runs && drive == Drive::Run => {
+                self.servo.rest();
+                self.impede(&impedance, dt)
+            }
+            _ => {
+                self.share = 0.0;
+                if !runs {
+                    self.servo.rest();
+                }
+                let measured = if runs { self.measured() } else { None };
+                let torque = self.servo.update(dt, drive, measured);
+                Setpoint { torque: torque * self.sign(), ..Setpoint::COAST }
+            }
+        };
+        if let Some(exchange) = &mut self.exchange {
+            let late = exchange.tick(dt);
+            let outcome = if exchange.needs_disarmed() && drive != Drive::Off {
+                Some(Err(RequestError::NoReply))
+            } else {
+                late
+            };
+            if let Some(outcome) = outcome {
+                self.finish(outcome);
+            }
+        }
+    }
+
+    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+        if self.exchange.is_some() || self.answer.is_some() {
+            return Err(RequestError::Busy);
+        }
+        let ask = match request {
+            Request::SetZero => {
+                let _ = self.measured().ok_or(RequestError::NoFeedback)?;
+                let here = self.position.set_zero();
+                self.servo.set_zero(here);
+                if let Some(impedance) = &mut self.impedance {
+                    #[expect(clippy::cast_precision_loss, reason = "finer than the field")]
+                    let degrees = here as f32 * 1e-6;
+                    impedance.angle = impedance.angle - rc10_app::Degrees::new(degrees);
+                }
+                return Ok(Answer::Done);
+            }
+            Request::ClearFault if self.fault.is_none() => return Ok(Answer::Done),
+            Request::ClearFault => Ask::Clear,
+            Request::ReadRegister(index) => Ask::Read(Parameter(index)),
+            Request::WriteRegister(index, value) => {
+                Ask::Write(Parameter(index), value.to_le_bytes())
+            }
+            // A CyberGear forgets its zero and knows no saving: its type 22 is another command.
+            Request::StoreZero if self.model.saves => Ask::Zero,
+            Request::SaveRegisters if self.model.saves => Ask::Save,
+            request => return self.servo.request(request, self.measured()),
+        };
+        let exchange = Exchange::new(ask);
+        if exchange.needs_disarmed() && self.drive != Drive::Off {
+            return Err(RequestError::NotWhileArmed);
+        }
+        self.exchange = Some(exchange);
+        Ok(Answer::Pending)
+    }
+
+    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+        self.answer.take()
+    }
+
+    fn condition(&self) -> Condition {
+        let wanted = matches!(self.drive, Drive::Brake | Drive::Hold | Drive::Run);
+        if wanted && self.step != Step::Running { Condition::Starting } else { Condition::Ready }
+    }
+}
+
+/// Any identifier of 29 bits.
+fn extended(raw: u32) -> ExtendedId {
+    ExtendedId::new(raw).unwrap_or(ExtendedId::MAX)
+}
+
+impl CanMotor for CyberGear {
+    fn wiring(&self) -> Wiring {
+        let Address { motor, host } = self.address;
+        let replies = extended(u32::from(motor) << 8 | u32::from(host));
+        let motion = extended(MOTION | u32::from(motor));
+        let others = extended(motor.into());
+        let rare = Rate::Rare;
+        let every = Rate::EveryTick;
+        let transmit = |pattern, rate| Transmit { pattern, len: 8, rate, share: Share::Whole };
+        let pattern = IdPattern::masked(replies, 0xFFFF);
+        Wiring::new(self.model.name, motor.into())
+            .receives(Receive { pattern, len: 8, rate: every, guard: None })
+            .and_then(|w| w.transmits(transmit(IdPattern::masked(motion, 0x1F00_00FF), every)))
+            .and_then(|w| w.transmits(transmit(IdPattern::masked(others, 0xFF), rare)))
+            // One and two are fewer than eight.
+            .unwrap_or(Wiring::new(self.model.name, motor.into()))
+    }
+
+    #[inline]
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+        let reply = Reply::unpack(frame, &self.limits)?;
+        let address = match &reply {
+            Reply::Feedback(heard) => heard.address,
+            Reply::Parameter(value) => value.address,
+            Reply::Faults(report) => report.address,
+            Reply::Identity { .. } => return Err(FrameError::NotMine),
+        };
+        if address != self.address {
+            return Err(FrameError::NotMine);
+        }
+        match reply {
+            Reply::Feedback(heard) => Ok(self.heard_feedback(&heard, at)),
+            Reply::Parameter(value) => self.heard_parameter(&value),
+            Reply::Faults(report) => Ok(match self.model.detail(report.faults) {
+                Some(detail) => {
+                    self.fault = Some(detail);
+                    Heard::Fault
+                }
+                None => Heard::Other,
+            }),
+            Reply::Identity { .. } => Err(FrameError::NotMine),
+        }
+    }
+
+    fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        let to = self.address;
+        if let Some(exchange) = &self.exchange {
+            exchange.pack(to, tx)?;
+            if exchange.wants_quiet() {
+                return Ok(());
+            }
+        }
+        match self.step {
+            Step::Checking => tx.push(wire::read(to, Parameter::RUN_MODE))?,
+            Step::Setting => tx.push(wire::write_byte(to, Parameter::RUN_MODE, 0))?,
+            Step::Stopped | Step::Enabling | Step::Running => (),
+        }
+        let clears = self.exchange.is_some_and(|exchange| exchange.ask() == Ask::Clear);
+        let frame = match self.step {
+            Step::Running => wire::motion(to.motor, &self.setpoint, &self.limits),
+            Step::Enabling => wire::enable(to),
+            _ if clears => wire::clear_faults(to),
+            _ => wire::stop(to),
+        };
+        // The torque is part of the identifier: of all of them only the newest counts.
+        tx.push_as(frame, CanFrame::key_of(extended(MOTION | u32::from(to.motor))))
+    }
+
+    fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        tx.push(wire::stop(self.address))
+    }
+}
