@@ -86,8 +86,7 @@ impl Exchange {
     /// Takes feedback: what it tells about the request.
     pub(super) fn feedback(&mut self, heard: &Feedback) -> Option<Outcome> {
         let sent = match self.ask {
-            // A save was not sent before this, and takes the device a while.
-            Ask::Save => self.ticks > QUIET,
+            Ask::Save => self.ticks >= QUIET,
             _ => self.ticks > 0,
         };
         let done = match self.ask {

@@ -21,8 +21,8 @@ pub struct Model {
     pub details: &'static [(u32, &'static str)],
     /// Whether it can keep settings and its zero when the power is cut (type 22).
     pub saves: bool,
-    /// Gains it works well with out of the box, efforts in N m; in simulation from a bare shaft to
-    /// a load of a tenth of a second's full torque at 60 rad/s (CyberGear: 0.02 kg m²).
+    /// Gains it works well with out of the box, efforts in N m: in simulation from a bare shaft to
+    /// 0.02 kg m² on a CyberGear, and in proportion to the torque on the others.
     pub cascade: Cascade,
 }
 
@@ -78,9 +78,9 @@ pub(super) const ROBSTRIDE_DETAILS: [(u32, &str); 11] = [
 /// at more than two thirds of the largest speed: what is left is for a supply that is low.
 const fn cascade(limits: &Limits) -> Cascade {
     const RPM_PER_RAD_S: f32 = 30.0 / core::f32::consts::PI;
-    let kp = limits.torque() / 300.0;
+    let kp = limits.torque() / 200.0;
     Cascade {
-        speed: PidConfig::new(kp, 5.0 * kp, 0.0, limits.torque()),
+        speed: PidConfig::new(kp, 10.0 * kp, 0.0, limits.torque()),
         angle: PidConfig::new(1.3, 0.0, 0.0, limits.velocity() * RPM_PER_RAD_S * (2.0 / 3.0)),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),

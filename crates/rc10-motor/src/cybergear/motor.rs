@@ -71,15 +71,17 @@ struct Seen {
     /// N m.
     torque: f32,
     temperature: Celsius,
-    runs: bool,
 }
 
 /// As the bus has it for feedback in every tick, in both units of time it is needed in.
 const LINK_TIMEOUT: f32 = 0.010;
 const LINK_TIMEOUT_MICROS: Micros = Micros::from_millis(10);
-/// No device starts within this time: if it does not run before and after a shorter silence, it
-/// was there all the time.
-const RESTART: Micros = Micros::from_millis(100);
+/// After a silence of so long the number of turns is an estimate.
+const LONG_SILENCE: Micros = Micros::from_millis(100);
+/// A shaft that after a silence is within so many rad of where its speed takes it, and half that
+/// way, was counted all the time. A device that was off counts from somewhere else; one whose count
+/// differs by less does little harm.
+const NEAR: f32 = 0.5;
 /// An impedance is given in full after so many seconds.
 const SOFT_TIME: f32 = 0.1;
 const RPM: f32 = 30.0 / PI;
@@ -127,13 +129,7 @@ impl CyberGear {
             step: Step::Stopped,
             silence: 0.0,
             position: Position::new(position_range(limits)?, Direction::Forward),
-            seen: Seen {
-                at: Micros::ZERO,
-                speed: 0.0,
-                torque: 0.0,
-                temperature: Celsius::ZERO,
-                runs: false,
-            },
+            seen: Seen { at: Micros::ZERO, speed: 0.0, torque: 0.0, temperature: Celsius::ZERO },
             fault: None,
             exchange: None,
             answer: None,
@@ -269,25 +265,22 @@ impl CyberGear {
     fn heard_feedback(&mut self, heard: &wire::Feedback, at: Micros) -> Heard {
         let since = at.since(self.seen.at);
         let runs = heard.mode == Mode::Run;
-        let was_known = self.position.is_known();
-        if !was_known || since <= LINK_TIMEOUT_MICROS {
-            self.position.follow(heard.steps, heard.velocity, since);
+        let stopped_itself = self.step == Step::Running && !runs;
+        if self.position.is_known() && (since > LINK_TIMEOUT_MICROS || stopped_itself) {
+            self.heard_again(heard, since);
         } else {
-            self.heard_again(heard, runs, since);
+            self.position.follow(heard.steps, heard.velocity, since);
         }
         self.seen = Seen {
             at,
             speed: heard.velocity,
             torque: heard.torque,
             temperature: heard.temperature,
-            runs,
         };
         self.silence = 0.0;
         self.step = match (self.step, runs) {
             (Step::Setting, _) => Step::Checking,
             (Step::Enabling, true) => Step::Running,
-            // It has stopped of its own accord, or was off for a moment.
-            (Step::Running, false) => Step::Stopped,
             (step, _) => step,
         };
         let fault = heard.faults.gravest(self.model);
@@ -321,12 +314,13 @@ impl CyberGear {
 
     /// After a silence it is a new device; whether it still counts as before is another question.
     #[cold]
-    fn heard_again(&mut self, heard: &wire::Feedback, runs: bool, since: Micros) {
+    fn heard_again(&mut self, heard: &wire::Feedback, since: Micros) {
         self.step = Step::Stopped;
-        let goes_on = if self.seen.runs { runs } else { since <= RESTART };
-        if goes_on {
+        let speed = 0.5 * (self.seen.speed + heard.velocity);
+        let expected = speed * Seconds::from_micros(since.get()).get();
+        if self.position.has_moved_by(heard.steps, expected, NEAR + 0.5 * expected.abs()) {
             self.position.follow(heard.steps, 0.0, since);
-            if since > RESTART {
+            if since > LONG_SILENCE {
                 self.position.count_gap();
             }
         } else {

@@ -82,6 +82,19 @@ impl Position {
         2 * self.angle(LAST)
     }
 
+    /// Whether the field shows a movement by about `expected` (± `tolerance`), rad.
+    pub(super) fn has_moved_by(&self, steps: u16, expected: f32, tolerance: f32) -> bool {
+        let moved = i32::from(steps) - i32::from(self.steps.unwrap_or(steps));
+        let range = i32::from(LAST);
+        #[expect(clippy::cast_precision_loss, reason = "finer than the field")]
+        let per_step = self.half_step as f32 * (2.0 / 65_536.0 * 1e-6 / DEGREES);
+        [moved, moved + range, moved - range].into_iter().any(|moved| {
+            #[expect(clippy::cast_precision_loss, reason = "17 bits")]
+            let moved = moved as f32 * per_step;
+            (moved - expected).abs() <= tolerance
+        })
+    }
+
     /// Takes the field, and the speed (rad/s) since the one before, which came `since` earlier.
     #[inline]
     pub(super) fn follow(&mut self, steps: u16, speed: f32, since: Micros) {

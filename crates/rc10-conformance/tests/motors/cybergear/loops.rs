@@ -1,1 +1,245 @@
+//! Closed loops: each sort of target is reached.
 
+use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
+use rc10_motor::cybergear::CyberGear;
+use rc10_motor::dji::Direction;
+use rc10_motor::{
+    CommandError, Condition, Impedance, Link, Safety, Target, TargetError, TargetKind,
+};
+use rc10_sim::cybergear::{self as sim, AtEnd};
+
+use super::{ADDRESS, Pair, cybergear, models, with_cybergear, with_pair};
+
+/// Ticks until `f` says so for 50 ticks on end; panics after `most`.
+fn settles(
+    pair: &mut Pair<'_, '_>,
+    target: Target,
+    most: u32,
+    f: impl Fn(&Pair<'_, '_>) -> bool,
+) -> u32 {
+    let mut good = 0;
+    for tick in 0..most {
+        pair.bench.hold(pair.motor, target, 1).unwrap();
+        good = if f(pair) { good + 1 } else { 0 };
+        if good == 50 {
+            return tick - 49;
+        }
+    }
+    panic!("not within {most} ms: {} rpm, {} degrees", pair.rpm(), pair.degrees());
+}
+
+#[test]
+fn speeds_are_reached_by_every_model() {
+    for (ours, theirs) in models() {
+        for inertia in [0.0, 0.02 * theirs.torque / 12.0] {
+            let motor = CyberGear::new(ours, ADDRESS).unwrap();
+            let device = sim::CyberGear::new(theirs, 1);
+            let plant = theirs.plant().with_load_inertia(inertia);
+            with_pair(motor, (device, plant), Safety::COAST, |mut pair| {
+                pair.switch.arm().unwrap();
+                for wanted in [60.0, -90.0, 5.0] {
+                    let target = Target::Speed(Rpm::new(wanted));
+                    let wanted = f64::from(wanted);
+                    let time = settles(&mut pair, target, 1000, |pair| {
+                        (pair.rpm() - wanted).abs() < 0.02 * wanted.abs().max(25.0)
+                    });
+                    println!("{} {inertia}: {wanted} rpm after {time} ms", ours.name);
+                    assert!(time < 500);
+                    let feedback = pair.bench.status(pair.motor).feedback;
+                    assert!((f64::from(feedback.speed.get()) - pair.rpm()).abs() < 1.0);
+                }
+            });
+        }
+    }
+}
+
+#[test]
+fn angles_are_reached_by_every_model() {
+    for (ours, theirs) in models() {
+        let motor = CyberGear::new(ours, ADDRESS).unwrap();
+        let device = sim::CyberGear::new(theirs, 1);
+        let plant = theirs.plant().with_load_inertia(0.01 * theirs.torque / 12.0);
+        with_pair(motor, (device, plant), Safety::COAST, |mut pair| {
+            pair.switch.arm().unwrap();
+            let from = pair.bench.status(pair.motor).feedback.total_angle.degrees().get();
+            let start = pair.degrees() - f64::from(from);
+            for wanted in [90_i32, 450, -200, 10] {
+                let target = Target::TotalAngle(TotalAngle::from_degrees(wanted));
+                let time = settles(&mut pair, target, 4000, |pair| {
+                    (pair.degrees() - start - f64::from(wanted)).abs() < 0.5
+                });
+                println!("{}: {wanted} degrees after {time} ms", ours.name);
+            }
+            // The shorter way: back from 10 to 350.
+            settles(&mut pair, Target::Angle(Degrees::new(350.0)), 2000, |pair| {
+                (pair.degrees() - start + 10.0).abs() < 0.5
+            });
+            let feedback = pair.bench.status(pair.motor).feedback;
+            assert!((feedback.angle.get() - 350.0).abs() < 1.0, "{:?}", feedback.angle);
+        });
+    }
+}
+
+#[test]
+fn a_torque_is_given_and_more_than_the_limit_is_not() {
+    with_cybergear(Safety::COAST, |pair| {
+        pair.switch.arm().unwrap();
+        let torque =
+            |pair: &Pair<'_, '_>| pair.esc.state().current * sim::CYBERGEAR.torque_constant();
+        // Against a spring that holds the shaft: its static friction and the load.
+        pair.esc.set_load(-2.0);
+        let target = Target::Torque(NewtonMetres::new(2.0));
+        pair.bench.hold(pair.motor, target, 100).unwrap();
+        assert!((torque(&pair) - 2.0).abs() < 0.01, "{}", torque(&pair));
+        let told = pair.bench.status(pair.motor).feedback.torque().unwrap().get();
+        assert!((told - 2.0).abs() < 0.01, "{told}");
+        assert!(pair.rpm().abs() < 0.1);
+        let limit = rc10_motor::Request::TorqueLimit(NewtonMetres::new(1.0));
+        pair.bench.bus.request(pair.motor, limit).unwrap();
+        pair.bench.hold(pair.motor, target, 30).unwrap();
+        assert!((torque(&pair) - 1.0).abs() < 0.01, "{}", torque(&pair));
+    });
+}
+
+fn impedance(angle: f32, kp: f32, kd: f32) -> Impedance {
+    Impedance { angle: Degrees::new(angle), kp, kd, ..Impedance::default() }
+}
+
+#[test]
+fn an_impedance_is_the_devices_own_loop() {
+    for direction in [Direction::Forward, Direction::Reversed] {
+        let sign = if direction == Direction::Forward { 1.0 } else { -1.0 };
+        let motor = cybergear().with_direction(direction).unwrap();
+        let device = sim::CyberGear::new(&sim::CYBERGEAR, 1);
+        let plant = sim::CYBERGEAR.plant().with_load_inertia(0.01);
+        with_pair(motor, (device, plant), Safety::COAST, |mut pair| {
+            pair.switch.arm().unwrap();
+            let start = pair.degrees();
+            let from = pair.bench.status(pair.motor).feedback.total_angle.degrees().get();
+            let target = Target::Impedance(impedance(from + 30.0, 20.0, 1.0));
+            let time = settles(&mut pair, target, 1500, |pair| {
+                (sign * (pair.degrees() - start) - 30.0).abs() < 1.0
+            });
+            println!("30 degrees by a spring after {time} ms");
+            let motion = pair.device(|device| *device.motion());
+            assert!((motion.kp - 20.0).abs() < 0.01 && (motion.kd - 1.0).abs() < 0.001);
+            // A spring gives way: 2 N m at 20 N m/rad are 5.7 degrees.
+            pair.esc.set_load(-2.0 * sign);
+            settles(&mut pair, target, 1500, |pair| {
+                (sign * (pair.degrees() - start) - 24.27).abs() < 1.0
+            });
+            // Never more than the limit, wherever the spring is.
+            pair.esc.set_load(0.0);
+            let limit = rc10_motor::Request::TorqueLimit(NewtonMetres::new(1.5));
+            pair.bench.bus.request(pair.motor, limit).unwrap();
+            let far = Target::Impedance(impedance(from - 90.0, 50.0, 2.0));
+            for _ in 0..300 {
+                pair.bench.hold(pair.motor, far, 1).unwrap();
+                let torque = pair.esc.state().current * sim::CYBERGEAR.torque_constant();
+                // Between two frames the device's loop goes on by itself: 50 N m/rad at 20 rad/s
+                // are 1 N m a millisecond.
+                assert!(torque.abs() < 2.5, "{torque}");
+            }
+        });
+    }
+}
+
+#[test]
+fn what_the_devices_loop_has_no_number_for_is_refused() {
+    with_cybergear(Safety::COAST, |pair| {
+        let now = pair.bench.world.now();
+        let bus = &mut pair.bench.bus;
+        let refused = |kind| Err(CommandError::Target(TargetError::OutOfRange(kind)));
+        for (angle, kp, kd) in
+            [(720.0, 1.0, 1.0), (0.0, 501.0, 1.0), (0.0, 1.0, 5.1), (0.0, -1.0, 1.0)]
+        {
+            let target = Target::Impedance(impedance(angle, kp, kd));
+            assert_eq!(bus.command(pair.motor, target, now), refused(TargetKind::Impedance));
+        }
+        let target = Target::TotalAngle(TotalAngle::from_degrees(-720));
+        assert_eq!(bus.command(pair.motor, target, now), refused(TargetKind::TotalAngle));
+        let target = Target::Impedance(impedance(f32::NAN, 1.0, 1.0));
+        let not_finite = TargetError::NotFinite(TargetKind::Impedance);
+        assert_eq!(bus.command(pair.motor, target, now), Err(CommandError::Target(not_finite)));
+        let target = Target::Duty(0.1);
+        let unsupported = TargetError::Unsupported(TargetKind::Duty);
+        assert_eq!(bus.command(pair.motor, target, now), Err(CommandError::Target(unsupported)));
+        assert_eq!(
+            bus.command(pair.motor, Target::Impedance(impedance(716.0, 500.0, 5.0)), now),
+            Ok(())
+        );
+    });
+}
+
+/// A wheel turns out of the range of its field, whatever that shows there, and comes back.
+#[test]
+fn turns_are_counted_beyond_the_range_of_the_field() {
+    for at_end in [AtEnd::Stops, AtEnd::StartsOver] {
+        let device = sim::CyberGear::new(&sim::CYBERGEAR, 1).with_end(at_end);
+        let plant = sim::CYBERGEAR.plant().with_load_inertia(0.01);
+        with_pair(cybergear(), (device, plant), Safety::BRAKE, |mut pair| {
+            pair.switch.arm().unwrap();
+            let told = |pair: &Pair<'_, '_>| {
+                f64::from(pair.bench.status(pair.motor).feedback.total_angle.degrees().get())
+            };
+            let start = pair.degrees() - told(&pair);
+            pair.bench.hold(pair.motor, Target::Speed(Rpm::new(120.0)), 5000).unwrap();
+            assert!(pair.degrees() - start > 3000.0);
+            let off = told(&pair) - (pair.degrees() - start);
+            println!("{at_end:?}: off by {off} degrees after 3000");
+            assert!(off.abs() < 40.0);
+            // An angle is found there too, and nothing runs away.
+            let before = told(&pair);
+            for _ in 0..1000 {
+                pair.bench.hold(pair.motor, Target::Angle(Degrees::new(0.0)), 1).unwrap();
+            }
+            assert!((told(&pair) - before).abs() < 360.0);
+            assert!(pair.rpm().abs() < 0.5, "{}", pair.rpm());
+            let beyond = Target::Impedance(impedance(0.0, 1.0, 1.0));
+            let now = pair.bench.world.now();
+            assert!(pair.bench.bus.command(pair.motor, beyond, now).is_err());
+            // And it comes all the way back, exactly.
+            let home = Target::TotalAngle(TotalAngle::from_degrees(100));
+            settles(&mut pair, home, 6000, |pair| (pair.degrees() - start - 100.0).abs() < 0.5);
+            assert!((told(&pair) - 100.0).abs() < 0.5);
+        });
+    }
+}
+
+#[test]
+fn it_brakes_and_holds() {
+    for (safety, most) in [(Safety::BRAKE, 45.0), (Safety::HOLD, 2.0)] {
+        with_cybergear(safety, |pair| {
+            pair.switch.arm().unwrap();
+            pair.bench.hold(pair.motor, Target::Speed(Rpm::new(100.0)), 500).unwrap();
+            pair.bench.wait(1000);
+            assert!(pair.rpm().abs() < 1.0);
+            let stood = pair.degrees();
+            pair.esc.set_load(-1.0);
+            pair.bench.wait(600);
+            let moved = (pair.degrees() - stood).abs();
+            println!("{:?}: moved by {moved}", safety.state);
+            assert!(moved < most);
+            assert_eq!(pair.bench.status(pair.motor).link, Link::Online);
+            assert_eq!(pair.bench.status(pair.motor).condition, Condition::Ready);
+        });
+    }
+}
+
+/// Both ranges that sources give a CyberGear.
+#[test]
+fn another_range_of_position_scales_the_angle() {
+    let four_pi = 4.0 * std::f32::consts::PI;
+    let motor = cybergear();
+    let motor = motor.with_position_range(four_pi).unwrap();
+    let mut model = sim::CYBERGEAR;
+    model.position = four_pi.into();
+    let plant = model.plant().with_load_inertia(0.01);
+    with_pair(motor, (sim::CyberGear::new(&model, 1), plant), Safety::COAST, |mut pair| {
+        pair.switch.arm().unwrap();
+        let from = pair.bench.status(pair.motor).feedback.total_angle.degrees().get();
+        let start = pair.degrees() - f64::from(from);
+        let target = Target::TotalAngle(TotalAngle::from_degrees(700));
+        settles(&mut pair, target, 3000, |pair| (pair.degrees() - start - 700.0).abs() < 0.3);
+    });
+}

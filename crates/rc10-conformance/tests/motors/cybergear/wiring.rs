@@ -1,1 +1,153 @@
+//! What stands on the bus: configuration, clashes, load, frames of others.
 
+use rc10_app::{NewtonMetres, Seconds};
+use rc10_can::IdPattern;
+use rc10_can::embedded_can::ExtendedId;
+use rc10_can::{CanFrame, Micros};
+use rc10_motor::cybergear::{Address, CyberGear, models, wire};
+use rc10_motor::dji::{Dji, M3508};
+use rc10_motor::{
+    ArmSwitch, AttachError, CanMotor, Clash, Drive, FrameError, Heard, Impedance, Motor, MotorBus,
+    Rate, Receive, Safety, Target, TxBatch, Verdict, Wiring,
+};
+
+use super::{ADDRESS, HOST, cybergear};
+
+fn at(motor: u8, host: u8) -> CyberGear {
+    CyberGear::new(&models::CYBERGEAR, Address { motor, host }).unwrap()
+}
+
+#[test]
+fn what_cannot_be_is_refused_by_name() {
+    for (motor, host, field) in
+        [(0, HOST, "motor"), (128, HOST, "motor"), (5, 5, "host"), (5, 254, "host")]
+    {
+        let error = CyberGear::new(&models::RS00, Address { motor, host }).unwrap_err();
+        assert_eq!(error.field, field, "{motor} {host}");
+        assert!(!error.must_be.is_empty());
+    }
+    for range in [0.0, -1.0, 15.1, f32::NAN, f32::INFINITY] {
+        assert_eq!(cybergear().with_position_range(range).unwrap_err().field, "position");
+    }
+    let mut cascade = models::CYBERGEAR.cascade;
+    cascade.speed.output_limit = 13.0;
+    assert_eq!(cybergear().with_cascade(cascade).unwrap_err().field, "speed.output_limit");
+    cascade.speed.output_limit = f32::NAN;
+    assert!(cybergear().with_cascade(cascade).is_err());
+}
+
+/// As the page of later motors worked it out: 28 / 32 % for one, 83 / 96 % for three.
+#[test]
+fn three_fit_on_a_bus() {
+    let switch = ArmSwitch::new();
+    let mut motors = [1, 2, 3, 4].map(|id| at(id, HOST));
+    let mut bus = MotorBus::new(&switch);
+    let mut loads = Vec::new();
+    for motor in &mut motors {
+        bus.attach(motor, Safety::COAST).unwrap();
+        loads.push(bus.load(1_000_000));
+    }
+    for load in &loads {
+        println!("{load:?}");
+    }
+    assert!((loads[0].typical - 27.8).abs() < 1.0 && (loads[0].worst - 32.0).abs() < 0.5);
+    assert_eq!(loads[2].verdict(), Verdict::Fits);
+    assert_eq!(loads[3].verdict(), Verdict::DoesNotFit);
+}
+
+#[test]
+fn who_cannot_share_a_bus_with_it_is_told() {
+    let switch = ArmSwitch::new();
+    let clash = |mut first: CyberGear, second: &mut dyn CanMotor| {
+        let mut bus = MotorBus::new(&switch);
+        bus.attach(&mut first, Safety::COAST).unwrap();
+        match bus.attach(second, Safety::COAST) {
+            Err(AttachError::Clash { clash, .. }) => Some(clash),
+            other => {
+                other.unwrap();
+                None
+            }
+        }
+    };
+    // The same identifier twice; a host that is called as a motor is.
+    assert!(matches!(clash(at(1, HOST), &mut at(1, HOST)), Some(Clash::Receive(_))));
+    assert!(matches!(clash(at(1, 2), &mut at(2, 1)), Some(Clash::Confuses(_))));
+    assert_eq!(clash(at(1, HOST), &mut at(2, HOST)), None);
+    // Standard identifiers are another world.
+    assert_eq!(clash(at(1, HOST), &mut Dji::new(&M3508, 1).unwrap()), None);
+    // A VESC's status 3 with the same low byte is a command to it: 0xF01 asks who it is.
+    let wiring = at(1, HOST).wiring();
+    let id = ExtendedId::new(0x0F01).unwrap();
+    let receive =
+        Receive { pattern: IdPattern::exact(id), len: 8, rate: Rate::Hz(50), guard: None };
+    let vesc = Wiring::new("VESC", 1).receives(receive).unwrap();
+    assert_eq!(wiring.clash(&vesc), Some(Clash::Confuses(id.into())));
+}
+
+#[test]
+fn frames_of_others_and_of_wrong_length_change_nothing() {
+    let mut motor = cybergear();
+    let frame =
+        |id: u32, data: &[u8]| CanFrame::data_frame(ExtendedId::new(id).unwrap(), data).unwrap();
+    let now = Micros::from_millis(1);
+    for (frame, error) in [
+        (frame(0x0280_02FD, &[0; 8]), FrameError::NotMine),
+        (frame(0x0280_01FC, &[0; 8]), FrameError::NotMine),
+        (frame(0x0380_01FD, &[0; 8]), FrameError::NotMine),
+        (frame(0x0280_01FD, &[0; 7]), FrameError::Length),
+        // A parameter that nobody asked for.
+        (frame(0x1100_01FD, &[0x05, 0x70, 0, 0, 0, 0, 0, 0]), FrameError::Unexpected),
+    ] {
+        assert_eq!(motor.unpack_feedback(&frame, now), Err(error), "{frame}");
+        assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);
+    }
+    let good = frame(0x0280_01FD, &[0xFF, 0xFF, 0x80, 0, 0x80, 0, 0, 250]);
+    assert_eq!(motor.unpack_feedback(&good, now), Ok(Heard::Feedback));
+    assert!((motor.feedback().total_angle.degrees().get() - 716.197).abs() < 0.01);
+}
+
+/// The torque is part of the identifier: all of a motor's commands are one stream nevertheless.
+#[test]
+fn only_the_newest_command_waits() {
+    let switch = ArmSwitch::new();
+    let mut motor = cybergear();
+    let mut bench = rc10_conformance::Bench::new(3, &switch);
+    let esc = bench.wire.add(
+        rc10_sim::cybergear::CyberGear::new(&rc10_sim::cybergear::CYBERGEAR, 1),
+        rc10_sim::cybergear::CYBERGEAR.plant(),
+    );
+    let id = bench.attach(&mut motor, Safety::COAST).unwrap();
+    bench.wait(20);
+    switch.arm().unwrap();
+    let torque = |torque| Target::Torque(NewtonMetres::new(torque));
+    bench.hold(id, torque(1.0), 20).unwrap();
+    // Nobody can send for 8 ms: torques gather, unless they replace each other.
+    bench.wire.set_held_dominant(true);
+    for step in 0..8_u8 {
+        bench.hold(id, torque(1.0 + f32::from(step) * 0.1), 1).unwrap();
+    }
+    bench.wire.set_held_dominant(false);
+    let before = esc.state().commands;
+    bench.hold(id, torque(2.0), 2).unwrap();
+    let after = esc.state().commands - before;
+    assert!(after <= 3, "{after} commands in 2 ms");
+    assert_eq!(bench.refused(), 0);
+}
+
+#[test]
+fn a_panic_stops_it_and_nothing_is_sent_that_is_no_number() {
+    let mut motor = cybergear();
+    let mut tx = TxBatch::new();
+    motor.coast_frames(&mut tx).unwrap();
+    assert_eq!(tx.frames(), [wire::stop(ADDRESS)]);
+    for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        assert!(motor.set_target(Target::Torque(NewtonMetres::new(value))).is_err());
+        let impedance = Impedance { kd: value, ..Impedance::default() };
+        assert!(motor.set_target(Target::Impedance(impedance)).is_err());
+    }
+    assert_eq!(motor.target(), Target::Coast);
+    motor.update(Seconds::new(0.001), Drive::Run);
+    tx.clear();
+    motor.pack_command(&mut tx).unwrap();
+    assert_eq!(tx.frames(), [wire::stop(ADDRESS)]);
+}
