@@ -1,6 +1,8 @@
 //! CyberGear and RobStride: our motor against the simulated device.
 
+mod any;
 mod codecs;
+mod driver;
 mod faults;
 mod loops;
 mod requests;
