@@ -410,9 +410,7 @@ impl Motor for CyberGear {
             }
             _ => {
                 self.share = 0.0;
-                if !runs {
-                    self.servo.rest();
-                }
+                // Without a measurement the servo rests.
                 let measured = if runs { self.measured() } else { None };
                 let torque = self.servo.update(dt, drive, measured);
                 Setpoint { torque: torque * self.sign(), ..Setpoint::COAST }

@@ -243,3 +243,25 @@ fn another_range_of_position_scales_the_angle() {
         settles(&mut pair, target, 3000, |pair| (pair.degrees() - start - 700.0).abs() < 0.3);
     });
 }
+
+#[test]
+fn a_reversed_motor_turns_the_other_way() {
+    let motor = cybergear().with_direction(Direction::Reversed).unwrap();
+    let device = sim::CyberGear::new(&sim::CYBERGEAR, 1);
+    let plant = sim::CYBERGEAR.plant().with_load_inertia(0.01);
+    with_pair(motor, (device, plant), Safety::HOLD, |mut pair| {
+        pair.switch.arm().unwrap();
+        let speed = Target::Speed(Rpm::new(60.0));
+        settles(&mut pair, speed, 1000, |pair| (pair.rpm() + 60.0).abs() < 1.0);
+        let feedback = pair.bench.status(pair.motor).feedback;
+        assert!((feedback.speed.get() - 60.0).abs() < 1.0);
+        let from = f64::from(feedback.total_angle.degrees().get()) + pair.degrees();
+        let place = Target::TotalAngle(TotalAngle::from_degrees(-120));
+        settles(&mut pair, place, 3000, |pair| (from - pair.degrees() + 120.0).abs() < 0.5);
+        pair.bench.hold(pair.motor, Target::Torque(NewtonMetres::new(2.0)), 30).unwrap();
+        let torque = pair.esc.state().current * sim::CYBERGEAR.torque_constant();
+        assert!((torque + 2.0).abs() < 0.1, "{torque}");
+        let told = pair.bench.status(pair.motor).feedback.torque().unwrap().get();
+        assert!((told - 2.0).abs() < 0.1, "{told}");
+    });
+}

@@ -150,6 +150,30 @@ fn off_and_on_again_it_starts_over_without_a_kick() {
     }
 }
 
+/// A spring that is far from where it pulls to begins softly, each time.
+#[test]
+fn an_impedance_begins_softly() {
+    with_cybergear(Safety::COAST, |mut pair| {
+        let angle = pair.bench.status(pair.motor).feedback.total_angle.degrees();
+        let angle = angle + rc10_app::Degrees::new(60.0);
+        let spring = Impedance { angle, kp: 10.0, kd: 1.0, ..Impedance::default() };
+        let target = Target::Impedance(spring);
+        for _ in 0..2 {
+            pair.switch.arm().unwrap();
+            let (torques, _) = comes_back(&mut pair, target, 10);
+            // 10.5 N m, of which a hundredth more in each millisecond.
+            let most = |tick: usize| 0.105 * (f64::from(u32::try_from(tick).unwrap()) + 2.0);
+            assert!(
+                torques.iter().enumerate().all(|(tick, torque)| *torque < most(tick)),
+                "{torques:?}"
+            );
+            assert!(*torques.last().unwrap() > 0.3, "{torques:?}");
+            pair.switch.disarm();
+            pair.bench.wait(10);
+        }
+    });
+}
+
 /// Off for less than the link's time-out is long enough for a kick: the device says that it no
 /// longer runs.
 #[test]
