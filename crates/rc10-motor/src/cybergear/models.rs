@@ -8,7 +8,6 @@ use crate::motor::Fault;
 
 /// A model.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Model {
     /// As the vendor writes it.
     pub name: &'static str,

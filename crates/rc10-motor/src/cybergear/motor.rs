@@ -1,25 +1,24 @@
 //! A [`CyberGear`]: any model of [`models`](super::models), as a motor on a bus.
 
+mod frames;
+
 use core::f32::consts::PI;
 
-use embedded_can::ExtendedId;
 use rc10_app::{Celsius, ConfigError, CountsPerTurn, NewtonMetres, Rpm, Seconds, TotalAngle};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_can::Micros;
 
 use super::exchange::{Ask, Exchange, Outcome};
 use super::models::Model;
 use super::position::Position;
-use super::wire::{self, Address, Mode, Parameter, ParameterValue, Reply};
-use crate::batch::{TxBatch, TxFull};
+use super::wire::{Address, Parameter};
 use crate::cascade::Cascade;
 use crate::damiao::mit::{Limits, Setpoint};
 use crate::dji::Direction;
 use crate::motor::{
-    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Impedance, Motor,
-    Request, RequestError, Target, TargetError, TargetKind, TargetSet,
+    Answer, Condition, Drive, Fault, Feedback, Impedance, Motor, Request, RequestError, Target,
+    TargetError, TargetKind, TargetSet,
 };
 use crate::servo::{Measured, Servo};
-use crate::wiring::{Rate, Receive, Share, Transmit, Wiring};
 
 /// One CyberGear or RobStride.
 ///
@@ -85,7 +84,6 @@ const NEAR: f32 = 0.5;
 /// An impedance is given in full after so many seconds.
 const SOFT_TIME: f32 = 0.1;
 const RPM: f32 = 30.0 / PI;
-const MOTION: u32 = 1 << 24;
 /// What no host is called: the address for everybody.
 const EVERYBODY: u8 = 0xFE;
 
@@ -256,89 +254,6 @@ impl CyberGear {
             self.step = Step::Checking;
         }
     }
-
-    fn finish(&mut self, outcome: Outcome) {
-        self.exchange = None;
-        self.answer = Some(outcome);
-    }
-
-    fn heard_feedback(&mut self, heard: &wire::Feedback, at: Micros) -> Heard {
-        let since = at.since(self.seen.at);
-        let runs = heard.mode == Mode::Run;
-        let stopped_itself = self.step == Step::Running && !runs;
-        if self.position.is_known() && (since > LINK_TIMEOUT_MICROS || stopped_itself) {
-            self.heard_again(heard, since);
-        } else {
-            self.position.follow(heard.steps, heard.velocity, since);
-        }
-        self.seen = Seen {
-            at,
-            speed: heard.velocity,
-            torque: heard.torque,
-            temperature: heard.temperature,
-        };
-        self.silence = 0.0;
-        self.step = match (self.step, runs) {
-            (Step::Setting, _) => Step::Checking,
-            (Step::Enabling, true) => Step::Running,
-            (step, _) => step,
-        };
-        let fault = heard.faults.gravest(self.model);
-        if let Some(exchange) = &mut self.exchange
-            && let Some(outcome) = exchange.feedback(heard)
-        {
-            let ask = exchange.ask();
-            self.done(ask, heard, outcome);
-        }
-        if fault.is_some() {
-            self.fault = self.fault.or(fault);
-            return Heard::Fault;
-        }
-        Heard::Feedback
-    }
-
-    /// The device has done what it was asked for.
-    fn done(&mut self, ask: Ask, heard: &wire::Feedback, outcome: Outcome) {
-        if ask == Ask::Zero {
-            self.servo.set_zero(self.position.counted());
-            self.position.restart_at_zero(heard.steps);
-            // A zero that is not saved is gone with the power.
-            self.exchange = Some(Exchange::new(Ask::Save));
-            return;
-        }
-        if ask == Ask::Clear {
-            self.fault = None;
-        }
-        self.finish(outcome);
-    }
-
-    /// After a silence it is a new device; whether it still counts as before is another question.
-    #[cold]
-    fn heard_again(&mut self, heard: &wire::Feedback, since: Micros) {
-        self.step = Step::Stopped;
-        let speed = 0.5 * (self.seen.speed + heard.velocity);
-        let expected = speed * Seconds::from_micros(since.get()).get();
-        if self.position.has_moved_by(heard.steps, expected, NEAR + 0.5 * expected.abs()) {
-            self.position.follow(heard.steps, 0.0, since);
-            if since > LONG_SILENCE {
-                self.position.count_gap();
-            }
-        } else {
-            self.position.restart(heard.steps);
-        }
-    }
-
-    fn heard_parameter(&mut self, value: &ParameterValue) -> Result<Heard, FrameError> {
-        if self.step == Step::Checking && value.parameter == Parameter::RUN_MODE && !value.refused {
-            self.step = if value.byte() == 0 { Step::Enabling } else { Step::Setting };
-        } else {
-            let exchange = self.exchange.as_mut().ok_or(FrameError::Unexpected)?;
-            if let Some(outcome) = exchange.parameter(value).ok_or(FrameError::Unexpected)? {
-                self.finish(outcome);
-            }
-        }
-        Ok(Heard::Other)
-    }
 }
 
 fn position_range(limits: Limits) -> Result<f32, ConfigError> {
@@ -471,83 +386,5 @@ impl Motor for CyberGear {
     fn condition(&self) -> Condition {
         let wanted = matches!(self.drive, Drive::Brake | Drive::Hold | Drive::Run);
         if wanted && self.step != Step::Running { Condition::Starting } else { Condition::Ready }
-    }
-}
-
-/// Any identifier of 29 bits.
-fn extended(raw: u32) -> ExtendedId {
-    ExtendedId::new(raw).unwrap_or(ExtendedId::MAX)
-}
-
-impl CanMotor for CyberGear {
-    fn wiring(&self) -> Wiring {
-        let Address { motor, host } = self.address;
-        let replies = extended(u32::from(motor) << 8 | u32::from(host));
-        let motion = extended(MOTION | u32::from(motor));
-        let others = extended(motor.into());
-        let rare = Rate::Rare;
-        let every = Rate::EveryTick;
-        let transmit = |pattern, rate| Transmit { pattern, len: 8, rate, share: Share::Whole };
-        let pattern = IdPattern::masked(replies, 0xFFFF);
-        Wiring::new(self.model.name, motor.into())
-            .receives(Receive { pattern, len: 8, rate: every, guard: None })
-            .and_then(|w| w.transmits(transmit(IdPattern::masked(motion, 0x1F00_00FF), every)))
-            .and_then(|w| w.transmits(transmit(IdPattern::masked(others, 0xFF), rare)))
-            // One and two are fewer than eight.
-            .unwrap_or(Wiring::new(self.model.name, motor.into()))
-    }
-
-    #[inline]
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
-        let reply = Reply::unpack(frame, &self.limits)?;
-        let address = match &reply {
-            Reply::Feedback(heard) => heard.address,
-            Reply::Parameter(value) => value.address,
-            Reply::Faults(report) => report.address,
-            Reply::Identity { .. } => return Err(FrameError::NotMine),
-        };
-        if address != self.address {
-            return Err(FrameError::NotMine);
-        }
-        match reply {
-            Reply::Feedback(heard) => Ok(self.heard_feedback(&heard, at)),
-            Reply::Parameter(value) => self.heard_parameter(&value),
-            Reply::Faults(report) => Ok(match self.model.detail(report.faults) {
-                Some(detail) => {
-                    self.fault = Some(detail);
-                    Heard::Fault
-                }
-                None => Heard::Other,
-            }),
-            Reply::Identity { .. } => Err(FrameError::NotMine),
-        }
-    }
-
-    fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
-        let to = self.address;
-        if let Some(exchange) = &self.exchange {
-            exchange.pack(to, tx)?;
-            if exchange.wants_quiet() {
-                return Ok(());
-            }
-        }
-        match self.step {
-            Step::Checking => tx.push(wire::read(to, Parameter::RUN_MODE))?,
-            Step::Setting => tx.push(wire::write_byte(to, Parameter::RUN_MODE, 0))?,
-            Step::Stopped | Step::Enabling | Step::Running => (),
-        }
-        let clears = self.exchange.is_some_and(|exchange| exchange.ask() == Ask::Clear);
-        let frame = match self.step {
-            Step::Running => wire::motion(to.motor, &self.setpoint, &self.limits),
-            Step::Enabling => wire::enable(to),
-            _ if clears => wire::clear_faults(to),
-            _ => wire::stop(to),
-        };
-        // The torque is part of the identifier: of all of them only the newest counts.
-        tx.push_as(frame, CanFrame::key_of(extended(MOTION | u32::from(to.motor))))
-    }
-
-    fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
-        tx.push(wire::stop(self.address))
     }
 }
