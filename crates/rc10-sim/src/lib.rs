@@ -66,6 +66,7 @@ mod segment;
 mod tasks;
 mod time;
 pub mod unitree_line;
+pub mod unitree_module;
 pub mod vesc;
 mod wire;
 mod world;

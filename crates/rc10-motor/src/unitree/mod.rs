@@ -18,6 +18,7 @@
 //! 4 on), little endian. The identifier holds module, direction, motor and, in answers,
 //! temperature and faults. Stiffness and damping go in a frame of their own and stay in the
 //! module until it loses power: send them first, and again after the module has restarted.
+//! [`GoModule`] is a motor behind one.
 //!
 //! **Rules.** [`Status::CALIBRATE`](wire::Status::CALIBRATE) makes the motor turn by itself for
 //! about five seconds, in which nothing may be sent. Protection at 90 °C ends only with the
@@ -28,8 +29,11 @@
 
 mod go;
 mod line;
+pub mod module;
+pub mod signals;
 mod spring;
 pub mod wire;
 
 pub use go::{GoM8010, IdOutOfRange};
 pub use line::{AttachError, LineCounters, Step, UnitreeLine};
+pub use module::GoModule;

@@ -1,0 +1,163 @@
+//! What may share a bus, and how full it gets.
+
+use rc10_can::embedded_can::{ExtendedId, Id};
+use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_motor::dji::{Dji, M3508};
+use rc10_motor::rc10_app::{ConfigError, Seconds};
+use rc10_motor::unitree::GoModule;
+use rc10_motor::{
+    Answer, ArmSwitch, AttachError, CanMotor, Clash, Drive, Fault, Feedback, FrameError, Heard,
+    Motor, MotorBus, Rate, Receive, Request, RequestError, Safety, Share, Target, TargetError,
+    TargetSet, Transmit, TxBatch, TxFull, Wiring,
+};
+
+/// A motor that is nothing but its wiring.
+struct Wired(Wiring);
+
+impl Motor for Wired {
+    fn supports(&self) -> TargetSet {
+        TargetSet::NONE
+    }
+    fn set_target(&mut self, _target: Target) -> Result<(), TargetError> {
+        Ok(())
+    }
+    fn target(&self) -> Target {
+        Target::Coast
+    }
+    fn feedback(&self) -> Feedback {
+        Feedback::NEW
+    }
+    fn fault(&self) -> Option<Fault> {
+        None
+    }
+    fn update(&mut self, _dt: Seconds, _drive: Drive) {}
+    fn request(&mut self, _request: Request) -> Result<Answer, RequestError> {
+        Err(RequestError::Unsupported)
+    }
+}
+
+impl CanMotor for Wired {
+    fn wiring(&self) -> Wiring {
+        self.0.clone()
+    }
+    fn unpack_feedback(&mut self, _frame: &CanFrame, _at: Micros) -> Result<Heard, FrameError> {
+        Err(FrameError::NotMine)
+    }
+    fn pack_command(&mut self, _tx: &mut TxBatch) -> Result<(), TxFull> {
+        Ok(())
+    }
+    fn coast_frames(&self, _tx: &mut TxBatch) -> Result<(), TxFull> {
+        Ok(())
+    }
+}
+
+fn extended(id: u32, mask: u32) -> IdPattern {
+    IdPattern::masked(ExtendedId::new(id).unwrap(), mask)
+}
+
+fn receive(id: u32, mask: u32) -> Receive {
+    Receive { pattern: extended(id, mask), len: 8, rate: Rate::EveryTick, guard: None }
+}
+
+fn transmit(id: u32, mask: u32) -> Transmit {
+    let pattern = extended(id, mask);
+    Transmit { pattern, len: 8, rate: Rate::EveryTick, share: Share::Whole }
+}
+
+/// As `docs/later-motors.md` has it: STATUS and STATUS 3, commands.
+fn vesc(id: u16) -> Wired {
+    let wiring = Wiring::new("VESC", id)
+        .receives(receive(0x09 << 8 | u32::from(id), 0x1FFF_FFFF))
+        .and_then(|wiring| wiring.receives(receive(0x0F << 8 | u32::from(id), 0x1FFF_FFFF)))
+        .and_then(|wiring| wiring.transmits(transmit(id.into(), 0x1FFF_00FF)));
+    Wired(wiring.unwrap())
+}
+
+/// Feedback, motion control, and everything else.
+fn cybergear(motor: u16) -> Wired {
+    let id = u32::from(motor);
+    let wiring = Wiring::new("CyberGear", motor)
+        .receives(receive(id << 8 | 0xFD, 0xFFFF))
+        .and_then(|wiring| wiring.transmits(transmit(1 << 24 | id, 0x1F00_00FF)))
+        .and_then(|wiring| wiring.transmits(transmit(id, 0xFF)));
+    Wired(wiring.unwrap())
+}
+
+#[test]
+fn only_numbers_that_exist_are_taken() {
+    let error = |module, motor| {
+        let Err(ConfigError { field, must_be, .. }) = GoModule::new(module, motor) else {
+            panic!("taken")
+        };
+        format!("{field} must be {must_be}")
+    };
+    assert_eq!(error(4, 0), "module must be 0 to 3");
+    assert_eq!(error(0, 15), "motor must be 0 to 14 (15 is every motor)");
+    assert!(GoModule::new(0, 0).is_ok() && GoModule::new(3, 14).is_ok());
+    let motor = GoModule::new(3, 14).unwrap();
+    let mut cascade = rc10_motor::unitree::module::CASCADE;
+    cascade.speed.output_limit = 30.0;
+    let refused = motor.clone().with_cascade(cascade).unwrap_err();
+    assert_eq!(refused.field, "output_limit");
+    cascade.speed.output_limit = f32::NAN;
+    assert!(motor.with_cascade(cascade).is_err());
+}
+
+#[test]
+fn motors_of_a_module_and_modules_of_a_bus_live_together() {
+    let switch = ArmSwitch::new();
+    let mut motors: Vec<_> = [(3, 0), (3, 1), (2, 0), (2, 14), (0, 0)]
+        .map(|(module, motor)| GoModule::new(module, motor).unwrap())
+        .into();
+    let mut twin = GoModule::new(2, 14).unwrap();
+    let mut wheel = Dji::new(&M3508, 1).unwrap();
+    let mut bus = MotorBus::new(&switch);
+    for motor in &mut motors {
+        bus.attach(motor, Safety::COAST).unwrap();
+    }
+    bus.attach(&mut wheel, Safety::COAST).unwrap();
+    let error = bus.attach(&mut twin, Safety::COAST).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "GO-M8010-6 behind module 2, id 14 cannot share a bus with GO-M8010-6 behind module 2, \
+         id 14: both send feedback with identifier 0x14000E00"
+    );
+}
+
+#[test]
+fn what_a_module_would_misunderstand_is_refused() {
+    let clash = |module, mut other: Wired| {
+        let switch = ArmSwitch::new();
+        let mut motor = GoModule::new(module, 0).unwrap();
+        let mut bus = MotorBus::new(&switch);
+        bus.attach(&mut motor, Safety::COAST).unwrap();
+        match bus.attach(&mut other, Safety::COAST) {
+            Ok(_) => None,
+            Err(AttachError::Clash { clash, .. }) => Some(clash),
+            Err(other) => panic!("{other}"),
+        }
+    };
+    // STATUS 3 of a VESC would address every motor of module 0.
+    let status_3 = Id::Extended(ExtendedId::new(0x0F01).unwrap());
+    assert_eq!(clash(0, vesc(1)), Some(Clash::Confuses(status_3)));
+    assert_eq!(clash(3, vesc(1)), None);
+    for module in 0..4 {
+        assert!(clash(module, cybergear(1)).is_some(), "module {module}");
+    }
+}
+
+#[test]
+fn three_motors_fill_a_bus() {
+    let load = |count: u8| {
+        let switch = ArmSwitch::new();
+        let mut motors: Vec<_> = (0..count).map(|id| GoModule::new(3, id).unwrap()).collect();
+        let mut bus = MotorBus::new(&switch);
+        for motor in &mut motors {
+            bus.attach(motor, Safety::COAST).unwrap();
+        }
+        let load = bus.load(1_000_000);
+        (load.typical.round(), load.worst.round())
+    };
+    assert_eq!(load(1), (28.0, 32.0));
+    assert_eq!(load(3), (83.0, 96.0));
+}

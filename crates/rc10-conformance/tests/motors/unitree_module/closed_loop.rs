@@ -1,0 +1,246 @@
+//! Each sort of target is reached, bare and loaded, with a motor that is not quite what we think.
+
+use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
+use rc10_motor::unitree::GoModule;
+use rc10_motor::{
+    ArmSwitch, Condition, Impedance, Request, RequestError, Safety, Target, TargetError, TargetKind,
+};
+use rc10_sim::unitree_module::{Mode, plant};
+use rc10_sim::{Plant, Scale};
+
+use super::{One, speed};
+
+/// Bare and with 0.02 kg m², each with inertia, friction and magnets 30 % off.
+fn plants() -> Vec<Plant> {
+    let mut plants = Vec::new();
+    for load in [0.0, 0.02] {
+        for (inertia, friction, torque_constant) in
+            [(1.0, 1.0, 1.0), (1.3, 0.7, 0.7), (0.7, 1.3, 1.3), (1.3, 1.3, 0.7), (0.7, 0.7, 1.3)]
+        {
+            let by = Scale { inertia, friction, torque_constant };
+            plants.push(plant().with_load_inertia(load).scaled(by));
+        }
+    }
+    plants
+}
+
+/// Follows a target from rest: the largest overshoot, and the millisecond from which it stays
+/// within the band.
+fn respond(
+    one: &mut One<'_>,
+    target: Target,
+    goal: f64,
+    (millis, band): (usize, f64),
+    measure: impl Fn(&One<'_>) -> f64,
+) -> (f64, usize) {
+    let track: Vec<f64> = (0..millis)
+        .map(|_| {
+            one.hold(target, 1);
+            measure(one)
+        })
+        .collect();
+    let over = track.iter().fold(0.0_f64, |most, at| most.max((at - goal) * goal.signum()));
+    let settled = track.iter().rposition(|at| (at - goal).abs() > band).map_or(0, |last| last + 1);
+    (over, settled)
+}
+
+#[test]
+fn a_speed_is_reached_and_kept() {
+    for plant in plants() {
+        let switch = ArmSwitch::new();
+        let mut motor = GoModule::new(3, 0).unwrap();
+        let mut one = One::with(&switch, &mut motor, Safety::COAST, plant);
+        switch.arm().unwrap();
+        let (over, settled) = respond(&mut one, speed(150.0), 150.0, (1000, 3.0), |one| one.rpm());
+        assert!(over < 5.0 && settled < 450, "{over} rpm over, {settled} ms: {plant:?}");
+        assert!((one.rpm() - 150.0).abs() < 1.5, "{}", one.rpm());
+        one.hold(speed(-20.0), 800);
+        assert!((one.rpm() + 20.0).abs() < 1.5, "{}", one.rpm());
+    }
+}
+
+#[test]
+fn an_angle_is_reached_and_kept() {
+    for plant in plants() {
+        let switch = ArmSwitch::new();
+        let mut motor = GoModule::new(2, 14).unwrap();
+        let mut one = One::with(&switch, &mut motor, Safety::COAST, plant);
+        one.bench.bus.request(one.motor, Request::SetZero).unwrap();
+        switch.arm().unwrap();
+        let target = Target::TotalAngle(TotalAngle::from_degrees(720));
+        let (over, settled) = respond(&mut one, target, 720.0, (2500, 1.0), |one| one.degrees());
+        assert!(over < 0.5 && settled < 1600, "{over} degrees over, {settled} ms: {plant:?}");
+        assert!((one.degrees() - 720.0).abs() < 0.5, "{}", one.degrees());
+        // 350 degrees lie ten back.
+        one.hold(Target::Angle(Degrees::new(350.0)), 800);
+        assert!((one.degrees() - 710.0).abs() < 0.5, "{}", one.degrees());
+    }
+}
+
+#[test]
+fn a_torque_is_the_torque_of_the_output() {
+    for direction in [Direction::Forward, Direction::Reversed] {
+        let switch = ArmSwitch::new();
+        let mut motor = GoModule::new(3, 0).unwrap().with_direction(direction);
+        // So heavy that it hardly turns.
+        let heavy = plant().with_load_inertia(50.0);
+        let mut one = One::with(&switch, &mut motor, Safety::COAST, heavy);
+        switch.arm().unwrap();
+        one.hold(Target::Torque(NewtonMetres::new(-7.5)), 100);
+        let sign = if direction == Direction::Forward { 1.0 } else { -1.0 };
+        assert!((one.torque() * sign + 7.5).abs() < 0.03, "{}", one.torque());
+        let told = one.bench.status(one.motor).feedback.torque().unwrap().get();
+        assert!((told + 7.5).abs() < 0.05, "{told}");
+        // No more than it can give, and no more than it may.
+        one.hold(Target::Torque(NewtonMetres::new(100.0)), 100);
+        assert!((one.torque() * sign - 23.7).abs() < 0.03, "{}", one.torque());
+        let limit = Request::TorqueLimit(NewtonMetres::new(2.0));
+        one.bench.bus.request(one.motor, limit).unwrap();
+        one.hold(Target::Torque(NewtonMetres::new(100.0)), 100);
+        assert!((one.torque() * sign - 2.0).abs() < 0.03, "{}", one.torque());
+        one.hold(Target::Coast, 100);
+        assert!(one.torque().abs() < 1e-3 && one.mode() == Mode::Following);
+    }
+}
+
+#[test]
+fn a_mirrored_motor_counts_and_turns_the_other_way() {
+    let switch = ArmSwitch::new();
+    let mut motor = GoModule::new(3, 0).unwrap().with_direction(Direction::Reversed);
+    let mut one = One::new(&switch, &mut motor, Safety::COAST);
+    switch.arm().unwrap();
+    let before = (one.degrees(), one.esc.state().output_degrees);
+    one.hold(speed(60.0), 1000);
+    assert!((one.rpm() + 60.0).abs() < 0.5, "{}", one.rpm());
+    assert!((one.bench.status(one.motor).feedback.speed.get() - 60.0).abs() < 0.5);
+    let moved = (one.degrees() - before.0, one.esc.state().output_degrees - before.1);
+    // A millisecond at 60 rpm is 0.36 degrees.
+    assert!(moved.0 > 300.0 && (moved.0 + moved.1).abs() < 0.5, "{moved:?}");
+    let spring =
+        Impedance { angle: Degrees::new(-90.0), kp: 20.0, kd: 0.5, ..Impedance::default() };
+    one.hold(Target::Impedance(spring), 1000);
+    assert!((one.degrees() + 90.0).abs() < 1.0, "{}", one.degrees());
+}
+
+fn spring(kp: f32, kd: f32) -> Impedance {
+    Impedance { kp, kd, ..Impedance::default() }
+}
+
+#[test]
+fn an_impedance_is_a_spring_and_a_damper() {
+    for direction in [Direction::Forward, Direction::Reversed] {
+        let switch = ArmSwitch::new();
+        let mut motor = GoModule::new(1, 5).unwrap().with_direction(direction);
+        let mut one = One::new(&switch, &mut motor, Safety::COAST);
+        one.bench.bus.request(one.motor, Request::SetZero).unwrap();
+        switch.arm().unwrap();
+        let sign = if direction == Direction::Forward { 1.0 } else { -1.0 };
+        // A weight of 5 N m bends 30 N m / rad by 9.55 degrees, give or take 0.13 N m of friction.
+        one.esc.set_load(-5.0 * sign);
+        one.hold(Target::Impedance(spring(30.0, 1.0)), 1000);
+        let bent = one.degrees();
+        assert!((bent + 9.55).abs() < 0.4, "{bent}");
+        let gains = one.gains();
+        assert!((gains.stiffness * 40.0689 - 30.0).abs() < 0.02, "{gains:?}");
+        assert!((gains.damping * 40.0689 - 1.0).abs() < 0.02, "{gains:?}");
+        // The torque on top carries the weight.
+        let lifted = Impedance { torque: NewtonMetres::new(5.0), ..spring(30.0, 1.0) };
+        one.hold(Target::Impedance(lifted), 1000);
+        assert!(one.degrees().abs() < 0.4, "{}", one.degrees());
+        // Another place, the same stiffness: it goes there without a break.
+        let there = Impedance { angle: Degrees::new(40.0), ..lifted };
+        for _ in 0..1000 {
+            one.hold(Target::Impedance(there), 1);
+            assert_eq!(one.bench.status(one.motor).condition, Condition::Ready);
+        }
+        assert!((one.degrees() - 40.0).abs() < 0.4, "{}", one.degrees());
+        // A damper at a speed: 1 N m s / rad at 60 rpm more than it has.
+        one.esc.set_load(0.0);
+        let turning = Impedance { speed: Rpm::new(60.0), ..spring(0.0, 1.0) };
+        one.hold(Target::Impedance(turning), 1000);
+        // 0.1 N m of friction are 1 rpm.
+        assert!((one.rpm() * sign - 59.0).abs() < 1.0, "{}", one.rpm());
+    }
+}
+
+#[test]
+fn an_impedance_obeys_the_torque_limit_and_starts_softly() {
+    let switch = ArmSwitch::new();
+    let mut motor = GoModule::new(3, 0).unwrap();
+    let heavy = plant().with_load_inertia(50.0);
+    let mut one = One::with(&switch, &mut motor, Safety::COAST, heavy);
+    one.bench.bus.request(one.motor, Request::SetZero).unwrap();
+    switch.arm().unwrap();
+    let far = |torque| Impedance {
+        angle: Degrees::new(3000.0),
+        torque: NewtonMetres::new(torque),
+        ..spring(100.0, 2.0)
+    };
+    let mut last = 0.0;
+    for millis in 0..60 {
+        one.hold(Target::Impedance(far(0.0)), 1);
+        let torque = one.torque();
+        // 5 % of 23.7 N m a millisecond, seen through a tick and the current loop.
+        assert!(torque - last < 2.4, "{millis} ms: from {last} to {torque}");
+        last = torque;
+    }
+    assert!((last - 23.7).abs() < 0.2, "{last}");
+    let limit = Request::TorqueLimit(NewtonMetres::new(3.0));
+    one.bench.bus.request(one.motor, limit).unwrap();
+    for (asked, made) in [(0.0, 3.0), (50.0, 3.0), (-50.0, -3.0)] {
+        one.hold(Target::Impedance(far(asked)), 100);
+        assert!((one.torque() - made).abs() < 0.2, "{asked}: {}", one.torque());
+    }
+}
+
+#[test]
+fn what_cannot_be_is_refused_and_changes_nothing() {
+    let switch = ArmSwitch::new();
+    let mut motor = GoModule::new(3, 0).unwrap();
+    let mut one = One::new(&switch, &mut motor, Safety::COAST);
+    let now = one.bench.world.now();
+    let mut refused = |target| {
+        let error = one.bench.bus.command(one.motor, target, now).unwrap_err();
+        assert_eq!(one.bench.status(one.motor).target, Target::Coast);
+        error.to_string()
+    };
+    let out = TargetError::OutOfRange(TargetKind::Impedance).to_string();
+    assert_eq!(refused(Target::Impedance(spring(-1.0, 0.0))), out);
+    assert_eq!(refused(Target::Impedance(spring(0.0, 1026.0))), out);
+    let far = Impedance { angle: Degrees::new(4e6), ..spring(1.0, 0.0) };
+    assert_eq!(refused(Target::Impedance(far)), out);
+    let nan = TargetError::NotFinite(TargetKind::Impedance).to_string();
+    assert_eq!(refused(Target::Impedance(spring(f32::NAN, 0.0))), nan);
+    let unsupported = TargetError::Unsupported(TargetKind::Duty).to_string();
+    assert_eq!(refused(Target::Duty(0.5)), unsupported);
+    for request in [Request::StoreZero, Request::ReadRegister(0), Request::SaveRegisters] {
+        let answer = one.bench.bus.request(one.motor, request);
+        assert_eq!(answer, Err(RequestError::Unsupported));
+    }
+}
+
+#[test]
+fn zero_is_where_it_was_set() {
+    let switch = ArmSwitch::new();
+    let mut motor = GoModule::new(3, 0).unwrap();
+    assert_eq!(
+        rc10_motor::Motor::request(&mut motor, Request::SetZero),
+        Err(RequestError::NoFeedback)
+    );
+    let mut one = One::new(&switch, &mut motor, Safety::COAST);
+    switch.arm().unwrap();
+    let at = |degrees| Impedance { angle: Degrees::new(degrees), ..spring(40.0, 1.0) };
+    one.hold(Target::Impedance(at(100.0)), 1500);
+    assert!((one.degrees() - 100.0).abs() < 0.4);
+    let before = one.esc.state().output_degrees;
+    one.bench.bus.request(one.motor, Request::SetZero).unwrap();
+    // Without a command it still is where it was, and so it stays.
+    let Target::Impedance(kept) = one.bench.status(one.motor).target else { panic!() };
+    assert!(kept.angle.get().abs() < 0.4, "{kept:?}");
+    one.hold(Target::Impedance(kept), 500);
+    assert!((one.esc.state().output_degrees - before).abs() < 0.2);
+    // The same number lies elsewhere now.
+    one.hold(Target::Impedance(at(100.0)), 1500);
+    assert!((one.esc.state().output_degrees - before - 100.0).abs() < 0.6);
+}

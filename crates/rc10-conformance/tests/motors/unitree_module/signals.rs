@@ -1,0 +1,53 @@
+use rc10_can::CanFrame;
+use rc10_motor::unitree::signals::{NOT_IN_DBC, messages};
+use rc10_motor::unitree::wire::Address;
+use rc10_motor::unitree::wire::module::Module;
+use rc10_sim::unitree_module::{Asked, Command};
+
+use super::values::values;
+use crate::unitree_module::codecs::Random;
+
+#[test]
+fn the_table_reads_what_the_codec_reads() {
+    let mut random = Random(1);
+    let table = messages(Module::FACTORY, Address::new(2).unwrap());
+    let mut compared = 0;
+    for _ in 0..2_500 {
+        for message in &table {
+            let data = random.next().to_le_bytes();
+            let frame = CanFrame::eight_bytes(message.id, data);
+            let read = values(message.name, &frame);
+            assert_eq!(read.len(), message.signals.len(), "{}", message.name);
+            for signal in message.signals {
+                let (_, value) = read.iter().find(|(name, _)| *name == signal.name).unwrap();
+                let physical = signal.physical(&data).unwrap();
+                let error = (physical - value).abs();
+                assert!(error <= 2e-7 * physical.abs(), "{}: {physical} {value}", signal.name);
+                compared += 1;
+            }
+        }
+    }
+    assert_eq!(compared, 2_500 * 8);
+}
+
+#[test]
+fn each_message_is_what_its_name_says_to_the_module() {
+    let asked = |name: &str| {
+        let table = messages(Module::FACTORY, Address::new(2).unwrap());
+        let message = table.iter().find(|message| message.name == name).unwrap();
+        let frame = CanFrame::eight_bytes(message.id, [0; 8]);
+        let command = Command::unpack(&frame).unwrap().unwrap();
+        assert_eq!((command.module, command.motor), (3, 2));
+        assert!(!message.from_device && message.len == 8);
+        command.asked
+    };
+    let status = |asked| match asked {
+        Asked::Control { status, answered: true, .. } => Some(status),
+        _ => None,
+    };
+    assert_eq!(status(asked("UNITREE_GO_LOCK")), Some(0));
+    assert_eq!(status(asked("UNITREE_GO_CONTROL")), Some(1));
+    assert!(matches!(asked("UNITREE_GO_SET_GAINS"), Asked::SetGains(_)));
+    assert_eq!(asked("UNITREE_GO_READ_GAINS"), Asked::ReadGains);
+    assert_eq!(NOT_IN_DBC.len(), 3);
+}

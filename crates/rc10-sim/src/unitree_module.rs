@@ -1,0 +1,388 @@
+//! Unitree's CAN-to-485 module with GO-M8010-6 motors behind it, from the devices' side.
+//!
+//! A [`UnitreeModule`] is what its motors share: a number on the bus, and stiffness and damping for
+//! each motor, forgotten when it restarts. Each motor is a [`Device`] of its own, with its own
+//! [`Plant`]: `bus.add(module.motor(0)?, plant())`. Power of the [`Esc`](crate::Esc) is the motor's;
+//! [`UnitreeModule::set_power`] is the module's.
+//!
+//! Nothing here is shared with the motor library: an error in one of the two shows as a
+//! disagreement.
+//!
+//! Sources: CAN-to-485 module manual V1.0, GO-M8010-6 user manual v1.2 and data manual. **Assumed**,
+//! because none of them says: a module puts stiffness and damping on its line with the next control
+//! frame, not before; it is silent about a motor that does not
+//! answer, and wholly about one without power; a motor that gets no more
+//! commands keeps the last one; a locked motor brakes by its shorted windings; power makes it count
+//! from its rotor's first turn again; a module has no stiffness and damping when it starts. The
+//! 6000 frames a second that a module can pass on at most are not simulated: the wire fits hardly
+//! more.
+
+mod codec;
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::f64::consts::TAU;
+use std::fmt;
+use std::rc::Rc;
+
+use rc10_can::{CanFrame, Micros};
+
+pub use self::codec::{Asked, Command, Gains, Malformed, Motion, Report, Told};
+use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
+use crate::motor::Plant;
+
+/// Rotor turns per turn of the output shaft (user manual).
+const GEAR: f64 = 6.33;
+/// N·m at the output shaft per ampere (user manual, 0.63895).
+const TORQUE_CONSTANT: f64 = 0.638_95;
+/// 33 bytes at 4 Mbit/s, and an estimate for the turnaround.
+const EXCHANGE: Micros = Micros::new(150);
+/// The manual: the motor protects itself at 90 °C until the supply is switched off.
+const TOO_HOT: f64 = 90.0;
+/// The manual: about five seconds.
+const CALIBRATION: Micros = Micros::from_millis(5000);
+/// Turns the motor during its calibration: an estimate.
+const CALIBRATION_VOLTS: f64 = 1.0;
+
+/// Its motor on 24 V without load. Gear, torque constant, 23.7 N·m and 30 rad/s are the data
+/// manual's; resistance, inertia, friction and thermal figures are estimates.
+#[must_use]
+pub const fn plant() -> Plant {
+    Plant {
+        gear_ratio: GEAR,
+        torque_constant: TORQUE_CONSTANT,
+        back_emf: 0.0,
+        resistance: 0.2,
+        supply: 24.0,
+        current_limit: 23.7 / TORQUE_CONSTANT,
+        current_time_constant: 0.5e-3,
+        rotor_inertia: 6e-5,
+        load_inertia: 0.0,
+        viscous_friction: 0.01,
+        coulomb_friction: 0.10,
+        static_friction: 0.13,
+        ambient: 25.0,
+        thermal_resistance: 1.5,
+        thermal_time_constant: 300.0,
+    }
+    .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
+}
+
+/// No module or no motor can be set to this number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoSuchNumber {
+    /// "module" or "motor".
+    pub of: &'static str,
+    /// What was asked for.
+    pub asked: u8,
+    /// The largest there is; the smallest is 0.
+    pub last: u8,
+}
+
+impl fmt::Display for NoSuchNumber {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "a {} has a number from 0 to {}, not {}", self.of, self.last, self.asked)
+    }
+}
+
+impl std::error::Error for NoSuchNumber {}
+
+/// A module. Clones are the same module.
+#[derive(Clone, Debug)]
+pub struct UnitreeModule {
+    number: u8,
+    inner: Rc<RefCell<Inner>>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    powered: bool,
+    gains: [Gains; 16],
+}
+
+impl UnitreeModule {
+    /// A module with this number (switches 1 and 2), 0 ..= 3, powered.
+    ///
+    /// # Errors
+    /// [`NoSuchNumber`].
+    pub fn new(number: u8) -> Result<Self, NoSuchNumber> {
+        if number > 3 {
+            return Err(NoSuchNumber { of: "module", asked: number, last: 3 });
+        }
+        let inner = Inner { powered: true, gains: [Gains::default(); 16] };
+        Ok(Self { number, inner: Rc::new(RefCell::new(inner)) })
+    }
+
+    /// A motor on its line, with this number, 0 ..= 14.
+    ///
+    /// # Errors
+    /// [`NoSuchNumber`].
+    pub fn motor(&self, number: u8) -> Result<UnitreeMotor, NoSuchNumber> {
+        if number > 14 {
+            return Err(NoSuchNumber { of: "motor", asked: number, last: 14 });
+        }
+        Ok(UnitreeMotor::new(self.clone(), number))
+    }
+
+    /// Switches the module's power: without it nothing passes, and its motors keep their last
+    /// command; with it again, it has no stiffness and damping for any of them.
+    pub fn set_power(&self, powered: bool) {
+        let mut inner = self.inner.borrow_mut();
+        *inner = Inner { powered, gains: [Gains::default(); 16] };
+    }
+
+    /// Restarts it, in no time: it has forgotten stiffness and damping.
+    pub fn restart(&self) {
+        self.set_power(true);
+    }
+
+    /// What it has for a motor.
+    #[must_use]
+    pub fn gains(&self, motor: u8) -> Gains {
+        self.inner.borrow().gains.get(usize::from(motor)).copied().unwrap_or_default()
+    }
+}
+
+/// What a motor does, by its own word.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// As after power-up: it brakes (assumed).
+    #[default]
+    Locked,
+    /// It follows commands.
+    Following,
+    /// It turns by itself.
+    Calibrating,
+}
+
+impl Mode {
+    const fn number(self) -> u8 {
+        match self {
+            Self::Locked => 0,
+            Self::Following => 1,
+            Self::Calibrating => 2,
+        }
+    }
+}
+
+/// A motor behind a module.
+#[derive(Debug)]
+pub struct UnitreeMotor {
+    module: UnitreeModule,
+    number: u8,
+    mode: Mode,
+    command: Motion,
+    gains: Gains,
+    error: u8,
+    unplugged: bool,
+    calibrated_at: Micros,
+    calibrations: u32,
+    /// Whole rotor turns that had been made when it got power.
+    zero: Option<f64>,
+    due: VecDeque<(Micros, Answer)>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Answer {
+    /// Only if there is a fault.
+    Fault,
+    State,
+    Gains(Gains),
+}
+
+impl UnitreeMotor {
+    fn new(module: UnitreeModule, number: u8) -> Self {
+        Self {
+            module,
+            number,
+            mode: Mode::Locked,
+            command: Motion::default(),
+            gains: Gains::default(),
+            error: 0,
+            unplugged: false,
+            calibrated_at: Micros::ZERO,
+            calibrations: 0,
+            zero: None,
+            due: VecDeque::new(),
+        }
+    }
+
+    /// What it does.
+    #[must_use]
+    pub const fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// The motion it was commanded last, at the rotor.
+    #[must_use]
+    pub const fn commanded(&self) -> Motion {
+        self.command
+    }
+
+    /// The stiffness and damping it follows with, at the rotor.
+    #[must_use]
+    pub const fn gains(&self) -> Gains {
+        self.gains
+    }
+
+    /// Its `MError`; 0 for none.
+    #[must_use]
+    pub const fn error(&self) -> u8 {
+        self.error
+    }
+
+    /// How often it was told to calibrate itself.
+    #[must_use]
+    pub const fn calibrations(&self) -> u32 {
+        self.calibrations
+    }
+
+    /// Turns of the rotor as it counts them.
+    fn turns(&mut self, shaft: &Shaft<'_>) -> f64 {
+        let turns = shaft.rotor_turns();
+        turns - *self.zero.get_or_insert(turns.floor())
+    }
+
+    fn motion(&mut self, shaft: &Shaft<'_>) -> Motion {
+        Motion {
+            torque: shaft.current() * TORQUE_CONSTANT / GEAR,
+            speed: shaft.speed() * GEAR,
+            angle: self.turns(shaft) * TAU,
+        }
+    }
+
+    fn control(&mut self, status: u8, motion: Motion, now: Micros) {
+        self.gains = self.module.gains(self.number);
+        self.command = motion;
+        self.mode = match status {
+            1 => Mode::Following,
+            2 => {
+                self.calibrations += 1;
+                self.calibrated_at = now;
+                Mode::Calibrating
+            }
+            _ => Mode::Locked,
+        };
+    }
+
+    fn report(&mut self, answer: Answer, shaft: &Shaft<'_>) -> Option<CanFrame> {
+        let told = match answer {
+            Answer::Gains(gains) => Told::Gains(gains),
+            _ if self.unplugged || self.mode == Mode::Calibrating => return None,
+            _ if self.error != 0 => Told::Fault { status: self.mode.number(), error: self.error },
+            Answer::Fault => return None,
+            Answer::State => Told::State {
+                status: self.mode.number(),
+                motion: self.motion(shaft),
+                temperature: shaft.temperature(),
+                air_pressure: 0,
+            },
+        };
+        Some(Report { module: self.module.number, motor: self.number, told }.pack())
+    }
+}
+
+impl Device for UnitreeMotor {
+    fn power_on(&mut self, _now: Micros, _phase: Micros) {
+        let calibrations = self.calibrations;
+        *self = Self { calibrations, ..Self::new(self.module.clone(), self.number) };
+    }
+
+    fn receive(
+        &mut self,
+        frame: &CanFrame,
+        _shaft: &Shaft<'_>,
+        now: Micros,
+        _out: &mut Outbox,
+    ) -> Taken {
+        let command = match Command::unpack(frame) {
+            Ok(Some(command)) => command,
+            Ok(None) => return Taken::NotMine,
+            Err(malformed) => {
+                return if self.is_meant(malformed.module, malformed.motor) {
+                    Taken::Malformed
+                } else {
+                    Taken::NotMine
+                };
+            }
+        };
+        if !self.module.inner.borrow().powered || !self.is_meant(command.module, command.motor) {
+            return Taken::NotMine;
+        }
+        let answer = match command.asked {
+            Asked::Control { status, motion, answered } => {
+                if !self.unplugged && self.mode != Mode::Calibrating {
+                    self.control(status, motion, now);
+                }
+                Some(if answered { Answer::State } else { Answer::Fault })
+            }
+            Asked::SetGains(gains) => {
+                self.module.inner.borrow_mut().gains[usize::from(self.number)] = gains;
+                None
+            }
+            Asked::ReadGains => Some(Answer::Gains(self.module.gains(self.number))),
+        };
+        // Nobody answers to everybody.
+        if let (Some(answer), true) = (answer, command.motor == self.number) {
+            self.due.push_back((now + EXCHANGE, answer));
+        }
+        Taken::Yes
+    }
+
+    fn next_event(&self) -> Option<Micros> {
+        self.due.front().map(|(at, _)| *at)
+    }
+
+    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+        while self.next_event().is_some_and(|at| at <= now)
+            && let Some((_, answer)) = self.due.pop_front()
+        {
+            let frame = self.report(answer, shaft);
+            if self.module.inner.borrow().powered {
+                frame.into_iter().for_each(|frame| out.send(frame));
+            }
+        }
+    }
+
+    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+        let has = self.motion(shaft);
+        if shaft.temperature() >= TOO_HOT {
+            self.error = 1;
+        }
+        if self.mode == Mode::Calibrating && now.since(self.calibrated_at) >= CALIBRATION {
+            self.mode = Mode::Locked;
+        }
+        match self.mode {
+            _ if self.error != 0 => Winding::Open,
+            Mode::Locked => Winding::Voltage(0.0),
+            Mode::Calibrating => Winding::Voltage(CALIBRATION_VOLTS),
+            Mode::Following => {
+                let wanted = self.command;
+                let torque = wanted.torque
+                    + self.gains.stiffness * (wanted.angle - has.angle)
+                    + self.gains.damping * (wanted.speed - has.speed);
+                Winding::Current(torque * GEAR / TORQUE_CONSTANT)
+            }
+        }
+    }
+
+    fn inject(&mut self, fault: EscFault) -> bool {
+        match fault {
+            EscFault::OverTemperature => self.error = 1,
+            EscFault::OverCurrent => self.error = 2,
+            EscFault::OverVoltage => self.error = 3,
+            EscFault::Encoder => self.error = 4,
+            // Its cable to the module.
+            EscFault::CommunicationLost => self.unplugged = true,
+            EscFault::UnderVoltage => return false,
+        }
+        true
+    }
+}
+
+impl UnitreeMotor {
+    /// A frame for this motor behind this module, or for every motor.
+    const fn is_meant(&self, module: u8, motor: u8) -> bool {
+        module == self.module.number && (motor == self.number || motor == 15)
+    }
+}
