@@ -186,7 +186,8 @@ pub struct UnitreeMotor {
 enum Answer {
     /// Only if there is a fault.
     Fault,
-    State,
+    /// With the status that its command asked for.
+    State(u8),
     Gains(Gains),
 }
 
@@ -271,8 +272,8 @@ impl UnitreeMotor {
             _ if self.unplugged || self.mode == Mode::Calibrating => return None,
             _ if self.error != 0 => Told::Fault { status: self.mode.number(), error: self.error },
             Answer::Fault => return None,
-            Answer::State => Told::State {
-                status: self.mode.number(),
+            Answer::State(status) => Told::State {
+                status,
                 motion: self.motion(shaft),
                 temperature: shaft.temperature(),
                 air_pressure: 0,
@@ -314,7 +315,7 @@ impl Device for UnitreeMotor {
                 if !self.unplugged && self.mode != Mode::Calibrating {
                     self.control(status, motion, now);
                 }
-                Some(if answered { Answer::State } else { Answer::Fault })
+                Some(if answered { Answer::State(self.mode.number()) } else { Answer::Fault })
             }
             Asked::SetGains(gains) => {
                 self.module.inner.borrow_mut().gains[usize::from(self.number)] = gains;

@@ -357,7 +357,7 @@ impl Motor for GoModule {
     fn update(&mut self, dt: Seconds, drive: Drive) {
         self.drive = drive;
         self.silence = (self.silence + dt.get()).min(1.0);
-        let lost = !self.heard || self.silence > LINK_TIMEOUT_SECONDS;
+        let lost = self.silence > LINK_TIMEOUT_SECONDS;
         if drive == Drive::Off || lost || self.fault.is_some() {
             self.sequence.stop();
             self.rest();
@@ -458,7 +458,6 @@ impl CanMotor for GoModule {
             }
             Content::Fault { .. } => {
                 self.fault = reply.fault();
-                self.silence = 0.0;
                 Ok(Heard::Fault)
             }
             Content::Impedance(has) if self.sequence.on_impedance(has) => Ok(Heard::Other),
@@ -472,5 +471,53 @@ impl CanMotor for GoModule {
 
     fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
         self.send(&Sequence::new().request(RawMotion::default()), tx)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Seconds = Seconds::new(0.001);
+
+    /// What a tick sends.
+    fn tick(motor: &mut GoModule, drive: Drive) -> u32 {
+        motor.update(MS, drive);
+        let mut tx = TxBatch::new();
+        motor.pack_command(&mut tx).unwrap();
+        assert_eq!(tx.entries().next().map(|(_, stream)| stream), Some(tx_stream(motor)));
+        tx.frames()[0].raw_id()
+    }
+
+    fn tx_stream(motor: &GoModule) -> u32 {
+        CanFrame::key_of(motor.wiring().transmitted()[0].pattern.id())
+    }
+
+    fn answer(motor: &mut GoModule, id: u32, at: u64) -> Result<Heard, FrameError> {
+        let frame = CanFrame::eight_bytes(ExtendedId::new(id).unwrap(), [0; 8]);
+        motor.unpack_feedback(&frame, Micros::from_millis(at))
+    }
+
+    #[test]
+    fn a_motor_heard_again_after_a_gap_is_a_new_one_even_if_no_tick_counted_it() {
+        let mut motor = GoModule::new(3, 0).unwrap();
+        assert_eq!(answer(&mut motor, 0x1D00_0023, 1), Ok(Heard::Feedback));
+        assert_eq!(tick(&mut motor, Drive::Coast), 0x180B_0000);
+        assert_eq!(tick(&mut motor, Drive::Coast), 0x180C_0000);
+        assert_eq!(answer(&mut motor, 0x1E02_0000, 2), Ok(Heard::Other));
+        assert_eq!(tick(&mut motor, Drive::Coast), 0x180A_1000);
+        assert_eq!(answer(&mut motor, 0x1D00_1023, 3), Ok(Heard::Feedback));
+        assert_eq!(motor.condition(), Condition::Ready);
+        assert_eq!(answer(&mut motor, 0x1D00_1023, 13), Ok(Heard::Feedback));
+        assert_eq!(tick(&mut motor, Drive::Coast), 0x180A_1000);
+        assert_eq!(answer(&mut motor, 0x1D00_1023, 24), Ok(Heard::Feedback));
+        assert_eq!(motor.condition(), Condition::Starting);
+        assert_eq!(tick(&mut motor, Drive::Coast), 0x180B_0000);
+    }
+
+    #[test]
+    fn it_is_small() {
+        let size = size_of::<GoModule>();
+        assert!(size <= 456, "{size}");
     }
 }

@@ -195,6 +195,37 @@ fn an_impedance_obeys_the_torque_limit_and_starts_softly() {
 }
 
 #[test]
+fn whatever_takes_over_starts_softly() {
+    let torque = NewtonMetres::new(20.0);
+    // Without stiffness and damping no set-up lies between the two.
+    let given = Target::Impedance(Impedance { torque, ..Impedance::default() });
+    let far = |kp| Target::Impedance(Impedance { angle: Degrees::new(3000.0), ..spring(kp, 1.0) });
+    for [first, second] in
+        [[Target::Torque(torque), given], [given, Target::Torque(torque)], [far(50.0), far(80.0)]]
+    {
+        let switch = ArmSwitch::new();
+        let mut motor = GoModule::new(3, 0).unwrap();
+        let heavy = plant().with_load_inertia(50.0);
+        let mut one = One::with(&switch, &mut motor, Safety::COAST, heavy);
+        switch.arm().unwrap();
+        for target in [second, first] {
+            one.hold(target, 100);
+            assert!(one.torque() > 19.0, "{target:?}");
+        }
+        let track: Vec<f64> = (0..60)
+            .map(|_| {
+                one.hold(second, 1);
+                one.torque()
+            })
+            .collect();
+        let least = track.iter().copied().fold(f64::INFINITY, f64::min);
+        let steepest = track.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+        assert!(least < 8.0 && steepest < 4.8, "{second:?}: {track:?}");
+        assert!(track.last().is_some_and(|last| *last > 19.0), "{second:?}: {track:?}");
+    }
+}
+
+#[test]
 fn what_cannot_be_is_refused_and_changes_nothing() {
     let switch = ArmSwitch::new();
     let mut motor = GoModule::new(3, 0).unwrap();

@@ -43,9 +43,14 @@ fn a_cut_wire_is_noticed_and_the_motor_comes_back_without_a_kick() {
         one.hold(target, 100);
         let status = one.bench.status(one.motor);
         assert_eq!((status.link, status.drive), (Link::Lost, Drive::Coast));
+        let _ = one.bench.wire.take_trace();
         one.bench.wire.set_cut(false);
-        // The first that the motor hears is that it shall stop.
+        // Whatever the motor hears now, it is to be locked: no older torque waits.
         one.hold(target, 2);
+        let heard = one.bench.wire.take_trace();
+        let heard: Vec<_> = heard.iter().filter(|entry| entry.from_controller).collect();
+        assert_eq!(heard[0].frame.raw_id(), 0x180A_0000);
+        assert!(heard.iter().all(|entry| entry.frame.raw_id() & 0xF000 == 0), "{heard:?}");
         assert_eq!(one.mode(), Mode::Locked, "{target:?}");
         let status = one.bench.status(one.motor);
         assert_eq!((status.link, status.condition), (Link::Online, Condition::Starting));

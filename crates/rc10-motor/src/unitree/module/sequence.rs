@@ -152,6 +152,8 @@ mod tests {
         assert_eq!(next(&mut sequence, wanted), Request::ReadImpedance);
         assert!(sequence.on_impedance(wanted));
         assert_eq!(next(&mut sequence, wanted), Request::Control(Status::FOC, TURNING));
+        sequence.on_state(Status::LOCK);
+        assert_eq!(next(&mut sequence, wanted), Request::Control(Status::FOC, TURNING));
         assert!(!sequence.is_following());
         sequence.on_state(Status::FOC);
         assert!(sequence.is_following());
