@@ -7,10 +7,10 @@
 //!
 //! **Set-up.** Disarmed, the motor is asked how it is with status 0 (lock). Armed, the module is
 //! given the gains, then asked for them; once it answers with what it was given, the motor is put
-//! into field-oriented control; once it says so, it is driven, softly. That takes four ticks,
-//! meanwhile its condition is [`Condition::Starting`] and it has no torque. The same happens when
-//! the gains change, when the motor was silent for 10 ms, when it is found locked, and when the
-//! module is found without its gains (asked 20 times a second during an impedance).
+//! into field-oriented control; once it says so, it is driven, softly: from the fourth tick on at
+//! best. Until then its condition is [`Condition::Starting`] and it has no torque. The same happens
+//! when the gains change, when the motor was silent for 10 ms, when it is found locked, and when
+//! the module is found without its gains (asked 20 times a second during an impedance).
 //!
 //! **One frame a tick.** A module puts gains on its line after the motion of the same tick,
 //! because identifiers go out in order. All frames of a motor are one stream: a newer one takes
@@ -518,6 +518,6 @@ mod tests {
     #[test]
     fn it_is_small() {
         let size = size_of::<GoModule>();
-        assert!(size <= 456, "{size}");
+        assert!(size <= 352, "{size}");
     }
 }
