@@ -35,13 +35,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod impedance;
 mod sequence;
 mod turns;
 
-use core::f32::consts::PI;
-
 use embedded_can::{ExtendedId, Id};
-use rc10_app::maths::{round_to_i32, within};
 use rc10_app::{
     Celsius, ConfigError, CountsPerTurn, NewtonMetres, PidConfig, Rpm, RpmPerSecond, Seconds,
     TotalAngle,
@@ -64,22 +62,11 @@ use crate::wiring::{Rate, Receive, Share, Transmit, Wiring};
 
 /// Largest torque, N m (data manual: 23.7 at the output shaft).
 const LARGEST_TORQUE: f32 = 23.7;
-/// Largest stiffness in N m/rad and damping in N m s/rad: 25.599 at the rotor.
-const LARGEST_GAIN: f32 = 25.599 * 6.33 * 6.33;
-/// Largest angle, degrees: 411,774 rad at the rotor.
-const LARGEST_ANGLE: f32 = 411_774.0 / 6.33 * 180.0 / PI;
 /// Silent for longer, a motor may be another one when it is back: as its
 /// [`link_timeout`](Wiring::link_timeout).
 const LINK_TIMEOUT: Micros = Micros::from_millis(10);
 /// The same in seconds, and half a tick for rounding.
 const LINK_TIMEOUT_SECONDS: f32 = 0.010_5;
-/// An impedance starts with this share of the torque limit per second: all of it after 20 ms.
-const SOFT_SLOPE: f32 = 50.0;
-
-/// Rotor steps per degree of the output.
-const STEPS_PER_DEGREE: f32 = 32768.0 * 6.33 / 360.0;
-const RPM_PER_RADIAN_PER_SECOND: f32 = 30.0 / PI;
-
 /// The bits of an identifier that say whose it is, in either direction: module, direction, motor.
 const WHOSE: u32 = 0x1C00_0F00;
 /// What is sent to a motor also leaves bits 25 and 24 zero, and the lowest byte.
@@ -239,41 +226,6 @@ impl GoModule {
             speed: Rpm::new(rpm * sign),
             angle: TotalAngle::new(angle.into(), Shaft::OUTPUT.scale()),
         })
-    }
-
-    /// The motion that makes the module's stiffness and damping give what `impedance` asks for, and
-    /// never more than the torque limit at the angle and speed measured last.
-    fn pull(&mut self, impedance: &Impedance, dt: Seconds) -> RawMotion {
-        self.share = (self.share + SOFT_SLOPE * dt.get()).min(1.0);
-        let most = self.servo.cascade().speed.output_limit * self.share;
-        let way = self.spring.saturating_sub(self.turns.microdegrees());
-        // Six turns away, some more or less do not matter.
-        let far = if way < 0 { i32::MIN } else { i32::MAX };
-        #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of the way to go")]
-        let way = i32::try_from(way).unwrap_or(far) as f32 * 1e-6;
-
-        let Impedance { kp, kd, .. } = *impedance;
-        // Degrees and rpm at which spring and damper give all there is.
-        let (furthest, fastest) = (most / kp * (180.0 / PI), most / kd * RPM_PER_RADIAN_PER_SECOND);
-        let way = if kp > 0.0 { within(way, furthest) } else { 0.0 };
-        let faster = impedance.speed.get() - self.seen.rpm;
-        let faster = if kd > 0.0 { within(faster, fastest) } else { 0.0 };
-        let given = kp * way * (PI / 180.0) + kd * faster * (1.0 / RPM_PER_RADIAN_PER_SECOND);
-        let torque = within(given + impedance.torque.get(), most) - given;
-
-        let steps = round_to_i32(way * STEPS_PER_DEGREE).saturating_mul(self.sign.into());
-        let angle = self.seen.raw.angle.saturating_add(steps);
-        self.motion(torque, self.seen.rpm + faster, angle)
-    }
-
-    /// What a good impedance can be.
-    fn check(impedance: &Impedance) -> Result<i64, TargetError> {
-        let is_gain = |gain: f32| (0.0..=LARGEST_GAIN).contains(&gain);
-        let good = is_gain(impedance.kp)
-            && is_gain(impedance.kd)
-            && impedance.angle.get().abs() <= LARGEST_ANGLE;
-        let angle = TotalAngle::try_from_degrees(impedance.angle).filter(|_| good);
-        angle.map(TotalAngle::microdegrees).ok_or(TargetError::OutOfRange(TargetKind::Impedance))
     }
 
     /// How it is now.

@@ -28,7 +28,7 @@ impl Random {
 }
 
 /// Any bits, or of a usual size.
-fn number(usual: f32) -> impl Strategy<Value = f32> {
+pub fn number(usual: f32) -> impl Strategy<Value = f32> {
     prop_oneof![
         8 => -usual..=usual,
         2 => any::<u32>().prop_map(f32::from_bits),
