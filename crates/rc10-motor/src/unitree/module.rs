@@ -272,15 +272,16 @@ impl Motor for GoModule {
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        // The usual case is the same target again.
-        if target != self.target {
-            self.supports().accepts(&target)?;
-            match &target {
-                Target::Impedance(impedance) => self.spring = Self::check(impedance)?,
-                _ => self.servo.set_target(target)?,
+        match &target {
+            // The usual case is the same target again.
+            Target::Impedance(_) if target == self.target => (),
+            Target::Impedance(impedance) => {
+                self.supports().accepts(&target)?;
+                self.spring = Self::check(impedance)?;
             }
-            self.target = target;
+            _ => self.servo.set_target(target)?,
         }
+        self.target = target;
         Ok(())
     }
 

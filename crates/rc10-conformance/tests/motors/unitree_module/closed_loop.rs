@@ -275,3 +275,16 @@ fn zero_is_where_it_was_set() {
     one.hold(Target::Impedance(at(100.0)), 1500);
     assert!((one.esc.state().output_degrees - before - 100.0).abs() < 0.6);
 }
+
+#[test]
+fn told_to_coast_after_a_new_zero_it_coasts() {
+    let switch = ArmSwitch::new();
+    let mut motor = GoModule::new(3, 0).unwrap();
+    let mut one = One::new(&switch, &mut motor, Safety::COAST);
+    switch.arm().unwrap();
+    one.esc.set_load(1.0);
+    one.hold(Target::TotalAngle(TotalAngle::from_degrees(30)), 500);
+    one.bench.bus.request(one.motor, Request::SetZero).unwrap();
+    one.hold(Target::Coast, 10);
+    assert!(one.torque().abs() < 1e-3, "{}", one.torque());
+}
