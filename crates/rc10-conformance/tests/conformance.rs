@@ -4,6 +4,7 @@
 mod conformance_of {
     pub mod damiao;
     pub mod dji;
+    pub mod unitree_module;
 }
 
 use rc10_conformance::Report;
@@ -20,6 +21,7 @@ const MOTORS: &[Entry] = &[
     ("Damiao J4310, velocity", conformance_of::damiao::j4310_velocity),
     ("Damiao J4310, position-velocity", conformance_of::damiao::j4310_position_velocity),
     ("Damiao J4310, force-position", conformance_of::damiao::j4310_force_position),
+    ("GO-M8010-6 behind a module", conformance_of::unitree_module::go_m8010),
     // One line for each further model, one file for each vendor in `conformance_of/`.
 ];
 

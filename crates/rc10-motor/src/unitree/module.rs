@@ -76,7 +76,7 @@ const FROM_MODULE: u32 = 1 << 26;
 /// Gains it works well with out of the box, from a bare shaft to a load of 0.02 kg m², give or take
 /// 30 %. Found in simulation with estimated inertia and friction; no real motor has been driven.
 pub const CASCADE: Cascade = Cascade {
-    speed: PidConfig::new(0.10, 0.6, 0.0, LARGEST_TORQUE),
+    speed: PidConfig::new(0.12, 0.8, 0.0, LARGEST_TORQUE),
     angle: PidConfig::new(1.0, 0.0, 0.0, 200.0),
     outer_divider: 1,
     acceleration: RpmPerSecond::new(800.0),

@@ -1,0 +1,37 @@
+use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
+use rc10_conformance::{Claim, Declaration, Report, Trial, check};
+use rc10_motor::unitree::GoModule;
+use rc10_motor::{Impedance, Target};
+use rc10_sim::EscFault;
+use rc10_sim::unitree_module::{UnitreeModule, plant};
+
+/// Each motor behind a module of its own: [`UnitreeModule`]s are told apart by their number.
+pub fn go_m8010() -> Result<(), Report> {
+    let spring = Impedance { angle: Degrees::new(45.0), kp: 30.0, kd: 1.0, ..Impedance::default() };
+    let declared = Declaration {
+        coasts_freely: Claim::Cannot("stopped, it is locked, which is assumed to brake"),
+        // For a moment, until the speed loop's integral carries the load.
+        hold_gives: 14.0,
+        untold_faults: vec![(
+            EscFault::CommunicationLost,
+            "its cable to the module is off: the module is silent about it, and the motor is lost",
+        )],
+        ..Declaration::new([0, 1], Rpm::new(100.0), NewtonMetres::new(23.7))
+    }
+    .with_trials(&[
+        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
+        Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
+        Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 3000),
+        Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 4000),
+        Trial::new(Target::Torque(NewtonMetres::new(-1.0)), 0.1, 100),
+        Trial::new(Target::Impedance(spring), 1.0, 2000),
+    ]);
+    check(
+        &declared,
+        |motor| GoModule::new(3, motor).unwrap(),
+        |wire, motor| {
+            let module = UnitreeModule::new(3).unwrap();
+            wire.add(module.motor(motor).unwrap(), plant().with_load_inertia(0.01))
+        },
+    )
+}
