@@ -5,6 +5,7 @@
 //! * A [`MotorBus`] owns up to eight of them. It refuses motors whose wirings clash, sends each
 //!   received frame to its motor, and every tick decides what each motor may do: run, or go to
 //!   its [`SafeState`] because its command expired, its link is lost, or the [`ArmSwitch`] says so.
+//! * A [`UnitreeLine`](unitree::UnitreeLine) is the same for motors on RS-485.
 //! * With feature `embassy`, [`run_bus`](embassy::run_bus) does this every millisecond on any
 //!   [`CanPort`](rc10_can::CanPort), and tasks talk to the motors through a
 //!   [`BusPort`](embassy::BusPort).

@@ -7,6 +7,8 @@
 //! measured), with all five numbers from the command. `k_pos` is a *stiffness*, `k_spd` a *damping*:
 //! together an [`Impedance`](wire::Impedance). A θ of many turns is counted on, not wrapped.
 //!
+//! [`GoM8010`] is such a motor on RS-485, and [`UnitreeLine`] what a bus is to motors on CAN.
+//!
 //! **Identifiers.** Up to 15 motors share a line, 0 ..= 14; 15 addresses all of them, and none
 //! answers. Up to four modules share a CAN bus, 0 ..= 3, as set by switches 1 and 2 (3 from the
 //! factory).

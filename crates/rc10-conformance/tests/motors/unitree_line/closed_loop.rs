@@ -16,7 +16,7 @@ fn blocked() -> Plant {
 }
 
 fn torque(device: &LineMotor) -> f64 {
-    device.state().current * plant().torque_constant
+    device.state().torque
 }
 
 #[test]
