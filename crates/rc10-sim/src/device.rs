@@ -292,12 +292,6 @@ impl Unit {
 
     pub(crate) fn state(&self, feedback_overwritten: u64) -> EscState {
         EscState {
-            rotor_rpm: self.motor.rotor_rpm(),
-            output_rpm: self.motor.output_rpm(),
-            output_degrees: self.motor.output_degrees(),
-            current: self.motor.current,
-            torque: self.motor.plant().torque_constant * self.motor.current,
-            temperature: self.motor.temperature,
             powered: self.powered,
             open: self.open,
             command: if self.powered { self.device.command() } else { 0 },
@@ -305,6 +299,7 @@ impl Unit {
             last_command_at: self.last_command_at,
             malformed: self.malformed,
             feedback_overwritten,
+            ..EscState::of(&self.motor)
         }
     }
 }
@@ -339,4 +334,25 @@ pub struct EscState {
     pub malformed: u64,
     /// Feedback frames a newer one overwrote before the bus was free.
     pub feedback_overwritten: u64,
+}
+
+impl EscState {
+    /// Of a motor whose electronics have no power and have heard nothing.
+    pub(crate) fn of(motor: &Motor) -> Self {
+        Self {
+            rotor_rpm: motor.rotor_rpm(),
+            output_rpm: motor.output_rpm(),
+            output_degrees: motor.output_degrees(),
+            current: motor.current,
+            torque: motor.plant().torque_constant * motor.current,
+            temperature: motor.temperature,
+            powered: false,
+            open: true,
+            command: 0,
+            commands: 0,
+            last_command_at: None,
+            malformed: 0,
+            feedback_overwritten: 0,
+        }
+    }
 }

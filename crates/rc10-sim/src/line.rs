@@ -121,7 +121,7 @@ struct Place {
     motor: Motor,
     sender: Sender,
     powered: bool,
-    /// Whether its bridge was open in the last step.
+    /// Whether the bridge was open in the last step.
     open: bool,
     muted: bool,
     commands: u64,
@@ -258,19 +258,12 @@ impl Line {
     pub(crate) fn state(&self, index: usize) -> EscState {
         let place = &self.places[index];
         EscState {
-            rotor_rpm: place.motor.rotor_rpm(),
-            output_rpm: place.motor.output_rpm(),
-            output_degrees: place.motor.output_degrees(),
-            current: place.motor.current,
-            torque: place.motor.plant().torque_constant * place.motor.current,
-            temperature: place.motor.temperature,
             powered: place.powered,
             open: place.open,
-            command: 0,
             commands: place.commands,
             last_command_at: place.last_command_at.map(Nanos::micros),
             malformed: place.malformed,
-            feedback_overwritten: 0,
+            ..EscState::of(&place.motor)
         }
     }
 

@@ -33,6 +33,7 @@ fn each_fault_is_named_stops_the_motor_and_stays_until_it_is_cleared() {
         assert_eq!((told.code, told.text), (code, text));
         assert_eq!((status.link, status.drive), (Link::Online, Drive::Brake));
         assert_eq!((obeys(&device).status, obeys(&device).torque), (0, 0.0));
+        assert!(device.state().open);
 
         // Still there: the device refuses.
         assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Answer::Pending));
