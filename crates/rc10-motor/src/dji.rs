@@ -690,8 +690,9 @@ impl Motor for Dji {
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        // The usual case is the same target again; converting an angle is not free.
-        if target != self.target {
+        // The usual case is the same target again; converting an angle is not free. But coasting is
+        // also what a target becomes whose number lies elsewhere since a new zero.
+        if target != self.target || target == Target::Coast {
             let goal = self.goal_of(target)?;
             self.target = target;
             // Until it is heard there is nothing to compute with.
@@ -1023,6 +1024,20 @@ mod tests {
         assert_eq!(lift.raw_command(), round_to_i16(2.0 * 16384.0 / 20.0));
         let negative = lift.request(Request::CurrentLimit(Amps::new(-1.0)));
         assert!(matches!(negative, Err(RequestError::Config(_))));
+    }
+
+    #[test]
+    fn told_to_coast_after_a_new_zero_it_coasts() {
+        let mut lift = Dji::new(&M3508, 1).unwrap();
+        lift.unpack_feedback(&feedback(0x201, 5000, 0), Micros::ZERO).unwrap();
+        lift.set_target(Target::TotalAngle(TotalAngle::from_degrees(90))).unwrap();
+        lift.update(MS, Drive::Run);
+        lift.request(Request::SetZero).unwrap();
+        lift.set_target(Target::Coast).unwrap();
+        for _ in 0..30 {
+            lift.update(MS, Drive::Run);
+        }
+        assert_eq!(lift.raw_command(), 0);
     }
 
     #[test]
