@@ -1,13 +1,13 @@
 use core::fmt;
 
-use rc10_app::angle::nearest_movement;
 use rc10_app::maths::round_to_i32;
 use rc10_app::{
-    Celsius, ConfigError, CountsPerTurn, Degrees, NewtonMetres, PidConfig, Rpm, RpmPerSecond,
-    Seconds, TotalAngle,
+    ConfigError, CountsPerTurn, Degrees, NewtonMetres, PidConfig, Rpm, RpmPerSecond, Seconds,
+    TotalAngle,
 };
 use rc10_can::Micros;
 
+use super::seen::{ROTOR_TURN, Seen};
 use super::spring::{Pull, STRONGEST, Spring};
 use super::wire::line::{COMMAND_LEN, Command, Reply};
 use super::wire::{Address, GEAR, Motion, RawImpedance, RawMotion, Shaft, Status};
@@ -49,21 +49,6 @@ pub struct GoM8010 {
     clearing: Clearing,
 }
 
-/// What the newest answer told, and what was counted on from the first one.
-#[derive(Clone, Copy, Debug)]
-struct Seen {
-    at: Micros,
-    status: Status,
-    /// As received, of the rotor, in its own direction.
-    raw: RawMotion,
-    temperature: Celsius,
-    /// Rotor counts from the zero, in the direction of the output.
-    total: i64,
-    /// The same in microdegrees of the output, and what is left of that within the turn.
-    microdegrees: i64,
-    within: i32,
-}
-
 /// Where a [`Request::ClearFault`] is.
 #[derive(Clone, Copy, Debug)]
 enum Clearing {
@@ -89,18 +74,10 @@ impl fmt::Display for IdOutOfRange {
 
 impl core::error::Error for IdOutOfRange {}
 
-/// Rotor counts in a turn of the rotor (data manual: 15-bit encoder).
-const ROTOR_TURN: i32 = 32_768;
-/// Microdegrees in a turn of the output.
-const TURN: i32 = 360_000_000;
 /// Rotor counts per degree of the output.
 #[expect(clippy::cast_possible_truncation, reason = "the nearest f32")]
 const COUNTS_PER_DEGREE: f32 =
     (ROTOR_TURN as f64 * GEAR.rotor_turns() as f64 / (360.0 * GEAR.output_turns() as f64)) as f32;
-/// Microdegrees of the output per rotor count, times 2³²: the error stays below a microdegree for
-/// all turns that the device counts.
-const MICRODEGREES_PER_COUNT: i128 = ((TURN as i128 * GEAR.output_turns() as i128) << 32)
-    / (ROTOR_TURN as i128 * GEAR.rotor_turns() as i128);
 /// A motor that has not answered [`Request::ClearFault`] after so long (s) does not.
 const ANSWER_LIMIT: f32 = 0.25;
 
@@ -230,17 +207,9 @@ impl GoM8010 {
         let Some(last) = last else {
             return Seen::START.moved(raw.angle.into(), self.sign());
         };
-        let step = i64::from(raw.angle) - i64::from(last.raw.angle);
-        if raw.angle.unsigned_abs() > ROTOR_TURN.unsigned_abs() {
-            // Who has just been switched on is within its first turn: this one has counted on.
-            return last.moved(step, self.sign());
-        }
-        self.turn_gaps = self.turn_gaps.saturating_add(1);
-        // In 1/256 turns a second; 128 counts per such a turn.
-        let mean = (i64::from(raw.speed) + i64::from(last.raw.speed)) / 2;
-        let micros = i64::try_from(at.since(last.at).get()).unwrap_or(i64::MAX);
-        let expected = mean.saturating_mul(micros).saturating_mul(128) / 1_000_000;
-        last.moved(nearest_movement(step, expected, ROTOR_TURN.into()), self.sign())
+        let (seen, gap) = last.after_silence(raw, at, self.sign());
+        self.turn_gaps = self.turn_gaps.saturating_add(gap.into());
+        seen
     }
 
     /// 1 or -1.
@@ -292,44 +261,6 @@ pub(super) const fn quiet(address: Address, status: Status) -> Command {
     let motion = RawMotion { torque: 0, speed: 0, angle: 0 };
     let impedance = RawImpedance { stiffness: 0, damping: 0 };
     Command { address, status, motion, impedance }
-}
-
-impl Seen {
-    const START: Self = Self {
-        at: Micros::ZERO,
-        status: Status::LOCK,
-        raw: RawMotion { torque: 0, speed: 0, angle: 0 },
-        temperature: Celsius::ZERO,
-        total: 0,
-        microdegrees: 0,
-        within: 0,
-    };
-
-    /// So many rotor counts further.
-    fn moved(self, counts: i64, sign: i8) -> Self {
-        let total = self.total.saturating_add(counts * i64::from(sign));
-        let microdegrees = microdegrees(total);
-        let way = microdegrees.saturating_sub(self.microdegrees);
-        let within = match i32::try_from(way) {
-            Ok(way) => self.within.saturating_add(way),
-            Err(_) => far(self.within, way),
-        };
-        let within = if (0..TURN).contains(&within) { within } else { within.rem_euclid(TURN) };
-        Self { total, microdegrees, within, ..self }
-    }
-}
-
-/// Further than an i32 of microdegrees: after a silence only.
-#[cold]
-#[expect(clippy::cast_possible_truncation, reason = "less than a turn")]
-const fn far(within: i32, way: i64) -> i32 {
-    (within as i64).saturating_add(way).rem_euclid(TURN as i64) as i32
-}
-
-/// Of the output.
-fn microdegrees(rotor_counts: i64) -> i64 {
-    let exact = i128::from(rotor_counts) * MICRODEGREES_PER_COUNT;
-    i64::try_from(exact >> 32).unwrap_or(if rotor_counts < 0 { i64::MIN } else { i64::MAX })
 }
 
 impl Motor for GoM8010 {
@@ -458,6 +389,7 @@ impl Motor for GoM8010 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rc10_app::Celsius;
 
     #[test]
     fn ids_are_those_of_one_motor() {
@@ -477,14 +409,6 @@ mod tests {
         assert_eq!((error.field, error.must_be), ("output_limit", "at most 23.7 N m"));
         cascade.speed.output_limit = f32::NAN;
         assert!(GoM8010::new(0).unwrap().with_cascade(cascade).is_err());
-    }
-
-    #[test]
-    fn microdegrees_are_exact_as_far_as_the_device_counts() {
-        for counts in [0, 1, -1, 32_768, 207_421, -207_422, 2_147_479_307, -2_147_479_307] {
-            let exact = TotalAngle::new(counts, Shaft::OUTPUT.scale()).microdegrees();
-            assert!((microdegrees(counts) - exact).abs() <= 1, "{counts}");
-        }
     }
 
     fn reply(angle: i32, speed: i16) -> Reply {

@@ -32,6 +32,7 @@
 mod go;
 mod line;
 pub mod module;
+mod seen;
 pub mod signals;
 mod spring;
 pub mod wire;
