@@ -27,10 +27,9 @@ fn tracking(track: &MotorTrack) -> Tracking {
     let last = track.samples.last();
     let kind = last.map_or(TargetKind::Coast, |sample| sample.kind);
     Tracking {
-        unit: if matches!(kind, TargetKind::Angle | TargetKind::TotalAngle) {
-            "deg"
-        } else {
-            "rpm"
+        unit: match kind {
+            TargetKind::Angle | TargetKind::TotalAngle | TargetKind::Impedance => "deg",
+            _ => "rpm",
         },
         rms: (!errors.is_empty()).then(|| mean_square.sqrt()),
         last: last.map_or((None, 0.0), |sample| (sample.target, sample.measured)),
@@ -47,9 +46,11 @@ pub fn motor_table(recording: &Recording) -> String {
 }
 
 fn write_motors(text: &mut String, recording: &Recording) -> std::fmt::Result {
+    let names = recording.motors.iter().map(|track| track.motor.name().to_string().len());
+    let width = names.max().unwrap_or(0).max(26);
     writeln!(
         text,
-        "{:<18} {:<26} {:>3}  {:<9} {:>9} {:>9}     {:>10} {:>8} {:>8} {:>5} {:>5}",
+        "{:<18} {:<width$} {:>3}  {:<9} {:>9} {:>9}     {:>10} {:>8} {:>8} {:>5} {:>5}",
         "motor",
         "model",
         "bus",
@@ -70,7 +71,7 @@ fn write_motors(text: &mut String, recording: &Recording) -> std::fmt::Result {
         let counters = track.last.counters;
         writeln!(
             text,
-            "{:<18} {:<26} {:>3}  {:<9} {:>9} {:>9.1} {:<3} {:>10} {:>8.2} {:>8} {:>5} {:>5}",
+            "{:<18} {:<width$} {:>3}  {:<9} {:>9} {:>9.1} {:<3} {:>10} {:>8.2} {:>8} {:>5} {:>5}",
             track.motor.label,
             model,
             track.motor.on.short(),

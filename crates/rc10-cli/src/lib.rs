@@ -18,6 +18,7 @@ pub mod candump;
 pub mod decode;
 pub mod emulate;
 pub mod figures;
+pub mod mixed;
 pub mod recorder;
 pub mod recording;
 pub mod report;
@@ -30,7 +31,7 @@ pub mod team;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{Parser, Subcommand, ValueEnum};
 
 use decode::DecodeArgs;
 use emulate::EmuArgs;
@@ -45,6 +46,27 @@ pub use robot::{Base, Description, Motor, Robot, Script};
 struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
+}
+
+/// The same with a choice of robots.
+#[derive(Parser)]
+#[command(name = "rc10", version, arg_required_else_help = false, after_help = EXAMPLES)]
+struct OwnArguments {
+    /// Which robot
+    #[arg(long, global = true, value_enum, default_value_t)]
+    robot: Which,
+    #[command(flatten)]
+    arguments: Arguments,
+}
+
+/// The robots that the `rc10` command knows.
+#[derive(Clone, Copy, Default, ValueEnum)]
+enum Which {
+    /// The team's: mecanum base, gimbal, feeder and lift, eleven motors of DJI
+    #[default]
+    Team,
+    /// Motors of six vendors: two buses and an RS-485 line
+    Mixed,
 }
 
 #[derive(Subcommand)]
@@ -62,11 +84,18 @@ Examples:
   rc10                                   ten seconds of the robot, and target/rc10/report.html
   rc10 run --seconds 3 --seed 7          three seconds of another world
   rc10 run --out /tmp/tonight --json     all figures as one JSON object
+  rc10 run --robot mixed                 another robot: VESC, Damiao, Unitree and others
   rc10 emu --fault cut:2@0.3s..0.5s      the firmware's ELF, with bus 2 unplugged for a while
   rc10 decode target/rc10/bus1.log       what was said on bus 1
   rc10 decode capture.log --bus can0=2   a capture whose can0 is the robot's bus 2
 
 From a checkout: cargo run --release -- run --seconds 3";
+
+impl Arguments {
+    fn command_line(self) -> CommandLine {
+        CommandLine(self.command.unwrap_or_else(|| Command::Run(RunArgs::default())))
+    }
+}
 
 /// What was asked for on the command line.
 pub struct CommandLine(Command);
@@ -95,15 +124,19 @@ impl CommandLine {
 /// file that cannot be read or written.
 #[must_use]
 pub fn main_for(robot: impl FnOnce(CommandLine) -> anyhow::Result<ExitCode>) -> ExitCode {
-    let arguments = match Arguments::try_parse() {
+    main_with(|arguments: Arguments| robot(arguments.command_line()))
+}
+
+/// Reads the command line and does what it says.
+fn main_with<A: Parser>(act: impl FnOnce(A) -> anyhow::Result<ExitCode>) -> ExitCode {
+    let arguments = match A::try_parse() {
         Ok(arguments) => arguments,
         Err(error) => {
             let _ = error.print();
             return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
         }
     };
-    let command = arguments.command.unwrap_or_else(|| Command::Run(RunArgs::default()));
-    match robot(CommandLine(command)) {
+    match act(arguments) {
         Ok(code) => code,
         // Whoever reads our output has read enough (`| head`).
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
@@ -117,12 +150,23 @@ pub fn main_for(robot: impl FnOnce(CommandLine) -> anyhow::Result<ExitCode>) -> 
 /// The `rc10` command: [`main_for`] the robot of `rc10-robot`.
 #[must_use]
 pub fn main() -> ExitCode {
-    main_for(|command| {
-        let ports = rc10_robot::ports();
-        let io = rc10_robot::Io::new(ports.each_ref());
-        let mut motors = rc10_robot::Motors::new();
-        let buses = motors.start(&io)?;
-        command.run(team::robot(&io, buses))
+    main_with(|OwnArguments { robot, arguments }| {
+        let command = arguments.command_line();
+        match robot {
+            Which::Team => {
+                let ports = rc10_robot::ports();
+                let io = rc10_robot::Io::new(ports.each_ref());
+                let mut motors = rc10_robot::Motors::new();
+                let buses = motors.start(&io)?;
+                command.run(team::robot(&io, buses))
+            }
+            Which::Mixed => {
+                let io = rc10_robot::mixed::Io::new();
+                let mut motors = rc10_robot::mixed::Motors::new()?;
+                let (buses, line) = motors.start(&io)?;
+                command.run(mixed::robot(&io, buses, line)?)
+            }
+        }
     })
 }
 

@@ -131,6 +131,11 @@ fn sample(motor: &Motor, status: &MotorStatus, esc: &Twin) -> MotorSample {
             let degrees = |angle: TotalAngle| angle.microdegrees() as f64 * 1e-6;
             (Some(degrees(wanted)), degrees(feedback.total_angle))
         }
+        // What its spring pulls to.
+        Target::Impedance(wanted) => {
+            let measured = feedback.total_angle.degrees();
+            (Some(wanted.angle.get().into()), measured.get().into())
+        }
         Target::Speed(wanted) => (Some(wanted.get().into()), feedback.speed.get().into()),
         _ => (None, feedback.speed.get().into()),
     };

@@ -324,7 +324,9 @@ impl Scale {
         let kind = track.samples.iter().find(|sample| sample.target.is_some());
         match kind.map_or(TargetKind::Speed, |sample| sample.kind) {
             kind @ TargetKind::Angle => Self { kind, noun: "angle", unit: "°", wraps: true },
-            kind @ TargetKind::TotalAngle => Self { kind, noun: "angle", unit: "°", wraps: false },
+            kind @ (TargetKind::TotalAngle | TargetKind::Impedance) => {
+                Self { kind, noun: "angle", unit: "°", wraps: false }
+            }
             kind @ TargetKind::Current => Self { kind, noun: "current", unit: "A", wraps: false },
             _ => Self { kind: TargetKind::Speed, noun: "speed", unit: "rpm", wraps: false },
         }

@@ -7,6 +7,7 @@
 //! * [`chassis`], [`mechanisms`]: from what the robot shall do to motor targets.
 //! * [`driver`]: decides what it shall do; here, a script.
 //! * [`status`]: ten times a second, how it is.
+//! * [`mixed`]: another robot, of motors of many vendors.
 //!
 //! Each task is an `async fn run(io: &Io<'_>) -> !`. The chip's executor or a simulated world polls
 //! it.
@@ -16,6 +17,7 @@
 pub mod chassis;
 pub mod driver;
 pub mod mechanisms;
+pub mod mixed;
 mod robot;
 pub mod status;
 pub mod table;

@@ -55,7 +55,8 @@ impl StatusRates {
     }
 
     /// In the order of their numbers.
-    pub(super) const fn all(&self) -> [u16; 6] {
+    #[must_use]
+    pub const fn all(&self) -> [u16; 6] {
         let &Self { status_1, status_2, status_3, status_4, status_5, status_6 } = self;
         [status_1, status_2, status_3, status_4, status_5, status_6]
     }

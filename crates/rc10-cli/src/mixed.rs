@@ -1,0 +1,136 @@
+//! The robot of `rc10_robot::mixed`, for the tools.
+
+use anyhow::Result;
+use rc10_can::Micros;
+use rc10_motor::damiao::signals::Scaled;
+use rc10_motor::signals::Message;
+use rc10_motor::unitree::wire::Address;
+use rc10_motor::unitree::wire::module::Module;
+use rc10_motor::unitree::{GoModule, UnitreeLine};
+use rc10_motor::{CanMotor as _, MotorBus, MotorName, cybergear, damiao, unitree, vesc};
+use rc10_robot::mixed::{ARM_IDS, ARMED_AT, BUSES, HIP, Io, LEGS, SCRIPT, WRIST, arm, run, wheel};
+use rc10_sim::unitree_module::UnitreeModule;
+use rc10_sim::vesc::VescConfig;
+use rc10_sim::{Bus, Esc, Line, LineMotor};
+
+use crate::recording::Event;
+use crate::robot::{Description, Device, Motor, Place, Robot, Script};
+
+/// What the tools must know of it.
+///
+/// # Errors
+/// If the robot's numbers cannot be.
+pub fn description() -> Result<Description> {
+    let can = |label, bus, name, twin, messages| {
+        Motor::with_device(label, Place::Bus(bus), Device::Can { name, twin, messages })
+    };
+    let vesc = vesc::Vesc::new(wheel())?.wiring().name();
+    let damiao = arm()?.wiring().name();
+    let hip = GoModule::new(HIP.0, HIP.1)?.wiring().name();
+    let model = &cybergear::models::CYBERGEAR;
+    let wrist = cybergear::CyberGear::new(model, WRIST)?.wiring().name();
+    // Inertias in kg m² at the output shaft; our estimates.
+    let mut motors = vec![
+        Motor { inertia: 0.003, ..can("wheel", 1, vesc, wheel_twin, wheel_messages) },
+        Motor { inertia: 0.02, ..can("arm", 1, damiao, arm_twin, arm_messages) },
+        Motor { inertia: 0.02, ..can("hip", 1, hip, hip_twin, hip_messages) },
+        Motor { inertia: 0.005, ..can("wrist", 2, wrist, wrist_twin, wrist_messages) },
+    ];
+    for (id, (label, twin)) in (0..).zip(LEG_TWINS) {
+        let name = MotorName { model: "GO-M8010-6", id };
+        let device = Device::Line { name, twin };
+        motors.push(Motor { inertia: 0.01, ..Motor::with_device(label, Place::Line(1), device) });
+    }
+    let event = |&(at, label, _): &(u32, &'static str, _)| Event {
+        at: Micros::from_millis(at.into()),
+        label,
+    };
+    let armed = Event { at: Micros::from_millis(ARMED_AT), label: "arm" };
+    Ok(Description {
+        motors,
+        buses: BUSES as u8,
+        lines: 1,
+        base: None,
+        script: Script {
+            events: std::iter::once(armed).chain(SCRIPT.iter().map(event)).collect(),
+            repeats_after: None,
+        },
+        firmware: None,
+    })
+}
+
+fn wheel_twin(wire: &Bus, inertia: f64) -> Result<Esc> {
+    let set = wheel();
+    let plant = rc10_sim::vesc::outrunner_270_kv().with_load_inertia(inertia);
+    let config = VescConfig {
+        status_hz: set.status.all(),
+        timeout: set.timeout,
+        ..VescConfig::new(set.id.get(), plant)
+    };
+    Ok(wire.add(rc10_sim::vesc::Vesc::new(config)?, plant))
+}
+
+fn wheel_messages() -> Vec<Message> {
+    vesc::signals::messages(&wheel()).to_vec()
+}
+
+fn arm_twin(wire: &Bus, inertia: f64) -> Result<Esc> {
+    let config = rc10_sim::damiao::DamiaoConfig::j4310(ARM_IDS.0, ARM_IDS.1);
+    let plant = config.plant.with_load_inertia(inertia);
+    Ok(wire.add(rc10_sim::damiao::Damiao::new(&config), plant))
+}
+
+fn arm_messages() -> Vec<Message> {
+    static SCALED: Scaled = Scaled::of(&damiao::models::J4310.limits);
+    arm().map(|arm| damiao::signals::messages(&arm, &SCALED).to_vec()).unwrap_or_default()
+}
+
+fn hip_twin(wire: &Bus, inertia: f64) -> Result<Esc> {
+    let plant = rc10_sim::unitree_module::plant().with_load_inertia(inertia);
+    Ok(wire.add(UnitreeModule::new(HIP.0)?.motor(HIP.1)?, plant))
+}
+
+fn hip_messages() -> Vec<Message> {
+    let hip = Module::new(HIP.0).zip(Address::new(HIP.1));
+    hip.map(|(module, motor)| unitree::signals::messages(module, motor).to_vec())
+        .unwrap_or_default()
+}
+
+fn wrist_twin(wire: &Bus, inertia: f64) -> Result<Esc> {
+    let model = &rc10_sim::cybergear::CYBERGEAR;
+    let plant = model.plant().with_load_inertia(inertia);
+    Ok(wire.add(rc10_sim::cybergear::CyberGear::new(model, WRIST.motor), plant))
+}
+
+fn wrist_messages() -> Vec<Message> {
+    cybergear::signals::messages(&cybergear::models::CYBERGEAR, WRIST).to_vec()
+}
+
+type LegTwin = fn(&Line, f64) -> Result<LineMotor>;
+
+const LEG_TWINS: [(&str, LegTwin); LEGS] = [
+    ("leg 0", leg_twin::<0>),
+    ("leg 1", leg_twin::<1>),
+    ("leg 2", leg_twin::<2>),
+    ("leg 3", leg_twin::<3>),
+];
+
+fn leg_twin<const ID: u8>(line: &Line, inertia: f64) -> Result<LineMotor> {
+    let plant = rc10_sim::unitree_line::plant().with_load_inertia(inertia);
+    Ok(line.add(rc10_sim::unitree_line::GoM8010::new(ID), plant))
+}
+
+/// The robot with its task, before it runs.
+///
+/// # Errors
+/// If the robot's numbers cannot be.
+pub fn robot<'r>(
+    io: &'r Io,
+    buses: [MotorBus<'r>; BUSES],
+    line: UnitreeLine<'r>,
+) -> Result<Robot<'r>> {
+    let robot = Robot::new(description()?).line(line, &io.line);
+    let robot =
+        buses.into_iter().zip(&io.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));
+    Ok(robot.task(run(io)))
+}

@@ -1,0 +1,286 @@
+//! A robot of motors of many vendors, to show how they live together: two CAN buses with standard
+//! and extended identifiers, and an RS-485 line. `rc10 run --robot mixed` drives it.
+
+use core::num::NonZeroU8;
+
+use embassy_time::{Duration, Instant, Ticker, Timer};
+use rc10_app::{
+    Amps, ConfigError, Degrees, Gear, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle,
+};
+use rc10_motor::cascade::Cascade;
+use rc10_motor::cybergear::{self, CyberGear};
+use rc10_motor::damiao::{self, Control, Damiao};
+use rc10_motor::embassy::{BusPort, LinePort, MotorPort};
+use rc10_motor::unitree::{self, GoM8010, GoModule, UnitreeLine};
+use rc10_motor::vesc::{self, Currents, Shaft, Vesc, VescId};
+use rc10_motor::{ArmSwitch, AttachError, Impedance, MotorBus, MotorId, Safety, Target};
+
+/// Its CAN buses.
+pub const BUSES: usize = 2;
+/// Its legs: GO-M8010-6 on the line, with ids 0 to 3.
+pub const LEGS: usize = 4;
+
+/// What the robot calls its motors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Name {
+    /// VESC 1, bus 1.
+    Wheel,
+    /// DM-J4310 in MIT mode, bus 1.
+    Arm,
+    /// GO-M8010-6 behind CAN module 3, bus 1.
+    Hip,
+    /// CyberGear, bus 2.
+    Wrist,
+    /// One of the legs, 0 ..< [`LEGS`].
+    Leg(u8),
+}
+
+/// The robot's motors: they stand here, and the buses and the line borrow them.
+pub struct Motors {
+    wheel: Vesc,
+    arm: Damiao,
+    hip: GoModule,
+    wrist: CyberGear,
+    legs: [GoM8010; LEGS],
+}
+
+/// What the tasks share.
+pub struct Io {
+    /// Arms and stops all motors.
+    pub switch: ArmSwitch,
+    /// One port per bus; bus 1 is the first.
+    pub buses: [BusPort; BUSES],
+    /// The port of the line.
+    pub line: LinePort,
+}
+
+/// The wheel's VESC: seven pole pairs, no gear, currents below what VESC Tool allows it.
+#[must_use]
+pub const fn wheel() -> vesc::Config {
+    const SEVEN: NonZeroU8 = NonZeroU8::new(7).unwrap();
+    const ONE: VescId = VescId::new(1).unwrap();
+    let shaft = Shaft::new(SEVEN, Gear::DIRECT);
+    let currents =
+        Currents { limit: Amps::new(40.0), brake: Amps::new(15.0), handbrake: Amps::new(10.0) };
+    vesc::Config::new(ONE, shaft, currents)
+}
+
+/// What the arm listens to and answers with. Its low byte is beyond those of DJI's feedback.
+pub const ARM_IDS: (u16, u16) = (0x11, 0x31);
+
+/// The arm's motor.
+///
+/// # Errors
+/// [`ConfigError`], naming what cannot be.
+pub fn arm() -> Result<Damiao, ConfigError> {
+    Damiao::new(damiao::models::J4310, ARM_IDS.0, ARM_IDS.1, Control::Mit(ARM))
+}
+
+/// Efforts in N m; for a light arm on the shaft.
+const ARM: Cascade = Cascade {
+    speed: PidConfig::new(0.063, 0.5, 0.0, 7.0),
+    angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
+    outer_divider: 1,
+    acceleration: RpmPerSecond::new(1000.0),
+    feed_forward: 0.0,
+};
+
+/// The hip's module, as it is sold, and the motor behind it. Never module 0 beside a VESC: they
+/// would take each other's frames.
+pub const HIP: (u8, u8) = (3, 0);
+
+/// The wrist's identifier, and ours.
+pub const WRIST: cybergear::Address = cybergear::Address { motor: 0x7F, host: 0xFD };
+
+impl Motors {
+    /// As set up above.
+    ///
+    /// # Errors
+    /// [`ConfigError`], naming what cannot be.
+    pub fn new() -> Result<Self, SetupError> {
+        let leg = |id| GoM8010::new(id).map_err(SetupError::Leg);
+        Ok(Self {
+            wheel: Vesc::new(wheel())?,
+            arm: arm()?,
+            hip: GoModule::new(HIP.0, HIP.1)?,
+            wrist: CyberGear::new(&cybergear::models::CYBERGEAR, WRIST)?,
+            legs: [leg(0)?, leg(1)?, leg(2)?, leg(3)?],
+        })
+    }
+
+    /// The motors on the buses and the line of a robot: each goes to a runner.
+    ///
+    /// # Errors
+    /// [`SetupError`], naming both motors of a clash.
+    pub fn start<'r>(
+        &'r mut self,
+        io: &'r Io,
+    ) -> Result<([MotorBus<'r>; BUSES], UnitreeLine<'r>), SetupError> {
+        let Self { wheel, arm, hip, wrist, legs } = self;
+        let mut one = MotorBus::new(&io.switch);
+        one.attach(wheel, Safety::BRAKE)?;
+        one.attach(arm, Safety::HOLD)?;
+        one.attach(hip, Safety::HOLD)?;
+        let mut two = MotorBus::new(&io.switch);
+        two.attach(wrist, Safety::COAST)?;
+        let mut line = UnitreeLine::new(&io.switch);
+        for leg in legs {
+            line.attach(leg, Safety::HOLD).map_err(SetupError::Line)?;
+        }
+        Ok(([one, two], line))
+    }
+}
+
+/// Why the robot could not be set up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SetupError {
+    /// A number that cannot be.
+    Config(ConfigError),
+    /// An id that no leg can have.
+    Leg(unitree::IdOutOfRange),
+    /// Motors that cannot share a bus.
+    Attach(AttachError),
+    /// Motors that cannot share a line.
+    Line(unitree::AttachError),
+}
+
+impl core::fmt::Display for SetupError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Config(error) => error.fmt(f),
+            Self::Leg(error) => error.fmt(f),
+            Self::Attach(error) => error.fmt(f),
+            Self::Line(error) => error.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for SetupError {}
+
+impl From<ConfigError> for SetupError {
+    fn from(error: ConfigError) -> Self {
+        Self::Config(error)
+    }
+}
+
+impl From<AttachError> for SetupError {
+    fn from(error: AttachError) -> Self {
+        Self::Attach(error)
+    }
+}
+
+impl Io {
+    /// What the tasks of a robot share that has not begun.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            switch: ArmSwitch::new(),
+            buses: [const { BusPort::new() }; BUSES],
+            line: LinePort::new(),
+        }
+    }
+
+    /// The port of a motor: as [`Motors::start`] attached them.
+    #[must_use]
+    pub fn motor(&self, name: Name) -> MotorPort<'_> {
+        match name {
+            Name::Wheel => self.buses[0].motor(MotorId::new(0)),
+            Name::Arm => self.buses[0].motor(MotorId::new(1)),
+            Name::Hip => self.buses[0].motor(MotorId::new(2)),
+            Name::Wrist => self.buses[1].motor(MotorId::new(0)),
+            Name::Leg(leg) => self.line.motor(MotorId::new(leg)),
+        }
+    }
+}
+
+impl Default for Io {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// What happens from when on: milliseconds, a label, and new targets.
+pub type Line = (u32, &'static str, &'static [(Name, Target)]);
+
+const fn legs(degrees: f32) -> [(Name, Target); LEGS] {
+    let spring = Impedance {
+        angle: Degrees::new(degrees),
+        speed: Rpm::ZERO,
+        torque: NewtonMetres::ZERO,
+        kp: 20.0,
+        kd: 1.0,
+    };
+    let target = Target::Impedance(spring);
+    [(Name::Leg(0), target), (Name::Leg(1), target), (Name::Leg(2), target), (Name::Leg(3), target)]
+}
+
+/// The script: speeds, angles, springs and torques, of every link.
+pub const SCRIPT: &[Line] = &[
+    (
+        200,
+        "wheel on, limbs out",
+        &[
+            (Name::Wheel, Target::Speed(Rpm::new(600.0))),
+            (Name::Arm, Target::Angle(Degrees::new(60.0))),
+            (Name::Hip, Target::TotalAngle(TotalAngle::from_degrees(45))),
+            (Name::Wrist, Target::Angle(Degrees::new(90.0))),
+        ],
+    ),
+    (400, "legs bend", &legs(20.0)),
+    (2500, "wheel back", &[(Name::Wheel, Target::Speed(Rpm::new(-400.0)))]),
+    (
+        3000,
+        "limbs home",
+        &[
+            (Name::Arm, Target::Angle(Degrees::ZERO)),
+            (Name::Hip, Target::TotalAngle(TotalAngle::ZERO)),
+            (Name::Wrist, Target::Angle(Degrees::ZERO)),
+        ],
+    ),
+    (5000, "legs stretch", &legs(0.0)),
+    (6000, "wheel brakes", &[(Name::Wheel, Target::Brake(Amps::new(20.0)))]),
+    (
+        6500,
+        "hip turns",
+        &[(Name::Hip, Target::Speed(Rpm::new(60.0))), (Name::Wrist, Target::Speed(Rpm::new(30.0)))],
+    ),
+    (
+        8500,
+        "let go",
+        &[(Name::Wheel, Target::Coast), (Name::Hip, Target::Coast), (Name::Wrist, Target::Coast)],
+    ),
+];
+
+/// When the robot is armed, in milliseconds: all motors have been heard by then.
+pub const ARMED_AT: u64 = 100;
+
+const MOTORS: [Name; 4 + LEGS] = [
+    Name::Wheel,
+    Name::Arm,
+    Name::Hip,
+    Name::Wrist,
+    Name::Leg(0),
+    Name::Leg(1),
+    Name::Leg(2),
+    Name::Leg(3),
+];
+
+/// The task: arms the robot, and repeats every 10 ms what the script said last to each motor.
+pub async fn run(io: &Io) -> ! {
+    Timer::at(Instant::from_millis(ARMED_AT)).await;
+    // Refused only after an emergency stop, and then it shall stay stopped.
+    let _ = io.switch.arm();
+    let mut ticker = Ticker::every(Duration::from_millis(10));
+    loop {
+        let now = Instant::now().as_millis();
+        let begun = SCRIPT.iter().filter(|(at, ..)| u64::from(*at) <= now);
+        for name in MOTORS {
+            let mut said = begun.clone().flat_map(|(_, _, targets)| targets.iter());
+            if let Some((_, target)) = said.rfind(|(whose, _)| *whose == name) {
+                // Refused only while the bus is not running yet.
+                let _ = io.motor(name).command(*target);
+            }
+        }
+        ticker.next().await;
+    }
+}
