@@ -5,6 +5,7 @@ mod conformance_of {
     pub mod damiao;
     pub mod dji;
     pub mod unitree_module;
+    pub mod vesc;
 }
 
 use rc10_conformance::Report;
@@ -22,6 +23,8 @@ const MOTORS: &[Entry] = &[
     ("Damiao J4310, position-velocity", conformance_of::damiao::j4310_position_velocity),
     ("Damiao J4310, force-position", conformance_of::damiao::j4310_force_position),
     ("GO-M8010-6 behind a module", conformance_of::unitree_module::go_m8010),
+    ("VESC", conformance_of::vesc::vesc),
+    ("VESC with angle loops", conformance_of::vesc::vesc_with_servo),
     // One line for each further model, one file for each vendor in `conformance_of/`.
 ];
 

@@ -40,33 +40,42 @@ impl CanMotor for Vesc {
             rate: Rate::Hz(command_hz),
             share: Share::Whole,
         };
+        let rare = |packet, len| Transmit {
+            pattern: exact(packet, id),
+            len,
+            rate: Rate::Rare,
+            share: Share::Whole,
+        };
         let wiring = Wiring::new("VESC", id.get().into());
         // Seven patterns at most, of eight.
         let wired = receives
             .try_fold(wiring.clone(), Wiring::receives)
             .and_then(|wiring| wiring.receives(pong))
             .and_then(|wiring| wiring.transmits(commands))
+            .and_then(|wiring| wiring.transmits(rare(Packet::Ping, 1)))
+            .and_then(|wiring| wiring.transmits(rare(Packet::ConfCurrentLimits, 8)))
             .and_then(|wiring| wiring.listens_to(to(0xFF)));
         wired.unwrap_or(wiring)
     }
 
     fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
         match Reply::unpack(frame) {
-            Ok(Reply::Status { from, status }) if from == self.config.id => {
-                if self.config.status.of(&status) > 0 {
-                    Ok(self.take(status, at))
-                } else {
-                    Err(FrameError::NotMine)
-                }
+            Ok(Reply::Status { from, status })
+                if from == self.config.id && self.config.status.of(&status) > 0 =>
+            {
+                Ok(self.take(status, at))
             }
-            Ok(Reply::Pong { from, to, hardware: 0 })
+            Ok(Reply::Pong { from, to, hardware })
                 if from == self.config.id && to == self.config.asker =>
             {
+                // Other hardware than a VESC answers with another number.
+                if hardware != 0 {
+                    return Err(FrameError::Unexpected);
+                }
                 self.watch.hear_answer();
                 Ok(Heard::Other)
             }
-            Ok(Reply::Pong { from, .. }) if from == self.config.id => Err(FrameError::Unexpected),
-            Err(UnpackError::Length(..)) => Err(FrameError::Length),
+            Err(UnpackError::Length(..)) if self.receives(frame) => Err(FrameError::Length),
             Ok(_) | Err(_) => Err(FrameError::NotMine),
         }
     }
@@ -93,6 +102,16 @@ impl CanMotor for Vesc {
 
     fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
         tx.push_as(coast(self.config.id), self.stream)
+    }
+}
+
+impl Vesc {
+    /// Whether a frame has an identifier, and says what guards it, of its own.
+    #[cold]
+    fn receives(&self, frame: &CanFrame) -> bool {
+        self.wiring().received().iter().any(|receive| {
+            receive.pattern.matches(frame) && receive.guard.is_none_or(|own| own.passes(frame))
+        })
     }
 }
 

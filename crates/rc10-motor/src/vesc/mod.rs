@@ -37,7 +37,7 @@
 //! |---|---|
 //! | `Coast`, and disarmed | `SET_CURRENT` 0 |
 //! | `Current`, `CurrentShare` | `SET_CURRENT`, `SET_CURRENT_REL`, rising within 20 ms |
-//! | `Duty` | `SET_DUTY` |
+//! | `Duty` | `SET_DUTY`, rising by 2 a second when it begins |
 //! | `Speed` | `SET_RPM`, also below the minimum: then [`Condition::Unregulated`] |
 //! | `Brake`, `BrakeShare` | `SET_CURRENT_BRAKE`, `SET_CURRENT_BRAKE_REL` |
 //! | `Handbrake`, `HandbrakeShare` | `SET_CURRENT_HANDBRAKE`, `SET_CURRENT_HANDBRAKE_REL` |

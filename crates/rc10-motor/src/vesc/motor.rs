@@ -17,8 +17,11 @@ use crate::motor::{
 };
 use crate::servo::{Measured, Servo};
 
-/// After driving starts, a current rises to what was asked for within this time, s.
+/// After driving starts, a current rises to what was asked for within this time, s …
 const SOFT_TIME: f32 = 0.020;
+/// … and a duty from what the motor's own voltage is by so much a second. The VESC's ramp of 2 % in
+/// a millisecond is a blow: its winding has no more than a few hundredths of an ohm.
+const SOFT_DUTY: f32 = 2.0;
 /// A tachometer value older than this, s, is nothing to seek an angle by.
 const OLD: f32 = 0.025;
 
@@ -39,6 +42,8 @@ pub struct Vesc {
     hold: Hold,
     /// How far a soft start has come, 0 ..= 1.
     risen: f32,
+    /// Duty from which it comes.
+    from: f32,
     command: Command,
     pub(super) is_due: bool,
     /// Seconds until the command is repeated.
@@ -71,6 +76,7 @@ struct Seen {
     speed: ElectricalRpm,
     /// Positive for positive torque.
     current: f32,
+    duty: f32,
     motor: Option<Celsius>,
     transistors: Option<Celsius>,
     /// Of the position controller, degrees; and where it counts from.
@@ -100,6 +106,7 @@ impl Vesc {
             drive: Drive::Off,
             hold: Hold::default(),
             risen: 0.0,
+            from: 0.0,
             command: COAST,
             is_due: true,
             until_next: 0.0,
@@ -171,6 +178,8 @@ impl Vesc {
     /// What to tell the VESC now.
     fn decide(&mut self, dt: Seconds, drive: Drive) -> Command {
         let currents = self.config.currents;
+        // Nothing is done to a shaft that was never seen.
+        let drive = if self.seen.heard { drive } else { Drive::Off };
         let seeks = match drive {
             Drive::Run => self.goal == Goal::Servo,
             // Angle loops hold better than a still field, as long as they see the shaft.
@@ -198,15 +207,26 @@ impl Vesc {
             },
         };
         // Whoever begins to push begins softly.
-        let pushes = drive == Drive::Run
-            && self.target != Target::Coast
-            && matches!(command, Command::Current(_) | Command::RelativeCurrent(_));
-        let rise = if pushes { dt.get() / SOFT_TIME } else { -1.0 };
+        let is_duty = |command| matches!(command, Command::Duty(_));
+        if is_duty(command) != is_duty(self.command) {
+            (self.risen, self.from) = (0.0, self.seen.duty);
+        }
+        let begins = drive == Drive::Run && self.target != Target::Coast;
+        let rise = match command {
+            Command::Current(_) | Command::RelativeCurrent(_) if begins => dt.get() / SOFT_TIME,
+            Command::Duty(duty) if begins => {
+                dt.get() * SOFT_DUTY / (duty - self.from).abs().max(f32::EPSILON)
+            }
+            _ => -1.0,
+        };
         self.risen = (self.risen + rise).clamp(0.0, 1.0);
         let limited = |amps: Amps| Amps::new(within(amps.get(), self.limit));
         match command {
             Command::Current(amps) => Command::Current(Amps::new(limited(amps).get() * self.risen)),
             Command::RelativeCurrent(share) => Command::RelativeCurrent(share * self.risen),
+            Command::Duty(duty) if self.risen < 1.0 => {
+                Command::Duty(self.from + (duty - self.from) * self.risen)
+            }
             Command::Brake(amps) => Command::Brake(limited(amps)),
             Command::Handbrake(amps) => Command::Handbrake(limited(amps)),
             other => other,
@@ -242,7 +262,7 @@ impl Vesc {
                 }
                 let torque = torque_current(current.get(), duty, speed);
                 (seen.at, seen.heard) = (at, true);
-                (seen.speed, seen.current) = (speed, torque);
+                (seen.speed, seen.current, seen.duty) = (speed, torque, duty);
                 self.watch.hear(current.get(), duty);
                 return Heard::Feedback;
             }

@@ -95,6 +95,16 @@ fn a_slow_speed_is_sent_as_it_is_and_said_not_to_be_regulated() {
 #[test]
 fn a_duty_turns_the_motor_in_proportion() {
     armed(|bench, motor, esc, _| {
+        // It begins gently, from rest and from what the motor turns at.
+        for duty in [0.3, -0.3] {
+            for _ in 0..200 {
+                let before = esc.state().current;
+                hold(bench, motor, Target::Duty(duty), 1);
+                let grown = (esc.state().current - before).abs();
+                assert!(grown < 5.0, "{grown} A in a millisecond");
+            }
+            hold(bench, motor, Target::Coast, 20);
+        }
         // 24 V and 270 rpm/V, less what friction takes.
         for (duty, rpm) in [(0.3, 1944.0), (-0.3, -1944.0), (0.1, 648.0)] {
             hold(bench, motor, Target::Duty(duty), 1500);
@@ -123,7 +133,11 @@ fn brake_and_handbrake_are_what_they_say() {
         let stood = esc.state().output_degrees;
         hold(bench, motor, Target::Brake(Amps::new(10.0)), 1000);
         assert!(esc.state().output_degrees > stood + 5.0);
-        hold(bench, motor, Target::Handbrake(Amps::new(20.0)), 500);
+        // It catches what nearly stands.
+        esc.set_load(0.0);
+        hold(bench, motor, Target::Brake(Amps::new(10.0)), 2000);
+        hold(bench, motor, Target::Handbrake(Amps::new(20.0)), 1000);
+        esc.set_load(0.2);
         // Within the field's turn, in which it swings.
         let stood = esc.state().output_degrees;
         for _ in 0..1000 {

@@ -201,6 +201,10 @@ fn a_frame_is_sent_when_there_is_something_to_say() {
     assert_eq!(sent.iter().filter(|frame| *frame == "00000105#00000000").count(), 102);
     assert_eq!(sent.iter().filter(|frame| *frame == "00001105#FE").count(), 1);
     assert_eq!(sent.len(), 103);
+    // Nothing is done before it was heard.
+    motor.set_target(Target::Duty(0.5)).unwrap();
+    assert_eq!(tick(&mut motor, Drive::Run, 1), ["00000105#00000000"]);
+    motor.unpack_feedback(&frame(0x905, &[0; 8]), Micros::ZERO).unwrap();
     // Another way to drive does not wait, and the same one does.
     motor.set_target(Target::Speed(Rpm::new(100.0))).unwrap();
     let _ = tick(&mut motor, Drive::Off, 2);
@@ -218,7 +222,8 @@ fn a_frame_is_sent_when_there_is_something_to_say() {
 #[test]
 fn a_frame_that_finds_no_room_is_sent_in_the_next_tick() {
     let mut motor = vesc(5);
-    motor.set_target(Target::Duty(0.5)).unwrap();
+    motor.unpack_feedback(&frame(0x905, &[0; 8]), Micros::ZERO).unwrap();
+    motor.set_target(Target::Brake(Amps::new(3.0))).unwrap();
     motor.update(MS, Drive::Run);
     let mut full = TxBatch::new();
     while full.push(frame(1, &[])).is_ok() {}
@@ -226,7 +231,7 @@ fn a_frame_that_finds_no_room_is_sent_in_the_next_tick() {
     motor.update(MS, Drive::Run);
     let mut tx = TxBatch::new();
     motor.pack_command(&mut tx).unwrap();
-    assert_eq!(tx.frames()[0].to_string(), "00000005#0000C350");
+    assert_eq!(tx.frames()[0].to_string(), "00000205#00000BB8");
 }
 
 #[test]
@@ -250,7 +255,10 @@ fn frames_of_others_and_of_other_lengths_change_nothing() {
         (frame(0x12FE, &[5, 0, 0]), FrameError::Length),
         (frame(0x12FE, &[6, 0]), FrameError::NotMine),
         (frame(0x12FE, &[5, 1]), FrameError::Unexpected),
-        (frame(0x12FD, &[5, 0]), FrameError::Unexpected),
+        (frame(0x12FD, &[5, 0]), FrameError::NotMine),
+        (frame(0x906, &eight[..7]), FrameError::NotMine),
+        (frame(0x12FE, &[6, 0, 0]), FrameError::NotMine),
+        (frame(0xE05, &eight[..7]), FrameError::NotMine),
     ] {
         assert_eq!(motor.unpack_feedback(&frame, at), Err(error), "{frame}");
         assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);
