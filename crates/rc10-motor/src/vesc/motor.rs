@@ -378,8 +378,9 @@ impl Motor for Vesc {
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        // The usual case is the same target again.
-        if target != self.target {
+        // The usual case is the same target again. But coasting is also what an angle becomes whose
+        // number lies elsewhere since a new zero.
+        if target != self.target || target == Target::Coast {
             self.supports().accepts(&target)?;
             let goal = self.goal_of(target)?;
             if let (Goal::Servo, Some(servo)) = (goal, &mut self.servo) {
