@@ -9,7 +9,7 @@
 //! * [`recorder`]: writes down what happens there, whoever runs the robot. [`simulate`] runs its
 //!   own tasks, on this machine.
 //! * [`recording`]: what is left of a run. [`figures`] and [`report`] are made from it.
-//! * [`run`], [`emulate`], [`decode`]: the commands.
+//! * [`run`], [`emulate`], [`decode`], [`pty`]: the commands. [`slcan`]: what the last one speaks.
 #![forbid(unsafe_code)]
 // Figures for people and plots: a rounded digit does no harm here.
 #![allow(clippy::cast_precision_loss, clippy::cast_possible_truncation)]
@@ -19,12 +19,14 @@ pub mod decode;
 pub mod emulate;
 pub mod figures;
 pub mod mixed;
+pub mod pty;
 pub mod recorder;
 pub mod recording;
 pub mod report;
 pub mod robot;
 pub mod run;
 pub mod simulate;
+pub mod slcan;
 pub mod surroundings;
 pub mod team;
 
@@ -35,6 +37,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 
 use decode::DecodeArgs;
 use emulate::EmuArgs;
+use pty::PtyArgs;
 use run::RunArgs;
 
 pub use recording::{Event, Recording};
@@ -77,6 +80,8 @@ enum Command {
     Emu(EmuArgs),
     /// Says in words what a candump log of the robot's buses contains
     Decode(DecodeArgs),
+    /// Puts a simulated bus on a pseudo-terminal, as an slcan adapter (Unix)
+    Pty(PtyArgs),
 }
 
 const EXAMPLES: &str = "\
@@ -113,6 +118,7 @@ impl CommandLine {
             Command::Decode(args) => {
                 decode::decode(&args, robot, &mut out, &mut io::stderr().lock())
             }
+            Command::Pty(args) => pty::pty(&args, robot, &mut out).map(|()| false),
         }?;
         out.flush()?;
         Ok(ExitCode::from(u8::from(broken)))

@@ -1,0 +1,133 @@
+//! `rc10 pty`: a simulated bus on a pseudo-terminal, as an [slcan](crate::slcan) adapter.
+//!
+//! python-can, `SavvyCAN` or a vendor's tool joins the bus as one more node, beside the running robot
+//! or (`--alone`) with nothing but the simulated devices. There are two sorts of time.
+//!
+//! **Real time**: the world's time follows the clock on the wall. What the client does not read is
+//! lost and counted. Should the machine be too slow for the world, its time falls behind, and how
+//! far is printed at the end.
+//!
+//! **Lockstep**: the world's time is the client's traffic. Time stands still until a frame of the
+//! client is taken, or an empty line while its channel is open; then it goes on by [`STEP`], and
+//! everything that was on the wire meanwhile is written before the next line is looked at. Nothing
+//! is lost: a client that does not read is not read any more. What the client gets depends on its
+//! bytes and the seed, on nothing else: not on how long it waits, nor on how its bytes come in
+//! pieces. A client that is quiet is a world that stands still.
+
+#[cfg(unix)]
+mod terminal;
+#[cfg(unix)]
+mod unix;
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::pin::Pin;
+use std::sync::atomic::AtomicBool;
+
+use anyhow::{Context, Result};
+use clap::Args;
+use rc10_can::Micros;
+use rc10_sim::{Bus, Tasks, World};
+
+use crate::robot::Robot;
+use crate::run::seconds;
+use crate::surroundings::Surroundings;
+
+/// How far one frame of the client lets time go on in lockstep: 1 ms.
+pub const STEP: Micros = Micros::from_millis(1);
+
+/// What `rc10 pty` is told.
+#[derive(Args, Debug)]
+pub struct PtyArgs {
+    /// Which bus of the robot; the first is 1
+    #[arg(long, value_name = "N")]
+    pub bus: u8,
+    /// Ends after so many seconds of virtual time, up to 3600 [default: runs until Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub seconds: Option<Micros>,
+    /// Time stands still but for 1 ms after each frame of the client (or empty line): for tests
+    #[arg(long)]
+    pub lockstep: bool,
+    /// Without the robot's program: only the simulated devices are on the wire, and the client
+    #[arg(long)]
+    pub alone: bool,
+    /// Also makes a symbolic link to the pseudo-terminal here, and removes it at the end
+    #[arg(long, value_name = "PATH")]
+    pub link: Option<PathBuf>,
+    /// Seed of everything random in the world
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// Runs until its time is over, or until Ctrl-C.
+///
+/// # Errors
+/// As [`serve`].
+#[cfg(unix)]
+pub fn pty(args: &PtyArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    let stop = std::sync::Arc::new(AtomicBool::new(false));
+    for signal in [SIGHUP, SIGINT, SIGTERM] {
+        signal_hook::flag::register(signal, std::sync::Arc::clone(&stop))?;
+    }
+    serve(args, robot, out, &stop)
+}
+
+/// Only Unix has pseudo-terminals.
+///
+/// # Errors
+/// Always.
+#[cfg(not(unix))]
+pub fn pty(_: &PtyArgs, _: Robot<'_>, _: &mut dyn Write) -> Result<()> {
+    anyhow::bail!("rc10 pty needs a pseudo-terminal, and this system has none: use Linux or macOS")
+}
+
+/// Runs until its time is over, or until `stop` is set: looked at every 100 ms. First it prints
+/// `pty` and the path of the pseudo-terminal, at the end what went through and what was lost.
+///
+/// # Errors
+/// If the robot has no such bus or is not as described, or there is no pseudo-terminal to be had.
+#[cfg(unix)]
+pub fn serve(
+    args: &PtyArgs,
+    robot: Robot<'_>,
+    out: &mut dyn Write,
+    stop: &AtomicBool,
+) -> Result<()> {
+    unix::serve(args, robot, out, stop)
+}
+
+/// The world, with or without the robot.
+struct Scene<'r> {
+    world: World,
+    wires: Vec<Bus>,
+    /// The place of the client's bus among them.
+    client: usize,
+    tasks: Tasks<'r>,
+}
+
+impl<'r> Scene<'r> {
+    fn new(args: &PtyArgs, robot: Robot<'r>) -> Result<Self> {
+        let description = robot.description();
+        let Surroundings { world, wires, .. } = Surroundings::new(description, args.seed)?;
+        let client = usize::from(args.bus).checked_sub(1).filter(|&bus| bus < wires.len());
+        let client = client.with_context(|| {
+            format!("--bus {}: the robot has buses 1 to {}", args.bus, wires.len())
+        })?;
+        let tasks = if args.alone { Tasks::new() } else { robot.tasks(&wires)? };
+        Ok(Self { world, wires, client, tasks })
+    }
+
+    fn wire(&self) -> &Bus {
+        &self.wires[self.client]
+    }
+
+    fn run(&mut self, until: Micros) {
+        if self.world.run(Pin::new(&mut self.tasks), until).is_ready() {
+            self.world.advance(until);
+        }
+        // Nobody reads what is said on the others.
+        let others = self.wires.iter().enumerate().filter(|(bus, _)| *bus != self.client);
+        others.for_each(|(_, wire)| drop(wire.take_trace()));
+    }
+}
