@@ -9,12 +9,14 @@
 //! * [`recorder`]: writes down what happens there, whoever runs the robot. [`simulate`] runs its
 //!   own tasks, on this machine.
 //! * [`recording`]: what is left of a run. [`figures`] and [`report`] are made from it.
-//! * [`run`], [`emulate`], [`decode`], [`pty`]: the commands. [`slcan`]: what the last one speaks.
+//! * [`run`], [`emulate`], [`decode`], [`dbc`], [`pty`]: the commands. [`slcan`]: what the last
+//!   one speaks.
 #![forbid(unsafe_code)]
 // Figures for people and plots: a rounded digit does no harm here.
 #![allow(clippy::cast_precision_loss, clippy::cast_possible_truncation)]
 
 pub mod candump;
+pub mod dbc;
 pub mod decode;
 pub mod emulate;
 pub mod figures;
@@ -35,6 +37,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
 
+use dbc::DbcArgs;
 use decode::DecodeArgs;
 use emulate::EmuArgs;
 use pty::PtyArgs;
@@ -80,6 +83,8 @@ enum Command {
     Emu(EmuArgs),
     /// Says in words what a candump log of the robot's buses contains
     Decode(DecodeArgs),
+    /// Writes what stands in the frames of each bus as a DBC file
+    Dbc(DbcArgs),
     /// Puts a simulated bus on a pseudo-terminal, as an slcan adapter (Unix)
     Pty(PtyArgs),
 }
@@ -93,6 +98,8 @@ Examples:
   rc10 emu --fault cut:2@0.3s..0.5s      the firmware's ELF, with bus 2 unplugged for a while
   rc10 decode target/rc10/bus1.log       what was said on bus 1
   rc10 decode capture.log --bus can0=2   a capture whose can0 is the robot's bus 2
+  rc10 dbc --out target/dbc              DBC files for SavvyCAN, cantools and the like
+  rc10 pty --bus 1                       bus 1 for python-can or SavvyCAN, on a pseudo-terminal
 
 From a checkout: cargo run --release -- run --seconds 3";
 
@@ -118,6 +125,7 @@ impl CommandLine {
             Command::Decode(args) => {
                 decode::decode(&args, robot, &mut out, &mut io::stderr().lock())
             }
+            Command::Dbc(args) => dbc::dbc(&args, robot.description(), &mut out).map(|()| false),
             Command::Pty(args) => pty::pty(&args, robot, &mut out).map(|()| false),
         }?;
         out.flush()?;

@@ -118,6 +118,8 @@ pub enum Device {
         twin: fn(wire: &rc10_sim::Bus, inertia: f64) -> Result<Esc>,
         /// What stands where in its frames.
         messages: fn() -> Vec<Message>,
+        /// What no DBC file can say of them: a sentence each.
+        not_in_dbc: &'static [&'static str],
     },
     /// One on an RS-485 line.
     Line {
@@ -165,8 +167,21 @@ impl Motor {
     #[must_use]
     pub fn messages(&self) -> Vec<Message> {
         match self.device {
-            Device::Dji { .. } | Device::Line { .. } => Vec::new(),
+            Device::Dji { model, id, .. } => {
+                dji::signals::messages(model, id).into_iter().flatten().collect()
+            }
+            Device::Line { .. } => Vec::new(),
             Device::Can { messages, .. } => messages(),
+        }
+    }
+
+    /// What no DBC file can say of its frames: a sentence each.
+    #[must_use]
+    pub const fn not_in_dbc(&self) -> &'static [&'static str] {
+        match self.device {
+            Device::Dji { .. } => dji::signals::NOT_IN_DBC,
+            Device::Can { not_in_dbc, .. } => not_in_dbc,
+            Device::Line { .. } => &[],
         }
     }
 

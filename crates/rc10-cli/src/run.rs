@@ -112,15 +112,15 @@ pub fn make_folder(folder: &Path) -> Result<()> {
 /// # Errors
 /// If they cannot be written.
 pub fn write_files(recording: &Recording, folder: &Path) -> Result<()> {
-    write_file(folder, "report.html", &report(recording))?;
+    write_file(folder, "report.html", report(recording).as_bytes())?;
     for bus in &recording.buses {
-        write_file(folder, &format!("bus{}.log", bus.number), &bus.log)?;
+        write_file(folder, &format!("bus{}.log", bus.number), bus.log.as_bytes())?;
     }
     Ok(())
 }
 
 /// Writes a whole file or none: first beside it, then in its place.
-fn write_file(folder: &Path, name: &str, content: &str) -> Result<()> {
+pub(crate) fn write_file(folder: &Path, name: &str, content: &[u8]) -> Result<()> {
     let path = folder.join(name);
     let beside = folder.join(format!(".{name}.{}", std::process::id()));
     let write = || {

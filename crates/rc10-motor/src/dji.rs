@@ -8,6 +8,8 @@
 //! Sources: C620, C610 and GM6020 user manuals (CAN tables), RoboMaster Development-Board-C
 //! examples.
 
+pub mod signals;
+
 use core::fmt;
 
 use embedded_can::{Id, StandardId};

@@ -6,6 +6,7 @@
 mod cybergear;
 mod damiao;
 mod damiao_values;
+mod dji;
 mod lk;
 mod odrive;
 mod unitree_line;
