@@ -9,7 +9,7 @@ use anyhow::{Result, bail};
 
 use crate::cargo::{chip, host, run as run_command};
 use crate::firmware::{build_count_with, build_interop_with, build_with};
-use crate::setup::{TARGET, chip_toolchain, component};
+use crate::setup::{TARGET, chip_toolchain, component, python};
 use crate::{count, emulate, size};
 
 /// A robot of somebody else's, outside the workspace. It shares the target directory.
@@ -91,6 +91,10 @@ pub fn run() -> Result<()> {
             rustc = Err(format!("{error:#}"));
             Outcome::Skipped(format!("no chip build here: {error:#}"))
         }
+    });
+    report.step("python", || match python() {
+        Ok(()) => Outcome::Passed,
+        Err(error) => Outcome::Skipped(format!("no tests against Python here: {error:#}")),
     });
     report.step("format", || {
         with_component("fmt", || {

@@ -15,7 +15,7 @@ use std::process::ExitCode;
 use anyhow::Result;
 
 const USAGE: &str = "\
-cargo xtask setup   make this machine able to build for the chip
+cargo xtask setup   make this machine able to build for the chip, and to test against Python
 cargo xtask check   everything that must hold before a commit
 cargo xtask firmware   build the firmware, say where it is
 cargo xtask emulate   the firmware on an emulated chip: every scenario, against its budgets
@@ -25,7 +25,7 @@ cargo xtask fuzz [seconds] [target ..]   throws bytes at every decoder, 60 s eac
 
 fn main() -> ExitCode {
     let task: fn() -> Result<()> = match std::env::args().nth(1).as_deref() {
-        Some("setup") => || setup::chip_toolchain().map(|_| ()),
+        Some("setup") => || setup::chip_toolchain().and_then(|_| setup::python()),
         Some("check") => check::run,
         Some("firmware") => || firmware::build().map(|elf| println!("{}", elf.display())),
         Some("emulate") => || {

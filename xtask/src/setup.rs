@@ -3,12 +3,14 @@
 //! A `targets` line in rust-toolchain.toml is not enough: with `RUSTUP_AUTO_INSTALL=0` it installs
 //! nothing. So the target is asked for explicitly; and where rustup or its server is not there, a
 //! Debian machine can build the two libraries that the target needs from Debian's own packages.
+//!
+//! The tests against programs of others need a Python that can make virtual environments.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 
 use crate::cargo::{answer, run};
 
@@ -47,6 +49,30 @@ pub fn component(name: &str) -> bool {
     there() || run(Command::new("rustup").args(["component", "add", component])).is_ok() && there()
 }
 
+/// Makes sure that `python3` can make a virtual environment; Debian packs that apart.
+pub fn python() -> Result<()> {
+    let can_make_environments =
+        || answer(Command::new("python3").args(["-c", "import venv, ensurepip"])).is_some();
+    if !can_make_environments() {
+        println!("setup: no python3 that can make virtual environments; asking Debian for one");
+        run(Command::new("apt-get").args(["update", "--quiet"]))
+            .and_then(|()| install(&["python3", "python3-venv"]))
+            .context("install Python 3.10 or newer, with venv and ensurepip")?;
+    }
+    ensure!(can_make_environments(), "python3 cannot make virtual environments");
+    println!("setup: python3 makes virtual environments");
+    Ok(())
+}
+
+/// Debian's packages.
+fn install(packages: &[&str]) -> Result<()> {
+    let mut apt = Command::new("apt-get");
+    apt.args(["install", "--quiet", "--yes", "--no-install-recommends"])
+        .args(packages)
+        .env("DEBIAN_FRONTEND", "noninteractive");
+    run(&mut apt)
+}
+
 fn has_target(rustc: &Path) -> bool {
     let question = ["--print", "target-libdir", "--target", TARGET];
     let Some(folder) = answer(Command::new(rustc).args(question)) else {
@@ -71,13 +97,6 @@ fn is_library(path: &Path, name: &str) -> bool {
 /// it once, into the compiler's own sysroot.
 fn from_debian(rustc: &Path) -> Result<()> {
     let packages = ["rustc-web", "rust-web-src"];
-    let install = |packages: &[&str]| {
-        let mut apt = Command::new("apt-get");
-        apt.args(["install", "--quiet", "--yes", "--no-install-recommends"])
-            .args(packages)
-            .env("DEBIAN_FRONTEND", "noninteractive");
-        run(&mut apt)
-    };
     run(Command::new("apt-get").args(["update", "--quiet"]))?;
     install(&packages)?;
     let sysroot = answer(Command::new(rustc).args(["--print", "sysroot"]))
@@ -119,11 +138,11 @@ fn from_debian(rustc: &Path) -> Result<()> {
             fs::copy(&path, destination.join(path.file_name().unwrap_or_default()))?;
         }
     }
-    linker(&targets, install)
+    linker(&targets)
 }
 
 /// The target links with `rust-lld`, which Debian's compiler package does not bring.
-fn linker(targets: &Path, install: impl Fn(&[&str]) -> Result<()>) -> Result<()> {
+fn linker(targets: &Path) -> Result<()> {
     let details = answer(Command::new("rustc").arg("-vV")).context("rustc does not run")?;
     let Some(machine) = details.lines().find_map(|line| line.strip_prefix("host: ")) else {
         bail!("rustc does not say what machine it runs on");

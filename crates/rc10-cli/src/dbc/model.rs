@@ -116,35 +116,45 @@ fn frame(
     for &(place, message) in messages {
         let (sender, receiver) = if message.from_device { (place, 0) } else { (0, place) };
         add(&mut frame.senders, sender);
+        let switch = message.signals.iter().find(|signal| signal.presence == Presence::Switch);
+        let lost_switch = switch.is_some_and(|switch| frame.obstacle(switch).is_some());
         for signal in message.signals {
             if let Some(same) = frame.signals.iter_mut().find(|known| known.signal == *signal) {
                 add(&mut same.receivers, receiver);
                 continue;
             }
-            if let Some(in_the_way) =
-                frame.signals.iter().find(|known| clash(&known.signal, signal))
-            {
-                left_out.push(format!(
-                    "{}, {} of {}: its bits are {} already",
-                    frame.name.long,
-                    signal.name,
-                    label(place),
-                    in_the_way.name.long
-                ));
-                continue;
-            }
-            // What others have at the same place is nobody's own.
-            let has_it = |other: &Message| other.signals.contains(signal);
-            let is_common = messages.iter().filter(|(_, other)| has_it(other)).count() > 1;
-            let name = if is_shared && !is_common {
-                signal_names.name(&format!("{}_{}", label(place), signal.name))
-            } else {
-                signal_names.name(signal.name)
+            let why = match frame.obstacle(signal) {
+                Some(known) => format!("{} is in its place", known.name.long),
+                None if lost_switch && matches!(signal.presence, Presence::If(_)) => {
+                    "what says whether it is there is not in it".to_owned()
+                }
+                None => {
+                    // What others have too is nobody's own.
+                    let has_it = |(_, other): &&(_, &Message)| other.signals.contains(signal);
+                    let is_own = is_shared && messages.iter().filter(has_it).count() == 1;
+                    let name = if is_own {
+                        signal_names.name(&format!("{}_{}", label(place), signal.name))
+                    } else {
+                        signal_names.name(signal.name)
+                    };
+                    let receivers = vec![receiver];
+                    frame.signals.push(NamedSignal { name, signal: *signal, receivers });
+                    continue;
+                }
             };
-            frame.signals.push(NamedSignal { name, signal: *signal, receivers: vec![receiver] });
+            let (frame, label) = (&frame.name.long, label(place));
+            left_out.push(format!("{frame}: {} of {label}: {why}", signal.name));
         }
     }
     frame
+}
+
+impl Frame {
+    /// The signal that leaves no room for another one.
+    fn obstacle(&self, signal: &Signal) -> Option<&NamedSignal> {
+        let obstacle = self.signals.iter().find(|known| clash(&known.signal, signal));
+        obstacle.filter(|known| known.signal != *signal)
+    }
 }
 
 fn add(places: &mut Vec<usize>, place: usize) {
@@ -175,4 +185,91 @@ fn bits(signal: &Signal) -> u64 {
         };
     }
     bits
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_can::embedded_can::StandardId;
+
+    use super::*;
+
+    fn node(label: &str, signals: &'static [Signal]) -> Node {
+        let id = StandardId::new(0x10).unwrap().into();
+        let message = Message { name: "STATE", id, len: 8, from_device: true, signals };
+        Node {
+            label: label.to_owned(),
+            comment: String::new(),
+            messages: vec![message],
+            not_in_dbc: &[],
+        }
+    }
+
+    fn names(dbc: &Dbc) -> Vec<&str> {
+        dbc.frames[0].signals.iter().map(|signal| signal.name.long.as_str()).collect()
+    }
+
+    const BITS: ByteOrder = ByteOrder::Little;
+    const SWITCH: Signal = Signal::new("WHO", BITS, 0, 4).when(Presence::Switch);
+
+    #[test]
+    fn one_device_has_its_label_before_the_message_and_several_before_the_signals() {
+        const LEFT: &[Signal] = &[Signal::big("SPEED", 0, 2)];
+        const RIGHT: &[Signal] = &[Signal::big("SPEED", 2, 2)];
+        let one = Dbc::new("bus", &[node("left wheel", LEFT)]);
+        assert_eq!(
+            (one.frames[0].name.long.as_str(), names(&one)),
+            ("left_wheel_STATE", vec!["SPEED"])
+        );
+        let two = Dbc::new("bus", &[node("left", LEFT), node("right", RIGHT)]);
+        assert_eq!(two.frames.len(), 1);
+        assert_eq!(two.frames[0].name.long, "STATE");
+        assert_eq!(names(&two), ["left_SPEED", "right_SPEED"]);
+        assert_eq!(two.frames[0].senders, [1, 2]);
+        assert_eq!(two.left_out, [""; 0]);
+    }
+
+    #[test]
+    fn a_switch_that_all_have_is_there_once_and_tells_them_apart() {
+        const ONE: &[Signal] = &[SWITCH, Signal::big("SPEED", 1, 2).when(Presence::If(1))];
+        const TWO: &[Signal] = &[SWITCH, Signal::big("SPEED", 1, 2).when(Presence::If(2))];
+        let dbc = Dbc::new("bus", &[node("one", ONE), node("two", TWO)]);
+        assert_eq!(names(&dbc), ["WHO", "one_SPEED", "two_SPEED"]);
+        assert_eq!(dbc.left_out, [""; 0]);
+    }
+
+    #[test]
+    fn what_has_no_room_is_left_out_and_named() {
+        const ONE: &[Signal] = &[SWITCH, Signal::big("SPEED", 1, 2).when(Presence::If(1))];
+        const ELSE: &[Signal] = &[
+            Signal::big("LOAD", 5, 1).when(Presence::If(3)),
+            Signal::new("KIND", BITS, 4, 4).when(Presence::Switch),
+            Signal::new("HEAT", BITS, 15, 2),
+            Signal::big("FREE", 7, 1),
+        ];
+        let dbc = Dbc::new("bus", &[node("one", ONE), node("two", ELSE)]);
+        assert_eq!(names(&dbc), ["one_WHO", "one_SPEED", "two_FREE"]);
+        let expected = [
+            "STATE: LOAD of two: what says whether it is there is not in it",
+            "STATE: KIND of two: one_WHO is in its place",
+            "STATE: HEAT of two: one_SPEED is in its place",
+        ];
+        assert_eq!(dbc.left_out, expected);
+    }
+
+    #[test]
+    fn bits_are_those_that_the_signal_reads() {
+        for signal in [
+            Signal::big("A", 1, 2),
+            Signal::little("A", 3, 4),
+            Signal::new("A", ByteOrder::Big, 35, 12),
+            Signal::new("A", BITS, 13, 9),
+            Signal::little("A", 0, 8),
+        ] {
+            let bits = bits(&signal);
+            assert_eq!(bits.count_ones(), u32::from(signal.bits));
+            let ones = signal.raw(&bits.to_le_bytes()).unwrap();
+            assert_eq!(ones, u64::MAX >> (64 - signal.bits));
+            assert_eq!(signal.raw(&(!bits).to_le_bytes()), Some(0));
+        }
+    }
 }

@@ -1,0 +1,81 @@
+//! Programs of others against ours: `cantools` reads our DBC files.
+//!
+//! They run in a virtual environment below the target directory, made once with the exact versions
+//! of `tests/python/requirements.txt`. Where there is no Python or no network, the tests say that
+//! they are skipped; with `CI=true` they fail.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use std::env;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+#[path = "interop_python/dbc.rs"]
+mod dbc;
+
+/// The interpreter of the virtual environment, or why there is none.
+fn python() -> Option<&'static Path> {
+    static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
+    match PYTHON.get_or_init(environment) {
+        Ok(python) => Some(python),
+        Err(why) if env::var("CI").is_ok_and(|value| value == "true") => panic!("{why}"),
+        Err(why) => {
+            println!("SKIPPED: {why}");
+            None
+        }
+    }
+}
+
+fn environment() -> Result<PathBuf, String> {
+    let requirements = script("requirements.txt");
+    let wanted = fs::read_to_string(&requirements).unwrap();
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("python");
+    let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
+    // Written last: an environment without it, or with another one, is none.
+    let stamp = folder.join("requirements.txt");
+    if fs::read_to_string(&stamp).is_ok_and(|there| there == wanted) {
+        return Ok(python);
+    }
+    let _ = fs::remove_dir_all(&folder);
+    let base = if cfg!(windows) { "python" } else { "python3" };
+    run(Command::new(base).args(["-m", "venv"]).arg(&folder))
+        .map_err(|why| format!("{why} (cargo xtask setup installs what is missing)"))?;
+    let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
+    let exact = ["--no-deps", "--require-hashes", "--only-binary", ":all:", "-r"];
+    run(Command::new(&python).args(install).args(exact).arg(&requirements))?;
+    fs::write(&stamp, wanted).unwrap();
+    Ok(python)
+}
+
+fn run(command: &mut Command) -> Result<Output, String> {
+    let name = format!("{command:?}");
+    let output = command.output().map_err(|error| format!("{name}: {error}"))?;
+    if output.status.success() {
+        return Ok(output);
+    }
+    let error = String::from_utf8_lossy(&output.stderr);
+    let last = error.trim().lines().last().or(Some("no reason given"));
+    Err(format!("{name}: {}", last.unwrap_or_default()))
+}
+
+/// A file of tests/python.
+fn script(name: &str) -> PathBuf {
+    [env!("CARGO_MANIFEST_DIR"), "tests", "python", name].iter().collect()
+}
+
+/// A fresh folder of a test, below the target directory.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// Runs a script of tests/python to its end; what it printed.
+fn must_succeed(command: &mut Command) -> String {
+    let output = command.output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{error}");
+    String::from_utf8(output.stdout).unwrap()
+}
