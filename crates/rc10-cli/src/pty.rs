@@ -15,23 +15,24 @@
 //! pieces. A client that is quiet is a world that stands still.
 
 #[cfg(unix)]
+mod scene;
+#[cfg(unix)]
 mod terminal;
 #[cfg(unix)]
 mod unix;
 
 use std::io::Write;
 use std::path::PathBuf;
-use std::pin::Pin;
-use std::sync::atomic::AtomicBool;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Args;
 use rc10_can::Micros;
-use rc10_sim::{Bus, Tasks, World};
 
 use crate::robot::Robot;
 use crate::run::seconds;
-use crate::surroundings::Surroundings;
+
+#[cfg(unix)]
+pub use unix::serve;
 
 /// How far one frame of the client lets time go on in lockstep: 1 ms.
 pub const STEP: Micros = Micros::from_millis(1);
@@ -62,11 +63,11 @@ pub struct PtyArgs {
 /// Runs until its time is over, or until Ctrl-C.
 ///
 /// # Errors
-/// As [`serve`].
+/// As `serve`.
 #[cfg(unix)]
 pub fn pty(args: &PtyArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-    let stop = std::sync::Arc::new(AtomicBool::new(false));
+    let stop = std::sync::Arc::default();
     for signal in [SIGHUP, SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, std::sync::Arc::clone(&stop))?;
     }
@@ -80,54 +81,4 @@ pub fn pty(args: &PtyArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
 #[cfg(not(unix))]
 pub fn pty(_: &PtyArgs, _: Robot<'_>, _: &mut dyn Write) -> Result<()> {
     anyhow::bail!("rc10 pty needs a pseudo-terminal, and this system has none: use Linux or macOS")
-}
-
-/// Runs until its time is over, or until `stop` is set: looked at every 100 ms. First it prints
-/// `pty` and the path of the pseudo-terminal, at the end what went through and what was lost.
-///
-/// # Errors
-/// If the robot has no such bus or is not as described, or there is no pseudo-terminal to be had.
-#[cfg(unix)]
-pub fn serve(
-    args: &PtyArgs,
-    robot: Robot<'_>,
-    out: &mut dyn Write,
-    stop: &AtomicBool,
-) -> Result<()> {
-    unix::serve(args, robot, out, stop)
-}
-
-/// The world, with or without the robot.
-struct Scene<'r> {
-    world: World,
-    wires: Vec<Bus>,
-    /// The place of the client's bus among them.
-    client: usize,
-    tasks: Tasks<'r>,
-}
-
-impl<'r> Scene<'r> {
-    fn new(args: &PtyArgs, robot: Robot<'r>) -> Result<Self> {
-        let description = robot.description();
-        let Surroundings { world, wires, .. } = Surroundings::new(description, args.seed)?;
-        let client = usize::from(args.bus).checked_sub(1).filter(|&bus| bus < wires.len());
-        let client = client.with_context(|| {
-            format!("--bus {}: the robot has buses 1 to {}", args.bus, wires.len())
-        })?;
-        let tasks = if args.alone { Tasks::new() } else { robot.tasks(&wires)? };
-        Ok(Self { world, wires, client, tasks })
-    }
-
-    fn wire(&self) -> &Bus {
-        &self.wires[self.client]
-    }
-
-    fn run(&mut self, until: Micros) {
-        if self.world.run(Pin::new(&mut self.tasks), until).is_ready() {
-            self.world.advance(until);
-        }
-        // Nobody reads what is said on the others.
-        let others = self.wires.iter().enumerate().filter(|(bus, _)| *bus != self.client);
-        others.for_each(|(_, wire)| drop(wire.take_trace()));
-    }
 }

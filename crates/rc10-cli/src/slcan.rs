@@ -17,7 +17,7 @@
 //!
 //! Source: Lawicel, CANUSB manual 1.0D, and python-can's `slcan` interface. More tolerant than the
 //! manual: the channel may be opened or closed twice, time stamps switched while it is open, and
-//! without `S` the bit rate is the bus's. Not there: `s` (bit timing registers), `M`, `m` (filters),
+//! without `S` the bit rate is the bus's; bit 31 of an extended identifier says nothing. Not there: `s` (bit timing registers), `M`, `m` (filters),
 //! `P`, `A`, `X` (polling).
 
 mod adapter;
@@ -31,6 +31,9 @@ pub use adapter::{Adapter, Channel, Counts, Flow};
 pub const DONE: u8 = b'\r';
 /// Says no.
 pub const BELL: u8 = 7;
+
+/// `SavvyCAN` sets it in the identifiers of extended frames that it sends; it says nothing new.
+const EXTENDED: u32 = 1 << 31;
 
 /// The longest line: an extended data frame of eight bytes, with its time.
 const LONGEST_LINE: usize = 30;
@@ -101,7 +104,7 @@ fn frame(line: &[u8]) -> Option<CanFrame> {
         }
         b'T' | b'R' => {
             let (id, rest) = rest.split_at_checked(8)?;
-            (ExtendedId::new(hex(id)?)?.into(), rest)
+            (ExtendedId::new(hex(id)? & !EXTENDED)?.into(), rest)
         }
         _ => return None,
     };
@@ -214,6 +217,8 @@ mod tests {
             let lower: Vec<u8> = [&out[..1], &out[1..].to_ascii_lowercase()].concat();
             assert_eq!(Lines::default().take(&lower), [Ok(Command::Send(frame))]);
         }
+        let savvy = frame_of("12345678#01");
+        assert_eq!(parse(b"T92345678101"), Ok(Command::Send(savvy)));
         let mut out = Vec::new();
         write_frame(&mut out, &frame_of("201#01"), Some(59_999));
         assert_eq!(out, b"t201101EA5F\r");

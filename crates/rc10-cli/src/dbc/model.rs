@@ -99,8 +99,8 @@ fn frame(
     let label = |place: usize| &nodes[place].0.long;
     let name = if is_shared {
         // Each sort of device once: "DJI_COMMAND_200".
-        let mut parts: Vec<&str> = messages.iter().map(|(_, message)| message.name).collect();
-        parts.dedup();
+        let mut parts = Vec::new();
+        messages.iter().for_each(|(_, message)| add(&mut parts, message.name));
         names.name(&parts.join("_"))
     } else {
         names.name(&format!("{}_{}", label(first), message.name))
@@ -157,9 +157,10 @@ impl Frame {
     }
 }
 
-fn add(places: &mut Vec<usize>, place: usize) {
-    if !places.contains(&place) {
-        places.push(place);
+/// Each once.
+fn add<T: PartialEq>(list: &mut Vec<T>, item: T) {
+    if !list.contains(&item) {
+        list.push(item);
     }
 }
 

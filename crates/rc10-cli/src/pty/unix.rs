@@ -7,8 +7,9 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use rc10_can::Micros;
 
+use super::scene::Scene;
 use super::terminal::Terminal;
-use super::{PtyArgs, STEP, Scene};
+use super::{PtyArgs, STEP};
 use crate::robot::Robot;
 use crate::slcan::{Adapter, Counts, Flow};
 
@@ -24,7 +25,12 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// How long a client has at the end to read what is left.
 const LAST_READ: Duration = Duration::from_secs(1);
 
-pub(super) fn serve(
+/// Runs until its time is over, or until `stop` is set: looked at every 100 ms. First it prints
+/// `pty` and the path of the pseudo-terminal, at the end what went through and what was lost.
+///
+/// # Errors
+/// If the robot has no such bus or is not as described, or there is no pseudo-terminal to be had.
+pub fn serve(
     args: &PtyArgs,
     robot: Robot<'_>,
     out: &mut dyn Write,
@@ -161,10 +167,12 @@ fn summary(counts: &Counts, now: Micros, behind: Micros) -> String {
 mod tests {
     use std::fs::{File, OpenOptions};
     use std::io::Read;
+    use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
     use std::path::PathBuf;
     use std::thread;
 
     use rc10_motor::dji::M3508;
+    use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
     use super::*;
     use crate::robot::{Description, Motor};
@@ -194,15 +202,30 @@ mod tests {
                 assert!(!server.is_finished(), "no pseudo-terminal");
                 thread::yield_now();
             }
-            client(&mut OpenOptions::new().read(true).write(true).open(&link).unwrap());
+            let open = || OpenOptions::new().read(true).write(true).open(&link).unwrap();
+            // The other side ends also if the client fails.
+            let result = catch_unwind(AssertUnwindSafe(|| client(&mut open())));
             stop.store(true, Ordering::Relaxed);
-            server.join().unwrap()
+            let printed = server.join().unwrap();
+            if let Err(panic) = result {
+                resume_unwind(panic);
+            }
+            printed
         })
     }
 
+    /// The next so many bytes. Says what came, should the rest never come.
     fn read(client: &mut File, length: usize) -> String {
-        let mut bytes = vec![0; length];
-        client.read_exact(&mut bytes).unwrap();
+        let mut bytes = Vec::new();
+        while bytes.len() < length {
+            let timeout = Timespec::try_from(Duration::from_secs(20)).unwrap();
+            let ready = poll(&mut [PollFd::new(client, PollFlags::IN)], Some(&timeout)).unwrap();
+            let so_far = String::from_utf8_lossy(&bytes);
+            assert!(ready > 0, "{} of {length} bytes: {so_far:?}", bytes.len());
+            let mut piece = vec![0; (length - bytes.len()).min(1000)];
+            let count = client.read(&mut piece).unwrap();
+            bytes.extend(&piece[..count]);
+        }
         String::from_utf8(bytes).unwrap()
     }
 
