@@ -20,12 +20,12 @@ pub(super) struct Scene<'r> {
 impl<'r> Scene<'r> {
     pub(super) fn new(args: &PtyArgs, robot: Robot<'r>) -> Result<Self> {
         let description = robot.description();
-        let Surroundings { world, wires, .. } = Surroundings::new(description, args.seed)?;
+        let Surroundings { world, wires, lines, .. } = Surroundings::new(description, args.seed)?;
         let client = usize::from(args.bus).checked_sub(1).filter(|&bus| bus < wires.len());
         let client = client.with_context(|| {
             format!("--bus {}: the robot has buses 1 to {}", args.bus, wires.len())
         })?;
-        let tasks = if args.alone { Tasks::new() } else { robot.tasks(&wires)? };
+        let tasks = if args.alone { Tasks::new() } else { robot.tasks(&wires, &lines)? };
         Ok(Self { world, wires, client, tasks })
     }
 
