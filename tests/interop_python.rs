@@ -1,4 +1,5 @@
-//! Programs of others against ours: `cantools` reads our DBC files.
+//! Programs of others against ours: `cantools` reads our DBC files, the drivers `damiao-motor` and
+//! `python-cybergear` drive our simulated motors.
 //!
 //! They run in a virtual environment below the target directory, made once with the exact versions
 //! of `tests/python/requirements.txt`. Where there is no Python or no network, the tests say that
@@ -13,6 +14,11 @@ use std::sync::OnceLock;
 
 #[path = "interop_python/dbc.rs"]
 mod dbc;
+#[cfg(unix)]
+#[path = "interop_python/drivers.rs"]
+mod drivers;
+#[path = "interop_python/others.rs"]
+mod others;
 
 /// The interpreter of the virtual environment, or why there is none.
 fn python() -> Option<&'static Path> {

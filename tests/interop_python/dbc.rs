@@ -10,7 +10,7 @@ use rc10_cli::team;
 use rc10_motor::signals::{ByteOrder, Kind, Message, Presence, Signal};
 use serde_json::{Map, Value, json};
 
-use crate::{folder, must_succeed, python, script};
+use crate::{folder, must_succeed, others, python, script};
 
 const FRAMES_PER_BUS: usize = 10_000;
 
@@ -24,6 +24,7 @@ fn cantools_decodes_every_frame_to_our_values() {
     for bus in 1..=robot.buses {
         files.push((format!("bus{bus}"), of_bus(&robot, bus)));
     }
+    files.push(("others".to_owned(), of_bus(&others::bus(), 1)));
     files.push(("shapes".to_owned(), Dbc::new("every shape", &every_shape())));
     for (name, dbc) in &files {
         fs::write(folder.join(format!("{name}.dbc")), dbc.to_bytes()).unwrap();

@@ -1,0 +1,56 @@
+//! A bus of other motors than DJI's, for the programs of others to read and to drive.
+
+use rc10_cli::robot::{Description, Device, Motor, Place};
+use rc10_motor::MotorName;
+use rc10_motor::cybergear::{self, Address};
+use rc10_motor::damiao::signals::Scaled;
+use rc10_motor::damiao::{self, Control, models::J4310};
+use rc10_motor::signals::Message;
+use rc10_sim::cybergear::{CYBERGEAR, CyberGear};
+use rc10_sim::damiao::{Damiao, DamiaoConfig};
+
+/// The identifiers that the scripts know.
+pub const DAMIAO_ID: u8 = 1;
+pub const DAMIAO_MASTER: u16 = 0x11;
+pub const CYBERGEAR_ID: u8 = 0x7F;
+
+/// All on one bus: none takes another's frames for its own.
+pub fn bus() -> Description {
+    Description { motors: vec![damiao(), cybergear()], buses: 1, ..Description::default() }
+}
+
+fn damiao() -> Motor {
+    fn messages() -> Vec<Message> {
+        static SCALED: Scaled = Scaled::of(&J4310.limits);
+        let motor =
+            damiao::Damiao::new(J4310, DAMIAO_ID.into(), DAMIAO_MASTER, Control::Velocity).unwrap();
+        damiao::signals::messages(&motor, &SCALED).into_iter().collect()
+    }
+    let device = Device::Can {
+        name: MotorName { model: "DM-J4310", id: DAMIAO_ID.into() },
+        twin: |wire, inertia| {
+            let config = DamiaoConfig::j4310(DAMIAO_ID.into(), DAMIAO_MASTER);
+            Ok(wire.add(Damiao::new(&config), config.plant.with_load_inertia(inertia)))
+        },
+        messages,
+        not_in_dbc: damiao::signals::NOT_IN_DBC,
+    };
+    Motor::with_device("joint", Place::Bus(1), device)
+}
+
+fn cybergear() -> Motor {
+    fn messages() -> Vec<Message> {
+        let address = Address { motor: CYBERGEAR_ID, host: 0xFD };
+        cybergear::signals::messages(&cybergear::models::CYBERGEAR, address).into_iter().collect()
+    }
+    let device = Device::Can {
+        name: MotorName { model: "CyberGear", id: CYBERGEAR_ID.into() },
+        twin: |wire, inertia| {
+            let plant = CYBERGEAR.plant().with_load_inertia(inertia);
+            Ok(wire.add(CyberGear::new(&CYBERGEAR, CYBERGEAR_ID), plant))
+        },
+        messages,
+        not_in_dbc: cybergear::signals::NOT_IN_DBC,
+    };
+    Motor::with_device("wrist", Place::Bus(1), device)
+}
