@@ -1,11 +1,17 @@
-//! A bus of other motors than DJI's, for the programs of others to read and to drive.
+//! Other motors than DJI's, for the programs of others to read and to drive.
 
+use std::num::NonZeroU8;
+
+use rc10_app::{Amps, Gear};
+use rc10_cli::dbc::Node;
 use rc10_cli::robot::{Description, Device, Motor, Place};
 use rc10_motor::MotorName;
 use rc10_motor::cybergear::{self, Address};
 use rc10_motor::damiao::signals::Scaled;
 use rc10_motor::damiao::{self, Control, models::J4310};
 use rc10_motor::signals::Message;
+use rc10_motor::unitree::{self, wire::module::Module};
+use rc10_motor::vesc::{self, Currents, Shaft, StatusRates, VescId};
 use rc10_sim::cybergear::{CYBERGEAR, CyberGear};
 use rc10_sim::damiao::{Damiao, DamiaoConfig};
 
@@ -14,9 +20,43 @@ pub const DAMIAO_ID: u8 = 1;
 pub const DAMIAO_MASTER: u16 = 0x11;
 pub const CYBERGEAR_ID: u8 = 0x7F;
 
-/// All on one bus: none takes another's frames for its own.
+/// Those that a driver drives. On one bus: none takes another's frames for its own.
 pub fn bus() -> Description {
     Description { motors: vec![damiao(), cybergear()], buses: 1, ..Description::default() }
+}
+
+/// The nodes of a bus with those, two VESCs and a Unitree motor behind a module.
+pub fn nodes() -> Vec<Node> {
+    let status = StatusRates {
+        status_1: 200,
+        status_2: 5,
+        status_3: 5,
+        status_4: 10,
+        status_5: 200,
+        status_6: 5,
+    };
+    let vesc = |id| {
+        let shaft = Shaft::new(NonZeroU8::new(7).unwrap(), Gear::DIRECT);
+        let (limit, brake, handbrake) = (Amps::new(40.0), Amps::new(15.0), Amps::new(20.0));
+        let currents = Currents { limit, brake, handbrake };
+        let config = vesc::Config::new(VescId::new(id).unwrap(), shaft, currents);
+        vesc::signals::messages(&vesc::Config { status, ..config }).into_iter().collect()
+    };
+    let node = |label: &str, messages, not_in_dbc| Node {
+        label: label.to_owned(),
+        comment: String::new(),
+        messages,
+        not_in_dbc,
+    };
+    let unitree =
+        unitree::signals::messages(Module::FACTORY, unitree::wire::Address::new(2).unwrap());
+    let mut nodes: Vec<_> = bus().motors.iter().map(Node::from).collect();
+    nodes.extend([
+        node("left wheel", vesc(3), vesc::signals::NOT_IN_DBC),
+        node("right wheel", vesc(4), vesc::signals::NOT_IN_DBC),
+        node("leg", unitree.into_iter().collect(), unitree::signals::NOT_IN_DBC),
+    ]);
+    nodes
 }
 
 fn damiao() -> Motor {

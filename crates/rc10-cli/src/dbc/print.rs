@@ -11,7 +11,8 @@ impl Dbc {
     /// The file. Characters that Windows-1252 does not have are question marks.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        self.to_string().chars().map(|character| u8::try_from(character).unwrap_or(b'?')).collect()
+        let text = self.to_string().replace('π', "pi");
+        text.chars().map(|character| u8::try_from(character).unwrap_or(b'?')).collect()
     }
 
     fn node(&self, place: usize) -> &str {
@@ -84,8 +85,8 @@ impl Dbc {
     fn comments(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let mut about = format!("{}, made by rc10 dbc.", self.bus);
         if !self.left_out.is_empty() {
-            about += " Not in this file: ";
-            about += &self.left_out.join("; ");
+            about += " Not in this file:";
+            self.left_out.iter().for_each(|line| about += &format!("\n* {line}"));
         }
         writeln!(f, "CM_ {};", Text(&about))?;
         for (name, comment) in &self.nodes {
