@@ -180,8 +180,8 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     let buses = motors.start(io).unwrap();
     let robot = team::robot(io, buses);
     let around = Surroundings::new(robot.description(), 4).unwrap();
-    let Surroundings { mut world, wires, motors, .. } = around;
-    let mut tasks = robot.tasks(&wires).unwrap();
+    let Surroundings { mut world, wires, lines, motors, .. } = around;
+    let mut tasks = robot.tasks(&wires, &lines).unwrap();
     let stop = Micros::new(7_400_300);
     let _ = world.run(Pin::new(&mut tasks), Micros::from_millis(7_300));
     let traces = || wires.iter().map(rc10_sim::Bus::take_trace).collect::<Vec<_>>();

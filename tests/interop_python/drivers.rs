@@ -71,7 +71,9 @@ fn damiao_motor_drives_a_j4310() {
     let ids = (&registers["can_id"], &registers["mst_id"]);
     assert_eq!(ids, (&DAMIAO_ID.into(), &DAMIAO_MASTER.into()));
     assert_eq!(registers["mode"], 1, "MIT, as it is sold");
-    assert_eq!([&registers["p"], &registers["v"], &registers["t"]].map(number), [12.5, 30.0, 10.0]);
+    for (limit, value) in [("p", 12.5), ("v", 30.0), ("t", 10.0)] {
+        assert_eq!(registers[limit], value, "{limit}");
+    }
     assert_eq!(found["before"]["status"], "DISABLED");
     assert_eq!(found["enabled"]["status"], "ENABLED");
     assert_step(&found["path"], 1.0, 25.0);
@@ -109,8 +111,8 @@ fn python_cybergear_drives_a_cybergear() {
     assert!((20.0..30.0).contains(&number(&parameters["v_bus"])), "{parameters}");
     assert_eq!(found["disabled"]["mode"], 0, "at rest");
     let speed = &found["speed"];
-    assert_eq!((&speed["run_mode"], number(&speed["spd_ref"])), (&2.into(), 4.0));
-    assert_eq!(number(&speed["limit_cur"]), 5.0);
+    assert_eq!((&speed["run_mode"], &speed["spd_ref"]), (&2.into(), &4.0.into()));
+    assert_eq!(speed["limit_cur"], 5.0);
     assert!((number(&speed["mech_vel"]) - 4.0).abs() < 0.2, "{speed}");
     assert_eq!(found["stopped"]["mode"], 0);
     assert!(said.ends_with("nothing lost\n"), "{said}");

@@ -109,7 +109,8 @@ fn decode_log(
     err: &mut dyn Write,
 ) -> anyhow::Result<bool> {
     let (robot, buses) = robot.into_buses()?;
-    let described = robot.motors.iter();
+    // DJI's motors tell more themselves than their tables do: the angle behind the gearbox.
+    let described = robot.motors.iter().filter(|motor| motor.dji().is_none());
     let messages = described
         .flat_map(|motor| motor.messages().into_iter().map(move |message| (motor, message)))
         .collect();
