@@ -466,7 +466,7 @@ fn the_chip_drives_as_the_simulator_does() {
         let robot = team::robot(&io, motors.start(&io).unwrap());
         let description = robot.description().clone();
         let mut around = rc10_cli::surroundings::Surroundings::new(&description, 1).unwrap();
-        let mut tasks = robot.tasks(&around.wires).unwrap();
+        let mut tasks = robot.tasks(&around.wires, &around.lines).unwrap();
         (1..=end)
             .map(|millisecond| {
                 let until = Micros::from_millis(millisecond);

@@ -99,7 +99,7 @@ Examples:
   rc10 decode target/rc10/bus1.log       what was said on bus 1
   rc10 decode capture.log --bus can0=2   a capture whose can0 is the robot's bus 2
   rc10 dbc --out target/dbc              DBC files for SavvyCAN, cantools and the like
-  rc10 pty --bus 1                       bus 1 for python-can or SavvyCAN, on a pseudo-terminal
+  rc10 pty --bus 1                       bus 1 for python-can or slcand, on a pseudo-terminal
 
 From a checkout: cargo run --release -- run --seconds 3";
 

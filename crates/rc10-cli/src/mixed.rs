@@ -21,8 +21,9 @@ use crate::robot::{Description, Device, Motor, Place, Robot, Script};
 /// # Errors
 /// If the robot's numbers cannot be.
 pub fn description() -> Result<Description> {
-    let can = |label, bus, name, twin, messages| {
-        Motor::with_device(label, Place::Bus(bus), Device::Can { name, twin, messages })
+    let can = |label, bus, name, twin, messages, not_in_dbc| {
+        let device = Device::Can { name, twin, messages, not_in_dbc };
+        Motor::with_device(label, Place::Bus(bus), device)
     };
     let vesc = vesc::Vesc::new(wheel())?.wiring().name();
     let damiao = arm()?.wiring().name();
@@ -31,10 +32,22 @@ pub fn description() -> Result<Description> {
     let wrist = cybergear::CyberGear::new(model, WRIST)?.wiring().name();
     // Inertias in kg m² at the output shaft; our estimates.
     let mut motors = vec![
-        Motor { inertia: 0.003, ..can("wheel", 1, vesc, wheel_twin, wheel_messages) },
-        Motor { inertia: 0.02, ..can("arm", 1, damiao, arm_twin, arm_messages) },
-        Motor { inertia: 0.02, ..can("hip", 1, hip, hip_twin, hip_messages) },
-        Motor { inertia: 0.005, ..can("wrist", 2, wrist, wrist_twin, wrist_messages) },
+        Motor {
+            inertia: 0.003,
+            ..can("wheel", 1, vesc, wheel_twin, wheel_messages, vesc::signals::NOT_IN_DBC)
+        },
+        Motor {
+            inertia: 0.02,
+            ..can("arm", 1, damiao, arm_twin, arm_messages, damiao::signals::NOT_IN_DBC)
+        },
+        Motor {
+            inertia: 0.02,
+            ..can("hip", 1, hip, hip_twin, hip_messages, unitree::signals::NOT_IN_DBC)
+        },
+        Motor {
+            inertia: 0.005,
+            ..can("wrist", 2, wrist, wrist_twin, wrist_messages, cybergear::signals::NOT_IN_DBC)
+        },
     ];
     for (id, (label, twin)) in (0..).zip(LEG_TWINS) {
         let name = MotorName { model: "GO-M8010-6", id };
