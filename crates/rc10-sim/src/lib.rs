@@ -59,6 +59,7 @@ mod handles;
 mod host;
 mod line;
 mod line_handles;
+pub mod lk;
 mod motor;
 mod occupancy;
 mod random;

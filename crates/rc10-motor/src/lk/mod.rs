@@ -22,13 +22,46 @@
 //! * A drive may act one frame late (XDU librm): off and run are to be sent until they are echoed.
 //! * The encoder of an 18 bit device is reported by its upper 16 bits.
 //!
+//! *Motor.* [`Lk`] commands torque currents and runs all loops here. It keeps a drive off (`80`) unless
+//! it may drive, switches it on (`88`) until that is echoed, and asks for errors (`9A`) every 100
+//! ticks.
+//!
+//! ```
+//! use rc10_app::{PidConfig, Rpm, RpmPerSecond};
+//! use rc10_motor::cascade::Cascade;
+//! use rc10_motor::lk::{Config, Lk, models};
+//! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target};
+//! use rc10_can::Micros;
+//!
+//! // Amperes for rpm at the output shaft, 5 A at most.
+//! let cascade = Cascade {
+//!     speed: PidConfig::new(0.2, 2.0, 0.0, 5.0),
+//!     angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
+//!     outer_divider: 5,
+//!     acceleration: RpmPerSecond::new(1000.0),
+//!     feed_forward: 0.0,
+//! };
+//! let mut joint = Lk::new(1, Config::new(models::MG4010E_I10, cascade))?;
+//! let switch = ArmSwitch::new();
+//! let mut bus = MotorBus::new(&switch);
+//! let joint = bus.attach(&mut joint, Safety::HOLD)?;
+//! bus.command(joint, Target::Speed(Rpm::new(60.0)), Micros::ZERO)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! Sources: LK CAN manual V2.3; XDU-IRobot librm `lk_motor.hpp` (which says the commands lag, and
 //! names all eight error bits of newer firmware; the manual knows two).
 
+pub mod models;
+mod motor;
+mod shaft;
+pub mod signals;
 pub mod wire;
 
 pub use crate::not_a_number::NotANumber;
+pub use models::{EncoderBits, Model};
+pub use motor::{Commands, Config, Lk};
 pub use wire::{
-    CENTIDEGREES, Command, Direction, DriveId, EncoderBits, Errors, Health, MULTI_MOTOR_ID, Model,
-    Motion, PhaseCurrents, Reply, ReplyError, pack_multi_motor,
+    CENTIDEGREES, Command, Direction, DriveId, Errors, Health, MULTI_MOTOR_ID, Motion,
+    PhaseCurrents, Reply, ReplyError, pack_multi_motor,
 };

@@ -3,25 +3,26 @@
 use core::fmt;
 
 use embedded_can::StandardId;
-use rc10_app::maths::{round_to_i32, within};
+use rc10_app::maths::round_to_i32;
 use rc10_app::{Amps, Celsius, CountsPerTurn, Degrees, RotorRpm, TotalAngle};
 use rc10_can::CanFrame;
 
-use crate::motor::{Fault, FrameError};
+use super::models::Model;
+use crate::motor::Fault;
 use crate::not_a_number::NotANumber;
 
 // Command bytes: LK CAN manual V2.3, table of commands.
-const OFF: u8 = 0x80;
-const STOP: u8 = 0x81;
-const RUN: u8 = 0x88;
+pub(super) const OFF: u8 = 0x80;
+pub(super) const STOP: u8 = 0x81;
+pub(super) const RUN: u8 = 0x88;
 const MULTI_TURN: u8 = 0x92;
 const SINGLE_TURN: u8 = 0x94;
-const HEALTH: u8 = 0x9A;
-const CLEAR_ERRORS: u8 = 0x9B;
-const MOTION: u8 = 0x9C;
+pub(super) const HEALTH: u8 = 0x9A;
+pub(super) const CLEAR_ERRORS: u8 = 0x9B;
+pub(super) const MOTION: u8 = 0x9C;
 const PHASE_CURRENTS: u8 = 0x9D;
-const OPEN_LOOP: u8 = 0xA0;
-const CURRENT: u8 = 0xA1;
+pub(super) const OPEN_LOOP: u8 = 0xA0;
+pub(super) const CURRENT: u8 = 0xA1;
 const SPEED: u8 = 0xA2;
 const TURN_TO: u8 = 0xA3;
 const TURN_TO_LIMITED: u8 = 0xA4;
@@ -39,7 +40,7 @@ pub const MULTI_MOTOR_ID: StandardId = standard(0x280);
 
 /// Raw iq at full scale, of every model (manual V2.3, answer to `9C`: ±2048; librm clamps commands
 /// to the same).
-const FULL_SCALE: i16 = 2048;
+pub(super) const FULL_SCALE: i16 = 2048;
 /// Raw open-loop power at full scale (manual V2.3, command `A0`: ±850).
 const OPEN_LOOP_FULL_SCALE: i16 = 850;
 /// Speed in commands: 0.01 degrees/s a step (manual V2.3, command `A2`); 6 degrees/s are 1 rpm.
@@ -95,96 +96,6 @@ impl DriveId {
     #[must_use]
     pub const fn multi_motor_lane(self) -> Option<usize> {
         if self.number <= 4 { Some((self.number as usize - 1) * 2) } else { None }
-    }
-}
-
-/// Width of the encoder value in answers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum EncoderBits {
-    /// 14 bit devices: 0 ..= 16383.
-    Fourteen = 14,
-    /// 15 bit devices: 0 ..= 32767.
-    Fifteen = 15,
-    /// 16 bit devices, and 18 bit devices, which report their upper 16: 0 ..= 65535.
-    Sixteen = 16,
-}
-
-impl EncoderBits {
-    /// Steps in a turn of the rotor.
-    #[inline]
-    #[must_use]
-    pub const fn counts(self) -> u32 {
-        1 << self as u32
-    }
-}
-
-/// What tells one drive from another on the wire.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Model {
-    /// As the vendor writes it.
-    pub name: &'static str,
-    /// Amperes in a step of iq, in commands and answers alike.
-    pub amps_per_count: f32,
-    /// Width of the encoder.
-    pub encoder: EncoderBits,
-}
-
-impl Model {
-    /// MG drives: 2048 steps are 33 A (manual V2.3).
-    #[must_use]
-    pub const fn mg(encoder: EncoderBits) -> Self {
-        Self { name: "MG", amps_per_count: 33.0 / 2048.0, encoder }
-    }
-
-    /// MF drives: 2048 steps are 16.5 A (librm).
-    #[must_use]
-    pub const fn mf(encoder: EncoderBits) -> Self {
-        Self { name: "MF", amps_per_count: 16.5 / 2048.0, encoder }
-    }
-
-    /// MS drives, which have no current loop: only [`Command::OpenLoop`], [`Command::Speed`] and
-    /// angles, and no step of iq.
-    #[must_use]
-    pub const fn ms(encoder: EncoderBits) -> Self {
-        Self { name: "MS", amps_per_count: 0.0, encoder }
-    }
-
-    /// The raw iq for a current, within ±2048; 0 for NaN. Cut off towards zero, as librm does: the
-    /// drive never gets more than was asked for, and what [`Motion`] reported comes out unchanged.
-    #[inline]
-    #[must_use]
-    pub fn raw_current(&self, current: Amps) -> i16 {
-        let full = f32::from(FULL_SCALE) * self.amps_per_count;
-        // Divided, not multiplied by the inverse: whole steps must stay whole.
-        #[expect(clippy::cast_possible_truncation, reason = "within ±2048, or NaN, which is 0")]
-        return (within(current.get(), full) / self.amps_per_count) as i16;
-    }
-
-    /// The torque current of an answer; `None` where there is none, see [`Motion::effort`].
-    #[inline]
-    #[must_use]
-    pub fn current(&self, motion: &Motion) -> Option<Amps> {
-        let current = Amps::new(f32::from(motion.effort) * self.amps_per_count);
-        (motion.command != OPEN_LOOP && self.amps_per_count > 0.0).then_some(current)
-    }
-
-    /// The rotor's angle of an answer, 0 ..< 360 degrees.
-    ///
-    /// # Errors
-    /// [`FrameError::Encoder`] if the encoder is not as wide as that.
-    #[inline]
-    pub fn angle(&self, motion: &Motion) -> Result<Degrees, FrameError> {
-        let degrees = match self.encoder {
-            EncoderBits::Fourteen => 360.0 / 16_384.0,
-            EncoderBits::Fifteen => 360.0 / 32_768.0,
-            EncoderBits::Sixteen => 360.0 / 65_536.0,
-        };
-        if u32::from(motion.encoder) < self.encoder.counts() {
-            Ok(Degrees::new(f32::from(motion.encoder) * degrees))
-        } else {
-            Err(FrameError::Encoder)
-        }
     }
 }
 
@@ -388,6 +299,8 @@ impl Motion {
 /// Answer to `9A` and `9B`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Health {
+    /// To which of the two.
+    pub command: u8,
     /// Of the motor.
     pub temperature: Celsius,
     /// Of the supply, in volts.
@@ -403,7 +316,7 @@ pub struct Errors(u8);
 
 /// Text of each error bit, lowest first. Bits 0 and 3: manual V2.3 (bit 3: over-temperature); all:
 /// librm, for newer firmware.
-const ERROR_TEXTS: [&str; 8] = [
+pub(super) const ERROR_TEXTS: [&str; 8] = [
     "supply voltage too low",
     "supply voltage too high",
     "controller too hot",
@@ -526,6 +439,7 @@ impl Reply {
             STOP => Self::Stop,
             RUN => Self::Run,
             HEALTH | CLEAR_ERRORS => Self::Health(Health {
+                command,
                 temperature: temperature(),
                 supply: f32::from(u16::from_le_bytes([d, e])) * VOLTS_PER_STEP,
                 errors: Errors(h),
@@ -550,212 +464,4 @@ impl Reply {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    extern crate std;
-    use std::string::{String, ToString};
-    use std::vec::Vec;
-
-    const MG: Model = Model::mg(EncoderBits::Fourteen);
-    const MF: Model = Model::mf(EncoderBits::Sixteen);
-
-    fn id(number: u8) -> DriveId {
-        DriveId::new(number).unwrap()
-    }
-
-    fn sent(command: Command, number: u8, model: &Model) -> String {
-        command.pack(id(number), model).unwrap().to_string()
-    }
-
-    fn rpm(degrees_per_second: f32) -> RotorRpm {
-        RotorRpm::new(degrees_per_second / 6.0)
-    }
-
-    fn angle(degrees: f32) -> TotalAngle {
-        TotalAngle::try_from_degrees(Degrees::new(degrees)).unwrap()
-    }
-
-    #[test]
-    fn identifiers_go_from_1_to_32() {
-        assert_eq!((DriveId::new(0), DriveId::new(33)), (None, None));
-        assert_eq!((id(1).can_id().as_raw(), id(32).can_id().as_raw()), (0x141, 0x160));
-        assert_eq!(
-            (id(1).multi_motor_lane(), id(4).multi_motor_lane(), id(5).multi_motor_lane()),
-            (Some(0), Some(6), None)
-        );
-    }
-
-    /// librm compiled, and the tables of manual V2.3.
-    #[test]
-    fn commands_have_the_bytes_of_the_manual() {
-        for (command, bytes) in [
-            (Command::Off, "80"),
-            (Command::Stop, "81"),
-            (Command::Run, "88"),
-            (Command::ReadMultiTurn, "92"),
-            (Command::ReadSingleTurn, "94"),
-            (Command::ReadHealth, "9A"),
-            (Command::ClearErrors, "9B"),
-            (Command::ReadMotion, "9C"),
-            (Command::ReadPhaseCurrents, "9D"),
-        ] {
-            assert_eq!(sent(command, 7, &MG), std::format!("147#{bytes}00000000000000"));
-        }
-        let limit = Some(rpm(500.0));
-        let (counter, free) = (Direction::CounterClockwise, None);
-        for (command, frame) in [
-            (Command::OpenLoop(-3), "141#A0000000FDFF0000"),
-            (Command::OpenLoop(2000), "141#A000000052030000"),
-            (Command::Current(Amps::new(3.3)), "141#A1000000CC000000"),
-            (Command::Current(Amps::new(-33.0)), "141#A100000000F80000"),
-            (Command::Current(Amps::new(f32::NEG_INFINITY)), "141#A100000000F80000"),
-            (Command::Current(Amps::new(40.0)), "141#A100000000080000"),
-            (Command::Speed(rpm(90.0)), "141#A200000028230000"),
-            (Command::Speed(rpm(-0.01)), "141#A2000000FFFFFFFF"),
-            (Command::Speed(rpm(f32::INFINITY)), "141#A2000000FFFFFF7F"),
-            (Command::TurnTo { angle: angle(360.0), speed_limit: free }, "141#A3000000A08C0000"),
-            (Command::TurnTo { angle: angle(-90.5), speed_limit: limit }, "141#A400F401A6DCFFFF"),
-            (
-                Command::TurnTo { angle: angle(1e12), speed_limit: Some(rpm(-1.0)) },
-                "141#A4000000FFFFFF7F",
-            ),
-            (
-                Command::TurnWithin {
-                    angle: Degrees::new(90.0),
-                    direction: counter,
-                    speed_limit: free,
-                },
-                "141#A501000028230000",
-            ),
-            (
-                Command::TurnWithin {
-                    angle: Degrees::new(400.0),
-                    direction: Direction::Clockwise,
-                    speed_limit: Some(rpm(1e9)),
-                },
-                "141#A600FFFF9F8C0000",
-            ),
-            (Command::TurnBy { angle: angle(-1.0), speed_limit: free }, "141#A70000009CFFFFFF"),
-            (Command::TurnBy { angle: angle(1.0), speed_limit: limit }, "141#A800F40164000000"),
-        ] {
-            assert_eq!(sent(command, 1, &MG), frame, "{command:?}");
-        }
-        assert_eq!(sent(Command::Current(Amps::new(1.65)), 7, &MF), "147#A1000000CC000000");
-        let multi = pack_multi_motor([100, -100, 2000, -2000]);
-        assert_eq!(multi.to_string(), "280#64009CFFD00730F8");
-    }
-
-    #[test]
-    fn what_is_not_a_number_is_reported_and_moves_nothing() {
-        let nan = f32::NAN;
-        let limit = Some(RotorRpm::new(nan));
-        let direction = Direction::Clockwise;
-        for (command, field, neutral) in [
-            (Command::Current(Amps::new(nan)), "current", "A1"),
-            (Command::Speed(RotorRpm::new(nan)), "speed", "A2"),
-            (
-                Command::TurnWithin { angle: Degrees::new(nan), direction, speed_limit: None },
-                "angle",
-                "9C",
-            ),
-            (
-                Command::TurnWithin { angle: Degrees::ZERO, direction, speed_limit: limit },
-                "speed limit",
-                "9C",
-            ),
-            (Command::TurnTo { angle: angle(1.0), speed_limit: limit }, "speed limit", "9C"),
-            (Command::TurnBy { angle: angle(1.0), speed_limit: limit }, "speed limit", "9C"),
-        ] {
-            let error = command.pack(id(1), &MG).unwrap_err();
-            assert_eq!(error.field, field);
-            assert_eq!(error.neutral.to_string(), std::format!("141#{neutral}00000000000000"));
-        }
-    }
-
-    #[test]
-    fn a_reported_current_can_be_asked_for() {
-        for model in [MG, MF] {
-            for effort in -2048..=2048 {
-                let motion =
-                    Motion { command: CURRENT, temperature: 0, effort, speed: 0, encoder: 0 };
-                let current = model.current(&motion).unwrap();
-                assert_eq!(model.raw_current(current), effort, "{} {effort}", model.name);
-            }
-        }
-        assert_eq!(Model::ms(EncoderBits::Fourteen).raw_current(Amps::new(5.0)), 0);
-    }
-
-    #[test]
-    fn a_measurement_is_unpacked() {
-        let bytes = [0xA1, 0x23, 0xE8, 0x03, 0xA6, 0xFF, 0x00, 0x20];
-        let Ok(Reply::Motion(motion)) = Reply::unpack(&bytes) else { panic!("no measurement") };
-        let expected =
-            Motion { command: 0xA1, temperature: 35, effort: 1000, speed: -90, encoder: 8192 };
-        assert_eq!(motion, expected);
-        assert_eq!(MG.current(&motion), Some(Amps::new(1000.0 * 33.0 / 2048.0)));
-        assert!((motion.speed().get() + 15.0).abs() < 1e-5);
-        assert_eq!(motion.temperature(), Celsius::new(35.0));
-        assert_eq!(MG.angle(&motion), Ok(Degrees::new(180.0)));
-        assert_eq!(MF.angle(&motion), Ok(Degrees::new(45.0)));
-        let far = Motion { encoder: 16_384, ..motion };
-        assert_eq!(MG.angle(&far), Err(FrameError::Encoder));
-        assert_eq!(Model::mg(EncoderBits::Fifteen).angle(&far), Ok(Degrees::new(180.0)));
-        let power = Motion { command: 0xA0, ..motion };
-        assert_eq!(MG.current(&power), None);
-        assert_eq!(Model::ms(EncoderBits::Fourteen).current(&motion), None);
-    }
-
-    #[test]
-    fn the_other_answers_are_unpacked() {
-        let unpack = |bytes| Reply::unpack(&bytes).unwrap();
-        assert!(matches!(unpack([0x80, 0, 0, 0, 0, 0, 0, 0]), Reply::Off));
-        assert!(matches!(unpack([0x81, 0, 0, 0, 0, 0, 0, 0]), Reply::Stop));
-        assert!(matches!(unpack([0x88, 0, 0, 0, 0, 0, 0, 0]), Reply::Run));
-        for command in [0x9A, 0x9B] {
-            let reply = unpack([command, 0xD8, 0, 0xF1, 0, 0, 0, 9]);
-            let Reply::Health(health) = reply else { panic!("no health") };
-            assert_eq!(health.temperature, Celsius::new(-40.0));
-            assert!((health.supply - 24.1).abs() < 1e-5);
-            let texts: Vec<_> = health.errors.texts().collect();
-            assert_eq!(texts, ["supply voltage too low", "motor too hot"]);
-            assert_eq!(health.errors.fault(), Some(Fault::new(9, "motor too hot")));
-        }
-        assert_eq!(Errors::default().fault(), None);
-        let Reply::PhaseCurrents(currents) = unpack([0x9D, 25, 0x40, 0, 0xE0, 0xFF, 0, 0x80])
-        else {
-            panic!("no phase currents")
-        };
-        assert_eq!(currents.temperature, Celsius::new(25.0));
-        assert_eq!(currents.phases, [1.0, -0.5, -512.0].map(Amps::new));
-        let Reply::MultiTurn(angle) = unpack([0x92, 0xA6, 0xDC, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF])
-        else {
-            panic!("no angle over many turns")
-        };
-        assert_eq!((angle.counts(), angle.scale()), (-9050, CENTIDEGREES));
-        let Reply::SingleTurn(angle) = unpack([0x94, 0, 0, 0, 0x9F, 0x8C, 0, 0]) else {
-            panic!("no angle within a turn")
-        };
-        assert_eq!((angle.counts(), angle.scale()), (35_999, CENTIDEGREES));
-    }
-
-    #[test]
-    fn what_is_no_answer_is_refused() {
-        let of = |frame: &CanFrame| Reply::from_frame(frame, id(1)).map(drop);
-        let bytes = [0x9C, 0, 0, 0, 0, 0, 0, 0];
-        let extended = embedded_can::ExtendedId::new(0x141).unwrap();
-        assert_eq!(of(&CanFrame::eight_bytes(id(1).can_id(), bytes)), Ok(()));
-        for stranger in [
-            CanFrame::eight_bytes(id(2).can_id(), bytes),
-            CanFrame::eight_bytes(extended, bytes),
-            CanFrame::remote_frame(id(1).can_id(), 8).unwrap(),
-        ] {
-            assert_eq!(of(&stranger), Err(ReplyError::NotMine));
-        }
-        let short = CanFrame::data_frame(id(1).can_id(), &bytes[..7]).unwrap();
-        assert_eq!(of(&short), Err(ReplyError::Length));
-        for command in [0x00, 0x7F, 0x90, 0x93, 0x9E, 0x9F, 0xA9, 0xFF] {
-            let frame = CanFrame::eight_bytes(id(1).can_id(), [command; 8]);
-            assert_eq!(of(&frame), Err(ReplyError::Command(command)));
-        }
-    }
-}
+mod tests;

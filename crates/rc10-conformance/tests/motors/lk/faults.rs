@@ -1,0 +1,307 @@
+//! What goes wrong, and what then happens.
+
+use rc10_app::{Amps, Rpm};
+use rc10_can::{CanFrame, Micros};
+use rc10_conformance::Bench;
+use rc10_motor::lk::{Commands, DriveId, Lk};
+use rc10_motor::{
+    Answer, ArmSwitch, CanMotor, Drive as Allowed, FrameError, Heard, Link, Motor, MotorId,
+    Request, RequestError, Safety, Target,
+};
+use rc10_sim::lk::{Drive, Settings, State, encode_echo, encode_health, encode_state};
+use rc10_sim::{Esc, EscFault};
+
+use super::{bench, is_on, joint, joint_plant, wheel, wheel_plant};
+
+const SPEED: Target = Target::Speed(Rpm::new(100.0));
+
+/// Runs for a while after a return; no current is above what the soft start allows.
+fn assert_returns_softly(bench: &mut Bench<'_>, motor: MotorId, esc: &Esc, full: f64) {
+    let mut driven = 0.0;
+    for _ in 0..1000 {
+        bench.hold(motor, SPEED, 1).unwrap();
+        let current = esc.state().current.abs();
+        if current > 0.0 || driven > 0.0 {
+            driven += 1.0;
+            // 10 % a millisecond, and a step of the drive; a question may take the first one's place.
+            let most = (0.1 * (driven + 1.0) + 0.02) * full;
+            assert!(driven > 20.0 || current <= most, "{current} A after {driven} ms");
+        }
+    }
+    assert!(driven > 500.0);
+    let rpm = esc.state().output_rpm;
+    assert!((rpm - 100.0).abs() < 2.0, "{rpm}");
+}
+
+#[test]
+fn unplugged_it_is_lost_and_comes_back_softly() {
+    let switch = ArmSwitch::new();
+    let mut motor = Lk::new(1, joint()).unwrap();
+    let (mut bench, esc, id) =
+        bench(&switch, &mut motor, Settings::mg(1), joint_plant(), Safety::HOLD);
+    bench.hold(id, SPEED, 500).unwrap();
+    bench.wire.set_cut(true);
+    bench.hold(id, SPEED, 15).unwrap();
+    let status = bench.status(id);
+    assert_eq!((status.link, status.drive), (Link::Lost, Allowed::Coast));
+    for _ in 0..100 {
+        bench.hold(id, SPEED, 1).unwrap();
+        let frame = bench.sent().frames()[0];
+        assert!([0x80, 0x9A, 0x9C].contains(&frame.bytes()[0]), "{frame}");
+    }
+    bench.wire.set_cut(false);
+    bench.hold(id, SPEED, 2).unwrap();
+    assert_returns_softly(&mut bench, id, &esc, 5.0);
+}
+
+#[test]
+fn powered_off_and_on_it_is_switched_on_again_softly() {
+    for (pause, starts_on) in [(300, false), (30, false), (300, true)] {
+        let switch = ArmSwitch::new();
+        let mut motor = Lk::new(1, joint()).unwrap();
+        let settings = Settings { starts_on, ..Settings::mg(1) };
+        let (mut bench, esc, id) =
+            bench(&switch, &mut motor, settings, joint_plant(), Safety::COAST);
+        bench.hold(id, SPEED, 500).unwrap();
+        esc.set_power(false);
+        bench.hold(id, SPEED, pause).unwrap();
+        assert_eq!(bench.status(id).link, Link::Lost);
+        esc.set_power(true);
+        assert_returns_softly(&mut bench, id, &esc, 5.0);
+        assert!(is_on(&esc));
+        // The turns made meanwhile are an estimate, and said to be one.
+        assert!(bench.status(id).feedback.turn_gaps > 0 || pause < 100);
+    }
+}
+
+#[test]
+fn muted_it_coasts_although_it_hears() {
+    let switch = ArmSwitch::new();
+    let mut motor = Lk::new(1, joint()).unwrap();
+    let (mut bench, esc, id) =
+        bench(&switch, &mut motor, Settings::mg(1), joint_plant(), Safety::HOLD);
+    bench.hold(id, SPEED, 500).unwrap();
+    esc.set_feedback(false);
+    bench.hold(id, SPEED, 20).unwrap();
+    assert!(!is_on(&esc), "the safe word reached it");
+    assert_eq!(bench.status(id).link, Link::Lost);
+    esc.set_feedback(true);
+    assert_returns_softly(&mut bench, id, &esc, 5.0);
+}
+
+#[test]
+fn each_fault_has_its_text_and_is_cleared_only_on_request() {
+    for (fault, text) in [
+        (EscFault::OverTemperature, "motor too hot"),
+        (EscFault::CommunicationLost, "commands have stopped"),
+        (EscFault::OverCurrent, "current too high"),
+        (EscFault::OverVoltage, "supply voltage too high"),
+        (EscFault::UnderVoltage, "supply voltage too low"),
+    ] {
+        let switch = ArmSwitch::new();
+        let mut motor = Lk::new(1, joint()).unwrap();
+        let (mut bench, esc, id) =
+            bench(&switch, &mut motor, Settings::mg(1), joint_plant(), Safety::BRAKE);
+        bench.hold(id, SPEED, 300).unwrap();
+        assert!(esc.inject(fault));
+        bench.hold(id, SPEED, 102).unwrap();
+        let status = bench.status(id);
+        assert_eq!(status.fault.map(|fault| fault.text), Some(text));
+        assert_eq!((status.drive, status.link), (Allowed::Brake, Link::Online));
+        bench.hold(id, SPEED, 500).unwrap();
+        assert!(!is_on(&esc));
+        for frame in bench.sent().frames() {
+            assert!(frame.bytes()[0] != 0x88 && frame.bytes()[0] != 0xA1, "{frame}");
+        }
+
+        // The cause is still there.
+        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Pending));
+        assert_eq!(bench.bus.request(id, Request::SetZero), Err(RequestError::Busy));
+        bench.hold(id, SPEED, 10).unwrap();
+        assert!(matches!(bench.bus.answer(id), Some(Err(RequestError::Refused(_)))));
+        assert_eq!(bench.bus.answer(id), None);
+        bench.hold(id, SPEED, 200).unwrap();
+        assert!(!is_on(&esc) && bench.status(id).drive == Allowed::Brake);
+
+        // It is gone, and nothing happens by itself.
+        esc.with(Drive::heal).unwrap();
+        bench.hold(id, SPEED, 500).unwrap();
+        assert!(!is_on(&esc) && bench.status(id).fault.is_some());
+        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Pending));
+        bench.hold(id, SPEED, 10).unwrap();
+        assert_eq!(bench.bus.answer(id), Some(Ok(Answer::Done)));
+        assert_returns_softly(&mut bench, id, &esc, 5.0);
+        assert_eq!(bench.status(id).fault, None);
+        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Done));
+    }
+}
+
+#[test]
+fn a_drive_knows_no_encoder_fault_and_protects_itself_from_heat() {
+    let switch = ArmSwitch::new();
+    let mut motor = Lk::new(1, joint()).unwrap();
+    let mut plant = joint_plant();
+    plant.ambient = 101.0;
+    let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::mg(1), plant, Safety::COAST);
+    assert!(!esc.inject(EscFault::Encoder));
+    bench.hold(id, SPEED, 200).unwrap();
+    assert_eq!(bench.status(id).fault.unwrap().text, "motor too hot");
+    assert!(esc.state().output_rpm.abs() < 1e-9);
+}
+
+#[test]
+fn a_drive_that_does_not_answer_is_given_up_on() {
+    let switch = ArmSwitch::new();
+    let mut motor = Lk::new(1, joint()).unwrap();
+    let (mut bench, esc, id) =
+        bench(&switch, &mut motor, Settings::mg(1), joint_plant(), Safety::COAST);
+    esc.inject(EscFault::OverCurrent);
+    bench.hold(id, SPEED, 150).unwrap();
+    esc.set_power(false);
+    assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Pending));
+    bench.wait(90);
+    assert_eq!(bench.bus.answer(id), None);
+    bench.wait(20);
+    assert_eq!(bench.bus.answer(id), Some(Err(RequestError::NoReply)));
+    // The fault is remembered, although the drive forgot it.
+    esc.set_power(true);
+    bench.hold(id, SPEED, 300).unwrap();
+    assert!(!is_on(&esc) && bench.status(id).fault.is_some());
+    assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Pending));
+    bench.hold(id, SPEED, 300).unwrap();
+    assert_eq!(bench.bus.answer(id), Some(Ok(Answer::Done)));
+    bench.hold(id, SPEED, 300).unwrap();
+    assert!(is_on(&esc));
+}
+
+#[test]
+fn commands_expire_and_stops_stop() {
+    for (safety, state) in [(Safety::COAST, Allowed::Coast), (Safety::HOLD, Allowed::Hold)] {
+        let switch = ArmSwitch::new();
+        let mut motor = Lk::new(1, joint()).unwrap();
+        let (mut bench, esc, id) =
+            bench(&switch, &mut motor, Settings::mg(1), joint_plant(), safety);
+        bench.hold(id, SPEED, 500).unwrap();
+        bench.wait(60);
+        assert_eq!(bench.status(id).drive, state);
+        bench.wait(500);
+        if state == Allowed::Coast {
+            // Coasting: current zero, and no braking.
+            assert!(esc.state().current.abs() < 0.02);
+            assert_eq!(bench.sent().frames()[0].to_string(), "141#A100000000000000");
+        } else {
+            let stands = esc.state().output_degrees;
+            esc.set_load(0.5);
+            bench.wait(1000);
+            let given = esc.state().output_degrees - stands;
+            assert!(given.abs() < 1.0, "{given}");
+            esc.set_load(0.0);
+        }
+        bench.hold(id, SPEED, 500).unwrap();
+        switch.emergency_stop();
+        bench.hold(id, SPEED, 5).unwrap();
+        assert_eq!(bench.status(id).drive, state);
+        switch.reset();
+        bench.hold(id, SPEED, 5).unwrap();
+        assert!(!is_on(&esc) && bench.status(id).drive == Allowed::Off);
+        switch.arm().unwrap();
+        assert_returns_softly(&mut bench, id, &esc, 5.0);
+    }
+}
+
+#[test]
+fn a_command_timeout_of_the_drive_does_not_bite_while_disarmed() {
+    let switch = ArmSwitch::new();
+    let mut motor = Lk::new(1, joint()).unwrap();
+    let settings = Settings { command_timeout: Some(Micros::from_millis(50)), ..Settings::mg(1) };
+    let (mut bench, esc, id) = bench(&switch, &mut motor, settings, joint_plant(), Safety::COAST);
+    switch.disarm();
+    bench.wait(1000);
+    assert_eq!(esc.with(|drive: &mut Drive| drive.errors()), Some(0));
+    bench.wire.set_cut(true);
+    bench.wait(100);
+    bench.wire.set_cut(false);
+    bench.wait(150);
+    assert_eq!(bench.status(id).fault.unwrap().text, "commands have stopped");
+}
+
+#[test]
+fn a_drive_in_the_multi_motor_frame_returns_softly_too() {
+    let switch = ArmSwitch::new();
+    let mut motor = Lk::new(3, wheel().with_commands(Commands::MultiMotor)).unwrap();
+    let settings = Settings { multi_motor: true, ..Settings::mf(3) };
+    let (mut bench, esc, id) = bench(&switch, &mut motor, settings, wheel_plant(), Safety::COAST);
+    bench.hold(id, SPEED, 500).unwrap();
+    esc.set_power(false);
+    bench.hold(id, SPEED, 30).unwrap();
+    assert_eq!(bench.sent().frames()[0].to_string(), "280#0000000000000000");
+    esc.set_power(true);
+    assert_returns_softly(&mut bench, id, &esc, 12.0);
+}
+
+#[test]
+fn what_is_no_answer_changes_nothing() {
+    let mut motor = Lk::new(1, joint()).unwrap();
+    let own = DriveId::new(1).unwrap().can_id();
+    let at = Micros::from_millis(1);
+    let state = State { temperature: 30, current: 5, speed: 60, encoder: 1000 };
+    let mut heard = |frame: &CanFrame| motor.unpack_feedback(frame, at);
+    let eight = |bytes| CanFrame::eight_bytes(own, bytes);
+    let good = encode_state(0x9C, state);
+    for (frame, error) in [
+        (CanFrame::data_frame(own, &good[..7]).unwrap(), FrameError::Length),
+        (CanFrame::eight_bytes(DriveId::new(2).unwrap().can_id(), good), FrameError::NotMine),
+        (CanFrame::remote_frame(own, 8).unwrap(), FrameError::NotMine),
+        // Moved by others, or unasked.
+        (eight(encode_state(0xA2, state)), FrameError::Unexpected),
+        (eight(encode_echo(0x81)), FrameError::Unexpected),
+        (eight([0x92; 8]), FrameError::Unexpected),
+        (eight([0xFF; 8]), FrameError::Unexpected),
+    ] {
+        assert_eq!(heard(&frame), Err(error), "{frame}");
+    }
+    assert_eq!(heard(&eight(encode_echo(0x88))), Ok(Heard::Other));
+    assert_eq!(heard(&eight(encode_health(0x9A, 20, 24.0, 0))), Ok(Heard::Other));
+    assert_eq!(heard(&eight(encode_health(0x9A, 20, 24.0, 8))), Ok(Heard::Fault));
+    assert_eq!(heard(&eight(good)), Ok(Heard::Feedback));
+    assert!((motor.feedback().speed.get() - 1.0).abs() < 1e-6);
+
+    // Fourteen bits cannot show this.
+    let mut config = joint();
+    config.model.encoder = rc10_motor::lk::EncoderBits::Fourteen;
+    let mut small = Lk::new(1, config).unwrap();
+    let far = eight(encode_state(0x9C, State { encoder: 16_384, ..state }));
+    assert_eq!(small.unpack_feedback(&far, at), Err(FrameError::Encoder));
+    assert_eq!(small.feedback(), rc10_motor::Feedback::NEW);
+
+    // In the multi-motor frame nothing but measurements comes.
+    let mut multi = Lk::new(1, joint().with_commands(Commands::MultiMotor)).unwrap();
+    let health = eight(encode_health(0x9A, 20, 24.0, 8));
+    assert_eq!(multi.unpack_feedback(&health, at), Err(FrameError::Unexpected));
+    assert_eq!(multi.unpack_feedback(&eight(encode_state(0xA1, state)), at), Ok(Heard::Feedback));
+}
+
+/// An echo from before a restart is not taken for the new drive's.
+#[test]
+fn one_echo_is_not_enough() {
+    let mut motor = Lk::new(1, joint()).unwrap();
+    let own = DriveId::new(1).unwrap().can_id();
+    let dt = rc10_app::Seconds::new(0.001);
+    let state = State { temperature: 30, current: 0, speed: 0, encoder: 1000 };
+    let feed = |motor: &mut Lk, bytes, millis| {
+        let frame = CanFrame::eight_bytes(own, bytes);
+        motor.unpack_feedback(&frame, Micros::from_millis(millis)).unwrap();
+        motor.update(dt, Allowed::Run);
+        let mut tx = rc10_motor::TxBatch::new();
+        motor.pack_command(&mut tx).unwrap();
+        tx.frames()[0].bytes()[0]
+    };
+    motor.set_target(Target::Current(Amps::new(1.0))).unwrap();
+    let measurement = encode_state(0x9C, state);
+    assert_ne!(feed(&mut motor, measurement, 1), 0xA1);
+    assert_ne!(feed(&mut motor, encode_echo(0x88), 2), 0xA1);
+    assert_ne!(feed(&mut motor, measurement, 3), 0xA1);
+    assert_eq!(feed(&mut motor, encode_echo(0x88), 4), 0xA1);
+    // A measurement after a silence is a new drive's.
+    assert_ne!(feed(&mut motor, measurement, 20), 0xA1);
+}

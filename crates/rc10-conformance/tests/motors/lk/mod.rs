@@ -1,0 +1,73 @@
+//! LK-TECH: [`rc10_motor::lk`] against [`rc10_sim::lk`].
+
+mod attach;
+mod closed_loop;
+mod codecs;
+mod faults;
+mod signals;
+#[path = "../lk_values.rs"]
+mod values;
+
+use rc10_app::{PidConfig, RpmPerSecond};
+use rc10_conformance::Bench;
+use rc10_motor::cascade::Cascade;
+use rc10_motor::lk::models::{MF9025, MG4010E_I10};
+use rc10_motor::lk::{Config, Lk};
+use rc10_motor::{ArmSwitch, MotorId, Safety};
+use rc10_sim::lk::{Drive, Settings, mf9025, mg4010e_i10};
+use rc10_sim::{Esc, Plant};
+
+/// For an MG4010E-i10 with a joint of 0.02 kg m².
+pub const JOINT: Cascade = Cascade {
+    speed: PidConfig::new(0.2, 2.0, 0.0, 5.0),
+    angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
+    outer_divider: 5,
+    acceleration: RpmPerSecond::new(1000.0),
+    feed_forward: 0.0,
+};
+
+/// For an MF9025 with a wheel of 0.005 kg m².
+pub const WHEEL: Cascade = Cascade {
+    speed: PidConfig::new(0.05, 0.3, 0.0, 12.0),
+    angle: PidConfig::new(1.0, 0.0, 0.0, 200.0),
+    outer_divider: 5,
+    acceleration: RpmPerSecond::new(2000.0),
+    feed_forward: 0.0,
+};
+
+pub fn joint() -> Config {
+    Config::new(MG4010E_I10, JOINT)
+}
+
+pub fn wheel() -> Config {
+    Config::new(MF9025, WHEEL)
+}
+
+pub fn joint_plant() -> Plant {
+    mg4010e_i10().with_load_inertia(0.02)
+}
+
+pub fn wheel_plant() -> Plant {
+    mf9025().with_load_inertia(0.005)
+}
+
+/// A bench with one drive, the motor armed and heard of.
+pub fn bench<'m>(
+    switch: &'m ArmSwitch,
+    motor: &'m mut Lk,
+    settings: Settings,
+    plant: Plant,
+    safety: Safety,
+) -> (Bench<'m>, Esc, MotorId) {
+    let mut bench = Bench::new(7, switch);
+    let esc = bench.wire.add(Drive::new(settings).unwrap(), plant);
+    let id = bench.attach(motor, safety).unwrap();
+    bench.wait(20);
+    switch.arm().unwrap();
+    (bench, esc, id)
+}
+
+/// Whether the drive is on.
+pub fn is_on(esc: &Esc) -> bool {
+    esc.with(|drive: &mut Drive| drive.is_on()).unwrap()
+}

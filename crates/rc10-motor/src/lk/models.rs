@@ -1,0 +1,150 @@
+//! What tells one LK drive from another: current step, encoder, gearbox, torque.
+
+use rc10_app::maths::within;
+use rc10_app::{Amps, Degrees, Gear};
+
+use super::wire::{FULL_SCALE, Motion, OPEN_LOOP};
+use crate::motor::FrameError;
+
+/// Width of the encoder value in answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum EncoderBits {
+    /// 14 bit devices: 0 ..= 16383.
+    Fourteen = 14,
+    /// 15 bit devices: 0 ..= 32767.
+    Fifteen = 15,
+    /// 16 bit devices, and 18 bit devices, which report their upper 16: 0 ..= 65535.
+    Sixteen = 16,
+}
+
+impl EncoderBits {
+    /// Steps in a turn of the rotor.
+    #[inline]
+    #[must_use]
+    pub const fn counts(self) -> u32 {
+        1 << self as u32
+    }
+}
+
+/// What tells one drive from another on the wire.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Model {
+    /// As the vendor writes it.
+    pub name: &'static str,
+    /// Amperes in a step of iq, in commands and answers alike.
+    pub amps_per_count: f32,
+    /// Width of the encoder.
+    pub encoder: EncoderBits,
+    /// The gearbox behind the rotor; the encoder sits in front of it.
+    pub gear: Gear,
+    /// Torque at the output shaft, N m per ampere of iq, where somebody vouches for it.
+    pub torque_constant: Option<f32>,
+}
+
+impl Model {
+    const fn bare(name: &'static str, amps_per_count: f32, encoder: EncoderBits) -> Self {
+        Self { name, amps_per_count, encoder, gear: Gear::DIRECT, torque_constant: None }
+    }
+
+    /// The same as a model of this name with so many rotor turns a turn of the output shaft.
+    const fn with(self, name: &'static str, turns: u32, torque_constant: Option<f32>) -> Self {
+        let gear = match Gear::new(turns, 1) {
+            Some(gear) => gear,
+            None => Gear::DIRECT,
+        };
+        Self { name, gear, torque_constant, ..self }
+    }
+
+    /// MG drives: 2048 steps are 33 A (manual V2.3). Without a gearbox, until one is given.
+    #[must_use]
+    pub const fn mg(encoder: EncoderBits) -> Self {
+        Self::bare("MG", 33.0 / 2048.0, encoder)
+    }
+
+    /// MF drives: 2048 steps are 16.5 A (librm).
+    #[must_use]
+    pub const fn mf(encoder: EncoderBits) -> Self {
+        Self::bare("MF", 16.5 / 2048.0, encoder)
+    }
+
+    /// MS drives, which have no current loop and so no step of iq: only
+    /// [`Command::OpenLoop`](super::Command::OpenLoop), [`Command::Speed`](super::Command::Speed)
+    /// and angles.
+    #[must_use]
+    pub const fn ms(encoder: EncoderBits) -> Self {
+        Self::bare("MS", 0.0, encoder)
+    }
+
+    /// The raw iq for a current, within ±2048; 0 for NaN. Cut off towards zero, as librm does: the
+    /// drive never gets more than was asked for, and what [`Motion`] reported comes out unchanged.
+    #[inline]
+    #[must_use]
+    pub fn raw_current(&self, current: Amps) -> i16 {
+        let full = self.full_scale().get();
+        // Divided, not multiplied by the inverse: whole steps must stay whole.
+        #[expect(clippy::cast_possible_truncation, reason = "within ±2048, or NaN, which is 0")]
+        return (within(current.get(), full) / self.amps_per_count) as i16;
+    }
+
+    /// The largest torque current, A.
+    #[inline]
+    #[must_use]
+    pub const fn full_scale(&self) -> Amps {
+        Amps::new(FULL_SCALE as f32 * self.amps_per_count)
+    }
+
+    /// The torque current of an answer; `None` where there is none, see [`Motion::effort`].
+    #[inline]
+    #[must_use]
+    pub fn current(&self, motion: &Motion) -> Option<Amps> {
+        let current = Amps::new(f32::from(motion.effort) * self.amps_per_count);
+        (motion.command != OPEN_LOOP && self.amps_per_count > 0.0).then_some(current)
+    }
+
+    /// The rotor's angle of an answer, 0 ..< 360 degrees.
+    ///
+    /// # Errors
+    /// [`FrameError::Encoder`] if the encoder is not as wide as that.
+    #[inline]
+    pub fn angle(&self, motion: &Motion) -> Result<Degrees, FrameError> {
+        let degrees = match self.encoder {
+            EncoderBits::Fourteen => 360.0 / 16_384.0,
+            EncoderBits::Fifteen => 360.0 / 32_768.0,
+            EncoderBits::Sixteen => 360.0 / 65_536.0,
+        };
+        if u32::from(motion.encoder) < self.encoder.counts() {
+            Ok(Degrees::new(f32::from(motion.encoder) * degrees))
+        } else {
+            Err(FrameError::Encoder)
+        }
+    }
+}
+
+/// 18 bit devices report the upper 16 of them.
+const MG: Model = Model::mg(EncoderBits::Sixteen);
+const MF: Model = Model::mf(EncoderBits::Sixteen);
+
+// Gear and rated torque by rated current: the vendor's data sheets, as its resellers print them
+// (SMC, shop pages of the MG series; MF9025 V2: several teams' code, from its data sheet). Where
+// the printed torque constant and the rated figures do not agree, there is none. Encoders: SCUT
+// librmcs, whose drives of all these series report 16 bits; check yours.
+
+/// MF9025 V2: direct drive, 0.32 N m/A.
+pub const MF9025: Model = MF.with("MF9025", 1, Some(0.32));
+/// MG4010E-i10: 10 : 1, 2.5 N m at 3.5 A.
+pub const MG4010E_I10: Model = MG.with("MG4010E-i10", 10, Some(0.7));
+/// MG4010E-i36: 36 : 1, 9 N m at 3.5 A.
+pub const MG4010E_I36: Model = MG.with("MG4010E-i36", 36, Some(2.58));
+/// MG5010E-i10: 10 : 1, 4 N m at 4.4 A.
+pub const MG5010E_I10: Model = MG.with("MG5010E-i10", 10, Some(0.91));
+/// MG6012E-i36: 36 : 1, 15 N m at 3.8 A.
+pub const MG6012E_I36: Model = MG.with("MG6012E-i36", 36, Some(3.94));
+/// MG8008E-i9: 9 : 1, 10 N m at 4.9 A.
+pub const MG8008E_I9: Model = MG.with("MG8008E-i9", 9, Some(2.07));
+/// MG8016E-i6: 6 : 1. Printed as 3.3 N m/A, and as 13 N m at 6.5 A: no constant.
+pub const MG8016E_I6: Model = MG.with("MG8016E-i6", 6, None);
+
+/// All models that are known by name.
+pub const ALL: &[Model] =
+    &[MF9025, MG4010E_I10, MG4010E_I36, MG5010E_I10, MG6012E_I36, MG8008E_I9, MG8016E_I6];
