@@ -62,6 +62,7 @@ mod line_handles;
 pub mod lk;
 mod motor;
 mod occupancy;
+pub mod odrive;
 mod random;
 mod segment;
 mod tasks;

@@ -52,6 +52,7 @@
 //! Sources: LK CAN manual V2.3; XDU-IRobot librm `lk_motor.hpp` (which says the commands lag, and
 //! names all eight error bits of newer firmware; the manual knows two).
 
+mod config;
 pub mod models;
 mod motor;
 mod shaft;
@@ -59,8 +60,9 @@ pub mod signals;
 pub mod wire;
 
 pub use crate::not_a_number::NotANumber;
+pub use config::{Commands, Config};
 pub use models::{EncoderBits, Model};
-pub use motor::{Commands, Config, Lk};
+pub use motor::Lk;
 pub use wire::{
     CENTIDEGREES, Command, Direction, DriveId, Errors, Health, MULTI_MOTOR_ID, Motion,
     PhaseCurrents, Reply, ReplyError, pack_multi_motor,

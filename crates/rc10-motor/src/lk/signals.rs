@@ -4,8 +4,8 @@ use embedded_can::Id;
 use heapless::Vec;
 use rc10_app::ConfigError;
 
+use super::config::{Commands, Config};
 use super::models::{EncoderBits, Model};
-use super::motor::{Commands, Config};
 use super::wire::{CLEAR_ERRORS, CURRENT, ERROR_TEXTS, HEALTH, MOTION, MULTI_MOTOR_ID, OFF, RUN};
 use crate::signals::{ByteOrder, Message, Presence, Signal};
 

@@ -7,7 +7,7 @@
 //! *Identifiers.* Standard, `node << 5 | message`. Little endian, f32 as in IEEE 754.
 //!
 //! *From the axis:* `01` heartbeat (error word, state), `09` estimates (turns, turns/s), `14` Iq
-//! (wanted, measured), `17` supply (V, A). How often is set on the device, heartbeat and estimates
+//! (wanted, measured), `15` temperatures (°C, firmware 0.6), `17` supply (V, A). How often is set on the device, heartbeat and estimates
 //! on all of them; the others are sent by old firmware (0.5) only on request, a remote frame.
 //!
 //! *To the axis,* not answered: `07` state, `0B` modes, `0C` position, `0D` velocity, `0E` torque,
@@ -21,13 +21,53 @@
 //! * The bits of the error word, and bytes 5 ..= 7 of the heartbeat, differ between firmware 0.5
 //!   and 0.6: [`Firmware`].
 //!
+//! *Motor.* [`ODrive`] keeps an axis idle unless it may drive; then tells it its modes, an input that
+//! moves nothing, and to follow inputs, over and over until the heartbeat says that it does. By
+//! default all loops run here and the axis gets torques; it can close them itself instead
+//! ([`Control`]).
+//!
+//! ```
+//! use rc10_app::{Gear, PidConfig, Rpm, RpmPerSecond};
+//! use rc10_can::Micros;
+//! use rc10_motor::cascade::Cascade;
+//! use rc10_motor::odrive::{Config, Control, Firmware, ODrive, Rates};
+//! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target};
+//!
+//! // Newton metres for rpm at the output shaft, 8 N m at most.
+//! let cascade = Cascade {
+//!     speed: PidConfig::new(0.1, 1.0, 0.0, 8.0),
+//!     angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
+//!     outer_divider: 5,
+//!     acceleration: RpmPerSecond::new(1500.0),
+//!     feed_forward: 0.0,
+//! };
+//! // Estimates at 500 Hz, heartbeats at 50 Hz, as set in the axis.
+//! let config = Config::new(Firmware::V0_6, Control::Torque(cascade), Rates::new(500, 50))
+//!     .with_gear(Gear::new(8, 1).ok_or("gear")?);
+//! let mut wheel = ODrive::new(3, config)?;
+//! let switch = ArmSwitch::new();
+//! let mut bus = MotorBus::new(&switch);
+//! let wheel = bus.attach(&mut wheel, Safety::COAST)?;
+//! bus.command(wheel, Target::Speed(Rpm::new(60.0)), Micros::ZERO)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! Sources: `ODrive` firmware 0.5.6 (`can_simple.cpp`, `odrive-interface.yaml`), `odrive-can` with
 //! the DBC of 0.5.6 and 0.6.10.
 
+mod config;
+mod firmware;
+mod loops;
+mod motor;
+mod shaft;
+pub mod signals;
 pub mod wire;
 
 pub use crate::not_a_number::NotANumber;
+pub use config::{Config, Control, Limits, Rates};
+pub use firmware::Firmware;
+pub use motor::ODrive;
 pub use wire::{
-    AxisState, Command, ControlMode, Currents, Estimates, Firmware, Heartbeat, InputMode, Message,
-    MessageError, Node, Query, Supply,
+    AxisState, Command, ControlMode, Currents, Estimates, Heartbeat, InputMode, Message,
+    MessageError, Node, Query, Supply, Temperatures,
 };

@@ -4,24 +4,25 @@ use core::fmt;
 
 use embedded_can::StandardId;
 use rc10_app::maths::round_to_i16;
-use rc10_app::{Amps, NewtonMetres};
+use rc10_app::{Amps, Celsius, NewtonMetres};
 use rc10_can::CanFrame;
 
-use crate::motor::Fault;
 use crate::not_a_number::NotANumber;
 
 // Message numbers: ODrive firmware 0.5.6, `can_simple.hpp`; the same in 0.6.
-const HEARTBEAT: u8 = 0x01;
-const STATE: u8 = 0x07;
-const ESTIMATES: u8 = 0x09;
-const MODES: u8 = 0x0B;
-const POSITION: u8 = 0x0C;
-const VELOCITY: u8 = 0x0D;
-const TORQUE: u8 = 0x0E;
-const LIMITS: u8 = 0x0F;
-const CURRENTS: u8 = 0x14;
-const SUPPLY: u8 = 0x17;
-const CLEAR_ERRORS: u8 = 0x18;
+pub(super) const HEARTBEAT: u8 = 0x01;
+pub(super) const STATE: u8 = 0x07;
+pub(super) const ESTIMATES: u8 = 0x09;
+pub(super) const MODES: u8 = 0x0B;
+pub(super) const POSITION: u8 = 0x0C;
+pub(super) const VELOCITY: u8 = 0x0D;
+pub(super) const TORQUE: u8 = 0x0E;
+pub(super) const LIMITS: u8 = 0x0F;
+pub(super) const CURRENTS: u8 = 0x14;
+/// Firmware 0.6 only; in 0.5 it is something else.
+pub(super) const TEMPERATURES: u8 = 0x15;
+pub(super) const SUPPLY: u8 = 0x17;
+pub(super) const CLEAR_ERRORS: u8 = 0x18;
 
 const LAST_NODE: u8 = 63;
 const MESSAGE_BITS: u32 = 5;
@@ -78,7 +79,7 @@ pub struct AxisState(u8);
 
 /// Names of the states, in their order (firmware 0.5.6 `AxisState`, and 0.6.7 from 11 on; 5 is
 /// sensorless control up to 0.5.1).
-const AXIS_STATES: [&str; 15] = [
+pub(super) const AXIS_STATES: [&str; 15] = [
     "undefined",
     "idle",
     "startup sequence",
@@ -298,7 +299,7 @@ impl Query {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Heartbeat {
-    /// Bits of [`Firmware::errors`]; 0 if nothing is wrong.
+    /// Bits of [`Firmware::errors`](super::Firmware::errors); 0 if nothing is wrong.
     pub errors: u32,
     /// What it does.
     pub state: AxisState,
@@ -336,6 +337,37 @@ pub struct Supply {
     pub voltage: f32,
     /// Negative if the axis feeds the supply.
     pub current: Amps,
+}
+
+/// Message `15` of firmware 0.6. In 0.5 that number is another message's, so it is no [`Message`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Temperatures {
+    /// Of the power stage; NaN where there is no sensor.
+    pub controller: Celsius,
+    /// Of the motor; NaN where there is no sensor.
+    pub motor: Celsius,
+}
+
+impl Temperatures {
+    /// From a frame of an axis with firmware 0.6. What is infinite counts as not measured, too.
+    ///
+    /// # Errors
+    /// [`MessageError`].
+    pub fn from_frame(frame: &CanFrame, node: Node) -> Result<Self, MessageError> {
+        match Message::from_frame(frame, node) {
+            Err(MessageError::Message(TEMPERATURES)) => (),
+            Err(error) => return Err(error),
+            Ok(message) => return Err(MessageError::Message(message.number())),
+        }
+        let Some(&[a, b, c, d, e, f, g, h]) = frame.all_eight() else {
+            return Err(MessageError::Length);
+        };
+        let celsius = |bytes| {
+            let celsius = f32::from_le_bytes(bytes);
+            Celsius::new(if celsius.is_finite() { celsius } else { f32::NAN })
+        };
+        Ok(Self { controller: celsius([a, b, c, d]), motor: celsius([e, f, g, h]) })
+    }
 }
 
 /// What an axis says.
@@ -380,6 +412,17 @@ impl fmt::Display for MessageError {
 impl core::error::Error for MessageError {}
 
 impl Message {
+    /// As on the wire.
+    #[must_use]
+    pub const fn number(&self) -> u8 {
+        match self {
+            Self::Heartbeat(_) => HEARTBEAT,
+            Self::Estimates(_) => ESTIMATES,
+            Self::Currents(_) => CURRENTS,
+            Self::Supply(_) => SUPPLY,
+        }
+    }
+
     /// From a frame of an axis.
     ///
     /// # Errors
@@ -420,84 +463,6 @@ impl Message {
             }),
             other => Err(MessageError::Message(other)),
         }
-    }
-}
-
-/// A family of firmware, by what its error word means.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Firmware {
-    /// As the vendor counts.
-    pub version: &'static str,
-    /// Bits of the error word and their texts, the gravest first.
-    pub errors: &'static [(u8, &'static str)],
-}
-
-impl Firmware {
-    /// `ODrive` v3 (`odrive-interface.yaml`, `ODrive.Axis.error`; bits 1 to 5, 10, 15 and 16 only
-    /// in older ones).
-    pub const V0_5: Self = Self {
-        version: "0.5",
-        errors: &[
-            (14, "emergency stop requested"),
-            (6, "motor failed"),
-            (8, "encoder failed"),
-            (9, "controller failed"),
-            (7, "sensorless estimator failed"),
-            (18, "too hot"),
-            (2, "supply voltage too high"),
-            (1, "supply voltage too low"),
-            (16, "supply current too high"),
-            (15, "too much current fed back"),
-            (3, "current measurement timed out"),
-            (4, "brake resistor disarmed"),
-            (5, "motor disarmed"),
-            (11, "watchdog expired"),
-            (12, "lower end stop pressed"),
-            (13, "upper end stop pressed"),
-            (17, "homing without end stop"),
-            (19, "position unknown"),
-            (10, "position control while sensorless"),
-            (0, "state not possible now"),
-        ],
-    };
-
-    /// `ODrive` Pro, S1 and Micro (`odrive` 0.6.7, `ODriveError`).
-    pub const V0_6: Self = Self {
-        version: "0.6",
-        errors: &[
-            (25, "emergency stop requested"),
-            (5, "gate driver failed"),
-            (1, "system failed"),
-            (2, "timing failed"),
-            (12, "current limit violated"),
-            (13, "motor too hot"),
-            (14, "controller too hot"),
-            (8, "supply voltage too high"),
-            (9, "supply voltage too low"),
-            (10, "supply current too high"),
-            (11, "too much current fed back"),
-            (15, "velocity limit violated"),
-            (16, "position limit violated"),
-            (26, "motor does not follow its field"),
-            (27, "brake resistor disarmed"),
-            (28, "thermistor disconnected"),
-            (24, "watchdog expired"),
-            (3, "encoder estimate missing"),
-            (6, "input missing"),
-            (4, "configuration invalid"),
-            (30, "calibration failed"),
-            (0, "still starting"),
-        ],
-    };
-
-    /// The whole error word, with the text of its gravest error; `None` without an error.
-    #[must_use]
-    pub fn fault(&self, errors: u32) -> Option<Fault> {
-        if errors == 0 {
-            return None;
-        }
-        let gravest = self.errors.iter().find(|(bit, _)| errors >> bit & 1 == 1);
-        Some(Fault::new(errors, gravest.map_or("an undocumented error", |(_, text)| text)))
     }
 }
 

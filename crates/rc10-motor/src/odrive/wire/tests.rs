@@ -1,3 +1,4 @@
+use super::super::Firmware;
 use super::*;
 extern crate std;
 use std::string::{String, ToString};
@@ -152,4 +153,21 @@ fn the_gravest_error_speaks() {
     }
     assert_eq!(AxisState::CLOSED_LOOP.name(), Some("closed-loop control"));
     assert_eq!(AxisState::new(15).name(), None);
+}
+
+#[test]
+fn temperatures_may_be_missing() {
+    let [a, b, c, d] = 31.5_f32.to_le_bytes();
+    let of = |message, bytes| {
+        let frame = CanFrame::eight_bytes(node(5).can_id(message), bytes);
+        Temperatures::from_frame(&frame, node(5))
+    };
+    for absent in [f32::NAN, f32::INFINITY] {
+        let [e, f, g, h] = absent.to_le_bytes();
+        let told = of(0x15, [a, b, c, d, e, f, g, h]).unwrap();
+        assert_eq!(told.controller, Celsius::new(31.5));
+        assert!(told.motor.get().is_nan());
+    }
+    assert_eq!(of(0x09, [0; 8]), Err(MessageError::Message(9)));
+    assert_eq!(of(0x16, [0; 8]), Err(MessageError::Message(0x16)));
 }

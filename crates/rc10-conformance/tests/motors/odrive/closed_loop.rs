@@ -1,0 +1,267 @@
+//! Each mode reaches what it is told to reach.
+
+use rc10_app::{Amps, Degrees, Gear, NewtonMetres, Rpm, TotalAngle};
+use rc10_can::Micros;
+use rc10_conformance::Bench;
+use rc10_motor::dji::Direction;
+use rc10_motor::odrive::{AxisState, Config, Control, InputMode, Limits, ODrive, Rates};
+use rc10_motor::{
+    Answer, ArmSwitch, Condition, Drive, Motor, MotorId, Request, RequestError, Safety, Target,
+    TargetError, TargetKind,
+};
+use rc10_sim::Esc;
+use rc10_sim::odrive::{Axis, Settings};
+
+use super::{NODE, bench, is_on, wheel, with};
+
+fn rpm(esc: &Esc) -> f64 {
+    esc.state().output_rpm
+}
+
+/// Milliseconds until what is measured stays within `band` of the goal for 200 ms.
+fn settles(
+    bench: &mut Bench<'_>,
+    motor: MotorId,
+    target: Target,
+    off: impl Fn() -> f64,
+    band: f64,
+) -> u32 {
+    let mut inside_since = 0;
+    for millis in 1..4000 {
+        bench.hold(motor, target, 1).unwrap();
+        if off().abs() > band {
+            inside_since = millis;
+        }
+        if millis - inside_since > 200 {
+            return inside_since;
+        }
+    }
+    panic!("does not settle: off by {}", off());
+}
+
+#[test]
+fn torques_speeds_and_angles_are_reached_by_torque() {
+    let switch = ArmSwitch::new();
+    let config = Config {
+        torque_constant: Some(8.27 / 150.0),
+        rates: Rates { currents: 100, temperatures: 100, supply: 100, ..Rates::new(1000, 50) },
+        ..wheel()
+    };
+    let mut motor = ODrive::new(NODE, config).unwrap();
+    let settings = Settings { others_every: Some(Micros::from_millis(10)), ..Settings::new(NODE) };
+    let (mut bench, esc, id) = bench(&switch, &mut motor, settings, Safety::COAST);
+    let constant = 8.0 * 8.27 / 150.0;
+    bench.hold(id, Target::Torque(NewtonMetres::new(2.0)), 120).unwrap();
+    assert!((esc.state().current * constant - 2.0).abs() < 0.01, "{}", esc.state().current);
+    let told = bench.status(id).feedback;
+    assert!((told.torque().unwrap().get() - 2.0).abs() < 0.02, "{:?}", told.torque());
+    assert!((f64::from(told.current().unwrap().get()) - esc.state().current).abs() < 0.05);
+    assert_eq!(told.supply().unwrap().get(), 24.0);
+    assert_eq!(told.controller_temperature(), None);
+    assert!(told.temperature().unwrap().get() > 24.0);
+    bench.hold(id, Target::Torque(NewtonMetres::new(-f32::MAX)), 30).unwrap();
+    assert!((esc.state().current * constant + 8.0).abs() < 0.1);
+
+    let target = Target::Speed(Rpm::new(150.0));
+    let took = settles(&mut bench, id, target, || rpm(&esc) - 150.0, 4.0);
+    assert!((50..400).contains(&took), "{took} ms");
+    bench.hold(id, target, 500).unwrap();
+    assert!((rpm(&esc) - 150.0).abs() < 0.5, "{}", rpm(&esc));
+    let told = bench.status(id).feedback;
+    assert!((f64::from(told.speed.get()) - rpm(&esc)).abs() < 1.0);
+
+    let there = i32::try_from(told.total_angle.microdegrees() / 1_000_000).unwrap() + 1000;
+    let start = esc.state().output_degrees - f64::from(told.total_angle.degrees().get());
+    let goal = TotalAngle::from_degrees(there);
+    let off = || esc.state().output_degrees - start - f64::from(there);
+    let took = settles(&mut bench, id, Target::TotalAngle(goal), off, 1.0);
+    assert!(took < 1500, "{took} ms");
+    bench.hold(id, Target::TotalAngle(goal), 500).unwrap();
+    let told = bench.status(id).feedback;
+    assert!((told.total_angle.degrees().get() - there as f32).abs() < 0.5);
+    let within = there.rem_euclid(360) as f32;
+    bench.hold(id, Target::Angle(Degrees::new(within - 20.0)), 1500).unwrap();
+    let told = bench.status(id).feedback;
+    assert!((told.total_angle.degrees().get() - (there - 20) as f32).abs() < 0.5);
+    assert_eq!((told.turn_gaps, bench.refused()), (0, 0));
+}
+
+#[test]
+fn a_reversed_axis_turns_the_other_way() {
+    let switch = ArmSwitch::new();
+    for control in [wheel().control, Control::Velocity(InputMode::VelocityRamp)] {
+        let config = with(control).with_direction(Direction::Reversed);
+        let mut motor = ODrive::new(NODE, config).unwrap();
+        let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), Safety::COAST);
+        let target = Target::Speed(Rpm::new(100.0));
+        settles(&mut bench, id, target, || rpm(&esc) + 100.0, 3.0);
+        let told = bench.status(id).feedback;
+        assert!((told.speed.get() - 100.0).abs() < 3.0);
+        let before = (told.total_angle.degrees().get(), esc.state().output_degrees);
+        bench.hold(id, target, 500).unwrap();
+        let after = bench.status(id).feedback.total_angle.degrees().get();
+        let turned = f64::from(after - before.0) + esc.state().output_degrees - before.1;
+        assert!(turned.abs() < 2.0, "{turned}");
+    }
+}
+
+#[test]
+fn an_axis_with_velocity_loops_of_its_own_gets_velocities() {
+    for input in [InputMode::Passthrough, InputMode::VelocityRamp] {
+        let switch = ArmSwitch::new();
+        let mut motor = ODrive::new(NODE, with(Control::Velocity(input))).unwrap();
+        assert!(!motor.supports().contains(TargetKind::Angle));
+        let error = motor.set_target(Target::Torque(NewtonMetres::ZERO));
+        assert_eq!(error, Err(TargetError::Unsupported(TargetKind::Torque)));
+        let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), Safety::BRAKE);
+        let target = Target::Speed(Rpm::new(120.0));
+        let took = settles(&mut bench, id, target, || rpm(&esc) - 120.0, 3.0);
+        assert!(took < 700, "{took} ms");
+        let modes = esc.with(|axis: &mut Axis| {
+            let controller = axis.controller();
+            (controller.control_mode, controller.input_mode, controller.input_velocity)
+        });
+        assert_eq!(modes, Some((2, input as u32, 16.0)));
+        // Braking is a speed, coasting is not.
+        bench.wait(60);
+        assert_eq!(bench.status(id).drive, Drive::Brake);
+        bench.wait(1000);
+        assert!(rpm(&esc).abs() < 2.0 && is_on(&esc));
+        bench.hold(id, target, 800).unwrap();
+        bench.hold(id, Target::Coast, 50).unwrap();
+        assert!(!is_on(&esc) && rpm(&esc) > 50.0);
+        assert_eq!(bench.status(id).condition, Condition::Ready);
+    }
+}
+
+#[test]
+fn an_axis_with_position_loops_of_its_own_gets_positions() {
+    for input in [InputMode::PositionFilter, InputMode::Trapezoid, InputMode::Passthrough] {
+        let switch = ArmSwitch::new();
+        let mut motor = ODrive::new(NODE, with(Control::Position(input))).unwrap();
+        let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), Safety::HOLD);
+        bench.hold(id, Target::Coast, 30).unwrap();
+        let goal = TotalAngle::from_degrees(400);
+        let off = || esc.state().output_degrees - 400.0;
+        let took = settles(&mut bench, id, Target::TotalAngle(goal), off, 1.0);
+        assert!(took < 2000, "{took} ms");
+        // 400 is 40; the shorter way to 350 is back.
+        bench.hold(id, Target::Angle(Degrees::new(350.0)), 1500).unwrap();
+        assert!((esc.state().output_degrees - 350.0).abs() < 1.0);
+        bench.hold(id, Target::Angle(Degrees::new(-20.0)), 1500).unwrap();
+        assert!((esc.state().output_degrees - 340.0).abs() < 1.0);
+        // Zero is moved, the shaft is not, and the number means another place.
+        assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Answer::Done));
+        bench.hold(id, Target::Angle(Degrees::new(-20.0)), 300).unwrap();
+        assert!((esc.state().output_degrees - 340.0).abs() < 1.0);
+        bench.hold(id, Target::TotalAngle(TotalAngle::from_degrees(-90)), 1500).unwrap();
+        assert!((esc.state().output_degrees - 250.0).abs() < 1.0);
+        // Commands stop: it holds against a load.
+        bench.wait(60);
+        assert_eq!(bench.status(id).drive, Drive::Hold);
+        esc.set_load(2.0);
+        bench.wait(1000);
+        assert!((esc.state().output_degrees - 250.0).abs() < 3.0, "{:?}", esc.state());
+    }
+}
+
+/// A command that was given before the axis was heard of, and an angle the shorter way from there.
+#[test]
+fn an_angle_waits_until_it_is_known_where_the_shaft_is() {
+    let mut motor = ODrive::new(NODE, with(Control::Position(InputMode::Trapezoid))).unwrap();
+    motor.set_target(Target::Angle(Degrees::new(90.0))).unwrap();
+    assert_eq!(motor.target(), Target::Angle(Degrees::new(90.0)));
+    assert_eq!(motor.request(Request::SetZero), Err(RequestError::NoFeedback));
+}
+
+#[test]
+fn limits_are_told_before_it_is_switched_on() {
+    let switch = ArmSwitch::new();
+    let limits = Limits { speed: Rpm::new(300.0), current: Amps::new(20.0) };
+    let mut motor = ODrive::new(NODE, wheel().with_limits(limits)).unwrap();
+    let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), Safety::COAST);
+    let told = |esc: &Esc| {
+        let limits =
+            |axis: &mut Axis| (axis.controller().velocity_limit, axis.controller().current_limit);
+        esc.with(limits).unwrap()
+    };
+    assert_eq!(told(&esc), (100.0, 40.0));
+    bench.hold(id, Target::Torque(NewtonMetres::new(8.0)), 100).unwrap();
+    assert_eq!(told(&esc), (40.0, 20.0));
+    let ask =
+        |bench: &mut Bench<'_>, amps| bench.bus.request(id, Request::CurrentLimit(Amps::new(amps)));
+    assert_eq!(ask(&mut bench, 5.0), Ok(Answer::Done));
+    bench.hold(id, Target::Torque(NewtonMetres::new(8.0)), 30).unwrap();
+    assert_eq!(told(&esc), (40.0, 5.0));
+    assert!((esc.state().current - 5.0).abs() < 0.01);
+    for bad in [-1.0, f32::NAN, f32::INFINITY] {
+        assert!(matches!(ask(&mut bench, bad), Err(RequestError::Config(_))));
+    }
+    let limit = Request::TorqueLimit(NewtonMetres::new(1.0));
+    assert_eq!(bench.bus.request(id, limit), Ok(Answer::Done));
+    bench.hold(id, Target::Torque(NewtonMetres::new(8.0)), 30).unwrap();
+    assert!((esc.state().current * 8.0 * 8.27 / 150.0 - 1.0).abs() < 0.01);
+
+    let mut without = ODrive::new(NODE, wheel()).unwrap();
+    let limit = Request::CurrentLimit(Amps::new(1.0));
+    assert_eq!(without.request(limit), Err(RequestError::Unsupported));
+}
+
+#[test]
+fn an_axis_is_switched_on_by_heartbeat_and_kept_idle() {
+    let switch = ArmSwitch::new();
+    let mut motor = ODrive::new(NODE, wheel()).unwrap();
+    let settings = Settings { heartbeat_every: Micros::from_millis(20), ..Settings::new(NODE) };
+    let (mut bench, esc, id) = bench(&switch, &mut motor, settings, Safety::COAST);
+    assert!(!is_on(&esc));
+    let torque = Target::Torque(NewtonMetres::new(1.0));
+    let mut starting = 0;
+    while esc.state().current == 0.0 {
+        bench.hold(id, torque, 1).unwrap();
+        starting += 1;
+        let running = bench.status(id).condition == Condition::Ready;
+        assert!(running || esc.state().current == 0.0, "torque before the heartbeat");
+        assert!(starting < 60);
+    }
+    assert!(starting >= 4, "{starting}");
+    // Disarmed and armed again before a heartbeat: it starts from the beginning all the same.
+    switch.disarm();
+    bench.wait(3);
+    assert!(!is_on(&esc));
+    switch.arm().unwrap();
+    bench.hold(id, torque, 2).unwrap();
+    assert_eq!(bench.status(id).condition, Condition::Starting);
+    bench.hold(id, torque, 100).unwrap();
+    assert!(is_on(&esc) && esc.state().current > 1.0);
+    // Idle by itself: switched on again, softly.
+    esc.with(Axis::fall_idle).unwrap();
+    bench.hold(id, torque, 200).unwrap();
+    assert!(is_on(&esc) && esc.state().current > 1.0);
+    switch.disarm();
+    bench.wait(40);
+    let mut reminders = 0;
+    for _ in 0..100 {
+        bench.tick();
+        reminders += bench.sent().frames().len();
+        assert!(
+            bench.sent().frames().iter().all(|frame| frame.to_string() == "067#0100000000000000")
+        );
+    }
+    assert_eq!(reminders, 10);
+}
+
+#[test]
+fn slow_estimates_are_said_to_be_slow() {
+    for (hz, condition) in [(100, Condition::SlowFeedback), (200, Condition::Ready)] {
+        let switch = ArmSwitch::new();
+        let config = Config { rates: Rates::new(hz, 50), ..wheel() };
+        let mut motor = ODrive::new(NODE, config.with_gear(Gear::new(8, 1).unwrap())).unwrap();
+        let every = Micros::new(1_000_000 / u64::from(hz));
+        let settings = Settings { estimates_every: every, ..Settings::new(NODE) };
+        let (mut bench, _, id) = bench(&switch, &mut motor, settings, Safety::COAST);
+        bench.hold(id, Target::Torque(NewtonMetres::new(0.5)), 200).unwrap();
+        assert_eq!(bench.status(id).condition, condition);
+    }
+    let motor = ODrive::new(NODE, wheel()).unwrap();
+    assert_eq!(motor.state(), AxisState::default());
+}

@@ -1,0 +1,63 @@
+//! `ODrive`: [`rc10_motor::odrive`] against [`rc10_sim::odrive`].
+
+mod attach;
+mod closed_loop;
+mod codecs;
+mod faults;
+mod signals;
+#[path = "../odrive_values.rs"]
+mod values;
+
+use rc10_app::{Gear, PidConfig, RpmPerSecond};
+use rc10_conformance::Bench;
+use rc10_motor::cascade::Cascade;
+use rc10_motor::odrive::{Config, Control, Firmware, ODrive, Rates};
+use rc10_motor::{ArmSwitch, MotorId, Safety};
+use rc10_sim::odrive::{Axis, Settings, State, d6374_8to1};
+use rc10_sim::{Esc, Plant};
+
+/// For a D6374 behind an 8 : 1 belt with a wheel of 0.03 kg m².
+pub const WHEEL: Cascade = Cascade {
+    speed: PidConfig::new(0.1, 1.0, 0.0, 8.0),
+    angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
+    outer_divider: 5,
+    acceleration: RpmPerSecond::new(1500.0),
+    feed_forward: 0.0,
+};
+
+pub const NODE: u8 = 3;
+
+pub fn with(control: Control) -> Config {
+    Config::new(Firmware::V0_6, control, Rates::new(1000, 50)).with_gear(Gear::new(8, 1).unwrap())
+}
+
+pub fn wheel() -> Config {
+    with(Control::Torque(WHEEL))
+}
+
+pub fn plant() -> Plant {
+    d6374_8to1().with_load_inertia(0.03)
+}
+
+/// A bench with one axis, the motor armed and heard of.
+pub fn bench<'m>(
+    switch: &'m ArmSwitch,
+    motor: &'m mut ODrive,
+    settings: Settings,
+    safety: Safety,
+) -> (Bench<'m>, Esc, MotorId) {
+    let mut bench = Bench::new(11, switch);
+    let esc = bench.wire.add(Axis::new(settings).unwrap(), plant());
+    let id = bench.attach(motor, safety).unwrap();
+    bench.wait(150);
+    switch.arm().unwrap();
+    (bench, esc, id)
+}
+
+pub fn state(esc: &Esc) -> State {
+    esc.with(|axis: &mut Axis| axis.state()).unwrap()
+}
+
+pub fn is_on(esc: &Esc) -> bool {
+    state(esc) == State::ClosedLoop
+}

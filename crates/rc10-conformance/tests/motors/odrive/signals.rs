@@ -1,0 +1,125 @@
+//! The signal table says what the codec says.
+
+use proptest::array::uniform8;
+use proptest::prelude::*;
+use rc10_app::NewtonMetres;
+use rc10_can::CanFrame;
+use rc10_motor::odrive::signals::{NOT_IN_DBC, messages};
+use rc10_motor::odrive::{
+    AxisState, Command, Config, Control, ControlMode, Firmware, InputMode, Node, ODrive, Rates,
+};
+use rc10_motor::signals::Message;
+use rc10_motor::{CanMotor, Share};
+
+use super::codecs::cases;
+use super::values::{NODE, config, values};
+
+fn of_0_5() -> Config {
+    let rates = Rates { temperatures: 0, ..config().rates };
+    Config { firmware: Firmware::V0_5, rates, ..config() }
+}
+
+fn by_table(message: &Message, frame: &CanFrame) -> Vec<(&'static str, f64)> {
+    let bytes = frame.bytes();
+    message.signals.iter().map(|signal| (signal.name, signal.physical(bytes).unwrap())).collect()
+}
+
+proptest! {
+    #![proptest_config(cases(10_000))]
+
+    #[test]
+    fn every_signal_is_what_the_codec_says(
+        bytes in uniform8(any::<u8>()), which in 0..5_usize, old: bool,
+    ) {
+        let config = if old { of_0_5() } else { config() };
+        let all = messages(NODE, &config).unwrap();
+        let message = &all[which % all.iter().filter(|message| message.from_device).count()];
+        let frame = CanFrame::data_frame(message.id, &bytes).unwrap();
+        let (mut ours, mut table) =
+            (values(message.name, &frame, &config.firmware), by_table(message, &frame));
+        if ours.is_empty() {
+            // Refused: only for what is no number.
+            prop_assert!(table.iter().any(|(_, value)| !value.is_finite()), "{}", message.name);
+            return Ok(());
+        }
+        ours.sort_by_key(|(name, _)| *name);
+        table.sort_by_key(|(name, _)| *name);
+        prop_assert_eq!(ours.len(), table.len());
+        for ((name, ours), (same, theirs)) in ours.into_iter().zip(table) {
+            prop_assert_eq!(name, same);
+            prop_assert!(ours == theirs || ours.is_nan() && !theirs.is_finite(), "{}", name);
+        }
+    }
+
+    #[test]
+    fn every_command_is_in_the_table(a in -50.0..50.0_f32, b in -30.0..30.0_f32, c in -30.0..30.0_f32) {
+        let torque = NewtonMetres::new;
+        let modes = Command::Modes(ControlMode::Position, InputMode::Trapezoid);
+        let limits = Command::Limits { velocity: a.abs(), current: rc10_app::Amps::new(b.abs()) };
+        let in_position = Config { control: Control::Position(InputMode::Trapezoid), ..config() };
+        let in_velocity = Config { control: Control::Velocity(InputMode::VelocityRamp), ..config() };
+        for (config, name, command, wanted) in [
+            (config(), "ODRIVE_SET_TORQUE", Command::Torque(torque(a)), vec![a]),
+            (in_velocity, "ODRIVE_SET_VELOCITY",
+                Command::Velocity { velocity: a, torque: torque(b) }, vec![a, b]),
+            (in_position, "ODRIVE_SET_POSITION",
+                Command::Position { position: a, velocity: b, torque: torque(c) }, vec![a, b, c]),
+            (config(), "ODRIVE_SET_LIMITS", limits, vec![a.abs(), b.abs()]),
+            (config(), "ODRIVE_SET_STATE", Command::State(AxisState::CLOSED_LOOP), vec![8.0]),
+            (config(), "ODRIVE_SET_MODES", modes, vec![3.0, 5.0]),
+            (config(), "ODRIVE_CLEAR_ERRORS", Command::ClearErrors, vec![]),
+        ] {
+            let all = messages(NODE, &config).unwrap();
+            let message = all.iter().find(|message| message.name == name).unwrap();
+            let frame = command.pack(Node::new(NODE).unwrap()).unwrap();
+            prop_assert_eq!((frame.id(), frame.len()), (message.id, usize::from(message.len)));
+            let told = by_table(message, &frame);
+            prop_assert_eq!(told.len(), wanted.len());
+            for ((_, told), wanted) in told.into_iter().zip(wanted) {
+                prop_assert!((told - f64::from(wanted)).abs() <= 0.000_501, "{} {}", name, told);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_table_names_what_is_on_the_wire() {
+    for config in [config(), of_0_5()] {
+        let wiring = ODrive::new(NODE, config).unwrap().wiring();
+        let all = messages(NODE, &config).unwrap();
+        let heard: Vec<_> = all.iter().filter(|message| message.from_device).collect();
+        assert_eq!(heard.len(), wiring.received().len());
+        for message in &heard {
+            let is_that = |it: &&rc10_motor::Receive| it.pattern.id() == message.id;
+            assert_eq!(wiring.received().iter().filter(is_that).count(), 1, "{}", message.name);
+        }
+        assert!(wiring.transmitted().iter().all(|transmit| transmit.share == Share::Whole));
+        assert_eq!(all.iter().filter(|message| !message.from_device).count(), 5);
+    }
+    assert!(!NOT_IN_DBC.is_empty());
+    assert!(messages(63, &config()).is_err());
+}
+
+#[test]
+fn set_bits_and_states_have_the_codecs_texts() {
+    for config in [config(), of_0_5()] {
+        let heartbeat = messages(NODE, &config).unwrap()[0];
+        let mut bits = 0;
+        for signal in heartbeat.signals.iter().filter(|signal| signal.start < 32) {
+            let text = config.firmware.fault(1 << signal.start).unwrap().text;
+            assert_eq!(signal.values, [(1, text)]);
+            assert_eq!(signal.name, format!("ERROR_{}", signal.start));
+            bits += 1;
+        }
+        assert_eq!(bits, config.firmware.errors.len());
+        let state = heartbeat.signals.iter().find(|signal| signal.name == "AXIS_STATE").unwrap();
+        for (number, name) in state.values {
+            let state = AxisState::new(u8::try_from(*number).unwrap());
+            assert_eq!(state.name(), Some(*name));
+        }
+        assert_eq!(state.values.len(), 15);
+    }
+    let own = Firmware { version: "own", errors: &[], ..Firmware::V0_6 };
+    let signals = messages(NODE, &Config { firmware: own, ..config() }).unwrap()[0].signals;
+    assert_eq!(signals.len(), 1);
+}

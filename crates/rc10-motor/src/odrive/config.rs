@@ -1,0 +1,173 @@
+use rc10_app::{Amps, ConfigError, Gear, Rpm};
+
+use super::firmware::Firmware;
+use super::wire::{ControlMode, InputMode, Node};
+use crate::cascade::Cascade;
+use crate::dji;
+
+/// How an axis is set up, and how it shall be controlled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Config {
+    /// Its firmware: what its errors mean.
+    pub firmware: Firmware,
+    /// Turns of the shaft that the encoder sits on for turns of the output shaft. Torques on the
+    /// wire are that shaft's, too.
+    pub gear: Gear,
+    /// Which way the output shaft counts.
+    pub direction: dji::Direction,
+    /// Where the loops run.
+    pub control: Control,
+    /// How often it reports.
+    pub rates: Rates,
+    /// What it is told never to exceed, before it is switched on; nothing is told if there are
+    /// none. [`Request::CurrentLimit`](crate::Request::CurrentLimit) needs them.
+    pub limits: Option<Limits>,
+    /// Torque per ampere at the encoder's shaft, N m/A (`motor.config.torque_constant`): for the
+    /// torque in the feedback alone.
+    pub torque_constant: Option<f32>,
+}
+
+/// Where the loops run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Control {
+    /// Here: the axis gets torques, N m at the output shaft. The largest is the speed loop's
+    /// output limit.
+    Torque(Cascade),
+    /// In the axis, which gets speeds: [`InputMode::Passthrough`] or [`InputMode::VelocityRamp`].
+    Velocity(InputMode),
+    /// In the axis, which gets positions: [`InputMode::Passthrough`],
+    /// [`InputMode::PositionFilter`] or [`InputMode::Trapezoid`].
+    Position(InputMode),
+}
+
+impl Control {
+    /// What the axis is told it is.
+    pub(super) const fn modes(&self) -> (ControlMode, InputMode) {
+        match *self {
+            Self::Torque(_) => (ControlMode::Torque, InputMode::Passthrough),
+            Self::Velocity(input) => (ControlMode::Velocity, input),
+            Self::Position(input) => (ControlMode::Position, input),
+        }
+    }
+}
+
+/// How often an axis sends its messages, Hz, as set in it; 0 for those it does not send.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rates {
+    /// `09`: 1 ..= 1000, at least 200 to control by.
+    pub estimates: u16,
+    /// `01`: 1 ..= 1000. As long as one period takes, nobody knows that an axis was switched on,
+    /// or has an error.
+    pub heartbeat: u16,
+    /// `14`; not above the estimates.
+    pub currents: u16,
+    /// `15`, firmware 0.6; not above the estimates.
+    pub temperatures: u16,
+    /// `17`; not above the estimates.
+    pub supply: u16,
+}
+
+impl Rates {
+    /// Estimates and heartbeats, and nothing else.
+    #[must_use]
+    pub const fn new(estimates: u16, heartbeat: u16) -> Self {
+        Self { estimates, heartbeat, currents: 0, temperatures: 0, supply: 0 }
+    }
+}
+
+/// What an axis never exceeds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Of the output shaft.
+    pub speed: Rpm,
+    /// Of the motor.
+    pub current: Amps,
+}
+
+impl Config {
+    /// An axis that turns the output shaft directly and forward, and is told no limits.
+    #[must_use]
+    pub const fn new(firmware: Firmware, control: Control, rates: Rates) -> Self {
+        Self {
+            firmware,
+            gear: Gear::DIRECT,
+            direction: dji::Direction::Forward,
+            control,
+            rates,
+            limits: None,
+            torque_constant: None,
+        }
+    }
+
+    /// Behind a gearbox.
+    #[must_use]
+    pub const fn with_gear(self, gear: Gear) -> Self {
+        Self { gear, ..self }
+    }
+
+    /// Counting this way.
+    #[must_use]
+    pub const fn with_direction(self, direction: dji::Direction) -> Self {
+        Self { direction, ..self }
+    }
+
+    /// Never exceeding these.
+    #[must_use]
+    pub const fn with_limits(self, limits: Limits) -> Self {
+        Self { limits: Some(limits), ..self }
+    }
+
+    /// Whether a node can be like that.
+    pub(super) fn checked(&self, node: u8) -> Result<Node, ConfigError> {
+        let check = |good: bool, field, value: f32, must_be| {
+            if good { Ok(()) } else { Err(ConfigError { field, value, must_be }) }
+        };
+        let nobody = ConfigError {
+            field: "node",
+            value: node.into(),
+            must_be: "0 to 62: an axis without a number has 63",
+        };
+        let node = Node::new(node).filter(|node| node.number() < 63).ok_or(nobody)?;
+        let ratio = self.gear.ratio();
+        check(ratio >= 1.0, "gear", ratio, "one turn or more for a turn of the output")?;
+        self.check_control()?;
+        let Rates { estimates, heartbeat, currents, temperatures, supply } = self.rates;
+        for (field, rate) in [("estimates", estimates), ("heartbeat", heartbeat)] {
+            check((1..=1000).contains(&rate), field, rate.into(), "1 to 1000 Hz")?;
+        }
+        for (field, rate) in
+            [("currents", currents), ("temperatures", temperatures), ("supply", supply)]
+        {
+            check(rate <= estimates, field, rate.into(), "not above the rate of the estimates")?;
+        }
+        let tells = self.firmware.has_temperatures || temperatures == 0;
+        check(tells, "temperatures", temperatures.into(), "0: this firmware does not send them")?;
+        let usable = |value: f32| value.is_finite() && value > 0.0;
+        if let Some(Limits { speed, current }) = self.limits {
+            check(usable(speed.get()), "speed limit", speed.get(), "finite and above zero")?;
+            check(usable(current.get()), "current limit", current.get(), "finite and above zero")?;
+        }
+        let constant = self.torque_constant.unwrap_or(1.0);
+        check(usable(constant), "torque_constant", constant, "finite and above zero")?;
+        Ok(node)
+    }
+
+    fn check_control(&self) -> Result<(), ConfigError> {
+        use InputMode::{Passthrough, PositionFilter, Trapezoid, VelocityRamp};
+        let (input, good, must_be) = match self.control {
+            Control::Torque(cascade) => return cascade.validate(),
+            Control::Velocity(input) => {
+                (input, matches!(input, Passthrough | VelocityRamp), "passthrough (1) or ramp (2)")
+            }
+            Control::Position(input) => {
+                let good = matches!(input, Passthrough | PositionFilter | Trapezoid);
+                (input, good, "passthrough (1), filter (3) or trapezoid (5)")
+            }
+        };
+        if good {
+            return Ok(());
+        }
+        let value = f32::from(input as u8);
+        Err(ConfigError { field: "input mode", value, must_be })
+    }
+}

@@ -1,0 +1,401 @@
+//! `ODrive` axes from the device's side, after firmware 0.5.6 (`can_simple.cpp`, `axis.cpp`,
+//! `controller.cpp`) and the DBC of 0.6.
+//!
+//! Nothing here is shared with the motor library: an error in one of the two shows as a
+//! disagreement. As in the firmware: every frame feeds the watchdog, which counts in every state;
+//! entering closed-loop control sets the position input to where the shaft is and the integral to
+//! zero, but leaves velocity and torque inputs as they were. Not simulated: calibration (an axis is
+//! ready, and other states than idle and closed loop are refused), anticogging, end stops. The
+//! gains are made to fit the motor.
+
+mod codec;
+mod controller;
+
+use rc10_can::{CanFrame, Micros};
+
+use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
+use crate::motor::Plant;
+
+pub use codec::{
+    Order, decode, encode_currents, encode_estimates, encode_heartbeat, encode_supply,
+    encode_temperatures,
+};
+pub use controller::Controller;
+
+/// Which family of firmware runs on it: error bits and messages differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Version {
+    /// `ODrive` v3.
+    V0_5,
+    /// `ODrive` Pro, S1, Micro.
+    V0_6,
+}
+
+/// States of an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// No torque.
+    Idle = 1,
+    /// Follows inputs.
+    ClosedLoop = 8,
+}
+
+/// What is set in an axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// `can.node_id`, 0 ..= 63.
+    pub node: u8,
+    /// Its firmware.
+    pub version: Version,
+    /// `encoder_msg_rate_ms`.
+    pub estimates_every: Micros,
+    /// `heartbeat_msg_rate_ms`.
+    pub heartbeat_every: Micros,
+    /// `iq_msg_rate_ms`, `temperature_msg_rate_ms` and `bus_voltage_msg_rate_ms` alike; `None`:
+    /// not sent.
+    pub others_every: Option<Micros>,
+    /// The encoder knows its angle in the turn at power-on; else it counts from zero.
+    pub is_absolute: bool,
+    /// Expires without frames; `None`: off.
+    pub watchdog: Option<Micros>,
+    /// It starts for so long before it can be switched on (firmware 0.6 says so in its errors).
+    pub starts_for: Micros,
+}
+
+impl Settings {
+    /// 1 kHz estimates, 50 Hz heartbeats, nothing else; firmware 0.6.
+    #[must_use]
+    pub const fn new(node: u8) -> Self {
+        Self {
+            node,
+            version: Version::V0_6,
+            estimates_every: Micros::from_millis(1),
+            heartbeat_every: Micros::from_millis(20),
+            others_every: None,
+            is_absolute: false,
+            watchdog: None,
+            starts_for: Micros::ZERO,
+        }
+    }
+}
+
+/// What an axis finds wrong, whatever its firmware calls it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Cause {
+    Starting,
+    StateNotPossible,
+    UnderVoltage,
+    OverVoltage,
+    OverCurrent,
+    OverTemperature,
+    Encoder,
+    Watchdog,
+}
+
+impl Cause {
+    /// Its bit: `ODrive.Axis.Error` in 0.5, `ODrive.Error` in 0.6.
+    const fn bit(self, version: Version) -> u32 {
+        match (self, version) {
+            (Self::Starting, Version::V0_5) => 0,
+            (Self::Starting, Version::V0_6) => 0x1,
+            (Self::StateNotPossible, Version::V0_5) => 0x1,
+            // Refused without an error.
+            (Self::StateNotPossible, Version::V0_6) => 0,
+            (Self::UnderVoltage, Version::V0_5) => 0x2,
+            (Self::UnderVoltage, Version::V0_6) => 0x200,
+            (Self::OverVoltage, Version::V0_5) => 0x4,
+            (Self::OverVoltage, Version::V0_6) => 0x100,
+            // 0.5 tells in another message what is wrong with the motor.
+            (Self::OverCurrent, Version::V0_5) => 0x40,
+            (Self::OverCurrent, Version::V0_6) => 0x1000,
+            (Self::OverTemperature, Version::V0_5) => 0x4_0000,
+            (Self::OverTemperature, Version::V0_6) => 0x2000,
+            (Self::Encoder, Version::V0_5) => 0x100,
+            (Self::Encoder, Version::V0_6) => 0x8,
+            (Self::Watchdog, Version::V0_5) => 0x800,
+            (Self::Watchdog, Version::V0_6) => 0x100_0000,
+        }
+    }
+}
+
+/// Above this an axis switches itself off, °C; our estimate.
+const TOO_HOT: f64 = 120.0;
+
+/// One axis.
+#[derive(Debug)]
+pub struct Axis {
+    settings: Settings,
+    state: State,
+    controller: Controller,
+    errors: u32,
+    causes: u32,
+    /// Turns of the shaft when the encoder began to count.
+    origin: Option<f64>,
+    started_at: Micros,
+    fed_at: Micros,
+    /// When the next are due: heartbeat, estimates, others.
+    due: [Micros; 3],
+}
+
+impl Axis {
+    /// With these settings; `None` if there is no such node or something is sent at no interval.
+    #[must_use]
+    pub fn new(settings: Settings) -> Option<Self> {
+        let Settings { estimates_every, heartbeat_every, others_every, .. } = settings;
+        let others = others_every.unwrap_or(heartbeat_every);
+        let good = [estimates_every, heartbeat_every, others].iter().all(|it| *it > Micros::ZERO);
+        (settings.node <= 63 && good).then_some(Self {
+            settings,
+            state: State::Idle,
+            controller: Controller::new(),
+            errors: 0,
+            causes: 0,
+            origin: None,
+            started_at: Micros::ZERO,
+            fed_at: Micros::ZERO,
+            due: [Micros::ZERO; 3],
+        })
+    }
+
+    /// What it does.
+    #[must_use]
+    pub const fn state(&self) -> State {
+        self.state
+    }
+
+    /// Its error word.
+    #[must_use]
+    pub const fn errors(&self) -> u32 {
+        self.errors
+    }
+
+    /// Its controller: modes, inputs, limits.
+    #[must_use]
+    pub const fn controller(&self) -> &Controller {
+        &self.controller
+    }
+
+    /// The causes of the injected errors are gone; the errors stay until they are cleared.
+    pub const fn heal(&mut self) {
+        self.causes = 0;
+    }
+
+    /// Falls idle by itself, without an error: as if somebody had asked for it.
+    pub const fn fall_idle(&mut self) {
+        self.state = State::Idle;
+    }
+
+    /// Turns as the encoder counts them.
+    fn position(&mut self, shaft: &Shaft<'_>) -> f64 {
+        let turns = shaft.rotor_turns();
+        let zero = if self.settings.is_absolute { turns.floor() } else { turns };
+        turns - *self.origin.get_or_insert(zero)
+    }
+
+    fn is_starting(&self, now: Micros) -> bool {
+        now.since(self.started_at) < self.settings.starts_for
+    }
+
+    fn find(&mut self, cause: Cause) {
+        self.errors |= cause.bit(self.settings.version);
+    }
+
+    fn protect(&mut self, shaft: &Shaft<'_>, now: Micros) {
+        self.errors |= self.causes;
+        let starting = Cause::Starting.bit(self.settings.version);
+        self.errors &= !starting;
+        if self.is_starting(now) {
+            self.errors |= starting;
+        }
+        if shaft.temperature() > TOO_HOT {
+            self.find(Cause::OverTemperature);
+        }
+        if self.settings.watchdog.is_some_and(|most| now.since(self.fed_at) > most) {
+            self.find(Cause::Watchdog);
+        }
+        if self.errors != 0 {
+            self.state = State::Idle;
+        }
+    }
+
+    fn enter(&mut self, state: u32, position: f64, now: Micros) {
+        match state {
+            1 => self.state = State::Idle,
+            8 if self.errors == 0 && !self.is_starting(now) => {
+                if self.state != State::ClosedLoop {
+                    self.controller.enter(position);
+                }
+                self.state = State::ClosedLoop;
+            }
+            _ => self.find(Cause::StateNotPossible),
+        }
+    }
+
+    fn obey(&mut self, order: Order, position: f64, now: Micros) {
+        match order {
+            Order::State(state) => self.enter(state, position, now),
+            Order::ClearErrors => self.errors &= self.causes,
+            Order::EStop => {
+                self.errors |= match self.settings.version {
+                    Version::V0_5 => 0x4000,
+                    Version::V0_6 => 0x200_0000,
+                };
+                self.state = State::Idle;
+            }
+            other => self.controller.take(other),
+        }
+    }
+
+    fn heartbeat(&self) -> CanFrame {
+        let state = match self.state {
+            State::Idle => 1,
+            State::ClosedLoop => 8,
+        };
+        let details = match self.settings.version {
+            // The motor's, the encoder's and the controller's own errors, and a finished move.
+            Version::V0_5 => {
+                let bit = |mask: u32| u8::from(self.errors & mask != 0);
+                [bit(0x40), bit(0x100), bit(0x200)]
+            }
+            Version::V0_6 => [0; 3],
+        };
+        encode_heartbeat(self.settings.node, self.errors, state, details)
+    }
+
+    fn currents(&self, shaft: &Shaft<'_>) -> CanFrame {
+        encode_currents(self.settings.node, self.controller.amps(), shaft.current())
+    }
+
+    fn supply(&self, shaft: &Shaft<'_>) -> CanFrame {
+        let volts = shaft.plant().supply;
+        let watts = shaft.plant().resistance * shaft.current() * shaft.current()
+            + shaft.torque() * shaft.speed();
+        encode_supply(self.settings.node, volts, watts / volts)
+    }
+
+    /// Answers a remote frame, as firmware 0.5 does for what it does not send by itself.
+    fn answer(&mut self, message: u8, shaft: &Shaft<'_>, out: &mut Outbox) -> Taken {
+        let node = self.settings.node;
+        out.send(match message {
+            0x01 => self.heartbeat(),
+            0x09 => encode_estimates(node, self.position(shaft), shaft.rotor_rpm() / 60.0),
+            0x14 => self.currents(shaft),
+            0x17 => self.supply(shaft),
+            _ => return Taken::Malformed,
+        });
+        Taken::Yes
+    }
+}
+
+impl Device for Axis {
+    fn power_on(&mut self, now: Micros, phase: Micros) {
+        self.state = State::Idle;
+        self.controller = Controller::new();
+        (self.errors, self.causes, self.origin) = (0, 0, None);
+        (self.started_at, self.fed_at) = (now, now);
+        self.due = [now + phase; 3];
+    }
+
+    fn period(&self) -> Micros {
+        self.settings.estimates_every
+    }
+
+    fn receive(
+        &mut self,
+        frame: &CanFrame,
+        shaft: &Shaft<'_>,
+        now: Micros,
+        out: &mut Outbox,
+    ) -> Taken {
+        if frame.is_extended_id() || frame.raw_id() >> 5 != u32::from(self.settings.node) {
+            return Taken::NotMine;
+        }
+        self.fed_at = now;
+        let message = (frame.raw_id() & 0x1F) as u8;
+        if frame.is_remote() {
+            return self.answer(message, shaft, out);
+        }
+        let Some(order) = decode(message, frame.bytes()) else { return Taken::Malformed };
+        let position = self.position(shaft);
+        self.obey(order, position, now);
+        Taken::Yes
+    }
+
+    fn next_event(&self) -> Option<Micros> {
+        let [heartbeat, estimates, others] = self.due;
+        let soonest = heartbeat.min(estimates);
+        Some(if self.settings.others_every.is_some() { soonest.min(others) } else { soonest })
+    }
+
+    fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
+        let Settings { node, version, estimates_every, heartbeat_every, others_every, .. } =
+            self.settings;
+        if now >= self.due[0] {
+            self.due[0] += heartbeat_every;
+            out.send(self.heartbeat());
+        }
+        if now >= self.due[1] {
+            self.due[1] += estimates_every;
+            out.send(encode_estimates(node, self.position(shaft), shaft.rotor_rpm() / 60.0));
+        }
+        if let Some(every) = others_every
+            && now >= self.due[2]
+        {
+            self.due[2] += every;
+            // Firmware 0.5 sends nothing else by itself.
+            if version == Version::V0_6 {
+                out.send(self.currents(shaft));
+                // No thermistor on the power stage of this one.
+                out.send(encode_temperatures(node, f64::NAN, shaft.temperature()));
+                out.send(self.supply(shaft));
+            }
+        }
+    }
+
+    fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding {
+        self.protect(shaft, now);
+        let position = self.position(shaft);
+        if self.state == State::Idle {
+            return Winding::Open;
+        }
+        Winding::Current(self.controller.step(position, shaft.rotor_rpm() / 60.0, shaft.plant()))
+    }
+
+    fn inject(&mut self, fault: EscFault) -> bool {
+        let cause = match fault {
+            EscFault::OverTemperature => Cause::OverTemperature,
+            EscFault::CommunicationLost => Cause::Watchdog,
+            EscFault::OverCurrent => Cause::OverCurrent,
+            EscFault::OverVoltage => Cause::OverVoltage,
+            EscFault::UnderVoltage => Cause::UnderVoltage,
+            EscFault::Encoder => Cause::Encoder,
+        };
+        self.causes |= cause.bit(self.settings.version);
+        true
+    }
+}
+
+/// D6374, 150 rpm/V, behind an 8 : 1 belt, 24 V, no load on the shaft.
+#[must_use]
+pub const fn d6374_8to1() -> Plant {
+    Plant {
+        // Vendor's motor guide: 150 rpm/V, so 8.27/150 N·m/A; 39 mΩ between phases. Inertia,
+        // friction and heating are our estimates.
+        gear_ratio: 8.0,
+        torque_constant: 8.0 * 8.27 / 150.0,
+        back_emf: 0.0,
+        resistance: 0.039,
+        supply: 24.0,
+        current_limit: 40.0,
+        current_time_constant: 1e-3,
+        rotor_inertia: 1.3e-4,
+        load_inertia: 0.0,
+        viscous_friction: 5e-3,
+        coulomb_friction: 0.15,
+        static_friction: 0.2,
+        ambient: 25.0,
+        thermal_resistance: 1.5,
+        thermal_time_constant: 500.0,
+    }
+    .with_no_load_speed(3500.0)
+}
