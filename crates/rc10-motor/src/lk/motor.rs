@@ -318,7 +318,9 @@ impl Motor for Lk {
                 Ok(Answer::Done)
             }
             (Request::TorqueLimit(limit), Some(constant)) => {
-                self.servo.set_limit("torque limit", limit.get() / constant)?;
+                let amps = limit.get() / constant;
+                let told = |error| ConfigError { value: limit.get(), ..error };
+                self.servo.set_limit("torque limit", amps).map_err(told)?;
                 Ok(Answer::Done)
             }
             _ => self.servo.request(request, self.measured()),

@@ -57,6 +57,8 @@ pub struct ODrive {
     rates: Rates,
     modes: (ControlMode, InputMode),
     limits: Option<Limits>,
+    /// What it came with: no request goes beyond.
+    most_current: Amps,
     /// Ticks in which limits have to be sent yet.
     limits_due: u8,
     torque_constant: f32,
@@ -126,6 +128,7 @@ impl ODrive {
             rates: config.rates,
             modes: config.control.modes(),
             limits: config.limits,
+            most_current: config.limits.map_or(Amps::ZERO, |limits| limits.current),
             limits_due: 0,
             torque_constant: config.torque_constant.unwrap_or(f32::NAN),
             ratio: config.gear.ratio() * f32::from(sign),
@@ -298,7 +301,7 @@ impl ODrive {
             let must_be = "finite and zero or more";
             return Err(ConfigError { field: "current limit", value, must_be }.into());
         }
-        limits.current = limit;
+        limits.current = Amps::new(value.min(self.most_current.get()));
         self.limits_due = LIMIT_FRAMES;
         Ok(Answer::Done)
     }
@@ -427,8 +430,7 @@ impl CanMotor for ODrive {
         let build = || {
             let mut wiring = bare()
                 .transmits(whole(IdPattern::exact(self.node.can_id(input)), Rate::EveryTick))?
-                .transmits(whole(all, Rate::Rare))?
-                .listens_to(all)?;
+                .transmits(whole(all, Rate::Rare))?;
             for (message, rate) in [
                 (ESTIMATES, estimates),
                 (HEARTBEAT, heartbeat),
@@ -444,7 +446,7 @@ impl CanMotor for ODrive {
             }
             Ok::<_, crate::wiring::WiringFull>(wiring)
         };
-        // Five, two and one always fit.
+        // Five and two always fit.
         build().unwrap_or_else(|_| bare())
     }
 

@@ -121,7 +121,8 @@ fn currents_and_torques_are_given_as_asked() {
     assert!((esc.state().current - 1.0).abs() < 2.0 * step);
     for bad in [-1.0, f32::NAN] {
         let limit = Request::TorqueLimit(NewtonMetres::new(bad));
-        assert!(matches!(bench.bus.request(id, limit), Err(RequestError::Config(_))));
+        let Err(RequestError::Config(error)) = bench.bus.request(id, limit) else { panic!() };
+        assert_eq!((error.field, error.value.to_bits()), ("torque limit", f32::to_bits(bad)));
     }
     // A number that is none changes nothing.
     let nan = bench.hold(id, Target::Current(Amps::new(f32::NAN)), 1);

@@ -305,3 +305,21 @@ fn one_echo_is_not_enough() {
     // A measurement after a silence is a new drive's.
     assert_ne!(feed(&mut motor, measurement, 20), 0xA1);
 }
+
+/// What the drive was asked before does not tell that its errors are cleared.
+#[test]
+fn only_the_answer_to_clearing_clears() {
+    let mut motor = Lk::new(1, joint()).unwrap();
+    let hear = |motor: &mut Lk, bytes| {
+        let frame = CanFrame::eight_bytes(DriveId::new(1).unwrap().can_id(), bytes);
+        motor.unpack_feedback(&frame, Micros::from_millis(1)).unwrap()
+    };
+    assert_eq!(hear(&mut motor, encode_health(0x9A, 20, 24.0, 16)), Heard::Fault);
+    assert_eq!(motor.request(Request::ClearFault), Ok(Answer::Pending));
+    assert_eq!(hear(&mut motor, encode_health(0x9A, 20, 24.0, 0)), Heard::Other);
+    assert_eq!(motor.answer(), None);
+    assert!(motor.fault().is_some());
+    assert_eq!(hear(&mut motor, encode_health(0x9B, 20, 24.0, 0)), Heard::Other);
+    assert_eq!(motor.answer(), Some(Ok(Answer::Done)));
+    assert_eq!(motor.fault(), None);
+}

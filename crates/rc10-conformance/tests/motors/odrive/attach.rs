@@ -72,6 +72,8 @@ fn nodes_that_lie_on_other_vendors_identifiers_are_refused() {
     }
     let mut fifth = Dji::new(&M3508, 5).unwrap();
     assert!(refused(15, &mut fifth).is_some(), "0x1FF");
+    // Its feedback alone lies there, and would be a command.
+    assert!(matches!(refused(16, &mut fifth), Some(Clash::Confuses(_))), "0x205");
     let mut joint = Lk::new(1, lk::Config::new(MG4010E_I10, super::super::lk::JOINT)).unwrap();
     assert!(refused(10, &mut joint).is_some(), "0x141");
     let mut last = Lk::new(32, lk::Config::new(MG4010E_I10, super::super::lk::JOINT)).unwrap();

@@ -194,6 +194,10 @@ fn limits_are_told_before_it_is_switched_on() {
     bench.hold(id, Target::Torque(NewtonMetres::new(8.0)), 30).unwrap();
     assert_eq!(told(&esc), (40.0, 5.0));
     assert!((esc.state().current - 5.0).abs() < 0.01);
+    // No request goes beyond the configuration.
+    assert_eq!(ask(&mut bench, 30.0), Ok(Answer::Done));
+    bench.hold(id, Target::Torque(NewtonMetres::new(8.0)), 30).unwrap();
+    assert_eq!(told(&esc), (40.0, 20.0));
     for bad in [-1.0, f32::NAN, f32::INFINITY] {
         assert!(matches!(ask(&mut bench, bad), Err(RequestError::Config(_))));
     }

@@ -93,24 +93,26 @@ fn powered_off_and_on_it_is_switched_on_again_softly() {
 /// The axis's own loops: it returns to where it is, not to where an old input says.
 #[test]
 fn a_restarted_position_axis_does_not_jump() {
-    let switch = ArmSwitch::new();
-    let mut motor = ODrive::new(NODE, with(Control::Position(InputMode::Trapezoid))).unwrap();
-    let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), Safety::HOLD);
-    let target = Target::TotalAngle(TotalAngle::from_degrees(400));
-    bench.hold(id, target, 2000).unwrap();
-    let before = esc.state().output_degrees;
-    esc.set_power(false);
-    bench.hold(id, target, 100).unwrap();
-    esc.set_power(true);
-    for _ in 0..1500 {
-        bench.hold(id, target, 1).unwrap();
-        let moved = esc.state().output_degrees - before;
-        assert!(moved.abs() < 2.0, "{moved}");
+    for input in [InputMode::Trapezoid, InputMode::Passthrough] {
+        let switch = ArmSwitch::new();
+        let mut motor = ODrive::new(NODE, with(Control::Position(input))).unwrap();
+        let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), Safety::HOLD);
+        let target = Target::TotalAngle(TotalAngle::from_degrees(400));
+        bench.hold(id, target, 2000).unwrap();
+        let before = esc.state().output_degrees;
+        esc.set_power(false);
+        bench.hold(id, target, 100).unwrap();
+        esc.set_power(true);
+        for _ in 0..1500 {
+            bench.hold(id, target, 1).unwrap();
+            let moved = esc.state().output_degrees - before;
+            assert!(moved.abs() < 2.0, "{moved}");
+        }
+        assert!(is_on(&esc));
+        let goal = Target::TotalAngle(TotalAngle::from_degrees(490));
+        bench.hold(id, goal, 2000).unwrap();
+        assert!((esc.state().output_degrees - before - 90.0).abs() < 2.0);
     }
-    assert!(is_on(&esc));
-    let goal = Target::TotalAngle(TotalAngle::from_degrees(490));
-    bench.hold(id, goal, 2000).unwrap();
-    assert!((esc.state().output_degrees - before - 90.0).abs() < 2.0);
 }
 
 #[test]
@@ -327,4 +329,32 @@ fn what_is_no_message_changes_nothing() {
     assert_eq!(old.unpack_feedback(&warm, at), Err(FrameError::Unexpected));
     let refused = encode_heartbeat(NODE, 1, 1, [0; 3]);
     assert_eq!(old.unpack_feedback(&refused, at), Ok(Heard::Fault));
+}
+
+/// It was idle by its last heartbeat, but has been told to follow inputs since.
+#[test]
+fn stopped_while_it_starts_it_is_told_so_until_a_heartbeat_says_idle() {
+    let mut motor = ODrive::new(NODE, wheel()).unwrap();
+    let dt = rc10_app::Seconds::new(0.001);
+    motor.set_target(Target::Torque(NewtonMetres::new(1.0))).unwrap();
+    let tick = |motor: &mut ODrive, millis, drive| {
+        let at = Micros::from_millis(millis);
+        motor.unpack_feedback(&encode_estimates(NODE, 0.0, 0.0), at).unwrap();
+        if millis == 1 || millis == 20 {
+            let heartbeat = encode_heartbeat(NODE, 0, 1, [0; 3]);
+            motor.unpack_feedback(&heartbeat, at).unwrap();
+        }
+        motor.update(dt, drive);
+        let mut tx = rc10_motor::TxBatch::new();
+        motor.pack_command(&mut tx).unwrap();
+        tx.frames().first().map(ToString::to_string)
+    };
+    let idle = Some("067#0100000000000000".to_owned());
+    let started: Vec<_> = (1..=4).map(|at| tick(&mut motor, at, Drive::Run)).collect();
+    assert_eq!(started[3].as_deref(), Some("067#0800000000000000"), "{started:?}");
+    for at in 5..20 {
+        assert_eq!(tick(&mut motor, at, Drive::Off), idle, "{at}");
+    }
+    let after: Vec<_> = (20..40).map(|at| tick(&mut motor, at, Drive::Off)).collect();
+    assert_eq!(after.iter().flatten().count(), 2, "{after:?}");
 }
