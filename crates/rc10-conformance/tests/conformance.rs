@@ -4,6 +4,8 @@
 mod conformance_of {
     pub mod damiao;
     pub mod dji;
+    pub mod lk;
+    pub mod odrive;
     pub mod unitree_module;
     pub mod vesc;
 }
@@ -25,6 +27,11 @@ const MOTORS: &[Entry] = &[
     ("GO-M8010-6 behind a module", conformance_of::unitree_module::go_m8010),
     ("VESC", conformance_of::vesc::vesc),
     ("VESC with angle loops", conformance_of::vesc::vesc_with_servo),
+    ("MG4010E-i10", conformance_of::lk::mg4010e),
+    ("MF9025 in the multi-motor frame", conformance_of::lk::mf9025_multi_motor),
+    ("ODrive, torque", conformance_of::odrive::torque),
+    ("ODrive, velocity", conformance_of::odrive::velocity),
+    ("ODrive, position", conformance_of::odrive::position),
     // One line for each further model, one file for each vendor in `conformance_of/`.
 ];
 

@@ -36,6 +36,12 @@ const ECHOES: u8 = 2;
 const HEALTH_EVERY: u8 = 100;
 /// Nothing heard for longer than this, and it may be another drive that comes back.
 const LINK_TIMEOUT: Micros = Micros::from_millis(10);
+/// A drive that was restarted in a blink answers as before, and gives no current. This many steps of
+/// current asked for, and not an eighth of it flowing, for so many ticks: it is switched on again,
+/// by which no torque is lost.
+const ASKED_STEPS: f32 = 16.0;
+const NOTHING_FLOWS: f32 = 0.125;
+const IDLE_TICKS: u8 = 20;
 /// So long it may take to answer, s.
 const PATIENCE: f32 = 0.1;
 
@@ -63,6 +69,8 @@ pub struct Lk {
     /// For how long clearing a fault has been waited for, s.
     clearing: Option<f32>,
     answer: Option<Result<Answer, RequestError>>,
+    /// Ticks in which it gave no current, although it was asked for.
+    idle: u8,
     /// Counts ticks, 0 ..< [`HEALTH_EVERY`].
     beat: u8,
 }
@@ -111,6 +119,7 @@ impl Lk {
             silence: f32::INFINITY,
             clearing: None,
             answer: None,
+            idle: 0,
             beat: 0,
         })
     }
@@ -151,6 +160,16 @@ impl Lk {
         }
         self.silence = 0.0;
         Ok(Heard::Feedback)
+    }
+
+    /// Whether it has given no current for too long, although it was asked for.
+    fn is_idle(&mut self) -> bool {
+        let asked = self.servo.effort().abs();
+        let flows = self.seen.map_or(0, |seen| seen.motion.effort.unsigned_abs());
+        let flows = f32::from(flows) * self.model.amps_per_count;
+        let idle = asked > ASKED_STEPS * self.model.amps_per_count && flows < asked * NOTHING_FLOWS;
+        self.idle = if idle { self.idle + 1 } else { 0 };
+        self.idle >= IDLE_TICKS
     }
 
     #[cold]
@@ -293,6 +312,10 @@ impl Motor for Lk {
             (false, ..) => Step::Off,
             (true, Commands::Single, Step::Off) => Step::Starting(0),
             (true, Commands::MultiMotor, _) => Step::Running,
+            (true, Commands::Single, Step::Running) if self.is_idle() => {
+                self.idle = 0;
+                Step::Starting(0)
+            }
             (true, Commands::Single, step) => step,
         };
         if self.step == Step::Running {

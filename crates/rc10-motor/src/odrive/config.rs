@@ -20,7 +20,8 @@ pub struct Config {
     /// How often it reports.
     pub rates: Rates,
     /// What it is told never to exceed, before it is switched on; nothing is told if there are
-    /// none. [`Request::CurrentLimit`](crate::Request::CurrentLimit) needs them.
+    /// none. [`Request::CurrentLimit`](crate::Request::CurrentLimit) needs them, and so does an axis
+    /// that closes its own loops: by them it starts softly.
     pub limits: Option<Limits>,
     /// Torque per ampere at the encoder's shaft, N m/A (`motor.config.torque_constant`): for the
     /// torque in the feedback alone.
@@ -147,6 +148,9 @@ impl Config {
             check(usable(speed.get()), "speed limit", speed.get(), "finite and above zero")?;
             check(usable(current.get()), "current limit", current.get(), "finite and above zero")?;
         }
+        let needed = !matches!(self.control, Control::Torque(_)) && self.limits.is_none();
+        let must_be = "given to an axis that closes its own loops: by them it starts softly";
+        check(!needed, "limits", f32::NAN, must_be)?;
         let constant = self.torque_constant.unwrap_or(1.0);
         check(usable(constant), "torque_constant", constant, "finite and above zero")?;
         Ok(node)

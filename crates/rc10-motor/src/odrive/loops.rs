@@ -6,7 +6,7 @@ use rc10_app::{ConfigError, CountsPerTurn, NewtonMetres, Seconds};
 
 use super::config::Control;
 use super::shaft::Shaft;
-use super::wire::Command;
+use super::wire::{Command, Estimates};
 use crate::motor::{Drive, Target, TargetError, TargetKind, TargetSet};
 use crate::servo::{Measured, Servo};
 
@@ -78,13 +78,32 @@ impl Places {
         }
     }
 
+    fn set_target(&mut self, target: Target) {
+        // The usual case is the same target again; but coasting is also what a target becomes whose
+        // number lies elsewhere since a new zero.
+        let is_same = target == self.target && (target != Target::Coast || self.coasts());
+        if !is_same {
+            (self.target, self.sought) = (target, None);
+        }
+    }
+
     fn set_zero(&mut self, zero: i64) {
         self.held = self.held.map(|held| held.saturating_sub(zero));
-        self.sought = self.sought.map(|sought| sought.saturating_sub(zero));
-        if matches!(self.target, Target::TotalAngle(_)) && self.sought.is_none() {
-            // Nobody drove there yet, and the number means another place now.
-            self.target = Target::Coast;
+        match self.target {
+            Target::TotalAngle(angle) => {
+                let sought = angle.counts_at(CountsPerTurn::MICRODEGREES);
+                self.sought = Some(sought.saturating_sub(zero));
+                // The same number commanded again lies elsewhere now.
+                self.target = Target::Coast;
+            }
+            Target::Angle(_) => self.sought = None,
+            _ => self.sought = self.sought.map(|sought| sought.saturating_sub(zero)),
         }
+    }
+
+    /// Whether it shall coast; not if it still seeks an angle from before a new zero.
+    const fn coasts(&self) -> bool {
+        matches!(self.target, Target::Coast) && self.sought.is_none()
     }
 }
 
@@ -115,10 +134,8 @@ impl Loops {
                 speeds.target = target;
             }
             Self::Position(places) => {
-                if target != places.target {
-                    supports.accepts(&target)?;
-                    (places.target, places.sought) = (target, None);
-                }
+                supports.accepts(&target)?;
+                places.set_target(target);
             }
         }
         Ok(())
@@ -134,12 +151,16 @@ impl Loops {
 
     /// Whether this is the way to coast: an axis that closes its own loops cannot but be idle.
     pub const fn coasts_idle(&self, drive: Drive) -> bool {
-        !matches!(self, Self::Here(_))
-            && match drive {
-                Drive::Off | Drive::Coast => true,
-                Drive::Run => matches!(self.target(), Target::Coast),
-                Drive::Brake | Drive::Hold => false,
-            }
+        let coasts = match self {
+            Self::Here(_) => return false,
+            Self::Velocity(speeds) => matches!(speeds.target, Target::Coast),
+            Self::Position(places) => places.coasts(),
+        };
+        match drive {
+            Drive::Off | Drive::Coast => true,
+            Drive::Run => coasts,
+            Drive::Brake | Drive::Hold => false,
+        }
     }
 
     /// One step. `ratio`: turns of the axis per turn of the output, with the sign.
@@ -193,12 +214,19 @@ impl Loops {
         }
     }
 
-    /// What moves nothing while the shaft is at `here`, turns of the axis.
-    pub const fn input_at_rest(&self, here: f32) -> Command {
+    /// Whether the axis closes any of them.
+    pub const fn are_in_axis(&self) -> bool {
+        !matches!(self, Self::Here(_))
+    }
+
+    /// What changes nothing in how the shaft moves now.
+    pub const fn input_at_rest(&self, now: &Estimates) -> Command {
         match self {
             Self::Here(_) => Command::Torque(NewtonMetres::ZERO),
-            Self::Velocity(_) => Command::Velocity { velocity: 0.0, torque: NewtonMetres::ZERO },
-            Self::Position(_) => position(here),
+            Self::Velocity(_) => {
+                Command::Velocity { velocity: now.velocity, torque: NewtonMetres::ZERO }
+            }
+            Self::Position(_) => position(now.position),
         }
     }
 }

@@ -8,9 +8,9 @@ use super::firmware::Firmware;
 use super::loops::Loops;
 use super::shaft::{MOST_TURNS, Shaft};
 use super::wire::{
-    AxisState, CURRENTS, Command, ControlMode, Currents, ESTIMATES, Estimates, HEARTBEAT,
-    Heartbeat, InputMode, Message, MessageError, Node, POSITION, SUPPLY, TEMPERATURES, TORQUE,
-    Temperatures, VELOCITY,
+    AxisState, CLEAR_ERRORS, CURRENTS, Command, ControlMode, Currents, ESTIMATES, Estimates,
+    HEARTBEAT, Heartbeat, InputMode, Message, MessageError, Node, POSITION, SUPPLY, TEMPERATURES,
+    TORQUE, Temperatures, VELOCITY,
 };
 use crate::batch::{TxBatch, TxFull};
 use crate::dji;
@@ -37,6 +37,9 @@ const START_STEPS: u8 = 4;
 const BEATS: u8 = 20;
 /// New limits are not answered, so they are sent so many times.
 const LIMIT_FRAMES: u8 = 3;
+/// An axis that closes its own loops gets its current in so many ticks: else it would come back
+/// with all it has.
+const SOFT_TICKS: u8 = 20;
 
 /// How far an axis is on its way to obeying.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -210,7 +213,12 @@ impl ODrive {
         self.state = heartbeat.state;
         let closed = heartbeat.state == AxisState::CLOSED_LOOP;
         self.step = match self.step {
-            Step::Starting if closed => Step::Running,
+            Step::Starting if closed => {
+                if self.loops.are_in_axis() {
+                    self.limits_due = SOFT_TICKS + LIMIT_FRAMES;
+                }
+                Step::Running
+            }
             Step::Running if !closed => Step::Off,
             step => step,
         };
@@ -228,10 +236,30 @@ impl ODrive {
         Heard::Other
     }
 
+    /// Whether it is a message that the axis is set to send.
+    fn hears(&self, frame: &CanFrame) -> bool {
+        let number = frame.key() & !u32::from(NODE_MASK);
+        self.messages().any(|(message, rate)| u32::from(message) == number && rate > 0)
+    }
+
+    /// What an axis may send, and how often.
+    fn messages(&self) -> impl Iterator<Item = (u8, u16)> {
+        let Rates { estimates, heartbeat, currents, temperatures, supply } = self.rates;
+        [
+            (ESTIMATES, estimates),
+            (HEARTBEAT, heartbeat),
+            (CURRENTS, currents),
+            (TEMPERATURES, temperatures),
+            (SUPPLY, supply),
+        ]
+        .into_iter()
+    }
+
     #[cold]
     fn heard_other(&mut self, frame: &CanFrame, error: MessageError) -> Result<Heard, FrameError> {
         match error {
             MessageError::NotMine => Err(FrameError::NotMine),
+            _ if !self.hears(frame) => Err(FrameError::NotMine),
             MessageError::Length => Err(FrameError::Length),
             MessageError::Message(TEMPERATURES) if self.firmware.has_temperatures => {
                 let told = Temperatures::from_frame(frame, self.node)
@@ -255,13 +283,20 @@ impl ODrive {
 
     fn limit_command(&self) -> Option<Command> {
         let Limits { speed, current } = self.limits?;
-        Some(Command::Limits { velocity: speed.get() * self.ratio.abs() / 60.0, current })
+        let ticks_left = match self.step {
+            _ if !self.loops.are_in_axis() => 0,
+            Step::Starting => SOFT_TICKS,
+            Step::Off | Step::Running => self.limits_due.saturating_sub(LIMIT_FRAMES),
+        };
+        let share = 1.0 - f32::from(ticks_left) / f32::from(SOFT_TICKS);
+        let velocity = speed.get() * self.ratio.abs() / 60.0;
+        Some(Command::Limits { velocity, current: current * share })
     }
 
     /// What is to be sent in this tick, if anything is to be said.
     fn command(&self) -> Option<Command> {
         let (control, input) = self.modes;
-        let here = self.seen.map_or(0.0, |seen| seen.estimates.position);
+        let here = self.seen.map_or(Estimates::NONE, |seen| seen.estimates);
         match (self.step, self.beat % START_STEPS) {
             (Step::Off, 3) if self.clearing.is_some() => Some(Command::ClearErrors),
             (Step::Off, _) => {
@@ -274,7 +309,7 @@ impl ODrive {
                 Some(self.limit_command().unwrap_or(Command::Modes(control, input)))
             }
             (Step::Starting, 1) => Some(Command::Modes(control, input)),
-            (Step::Starting, 2) => Some(self.loops.input_at_rest(here)),
+            (Step::Starting, 2) => Some(self.loops.input_at_rest(&here)),
             (Step::Starting, _) => Some(Command::State(AxisState::CLOSED_LOOP)),
             (Step::Running, _) => Some(self.loops.input(self.ratio)),
         }
@@ -302,7 +337,7 @@ impl ODrive {
             return Err(ConfigError { field: "current limit", value, must_be }.into());
         }
         limits.current = Amps::new(value.min(self.most_current.get()));
-        self.limits_due = LIMIT_FRAMES;
+        self.limits_due = self.limits_due.max(LIMIT_FRAMES);
         Ok(Answer::Done)
     }
 }
@@ -418,7 +453,6 @@ fn tell(place: &mut f32, value: f32) -> Result<Heard, FrameError> {
 
 impl CanMotor for ODrive {
     fn wiring(&self) -> Wiring {
-        let Rates { estimates, heartbeat, currents, temperatures, supply } = self.rates;
         let all = IdPattern::masked(self.node.can_id(0), NODE_MASK.into());
         let input = match self.modes.0 {
             ControlMode::Velocity => VELOCITY,
@@ -426,27 +460,22 @@ impl CanMotor for ODrive {
             ControlMode::Torque | ControlMode::Voltage => TORQUE,
         };
         let bare = || Wiring::new("ODrive", self.node.number().into());
-        let whole = |pattern, rate| Transmit { pattern, len: 8, rate, share: Share::Whole };
+        let whole = |pattern, len, rate| Transmit { pattern, len, rate, share: Share::Whole };
+        let exact = |message| IdPattern::exact(self.node.can_id(message));
         let build = || {
             let mut wiring = bare()
-                .transmits(whole(IdPattern::exact(self.node.can_id(input)), Rate::EveryTick))?
-                .transmits(whole(all, Rate::Rare))?;
-            for (message, rate) in [
-                (ESTIMATES, estimates),
-                (HEARTBEAT, heartbeat),
-                (CURRENTS, currents),
-                (TEMPERATURES, temperatures),
-                (SUPPLY, supply),
-            ] {
+                .transmits(whole(exact(input), 8, Rate::EveryTick))?
+                .transmits(whole(all, 8, Rate::Rare))?
+                .transmits(whole(exact(CLEAR_ERRORS), 0, Rate::Rare))?;
+            for (message, rate) in self.messages() {
                 if rate > 0 {
-                    let pattern = IdPattern::exact(self.node.can_id(message));
-                    let rate = Rate::Hz(rate);
+                    let (pattern, rate) = (exact(message), Rate::Hz(rate));
                     wiring = wiring.receives(Receive { pattern, len: 8, rate, guard: None })?;
                 }
             }
             Ok::<_, crate::wiring::WiringFull>(wiring)
         };
-        // Five and two always fit.
+        // Five and three always fit.
         build().unwrap_or_else(|_| bare())
     }
 
@@ -455,6 +484,8 @@ impl CanMotor for ODrive {
         match Message::from_frame(frame, self.node) {
             Ok(Message::Estimates(estimates)) => self.heard_estimates(estimates, at),
             Ok(Message::Heartbeat(heartbeat)) => Ok(self.heard_heartbeat(heartbeat)),
+            Ok(Message::Currents(_)) if self.rates.currents == 0 => Err(FrameError::NotMine),
+            Ok(Message::Supply(_)) if self.rates.supply == 0 => Err(FrameError::NotMine),
             Ok(Message::Currents(Currents { measured, .. })) => {
                 tell(&mut self.told.current, measured.get())
             }
@@ -466,7 +497,7 @@ impl CanMotor for ODrive {
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
         let command = self.command();
         self.beat = if self.beat + 1 < BEATS { self.beat + 1 } else { 0 };
-        if self.limits_due > 0 {
+        if self.limits_due > 0 && self.step != Step::Starting {
             self.limits_due -= 1;
             if let Some(limits) = self.limit_command() {
                 self.push(limits, tx)?;

@@ -319,6 +319,10 @@ pub struct Estimates {
     pub velocity: f32,
 }
 
+impl Estimates {
+    pub(super) const NONE: Self = Self { position: 0.0, velocity: 0.0 };
+}
+
 /// Message `14`: torque current.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

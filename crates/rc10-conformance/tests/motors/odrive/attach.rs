@@ -29,6 +29,8 @@ fn what_cannot_be_is_named() {
     for input in [InputMode::Inactive, InputMode::VelocityRamp, InputMode::TorqueRamp] {
         assert_eq!(error(1, with(Control::Position(input))), "input mode");
     }
+    let bare = Config { limits: None, ..with(Control::Velocity(InputMode::Passthrough)) };
+    assert_eq!(error(1, bare), "limits");
     let rates = |rates| Config { rates, ..wheel() };
     assert_eq!(error(1, rates(Rates::new(0, 10))), "estimates");
     assert_eq!(error(1, rates(Rates::new(1001, 10))), "estimates");

@@ -300,7 +300,8 @@ fn a_watchdog_of_the_axis_does_not_bite_while_disarmed() {
 
 #[test]
 fn what_is_no_message_changes_nothing() {
-    let mut motor = ODrive::new(NODE, wheel()).unwrap();
+    let rates = Rates { currents: 10, temperatures: 10, supply: 10, ..Rates::new(1000, 50) };
+    let mut motor = ODrive::new(NODE, Config { rates, ..wheel() }).unwrap();
     let at = Micros::from_millis(1);
     let id = |message| Node::new(NODE).unwrap().can_id(message);
     let mut heard = |frame: &CanFrame| motor.unpack_feedback(frame, at);
@@ -308,7 +309,10 @@ fn what_is_no_message_changes_nothing() {
         (CanFrame::data_frame(id(0x09), &[0; 7]).unwrap(), FrameError::Length),
         (encode_estimates(NODE + 1, 0.0, 0.0), FrameError::NotMine),
         (CanFrame::remote_frame(id(0x09), 8).unwrap(), FrameError::NotMine),
-        (CanFrame::eight_bytes(id(0x16), [0; 8]), FrameError::Unexpected),
+        // Not set to be sent, or never sent.
+        (CanFrame::eight_bytes(id(0x16), [0; 8]), FrameError::NotMine),
+        (CanFrame::data_frame(id(0x08), &[0; 4]).unwrap(), FrameError::NotMine),
+        (rc10_sim::odrive::encode_currents(NODE + 2, 0.0, 0.0), FrameError::NotMine),
         (encode_estimates(NODE, f64::NAN, 0.0), FrameError::Unexpected),
         (encode_estimates(NODE, 0.0, f64::INFINITY), FrameError::Unexpected),
         (encode_estimates(NODE, 2e7, 0.0), FrameError::Encoder),
@@ -326,7 +330,9 @@ fn what_is_no_message_changes_nothing() {
     assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);
     let mut old = ODrive::new(NODE, Config { firmware: Firmware::V0_5, ..wheel() }).unwrap();
     let warm = encode_temperatures(NODE, 30.0, 30.0);
-    assert_eq!(old.unpack_feedback(&warm, at), Err(FrameError::Unexpected));
+    for unasked in [warm, rc10_sim::odrive::encode_currents(NODE, 0.0, 0.0)] {
+        assert_eq!(old.unpack_feedback(&unasked, at), Err(FrameError::NotMine));
+    }
     let refused = encode_heartbeat(NODE, 1, 1, [0; 3]);
     assert_eq!(old.unpack_feedback(&refused, at), Ok(Heard::Fault));
 }

@@ -8,10 +8,10 @@ mod signals;
 #[path = "../odrive_values.rs"]
 mod values;
 
-use rc10_app::{Gear, PidConfig, RpmPerSecond};
+use rc10_app::{Amps, Gear, PidConfig, Rpm, RpmPerSecond};
 use rc10_conformance::Bench;
 use rc10_motor::cascade::Cascade;
-use rc10_motor::odrive::{Config, Control, Firmware, ODrive, Rates};
+use rc10_motor::odrive::{Config, Control, Firmware, Limits, ODrive, Rates};
 use rc10_motor::{ArmSwitch, MotorId, Safety};
 use rc10_sim::odrive::{Axis, Settings, State, d6374_8to1};
 use rc10_sim::{Esc, Plant};
@@ -27,12 +27,15 @@ pub const WHEEL: Cascade = Cascade {
 
 pub const NODE: u8 = 3;
 
+pub const LIMITS: Limits = Limits { speed: Rpm::new(300.0), current: Amps::new(18.0) };
+
 pub fn with(control: Control) -> Config {
-    Config::new(Firmware::V0_6, control, Rates::new(1000, 50)).with_gear(Gear::new(8, 1).unwrap())
+    Config { control, ..wheel().with_limits(LIMITS) }
 }
 
 pub fn wheel() -> Config {
-    with(Control::Torque(WHEEL))
+    Config::new(Firmware::V0_6, Control::Torque(WHEEL), Rates::new(1000, 50))
+        .with_gear(Gear::new(8, 1).unwrap())
 }
 
 pub fn plant() -> Plant {

@@ -1,0 +1,74 @@
+use rc10_app::{Amps, Degrees, Gear, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle};
+use rc10_conformance::{Claim, Declaration, Report, Trial, check};
+use rc10_motor::Target;
+use rc10_motor::cascade::Cascade;
+use rc10_motor::odrive::{Config, Control, Firmware, InputMode, Limits, ODrive, Rates};
+use rc10_sim::odrive::{Axis, Settings, d6374_8to1};
+
+/// N m.
+const FULL: f32 = 8.0;
+
+const SPEEDS: [Trial; 2] = [
+    Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
+    Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
+];
+const ANGLES: [Trial; 2] = [
+    Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 3000),
+    Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 6000),
+];
+
+fn odrive(control: Control, declared: Declaration) -> Result<(), Report> {
+    let config = Config::new(Firmware::V0_6, control, Rates::new(1000, 100))
+        .with_gear(Gear::new(8, 1).unwrap())
+        // 8 N m.
+        .with_limits(Limits { speed: Rpm::new(300.0), current: Amps::new(18.1) });
+    check(
+        &declared,
+        |node| ODrive::new(node, config).unwrap(),
+        |wire, node| {
+            let settings = Settings {
+                heartbeat_every: rc10_can::Micros::from_millis(10),
+                ..Settings::new(node)
+            };
+            wire.add(Axis::new(settings).unwrap(), d6374_8to1().with_load_inertia(0.03))
+        },
+    )
+}
+
+/// Two heartbeats until it is known to be idle, and then to follow inputs.
+fn declared() -> Declaration {
+    let declared = Declaration::new([3, 4], Rpm::new(80.0), NewtonMetres::new(FULL));
+    Declaration { enables_within: 40, ..declared }
+}
+
+pub fn torque() -> Result<(), Report> {
+    let cascade = Cascade {
+        speed: PidConfig::new(0.1, 1.0, 0.0, FULL),
+        angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
+        outer_divider: 5,
+        acceleration: RpmPerSecond::new(1500.0),
+        feed_forward: 0.0,
+    };
+    let torque = Trial::new(Target::Torque(NewtonMetres::new(-4.0)), 0.1, 100);
+    let declared = declared().with_trials(&[torque]).with_trials(&SPEEDS).with_trials(&ANGLES);
+    odrive(Control::Torque(cascade), declared)
+}
+
+pub fn velocity() -> Result<(), Report> {
+    let declared = Declaration {
+        holds: Claim::Cannot("a velocity loop keeps no angle"),
+        ..declared().with_trials(&SPEEDS)
+    };
+    odrive(Control::Velocity(InputMode::VelocityRamp), declared)
+}
+
+pub fn position() -> Result<(), Report> {
+    let declared = Declaration {
+        far: Some(TotalAngle::from_degrees(36_000)),
+        // What its current may be rises by 5 % a millisecond; when the axis has braked, its own
+        // loops let go faster than that.
+        softness: 0.16,
+        ..declared().with_trials(&ANGLES)
+    };
+    odrive(Control::Position(InputMode::Trapezoid), declared)
+}
