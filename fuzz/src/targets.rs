@@ -2,14 +2,21 @@
 //! rule is broken: no panic, no value that is not finite, bounded work, a wrong checksum yields
 //! nothing, and the next good frame is found.
 
-use rc10_app::{Degrees, Rpm, Seconds, TotalAngle};
+use std::num::NonZeroU8;
+
+use rc10_app::{
+    Amps, Degrees, Gear, NewtonMetres, PidConfig, Rpm, RpmPerSecond, Seconds, TotalAngle,
+};
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_motor::cascade::Cascade;
+use rc10_motor::damiao::Control;
 use rc10_motor::dji::{Dji, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
 use rc10_motor::unitree::wire::line::{Command, Parser, Reply};
-use rc10_motor::unitree::wire::module;
+use rc10_motor::unitree::{GoM8010, GoModule, Step, UnitreeLine};
 use rc10_motor::{
-    CanMotor, Drive, Feedback, Heard, Request, Target, TxBatch, cybergear, damiao, lk, odrive, vesc,
+    ArmSwitch, CanMotor, Drive, Feedback, Heard, Impedance, Request, Safety, Target, TxBatch,
+    cybergear, damiao, lk, odrive, vesc,
 };
 
 /// What takes bytes.
@@ -110,11 +117,12 @@ fn motor(mut motor: impl CanMotor, bytes: &[u8]) {
                 let frame = source.frame(&patterns);
                 let before = motor.feedback();
                 match motor.unpack_feedback(&frame, now) {
-                    Ok(Heard::Feedback | Heard::Fault) => {
+                    Ok(Heard::Feedback) => {
                         let at = motor.feedback().at;
                         assert!(at == now, "heard at {now}, told {at}");
                     }
-                    Ok(Heard::Other) => {}
+                    // A fault may be told without a measurement.
+                    Ok(Heard::Fault | Heard::Other) => {}
                     Err(_) => assert_eq!(motor.feedback(), before, "{frame} changed something"),
                 }
             }
@@ -133,13 +141,23 @@ fn motor(mut motor: impl CanMotor, bytes: &[u8]) {
             }
             14 => {
                 let value = f32::from_bits(source.word());
-                let target = match source.byte() % 4 {
+                let target = match source.byte() % 8 {
                     0 => Target::Speed(Rpm::new(value)),
                     1 => Target::Angle(Degrees::new(value)),
                     2 => Target::TotalAngle(TotalAngle::from_microdegrees(
                         i64::from(source.word()) << 20,
                     )),
-                    _ => Target::Duty(value),
+                    3 => Target::Duty(value),
+                    4 => Target::Torque(NewtonMetres::new(value)),
+                    5 => Target::Current(Amps::new(value)),
+                    6 => Target::Impedance(Impedance {
+                        angle: Degrees::new(value),
+                        speed: Rpm::new(f32::from(source.byte())),
+                        torque: NewtonMetres::new(f32::from_bits(source.word())),
+                        kp: f32::from_bits(source.word()),
+                        kd: 1.0,
+                    }),
+                    _ => Target::Handbrake(Amps::new(value)),
                 };
                 let _ = motor.set_target(target);
             }
@@ -165,20 +183,26 @@ pub fn dji(bytes: &[u8]) {
     motor(Dji::new(models[usize::from(first & 3)], 3).unwrap(), bytes);
 }
 
-/// VESC.
+/// VESC, with all status frames.
 pub fn vesc(bytes: &[u8]) {
-    let mut source = Source(bytes);
-    while !source.is_empty() {
-        if let Ok(vesc::Reply::Status { status, .. }) = vesc::Reply::unpack(&source.frame(&[])) {
-            assert!(
-                !format!("{status:?}").contains("NaN") && !format!("{status:?}").contains("inf")
-            );
-        }
-    }
+    let shaft = vesc::Shaft::new(NonZeroU8::new(7).unwrap(), Gear::new(3, 1).unwrap());
+    let amps = Amps::new(20.0);
+    let currents = vesc::Currents { limit: amps, brake: amps, handbrake: amps };
+    let status = vesc::StatusRates {
+        status_1: 200,
+        status_2: 10,
+        status_3: 10,
+        status_4: 10,
+        status_5: 200,
+        status_6: 10,
+    };
+    let config = vesc::Config::new(vesc::VescId::new(7).unwrap(), shaft, currents);
+    motor(vesc::Vesc::new(vesc::Config { status, ..config }).unwrap(), bytes);
 }
 
 /// Unitree's RS-485 answers, in a stream.
 pub fn unitree_line(bytes: &[u8]) {
+    line_master(bytes);
     let mut parser = Parser::new();
     let mut seen: Vec<u8> = Vec::new();
     for &byte in bytes {
@@ -196,6 +220,31 @@ pub fn unitree_line(bytes: &[u8]) {
         found += good.iter().filter(|byte| parser.push(**byte).is_some()).count();
     }
     assert!(found >= 1, "the next good answer is lost");
+}
+
+/// The master of a line that hears these bytes in pieces.
+fn line_master(bytes: &[u8]) {
+    let switch = ArmSwitch::new();
+    let mut motors = [0, 3].map(|id| GoM8010::new(id).unwrap());
+    let mut line = UnitreeLine::new(&switch);
+    let ids = motors.each_mut().map(|motor| line.attach(motor, Safety::HOLD).unwrap());
+    switch.arm().unwrap();
+    let (mut now, mut source) = (Micros::ZERO, Source(bytes));
+    while !source.is_empty() {
+        let step = source.byte();
+        now += Micros::new(u64::from(step) * 5);
+        if let Step::Wait(until) = line.poll(now) {
+            assert!(until > now, "it waits for what is over");
+        }
+        let (piece, rest) = source.0.split_at(source.0.len().min(usize::from(step & 0x1F)));
+        source.0 = rest;
+        line.on_bytes(piece, now);
+        for id in ids {
+            let _ = line.command(id, Target::Speed(Rpm::new(f32::from(step))), now);
+        }
+        line.tick(now, Seconds::new(0.001));
+        ids.iter().for_each(|id| finite(&line.status(*id, now).unwrap().feedback));
+    }
 }
 
 fn assert_good(reply: &Reply, seen: &[u8]) {
@@ -224,50 +273,61 @@ fn crc_ccitt(bytes: &[u8]) -> u16 {
 
 /// Unitree's CAN module.
 pub fn unitree_module(bytes: &[u8]) {
-    let mut source = Source(bytes);
-    while !source.is_empty() {
-        let _ = module::Reply::unpack(&source.frame(&[]));
-    }
+    motor(GoModule::new(2, 3).unwrap(), bytes);
 }
 
-/// Damiao.
+/// Efforts in N m.
+const CASCADE: Cascade = Cascade {
+    speed: PidConfig::new(0.05, 0.5, 0.0, 5.0),
+    angle: PidConfig::new(2.0, 0.0, 0.0, 100.0),
+    outer_divider: 1,
+    acceleration: RpmPerSecond::new(1000.0),
+    feed_forward: 0.0,
+};
+
+/// Damiao, in each of its modes.
 pub fn damiao(bytes: &[u8]) {
-    let limits = damiao::models::J4310.limits;
-    let mut source = Source(bytes);
-    while !source.is_empty() {
-        let frame = source.frame(&[]);
-        if let Ok(told) = damiao::Feedback::unpack(&frame, &limits) {
-            assert!(told.position.abs() <= limits.position() * 1.0001);
-        }
-        let _ = damiao::registers::Reply::unpack(&frame);
-    }
+    let Some((first, bytes)) = bytes.split_first() else { return };
+    let speed = Rpm::new(60.0);
+    let controls = [
+        Control::Mit(CASCADE),
+        Control::Velocity,
+        Control::PositionVelocity { speed },
+        Control::ForcePosition { speed, torque_share: 0.5 },
+    ];
+    let control = controls[usize::from(first & 3)];
+    motor(damiao::Damiao::new(damiao::models::J4310, 0x11, 0x31, control).unwrap(), bytes);
 }
 
 /// CyberGear and RobStride.
 pub fn cybergear(bytes: &[u8]) {
-    let mut source = Source(bytes);
-    while !source.is_empty() {
-        for model in cybergear::models::ALL {
-            let _ = cybergear::Reply::unpack(&source.frame(&[]), &model.limits);
-        }
-    }
+    let Some((first, bytes)) = bytes.split_first() else { return };
+    let models = cybergear::models::ALL;
+    let model = models[usize::from(*first) % models.len()];
+    let address = cybergear::Address { motor: 0x7F, host: 0xFD };
+    motor(cybergear::CyberGear::new(model, address).unwrap(), bytes);
 }
 
-/// LK.
+/// LK, commanded alone or with others.
 pub fn lk(bytes: &[u8]) {
-    let id = lk::DriveId::new(3).unwrap();
-    let mut source = Source(bytes);
-    while !source.is_empty() {
-        let _ = lk::Reply::from_frame(&source.frame(&[IdPattern::exact(id.can_id())]), id);
-    }
+    let Some((first, bytes)) = bytes.split_first() else { return };
+    let commands = [lk::Commands::Single, lk::Commands::MultiMotor];
+    let config = lk::Config::new(lk::models::MG4010E_I10, CASCADE);
+    let config = config.with_commands(commands[usize::from(first & 1)]);
+    motor(lk::Lk::new(3, config).unwrap(), bytes);
 }
 
-/// `ODrive`.
+/// `ODrive`, in each of its modes.
 pub fn odrive(bytes: &[u8]) {
-    let node = odrive::Node::new(5).unwrap();
-    let mut source = Source(bytes);
-    while !source.is_empty() {
-        let any = IdPattern::masked(node.can_id(0), 0x7E0);
-        let _ = odrive::Message::from_frame(&source.frame(&[any]), node);
-    }
+    let Some((first, bytes)) = bytes.split_first() else { return };
+    let controls = [
+        odrive::Control::Torque(CASCADE),
+        odrive::Control::Velocity(odrive::InputMode::VelocityRamp),
+        odrive::Control::Position(odrive::InputMode::Trapezoid),
+    ];
+    let control = controls[usize::from(*first) % controls.len()];
+    let rates = odrive::Rates { currents: 100, supply: 10, ..odrive::Rates::new(1000, 100) };
+    let config = odrive::Config::new(odrive::Firmware::V0_6, control, rates);
+    let limits = odrive::Limits { speed: Rpm::new(300.0), current: Amps::new(20.0) };
+    motor(odrive::ODrive::new(5, config.with_limits(limits)).unwrap(), bytes);
 }

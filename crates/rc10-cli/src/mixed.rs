@@ -1,14 +1,21 @@
 //! The robot of `rc10_robot::mixed`, for the tools.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use rc10_can::Micros;
 use rc10_motor::damiao::signals::Scaled;
 use rc10_motor::signals::Message;
 use rc10_motor::unitree::wire::Address;
 use rc10_motor::unitree::wire::module::Module;
 use rc10_motor::unitree::{GoModule, UnitreeLine};
-use rc10_motor::{CanMotor as _, MotorBus, MotorName, cybergear, damiao, unitree, vesc};
-use rc10_robot::mixed::{ARM_IDS, ARMED_AT, BUSES, HIP, Io, LEGS, SCRIPT, WRIST, arm, run, wheel};
+use rc10_motor::{
+    CanMotor as _, MotorBus, MotorName, cybergear, damiao, lk, odrive, unitree, vesc,
+};
+use rc10_robot::mixed::{
+    ARM_IDS, ARMED_AT, BUSES, FLYWHEEL, FLYWHEEL_NODE, HIP, Io, LEGS, SCRIPT, TURRET, TURRET_ID,
+    WRIST, arm, run, wheel,
+};
+use rc10_sim::lk::Drive;
+use rc10_sim::odrive::Axis;
 use rc10_sim::unitree_module::UnitreeModule;
 use rc10_sim::vesc::VescConfig;
 use rc10_sim::{Bus, Esc, Line, LineMotor};
@@ -30,6 +37,8 @@ pub fn description() -> Result<Description> {
     let hip = GoModule::new(HIP.0, HIP.1)?.wiring().name();
     let model = &cybergear::models::CYBERGEAR;
     let wrist = cybergear::CyberGear::new(model, WRIST)?.wiring().name();
+    let turret = lk::Lk::new(TURRET_ID, TURRET)?.wiring().name();
+    let axis = odrive::ODrive::new(FLYWHEEL_NODE, FLYWHEEL)?.wiring().name();
     // Inertias in kg m² at the output shaft; our estimates.
     let mut motors = vec![
         Motor {
@@ -47,6 +56,21 @@ pub fn description() -> Result<Description> {
         Motor {
             inertia: 0.005,
             ..can("wrist", 2, wrist, wrist_twin, wrist_messages, cybergear::signals::NOT_IN_DBC)
+        },
+        Motor {
+            inertia: 0.02,
+            ..can("turret", 2, turret, turret_twin, turret_messages, lk::signals::NOT_IN_DBC)
+        },
+        Motor {
+            inertia: 0.03,
+            ..can(
+                "flywheel",
+                2,
+                axis,
+                flywheel_twin,
+                flywheel_messages,
+                odrive::signals::NOT_IN_DBC,
+            )
         },
     ];
     for (id, (label, twin)) in (0..).zip(LEG_TWINS) {
@@ -117,6 +141,30 @@ fn wrist_twin(wire: &Bus, inertia: f64) -> Result<Esc> {
 
 fn wrist_messages() -> Vec<Message> {
     cybergear::signals::messages(&cybergear::models::CYBERGEAR, WRIST).to_vec()
+}
+
+fn turret_twin(wire: &Bus, inertia: f64) -> Result<Esc> {
+    let drive = Drive::new(rc10_sim::lk::Settings::mg(TURRET_ID));
+    let plant = rc10_sim::lk::mg4010e_i10().with_load_inertia(inertia);
+    Ok(wire.add(drive.context("no such LK drive")?, plant))
+}
+
+fn turret_messages() -> Vec<Message> {
+    lk::signals::messages(TURRET_ID, &TURRET).map(|all| all.to_vec()).unwrap_or_default()
+}
+
+fn flywheel_twin(wire: &Bus, inertia: f64) -> Result<Esc> {
+    let heartbeat = Micros::new(1_000_000 / u64::from(FLYWHEEL.rates.heartbeat));
+    let settings = rc10_sim::odrive::Settings {
+        heartbeat_every: heartbeat,
+        ..rc10_sim::odrive::Settings::new(FLYWHEEL_NODE)
+    };
+    let plant = rc10_sim::odrive::d6374_8to1().with_load_inertia(inertia);
+    Ok(wire.add(Axis::new(settings).context("no such ODrive")?, plant))
+}
+
+fn flywheel_messages() -> Vec<Message> {
+    odrive::signals::messages(FLYWHEEL_NODE, &FLYWHEEL).map(|all| all.to_vec()).unwrap_or_default()
 }
 
 type LegTwin = fn(&Line, f64) -> Result<LineMotor>;

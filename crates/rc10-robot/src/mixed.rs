@@ -11,6 +11,8 @@ use rc10_motor::cascade::Cascade;
 use rc10_motor::cybergear::{self, CyberGear};
 use rc10_motor::damiao::{self, Control, Damiao};
 use rc10_motor::embassy::{BusPort, LinePort, MotorPort};
+use rc10_motor::lk::{self, Lk};
+use rc10_motor::odrive::{self, ODrive};
 use rc10_motor::unitree::{self, GoM8010, GoModule, UnitreeLine};
 use rc10_motor::vesc::{self, Currents, Shaft, Vesc, VescId};
 use rc10_motor::{ArmSwitch, AttachError, Impedance, MotorBus, MotorId, Safety, Target};
@@ -31,6 +33,10 @@ pub enum Name {
     Hip,
     /// CyberGear, bus 2.
     Wrist,
+    /// MG4010E-i10 of LK, bus 2.
+    Turret,
+    /// `ODrive` with 8 : 1, bus 2.
+    Flywheel,
     /// One of the legs, 0 ..< [`LEGS`].
     Leg(u8),
 }
@@ -41,6 +47,8 @@ pub struct Motors {
     arm: Damiao,
     hip: GoModule,
     wrist: CyberGear,
+    turret: Lk,
+    flywheel: ODrive,
     legs: [GoM8010; LEGS],
 }
 
@@ -92,6 +100,39 @@ pub const HIP: (u8, u8) = (3, 0);
 /// The wrist's identifier, and ours.
 pub const WRIST: cybergear::Address = cybergear::Address { motor: 0x7F, host: 0xFD };
 
+/// The turret's identifier.
+pub const TURRET_ID: u8 = 1;
+
+/// The turret's drive. Efforts in A, 5 of its 33.
+pub const TURRET: lk::Config = lk::Config::new(
+    lk::models::MG4010E_I10,
+    Cascade {
+        speed: PidConfig::new(0.2, 2.0, 0.0, 5.0),
+        angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
+        outer_divider: 5,
+        acceleration: RpmPerSecond::new(1000.0),
+        feed_forward: 0.0,
+    },
+);
+
+/// The flywheel's node.
+pub const FLYWHEEL_NODE: u8 = 3;
+
+/// The flywheel's axis: efforts in N m behind its gearbox, estimates at 1 kHz, heartbeats at 100 Hz.
+pub const FLYWHEEL: odrive::Config = odrive::Config::new(
+    odrive::Firmware::V0_6,
+    odrive::Control::Torque(Cascade {
+        speed: PidConfig::new(0.1, 1.0, 0.0, 8.0),
+        angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
+        outer_divider: 5,
+        acceleration: RpmPerSecond::new(1500.0),
+        feed_forward: 0.0,
+    }),
+    odrive::Rates::new(1000, 100),
+)
+.with_gear(Gear::new(8, 1).unwrap())
+.with_limits(odrive::Limits { speed: Rpm::new(400.0), current: Amps::new(18.0) });
+
 impl Motors {
     /// As set up above.
     ///
@@ -104,6 +145,8 @@ impl Motors {
             arm: arm()?,
             hip: GoModule::new(HIP.0, HIP.1)?,
             wrist: CyberGear::new(&cybergear::models::CYBERGEAR, WRIST)?,
+            turret: Lk::new(TURRET_ID, TURRET)?,
+            flywheel: ODrive::new(FLYWHEEL_NODE, FLYWHEEL)?,
             legs: [leg(0)?, leg(1)?, leg(2)?, leg(3)?],
         })
     }
@@ -116,13 +159,15 @@ impl Motors {
         &'r mut self,
         io: &'r Io,
     ) -> Result<([MotorBus<'r>; BUSES], UnitreeLine<'r>), SetupError> {
-        let Self { wheel, arm, hip, wrist, legs } = self;
+        let Self { wheel, arm, hip, wrist, turret, flywheel, legs } = self;
         let mut one = MotorBus::new(&io.switch);
         one.attach(wheel, Safety::BRAKE)?;
         one.attach(arm, Safety::HOLD)?;
         one.attach(hip, Safety::HOLD)?;
         let mut two = MotorBus::new(&io.switch);
         two.attach(wrist, Safety::COAST)?;
+        two.attach(turret, Safety::HOLD)?;
+        two.attach(flywheel, Safety::COAST)?;
         let mut line = UnitreeLine::new(&io.switch);
         for leg in legs {
             line.attach(leg, Safety::HOLD).map_err(SetupError::Line)?;
@@ -188,6 +233,8 @@ impl Io {
             Name::Arm => self.buses[0].motor(MotorId::new(1)),
             Name::Hip => self.buses[0].motor(MotorId::new(2)),
             Name::Wrist => self.buses[1].motor(MotorId::new(0)),
+            Name::Turret => self.buses[1].motor(MotorId::new(1)),
+            Name::Flywheel => self.buses[1].motor(MotorId::new(2)),
             Name::Leg(leg) => self.line.motor(MotorId::new(leg)),
         }
     }
@@ -224,9 +271,11 @@ pub const SCRIPT: &[Line] = &[
             (Name::Arm, Target::Angle(Degrees::new(60.0))),
             (Name::Hip, Target::TotalAngle(TotalAngle::from_degrees(45))),
             (Name::Wrist, Target::Angle(Degrees::new(90.0))),
+            (Name::Turret, Target::TotalAngle(TotalAngle::from_degrees(180))),
         ],
     ),
     (400, "legs bend", &legs(20.0)),
+    (1000, "flywheel on", &[(Name::Flywheel, Target::Speed(Rpm::new(250.0)))]),
     (2500, "wheel back", &[(Name::Wheel, Target::Speed(Rpm::new(-400.0)))]),
     (
         3000,
@@ -235,6 +284,7 @@ pub const SCRIPT: &[Line] = &[
             (Name::Arm, Target::Angle(Degrees::ZERO)),
             (Name::Hip, Target::TotalAngle(TotalAngle::ZERO)),
             (Name::Wrist, Target::Angle(Degrees::ZERO)),
+            (Name::Turret, Target::TotalAngle(TotalAngle::ZERO)),
         ],
     ),
     (5000, "legs stretch", &legs(0.0)),
@@ -247,18 +297,26 @@ pub const SCRIPT: &[Line] = &[
     (
         8500,
         "let go",
-        &[(Name::Wheel, Target::Coast), (Name::Hip, Target::Coast), (Name::Wrist, Target::Coast)],
+        &[
+            (Name::Wheel, Target::Coast),
+            (Name::Hip, Target::Coast),
+            (Name::Wrist, Target::Coast),
+            (Name::Turret, Target::Coast),
+            (Name::Flywheel, Target::Coast),
+        ],
     ),
 ];
 
 /// When the robot is armed, in milliseconds: all motors have been heard by then.
 pub const ARMED_AT: u64 = 100;
 
-const MOTORS: [Name; 4 + LEGS] = [
+const MOTORS: [Name; 6 + LEGS] = [
     Name::Wheel,
     Name::Arm,
     Name::Hip,
     Name::Wrist,
+    Name::Turret,
+    Name::Flywheel,
     Name::Leg(0),
     Name::Leg(1),
     Name::Leg(2),

@@ -89,9 +89,13 @@ impl CyberGear {
         if self.step == Step::Checking && value.parameter == Parameter::RUN_MODE && !value.refused {
             self.step = if value.byte() == 0 { Step::Enabling } else { Step::Setting };
         } else {
-            let exchange = self.exchange.as_mut().ok_or(FrameError::Unexpected)?;
-            if let Some(outcome) = exchange.parameter(value).ok_or(FrameError::Unexpected)? {
-                self.finish(outcome);
+            let taken = self.exchange.as_mut().and_then(|exchange| exchange.parameter(value));
+            match taken {
+                Some(Some(outcome)) => self.finish(outcome),
+                Some(None) => {}
+                // On a busy bus it is asked for once more before the answer is there.
+                None if value.parameter == Parameter::RUN_MODE => {}
+                None => return Err(FrameError::Unexpected),
             }
         }
         Ok(Heard::Other)
