@@ -96,11 +96,15 @@ fn frames_of_others_and_of_wrong_length_change_nothing() {
         (frame(0x0380_01FD, &[0; 8]), FrameError::NotMine),
         (frame(0x0280_01FD, &[0; 7]), FrameError::Length),
         // A parameter that nobody asked for.
-        (frame(0x1100_01FD, &[0x05, 0x70, 0, 0, 0, 0, 0, 0]), FrameError::Unexpected),
+        (frame(0x1100_01FD, &[0x19, 0x70, 0, 0, 0, 0, 0, 0]), FrameError::Unexpected),
     ] {
         assert_eq!(motor.unpack_feedback(&frame, now), Err(error), "{frame}");
         assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);
     }
+    // The mode is asked for until the answer is there: the second one is late, not wrong.
+    let late = frame(0x1100_01FD, &[0x05, 0x70, 0, 0, 0, 0, 0, 0]);
+    assert_eq!(motor.unpack_feedback(&late, now), Ok(Heard::Other));
+    assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);
     let good = frame(0x0280_01FD, &[0xFF, 0xFF, 0x80, 0, 0x80, 0, 0, 250]);
     assert_eq!(motor.unpack_feedback(&good, now), Ok(Heard::Feedback));
     assert!((motor.feedback().total_angle.degrees().get() - 716.197).abs() < 0.01);
