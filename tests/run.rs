@@ -147,6 +147,10 @@ fn wrong_arguments_end_with_2_and_a_reason() {
         (&["run", "--out", file], "cannot make the folder"),
         (&["run", "--out", &below], "cannot make the folder"),
         (&["fly"], "fly"),
+        (&["run", "--robot", "tank"], "possible values: team, mixed"),
+        (&["emu", "--robot", "mixed"], "firmware"),
+        (&["pty", "--bus", "9", "--seconds", "1"], "buses 1 to 3"),
+        (&["dbc", "--out", &below], "cannot make the folder"),
         (&["--nonsense"], "--nonsense"),
     ] {
         let output = rc10(arguments);
