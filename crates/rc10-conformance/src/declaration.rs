@@ -32,10 +32,11 @@ pub struct Declaration {
     /// Targets to try, one at least for each kind that it takes. A torque or current of about half
     /// of what it can give shows best whether it starts softly.
     pub trials: Vec<Trial>,
-    /// Whether its shaft turns freely when it coasts. Where it cannot, torque against the movement
-    /// counts as none.
+    /// Whether its shaft turns freely when it is told to have no torque. Where it cannot, torque
+    /// against the movement counts as none while its bridge shorts the winding.
     pub coasts_freely: Claim,
-    /// Whether it can be disabled. Disarmed and after a fault its bridge must be open then.
+    /// Whether it can be disabled. Disarmed and after a fault its bridge must be open then, or short
+    /// the winding if it does not coast freely.
     pub disables: Claim,
     /// Whether [`Drive::Brake`](rc10_motor::Drive::Brake) slows it down.
     pub brakes: Claim,

@@ -2,7 +2,7 @@ use rc10_can::Micros;
 use rc10_motor::{
     Answer, ArmSwitch, Condition, Link, MotorId, MotorStatus, Request, RequestError, Target,
 };
-use rc10_sim::Esc;
+use rc10_sim::{Esc, EscState};
 
 use crate::Bench;
 use crate::case::{Halt, Outcome, broken};
@@ -82,8 +82,8 @@ impl<'m> Rig<'m> {
         let last = std::mem::replace(&mut self.last_torque, torque);
         let goes_with = torque * state.output_rpm > 0.0;
         self.with_movement = if goes_with { self.with_movement + 1 } else { 0 };
-        if !goes_with && self.declared.coasts_freely != Claim::Does {
-            // The drag of a winding that is not open comes as suddenly as it likes.
+        if !goes_with && self.drags(&state) {
+            // That comes as suddenly as it likes.
             return;
         }
         // Falling to nothing is no kick, whatever it falls from.
@@ -116,12 +116,17 @@ impl<'m> Rig<'m> {
         )
     }
 
+    /// Whether torque against the movement is only the drag of a winding that is shorted, which the
+    /// motor is declared not to be able to avoid.
+    pub(crate) fn drags(&self, state: &EscState) -> bool {
+        self.declared.coasts_freely != Claim::Does && state.shorted
+    }
+
     /// The torque at the shaft, if there is any that should not be.
     fn push(&self) -> Option<f64> {
         let state = self.esc.state();
         // Drag ends a little later than the movement that it comes from.
-        let free = self.declared.coasts_freely == Claim::Does;
-        let pushes = free || self.with_movement > self.declared.stops_within;
+        let pushes = !self.drags(&state) || self.with_movement > self.declared.stops_within;
         (pushes && state.torque.abs() > self.no_torque()).then_some(state.torque)
     }
 
@@ -148,9 +153,10 @@ impl<'m> Rig<'m> {
         }
     }
 
-    /// Its bridge is open, if it has a way to open it.
+    /// Its bridge is open, if it has a way to open it; or shorts the winding, if that is its way.
     pub(crate) fn is_disabled(&self, when: &str) -> Outcome {
-        if self.esc.state().open || self.declared.disables != Claim::Does {
+        let state = self.esc.state();
+        if state.open || self.drags(&state) || self.declared.disables != Claim::Does {
             return Ok(());
         }
         broken(self.now(), format!("its device is enabled {when}"))

@@ -185,8 +185,8 @@ pub(crate) struct Unit {
     /// Carries a wheel of a base.
     pub(crate) is_wheel: bool,
     powered: bool,
-    /// Whether the bridge was open in the last step.
-    open: bool,
+    /// What it did to the winding in the last step.
+    winding: Winding,
     muted: bool,
     commands: u64,
     last_command_at: Option<Micros>,
@@ -210,7 +210,7 @@ impl Unit {
             node,
             is_wheel: false,
             powered: false,
-            open: true,
+            winding: Winding::Open,
             muted: false,
             commands: 0,
             last_command_at: None,
@@ -281,25 +281,23 @@ impl Unit {
     }
 
     pub(crate) fn step(&mut self, now: Micros) {
-        let winding = if self.powered {
+        self.winding = if self.powered {
             self.device.drive(&Shaft::new(&self.motor), now)
         } else {
             Winding::Open
         };
-        self.open = winding == Winding::Open;
-        self.motor.step(winding);
+        self.motor.step(self.winding);
     }
 
     pub(crate) fn state(&self, feedback_overwritten: u64) -> EscState {
         EscState {
             powered: self.powered,
-            open: self.open,
             command: if self.powered { self.device.command() } else { 0 },
             commands: self.commands,
             last_command_at: self.last_command_at,
             malformed: self.malformed,
             feedback_overwritten,
-            ..EscState::of(&self.motor)
+            ..EscState::of(&self.motor, self.winding)
         }
     }
 }
@@ -323,6 +321,9 @@ pub struct EscState {
     pub powered: bool,
     /// Whether its bridge is open: it has no power, or drives nothing, not even no current.
     pub open: bool,
+    /// Whether its bridge shorts the winding: zero volts, which brake a shaft that turns, and do
+    /// nothing to one that stands.
+    pub shorted: bool,
     /// The raw command it obeys: the last one it got since power-on, 0 before. 0 also of devices
     /// whose commands are more than one number.
     pub command: i16,
@@ -337,8 +338,8 @@ pub struct EscState {
 }
 
 impl EscState {
-    /// Of a motor whose electronics have no power and have heard nothing.
-    pub(crate) fn of(motor: &Motor) -> Self {
+    /// Of a motor whose electronics do this to it, and have heard nothing.
+    pub(crate) fn of(motor: &Motor, winding: Winding) -> Self {
         Self {
             rotor_rpm: motor.rotor_rpm(),
             output_rpm: motor.output_rpm(),
@@ -347,7 +348,8 @@ impl EscState {
             torque: motor.plant().torque_constant * motor.current,
             temperature: motor.temperature,
             powered: false,
-            open: true,
+            open: winding == Winding::Open,
+            shorted: winding == Winding::Voltage(0.0),
             command: 0,
             commands: 0,
             last_command_at: None,

@@ -121,8 +121,8 @@ struct Place {
     motor: Motor,
     sender: Sender,
     powered: bool,
-    /// Whether the bridge was open in the last step.
-    open: bool,
+    /// What it did to the winding in the last step.
+    winding: Winding,
     muted: bool,
     commands: u64,
     last_command_at: Option<Nanos>,
@@ -193,7 +193,7 @@ impl Line {
             motor: Motor::new(plant, phase),
             sender: Sender::default(),
             powered: false,
-            open: true,
+            winding: Winding::Open,
             muted: false,
             commands: 0,
             last_command_at: None,
@@ -259,11 +259,10 @@ impl Line {
         let place = &self.places[index];
         EscState {
             powered: place.powered,
-            open: place.open,
             commands: place.commands,
             last_command_at: place.last_command_at.map(Nanos::micros),
             malformed: place.malformed,
-            ..EscState::of(&place.motor)
+            ..EscState::of(&place.motor, place.winding)
         }
     }
 
@@ -387,13 +386,12 @@ impl Line {
     /// One step of physics.
     pub(crate) fn step(&mut self, now: Nanos) {
         for place in &mut self.places {
-            let winding = if place.powered {
+            place.winding = if place.powered {
                 place.device.drive(&Shaft::new(&place.motor), now)
             } else {
                 Winding::Open
             };
-            place.open = winding == Winding::Open;
-            place.motor.step(winding);
+            place.motor.step(place.winding);
         }
     }
 

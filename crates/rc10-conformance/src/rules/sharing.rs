@@ -1,6 +1,7 @@
 use rc10_motor::{ArmSwitch, AttachError, Link, Safety, Target};
 
 use crate::Bench;
+use crate::declaration::Claim;
 use crate::case::{Case, Findings, Halt, Outcome, broken};
 
 pub(super) fn same_id_is_refused(case: &Case<'_>, found: &mut Findings) {
@@ -47,9 +48,10 @@ fn share(case: &Case<'_>) -> Outcome {
             let _ = bench.bus.command(motors[rests], Target::Coast, now);
             bench.tick();
             rested += 1;
-            let torque = escs[rests].state().torque;
-            let free = case.declared.coasts_freely == crate::Claim::Does;
-            let pushes = free || torque * escs[rests].state().output_rpm > 0.0;
+            let state = escs[rests].state();
+            let torque = state.torque;
+            let drags = case.declared.coasts_freely != Claim::Does && state.shorted;
+            let pushes = !drags || torque * state.output_rpm > 0.0;
             let is_over = rested > case.declared.stops_within;
             if is_over && pushes && torque.abs() > f64::from(case.declared.no_torque.get()) {
                 let what = format!("one runs, and the other that coasts gets {torque:.3} N m");
