@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod conformance_of {
+    pub mod cybergear;
     pub mod damiao;
     pub mod dji;
     pub mod lk;
@@ -32,6 +33,8 @@ const MOTORS: &[Entry] = &[
     ("ODrive, torque", conformance_of::odrive::torque),
     ("ODrive, velocity", conformance_of::odrive::velocity),
     ("ODrive, position", conformance_of::odrive::position),
+    ("CyberGear", conformance_of::cybergear::cybergear),
+    ("RobStride RS04", conformance_of::cybergear::rs04),
     // One line for each further model, one file for each vendor in `conformance_of/`.
 ];
 

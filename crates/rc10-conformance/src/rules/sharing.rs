@@ -1,8 +1,8 @@
 use rc10_motor::{ArmSwitch, AttachError, Link, Safety, Target};
 
 use crate::Bench;
-use crate::declaration::Claim;
 use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::declaration::Claim;
 
 pub(super) fn same_id_is_refused(case: &Case<'_>, found: &mut Findings) {
     let (mut motor, mut twin) = (case.motor(), case.motor());

@@ -9,7 +9,9 @@ use rc10_sim::unitree_module::{UnitreeModule, plant};
 pub fn go_m8010() -> Result<(), Report> {
     let spring = Impedance { angle: Degrees::new(45.0), kp: 30.0, kd: 1.0, ..Impedance::default() };
     let declared = Declaration {
-        coasts_freely: Claim::Cannot("disabled it is locked, which is assumed to short its winding"),
+        coasts_freely: Claim::Cannot(
+            "disabled it is locked, which is assumed to short its winding",
+        ),
         // For a moment, until the speed loop's integral carries the load.
         hold_gives: 14.0,
         untold_faults: vec![(

@@ -14,6 +14,11 @@ use crate::wiring::{Rate, Receive, Share, Transmit, Wiring};
 const MOTION: u32 = 1 << 24;
 
 impl CyberGear {
+    /// The low two bytes of the identifier of what it hears.
+    fn replies(&self) -> u32 {
+        u32::from(self.address.motor) << 8 | u32::from(self.address.host)
+    }
+
     pub(super) fn finish(&mut self, outcome: Outcome) {
         self.exchange = None;
         self.answer = Some(outcome);
@@ -109,8 +114,8 @@ fn extended(raw: u32) -> ExtendedId {
 
 impl CanMotor for CyberGear {
     fn wiring(&self) -> Wiring {
-        let Address { motor, host } = self.address;
-        let replies = extended(u32::from(motor) << 8 | u32::from(host));
+        let Address { motor, .. } = self.address;
+        let replies = extended(self.replies());
         let motion = extended(MOTION | u32::from(motor));
         let others = extended(motor.into());
         let rare = Rate::Rare;
@@ -127,17 +132,11 @@ impl CanMotor for CyberGear {
 
     #[inline]
     fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
-        let reply = Reply::unpack(frame, &self.limits)?;
-        let address = match &reply {
-            Reply::Feedback(heard) => heard.address,
-            Reply::Parameter(value) => value.address,
-            Reply::Faults(report) => report.address,
-            Reply::Identity { .. } => return Err(FrameError::NotMine),
-        };
-        if address != self.address {
+        // First of all: what length another's frames have is no business of this one.
+        if frame.raw_id() & 0xFFFF != self.replies() {
             return Err(FrameError::NotMine);
         }
-        match reply {
+        match Reply::unpack(frame, &self.limits)? {
             Reply::Feedback(heard) => Ok(self.heard_feedback(&heard, at)),
             Reply::Parameter(value) => self.heard_parameter(&value),
             Reply::Faults(report) => Ok(match self.model.detail(report.faults) {

@@ -1,0 +1,40 @@
+use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
+use rc10_conformance::{Declaration, Report, Trial, check};
+use rc10_motor::cybergear::{Address, CyberGear, Model, models};
+use rc10_motor::{Impedance, Target};
+use rc10_sim::cybergear as sim;
+
+/// Both models are driven alike; the spring is as stiff as the motor is strong.
+fn motor(model: &'static Model, device: &'static sim::Model, inertia: f64) -> Result<(), Report> {
+    let full = model.limits.torque();
+    let spring =
+        Impedance { angle: Degrees::new(90.0), kp: full, kd: 0.1 * full, ..Impedance::default() };
+    let declared = Declaration {
+        // For a moment, when the load changes its way: until the speed loop's integral carries it.
+        hold_gives: 14.0,
+        ..Declaration::new([1, 2], Rpm::new(60.0), NewtonMetres::new(full))
+    }
+    .with_trials(&[
+        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
+        Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
+        Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 5000),
+        Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-360)), 1.0, 8000),
+        Trial::new(Target::Torque(NewtonMetres::new(0.5 * full)), 0.02 * f64::from(full), 100),
+        Trial::new(Target::Impedance(spring), 3.0, 3000),
+    ]);
+    check(
+        &declared,
+        |motor| CyberGear::new(model, Address { motor, host: 0xFD }).unwrap(),
+        |wire, motor| {
+            wire.add(sim::CyberGear::new(device, motor), device.plant().with_load_inertia(inertia))
+        },
+    )
+}
+
+pub fn cybergear() -> Result<(), Report> {
+    motor(&models::CYBERGEAR, &sim::CYBERGEAR, 0.01)
+}
+
+pub fn rs04() -> Result<(), Report> {
+    motor(&models::RS04, &sim::RS04, 0.1)
+}
