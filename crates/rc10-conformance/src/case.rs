@@ -1,16 +1,18 @@
 use std::cell::OnceCell;
+use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use rc10_can::Micros;
-use rc10_motor::{ArmSwitch, CanMotor, Request, SafeState, Safety, Target};
-use rc10_sim::{Bus, Esc, EscFault};
+use rc10_motor::unitree::GoM8010;
+use rc10_motor::{ArmSwitch, CanMotor, Drive, Request, SafeState, Safety, Target};
+use rc10_sim::{Bus, Esc, EscFault, Line, LineMotor};
 
-use crate::Bench;
 use crate::declaration::Declaration;
-use crate::recorder::{Call, Log, Moment, Recorded};
+use crate::harness::{ByBus, ByLine, Connection, Harness, Subject};
+use crate::recorder::{Call, Log, Moment, recorded};
 use crate::report::{Breach, Report};
 use crate::rig::Rig;
-use crate::rules::RULES;
+use crate::rules::{Check, RULES, Rule};
 
 /// Chance is the same in every run.
 const SEED: u64 = 10;
@@ -25,13 +27,39 @@ pub fn check<M: CanMotor + 'static>(
     motor: impl Fn(u8) -> M,
     device: impl Fn(&Bus, u8) -> Esc,
 ) -> Result<(), Report> {
-    let make = |id| Box::new(motor(id)) as Box<dyn CanMotor>;
-    let case = Case { declared, make: &make, device: &device, life: OnceCell::new() };
-    let name = make(declared.ids[0]).wiring().name();
-    let mut report = Report { motor: name, breaches: Vec::new(), unchecked: Vec::new() };
+    let motor = |id| Box::new(motor(id)) as Box<dyn CanMotor>;
+    let connection = ByBus { motor: &motor, device: &device };
+    let case = Case::new(declared, &connection);
+    let with_frames = FrameCase { case: &case, motor: &motor };
+    run(&case, |rule, found| match rule.check {
+        Check::Any(check) => check(&case, found),
+        Check::Frames(check) => check(&with_frames, found),
+    })
+}
+
+/// The same for a motor on an RS-485 line, without the rules that are about frames on a bus.
+///
+/// # Errors
+/// All rules that are broken, and what could not be tried.
+pub fn check_line(
+    declared: &Declaration,
+    motor: impl Fn(u8) -> GoM8010,
+    device: impl Fn(&Line, u8) -> LineMotor,
+) -> Result<(), Report> {
+    let connection = ByLine { motor: &motor, device: &device };
+    let case = Case::new(declared, &connection);
+    run(&case, |rule, found| match rule.check {
+        Check::Any(check) => check(&case, found),
+        Check::Frames(_) => (),
+    })
+}
+
+fn run(case: &Case<'_>, apply: impl Fn(&Rule, &mut Findings)) -> Result<(), Report> {
+    let motor = case.motor().name();
+    let mut report = Report { motor, breaches: Vec::new(), unchecked: Vec::new() };
     for rule in RULES {
         let mut found = Findings::default();
-        let tried = catch_unwind(AssertUnwindSafe(|| (rule.check)(&case, &mut found)));
+        let tried = catch_unwind(AssertUnwindSafe(|| apply(rule, &mut found)));
         if let Err(panic) = tried {
             let text = panic.downcast_ref::<String>().map(String::as_str);
             let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("…");
@@ -88,14 +116,37 @@ impl Findings {
 /// A motor to be tried.
 pub(crate) struct Case<'a> {
     pub(crate) declared: &'a Declaration,
-    make: &'a dyn Fn(u8) -> Box<dyn CanMotor>,
-    device: &'a dyn Fn(&Bus, u8) -> Esc,
+    connection: &'a dyn Connection,
     life: OnceCell<Life>,
+}
+
+/// A motor to be tried that has frames.
+pub(crate) struct FrameCase<'a> {
+    case: &'a Case<'a>,
+    motor: &'a dyn Fn(u8) -> Box<dyn CanMotor>,
+}
+
+impl FrameCase<'_> {
+    /// A fresh motor, set to the first identifier.
+    pub(crate) fn motor(&self) -> Box<dyn CanMotor> {
+        (self.motor)(self.case.declared.ids[0])
+    }
+}
+
+impl<'a> Deref for FrameCase<'a> {
+    type Target = Case<'a>;
+
+    fn deref(&self) -> &Case<'a> {
+        self.case
+    }
 }
 
 /// All that happened to a motor that lived through everything.
 pub(crate) struct Life {
+    /// Empty of a motor without frames.
     pub(crate) log: Log,
+    /// When it took other targets than a fresh one, and in which drive.
+    pub(crate) other_targets: Option<(Micros, Drive)>,
     /// So many calls in it was turning under load.
     going: usize,
 }
@@ -111,19 +162,32 @@ impl Life {
     }
 }
 
-impl Case<'_> {
+impl<'a> Case<'a> {
+    const fn new(declared: &'a Declaration, connection: &'a dyn Connection) -> Self {
+        Self { declared, connection, life: OnceCell::new() }
+    }
+
     /// A fresh motor, set to the first identifier.
-    pub(crate) fn motor(&self) -> Box<dyn CanMotor> {
-        (self.make)(self.declared.ids[0])
+    pub(crate) fn motor(&self) -> Subject {
+        self.connection.motor(self.declared.ids[0])
     }
 
     /// One set to the other.
-    pub(crate) fn other_motor(&self) -> Box<dyn CanMotor> {
-        (self.make)(self.declared.ids[1])
+    pub(crate) fn other_motor(&self) -> Subject {
+        self.connection.motor(self.declared.ids[1])
     }
 
-    pub(crate) fn device(&self, wire: &Bus, id: u8) -> Esc {
-        (self.device)(wire, id)
+    /// One that was turning under load a moment ago, if it could.
+    pub(crate) fn used_motor(&self) -> Subject {
+        let mut motor = self.motor();
+        // That it gets going is another rule.
+        let _ = self.with(&mut motor, Safety::COAST, |rig| rig.get_going());
+        motor
+    }
+
+    /// An empty wire.
+    pub(crate) fn bench<'m>(&'m self, switch: &'m ArmSwitch) -> Box<dyn Harness<'m> + 'm> {
+        self.connection.bench(SEED, switch)
     }
 
     /// A motor and its device on a wire of their own.
@@ -132,18 +196,18 @@ impl Case<'_> {
         state: SafeState,
         scenario: impl FnOnce(&mut Rig<'_>) -> Outcome,
     ) -> Outcome {
-        self.with(&mut *self.motor(), Safety::new(state), scenario)
+        self.with(&mut self.motor(), Safety::new(state), scenario)
     }
 
     pub(crate) fn with(
         &self,
-        motor: &mut dyn CanMotor,
+        motor: &mut Subject,
         safety: Safety,
         scenario: impl FnOnce(&mut Rig<'_>) -> Outcome,
     ) -> Outcome {
         let switch = ArmSwitch::new();
-        let mut bench = Bench::new(SEED, &switch);
-        let esc = self.device(&bench.wire, self.declared.ids[0]);
+        let mut bench = self.bench(&switch);
+        let esc = bench.device(self.declared.ids[0]);
         match bench.attach(motor, safety) {
             Ok(id) => scenario(&mut Rig::new(self.declared, bench, esc, id, &switch)),
             Err(_) => Err(Halt::Stuck),
@@ -153,14 +217,14 @@ impl Case<'_> {
     /// A motor that lived through everything; as far as it got.
     pub(crate) fn life(&self) -> &Life {
         self.life.get_or_init(|| {
-            let mut motor = Recorded::new(self.motor());
-            let shared = motor.shared.clone();
-            let mut going = 0;
+            let (mut motor, shared) = recorded(self.motor());
+            let (mut going, mut other_targets) = (0, None);
             let lived = catch_unwind(AssertUnwindSafe(|| {
                 self.with(&mut motor, Safety::HOLD, |rig| {
                     rig.get_going()?;
                     going = shared.log().calls.len();
                     live(rig);
+                    other_targets = rig.other_targets();
                     Ok(())
                 })
             }));
@@ -169,7 +233,7 @@ impl Case<'_> {
             }
             drop(motor);
             let log = std::mem::take(&mut *shared.log());
-            Life { log, going }
+            Life { log, going, other_targets }
         })
     }
 }

@@ -1,6 +1,6 @@
 use rc10_app::{NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::Target;
-use rc10_sim::EscFault;
+use rc10_sim::{EscFault, EscState};
 
 /// What a motor can do, as far as the rules have to know it. How often it reports, and after what
 /// silence it is lost, they read in its wiring.
@@ -115,6 +115,12 @@ impl Declaration {
     pub fn with_trials(mut self, trials: &[Trial]) -> Self {
         self.trials.extend_from_slice(trials);
         self
+    }
+
+    /// Whether torque against the movement is only the drag of a winding that is shorted, which the
+    /// motor cannot avoid.
+    pub(crate) fn drags(&self, state: &EscState) -> bool {
+        self.coasts_freely != Claim::Does && state.shorted
     }
 
     /// What makes it turn.

@@ -1,6 +1,7 @@
 //! The rules that every motor of [`rc10_motor`] keeps, and a way to try them on a motor of your
-//! own: [`check`] puts it and its simulated device on a wire and runs all of them. [`Bench`] is for
-//! tests of what only your motor does.
+//! own: [`check`] puts it and its simulated device on a wire and runs all of them, and [`check_line`]
+//! those that do not speak of CAN frames on a motor of an RS-485 line. [`Bench`] and [`LineBench`]
+//! are for tests of what only your motor does.
 //!
 //! [`RULES`] is the list: the documentation and what is run are the same table.
 //!
@@ -29,13 +30,16 @@
 mod bench;
 mod case;
 mod declaration;
+mod harness;
+mod line_bench;
 mod recorder;
 mod report;
 mod rig;
 mod rules;
 
 pub use bench::Bench;
-pub use case::check;
+pub use case::{check, check_line};
 pub use declaration::{Claim, Declaration, Trial};
+pub use line_bench::LineBench;
 pub use report::{Breach, Report};
 pub use rules::{RULES, Rule};

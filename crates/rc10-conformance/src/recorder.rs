@@ -7,6 +7,8 @@ use rc10_motor::{
     RequestError, Target, TargetError, TargetSet, TxBatch, TxFull, Wiring,
 };
 
+use crate::harness::Subject;
+
 /// What was asked of a motor, to be asked of another one again.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Call {
@@ -25,7 +27,6 @@ pub(crate) struct Moment {
     pub(crate) drive: Drive,
     pub(crate) frames: Vec<(CanFrame, u32)>,
     pub(crate) coast: Vec<CanFrame>,
-    pub(crate) supports: TargetSet,
     pub(crate) feedback: Feedback,
     /// Written out, every tenth tick.
     pub(crate) wiring: Option<String>,
@@ -54,17 +55,21 @@ impl Shared {
 }
 
 /// A motor of which everything is written down.
-pub(crate) struct Recorded {
-    pub(crate) motor: Box<dyn CanMotor>,
-    pub(crate) shared: Shared,
+struct Recorded {
+    motor: Box<dyn CanMotor>,
+    shared: Shared,
     ticks: u64,
     drive: Drive,
 }
 
-impl Recorded {
-    pub(crate) fn new(motor: Box<dyn CanMotor>) -> Self {
-        Self { motor, shared: Shared::default(), ticks: 0, drive: Drive::Off }
-    }
+/// The same motor, and what is written down of it: nothing, if it has no frames.
+pub(crate) fn recorded(motor: Subject) -> (Subject, Shared) {
+    let shared = Shared::default();
+    let Subject::OnBus(motor) = motor else {
+        return (motor, shared);
+    };
+    let recorded = Recorded { motor, shared: shared.clone(), ticks: 0, drive: Drive::Off };
+    (Subject::OnBus(Box::new(recorded)), shared)
 }
 
 impl Motor for Recorded {
@@ -136,7 +141,6 @@ impl CanMotor for Recorded {
             drive: self.drive,
             frames: own.entries().map(|(frame, stream)| (*frame, stream)).collect(),
             coast: coast.frames().to_vec(),
-            supports: self.motor.supports(),
             feedback: self.motor.feedback(),
             wiring,
         });

@@ -1,18 +1,18 @@
-use rc10_can::Micros;
-use rc10_motor::{
-    Answer, ArmSwitch, Condition, Link, MotorId, MotorStatus, Request, RequestError, Target,
-};
-use rc10_sim::{Esc, EscState};
-
-use crate::Bench;
 use crate::case::{Halt, Outcome, broken};
 use crate::declaration::{Claim, Declaration};
+use crate::harness::{Device, Harness};
+use rc10_app::Seconds;
+use rc10_can::Micros;
+use rc10_motor::{
+    Answer, ArmSwitch, Condition, Drive, Link, MotorId, MotorStatus, Request, RequestError, Target,
+    TargetSet,
+};
 
 /// A motor on a bus and its device on the wire, and what can be seen of both.
 pub(crate) struct Rig<'m> {
     pub(crate) declared: &'m Declaration,
-    pub(crate) bench: Bench<'m>,
-    pub(crate) esc: Esc,
+    pub(crate) bench: Box<dyn Harness<'m> + 'm>,
+    pub(crate) esc: Box<dyn Device>,
     pub(crate) motor: MotorId,
     pub(crate) switch: &'m ArmSwitch,
     last_torque: f64,
@@ -20,6 +20,9 @@ pub(crate) struct Rig<'m> {
     with_movement: u32,
     /// The fastest the torque has grown since [`watch`](Self::watch), N m a millisecond, and when.
     steepest: (f64, Micros),
+    /// Which targets it took at first.
+    supports: TargetSet,
+    other_targets: Option<(Micros, Drive)>,
 }
 
 /// Times that everything must be over in, ms.
@@ -28,19 +31,35 @@ const LONGEST_SILENCE: u32 = 500;
 const LONGEST_ANSWER: u32 = 3_000;
 
 impl<'m> Rig<'m> {
-    pub(crate) const fn new(
+    pub(crate) fn new(
         declared: &'m Declaration,
-        bench: Bench<'m>,
-        esc: Esc,
+        bench: Box<dyn Harness<'m> + 'm>,
+        esc: Box<dyn Device>,
         motor: MotorId,
         switch: &'m ArmSwitch,
     ) -> Self {
-        let steepest = (0.0, Micros::ZERO);
-        Self { declared, bench, esc, motor, switch, last_torque: 0.0, with_movement: 0, steepest }
+        let supports = bench.supports(motor);
+        Self {
+            declared,
+            bench,
+            esc,
+            motor,
+            switch,
+            last_torque: 0.0,
+            with_movement: 0,
+            steepest: (0.0, Micros::ZERO),
+            supports,
+            other_targets: None,
+        }
+    }
+
+    /// When it took other targets than at first, and in which drive.
+    pub(crate) const fn other_targets(&self) -> Option<(Micros, Drive)> {
+        self.other_targets
     }
 
     pub(crate) fn now(&self) -> Micros {
-        self.bench.world.now()
+        self.bench.now()
     }
 
     pub(crate) fn status(&self) -> MotorStatus {
@@ -67,22 +86,24 @@ impl<'m> Rig<'m> {
     /// A millisecond, commanded or not.
     pub(crate) fn tick(&mut self, target: Option<Target>) {
         if let Some(target) = target {
-            let now = self.now();
             // Refusals have a rule of their own.
-            let _ = self.bench.bus.command(self.motor, target, now);
+            let _ = self.bench.command(self.motor, target);
         }
-        self.bench.tick();
+        self.bench.tick(Seconds::new(0.001));
         self.look();
     }
 
-    /// Notes how the torque has changed in the last millisecond.
+    /// Notes what has changed in the last millisecond.
     pub(crate) fn look(&mut self) {
+        if self.other_targets.is_none() && self.bench.supports(self.motor) != self.supports {
+            self.other_targets = Some((self.now(), self.status().drive));
+        }
         let state = self.esc.state();
         let torque = state.torque;
         let last = std::mem::replace(&mut self.last_torque, torque);
         let goes_with = torque * state.output_rpm > 0.0;
         self.with_movement = if goes_with { self.with_movement + 1 } else { 0 };
-        if !goes_with && self.drags(&state) {
+        if !goes_with && self.declared.drags(&state) {
             // That comes as suddenly as it likes.
             return;
         }
@@ -116,17 +137,12 @@ impl<'m> Rig<'m> {
         )
     }
 
-    /// Whether torque against the movement is only the drag of a winding that is shorted, which the
-    /// motor is declared not to be able to avoid.
-    pub(crate) fn drags(&self, state: &EscState) -> bool {
-        self.declared.coasts_freely != Claim::Does && state.shorted
-    }
-
     /// The torque at the shaft, if there is any that should not be.
     fn push(&self) -> Option<f64> {
         let state = self.esc.state();
         // Drag ends a little later than the movement that it comes from.
-        let pushes = !self.drags(&state) || self.with_movement > self.declared.stops_within;
+        let pushes =
+            !self.declared.drags(&state) || self.with_movement > self.declared.stops_within;
         (pushes && state.torque.abs() > self.no_torque()).then_some(state.torque)
     }
 
@@ -156,7 +172,7 @@ impl<'m> Rig<'m> {
     /// Its bridge is open, if it has a way to open it; or shorts the winding, if that is its way.
     pub(crate) fn is_disabled(&self, when: &str) -> Outcome {
         let state = self.esc.state();
-        if state.open || self.drags(&state) || self.declared.disables != Claim::Does {
+        if state.open || self.declared.drags(&state) || self.declared.disables != Claim::Does {
             return Ok(());
         }
         broken(self.now(), format!("its device is enabled {when}"))
@@ -216,7 +232,7 @@ impl<'m> Rig<'m> {
 
     /// Asks for something, and waits for the answer without commanding.
     pub(crate) fn ask(&mut self, request: Request) -> Result<Answer, RequestError> {
-        let answer = self.bench.bus.request(self.motor, request)?;
+        let answer = self.bench.request(self.motor, request)?;
         if answer != Answer::Pending {
             return Ok(answer);
         }
@@ -227,7 +243,7 @@ impl<'m> Rig<'m> {
     pub(crate) fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
         (0..LONGEST_ANSWER).find_map(|_| {
             self.tick(None);
-            self.bench.bus.answer(self.motor)
+            self.bench.answer(self.motor)
         })
     }
 

@@ -7,6 +7,7 @@ mod conformance_of {
     pub mod dji;
     pub mod lk;
     pub mod odrive;
+    pub mod unitree_line;
     pub mod unitree_module;
     pub mod vesc;
 }
@@ -35,6 +36,7 @@ const MOTORS: &[Entry] = &[
     ("ODrive, position", conformance_of::odrive::position),
     ("CyberGear", conformance_of::cybergear::cybergear),
     ("RobStride RS04", conformance_of::cybergear::rs04),
+    ("GO-M8010-6 on RS-485", conformance_of::unitree_line::go_m8010),
     // One line for each further model, one file for each vendor in `conformance_of/`.
 ];
 

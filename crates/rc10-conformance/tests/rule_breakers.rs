@@ -15,7 +15,11 @@ mod spoil;
 #[path = "rule_breakers/spoiled.rs"]
 mod spoiled;
 
-use rc10_conformance::{Claim, Declaration, RULES, Report, check};
+use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
+use rc10_conformance::{Claim, Declaration, RULES, Report, Trial, check, check_line};
+use rc10_motor::unitree::GoM8010;
+use rc10_motor::{Impedance, Target};
+use rc10_sim::unitree_line::{GoM8010 as Device, plant};
 
 use declared::declared;
 use device::plug_in;
@@ -64,7 +68,7 @@ const DECLARED: [&str; 1] = ["every-target-is-tried"];
 fn a_declaration_that_says_too_little_or_too_much_is_caught() {
     let untried = Declaration { trials: declared().trials[1..].to_vec(), ..declared() };
     let no_reason = Declaration { holds: Claim::Cannot(""), ..declared() };
-    let backwards = Declaration { cruise: rc10_app::Rpm::new(-5.0), ..declared() };
+    let backwards = Declaration { cruise: Rpm::new(-5.0), ..declared() };
     let one_id = Declaration { ids: [1, 1], ..declared() };
     for wrong in [untried, no_reason] {
         let report = check_spoiled(&wrong, Spoil::Nothing).unwrap_err();
@@ -74,6 +78,40 @@ fn a_declaration_that_says_too_little_or_too_much_is_caught() {
         let report = check_spoiled(&wrong, Spoil::Nothing).unwrap_err();
         assert!(report.broken().any(|rule| rule == DECLARED[0]), "{report}");
     }
+}
+
+/// A motor of a line, its device with another identifier by so much.
+fn check_on_line(hold_gives: f64, softness: f64, other: u8) -> Report {
+    let spring = Impedance { angle: Degrees::new(45.0), kp: 30.0, kd: 1.0, ..Impedance::default() };
+    let locks = Claim::Cannot("disabled it is locked");
+    let declared = Declaration {
+        coasts_freely: locks,
+        hold_gives,
+        softness,
+        ..Declaration::new([0, 1], Rpm::new(100.0), GoM8010::LARGEST_TORQUE)
+    }
+    .with_trials(&[
+        Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
+        Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 3000),
+        Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 4000),
+        Trial::new(Target::Torque(NewtonMetres::new(12.0)), 0.1, 100),
+        Trial::new(Target::Impedance(spring), 1.0, 2000),
+    ]);
+    let device = |wire: &rc10_sim::Line, id: u8| {
+        wire.add(Device::new(id + other), plant().with_load_inertia(0.01))
+    };
+    check_line(&declared, |id| GoM8010::new(id).unwrap(), device).unwrap_err()
+}
+
+#[test]
+fn a_motor_of_a_line_is_caught_too() {
+    let gives = check_on_line(5.0, 0.12, 0);
+    assert_eq!(gives.broken().collect::<Vec<_>>(), ["holds"], "{gives}");
+    let kicks = check_on_line(14.0, 0.03, 0);
+    assert!(kicks.broken().any(|rule| rule == "restart"), "{kicks}");
+    let deaf = check_on_line(14.0, 0.12, 5);
+    assert!(deaf.broken().any(|rule| rule == "gets-going"), "{deaf}");
+    assert!(["disarm", "lost", "fault-waits"].iter().all(|rule| deaf.unchecked().contains(rule)));
 }
 
 #[test]

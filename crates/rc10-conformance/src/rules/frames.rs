@@ -2,7 +2,7 @@ use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::{CanMotor, FrameError, Receive, TxBatch, Wiring};
 
-use crate::case::{Case, Findings, Outcome, broken};
+use crate::case::{Findings, FrameCase, Outcome, broken};
 use crate::recorder::{Call, Told, not_finite, replay};
 
 /// Chance that is the same everywhere for ever: `SplitMix64`.
@@ -63,7 +63,7 @@ fn is_own(wiring: &Wiring, id: Id) -> bool {
 /// Gives frames that are refused to a motor that runs; then it must go on as its twin does that
 /// never got them.
 fn change_nothing(
-    case: &Case<'_>,
+    case: &FrameCase<'_>,
     frames: impl Iterator<Item = CanFrame>,
     is_right: impl Fn(&CanFrame, FrameError) -> bool,
 ) -> Outcome {
@@ -89,7 +89,7 @@ fn change_nothing(
     broken(at, "after them it sends other frames than without")
 }
 
-pub(super) fn foreign_frames(case: &Case<'_>, found: &mut Findings) {
+pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
     let wiring = case.motor().wiring();
     let mut random = Random(1);
     // Neighbours first: the identifiers that differ from its own by a bit.
@@ -143,7 +143,7 @@ pub(super) fn foreign_frames(case: &Case<'_>, found: &mut Findings) {
     found.note(change_nothing(case, others.into_iter(), |_, _| true));
 }
 
-pub(super) fn wrong_lengths(case: &Case<'_>, found: &mut Findings) {
+pub(super) fn wrong_lengths(case: &FrameCase<'_>, found: &mut Findings) {
     let wiring = case.motor().wiring();
     let mut random = Random(2);
     let mut wrong = Vec::new();
@@ -162,7 +162,7 @@ pub(super) fn wrong_lengths(case: &Case<'_>, found: &mut Findings) {
     found.note(change_nothing(case, wrong.into_iter(), |_, _| true));
 }
 
-pub(super) fn any_content(case: &Case<'_>, found: &mut Findings) {
+pub(super) fn any_content(case: &FrameCase<'_>, found: &mut Findings) {
     for receive in case.motor().wiring().received() {
         found.note(content(case, receive));
     }
@@ -173,7 +173,7 @@ pub(super) fn any_content(case: &Case<'_>, found: &mut Findings) {
     }
 }
 
-fn content(case: &Case<'_>, receive: &Receive) -> Outcome {
+fn content(case: &FrameCase<'_>, receive: &Receive) -> Outcome {
     let mut random = Random(3);
     let (before, after) = case.life().calls();
     let mut motor = case.motor();
@@ -223,7 +223,7 @@ fn drive_on(motor: &mut dyn CanMotor) {
     let _ = motor.pack_command(&mut TxBatch::new());
 }
 
-pub(super) fn feedback_at(case: &Case<'_>, found: &mut Findings) {
+pub(super) fn feedback_at(case: &FrameCase<'_>, found: &mut Findings) {
     for (arrived, told) in &case.life().log.arrivals {
         if arrived != told {
             found.add(Some(*arrived), format!("it says that it arrived at {told}"));

@@ -11,7 +11,7 @@ mod stopping;
 mod targets;
 mod wiring;
 
-use crate::case::{Case, Findings};
+use crate::case::{Case, Findings, FrameCase};
 
 /// A rule that every motor keeps.
 pub struct Rule {
@@ -19,11 +19,27 @@ pub struct Rule {
     pub name: &'static str,
     /// What it says.
     pub text: &'static str,
-    pub(crate) check: fn(&Case<'_>, &mut Findings),
+    pub(crate) check: Check,
+}
+
+/// How a rule is tried.
+pub(crate) enum Check {
+    /// On a motor of any kind.
+    Any(fn(&Case<'_>, &mut Findings)),
+    /// On one that has frames.
+    Frames(fn(&FrameCase<'_>, &mut Findings)),
 }
 
 const fn rule(name: &'static str, text: &'static str, check: fn(&Case<'_>, &mut Findings)) -> Rule {
-    Rule { name, text, check }
+    Rule { name, text, check: Check::Any(check) }
+}
+
+const fn frame_rule(
+    name: &'static str,
+    text: &'static str,
+    check: fn(&FrameCase<'_>, &mut Findings),
+) -> Rule {
+    Rule { name, text, check: Check::Frames(check) }
 }
 
 /// All rules, in the order in which they are tried.
@@ -34,29 +50,33 @@ pub const RULES: &[Rule] = &[
          what the motor cannot do has a reason.",
         declared::every_target_is_tried,
     ),
-    rule(
+    frame_rule(
         "wiring-is-valid",
         "The wiring has feedback that comes regularly and a command; no frame is longer than \
          8 bytes, and lanes and guards lie within their frames.",
         wiring::wiring_is_valid,
     ),
-    rule(
+    frame_rule(
         "wiring-is-constant",
         "The wiring is the same whatever happened to the motor.",
         wiring::wiring_is_constant,
     ),
-    rule(
+    frame_rule(
         "frames-are-declared",
         "Every frame it sends is in its wiring: identifier, length, its own bytes or guard.",
         wiring::frames_are_declared,
     ),
-    rule(
+    frame_rule(
         "streams-are-own",
         "The stream that a frame names is an identifier of the motor's own wiring.",
         wiring::streams_are_own,
     ),
-    rule("few-frames-a-tick", "It sends at most two frames in a tick.", wiring::few_frames_a_tick),
-    rule(
+    frame_rule(
+        "few-frames-a-tick",
+        "It sends at most two frames in a tick.",
+        wiring::few_frames_a_tick,
+    ),
+    frame_rule(
         "load-is-as-declared",
         "While it runs, frames come and go as often as the wiring says, and none comes that is \
          not in it.",
@@ -98,24 +118,24 @@ pub const RULES: &[Rule] = &[
         "The same things happening to it give the same frames, to the bit.",
         targets::deterministic,
     ),
-    rule(
+    frame_rule(
         "foreign-frames",
         "Frames with identifiers of others, and remote requests, are `NotMine` and change nothing; \
          nor do frames whose guard says that they are another's.",
         frames::foreign_frames,
     ),
-    rule(
+    frame_rule(
         "wrong-lengths",
         "A frame of its own with a wrong length is an error and changes nothing.",
         frames::wrong_lengths,
     ),
-    rule(
+    frame_rule(
         "any-content",
         "Whatever stands in a frame of its own, its feedback stays finite, and what is refused \
          changes nothing.",
         frames::any_content,
     ),
-    rule("feedback-at", "`Feedback::at` is when the frame arrived.", frames::feedback_at),
+    frame_rule("feedback-at", "`Feedback::at` is when the frame arrived.", frames::feedback_at),
     rule(
         "silent-before-feedback",
         "Before it was heard for the first time it drives nothing, whatever it is told.",
@@ -147,7 +167,7 @@ pub const RULES: &[Rule] = &[
         "When its feedback stops coming it coasts, whatever it is commanded.",
         stopping::lost,
     ),
-    rule(
+    frame_rule(
         "coast-frames-are-fixed",
         "The frames for a panic handler are always the same, also before any feedback.",
         stopping::coast_frames_are_fixed,

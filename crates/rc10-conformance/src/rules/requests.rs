@@ -37,7 +37,7 @@ pub(super) fn set_zero(case: &Case<'_>, found: &mut Findings) {
     }));
     if case.motor().supports().contains(TargetKind::TotalAngle) {
         let patient = Safety { command_expiry: Safety::LONGEST_EXPIRY, ..Safety::COAST };
-        found.note(case.with(&mut *case.motor(), patient, seeking));
+        found.note(case.with(&mut case.motor(), patient, seeking));
     }
 }
 
@@ -58,7 +58,7 @@ fn seeking(rig: &mut Rig<'_>) -> Outcome {
 
 fn zero_moves_nothing(rig: &mut Rig<'_>, most: f64) -> Outcome {
     let start = rig.esc.state().output_degrees;
-    match rig.bench.bus.request(rig.motor, Request::SetZero) {
+    match rig.bench.request(rig.motor, Request::SetZero) {
         Ok(Answer::Done) => (),
         answer => return broken(rig.now(), format!("SetZero: {answer:?}")),
     }
@@ -88,7 +88,7 @@ pub(super) fn requests_are_checked(case: &Case<'_>, found: &mut Findings) {
                 Request::SpeedGains(gains(bad)),
                 Request::AngleGains(gains(bad)),
             ] {
-                let answer = rig.bench.bus.request(rig.motor, request);
+                let answer = rig.bench.request(rig.motor, request);
                 let right =
                     matches!(answer, Err(RequestError::Config(_) | RequestError::Unsupported));
                 if !right {
@@ -105,7 +105,7 @@ pub(super) fn set_up_while_disarmed(case: &Case<'_>, found: &mut Findings) {
     {
         found.note(case.alone(SafeState::Coast, |rig| {
             rig.get_going()?;
-            let answer = rig.bench.bus.request(rig.motor, request);
+            let answer = rig.bench.request(rig.motor, request);
             match answer {
                 Err(RequestError::NotWhileArmed | RequestError::Unsupported) => Ok(()),
                 // That there is no such register is a reason as well.
@@ -128,7 +128,7 @@ pub(super) fn pending_is_answered(case: &Case<'_>, found: &mut Findings) {
                     rig.esc.inject(rc10_sim::EscFault::OverTemperature);
                     rig.wait(None, 100);
                 }
-                rig.bench.wire.set_cut(is_silent);
+                rig.bench.set_cut(is_silent);
                 rig.wait(None, 1);
                 is_answered(rig, request)
             }));
@@ -137,10 +137,10 @@ pub(super) fn pending_is_answered(case: &Case<'_>, found: &mut Findings) {
 }
 
 fn is_answered(rig: &mut Rig<'_>, request: Request) -> Outcome {
-    if rig.bench.bus.request(rig.motor, request) != Ok(Answer::Pending) {
+    if rig.bench.request(rig.motor, request) != Ok(Answer::Pending) {
         return Ok(());
     }
-    let second = rig.bench.bus.request(rig.motor, request);
+    let second = rig.bench.request(rig.motor, request);
     if second != Err(RequestError::Busy) {
         return broken(rig.now(), format!("{request:?} is pending; the same again: {second:?}"));
     }
@@ -148,7 +148,7 @@ fn is_answered(rig: &mut Rig<'_>, request: Request) -> Outcome {
         return broken(rig.now(), format!("{request:?} is pending for ever"));
     }
     rig.tick(None);
-    match rig.bench.bus.answer(rig.motor) {
+    match rig.bench.answer(rig.motor) {
         None => Ok(()),
         Some(answer) => broken(rig.now(), format!("{request:?} is answered again: {answer:?}")),
     }

@@ -30,9 +30,9 @@ pub(super) fn back_on_the_wire(case: &Case<'_>, found: &mut Findings) {
             rig.esc.set_load(0.0);
             // What is wanted when it comes back is far from what it does.
             let back = rig.declared.backward();
-            rig.bench.wire.set_cut(true);
+            rig.bench.set_cut(true);
             rig.wait(Some(back), millis);
-            rig.bench.wire.set_cut(false);
+            rig.bench.set_cut(false);
             rig.watch();
             let when = format!("after a cut of {millis} ms");
             rig.goes_again(back, &when)?;
@@ -40,9 +40,9 @@ pub(super) fn back_on_the_wire(case: &Case<'_>, found: &mut Findings) {
         }));
     }
     for_each_effort(case, found, |rig, effort| {
-        rig.bench.wire.set_cut(true);
+        rig.bench.set_cut(true);
         rig.wait(Some(effort), 60);
-        rig.bench.wire.set_cut(false);
+        rig.bench.set_cut(false);
         rig.watch();
         rig.wait(Some(effort), rig.declared.enables_within + 100);
         rig.was_soft(&format!("after a cut, with {effort:?},"))

@@ -1,35 +1,27 @@
 use rc10_app::Seconds;
-use rc10_can::{CanPort, Micros};
-use rc10_motor::{Drive, Request, SafeState, TxBatch};
-use rc10_sim::{BusConfig, EscFault, World};
+use rc10_motor::{ArmSwitch, Drive, Request, SafeState, TxBatch};
+use rc10_sim::EscFault;
 
-use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::case::{Case, Findings, FrameCase, Halt, Outcome, broken};
 use crate::declaration::Claim;
 use crate::rig::Rig;
 
 pub(super) fn silent_before_feedback(case: &Case<'_>, found: &mut Findings) {
     // The bus lets it only coast until it is heard: here nothing is between it and the wire.
     for drive in [Drive::Run, Drive::Hold, Drive::Brake, Drive::Coast, Drive::Off] {
-        let mut world = World::new(1);
-        let wire = world.add_bus(BusConfig::default());
-        let esc = case.device(&wire, case.declared.ids[0]);
+        let switch = ArmSwitch::new();
+        let mut bench = case.bench(&switch);
+        let esc = bench.device(case.declared.ids[0]);
         esc.set_feedback(false);
-        let mut port = wire.port();
         let mut motor = case.motor();
         for target in case.declared.trials.iter().map(|trial| trial.target) {
             let _ = motor.set_target(target);
             for _ in 0..200 {
-                motor.update(Seconds::new(0.001), drive);
-                let mut tx = TxBatch::new();
-                let _ = motor.pack_command(&mut tx);
-                for (frame, stream) in tx.entries() {
-                    let _ = port.submit_as(frame, stream);
-                }
-                world.advance(world.now() + Micros::from_millis(1));
+                bench.tick_unwatched(&mut motor, Seconds::new(0.001), drive);
                 let torque = esc.state().torque.abs();
                 if torque > f64::from(case.declared.no_torque.get()) {
                     let what = format!("{torque:.3} N m in {drive:?}, told {target:?}");
-                    return found.add(Some(world.now()), what);
+                    return found.add(Some(bench.now()), what);
                 }
             }
         }
@@ -106,7 +98,7 @@ pub(super) fn expiry(case: &Case<'_>, found: &mut Findings) {
 }
 
 pub(super) fn lost(case: &Case<'_>, found: &mut Findings) {
-    let timeout = case.motor().wiring().link_timeout().get() / 1000;
+    let timeout = case.motor().link_timeout().get() / 1000;
     let timeout = u32::try_from(timeout).unwrap_or(u32::MAX);
     found.note(case.alone(SafeState::Hold, |rig| {
         rig.get_going()?;
@@ -119,7 +111,7 @@ pub(super) fn lost(case: &Case<'_>, found: &mut Findings) {
     }));
 }
 
-pub(super) fn coast_frames_are_fixed(case: &Case<'_>, found: &mut Findings) {
+pub(super) fn coast_frames_are_fixed(case: &FrameCase<'_>, found: &mut Findings) {
     let mut tx = TxBatch::new();
     if case.motor().coast_frames(&mut tx).is_err() || tx.frames().is_empty() {
         return found.add(None, "a fresh motor has none".to_owned());
@@ -164,7 +156,7 @@ pub(super) fn coast_frames_stop(case: &Case<'_>, found: &mut Findings) {
                     rig.get_going()?;
                     rig.esc.inject(EscFault::OverTemperature);
                     rig.wait(Some(cruise), 50);
-                    let _ = rig.bench.bus.request(rig.motor, Request::ClearFault);
+                    let _ = rig.bench.request(rig.motor, Request::ClearFault);
                     rig.wait(Some(cruise), 5);
                 }
             }
@@ -175,16 +167,9 @@ pub(super) fn coast_frames_stop(case: &Case<'_>, found: &mut Findings) {
 
 /// No tick comes any more: only these frames.
 fn panics(rig: &mut Rig<'_>, doing: Doing) -> Outcome {
-    let mut image = TxBatch::new();
-    let _ = rig.bench.bus.coast_image(&mut image);
-    let mut port = rig.bench.wire.port();
-    port.cancel_pending();
-    for (frame, stream) in image.entries() {
-        let _ = port.submit_as(frame, stream);
-    }
+    rig.bench.panic();
     for past in 1..=200 {
-        let next = rig.now() + Micros::from_millis(1);
-        rig.bench.world.advance(next);
+        rig.bench.pass();
         rig.look();
         if past == rig.declared.stops_within + 20 {
             rig.esc.set_load(0.0);

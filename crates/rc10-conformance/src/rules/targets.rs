@@ -1,11 +1,11 @@
 use rc10_app::{Seconds, TotalAngle};
-use rc10_can::CanFrame;
-use rc10_motor::{Condition, Drive, SafeState, Target, TargetError, TargetKind, TxBatch};
+use rc10_motor::{Condition, Drive, SafeState, Target, TargetError, TargetKind};
 
 use super::declared::every_kind;
 use crate::case::{Case, Findings, Halt, Outcome, broken};
 use crate::declaration::Trial;
-use crate::recorder::{not_finite, replay};
+use crate::harness::Sent;
+use crate::recorder::not_finite;
 use crate::rig::Rig;
 
 pub(super) fn supports_is_constant(case: &Case<'_>, found: &mut Findings) {
@@ -13,22 +13,14 @@ pub(super) fn supports_is_constant(case: &Case<'_>, found: &mut Findings) {
     if !fresh.contains(TargetKind::Coast) {
         found.add(None, "it cannot be told to coast".to_owned());
     }
-    for moment in case.life().moments() {
-        if moment.supports != fresh {
-            let what = format!("in {:?} it takes other targets than a fresh motor", moment.drive);
-            return found.add(Some(moment.at), what);
-        }
+    if let Some((at, drive)) = case.life().other_targets {
+        found.add(Some(at), format!("in {drive:?} it takes other targets than a fresh motor"));
     }
 }
 
 pub(super) fn refuses_targets(case: &Case<'_>, found: &mut Findings) {
-    let (before, _) = case.life().calls();
-    let mut motor = case.motor();
-    let supports = motor.supports();
-    for is_running in [false, true] {
-        if is_running {
-            replay(&mut *motor, before);
-        }
+    let supports = case.motor().supports();
+    for mut motor in [case.motor(), case.used_motor()] {
         let mut old = Target::Coast;
         if motor.set_target(old).is_err() {
             found.add(None, "coasting is refused".to_owned());
@@ -183,7 +175,9 @@ pub(super) fn feedback_is_true(case: &Case<'_>, found: &mut Findings) {
         let told_moved = told.total_angle.minus(told_start.total_angle).degrees();
         let told_moved = f64::from(told_moved.get());
         // At both ends the feedback is some milliseconds old: 6 degrees a second for each rpm.
-        let age = 2.0 * period_ms(case) * 0.006 * rig.cruise_rpm();
+        let period = Seconds::from_micros(case.motor().report_period().get());
+        let period_ms = f64::from(period.get()) * 1000.0 + 2.0;
+        let age = 2.0 * period_ms * 0.006 * rig.cruise_rpm();
         if (moved - told_moved).abs() <= 0.01 * moved.abs() + age {
             return Ok(());
         }
@@ -191,25 +185,15 @@ pub(super) fn feedback_is_true(case: &Case<'_>, found: &mut Findings) {
     }));
 }
 
-/// Between two reports of the device, and some for the way.
-fn period_ms(case: &Case<'_>) -> f64 {
-    let wiring = case.motor().wiring();
-    let slowest = wiring.received().iter().map(|receive| receive.rate.per_second());
-    let slowest = slowest.filter(|rate| *rate > 0).min().unwrap_or(1000);
-    1000.0 / f64::from(slowest) + 2.0
-}
-
 /// Steps that no clock should take, s.
 const STRANGE: [f32; 7] = [0.0, -0.0, -1.0, 3600.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
 
 pub(super) fn strange_steps(case: &Case<'_>, found: &mut Findings) {
-    let (before, _) = case.life().calls();
     for dt in STRANGE.map(Seconds::new) {
-        let mut motor = case.motor();
-        replay(&mut *motor, before);
+        let mut motor = case.used_motor();
         for drive in [Drive::Run, Drive::Hold, Drive::Brake, Drive::Coast, Drive::Off] {
             motor.update(dt, drive);
-            let _ = motor.pack_command(&mut TxBatch::new());
+            motor.pack();
             if let Some(name) = not_finite(&motor.feedback()) {
                 found.add(None, format!("after {dt:?} its {name} is not finite"));
             }
@@ -222,9 +206,8 @@ pub(super) fn strange_steps(case: &Case<'_>, found: &mut Findings) {
         rig.watch();
         for dt in STRANGE.map(Seconds::new) {
             for is_strange in [true, false, false, false, false].repeat(8) {
-                let now = rig.now();
-                let _ = rig.bench.bus.command(rig.motor, cruise, now);
-                rig.bench.tick_with(if is_strange { dt } else { Seconds::new(0.001) });
+                let _ = rig.bench.command(rig.motor, cruise);
+                rig.bench.tick(if is_strange { dt } else { Seconds::new(0.001) });
                 rig.look();
             }
             if !rig.goes(cruise) {
@@ -238,27 +221,27 @@ pub(super) fn strange_steps(case: &Case<'_>, found: &mut Findings) {
 
 pub(super) fn deterministic(case: &Case<'_>, found: &mut Findings) {
     let trace = || {
-        let mut frames = Vec::new();
+        let mut traffic = Vec::new();
         let outcome = case.alone(SafeState::Coast, |rig| {
             rig.get_going()?;
-            frames = rig.bench.wire.take_trace();
+            traffic = rig.bench.take_traffic();
             Ok(())
         });
-        outcome.map(|()| frames.iter().map(|e| (e.at, e.frame)).collect::<Vec<_>>())
+        outcome.map(|()| traffic)
     };
     match (trace(), trace()) {
         (Ok(once), Ok(twice)) => {
             let mut both = once.iter().zip(&twice);
-            if let Some(((at, frame), (_, other))) = both.find(|(one, other)| one != other) {
-                found.add(Some(*at), differs(frame, other));
+            if let Some((one, other)) = both.find(|(one, other)| one != other) {
+                found.add(Some(one.at), differs(&one.what, &other.what));
             } else if once.len() != twice.len() {
-                found.add(None, "the same run again has more or fewer frames".to_owned());
+                found.add(None, "the same run again has more or less traffic".to_owned());
             }
         }
         _ => found.note(Err(Halt::Stuck)),
     }
 }
 
-fn differs(frame: &CanFrame, other: &CanFrame) -> String {
-    format!("{frame} was on the wire, and {other} when the same happened again")
+fn differs(sent: &Sent, other: &Sent) -> String {
+    format!("{sent:?} was on the wire, and {other:?} when the same happened again")
 }

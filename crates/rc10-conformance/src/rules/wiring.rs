@@ -2,10 +2,11 @@ use rc10_can::CanFrame;
 use rc10_can::embedded_can::Id;
 use rc10_motor::{Guard, SafeState, Share, Transmit, Wiring};
 
-use crate::case::{Case, Findings, Outcome, broken};
+use crate::case::{Findings, FrameCase, Outcome, broken};
+use crate::harness::Sent;
 use crate::rig::Rig;
 
-pub(super) fn wiring_is_valid(case: &Case<'_>, found: &mut Findings) {
+pub(super) fn wiring_is_valid(case: &FrameCase<'_>, found: &mut Findings) {
     let wiring = case.motor().wiring();
     if wiring.name().model.is_empty() {
         found.add(None, "its model has no name".to_owned());
@@ -33,7 +34,7 @@ pub(super) fn wiring_is_valid(case: &Case<'_>, found: &mut Findings) {
     }
 }
 
-pub(super) fn wiring_is_constant(case: &Case<'_>, found: &mut Findings) {
+pub(super) fn wiring_is_constant(case: &FrameCase<'_>, found: &mut Findings) {
     let fresh = format!("{:?}", case.motor().wiring());
     for moment in case.life().moments() {
         if moment.wiring.as_ref().is_some_and(|now| *now != fresh) {
@@ -57,7 +58,7 @@ fn declares(transmit: &Transmit, frame: &CanFrame) -> bool {
     is_own && pattern.matches(frame) && frame.len() == usize::from(*len)
 }
 
-pub(super) fn frames_are_declared(case: &Case<'_>, found: &mut Findings) {
+pub(super) fn frames_are_declared(case: &FrameCase<'_>, found: &mut Findings) {
     let wiring = case.motor().wiring();
     let is_declared = |frame: &CanFrame| wiring.transmitted().iter().any(|t| declares(t, frame));
     for moment in case.life().moments() {
@@ -91,7 +92,7 @@ fn occupies(wiring: &Wiring, key: u32) -> bool {
     })
 }
 
-pub(super) fn streams_are_own(case: &Case<'_>, found: &mut Findings) {
+pub(super) fn streams_are_own(case: &FrameCase<'_>, found: &mut Findings) {
     let wiring = case.motor().wiring();
     for moment in case.life().moments() {
         // A frame without a stream of its own is declared, or another rule says so.
@@ -104,7 +105,7 @@ pub(super) fn streams_are_own(case: &Case<'_>, found: &mut Findings) {
     }
 }
 
-pub(super) fn few_frames_a_tick(case: &Case<'_>, found: &mut Findings) {
+pub(super) fn few_frames_a_tick(case: &FrameCase<'_>, found: &mut Findings) {
     for moment in case.life().moments() {
         let (sent, coast) = (moment.frames.len(), moment.coast.len());
         if sent > 2 || coast > 2 {
@@ -114,11 +115,11 @@ pub(super) fn few_frames_a_tick(case: &Case<'_>, found: &mut Findings) {
     }
 }
 
-pub(super) fn load_is_as_declared(case: &Case<'_>, found: &mut Findings) {
+pub(super) fn load_is_as_declared(case: &FrameCase<'_>, found: &mut Findings) {
     let wiring = case.motor().wiring();
     found.note(case.alone(SafeState::Coast, |rig| {
         rig.get_going()?;
-        let _ = rig.bench.wire.take_trace();
+        let _ = rig.bench.take_traffic();
         count(rig, &wiring)
     }));
 }
@@ -129,20 +130,22 @@ fn count(rig: &mut Rig<'_>, wiring: &Wiring) -> Outcome {
     rig.wait(Some(cruise), 1000);
     let at = rig.now();
     let (mut sent, mut received) = (0_u32, 0_u32);
-    for entry in rig.bench.wire.take_trace() {
-        if entry.from_controller {
+    for traffic in rig.bench.take_traffic() {
+        let Sent::Frame(frame) = &traffic.what else {
+            continue;
+        };
+        if traffic.is_ours {
             sent += 1;
             continue;
         }
         received += 1;
-        let frame = &entry.frame;
         let is_declared = wiring.received().iter().any(|receive| {
             receive.pattern.matches(frame)
                 && frame.len() == usize::from(receive.len)
                 && receive.guard.is_none_or(|guard| guard.passes(frame))
         });
         if !is_declared {
-            return broken(entry.at, format!("{frame} comes from the device"));
+            return broken(traffic.at, format!("{frame} comes from the device"));
         }
     }
     let rates = || wiring.received().iter().map(|receive| receive.rate.per_second());

@@ -25,7 +25,7 @@ pub fn go_m8010() -> Result<(), Report> {
         Trial::new(Target::Speed(Rpm::new(-50.0)), 2.0, 1500),
         Trial::new(Target::Angle(Degrees::new(90.0)), 1.0, 3000),
         Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 4000),
-        Trial::new(Target::Torque(NewtonMetres::new(-1.0)), 0.1, 100),
+        Trial::new(Target::Torque(NewtonMetres::new(-12.0)), 0.1, 100),
         Trial::new(Target::Impedance(spring), 1.0, 2000),
     ]);
     check(

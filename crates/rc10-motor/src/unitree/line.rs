@@ -46,7 +46,8 @@ use crate::wiring::MotorName;
 /// too short for all of them, the turn goes on in the next. A motor that does not answer costs the
 /// [reply time-out](Self::with_reply_timeout), so one that is lost, or was never heard, is asked
 /// every 100 ms only, and after each time that was in vain all others have their turn before the
-/// next such motor.
+/// next such motor. The first time is when it is lost, if it hears its safe word though it is not
+/// heard.
 ///
 /// No motor can opt out of the rules of a bus: see [`MotorBus`](crate::MotorBus).
 pub struct UnitreeLine<'m> {
@@ -342,14 +343,20 @@ impl<'m> UnitreeLine<'m> {
     pub fn tick(&mut self, now: Micros, dt: Seconds) {
         let dt = sound_step(dt);
         let last = self.last_tick.replace(now);
-        if last.is_some_and(|last| now.since(last) > LONGEST_PAUSE) {
-            self.slots.iter_mut().for_each(|slot| slot.watch.forget());
-        }
+        let paused = last.is_some_and(|last| now.since(last) > LONGEST_PAUSE);
         let arm = self.switch.for_motors();
         for slot in &mut self.slots {
+            let lost = slot.watch.counters().lost;
+            if paused {
+                slot.watch.forget();
+            }
             let drive = slot.watch.decide(arm, now);
             slot.motor.update(dt, drive);
             slot.is_due = true;
+            if slot.watch.counters().lost != lost {
+                // Perhaps it hears what we cannot: it is told to let go now, not some time.
+                slot.asked_at = None;
+            }
         }
     }
 

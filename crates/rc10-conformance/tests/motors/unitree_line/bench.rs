@@ -1,21 +1,33 @@
-use rc10_app::Seconds;
-use rc10_can::Micros;
-use rc10_motor::unitree::{GoM8010, Step, UnitreeLine};
-use rc10_motor::{ArmSwitch, MotorId, MotorStatus, Target};
-use rc10_sim::unitree_line::{self, GoM8010 as Device, plant};
-use rc10_sim::{Line, LineConfig, LineMotor, Plant, SerialPort, World};
+use std::ops::{Deref, DerefMut};
 
-/// A line of our motors on a simulated one, ticked every millisecond and polled in between by a
-/// plain loop.
+use rc10_can::Micros;
+use rc10_conformance::LineBench;
+use rc10_motor::unitree::GoM8010;
+use rc10_motor::{ArmSwitch, MotorId, Target};
+use rc10_sim::unitree_line::{self, GoM8010 as Device, plant};
+use rc10_sim::{LineMotor, Plant};
+
+/// The kit's bench, and what our motors were told on it.
 pub struct Bench<'m> {
-    pub world: World,
-    pub wire: Line,
-    pub line: UnitreeLine<'m>,
-    port: SerialPort,
+    bench: LineBench<'m>,
     /// When each motor of ours was asked, by its id.
     pub asked: [Vec<Micros>; 15],
     /// The newest command of each.
     pub sent: [[u8; 17]; 15],
+}
+
+impl<'m> Deref for Bench<'m> {
+    type Target = LineBench<'m>;
+
+    fn deref(&self) -> &LineBench<'m> {
+        &self.bench
+    }
+}
+
+impl DerefMut for Bench<'_> {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.bench
+    }
 }
 
 /// Our motors of ids 0 .. `count`.
@@ -25,45 +37,28 @@ pub fn motors(count: u8) -> Vec<GoM8010> {
 
 impl<'m> Bench<'m> {
     pub fn new(seed: u64, switch: &'m ArmSwitch) -> Self {
-        let mut world = World::new(seed);
-        let wire = world.add_line(LineConfig::default());
-        let (line, port) = (UnitreeLine::new(switch), wire.port());
-        Self { world, wire, line, port, asked: Default::default(), sent: [[0; 17]; 15] }
+        let bench = LineBench::new(seed, switch);
+        Self { bench, asked: Default::default(), sent: [[0; 17]; 15] }
     }
 
     /// A simulated motor of this id.
     pub fn device(&self, id: u8) -> LineMotor {
-        self.wire.add(Device::new(id), plant())
+        self.device_with(id, plant())
     }
 
     pub fn device_with(&self, id: u8, plant: Plant) -> LineMotor {
         self.wire.add(Device::new(id), plant)
     }
 
-    /// One tick, one millisecond later, and all that is to be done on the line up to then.
     pub fn tick(&mut self) {
-        let tick = self.world.now() + Micros::from_millis(1);
-        loop {
-            let now = self.world.now();
-            let received = self.port.take_received();
-            self.line.on_bytes(&received, now);
-            if now >= tick {
-                break;
-            }
-            match self.line.poll(now) {
-                Step::Send(bytes) => {
-                    let id = usize::from(bytes[2] & 0xF);
-                    self.asked[id].push(now);
-                    self.sent[id] = bytes;
-                    self.port.send(&bytes);
-                }
-                Step::Wait(until) => {
-                    let next = self.world.next_event().min(until.into()).min(tick.into());
-                    self.world.advance_to(next);
-                }
+        self.bench.tick();
+        for (at, is_ours, bytes) in self.bench.traffic.drain(..) {
+            if is_ours {
+                let id = usize::from(bytes[2] & 0xF);
+                self.asked[id].push(at);
+                self.sent[id] = bytes.try_into().unwrap();
             }
         }
-        self.line.tick(tick, Seconds::new(0.001));
     }
 
     pub fn wait(&mut self, millis: u32) {
@@ -83,10 +78,6 @@ impl<'m> Bench<'m> {
             }
             self.tick();
         }
-    }
-
-    pub fn status(&self, motor: MotorId) -> MotorStatus {
-        self.line.status(motor, self.world.now()).unwrap()
     }
 
     /// What a motor is told now.

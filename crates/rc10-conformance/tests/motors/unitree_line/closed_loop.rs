@@ -141,7 +141,8 @@ fn an_impedance_is_the_device_s_own_law() {
         assert!((torque(&device) - 1.5 * sign).abs() < 0.05, "{}", torque(&device));
 
         let negative = Target::Impedance(Impedance { kp: -1.0, ..pull });
-        let error = bench.line.command(motor, negative, bench.world.now()).unwrap_err();
+        let now = bench.world.now();
+        let error = bench.line.command(motor, negative, now).unwrap_err();
         let out = TargetError::OutOfRange(TargetKind::Impedance);
         assert_eq!(error, rc10_motor::CommandError::Target(out));
     }

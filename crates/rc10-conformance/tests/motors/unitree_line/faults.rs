@@ -117,7 +117,8 @@ fn whatever_is_commanded_the_device_is_never_told_to_calibrate() {
     bench.wait(5);
     switch.arm().unwrap();
     for step in 0..3000 {
-        let _ = bench.line.command(id, strange(step), bench.world.now());
+        let now = bench.world.now();
+        let _ = bench.line.command(id, strange(step), now);
         bench.tick();
         let told = bench.told(0);
         assert!(told.status <= 1 && told.torque.abs() <= 23.71 / 6.33, "{told:?}");

@@ -108,6 +108,9 @@ fn a_lost_motor_hears_nothing_but_its_safe_word() {
     bench.hold(id, SPEED, 22);
     assert_eq!((bench.status(id).link, bench.status(id).drive), (Link::Lost, Drive::Coast));
     assert_eq!(bench.status(id).counters.lost, 1);
+    // It is told at once, and then ten times a second.
+    bench.hold(id, SPEED, 1);
+    assert_eq!((obeys(&device).status, obeys(&device).torque), (1, 0.0));
     bench.hold(id, SPEED, 300);
     let told = bench.told(0);
     assert_eq!((told.status, told.torque, told.stiffness, told.damping), (1, 0.0, 0.0, 0.0));
@@ -234,7 +237,8 @@ fn the_coast_image_frees_all_of_them_in_whatever_state() {
     let mut port = bench.wire.port();
     port.send(&UnitreeLine::coast_image());
     port.send(&UnitreeLine::coast_image());
-    bench.world.advance_to(bench.world.now_ns() + Nanos::new(3_000_000));
+    let later = bench.world.now_ns() + Nanos::new(3_000_000);
+    bench.world.advance_to(later);
     for device in &devices {
         assert!(device.state().current.abs() < 0.1, "{:?}", device.state());
         assert_eq!(obeys(device).status, 1);

@@ -1,0 +1,372 @@
+//! What the rules need of a bench, whatever the motors on it are connected by.
+
+use std::ops::{Deref, DerefMut};
+
+use rc10_app::Seconds;
+use rc10_can::{CanFrame, CanPort, Micros};
+use rc10_motor::unitree::GoM8010;
+use rc10_motor::{
+    Answer, ArmSwitch, CanMotor, CommandError, Drive, Motor, MotorId, MotorName, MotorStatus,
+    Request, RequestError, Safety, Target, TargetSet, TxBatch,
+};
+use rc10_sim::{Bus, Esc, EscFault, EscState, Line, LineMotor};
+
+use crate::{Bench, LineBench};
+
+/// A motor to be tried.
+pub(crate) enum Subject {
+    OnBus(Box<dyn CanMotor>),
+    OnLine(Box<GoM8010>),
+}
+
+impl Subject {
+    pub(crate) fn name(&self) -> MotorName {
+        match self {
+            Self::OnBus(motor) => motor.wiring().name(),
+            Self::OnLine(motor) => {
+                MotorName { model: "GO-M8010-6", id: motor.address().get().into() }
+            }
+        }
+    }
+
+    /// Silent for longer it is lost.
+    pub(crate) fn link_timeout(&self) -> Micros {
+        match self {
+            Self::OnBus(motor) => motor.wiring().link_timeout(),
+            Self::OnLine(_) => GoM8010::LINK_TIMEOUT,
+        }
+    }
+
+    /// Between two reports of its device.
+    pub(crate) fn report_period(&self) -> Micros {
+        let Self::OnBus(motor) = self else {
+            return Micros::from_millis(1);
+        };
+        let wiring = motor.wiring();
+        let rates = wiring.received().iter().map(|receive| receive.rate.per_second());
+        let slowest = rates.filter(|rate| *rate > 0).min().unwrap_or(1000);
+        Micros::new(1_000_000 / u64::from(slowest))
+    }
+
+    /// It says what it would send, and nobody listens.
+    pub(crate) fn pack(&mut self) {
+        match self {
+            // What does not fit is a matter of other rules.
+            Self::OnBus(motor) => drop(motor.pack_command(&mut TxBatch::new())),
+            Self::OnLine(motor) => drop(motor.pack_command()),
+        }
+    }
+}
+
+impl Deref for Subject {
+    type Target = dyn Motor;
+
+    fn deref(&self) -> &Self::Target {
+        match self {
+            Self::OnBus(motor) => &**motor,
+            Self::OnLine(motor) => &**motor,
+        }
+    }
+}
+
+impl DerefMut for Subject {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        match self {
+            Self::OnBus(motor) => &mut **motor,
+            Self::OnLine(motor) => &mut **motor,
+        }
+    }
+}
+
+/// A simulated device with its motor, wherever it is plugged in.
+pub(crate) trait Device {
+    fn state(&self) -> EscState;
+    fn set_power(&self, powered: bool);
+    fn set_feedback(&self, enabled: bool);
+    fn set_load(&self, torque: f64);
+    fn inject(&self, fault: EscFault) -> bool;
+}
+
+macro_rules! is_device {
+    ($handle:ty) => {
+        impl Device for $handle {
+            fn state(&self) -> EscState {
+                self.state()
+            }
+
+            fn set_power(&self, powered: bool) {
+                self.set_power(powered);
+            }
+
+            fn set_feedback(&self, enabled: bool) {
+                self.set_feedback(enabled);
+            }
+
+            fn set_load(&self, torque: f64) {
+                self.set_load(torque);
+            }
+
+            fn inject(&self, fault: EscFault) -> bool {
+                self.inject(fault)
+            }
+        }
+    };
+}
+
+is_device!(Esc);
+is_device!(LineMotor);
+
+/// What went over a wire, and when it was over.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Traffic {
+    pub(crate) at: Micros,
+    pub(crate) is_ours: bool,
+    pub(crate) what: Sent,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Sent {
+    Frame(CanFrame),
+    Bytes(Vec<u8>),
+}
+
+/// Motors of ours and what watches over them, on a wire with their devices.
+pub(crate) trait Harness<'m> {
+    /// Puts a motor of ours on the wire; the text says why it does not go.
+    fn attach(&mut self, motor: &'m mut Subject, safety: Safety) -> Result<MotorId, String>;
+    /// Puts a device with this identifier on the wire.
+    fn device(&self, id: u8) -> Box<dyn Device>;
+    fn now(&self) -> Micros;
+    fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError>;
+    fn request(&mut self, motor: MotorId, request: Request) -> Result<Answer, RequestError>;
+    fn answer(&mut self, motor: MotorId) -> Option<Result<Answer, RequestError>>;
+    fn supports(&self, motor: MotorId) -> TargetSet;
+    fn status(&self, motor: MotorId) -> MotorStatus;
+    /// A millisecond, with a tick at its end; the motors are told that `dt` has passed.
+    fn tick(&mut self, dt: Seconds);
+    /// A tick of a motor that is not attached, so that nobody watches over it, and a millisecond.
+    fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: Drive);
+    /// The program panics: what is for a panic handler is sent, and what waited is not. No tick may
+    /// follow.
+    fn panic(&mut self);
+    /// A millisecond without a tick.
+    fn pass(&mut self);
+    /// Cuts our side off the wire, or connects it again.
+    fn set_cut(&mut self, cut: bool);
+    /// What went over the wire since the last time.
+    fn take_traffic(&mut self) -> Vec<Traffic>;
+}
+
+/// Makes motors, and benches for them.
+pub(crate) trait Connection {
+    fn motor(&self, id: u8) -> Subject;
+    fn bench<'m>(&'m self, seed: u64, switch: &'m ArmSwitch) -> Box<dyn Harness<'m> + 'm>;
+}
+
+/// Motors on a CAN bus.
+pub(crate) struct ByBus<'a> {
+    pub(crate) motor: &'a dyn Fn(u8) -> Box<dyn CanMotor>,
+    pub(crate) device: &'a dyn Fn(&Bus, u8) -> Esc,
+}
+
+impl Connection for ByBus<'_> {
+    fn motor(&self, id: u8) -> Subject {
+        Subject::OnBus((self.motor)(id))
+    }
+
+    fn bench<'m>(&'m self, seed: u64, switch: &'m ArmSwitch) -> Box<dyn Harness<'m> + 'm> {
+        Box::new(OnBus { bench: Bench::new(seed, switch), device: self.device })
+    }
+}
+
+struct OnBus<'m> {
+    bench: Bench<'m>,
+    device: &'m dyn Fn(&Bus, u8) -> Esc,
+}
+
+impl OnBus<'_> {
+    fn submit(&self, batch: &TxBatch) {
+        let mut port = self.bench.wire.port();
+        for (frame, stream) in batch.entries() {
+            // A full controller is a slow wire, not a fault of the motor.
+            let _ = port.submit_as(frame, stream);
+        }
+    }
+}
+
+impl<'m> Harness<'m> for OnBus<'m> {
+    fn attach(&mut self, motor: &'m mut Subject, safety: Safety) -> Result<MotorId, String> {
+        match motor {
+            Subject::OnBus(motor) => {
+                self.bench.attach(&mut **motor, safety).map_err(|error| error.to_string())
+            }
+            Subject::OnLine(_) => Err("it belongs on a line".to_owned()),
+        }
+    }
+
+    fn device(&self, id: u8) -> Box<dyn Device> {
+        Box::new((self.device)(&self.bench.wire, id))
+    }
+
+    fn now(&self) -> Micros {
+        self.bench.world.now()
+    }
+
+    fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError> {
+        let now = self.now();
+        self.bench.bus.command(motor, target, now)
+    }
+
+    fn request(&mut self, motor: MotorId, request: Request) -> Result<Answer, RequestError> {
+        self.bench.bus.request(motor, request)
+    }
+
+    fn answer(&mut self, motor: MotorId) -> Option<Result<Answer, RequestError>> {
+        self.bench.bus.answer(motor)
+    }
+
+    fn supports(&self, motor: MotorId) -> TargetSet {
+        self.bench.bus.supports(motor)
+    }
+
+    fn status(&self, motor: MotorId) -> MotorStatus {
+        self.bench.status(motor)
+    }
+
+    fn tick(&mut self, dt: Seconds) {
+        self.bench.tick_with(dt);
+    }
+
+    fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: Drive) {
+        motor.update(dt, drive);
+        if let Subject::OnBus(motor) = motor {
+            let mut batch = TxBatch::new();
+            let _ = motor.pack_command(&mut batch);
+            self.submit(&batch);
+        }
+        self.pass();
+    }
+
+    fn panic(&mut self) {
+        let mut image = TxBatch::new();
+        let _ = self.bench.bus.coast_image(&mut image);
+        self.bench.wire.port().cancel_pending();
+        self.submit(&image);
+    }
+
+    fn pass(&mut self) {
+        let next = self.now() + Micros::from_millis(1);
+        self.bench.world.advance(next);
+    }
+
+    fn set_cut(&mut self, cut: bool) {
+        self.bench.wire.set_cut(cut);
+    }
+
+    fn take_traffic(&mut self) -> Vec<Traffic> {
+        let entries = self.bench.wire.take_trace().into_iter();
+        let traffic = entries.map(|entry| Traffic {
+            at: entry.at,
+            is_ours: entry.from_controller,
+            what: Sent::Frame(entry.frame),
+        });
+        traffic.collect()
+    }
+}
+
+/// Motors on an RS-485 line.
+pub(crate) struct ByLine<'a> {
+    pub(crate) motor: &'a dyn Fn(u8) -> GoM8010,
+    pub(crate) device: &'a dyn Fn(&Line, u8) -> LineMotor,
+}
+
+impl Connection for ByLine<'_> {
+    fn motor(&self, id: u8) -> Subject {
+        Subject::OnLine(Box::new((self.motor)(id)))
+    }
+
+    fn bench<'m>(&'m self, seed: u64, switch: &'m ArmSwitch) -> Box<dyn Harness<'m> + 'm> {
+        Box::new(OnLine { bench: LineBench::new(seed, switch), device: self.device })
+    }
+}
+
+struct OnLine<'m> {
+    bench: LineBench<'m>,
+    device: &'m dyn Fn(&Line, u8) -> LineMotor,
+}
+
+impl<'m> Harness<'m> for OnLine<'m> {
+    fn attach(&mut self, motor: &'m mut Subject, safety: Safety) -> Result<MotorId, String> {
+        match motor {
+            Subject::OnLine(motor) => {
+                self.bench.line.attach(motor, safety).map_err(|error| error.to_string())
+            }
+            Subject::OnBus(_) => Err("it belongs on a bus".to_owned()),
+        }
+    }
+
+    fn device(&self, id: u8) -> Box<dyn Device> {
+        Box::new((self.device)(&self.bench.wire, id))
+    }
+
+    fn now(&self) -> Micros {
+        self.bench.world.now()
+    }
+
+    fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError> {
+        let now = self.now();
+        self.bench.line.command(motor, target, now)
+    }
+
+    fn request(&mut self, motor: MotorId, request: Request) -> Result<Answer, RequestError> {
+        self.bench.line.request(motor, request)
+    }
+
+    fn answer(&mut self, motor: MotorId) -> Option<Result<Answer, RequestError>> {
+        self.bench.line.answer(motor)
+    }
+
+    fn supports(&self, motor: MotorId) -> TargetSet {
+        self.bench.line.supports(motor)
+    }
+
+    fn status(&self, motor: MotorId) -> MotorStatus {
+        self.bench.status(motor)
+    }
+
+    fn tick(&mut self, dt: Seconds) {
+        self.bench.tick_with(dt);
+    }
+
+    fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: Drive) {
+        motor.update(dt, drive);
+        if let Subject::OnLine(motor) = motor {
+            self.bench.wire.port().send(&motor.pack_command());
+        }
+        self.pass();
+    }
+
+    fn panic(&mut self) {
+        let image = rc10_motor::unitree::UnitreeLine::coast_image();
+        // The first may meet an answer.
+        for _ in 0..2 {
+            self.bench.wire.port().send(&image);
+        }
+    }
+
+    fn pass(&mut self) {
+        let next = self.now() + Micros::from_millis(1);
+        self.bench.world.advance(next);
+    }
+
+    fn set_cut(&mut self, cut: bool) {
+        self.bench.wire.set_cut(cut);
+    }
+
+    fn take_traffic(&mut self) -> Vec<Traffic> {
+        let heard = std::mem::take(&mut self.bench.traffic).into_iter();
+        let traffic =
+            heard.map(|(at, is_ours, bytes)| Traffic { at, is_ours, what: Sent::Bytes(bytes) });
+        traffic.collect()
+    }
+}
