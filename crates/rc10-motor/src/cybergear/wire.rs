@@ -257,7 +257,7 @@ impl ParameterValue {
     }
 }
 
-/// Type 21. What the bits mean: [`models::DETAILS`](super::models::DETAILS).
+/// Type 21. What the bits mean stands beside the models, as text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FaultReport {
