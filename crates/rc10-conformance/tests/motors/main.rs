@@ -7,6 +7,7 @@ mod cybergear;
 mod damiao;
 mod damiao_values;
 mod dji;
+mod index;
 mod lk;
 mod odrive;
 mod unitree_line;

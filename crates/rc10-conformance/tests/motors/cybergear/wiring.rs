@@ -36,7 +36,7 @@ fn what_cannot_be_is_refused_by_name() {
     assert!(cybergear().with_cascade(cascade).is_err());
 }
 
-/// As the page of later motors worked it out: 28 / 32 % for one, 83 / 96 % for three.
+/// As the page says: 28 / 32 % for one, 83 / 96 % for three.
 #[test]
 fn three_fit_on_a_bus() {
     let switch = ArmSwitch::new();

@@ -61,7 +61,7 @@ fn drives_with_one_identifier_and_other_vendors_on_it_are_refused() {
     }
 }
 
-/// Percent of 1 Mbit/s, as docs/later-motors.md says.
+/// Percent of 1 Mbit/s, as the page says.
 #[test]
 fn three_drives_or_four_in_one_frame_fit_beside_a_wheel() {
     let switch = ArmSwitch::new();

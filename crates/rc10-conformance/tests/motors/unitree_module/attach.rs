@@ -64,7 +64,7 @@ fn transmit(id: u32, mask: u32) -> Transmit {
     Transmit { pattern, len: 8, rate: Rate::EveryTick, share: Share::Whole }
 }
 
-/// As `docs/later-motors.md` has it: STATUS and STATUS 3, commands.
+/// STATUS and STATUS 3, commands: a wiring by hand.
 fn vesc(id: u16) -> Wired {
     let wiring = Wiring::new("VESC", id)
         .receives(receive(0x09 << 8 | u32::from(id), 0x1FFF_FFFF))
