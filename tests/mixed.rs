@@ -58,7 +58,11 @@ fn nothing_is_lost_and_one_seed_gives_one_trace() {
     let run_1 = run(1);
     for track in &run_1.motors {
         let (label, last) = (track.motor.label, &track.last);
-        assert_eq!((last.link, last.drive, last.fault), (Link::Online, Drive::Run, None), "{label}");
+        assert_eq!(
+            (last.link, last.drive, last.fault),
+            (Link::Online, Drive::Run, None),
+            "{label}"
+        );
         let counters = last.counters;
         let bad = (counters.malformed, counters.lost, counters.refused, track.overwritten);
         assert_eq!(bad, (0, 0, 0, 0), "{label}");
