@@ -1,16 +1,19 @@
 //! The `rc10` command, and what it is made of: runs a robot in a simulated world, draws a report,
-//! decodes CAN captures. The only place where robots and the simulator meet.
+//! decodes CAN captures, writes DBC files, puts a simulated bus on a pseudo-terminal. The only place
+//! where robots, the simulator and the emulator meet.
 //!
 //! A robot crate needs no copy of this one: it hands a [`Robot`], which is a [`Description`] with
 //! buses and tasks, to [`main_for`] and has the same command line. `examples/two-wheels` does.
 //!
-//! * [`robot`]: what the tools must know of a robot. [`team`]: the one of `rc10-robot`.
+//! * [`robot`]: what the tools must know of a robot: each [`Motor`] with its [`Place`](robot::Place)
+//!   on a bus or line, its [`Device`](robot::Device), and what its shaft carries. [`team`] and
+//!   [`mixed`]: the two of `rc10-robot`.
 //! * [`surroundings`]: the world around a robot, from its description alone.
 //! * [`recorder`]: writes down what happens there, whoever runs the robot. [`simulate`] runs its
 //!   own tasks, on this machine.
 //! * [`recording`]: what is left of a run. [`figures`] and [`report`] are made from it.
-//! * [`run`], [`emulate`], [`decode`], [`dbc`], [`pty`]: the commands. [`slcan`]: what the last
-//!   one speaks.
+//! * [`run`], [`emulate`], [`decode`], [`dbc`], [`pty`]: the commands. [`candump`]: logs, read and
+//!   written. [`slcan`]: what a pseudo-terminal speaks.
 #![forbid(unsafe_code)]
 // Figures for people and plots: a rounded digit does no harm here.
 #![allow(clippy::cast_precision_loss, clippy::cast_possible_truncation)]

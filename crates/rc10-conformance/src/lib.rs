@@ -3,7 +3,13 @@
 //! those that do not speak of CAN frames on a motor of an RS-485 line. [`Bench`] and [`LineBench`]
 //! are for tests of what only your motor does.
 //!
-//! [`RULES`] is the list: the documentation and what is run are the same table.
+//! * [`RULES`]: the list. The documentation and what is run are the same table.
+//! * [`Declaration`]: what your motor says it can do, with a [`Trial`] for each kind of target, and a
+//!   reason for what it cannot ([`Claim::Cannot`]).
+//! * [`Report`]: every [`Breach`] with the rule, what happened, and when in virtual time.
+//!
+//! The motors of `rc10-motor` are checked in `tests/conformance.rs`; `tests/rule_breakers.rs` has a
+//! motor that breaks each rule. `docs/add-a-motor.md` leads from a manual to a motor that passes.
 //!
 //! ```
 //! use rc10_app::{Amps, NewtonMetres, Rpm};

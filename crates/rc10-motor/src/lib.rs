@@ -1,4 +1,4 @@
-//! Motors on a CAN bus, and the bus that keeps them safe. `no_std`, no allocation, no I/O.
+//! Motors on CAN and RS-485, and what keeps them safe. `no_std`, no allocation, no I/O.
 //!
 //! * A [`Motor`] takes a [`Target`] and tells its [`Feedback`]. A [`CanMotor`] also knows its
 //!   frames, and declares everything it occupies on the bus in one [`Wiring`].
@@ -6,11 +6,29 @@
 //!   received frame to its motor, and every tick decides what each motor may do: run, or go to
 //!   its [`SafeState`] because its command expired, its link is lost, or the [`ArmSwitch`] says so.
 //! * A [`UnitreeLine`](unitree::UnitreeLine) is the same for motors on RS-485.
+//! * What a motor has to tell beside its feedback is a [`Fault`] in words, which keeps it from
+//!   running until [`Request::ClearFault`], and a [`Condition`]. A [`Request`] may have to wait for
+//!   the device ([`Answer`]).
 //! * With feature `embassy`, [`run_bus`](embassy::run_bus) does this every millisecond on any
-//!   [`CanPort`](rc10_can::CanPort), and tasks talk to the motors through a
-//!   [`BusPort`](embassy::BusPort).
+//!   [`CanPort`](rc10_can::CanPort), [`run_line`](embassy::run_line) on a serial port, and tasks talk
+//!   to the motors through a [`BusPort`](embassy::BusPort) or [`LinePort`](embassy::LinePort).
 //!
-//! Without embassy a bus is plain functions in a loop of your own:
+//! | module | motors | link |
+//! |---|---|---|
+//! | [`dji`] | M3508 with C620, M2006 with C610, GM6020 in current and voltage mode | CAN |
+//! | [`vesc`] | VESC speed controllers | CAN, extended |
+//! | [`unitree`] | GO-M8010-6 | RS-485; or CAN, extended, by Unitree's module |
+//! | [`damiao`] | DM-J, -H, -G, -S in MIT, position-velocity, velocity and force-position mode | CAN |
+//! | [`cybergear`] | Xiaomi CyberGear, RobStride RS00 to RS06 | CAN, extended |
+//! | [`lk`] | LK-TECH MF and MG, single commands or the multi-motor frame | CAN |
+//! | [`odrive`] | `ODrive`, `CANSimple` of firmware 0.5 and 0.6 | CAN |
+//!
+//! Each has its codec, which can be used alone (`wire`; [`dji::RawFeedback`]), its motor, and its
+//! `signals`: what stands where in its frames, as data for DBC files ([`signals`]). What motors share: [`servo`], targets
+//! and ways to stop for a device that takes an effort, and [`cascade`], the loops in it.
+//!
+//! None of them has been driven for real yet; `docs/motors` in the repository says what each was
+//! tested with. Without embassy a bus is plain functions in a loop of your own:
 //!
 //! ```
 //! use rc10_can::{CanFrame, Micros};

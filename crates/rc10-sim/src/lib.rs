@@ -1,15 +1,28 @@
-//! A robot's buses without the robot: simulated DJI ESCs and motors, CAN wires with true
-//! arbitration and bit lengths, a mecanum base, and virtual time behind `embassy-time`.
+//! A robot's buses without the robot: simulated ESCs and motors of many vendors, CAN wires with true
+//! arbitration and bit lengths, RS-485 lines, a mecanum base, and virtual time behind `embassy-time`.
 //!
 //! * [`World`]: holds everything and lets time pass. [`World::run`] runs a future, as the robot's
 //!   own tasks are; [`World::advance`] is for a plain loop.
 //! * [`Bus`] and its [`SimPort`]: one wire, and its faults. The port implements
 //!   [`rc10_can::CanPort`].
 //! * [`Controller`]: what takes the port's place on a wire, an emulated chip for example.
-//! * [`Esc`]: an ESC with its motor ([`Model`], [`Plant`]): what it really does, and faults. Any
-//!   other vendor's, or one of your own, is a [`Device`].
-//! * [`Line`] and its [`SerialPort`]: an RS-485 line with its [`LineDevice`]s.
+//! * [`Esc`]: an ESC with its motor on a wire: what it really does, power, and faults. Its
+//!   electronics are a [`Device`], its motor is a [`Plant`].
+//! * [`Line`] and its [`SerialPort`]: an RS-485 line, and on it [`LineMotor`]s with a
+//!   [`LineDevice`] each.
 //! * [`Base`]: four motors under a body that rolls and slides.
+//!
+//! | vendor | devices |
+//! |---|---|
+//! | DJI | [`Bus::add_esc`] of an [`EscConfig`]: C620, C610, GM6020 in either mode |
+//! | VESC | [`vesc::Vesc`] |
+//! | Unitree | [`unitree_module::UnitreeModule`] on CAN, [`unitree_line::GoM8010`] on a line |
+//! | Damiao | [`damiao::Damiao`] |
+//! | Xiaomi, RobStride | [`cybergear::CyberGear`] |
+//! | LK-TECH | [`lk::Drive`] |
+//! | `ODrive` | [`odrive::Axis`] |
+//!
+//! One of your own: implement [`Device`] from its manual and give it to [`Bus::add`].
 //!
 //! **An independent witness.** The ESCs decode commands and encode feedback with code of their
 //! own. This crate knows no motor library and no robot: a scale error in theirs does not cancel
@@ -44,8 +57,8 @@
 //! # Ok::<(), rc10_sim::IdOutOfRange>(())
 //! ```
 //!
-//! Not simulated: start-up time of an ESC, its own protections, clock drift, measurement noise,
-//! cogging and gear play; error counters and bus-off of an ESC, which repeats a frame until it is
+//! Not simulated: start-up time of an ESC, protections of DJI's (the others' trip when told to,
+//! [`Esc::inject`], or as their modules say), clock drift, measurement noise, cogging and gear play; error counters and bus-off of an ESC, which repeats a frame until it is
 //! heard or a newer one takes its place; suspended transmission and passive error frames.
 #![forbid(unsafe_code)]
 
