@@ -39,6 +39,11 @@ pub fn report(recording: &Recording) -> String {
         length = seconds(recording.length),
         motors = recording.motors.len(),
         buses = recording.buses.len(),
+        lines = match recording.lines.len() {
+            0 => String::new(),
+            1 => " and <b>1</b> RS-485 line".to_owned(),
+            lines => format!(" and <b>{lines}</b> RS-485 lines"),
+        },
         verdict = verdict(recording),
         tiles = tiles(recording),
         events = events(recording),
