@@ -57,7 +57,7 @@ struct Arguments {
     command: Option<Command>,
 }
 
-/// The same with a choice of robots.
+/// RC10: a robot's motor buses, on a PC.
 #[derive(Parser)]
 #[command(name = "rc10", version, arg_required_else_help = false, after_help = EXAMPLES)]
 struct OwnArguments {
