@@ -33,7 +33,7 @@ pub struct Damiao {
     sought: Option<i64>,
     /// Where to stay while the bus says hold.
     held: Option<i64>,
-    /// 0 ..= 1: how much of an impedance is given, while it begins.
+    /// 0 ..= 1: how much of the largest torque an impedance may ask for, while it begins.
     softness: f32,
     fault: Option<Fault>,
     drive: Drive,
@@ -55,7 +55,8 @@ enum Command {
     Velocity(f32),
 }
 
-/// Share of an impedance by which it grows in a second: all of it in 20 ms.
+/// Share of the largest torque by which that of an impedance may grow in a second: all of it in
+/// 20 ms.
 const SOFT_SLOPE: f32 = 50.0;
 /// Slower than this share of `VMAX` is standing still.
 const STANDSTILL: f32 = 0.005;
@@ -184,10 +185,15 @@ impl Damiao {
                 if let (true, Goal::Impedance(wanted)) = (runs, self.goal) {
                     servo.rest();
                     self.softness = (self.softness + SOFT_SLOPE * dt.get()).min(1.0);
+                    // All of it is taken back by one factor: the equilibrium stays.
+                    let torque = wanted.torque.clamp(-most, most);
+                    let law = self.shaft.torque_of(&Setpoint { torque, ..wanted }).abs();
+                    let limit = most * self.softness;
+                    let share = if law > limit { limit / law } else { 1.0 };
                     return Command::Mit(Setpoint {
-                        kp: wanted.kp * self.softness,
-                        kd: wanted.kd * self.softness,
-                        torque: wanted.torque.clamp(-most, most) * self.softness,
+                        kp: wanted.kp * share,
+                        kd: wanted.kd * share,
+                        torque: torque * share,
                         ..wanted
                     });
                 }
@@ -208,7 +214,8 @@ impl Damiao {
             }),
             Steering::PositionVelocity { .. } | Steering::ForcePosition { .. } => {
                 let total = match self.goal {
-                    Goal::Total(total) if runs => Some(total),
+                    // Since a restart it may lie where the device has no number for.
+                    Goal::Total(total) if runs && self.shaft.reaches(total) => Some(total),
                     Goal::Angle(phase) if runs => self.shaft.nearest(phase),
                     _ => None,
                 };

@@ -1,11 +1,11 @@
 //! Where the output shaft is: what the device tells, unwrapped and counted from our zero. Angles in
 //! microdegrees, in the direction that the robot counts.
 
-use rc10_app::angle::shortest_way;
-use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
+use rc10_app::angle::{nearest_movement, shortest_way};
+use rc10_app::{Degrees, NewtonMetres, Rpm, Seconds, TotalAngle};
 use rc10_can::Micros;
 
-use super::mit::Limits;
+use super::mit::{Limits, Setpoint};
 use super::wire::{Feedback, State};
 use crate::dji::Direction;
 use crate::motor;
@@ -19,6 +19,8 @@ pub(super) const RPM_PER_RADIAN_PER_SECOND: f32 = 9.549_297;
 /// A device that was silent for longer is a new one: the link timeout of one that answers in every
 /// tick.
 pub(super) const LONGEST_SILENCE: Micros = Micros::from_millis(10);
+/// Twice that, s: a load may turn it faster than it can turn itself.
+const SILENCE_AND_MORE: f32 = 0.020;
 
 #[derive(Clone, Debug)]
 pub(super) struct Shaft {
@@ -26,6 +28,9 @@ pub(super) struct Shaft {
     sign: i8,
     /// `PMAX`.
     range: i64,
+    /// Further it does not turn within [`LONGEST_SILENCE`]: who does was restarted in a blink, and
+    /// counts from elsewhere.
+    most: i64,
     /// What it told last, and when; `None` before.
     told: Option<(Feedback, Micros)>,
     /// Position as told last, within ±`range`.
@@ -44,7 +49,9 @@ impl Shaft {
         #[expect(clippy::cast_possible_truncation, reason = "a million rad are below 2^63")]
         let range = (limits.position() * PER_RADIAN) as i64;
         let sign = if direction == Direction::Reversed { -1 } else { 1 };
-        Self { sign, range, told: None, raw: 0, total: 0, phase: 0, zero: 0, gaps: 0 }
+        #[expect(clippy::cast_possible_truncation, reason = "a million rad/s are below 2^63")]
+        let most = (limits.velocity() * PER_RADIAN * SILENCE_AND_MORE) as i64;
+        Self { sign, range, most, told: None, raw: 0, total: 0, phase: 0, zero: 0, gaps: 0 }
     }
 
     /// Takes what the device tells. Whether it is a new device: never heard before, or silent for
@@ -53,9 +60,15 @@ impl Shaft {
         #[expect(clippy::cast_possible_truncation, reason = "a million rad are below 2^63")]
         let raw = i64::from(self.sign) * (told.position * PER_RADIAN) as i64;
         let last = self.told.replace((told, at));
-        let is_new = last.is_none_or(|(_, heard)| at.since(heard) > LONGEST_SILENCE);
+        // A jump from one end of its range to the other is a turn that was counted.
+        let way = (raw - self.raw).abs();
+        let jumps = way > self.most && way < 2 * self.range - self.most;
+        let is_new = jumps || last.is_none_or(|(_, heard)| at.since(heard) > LONGEST_SILENCE);
         if is_new {
-            self.gaps += u32::from(last.is_some());
+            if let Some((before, heard)) = last {
+                self.gaps = self.gaps.saturating_add(1);
+                self.bridge(raw, before.velocity + told.velocity, at.since(heard));
+            }
             self.place(raw.saturating_sub(self.zero));
         } else {
             // Whether it stays at the end of its range or goes on at the other: right for both.
@@ -65,9 +78,31 @@ impl Shaft {
                 moved => moved,
             };
             self.move_by(moved);
+            // Beyond its range it may tell the end of it, and how far it goes is not seen.
+            let ends = raw.abs() >= self.range;
+            if ends && self.raw.abs() < self.range {
+                self.gaps = self.gaps.saturating_add(1);
+            }
         }
         self.raw = raw;
         is_new
+    }
+
+    /// After a silence: either the device counted on, or it was restarted and knows its turn no
+    /// more. Then the shaft is taken to be where its speed (rad/s, twice the mean) took it, so that
+    /// no angle that is sought moves by whole turns.
+    #[cold]
+    fn bridge(&mut self, raw: i64, speeds: f32, silence: Micros) {
+        let speed = f32::from(self.sign) * 0.5 * speeds;
+        let seconds = Seconds::from_micros(silence.get()).get();
+        #[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
+        let expected = (speed * seconds * PER_RADIAN) as i64;
+        let moved = raw - self.raw;
+        let aside = moved.saturating_sub(expected).unsigned_abs();
+        if aside > TURN.unsigned_abs() / 2 + expected.unsigned_abs() / 2 {
+            let likeliest = nearest_movement(moved % TURN, expected, TURN);
+            self.zero = self.zero.saturating_add(moved - likeliest);
+        }
     }
 
     fn move_by(&mut self, moved: i64) {
@@ -126,6 +161,13 @@ impl Shaft {
     pub(super) fn measured(&self) -> Option<Measured> {
         let rpm = self.told?.0.velocity * RPM_PER_RADIAN_PER_SECOND * self.sign();
         Some(Measured { rpm, microdegrees: self.total })
+    }
+
+    /// The torque that this asks of the device where it is now, N m; more where it is not known.
+    pub(super) fn torque_of(&self, setpoint: &Setpoint) -> f32 {
+        let Some((told, _)) = self.told else { return f32::MAX };
+        let Setpoint { position, velocity, kp, kd, torque } = *setpoint;
+        kp * (position - told.position) + kd * (velocity - told.velocity) + torque
     }
 
     /// Whether the device can be told to go there.
@@ -205,6 +247,29 @@ mod tests {
         // Silent for too long: the device is believed, and the count may be wrong.
         assert!(shaft.hear(told(-2.9), Micros::from_millis(13)));
         assert!((shaft.total() + 166_157_760).abs() < 200, "{}", shaft.total());
+        assert_eq!(shaft.feedback().turn_gaps, 1);
+    }
+
+    #[test]
+    fn a_restart_moves_nothing_by_whole_turns() {
+        for millis in [3, 50] {
+            let mut shaft = shaft(9.0, 12.5);
+            let before = shaft.total();
+            // Switched off and on: it knows where it is in its turn, and no more.
+            let told_now = 9.0 - core::f32::consts::TAU;
+            assert!(shaft.hear(told(told_now), Micros::from_millis(1 + millis)));
+            assert!((shaft.total() - before).abs() < 200, "{} {before}", shaft.total());
+            assert!((shaft.device_radians(before) - told_now).abs() < 1e-5);
+            assert_eq!(shaft.feedback().turn_gaps, 1);
+        }
+    }
+
+    #[test]
+    fn the_end_of_the_range_counts_as_a_gap() {
+        let mut shaft = shaft(12.4, 12.5);
+        for millis in 2..5 {
+            let _ = shaft.hear(told(12.5), Micros::from_millis(millis));
+        }
         assert_eq!(shaft.feedback().turn_gaps, 1);
     }
 

@@ -1,10 +1,10 @@
-use super::{LOAD, Rig, cascade, controls, device, motor};
+use super::{LOAD, MOST, Rig, cascade, controls, device, motor};
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::damiao::{Control, Damiao, models};
 use rc10_motor::dji::Direction;
 use rc10_motor::{
-    ArmSwitch, CommandError, Condition, Drive, Impedance, Request, Safety, Target, TargetError,
-    TargetKind,
+    Answer, ArmSwitch, CommandError, Condition, Drive, Impedance, Request, Safety, Target,
+    TargetError, TargetKind,
 };
 use rc10_sim::damiao::{Beyond, DamiaoConfig};
 
@@ -124,6 +124,33 @@ fn an_impedance_begins_softly() {
         last = now;
     }
     assert!((last - 5.0).abs() < 0.2, "{last}");
+}
+
+/// A stiff spring that is far away pulls with what the motor may give, and no more; and that too
+/// begins softly.
+#[test]
+fn an_impedance_keeps_to_the_torque_limit() {
+    for limit in [MOST, 2.0] {
+        let switch = ArmSwitch::new();
+        let mut motor = motor(mit());
+        let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST).armed();
+        let request = Request::TorqueLimit(NewtonMetres::new(limit));
+        assert_eq!(rig.bench.bus.request(rig.motor, request), Ok(Answer::Done));
+        let spring =
+            Impedance { angle: Degrees::new(300.0), kp: 25.0, kd: 1.0, ..Impedance::default() };
+        let (mut last, mut most) = (0.0, 0.0_f64);
+        for tick in 0..1000 {
+            rig.bench.hold(rig.motor, Target::Impedance(spring), 1).unwrap();
+            let now = rig.esc.state().torque;
+            // A step of `kp` on the wire is 0.12 N m/rad.
+            let softly = 0.12 * f64::from(limit) + 0.3;
+            assert!(tick > 15 || now - last < softly, "{last} to {now} N m");
+            last = now;
+            most = most.max(now.abs());
+        }
+        // What is told is a tick old, and `kp` is coarse.
+        assert!((0.9..1.3).contains(&(most / f64::from(limit))), "{most} N m");
+    }
 }
 
 #[test]
