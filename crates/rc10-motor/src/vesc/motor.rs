@@ -22,6 +22,8 @@ const SOFT_TIME: f32 = 0.020;
 /// … and a duty from what the motor's own voltage is by so much a second. The VESC's ramp of 2 % in
 /// a millisecond is a blow: its winding has no more than a few hundredths of an ohm.
 const SOFT_DUTY: f32 = 2.0;
+/// Steps that the tachometer may be away from twice what its speed makes: two turns of the field.
+const MOST_ASIDE: f32 = 12.0;
 /// A tachometer value older than this, s, is nothing to seek an angle by.
 const OLD: f32 = 0.025;
 
@@ -207,13 +209,19 @@ impl Vesc {
             },
         };
         // Whoever begins to push begins softly.
-        let is_duty = |command| matches!(command, Command::Duty(_));
-        if is_duty(command) != is_duty(self.command) {
+        let way = |command| match command {
+            Command::Duty(_) => 1,
+            Command::Handbrake(_) | Command::RelativeHandbrake(_) => 2,
+            _ => 0,
+        };
+        if way(command) != way(self.command) {
             (self.risen, self.from) = (0.0, self.seen.duty);
         }
         let begins = drive == Drive::Run && self.target != Target::Coast;
         let rise = match command {
             Command::Current(_) | Command::RelativeCurrent(_) if begins => dt.get() / SOFT_TIME,
+            // A field that locks pulls the rotor up to half its turn.
+            Command::Handbrake(_) | Command::RelativeHandbrake(_) => dt.get() / SOFT_TIME,
             Command::Duty(duty) if begins => {
                 dt.get() * SOFT_DUTY / (duty - self.from).abs().max(f32::EPSILON)
             }
@@ -228,7 +236,10 @@ impl Vesc {
                 Command::Duty(self.from + (duty - self.from) * self.risen)
             }
             Command::Brake(amps) => Command::Brake(limited(amps)),
-            Command::Handbrake(amps) => Command::Handbrake(limited(amps)),
+            Command::Handbrake(amps) => {
+                Command::Handbrake(Amps::new(limited(amps).get() * self.risen))
+            }
+            Command::RelativeHandbrake(share) => Command::RelativeHandbrake(share * self.risen),
             other => other,
         }
     }
@@ -272,7 +283,11 @@ impl Vesc {
             }
             Status::Tachometer { steps, volts } => {
                 seen.volts = Some(volts);
-                let after_silence = core::mem::take(&mut self.after_silence);
+                // So many steps it may have made: one a sixth of the field's turn. Who has made more
+                // was restarted in a blink.
+                let most = MOST_ASIDE + 0.2 * seen.speed.get().abs() * self.tachometer_age;
+                let jumps = self.tachometer.way_to(steps) > most;
+                let after_silence = core::mem::take(&mut self.after_silence) || jumps;
                 self.tachometer.update(steps, after_silence);
                 self.tachometer_age = 0.0;
             }

@@ -48,6 +48,12 @@ impl Tachometer {
         }
     }
 
+    /// Steps from the last value to this one, either way; 0 if there was none.
+    #[expect(clippy::cast_precision_loss, reason = "many are many")]
+    pub(super) const fn way_to(&self, steps: i32) -> f32 {
+        if self.heard { steps.wrapping_sub(self.steps).unsigned_abs() as f32 } else { 0.0 }
+    }
+
     /// Takes a new value, also where it went round after 2³² steps. After a silence the VESC may
     /// have been without power, and have begun again at zero: then the value is nearer to zero than
     /// to the one before.

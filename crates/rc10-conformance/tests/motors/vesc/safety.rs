@@ -42,6 +42,46 @@ fn a_cut_wire_lets_both_sides_go() {
     });
 }
 
+/// A field that locks at once pulls the rotor up to half its turn with all its current.
+#[test]
+fn a_field_locks_softly() {
+    for target in [Target::Handbrake(Amps::new(20.0)), Target::HandbrakeShare(0.5)] {
+        for before in [Target::Coast, Target::Current(Amps::new(2.0))] {
+            armed(|bench, motor, esc, _| {
+                bench.hold(motor, before, 200).unwrap();
+                let (mut last, mut steepest) = (0.0, 0.0_f64);
+                for _ in 0..40 {
+                    bench.hold(motor, target, 1).unwrap();
+                    if let Mode::Handbrake(amps) = mode(esc) {
+                        steepest = steepest.max(amps - last);
+                        last = amps;
+                    }
+                }
+                assert_eq!(last, 20.0);
+                assert!(steepest <= 0.3 * 20.0, "{target:?}: {steepest} A in a millisecond");
+            });
+        }
+    }
+}
+
+/// No frame is missing then: only its tachometer shows it.
+#[test]
+fn a_vesc_that_restarts_in_a_blink_counts_on() {
+    armed(|bench, motor, esc, _| {
+        bench.hold(motor, Target::Speed(Rpm::new(1000.0)), 1000).unwrap();
+        bench.hold(motor, Target::Coast, 5).unwrap();
+        let before = bench.status(motor).feedback.total_angle.degrees().get();
+        esc.set_power(false);
+        bench.hold(motor, Target::Coast, 2).unwrap();
+        esc.set_power(true);
+        bench.hold(motor, Target::Coast, 10).unwrap();
+        let told = bench.status(motor).feedback;
+        let moved = told.total_angle.degrees().get() - before;
+        assert!((0.0..150.0).contains(&moved), "{moved}");
+        assert_eq!(told.turn_gaps, 1);
+    });
+}
+
 #[test]
 fn a_vesc_that_restarts_is_driven_softly_and_counts_on() {
     armed(|bench, motor, esc, _| {
@@ -239,13 +279,13 @@ fn each_safe_state_is_its_own_command() {
             switch.arm().unwrap();
             bench.hold(motor, PUSH, 30).unwrap();
             assert_eq!(mode(esc), Mode::Current(30.0));
-            // The command expires.
-            bench.wait(60);
+            // The command expires. A field locks softly.
+            bench.wait(80);
             assert_eq!(mode(esc), safe);
             assert_eq!(bench.status(motor).counters.expired, 1);
             bench.hold(motor, PUSH, 30).unwrap();
             switch.emergency_stop();
-            bench.hold(motor, PUSH, 10).unwrap();
+            bench.hold(motor, PUSH, 30).unwrap();
             assert_eq!(mode(esc), safe);
             switch.reset();
             bench.hold(motor, PUSH, 10).unwrap();
