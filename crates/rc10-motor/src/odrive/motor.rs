@@ -41,6 +41,10 @@ const LIMIT_FRAMES: u8 = 3;
 /// with all it has.
 const SOFT_TICKS: u8 = 20;
 
+/// Turns that an axis may be away from where its speed takes it, and twice that after a silence: one
+/// further away was restarted.
+const MOST_ASIDE: f32 = 0.25;
+
 /// How far an axis is on its way to obeying.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
@@ -192,12 +196,17 @@ impl ODrive {
 
     #[inline]
     fn follow(&mut self, last: &Seen, now: Estimates, silence: Seconds) {
-        if silence.get() <= self.link_timeout {
-            return self.shaft.follow(now.position);
-        }
         let before = last.estimates;
         let fastest = before.velocity.abs().max(now.velocity.abs());
-        let most = 0.5 + fastest * silence.get();
+        let mut most = MOST_ASIDE + fastest * silence.get();
+        if silence.get() <= self.link_timeout {
+            // What was restarted in a blink counts from elsewhere, too.
+            if (now.position - before.position).abs() <= most {
+                return self.shaft.follow(now.position);
+            }
+        } else {
+            most += MOST_ASIDE;
+        }
         self.shaft.follow_after_silence(before.position, now.position, most);
         // It may be another axis than the one that was switched on.
         self.leave();
