@@ -19,6 +19,8 @@ const TURN: i32 = 360_000_000;
 const DEGREES: f32 = 180.0 / core::f32::consts::PI;
 /// Steps of a field, and its last value.
 const LAST: u16 = u16::MAX;
+/// A part in 38 of a field of ±12.57 rad is 0.66 rad: what 50 rad/s make in 10 ms, and a third more.
+const JUMP: u16 = LAST / 38;
 /// Below this a speed is the field's own zero, rad/s: nothing is gathered from it.
 const STANDS: f32 = 0.05;
 /// The largest change that certainly fits an i32 with a turn on top.
@@ -80,6 +82,14 @@ impl Position {
     /// From one end to the other.
     fn range(&self) -> i64 {
         2 * self.angle(LAST)
+    }
+
+    /// Whether the field shows more movement than any motor makes within its link timeout, and has
+    /// not just started over: then the device was restarted in a blink.
+    #[inline]
+    pub(super) fn jumps_to(&self, steps: u16) -> bool {
+        let moved = steps.abs_diff(self.steps.unwrap_or(steps));
+        (JUMP..=LAST - JUMP).contains(&moved)
     }
 
     /// Whether the field shows a movement by about `expected` (± `tolerance`), rad.

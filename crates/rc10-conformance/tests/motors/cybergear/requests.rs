@@ -49,6 +49,26 @@ fn registers_are_read_and_written() {
     });
 }
 
+#[test]
+fn a_question_asked_while_it_is_enabled_waits_for_its_tick() {
+    with_cybergear(Safety::COAST, |pair| {
+        pair.bench.hold(pair.motor, COAST, 20).unwrap();
+        pair.switch.arm().unwrap();
+        let request = Request::ReadRegister(0x7018);
+        assert_eq!(pair.bench.bus.request(pair.motor, request), Ok(Answer::Pending));
+        let (speed, mut most) = (Target::Speed(Rpm::new(30.0)), 0);
+        for _ in 0..50 {
+            pair.bench.hold(pair.motor, speed, 1).unwrap();
+            most = most.max(pair.bench.sent().frames().len());
+        }
+        assert_eq!(most, 2);
+        let answer = pair.bench.bus.answer(pair.motor);
+        assert_eq!(answer, Some(Ok(Answer::Register(23.0_f32.to_bits()))));
+        pair.bench.hold(pair.motor, speed, 300).unwrap();
+        assert!((pair.rpm() - 30.0).abs() < 0.5);
+    });
+}
+
 /// Reading disturbs nothing; the rest waits until the robot is disarmed.
 #[test]
 fn an_armed_robot_is_not_changed() {

@@ -28,7 +28,9 @@ impl CyberGear {
         let since = at.since(self.seen.at);
         let runs = heard.mode == Mode::Run;
         let stopped_itself = self.step == Step::Running && !runs;
-        if self.position.is_known() && (since > LINK_TIMEOUT_MICROS || stopped_itself) {
+        let is_new =
+            since > LINK_TIMEOUT_MICROS || stopped_itself || self.position.jumps_to(heard.steps);
+        if self.position.is_known() && is_new {
             self.heard_again(heard, since);
         } else {
             self.position.follow(heard.steps, heard.velocity, since);
@@ -152,6 +154,7 @@ impl CanMotor for CyberGear {
 
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
         let to = self.address;
+        let before = tx.frames().len();
         if let Some(exchange) = &self.exchange {
             exchange.pack(to, tx)?;
             if exchange.wants_quiet() {
@@ -159,6 +162,8 @@ impl CanMotor for CyberGear {
             }
         }
         match self.step {
+            // One question a tick.
+            _ if tx.frames().len() > before => (),
             Step::Checking => tx.push(wire::read(to, Parameter::RUN_MODE))?,
             Step::Setting => tx.push(wire::write_byte(to, Parameter::RUN_MODE, 0))?,
             Step::Stopped | Step::Enabling | Step::Running => (),
