@@ -171,7 +171,11 @@ impl GoM8010 {
         }
         let raw = reply.motion;
         let seen = match self.seen {
-            Some(last) if at.since(last.at) <= Self::LINK_TIMEOUT => {
+            // Who has jumped was restarted in a blink.
+            Some(last)
+                if at.since(last.at) <= Self::LINK_TIMEOUT
+                    && raw.angle.abs_diff(last.raw.angle) <= ROTOR_TURN.unsigned_abs() / 2 =>
+            {
                 last.moved(i64::from(raw.angle) - i64::from(last.raw.angle), self.sign())
             }
             last => self.first_after_silence(last, raw, at),

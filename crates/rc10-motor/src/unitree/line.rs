@@ -9,7 +9,7 @@ use super::wire::line::{COMMAND_LEN, Parser, Reply};
 use super::wire::{Address, Status};
 use crate::arm::ArmSwitch;
 use crate::bus::{CommandError, MotorId};
-use crate::motor::{Answer, Heard, Motor, Request, RequestError, Target, TargetSet};
+use crate::motor::{Answer, Drive, Heard, Motor, Request, RequestError, Target, TargetSet};
 use crate::supervision::{LONGEST_PAUSE, MotorStatus, Safety, Supervision, sound_step};
 use crate::wiring::MotorName;
 
@@ -46,8 +46,8 @@ use crate::wiring::MotorName;
 /// too short for all of them, the turn goes on in the next. A motor that does not answer costs the
 /// [reply time-out](Self::with_reply_timeout), so one that is lost, or was never heard, is asked
 /// every 100 ms only, and after each time that was in vain all others have their turn before the
-/// next such motor. The first time is when it is lost, if it hears its safe word though it is not
-/// heard.
+/// next such motor. When what it may do changes (it is lost, the robot is disarmed), it is asked three
+/// times without that pause: perhaps it hears its safe word though it is not heard.
 ///
 /// No motor can opt out of the rules of a bus: see [`MotorBus`](crate::MotorBus).
 pub struct UnitreeLine<'m> {
@@ -71,6 +71,10 @@ struct Slot<'m> {
     /// Not asked since the last tick.
     is_due: bool,
     asked_at: Option<Micros>,
+    drive: Drive,
+    /// So many times it is asked without a pause even if it does not answer: it may do something
+    /// else now, and may hear that.
+    urgent: u8,
 }
 
 /// A command on its way whose answer has not come.
@@ -81,6 +85,8 @@ struct Asked {
 
 /// See [`UnitreeLine::CAPACITY`].
 const CAPACITY: usize = 15;
+/// What a motor may do has changed: it is told so often at least.
+const URGENT: u8 = 3;
 /// A motor that is not heard is asked so often.
 const SELDOM: Micros = Micros::from_millis(100);
 /// Without anything to send, somebody should look again after this time.
@@ -227,7 +233,8 @@ impl<'m> UnitreeLine<'m> {
         let watch = Supervision::new(safety, GoM8010::LINK_TIMEOUT);
         let full = AttachError::Full { motor: name, capacity: CAPACITY };
         let index = u8::try_from(self.slots.len()).map_err(|_| full)?;
-        let slot = Slot { motor, watch, is_due: false, asked_at: None };
+        let slot =
+            Slot { motor, watch, is_due: false, asked_at: None, drive: Drive::Off, urgent: 0 };
         self.slots.push(slot).map_err(|_| full)?;
         Ok(MotorId::new(index))
     }
@@ -251,6 +258,7 @@ impl<'m> UnitreeLine<'m> {
             return Step::Wait(now + IDLE);
         };
         (slot.is_due, slot.asked_at) = (false, Some(now));
+        slot.urgent = slot.urgent.saturating_sub(1);
         self.asked = Some(Asked { index, at: now });
         // What came before it was asked is no part of its answer.
         self.parser.clear();
@@ -263,10 +271,13 @@ impl<'m> UnitreeLine<'m> {
         self.owed = self.owed.min(online);
         if self.owed == 0 {
             let absent = self.slots.iter().enumerate().filter(|(_, slot)| {
-                let is_time = slot.asked_at.is_none_or(|at| now.since(at) >= SELDOM);
+                let is_time =
+                    slot.urgent > 0 || slot.asked_at.is_none_or(|at| now.since(at) >= SELDOM);
                 is_time && !slot.watch.is_online(now)
             });
-            if let Some((index, _)) = absent.min_by_key(|(_, slot)| slot.asked_at) {
+            if let Some((index, _)) =
+                absent.min_by_key(|(_, slot)| (slot.urgent == 0, slot.asked_at))
+            {
                 return Some(index);
             }
         }
@@ -346,16 +357,14 @@ impl<'m> UnitreeLine<'m> {
         let paused = last.is_some_and(|last| now.since(last) > LONGEST_PAUSE);
         let arm = self.switch.for_motors();
         for slot in &mut self.slots {
-            let lost = slot.watch.counters().lost;
             if paused {
                 slot.watch.forget();
             }
             let drive = slot.watch.decide(arm, now);
             slot.motor.update(dt, drive);
             slot.is_due = true;
-            if slot.watch.counters().lost != lost {
-                // Perhaps it hears what we cannot: it is told to let go now, not some time.
-                slot.asked_at = None;
+            if core::mem::replace(&mut slot.drive, drive) != drive {
+                slot.urgent = URGENT;
             }
         }
     }

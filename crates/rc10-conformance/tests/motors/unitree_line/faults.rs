@@ -10,6 +10,32 @@ use super::bench::{Bench, obeys};
 
 const SPEED: Target = Target::Speed(Rpm::new(60.0));
 
+/// Fewer than twenty milliseconds are no silence: only its angle shows that it counts from its first
+/// turn again.
+#[test]
+fn a_motor_that_restarts_in_a_blink_counts_on() {
+    let switch = ArmSwitch::new();
+    let mut motor = GoM8010::new(6).unwrap();
+    let mut bench = Bench::new(31, &switch);
+    let device = bench.device(6);
+    let id = bench.line.attach(&mut motor, Safety::COAST).unwrap();
+    bench.wait(5);
+    switch.arm().unwrap();
+    bench.hold(id, SPEED, 2000);
+    bench.hold(id, Target::Coast, 5);
+    let angle = |bench: &Bench<'_>| bench.status(id).feedback.total_angle.degrees().get();
+    let before = angle(&bench);
+    assert!(before > 500.0);
+    device.set_power(false);
+    bench.hold(id, Target::Coast, 3);
+    device.set_power(true);
+    bench.hold(id, Target::Coast, 5);
+    let moved = angle(&bench) - before;
+    assert!((0.0..5.0).contains(&moved), "{moved}");
+    assert_eq!(bench.status(id).feedback.turn_gaps, 1);
+    assert_eq!(bench.status(id).link, Link::Online);
+}
+
 #[test]
 fn each_fault_is_named_stops_the_motor_and_stays_until_it_is_cleared() {
     for (fault, code, text) in [
