@@ -12,7 +12,7 @@ mod conformance_of {
     pub mod vesc;
 }
 
-use rc10_conformance::Report;
+use rc10_conformance::{Report, check, check_line};
 
 /// A model, and what its check says.
 type Entry = (&'static str, fn() -> Result<(), Report>);

@@ -1,8 +1,10 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
-use rc10_conformance::{Declaration, Report, Trial, check};
+use rc10_conformance::{Declaration, Trial};
 use rc10_motor::cybergear::{Address, CyberGear, Model, models};
 use rc10_motor::{Impedance, Target};
 use rc10_sim::cybergear as sim;
+
+use crate::{Report, check};
 
 /// Both models are driven alike; the spring is as stiff as the motor is strong.
 fn motor(model: &'static Model, device: &'static sim::Model, inertia: f64) -> Result<(), Report> {

@@ -1,9 +1,11 @@
 use rc10_app::{Degrees, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle};
-use rc10_conformance::{Declaration, Report, Trial, check};
+use rc10_conformance::{Declaration, Trial};
 use rc10_motor::cascade::Cascade;
 use rc10_motor::damiao::{Control, Damiao, models};
 use rc10_motor::{Impedance, Target};
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
+
+use crate::{Report, check};
 
 /// N m.
 const FULL: f32 = 7.0;

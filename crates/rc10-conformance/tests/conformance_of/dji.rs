@@ -1,8 +1,10 @@
 use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
-use rc10_conformance::{Claim, Declaration, Report, Trial, check};
+use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
 use rc10_motor::dji::{self, Dji};
 use rc10_sim::{EscConfig, Model, Plant};
+
+use crate::{Report, check};
 
 /// All models are driven alike. Each has about the inertia on its shaft that its gains are made for.
 fn dji(

@@ -1,8 +1,10 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
-use rc10_conformance::{Claim, Declaration, Report, Trial, check_line};
+use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::unitree::GoM8010;
 use rc10_motor::{Impedance, Target};
 use rc10_sim::unitree_line::{GoM8010 as Device, plant};
+
+use crate::{Report, check_line};
 
 /// A light load on its shaft.
 pub fn go_m8010() -> Result<(), Report> {

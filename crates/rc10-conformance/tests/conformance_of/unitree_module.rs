@@ -1,9 +1,11 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
-use rc10_conformance::{Claim, Declaration, Report, Trial, check};
+use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::unitree::GoModule;
 use rc10_motor::{Impedance, Target};
 use rc10_sim::EscFault;
 use rc10_sim::unitree_module::{UnitreeModule, plant};
+
+use crate::{Report, check};
 
 /// Each motor behind a module of its own: [`UnitreeModule`]s are told apart by their number.
 pub fn go_m8010() -> Result<(), Report> {

@@ -2,12 +2,14 @@ use std::num::NonZeroU8;
 
 use rc10_app::{Amps, Degrees, Gear, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle};
 use rc10_can::Micros;
-use rc10_conformance::{Claim, Declaration, Report, Trial, check};
+use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
 use rc10_motor::cascade::Cascade;
 use rc10_motor::vesc::{Config, Currents, Shaft, Vesc, VescId};
 use rc10_sim::vesc::{VescConfig, outrunner_270_kv};
 use rc10_sim::{EscFault, Plant};
+
+use crate::{Report, check};
 
 const POLE_PAIRS: u8 = 7;
 const LIMIT: f32 = 40.0;

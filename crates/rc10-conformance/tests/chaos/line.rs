@@ -1,0 +1,131 @@
+use rc10_can::Micros;
+use rc10_conformance::{Declaration, LineBench};
+use rc10_motor::unitree::GoM8010;
+use rc10_motor::{
+    Answer, ArmSwitch, CommandError, MotorId, MotorStatus, Request, RequestError, Safety, Target,
+    TargetSet,
+};
+use rc10_sim::{EscFault, EscState, Line, LineMotor};
+
+use crate::random::Random;
+use crate::scene::Scene;
+use crate::story;
+
+pub struct LineScene<'m> {
+    bench: LineBench<'m>,
+    device: LineMotor,
+    motor: MotorId,
+}
+
+impl LineScene<'_> {
+    pub fn play(
+        declared: &Declaration,
+        motor: &mut GoM8010,
+        device: impl Fn(&Line, u8) -> LineMotor,
+        seed: u64,
+    ) -> Result<(), String> {
+        let switch = ArmSwitch::new();
+        let mut random = Random::new(seed);
+        let safety = random.pick(&[Safety::COAST, Safety::BRAKE, Safety::HOLD]);
+        let mut bench = LineBench::new(seed, &switch);
+        let device = device(&bench.wire, declared.ids[0]);
+        let motor = bench.line.attach(motor, safety).unwrap();
+        let mut scene = LineScene { bench, device, motor };
+        story::tell(&mut scene, declared, safety.state, &mut random)
+    }
+}
+
+impl Scene for LineScene<'_> {
+    fn now(&self) -> Micros {
+        self.bench.world.now()
+    }
+
+    fn switch(&self) -> &ArmSwitch {
+        self.bench.line.switch()
+    }
+
+    fn tick(&mut self) {
+        self.bench.traffic.clear();
+        self.bench.tick();
+    }
+
+    fn supports(&self) -> TargetSet {
+        self.bench.line.supports(self.motor)
+    }
+
+    fn command(&mut self, target: Target) -> Result<(), CommandError> {
+        let now = self.now();
+        self.bench.line.command(self.motor, target, now)
+    }
+
+    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+        self.bench.line.request(self.motor, request)
+    }
+
+    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+        self.bench.line.answer(self.motor)
+    }
+
+    fn status(&self) -> MotorStatus {
+        self.bench.status(self.motor)
+    }
+
+    fn link_timeout(&self) -> Micros {
+        GoM8010::LINK_TIMEOUT
+    }
+
+    /// A motor that is lost is asked seldom.
+    fn heals_within(&self) -> u32 {
+        105
+    }
+
+    /// Each command says all there is to say, so one that restarted obeys the next.
+    fn tells_restarts(&self) -> bool {
+        false
+    }
+
+    fn state(&self) -> EscState {
+        self.device.state()
+    }
+
+    fn set_power(&self, on: bool) {
+        self.device.set_power(on);
+    }
+
+    fn set_feedback(&self, on: bool) {
+        self.device.set_feedback(on);
+    }
+
+    fn set_load(&self, torque: f64) {
+        self.device.set_load(torque);
+    }
+
+    fn inject(&self, fault: EscFault) -> bool {
+        self.device.inject(fault)
+    }
+
+    fn set_cut(&self, cut: bool) {
+        self.bench.wire.set_cut(cut);
+    }
+
+    fn set_shorted(&self, shorted: bool) {
+        self.device.set_cut(shorted);
+    }
+
+    fn damage(&self, frames: u32) {
+        self.bench.wire.damage_commands(frames / 2);
+        self.bench.wire.damage_answers(frames / 3);
+    }
+
+    fn impersonate(&self, random: &mut Random) {
+        self.bench.wire.inject(&random.next().to_le_bytes());
+    }
+
+    fn wrong_frames(&self) -> Option<String> {
+        let asked = self.bench.traffic.iter().filter(|(_, ours, _)| *ours).count();
+        (asked > MOST_QUESTIONS).then(|| format!("asked {asked} times in a tick"))
+    }
+}
+
+/// Questions to one motor in a tick: the one that is due, and one more where the first was in vain.
+const MOST_QUESTIONS: usize = 2;
