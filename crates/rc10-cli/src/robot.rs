@@ -186,11 +186,8 @@ impl Motor {
     }
 
     /// 1 if it counts as the motor does, -1 if the other way.
-    pub(crate) const fn sign(&self) -> f64 {
-        match self.direction {
-            Direction::Forward => 1.0,
-            Direction::Reversed => -1.0,
-        }
+    pub(crate) fn sign(&self) -> f64 {
+        self.direction.sign().into()
     }
 
     /// Puts its simulated twin where it belongs: on one of the wires or lines.

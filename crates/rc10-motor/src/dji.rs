@@ -208,6 +208,18 @@ pub enum Direction {
     Reversed,
 }
 
+impl Direction {
+    /// 1 for forward, -1 for reversed.
+    #[inline]
+    #[must_use]
+    pub const fn sign(self) -> i8 {
+        match self {
+            Self::Forward => 1,
+            Self::Reversed => -1,
+        }
+    }
+}
+
 /// How often the controller sends feedback; set in RoboMaster Assistant (GM6020: 1 kHz only).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -644,10 +656,7 @@ impl Scale {
     #[expect(clippy::cast_possible_wrap, reason = "8192 times at most 65,535 is below 2^31")]
     #[expect(clippy::cast_precision_loss, reason = "factors")]
     fn of(model: &Model, gear: Gear, direction: Direction) -> Self {
-        let sign = match direction {
-            Direction::Forward => 1,
-            Direction::Reversed => -1,
-        };
+        let sign = i32::from(direction.sign());
         let phase_turn = (ENCODER_COUNTS * gear.rotor_turns()) as i32;
         let phase_per_count = sign * gear.output_turns() as i32;
         Self {

@@ -187,11 +187,8 @@ impl CyberGear {
         self.address
     }
 
-    const fn sign(&self) -> f32 {
-        match self.direction {
-            Direction::Forward => 1.0,
-            Direction::Reversed => -1.0,
-        }
+    fn sign(&self) -> f32 {
+        self.direction.sign().into()
     }
 
     fn measured(&self) -> Option<Measured> {

@@ -53,10 +53,7 @@ pub(super) struct Position {
 impl Position {
     /// `range` in rad, above 0 and at most 15.
     pub(super) fn new(range: f32, direction: Direction) -> Self {
-        let sign = match direction {
-            Direction::Forward => 1,
-            Direction::Reversed => -1,
-        };
+        let sign = direction.sign().into();
         // Of at most 15 rad: below 2^30.
         let half_step = round_to_i32(range * (DEGREES * 1e6 / f32::from(LAST) * 65_536.0));
         Self {

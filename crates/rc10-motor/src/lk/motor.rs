@@ -11,7 +11,6 @@ use super::wire::{
     ReplyError,
 };
 use crate::batch::{TxBatch, TxFull};
-use crate::dji;
 use crate::motor::{
     Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request,
     RequestError, Target, TargetError, TargetKind, TargetSet,
@@ -98,10 +97,7 @@ impl Lk {
     pub fn new(id: u8, config: Config) -> Result<Self, ConfigError> {
         let (id, lane) = config.checked(id)?;
         let Config { model, cascade, commands, direction } = config;
-        let sign: i8 = match direction {
-            dji::Direction::Forward => 1,
-            dji::Direction::Reversed => -1,
-        };
+        let sign = direction.sign();
         Ok(Self {
             id,
             model,

@@ -13,7 +13,6 @@ use super::wire::{
     TORQUE, Temperatures, VELOCITY,
 };
 use crate::batch::{TxBatch, TxFull};
-use crate::dji;
 use crate::motor::{
     Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request,
     RequestError, Target, TargetError, TargetSet,
@@ -124,10 +123,7 @@ impl ODrive {
     /// [`Cascade::validate`](crate::cascade::Cascade::validate) finds.
     pub fn new(node: u8, config: Config) -> Result<Self, ConfigError> {
         let node = config.checked(node)?;
-        let sign: i8 = match config.direction {
-            dji::Direction::Forward => 1,
-            dji::Direction::Reversed => -1,
-        };
+        let sign = config.direction.sign();
         let Rates { estimates, heartbeat, .. } = config.rates;
         Ok(Self {
             node,

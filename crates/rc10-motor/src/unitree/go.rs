@@ -176,7 +176,7 @@ impl GoM8010 {
                 if at.since(last.at) <= Self::LINK_TIMEOUT
                     && raw.angle.abs_diff(last.raw.angle) <= ROTOR_TURN.unsigned_abs() / 2 =>
             {
-                last.moved(i64::from(raw.angle) - i64::from(last.raw.angle), self.sign())
+                last.moved(i64::from(raw.angle) - i64::from(last.raw.angle), self.direction.sign())
             }
             last => self.first_after_silence(last, raw, at),
         };
@@ -209,32 +209,24 @@ impl GoM8010 {
             spring.rest();
         }
         let Some(last) = last else {
-            return Seen::START.moved(raw.angle.into(), self.sign());
+            return Seen::START.moved(raw.angle.into(), self.direction.sign());
         };
-        let (seen, gap) = last.after_silence(raw, at, self.sign());
+        let (seen, gap) = last.after_silence(raw, at, self.direction.sign());
         self.turn_gaps = self.turn_gaps.saturating_add(gap.into());
         seen
-    }
-
-    /// 1 or -1.
-    const fn sign(&self) -> i8 {
-        match self.direction {
-            Direction::Forward => 1,
-            Direction::Reversed => -1,
-        }
     }
 
     fn measured(&self) -> Option<Measured> {
         let Seen { raw, microdegrees, .. } = self.seen?;
         let speed = Shaft::OUTPUT.motion(RawMotion { speed: raw.speed, ..RawMotion::default() });
-        let rpm = speed.speed.get() * f32::from(self.sign());
+        let rpm = speed.speed.get() * f32::from(self.direction.sign());
         Some(Measured { rpm, microdegrees })
     }
 
     /// Torque alone.
     fn push(&self, torque: f32) -> Command {
         let motion = Motion {
-            torque: NewtonMetres::new(torque * f32::from(self.sign())),
+            torque: NewtonMetres::new(torque * f32::from(self.direction.sign())),
             speed: Rpm::ZERO,
             angle: TotalAngle::new(0, Shaft::OUTPUT.scale()),
         };
@@ -243,7 +235,7 @@ impl GoM8010 {
 
     /// All five numbers.
     fn follow(&self, pull: &Pull) -> Command {
-        let sign = f32::from(self.sign());
+        let sign = f32::from(self.direction.sign());
         let here = self.seen.map_or(0, |seen| seen.raw.angle);
         let way = round_to_i32(pull.way * sign * COUNTS_PER_DEGREE);
         let motion = Motion {
@@ -299,7 +291,7 @@ impl Motor for GoM8010 {
             return Feedback::NEW;
         };
         let motion = Shaft::OUTPUT.motion(seen.raw);
-        let sign = f32::from(self.sign());
+        let sign = f32::from(self.direction.sign());
         #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of a turn")]
         let angle = seen.within as f32 * 1e-6;
         // The last microdegrees would round up to a full turn.

@@ -165,10 +165,7 @@ impl GoModule {
     /// Turning the given way.
     #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.sign = match direction {
-            Direction::Forward => 1,
-            Direction::Reversed => -1,
-        };
+        self.sign = direction.sign();
         self
     }
 

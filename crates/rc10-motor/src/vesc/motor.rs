@@ -10,7 +10,6 @@ use super::tachometer::Tachometer;
 use super::watch::Watch;
 use super::{CONTROL_HZ, Command, Config, ElectricalRpm, Packet, Status, coast};
 use crate::cascade::Cascade;
-use crate::dji::Direction;
 use crate::motor::{
     Answer, Condition, Drive, Fault, Feedback, Heard, Motor, Request, RequestError, Target,
     TargetError, TargetKind, TargetSet,
@@ -96,10 +95,7 @@ impl Vesc {
         config.validate()?;
         Ok(Self {
             config,
-            sign: match config.direction {
-                Direction::Forward => 1.0,
-                Direction::Reversed => -1.0,
-            },
+            sign: config.direction.sign().into(),
             stream: CanFrame::key_of(Packet::SetDuty.id(config.id)),
             limit: config.currents.limit.get(),
             target: Target::Coast,
