@@ -51,7 +51,11 @@ def main():
             motor.stop_polling()
             return dict(parameters)
 
-        motor.run_mode = "operation"
+        def write(name, value):
+            """The motor answers with its state to each parameter that is written."""
+            return answered(lambda: setattr(motor, name, value))
+
+        write("run_mode", "operation")
         # It clears faults first: two frames, two answers.
         found["enabled"] = answered(motor.enable, 2)
 
@@ -64,10 +68,10 @@ def main():
         found["disabled"] = answered(motor.disable)
 
         # Its own speed loop, with what the driver writes as parameters.
-        motor.run_mode = "speed"
-        motor.limit_cur = 5.0
+        write("run_mode", "speed")
+        write("limit_cur", 5.0)
         answered(motor.enable, 2)
-        motor.spd_ref = 4.0
+        write("spd_ref", 4.0)
         for _ in range(20):
             speed = polled()
         found["speed"] = speed

@@ -22,10 +22,11 @@ def wait_for(condition, what):
 def main():
     controller = DaMiaoController(channel=sys.argv[1], bustype="slcan")
     motor = controller.add_motor(motor_id=1, feedback_id=0x11, motor_type="4310")
-    answers = []
+    heard, answers = [], []
     decode = motor.process_feedback_frame
 
     def listen(data, arbitration_id=None):
+        heard.append(arbitration_id)
         decode(data, arbitration_id=arbitration_id)
         answers.append((arbitration_id, dict(motor.state)))
 
@@ -33,6 +34,8 @@ def main():
 
     def answered(act):
         """Does it; the motor's state by the answer to it."""
+        # A register read by the driver is known to it a moment before its frame stands in the list.
+        wait_for(lambda: len(answers) == len(heard), "end of the frame before")
         before = len(answers)
         act()
         wait_for(lambda: len(answers) > before, "answer")
