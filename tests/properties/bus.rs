@@ -292,7 +292,7 @@ impl<'m> Bench<'m> {
             let must_rest = match self.switch.state() {
                 ArmState::Disarmed => true,
                 ArmState::Armed => !known.heard,
-                ArmState::EStopped => !known.heard || known.coasts,
+                ArmState::Suspended | ArmState::EStopped => !known.heard || known.coasts,
             };
             if must_rest {
                 prop_assert_eq!(raw, 0, "{:?}", drive);

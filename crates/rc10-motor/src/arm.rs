@@ -10,6 +10,9 @@ pub enum ArmState {
     Disarmed,
     /// Motors follow their commands.
     Armed,
+    /// Armed, but whoever drives is not heard: every motor is in its safe state, until
+    /// [`ArmSwitch::resume`].
+    Suspended,
     /// Every motor is in its safe state, until [`ArmSwitch::reset`].
     EStopped,
 }
@@ -38,6 +41,7 @@ const ARMED: u8 = 1;
 const STOPPED: u8 = 2;
 /// Stopped, and without torque: it was not armed, or has been disarmed since.
 const STOPPED_OFF: u8 = 3;
+const SUSPENDED: u8 = 4;
 
 /// The robot is stopped; it must be reset before it can be armed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,11 +70,13 @@ impl ArmSwitch {
         match self.0.load(Ordering::Acquire) {
             ARMED => ArmState::Armed,
             DISARMED => ArmState::Disarmed,
+            SUSPENDED => ArmState::Suspended,
             _ => ArmState::EStopped,
         }
     }
 
-    /// Lets the motors follow their commands. Arming an armed robot changes nothing.
+    /// Lets the motors follow their commands. Arming an armed robot changes nothing, nor does
+    /// arming a suspended one.
     ///
     /// # Errors
     /// [`EStopped`] while an emergency stop is latched.
@@ -83,14 +89,29 @@ impl ArmSwitch {
     /// stays latched.
     pub fn disarm(&self) {
         self.change(ARMED, DISARMED);
+        self.change(SUSPENDED, DISARMED);
         self.change(STOPPED, STOPPED_OFF);
+    }
+
+    /// Sends every motor of an armed robot to its safe state in the next tick of its bus, until
+    /// [`resume`](Self::resume): for a link that is lost and may come back. Changes nothing if the
+    /// robot is not armed.
+    pub fn suspend(&self) {
+        self.change(ARMED, SUSPENDED);
+    }
+
+    /// Lets the motors of a suspended robot follow their commands again, each with its soft start.
+    /// Changes nothing if the robot is not suspended: it never arms one.
+    pub fn resume(&self) {
+        self.change(SUSPENDED, ARMED);
     }
 
     /// Sends every motor to its safe state in the next tick of its bus, until
     /// [`reset`](Self::reset). Motors of a robot that is not armed stay without torque.
     pub fn emergency_stop(&self) {
-        let stop =
-            |state| Some(if matches!(state, ARMED | STOPPED) { STOPPED } else { STOPPED_OFF });
+        let stop = |state| {
+            Some(if matches!(state, ARMED | STOPPED | SUSPENDED) { STOPPED } else { STOPPED_OFF })
+        };
         // It always has an answer, so this always takes effect.
         let _ = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, stop);
     }
@@ -101,12 +122,13 @@ impl ArmSwitch {
         self.change(STOPPED_OFF, DISARMED);
     }
 
-    /// What the motors have to know: disarmed also while stopped without torque.
+    /// What the motors have to know: disarmed also while stopped without torque, stopped also while
+    /// suspended.
     #[inline]
     pub(crate) fn for_motors(&self) -> ArmState {
         match self.0.load(Ordering::Acquire) {
             ARMED => ArmState::Armed,
-            STOPPED => ArmState::EStopped,
+            STOPPED | SUSPENDED => ArmState::EStopped,
             _ => ArmState::Disarmed,
         }
     }
@@ -145,5 +167,34 @@ mod tests {
         switch.arm().unwrap();
         switch.emergency_stop();
         assert_eq!(switch.for_motors(), ArmState::EStopped);
+    }
+
+    #[test]
+    fn only_an_armed_robot_is_suspended_and_only_that_one_resumes() {
+        let switch = ArmSwitch::new();
+        switch.suspend();
+        assert_eq!(switch.state(), ArmState::Disarmed);
+        switch.resume();
+        assert_eq!(switch.state(), ArmState::Disarmed);
+        switch.arm().unwrap();
+        switch.suspend();
+        let both = (switch.state(), switch.for_motors());
+        assert_eq!(both, (ArmState::Suspended, ArmState::EStopped));
+        switch.arm().unwrap();
+        switch.reset();
+        assert_eq!(switch.state(), ArmState::Suspended);
+        switch.resume();
+        assert_eq!(switch.for_motors(), ArmState::Armed);
+        // A stop of a suspended robot latches, and it holds.
+        switch.suspend();
+        switch.emergency_stop();
+        switch.resume();
+        assert_eq!((switch.state(), switch.for_motors()), (ArmState::EStopped, ArmState::EStopped));
+        switch.reset();
+        switch.arm().unwrap();
+        switch.suspend();
+        switch.disarm();
+        switch.resume();
+        assert_eq!(switch.state(), ArmState::Disarmed);
     }
 }

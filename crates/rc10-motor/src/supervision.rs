@@ -292,7 +292,7 @@ impl Supervision {
             ArmState::Disarmed => Drive::Off,
             _ if !online => Drive::Coast,
             ArmState::Armed if fresh && !self.faulted => Drive::Run,
-            ArmState::Armed | ArmState::EStopped => self.safety.state.drive(),
+            ArmState::Armed | ArmState::Suspended | ArmState::EStopped => self.safety.state.drive(),
         };
         if self.link == Link::Online && !online {
             self.link = Link::Lost;

@@ -1,0 +1,18 @@
+//! Parts on a robot that are no motors: remote controls, laser ranging, IMUs, positioning, LED
+//! strips.
+//!
+//! **Parsers do no input and output.** A [`Protocol`] says what some bytes are; a [`Stream`] finds
+//! its frames among whatever else is on the wire. **One driver loop serves every serial device**:
+//! [`listen`] reads any [`embedded_io_async::Read`], of any HAL or of a simulated line, and hands
+//! over messages; what was lost stands in [`Reception`].
+//!
+//! This crate knows no board and no motors: they meet in a robot.
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod listen;
+pub mod remote;
+mod stream;
+
+pub use listen::{Reception, listen};
+pub use stream::{Counters, Found, Pause, Protocol, Stream};

@@ -1,0 +1,105 @@
+//! Remote controls: what a person's hands do, whatever the receiver speaks.
+
+use rc10_can::Micros;
+
+/// What a remote control says: one frame of any receiver.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Remote {
+    /// The left stick.
+    pub left: Stick,
+    /// The right stick.
+    pub right: Stick,
+    /// The switch on the left.
+    pub left_switch: Switch,
+    /// The switch on the right.
+    pub right_switch: Switch,
+    /// Two more switches, where there are any.
+    pub more_switches: [Switch; 2],
+    /// A wheel or dial, -1 ..= 1.
+    pub dial: f32,
+    /// The mouse of a computer behind the link, where there is one.
+    pub mouse: Mouse,
+    /// The keys of a computer behind the link, where there is one, and buttons on the remote.
+    pub keys: Keys,
+    /// The receiver itself says that it does not hear the remote: what else stands here is old.
+    pub failsafe: bool,
+}
+
+/// A stick: -1 ..= 1 on each axis, 0 in the middle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Stick {
+    /// To the right.
+    pub x: f32,
+    /// Away from the body.
+    pub y: f32,
+}
+
+/// A switch of three positions; one of two is `Up` or `Down`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Switch {
+    /// Away from the body.
+    Up,
+    /// In the middle.
+    #[default]
+    Middle,
+    /// To the body.
+    Down,
+}
+
+/// A mouse.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Mouse {
+    /// Counts since the frame before: to the right, to the body, of the wheel.
+    pub motion: [i16; 3],
+    /// The left button is pressed.
+    pub left: bool,
+    /// The right one.
+    pub right: bool,
+    /// The middle one.
+    pub middle: bool,
+}
+
+/// Pressed keys, a bit each, in the order of DJI's: W S A D Shift Ctrl Q E R F G Z X C V B from bit
+/// 0 on. Bits 16 and up are buttons on the remote itself, as its page says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Keys(pub u32);
+
+/// Which receiver.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Receiver {
+    /// DJI DR16: DBUS.
+    #[default]
+    Dr16,
+    /// Futaba, `FrSky` and others: SBUS.
+    Sbus,
+    /// `ExpressLRS`, TBS: CRSF.
+    Crsf,
+    /// Pulses of eight channels.
+    Ppm,
+    /// DJI VT03 or VT13, the video link of 2025.
+    Vt03,
+}
+
+/// How fresh what a remote says is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Freshness {
+    /// A good frame came less than [`MISSING_AFTER`] ago, and it was no failsafe frame.
+    Fresh,
+    /// None since then: the robot lets go, and may go on when the next one comes.
+    Missing,
+    /// None for [`LOST_AFTER`], or none yet: the robot is disarmed.
+    #[default]
+    Lost,
+}
+
+/// Without a good frame for so long, the robot lets go.
+pub const MISSING_AFTER: Micros = Micros::from_millis(100);
+/// Without a good frame for so long, the robot is disarmed.
+pub const LOST_AFTER: Micros = Micros::from_millis(1000);
