@@ -1,15 +1,17 @@
 use core::cell::Cell;
 use core::fmt;
+use core::pin::pin;
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::Read;
 use rc10_can::Micros;
 
-use crate::{Counters, Protocol, Stream};
+use crate::{Counters, Pause, Protocol, Stream};
 
-/// What [`listen`] received so far, for other tasks to read.
+/// What a driver loop ([`listen`], [`remote::listen_pulses`](crate::remote::listen_pulses))
+/// received so far, for other tasks to read.
 pub struct Reception(Mutex<CriticalSectionRawMutex, Cell<Counters>>);
 
 impl Reception {
@@ -25,7 +27,7 @@ impl Reception {
         self.0.lock(Cell::get)
     }
 
-    fn write(&self, counters: Counters) {
+    pub(crate) fn write(&self, counters: Counters) {
         self.0.lock(|cell| cell.set(counters));
     }
 }
@@ -50,7 +52,8 @@ const ERROR_PAUSE: Duration = Duration::from_micros(100);
 /// Listens to a serial device for ever, and hands each message and its time to `hear`.
 ///
 /// `port` must read as soon as there are bytes, not only when its buffer is full, and go on after
-/// an error: [`Counters::port_errors`] counts those.
+/// an error: [`Counters::port_errors`] counts those. A protocol with a [`Protocol::PAUSE`] hears it
+/// when `port` had nothing to read for so long; a late task hears none, rather than a wrong one.
 pub async fn listen<P: Protocol>(
     mut port: impl Read,
     protocol: P,
@@ -59,19 +62,45 @@ pub async fn listen<P: Protocol>(
 ) -> ! {
     let mut stream = Stream::new(protocol);
     let mut received = [0; RECEIVE];
+    let mut at = now();
     loop {
-        match port.read(&mut received).await {
+        let result = {
+            let mut read = pin!(port.read(&mut received));
+            // The same read goes on after a pause: dropping one might lose bytes.
+            match P::PAUSE.map(Pause::length) {
+                Some(pause) => match with_timeout(duration(pause), read.as_mut()).await {
+                    Ok(result) => result,
+                    Err(_) => {
+                        stream.receive(&[], now(), |message| hear(message, at));
+                        reception.write(stream.counters());
+                        read.await
+                    }
+                },
+                None => read.await,
+            }
+        };
+        at = now();
+        match result {
             Ok(count) if count > 0 => {
-                let at = Micros::new(Instant::now().as_micros());
                 let bytes = received.get(..count).unwrap_or_default();
                 stream.receive(bytes, at, |message| hear(message, at));
             }
             // The end of something that has none is an error, too.
             _ => {
                 stream.interrupt();
+                // Silence counts from here.
+                stream.receive(&[], at, |message| hear(message, at));
                 Timer::after(ERROR_PAUSE).await;
             }
         }
         reception.write(stream.counters());
     }
+}
+
+fn now() -> Micros {
+    Micros::new(Instant::now().as_micros())
+}
+
+const fn duration(time: Micros) -> Duration {
+    Duration::from_micros(time.get())
 }

@@ -9,7 +9,7 @@ pub trait Protocol {
     /// Room for its longest frame: `heapless::Vec<u8, LONGEST>`.
     type Buffer: Buffer;
 
-    /// How silence delimits its frames, if it does: those of a protocol without header.
+    /// What silence on the line says about its frames, if anything.
     const PAUSE: Option<Pause> = None;
 
     /// What begins with the first of these bytes, of which there is one at least. More than the
@@ -33,13 +33,25 @@ pub enum Found<M> {
     Other(usize),
 }
 
-/// Silence that ends a frame.
+/// What silence for so long, or longer, says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Pause {
-    /// Longer silence than this is between two frames, shorter within one.
-    pub silence: Micros,
-    /// How long a byte takes on the wire, ns.
-    pub byte_ns: u32,
+pub enum Pause {
+    /// No frame has such a gap: what was begun is none, and the next byte begins one.
+    Ends(Micros),
+    /// The same, and nothing but silence tells one frame from the next, for they have no header.
+    /// So what comes between two pauses is whole frames, or nothing of it is believed; and it is
+    /// judged when the second one is heard.
+    Delimits(Micros),
+}
+
+impl Pause {
+    /// How long the line is silent at least.
+    #[must_use]
+    pub const fn length(self) -> Micros {
+        match self {
+            Self::Ends(length) | Self::Delimits(length) => length,
+        }
+    }
 }
 
 /// Room for a frame. Implemented by `heapless::Vec<u8, N>`.
@@ -146,22 +158,36 @@ impl<P: Protocol> Stream<P> {
         }
     }
 
-    /// Bytes came in, the last of them at `at`; `hear` gets the messages that they complete.
+    /// Bytes came in, the last of them not after `at`; `hear` gets the messages that they complete.
+    ///
+    /// No bytes: whoever looked at `at` found none. That is how a [`Protocol::PAUSE`] is heard, and
+    /// the only way: bytes that are read late say nothing about when they came. What it completes
+    /// came with the bytes before.
     pub fn receive(&mut self, bytes: &[u8], at: Micros, mut hear: impl FnMut(P::Message)) {
         if bytes.is_empty() {
+            self.listen_for_pause(at, &mut hear);
             return;
         }
-        if let Some(pause) = &P::PAUSE {
-            self.look_for_pause(pause, bytes.len(), at);
-        }
+        self.last = Some(at);
         for &byte in bytes {
             if self.is_lost {
                 self.counters.skipped = self.counters.skipped.wrapping_add(1);
                 continue;
             }
-            self.buffer.push(byte);
-            if self.buffer.bytes().len() >= self.needed {
-                self.search(&mut hear);
+            let length = self.buffer.bytes().len();
+            if matches!(P::PAUSE, Some(Pause::Delimits(_))) {
+                if length < P::Buffer::CAPACITY {
+                    self.buffer.push(byte);
+                } else {
+                    self.refuse();
+                    self.is_lost = true;
+                    self.counters.skipped = self.counters.skipped.wrapping_add(1);
+                }
+            } else {
+                self.buffer.push(byte);
+                if length + 1 >= self.needed {
+                    self.search(false, &mut hear);
+                }
             }
         }
     }
@@ -170,6 +196,9 @@ impl<P: Protocol> Stream<P> {
     pub fn interrupt(&mut self) {
         self.counters.port_errors = self.counters.port_errors.wrapping_add(1);
         self.forget();
+        // Bytes came, nobody knows when; and only silence says where the next frame begins.
+        self.last = None;
+        self.is_lost = matches!(P::PAUSE, Some(Pause::Delimits(_)));
     }
 
     /// What came in so far.
@@ -178,14 +207,36 @@ impl<P: Protocol> Stream<P> {
         self.counters
     }
 
-    fn look_for_pause(&mut self, pause: &Pause, count: usize, at: Micros) {
-        let took = (count as u64).wrapping_mul(pause.byte_ns.into()) / 1000;
-        let began = at.since(Micros::new(took));
-        if self.last.is_none_or(|last| began.since(last) > pause.silence) {
-            self.forget();
-            self.is_lost = false;
+    /// No byte has come until `at`.
+    fn listen_for_pause(&mut self, at: Micros, hear: &mut impl FnMut(P::Message)) {
+        let Some(pause) = P::PAUSE else { return };
+        let last = *self.last.get_or_insert(at);
+        if at.since(last) < pause.length() {
+            return;
         }
-        self.last = Some(at);
+        match pause {
+            Pause::Ends(_) => self.search(true, hear),
+            Pause::Delimits(_) => self.judge(hear),
+        }
+        self.is_lost = false;
+    }
+
+    /// What came between two pauses is over.
+    fn judge(&mut self, hear: &mut impl FnMut(P::Message)) {
+        let bytes = self.buffer.bytes();
+        let Some(frames) = whole_frames(&self.protocol, bytes, |_| {}) else {
+            self.refuse();
+            return;
+        };
+        whole_frames(&self.protocol, bytes, hear);
+        self.counters.frames = self.counters.frames.wrapping_add(frames);
+        self.buffer.remove(bytes.len());
+    }
+
+    /// Nothing in the buffer is believed.
+    fn refuse(&mut self) {
+        self.counters.damaged = self.counters.damaged.wrapping_add(1);
+        self.forget();
     }
 
     fn forget(&mut self) {
@@ -200,12 +251,14 @@ impl<P: Protocol> Stream<P> {
         self.buffer.remove(count);
     }
 
-    /// Takes from the buffer whatever can be judged.
-    fn search(&mut self, hear: &mut impl FnMut(P::Message)) {
+    /// Takes from the buffer whatever can be judged: everything, if what was sent `is_over`.
+    fn search(&mut self, is_over: bool, hear: &mut impl FnMut(P::Message)) {
         let mut from = 0;
         while let Some(bytes) = self.buffer.bytes().get(from..).filter(|left| !left.is_empty()) {
             match self.protocol.examine(bytes) {
-                Found::More(needed) if needed > bytes.len() && needed <= P::Buffer::CAPACITY => {
+                Found::More(needed)
+                    if !is_over && needed > bytes.len() && needed <= P::Buffer::CAPACITY =>
+                {
                     self.skip(from);
                     self.needed = needed;
                     return;
@@ -227,12 +280,6 @@ impl<P: Protocol> Stream<P> {
                     if matches!(unsound, Found::Damaged) {
                         self.counters.damaged = self.counters.damaged.wrapping_add(1);
                     }
-                    if P::PAUSE.is_some() {
-                        // Without a header nothing says where the next frame begins.
-                        self.forget();
-                        self.is_lost = true;
-                        return;
-                    }
                     from += 1;
                 }
             }
@@ -240,4 +287,26 @@ impl<P: Protocol> Stream<P> {
         self.skip(from);
         self.needed = 1;
     }
+}
+
+/// Goes through frames that stand one behind the other; how many, if they fill all of these bytes.
+fn whole_frames<P: Protocol>(
+    protocol: &P,
+    mut bytes: &[u8],
+    mut hear: impl FnMut(P::Message),
+) -> Option<u32> {
+    let mut count = 0;
+    while !bytes.is_empty() {
+        let length = match protocol.examine(bytes) {
+            Found::Frame(length, message) => {
+                hear(message);
+                length
+            }
+            Found::Other(length) => length,
+            Found::More(_) | Found::Nothing | Found::Damaged => return None,
+        };
+        bytes = bytes.get(length.max(1)..)?;
+        count += 1;
+    }
+    Some(count)
 }

@@ -1,6 +1,35 @@
 //! Remote controls: what a person's hands do, whatever the receiver speaks.
+//!
+//! [`listen`] hears a receiver on a UART, [`listen_pulses`] one that sends pulses; either gives a
+//! [`Remote`] for each good frame. [`Watch`] says how fresh the newest one is. [`Receiver::serial`]
+//! says what the UART must be set to.
+//!
+//! Below that stands a [`Protocol`](crate::Protocol) for each receiver, with its frame as it comes
+//! from the wire; which channel of SBUS, CRSF or PPM is what is a [`ChannelMap`].
+
+mod channels;
+mod crsf;
+mod dbus;
+mod listen;
+mod ppm;
+mod sbus;
+mod serial;
+mod travel;
+mod vt03;
+mod watch;
 
 use rc10_can::Micros;
+
+pub use channels::{Channel, ChannelMap, ChannelMapError, ChannelOrder};
+pub use crsf::{Crsf, CrsfFrame, CrsfLink, LinkStatistics};
+pub use dbus::{Dbus, DbusFrame};
+pub use listen::{NotSerial, listen, listen_pulses};
+pub use ppm::{PPM_TRAVEL, Ppm};
+pub use sbus::{SBUS_TRAVEL, Sbus, SbusFrame, pulse_width};
+pub use serial::{Parity, SerialSettings};
+pub use travel::{DEAD_BAND, Travel};
+pub use vt03::{Mode, Vt03, Vt03Frame};
+pub use watch::Watch;
 
 /// What a remote control says: one frame of any receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,7 +82,7 @@ pub enum Switch {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Mouse {
-    /// Counts since the frame before: to the right, to the body, of the wheel.
+    /// Counts since the frame before, as the frame has them: x, y, wheel.
     pub motion: [i16; 3],
     /// The left button is pressed.
     pub left: bool,

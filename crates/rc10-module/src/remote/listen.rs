@@ -1,0 +1,82 @@
+use core::convert::Infallible;
+use core::fmt;
+
+use embedded_io_async::Read;
+use rc10_can::Micros;
+
+use super::{ChannelMap, Crsf, CrsfLink, Dbus, Ppm, Receiver, Remote, Sbus, Vt03};
+use crate::{Reception, listen as listen_to};
+
+/// Listens to a receiver on a UART, set as [`Receiver::serial`] says, for ever, and hands what the
+/// remote says and when to `hear`.
+///
+/// Channels are what [`ChannelMap::AETR`] says. With another map, listen with
+/// [`listen`](crate::listen()) to [`Sbus`] or [`Crsf`] and use [`SbusFrame::remote`](super::SbusFrame)
+/// or [`CrsfLink`].
+///
+/// # Errors
+///
+/// At once, if the receiver sends pulses: those are for [`listen_pulses`].
+pub async fn listen(
+    receiver: Receiver,
+    port: impl Read,
+    reception: &Reception,
+    mut hear: impl FnMut(Remote, Micros),
+) -> Result<Infallible, NotSerial> {
+    match receiver {
+        Receiver::Dr16 => {
+            listen_to(port, Dbus, reception, |frame, at| hear(frame.remote(), at)).await
+        }
+        Receiver::Sbus => {
+            let hear = |frame: super::SbusFrame, at| {
+                if let Some(remote) = frame.remote(&ChannelMap::AETR) {
+                    hear(remote, at);
+                }
+            };
+            listen_to(port, Sbus, reception, hear).await
+        }
+        Receiver::Crsf => {
+            let mut link = CrsfLink::new(ChannelMap::AETR);
+            let hear = |frame, at| {
+                if let Some(remote) = link.hear(&frame) {
+                    hear(remote, at);
+                }
+            };
+            listen_to(port, Crsf, reception, hear).await
+        }
+        Receiver::Vt03 => {
+            listen_to(port, Vt03, reception, |frame, at| hear(frame.remote(), at)).await
+        }
+        Receiver::Ppm => Err(NotSerial),
+    }
+}
+
+/// The receiver sends pulses, no characters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct NotSerial;
+
+impl fmt::Display for NotSerial {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the receiver is Ppm, which no UART can hear: must be one of the serial ones")
+    }
+}
+
+impl core::error::Error for NotSerial {}
+
+/// Listens to a receiver that sends pulses, for ever: `edges` waits for the next rising edge and
+/// gives its time. Channels are what [`ChannelMap::AIR_JOY`] says.
+pub async fn listen_pulses(
+    mut edges: impl AsyncFnMut() -> Micros,
+    reception: &Reception,
+    mut hear: impl FnMut(Remote, Micros),
+) -> ! {
+    let mut ppm = Ppm::new();
+    loop {
+        let at = edges().await;
+        if let Some(channels) = ppm.edge(at) {
+            hear(ChannelMap::AIR_JOY.remote(&channels), at);
+        }
+        reception.write(ppm.counters());
+    }
+}
