@@ -13,9 +13,13 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod imu;
 mod listen;
+pub mod positioning;
+pub mod ranging;
 pub mod remote;
 mod stream;
+mod sum;
 
 pub use listen::{Reception, listen};
 pub use stream::{Counters, Found, Pause, Protocol, Stream};

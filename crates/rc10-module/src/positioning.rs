@@ -1,0 +1,7 @@
+//! Where a robot is: positioning systems, and frames between boards.
+
+pub mod action;
+pub mod rc9;
+
+pub use action::Action;
+pub use rc9::Rc9;
