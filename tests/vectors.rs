@@ -15,6 +15,8 @@ mod dji;
 mod fields;
 #[path = "vectors/lk.rs"]
 mod lk;
+#[path = "vectors/modules.rs"]
+mod modules;
 #[path = "vectors/odrive.rs"]
 mod odrive;
 #[path = "vectors/self_test.rs"]
@@ -58,6 +60,12 @@ fn run(vector: Value) -> Check<Ran> {
         "robstride" => cybergear::robstride(&kind, &mut vector, &mut tolerance)?,
         "lk" => lk::run(&kind, &mut vector, &mut tolerance)?,
         "odrive" => odrive::run(&kind, &mut vector, &mut tolerance)?,
+        "tfmini" => modules::tfmini(&kind, &mut vector, &mut tolerance)?,
+        "jrt_laser" => modules::jrt(&kind, &mut vector, &mut tolerance)?,
+        "stp23l" => modules::stp23l(&kind, &mut vector, &mut tolerance)?,
+        "wit_imu" => modules::wit(&kind, &mut vector, &mut tolerance)?,
+        "action" => modules::action(&kind, &mut vector, &mut tolerance)?,
+        "rc9" => modules::rc9(&kind, &mut vector, &mut tolerance)?,
         "can_bits" => wire::can_bits(&kind, &mut vector, &mut tolerance)?,
         "encoder" => wire::encoder(&kind, &mut vector, &mut tolerance)?,
         _ => return Ok(Ran::No),

@@ -63,7 +63,7 @@ pub fn module(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Che
     }
 }
 
-fn bytes(hexadecimal: &str) -> Check<Vec<u8>> {
+pub fn bytes(hexadecimal: &str) -> Check<Vec<u8>> {
     let byte = |pair: &[u8]| {
         let digits = std::str::from_utf8(pair).ok().filter(|digits| digits.len() == 2)?;
         u8::from_str_radix(digits, 16).ok()
@@ -72,8 +72,8 @@ fn bytes(hexadecimal: &str) -> Check<Vec<u8>> {
     bytes.ok_or_else(|| format!("no hexadecimal bytes: {hexadecimal}"))
 }
 
-/// The bytes of a frame on RS-485.
-fn uart(mut fields: Fields) -> Check<Vec<u8>> {
+/// The bytes of a frame on a UART, RS-485 or not.
+pub fn uart(mut fields: Fields) -> Check<Vec<u8>> {
     let bus = fields.text("bus")?;
     if !matches!(bus.as_str(), "uart" | "rs485") {
         return Err(format!("a frame on bus `{bus}`"));

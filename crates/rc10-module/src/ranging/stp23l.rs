@@ -199,8 +199,8 @@ mod tests {
         points[5] = (1, 0);
         assert_eq!(range(points), Range::Distance(2000));
         // Ascending: of an even number the upper of the two in the middle.
-        let mut distance = 100;
-        let ascending = points.map(|_| (core::mem::replace(&mut distance, distance + 1), 1));
+        let mut distances = 100..;
+        let ascending = points.map(|_| (distances.next().unwrap(), 1));
         assert_eq!(range(ascending), Range::Distance(106));
     }
 
