@@ -1,6 +1,8 @@
 //! A base on four mecanum wheels that slides, grips and turns in the plane.
 
+use std::cell::Cell;
 use std::fmt;
+use std::rc::Rc;
 
 use crate::device::Unit;
 use crate::motor::STEP;
@@ -129,14 +131,28 @@ pub struct Twist {
     pub yaw: f64,
 }
 
-pub(crate) struct Body {
-    chassis: Chassis,
-    stiffness: f64,
-    wheels: [(usize, Mounting); 4],
+/// Where a base is, and how it moves.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Motion {
     pub(crate) pose: Pose,
     /// In the world's frame.
     velocity: (f64, f64),
     yaw_rate: f64,
+}
+
+impl Motion {
+    pub(crate) fn twist(&self) -> Twist {
+        let (sin, cos) = self.pose.yaw.sin_cos();
+        let (x, y) = self.velocity;
+        Twist { x: x * cos + y * sin, y: y * cos - x * sin, yaw: self.yaw_rate }
+    }
+}
+
+pub(crate) struct Body {
+    chassis: Chassis,
+    stiffness: f64,
+    wheels: [(usize, Mounting); 4],
+    pub(crate) motion: Rc<Cell<Motion>>,
 }
 
 impl Body {
@@ -164,22 +180,15 @@ impl Body {
             chassis,
             stiffness: chassis.stiffness.min(0.5 / (STEP * (wheel + body))),
             wheels,
-            pose: Pose::default(),
-            velocity: (0.0, 0.0),
-            yaw_rate: 0.0,
+            motion: Rc::default(),
         }
-    }
-
-    pub(crate) fn twist(&self) -> Twist {
-        let (sin, cos) = self.pose.yaw.sin_cos();
-        let (x, y) = self.velocity;
-        Twist { x: x * cos + y * sin, y: y * cos - x * sin, yaw: self.yaw_rate }
     }
 
     /// One step of the body; sets what the floor does to the wheels in theirs.
     pub(crate) fn step(&mut self, units: &mut [Unit]) {
         let chassis = &self.chassis;
-        let twist = self.twist();
+        let mut motion = self.motion.get();
+        let twist = motion.twist();
         let radius = chassis.wheel_radius;
         let lever = chassis.half_length + chassis.half_width;
         let slides_at = chassis.grip * chassis.mass * GRAVITY / 4.0;
@@ -199,13 +208,14 @@ impl Body {
             force_y += left[wheel] * force;
             moment += turn[wheel] * force;
         }
-        let (sin, cos) = self.pose.yaw.sin_cos();
+        let (sin, cos) = motion.pose.yaw.sin_cos();
         let per_force = STEP / chassis.mass;
-        self.velocity.0 += per_force * (force_x * cos - force_y * sin);
-        self.velocity.1 += per_force * (force_x * sin + force_y * cos);
-        self.yaw_rate += STEP / chassis.yaw_inertia * moment;
-        self.pose.x += STEP * self.velocity.0;
-        self.pose.y += STEP * self.velocity.1;
-        self.pose.yaw += STEP * self.yaw_rate;
+        motion.velocity.0 += per_force * (force_x * cos - force_y * sin);
+        motion.velocity.1 += per_force * (force_x * sin + force_y * cos);
+        motion.yaw_rate += STEP / chassis.yaw_inertia * moment;
+        motion.pose.x += STEP * motion.velocity.0;
+        motion.pose.y += STEP * motion.velocity.1;
+        motion.pose.yaw += STEP * motion.yaw_rate;
+        self.motion.set(motion);
     }
 }

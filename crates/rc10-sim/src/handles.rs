@@ -1,12 +1,12 @@
 //! What a test holds of the things in a world. Handles are cheap to clone, and may be used inside
 //! of a future that the world runs: a fault at a given time is a line of a test's script.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
 use rc10_can::{CanFrame, CanPort, Health, Micros, Queued, Submitted};
 
-use crate::base::{Pose, Twist};
+use crate::base::{Motion, Pose, Twist};
 use crate::device::{Device, EscFault, EscState, Unit};
 use crate::dji::{Dji, EscConfig, IdOutOfRange};
 use crate::host::Host;
@@ -234,23 +234,22 @@ impl Esc {
     }
 }
 
-/// A mecanum base.
+/// A mecanum base. What stands on it, an IMU for example, keeps a handle to see how it moves.
 #[derive(Clone)]
 pub struct Base {
-    pub(crate) inner: Rc<RefCell<Inner>>,
-    pub(crate) index: usize,
+    pub(crate) motion: Rc<Cell<Motion>>,
 }
 
 impl Base {
     /// Where it is.
     #[must_use]
     pub fn pose(&self) -> Pose {
-        self.inner.borrow().bodies[self.index].pose
+        self.motion.get().pose
     }
 
     /// How it moves.
     #[must_use]
     pub fn twist(&self) -> Twist {
-        self.inner.borrow().bodies[self.index].twist()
+        self.motion.get().twist()
     }
 }

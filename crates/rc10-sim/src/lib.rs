@@ -10,6 +10,8 @@
 //!   electronics are a [`Device`], its motor is a [`Plant`].
 //! * [`Line`] and its [`SerialPort`]: an RS-485 line, and on it [`LineMotor`]s with a
 //!   [`LineDevice`] each.
+//! * [`Serial`] and its [`UartPort`]: a serial link in full duplex to one [`SerialDevice`].
+//!   [`Pulses`] and its [`PulsePort`]: a line on which one [`PulseDevice`] sends pulses.
 //! * [`Base`]: four motors under a body that rolls and slides.
 //!
 //! | vendor | devices |
@@ -76,8 +78,11 @@ pub mod lk;
 mod motor;
 mod occupancy;
 pub mod odrive;
+mod pulses;
 mod random;
 mod segment;
+mod serial;
+mod serial_handles;
 mod tasks;
 mod time;
 pub mod unitree_line;
@@ -94,6 +99,9 @@ pub use handles::{Base, Bus, Esc, SimPort};
 pub use line::{Heard, LineConfig, LineCounters, LineDevice};
 pub use line_handles::{Line, LineMotor, SerialPort};
 pub use motor::{Plant, Scale};
+pub use pulses::{PulseDevice, PulseEnd, PulsePort, Pulses};
+pub use serial::{SerialConfig, SerialCounters, SerialDevice, SerialEnd, UartFault};
+pub use serial_handles::{Serial, UartPort};
 pub use tasks::Tasks;
 pub use time::now;
 pub use wire::{BusConfig, BusCounters, TraceEntry};

@@ -13,7 +13,10 @@ use crate::device::Unit;
 use crate::handles::{Base, Bus, Esc};
 use crate::line::{self, LineConfig};
 use crate::line_handles::Line;
+use crate::pulses::{PulseDevice, PulseLine, Pulses};
 use crate::random::Random;
+use crate::serial::{self, SerialConfig, SerialDevice};
+use crate::serial_handles::Serial;
 use crate::tasks::Awake;
 use crate::time::{Clock, make_current};
 use crate::wire::{BusConfig, Wire};
@@ -32,6 +35,8 @@ pub(crate) struct Inner {
     next_step: Nanos,
     pub(crate) wires: Vec<Wire>,
     pub(crate) lines: Vec<line::Line>,
+    pub(crate) serials: Vec<serial::Link>,
+    pub(crate) pulses: Vec<PulseLine>,
     pub(crate) units: Vec<Unit>,
     pub(crate) bodies: Vec<Body>,
 }
@@ -42,7 +47,10 @@ impl Inner {
         let units = self.units.iter().filter_map(Unit::next_event).map(Nanos::from);
         let now = self.clock.now_ns();
         let lines = self.lines.iter().filter_map(|line| line.next_event(now));
-        wires.chain(units).chain(lines).fold(self.next_step, Nanos::min)
+        let serials = self.serials.iter().filter_map(|link| link.next_event(now));
+        let pulses = self.pulses.iter().filter_map(|line| line.next_event(now));
+        let on_lines = lines.chain(serials).chain(pulses);
+        wires.chain(units).chain(on_lines).fold(self.next_step, Nanos::min)
     }
 
     /// Everything that happens at one instant, in a fixed order: physics up to now, then the wires
@@ -58,6 +66,8 @@ impl Inner {
             self.lines.iter_mut().for_each(|line| line.step(now));
         }
         self.lines.iter_mut().for_each(|line| line.process(now, &mut self.random));
+        self.serials.iter_mut().for_each(|link| link.process(now));
+        self.pulses.iter_mut().for_each(|line| line.process(now));
         for (bus, wire) in self.wires.iter_mut().enumerate() {
             let Some(heard) = wire.process(now) else {
                 continue;
@@ -90,6 +100,7 @@ impl Inner {
     fn let_start(&mut self, now: Nanos) {
         self.wires.iter_mut().for_each(|wire| wire.arbitrate(now));
         self.lines.iter_mut().for_each(|line| line.start(now));
+        self.serials.iter_mut().for_each(|link| link.start(now));
     }
 }
 
@@ -128,6 +139,8 @@ impl World {
             next_step: STEP,
             wires: Vec::new(),
             lines: Vec::new(),
+            serials: Vec::new(),
+            pulses: Vec::new(),
             units: Vec::new(),
             bodies: Vec::new(),
         };
@@ -167,6 +180,27 @@ impl World {
         Line { inner: Rc::clone(&self.inner), index: inner.lines.len() - 1 }
     }
 
+    /// A new serial link in full duplex, with a device that has power.
+    #[must_use]
+    pub fn add_serial(&mut self, config: SerialConfig, device: impl SerialDevice) -> Serial {
+        let mut inner = self.inner.borrow_mut();
+        inner.serials.push(serial::Link::new(config, Box::new(device), self.clock.now_ns()));
+        Serial { inner: Rc::clone(&self.inner), index: inner.serials.len() - 1 }
+    }
+
+    /// A new line for pulses, with a device that has power.
+    #[must_use]
+    pub fn add_pulses(&mut self, device: impl PulseDevice) -> Pulses {
+        let mut inner = self.inner.borrow_mut();
+        inner.pulses.push(PulseLine::new(Box::new(device), self.clock.now_ns()));
+        Pulses { inner: Rc::clone(&self.inner), index: inner.pulses.len() - 1 }
+    }
+
+    /// A number below `end`, or zero, from the world's chance: for what begins at some time.
+    pub fn chance(&mut self, end: Nanos) -> Nanos {
+        Nanos::new(self.inner.borrow_mut().random.below(end.get()))
+    }
+
     /// Puts four motors under a base. Each gets the wheel's inertia and rolling friction.
     ///
     /// # Errors
@@ -189,8 +223,9 @@ impl World {
         }
         let wheels = wheels.map(|(esc, mounting)| (esc.index, mounting));
         let body = Body::new(chassis, wheels, &mut inner.units);
+        let base = Base { motion: Rc::clone(&body.motion) };
         inner.bodies.push(body);
-        Ok(Base { inner: Rc::clone(&self.inner), index: inner.bodies.len() - 1 })
+        Ok(base)
     }
 
     /// Lets time pass up to and including `until`; timers that fall due wake their tasks, which
@@ -293,7 +328,10 @@ impl World {
     /// Wakes who waits at a serial port for what is there now; says whether there was anybody.
     fn wake_ports(&self) -> bool {
         let take = |inner: &mut Inner| -> Vec<Waker> {
-            inner.lines.iter_mut().flat_map(line::Line::take_wakers).flatten().collect()
+            let lines = inner.lines.iter_mut().flat_map(line::Line::take_wakers);
+            let serials = inner.serials.iter_mut().flat_map(serial::Link::take_wakers);
+            let pulses = inner.pulses.iter_mut().map(PulseLine::take_waker);
+            lines.chain(serials).chain(pulses).flatten().collect()
         };
         let due = take(&mut self.inner.borrow_mut());
         // As timers: woken after everything is free again.
