@@ -12,6 +12,7 @@
 //!   [`LineDevice`] each.
 //! * [`Serial`] and its [`UartPort`]: a serial link in full duplex to one [`SerialDevice`].
 //!   [`Pulses`] and its [`PulsePort`]: a line on which one [`PulseDevice`] sends pulses.
+//! * [`remote`]: remote controls with their receivers. [`imu`]: which way a base looks.
 //! * [`Base`]: four motors under a body that rolls and slides.
 //!
 //! | vendor | devices |
@@ -72,6 +73,7 @@ mod device;
 mod dji;
 mod handles;
 mod host;
+pub mod imu;
 mod line;
 mod line_handles;
 pub mod lk;
@@ -80,6 +82,7 @@ mod occupancy;
 pub mod odrive;
 mod pulses;
 mod random;
+pub mod remote;
 mod segment;
 mod serial;
 mod serial_handles;

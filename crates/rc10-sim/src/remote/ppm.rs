@@ -1,0 +1,94 @@
+//! Eight channels as pulses one after another on one wire.
+
+use super::channels::deflection;
+use super::{Controls, Remote};
+use crate::Nanos;
+use crate::pulses::PulseDevice;
+
+const PERIOD: Nanos = Nanos::new(22_000_000);
+const PULSE: Nanos = Nanos::new(300_000);
+const CHANNELS: usize = 8;
+
+/// A PPM receiver: nine pulses every 22 ms while it hears its remote. From the rising edge of one to
+/// that of the next is a channel: 1000 us for -1, 2000 us for 1.
+#[derive(Debug)]
+pub struct Ppm {
+    remote: Remote,
+    phase: Nanos,
+    /// When the frame began, and how many edges of it there were: odd is high.
+    began: Nanos,
+    edges: usize,
+    next: Nanos,
+    channels: [Nanos; CHANNELS],
+}
+
+impl Ppm {
+    /// A receiver that sends its first frame so long after power-on.
+    #[must_use]
+    pub fn new(remote: &Remote, phase: Nanos) -> Self {
+        Self {
+            remote: remote.clone(),
+            phase,
+            began: Nanos::ZERO,
+            edges: 0,
+            next: Nanos::ZERO,
+            channels: [Nanos::ZERO; CHANNELS],
+        }
+    }
+
+    fn begin(&mut self, now: Nanos) -> bool {
+        let Some(controls) = self.remote.heard() else {
+            self.remote.pauses();
+            self.next = now + PERIOD;
+            return false;
+        };
+        self.channels = channels(&controls);
+        (self.began, self.edges) = (now, 0);
+        let last = self.channels.iter().fold(now, |at, length| at + *length);
+        self.remote.sends(true, last);
+        true
+    }
+}
+
+impl PulseDevice for Ppm {
+    fn power_on(&mut self, now: Nanos) {
+        self.next = now + self.phase;
+        self.edges = 0;
+    }
+
+    fn next_event(&self) -> Option<Nanos> {
+        Some(self.next)
+    }
+
+    fn advance(&mut self, now: Nanos) -> bool {
+        if self.edges == 0 && !self.begin(now) {
+            return false;
+        }
+        self.edges += 1;
+        let is_high = !self.edges.is_multiple_of(2);
+        self.next = if is_high {
+            now + PULSE
+        } else if let Some(length) = self.channels.get(self.edges / 2 - 1) {
+            now + length.since(PULSE)
+        } else {
+            self.edges = 0;
+            self.began + PERIOD
+        };
+        is_high
+    }
+}
+
+/// As `RC10_LIB`'s `AirJoy`: left stick across, away; right stick away, across; right and left switch,
+/// and two more.
+fn channels(controls: &Controls) -> [Nanos; CHANNELS] {
+    let Controls { left, right, left_switch, right_switch, more_switches, .. } = controls;
+    let [third, fourth] = more_switches.map(deflection);
+    let switches = [deflection(*right_switch), deflection(*left_switch)];
+    [left.x, left.y, right.y, right.x, switches[0], switches[1], third, fourth].map(length)
+}
+
+/// To the microsecond, as a receiver's timer counts.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1000 ..= 2000")]
+fn length(deflection: f64) -> Nanos {
+    Nanos::new(1000 * (1500.0 + 500.0 * deflection.clamp(-1.0, 1.0)).round() as u64)
+}
