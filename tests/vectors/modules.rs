@@ -255,14 +255,16 @@ fn wit_command(operation: &str) -> Check<wit::Command> {
     use wit::{Baud, Rate};
     let unknown = || format!("this runner does not know the operation `{operation}`");
     // What stands in brackets explains, except a rate.
-    let words: Vec<_> = operation.split([' ', '(', ')']).filter(|word| !word.is_empty()).collect();
+    let words = operation.split([' ', '(', ')']);
+    let words: Vec<_> =
+        words.filter(|word| !matches!(*word, "" | "set" | "output" | "return")).collect();
     Ok(match words.as_slice() {
         ["unlock"] => wit::Command::Unlock,
         ["save"] => wit::Command::Save,
         ["z-axis" | "z" | "yaw", "zero"] | ["z-axis" | "z" | "yaw", "zero", "HWT101"] => {
             wit::Command::ZeroYaw
         }
-        ["rate" | "output-rate", rate] | ["rate" | "output-rate", rate, "Hz"] => {
+        ["rate", rate] | ["rate", rate, "Hz"] => {
             wit::Command::Rate(match rate.trim_end_matches("Hz") {
                 "1" => Rate::Hz1,
                 "2" => Rate::Hz2,
@@ -276,7 +278,7 @@ fn wit_command(operation: &str) -> Check<wit::Command> {
                 _ => return Err(unknown()),
             })
         }
-        ["baud", baud] => wit::Command::Baud(match *baud {
+        ["baud", baud] | ["baud", "rate", baud] => wit::Command::Baud(match *baud {
             "4800" => Baud::B4800,
             "9600" => Baud::B9600,
             "19200" => Baud::B19200,
@@ -327,9 +329,9 @@ pub fn action(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Che
 fn action_command(operation: &str) -> Check<[u8; 8]> {
     let words: Vec<_> = operation.split_whitespace().collect();
     let (coordinate, value) = match words.as_slice() {
-        ["set", "yaw" | "angle", value] => (Coordinate::Yaw, value),
-        ["set", "x" | "X" | "pos_x", value] => (Coordinate::X, value),
-        ["set", "y" | "Y" | "pos_y", value] => (Coordinate::Y, value),
+        ["set", "yaw" | "angle", value] | ["set", "yaw", value, "deg"] => (Coordinate::Yaw, value),
+        ["set", "x" | "X", value] | ["set", "x" | "X", value, "mm"] => (Coordinate::X, value),
+        ["set", "y" | "Y", value] | ["set", "y" | "Y", value, "mm"] => (Coordinate::Y, value),
         _ => return Err(format!("this runner does not know the operation `{operation}`")),
     };
     let value = value.parse().map_err(|_| format!("no number: {value}"))?;

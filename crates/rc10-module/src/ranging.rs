@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn a_range_reads_as_a_sentence() {
-        assert_eq!(Range::Distance(12_034).to_string(), "12.034 m");
+        assert_eq!(Range::Distance(12_304).to_string(), "12.304 m");
         assert_eq!(Range::OutOfRange.to_string(), "out of range");
         let weak = Range::Unreliable(Doubt::TooWeak).to_string();
         assert_eq!(weak, "unreliable: too little light comes back");

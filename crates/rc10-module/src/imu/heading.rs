@@ -138,12 +138,12 @@ mod tests {
         heading.hear(Degrees::new(-30.0), now);
         assert_eq!(microdegrees(&heading, now), Some(90_000_000));
         assert!((heading.direction(now).unwrap().get() - FRAC_PI_2).abs() < 1e-6);
-        for yaw in [100.0, -150.0] {
+        for (yaw, way) in [(100.0, -140.0_f32), (-150.0, -30.0)] {
             now += STEP;
             heading.hear(Degrees::new(yaw), now);
+            assert!((heading.direction(now).unwrap().get() - way.to_radians()).abs() < 1e-6);
         }
         assert_eq!(microdegrees(&heading, now), Some(330_000_000));
-        assert!((heading.direction(now).unwrap().get() + PI / 6.0).abs() < 1e-6);
     }
 
     #[test]

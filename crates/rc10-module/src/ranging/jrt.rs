@@ -279,6 +279,7 @@ mod tests {
             assert_eq!(answers, expected, "{piece:02X?}");
         }
         assert_eq!(heard(&echo).1.frames, 1, "a known frame of no interest");
+        assert_eq!(heard(b"\xAA\x00\x00\x22\x00\x00\x22").1.frames, 0, "a frame of no words");
     }
 
     #[test]

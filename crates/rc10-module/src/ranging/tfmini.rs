@@ -161,5 +161,10 @@ mod tests {
             assert_eq!(heard.iter().map(|one| one.centimetres).collect::<Vec<_>>(), [251], "{at}");
             assert!(at < 2 || counters.damaged > 0, "{at}");
         }
+        // One head alone is none, though the sum is right.
+        let mut lone = frame(250, 900);
+        lone[1] = 0;
+        lone[8] = sum(&lone[..8]);
+        assert_eq!(heard(&lone).1.frames, 0);
     }
 }
