@@ -23,3 +23,6 @@ mod sum;
 
 pub use listen::{Reception, listen};
 pub use stream::{Counters, Found, Pause, Protocol, Stream};
+
+#[cfg(test)]
+extern crate std;

@@ -52,7 +52,8 @@ pub struct ChannelOrder {
 const ROLES: usize = 9;
 
 impl ChannelOrder {
-    /// Aileron, elevator, throttle, rudder, right switch, left switch, two more: most transmitters.
+    /// Aileron, elevator, throttle, rudder, right switch, left switch, two more, a dial: most
+    /// transmitters.
     pub const AETR: Self = Self {
         right_x: Channel::new(1),
         right_y: Channel::new(2),
@@ -61,7 +62,7 @@ impl ChannelOrder {
         right_switch: Channel::new(5),
         left_switch: Channel::new(6),
         more_switches: [Some(Channel::new(7)), Some(Channel::new(8))],
-        dial: None,
+        dial: Some(Channel::new(9)),
     };
 
     /// That of `RC10_LIB`'s `AirJoy`: left x, left y, right y, right x, switches A, B, C, D, of
@@ -71,6 +72,7 @@ impl ChannelOrder {
         left_y: Channel::new(2),
         right_y: Channel::new(3),
         right_x: Channel::new(4),
+        dial: None,
         ..Self::AETR
     };
 
