@@ -19,6 +19,8 @@ mod lk;
 mod modules;
 #[path = "vectors/odrive.rs"]
 mod odrive;
+#[path = "vectors/remotes.rs"]
+mod remotes;
 #[path = "vectors/self_test.rs"]
 mod self_test;
 #[path = "vectors/unitree.rs"]
@@ -68,6 +70,11 @@ fn run(vector: Value) -> Check<Ran> {
         "rc9" => modules::rc9(&kind, &mut vector, &mut tolerance)?,
         "can_bits" => wire::can_bits(&kind, &mut vector, &mut tolerance)?,
         "encoder" => wire::encoder(&kind, &mut vector, &mut tolerance)?,
+        "dbus" => remotes::dbus(&kind, &mut vector, &mut tolerance)?,
+        "sbus" => remotes::sbus(&kind, &mut vector, &mut tolerance)?,
+        "crsf" => remotes::crsf(&kind, &mut vector, &mut tolerance)?,
+        "vt03" => remotes::vt03(&kind, &mut vector, &mut tolerance)?,
+        "ppm" => remotes::ppm(&kind, &mut vector, &mut tolerance)?,
         _ => return Ok(Ran::No),
     }
     tolerance.finish()?;
