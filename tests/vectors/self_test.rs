@@ -41,7 +41,7 @@ fn spoil(value: &Value) -> Value {
         Value::Bool(flag) => json!(!flag),
         Value::Number(number) => match number.as_i64() {
             Some(whole) => json!(whole + 2),
-            None => json!(number.as_f64().unwrap_or_default() * 1.001 + 0.001),
+            None => json!(number.as_f64().unwrap_or_default() * 1.01 + 0.001),
         },
         Value::String(text) => {
             let (rest, last) = text.split_at(text.len().saturating_sub(1));
