@@ -265,7 +265,8 @@ mod tests {
     #[test]
     fn each_channel_goes_where_the_order_says() {
         let channels = [1000, 2000, 1500, 1750, 1000, 2000, 1500, 1000];
-        let remote = map(ChannelOrder::AETR).remote(&channels);
+        let order = ChannelOrder { dial: None, ..ChannelOrder::AETR };
+        let remote = map(order).remote(&channels);
         assert_eq!((remote.right.x, remote.right.y, remote.left.y), (-1.0, 1.0, 0.0));
         assert!((remote.left.x - 0.48 / 0.98).abs() < 1e-6);
         assert_eq!((remote.right_switch, remote.left_switch), (Switch::Up, Switch::Down));
