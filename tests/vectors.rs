@@ -13,6 +13,8 @@ mod damiao;
 mod dji;
 #[path = "vectors/fields.rs"]
 mod fields;
+#[path = "vectors/led.rs"]
+mod led;
 #[path = "vectors/lk.rs"]
 mod lk;
 #[path = "vectors/modules.rs"]
@@ -75,6 +77,7 @@ fn run(vector: Value) -> Check<Ran> {
         "crsf" => remotes::crsf(&kind, &mut vector, &mut tolerance)?,
         "vt03" => remotes::vt03(&kind, &mut vector, &mut tolerance)?,
         "ppm" => remotes::ppm(&kind, &mut vector, &mut tolerance)?,
+        "ws2812" => led::ws2812(&kind, &mut vector, &mut tolerance)?,
         _ => return Ok(Ran::No),
     }
     tolerance.finish()?;

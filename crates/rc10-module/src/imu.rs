@@ -1,7 +1,32 @@
-//! Inertial measurement units, and the heading that a robot drives by.
+//! Inertial measurement: what sensors say, which way up that makes the robot, and the heading
+//! that it drives by.
+//!
+//! Axes are right-handed: x forward, y to the left, z up. A sensor at rest and level measures
+//! +9.81 m/s² on z. Yaw is counter-clockwise positive, seen from above.
 
+pub mod attitude;
+pub mod bmi088;
 mod heading;
 pub mod wit;
 
 pub use heading::{FRESH_FOR, Heading};
 pub use wit::Wit;
+
+/// What an inertial sensor measures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Sample {
+    /// Acceleration less gravity's pull (+9.81 up at rest) along x, y, z, m/s².
+    pub acceleration: [f32; 3],
+    /// Rotation about x, y, z, rad/s.
+    pub rotation: [f32; 3],
+    /// Of the sensor, °C, if it knows.
+    pub temperature: Option<f32>,
+    /// An axis of `acceleration` is at the end of its range: it is more than that.
+    pub acceleration_is_saturated: bool,
+    /// An axis of `rotation` is.
+    pub rotation_is_saturated: bool,
+}
+
+/// Standard gravity, m/s².
+pub const GRAVITY: f32 = 9.806_65;

@@ -13,7 +13,10 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod encoder;
 pub mod imu;
+pub mod led;
+pub mod limit_switch;
 mod listen;
 pub mod positioning;
 pub mod ranging;

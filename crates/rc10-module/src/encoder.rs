@@ -1,0 +1,446 @@
+//! Incremental encoders: a timer counts the edges of two tracks, and starts over after 2¹⁶ or 2³².
+//!
+//! The count is unwrapped by [`rc10_app::Encoder`], in integers: exact for ever. What a counter
+//! cannot tell is said instead of guessed at:
+//!
+//! * it moved further than the shaft can have turned: [`Fault::Jump`]. Somebody wrote to the timer,
+//!   or it counts noise. The angle stays; the counter's new value is where it goes on from.
+//! * it was not read for so long that it may have gone half-way round: the turns are those that the
+//!   speed tells, and [`gaps`](IncrementalEncoder::gaps) says how often.
+//! * it lost edges: nothing shows that but the index pulse, [`IncrementalEncoder::index`].
+
+use core::fmt;
+
+use rc10_app::encoder::OutOfRange;
+use rc10_app::maths::within;
+use rc10_app::{ConfigError, CountsPerTurn, Encoder, Rpm, Seconds, TotalAngle};
+use rc10_can::Micros;
+
+/// What an encoder and its counter are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Config {
+    /// The counter starts over after so many: 2 ..= 2³², `1 << 16` for a timer of 16 bits.
+    pub modulus: u64,
+    /// Counts of the output shaft: four per line of the disc when both edges of both tracks count.
+    pub scale: CountsPerTurn,
+    /// The counter counts down when the shaft turns counter-clockwise.
+    pub is_reversed: bool,
+    /// The shaft never turns faster; finite, > 0.
+    pub max_speed: Rpm,
+}
+
+/// The counter said what the shaft cannot have done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Fault {
+    /// It moved further than the shaft can have turned; the angle stays.
+    Jump {
+        /// So many counts.
+        moved: i64,
+        /// No more than this were possible.
+        possible: i64,
+    },
+    /// It showed a value beyond its modulus; the sample is ignored.
+    OutOfRange(OutOfRange),
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Jump { moved, possible } => write!(
+                f,
+                "the counter jumped by {moved} where {possible} were possible: noise, or reset"
+            ),
+            Self::OutOfRange(error) => fmt::Display::fmt(error, f),
+        }
+    }
+}
+
+impl core::error::Error for Fault {}
+
+/// The speed is measured over so long at least, µs: at 1 kHz and 4096 counts a turn a step is
+/// 0.7 rpm instead of 15.
+const WINDOW: u64 = 20_000;
+/// Without a count for so long the shaft stands, µs.
+const STANDS: u64 = 500_000;
+
+/// The angle and speed of a shaft with an incremental encoder.
+///
+/// ```
+/// use rc10_app::{CountsPerTurn, Rpm};
+/// use rc10_can::Micros;
+/// use rc10_module::encoder::{Config, IncrementalEncoder};
+///
+/// let config = Config {
+///     modulus: 1 << 16,
+///     scale: CountsPerTurn::new(4096, 1),
+///     is_reversed: false,
+///     max_speed: Rpm::new(6000.0),
+/// };
+/// let mut encoder = IncrementalEncoder::new(config)?;
+/// for (millis, counter) in [(0, 65_500), (1, 65_530), (2, 24)] {
+///     encoder.update(counter, Micros::from_millis(millis))?;
+/// }
+/// assert_eq!(encoder.counts(), 60);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct IncrementalEncoder {
+    config: Config,
+    counter: Encoder,
+    /// The counter's total where the angle is zero.
+    zero: i64,
+    /// Where the index pulse came first, on the counter's total.
+    index: Option<i64>,
+    /// When the counter was read last.
+    read: Micros,
+    /// Total and time where the speed's window begins.
+    window: (i64, Micros),
+    speed: Rpm,
+    jumps: u32,
+}
+
+impl IncrementalEncoder {
+    /// An encoder that was not read yet. Its angle is zero where it is read first.
+    ///
+    /// # Errors
+    /// Names the field of the configuration that cannot be.
+    pub fn new(config: Config) -> Result<Self, ConfigError> {
+        let speed = config.max_speed.get();
+        let bad = if !(2..=1 << 32).contains(&config.modulus) {
+            #[expect(clippy::cast_precision_loss, reason = "for a person")]
+            Some(("modulus", config.modulus as f32, "2 to 2^32"))
+        } else if !(speed.is_finite() && speed > 0.0) {
+            Some(("max_speed", speed, "finite and positive"))
+        } else {
+            None
+        };
+        if let Some((field, value, must_be)) = bad {
+            return Err(ConfigError { field, value, must_be });
+        }
+        Ok(Self {
+            config,
+            counter: Encoder::new(config.modulus),
+            zero: 0,
+            index: None,
+            read: Micros::ZERO,
+            window: (0, Micros::ZERO),
+            speed: Rpm::ZERO,
+            jumps: 0,
+        })
+    }
+
+    /// The counter showed this at `now`.
+    ///
+    /// # Errors
+    /// [`Fault`]; the next good sample goes on.
+    pub fn update(&mut self, raw: u32, now: Micros) -> Result<(), Fault> {
+        let is_first = self.counter.last().is_none();
+        let since = now.since(self.read);
+        let possible = self.counts_within(since);
+        let moved = if !is_first && possible >= self.half_turn() {
+            self.counter.update_after_gap(raw, self.expected(since))
+        } else {
+            self.counter.update(raw)
+        };
+        let moved = moved.map_err(Fault::OutOfRange)?;
+        self.read = now;
+        if is_first {
+            self.zero = self.counter.total();
+            self.window = (self.zero, now);
+        } else if moved.saturating_abs() > possible {
+            self.jumps = self.jumps.saturating_add(1);
+            self.zero = self.zero.saturating_add(moved);
+            self.window = (self.counter.total(), now);
+            self.index = None;
+            return Err(Fault::Jump { moved, possible });
+        } else {
+            self.measure_speed(now);
+        }
+        Ok(())
+    }
+
+    /// The index pulse came when the counter showed `raw`, which a timer captures: less than half
+    /// the counter's way from its newest sample. The first pulse sets the mark. Every later one
+    /// tells by how many counts the angle is off by now, -turn/2 ..= turn/2, and corrects it; a few
+    /// are the pulse's own width. `None` before the first sample and for the first pulse, also for
+    /// the first after a jump; and if a turn is no whole number of counts.
+    ///
+    /// # Errors
+    /// [`Fault::OutOfRange`]
+    pub fn index(&mut self, raw: u32) -> Result<Option<i64>, Fault> {
+        if self.counter.last().is_none() || self.config.scale.turns() != 1 {
+            return Ok(None);
+        }
+        let mut captured = self.counter;
+        captured.update(raw).map_err(Fault::OutOfRange)?;
+        let here = captured.total();
+        let Some(mark) = self.index.replace(here) else { return Ok(None) };
+        let turn = i64::from(self.config.scale.counts());
+        let off = here.saturating_sub(mark).saturating_add(turn / 2).rem_euclid(turn) - turn / 2;
+        self.zero = self.zero.saturating_add(off);
+        Ok(Some(if self.config.is_reversed { -off } else { off }))
+    }
+
+    /// The angle is zero here.
+    pub fn set_zero(&mut self) {
+        self.zero = self.counter.total();
+    }
+
+    /// The angle is zero where the index pulse came; `false` if none came yet, or none since a jump.
+    pub fn set_zero_at_index(&mut self) -> bool {
+        self.zero = self.index.unwrap_or(self.zero);
+        self.index.is_some()
+    }
+
+    /// Counts from zero; counter-clockwise positive.
+    #[must_use]
+    pub const fn counts(&self) -> i64 {
+        let counts = self.counter.total().saturating_sub(self.zero);
+        if self.config.is_reversed { counts.saturating_neg() } else { counts }
+    }
+
+    /// The angle from zero, of any number of turns, exact.
+    #[must_use]
+    pub const fn angle(&self) -> TotalAngle {
+        TotalAngle::new(self.counts(), self.config.scale)
+    }
+
+    /// The speed when the counter was read last: the mean over 20 ms, or since the count before if
+    /// that is longer ago; 0 after half a second without one.
+    #[must_use]
+    pub fn speed(&self) -> Rpm {
+        if self.config.is_reversed { -self.speed } else { self.speed }
+    }
+
+    /// How often the counter was not read for too long: above zero, the turns are an estimate.
+    #[must_use]
+    pub const fn gaps(&self) -> u32 {
+        self.counter.gaps()
+    }
+
+    /// How often it jumped: above zero, the angle may be off by what was lost with it.
+    #[must_use]
+    pub const fn jumps(&self) -> u32 {
+        self.jumps
+    }
+
+    const fn half_turn(&self) -> i64 {
+        (self.config.modulus / 2).cast_signed()
+    }
+
+    /// So many counts in so long at this speed.
+    fn counts_at(&self, speed: Rpm, time: Micros) -> f32 {
+        let (counts, turns) = (self.config.scale.counts(), self.config.scale.turns());
+        #[expect(clippy::cast_precision_loss, reason = "compared and estimated, not added up")]
+        let per_turn = counts as f32 / turns as f32;
+        speed.get() / 60.0 * per_turn * Seconds::from_micros(time.get()).get()
+    }
+
+    /// No more counts than this in so long: two for the edges at both ends, and 1 % for clocks.
+    fn counts_within(&self, time: Micros) -> i64 {
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let counts = (self.counts_at(self.config.max_speed, time) * 1.01) as i64;
+        counts.saturating_add(2)
+    }
+
+    /// So many counts if the speed stayed the same.
+    fn expected(&self, time: Micros) -> i64 {
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let counts = self.counts_at(self.speed, time) as i64;
+        counts
+    }
+
+    fn measure_speed(&mut self, now: Micros) {
+        let (from, began) = self.window;
+        let total = self.counter.total();
+        let took = now.since(began);
+        if took.get() < WINDOW {
+            return;
+        }
+        // One count in so long: what it can be at most while none comes.
+        let one = 1.0 / self.counts_at(Rpm::new(1.0), took);
+        if total == from {
+            let speed = self.speed.get();
+            let slower = if took.get() < STANDS { within(speed, one) } else { 0.0 };
+            self.speed = Rpm::new(slower);
+            return;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "seven digits are plenty")]
+        let moved = total.saturating_sub(from) as f32;
+        self.speed = Rpm::new(moved * one);
+        self.window = (total, now);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn config(modulus: u64) -> Config {
+        Config {
+            modulus,
+            scale: CountsPerTurn::new(4096, 1),
+            is_reversed: false,
+            max_speed: Rpm::new(6000.0),
+        }
+    }
+
+    fn millis(millis: u64) -> Micros {
+        Micros::from_millis(millis)
+    }
+
+    /// A shaft at this many counts per ms for so many ms, read each ms from `start` on.
+    fn turn(encoder: &mut IncrementalEncoder, start: i64, rate: i64, ms: i64) -> i64 {
+        let modulus = encoder.config.modulus.cast_signed();
+        for at in 0..ms {
+            let raw = (start + rate * at).rem_euclid(modulus);
+            let now = millis(u64::try_from(at).unwrap() + 1);
+            encoder.update(u32::try_from(raw).unwrap(), now).unwrap();
+        }
+        rate * (ms - 1)
+    }
+
+    #[test]
+    fn counters_of_any_width_are_exact_for_an_hour() {
+        for modulus in [1 << 16, 1 << 32, 4096, 50_000] {
+            for rate in [409, -409, 1, -1] {
+                let mut encoder = IncrementalEncoder::new(config(modulus)).unwrap();
+                let moved = turn(&mut encoder, 65_500, rate, 3_600_000);
+                assert_eq!(encoder.counts(), moved, "{modulus} {rate}");
+                assert_eq!((encoder.gaps(), encoder.jumps()), (0, 0));
+            }
+        }
+    }
+
+    #[test]
+    fn speed_is_right_at_every_speed_and_zero_at_rest() {
+        for (rate, rpm) in [(409, 5991.2), (-41, -600.59), (1, 14.648), (0, 0.0)] {
+            let mut encoder = IncrementalEncoder::new(config(1 << 16)).unwrap();
+            turn(&mut encoder, 0, rate, 200);
+            let speed = encoder.speed().get();
+            assert!((speed - rpm).abs() < 0.01 * rpm.abs() + 0.01, "{rate}: {speed}");
+        }
+        // A count each 100 ms: 0.146 rpm, and no spikes of 15 rpm in between.
+        let mut encoder = IncrementalEncoder::new(config(1 << 16)).unwrap();
+        for at in 0..2000 {
+            encoder.update(u32::try_from(at / 100).unwrap(), millis(at)).unwrap();
+            assert!(at < 300 || (encoder.speed().get() - 0.1465).abs() < 0.002, "{at}");
+        }
+        // It stops: less and less, then nothing.
+        let mut last = encoder.speed().get();
+        for at in 2000..2600 {
+            encoder.update(19, millis(at)).unwrap();
+            assert!(encoder.speed().get() <= last);
+            last = encoder.speed().get();
+        }
+        assert!(last.abs() < 1e-9, "{last}");
+    }
+
+    #[test]
+    fn a_reversed_encoder_counts_the_other_way() {
+        let reversed = Config { is_reversed: true, ..config(1 << 16) };
+        let mut encoder = IncrementalEncoder::new(reversed).unwrap();
+        let moved = turn(&mut encoder, 0, 100, 100);
+        assert_eq!(encoder.counts(), -moved);
+        assert!(encoder.speed().get() < -1000.0);
+        assert_eq!(encoder.angle().counts(), -moved);
+    }
+
+    #[test]
+    fn what_the_shaft_cannot_have_done_is_said_and_not_believed() {
+        let mut encoder = IncrementalEncoder::new(config(1 << 16)).unwrap();
+        let moved = turn(&mut encoder, 1000, 10, 100);
+        let speed = encoder.speed();
+        // 6000 rpm make 410 counts a ms: not 30,000.
+        let jump = encoder.update(31_990, millis(101));
+        assert_eq!(jump, Err(Fault::Jump { moved: 30_000, possible: 415 }));
+        assert_eq!((encoder.counts(), encoder.jumps()), (moved, 1));
+        // It goes on from there, and no speed comes of it.
+        for at in 1..100 {
+            encoder.update(31_990 + at * 10, millis(101 + u64::from(at))).unwrap();
+            assert!((encoder.speed().get() - speed.get()).abs() < 0.02 * speed.get());
+        }
+        assert_eq!(encoder.counts(), moved + 990);
+    }
+
+    #[test]
+    fn a_counter_beyond_its_modulus_is_refused() {
+        let mut encoder = IncrementalEncoder::new(config(1000)).unwrap();
+        encoder.update(999, millis(0)).unwrap();
+        let beyond = OutOfRange { raw: 1000, modulus: 1000 };
+        assert_eq!(encoder.update(1000, millis(1)), Err(Fault::OutOfRange(beyond)));
+        assert_eq!(encoder.index(1000), Err(Fault::OutOfRange(beyond)));
+        assert_eq!(encoder.counts(), 0);
+    }
+
+    #[test]
+    fn a_gap_goes_on_with_the_speed_and_is_counted() {
+        let mut encoder = IncrementalEncoder::new(config(1 << 16)).unwrap();
+        let moved = turn(&mut encoder, 0, 300, 100);
+        // Half a second of silence: 150,000 counts, more than two rounds of the counter.
+        let raw = (moved + 150_000 + 40) % 65_536;
+        encoder.update(u32::try_from(raw).unwrap(), millis(600)).unwrap();
+        assert_eq!(encoder.counts(), moved + 150_040);
+        assert_eq!((encoder.gaps(), encoder.jumps()), (1, 0));
+    }
+
+    #[test]
+    fn the_index_pulse_shows_lost_edges_and_mends_the_angle() {
+        let mut encoder = IncrementalEncoder::new(config(1 << 16)).unwrap();
+        assert_eq!(encoder.index(5), Ok(None));
+        assert!(!encoder.set_zero_at_index());
+        encoder.update(1000, millis(0)).unwrap();
+        assert_eq!(encoder.index(900), Ok(None));
+        assert!(encoder.set_zero_at_index());
+        assert_eq!(encoder.counts(), 100);
+        // A turn and three backwards; seven edges get lost on the way.
+        for at in 0..20 {
+            encoder.update(1000 + at * 215, millis(10 * u64::from(at))).unwrap();
+        }
+        assert_eq!(encoder.index(900 + 4096 - 7), Ok(Some(-7)));
+        assert_eq!(encoder.counts(), 19 * 215 + 100 + 7);
+        assert_eq!(encoder.index(900 + 4096 - 7), Ok(Some(0)));
+        for at in 0..4 {
+            let counter = 5085 - i64::try_from(at).unwrap() * 4096;
+            let raw = u32::try_from(counter.rem_euclid(65_536)).unwrap();
+            encoder.update(raw, millis(1000 + 100 * at)).unwrap();
+        }
+        let mark = (900 - 7 + 4096_i64 - 3 * 4096).rem_euclid(65_536);
+        assert_eq!(encoder.index(u32::try_from(mark).unwrap()), Ok(Some(0)));
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_by_name() {
+        let speeds = [0.0, -1.0, f32::NAN, f32::INFINITY];
+        for bad in speeds.map(|speed| Config { max_speed: Rpm::new(speed), ..config(1 << 16) }) {
+            assert_eq!(IncrementalEncoder::new(bad).map(drop).unwrap_err().field, "max_speed");
+        }
+        for modulus in [0, 1, (1 << 32) + 1] {
+            let error = IncrementalEncoder::new(config(modulus)).map(drop).unwrap_err();
+            assert_eq!((error.field, error.must_be), ("modulus", "2 to 2^32"));
+        }
+    }
+
+    #[test]
+    fn no_samples_at_any_time_panic_or_make_a_speed_that_is_no_number() {
+        let mut random = 1_u64;
+        let mut next = || {
+            random ^= random << 13;
+            random ^= random >> 7;
+            random ^= random << 17;
+            random
+        };
+        for modulus in [2, 3, 1 << 16, 1 << 32] {
+            let mut encoder = IncrementalEncoder::new(config(modulus)).unwrap();
+            for _ in 0..10_000 {
+                let (raw, now) = (next(), next() >> (next() % 64));
+                let _ = encoder.update(raw as u32, Micros::new(now));
+                let _ = encoder.index(raw as u32);
+                assert!(encoder.speed().is_finite());
+                let _ = encoder.angle().degrees();
+            }
+        }
+    }
+}

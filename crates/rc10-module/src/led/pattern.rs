@@ -1,0 +1,173 @@
+//! What a strip says about the robot: a colour and a rhythm per state.
+//!
+//! The rhythm alone tells the states apart, on a single LED too: one man in twelve confuses red
+//! with green, and nobody sees colours in the sun. No LED flashes more than three times in a
+//! second: faster is dangerous for some people (WCAG 2.3.1).
+//!
+//! | state | colour | rhythm of an LED, one mark is 100 ms | |
+//! |---|---|---|---|
+//! | [`Disarmed`](State::Disarmed) | blue | `##########..........` | slow: one second on, one off |
+//! | [`Armed`](State::Armed) | green | `####################` | steady |
+//! | [`Suspended`](State::Suspended) | amber | `#.#.......#.#.......` | two short flashes a second |
+//! | [`Stopped`](State::Stopped) | red | `##..##..##..##..##..` | even and fast |
+//! | [`LinkLost`](State::LinkLost) | magenta | `#...#...#...#...#...` | points that run along the strip |
+//! | [`Fault`](State::Fault) | white | `#.#.#...............` | three short flashes, a pause |
+//! | [`LowSupply`](State::LowSupply) | yellow | `#...................` | one short flash every two seconds |
+
+use rc10_can::Micros;
+use smart_leds_trait::RGB8;
+
+/// What a strip can say about a robot. Which of it matters most is the robot's to decide.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum State {
+    /// No torque.
+    #[default]
+    Disarmed,
+    /// It may move at any time.
+    Armed,
+    /// Armed, and let go for a moment: it goes on by itself.
+    Suspended,
+    /// Emergency stop.
+    Stopped,
+    /// The remote control is not heard.
+    LinkLost,
+    /// A motor or a sensor is missing or tells of a fault.
+    Fault,
+    /// The battery is nearly empty.
+    LowSupply,
+}
+
+impl State {
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::Disarmed,
+        Self::Armed,
+        Self::Suspended,
+        Self::Stopped,
+        Self::LinkLost,
+        Self::Fault,
+        Self::LowSupply,
+    ];
+}
+
+/// One mark of a rhythm.
+const BEAT: Micros = Micros::from_millis(100);
+/// Marks of a rhythm; then it starts over.
+const BEATS: u32 = 20;
+
+/// How a state looks.
+struct Look {
+    colour: RGB8,
+    /// A mark each, `#` is on.
+    rhythm: &'static [u8; BEATS as usize],
+    /// Each LED is a mark later than the one before it.
+    runs: bool,
+}
+
+const fn look(state: State) -> Look {
+    let (colour, rhythm) = match state {
+        State::Disarmed => ([0, 0, 255], b"##########.........."),
+        State::Armed => ([0, 255, 0], b"####################"),
+        State::Suspended => ([255, 110, 0], b"#.#.......#.#......."),
+        State::Stopped => ([255, 0, 0], b"##..##..##..##..##.."),
+        State::LinkLost => ([255, 0, 180], b"#...#...#...#...#..."),
+        State::Fault => ([255, 255, 255], b"#.#.#..............."),
+        State::LowSupply => ([255, 220, 0], b"#..................."),
+    };
+    let [r, g, b] = colour;
+    Look { colour: RGB8 { r, g, b }, rhythm, runs: matches!(state, State::LinkLost) }
+}
+
+/// What LED `index` shows at `now` in this state, at full brightness.
+///
+/// ```
+/// use rc10_can::Micros;
+/// use rc10_module::led::pattern::{State, colour};
+/// let dark = |millis| colour(State::Stopped, Micros::from_millis(millis), 0).g == 0
+///     && colour(State::Stopped, Micros::from_millis(millis), 0).r == 0;
+/// assert!(!dark(100) && dark(300) && !dark(400));
+/// ```
+#[must_use]
+pub fn colour(state: State, now: Micros, index: usize) -> RGB8 {
+    let look = look(state);
+    let rhythm = BEATS as usize;
+    #[expect(clippy::cast_possible_truncation, reason = "below 20")]
+    let beat = (now.get() / BEAT.get() % u64::from(BEATS)) as usize;
+    let later = if look.runs { index % rhythm } else { 0 };
+    let mark = look.rhythm.get((beat + rhythm - later) % rhythm);
+    if mark == Some(&b'#') { look.colour } else { RGB8::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use super::*;
+
+    /// What an eye that sees no colours sees of an LED in a while.
+    fn seen(state: State, index: usize) -> Vec<bool> {
+        let at = |beat| Micros::new(1_000_000_000_000 + beat * BEAT.get() + 99_999);
+        (0..20).map(|beat| colour(state, at(beat), index) != RGB8::default()).collect()
+    }
+
+    #[test]
+    fn rhythm_alone_tells_every_state_from_every_other() {
+        for (first, a) in State::ALL.into_iter().enumerate() {
+            for b in State::ALL.into_iter().skip(first + 1) {
+                for index in 0..30 {
+                    let (a_seen, mut b_seen) = (seen(a, index), seen(b, 0));
+                    for _ in 0..20 {
+                        assert_ne!(a_seen, b_seen, "{a:?} looks like {b:?}");
+                        b_seen.rotate_left(1);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_flashes_more_than_three_times_a_second() {
+        for state in State::ALL {
+            let twice: Vec<_> = seen(state, 0).repeat(2);
+            for second in twice.windows(10) {
+                let flashes = second.windows(2).filter(|pair| !pair[0] && pair[1]).count();
+                assert!(flashes <= 3, "{state:?}: {flashes}");
+            }
+        }
+    }
+
+    #[test]
+    fn all_leds_blink_together_but_those_that_run() {
+        for state in State::ALL {
+            let same = (1..40).all(|index| seen(state, index) == seen(state, 0));
+            assert_eq!(same, state != State::LinkLost, "{state:?}");
+        }
+        let (first, mut second) = (seen(State::LinkLost, 0), seen(State::LinkLost, 1));
+        second.rotate_left(1);
+        assert_eq!(first, second);
+    }
+
+    #[test]
+    fn the_table_of_the_documentation_is_the_one_that_is_shown() {
+        let source = include_str!("pattern.rs");
+        for state in State::ALL {
+            let name = std::format!("//! | [`{state:?}`]");
+            let row = source.lines().find(|line| line.starts_with(&name)).unwrap();
+            let rhythm = core::str::from_utf8(look(state).rhythm).unwrap();
+            assert!(row.contains(rhythm), "{row}");
+        }
+    }
+
+    #[test]
+    fn any_time_and_any_led_has_a_colour() {
+        for state in State::ALL {
+            for now in [0, 1, u64::MAX / 2, u64::MAX] {
+                for index in [0, 1, 1000, usize::MAX] {
+                    let _ = colour(state, Micros::new(now), index);
+                }
+            }
+        }
+        assert_eq!(colour(State::Armed, Micros::new(u64::MAX), usize::MAX), RGB8::new(0, 255, 0));
+    }
+}

@@ -1,0 +1,274 @@
+//! Limit switches: contacts bounce for some milliseconds, and wires break.
+//!
+//! [`LimitSwitch`] is the state machine: levels and times in, a [`Position`] out. [`watch`] runs it
+//! on any pin that can wait.
+//!
+//! Wire the contact that is closed at rest, against ground, with a pull-up: a broken wire or a
+//! plug that is out then looks like a pressed switch, and the axis stops. (`Active::High`: pressed
+//! is open.) With the other contact a broken wire looks like a switch that is never reached.
+
+use core::convert::Infallible;
+
+use embassy_time::{Duration, Instant, Timer};
+use embedded_hal::digital::InputPin;
+use embedded_hal_async::digital::Wait;
+use rc10_can::Micros;
+
+/// Which level of the pin means that the switch is pressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Active {
+    /// Low: the contact that closes when pressed, against ground, with a pull-up.
+    Low,
+    /// High: the contact that opens when pressed, against ground, with a pull-up.
+    High,
+}
+
+/// How a switch is wired and how long it bounces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Config {
+    /// The level of a pressed switch.
+    pub active: Active,
+    /// It counts as pressed when it was pressed for so long without a break. Zero: at once, for an
+    /// axis that must not go a tenth of a millimetre on; then a spark's pulse stops it too.
+    pub press: Micros,
+    /// It counts as released when it was released for so long without a break.
+    pub release: Micros,
+}
+
+impl Config {
+    /// Pressed after 2 ms, released after 10 ms: what the switches of 3D printers need.
+    #[must_use]
+    pub const fn new(active: Active) -> Self {
+        Self { active, press: Micros::from_millis(2), release: Micros::from_millis(10) }
+    }
+}
+
+/// Where a limit switch is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Position {
+    /// Not looked at for long enough.
+    #[default]
+    Unknown,
+    /// Released.
+    Released,
+    /// Pressed.
+    Pressed,
+    /// It does not come to rest: a loose contact, a chafed wire, or noise on an open pin. Whoever
+    /// drives an axis towards it should stop.
+    Chattering,
+}
+
+/// A switch that has not come to rest for so long chatters.
+pub const CHATTERS_AFTER: Micros = Micros::from_millis(250);
+
+/// A switch without its bouncing. Sampled, or fed with edges: a level holds until the next one.
+///
+/// ```
+/// use rc10_can::Micros;
+/// use rc10_module::limit_switch::{Active, Config, LimitSwitch, Position};
+/// let mut switch = LimitSwitch::new(Config::new(Active::Low));
+/// let mut look = |is_high, millis| switch.update(is_high, Micros::from_millis(millis));
+/// assert_eq!(look(true, 0), Position::Unknown);
+/// assert_eq!(look(true, 10), Position::Released);
+/// assert_eq!(look(false, 20), Position::Released); // may be a spark
+/// assert_eq!(look(false, 22), Position::Pressed);
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct LimitSwitch {
+    config: Config,
+    /// What the pin showed last, and since when.
+    contact: Option<(bool, Micros)>,
+    /// When it last left its rest.
+    disturbed: Micros,
+    position: Position,
+    changes: u32,
+}
+
+impl LimitSwitch {
+    /// A switch that nobody has looked at.
+    #[must_use]
+    pub const fn new(config: Config) -> Self {
+        Self {
+            config,
+            contact: None,
+            disturbed: Micros::ZERO,
+            position: Position::Unknown,
+            changes: 0,
+        }
+    }
+
+    /// The pin is high or low at `now`. Where the switch is now.
+    pub fn update(&mut self, is_high: bool, now: Micros) -> Position {
+        let is_pressed = is_high == (self.config.active == Active::High);
+        let since = match self.contact {
+            Some((same, since)) if same == is_pressed => since,
+            changed => {
+                // Up to now it showed the other: long enough, perhaps, to have come to rest.
+                if let Some((other, since)) = changed {
+                    self.settle(other, now.since(since), now);
+                    self.changes = self.changes.wrapping_add(1);
+                } else {
+                    self.disturbed = now;
+                }
+                self.contact = Some((is_pressed, now));
+                now
+            }
+        };
+        self.settle(is_pressed, now.since(since), now);
+        self.position
+    }
+
+    fn settle(&mut self, is_pressed: bool, rested: Micros, now: Micros) {
+        if rested >= self.time_to_rest(is_pressed) {
+            self.position = if is_pressed { Position::Pressed } else { Position::Released };
+            self.disturbed = now;
+        } else if now.since(self.disturbed) >= CHATTERS_AFTER {
+            self.position = Position::Chattering;
+        }
+    }
+
+    const fn time_to_rest(&self, is_pressed: bool) -> Micros {
+        if is_pressed { self.config.press } else { self.config.release }
+    }
+
+    /// Where it was when looked at last.
+    #[must_use]
+    pub const fn position(&self) -> Position {
+        self.position
+    }
+
+    /// The pin's level is what the position says: nothing happens before it changes.
+    #[must_use]
+    pub fn is_at_rest(&self) -> bool {
+        match self.contact {
+            Some((is_pressed, _)) if is_pressed => self.position == Position::Pressed,
+            Some(_) => self.position == Position::Released,
+            None => false,
+        }
+    }
+
+    /// How often the pin's level changed, bounces and all; starts over after 2³². Many per press:
+    /// a worn contact, or noise.
+    #[must_use]
+    pub const fn changes(&self) -> u32 {
+        self.changes
+    }
+}
+
+/// How often a switch is looked at that is not at rest: also with a storm of edges on the pin
+/// nobody is busy with it all the time.
+const LOOK: Duration = Duration::from_millis(1);
+
+/// Watches a switch for ever: `hear` gets the first position that is known, and each other one,
+/// with its time. At rest it waits for the pin.
+///
+/// # Errors
+/// What the pin says; its position is unknown from then on.
+pub async fn watch<P: InputPin + Wait>(
+    mut pin: P,
+    config: Config,
+    mut hear: impl FnMut(Position, Micros),
+) -> Result<Infallible, P::Error> {
+    let mut switch = LimitSwitch::new(config);
+    let mut heard = Position::Unknown;
+    loop {
+        let is_high = pin.is_high()?;
+        let now = Micros::new(Instant::now().as_micros());
+        let position = switch.update(is_high, now);
+        if position != heard {
+            heard = position;
+            hear(position, now);
+        }
+        if !switch.is_at_rest() {
+            Timer::after(LOOK).await;
+        } else if is_high {
+            // By level: an edge since the look above would be missed.
+            pin.wait_for_low().await?;
+        } else {
+            pin.wait_for_high().await?;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn after(levels: &[(u64, bool)]) -> (LimitSwitch, Position) {
+        let mut switch = LimitSwitch::new(Config::new(Active::Low));
+        let mut position = Position::Unknown;
+        for &(micros, is_high) in levels {
+            position = switch.update(is_high, Micros::new(micros));
+        }
+        (switch, position)
+    }
+
+    #[test]
+    fn nothing_is_known_before_it_rested() {
+        assert_eq!(after(&[(0, true), (9_999, true)]).1, Position::Unknown);
+        assert_eq!(after(&[(0, true), (10_000, true)]).1, Position::Released);
+        assert_eq!(after(&[(0, false), (1_999, false)]).1, Position::Unknown);
+        assert_eq!(after(&[(0, false), (2_000, false)]).1, Position::Pressed);
+    }
+
+    #[test]
+    fn bounces_are_one_press_and_sparks_are_none() {
+        let mut levels = std::vec![(0, true), (20_000, true)];
+        // Bounces of 0.3 ms for 3 ms, then pressed.
+        levels.extend((0..10).map(|bounce| (30_000 + bounce * 300, bounce % 2 != 0)));
+        levels.push((32_999, true));
+        assert_eq!(after(&levels).1, Position::Released);
+        levels.push((33_000, false));
+        levels.push((34_999, false));
+        assert_eq!(after(&levels).1, Position::Released);
+        levels.push((35_000, false));
+        assert_eq!(after(&levels).1, Position::Pressed);
+        assert_eq!(after(&levels).0.changes(), 11);
+        let spark = [(0, true), (20_000, true), (30_000, false), (31_000, true), (90_000, true)];
+        assert_eq!(after(&spark).1, Position::Released);
+    }
+
+    #[test]
+    fn edges_alone_say_as_much_as_samples() {
+        // Pressed from 30 to 60 ms, seen only by its edges: at the second it had rested.
+        let (_, at_the_edge) = after(&[(0, true), (30_000, false), (60_000, true)]);
+        assert_eq!(at_the_edge, Position::Pressed);
+        let (_, later) = after(&[(0, true), (30_000, false), (60_000, true), (70_000, true)]);
+        assert_eq!(later, Position::Released);
+    }
+
+    #[test]
+    fn a_switch_that_never_rests_says_so_and_recovers() {
+        let mut levels = std::vec![(0, true), (20_000, true)];
+        levels.extend((0..1000).map(|change| (30_000 + change * 900, change % 2 != 0)));
+        let chattering = levels.iter().position(|&(at, _)| at >= 280_000 + 900).unwrap();
+        assert_eq!(after(&levels[..chattering - 2]).1, Position::Released);
+        assert_eq!(after(&levels[..chattering]).1, Position::Chattering);
+        assert_eq!(after(&levels).1, Position::Chattering);
+        let &(last, _) = levels.last().unwrap();
+        levels.extend([(last + 900, false), (last + 2_901, false)]);
+        assert_eq!(after(&levels).1, Position::Pressed);
+    }
+
+    #[test]
+    fn active_high_is_the_other_way_round_and_zero_is_at_once() {
+        let config = Config { press: Micros::ZERO, ..Config::new(Active::High) };
+        let mut switch = LimitSwitch::new(config);
+        assert!(!switch.is_at_rest());
+        assert_eq!(switch.update(true, Micros::new(5)), Position::Pressed);
+        assert!(switch.is_at_rest());
+        assert_eq!(switch.update(false, Micros::new(6)), Position::Pressed);
+        assert!(!switch.is_at_rest());
+        assert_eq!(switch.update(false, Micros::new(10_006)), Position::Released);
+        assert_eq!(switch.update(true, Micros::new(10_007)), Position::Pressed);
+    }
+
+    #[test]
+    fn time_that_goes_backwards_is_no_time() {
+        let (_, position) = after(&[(1_000_000, true), (0, true), (5, false), (3, true)]);
+        assert_eq!(position, Position::Unknown);
+    }
+}
