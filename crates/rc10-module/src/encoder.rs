@@ -435,9 +435,10 @@ mod tests {
         for modulus in [2, 3, 1 << 16, 1 << 32] {
             let mut encoder = IncrementalEncoder::new(config(modulus)).unwrap();
             for _ in 0..10_000 {
-                let (raw, now) = (next(), next() >> (next() % 64));
-                let _ = encoder.update(raw as u32, Micros::new(now));
-                let _ = encoder.index(raw as u32);
+                let raw = u32::try_from(next() >> 32).unwrap();
+                let now = next() >> (next() % 64);
+                let _ = encoder.update(raw, Micros::new(now));
+                let _ = encoder.index(raw);
                 assert!(encoder.speed().is_finite());
                 let _ = encoder.angle().degrees();
             }

@@ -9,7 +9,7 @@
 
 use core::convert::Infallible;
 
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Duration, Instant, Timer, with_deadline};
 use embedded_hal::digital::InputPin;
 use embedded_hal_async::digital::Wait;
 use rc10_can::Micros;
@@ -158,12 +158,12 @@ impl LimitSwitch {
     }
 }
 
-/// How often a switch is looked at that is not at rest: also with a storm of edges on the pin
-/// nobody is busy with it all the time.
+/// How often a switch is looked at that is not at rest; one edge in between is waited for. With a
+/// storm of edges on the pin nobody is busy with it all the time.
 const LOOK: Duration = Duration::from_millis(1);
 
 /// Watches a switch for ever: `hear` gets the first position that is known, and each other one,
-/// with its time. At rest it waits for the pin.
+/// with its time. At rest it waits for the pin, else it looks each millisecond.
 ///
 /// # Errors
 /// What the pin says; its position is unknown from then on.
@@ -176,21 +176,28 @@ pub async fn watch<P: InputPin + Wait>(
     let mut heard = Position::Unknown;
     loop {
         let is_high = pin.is_high()?;
-        let now = Micros::new(Instant::now().as_micros());
+        let look = Instant::now();
+        let now = Micros::new(look.as_micros());
         let position = switch.update(is_high, now);
         if position != heard {
             heard = position;
             hear(position, now);
         }
-        if !switch.is_at_rest() {
-            Timer::after(LOOK).await;
-        } else if is_high {
-            // By level: an edge since the look above would be missed.
-            pin.wait_for_low().await?;
-        } else {
-            pin.wait_for_high().await?;
+        if switch.is_at_rest() {
+            other_level(&mut pin, is_high).await?;
+        } else if let Ok(changed) = with_deadline(look + LOOK, other_level(&mut pin, is_high)).await
+        {
+            // It may be back by the next look: this is how that is not taken for rest.
+            changed?;
+            switch.update(!is_high, Micros::new(Instant::now().as_micros()));
+            Timer::at(look + LOOK).await;
         }
     }
+}
+
+/// By level: an edge may have come since the pin was looked at, and would be missed.
+async fn other_level<P: Wait>(pin: &mut P, is_high: bool) -> Result<(), P::Error> {
+    if is_high { pin.wait_for_low().await } else { pin.wait_for_high().await }
 }
 
 #[cfg(test)]
