@@ -249,11 +249,10 @@ where
     async fn start(&mut self) -> Result<(), Error<A::Error>> {
         self.counters.starts = self.counters.starts.wrapping_add(1);
         self.is_running = false;
-        // Its chip select rises: from now on it speaks SPI. What it says here means nothing.
-        self.read_accelerometer::<1>(registers::CHIP_ID).await?;
         self.write(Part::Accelerometer, registers::ACC_SOFTRESET, registers::RESET).await?;
         self.write(Part::Gyroscope, registers::GYRO_SOFTRESET, registers::RESET).await?;
         self.delay.delay_ms(50).await;
+        // Its chip select rises: from now on it speaks SPI. What it says here means nothing.
         self.read_accelerometer::<1>(registers::CHIP_ID).await?;
 
         let [read] = self.read_accelerometer(registers::CHIP_ID).await?;

@@ -34,6 +34,8 @@ pub enum Wires {
 pub struct Accelerometer {
     pub id: u8,
     pub errors: u8,
+    /// A reset takes it back to I²C: the data sheet says no, users say that it does.
+    pub reset_forgets_spi: bool,
     /// A register that takes nothing.
     pub deaf: Option<u8>,
     pub is_frozen: bool,
@@ -80,6 +82,7 @@ impl Package {
         let accelerometer = Accelerometer {
             id: 0x1E,
             errors: 0,
+            reset_forgets_spi: false,
             deaf: None,
             is_frozen: false,
             registers: [0; 128],
@@ -120,7 +123,8 @@ impl Package {
         self.reset_gyroscope();
     }
 
-    fn reset_accelerometer(&mut self) {
+    /// It starts again on its own, the gyroscope does not.
+    pub fn reset_accelerometer(&mut self) {
         let chip = &mut self.accelerometer;
         chip.registers = [0; 128];
         // Reset values of the register map, 5.2: suspended, 100 Hz, 6 g.
@@ -190,14 +194,19 @@ impl Package {
     fn write_accelerometer(&mut self, register: u8, value: u8) {
         let chip = &mut self.accelerometer;
         let is_suspended = chip.registers[0x7C] == 0x03;
-        // 6.1: in suspend mode a write takes 450 µs; one that comes earlier is lost.
-        let is_too_soon = is_suspended && self.now < chip.written + 450_000;
+        // 6.1: after a write in suspend mode comes 450 µs of nothing; a write in that is lost.
+        let is_too_soon = self.now < chip.written + 450_000;
         if self.now < chip.ready || is_too_soon || chip.deaf == Some(register) {
             return;
         }
-        chip.written = self.now;
+        if is_suspended {
+            chip.written = self.now;
+        }
         match (register, value) {
-            (0x7E, 0xB6) => return self.reset_accelerometer(),
+            (0x7E, 0xB6) => {
+                chip.speaks_spi &= !chip.reset_forgets_spi;
+                return self.reset_accelerometer();
+            }
             // Configuration registers take nothing while the chip sleeps.
             (0x40 | 0x41, _) if is_suspended => return,
             (0x7D, 0x04) => chip.awake = self.now + 450_000,
@@ -359,8 +368,10 @@ impl SpiDevice for Device {
                 other => unimplemented!("{other:?}"),
             }
         }
-        // 6.1: the rising edge of its chip select makes the accelerometer speak SPI.
-        if chip == Chip::Accelerometer && package.wires != Wires::Cut {
+        // 6.1: the rising edge of its chip select makes the accelerometer speak SPI, once it has
+        // started.
+        let is_seen = package.wires != Wires::Cut && package.now >= package.accelerometer.ready;
+        if chip == Chip::Accelerometer && is_seen {
             package.accelerometer.speaks_spi = true;
         }
         Ok(())

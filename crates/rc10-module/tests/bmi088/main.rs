@@ -108,6 +108,19 @@ fn a_warm_start_of_the_controller_finds_the_chips_running() {
 }
 
 #[test]
+fn an_accelerometer_that_is_back_at_i2c_after_its_reset_is_told_again() {
+    let mut bench = Bench::new(Config::default());
+    bench.package.with(|package| package.accelerometer.reset_forgets_spi = true);
+    for _ in 0..2 {
+        bench.read().unwrap();
+        let package = bench.package.clone();
+        let devices = [Chip::Accelerometer, Chip::Gyroscope].map(|chip| package.device(chip));
+        let [accelerometer, gyroscope] = devices;
+        bench.imu = Bmi088::new(accelerometer, gyroscope, package, bench.config);
+    }
+}
+
+#[test]
 fn strangers_are_named_with_what_they_said() {
     let wrong = |part, read| Err(Error::WrongChip { part, read });
     let mut bench = Bench::new(Config::default());
@@ -241,6 +254,25 @@ fn after_a_brown_out_no_sample_has_the_wrong_scale() {
             assert!(bench.now_ms() - lost < 40 + 130);
             assert_eq!(bench.imu.counters().starts, 2);
         }
+    }
+}
+
+#[test]
+fn an_accelerometer_that_started_again_gives_no_sample() {
+    for reads in [1, 2] {
+        let mut bench = Bench::new(Config::default());
+        for _ in 0..reads {
+            bench.read().unwrap();
+        }
+        bench.package.with(chip::Package::reset_accelerometer);
+        bench.package.with(|package| package.now += 2_000_000);
+        for _ in 0..ERRORS_BEFORE_RESTART {
+            let read = bench.read();
+            let named = matches!(read, Err(Error::NotKept { part: Part::Accelerometer, .. }));
+            assert!(named, "{read:?}");
+        }
+        let sample = bench.read().unwrap();
+        bench.check(&sample);
     }
 }
 
