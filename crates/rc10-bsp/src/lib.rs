@@ -2,8 +2,7 @@
 //!
 //! The portable part knows no chip and runs on a PC too:
 //!
-//! * [`Topic`]: a stream of messages to several subscribers; who is slow learns what it missed.
-//! * [`Latest`]: the newest value of something, and how old it is.
+//! * [`Topic`], [`Latest`] and [`Service`]: what tasks say to each other, from [`rc10_message`].
 //! * [`periodic`]: work on a grid of time, without drift, with [`Statistics`].
 //!
 //! All of them may be statics and may be shared between executors and interrupts. They need a
@@ -16,18 +15,18 @@
 #![no_std]
 #![cfg_attr(not(feature = "stm32h723"), forbid(unsafe_code))]
 
-mod latest;
 mod periodic;
-mod topic;
 
 #[cfg(feature = "stm32h723")]
 mod stm32h723;
 
-pub use latest::{Changes, Latest, Stamped};
 pub use periodic::{Load, Overrun, Statistics, Tick, periodic};
+pub use rc10_message::{
+    CallError, Caller, Calls, Changes, Latest, Message, Service, Stamped, SubscribersFull,
+    Subscription, Topic,
+};
 #[cfg(feature = "stm32h723")]
 pub use stm32h723::{FDCAN_CLOCK, can, clocks, crash, initialise, supervisor, watchdog};
-pub use topic::{Message, SubscribersFull, Subscription, Topic};
 
 use embassy_time::Instant;
 use rc10_can::Micros;

@@ -8,11 +8,10 @@ use embedded_io_async::{Read, Write};
 use rc10_app::Seconds;
 use rc10_can::{Micros, Schedule, Timing};
 
-use super::motors::{MotorPort, MotorPorts};
+use super::motors::{MotorPort, MotorPorts, Pending};
 use super::runner::PERIOD;
 use crate::arm::ArmState;
 use crate::bus::MotorId;
-use crate::motor::Answer;
 use crate::unitree::{LineCounters, Step, UnitreeLine};
 
 /// What a line and all other tasks share: a mailbox and a status per motor, and a status. One per
@@ -141,8 +140,7 @@ struct Runner<'r, 'm> {
     schedule: Schedule,
     last_start: Option<Micros>,
     port_errors: u32,
-    /// Motors whose device has not answered a request yet, a bit each.
-    pending: u16,
+    pending: Pending<'r, { UnitreeLine::CAPACITY }>,
 }
 
 impl<'r, 'm> Runner<'r, 'm> {
@@ -153,7 +151,7 @@ impl<'r, 'm> Runner<'r, 'm> {
         }
         shared.status.lock(|status| *status.borrow_mut() = LineStatus::NEW);
         let schedule = Schedule::new(now + PERIOD, PERIOD);
-        Self { line, shared, schedule, last_start: None, port_errors: 0, pending: 0 }
+        Self { line, shared, schedule, last_start: None, port_errors: 0, pending: Pending::NONE }
     }
 
     /// Commands in, motors, status out. Never waits.
@@ -167,20 +165,12 @@ impl<'r, 'm> Runner<'r, 'm> {
                 // The port has checked it; what the motor refuses all the same is counted.
                 let _ = self.line.command(motor, target, now);
             }
-            if let Some(request) = motors.take_request(motor) {
-                match self.line.request(motor, request) {
-                    Ok(Answer::Pending) => self.pending |= 1 << motor.index(),
-                    outcome => motors.answer(motor, outcome),
-                }
-            }
-            let bit = 1 << motor.index();
-            if self.pending & bit != 0
-                && let Some(outcome) = self.line.answer(motor)
-            {
-                self.pending &= !bit;
-                motors.answer(motor, outcome);
+            if let Some((request, asker)) = motors.take_request(motor) {
+                let outcome = self.line.request(motor, request);
+                self.pending.settle(motor, asker, outcome);
             }
         }
+        self.pending.pass_on(|motor| self.line.answer(motor));
         self.line.tick(now, dt);
         for motor in self.line.ids() {
             motors.publish(motor, |status| self.line.write_status(motor, now, status));

@@ -3,7 +3,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::signal::Signal;
+use heapless::Vec;
+use rc10_message::{CallError, Caller, Calls, Service};
 
 use crate::bus::MotorId;
 use crate::motor::{Answer, Request, RequestError, Target, TargetError, TargetSet};
@@ -16,48 +17,34 @@ pub(super) struct MotorPorts<const N: usize> {
 }
 
 struct MotorCell {
-    /// Whether there is a command or a request in the mail. The bus asks in every tick.
+    /// Whether there is a command in the mail. The bus asks in every tick.
     commanded: AtomicBool,
-    asked: AtomicBool,
     mail: Mutex<CriticalSectionRawMutex, RefCell<Mail>>,
-    /// The answer to the request with this ticket.
-    answer: Signal<CriticalSectionRawMutex, (Ticket, Result<Answer, RequestError>)>,
+    /// One caller at a time: a motor does one thing beside its target at a time.
+    requests: Service<Request, Outcome, 1>,
     status: Mutex<CriticalSectionRawMutex, RefCell<MotorStatus>>,
 }
-
-/// Tells one request from the next, so that nobody takes another's answer.
-type Ticket = u32;
 
 struct Mail {
     supports: TargetSet,
     command: Option<Target>,
-    request: Option<Request>,
-    /// Of the newest request.
-    ticket: Ticket,
-    /// Whether its caller still waits.
-    awaited: bool,
-    /// Whether it has not been answered yet. Not even a caller that gave up makes room before.
-    outstanding: bool,
 }
+
+/// What became of a request.
+pub(super) type Outcome = Result<Answer, RequestError>;
+/// Who waits for it.
+type Asker<'p> = Caller<'p, Request, Outcome, 1>;
 
 impl<const N: usize> MotorPorts<N> {
     /// They refuse all targets until they are [opened](Self::open).
     pub(super) const fn new() -> Self {
-        const NOTHING: Mail = Mail {
-            supports: TargetSet::NONE,
-            command: None,
-            request: None,
-            ticket: 0,
-            awaited: false,
-            outstanding: false,
-        };
+        const NOTHING: Mail = Mail { supports: TargetSet::NONE, command: None };
         Self {
             cells: [const {
                 MotorCell {
                     commanded: AtomicBool::new(false),
-                    asked: AtomicBool::new(false),
                     mail: Mutex::new(RefCell::new(NOTHING)),
-                    answer: Signal::new(),
+                    requests: Service::new(),
                     status: Mutex::new(RefCell::new(MotorStatus::NEW)),
                 }
             }; N],
@@ -88,27 +75,10 @@ impl<const N: usize> MotorPorts<N> {
         cell.mail.lock(|mail| mail.borrow_mut().command.take())
     }
 
-    /// The request that the bus has not taken yet.
+    /// The request that the bus has not taken yet, and who waits for its outcome.
     #[inline]
-    pub(super) fn take_request(&self, motor: MotorId) -> Option<Request> {
-        let cell = self.cells.get(motor.index())?;
-        if !cell.asked.load(Ordering::Acquire) {
-            return None;
-        }
-        cell.asked.store(false, Ordering::Release);
-        cell.mail.lock(|mail| mail.borrow_mut().request.take())
-    }
-
-    /// Gives the outcome of the request that was taken last to who waits for it.
-    pub(super) fn answer(&self, motor: MotorId, outcome: Result<Answer, RequestError>) {
-        if let Some(cell) = self.cells.get(motor.index()) {
-            let ticket = cell.mail.lock(|mail| {
-                let mut mail = mail.borrow_mut();
-                mail.outstanding = false;
-                mail.ticket
-            });
-            cell.answer.signal((ticket, outcome));
-        }
+    pub(super) fn take_request(&self, motor: MotorId) -> Option<(Request, Asker<'_>)> {
+        self.cells.get(motor.index())?.requests.try_next()
     }
 
     /// Has a motor's status written where its port reads it.
@@ -120,12 +90,35 @@ impl<const N: usize> MotorPorts<N> {
     }
 }
 
-/// The right to wait for an answer; given back on drop.
-struct Turn<'p>(&'p MotorCell);
+/// Requests that wait for what their devices say. Dropped, it tells those who wait for them.
+pub(super) struct Pending<'p, const N: usize>(Vec<(MotorId, Asker<'p>), N>);
 
-impl Drop for Turn<'_> {
-    fn drop(&mut self) {
-        self.0.mail.lock(|mail| mail.borrow_mut().awaited = false);
+impl<'p, const N: usize> Pending<'p, N> {
+    pub(super) const NONE: Self = Self(Vec::new());
+
+    /// Tells who asked what came of it, or keeps it until the device has answered.
+    pub(super) fn settle(&mut self, motor: MotorId, asker: Asker<'p>, outcome: Outcome) {
+        if outcome == Ok(Answer::Pending) {
+            // One per motor: while a request is pending the motor is busy for others.
+            let _ = self.0.push((motor, asker));
+        } else {
+            asker.reply(outcome);
+        }
+    }
+
+    #[inline]
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Passes on what devices have answered.
+    pub(super) fn pass_on(&mut self, mut answer: impl FnMut(MotorId) -> Option<Outcome>) {
+        for (motor, asker) in core::mem::take(&mut self.0) {
+            match answer(motor) {
+                Some(outcome) => asker.reply(outcome),
+                None => drop(self.0.push((motor, asker))),
+            }
+        }
     }
 }
 
@@ -155,38 +148,34 @@ impl MotorPort<'_> {
     }
 
     /// Asks something of the motor beside a target, and waits until it is done: the next tick of
-    /// its bus, or when the device has answered. If the future is dropped the request may still be
-    /// carried out. Never [`Answer::Pending`].
+    /// its bus, or when the device has answered. Never [`Answer::Pending`].
     ///
     /// # Errors
-    /// [`RequestError`]; nothing changed. [`RequestError::Busy`] while another caller waits or an
-    /// earlier request is not done yet;
+    /// [`RequestError`]; nothing changed, unless it is [`RequestError::NoReply`].
+    /// [`RequestError::Busy`] while another caller waits or an earlier request is not done yet;
     /// [`RequestError::NoSuchMotor`] also while the bus is not running yet.
+    ///
+    /// # Cancel safety
+    /// The future may be dropped at any time. A request that the bus has not taken yet is taken
+    /// back; another is carried out, and its outcome goes to nobody.
     pub async fn request(&self, request: Request) -> Result<Answer, RequestError> {
         let cell = self.cell.ok_or(RequestError::NoSuchMotor)?;
-        let ticket = cell.mail.lock(|mail| {
-            let mut mail = mail.borrow_mut();
-            if mail.supports == TargetSet::NONE {
-                // Nobody would ever answer.
-                return Err(RequestError::NoSuchMotor);
-            }
-            if mail.awaited || mail.outstanding {
-                return Err(RequestError::Busy);
-            }
-            mail.ticket = mail.ticket.wrapping_add(1);
-            (mail.request, mail.awaited, mail.outstanding) = (Some(request), true, true);
-            cell.asked.store(true, Ordering::Release);
-            Ok(mail.ticket)
-        })?;
-        // Also when this future is dropped, the next caller gets its turn.
-        let _turn = Turn(cell);
-        loop {
-            let (answered, outcome) = cell.answer.wait().await;
-            // An answer that an earlier, dropped caller left behind is not ours.
-            if answered == ticket {
-                return outcome;
-            }
+        if self.supports() == TargetSet::NONE {
+            // Nobody would ever answer.
+            return Err(RequestError::NoSuchMotor);
         }
+        match cell.requests.call_without_timeout(request).await {
+            Ok(outcome) => outcome,
+            Err(CallError::Full { .. }) => Err(RequestError::Busy),
+            // The bus ended before its device had answered.
+            Err(_) => Err(RequestError::NoReply),
+        }
+    }
+
+    /// What became of the requests so far.
+    #[must_use]
+    pub fn requests(&self) -> Calls {
+        self.cell.map_or(Calls::default(), |cell| cell.requests.calls())
     }
 
     /// All there is to know about the motor, as of its bus's last tick.

@@ -6,12 +6,12 @@ use heapless::Vec;
 use rc10_app::Seconds;
 use rc10_can::{BusOffPolicy, CanPort, Health, IdPattern, Micros, Schedule, Submitted};
 
+use super::motors::Pending;
 use super::port::{BusPort, BusStatus};
 use super::recovery::Recovery;
 use super::subscription::{Filter, Received};
 use crate::batch::TxBatch;
 use crate::bus::{Dispatch, MotorBus};
-use crate::motor::Answer;
 
 /// Length of a tick.
 pub(super) const PERIOD: Micros = Micros::from_millis(1);
@@ -58,8 +58,7 @@ pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
     subscriptions: u32,
     /// Whether there are any.
     listening: bool,
-    /// Motors whose device has not answered a request yet, a bit each.
-    pending: u8,
+    pending: Pending<'p, { MotorBus::CAPACITY }>,
 }
 
 impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
@@ -80,7 +79,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
             recovery: Recovery::new(BusOffPolicy::default()),
             subscriptions: 0,
             listening: false,
-            pending: 0,
+            pending: Pending::NONE,
         };
         runner.accept(shared.subscriptions().changes());
         runner
@@ -215,34 +214,20 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     }
 
     fn take_commands(&mut self, now: Micros) {
+        let motors = self.shared.motors();
         for motor in self.bus.borrow().ids() {
-            if let Some(target) = self.shared.motors().take_command(motor) {
+            if let Some(target) = motors.take_command(motor) {
                 // The port has checked it; what the motor refuses all the same is counted.
                 let _ = self.bus.borrow_mut().command(motor, target, now);
             }
-            if let Some(request) = self.shared.motors().take_request(motor) {
-                match self.bus.borrow_mut().request(motor, request) {
-                    Ok(Answer::Pending) => self.pending |= 1 << motor.index(),
-                    outcome => self.shared.motors().answer(motor, outcome),
-                }
+            if let Some((request, asker)) = motors.take_request(motor) {
+                let outcome = self.bus.borrow_mut().request(motor, request);
+                self.pending.settle(motor, asker, outcome);
             }
         }
-        if self.pending != 0 {
-            self.pass_on_answers();
-        }
-    }
-
-    /// What devices have answered since the last tick.
-    #[cold]
-    fn pass_on_answers(&mut self) {
-        for motor in self.bus.borrow().ids() {
-            let bit = 1 << motor.index();
-            if self.pending & bit != 0
-                && let Some(outcome) = self.bus.borrow_mut().answer(motor)
-            {
-                self.pending &= !bit;
-                self.shared.motors().answer(motor, outcome);
-            }
+        if !self.pending.is_empty() {
+            let bus = self.bus.borrow_mut();
+            self.pending.pass_on(|motor| bus.answer(motor));
         }
     }
 

@@ -12,7 +12,7 @@ type Channel<T, const CAPACITY: usize, const SUBSCRIBERS: usize> =
 /// Up to `CAPACITY` messages wait for the slowest of at most `SUBSCRIBERS` subscribers.
 ///
 /// ```
-/// use rc10_bsp::Topic;
+/// use rc10_message::Topic;
 ///
 /// static BUTTONS: Topic<u8, 2, 4> = Topic::new();
 ///
@@ -22,7 +22,7 @@ type Channel<T, const CAPACITY: usize, const SUBSCRIBERS: usize> =
 /// BUTTONS.publish(3); // pushes out 1, which `display` has not read yet
 /// let message = display.try_next().unwrap();
 /// assert_eq!((message.value, message.missed), (2, 1));
-/// # Ok::<(), rc10_bsp::SubscribersFull>(())
+/// # Ok::<(), rc10_message::SubscribersFull>(())
 /// ```
 pub struct Topic<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> {
     channel: Channel<T, CAPACITY, SUBSCRIBERS>,
@@ -105,6 +105,43 @@ impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize>
             if let Some(message) = self.sort(result) {
                 return Some(message);
             }
+        }
+    }
+
+    /// Does `work` for every message, for ever: what other frameworks call a callback. Messages that
+    /// come while `work` waits are kept as for any subscriber, and what did not fit is told with the
+    /// next one.
+    ///
+    /// ```
+    /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
+    /// use rc10_can::Micros;
+    /// use rc10_message::Topic;
+    ///
+    /// static BUMPS: Topic<u8, 4, 2> = Topic::new();
+    ///
+    /// let mut heard = Vec::new();
+    /// let mut bumps = BUMPS.subscribe()?;
+    /// let task = bumps.for_each(async |message| {
+    ///     if message.missed > 0 {
+    ///         heard.push(format!("{} missed", message.missed));
+    ///     }
+    ///     heard.push(format!("bump {}", message.value));
+    /// });
+    /// // Five, and room for four.
+    /// (1..=5).for_each(|bump| BUMPS.publish(bump));
+    /// # let mut tasks = clock::Tasks::new();
+    /// # tasks.add(async { task.await; });
+    /// # tasks.run(Micros::from_millis(1));
+    /// # drop(tasks);
+    /// assert_eq!(heard, ["1 missed", "bump 2", "bump 3", "bump 4", "bump 5"]);
+    /// # Ok::<(), rc10_message::SubscribersFull>(())
+    /// ```
+    ///
+    /// # Cancel safety
+    /// Dropping the future drops the `work` that it is in, and no other message.
+    pub async fn for_each(&mut self, mut work: impl AsyncFnMut(Message<T>)) -> ! {
+        loop {
+            work(self.next().await).await;
         }
     }
 

@@ -12,7 +12,7 @@ use crate::SubscribersFull;
 /// subscriber that comes late sees the newest value once, not the ones between.
 ///
 /// ```
-/// use rc10_bsp::Latest;
+/// use rc10_message::Latest;
 /// use rc10_can::Micros;
 ///
 /// static YAW: Latest<i32, 2> = Latest::new();
@@ -95,6 +95,37 @@ impl<T: Clone, const SUBSCRIBERS: usize> Changes<'_, T, SUBSCRIBERS> {
     /// Dropping the future loses nothing.
     pub async fn next(&mut self) -> Stamped<T> {
         self.receiver.changed().await
+    }
+
+    /// Does `work` for every change, for ever: what other frameworks call a callback. Of values that
+    /// come while `work` waits it sees the newest.
+    ///
+    /// ```
+    /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
+    /// use rc10_can::Micros;
+    /// use rc10_message::Latest;
+    ///
+    /// static MODE: Latest<&str, 1> = Latest::new();
+    ///
+    /// let mut shown = Vec::new();
+    /// let mut modes = MODE.subscribe()?;
+    /// let lamp = modes.for_each(async |mode| shown.push(mode.value));
+    /// MODE.set("armed", Micros::from_millis(10));
+    /// MODE.set("stopped", Micros::from_millis(11));
+    /// # let mut tasks = clock::Tasks::new();
+    /// # tasks.add(async { lamp.await; });
+    /// # tasks.run(Micros::from_millis(20));
+    /// # drop(tasks);
+    /// assert_eq!(shown, ["stopped"]);
+    /// # Ok::<(), rc10_message::SubscribersFull>(())
+    /// ```
+    ///
+    /// # Cancel safety
+    /// Dropping the future drops the `work` that it is in; a newer value is still there.
+    pub async fn for_each(&mut self, mut work: impl AsyncFnMut(Stamped<T>)) -> ! {
+        loop {
+            work(self.next().await).await;
+        }
     }
 
     /// The newest value if this subscription has not returned it yet.

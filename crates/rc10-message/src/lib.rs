@@ -1,0 +1,22 @@
+//! Messages between tasks, executors and interrupts: what a robot's tasks say to each other.
+//!
+//! * [`Topic`]: a stream of messages to several subscribers; who is slow learns what it missed.
+//! * [`Latest`]: the newest value of something, and how old it is.
+//! * [`Service`]: a request and its response, with a timeout; no response goes to another caller.
+//!
+//! All of them may be statics, have no heap, and may be shared between executors and interrupts of
+//! any priority: each locks with a critical section for the length of a copy, and never over an
+//! `await`. They need a [`critical_section`](https://docs.rs/critical-section) implementation and,
+//! for timeouts, an [`embassy_time`] driver, which the binary chooses: this crate enables neither.
+//!
+//! It is a crate of its own because motors and boards both use it, and do not know each other.
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod latest;
+mod service;
+mod topic;
+
+pub use latest::{Changes, Latest, Stamped};
+pub use service::{CallError, Caller, Calls, Service};
+pub use topic::{Message, SubscribersFull, Subscription, Topic};

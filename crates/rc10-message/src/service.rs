@@ -1,0 +1,430 @@
+use core::cell::RefCell;
+use core::fmt;
+use core::future::poll_fn;
+use core::pin::Pin;
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::task::{Context, Poll};
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::waitqueue::WakerRegistration;
+use embassy_time::{Duration, Instant, with_deadline};
+use heapless::Vec;
+use rc10_can::Micros;
+
+/// Requests and their responses: any task calls, one task serves.
+///
+/// Up to `CALLERS` calls at once; they are served in the order in which they came, and each caller
+/// gets the response to its own request or an error that says why not. A response that comes too
+/// late is dropped and counted: it never goes to another caller.
+///
+/// ```
+/// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
+/// use rc10_can::Micros;
+/// use rc10_message::{CallError, Service};
+///
+/// /// The angle to turn to, in degrees, and what came of it.
+/// static TURN: Service<u16, Result<(), &'static str>> = Service::new();
+///
+/// // A task that serves and does nothing else.
+/// let server = TURN.serve(async |angle| if angle < 360 { Ok(()) } else { Err("beyond the turn") });
+///
+/// // Any other task.
+/// let caller = async {
+///     let timeout = Micros::from_millis(50);
+///     assert_eq!(TURN.call(90, timeout).await, Ok(Ok(())));
+///     assert_eq!(TURN.call(400, timeout).await, Ok(Err("beyond the turn")));
+/// };
+/// # let mut tasks = clock::Tasks::new();
+/// # tasks.add(async { server.await; });
+/// # tasks.add(caller);
+/// # tasks.run(Micros::from_millis(200));
+/// # assert_eq!(TURN.calls().answered, 2);
+/// ```
+///
+/// A task that has more to do than to serve, such as a control loop, looks with
+/// [`try_next`](Self::try_next) and never waits.
+///
+/// A request or response is copied in and out under a critical section: keep them small.
+pub struct Service<Request, Response, const CALLERS: usize = 4> {
+    /// Whether a request may be there to be taken: to look costs one load while there is none.
+    asked: AtomicBool,
+    desk: Mutex<CriticalSectionRawMutex, RefCell<Desk<Request, Response, CALLERS>>>,
+}
+
+struct Desk<Request, Response, const CALLERS: usize> {
+    /// In the order of their tickets, which is the order in which they came.
+    places: Vec<Place<Request, Response>, CALLERS>,
+    server: WakerRegistration,
+    /// Of the newest call, and so how many there were.
+    ticket: u32,
+    timed_out: u32,
+    cancelled: u32,
+    unserved: u32,
+    late: u32,
+}
+
+/// Where a caller waits.
+struct Place<Request, Response> {
+    /// Tells one call from the next, so that nobody takes another's response.
+    ticket: u32,
+    stage: Stage<Request, Response>,
+    caller: WakerRegistration,
+}
+
+enum Stage<Request, Response> {
+    Asked(Request),
+    Taken,
+    Answered(Response),
+    NotServed,
+}
+
+/// Why a call brought no response.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum CallError {
+    /// As many callers wait as the service has room for. The request was not given to the server.
+    Full {
+        /// How many it has room for.
+        most: usize,
+    },
+    /// Nobody took the request in time, and nobody will: does the server run?
+    NotTaken,
+    /// The server has taken the request but did not answer in time. Whether it does what was asked
+    /// is not known.
+    TimedOut,
+    /// The server has taken the request and dropped it.
+    NotServed,
+}
+
+impl fmt::Display for CallError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Full { most } => write!(f, "{most} callers wait already"),
+            Self::NotTaken => f.write_str("nobody took the request in time: does the server run?"),
+            Self::TimedOut => f.write_str("the server took the request and did not answer in time"),
+            Self::NotServed => f.write_str("the server dropped the request"),
+        }
+    }
+}
+
+impl core::error::Error for CallError {}
+
+/// What became of a service's calls.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Calls {
+    /// Calls so far, without those that found no room. Each ends as one of the next four.
+    pub calls: u32,
+    /// Got their response.
+    pub answered: u32,
+    /// Did not get it in time.
+    pub timed_out: u32,
+    /// Were dropped by their caller.
+    pub cancelled: u32,
+    /// Were told that the server dropped their request.
+    pub unserved: u32,
+    /// Callers that wait now.
+    pub waiting: u32,
+    /// Responses whose caller had gone: dropped.
+    pub late: u32,
+}
+
+impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS> {
+    /// A service that nobody has called yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        const { assert!(CALLERS > 0, "a service needs room for a caller") };
+        Self {
+            asked: AtomicBool::new(false),
+            desk: Mutex::new(RefCell::new(Desk {
+                places: Vec::new(),
+                server: WakerRegistration::new(),
+                ticket: 0,
+                timed_out: 0,
+                cancelled: 0,
+                unserved: 0,
+                late: 0,
+            })),
+        }
+    }
+
+    /// Asks, and waits for the response, at most for `timeout`.
+    ///
+    /// A request that nobody has taken when its time is over is taken back: no server will ever see
+    /// it. A response that came in the last moment counts.
+    ///
+    /// # Errors
+    /// [`CallError`], which says whether the request was taken.
+    ///
+    /// # Cancel safety
+    /// The future may be dropped at any time, and does nothing before it is first polled. Dropped,
+    /// it takes its request back if nobody has taken it, and otherwise has its response dropped.
+    pub async fn call(&self, request: Request, timeout: Micros) -> Result<Response, CallError> {
+        let mut waiting = self.ask(request)?;
+        let deadline = Instant::now().checked_add(Duration::from_micros(timeout.get()));
+        match with_deadline(deadline.unwrap_or(Instant::MAX), &mut waiting).await {
+            Ok(outcome) => outcome,
+            Err(_) => waiting.give_up(),
+        }
+    }
+
+    /// The same, without a limit: for servers that are known to answer. As cancel safe.
+    ///
+    /// # Errors
+    /// [`CallError::Full`], at once, or [`CallError::NotServed`].
+    pub async fn call_without_timeout(&self, request: Request) -> Result<Response, CallError> {
+        self.ask(request)?.await
+    }
+
+    fn ask(&self, request: Request) -> Result<Waiting<'_, Request, Response, CALLERS>, CallError> {
+        self.with(|desk| {
+            let ticket = desk.ticket.wrapping_add(1);
+            let stage = Stage::Asked(request);
+            let place = Place { ticket, stage, caller: WakerRegistration::new() };
+            desk.places.push(place).map_err(|_| CallError::Full { most: CALLERS })?;
+            desk.ticket = ticket;
+            self.asked.store(true, Ordering::Release);
+            desk.server.wake();
+            Ok(Waiting { service: self, ticket })
+        })
+    }
+
+    /// The oldest request that nobody has taken, if there is one, and who waits for the response.
+    /// Never waits: while there is none it costs one load.
+    ///
+    /// ```
+    /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
+    /// use embassy_time::Timer;
+    /// use rc10_can::Micros;
+    /// use rc10_message::Service;
+    ///
+    /// static RAISE: Service<i32, i32> = Service::new();
+    ///
+    /// // A control task: a tick every millisecond, whether somebody asks or not.
+    /// let lift = async {
+    ///     let (mut height, mut goal) = (0, None);
+    ///     loop {
+    ///         Timer::after_millis(1).await;
+    ///         // A newer request counts: who asked for the older one is told at once.
+    ///         goal = RAISE.try_next().or(goal);
+    ///         let Some((wanted, _)) = &goal else { continue };
+    ///         height += (wanted - height).signum();
+    ///         if height == *wanted && let Some((_, caller)) = goal.take() {
+    ///             caller.reply(height);
+    ///         }
+    ///     }
+    /// };
+    /// let caller = async {
+    ///     assert_eq!(RAISE.call(20, Micros::from_millis(100)).await, Ok(20));
+    /// };
+    /// # let mut tasks = clock::Tasks::new();
+    /// # tasks.add(lift);
+    /// # tasks.add(caller);
+    /// # tasks.run(Micros::from_millis(200));
+    /// # assert_eq!(RAISE.calls().answered, 1);
+    /// ```
+    #[inline]
+    pub fn try_next(&self) -> Option<(Request, Caller<'_, Request, Response, CALLERS>)> {
+        if self.asked.load(Ordering::Acquire) { self.with(|desk| self.take(desk)) } else { None }
+    }
+
+    /// Waits for a request. One task should wait at a time: two take turns, but wake each other
+    /// for as long as there is nothing to do.
+    ///
+    /// # Cancel safety
+    /// Dropping the future loses no request.
+    pub async fn next(&self) -> (Request, Caller<'_, Request, Response, CALLERS>) {
+        poll_fn(|context| {
+            self.with(|desk| match self.take(desk) {
+                Some(request) => Poll::Ready(request),
+                None => {
+                    desk.server.register(context.waker());
+                    Poll::Pending
+                }
+            })
+        })
+        .await
+    }
+
+    /// Serves for ever: one request after the other.
+    ///
+    /// # Cancel safety
+    /// If the future is dropped while it answers, that caller is told
+    /// [`NotServed`](CallError::NotServed); those that wait stay in the queue for the next server.
+    pub async fn serve(&self, mut answer: impl AsyncFnMut(Request) -> Response) -> ! {
+        loop {
+            let (request, caller) = self.next().await;
+            caller.reply(answer(request).await);
+        }
+    }
+
+    /// What became of the calls so far. Counters start over after 2³².
+    #[must_use]
+    pub fn calls(&self) -> Calls {
+        self.with(|desk| {
+            let &mut Desk { ticket, timed_out, cancelled, unserved, late, .. } = desk;
+            #[expect(clippy::cast_possible_truncation, reason = "a service has a few callers")]
+            let waiting = desk.places.len() as u32;
+            let others = [timed_out, cancelled, unserved, waiting];
+            let answered = others.into_iter().fold(ticket, u32::wrapping_sub);
+            Calls { calls: ticket, answered, timed_out, cancelled, unserved, waiting, late }
+        })
+    }
+
+    fn take(
+        &self,
+        desk: &mut Desk<Request, Response, CALLERS>,
+    ) -> Option<(Request, Caller<'_, Request, Response, CALLERS>)> {
+        let mut asked =
+            desk.places.iter_mut().filter(|place| matches!(place.stage, Stage::Asked(_)));
+        let taken = asked.next().and_then(|place| {
+            match core::mem::replace(&mut place.stage, Stage::Taken) {
+                Stage::Asked(request) => Some((request, place.ticket)),
+                _ => None,
+            }
+        });
+        self.asked.store(asked.next().is_some(), Ordering::Release);
+        taken.map(|(request, ticket)| (request, Caller { service: self, ticket }))
+    }
+
+    fn with<R>(&self, f: impl FnOnce(&mut Desk<Request, Response, CALLERS>) -> R) -> R {
+        self.desk.lock(|desk| f(&mut desk.borrow_mut()))
+    }
+}
+
+impl<Request, Response, const CALLERS: usize> Default for Service<Request, Response, CALLERS> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<Request, Response, const CALLERS: usize> fmt::Debug for Service<Request, Response, CALLERS> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Service").field(&self.calls()).finish()
+    }
+}
+
+impl<Request, Response, const CALLERS: usize> Desk<Request, Response, CALLERS> {
+    fn position(&self, ticket: u32) -> Option<usize> {
+        self.places.iter().position(|place| place.ticket == ticket)
+    }
+
+    /// What a caller came to, once its server is done with it; it has left then.
+    fn outcome(&mut self, ticket: u32, context: &Context<'_>) -> Poll<Result<Response, CallError>> {
+        let Some(index) = self.position(ticket) else {
+            // It has left: polled again after its end.
+            return Poll::Pending;
+        };
+        let place = &mut self.places[index];
+        if let Stage::Asked(_) | Stage::Taken = place.stage {
+            place.caller.register(context.waker());
+            return Poll::Pending;
+        }
+        Poll::Ready(match self.places.remove(index).stage {
+            Stage::Answered(response) => Ok(response),
+            _ => {
+                self.unserved = self.unserved.wrapping_add(1);
+                Err(CallError::NotServed)
+            }
+        })
+    }
+
+    /// Ends a call that was taken, if its caller still waits.
+    fn finish(&mut self, ticket: u32, stage: Stage<Request, Response>) -> bool {
+        let Some(index) = self.position(ticket) else {
+            return false;
+        };
+        let place = &mut self.places[index];
+        place.stage = stage;
+        place.caller.wake();
+        true
+    }
+}
+
+/// A caller's place in the queue; left on drop.
+struct Waiting<'s, Request, Response, const CALLERS: usize> {
+    service: &'s Service<Request, Response, CALLERS>,
+    ticket: u32,
+}
+
+impl<Request, Response, const CALLERS: usize> Waiting<'_, Request, Response, CALLERS> {
+    /// The time is over.
+    fn give_up(self) -> Result<Response, CallError> {
+        self.service.with(|desk| {
+            let place = desk.position(self.ticket).map(|index| desk.places.remove(index));
+            let error = match place.map(|place| place.stage) {
+                // In the last moment.
+                Some(Stage::Answered(response)) => return Ok(response),
+                Some(Stage::NotServed) => {
+                    desk.unserved = desk.unserved.wrapping_add(1);
+                    return Err(CallError::NotServed);
+                }
+                Some(Stage::Asked(_)) => CallError::NotTaken,
+                Some(Stage::Taken) | None => CallError::TimedOut,
+            };
+            desk.timed_out = desk.timed_out.wrapping_add(1);
+            Err(error)
+        })
+    }
+}
+
+impl<Request, Response, const CALLERS: usize> Future for Waiting<'_, Request, Response, CALLERS> {
+    type Output = Result<Response, CallError>;
+
+    fn poll(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
+        self.service.with(|desk| desk.outcome(self.ticket, context))
+    }
+}
+
+impl<Request, Response, const CALLERS: usize> Drop for Waiting<'_, Request, Response, CALLERS> {
+    fn drop(&mut self) {
+        self.service.with(|desk| {
+            let Some(index) = desk.position(self.ticket) else { return };
+            if let Stage::Answered(_) = desk.places.remove(index).stage {
+                desk.late = desk.late.wrapping_add(1);
+            }
+            desk.cancelled = desk.cancelled.wrapping_add(1);
+        });
+    }
+}
+
+/// Who waits for a response. A server may keep it and [`reply`](Self::reply) later, after other
+/// requests; dropped, it tells the caller at once that its request is not served.
+#[must_use = "dropped, it tells the caller that its request is not served"]
+pub struct Caller<'s, Request, Response, const CALLERS: usize = 4> {
+    service: &'s Service<Request, Response, CALLERS>,
+    ticket: u32,
+}
+
+impl<Request, Response, const CALLERS: usize> Caller<'_, Request, Response, CALLERS> {
+    /// Answers. If the caller has gone the response is dropped, and counted as late.
+    pub fn reply(self, response: Response) {
+        self.service.with(|desk| {
+            if !desk.finish(self.ticket, Stage::Answered(response)) {
+                desk.late = desk.late.wrapping_add(1);
+            }
+        });
+        core::mem::forget(self);
+    }
+
+    /// Whether it still waits: who has gone wants a long job stopped.
+    #[must_use]
+    pub fn is_waiting(&self) -> bool {
+        self.service.with(|desk| desk.position(self.ticket).is_some())
+    }
+}
+
+impl<Request, Response, const CALLERS: usize> Drop for Caller<'_, Request, Response, CALLERS> {
+    fn drop(&mut self) {
+        self.service.with(|desk| desk.finish(self.ticket, Stage::NotServed));
+    }
+}
+
+impl<Request, Response, const CALLERS: usize> fmt::Debug
+    for Caller<'_, Request, Response, CALLERS>
+{
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Caller").field("ticket", &self.ticket).finish_non_exhaustive()
+    }
+}
