@@ -7,8 +7,9 @@ use embassy_time::{Duration, Instant, Timer, with_deadline, with_timeout};
 use embedded_io_async::{Read, Write};
 use rc10_app::Seconds;
 use rc10_can::{Micros, Schedule, Timing};
+use rc10_message::Calls;
 
-use super::motors::{MotorPort, MotorPorts, Pending};
+use super::motors::{MotorPort, MotorPorts, Server};
 use super::runner::PERIOD;
 use crate::arm::ArmState;
 use crate::bus::MotorId;
@@ -67,6 +68,12 @@ impl LinePort {
     #[must_use]
     pub fn status(&self) -> LineStatus {
         self.status.lock(|status| *status.borrow())
+    }
+
+    /// What became of the requests to its motors.
+    #[must_use]
+    pub fn requests(&self) -> Calls {
+        self.motors.requests().calls()
     }
 }
 
@@ -140,7 +147,7 @@ struct Runner<'r, 'm> {
     schedule: Schedule,
     last_start: Option<Micros>,
     port_errors: u32,
-    pending: Pending<'r, { UnitreeLine::CAPACITY }>,
+    requests: Server<'r, { UnitreeLine::CAPACITY }>,
 }
 
 impl<'r, 'm> Runner<'r, 'm> {
@@ -151,7 +158,14 @@ impl<'r, 'm> Runner<'r, 'm> {
         }
         shared.status.lock(|status| *status.borrow_mut() = LineStatus::NEW);
         let schedule = Schedule::new(now + PERIOD, PERIOD);
-        Self { line, shared, schedule, last_start: None, port_errors: 0, pending: Pending::NONE }
+        Self {
+            line,
+            shared,
+            schedule,
+            last_start: None,
+            port_errors: 0,
+            requests: Server::new(&shared.motors),
+        }
     }
 
     /// Commands in, motors, status out. Never waits.
@@ -165,12 +179,11 @@ impl<'r, 'm> Runner<'r, 'm> {
                 // The port has checked it; what the motor refuses all the same is counted.
                 let _ = self.line.command(motor, target, now);
             }
-            if let Some((request, asker)) = motors.take_request(motor) {
-                let outcome = self.line.request(motor, request);
-                self.pending.settle(motor, asker, outcome);
-            }
         }
-        self.pending.pass_on(|motor| self.line.answer(motor));
+        self.requests.tick(|motor, request| match request {
+            Some(request) => Some(self.line.request(motor, request)),
+            None => self.line.answer(motor),
+        });
         self.line.tick(now, dt);
         for motor in self.line.ids() {
             motors.publish(motor, |status| self.line.write_status(motor, now, status));

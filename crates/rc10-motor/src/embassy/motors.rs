@@ -1,65 +1,64 @@
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use heapless::Vec;
-use rc10_message::{CallError, Caller, Calls, Service};
+use rc10_message::{CallError, Caller, Service};
 
 use crate::bus::MotorId;
 use crate::motor::{Answer, Request, RequestError, Target, TargetError, TargetSet};
 use crate::supervision::MotorStatus;
 
-/// A mailbox and a status for each of `N` motors: what their bus or line shares with all other
-/// tasks.
+/// A mailbox and a status for each of `N` motors, and one service for the requests to all of them:
+/// what their bus or line shares with all other tasks.
 pub(super) struct MotorPorts<const N: usize> {
     cells: [MotorCell; N],
+    requests: Requests,
 }
 
 struct MotorCell {
     /// Whether there is a command in the mail. The bus asks in every tick.
     commanded: AtomicBool,
-    mail: Mutex<CriticalSectionRawMutex, RefCell<Mail>>,
-    /// One caller at a time: a motor does one thing beside its target at a time.
-    requests: Service<Request, Outcome, 1>,
+    command: Mutex<CriticalSectionRawMutex, Cell<Option<Target>>>,
+    supports: Mutex<CriticalSectionRawMutex, Cell<TargetSet>>,
     status: Mutex<CriticalSectionRawMutex, RefCell<MotorStatus>>,
 }
 
-struct Mail {
-    supports: TargetSet,
-    command: Option<Target>,
-}
+/// How many requests to the motors of a bus or line may wait at once.
+const CALLERS: usize = 4;
 
+type Requests = Service<(MotorId, Request), Outcome, CALLERS>;
 /// What became of a request.
-pub(super) type Outcome = Result<Answer, RequestError>;
+type Outcome = Result<Answer, RequestError>;
 /// Who waits for it.
-type Asker<'p> = Caller<'p, Request, Outcome, 1>;
+type Asker<'p> = Caller<'p, (MotorId, Request), Outcome, CALLERS>;
 
 impl<const N: usize> MotorPorts<N> {
     /// They refuse all targets until they are [opened](Self::open).
     pub(super) const fn new() -> Self {
-        const NOTHING: Mail = Mail { supports: TargetSet::NONE, command: None };
         Self {
             cells: [const {
                 MotorCell {
                     commanded: AtomicBool::new(false),
-                    mail: Mutex::new(RefCell::new(NOTHING)),
-                    requests: Service::new(),
+                    command: Mutex::new(Cell::new(None)),
+                    supports: Mutex::new(Cell::new(TargetSet::NONE)),
                     status: Mutex::new(RefCell::new(MotorStatus::NEW)),
                 }
             }; N],
+            requests: Service::new(),
         }
     }
 
     /// The port of one motor; without a motor it refuses everything.
     pub(super) fn motor(&self, motor: MotorId) -> MotorPort<'_> {
-        MotorPort { cell: self.cells.get(motor.index()) }
+        MotorPort { cell: self.cells.get(motor.index()), requests: &self.requests, motor }
     }
 
     /// From now on targets are checked against what the motor takes.
     pub(super) fn open(&self, motor: MotorId, supports: TargetSet) {
         if let Some(cell) = self.cells.get(motor.index()) {
-            cell.mail.lock(|mail| mail.borrow_mut().supports = supports);
+            cell.supports.lock(|place| place.set(supports));
         }
     }
 
@@ -72,13 +71,13 @@ impl<const N: usize> MotorPorts<N> {
             return None;
         }
         cell.commanded.store(false, Ordering::Release);
-        cell.mail.lock(|mail| mail.borrow_mut().command.take())
+        cell.command.lock(Cell::take)
     }
 
-    /// The request that the bus has not taken yet, and who waits for its outcome.
+    /// What was asked of motors, and what became of it.
     #[inline]
-    pub(super) fn take_request(&self, motor: MotorId) -> Option<(Request, Asker<'_>)> {
-        self.cells.get(motor.index())?.requests.try_next()
+    pub(super) const fn requests(&self) -> &Requests {
+        &self.requests
     }
 
     /// Has a motor's status written where its port reads it.
@@ -90,34 +89,44 @@ impl<const N: usize> MotorPorts<N> {
     }
 }
 
-/// Requests that wait for what their devices say. Dropped, it tells those who wait for them.
-pub(super) struct Pending<'p, const N: usize>(Vec<(MotorId, Asker<'p>), N>);
+/// Serves the requests to the `N` motors of a bus or line, and keeps those that wait for what their
+/// devices say. Dropped, it tells who waits for them.
+pub(super) struct Server<'p, const N: usize> {
+    requests: &'p Requests,
+    pending: Vec<(MotorId, Asker<'p>), N>,
+}
 
-impl<'p, const N: usize> Pending<'p, N> {
-    pub(super) const NONE: Self = Self(Vec::new());
+impl<'p, const N: usize> Server<'p, N> {
+    pub(super) const fn new(ports: &'p MotorPorts<N>) -> Self {
+        Self { requests: &ports.requests, pending: Vec::new() }
+    }
 
-    /// Tells who asked what came of it, or keeps it until the device has answered.
-    pub(super) fn settle(&mut self, motor: MotorId, asker: Asker<'p>, outcome: Outcome) {
-        if outcome == Ok(Answer::Pending) {
-            // One per motor: while a request is pending the motor is busy for others.
-            let _ = self.0.push((motor, asker));
-        } else {
-            asker.reply(outcome);
+    /// Asks the motors what tasks ask of them, and passes on what they say. Never waits.
+    ///
+    /// `ask` gives a request to a motor, or without one asks for the outcome of a pending one.
+    #[inline]
+    pub(super) fn tick(
+        &mut self,
+        mut ask: impl FnMut(MotorId, Option<Request>) -> Option<Outcome>,
+    ) {
+        // Not more: who asks again and again at a higher priority must not keep the tick.
+        for _ in 0..CALLERS {
+            let Some(((motor, request), asker)) = self.requests.try_next() else { break };
+            self.settle(motor, asker, ask(motor, Some(request)));
+        }
+        if !self.pending.is_empty() {
+            for (motor, asker) in core::mem::take(&mut self.pending) {
+                self.settle(motor, asker, ask(motor, None));
+            }
         }
     }
 
-    #[inline]
-    pub(super) fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
-    /// Passes on what devices have answered.
-    pub(super) fn pass_on(&mut self, mut answer: impl FnMut(MotorId) -> Option<Outcome>) {
-        for (motor, asker) in core::mem::take(&mut self.0) {
-            match answer(motor) {
-                Some(outcome) => asker.reply(outcome),
-                None => drop(self.0.push((motor, asker))),
-            }
+    #[cold]
+    fn settle(&mut self, motor: MotorId, asker: Asker<'p>, outcome: Option<Outcome>) {
+        match outcome {
+            // One per motor: while a request is pending the motor is busy for others.
+            None | Some(Ok(Answer::Pending)) => drop(self.pending.push((motor, asker))),
+            Some(outcome) => asker.reply(outcome),
         }
     }
 }
@@ -126,6 +135,8 @@ impl<'p, const N: usize> Pending<'p, N> {
 #[derive(Clone, Copy)]
 pub struct MotorPort<'p> {
     cell: Option<&'p MotorCell>,
+    requests: &'p Requests,
+    motor: MotorId,
 }
 
 impl MotorPort<'_> {
@@ -138,44 +149,39 @@ impl MotorPort<'_> {
     /// bus is not running yet every target is unsupported.
     pub fn command(&self, target: Target) -> Result<(), TargetError> {
         let cell = self.cell.ok_or(TargetError::Unsupported(target.kind()))?;
-        cell.mail.lock(|mail| {
-            let mut mail = mail.borrow_mut();
-            mail.supports.accepts(&target)?;
-            mail.command = Some(target);
-            cell.commanded.store(true, Ordering::Release);
-            Ok(())
-        })
+        cell.supports.lock(Cell::get).accepts(&target)?;
+        cell.command.lock(|command| command.set(Some(target)));
+        cell.commanded.store(true, Ordering::Release);
+        Ok(())
     }
 
     /// Asks something of the motor beside a target, and waits until it is done: the next tick of
     /// its bus, or when the device has answered. Never [`Answer::Pending`].
     ///
+    /// It is a call of a [`Service`] that the motors of a bus share: requests are carried out in the
+    /// order in which they came, and nobody gets the answer to another's. There is no timeout,
+    /// because every motor gives up by itself on a device that does not answer.
+    ///
     /// # Errors
     /// [`RequestError`]; nothing changed, unless it is [`RequestError::NoReply`].
-    /// [`RequestError::Busy`] while another caller waits or an earlier request is not done yet;
+    /// [`RequestError::Busy`] while this motor's device has not answered an earlier request, or
+    /// while four requests to motors of this bus wait;
     /// [`RequestError::NoSuchMotor`] also while the bus is not running yet.
     ///
     /// # Cancel safety
     /// The future may be dropped at any time. A request that the bus has not taken yet is taken
-    /// back; another is carried out, and its outcome goes to nobody.
+    /// back; another is carried out, and nobody hears what came of it.
     pub async fn request(&self, request: Request) -> Result<Answer, RequestError> {
-        let cell = self.cell.ok_or(RequestError::NoSuchMotor)?;
         if self.supports() == TargetSet::NONE {
             // Nobody would ever answer.
             return Err(RequestError::NoSuchMotor);
         }
-        match cell.requests.call_without_timeout(request).await {
+        match self.requests.call_without_timeout((self.motor, request)).await {
             Ok(outcome) => outcome,
             Err(CallError::Full { .. }) => Err(RequestError::Busy),
-            // The bus ended before its device had answered.
+            // The bus ended before the device had answered.
             Err(_) => Err(RequestError::NoReply),
         }
-    }
-
-    /// What became of the requests so far.
-    #[must_use]
-    pub fn requests(&self) -> Calls {
-        self.cell.map_or(Calls::default(), |cell| cell.requests.calls())
     }
 
     /// All there is to know about the motor, as of its bus's last tick.
@@ -187,6 +193,6 @@ impl MotorPort<'_> {
     /// The targets it takes; none while its bus is not running yet.
     #[must_use]
     pub fn supports(&self) -> TargetSet {
-        self.cell.map_or(TargetSet::NONE, |cell| cell.mail.lock(|mail| mail.borrow().supports))
+        self.cell.map_or(TargetSet::NONE, |cell| cell.supports.lock(Cell::get))
     }
 }

@@ -8,6 +8,7 @@ use embassy_sync::channel::Channel;
 use embedded_can::Id;
 use heapless::Vec;
 use rc10_can::{CanFrame, Health, IdPattern, Timing};
+use rc10_message::Calls;
 
 use super::motors::{MotorPort, MotorPorts};
 use super::subscription::{Filter, NoFreeSubscription, Subscription, Subscriptions};
@@ -112,6 +113,12 @@ impl BusPort {
     #[must_use]
     pub fn status(&self) -> BusStatus {
         self.status.lock(|status| *status.borrow())
+    }
+
+    /// What became of the requests to its motors.
+    #[must_use]
+    pub fn requests(&self) -> Calls {
+        self.motors.requests().calls()
     }
 
     /// Sends a frame after the motors' frames of the next tick.

@@ -6,7 +6,7 @@ use heapless::Vec;
 use rc10_app::Seconds;
 use rc10_can::{BusOffPolicy, CanPort, Health, IdPattern, Micros, Schedule, Submitted};
 
-use super::motors::Pending;
+use super::motors::Server;
 use super::port::{BusPort, BusStatus};
 use super::recovery::Recovery;
 use super::subscription::{Filter, Received};
@@ -58,7 +58,7 @@ pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
     subscriptions: u32,
     /// Whether there are any.
     listening: bool,
-    pending: Pending<'p, { MotorBus::CAPACITY }>,
+    requests: Server<'p, { MotorBus::CAPACITY }>,
 }
 
 impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
@@ -79,7 +79,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
             recovery: Recovery::new(BusOffPolicy::default()),
             subscriptions: 0,
             listening: false,
-            pending: Pending::NONE,
+            requests: Server::new(shared.motors()),
         };
         runner.accept(shared.subscriptions().changes());
         runner
@@ -220,15 +220,12 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
                 // The port has checked it; what the motor refuses all the same is counted.
                 let _ = self.bus.borrow_mut().command(motor, target, now);
             }
-            if let Some((request, asker)) = motors.take_request(motor) {
-                let outcome = self.bus.borrow_mut().request(motor, request);
-                self.pending.settle(motor, asker, outcome);
-            }
         }
-        if !self.pending.is_empty() {
-            let bus = self.bus.borrow_mut();
-            self.pending.pass_on(|motor| bus.answer(motor));
-        }
+        let bus = self.bus.borrow_mut();
+        self.requests.tick(|motor, request| match request {
+            Some(request) => Some(bus.request(motor, request)),
+            None => bus.answer(motor),
+        });
     }
 
     fn send_outbox(&mut self) {
