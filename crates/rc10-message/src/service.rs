@@ -9,7 +9,6 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::waitqueue::WakerRegistration;
 use embassy_time::{Duration, Instant, with_deadline};
-use heapless::Vec;
 use rc10_can::Micros;
 
 /// Requests and their responses: any task calls, one task serves.
@@ -53,8 +52,7 @@ pub struct Service<Request, Response, const CALLERS: usize = 4> {
 }
 
 struct Desk<Request, Response, const CALLERS: usize> {
-    /// In the order of their tickets, which is the order in which they came.
-    places: Vec<Place<Request, Response>, CALLERS>,
+    places: [Option<Place<Request, Response>>; CALLERS],
     server: WakerRegistration,
     /// Of the newest call, and so how many there were.
     ticket: u32,
@@ -66,7 +64,7 @@ struct Desk<Request, Response, const CALLERS: usize> {
 
 /// Where a caller waits.
 struct Place<Request, Response> {
-    /// Tells one call from the next, so that nobody takes another's response.
+    /// Tells one call from the next, so that nobody takes another's response; counts upwards.
     ticket: u32,
     stage: Stage<Request, Response>,
     caller: WakerRegistration,
@@ -138,7 +136,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
         Self {
             asked: AtomicBool::new(false),
             desk: Mutex::new(RefCell::new(Desk {
-                places: Vec::new(),
+                places: [const { None }; CALLERS],
                 server: WakerRegistration::new(),
                 ticket: 0,
                 timed_out: 0,
@@ -179,11 +177,11 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
 
     fn ask(&self, request: Request) -> Result<Waiting<'_, Request, Response, CALLERS>, CallError> {
         self.with(|desk| {
-            let ticket = desk.ticket.wrapping_add(1);
-            let stage = Stage::Asked(request);
-            let place = Place { ticket, stage, caller: WakerRegistration::new() };
-            desk.places.push(place).map_err(|_| CallError::Full { most: CALLERS })?;
-            desk.ticket = ticket;
+            let free = desk.places.iter_mut().find(|place| place.is_none());
+            let free = free.ok_or(CallError::Full { most: CALLERS })?;
+            desk.ticket = desk.ticket.wrapping_add(1);
+            let (ticket, stage) = (desk.ticket, Stage::Asked(request));
+            *free = Some(Place { ticket, stage, caller: WakerRegistration::new() });
             self.asked.store(true, Ordering::Release);
             desk.server.wake();
             Ok(Waiting { service: self, ticket })
@@ -265,7 +263,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
         self.with(|desk| {
             let &mut Desk { ticket, timed_out, cancelled, unserved, late, .. } = desk;
             #[expect(clippy::cast_possible_truncation, reason = "a service has a few callers")]
-            let waiting = desk.places.len() as u32;
+            let waiting = desk.places.iter().flatten().count() as u32;
             let others = [timed_out, cancelled, unserved, waiting];
             let answered = others.into_iter().fold(ticket, u32::wrapping_sub);
             Calls { calls: ticket, answered, timed_out, cancelled, unserved, waiting, late }
@@ -276,15 +274,19 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
         &self,
         desk: &mut Desk<Request, Response, CALLERS>,
     ) -> Option<(Request, Caller<'_, Request, Response, CALLERS>)> {
-        let mut asked =
-            desk.places.iter_mut().filter(|place| matches!(place.stage, Stage::Asked(_)));
-        let taken = asked.next().and_then(|place| {
-            match core::mem::replace(&mut place.stage, Stage::Taken) {
+        let newest = desk.ticket;
+        let mut asked = 0;
+        let waiting = desk.places.iter_mut().flatten();
+        let oldest = waiting
+            .filter(|place| matches!(place.stage, Stage::Asked(_)))
+            .inspect(|_| asked += 1)
+            .max_by_key(|place| newest.wrapping_sub(place.ticket));
+        let taken =
+            oldest.and_then(|place| match core::mem::replace(&mut place.stage, Stage::Taken) {
                 Stage::Asked(request) => Some((request, place.ticket)),
                 _ => None,
-            }
-        });
-        self.asked.store(asked.next().is_some(), Ordering::Release);
+            });
+        self.asked.store(asked > 1, Ordering::Release);
         taken.map(|(request, ticket)| (request, Caller { service: self, ticket }))
     }
 
@@ -306,36 +308,43 @@ impl<Request, Response, const CALLERS: usize> fmt::Debug for Service<Request, Re
 }
 
 impl<Request, Response, const CALLERS: usize> Desk<Request, Response, CALLERS> {
-    fn position(&self, ticket: u32) -> Option<usize> {
-        self.places.iter().position(|place| place.ticket == ticket)
+    /// Where the caller with this ticket waits, if it still does.
+    fn place(&mut self, ticket: u32) -> Option<&mut Option<Place<Request, Response>>> {
+        let of_caller = |place: &&mut Option<Place<_, _>>| {
+            place.as_ref().is_some_and(|place| place.ticket == ticket)
+        };
+        self.places.iter_mut().find(of_caller)
     }
 
-    /// What a caller came to, once its server is done with it; it has left then.
+    /// The caller leaves: what its call had come to.
+    fn leave(&mut self, ticket: u32) -> Option<Stage<Request, Response>> {
+        self.place(ticket)?.take().map(|place| place.stage)
+    }
+
+    /// What came of a call that its server is done with; its caller has left then.
     fn outcome(&mut self, ticket: u32, context: &Context<'_>) -> Poll<Result<Response, CallError>> {
-        let Some(index) = self.position(ticket) else {
-            // It has left: polled again after its end.
-            return Poll::Pending;
-        };
-        let place = &mut self.places[index];
-        if let Stage::Asked(_) | Stage::Taken = place.stage {
+        if let Some(Some(place)) = self.place(ticket)
+            && let Stage::Asked(_) | Stage::Taken = place.stage
+        {
             place.caller.register(context.waker());
             return Poll::Pending;
         }
-        Poll::Ready(match self.places.remove(index).stage {
-            Stage::Answered(response) => Ok(response),
-            _ => {
+        match self.leave(ticket) {
+            Some(Stage::Answered(response)) => Poll::Ready(Ok(response)),
+            Some(_) => {
                 self.unserved = self.unserved.wrapping_add(1);
-                Err(CallError::NotServed)
+                Poll::Ready(Err(CallError::NotServed))
             }
-        })
+            // Polled again after its end.
+            None => Poll::Pending,
+        }
     }
 
     /// Ends a call that was taken, if its caller still waits.
     fn finish(&mut self, ticket: u32, stage: Stage<Request, Response>) -> bool {
-        let Some(index) = self.position(ticket) else {
+        let Some(Some(place)) = self.place(ticket) else {
             return false;
         };
-        let place = &mut self.places[index];
         place.stage = stage;
         place.caller.wake();
         true
@@ -352,8 +361,7 @@ impl<Request, Response, const CALLERS: usize> Waiting<'_, Request, Response, CAL
     /// The time is over.
     fn give_up(self) -> Result<Response, CallError> {
         self.service.with(|desk| {
-            let place = desk.position(self.ticket).map(|index| desk.places.remove(index));
-            let error = match place.map(|place| place.stage) {
+            let error = match desk.leave(self.ticket) {
                 // In the last moment.
                 Some(Stage::Answered(response)) => return Ok(response),
                 Some(Stage::NotServed) => {
@@ -380,8 +388,8 @@ impl<Request, Response, const CALLERS: usize> Future for Waiting<'_, Request, Re
 impl<Request, Response, const CALLERS: usize> Drop for Waiting<'_, Request, Response, CALLERS> {
     fn drop(&mut self) {
         self.service.with(|desk| {
-            let Some(index) = desk.position(self.ticket) else { return };
-            if let Stage::Answered(_) = desk.places.remove(index).stage {
+            let Some(stage) = desk.leave(self.ticket) else { return };
+            if let Stage::Answered(_) = stage {
                 desk.late = desk.late.wrapping_add(1);
             }
             desk.cancelled = desk.cancelled.wrapping_add(1);
@@ -411,7 +419,7 @@ impl<Request, Response, const CALLERS: usize> Caller<'_, Request, Response, CALL
     /// Whether it still waits: who has gone wants a long job stopped.
     #[must_use]
     pub fn is_waiting(&self) -> bool {
-        self.service.with(|desk| desk.position(self.ticket).is_some())
+        self.service.with(|desk| desk.place(self.ticket).is_some())
     }
 }
 
