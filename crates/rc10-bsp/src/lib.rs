@@ -22,8 +22,8 @@ mod stm32h723;
 
 pub use periodic::{Load, Overrun, Statistics, Tick, periodic};
 pub use rc10_message::{
-    CallError, Caller, Calls, Changes, Latest, Message, Service, Stamped, SubscribersFull,
-    Subscription, Topic,
+    AlreadyServed, CallError, Caller, Calls, Changes, Latest, Message, Server, Service, Stamped,
+    SubscribersFull, Subscription, Topic,
 };
 #[cfg(feature = "stm32h723")]
 pub use stm32h723::{FDCAN_CLOCK, can, clocks, crash, initialise, supervisor, watchdog};

@@ -18,5 +18,5 @@ mod service;
 mod topic;
 
 pub use latest::{Changes, Latest, Stamped};
-pub use service::{CallError, Caller, Calls, Service};
+pub use service::{AlreadyServed, CallError, Caller, Calls, Server, Service};
 pub use topic::{Message, SubscribersFull, Subscription, Topic};

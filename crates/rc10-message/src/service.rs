@@ -8,7 +8,7 @@ use core::task::{Context, Poll};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::waitqueue::WakerRegistration;
-use embassy_time::{Duration, Instant, with_deadline};
+use embassy_time::{Duration, with_timeout};
 use rc10_can::Micros;
 
 /// Requests and their responses: any task calls, one task serves.
@@ -26,7 +26,8 @@ use rc10_can::Micros;
 /// static TURN: Service<u16, Result<(), &'static str>> = Service::new();
 ///
 /// // A task that serves and does nothing else.
-/// let server = TURN.serve(async |angle| if angle < 360 { Ok(()) } else { Err("beyond the turn") });
+/// let mut server = TURN.server()?;
+/// let serve = server.serve(async |angle| if angle < 360 { Ok(()) } else { Err("beyond the turn") });
 ///
 /// // Any other task.
 /// let caller = async {
@@ -35,10 +36,11 @@ use rc10_can::Micros;
 ///     assert_eq!(TURN.call(400, timeout).await, Ok(Err("beyond the turn")));
 /// };
 /// # let mut tasks = clock::Tasks::new();
-/// # tasks.add(async { server.await; });
+/// # tasks.add(async { serve.await; });
 /// # tasks.add(caller);
 /// # tasks.run(Micros::from_millis(200));
 /// # assert_eq!(TURN.calls().answered, 2);
+/// # Ok::<(), rc10_message::AlreadyServed>(())
 /// ```
 ///
 /// A task that has more to do than to serve, such as a control loop, looks with
@@ -48,8 +50,13 @@ use rc10_can::Micros;
 pub struct Service<Request, Response, const CALLERS: usize = 4> {
     /// Whether a request may be there to be taken: to look costs one load while there is none.
     asked: AtomicBool,
+    /// Whether there is a [`Server`].
+    served: AtomicBool,
     desk: Mutex<CriticalSectionRawMutex, RefCell<Desk<Request, Response, CALLERS>>>,
 }
+
+/// Microseconds, about twelve days: embassy's sums with it do not overflow, whatever its tick.
+const LONGEST_TIMEOUT: u64 = 1 << 40;
 
 struct Desk<Request, Response, const CALLERS: usize> {
     places: [Option<Place<Request, Response>>; CALLERS],
@@ -135,6 +142,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
         const { assert!(CALLERS > 0, "a service needs room for a caller") };
         Self {
             asked: AtomicBool::new(false),
+            served: AtomicBool::new(false),
             desk: Mutex::new(RefCell::new(Desk {
                 places: [const { None }; CALLERS],
                 server: WakerRegistration::new(),
@@ -160,8 +168,8 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
     /// it takes its request back if nobody has taken it, and otherwise has its response dropped.
     pub async fn call(&self, request: Request, timeout: Micros) -> Result<Response, CallError> {
         let mut waiting = self.ask(request)?;
-        let deadline = Instant::now().checked_add(Duration::from_micros(timeout.get()));
-        match with_deadline(deadline.unwrap_or(Instant::MAX), &mut waiting).await {
+        let timeout = Duration::from_micros(timeout.get().min(LONGEST_TIMEOUT));
+        match with_timeout(timeout, &mut waiting).await {
             Ok(outcome) => outcome,
             Err(_) => waiting.give_up(),
         }
@@ -189,7 +197,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
     }
 
     /// The oldest request that nobody has taken, if there is one, and who waits for the response.
-    /// Never waits: while there is none it costs one load.
+    /// Never waits: while there is none it costs one load. Any task or interrupt may look.
     ///
     /// ```
     /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
@@ -227,34 +235,16 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
         if self.asked.load(Ordering::Acquire) { self.with(|desk| self.take(desk)) } else { None }
     }
 
-    /// Waits for a request. One task should wait at a time: two take turns, but wake each other
-    /// for as long as there is nothing to do.
+    /// The right to wait for requests. Dropping it makes room for another server; requests that
+    /// wait are left to that one.
     ///
-    /// # Cancel safety
-    /// Dropping the future loses no request.
-    pub async fn next(&self) -> (Request, Caller<'_, Request, Response, CALLERS>) {
-        poll_fn(|context| {
-            self.with(|desk| match self.take(desk) {
-                Some(request) => Poll::Ready(request),
-                None => {
-                    desk.server.register(context.waker());
-                    Poll::Pending
-                }
-            })
-        })
-        .await
-    }
-
-    /// Serves for ever: one request after the other.
-    ///
-    /// # Cancel safety
-    /// If the future is dropped while it answers, that caller is told
-    /// [`NotServed`](CallError::NotServed); those that wait stay in the queue for the next server.
-    pub async fn serve(&self, mut answer: impl AsyncFnMut(Request) -> Response) -> ! {
-        loop {
-            let (request, caller) = self.next().await;
-            caller.reply(answer(request).await);
+    /// # Errors
+    /// [`AlreadyServed`] while there is one: two that wait would wake each other for ever.
+    pub fn server(&self) -> Result<Server<'_, Request, Response, CALLERS>, AlreadyServed> {
+        if self.served.swap(true, Ordering::AcqRel) {
+            return Err(AlreadyServed);
         }
+        Ok(Server { service: self })
     }
 
     /// What became of the calls so far. Counters start over after 2³².
@@ -350,6 +340,70 @@ impl<Request, Response, const CALLERS: usize> Desk<Request, Response, CALLERS> {
         true
     }
 }
+
+/// Who waits for the requests to a [`Service`].
+pub struct Server<'s, Request, Response, const CALLERS: usize = 4> {
+    service: &'s Service<Request, Response, CALLERS>,
+}
+
+impl<'s, Request, Response, const CALLERS: usize> Server<'s, Request, Response, CALLERS> {
+    /// Waits for a request: the oldest that nobody has taken, and who waits for the response.
+    ///
+    /// # Cancel safety
+    /// Dropping the future loses no request.
+    pub async fn next(&mut self) -> (Request, Caller<'s, Request, Response, CALLERS>) {
+        let service = self.service;
+        poll_fn(|context| {
+            service.with(|desk| match service.take(desk) {
+                Some(request) => Poll::Ready(request),
+                None => {
+                    desk.server.register(context.waker());
+                    Poll::Pending
+                }
+            })
+        })
+        .await
+    }
+
+    /// Serves for ever: one request after the other.
+    ///
+    /// # Cancel safety
+    /// If the future is dropped while it answers, that caller is told
+    /// [`NotServed`](CallError::NotServed); those that wait stay in the queue for the next server.
+    pub async fn serve(&mut self, mut answer: impl AsyncFnMut(Request) -> Response) -> ! {
+        loop {
+            let (request, caller) = self.next().await;
+            caller.reply(answer(request).await);
+        }
+    }
+}
+
+impl<Request, Response, const CALLERS: usize> Drop for Server<'_, Request, Response, CALLERS> {
+    fn drop(&mut self) {
+        self.service.served.store(false, Ordering::Release);
+    }
+}
+
+impl<Request, Response, const CALLERS: usize> fmt::Debug
+    for Server<'_, Request, Response, CALLERS>
+{
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Server").field(self.service).finish()
+    }
+}
+
+/// Another task serves already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct AlreadyServed;
+
+impl fmt::Display for AlreadyServed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("another task serves already")
+    }
+}
+
+impl core::error::Error for AlreadyServed {}
 
 /// A caller's place in the queue; left on drop.
 struct Waiting<'s, Request, Response, const CALLERS: usize> {

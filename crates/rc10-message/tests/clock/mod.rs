@@ -69,6 +69,11 @@ impl Random {
         self.0 ^= self.0 >> 27;
         (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33) % end
     }
+
+    /// An index of something so long.
+    pub fn index(&mut self, len: usize) -> usize {
+        usize::try_from(self.below(len as u64)).unwrap()
+    }
 }
 
 struct Awake(AtomicBool);
@@ -79,9 +84,11 @@ impl Wake for Awake {
     }
 }
 
+type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
+
 /// Tasks that run together.
 pub struct Tasks<'a> {
-    tasks: Vec<(Pin<Box<dyn Future<Output = ()> + 'a>>, Arc<Awake>)>,
+    tasks: Vec<(Task<'a>, Arc<Awake>)>,
     random: Random,
 }
 
@@ -103,7 +110,8 @@ impl<'a> Tasks<'a> {
     pub fn run(&mut self, time: Micros) -> usize {
         let end = NOW.get() + time.get();
         while !self.tasks.is_empty() {
-            let woken = |(_, (_, awake)): &(usize, &(_, Arc<Awake>))| awake.0.load(Ordering::Relaxed);
+            let woken =
+                |(_, (_, awake)): &(usize, &(_, Arc<Awake>))| awake.0.load(Ordering::Relaxed);
             let woken: Vec<usize> =
                 self.tasks.iter().enumerate().filter(woken).map(|(index, _)| index).collect();
             if woken.is_empty() {
@@ -118,7 +126,7 @@ impl<'a> Tasks<'a> {
                 due.into_iter().for_each(|(_, waker)| waker.wake());
                 continue;
             }
-            let chosen = woken[self.random.below(woken.len() as u64) as usize];
+            let chosen = woken[self.random.index(woken.len())];
             let (task, awake) = &mut self.tasks[chosen];
             awake.0.store(false, Ordering::Relaxed);
             let waker = Waker::from(Arc::clone(awake));
@@ -128,4 +136,11 @@ impl<'a> Tasks<'a> {
         }
         self.tasks.len()
     }
+}
+
+/// Time starts again at zero.
+#[allow(dead_code, reason = "not everybody starts twice")]
+pub fn rewind() {
+    NOW.set(0);
+    TIMERS.take();
 }
