@@ -122,6 +122,23 @@ fn a_caller_that_goes_leaves_no_trace_wherever_it_waited() {
 }
 
 #[test]
+fn who_looks_finds_all_that_wait() {
+    let service = Doubling::<3>::new();
+    let mut tasks = Tasks::new();
+    for caller in 0..3 {
+        let service = &service;
+        tasks.add(async move { assert_eq!(service.call(caller, LONG).await, Ok(2 * caller)) });
+    }
+    tasks.add(async {
+        pause(1).await;
+        while let Some((request, caller)) = service.try_next() {
+            caller.reply(2 * request);
+        }
+    });
+    assert_eq!(tasks.run(LONG), 0);
+}
+
+#[test]
 fn a_dropped_request_is_answered_at_once() {
     let service = Doubling::<4>::new();
     let mut tasks = Tasks::new();

@@ -38,6 +38,9 @@ struct Story {
     /// Requests in the order in which they were made, and were taken.
     asked: RefCell<Vec<Id>>,
     taken: RefCell<Vec<Id>>,
+    asked_at: RefCell<BTreeMap<Id, Micros>>,
+    /// Since when the server waits, if it does.
+    idle_since: Cell<Option<Micros>>,
     /// When a server was done with a request: answered or dropped.
     done: RefCell<BTreeMap<Id, Micros>>,
     replies: Cell<u32>,
@@ -75,6 +78,8 @@ impl Story {
             random: RefCell::new(Random::new(seed)),
             asked: RefCell::default(),
             taken: RefCell::default(),
+            asked_at: RefCell::default(),
+            idle_since: Cell::default(),
             done: RefCell::default(),
             replies: Cell::new(0),
             ends: RefCell::default(),
@@ -106,6 +111,7 @@ impl Story {
         let patience = if self.below(3) == 0 { self.below(3_000) } else { u64::MAX / 4 };
         let start = now();
         self.asked.borrow_mut().push(id);
+        self.asked_at.borrow_mut().insert(id, start);
         let call = self.service.call(id, timeout);
         let outcome = match select(call, Timer::after_micros(patience)).await {
             Either::First(outcome) => outcome,
@@ -183,14 +189,24 @@ impl Story {
         Timer::after_micros(self.below(5_000))
     }
 
+    /// The server has waited, and has a request: nobody may have let it wait longer.
+    fn found(&self, id: Id) {
+        let asked_at = self.asked_at.borrow()[&id];
+        let idle_since = self.idle_since.take().unwrap();
+        assert_eq!(now(), asked_at.max(idle_since), "{id} was left waiting");
+    }
+
     /// One request after the other.
     async fn serve(&self, server: &mut Server<'_, Id, Id, PLACES>) {
+        self.idle_since.set(Some(now()));
         server
             .serve(async |id| {
+                self.found(id);
                 let work = self.take(id, None);
                 self.pause(800).await;
                 self.replies.set(self.replies.get() + 1);
                 drop(work);
+                self.idle_since.set(Some(now()));
                 id
             })
             .await;
@@ -200,7 +216,9 @@ impl Story {
     async fn keep<'s>(&'s self, server: &mut Server<'s, Id, Id, PLACES>) {
         let mut kept = Vec::new();
         loop {
+            self.idle_since.set(Some(now()));
             let (id, caller) = server.next().await;
+            self.found(id);
             kept.push(self.take(id, Some(caller)));
             self.pause(800).await;
             while !kept.is_empty() && self.below(2) == 0 {

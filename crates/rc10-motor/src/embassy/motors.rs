@@ -112,7 +112,15 @@ impl<'p, const N: usize> Server<'p, N> {
         // Not more: who asks again and again at a higher priority must not keep the tick.
         for _ in 0..CALLERS {
             let Some(((motor, request), asker)) = self.requests.try_next() else { break };
-            self.settle(motor, asker, ask(motor, Some(request)));
+            let mut outcome = ask(motor, Some(request));
+            // Busy with what was asked before this bus began: nobody but us will hear the answer.
+            if outcome == Some(Err(RequestError::Busy))
+                && self.pending.iter().all(|(busy, _)| *busy != motor)
+                && ask(motor, None).is_some()
+            {
+                outcome = ask(motor, Some(request));
+            }
+            self.settle(motor, asker, outcome);
         }
         if !self.pending.is_empty() {
             for (motor, asker) in core::mem::take(&mut self.pending) {
