@@ -25,7 +25,4 @@ mod stream;
 mod sum;
 
 pub use listen::{Reception, listen};
-pub use stream::{Counters, Found, Pause, Protocol, Stream};
-
-#[cfg(test)]
-extern crate std;
+pub use stream::{Buffer, Counters, Found, Pause, Protocol, Stream};
