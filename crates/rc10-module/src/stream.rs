@@ -60,8 +60,8 @@ pub trait Buffer: Default {
     const CAPACITY: usize;
     /// What is in it.
     fn bytes(&self) -> &[u8];
-    /// Puts a byte at its end; it is not full.
-    fn push(&mut self, byte: u8);
+    /// Puts these at its end; there is room for them.
+    fn extend(&mut self, bytes: &[u8]);
     /// Forgets its first bytes.
     fn remove(&mut self, count: usize);
 }
@@ -75,15 +75,19 @@ impl<const N: usize> Buffer for heapless::Vec<u8, N> {
     }
 
     #[inline]
-    fn push(&mut self, byte: u8) {
-        let _ = Self::push(self, byte);
+    fn extend(&mut self, bytes: &[u8]) {
+        let _ = self.extend_from_slice(bytes);
     }
 
     #[inline]
     fn remove(&mut self, count: usize) {
-        let count = count.min(self.len());
-        self.copy_within(count.., 0);
-        self.truncate(self.len() - count);
+        // Mostly none of them, or all: nothing is moved then.
+        if count >= self.len() {
+            self.clear();
+        } else if count > 0 {
+            self.copy_within(count.., 0);
+            self.truncate(self.len() - count);
+        }
     }
 }
 
@@ -100,6 +104,14 @@ pub struct Counters {
     pub skipped: u32,
     /// Times the port said that bytes were lost or damaged: overrun, framing, parity, noise, break.
     pub port_errors: u32,
+}
+
+impl Counters {
+    fn skip(&mut self, bytes: usize) {
+        #[expect(clippy::cast_possible_truncation, reason = "it starts over after 2³²")]
+        let bytes = bytes as u32;
+        self.skipped = self.skipped.wrapping_add(bytes);
+    }
 }
 
 /// Finds the frames of a protocol in a stream of bytes, whatever else is in it: bounded work per
@@ -169,26 +181,40 @@ impl<P: Protocol> Stream<P> {
             return;
         }
         self.last = Some(at);
-        for &byte in bytes {
-            if self.is_lost {
-                self.counters.skipped = self.counters.skipped.wrapping_add(1);
-                continue;
+        if matches!(P::PAUSE, Some(Pause::Delimits(_))) {
+            self.collect(bytes);
+            return;
+        }
+        let mut left = bytes;
+        while !left.is_empty() {
+            let waiting = self.buffer.bytes().len();
+            if waiting == 0 {
+                // In place: most frames come whole.
+                let (judged, needed) =
+                    search(&self.protocol, left, false, &mut self.counters, &mut hear);
+                self.buffer.extend(left.get(judged..).unwrap_or_default());
+                self.needed = needed;
+                return;
             }
-            let length = self.buffer.bytes().len();
-            if matches!(P::PAUSE, Some(Pause::Delimits(_))) {
-                if length < P::Buffer::CAPACITY {
-                    self.buffer.push(byte);
-                } else {
-                    self.refuse();
-                    self.is_lost = true;
-                    self.counters.skipped = self.counters.skipped.wrapping_add(1);
-                }
-            } else {
-                self.buffer.push(byte);
-                if length + 1 >= self.needed {
-                    self.search(false, &mut hear);
-                }
+            let (now, later) = left.split_at(left.len().min(self.needed.saturating_sub(waiting)));
+            self.buffer.extend(now);
+            left = later;
+            if waiting + now.len() >= self.needed {
+                self.search_buffer(false, &mut hear);
             }
+        }
+    }
+
+    /// Keeps what came since a pause, if it may be frames.
+    fn collect(&mut self, bytes: &[u8]) {
+        if self.is_lost {
+            self.counters.skip(bytes.len());
+        } else if self.buffer.bytes().len() + bytes.len() > P::Buffer::CAPACITY {
+            self.refuse();
+            self.is_lost = true;
+            self.counters.skip(bytes.len());
+        } else {
+            self.buffer.extend(bytes);
         }
     }
 
@@ -215,7 +241,7 @@ impl<P: Protocol> Stream<P> {
             return;
         }
         match pause {
-            Pause::Ends(_) => self.search(true, hear),
+            Pause::Ends(_) => self.search_buffer(true, hear),
             Pause::Delimits(_) => self.judge(hear),
         }
         self.is_lost = false;
@@ -240,53 +266,57 @@ impl<P: Protocol> Stream<P> {
     }
 
     fn forget(&mut self) {
-        self.skip(self.buffer.bytes().len());
-        self.needed = 1;
-    }
-
-    fn skip(&mut self, count: usize) {
-        #[expect(clippy::cast_possible_truncation, reason = "no more than the buffer holds")]
-        let skipped = count as u32;
-        self.counters.skipped = self.counters.skipped.wrapping_add(skipped);
+        let count = self.buffer.bytes().len();
+        self.counters.skip(count);
         self.buffer.remove(count);
+        self.needed = 1;
     }
 
     /// Takes from the buffer whatever can be judged: everything, if what was sent `is_over`.
-    fn search(&mut self, is_over: bool, hear: &mut impl FnMut(P::Message)) {
-        let mut from = 0;
-        while let Some(bytes) = self.buffer.bytes().get(from..).filter(|left| !left.is_empty()) {
-            match self.protocol.examine(bytes) {
-                Found::More(needed)
-                    if !is_over && needed > bytes.len() && needed <= P::Buffer::CAPACITY =>
-                {
-                    self.skip(from);
-                    self.needed = needed;
-                    return;
+    fn search_buffer(&mut self, is_over: bool, hear: &mut impl FnMut(P::Message)) {
+        let Self { protocol, buffer, counters, .. } = self;
+        let (judged, needed) = search(protocol, buffer.bytes(), is_over, counters, hear);
+        buffer.remove(judged);
+        self.needed = needed;
+    }
+}
+
+/// Looks for frames. How many bytes are judged: up to what may be the beginning of a frame, or all,
+/// if what was sent `is_over`; and how many there must be from there on to go on.
+fn search<P: Protocol>(
+    protocol: &P,
+    bytes: &[u8],
+    is_over: bool,
+    counters: &mut Counters,
+    hear: &mut impl FnMut(P::Message),
+) -> (usize, usize) {
+    let mut from = 0;
+    while let Some(left) = bytes.get(from..).filter(|left| !left.is_empty()) {
+        match protocol.examine(left) {
+            Found::More(needed)
+                if !is_over && needed > left.len() && needed <= P::Buffer::CAPACITY =>
+            {
+                return (from, needed);
+            }
+            Found::Frame(length, message) => {
+                counters.frames = counters.frames.wrapping_add(1);
+                hear(message);
+                from += length.max(1);
+            }
+            Found::Other(length) => {
+                counters.frames = counters.frames.wrapping_add(1);
+                from += length.max(1);
+            }
+            unsound => {
+                if matches!(unsound, Found::Damaged) {
+                    counters.damaged = counters.damaged.wrapping_add(1);
                 }
-                Found::Frame(length, message) => {
-                    self.counters.frames = self.counters.frames.wrapping_add(1);
-                    hear(message);
-                    self.skip(from);
-                    self.buffer.remove(length.max(1));
-                    from = 0;
-                }
-                Found::Other(length) => {
-                    self.counters.frames = self.counters.frames.wrapping_add(1);
-                    self.skip(from);
-                    self.buffer.remove(length.max(1));
-                    from = 0;
-                }
-                unsound => {
-                    if matches!(unsound, Found::Damaged) {
-                        self.counters.damaged = self.counters.damaged.wrapping_add(1);
-                    }
-                    from += 1;
-                }
+                counters.skip(1);
+                from += 1;
             }
         }
-        self.skip(from);
-        self.needed = 1;
     }
+    (bytes.len(), 1)
 }
 
 /// Goes through frames that stand one behind the other; how many, if they fill all of these bytes.

@@ -7,6 +7,7 @@
 #![no_main]
 
 mod codecs;
+mod streams;
 
 use core::hint::black_box;
 
@@ -40,6 +41,7 @@ fn main() -> ! {
     measure(|_, rpm| Target::Speed(rpm), frames);
     measure(|_, _| Target::Coast, coasting_tick);
     codecs::measure();
+    streams::measure();
     done()
 }
 

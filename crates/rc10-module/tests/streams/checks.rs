@@ -154,7 +154,7 @@ pub fn garbage_between<W: Wire>(wire: W) {
 pub fn damage<W: Wire>(wire: W) {
     let [tried, taken, hidden] = [const { Cell::new(0_u32) }; 3];
     let add = |counter: &Cell<u32>| counter.set(counter.get() + 1);
-    cases(8, [frame(wire), frame(wire), frame(wire)], |[before, good, after]| {
+    cases(4, [frame(wire), frame(wire), frame(wire)], |[before, good, after]| {
         let start = before.len();
         let next = Place { start: start + good.len(), end: start + good.len() + after.len() };
         for (at, change) in (0..good.len()).flat_map(|at| (1..=0xFF_u8).map(move |c| (at, c))) {
