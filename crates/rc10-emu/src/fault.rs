@@ -28,6 +28,9 @@ pub enum Kind {
     /// `hang[:HANDLER]`: an interrupt handler hangs when it is called next, before its first
     /// instruction; `UART9` if none is named: the executor of RC10's buses.
     Hang(String),
+    /// `remote-lost`: the remote's transmitter is off, or out of reach. Its receiver says of that what
+    /// such receivers say.
+    RemoteLost,
     /// `mask`: somebody's critical section, with all interrupts masked, takes so long.
     Mask,
 }
@@ -51,7 +54,7 @@ impl Kind {
             | Self::Noise(bus)
             | Self::Power(bus)
             | Self::Load(bus) => Some(*bus),
-            Self::Panic | Self::HardFault | Self::Hang(_) | Self::Mask => None,
+            Self::Panic | Self::HardFault | Self::Hang(_) | Self::RemoteLost | Self::Mask => None,
         }
     }
 }
@@ -69,6 +72,7 @@ impl fmt::Display for Kind {
             Self::Panic => "panic",
             Self::HardFault => "hardfault",
             Self::Hang(handler) => return write!(f, "hang:{handler}"),
+            Self::RemoteLost => "remote-lost",
             Self::Mask => "mask",
         };
         match self.bus() {
@@ -102,7 +106,7 @@ impl fmt::Display for NoFault {
 impl std::error::Error for NoFault {}
 
 const KINDS: &str = "cut:BUS short:BUS dominant:BUS noise:BUS power:BUS load:BUS panic hardfault \
-                     hang[:HANDLER] mask";
+                     hang[:HANDLER] remote-lost mask";
 
 impl FromStr for Fault {
     type Err = NoFault;
@@ -151,6 +155,7 @@ fn kind_of(text: &str) -> Result<Kind, String> {
         "load" => bus().map(Kind::Load),
         "panic" => alone(Kind::Panic),
         "hardfault" => alone(Kind::HardFault),
+        "remote-lost" => alone(Kind::RemoteLost),
         "mask" => alone(Kind::Mask),
         "hang" if argument == Some("") => Err("name a handler: hang:TIM2; or none: hang".into()),
         "hang" => Ok(Kind::Hang(argument.unwrap_or(CONTROL_EXECUTOR).to_owned())),
@@ -206,8 +211,7 @@ mod tests {
 
     #[test]
     fn kinds_are_shown_as_they_are_written() {
-        let kinds =
-            "cut:1 short:2 dominant:3 noise:1 power:2 load:3 panic hardfault hang:TIM2 mask";
+        let kinds = "cut:1 short:2 dominant:3 noise:1 power:2 load:3 panic hardfault hang:TIM2 remote-lost mask";
         for kind in kinds.split(' ') {
             assert_eq!(kind_of(kind).unwrap().to_string(), kind);
         }

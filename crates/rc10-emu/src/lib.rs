@@ -6,6 +6,7 @@ pub mod fault;
 pub mod fdcan;
 mod figures;
 pub mod image;
+mod links;
 mod log;
 mod machine;
 pub mod memory;

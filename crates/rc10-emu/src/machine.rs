@@ -7,11 +7,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context, Result, ensure};
-use rc10_sim::{Nanos, World};
+use rc10_sim::{Line, Nanos, Pulses, Serial, World};
 
 use crate::core::{Core, Interpreter, Step, Wiring};
 use crate::fdcan::{Fdcans, Node};
 use crate::image::Image;
+use crate::links::Links;
 use crate::log::Log;
 use crate::memory::{FLASH, Memory};
 use crate::peripherals::{ResetCause, Soc};
@@ -96,11 +97,12 @@ pub struct LogLine {
 /// An emulated STM32H723 with a program in its flash.
 ///
 /// It has no wires of its own: [`connect`](Self::connect) puts its FDCANs on buses of a [`World`],
-/// and [`run`](Self::run) lets chip and world go through time together.
+/// [`connect_serial`](Self::connect_serial) and its like its UARTs and pins on lines, and [`run`](Self::run) lets chip and world go through time together.
 pub struct Machine {
     core: Interpreter,
     wiring: Wiring,
     fdcan: Arc<Mutex<Fdcans>>,
+    links: Links,
     memory: Memory,
     image: Image,
     log: Log,
@@ -154,6 +156,7 @@ impl Machine {
             core,
             wiring,
             fdcan,
+            links: Links::default(),
             memory,
             image,
             log,
@@ -178,6 +181,47 @@ impl Machine {
     /// Puts FDCAN `index` (0 is FDCAN1) on a bus.
     pub fn connect(&self, index: usize, bus: &rc10_sim::Bus) {
         bus.attach(Rc::new(RefCell::new(Node::new(Arc::clone(&self.fdcan), index))));
+    }
+
+    /// Puts a UART (1 for USART1 ..= 10 for USART10) on a serial link: bytes at the exact nanosecond,
+    /// as levels of the link's rate, with characters of 10 bits as 8N1, of 11 as 8E1, of 12 as 8E2.
+    /// `inverted`: the line idles low, as that of SBUS does.
+    ///
+    /// # Errors
+    /// If the chip has no such UART, or the link's characters have another length.
+    pub fn connect_serial(&mut self, uart: u8, link: &Serial, inverted: bool) -> Result<()> {
+        let connected = self.links.connect_serial(&mut self.wiring.soc(), uart, link, inverted);
+        let bits = link.config().bits;
+        ensure!(connected, "there is no UART {uart} (1 to 10), or characters of {bits} bits");
+        Ok(())
+    }
+
+    /// Puts a UART on an RS-485 line, behind a transceiver whose driver it enables itself (`DEM`,
+    /// and a pin for it): without that nobody hears it, and while it is enabled it hears nobody.
+    ///
+    /// # Errors
+    /// If the chip has no such UART.
+    pub fn connect_line(&mut self, uart: u8, line: &Line) -> Result<()> {
+        let connected = self.links.connect_line(&mut self.wiring.soc(), uart, line);
+        ensure!(connected, "there is no UART {uart}; they are 1 to 10");
+        Ok(())
+    }
+
+    /// Puts a pin (port 'A' ..= 'K', 0 ..= 15) on a line of pulses.
+    ///
+    /// # Errors
+    /// If the chip has no such pin.
+    pub fn connect_pulses(&mut self, pin: (char, usize), pulses: &Pulses) -> Result<()> {
+        let now = self.now();
+        let connected = self.links.connect_pulses(&mut self.wiring.soc(), pin, pulses, now);
+        ensure!(connected, "there is no pin P{}{}", pin.0, pin.1);
+        Ok(())
+    }
+
+    /// Characters that a UART has sent and its far end could not read: another rate, another format.
+    #[must_use]
+    pub fn garbled(&self, uart: u8) -> u64 {
+        self.links.garbled(uart)
     }
 
     /// How many instructions a second the core executes when its clock is 480 MHz; in proportion
@@ -311,13 +355,18 @@ impl Machine {
     /// If the program's memory makes no sense.
     pub fn run(&mut self, world: &mut World, until: Nanos) -> Result<()> {
         while self.now < until.get() {
-            let mut horizon = world.next_event().min(self.next_log).min(until);
+            let next_of_world = world.next_event();
+            let mut horizon = next_of_world.min(self.next_log).min(until);
             if let Some(event) = self.wiring.soc().next_event() {
                 horizon = horizon.min(event);
             }
             self.execute(horizon.get())?;
             let now = self.now();
-            world.advance_to(now);
+            if self.links.is_empty() {
+                world.advance_to(now);
+            } else {
+                self.talk(world, next_of_world, now);
+            }
             let levels = {
                 let mut soc = self.wiring.soc();
                 soc.advance(now);
@@ -328,6 +377,22 @@ impl Machine {
             self.after(now)?;
         }
         Ok(())
+    }
+
+    /// Chip and world tell each other what is on their lines, in the order of time, up to now.
+    fn talk(&mut self, world: &mut World, mut next_of_world: Nanos, now: Nanos) {
+        let mut soc = self.wiring.soc();
+        loop {
+            let next = soc.next_event().map_or(next_of_world, |event| event.min(next_of_world));
+            world.advance_to(next.min(now));
+            self.links.hear(&mut soc);
+            soc.advance(next.min(now));
+            self.links.speak(&mut soc);
+            if next >= now {
+                return;
+            }
+            next_of_world = world.next_event();
+        }
     }
 
     /// Runs the core up to a time, or until it has touched a peripheral.

@@ -38,6 +38,8 @@ pub struct Rig {
     timeline: Vec<(Nanos, bool, Kind)>,
     filled: Vec<bool>,
     next_step: Nanos,
+    /// Switches the remote's transmitter.
+    transmitter: Option<Box<dyn FnMut(bool)>>,
 }
 
 impl Rig {
@@ -79,7 +81,13 @@ impl Rig {
             motors,
             timeline,
             next_step: STEP,
+            transmitter: None,
         })
+    }
+
+    /// Says what switches the transmitter of the robot's remote: for the fault `remote-lost`.
+    pub fn set_transmitter(&mut self, switch: impl FnMut(bool) + 'static) {
+        self.transmitter = Some(Box::new(switch));
     }
 
     /// The buses.
@@ -142,6 +150,10 @@ impl Rig {
                 } else {
                     Injection::EndHang { exception }
                 })?;
+            }
+            Kind::RemoteLost => {
+                let switch = self.transmitter.as_mut();
+                switch.context("remote-lost: there is no remote in this scenario")?(!begins);
             }
             Kind::Mask => self.machine.inject(Injection::MaskInterrupts(begins))?,
         }

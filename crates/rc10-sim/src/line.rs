@@ -2,13 +2,16 @@
 //! else.
 
 use std::any::Any;
+use std::cell::RefCell;
 use std::collections::VecDeque;
+use std::rc::Rc;
 use std::task::Waker;
 
 use crate::Nanos;
 use crate::device::{EscFault, EscState, Shaft, Winding};
 use crate::motor::{Motor, Plant};
 use crate::random::Random;
+use crate::serial::{SerialEnd, UartFault};
 
 /// How a line is set up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,6 +139,8 @@ pub(crate) struct HostEnd {
     pub(crate) reader: Option<Waker>,
     pub(crate) flusher: Option<Waker>,
     sender: Sender,
+    /// An emulated chip's receiver, in place of the port.
+    pub(crate) chip: Option<Rc<RefCell<dyn SerialEnd>>>,
 }
 
 impl HostEnd {
@@ -153,7 +158,7 @@ impl HostEnd {
 
 /// One line and everything on it.
 pub(crate) struct Line {
-    config: LineConfig,
+    pub(crate) config: LineConfig,
     byte_ns: u64,
     pub(crate) host: HostEnd,
     /// Somebody who is no device.
@@ -316,7 +321,7 @@ impl Line {
             Who::Host => self.config.echo,
             _ => !cut && !self.host.sender.cut,
         };
-        if host_hears {
+        if host_hears && self.host.chip.is_none() {
             if self.host.received.len() < self.config.receive_capacity {
                 self.host.received.push_back(byte);
             } else {
@@ -352,8 +357,13 @@ impl Line {
             let sender = self.sender(who);
             sender.noise_in = noise_in.and_then(|bytes| bytes.checked_sub(1));
             sender.flight = Some(Flight { byte, end, collided: false });
+            let host_hears =
+                if who == Who::Host { self.config.echo } else { !cut && !self.host.sender.cut };
+            if let Some(chip) = self.host.chip.as_ref().filter(|_| host_hears) {
+                chip.borrow_mut().hear(byte, now, end);
+            }
             if !cut {
-                self.collide(who);
+                self.collide(who, now);
             }
         }
     }
@@ -370,7 +380,7 @@ impl Line {
     }
 
     /// Whoever else is sending, and is plugged in, spoils the byte, and his own.
-    fn collide(&mut self, who: Who) {
+    fn collide(&mut self, who: Who, now: Nanos) {
         let mut met = false;
         for other in self.everybody().filter(|other| *other != who) {
             let other = self.sender(other);
@@ -380,6 +390,9 @@ impl Line {
         }
         if met && let Some(flight) = &mut self.sender(who).flight {
             flight.collided = true;
+        }
+        if let Some(chip) = self.host.chip.as_ref().filter(|_| met && !self.host.sender.cut) {
+            chip.borrow_mut().disturb(UartFault::Framing, now);
         }
     }
 

@@ -12,6 +12,7 @@ use crate::Nanos;
 use crate::device::{EscFault, EscState};
 use crate::line::{self, LineCounters, LineDevice};
 use crate::motor::Plant;
+use crate::serial::SerialEnd;
 use crate::world::Inner;
 
 /// A serial line in half duplex (RS-485) of a [`World`](crate::World), with one host.
@@ -34,6 +35,26 @@ impl Line {
     #[must_use]
     pub fn port(&self) -> SerialPort {
         SerialPort { line: self.clone() }
+    }
+
+    /// Bits a second.
+    #[must_use]
+    pub fn baud(&self) -> u32 {
+        self.with(|line, _| line.config.baud)
+    }
+
+    /// Puts the receiver of an emulated chip in the place of the host's port, whose buffer stays
+    /// empty from then on. It is told of characters as they begin; one that collides is a framing
+    /// error to it. What the chip sends comes by [`deliver`](Self::deliver).
+    ///
+    /// The world borrows it while time passes; between its calls it is the caller's.
+    pub fn attach(&self, chip: Rc<RefCell<dyn SerialEnd>>) {
+        self.with(|line, _| line.host.chip = Some(chip));
+    }
+
+    /// The attached chip begins to send a character: now, or as soon as its last one has ended.
+    pub fn deliver(&self, byte: u8, start: Nanos) {
+        self.with(|line, _| line.host.send(&[byte], start));
     }
 
     /// Unplugs the host, or plugs it in again: what it sends nobody hears, and it hears nothing.

@@ -151,6 +151,15 @@ impl Write {
         Self { offset, ..self }
     }
 
+    /// How much is written.
+    pub(super) const fn width(self) -> Width {
+        match self.lanes.count_ones() {
+            8 => Width::Byte,
+            16 => Width::Half,
+            _ => Width::Word,
+        }
+    }
+
     /// The register's new value, if it simply stores.
     pub(super) const fn over(self, old: u32) -> u32 {
         old & !self.lanes | self.value

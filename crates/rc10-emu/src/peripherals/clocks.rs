@@ -22,6 +22,10 @@ pub struct Clocks {
     pub fdcan: u64,
     /// Kernel clocks of the UARTs: those on APB1 (2, 3, 4, 5, 7, 8), those on APB2 (1, 6, 9, 10).
     pub usarts: [u64; 2],
+    /// Kernel clocks of the SPIs: 1 to 3, 4 and 5.
+    pub spis: [u64; 2],
+    /// Kernel clock of I2C1, 2, 3 and 5.
+    pub i2cs: u64,
 }
 
 /// Frequencies of what the tree starts from: 0 if not running.
@@ -43,6 +47,7 @@ pub(super) struct Settings {
     pub cfgr: u32,
     pub d1cfgr: u32,
     pub d2cfgr: u32,
+    pub d1ccipr: u32,
     pub d2ccip1r: u32,
     pub d2ccip2r: u32,
 }
@@ -87,7 +92,41 @@ impl Clocks {
             usart(field(settings.d2ccip2r, 0, 3), apb[0]),
             usart(field(settings.d2ccip2r, 3, 3), apb[1]),
         ];
-        Self { core, bus, apb, timers, fdcan, usarts }
+        // CKPERSEL.
+        let per = match field(settings.d1ccipr, 28, 2) {
+            0 => sources.hsi,
+            1 => sources.csi,
+            2 => sources.hse,
+            _ => 0,
+        };
+        let spis = [
+            // SPI123SEL; there is no external clock at I2S_CKIN.
+            match field(settings.d2ccip1r, 12, 3) {
+                0 => sources.plls[0][1],
+                1 => sources.plls[1][0],
+                2 => sources.plls[2][0],
+                4 => per,
+                _ => 0,
+            },
+            // SPI45SEL.
+            match field(settings.d2ccip1r, 16, 3) {
+                0 => apb[1],
+                1 => sources.plls[1][1],
+                2 => sources.plls[2][1],
+                3 => sources.hsi,
+                4 => sources.csi,
+                5 => sources.hse,
+                _ => 0,
+            },
+        ];
+        // I2C1235SEL.
+        let i2cs = match field(settings.d2ccip2r, 12, 2) {
+            0 => apb[0],
+            1 => sources.plls[2][2],
+            2 => sources.hsi,
+            _ => sources.csi,
+        };
+        Self { core, bus, apb, timers, fdcan, usarts, spis, i2cs }
     }
 }
 
@@ -183,6 +222,7 @@ mod tests {
             cfgr: 0,
             d1cfgr: 8 << 8 | 9,
             d2cfgr: 0,
+            d1ccipr: 0,
             d2ccip1r: 0,
             d2ccip2r: 0,
         };
@@ -199,6 +239,7 @@ mod tests {
                 cfgr,
                 d1cfgr: 0,
                 d2cfgr: prescaler << 4,
+                d1ccipr: 0,
                 d2ccip1r: 0,
                 d2ccip2r: 0,
             };

@@ -2,7 +2,8 @@
 //!
 //! An item moves in the moment its peripheral asks, without bus or FIFO delay; memory to memory in
 //! the moment the stream is enabled. Items are as wide as the peripheral's; where memory's are
-//! wider or narrower, the same bytes lie in the same places.
+//! wider or narrower, the same bytes lie in the same places. A stream is not enabled while a flag of
+//! its last transfer stands.
 //! Not modelled, and reported when asked for: double buffers, flow control by the peripheral,
 //! synchronised requests and request generators. Priorities are those of the streams' numbers.
 
@@ -17,7 +18,7 @@ pub(super) const STREAMS: usize = 8;
 pub(super) const UNREACHABLE: [Range<u32>; 2] =
     [0x0000_0000..0x0001_0000, 0x2000_0000..0x2002_0000];
 
-// Flags of one stream.
+// Flags of one stream: those of the FIFO and of direct mode never rise here.
 const ERROR: u32 = 1 << 3;
 const HALF: u32 = 1 << 4;
 const COMPLETE: u32 = 1 << 5;
@@ -58,6 +59,8 @@ struct Stream {
     flags: u32,
     /// Items done since it was enabled or started again.
     done: u32,
+    /// The next item is to fail.
+    fails: bool,
 }
 
 /// One item to move.
@@ -79,6 +82,7 @@ impl Stream {
             fifo: 0x21,
             flags: 0,
             done: 0,
+            fails: false,
         }
     }
 
@@ -149,21 +153,28 @@ impl Stream {
                     self.flags |= COMPLETE;
                 }
                 if !locked && self.is(ENABLE) {
-                    if self.items == 0 || self.is(UNMODELLED) {
-                        let nothing_to_do = self.items == 0;
+                    // RM0468, NDTR: enabled again, it starts with what it started with before.
+                    if self.items == 0 {
+                        self.items = self.reload;
+                    }
+                    let refusal = if self.is(UNMODELLED) {
+                        Some(Refusal::Unmodelled)
+                    } else {
+                        (self.items == 0 || self.flags != 0).then_some(Refusal::Protected)
+                    };
+                    if let Some(refusal) = refusal {
                         self.control &= !ENABLE;
-                        return Err(if nothing_to_do {
-                            Refusal::Protected
-                        } else {
-                            Refusal::Unmodelled
-                        });
+                        return Err(refusal);
                     }
                     self.reload = self.items;
                     self.done = 0;
                 }
             }
             0x04 | 0x08 | 0x0C if locked => return Err(Refusal::Protected),
-            0x04 => self.items = write.over(self.items) & 0xFFFF,
+            0x04 => {
+                self.items = write.over(self.items) & 0xFFFF;
+                self.reload = self.items;
+            }
             0x08 => self.peripheral = write.over(self.peripheral),
             0x0C => self.memory[0] = write.over(self.memory[0]),
             0x10 => self.memory[1] = write.over(self.memory[1]),
@@ -254,6 +265,21 @@ impl Dma {
         self.streams.iter().all(|stream| !stream.is(ENABLE))
     }
 
+    pub(super) fn is_enabled(&self, stream: usize) -> bool {
+        self.streams[stream].is(ENABLE)
+    }
+
+    /// The next item of a stream is to fail. `false`: there is no such stream.
+    pub(super) fn fail(&mut self, stream: usize) -> bool {
+        let stream = self.streams.get_mut(stream);
+        stream.map(|stream| stream.fails = true).is_some()
+    }
+
+    /// Whether it is this item that is to fail.
+    pub(super) fn take_failure(&mut self, stream: usize) -> bool {
+        std::mem::take(&mut self.streams[stream].fails)
+    }
+
     /// Numbers of the interrupts that are asked for.
     pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> {
         let asks = |stream: &Stream| {
@@ -287,12 +313,12 @@ impl DmaMux {
             self.channels.get_mut(write.offset as usize / 4).ok_or(Refusal::Unmodelled)?;
         let wanted = write.over(*channel);
         *channel = wanted;
-        // SOIE, SE. EGE alone does nothing.
+        // SOIE, SE. EGE alone does nothing. Requests go up to 137 here: eight bits.
         if wanted & (1 << 8 | 1 << 16) == 0 { Ok(()) } else { Err(Refusal::Unmodelled) }
     }
 
     /// The request that a stream listens to; 0: none.
     pub(super) fn request(&self, dma: usize, stream: usize) -> u32 {
-        self.channels[dma * STREAMS + stream] & 0x7F
+        self.channels[dma * STREAMS + stream] & 0xFF
     }
 }

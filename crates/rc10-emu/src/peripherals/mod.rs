@@ -16,10 +16,12 @@
 //! | `power` | PWR: supply and voltage scaling; wait states of the flash |
 //! | `gpio`, `pins` | ports; which pin carries which signal with which alternate function |
 //! | `exti` | edges on pins, software triggers |
-//! | `timer` | TIM2-7, 12-14, 23, 24: counting up, compare, update |
-//! | `usart` | USART1-3, 6, 10 and UART4, 5, 7-9, with baud timing |
+//! | `timer` | TIM2-7, 12-14, 23, 24: counting, compare, outputs, capture, encoder |
+//! | `usart` | USART1-3, 6, 10 and UART4, 5, 7-9, which sample levels on a wire |
+//! | `spi`, `i2c` | SPI1-5, I2C1-3 and 5 as masters, with devices |
 //! | `dma` | DMA1, DMA2 and DMAMUX1 |
 //! | `watchdog` | IWDG1 |
+//! | `outside` | what is at the pins: levels, characters, devices, injected faults |
 //! | `registers` | a block's registers as a table; blocks that only store |
 //!
 //! To add a peripheral: give it a file with `read`, `write`, `advance` and `next_event`, a variant
@@ -30,18 +32,25 @@ mod clocks;
 mod dma;
 mod exti;
 mod gpio;
+mod i2c;
 pub mod map;
+mod outside;
 mod pins;
 mod power;
 mod rcc;
 mod registers;
 mod soc;
+mod spi;
 mod timer;
 mod usart;
 mod watchdog;
 
 pub use access::{Access, AccessKind, BusFault, Counts, Width};
 pub use clocks::{Clocks, HSE_HZ};
+pub use i2c::I2cDevice;
+pub use outside::Edge;
 pub use rcc::ResetCause;
 pub use soc::Soc;
-pub use usart::SentByte;
+pub use spi::SpiDevice;
+pub use usart::{Character, Format, Parity, SentByte};
+pub(crate) use usart::{Outgoing, Sampling, Wire};

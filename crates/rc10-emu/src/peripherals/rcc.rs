@@ -47,6 +47,7 @@ const D1CFGR: u32 = 0x18;
 const D2CFGR: u32 = 0x1C;
 const PLLCKSELR: u32 = 0x28;
 const PLLCFGR: u32 = 0x2C;
+const D1CCIPR: u32 = 0x4C;
 const D2CCIP1R: u32 = 0x50;
 const D2CCIP2R: u32 = 0x54;
 const BDCR: u32 = 0x70;
@@ -75,7 +76,7 @@ const TABLE: &[Register] = &[
     masked(divider(0), 0x0101_0280, 0x7F7F_FFFF), masked(fraction(0), 0, 0xFFF8),
     masked(divider(1), 0x0101_0280, 0x7F7F_FFFF), masked(fraction(1), 0, 0xFFF8),
     masked(divider(2), 0x0101_0280, 0x7F7F_FFFF), masked(fraction(2), 0, 0xFFF8),
-    masked(0x4C, 0, 0x3001_0133), masked(D2CCIP1R, 0, 0xB137_71C7),
+    masked(D1CCIPR, 0, 0x3001_0133), masked(D2CCIP1R, 0, 0xB137_71C7),
     masked(D2CCIP2R, 0, 0x70F0_333F), masked(0x58, 0, 0x7FE3_FF07),
     masked(0x60, 0, 0x27F), masked(0x64, 0, 0), masked(0x68, 0, 0),
     masked(BDCR, 0, 0x1_833D), masked(CSR, 0, 1),
@@ -173,6 +174,11 @@ impl Rcc {
     pub(super) fn is_running(&self, switch: super::map::Switch) -> bool {
         let held = switch.reset.is_some_and(|offset| self.resets(offset) & switch.mask != 0);
         self.registers.value(switch.enable) & switch.mask != 0 && !held
+    }
+
+    /// Whether SRAM1 and SRAM2 have a clock (AHB2ENR).
+    pub(super) fn memories_run(&self) -> [bool; 2] {
+        [29, 30].map(|bit| field(self.registers.value(0xDC), bit, 1) != 0)
     }
 
     /// A reset register.
@@ -377,6 +383,7 @@ impl Rcc {
             cfgr: self.registers.value(CFGR),
             d1cfgr: self.registers.value(D1CFGR),
             d2cfgr: self.registers.value(D2CFGR),
+            d1ccipr: self.registers.value(D1CCIPR),
             d2ccip1r: self.registers.value(D2CCIP1R),
             d2ccip2r: self.registers.value(D2CCIP2R),
         };

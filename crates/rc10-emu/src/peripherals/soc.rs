@@ -10,13 +10,16 @@ use super::clocks::Clocks;
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
 use super::exti::Exti;
 use super::gpio::{PINS, Port};
+use super::i2c::{I2CS, I2c};
 use super::map::{Block, MAP, Row, row_of};
+use super::outside::{Holder, Recorder};
 use super::pins::{Signal, is_connected};
 use super::power::{self, Power};
 use super::rcc::{Rcc, ResetCause};
 use super::registers::{self, Registers};
+use super::spi::{self, SPIS, Spi};
 use super::timer::{TIMERS, Timer};
-use super::usart::{Incoming, SentByte, USARTS, Usart};
+use super::usart::{self, USARTS, Usart};
 use super::watchdog::Watchdog;
 use crate::fdcan::Fdcans;
 use crate::memory::{FLASH, Memory, PERIPHERALS};
@@ -45,14 +48,20 @@ pub struct Soc {
     debug: Registers,
     calibration: Registers,
     exti: Exti,
-    ports: [Port; PORTS],
-    timers: [Timer; TIMERS.len()],
-    usarts: [Usart; USARTS.len()],
-    dmas: [Dma; 2],
+    pub(super) ports: [Port; PORTS],
+    pub(super) timers: [Timer; TIMERS.len()],
+    pub(super) usarts: [Usart; USARTS.len()],
+    pub(super) spis: [Spi; SPIS.len()],
+    pub(super) i2cs: [I2c; I2CS.len()],
+    pub(super) dmas: [Dma; 2],
     mux: DmaMux,
     watchdog: Watchdog,
     /// Which rows of the map have a clock and are not held in reset.
     running: Vec<bool>,
+    /// A level at a pin, or who looks at it, may have changed.
+    pub(super) pins_changed: bool,
+    pub(super) recorders: Vec<Recorder>,
+    pub(super) holders: Vec<Holder>,
     clocks: Clocks,
     flash_keeps_up: bool,
     next: Option<Nanos>,
@@ -85,10 +94,15 @@ impl Soc {
             ports: std::array::from_fn(Port::new),
             timers: TIMERS.each_ref().map(Timer::new),
             usarts: USARTS.each_ref().map(Usart::new),
+            spis: SPIS.each_ref().map(Spi::new),
+            i2cs: I2CS.each_ref().map(I2c::new),
             dmas: [Dma::new(0), Dma::new(1)],
             mux: DmaMux::default(),
             watchdog: Watchdog::new(),
             running: vec![false; MAP.len()],
+            pins_changed: true,
+            recorders: Vec::new(),
+            holders: Vec::new(),
             clocks: Clocks::default(),
             flash_keeps_up: true,
             next: None,
@@ -123,7 +137,7 @@ impl Soc {
         }
         self.apply_switches();
         self.apply_clocks(now);
-        self.connect_pins();
+        self.connect_pins(now);
         self.settle(now);
     }
 
@@ -134,8 +148,13 @@ impl Soc {
     pub fn read(&mut self, address: u32, width: Width, now: Nanos) -> Result<u32, BusFault> {
         self.advance(now);
         let value = self.access_read(address, width, now)?;
-        if let Some((_, Row { block: Block::Usart(_), .. })) = row_of(address) {
-            // Reading its data clears flags.
+        if let Some((_, row)) = row_of(address)
+            && matches!(
+                row.block,
+                Block::Usart(_) | Block::Spi(_) | Block::I2c(_) | Block::Timer(_)
+            )
+        {
+            // Reading data clears flags.
             self.settle(now);
         }
         Ok(value)
@@ -186,6 +205,8 @@ impl Soc {
             self.watchdog.advance(at);
             self.timers.iter_mut().for_each(|timer| timer.advance(at));
             self.usarts.iter_mut().for_each(|usart| usart.advance(at));
+            self.spis.iter_mut().for_each(|spi| spi.advance(at));
+            self.i2cs.iter_mut().for_each(|i2c| i2c.advance(at));
             self.settle(at);
         }
     }
@@ -249,62 +270,6 @@ impl Soc {
         self.counts.gated
     }
 
-    /// Something outside drives a pin of a port ('A' ..= 'K', 0 ..= 15) to a level, or lets go of
-    /// it. `false`: there is no such pin.
-    pub fn drive_pin(&mut self, port: char, pin: usize, level: Option<bool>, now: Nanos) -> bool {
-        self.advance(now);
-        let Some(port) = port_index(port).filter(|_| pin < PINS) else { return false };
-        self.ports[port].drive(pin, level);
-        self.settle(now);
-        true
-    }
-
-    /// The level that the chip drives a pin to; `None` if it does not, or if there is no such pin.
-    /// Only general-purpose outputs: alternate functions are not seen here.
-    #[must_use]
-    pub fn pin_output(&self, port: char, pin: usize) -> Option<bool> {
-        let port = port_index(port).filter(|_| pin < PINS)?;
-        self.ports[port].output(pin)
-    }
-
-    /// Bytes that UARTs have sent at connected pins since the last call, in the order of their
-    /// ends.
-    pub fn take_sent(&mut self) -> Vec<SentByte> {
-        let mut sent: Vec<_> = self.usarts.iter_mut().flat_map(Usart::take_sent).collect();
-        sent.sort_by_key(|byte| (byte.end, byte.uart));
-        sent
-    }
-
-    /// Bytes come in at a UART's receive pin (1 for USART1 ..= 10), one right after the other, the
-    /// first start bit at `start`, which must be after what was fed before. `bits` is a frame's
-    /// length with start, parity and stop bits. `false`: no such UART, or no such baud rate.
-    pub fn feed_serial(
-        &mut self,
-        uart: u8,
-        bytes: &[u8],
-        baud: u32,
-        bits: u32,
-        start: Nanos,
-    ) -> bool {
-        let mut usarts = USARTS.iter().zip(&mut self.usarts);
-        let Some((_, usart)) = usarts.find(|(facts, _)| facts.number == uart) else {
-            return false;
-        };
-        if baud == 0 {
-            return false;
-        }
-        let after = |frames: u64| {
-            let nanos = u128::from(frames) * u128::from(bits) * 1_000_000_000 / u128::from(baud);
-            start + Nanos::new(u64::try_from(nanos).unwrap_or(u64::MAX))
-        };
-        for (index, &byte) in (0..).zip(bytes) {
-            let (start, end) = (after(index), after(index + 1));
-            usart.feed(Incoming { value: byte.into(), baud, start, end });
-        }
-        self.schedule();
-        true
-    }
-
     fn fdcans(&self) -> MutexGuard<'_, Fdcans> {
         // What a panic left behind is as good as any state of a chip.
         self.fdcan.lock().unwrap_or_else(PoisonError::into_inner)
@@ -341,7 +306,7 @@ impl Soc {
             return Ok(0);
         }
         let offset = (address - row.base) & !3;
-        let word = self.read_block(row.block, offset, now).unwrap_or_else(|refusal| {
+        let word = self.read_block(row.block, offset, width, now).unwrap_or_else(|refusal| {
             self.report(address, false, refusal.into());
             0
         });
@@ -368,7 +333,13 @@ impl Soc {
         Ok(row.block)
     }
 
-    fn read_block(&mut self, block: Block, offset: u32, now: Nanos) -> Result<u32, Refusal> {
+    fn read_block(
+        &mut self,
+        block: Block,
+        offset: u32,
+        width: Width,
+        now: Nanos,
+    ) -> Result<u32, Refusal> {
         match block {
             Block::Rcc => self.rcc.read(offset),
             Block::Power => self.power.read(offset, now),
@@ -385,6 +356,8 @@ impl Soc {
             Block::Gpio(port) => self.ports[port].read(offset),
             Block::Timer(timer) => self.timers[timer].read(offset, now),
             Block::Usart(usart) => self.usarts[usart].read(offset, now),
+            Block::Spi(spi) => self.spis[spi].read(offset, width, now),
+            Block::I2c(i2c) => self.i2cs[i2c].read(offset, now),
             Block::Dma(dma) => self.dmas[dma].read(offset),
             Block::DmaMux => self.mux.read(offset),
             Block::Fdcan(index) => {
@@ -403,20 +376,33 @@ impl Soc {
             Block::Rcc => self.write_rcc(write, now),
             Block::Power => self.power.write(write, now),
             Block::Flash => self.flash.write(write.at(write.offset & !0x100)),
-            Block::Syscfg => self.syscfg.write(write),
+            Block::Syscfg => {
+                self.pins_changed = true;
+                self.syscfg.write(write)
+            }
             Block::Exti => self.exti.write(write),
             Block::Debug => self.debug.write(write),
             Block::Watchdog => self.watchdog.write(write, now),
             Block::Gpio(port) => {
                 let written = self.ports[port].write(write);
+                self.pins_changed = true;
                 // MODER, AFRL, AFRH.
                 if let 0x00 | 0x20 | 0x24 = write.offset {
-                    self.connect_pins();
+                    self.connect_pins(now);
                 }
                 written
             }
-            Block::Timer(timer) => self.timers[timer].write(write, now),
+            Block::Timer(timer) => {
+                let listened = self.timers[timer].listens();
+                let written = self.timers[timer].write(write, now);
+                if !listened && self.timers[timer].listens() {
+                    self.show_pins(timer, true, now);
+                }
+                written
+            }
             Block::Usart(usart) => self.usarts[usart].write(write, now),
+            Block::Spi(spi) => self.spis[spi].write(write, now),
+            Block::I2c(i2c) => self.i2cs[i2c].write(write, now),
             Block::Dma(dma) => self.dmas[dma].write(write),
             Block::DmaMux => self.mux.write(write),
             // Registers are words: a part of one writes zeros to the rest.
@@ -445,7 +431,7 @@ impl Soc {
                     self.reset_block(row, now);
                 }
             }
-            self.connect_pins();
+            self.connect_pins(now);
             self.apply_switches();
         }
         self.apply_clocks(now);
@@ -464,7 +450,9 @@ impl Soc {
             Block::Syscfg => self.syscfg.reset(),
             Block::Gpio(port) => self.ports[port].reset(),
             Block::Timer(timer) => self.timers[timer].reset(now),
-            Block::Usart(usart) => self.usarts[usart].reset(),
+            Block::Usart(usart) => self.usarts[usart].reset(now),
+            Block::Spi(spi) => self.spis[spi].reset(),
+            Block::I2c(i2c) => self.i2cs[i2c].reset(now),
             Block::Dma(dma) => self.dmas[dma].reset(),
             // One bit resets all three: once is enough.
             Block::Fdcan(0) => self.fdcans().reset(),
@@ -503,29 +491,46 @@ impl Soc {
                 Block::Timer(timer) => self.timers[timer].set_clock(gated(clocks.timers[0]), now),
                 Block::Usart(usart) => {
                     let hz = clocks.usarts[USARTS[usart].bus];
-                    self.usarts[usart].set_clock(gated(hz));
+                    self.usarts[usart].set_clock(gated(hz), now);
                 }
+                Block::Spi(spi) => {
+                    self.spis[spi].set_clock(gated(clocks.spis[SPIS[spi].clock]));
+                }
+                Block::I2c(i2c) => self.i2cs[i2c].set_clock(gated(clocks.i2cs)),
                 _ => {}
             }
         }
     }
 
     /// Tells peripherals which of their pins lead outside.
-    fn connect_pins(&mut self) {
-        let connected = |signal| is_connected(&self.ports, signal);
+    fn connect_pins(&mut self, now: Nanos) {
+        self.pins_changed = true;
+        let ports = &self.ports;
+        let connected = |signal| is_connected(ports, signal);
         let can = [0, 1, 2].map(|index| {
             (connected(Signal::CanReceive(index)), connected(Signal::CanTransmit(index)))
         });
-        let serial: [(bool, bool); USARTS.len()] = std::array::from_fn(|index| {
-            (connected(Signal::SerialReceive(index)), connected(Signal::SerialTransmit(index)))
-        });
+        for (index, usart) in self.usarts.iter_mut().enumerate() {
+            let (receive, transmit) =
+                (connected(Signal::SerialReceive(index)), connected(Signal::SerialTransmit(index)));
+            let (swapped_receive, swapped_transmit) = (transmit, receive);
+            let pins = usart::Pins { receive, transmit, swapped_receive, swapped_transmit };
+            usart.set_pins(pins, now);
+        }
+        for (index, spi) in self.spis.iter_mut().enumerate() {
+            spi.set_pins(spi::Pins {
+                clock: connected(Signal::SpiClock(index)),
+                input: connected(Signal::SpiIn(index)),
+                output: connected(Signal::SpiOut(index)),
+            });
+        }
+        for (index, i2c) in self.i2cs.iter_mut().enumerate() {
+            let (clock, data) = (Signal::I2cClock(index), Signal::I2cData(index));
+            i2c.set_connected(connected(clock) && connected(data));
+        }
         let mut fdcans = self.fdcans();
         for (index, (receive, transmit)) in can.into_iter().enumerate() {
             fdcans.set_pins(index, receive, transmit);
-        }
-        drop(fdcans);
-        for (usart, pins) in self.usarts.iter_mut().zip(serial) {
-            usart.pins = pins;
         }
     }
 
@@ -540,26 +545,35 @@ impl Soc {
     }
 
     /// After anything that may have changed: edges, transfers, interrupts, what comes next.
-    fn settle(&mut self, now: Nanos) {
-        self.exti.look(self.exti_levels());
+    pub(super) fn settle(&mut self, now: Nanos) {
+        while std::mem::take(&mut self.pins_changed) {
+            self.exti.look(self.exti_levels());
+            self.look_at_pins(now);
+        }
         self.transfer(now);
+        self.record(now);
         self.wants_reset |= self.watchdog.take_bite();
         let mut levels = [0; INTERRUPT_WORDS];
         let timers = self.timers.iter().filter_map(Timer::interrupt);
         let usarts = self.usarts.iter().filter_map(Usart::interrupt);
+        let spis = self.spis.iter().filter_map(Spi::interrupt);
+        let i2cs = self.i2cs.iter().flat_map(I2c::interrupts);
         let dmas = self.dmas.iter().flat_map(Dma::interrupts);
-        for number in self.exti.interrupts().chain(timers).chain(usarts).chain(dmas) {
+        let devices = timers.chain(usarts).chain(spis).chain(i2cs).chain(dmas);
+        for number in self.exti.interrupts().chain(devices) {
             raise(&mut levels, number);
         }
         self.levels = levels;
         self.schedule();
     }
 
-    fn schedule(&mut self) {
+    pub(super) fn schedule(&mut self) {
         let timers = self.timers.iter().filter_map(Timer::next_event);
         let usarts = self.usarts.iter().filter_map(Usart::next_event);
+        let spis = self.spis.iter().filter_map(Spi::next_event);
+        let i2cs = self.i2cs.iter().filter_map(I2c::next_event);
         let others = [self.rcc.next_event(), self.watchdog.next_event()].into_iter().flatten();
-        self.next = timers.chain(usarts).chain(others).min();
+        self.next = timers.chain(usarts).chain(spis).chain(i2cs).chain(others).min();
     }
 
     /// Levels of EXTI's lines 0 ..= 15: each is the pin of its number of the port that SYSCFG says.
@@ -592,16 +606,43 @@ impl Soc {
                     continue;
                 }
                 for stream in 0..dma::STREAMS {
-                    let request = self.mux.request(dma, stream);
-                    let requested = self.usarts.iter().any(|usart| usart.requests(request));
-                    if let Some(transfer) = self.dmas[dma].next(stream, requested) {
-                        let worked = self.move_item(transfer, now).is_some();
-                        self.dmas[dma].moved(stream, worked);
-                        moved = true;
+                    if !self.dmas[dma].is_enabled(stream) {
+                        continue;
                     }
+                    let request = self.mux.request(dma, stream);
+                    let Some(transfer) = self.dmas[dma].next(stream, self.is_requested(request))
+                    else {
+                        continue;
+                    };
+                    self.timers.iter_mut().for_each(|timer| timer.acknowledge(request));
+                    let fails = self.dmas[dma].take_failure(stream);
+                    let worked = !fails && self.move_item(transfer, now).is_some();
+                    self.dmas[dma].moved(stream, worked);
+                    moved = true;
                 }
             }
         }
+    }
+
+    fn is_requested(&self, request: u32) -> bool {
+        self.usarts.iter().any(|usart| usart.requests(request))
+            || self.timers.iter().any(|timer| timer.requests(request))
+            || self.spis.iter().any(|spi| spi.requests(request))
+            || self.i2cs.iter().any(|i2c| i2c.requests(request))
+    }
+
+    /// Whether a DMA reaches a memory address; one without a clock does not answer, and is reported.
+    fn reaches(&mut self, address: u32, write: bool) -> bool {
+        let [sram1, sram2] = self.rcc.memories_run();
+        let runs = match address {
+            0x3000_0000..0x3000_4000 => sram1,
+            0x3000_4000..0x3000_8000 => sram2,
+            _ => true,
+        };
+        if !runs {
+            self.report(address, write, AccessKind::Gated);
+        }
+        runs && !UNREACHABLE.iter().any(|range| range.contains(&address))
     }
 
     fn move_item(&mut self, transfer: Transfer, now: Nanos) -> Option<()> {
@@ -609,20 +650,22 @@ impl Soc {
         let is_peripheral = |address: u32| {
             address.checked_sub(PERIPHERALS.0).is_some_and(|offset| offset < PERIPHERALS.1)
         };
-        let reachable = |address| !UNREACHABLE.iter().any(|range| range.contains(&address));
         let length = width.bytes() as usize;
         let value = if is_peripheral(from) {
             self.access_read(from, width, now).ok()?
         } else {
             let mut bytes = [0; 4];
-            self.memory.read(from, &mut bytes[..length]).ok().filter(|()| reachable(from))?;
+            self.memory
+                .read(from, &mut bytes[..length])
+                .ok()
+                .filter(|()| self.reaches(from, false))?;
             u32::from_le_bytes(bytes)
         };
         if is_peripheral(to) {
             self.access_write(to, width, value, now).ok().map(drop)
         } else {
             // A plain write does not program the flash.
-            let writable = reachable(to) && to >> 24 != FLASH >> 24;
+            let writable = self.reaches(to, true) && to >> 24 != FLASH >> 24;
             let bytes = value.to_le_bytes();
             if writable { self.memory.write(to, &bytes[..length]).ok() } else { None }
         }
@@ -635,7 +678,7 @@ fn raise(levels: &mut [u32; INTERRUPT_WORDS], number: usize) {
     }
 }
 
-fn port_index(port: char) -> Option<usize> {
+pub(super) fn port_index(port: char) -> Option<usize> {
     let index = u32::from(port).checked_sub('A'.into())? as usize;
     (index < PORTS).then_some(index)
 }

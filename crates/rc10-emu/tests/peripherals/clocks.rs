@@ -18,6 +18,8 @@ fn our_firmwares_clocks() {
         timers: [240_000_000; 2],
         fdcan: 120_000_000,
         usarts: [120_000_000; 2],
+        spis: [120_000_000; 2],
+        i2cs: 120_000_000,
     };
     assert_eq!(chip.soc.clocks(), expected);
     assert_eq!(chip.soc.core_clock_hz(), 480_000_000);

@@ -1,0 +1,228 @@
+//! The chip's serial ports and pins on the lines of a world.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::rc::Rc;
+
+use rc10_sim::{Line, Nanos, PulseEnd, Serial, SerialEnd, UartFault};
+
+use crate::peripherals::{Character, Format, Outgoing, Sampling, Soc, Wire};
+
+const FEMTOS_OF_SECOND: u64 = 1_000_000_000_000_000;
+
+/// What comes from the world, until the chip has caught up with it.
+#[derive(Clone, Copy, Debug)]
+enum Coming {
+    Character { byte: u8, start: Nanos },
+    Fault { fault: UartFault, at: Nanos },
+}
+
+#[derive(Default)]
+struct Ear(VecDeque<Coming>);
+
+impl SerialEnd for Ear {
+    fn hear(&mut self, byte: u8, start: Nanos, _end: Nanos) {
+        self.0.push_back(Coming::Character { byte, start });
+    }
+
+    fn disturb(&mut self, fault: UartFault, at: Nanos) {
+        self.0.push_back(Coming::Fault { fault, at });
+    }
+}
+
+/// What a UART's pins lead to.
+enum Far {
+    Serial(Serial),
+    Line(Line),
+}
+
+/// A UART on a line.
+struct SerialLink {
+    uart: u8,
+    far: Far,
+    ear: Rc<RefCell<Ear>>,
+    /// How the far end sends and listens.
+    format: Format,
+    bit_fs: u64,
+    inverted: bool,
+    garbled: u64,
+}
+
+impl SerialLink {
+    /// What the world has said goes into the UART.
+    fn hear(&self, soc: &mut Soc) {
+        let Self { uart, format, bit_fs, inverted, .. } = *self;
+        let mut ear = self.ear.borrow_mut();
+        for coming in ear.0.drain(..) {
+            let character = |value: u8, start| {
+                let value = value.into();
+                Character { value, format, start, bit_fs, inverted, fault: None }
+            };
+            match coming {
+                // A transceiver that sends does not listen.
+                Coming::Character { .. } | Coming::Fault { .. }
+                    if matches!(self.far, Far::Line(_))
+                        && soc.driver_enable(uart) == Some(true) => {}
+                Coming::Character { byte, start } => {
+                    soc.feed_character(uart, character(byte, start));
+                }
+                Coming::Fault { fault, at } => {
+                    soc.disturb_serial(uart, fault, at, character(0, at));
+                }
+            }
+        }
+    }
+
+    /// What the UART has sent goes into the world.
+    fn speak(&mut self, soc: &mut Soc) {
+        for outgoing in soc.take_outgoing(self.uart) {
+            let Outgoing { character, end, has_ended } = outgoing;
+            let begins_on_line = matches!(self.far, Far::Line(_));
+            if has_ended == begins_on_line {
+                continue;
+            }
+            let is_driven = !begins_on_line || soc.driver_enable(self.uart) == Some(true);
+            match self.understood(character) {
+                // Nobody drives the line.
+                _ if !is_driven => {}
+                None => self.garbled += 1,
+                Some(byte) => match &self.far {
+                    Far::Serial(serial) => serial.deliver(byte, end),
+                    Far::Line(line) => line.deliver(byte, character.start),
+                },
+            }
+        }
+    }
+
+    /// What the far end makes of a character; `None` if it finds no character there.
+    fn understood(&self, character: Character) -> Option<u8> {
+        if character.inverted != self.inverted {
+            return None;
+        }
+        let mut wire = Wire::new();
+        wire.set_idle(!self.inverted);
+        wire.draw(character);
+        let how = Sampling {
+            format: self.format,
+            bit_fs: self.bit_fs,
+            inverted: self.inverted,
+            by_8: false,
+            one_sample: false,
+        };
+        let sampled = wire.sample(character.start, &how).filter(|sampled| sampled.is_good())?;
+        u8::try_from(sampled.word & 0xFF).ok()
+    }
+}
+
+#[derive(Default)]
+struct PulseEar(VecDeque<(bool, Nanos)>);
+
+impl PulseEnd for PulseEar {
+    fn level(&mut self, high: bool, at: Nanos) {
+        self.0.push_back((high, at));
+    }
+}
+
+/// A pin on a line of pulses.
+struct PulseLink {
+    pin: (char, usize),
+    ear: Rc<RefCell<PulseEar>>,
+}
+
+/// All lines of a chip.
+#[derive(Default)]
+pub(crate) struct Links {
+    serials: Vec<SerialLink>,
+    pulses: Vec<PulseLink>,
+}
+
+impl Links {
+    pub fn is_empty(&self) -> bool {
+        self.serials.is_empty() && self.pulses.is_empty()
+    }
+
+    /// Puts a UART on a serial link. `false`: there is no such UART, or nobody knows characters of
+    /// the link's length.
+    pub fn connect_serial(
+        &mut self,
+        soc: &mut Soc,
+        uart: u8,
+        serial: &Serial,
+        inverted: bool,
+    ) -> bool {
+        let config = serial.config();
+        let Some(format) = Format::of_length(config.bits.into()) else { return false };
+        let ear = Rc::<RefCell<Ear>>::default();
+        let far = Far::Serial(serial.clone());
+        let link = (far, Rc::clone(&ear), format, config.baud);
+        let connected = self.connect(soc, uart, link, inverted);
+        if connected {
+            serial.attach(ear);
+        }
+        connected
+    }
+
+    /// Puts a UART with driver enable on a line. `false`: there is no such UART.
+    pub fn connect_line(&mut self, soc: &mut Soc, uart: u8, line: &Line) -> bool {
+        let ear = Rc::<RefCell<Ear>>::default();
+        let link = (Far::Line(line.clone()), Rc::clone(&ear), Format::EIGHT_N_1, line.baud());
+        let connected = self.connect(soc, uart, link, false);
+        if connected {
+            line.attach(ear);
+        }
+        connected
+    }
+
+    fn connect(
+        &mut self,
+        soc: &mut Soc,
+        uart: u8,
+        (far, ear, format, baud): (Far, Rc<RefCell<Ear>>, Format, u32),
+        inverted: bool,
+    ) -> bool {
+        if !soc.link_serial(uart) {
+            return false;
+        }
+        soc.set_serial_idle(uart, !inverted);
+        let bit_fs = FEMTOS_OF_SECOND / u64::from(baud.max(1));
+        self.serials.push(SerialLink { uart, far, ear, format, bit_fs, inverted, garbled: 0 });
+        true
+    }
+
+    /// Puts a pin on a line of pulses. `false`: there is no such pin.
+    pub fn connect_pulses(
+        &mut self,
+        soc: &mut Soc,
+        pin: (char, usize),
+        pulses: &rc10_sim::Pulses,
+        now: Nanos,
+    ) -> bool {
+        if !soc.drive_pin(pin.0, pin.1, Some(false), now) {
+            return false;
+        }
+        let ear = Rc::<RefCell<PulseEar>>::default();
+        pulses.attach(Rc::clone(&ear) as Rc<RefCell<dyn PulseEnd>>);
+        self.pulses.push(PulseLink { pin, ear });
+        true
+    }
+
+    /// What the world has said comes to the chip, which stands at an earlier time or at this.
+    pub fn hear(&self, soc: &mut Soc) {
+        self.serials.iter().for_each(|link| link.hear(soc));
+        for PulseLink { pin: (port, pin), ear } in &self.pulses {
+            for (high, at) in ear.borrow_mut().0.drain(..) {
+                soc.drive_pin(*port, *pin, Some(high), at);
+            }
+        }
+    }
+
+    /// What the chip has sent goes into the world.
+    pub fn speak(&mut self, soc: &mut Soc) {
+        self.serials.iter_mut().for_each(|link| link.speak(soc));
+    }
+
+    /// Characters that a UART has sent and the far end could not read.
+    pub fn garbled(&self, uart: u8) -> u64 {
+        self.serials.iter().filter(|link| link.uart == uart).map(|link| link.garbled).sum()
+    }
+}

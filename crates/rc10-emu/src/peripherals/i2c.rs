@@ -1,0 +1,491 @@
+//! I2C1, 2, 3 and 5 as masters with devices on their buses (RM0468, I2C chapter), in units of
+//! bytes: nine clocks each, a start and a stop condition one.
+//!
+//! Modelled: 7-bit addresses, reload, automatic and software stop, repeated start, refused addresses
+//! and bytes, clock stretching, a bus that somebody holds, DMA requests, interrupts.
+//! Not modelled, and reported when asked for: 10-bit addresses, slaves, `SMBus`, time-outs in
+//! hardware. Filters and the delays of the edges take no time; there is no other master.
+
+use rc10_sim::Nanos;
+
+use super::access::{Refusal, Write};
+
+/// What one I2C is called, and how it is wired inside the chip.
+pub(super) struct Facts {
+    /// The number in its name.
+    pub number: u8,
+    /// Numbers of its event and its error interrupt.
+    pub interrupts: [usize; 2],
+    /// DMAMUX1's number of its receive request; the transmit request is the next one.
+    pub receive_request: u32,
+}
+
+const fn facts(number: u8, event: usize, error: usize, receive_request: u32) -> Facts {
+    Facts { number, interrupts: [event, error], receive_request }
+}
+
+/// I2C1, 2, 3, 5. Source: stm32-metapac.
+pub(super) const I2CS: [Facts; 4] =
+    [facts(1, 31, 32, 33), facts(2, 33, 34, 35), facts(3, 72, 73, 73), facts(5, 157, 158, 124)];
+
+/// A device on an I2C bus.
+pub trait I2cDevice: Send {
+    /// Its 7-bit address.
+    fn address(&self) -> u8;
+
+    /// It is addressed, to be read or to be written; whether it acknowledges that.
+    fn start(&mut self, reads: bool, now: Nanos) -> bool;
+
+    /// A byte for it; whether it acknowledges that.
+    fn write(&mut self, byte: u8, now: Nanos) -> bool;
+
+    /// The byte that it sends.
+    fn read(&mut self, now: Nanos) -> u8;
+
+    /// The transaction has ended: by a stop, or by the chip's leaving the bus.
+    fn stop(&mut self, _now: Nanos) {}
+
+    /// How long it holds the clock low behind each byte; [`Nanos`] of all ones: for ever.
+    fn stretch(&self) -> Nanos {
+        Nanos::ZERO
+    }
+}
+
+// CR1.
+const ENABLE: u32 = 1 << 0;
+/// TXIE, RXIE, NACKIE, STOPIE, TCIE, ERRIE and their flags in ISR.
+const ERROR_INTERRUPT: u32 = 1 << 7;
+const TRANSMIT_DMA: u32 = 1 << 14;
+const RECEIVE_DMA: u32 = 1 << 15;
+/// SBC, NOSTRETCH, WUPEN, GCEN, SMBHEN, SMBDEN, ALERTEN, PECEN.
+const CR1_UNMODELLED: u32 = 0xFF << 16;
+// CR2.
+const READ: u32 = 1 << 10;
+const LONG_ADDRESS: u32 = 1 << 11;
+const START: u32 = 1 << 13;
+const STOP: u32 = 1 << 14;
+const RELOAD: u32 = 1 << 24;
+const AUTOMATIC_END: u32 = 1 << 25;
+// ISR.
+const EMPTY: u32 = 1 << 0;
+const WANTS_BYTE: u32 = 1 << 1;
+const RECEIVED: u32 = 1 << 2;
+const REFUSED: u32 = 1 << 4;
+const STOPPED: u32 = 1 << 5;
+const COMPLETE: u32 = 1 << 6;
+const COMPLETE_RELOAD: u32 = 1 << 7;
+const BUS_ERROR: u32 = 1 << 8;
+const ARBITRATION_LOST: u32 = 1 << 9;
+const OVERRUN: u32 = 1 << 10;
+const BUSY: u32 = 1 << 15;
+/// What ICR clears: ADDR, NACK, STOP, BERR, ARLO, OVR, PECERR, TIMEOUT, ALERT.
+const CLEARED: u32 = 0x3F38;
+
+const CLOCKS_OF_BYTE: u64 = 9;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Idle,
+    /// The address is on the wires.
+    Addressing,
+    /// A byte is on the wires.
+    Sending(u8),
+    Receiving,
+    /// The clock is held low until the program gives a byte, ..
+    WaitsForByte,
+    /// .. takes one, ..
+    WaitsForRoom(u8),
+    /// .. or says what comes next.
+    WaitsForCommand,
+    Stopping,
+}
+
+pub(super) struct I2c {
+    facts: &'static Facts,
+    hz: u64,
+    control: [u32; 2],
+    timing: u32,
+    /// OAR1, OAR2, TIMEOUTR: only stored.
+    own: [u32; 2],
+    timeout: u32,
+    flags: u32,
+    transmit: Option<u8>,
+    receive: Option<u8>,
+    state: State,
+    /// When what is on the wires has passed.
+    due: Option<Nanos>,
+    reads: bool,
+    /// Of the NBYTES of this part of the transfer: put into TXDR; done.
+    submitted: u32,
+    done: u32,
+    /// Somebody holds the data line low: nothing can start.
+    held: bool,
+    /// A start condition was seen that nobody has ended.
+    held_busy: bool,
+    connected: bool,
+    devices: Vec<Box<dyn I2cDevice>>,
+    addressed: Option<usize>,
+}
+
+impl I2c {
+    pub(super) fn new(facts: &'static Facts) -> Self {
+        Self {
+            facts,
+            hz: 0,
+            control: [0; 2],
+            timing: 0,
+            own: [0; 2],
+            timeout: 0,
+            flags: 0,
+            transmit: None,
+            receive: None,
+            state: State::Idle,
+            due: None,
+            reads: false,
+            submitted: 0,
+            done: 0,
+            held: false,
+            held_busy: false,
+            connected: false,
+            devices: Vec::new(),
+            addressed: None,
+        }
+    }
+
+    /// What is outside stays.
+    pub(super) fn reset(&mut self, now: Nanos) {
+        self.leave(now);
+        let old = std::mem::replace(self, Self::new(self.facts));
+        (self.hz, self.connected, self.devices) = (old.hz, old.connected, old.devices);
+        self.held = old.held;
+    }
+
+    /// Its kernel clock from now on; 0 if gated.
+    pub(super) const fn set_clock(&mut self, hz: u64) {
+        self.hz = hz;
+    }
+
+    /// Whether both its pins lead outside.
+    pub(super) const fn set_connected(&mut self, connected: bool) {
+        self.connected = connected;
+    }
+
+    pub(super) fn attach(&mut self, device: Box<dyn I2cDevice>) {
+        self.devices.push(device);
+    }
+
+    /// Somebody holds the data line low, or lets go of it.
+    pub(super) fn hold(&mut self, held: bool, now: Nanos) {
+        self.held = held;
+        if held && !matches!(self.state, State::Idle | State::Stopping) {
+            self.flags |= ARBITRATION_LOST;
+            self.leave(now);
+        }
+        self.held_busy = held && self.control[0] & ENABLE != 0 && self.connected;
+        if !held {
+            self.try_start(now);
+        }
+    }
+
+    /// The chip lets go of the bus.
+    fn leave(&mut self, now: Nanos) {
+        if let Some(device) = self.addressed.take() {
+            self.devices[device].stop(now);
+        }
+        self.state = State::Idle;
+        self.due = None;
+        self.control[1] &= !(START | STOP);
+        (self.transmit, self.receive) = (None, None);
+    }
+
+    const fn is(&self, register: usize, bits: u32) -> bool {
+        self.control[register - 1] & bits == bits
+    }
+
+    /// NBYTES.
+    const fn bytes(&self) -> u32 {
+        self.control[1] >> 16 & 0xFF
+    }
+
+    /// How long so many clocks take: SCLL and SCLH in periods of the prescaled kernel clock.
+    fn clocks(&self, clocks: u64) -> Nanos {
+        let field = |shift: u32, mask: u32| u64::from(self.timing >> shift & mask) + 1;
+        let periods = clocks * (field(0, 0xFF) + field(8, 0xFF)) * field(28, 0xF);
+        Nanos::new((periods * 1_000_000_000).div_ceil(self.hz.max(1)))
+    }
+
+    fn stretched(&self) -> Option<Nanos> {
+        let stretch = self.addressed.map_or(Nanos::ZERO, |device| self.devices[device].stretch());
+        (stretch.get() != u64::MAX).then_some(stretch)
+    }
+
+    fn put(&mut self, state: State, clocks: u64, now: Nanos) {
+        self.state = state;
+        let lasts = self.stretched().map(|stretch| self.clocks(clocks) + stretch);
+        self.due = lasts.filter(|_| self.hz != 0).map(|lasts| now + lasts);
+    }
+
+    /// Begins what START asks for, if the bus is free.
+    fn try_start(&mut self, now: Nanos) {
+        let may = matches!(self.state, State::Idle | State::WaitsForCommand);
+        if self.is(1, ENABLE) && self.is(2, START) && may && !self.held && self.connected {
+            self.flags &= !(COMPLETE | COMPLETE_RELOAD);
+            self.reads = self.is(2, READ);
+            (self.submitted, self.done) = (0, 0);
+            self.put(State::Addressing, 1 + CLOCKS_OF_BYTE, now);
+        }
+    }
+
+    fn stop(&mut self, now: Nanos) {
+        self.flags &= !(COMPLETE | COMPLETE_RELOAD);
+        self.put(State::Stopping, 1, now);
+    }
+
+    fn refuse(&mut self, now: Nanos) {
+        self.flags |= REFUSED;
+        self.stop(now);
+    }
+
+    /// An address was on the wires.
+    fn addressed(&mut self, now: Nanos) {
+        self.control[1] &= !START;
+        let address = self.control[1] >> 1 & 0x7F;
+        let reads = self.reads;
+        let mut devices = self.devices.iter_mut();
+        let device = devices.position(|device| u32::from(device.address()) == address);
+        if let Some(before) = self.addressed.take().filter(|&before| Some(before) != device) {
+            self.devices[before].stop(now);
+        }
+        match device {
+            Some(device) if self.devices[device].start(reads, now) => {
+                self.addressed = Some(device);
+                self.go_on(now);
+            }
+            _ => self.refuse(now),
+        }
+    }
+
+    /// The next byte, or the end of this part of the transfer.
+    fn go_on(&mut self, now: Nanos) {
+        if self.is(2, STOP) {
+            self.stop(now);
+        } else if self.done < self.bytes() {
+            if self.reads {
+                self.put(State::Receiving, CLOCKS_OF_BYTE, now);
+            } else if let Some(byte) = self.transmit.take() {
+                self.put(State::Sending(byte), CLOCKS_OF_BYTE, now);
+            } else {
+                (self.state, self.due) = (State::WaitsForByte, None);
+            }
+        } else if self.is(2, RELOAD) {
+            self.flags |= COMPLETE_RELOAD;
+            (self.state, self.due) = (State::WaitsForCommand, None);
+        } else if self.is(2, AUTOMATIC_END) {
+            self.stop(now);
+        } else {
+            self.flags |= COMPLETE;
+            (self.state, self.due) = (State::WaitsForCommand, None);
+            self.try_start(now);
+        }
+    }
+
+    pub(super) const fn next_event(&self) -> Option<Nanos> {
+        self.due
+    }
+
+    pub(super) fn advance(&mut self, now: Nanos) {
+        while let Some(at) = self.due.take_if(|due| *due <= now) {
+            match self.state {
+                State::Addressing => self.addressed(at),
+                State::Sending(byte) => {
+                    let device = self.addressed.and_then(|device| self.devices.get_mut(device));
+                    if device.is_some_and(|device| device.write(byte, at)) {
+                        self.done += 1;
+                        self.go_on(at);
+                    } else {
+                        self.refuse(at);
+                    }
+                }
+                State::Receiving => {
+                    let device = self.addressed.and_then(|device| self.devices.get_mut(device));
+                    let byte = device.map_or(0xFF, |device| device.read(at));
+                    if self.receive.is_some() {
+                        self.state = State::WaitsForRoom(byte);
+                    } else {
+                        self.take(byte, at);
+                    }
+                }
+                State::Stopping => {
+                    self.flags |= STOPPED;
+                    self.control[1] &= !STOP;
+                    self.state = State::Idle;
+                    if let Some(device) = self.addressed.take() {
+                        self.devices[device].stop(at);
+                    }
+                    self.try_start(at);
+                }
+                State::Idle
+                | State::WaitsForByte
+                | State::WaitsForRoom(_)
+                | State::WaitsForCommand => {}
+            }
+        }
+    }
+
+    fn take(&mut self, byte: u8, now: Nanos) {
+        self.receive = Some(byte);
+        self.done += 1;
+        self.go_on(now);
+    }
+
+    /// TXIS.
+    fn wants_byte(&self) -> bool {
+        let writes = matches!(self.state, State::Sending(_) | State::WaitsForByte);
+        writes && self.transmit.is_none() && self.submitted < self.bytes()
+    }
+
+    fn status(&self) -> u32 {
+        let flag = |set: bool, bit: u32| if set { bit } else { 0 };
+        self.flags
+            | flag(self.transmit.is_none(), EMPTY)
+            | flag(self.wants_byte(), WANTS_BYTE)
+            | flag(self.receive.is_some(), RECEIVED)
+            | flag(self.state != State::Idle || self.held_busy, BUSY)
+    }
+
+    /// Numbers of the interrupts that are asked for.
+    pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> + use<> {
+        let status = self.status();
+        let sources = [
+            (1, WANTS_BYTE),
+            (2, RECEIVED),
+            (4, REFUSED),
+            (5, STOPPED),
+            (6, COMPLETE | COMPLETE_RELOAD),
+        ];
+        let on = self.is(1, ENABLE);
+        let event = sources.iter().any(|&(bit, flags)| self.is(1, 1 << bit) && status & flags != 0);
+        let errors = status & (BUS_ERROR | ARBITRATION_LOST | OVERRUN) != 0;
+        let asked = [on && event, on && self.is(1, ERROR_INTERRUPT) && errors];
+        let numbers = self.facts.interrupts.into_iter().zip(asked);
+        numbers.filter(|(_, asked)| *asked).map(|(number, _)| number)
+    }
+
+    /// Whether it asserts a request of DMAMUX1.
+    pub(super) fn requests(&self, request: u32) -> bool {
+        let (receive, transmit) = (self.facts.receive_request, self.facts.receive_request + 1);
+        self.is(1, ENABLE)
+            && (request == receive && self.is(1, RECEIVE_DMA) && self.receive.is_some()
+                || request == transmit && self.is(1, TRANSMIT_DMA) && self.wants_byte())
+    }
+
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
+        self.advance(now);
+        Ok(match offset {
+            0x00 | 0x04 => self.control[offset as usize / 4],
+            0x08 | 0x0C => self.own[(offset as usize - 0x08) / 4],
+            0x10 => self.timing,
+            0x14 => self.timeout,
+            0x18 => self.status(),
+            0x1C | 0x20 => 0,
+            0x24 => {
+                let byte = self.receive.take();
+                if let State::WaitsForRoom(next) = self.state {
+                    self.take(next, now);
+                }
+                byte.map_or(0, u32::from)
+            }
+            0x28 => self.transmit.map_or(0, u32::from),
+            _ => return Err(Refusal::Unmodelled),
+        })
+    }
+
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+        self.advance(now);
+        match write.offset {
+            0x00 => {
+                let was_on = self.is(1, ENABLE);
+                self.control[0] = write.over(self.control[0]);
+                if was_on && !self.is(1, ENABLE) {
+                    // RM0468, software reset: lines released, flags back to their reset values.
+                    self.leave(now);
+                    self.flags = 0;
+                    self.held_busy = false;
+                }
+                self.try_start(now);
+                if self.control[0] & CR1_UNMODELLED != 0 {
+                    return Err(Refusal::Unmodelled);
+                }
+            }
+            0x04 => return self.write_control_2(write, now),
+            0x08 | 0x0C => {
+                let own = &mut self.own[(write.offset as usize - 0x08) / 4];
+                *own = write.over(*own);
+                // OAxEN.
+                if *own & 1 << 15 != 0 {
+                    return Err(Refusal::Unmodelled);
+                }
+            }
+            0x10 if self.is(1, ENABLE) => return Err(Refusal::Protected),
+            0x10 => self.timing = write.over(self.timing) & 0xF0FF_FFFF,
+            0x14 => {
+                self.timeout = write.over(self.timeout);
+                // TIMOUTEN, TEXTEN.
+                if self.timeout & (1 << 15 | 1 << 31) != 0 {
+                    return Err(Refusal::Unmodelled);
+                }
+            }
+            // TXE: flushes.
+            0x18 => {
+                if write.ones() & EMPTY != 0 {
+                    self.transmit = None;
+                }
+            }
+            0x1C => self.flags &= !(write.ones() & CLEARED),
+            0x24 => {}
+            0x28 => {
+                let byte = u8::try_from(write.ones() & 0xFF).unwrap_or(0);
+                if self.wants_byte() {
+                    self.submitted += 1;
+                }
+                self.transmit = Some(byte);
+                if self.state == State::WaitsForByte {
+                    self.go_on(now);
+                }
+            }
+            _ => return Err(Refusal::Unmodelled),
+        }
+        Ok(())
+    }
+
+    /// CR2.
+    fn write_control_2(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+        if !self.is(1, ENABLE) {
+            // START and STOP mean nothing then.
+            self.control[1] = write.over(self.control[1]) & !(START | STOP);
+            return Ok(());
+        }
+        // Both are set by the program and cleared by what they ask for.
+        let standing = self.control[1] & (START | STOP);
+        self.control[1] = write.over(self.control[1]) | standing;
+        if self.is(2, LONG_ADDRESS) {
+            return Err(Refusal::Unmodelled);
+        }
+        match self.state {
+            // Nothing to stop.
+            State::Idle => self.control[1] &= !STOP,
+            State::WaitsForCommand if self.is(2, STOP) => self.stop(now),
+            State::WaitsForCommand if self.flags & COMPLETE_RELOAD != 0 && self.bytes() != 0 => {
+                self.flags &= !COMPLETE_RELOAD;
+                (self.submitted, self.done) = (0, 0);
+                if !self.is(2, START) {
+                    self.go_on(now);
+                }
+            }
+            State::WaitsForByte if self.is(2, STOP) => self.stop(now),
+            _ => {}
+        }
+        self.try_start(now);
+        Ok(())
+    }
+}

@@ -1,0 +1,313 @@
+//! What is at the chip's pins: levels, characters, devices; and faults that come from there.
+
+use rc10_sim::{Nanos, UartFault};
+
+use super::gpio::PINS;
+use super::i2c::{I2CS, I2cDevice};
+use super::pins::{Signal, pin_of, signal_at};
+use super::soc::{Soc, port_index};
+use super::spi::SpiDevice;
+use super::timer::{CHANNELS, TIMERS};
+use super::usart::{Character, Format, Outgoing, SentByte, USARTS};
+
+/// A change of a pin's level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Edge {
+    /// When.
+    pub at: Nanos,
+    /// The level from then on.
+    pub high: bool,
+}
+
+/// Who writes down what the chip does to a pin.
+pub(super) struct Recorder {
+    pin: (usize, usize),
+    high: bool,
+    edges: Vec<Edge>,
+}
+
+/// Who holds an I2C's data line low until enough clocks have passed.
+pub(super) struct Holder {
+    i2c: usize,
+    clock: (usize, usize),
+    data: (usize, usize),
+    clocks: u32,
+    clock_was_low: bool,
+}
+
+/// Port and number of a pin; `None`: there is no such pin.
+fn pin_at(pin: (char, usize)) -> Option<(usize, usize)> {
+    port_index(pin.0).filter(|_| pin.1 < PINS).map(|port| (port, pin.1))
+}
+
+fn usart_of(uart: u8) -> Option<usize> {
+    USARTS.iter().position(|facts| facts.number == uart)
+}
+
+fn i2c_of(i2c: u8) -> Option<usize> {
+    I2CS.iter().position(|facts| facts.number == i2c)
+}
+
+/// Pins.
+impl Soc {
+    /// Something outside drives a pin of a port ('A' ..= 'K', 0 ..= 15) to a level, or lets go of
+    /// it. `false`: there is no such pin.
+    pub fn drive_pin(&mut self, port: char, pin: usize, level: Option<bool>, now: Nanos) -> bool {
+        self.advance(now);
+        let Some((port, pin)) = pin_at((port, pin)) else { return false };
+        self.ports[port].drive(pin, level);
+        self.pins_changed = true;
+        self.settle(now);
+        true
+    }
+
+    /// The level that the chip drives a pin to; `None` if it does not, or if there is no such pin.
+    /// Of the alternate functions, timers' channels and drivers' enables are seen here.
+    #[must_use]
+    pub fn pin_output(&self, port: char, pin: usize) -> Option<bool> {
+        self.output_at(pin_at((port, pin))?)
+    }
+
+    fn output_at(&self, (port, pin): (usize, usize)) -> Option<bool> {
+        match signal_at(&self.ports, port, pin) {
+            Some(Signal::Timer(timer, channel)) => self.timers[timer].output(channel),
+            Some(Signal::SerialEnable(usart)) => self.usarts[usart].driver_level(),
+            _ => self.ports[port].output(pin),
+        }
+    }
+
+    /// Writes down from now on whenever the chip changes the level of a pin; one that it does not
+    /// drive counts as low. `false`: there is no such pin.
+    pub fn record_pin(&mut self, port: char, pin: usize) -> bool {
+        let Some(pin) = pin_at((port, pin)) else { return false };
+        if self.recorders.iter().all(|recorder| recorder.pin != pin) {
+            let high = self.output_at(pin) == Some(true);
+            self.recorders.push(Recorder { pin, high, edges: Vec::new() });
+        }
+        self.watch();
+        self.schedule();
+        true
+    }
+
+    /// The edges of a recorded pin since the last call.
+    pub fn take_edges(&mut self, port: char, pin: usize) -> Vec<Edge> {
+        let mut recorders = self.recorders.iter_mut();
+        let of_pin = recorders.find(|recorder| Some(recorder.pin) == pin_at((port, pin)));
+        of_pin.map(|recorder| std::mem::take(&mut recorder.edges)).unwrap_or_default()
+    }
+
+    pub(super) fn record(&mut self, now: Nanos) {
+        for index in 0..self.recorders.len() {
+            let high = self.output_at(self.recorders[index].pin) == Some(true);
+            let recorder = &mut self.recorders[index];
+            if std::mem::replace(&mut recorder.high, high) != high {
+                recorder.edges.push(Edge { at: now, high });
+            }
+        }
+    }
+
+    /// Tells the timers at which of their channels somebody looks.
+    fn watch(&mut self) {
+        let mut watched = [0_u32; TIMERS.len()];
+        for &Recorder { pin: (port, pin), .. } in &self.recorders {
+            if let Some(Signal::Timer(timer, channel)) = signal_at(&self.ports, port, pin) {
+                watched[timer] |= 1 << channel;
+            }
+        }
+        for (timer, channels) in self.timers.iter_mut().zip(watched) {
+            timer.watch(channels);
+        }
+    }
+
+    /// A level may have changed, or who looks at it.
+    pub(super) fn look_at_pins(&mut self, now: Nanos) {
+        for timer in 0..self.timers.len() {
+            if self.timers[timer].listens() {
+                self.show_pins(timer, false, now);
+            }
+        }
+        for spi in self.spis.iter_mut().filter(|spi| spi.has_devices()) {
+            spi.look(|(port, pin)| self.ports[port].output(pin) == Some(false), now);
+        }
+        self.look_at_holders(now);
+        if !self.recorders.is_empty() {
+            self.watch();
+        }
+    }
+
+    /// Shows a timer the levels of its pins.
+    pub(super) fn show_pins(&mut self, timer: usize, fresh: bool, now: Nanos) {
+        let levels = (0..CHANNELS).map(|channel| {
+            let pin = pin_of(&self.ports, Signal::Timer(timer, channel));
+            u32::from(pin.is_some_and(|(port, pin)| self.ports[port].input(pin))) << channel
+        });
+        let levels = levels.sum();
+        self.timers[timer].look(levels, fresh, now);
+    }
+}
+
+/// Serial lines.
+impl Soc {
+    /// Bytes that UARTs have sent at connected pins since the last call, in the order of their
+    /// ends.
+    pub fn take_sent(&mut self) -> Vec<SentByte> {
+        let mut sent: Vec<_> = self.usarts.iter_mut().flat_map(|usart| usart.take_sent()).collect();
+        sent.sort_by_key(|byte| (byte.end, byte.uart));
+        sent
+    }
+
+    /// Bytes come in at a UART's receive pin (1 for USART1 ..= 10), one right after the other, the
+    /// first start bit at `start`, which must be after what was fed before. `bits` is a frame's
+    /// length with start, parity and stop bits: 10 for 8N1, 11 for 8E1, 12 for 8E2. `false`: no such
+    /// UART, no such length, or no such baud rate.
+    pub fn feed_serial(
+        &mut self,
+        uart: u8,
+        bytes: &[u8],
+        baud: u32,
+        bits: u32,
+        start: Nanos,
+    ) -> bool {
+        let Some(format) = Format::of_length(bits).filter(|_| baud != 0) else { return false };
+        let after = |frames: u64| {
+            let nanos = u128::from(frames) * u128::from(bits) * 1_000_000_000 / u128::from(baud);
+            start + Nanos::new(u64::try_from(nanos).unwrap_or(u64::MAX))
+        };
+        (0..).zip(bytes).all(|(index, &byte)| {
+            self.feed_character(uart, Character::new(byte.into(), format, baud, after(index)))
+        }) && usart_of(uart).is_some()
+    }
+
+    /// A character comes in at a UART's receive pin, now or later, after those that were fed before.
+    /// `false`: there is no such UART.
+    pub fn feed_character(&mut self, uart: u8, character: Character) -> bool {
+        let Some(usart) = usart_of(uart) else { return false };
+        self.usarts[usart].feed(character);
+        self.schedule();
+        true
+    }
+
+    /// Something damages the character that comes in at a UART's receive pin; if none does, it looks
+    /// like `otherwise`, damaged. `false`: there is no such UART.
+    pub fn disturb_serial(
+        &mut self,
+        uart: u8,
+        fault: UartFault,
+        at: Nanos,
+        otherwise: Character,
+    ) -> bool {
+        let Some(usart) = usart_of(uart) else { return false };
+        self.usarts[usart].disturb(fault, at, otherwise);
+        self.schedule();
+        true
+    }
+
+    /// The level of a UART's receive pin while nobody sends: high, unless the line is inverted.
+    /// `false`: there is no such UART.
+    pub fn set_serial_idle(&mut self, uart: u8, high: bool) -> bool {
+        let Some(usart) = usart_of(uart) else { return false };
+        self.usarts[usart].set_idle(high);
+        self.schedule();
+        true
+    }
+
+    /// Keeps what a UART sends for [`take_outgoing`](Self::take_outgoing). `false`: no such UART.
+    pub(crate) fn link_serial(&mut self, uart: u8) -> bool {
+        let Some(usart) = usart_of(uart) else { return false };
+        self.usarts[usart].link();
+        true
+    }
+
+    pub(crate) fn take_outgoing(&mut self, uart: u8) -> Vec<Outgoing> {
+        usart_of(uart).map(|usart| self.usarts[usart].take_outgoing()).unwrap_or_default()
+    }
+
+    /// The level of a UART's driver enable pin; `None` if it has none: not enabled, or no pin set up
+    /// for it.
+    #[must_use]
+    pub fn driver_enable(&self, uart: u8) -> Option<bool> {
+        let usart = usart_of(uart)?;
+        pin_of(&self.ports, Signal::SerialEnable(usart))?;
+        self.usarts[usart].driver_level()
+    }
+}
+
+/// Devices, and faults.
+impl Soc {
+    /// Puts a device on an SPI (1 to 5), selected by a low level at a general-purpose output.
+    /// `false`: there is no such SPI, or no such pin.
+    pub fn attach_spi(
+        &mut self,
+        spi: u8,
+        select: (char, usize),
+        device: Box<dyn SpiDevice>,
+    ) -> bool {
+        let spi = usize::from(spi).checked_sub(1).and_then(|index| self.spis.get_mut(index));
+        let (Some(spi), Some(select)) = (spi, pin_at(select)) else { return false };
+        spi.attach(select, device);
+        self.pins_changed = true;
+        true
+    }
+
+    /// Puts a device on an I2C (1, 2, 3 or 5). `false`: there is no such I2C.
+    pub fn attach_i2c(&mut self, i2c: u8, device: Box<dyn I2cDevice>) -> bool {
+        let Some(i2c) = i2c_of(i2c) else { return false };
+        self.i2cs[i2c].attach(device);
+        true
+    }
+
+    /// A device holds an I2C's data line low, as one does that lost a clock, until it has seen so
+    /// many clocks from the clock pin as a general-purpose output. Both lines have pull-ups from now
+    /// on. `false`: no such I2C, or no such pins.
+    pub fn hold_data(
+        &mut self,
+        i2c: u8,
+        clock: (char, usize),
+        data: (char, usize),
+        clocks: u32,
+        now: Nanos,
+    ) -> bool {
+        self.advance(now);
+        let (Some(i2c), Some(clock), Some(data)) = (i2c_of(i2c), pin_at(clock), pin_at(data))
+        else {
+            return false;
+        };
+        self.ports[clock.0].drive(clock.1, Some(true));
+        self.ports[data.0].drive(data.1, Some(false));
+        self.i2cs[i2c].hold(true, now);
+        self.holders.push(Holder { i2c, clock, data, clocks, clock_was_low: false });
+        self.pins_changed = true;
+        self.settle(now);
+        true
+    }
+
+    fn look_at_holders(&mut self, now: Nanos) {
+        let mut released = Vec::new();
+        for holder in &mut self.holders {
+            let (port, pin) = holder.clock;
+            let low = self.ports[port].output(pin) == Some(false);
+            let rose = std::mem::replace(&mut holder.clock_was_low, low) && !low;
+            holder.clocks -= u32::from(rose && holder.clocks > 0);
+            if holder.clocks == 0 {
+                released.push((holder.i2c, holder.data));
+            }
+        }
+        if released.is_empty() {
+            return;
+        }
+        self.holders.retain(|holder| holder.clocks > 0);
+        for (i2c, (port, pin)) in released {
+            self.ports[port].drive(pin, Some(true));
+            self.i2cs[i2c].hold(false, now);
+        }
+        // The data line has risen.
+        self.pins_changed = true;
+    }
+
+    /// The next item of a stream (DMA 1 or 2, stream 0 to 7) fails: a transfer error. `false`: there
+    /// is no such stream.
+    pub fn inject_dma_error(&mut self, dma: usize, stream: usize) -> bool {
+        let dma = dma.checked_sub(1).and_then(|index| self.dmas.get_mut(index));
+        dma.is_some_and(|dma| dma.fail(stream))
+    }
+}

@@ -1,0 +1,466 @@
+//! SPI1 to SPI5 as masters with devices on their buses (RM0468, SPI chapter), in units of frames.
+//!
+//! Modelled: full duplex, transmitter and receiver modes, transfers with and without a size, FIFOs
+//! with packing, overrun, suspension, clock modes and bit order, DMA requests.
+//! Not modelled, and reported when asked for: slaves, half duplex, CRC, I2S, the hardware's slave
+//! select, TI mode. A mode fault never happens; a slave select and delays between frames take no
+//! time.
+
+use std::collections::VecDeque;
+
+use rc10_sim::Nanos;
+
+use super::access::{Refusal, Width, Write};
+
+/// What one SPI has.
+pub(super) struct Facts {
+    /// 0: of SPI1 to 3, 1: of SPI4 and 5: which kernel clock it has.
+    pub clock: usize,
+    /// Bytes that each of its FIFOs holds.
+    pub fifo: usize,
+    /// Number of its interrupt.
+    pub interrupt: usize,
+    /// DMAMUX1's number of its receive request; the transmit request is the next one.
+    pub receive_request: u32,
+}
+
+const fn facts(clock: usize, fifo: usize, interrupt: usize, receive_request: u32) -> Facts {
+    Facts { clock, fifo, interrupt, receive_request }
+}
+
+/// SPI1 to SPI5. Source: RM0468, SPI implementation; numbers from stm32-metapac.
+pub(super) const SPIS: [Facts; 5] = [
+    facts(0, 16, 35, 37),
+    facts(0, 16, 36, 39),
+    facts(0, 16, 51, 61),
+    facts(1, 8, 84, 83),
+    facts(1, 8, 85, 85),
+];
+
+/// A device on an SPI bus.
+pub trait SpiDevice: Send {
+    /// Whether it understands this clock mode (0 to 3: CPOL, CPHA) and clock. If not, it does not
+    /// notice the frame, and what the chip reads is noise.
+    fn understands(&self, _mode: u8, _clock_hz: u64) -> bool {
+        true
+    }
+
+    /// Its select pin went low: a transaction begins.
+    fn select(&mut self, now: Nanos);
+
+    /// Its select pin went high: the transaction ends.
+    fn deselect(&mut self, _now: Nanos) {}
+
+    /// A frame has been exchanged, most significant bit first: what the chip sent, and what the
+    /// device had on its output meanwhile. That cannot depend on what was sent.
+    fn exchange(&mut self, sent: u16, now: Nanos) -> u16;
+}
+
+struct Attached {
+    /// Port and pin.
+    select: (usize, usize),
+    selected: bool,
+    device: Box<dyn SpiDevice>,
+}
+
+/// Which of its signals lead outside.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Pins {
+    pub clock: bool,
+    pub input: bool,
+    pub output: bool,
+}
+
+// CR1.
+const ENABLE: u32 = 1 << 0;
+const SUSPEND_AT_OVERRUN: u32 = 1 << 8;
+const START: u32 = 1 << 9;
+const SUSPEND: u32 = 1 << 10;
+/// CRC33_17, RCRCINI, TCRCINI.
+const CR1_UNMODELLED: u32 = 0b111 << 13;
+// CFG1.
+const RECEIVE_DMA: u32 = 1 << 14;
+const TRANSMIT_DMA: u32 = 1 << 15;
+const CRC: u32 = 1 << 22;
+// CFG2.
+const MASTER: u32 = 1 << 22;
+const LEAST_FIRST: u32 = 1 << 23;
+/// SP: not Motorola's protocol; IOSWP.
+const CFG2_UNMODELLED: u32 = 0b111 << 19 | 1 << 15;
+
+// SR.
+const RECEIVED: u32 = 1 << 0;
+const ROOM: u32 = 1 << 1;
+const DUPLEX: u32 = 1 << 2;
+const END: u32 = 1 << 3;
+const FILLED: u32 = 1 << 4;
+const OVERRUN: u32 = 1 << 6;
+const SUSPENDED: u32 = 1 << 11;
+const COMPLETE: u32 = 1 << 12;
+const WORD: u32 = 1 << 15;
+/// What IFCR clears: EOT, TXTF, UDR, OVR, CRCE, TIFRE, MODF, TSERF, SUSP.
+const CLEARED: u32 = 0x0FF8;
+
+/// CFG2.COMM.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Communication {
+    FullDuplex,
+    Transmitter,
+    Receiver,
+    HalfDuplex,
+}
+
+pub(super) struct Spi {
+    facts: &'static Facts,
+    hz: u64,
+    control: u32,
+    /// TSIZE.
+    size: u32,
+    config: [u32; 2],
+    interrupts: u32,
+    /// CRCPOLY, TXCRC, RXCRC, UDRDR, I2SCFGR: only stored.
+    stored: [u32; 5],
+    flags: u32,
+    to_send: VecDeque<u16>,
+    received: VecDeque<u16>,
+    /// What is on the wires, and when it ends.
+    frame: Option<(u16, Nanos)>,
+    /// Frames of a transfer with a size that were put into the FIFO, and that are done.
+    submitted: u32,
+    done: u32,
+    pins: Pins,
+    devices: Vec<Attached>,
+}
+
+impl Spi {
+    pub(super) fn new(facts: &'static Facts) -> Self {
+        Self {
+            facts,
+            hz: 0,
+            control: 0,
+            size: 0,
+            config: [0x0007_0007, 0],
+            interrupts: 0,
+            stored: [0x107, 0, 0, 0, 0],
+            flags: 0,
+            to_send: VecDeque::new(),
+            received: VecDeque::new(),
+            frame: None,
+            submitted: 0,
+            done: 0,
+            pins: Pins::default(),
+            devices: Vec::new(),
+        }
+    }
+
+    /// What is outside stays.
+    pub(super) fn reset(&mut self) {
+        let old = std::mem::replace(self, Self::new(self.facts));
+        (self.hz, self.pins, self.devices) = (old.hz, old.pins, old.devices);
+    }
+
+    /// Its kernel clock from now on; 0 if gated.
+    pub(super) const fn set_clock(&mut self, hz: u64) {
+        self.hz = hz;
+    }
+
+    pub(super) const fn set_pins(&mut self, pins: Pins) {
+        self.pins = pins;
+    }
+
+    pub(super) fn attach(&mut self, select: (usize, usize), device: Box<dyn SpiDevice>) {
+        self.devices.push(Attached { select, selected: false, device });
+    }
+
+    pub(super) fn has_devices(&self) -> bool {
+        !self.devices.is_empty()
+    }
+
+    /// Tells the devices their select pins: `is_low` of each.
+    pub(super) fn look(&mut self, is_low: impl Fn((usize, usize)) -> bool, now: Nanos) {
+        for attached in &mut self.devices {
+            let selected = is_low(attached.select);
+            if std::mem::replace(&mut attached.selected, selected) != selected {
+                if selected {
+                    attached.device.select(now);
+                } else {
+                    attached.device.deselect(now);
+                }
+            }
+        }
+    }
+
+    const fn is(&self, bits: u32) -> bool {
+        self.control & bits == bits
+    }
+
+    /// Bits of a frame.
+    const fn frame_bits(&self) -> u32 {
+        (self.config[0] & 0x1F) + 1
+    }
+
+    /// Bytes that a frame takes in a FIFO.
+    const fn frame_bytes(&self) -> usize {
+        if self.frame_bits() <= 8 { 1 } else { 2 }
+    }
+
+    const fn capacity(&self) -> usize {
+        self.facts.fifo / self.frame_bytes()
+    }
+
+    /// FTHLV: frames of a packet.
+    const fn packet(&self) -> usize {
+        (self.config[0] >> 5 & 0xF) as usize + 1
+    }
+
+    const fn communication(&self) -> Communication {
+        match self.config[1] >> 17 & 3 {
+            0 => Communication::FullDuplex,
+            1 => Communication::Transmitter,
+            2 => Communication::Receiver,
+            _ => Communication::HalfDuplex,
+        }
+    }
+
+    /// MBR.
+    const fn clock_hz(&self) -> u64 {
+        self.hz >> ((self.config[0] >> 28 & 7) + 1)
+    }
+
+    /// Starts the next frame, if there is one.
+    fn go_on(&mut self, now: Nanos) {
+        if self.frame.is_some() || !self.is(ENABLE | START) || self.clock_hz() == 0 {
+            return;
+        }
+        if self.is(SUSPEND) {
+            self.control &= !(START | SUSPEND);
+            self.flags |= SUSPENDED;
+            return;
+        }
+        let full = self.received.len() >= self.capacity();
+        if self.size != 0 && self.done >= self.size || full && self.is(SUSPEND_AT_OVERRUN) {
+            return;
+        }
+        let value = match self.communication() {
+            Communication::Receiver => 0,
+            _ => match self.to_send.pop_front() {
+                Some(value) => value,
+                None => return,
+            },
+        };
+        let nanos = u64::from(self.frame_bits()) * 1_000_000_000;
+        self.frame = Some((value, now + Nanos::new(nanos.div_ceil(self.clock_hz()))));
+    }
+
+    /// What comes back for a frame.
+    fn exchange(&mut self, value: u16, at: Nanos) -> u16 {
+        let mode = u8::try_from((self.config[1] >> 24 & 1) | (self.config[1] >> 25 & 1) << 1);
+        let (mode, clock_hz) = (mode.unwrap_or(0), self.clock_hz());
+        let unused = 16 - self.frame_bits().min(16);
+        let mask = u16::MAX >> unused;
+        let turned = |value: u16| {
+            if self.config[1] & LEAST_FIRST != 0 { value.reverse_bits() >> unused } else { value }
+        };
+        if !self.pins.clock {
+            return 0;
+        }
+        let sent = if self.pins.output { turned(value & mask) } else { 0 };
+        let mut answer = None;
+        for attached in self.devices.iter_mut().filter(|attached| attached.selected) {
+            let one = if attached.device.understands(mode, clock_hz) {
+                attached.device.exchange(sent, at) & mask
+            } else {
+                // It takes the bits at the wrong edges.
+                0xA5A5 & mask
+            };
+            // Who drives low wins.
+            answer = Some(answer.map_or(one, |others: u16| others & one));
+        }
+        // Nobody drives the line: it reads low. Our choice.
+        if self.pins.input { turned(answer.unwrap_or(0)) } else { 0 }
+    }
+
+    pub(super) fn next_event(&self) -> Option<Nanos> {
+        self.frame.map(|(_, end)| end)
+    }
+
+    pub(super) fn advance(&mut self, now: Nanos) {
+        while let Some((value, end)) = self.frame.take_if(|(_, end)| *end <= now) {
+            let answer = self.exchange(value, end);
+            self.done += 1;
+            if self.communication() != Communication::Transmitter {
+                if self.received.len() < self.capacity() {
+                    self.received.push_back(answer);
+                } else {
+                    self.flags |= OVERRUN;
+                }
+            }
+            if self.size != 0 && self.done == self.size {
+                self.flags |= END;
+                self.control &= !START;
+            }
+            self.go_on(end);
+        }
+    }
+
+    fn has_room(&self) -> bool {
+        let all_submitted = self.size != 0 && self.submitted >= self.size;
+        self.to_send.len() + self.packet() <= self.capacity()
+            && !all_submitted
+            && self.communication() != Communication::Receiver
+    }
+
+    fn has_packet(&self) -> bool {
+        // The last packet of a transfer may be shorter.
+        let ended = self.size != 0 && self.done >= self.size;
+        let last = ended && !self.received.is_empty();
+        self.received.len() >= self.packet() || last
+    }
+
+    fn status(&self) -> u32 {
+        let flag = |set: bool, bit: u32| if set { bit } else { 0 };
+        let idle = self.to_send.is_empty() && self.frame.is_none();
+        let complete = if self.size == 0 { idle } else { idle && self.done >= self.size };
+        let bytes = self.received.len() * self.frame_bytes();
+        let level = u32::try_from(self.received.len() % (4 / self.frame_bytes())).unwrap_or(0);
+        let remaining = self.size.saturating_sub(self.done);
+        self.flags
+            | flag(self.has_packet(), RECEIVED)
+            | flag(self.has_room(), ROOM)
+            | flag(self.has_packet() && self.has_room(), DUPLEX)
+            | flag(complete || !self.is(ENABLE), COMPLETE)
+            | level << 13
+            | flag(bytes >= 4, WORD)
+            | remaining << 16
+    }
+
+    /// Number of its interrupt, if it is asked for.
+    pub(super) fn interrupt(&self) -> Option<usize> {
+        // IER's bits stand where the flags do, but EOTIE is for EOT, SUSP and TXC.
+        let status = self.status();
+        let enabled = self.interrupts & 0x7F7;
+        let ends = self.interrupts & END != 0 && status & (END | SUSPENDED | COMPLETE) != 0;
+        (self.is(ENABLE) && (status & enabled != 0 || ends)).then_some(self.facts.interrupt)
+    }
+
+    /// Whether it asserts a request of DMAMUX1.
+    pub(super) fn requests(&self, request: u32) -> bool {
+        let (receive, transmit) = (self.facts.receive_request, self.facts.receive_request + 1);
+        self.is(ENABLE)
+            && (request == receive && self.config[0] & RECEIVE_DMA != 0 && self.has_packet()
+                || request == transmit && self.config[0] & TRANSMIT_DMA != 0 && self.has_room())
+    }
+
+    pub(super) fn read(&mut self, offset: u32, width: Width, now: Nanos) -> Result<u32, Refusal> {
+        self.advance(now);
+        Ok(match offset {
+            0x00 => self.control,
+            0x04 => self.size,
+            0x08 | 0x0C => self.config[(offset as usize - 0x08) / 4],
+            0x10 => self.interrupts,
+            0x14 => self.status(),
+            0x18 | 0x20 => 0,
+            0x30 => {
+                // As many frames as fit into the access.
+                let count = (width.bytes() as usize / self.frame_bytes()).max(1);
+                let bits = 8 * self.frame_bytes();
+                let count = count.min(self.received.len());
+                let frames = self.received.drain(..count).enumerate();
+                let value = frames.map(|(index, frame)| u32::from(frame) << (bits * index)).sum();
+                self.go_on(now);
+                value
+            }
+            0x40..=0x50 => self.stored[(offset as usize - 0x40) / 4],
+            _ => return Err(Refusal::Unmodelled),
+        })
+    }
+
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+        self.advance(now);
+        let enabled = self.is(ENABLE);
+        match write.offset {
+            0x00 => return self.write_control(write, now),
+            0x04 => self.size = write.over(self.size) & 0xFFFF,
+            0x08 | 0x0C => {
+                let index = (write.offset as usize - 0x08) / 4;
+                let (old, wanted) = (self.config[index], write.over(self.config[index]));
+                let unlocked = [RECEIVE_DMA | TRANSMIT_DMA, 0][index];
+                let locked = if enabled { !unlocked } else { 0 };
+                self.config[index] = wanted & !locked | old & locked;
+                if (old ^ wanted) & locked != 0 {
+                    return Err(Refusal::Protected);
+                }
+            }
+            0x10 => self.interrupts = write.over(self.interrupts) & 0x7FF,
+            // SR, RXDR cannot be written.
+            0x14 | 0x30 => {}
+            0x18 => self.flags &= !(write.ones() & CLEARED),
+            0x20 if !enabled => return Err(Refusal::Protected),
+            0x20 => {
+                let bits = 8 * self.frame_bytes();
+                let count = (write.width().bytes() as usize / self.frame_bytes()).max(1);
+                for index in 0..count {
+                    if self.to_send.len() >= self.capacity() {
+                        // A full FIFO takes nothing.
+                        return Err(Refusal::Protected);
+                    }
+                    let mask = u32::MAX >> (32 - bits);
+                    let frame = write.ones() >> (bits * index) & mask;
+                    self.to_send.push_back(u16::try_from(frame).unwrap_or(0));
+                    self.submitted += 1;
+                }
+                if self.size != 0 && self.submitted >= self.size {
+                    self.flags |= FILLED;
+                }
+                self.go_on(now);
+            }
+            0x40..=0x50 => {
+                let stored = &mut self.stored[(write.offset as usize - 0x40) / 4];
+                *stored = write.over(*stored);
+                // I2SMOD.
+                if write.offset == 0x50 && *stored & 1 != 0 {
+                    return Err(Refusal::Unmodelled);
+                }
+            }
+            _ => return Err(Refusal::Unmodelled),
+        }
+        Ok(())
+    }
+
+    /// CR1.
+    fn write_control(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+        let was_enabled = self.is(ENABLE);
+        let wanted = write.over(self.control);
+        // CSTART is set by the program, and cleared by the end of a transfer.
+        let started = if was_enabled { self.control & START } else { 0 };
+        self.control = wanted | started;
+        if !self.is(ENABLE) {
+            self.control &= !(START | SUSPEND);
+            self.to_send.clear();
+            self.received.clear();
+            self.frame = None;
+            (self.submitted, self.done) = (0, 0);
+            return Ok(());
+        }
+        if !was_enabled {
+            // RM0468, SPI_SR: OVR is cleared when the SPI is enabled again, EOT and TXTF are not.
+            self.flags &= !OVERRUN;
+        }
+        let new_transfer = self.control & START != 0 && started == 0;
+        if new_transfer && self.done > 0 {
+            self.submitted -= self.submitted.min(self.done);
+            self.done = 0;
+        }
+        let unmodelled = self.config[1] & MASTER == 0
+            || self.config[1] & CFG2_UNMODELLED != 0
+            || self.config[0] & CRC != 0
+            || self.communication() == Communication::HalfDuplex
+            || self.frame_bits() > 16
+            || self.control & CR1_UNMODELLED != 0;
+        if unmodelled {
+            return Err(Refusal::Unmodelled);
+        }
+        self.go_on(now);
+        Ok(())
+    }
+}

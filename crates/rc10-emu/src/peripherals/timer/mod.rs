@@ -1,0 +1,353 @@
+//! Timers that count up: general-purpose and basic ones (RM0468, TIM chapters).
+//!
+//! Modelled: prescaler, reload and compare values with their preload, update and compare flags,
+//! one-pulse mode, software events, outputs in all plain modes, capture with filter and prescaler,
+//! the encoder interface, DMA requests. Compare flags rise when the counter arrives at the value.
+//! Not modelled, and reported when asked for: counting down by time, the other slave modes, external
+//! triggers, combined output modes, DMA bursts.
+//!
+//! | file | what |
+//! |---|---|
+//! | `counter` | counting and updates |
+//! | `input` | filters, capture, encoder |
+//! | `output` | what the compare channels do to their pins |
+
+mod counter;
+mod input;
+mod output;
+
+use rc10_sim::Nanos;
+
+use super::access::{Refusal, Write};
+use input::Input;
+
+/// What one timer has.
+#[derive(Debug)]
+pub(super) struct Facts {
+    /// Bits of the counter.
+    pub bits: u32,
+    /// Compare channels.
+    pub channels: usize,
+    /// Number of its interrupt.
+    pub interrupt: usize,
+    /// DMAMUX1's numbers of its requests: update, then channels 1 to 4; 0: it has none.
+    pub requests: [u32; 1 + CHANNELS],
+}
+
+/// Channels of a timer, at most.
+pub(super) const CHANNELS: usize = 4;
+
+const fn facts(bits: u32, channels: usize, interrupt: usize, requests: [u32; 5]) -> Facts {
+    Facts { bits, channels, interrupt, requests }
+}
+
+/// TIM2, 3, 4, 5, 6, 7, 12, 13, 14, 23, 24, all on APB1. Source: RM0468; interrupt and request
+/// numbers from stm32-metapac.
+pub(super) const TIMERS: [Facts; 11] = [
+    facts(32, 4, 28, [22, 18, 19, 20, 21]),
+    facts(16, 4, 29, [27, 23, 24, 25, 26]),
+    facts(16, 4, 30, [32, 29, 30, 31, 0]),
+    facts(32, 4, 50, [59, 55, 56, 57, 58]),
+    facts(16, 0, 54, [69, 0, 0, 0, 0]),
+    facts(16, 0, 55, [70, 0, 0, 0, 0]),
+    facts(16, 2, 43, [0; 5]),
+    facts(16, 1, 44, [0; 5]),
+    facts(16, 1, 45, [0; 5]),
+    facts(32, 4, 161, [130, 126, 127, 128, 129]),
+    facts(32, 4, 162, [136, 132, 133, 134, 135]),
+];
+
+// CR1.
+const ENABLE: u32 = 1 << 0;
+const UPDATE_DISABLE: u32 = 1 << 1;
+const UPDATE_REQUEST_SOURCE: u32 = 1 << 2;
+const ONE_PULSE: u32 = 1 << 3;
+const DIRECTION: u32 = 1 << 4;
+/// DIR and CMS.
+const OTHER_DIRECTIONS: u32 = 0b111 << 4;
+const RELOAD_PRELOAD: u32 = 1 << 7;
+const FLAG_IN_COUNTER: u32 = 1 << 11;
+
+/// The last of SMCR's encoder modes.
+const ENCODER_MODES: u32 = 3;
+
+/// Flag and interrupt enable of an update; channel n has bit 1 + n.
+const UPDATE: u32 = 1;
+
+/// A value that may wait for an update until it counts.
+#[derive(Clone, Copy, Debug)]
+struct Preloaded {
+    written: u32,
+    in_force: u32,
+}
+
+impl Preloaded {
+    const fn new(value: u32) -> Self {
+        Self { written: value, in_force: value }
+    }
+
+    const fn waits(self) -> bool {
+        self.written != self.in_force
+    }
+}
+
+#[derive(Debug)]
+pub(super) struct Timer {
+    facts: &'static Facts,
+    control: u32,
+    control_2: u32,
+    slave_mode: u32,
+    /// DIER.
+    interrupts: u32,
+    flags: u32,
+    /// Transfers asked for and not made: update, then the channels.
+    requests: u32,
+    /// CCMR1, CCMR2, CCER.
+    modes: [u32; 2],
+    outputs: u32,
+    prescaler: Preloaded,
+    reload: Preloaded,
+    compare: [Preloaded; CHANNELS],
+    /// What matches have made of the outputs.
+    references: [bool; CHANNELS],
+    inputs: [Input; CHANNELS],
+    /// The last edge of an encoder was backwards.
+    counts_down: bool,
+    /// Channels whose pins somebody looks at, a bit each.
+    watched: u32,
+    counter: u32,
+    hz: u64,
+    /// The counter's ticks are counted from here, where the prescaler had counted `phase` clocks;
+    /// `ticks` of them are in `counter` already. So no rounding adds up.
+    anchor: Nanos,
+    phase: u64,
+    ticks: u64,
+}
+
+impl Timer {
+    pub(super) fn new(facts: &'static Facts) -> Self {
+        Self {
+            facts,
+            control: 0,
+            control_2: 0,
+            slave_mode: 0,
+            interrupts: 0,
+            flags: 0,
+            requests: 0,
+            modes: [0; 2],
+            outputs: 0,
+            prescaler: Preloaded::new(0),
+            reload: Preloaded::new(u32::MAX >> (32 - facts.bits)),
+            compare: [Preloaded::new(0); CHANNELS],
+            references: [false; CHANNELS],
+            inputs: [Input::default(); CHANNELS],
+            counts_down: false,
+            watched: 0,
+            counter: 0,
+            hz: 0,
+            anchor: Nanos::ZERO,
+            phase: 0,
+            ticks: 0,
+        }
+    }
+
+    pub(super) fn reset(&mut self, now: Nanos) {
+        let Self { hz, watched, .. } = *self;
+        *self = Self { hz, watched, anchor: now, ..Self::new(self.facts) };
+    }
+
+    /// Its clock from now on; 0 if gated.
+    pub(super) fn set_clock(&mut self, hz: u64, now: Nanos) {
+        if hz != self.hz {
+            self.advance(now);
+            self.rebase(now);
+            self.hz = hz;
+        }
+    }
+
+    /// The channel's byte in CCMR1 or CCMR2.
+    const fn mode(&self, channel: usize) -> u32 {
+        self.modes[channel / 2] >> (8 * (channel % 2)) & 0xFF
+    }
+
+    /// Number of its interrupt, if it is asked for.
+    pub(super) fn interrupt(&self) -> Option<usize> {
+        (self.flags & self.interrupts & 0xFF != 0).then_some(self.facts.interrupt)
+    }
+
+    /// Which of its requests has this number in DMAMUX1.
+    fn request_bit(&self, request: u32) -> Option<u32> {
+        let position = self.facts.requests.iter().position(|&own| own == request && own != 0)?;
+        Some(1 << position)
+    }
+
+    /// Whether it asserts a request of DMAMUX1.
+    pub(super) fn requests(&self, request: u32) -> bool {
+        self.requests != 0 && self.request_bit(request).is_some_and(|bit| self.requests & bit != 0)
+    }
+
+    /// A transfer that it asked for is made.
+    pub(super) fn acknowledge(&mut self, request: u32) {
+        if let Some(bit) = self.request_bit(request) {
+            self.requests &= !bit;
+        }
+    }
+
+    /// Bits of SR and of DIER's lower half that exist and are modelled: update and compare.
+    const fn known_flags(&self) -> u32 {
+        (2 << self.facts.channels) - 1
+    }
+
+    /// DIER's bits that exist and are modelled.
+    fn known_enables(&self) -> u32 {
+        let requests = self.facts.requests.iter().zip(0_u32..);
+        let transfers: u32 =
+            requests.filter(|(number, _)| **number != 0).map(|(_, bit)| 0x100 << bit).sum();
+        self.known_flags() | transfers
+    }
+
+    /// Compare channel of a register, if the timer has it.
+    fn channel_of(&self, offset: u32) -> Option<usize> {
+        let channel = offset.checked_sub(0x34)? as usize / 4;
+        (channel < self.facts.channels).then_some(channel)
+    }
+
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
+        self.advance(now);
+        let has_channels = self.facts.channels > 0;
+        Ok(match offset {
+            0x00 => self.control | if self.counts_down { DIRECTION } else { 0 },
+            0x04 => self.control_2,
+            0x08 if has_channels => self.slave_mode,
+            0x0C => self.interrupts,
+            0x10 => self.flags,
+            0x14 => 0,
+            0x18 | 0x1C if has_channels => self.modes[(offset - 0x18) as usize / 4],
+            0x20 if has_channels => self.outputs,
+            0x24 if self.control & FLAG_IN_COUNTER != 0 => {
+                self.counter & u32::MAX >> 1 | (self.flags & UPDATE) << 31
+            }
+            0x24 => self.counter,
+            0x28 => self.prescaler.written,
+            0x2C => self.reload.written,
+            _ => match self.channel_of(offset) {
+                Some(channel) => {
+                    if self.mode(channel) & 3 != 0 {
+                        // A captured value is taken.
+                        self.flags &= !(2 << channel);
+                    }
+                    self.compare[channel].written
+                }
+                None => return Err(Refusal::Unmodelled),
+            },
+        })
+    }
+
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+        self.advance(now);
+        let has_channels = self.facts.channels > 0;
+        match write.offset {
+            0x00 => {
+                self.rebase(now);
+                let wanted = write.over(self.control) & 0xFFF;
+                self.control = wanted & !OTHER_DIRECTIONS;
+                // An encoder's direction cannot be written, only written back.
+                let directions = wanted & OTHER_DIRECTIONS;
+                if directions != 0 && !(self.is_encoder() && directions == DIRECTION) {
+                    return Err(Refusal::Unmodelled);
+                }
+            }
+            0x04 => self.control_2 = write.over(self.control_2),
+            0x08 if has_channels => {
+                self.rebase(now);
+                self.slave_mode = write.over(self.slave_mode);
+                if self.slave_mode & !7 != 0 || self.slave_mode > ENCODER_MODES {
+                    return Err(Refusal::Unmodelled);
+                }
+                if self.is_encoder() && self.prescaler.in_force != 0 {
+                    return Err(Refusal::Unmodelled);
+                }
+            }
+            0x0C => {
+                let wanted = write.over(self.interrupts);
+                self.interrupts = wanted & self.known_enables();
+                self.requests &= self.interrupts >> 8;
+                if wanted != self.interrupts {
+                    return Err(Refusal::Unmodelled);
+                }
+            }
+            0x10 => self.flags &= !write.zeros(),
+            0x14 => self.event(write.ones(), now),
+            0x18 | 0x1C if has_channels => return self.write_mode(write),
+            0x20 if has_channels => self.outputs = write.over(self.outputs),
+            0x24 => self.counter = write.over(self.counter) & self.largest(),
+            0x28 => self.prescaler.written = write.over(self.prescaler.written) & 0xFFFF,
+            0x2C => {
+                // It may be zero, which stops the counter.
+                self.rebase(now);
+                self.reload.written = write.over(self.reload.written) & self.largest();
+                if self.control & RELOAD_PRELOAD == 0 {
+                    self.reload.in_force = self.reload.written;
+                }
+            }
+            _ => {
+                let channel = self.channel_of(write.offset).ok_or(Refusal::Unmodelled)?;
+                if self.mode(channel) & 3 != 0 {
+                    // RM0468, CCR1: of an input channel it cannot be written.
+                    return Err(Refusal::Protected);
+                }
+                let mask = self.largest();
+                // OCxPE.
+                let preloads = self.mode(channel) & 8 != 0;
+                let compare = &mut self.compare[channel];
+                compare.written = write.over(compare.written) & mask;
+                if !preloads {
+                    compare.in_force = compare.written;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// EGR.
+    fn event(&mut self, bits: u32, now: Nanos) {
+        for channel in (0..self.facts.channels).filter(|channel| bits & 2 << channel != 0) {
+            if self.mode(channel) & 3 == 0 {
+                self.raise(2 << channel);
+            } else {
+                self.capture(channel);
+            }
+        }
+        if bits & UPDATE != 0 {
+            self.rebase(now);
+            self.phase = 0;
+            self.counter = 0;
+            // No compare flag, also where zero is compared with: embassy's time would start at
+            // 65.5 ms, and on chips it starts at zero.
+            self.update(false, now);
+        }
+    }
+
+    /// CCMR1, CCMR2.
+    fn write_mode(&mut self, write: Write) -> Result<(), Refusal> {
+        let register = (write.offset - 0x18) as usize / 4;
+        let old = self.modes[register];
+        let mut wanted = write.over(old);
+        let mut locked = false;
+        for channel in [2 * register, 2 * register + 1] {
+            let shift = 8 * (channel % 2);
+            // RM0468, CCxS: can only be written while the channel is off.
+            if (old ^ wanted) >> shift & 3 != 0 && self.outputs >> (4 * channel) & 1 != 0 {
+                wanted = wanted & !(3 << shift) | old & 3 << shift;
+                locked = true;
+            }
+        }
+        self.modes[register] = wanted;
+        // CCxS = 3: captures at a trigger. OCxM's fourth bit: combined modes.
+        let triggered = [0, 8].iter().any(|shift| wanted >> shift & 3 == 3);
+        if triggered || wanted & 0x0101_0000 != 0 {
+            return Err(Refusal::Unmodelled);
+        }
+        if locked { Err(Refusal::Protected) } else { Ok(()) }
+    }
+}

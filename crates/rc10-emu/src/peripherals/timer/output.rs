@@ -1,0 +1,87 @@
+//! Outputs of a timer: what its compare channels do to their pins.
+
+use super::{CHANNELS, Timer};
+
+/// OCxM.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Mode {
+    /// Keeps what it was.
+    Frozen,
+    /// Goes there when the counter arrives.
+    Match(bool),
+    Toggle,
+    Forced(bool),
+    /// Pulse width modulation: active below the compare value, or from it on.
+    Pwm {
+        below: bool,
+    },
+}
+
+const fn mode_of(bits: u32) -> Mode {
+    match bits >> 4 & 7 {
+        0 => Mode::Frozen,
+        1 => Mode::Match(true),
+        2 => Mode::Match(false),
+        3 => Mode::Toggle,
+        4 => Mode::Forced(false),
+        5 => Mode::Forced(true),
+        6 => Mode::Pwm { below: true },
+        _ => Mode::Pwm { below: false },
+    }
+}
+
+impl Timer {
+    /// The level at a channel's pin; `None` if the channel does not drive it.
+    pub(in super::super) fn output(&self, channel: usize) -> Option<bool> {
+        let bits = self.mode(channel);
+        // CCxE, CCxP.
+        let enables = self.outputs >> (4 * channel);
+        if channel >= self.facts.channels || bits & 3 != 0 || enables & 1 == 0 {
+            return None;
+        }
+        let active = match mode_of(bits) {
+            Mode::Forced(active) => active,
+            Mode::Pwm { below } => (self.counter < self.compare[channel].in_force) == below,
+            Mode::Frozen | Mode::Match(_) | Mode::Toggle => self.references[channel],
+        };
+        Some(active != (enables & 2 != 0))
+    }
+
+    /// The counter has arrived at these channels' values, a bit each.
+    pub(super) fn matched(&mut self, channels: u32) {
+        for channel in (0..self.facts.channels).filter(|channel| channels >> channel & 1 != 0) {
+            match mode_of(self.mode(channel)) {
+                Mode::Match(active) => self.references[channel] = active,
+                Mode::Toggle => self.references[channel] = !self.references[channel],
+                _ => {}
+            }
+        }
+    }
+
+    /// Somebody looks at these channels' pins, a bit each: every change is an event.
+    pub(in super::super) const fn watch(&mut self, channels: u32) {
+        self.watched = channels;
+    }
+
+    /// Ticks until the output of a channel that somebody looks at may change.
+    pub(super) fn ticks_to_change(&self) -> Option<u64> {
+        if self.watched == 0 {
+            return None;
+        }
+        let channels = (0..CHANNELS.min(self.facts.channels))
+            .filter(|channel| self.watched >> channel & 1 != 0 && self.output(*channel).is_some());
+        let ticks = channels.filter_map(|channel| {
+            let value = self.compare[channel].in_force;
+            let modulates = matches!(mode_of(self.mode(channel)), Mode::Pwm { .. });
+            if value > self.reload.in_force || modulates && value == 0 {
+                // The same level for all of the period.
+                None
+            } else if modulates && value <= self.counter {
+                Some(self.to_overflow())
+            } else {
+                Some(self.ticks_to(value))
+            }
+        });
+        ticks.min()
+    }
+}

@@ -1,0 +1,521 @@
+//! USARTs and UARTs (RM0468, USART chapter): asynchronous mode, with or without FIFOs of 16, driver
+//! enable, DMA requests. The receiver samples levels on a wire, three times a bit: another rate,
+//! format or polarity gives what it gives on the chip.
+//!
+//! Not modelled, and reported when asked for: synchronous, half-duplex, LIN, infrared and smartcard
+//! modes, receiver timeout, FIFO thresholds, automatic baud rate, sending breaks, most significant
+//! bit first. Further: error flags belong to the receiver, not to a byte in the FIFO; no idle frame
+//! is sent when the transmitter is switched on.
+//!
+//! Two rules that drivers get wrong. With `DMAR` and without `DDRE` a character that has an error is
+//! not transferred, only its flag is set (RM0468, CR3). And while `ORE` is set nothing is received,
+//! which the manual does not say and every STM32 does (efton.sk, "STM32 gotchas", 24).
+
+mod receiver;
+mod transmitter;
+mod wire;
+
+use std::collections::VecDeque;
+
+use rc10_sim::{Nanos, UartFault};
+
+use super::access::{Refusal, Write};
+use receiver::{Heard, Receiver};
+pub(crate) use transmitter::Outgoing;
+use transmitter::{Sending, Transmitter};
+pub use wire::{Character, Format, Parity};
+pub(crate) use wire::{Sampling, Wire};
+
+/// What one UART is called, and how it is wired inside the chip.
+#[derive(Debug)]
+pub(super) struct Facts {
+    /// The number in its name.
+    pub number: u8,
+    /// 0: clocked from APB1, 1: from APB2.
+    pub bus: usize,
+    /// Number of its interrupt.
+    pub interrupt: usize,
+    /// DMAMUX1's number of its receive request; the transmit request is the next one.
+    pub receive_request: u32,
+}
+
+const fn facts(number: u8, bus: usize, interrupt: usize, receive_request: u32) -> Facts {
+    Facts { number, bus, interrupt, receive_request }
+}
+
+/// USART1, 2, 3, UART4, 5, USART6, UART7, 8, 9, USART10. Source: stm32-metapac.
+pub(super) const USARTS: [Facts; 10] = [
+    facts(1, 1, 37, 41),
+    facts(2, 0, 38, 43),
+    facts(3, 0, 39, 45),
+    facts(4, 0, 52, 63),
+    facts(5, 0, 53, 65),
+    facts(6, 1, 71, 71),
+    facts(7, 0, 82, 79),
+    facts(8, 0, 83, 81),
+    facts(9, 1, 155, 116),
+    facts(10, 1, 156, 118),
+];
+
+/// A byte that has left at a transmit pin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SentByte {
+    /// 1 for USART1 ..= 10 for USART10.
+    pub uart: u8,
+    /// Data bits, 7 to 9 of them, without parity.
+    pub value: u16,
+    /// Start of its start bit.
+    pub start: Nanos,
+    /// End of its last stop bit.
+    pub end: Nanos,
+}
+
+// CR1.
+const ENABLE: u32 = 1 << 0;
+const RECEIVER: u32 = 1 << 2;
+const TRANSMITTER: u32 = 1 << 3;
+const PARITY: u32 = 1 << 10;
+const OVERSAMPLE_8: u32 = 1 << 15;
+const FIFOS: u32 = 1 << 29;
+/// RTOIE, EOBIE, MME, CMIE.
+const CR1_UNMODELLED: u32 = 1 << 26 | 1 << 27 | 1 << 13 | 1 << 14;
+/// M, OVER8, PCE, PS, WAKE, DEDT, DEAT, FIFOEN: written while disabled only.
+const CR1_LOCKED: u32 =
+    1 << 12 | 1 << 28 | 1 << 15 | 1 << 10 | 1 << 9 | 1 << 11 | 0x3FF << 16 | FIFOS;
+const ODD_PARITY: u32 = 1 << 9;
+// CR2.
+const SWAP: u32 = 1 << 15;
+const INVERT_RECEIVE: u32 = 1 << 16;
+const INVERT_TRANSMIT: u32 = 1 << 17;
+/// DATAINV.
+const INVERT_DATA: u32 = 1 << 18;
+/// LBDIE, CLKEN, LINEN, MSBFIRST, ABREN, RTOEN.
+const CR2_UNMODELLED: u32 = 1 << 6 | 1 << 11 | 1 << 14 | 1 << 19 | 1 << 20 | 1 << 23;
+/// STOP, SWAP, RXINV, TXINV, DATAINV, MSBFIRST, and the synchronous mode's bits.
+const CR2_LOCKED: u32 = 3 << 12 | 0xF << 8 | 1 << 14 | 0x1F << 15;
+// CR3.
+const ERROR_INTERRUPT: u32 = 1 << 0;
+const DMA_RECEIVE: u32 = 1 << 6;
+const DMA_TRANSMIT: u32 = 1 << 7;
+const ONE_SAMPLE: u32 = 1 << 11;
+const OVERRUN_DISABLE: u32 = 1 << 12;
+/// DDRE.
+const DMA_STOPS_AT_ERROR: u32 = 1 << 13;
+/// DEM, DEP.
+const DRIVER_ENABLE: u32 = 1 << 14;
+const DRIVER_LOW: u32 = 1 << 15;
+/// IREN, HDSEL, NACK, SCEN, RTSE, CTSE, ONEBIT, OVRDIS, DDRE, DEM, DEP.
+const CR3_LOCKED: u32 = 1 << 1 | 1 << 3 | 1 << 4 | 1 << 5 | 1 << 8 | 1 << 9 | 0x1F << 11;
+/// IREN, HDSEL, SCEN, RTSE, CTSE, TXFTIE, RXFTIE.
+const CR3_UNMODELLED: u32 = 1 << 1 | 1 << 3 | 1 << 5 | 1 << 8 | 1 << 9 | 1 << 23 | 1 << 28;
+
+// ISR.
+const PARITY_ERROR: u32 = 1 << 0;
+const FRAMING: u32 = 1 << 1;
+const NOISE: u32 = 1 << 2;
+const OVERRUN: u32 = 1 << 3;
+const IDLE: u32 = 1 << 4;
+const RECEIVED: u32 = 1 << 5;
+const COMPLETE: u32 = 1 << 6;
+const ROOM: u32 = 1 << 7;
+const BUSY: u32 = 1 << 16;
+const TRANSMIT_ACKNOWLEDGE: u32 = 1 << 21;
+const RECEIVE_ACKNOWLEDGE: u32 = 1 << 22;
+const TRANSMIT_EMPTY: u32 = 1 << 23;
+const RECEIVE_FULL: u32 = 1 << 24;
+/// Flags that stay until ICR clears them.
+const STICKY: u32 = PARITY_ERROR | FRAMING | NOISE | OVERRUN | IDLE | COMPLETE;
+
+const FIFO_DEPTH: usize = 16;
+/// PRESC.
+const PRESCALERS: [u64; 12] = [1, 2, 4, 6, 8, 10, 12, 16, 32, 64, 128, 256];
+
+#[derive(Debug)]
+pub(super) struct Usart {
+    facts: &'static Facts,
+    hz: u64,
+    control: [u32; 3],
+    divisor: u32,
+    prescaler: u32,
+    /// GTPR, RTOR: only stored.
+    stored: [u32; 2],
+    flags: u32,
+    transmitter: Transmitter,
+    receiver: Receiver,
+    received: VecDeque<u16>,
+    pins: Pins,
+    sent: Vec<SentByte>,
+    /// For who is linked to the transmit pin.
+    outgoing: Vec<Outgoing>,
+}
+
+/// Which of its signals lead outside.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Pins {
+    pub receive: bool,
+    pub transmit: bool,
+    /// The pins called RX and TX, for who swaps them.
+    pub swapped_receive: bool,
+    pub swapped_transmit: bool,
+}
+
+impl Usart {
+    pub(super) fn new(facts: &'static Facts) -> Self {
+        Self {
+            facts,
+            hz: 0,
+            control: [0; 3],
+            divisor: 0,
+            prescaler: 0,
+            stored: [0; 2],
+            flags: COMPLETE,
+            transmitter: Transmitter::default(),
+            receiver: Receiver::new(),
+            received: VecDeque::new(),
+            pins: Pins::default(),
+            sent: Vec::new(),
+            outgoing: Vec::new(),
+        }
+    }
+
+    /// What is outside stays: its pins, bytes on their way in, bytes that have left.
+    pub(super) fn reset(&mut self, now: Nanos) {
+        let fresh = Self::new(self.facts);
+        let old = std::mem::replace(self, fresh);
+        self.hz = old.hz;
+        self.pins = old.pins;
+        self.sent = old.sent;
+        self.outgoing = old.outgoing;
+        self.receiver = old.receiver;
+        self.receiver.reset(now);
+        self.transmitter.tells = old.transmitter.tells;
+    }
+
+    /// Its kernel clock from now on; 0 if gated. A byte that is being sent keeps its length.
+    pub(super) fn set_clock(&mut self, hz: u64, now: Nanos) {
+        if self.hz != hz {
+            self.hz = hz;
+            self.listen(now);
+        }
+    }
+
+    /// Its pins from now on.
+    pub(super) fn set_pins(&mut self, pins: Pins, now: Nanos) {
+        if self.pins != pins {
+            self.pins = pins;
+            self.listen(now);
+        }
+    }
+
+    pub(super) fn take_sent(&mut self) -> Vec<SentByte> {
+        std::mem::take(&mut self.sent)
+    }
+
+    /// Somebody outside is linked: beginnings and ends of characters are kept from now on.
+    pub(super) fn link(&mut self) {
+        self.transmitter.tells = true;
+    }
+
+    pub(super) fn take_outgoing(&mut self) -> Vec<Outgoing> {
+        std::mem::take(&mut self.outgoing)
+    }
+
+    pub(super) fn set_idle(&mut self, high: bool) {
+        self.receiver.set_idle(high);
+    }
+
+    pub(super) fn feed(&mut self, character: Character) {
+        self.receiver.draw(character);
+    }
+
+    pub(super) fn disturb(&mut self, fault: UartFault, at: Nanos, otherwise: Character) {
+        self.receiver.disturb(fault, at, otherwise);
+    }
+
+    const fn is(&self, register: usize, bits: u32) -> bool {
+        self.control[register - 1] & bits == bits
+    }
+
+    fn capacity(&self) -> usize {
+        if self.is(1, FIFOS) { FIFO_DEPTH } else { 1 }
+    }
+
+    /// Kernel clocks of one bit, times two; `None` if the baud rate is not set.
+    fn clocks_of_two_bits(&self) -> Option<u64> {
+        let prescaler = PRESCALERS.get(self.prescaler as usize)?;
+        let divisor = u64::from(self.divisor);
+        let (divider, twice) = if self.is(1, OVERSAMPLE_8) {
+            (divisor & 0xFFF0 | (divisor & 7) << 1, 1)
+        } else {
+            (divisor, 2)
+        };
+        (divider >= 16 && self.hz != 0).then_some(divider * prescaler * twice)
+    }
+
+    /// How long a bit is, femtoseconds.
+    fn bit_fs(&self) -> Option<u64> {
+        let femtos = u128::from(self.clocks_of_two_bits()?) * 1_000_000_000_000_000;
+        u64::try_from(femtos / u128::from(2 * self.hz)).ok()
+    }
+
+    /// Bits between start and stop, parity included (M0 and M1).
+    const fn word(&self) -> u32 {
+        match (self.control[0] >> 28 & 1, self.control[0] >> 12 & 1) {
+            (0, 0) => 8,
+            (0, _) => 9,
+            _ => 7,
+        }
+    }
+
+    fn format(&self) -> Format {
+        let parity = if self.is(1, ODD_PARITY) { Parity::Odd } else { Parity::Even };
+        let parity = self.is(1, PARITY).then_some(parity);
+        // STOP: 1, 0.5, 2, 1.5 bits.
+        let half_stops = [2, 1, 4, 3][(self.control[1] >> 12 & 3) as usize];
+        Format { data_bits: self.word() - u32::from(parity.is_some()), parity, half_stops }
+    }
+
+    /// How it sends as it is set up; `None` if it does not.
+    fn sending(&self) -> Option<Sending> {
+        if !self.is(1, ENABLE | TRANSMITTER) {
+            return None;
+        }
+        // DEAT, DEDT.
+        let times = || [21, 16].map(|shift| u64::from(self.control[0] >> shift & 0x1F));
+        Some(Sending {
+            format: self.format(),
+            bit_fs: self.bit_fs()?,
+            inverted: self.is(2, INVERT_TRANSMIT),
+            driver: self.is(3, DRIVER_ENABLE).then(times).map(Into::into),
+            samples: if self.is(1, OVERSAMPLE_8) { 8 } else { 16 },
+        })
+    }
+
+    fn send_next(&mut self, now: Nanos) {
+        if self.transmitter.waiting() > 0
+            && let Some(how) = self.sending()
+        {
+            self.transmitter.start(now, &how);
+        }
+    }
+
+    const fn pins_in_use(&self) -> (bool, bool) {
+        if self.is(2, SWAP) {
+            (self.pins.swapped_receive, self.pins.swapped_transmit)
+        } else {
+            (self.pins.receive, self.pins.transmit)
+        }
+    }
+
+    /// Tells the receiver how it listens as it is set up.
+    fn listen(&mut self, now: Nanos) {
+        let on = self.is(1, ENABLE | RECEIVER) && self.pins_in_use().0;
+        let sampling = self.bit_fs().filter(|_| on).map(|bit_fs| Sampling {
+            format: self.format(),
+            bit_fs,
+            inverted: self.is(2, INVERT_RECEIVE),
+            by_8: self.is(1, OVERSAMPLE_8),
+            one_sample: self.is(3, ONE_SAMPLE),
+        });
+        self.receiver.listen(sampling, now);
+    }
+
+    /// The level at the driver enable pin; `None` if it is none.
+    pub(super) fn driver_level(&self) -> Option<bool> {
+        let active = self.is(1, ENABLE) && self.transmitter.drives();
+        self.is(3, DRIVER_ENABLE).then(|| active != self.is(3, DRIVER_LOW))
+    }
+
+    fn heard(&mut self, heard: Heard, at: Nanos) {
+        let Heard::Character { sampled, late } = heard else {
+            self.flags |= IDLE;
+            return;
+        };
+        if self.flags & OVERRUN != 0 {
+            return;
+        }
+        if late || self.received.len() >= self.capacity() {
+            if self.is(3, OVERRUN_DISABLE) {
+                self.received.pop_back();
+            } else {
+                self.flags |= OVERRUN;
+                return;
+            }
+        }
+        let noise = sampled.noise && !self.is(3, ONE_SAMPLE);
+        let found = [(sampled.framing, FRAMING), (sampled.parity, PARITY_ERROR), (noise, NOISE)];
+        let errors: u32 = found.iter().filter(|(is, _)| *is).map(|(_, flag)| flag).sum();
+        self.flags |= errors;
+        if errors != 0 && self.is(3, DMA_RECEIVE) && !self.is(3, DMA_STOPS_AT_ERROR) {
+            return;
+        }
+        let inversion = if self.is(2, INVERT_DATA) { (1 << self.word()) - 1 } else { 0 };
+        self.received.push_back(sampled.word ^ inversion);
+        self.receiver.arm(at);
+    }
+
+    pub(super) fn next_event(&self) -> Option<Nanos> {
+        let both = [self.transmitter.next_event(), self.receiver.next_event()];
+        both.into_iter().flatten().min()
+    }
+
+    pub(super) fn advance(&mut self, now: Nanos) {
+        while let Some(at) = self.next_event().filter(|&at| at <= now) {
+            if self.transmitter.next_event() == Some(at) {
+                let how = self.sending();
+                if let Some(outgoing) = self.transmitter.happens(at, how.as_ref()) {
+                    self.sent(outgoing);
+                }
+            } else if let Some(heard) = self.receiver.happens(at) {
+                self.heard(heard, at);
+            }
+        }
+    }
+
+    fn sent(&mut self, outgoing: Outgoing) {
+        if outgoing.has_ended && !self.transmitter.is_sending() {
+            self.flags |= COMPLETE;
+        }
+        if !self.pins_in_use().1 {
+            return;
+        }
+        let Outgoing { character, end, has_ended } = outgoing;
+        if has_ended {
+            let (uart, value, start) = (self.facts.number, character.value, character.start);
+            self.sent.push(SentByte { uart, value, start, end });
+        }
+        if self.transmitter.tells {
+            self.outgoing.push(outgoing);
+        }
+    }
+
+    fn status(&self, now: Nanos) -> u32 {
+        let flag = |set: bool, bit: u32| if set { bit } else { 0 };
+        let on = self.is(1, ENABLE);
+        self.flags
+            | flag(!self.received.is_empty(), RECEIVED)
+            | flag(self.transmitter.waiting() < self.capacity(), ROOM)
+            | flag(self.receiver.is_busy(now), BUSY)
+            | flag(on && self.is(1, TRANSMITTER), TRANSMIT_ACKNOWLEDGE)
+            | flag(on && self.is(1, RECEIVER), RECEIVE_ACKNOWLEDGE)
+            | flag(self.is(1, FIFOS) && self.transmitter.waiting() == 0, TRANSMIT_EMPTY)
+            | flag(self.is(1, FIFOS) && self.received.len() == FIFO_DEPTH, RECEIVE_FULL)
+    }
+
+    /// Number of its interrupt, if it is asked for.
+    pub(super) fn interrupt(&self) -> Option<usize> {
+        if !self.is(1, ENABLE) {
+            return None;
+        }
+        let status = self.status(Nanos::ZERO);
+        // IDLEIE, RXNEIE, TCIE, TXEIE, PEIE, TXFEIE, RXFFIE with their flags.
+        let sources = [
+            (4, IDLE),
+            (5, RECEIVED | OVERRUN),
+            (6, COMPLETE),
+            (7, ROOM),
+            (8, 1),
+            (30, TRANSMIT_EMPTY),
+            (31, RECEIVE_FULL),
+        ];
+        let asked = sources.iter().any(|&(bit, flags)| self.is(1, 1 << bit) && status & flags != 0);
+        let errors = self.is(3, ERROR_INTERRUPT) && status & (FRAMING | NOISE | OVERRUN) != 0;
+        (asked || errors).then_some(self.facts.interrupt)
+    }
+
+    /// Whether it asserts a request of DMAMUX1.
+    pub(super) fn requests(&self, request: u32) -> bool {
+        let (receive, transmit) = (self.facts.receive_request, self.facts.receive_request + 1);
+        self.is(1, ENABLE)
+            && (request == receive && self.is(3, DMA_RECEIVE) && self.offers_to_dma()
+                || request == transmit
+                    && self.is(3, DMA_TRANSMIT)
+                    && self.transmitter.waiting() < self.capacity())
+    }
+
+    fn offers_to_dma(&self) -> bool {
+        let errors = self.flags & (PARITY_ERROR | FRAMING | NOISE) != 0;
+        !self.received.is_empty() && !(errors && self.is(3, DMA_STOPS_AT_ERROR))
+    }
+
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
+        self.advance(now);
+        Ok(match offset {
+            0x00 | 0x04 | 0x08 => self.control[offset as usize / 4],
+            0x0C => self.divisor,
+            0x10 | 0x14 => self.stored[(offset as usize - 0x10) / 4],
+            0x1C => self.status(now),
+            0x24 => self.received.pop_front().map_or(0, u32::from),
+            0x18 | 0x20 | 0x28 => 0,
+            0x2C => self.prescaler,
+            _ => return Err(Refusal::Unmodelled),
+        })
+    }
+
+    pub(super) fn write(&mut self, write: Write, now: Nanos) -> Result<(), Refusal> {
+        self.advance(now);
+        match write.offset {
+            0x00 | 0x04 | 0x08 => {
+                let index = write.offset as usize / 4;
+                let (was_on, old) = (self.is(1, ENABLE), self.control[index]);
+                let wanted = write.over(old);
+                let locked = [CR1_LOCKED, CR2_LOCKED, CR3_LOCKED][index];
+                let locked = if was_on { locked & (old ^ wanted) } else { 0 };
+                self.control[index] = wanted & !locked | old & locked;
+                if was_on && !self.is(1, ENABLE) {
+                    // RM0468, UE: current operations are discarded, flags are reset.
+                    self.transmitter.stop();
+                    self.received.clear();
+                    self.flags = COMPLETE;
+                }
+                self.listen(now);
+                self.send_next(now);
+                let unmodelled = [CR1_UNMODELLED, CR2_UNMODELLED, CR3_UNMODELLED][index];
+                if self.control[index] & unmodelled != 0 {
+                    return Err(Refusal::Unmodelled);
+                }
+                if locked != 0 {
+                    return Err(Refusal::Protected);
+                }
+            }
+            // BRR, PRESC: locked while enabled.
+            0x0C | 0x2C if self.is(1, ENABLE) => return Err(Refusal::Protected),
+            0x0C => self.divisor = write.over(self.divisor) & 0xFFFF,
+            0x2C => self.prescaler = write.over(self.prescaler) & 0xF,
+            0x10 | 0x14 => {
+                let stored = &mut self.stored[(write.offset as usize - 0x10) / 4];
+                *stored = write.over(*stored);
+            }
+            0x18 => {
+                if write.ones() & 1 << 3 != 0 {
+                    self.received.clear();
+                }
+                if write.ones() & 1 << 4 != 0 {
+                    self.transmitter.clear();
+                }
+                if write.ones() & 0b111 != 0 {
+                    return Err(Refusal::Unmodelled);
+                }
+            }
+            0x20 => self.flags &= !(write.ones() & STICKY),
+            0x28 => {
+                self.flags &= !COMPLETE;
+                if self.transmitter.waiting() == self.capacity() {
+                    // The register is overwritten; a full FIFO takes nothing.
+                    if self.is(1, FIFOS) {
+                        return Err(Refusal::Protected);
+                    }
+                    self.transmitter.clear();
+                }
+                // Nine bits at most.
+                let value = if self.is(2, INVERT_DATA) { !write.ones() } else { write.ones() };
+                self.transmitter.push(u16::try_from(value & 0x1FF).unwrap_or(0));
+                self.send_next(now);
+            }
+            // ISR and RDR cannot be written.
+            0x1C | 0x24 => {}
+            _ => return Err(Refusal::Unmodelled),
+        }
+        Ok(())
+    }
+}
