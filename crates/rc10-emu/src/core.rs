@@ -8,8 +8,8 @@ use anyhow::{Context, Result};
 use rc10_sim::Nanos;
 use rsemu::core::error::BusError;
 use rsemu::core::space::{
-    AccessPurpose, AddressSpace, DispatchPolicy, Mapping, MemAttrs, MemOps, MemResult, Perms,
-    Region,
+    AccessPurpose, AddressSpace, DispatchPolicy, Mapping, MappingId, MemAttrs, MemOps, MemResult,
+    Perms, Region,
 };
 use rsemu::cpu::arm::v7m::sys::Exception;
 use rsemu::cpu::arm::v7m::{ArmV7m, Config, Regs};
@@ -24,6 +24,9 @@ pub const INTERRUPT_WORDS: usize = 6;
 const EVERYTHING: u64 = 1 << 32;
 /// It is looked up in pages of 64 KiB.
 const PAGE_BITS: u32 = 16;
+
+/// Memories that AHB2ENR gives a clock, in the order of their addresses.
+const GATED: [&str; 2] = ["SRAM1", "SRAM2"];
 
 /// Where a core that locked up stands (Armv7-M Architecture Reference Manual, B1.5.15).
 const LOCKED_UP: u32 = 0xFFFF_FFFE;
@@ -167,6 +170,14 @@ pub(crate) struct Interpreter {
     stack_pointer: u32,
     /// Where it was held, and what was in its registers before.
     held: Option<(u32, Regs)>,
+    /// The memories that have a clock only if the program gives them one.
+    gated: Vec<Gated>,
+}
+
+/// A memory behind a clock gate; mapped while it has its clock.
+struct Gated {
+    mapping: Mapping,
+    mapped: Option<MappingId>,
 }
 
 impl Interpreter {
@@ -174,12 +185,17 @@ impl Interpreter {
         // A table instead of a search: it is asked for every instruction.
         let table = DispatchPolicy::Dense { page_bits: PAGE_BITS, cover: EVERYTHING };
         let space = AddressSpace::new("cpu", 32).with_dispatch(table);
+        let mut gated = Vec::new();
         for bank in memory.banks() {
             // A plain write does not program the flash.
             let allowed = if bank.base == FLASH { Perms::RX } else { Perms::RWX };
             let region = Region::ram(bank.name, bank.store());
             let mapping = Mapping::new(region, bank.base.into()).with_perms(allowed);
-            space.topology().map_with(mapping).context(bank.name)?;
+            if wiring.is_some() && GATED.contains(&bank.name) {
+                gated.push(Gated { mapping, mapped: None });
+            } else {
+                space.topology().map_with(mapping).context(bank.name)?;
+            }
         }
         if let Some(wiring) = wiring {
             let region = Region::io("peripherals", EVERYTHING, Arc::new(wiring));
@@ -194,9 +210,32 @@ impl Interpreter {
             program_counter: 0,
             stack_pointer: 0,
             held: None,
+            gated,
         };
         interpreter.reset();
         Ok(interpreter)
+    }
+
+    /// Which of SRAM1 and SRAM2 have a clock now. An access to one that has none is a peripheral's,
+    /// and is told there.
+    ///
+    /// # Errors
+    /// If the memories overlap.
+    pub(crate) fn set_memories(&mut self, running: [bool; 2]) -> Result<()> {
+        for (gated, running) in self.gated.iter_mut().zip(running) {
+            match gated.mapped {
+                None if running => {
+                    let mapping = gated.mapping.clone();
+                    gated.mapped = Some(self.space.topology().map_with(mapping).context("SRAM")?);
+                }
+                Some(id) if !running => {
+                    self.space.topology().unmap(id).context("SRAM")?;
+                    gated.mapped = None;
+                }
+                _ => {}
+            }
+        }
+        Ok(())
     }
 
     /// Whether the next instruction is the first one of the handler of the exception that is

@@ -367,12 +367,13 @@ impl Machine {
             } else {
                 self.talk(world, next_of_world, now);
             }
-            let levels = {
+            let (levels, memories) = {
                 let mut soc = self.wiring.soc();
                 soc.advance(now);
                 self.ready = self.ready.or(soc.system_ready_at());
-                soc.interrupt_levels()
+                (soc.interrupt_levels(), soc.memories_run())
             };
+            self.core.set_memories(memories)?;
             self.core.set_interrupts(levels);
             self.after(now)?;
         }

@@ -60,7 +60,11 @@ pub struct Access {
 impl fmt::Display for Access {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let verb = if self.write { "write to" } else { "read of" };
-        let name = super::map::row_of(self.address).map_or("nobody", |(_, row)| row.name);
+        let name = match self.address {
+            0x3000_0000..0x3000_4000 => "SRAM1",
+            0x3000_4000..0x3000_8000 => "SRAM2",
+            _ => super::map::row_of(self.address).map_or("nobody", |(_, row)| row.name),
+        };
         let what = match self.kind {
             AccessKind::Unowned => "unowned or unaligned",
             AccessKind::Gated => "without clock or in reset",

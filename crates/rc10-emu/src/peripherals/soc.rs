@@ -62,6 +62,7 @@ pub struct Soc {
     pub(super) pins_changed: bool,
     pub(super) recorders: Vec<Recorder>,
     pub(super) holders: Vec<Holder>,
+    memories_run: [bool; 2],
     clocks: Clocks,
     flash_keeps_up: bool,
     next: Option<Nanos>,
@@ -103,6 +104,7 @@ impl Soc {
             pins_changed: true,
             recorders: Vec::new(),
             holders: Vec::new(),
+            memories_run: [false; 2],
             clocks: Clocks::default(),
             flash_keeps_up: true,
             next: None,
@@ -147,6 +149,10 @@ impl Soc {
     /// If nobody is there, or the access is not aligned.
     pub fn read(&mut self, address: u32, width: Width, now: Nanos) -> Result<u32, BusFault> {
         self.advance(now);
+        if self.is_gated_memory(address) {
+            self.report(address, false, AccessKind::Gated);
+            return Ok(0);
+        }
         let value = self.access_read(address, width, now)?;
         if let Some((_, row)) = row_of(address)
             && matches!(
@@ -172,6 +178,10 @@ impl Soc {
         now: Nanos,
     ) -> Result<(), BusFault> {
         self.advance(now);
+        if self.is_gated_memory(address) {
+            self.report(address, true, AccessKind::Gated);
+            return Ok(());
+        }
         let block = self.access_write(address, width, value, now)?;
         // What the FDCANs' interrupt lines do is asked for anew each time.
         if !matches!(block, Block::Fdcan(_) | Block::FdcanRam) {
@@ -268,6 +278,21 @@ impl Soc {
     #[must_use]
     pub const fn gated(&self) -> u64 {
         self.counts.gated
+    }
+
+    /// Whether SRAM1 and SRAM2 have a clock (AHB2ENR).
+    #[must_use]
+    pub fn memories_run(&self) -> [bool; 2] {
+        self.memories_run
+    }
+
+    /// Whether an address lies in a memory that has no clock now.
+    const fn is_gated_memory(&self, address: u32) -> bool {
+        match address {
+            0x3000_0000..0x3000_4000 => !self.memories_run[0],
+            0x3000_4000..0x3000_8000 => !self.memories_run[1],
+            _ => false,
+        }
     }
 
     fn fdcans(&self) -> MutexGuard<'_, Fdcans> {
@@ -473,6 +498,7 @@ impl Soc {
 
     /// Gates and resets: who has a clock.
     fn apply_switches(&mut self) {
+        self.memories_run = self.rcc.memories_run();
         for (running, row) in self.running.iter_mut().zip(MAP) {
             *running = row.switch.is_none_or(|switch| self.rcc.is_running(switch));
         }
@@ -633,16 +659,11 @@ impl Soc {
 
     /// Whether a DMA reaches a memory address; one without a clock does not answer, and is reported.
     fn reaches(&mut self, address: u32, write: bool) -> bool {
-        let [sram1, sram2] = self.rcc.memories_run();
-        let runs = match address {
-            0x3000_0000..0x3000_4000 => sram1,
-            0x3000_4000..0x3000_8000 => sram2,
-            _ => true,
-        };
-        if !runs {
+        let gated = self.is_gated_memory(address);
+        if gated {
             self.report(address, write, AccessKind::Gated);
         }
-        runs && !UNREACHABLE.iter().any(|range| range.contains(&address))
+        !gated && !UNREACHABLE.iter().any(|range| range.contains(&address))
     }
 
     fn move_item(&mut self, transfer: Transfer, now: Nanos) -> Option<()> {

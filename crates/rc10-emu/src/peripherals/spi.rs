@@ -76,7 +76,7 @@ const ENABLE: u32 = 1 << 0;
 const SUSPEND_AT_OVERRUN: u32 = 1 << 8;
 const START: u32 = 1 << 9;
 const SUSPEND: u32 = 1 << 10;
-/// CRC33_17, RCRCINI, TCRCINI.
+/// `CRC33_17`, RCRCINI, TCRCINI.
 const CR1_UNMODELLED: u32 = 0b111 << 13;
 // CFG1.
 const RECEIVE_DMA: u32 = 1 << 14;

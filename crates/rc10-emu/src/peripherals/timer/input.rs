@@ -5,7 +5,8 @@ use rc10_sim::Nanos;
 use super::{CHANNELS, ENCODER_MODES, Timer};
 
 /// Divider of the filter's clock (0: the timer's own, not the one that CKD divides) and how many
-/// equal samples let a level through, by ICxF. Source: RM0468, `TIMx_CCMR1`, IC1F.
+/// equal samples let a level through, by `ICxF`. Source: RM0468, `TIMx_CCMR1`,
+/// IC1F.
 const FILTERS: [(u64, u64); 16] = [
     (0, 0),
     (0, 2),

@@ -2,7 +2,7 @@
 
 use super::{CHANNELS, Timer};
 
-/// OCxM.
+/// `OCxM`.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Mode {
     /// Keeps what it was.

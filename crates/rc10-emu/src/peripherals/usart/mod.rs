@@ -435,7 +435,8 @@ impl Usart {
 
     fn offers_to_dma(&self) -> bool {
         let errors = self.flags & (PARITY_ERROR | FRAMING | NOISE) != 0;
-        !self.received.is_empty() && !(errors && self.is(3, DMA_STOPS_AT_ERROR))
+        let stopped = errors && self.is(3, DMA_STOPS_AT_ERROR);
+        !self.received.is_empty() && !stopped
     }
 
     pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
@@ -474,7 +475,8 @@ impl Usart {
                 if self.control[index] & unmodelled != 0 {
                     return Err(Refusal::Unmodelled);
                 }
-                if locked != 0 {
+                // Who switches it off writes them with the same write, and means nothing by it.
+                if locked != 0 && self.is(1, ENABLE) {
                     return Err(Refusal::Protected);
                 }
             }

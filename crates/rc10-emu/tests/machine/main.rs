@@ -1,6 +1,9 @@
 //! The whole chip with programs of a few instructions: what it refuses, and what becomes of it.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+mod links;
+
+use rc10_emu::peripherals::{ResetCause, Width};
 use rc10_emu::{Injection, Machine};
 use rc10_sim::{Nanos, World};
 
@@ -169,4 +172,28 @@ fn a_mask_ends_as_it_began() {
     machine.restart_profile();
     machine.run(&mut world, micros(2)).unwrap();
     assert_eq!(busiest(&machine), "(no symbol)", "the program's own mask never ends");
+}
+
+/// SRAM1 has a clock only if the program gives it one: for the core as for a DMA.
+#[test]
+fn a_memory_without_clock_is_told() {
+    const SRAM1: u32 = 0x3000_0000;
+    const AHB2ENR: u32 = 0x5802_44DC;
+    let load = program(LOAD, SRAM1, HANDLER);
+    let machine = run(&load);
+    assert_eq!(machine.soc().gated(), 1);
+    let report = reports(&machine)[0].to_owned();
+    assert!(report.contains("SRAM1") && report.contains("without clock"), "{report}");
+
+    // The first instructions are still the program's own: it has its clock before they get there.
+    let mut machine = Machine::new(&load).unwrap();
+    machine.soc().write(AHB2ENR, Width::Word, 1 << 29, Nanos::ZERO).unwrap();
+    machine.memory().write(SRAM1, &[1, 2, 3, 4]).unwrap();
+    machine.run(&mut World::new(1), Nanos::new(1)).unwrap();
+    machine.run(&mut World::new(1), micros(10)).unwrap();
+    assert_eq!((machine.soc().gated(), reports(&machine).len()), (0, 0));
+    // A reset takes it away again, and the memory keeps what is in it.
+    machine.soc().reset(ResetCause::Software, micros(10));
+    assert_eq!(machine.soc().memories_run(), [false; 2]);
+    assert_eq!(machine.memory().word(SRAM1).unwrap(), 0x0403_0201);
 }
