@@ -364,7 +364,7 @@ fn a_stall_is_survived_without_a_restart() {
         let log = log(emulation);
         let last = log.lines().last().unwrap();
         assert_eq!(last.matches(", 1 times stalled").count(), 3, "{last}");
-        assert!(last.contains("Armed, 11 of 11 motors online"), "{last}");
+        assert!(last.contains("armed, 11 of 11 motors online"), "{last}");
     });
 }
 

@@ -71,7 +71,7 @@ pub async fn log(io: &'static Io<'static>) {
         if message.missed > 0 {
             defmt::warn!("the log was too slow for {} lines", message.missed);
         }
-        defmt::info!("{}", message.value);
+        defmt::info!("{}", defmt::Display2Format(&message.value));
     }
 }
 

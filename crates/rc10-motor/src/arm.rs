@@ -17,6 +17,17 @@ pub enum ArmState {
     EStopped,
 }
 
+impl fmt::Display for ArmState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Disarmed => "disarmed",
+            Self::Armed => "armed",
+            Self::Suspended => "suspended",
+            Self::EStopped => "emergency stop",
+        })
+    }
+}
+
 /// The one switch that arms and stops a robot. All its buses look at it in every tick; anything
 /// may hold a reference to it and stop the robot, from any task or interrupt.
 ///

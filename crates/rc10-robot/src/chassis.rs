@@ -1,38 +1,65 @@
-//! From the twist the base shall have to the speeds of its wheels.
+//! From how the base shall move to the speeds of its wheels.
 
-use rc10_app::{Seconds, TwistLimiter};
+use rc10_app::{Radians, Seconds, Twist, TwistLimiter};
 use rc10_bsp::{Overrun, periodic};
 use rc10_can::Micros;
 use rc10_motor::{ArmState, Target};
 
-use crate::robot::Io;
+use crate::robot::{Axes, Io};
 use crate::table::{BASE, BASE_LIMITS, WHEELS};
 
 /// How often.
 pub const PERIOD: Micros = Micros::from_millis(5);
-/// A twist older than this is nobody's wish any more.
-const OLDEST_TWIST: Micros = Micros::from_millis(100);
+/// A wish older than this is nobody's any more.
+const OLDEST_MOTION: Micros = Micros::from_millis(100);
+/// A heading older than this says nothing about now.
+const OLDEST_HEADING: Micros = Micros::from_millis(100);
 
 /// The chassis task.
 pub async fn run(io: &Io<'_>) -> ! {
     let mut limiter = TwistLimiter::new();
+    // In whose axes the limiter is, while the base is driven.
+    let mut driven = None;
     periodic(PERIOD, Overrun::Skip, &io.chassis_timing, async |tick| {
-        // Without a fresh wish the wheels get no commands: their bus makes them safe. Armed again,
-        // the base starts from standstill.
+        // Without a fresh wish the wheels get no commands: their bus makes them safe.
         let armed = io.switch.state() == ArmState::Armed;
-        let wish = io.twist.newer_than(OLDEST_TWIST, tick.now);
-        let Some(wish) = wish.filter(|_| armed) else {
-            limiter = TwistLimiter::new();
+        let wish = io.motion.newer_than(OLDEST_MOTION, tick.now).filter(|_| armed);
+        let Some(mut wish) = wish else {
+            driven = None;
             return;
         };
+        let heading = io.heading.newer_than(OLDEST_HEADING, tick.now);
+        let heading = match wish.axes {
+            Axes::Robot => Radians::ZERO,
+            // Without a heading nobody knows where "forward" is: the base stops.
+            Axes::World => heading.map_or_else(
+                || {
+                    wish.twist = Twist::STOP;
+                    wish.axes = Axes::Robot;
+                    Radians::ZERO
+                },
+                Radians::from,
+            ),
+        };
+        if driven != Some(wish.axes) {
+            // It may be rolling: the wheels begin with the speeds that they have.
+            limiter.reset(measured(io).out_of_frame(heading));
+            driven = Some(wish.axes);
+        }
         let dt = Seconds::from_micros(tick.since_last.get());
-        let limited = limiter.update(&BASE_LIMITS, wish, dt);
+        let limited = limiter.update(&BASE_LIMITS, wish.twist, dt);
         // A twist that is not finite is treated as none at all.
-        let Ok(wheels) = limited.and_then(|twist| BASE.inverse(twist)) else { return };
+        let wheels = limited.and_then(|twist| BASE.inverse(twist.into_frame(heading)));
+        let Ok(wheels) = wheels else { return };
         for (name, speed) in WHEELS.into_iter().zip(wheels.speeds) {
             // Refused only while the bus is not running yet.
             let _ = io.motor(name).command(Target::Speed(speed));
         }
     })
     .await
+}
+
+/// How the base moves, by its wheels.
+fn measured(io: &Io<'_>) -> Twist {
+    BASE.forward(WHEELS.map(|name| io.motor(name).status().feedback.speed))
 }

@@ -1,112 +1,377 @@
-//! Who decides what the robot does. Here it is a script of ten seconds that shows everything; a
-//! remote control will take its place.
+//! Who decides what the robot does: somebody with a remote control.
+//!
+//! | right switch | the robot is |
+//! |---|---|
+//! | down | disarmed |
+//! | middle | armed, and drives in its own axes |
+//! | up | armed, and drives in the world's axes |
+//!
+//! | left switch | the sticks |
+//! |---|---|
+//! | up | mechanisms: right stick gimbal, left stick feeder (away) and lift (right is up) |
+//! | middle | drive: left stick moves, right stick turns |
+//! | down | emergency stop, whatever the rest says |
+//!
+//! **It arms only by hand**: the right switch must have been seen down since power-on, since a stop,
+//! and since the remote was lost. So a switch that was left up arms nothing by itself. An emergency
+//! stop ends when the left switch is no longer down and the right one is.
+//!
+//! **It never believes in a lost remote.** Without a good frame for 100 ms, or when the receiver
+//! itself says that it hears nothing, every motor takes its safe state; if frames come back within a
+//! second, the robot goes on from the speed it has. After a second it is disarmed.
 
-use embassy_time::{Duration, Instant, Ticker, Timer};
-use rc10_app::{Degrees, Rpm, Twist};
-use rc10_motor::{Link, Request};
+use embassy_time::{Duration, Ticker};
+use rc10_app::{Degrees, Rpm, TotalAngle, Twist};
+use rc10_bsp::Stamped;
+use rc10_can::Micros;
+use rc10_module::remote::{Freshness, Remote, Switch, Watch};
+use rc10_motor::{ArmState, ArmSwitch};
 
-use crate::robot::{Io, Posture};
-use crate::table::{LIFT, MOTORS};
+use crate::robot::{Axes, Io, Motion, Posture};
+use crate::table::{FEEDER, FULL_STICK, GIMBAL_AHEAD, GIMBAL_RATES, LIFT, LIFT_RATE, LIFT_TOP};
 
-/// What happens at one moment of the script.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Act {
-    /// Let the motors follow their commands.
-    Arm,
-    /// Move the base: m/s forward, m/s left, rad/s counter-clockwise.
-    Drive(f32, f32, f32),
-    /// Point the gimbal: yaw and pitch in degrees.
-    Point(f32, f32),
-    /// Turn the feeder, rpm.
-    Feed(f32),
-    /// Move the lift, degrees of its shafts.
-    Lift(i32),
-    /// Somebody hits the emergency stop.
-    EmergencyStop,
-    /// The emergency stop is released.
-    Reset,
-}
+/// How often it decides.
+pub const PERIOD: Micros = Micros::from_millis(10);
 
-/// The script: milliseconds from its start, and what happens then.
-pub const SCRIPT: &[(u32, &str, Act)] = &[
-    (0, "arm", Act::Arm),
-    (100, "square: forward", Act::Drive(1.2, 0.0, 0.0)),
-    (1000, "square: left", Act::Drive(0.0, 1.2, 0.0)),
-    (1900, "square: back", Act::Drive(-1.2, 0.0, 0.0)),
-    (2800, "square: right", Act::Drive(0.0, -1.2, 0.0)),
-    (3700, "spin", Act::Drive(0.0, 0.0, 4.0)),
-    (4700, "stand", Act::Drive(0.0, 0.0, 0.0)),
-    (4700, "gimbal right", Act::Point(90.0, 150.0)),
-    (5200, "feeder on", Act::Feed(180.0)),
-    (5500, "gimbal left", Act::Point(270.0, 210.0)),
-    (6300, "gimbal ahead", Act::Point(180.0, 180.0)),
-    (6500, "feeder off", Act::Feed(0.0)),
-    (6800, "lift up", Act::Lift(720)),
-    (8000, "drive off", Act::Drive(1.5, 0.0, 1.0)),
-    (8500, "emergency stop", Act::EmergencyStop),
-    (9000, "reset", Act::Reset),
-    (9050, "arm again", Act::Arm),
-    (9100, "lift down", Act::Lift(360)),
-    (9500, "stand", Act::Drive(0.0, 0.0, 0.0)),
-];
-
-/// The script starts over after this, in milliseconds.
-pub const SCRIPT_LENGTH: u32 = 10_000;
-
-/// When the script starts, in milliseconds after power-on, if all motors are heard by then.
-pub const EARLIEST_START: u64 = 100;
-
-/// The driver task.
+/// The driver's task.
 pub async fn run(io: &Io<'_>) -> ! {
-    Timer::at(Instant::from_millis(EARLIEST_START)).await;
-    wait_for_motors(io).await;
-    for motor in LIFT {
-        // The lift stands on its bottom at power-on. A motor that is not there has no zero.
-        let _ = io.motor(motor).request(Request::SetZero).await;
-    }
-    let mut twist = Twist::STOP;
-    let ahead = Degrees::new(180.0);
-    let mut posture = Posture { yaw: ahead, pitch: ahead, ..Posture::default() };
-    let start = Instant::now();
-    let mut ticker = Ticker::every(Duration::from_millis(10));
-    let mut script = SCRIPT.iter().cycle().zip(0_u32..);
-    let mut next = script.next();
+    let mut driver = Driver::new();
+    let mut ticker = Ticker::every(Duration::from_micros(PERIOD.get()));
     loop {
-        let elapsed = start.elapsed().as_millis();
-        while let Some(((at, _, act), number)) = next {
-            #[expect(clippy::cast_possible_truncation, reason = "a script of a few lines")]
-            let round = u64::from(number / SCRIPT.len() as u32);
-            if elapsed < round * u64::from(SCRIPT_LENGTH) + u64::from(*at) {
-                break;
-            }
-            match *act {
-                // A latched stop refuses it, and then the robot stays stopped.
-                Act::Arm => drop(io.switch.arm()),
-                Act::Drive(vx, vy, wz) => twist = Twist::new(vx, vy, wz),
-                Act::Point(yaw, pitch) => {
-                    (posture.yaw, posture.pitch) = (Degrees::new(yaw), Degrees::new(pitch));
-                }
-                Act::Feed(rpm) => posture.feeder = Rpm::new(rpm),
-                Act::Lift(degrees) => posture.lift = degrees,
-                Act::EmergencyStop => io.switch.emergency_stop(),
-                Act::Reset => io.switch.reset(),
-            }
-            next = script.next();
-        }
-        let now = rc10_bsp::now();
-        io.twist.set(twist, now);
-        io.posture.set(posture, now);
         ticker.next().await;
+        let now = rc10_bsp::now();
+        let before = io.switch.state();
+        let wish = driver.step(io.remote.read(), &io.switch, now);
+        io.freshness.set(driver.freshness(), now);
+        let Some(motion) = wish else { continue };
+        if before == ArmState::Disarmed {
+            driver.begin(lift_height(io));
+        }
+        io.motion.set(motion, now);
+        io.posture.set(driver.posture, now);
     }
 }
 
-/// Waits until every motor is heard, but not for ever: a robot with a dead motor still drives.
-async fn wait_for_motors(io: &Io<'_>) {
-    for _ in 0..100 {
-        let heard = |name| io.motor(name).status().link == Link::Online;
-        if MOTORS.iter().all(|entry| heard(entry.name)) {
-            return;
+/// Where the lift is: it stays there until somebody moves it.
+fn lift_height(io: &Io<'_>) -> TotalAngle {
+    let heights = LIFT.map(|motor| io.motor(motor).status().feedback.total_angle.microdegrees());
+    TotalAngle::from_microdegrees(heights.iter().sum::<i64>() / heights.len() as i64)
+}
+
+/// What it decides from, and remembers.
+#[derive(Debug)]
+pub struct Driver {
+    watch: Watch,
+    freshness: Freshness,
+    /// The newest frame that was looked at.
+    heard: Option<Micros>,
+    /// The right switch was down since the robot was last stopped: it may be armed.
+    may_arm: bool,
+    posture: Posture,
+}
+
+impl Driver {
+    /// One that has heard nothing.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            watch: Watch::new(),
+            freshness: Freshness::Lost,
+            heard: None,
+            may_arm: false,
+            posture: HOME,
         }
-        Timer::after(Duration::from_millis(10)).await;
+    }
+
+    /// Whether the remote is heard, as of the last step.
+    #[must_use]
+    pub const fn freshness(&self) -> Freshness {
+        self.freshness
+    }
+
+    /// What the mechanisms shall do, as of the last step.
+    #[must_use]
+    pub const fn posture(&self) -> &Posture {
+        &self.posture
+    }
+
+    /// The robot has just been armed: the gimbal looks ahead, the lift stays where it is.
+    pub const fn begin(&mut self, lift: TotalAngle) {
+        self.posture = Posture { lift, ..HOME };
+    }
+
+    /// Decides every [`PERIOD`], from the newest that the remote said; how the base shall move, if
+    /// the robot is armed.
+    pub fn step(
+        &mut self,
+        remote: Option<Stamped<Remote>>,
+        switch: &ArmSwitch,
+        now: Micros,
+    ) -> Option<Motion> {
+        if let Some(Stamped { value, at }) = &remote
+            && self.heard != Some(*at)
+        {
+            self.watch.heard(value, *at);
+            self.heard = Some(*at);
+        }
+        self.freshness = self.watch.freshness(now);
+        let remote = match (self.freshness, remote) {
+            (Freshness::Fresh, Some(remote)) => remote.value,
+            (Freshness::Missing, _) => {
+                switch.suspend();
+                return None;
+            }
+            _ => {
+                switch.disarm();
+                self.may_arm = false;
+                return None;
+            }
+        };
+        self.follow_switches(&remote, switch);
+        if switch.state() != ArmState::Armed {
+            self.posture.feeder = Rpm::ZERO;
+            return None;
+        }
+        Some(self.follow_sticks(&remote))
+    }
+
+    fn follow_switches(&mut self, remote: &Remote, switch: &ArmSwitch) {
+        if remote.left_switch == Switch::Down {
+            switch.emergency_stop();
+            self.may_arm = false;
+        } else if remote.right_switch == Switch::Down {
+            switch.reset();
+            switch.disarm();
+            self.may_arm = true;
+        } else {
+            switch.resume();
+            if core::mem::take(&mut self.may_arm) {
+                // Refused while somebody else has stopped the robot: it stays stopped.
+                let _ = switch.arm();
+            }
+        }
+    }
+
+    fn follow_sticks(&mut self, remote: &Remote) -> Motion {
+        let axes = if remote.right_switch == Switch::Up { Axes::World } else { Axes::Robot };
+        if remote.left_switch != Switch::Up {
+            self.posture.feeder = Rpm::ZERO;
+            let full = FULL_STICK;
+            // Sticks count to the right, the robot to the left.
+            let twist = Twist::new(
+                remote.left.y * full.vx,
+                -remote.left.x * full.vy,
+                -remote.right.x * full.wz,
+            );
+            return Motion { twist, axes };
+        }
+        let seconds = PERIOD.get() as f32 * 1e-6;
+        let turned = |angle: Degrees, stick: f32, rate: f32| {
+            let angle = angle.get() + stick * rate * seconds;
+            let turns = if angle < 0.0 { 1.0 } else { -f32::from(u8::from(angle >= 360.0)) };
+            Degrees::new(angle + 360.0 * turns)
+        };
+        let [yaw, pitch] = GIMBAL_RATES;
+        self.posture.yaw = turned(self.posture.yaw, -remote.right.x, yaw);
+        self.posture.pitch = turned(self.posture.pitch, remote.right.y, pitch);
+        self.posture.feeder = Rpm::new(remote.left.y * FEEDER.get());
+        #[expect(clippy::cast_possible_truncation, reason = "a few degrees")]
+        let step = (remote.left.x * LIFT_RATE * PERIOD.get() as f32) as i64;
+        let (bottom, top) = (0, TotalAngle::from_degrees(LIFT_TOP).microdegrees());
+        let lift = (self.posture.lift.microdegrees() + step).clamp(bottom, top);
+        self.posture.lift = TotalAngle::from_microdegrees(lift);
+        Motion { twist: Twist::STOP, axes }
+    }
+}
+
+impl Default for Driver {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Before anybody has moved anything.
+const HOME: Posture = Posture {
+    yaw: GIMBAL_AHEAD,
+    pitch: GIMBAL_AHEAD,
+    feeder: Rpm::ZERO,
+    lift: TotalAngle::ZERO,
+};
+
+#[cfg(test)]
+mod tests {
+    use rc10_module::remote::Stick;
+
+    use super::*;
+
+    /// A driver, and a remote whose frames come with every step until it is cut.
+    struct Scene {
+        driver: Driver,
+        switch: ArmSwitch,
+        now: Micros,
+        remote: Remote,
+        newest: Option<Stamped<Remote>>,
+        is_cut: bool,
+    }
+
+    impl Scene {
+        fn new(right: Switch) -> Self {
+            Self {
+                driver: Driver::new(),
+                switch: ArmSwitch::new(),
+                now: Micros::from_millis(1000),
+                remote: Remote { right_switch: right, ..Remote::default() },
+                newest: None,
+                is_cut: false,
+            }
+        }
+
+        fn armed() -> Self {
+            let mut scene = Self::new(Switch::Down);
+            scene.step(2);
+            scene.remote.right_switch = Switch::Middle;
+            scene.step(1);
+            assert_eq!(scene.switch.state(), ArmState::Armed);
+            scene
+        }
+
+        fn step(&mut self, times: u32) -> Option<Motion> {
+            let mut wish = None;
+            for _ in 0..times {
+                self.now += PERIOD;
+                if !self.is_cut {
+                    self.newest = Some(Stamped { value: self.remote, at: self.now });
+                }
+                wish = self.driver.step(self.newest, &self.switch, self.now);
+            }
+            wish
+        }
+    }
+
+    #[test]
+    fn a_switch_that_was_left_up_arms_nothing() {
+        for right in [Switch::Middle, Switch::Up] {
+            let mut scene = Scene::new(right);
+            assert_eq!(scene.step(500), None);
+            assert_eq!(scene.switch.state(), ArmState::Disarmed);
+            scene.remote.right_switch = Switch::Down;
+            scene.step(1);
+            assert_eq!(scene.switch.state(), ArmState::Disarmed);
+            scene.remote.right_switch = right;
+            assert!(scene.step(1).is_some());
+            assert_eq!(scene.switch.state(), ArmState::Armed);
+            scene.remote.right_switch = Switch::Down;
+            assert_eq!(scene.step(1), None);
+            assert_eq!(scene.switch.state(), ArmState::Disarmed);
+        }
+    }
+
+    #[test]
+    fn nothing_arms_without_a_remote() {
+        let mut scene = Scene::new(Switch::Middle);
+        scene.is_cut = true;
+        assert_eq!(scene.step(200), None);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed);
+        assert_eq!(scene.driver.freshness(), Freshness::Lost);
+    }
+
+    #[test]
+    fn an_emergency_stop_ends_by_both_switches_and_then_is_armed_anew() {
+        let mut scene = Scene::armed();
+        scene.remote.left_switch = Switch::Down;
+        assert_eq!(scene.step(1), None);
+        assert_eq!(scene.switch.state(), ArmState::EStopped);
+        scene.remote.left_switch = Switch::Middle;
+        scene.step(10);
+        assert_eq!(scene.switch.state(), ArmState::EStopped, "the right switch is up yet");
+        scene.remote.left_switch = Switch::Down;
+        scene.remote.right_switch = Switch::Down;
+        scene.step(10);
+        assert_eq!(scene.switch.state(), ArmState::EStopped, "the left switch is down yet");
+        scene.remote.left_switch = Switch::Middle;
+        scene.step(1);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed);
+        scene.remote.right_switch = Switch::Middle;
+        assert!(scene.step(1).is_some());
+    }
+
+    #[test]
+    fn a_stop_by_somebody_else_is_not_undone_by_an_armed_remote() {
+        let mut scene = Scene::armed();
+        scene.switch.emergency_stop();
+        assert_eq!(scene.step(100), None);
+        assert_eq!(scene.switch.state(), ArmState::EStopped);
+        let mut scene = Scene::armed();
+        scene.switch.disarm();
+        assert_eq!(scene.step(100), None);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed);
+    }
+
+    #[test]
+    fn a_remote_that_is_lost_for_a_moment_suspends_and_for_longer_disarms() {
+        let mut scene = Scene::armed();
+        scene.is_cut = true;
+        assert!(scene.step(9).is_some(), "90 ms");
+        assert_eq!(scene.step(1), None, "100 ms");
+        assert_eq!(scene.switch.state(), ArmState::Suspended);
+        scene.step(89);
+        assert_eq!(scene.switch.state(), ArmState::Suspended, "990 ms");
+        scene.is_cut = false;
+        assert!(scene.step(1).is_some());
+        assert_eq!(scene.switch.state(), ArmState::Armed);
+        scene.is_cut = true;
+        scene.step(100);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed, "1000 ms");
+        scene.is_cut = false;
+        assert_eq!(scene.step(100), None, "armed only by hand");
+        scene.remote.right_switch = Switch::Down;
+        scene.step(1);
+        scene.remote.right_switch = Switch::Middle;
+        assert!(scene.step(1).is_some());
+    }
+
+    #[test]
+    fn the_receivers_own_failsafe_suspends_at_once_whatever_the_frame_says() {
+        let mut scene = Scene::armed();
+        scene.remote.left.y = 1.0;
+        scene.remote.failsafe = true;
+        assert_eq!(scene.step(1), None);
+        assert_eq!(scene.switch.state(), ArmState::Suspended);
+        scene.step(99);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed);
+    }
+
+    #[test]
+    fn sticks_move_the_base_or_the_mechanisms() {
+        let mut scene = Scene::armed();
+        scene.remote.left = Stick { x: 0.5, y: 1.0 };
+        scene.remote.right = Stick { x: -1.0, y: 0.0 };
+        let twist = Twist::new(FULL_STICK.vx, -0.5 * FULL_STICK.vy, FULL_STICK.wz);
+        assert_eq!(scene.step(1), Some(Motion { twist, axes: Axes::Robot }));
+        scene.remote.right_switch = Switch::Up;
+        assert_eq!(scene.step(1), Some(Motion { twist, axes: Axes::World }));
+
+        scene.remote.left_switch = Switch::Up;
+        scene.remote.right.y = -1.0;
+        assert_eq!(scene.step(100).unwrap().twist, Twist::STOP);
+        let posture = scene.driver.posture();
+        let [yaw, pitch] = GIMBAL_RATES;
+        let ahead = GIMBAL_AHEAD.get();
+        assert!((posture.yaw.get() - (ahead + yaw) % 360.0).abs() < 0.1, "{posture:?}");
+        assert!((posture.pitch.get() - (ahead - pitch)).abs() < 0.1, "{posture:?}");
+        assert_eq!(posture.feeder, FEEDER);
+        assert!((posture.lift.degrees().get() - 0.5 * LIFT_RATE).abs() < 0.1, "{posture:?}");
+        scene.remote.left.x = 1.0;
+        scene.step(1000);
+        assert_eq!(scene.driver.posture().lift, TotalAngle::from_degrees(LIFT_TOP));
+        scene.remote.left.x = -1.0;
+        scene.step(1000);
+        assert_eq!(scene.driver.posture().lift, TotalAngle::ZERO);
+        let yaw = scene.driver.posture().yaw.get();
+        assert!((0.0..360.0).contains(&yaw), "{yaw}");
+        // Nobody feeds while driving.
+        scene.remote.left_switch = Switch::Middle;
+        scene.step(1);
+        assert_eq!(scene.driver.posture().feeder, Rpm::ZERO);
     }
 }

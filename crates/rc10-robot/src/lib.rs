@@ -5,7 +5,8 @@
 //! * [`Io`]: what its tasks share. [`Motors`]: where its motors stand. No statics: on the chip both
 //!   live in a `StaticCell`, on a PC there is one of each per simulated world.
 //! * [`chassis`], [`mechanisms`]: from what the robot shall do to motor targets.
-//! * [`driver`]: decides what it shall do; here, a script.
+//! * [`driver`]: decides what it shall do: somebody with a remote control, and what if that is lost.
+//! * [`remote`], [`imu`]: what the parts on its serial ports say.
 //! * [`status`]: ten times a second, how it is.
 //! * [`mixed`]: another robot, of motors of many vendors.
 //!
@@ -16,11 +17,13 @@
 
 pub mod chassis;
 pub mod driver;
+pub mod imu;
 pub mod mechanisms;
 pub mod mixed;
+pub mod remote;
 mod robot;
 pub mod status;
 pub mod table;
 
-pub use robot::{Bus, Io, Motors, SetupError, ports};
+pub use robot::{Axes, Bus, Io, Motion, Motors, Posture, SetupError, ports};
 pub use table::Name;

@@ -2,8 +2,10 @@ use core::borrow::BorrowMut;
 use core::fmt;
 
 use heapless::Vec;
-use rc10_app::{ConfigError, Degrees, Rpm, Twist};
+use rc10_app::{ConfigError, Degrees, Rpm, TotalAngle, Twist};
 use rc10_bsp::{Latest, Statistics, Topic};
+use rc10_module::Reception;
+use rc10_module::remote::{Freshness, Remote};
 use rc10_motor::dji::{Dji, IdOutOfRange};
 use rc10_motor::embassy::{BusPort, MotorPort};
 use rc10_motor::{ArmSwitch, AttachError, MotorBus, MotorId};
@@ -24,8 +26,18 @@ pub struct Io<'p> {
     pub switch: ArmSwitch,
     /// One port per bus; bus 1 is the first.
     pub buses: [&'p BusPort; BUSES],
-    /// How the base shall move, in its own axes.
-    pub twist: Latest<Twist, 1>,
+    /// What the remote control says.
+    pub remote: Latest<Remote, 1>,
+    /// What its receiver's bytes amounted to.
+    pub remote_reception: Reception,
+    /// Whether it is heard.
+    pub freshness: Latest<Freshness, 1>,
+    /// Which way the robot looks in the world, counter-clockwise, by its IMU.
+    pub heading: Latest<Degrees, 1>,
+    /// What the IMU's bytes amounted to.
+    pub imu_reception: Reception,
+    /// How the base shall move.
+    pub motion: Latest<Motion, 1>,
     /// Where the gimbal shall point, how fast the feeder shall turn, how high the lift shall be.
     pub posture: Latest<Posture, 1>,
     /// How the robot is, ten times a second.
@@ -34,8 +46,27 @@ pub struct Io<'p> {
     pub chassis_timing: Statistics,
 }
 
-/// What the mechanisms on the base shall do.
+/// How the base shall move.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// Forward, to the left, and turning.
+    pub twist: Twist,
+    /// Whose forward that is.
+    pub axes: Axes,
+}
+
+/// Whose axes a motion is in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Axes {
+    /// The robot's: forward is where it looks.
+    #[default]
+    Robot,
+    /// The world's: forward is where the robot looked when its IMU was zeroed.
+    World,
+}
+
+/// What the mechanisms on the base shall do.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Posture {
     /// Gimbal yaw, 0 ..< 360 degrees.
     pub yaw: Degrees,
@@ -43,8 +74,8 @@ pub struct Posture {
     pub pitch: Degrees,
     /// Feeder speed.
     pub feeder: Rpm,
-    /// Lift, in degrees of its shafts above the bottom.
-    pub lift: i32,
+    /// Lift: the angle of its shafts above the bottom.
+    pub lift: TotalAngle,
 }
 
 /// Why a robot could not be set up: its table is wrong.
@@ -139,7 +170,12 @@ impl<'p> Io<'p> {
         Self {
             switch: ArmSwitch::new(),
             buses,
-            twist: Latest::new(),
+            remote: Latest::new(),
+            remote_reception: Reception::new(),
+            freshness: Latest::new(),
+            heading: Latest::new(),
+            imu_reception: Reception::new(),
+            motion: Latest::new(),
             posture: Latest::new(),
             status: Topic::new(),
             chassis_timing: Statistics::new(),

@@ -1,7 +1,11 @@
 //! How the robot is, in one small message that a log, a lamp or a display can use.
 
+use core::fmt;
+
 use embassy_time::{Duration, Ticker};
 use rc10_can::{ErrorState, Micros};
+use rc10_module::Counters;
+use rc10_module::remote::Freshness;
 use rc10_motor::{ArmState, Link};
 
 use crate::robot::Io;
@@ -16,6 +20,12 @@ pub struct RobotStatus {
     pub arm: ArmState,
     /// Motors that are heard.
     pub online: u8,
+    /// Whether the remote control is heard.
+    pub remote: Freshness,
+    /// What the bytes of its receiver amounted to.
+    pub remote_reception: Counters,
+    /// What the bytes of the IMU amounted to.
+    pub imu_reception: Counters,
     /// How the buses are.
     pub buses: [BusSummary; BUSES],
 }
@@ -48,41 +58,49 @@ pub struct BusSummary {
 }
 
 /// For people: what is as it should be takes few words.
-#[cfg(feature = "defmt")]
-impl defmt::Format for RobotStatus {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "{}, {} of {} motors online", self.arm, self.online, MOTORS.len());
-        for (number, bus) in (1_u8..).zip(&self.buses) {
-            defmt::write!(f, "; bus {} {}", number, bus);
+impl fmt::Display for RobotStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, {} of {} motors online", self.arm, self.online, MOTORS.len())?;
+        match self.remote {
+            Freshness::Fresh => {}
+            Freshness::Missing => write!(f, ", remote missing")?,
+            Freshness::Lost => write!(f, ", no remote")?,
         }
+        for (name, counters) in [("remote", self.remote_reception), ("IMU", self.imu_reception)] {
+            let Counters { damaged, skipped, port_errors, .. } = counters;
+            if damaged > 0 || skipped > 0 || port_errors > 0 {
+                write!(f, ", {name}: {damaged} damaged, {skipped} bytes skipped, ")?;
+                write!(f, "{port_errors} port errors")?;
+            }
+        }
+        for (number, bus) in (1_u8..).zip(&self.buses) {
+            write!(f, "; bus {number} {bus}")?;
+        }
+        Ok(())
     }
 }
 
-#[cfg(feature = "defmt")]
-impl defmt::Format for BusSummary {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "{}", self.state);
+impl fmt::Display for BusSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.state)?;
         if self.alone {
-            defmt::write!(f, ", alone on the bus");
+            write!(f, ", alone on the bus")?;
         }
         let Self { ticks, longest_tick, longest_period, received, .. } = self;
-        defmt::write!(f, ": {} ticks of {} us, {} us apart", ticks, longest_tick, longest_period);
-        defmt::write!(f, ", {} received", received);
-        if self.overruns > 0 {
-            defmt::write!(f, ", {} ticks missed", self.overruns);
+        write!(f, ": {ticks} ticks of {longest_tick} us, {longest_period} us apart")?;
+        write!(f, ", {received} received")?;
+        for (count, what) in [
+            (self.overruns, "ticks missed"),
+            (self.malformed, "malformed"),
+            (self.lost, "lost"),
+            (self.bus_offs, "times bus-off"),
+            (self.stalls, "times stalled"),
+        ] {
+            if count > 0 {
+                write!(f, ", {count} {what}")?;
+            }
         }
-        if self.malformed > 0 {
-            defmt::write!(f, ", {} malformed", self.malformed);
-        }
-        if self.lost > 0 {
-            defmt::write!(f, ", {} lost", self.lost);
-        }
-        if self.bus_offs > 0 {
-            defmt::write!(f, ", {} times bus-off", self.bus_offs);
-        }
-        if self.stalls > 0 {
-            defmt::write!(f, ", {} times stalled", self.stalls);
-        }
+        Ok(())
     }
 }
 
@@ -119,6 +137,9 @@ pub fn now(io: &Io<'_>) -> RobotStatus {
         at: rc10_bsp::now(),
         arm: io.switch.state(),
         online: u8::try_from(online.count()).unwrap_or(u8::MAX),
+        remote: io.freshness.read().map_or(Freshness::Lost, |freshness| freshness.value),
+        remote_reception: io.remote_reception.read(),
+        imu_reception: io.imu_reception.read(),
         buses: core::array::from_fn(summary),
     }
 }

@@ -1,6 +1,7 @@
 //! Which motor, on which bus, with which id, gains and safe state; and the robot's measures.
 
-use rc10_app::{Mecanum, Rpm, TwistLimits};
+use rc10_app::{Degrees, Mecanum, Rpm, Twist, TwistLimits};
+use rc10_module::remote::Receiver;
 use rc10_motor::Safety;
 use rc10_motor::cascade::Cascade;
 use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
@@ -97,6 +98,30 @@ pub const LIFT: [Name; 4] =
 /// The base: wheels of 76 mm radius, 400 mm by 440 mm apart. The wheels stay below the 480 rpm that
 /// an M3508 reaches unloaded.
 pub const BASE: Mecanum = Mecanum::new(0.076, 0.20, 0.22, Rpm::new(400.0));
+
+/// Which receiver of a remote control is plugged in.
+pub const RECEIVER: Receiver = Receiver::Dr16;
+
+/// LEDs of the strip that shows how the robot is.
+pub const LEDS: usize = 8;
+
+/// How fast the base goes with the sticks at their ends.
+pub const FULL_STICK: Twist = Twist::new(2.0, 2.0, 6.0);
+
+/// How fast the gimbal turns with the sticks at their ends, degrees per second: yaw and pitch.
+pub const GIMBAL_RATES: [f32; 2] = [240.0, 120.0];
+
+/// Where the gimbal looks when the robot is armed.
+pub const GIMBAL_AHEAD: Degrees = Degrees::new(180.0);
+
+/// How fast the feeder turns with the stick at its end.
+pub const FEEDER: Rpm = Rpm::new(300.0);
+
+/// How fast the lift's shafts turn with the stick at its end, degrees per second.
+pub const LIFT_RATE: f32 = 800.0;
+
+/// The lift's shafts turn so far from the bottom to the top, degrees.
+pub const LIFT_TOP: i32 = 1080;
 
 /// What the base can accelerate without its wheels slipping: m/s² and rad/s².
 pub const BASE_LIMITS: TwistLimits = TwistLimits::new(3.0, 12.0);
