@@ -11,6 +11,7 @@ use std::{env, fs};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
+use rc10_emu::fault::Kind;
 use rc10_emu::{Fault, Machine, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::embassy::BusStatus;
@@ -21,9 +22,10 @@ use sha2::{Digest, Sha256};
 use self::output::Outcome;
 use crate::recorder::Recorder;
 use crate::recording::{Recording, hex_digits};
+use crate::remote::{Operator, ReceiverWire, Sight, Watch};
 use crate::robot::{Description, Device, Place, Robot, Twin};
-use crate::run::seconds;
-use crate::surroundings::Surroundings;
+use crate::run::{check_end, seconds};
+use crate::surroundings::{RemoteLink, Surroundings, operate};
 
 /// What `rc10 emu` is told.
 #[derive(Args, Debug)]
@@ -41,7 +43,8 @@ pub struct EmuArgs {
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub mips: Option<u64>,
     /// Something goes wrong: cut:2@0.3s..0.5s short:2@.. dominant:2@.. noise:2@0.3s power:2@..
-    /// load:2@.. hang@0.3s..320ms mask@0.3s..305ms panic@0.3s hardfault@0.3s; repeat for more
+    /// load:2@.. remote-lost@0.5s..0.7s hang@0.3s..320ms mask@0.3s..305ms panic@0.3s
+    /// hardfault@0.3s; repeat for more
     #[arg(long = "fault", value_name = "FAULT")]
     pub faults: Vec<Fault>,
     /// Print one JSON object instead of tables
@@ -75,6 +78,8 @@ pub struct Emulation<'r> {
     /// The robot's buses: they only listen.
     listeners: Vec<MotorBus<'r>>,
     heard: Vec<usize>,
+    remote: Option<RemoteLink>,
+    operator: Option<Operator>,
 }
 
 impl<'r> Emulation<'r> {
@@ -84,6 +89,8 @@ impl<'r> Emulation<'r> {
     /// If the program or the robot's description is none, or a fault concerns a bus that is not
     /// there.
     pub fn new(program: &[u8], robot: Robot<'r>, setup: &Setup) -> Result<Self> {
+        let mut robot = robot;
+        robot.set_remote(None, &setup.faults)?;
         let (mut description, listeners) = robot.into_buses()?;
         if let Some(rate) = setup.rate {
             for motor in &mut description.motors {
@@ -92,7 +99,7 @@ impl<'r> Emulation<'r> {
                 }
             }
         }
-        let Surroundings { world, wires, lines, motors, base } =
+        let Surroundings { world, wires, lines, motors, base, serials, remote, operator } =
             Surroundings::new(&description, setup.seed)?;
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
         ensure!(lines.is_empty(), "the firmware has no RS-485 line yet, the robot {}", lines.len());
@@ -100,15 +107,29 @@ impl<'r> Emulation<'r> {
         if let Some(speed) = setup.speed {
             machine.set_speed(speed);
         }
+        for (part, link) in description.serials.iter().zip(&serials) {
+            machine.connect_serial(part.uart, link, false).context(part.label)?;
+        }
+        if let (Some(control), Some(link)) = (&description.remote, &remote) {
+            match &link.wire {
+                ReceiverWire::Serial(wire) => {
+                    machine.connect_serial(control.uart, wire, link.receiver.is_inverted())
+                }
+                ReceiverWire::Pulses(wire) => machine.connect_pulses(control.pulse_pin, wire),
+            }
+            .context("remote")?;
+        }
         let on_buses = description.motors.iter().zip(&motors);
         let on_buses = on_buses.filter_map(|(motor, esc)| match motor.on {
             Place::Bus(bus) => Some((usize::from(bus) - 1, esc.esc()?.clone())),
             Place::Line(_) => None,
         });
         let heard = vec![0; wires.len()];
-        let rig = Rig::new(machine, world, wires, on_buses.collect(), &setup.faults)?;
+        let mut of_chip = setup.faults.clone();
+        of_chip.retain(|fault| fault.kind != Kind::RemoteLost);
+        let rig = Rig::new(machine, world, wires, on_buses.collect(), &of_chip)?;
         let seed = setup.seed;
-        Ok(Self { rig, motors, description, base, seed, listeners, heard })
+        Ok(Self { rig, motors, description, base, seed, listeners, heard, remote, operator })
     }
 
     /// Lets everything go on up to a time since power-on.
@@ -116,7 +137,16 @@ impl<'r> Emulation<'r> {
     /// # Errors
     /// As [`Rig::run`].
     pub fn run(&mut self, until: Nanos) -> Result<()> {
-        self.rig.run(until)
+        let Self { rig, operator, .. } = self;
+        operate(operator.as_mut(), until.micros(), |until| rig.run(until.into()))?;
+        rig.run(until)
+    }
+
+    /// What can be seen of the remote and the motors.
+    fn sight(&self) -> Option<Sight<'_>> {
+        let remote = self.remote.as_ref()?;
+        let motors = &self.description.motors;
+        Some(Sight { sent: remote.remote.sent(), motors, twins: &self.motors, arm: None })
     }
 
     /// What is new on the wires since the last call, bus by bus; the listeners have heard it.
@@ -142,14 +172,26 @@ impl<'r> Emulation<'r> {
     pub fn record(mut self, length: Micros) -> Result<(Self, Recording)> {
         let description = self.description.clone();
         let mut recorder = Recorder::new(&description, self.seed);
+        let mut watch = Watch::new(description.remote.as_ref());
         let mut now = Micros::ZERO;
+        let mut next_sample = Recorder::next_sample(now, length);
         while now < length {
-            now = Recorder::next_sample(now, length);
+            now = watch.next(now).map_or(next_sample, |look| look.min(next_sample));
             self.run(now.into())?;
+            if let Some(sight) = self.sight() {
+                watch.look(now, sight);
+            }
+            if now < next_sample {
+                continue;
+            }
             for (bus, entries) in self.listen().iter().enumerate() {
                 recorder.frames(bus, entries);
             }
             recorder.sample(&self.motors, self.base.as_ref(), |line| self.status(line, now));
+            if let Some(sight) = self.sight() {
+                watch.sample(sight);
+            }
+            next_sample = Recorder::next_sample(now, length);
         }
         let recording = recorder.finish(
             length,
@@ -166,7 +208,9 @@ impl<'r> Emulation<'r> {
             },
             Vec::new(),
         );
-        Ok((self, recording))
+        let remote = self.remote.as_ref();
+        let remote = remote.map(|link| watch.finish(link.receiver, link.remote.sent(), None));
+        Ok((self, Recording { remote, ..recording }))
     }
 
     /// What is heard of a motor.
@@ -185,10 +229,7 @@ impl<'r> Emulation<'r> {
 /// # Errors
 /// If there is no program, or it is none, or a fault cannot happen.
 pub fn emulate(args: &EmuArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let late = args.faults.iter().find(|fault| fault.from >= args.seconds.into());
-    if let Some(fault) = late {
-        bail!("{} would begin at {}, after the end: say --seconds", fault.kind, fault.from);
-    }
+    check_end(&args.faults, args.seconds)?;
     let path = match (&args.elf, robot.description().firmware) {
         (Some(path), _) => path.clone(),
         (None, Some(build)) => build()?,

@@ -2,11 +2,13 @@
 
 use std::fmt::Write as _;
 
-use rc10_can::Timing;
+use rc10_can::{Micros, Timing};
+use rc10_module::Counters;
 use rc10_motor::TargetKind;
 use serde_json::{Value, json};
 
 use crate::recording::{MotorTrack, Recording};
+use crate::remote::{Loss, RemoteTrack};
 
 /// What a track's samples amount to.
 struct Tracking {
@@ -174,6 +176,89 @@ fn write_lines(text: &mut String, recording: &Recording) -> std::fmt::Result {
     Ok(())
 }
 
+/// An empty line, one for the receiver and one per time that the remote was lost; nothing for a
+/// robot without one.
+#[must_use]
+pub fn remote_lines(recording: &Recording) -> String {
+    let Some(track) = &recording.remote else { return String::new() };
+    let mut text = String::new();
+    let _ = write_remote(&mut text, track);
+    text
+}
+
+fn write_remote(text: &mut String, track: &RemoteTrack) -> std::fmt::Result {
+    let RemoteTrack { receiver, sent, heard, losses, .. } = track;
+    write!(text, "\nremote {receiver}: {} frames sent, {} of them live", sent.frames, sent.live)?;
+    if let Some(heard) = heard {
+        let Counters { frames, damaged, skipped, port_errors, .. } = heard;
+        write!(text, "; {frames} heard, {damaged} damaged, {skipped} bytes skipped, ")?;
+        write!(text, "{port_errors} port errors")?;
+    }
+    writeln!(text)?;
+    for loss in losses {
+        writeln!(text, "{}", sentence(loss))?;
+    }
+    Ok(())
+}
+
+/// One loss in words.
+#[must_use]
+pub fn sentence(loss: &Loss) -> String {
+    let mut text = format!("remote lost at {:.3} s", seconds(loss.lost.from));
+    let mut add = |what: &str, at: Option<Micros>| {
+        if let Some(at) = at {
+            let _ = write!(text, "; {what} {:.4} s", seconds(at));
+        }
+    };
+    add("last good frame", loss.last_frame);
+    add("all coast", loss.coasting);
+    add("disarmed", loss.disarmed);
+    add("good frames again", loss.back);
+    add("resumed", loss.resumed);
+    if let Some(reaction) = loss.reaction() {
+        let _ = write!(text, "; coasting {:.1} ms after the last frame", seconds(reaction) * 1e3);
+    }
+    text
+}
+
+fn seconds(time: Micros) -> f64 {
+    time.get() as f64 * 1e-6
+}
+
+/// The remote as JSON; null without one.
+#[must_use]
+pub fn remote_json(recording: &Recording) -> Value {
+    let Some(track) = &recording.remote else { return Value::Null };
+    let micros = |time: Option<Micros>| time.map(Micros::get);
+    let losses = track.losses.iter().map(|loss| {
+        json!({
+            "from_us": loss.lost.from.get(),
+            "until_us": micros(loss.lost.until),
+            "last_good_frame_us": micros(loss.last_frame),
+            "all_coast_us": micros(loss.coasting),
+            "frame_to_coast_us": micros(loss.reaction()),
+            "disarmed_us": micros(loss.disarmed),
+            "good_frame_again_us": micros(loss.back),
+            "resumed_us": micros(loss.resumed),
+        })
+    });
+    let heard = track.heard.map(|heard| {
+        json!({
+            "frames": heard.frames,
+            "damaged": heard.damaged,
+            "bytes_skipped": heard.skipped,
+            "port_errors": heard.port_errors,
+        })
+    });
+    json!({
+        "receiver": track.receiver.to_string(),
+        "frames_sent": track.sent.frames,
+        "live_frames_sent": track.sent.live,
+        "heard": heard,
+        "losses": losses.collect::<Vec<_>>(),
+    })
+}
+
 fn min_mean_max(timing: &Timing) -> String {
     match (timing.min(), timing.mean(), timing.max()) {
         (Some(min), Some(mean), Some(max)) => format!("{min} / {mean:.1} / {max}"),
@@ -256,5 +341,6 @@ pub fn to_json(recording: &Recording, wall: f64) -> Value {
         "motors": motors.collect::<Vec<_>>(),
         "buses": buses.collect::<Vec<_>>(),
         "lines": lines.collect::<Vec<_>>(),
+        "remote": remote_json(recording),
     })
 }

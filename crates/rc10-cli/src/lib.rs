@@ -8,6 +8,7 @@
 //! * [`robot`]: what the tools must know of a robot: each [`Motor`] with its [`Place`](robot::Place)
 //!   on a bus or line, its [`Device`](robot::Device), and what its shaft carries. [`team`] and
 //!   [`mixed`]: the two of `rc10-robot`.
+//! * [`remote`]: its remote control, who holds it, and what happens when it is lost.
 //! * [`surroundings`]: the world around a robot, from its description alone.
 //! * [`recorder`]: writes down what happens there, whoever runs the robot. [`simulate`] runs its
 //!   own tasks, on this machine.
@@ -27,6 +28,7 @@ pub mod mixed;
 pub mod pty;
 pub mod recorder;
 pub mod recording;
+pub mod remote;
 pub mod report;
 pub mod robot;
 pub mod run;
@@ -47,7 +49,8 @@ use pty::PtyArgs;
 use run::RunArgs;
 
 pub use recording::{Event, Recording};
-pub use robot::{Base, Description, Motor, Robot, Script};
+pub use remote::{Receiver, RemoteControl};
+pub use robot::{Base, Description, Motor, Robot, Script, SerialPart};
 
 /// RC10: a robot's motor buses, on a PC.
 #[derive(Parser)]

@@ -43,14 +43,17 @@ pub fn description() -> Result<Description> {
     let mut motors = vec![
         Motor {
             inertia: 0.003,
+            holds: true,
             ..can("wheel", 1, vesc, wheel_twin, wheel_messages, vesc::signals::NOT_IN_DBC)
         },
         Motor {
             inertia: 0.02,
+            holds: true,
             ..can("arm", 1, damiao, arm_twin, arm_messages, damiao::signals::NOT_IN_DBC)
         },
         Motor {
             inertia: 0.02,
+            holds: true,
             ..can("hip", 1, hip, hip_twin, hip_messages, unitree::signals::NOT_IN_DBC)
         },
         Motor {
@@ -59,6 +62,7 @@ pub fn description() -> Result<Description> {
         },
         Motor {
             inertia: 0.02,
+            holds: true,
             ..can("turret", 2, turret, turret_twin, turret_messages, lk::signals::NOT_IN_DBC)
         },
         Motor {
@@ -76,7 +80,8 @@ pub fn description() -> Result<Description> {
     for (id, (label, twin)) in (0..).zip(LEG_TWINS) {
         let name = MotorName { model: "GO-M8010-6", id };
         let device = Device::Line { name, twin };
-        motors.push(Motor { inertia: 0.01, ..Motor::with_device(label, Place::Line(1), device) });
+        let leg = Motor::with_device(label, Place::Line(1), device);
+        motors.push(Motor { inertia: 0.01, holds: true, ..leg });
     }
     let event = |&(at, label, _): &(u32, &'static str, _)| Event {
         at: Micros::from_millis(at.into()),
@@ -87,12 +92,11 @@ pub fn description() -> Result<Description> {
         motors,
         buses: BUSES as u8,
         lines: 1,
-        base: None,
         script: Script {
             events: std::iter::once(armed).chain(SCRIPT.iter().map(event)).collect(),
             repeats_after: None,
         },
-        firmware: None,
+        ..Description::default()
     })
 }
 

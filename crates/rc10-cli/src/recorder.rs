@@ -110,7 +110,8 @@ impl<'d> Recorder<'d> {
             buses: buses.collect(),
             lines,
             base: base.map(|base| BaseTrack { wheels: base.wheels, path: self.path }),
-            events: self.description.script.until(length),
+            events: self.description.events(length),
+            remote: None,
         }
     }
 }

@@ -7,6 +7,7 @@ use rc10_motor::embassy::{BusStatus, LineStatus};
 use rc10_motor::{Drive, Link, MotorStatus, TargetKind};
 use sha2::{Digest, Sha256};
 
+use crate::remote::RemoteTrack;
 use crate::robot::Motor;
 
 /// Samples are taken this far apart.
@@ -26,8 +27,10 @@ pub struct Recording {
     pub lines: Vec<LineStatus>,
     /// What its base did, if it has one.
     pub base: Option<BaseTrack>,
-    /// What the robot's script did, in order.
+    /// What happened by itself, in order: in the robot's script, or in somebody's hands.
     pub events: Vec<Event>,
+    /// What its remote did, if it has one.
+    pub remote: Option<RemoteTrack>,
 }
 
 impl Recording {
@@ -116,7 +119,7 @@ pub struct PathPoint {
     pub yaw: f64,
 }
 
-/// Something the robot did by itself.
+/// Something that happened by itself.
 #[derive(Clone, Copy, Debug)]
 pub struct Event {
     /// When.

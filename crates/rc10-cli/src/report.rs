@@ -6,16 +6,19 @@
 use std::fmt::Write as _;
 
 use rc10_can::Micros;
-use rc10_motor::{Drive, Link, TargetKind, Verdict};
+use rc10_motor::{ArmState, Drive, Link, TargetKind, Verdict};
 use serde_json::{Value, json};
 
 use crate::recording::{BusTrack, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD};
+use crate::remote::{Loss, RemoteSample, RemoteTrack};
 use crate::robot::Place;
 
 /// Width of the windows of [`BusTrack::load_windows`].
 const LOAD_WINDOW: Micros = Micros::from_millis(100);
 /// More samples than this would not fit on a screen: of a longer run every so many-th is drawn.
 const DRAWN: usize = 4000;
+/// A robot that lost its remote lets go within this time from the last good frame on.
+const REACTION: Micros = Micros::from_millis(120);
 /// More events than this are not listed; the plots have them all.
 const LISTED: usize = 60;
 
@@ -59,6 +62,7 @@ pub fn report(recording: &Recording) -> String {
         motor_table = motor_table(recording),
         bus_table = bus_table(recording),
         line_table = line_table(recording),
+        remote = remote_section(recording),
         data = data(recording, motion.iter().chain(&currents).chain(&loads)),
     )
 }
@@ -95,6 +99,16 @@ fn problems(recording: &Recording) -> Vec<String> {
         ];
         let happened = counters.iter().filter(|(count, _)| *count > 0);
         problems.extend(happened.map(|(count, what)| format!("bus {bus}: {count} {what}")));
+    }
+    if let Some(track) = &recording.remote {
+        let heard = track.heard.unwrap_or_default();
+        let counters = [(heard.damaged, "damaged frames"), (heard.port_errors, "port errors")];
+        let happened = counters.iter().filter(|(count, _)| *count > 0);
+        problems.extend(happened.map(|(count, what)| format!("remote: {count} {what}")));
+        let late = track.losses.iter().filter_map(Loss::reaction).filter(|time| *time > REACTION);
+        problems.extend(late.map(|time| {
+            format!("remote lost: the motors coasted after {:.1} ms only", seconds(time) * 1e3)
+        }));
     }
     problems
 }
@@ -249,6 +263,45 @@ fn line_table(recording: &Recording) -> String {
     let head = "line | exchanges | timeouts | CRC errors | garbage bytes | unexpected | \
                 port errors | overruns | exchange: min | mean | max";
     table(head, 1, rows)
+}
+
+/// What became of a lost remote; nothing for a robot without one.
+fn remote_section(recording: &Recording) -> String {
+    let Some(track) = &recording.remote else { return String::new() };
+    let RemoteTrack { receiver, sent, heard, losses, .. } = track;
+    let frames = |count: u64| grouped(count);
+    let mut html = format!(
+        "<section>\n<h2>Remote</h2>\n<p class=\"hint\">{receiver}: {} frames sent, {} of them live",
+        frames(sent.frames),
+        frames(sent.live),
+    );
+    if let Some(heard) = heard {
+        let (frames, damaged) = (grouped(heard.frames.into()), grouped(heard.damaged.into()));
+        let errors = grouped(heard.port_errors.into());
+        let _ = write!(html, "; {frames} heard, {damaged} damaged, {errors} port errors");
+    }
+    html.push_str("</p>\n");
+    if !losses.is_empty() {
+        let at = |time: Option<Micros>| cell(&optional(time.map(seconds), 4, " s"));
+        let rows = losses.iter().map(|loss| {
+            let millis = loss.reaction().map(|time| seconds(time) * 1e3);
+            vec![
+                at(Some(loss.lost.from)),
+                at(loss.lost.until),
+                at(loss.last_frame),
+                at(loss.coasting),
+                cell(&optional(millis, 1, " ms")),
+                at(loss.disarmed),
+                at(loss.back),
+                at(loss.resumed),
+            ]
+        });
+        let head = "lost at | until | last good frame | all coast | after that frame | disarmed | \
+                    good frames again | resumed";
+        html.push_str(&table(head, 0, rows));
+    }
+    html.push_str("</section>\n");
+    html
 }
 
 /// A table whose first `left` columns are words; `|` parts the titles of its columns.
@@ -570,7 +623,8 @@ fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> S
         "period": periods(1),
         "events": events.iter().map(|(at, label)| json!([seconds(*at), label])).collect::<Value>(),
         "states": STATES,
-        "lanes": recording.motors.iter().map(lane).collect::<Value>(),
+        "lanes": remote_lanes(recording).into_iter().chain(recording.motors.iter().map(lane))
+            .collect::<Value>(),
         "stops": stops(recording),
         "charts": charts.map(|chart| &chart.body).collect::<Vec<_>>(),
         "path": {
@@ -585,8 +639,21 @@ fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> S
     data.to_string().replace('<', "\\u003c")
 }
 
-/// What a motor can be seen to do; `report.css` has a colour for each.
-const STATES: [&str; 7] = ["run", "hold", "brake", "coast", "off", "lost", "unheard"];
+/// What a motor can be seen to do, and a robot, and a remote; `report.css` has a colour for each.
+const STATES: [&str; 12] = [
+    "run",
+    "hold",
+    "brake",
+    "coast",
+    "off",
+    "lost",
+    "unheard",
+    "armed",
+    "suspended",
+    "stopped",
+    "disarmed",
+    "heard",
+];
 
 const fn state(sample: &MotorSample) -> u8 {
     match (sample.link, sample.drive) {
@@ -602,6 +669,25 @@ const fn state(sample: &MotorSample) -> u8 {
 
 fn lane(track: &MotorTrack) -> Value {
     json!({ "name": track.motor.label, "runs": runs(track.samples.iter().map(state)) })
+}
+
+/// Whether the remote was heard, and whether the robot was armed.
+fn remote_lanes(recording: &Recording) -> Vec<Value> {
+    let Some(track) = &recording.remote else { return Vec::new() };
+    let heard = track.samples.iter().map(|sample| if sample.is_live { 11 } else { 5_u8 });
+    let mut lanes = vec![json!({ "name": "remote", "runs": runs(heard) })];
+    let arm = |sample: &RemoteSample| {
+        Some(match sample.arm? {
+            ArmState::Armed => 7_u8,
+            ArmState::Suspended => 8,
+            ArmState::EStopped => 9,
+            ArmState::Disarmed => 10,
+        })
+    };
+    if let Some(arms) = track.samples.iter().map(arm).collect::<Option<Vec<u8>>>() {
+        lanes.push(json!({ "name": "robot", "runs": runs(arms.into_iter()) }));
+    }
+    lanes
 }
 
 /// When no wheel of the base, or without one no motor, follows its target: the robot is disarmed,
@@ -647,8 +733,11 @@ mod tests {
     use rc10_motor::embassy::BusStatus;
     use rc10_motor::{BusLoad, MotorStatus};
 
+    use rc10_sim::remote::Sent;
+
     use super::*;
     use crate::recording::{BaseTrack, Event};
+    use crate::remote::{Lost, Receiver};
     use crate::team;
 
     /// All motors follow a target exactly; nothing is wrong.
@@ -701,6 +790,7 @@ mod tests {
                 event(900, "feeder on"),
                 event(1500, "stand <still> & \"wait\""),
             ],
+            remote: None,
         }
     }
 
@@ -852,6 +942,63 @@ mod tests {
     }
 
     #[test]
+    fn a_remote_has_its_lanes_and_a_line_for_each_time_that_it_was_lost() {
+        let mut recording = two_seconds();
+        assert!(!report(&recording).contains("<h2>Remote</h2>"));
+        let at = |millis| Some(Micros::from_millis(millis));
+        let loss = Loss {
+            lost: Lost { from: Micros::from_millis(500), until: at(1500) },
+            last_frame: at(497),
+            coasting: at(600),
+            back: None,
+            resumed: None,
+            disarmed: at(1497),
+        };
+        let sample = |index: usize| RemoteSample {
+            is_live: index < 50,
+            arm: Some(match index {
+                ..60 => ArmState::Armed,
+                60..150 => ArmState::Suspended,
+                _ => ArmState::Disarmed,
+            }),
+        };
+        let mut track = RemoteTrack {
+            receiver: Receiver::Sbus,
+            sent: Sent::default(),
+            heard: None,
+            losses: vec![loss],
+            samples: (0..200).map(sample).collect(),
+        };
+        recording.remote = Some(track.clone());
+        let page = report(&recording);
+        for text in
+            ["sbus: 0 frames", "<td>0.4970 s</td>", "<td>103.0 ms</td>", "<td>1.4970 s</td>"]
+        {
+            assert!(page.contains(text), "{text}");
+        }
+        assert!(page.contains("nothing lost"), "let go in time");
+        let data = embedded(&page);
+        let name = |state: &Value| data["states"][state.as_u64().unwrap() as usize].clone();
+        let lane = |index: usize| -> Vec<Value> {
+            data["lanes"][index]["runs"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(|run| name(&run[2]))
+                .collect()
+        };
+        assert_eq!(lane(0), ["heard", "lost"]);
+        assert_eq!(lane(1), ["armed", "suspended", "disarmed"]);
+        assert_eq!(data["lanes"].as_array().unwrap().len(), 13);
+        track.losses[0].coasting = at(618);
+        track.samples[0].arm = None;
+        recording.remote = Some(track);
+        let page = report(&recording);
+        assert!(page.contains("<li>remote lost: the motors coasted after 121.0 ms only</li>"));
+        assert_eq!(embedded(&page)["lanes"].as_array().unwrap().len(), 12);
+    }
+
+    #[test]
     fn an_empty_recording_is_a_page_too() {
         let nothing = Recording {
             seed: 0,
@@ -861,6 +1008,7 @@ mod tests {
             lines: Vec::new(),
             base: None,
             events: Vec::new(),
+            remote: None,
         };
         assert_eq!(embedded(&report(&nothing))["charts"], json!([]));
     }

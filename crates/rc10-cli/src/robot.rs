@@ -7,14 +7,19 @@ use std::pin::Pin;
 
 use anyhow::{Context, Result, bail, ensure};
 use rc10_can::Micros;
+use rc10_emu::Fault;
+use rc10_emu::fault::Kind;
+use rc10_module::Reception;
 use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
 use rc10_motor::embassy::{BusPort, LinePort, MotorPort, run_bus, run_line};
 use rc10_motor::signals::Message;
 use rc10_motor::unitree::UnitreeLine;
-use rc10_motor::{MotorBus, MotorId, MotorName};
-use rc10_sim::{Esc, EscConfig, EscState, LineMotor, Tasks};
+use rc10_motor::{ArmSwitch, MotorBus, MotorId, MotorName};
+use rc10_sim::{Esc, EscConfig, EscState, LineMotor, Serial, Tasks, UartPort, World};
 
 use crate::recording::Event;
+use crate::remote::{Line, Receiver, ReceiverPort, RemoteControl};
+use crate::surroundings::Surroundings;
 
 /// What the tools must know of a robot before it runs.
 #[derive(Clone, Debug, Default)]
@@ -27,6 +32,10 @@ pub struct Description {
     pub lines: u8,
     /// What its wheels carry, if that shall be simulated.
     pub base: Option<Base>,
+    /// Its remote control, if it has one, and what somebody does with it.
+    pub remote: Option<RemoteControl>,
+    /// What else is on its UARTs.
+    pub serials: Vec<SerialPart>,
     /// What it does by itself, to be named in reports.
     pub script: Script,
     /// Builds its firmware and says where the ELF file is. `None`: `rc10 emu` must be told.
@@ -49,6 +58,19 @@ pub struct Motor {
     /// Constant torque on its output shaft from outside, such as a weight, N m; positive the way
     /// the robot counts.
     pub load: f64,
+    /// Its safe state is to hold or to brake: it may be driven while the robot is stopped.
+    pub holds: bool,
+}
+
+/// A part on a UART of the robot.
+#[derive(Clone, Copy, Debug)]
+pub struct SerialPart {
+    /// What people call it.
+    pub label: &'static str,
+    /// The chip's UART: 1 for USART1.
+    pub uart: u8,
+    /// Puts its simulated twin at the end of a link.
+    pub twin: fn(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial>,
 }
 
 /// What a motor is plugged into; the first of each sort is 1.
@@ -142,7 +164,8 @@ impl Motor {
     /// Any motor that counts forward and has a bare shaft.
     #[must_use]
     pub const fn with_device(label: &'static str, on: Place, device: Device) -> Self {
-        Self { label, on, device, direction: Direction::Forward, inertia: 0.0, load: 0.0 }
+        let direction = Direction::Forward;
+        Self { label, on, device, direction, inertia: 0.0, load: 0.0, holds: false }
     }
 
     /// What buses and tables call it.
@@ -317,6 +340,28 @@ impl Description {
         self.motors.iter().filter(move |motor| motor.on == Place::Bus(bus))
     }
 
+    /// What happens by itself before `end`, in the order of time: in its script, in the hands of
+    /// whoever holds its remote, and to that remote.
+    #[must_use]
+    pub fn events(&self, end: Micros) -> Vec<Event> {
+        let mut events = self.script.until(end);
+        if let Some(remote) = &self.remote {
+            let line = |line: &Line| Event { at: line.at, label: line.label };
+            let script = Script {
+                events: remote.script.iter().map(line).collect(),
+                repeats_after: remote.repeats_after,
+            };
+            events.extend(script.until(end));
+            for lost in &remote.lost {
+                events.push(Event { at: lost.from, label: "remote lost" });
+                events.extend(lost.until.map(|at| Event { at, label: "remote back" }));
+            }
+        }
+        events.retain(|event| event.at < end);
+        events.sort_by_key(|event| event.at);
+        events
+    }
+
     /// Which of the motors that are plugged in at the same place the one in an entry of
     /// [`Description::motors`] is.
     #[must_use]
@@ -334,6 +379,10 @@ pub struct Ports<'r> {
     pub buses: Vec<&'r BusPort>,
     /// The lines.
     pub lines: Vec<&'r LinePort>,
+    /// What arms it.
+    pub switch: Option<&'r ArmSwitch>,
+    /// What it hears of its remote.
+    pub reception: Option<&'r Reception>,
 }
 
 impl<'r> Ports<'r> {
@@ -356,15 +405,33 @@ pub struct Robot<'r> {
     buses: Vec<MotorBus<'r>>,
     lines: Vec<UnitreeLine<'r>>,
     ports: Ports<'r>,
-    tasks: Vec<Pin<Box<dyn Future<Output = ()> + 'r>>>,
+    tasks: Vec<Task<'r>>,
+    listen: Option<Box<dyn FnOnce(Receiver, ReceiverPort) -> Task<'r> + 'r>>,
+    serials: Vec<Box<dyn FnOnce(UartPort) -> Task<'r> + 'r>>,
+}
+
+type Task<'r> = Pin<Box<dyn Future<Output = ()> + 'r>>;
+
+fn boxed<'r, T>(task: impl Future<Output = T> + 'r) -> Task<'r> {
+    Box::pin(async {
+        task.await;
+    })
 }
 
 impl<'r> Robot<'r> {
     /// A robot without buses and tasks.
     #[must_use]
     pub const fn new(description: Description) -> Self {
-        let ports = Ports { buses: Vec::new(), lines: Vec::new() };
-        Self { description, buses: Vec::new(), lines: Vec::new(), ports, tasks: Vec::new() }
+        let ports = Ports { buses: Vec::new(), lines: Vec::new(), switch: None, reception: None };
+        Self {
+            description,
+            buses: Vec::new(),
+            lines: Vec::new(),
+            ports,
+            tasks: Vec::new(),
+            listen: None,
+            serials: Vec::new(),
+        }
     }
 
     /// Adds its next bus, and the port that its tasks know it by.
@@ -386,10 +453,50 @@ impl<'r> Robot<'r> {
     /// Adds a task of its own; the buses' tasks are there already.
     #[must_use]
     pub fn task<T>(mut self, task: impl Future<Output = T> + 'r) -> Self {
-        self.tasks.push(Box::pin(async {
-            task.await;
-        }));
+        self.tasks.push(boxed(task));
         self
+    }
+
+    /// Says what arms it, so that reports can show when it was.
+    #[must_use]
+    pub const fn switch(mut self, switch: &'r ArmSwitch) -> Self {
+        self.ports.switch = Some(switch);
+        self
+    }
+
+    /// Adds the task that listens to the receiver of its remote, and where that counts.
+    #[must_use]
+    pub fn remote<F: Future + 'r>(
+        mut self,
+        reception: &'r Reception,
+        listen: impl FnOnce(Receiver, ReceiverPort) -> F + 'r,
+    ) -> Self {
+        self.ports.reception = Some(reception);
+        self.listen = Some(Box::new(|receiver, port| boxed(listen(receiver, port))));
+        self
+    }
+
+    /// Adds the task that speaks with its next part on a UART.
+    #[must_use]
+    pub fn serial<F: Future + 'r>(mut self, speak: impl FnOnce(UartPort) -> F + 'r) -> Self {
+        self.serials.push(Box::new(|port| boxed(speak(port))));
+        self
+    }
+
+    /// Plugs another receiver in, if one is named, and says when the remote will be lost.
+    ///
+    /// # Errors
+    /// If it has no remote, or none with such a receiver, or one is lost that is lost already.
+    pub fn set_remote(&mut self, receiver: Option<Receiver>, faults: &[Fault]) -> Result<()> {
+        let needed = receiver.is_some() || faults.iter().any(|f| f.kind == Kind::RemoteLost);
+        match &mut self.description.remote {
+            Some(remote) => {
+                receiver.map_or(Ok(()), |receiver| remote.plug(receiver))?;
+                remote.lose(faults)
+            }
+            None if needed => bail!("this robot has no remote control"),
+            None => Ok(()),
+        }
     }
 
     /// What it was described as.
@@ -404,21 +511,29 @@ impl<'r> Robot<'r> {
         self.ports.clone()
     }
 
-    /// Its buses' runners on `wires`, bus 1 on the first of them, those of its lines on `lines`,
-    /// then its own tasks.
+    /// Its buses' runners on the wires around it, bus 1 on the first of them, those of its lines on
+    /// the lines, its own tasks, and those of what is on its UARTs.
     ///
     /// # Errors
-    /// If its buses or lines are not as described.
-    pub fn tasks(self, wires: &[rc10_sim::Bus], lines: &[rc10_sim::Line]) -> Result<Tasks<'r>> {
+    /// If its buses, lines or UARTs are not as described.
+    pub fn tasks(self, around: &Surroundings) -> Result<Tasks<'r>> {
         self.check()?;
         let mut tasks = Tasks::new();
-        for ((bus, shared), wire) in self.buses.into_iter().zip(self.ports.buses).zip(wires) {
+        let buses = self.buses.into_iter().zip(self.ports.buses);
+        for ((bus, shared), wire) in buses.zip(&around.wires) {
             tasks.add(run_bus(wire.port(), bus, shared));
         }
-        for ((line, shared), wire) in self.lines.into_iter().zip(self.ports.lines).zip(lines) {
+        let lines = self.lines.into_iter().zip(self.ports.lines);
+        for ((line, shared), wire) in lines.zip(&around.lines) {
             tasks.add(run_line(wire.port(), line, shared));
         }
         self.tasks.into_iter().for_each(|task| tasks.add(task));
+        if let (Some(listen), Some(remote)) = (self.listen, &around.remote) {
+            tasks.add(listen(remote.receiver, remote.wire.port()));
+        }
+        for (speak, link) in self.serials.into_iter().zip(&around.serials) {
+            tasks.add(speak(link.port()));
+        }
         Ok(tasks)
     }
 
@@ -438,6 +553,13 @@ impl<'r> Robot<'r> {
         ensure!(buses == usize::from(described), "{buses} buses, but {described} described");
         let (lines, described) = (self.lines.len(), self.description.lines);
         ensure!(lines == usize::from(described), "{lines} lines, but {described} described");
+        match (&self.description.remote, &self.listen) {
+            (None, Some(_)) => bail!("it listens to a remote, but none is described"),
+            (Some(_), None) => bail!("a remote is described, but it listens to none"),
+            _ => (),
+        }
+        let (serials, described) = (self.serials.len(), self.description.serials.len());
+        ensure!(serials == described, "{serials} parts on UARTs, but {described} described");
         for (number, bus) in (1..=u8::MAX).zip(&self.buses) {
             self.check_place(Place::Bus(number), bus.motors().map(|(_, name)| name))?;
         }

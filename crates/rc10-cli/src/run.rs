@@ -5,12 +5,15 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use rc10_can::Micros;
+use rc10_emu::Fault;
+use rc10_emu::fault::Kind;
 
-use crate::figures::{bus_table, line_table, motor_table, to_json};
+use crate::figures::{bus_table, line_table, motor_table, remote_lines, to_json};
 use crate::recording::Recording;
+use crate::remote::Receiver;
 use crate::report::report;
 use crate::robot::Robot;
 use crate::simulate::simulate;
@@ -24,6 +27,12 @@ pub struct RunArgs {
     /// Seed of everything random in the world: two runs with one seed are the same to the bit
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
+    /// The receiver of the robot's remote control [default: the one that the robot names]
+    #[arg(long, value_name = "RECEIVER", value_enum)]
+    pub remote: Option<Receiver>,
+    /// Something goes wrong: remote-lost@4s or remote-lost@4s..4.5s; repeat for more
+    #[arg(long = "fault", value_name = "FAULT")]
+    pub faults: Vec<Fault>,
     /// Folder for report.html and the bus logs
     #[arg(long, value_name = "DIR", default_value = "target/rc10")]
     pub out: PathBuf,
@@ -38,6 +47,8 @@ impl Default for RunArgs {
         Self {
             seconds: Micros::from_millis(10_000),
             seed: 1,
+            remote: None,
+            faults: Vec::new(),
             out: "target/rc10".into(),
             json: false,
         }
@@ -68,7 +79,12 @@ pub(crate) fn seconds(text: &str) -> Result<Micros, String> {
 ///
 /// # Errors
 /// If the folder cannot be written, or the robot is not as described.
-pub fn run(args: &RunArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    check_end(&args.faults, args.seconds)?;
+    if let Some(fault) = args.faults.iter().find(|fault| fault.kind != Kind::RemoteLost) {
+        bail!("--fault {}: rc10 run knows only remote-lost; rc10 emu does that", fault.kind);
+    }
+    robot.set_remote(args.remote, &args.faults)?;
     // Before the work, so that a wrong folder is known at once.
     make_folder(&args.out)?;
     let started = Instant::now();
@@ -83,11 +99,22 @@ pub fn run(args: &RunArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
     Ok(())
 }
 
+/// # Errors
+/// If a fault would begin when all is over.
+pub(crate) fn check_end(faults: &[Fault], end: Micros) -> Result<()> {
+    match faults.iter().find(|fault| fault.from >= end.into()) {
+        Some(Fault { kind, from, .. }) => {
+            bail!("{kind} would begin at {from}, after the end: say --seconds")
+        }
+        None => Ok(()),
+    }
+}
+
 fn print(recording: &Recording, wall: f64, folder: &Path, out: &mut dyn Write) -> io::Result<()> {
     let length = recording.length.get() as f64 * 1e-6;
     writeln!(out, "{length} s of virtual time in {wall:.2} s, seed {}\n", recording.seed)?;
     let (motors, buses) = (motor_table(recording), bus_table(recording));
-    writeln!(out, "{motors}\n{buses}{}", line_table(recording))?;
+    writeln!(out, "{motors}\n{buses}{}{}", line_table(recording), remote_lines(recording))?;
     writeln!(
         out,
         "A tick takes 0 us here: virtual time stands still while code runs. Instructions per tick\n\

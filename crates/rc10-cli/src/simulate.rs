@@ -1,14 +1,14 @@
 //! A robot in its surroundings: its own tasks, against simulated motors on simulated wires.
 
-use std::pin::Pin;
-
 use anyhow::Result;
 use rc10_can::Micros;
-use rc10_motor::MotorStatus;
+use rc10_module::Reception;
 use rc10_motor::embassy::BusStatus;
+use rc10_motor::{ArmSwitch, MotorStatus};
 
 use crate::recorder::Recorder;
 use crate::recording::Recording;
+use crate::remote::{Sight, Watch};
 use crate::robot::Robot;
 use crate::surroundings::Surroundings;
 
@@ -19,27 +19,48 @@ use crate::surroundings::Surroundings;
 pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording> {
     let (description, ports) = (robot.description().clone(), robot.ports());
     let mut around = Surroundings::new(&description, seed)?;
-    let mut tasks = robot.tasks(&around.wires, &around.lines)?;
+    let mut tasks = robot.tasks(&around)?;
     let motor =
         |entry| ports.motor(&description, entry).map_or(MotorStatus::NEW, |port| port.status());
     let mut recorder = Recorder::new(&description, seed);
+    let mut watch = Watch::new(description.remote.as_ref());
+    let mut next_sample = Recorder::next_sample(around.world.now(), length);
     while around.world.now() < length {
-        let until = Recorder::next_sample(around.world.now(), length);
-        if around.world.run(Pin::new(&mut tasks), until).is_ready() {
-            // A robot that has nothing more to do does not stop time.
-            around.world.advance(until);
+        let next_look = watch.next(around.world.now()).unwrap_or(next_sample);
+        around.run(&mut tasks, next_look.min(next_sample));
+        let now = around.world.now();
+        let sight = around.remote.as_ref().map(|link| Sight {
+            sent: link.remote.sent(),
+            motors: &description.motors,
+            twins: &around.motors,
+            arm: ports.switch.map(ArmSwitch::state),
+        });
+        if let Some(sight) = sight {
+            watch.look(now, sight);
+        }
+        if now < next_sample {
+            continue;
         }
         for (bus, wire) in around.wires.iter().enumerate() {
             recorder.frames(bus, &wire.take_trace());
         }
         recorder.sample(&around.motors, around.base.as_ref(), motor);
+        if let Some(sight) = sight {
+            watch.sample(sight);
+        }
+        next_sample = Recorder::next_sample(now, length);
     }
     let bus = |number: u8| {
         let port = usize::from(number).checked_sub(1).and_then(|index| ports.buses.get(index));
         port.map_or_else(BusStatus::default, |port| port.status())
     };
     let lines = ports.lines.iter().map(|port| port.status()).collect();
-    Ok(recorder.finish(around.world.now(), &around.wires, &around.motors, motor, bus, lines))
+    let heard = ports.reception.map(Reception::read);
+    let remote = around.remote.as_ref();
+    let remote = remote.map(|link| watch.finish(link.receiver, link.remote.sent(), heard));
+    let recording =
+        recorder.finish(around.world.now(), &around.wires, &around.motors, motor, bus, lines);
+    Ok(Recording { remote, ..recording })
 }
 
 #[cfg(test)]

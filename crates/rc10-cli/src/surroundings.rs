@@ -1,9 +1,15 @@
 //! The world around a robot, without the robot: wires, ESCs with their motors and loads, a base.
 
-use anyhow::{Context, Result};
-use rc10_motor::dji::Direction;
-use rc10_sim::{Base, BusConfig, LineConfig, Mounting, Wheels, World};
+use std::convert::Infallible;
+use std::pin::Pin;
 
+use anyhow::{Context, Result};
+use rc10_can::Micros;
+use rc10_motor::dji::Direction;
+use rc10_sim::remote::Remote;
+use rc10_sim::{Base, BusConfig, LineConfig, Mounting, Serial, Tasks, Wheels, World};
+
+use crate::remote::{Operator, Receiver, ReceiverWire};
 use crate::robot::{Description, Twin};
 
 /// The world around a robot.
@@ -18,6 +24,23 @@ pub struct Surroundings {
     pub motors: Vec<Twin>,
     /// The base on its wheels, if the robot has one.
     pub base: Option<Base>,
+    /// What is on its UARTs, in the order of [`Description::serials`].
+    pub serials: Vec<Serial>,
+    /// Its remote with the receiver, if it has one.
+    pub remote: Option<RemoteLink>,
+    /// Whoever holds that remote.
+    pub operator: Option<Operator>,
+}
+
+/// A remote, and its receiver at the end of a wire.
+#[derive(Clone)]
+pub struct RemoteLink {
+    /// The remote.
+    pub remote: Remote,
+    /// Which receiver.
+    pub receiver: Receiver,
+    /// Its wire.
+    pub wire: ReceiverWire,
 }
 
 impl Surroundings {
@@ -59,7 +82,53 @@ impl Surroundings {
             };
             base = Some(world.add_base(under.chassis, wheels).context("base")?);
         }
-        Ok(Self { world, wires, lines, motors, base })
+        let mut serials = Vec::new();
+        for part in &description.serials {
+            let twin = (part.twin)(&mut world, base.as_ref());
+            serials.push(twin.with_context(|| format!("parts on UARTs, {}", part.label))?);
+        }
+        let (mut remote, mut operator) = (None, None);
+        if let Some(control) = &description.remote {
+            let hands = Remote::new();
+            operator = Some(Operator::new(&hands, control));
+            let receiver = control.receiver;
+            let wire = receiver.plug_in(&mut world, &hands);
+            remote = Some(RemoteLink { remote: hands, receiver, wire });
+        }
+        Ok(Self { world, wires, lines, motors, base, serials, remote, operator })
+    }
+
+    /// Runs the robot's tasks up to a time, while its operator does what he does. A robot that has
+    /// nothing more to do does not stop time.
+    pub fn run(&mut self, tasks: &mut Tasks<'_>, until: Micros) {
+        let Self { world, operator, .. } = self;
+        operate(operator.as_mut(), until, |until| {
+            if world.run(Pin::new(tasks), until).is_ready() {
+                world.advance(until);
+            }
+            Ok(())
+        })
+        .unwrap_or_else(|never: Infallible| match never {})
+    }
+}
+
+/// Lets time pass by `run`, up to each moment at which an operator does something, and to `until`.
+///
+/// # Errors
+/// That of `run`.
+pub fn operate<E>(
+    mut operator: Option<&mut Operator>,
+    until: Micros,
+    mut run: impl FnMut(Micros) -> Result<(), E>,
+) -> Result<(), E> {
+    loop {
+        let next = operator.as_ref().and_then(|operator| operator.next());
+        let next = next.filter(|next| *next < until);
+        run(next.unwrap_or(until))?;
+        match (&mut operator, next) {
+            (Some(operator), Some(next)) => operator.act(next),
+            _ => return Ok(()),
+        }
     }
 }
 

@@ -1,14 +1,22 @@
 //! The robot of `rc10-robot`, for the tools. It is the robot of the `rc10` command.
 
-use rc10_can::Micros;
-use rc10_robot::driver::{EARLIEST_START, SCRIPT, SCRIPT_LENGTH};
-use rc10_robot::table::{BASE, BUSES, Entry, LIFT, MOTORS, Name, WHEELS};
-use rc10_robot::{Bus, Io, chassis, driver, mechanisms, status};
-use rc10_sim::Chassis;
+mod operator;
+
+use anyhow::{Context, Result};
+use rc10_motor::SafeState;
+use rc10_robot::table::{BASE, BUSES, Entry, LIFT, MOTORS, Name, RECEIVER, WHEELS};
+use rc10_robot::{Bus, Io, chassis, driver, imu, mechanisms, remote, status};
+use rc10_sim::imu::Hwt101;
+use rc10_sim::{Chassis, Nanos, Serial, World};
 
 use crate::emulate::build_firmware;
-use crate::recording::Event;
-use crate::robot::{Base, Description, Device, Motor, Place, Robot, Script};
+use crate::remote::{Receiver, ReceiverPort, RemoteControl};
+use crate::robot::{Base, Description, Device, Motor, Place, Robot, Script, SerialPart};
+
+/// Where its parts are plugged in: `firmware/src/board.rs`.
+const REMOTE_UART: u8 = 5;
+const PULSE_PIN: (char, usize) = ('F', 8);
+const IMU_UART: u8 = 7;
 
 /// What the tools must know of it.
 #[must_use]
@@ -19,19 +27,22 @@ pub fn description() -> Description {
         half_width: BASE.half_track.into(),
         ..Chassis::default()
     };
-    let event = |&(at, label, _): &(u32, &'static str, _)| Event {
-        at: Micros::from_millis(EARLIEST_START + u64::from(at)),
-        label,
-    };
     Description {
         motors: MOTORS.iter().map(motor).collect(),
         buses: BUSES as u8,
         lines: 0,
         base: Some(Base { wheels: WHEELS.map(|name| name as usize), chassis }),
-        script: Script {
-            events: SCRIPT.iter().map(event).collect(),
-            repeats_after: Some(Micros::from_millis(SCRIPT_LENGTH.into())),
-        },
+        remote: Some(RemoteControl {
+            receiver: Receiver::twin_of(RECEIVER).unwrap_or(Receiver::Dr16),
+            receivers: Receiver::ALL.into(),
+            uart: REMOTE_UART,
+            pulse_pin: PULSE_PIN,
+            script: operator::SCRIPT.into(),
+            repeats_after: Some(operator::SCRIPT_LENGTH),
+            lost: Vec::new(),
+        }),
+        serials: vec![SerialPart { label: "IMU", uart: IMU_UART, twin: imu_twin }],
+        script: Script::default(),
         firmware: Some(build_firmware),
     }
 }
@@ -46,15 +57,22 @@ fn motor(entry: &Entry) -> Motor {
         name if LIFT.contains(&name) => (0.01, -1.0),
         _ => (0.0, 0.0),
     };
-    let &Entry { label, bus, model, id, direction, rate, .. } = entry;
+    let &Entry { label, bus, model, id, direction, rate, safety, .. } = entry;
     let device = Device::Dji { model, id, rate };
-    Motor { direction, inertia, load, ..Motor::with_device(label, Place::Bus(bus), device) }
+    let holds = safety.state != SafeState::Coast;
+    Motor { direction, inertia, load, holds, ..Motor::with_device(label, Place::Bus(bus), device) }
+}
+
+fn imu_twin(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial> {
+    let base = base.context("it must stand on a base")?;
+    let phase = world.chance(Nanos::new(5_000_000));
+    Ok(world.add_serial(Hwt101::SERIAL, Hwt101::new(base, phase)))
 }
 
 /// The robot with all its tasks, before it runs.
 #[must_use]
 pub fn robot<'r>(io: &'r Io<'_>, buses: [Bus<'r>; BUSES]) -> Robot<'r> {
-    let robot = Robot::new(description());
+    let robot = Robot::new(description()).switch(&io.switch);
     let robot =
         buses.into_iter().zip(io.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));
     robot
@@ -62,4 +80,11 @@ pub fn robot<'r>(io: &'r Io<'_>, buses: [Bus<'r>; BUSES]) -> Robot<'r> {
         .task(mechanisms::run(io))
         .task(driver::run(io))
         .task(status::run(io))
+        .remote(&io.remote_reception, async |receiver, port| match port {
+            ReceiverPort::Serial(port) => remote::listen(io, receiver.into(), port).await,
+            ReceiverPort::Pulses(mut port) => {
+                remote::listen_pulses(io, async || port.rising_edge().await).await
+            }
+        })
+        .serial(async |port| imu::run(io, port).await)
 }

@@ -38,8 +38,6 @@ pub struct Rig {
     timeline: Vec<(Nanos, bool, Kind)>,
     filled: Vec<bool>,
     next_step: Nanos,
-    /// Switches the remote's transmitter.
-    transmitter: Option<Box<dyn FnMut(bool)>>,
 }
 
 impl Rig {
@@ -64,6 +62,7 @@ impl Rig {
             if let Kind::Hang(handler) = kind {
                 exception_of(&machine, handler)?;
             }
+            ensure!(*kind != Kind::RemoteLost, "{kind}: whoever holds the remote must do that");
             timeline.push((*from, true, kind.clone()));
             timeline.extend(until.map(|until| (until, false, kind.clone())));
         }
@@ -81,13 +80,7 @@ impl Rig {
             motors,
             timeline,
             next_step: STEP,
-            transmitter: None,
         })
-    }
-
-    /// Says what switches the transmitter of the robot's remote: for the fault `remote-lost`.
-    pub fn set_transmitter(&mut self, switch: impl FnMut(bool) + 'static) {
-        self.transmitter = Some(Box::new(switch));
     }
 
     /// The buses.
@@ -151,11 +144,9 @@ impl Rig {
                     Injection::EndHang { exception }
                 })?;
             }
-            Kind::RemoteLost => {
-                let switch = self.transmitter.as_mut();
-                switch.context("remote-lost: there is no remote in this scenario")?(!begins);
-            }
             Kind::Mask => self.machine.inject(Injection::MaskInterrupts(begins))?,
+            // Refused by `new`.
+            Kind::RemoteLost => (),
         }
         Ok(())
     }

@@ -9,7 +9,7 @@ use rc10_sim::Nanos;
 use serde_json::{Value, json};
 
 use super::content_hash;
-use crate::figures::motor_table;
+use crate::figures::{motor_table, remote_json, remote_lines};
 use crate::recording::Recording;
 
 /// How many functions are listed.
@@ -133,6 +133,7 @@ impl<'a> Outcome<'a> {
                 "malformed": track.last.counters.malformed,
                 "feedback_overwritten": track.overwritten,
             })).collect::<Vec<_>>(),
+            "remote": remote_json(recording),
             "functions": functions.iter().take(TOP_FUNCTIONS).map(|(name, instructions)| json!({
                 "function": name,
                 "instructions": instructions,
@@ -164,6 +165,7 @@ impl<'a> Outcome<'a> {
         )?;
         writeln!(text, "{}", motor_table(self.recording))?;
         self.write_buses(text)?;
+        writeln!(text, "{}", remote_lines(self.recording))?;
         self.write_figures(text)?;
         self.write_exceptions(text)?;
         self.write_functions(text)

@@ -1,8 +1,6 @@
-use std::pin::Pin;
-
 use anyhow::{Context, Result};
 use rc10_can::Micros;
-use rc10_sim::{Bus, Tasks, World};
+use rc10_sim::{Bus, Tasks};
 
 use super::PtyArgs;
 use crate::robot::Robot;
@@ -10,8 +8,7 @@ use crate::surroundings::Surroundings;
 
 /// The world, with or without the robot.
 pub(super) struct Scene<'r> {
-    pub(super) world: World,
-    wires: Vec<Bus>,
+    around: Surroundings,
     /// The place of the client's bus among them.
     client: usize,
     tasks: Tasks<'r>,
@@ -19,27 +16,28 @@ pub(super) struct Scene<'r> {
 
 impl<'r> Scene<'r> {
     pub(super) fn new(args: &PtyArgs, robot: Robot<'r>) -> Result<Self> {
-        let description = robot.description();
-        let Surroundings { world, wires, lines, .. } = Surroundings::new(description, args.seed)?;
-        let client = usize::from(args.bus).checked_sub(1).filter(|&bus| bus < wires.len());
-        let client = client.with_context(|| {
-            format!("--bus {}: the robot has buses 1 to {}", args.bus, wires.len())
-        })?;
-        let tasks = if args.alone { Tasks::new() } else { robot.tasks(&wires, &lines)? };
-        Ok(Self { world, wires, client, tasks })
+        let around = Surroundings::new(robot.description(), args.seed)?;
+        let buses = around.wires.len();
+        let client = usize::from(args.bus).checked_sub(1).filter(|&bus| bus < buses);
+        let client = client
+            .with_context(|| format!("--bus {}: the robot has buses 1 to {buses}", args.bus))?;
+        let tasks = if args.alone { Tasks::new() } else { robot.tasks(&around)? };
+        Ok(Self { around, client, tasks })
+    }
+
+    pub(super) fn now(&self) -> Micros {
+        self.around.world.now()
     }
 
     /// The client's.
     pub(super) fn wire(&self) -> &Bus {
-        &self.wires[self.client]
+        &self.around.wires[self.client]
     }
 
     pub(super) fn run(&mut self, until: Micros) {
-        if self.world.run(Pin::new(&mut self.tasks), until).is_ready() {
-            self.world.advance(until);
-        }
+        self.around.run(&mut self.tasks, until);
         // Nobody reads what is said on the others.
-        let others = self.wires.iter().enumerate().filter(|(bus, _)| *bus != self.client);
+        let others = self.around.wires.iter().enumerate().filter(|(bus, _)| *bus != self.client);
         others.for_each(|(_, wire)| drop(wire.take_trace()));
     }
 }

@@ -62,7 +62,7 @@ pub fn serve(
         session.real_time(end, stop)?
     };
     session.let_read()?;
-    let now = session.scene.world.now();
+    let now = session.scene.now();
     write!(out, "{}", summary(&session.adapter.counts(), now, behind))?;
     Ok(())
 }
@@ -81,9 +81,9 @@ impl Session<'_> {
         let mut buffer = [0; 4096];
         let mut behind = Micros::ZERO;
         let start = Instant::now();
-        while self.scene.world.now() < end && !stop.load(Ordering::Relaxed) {
+        while self.scene.now() < end && !stop.load(Ordering::Relaxed) {
             let clock = Micros::new(start.elapsed().as_micros() as u64);
-            let late = clock.since(behind).since(self.scene.world.now());
+            let late = clock.since(behind).since(self.scene.now());
             behind += late.since(FURTHEST_BEHIND);
             self.scene.run(clock.since(behind).min(end));
             self.adapter.hear();
@@ -99,7 +99,7 @@ impl Session<'_> {
 
     fn lockstep(&mut self, end: Micros, stop: &AtomicBool) -> Result<()> {
         let mut buffer = [0; 4096];
-        while self.scene.world.now() < end && !stop.load(Ordering::Relaxed) {
+        while self.scene.now() < end && !stop.load(Ordering::Relaxed) {
             let unread = self.adapter.out().len();
             let has_room = unread < ROOM;
             self.terminal.wait(has_room, unread > 0, PATIENCE)?;
@@ -108,8 +108,8 @@ impl Session<'_> {
                 continue;
             }
             for command in self.adapter.take(self.terminal.read(&mut buffer)?) {
-                if self.adapter.answer(command) && self.scene.world.now() < end {
-                    self.scene.run((self.scene.world.now() + STEP).min(end));
+                if self.adapter.answer(command) && self.scene.now() < end {
+                    self.scene.run((self.scene.now() + STEP).min(end));
                     self.adapter.hear();
                 }
             }

@@ -1,0 +1,244 @@
+//! The remote control of a robot, and whoever holds it: a script of what hands do, and when the
+//! radio link breaks.
+
+mod operator;
+mod watch;
+
+use std::fmt;
+
+use anyhow::{Result, bail, ensure};
+use clap::ValueEnum;
+use rc10_can::Micros;
+use rc10_emu::Fault;
+use rc10_emu::fault::Kind;
+use rc10_module::remote as module;
+use rc10_sim::remote::{Controls, Crsf, Dr16, Ppm, Remote, Sbus};
+use rc10_sim::{Nanos, PulsePort, Pulses, Serial, UartPort, World};
+
+pub use operator::Operator;
+pub use watch::{Loss, RemoteSample, RemoteTrack, Sight, Watch};
+
+/// What the tools must know of a robot's remote control.
+#[derive(Clone, Debug)]
+pub struct RemoteControl {
+    /// The receiver that is plugged in.
+    pub receiver: Receiver,
+    /// What the robot can listen to.
+    pub receivers: Vec<Receiver>,
+    /// The chip's UART for those that speak bytes.
+    pub uart: u8,
+    /// The chip's pin for those that send pulses.
+    pub pulse_pin: (char, usize),
+    /// What hands do, in the order of time. Before, nobody touches it.
+    pub script: Vec<Line>,
+    /// After how long, counted from power-on, the script begins again, if it does.
+    pub repeats_after: Option<Micros>,
+    /// When its transmitter is off, in the order of time.
+    pub lost: Vec<Lost>,
+}
+
+/// What hands do from a time on.
+#[derive(Clone, Copy, Debug)]
+pub struct Line {
+    /// From when on, since power-on.
+    pub at: Micros,
+    /// What that is called.
+    pub label: &'static str,
+    /// Where they put everything.
+    pub controls: Controls,
+}
+
+/// When a transmitter is off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lost {
+    /// From when on.
+    pub from: Micros,
+    /// Until when; `None`: for ever.
+    pub until: Option<Micros>,
+}
+
+/// A receiver that there is a simulated twin of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Receiver {
+    /// DJI's: 18 bytes every 14 ms
+    Dr16,
+    /// Futaba, FrSky: 25 bytes every 14 ms, with a failsafe flag
+    Sbus,
+    /// ExpressLRS, TBS: 150 frames a second, and link statistics
+    Crsf,
+    /// Pulses of eight channels, every 22 ms
+    Ppm,
+}
+
+impl Receiver {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Dr16, Self::Sbus, Self::Crsf, Self::Ppm];
+
+    /// Whether its output is low when idle.
+    #[must_use]
+    pub const fn is_inverted(self) -> bool {
+        matches!(self, Self::Dr16 | Self::Sbus)
+    }
+
+    /// The receiver of [`module`] that this is, if there is a twin of it.
+    #[must_use]
+    pub const fn twin_of(receiver: module::Receiver) -> Option<Self> {
+        match receiver {
+            module::Receiver::Dr16 => Some(Self::Dr16),
+            module::Receiver::Sbus => Some(Self::Sbus),
+            module::Receiver::Crsf => Some(Self::Crsf),
+            module::Receiver::Ppm => Some(Self::Ppm),
+            module::Receiver::Vt03 => None,
+        }
+    }
+
+    /// Puts its twin at the end of a wire; its first frame comes at a time of chance.
+    pub fn plug_in(self, world: &mut World, remote: &Remote) -> ReceiverWire {
+        let phase = world.chance(Nanos::new(14_000_000));
+        match self {
+            Self::Dr16 => {
+                ReceiverWire::Serial(world.add_serial(Dr16::SERIAL, Dr16::new(remote, phase)))
+            }
+            Self::Sbus => {
+                ReceiverWire::Serial(world.add_serial(Sbus::SERIAL, Sbus::new(remote, phase)))
+            }
+            Self::Crsf => {
+                ReceiverWire::Serial(world.add_serial(Crsf::SERIAL, Crsf::new(remote, phase)))
+            }
+            Self::Ppm => ReceiverWire::Pulses(world.add_pulses(Ppm::new(remote, phase))),
+        }
+    }
+}
+
+impl From<Receiver> for module::Receiver {
+    fn from(receiver: Receiver) -> Self {
+        match receiver {
+            Receiver::Dr16 => Self::Dr16,
+            Receiver::Sbus => Self::Sbus,
+            Receiver::Crsf => Self::Crsf,
+            Receiver::Ppm => Self::Ppm,
+        }
+    }
+}
+
+impl fmt::Display for Receiver {
+    /// As on the command line.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Dr16 => "dr16",
+            Self::Sbus => "sbus",
+            Self::Crsf => "crsf",
+            Self::Ppm => "ppm",
+        })
+    }
+}
+
+/// What a receiver is plugged into.
+#[derive(Clone)]
+pub enum ReceiverWire {
+    /// One that speaks bytes.
+    Serial(Serial),
+    /// One that sends pulses.
+    Pulses(Pulses),
+}
+
+impl ReceiverWire {
+    /// The robot's end.
+    #[must_use]
+    pub fn port(&self) -> ReceiverPort {
+        match self {
+            Self::Serial(serial) => ReceiverPort::Serial(serial.port()),
+            Self::Pulses(pulses) => ReceiverPort::Pulses(pulses.port()),
+        }
+    }
+}
+
+/// The robot's end of a receiver's wire.
+pub enum ReceiverPort {
+    /// Bytes.
+    Serial(UartPort),
+    /// Pulses.
+    Pulses(PulsePort),
+}
+
+impl RemoteControl {
+    /// The faults of a run that concern the remote: when its transmitter is off.
+    ///
+    /// # Errors
+    /// If one begins before another has ended.
+    pub fn lose(&mut self, faults: &[Fault]) -> Result<()> {
+        let remote = faults.iter().filter(|fault| fault.kind == Kind::RemoteLost);
+        let lost = |fault: &Fault| Lost {
+            from: fault.from.micros(),
+            until: fault.until.map(Nanos::micros),
+        };
+        self.lost = remote.map(lost).collect();
+        self.lost.sort_by_key(|lost| lost.from);
+        for pair in self.lost.windows(2) {
+            if pair[0].until.is_none_or(|until| until >= pair[1].from) {
+                let second = pair[1].from.get() as f64 * 1e-6;
+                bail!("remote-lost@{second}s: the remote is lost already then");
+            }
+        }
+        Ok(())
+    }
+
+    /// Plugs another receiver in.
+    ///
+    /// # Errors
+    /// If the robot cannot listen to it.
+    pub fn plug(&mut self, receiver: Receiver) -> Result<()> {
+        let names =
+            || self.receivers.iter().map(Receiver::to_string).collect::<Vec<_>>().join(", ");
+        ensure!(self.receivers.contains(&receiver), "no {receiver}: this robot takes {}", names());
+        self.receiver = receiver;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use rc10_sim::remote::Switch;
+
+    use super::*;
+
+    pub(super) fn control() -> RemoteControl {
+        let line = |millis, right_switch| Line {
+            at: Micros::from_millis(millis),
+            label: "",
+            controls: Controls { right_switch, ..Controls::REST },
+        };
+        RemoteControl {
+            receiver: Receiver::Dr16,
+            receivers: vec![Receiver::Dr16, Receiver::Ppm],
+            uart: 5,
+            pulse_pin: ('F', 8),
+            script: vec![line(0, Switch::Down), line(100, Switch::Up)],
+            repeats_after: Some(Micros::from_millis(1000)),
+            lost: Vec::new(),
+        }
+    }
+
+    pub(super) fn faults(texts: &[&str]) -> Vec<Fault> {
+        texts.iter().map(|text| text.parse().unwrap()).collect()
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_in_words() {
+        let mut control = control();
+        let lose = |control: &mut RemoteControl, texts: &[&str]| {
+            control.lose(&faults(texts)).map_err(|error| error.to_string())
+        };
+        for twice in
+            [["remote-lost@1s", "remote-lost@2s"], ["remote-lost@2s", "remote-lost@1s..2s"]]
+        {
+            let error = lose(&mut control, &twice).unwrap_err();
+            assert_eq!(error, "remote-lost@2s: the remote is lost already then");
+        }
+        assert_eq!(lose(&mut control, &["remote-lost@2.1s", "remote-lost@1s..2s"]), Ok(()));
+        let error = control.plug(Receiver::Sbus).unwrap_err().to_string();
+        assert_eq!(error, "no sbus: this robot takes dr16, ppm");
+        control.plug(Receiver::Ppm).unwrap();
+        assert_eq!(control.receiver, Receiver::Ppm);
+    }
+}

@@ -1,0 +1,188 @@
+//! What a robot does when its remote control is lost: seen on the wires and at the motors, not by
+//! what the robot says of itself.
+
+use rc10_can::Micros;
+use rc10_module::Counters;
+use rc10_motor::ArmState;
+use rc10_sim::Nanos;
+use rc10_sim::remote::Sent;
+
+use super::{Lost, Receiver, RemoteControl};
+use crate::robot::{Motor, Twin};
+
+/// Whatever a remote that is back brings about has come by then.
+const LONG: Micros = Micros::from_millis(500);
+
+/// How often is looked while something may happen: a step of the simulator's physics.
+const STEP: Micros = Micros::new(100);
+
+/// What a receiver sent, and what became of the robot while its remote was lost.
+#[derive(Clone, Debug)]
+pub struct RemoteTrack {
+    /// Which receiver.
+    pub receiver: Receiver,
+    /// What it sent.
+    pub sent: Sent,
+    /// What the robot made of that, if it says so.
+    pub heard: Option<Counters>,
+    /// Each time that the remote was lost.
+    pub losses: Vec<Loss>,
+    /// One per sample.
+    pub samples: Vec<RemoteSample>,
+}
+
+/// A remote and its robot at one moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RemoteSample {
+    /// What the receiver sends comes from the remote.
+    pub is_live: bool,
+    /// Whether the robot is armed, if it says so.
+    pub arm: Option<ArmState>,
+}
+
+/// One time that the remote was lost, and what followed. To 100 µs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Loss {
+    /// When its transmitter went off, and on again.
+    pub lost: Lost,
+    /// When the last good frame had ended on the receiver's wire; `None` if there had been none.
+    pub last_frame: Option<Micros>,
+    /// Since when every motor that may not hold had obeyed commands of no current.
+    pub coasting: Option<Micros>,
+    /// When the first good frame after it had ended on the wire.
+    pub back: Option<Micros>,
+    /// When the motors were driven again without anybody arming them.
+    pub resumed: Option<Micros>,
+    /// When the robot was disarmed or stopped, so that somebody must arm it: at once, if it was that
+    /// already. Of a robot that does not say so: when motors that hold let go, too.
+    pub disarmed: Option<Micros>,
+}
+
+impl Loss {
+    /// How long after the last good frame the motors coasted.
+    #[must_use]
+    pub fn reaction(&self) -> Option<Micros> {
+        Some(self.coasting?.since(self.last_frame?))
+    }
+
+    /// Nothing more will follow from it.
+    const fn is_settled(&self) -> bool {
+        self.resumed.is_some() || self.disarmed.is_some()
+    }
+}
+
+/// Watches a robot whose remote is lost now and then.
+pub struct Watch {
+    due: Vec<Lost>,
+    /// The one that is being watched, if one is, and those before.
+    losses: Vec<Loss>,
+    /// Nothing fine to be seen for the moment.
+    is_idle: bool,
+    samples: Vec<RemoteSample>,
+}
+
+/// What can be seen of a robot.
+#[derive(Clone, Copy)]
+pub struct Sight<'a> {
+    /// What its receiver has sent.
+    pub sent: Sent,
+    /// Its motors, as described.
+    pub motors: &'a [Motor],
+    /// Their twins.
+    pub twins: &'a [Twin],
+    /// Whether it is armed, if it says so.
+    pub arm: Option<ArmState>,
+}
+
+impl Sight<'_> {
+    /// Whether a motor obeys another command than to coast: one of those that may hold, or of the
+    /// others.
+    fn is_driven(&self, holding: bool) -> bool {
+        let motors = self.motors.iter().zip(self.twins);
+        motors.filter(|(motor, _)| motor.holds == holding).any(|(motor, twin)| {
+            let state = twin.state();
+            // Those of DJI are told a current, or a voltage; the others what to do.
+            if motor.dji().is_some() { state.command != 0 } else { !state.open }
+        })
+    }
+
+    fn is_armed(&self) -> bool {
+        self.arm.map_or_else(|| self.is_driven(false), |arm| arm == ArmState::Armed)
+    }
+
+    fn is_off(&self) -> bool {
+        let has_none = || !self.is_driven(false) && !self.is_driven(true);
+        match self.arm {
+            Some(arm) => matches!(arm, ArmState::Disarmed | ArmState::EStopped),
+            None => self.motors.iter().any(|motor| motor.holds) && has_none(),
+        }
+    }
+}
+
+impl Watch {
+    /// Of the times that the remote of a robot will be lost.
+    #[must_use]
+    pub fn new(control: Option<&RemoteControl>) -> Self {
+        let mut due = control.map_or_else(Vec::new, |control| control.lost.clone());
+        due.reverse();
+        Self { due, losses: Vec::new(), is_idle: true, samples: Vec::new() }
+    }
+
+    /// When to look next.
+    #[must_use]
+    pub fn next(&self, now: Micros) -> Option<Micros> {
+        let due = self.due.last().map(|lost| lost.from);
+        let soon = (!self.is_idle).then(|| now + STEP);
+        due.into_iter().chain(soon).min()
+    }
+
+    /// Looks. More often than needed does no harm.
+    pub fn look(&mut self, now: Micros, sight: Sight<'_>) {
+        if let Some(lost) = self.due.pop_if(|lost| lost.from <= now) {
+            self.losses.push(Loss {
+                lost,
+                last_frame: sight.sent.last_live.map(Nanos::micros),
+                coasting: None,
+                back: None,
+                resumed: None,
+                disarmed: None,
+            });
+            self.is_idle = false;
+        }
+        let Some(loss) = self.losses.last_mut() else { return };
+        let is_back = loss.lost.until.is_some_and(|until| until <= now);
+        if is_back && loss.back.is_none() {
+            loss.back = sight.sent.back_since.map(Nanos::micros);
+        }
+        if self.is_idle {
+            return;
+        }
+        let is_heard = loss.back.is_some_and(|back| back <= now);
+        if loss.coasting.is_some() && is_heard && sight.is_armed() {
+            loss.resumed = Some(now);
+        } else if sight.is_driven(false) {
+            loss.coasting = None;
+        } else if loss.coasting.is_none() {
+            loss.coasting = Some(now);
+        }
+        if !loss.is_settled() && sight.is_off() {
+            loss.disarmed = Some(now);
+        }
+        // Too short to be noticed.
+        let is_over = is_heard && loss.back.is_some_and(|back| now.since(back) > LONG);
+        self.is_idle = loss.is_settled() || is_over;
+    }
+
+    /// Takes a sample.
+    pub fn sample(&mut self, sight: Sight<'_>) {
+        let is_live = sight.sent.back_since.is_some();
+        self.samples.push(RemoteSample { is_live, arm: sight.arm });
+    }
+
+    /// What was seen of a receiver, which the robot says that it heard so much of.
+    #[must_use]
+    pub fn finish(self, receiver: Receiver, sent: Sent, heard: Option<Counters>) -> RemoteTrack {
+        let Self { losses, samples, .. } = self;
+        RemoteTrack { receiver, sent, heard, losses, samples }
+    }
+}
