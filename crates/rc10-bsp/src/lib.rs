@@ -10,8 +10,8 @@
 //! [`embassy_time`] driver, which the binary chooses: this crate enables neither.
 //!
 //! The chip side is behind the feature `stm32h723`, for the target `thumbv7em-none-eabihf` only:
-//! clocks, the FDCAN ports and their `Bus::start`, the supervisor and the watchdog, and what happens
-//! after a crash.
+//! clocks, the FDCAN ports and their `Bus::start`, UARTs, timers and other peripherals, the supervisor
+//! and the watchdog, and what happens after a crash.
 #![no_std]
 #![cfg_attr(not(feature = "stm32h723"), forbid(unsafe_code))]
 
@@ -26,7 +26,9 @@ pub use rc10_message::{
     SubscribersFull, Subscription, Topic,
 };
 #[cfg(feature = "stm32h723")]
-pub use stm32h723::{FDCAN_CLOCK, can, clocks, crash, initialise, supervisor, watchdog};
+pub use stm32h723::{
+    FDCAN_CLOCK, can, clocks, crash, dma, initialise, serial, supervisor, watchdog,
+};
 
 use embassy_time::Instant;
 use rc10_can::Micros;

@@ -3,6 +3,7 @@
 //!
 //! * [`initialise`]: clocks and caches.
 //! * [`can`]: the three FDCAN ports, and [`can::Bus::start`].
+//! * [`serial`]: UARTs; [`dma`]: the memory that a DMA reaches.
 //! * [`supervisor`]: makes the motors of a bus safe that does not tick.
 //! * [`watchdog`]: fed only while everything that must tick ticks.
 //! * [`crash`]: what happens after a panic or a fault: the motors are made safe by registers, the
@@ -11,6 +12,8 @@
 
 pub mod can;
 pub mod crash;
+pub mod dma;
+pub mod serial;
 pub mod supervisor;
 pub mod watchdog;
 
@@ -19,7 +22,7 @@ use embassy_stm32::rcc::{
     AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllDiv, PllMul, PllPreDiv, PllSource, Sysclk,
 };
 use embassy_stm32::time::Hertz;
-use embassy_stm32::{Config, Peripherals};
+use embassy_stm32::{Config, Peripherals, pac};
 
 /// Kernel clock of the three FDCANs: PLL1 Q.
 pub const FDCAN_CLOCK: Hertz = Hertz(120_000_000);
@@ -67,5 +70,7 @@ pub fn initialise() -> Peripherals {
     // function runs a second time.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
     core.SCB.enable_icache();
+    // The DMA buffers' memory.
+    pac::RCC.ahb2enr().modify(|w| w.set_sram1en(true));
     peripherals
 }

@@ -1,0 +1,26 @@
+//! UARTs as [`embedded_io_async`] ports.
+//!
+//! **Receiving.** A DMA fills a ring and never stops; an error flag stops it neither. The interrupt
+//! keeps accounts: how far the DMA has come, and where an error was. It comes when the line pauses,
+//! when the ring is half full and full, and on an error, and wakes the reader. So a frame costs one
+//! interrupt and one read, whatever its length. An error stands between the bytes: the
+//! reader gets those before it, then the error instead of the damaged byte, then those after it.
+//!
+//! **Sending.** One copy into a buffer that belongs to the driver, from which a DMA sends.
+//!
+//! **Losses** are counted, all of them: [`SerialCounters`]. A reader that is too slow learns it
+//! ([`SerialError::TooSlow`]) and never gets bytes that were overwritten while it read.
+//!
+//! embassy-stm32's own UART drivers are not used: their ring stops at a line error until the next
+//! read, and drops what it held; their DMA panics on a transfer error. These ports share its pins,
+//! its DMA channels and its interrupt bindings.
+
+mod config;
+mod port;
+mod ring;
+mod uart;
+
+pub use config::{BaudError, Parity, SerialConfig, StopBits};
+pub use port::{ReceiverParts, Serial, SerialParts, SerialReceiver, SerialTransmitter};
+pub use ring::{SerialCounters, SerialError};
+pub use uart::{Interrupt, SerialPeripheral};

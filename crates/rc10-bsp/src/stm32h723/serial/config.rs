@@ -1,0 +1,98 @@
+//! How bytes look on the wire. Knows no register, so that it can be tested on a PC.
+
+use core::fmt;
+
+/// Parity of a byte.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Parity {
+    /// No parity bit.
+    #[default]
+    None,
+    /// An even number of ones, the parity bit included.
+    Even,
+    /// An odd number.
+    Odd,
+}
+
+/// Length of the stop bit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StopBits {
+    /// One bit.
+    #[default]
+    One,
+    /// Two.
+    Two,
+}
+
+/// How bytes look on the wire: always eight data bits, the lowest first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SerialConfig {
+    /// Bits a second: 1832 ..= 7 500 000 from a kernel clock of 120 MHz, and within 1 % of that
+    /// clock divided by a whole number. 4 000 000, 1 000 000, 100 000 and 9 600 are exact; 115 200
+    /// is 0.03 % off, 420 000 is 0.1 %.
+    pub baud: u32,
+    /// The parity bit, which comes after the data bits.
+    pub parity: Parity,
+    /// What separates bytes at least.
+    pub stop_bits: StopBits,
+    /// The receive pin is low when the line rests: SBUS without an inverter.
+    pub invert_receive: bool,
+    /// The transmit pin is to be low when the line rests.
+    pub invert_transmit: bool,
+}
+
+impl SerialConfig {
+    /// So many bits a second, 8N1, not inverted.
+    #[must_use]
+    pub const fn new(baud: u32) -> Self {
+        Self {
+            baud,
+            parity: Parity::None,
+            stop_bits: StopBits::One,
+            invert_receive: false,
+            invert_transmit: false,
+        }
+    }
+
+    /// The divisor that makes this baud rate from a clock, with sixteen samples a bit.
+    pub(crate) const fn divisor(&self, clock: u32) -> Result<u16, BaudError> {
+        let error = Err(BaudError { baud: self.baud, clock });
+        if self.baud == 0 {
+            return error;
+        }
+        let divisor = (clock + self.baud / 2) / self.baud;
+        // Sixteen samples a bit, and the register's width (RM0468, USART_BRR).
+        if divisor < 16 || divisor > 0xFFFF {
+            return error;
+        }
+        // A receiver takes 3.3 % at least (RM0468, tolerance of the receiver), for both ends.
+        let off = (clock / divisor).abs_diff(self.baud);
+        if off > self.baud / 100 {
+            return error;
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "checked")]
+        Ok(divisor as u16)
+    }
+}
+
+/// A baud rate that the UART cannot make.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BaudError {
+    /// What was asked for.
+    pub baud: u32,
+    /// The UART's kernel clock, Hz.
+    pub clock: u32,
+}
+
+impl fmt::Display for BaudError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { baud, clock } = self;
+        write!(
+            f,
+            "baud: {baud} is not within 1 % of {clock} Hz divided by a whole number, 16 ..= 65535"
+        )
+    }
+}
+
+impl core::error::Error for BaudError {}

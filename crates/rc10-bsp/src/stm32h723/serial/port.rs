@@ -1,0 +1,388 @@
+use core::future::poll_fn;
+use core::task::Poll;
+
+use embassy_stm32::Peri;
+use embassy_stm32::gpio::{AfType, Flex, OutputType, Pull, Speed};
+use embassy_stm32::interrupt::Priority;
+use embassy_stm32::interrupt::typelevel::Binding;
+use embassy_stm32::usart::{DePin, RxDma, RxPin, TxDma, TxPin};
+use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
+
+use super::config::{BaudError, SerialConfig};
+use super::ring::{Next, SerialCounters, SerialError};
+use super::uart::{Direction, Interrupt, SerialPeripheral, Uart};
+use crate::dma::{DmaBuffer, DmaMemory, DmaStream, Stream, Transfer, enable};
+
+/// A pin, and the alternate function that connects it.
+type Pin = (Flex<'static>, u8);
+
+/// What receives: a UART, its receive pin, a DMA stream.
+pub struct ReceiverParts<T: SerialPeripheral> {
+    /// Holding it is what makes this the only port of the UART.
+    _peripheral: Peri<'static, T>,
+    pin: Pin,
+    stream: Stream,
+    request: u8,
+    enable: fn(Priority),
+}
+
+/// What receives and sends.
+pub struct SerialParts<T: SerialPeripheral> {
+    receiver: ReceiverParts<T>,
+    pin: Pin,
+    driver_enable: Option<Pin>,
+    stream: Stream,
+    request: u8,
+    enable: fn(Priority),
+}
+
+impl<T: SerialPeripheral> ReceiverParts<T> {
+    /// Pin and stream are checked against the UART at compile time, and that the interrupts of the
+    /// UART and of the stream are bound to its [`Interrupt`].
+    pub fn new<R: RxPin<T>, D: DmaStream + RxDma<T>>(
+        peripheral: Peri<'static, T>,
+        _interrupts: impl Binding<T::Interrupt, Interrupt<T>> + Binding<D::Interrupt, Interrupt<T>>,
+        receive: Peri<'static, R>,
+        stream: Peri<'static, D>,
+    ) -> Self {
+        let function = receive.af_num();
+        Self {
+            _peripheral: peripheral,
+            pin: (Flex::new(receive), function),
+            stream: D::STREAM,
+            request: stream.request(),
+            enable: |priority| {
+                enable::<T::Interrupt>(priority);
+                enable::<D::Interrupt>(priority);
+            },
+        }
+    }
+}
+
+impl<T: SerialPeripheral> SerialParts<T> {
+    /// Adds a transmit pin and its stream.
+    pub fn new<X: TxPin<T>, D: DmaStream + TxDma<T>>(
+        receiver: ReceiverParts<T>,
+        _interrupts: impl Binding<D::Interrupt, Interrupt<T>>,
+        transmit: Peri<'static, X>,
+        stream: Peri<'static, D>,
+    ) -> Self {
+        let function = transmit.af_num();
+        Self {
+            receiver,
+            pin: (Flex::new(transmit), function),
+            driver_enable: None,
+            stream: D::STREAM,
+            request: stream.request(),
+            enable: enable::<D::Interrupt>,
+        }
+    }
+
+    /// An RS-485 transceiver's driver is enabled by this pin, high while the UART sends: by the
+    /// peripheral itself, to half a bit.
+    #[must_use]
+    pub fn with_driver_enable<E: DePin<T>>(mut self, pin: Peri<'static, E>) -> Self {
+        let function = pin.af_num();
+        self.driver_enable = Some((Flex::new(pin), function));
+        self
+    }
+}
+
+/// Connects a pin for good.
+fn connect((mut pin, function): Pin, kind: AfType) {
+    pin.set_as_af_unchecked(function, kind);
+    // Dropped, it would disconnect.
+    core::mem::forget(pin);
+}
+
+/// An open receive pin reads as a line at rest.
+fn connect_receiver(pin: Pin, config: &SerialConfig) {
+    let rest = if config.invert_receive { Pull::Down } else { Pull::Up };
+    connect(pin, AfType::input(rest));
+}
+
+/// The receiving half of a UART: an [`embedded_io_async::Read`].
+///
+/// `read` returns what has come in when the line pauses for a byte's length, or the ring is half
+/// full; a dropped one has read nothing. Each error is told once, between the bytes before and
+/// after it, and costs the byte that it is about, no other: the DMA never stops for it. (Of several
+/// that came between two reads the first is told, and what lies between them is dropped.) What is lost when
+/// nobody reads in time is counted, and told as [`SerialError::TooSlow`].
+pub struct SerialReceiver {
+    uart: Uart,
+    stream: Stream,
+    request: u8,
+    memory: DmaMemory<u8>,
+}
+
+/// The sending half of a UART: an [`embedded_io_async::Write`].
+///
+/// `write` returns when it has taken the bytes, as many as its buffer holds, which is when those
+/// before have left the buffer. `flush` returns when the last stop bit has. A dropped `write` has
+/// taken nothing, or everything that it would have said: what is being sent is the driver's own
+/// copy.
+pub struct SerialTransmitter {
+    uart: Uart,
+    stream: Stream,
+    request: u8,
+    memory: DmaMemory<u8>,
+}
+
+/// A UART: [`Read`] and [`Write`].
+pub struct Serial {
+    receiver: SerialReceiver,
+    transmitter: SerialTransmitter,
+}
+
+impl SerialReceiver {
+    /// Starts a UART that only receives. The ring that the DMA fills has a power of two of bytes.
+    /// It is to hold what comes in while nobody reads, twice over: interrupts that come later than
+    /// half of it lasts lose it.
+    ///
+    /// `priority` is that of its interrupts.
+    ///
+    /// # Errors
+    /// [`BaudError`].
+    pub fn start<T: SerialPeripheral, const N: usize>(
+        parts: ReceiverParts<T>,
+        config: &SerialConfig,
+        ring: DmaBuffer<u8, N>,
+        priority: Priority,
+    ) -> Result<Self, BaudError> {
+        let direction = Direction { transmits: false, drives_enable: false };
+        // First, so that the UART sees a line at rest.
+        connect_receiver(parts.pin, config);
+        T::UART.start::<T>(config, direction)?;
+        (parts.enable)(priority);
+        Ok(Self::listen(T::UART, parts.stream, parts.request, ring))
+    }
+
+    fn listen<const N: usize>(
+        uart: Uart,
+        stream: Stream,
+        request: u8,
+        ring: DmaBuffer<u8, N>,
+    ) -> Self {
+        const { assert!(N.is_power_of_two() && N >= 16, "a ring of 16, 32, 64 .. bytes") };
+        let receiver = Self { uart, stream, request, memory: ring.memory() };
+        uart.shared.line.lock(|line| {
+            let line = &mut *line.borrow_mut();
+            line.ring.set_length(u32::try_from(N).unwrap_or(u32::MAX));
+            line.receive = Some(stream);
+            receiver.fill();
+        });
+        receiver
+    }
+
+    /// Lets the DMA begin at the front of the ring.
+    fn fill(&self) {
+        let transfer = Transfer {
+            request: self.request,
+            peripheral: self.uart.receive_register(),
+            to_peripheral: false,
+            circular: true,
+            is_serial: true,
+        };
+        self.stream.start(&transfer, &self.memory, self.memory.length());
+    }
+
+    /// What was lost or damaged so far, in both directions.
+    #[must_use]
+    pub fn counters(&self) -> SerialCounters {
+        self.uart.shared.line.lock(|line| line.borrow().ring.counters)
+    }
+
+    /// What there is to read now. The bytes are copied while interrupts may come, and copied again
+    /// from elsewhere if the DMA overtook that.
+    fn try_read(&mut self, buffer: &mut [u8]) -> Option<Result<usize, SerialError>> {
+        let room = u32::try_from(buffer.len()).unwrap_or(u32::MAX);
+        let shared = self.uart.shared;
+        loop {
+            let next = shared.line.lock(|line| {
+                let line = &mut *line.borrow_mut();
+                if !self.stream.is_running() {
+                    line.ring.restart();
+                    self.fill();
+                }
+                line.ring.next(room)
+            });
+            let (from, count) = match next {
+                Next::Nothing => return None,
+                Next::Error(error) => return Some(Err(error)),
+                Next::Bytes { from, count } => (from, count),
+            };
+            for (position, byte) in (0..count).zip(buffer.iter_mut()) {
+                // The ring's length divides the number of positions.
+                let place = from.wrapping_add(position) as usize % self.memory.length();
+                *byte = self.memory.read(place);
+            }
+            let is_whole = shared.line.lock(|line| {
+                let line = &mut *line.borrow_mut();
+                line.look();
+                line.ring.take(from, count)
+            });
+            if is_whole {
+                return Some(Ok(count as usize));
+            }
+        }
+    }
+}
+
+impl SerialTransmitter {
+    fn broken(&self) -> Option<SerialError> {
+        self.uart.shared.line.lock(|line| {
+            let line = &mut *line.borrow_mut();
+            core::mem::take(&mut line.is_transmit_broken).then(|| {
+                line.ring.counters.dma = line.ring.counters.dma.wrapping_add(1);
+                SerialError::Dma
+            })
+        })
+    }
+
+    /// Waits until nothing is left of what `write` took, in the buffer or on the wire.
+    async fn sent(&mut self, is_over: impl Fn(&Self) -> bool) -> Result<(), SerialError> {
+        poll_fn(|context| {
+            self.uart.shared.writer.register(context.waker());
+            if let Some(error) = self.broken() {
+                return Poll::Ready(Err(error));
+            }
+            if is_over(self) { Poll::Ready(Ok(())) } else { Poll::Pending }
+        })
+        .await
+    }
+}
+
+impl Serial {
+    /// Starts a UART. `ring` is as in [`SerialReceiver::start`]; `buffer` holds what is sent at
+    /// once.
+    ///
+    /// # Errors
+    /// [`BaudError`].
+    pub fn start<T: SerialPeripheral, const N: usize, const M: usize>(
+        parts: SerialParts<T>,
+        config: &SerialConfig,
+        ring: DmaBuffer<u8, N>,
+        buffer: DmaBuffer<u8, M>,
+        priority: Priority,
+    ) -> Result<Self, BaudError> {
+        let direction = Direction { transmits: true, drives_enable: parts.driver_enable.is_some() };
+        let receiver = parts.receiver;
+        // First, so that the UART sees a line at rest.
+        connect_receiver(receiver.pin, config);
+        T::UART.start::<T>(config, direction)?;
+        // Only now: a transmit pin without a UART behind it could hold the line in break, and a
+        // driver-enable pin a transceiver on the line.
+        let push_pull = AfType::output(OutputType::PushPull, Speed::High);
+        connect(parts.pin, push_pull);
+        if let Some(pin) = parts.driver_enable {
+            connect(pin, push_pull);
+        }
+        T::UART.shared.line.lock(|line| line.borrow_mut().transmit = Some(parts.stream));
+        (parts.enable)(priority);
+        (receiver.enable)(priority);
+        let receiver = SerialReceiver::listen(T::UART, receiver.stream, receiver.request, ring);
+        let transmitter = SerialTransmitter {
+            uart: T::UART,
+            stream: parts.stream,
+            request: parts.request,
+            memory: buffer.memory(),
+        };
+        Ok(Self { receiver, transmitter })
+    }
+
+    /// The two halves, for two tasks.
+    #[must_use]
+    pub fn split(self) -> (SerialReceiver, SerialTransmitter) {
+        (self.receiver, self.transmitter)
+    }
+
+    /// What was lost or damaged so far, in both directions.
+    #[must_use]
+    pub fn counters(&self) -> SerialCounters {
+        self.receiver.counters()
+    }
+}
+
+impl embedded_io_async::Error for SerialError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Overrun | Self::TooSlow | Self::Dma => ErrorKind::Other,
+            Self::Framing | Self::Parity | Self::Noise | Self::Break => ErrorKind::InvalidData,
+        }
+    }
+}
+
+impl ErrorType for SerialReceiver {
+    type Error = SerialError;
+}
+impl ErrorType for SerialTransmitter {
+    type Error = SerialError;
+}
+impl ErrorType for Serial {
+    type Error = SerialError;
+}
+
+impl Read for SerialReceiver {
+    async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, SerialError> {
+        if buffer.is_empty() {
+            return Ok(0);
+        }
+        poll_fn(|context| {
+            self.uart.shared.reader.register(context.waker());
+            self.try_read(buffer).map_or(Poll::Pending, Poll::Ready)
+        })
+        .await
+    }
+}
+
+impl Write for SerialTransmitter {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, SerialError> {
+        if bytes.is_empty() {
+            return Ok(0);
+        }
+        self.sent(|this| !this.stream.is_running()).await?;
+        let count = self.memory.fill(bytes.iter().copied());
+        let transfer = Transfer {
+            request: self.request,
+            peripheral: self.uart.transmit_register(),
+            to_peripheral: true,
+            circular: false,
+            is_serial: true,
+        };
+        self.uart.forget_sent();
+        self.stream.start(&transfer, &self.memory, count);
+        Ok(count)
+    }
+
+    async fn flush(&mut self) -> Result<(), SerialError> {
+        self.sent(|this| {
+            if this.stream.is_running() {
+                return false;
+            }
+            this.uart.shared.line.lock(|_| {
+                let sent = this.uart.has_sent();
+                if !sent {
+                    this.uart.tell_when_sent();
+                }
+                sent
+            })
+        })
+        .await
+    }
+}
+
+impl Read for Serial {
+    async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, SerialError> {
+        self.receiver.read(buffer).await
+    }
+}
+
+impl Write for Serial {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, SerialError> {
+        self.transmitter.write(bytes).await
+    }
+
+    async fn flush(&mut self) -> Result<(), SerialError> {
+        self.transmitter.flush().await
+    }
+}

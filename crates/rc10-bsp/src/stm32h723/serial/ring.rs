@@ -1,0 +1,231 @@
+//! What a circular DMA has received, and what of it was read. Knows no register, so that it can be
+//! tested on a PC.
+
+use core::fmt;
+
+/// Something was wrong with what came in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum SerialError {
+    /// The UART had no place for a byte: the DMA was too slow, or had stopped.
+    Overrun,
+    /// No stop bit where one belongs: another baud rate, or a disturbance.
+    Framing,
+    /// A byte's parity was wrong.
+    Parity,
+    /// The samples of a bit did not agree.
+    Noise,
+    /// The line was held at the level of a start bit for longer than a byte.
+    Break,
+    /// The reader was too slow, or interrupts were masked for too long: unread bytes were
+    /// overwritten, and what was left of them is dropped.
+    TooSlow,
+    /// The DMA could not transfer. It is restarted.
+    Dma,
+}
+
+impl fmt::Display for SerialError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Overrun => "the UART received a byte before the last one was fetched",
+            Self::Framing => "a byte without stop bit",
+            Self::Parity => "a byte of wrong parity",
+            Self::Noise => "a noisy bit",
+            Self::Break => "the line was held in break",
+            Self::TooSlow => "bytes were overwritten before they were read",
+            Self::Dma => "a DMA transfer failed",
+        })
+    }
+}
+
+impl core::error::Error for SerialError {}
+
+/// How often what was wrong. Each starts over after 2³².
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct SerialCounters {
+    /// [`SerialError::Overrun`].
+    pub overruns: u32,
+    /// [`SerialError::Framing`].
+    pub framing: u32,
+    /// [`SerialError::Parity`].
+    pub parity: u32,
+    /// [`SerialError::Noise`].
+    pub noise: u32,
+    /// [`SerialError::Break`].
+    pub breaks: u32,
+    /// [`SerialError::TooSlow`]: the occasions.
+    pub too_slow: u32,
+    /// Bytes received and never read, at least: what [`SerialError::TooSlow`] and
+    /// [`SerialError::Dma`] cost.
+    pub unread: u32,
+    /// [`SerialError::Dma`], of both directions.
+    pub dma: u32,
+}
+
+impl SerialCounters {
+    const NEW: Self = Self {
+        overruns: 0,
+        framing: 0,
+        parity: 0,
+        noise: 0,
+        breaks: 0,
+        too_slow: 0,
+        unread: 0,
+        dma: 0,
+    };
+}
+
+/// The error flags of a UART.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LineFlags {
+    pub overrun: bool,
+    pub framing: bool,
+    pub parity: bool,
+    pub noise: bool,
+}
+
+/// What the reader gets next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Next {
+    /// Nothing yet.
+    Nothing,
+    /// Once.
+    Error(SerialError),
+    /// So many bytes from this position on. They may have to be fetched in two pieces: the place
+    /// of a position is its remainder by the ring's length.
+    Bytes { from: u32, count: u32 },
+}
+
+/// The accounts of a ring. Positions count received bytes, modulo 2³².
+#[derive(Debug)]
+pub struct Ring {
+    /// A power of two, so that 2³² positions are whole rounds.
+    length: u32,
+    received: u32,
+    read: u32,
+    /// Where the reader gets an error, and which bytes it does not get; there may be none.
+    hole: Option<Hole>,
+    pub counters: SerialCounters,
+}
+
+/// `from` is never behind what is read: no error comes before a byte that was offered already.
+#[derive(Clone, Copy, Debug)]
+struct Hole {
+    from: u32,
+    to: u32,
+    why: SerialError,
+}
+
+const fn count(counter: &mut u32) {
+    *counter = counter.wrapping_add(1);
+}
+
+impl Ring {
+    /// A ring without memory: it never has anything.
+    pub const fn new() -> Self {
+        Self { length: 1, received: 0, read: 0, hole: None, counters: SerialCounters::NEW }
+    }
+
+    /// Gives it memory, of a power of two of bytes.
+    pub const fn set_length(&mut self, length: u32) {
+        self.length = length;
+    }
+
+    const fn unread(&self) -> u32 {
+        self.received.wrapping_sub(self.read)
+    }
+
+    /// Drops what is unread; the reader gets an error in its stead.
+    fn drop_unread(&mut self, why: SerialError) {
+        self.counters.unread = self.counters.unread.wrapping_add(self.unread());
+        self.read = self.received;
+        self.hole = Some(Hole { from: self.read, to: self.read, why });
+    }
+
+    /// The DMA has `remaining` bytes to go in this round, and has passed the half or the end of a
+    /// round since the last look. (Flags first, then `remaining`: a mark that is passed between
+    /// the two shows at the next look.)
+    pub fn look(&mut self, remaining: u32, half: bool, end: bool) {
+        let place = self.length.wrapping_sub(remaining) & (self.length - 1);
+        let moved = place.wrapping_sub(self.received) & (self.length - 1);
+        self.received = self.received.wrapping_add(moved);
+        // A whole round passes both marks. So does a bit more than half of one, but then interrupts
+        // come so late that nobody can say which of the two it was.
+        if (half && end) || self.unread() > self.length {
+            count(&mut self.counters.too_slow);
+            self.drop_unread(SerialError::TooSlow);
+        }
+    }
+
+    /// The UART says that a byte was wrong, or lost; it did not come here. `wrong` is what there
+    /// was of it.
+    pub fn fail(&mut self, flags: LineFlags, wrong: u8) {
+        let counters = &mut self.counters;
+        let mut why = None;
+        if flags.overrun {
+            count(&mut counters.overruns);
+            why = Some(SerialError::Overrun);
+        }
+        if flags.noise {
+            count(&mut counters.noise);
+            why = Some(SerialError::Noise);
+        }
+        if flags.parity {
+            count(&mut counters.parity);
+            why = Some(SerialError::Parity);
+        }
+        if flags.framing {
+            let (counter, kind) = if wrong == 0 {
+                (&mut counters.breaks, SerialError::Break)
+            } else {
+                (&mut counters.framing, SerialError::Framing)
+            };
+            count(counter);
+            why = Some(kind);
+        }
+        let Some(why) = why else { return };
+        let from = self.hole.map_or(self.received, |hole| hole.from);
+        let why = self.hole.map_or(why, |hole| hole.why);
+        // Between two errors there may be good bytes. A reader that is so far behind does without:
+        // nothing would tell it that they do not belong together.
+        self.hole = Some(Hole { from, to: self.received, why });
+    }
+
+    /// The DMA has failed and will begin a new round.
+    pub fn restart(&mut self) {
+        count(&mut self.counters.dma);
+        self.drop_unread(SerialError::Dma);
+        self.received = self.received.wrapping_add(self.length - 1) & !(self.length - 1);
+        self.read = self.received;
+        self.hole = Some(Hole { from: self.read, to: self.read, why: SerialError::Dma });
+    }
+
+    /// What the reader gets, at most `room` bytes; a hole is passed.
+    pub fn next(&mut self, room: u32) -> Next {
+        let end = match self.hole {
+            Some(hole) if hole.from == self.read => {
+                self.read = hole.to;
+                self.hole = None;
+                return Next::Error(hole.why);
+            }
+            Some(hole) => hole.from,
+            None => self.received,
+        };
+        match end.wrapping_sub(self.read).min(room) {
+            0 => Next::Nothing,
+            count => Next::Bytes { from: self.read, count },
+        }
+    }
+
+    /// The reader has fetched `count` bytes from `from` on, and has looked since: whether they are
+    /// what was received. If not, they do not count as read.
+    pub fn take(&mut self, from: u32, count: u32) -> bool {
+        if self.read != from {
+            return false;
+        }
+        self.read = self.read.wrapping_add(count);
+        true
+    }
+}
