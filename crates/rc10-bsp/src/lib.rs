@@ -27,7 +27,8 @@ pub use rc10_message::{
 };
 #[cfg(feature = "stm32h723")]
 pub use stm32h723::{
-    FDCAN_CLOCK, can, clocks, crash, dma, initialise, serial, supervisor, watchdog,
+    FDCAN_CLOCK, TIMER_CLOCK, can, clocks, crash, dma, i2c, initialise, pulse_input, pulse_output,
+    quadrature, serial, spi, supervisor, watchdog,
 };
 
 use embassy_time::Instant;

@@ -4,6 +4,8 @@
 //! * [`initialise`]: clocks and caches.
 //! * [`can`]: the three FDCAN ports, and [`can::Bus::start`].
 //! * [`serial`]: UARTs; [`dma`]: the memory that a DMA reaches.
+//! * [`i2c`] with timeouts and recovery; [`spi`] through that memory.
+//! * [`pulse_output`] for LED strips, [`pulse_input`] for PPM, [`quadrature`] for encoders.
 //! * [`supervisor`]: makes the motors of a bus safe that does not tick.
 //! * [`watchdog`]: fed only while everything that must tick ticks.
 //! * [`crash`]: what happens after a panic or a fault: the motors are made safe by registers, the
@@ -13,7 +15,12 @@
 pub mod can;
 pub mod crash;
 pub mod dma;
+pub mod i2c;
+pub mod pulse_input;
+pub mod pulse_output;
+pub mod quadrature;
 pub mod serial;
+pub mod spi;
 pub mod supervisor;
 pub mod watchdog;
 
@@ -26,6 +33,9 @@ use embassy_stm32::{Config, Peripherals, pac};
 
 /// Kernel clock of the three FDCANs: PLL1 Q.
 pub const FDCAN_CLOCK: Hertz = Hertz(120_000_000);
+
+/// What the timers count at, unless a prescaler divides it.
+pub const TIMER_CLOCK: Hertz = Hertz(240_000_000);
 
 /// The board's clocks: 25 MHz crystal / 5 x 96 = 480 MHz for the core, half of it for AHB (limit
 /// 275 MHz), a quarter for every APB (limit 137.5 MHz), a quarter from PLL1 Q for the FDCANs.

@@ -1,0 +1,152 @@
+//! Pulses of given widths, one per period, without a gap: what an LED strip of WS2812 listens to.
+//!
+//! TIM23 makes a PWM on channel 4, and at each of its updates a DMA brings the next compare value,
+//! which the one after takes over. TIM23, because of the timers at PF9 it is the one that can ask a
+//! DMA. It counts at [`TIMER_CLOCK`](crate::TIMER_CLOCK).
+//!
+//! The values are words, for the timer is one of 32 bits: the bus doubles a half word that is
+//! written to a whole register (RM0468, AHB-to-APB bridges), and the pulse would last for minutes.
+
+use core::fmt;
+use core::marker::PhantomData;
+
+use embassy_stm32::gpio::{AfType, Flex, OutputType, Speed};
+use embassy_stm32::interrupt::Priority;
+use embassy_stm32::interrupt::typelevel::{Binding, Handler};
+use embassy_stm32::pac::timer::vals;
+use embassy_stm32::peripherals::TIM23;
+use embassy_stm32::timer::{Ch4, TimerPin, UpDma};
+use embassy_stm32::{Peri, pac, rcc};
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
+
+use crate::dma::{DmaBuffer, DmaMemory, DmaStream, Stream, Transfer, enable};
+
+/// Channel 4, counted from zero.
+const CHANNEL: usize = 3;
+/// Values of zero behind the last pulse: the DMA brings the second when the first takes effect.
+const SILENT: usize = 2;
+
+/// Told by the interrupt when a transfer is over: whether it worked.
+static OVER: Signal<CriticalSectionRawMutex, bool> = Signal::new();
+
+/// The interrupt handler, for `bind_interrupts!`: of the DMA stream.
+pub struct Interrupt<D>(PhantomData<D>);
+
+impl<D: DmaStream> Handler<D::Interrupt> for Interrupt<D> {
+    unsafe fn on_interrupt() {
+        let events = D::STREAM.take_events();
+        if events.error || events.complete {
+            OVER.signal(!events.error);
+        }
+    }
+}
+
+/// Why pulses were not sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum PulseError {
+    /// There were more than the buffer holds; none was sent.
+    TooMany {
+        /// How many there were.
+        pulses: usize,
+        /// How many the buffer holds.
+        room: usize,
+    },
+    /// The DMA could not transfer; some were sent.
+    Dma,
+}
+
+impl fmt::Display for PulseError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooMany { pulses, room } => {
+                write!(f, "the buffer holds {room} pulses, not {pulses}")
+            }
+            Self::Dma => f.write_str("a DMA transfer failed"),
+        }
+    }
+}
+
+impl core::error::Error for PulseError {}
+
+/// An output that is low, but for the pulses it is told to send.
+pub struct PulseOutput {
+    stream: Stream,
+    request: u8,
+    memory: DmaMemory<u32>,
+}
+
+impl PulseOutput {
+    /// Starts the timer: a pulse begins every `period` of its clocks, 2 or more. The buffer holds
+    /// two values more than pulses that are sent at once.
+    ///
+    /// `priority` is that of the stream's interrupt.
+    pub fn start<P: TimerPin<TIM23, Ch4>, D: DmaStream + UpDma<TIM23>, const N: usize>(
+        _timer: Peri<'static, TIM23>,
+        pin: Peri<'static, P>,
+        stream: Peri<'static, D>,
+        _interrupt: impl Binding<D::Interrupt, Interrupt<D>>,
+        period: u16,
+        buffer: DmaBuffer<u32, N>,
+        priority: Priority,
+    ) -> Self {
+        const { assert!(N > SILENT, "no room for a pulse") };
+        rcc::enable_and_reset::<TIM23>();
+        let timer = pac::TIM23;
+        timer.arr().write_value(u32::from(period.max(2)) - 1);
+        timer.ccmr_output(CHANNEL / 2).modify(|w| {
+            w.set_ocm(CHANNEL % 2, vals::OcmGp::PWM_MODE1);
+            w.set_ocpe(CHANNEL % 2, true);
+        });
+        timer.ccer().modify(|w| w.set_cce(CHANNEL, true));
+        timer.cr1().modify(|w| w.set_arpe(true));
+        // Takes the registers over: the compare value is 0, so the output stays low.
+        timer.egr().write(|w| w.set_ug(true));
+        timer.cr1().modify(|w| w.set_cen(true));
+
+        // The pin only now: the timer behind it says low.
+        let function = pin.af_num();
+        let mut pin = Flex::new(pin);
+        pin.set_as_af_unchecked(function, AfType::output(OutputType::PushPull, Speed::Medium));
+        // Dropped, it would disconnect.
+        core::mem::forget(pin);
+        enable::<D::Interrupt>(priority);
+        Self { stream: D::STREAM, request: stream.request(), memory: buffer.memory() }
+    }
+
+    /// Sends a pulse for each value, as many of the timer's clocks wide; returns when the last one is
+    /// over. If the future is dropped, the pulses go on, and the next call waits for them.
+    ///
+    /// # Errors
+    /// [`PulseError`]
+    pub async fn send(&mut self, widths: &[u16]) -> Result<(), PulseError> {
+        let room = self.memory.length() - SILENT;
+        if widths.len() > room {
+            return Err(PulseError::TooMany { pulses: widths.len(), room });
+        }
+        if self.stream.is_running() {
+            OVER.wait().await;
+        }
+        OVER.reset();
+        let values = widths.iter().map(|&width| u32::from(width)).chain([0; SILENT]);
+        let count = self.memory.fill(values);
+        let transfer = Transfer {
+            request: self.request,
+            peripheral: pac::TIM23.ccr(CHANNEL).as_ptr() as u32,
+            to_peripheral: true,
+            circular: false,
+            is_serial: false,
+        };
+        // Off and on: a request of before is void.
+        pac::TIM23.dier().modify(|w| w.set_ude(false));
+        self.stream.start(&transfer, &self.memory, count);
+        pac::TIM23.dier().modify(|w| w.set_ude(true));
+        if OVER.wait().await {
+            return Ok(());
+        }
+        // Not for ever what the failed transfer brought last.
+        pac::TIM23.ccr(CHANNEL).write_value(0);
+        Err(PulseError::Dma)
+    }
+}

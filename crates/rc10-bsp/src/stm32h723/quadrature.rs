@@ -1,0 +1,79 @@
+//! Incremental encoders on timers: the counter, whole. (embassy-stm32's driver reads the 16 lower
+//! bits of every timer, and filters nothing.)
+//!
+//! A counter starts over at [`QuadratureTimer::MODULUS`]; an `rc10_app::Encoder` of that modulus
+//! makes exact totals of it.
+
+use embassy_stm32::Peri;
+use embassy_stm32::gpio::{AfType, Flex, Pull};
+use embassy_stm32::pac::timer::{TimGp32, vals};
+use embassy_stm32::peripherals::{TIM3, TIM4, TIM5, TIM24};
+use embassy_stm32::timer::low_level::Timer;
+use embassy_stm32::timer::{Ch1, Ch2, GeneralInstance4Channel, TimerPin};
+
+/// A timer that counts quadrature, and is used for nothing else here.
+pub trait QuadratureTimer: GeneralInstance4Channel {
+    /// Its counter starts over after so many counts.
+    const MODULUS: u64;
+}
+
+impl QuadratureTimer for TIM3 {
+    const MODULUS: u64 = 1 << 16;
+}
+impl QuadratureTimer for TIM4 {
+    const MODULUS: u64 = 1 << 16;
+}
+impl QuadratureTimer for TIM5 {
+    const MODULUS: u64 = 1 << 32;
+}
+impl QuadratureTimer for TIM24 {
+    const MODULUS: u64 = 1 << 32;
+}
+
+/// The counter of an encoder: both edges of both tracks count.
+pub struct QuadratureCounter {
+    registers: TimGp32,
+}
+
+impl QuadratureCounter {
+    /// Starts to count from zero. `pull` is for encoders with open collectors; what is shorter than
+    /// 33 ns is no edge (eight samples at 240 MHz).
+    pub fn start<T: QuadratureTimer, A: TimerPin<T, Ch1>, B: TimerPin<T, Ch2>>(
+        timer: Peri<'static, T>,
+        track_a: Peri<'static, A>,
+        track_b: Peri<'static, B>,
+        pull: Pull,
+    ) -> Self {
+        let functions = [track_a.af_num(), track_b.af_num()];
+        for (mut pin, function) in
+            [Flex::new(track_a), Flex::new(track_b)].into_iter().zip(functions)
+        {
+            pin.set_as_af_unchecked(function, AfType::input(pull));
+            // Dropped, it would disconnect.
+            core::mem::forget(pin);
+        }
+        let timer = Timer::new(timer);
+        // SAFETY: one of the general timers, as its trait says. Those of 16 bits have the same
+        // registers; the upper half of counter and auto-reload is reserved there and reads zero.
+        let registers = unsafe { TimGp32::from_ptr(timer.regs_core().as_ptr()) };
+        // Dropped, it would stop.
+        core::mem::forget(timer);
+        registers.ccmr_input(0).modify(|w| {
+            for channel in 0..2 {
+                w.set_ccs(channel, vals::CcmrInputCcs::TI4);
+                w.set_icf(channel, vals::FilterValue::FCK_INT_N8);
+            }
+        });
+        registers.smcr().modify(|w| w.set_sms(vals::Sms::ENCODER_MODE_3));
+        #[expect(clippy::cast_possible_truncation, reason = "2^32 at most")]
+        registers.arr().write_value((T::MODULUS - 1) as u32);
+        registers.cr1().modify(|w| w.set_cen(true));
+        Self { registers }
+    }
+
+    /// The counter: 0 ..< [`QuadratureTimer::MODULUS`].
+    #[must_use]
+    pub fn read(&self) -> u32 {
+        self.registers.cnt().read()
+    }
+}

@@ -1,0 +1,83 @@
+//! An SPI bus whose DMA reaches SRAM1 only.
+//!
+//! Drivers of devices keep what they send and receive on the stack, which is in DTCM: with
+//! embassy-stm32's SPI that ends in a panic. [`DmaSpi`] copies.
+
+use embedded_hal_async::spi::{ErrorType, SpiBus};
+
+use crate::dma::DmaBuffer;
+
+/// An [`SpiBus`] on another one, through a buffer in SRAM1. More than `N` bytes go in pieces; the
+/// chip select is not this bus's business, so devices do not see that.
+///
+/// ```ignore
+/// let bus = Spi::new(p.SPI1, sck, mosi, miso, transmit, receive, Irqs, config);
+/// let bus = DmaSpi::new(bus, dma_buffer!(u8; 64));
+/// ```
+///
+/// embassy-stm32 leaves the interrupts of SPI's DMA streams at the most urgent priority; set it
+/// before.
+pub struct DmaSpi<B, const N: usize> {
+    bus: B,
+    memory: &'static mut [u8; N],
+}
+
+impl<B: SpiBus, const N: usize> DmaSpi<B, N> {
+    /// A bus that sends from, and receives into, `buffer`.
+    pub const fn new(bus: B, buffer: DmaBuffer<u8, N>) -> Self {
+        Self { bus, memory: buffer.elements() }
+    }
+}
+
+impl<B: ErrorType, const N: usize> ErrorType for DmaSpi<B, N> {
+    type Error = B::Error;
+}
+
+impl<B: SpiBus, const N: usize> SpiBus for DmaSpi<B, N> {
+    async fn read(&mut self, words: &mut [u8]) -> Result<(), B::Error> {
+        for piece in words.chunks_mut(N) {
+            let memory = &mut self.memory[..piece.len()];
+            self.bus.read(memory).await?;
+            piece.copy_from_slice(memory);
+        }
+        Ok(())
+    }
+
+    async fn write(&mut self, words: &[u8]) -> Result<(), B::Error> {
+        for piece in words.chunks(N) {
+            let memory = &mut self.memory[..piece.len()];
+            memory.copy_from_slice(piece);
+            self.bus.write(memory).await?;
+        }
+        Ok(())
+    }
+
+    async fn transfer(&mut self, read: &mut [u8], write: &[u8]) -> Result<(), B::Error> {
+        // What both have; then what only one of them has.
+        let common = read.len().min(write.len());
+        let (read, read_alone) = read.split_at_mut(common);
+        let (write, write_alone) = write.split_at(common);
+        for (read, write) in read.chunks_mut(N).zip(write.chunks(N)) {
+            let memory = &mut self.memory[..write.len()];
+            memory.copy_from_slice(write);
+            self.bus.transfer_in_place(memory).await?;
+            read.copy_from_slice(memory);
+        }
+        self.read(read_alone).await?;
+        self.write(write_alone).await
+    }
+
+    async fn transfer_in_place(&mut self, words: &mut [u8]) -> Result<(), B::Error> {
+        for piece in words.chunks_mut(N) {
+            let memory = &mut self.memory[..piece.len()];
+            memory.copy_from_slice(piece);
+            self.bus.transfer_in_place(memory).await?;
+            piece.copy_from_slice(memory);
+        }
+        Ok(())
+    }
+
+    async fn flush(&mut self) -> Result<(), B::Error> {
+        self.bus.flush().await
+    }
+}
