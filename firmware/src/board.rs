@@ -1,8 +1,20 @@
-//! Which pin is what. Source: the team's `CubeMX` project for the STM32H723ZGT6 board.
+//! Which pin is what. Every pin is checked against its peripheral when this is compiled; so is every
+//! DMA stream, and that nothing is used twice. `docs/wiring.md` says the same for people.
+//!
+//! Sources: the team's `CubeMX` project for the STM32H723ZGT6 board has the CAN buses, USART1, the
+//! PPM input, the LED strip, USB, the crystal and the debug port. The rest is a proposal of ours: no
+//! pin of those, what belongs together side by side.
 
-use embassy_stm32::peripherals::{FDCAN1, FDCAN2, FDCAN3, IWDG1, TIM7};
+use embassy_stm32::peripherals::{
+    DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, DMA1_CH7, DMA2_CH0,
+    DMA2_CH1, DMA2_CH2, DMA2_CH3, DMA2_CH4, DMA2_CH5, DMA2_CH6, DMA2_CH7, EXTI2, EXTI3, FDCAN1,
+    FDCAN2, FDCAN3, I2C2, IWDG1, PA0, PA1, PA5, PA6, PA7, PA11, PA12, PB14, PC4, PC5, PC6, PC7,
+    PD12, PD13, PD14, PD15, PF0, PF1, PF8, PF9, PG2, PG3, SPI1, TIM3, TIM4, TIM5, TIM7, TIM12,
+    TIM13, TIM23, UART5, UART7, USART1, USART2, USART3, USART10, USB_OTG_HS,
+};
 use embassy_stm32::{Peri, Peripherals};
 use rc10_bsp::can::BusParts;
+use rc10_bsp::serial::{ReceiverParts, SerialParts};
 
 /// The board's parts, by what they are for.
 pub struct Board {
@@ -12,19 +24,197 @@ pub struct Board {
     pub bus_2: BusParts<FDCAN2>,
     /// FDCAN3: receive PF6, transmit PF7.
     pub bus_3: BusParts<FDCAN3>,
+    /// A line of text for people, or a link to another computer.
+    pub text: SerialParts<USART1, DMA1_CH0, DMA1_CH1>,
+    /// The receiver of a remote control that speaks serially. It only talks.
+    pub remote: ReceiverParts<UART5, DMA1_CH2>,
+    /// Laser ranging.
+    pub laser: SerialParts<USART3, DMA1_CH3, DMA1_CH4>,
+    /// An IMU that speaks serially.
+    pub imu: SerialParts<UART7, DMA1_CH5, DMA1_CH6>,
+    /// Positioning by tracking wheels.
+    pub positioning: SerialParts<USART10, DMA2_CH0, DMA2_CH1>,
+    /// RS-485 with driver enable: Unitree motors.
+    pub rs485: SerialParts<USART2, DMA2_CH2, DMA2_CH3>,
+    /// The receiver of a remote control that speaks in pulses.
+    pub pulses: PulseParts,
+    /// An LED strip.
+    pub strip: StripParts,
+    /// An IMU on SPI: BMI088.
+    pub spi: SpiParts,
+    /// Sensors on I2C. The pull-ups are on the board, or on them.
+    pub i2c: I2cParts,
+    /// Servos.
+    pub servos: ServoParts,
+    /// A pulse to be measured.
+    pub capture: CaptureParts,
+    /// Two incremental encoders, one with a counter of 16 bits, one of 32.
+    pub encoders: EncoderParts,
+    /// Two limit switches to ground.
+    pub switches: SwitchParts,
+    /// USB, as a device of full speed.
+    pub usb: UsbParts,
     /// A timer that drives no pin.
     pub supervisor: Peri<'static, TIM7>,
     /// The independent watchdog.
     pub watchdog: Peri<'static, IWDG1>,
 }
 
+/// TIM13, channel 1.
+pub struct PulseParts {
+    /// It notes when the pin rises.
+    pub timer: Peri<'static, TIM13>,
+    /// The pulses.
+    pub pin: Peri<'static, PF8>,
+}
+
+/// TIM23, channel 4. (The team's C project uses TIM14 on this pin, which cannot ask a DMA.)
+pub struct StripParts {
+    /// It makes the pulses.
+    pub timer: Peri<'static, TIM23>,
+    /// The strip's data.
+    pub pin: Peri<'static, PF9>,
+    /// It brings their widths.
+    pub stream: Peri<'static, DMA1_CH7>,
+}
+
+/// SPI1 and two chip selects.
+pub struct SpiParts {
+    /// The bus.
+    pub peripheral: Peri<'static, SPI1>,
+    /// SCK.
+    pub clock: Peri<'static, PA5>,
+    /// MISO.
+    pub receive: Peri<'static, PA6>,
+    /// MOSI.
+    pub transmit: Peri<'static, PA7>,
+    /// Receives.
+    pub receive_stream: Peri<'static, DMA2_CH4>,
+    /// Sends.
+    pub transmit_stream: Peri<'static, DMA2_CH5>,
+    /// Chip select of the accelerometer.
+    pub accelerometer: Peri<'static, PC4>,
+    /// Chip select of the gyroscope.
+    pub gyroscope: Peri<'static, PC5>,
+}
+
+/// I2C2.
+pub struct I2cParts {
+    /// The bus.
+    pub peripheral: Peri<'static, I2C2>,
+    /// SCL.
+    pub clock: Peri<'static, PF1>,
+    /// SDA.
+    pub data: Peri<'static, PF0>,
+    /// Receives.
+    pub receive_stream: Peri<'static, DMA2_CH6>,
+    /// Sends.
+    pub transmit_stream: Peri<'static, DMA2_CH7>,
+}
+
+/// TIM4, channels 1 to 4.
+pub struct ServoParts {
+    /// It makes the pulses.
+    pub timer: Peri<'static, TIM4>,
+    /// Channel 1.
+    pub first: Peri<'static, PD12>,
+    /// Channel 2.
+    pub second: Peri<'static, PD13>,
+    /// Channel 3.
+    pub third: Peri<'static, PD14>,
+    /// Channel 4.
+    pub fourth: Peri<'static, PD15>,
+}
+
+/// TIM12, channel 1.
+pub struct CaptureParts {
+    /// It notes the edges.
+    pub timer: Peri<'static, TIM12>,
+    /// The pulse.
+    pub pin: Peri<'static, PB14>,
+}
+
+/// TIM3 and TIM5, channels 1 and 2 each.
+pub struct EncoderParts {
+    /// Counts in 16 bits.
+    pub short: Peri<'static, TIM3>,
+    /// Its tracks A and B.
+    pub short_tracks: (Peri<'static, PC6>, Peri<'static, PC7>),
+    /// Counts in 32 bits.
+    pub long: Peri<'static, TIM5>,
+    /// Its tracks A and B.
+    pub long_tracks: (Peri<'static, PA0>, Peri<'static, PA1>),
+}
+
+/// Two pins, and the interrupt line of each.
+pub struct SwitchParts {
+    /// The first switch.
+    pub first: (Peri<'static, PG2>, Peri<'static, EXTI2>),
+    /// The second switch.
+    pub second: (Peri<'static, PG3>, Peri<'static, EXTI3>),
+}
+
+/// USB OTG HS with its own full-speed transceiver.
+pub struct UsbParts {
+    /// The controller.
+    pub peripheral: Peri<'static, USB_OTG_HS>,
+    /// D+.
+    pub plus: Peri<'static, PA12>,
+    /// D-.
+    pub minus: Peri<'static, PA11>,
+}
+
 impl Board {
-    /// Hands out the pins.
+    /// Hands out the pins. Nothing is switched on.
+    #[must_use]
     pub fn new(p: Peripherals) -> Self {
         Self {
             bus_1: BusParts::new(p.FDCAN1, p.PD0, p.PD1),
             bus_2: BusParts::new(p.FDCAN2, p.PB12, p.PB13),
             bus_3: BusParts::new(p.FDCAN3, p.PF6, p.PF7),
+            // UART, receive pin, transmit pin, stream that receives, stream that sends.
+            text: SerialParts::new(p.USART1, p.PB7, p.PB6, p.DMA1_CH0, p.DMA1_CH1),
+            remote: ReceiverParts::new(p.UART5, p.PD2, p.DMA1_CH2),
+            laser: SerialParts::new(p.USART3, p.PD9, p.PD8, p.DMA1_CH3, p.DMA1_CH4),
+            imu: SerialParts::new(p.UART7, p.PE7, p.PE8, p.DMA1_CH5, p.DMA1_CH6),
+            positioning: SerialParts::new(p.USART10, p.PE2, p.PE3, p.DMA2_CH0, p.DMA2_CH1),
+            rs485: SerialParts::new(p.USART2, p.PD6, p.PD5, p.DMA2_CH2, p.DMA2_CH3)
+                .with_driver_enable(p.PD4),
+            pulses: PulseParts { timer: p.TIM13, pin: p.PF8 },
+            strip: StripParts { timer: p.TIM23, pin: p.PF9, stream: p.DMA1_CH7 },
+            spi: SpiParts {
+                peripheral: p.SPI1,
+                clock: p.PA5,
+                receive: p.PA6,
+                transmit: p.PA7,
+                receive_stream: p.DMA2_CH4,
+                transmit_stream: p.DMA2_CH5,
+                accelerometer: p.PC4,
+                gyroscope: p.PC5,
+            },
+            i2c: I2cParts {
+                peripheral: p.I2C2,
+                clock: p.PF1,
+                data: p.PF0,
+                receive_stream: p.DMA2_CH6,
+                transmit_stream: p.DMA2_CH7,
+            },
+            servos: ServoParts {
+                timer: p.TIM4,
+                first: p.PD12,
+                second: p.PD13,
+                third: p.PD14,
+                fourth: p.PD15,
+            },
+            capture: CaptureParts { timer: p.TIM12, pin: p.PB14 },
+            encoders: EncoderParts {
+                short: p.TIM3,
+                short_tracks: (p.PC6, p.PC7),
+                long: p.TIM5,
+                long_tracks: (p.PA0, p.PA1),
+            },
+            switches: SwitchParts { first: (p.PG2, p.EXTI2), second: (p.PG3, p.EXTI3) },
+            usb: UsbParts { peripheral: p.USB_OTG_HS, plus: p.PA12, minus: p.PA11 },
             supervisor: p.TIM7,
             watchdog: p.IWDG1,
         }

@@ -2,12 +2,13 @@
 //! what. All else is in the library crates, where it also runs on a PC.
 //!
 //! Priorities, most urgent first: the interrupt of time (P0); the supervisor, which makes the motors
-//! safe if the buses hang (P3); the buses, on an executor of their own (P6); everything else, in
-//! thread mode. So no log line, no chassis maths and no script can delay a motor.
+//! safe if the buses hang (P3); the buses, on an executor of their own (P6); the interrupts of UARTs
+//! and timers (P7); everything else, in thread mode. So no log line, no chassis maths and no script
+//! can delay a motor, and neither can a serial line full of noise: its interrupts wait until the
+//! buses have ticked, and a DMA receives meanwhile.
 #![no_std]
 #![no_main]
 
-mod board;
 mod tasks;
 
 use defmt_rtt as _;
@@ -15,21 +16,31 @@ use embassy_executor::{InterruptExecutor, Spawner};
 use embassy_stm32::bind_interrupts;
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
+use embassy_stm32::peripherals::USART1;
 use rc10_bsp::can::Bus;
-use rc10_bsp::{crash, supervisor};
+use rc10_bsp::serial::{self, Serial, SerialConfig};
+use rc10_bsp::{crash, dma_buffer, supervisor};
+use rc10_firmware::board::Board;
 use rc10_motor::embassy::BusPort;
 use rc10_robot::table::BUSES;
 use rc10_robot::{Io, Motors};
 use static_cell::{ConstStaticCell, StaticCell};
 
-use crate::board::Board;
 use crate::tasks::Unstartable;
 
 rc10_bsp::crash_handlers!();
 
 bind_interrupts!(struct Irqs {
     TIM7 => supervisor::Interrupt;
+    USART1 => serial::Interrupt<USART1>;
+    DMA1_STREAM0 => serial::Interrupt<USART1>;
+    DMA1_STREAM1 => serial::Interrupt<USART1>;
 });
+
+/// Of all that is no motor: UARTs, timers, their DMA.
+const PERIPHERALS: Priority = Priority::P7;
+/// The line of text.
+const TEXT: SerialConfig = SerialConfig::new(115_200);
 
 // What is large is made where it stays: moved, it would go over the stack.
 static PORTS: [StaticCell<BusPort>; BUSES] = [const { StaticCell::new() }; BUSES];
@@ -77,6 +88,10 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     Bus::start(control, board.bus_2, |can| tasks::bus(can, second, port_2))?;
     Bus::start(control, board.bus_3, |can| tasks::bus(can, third, port_3))?;
     supervisor::start(board.supervisor, Irqs, Priority::P3);
+
+    let (ring, buffer) = (dma_buffer!(u8; 64), dma_buffer!(u8; 256));
+    let text = Serial::start(board.text, Irqs, &TEXT, ring, buffer, PERIPHERALS)?;
+    spawner.spawn(tasks::text(io, text)?);
 
     spawner.spawn(tasks::chassis(io)?);
     spawner.spawn(tasks::mechanisms(io)?);

@@ -1,10 +1,15 @@
 //! The robot's `async fn`s as tasks of the chip's executors.
 
+use core::fmt::Write as _;
+
 use embassy_executor::SpawnError;
 use embassy_stm32::Peri;
 use embassy_stm32::peripherals::IWDG1;
 use embassy_time::{Duration, Ticker};
+use embedded_io_async::Write as _;
+use heapless::String;
 use rc10_bsp::can::FdcanPort;
+use rc10_bsp::serial::{BaudError, Serial};
 use rc10_bsp::watchdog::Watchdog;
 use rc10_motor::TxBatch;
 use rc10_motor::embassy::{BusPort, run_bus};
@@ -15,6 +20,9 @@ use rc10_robot::{Io, SetupError, chassis, driver, mechanisms, status};
 const WATCHDOG: Duration = Duration::from_millis(80);
 /// How often it is fed.
 const FEED: Duration = Duration::from_millis(10);
+
+/// The longest line of text, its end included.
+const TEXT: usize = 512;
 
 /// One bus: frames in, motors, frames out, every millisecond. The frames that make its motors safe
 /// are stored before the first tick.
@@ -75,6 +83,26 @@ pub async fn log(io: &'static Io<'static>) {
     }
 }
 
+/// Writes the status as a line of text, ten times a second, to whoever listens at the UART.
+#[embassy_executor::task]
+pub async fn text(io: &'static Io<'static>, mut port: Serial) {
+    let Ok(mut messages) = io.status.subscribe() else {
+        defmt::error!("no room for the line of text to subscribe to the status");
+        return;
+    };
+    let mut line = String::<TEXT>::new();
+    loop {
+        let status = messages.next().await.value;
+        line.clear();
+        // What does not fit is cut off; the line still ends.
+        let _ = write!(line, "{status}");
+        line.truncate(TEXT - 2);
+        let _ = line.push_str("\r\n");
+        // Counted by the port; the next line is a new chance.
+        let _ = port.write_all(line.as_bytes()).await;
+    }
+}
+
 /// Feeds the watchdog while every bus ticks.
 #[embassy_executor::task]
 pub async fn watch(watchdog: Peri<'static, IWDG1>, io: &'static Io<'static>) -> ! {
@@ -96,11 +124,19 @@ pub enum Unstartable {
     Robot(SetupError),
     /// A task was spawned more often than its pool allows.
     Task(SpawnError),
+    /// A baud rate.
+    Baud(BaudError),
 }
 
 impl From<SetupError> for Unstartable {
     fn from(error: SetupError) -> Self {
         Self::Robot(error)
+    }
+}
+
+impl From<BaudError> for Unstartable {
+    fn from(error: BaudError) -> Self {
+        Self::Baud(error)
     }
 }
 
@@ -120,6 +156,7 @@ impl defmt::Format for Unstartable {
                 defmt::write!(f, "{}: cannot be on its bus", motor);
             }
             Self::Task(error) => defmt::write!(f, "a task does not start: {}", error),
+            Self::Baud(error) => defmt::write!(f, "a UART does not start: {}", error),
         }
     }
 }

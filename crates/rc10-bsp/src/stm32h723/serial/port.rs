@@ -16,72 +16,66 @@ use crate::dma::{DmaBuffer, DmaMemory, DmaStream, Stream, Transfer, enable};
 /// A pin, and the alternate function that connects it.
 type Pin = (Flex<'static>, u8);
 
-/// What receives: a UART, its receive pin, a DMA stream.
-pub struct ReceiverParts<T: SerialPeripheral> {
+/// What receives: a UART, its receive pin, and the DMA stream `D`.
+pub struct ReceiverParts<T: SerialPeripheral, D: DmaStream> {
     /// Holding it is what makes this the only port of the UART.
     _peripheral: Peri<'static, T>,
     pin: Pin,
-    stream: Stream,
+    _stream: Peri<'static, D>,
     request: u8,
-    enable: fn(Priority),
 }
 
-/// What receives and sends.
-pub struct SerialParts<T: SerialPeripheral> {
-    receiver: ReceiverParts<T>,
+/// What receives and sends: the stream `D` in, the stream `E` out.
+pub struct SerialParts<T: SerialPeripheral, D: DmaStream, E: DmaStream> {
+    receiver: ReceiverParts<T, D>,
     pin: Pin,
     driver_enable: Option<Pin>,
-    stream: Stream,
+    _stream: Peri<'static, E>,
     request: u8,
-    enable: fn(Priority),
 }
 
-impl<T: SerialPeripheral> ReceiverParts<T> {
-    /// Pin and stream are checked against the UART at compile time, and that the interrupts of the
-    /// UART and of the stream are bound to its [`Interrupt`].
-    pub fn new<R: RxPin<T>, D: DmaStream + RxDma<T>>(
+impl<T: SerialPeripheral, D: DmaStream + RxDma<T>> ReceiverParts<T, D> {
+    /// Pin and stream are checked against the UART at compile time.
+    pub fn new<R: RxPin<T>>(
         peripheral: Peri<'static, T>,
-        _interrupts: impl Binding<T::Interrupt, Interrupt<T>> + Binding<D::Interrupt, Interrupt<T>>,
         receive: Peri<'static, R>,
         stream: Peri<'static, D>,
     ) -> Self {
         let function = receive.af_num();
+        let request = stream.request();
         Self {
             _peripheral: peripheral,
             pin: (Flex::new(receive), function),
-            stream: D::STREAM,
-            request: stream.request(),
-            enable: |priority| {
-                enable::<T::Interrupt>(priority);
-                enable::<D::Interrupt>(priority);
-            },
+            _stream: stream,
+            request,
         }
     }
 }
 
-impl<T: SerialPeripheral> SerialParts<T> {
-    /// Adds a transmit pin and its stream.
-    pub fn new<X: TxPin<T>, D: DmaStream + TxDma<T>>(
-        receiver: ReceiverParts<T>,
-        _interrupts: impl Binding<D::Interrupt, Interrupt<T>>,
+impl<T: SerialPeripheral, D: DmaStream + RxDma<T>, E: DmaStream + TxDma<T>> SerialParts<T, D, E> {
+    /// Pins and streams are checked against the UART at compile time.
+    pub fn new<R: RxPin<T>, X: TxPin<T>>(
+        peripheral: Peri<'static, T>,
+        receive: Peri<'static, R>,
         transmit: Peri<'static, X>,
-        stream: Peri<'static, D>,
+        receive_stream: Peri<'static, D>,
+        transmit_stream: Peri<'static, E>,
     ) -> Self {
         let function = transmit.af_num();
+        let request = transmit_stream.request();
         Self {
-            receiver,
+            receiver: ReceiverParts::new(peripheral, receive, receive_stream),
             pin: (Flex::new(transmit), function),
             driver_enable: None,
-            stream: D::STREAM,
-            request: stream.request(),
-            enable: enable::<D::Interrupt>,
+            _stream: transmit_stream,
+            request,
         }
     }
 
     /// An RS-485 transceiver's driver is enabled by this pin, high while the UART sends: by the
-    /// peripheral itself, to half a bit.
+    /// peripheral itself, to a part of a bit.
     #[must_use]
-    pub fn with_driver_enable<E: DePin<T>>(mut self, pin: Peri<'static, E>) -> Self {
+    pub fn with_driver_enable<P: DePin<T>>(mut self, pin: Peri<'static, P>) -> Self {
         let function = pin.af_num();
         self.driver_enable = Some((Flex::new(pin), function));
         self
@@ -93,12 +87,6 @@ fn connect((mut pin, function): Pin, kind: AfType) {
     pin.set_as_af_unchecked(function, kind);
     // Dropped, it would disconnect.
     core::mem::forget(pin);
-}
-
-/// An open receive pin reads as a line at rest.
-fn connect_receiver(pin: Pin, config: &SerialConfig) {
-    let rest = if config.invert_receive { Pull::Down } else { Pull::Up };
-    connect(pin, AfType::input(rest));
 }
 
 /// The receiving half of a UART: an [`embedded_io_async::Read`].
@@ -139,22 +127,36 @@ impl SerialReceiver {
     /// It is to hold what comes in while nobody reads, twice over: interrupts that come later than
     /// half of it lasts lose it.
     ///
-    /// `priority` is that of its interrupts.
+    /// The interrupts of the UART and of the stream are bound to its [`Interrupt`]; `priority` is
+    /// theirs.
     ///
     /// # Errors
     /// [`BaudError`].
-    pub fn start<T: SerialPeripheral, const N: usize>(
-        parts: ReceiverParts<T>,
+    pub fn start<T: SerialPeripheral, D: DmaStream, const N: usize>(
+        parts: ReceiverParts<T, D>,
+        _interrupts: impl Binding<T::Interrupt, Interrupt<T>> + Binding<D::Interrupt, Interrupt<T>>,
         config: &SerialConfig,
         ring: DmaBuffer<u8, N>,
         priority: Priority,
     ) -> Result<Self, BaudError> {
-        let direction = Direction { transmits: false, drives_enable: false };
-        // First, so that the UART sees a line at rest.
-        connect_receiver(parts.pin, config);
+        Self::start_with(parts, config, Direction::default(), ring, priority)
+    }
+
+    fn start_with<T: SerialPeripheral, D: DmaStream, const N: usize>(
+        parts: ReceiverParts<T, D>,
+        config: &SerialConfig,
+        direction: Direction,
+        ring: DmaBuffer<u8, N>,
+        priority: Priority,
+    ) -> Result<Self, BaudError> {
+        // First, so that the UART sees a line at rest. An open pin reads as one, too.
+        let rest = if config.invert_receive { Pull::Down } else { Pull::Up };
+        connect(parts.pin, AfType::input(rest));
         T::UART.start::<T>(config, direction)?;
-        (parts.enable)(priority);
-        Ok(Self::listen(T::UART, parts.stream, parts.request, ring))
+        let receiver = Self::listen(T::UART, D::STREAM, parts.request, ring);
+        enable::<T::Interrupt>(priority);
+        enable::<D::Interrupt>(priority);
+        Ok(receiver)
     }
 
     fn listen<const N: usize>(
@@ -253,23 +255,31 @@ impl SerialTransmitter {
 }
 
 impl Serial {
-    /// Starts a UART. `ring` is as in [`SerialReceiver::start`]; `buffer` holds what is sent at
-    /// once.
+    /// Starts a UART. `ring`, `interrupts` and `priority` are as in [`SerialReceiver::start`];
+    /// `buffer` holds what is sent at once.
     ///
     /// # Errors
     /// [`BaudError`].
-    pub fn start<T: SerialPeripheral, const N: usize, const M: usize>(
-        parts: SerialParts<T>,
+    pub fn start<T, D, E, const N: usize, const M: usize>(
+        parts: SerialParts<T, D, E>,
+        _interrupts: impl Binding<T::Interrupt, Interrupt<T>>
+        + Binding<D::Interrupt, Interrupt<T>>
+        + Binding<E::Interrupt, Interrupt<T>>,
         config: &SerialConfig,
         ring: DmaBuffer<u8, N>,
         buffer: DmaBuffer<u8, M>,
         priority: Priority,
-    ) -> Result<Self, BaudError> {
+    ) -> Result<Self, BaudError>
+    where
+        T: SerialPeripheral,
+        D: DmaStream,
+        E: DmaStream,
+    {
         let direction = Direction { transmits: true, drives_enable: parts.driver_enable.is_some() };
-        let receiver = parts.receiver;
-        // First, so that the UART sees a line at rest.
-        connect_receiver(receiver.pin, config);
-        T::UART.start::<T>(config, direction)?;
+        let receiver =
+            SerialReceiver::start_with(parts.receiver, config, direction, ring, priority)?;
+        T::UART.shared.line.lock(|line| line.borrow_mut().transmit = Some(E::STREAM));
+        enable::<E::Interrupt>(priority);
         // Only now: a transmit pin without a UART behind it could hold the line in break, and a
         // driver-enable pin a transceiver on the line.
         let push_pull = AfType::output(OutputType::PushPull, Speed::High);
@@ -277,13 +287,9 @@ impl Serial {
         if let Some(pin) = parts.driver_enable {
             connect(pin, push_pull);
         }
-        T::UART.shared.line.lock(|line| line.borrow_mut().transmit = Some(parts.stream));
-        (parts.enable)(priority);
-        (receiver.enable)(priority);
-        let receiver = SerialReceiver::listen(T::UART, receiver.stream, receiver.request, ring);
         let transmitter = SerialTransmitter {
             uart: T::UART,
-            stream: parts.stream,
+            stream: E::STREAM,
             request: parts.request,
             memory: buffer.memory(),
         };

@@ -229,7 +229,7 @@ impl Uart {
 }
 
 /// What a UART is used for, besides receiving.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(super) struct Direction {
     pub transmits: bool,
     /// Its driver-enable pin is high while it sends.
