@@ -16,6 +16,10 @@ use embassy_stm32::{Peri, Peripherals};
 use rc10_bsp::can::BusParts;
 use rc10_bsp::serial::{ReceiverParts, SerialParts};
 
+/// Whether there is an inverter between the remote's receiver and the pin, as on boards with a DBUS
+/// socket. Here the UART inverts, where the receiver needs it.
+pub const REMOTE_HAS_INVERTER: bool = false;
+
 /// The board's parts, by what they are for.
 pub struct Board {
     /// FDCAN1: receive PD0, transmit PD1.

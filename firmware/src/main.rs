@@ -16,13 +16,15 @@ use embassy_executor::{InterruptExecutor, Spawner};
 use embassy_stm32::bind_interrupts;
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
-use embassy_stm32::peripherals::USART1;
+use embassy_stm32::peripherals::{UART5, UART7, USART1};
 use rc10_bsp::can::Bus;
-use rc10_bsp::serial::{self, Serial, SerialConfig};
+use rc10_bsp::pulse_input::{self, PulseInput};
+use rc10_bsp::serial::{self, Parity, Serial, SerialConfig, SerialReceiver, StopBits};
 use rc10_bsp::{crash, dma_buffer, supervisor};
-use rc10_firmware::board::Board;
+use rc10_firmware::board::{Board, PulseParts, REMOTE_HAS_INVERTER};
+use rc10_module::remote::{self, SerialSettings};
 use rc10_motor::embassy::BusPort;
-use rc10_robot::table::BUSES;
+use rc10_robot::table::{BUSES, RECEIVER};
 use rc10_robot::{Io, Motors};
 use static_cell::{ConstStaticCell, StaticCell};
 
@@ -35,12 +37,20 @@ bind_interrupts!(struct Irqs {
     USART1 => serial::Interrupt<USART1>;
     DMA1_STREAM0 => serial::Interrupt<USART1>;
     DMA1_STREAM1 => serial::Interrupt<USART1>;
+    UART5 => serial::Interrupt<UART5>;
+    DMA1_STREAM2 => serial::Interrupt<UART5>;
+    UART7 => serial::Interrupt<UART7>;
+    DMA1_STREAM5 => serial::Interrupt<UART7>;
+    DMA1_STREAM6 => serial::Interrupt<UART7>;
+    TIM8_UP_TIM13 => pulse_input::Interrupt;
 });
 
 /// Of all that is no motor: UARTs, timers, their DMA.
 const PERIPHERALS: Priority = Priority::P7;
 /// The line of text.
 const TEXT: SerialConfig = SerialConfig::new(115_200);
+/// The HWT101.
+const IMU: SerialConfig = SerialConfig::new(115_200);
 
 // What is large is made where it stays: moved, it would go over the stack.
 static PORTS: [StaticCell<BusPort>; BUSES] = [const { StaticCell::new() }; BUSES];
@@ -89,15 +99,45 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     Bus::start(control, board.bus_3, |can| tasks::bus(can, third, port_3))?;
     supervisor::start(board.supervisor, Irqs, Priority::P3);
 
-    let (ring, buffer) = (dma_buffer!(u8; 64), dma_buffer!(u8; 256));
-    let text = Serial::start(board.text, Irqs, &TEXT, ring, buffer, PERIPHERALS)?;
-    spawner.spawn(tasks::text(io, text)?);
-
     spawner.spawn(tasks::chassis(io)?);
     spawner.spawn(tasks::mechanisms(io)?);
     spawner.spawn(tasks::driver(io)?);
     spawner.spawn(tasks::status(io)?);
     spawner.spawn(tasks::log(io)?);
     spawner.spawn(tasks::watch(board.watchdog, io)?);
+
+    // Rings hold what comes in 5 ms twice over, at the highest rate of what may be there.
+    let (ring, buffer) = (dma_buffer!(u8; 64), dma_buffer!(u8; 256));
+    let text = Serial::start(board.text, Irqs, &TEXT, ring, buffer, PERIPHERALS)?;
+    spawner.spawn(tasks::text(io, text)?);
+    let (ring, buffer) = (dma_buffer!(u8; 128), dma_buffer!(u8; 32));
+    let imu = Serial::start(board.imu, Irqs, &IMU, ring, buffer, PERIPHERALS)?;
+    spawner.spawn(tasks::imu(io, imu)?);
+    match RECEIVER.serial() {
+        Some(settings) => {
+            let (config, ring) = (line(settings), dma_buffer!(u8; 1024));
+            let port = SerialReceiver::start(board.remote, Irqs, &config, ring, PERIPHERALS)?;
+            spawner.spawn(tasks::remote(io, port)?);
+        }
+        None => {
+            let PulseParts { timer, pin } = board.pulses;
+            let input = PulseInput::start(timer, pin, Irqs, PERIPHERALS);
+            spawner.spawn(tasks::pulses(io, input)?);
+        }
+    }
     Ok(())
+}
+
+/// What a receiver needs, at the board's pin.
+const fn line(settings: SerialSettings) -> SerialConfig {
+    SerialConfig {
+        baud: settings.baud,
+        parity: match settings.parity {
+            remote::Parity::None => Parity::None,
+            remote::Parity::Even => Parity::Even,
+        },
+        stop_bits: if settings.stop_bits == 1 { StopBits::One } else { StopBits::Two },
+        invert_receive: settings.inverted && !REMOTE_HAS_INVERTER,
+        invert_transmit: false,
+    }
 }

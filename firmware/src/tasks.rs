@@ -9,11 +9,13 @@ use embassy_time::{Duration, Ticker};
 use embedded_io_async::Write as _;
 use heapless::String;
 use rc10_bsp::can::FdcanPort;
-use rc10_bsp::serial::{BaudError, Serial};
+use rc10_bsp::pulse_input::PulseInput;
+use rc10_bsp::serial::{BaudError, Serial, SerialReceiver};
 use rc10_bsp::watchdog::Watchdog;
 use rc10_motor::TxBatch;
 use rc10_motor::embassy::{BusPort, run_bus};
-use rc10_robot::{Io, SetupError, chassis, driver, mechanisms, status};
+use rc10_robot::table::RECEIVER;
+use rc10_robot::{Io, SetupError, chassis, driver, imu, mechanisms, remote, status};
 
 /// The chip restarts within 100 ms if a bus does not tick, or if the tasks in thread mode do not
 /// run: up to 10 ms go by before that shows, and the watchdog's own clock may be 9 % slow.
@@ -101,6 +103,24 @@ pub async fn text(io: &'static Io<'static>, mut port: Serial) {
         // Counted by the port; the next line is a new chance.
         let _ = port.write_all(line.as_bytes()).await;
     }
+}
+
+/// Listens to the remote control's receiver.
+#[embassy_executor::task]
+pub async fn remote(io: &'static Io<'static>, port: SerialReceiver) -> ! {
+    remote::listen(io, RECEIVER, port).await
+}
+
+/// Listens to a receiver that speaks in pulses.
+#[embassy_executor::task]
+pub async fn pulses(io: &'static Io<'static>, mut input: PulseInput) -> ! {
+    remote::listen_pulses(io, async || input.rising_edge().await).await
+}
+
+/// Listens to the IMU.
+#[embassy_executor::task]
+pub async fn imu(io: &'static Io<'static>, port: Serial) -> ! {
+    imu::run(io, port).await
 }
 
 /// Feeds the watchdog while every bus ticks.

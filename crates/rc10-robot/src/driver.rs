@@ -191,12 +191,8 @@ impl Default for Driver {
 }
 
 /// Before anybody has moved anything.
-const HOME: Posture = Posture {
-    yaw: GIMBAL_AHEAD,
-    pitch: GIMBAL_AHEAD,
-    feeder: Rpm::ZERO,
-    lift: TotalAngle::ZERO,
-};
+const HOME: Posture =
+    Posture { yaw: GIMBAL_AHEAD, pitch: GIMBAL_AHEAD, feeder: Rpm::ZERO, lift: TotalAngle::ZERO };
 
 #[cfg(test)]
 mod tests {

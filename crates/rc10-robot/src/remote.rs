@@ -8,7 +8,9 @@ use crate::robot::Io;
 
 /// Listens to a receiver on a serial port that is set as the receiver needs.
 pub async fn listen(io: &Io<'_>, receiver: Receiver, port: impl Read) -> ! {
-    let _ = remote::listen(receiver, port, &io.remote_reception, |remote, at| publish(io, &remote, at)).await;
+    let _ =
+        remote::listen(receiver, port, &io.remote_reception, |remote, at| publish(io, &remote, at))
+            .await;
     core::future::pending().await
 }
 
