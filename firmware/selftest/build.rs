@@ -1,4 +1,4 @@
-//! Puts the memory map where the linker looks for it.
+//! Puts the memory map where the linker looks for it, and asks for defmt's linker script.
 
 use std::path::PathBuf;
 use std::{env, fs};
@@ -7,5 +7,6 @@ fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     fs::copy("../../memory.x", out.join("memory.x")).expect("../../memory.x is there");
     println!("cargo:rustc-link-search={}", out.display());
+    println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
     println!("cargo:rerun-if-changed=../../memory.x");
 }

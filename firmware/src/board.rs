@@ -8,9 +8,9 @@
 use embassy_stm32::peripherals::{
     DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, DMA1_CH7, DMA2_CH0,
     DMA2_CH1, DMA2_CH2, DMA2_CH3, DMA2_CH4, DMA2_CH5, DMA2_CH6, DMA2_CH7, EXTI2, EXTI3, FDCAN1,
-    FDCAN2, FDCAN3, I2C2, IWDG1, PA0, PA1, PA5, PA6, PA7, PA11, PA12, PB14, PC4, PC5, PC6, PC7,
-    PD12, PD13, PD14, PD15, PF0, PF1, PF8, PF9, PG2, PG3, SPI1, TIM3, TIM4, TIM5, TIM7, TIM12,
-    TIM13, TIM23, UART5, UART7, USART1, USART2, USART3, USART10, USB_OTG_HS,
+    FDCAN2, FDCAN3, I2C2, IWDG1, PA0, PA1, PA5, PA6, PA7, PA11, PA12, PC4, PC5, PC6, PC7, PD12,
+    PD13, PD14, PD15, PF0, PF1, PF8, PF9, PF11, PG2, PG3, SPI1, TIM3, TIM4, TIM5, TIM7, TIM13,
+    TIM23, TIM24, UART5, UART7, USART1, USART2, USART3, USART10, USB_OTG_HS,
 };
 use embassy_stm32::{Peri, Peripherals};
 use rc10_bsp::can::BusParts;
@@ -130,12 +130,12 @@ pub struct ServoParts {
     pub fourth: Peri<'static, PD15>,
 }
 
-/// TIM12, channel 1.
+/// TIM24, channel 1.
 pub struct CaptureParts {
     /// It notes the edges.
-    pub timer: Peri<'static, TIM12>,
+    pub timer: Peri<'static, TIM24>,
     /// The pulse.
-    pub pin: Peri<'static, PB14>,
+    pub pin: Peri<'static, PF11>,
 }
 
 /// TIM3 and TIM5, channels 1 and 2 each.
@@ -210,7 +210,7 @@ impl Board {
                 third: p.PD14,
                 fourth: p.PD15,
             },
-            capture: CaptureParts { timer: p.TIM12, pin: p.PB14 },
+            capture: CaptureParts { timer: p.TIM24, pin: p.PF11 },
             encoders: EncoderParts {
                 short: p.TIM3,
                 short_tracks: (p.PC6, p.PC7),

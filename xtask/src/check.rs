@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::{Result, bail};
 
 use crate::cargo::{chip, host, run as run_command};
-use crate::firmware::{build_count_with, build_interop_with, build_with};
+use crate::firmware::{build_count_with, build_interop_with, build_selftest_with, build_with};
 use crate::setup::{TARGET, chip_toolchain, component, python};
 use crate::{count, emulate, size};
 
@@ -129,7 +129,8 @@ pub fn run() -> Result<()> {
     report.step("firmware", || {
         with_chip(&rustc, |rustc| {
             program = Some(build_with(rustc)?);
-            build_interop_with(rustc)
+            build_interop_with(rustc)?;
+            build_selftest_with(rustc)
         })
     });
     report.step("size", || match &program {

@@ -18,6 +18,11 @@ pub fn build_interop() -> Result<()> {
     build_interop_with(chip_toolchain()?.as_deref())
 }
 
+/// Builds the program that drives what the firmware does not, beside it.
+pub fn build_selftest() -> Result<()> {
+    build_selftest_with(chip_toolchain()?.as_deref())
+}
+
 /// Builds the program that [`count`](crate::count) runs; says where its ELF file is.
 pub fn build_count() -> Result<PathBuf> {
     build_count_with(chip_toolchain()?.as_deref())
@@ -36,6 +41,11 @@ pub fn build_count_with(rustc: Option<&Path>) -> Result<PathBuf> {
 
 pub fn build_interop_with(rustc: Option<&Path>) -> Result<()> {
     run(&mut chip("build --release --package interop", rustc))
+}
+
+pub fn build_selftest_with(rustc: Option<&Path>) -> Result<()> {
+    // By itself: features unify over what is built together.
+    run(&mut chip("build --release --package selftest", rustc))
 }
 
 fn elf(name: &str) -> PathBuf {

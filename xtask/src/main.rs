@@ -31,6 +31,7 @@ fn main() -> ExitCode {
         Some("emulate") => || {
             let firmware = firmware::build()?;
             firmware::build_interop()?;
+            firmware::build_selftest()?;
             emulate::run(&firmware)
         },
         Some("size") => || size::run(&firmware::build()?),

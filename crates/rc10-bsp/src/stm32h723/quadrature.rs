@@ -11,7 +11,7 @@ use embassy_stm32::peripherals::{TIM3, TIM4, TIM5, TIM24};
 use embassy_stm32::timer::low_level::Timer;
 use embassy_stm32::timer::{Ch1, Ch2, GeneralInstance4Channel, TimerPin};
 
-/// A timer that counts quadrature, and is used for nothing else here.
+/// A timer of two tracks whose counter's length is known.
 pub trait QuadratureTimer: GeneralInstance4Channel {
     /// Its counter starts over after so many counts.
     const MODULUS: u64;

@@ -1,0 +1,100 @@
+//! SPI and I2C.
+
+use embassy_stm32::gpio::{Level, Output, Speed};
+use embassy_stm32::spi::{self, Spi};
+use embassy_stm32::time::Hertz;
+use embedded_hal_async::i2c::I2c as _;
+use embedded_hal_async::spi::SpiBus;
+use rc10_bsp::dma_buffer;
+use rc10_bsp::i2c::{I2cBus, I2cError};
+use rc10_bsp::spi::DmaSpi;
+use rc10_firmware::board::{I2cParts, SpiParts};
+
+use crate::report::Outcome;
+use crate::{Irqs, PRIORITY, say, want};
+
+/// BMI088 data sheet: registers 0x00 of both halves; reading is bit 7.
+const CHIP_ID: u8 = 0x80;
+const ACCELEROMETER_ID: u8 = 0x1E;
+const GYROSCOPE_ID: u8 = 0x0F;
+
+/// Both halves of a BMI088 say who they are.
+pub async fn spi(parts: SpiParts) -> Outcome {
+    let mut config = spi::Config::default();
+    config.frequency = Hertz(7_500_000);
+    // Mode 3; the sensor takes 0 too.
+    config.mode = spi::MODE_3;
+    let bus = Spi::new(
+        parts.peripheral,
+        parts.clock,
+        parts.transmit,
+        parts.receive,
+        parts.transmit_stream,
+        parts.receive_stream,
+        Irqs,
+        config,
+    );
+    let mut bus = DmaSpi::new(bus, dma_buffer!(u8; 16));
+    let mut accelerometer = Output::new(parts.accelerometer, Level::High, Speed::Medium);
+    let mut gyroscope = Output::new(parts.gyroscope, Level::High, Speed::Medium);
+    // The first transaction switches the accelerometer from I2C to SPI. One byte more than the
+    // register comes before its contents; not so the gyroscope.
+    let mut bytes = [CHIP_ID, 0, 0];
+    for _ in 0..2 {
+        bytes = [CHIP_ID, 0, 0];
+        accelerometer.set_low();
+        want!(bus.transfer_in_place(&mut bytes).await.is_ok(), "the transfer failed");
+        accelerometer.set_high();
+    }
+    want!(bytes[2] == ACCELEROMETER_ID, "the accelerometer says {:#04x}", bytes[2]);
+    let mut read = [0; 20];
+    gyroscope.set_low();
+    // Longer than the buffer, and longer than what is written.
+    let transferred = bus.transfer(&mut read, &[CHIP_ID]).await;
+    gyroscope.set_high();
+    want!(transferred.is_ok(), "the second transfer failed");
+    want!(read[1] == GYROSCOPE_ID, "the gyroscope says {:#04x}", read[1]);
+    Ok(say!("a BMI088 says who it is"))
+}
+
+/// A device with 256 registers that can be written and read ..
+const DEVICE: u8 = 0x50;
+/// .. one that holds the clock for ever, ..
+const SLEEPER: u8 = 0x51;
+/// .. and nobody.
+const NOBODY: u8 = 0x22;
+
+/// Writes and reads, is refused, waits no longer than allowed, and frees a bus that is held.
+pub async fn i2c(parts: I2cParts) -> Outcome {
+    let mut bus = I2cBus::start(
+        parts.peripheral,
+        parts.clock,
+        parts.data,
+        parts.transmit_stream,
+        parts.receive_stream,
+        Irqs,
+        Hertz(400_000),
+        dma_buffer!(u8; 64),
+        PRIORITY,
+    );
+    let mut read = [0; 4];
+    want!(bus.write(DEVICE, &[0x10, 1, 2, 3, 4]).await == Ok(()), "cannot write");
+    want!(bus.write_read(DEVICE, &[0x11], &mut read[..3]).await == Ok(()), "cannot read");
+    want!(read == [2, 3, 4, 0], "read {read:?}");
+    let refused = bus.write(NOBODY, &[0]).await;
+    want!(refused == Err(I2cError::NoAcknowledge), "nobody answered {refused:?}");
+    let long = bus.write(DEVICE, &[0; 65]).await;
+    want!(long == Err(I2cError::TooLong), "took 65 bytes");
+    let before = bus.recoveries();
+    // The other end holds the data line now, until it has seen some clocks.
+    defmt::info!("hold the data line");
+    embassy_time::Timer::after_millis(5).await;
+    want!(bus.write_read(DEVICE, &[0x12], &mut read[..1]).await == Ok(()), "not recovered");
+    want!(read[0] == 3, "read {} after recovery", read[0]);
+    let recoveries = bus.recoveries() - before;
+    want!(recoveries == 1, "recovered {recoveries} times");
+    let stuck = bus.write(SLEEPER, &[0]).await;
+    let in_vain = matches!(stuck, Err(I2cError::Timeout | I2cError::Held));
+    want!(in_vain, "the sleeper answered {stuck:?}");
+    Ok(say!("freed after {recoveries} recovery"))
+}

@@ -1,0 +1,63 @@
+//! Two GO-M8010 on RS-485 at 4 Mbit/s.
+
+use embassy_executor::Spawner;
+use embassy_stm32::peripherals::{DMA2_CH2, DMA2_CH3, USART2};
+use embassy_time::Timer;
+use rc10_app::Rpm;
+use rc10_bsp::dma_buffer;
+use rc10_bsp::serial::{Serial, SerialConfig, SerialParts};
+use rc10_motor::embassy::{LinePort, run_line};
+use rc10_motor::unitree::{GoM8010, UnitreeLine};
+use rc10_motor::{ArmSwitch, Link, MotorId, Safety, Target};
+use static_cell::StaticCell;
+
+use crate::report::Outcome;
+use crate::{Irqs, PRIORITY, say, want};
+
+static SWITCH: ArmSwitch = ArmSwitch::new();
+static PORT: LinePort = LinePort::new();
+static MOTORS: StaticCell<[GoM8010; 2]> = StaticCell::new();
+
+#[embassy_executor::task]
+async fn drive(port: Serial, line: UnitreeLine<'static>) {
+    run_line(port, line, &PORT).await;
+}
+
+/// Both follow a speed.
+pub async fn line(spawner: Spawner, parts: SerialParts<USART2, DMA2_CH2, DMA2_CH3>) -> Outcome {
+    let (ring, buffer) = (dma_buffer!(u8; 256), dma_buffer!(u8; 32));
+    let config = SerialConfig::new(4_000_000);
+    let port = Serial::start(parts, Irqs, &config, ring, buffer, PRIORITY);
+    let Ok(port) = port else { return Err(say!("no such baud rate")) };
+    let (Ok(first), Ok(second)) = (GoM8010::new(0), GoM8010::new(1)) else {
+        return Err(say!("no such ids"));
+    };
+    let mut line = UnitreeLine::new(&SWITCH);
+    for motor in MOTORS.init([first, second]) {
+        want!(line.attach(motor, Safety::COAST).is_ok(), "cannot attach");
+    }
+    let Ok(task) = drive(port, line) else { return Err(say!("cannot spawn")) };
+    spawner.spawn(task);
+    Timer::after_millis(10).await;
+    want!(SWITCH.arm().is_ok(), "cannot arm");
+    let motors = [0, 1].map(|index| PORT.motor(MotorId::new(index)));
+    for _ in 0..300 {
+        for motor in &motors {
+            want!(motor.command(Target::Speed(Rpm::new(60.0))).is_ok(), "refused");
+        }
+        Timer::after_millis(1).await;
+    }
+    SWITCH.disarm();
+    for (index, motor) in motors.iter().enumerate() {
+        let status = motor.status();
+        want!(status.link == Link::Online, "motor {index} is not heard");
+        let speed = status.feedback.speed.get();
+        want!((speed - 60.0).abs() < 3.0, "motor {index} does not follow");
+    }
+    let status = PORT.status();
+    let (traffic, overruns, errors) = (status.traffic, status.overruns, status.port_errors);
+    let exchanges = traffic.exchanges;
+    want!(overruns == 0 && errors == 0, "{overruns} ticks late, {errors} port errors");
+    want!(traffic.timeouts == 0, "{} of {exchanges} not answered", traffic.timeouts);
+    Ok(say!("{exchanges} commands answered"))
+}
