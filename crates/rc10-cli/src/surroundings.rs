@@ -108,7 +108,7 @@ impl Surroundings {
             }
             Ok(())
         })
-        .unwrap_or_else(|never: Infallible| match never {})
+        .unwrap_or_else(|never: Infallible| match never {});
     }
 }
 

@@ -5,15 +5,13 @@ use rc10_bsp::{Overrun, periodic};
 use rc10_can::Micros;
 use rc10_motor::{ArmState, Target};
 
-use crate::robot::{Axes, Io};
+use crate::robot::{Axes, Io, Motion};
 use crate::table::{BASE, BASE_LIMITS, WHEELS};
 
 /// How often.
 pub const PERIOD: Micros = Micros::from_millis(5);
 /// A wish older than this is nobody's any more.
 const OLDEST_MOTION: Micros = Micros::from_millis(100);
-/// A heading older than this says nothing about now.
-const OLDEST_HEADING: Micros = Micros::from_millis(100);
 
 /// The chassis task.
 pub async fn run(io: &Io<'_>) -> ! {
@@ -28,18 +26,18 @@ pub async fn run(io: &Io<'_>) -> ! {
             driven = None;
             return;
         };
-        let heading = io.heading.newer_than(OLDEST_HEADING, tick.now);
         let heading = match wish.axes {
             Axes::Robot => Radians::ZERO,
-            // Without a heading nobody knows where "forward" is: the base stops.
-            Axes::World => heading.map_or_else(
-                || {
-                    wish.twist = Twist::STOP;
-                    wish.axes = Axes::Robot;
-                    Radians::ZERO
-                },
-                Radians::from,
-            ),
+            Axes::World => {
+                match io.heading.read().and_then(|heard| heard.value.direction(tick.now)) {
+                    Some(heading) => heading,
+                    // Nobody knows where "forward" is: the base stops.
+                    None => {
+                        wish = Motion::default();
+                        Radians::ZERO
+                    }
+                }
+            }
         };
         if driven != Some(wish.axes) {
             // It may be rolling: the wheels begin with the speeds that they have.

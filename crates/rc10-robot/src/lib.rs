@@ -7,7 +7,7 @@
 //! * [`chassis`], [`mechanisms`]: from what the robot shall do to motor targets.
 //! * [`driver`]: decides what it shall do: somebody with a remote control, and what if that is lost.
 //! * [`remote`], [`imu`]: what the parts on its serial ports say.
-//! * [`status`]: ten times a second, how it is.
+//! * [`status`]: ten times a second, how it is; [`lamp`] shows it on an LED strip.
 //! * [`mixed`]: another robot, of motors of many vendors.
 //!
 //! Each task is an `async fn run(io: &Io<'_>) -> !`. The chip's executor or a simulated world polls
@@ -18,6 +18,7 @@
 pub mod chassis;
 pub mod driver;
 pub mod imu;
+pub mod lamp;
 pub mod mechanisms;
 pub mod mixed;
 pub mod remote;

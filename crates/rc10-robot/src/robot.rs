@@ -5,6 +5,7 @@ use heapless::Vec;
 use rc10_app::{ConfigError, Degrees, Rpm, TotalAngle, Twist};
 use rc10_bsp::{Latest, Statistics, Topic};
 use rc10_module::Reception;
+use rc10_module::imu::Heading;
 use rc10_module::remote::{Freshness, Remote};
 use rc10_motor::dji::{Dji, IdOutOfRange};
 use rc10_motor::embassy::{BusPort, MotorPort};
@@ -32,8 +33,9 @@ pub struct Io<'p> {
     pub remote_reception: Reception,
     /// Whether it is heard.
     pub freshness: Latest<Freshness, 1>,
-    /// Which way the robot looks in the world, counter-clockwise, by its IMU.
-    pub heading: Latest<Degrees, 1>,
+    /// Which way the robot looks in the world, by its IMU: [`imu::run`](crate::imu::run) says from
+    /// where that counts.
+    pub heading: Latest<Heading, 1>,
     /// What the IMU's bytes amounted to.
     pub imu_reception: Reception,
     /// How the base shall move.
@@ -61,7 +63,7 @@ pub enum Axes {
     /// The robot's: forward is where it looks.
     #[default]
     Robot,
-    /// The world's: forward is where the robot looked when its IMU was zeroed.
+    /// The world's: forward is where the robot looked when it was armed.
     World,
 }
 

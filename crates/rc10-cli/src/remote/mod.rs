@@ -62,9 +62,9 @@ pub struct Lost {
 pub enum Receiver {
     /// DJI's: 18 bytes every 14 ms
     Dr16,
-    /// Futaba, FrSky: 25 bytes every 14 ms, with a failsafe flag
+    /// Futaba, `FrSky`: 25 bytes every 14 ms, with a failsafe flag
     Sbus,
-    /// ExpressLRS, TBS: 150 frames a second, and link statistics
+    /// `ExpressLRS`, TBS: 150 frames a second, and link statistics
     Crsf,
     /// Pulses of eight channels, every 22 ms
     Ppm,

@@ -1,0 +1,46 @@
+//! The LED strip shows how the robot is.
+
+use embassy_time::{Duration, Ticker};
+use rc10_module::led::pattern::{State, colour};
+use rc10_module::remote::Freshness;
+use rc10_motor::{ArmState, Link};
+use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
+
+use crate::robot::Io;
+use crate::table::{LEDS, MOTORS};
+
+/// How often it is written: a beat of its rhythms.
+const PERIOD: Duration = Duration::from_millis(100);
+
+/// The lamp's task.
+pub async fn run<S>(io: &Io<'_>, mut strip: S) -> !
+where
+    S: SmartLedsWriteAsync<Color = RGB8>,
+{
+    let mut ticker = Ticker::every(PERIOD);
+    loop {
+        let (state, now) = (state(io), rc10_bsp::now());
+        // A strip that cannot be written shows that by itself; the robot goes on.
+        let _ = strip.write((0..LEDS).map(|led| colour(state, now, led))).await;
+        ticker.next().await;
+    }
+}
+
+/// What matters most of what there is to say.
+#[must_use]
+pub fn state(io: &Io<'_>) -> State {
+    let arm = io.switch.state();
+    let freshness = io.freshness.read().map_or(Freshness::Lost, |freshness| freshness.value);
+    let is_well = |name| {
+        let status = io.motor(name).status();
+        status.link == Link::Online && status.fault.is_none()
+    };
+    match (arm, freshness) {
+        (ArmState::EStopped, _) => State::Stopped,
+        (_, Freshness::Lost) => State::LinkLost,
+        (ArmState::Suspended, _) | (_, Freshness::Missing) => State::Suspended,
+        _ if !MOTORS.iter().all(|motor| is_well(motor.name)) => State::Fault,
+        (ArmState::Armed, _) => State::Armed,
+        (ArmState::Disarmed, _) => State::Disarmed,
+    }
+}
