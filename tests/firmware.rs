@@ -6,7 +6,6 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::pin::Pin;
 use std::process::Command;
 use std::sync::OnceLock;
 
@@ -456,7 +455,7 @@ fn response(measured: &[f64], wanted: &[f64], from: usize, band: f64) -> Respons
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn the_chip_drives_as_the_simulator_does() {
-    // The script: forward from 200 ms on, to the left from 1100 ms on.
+    // Whoever holds the remote: forward from 200 ms on, to the left from 1100 ms on.
     let end = 1000_u64;
     let wheel = Name::FrontLeft as usize;
     let simulated: Vec<(f64, f64)> = {
@@ -466,11 +465,11 @@ fn the_chip_drives_as_the_simulator_does() {
         let robot = team::robot(&io, motors.start(&io).unwrap());
         let description = robot.description().clone();
         let mut around = rc10_cli::surroundings::Surroundings::new(&description, 1).unwrap();
-        let mut tasks = robot.tasks(&around.wires, &around.lines).unwrap();
+        let mut tasks = robot.tasks(&around).unwrap();
         (1..=end)
             .map(|millisecond| {
                 let until = Micros::from_millis(millisecond);
-                let _ = around.world.run(Pin::new(&mut tasks), until);
+                around.run(&mut tasks, until);
                 let target = match io.motor(Name::FrontLeft).status().target {
                     rc10_motor::Target::Speed(speed) => f64::from(speed.get()),
                     _ => 0.0,
@@ -480,12 +479,9 @@ fn the_chip_drives_as_the_simulator_does() {
             .collect()
     };
     let emulated: Vec<f64> = run(&setup(&[]), |emulation| {
-        // The chip's time begins when its clocks run.
-        emulation.run(millis(5)).unwrap();
-        let start = emulation.rig.machine.ready().unwrap();
         (1..=end)
             .map(|millisecond| {
-                emulation.run(start + millis(millisecond)).unwrap();
+                emulation.run(millis(millisecond)).unwrap();
                 emulation.motors[wheel].state().output_rpm
             })
             .collect()

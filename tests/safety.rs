@@ -3,10 +3,8 @@
 
 mod common;
 
-use std::pin::Pin;
-
 use common::{Bench, motor, twin};
-use rc10_app::{Amps, Rpm, TotalAngle, Twist};
+use rc10_app::{Amps, Rpm, TotalAngle};
 use rc10_can::Micros;
 use rc10_cli::surroundings::Surroundings;
 use rc10_cli::team;
@@ -179,25 +177,25 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     let mut motors = Motors::new();
     let buses = motors.start(io).unwrap();
     let robot = team::robot(io, buses);
-    let around = Surroundings::new(robot.description(), 4).unwrap();
-    let Surroundings { mut world, wires, lines, motors, .. } = around;
-    let mut tasks = robot.tasks(&wires, &lines).unwrap();
+    let mut around = Surroundings::new(robot.description(), 4).unwrap();
+    let mut tasks = robot.tasks(&around).unwrap();
     let stop = Micros::new(7_400_300);
-    let _ = world.run(Pin::new(&mut tasks), Micros::from_millis(7_300));
-    let traces = || wires.iter().map(rc10_sim::Bus::take_trace).collect::<Vec<_>>();
-    let _ = traces();
-    // Something for the wheels to do, whatever the script says.
-    io.twist.set(Twist::new(1.0, 0.0, 0.0), world.now());
-    let _ = world.run(Pin::new(&mut tasks), stop);
-    let lift = || LIFT.map(|name| motors[name as usize].state().output_degrees);
-    assert!(motors[Name::LiftFrontLeft as usize].state().output_rpm > 20.0, "the lift moves");
+    around.run(&mut tasks, stop);
+    let traces = |around: &Surroundings| {
+        around.wires.iter().map(rc10_sim::Bus::take_trace).collect::<Vec<_>>()
+    };
+    let lift = |around: &Surroundings| {
+        LIFT.map(|name| around.motors[name as usize].state().output_degrees)
+    };
+    let rising = around.motors[Name::LiftFrontLeft as usize].state().output_rpm;
+    assert!(rising > 20.0, "the lift moves: {rising}");
     io.switch.emergency_stop();
     // The next tick starts 0.7 ms from now; its frames are through 0.6 ms later at the latest.
-    let _ = world.run(Pin::new(&mut tasks), stop + Micros::new(1_300));
-    let _ = traces();
-    let _ = world.run(Pin::new(&mut tasks), stop + Micros::from_millis(300));
-    let still = lift();
-    let traces = traces();
+    around.run(&mut tasks, stop + Micros::new(1_300));
+    let _ = traces(&around);
+    around.run(&mut tasks, stop + Micros::from_millis(300));
+    let still = lift(&around);
+    let traces = traces(&around);
     let commands = traces[0].iter().chain(&traces[1]).filter(|entry| entry.from_controller);
     let mut count = 0;
     for entry in commands {
@@ -207,8 +205,8 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     assert!(count > 1000, "{count} frames");
     // Nobody can arm it, and the lift hangs where it stopped.
     assert!(io.switch.arm().is_err());
-    let _ = world.run(Pin::new(&mut tasks), stop + Micros::from_millis(900));
-    for (now, before) in lift().into_iter().zip(still) {
+    around.run(&mut tasks, stop + Micros::from_millis(900));
+    for (now, before) in lift(&around).into_iter().zip(still) {
         assert!((now - before).abs() < 1.5, "{before} to {now}");
     }
     for name in [Name::FrontLeft, Name::Yaw, Name::LiftRearRight] {
@@ -217,7 +215,7 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     }
     io.switch.reset();
     io.switch.arm().unwrap();
-    let _ = world.run(Pin::new(&mut tasks), stop + Micros::from_millis(950));
+    around.run(&mut tasks, stop + Micros::from_millis(950));
     assert_eq!(io.motor(Name::FrontLeft).status().drive, Drive::Run);
 }
 

@@ -35,7 +35,9 @@ fn good<P: Protocol>(protocol: P, frames: &[&[u8]], receive: fn(&mut Stream<P>, 
             let at = Micros::from_millis(20).get() * u64::from(stream.counters().frames + 1);
             receive(black_box(&mut stream), &(black_box(frame), Micros::new(at)));
         }
-        if stream.counters().frames as usize != frames.len() * (round + 1) || stream.counters().skipped != 0 {
+        if stream.counters().frames as usize != frames.len() * (round + 1)
+            || stream.counters().skipped != 0
+        {
             // A frame that is none.
             cortex_m::asm::udf();
         }
