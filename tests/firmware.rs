@@ -96,8 +96,10 @@ fn is_clean(rig: &Rig, figures: &Figures) {
         assert_eq!((counters.protected_writes, counters.bad_acknowledges), (0, 0));
         assert_eq!((bus.lost, bus.foreign), (0, 0), "bus {}", index + 1);
         // Some were on the wires before the controller was.
-        let by_others = bus.frames - bus.sent;
-        assert!(by_others - bus.received <= 16, "bus {}: {bus:?}", index + 1);
+        let frames = rig.logs()[index].frames.iter();
+        let early = frames.take_while(|entry| !entry.from_controller).count() as u64;
+        let missed = bus.frames - bus.sent - bus.received;
+        assert!(missed <= early, "bus {}: {missed} of {early} early: {bus:?}", index + 1);
     }
 }
 
@@ -142,9 +144,11 @@ fn loses_nothing(speed: Option<u64>, faults: &[&str]) {
         let last = log.lines().last().unwrap();
         assert!(last.contains("11 of 11 motors online"), "{last}");
         // What the firmware itself says: of each bus, and of its motors.
-        for loss in [" lost", "malformed", "stalled", "bus-off"] {
+        for loss in [" lost", "malformed", "bus-off"] {
             assert!(!last.contains(loss), "{last}");
         }
+        // The supervisor looks every 4 ms: it may well see that nobody ticks for 5 ms.
+        assert!(!last.contains("stalled") || !faults.is_empty(), "{last}");
         assert_eq!(last.matches(" received").count(), 3, "{last}");
     });
 }

@@ -16,15 +16,18 @@ use embassy_executor::{InterruptExecutor, Spawner};
 use embassy_stm32::bind_interrupts;
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
-use embassy_stm32::peripherals::{UART5, UART7, USART1};
+use embassy_stm32::peripherals::{DMA1_CH7, UART5, UART7, USART1};
+use embassy_time::{Duration, block_for};
 use rc10_bsp::can::Bus;
 use rc10_bsp::pulse_input::{self, PulseInput};
+use rc10_bsp::pulse_output::{self, PulseOutput};
 use rc10_bsp::serial::{self, Parity, Serial, SerialConfig, SerialReceiver, StopBits};
 use rc10_bsp::{crash, dma_buffer, supervisor};
-use rc10_firmware::board::{Board, PulseParts, REMOTE_HAS_INVERTER};
+use rc10_firmware::board::{Board, PulseParts, REMOTE_HAS_INVERTER, StripParts};
+use rc10_module::led::ws2812::BITS;
 use rc10_module::remote::{self, SerialSettings};
 use rc10_motor::embassy::BusPort;
-use rc10_robot::table::{BUSES, RECEIVER};
+use rc10_robot::table::{BUSES, LEDS, RECEIVER};
 use rc10_robot::{Io, Motors};
 use static_cell::{ConstStaticCell, StaticCell};
 
@@ -42,6 +45,7 @@ bind_interrupts!(struct Irqs {
     UART7 => serial::Interrupt<UART7>;
     DMA1_STREAM5 => serial::Interrupt<UART7>;
     DMA1_STREAM6 => serial::Interrupt<UART7>;
+    DMA1_STREAM7 => pulse_output::Interrupt<DMA1_CH7>;
     TIM8_UP_TIM13 => pulse_input::Interrupt;
 });
 
@@ -51,6 +55,9 @@ const PERIPHERALS: Priority = Priority::P7;
 const TEXT: SerialConfig = SerialConfig::new(115_200);
 /// The HWT101.
 const IMU: SerialConfig = SerialConfig::new(115_200);
+
+/// Of all LEDs, and two without a pulse.
+const PULSES: usize = LEDS * BITS + 2;
 
 // What is large is made where it stays: moved, it would go over the stack.
 static PORTS: [StaticCell<BusPort>; BUSES] = [const { StaticCell::new() }; BUSES];
@@ -99,17 +106,20 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     Bus::start(control, board.bus_3, |can| tasks::bus(can, third, port_3))?;
     supervisor::start(board.supervisor, Irqs, Priority::P3);
 
+    // The buses tick every millisecond from now on. All else wakes between their ticks: woken with
+    // them, it would take from their punctuality.
+    block_for(Duration::from_micros(500));
     spawner.spawn(tasks::chassis(io)?);
-    spawner.spawn(tasks::mechanisms(io)?);
-    spawner.spawn(tasks::driver(io)?);
-    spawner.spawn(tasks::status(io)?);
-    spawner.spawn(tasks::log(io)?);
-    spawner.spawn(tasks::watch(board.watchdog, io)?);
+    spawner.spawn(tasks::ten_milliseconds(io, board.watchdog)?);
+    let (StripParts { timer, pin, stream }, buffer) = (board.strip, dma_buffer!(u32; PULSES));
+    let period = tasks::STRIP.period;
+    let strip = PulseOutput::start(timer, pin, stream, Irqs, period, buffer, PERIPHERALS);
+    spawner.spawn(tasks::tenth_of_a_second(io, strip)?);
 
     // Rings hold what comes in 5 ms twice over, at the highest rate of what may be there.
     let (ring, buffer) = (dma_buffer!(u8; 64), dma_buffer!(u8; 256));
     let text = Serial::start(board.text, Irqs, &TEXT, ring, buffer, PERIPHERALS)?;
-    spawner.spawn(tasks::text(io, text)?);
+    spawner.spawn(tasks::log(io, text)?);
     let (ring, buffer) = (dma_buffer!(u8; 128), dma_buffer!(u8; 32));
     let imu = Serial::start(board.imu, Irqs, &IMU, ring, buffer, PERIPHERALS)?;
     spawner.spawn(tasks::imu(io, imu)?);

@@ -3,19 +3,23 @@
 use core::fmt::Write as _;
 
 use embassy_executor::SpawnError;
+use embassy_futures::join::{join, join3};
 use embassy_stm32::Peri;
 use embassy_stm32::peripherals::IWDG1;
 use embassy_time::{Duration, Ticker};
 use embedded_io_async::Write as _;
 use heapless::String;
+use rc10_bsp::TIMER_CLOCK;
 use rc10_bsp::can::FdcanPort;
 use rc10_bsp::pulse_input::PulseInput;
+use rc10_bsp::pulse_output::PulseOutput;
 use rc10_bsp::serial::{BaudError, Serial, SerialReceiver};
 use rc10_bsp::watchdog::Watchdog;
+use rc10_module::led::ws2812::{PulseTiming, Pulses, Strip};
 use rc10_motor::TxBatch;
 use rc10_motor::embassy::{BusPort, run_bus};
-use rc10_robot::table::RECEIVER;
-use rc10_robot::{Io, SetupError, chassis, driver, imu, mechanisms, remote, status};
+use rc10_robot::table::{LED_BRIGHTNESS, LEDS, RECEIVER};
+use rc10_robot::{Io, SetupError, chassis, driver, imu, lamp, mechanisms, remote, status};
 
 /// The chip restarts within 100 ms if a bus does not tick, or if the tasks in thread mode do not
 /// run: up to 10 ms go by before that shows, and the watchdog's own clock may be 9 % slow.
@@ -24,7 +28,13 @@ const WATCHDOG: Duration = Duration::from_millis(80);
 const FEED: Duration = Duration::from_millis(10);
 
 /// The longest line of text, its end included.
-const TEXT: usize = 512;
+const LINE: usize = 512;
+
+/// The pulses of the LED strip.
+pub const STRIP: PulseTiming = match PulseTiming::new(TIMER_CLOCK.0) {
+    Ok(timing) => timing,
+    Err(_) => panic!("the timer's clock hits no pulse width of a WS2812"),
+};
 
 /// One bus: frames in, motors, frames out, every millisecond. The frames that make its motors safe
 /// are stored before the first tick.
@@ -50,55 +60,44 @@ pub async fn chassis(io: &'static Io<'static>) -> ! {
     chassis::run(io).await
 }
 
-/// Gimbal, feeder, lift.
+/// Who decides; gimbal, feeder, lift; and who feeds the watchdog. One task for all that happens every
+/// ten milliseconds, because whoever sets a timer walks past those of all tasks.
 #[embassy_executor::task]
-pub async fn mechanisms(io: &'static Io<'static>) -> ! {
-    mechanisms::run(io).await
+pub async fn ten_milliseconds(io: &'static Io<'static>, watchdog: Peri<'static, IWDG1>) -> ! {
+    join3(driver::run(io), mechanisms::run(io), watch(watchdog, io)).await.0
 }
 
-/// Who decides.
+/// Publishes the status, and shows it on the LED strip.
 #[embassy_executor::task]
-pub async fn driver(io: &'static Io<'static>) -> ! {
-    driver::run(io).await
+pub async fn tenth_of_a_second(io: &'static Io<'static>, strip: PulseOutput) -> ! {
+    join(status::run(io), show(io, strip)).await.0
 }
 
-/// Publishes the status.
-#[embassy_executor::task]
-pub async fn status(io: &'static Io<'static>) -> ! {
-    status::run(io).await
+async fn show(io: &Io<'_>, mut output: PulseOutput) -> ! {
+    let pulses = Pulses::new(STRIP, async |widths: &[u16]| output.send(widths).await);
+    lamp::run(io, Strip::<_, LEDS>::new(pulses).with_brightness(LED_BRIGHTNESS)).await
 }
 
-/// Writes the status, ten times a second, into the debug probe's buffer: never faster, because
-/// writing there blocks interrupts.
+/// Writes the status, ten times a second, as a line of text: to whoever listens at the UART, and into
+/// the debug probe's buffer. Never faster, because writing there blocks interrupts; and the text is
+/// made before, so that they wait for a copy of it only.
 #[embassy_executor::task]
-pub async fn log(io: &'static Io<'static>) {
+pub async fn log(io: &'static Io<'static>, mut port: Serial) {
     let Ok(mut messages) = io.status.subscribe() else {
         defmt::error!("no room for the log to subscribe to the status");
         return;
     };
+    let mut line = String::<LINE>::new();
     loop {
         let message = messages.next().await;
         if message.missed > 0 {
             defmt::warn!("the log was too slow for {} lines", message.missed);
         }
-        defmt::info!("{}", defmt::Display2Format(&message.value));
-    }
-}
-
-/// Writes the status as a line of text, ten times a second, to whoever listens at the UART.
-#[embassy_executor::task]
-pub async fn text(io: &'static Io<'static>, mut port: Serial) {
-    let Ok(mut messages) = io.status.subscribe() else {
-        defmt::error!("no room for the line of text to subscribe to the status");
-        return;
-    };
-    let mut line = String::<TEXT>::new();
-    loop {
-        let status = messages.next().await.value;
         line.clear();
         // What does not fit is cut off; the line still ends.
-        let _ = write!(line, "{status}");
-        line.truncate(TEXT - 2);
+        let _ = write!(line, "{}", message.value);
+        defmt::info!("{=str}", line);
+        line.truncate(LINE - 2);
         let _ = line.push_str("\r\n");
         // Counted by the port; the next line is a new chance.
         let _ = port.write_all(line.as_bytes()).await;
@@ -124,11 +123,10 @@ pub async fn imu(io: &'static Io<'static>, port: Serial) -> ! {
 }
 
 /// Feeds the watchdog while every bus ticks.
-#[embassy_executor::task]
-pub async fn watch(watchdog: Peri<'static, IWDG1>, io: &'static Io<'static>) -> ! {
+async fn watch(watchdog: Peri<'static, IWDG1>, io: &Io<'_>) -> ! {
     let mut watchdog = Watchdog::start(watchdog, WATCHDOG);
     let mut ticker = Ticker::every(FEED);
-    let ticks = || io.buses.map(|bus| bus.status().ticks);
+    let ticks = || io.buses.map(|bus| bus.ticks());
     let mut before = ticks();
     loop {
         ticker.next().await;

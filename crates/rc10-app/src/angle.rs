@@ -113,13 +113,32 @@ impl TotalAngle {
         if scale == self.scale {
             return self.counts;
         }
-        // Cannot overflow: 64 + 32 + 32 bits are fewer than 127 with either `turns` below 2^31.
         let turns = u64::from(self.scale.turns) * u64::from(scale.counts);
-        let counts = i128::from(u64::from(self.scale.counts) * u64::from(scale.turns));
+        let counts = u64::from(self.scale.counts) * u64::from(scale.turns);
+        // Most divisors get short enough for the chip's own division.
+        let common = turns.trailing_zeros().min(counts.trailing_zeros());
+        let (turns, counts) = (turns >> common, counts >> common);
+        // Many turns of most scales: a tenth of the instructions.
+        if let (Ok(short_turns), Ok(short_counts)) = (i64::try_from(turns), i64::try_from(counts))
+            && let Some(scaled) = self.counts.checked_mul(short_turns)
+            && let half = if scaled < 0 { -(short_counts / 2) } else { short_counts / 2 }
+            && let Some(rounded) = scaled.checked_add(half)
+        {
+            return rounded / short_counts;
+        }
+        // Cannot overflow: 64 + 32 + 32 bits are fewer than 127 with either `turns` below 2^31.
+        let counts = i128::from(counts);
         let scaled = i128::from(self.counts) * i128::from(turns);
         let half = if scaled < 0 { -(counts / 2) } else { counts / 2 };
         let nearest = (scaled + half) / counts;
         i64::try_from(nearest).unwrap_or(if nearest < 0 { i64::MIN } else { i64::MAX })
+    }
+
+    /// The same angle, or the nearest to it, on another scale; saturates as
+    /// [`counts_at`](Self::counts_at) does.
+    #[must_use]
+    pub fn on(self, scale: CountsPerTurn) -> Self {
+        Self::new(self.counts_at(scale), scale)
     }
 
     /// Millionths of a degree, rounded to the nearest; exact for ever.

@@ -491,6 +491,12 @@ impl Dji {
         CountsPerTurn::new(ENCODER_COUNTS * self.gear.rotor_turns(), self.gear.output_turns())
     }
 
+    /// Counts of the rotor as counts of the output, and back.
+    #[inline]
+    const fn signed(&self, counts: i64) -> i64 {
+        if self.scale.sign < 0 { counts.saturating_neg() } else { counts }
+    }
+
     /// The speed loop never asks for more than the motor's limit.
     fn apply_limit(&mut self) {
         self.cascade.speed.output_limit = self.loop_limit.min(self.limit);
@@ -505,7 +511,7 @@ impl Dji {
             Target::Angle(degrees) => Goal::Angle(self.phase_of(degrees)),
             Target::TotalAngle(angle) => {
                 let counts = angle.counts_at(self.counts_per_turn());
-                Goal::Total(counts.saturating_mul(self.scale.sign.into()))
+                Goal::Total(self.signed(counts))
             }
             // What is not supported was refused above.
             _ => Goal::Rest,
@@ -625,6 +631,11 @@ impl Dji {
     #[inline(never)]
     fn stop(&mut self, drive: Drive, dt: Seconds) {
         let ran = core::mem::take(&mut self.ran);
+        if drive == Drive::Hold && self.held.is_none() && !ran && self.heard {
+            // It was at rest and is for one tick more: to find out where takes long enough.
+            self.held = Some(self.standstill());
+            return self.state.rest();
+        }
         if ran && matches!(drive, Drive::Brake | Drive::Hold) {
             self.state.start_over(drive == Drive::Hold);
         }
@@ -735,10 +746,7 @@ impl Motor for Dji {
             Rpm::new(seen.speed),
             // The last steps before a full turn may round up to it.
             Degrees::new(if angle < 360.0 { angle } else { 0.0 }),
-            TotalAngle::new(
-                seen.total.saturating_mul(self.scale.sign.into()),
-                self.counts_per_turn(),
-            ),
+            TotalAngle::new(self.signed(seen.total), self.counts_per_turn()),
         );
         told.turn_gaps = self.turn_gaps;
         let told = told.with_current(Amps::new(amps)).with_torque(NewtonMetres::new(torque));

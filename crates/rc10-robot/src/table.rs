@@ -105,6 +105,10 @@ pub const RECEIVER: Receiver = Receiver::Dr16;
 /// LEDs of the strip that shows how the robot is.
 pub const LEDS: usize = 8;
 
+/// How bright they are, of 255. An LED takes up to 60 mA at full white: the 5 V of a board are soon
+/// too weak for that.
+pub const LED_BRIGHTNESS: u8 = 60;
+
 /// How fast the base goes with the sticks at their ends.
 pub const FULL_STICK: Twist = Twist::new(2.0, 2.0, 6.0);
 
@@ -135,17 +139,24 @@ impl Name {
 
     /// How many motors of its bus stand before it in [`MOTORS`]: its number on the bus.
     pub(crate) const fn index_on_bus(self) -> u8 {
-        let bus = self.entry().bus;
-        let (mut index, mut line) = (0, 0);
-        while line < self as usize {
-            if MOTORS[line].bus == bus {
-                index += 1;
-            }
-            line += 1;
-        }
-        index
+        INDICES[self as usize]
     }
 }
+
+/// [`Name::index_on_bus`] of every motor: counted when this is compiled.
+const INDICES: [u8; MOTORS.len()] = {
+    let mut indices = [0; MOTORS.len()];
+    let mut motor = 0;
+    while motor < MOTORS.len() {
+        let mut line = 0;
+        while line < motor {
+            indices[motor] += (MOTORS[line].bus == MOTORS[motor].bus) as u8;
+            line += 1;
+        }
+        motor += 1;
+    }
+    indices
+};
 
 /// Checked when this is compiled: the lines stand in the order of the names, on buses that exist.
 const _: () = {

@@ -15,7 +15,7 @@ use core::sync::atomic::{AtomicBool, Ordering, fence};
 use embassy_stm32::dma::ChannelInstance;
 use embassy_stm32::interrupt::Priority;
 use embassy_stm32::interrupt::typelevel::Interrupt;
-use embassy_stm32::pac::dma::vals;
+use embassy_stm32::pac::dma::{regs, vals};
 use embassy_stm32::{pac, peripherals};
 
 /// What a [`DmaBuffer`] can be made of.
@@ -243,16 +243,15 @@ impl Stream {
     /// What happened since the last call.
     #[inline]
     pub(super) fn take_events(self) -> Events {
-        let (half, place) = (self.index / 4, self.index % 4);
-        let flags = self.controller.isr(half).read();
-        self.controller.ifcr(half).write(|w| {
-            w.set_htif(place, flags.htif(place));
-            w.set_tcif(place, flags.tcif(place));
-            w.set_teif(place, flags.teif(place));
-            w.set_dmeif(place, flags.dmeif(place));
-            w.set_feif(place, flags.feif(place));
-        });
-        Events { half: flags.htif(place), complete: flags.tcif(place), error: flags.teif(place) }
+        // Six bits a stream (RM0468, DMA_LISR): FIFO error, -, direct mode error, transfer error,
+        // half, complete. By hand, because this runs in every interrupt of every serial port, and the
+        // register's accessors look up each bit's place.
+        const ALL: u32 = 0b11_1101;
+        let (half, shift) = (self.index / 4, [0, 6, 16, 22][self.index % 4]);
+        let flags = self.controller.isr(half).read().0 >> shift & ALL;
+        self.controller.ifcr(half).write_value(regs::Ixr(flags << shift));
+        let is_set = |bit: u32| flags >> bit & 1 != 0;
+        Events { half: is_set(4), complete: is_set(5), error: is_set(3) }
     }
 }
 

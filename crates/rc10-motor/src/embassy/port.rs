@@ -115,6 +115,12 @@ impl BusPort {
         self.status.lock(|status| *status.borrow())
     }
 
+    /// How many ticks there were so far, as of its last one: [`BusStatus::ticks`] alone.
+    #[must_use]
+    pub fn ticks(&self) -> u32 {
+        self.status.lock(|status| status.borrow().ticks)
+    }
+
     /// What became of the requests to its motors.
     #[must_use]
     pub fn requests(&self) -> Calls {
