@@ -258,10 +258,10 @@ fn a_broken_bus_leaves_the_others_alone_and_comes_back() {
         // The firmware tells the same story.
         let log = log(emulation);
         let at = |time: &str| log.lines().find(|line| line.starts_with(time)).unwrap();
-        assert!(at("0.40").contains("BusOff"), "{log}");
+        assert!(at("0.40").contains("bus 2 bus-off"), "{log}");
         assert!(log.contains("alone on the bus"), "{log}");
         let last = log.lines().last().unwrap();
-        assert_eq!(last.matches("Active").count(), 3, "{last}");
+        assert_eq!(last.matches("error active").count(), 3, "{last}");
         assert!(last.contains("11 of 11 motors online"), "{last}");
     });
 }
@@ -444,15 +444,20 @@ struct Response {
     settled: Micros,
 }
 
-fn response(measured: &[f64], wanted: &[f64], from: usize, band: f64) -> Response {
+fn response(measured: &[f64], wanted: &[f64], band: f64) -> Response {
     let pairs = measured.iter().zip(wanted);
     let squares: f64 = pairs.map(|(is, shall)| (is - shall).powi(2)).sum();
     let last = *measured.last().unwrap();
-    let outside = measured[from..].iter().rposition(|is| (is - last).abs() > band).unwrap_or(0);
+    let outside = measured.iter().rposition(|is| (is - last).abs() > band).unwrap_or(0);
     Response {
         error: (squares / measured.len() as f64).sqrt(),
         settled: Micros::from_millis(outside as u64),
     }
+}
+
+/// The first millisecond in which it turns.
+fn onset(rpm: &[f64]) -> usize {
+    rpm.iter().position(|rpm| rpm.abs() > 1.0).unwrap()
 }
 
 /// The robot moves as it does in the simulator.
@@ -460,7 +465,7 @@ fn response(measured: &[f64], wanted: &[f64], from: usize, band: f64) -> Respons
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn the_chip_drives_as_the_simulator_does() {
     // Whoever holds the remote: forward from 200 ms on, to the left from 1100 ms on.
-    let end = 1000_u64;
+    let end = 1050_u64;
     let wheel = Name::FrontLeft as usize;
     let simulated: Vec<(f64, f64)> = {
         let ports = rc10_robot::ports();
@@ -493,8 +498,16 @@ fn the_chip_drives_as_the_simulator_does() {
     let wanted: Vec<f64> = simulated.iter().map(|sample| sample.1).collect();
     let simulated: Vec<f64> = simulated.iter().map(|sample| sample.0).collect();
     assert!(wanted.iter().any(|&rpm| rpm > 100.0), "{wanted:?}");
-    let [here, there] =
-        [&simulated, &emulated].map(|rpm| response(rpm, &wanted, 200, 0.05 * wanted[900]));
+    // When a stick's movement reaches the wheel depends on how the receiver's 14 ms, the driver's 10
+    // and the chassis's 5 lie to each other, and the chip boots some milliseconds after the world
+    // begins; how the wheel moves then does not.
+    let onsets = [&simulated, &emulated].map(|rpm| onset(rpm));
+    println!("the wheel turns at {} ms simulated, {} ms on the chip", onsets[0], onsets[1]);
+    assert!(onsets[0].abs_diff(onsets[1]) <= 29);
+    let length = 780;
+    let wanted = &wanted[onsets[0]..][..length];
+    let [here, there] = [(&simulated, onsets[0]), (&emulated, onsets[1])]
+        .map(|(rpm, onset)| response(&rpm[onset..][..length], wanted, 0.05 * wanted[length - 1]));
     println!(
         "wheel: tracking error {:.3} rpm simulated, {:.3} rpm on the chip; settled after {} and {}",
         here.error, there.error, here.settled, there.settled

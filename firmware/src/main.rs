@@ -109,8 +109,8 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     // The buses tick every millisecond from now on. All else wakes between their ticks: woken with
     // them, it would take from their punctuality.
     block_for(Duration::from_micros(500));
-    spawner.spawn(tasks::chassis(io)?);
     spawner.spawn(tasks::ten_milliseconds(io, board.watchdog)?);
+    spawner.spawn(tasks::chassis(io)?);
     let (StripParts { timer, pin, stream }, buffer) = (board.strip, dma_buffer!(u32; PULSES));
     let period = tasks::STRIP.period;
     let strip = PulseOutput::start(timer, pin, stream, Irqs, period, buffer, PERIPHERALS);

@@ -60,11 +60,13 @@ pub async fn chassis(io: &'static Io<'static>) -> ! {
     chassis::run(io).await
 }
 
-/// Who decides; gimbal, feeder, lift; and who feeds the watchdog. One task for all that happens every
-/// ten milliseconds, because whoever sets a timer walks past those of all tasks.
+/// Gimbal, feeder, lift; who decides; and who feeds the watchdog. One task for all that happens every
+/// ten milliseconds, because whoever sets a timer walks past those of all tasks. Who decides comes
+/// last, so that motors start in another tick than the one in which the robot is armed: in one tick
+/// that would be a lot.
 #[embassy_executor::task]
 pub async fn ten_milliseconds(io: &'static Io<'static>, watchdog: Peri<'static, IWDG1>) -> ! {
-    join3(driver::run(io), mechanisms::run(io), watch(watchdog, io)).await.0
+    join3(mechanisms::run(io), watch(watchdog, io), driver::run(io)).await.0
 }
 
 /// Publishes the status, and shows it on the LED strip.

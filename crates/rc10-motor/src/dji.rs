@@ -347,6 +347,10 @@ struct Scale {
     output_per_rotor: f32,
     /// Raw command per effort, with the sign.
     raw_per_effort: f32,
+    /// Amperes per count of the current that is told, with the sign.
+    amps_per_count: f32,
+    /// Torque at the output per ampere, N m.
+    torque_per_amp: f32,
     /// Degrees of the output per rotor count, with the sign.
     degrees_per_count: f32,
     /// Degrees of the output per phase step.
@@ -356,6 +360,8 @@ struct Scale {
     phase_turn: i32,
     /// Phase steps per rotor count, with the sign.
     phase_per_count: i32,
+    /// How a [`TotalAngle`] counts: rotor encoder counts.
+    counts_per_turn: CountsPerTurn,
 }
 
 /// The target in the motor's own terms.
@@ -488,7 +494,7 @@ impl Dji {
     /// How a [`TotalAngle`] of this motor counts: rotor encoder counts.
     #[must_use]
     pub const fn counts_per_turn(&self) -> CountsPerTurn {
-        CountsPerTurn::new(ENCODER_COUNTS * self.gear.rotor_turns(), self.gear.output_turns())
+        self.scale.counts_per_turn
     }
 
     /// Counts of the rotor as counts of the output, and back.
@@ -674,10 +680,16 @@ impl Scale {
             sign,
             output_per_rotor: sign as f32 / gear.ratio(),
             raw_per_effort: sign as f32 * f32::from(model.full_scale) / model.effort.full(),
+            amps_per_count: sign as f32 * model.amps_per_count,
+            torque_per_amp: model.rotor_torque_constant * gear.ratio(),
             degrees_per_count: 360.0 * phase_per_count as f32 / phase_turn as f32,
             degrees_per_phase: 360.0 / phase_turn as f32,
             phase_turn,
             phase_per_count,
+            counts_per_turn: CountsPerTurn::new(
+                ENCODER_COUNTS * gear.rotor_turns(),
+                gear.output_turns(),
+            ),
         }
     }
 }
@@ -735,12 +747,10 @@ impl Motor for Dji {
         }
         let seen = &self.seen;
         let raw = RawFeedback::unpack(&seen.bytes);
-        let signed = f32::from(raw.current) * self.model.amps_per_count;
-        #[expect(clippy::cast_precision_loss, reason = "1 or -1")]
-        let amps = signed * self.scale.sign as f32;
-        let torque = amps * self.model.rotor_torque_constant * self.gear.ratio();
+        let amps = f32::from(raw.current) * self.scale.amps_per_count;
+        let torque = amps * self.scale.torque_per_amp;
         #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of a turn")]
-        let angle = seen.phase as f32 * (360.0 / self.scale.phase_turn as f32);
+        let angle = seen.phase as f32 * self.scale.degrees_per_phase;
         let mut told = Feedback::new(
             seen.at,
             Rpm::new(seen.speed),

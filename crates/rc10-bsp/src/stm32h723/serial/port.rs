@@ -213,10 +213,10 @@ impl SerialReceiver {
                 Next::Error(error) => return Some(Err(error)),
                 Next::Bytes { from, count } => (from, count),
             };
+            // The ring's length is a power of two and divides the number of positions.
+            let last = self.memory.length() - 1;
             for (position, byte) in (0..count).zip(buffer.iter_mut()) {
-                // The ring's length divides the number of positions.
-                let place = from.wrapping_add(position) as usize % self.memory.length();
-                *byte = self.memory.read(place);
+                *byte = self.memory.read(from.wrapping_add(position) as usize & last);
             }
             let is_whole = shared.line.lock(|line| {
                 let line = &mut *line.borrow_mut();
