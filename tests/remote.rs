@@ -339,6 +339,8 @@ fn after_every_fault_of_the_line_the_next_frame_arrives() {
                         assert_eq!(scene.arm(), ArmState::Armed, "{receiver}");
                     }
                     assert!(scene.rpm(Name::FrontLeft) > 100.0);
+                    // The last fault waits for a byte.
+                    scene.run(millis(30));
                     let SerialCounters { overrun, injected, .. } = wire.counters();
                     assert_eq!((overrun, injected), (0, faults));
                     scene.io.remote_reception.read()

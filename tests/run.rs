@@ -86,7 +86,8 @@ fn the_robot_does_what_its_script_says() {
     };
     assert!(measured(Name::Yaw, 5600) < 140.0 && measured(Name::Yaw, 6400) > 220.0);
     assert!((measured(Name::Feeder, 6500) - 180.0).abs() < 5.0);
-    assert!((measured(Name::LiftRearRight, 8000) - 720.0).abs() < 5.0);
+    // It follows a moving goal from behind.
+    assert!((measured(Name::LiftRearRight, 8500) - 720.0).abs() < 5.0);
     // During the stop the lift holds and everything else coasts; then they run again.
     let drive = |name: Name, millis| recording.motors[name as usize].samples[sample(millis)].drive;
     assert_eq!(drive(Name::LiftFrontLeft, 9000), Drive::Hold);

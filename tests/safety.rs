@@ -193,7 +193,7 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     // The next tick starts 0.7 ms from now; its frames are through 0.6 ms later at the latest.
     around.run(&mut tasks, stop + Micros::new(1_300));
     let _ = traces(&around);
-    around.run(&mut tasks, stop + Micros::from_millis(300));
+    around.run(&mut tasks, stop + Micros::from_millis(600));
     let still = lift(&around);
     let traces = traces(&around);
     let commands = traces[0].iter().chain(&traces[1]).filter(|entry| entry.from_controller);

@@ -65,7 +65,7 @@ impl SpiDevice for Registers {
 
     fn exchange(&mut self, sent: u16, _now: Nanos) -> u16 {
         let state = &mut *self.0.lock().unwrap();
-        let sent = u8::try_from(sent).unwrap();
+        let [sent, _] = sent.to_le_bytes();
         let Some(address) = state.address else {
             state.address = Some(sent);
             return 0xFF;
