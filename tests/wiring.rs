@@ -1,0 +1,151 @@
+//! `docs/wiring.md` against `firmware/src/board.rs`: the same pins, peripherals and DMA streams, and
+//! who uses them.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+use std::collections::{BTreeMap, BTreeSet};
+
+const PAGE: &str = include_str!("../docs/wiring.md");
+const BOARD: &str = include_str!("../firmware/src/board.rs");
+const ROBOT: &str = include_str!("../firmware/src/main.rs");
+const SELF_TEST: &str = include_str!("../firmware/selftest/src/main.rs");
+/// Which pin of the emulated chip has which signal, by which alternate function.
+const PINS: &str = include_str!("../crates/rc10-emu/src/peripherals/pins.rs");
+
+/// A line of the table, or what `board.rs` says of a pin.
+#[derive(Debug, PartialEq)]
+struct Pin<'t> {
+    part: &'t str,
+    peripheral: &'t str,
+}
+
+/// What the page says of each pin: part, signal, alternate function, streams, source, users.
+fn table() -> BTreeMap<&'static str, [&'static str; 6]> {
+    let mut table = BTreeMap::new();
+    for line in PAGE.lines().filter(|line| line.starts_with("| `")) {
+        let cells: Vec<_> = line.trim_matches('|').split('|').map(str::trim).collect();
+        let [part, pin, signal, function, streams, source, users] = cells[..] else {
+            panic!("a line of other columns: {line}");
+        };
+        let part = part.trim_matches('`');
+        let before = table.insert(pin, [part, signal, function, streams, source, users]);
+        assert_eq!(before, None, "{pin} stands there twice");
+    }
+    table
+}
+
+/// What `Board::new` hands out: each part and the names behind `p.` in it, in their order.
+fn board() -> Vec<(&'static str, Vec<&'static str>)> {
+    let code = BOARD.split_once("pub fn new(p: Peripherals)").unwrap().1;
+    let mut parts: Vec<(&str, Vec<&str>)> = Vec::new();
+    for line in code.lines() {
+        // A field of `Board` is indented by three steps.
+        let field =
+            line.strip_prefix("            ").filter(|line| !line.starts_with([' ', '/', '.']));
+        if let Some((part, _)) = field.and_then(|line| line.split_once(':')) {
+            parts.push((part, Vec::new()));
+        }
+        for name in line.split("p.").skip(1) {
+            let end =
+                name.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(name.len());
+            parts.last_mut().unwrap().1.push(&name[..end]);
+        }
+    }
+    parts
+}
+
+fn is_pin(name: &str) -> bool {
+    let [b'P', b'A'..=b'K', number @ ..] = name.as_bytes() else { return false };
+    !number.is_empty() && number.iter().all(u8::is_ascii_digit)
+}
+
+#[test]
+fn every_pin_stands_in_the_table_and_the_other_way_round() {
+    let mut wired = BTreeMap::new();
+    for (part, names) in board() {
+        for (at, name) in names.iter().enumerate().filter(|(_, name)| is_pin(name)) {
+            // An interrupt line stands behind its pin, any other peripheral before.
+            let line = names.get(at + 1).filter(|next| next.starts_with("EXTI"));
+            let before = names[..at].iter().rfind(|name| !is_pin(name) && !name.starts_with("DMA"));
+            let peripheral = line.or(before).unwrap();
+            let again = wired.insert(*name, Pin { part, peripheral });
+            assert_eq!(again, None, "{name} is used twice");
+        }
+    }
+    assert!(wired.len() >= 40, "only {} pins found in board.rs", wired.len());
+    let told: BTreeMap<_, _> = table()
+        .into_iter()
+        .map(|(pin, [part, signal, ..])| {
+            (pin, Pin { part, peripheral: signal.split(' ').next().unwrap() })
+        })
+        .collect();
+    for (pin, wired) in &wired {
+        assert_eq!(told.get(pin), Some(wired), "what docs/wiring.md and board.rs say of {pin}");
+    }
+    for pin in told.keys() {
+        assert!(wired.contains_key(pin), "{pin} of docs/wiring.md is not in board.rs");
+    }
+}
+
+#[test]
+fn streams_stand_at_the_pins_of_their_part() {
+    let is_stream = |name: &&str| name.starts_with("DMA");
+    let told = table();
+    let mut all = BTreeSet::new();
+    for (part, names) in board() {
+        let streams: BTreeSet<_> = names.into_iter().filter(is_stream).collect();
+        let of_part = told.values().filter(|line| line[0] == part);
+        let said: Vec<_> = of_part.flat_map(|line| line[3].split(' ')).filter(is_stream).collect();
+        assert_eq!(said.iter().copied().collect::<BTreeSet<_>>(), streams, "streams of {part}");
+        for stream in said {
+            assert!(all.insert(stream), "{stream} stands there twice");
+        }
+    }
+    assert_eq!(all.len(), 16, "both DMAs have eight streams");
+}
+
+/// As the emulator has it, whose table is made of the chip's data.
+#[test]
+fn alternate_functions_are_those_of_the_chip() {
+    let mut checked = 0;
+    for (pin, [_, signal, function, ..]) in table() {
+        let (peripheral, what) = signal.split_once(' ').unwrap();
+        let kind = match peripheral.trim_end_matches(char::is_numeric) {
+            "FDCAN" => "Can",
+            "USART" | "UART" => "Serial",
+            "TIM" => "Timer",
+            "SPI" if !what.starts_with("select") => "Spi",
+            "I" | "I2C" => "I2c",
+            _ => {
+                assert_eq!(function, "–", "{pin}, {signal}");
+                continue;
+            }
+        };
+        let kind = format!("Signal::{kind}");
+        let place = format!("('{}', {}, {function})", &pin[1..2], &pin[2..]);
+        let lines = PINS.lines().filter(|line| line.contains(&kind) && line.contains(&place));
+        assert!(lines.count() >= 1, "{pin} is not {signal} by alternate function {function}");
+        checked += 1;
+    }
+    assert!(checked >= 34, "{checked}");
+}
+
+#[test]
+fn who_uses_a_part_is_true() {
+    for (pin, [part, .., source, users]) in table() {
+        let takes = |code: &str| {
+            let part = format!("board.{part}");
+            code.match_indices(&part).any(|(at, _)| {
+                let behind = code[at + part.len()..].chars().next();
+                behind.is_some_and(|next| !next.is_alphanumeric() && next != '_')
+            })
+        };
+        let expected = match (takes(ROBOT), takes(SELF_TEST)) {
+            (true, true) => "R S",
+            (true, false) => "R",
+            (false, true) => "S",
+            (false, false) => "–",
+        };
+        assert_eq!(users, expected, "who uses `{part}` ({pin})");
+        assert!(matches!(source, "T" | "P"), "{pin}: {source}");
+    }
+}
