@@ -1,9 +1,19 @@
 //! What fuzzing once found worth keeping, thrown at every decoder again. `cargo xtask fuzz` finds
 //! more.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
+#![expect(clippy::cast_possible_truncation, reason = "streams of a test are short")]
 
+#[path = "../crates/rc10-module/tests/streams/observed.rs"]
+mod observed;
+#[path = "../fuzz/src/streams.rs"]
+mod streams;
 #[path = "../fuzz/src/targets.rs"]
 mod targets;
+#[expect(dead_code, reason = "the tests of the parsers need more of it")]
+#[path = "../crates/rc10-module/tests/streams/wire.rs"]
+mod wire;
+#[path = "../crates/rc10-module/tests/streams/wires.rs"]
+mod wires;
 
 use std::fs;
 use std::path::Path;

@@ -1,7 +1,15 @@
 //! The fuzz targets: one program each, of one line, and all they do in `targets.rs`, which the
-//! check replays the kept corpus with.
+//! check replays the kept corpus with. What is known of serial protocols is that of the tests of
+//! their parsers.
 
+#[path = "../../crates/rc10-module/tests/streams/observed.rs"]
+pub mod observed;
+pub mod streams;
 pub mod targets;
+#[path = "../../crates/rc10-module/tests/streams/wire.rs"]
+pub mod wire;
+#[path = "../../crates/rc10-module/tests/streams/wires.rs"]
+pub mod wires;
 
 /// A program that throws bytes at a target.
 #[macro_export]

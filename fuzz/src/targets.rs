@@ -19,6 +19,8 @@ use rc10_motor::{
     cybergear, damiao, lk, odrive, vesc,
 };
 
+pub use crate::streams::{action, crsf, dbus, jrt, ppm, rc9, sbus, stp23l, tfmini, vt03, wit};
+
 /// What takes bytes.
 pub type Feed = fn(&[u8]);
 
@@ -32,6 +34,17 @@ pub const TARGETS: &[(&str, Feed)] = &[
     ("cybergear", cybergear),
     ("lk", lk),
     ("odrive", odrive),
+    ("action", action),
+    ("crsf", crsf),
+    ("dbus", dbus),
+    ("jrt", jrt),
+    ("ppm", ppm),
+    ("rc9", rc9),
+    ("sbus", sbus),
+    ("stp23l", stp23l),
+    ("tfmini", tfmini),
+    ("vt03", vt03),
+    ("wit", wit),
 ];
 
 /// Bytes, taken one after the other; zeros when there are no more.

@@ -8,6 +8,8 @@ mod checks;
 mod clock;
 mod example;
 mod faults;
+#[path = "wires/wren.rs"]
+mod made_up;
 mod observed;
 mod port;
 mod silence;
@@ -16,6 +18,8 @@ mod wires;
 
 use checks::{anything, damage, garbage_between as garbage, splits};
 use faults::faults;
+use made_up::Wren;
+use wires::{Action, Crsf, Dbus, Jrt, Rc9, Sbus, Stp23l, TfMini, Vt03, Wit};
 
 /// A test for each check of each protocol.
 macro_rules! protocols {
@@ -24,7 +28,7 @@ macro_rules! protocols {
             $(
                 #[test]
                 fn $check() {
-                    crate::$check(crate::wires::$wire);
+                    crate::$check(crate::$wire);
                 }
             )+
         }

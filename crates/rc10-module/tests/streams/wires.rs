@@ -20,8 +20,6 @@ mod tfmini;
 mod vt03;
 #[path = "wires/wit.rs"]
 mod wit;
-#[path = "wires/wren.rs"]
-mod wren;
 
 pub use action::Action;
 pub use crsf::Crsf;
@@ -33,4 +31,3 @@ pub use stp23l::Stp23l;
 pub use tfmini::TfMini;
 pub use vt03::Vt03;
 pub use wit::Wit;
-pub use wren::Wren;
