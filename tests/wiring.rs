@@ -21,7 +21,8 @@ struct Pin<'t> {
 /// What the page says of each pin: part, signal, alternate function, streams, source, users.
 fn table() -> BTreeMap<&'static str, [&'static str; 6]> {
     let mut table = BTreeMap::new();
-    for line in PAGE.lines().filter(|line| line.starts_with("| `")) {
+    let (_, lines) = PAGE.split_once("| part | pin |").unwrap();
+    for line in lines.lines().skip(2).take_while(|line| line.starts_with("| `")) {
         let cells: Vec<_> = line.trim_matches('|').split('|').map(str::trim).collect();
         let [part, pin, signal, function, streams, source, users] = cells[..] else {
             panic!("a line of other columns: {line}");
