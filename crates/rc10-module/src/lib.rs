@@ -6,7 +6,8 @@
 //! [`listen`] reads any [`embedded_io_async::Read`], of any HAL or of a simulated line, and hands
 //! over messages; what was lost stands in [`Reception`].
 //!
-//! This crate knows no board and no motors: they meet in a robot.
+//! This crate knows no board and no motors: they meet in a robot. `docs/modules` has a page for each
+//! device: wiring, frame, how it fails, sources; and how to add one.
 #![no_std]
 #![forbid(unsafe_code)]
 
