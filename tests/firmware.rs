@@ -22,6 +22,8 @@ use serde_json::Value;
 
 #[path = "firmware/budgets.rs"]
 mod budgets;
+#[path = "firmware/remote.rs"]
+mod remote;
 
 /// The file of one of the chip's programs, beside the firmware.
 fn program(name: &str) -> Vec<u8> {
@@ -46,11 +48,16 @@ fn micros(time: Nanos) -> f64 {
 
 /// The robot's firmware in the robot's surroundings.
 fn run<R>(setup: &Setup, scenario: impl FnOnce(&mut Emulation<'_>) -> R) -> R {
+    give(setup, |mut emulation| scenario(&mut emulation))
+}
+
+/// The same, for a scenario that needs it as a whole.
+fn give<R>(setup: &Setup, scenario: impl FnOnce(Emulation<'_>) -> R) -> R {
     let ports = rc10_robot::ports();
     let io = Io::new(ports.each_ref());
     let mut motors = Motors::new();
     let robot = team::robot(&io, motors.start(&io).unwrap());
-    scenario(&mut Emulation::new(firmware(), robot, setup).unwrap())
+    scenario(Emulation::new(firmware(), robot, setup).unwrap())
 }
 
 fn setup(faults: &[&str]) -> Setup {

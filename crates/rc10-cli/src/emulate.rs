@@ -72,13 +72,14 @@ pub struct Emulation<'r> {
     pub rig: Rig,
     /// The motors, in the order of the description.
     pub motors: Vec<Twin>,
+    /// The remote and its receiver, if the robot has one.
+    pub remote: Option<RemoteLink>,
     description: Description,
     base: Option<rc10_sim::Base>,
     seed: u64,
     /// The robot's buses: they only listen.
     listeners: Vec<MotorBus<'r>>,
     heard: Vec<usize>,
-    remote: Option<RemoteLink>,
     operator: Option<Operator>,
 }
 

@@ -1,0 +1,111 @@
+//! A remote control in somebody's hands: its receiver's bytes reach the emulated pin, a DMA takes
+//! them, and the robot does what the sticks say. Then the radio link breaks, or the wire is
+//! disturbed.
+
+use rc10_can::Micros;
+use rc10_cli::emulate::Emulation;
+use rc10_cli::recording::Recording;
+use rc10_cli::remote::{Loss, ReceiverWire};
+use rc10_emu::Figures;
+use rc10_robot::table::{BASE, FULL_STICK, WHEELS};
+use rc10_sim::UartFault;
+
+use crate::{give, is_clean, log, millis, run, setup};
+
+/// Drives forward, loses the remote for a time, and goes on for so many milliseconds in all.
+fn lose(fault: &str, length: u64, judge: impl FnOnce(Loss, Recording, String)) {
+    give(&setup(&[fault]), |emulation| {
+        let (mut emulation, recording) = emulation.record(Micros::from_millis(length)).unwrap();
+        let figures = Figures::of(&emulation.rig);
+        is_clean(&emulation.rig, &figures);
+        let [loss] = recording.remote.as_ref().unwrap().losses[..] else { panic!("one loss") };
+        let reaction = loss.reaction().unwrap();
+        println!("{fault}: all coast {reaction} after the last good frame; {loss:?}");
+        assert!(reaction <= Micros::from_millis(120), "{reaction}");
+        assert!(reaction >= Micros::from_millis(75), "not by every hiccup: {reaction}");
+        let driven = fastest(&recording, 0..600);
+        assert!(driven > 100.0, "the robot drives before: {driven} rpm");
+        judge(loss, recording, log(&mut emulation));
+    });
+}
+
+/// The fastest wheel in some milliseconds, rpm.
+fn fastest(recording: &Recording, millis: std::ops::Range<usize>) -> f64 {
+    let wheels = WHEELS.map(|name| &recording.motors[name as usize].samples);
+    let speeds = wheels.iter().flat_map(|samples| &samples[millis.start / 10..millis.end / 10]);
+    speeds.map(|sample| sample.measured.abs()).fold(0.0, f64::max)
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_remote_that_comes_back_is_followed_again_without_a_jump() {
+    lose("remote-lost@0.6s..1s", 1600, |loss, recording, log| {
+        assert_eq!(loss.disarmed, None);
+        let resumed = loss.resumed.unwrap().since(loss.back.unwrap());
+        assert!(resumed <= Micros::from_millis(30), "{resumed}");
+        let full = f64::from(FULL_STICK.vx / BASE.wheel_radius) * 30.0 / std::f64::consts::PI;
+        for name in WHEELS {
+            for pair in recording.motors[name as usize].samples.windows(2) {
+                let [before, after] = [&pair[0], &pair[1]].map(|sample| sample.measured);
+                assert!((after - before).abs() <= 0.1 * full, "{name:?}: {before} to {after}");
+            }
+        }
+        assert!(log.contains("suspended, 11 of 11 motors online, remote missing"), "{log}");
+        assert!(log.lines().last().unwrap().contains("armed, 11 of 11"), "{log}");
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_remote_that_stays_away_disarms() {
+    // It comes back after all: nobody has moved the switch, and so nobody has armed.
+    lose("remote-lost@0.6s..1.8s", 2100, |loss, recording, log| {
+        let disarmed = loss.disarmed.unwrap().since(loss.last_frame.unwrap());
+        assert!(disarmed >= Micros::from_millis(1000), "{disarmed}");
+        assert!(disarmed <= Micros::from_millis(1030), "{disarmed}");
+        assert_eq!(loss.resumed, None);
+        // The base may still roll.
+        let currents = WHEELS.map(|name| &recording.motors[name as usize].samples[170..]);
+        assert!(currents.iter().all(|samples| samples.iter().all(|sample| sample.current == 0.0)));
+        assert!(log.contains("disarmed, 11 of 11 motors online, no remote"), "{log}");
+        assert!(log.lines().last().unwrap().contains("disarmed, 11 of 11"), "{log}");
+    });
+}
+
+/// Behind every error on its wire the next frame arrives: the robot is never without its remote.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_disturbed_wire_costs_frames_and_not_the_remote() {
+    run(&setup(&[]), |emulation| {
+        emulation.run(millis(300)).unwrap();
+        let faults = UartFault::ALL.into_iter().cycle().take(20);
+        let mut count = 0;
+        for (number, fault) in (0..).zip(faults) {
+            wire(emulation).inject(fault);
+            count += 1;
+            // Never twice in one frame.
+            emulation.run(millis(340 + 40 * number)).unwrap();
+        }
+        emulation.run(millis(1250)).unwrap();
+        let figures = Figures::of(&emulation.rig);
+        is_clean(&emulation.rig, &figures);
+        let sent = emulation.remote.as_ref().unwrap().remote.sent();
+        let log = log(emulation);
+        let last = log.lines().last().unwrap();
+        assert!(last.contains("armed, 11 of 11 motors online, remote: "), "{last}");
+        assert!(!log.contains("missing") && !log.contains("suspended"), "{log}");
+        // And one for the byte in the middle of which the UART began to listen, perhaps.
+        let words: Vec<_> = last.split(' ').collect();
+        let errors = words.windows(3).find(|words| words[1..] == ["port", "errors,"]).unwrap();
+        let errors: u32 = errors[0].parse().unwrap();
+        println!("{count} faults in {} frames, {errors} errors told", sent.frames);
+        assert!((count..=count + 1).contains(&errors), "{last}");
+    });
+}
+
+fn wire<'e>(emulation: &'e Emulation<'_>) -> &'e rc10_sim::Serial {
+    match &emulation.remote.as_ref().unwrap().wire {
+        ReceiverWire::Serial(wire) => wire,
+        ReceiverWire::Pulses(_) => panic!("the robot's receiver speaks serially"),
+    }
+}
