@@ -66,7 +66,9 @@ fn a_remote_that_stays_away_disarms() {
         assert_eq!(loss.resumed, None);
         // The base may still roll.
         let currents = WHEELS.map(|name| &recording.motors[name as usize].samples[170..]);
-        assert!(currents.iter().all(|samples| samples.iter().all(|sample| sample.current == 0.0)));
+        assert!(
+            currents.iter().all(|samples| samples.iter().all(|sample| sample.current.abs() < 0.01))
+        );
         assert!(log.contains("disarmed, 11 of 11 motors online, no remote"), "{log}");
         assert!(log.lines().last().unwrap().contains("disarmed, 11 of 11"), "{log}");
     });
