@@ -99,9 +99,9 @@ impl ArmSwitch {
     /// Stops driving: every motor coasts, also one that holds during an emergency stop. The stop
     /// stays latched.
     pub fn disarm(&self) {
-        self.change(ARMED, DISARMED);
-        self.change(SUSPENDED, DISARMED);
-        self.change(STOPPED, STOPPED_OFF);
+        self.always(
+            |state| if matches!(state, STOPPED | STOPPED_OFF) { STOPPED_OFF } else { DISARMED },
+        );
     }
 
     /// Sends every motor of an armed robot to its safe state in the next tick of its bus, until
@@ -120,17 +120,14 @@ impl ArmSwitch {
     /// Sends every motor to its safe state in the next tick of its bus, until
     /// [`reset`](Self::reset). Motors of a robot that is not armed stay without torque.
     pub fn emergency_stop(&self) {
-        let stop = |state| {
-            Some(if matches!(state, ARMED | STOPPED | SUSPENDED) { STOPPED } else { STOPPED_OFF })
-        };
-        // It always has an answer, so this always takes effect.
-        let _ = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, stop);
+        self.always(|state| {
+            if matches!(state, ARMED | STOPPED | SUSPENDED) { STOPPED } else { STOPPED_OFF }
+        });
     }
 
     /// Ends an emergency stop; the robot is disarmed then. Changes nothing if there is none.
     pub fn reset(&self) {
-        self.change(STOPPED, DISARMED);
-        self.change(STOPPED_OFF, DISARMED);
+        self.always(|state| if matches!(state, STOPPED | STOPPED_OFF) { DISARMED } else { state });
     }
 
     /// What the motors have to know: disarmed also while stopped without torque, stopped also while
@@ -144,6 +141,12 @@ impl ArmSwitch {
         }
     }
 
+    /// One step from whatever state there is, in one piece: nobody's step comes in between.
+    fn always(&self, step: impl Fn(u8) -> u8) {
+        // It always has an answer, so this always takes effect.
+        let _ = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, |state| Some(step(state)));
+    }
+
     /// One step of the state machine; an emergency stop in between wins.
     fn change(&self, from: u8, to: u8) {
         let _ = self.0.compare_exchange(from, to, Ordering::AcqRel, Ordering::Acquire);
@@ -152,7 +155,33 @@ impl ArmSwitch {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use core::sync::atomic::AtomicBool;
+
     use super::*;
+
+    /// Whatever another task does at the same time: who has disarmed has disarmed.
+    #[test]
+    fn a_driver_that_suspends_and_resumes_undoes_no_disarming() {
+        let (switch, done) = (ArmSwitch::new(), AtomicBool::new(false));
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !done.load(Ordering::Relaxed) {
+                    switch.suspend();
+                    switch.resume();
+                }
+            });
+            let undone = (0..300_000).filter(|_| {
+                switch.arm().unwrap();
+                switch.disarm();
+                switch.state() != ArmState::Disarmed
+            });
+            let undone = undone.count();
+            done.store(true, Ordering::Relaxed);
+            assert_eq!(undone, 0);
+        });
+    }
 
     #[test]
     fn only_a_reset_ends_a_stop_and_it_disarms() {
