@@ -338,6 +338,8 @@ fn after_every_fault_of_the_line_the_next_frame_arrives() {
                         }
                         assert_eq!(scene.arm(), ArmState::Armed, "{receiver}");
                     }
+                    // The last one hits a frame that is still to come.
+                    scene.run(millis(30));
                     assert!(scene.rpm(Name::FrontLeft) > 100.0);
                     // The last fault waits for a byte.
                     scene.run(millis(30));
