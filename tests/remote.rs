@@ -2,6 +2,11 @@
 //! the wheel, and what happens when the radio link breaks.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+#[path = "remote/lamp.rs"]
+mod lamp;
+#[path = "remote/world_axes.rs"]
+mod world_axes;
+
 use rc10_can::Micros;
 use rc10_cli::remote::{Receiver, ReceiverWire};
 use rc10_cli::surroundings::Surroundings;
@@ -356,38 +361,6 @@ fn after_every_fault_of_the_line_the_next_frame_arrives() {
         assert!((1..=100).contains(&lost), "{receiver}: {lost} frames for 100 faults");
         println!("{receiver}: 100 faults cost {lost} of {} frames", without.frames);
     }
-}
-
-/// Turned by a quarter, with the switch up: forward is where it was forward at first.
-#[test]
-fn the_world_s_axes_stay_where_they_are() {
-    scene(
-        Receiver::Dr16,
-        2,
-        |_| (),
-        |mut scene| {
-            scene.arm_by_hand();
-            let pose = |scene: &Scene<'_>| scene.around.base.as_ref().unwrap().pose();
-            scene.hands(Controls { right: Stick { x: -0.5, y: 0.0 }, ..Controls::REST });
-            while pose(&scene).yaw < 1.2 {
-                scene.run(millis(10));
-            }
-            scene.hands(Controls::REST);
-            scene.run(millis(700));
-            let start = pose(&scene);
-            assert!((1.2..2.0).contains(&start.yaw), "{start:?}");
-            scene.hands(Controls { right_switch: Switch::Up, ..DRIVE });
-            scene.run(millis(1000));
-            let end = pose(&scene);
-            let (x, y) = (end.x - start.x, end.y - start.y);
-            assert!(x > 0.5 && y.abs() < 0.15 * x, "{x} m forward, {y} m to the left: {end:?}");
-            // In its own axes it goes where it looks.
-            scene.hands(DRIVE);
-            scene.run(millis(1000));
-            let (x, y) = (pose(&scene).x - end.x, pose(&scene).y - end.y);
-            assert!(y > 0.5, "{x} m forward, {y} m to the left");
-        },
-    );
 }
 
 /// Whatever the receiver, the script's square comes out as one.

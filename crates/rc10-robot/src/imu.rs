@@ -10,22 +10,26 @@ use crate::robot::Io;
 /// Listens to an HWT101 or WT901 on a serial port.
 ///
 /// **The world's forward is where the robot looked when it was armed**: the heading is zero then. An
-/// IMU that was silent may have lost power and begun at another zero, so from then on there is no
-/// heading, until the robot is armed anew.
+/// IMU that was silent may have lost power and begun at another zero, and one that comes late knows
+/// nothing of where the robot looked: until the robot is armed anew there is no heading then.
 pub async fn run(io: &Io<'_>, port: impl Read) -> ! {
-    let (mut heading, mut gaps, mut was_disarmed) = (Heading::default(), 0, true);
+    let (mut heading, mut was_disarmed) = (Heading::default(), false);
+    // How many gaps there were when it was heard last from a robot that was not armed.
+    let mut gaps = None;
     listen(port, Wit, &io.imu_reception, |message, at| {
         let wit::Message::Angle { yaw, .. } = message else { return };
         heading.hear(yaw, at);
         let is_disarmed = io.switch.state() == ArmState::Disarmed;
-        if was_disarmed && !is_disarmed {
-            heading.zero();
-            gaps = heading.gaps();
+        if is_disarmed {
+            gaps = Some(heading.gaps());
         }
-        was_disarmed = is_disarmed;
-        if heading.gaps() == gaps {
+        if gaps == Some(heading.gaps()) {
+            if was_disarmed && !is_disarmed {
+                heading.zero();
+            }
             io.heading.set(heading, at);
         }
+        was_disarmed = is_disarmed;
     })
     .await
 }

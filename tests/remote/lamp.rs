@@ -1,0 +1,139 @@
+//! What the strip shows while the robot's state changes: what matters most.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use rc10_cli::remote::Receiver;
+use rc10_module::led::pattern::{State, colour};
+use rc10_motor::ArmState;
+use rc10_robot::lamp;
+use rc10_robot::table::{LEDS, Name};
+use rc10_sim::remote::{Controls, Switch};
+use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
+
+use super::{DOWN, Scene, millis, scene};
+
+const STOP: Controls = Controls { left_switch: Switch::Down, ..Controls::REST };
+
+impl Scene<'_> {
+    fn lamp(&self) -> State {
+        lamp::state(self.io)
+    }
+
+    fn power(&self, name: Name, powered: bool) {
+        self.around.motors[name as usize].esc().unwrap().set_power(powered);
+    }
+}
+
+#[test]
+fn what_matters_most_is_shown() {
+    scene(
+        Receiver::Dr16,
+        4,
+        |_| (),
+        |mut scene| {
+            scene.transmitter(false);
+            scene.run(millis(50));
+            assert_eq!(scene.lamp(), State::LinkLost, "nothing heard yet");
+            scene.transmitter(true);
+            scene.hands(DOWN);
+            scene.run(millis(200));
+            assert_eq!(scene.lamp(), State::Disarmed);
+            scene.transmitter(false);
+            scene.run(millis(200));
+            assert_eq!((scene.lamp(), scene.arm()), (State::Suspended, ArmState::Disarmed));
+            scene.transmitter(true);
+            scene.arm_by_hand();
+            assert_eq!(scene.lamp(), State::Armed);
+
+            // A motor without power is a fault, armed or not; a remote that is missing is more.
+            scene.power(Name::Pitch, false);
+            scene.run(millis(300));
+            assert_eq!((scene.lamp(), scene.arm()), (State::Fault, ArmState::Armed));
+            scene.transmitter(false);
+            scene.run(millis(200));
+            assert_eq!((scene.lamp(), scene.arm()), (State::Suspended, ArmState::Suspended));
+            scene.run(millis(1000));
+            assert_eq!((scene.lamp(), scene.arm()), (State::LinkLost, ArmState::Disarmed));
+            scene.transmitter(true);
+            scene.hands(DOWN);
+            scene.run(millis(200));
+            assert_eq!((scene.lamp(), scene.arm()), (State::Fault, ArmState::Disarmed));
+
+            // A stop is more than anything else, and stays when the remote is lost.
+            scene.hands(STOP);
+            scene.run(millis(100));
+            assert_eq!((scene.lamp(), scene.arm()), (State::Stopped, ArmState::EStopped));
+            scene.power(Name::Pitch, true);
+            scene.transmitter(false);
+            scene.run(millis(2000));
+            assert_eq!((scene.lamp(), scene.arm()), (State::Stopped, ArmState::EStopped));
+            scene.transmitter(true);
+            scene.arm_by_hand();
+            assert_eq!(scene.lamp(), State::Armed);
+        },
+    );
+}
+
+/// A strip that keeps what was written last, and refuses every third time.
+#[derive(Clone, Default)]
+struct Strip(Rc<RefCell<(u32, Vec<RGB8>)>>);
+
+impl SmartLedsWriteAsync for Strip {
+    type Error = Refused;
+    type Color = RGB8;
+
+    async fn write<T, I>(&mut self, colours: T) -> Result<(), Refused>
+    where
+        T: IntoIterator<Item = I>,
+        I: Into<RGB8>,
+    {
+        let mut strip = self.0.borrow_mut();
+        strip.0 += 1;
+        if strip.0.is_multiple_of(3) {
+            return Err(Refused);
+        }
+        strip.1 = colours.into_iter().map(Into::into).collect();
+        Ok(())
+    }
+}
+
+struct Refused;
+
+#[test]
+fn the_strip_is_written_ten_times_a_second_whatever_it_says() {
+    scene(
+        Receiver::Dr16,
+        4,
+        |_| (),
+        |mut scene| {
+            let (io, strip) = (scene.io, Strip::default());
+            let lamp = lamp::run(io, strip.clone());
+            scene.tasks.add(async {
+                lamp.await;
+            });
+            scene.arm_by_hand();
+            scene.hands(STOP);
+            scene.run(millis(310));
+            // Red, even and fast, all alike: on for two marks of 100 ms, off for two.
+            let (mut on, mut off) = (0, 0);
+            for _ in 0..20 {
+                let before = strip.0.borrow().0;
+                scene.run(millis(100));
+                let (written, shown) = strip.0.borrow().clone();
+                assert_eq!(written, before + 1);
+                assert_eq!(shown.len(), LEDS);
+                if written.is_multiple_of(3) {
+                    continue;
+                }
+                let begun = scene.now().get() / 100_000 * 100_000;
+                let at = rc10_can::Micros::new(begun);
+                let expected: Vec<_> =
+                    (0..LEDS).map(|led| colour(State::Stopped, at, led)).collect();
+                assert_eq!(shown, expected, "{at}");
+                if shown[0] == RGB8::default() { off += 1 } else { on += 1 }
+            }
+            assert!(on >= 5 && off >= 5, "{on} on, {off} off");
+        },
+    );
+}
