@@ -49,9 +49,8 @@ use rc10_can::Micros;
 /// A request or response is copied in and out under a critical section: keep them small.
 pub struct Service<Request, Response, const CALLERS: usize = 4> {
     /// Whether a request may be there to be taken: to look costs one load while there is none.
+    /// Written only where the desk is locked; a hint, and what follows from it happens there, too.
     asked: AtomicBool,
-    /// Whether there is a [`Server`].
-    served: AtomicBool,
     desk: Mutex<CriticalSectionRawMutex, RefCell<Desk<Request, Response, CALLERS>>>,
 }
 
@@ -60,6 +59,8 @@ const LONGEST_TIMEOUT: u64 = 1 << 40;
 
 struct Desk<Request, Response, const CALLERS: usize> {
     places: [Option<Place<Request, Response>>; CALLERS],
+    /// Whether there is a [`Server`], and what wakes it.
+    served: bool,
     server: WakerRegistration,
     /// Of the newest call, and so how many there were.
     ticket: u32,
@@ -142,9 +143,9 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
         const { assert!(CALLERS > 0, "a service needs room for a caller") };
         Self {
             asked: AtomicBool::new(false),
-            served: AtomicBool::new(false),
             desk: Mutex::new(RefCell::new(Desk {
                 places: [const { None }; CALLERS],
+                served: false,
                 server: WakerRegistration::new(),
                 ticket: 0,
                 timed_out: 0,
@@ -241,10 +242,8 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
     /// # Errors
     /// [`AlreadyServed`] while there is one: two that wait would wake each other for ever.
     pub fn server(&self) -> Result<Server<'_, Request, Response, CALLERS>, AlreadyServed> {
-        if self.served.swap(true, Ordering::AcqRel) {
-            return Err(AlreadyServed);
-        }
-        Ok(Server { service: self })
+        let served = self.with(|desk| core::mem::replace(&mut desk.served, true));
+        if served { Err(AlreadyServed) } else { Ok(Server { service: self }) }
     }
 
     /// What became of the calls so far. Counters start over after 2³².
@@ -380,7 +379,7 @@ impl<'s, Request, Response, const CALLERS: usize> Server<'s, Request, Response, 
 
 impl<Request, Response, const CALLERS: usize> Drop for Server<'_, Request, Response, CALLERS> {
     fn drop(&mut self) {
-        self.service.served.store(false, Ordering::Release);
+        self.service.with(|desk| desk.served = false);
     }
 }
 

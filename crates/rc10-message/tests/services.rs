@@ -187,6 +187,30 @@ fn a_server_that_restarts_drops_what_it_works_on_and_nothing_that_waits() {
     assert_eq!(outcomes.take(), expected);
 }
 
+/// A future that was begun in one task and goes on in another wakes that one.
+#[test]
+fn who_waits_may_move_to_another_task() {
+    let (one, other) = (Doubling::<1>::new(), Doubling::<1>::new());
+    let mut server = one.server().unwrap();
+    let mut next = Box::pin(server.next());
+    assert!(embassy_futures::poll_once(next.as_mut()).is_pending());
+    let mut call = Box::pin(other.call_without_timeout(1));
+    assert!(embassy_futures::poll_once(call.as_mut()).is_pending());
+    let mut tasks = Tasks::new();
+    tasks.add(async {
+        let (request, caller) = next.await;
+        caller.reply(2 * request);
+        let (request, caller) = other.try_next().unwrap();
+        caller.reply(2 * request);
+    });
+    tasks.add(async { assert_eq!(call.await, Ok(2)) });
+    tasks.add(async {
+        pause(1).await;
+        assert_eq!(one.call(2, LONG).await, Ok(4));
+    });
+    assert_eq!(tasks.run(LONG), 0);
+}
+
 /// An interrupt answers between a caller's last look and the end of its time.
 #[test]
 fn a_response_in_the_last_moment_counts() {

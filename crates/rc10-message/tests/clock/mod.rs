@@ -48,7 +48,6 @@ pub fn interrupt_with(interrupt: Option<Rc<dyn Fn()>>) {
     INTERRUPT.with_borrow_mut(|place| *place = interrupt);
 }
 
-#[allow(dead_code, reason = "not everybody asks")]
 pub fn now() -> Micros {
     Micros::new(NOW.get())
 }
@@ -86,6 +85,9 @@ impl Wake for Awake {
 
 type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
 
+/// Nobody has so much to do at one moment.
+const RESTLESS: u32 = 100_000;
+
 /// Tasks that run together.
 pub struct Tasks<'a> {
     tasks: Vec<(Task<'a>, Arc<Awake>)>,
@@ -109,6 +111,7 @@ impl<'a> Tasks<'a> {
     /// Runs until all have ended, or for so long. How many have not ended.
     pub fn run(&mut self, time: Micros) -> usize {
         let end = NOW.get() + time.get();
+        let mut polls = 0;
         while !self.tasks.is_empty() {
             let woken =
                 |(_, (_, awake)): &(usize, &(_, Arc<Awake>))| awake.0.load(Ordering::Relaxed);
@@ -124,8 +127,11 @@ impl<'a> Tasks<'a> {
                     timers.extract_if(.., |timer| timer.0 <= NOW.get()).collect::<Vec<_>>()
                 });
                 due.into_iter().for_each(|(_, waker)| waker.wake());
+                polls = 0;
                 continue;
             }
+            polls += 1;
+            assert!(polls < RESTLESS, "they wake each other for ever at {}", now());
             let chosen = woken[self.random.index(woken.len())];
             let (task, awake) = &mut self.tasks[chosen];
             awake.0.store(false, Ordering::Relaxed);
