@@ -239,6 +239,9 @@ mod tests {
         line.read(&CENTRED.repeat(5));
         assert_eq!(line.pause(3000).heard(), 0);
         assert_eq!(line.stream.counters().skipped, 90);
+        // Also what came behind it, before the line was silent: nobody knows where it begins.
+        line.read(&CENTRED.repeat(4)).read(&CENTRED[..1]).read(&CENTRED);
+        assert_eq!(line.pause(3000).heard(), 0);
         assert_eq!(line.read(&CENTRED).pause(3000).heard(), 1);
     }
 

@@ -3,3 +3,4 @@
 mod clock;
 mod listen;
 mod oracles;
+mod ports;
