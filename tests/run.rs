@@ -133,6 +133,51 @@ fn tables_name_every_motor_and_bus() {
     assert!(text.contains("planned load") && text.contains("report.html"));
 }
 
+/// Lost for half a second it coasts and goes on; lost for good it is disarmed a second after the last
+/// good frame. JSON and the report say when.
+#[test]
+fn a_lost_remote_stops_the_robot_and_the_figures_say_when() {
+    let run = |fault: &str, name: &str| {
+        let folder = folder(name);
+        let out = folder.to_str().unwrap();
+        let arguments = ["run", "--remote", "sbus", "--fault", fault, "--seconds", "5.5", "--out"];
+        let output = rc10(&[&arguments[..], &[out, "--json"]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let figures: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let report = fs::read_to_string(folder.join("report.html")).unwrap();
+        (figures["remote"].clone(), report)
+    };
+    let time = |loss: &Value, field: &str| loss[field].as_u64();
+    for (fault, until, name) in [
+        ("remote-lost@4s", None, "remote_lost"),
+        ("remote-lost@4s..4.5s", Some(4_500_000), "remote_back"),
+    ] {
+        let (remote, report) = run(fault, name);
+        assert_eq!(remote["receiver"], "sbus");
+        let losses = remote["losses"].as_array().unwrap();
+        let [loss] = losses.as_slice() else { panic!("{losses:?}") };
+        assert_eq!((time(loss, "from_us"), time(loss, "until_us")), (Some(4_000_000), until));
+        let last = time(loss, "last_good_frame_us").unwrap();
+        assert!((3_980_000..=4_003_100).contains(&last), "{loss}");
+        let coast = time(loss, "all_coast_us").unwrap();
+        assert!((75_000..=120_000).contains(&(coast - last)), "{loss}");
+        assert_eq!(time(loss, "frame_to_coast_us").unwrap() / 1000, (coast - last) / 1000);
+        if until.is_none() {
+            let disarmed = time(loss, "disarmed_us").unwrap();
+            assert!((1_000_000..=1_020_000).contains(&(disarmed - last)), "{loss}");
+            assert_eq!(time(loss, "resumed_us"), None);
+        } else {
+            let back = time(loss, "good_frame_again_us").unwrap();
+            let resumed = time(loss, "resumed_us").unwrap();
+            assert!((4_500_000..=4_520_000).contains(&back), "{loss}");
+            assert!((back..=back + 20_000).contains(&resumed), "{loss}");
+            assert_eq!(time(loss, "disarmed_us"), None);
+        }
+        assert!(report.contains("remote lost"), "{fault}");
+        assert_eq!(report.contains("remote back"), until.is_some(), "{fault}");
+    }
+}
+
 #[test]
 fn wrong_arguments_end_with_2_and_a_reason() {
     let file = folder("a_file");
@@ -145,6 +190,19 @@ fn wrong_arguments_end_with_2_and_a_reason() {
         (&["run", "--seconds", "-3"], "-3"),
         (&["run", "--seconds", "NaN"], "must be a number of seconds"),
         (&["run", "--seed", "x"], "--seed"),
+        (&["run", "--remote", "foo"], "possible values: dr16, sbus, crsf, ppm"),
+        (&["run", "--fault", "remote-lost"], "write KIND@TIME"),
+        (&["run", "--fault", "remote-lost@4"], "`4` is no time"),
+        (&["run", "--fault", "remote-lost@4s..3s"], "it ends when or before it begins"),
+        (&["run", "--fault", "remote-lost:1@4s"], "no bus"),
+        (&["run", "--fault", "remote-lost@4s", "--seconds", "4"], "after the end"),
+        (
+            &["run", "--fault", "remote-lost@1s", "--fault", "remote-lost@2s..3s"],
+            "remote-lost@2s: the remote is lost already then",
+        ),
+        (&["run", "--fault", "cut:1@1s"], "knows only remote-lost"),
+        (&["run", "--robot", "mixed", "--remote", "sbus"], "no remote control"),
+        (&["run", "--robot", "mixed", "--fault", "remote-lost@1s"], "no remote control"),
         (&["run", "--out", file], "cannot make the folder"),
         (&["run", "--out", &below], "cannot make the folder"),
         (&["fly"], "fly"),
