@@ -118,9 +118,9 @@ fn without_an_imu_it_stops_until_it_is_armed_anew() {
             scene.run(millis(600));
             assert!(scene.speed() > 0.8, "{}", scene.speed());
             if power {
-                scene.imu().set_power(false)
+                scene.imu().set_power(false);
             } else {
-                scene.imu().set_cut(true)
+                scene.imu().set_cut(true);
             }
             // 90 ms until it is missed; then it brakes at 3 m/s².
             scene.run(millis(700));
