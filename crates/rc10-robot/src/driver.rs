@@ -262,6 +262,29 @@ mod tests {
         }
     }
 
+    /// It was down before the remote was lost, or before a stop: that counts no more.
+    #[test]
+    fn a_switch_that_was_down_before_arms_nothing_after() {
+        let mut scene = Scene::new(Switch::Down);
+        scene.step(2);
+        scene.is_cut = true;
+        scene.step(100);
+        scene.remote.right_switch = Switch::Middle;
+        scene.is_cut = false;
+        assert_eq!(scene.step(100), None);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed, "lost");
+
+        let mut scene = Scene::new(Switch::Down);
+        scene.step(2);
+        (scene.remote.left_switch, scene.remote.right_switch) = (Switch::Down, Switch::Up);
+        scene.step(1);
+        // Somebody else ends the stop.
+        scene.remote.left_switch = Switch::Middle;
+        scene.switch.reset();
+        assert_eq!(scene.step(100), None);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed, "stopped");
+    }
+
     #[test]
     fn nothing_arms_without_a_remote() {
         let mut scene = Scene::new(Switch::Middle);
