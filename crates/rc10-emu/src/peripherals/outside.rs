@@ -26,6 +26,13 @@ pub(super) struct Recorder {
     edges: Vec<Edge>,
 }
 
+/// A wire between two pins of the chip.
+pub(super) struct Jumper {
+    from: (usize, usize),
+    to: (usize, usize),
+    level: Option<bool>,
+}
+
 /// Who holds an I2C's data line low until enough clocks have passed.
 pub(super) struct Holder {
     i2c: usize,
@@ -106,10 +113,38 @@ impl Soc {
         }
     }
 
+    /// Puts a wire from one pin, which the chip drives, to another, which listens. `false`: there is
+    /// no such pin.
+    pub fn join_pins(&mut self, from: (char, usize), to: (char, usize), now: Nanos) -> bool {
+        self.advance(now);
+        let (Some(from), Some(to)) = (pin_at(from), pin_at(to)) else { return false };
+        self.jumpers.push(Jumper { from, to, level: None });
+        self.pins_changed = true;
+        self.settle(now);
+        true
+    }
+
+    /// Levels go over wires between pins; whether one has changed.
+    pub(super) fn carry(&mut self) -> bool {
+        let mut changed = false;
+        for index in 0..self.jumpers.len() {
+            let Jumper { from, to: (port, pin), level } = self.jumpers[index];
+            let now = self.output_at(from);
+            if now != level {
+                self.jumpers[index].level = now;
+                self.ports[port].drive(pin, now);
+                changed = true;
+            }
+        }
+        self.pins_changed |= changed;
+        changed
+    }
+
     /// Tells the timers at which of their channels somebody looks.
     fn watch(&mut self) {
         let mut watched = [0_u32; TIMERS.len()];
-        for &Recorder { pin: (port, pin), .. } in &self.recorders {
+        let looked_at = self.recorders.iter().map(|recorder| recorder.pin);
+        for (port, pin) in looked_at.chain(self.jumpers.iter().map(|jumper| jumper.from)) {
             if let Some(Signal::Timer(timer, channel)) = signal_at(&self.ports, port, pin) {
                 watched[timer] |= 1 << channel;
             }
@@ -130,7 +165,7 @@ impl Soc {
             spi.look(|(port, pin)| self.ports[port].output(pin) == Some(false), now);
         }
         self.look_at_holders(now);
-        if !self.recorders.is_empty() {
+        if !self.recorders.is_empty() || !self.jumpers.is_empty() {
             self.watch();
         }
     }

@@ -12,7 +12,7 @@ use super::exti::Exti;
 use super::gpio::{PINS, Port};
 use super::i2c::{I2CS, I2c};
 use super::map::{Block, MAP, Row, row_of};
-use super::outside::{Holder, Recorder};
+use super::outside::{Holder, Jumper, Recorder};
 use super::pins::{Signal, is_connected};
 use super::power::{self, Power};
 use super::rcc::{Rcc, ResetCause};
@@ -61,6 +61,7 @@ pub struct Soc {
     /// A level at a pin, or who looks at it, may have changed.
     pub(super) pins_changed: bool,
     pub(super) recorders: Vec<Recorder>,
+    pub(super) jumpers: Vec<Jumper>,
     pub(super) holders: Vec<Holder>,
     memories_run: [bool; 2],
     clocks: Clocks,
@@ -103,6 +104,7 @@ impl Soc {
             running: vec![false; MAP.len()],
             pins_changed: true,
             recorders: Vec::new(),
+            jumpers: Vec::new(),
             holders: Vec::new(),
             memories_run: [false; 2],
             clocks: Clocks::default(),
@@ -572,11 +574,16 @@ impl Soc {
 
     /// After anything that may have changed: edges, transfers, interrupts, what comes next.
     pub(super) fn settle(&mut self, now: Nanos) {
-        while std::mem::take(&mut self.pins_changed) {
-            self.exti.look(self.exti_levels());
-            self.look_at_pins(now);
+        loop {
+            while std::mem::take(&mut self.pins_changed) {
+                self.exti.look(self.exti_levels());
+                self.look_at_pins(now);
+            }
+            self.transfer(now);
+            if !self.carry() {
+                break;
+            }
         }
-        self.transfer(now);
         self.record(now);
         self.wants_reset |= self.watchdog.take_bite();
         let mut levels = [0; INTERRUPT_WORDS];

@@ -285,3 +285,26 @@ fn four_outputs_have_their_widths() {
         assert_eq!(rises.last(), Some(&(start + 40_000_000)), "{channel}");
     }
 }
+
+#[test]
+fn a_wire_from_an_output_to_an_input_carries_its_pulses() {
+    // TIM4's PD12 to TIM12's PB14, whose second channel captures falling edges of the same pin.
+    let mut chip = captures(TIM12, 6, 1 | 2 << 8, 0b0011_0001);
+    chip.set(APB1LENR, 1 << 2, 1 << 2);
+    chip.alternate(1, 14, 2);
+    assert!(!chip.soc.join_pins(('D', 16), ('B', 14), Nanos::new(chip.now)));
+    assert!(chip.soc.join_pins(('D', 12), ('B', 14), Nanos::new(chip.now)));
+    chip.write(TIM12 + CR1, 1);
+    chip.write(TIM4 + PSC, 239);
+    chip.write(TIM4 + ARR, 19_999);
+    chip.write(TIM4 + CCMR1, 0x68);
+    chip.write(TIM4 + CCER, 1);
+    chip.write(TIM4 + CCR1, 1_234);
+    chip.alternate(3, 12, 2);
+    chip.write(TIM4 + EGR, 1);
+    chip.write(TIM4 + CR1, 1);
+    chip.run_to(chip.now + 59_000_000);
+    let [rise, fall] = [CCR1, CCR2].map(|register| chip.read(TIM12 + register));
+    assert_eq!(fall - rise, 1_234);
+    assert_eq!(chip.kinds(), []);
+}

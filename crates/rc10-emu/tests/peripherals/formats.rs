@@ -290,6 +290,9 @@ fn dma_takes_no_character_with_an_error() {
         for (value, fault) in [(1, None), (2, Some(fault)), (3, None)] {
             let coming = Character { fault, ..character(&chip, value, Format::EIGHT_E_1) };
             hear(&mut chip, coming);
+            if fault.is_some() {
+                assert_eq!(chip.read(RDR) & 0xFF, 2, "it can still be read");
+            }
         }
         assert_eq!(bytes_in_circle(&mut chip), 2, "{fault:?}");
         assert_eq!(chip.memory.word(0x2400_0000).unwrap() & 0xFFFF, 0x0301);

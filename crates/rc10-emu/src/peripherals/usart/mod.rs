@@ -143,6 +143,8 @@ pub(super) struct Usart {
     transmitter: Transmitter,
     receiver: Receiver,
     received: VecDeque<u16>,
+    /// What was received last, good or not: it stays in RDR until the next one.
+    latest: u16,
     pins: Pins,
     sent: Vec<SentByte>,
     /// For who is linked to the transmit pin.
@@ -172,6 +174,7 @@ impl Usart {
             transmitter: Transmitter::default(),
             receiver: Receiver::new(),
             received: VecDeque::new(),
+            latest: 0,
             pins: Pins::default(),
             sent: Vec::new(),
             outgoing: Vec::new(),
@@ -346,11 +349,12 @@ impl Usart {
         let found = [(sampled.framing, FRAMING), (sampled.parity, PARITY_ERROR), (noise, NOISE)];
         let errors: u32 = found.iter().filter(|(is, _)| *is).map(|(_, flag)| flag).sum();
         self.flags |= errors;
+        let inversion = if self.is(2, INVERT_DATA) { (1 << self.word()) - 1 } else { 0 };
+        self.latest = sampled.word ^ inversion;
         if errors != 0 && self.is(3, DMA_RECEIVE) && !self.is(3, DMA_STOPS_AT_ERROR) {
             return;
         }
-        let inversion = if self.is(2, INVERT_DATA) { (1 << self.word()) - 1 } else { 0 };
-        self.received.push_back(sampled.word ^ inversion);
+        self.received.push_back(self.latest);
         self.receiver.arm(at);
     }
 
@@ -446,7 +450,8 @@ impl Usart {
             0x0C => self.divisor,
             0x10 | 0x14 => self.stored[(offset as usize - 0x10) / 4],
             0x1C => self.status(now),
-            0x24 => self.received.pop_front().map_or(0, u32::from),
+            // RM0468, framing error and its like: the invalid data is in RDR too.
+            0x24 => self.received.pop_front().unwrap_or(self.latest).into(),
             0x18 | 0x20 | 0x28 => 0,
             0x2C => self.prescaler,
             _ => return Err(Refusal::Unmodelled),

@@ -202,8 +202,11 @@ impl Wire {
         self.level = high;
     }
 
-    /// A character begins: now, or after all the others.
+    /// A character begins: now, or after all the others. It cuts short what is there longer.
     pub fn draw(&mut self, character: Character) {
+        while self.edges.back().is_some_and(|&(edge, _)| edge > character.start) {
+            self.edges.pop_back();
+        }
         character.levels(|sixteenths, level| {
             self.push(character.at(sixteenths), level != character.inverted);
         });
@@ -336,6 +339,24 @@ mod tests {
         // Of 0x54 it is one, and looks like one.
         let lucky = Character { value: 0x54, ..even };
         assert!(hear(lucky, Format::EIGHT_N_1).unwrap().is_good());
+    }
+
+    #[test]
+    fn who_begins_is_heard_whatever_was_there() {
+        let noise = Character::new(0x0F, Format::EIGHT_N_1, 9_600, START);
+        let good = Character::new(0x5A, Format::EIGHT_N_1, 115_200, noise.at(40));
+        let mut wire = Wire::new();
+        wire.draw(noise);
+        wire.draw(good);
+        let how = Sampling {
+            format: Format::EIGHT_N_1,
+            bit_fs: good.bit_fs,
+            inverted: false,
+            by_8: false,
+            one_sample: false,
+        };
+        let heard = wire.sample(good.start, &how);
+        assert_eq!(heard, Some(Sampled { word: 0x5A, ..Sampled::default() }));
     }
 
     #[test]
