@@ -24,6 +24,8 @@ use serde_json::Value;
 mod budgets;
 #[path = "firmware/remote.rs"]
 mod remote;
+#[path = "firmware/selftest.rs"]
+mod selftest;
 
 /// The file of one of the chip's programs, beside the firmware.
 fn program(name: &str) -> Vec<u8> {

@@ -5,10 +5,12 @@ use embassy_futures::select::{Either, select};
 use embassy_stm32::exti::ExtiInput;
 use embassy_stm32::gpio::{OutputType, Pull};
 use embassy_stm32::time::Hertz;
-use embassy_stm32::timer::Channel;
+use embassy_stm32::timer;
 use embassy_stm32::timer::input_capture::{CapturePin, InputCapture};
 use embassy_stm32::timer::low_level::CountingMode;
 use embassy_stm32::timer::simple_pwm::{PwmPin, SimplePwm};
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::channel::Channel;
 use embassy_time::{Duration, Ticker, Timer, with_timeout};
 use rc10_app::Encoder;
 use rc10_bsp::dma_buffer;
@@ -18,6 +20,9 @@ use rc10_bsp::quadrature::{QuadratureCounter, QuadratureTimer};
 use rc10_firmware::board::{
     CaptureParts, EncoderParts, PulseParts, ServoParts, StripParts, SwitchParts,
 };
+use rc10_module::led::ws2812::{BITS, PulseTiming, Pulses, Strip};
+use rc10_module::limit_switch::{Active, Config, Position, watch};
+use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
 
 use crate::report::Outcome;
 use crate::{Irqs, PRIORITY, say, want};
@@ -38,7 +43,9 @@ pub async fn servo(servos: ServoParts, capture: CaptureParts) -> Outcome {
         CountingMode::EdgeAlignedUp,
     );
     for (number, channel) in
-        [Channel::Ch1, Channel::Ch2, Channel::Ch3, Channel::Ch4].into_iter().enumerate()
+        [timer::Channel::Ch1, timer::Channel::Ch2, timer::Channel::Ch3, timer::Channel::Ch4]
+            .into_iter()
+            .enumerate()
     {
         let micros = PULSE + 100 * u32::try_from(number).unwrap_or(0);
         let mut channel = pwm.channel(channel);
@@ -57,8 +64,8 @@ pub async fn servo(servos: ServoParts, capture: CaptureParts) -> Outcome {
     );
     let mut last = 0;
     for _ in 0..3 {
-        let rising = capture.wait_for_rising_edge(Channel::Ch1).await;
-        let falling = capture.wait_for_falling_edge(Channel::Ch1).await;
+        let rising = capture.wait_for_rising_edge(timer::Channel::Ch1).await;
+        let falling = capture.wait_for_falling_edge(timer::Channel::Ch1).await;
         last = falling.wrapping_sub(rising);
         want!(last.abs_diff(PULSE) <= 1, "measured {last} us");
     }
@@ -103,21 +110,48 @@ pub async fn encoders(parts: EncoderParts) -> Outcome {
     Err(say!("ended at {totals:?}, were at {extremes:?}"))
 }
 
-/// Both switches close, the first one first.
+/// What the switches do: which one, and where it is then. However they bounce, it happens once.
+const POSITIONS: [(usize, Position); 6] = [
+    (0, Position::Released),
+    (1, Position::Released),
+    (0, Position::Pressed),
+    (1, Position::Pressed),
+    (0, Position::Released),
+    (1, Position::Released),
+];
+
+/// Both switches are pressed, then released, the first one first.
 pub async fn switches(parts: SwitchParts) -> Outcome {
     let (pin, line) = parts.first;
-    let mut first = ExtiInput::new(pin, line, Pull::Up, Irqs);
+    let first = ExtiInput::new(pin, line, Pull::Up, Irqs);
     let (pin, line) = parts.second;
-    let mut second = ExtiInput::new(pin, line, Pull::Up, Irqs);
-    want!(first.is_high() && second.is_high(), "a switch is closed");
-    defmt::info!("close the switches");
-    match select(first.wait_for_falling_edge(), second.wait_for_falling_edge()).await {
-        Either::First(()) => {}
-        Either::Second(()) => return Err(say!("the second one was first")),
+    let second = ExtiInput::new(pin, line, Pull::Up, Irqs);
+    // One place more, for what must not come.
+    let heard: Channel<NoopRawMutex, (usize, Position), { POSITIONS.len() + 1 }> = Channel::new();
+    let hear = |index| {
+        let heard = &heard;
+        move |position, _| {
+            let _ = heard.try_send((index, position));
+        }
+    };
+    let config = Config::new(Active::Low);
+    let watch = join(watch(first, config, hear(0)), watch(second, config, hear(1)));
+    let listen = async {
+        for (step, expected) in POSITIONS.into_iter().enumerate() {
+            if step == 2 {
+                defmt::info!("press the switches");
+            }
+            let position = heard.receive().await;
+            want!(position == expected, "step {step}: {position:?}, not {expected:?}");
+        }
+        Timer::after_millis(20).await;
+        want!(heard.is_empty(), "a switch bounces");
+        Ok(say!("pressed and released, once each"))
+    };
+    match select(watch, listen).await {
+        Either::First(_) => Err(say!("a pin failed")),
+        Either::Second(outcome) => outcome,
     }
-    second.wait_for_low().await;
-    join(first.wait_for_high(), second.wait_for_high()).await;
-    Ok(say!("closed and opened"))
 }
 
 /// Rising edges of a PPM receiver: nine to a frame.
@@ -144,33 +178,33 @@ pub async fn pulses(parts: PulseParts) -> Outcome {
     Ok(say!("{shortest} .. {longest} us apart, {lost} lost on purpose"))
 }
 
-/// Sent to the strip: half of the pulses wide.
-const WIDTHS: [u16; 48] = {
-    let mut widths = [75; 48];
-    let mut index = 0;
-    while index < 48 {
-        if index % 3 != 0 {
-            widths[index] = 180;
-        }
-        index += 1;
-    }
-    widths
+/// How wide the pulses of the strip's timer are.
+const TIMING: PulseTiming = match PulseTiming::new(rc10_bsp::TIMER_CLOCK.0) {
+    Ok(timing) => timing,
+    Err(_) => panic!("the timer is too slow"),
 };
+/// What is shown on two LEDs.
+const PICTURE: [RGB8; 2] = [RGB8::new(0x12, 0x34, 0x56), RGB8::new(0xA5, 0x5A, 0xC3)];
+/// Pulses of that.
+const PULSES: usize = PICTURE.len() * BITS;
 
-/// Two LEDs' worth of pulses, twice.
+/// Two LEDs, two pictures; then two that nobody waits for.
 pub async fn strip(parts: StripParts) -> Outcome {
     let StripParts { timer, pin, stream } = parts;
-    let buffer = dma_buffer!(u32; 50);
-    let mut strip = PulseOutput::start(timer, pin, stream, Irqs, 300, buffer, PRIORITY);
-    let many = strip.send(&[75; 49]).await;
-    want!(many == Err(PulseError::TooMany { pulses: 49, room: 48 }), "took 49 pulses");
-    for _ in 0..2 {
-        want!(strip.send(&WIDTHS).await == Ok(()), "could not send");
-        Timer::after_micros(300).await;
+    let buffer = dma_buffer!(u32; PULSES + 2);
+    let mut output = PulseOutput::start(timer, pin, stream, Irqs, TIMING.period, buffer, PRIORITY);
+    let many = output.send(&[TIMING.zero; PULSES + 1]).await;
+    let refused = Err(PulseError::TooMany { pulses: PULSES + 1, room: PULSES });
+    want!(many == refused, "took {} pulses", PULSES + 1);
+    let send = async |widths: &[u16]| output.send(widths).await;
+    let mut strip = Strip::<_, 2>::new(Pulses::new(TIMING, send));
+    let [first, second] = PICTURE;
+    for picture in [[first, second], [second, first]] {
+        want!(strip.write(picture).await.is_ok(), "could not send");
     }
     // Dropped in the middle, the pulses go on; the next ones wait for their end.
-    let dropped = with_timeout(Duration::from_micros(20), strip.send(&WIDTHS)).await;
+    let dropped = with_timeout(Duration::from_micros(20), strip.write(PICTURE)).await;
     want!(dropped.is_err(), "60 us of pulses took less than 20");
-    want!(strip.send(&WIDTHS[..24]).await == Ok(()), "could not send after that");
+    want!(strip.write([second]).await.is_ok(), "could not send after that");
     Ok(say!("sent"))
 }

@@ -1,0 +1,362 @@
+//! The self-test program on the emulated chip, with somebody at the other end of every wire.
+
+#[path = "wires.rs"]
+mod wires;
+
+use rc10_emu::Machine;
+use rc10_emu::peripherals::Edge;
+use rc10_sim::remote::{Ppm, Remote};
+use rc10_sim::unitree_line::{GoM8010, plant};
+use rc10_sim::{Line, LineConfig, LineMotor, Nanos, Serial, SerialConfig, UartFault, World};
+
+use super::{millis, program};
+use wires::{Bmi088, Echo, Listener, Registers, Sleeper};
+
+/// The self-test takes less than 2 s.
+const LIMIT: Nanos = millis(5_000);
+/// How often the surroundings look at what the chip does, ns.
+const STEP: u64 = 20_000;
+
+type Pin = (char, usize);
+
+const SERVOS: [Pin; 4] = [('D', 12), ('D', 13), ('D', 14), ('D', 15)];
+const CAPTURE: Pin = ('F', 11);
+const I2C_CLOCK: Pin = ('F', 1);
+const I2C_DATA: Pin = ('F', 0);
+/// Track A and track B.
+const ENCODERS: [[Pin; 2]; 2] = [[('C', 6), ('C', 7)], [('A', 0), ('A', 1)]];
+const SWITCHES: [Pin; 2] = [('G', 2), ('G', 3)];
+const STRIP: Pin = ('F', 9);
+
+/// What is tested, in order.
+const TESTS: [&str; 10] = [
+    "serial",
+    "serial faults",
+    "RS-485",
+    "SPI",
+    "I2C",
+    "servo",
+    "encoders",
+    "switches",
+    "pulses",
+    "strip",
+];
+
+/// The chip and its surroundings.
+struct Bench {
+    machine: Machine,
+    world: World,
+    text: Serial,
+    faulty: Serial,
+    line: Line,
+    motors: [LineMotor; 2],
+    /// Where the encoders are.
+    position: i64,
+    /// What the program has said to the probe.
+    log: String,
+    /// How far [`has_said`](Self::has_said) has read that.
+    read: usize,
+}
+
+impl Bench {
+    fn new(seed: u64) -> Self {
+        let mut machine = Machine::new(&program("selftest")).unwrap();
+        let mut world = World::new(seed);
+        let text = world.add_serial(SerialConfig::default(), Listener::default());
+        machine.connect_serial(1, &text, false).unwrap();
+        let echo = world.add_serial(SerialConfig::default(), Echo::default());
+        machine.connect_serial(10, &echo, false).unwrap();
+        // As SBUS: 8E2, idle low.
+        let config = SerialConfig { baud: 100_000, bits: 12, receive_capacity: 0 };
+        let faulty = world.add_serial(config, Echo::default());
+        machine.connect_serial(3, &faulty, true).unwrap();
+        let line = world.add_line(LineConfig::default());
+        let motors = [0, 1].map(|id| line.add(GoM8010::new(id), plant()));
+        machine.connect_line(2, &line).unwrap();
+        let phase = world.chance(millis(22));
+        let pulses = world.add_pulses(Ppm::new(&Remote::new(), phase));
+        machine.connect_pulses(('F', 8), &pulses).unwrap();
+        let mut soc = machine.soc();
+        assert!(soc.attach_spi(1, ('C', 4), Box::new(Bmi088::accelerometer())));
+        assert!(soc.attach_spi(1, ('C', 5), Box::new(Bmi088::gyroscope())));
+        assert!(soc.attach_i2c(2, Box::new(Registers::new())));
+        assert!(soc.attach_i2c(2, Box::new(Sleeper)));
+        assert!(soc.join_pins(SERVOS[0], CAPTURE, Nanos::ZERO));
+        for (port, pin) in SERVOS.into_iter().chain([STRIP]) {
+            assert!(soc.record_pin(port, pin));
+        }
+        // Pull-ups, switches that are released; encoders.
+        let high = [I2C_CLOCK, I2C_DATA, SWITCHES[0], SWITCHES[1]];
+        for (port, pin) in high.into_iter().chain(ENCODERS.into_iter().flatten()) {
+            let level = high.contains(&(port, pin));
+            assert!(soc.drive_pin(port, pin, Some(level), Nanos::ZERO));
+        }
+        drop(soc);
+        let (position, log, read) = (0, String::new(), 0);
+        Self { machine, world, text, faulty, line, motors, position, log, read }
+    }
+
+    fn run(&mut self, nanos: u64) {
+        let until = self.machine.now() + Nanos::new(nanos);
+        self.machine.run(&mut self.world, until).unwrap();
+        for line in self.machine.take_log() {
+            self.log += &format!("{} {}\n", line.at, line.text);
+        }
+        assert!(self.machine.now() < LIMIT && !self.log.contains("FAILED"), "{}", self.log);
+    }
+
+    /// Whether the program has said this after what was asked for last.
+    fn has_said(&mut self, what: &str) -> bool {
+        let said = self.log[self.read..].find(what);
+        self.read += said.map_or(0, |at| at + what.len());
+        said.is_some()
+    }
+
+    /// Goes on until the program says this.
+    fn until(&mut self, what: &str) {
+        while !self.has_said(what) {
+            self.run(STEP);
+        }
+    }
+
+    fn drive(&self, (port, pin): Pin, high: bool) {
+        let now = self.machine.now();
+        assert!(self.machine.soc().drive_pin(port, pin, Some(high), now));
+    }
+
+    fn edges(&self, (port, pin): Pin) -> Vec<Edge> {
+        self.machine.soc().take_edges(port, pin)
+    }
+
+    fn chance(&mut self, end: u64) -> u64 {
+        self.world.chance(Nanos::new(end)).get()
+    }
+
+    /// From the first line to the last.
+    fn run_all(&mut self) {
+        self.until("begin I2C");
+        self.until("hold the data line");
+        let now = self.machine.now();
+        assert!(self.machine.soc().hold_data(2, I2C_CLOCK, I2C_DATA, 7, now));
+        self.until("turn the encoders");
+        // As `timers.rs` of the program has them; the last one fast.
+        for (target, step) in [(1000, 9_000), (-2000, 9_000), (500, 2_000)] {
+            self.turn(target, step);
+            // The program looks every millisecond.
+            self.run(2_500_000);
+        }
+        self.until("press the switches");
+        for released in [false, true] {
+            for switch in SWITCHES {
+                self.bounce(switch, released);
+                self.run(20_000_000);
+            }
+        }
+        self.until("self-test:");
+        // The line of text is slower.
+        self.run(5_000_000);
+    }
+
+    /// Turns both encoders, a count every so many ns, now and then one back.
+    fn turn(&mut self, target: i64, step: u64) {
+        let from = self.position;
+        while self.position != target {
+            let direction = (target - self.position).signum();
+            let goes_back = self.position != from && self.chance(8) == 0;
+            self.position += if goes_back { -direction } else { direction };
+            let quarter = self.position.rem_euclid(4);
+            for [a, b] in ENCODERS {
+                self.drive(a, quarter == 1 || quarter == 2);
+                self.drive(b, quarter == 2 || quarter == 3);
+            }
+            self.run(step);
+        }
+    }
+
+    /// A switch changes its mind some times before it comes to rest.
+    fn bounce(&mut self, switch: Pin, high: bool) {
+        for bounce in 0..2 * (2 + self.chance(6)) + 1 {
+            self.drive(switch, high == (bounce % 2 == 0));
+            let pause = 500 + self.chance(300_000);
+            self.run(pause);
+        }
+    }
+
+    /// Faults of all kinds, in any order, at any time, on the line of USART3 and in the DMA behind
+    /// it, until their test has ended.
+    fn disturb(&mut self) -> Faults {
+        self.until("begin serial faults");
+        let mut faults = Faults::default();
+        loop {
+            // The program wants every second frame at least. One takes 2.4 ms; a fault of the DMA
+            // waits for the next byte.
+            let pause = 8_000_000 + self.chance(6_000_000);
+            let pause_ends = self.machine.now() + Nanos::new(pause);
+            let in_a_frame = self.chance(4) > 0;
+            while self.machine.now() < pause_ends || in_a_frame && !self.is_echoing() {
+                self.run(STEP);
+                if self.has_said("serial faults: ok") {
+                    return faults;
+                }
+            }
+            let delay = self.chance(120_000);
+            self.run(delay);
+            let kinds = UartFault::ALL.map(Some).into_iter().chain([None]).collect::<Vec<_>>();
+            let kind = kinds[usize::try_from(self.chance(kinds.len() as u64)).unwrap()];
+            if let Some(fault) = kind {
+                self.faulty.inject(fault);
+            } else {
+                // Of DMA1, stream 3 receives.
+                assert!(self.machine.soc().inject_dma_error(1, 3));
+            }
+            faults.0.push(kind);
+        }
+    }
+
+    /// Whether a byte is on its way back on the line of USART3.
+    fn is_echoing(&self) -> bool {
+        let spoke = self.faulty.with(|echo: &mut Echo| echo.spoke).unwrap();
+        let character = self.faulty.config().character();
+        spoke.is_some_and(|spoke| self.machine.now() < spoke + character)
+    }
+
+    /// What it has said on the line of text.
+    fn text(&self) -> Vec<String> {
+        let text = self.text.with(|listener: &mut Listener| listener.0.clone()).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        assert!(text.ends_with("\r\n"), "{text:?}");
+        text.lines().map(str::to_owned).collect()
+    }
+
+    /// Nothing was touched that must not be; nobody met a byte that he could not read.
+    fn is_clean(&self) {
+        let reports = self.machine.reports();
+        assert!(reports.is_empty(), "{reports:?}");
+        let soc = self.machine.soc();
+        assert_eq!((soc.unowned(), soc.gated()), (0, 0));
+        assert!(self.machine.restarts().is_empty(), "{:?}", self.machine.restarts());
+        for uart in 1..=10 {
+            assert_eq!(self.machine.garbled(uart), 0, "UART {uart}");
+        }
+    }
+}
+
+/// What was injected; `None` is an error of the DMA.
+#[derive(Default)]
+struct Faults(Vec<Option<UartFault>>);
+
+impl Faults {
+    fn count(&self, kinds: &[Option<UartFault>]) -> u64 {
+        self.0.iter().filter(|kind| kinds.contains(kind)).count() as u64
+    }
+
+    /// What the program has counted is at least that, and frames were lost for no other reason.
+    fn judge(&self, line: &str) {
+        let numbers = line.split(|c: char| !c.is_ascii_digit()).filter(|word| !word.is_empty());
+        let numbers: Vec<u64> = numbers.map(|number| number.parse().unwrap()).collect();
+        let [lost, 250, framing, parity, noise, breaks, overruns, dma] = numbers[..] else {
+            panic!("{line}")
+        };
+        let [overrun, bad_framing, bad_parity, noisy, held] = UartFault::ALL.map(Some);
+        // A byte of zeros without stop bit is a break.
+        let held = self.count(&[bad_framing, held]);
+        assert!(framing > 0 && framing + breaks >= held, "{held} held: {line}");
+        for (what, counted, kind) in [
+            ("parity", parity, bad_parity),
+            ("noise", noise, noisy),
+            // While the DMA stands still there are some, too.
+            ("overruns", overruns, overrun),
+        ] {
+            let injected = self.count(&[kind]);
+            assert!(injected > 0 && counted >= injected, "{what}: {injected} of {line}");
+        }
+        let injected = self.count(&[None]);
+        assert!(injected > 0 && dma == injected, "{injected} in the DMA: {line}");
+        assert!(lost > 0 && lost <= self.0.len() as u64, "{} faults: {line}", self.0.len());
+    }
+}
+
+/// The pictures on a strip of WS2812, each LED as red, green, blue. Widths, period and silence are
+/// what all its data sheets agree on.
+fn pictures(edges: &[Edge]) -> Vec<Vec<[u8; 3]>> {
+    let mut bits: Vec<Vec<bool>> = Vec::new();
+    let mut last_rise = None;
+    for pulse in edges.chunks(2) {
+        let [rise, fall] = pulse else { panic!("the strip's pin stays high") };
+        assert!(rise.high && !fall.high);
+        let pause = last_rise.replace(rise.at).map(|last| rise.at.since(last).get());
+        match pause {
+            // What waits for others to end begins some microseconds later.
+            Some(1200..=1350 | 2_400..=30_000) => {}
+            None | Some(280_000..) => bits.push(Vec::new()),
+            Some(other) => panic!("a pulse {other} ns behind the last one"),
+        }
+        let bit = match fall.at.since(rise.at).get() {
+            250..=380 => false,
+            650..=850 => true,
+            other => panic!("a pulse of {other} ns"),
+        };
+        bits.last_mut().unwrap().push(bit);
+    }
+    let byte = |bits: &[bool]| bits.iter().fold(0, |byte, &bit| byte << 1 | u8::from(bit));
+    let led = |led: &[bool]| {
+        let [green, red, blue] = [0, 8, 16].map(|from| byte(&led[from..from + 8]));
+        [red, green, blue]
+    };
+    bits.iter().map(|picture| picture.chunks(24).map(led).collect()).collect()
+}
+
+/// Every line says ok, and what the pins and the others saw is what the program believes.
+#[test]
+#[ignore = "needs the self-test program: cargo xtask emulate"]
+fn every_driver_passes_its_self_test() {
+    let mut bench = Bench::new(1);
+    bench.run_all();
+    let text = bench.text();
+    text.iter().for_each(|line| println!("{line}"));
+    assert_eq!(text.len(), TESTS.len() + 1);
+    for (line, test) in text.iter().zip(TESTS) {
+        assert!(line.starts_with(&format!("{test}: ok, ")) && bench.log.contains(line), "{line}");
+    }
+    let passed = format!("self-test: {} passed, 0 failed", TESTS.len());
+    assert_eq!(text.last(), Some(&passed));
+    bench.is_clean();
+
+    // Without a fault nothing is lost.
+    assert_eq!(text[1], "serial faults: ok, 0 of 250 lost: 0 F 0 P 0 N 0 B 0 O 0 D");
+    let answered = text[2].split(' ').find_map(|word| word.parse::<u64>().ok()).unwrap();
+    let commands: u64 = bench.motors.iter().map(|motor| motor.state().commands).sum();
+    // It goes on for as long as the program runs.
+    assert!(answered >= 600 && commands > answered, "{commands} commands: {}", text[2]);
+    assert!(bench.motors.iter().all(|motor| motor.state().malformed == 0));
+    assert_eq!(bench.line.counters().collided, 0);
+    for (pin, micros) in SERVOS.into_iter().zip([1500, 1600, 1700, 1800]) {
+        let edges = bench.edges(pin);
+        let [first, second, third] = [0, 1, 2].map(|index| edges[index]);
+        let width = second.at.since(first.at).get();
+        let period = third.at.since(first.at).get();
+        // A count of embassy-stm32's PWM at 50 Hz is 74 of the timer's clocks.
+        assert!(first.high && width.abs_diff(micros * 1000) <= 309, "{pin:?}: {width} ns");
+        assert!(period.abs_diff(20_000_000) <= 309, "{pin:?}: {period} ns");
+    }
+    // A remote at rest: eight channels in the middle of 22 ms.
+    assert!(text[8].contains("ok, 1500 .. 10000 us apart"), "{}", text[8]);
+    let (first, second) = ([0x12, 0x34, 0x56], [0xA5, 0x5A, 0xC3]);
+    let shown = pictures(&bench.edges(STRIP));
+    assert_eq!(shown, [vec![first, second], vec![second, first], vec![first, second, second]]);
+}
+
+/// Behind every fault of the line and of the DMA the next frame arrives: the program looks at that.
+#[test]
+#[ignore = "needs the self-test program: cargo xtask emulate"]
+fn behind_every_fault_of_a_uart_the_next_frame_arrives() {
+    for seed in 1..=8 {
+        let mut bench = Bench::new(seed);
+        let faults = bench.disturb();
+        bench.run(10_000_000);
+        let text = bench.text();
+        println!("seed {seed}: {} faults; {}", faults.0.len(), text[1]);
+        faults.judge(&text[1]);
+        bench.is_clean();
+    }
+}

@@ -1,0 +1,164 @@
+//! Who is at the other ends of the self-test's wires.
+
+use std::collections::VecDeque;
+
+use rc10_emu::peripherals::{I2cDevice, SpiDevice};
+use rc10_sim::{Nanos, SerialDevice};
+
+/// Keeps what it hears.
+#[derive(Default)]
+pub struct Listener(pub Vec<u8>);
+
+impl SerialDevice for Listener {
+    fn power_on(&mut self, _now: Nanos) {}
+
+    fn next_event(&self) -> Option<Nanos> {
+        None
+    }
+
+    fn advance(&mut self, _now: Nanos, _send: &mut VecDeque<u8>) {}
+
+    fn receive(&mut self, byte: u8, _now: Nanos) {
+        self.0.push(byte);
+    }
+}
+
+/// Sends back what it hears, at once.
+#[derive(Default)]
+pub struct Echo {
+    waiting: VecDeque<u8>,
+    /// When it has begun to send its last byte.
+    pub spoke: Option<Nanos>,
+}
+
+impl SerialDevice for Echo {
+    fn power_on(&mut self, _now: Nanos) {}
+
+    fn next_event(&self) -> Option<Nanos> {
+        // At once.
+        (!self.waiting.is_empty()).then_some(Nanos::ZERO)
+    }
+
+    fn advance(&mut self, now: Nanos, send: &mut VecDeque<u8>) {
+        send.append(&mut self.waiting);
+        self.spoke = Some(now);
+    }
+
+    fn receive(&mut self, byte: u8, _now: Nanos) {
+        self.waiting.push_back(byte);
+    }
+}
+
+/// One half of a BMI088, as far as it says who it is. Source: its data sheet, SPI interface.
+pub struct Bmi088 {
+    identity: u8,
+    /// Bytes of no meaning before a register's contents.
+    dummies: usize,
+    /// The accelerometer speaks I2C until it is selected for the first time.
+    speaks_spi: bool,
+    transferred: usize,
+    register: Option<u8>,
+}
+
+impl Bmi088 {
+    pub const fn accelerometer() -> Self {
+        Self { identity: 0x1E, dummies: 1, speaks_spi: false, transferred: 0, register: None }
+    }
+
+    pub const fn gyroscope() -> Self {
+        Self { identity: 0x0F, dummies: 0, speaks_spi: true, transferred: 0, register: None }
+    }
+}
+
+impl SpiDevice for Bmi088 {
+    fn understands(&self, mode: u8, clock_hz: u64) -> bool {
+        (mode == 0 || mode == 3) && clock_hz <= 10_000_000
+    }
+
+    fn select(&mut self, _now: Nanos) {
+        (self.transferred, self.register) = (0, None);
+    }
+
+    fn deselect(&mut self, _now: Nanos) {
+        self.speaks_spi = true;
+    }
+
+    fn exchange(&mut self, sent: u16, _now: Nanos) -> u16 {
+        let before = self.transferred;
+        self.transferred += 1;
+        let Some(register) = self.register.filter(|_| self.speaks_spi) else {
+            // Bit 7: read.
+            self.register = u8::try_from(sent).ok().filter(|byte| byte & 0x80 != 0);
+            return 0xFF;
+        };
+        let Some(offset) = before.checked_sub(1 + self.dummies) else { return 0xFF };
+        let is_identity = usize::from(register & 0x7F) + offset == 0;
+        if is_identity { self.identity.into() } else { 0xA5 }
+    }
+}
+
+/// 256 registers behind a pointer that moves on by itself.
+pub struct Registers {
+    registers: [u8; 256],
+    pointer: Option<u8>,
+}
+
+impl Registers {
+    pub const fn new() -> Self {
+        Self { registers: [0; 256], pointer: None }
+    }
+}
+
+impl I2cDevice for Registers {
+    fn address(&self) -> u8 {
+        0x50
+    }
+
+    fn start(&mut self, reads: bool, _now: Nanos) -> bool {
+        if !reads {
+            self.pointer = None;
+        }
+        true
+    }
+
+    fn write(&mut self, byte: u8, _now: Nanos) -> bool {
+        let Some(pointer) = self.pointer else {
+            self.pointer = Some(byte);
+            return true;
+        };
+        self.registers[usize::from(pointer)] = byte;
+        self.pointer = Some(pointer.wrapping_add(1));
+        true
+    }
+
+    fn read(&mut self, _now: Nanos) -> u8 {
+        let pointer = self.pointer.unwrap_or(0);
+        self.pointer = Some(pointer.wrapping_add(1));
+        self.registers[usize::from(pointer)]
+    }
+}
+
+/// Holds the clock for ever once it is addressed.
+pub struct Sleeper;
+
+impl I2cDevice for Sleeper {
+    fn address(&self) -> u8 {
+        0x51
+    }
+
+    fn start(&mut self, _reads: bool, _now: Nanos) -> bool {
+        true
+    }
+
+    fn write(&mut self, _byte: u8, _now: Nanos) -> bool {
+        true
+    }
+
+    fn read(&mut self, _now: Nanos) -> u8 {
+        0
+    }
+
+    fn stretch(&self) -> Nanos {
+        Nanos::new(u64::MAX)
+    }
+}
