@@ -13,7 +13,7 @@ use super::{millis, program};
 use wires::{Bmi088, Echo, Listener, Registers, Sleeper};
 
 /// The self-test takes less than 2 s.
-const LIMIT: Nanos = millis(5_000);
+const LIMIT: Nanos = millis(3_000);
 /// How often the surroundings look at what the chip does, ns.
 const STEP: u64 = 20_000;
 
@@ -186,7 +186,8 @@ impl Bench {
     /// it, until their test has ended.
     fn disturb(&mut self) -> Faults {
         self.until("begin serial faults");
-        let mut faults = Faults::default();
+        let mut faults = Vec::new();
+        let mut kinds = Vec::new();
         loop {
             // The program wants every second frame at least. One takes 2.4 ms; a fault of the DMA
             // waits for the next byte.
@@ -196,20 +197,23 @@ impl Bench {
             while self.machine.now() < pause_ends || in_a_frame && !self.is_echoing() {
                 self.run(STEP);
                 if self.has_said("serial faults: ok") {
-                    return faults;
+                    return Faults { injected: faults, ended: self.machine.now() };
                 }
             }
             let delay = self.chance(120_000);
             self.run(delay);
-            let kinds = UartFault::ALL.map(Some).into_iter().chain([None]).collect::<Vec<_>>();
-            let kind = kinds[usize::try_from(self.chance(kinds.len() as u64)).unwrap()];
+            if kinds.is_empty() {
+                kinds = UartFault::ALL.map(Some).into_iter().chain([None]).collect();
+            }
+            let kind = self.chance(kinds.len() as u64);
+            let kind = kinds.swap_remove(usize::try_from(kind).unwrap());
             if let Some(fault) = kind {
                 self.faulty.inject(fault);
             } else {
                 // Of DMA1, stream 3 receives.
                 assert!(self.machine.soc().inject_dma_error(1, 3));
             }
-            faults.0.push(kind);
+            faults.push((self.machine.now(), kind));
         }
     }
 
@@ -241,38 +245,49 @@ impl Bench {
     }
 }
 
-/// What was injected; `None` is an error of the DMA.
-#[derive(Default)]
-struct Faults(Vec<Option<UartFault>>);
+/// What was injected, and when; no kind is an error of the DMA.
+struct Faults {
+    injected: Vec<(Nanos, Option<UartFault>)>,
+    ended: Nanos,
+}
 
 impl Faults {
-    fn count(&self, kinds: &[Option<UartFault>]) -> u64 {
-        self.0.iter().filter(|kind| kinds.contains(kind)).count() as u64
+    /// How many of these kinds there were, without one so late that the program may not have seen
+    /// it: at least, at most.
+    fn count(&self, kinds: &[Option<UartFault>]) -> (u64, u64) {
+        let mut counts = (0, 0);
+        for (at, _) in self.injected.iter().filter(|(_, kind)| kinds.contains(kind)) {
+            counts.0 += u64::from(self.ended.since(*at) > millis(6));
+            counts.1 += 1;
+        }
+        counts
     }
 
-    /// What the program has counted is at least that, and frames were lost for no other reason.
+    /// The program has counted each of them, and lost no more frames than there were faults.
     fn judge(&self, line: &str) {
         let numbers = line.split(|c: char| !c.is_ascii_digit()).filter(|word| !word.is_empty());
         let numbers: Vec<u64> = numbers.map(|number| number.parse().unwrap()).collect();
         let [lost, 250, framing, parity, noise, breaks, overruns, dma] = numbers[..] else {
             panic!("{line}")
         };
-        let [overrun, bad_framing, bad_parity, noisy, held] = UartFault::ALL.map(Some);
-        // A byte of zeros without stop bit is a break.
-        let held = self.count(&[bad_framing, held]);
-        assert!(framing > 0 && framing + breaks >= held, "{held} held: {line}");
-        for (what, counted, kind) in [
-            ("parity", parity, bad_parity),
-            ("noise", noise, noisy),
-            // While the DMA stands still there are some, too.
-            ("overruns", overruns, overrun),
+        let [overrun, no_stop, wrong_parity, noisy, held] = UartFault::ALL.map(Some);
+        // One is followed by others now and then: what begins before a break is over is misread, and
+        // while the DMA stands still there are overruns. And now and then one is not what it was
+        // meant to be: a good byte begins before the bad one is over.
+        for (what, counted, kinds) in [
+            // A byte of zeros without stop bit is a break.
+            ("framing errors and breaks", framing + breaks, &[no_stop, held][..]),
+            ("parity errors", parity, &[wrong_parity]),
+            ("noisy bytes", noise, &[noisy]),
+            ("overruns", overruns, &[overrun]),
         ] {
-            let injected = self.count(&[kind]);
-            assert!(injected > 0 && counted >= injected, "{what}: {injected} of {line}");
+            let (injected, _) = self.count(kinds);
+            assert!(injected > 2 && counted + 2 >= injected, "{injected} {what}: {line}");
         }
-        let injected = self.count(&[None]);
-        assert!(injected > 0 && dma == injected, "{injected} in the DMA: {line}");
-        assert!(lost > 0 && lost <= self.0.len() as u64, "{} faults: {line}", self.0.len());
+        assert!(framing > 0 && breaks > 0, "{line}");
+        let (least, most) = self.count(&[None]);
+        assert!(least > 0 && (least..=most).contains(&dma), "{most} of the DMA: {line}");
+        assert!(lost > 0 && lost <= self.injected.len() as u64, "{line}");
     }
 }
 
@@ -355,7 +370,7 @@ fn behind_every_fault_of_a_uart_the_next_frame_arrives() {
         let faults = bench.disturb();
         bench.run(10_000_000);
         let text = bench.text();
-        println!("seed {seed}: {} faults; {}", faults.0.len(), text[1]);
+        println!("seed {seed}: {} faults; {}", faults.injected.len(), text[1]);
         faults.judge(&text[1]);
         bench.is_clean();
     }
