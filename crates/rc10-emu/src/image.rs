@@ -4,9 +4,22 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use anyhow::{Context, Result, ensure};
-use object::elf::{FileHeader32, PT_LOAD, SHF_ALLOC, SHF_WRITE, SHT_NOBITS, SHT_SYMTAB, STT_FUNC};
+use object::elf::{
+    FileHeader32, PT_LOAD, SHF_ALLOC, SHF_WRITE, SHT_NOBITS, SHT_SYMTAB, STT_FUNC, STT_OBJECT,
+};
 use object::read::elf::{FileHeader, ProgramHeader, SectionHeader, Sym};
 use object::{Endianness, elf};
+
+/// A static variable or constant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Static {
+    /// Its demangled name, with its path.
+    pub name: String,
+    /// Where it is.
+    pub address: u32,
+    /// How long it is.
+    pub bytes: u32,
+}
 
 /// A program.
 pub struct Image {
@@ -17,6 +30,10 @@ pub struct Image {
     /// Every symbol's address, as it stands in the file (functions with the Thumb bit), by the name
     /// in the file.
     pub symbols: BTreeMap<String, u32>,
+    /// Every static that has a place and a length.
+    pub statics: Vec<Static>,
+    /// Where each section is that the chip holds, by its name.
+    pub sections: BTreeMap<String, Range<u32>>,
     /// Bytes of flash: code, constants, the initial values of statics.
     pub flash: u32,
     /// Bytes of static RAM: initialised, zeroed, and what a reset keeps.
@@ -47,8 +64,10 @@ impl Image {
         let sections = header.sections(endian, file)?;
         let (mut flash, mut ram) = (0, 0);
         let mut compiler = None;
+        let mut places = BTreeMap::new();
         for section in sections.iter() {
-            if sections.section_name(endian, section)? == b".comment" {
+            let name = sections.section_name(endian, section)?;
+            if name == b".comment" {
                 let comments = section.data(endian, file)?.split(|&byte| byte == 0);
                 let comments = comments.filter_map(|comment| std::str::from_utf8(comment).ok());
                 let mut compilers = comments.filter(|comment| comment.starts_with("rustc"));
@@ -58,6 +77,9 @@ impl Image {
             if section.sh_flags(endian) & SHF_ALLOC == 0 {
                 continue;
             }
+            let start = section.sh_addr(endian);
+            let name = String::from_utf8_lossy(name).into_owned();
+            places.insert(name, start..start.saturating_add(bytes));
             if section.sh_type(endian) != SHT_NOBITS {
                 flash += bytes;
             }
@@ -68,15 +90,22 @@ impl Image {
         }
         let table = sections.symbols(endian, file, SHT_SYMTAB)?;
         let (mut functions, mut symbols) = (BTreeMap::new(), BTreeMap::new());
+        let mut statics = Vec::new();
         for symbol in table.iter() {
             let name = std::str::from_utf8(symbol.name(endian, table.strings())?)?;
             let address = symbol.st_value(endian);
+            let demangled = || format!("{:#}", rustc_demangle::demangle(name));
             if symbol.st_type() == STT_FUNC {
-                functions.insert(address & !1, format!("{:#}", rustc_demangle::demangle(name)));
+                functions.insert(address & !1, demangled());
+            }
+            let bytes = symbol.st_size(endian);
+            if symbol.st_type() == STT_OBJECT && bytes != 0 {
+                statics.push(Static { name: demangled(), address, bytes });
             }
             symbols.insert(name.to_owned(), address);
         }
-        Ok(Self { segments, functions, symbols, flash, ram, compiler })
+        let sections = places;
+        Ok(Self { segments, functions, symbols, statics, sections, flash, ram, compiler })
     }
 
     /// The value of a symbol.

@@ -44,6 +44,8 @@ pub enum AccessKind {
     Protected,
     /// The flash has too few wait states for the clock it now has at its voltage.
     WaitStates,
+    /// A DMA does not reach the memory, or cannot write it: a transfer error.
+    OutOfReach,
 }
 
 /// An access that the chip does not like.
@@ -71,6 +73,7 @@ impl fmt::Display for Access {
             AccessKind::Unmodelled => "not modelled",
             AccessKind::Protected => "locked",
             AccessKind::WaitStates => "too few wait states",
+            AccessKind::OutOfReach => "out of the DMA's reach",
         };
         write!(f, "{verb} {:#010x} ({name}): {what}", self.address)
     }
@@ -89,6 +92,8 @@ pub struct Counts {
     pub protected: u64,
     /// [`AccessKind::WaitStates`].
     pub wait_states: u64,
+    /// [`AccessKind::OutOfReach`].
+    pub out_of_reach: u64,
 }
 
 impl Counts {
@@ -99,6 +104,7 @@ impl Counts {
             AccessKind::Unmodelled => &mut self.unmodelled,
             AccessKind::Protected => &mut self.protected,
             AccessKind::WaitStates => &mut self.wait_states,
+            AccessKind::OutOfReach => &mut self.out_of_reach,
         };
         *count += 1;
     }

@@ -664,13 +664,18 @@ impl Soc {
             || self.i2cs.iter().any(|i2c| i2c.requests(request))
     }
 
-    /// Whether a DMA reaches a memory address; one without a clock does not answer, and is reported.
-    fn reaches(&mut self, address: u32, write: bool) -> bool {
-        let gated = self.is_gated_memory(address);
-        if gated {
-            self.report(address, write, AccessKind::Gated);
-        }
-        !gated && !UNREACHABLE.iter().any(|range| range.contains(&address))
+    /// Whether a DMA reaches a memory address. One without clock, out of its reach, or not `known`
+    /// does not answer, and is reported.
+    fn reaches(&mut self, address: u32, write: bool, known: bool) -> bool {
+        let kind = if self.is_gated_memory(address) {
+            AccessKind::Gated
+        } else if !known || UNREACHABLE.iter().any(|range| range.contains(&address)) {
+            AccessKind::OutOfReach
+        } else {
+            return true;
+        };
+        self.report(address, write, kind);
+        false
     }
 
     fn move_item(&mut self, transfer: Transfer, now: Nanos) -> Option<()> {
@@ -683,19 +688,20 @@ impl Soc {
             self.access_read(from, width, now).ok()?
         } else {
             let mut bytes = [0; 4];
-            self.memory
-                .read(from, &mut bytes[..length])
-                .ok()
-                .filter(|()| self.reaches(from, false))?;
+            let known = self.memory.read(from, &mut bytes[..length]).is_ok();
+            if !self.reaches(from, false, known) {
+                return None;
+            }
             u32::from_le_bytes(bytes)
         };
         if is_peripheral(to) {
             self.access_write(to, width, value, now).ok().map(drop)
         } else {
             // A plain write does not program the flash.
-            let writable = self.reaches(to, true) && to >> 24 != FLASH >> 24;
+            let known = to >> 24 != FLASH >> 24 && self.memory.word(to & !3).is_ok();
             let bytes = value.to_le_bytes();
-            if writable { self.memory.write(to, &bytes[..length]).ok() } else { None }
+            let reached = self.reaches(to, true, known);
+            if reached { self.memory.write(to, &bytes[..length]).ok() } else { None }
         }
     }
 }
