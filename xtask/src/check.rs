@@ -8,7 +8,9 @@ use std::time::Instant;
 use anyhow::{Result, bail};
 
 use crate::cargo::{chip, host, run as run_command};
-use crate::firmware::{build_count_with, build_interop_with, build_selftest_with, build_with};
+use crate::firmware::{
+    build_count_with, build_interop_with, build_selftest_with, build_usb_with, build_with,
+};
 use crate::setup::{TARGET, chip_toolchain, component, python};
 use crate::{count, emulate, size};
 
@@ -112,7 +114,8 @@ pub fn run() -> Result<()> {
     report.step("lint chip", || match &rustc {
         // clippy is a compiler of its own and knows only its own toolchain's targets.
         Ok(None) => with_component("clippy", || {
-            let bsp = format!("--package rc10-bsp --features stm32h723,defmt --target {TARGET}");
+            let bsp =
+                format!("--package rc10-bsp --features stm32h723,usb,defmt --target {TARGET}");
             run_command(&mut host(&format!("clippy {bsp} -- -D warnings")))?;
             run_command(&mut chip("clippy --workspace --release -- -D warnings", None))?;
             let docs = format!("doc --no-deps {bsp}");
@@ -130,6 +133,7 @@ pub fn run() -> Result<()> {
         with_chip(&rustc, |rustc| {
             program = Some(build_with(rustc)?);
             build_interop_with(rustc)?;
+            build_usb_with(rustc)?;
             build_selftest_with(rustc)
         })
     });

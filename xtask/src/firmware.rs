@@ -23,6 +23,12 @@ pub fn build_selftest() -> Result<()> {
     build_selftest_with(chip_toolchain()?.as_deref())
 }
 
+/// Builds the serial port on USB, beside it.
+pub fn build_usb_with(rustc: Option<&Path>) -> Result<()> {
+    // By itself: features unify over what is built together.
+    run(&mut chip("build --release --package usb", rustc))
+}
+
 /// Builds the program that [`count`](crate::count) runs; says where its ELF file is.
 pub fn build_count() -> Result<PathBuf> {
     build_count_with(chip_toolchain()?.as_deref())

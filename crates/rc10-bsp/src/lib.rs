@@ -25,6 +25,8 @@ pub use rc10_message::{
     AlreadyServed, CallError, Caller, Calls, Changes, Latest, Message, Server, Service, Stamped,
     SubscribersFull, Subscription, Topic,
 };
+#[cfg(feature = "usb")]
+pub use stm32h723::usb;
 #[cfg(feature = "stm32h723")]
 pub use stm32h723::{
     FDCAN_CLOCK, TIMER_CLOCK, can, clocks, crash, dma, i2c, initialise, pulse_input, pulse_output,

@@ -6,6 +6,7 @@
 //! * [`serial`]: UARTs; [`dma`]: the memory that a DMA reaches.
 //! * [`i2c`] with timeouts and recovery; [`spi`] through that memory.
 //! * [`pulse_output`] for LED strips, [`pulse_input`] for PPM, [`quadrature`] for encoders.
+//! * `usb`: a serial port on USB, with the feature of that name.
 //! * [`supervisor`]: makes the motors of a bus safe that does not tick.
 //! * [`watchdog`]: fed only while everything that must tick ticks.
 //! * [`crash`]: what happens after a panic or a fault: the motors are made safe by registers, the
@@ -22,6 +23,8 @@ pub mod quadrature;
 pub mod serial;
 pub mod spi;
 pub mod supervisor;
+#[cfg(feature = "usb")]
+pub mod usb;
 pub mod watchdog;
 
 use embassy_stm32::rcc::mux::Fdcansel;
@@ -62,6 +65,12 @@ pub fn clocks() -> Config {
     clocks.apb4_pre = APBPrescaler::DIV2;
     // embassy's default is the crystal itself.
     clocks.mux.fdcansel = Fdcansel::PLL1_Q;
+    #[cfg(feature = "usb")]
+    {
+        use embassy_stm32::rcc::{Hsi48Config, mux::Usbsel};
+        clocks.hsi48 = Some(Hsi48Config { sync_from_usb: true });
+        clocks.mux.usbsel = Usbsel::HSI48;
+    }
     config
 }
 
