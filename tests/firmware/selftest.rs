@@ -3,11 +3,13 @@
 #[path = "wires.rs"]
 mod wires;
 
-use rc10_emu::Machine;
-use rc10_emu::peripherals::Edge;
+use rc10_emu::peripherals::{Edge, Width};
+use rc10_emu::{Injection, Machine};
 use rc10_sim::remote::{Ppm, Remote};
 use rc10_sim::unitree_line::{GoM8010, plant};
-use rc10_sim::{Line, LineConfig, LineMotor, Nanos, Serial, SerialConfig, UartFault, World};
+use rc10_sim::{
+    Line, LineConfig, LineMotor, Nanos, Pulses, Serial, SerialConfig, UartFault, World,
+};
 
 use super::{millis, program};
 use wires::{Bmi088, Echo, Listener, Registers, Sleeper};
@@ -27,6 +29,9 @@ const I2C_DATA: Pin = ('F', 0);
 const ENCODERS: [[Pin; 2]; 2] = [[('C', 6), ('C', 7)], [('A', 0), ('A', 1)]];
 const SWITCHES: [Pin; 2] = [('G', 2), ('G', 3)];
 const STRIP: Pin = ('F', 9);
+const PULSES: Pin = ('F', 8);
+/// TIM13's counter, in microseconds.
+const PULSE_COUNTER: u32 = 0x4000_1C24;
 
 /// What is tested, in order.
 const TESTS: [&str; 10] = [
@@ -50,6 +55,7 @@ struct Bench {
     faulty: Serial,
     line: Line,
     motors: [LineMotor; 2],
+    pulses: Pulses,
     /// Where the encoders are.
     position: i64,
     /// What the program has said to the probe.
@@ -75,7 +81,7 @@ impl Bench {
         machine.connect_line(2, &line).unwrap();
         let phase = world.chance(millis(22));
         let pulses = world.add_pulses(Ppm::new(&Remote::new(), phase));
-        machine.connect_pulses(('F', 8), &pulses).unwrap();
+        machine.connect_pulses(PULSES, &pulses).unwrap();
         let mut soc = machine.soc();
         assert!(soc.attach_spi(1, ('C', 4), Box::new(Bmi088::accelerometer())));
         assert!(soc.attach_spi(1, ('C', 5), Box::new(Bmi088::gyroscope())));
@@ -93,7 +99,7 @@ impl Bench {
         }
         drop(soc);
         let (position, log, read) = (0, String::new(), 0);
-        Self { machine, world, text, faulty, line, motors, position, log, read }
+        Self { machine, world, text, faulty, line, motors, pulses, position, log, read }
     }
 
     fn run(&mut self, nanos: u64) {
@@ -132,9 +138,8 @@ impl Bench {
         self.world.chance(Nanos::new(end)).get()
     }
 
-    /// From the first line to the last.
-    fn run_all(&mut self) {
-        self.until("begin I2C");
+    /// From the first line to the one before the pulses.
+    fn run_to_pulses(&mut self) {
         self.until("hold the data line");
         let now = self.machine.now();
         assert!(self.machine.soc().hold_data(2, I2C_CLOCK, I2C_DATA, 7, now));
@@ -152,9 +157,43 @@ impl Bench {
                 self.run(20_000_000);
             }
         }
+        self.until("begin pulses");
+    }
+
+    /// To the last line.
+    fn finish(&mut self) {
         self.until("self-test:");
         // The line of text is slower.
         self.run(5_000_000);
+    }
+
+    /// A pulse every 5 ms, but where their timer starts over: then one just before that or just
+    /// behind it, and interrupts come only when both have happened.
+    fn pulse_at_the_turns(&mut self) -> u32 {
+        let mut turns = 0;
+        // They are off the line until the program has set the timer up.
+        self.pulses.set_cut(true);
+        while !self.has_said("pulses: ok") {
+            let now = self.machine.now();
+            let count = self.machine.soc().read(PULSE_COUNTER, Width::Word, now).unwrap();
+            let to_turn = 65_536 - u64::from(count);
+            let is_turn = count != 0 && to_turn < 7_000;
+            if is_turn {
+                self.run((to_turn - 20) * 1000);
+                self.machine.inject(Injection::MaskInterrupts(true)).unwrap();
+                self.run(if turns % 2 == 0 { 17_000 } else { 23_000 });
+                turns += 1;
+            } else {
+                self.run(4_700_000);
+            }
+            self.drive(PULSES, true);
+            self.run(300_000);
+            self.drive(PULSES, false);
+            if is_turn {
+                self.machine.inject(Injection::MaskInterrupts(false)).unwrap();
+            }
+        }
+        turns
     }
 
     /// Turns both encoders, a count every so many ns, now and then one back.
@@ -186,6 +225,7 @@ impl Bench {
     /// it, until their test has ended.
     fn disturb(&mut self) -> Faults {
         self.until("begin serial faults");
+        let limit = self.machine.now() + millis(1_000);
         let mut faults = Vec::new();
         let mut kinds = Vec::new();
         loop {
@@ -196,6 +236,7 @@ impl Bench {
             let in_a_frame = self.chance(4) > 0;
             while self.machine.now() < pause_ends || in_a_frame && !self.is_echoing() {
                 self.run(STEP);
+                assert!(self.machine.now() < limit, "no end: {}", self.log);
                 if self.has_said("serial faults: ok") {
                     return Faults { injected: faults, ended: self.machine.now() };
                 }
@@ -326,7 +367,8 @@ fn pictures(edges: &[Edge]) -> Vec<Vec<[u8; 3]>> {
 #[ignore = "needs the self-test program: cargo xtask emulate"]
 fn every_driver_passes_its_self_test() {
     let mut bench = Bench::new(1);
-    bench.run_all();
+    bench.run_to_pulses();
+    bench.finish();
     let text = bench.text();
     text.iter().for_each(|line| println!("{line}"));
     assert_eq!(text.len(), TESTS.len() + 1);
@@ -374,4 +416,21 @@ fn behind_every_fault_of_a_uart_the_next_frame_arrives() {
         faults.judge(&text[1]);
         bench.is_clean();
     }
+}
+
+/// The 16 bits of the pulses' timer are extended exactly, whichever of turn and edge came first.
+#[test]
+#[ignore = "needs the self-test program: cargo xtask emulate"]
+fn a_pulse_at_the_turn_of_its_timer_has_its_time() {
+    let mut bench = Bench::new(1);
+    bench.run_to_pulses();
+    let turns = bench.pulse_at_the_turns();
+    bench.finish();
+    let text = bench.text();
+    println!("{turns} turns; {}", text[8]);
+    assert!(turns >= 4);
+    let numbers = text[8].split(' ').filter_map(|word| word.parse::<u64>().ok());
+    let [shortest, longest, _] = numbers.collect::<Vec<_>>()[..] else { panic!("{}", text[8]) };
+    assert!((300..=5_000).contains(&shortest) && (5_000..=7_500).contains(&longest), "{}", text[8]);
+    bench.is_clean();
 }

@@ -94,8 +94,8 @@ fn connect((mut pin, function): Pin, kind: AfType) {
 /// `read` returns what has come in when the line pauses for a byte's length, or the ring is half
 /// full; a dropped one has read nothing. Each error is told once, between the bytes before and
 /// after it, and costs the byte that it is about, no other: the DMA never stops for it. (Of several
-/// that came between two reads the first is told, and what lies between them is dropped.) What is lost when
-/// nobody reads in time is counted, and told as [`SerialError::TooSlow`].
+/// that came between two reads the first is told, and what lies between them is dropped.) What is
+/// lost when nobody reads in time is counted, and told as [`SerialError::TooSlow`].
 pub struct SerialReceiver {
     uart: Uart,
     stream: Stream,
