@@ -22,10 +22,10 @@ use serde_json::Value;
 
 #[path = "firmware/budgets.rs"]
 mod budgets;
-#[path = "firmware/remote.rs"]
-mod remote;
 #[path = "firmware/dma_memory.rs"]
 mod dma_memory;
+#[path = "firmware/remote.rs"]
+mod remote;
 #[path = "firmware/selftest.rs"]
 mod selftest;
 

@@ -251,8 +251,9 @@ impl Bench {
             if let Some(fault) = kind {
                 self.faulty.inject(fault);
             } else {
-                // Of DMA1, stream 3 receives.
-                assert!(self.machine.soc().inject_dma_error(1, 3));
+                // Of DMA1, stream 3 receives and stream 4 sends.
+                let stream = 3 + usize::try_from(self.chance(2)).unwrap();
+                assert!(self.machine.soc().inject_dma_error(1, stream));
             }
             faults.push((self.machine.now(), kind));
         }
