@@ -28,6 +28,8 @@ mod dma_memory;
 mod remote;
 #[path = "firmware/selftest.rs"]
 mod selftest;
+#[path = "firmware/wires.rs"]
+mod wires;
 
 /// The file of one of the chip's programs, beside the firmware.
 fn program(name: &str) -> Vec<u8> {

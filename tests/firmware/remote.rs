@@ -7,9 +7,10 @@ use rc10_cli::emulate::Emulation;
 use rc10_cli::recording::Recording;
 use rc10_cli::remote::{Loss, ReceiverWire};
 use rc10_emu::Figures;
-use rc10_robot::table::{BASE, FULL_STICK, WHEELS};
+use rc10_robot::table::{BASE, FULL_STICK, LED_BRIGHTNESS, LEDS, WHEELS};
 use rc10_sim::UartFault;
 
+use crate::wires::pictures;
 use crate::{give, is_clean, log, millis, run, setup};
 
 /// Drives forward, loses the remote for a time, and goes on for so many milliseconds in all.
@@ -102,6 +103,45 @@ fn a_disturbed_wire_costs_frames_and_not_the_remote() {
         let errors: u32 = errors[0].parse().unwrap();
         println!("{count} faults in {} frames, {errors} errors told", sent.frames);
         assert!((count..=count + 1).contains(&errors), "{last}");
+    });
+}
+
+/// What the LEDs at pin PF9 show of all that.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn the_strip_shows_how_the_robot_is() {
+    run(&setup(&["remote-lost@0.85s..1.3s"]), |emulation| {
+        assert!(emulation.rig.machine.soc().record_pin('F', 9));
+        let mut seen = Vec::new();
+        // A picture every 100 ms; it takes 2 ms.
+        for number in 0..16 {
+            emulation.run(millis(60 + 100 * number)).unwrap();
+            let edges = emulation.rig.machine.soc().take_edges('F', 9);
+            seen.extend(pictures(&edges));
+        }
+        is_clean(&emulation.rig, &Figures::of(&emulation.rig));
+        assert!(seen.iter().all(|picture| picture.len() == LEDS));
+        // What is lit, and at how many places: none of it brighter than the table says.
+        let lit = |picture: &Vec<[u8; 3]>| {
+            let on = picture.iter().filter(|led| **led != [0; 3]);
+            let most = picture.iter().flatten().max().copied().unwrap();
+            assert!(most <= LED_BRIGHTNESS);
+            let colour = on.clone().next().map(|led| led.map(|channel| channel > 0));
+            (on.count(), colour)
+        };
+        const MAGENTA: Option<[bool; 3]> = Some([true, false, true]);
+        const BLUE: Option<[bool; 3]> = Some([false, false, true]);
+        const GREEN: Option<[bool; 3]> = Some([false, true, false]);
+        const AMBER: Option<[bool; 3]> = Some([true, true, false]);
+        let mut shown: Vec<_> = seen.iter().map(lit).collect();
+        shown.dedup();
+        println!("{shown:?}");
+        // No remote yet: points that run. Disarmed for a moment, armed; flashes while it is
+        // suspended, and armed again.
+        let colours: Vec<_> = shown.iter().filter_map(|(_, colour)| *colour).collect();
+        let mut order: Vec<_> = colours.iter().copied().map(Some).collect();
+        order.dedup();
+        assert_eq!(order, [MAGENTA, BLUE, GREEN, AMBER, GREEN]);
     });
 }
 

@@ -1,8 +1,5 @@
 //! The self-test program on the emulated chip, with somebody at the other end of every wire.
 
-#[path = "wires.rs"]
-mod wires;
-
 use rc10_emu::peripherals::{Edge, Width};
 use rc10_emu::{Injection, Machine};
 use rc10_sim::remote::{Ppm, Remote};
@@ -11,8 +8,8 @@ use rc10_sim::{
     Line, LineConfig, LineMotor, Nanos, Pulses, Serial, SerialConfig, UartFault, World,
 };
 
+use super::wires::{Bmi088, Echo, Listener, Registers, Sleeper, pictures};
 use super::{millis, program};
-use wires::{Bmi088, Echo, Listener, Registers, Sleeper};
 
 /// The self-test takes less than 2 s.
 const LIMIT: Nanos = millis(3_000);
@@ -331,36 +328,6 @@ impl Faults {
         assert!(least > 0 && (least..=most).contains(&dma), "{most} of the DMA: {line}");
         assert!(lost > 0 && lost <= self.injected.len() as u64, "{line}");
     }
-}
-
-/// The pictures on a strip of WS2812, each LED as red, green, blue. Widths, period and silence are
-/// what all its data sheets agree on.
-fn pictures(edges: &[Edge]) -> Vec<Vec<[u8; 3]>> {
-    let mut bits: Vec<Vec<bool>> = Vec::new();
-    let mut last_rise = None;
-    for pulse in edges.chunks(2) {
-        let [rise, fall] = pulse else { panic!("the strip's pin stays high") };
-        assert!(rise.high && !fall.high);
-        let pause = last_rise.replace(rise.at).map(|last| rise.at.since(last).get());
-        match pause {
-            // What waits for others to end begins some microseconds later.
-            Some(1200..=1350 | 2_400..=30_000) => {}
-            None | Some(280_000..) => bits.push(Vec::new()),
-            Some(other) => panic!("a pulse {other} ns behind the last one"),
-        }
-        let bit = match fall.at.since(rise.at).get() {
-            250..=380 => false,
-            650..=850 => true,
-            other => panic!("a pulse of {other} ns"),
-        };
-        bits.last_mut().unwrap().push(bit);
-    }
-    let byte = |bits: &[bool]| bits.iter().fold(0, |byte, &bit| byte << 1 | u8::from(bit));
-    let led = |led: &[bool]| {
-        let [green, red, blue] = [0, 8, 16].map(|from| byte(&led[from..from + 8]));
-        [red, green, blue]
-    };
-    bits.iter().map(|picture| picture.chunks(24).map(led).collect()).collect()
 }
 
 /// Every line says ok, and what the pins and the others saw is what the program believes.
