@@ -134,11 +134,8 @@ impl ArmSwitch {
     /// suspended.
     #[inline]
     pub(crate) fn for_motors(&self) -> ArmState {
-        match self.0.load(Ordering::Acquire) {
-            ARMED => ArmState::Armed,
-            STOPPED | SUSPENDED => ArmState::EStopped,
-            _ => ArmState::Disarmed,
-        }
+        let state = self.0.load(Ordering::Acquire);
+        if state == ARMED { ArmState::Armed } else { for_idle_motors(state) }
     }
 
     /// One step from whatever state there is, in one piece: nobody's step comes in between.
@@ -151,6 +148,13 @@ impl ArmSwitch {
     fn change(&self, from: u8, to: u8) {
         let _ = self.0.compare_exchange(from, to, Ordering::AcqRel, Ordering::Acquire);
     }
+}
+
+/// Out of line: the ticks of an armed robot are counted by the instruction.
+#[cold]
+#[inline(never)]
+const fn for_idle_motors(state: u8) -> ArmState {
+    if matches!(state, STOPPED | SUSPENDED) { ArmState::EStopped } else { ArmState::Disarmed }
 }
 
 #[cfg(test)]
