@@ -97,7 +97,7 @@ impl SpiDevice for Bmi088 {
     }
 }
 
-/// 256 registers behind a pointer that moves on by itself.
+/// 256 registers behind a pointer that moves on by itself. What is written to the first is refused.
 pub struct Registers {
     registers: [u8; 256],
     pointer: Option<u8>,
@@ -126,6 +126,9 @@ impl I2cDevice for Registers {
             self.pointer = Some(byte);
             return true;
         };
+        if pointer == 0 {
+            return false;
+        }
         self.registers[usize::from(pointer)] = byte;
         self.pointer = Some(pointer.wrapping_add(1));
         true

@@ -3,6 +3,7 @@
 use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::spi::{self, Spi};
 use embassy_stm32::time::Hertz;
+use embassy_time::{Duration, Instant, with_timeout};
 use embedded_hal_async::i2c::I2c as _;
 use embedded_hal_async::spi::SpiBus;
 use rc10_bsp::dma_buffer;
@@ -57,9 +58,11 @@ pub async fn spi(parts: SpiParts) -> Outcome {
     Ok(say!("a BMI088 says who it is"))
 }
 
-/// A device with 256 registers that can be written and read ..
+/// A device with 256 registers that can be read, and written ..
 const DEVICE: u8 = 0x50;
-/// .. one that holds the clock for ever, ..
+/// .. but for one, ..
+const READ_ONLY: u8 = 0;
+/// one that holds the clock for ever, ..
 const SLEEPER: u8 = 0x51;
 /// .. and nobody.
 const NOBODY: u8 = 0x22;
@@ -81,8 +84,25 @@ pub async fn i2c(parts: I2cParts) -> Outcome {
     want!(bus.write(DEVICE, &[0x10, 1, 2, 3, 4]).await == Ok(()), "cannot write");
     want!(bus.write_read(DEVICE, &[0x11], &mut read[..3]).await == Ok(()), "cannot read");
     want!(read == [2, 3, 4, 0], "read {read:?}");
+    let recoveries = bus.recoveries();
+    want!(recoveries == 0, "recovered {recoveries} times from nothing");
     let refused = bus.write(NOBODY, &[0]).await;
     want!(refused == Err(I2cError::NoAcknowledge), "nobody answered {refused:?}");
+    let refused = bus.read(NOBODY, &mut read[..1]).await;
+    want!(refused == Err(I2cError::NoAcknowledge), "nobody's byte is {refused:?}");
+    // Of what comes behind a refused byte nothing gets into the next transaction.
+    let refused = bus.write(DEVICE, &[READ_ONLY, 1, 2, 3]).await;
+    want!(refused == Err(I2cError::NoAcknowledge), "wrote what is read-only: {refused:?}");
+    want!(bus.write(DEVICE, &[0x20, 9]).await == Ok(()), "cannot write after a refusal");
+    want!(bus.write_read(DEVICE, &[0x20], &mut read[..1]).await == Ok(()), "cannot read it");
+    want!(read[0] == 9, "read {} after a refusal", read[0]);
+    // Dropped in the middle; the next one does not wait for it.
+    let began = Instant::now();
+    let dropped = with_timeout(Duration::from_micros(60), bus.write(DEVICE, &[0x30; 5])).await;
+    want!(dropped.is_err(), "120 us of bytes took less than 60");
+    want!(bus.write_read(DEVICE, &[0x12], &mut read[..1]).await == Ok(()), "cannot read after it");
+    let took = began.elapsed().as_micros();
+    want!(read[0] == 3 && took < 1000, "read {} after {took} us", read[0]);
     let long = bus.write(DEVICE, &[0; 65]).await;
     want!(long == Err(I2cError::TooLong), "took 65 bytes");
     let before = bus.recoveries();

@@ -3,7 +3,8 @@
 //! A device that lost a clock (a spike, a restart of ours in the middle of a byte) may hold the data
 //! line low for ever. Then the I2C-bus specification (UM10204, 3.1.16) has the master clock until the
 //! device lets go, nine times at most, and send a STOP. [`I2cBus`] does that before a transaction
-//! that finds a line low, and after one that failed otherwise than by a NACK.
+//! that finds a line low, after one that failed otherwise than by a NACK, and after one whose future
+//! was dropped.
 //!
 //! What is sent and received goes through SRAM1: the DMA reaches no stack.
 
@@ -58,7 +59,7 @@ impl I2cPeripheral for I2C5 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum I2cError {
-    /// Nobody acknowledged: no such device, or it is busy.
+    /// Nobody acknowledged: no such device, or it is busy. (Of a read that shows after 30 ms only.)
     NoAcknowledge,
     /// It took longer than 30 ms.
     Timeout,
@@ -121,6 +122,8 @@ pub struct I2cBus {
     data: Line,
     memory: &'static mut [u8],
     recoveries: u32,
+    /// A transaction has begun and was not heard to end: it failed, or its future was dropped.
+    is_open: bool,
 }
 
 impl I2cBus {
@@ -161,6 +164,8 @@ impl I2cBus {
             unsafe { [Flex::new(clock.clone_unchecked()), Flex::new(data.clone_unchecked())] };
         let mut config = Config::default();
         config.frequency = frequency;
+        // Where the driver waits without letting others run; its own is a second.
+        config.timeout = LIMIT;
         let driver = I2c::new(peripheral, clock, data, transmit, receive, interrupts, config);
         let [clock, data] = lines;
         Self {
@@ -170,6 +175,7 @@ impl I2cBus {
             data: Line { pin: data, function: functions[1] },
             memory: buffer.elements(),
             recoveries: 0,
+            is_open: false,
         }
     }
 
@@ -212,6 +218,7 @@ impl I2cBus {
         self.clock.give_back();
         self.data.give_back();
         self.registers.cr1().modify(|w| w.set_pe(true));
+        self.is_open = false;
         self.is_at_rest()
     }
 }
@@ -226,7 +233,8 @@ impl embedded_hal_async::i2c::I2c for I2cBus {
         address: u8,
         operations: &mut [Operation<'_>],
     ) -> Result<(), I2cError> {
-        if !self.is_at_rest() && !self.recover().await {
+        // One that was dropped may leave a device in the middle of a byte, whatever the lines say.
+        if (self.is_open || !self.is_at_rest()) && !self.recover().await {
             return Err(I2cError::Held);
         }
         let result = {
@@ -248,10 +256,25 @@ impl embedded_hal_async::i2c::I2c for I2cBus {
                 };
                 pieces.push(piece).map_err(|_| I2cError::TooLong)?;
             }
+            self.is_open = true;
+            self.registers.icr().write(|w| w.set_stopcf(true));
             with_timeout(LIMIT, self.driver.transaction(address, &mut pieces)).await
         };
+        // A refused read the driver waits for in vain; a STOP has followed the refusal.
+        let is_refused = match result {
+            Ok(Err(i2c::Error::Nack)) => true,
+            Ok(Err(i2c::Error::Timeout)) | Err(_) => self.registers.isr().read().stopf(),
+            Ok(_) => false,
+        };
+        if is_refused {
+            // The byte behind the refused one waits to be sent: to whoever is addressed next.
+            self.registers.isr().write(|w| w.set_txe(true));
+            self.is_open = false;
+            return Err(I2cError::NoAcknowledge);
+        }
         let error = match result {
             Ok(Ok(())) => {
+                self.is_open = false;
                 let mut rest = &*self.memory;
                 for operation in operations {
                     let length = match operation {
@@ -266,7 +289,6 @@ impl embedded_hal_async::i2c::I2c for I2cBus {
                 }
                 return Ok(());
             }
-            Ok(Err(i2c::Error::Nack)) => return Err(I2cError::NoAcknowledge),
             Ok(Err(i2c::Error::Timeout)) | Err(_) => I2cError::Timeout,
             Ok(Err(_)) => I2cError::Bus,
         };
