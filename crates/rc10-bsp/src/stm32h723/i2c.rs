@@ -33,6 +33,8 @@ use crate::dma::DmaBuffer;
 const LIMIT: Duration = Duration::from_millis(30);
 /// Half a clock at 100 kHz, which every device understands.
 const HALF_CLOCK: Duration = Duration::from_micros(5);
+/// A STOP takes two of them.
+const STOP_HALF_CLOCKS: usize = 4;
 /// Operations of a transaction.
 const OPERATIONS: usize = 8;
 
@@ -189,6 +191,17 @@ impl I2cBus {
         self.clock.pin.is_high() && self.data.pin.is_high()
     }
 
+    /// Whether the bus is at rest, or comes to rest soon: the driver does not wait for its last STOP.
+    async fn comes_to_rest(&self) -> bool {
+        for _ in 0..STOP_HALF_CLOCKS {
+            if self.is_at_rest() {
+                return true;
+            }
+            Timer::after(HALF_CLOCK).await;
+        }
+        self.is_at_rest()
+    }
+
     /// Clocks until the data line is free, sends a STOP, and starts the peripheral anew; whether the
     /// bus is at rest then. Takes up to 0.2 ms.
     async fn recover(&mut self) -> bool {
@@ -234,7 +247,7 @@ impl embedded_hal_async::i2c::I2c for I2cBus {
         operations: &mut [Operation<'_>],
     ) -> Result<(), I2cError> {
         // One that was dropped may leave a device in the middle of a byte, whatever the lines say.
-        if (self.is_open || !self.is_at_rest()) && !self.recover().await {
+        if (self.is_open || !self.comes_to_rest().await) && !self.recover().await {
             return Err(I2cError::Held);
         }
         let result = {

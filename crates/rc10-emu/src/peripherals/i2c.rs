@@ -353,6 +353,16 @@ impl I2c {
             | flag(self.state != State::Idle || self.held_busy, BUSY)
     }
 
+    /// Whether it, or the device that it speaks with, holds clock and data low now. While a byte is
+    /// on the wires both change faster than anybody looks: low.
+    pub(super) const fn holds_low(&self) -> [bool; 2] {
+        match self.state {
+            State::Idle => [false; 2],
+            State::WaitsForByte | State::WaitsForRoom(_) | State::WaitsForCommand => [true, false],
+            State::Addressing | State::Sending(_) | State::Receiving | State::Stopping => [true; 2],
+        }
+    }
+
     /// Numbers of the interrupts that are asked for.
     pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> + use<> {
         let status = self.status();

@@ -83,6 +83,16 @@ impl Soc {
         }
     }
 
+    /// Pins of a port that are low because of an I2C that they are connected to, a bit each.
+    pub(super) fn held_low(&self, port: usize) -> u32 {
+        let is_low = |pin: &usize| match signal_at(&self.ports, port, *pin) {
+            Some(Signal::I2cClock(i2c)) => self.i2cs[i2c].holds_low()[0],
+            Some(Signal::I2cData(i2c)) => self.i2cs[i2c].holds_low()[1],
+            _ => false,
+        };
+        (0..PINS).filter(is_low).map(|pin| 1 << pin).sum()
+    }
+
     /// Writes down from now on whenever the chip changes the level of a pin; one that it does not
     /// drive counts as low. `false`: there is no such pin.
     pub fn record_pin(&mut self, port: char, pin: usize) -> bool {

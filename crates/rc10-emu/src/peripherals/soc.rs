@@ -380,7 +380,11 @@ impl Soc {
             Block::Exti => self.exti.read(offset),
             Block::Debug => self.debug.read(offset),
             Block::Watchdog => self.watchdog.read(offset),
-            Block::Gpio(port) => self.ports[port].read(offset),
+            Block::Gpio(port) => {
+                let word = self.ports[port].read(offset)?;
+                // IDR.
+                Ok(if offset == 0x10 { word & !self.held_low(port) } else { word })
+            }
             Block::Timer(timer) => self.timers[timer].read(offset, now),
             Block::Usart(usart) => self.usarts[usart].read(offset, now),
             Block::Spi(spi) => self.spis[spi].read(offset, width, now),

@@ -106,6 +106,25 @@ fn send(chip: &mut Chip, bytes: &[u8]) {
 }
 
 #[test]
+fn the_pins_show_what_holds_the_bus() {
+    let (mut chip, _device) = i2c();
+    // Pull-ups.
+    [0, 1]
+        .iter()
+        .for_each(|&pin| assert!(chip.soc.drive_pin('F', pin, Some(true), Nanos::new(chip.now))));
+    assert_eq!(chip.read(PORT_F + 0x10) & 0b11, 0b11, "at rest");
+    chip.write(CR2, ADDRESS | 1 << 16 | START);
+    chip.wait(ISR, TXIS);
+    assert_eq!(chip.read(PORT_F + 0x10) & 0b11, 0b01, "the clock is held until there is a byte");
+    chip.write(TXDR, 0x10);
+    chip.wait(ISR, TC);
+    chip.write(CR2, STOP);
+    assert_eq!(chip.read(PORT_F + 0x10) & 0b11, 0, "the stop is on its way");
+    chip.wait(ISR, STOPF);
+    assert_eq!(chip.read(PORT_F + 0x10) & 0b11, 0b11, "over");
+}
+
+#[test]
 fn a_write_a_repeated_start_and_a_read() {
     let (mut chip, device) = i2c();
     device.0.lock().unwrap().memory = vec![0xAA, 0xBB, 0xCC];
