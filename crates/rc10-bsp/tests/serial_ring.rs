@@ -152,7 +152,7 @@ fn an_error_is_told_once_at_its_place_and_costs_nothing_else() {
     let mut dma = Dma::new();
     dma.write_and_look(5);
     dma.look();
-    dma.ring.fail(FRAMING, 0x55);
+    dma.ring.fail(FRAMING, None);
     dma.write_and_look(5);
     dma.look();
     assert_eq!(dma.read(16, 0), Some(Ok((0..5).collect())));
@@ -160,18 +160,18 @@ fn an_error_is_told_once_at_its_place_and_costs_nothing_else() {
     assert_eq!(dma.read(16, 0), Some(Ok((5..10).collect())));
     assert_eq!(dma.read(16, 0), None);
     // Twice before the reader comes: the first is told, what is between them is not read.
-    dma.ring.fail(FRAMING, 0);
+    dma.ring.fail(FRAMING, Some(0));
     dma.write_and_look(5);
     dma.look();
     let noise_and_parity = LineFlags { noise: true, parity: true, ..LineFlags::default() };
-    dma.ring.fail(noise_and_parity, 1);
+    dma.ring.fail(noise_and_parity, Some(1));
     dma.write_and_look(2);
     dma.look();
     assert_eq!(all(&mut dma), (vec![15, 16], vec![SerialError::Break]));
     let counters = dma.ring.counters;
     assert_eq!((counters.framing, counters.breaks), (1, 1));
     assert_eq!((counters.noise, counters.parity), (1, 1));
-    dma.ring.fail(LineFlags { overrun: true, ..LineFlags::default() }, 1);
+    dma.ring.fail(LineFlags { overrun: true, ..LineFlags::default() }, Some(1));
     assert_eq!(all(&mut dma), (vec![], vec![SerialError::Overrun]));
     assert_eq!(dma.ring.counters.overruns, 1);
 }
@@ -214,7 +214,7 @@ fn nothing_is_lost_without_a_word() {
             0..3 => dma.write_and_look(random(40)),
             3 => dma.write(random(150)),
             4 => dma.look(),
-            5 if random(10) == 0 => dma.ring.fail(FRAMING, 0x55),
+            5 if random(10) == 0 => dma.ring.fail(FRAMING, Some(0x55)),
             _ => {
                 let (room, meanwhile) = (1 + random(40), random(30));
                 match dma.read(u32::try_from(room).unwrap(), meanwhile) {
@@ -237,4 +237,30 @@ fn nothing_is_lost_without_a_word() {
     assert!(announcements > 1000 && dma.written > 1_000_000);
     let counters = dma.ring.counters;
     assert!(counters.too_slow > 1000 && counters.framing > 1000, "{counters:?}");
+}
+
+#[test]
+fn what_lies_between_two_errors_and_is_dropped_is_counted() {
+    let mut dma = Dma::new();
+    dma.write_and_look(3);
+    dma.look();
+    dma.ring.fail(FRAMING, Some(1));
+    dma.write_and_look(5);
+    dma.look();
+    dma.ring.fail(FRAMING, Some(1));
+    dma.write_and_look(2);
+    dma.look();
+    assert_eq!(all(&mut dma), (vec![0, 1, 2, 8, 9], vec![SerialError::Framing]));
+    assert_eq!((dma.ring.counters.framing, dma.ring.counters.unread), (2, 5));
+    // An error behind the first one, and a reader who is too slow: each byte counts once.
+    dma.ring.fail(FRAMING, Some(1));
+    dma.write_and_look(4);
+    dma.look();
+    dma.ring.fail(FRAMING, Some(1));
+    dma.write_and_look(70);
+    dma.look();
+    let (bytes, errors) = all(&mut dma);
+    assert_eq!(errors, [SerialError::TooSlow]);
+    let counted = u64::from(dma.ring.counters.unread) + bytes.len() as u64;
+    assert_eq!(counted, dma.written - 5);
 }

@@ -58,7 +58,7 @@ pub struct SerialCounters {
     /// [`SerialError::TooSlow`]: the occasions.
     pub too_slow: u32,
     /// Bytes received and never read, at least: what [`SerialError::TooSlow`] and
-    /// [`SerialError::Dma`] cost.
+    /// [`SerialError::Dma`] cost, and what lies between two errors of which one is told.
     pub unread: u32,
     /// [`SerialError::Dma`], of both directions.
     pub dma: u32,
@@ -160,8 +160,8 @@ impl Ring {
     }
 
     /// The UART says that a byte was wrong, or lost; it did not come here. `wrong` is what there
-    /// was of it.
-    pub fn fail(&mut self, flags: LineFlags, wrong: u8) {
+    /// was of it, if that is known.
+    pub fn fail(&mut self, flags: LineFlags, wrong: Option<u8>) {
         let counters = &mut self.counters;
         let mut why = None;
         if flags.overrun {
@@ -177,7 +177,7 @@ impl Ring {
             why = Some(SerialError::Parity);
         }
         if flags.framing {
-            let (counter, kind) = if wrong == 0 {
+            let (counter, kind) = if wrong == Some(0) {
                 (&mut counters.breaks, SerialError::Break)
             } else {
                 (&mut counters.framing, SerialError::Framing)
@@ -206,6 +206,8 @@ impl Ring {
     pub fn next(&mut self, room: u32) -> Next {
         let end = match self.hole {
             Some(hole) if hole.from == self.read => {
+                let dropped = hole.to.wrapping_sub(hole.from);
+                self.counters.unread = self.counters.unread.wrapping_add(dropped);
                 self.read = hole.to;
                 self.hole = None;
                 return Next::Error(hole.why);

@@ -203,9 +203,10 @@ impl Uart {
                 };
                 if flags.ore() || flags.fe() || flags.pe() || flags.ne() {
                     // With DDRE at 0 a byte with an error is not requested from the DMA, and lies
-                    // here until the next one (RM0468, USART_CR3). Reading takes nothing from the
-                    // DMA: a good byte it has fetched long before this.
-                    let wrong = self.registers.rdr().read().0.to_le_bytes()[0];
+                    // here until the next one (RM0468, USART_CR3). RXNE says that the next one is
+                    // there already: reading would take it from the DMA.
+                    let is_there = flags.fe() && !flags.rxne();
+                    let wrong = is_there.then(|| self.registers.rdr().read().0.to_le_bytes()[0]);
                     line.ring.fail(errors, wrong);
                 }
             }
