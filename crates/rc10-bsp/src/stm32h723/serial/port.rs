@@ -1,4 +1,5 @@
 use core::future::poll_fn;
+use core::sync::atomic::{Ordering, fence};
 use core::task::Poll;
 
 use embassy_stm32::Peri;
@@ -213,15 +214,20 @@ impl SerialReceiver {
                 Next::Error(error) => return Some(Err(error)),
                 Next::Bytes { from, count } => (from, count),
             };
+            // Bytes are looked at after the accounts that say they are there, and before those that
+            // say they still are: nothing else keeps the processor from taking them in another order.
+            fence(Ordering::SeqCst);
             // The ring's length is a power of two and divides the number of positions.
             let last = self.memory.length() - 1;
             for (position, byte) in (0..count).zip(buffer.iter_mut()) {
                 *byte = self.memory.read(from.wrapping_add(position) as usize & last);
             }
+            fence(Ordering::SeqCst);
             let is_whole = shared.line.lock(|line| {
                 let line = &mut *line.borrow_mut();
                 line.look();
-                line.ring.take(from, count)
+                // Of a stream that has stopped nobody knows how far it came meanwhile.
+                self.stream.is_running() && line.ring.take(from, count)
             });
             if is_whole {
                 return Some(Ok(count as usize));
