@@ -161,6 +161,18 @@ impl Write {
         Self { offset, ..self }
     }
 
+    /// As a register behind an AHB-to-APB bridge sees it: the bridge makes a word of what is narrower,
+    /// by repeating it (RM0468, AHB/APB bridges).
+    pub(super) const fn repeated(self) -> Self {
+        let value = self.value >> self.lanes.trailing_zeros();
+        let value = match self.width() {
+            Width::Byte => value * 0x0101_0101,
+            Width::Half => value * 0x0001_0001,
+            Width::Word => value,
+        };
+        Self { value, lanes: u32::MAX, ..self }
+    }
+
     /// How much is written.
     pub(super) const fn width(self) -> Width {
         match self.lanes.count_ones() {

@@ -425,15 +425,15 @@ impl Soc {
             }
             Block::Timer(timer) => {
                 let listened = self.timers[timer].listens();
-                let written = self.timers[timer].write(write, now);
+                let written = self.timers[timer].write(write.repeated(), now);
                 if !listened && self.timers[timer].listens() {
                     self.show_pins(timer, true, now);
                 }
                 written
             }
-            Block::Usart(usart) => self.usarts[usart].write(write, now),
+            Block::Usart(usart) => self.usarts[usart].write(write.repeated(), now),
             Block::Spi(spi) => self.spis[spi].write(write, now),
-            Block::I2c(i2c) => self.i2cs[i2c].write(write, now),
+            Block::I2c(i2c) => self.i2cs[i2c].write(write.repeated(), now),
             Block::Dma(dma) => self.dmas[dma].write(write),
             Block::DmaMux => self.mux.write(write),
             // Registers are words: a part of one writes zeros to the rest.

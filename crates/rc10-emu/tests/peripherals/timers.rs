@@ -1,3 +1,6 @@
+use rc10_emu::peripherals::Width;
+use rc10_sim::Nanos;
+
 use crate::chip::{APB1LENR, Chip, RCC};
 
 const TIM2: u32 = 0x4000_0000;
@@ -174,4 +177,18 @@ fn a_slower_bus_slows_it() {
     chip.set(RCC + 0x18, 0xF, 9);
     chip.to(start + 15_000);
     assert_eq!(chip.read(TIM2 + CNT), 10);
+}
+
+/// What is narrower than a register comes over the bridge repeated: in a counter of 32 bits that is
+/// another value, in one of 16 the same.
+#[test]
+fn a_half_word_is_written_twice_over() {
+    let mut chip = Chip::running();
+    chip.write(APB1LENR, 0b11);
+    let now = Nanos::new(chip.now);
+    const TIM3: u32 = TIM2 + 0x400;
+    for timer in [TIM2, TIM3] {
+        chip.soc.write(timer + CCR1, Width::Half, 72, now).unwrap();
+    }
+    assert_eq!((chip.read(TIM2 + CCR1), chip.read(TIM3 + CCR1)), (72 << 16 | 72, 72));
 }
