@@ -89,6 +89,8 @@ pub fn initialise() -> Peripherals {
     // function runs a second time.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
     core.SCB.enable_icache();
+    // Off after a reset; who started this program may have switched it on.
+    core.SCB.disable_dcache(&mut core.CPUID);
     // The DMA buffers' memory.
     pac::RCC.ahb2enr().modify(|w| w.set_sram1en(true));
     peripherals
