@@ -61,6 +61,8 @@ pub trait Core {
     fn take_reset_request(&mut self) -> bool;
     /// Number of the exception that is handled; 0 in thread mode.
     fn exception(&self) -> u16;
+    /// The priority of an exception as its register has it now, 0 to 255: lower is more urgent.
+    fn priority(&self, exception: u16) -> u8;
     /// Address of the next instruction.
     fn program_counter(&self) -> u32;
     /// The stack pointer.
@@ -332,6 +334,12 @@ impl Core for Interpreter {
 
     fn exception(&self) -> u16 {
         self.exception
+    }
+
+    fn priority(&self, exception: u16) -> u8 {
+        let priority = self.core.with_sys(|system| system.priority_of(Exception(exception)));
+        // Reset, NMI and hard fault have none: nothing is more urgent.
+        u8::try_from(priority).unwrap_or(0)
     }
 
     fn program_counter(&self) -> u32 {

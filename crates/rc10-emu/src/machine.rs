@@ -224,6 +224,14 @@ impl Machine {
         self.links.garbled(uart)
     }
 
+    /// The priority of an external interrupt as it is set now: 0 is the most urgent, the chip has 16
+    /// of them.
+    #[must_use]
+    pub fn priority(&self, interrupt: u16) -> u8 {
+        // 16 exceptions of the core come before; of eight bits the upper four exist.
+        self.core.priority(16 + interrupt) >> 4
+    }
+
     /// How many instructions a second the core executes when its clock is 480 MHz; in proportion
     /// less while it is slower. If never said, each takes the clocks that the interpreter reckons:
     /// those of a Cortex-M4, which waits for one instruction to end before the next begins.
