@@ -3,7 +3,8 @@
 //! **Receiving.** A DMA fills a ring and never stops; an error flag stops it neither. The interrupt
 //! keeps accounts: how far the DMA has come, and where an error was. It comes when the line pauses,
 //! when the ring is half full and full, and on an error, and wakes the reader. So a frame costs one
-//! interrupt and one read, whatever its length. An error stands between the bytes: the
+//! interrupt and one read, whatever its length. An error stands between the bytes, where the interrupt saw
+//! it (late by what a bus tick takes, if it waits for one): the
 //! reader gets those before it, then the error instead of the damaged byte, then those after it.
 //!
 //! **Sending.** One copy into a buffer that belongs to the driver, from which a DMA sends.
