@@ -8,6 +8,71 @@
 //!
 //! This crate knows no board and no motors: they meet in a robot. `docs/modules` has a page for each
 //! device: wiring, frame, how it fails, sources; and how to add one.
+//!
+//! # In a firmware of your own
+//!
+//! A task listens, and keeps what it hears with its time; whoever needs it says how old it may be. So
+//! a device that is unplugged is noticed, although it says nothing any more:
+//!
+//! ```
+//! use embedded_io_async::Read;
+//! use rc10_can::Micros;
+//! use rc10_message::Latest;
+//! use rc10_module::ranging::{Range, TfMini};
+//! use rc10_module::{Reception, listen};
+//!
+//! /// How far the wall is, and when that was measured.
+//! static WALL: Latest<Range, 1> = Latest::new();
+//! /// What was heard, and what was lost on the wire.
+//! static RECEPTION: Reception = Reception::new();
+//!
+//! /// A task. `port` is a UART of any HAL, set as the device's page says (115,200 baud 8N1).
+//! async fn laser(port: impl Read) -> ! {
+//!     listen(port, TfMini, &RECEPTION, |measured, at| WALL.set(measured.range(), at)).await
+//! }
+//!
+//! /// It measures every 10 ms: five times without a word, and nobody knows where the wall is.
+//! fn wall(now: Micros) -> Option<u32> {
+//!     match WALL.newer_than(Micros::from_millis(50), now)? {
+//!         Range::Distance(millimetres) => Some(millimetres),
+//!         // It measured, and found nothing, or doubts it: no distance either.
+//!         Range::OutOfRange | Range::Unreliable(_) | Range::Fault(_) => None,
+//!     }
+//! }
+//! # /// A wire on which somebody has said something, and then cut it.
+//! # struct Wire(&'static [u8]);
+//! # impl embedded_io_async::ErrorType for Wire {
+//! #     type Error = core::convert::Infallible;
+//! # }
+//! # impl Read for Wire {
+//! #     async fn read(&mut self, into: &mut [u8]) -> Result<usize, Self::Error> {
+//! #         if self.0.is_empty() {
+//! #             core::future::pending::<()>().await;
+//! #         }
+//! #         self.0.read(into).await
+//! #     }
+//! # }
+//! # let said = &[7, 7, 0x59, 0x59, 0x7B, 0x00, 0xD7, 0x11, 0x90, 0x09, 0xAE];
+//! # let mut world = rc10_sim::World::new(1);
+//! # let mut task = core::pin::pin!(laser(Wire(said)));
+//! # assert_eq!(wall(world.now()), None);
+//! # let mut run = |millis| {
+//! #     let _ = world.run(task.as_mut(), Micros::from_millis(millis));
+//! #     world.now()
+//! # };
+//!
+//! // A frame behind two bytes of noise; then somebody pulls the plug.
+//! let now = run(1);
+//! assert_eq!(wall(now), Some(1230));
+//! assert_eq!((RECEPTION.read().frames, RECEPTION.read().skipped), (1, 2));
+//! let now = run(60);
+//! assert_eq!(wall(now), None);
+//! ```
+//!
+//! A remote control is the same with [`remote::listen`], and [`remote::Watch`] says how fresh it is,
+//! in the two steps of a failsafe. The binary brings an `embassy_time` driver and a
+//! [`critical_section`](https://docs.rs/critical-section) implementation, as every Embassy program
+//! does; parsers alone ([`Stream`]) need neither.
 #![no_std]
 #![forbid(unsafe_code)]
 
