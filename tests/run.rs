@@ -194,7 +194,7 @@ fn wrong_arguments_end_with_2_and_a_reason() {
         (&["run", "--fault", "remote-lost"], "write KIND@TIME"),
         (&["run", "--fault", "remote-lost@4"], "`4` is no time"),
         (&["run", "--fault", "remote-lost@4s..3s"], "it ends when or before it begins"),
-        (&["run", "--fault", "remote-lost:1@4s"], "no bus"),
+        (&["run", "--fault", "remote-lost:1@4s"], "`remote-lost` takes nothing behind a colon"),
         (&["run", "--fault", "remote-lost@4s", "--seconds", "4"], "after the end"),
         (
             &["run", "--fault", "remote-lost@1s", "--fault", "remote-lost@2s..3s"],
@@ -225,5 +225,7 @@ fn help_shows_examples() {
     let output = rc10(&["--help"]);
     assert!(output.status.success());
     let text = String::from_utf8(output.stdout).unwrap();
-    assert!(text.contains("Examples:") && text.contains("rc10 decode"), "{text}");
+    for example in ["Examples:", "rc10 decode", "--fault remote-lost@", "- mixed:"] {
+        assert!(text.contains(example), "{example}: {text}");
+    }
 }

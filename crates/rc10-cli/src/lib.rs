@@ -95,12 +95,14 @@ enum Command {
     Pty(PtyArgs),
 }
 
+/// For any robot: what `--robot` chooses from, its own help says.
 const EXAMPLES: &str = "\
 Examples:
   rc10                                   ten seconds of the robot, and target/rc10/report.html
   rc10 run --seconds 3 --seed 7          three seconds of another world
   rc10 run --out /tmp/tonight --json     all figures as one JSON object
-  rc10 run --robot mixed                 another robot: VESC, Damiao, Unitree and others
+  rc10 run --remote sbus --fault remote-lost@4s..4.5s
+                                         another receiver, and its radio link breaks
   rc10 emu --fault cut:2@0.3s..0.5s      the firmware's ELF, with bus 2 unplugged for a while
   rc10 decode target/rc10/bus1.log       what was said on bus 1
   rc10 decode capture.log --bus can0=2   a capture whose can0 is the robot's bus 2

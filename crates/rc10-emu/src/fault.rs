@@ -144,7 +144,7 @@ fn kind_of(text: &str) -> Result<Kind, String> {
     };
     let alone = |kind: Kind| match argument {
         None => Ok(kind),
-        Some(_) => Err(format!("`{name}` concerns the whole chip, no bus")),
+        Some(_) => Err(format!("`{name}` takes nothing behind a colon: {name}@0.5s")),
     };
     match name {
         "cut" => bus().map(Kind::Cut),
@@ -224,7 +224,8 @@ mod tests {
             ("cut@1s", "needs a bus"),
             ("cut:4@1s", "needs a bus"),
             ("cut:0@1s", "needs a bus"),
-            ("panic:1@1s", "whole chip"),
+            ("panic:1@1s", "panic@0.5s"),
+            ("remote-lost:1@1s", "remote-lost@0.5s"),
             ("flood@1s", "cut:BUS"),
             ("mask@1", "is no time"),
             ("mask@1e3s", "is no time"),
