@@ -65,6 +65,7 @@ impl SerialDevice for Crsf {
         }
         if self.packets.is_multiple_of(STATISTICS_EVERY) {
             send.extend(frame(LINK_STATISTICS, &statistics(self.quality)));
+            self.remote.reports();
         }
         self.packets = self.packets.wrapping_add(1);
     }
@@ -132,5 +133,7 @@ mod tests {
         assert_eq!(frames(75 + 1), (6 * 14, Some(0)));
         remote.set_transmitter(true);
         assert_eq!(frames(1).0, 26);
+        // The statistics are frames, too.
+        assert_eq!((remote.sent().frames, remote.sent().live), (16 + 9, 16));
     }
 }

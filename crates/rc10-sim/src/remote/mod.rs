@@ -175,6 +175,12 @@ impl Remote {
         self.0.sent.set(Sent { back_since: None, ..sent });
     }
 
+    /// The receiver sends a frame now that says nothing about the controls.
+    fn reports(&self) {
+        let sent = self.0.sent.get();
+        self.0.sent.set(Sent { frames: sent.frames + 1, ..sent });
+    }
+
     /// The receiver sends a frame now that will have ended at a time.
     fn sends(&self, is_live: bool, end: Nanos) {
         let mut sent = self.0.sent.get();
