@@ -140,7 +140,7 @@ fn a_lost_remote_stops_the_robot_and_the_figures_say_when() {
     let run = |fault: &str, name: &str| {
         let folder = folder(name);
         let out = folder.to_str().unwrap();
-        let arguments = ["run", "--remote", "sbus", "--fault", fault, "--seconds", "5.5", "--out"];
+        let arguments = ["run", "--remote", "SBUS", "--fault", fault, "--seconds", "5.5", "--out"];
         let output = rc10(&[&arguments[..], &[out, "--json"]].concat());
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         let figures: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -195,10 +195,13 @@ fn wrong_arguments_end_with_2_and_a_reason() {
         (&["run", "--fault", "remote-lost@4"], "`4` is no time"),
         (&["run", "--fault", "remote-lost@4s..3s"], "it ends when or before it begins"),
         (&["run", "--fault", "remote-lost:1@4s"], "`remote-lost` takes nothing behind a colon"),
-        (&["run", "--fault", "remote-lost@4s", "--seconds", "4"], "after the end"),
+        (
+            &["run", "--fault", "remote-lost@4.5s", "--seconds", "4"],
+            "remote-lost would begin at 4.5 s, after the end at 4 s: see --seconds",
+        ),
         (
             &["run", "--fault", "remote-lost@1s", "--fault", "remote-lost@2s..3s"],
-            "remote-lost@2s: the remote is lost already then",
+            "remote-lost@2s: the remote is lost already, since 1 s",
         ),
         (&["run", "--fault", "cut:1@1s"], "knows only remote-lost"),
         (&["run", "--robot", "mixed", "--remote", "sbus"], "no remote control"),

@@ -28,7 +28,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
     /// The receiver of the robot's remote control [default: the one that the robot names]
-    #[arg(long, value_name = "RECEIVER", value_enum)]
+    #[arg(long, value_name = "RECEIVER", value_enum, ignore_case = true)]
     pub remote: Option<Receiver>,
     /// Something goes wrong: remote-lost@4s or remote-lost@4s..4.5s; repeat for more
     #[arg(long = "fault", value_name = "FAULT")]
@@ -104,7 +104,8 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
 pub(crate) fn check_end(faults: &[Fault], end: Micros) -> Result<()> {
     match faults.iter().find(|fault| fault.from >= end.into()) {
         Some(Fault { kind, from, .. }) => {
-            bail!("{kind} would begin at {from}, after the end: say --seconds")
+            let [from, end] = [from.micros(), end].map(|time| time.get() as f64 * 1e-6);
+            bail!("{kind} would begin at {from} s, after the end at {end} s: see --seconds")
         }
         None => Ok(()),
     }

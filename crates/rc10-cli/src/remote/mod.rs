@@ -175,9 +175,9 @@ impl RemoteControl {
         self.lost = remote.map(lost).collect();
         self.lost.sort_by_key(|lost| lost.from);
         for pair in self.lost.windows(2) {
+            let [first, second] = [&pair[0], &pair[1]].map(|lost| lost.from.get() as f64 * 1e-6);
             if pair[0].until.is_none_or(|until| until >= pair[1].from) {
-                let second = pair[1].from.get() as f64 * 1e-6;
-                bail!("remote-lost@{second}s: the remote is lost already then");
+                bail!("remote-lost@{second}s: the remote is lost already, since {first} s");
             }
         }
         Ok(())
@@ -202,7 +202,7 @@ pub(crate) mod tests {
 
     use super::*;
 
-    pub(super) fn control() -> RemoteControl {
+    pub(crate) fn control() -> RemoteControl {
         let line = |millis, right_switch| Line {
             at: Micros::from_millis(millis),
             label: "",
@@ -219,7 +219,7 @@ pub(crate) mod tests {
         }
     }
 
-    pub(super) fn faults(texts: &[&str]) -> Vec<Fault> {
+    pub(crate) fn faults(texts: &[&str]) -> Vec<Fault> {
         texts.iter().map(|text| text.parse().unwrap()).collect()
     }
 
@@ -233,7 +233,7 @@ pub(crate) mod tests {
             [["remote-lost@1s", "remote-lost@2s"], ["remote-lost@2s", "remote-lost@1s..2s"]]
         {
             let error = lose(&mut control, &twice).unwrap_err();
-            assert_eq!(error, "remote-lost@2s: the remote is lost already then");
+            assert_eq!(error, "remote-lost@2s: the remote is lost already, since 1 s");
         }
         assert_eq!(lose(&mut control, &["remote-lost@2.1s", "remote-lost@1s..2s"]), Ok(()));
         let error = control.plug(Receiver::Sbus).unwrap_err().to_string();
