@@ -204,21 +204,34 @@ fn write_remote(text: &mut String, track: &RemoteTrack) -> std::fmt::Result {
 /// One loss in words.
 #[must_use]
 pub fn sentence(loss: &Loss) -> String {
-    let mut text = format!("remote lost at {:.3} s", seconds(loss.lost.from));
-    let mut add = |what: &str, at: Option<Micros>| {
-        if let Some(at) = at {
-            let _ = write!(text, "; {what} {:.4} s", seconds(at));
+    let &Loss { lost, last_frame, coasting, back, resumed, disarmed } = loss;
+    let at = |what: &str, time: Micros| format!("{what} {:.4} s", seconds(time));
+    let mut parts = Vec::new();
+    parts
+        .push(last_frame.map_or("no good frame before".into(), |time| at("last good frame", time)));
+    parts.push(match (coasting, loss.reaction()) {
+        (Some(time), Some(reaction)) => {
+            format!("{}, {:.1} ms after it", at("all coast", time), seconds(reaction) * 1e3)
         }
-    };
-    add("last good frame", loss.last_frame);
-    add("all coast", loss.coasting);
-    add("disarmed", loss.disarmed);
-    add("good frames again", loss.back);
-    add("resumed", loss.resumed);
-    if let Some(reaction) = loss.reaction() {
-        let _ = write!(text, "; coasting {:.1} ms after the last frame", seconds(reaction) * 1e3);
+        (Some(time), None) if time > lost.from => at("all coast", time),
+        (Some(_), _) => "all coasted already".into(),
+        (None, _) if back.is_some() => "back before the robot let go".into(),
+        (None, _) => "the run ended before the robot let go".into(),
+    });
+    match disarmed {
+        Some(time) if time > lost.from => parts.push(at("disarmed", time)),
+        Some(_) => parts.push("not armed".into()),
+        None if coasting.is_some() && back.is_none() => {
+            parts.push("the run ended before more happened".into());
+        }
+        None => (),
     }
-    text
+    parts.extend(back.map(|time| at("good frames again", time)));
+    parts.extend(resumed.map(|time| at("resumed", time)));
+    let from = seconds(lost.from);
+    let until = lost.until.map_or(String::new(), |until| format!(" to {:.3} s", seconds(until)));
+    let lost = if until.is_empty() { "at" } else { "from" };
+    format!("remote lost {lost} {from:.3} s{until}: {}", parts.join("; "))
 }
 
 fn seconds(time: Micros) -> f64 {
@@ -343,4 +356,67 @@ pub fn to_json(recording: &Recording, wall: f64) -> Value {
         "lines": lines.collect::<Vec<_>>(),
         "remote": remote_json(recording),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::remote::Lost;
+
+    #[test]
+    fn a_loss_is_told_to_its_end() {
+        let at = |millis| Some(Micros::from_millis(millis));
+        let lost = Lost { from: Micros::from_millis(4000), until: at(4500) };
+        let (last_frame, coasting) = (at(3995), at(4101));
+        let back =
+            Loss { lost, last_frame, coasting, back: at(4512), resumed: at(4520), disarmed: None };
+        let for_good = Loss {
+            lost: Lost { until: None, ..lost },
+            back: None,
+            resumed: None,
+            disarmed: at(5000),
+            ..back
+        };
+        let nothing = Loss { coasting: None, disarmed: None, ..for_good };
+        // Stopped by hand before.
+        let stopped = Loss { coasting: at(4000), disarmed: at(4000), ..for_good };
+        assert_eq!((back.reaction(), stopped.reaction()), (at(106), None));
+        for (loss, words) in [
+            (
+                back,
+                "remote lost from 4.000 s to 4.500 s: last good frame 3.9950 s; all coast \
+                 4.1010 s, 106.0 ms after it; good frames again 4.5120 s; resumed 4.5200 s",
+            ),
+            (
+                for_good,
+                "remote lost at 4.000 s: last good frame 3.9950 s; all coast 4.1010 s, 106.0 ms \
+                 after it; disarmed 5.0000 s",
+            ),
+            (
+                Loss { disarmed: None, ..for_good },
+                "remote lost at 4.000 s: last good frame 3.9950 s; all coast 4.1010 s, 106.0 ms \
+                 after it; the run ended before more happened",
+            ),
+            (
+                nothing,
+                "remote lost at 4.000 s: last good frame 3.9950 s; the run ended before the robot \
+                 let go",
+            ),
+            (
+                Loss { lost, back: at(4010), ..nothing },
+                "remote lost from 4.000 s to 4.500 s: last good frame 3.9950 s; back before \
+                 the robot let go; good frames again 4.0100 s",
+            ),
+            (
+                stopped,
+                "remote lost at 4.000 s: last good frame 3.9950 s; all coasted already; not armed",
+            ),
+            (
+                Loss { last_frame: None, ..stopped },
+                "remote lost at 4.000 s: no good frame before; all coasted already; not armed",
+            ),
+        ] {
+            assert_eq!(sentence(&loss), words);
+        }
+    }
 }

@@ -9,6 +9,7 @@ use rc10_can::Micros;
 use rc10_motor::{ArmState, Drive, Link, TargetKind, Verdict};
 use serde_json::{Value, json};
 
+use crate::figures::sentence;
 use crate::recording::{BusTrack, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD};
 use crate::remote::{Loss, RemoteSample, RemoteTrack};
 use crate::robot::Place;
@@ -49,6 +50,7 @@ pub fn report(recording: &Recording) -> String {
         },
         verdict = verdict(recording),
         tiles = tiles(recording),
+        losses = losses(recording),
         events = events(recording),
         stopped = match recording.base {
             Some(_) => "the wheels do not follow their targets",
@@ -119,7 +121,7 @@ fn verdict(recording: &Recording) -> String {
         let count = recording.motors.len();
         return format!(
             "<div class=\"verdict good\">\
-             ✓ All {count} motors online · nothing lost · no overruns</div>"
+             ✓ All {count} motors online · no frame lost · no overruns</div>"
         );
     }
     let items: String =
@@ -150,6 +152,12 @@ fn tiles(recording: &Recording) -> String {
             format!("<div class=\"tile\"><b>{value}</b><span>{name}</span></div>\n")
         })
         .collect()
+}
+
+/// Each time that the remote was lost, in words.
+fn losses(recording: &Recording) -> String {
+    let losses = recording.remote.iter().flat_map(|track| &track.losses);
+    losses.map(|loss| format!("<p class=\"loss\">{}</p>\n", escape(&sentence(loss)))).collect()
 }
 
 /// Metres.
@@ -286,7 +294,7 @@ fn remote_section(recording: &Recording) -> String {
         let rows = losses.iter().map(|loss| {
             let millis = loss.reaction().map(|time| seconds(time) * 1e3);
             vec![
-                at(Some(loss.lost.from)),
+                words(&optional(Some(seconds(loss.lost.from)), 4, " s")),
                 at(loss.lost.until),
                 at(loss.last_frame),
                 at(loss.coasting),
@@ -298,7 +306,7 @@ fn remote_section(recording: &Recording) -> String {
         });
         let head = "lost at | until | last good frame | all coast | after that frame | disarmed | \
                     good frames again | resumed";
-        html.push_str(&table(head, 0, rows));
+        html.push_str(&table(head, 1, rows));
     }
     html.push_str("</section>\n");
     html
@@ -874,7 +882,7 @@ mod tests {
     #[test]
     fn the_verdict_names_what_is_wrong() {
         let mut recording = two_seconds();
-        let good = "✓ All 11 motors online · nothing lost · no overruns";
+        let good = "✓ All 11 motors online · no frame lost · no overruns";
         assert!(report(&recording).contains(good));
         recording.motors[4].last.link = Link::Lost;
         recording.motors[4].last.counters.lost = 2;
@@ -971,12 +979,16 @@ mod tests {
         };
         recording.remote = Some(track.clone());
         let page = report(&recording);
-        for text in
-            ["sbus: 0 frames", "<td>0.4970 s</td>", "<td>103.0 ms</td>", "<td>1.4970 s</td>"]
-        {
+        for text in [
+            "<p class=\"loss\">remote lost from 0.500 s to 1.500 s: last good frame 0.4970 s; ",
+            "sbus: 0 frames",
+            "<td>0.4970 s</td>",
+            "<td>103.0 ms</td>",
+            "<td>1.4970 s</td>",
+        ] {
             assert!(page.contains(text), "{text}");
         }
-        assert!(page.contains("nothing lost"), "let go in time");
+        assert!(page.contains("no frame lost"), "let go in time");
         let data = embedded(&page);
         let name = |state: &Value| data["states"][state.as_u64().unwrap() as usize].clone();
         let lane = |index: usize| -> Vec<Value> {

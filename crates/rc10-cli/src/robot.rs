@@ -18,7 +18,7 @@ use rc10_motor::{ArmSwitch, MotorBus, MotorId, MotorName};
 use rc10_sim::{Esc, EscConfig, EscState, LineMotor, Serial, Tasks, UartPort, World};
 
 use crate::recording::Event;
-use crate::remote::{Line, Receiver, ReceiverPort, RemoteControl};
+use crate::remote::{Line, Lost, Receiver, ReceiverPort, RemoteControl};
 use crate::surroundings::Surroundings;
 
 /// What the tools must know of a robot before it runs.
@@ -341,7 +341,8 @@ impl Description {
     }
 
     /// What happens by itself before `end`, in the order of time: in its script, in the hands of
-    /// whoever holds its remote, and to that remote.
+    /// whoever holds its remote, and to that remote. What hands do while the remote is lost nobody
+    /// hears, but for the last of it, when the remote is back.
     #[must_use]
     pub fn events(&self, end: Micros) -> Vec<Event> {
         let mut events = self.script.until(end);
@@ -351,11 +352,17 @@ impl Description {
                 events: remote.script.iter().map(line).collect(),
                 repeats_after: remote.repeats_after,
             };
-            events.extend(script.until(end));
-            for lost in &remote.lost {
-                events.push(Event { at: lost.from, label: "remote lost" });
-                events.extend(lost.until.map(|at| Event { at, label: "remote back" }));
+            let mut hands = script.until(end);
+            for &Lost { from, until } in &remote.lost {
+                let unheard =
+                    |event: &Event| event.at >= from && until.is_none_or(|until| event.at < until);
+                let last = hands.iter().copied().rfind(unheard);
+                hands.retain(|event| !unheard(event));
+                events.push(Event { at: from, label: "remote lost" });
+                events.extend(until.map(|at| Event { at, label: "remote back" }));
+                events.extend(until.zip(last).map(|(at, last)| Event { at, ..last }));
             }
+            events.extend(hands);
         }
         events.retain(|event| event.at < end);
         events.sort_by_key(|event| event.at);
@@ -494,7 +501,9 @@ impl<'r> Robot<'r> {
                 receiver.map_or(Ok(()), |receiver| remote.plug(receiver))?;
                 remote.lose(faults)
             }
-            None if needed => bail!("this robot has no remote control"),
+            None if needed => {
+                bail!("this robot has no remote control: no --remote, no remote-lost")
+            }
             None => Ok(()),
         }
     }
@@ -592,6 +601,7 @@ mod tests {
     use rc10_motor::{ArmSwitch, Safety};
 
     use super::*;
+    use crate::remote::tests as tests_of_remotes;
 
     fn event(millis: u64, label: &'static str) -> Event {
         Event { at: Micros::from_millis(millis), label }
@@ -614,6 +624,25 @@ mod tests {
         assert_eq!(times(&script, 5000), [100, 300]);
         let nothing = Script { events: Vec::new(), ..script };
         assert!(nothing.until(Micros::from_millis(5000)).is_empty());
+    }
+
+    #[test]
+    fn what_hands_do_while_the_remote_is_lost_is_told_when_it_is_back() {
+        let told = |faults: &[&str]| {
+            let mut remote = tests_of_remotes::control();
+            (remote.script[0].label, remote.script[1].label) = ("down", "up");
+            remote.lose(&tests_of_remotes::faults(faults)).unwrap();
+            let description = Description { remote: Some(remote), ..<_>::default() };
+            let events = description.events(Micros::from_millis(2500));
+            let told = |event: &Event| format!("{} {}", event.at.get() / 1000, event.label);
+            events.iter().map(told).collect::<Vec<_>>().join(", ")
+        };
+        assert_eq!(told(&[]), "0 down, 100 up, 1000 down, 1100 up, 2000 down, 2100 up");
+        assert_eq!(told(&["remote-lost@50ms"]), "0 down, 50 remote lost");
+        let twice = told(&["remote-lost@1s..1.05s", "remote-lost@1.1s..2.2s"]);
+        let expected = "0 down, 100 up, 1000 remote lost, 1050 remote back, 1050 down, \
+                        1100 remote lost, 2200 remote back, 2200 up";
+        assert_eq!(twice, expected);
     }
 
     #[test]

@@ -59,10 +59,11 @@ pub struct Loss {
 }
 
 impl Loss {
-    /// How long after the last good frame the motors coasted.
+    /// How long after the last good frame the motors coasted, if any was driven when it was lost.
     #[must_use]
     pub fn reaction(&self) -> Option<Micros> {
-        Some(self.coasting?.since(self.last_frame?))
+        let coasting = self.coasting.filter(|time| *time > self.lost.from)?;
+        Some(coasting.since(self.last_frame?))
     }
 
     /// Nothing more will follow from it.
