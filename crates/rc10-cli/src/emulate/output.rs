@@ -191,7 +191,7 @@ impl<'a> Outcome<'a> {
                  {failed:>8} {bus_offs:>8}  {period}",
             )?;
         }
-        writeln!(text)
+        Ok(())
     }
 
     fn write_figures(&self, text: &mut String) -> fmt::Result {
