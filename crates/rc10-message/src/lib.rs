@@ -22,3 +22,5 @@ mod topic;
 pub use latest::{Changes, Latest, Stamped};
 pub use service::{AlreadyServed, CallError, Caller, Calls, Server, Service};
 pub use topic::{Message, SubscribersFull, Subscription, Topic};
+// Whose `Micros` are in all of them.
+pub use rc10_can;
