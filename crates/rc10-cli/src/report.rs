@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use crate::figures::sentence;
 use crate::recording::{BusTrack, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD};
-use crate::remote::{Loss, RemoteSample, RemoteTrack};
+use crate::remote::{Loss, Receiver, RemoteSample, RemoteTrack};
 use crate::robot::Place;
 
 /// Width of the windows of [`BusTrack::load_windows`].
@@ -104,7 +104,13 @@ fn problems(recording: &Recording) -> Vec<String> {
     }
     if let Some(track) = &recording.remote {
         let heard = track.heard.unwrap_or_default();
-        let counters = [(heard.damaged, "damaged frames"), (heard.port_errors, "port errors")];
+        // A train of pulses that a loss has cut off is no problem of its own.
+        let cut_off = match track.receiver {
+            Receiver::Ppm => u32::try_from(track.losses.len()).unwrap_or(u32::MAX),
+            Receiver::Dr16 | Receiver::Sbus | Receiver::Crsf => 0,
+        };
+        let damaged = heard.damaged.saturating_sub(cut_off);
+        let counters = [(damaged, "damaged frames"), (heard.port_errors, "port errors")];
         let happened = counters.iter().filter(|(count, _)| *count > 0);
         problems.extend(happened.map(|(count, what)| format!("remote: {count} {what}")));
         let late = track.losses.iter().filter_map(Loss::reaction).filter(|time| *time > REACTION);
@@ -738,6 +744,7 @@ fn runs<T: PartialEq + Into<Value>>(values: impl Iterator<Item = T>) -> Vec<Valu
 
 #[cfg(test)]
 mod tests {
+    use rc10_module::Counters;
     use rc10_motor::embassy::BusStatus;
     use rc10_motor::{BusLoad, MotorStatus};
 
@@ -745,7 +752,7 @@ mod tests {
 
     use super::*;
     use crate::recording::{BaseTrack, Event};
-    use crate::remote::{Lost, Receiver};
+    use crate::remote::Lost;
     use crate::team;
 
     /// All motors follow a target exactly; nothing is wrong.
@@ -1002,6 +1009,18 @@ mod tests {
         assert_eq!(lane(0), ["heard", "lost"]);
         assert_eq!(lane(1), ["armed", "suspended", "disarmed"]);
         assert_eq!(data["lanes"].as_array().unwrap().len(), 13);
+        // A train of pulses that was cut off by it, and another one.
+        track.receiver = Receiver::Ppm;
+        let mut heard = Counters::default();
+        heard.damaged = 1;
+        track.heard = Some(heard);
+        recording.remote = Some(track.clone());
+        assert!(report(&recording).contains("no frame lost"));
+        heard.damaged = 2;
+        track.heard = Some(heard);
+        recording.remote = Some(track.clone());
+        assert!(report(&recording).contains("<li>remote: 1 damaged frames</li>"));
+        track.heard = None;
         track.losses[0].coasting = at(618);
         track.samples[0].arm = None;
         recording.remote = Some(track);
