@@ -231,4 +231,6 @@ fn help_shows_examples() {
     for example in ["Examples:", "rc10 decode", "--fault remote-lost@", "- mixed:"] {
         assert!(text.contains(example), "{example}: {text}");
     }
+    let text = String::from_utf8(rc10(&["run", "--help"]).stdout).unwrap();
+    assert!(text.contains("sbus: Futaba, FrSky: ") && !text.contains('`'), "{text}");
 }

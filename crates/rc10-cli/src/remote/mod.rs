@@ -63,8 +63,10 @@ pub enum Receiver {
     /// DJI's: 18 bytes every 14 ms
     Dr16,
     /// Futaba, `FrSky`: 25 bytes every 14 ms, with a failsafe flag
+    #[value(help = "Futaba, FrSky: 25 bytes every 14 ms, with a failsafe flag")]
     Sbus,
     /// `ExpressLRS`, TBS: 150 frames a second, and link statistics
+    #[value(help = "ExpressLRS, TBS: 150 frames a second, and link statistics")]
     Crsf,
     /// Pulses of eight channels, every 22 ms
     Ppm,
