@@ -324,7 +324,7 @@ fn nobody_notices_a_gap_that_is_short() {
 /// that it hits, at most, and the robot drives on.
 #[test]
 fn after_every_fault_of_the_line_the_next_frame_arrives() {
-    for receiver in [Receiver::Dr16, Receiver::Sbus, Receiver::Crsf] {
+    for receiver in [Receiver::Dr16, Receiver::Sbus, Receiver::Crsf, Receiver::Vt03] {
         let heard = |faults: u64| {
             scene(
                 receiver,

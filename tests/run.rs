@@ -190,7 +190,7 @@ fn wrong_arguments_end_with_2_and_a_reason() {
         (&["run", "--seconds", "-3"], "-3"),
         (&["run", "--seconds", "NaN"], "must be a number of seconds"),
         (&["run", "--seed", "x"], "--seed"),
-        (&["run", "--remote", "foo"], "possible values: dr16, sbus, crsf, ppm"),
+        (&["run", "--remote", "foo"], "possible values: dr16, sbus, crsf, ppm, vt03"),
         (&["run", "--fault", "remote-lost"], "write KIND@TIME"),
         (&["run", "--fault", "remote-lost@4"], "`4` is no time"),
         (&["run", "--fault", "remote-lost@4s..3s"], "it ends when or before it begins"),

@@ -107,7 +107,7 @@ fn problems(recording: &Recording) -> Vec<String> {
         // A train of pulses that a loss has cut off is no problem of its own.
         let cut_off = match track.receiver {
             Receiver::Ppm => u32::try_from(track.losses.len()).unwrap_or(u32::MAX),
-            Receiver::Dr16 | Receiver::Sbus | Receiver::Crsf => 0,
+            Receiver::Dr16 | Receiver::Sbus | Receiver::Crsf | Receiver::Vt03 => 0,
         };
         let damaged = heard.damaged.saturating_sub(cut_off);
         let counters = [(damaged, "damaged frames"), (heard.port_errors, "port errors")];

@@ -27,8 +27,7 @@ pub struct RunArgs {
     /// Seed of everything random in the world: two runs with one seed are the same to the bit
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// The receiver of the robot's remote control; a VT03 has no simulated twin [default: the one
-    /// that the robot names]
+    /// The receiver of the robot's remote control [default: the one that the robot names]
     #[arg(long, value_name = "RECEIVER", value_enum, ignore_case = true)]
     pub remote: Option<Receiver>,
     /// Something goes wrong: remote-lost@4s or remote-lost@4s..4.5s; repeat for more

@@ -33,7 +33,7 @@ pub fn description() -> Description {
         lines: 0,
         base: Some(Base { wheels: WHEELS.map(|name| name as usize), chassis }),
         remote: Some(RemoteControl {
-            receiver: Receiver::twin_of(RECEIVER).unwrap_or(Receiver::Dr16),
+            receiver: RECEIVER.into(),
             receivers: Receiver::ALL.into(),
             uart: REMOTE_UART,
             pulse_pin: PULSE_PIN,

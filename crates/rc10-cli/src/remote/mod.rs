@@ -12,7 +12,7 @@ use rc10_can::Micros;
 use rc10_emu::Fault;
 use rc10_emu::fault::Kind;
 use rc10_module::remote as module;
-use rc10_sim::remote::{Controls, Crsf, Dr16, Ppm, Remote, Sbus};
+use rc10_sim::remote::{Controls, Crsf, Dr16, Ppm, Remote, Sbus, Vt03};
 use rc10_sim::{Nanos, PulsePort, Pulses, Serial, UartPort, World};
 
 pub use operator::Operator;
@@ -57,7 +57,7 @@ pub struct Lost {
     pub until: Option<Micros>,
 }
 
-/// A receiver that there is a simulated twin of.
+/// A receiver of a remote control, as its simulated twin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Receiver {
     /// DJI's: 18 bytes every 14 ms
@@ -70,28 +70,18 @@ pub enum Receiver {
     Crsf,
     /// Pulses of eight channels, every 22 ms
     Ppm,
+    /// DJI's video link: 21 bytes every 14 ms
+    Vt03,
 }
 
 impl Receiver {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Dr16, Self::Sbus, Self::Crsf, Self::Ppm];
+    pub const ALL: [Self; 5] = [Self::Dr16, Self::Sbus, Self::Crsf, Self::Ppm, Self::Vt03];
 
     /// Whether its output is low when idle.
     #[must_use]
     pub const fn is_inverted(self) -> bool {
         matches!(self, Self::Dr16 | Self::Sbus)
-    }
-
-    /// The receiver of [`module`] that this is, if there is a twin of it.
-    #[must_use]
-    pub const fn twin_of(receiver: module::Receiver) -> Option<Self> {
-        match receiver {
-            module::Receiver::Dr16 => Some(Self::Dr16),
-            module::Receiver::Sbus => Some(Self::Sbus),
-            module::Receiver::Crsf => Some(Self::Crsf),
-            module::Receiver::Ppm => Some(Self::Ppm),
-            module::Receiver::Vt03 => None,
-        }
     }
 
     /// Puts its twin at the end of a wire; its first frame comes at a time of chance.
@@ -107,6 +97,9 @@ impl Receiver {
             Self::Crsf => {
                 ReceiverWire::Serial(world.add_serial(Crsf::SERIAL, Crsf::new(remote, phase)))
             }
+            Self::Vt03 => {
+                ReceiverWire::Serial(world.add_serial(Vt03::SERIAL, Vt03::new(remote, phase)))
+            }
             Self::Ppm => ReceiverWire::Pulses(world.add_pulses(Ppm::new(remote, phase))),
         }
     }
@@ -119,6 +112,19 @@ impl From<Receiver> for module::Receiver {
             Receiver::Sbus => Self::Sbus,
             Receiver::Crsf => Self::Crsf,
             Receiver::Ppm => Self::Ppm,
+            Receiver::Vt03 => Self::Vt03,
+        }
+    }
+}
+
+impl From<module::Receiver> for Receiver {
+    fn from(receiver: module::Receiver) -> Self {
+        match receiver {
+            module::Receiver::Dr16 => Self::Dr16,
+            module::Receiver::Sbus => Self::Sbus,
+            module::Receiver::Crsf => Self::Crsf,
+            module::Receiver::Ppm => Self::Ppm,
+            module::Receiver::Vt03 => Self::Vt03,
         }
     }
 }
@@ -131,6 +137,7 @@ impl fmt::Display for Receiver {
             Self::Sbus => "sbus",
             Self::Crsf => "crsf",
             Self::Ppm => "ppm",
+            Self::Vt03 => "vt03",
         })
     }
 }

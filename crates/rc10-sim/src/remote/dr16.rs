@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use super::bits::{Bits, level};
 use super::{Controls, Remote, Switch, characters};
 use crate::Nanos;
 use crate::serial::{SerialConfig, SerialDevice};
@@ -53,24 +54,9 @@ impl SerialDevice for Dr16 {
     fn receive(&mut self, _byte: u8, _now: Nanos) {}
 }
 
-/// Bit fields one after another, the lowest bit first.
-struct Bits {
-    bytes: [u8; LENGTH],
-    at: usize,
-}
-
-impl Bits {
-    fn put(&mut self, value: u16, bits: usize) {
-        for bit in 0..bits {
-            self.bytes[self.at / 8] |= u8::from(value >> bit & 1 == 1) << (self.at % 8);
-            self.at += 1;
-        }
-    }
-}
-
 fn frame(controls: &Controls) -> [u8; LENGTH] {
     let Controls { left, right, left_switch, right_switch, dial, keys, .. } = *controls;
-    let mut bits = Bits { bytes: [0; LENGTH], at: 0 };
+    let mut bits = Bits::<LENGTH>::new();
     for deflection in [right.x, right.y, left.x, left.y] {
         bits.put(level(deflection), 11);
     }
@@ -82,13 +68,7 @@ fn frame(controls: &Controls) -> [u8; LENGTH] {
     }
     bits.put(keys, 16);
     bits.put(level(dial), 16);
-    bits.bytes
-}
-
-/// 364 ..= 1684, 1024 in the middle.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "364 ..= 1684")]
-fn level(deflection: f64) -> u16 {
-    (1024.0 + 660.0 * deflection.clamp(-1.0, 1.0)).round() as u16
+    bits.bytes()
 }
 
 const fn position(switch: Switch) -> u16 {

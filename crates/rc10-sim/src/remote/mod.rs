@@ -6,6 +6,7 @@
 //! | [`Dr16`] | serial link | 18 bytes every 14 ms | falls silent |
 //! | [`Sbus`] | serial link | 25 bytes every 7 or 14 ms | goes on: first "frame lost", then "failsafe" |
 //! | [`Crsf`] | serial link | 26 bytes 150 times a second, and statistics | only statistics |
+//! | [`Vt03`] | serial link | 21 bytes every 14 ms | falls silent |
 //! | [`Ppm`] | pulse line | 9 pulses every 22 ms | falls silent |
 //!
 //! ```
@@ -24,11 +25,13 @@
 //! assert_eq!(uart.counters().from_device, 8 * 18);
 //! ```
 
+mod bits;
 mod channels;
 mod crsf;
 mod dr16;
 mod ppm;
 mod sbus;
+mod vt03;
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -39,6 +42,7 @@ pub use crsf::Crsf;
 pub use dr16::Dr16;
 pub use ppm::Ppm;
 pub use sbus::{Failsafe, Sbus};
+pub use vt03::Vt03;
 
 /// Where somebody's hands have put everything on a remote.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,7 +60,7 @@ pub struct Controls {
     /// A wheel or dial, -1 ..= 1.
     pub dial: f64,
     /// Keys of a computer's keyboard behind the link, a bit each: W S A D Shift Ctrl Q E R F G Z X C
-    /// V B from bit 0 on. Only a DR16 carries them.
+    /// V B from bit 0 on. Only a DR16 and a VT03 carry them.
     pub keys: u16,
 }
 
