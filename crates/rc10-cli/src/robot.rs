@@ -58,6 +58,9 @@ pub struct Motor {
     /// Constant torque on its output shaft from outside, such as a weight, N m; positive the way
     /// the robot counts.
     pub load: f64,
+    /// Hard stops of a motor on a bus: the angles between which its output shaft turns, degrees since
+    /// power-on the way the robot counts. The floor under a lift, for example. `None`: for ever.
+    pub travel: Option<[f64; 2]>,
     /// Its safe state is to hold or to brake: it may be driven while the robot is stopped.
     pub holds: bool,
 }
@@ -165,7 +168,7 @@ impl Motor {
     #[must_use]
     pub const fn with_device(label: &'static str, on: Place, device: Device) -> Self {
         let direction = Direction::Forward;
-        Self { label, on, device, direction, inertia: 0.0, load: 0.0, holds: false }
+        Self { label, on, device, direction, inertia: 0.0, load: 0.0, travel: None, holds: false }
     }
 
     /// What buses and tables call it.
@@ -241,6 +244,11 @@ impl Motor {
             }
         };
         twin.set_load(self.sign() * self.load);
+        if let (Some(esc), Some(mut travel)) = (twin.esc(), self.travel) {
+            travel = travel.map(|end| self.sign() * end);
+            travel.sort_by(f64::total_cmp);
+            esc.set_travel(Some(travel));
+        }
         Ok(twin)
     }
 }

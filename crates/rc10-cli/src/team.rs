@@ -4,7 +4,7 @@ mod operator;
 
 use anyhow::{Context, Result};
 use rc10_motor::SafeState;
-use rc10_robot::table::{BASE, BUSES, Entry, LIFT, MOTORS, Name, RECEIVER, WHEELS};
+use rc10_robot::table::{BASE, BUSES, Entry, LIFT, LIFT_TOP, MOTORS, Name, RECEIVER, WHEELS};
 use rc10_robot::{Bus, Io, chassis, driver, imu, mechanisms, remote, status};
 use rc10_sim::imu::Hwt101;
 use rc10_sim::{Chassis, Nanos, Serial, World};
@@ -49,7 +49,8 @@ pub fn description() -> Description {
 
 fn motor(entry: &Entry) -> Motor {
     // kg m² and N m at the output shaft; our estimates. The wheels get theirs from the base, and
-    // the weight of the lift pulls every one of its shafts down.
+    // the weight of the lift pulls every one of its shafts down. It hangs a quarter of a turn above
+    // its floor at power-on: so whoever watches sees whether it is held or let go.
     let (inertia, load) = match entry.name {
         Name::Yaw => (0.02, 0.0),
         Name::Pitch => (0.01, 0.0),
@@ -57,10 +58,18 @@ fn motor(entry: &Entry) -> Motor {
         name if LIFT.contains(&name) => (0.01, -1.0),
         _ => (0.0, 0.0),
     };
+    let travel = LIFT.contains(&entry.name).then_some([-90.0, f64::from(LIFT_TOP) + 30.0]);
     let &Entry { label, bus, model, id, direction, rate, safety, .. } = entry;
     let device = Device::Dji { model, id, rate };
     let holds = safety.state != SafeState::Coast;
-    Motor { direction, inertia, load, holds, ..Motor::with_device(label, Place::Bus(bus), device) }
+    Motor {
+        direction,
+        inertia,
+        load,
+        travel,
+        holds,
+        ..Motor::with_device(label, Place::Bus(bus), device)
+    }
 }
 
 fn imu_twin(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial> {

@@ -232,6 +232,12 @@ impl Esc {
     pub fn set_load(&self, torque: f64) {
         self.inner.borrow_mut().units[self.index].motor.load = torque;
     }
+
+    /// Hard stops: the output shaft turns between these two angles, in degrees since the start. The
+    /// floor under a lift, for example. `None`: it turns for ever.
+    pub fn set_travel(&self, travel: Option<[f64; 2]>) {
+        self.inner.borrow_mut().units[self.index].motor.travel = travel;
+    }
 }
 
 /// A mecanum base. What stands on it, an IMU for example, keeps a handle to see how it moves.

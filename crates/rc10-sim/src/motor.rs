@@ -208,6 +208,8 @@ pub(crate) struct Motor {
     pub(crate) temperature: f64,
     /// Constant torque on the output shaft, N·m.
     pub(crate) load: f64,
+    /// Angles of the output shaft, in degrees since the start, between which it can turn.
+    pub(crate) travel: Option<[f64; 2]>,
     /// Torque of the ground on the wheel, N·m, and the wheel's rolling friction.
     pub(crate) reaction: f64,
     pub(crate) rolling_friction: f64,
@@ -226,6 +228,7 @@ impl Motor {
             offset,
             temperature: plant.ambient,
             load: 0.0,
+            travel: None,
             reaction: 0.0,
             rolling_friction: 0.0,
         }
@@ -291,6 +294,27 @@ impl Motor {
         let copper_loss = plant.resistance * self.current * self.current;
         let settled = plant.ambient + plant.thermal_resistance * copper_loss;
         self.temperature = settled + (self.temperature - settled) * self.thermal_decay;
+        self.stop_at_ends();
+    }
+
+    /// Stops at an end of its travel: hard, and without a bounce.
+    fn stop_at_ends(&mut self) {
+        let Some([lowest, highest]) = self.travel else { return };
+        let degrees = self.output_degrees();
+        let end = if degrees < lowest && self.speed <= 0.0 {
+            lowest
+        } else if degrees > highest && self.speed >= 0.0 {
+            highest
+        } else {
+            return;
+        };
+        let turns = end / 360.0 * self.plant.gear_ratio;
+        #[expect(clippy::cast_possible_truncation, reason = "a whole number of turns; saturates")]
+        {
+            self.turns = turns.floor() as i64;
+        }
+        self.fraction = turns - turns.floor();
+        self.speed = 0.0;
     }
 
     /// Rotor speed, rpm.

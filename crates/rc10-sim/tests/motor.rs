@@ -72,6 +72,24 @@ fn a_weight_falls_when_it_is_heavier_than_friction() {
 }
 
 #[test]
+fn a_hard_stop_holds_a_weight_and_lets_it_go() {
+    let mut bench = bench(Model::C620, Plant::m3508().with_load_inertia(0.02), 0);
+    bench.esc.set_travel(Some([0.0, 90.0]));
+    let pull = |bench: &mut Bench, torque, until| {
+        bench.esc.set_load(torque);
+        bench.world.advance(Micros::from_millis(until));
+        bench.esc.state()
+    };
+    let on_the_floor = pull(&mut bench, -2.0, 1000);
+    assert_eq!((on_the_floor.output_degrees, on_the_floor.output_rpm), (0.0, 0.0));
+    let at_the_top = pull(&mut bench, 2.0, 2000);
+    assert!((at_the_top.output_degrees - 90.0).abs() < 1e-9 && at_the_top.output_rpm == 0.0);
+    let between = pull(&mut bench, -0.5, 2200);
+    assert!((1.0..89.0).contains(&between.output_degrees), "{between:?}");
+    assert_eq!(pull(&mut bench, -0.5, 4000).output_degrees, 0.0);
+}
+
+#[test]
 fn no_load_speeds_are_the_published_ones() {
     for (model, raw, rotor_rpm) in [
         (Model::C620, 16_384, 9250.0),
