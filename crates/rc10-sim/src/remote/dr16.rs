@@ -1,22 +1,14 @@
 //! DJI's receiver, from "RoboMaster Remote Control User Manual", Receiver: frame of DBUS.
 
-use std::collections::VecDeque;
-
-use super::bits::{Bits, level};
-use super::{Controls, Remote, Switch, characters};
+use super::dji::{Bits, Dji, level};
+use super::{Controls, Remote, Switch};
 use crate::Nanos;
-use crate::serial::{SerialConfig, SerialDevice};
+use crate::serial::SerialConfig;
 
-const PERIOD: Nanos = Nanos::new(14_000_000);
 const LENGTH: usize = 18;
 
 /// A DR16: 18 bytes every 14 ms while it hears its remote, nothing otherwise.
-#[derive(Debug)]
-pub struct Dr16 {
-    remote: Remote,
-    phase: Nanos,
-    next: Nanos,
-}
+pub type Dr16 = Dji<LENGTH>;
 
 impl Dr16 {
     /// Its UART: 100 kbaud, 8E1. Its output is inverted; the board's inverter is not simulated.
@@ -26,32 +18,8 @@ impl Dr16 {
     /// A receiver that sends its first frame so long after power-on.
     #[must_use]
     pub fn new(remote: &Remote, phase: Nanos) -> Self {
-        Self { remote: remote.clone(), phase, next: Nanos::ZERO }
+        Self::with(remote, phase, Self::SERIAL, frame)
     }
-}
-
-impl SerialDevice for Dr16 {
-    fn power_on(&mut self, now: Nanos) {
-        self.next = now + self.phase;
-    }
-
-    fn next_event(&self) -> Option<Nanos> {
-        Some(self.next)
-    }
-
-    fn advance(&mut self, now: Nanos, send: &mut VecDeque<u8>) {
-        self.next = now + PERIOD;
-        match self.remote.heard() {
-            Some(controls) => {
-                send.extend(frame(&controls));
-                self.remote.sends(true, now + characters(LENGTH, Self::SERIAL.character()));
-            }
-            None => self.remote.pauses(),
-        }
-    }
-
-    /// It has no receive line.
-    fn receive(&mut self, _byte: u8, _now: Nanos) {}
 }
 
 fn frame(controls: &Controls) -> [u8; LENGTH] {

@@ -25,9 +25,9 @@
 //! assert_eq!(uart.counters().from_device, 8 * 18);
 //! ```
 
-mod bits;
 mod channels;
 mod crsf;
+mod dji;
 mod dr16;
 mod ppm;
 mod sbus;
@@ -39,6 +39,7 @@ use std::rc::Rc;
 use crate::Nanos;
 
 pub use crsf::Crsf;
+pub use dji::Dji;
 pub use dr16::Dr16;
 pub use ppm::Ppm;
 pub use sbus::{Failsafe, Sbus};

@@ -1,26 +1,18 @@
 //! DJI's video link with a remote. No manual of it was found: the frame is as three teams' code reads
 //! it (XDU librm `vt03.hpp`, RPL, UIC), its rate is that of a DR16.
 
-use std::collections::VecDeque;
-
-use super::bits::{Bits, level};
-use super::{Controls, Remote, Switch, characters};
+use super::dji::{Bits, Dji, level};
+use super::{Controls, Remote, Switch};
 use crate::Nanos;
-use crate::serial::{SerialConfig, SerialDevice};
+use crate::serial::SerialConfig;
 
-const PERIOD: Nanos = Nanos::new(14_000_000);
 const LENGTH: usize = 21;
 
 /// A VT03: 21 bytes every 14 ms while it hears its remote, nothing otherwise.
 ///
 /// Its remote has one switch: it takes the part of [`Controls::right_switch`]. Of the left one, down
 /// is the pause button, and up the left button.
-#[derive(Debug)]
-pub struct Vt03 {
-    remote: Remote,
-    phase: Nanos,
-    next: Nanos,
-}
+pub type Vt03 = Dji<LENGTH>;
 
 impl Vt03 {
     /// Its UART: 921,600 baud, 8N1.
@@ -30,32 +22,8 @@ impl Vt03 {
     /// A receiver that sends its first frame so long after power-on.
     #[must_use]
     pub fn new(remote: &Remote, phase: Nanos) -> Self {
-        Self { remote: remote.clone(), phase, next: Nanos::ZERO }
+        Self::with(remote, phase, Self::SERIAL, frame)
     }
-}
-
-impl SerialDevice for Vt03 {
-    fn power_on(&mut self, now: Nanos) {
-        self.next = now + self.phase;
-    }
-
-    fn next_event(&self) -> Option<Nanos> {
-        Some(self.next)
-    }
-
-    fn advance(&mut self, now: Nanos, send: &mut VecDeque<u8>) {
-        self.next = now + PERIOD;
-        match self.remote.heard() {
-            Some(controls) => {
-                send.extend(frame(&controls));
-                self.remote.sends(true, now + characters(LENGTH, Self::SERIAL.character()));
-            }
-            None => self.remote.pauses(),
-        }
-    }
-
-    /// It has no receive line.
-    fn receive(&mut self, _byte: u8, _now: Nanos) {}
 }
 
 fn frame(controls: &Controls) -> [u8; LENGTH] {
