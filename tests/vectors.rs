@@ -25,6 +25,8 @@ mod odrive;
 mod remotes;
 #[path = "vectors/self_test.rs"]
 mod self_test;
+#[path = "vectors/streams.rs"]
+mod streams;
 #[path = "vectors/unitree.rs"]
 mod unitree;
 #[path = "vectors/vesc.rs"]

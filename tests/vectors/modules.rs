@@ -1,76 +1,16 @@
 //! Vectors of the modules on a serial line: protocols `tfmini`, `jrt_laser`, `stp23l`, `wit_imu`,
 //! `action` and `rc9`. All go through the stream that finds their frames.
 
-use rc10_can::Micros;
 use rc10_module::imu::{Wit, wit};
 use rc10_module::positioning::action::{self, Coordinate, Pose};
 use rc10_module::positioning::{Action, Rc9, rc9};
 use rc10_module::ranging::jrt::{self, Answer, Speed};
 use rc10_module::ranging::{Jrt, Stp23l, TfMini, stp23l, tfmini};
-use rc10_module::{Protocol, Stream};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use crate::fields::{Check, Fields, Tolerance, float, narrow, same, unknown};
-use crate::unitree::{bytes, uart};
-
-/// Compares the fields of a message with what is expected of it.
-type Compare<M> = fn(&M, &Value, &mut Tolerance) -> Check;
-
-/// What a stream makes of bytes, and how many of them were in no frame.
-fn heard<P: Protocol>(protocol: P, bytes: &[u8]) -> (Vec<P::Message>, u32) {
-    let (mut stream, mut heard) = (Stream::new(protocol), Vec::new());
-    stream.receive(bytes, Micros::ZERO, |message| heard.push(message));
-    (heard, stream.counters().skipped)
-}
-
-/// The kinds that all protocols have; the others are `Ok(false)`.
-fn received<P: Protocol<Message: std::fmt::Debug> + Copy>(
-    protocol: P,
-    kind: &str,
-    vector: &mut Fields,
-    tolerance: &mut Tolerance,
-    compare: Compare<P::Message>,
-) -> Check<bool> {
-    match kind {
-        "decode" => {
-            let bytes = uart(vector.object("frame")?)?;
-            let (messages, skipped) = heard(protocol, &bytes);
-            let [message] = messages.as_slice() else {
-                return Err(format!("{} messages in one frame", messages.len()));
-            };
-            same("bytes outside the frame", skipped == 0, &0, &skipped)?;
-            compare(message, &vector.take("expect")?, tolerance)?;
-        }
-        "reject" => {
-            let (messages, _) = heard(protocol, &uart(vector.object("frame")?)?);
-            same("rejected", messages.is_empty(), &"nothing", &format!("{messages:?}"))?;
-        }
-        "stream" => {
-            let mut inputs = vector.object("inputs")?;
-            let bytes = bytes(&inputs.text("bytes")?)?;
-            inputs.finish()?;
-            let mut expect = vector.object("expect")?;
-            let expected = expect.list("frames")?;
-            expect.finish()?;
-            // As a whole, and byte by byte.
-            let (messages, _) = heard(protocol, &bytes);
-            let (mut stream, mut singly) = (Stream::new(protocol), Vec::new());
-            for byte in &bytes {
-                let byte = core::slice::from_ref(byte);
-                stream.receive(byte, Micros::ZERO, |message| singly.push(message));
-            }
-            for messages in [messages, singly] {
-                let count = (expected.len(), messages.len());
-                same("frames", count.0 == count.1, &count.0, &format!("{messages:?}"))?;
-                for (message, expected) in messages.iter().zip(&expected) {
-                    compare(message, expected, tolerance)?;
-                }
-            }
-        }
-        _ => return Ok(false),
-    }
-    Ok(true)
-}
+use crate::streams::{expectations, heard, received, understood};
+use crate::unitree::uart;
 
 /// The bytes that `encode` makes of the vector's inputs are those of its frame.
 fn encode(vector: &mut Fields, pack: impl Fn(&mut Fields) -> Check<Vec<u8>>) -> Check {
@@ -83,15 +23,6 @@ fn encode(vector: &mut Fields, pack: impl Fn(&mut Fields) -> Check<Vec<u8>>) -> 
 
 fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-fn unknown_kind(kind: &str) -> Check {
-    Err(format!("this runner does not know the kind `{kind}`"))
-}
-
-/// The fields of what a message should be; expecting nothing proves nothing.
-fn expectations(expected: &Value) -> Check<Map<String, Value>> {
-    Fields::of("expect", expected.clone())?.into_expectations()
 }
 
 fn flag(field: &str, expected: &Value, actual: bool) -> Check {
@@ -140,7 +71,7 @@ pub fn tfmini(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Che
         }
         Ok(())
     })?;
-    if known { Ok(()) } else { unknown_kind(kind) }
+    understood(known, kind)
 }
 
 /// One vector of protocol `jrt_laser`.
@@ -166,7 +97,7 @@ pub fn jrt(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check 
         }
         Ok(())
     })?;
-    if known { Ok(()) } else { unknown_kind(kind) }
+    understood(known, kind)
 }
 
 fn jrt_command(operation: &str) -> Check<jrt::Command> {
@@ -216,7 +147,7 @@ pub fn stp23l(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Che
         }
         Ok(())
     })?;
-    if known { Ok(()) } else { unknown_kind(kind) }
+    understood(known, kind)
 }
 
 /// One vector of protocol `wit_imu`.
@@ -248,7 +179,7 @@ pub fn wit(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check 
         }
         Ok(())
     })?;
-    if known { Ok(()) } else { unknown_kind(kind) }
+    understood(known, kind)
 }
 
 fn wit_command(operation: &str) -> Check<wit::Command> {
@@ -323,7 +254,7 @@ pub fn action(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Che
         }
         Ok(())
     })?;
-    if known { Ok(()) } else { unknown_kind(kind) }
+    understood(known, kind)
 }
 
 fn action_command(operation: &str) -> Check<[u8; 8]> {
@@ -359,10 +290,11 @@ pub fn rc9(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check 
             }
         }
         // Whatever can be received can be sent.
-        let again = heard(Rc9::default(), &frame.pack()).0;
+        let packed = frame.pack();
+        let (again, _) = heard(Rc9::default(), &packed, packed.len());
         same("sent again", again == [*frame], &json!("the same"), &format!("{again:?}"))
     })?;
-    if known { Ok(()) } else { unknown_kind(kind) }
+    understood(known, kind)
 }
 
 fn rc9_frame(inputs: &mut Fields) -> Check<Vec<u8>> {

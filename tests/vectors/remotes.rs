@@ -5,23 +5,22 @@ use rc10_module::remote::{
     Crsf, CrsfFrame, Dbus, DbusFrame, Mode, Ppm, Sbus, SbusFrame, Switch, Vt03, Vt03Frame,
     pulse_width,
 };
-use rc10_module::{Protocol, Stream};
 use serde_json::Value;
 
 use crate::fields::{Check, Fields, Tolerance, integer, narrow, same, unknown};
-use crate::unitree::{bytes, uart};
+use crate::streams::{expectations, in_order, received, understood};
 use crate::wire::compare;
 
 /// One vector of protocol `dbus`.
 pub fn dbus(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
-    received(Dbus, kind, vector, tolerance, dbus_values)
+    understood(received(Dbus, kind, vector, tolerance, dbus_values)?, kind)
 }
 
 /// One vector of protocol `sbus`.
 pub fn sbus(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     match kind {
         "convert" => convert(vector, tolerance),
-        _ => received(Sbus, kind, vector, tolerance, sbus_values),
+        _ => understood(received(Sbus, kind, vector, tolerance, sbus_values)?, kind),
     }
 }
 
@@ -29,19 +28,19 @@ pub fn sbus(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check
 pub fn crsf(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     match kind {
         "convert" => convert(vector, tolerance),
-        _ => received(Crsf, kind, vector, tolerance, crsf_values),
+        _ => understood(received(Crsf, kind, vector, tolerance, crsf_values)?, kind),
     }
 }
 
 /// One vector of protocol `vt03`.
 pub fn vt03(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
-    received(Vt03, kind, vector, tolerance, vt03_values)
+    understood(received(Vt03, kind, vector, tolerance, vt03_values)?, kind)
 }
 
 /// One vector of protocol `ppm`: what comes of edges, all frames or the only one.
 pub fn ppm(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     if !matches!(kind, "sequence" | "stream") {
-        return Err(format!("this runner does not know the kind `{kind}`"));
+        return understood(false, kind);
     }
     let mut inputs = vector.object("inputs")?;
     let (mut ppm, mut at, mut heard) = (Ppm::new(), 0, Vec::new());
@@ -65,74 +64,6 @@ pub fn ppm(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check 
         let expected = expected.as_array().ok_or("a frame that is no list")?;
         compare("frame", expected, &channels.map(i64::from), tolerance)
     })
-}
-
-/// Compares the fields of a message with what is expected of it.
-type Values<M> = fn(&M, Fields, &mut Tolerance) -> Check;
-
-/// The kinds that are about bytes.
-fn received<P: Protocol<Message: std::fmt::Debug> + Copy>(
-    protocol: P,
-    kind: &str,
-    vector: &mut Fields,
-    tolerance: &mut Tolerance,
-    values: Values<P::Message>,
-) -> Check {
-    match kind {
-        "decode" => {
-            let frame = uart(vector.object("frame")?)?;
-            let expected = vector.take("expect")?;
-            for pieces in [frame.len(), 1, 7] {
-                let messages = heard(protocol, &frame, pieces);
-                let [message] = messages.as_slice() else {
-                    return Err(format!("in one frame: {messages:?}"));
-                };
-                values(message, Fields::of("expect", expected.clone())?, tolerance)?;
-            }
-            Ok(())
-        }
-        "reject" => {
-            let messages = heard(protocol, &uart(vector.object("frame")?)?, 1);
-            same("rejected", messages.is_empty(), &"nothing", &format!("{messages:?}"))
-        }
-        "stream" | "sequence" => {
-            let mut inputs = vector.object("inputs")?;
-            let bytes = bytes(&inputs.text("bytes")?)?;
-            inputs.finish()?;
-            let mut expect = vector.object("expect")?;
-            let expected = expect.list("frames")?;
-            expect.finish()?;
-            for pieces in [bytes.len(), 1, 7] {
-                let messages = heard(protocol, &bytes, pieces);
-                in_order(&expected, &messages, tolerance, |message, expected, tolerance| {
-                    values(message, Fields::of("frames", expected.clone())?, tolerance)
-                })?;
-            }
-            Ok(())
-        }
-        other => Err(format!("this runner does not know the kind `{other}`")),
-    }
-}
-
-/// What a stream makes of bytes in pieces, and of silence behind them.
-fn heard<P: Protocol>(protocol: P, bytes: &[u8], pieces: usize) -> Vec<P::Message> {
-    let (mut stream, mut heard) = (Stream::new(protocol), Vec::new());
-    for piece in bytes.chunks(pieces.max(1)) {
-        stream.receive(piece, Micros::ZERO, |message| heard.push(message));
-    }
-    stream.receive(&[], Micros::from_millis(1000), |message| heard.push(message));
-    heard
-}
-
-fn in_order<M: std::fmt::Debug>(
-    expected: &[Value],
-    messages: &[M],
-    tolerance: &mut Tolerance,
-    compare: impl Fn(&M, &Value, &mut Tolerance) -> Check,
-) -> Check {
-    let count = expected.len();
-    same("frames", count == messages.len(), &count, &format!("{messages:?}"))?;
-    messages.iter().zip(expected).try_for_each(|(message, one)| compare(message, one, tolerance))
 }
 
 /// The pulse a raw channel stands for.
@@ -173,10 +104,10 @@ const fn position(switch: Switch) -> i64 {
 }
 
 /// Channels without their middle, as DJI's code has them.
-fn dbus_values(frame: &DbusFrame, expected: Fields, tolerance: &mut Tolerance) -> Check {
+fn dbus_values(frame: &DbusFrame, expected: &Value, tolerance: &mut Tolerance) -> Check {
     let centred = |raw: u16| i64::from(raw) - 1024;
     let [right_x, right_y, left_x, left_y] = frame.channels.map(centred);
-    for (field, value) in expected.into_expectations()? {
+    for (field, value) in expectations(expected)? {
         let actual = match field.as_str() {
             "ch0_right_h" => right_x,
             "ch1_right_v" => right_y,
@@ -207,8 +138,8 @@ fn dbus_values(frame: &DbusFrame, expected: Fields, tolerance: &mut Tolerance) -
     Ok(())
 }
 
-fn sbus_values(frame: &SbusFrame, expected: Fields, tolerance: &mut Tolerance) -> Check {
-    for (field, value) in expected.into_expectations()? {
+fn sbus_values(frame: &SbusFrame, expected: &Value, tolerance: &mut Tolerance) -> Check {
+    for (field, value) in expectations(expected)? {
         match field.as_str() {
             "channels" => list(&field, &value, &frame.channels.map(i64::from), tolerance)?,
             "ch17" => flag(&field, &value, frame.digital[0])?,
@@ -221,8 +152,8 @@ fn sbus_values(frame: &SbusFrame, expected: Fields, tolerance: &mut Tolerance) -
     Ok(())
 }
 
-fn crsf_values(frame: &CrsfFrame, expected: Fields, tolerance: &mut Tolerance) -> Check {
-    for (field, value) in expected.into_expectations()? {
+fn crsf_values(frame: &CrsfFrame, expected: &Value, tolerance: &mut Tolerance) -> Check {
+    for (field, value) in expectations(expected)? {
         let actual = match (field.as_str(), frame) {
             ("type", CrsfFrame::Channels(_)) => 0x16,
             ("type", CrsfFrame::Link(_)) => 0x14,
@@ -247,9 +178,9 @@ fn crsf_values(frame: &CrsfFrame, expected: Fields, tolerance: &mut Tolerance) -
     Ok(())
 }
 
-fn vt03_values(frame: &Vt03Frame, expected: Fields, tolerance: &mut Tolerance) -> Check {
+fn vt03_values(frame: &Vt03Frame, expected: &Value, tolerance: &mut Tolerance) -> Check {
     let [left, right, middle] = frame.mouse_buttons.map(i64::from);
-    for (field, value) in expected.into_expectations()? {
+    for (field, value) in expectations(expected)? {
         let actual = match field.as_str() {
             "ch" => {
                 list(&field, &value, &frame.channels.map(i64::from), tolerance)?;
