@@ -114,7 +114,8 @@ impl<'r> Emulation<'r> {
         if let (Some(control), Some(link)) = (&description.remote, &remote) {
             match &link.wire {
                 ReceiverWire::Serial(wire) => {
-                    machine.connect_serial(control.uart, wire, link.receiver.is_inverted())
+                    let inverted = link.receiver.serial().is_some_and(|serial| serial.inverted);
+                    machine.connect_serial(control.uart, wire, inverted)
                 }
                 ReceiverWire::Pulses(wire) => machine.connect_pulses(control.pulse_pin, wire),
             }

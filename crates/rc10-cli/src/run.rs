@@ -13,7 +13,7 @@ use rc10_emu::fault::Kind;
 
 use crate::figures::{bus_table, line_table, motor_table, remote_lines, to_json};
 use crate::recording::Recording;
-use crate::remote::Receiver;
+use crate::remote::{self, Receiver};
 use crate::report::report;
 use crate::robot::Robot;
 use crate::simulate::simulate;
@@ -28,7 +28,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
     /// The receiver of the robot's remote control [default: the one that the robot names]
-    #[arg(long, value_name = "RECEIVER", value_enum, ignore_case = true)]
+    #[arg(long, value_name = "RECEIVER", value_parser = remote::parser(), ignore_case = true)]
     pub remote: Option<Receiver>,
     /// Something goes wrong: remote-lost@4s or remote-lost@4s..4.5s; repeat for more
     #[arg(long = "fault", value_name = "FAULT")]

@@ -92,7 +92,7 @@ impl Surroundings {
             let hands = Remote::new();
             operator = Some(Operator::new(&hands, control));
             let receiver = control.receiver;
-            let wire = receiver.plug_in(&mut world, &hands);
+            let wire = ReceiverWire::new(receiver, &mut world, &hands);
             remote = Some(RemoteLink { remote: hands, receiver, wire });
         }
         Ok(Self { world, wires, lines, motors, base, serials, remote, operator })

@@ -33,7 +33,7 @@ pub fn description() -> Description {
         lines: 0,
         base: Some(Base { wheels: WHEELS.map(|name| name as usize), chassis }),
         remote: Some(RemoteControl {
-            receiver: RECEIVER.into(),
+            receiver: RECEIVER,
             receivers: Receiver::ALL.into(),
             uart: REMOTE_UART,
             pulse_pin: PULSE_PIN,
@@ -90,7 +90,7 @@ pub fn robot<'r>(io: &'r Io<'_>, buses: [Bus<'r>; BUSES]) -> Robot<'r> {
         .task(driver::run(io))
         .task(status::run(io))
         .remote(&io.remote_reception, async |receiver, port| match port {
-            ReceiverPort::Serial(port) => remote::listen(io, receiver.into(), port).await,
+            ReceiverPort::Serial(port) => remote::listen(io, receiver, port).await,
             ReceiverPort::Pulses(mut port) => {
                 remote::listen_pulses(io, async || port.rising_edge().await).await
             }

@@ -4,18 +4,16 @@
 mod operator;
 mod watch;
 
-use std::fmt;
-
-use anyhow::{Result, bail, ensure};
-use clap::ValueEnum;
+use anyhow::{Context, Result, bail, ensure};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use rc10_can::Micros;
 use rc10_emu::Fault;
 use rc10_emu::fault::Kind;
-use rc10_module::remote as module;
 use rc10_sim::remote::{Controls, Crsf, Dr16, Ppm, Remote, Sbus, Vt03};
 use rc10_sim::{Nanos, PulsePort, Pulses, Serial, UartPort, World};
 
 pub use operator::Operator;
+pub use rc10_module::remote::Receiver;
 pub use watch::{Loss, RemoteSample, RemoteTrack, Sight, Watch};
 
 /// What the tools must know of a robot's remote control.
@@ -57,89 +55,24 @@ pub struct Lost {
     pub until: Option<Micros>,
 }
 
-/// A receiver of a remote control, as its simulated twin.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Receiver {
-    /// DJI's: 18 bytes every 14 ms
-    Dr16,
-    /// Futaba, `FrSky`: 25 bytes every 14 ms, with a failsafe flag
-    #[value(help = "Futaba, FrSky: 25 bytes every 14 ms, with a failsafe flag")]
-    Sbus,
-    /// `ExpressLRS`, TBS: 150 frames a second, and link statistics
-    #[value(help = "ExpressLRS, TBS: 150 frames a second, and link statistics")]
-    Crsf,
-    /// Pulses of eight channels, every 22 ms
-    Ppm,
-    /// DJI's video link: 21 bytes every 14 ms
-    Vt03,
-}
-
-impl Receiver {
-    /// All of them.
-    pub const ALL: [Self; 5] = [Self::Dr16, Self::Sbus, Self::Crsf, Self::Ppm, Self::Vt03];
-
-    /// Whether its output is low when idle.
-    #[must_use]
-    pub const fn is_inverted(self) -> bool {
-        matches!(self, Self::Dr16 | Self::Sbus)
-    }
-
-    /// Puts its twin at the end of a wire; its first frame comes at a time of chance.
-    pub fn plug_in(self, world: &mut World, remote: &Remote) -> ReceiverWire {
-        let phase = world.chance(Nanos::new(14_000_000));
-        match self {
-            Self::Dr16 => {
-                ReceiverWire::Serial(world.add_serial(Dr16::SERIAL, Dr16::new(remote, phase)))
-            }
-            Self::Sbus => {
-                ReceiverWire::Serial(world.add_serial(Sbus::SERIAL, Sbus::new(remote, phase)))
-            }
-            Self::Crsf => {
-                ReceiverWire::Serial(world.add_serial(Crsf::SERIAL, Crsf::new(remote, phase)))
-            }
-            Self::Vt03 => {
-                ReceiverWire::Serial(world.add_serial(Vt03::SERIAL, Vt03::new(remote, phase)))
-            }
-            Self::Ppm => ReceiverWire::Pulses(world.add_pulses(Ppm::new(remote, phase))),
-        }
+/// What the command line says of a receiver.
+const fn help(receiver: Receiver) -> &'static str {
+    match receiver {
+        Receiver::Dr16 => "DJI's: 18 bytes every 14 ms",
+        Receiver::Sbus => "Futaba, FrSky: 25 bytes every 14 ms, with a failsafe flag",
+        Receiver::Crsf => "ExpressLRS, TBS: 150 frames a second, and link statistics",
+        Receiver::Ppm => "Pulses of eight channels, every 22 ms",
+        Receiver::Vt03 => "DJI's video link: 21 bytes every 14 ms",
     }
 }
 
-impl From<Receiver> for module::Receiver {
-    fn from(receiver: Receiver) -> Self {
-        match receiver {
-            Receiver::Dr16 => Self::Dr16,
-            Receiver::Sbus => Self::Sbus,
-            Receiver::Crsf => Self::Crsf,
-            Receiver::Ppm => Self::Ppm,
-            Receiver::Vt03 => Self::Vt03,
-        }
-    }
-}
-
-impl From<module::Receiver> for Receiver {
-    fn from(receiver: module::Receiver) -> Self {
-        match receiver {
-            module::Receiver::Dr16 => Self::Dr16,
-            module::Receiver::Sbus => Self::Sbus,
-            module::Receiver::Crsf => Self::Crsf,
-            module::Receiver::Ppm => Self::Ppm,
-            module::Receiver::Vt03 => Self::Vt03,
-        }
-    }
-}
-
-impl fmt::Display for Receiver {
-    /// As on the command line.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Dr16 => "dr16",
-            Self::Sbus => "sbus",
-            Self::Crsf => "crsf",
-            Self::Ppm => "ppm",
-            Self::Vt03 => "vt03",
-        })
-    }
+/// Reads the name of a receiver, in small letters or capitals.
+pub(crate) fn parser() -> impl TypedValueParser<Value = Receiver> {
+    let named = |receiver: Receiver| PossibleValue::new(receiver.name()).help(help(receiver));
+    PossibleValuesParser::new(Receiver::ALL.map(named)).try_map(|name| {
+        let is_named = |receiver: &Receiver| receiver.name().eq_ignore_ascii_case(&name);
+        Receiver::ALL.into_iter().find(is_named).context("no receiver")
+    })
 }
 
 /// What a receiver is plugged into.
@@ -152,6 +85,18 @@ pub enum ReceiverWire {
 }
 
 impl ReceiverWire {
+    /// Puts a receiver's twin at the end of a wire; its first frame comes at a time of chance.
+    pub fn new(receiver: Receiver, world: &mut World, remote: &Remote) -> Self {
+        let phase = world.chance(Nanos::new(14_000_000));
+        Self::Serial(match receiver {
+            Receiver::Dr16 => world.add_serial(Dr16::SERIAL, Dr16::new(remote, phase)),
+            Receiver::Sbus => world.add_serial(Sbus::SERIAL, Sbus::new(remote, phase)),
+            Receiver::Crsf => world.add_serial(Crsf::SERIAL, Crsf::new(remote, phase)),
+            Receiver::Vt03 => world.add_serial(Vt03::SERIAL, Vt03::new(remote, phase)),
+            Receiver::Ppm => return Self::Pulses(world.add_pulses(Ppm::new(remote, phase))),
+        })
+    }
+
     /// The robot's end.
     #[must_use]
     pub fn port(&self) -> ReceiverPort {
@@ -197,8 +142,7 @@ impl RemoteControl {
     /// # Errors
     /// If the robot cannot listen to it.
     pub fn plug(&mut self, receiver: Receiver) -> Result<()> {
-        let names =
-            || self.receivers.iter().map(Receiver::to_string).collect::<Vec<_>>().join(", ");
+        let names = || self.receivers.iter().map(|one| one.name()).collect::<Vec<_>>().join(", ");
         ensure!(self.receivers.contains(&receiver), "no {receiver}: this robot takes {}", names());
         self.receiver = receiver;
         Ok(())

@@ -18,6 +18,8 @@ mod travel;
 mod vt03;
 mod watch;
 
+use core::fmt;
+
 use rc10_can::Micros;
 
 pub use channels::{Channel, ChannelMap, ChannelMapError, ChannelOrder};
@@ -113,6 +115,29 @@ pub enum Receiver {
     Ppm,
     /// DJI VT03 or VT13, the video link of 2025.
     Vt03,
+}
+
+impl Receiver {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Dr16, Self::Sbus, Self::Crsf, Self::Ppm, Self::Vt03];
+
+    /// Its name in small letters.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Dr16 => "dr16",
+            Self::Sbus => "sbus",
+            Self::Crsf => "crsf",
+            Self::Ppm => "ppm",
+            Self::Vt03 => "vt03",
+        }
+    }
+}
+
+impl fmt::Display for Receiver {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
 }
 
 /// How fresh what a remote says is.
