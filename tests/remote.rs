@@ -30,8 +30,13 @@ struct Scene<'r> {
     commands: [Vec<TraceEntry>; 3],
 }
 
-/// A scene before power-on. `change` is what is different about its surroundings.
-fn scene<T>(
+/// A scene before power-on.
+fn scene<T>(receiver: Receiver, seed: u64, play: impl FnOnce(Scene<'_>) -> T) -> T {
+    scene_with(receiver, seed, |_| (), play)
+}
+
+/// The same; `change` is what is different about its surroundings.
+fn scene_with<T>(
     receiver: Receiver,
     seed: u64,
     change: impl FnOnce(&mut Surroundings),
@@ -137,36 +142,27 @@ fn every_motor_coasts_within_120_ms_of_the_last_good_frame() {
         let (mut soonest, mut latest) = (Micros::new(u64::MAX), Micros::ZERO);
         for seed in 1..=3 {
             for moment in MOMENTS {
-                scene(
-                    receiver,
-                    seed,
-                    |_| (),
-                    |scene| {
-                        let mut scene = lose_while_driving(scene, Micros::new(moment));
-                        scene.run(millis(300));
-                        let last = scene.last_current().unwrap();
-                        let reaction = last.since(scene.last_frame());
-                        let what = format!("{receiver} seed {seed} at +{moment} us: {reaction}");
-                        assert!(reaction <= millis(120), "{what}");
-                        // Not by every hiccup, either.
-                        assert!(reaction >= millis(75), "{what}");
-                        (soonest, latest) = (soonest.min(reaction), latest.max(reaction));
-                        assert_eq!(scene.arm(), ArmState::Suspended, "{what}");
-                        for name in WHEELS.into_iter().chain([Name::Yaw, Name::Pitch, Name::Feeder])
-                        {
-                            assert_eq!(
-                                (scene.drive(name), scene.is_driven(name)),
-                                (Drive::Coast, false)
-                            );
-                        }
-                        for name in LIFT {
-                            assert_eq!(
-                                (scene.drive(name), scene.is_driven(name)),
-                                (Drive::Hold, true)
-                            );
-                        }
-                    },
-                );
+                scene(receiver, seed, |scene| {
+                    let mut scene = lose_while_driving(scene, Micros::new(moment));
+                    scene.run(millis(300));
+                    let last = scene.last_current().unwrap();
+                    let reaction = last.since(scene.last_frame());
+                    let what = format!("{receiver} seed {seed} at +{moment} us: {reaction}");
+                    assert!(reaction <= millis(120), "{what}");
+                    // Not by every hiccup, either.
+                    assert!(reaction >= millis(75), "{what}");
+                    (soonest, latest) = (soonest.min(reaction), latest.max(reaction));
+                    assert_eq!(scene.arm(), ArmState::Suspended, "{what}");
+                    for name in WHEELS.into_iter().chain([Name::Yaw, Name::Pitch, Name::Feeder]) {
+                        assert_eq!(
+                            (scene.drive(name), scene.is_driven(name)),
+                            (Drive::Coast, false)
+                        );
+                    }
+                    for name in LIFT {
+                        assert_eq!((scene.drive(name), scene.is_driven(name)), (Drive::Hold, true));
+                    }
+                });
             }
         }
         println!("{receiver}: the last current ends {soonest} to {latest} after the last frame");
@@ -185,51 +181,43 @@ fn back_within_a_second_it_goes_on_without_a_jump() {
         for (seed, gap, moment) in
             [(1, 150, 300), (2, 400, 5_000), (3, 650, 9_700), (4, 850, 17_000)]
         {
-            scene(
-                receiver,
-                seed,
-                |_| (),
-                |scene| {
-                    let mut scene = lose_while_driving(scene, Micros::new(moment));
-                    scene.run(millis(gap));
-                    assert_eq!(scene.arm(), ArmState::Suspended, "{receiver} {gap} ms");
-                    let rolling = scene.rpm(Name::FrontLeft);
-                    scene.transmitter(true);
-                    let back = scene.now();
-                    let mut resumed = None;
-                    let mut before: Option<[(f64, f64); 4]> = None;
-                    for _ in 0..80 {
-                        scene.run(millis(10));
-                        let now = WHEELS.map(|name| {
-                            let status = scene.io.motor(name).status();
-                            let target = match (status.drive, status.target) {
-                                (Drive::Run, Target::Speed(speed)) => f64::from(speed.get()),
-                                // What it would have to begin with.
-                                _ => f64::from(status.feedback.speed.get()),
-                            };
-                            (target, f64::from(status.feedback.speed.get()))
-                        });
-                        for (now, before) in now.iter().zip(before.iter().flatten()) {
-                            let what = format!("{receiver} {gap} ms: {before:?} to {now:?}");
-                            assert!((now.0 - before.0).abs() <= tenth, "target {what}");
-                            assert!((now.1 - before.1).abs() <= tenth, "speed {what}");
-                        }
-                        before = Some(now);
-                        if scene.arm() == ArmState::Armed && resumed.is_none() {
-                            resumed = Some(scene.now());
-                        }
+            scene(receiver, seed, |scene| {
+                let mut scene = lose_while_driving(scene, Micros::new(moment));
+                scene.run(millis(gap));
+                assert_eq!(scene.arm(), ArmState::Suspended, "{receiver} {gap} ms");
+                let rolling = scene.rpm(Name::FrontLeft);
+                scene.transmitter(true);
+                let back = scene.now();
+                let mut resumed = None;
+                let mut before: Option<[(f64, f64); 4]> = None;
+                for _ in 0..80 {
+                    scene.run(millis(10));
+                    let now = WHEELS.map(|name| {
+                        let status = scene.io.motor(name).status();
+                        let target = match (status.drive, status.target) {
+                            (Drive::Run, Target::Speed(speed)) => f64::from(speed.get()),
+                            // What it would have to begin with.
+                            _ => f64::from(status.feedback.speed.get()),
+                        };
+                        (target, f64::from(status.feedback.speed.get()))
+                    });
+                    for (now, before) in now.iter().zip(before.iter().flatten()) {
+                        let what = format!("{receiver} {gap} ms: {before:?} to {now:?}");
+                        assert!((now.0 - before.0).abs() <= tenth, "target {what}");
+                        assert!((now.1 - before.1).abs() <= tenth, "speed {what}");
                     }
-                    let resumed = resumed.unwrap().since(back);
-                    assert!(resumed <= millis(130), "{receiver} {gap} ms: {resumed}");
-                    // It had slowed down, and is as fast as before.
-                    let speed = scene.rpm(Name::FrontLeft);
-                    assert!(
-                        speed > rolling + 10.0 || gap < 200,
-                        "{receiver}: {rolling} to {speed}"
-                    );
-                    assert!((speed - 0.6 * full_speed()).abs() < 8.0, "{receiver}: {speed}");
-                },
-            );
+                    before = Some(now);
+                    if scene.arm() == ArmState::Armed && resumed.is_none() {
+                        resumed = Some(scene.now());
+                    }
+                }
+                let resumed = resumed.unwrap().since(back);
+                assert!(resumed <= millis(130), "{receiver} {gap} ms: {resumed}");
+                // It had slowed down, and is as fast as before.
+                let speed = scene.rpm(Name::FrontLeft);
+                assert!(speed > rolling + 10.0 || gap < 200, "{receiver}: {rolling} to {speed}");
+                assert!((speed - 0.6 * full_speed()).abs() < 8.0, "{receiver}: {speed}");
+            });
         }
     }
 }
@@ -238,35 +226,30 @@ fn back_within_a_second_it_goes_on_without_a_jump() {
 fn after_a_second_it_is_disarmed_and_only_a_hand_arms_it() {
     for receiver in Receiver::ALL {
         for (seed, moment) in [(5, 0), (6, 7_700)] {
-            scene(
-                receiver,
-                seed,
-                |_| (),
-                |scene| {
-                    let mut scene = lose_while_driving(scene, Micros::new(moment));
-                    scene.run(millis(960));
-                    assert_eq!(scene.arm(), ArmState::Suspended, "{receiver}");
-                    scene.run(millis(80));
-                    assert_eq!(scene.arm(), ArmState::Disarmed, "{receiver}");
-                    let since = scene.now().since(scene.last_frame());
-                    assert!(since >= millis(1000), "{receiver}: {since}");
-                    let _ = scene.last_current();
-                    // The stick is where it was, the switch too; SBUS has sent both all the time.
-                    scene.run(millis(2000));
-                    scene.transmitter(true);
-                    scene.run(millis(2000));
-                    assert_eq!(scene.arm(), ArmState::Disarmed, "{receiver}: nobody has armed it");
-                    assert_eq!(scene.last_current(), None, "{receiver}");
-                    for name in WHEELS.into_iter().chain(LIFT) {
-                        assert_eq!((scene.drive(name), scene.is_driven(name)), (Drive::Off, false));
-                    }
-                    assert!(scene.rpm(Name::FrontLeft).abs() < 1.0);
-                    scene.arm_by_hand();
-                    scene.hands(DRIVE);
-                    scene.run(millis(800));
-                    assert!(scene.rpm(Name::FrontLeft) > 100.0, "{receiver}");
-                },
-            );
+            scene(receiver, seed, |scene| {
+                let mut scene = lose_while_driving(scene, Micros::new(moment));
+                scene.run(millis(960));
+                assert_eq!(scene.arm(), ArmState::Suspended, "{receiver}");
+                scene.run(millis(80));
+                assert_eq!(scene.arm(), ArmState::Disarmed, "{receiver}");
+                let since = scene.now().since(scene.last_frame());
+                assert!(since >= millis(1000), "{receiver}: {since}");
+                let _ = scene.last_current();
+                // The stick is where it was, the switch too; SBUS has sent both all the time.
+                scene.run(millis(2000));
+                scene.transmitter(true);
+                scene.run(millis(2000));
+                assert_eq!(scene.arm(), ArmState::Disarmed, "{receiver}: nobody has armed it");
+                assert_eq!(scene.last_current(), None, "{receiver}");
+                for name in WHEELS.into_iter().chain(LIFT) {
+                    assert_eq!((scene.drive(name), scene.is_driven(name)), (Drive::Off, false));
+                }
+                assert!(scene.rpm(Name::FrontLeft).abs() < 1.0);
+                scene.arm_by_hand();
+                scene.hands(DRIVE);
+                scene.run(millis(800));
+                assert!(scene.rpm(Name::FrontLeft) > 100.0, "{receiver}");
+            });
         }
     }
 }
@@ -283,7 +266,7 @@ fn a_failsafe_flag_stops_at_once() {
             link.wire = ReceiverWire::Serial(around.world.add_serial(Sbus::SERIAL, receiver));
         };
         for moment in MOMENTS {
-            scene(Receiver::Sbus, 1, impatient, |scene| {
+            scene_with(Receiver::Sbus, 1, impatient, |scene| {
                 let mut scene = lose_while_driving(scene, Micros::new(moment));
                 scene.run(millis(200));
                 assert_eq!(scene.arm(), ArmState::Suspended);
@@ -301,22 +284,17 @@ fn a_failsafe_flag_stops_at_once() {
 #[test]
 fn nobody_notices_a_gap_that_is_short() {
     for receiver in Receiver::ALL {
-        scene(
-            receiver,
-            9,
-            |_| (),
-            |scene| {
-                let mut scene = lose_while_driving(scene, Micros::ZERO);
-                for _ in 0..5 {
-                    scene.run(millis(30));
-                    scene.transmitter(true);
-                    scene.run(millis(70));
-                    assert_eq!(scene.arm(), ArmState::Armed, "{receiver}");
-                    scene.transmitter(false);
-                }
-                assert!(scene.rpm(Name::FrontLeft) > 100.0);
-            },
-        );
+        scene(receiver, 9, |scene| {
+            let mut scene = lose_while_driving(scene, Micros::ZERO);
+            for _ in 0..5 {
+                scene.run(millis(30));
+                scene.transmitter(true);
+                scene.run(millis(70));
+                assert_eq!(scene.arm(), ArmState::Armed, "{receiver}");
+                scene.transmitter(false);
+            }
+            assert!(scene.rpm(Name::FrontLeft) > 100.0);
+        });
     }
 }
 
@@ -326,33 +304,28 @@ fn nobody_notices_a_gap_that_is_short() {
 fn after_every_fault_of_the_line_the_next_frame_arrives() {
     for receiver in [Receiver::Dr16, Receiver::Sbus, Receiver::Crsf, Receiver::Vt03] {
         let heard = |faults: u64| {
-            scene(
-                receiver,
-                11,
-                |_| (),
-                |mut scene| {
-                    scene.arm_by_hand();
-                    scene.hands(DRIVE);
-                    let wire = scene.around.remote.as_ref().unwrap().wire.clone();
-                    let ReceiverWire::Serial(wire) = wire else { unreachable!() };
-                    for (number, fault) in (0..100).zip(UartFault::ALL.into_iter().cycle()) {
-                        // 30 to 45 ms: never twice in one frame.
-                        scene.run(Micros::new(30_000 + number * 7919 % 15_000));
-                        if number < faults {
-                            wire.inject(fault);
-                        }
-                        assert_eq!(scene.arm(), ArmState::Armed, "{receiver}");
+            scene(receiver, 11, |mut scene| {
+                scene.arm_by_hand();
+                scene.hands(DRIVE);
+                let wire = scene.around.remote.as_ref().unwrap().wire.clone();
+                let ReceiverWire::Serial(wire) = wire else { unreachable!() };
+                for (number, fault) in (0..100).zip(UartFault::ALL.into_iter().cycle()) {
+                    // 30 to 45 ms: never twice in one frame.
+                    scene.run(Micros::new(30_000 + number * 7919 % 15_000));
+                    if number < faults {
+                        wire.inject(fault);
                     }
-                    // The last one hits a frame that is still to come.
-                    scene.run(millis(30));
-                    assert!(scene.rpm(Name::FrontLeft) > 100.0);
-                    // The last fault waits for a byte.
-                    scene.run(millis(30));
-                    let SerialCounters { overrun, injected, .. } = wire.counters();
-                    assert_eq!((overrun, injected), (0, faults));
-                    scene.io.remote_reception.read()
-                },
-            )
+                    assert_eq!(scene.arm(), ArmState::Armed, "{receiver}");
+                }
+                // The last one hits a frame that is still to come.
+                scene.run(millis(30));
+                assert!(scene.rpm(Name::FrontLeft) > 100.0);
+                // The last fault waits for a byte.
+                scene.run(millis(30));
+                let SerialCounters { overrun, injected, .. } = wire.counters();
+                assert_eq!((overrun, injected), (0, faults));
+                scene.io.remote_reception.read()
+            })
         };
         let (without, with) = (heard(0), heard(100));
         assert_eq!((without.damaged, without.port_errors), (0, 0), "{receiver}");

@@ -27,52 +27,47 @@ impl Scene<'_> {
 
 #[test]
 fn what_matters_most_is_shown() {
-    scene(
-        Receiver::Dr16,
-        4,
-        |_| (),
-        |mut scene| {
-            scene.transmitter(false);
-            scene.run(millis(50));
-            assert_eq!(scene.lamp(), State::LinkLost, "nothing heard yet");
-            scene.transmitter(true);
-            scene.hands(DOWN);
-            scene.run(millis(200));
-            assert_eq!(scene.lamp(), State::Disarmed);
-            scene.transmitter(false);
-            scene.run(millis(200));
-            assert_eq!((scene.lamp(), scene.arm()), (State::Suspended, ArmState::Disarmed));
-            scene.transmitter(true);
-            scene.arm_by_hand();
-            assert_eq!(scene.lamp(), State::Armed);
+    scene(Receiver::Dr16, 4, |mut scene| {
+        scene.transmitter(false);
+        scene.run(millis(50));
+        assert_eq!(scene.lamp(), State::LinkLost, "nothing heard yet");
+        scene.transmitter(true);
+        scene.hands(DOWN);
+        scene.run(millis(200));
+        assert_eq!(scene.lamp(), State::Disarmed);
+        scene.transmitter(false);
+        scene.run(millis(200));
+        assert_eq!((scene.lamp(), scene.arm()), (State::Suspended, ArmState::Disarmed));
+        scene.transmitter(true);
+        scene.arm_by_hand();
+        assert_eq!(scene.lamp(), State::Armed);
 
-            // A motor without power is a fault, armed or not; a remote that is missing is more.
-            scene.power(Name::Pitch, false);
-            scene.run(millis(300));
-            assert_eq!((scene.lamp(), scene.arm()), (State::Fault, ArmState::Armed));
-            scene.transmitter(false);
-            scene.run(millis(200));
-            assert_eq!((scene.lamp(), scene.arm()), (State::Suspended, ArmState::Suspended));
-            scene.run(millis(1000));
-            assert_eq!((scene.lamp(), scene.arm()), (State::LinkLost, ArmState::Disarmed));
-            scene.transmitter(true);
-            scene.hands(DOWN);
-            scene.run(millis(200));
-            assert_eq!((scene.lamp(), scene.arm()), (State::Fault, ArmState::Disarmed));
+        // A motor without power is a fault, armed or not; a remote that is missing is more.
+        scene.power(Name::Pitch, false);
+        scene.run(millis(300));
+        assert_eq!((scene.lamp(), scene.arm()), (State::Fault, ArmState::Armed));
+        scene.transmitter(false);
+        scene.run(millis(200));
+        assert_eq!((scene.lamp(), scene.arm()), (State::Suspended, ArmState::Suspended));
+        scene.run(millis(1000));
+        assert_eq!((scene.lamp(), scene.arm()), (State::LinkLost, ArmState::Disarmed));
+        scene.transmitter(true);
+        scene.hands(DOWN);
+        scene.run(millis(200));
+        assert_eq!((scene.lamp(), scene.arm()), (State::Fault, ArmState::Disarmed));
 
-            // A stop is more than anything else, and stays when the remote is lost.
-            scene.hands(STOP);
-            scene.run(millis(100));
-            assert_eq!((scene.lamp(), scene.arm()), (State::Stopped, ArmState::EStopped));
-            scene.power(Name::Pitch, true);
-            scene.transmitter(false);
-            scene.run(millis(2000));
-            assert_eq!((scene.lamp(), scene.arm()), (State::Stopped, ArmState::EStopped));
-            scene.transmitter(true);
-            scene.arm_by_hand();
-            assert_eq!(scene.lamp(), State::Armed);
-        },
-    );
+        // A stop is more than anything else, and stays when the remote is lost.
+        scene.hands(STOP);
+        scene.run(millis(100));
+        assert_eq!((scene.lamp(), scene.arm()), (State::Stopped, ArmState::EStopped));
+        scene.power(Name::Pitch, true);
+        scene.transmitter(false);
+        scene.run(millis(2000));
+        assert_eq!((scene.lamp(), scene.arm()), (State::Stopped, ArmState::EStopped));
+        scene.transmitter(true);
+        scene.arm_by_hand();
+        assert_eq!(scene.lamp(), State::Armed);
+    });
 }
 
 /// A strip that keeps what was written last, and refuses every third time.
@@ -102,38 +97,32 @@ struct Refused;
 
 #[test]
 fn the_strip_is_written_ten_times_a_second_whatever_it_says() {
-    scene(
-        Receiver::Dr16,
-        4,
-        |_| (),
-        |mut scene| {
-            let (io, strip) = (scene.io, Strip::default());
-            let lamp = lamp::run(io, strip.clone());
-            scene.tasks.add(async {
-                lamp.await;
-            });
-            scene.arm_by_hand();
-            scene.hands(STOP);
-            scene.run(millis(310));
-            // Red, even and fast, all alike: on for two marks of 100 ms, off for two.
-            let (mut on, mut off) = (0, 0);
-            for _ in 0..20 {
-                let before = strip.0.borrow().0;
-                scene.run(millis(100));
-                let (written, shown) = strip.0.borrow().clone();
-                assert_eq!(written, before + 1);
-                assert_eq!(shown.len(), LEDS);
-                if written.is_multiple_of(3) {
-                    continue;
-                }
-                let begun = scene.now().get() / 100_000 * 100_000;
-                let at = rc10_can::Micros::new(begun);
-                let expected: Vec<_> =
-                    (0..LEDS).map(|led| colour(State::Stopped, at, led)).collect();
-                assert_eq!(shown, expected, "{at}");
-                if shown[0] == RGB8::default() { off += 1 } else { on += 1 }
+    scene(Receiver::Dr16, 4, |mut scene| {
+        let (io, strip) = (scene.io, Strip::default());
+        let lamp = lamp::run(io, strip.clone());
+        scene.tasks.add(async {
+            lamp.await;
+        });
+        scene.arm_by_hand();
+        scene.hands(STOP);
+        scene.run(millis(310));
+        // Red, even and fast, all alike: on for two marks of 100 ms, off for two.
+        let (mut on, mut off) = (0, 0);
+        for _ in 0..20 {
+            let before = strip.0.borrow().0;
+            scene.run(millis(100));
+            let (written, shown) = strip.0.borrow().clone();
+            assert_eq!(written, before + 1);
+            assert_eq!(shown.len(), LEDS);
+            if written.is_multiple_of(3) {
+                continue;
             }
-            assert!(on >= 5 && off >= 5, "{on} on, {off} off");
-        },
-    );
+            let begun = scene.now().get() / 100_000 * 100_000;
+            let at = rc10_can::Micros::new(begun);
+            let expected: Vec<_> = (0..LEDS).map(|led| colour(State::Stopped, at, led)).collect();
+            assert_eq!(shown, expected, "{at}");
+            if shown[0] == RGB8::default() { off += 1 } else { on += 1 }
+        }
+        assert!(on >= 5 && off >= 5, "{on} on, {off} off");
+    });
 }

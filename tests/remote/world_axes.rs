@@ -6,7 +6,7 @@ use rc10_motor::ArmState;
 use rc10_sim::Pose;
 use rc10_sim::remote::{Controls, Stick, Switch};
 
-use super::{DOWN, DRIVE, Scene, millis, scene};
+use super::{DOWN, DRIVE, Scene, millis, scene, scene_with};
 
 /// The left stick forward, by the world's axes.
 const WORLD: Controls = Controls { right_switch: Switch::Up, ..DRIVE };
@@ -52,15 +52,10 @@ impl Scene<'_> {
 
 /// A scene with a DR16, armed unless told otherwise.
 fn armed(play: impl FnOnce(Scene<'_>)) {
-    scene(
-        Receiver::Dr16,
-        2,
-        |_| (),
-        |mut scene| {
-            scene.arm_by_hand();
-            play(scene);
-        },
-    );
+    scene(Receiver::Dr16, 2, |mut scene| {
+        scene.arm_by_hand();
+        play(scene);
+    });
 }
 
 #[track_caller]
@@ -145,7 +140,7 @@ fn without_an_imu_it_stops_until_it_is_armed_anew() {
 fn an_imu_that_comes_late_counts_from_the_next_arming_on() {
     // Never heard before, or heard while the robot was disarmed and not when it was armed.
     for heard_before in [false, true] {
-        scene(
+        scene_with(
             Receiver::Dr16,
             2,
             |around| around.serials[0].set_cut(!heard_before),
