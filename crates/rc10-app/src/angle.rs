@@ -267,6 +267,34 @@ mod tests {
     use super::*;
 
     /// `RC10_LIB`: 350 to 10 gave an error of -340.
+    /// Short numbers are divided another way than long ones.
+    #[test]
+    fn counts_on_another_scale_are_the_nearest_however_long_they_are() {
+        let scales = [
+            CountsPerTurn::MICRODEGREES,
+            CountsPerTurn::new(8192 * 3591, 187),
+            CountsPerTurn::new(8192 * 36, 1),
+            CountsPerTurn::new(1, 3),
+            CountsPerTurn::new(u32::MAX, u32::MAX - 1),
+        ];
+        let long = [1, 7, 49, 50, 187, 1_000_003, 312_345_678_901, i64::MAX / 3, i64::MAX];
+        let counts = long.into_iter().chain([0]).chain(long.map(|count| -count));
+        for count in counts {
+            for from in scales {
+                for to in scales {
+                    let top = i128::from(count) * i128::from(from.turns) * i128::from(to.counts);
+                    let bottom = i128::from(from.counts) * i128::from(to.turns);
+                    // Nearest, halves away from zero: twice the way off is at most the divisor.
+                    let got = i128::from(TotalAngle::new(count, from).counts_at(to));
+                    let off = 2 * (top - got * bottom);
+                    let is_nearest = off.abs() < bottom || off.abs() == bottom && off * top < 0;
+                    let saturates = got == i64::MAX.into() || got == i64::MIN.into();
+                    assert!(is_nearest || saturates || top == 0, "{count} {from:?} {to:?}: {got}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn from_350_to_10_degrees_is_20_forward() {
         let way = |from, to| shortest_way_degrees(Degrees::new(from), Degrees::new(to)).get();
