@@ -95,6 +95,10 @@ impl Lk {
     /// multi-motor frame), a model without a current loop, a gearbox that is faster than the rotor,
     /// or what [`Cascade::validate`](crate::cascade::Cascade::validate) finds.
     pub fn new(id: u8, config: Config) -> Result<Self, ConfigError> {
+        Self::build(id, config).map_err(|error| error.of_device(config.model.name, id.into()))
+    }
+
+    fn build(id: u8, config: Config) -> Result<Self, ConfigError> {
         let (id, lane) = config.checked(id)?;
         let Config { model, cascade, commands, direction } = config;
         let sign = direction.sign();
