@@ -94,6 +94,21 @@ pub struct LogLine {
     pub text: String,
 }
 
+/// What differs from chip to chip, and how the chip is where its manual can be read in two ways.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Whether the FDCANs' clock calibration unit has to be bypassed before a controller may send.
+    /// RM0399 59.4.5 says so; ST's HAL leaves it alone, and works. `true` if not said.
+    pub calibration_needed: bool,
+}
+
+impl Default for Options {
+    /// The stricter reading of everything.
+    fn default() -> Self {
+        Self { calibration_needed: true }
+    }
+}
+
 /// An emulated STM32H723 with a program in its flash.
 ///
 /// It has no wires of its own: [`connect`](Self::connect) puts its FDCANs on buses of a [`World`],
@@ -136,6 +151,14 @@ impl Machine {
     /// # Errors
     /// If the file is no program, or does not fit into the chip's memories.
     pub fn new(file: &[u8]) -> Result<Self> {
+        Self::with(file, Options::default())
+    }
+
+    /// As [`new`](Self::new), but not the strictest chip.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with(file: &[u8], options: Options) -> Result<Self> {
         let image = Image::parse(file)?;
         let log = Log::new(file, &image)?;
         let memory = Memory::with(&image)?;
@@ -145,7 +168,9 @@ impl Machine {
             memory.word(stack.wrapping_sub(4)).is_ok() && start & 1 == 1 && image.holds(start & !1),
             "no vector table at {FLASH:#010x}: this is no program for an STM32H7"
         );
-        let fdcan = Arc::new(Mutex::new(Fdcans::new()));
+        let mut fdcan = Fdcans::new();
+        fdcan.set_calibration_needed(options.calibration_needed);
+        let fdcan = Arc::new(Mutex::new(fdcan));
         let wiring = Wiring {
             soc: Arc::new(Mutex::new(Soc::new(Arc::clone(&fdcan), memory.clone()))),
             now: Arc::default(),
