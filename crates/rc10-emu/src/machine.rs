@@ -382,6 +382,12 @@ impl Machine {
         Ok(())
     }
 
+    /// The board's crystal stops swinging, now, or can swing again.
+    pub fn set_crystal(&self, alive: bool) {
+        let now = self.now();
+        self.wiring.soc().set_crystal(alive, now);
+    }
+
     /// Lets chip and world go on up to a time.
     ///
     /// # Errors
@@ -400,14 +406,15 @@ impl Machine {
             } else {
                 self.talk(world, next_of_world, now);
             }
-            let (levels, memories) = {
+            let (levels, nmi, memories) = {
                 let mut soc = self.wiring.soc();
                 soc.advance(now);
                 self.ready = self.ready.or(soc.system_ready_at());
-                (soc.interrupt_levels(), soc.memories_run())
+                (soc.interrupt_levels(), soc.nmi(), soc.memories_run())
             };
             self.core.set_memories(memories)?;
             self.core.set_interrupts(levels);
+            self.core.set_nmi(nmi);
             self.after(now)?;
         }
         Ok(())
@@ -431,8 +438,14 @@ impl Machine {
 
     /// Runs the core up to a time, or until it has touched a peripheral.
     fn execute(&mut self, horizon: u64) -> Result<()> {
-        let clock = self.wiring.soc().core_clock_hz().max(1);
+        let clock = self.wiring.soc().core_clock_hz();
         self.wiring.touched.store(false, Ordering::Relaxed);
+        if clock == 0 {
+            // Nothing is executed, and no interrupt taken.
+            self.now = horizon.max(self.now);
+            self.wiring.now.store(self.now, Ordering::Relaxed);
+            return Ok(());
+        }
         loop {
             let address = self.core.program_counter();
             let exception = self.core.exception();

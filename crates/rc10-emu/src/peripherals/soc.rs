@@ -234,7 +234,21 @@ impl Soc {
         levels
     }
 
-    /// The core's clock now, in hertz: 64 MHz after a reset.
+    /// Whether the core's non-maskable interrupt is asked for: by clock security.
+    #[must_use]
+    pub fn nmi(&self) -> bool {
+        self.rcc.raises_nmi()
+    }
+
+    /// The board's crystal stops swinging, or can swing again. A reset changes nothing about it.
+    pub fn set_crystal(&mut self, alive: bool, now: Nanos) {
+        self.advance(now);
+        self.rcc.set_crystal(alive, now);
+        self.apply_clocks(now);
+        self.settle(now);
+    }
+
+    /// The core's clock now, in hertz: 64 MHz after a reset; 0 if its source stands still.
     #[must_use]
     pub const fn core_clock_hz(&self) -> u64 {
         self.clocks.core
