@@ -383,9 +383,11 @@ impl Machine {
     }
 
     /// The board's crystal stops swinging, now, or can swing again.
-    pub fn set_crystal(&self, alive: bool) {
+    pub fn set_crystal(&mut self, alive: bool) {
         let now = self.now();
-        self.wiring.soc().set_crystal(alive, now);
+        let mut soc = self.wiring.soc();
+        soc.set_crystal(alive, now);
+        self.core.set_nmi(soc.nmi());
     }
 
     /// Lets chip and world go on up to a time.

@@ -126,9 +126,14 @@ impl Fdcans {
         self.apply_clock();
     }
 
+    /// The kernel clock behind the calibration unit's divider, hertz.
+    #[must_use]
+    pub const fn time_quantum_hz(&self) -> u64 {
+        self.kernel_hz / self.calibration.divider()
+    }
+
     fn apply_clock(&mut self) {
-        let (hz, valid) =
-            (self.kernel_hz / self.calibration.divider(), self.calibration.is_valid());
+        let (hz, valid) = (self.time_quantum_hz(), self.calibration.is_valid());
         self.controllers.iter_mut().for_each(|one| one.set_kernel_clock(hz, valid));
     }
 

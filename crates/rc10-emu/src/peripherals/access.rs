@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::clocks::TooFast;
+
 /// How much an access reads or writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
@@ -46,6 +48,8 @@ pub enum AccessKind {
     WaitStates,
     /// A DMA does not reach the memory, or cannot write it: a transfer error.
     OutOfReach,
+    /// What was written makes a clock faster than what it drives can be.
+    TooFast(TooFast),
 }
 
 /// An access that the chip does not like.
@@ -74,6 +78,9 @@ impl fmt::Display for Access {
             AccessKind::Protected => "locked",
             AccessKind::WaitStates => "too few wait states",
             AccessKind::OutOfReach => "out of the DMA's reach",
+            AccessKind::TooFast(clock) => {
+                return write!(f, "{verb} {:#010x} ({name}): {clock}", self.address);
+            }
         };
         write!(f, "{verb} {:#010x} ({name}): {what}", self.address)
     }
@@ -94,6 +101,8 @@ pub struct Counts {
     pub wait_states: u64,
     /// [`AccessKind::OutOfReach`].
     pub out_of_reach: u64,
+    /// [`AccessKind::TooFast`].
+    pub too_fast: u64,
 }
 
 impl Counts {
@@ -105,6 +114,7 @@ impl Counts {
             AccessKind::Protected => &mut self.protected,
             AccessKind::WaitStates => &mut self.wait_states,
             AccessKind::OutOfReach => &mut self.out_of_reach,
+            AccessKind::TooFast(_) => &mut self.too_fast,
         };
         *count += 1;
     }

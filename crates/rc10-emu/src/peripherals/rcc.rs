@@ -46,6 +46,8 @@ impl ResetCause {
     }
 }
 
+/// The address of `RCC_CR`: what is told of clocks that change without an access.
+pub(super) const CONTROL: u32 = 0x5802_4400;
 const CR: u32 = 0x00;
 const CFGR: u32 = 0x10;
 const D1CFGR: u32 = 0x18;

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use rc10_sim::Nanos;
 
 use super::access::{Access, AccessKind, BusFault, Counts, Refusal, Width, Write};
-use super::clocks::Clocks;
+use super::clocks::{self, Clocks, TooFast, Used};
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
 use super::exti::Exti;
 use super::gpio::{PINS, Port};
@@ -15,7 +15,7 @@ use super::map::{Block, MAP, Row, row_of};
 use super::outside::{Holder, Jumper, Recorder};
 use super::pins::{Signal, is_connected};
 use super::power::{self, Power};
-use super::rcc::{Rcc, ResetCause};
+use super::rcc::{self, Rcc, ResetCause};
 use super::registers::{self, Registers};
 use super::spi::{self, SPIS, Spi};
 use super::timer::{TIMERS, Timer};
@@ -65,6 +65,8 @@ pub struct Soc {
     memories_run: [bool; 2],
     clocks: Clocks,
     flash_keeps_up: bool,
+    /// The clocks that are too fast now.
+    too_fast: Vec<TooFast>,
     next: Option<Nanos>,
     levels: [u32; INTERRUPT_WORDS],
     wants_reset: bool,
@@ -107,6 +109,7 @@ impl Soc {
             memories_run: [false; 2],
             clocks: Clocks::default(),
             flash_keeps_up: true,
+            too_fast: Vec::new(),
             next: None,
             levels: [0; INTERRUPT_WORDS],
             wants_reset: false,
@@ -211,6 +214,7 @@ impl Soc {
             self.rcc.advance(at);
             if clocks_changed {
                 self.apply_clocks(at);
+                self.check_clocks(rcc::CONTROL, at);
             }
             self.watchdog.advance(at);
             self.timers.iter_mut().for_each(|timer| timer.advance(at));
@@ -367,6 +371,9 @@ impl Soc {
             }
             if matches!(row.block, Block::Rcc | Block::Power | Block::Flash) {
                 self.check_flash(address, now);
+            }
+            if matches!(row.block, Block::Rcc | Block::Power | Block::FdcanCalibration) {
+                self.check_clocks(address, now);
             }
         }
         Ok(row.block)
@@ -594,6 +601,27 @@ impl Soc {
             self.report(address, true, AccessKind::WaitStates);
         }
         self.flash_keeps_up = keeps_up;
+    }
+
+    /// Reports each clock once when it becomes too fast for what it drives.
+    fn check_clocks(&mut self, address: u32, now: Nanos) {
+        let mut used = Used::default();
+        for (row, _) in MAP.iter().zip(&self.running).filter(|(_, running)| **running) {
+            match row.block {
+                Block::Fdcan(_) => used.fdcan = true,
+                Block::Usart(usart) => used.usarts[USARTS[usart].bus] = true,
+                Block::Spi(spi) => used.spis[SPIS[spi].clock] = true,
+                Block::I2c(_) => used.i2cs = true,
+                _ => {}
+            }
+        }
+        let time_quantum = self.fdcans().time_quantum_hz();
+        let scale = self.power.scale(now);
+        let too_fast: Vec<_> = clocks::too_fast(&self.clocks, time_quantum, used, scale).collect();
+        let before = std::mem::replace(&mut self.too_fast, too_fast.clone());
+        for clock in too_fast.into_iter().filter(|clock| !before.contains(clock)) {
+            self.report(address, true, AccessKind::TooFast(clock));
+        }
     }
 
     /// After anything that may have changed: edges, transfers, interrupts, what comes next.

@@ -81,7 +81,7 @@ impl SpiDevice for Registers {
 }
 
 fn spi(cfg1: u32, cfg2: u32) -> (Chip, Registers) {
-    let mut chip = Chip::running();
+    let mut chip = Chip::with_pll1_q(4);
     chip.write(APB2ENR, 1 << 12);
     [5, 6, 7].iter().for_each(|&pin| chip.alternate(0, pin, 5));
     chip.set(crate::chip::AHB4ENR, 1 << 2, 1 << 2);
