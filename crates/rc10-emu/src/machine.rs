@@ -100,12 +100,14 @@ pub struct Options {
     /// Whether the FDCANs' clock calibration unit has to be bypassed before a controller may send.
     /// RM0399 59.4.5 says so; ST's HAL leaves it alone, and works. `true` if not said.
     pub calibration_needed: bool,
+    /// Seed of the noise that is in all RAM when power comes, the FDCANs' too. 1 if not said.
+    pub seed: u64,
 }
 
 impl Default for Options {
     /// The stricter reading of everything.
     fn default() -> Self {
-        Self { calibration_needed: true }
+        Self { calibration_needed: true, seed: 1 }
     }
 }
 
@@ -161,14 +163,14 @@ impl Machine {
     pub fn with(file: &[u8], options: Options) -> Result<Self> {
         let image = Image::parse(file)?;
         let log = Log::new(file, &image)?;
-        let memory = Memory::with(&image)?;
+        let memory = Memory::with(&image, options.seed)?;
         let [stack, start] = [memory.word(FLASH)?, memory.word(FLASH + 4)?];
         // The stack is full at first: its pointer may stand right behind a memory.
         ensure!(
             memory.word(stack.wrapping_sub(4)).is_ok() && start & 1 == 1 && image.holds(start & !1),
             "no vector table at {FLASH:#010x}: this is no program for an STM32H7"
         );
-        let mut fdcan = Fdcans::new();
+        let mut fdcan = Fdcans::new(options.seed);
         fdcan.set_calibration_needed(options.calibration_needed);
         let fdcan = Arc::new(Mutex::new(fdcan));
         let wiring = Wiring {

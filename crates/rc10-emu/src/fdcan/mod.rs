@@ -45,19 +45,14 @@ pub struct Fdcans {
     ram: MessageRam,
 }
 
-impl Default for Fdcans {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl Fdcans {
-    /// After power-on: kernel clock off, no pins, noise in the message RAM.
+    /// After power-on: kernel clock off, no pins, noise in the message RAM, other noise for another
+    /// seed.
     #[must_use]
-    pub fn new() -> Self {
+    pub fn new(seed: u64) -> Self {
         let controllers = [(); 3].map(|()| controller::Controller::new());
         let calibration = calibration::Calibration::new();
-        Self { controllers, calibration, kernel_hz: 0, ram: MessageRam::new() }
+        Self { controllers, calibration, kernel_hz: 0, ram: MessageRam::new(seed) }
     }
 
     /// The block's reset in RCC: all registers. Message RAM, kernel clock and pins stay, and so

@@ -27,8 +27,8 @@ pub struct Chip {
 
 impl Chip {
     pub fn new() -> Self {
-        let memory = Memory::new();
-        let soc = Soc::new(Arc::new(Mutex::new(Fdcans::new())), memory.clone());
+        let memory = Memory::new(1);
+        let soc = Soc::new(Arc::new(Mutex::new(Fdcans::new(1))), memory.clone());
         Self { soc, memory, now: 0 }
     }
 
