@@ -13,7 +13,7 @@ use rc10_can::Micros;
 use rc10_cli::emulate::{Emulation, Setup, content_hash};
 use rc10_cli::team;
 use rc10_emu::peripherals::{ResetCause, Width};
-use rc10_emu::{Figures, Machine, Rig};
+use rc10_emu::{Figures, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_robot::table::Name;
 use rc10_robot::{Io, Motors};
@@ -542,7 +542,9 @@ fn interop(name: &str, faults: &[&str]) -> Rig {
     let bus = world.add_bus(BusConfig::default());
     let models = [Model::C620, Model::Gm6020Voltage];
     let motors = models.map(|model| (0, bus.add_esc(EscConfig::new(model, 1)).unwrap()));
-    let machine = Machine::new(&program(name)).unwrap();
+    // They leave the calibration unit alone, as ST's HAL does.
+    let options = Options { calibration_needed: false };
+    let machine = Machine::with(&program(name), options).unwrap();
     let faults: Vec<_> = faults.iter().map(|fault| fault.parse().unwrap()).collect();
     Rig::new(machine, world, vec![bus], motors.into(), &faults).unwrap()
 }

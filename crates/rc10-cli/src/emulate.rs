@@ -44,7 +44,7 @@ pub struct EmuArgs {
     pub mips: Option<u64>,
     /// Something goes wrong: cut:2@0.3s..0.5s short:2@.. dominant:2@.. noise:2@0.3s power:2@..
     /// load:2@.. remote-lost@0.5s..0.7s hang@0.3s..320ms mask@0.3s..305ms panic@0.3s
-    /// hardfault@0.3s; repeat for more
+    /// hardfault@0.3s crystal-dead crystal-stops@0.3s; repeat for more
     #[arg(long = "fault", value_name = "FAULT")]
     pub faults: Vec<Fault>,
     /// Print one JSON object instead of tables

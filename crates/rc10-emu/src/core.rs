@@ -57,6 +57,8 @@ pub trait Core {
     fn sleep(&mut self, clocks: u64);
     /// The levels of the external interrupts: bit n of word n / 32.
     fn set_interrupts(&mut self, levels: [u32; INTERRUPT_WORDS]);
+    /// The level of the non-maskable interrupt.
+    fn set_nmi(&mut self, level: bool);
     /// Whether the program asked for a reset of the chip; forgets it.
     fn take_reset_request(&mut self) -> bool;
     /// Number of the exception that is handled; 0 in thread mode.
@@ -322,6 +324,10 @@ impl Core for Interpreter {
                 self.core.set_irq(word * 32 + bit as u16, new & (1 << bit) != 0);
             }
         }
+    }
+
+    fn set_nmi(&mut self, level: bool) {
+        self.core.set_nmi(level);
     }
 
     fn take_reset_request(&mut self) -> bool {

@@ -94,6 +94,21 @@ pub struct LogLine {
     pub text: String,
 }
 
+/// What differs from chip to chip, and how the chip is where its manual can be read in two ways.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Whether the FDCANs' clock calibration unit has to be bypassed before a controller may send.
+    /// RM0399 59.4.5 says so; ST's HAL leaves it alone, and works. `true` if not said.
+    pub calibration_needed: bool,
+}
+
+impl Default for Options {
+    /// The stricter reading of everything.
+    fn default() -> Self {
+        Self { calibration_needed: true }
+    }
+}
+
 /// An emulated STM32H723 with a program in its flash.
 ///
 /// It has no wires of its own: [`connect`](Self::connect) puts its FDCANs on buses of a [`World`],
@@ -136,6 +151,14 @@ impl Machine {
     /// # Errors
     /// If the file is no program, or does not fit into the chip's memories.
     pub fn new(file: &[u8]) -> Result<Self> {
+        Self::with(file, Options::default())
+    }
+
+    /// As [`new`](Self::new), but not the strictest chip.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with(file: &[u8], options: Options) -> Result<Self> {
         let image = Image::parse(file)?;
         let log = Log::new(file, &image)?;
         let memory = Memory::with(&image)?;
@@ -145,7 +168,9 @@ impl Machine {
             memory.word(stack.wrapping_sub(4)).is_ok() && start & 1 == 1 && image.holds(start & !1),
             "no vector table at {FLASH:#010x}: this is no program for an STM32H7"
         );
-        let fdcan = Arc::new(Mutex::new(Fdcans::new()));
+        let mut fdcan = Fdcans::new();
+        fdcan.set_calibration_needed(options.calibration_needed);
+        let fdcan = Arc::new(Mutex::new(fdcan));
         let wiring = Wiring {
             soc: Arc::new(Mutex::new(Soc::new(Arc::clone(&fdcan), memory.clone()))),
             now: Arc::default(),
@@ -357,6 +382,12 @@ impl Machine {
         Ok(())
     }
 
+    /// The board's crystal stops swinging, now, or can swing again.
+    pub fn set_crystal(&self, alive: bool) {
+        let now = self.now();
+        self.wiring.soc().set_crystal(alive, now);
+    }
+
     /// Lets chip and world go on up to a time.
     ///
     /// # Errors
@@ -375,14 +406,15 @@ impl Machine {
             } else {
                 self.talk(world, next_of_world, now);
             }
-            let (levels, memories) = {
+            let (levels, nmi, memories) = {
                 let mut soc = self.wiring.soc();
                 soc.advance(now);
                 self.ready = self.ready.or(soc.system_ready_at());
-                (soc.interrupt_levels(), soc.memories_run())
+                (soc.interrupt_levels(), soc.nmi(), soc.memories_run())
             };
             self.core.set_memories(memories)?;
             self.core.set_interrupts(levels);
+            self.core.set_nmi(nmi);
             self.after(now)?;
         }
         Ok(())
@@ -406,8 +438,14 @@ impl Machine {
 
     /// Runs the core up to a time, or until it has touched a peripheral.
     fn execute(&mut self, horizon: u64) -> Result<()> {
-        let clock = self.wiring.soc().core_clock_hz().max(1);
+        let clock = self.wiring.soc().core_clock_hz();
         self.wiring.touched.store(false, Ordering::Relaxed);
+        if clock == 0 {
+            // Nothing is executed, and no interrupt taken.
+            self.now = horizon.max(self.now);
+            self.wiring.now.store(self.now, Ordering::Relaxed);
+            return Ok(());
+        }
         loop {
             let address = self.core.program_counter();
             let exception = self.core.exception();

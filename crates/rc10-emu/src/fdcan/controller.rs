@@ -24,7 +24,9 @@ pub(super) struct Controller {
     registers: Registers,
     /// IR.
     flags: u32,
+    /// Its time quantum clock, and whether the calibration unit vouches for it.
     kernel_hz: u64,
+    is_clock_valid: bool,
     /// Whether the receive and the transmit pin lead to it.
     pub pins: (bool, bool),
     timestamp: Timestamp,
@@ -46,6 +48,7 @@ impl Controller {
             registers: Registers::new(),
             flags: 0,
             kernel_hz: 0,
+            is_clock_valid: false,
             pins: (false, false),
             timestamp: Timestamp::new(),
             link: Link::new(),
@@ -72,8 +75,10 @@ impl Controller {
         self.suspended_until = Nanos::ZERO;
     }
 
-    pub fn set_kernel_clock(&mut self, hz: u64) {
+    pub fn set_kernel_clock(&mut self, hz: u64, valid: bool) {
         let was_off = std::mem::replace(&mut self.kernel_hz, hz) == 0;
+        self.is_clock_valid = valid;
+        self.restrict();
         self.set_timestamp_rate();
         if self.is(cccr::INIT) {
             return;
@@ -89,7 +94,14 @@ impl Controller {
         self.registers.has(at::CCCR, bit)
     }
 
-    fn may_configure(&self) -> bool {
+    /// Without a valid clock it is kept in restricted mode while it is not in INIT.
+    fn restrict(&mut self) {
+        if !self.is_clock_valid && !self.is(cccr::INIT) {
+            self.registers.set(at::CCCR, self.registers.at(at::CCCR) | cccr::ASM);
+        }
+    }
+
+    pub fn may_configure(&self) -> bool {
         self.is(cccr::INIT | cccr::CCE)
     }
 
@@ -429,6 +441,7 @@ impl Controller {
         new |= if cce { cccr::CCE } else { 0 };
         new |= if clock_stopped { cccr::CSA } else { 0 };
         self.registers.set(at::CCCR, new);
+        self.restrict();
 
         if new & cccr::TEST == 0 {
             self.registers.set(at::TEST, 0);

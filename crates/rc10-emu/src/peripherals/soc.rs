@@ -46,7 +46,6 @@ pub struct Soc {
     flash: Registers,
     syscfg: Registers,
     debug: Registers,
-    calibration: Registers,
     exti: Exti,
     pub(super) ports: [Port; PORTS],
     pub(super) timers: [Timer; TIMERS.len()],
@@ -91,7 +90,6 @@ impl Soc {
             flash: Registers::new(power::FLASH),
             syscfg: Registers::new(registers::SYSCFG),
             debug: Registers::new(registers::DEBUG),
-            calibration: Registers::new(registers::CAN_CALIBRATION),
             exti: Exti::new(),
             ports: std::array::from_fn(Port::new),
             timers: TIMERS.each_ref().map(Timer::new),
@@ -236,7 +234,21 @@ impl Soc {
         levels
     }
 
-    /// The core's clock now, in hertz: 64 MHz after a reset.
+    /// Whether the core's non-maskable interrupt is asked for: by clock security.
+    #[must_use]
+    pub fn nmi(&self) -> bool {
+        self.rcc.raises_nmi()
+    }
+
+    /// The board's crystal stops swinging, or can swing again. A reset changes nothing about it.
+    pub fn set_crystal(&mut self, alive: bool, now: Nanos) {
+        self.advance(now);
+        self.rcc.set_crystal(alive, now);
+        self.apply_clocks(now);
+        self.settle(now);
+    }
+
+    /// The core's clock now, in hertz: 64 MHz after a reset; 0 if its source stands still.
     #[must_use]
     pub const fn core_clock_hz(&self) -> u64 {
         self.clocks.core
@@ -397,7 +409,9 @@ impl Soc {
             Block::FdcanRam => {
                 self.fdcans().read_ram(offset as usize / 4).ok_or(Refusal::Unmodelled)
             }
-            Block::FdcanCalibration => self.calibration.read(offset),
+            Block::FdcanCalibration => {
+                self.fdcans().read_calibration(offset).ok_or(Refusal::Unmodelled)
+            }
             Block::Unmodelled => Err(Refusal::Unmodelled),
         }
     }
@@ -448,7 +462,13 @@ impl Soc {
                 fdcans.write_ram(word, write.over(old));
                 Ok(())
             }
-            Block::FdcanCalibration => self.calibration.write(write),
+            Block::FdcanCalibration => {
+                let written = self.fdcans().write_calibration(write.offset, write.ones());
+                match written.ok_or(Refusal::Unmodelled)? {
+                    true => Ok(()),
+                    false => Err(Refusal::Protected),
+                }
+            }
             Block::Unmodelled => Err(Refusal::Unmodelled),
         }
     }
@@ -485,9 +505,8 @@ impl Soc {
             Block::Spi(spi) => self.spis[spi].reset(),
             Block::I2c(i2c) => self.i2cs[i2c].reset(now),
             Block::Dma(dma) => self.dmas[dma].reset(),
-            // One bit resets all three: once is enough.
+            // One bit resets all three and the calibration unit: once is enough.
             Block::Fdcan(0) => self.fdcans().reset(),
-            Block::FdcanCalibration => self.calibration.reset(),
             // The others have no reset of their own, or nothing to reset.
             Block::Rcc
             | Block::Power
@@ -498,6 +517,7 @@ impl Soc {
             | Block::DmaMux
             | Block::Fdcan(_)
             | Block::FdcanRam
+            | Block::FdcanCalibration
             | Block::Unmodelled => {}
         }
     }

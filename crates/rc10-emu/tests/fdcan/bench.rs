@@ -44,6 +44,10 @@ pub const TXEFC: u32 = 0xF0;
 pub const TXEFS: u32 = 0xF4;
 pub const TXEFA: u32 = 0xF8;
 
+/// Of the clock calibration unit: its configuration, and the bit that bypasses it.
+pub const CCFG: u32 = 0x04;
+pub const BYPASS: u32 = 1 << 6;
+
 pub const INIT: u32 = 1;
 pub const CCE: u32 = 2;
 pub const ASM: u32 = 1 << 2;
@@ -103,6 +107,7 @@ impl Bench {
         bench.fdcans().set_kernel_clock(120_000_000);
         bench.fdcans().set_pins(0, true, true);
         bench.write(CCCR, INIT | CCE);
+        assert_eq!(bench.fdcans().write_calibration(CCFG, BYPASS), Some(true));
         bench.write(NBTP, ONE_MEGABIT);
         bench.write(RXF0C, 3 << 16 | start_address(FIFO_0));
         bench.write(RXF1C, 3 << 16 | start_address(FIFO_1));

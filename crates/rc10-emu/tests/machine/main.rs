@@ -197,3 +197,55 @@ fn a_memory_without_clock_is_told() {
     assert_eq!(machine.soc().memories_run(), [false; 2]);
     assert_eq!(machine.memory().word(SRAM1).unwrap(), 0x0403_0201);
 }
+
+const RCC: u32 = 0x5802_4400;
+
+/// Switches HSE on and makes it the system clock: what a program does at first.
+fn use_crystal(machine: &mut Machine, world: &mut World) {
+    let write = |machine: &Machine, offset, value| {
+        let now = machine.now();
+        machine.soc().write(RCC + offset, Width::Word, value, now).unwrap();
+    };
+    write(machine, 0, 1 << 16 | 1);
+    write(machine, 0x10, 2);
+    machine.run(world, micros(3000)).unwrap();
+    assert_eq!(machine.soc().core_clock_hz(), rc10_emu::peripherals::HSE_HZ);
+}
+
+/// The core takes the NMI at once, and does so again and again until the flag is cleared.
+#[test]
+fn clock_security_interrupts_the_core() {
+    let mut world = World::new(1);
+    let mut machine = Machine::new(&program(MASK, 0, HANDLER)).unwrap();
+    use_crystal(&mut machine, &mut world);
+    let now = machine.now();
+    // CSSHSEON.
+    machine.soc().write(RCC, Width::Word, 1 << 19 | 1 << 16 | 1, now).unwrap();
+    machine.set_crystal(false);
+    machine.restart_profile();
+    machine.run(&mut world, micros(3010)).unwrap();
+    // Interrupts are masked, and it is no interrupt that can be.
+    let costs = machine.profile().by_exception();
+    let nmi = costs.iter().find(|cost| cost.exception == 2).unwrap();
+    assert!(nmi.entries == 1 && nmi.instructions > 10, "{costs:?}");
+    assert_eq!(machine.soc().core_clock_hz(), 64_000_000);
+}
+
+/// Nothing is executed, and only what LSI drives is left: the watchdog.
+#[test]
+fn without_clock_security_the_core_stands_and_the_watchdog_resets() {
+    const IWDG: u32 = 0x5800_4800;
+    let mut world = World::new(1);
+    let mut machine = Machine::new(&program(LOAD, FLASH, HANDLER)).unwrap();
+    // Started, its settings as after a reset: 4096 periods of 4 / 32 kHz, 512 ms.
+    machine.soc().write(IWDG, Width::Word, 0xCCCC, Nanos::ZERO).unwrap();
+    use_crystal(&mut machine, &mut world);
+    machine.set_crystal(false);
+    machine.restart_profile();
+    machine.run(&mut world, micros(511_999)).unwrap();
+    assert_eq!((machine.profile().total(), machine.restarts().len()), (0, 0));
+    machine.run(&mut world, micros(512_100)).unwrap();
+    let causes: Vec<_> = machine.restarts().iter().map(|restart| restart.cause).collect();
+    assert_eq!(causes, [ResetCause::Watchdog]);
+    assert!(machine.profile().total() > 0, "it runs on HSI again");
+}

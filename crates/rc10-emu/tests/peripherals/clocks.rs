@@ -130,3 +130,80 @@ fn a_reset_starts_anew_but_keeps_supply_and_backup_domain() {
     chip.soc.reset(ResetCause::PowerOn, Nanos::new(chip.now));
     assert_eq!((chip.read(RCC + 0x70), chip.read(PWR + 0x04) >> 13 & 1), (0, 0));
 }
+
+const HSE_ON: u32 = 1 << 16;
+const SECURITY: u32 = 1 << 19;
+
+#[test]
+fn a_dead_crystal_never_becomes_ready() {
+    let mut chip = Chip::new();
+    chip.soc.set_crystal(false, Nanos::ZERO);
+    chip.set(RCC, HSE_ON, HSE_ON);
+    // A PLL behind it does not lock, and the system clock is not switched to it.
+    chip.set(RCC + 0x28, 0x3F << 4 | 3, 5 << 4 | 2);
+    chip.set(RCC + 0x2C, 0xF, 0b10 << 2);
+    chip.write(RCC + 0x30, 95 | 3 << 16);
+    chip.set(RCC, 1 << 24, 1 << 24);
+    chip.set(RCC + 0x10, 7, 3);
+    chip.run_to(1_000_000_000);
+    assert_eq!((chip.read(RCC) >> 17 & 1, chip.read(RCC) >> 25 & 1), (0, 0));
+    assert_eq!(chip.soc.core_clock_hz(), 64_000_000);
+    // A reset does not mend it.
+    chip.soc.reset(ResetCause::Watchdog, Nanos::new(chip.now));
+    chip.set(RCC, HSE_ON, HSE_ON);
+    chip.run_to(2_000_000_000);
+    assert_eq!(chip.read(RCC) >> 17 & 1, 0);
+}
+
+/// RM0468, "Clock security system on HSE".
+#[test]
+fn with_clock_security_a_lost_crystal_is_an_nmi_on_hsi() {
+    let mut chip = Chip::running();
+    chip.set(RCC, SECURITY, SECURITY);
+    // It is only ever switched on.
+    chip.set(RCC, SECURITY, 0);
+    assert_eq!(chip.read(RCC) & SECURITY, SECURITY);
+    assert!(!chip.soc.nmi());
+    chip.now += 1000;
+    chip.soc.set_crystal(false, Nanos::new(chip.now));
+    assert!(chip.soc.nmi());
+    // HSI, behind the same dividers; HSE, PLL1 and the security itself are off.
+    assert_eq!((chip.soc.core_clock_hz(), chip.soc.clocks().bus), (64_000_000, 32_000_000));
+    assert_eq!(chip.soc.clocks().fdcan, 0);
+    assert_eq!(chip.read(RCC) & (HSE_ON | SECURITY | 1 << 17 | 0b11 << 24), 0);
+    assert_eq!(chip.read(RCC + 0x10) & 0x3F, 0, "SW and SWS");
+    assert_eq!(chip.read(RCC + 0x64), 1 << 10, "HSECSSF");
+    // HSECSSC, and no other bit.
+    chip.write(RCC + 0x68, !(1 << 10));
+    assert!(chip.soc.nmi());
+    chip.write(RCC + 0x68, 1 << 10);
+    assert!(!chip.soc.nmi());
+    assert_eq!(chip.read(RCC + 0x64), 0);
+}
+
+#[test]
+fn without_clock_security_everything_stands_still_until_the_crystal_is_back() {
+    let mut chip = Chip::running();
+    chip.soc.set_crystal(false, Nanos::new(chip.now));
+    assert!(!chip.soc.nmi());
+    assert_eq!((chip.soc.core_clock_hz(), chip.soc.clocks().apb), (0, [0; 2]));
+    chip.run_to(chip.now + 1_000_000);
+    chip.soc.set_crystal(true, Nanos::new(chip.now));
+    // Two milliseconds for the crystal, 50 us for the PLL.
+    chip.run_to(chip.now + 2_049_999);
+    assert_eq!(chip.soc.core_clock_hz(), 0);
+    chip.run_to(chip.now + 1);
+    assert_eq!(chip.soc.core_clock_hz(), 480_000_000);
+}
+
+/// Clock security switches what came from the crystal, and leaves a core on HSI alone.
+#[test]
+fn a_core_on_hsi_goes_on_without_the_crystal() {
+    let mut chip = Chip::new();
+    chip.set(RCC, HSE_ON, HSE_ON);
+    chip.wait(RCC, 1 << 17);
+    chip.set(RCC, SECURITY, SECURITY);
+    chip.soc.set_crystal(false, Nanos::new(chip.now));
+    assert!(chip.soc.nmi());
+    assert_eq!(chip.soc.core_clock_hz(), 64_000_000);
+}

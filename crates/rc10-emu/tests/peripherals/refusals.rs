@@ -86,6 +86,14 @@ fn the_fdcans_share_a_clock_gate_a_reset_and_their_memory() {
         chip.write(base + 0x1C, 0x1234_0506);
         assert_eq!(chip.read(base + 0x1C), 0x1234_0506);
     }
+    // The calibration unit, while FDCAN1 is configured and when it no longer is.
+    let ccfg = 0x4000_A804;
+    chip.write(ccfg, 1 << 6);
+    assert_eq!((chip.read(ccfg), chip.soc.counts().protected), (1 << 6, 0));
+    chip.write(fdcans[0] + 0x18, 0);
+    chip.write(ccfg, 0);
+    assert_eq!((chip.read(ccfg), chip.soc.counts().protected), (1 << 6, 1));
+
     chip.write(ram + 0x27FC, 0x5A5A_0001);
     let now = Nanos::new(chip.now);
     chip.soc.write(ram + 0x27FD, Width::Byte, 0x77, now).unwrap();
@@ -96,5 +104,6 @@ fn the_fdcans_share_a_clock_gate_a_reset_and_their_memory() {
     for base in fdcans {
         assert_eq!(chip.read(base + 0x1C), 0x0600_0A03, "NBTP after a reset");
     }
+    assert_eq!(chip.read(ccfg), 0x4, "no bypass after a reset");
     assert_eq!(chip.read(ram + 0x27FC), 0x5A5A_7701);
 }
