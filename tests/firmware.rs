@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 use rc10_can::Micros;
 use rc10_cli::emulate::{Emulation, Setup, content_hash};
 use rc10_cli::team;
-use rc10_emu::peripherals::ResetCause;
+use rc10_emu::peripherals::{ResetCause, Width};
 use rc10_emu::{Figures, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_robot::table::Name;
@@ -134,6 +134,10 @@ fn boots_and_keeps_its_period() {
         let log = log(emulation);
         assert!(log.contains("start\n"), "{log}");
         assert!(log.contains("11 of 11 motors online"), "{log}");
+        // DBGMCU_APB4FZ1, bit 18: a probe that halts the core must not stop the watchdog.
+        let soc = &mut emulation.rig.machine.soc();
+        let frozen = soc.read(0x5C00_1054, Width::Word, millis(1200)).unwrap();
+        assert_eq!(frozen & 1 << 18, 0, "{frozen:#x}");
     });
 }
 

@@ -34,14 +34,22 @@ use embassy_stm32::rcc::{
 use embassy_stm32::time::Hertz;
 use embassy_stm32::{Config, Peripherals, pac};
 
-/// Kernel clock of the three FDCANs: PLL1 Q.
-pub const FDCAN_CLOCK: Hertz = Hertz(120_000_000);
+/// Clock of APB1 to APB4.
+const APB_CLOCK: Hertz = Hertz(120_000_000);
+
+/// Kernel clock of the three FDCANs, and of SPI1 to SPI3: PLL1 Q.
+///
+/// The quanta of a bit must not be faster than APB1 (RM0468, FDCAN bit timing; the text allows
+/// equality, the formula beside it does not; ST's FAQ on FDCAN names frames that are repeated though
+/// acknowledged as what happens else), nor than 125 MHz. 80 MHz is far from both.
+pub const FDCAN_CLOCK: Hertz = Hertz(80_000_000);
+const _: () = assert!(FDCAN_CLOCK.0 < APB_CLOCK.0 && FDCAN_CLOCK.0 <= 125_000_000);
 
 /// What the timers count at, unless a prescaler divides it.
 pub const TIMER_CLOCK: Hertz = Hertz(240_000_000);
 
 /// The board's clocks: 25 MHz crystal / 5 x 96 = 480 MHz for the core, half of it for AHB (limit
-/// 275 MHz), a quarter for every APB (limit 137.5 MHz), a quarter from PLL1 Q for the FDCANs.
+/// 275 MHz), a quarter for every APB (limit 137.5 MHz), a sixth from PLL1 Q for the FDCANs.
 ///
 /// The timers run at 240 MHz: the time driver wants a whole number of megahertz.
 #[must_use]
@@ -54,7 +62,7 @@ pub fn clocks() -> Config {
         prediv: PllPreDiv::DIV5,
         mul: PllMul::MUL96,
         divp: Some(PllDiv::DIV1),
-        divq: Some(PllDiv::DIV4),
+        divq: Some(PllDiv::DIV6),
         divr: None,
     });
     clocks.sys = Sysclk::PLL1_P;

@@ -7,7 +7,9 @@ use embassy_time::Duration;
 
 /// A watchdog that is fed only while everything that must run, runs.
 ///
-/// It cannot be stopped once started. While a debugger holds the core it holds still.
+/// It cannot be stopped once started, and a debugger that holds the core does not hold it: a core that
+/// stands protects no motor, and a restart is the only thing left that does. With the feature
+/// `freeze-watchdog` it holds still then, for breakpoints in a program without motors.
 ///
 /// A reset by it sends no coast image: nothing runs any more that could. If the
 /// [`supervisor`](crate::supervisor) still ran, it has sent it long before; else the motors keep
@@ -25,6 +27,7 @@ impl Watchdog {
     /// If `timeout` is longer than 32 s.
     #[must_use]
     pub fn start(peripheral: Peri<'static, IWDG1>, timeout: Duration) -> Self {
+        #[cfg(feature = "freeze-watchdog")]
         pac::DBGMCU.apb4fzr1().modify(|w| w.set_iwdg1(true));
         let micros = u32::try_from(timeout.as_micros()).unwrap_or(u32::MAX);
         let mut watchdog = IndependentWatchdog::new(peripheral, micros);
