@@ -97,6 +97,8 @@ pub(crate) struct Wiring {
     pub(crate) now: Arc<AtomicU64>,
     /// Set by every access to a peripheral: it may have changed an interrupt, or what comes next.
     pub(crate) touched: Arc<AtomicBool>,
+    /// Clocks that the core has waited for buses since this was last taken.
+    pub(crate) waited: Arc<AtomicU64>,
 }
 
 impl Wiring {
@@ -107,6 +109,10 @@ impl Wiring {
 
     fn time(&self) -> Nanos {
         Nanos::new(self.now.load(Ordering::Relaxed))
+    }
+
+    fn wait(&self, soc: &Soc, address: u32) {
+        self.waited.fetch_add(soc.access_clocks(address), Ordering::Relaxed);
     }
 }
 
@@ -139,7 +145,9 @@ impl MemOps for Wiring {
         let value = if attributes.purpose == AccessPurpose::FETCH {
             Err(self.soc().refuse(address, false))
         } else {
-            self.soc().read(address, width, self.time())
+            let mut soc = self.soc();
+            self.wait(&soc, address);
+            soc.read(address, width, self.time())
         };
         let value = value.map_err(|_| BusError::Unassigned)?;
         to.copy_from_slice(&value.to_le_bytes()[..to.len()]);
@@ -155,7 +163,9 @@ impl MemOps for Wiring {
         let mut bytes = [0; 4];
         bytes[..from.len()].copy_from_slice(from);
         self.touched.store(true, Ordering::Relaxed);
-        let written = self.soc().write(address, width, u32::from_le_bytes(bytes), self.time());
+        let mut soc = self.soc();
+        self.wait(&soc, address);
+        let written = soc.write(address, width, u32::from_le_bytes(bytes), self.time());
         written.map_err(|_| BusError::Unassigned)
     }
 }

@@ -177,6 +177,7 @@ impl Machine {
             soc: Arc::new(Mutex::new(Soc::new(Arc::clone(&fdcan), memory.clone()))),
             now: Arc::default(),
             touched: Arc::new(AtomicBool::new(false)),
+            waited: Arc::default(),
         };
         let core = Interpreter::new(&memory, Some(wiring.clone()))?;
         Ok(Self {
@@ -261,7 +262,8 @@ impl Machine {
 
     /// How many instructions a second the core executes when its clock is 480 MHz; in proportion
     /// less while it is slower. If never said, each takes the clocks that the interpreter reckons:
-    /// those of a Cortex-M4, which waits for one instruction to end before the next begins.
+    /// those of a Cortex-M4, which waits for one instruction to end before the next begins. What buses
+    /// take on the way to a peripheral comes on top of either.
     pub fn set_speed(&mut self, instructions_per_second: u64) {
         self.speed = Some(instructions_per_second.max(1));
     }
@@ -489,6 +491,10 @@ impl Machine {
                     self.pass(1, (clock.saturating_mul(speed) / FULL_CLOCK_HZ).max(1));
                 }
                 _ => self.pass(clocks, clock),
+            }
+            let waited = self.wiring.waited.swap(0, Ordering::Relaxed);
+            if waited > 0 {
+                self.pass(waited, clock);
             }
             if self.now >= horizon || self.wiring.touched.load(Ordering::Relaxed) {
                 return Ok(());

@@ -11,7 +11,7 @@ use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
 use super::exti::Exti;
 use super::gpio::{PINS, Port};
 use super::i2c::{I2CS, I2c};
-use super::map::{Block, MAP, Row, row_of};
+use super::map::{self, Block, MAP, Row, row_of};
 use super::outside::{Holder, Jumper, Recorder};
 use super::pins::{Signal, is_connected};
 use super::power::{self, Power};
@@ -236,6 +236,19 @@ impl Soc {
             }
         }
         levels
+    }
+
+    /// Clocks of the core that its access to a peripheral takes beyond the instruction's own. A write
+    /// counts as a read does: it may be posted, but the next access waits for it. APB2 to APB4 count
+    /// as fast as APB1.
+    #[must_use]
+    pub fn access_clocks(&self, address: u32) -> u64 {
+        if !is_peripheral(address) {
+            return 0;
+        }
+        let way = map::way_to(address);
+        let of = |hz| self.clocks.core.checked_div(hz).unwrap_or(0);
+        way.bus * of(self.clocks.bus) + way.apb * of(self.clocks.apb[0])
     }
 
     /// Whether the core's non-maskable interrupt is asked for: by clock security.
@@ -732,9 +745,6 @@ impl Soc {
 
     fn move_item(&mut self, transfer: Transfer, now: Nanos) -> Option<()> {
         let Transfer { from, to, width } = transfer;
-        let is_peripheral = |address: u32| {
-            address.checked_sub(PERIPHERALS.0).is_some_and(|offset| offset < PERIPHERALS.1)
-        };
         let length = width.bytes() as usize;
         let value = if is_peripheral(from) {
             self.access_read(from, width, now).ok()?
@@ -756,6 +766,10 @@ impl Soc {
             if reached { self.memory.write(to, &bytes[..length]).ok() } else { None }
         }
     }
+}
+
+fn is_peripheral(address: u32) -> bool {
+    address.checked_sub(PERIPHERALS.0).is_some_and(|offset| offset < PERIPHERALS.1)
 }
 
 fn raise(levels: &mut [u32; INTERRUPT_WORDS], number: usize) {

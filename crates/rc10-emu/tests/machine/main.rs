@@ -309,3 +309,20 @@ fn power_comes_with_noise_in_every_ram() {
     machine.soc().reset(ResetCause::Watchdog, micros(10));
     assert_eq!(machine.memory().word(STATIC).unwrap(), before);
 }
+
+/// Instructions are what they were; time is not.
+#[test]
+fn an_access_takes_what_the_buses_take() {
+    let instructions = |address| {
+        let mut machine = Machine::new(&program(LOAD, address, HANDLER)).unwrap();
+        // At 480 MHz: 64 million here, one a clock.
+        machine.set_speed(480_000_000);
+        machine.run(&mut World::new(1), micros(1000)).unwrap();
+        machine.profile().total()
+    };
+    let alone = instructions(FLASH);
+    // All buses at the core's 64 MHz. RCC, on AHB4; IWDG1, on APB4; DMA1 without its clock, on AHB1.
+    for (address, clocks) in [(0x5802_4400, 12), (0x5800_4800, 16), (0x4002_0000, 12)] {
+        assert_eq!(alone - instructions(address), clocks, "{address:#x}");
+    }
+}
