@@ -104,7 +104,8 @@ impl<'r> Emulation<'r> {
             Surroundings::new(&description, setup.seed)?;
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
         ensure!(lines.is_empty(), "the firmware has no RS-485 line yet, the robot {}", lines.len());
-        let mut machine = Machine::with(program, Options { seed: setup.seed, ..Options::default() })?;
+        let mut machine =
+            Machine::with(program, Options { seed: setup.seed, ..Options::default() })?;
         if let Some(speed) = setup.speed {
             machine.set_speed(speed);
         }

@@ -100,14 +100,20 @@ pub struct Options {
     /// Whether the FDCANs' clock calibration unit has to be bypassed before a controller may send.
     /// RM0399 59.4.5 says so; ST's HAL leaves it alone, and works. `true` if not said.
     pub calibration_needed: bool,
+    /// Whether RCC_RSR.RMVF stays set until the program clears it, and holds the reset flags at zero.
+    /// The register's text says "set and reset by software"; ST's HAL only sets it. `true` if not said.
+    pub removal_stays: bool,
+    /// Whether RAM written before the supply is configured is reported: forbidden (RM0468, power
+    /// control), and done by every start-up code, ST's own too. `false` if not said.
+    pub reports_early_ram: bool,
     /// Seed of the noise that is in all RAM when power comes, the FDCANs' too. 1 if not said.
     pub seed: u64,
 }
 
 impl Default for Options {
-    /// The stricter reading of everything.
+    /// The stricter reading of what can be read in two ways.
     fn default() -> Self {
-        Self { calibration_needed: true, seed: 1 }
+        Self { calibration_needed: true, removal_stays: true, reports_early_ram: false, seed: 1 }
     }
 }
 
@@ -173,8 +179,11 @@ impl Machine {
         let mut fdcan = Fdcans::new(options.seed);
         fdcan.set_calibration_needed(options.calibration_needed);
         let fdcan = Arc::new(Mutex::new(fdcan));
+        let mut soc = Soc::new(Arc::clone(&fdcan), memory.clone());
+        soc.set_removal_stays(options.removal_stays);
+        soc.set_guards_ram(options.reports_early_ram);
         let wiring = Wiring {
-            soc: Arc::new(Mutex::new(Soc::new(Arc::clone(&fdcan), memory.clone()))),
+            soc: Arc::new(Mutex::new(soc)),
             now: Arc::default(),
             touched: Arc::new(AtomicBool::new(false)),
             waited: Arc::default(),
@@ -412,12 +421,15 @@ impl Machine {
             } else {
                 self.talk(world, next_of_world, now);
             }
-            let (levels, nmi, memories) = {
+            let (levels, nmi, memories, guards) = {
                 let mut soc = self.wiring.soc();
                 soc.advance(now);
                 self.ready = self.ready.or(soc.system_ready_at());
-                (soc.interrupt_levels(), soc.nmi(), soc.memories_run())
+                (soc.interrupt_levels(), soc.nmi(), soc.memories_run(), soc.guards_ram())
             };
+            if !guards {
+                self.core.unlock_memories()?;
+            }
             self.core.set_memories(memories)?;
             self.core.set_interrupts(levels);
             self.core.set_nmi(nmi);

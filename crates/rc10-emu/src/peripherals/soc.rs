@@ -63,6 +63,7 @@ pub struct Soc {
     pub(super) jumpers: Vec<Jumper>,
     pub(super) holders: Vec<Holder>,
     memories_run: [bool; 2],
+    guards_ram: bool,
     clocks: Clocks,
     flash_keeps_up: bool,
     /// The clocks that are too fast now.
@@ -107,6 +108,7 @@ impl Soc {
             jumpers: Vec::new(),
             holders: Vec::new(),
             memories_run: [false; 2],
+            guards_ram: false,
             clocks: Clocks::default(),
             flash_keeps_up: true,
             too_fast: Vec::new(),
@@ -315,6 +317,40 @@ impl Soc {
     #[must_use]
     pub fn memories_run(&self) -> [bool; 2] {
         self.memories_run
+    }
+
+    /// Whether the supply is configured (`PWR_CSR1.ACTVOSRDY`).
+    #[must_use]
+    pub fn is_supplied(&self) -> bool {
+        self.power.is_supplied()
+    }
+
+    /// Sets how RSR.RMVF behaves: whether it stays set until it is cleared, and holds the reset flags at
+    /// zero as long. It does if never said.
+    pub fn set_removal_stays(&mut self, stays: bool) {
+        self.rcc.removal_stays = stays;
+    }
+
+    /// RAM that is written before the supply is configured is to be reported.
+    pub fn set_guards_ram(&mut self, guards: bool) {
+        self.guards_ram = guards;
+    }
+
+    /// Whether the core is to be kept from writing RAM.
+    pub(crate) fn guards_ram(&self) -> bool {
+        self.guards_ram && !self.is_supplied()
+    }
+
+    /// A write to a RAM that the core is kept from: told, the first time, and done. `false`: it is none.
+    pub(crate) fn write_early(&mut self, address: u32, bytes: &[u8]) -> bool {
+        let is_ram = address >> 24 != FLASH >> 24 && !self.is_gated_memory(address);
+        if !self.guards_ram() || !is_ram || self.memory.write(address, bytes).is_err() {
+            return false;
+        }
+        if self.counts.before_supply == 0 {
+            self.report(address, true, AccessKind::BeforeSupply);
+        }
+        true
     }
 
     /// Whether an address lies in a memory that has no clock now.

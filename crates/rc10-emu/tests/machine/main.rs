@@ -326,3 +326,27 @@ fn an_access_takes_what_the_buses_take() {
         assert_eq!(alone - instructions(address), clocks, "{address:#x}");
     }
 }
+
+/// RM0468, power control: no write to a RAM before ACTVOSRDY. The write is done all the same.
+#[test]
+fn ram_written_before_the_supply_is_configured_is_told_if_asked_for() {
+    const CR3: u32 = 0x5802_480C;
+    let stores = counter(true);
+    assert_eq!(run(&stores).reports(), [], "as every start-up code does");
+    let options = Options { reports_early_ram: true, ..Options::default() };
+    let mut machine = Machine::with(&stores, options).unwrap();
+    machine.run(&mut World::new(1), micros(10)).unwrap();
+    let reports = reports(&machine);
+    // Once, although it stores twice.
+    assert!(reports.len() == 1 && reports[0].contains("before the supply"), "{reports:?}");
+    assert!(reports[0].contains("0x20001000"), "{reports:?}");
+    assert_eq!(machine.memory().word(STATIC).unwrap(), 1);
+
+    // LDOEN is written before its first instruction.
+    let mut machine = Machine::with(&stores, options).unwrap();
+    machine.soc().write(CR3, Width::Word, 0b010, Nanos::ZERO).unwrap();
+    machine.run(&mut World::new(1), Nanos::new(1)).unwrap();
+    machine.run(&mut World::new(1), micros(10)).unwrap();
+    assert_eq!(machine.reports(), []);
+    assert_eq!(machine.memory().word(STATIC).unwrap(), 1);
+}

@@ -94,6 +94,7 @@ fn reset_flags_tell_every_cause_until_they_are_removed() {
     const ALL: u32 = PIN | POWER | SOFTWARE | WATCHDOG;
     assert_eq!(chip.read(RSR) & ALL, POWER | PIN);
     chip.write(RSR, 1 << 16);
+    chip.write(RSR, 0);
     assert_eq!(chip.read(RSR), 0);
     for (cause, flags) in [
         (ResetCause::Watchdog, WATCHDOG | PIN),
@@ -268,4 +269,24 @@ fn kernel_clocks_have_limits_too() {
     chip.wait(PWR + 0x18, 1 << 13);
     chip.set(RCC + 0x10, 0, 0);
     assert_eq!(chip.soc.counts().too_fast, 4, "{:?}", reports(&mut chip));
+}
+
+/// "Set and reset by software": while it is set, no flag is.
+#[test]
+fn rmvf_holds_the_flags_until_it_is_cleared_or_clears_itself() {
+    for (stays, bit, second) in [(true, 1 << 16, 1 << 16), (false, 0, 1 << 26 | 1 << 22 | 1 << 17)]
+    {
+        let mut chip = Chip::new();
+        chip.soc.set_removal_stays(stays);
+        chip.write(RSR, 1 << 16);
+        assert_eq!(chip.read(RSR), bit, "{stays}");
+        // A program that sets it, and leaves it at that, does not know why it was restarted.
+        chip.soc.reset(ResetCause::Watchdog, Nanos::new(chip.now));
+        assert_eq!(chip.read(RSR), second, "{stays}");
+        // One that clears it does, in either case.
+        chip.write(RSR, 1 << 16);
+        chip.write(RSR, 0);
+        chip.soc.reset(ResetCause::Watchdog, Nanos::new(chip.now));
+        assert_eq!(chip.read(RSR), 1 << 26 | 1 << 22 | 1 << 17, "{stays}");
+    }
 }
