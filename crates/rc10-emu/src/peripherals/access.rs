@@ -48,6 +48,8 @@ pub enum AccessKind {
     WaitStates,
     /// A DMA does not reach the memory, or cannot write it: a transfer error.
     OutOfReach,
+    /// A DMA stream that serves a UART without `CR.TRBUFF` has locked: it moves nothing more.
+    Locked,
     /// RAM, before the supply is configured (`PWR_CSR1.ACTVOSRDY`): "write accesses to the RAMs are not
     /// permitted". Reported only if [`Options`](crate::Options) ask for it, and once.
     BeforeSupply,
@@ -82,6 +84,13 @@ impl fmt::Display for Access {
             AccessKind::Protected => "locked",
             AccessKind::WaitStates => "too few wait states",
             AccessKind::OutOfReach => "out of the DMA's reach",
+            AccessKind::Locked => {
+                return write!(
+                    f,
+                    "DMA stream at {:#010x} ({name}) serves a UART without TRBUFF, and has locked",
+                    self.address
+                );
+            }
             AccessKind::BeforeSupply => "before the supply is configured (PWR_CSR1.ACTVOSRDY)",
             AccessKind::TooFast(clock) => {
                 return write!(f, "{verb} {:#010x} ({name}): {clock}", self.address);
@@ -106,6 +115,8 @@ pub struct Counts {
     pub wait_states: u64,
     /// [`AccessKind::OutOfReach`].
     pub out_of_reach: u64,
+    /// [`AccessKind::Locked`].
+    pub locked: u64,
     /// [`AccessKind::BeforeSupply`].
     pub before_supply: u64,
     /// [`AccessKind::TooFast`].
@@ -121,6 +132,7 @@ impl Counts {
             AccessKind::Protected => &mut self.protected,
             AccessKind::WaitStates => &mut self.wait_states,
             AccessKind::OutOfReach => &mut self.out_of_reach,
+            AccessKind::Locked => &mut self.locked,
             AccessKind::BeforeSupply => &mut self.before_supply,
             AccessKind::TooFast(_) => &mut self.too_fast,
         };

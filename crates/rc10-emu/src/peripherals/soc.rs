@@ -736,6 +736,9 @@ impl Soc {
         let mut moved = true;
         while std::mem::take(&mut moved) {
             for dma in 0..self.dmas.len() {
+                for stream in 0..dma::STREAMS {
+                    self.empty_fifo(dma, stream);
+                }
                 if self.dmas[dma].is_idle() {
                     continue;
                 }
@@ -743,17 +746,60 @@ impl Soc {
                     if !self.dmas[dma].is_enabled(stream) {
                         continue;
                     }
+                    self.read_ahead(dma, stream);
                     let request = self.mux.request(dma, stream);
-                    let Some(transfer) = self.dmas[dma].next(stream, self.is_requested(request))
-                    else {
+                    let requested = self.is_requested(request);
+                    if requested && self.locks(dma, stream, request, now) {
+                        continue;
+                    }
+                    let Some(transfer) = self.dmas[dma].next(stream, requested) else {
                         continue;
                     };
                     self.timers.iter_mut().for_each(|timer| timer.acknowledge(request));
                     let fails = self.dmas[dma].take_failure(stream);
-                    let worked = !fails && self.move_item(transfer, now).is_some();
-                    self.dmas[dma].moved(stream, worked);
+                    let worked = !fails && self.move_item(dma, stream, transfer, now).is_some();
+                    self.dmas[dma].moved(stream, worked, now);
+                    self.empty_fifo(dma, stream);
                     moved = true;
                 }
+            }
+        }
+    }
+
+    /// Whether a stream that serves a UART is locked, or locks now.
+    fn locks(&mut self, dma: usize, stream: usize, request: u32, now: Nanos) -> bool {
+        if !self.usarts.iter().any(|usart| usart.requests(request)) {
+            return false;
+        }
+        let requested =
+            std::array::from_fn(|other| self.is_requested(self.mux.request(dma, other)));
+        let locked = self.dmas[dma].locks(stream, requested, now);
+        if locked {
+            let address = self.dmas[dma].control_address(stream);
+            self.report(address, true, AccessKind::Locked);
+        }
+        locked
+    }
+
+    /// Fills the FIFO of a stream to a peripheral.
+    fn read_ahead(&mut self, dma: usize, stream: usize) {
+        while let Some(from) = self.dmas[dma].ahead(stream) {
+            let mut bytes = [0; 4];
+            let known = self.memory.read(from & !3, &mut bytes).is_ok();
+            if !self.reaches(from, false, known) {
+                self.dmas[dma].moved(stream, false, Nanos::ZERO);
+                return;
+            }
+            let value = u32::from_le_bytes(bytes) >> (8 * (from & 3));
+            self.dmas[dma].hold(stream, 0, value);
+        }
+    }
+
+    /// Writes to memory what the FIFO of a stream from a peripheral has to give.
+    fn empty_fifo(&mut self, dma: usize, stream: usize) {
+        for (to, value, width) in self.dmas[dma].give_due(stream) {
+            if self.write_item(to, value, width).is_none() {
+                self.dmas[dma].moved(stream, false, Nanos::ZERO);
             }
         }
     }
@@ -779,11 +825,19 @@ impl Soc {
         false
     }
 
-    fn move_item(&mut self, transfer: Transfer, now: Nanos) -> Option<()> {
-        let Transfer { from, to, width } = transfer;
+    fn move_item(
+        &mut self,
+        dma: usize,
+        stream: usize,
+        transfer: Transfer,
+        now: Nanos,
+    ) -> Option<()> {
+        let Transfer { from, to, width, buffered } = transfer;
         let length = width.bytes() as usize;
         let value = if is_peripheral(from) {
             self.access_read(from, width, now).ok()?
+        } else if buffered {
+            self.dmas[dma].give(stream)?.1 & width.mask()
         } else {
             let mut bytes = [0; 4];
             let known = self.memory.read(from, &mut bytes[..length]).is_ok();
@@ -794,13 +848,21 @@ impl Soc {
         };
         if is_peripheral(to) {
             self.access_write(to, width, value, now).ok().map(drop)
+        } else if buffered {
+            self.dmas[dma].hold(stream, to, value);
+            Some(())
         } else {
-            // A plain write does not program the flash.
-            let known = to >> 24 != FLASH >> 24 && self.memory.word(to & !3).is_ok();
-            let bytes = value.to_le_bytes();
-            let reached = self.reaches(to, true, known);
-            if reached { self.memory.write(to, &bytes[..length]).ok() } else { None }
+            self.write_item(to, value, width)
         }
+    }
+
+    fn write_item(&mut self, to: u32, value: u32, width: Width) -> Option<()> {
+        // A plain write does not program the flash.
+        let known = to >> 24 != FLASH >> 24 && self.memory.word(to & !3).is_ok();
+        let reached = self.reaches(to, true, known);
+        let bytes = value.to_le_bytes();
+        let length = width.bytes() as usize;
+        if reached { self.memory.write(to, &bytes[..length]).ok() } else { None }
     }
 }
 
