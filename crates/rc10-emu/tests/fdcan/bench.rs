@@ -73,6 +73,8 @@ pub const ELEMENT: usize = 4;
 
 pub const EVENT: u32 = 1 << 23;
 pub const BIT: u64 = 1000;
+/// 16 periods of 120 MHz, 133 1/3 ns: until INIT can be read back, and a cancellation is done.
+pub const CROSSING: u64 = 134;
 
 pub struct Bench {
     pub fdcans: Arc<Mutex<Fdcans>>,
@@ -151,6 +153,12 @@ impl Bench {
 
     pub fn write(&self, offset: u32, value: u32) {
         assert!(self.fdcans().write(0, offset, value, self.now));
+    }
+
+    /// Writes CCCR and waits until INIT can be read back.
+    pub fn set_cccr(&mut self, value: u32) {
+        self.write(CCCR, value);
+        self.wait(CROSSING);
     }
 
     pub fn ram(&self, word: usize) -> u32 {

@@ -31,11 +31,11 @@ fn it_is_not_bypassed_after_a_reset() {
 #[test]
 fn without_a_valid_clock_controllers_stay_in_restricted_mode() {
     let mut bench = after_reset();
-    bench.write(CCCR, 0);
+    bench.set_cccr(0);
     bench.wait(11 * BIT);
     assert_eq!(bench.read(CCCR), ASM);
     // Cleared, it is set again.
-    bench.write(CCCR, 0);
+    bench.set_cccr(0);
     assert_eq!(bench.read(CCCR), ASM);
     bench.request(0, &standard(0x200, &[0; 8]));
     assert_eq!(bench.carry(Outcome::Acknowledged), None);
@@ -45,14 +45,16 @@ fn without_a_valid_clock_controllers_stay_in_restricted_mode() {
     // FDCAN2 needs it as much.
     let now = bench.now;
     bench.fdcans().write(1, CCCR, 0, now);
+    bench.wait(CROSSING);
+    let now = bench.now;
     assert_eq!(bench.fdcans().read(1, CCCR, now), Some(ASM));
 }
 
 #[test]
 fn it_is_written_while_fdcan1_is_configured_and_at_no_other_time() {
-    let bench = after_reset();
+    let mut bench = after_reset();
     for cccr in [0, INIT] {
-        bench.write(CCCR, cccr);
+        bench.set_cccr(cccr);
         // FDCAN2's configuration does not unlock it.
         let now = bench.now;
         bench.fdcans().write(1, CCCR, INIT | CCE, now);
@@ -61,7 +63,7 @@ fn it_is_written_while_fdcan1_is_configured_and_at_no_other_time() {
         }
         assert_eq!(bench.fdcans().read_calibration(CCFG), Some(0x4));
     }
-    bench.write(CCCR, INIT | CCE);
+    bench.set_cccr(INIT | CCE);
     assert_eq!(bench.fdcans().write_calibration(CCFG, BYPASS), Some(true));
     assert_eq!(bench.fdcans().read_calibration(CCFG), Some(BYPASS));
 }
@@ -72,6 +74,8 @@ fn bypassed_it_lets_all_of_them_send() {
     // One that was restricted before stays so until the program lets it go.
     let now = bench.now;
     bench.fdcans().write(2, CCCR, 0, now);
+    bench.wait(CROSSING);
+    let now = bench.now;
     bench.fdcans().write_calibration(CCFG, BYPASS);
     assert_eq!(bench.fdcans().read(2, CCCR, now), Some(ASM));
     bench.fdcans().write(2, CCCR, 0, now);
