@@ -138,6 +138,11 @@ fn boots_and_keeps_its_period() {
         let soc = &mut emulation.rig.machine.soc();
         let frozen = soc.read(0x5C00_1054, Width::Word, millis(1200)).unwrap();
         assert_eq!(frozen & 1 << 18, 0, "{frozen:#x}");
+        // GPIOD, PD4: the driver enable of RS-485, which this firmware leaves alone, is an input that
+        // is pulled down. MODER, PUPDR.
+        let [mode, pull] = [0x5802_0C00, 0x5802_0C0C]
+            .map(|register| soc.read(register, Width::Word, millis(1200)).unwrap() >> 8 & 0b11);
+        assert_eq!((mode, pull), (0b00, 0b10));
     });
 }
 
@@ -282,6 +287,32 @@ fn a_broken_bus_leaves_the_others_alone_and_comes_back() {
         let last = log.lines().last().unwrap();
         assert_eq!(last.matches("error active").count(), 3, "{last}");
         assert!(last.contains("11 of 11 motors online"), "{last}");
+    });
+}
+
+/// A controller that has fallen into restricted operation sends nothing: it is sent back in its next
+/// tick, and that is told.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_controller_in_restricted_operation_is_sent_back_and_told() {
+    run(&setup(&[]), |emulation| {
+        // Between two ticks. FDCAN1's CCCR: INIT, CCE, ASM; ASM stays when the others go.
+        let struck = 400_400_000;
+        for (micros, value) in [(0, 0b011), (20, 0b111), (40, 0b100)] {
+            emulation.run(Nanos::new(struck + micros * 1000)).unwrap();
+            let soc = &mut emulation.rig.machine.soc();
+            let now = Nanos::new(struck + micros * 1000);
+            soc.write(0x4000_A018, Width::Word, value, now).unwrap();
+        }
+        emulation.run(millis(700)).unwrap();
+        let after = Nanos::new(struck + 40_000);
+        let next = commands(&emulation.rig, 0, after).next().unwrap().start;
+        println!("bus 1 sends again after {:.2} ms", micros(next.since(after)) * 1e-3);
+        assert!(next.since(after) <= millis(2));
+        let log = log(emulation);
+        let last = log.lines().last().unwrap();
+        assert_eq!(last.matches("1 times restricted").count(), 1, "{last}");
+        assert!(!last.contains("bus-off"), "{last}");
     });
 }
 
