@@ -1,7 +1,7 @@
 //! The chip side: STM32H723, on embassy-stm32. Facts are from RM0468 (the reference manual) and
 //! from the board's `CubeMX` project unless said otherwise.
 //!
-//! * [`initialise`]: clocks and caches.
+//! * [`initialise`]: clocks and caches; [`has_crystal`]: whether the crystal works.
 //! * [`can`]: the three FDCAN ports, and [`can::Bus::start`].
 //! * [`serial`]: UARTs; [`dma`]: the memory that a DMA reaches.
 //! * [`i2c`] with timeouts and recovery; [`spi`] through that memory.
@@ -15,6 +15,7 @@
 
 pub mod can;
 pub mod crash;
+mod crystal;
 pub mod dma;
 pub mod i2c;
 pub mod pulse_input;
@@ -23,9 +24,12 @@ pub mod quadrature;
 pub mod serial;
 pub mod spi;
 pub mod supervisor;
+mod supply;
 #[cfg(feature = "usb")]
 pub mod usb;
 pub mod watchdog;
+
+pub use crystal::has_crystal;
 
 use embassy_stm32::rcc::mux::Fdcansel;
 use embassy_stm32::rcc::{
@@ -82,7 +86,9 @@ pub fn clocks() -> Config {
     config
 }
 
-/// Starts the chip: [`clocks`], instruction cache on, data cache off.
+/// Starts the chip: [`clocks`], instruction cache on, data cache off. A crystal that does not start
+/// within 100 ms is replaced ([`has_crystal`]); one that stops later is a
+/// [crash](crash::LastCrash::CrystalStopped), if [`crash_handlers!`](crate::crash_handlers) are there.
 ///
 /// The data cache stays off because stack and statics live in DTCM, which is as fast as a cache,
 /// and because nothing here would keep it coherent with DMA.
@@ -92,7 +98,7 @@ pub fn clocks() -> Config {
 #[must_use]
 #[inline(never)]
 pub fn initialise() -> Peripherals {
-    let peripherals = embassy_stm32::init(clocks());
+    let peripherals = crystal::start(clocks());
     // SAFETY: the core's peripherals are touched by nobody else; `init` above panics if this
     // function runs a second time.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
