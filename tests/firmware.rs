@@ -13,7 +13,7 @@ use rc10_can::Micros;
 use rc10_cli::emulate::{Emulation, Setup, content_hash};
 use rc10_cli::team;
 use rc10_emu::peripherals::{ResetCause, Width};
-use rc10_emu::{Figures, Machine, Options, Rig};
+use rc10_emu::{Figures, Image, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_robot::table::Name;
 use rc10_robot::{Io, Motors};
@@ -288,6 +288,15 @@ fn a_broken_bus_leaves_the_others_alone_and_comes_back() {
         assert_eq!(last.matches("error active").count(), 3, "{last}");
         assert!(last.contains("11 of 11 motors online"), "{last}");
     });
+}
+
+/// The log's buffer has the size that `firmware/.cargo/config.toml` asks for.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn the_log_has_its_buffer() {
+    let image = Image::parse(firmware()).unwrap();
+    let mut buffers = image.statics.iter().filter(|item| item.name.contains("defmt_rtt"));
+    assert!(buffers.any(|item| item.bytes == 4096), "{:?}", image.statics);
 }
 
 /// A controller that has fallen into restricted operation sends nothing: it is sent back in its next

@@ -148,6 +148,10 @@ impl Bench {
         self.until("hold the data line");
         let now = self.machine.now();
         assert!(self.machine.soc().hold_data(2, I2C_CLOCK, I2C_DATA, 7, now));
+        for (what, bytes) in [("disturb the bus", 1), ("disturb the bus twice", 2)] {
+            self.until(what);
+            assert!(self.machine.soc().disturb_i2c(2, bytes));
+        }
         self.until("turn the encoders");
         // As `timers.rs` of the program has them; the last one fast.
         for (target, step) in [(1000, 9_000), (-2000, 9_000), (500, 2_000)] {
