@@ -29,7 +29,7 @@ pub struct Board {
     pub bus_2: BusParts<FDCAN2>,
     /// FDCAN3: receive PF6, transmit PF7.
     pub bus_3: BusParts<FDCAN3>,
-    /// A pin for a transceiver's standby. The team's transceivers have theirs at ground.
+    /// A pin for a transceiver's standby, if it has one. The team's project names none.
     pub standby: Peri<'static, PG4>,
     /// A line of text for people, or a link to another computer.
     pub text: SerialParts<USART1, DMA1_CH0, DMA1_CH1>,
