@@ -622,7 +622,7 @@ fn interop(name: &str, faults: &[&str]) -> Rig {
     let models = [Model::C620, Model::Gm6020Voltage];
     let motors = models.map(|model| (0, bus.add_esc(EscConfig::new(model, 1)).unwrap()));
     // They leave the calibration unit alone, as ST's HAL does.
-    let options = Options { calibration_needed: false };
+    let options = Options { calibration_needed: false, ..Options::default() };
     let machine = Machine::with(&program(name), options).unwrap();
     let faults: Vec<_> = faults.iter().map(|fault| fault.parse().unwrap()).collect();
     Rig::new(machine, world, vec![bus], motors.into(), &faults).unwrap()

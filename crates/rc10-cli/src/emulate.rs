@@ -12,7 +12,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
 use rc10_emu::fault::Kind;
-use rc10_emu::{Fault, Machine, Rig};
+use rc10_emu::{Fault, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{MotorBus, MotorStatus};
@@ -104,7 +104,8 @@ impl<'r> Emulation<'r> {
             Surroundings::new(&description, setup.seed)?;
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
         ensure!(lines.is_empty(), "the firmware has no RS-485 line yet, the robot {}", lines.len());
-        let mut machine = Machine::new(program)?;
+        let mut machine =
+            Machine::with(program, Options { seed: setup.seed, ..Options::default() })?;
         if let Some(speed) = setup.speed {
             machine.set_speed(speed);
         }

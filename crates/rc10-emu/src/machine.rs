@@ -100,12 +100,20 @@ pub struct Options {
     /// Whether the FDCANs' clock calibration unit has to be bypassed before a controller may send.
     /// RM0399 59.4.5 says so; ST's HAL leaves it alone, and works. `true` if not said.
     pub calibration_needed: bool,
+    /// Whether RCC_RSR.RMVF stays set until the program clears it, and holds the reset flags at zero.
+    /// The register's text says "set and reset by software"; ST's HAL only sets it. `true` if not said.
+    pub removal_stays: bool,
+    /// Whether RAM written before the supply is configured is reported: forbidden (RM0468, power
+    /// control), and done by every start-up code, ST's own too. `false` if not said.
+    pub reports_early_ram: bool,
+    /// Seed of the noise that is in all RAM when power comes, the FDCANs' too. 1 if not said.
+    pub seed: u64,
 }
 
 impl Default for Options {
-    /// The stricter reading of everything.
+    /// The stricter reading of what can be read in two ways.
     fn default() -> Self {
-        Self { calibration_needed: true }
+        Self { calibration_needed: true, removal_stays: true, reports_early_ram: false, seed: 1 }
     }
 }
 
@@ -161,20 +169,24 @@ impl Machine {
     pub fn with(file: &[u8], options: Options) -> Result<Self> {
         let image = Image::parse(file)?;
         let log = Log::new(file, &image)?;
-        let memory = Memory::with(&image)?;
+        let memory = Memory::with(&image, options.seed)?;
         let [stack, start] = [memory.word(FLASH)?, memory.word(FLASH + 4)?];
         // The stack is full at first: its pointer may stand right behind a memory.
         ensure!(
             memory.word(stack.wrapping_sub(4)).is_ok() && start & 1 == 1 && image.holds(start & !1),
             "no vector table at {FLASH:#010x}: this is no program for an STM32H7"
         );
-        let mut fdcan = Fdcans::new();
+        let mut fdcan = Fdcans::new(options.seed);
         fdcan.set_calibration_needed(options.calibration_needed);
         let fdcan = Arc::new(Mutex::new(fdcan));
+        let mut soc = Soc::new(Arc::clone(&fdcan), memory.clone());
+        soc.set_removal_stays(options.removal_stays);
+        soc.set_guards_ram(options.reports_early_ram);
         let wiring = Wiring {
-            soc: Arc::new(Mutex::new(Soc::new(Arc::clone(&fdcan), memory.clone()))),
+            soc: Arc::new(Mutex::new(soc)),
             now: Arc::default(),
             touched: Arc::new(AtomicBool::new(false)),
+            waited: Arc::default(),
         };
         let core = Interpreter::new(&memory, Some(wiring.clone()))?;
         Ok(Self {
@@ -259,7 +271,8 @@ impl Machine {
 
     /// How many instructions a second the core executes when its clock is 480 MHz; in proportion
     /// less while it is slower. If never said, each takes the clocks that the interpreter reckons:
-    /// those of a Cortex-M4, which waits for one instruction to end before the next begins.
+    /// those of a Cortex-M4, which waits for one instruction to end before the next begins. What buses
+    /// take on the way to a peripheral comes on top of either.
     pub fn set_speed(&mut self, instructions_per_second: u64) {
         self.speed = Some(instructions_per_second.max(1));
     }
@@ -383,9 +396,11 @@ impl Machine {
     }
 
     /// The board's crystal stops swinging, now, or can swing again.
-    pub fn set_crystal(&self, alive: bool) {
+    pub fn set_crystal(&mut self, alive: bool) {
         let now = self.now();
-        self.wiring.soc().set_crystal(alive, now);
+        let mut soc = self.wiring.soc();
+        soc.set_crystal(alive, now);
+        self.core.set_nmi(soc.nmi());
     }
 
     /// Lets chip and world go on up to a time.
@@ -406,12 +421,15 @@ impl Machine {
             } else {
                 self.talk(world, next_of_world, now);
             }
-            let (levels, nmi, memories) = {
+            let (levels, nmi, memories, guards) = {
                 let mut soc = self.wiring.soc();
                 soc.advance(now);
                 self.ready = self.ready.or(soc.system_ready_at());
-                (soc.interrupt_levels(), soc.nmi(), soc.memories_run())
+                (soc.interrupt_levels(), soc.nmi(), soc.memories_run(), soc.guards_ram())
             };
+            if !guards {
+                self.core.unlock_memories()?;
+            }
             self.core.set_memories(memories)?;
             self.core.set_interrupts(levels);
             self.core.set_nmi(nmi);
@@ -485,6 +503,10 @@ impl Machine {
                     self.pass(1, (clock.saturating_mul(speed) / FULL_CLOCK_HZ).max(1));
                 }
                 _ => self.pass(clocks, clock),
+            }
+            let waited = self.wiring.waited.swap(0, Ordering::Relaxed);
+            if waited > 0 {
+                self.pass(waited, clock);
             }
             if self.now >= horizon || self.wiring.touched.load(Ordering::Relaxed) {
                 return Ok(());

@@ -46,7 +46,7 @@ impl Rig {
     /// # Errors
     /// If a fault is on a bus that is not there, or in a handler that the program does not have.
     pub fn new(
-        machine: Machine,
+        mut machine: Machine,
         world: World,
         buses: Vec<Bus>,
         motors: Vec<(usize, Esc)>,

@@ -45,19 +45,14 @@ pub struct Fdcans {
     ram: MessageRam,
 }
 
-impl Default for Fdcans {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl Fdcans {
-    /// After power-on: kernel clock off, no pins, noise in the message RAM.
+    /// After power-on: kernel clock off, no pins, noise in the message RAM, other noise for another
+    /// seed.
     #[must_use]
-    pub fn new() -> Self {
+    pub fn new(seed: u64) -> Self {
         let controllers = [(); 3].map(|()| controller::Controller::new());
         let calibration = calibration::Calibration::new();
-        Self { controllers, calibration, kernel_hz: 0, ram: MessageRam::new() }
+        Self { controllers, calibration, kernel_hz: 0, ram: MessageRam::new(seed) }
     }
 
     /// The block's reset in RCC: all registers. Message RAM, kernel clock and pins stay, and so
@@ -126,9 +121,14 @@ impl Fdcans {
         self.apply_clock();
     }
 
+    /// The kernel clock behind the calibration unit's divider, hertz.
+    #[must_use]
+    pub const fn time_quantum_hz(&self) -> u64 {
+        self.kernel_hz / self.calibration.divider()
+    }
+
     fn apply_clock(&mut self) {
-        let (hz, valid) =
-            (self.kernel_hz / self.calibration.divider(), self.calibration.is_valid());
+        let (hz, valid) = (self.time_quantum_hz(), self.calibration.is_valid());
         self.controllers.iter_mut().for_each(|one| one.set_kernel_clock(hz, valid));
     }
 

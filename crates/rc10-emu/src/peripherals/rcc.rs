@@ -46,6 +46,8 @@ impl ResetCause {
     }
 }
 
+/// The address of `RCC_CR`: what is told of clocks that change without an access.
+pub(super) const CONTROL: u32 = 0x5802_4400;
 const CR: u32 = 0x00;
 const CFGR: u32 = 0x10;
 const D1CFGR: u32 = 0x18;
@@ -60,6 +62,8 @@ const CICR: u32 = 0x68;
 const BDCR: u32 = 0x70;
 const CSR: u32 = 0x74;
 const RSR: u32 = 0xD0;
+/// RSR.RMVF: removes the reset flags.
+const REMOVE: u32 = 1 << 16;
 /// First and last of the enable registers.
 const ENABLES: std::ops::RangeInclusive<u32> = 0xD4..=0xF4;
 /// The same registers, from RSR on, once more: "for core 1".
@@ -138,6 +142,8 @@ pub(super) struct Rcc {
     ready: [Option<Nanos>; 34],
     /// Whether the crystal swings when it is asked to.
     crystal: bool,
+    /// Whether RMVF stays set until the program clears it, and holds the reset flags at zero.
+    pub(super) removal_stays: bool,
     /// SWS.
     source: u32,
     /// Until when changes that need no access are taken into account.
@@ -155,6 +161,7 @@ impl Rcc {
             registers,
             ready,
             crystal: true,
+            removal_stays: true,
             source: 0,
             settled: Nanos::ZERO,
             system_ready_at: None,
@@ -165,9 +172,11 @@ impl Rcc {
     pub(super) fn reset(&mut self, cause: ResetCause, now: Nanos) {
         let (flags, backup) = (self.registers.value(RSR), self.registers.value(BDCR));
         let lse = self.ready[LSE];
-        *self = Self { crystal: self.crystal, settled: now, ..Self::new() };
+        let (crystal, removal_stays) = (self.crystal, self.removal_stays);
+        *self = Self { crystal, removal_stays, settled: now, ..Self::new() };
         if cause != ResetCause::PowerOn {
-            self.registers.set(RSR, flags | cause.flags());
+            let held = flags & REMOVE != 0;
+            self.registers.set(RSR, if held { REMOVE } else { flags | cause.flags() });
             self.registers.set(BDCR, backup);
             self.ready[LSE] = lse;
         }
@@ -325,7 +334,12 @@ impl Rcc {
                     self.registers.set(BDCR, BDRST);
                 }
             }
-            RSR if write.ones() & 1 << 16 != 0 => self.registers.set(RSR, 0),
+            RSR if write.ones() & REMOVE != 0 => {
+                self.registers.set(RSR, if self.removal_stays { REMOVE } else { 0 });
+            }
+            RSR if write.zeros() & REMOVE != 0 => {
+                self.registers.set(RSR, self.registers.value(RSR) & !REMOVE);
+            }
             _ => self.registers.write(write)?,
         }
         self.start(now);

@@ -101,7 +101,7 @@ const INTERFRAME_NS: u64 = 3 * BIT;
 impl Bench {
     /// In configuration mode: 1 Mbit/s, three elements in each FIFO, no filters, nothing to send.
     pub fn configuring() -> Self {
-        let fdcans = Arc::new(Mutex::new(Fdcans::new()));
+        let fdcans = Arc::new(Mutex::new(Fdcans::new(1)));
         let node = Node::new(Arc::clone(&fdcans), 0);
         let bench = Self { fdcans, node, now: Nanos::ZERO };
         bench.fdcans().set_kernel_clock(120_000_000);

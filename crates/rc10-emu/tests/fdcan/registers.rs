@@ -17,7 +17,7 @@ fn it_is_the_core_that_drivers_look_for() {
 
 #[test]
 fn reset_values() {
-    let mut fdcans = rc10_emu::fdcan::Fdcans::new();
+    let mut fdcans = rc10_emu::fdcan::Fdcans::new(1);
     let values = [
         (CCCR, 1),
         (NBTP, 0x0600_0A03),
@@ -303,4 +303,17 @@ fn controllers_share_the_message_ram_and_nothing_else() {
     let bench = Bench::configuring();
     assert_eq!(bench.fdcans().read(1, NBTP, bench.now), Some(0x0600_0A03));
     assert_eq!(bench.fdcans().read(2, CCCR, bench.now), Some(INIT));
+}
+
+/// Nothing may be read that nothing has written.
+#[test]
+fn the_message_ram_starts_with_noise_of_the_seed() {
+    let words = |seed| {
+        let fdcans = rc10_emu::fdcan::Fdcans::new(seed);
+        (0..2560).map(|word| fdcans.read_ram(word).unwrap()).collect::<Vec<_>>()
+    };
+    assert_eq!(words(1), words(1));
+    let same = words(1).iter().zip(words(2)).filter(|(one, two)| **one == *two).count();
+    assert!(same < 5, "{same} words are the same with another seed");
+    assert!(words(1).iter().filter(|word| **word == 0).count() < 5);
 }
