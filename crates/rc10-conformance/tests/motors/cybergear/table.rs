@@ -41,7 +41,9 @@ fn the_table_reads_ten_thousand_frames_as_the_codec_does() {
     let mut compared = 0;
     while frames < 10_000 {
         for (model, _) in models() {
-            for message in messages(model, ADDRESS).iter().filter(|message| message.from_device) {
+            for message in
+                messages(model, ADDRESS).iter().filter(|it| it.from_device && it.is_plain())
+            {
                 let mut data = bits.next().to_le_bytes();
                 if message.name.ends_with("PARAMETER") {
                     let choice = usize::try_from(bits.next() % 10).unwrap();
@@ -70,7 +72,7 @@ fn the_table_reads_ten_thousand_frames_as_the_codec_does() {
     assert!(compared > 40_000, "{compared}");
     let all: BTreeSet<_> = models()
         .flat_map(|(model, _)| messages(model, ADDRESS))
-        .filter(|message| message.from_device)
+        .filter(|message| message.from_device && message.is_plain())
         .flat_map(|message| message.signals.iter().map(move |signal| (message.name, signal.name)))
         .collect();
     assert_eq!(seen, all);
@@ -79,8 +81,10 @@ fn the_table_reads_ten_thousand_frames_as_the_codec_does() {
 #[test]
 fn messages_have_names_and_identifiers_of_their_own() {
     for (model, _) in models() {
-        let all = messages(model, ADDRESS);
-        assert_eq!(all.len(), if model.saves { 10 } else { 9 });
+        let mut all = messages(model, ADDRESS);
+        assert_eq!(all.len(), if model.saves { 17 } else { 15 });
+        all.retain(Message::is_plain);
+        assert_eq!(all.len(), 12);
         let ids: BTreeSet<_> = all.iter().map(|message| CanFrame::key_of(message.id)).collect();
         let names: BTreeSet<_> = all.iter().map(|message| message.name).collect();
         assert_eq!((ids.len(), names.len()), (all.len(), all.len()));
@@ -93,9 +97,10 @@ fn messages_have_names_and_identifiers_of_their_own() {
 fn commands_in_the_table_are_the_devices() {
     use rc10_sim::cybergear::wire::{Command, read};
     for (model, theirs) in models() {
-        for message in messages(model, ADDRESS).iter().filter(|message| !message.from_device) {
+        for message in messages(model, ADDRESS).iter().filter(|it| !it.from_device && it.is_plain())
+        {
             let mut data = [0x05, 0x70, 0, 0, 2, 0, 0, 0];
-            if message.name.ends_with("SAVE") {
+            if message.name.ends_with("SAVE") || message.name.ends_with("BIT_RATE") {
                 data = [1, 2, 3, 4, 5, 6, 7, 8];
             }
             if message.name.ends_with("STOP") || message.name.ends_with("ZERO") {
@@ -110,7 +115,8 @@ fn commands_in_the_table_are_the_devices() {
                 "SET_ZERO" => Command::SetZero,
                 "READ_PARAMETER" => Command::Read(0x7005),
                 "WRITE_PARAMETER" => Command::Write(0x7005, [2, 0, 0, 0]),
-                "SAVE" => Command::SaveOrBitRate(data),
+                "IDENTIFY" => Command::Identify,
+                "SAVE" | "SET_BIT_RATE" => Command::SaveOrBitRate(data),
                 other => panic!("{other}"),
             };
             assert_eq!(command, Ok(wanted));
