@@ -620,18 +620,18 @@ mod tests {
         let output = run(MIXED, &[], false).unwrap();
         assert!(output.broken);
         let lines: Vec<&str> = output.errors.lines().collect();
-        assert_eq!(lines.len(), 2, "{lines:?}");
+        assert_eq!(lines.len(), 3, "{lines:?}");
         assert!(
             lines[0].starts_with("line 7: it is not UTF-8 text: \"nothing\\u{1b}[2J"),
             "{lines:?}"
         );
         assert!(lines[1].starts_with("line 10: odd number of hex digits"), "{lines:?}");
+        assert!(lines[2].starts_with("can5: no bus of the robot"), "{lines:?}");
         assert!(
             output.text.contains("MALFORMED: 1 data bytes instead of 8: 201#00"),
             "{}",
             output.text
         );
-        assert!(output.text.contains("--bus can5=N"), "{}", output.text);
         assert!(!output.text.contains('\x1B'));
     }
 
@@ -650,6 +650,27 @@ mod tests {
         let stock = summary(log, &[]);
         assert_eq!(channels(&stock)[0]["bus"], 2);
         assert_eq!(channels(&stock)[1]["bus"], Value::Null);
+    }
+
+    #[test]
+    fn interfaces_that_are_no_bus_and_buses_that_never_come_are_said() {
+        let log = b"(1.0) can7 203#0000000000000000\n(1.1) can7 203#0000000000000000\n\
+                    (1.2) can0 203#0000000000000000\n";
+        let said = |buses: &[&str]| run(log, buses, true).unwrap().errors;
+        let stray = "can7: no bus of the robot (1 to 3), its frames are not decoded; ";
+        assert_eq!(said(&[]), format!("{stray}--bus can7=1 makes it one\n"));
+        let silent = "--bus foo=1: no frame came on foo; the log has can0, can7\n";
+        assert_eq!(
+            said(&["foo=1"]),
+            format!(
+                "{stray}--bus can7=2 makes it one\n\
+                 can0: no bus of the robot (1 to 3), its frames are not decoded; --bus can0=2 makes \
+                 it one\n{silent}"
+            )
+        );
+        assert_eq!(said(&["can7=2"]), "");
+        let nothing = run(b"", &["foo=1"], false).unwrap().errors;
+        assert_eq!(nothing, "--bus foo=1: no frame came on foo; the log has no frames\n");
     }
 
     #[test]

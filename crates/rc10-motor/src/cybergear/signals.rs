@@ -24,7 +24,7 @@ pub const NOT_IN_DBC: &[&str] = &[
 ];
 
 /// The most messages of a motor.
-pub const MOST: usize = 17;
+pub const MOST: usize = 18;
 
 /// The frames that a motor of the model sends and takes; first those that are not in
 /// [`NOT_IN_DBC`].
@@ -65,14 +65,16 @@ pub fn messages(model: &Model, address: Address) -> Vec<Message, MOST> {
         // 0xFE instead of a host: to everybody.
         with_id(kind::IDENTITY, 0, motor, 0xFE, name!("IDENTITY"), true, &IDENTITY),
     ];
-    // Eleven, one, and five are seventeen.
+    // Eleven, two, and five are eighteen.
     let _ = all.extend_from_slice(&plain);
     let save = wire::save(address);
-    let _ = all.push(if robstride {
-        to(save, "ROBSTRIDE_SAVE", &[])
+    if robstride {
+        let _ = all.push(to(save, "ROBSTRIDE_SAVE", &[]));
+        let name = "ROBSTRIDE_SET_REPORT";
+        let _ = all.push(with_id(kind::REPORT, 0, host, motor, name, false, &REPORT));
     } else {
-        to(save, "CYBERGEAR_SET_BIT_RATE", &BIT_RATE)
-    });
+        let _ = all.push(to(save, "CYBERGEAR_SET_BIT_RATE", &BIT_RATE));
+    }
     const UPPER: u32 = 0x00FF_0000;
     let state = state_of(model);
     let motion = motion_of(model);
@@ -210,6 +212,9 @@ static MOTION: [(&str, [Signal; 5]); models::ALL.len()] = {
 
 /// Number of the chip, eight bytes as they came.
 static IDENTITY: [Signal; 1] = [Signal::big("CHIP", 0, 8)];
+/// Whether it reports of its own accord (RobStride manuals, type 24).
+static REPORT: [Signal; 1] =
+    [Signal::little("REPORTS", 6, 1).named(&[(0, "when asked"), (1, "of its own accord")])];
 static NEW_ID: [Signal; 1] = [Signal::in_id("NEW_ID", 16, 8)];
 static BIT_RATE: [Signal; 1] = [Signal::little("BIT_RATE", 0, 1).named(&[
     (1, "1 Mbit/s"),

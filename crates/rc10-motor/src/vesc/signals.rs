@@ -20,22 +20,25 @@ pub const NOT_IN_DBC: &[&str] = &[
 /// All messages of a VESC, and all that can be sent to it.
 pub const MOST: usize = 6 + 1 + ORDERS.len();
 
-/// The status frames that are switched on, the answer to a PING, and all that can be sent to it,
-/// also by other programs.
+/// The status frames that are switched on, the answer to a PING, all that can be sent to it, also by
+/// other programs, and the status frames that are not expected.
 #[must_use]
 pub fn messages(config: &Config) -> Vec<Message, MOST> {
     let message = |packet: Packet, id, name, len, from_device, signals| {
         Message::new(name, Id::Extended(packet.id(id)), len, from_device, signals)
     };
-    let statuses = STATUSES.into_iter().zip(REPORTS).zip(config.status.all());
-    let reports = statuses
-        .filter(|(_, rate)| *rate > 0)
-        .map(|((packet, (name, signals)), _)| message(packet, config.id, name, 8, true, signals));
+    let reports = |wanted: bool| {
+        let statuses = STATUSES.into_iter().zip(REPORTS).zip(config.status.all());
+        let statuses = statuses.filter(move |(_, rate)| (*rate > 0) == wanted);
+        statuses.map(move |((packet, (name, signals)), _)| {
+            message(packet, config.id, name, 8, true, signals)
+        })
+    };
     let pong = message(Packet::Pong, config.asker, "VESC_PONG", 2, true, PONG);
     let orders = ORDERS
         .iter()
         .map(|&(packet, name, len, signals)| message(packet, config.id, name, len, false, signals));
-    reports.chain([pong]).chain(orders).take(MOST).collect()
+    reports(true).chain([pong]).chain(orders).chain(reports(false)).take(MOST).collect()
 }
 
 /// In the order of their numbers (bldc `comm_can.c`, `comm_can_send_status1` to `status6`).
