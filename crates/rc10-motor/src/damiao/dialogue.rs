@@ -254,13 +254,12 @@ impl Dialogue {
         if !is_like_reply(frame, self.id) {
             return None;
         }
-        let reply = Reply::unpack(frame).ok();
-        let (Some(access), Some(reply)) = (self.access(), reply) else {
+        let Ok(reply) = Reply::unpack(frame) else {
             return Some(Err(FrameError::Unexpected));
         };
-        if !reply.answers(self.id, &access) {
-            return Some(Err(FrameError::Unexpected));
-        }
+        let Some(access) = self.access().filter(|access| reply.answers(self.id, access)) else {
+            return Some(Err(FrameError::Unasked));
+        };
         let held = match reply.content {
             Content::Holds(_, value) | Content::Written(_, value) => Some(value),
             Content::Saved => None,

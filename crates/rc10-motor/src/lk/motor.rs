@@ -143,7 +143,7 @@ impl Lk {
 
     fn heard_motion(&mut self, motion: Motion, at: Micros) -> Result<Heard, FrameError> {
         if motion.command != CURRENT && motion.command != MOTION {
-            return Err(FrameError::Unexpected);
+            return Err(FrameError::Unasked);
         }
         if u32::from(motion.encoder) >= self.model.encoder.counts() {
             return Err(FrameError::Encoder);
@@ -194,7 +194,7 @@ impl Lk {
     #[cold]
     fn heard_other(&mut self, reply: &Reply) -> Result<Heard, FrameError> {
         if self.commands == Commands::MultiMotor {
-            return Err(FrameError::Unexpected);
+            return Err(FrameError::Unasked);
         }
         match reply {
             Reply::Health(health) => Ok(self.heard_health(*health)),
@@ -207,7 +207,7 @@ impl Lk {
                 Ok(Heard::Other)
             }
             Reply::Off => Ok(Heard::Other),
-            _ => Err(FrameError::Unexpected),
+            _ => Err(FrameError::Unasked),
         }
     }
 

@@ -416,7 +416,7 @@ impl CanMotor for GoModule {
                 Ok(Heard::Fault)
             }
             Content::Impedance(has) if self.sequence.on_impedance(has) => Ok(Heard::Other),
-            Content::Impedance(_) => Err(FrameError::Unexpected),
+            Content::Impedance(_) => Err(FrameError::Unasked),
         }
     }
 
