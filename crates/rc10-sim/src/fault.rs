@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use rc10_sim::Nanos;
+use crate::Nanos;
 
 /// What goes wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
