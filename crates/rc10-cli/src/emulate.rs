@@ -11,11 +11,11 @@ use std::{env, fs};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_emu::fault::Kind;
-use rc10_emu::{Fault, Machine, Rig};
+use rc10_emu::{Machine, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{MotorBus, MotorStatus};
+use rc10_sim::fault::{self, Fault, Kind};
 use rc10_sim::{Nanos, TraceEntry};
 use sha2::{Digest, Sha256};
 
@@ -42,10 +42,8 @@ pub struct EmuArgs {
     /// a Cortex-M4 would]
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub mips: Option<u64>,
-    /// Something goes wrong: cut:2@0.3s..0.5s short:2@.. dominant:2@.. noise:2@0.3s power:2@..
-    /// load:2@.. remote-lost@0.5s..0.7s hang@0.3s..320ms mask@0.3s..305ms panic@0.3s
-    /// hardfault@0.3s; repeat for more
-    #[arg(long = "fault", value_name = "FAULT")]
+    #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
     pub faults: Vec<Fault>,
     /// Print one JSON object instead of tables
     #[arg(long)]
@@ -91,7 +89,7 @@ impl<'r> Emulation<'r> {
     /// there.
     pub fn new(program: &[u8], robot: Robot<'r>, setup: &Setup) -> Result<Self> {
         let mut robot = robot;
-        robot.set_remote(None, &setup.faults)?;
+        robot.set_faults(&setup.faults)?;
         let (mut description, listeners) = robot.into_buses()?;
         if let Some(rate) = setup.rate {
             for motor in &mut description.motors {

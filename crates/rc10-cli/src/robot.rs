@@ -7,15 +7,16 @@ use std::pin::Pin;
 
 use anyhow::{Context, Result, bail, ensure};
 use rc10_can::Micros;
-use rc10_emu::Fault;
-use rc10_emu::fault::Kind;
 use rc10_module::Reception;
 use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
 use rc10_motor::embassy::{BusPort, LinePort, MotorPort, run_bus, run_line};
 use rc10_motor::signals::Message;
 use rc10_motor::unitree::UnitreeLine;
 use rc10_motor::{ArmSwitch, MotorBus, MotorId, MotorName};
-use rc10_sim::{Esc, EscConfig, EscState, LineMotor, Serial, Tasks, UartPort, World};
+use rc10_sim::fault::Kind;
+use rc10_sim::{
+    Esc, EscConfig, EscState, Fault, Faults, LineMotor, Serial, Tasks, UartPort, World,
+};
 
 use crate::recording::Event;
 use crate::remote::{Line, Lost, Receiver, ReceiverPort, RemoteControl};
@@ -40,6 +41,8 @@ pub struct Description {
     pub script: Script,
     /// Builds its firmware and says where the ELF file is. `None`: `rc10 emu` must be told.
     pub firmware: Option<fn() -> Result<PathBuf>>,
+    /// What goes wrong around it in this run: [`Robot::set_faults`].
+    pub faults: Vec<Fault>,
 }
 
 /// One motor of a robot, and what is on its shaft.
@@ -498,22 +501,34 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Plugs another receiver in, if one is named, and says when the remote will be lost.
+    /// Plugs another receiver in.
     ///
     /// # Errors
-    /// If it has no remote, or none with such a receiver, or one is lost that is lost already.
-    pub fn set_remote(&mut self, receiver: Option<Receiver>, faults: &[Fault]) -> Result<()> {
-        let needed = receiver.is_some() || faults.iter().any(|f| f.kind == Kind::RemoteLost);
+    /// If it has no remote, or none with such a receiver.
+    pub fn set_remote(&mut self, receiver: Receiver) -> Result<()> {
         match &mut self.description.remote {
-            Some(remote) => {
-                receiver.map_or(Ok(()), |receiver| remote.plug(receiver))?;
-                remote.lose(faults)
-            }
-            None if needed => {
-                bail!("this robot has no remote control: no --remote, no remote-lost")
-            }
-            None => Ok(()),
+            Some(remote) => remote.plug(receiver),
+            None => bail!("this robot has no remote control: no --remote"),
         }
+    }
+
+    /// Says what will go wrong around it.
+    ///
+    /// # Errors
+    /// If a fault is on a bus or a line that it does not have; if it has no remote to lose, or one
+    /// is lost that is lost already.
+    pub fn set_faults(&mut self, faults: &[Fault]) -> Result<()> {
+        let Description { buses, lines, remote, .. } = &mut self.description;
+        Faults::check(faults, usize::from(*buses), usize::from(*lines))?;
+        match remote {
+            Some(remote) => remote.lose(faults)?,
+            None => ensure!(
+                faults.iter().all(|fault| fault.kind != Kind::RemoteLost),
+                "this robot has no remote control: no remote-lost"
+            ),
+        }
+        self.description.faults = faults.into();
+        Ok(())
     }
 
     /// What it was described as.

@@ -8,8 +8,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_emu::Fault;
-use rc10_emu::fault::Kind;
+use rc10_sim::fault::{self, Fault};
 
 use crate::figures::{bus_table, line_table, motor_table, remote_lines, to_json};
 use crate::recording::Recording;
@@ -30,8 +29,8 @@ pub struct RunArgs {
     /// The receiver of the robot's remote control [default: the one that the robot names]
     #[arg(long, value_name = "RECEIVER", value_parser = remote::parser(), ignore_case = true)]
     pub remote: Option<Receiver>,
-    /// Something goes wrong: remote-lost@4s or remote-lost@4s..4.5s; repeat for more
-    #[arg(long = "fault", value_name = "FAULT")]
+    #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
     pub faults: Vec<Fault>,
     /// Folder for report.html and the bus logs
     #[arg(long, value_name = "DIR", default_value = "target/rc10")]
@@ -81,10 +80,13 @@ pub(crate) fn seconds(text: &str) -> Result<Micros, String> {
 /// If the folder cannot be written, or the robot is not as described.
 pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     check_end(&args.faults, args.seconds)?;
-    if let Some(fault) = args.faults.iter().find(|fault| fault.kind != Kind::RemoteLost) {
-        bail!("--fault {}: rc10 run knows only remote-lost; rc10 emu does that", fault.kind);
+    if let Some(Fault { kind, .. }) = args.faults.iter().find(|fault| fault.kind.is_of_chip()) {
+        bail!("--fault {kind}: rc10 run has no chip to do that to; rc10 emu does it");
     }
-    robot.set_remote(args.remote, &args.faults)?;
+    if let Some(receiver) = args.remote {
+        robot.set_remote(receiver)?;
+    }
+    robot.set_faults(&args.faults)?;
     // Before the work, so that a wrong folder is known at once.
     make_folder(&args.out)?;
     let started = Instant::now();

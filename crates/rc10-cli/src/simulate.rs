@@ -5,6 +5,7 @@ use rc10_can::Micros;
 use rc10_module::Reception;
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{ArmSwitch, MotorStatus};
+use rc10_sim::{Faults, Nanos};
 
 use crate::recorder::Recorder;
 use crate::recording::Recording;
@@ -24,11 +25,20 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
         |entry| ports.motor(&description, entry).map_or(MotorStatus::NEW, |port| port.status());
     let mut recorder = Recorder::new(&description, seed);
     let mut watch = Watch::new(description.remote.as_ref());
+    let mut faults = Faults::new(&around.wires, &around.lines, &description.faults)?;
     let mut next_sample = Recorder::next_sample(around.world.now(), length);
     while around.world.now() < length {
         let next_look = watch.next(around.world.now()).unwrap_or(next_sample);
-        around.run(&mut tasks, next_look.min(next_sample));
+        let next_fault = faults.next(around.world.now_ns()).map_or(next_sample, rounded_up);
+        around.run(&mut tasks, next_look.min(next_sample).min(next_fault));
         let now = around.world.now();
+        for (bus, wire) in around.wires.iter().enumerate() {
+            let news = wire.take_trace();
+            faults.heard(bus, &news);
+            recorder.frames(bus, &news);
+        }
+        // The remote's are in its operator's hands, those of a chip are refused.
+        let _ = faults.act(now.into());
         let sight = around.remote.as_ref().map(|link| Sight {
             sent: link.remote.sent(),
             motors: &description.motors,
@@ -40,9 +50,6 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
         }
         if now < next_sample {
             continue;
-        }
-        for (bus, wire) in around.wires.iter().enumerate() {
-            recorder.frames(bus, &wire.take_trace());
         }
         recorder.sample(&around.motors, around.base.as_ref(), motor);
         if let Some(sight) = sight {
@@ -61,6 +68,11 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
     let recording =
         recorder.finish(around.world.now(), &around.wires, &around.motors, motor, bus, lines);
     Ok(Recording { remote, ..recording })
+}
+
+/// The first whole microsecond that is not before it: tasks know no finer time.
+const fn rounded_up(time: Nanos) -> Micros {
+    Micros::new(time.get().div_ceil(1000))
 }
 
 #[cfg(test)]

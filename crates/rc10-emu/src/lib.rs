@@ -18,5 +18,4 @@ pub use image::{Image, Static};
 pub use machine::{Injection, LogLine, Machine, Report, Restart};
 pub use memory::Memory;
 pub use profile::{ExceptionCost, Profile};
-pub use rc10_sim::fault::{self, Fault};
 pub use rig::{BusLog, Rig};

@@ -103,6 +103,17 @@ impl Bus {
         self.with_wire(|wire, now| wire.set_held_dominant(held, now));
     }
 
+    /// Switches the power of all ESCs on the bus, in the order in which they were added: as
+    /// [`Esc::set_power`] each.
+    pub fn set_power(&self, powered: bool) {
+        let count = self.inner.borrow().units.len();
+        for index in 0..count {
+            if self.inner.borrow().units[index].bus == self.index {
+                Esc { inner: Rc::clone(&self.inner), index }.set_power(powered);
+            }
+        }
+    }
+
     /// The next frames on the bus, one that is on it now included, are destroyed by noise just
     /// before their end: an error frame follows, and their senders repeat them. Replaces the number
     /// given before; 0 for no more noise.

@@ -221,6 +221,10 @@ impl Line {
         }
     }
 
+    pub(crate) fn set_power_of_all(&mut self, powered: bool, now: Nanos) {
+        (0..self.places.len()).for_each(|index| self.set_power(index, powered, now));
+    }
+
     pub(crate) fn set_muted(&mut self, index: usize, muted: bool) {
         self.places[index].muted = muted;
     }

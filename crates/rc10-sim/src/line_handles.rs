@@ -62,6 +62,11 @@ impl Line {
         self.with(|line, _| line.set_cut(cut));
     }
 
+    /// Switches the power of all devices on the line: as [`LineMotor::set_power`] each.
+    pub fn set_power(&self, powered: bool) {
+        self.with(|line, now| line.set_power_of_all(powered, now));
+    }
+
     /// Somebody who is no device sends bytes, from now on and after those he was given before.
     /// Whoever sends at the same time collides with him.
     pub fn inject(&self, bytes: &[u8]) {
