@@ -20,6 +20,7 @@ use rc10_sim::{Nanos, TraceEntry};
 use sha2::{Digest, Sha256};
 
 use self::output::Outcome;
+use crate::mistake::{self, Mistake};
 use crate::recorder::Recorder;
 use crate::recording::{Recording, hex_digits};
 use crate::remote::{Operator, ReceiverWire, Sight, Watch};
@@ -45,6 +46,9 @@ pub struct EmuArgs {
     #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
     #[expect(missing_docs, reason = "its help says it")]
     pub faults: Vec<Fault>,
+    #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
+    pub mistakes: Vec<Mistake>,
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
@@ -61,6 +65,8 @@ pub struct Setup {
     pub rate: Option<FeedbackRate>,
     /// What goes wrong.
     pub faults: Vec<Fault>,
+    /// What is built otherwise than the robot's table says.
+    pub mistakes: Vec<Mistake>,
 }
 
 /// A chip in a robot's surroundings, and what the robot's own code on this machine hears on the
@@ -90,6 +96,7 @@ impl<'r> Emulation<'r> {
     pub fn new(program: &[u8], robot: Robot<'r>, setup: &Setup) -> Result<Self> {
         let mut robot = robot;
         robot.set_faults(&setup.faults)?;
+        robot.set_mistakes(&setup.mistakes)?;
         let (mut description, listeners) = robot.into_buses()?;
         if let Some(rate) = setup.rate {
             for motor in &mut description.motors {
@@ -188,6 +195,8 @@ impl<'r> Emulation<'r> {
                 recorder.frames(bus, entries);
             }
             recorder.sample(&self.motors, self.base.as_ref(), |line| self.status(line, now));
+            // What the chip hears of its IMU is not seen from here.
+            recorder.base(|line| self.status(line, now), None);
             if let Some(sight) = self.sight() {
                 watch.sample(sight);
             }
@@ -241,6 +250,7 @@ pub fn emulate(args: &EmuArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<
         speed: args.mips.map(|mips| mips * 1_000_000),
         rate: None,
         faults: args.faults.clone(),
+        mistakes: args.mistakes.clone(),
     };
     let started = Instant::now();
     let emulation =

@@ -9,7 +9,8 @@
 //!   on a bus or line, its [`Device`](robot::Device), and what its shaft carries. [`team`] and
 //!   [`mixed`]: the two of `rc10-robot`.
 //! * [`remote`]: its remote control, who holds it, and what happens when it is lost.
-//! * [`surroundings`]: the world around a robot, from its description alone.
+//! * [`surroundings`]: the world around a robot, from its description alone. [`mistake`]: what is
+//!   not as described.
 //! * [`recorder`]: writes down what happens there, whoever runs the robot. [`simulate`] runs its
 //!   own tasks, on this machine.
 //! * [`recording`]: what is left of a run. [`figures`] and [`report`] are made from it.
@@ -24,6 +25,7 @@ pub mod dbc;
 pub mod decode;
 pub mod emulate;
 pub mod figures;
+pub mod mistake;
 pub mod mixed;
 pub mod pty;
 pub mod recorder;
@@ -48,6 +50,7 @@ use emulate::EmuArgs;
 use pty::PtyArgs;
 use run::RunArgs;
 
+pub use mistake::Mistake;
 pub use recording::{Event, Recording};
 pub use remote::{Receiver, RemoteControl};
 pub use robot::{Base, Description, Motor, Robot, Script, SerialPart};
@@ -101,6 +104,8 @@ Examples:
   rc10                                   ten seconds of the robot, and target/rc10/report.html
   rc10 run --seconds 3 --seed 7          three seconds of another world
   rc10 run --out /tmp/tonight --json     all figures as one JSON object
+  rc10 run --mistake direction:wheel-front-left
+                                         how it looks if that motor is mounted the other way
   rc10 run --remote sbus --fault remote-lost@4s..4.5s
                                          another receiver, and its radio link breaks
   rc10 emu --fault cut:2@0.3s..0.5s      the firmware's ELF, with bus 2 unplugged for a while

@@ -4,12 +4,13 @@ use rc10_app::TotalAngle;
 use rc10_app::angle::shortest_way_degrees;
 use rc10_can::Micros;
 use rc10_motor::embassy::{BusStatus, LineStatus};
-use rc10_motor::{Drive, MotorStatus, Target};
+use rc10_motor::{Drive, Link, MotorStatus, Target};
 use rc10_sim::{Base, TraceEntry};
 
 use crate::candump;
 use crate::recording::{
-    BaseTrack, BusTrack, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD,
+    BaseHeard, BaseTrack, BusTrack, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD,
+    WheelHeard,
 };
 use crate::robot::{Description, Motor, Twin};
 
@@ -21,6 +22,7 @@ pub struct Recorder<'d> {
     samples: Vec<Vec<MotorSample>>,
     logs: Vec<(String, u64)>,
     path: Vec<PathPoint>,
+    heard: Vec<BaseHeard>,
 }
 
 impl<'d> Recorder<'d> {
@@ -33,6 +35,7 @@ impl<'d> Recorder<'d> {
             samples: vec![Vec::new(); description.motors.len()],
             logs: vec![Default::default(); description.buses.into()],
             path: Vec::new(),
+            heard: Vec::new(),
         }
     }
 
@@ -74,6 +77,21 @@ impl<'d> Recorder<'d> {
         }
     }
 
+    /// Takes a sample of what the robot hears of its base: `status` as for [`sample`](Self::sample),
+    /// and by its IMU `yaw`, degrees.
+    pub fn base(&mut self, status: impl Fn(usize) -> MotorStatus, yaw: Option<f64>) {
+        let Some(base) = &self.description.base else { return };
+        let wheels = base.wheels.map(|line| {
+            let MotorStatus { link, drive, feedback, .. } = status(line);
+            WheelHeard {
+                angle: feedback.total_angle.microdegrees() as f64 * 1e-6,
+                current: feedback.current().map(|current| current.get().into()),
+                follows: link == Link::Online && drive == Drive::Run,
+            }
+        });
+        self.heard.push(BaseHeard { wheels, yaw });
+    }
+
     /// The recording. `motor` is what the robot knows of the motor in a line of its table, `bus`
     /// of its bus with a number, `lines` of its RS-485 lines, at the end.
     #[must_use]
@@ -109,7 +127,12 @@ impl<'d> Recorder<'d> {
             motors: motors.collect(),
             buses: buses.collect(),
             lines,
-            base: base.map(|base| BaseTrack { wheels: base.wheels, path: self.path }),
+            base: base.map(|base| BaseTrack {
+                wheels: base.wheels,
+                path: self.path,
+                chassis: base.chassis,
+                heard: self.heard,
+            }),
             events: self.description.events(length),
             remote: None,
         }

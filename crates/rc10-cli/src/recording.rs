@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use rc10_can::Micros;
 use rc10_motor::embassy::{BusStatus, LineStatus};
 use rc10_motor::{Drive, Link, MotorStatus, TargetKind};
+use rc10_sim::Chassis;
 use sha2::{Digest, Sha256};
 
 use crate::remote::RemoteTrack;
@@ -106,6 +107,30 @@ pub struct BaseTrack {
     pub wheels: [usize; 4],
     /// Where it was, per sample.
     pub path: Vec<PathPoint>,
+    /// Its measures, as the robot's table has them.
+    pub chassis: Chassis,
+    /// What the robot heard of it, per sample.
+    pub heard: Vec<BaseHeard>,
+}
+
+/// What a robot's own sensors said of its base at one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BaseHeard {
+    /// Its wheels, in the order of [`BaseTrack::wheels`].
+    pub wheels: [WheelHeard; 4],
+    /// Which way it looks by its IMU, degrees counter-clockwise, all turns counted.
+    pub yaw: Option<f64>,
+}
+
+/// What a robot heard of a wheel's motor, as the robot counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WheelHeard {
+    /// Degrees of the output shaft, all turns counted.
+    pub angle: f64,
+    /// Current in the winding, A, if the device tells it.
+    pub current: Option<f64>,
+    /// It is heard, and follows a target.
+    pub follows: bool,
 }
 
 /// Where the base was.

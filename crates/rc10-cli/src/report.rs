@@ -798,7 +798,12 @@ mod tests {
             motors: motors.collect(),
             buses: (1..=3).map(bus).collect(),
             lines: Vec::new(),
-            base: Some(BaseTrack { wheels: [0, 1, 2, 3], path: (0..samples).map(path).collect() }),
+            base: Some(BaseTrack {
+                wheels: [0, 1, 2, 3],
+                path: (0..samples).map(path).collect(),
+                chassis: rc10_sim::Chassis::default(),
+                heard: Vec::new(),
+            }),
             events: vec![
                 event(100, "arm"),
                 event(900, "square: forward"),

@@ -4,6 +4,7 @@
 use std::fmt;
 use std::path::PathBuf;
 use std::pin::Pin;
+use std::rc::Rc;
 
 use anyhow::{Context, Result, bail, ensure};
 use rc10_can::Micros;
@@ -18,6 +19,7 @@ use rc10_sim::{
     Esc, EscConfig, EscState, Fault, Faults, LineMotor, Serial, Tasks, UartPort, World,
 };
 
+use crate::mistake::{Built, Mistake};
 use crate::recording::Event;
 use crate::remote::{Line, Lost, Receiver, ReceiverPort, RemoteControl};
 use crate::surroundings::Surroundings;
@@ -43,6 +45,8 @@ pub struct Description {
     pub firmware: Option<fn() -> Result<PathBuf>>,
     /// What goes wrong around it in this run: [`Robot::set_faults`].
     pub faults: Vec<Fault>,
+    /// What is built otherwise than described: [`Robot::set_mistakes`].
+    pub mistakes: Vec<Mistake>,
 }
 
 /// One motor of a robot, and what is on its shaft.
@@ -401,7 +405,12 @@ pub struct Ports<'r> {
     pub switch: Option<&'r ArmSwitch>,
     /// What it hears of its remote.
     pub reception: Option<&'r Reception>,
+    /// Which way it looks by its IMU at this time: degrees counter-clockwise, all turns counted.
+    pub yaw: Option<Yaw<'r>>,
 }
+
+/// Which way a robot looks at a time, if it knows.
+pub type Yaw<'r> = Rc<dyn Fn(Micros) -> Option<f64> + 'r>;
 
 impl<'r> Ports<'r> {
     /// The port of the motor in an entry of [`Description::motors`], if it is plugged in here.
@@ -440,7 +449,13 @@ impl<'r> Robot<'r> {
     /// A robot without buses and tasks.
     #[must_use]
     pub const fn new(description: Description) -> Self {
-        let ports = Ports { buses: Vec::new(), lines: Vec::new(), switch: None, reception: None };
+        let ports = Ports {
+            buses: Vec::new(),
+            lines: Vec::new(),
+            switch: None,
+            reception: None,
+            yaw: None,
+        };
         Self {
             description,
             buses: Vec::new(),
@@ -479,6 +494,14 @@ impl<'r> Robot<'r> {
     #[must_use]
     pub const fn switch(mut self, switch: &'r ArmSwitch) -> Self {
         self.ports.switch = Some(switch);
+        self
+    }
+
+    /// Says which way its IMU says that it looks, degrees counter-clockwise with all turns counted:
+    /// so that a run can compare its wheels with that.
+    #[must_use]
+    pub fn yaw(mut self, yaw: impl Fn(Micros) -> Option<f64> + 'r) -> Self {
+        self.ports.yaw = Some(Rc::new(yaw));
         self
     }
 
@@ -529,6 +552,16 @@ impl<'r> Robot<'r> {
         }
         self.description.faults = faults.into();
         Ok(())
+    }
+
+    /// Says what is built otherwise than described: the world around it will be, and it will not
+    /// know.
+    ///
+    /// # Errors
+    /// If a mistake concerns a motor or a base that it does not have.
+    pub fn set_mistakes(&mut self, mistakes: &[Mistake]) -> Result<()> {
+        self.description.mistakes = mistakes.into();
+        Built::new(&self.description).map(|_| ())
     }
 
     /// What it was described as.

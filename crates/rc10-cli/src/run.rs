@@ -11,6 +11,7 @@ use rc10_can::Micros;
 use rc10_sim::fault::{self, Fault};
 
 use crate::figures::{bus_table, line_table, motor_table, remote_lines, to_json};
+use crate::mistake::{self, Mistake};
 use crate::recording::Recording;
 use crate::remote::{self, Receiver};
 use crate::report::report;
@@ -32,6 +33,9 @@ pub struct RunArgs {
     #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
     #[expect(missing_docs, reason = "its help says it")]
     pub faults: Vec<Fault>,
+    #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
+    pub mistakes: Vec<Mistake>,
     /// Folder for report.html and the bus logs
     #[arg(long, value_name = "DIR", default_value = "target/rc10")]
     pub out: PathBuf,
@@ -48,6 +52,7 @@ impl Default for RunArgs {
             seed: 1,
             remote: None,
             faults: Vec::new(),
+            mistakes: Vec::new(),
             out: "target/rc10".into(),
             json: false,
         }
@@ -87,6 +92,7 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
         robot.set_remote(receiver)?;
     }
     robot.set_faults(&args.faults)?;
+    robot.set_mistakes(&args.mistakes)?;
     // Before the work, so that a wrong folder is known at once.
     make_folder(&args.out)?;
     let started = Instant::now();

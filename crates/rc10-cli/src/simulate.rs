@@ -52,6 +52,7 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
             continue;
         }
         recorder.sample(&around.motors, around.base.as_ref(), motor);
+        recorder.base(motor, ports.yaw.as_ref().and_then(|yaw| yaw(now)));
         if let Some(sight) = sight {
             watch.sample(sight);
         }

@@ -95,4 +95,8 @@ pub fn robot<'r>(io: &'r Io<'_>, buses: [Bus<'r>; BUSES]) -> Robot<'r> {
             }
         })
         .serial(async |port| imu::run(io, port).await)
+        .yaw(|now| {
+            let heading = io.heading.read()?.value.total(now)?;
+            Some(heading.microdegrees() as f64 * 1e-6)
+        })
 }

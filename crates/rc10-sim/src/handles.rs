@@ -233,6 +233,18 @@ impl Esc {
         self.inner.borrow_mut().units[self.index].inject(fault)
     }
 
+    /// Sets another identifier on it, as before power-on. `false`: it can have no such one, and
+    /// nothing happened.
+    pub fn set_id(&self, id: u8) -> bool {
+        self.inner.borrow_mut().units[self.index].set_id(id)
+    }
+
+    /// Puts its motor behind another gearbox: so many turns of the rotor per turn of the output
+    /// shaft, above 0. Torque, speed and friction follow ([`Plant::with_gear`]).
+    pub fn set_gear(&self, ratio: f64) {
+        self.inner.borrow_mut().units[self.index].motor.set_gear(ratio);
+    }
+
     /// A look into its electronics, or a hand: `None` if it is not a `D`.
     pub fn with<D: Device, T>(&self, look: impl FnOnce(&mut D) -> T) -> Option<T> {
         self.inner.borrow_mut().units[self.index].device().downcast_mut().map(look)

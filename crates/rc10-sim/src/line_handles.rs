@@ -132,6 +132,12 @@ impl LineMotor {
         self.line.with(|line, _| line.inject_fault(self.motor, fault))
     }
 
+    /// Sets another identifier on it, as before power-on. `false`: it can have no such one, and
+    /// nothing happened.
+    pub fn set_id(&self, id: u8) -> bool {
+        self.line.with(|line, _| line.set_id(self.motor, id))
+    }
+
     /// A look into its electronics, or a hand: `None` if it is not a `D`.
     pub fn with<D: LineDevice, T>(&self, look: impl FnOnce(&mut D) -> T) -> Option<T> {
         self.line.with(|line, _| line.device(self.motor).downcast_mut().map(look))
