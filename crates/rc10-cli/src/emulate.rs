@@ -14,7 +14,7 @@ use rc10_can::Micros;
 use rc10_emu::{Machine, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::embassy::BusStatus;
-use rc10_motor::{MotorBus, MotorStatus};
+use rc10_motor::{Loops, MotorBus, MotorStatus};
 use rc10_sim::fault::{self, Fault, Kind};
 use rc10_sim::{Nanos, TraceEntry};
 use sha2::{Digest, Sha256};
@@ -83,6 +83,8 @@ pub struct Emulation<'r> {
     seed: u64,
     /// The robot's buses: they only listen.
     listeners: Vec<MotorBus<'r>>,
+    /// The control loops that its code has for each motor.
+    loops: Vec<Option<Loops>>,
     heard: Vec<usize>,
     operator: Option<Operator>,
 }
@@ -97,6 +99,7 @@ impl<'r> Emulation<'r> {
         let mut robot = robot;
         robot.set_faults(&setup.faults)?;
         robot.set_mistakes(&setup.mistakes)?;
+        let loops = robot.loops();
         let (mut description, listeners) = robot.into_buses()?;
         if let Some(rate) = setup.rate {
             for motor in &mut description.motors {
@@ -136,7 +139,7 @@ impl<'r> Emulation<'r> {
         of_chip.retain(|fault| fault.kind != Kind::RemoteLost);
         let rig = Rig::new(machine, world, wires, on_buses.collect(), &of_chip)?;
         let seed = setup.seed;
-        Ok(Self { rig, motors, description, base, seed, listeners, heard, remote, operator })
+        Ok(Self { rig, motors, description, base, seed, listeners, loops, heard, remote, operator })
     }
 
     /// Lets everything go on up to a time since power-on.
@@ -178,48 +181,55 @@ impl<'r> Emulation<'r> {
     /// As [`Rig::run`].
     pub fn record(mut self, length: Micros) -> Result<(Self, Recording)> {
         let description = self.description.clone();
-        let mut recorder = Recorder::new(&description, self.seed);
+        let mut recorder = Recorder::new(&description, self.seed, &self.loops, true);
         let mut watch = Watch::new(description.remote.as_ref());
         let mut now = Micros::ZERO;
-        let mut next_sample = Recorder::next_sample(now, length);
+        let mut next_look = Recorder::next_look(now, length);
         while now < length {
-            now = watch.next(now).map_or(next_sample, |look| look.min(next_sample));
+            now = watch.next(now).map_or(next_look, |look| look.min(next_look));
             self.run(now.into())?;
             if let Some(sight) = self.sight() {
                 watch.look(now, sight);
             }
-            if now < next_sample {
+            if now < next_look {
                 continue;
             }
-            for (bus, entries) in self.listen().iter().enumerate() {
+            next_look = Recorder::next_look(now, length);
+            let news = self.listen();
+            for (bus, entries) in news.iter().enumerate() {
                 recorder.frames(bus, entries);
             }
-            recorder.sample(&self.motors, self.base.as_ref(), |line| self.status(line, now));
+            if !recorder.look((now, length), &self.motors, |line| self.status(line, now)) {
+                continue;
+            }
+            recorder.sample(self.base.as_ref(), |number| self.bus_status(number), None);
             // What the chip hears of its IMU is not seen from here.
-            recorder.base(|line| self.status(line, now), None);
+            recorder.base(&self.motors, |line| self.status(line, now), None);
             if let Some(sight) = self.sight() {
                 watch.sample(sight);
             }
-            next_sample = Recorder::next_sample(now, length);
         }
         let recording = recorder.finish(
             length,
             self.rig.buses(),
             &self.motors,
             |line| self.status(line, now),
-            |number| {
-                let mut status = BusStatus::default();
-                if let Some(bus) = self.listeners.get(usize::from(number) - 1) {
-                    status.received = bus.counters();
-                    status.load = bus.load(1_000_000);
-                }
-                status
-            },
+            |number| self.bus_status(number),
             Vec::new(),
         );
         let remote = self.remote.as_ref();
         let remote = remote.map(|link| watch.finish(link.receiver, link.remote.sent(), None));
         Ok((self, Recording { remote, ..recording }))
+    }
+
+    /// What is heard of a bus.
+    fn bus_status(&self, number: u8) -> BusStatus {
+        let mut status = BusStatus::default();
+        if let Some(bus) = self.listeners.get(usize::from(number) - 1) {
+            status.received = bus.counters();
+            status.load = bus.load(1_000_000);
+        }
+        status
     }
 
     /// What is heard of a motor.

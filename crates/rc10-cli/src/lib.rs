@@ -23,6 +23,7 @@
 pub mod candump;
 pub mod dbc;
 pub mod decode;
+pub mod effort;
 pub mod emulate;
 pub mod figures;
 pub mod mistake;

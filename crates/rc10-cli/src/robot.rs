@@ -13,7 +13,7 @@ use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
 use rc10_motor::embassy::{BusPort, LinePort, MotorPort, run_bus, run_line};
 use rc10_motor::signals::Message;
 use rc10_motor::unitree::UnitreeLine;
-use rc10_motor::{ArmSwitch, MotorBus, MotorId, MotorName};
+use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorId, MotorName};
 use rc10_sim::fault::Kind;
 use rc10_sim::{
     Esc, EscConfig, EscState, Fault, Faults, LineMotor, Serial, Tasks, UartPort, World,
@@ -216,6 +216,13 @@ impl Motor {
             Device::Can { not_in_dbc, .. } => not_in_dbc,
             Device::Line { .. } => &[],
         }
+    }
+
+    /// Whether its twin obeys another command than to coast.
+    pub(crate) fn is_driven(&self, twin: &Twin) -> bool {
+        let state = twin.state();
+        // Those of DJI are told a current, or a voltage; the others what to do.
+        if self.dji().is_some() { state.command != 0 } else { !state.open }
     }
 
     /// 1 if it counts as the motor does, -1 if the other way.
@@ -574,6 +581,17 @@ impl<'r> Robot<'r> {
     #[must_use]
     pub fn ports(&self) -> Ports<'r> {
         self.ports.clone()
+    }
+
+    /// The control loops of each motor in its table, where they run here and not in the device.
+    #[must_use]
+    pub fn loops(&self) -> Vec<Option<Loops>> {
+        let loops = |entry: usize| {
+            let bus = self.description.motors.get(entry)?.on.bus()?;
+            let bus = self.buses.get(usize::from(bus).checked_sub(1)?)?;
+            bus.loops(self.description.number(entry)?)
+        };
+        (0..self.description.motors.len()).map(loops).collect()
     }
 
     /// Its buses' runners on the wires around it, bus 1 on the first of them, those of its lines on
