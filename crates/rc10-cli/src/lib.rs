@@ -21,6 +21,7 @@
 #![allow(clippy::cast_precision_loss, clippy::cast_possible_truncation)]
 
 pub mod candump;
+pub mod consistency;
 pub mod dbc;
 pub mod decode;
 pub mod effort;
