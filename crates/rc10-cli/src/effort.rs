@@ -20,7 +20,7 @@ pub const AT_LIMIT: f64 = 0.98;
 /// Looks of a window at the limit, from which on it stands there.
 pub const LOOKS_AT_LIMIT: u32 = 180;
 /// So many windows one after another are a problem, and no answer to a step.
-pub const IN_A_ROW: u32 = 2;
+pub const IN_A_ROW: u32 = 3;
 
 /// What became of the effort of a motor's loops in a run.
 #[derive(Clone, Debug, PartialEq)]

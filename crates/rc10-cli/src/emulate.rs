@@ -1,6 +1,8 @@
 //! `rc10 emu`: runs the firmware itself, on an emulated chip, in the robot's surroundings.
 
+mod foreign;
 mod output;
+mod text;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -20,12 +22,13 @@ use rc10_sim::{Nanos, TraceEntry};
 use sha2::{Digest, Sha256};
 
 use self::output::Outcome;
+use crate::figures::{Figures, verdict};
 use crate::mistake::{self, Mistake};
 use crate::recorder::Recorder;
 use crate::recording::{Recording, hex_digits};
 use crate::remote::{Operator, ReceiverWire, Sight, Watch};
 use crate::robot::{Description, Device, Place, Robot, Twin};
-use crate::run::{check_end, seconds};
+use crate::run::{check_end, make_folder, print_files, seconds, write_file, write_files};
 use crate::surroundings::{RemoteLink, Surroundings, operate};
 
 /// What `rc10 emu` is told.
@@ -49,9 +52,18 @@ pub struct EmuArgs {
     #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]
     #[expect(missing_docs, reason = "its help says it")]
     pub mistakes: Vec<Mistake>,
+    /// Folder for report.html, the bus logs and what the chip's UARTs said
+    #[arg(long, value_name = "DIR", default_value = "target/rc10-emu")]
+    pub out: PathBuf,
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
+    /// Exit code 3 if the run had problems
+    #[arg(long)]
+    pub strict: bool,
+    /// Run even if the motors of a bus do not fit on it
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// What is different from a plain run.
@@ -195,6 +207,10 @@ impl<'r> Emulation<'r> {
                 continue;
             }
             next_look = Recorder::next_look(now, length);
+            let machine = &self.rig.machine;
+            if let (None, Some(other)) = (machine.ready(), foreign::chip_of(machine.reports())) {
+                bail!("this ELF is not for an STM32H723: {other}");
+            }
             let news = self.listen();
             for (bus, entries) in news.iter().enumerate() {
                 recorder.frames(bus, entries);
@@ -243,12 +259,14 @@ impl<'r> Emulation<'r> {
     }
 }
 
-/// Runs a program, prints the figures.
+/// Runs a program, writes the files, prints the figures. Whether the run had problems.
 ///
 /// # Errors
-/// If there is no program, or it is none, or a fault cannot happen.
-pub fn emulate(args: &EmuArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+/// If there is no program, or it is none, or one for another chip; if a fault cannot happen; if the
+/// robot's motors do not fit on their buses; if the folder cannot be written.
+pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     check_end(&args.faults, args.seconds)?;
+    robot.fit(args.force)?;
     let path = match (&args.elf, robot.description().firmware) {
         (Some(path), _) => path.clone(),
         (None, Some(build)) => build()?,
@@ -263,15 +281,32 @@ pub fn emulate(args: &EmuArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<
         mistakes: args.mistakes.clone(),
     };
     let started = Instant::now();
-    let emulation =
-        Emulation::new(&program, robot, &setup).with_context(|| path.display().to_string())?;
-    let (mut emulation, recording) = emulation.record(args.seconds)?;
+    let named = || path.display().to_string();
+    let emulation = Emulation::new(&program, robot, &setup).with_context(named)?;
+    make_folder(&args.out)?;
+    let (mut emulation, mut recording) = emulation.record(args.seconds).with_context(named)?;
     let took = started.elapsed();
+    recording.faults.clone_from(&args.faults);
+    let figures = Figures::of(&recording);
+    write_files(&recording, &figures, &args.out)?;
+    let sent = emulation.rig.machine.soc().take_sent();
+    let texts = text::of(&sent);
+    for text in &texts {
+        write_file(&args.out, &text.file_name(), text.lines.as_bytes())?;
+    }
     let log = emulation.rig.machine.take_log();
-    let outcome = Outcome::new(&emulation.rig, &recording, &args.faults, &log);
-    let text = if args.json { format!("{:#}\n", outcome.to_json()) } else { outcome.text(took) };
-    out.write_all(text.as_bytes())?;
-    Ok(())
+    let outcome = Outcome::new(&emulation.rig, &recording, &figures, &args.faults, &log);
+    if args.json {
+        writeln!(out, "{:#}", outcome.to_json())?;
+    } else {
+        out.write_all(outcome.text(took).as_bytes())?;
+        print_files(&args.out, out)?;
+        for text in &texts {
+            writeln!(out, "text  {}", args.out.join(text.file_name()).display())?;
+        }
+        write!(out, "\n{}", verdict(&recording, &figures))?;
+    }
+    Ok(figures.any_problems())
 }
 
 /// Builds the firmware of this checkout; says where its ELF file is.

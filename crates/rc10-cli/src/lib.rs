@@ -29,6 +29,7 @@ pub mod emulate;
 pub mod figures;
 pub mod mistake;
 pub mod mixed;
+pub mod problems;
 pub mod pty;
 pub mod recorder;
 pub mod recording;
@@ -128,29 +129,37 @@ impl Arguments {
 pub struct CommandLine(Command);
 
 impl CommandLine {
-    /// Does it with `robot`. Exit code 0: fine; 1: the input has broken lines.
+    /// Does it with `robot`. Exit code 0: fine; 1: the input has broken lines; 3: the run had
+    /// problems, and `--strict` was given.
     ///
     /// # Errors
     /// If the robot is not as described, or a file cannot be read or written.
     pub fn run(self, robot: Robot<'_>) -> anyhow::Result<ExitCode> {
         let mut out = io::BufWriter::new(io::stdout().lock());
-        let broken = match self.0 {
-            Command::Run(args) => run::run(&args, robot, &mut out).map(|()| false),
-            Command::Emu(args) => emulate::emulate(&args, robot, &mut out).map(|()| false),
+        let code = match self.0 {
+            Command::Run(args) => strict(args.strict, run::run(&args, robot, &mut out)?),
+            Command::Emu(args) => strict(args.strict, emulate::emulate(&args, robot, &mut out)?),
             Command::Decode(args) => {
-                decode::decode(&args, robot, &mut out, &mut io::stderr().lock())
+                let broken = decode::decode(&args, robot, &mut out, &mut io::stderr().lock())?;
+                u8::from(broken)
             }
-            Command::Dbc(args) => dbc::dbc(&args, robot.description(), &mut out).map(|()| false),
-            Command::Pty(args) => pty::pty(&args, robot, &mut out).map(|()| false),
-        }?;
+            Command::Dbc(args) => dbc::dbc(&args, robot.description(), &mut out).map(|()| 0)?,
+            Command::Pty(args) => pty::pty(&args, robot, &mut out).map(|()| 0)?,
+        };
         out.flush()?;
-        Ok(ExitCode::from(u8::from(broken)))
+        Ok(ExitCode::from(code))
     }
 }
 
+/// The exit code of a run.
+const fn strict(is_strict: bool, has_problems: bool) -> u8 {
+    if is_strict && has_problems { 3 } else { 0 }
+}
+
 /// The command line for a robot: `robot` sets it up and gives it to [`CommandLine::run`]. Exit code
-/// 0: fine; 1: the input has broken lines; 2: bad arguments, a robot that cannot be set up, or a
-/// file that cannot be read or written.
+/// 0: fine; 1: the input has broken lines; 2: bad arguments, a robot that cannot be set up, motors
+/// that do not fit on a bus, or a file that cannot be read or written; 3: the run had problems, and
+/// `--strict` was given.
 #[must_use]
 pub fn main_for(robot: impl FnOnce(CommandLine) -> anyhow::Result<ExitCode>) -> ExitCode {
     main_with(|arguments: Arguments| robot(arguments.command_line()))

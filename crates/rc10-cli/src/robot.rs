@@ -13,7 +13,7 @@ use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
 use rc10_motor::embassy::{BusPort, LinePort, MotorPort, run_bus, run_line};
 use rc10_motor::signals::Message;
 use rc10_motor::unitree::UnitreeLine;
-use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorId, MotorName};
+use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorId, MotorName, Verdict};
 use rc10_sim::fault::Kind;
 use rc10_sim::{
     Esc, EscConfig, EscState, Fault, Faults, LineMotor, Serial, Tasks, UartPort, World,
@@ -442,6 +442,8 @@ pub struct Robot<'r> {
     tasks: Vec<Task<'r>>,
     listen: Option<Box<dyn FnOnce(Receiver, ReceiverPort) -> Task<'r> + 'r>>,
     serials: Vec<Box<dyn FnOnce(UartPort) -> Task<'r> + 'r>>,
+    /// It runs even if motors do not fit on a bus.
+    is_forced: bool,
 }
 
 type Task<'r> = Pin<Box<dyn Future<Output = ()> + 'r>>;
@@ -471,6 +473,7 @@ impl<'r> Robot<'r> {
             tasks: Vec::new(),
             listen: None,
             serials: Vec::new(),
+            is_forced: false,
         }
     }
 
@@ -583,6 +586,25 @@ impl<'r> Robot<'r> {
         self.ports.clone()
     }
 
+    /// Whether the motors fit on their buses: says on stderr which buses are tight. `force` lets the
+    /// robot run all the same, and then says what will be lost.
+    ///
+    /// # Errors
+    /// If its buses are not as described; without `force`, if the motors of a bus do not fit on it.
+    pub fn fit(&mut self, force: bool) -> Result<()> {
+        self.is_forced = force;
+        if force {
+            self.buses.iter_mut().for_each(MotorBus::allow_overload);
+        }
+        self.check()?;
+        for (number, bus) in (1..=u8::MAX).zip(&self.buses) {
+            if bus.load(BITS_PER_SECOND).verdict() != Verdict::Fits {
+                eprintln!("rc10: warning: {}", overload(number, bus, &self.description));
+            }
+        }
+        Ok(())
+    }
+
     /// The control loops of each motor in its table, where they run here and not in the device.
     #[must_use]
     pub fn loops(&self) -> Vec<Option<Loops>> {
@@ -644,6 +666,12 @@ impl<'r> Robot<'r> {
         let (serials, described) = (self.serials.len(), self.description.serials.len());
         ensure!(serials == described, "{serials} parts on UARTs, but {described} described");
         for (number, bus) in (1..=u8::MAX).zip(&self.buses) {
+            let fits = bus.load(BITS_PER_SECOND).verdict() != Verdict::DoesNotFit;
+            ensure!(
+                fits || self.is_forced,
+                "{}\n--force runs it all the same",
+                overload(number, bus, &self.description)
+            );
             self.check_place(Place::Bus(number), bus.motors().map(|(_, name)| name))?;
         }
         for (number, line) in (1..=u8::MAX).zip(&self.lines) {
@@ -667,6 +695,32 @@ impl<'r> Robot<'r> {
         );
         Ok(())
     }
+}
+
+/// The bit rate of all buses.
+const BITS_PER_SECOND: u32 = 1_000_000;
+
+/// What is to be said of a bus that is tight, or too small for its motors: how much they need,
+/// which they are, and what to change.
+fn overload(number: u8, bus: &MotorBus<'_>, description: &Description) -> String {
+    let load = bus.load(BITS_PER_SECOND);
+    let mut rates: Vec<(u32, Vec<String>)> = Vec::new();
+    let mut described = description.on_bus(number);
+    bus.for_each_wiring(|wiring| {
+        let rate: u32 = wiring.received().iter().map(|receive| receive.rate.per_second()).sum();
+        let label = described.next().map_or_else(String::new, |motor| format!("{} ", motor.label));
+        let name = format!("{label}({})", wiring.name());
+        match rates.iter_mut().find(|(known, _)| *known == rate) {
+            Some((_, names)) => names.push(name),
+            None => rates.push((rate, vec![name])),
+        }
+    });
+    let mut text = format!("bus {number}: {load}");
+    for (rate, names) in rates {
+        text += &format!("\n  {rate} feedback frames/s each: {}", names.join(", "));
+    }
+    text + "\nset their feedback to 500 Hz, on the devices and in the robot's table, or put some of \
+            them on another bus"
 }
 
 #[cfg(test)]

@@ -10,7 +10,9 @@ use clap::Args;
 use rc10_can::Micros;
 use rc10_sim::fault::{self, Fault};
 
-use crate::figures::{bus_table, line_table, motor_table, remote_lines, to_json};
+use crate::figures::{
+    Figures, Table, bus_table, line_table, motor_table, remote_lines, to_json, verdict,
+};
 use crate::mistake::{self, Mistake};
 use crate::recording::Recording;
 use crate::remote::{self, Receiver};
@@ -42,6 +44,12 @@ pub struct RunArgs {
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
+    /// Exit code 3 if the run had problems
+    #[arg(long)]
+    pub strict: bool,
+    /// Run even if the motors of a bus do not fit on it
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// What `rc10` does without any argument.
@@ -55,6 +63,8 @@ impl Default for RunArgs {
             mistakes: Vec::new(),
             out: "target/rc10".into(),
             json: false,
+            strict: false,
+            force: false,
         }
     }
 }
@@ -79,11 +89,12 @@ pub(crate) fn seconds(text: &str) -> Result<Micros, String> {
     }
 }
 
-/// Runs a robot, writes the files, prints the figures.
+/// Runs a robot, writes the files, prints the figures. Whether the run had problems.
 ///
 /// # Errors
-/// If the folder cannot be written, or the robot is not as described.
-pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+/// If the folder cannot be written, the robot is not as described, or its motors do not fit on
+/// their buses.
+pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     check_end(&args.faults, args.seconds)?;
     if let Some(Fault { kind, .. }) = args.faults.iter().find(|fault| fault.kind.is_of_chip()) {
         bail!("--fault {kind}: rc10 run has no chip to do that to; rc10 emu does it");
@@ -93,18 +104,21 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
     }
     robot.set_faults(&args.faults)?;
     robot.set_mistakes(&args.mistakes)?;
+    robot.fit(args.force)?;
     // Before the work, so that a wrong folder is known at once.
     make_folder(&args.out)?;
     let started = Instant::now();
-    let recording = simulate(robot, args.seed, args.seconds)?;
+    let mut recording = simulate(robot, args.seed, args.seconds)?;
+    recording.faults.clone_from(&args.faults);
     let wall = started.elapsed().as_secs_f64();
-    write_files(&recording, &args.out)?;
+    let figures = Figures::of(&recording);
+    write_files(&recording, &figures, &args.out)?;
     if args.json {
-        writeln!(out, "{}", to_json(&recording, wall))?;
+        writeln!(out, "{}", to_json(&recording, &figures, wall))?;
     } else {
-        print(&recording, wall, &args.out, out)?;
+        print(&recording, &figures, wall, &args.out, out)?;
     }
-    Ok(())
+    Ok(figures.any_problems())
 }
 
 /// # Errors
@@ -119,17 +133,31 @@ pub(crate) fn check_end(faults: &[Fault], end: Micros) -> Result<()> {
     }
 }
 
-fn print(recording: &Recording, wall: f64, folder: &Path, out: &mut dyn Write) -> io::Result<()> {
+fn print(
+    recording: &Recording,
+    figures: &Figures,
+    wall: f64,
+    folder: &Path,
+    out: &mut dyn Write,
+) -> io::Result<()> {
     let length = recording.length.get() as f64 * 1e-6;
     writeln!(out, "{length} s of virtual time in {wall:.2} s, seed {}\n", recording.seed)?;
-    let (motors, buses) = (motor_table(recording), bus_table(recording));
-    writeln!(out, "{motors}\n{buses}{}{}", line_table(recording), remote_lines(recording))?;
+    let (motors, buses) = (motor_table(recording, figures), bus_table(recording));
+    let lines = line_table(recording).as_ref().map_or_else(String::new, Table::text);
+    let lines = if lines.is_empty() { lines } else { format!("\n{lines}") };
+    writeln!(out, "{}\n{}{lines}{}", motors.text(), buses.text(), remote_lines(recording))?;
     writeln!(
         out,
         "A tick takes 0 us here: virtual time stands still while code runs. Instructions per tick\n\
          on the chip: cargo xtask count.\n"
     )?;
     writeln!(out, "trace {}", recording.trace_hash())?;
+    print_files(folder, out)?;
+    write!(out, "\n{}", verdict(recording, figures))
+}
+
+/// Says where the files of a run are.
+pub(crate) fn print_files(folder: &Path, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "open  {}", folder.join("report.html").display())?;
     writeln!(out, "logs  {}  (rc10 decode reads them)", folder.join("bus*.log").display())
 }
@@ -147,8 +175,8 @@ pub fn make_folder(folder: &Path) -> Result<()> {
 ///
 /// # Errors
 /// If they cannot be written.
-pub fn write_files(recording: &Recording, folder: &Path) -> Result<()> {
-    write_file(folder, "report.html", report(recording).as_bytes())?;
+pub fn write_files(recording: &Recording, figures: &Figures, folder: &Path) -> Result<()> {
+    write_file(folder, "report.html", report(recording, figures).as_bytes())?;
     for bus in &recording.buses {
         write_file(folder, &format!("bus{}.log", bus.number), bus.log.as_bytes())?;
     }
