@@ -4,19 +4,22 @@
 use std::fmt;
 use std::path::PathBuf;
 use std::pin::Pin;
+use std::rc::Rc;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use rc10_can::Micros;
-use rc10_emu::Fault;
-use rc10_emu::fault::Kind;
 use rc10_module::Reception;
 use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
 use rc10_motor::embassy::{BusPort, LinePort, MotorPort, run_bus, run_line};
 use rc10_motor::signals::Message;
 use rc10_motor::unitree::UnitreeLine;
-use rc10_motor::{ArmSwitch, MotorBus, MotorId, MotorName};
-use rc10_sim::{Esc, EscConfig, EscState, LineMotor, Serial, Tasks, UartPort, World};
+use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorId, MotorName, Verdict};
+use rc10_sim::fault::Kind;
+use rc10_sim::{
+    Esc, EscConfig, EscState, Fault, Faults, LineMotor, Serial, Tasks, UartPort, World,
+};
 
+use crate::mistake::{Built, Mistake};
 use crate::recording::Event;
 use crate::remote::{Line, Lost, Receiver, ReceiverPort, RemoteControl};
 use crate::surroundings::Surroundings;
@@ -40,6 +43,10 @@ pub struct Description {
     pub script: Script,
     /// Builds its firmware and says where the ELF file is. `None`: `rc10 emu` must be told.
     pub firmware: Option<fn() -> Result<PathBuf>>,
+    /// What goes wrong around it in this run: [`Robot::set_faults`].
+    pub faults: Vec<Fault>,
+    /// What is built otherwise than described: [`Robot::set_mistakes`].
+    pub mistakes: Vec<Mistake>,
 }
 
 /// One motor of a robot, and what is on its shaft.
@@ -209,6 +216,13 @@ impl Motor {
             Device::Can { not_in_dbc, .. } => not_in_dbc,
             Device::Line { .. } => &[],
         }
+    }
+
+    /// Whether its twin obeys another command than to coast.
+    pub(crate) fn is_driven(&self, twin: &Twin) -> bool {
+        let state = twin.state();
+        // Those of DJI are told a current, or a voltage; the others what to do.
+        if self.dji().is_some() { state.command != 0 } else { !state.open }
     }
 
     /// 1 if it counts as the motor does, -1 if the other way.
@@ -433,7 +447,12 @@ pub struct Ports<'r> {
     pub switch: Option<&'r ArmSwitch>,
     /// What it hears of its remote.
     pub reception: Option<&'r Reception>,
+    /// Which way it looks by its IMU at this time: degrees counter-clockwise, all turns counted.
+    pub yaw: Option<Yaw<'r>>,
 }
+
+/// Which way a robot looks at a time, if it knows.
+pub type Yaw<'r> = Rc<dyn Fn(Micros) -> Option<f64> + 'r>;
 
 impl<'r> Ports<'r> {
     /// The port of the motor in an entry of [`Description::motors`], if it is plugged in here.
@@ -458,6 +477,8 @@ pub struct Robot<'r> {
     tasks: Vec<Task<'r>>,
     listen: Option<Box<dyn FnOnce(Receiver, ReceiverPort) -> Task<'r> + 'r>>,
     serials: Vec<Box<dyn FnOnce(UartPort) -> Task<'r> + 'r>>,
+    /// It runs even if motors do not fit on a bus.
+    is_forced: bool,
 }
 
 type Task<'r> = Pin<Box<dyn Future<Output = ()> + 'r>>;
@@ -472,7 +493,13 @@ impl<'r> Robot<'r> {
     /// A robot without buses and tasks.
     #[must_use]
     pub const fn new(description: Description) -> Self {
-        let ports = Ports { buses: Vec::new(), lines: Vec::new(), switch: None, reception: None };
+        let ports = Ports {
+            buses: Vec::new(),
+            lines: Vec::new(),
+            switch: None,
+            reception: None,
+            yaw: None,
+        };
         Self {
             description,
             buses: Vec::new(),
@@ -481,6 +508,7 @@ impl<'r> Robot<'r> {
             tasks: Vec::new(),
             listen: None,
             serials: Vec::new(),
+            is_forced: false,
         }
     }
 
@@ -514,6 +542,14 @@ impl<'r> Robot<'r> {
         self
     }
 
+    /// Says which way its IMU says that it looks, degrees counter-clockwise with all turns counted:
+    /// so that a run can compare its wheels with that.
+    #[must_use]
+    pub fn yaw(mut self, yaw: impl Fn(Micros) -> Option<f64> + 'r) -> Self {
+        self.ports.yaw = Some(Rc::new(yaw));
+        self
+    }
+
     /// Adds the task that listens to the receiver of its remote, and where that counts.
     #[must_use]
     pub fn remote<F: Future + 'r>(
@@ -533,22 +569,44 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Plugs another receiver in, if one is named, and says when the remote will be lost.
+    /// Plugs another receiver in.
     ///
     /// # Errors
-    /// If it has no remote, or none with such a receiver, or one is lost that is lost already.
-    pub fn set_remote(&mut self, receiver: Option<Receiver>, faults: &[Fault]) -> Result<()> {
-        let needed = receiver.is_some() || faults.iter().any(|f| f.kind == Kind::RemoteLost);
+    /// If it has no remote, or none with such a receiver.
+    pub fn set_remote(&mut self, receiver: Receiver) -> Result<()> {
         match &mut self.description.remote {
-            Some(remote) => {
-                receiver.map_or(Ok(()), |receiver| remote.plug(receiver))?;
-                remote.lose(faults)
-            }
-            None if needed => {
-                bail!("this robot has no remote control: no --remote, no remote-lost")
-            }
-            None => Ok(()),
+            Some(remote) => remote.plug(receiver),
+            None => bail!("this robot has no remote control: no --remote"),
         }
+    }
+
+    /// Says what will go wrong around it.
+    ///
+    /// # Errors
+    /// If a fault is on a bus or a line that it does not have; if it has no remote to lose, or one
+    /// is lost that is lost already.
+    pub fn set_faults(&mut self, faults: &[Fault]) -> Result<()> {
+        let Description { buses, lines, remote, .. } = &mut self.description;
+        Faults::check(faults, usize::from(*buses), usize::from(*lines))?;
+        match remote {
+            Some(remote) => remote.lose(faults)?,
+            None => ensure!(
+                faults.iter().all(|fault| fault.kind != Kind::RemoteLost),
+                "this robot has no remote control: no remote-lost"
+            ),
+        }
+        self.description.faults = faults.into();
+        Ok(())
+    }
+
+    /// Says what is built otherwise than described: the world around it will be, and it will not
+    /// know.
+    ///
+    /// # Errors
+    /// If a mistake concerns a motor or a base that it does not have.
+    pub fn set_mistakes(&mut self, mistakes: &[Mistake]) -> Result<()> {
+        self.description.mistakes = mistakes.into();
+        Built::new(&self.description).map(|_| ())
     }
 
     /// What it was described as.
@@ -561,6 +619,36 @@ impl<'r> Robot<'r> {
     #[must_use]
     pub fn ports(&self) -> Ports<'r> {
         self.ports.clone()
+    }
+
+    /// Whether the motors fit on their buses: says on stderr which buses are tight. `force` lets the
+    /// robot run all the same, and then says what will be lost.
+    ///
+    /// # Errors
+    /// If its buses are not as described; without `force`, if the motors of a bus do not fit on it.
+    pub fn fit(&mut self, force: bool) -> Result<()> {
+        self.is_forced = force;
+        if force {
+            self.buses.iter_mut().for_each(MotorBus::allow_overload);
+        }
+        self.check()?;
+        for (number, bus) in (1..=u8::MAX).zip(&self.buses) {
+            if bus.load(BITS_PER_SECOND).verdict() != Verdict::Fits {
+                eprintln!("rc10: warning: {}", overload(number, bus, &self.description));
+            }
+        }
+        Ok(())
+    }
+
+    /// The control loops of each motor in its table, where they run here and not in the device.
+    #[must_use]
+    pub fn loops(&self) -> Vec<Option<Loops>> {
+        let loops = |entry: usize| {
+            let bus = self.description.motors.get(entry)?.on.bus()?;
+            let bus = self.buses.get(usize::from(bus).checked_sub(1)?)?;
+            bus.loops(self.description.number(entry)?)
+        };
+        (0..self.description.motors.len()).map(loops).collect()
     }
 
     /// Its buses' runners on the wires around it, bus 1 on the first of them, those of its lines on
@@ -613,6 +701,12 @@ impl<'r> Robot<'r> {
         let (serials, described) = (self.serials.len(), self.description.serials.len());
         ensure!(serials == described, "{serials} parts on UARTs, but {described} described");
         for (number, bus) in (1..=u8::MAX).zip(&self.buses) {
+            let fits = bus.load(BITS_PER_SECOND).verdict() != Verdict::DoesNotFit;
+            ensure!(
+                fits || self.is_forced,
+                "{}\n--force runs it all the same",
+                overload(number, bus, &self.description)
+            );
             self.check_place(Place::Bus(number), bus.motors().map(|(_, name)| name))?;
         }
         for (number, line) in (1..=u8::MAX).zip(&self.lines) {
@@ -636,6 +730,32 @@ impl<'r> Robot<'r> {
         );
         Ok(())
     }
+}
+
+/// The bit rate of all buses.
+const BITS_PER_SECOND: u32 = 1_000_000;
+
+/// What is to be said of a bus that is tight, or too small for its motors: how much they need,
+/// which they are, and what to change.
+fn overload(number: u8, bus: &MotorBus<'_>, description: &Description) -> String {
+    let load = bus.load(BITS_PER_SECOND);
+    let mut rates: Vec<(u32, Vec<String>)> = Vec::new();
+    let mut described = description.on_bus(number);
+    bus.for_each_wiring(|wiring| {
+        let rate: u32 = wiring.received().iter().map(|receive| receive.rate.per_second()).sum();
+        let label = described.next().map_or_else(String::new, |motor| format!("{} ", motor.label));
+        let name = format!("{label}({})", wiring.name());
+        match rates.iter_mut().find(|(known, _)| *known == rate) {
+            Some((_, names)) => names.push(name),
+            None => rates.push((rate, vec![name])),
+        }
+    });
+    let mut text = format!("bus {number}: {load}");
+    for (rate, names) in rates {
+        text += &format!("\n  {rate} feedback frames/s each: {}", names.join(", "));
+    }
+    text + "\nset their feedback to 500 Hz, on the devices and in the robot's table, or put some of \
+            them on another bus"
 }
 
 #[cfg(test)]

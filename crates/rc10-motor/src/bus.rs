@@ -12,7 +12,8 @@ use crate::load::BusLoad;
 #[cfg(feature = "embassy")]
 use crate::load::Verdict;
 use crate::motor::{
-    Answer, CanMotor, FrameError, Heard, Request, RequestError, Target, TargetError, TargetSet,
+    Answer, CanMotor, FrameError, Heard, Loops, Request, RequestError, Target, TargetError,
+    TargetSet,
 };
 use crate::supervision::{
     LONGEST_PAUSE, MotorCounters, MotorStatus, Safety, Supervision, sound_step,
@@ -383,6 +384,13 @@ impl<'m> MotorBus<'m> {
     #[must_use]
     pub fn supports(&self, motor: MotorId) -> TargetSet {
         self.slots.get(motor.index()).map_or(TargetSet::NONE, |slot| slot.motor.supports())
+    }
+
+    /// The control loops of a motor, where they run here; `None` also for a motor that does not
+    /// exist.
+    #[must_use]
+    pub fn loops(&self, motor: MotorId) -> Option<Loops> {
+        self.slots.get(motor.index()).and_then(|slot| slot.motor.loops())
     }
 
     /// All there is to know about a motor.

@@ -24,7 +24,7 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 use crate::batch::{TxBatch, TxFull};
 use crate::cascade::{Cascade, CascadeState};
 use crate::motor::{
-    Answer, CanMotor, Drive, Fault, Feedback, FrameError, Gains, Heard, Motor, Request,
+    Answer, CanMotor, Drive, Fault, Feedback, FrameError, Gains, Heard, Loops, Motor, Request,
     RequestError, Target, TargetError, TargetKind, TargetSet,
 };
 use crate::wiring::{Rate, Receive, Share, Transmit, Wiring};
@@ -717,6 +717,14 @@ impl Scale {
 }
 
 impl Motor for Dji {
+    fn loops(&self) -> Option<Loops> {
+        let effort = match self.model.effort {
+            Effort::Current(_) => TargetKind::Current,
+            Effort::Voltage => TargetKind::Duty,
+        };
+        Some(Loops { effort, limit: self.cascade.speed.output_limit })
+    }
+
     fn supports(&self) -> TargetSet {
         use TargetKind::{Angle, Coast, Current, Duty, Speed, TotalAngle};
         match self.model.effort {

@@ -599,6 +599,17 @@ impl fmt::Display for FrameError {
 
 impl core::error::Error for FrameError {}
 
+/// The control loops that follow speeds and angles, where they run here and not in the device.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Loops {
+    /// What their effort is: [`TargetKind::Current`] in A, [`TargetKind::Torque`] in N m, or
+    /// [`TargetKind::Duty`] as a share of the full voltage.
+    pub effort: TargetKind,
+    /// The largest effort either way, in that unit.
+    pub limit: f32,
+}
+
 /// A motor, whatever it is connected by.
 pub trait Motor: Send {
     /// The targets it takes, so that a port can refuse the others where the caller sees it.
@@ -638,6 +649,12 @@ pub trait Motor: Send {
     /// Whether it does what its target says, given that it may run.
     fn condition(&self) -> Condition {
         Condition::Ready
+    }
+
+    /// The loops by which it follows [`Target::Speed`], [`Target::Angle`] and
+    /// [`Target::TotalAngle`]; `None` if they run in the device.
+    fn loops(&self) -> Option<Loops> {
+        None
     }
 }
 

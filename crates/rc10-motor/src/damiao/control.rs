@@ -6,7 +6,7 @@ use super::mit::Limits;
 use super::shaft::RPM_PER_RADIAN_PER_SECOND;
 use super::wire::Mode;
 use crate::cascade::Cascade;
-use crate::motor::{TargetKind, TargetSet};
+use crate::motor::{Loops, TargetKind, TargetSet};
 use crate::servo::Servo;
 
 /// How a motor is controlled; its register 10 (`CTRL_MODE`) is to say the same.
@@ -100,6 +100,13 @@ impl Steering {
         match *self {
             Self::PositionVelocity { velocity } | Self::ForcePosition { velocity, .. } => velocity,
             Self::Mit(_) | Self::Velocity => 0.0,
+        }
+    }
+
+    pub(super) const fn loops(&self) -> Option<Loops> {
+        match self {
+            Self::Mit(servo) => Some(servo.loops()),
+            Self::Velocity | Self::PositionVelocity { .. } | Self::ForcePosition { .. } => None,
         }
     }
 

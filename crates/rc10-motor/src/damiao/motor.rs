@@ -13,8 +13,8 @@ use super::shaft::{LONGEST_SILENCE, RPM_PER_RADIAN_PER_SECOND, Shaft};
 use super::wire::{self, DeviceId, Mode, Operation, REGISTERS, State, operate, standard};
 use crate::dji::Direction;
 use crate::motor::{
-    Answer, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request, RequestError,
-    Target, TargetError, TargetSet,
+    Answer, Condition, Drive, Fault, Feedback, FrameError, Heard, Loops, Motor, Request,
+    RequestError, Target, TargetError, TargetSet,
 };
 
 /// One Damiao motor. What it does is told in the [module's documentation](super).
@@ -424,6 +424,10 @@ impl Motor for Damiao {
 
     fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
         self.dialogue.take_answer()
+    }
+
+    fn loops(&self) -> Option<Loops> {
+        self.steering.loops()
     }
 
     fn condition(&self) -> Condition {

@@ -12,7 +12,7 @@ use super::wire::{
 };
 use crate::batch::{TxBatch, TxFull};
 use crate::motor::{
-    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request,
+    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Loops, Motor, Request,
     RequestError, Target, TargetError, TargetKind, TargetSet,
 };
 use crate::servo::{Measured, Servo};
@@ -352,6 +352,10 @@ impl Motor for Lk {
 
     fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
         self.answer.take()
+    }
+
+    fn loops(&self) -> Option<Loops> {
+        Some(self.servo.loops())
     }
 
     fn condition(&self) -> Condition {

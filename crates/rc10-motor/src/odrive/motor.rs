@@ -14,7 +14,7 @@ use super::wire::{
 };
 use crate::batch::{TxBatch, TxFull};
 use crate::motor::{
-    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request,
+    self, Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request,
     RequestError, Target, TargetError, TargetSet,
 };
 use crate::servo::Measured;
@@ -439,6 +439,10 @@ impl Motor for ODrive {
 
     fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
         self.answer.take()
+    }
+
+    fn loops(&self) -> Option<motor::Loops> {
+        self.loops.here()
     }
 
     fn condition(&self) -> Condition {
