@@ -53,7 +53,7 @@ pub trait Core {
     fn step(&mut self) -> (Step, u64);
     /// Clocks until the core's own timer (`SysTick`) would end its sleep, if it runs.
     fn clocks_until_timer(&self) -> Option<u64>;
-    /// Lets the core's own timer count while the core sleeps.
+    /// Lets the core's own timer count while the core sleeps, or waits for a bus.
     fn sleep(&mut self, clocks: u64);
     /// The levels of the external interrupts: bit n of word n / 32.
     fn set_interrupts(&mut self, levels: [u32; INTERRUPT_WORDS]);
