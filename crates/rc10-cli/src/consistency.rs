@@ -31,8 +31,10 @@ pub const PUSH: f64 = 0.2;
 /// Four wheels on a rigid base fit one another if none of them slips further than this in a window,
 /// m: 0.1 m/s.
 pub const SLIP: f64 = 0.01;
-/// So many windows make a problem.
+/// So many windows make a problem ..
 pub const WINDOWS: usize = 3;
+/// .. and so many in which wheels push at a steady speed.
+pub const PUSHING: usize = 2;
 /// A base that turned by less than this, rad, tells nothing of its measures.
 pub const TURNED: f64 = 1.0;
 /// Over a whole run IMU and wheels may differ by this share of how far the base turned.
@@ -306,7 +308,7 @@ impl<'r> Judged<'r> {
         let fights = |window: &Window| dot(&self.real(cause, &window.rims), &SLIPS).abs() / 4.0;
         let wrong = self.pushing().filter(|(push, it)| (*push > PUSH) != (fights(it) > STEADY));
         let (wrong, all) = (wrong.count() as f64, self.pushing().count() as f64);
-        yaw + if all > 0.0 { wrong / all } else { 0.0 }
+        yaw + wrong / all.max(ENOUGH)
     }
 
     /// All causes that can be told apart, with their factors fitted to the IMU.
@@ -402,11 +404,11 @@ fn base_and_wheels(recording: &Recording, base: &BaseTrack, found: &mut Vec<Prob
             ));
         }
     }
-    if fights.len() >= WINDOWS {
+    if fights.len() >= PUSHING {
         let mean = fights.iter().map(|(push, _)| push).sum::<f64>() / fights.len() as f64;
         seen.push(format!(
             "in {} of {} windows at a steady speed the wheels push with {:.0} % of their largest \
-             current: against one another, or something holds the base",
+             current: against one another, against something, or with too little grip",
             fights.len(),
             judged.pushing().count(),
             mean * 100.0,
@@ -427,6 +429,14 @@ fn base_and_wheels(recording: &Recording, base: &BaseTrack, found: &mut Vec<Prob
     let cost = |cause: Cause| (judged.cost(cause) + handicap(&cause), cause);
     let mut causes: Vec<_> = judged.causes().into_iter().map(cost).collect();
     causes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    if std::env::var("DBG").is_ok() {
+        for c in &causes {
+            eprintln!("{c:?}");
+        }
+        for (p, w) in judged.pushing() {
+            eprintln!("{:?} push {p:.3} {:.3?}", w.end, w.rims);
+        }
+    }
     let (least, best) = causes[0];
     let is_explained = best != Cause::None && least < EXPLAINED;
     let likely = causes.iter().filter(|(cost, _)| is_explained && *cost < least + ALIKE);
@@ -443,6 +453,8 @@ fn base_and_wheels(recording: &Recording, base: &BaseTrack, found: &mut Vec<Prob
 /// From this cost on a cause explains nothing; and causes that differ by less are alike.
 const EXPLAINED: f64 = 0.8;
 const ALIKE: f64 = 0.03;
+/// Fewer windows at a steady speed tell less.
+const ENOUGH: f64 = 10.0;
 /// What a cause with a fitted factor must explain more than one without.
 const SIMPLER: f64 = 0.05;
 
