@@ -31,8 +31,10 @@ pub const PUSH: f64 = 0.2;
 /// Four wheels on a rigid base fit one another if none of them slips further than this in a window,
 /// m: 0.1 m/s.
 pub const SLIP: f64 = 0.01;
-/// So many windows make a problem.
+/// So many windows make a problem ..
 pub const WINDOWS: usize = 3;
+/// .. and so many in which wheels push at a steady speed.
+pub const PUSHING: usize = 2;
 /// A base that turned by less than this, rad, tells nothing of its measures.
 pub const TURNED: f64 = 1.0;
 /// Over a whole run IMU and wheels may differ by this share of how far the base turned.
@@ -306,7 +308,7 @@ impl<'r> Judged<'r> {
         let fights = |window: &Window| dot(&self.real(cause, &window.rims), &SLIPS).abs() / 4.0;
         let wrong = self.pushing().filter(|(push, it)| (*push > PUSH) != (fights(it) > STEADY));
         let (wrong, all) = (wrong.count() as f64, self.pushing().count() as f64);
-        yaw + if all > 0.0 { wrong / all } else { 0.0 }
+        yaw + wrong / all.max(ENOUGH)
     }
 
     /// All causes that can be told apart, with their factors fitted to the IMU.
@@ -402,11 +404,11 @@ fn base_and_wheels(recording: &Recording, base: &BaseTrack, found: &mut Vec<Prob
             ));
         }
     }
-    if fights.len() >= WINDOWS {
+    if fights.len() >= PUSHING {
         let mean = fights.iter().map(|(push, _)| push).sum::<f64>() / fights.len() as f64;
         seen.push(format!(
             "in {} of {} windows at a steady speed the wheels push with {:.0} % of their largest \
-             current: against one another, or something holds the base",
+             current: against one another, against something, or with too little grip",
             fights.len(),
             judged.pushing().count(),
             mean * 100.0,
@@ -443,6 +445,8 @@ fn base_and_wheels(recording: &Recording, base: &BaseTrack, found: &mut Vec<Prob
 /// From this cost on a cause explains nothing; and causes that differ by less are alike.
 const EXPLAINED: f64 = 0.8;
 const ALIKE: f64 = 0.03;
+/// Fewer windows at a steady speed tell less.
+const ENOUGH: f64 = 10.0;
 /// What a cause with a fitted factor must explain more than one without.
 const SIMPLER: f64 = 0.05;
 
@@ -526,4 +530,124 @@ fn time_of(index: usize) -> Micros {
 
 fn seconds(time: Micros) -> f64 {
     time.get() as f64 * 1e-6
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_motor::dji;
+
+    use super::*;
+    use crate::recording::{Cell, PathPoint, WheelHeard};
+    use crate::robot::Motor;
+
+    fn sample(target: f64, measured: f64, rpm: f64, current: f64, kind: TargetKind) -> MotorSample {
+        MotorSample {
+            target: Some(target),
+            measured,
+            measured_cell: Cell::default(),
+            kind,
+            current,
+            current_cell: Cell::default(),
+            rpm,
+            rpm_cell: Cell::default(),
+            link: Link::Online,
+            drive: Drive::Run,
+            counters: Default::default(),
+            overwritten: 0,
+        }
+    }
+
+    #[test]
+    fn what_drives_itself_away_runs_away_and_what_is_dragged_or_overshoots_does_not() {
+        let seen = |of: &dyn Fn(f64) -> MotorSample| {
+            is_away(&(0..AWAY).map(|index| of(index as f64)).collect::<Vec<_>>())
+        };
+        let speed = TargetKind::Speed;
+        let away = |n: f64| sample(100.0, -20.0 * n - 10.0, -20.0 * n - 10.0, -5.0, speed);
+        assert!(seen(&away));
+        assert!(
+            !seen(&|n| MotorSample { current: 5.0, ..away(n) }),
+            "dragged, against its current"
+        );
+        assert!(!seen(&|n| MotorSample { drive: Drive::Hold, ..away(n) }), "told nothing");
+        assert!(!seen(&|n| MotorSample { target: None, ..away(n) }), "told nothing");
+        assert!(!seen(&|n| sample(200.0, 210.0 + n, 210.0 + n, 5.0, speed)), "overshoots");
+        assert!(!seen(&|n| sample(100.0, 200.0 - n, 200.0 - n, 5.0, speed)), "comes back");
+        let angle = TargetKind::TotalAngle;
+        assert!(seen(&|n| sample(0.0, 80.0 + n * n, 30.0, 5.0, angle)));
+        assert!(!seen(&|n| sample(0.0, -80.0 - n, 30.0, 5.0, angle)), "on its way");
+        assert!(!seen(&|n| sample(0.0, 10.0 + n, 30.0, 5.0, angle)), "a little");
+    }
+
+    /// A run in which four wheels did this in each window, and the IMU saw that.
+    fn run(
+        rims: impl Fn(usize) -> [f64; 4],
+        imu: impl Fn(usize) -> Option<f64>,
+        amps: f64,
+    ) -> Recording {
+        let wheel = |(label, id)| MotorTrack {
+            motor: Motor::new(label, 1, &dji::M3508, id),
+            samples: Vec::new(),
+            last: Default::default(),
+            overwritten: 0,
+            tracking: Vec::new(),
+            peak_current: 0.0,
+            effort: None,
+        };
+        let chassis = rc10_sim::Chassis::default();
+        let (mut angles, mut yaw) = ([0.0; 4], 0.0);
+        let heard = (0..=300).map(|index: usize| {
+            let window = index.saturating_sub(1) / WINDOW;
+            if index > 0 {
+                for (angle, rim) in angles.iter_mut().zip(rims(window)) {
+                    *angle += (rim / chassis.wheel_radius).to_degrees() / WINDOW as f64;
+                }
+                yaw += imu(window).unwrap_or(0.0).to_degrees() / WINDOW as f64;
+            }
+            let wheel = |angle| WheelHeard { angle, current: Some(amps), follows: true };
+            BaseHeard { wheels: angles.map(wheel), yaw: imu(window).map(|_| yaw) }
+        });
+        let heard = heard.collect();
+        let path = vec![PathPoint { x: 0.0, y: 0.0, yaw: 0.0 }];
+        Recording {
+            length: Micros::from_millis(3000),
+            motors: [("a", 1), ("b", 2), ("c", 3), ("d", 4)].map(wheel).into(),
+            base: Some(BaseTrack { wheels: [0, 1, 2, 3], path, chassis, heard }),
+            ..Recording::default()
+        }
+    }
+
+    fn said(recording: &Recording) -> (bool, String) {
+        let mut found = Vec::new();
+        base_and_wheels(recording, recording.base.as_ref().unwrap(), &mut found);
+        let [problem] = found.as_slice() else { panic!("{found:?}") };
+        (crate::problems::any(&found), problem.text.clone())
+    }
+
+    #[test]
+    fn a_base_is_judged_by_what_its_robot_has() {
+        let forward = |_| [0.1; 4];
+        // Turns the base by 0.238 rad in each window.
+        let turning = |_| [-0.1, 0.1, -0.1, 0.1];
+        for (run, is_problem, words) in [
+            (run(forward, |_| Some(0.0), 1.0), false, "it hardly turned"),
+            (run(forward, |_| None, 1.0), false, "not checked, no sensor knows"),
+            (run(turning, |_| Some(0.238), 1.0), false, "its IMU says 6."),
+            (run(turning, |_| Some(0.119), 1.0), true, "the wheels' radius were 0.50 times"),
+            (run(forward, |_| Some(0.119), 1.0), true, "differ on how fast it turns"),
+            (run(forward, |_| None, 8.0), true, "push with 40 % of their largest current"),
+            (run(|_| [0.1, 0.1, 0.02, 0.1], |_| None, 1.0), true, "as on no rigid base"),
+        ] {
+            let (found, text) = said(&run);
+            assert!(found == is_problem && text.contains(words), "{text}");
+        }
+    }
+
+    #[test]
+    fn what_a_fault_of_a_wire_does_is_none_of_the_base_s() {
+        let bad = || run(|_| [0.1; 4], |_| Some(0.119), 8.0);
+        let with = |fault: &str| Recording { faults: vec![fault.parse().unwrap()], ..bad() };
+        assert!(said(&bad()).0 && said(&with("cut:1@2.5s")).0 && said(&with("noise:1@1ms")).0);
+        assert!(!said(&with("cut:1@1ms")).0 && !said(&with("power:1@1ms..2.9s")).0);
+    }
 }

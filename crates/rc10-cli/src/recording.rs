@@ -218,6 +218,31 @@ pub struct BaseTrack {
     pub heard: Vec<BaseHeard>,
 }
 
+impl BaseTrack {
+    /// Where the robot's wheels say that it was, per sample: their turns, by the robot's measures.
+    #[must_use]
+    pub fn by_wheels(&self) -> Vec<PathPoint> {
+        let Chassis { wheel_radius, half_length, half_width, .. } = self.chassis;
+        let mut at = PathPoint { x: 0.0, y: 0.0, yaw: 0.0 };
+        let before = self.heard.first().into_iter().chain(&self.heard);
+        let step = |(before, now): (&BaseHeard, &BaseHeard)| {
+            let rim = |wheel: usize| {
+                let degrees = now.wheels[wheel].angle - before.wheels[wheel].angle;
+                degrees.to_radians() * wheel_radius / 4.0
+            };
+            let [fl, fr, rl, rr] = [rim(0), rim(1), rim(2), rim(3)];
+            let (forward, left) = (fl + fr + rl + rr, -fl + fr + rl - rr);
+            let turn = (-fl + fr - rl + rr) / (half_length + half_width);
+            let (sin, cos) = (at.yaw + turn / 2.0).sin_cos();
+            at.x += forward * cos - left * sin;
+            at.y += forward * sin + left * cos;
+            at.yaw += turn;
+            at
+        };
+        before.zip(&self.heard).map(step).collect()
+    }
+}
+
 /// What a robot's own sensors said of its base at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BaseHeard {
