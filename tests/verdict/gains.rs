@@ -45,7 +45,7 @@ fn a_kp_ten_times_too_high_is_red_for_every_motor_whose_loops_are_ours() {
 fn a_kp_beyond_its_gain_margin_shakes() {
     for (which, label, calm, shaking) in [
         (Which::Team, "feeder", 9.0_f32, 20.0_f32),
-        (Which::Team, "lift front left", 5.0, 10.0),
+        (Which::Team, "lift front left", 3.0, 10.0),
         (Which::Mixed, "turret", 8.0, 20.0),
     ] {
         let shakes = |by: f32| {
