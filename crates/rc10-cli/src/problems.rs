@@ -12,6 +12,7 @@ use rc10_sim::fault::{Fault, Kind as FaultKind};
 use serde_json::{Value, json};
 
 use crate::effort::{self, EffortTrack, IN_A_ROW, WINDOW};
+use crate::margin;
 use crate::recording::{BusTrack, MotorSample, MotorTrack, Recording, SAMPLE_PERIOD};
 use crate::remote::{Loss, Receiver, RemoteTrack};
 
@@ -365,7 +366,7 @@ fn share(about: About, kind: &'static str, count: u64, all: u64, what: &str) -> 
 fn efforts(recording: &Recording, found: &mut Vec<Problem>) {
     for track in &recording.motors {
         let Some(effort) = &track.effort else { continue };
-        let EffortTrack { loops, windows, reversals, at_limit } = effort;
+        let EffortTrack { loops, margins, windows, reversals, at_limit } = effort;
         let about = About::Motor(track.motor.label);
         let millis = WINDOW;
         if effort.oscillates() {
@@ -378,11 +379,25 @@ fn efforts(recording: &Recording, found: &mut Vec<Problem>) {
             );
             found.push(Problem::new(about, "oscillation", text));
         }
+        let margins = margins.map(|margins| [("speed", margins.speed), ("angle", margins.angle)]);
+        let low = |(_, margin): &(&str, f64)| *margin < margin::LEAST;
+        for (name, gain_margin) in margins.into_iter().flatten().filter(low) {
+            let text = format!(
+                "the gain margin of its {name} loop is {gain_margin:.1}, and should be at least {}: \
+                 the kp of its {name} loop is too high for what it moves",
+                margin::LEAST,
+            );
+            found.push(Problem::new(about, "gain-margin", text));
+        }
+        if margins.is_none() {
+            let text = "what it moves is not described (inertia 0): its gain margin is not judged";
+            found.push(Problem::information(about, "no-inertia", text.to_owned()));
+        }
         if effort.saturates() {
             let text = format!(
                 "its effort stands at its limit of {} {} for {:.0} % of {} ms (from {:.2} s on; in \
                  {} of {windows} windows): it is blocked, too weak, or turns the wrong way",
-                loops.limit,
+                loops.cascade.speed.output_limit,
                 effort.unit(),
                 f64::from(at_limit.count) * 100.0 / effort::WINDOW as f64,
                 WINDOW * IN_A_ROW as usize,
