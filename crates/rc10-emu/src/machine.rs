@@ -506,6 +506,7 @@ impl Machine {
             }
             let waited = self.wiring.waited.swap(0, Ordering::Relaxed);
             if waited > 0 {
+                self.core.wait(waited);
                 self.pass(waited, clock);
             }
             if self.now >= horizon || self.wiring.touched.load(Ordering::Relaxed) {
