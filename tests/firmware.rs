@@ -290,6 +290,20 @@ fn a_broken_bus_leaves_the_others_alone_and_comes_back() {
     });
 }
 
+/// No memory is written before the supply is chosen. Programs with cortex-m-rt's own start do.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn memory_waits_for_the_supply() {
+    let reports = |file: &[u8]| {
+        let options = Options { reports_early_ram: true, ..Options::default() };
+        let mut machine = Machine::with(file, options).unwrap();
+        machine.run(&mut World::new(1), millis(3)).unwrap();
+        format!("{:?}", machine.reports())
+    };
+    assert_eq!(reports(firmware()), "[]");
+    assert_ne!(reports(&program("superloop-embassy")), "[]");
+}
+
 /// The log's buffer has the size that `firmware/.cargo/config.toml` asks for.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]

@@ -33,7 +33,7 @@ const PULSES: Pin = ('F', 8);
 const PULSE_COUNTER: u32 = 0x4000_1C24;
 
 /// What is tested, in order.
-const TESTS: [&str; 11] = [
+const TESTS: [&str; 12] = [
     "CAN",
     "serial",
     "serial faults",
@@ -45,6 +45,7 @@ const TESTS: [&str; 11] = [
     "switches",
     "pulses",
     "strip",
+    "memory",
 ];
 
 /// The chip and its surroundings.

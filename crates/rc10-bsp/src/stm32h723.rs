@@ -86,7 +86,7 @@ pub fn clocks() -> Config {
     config
 }
 
-/// Makes 0x6000_0000 ..= 0xDFFF_FFFF a region without access. There external memories would be, which
+/// Makes `0x6000_0000` to `0xDFFF_FFFF` a region without access. External memories would be there, which
 /// the board does not have; but to a Cortex-M7 it is ordinary memory, and it may read ahead in it, where
 /// the FMC then waits for a chip that does not answer. (What `CubeMX` sets up as its background region.)
 fn forbid_external_memory(mpu: &cortex_m::peripheral::MPU) {

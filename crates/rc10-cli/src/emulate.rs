@@ -1,6 +1,8 @@
 //! `rc10 emu`: runs the firmware itself, on an emulated chip, in the robot's surroundings.
 
+mod foreign;
 mod output;
+mod text;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -11,20 +13,22 @@ use std::{env, fs};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_emu::fault::Kind;
-use rc10_emu::{Fault, Machine, Options, Rig};
+use rc10_emu::{Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::embassy::BusStatus;
-use rc10_motor::{MotorBus, MotorStatus};
+use rc10_motor::{Loops, MotorBus, MotorStatus};
+use rc10_sim::fault::{self, Fault, Kind};
 use rc10_sim::{Nanos, TraceEntry};
 use sha2::{Digest, Sha256};
 
 use self::output::Outcome;
+use crate::figures::{Figures, verdict};
+use crate::mistake::{self, Mistake};
 use crate::recorder::Recorder;
 use crate::recording::{Recording, hex_digits};
 use crate::remote::{Operator, ReceiverWire, Sight, Watch};
 use crate::robot::{Description, Device, Place, Robot, Twin};
-use crate::run::{check_end, seconds};
+use crate::run::{check_end, make_folder, print_files, seconds, write_file, write_files};
 use crate::surroundings::{RemoteLink, Surroundings, operate};
 
 /// What `rc10 emu` is told.
@@ -42,14 +46,24 @@ pub struct EmuArgs {
     /// a Cortex-M4 would]
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub mips: Option<u64>,
-    /// Something goes wrong: cut:2@0.3s..0.5s short:2@.. dominant:2@.. noise:2@0.3s power:2@..
-    /// load:2@.. remote-lost@0.5s..0.7s hang@0.3s..320ms mask@0.3s..305ms panic@0.3s
-    /// hardfault@0.3s crystal-dead crystal-stops@0.3s; repeat for more
-    #[arg(long = "fault", value_name = "FAULT")]
+    #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
     pub faults: Vec<Fault>,
+    #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
+    pub mistakes: Vec<Mistake>,
+    /// Folder for report.html, the bus logs and what the chip's UARTs said
+    #[arg(long, value_name = "DIR", default_value = "target/rc10-emu")]
+    pub out: PathBuf,
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
+    /// Exit code 3 if the run had problems
+    #[arg(long)]
+    pub strict: bool,
+    /// Run even if the motors of a bus do not fit on it
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// What is different from a plain run.
@@ -63,6 +77,8 @@ pub struct Setup {
     pub rate: Option<FeedbackRate>,
     /// What goes wrong.
     pub faults: Vec<Fault>,
+    /// What is built otherwise than the robot's table says.
+    pub mistakes: Vec<Mistake>,
 }
 
 /// A chip in a robot's surroundings, and what the robot's own code on this machine hears on the
@@ -79,6 +95,8 @@ pub struct Emulation<'r> {
     seed: u64,
     /// The robot's buses: they only listen.
     listeners: Vec<MotorBus<'r>>,
+    /// The control loops that its code has for each motor.
+    loops: Vec<Option<Loops>>,
     heard: Vec<usize>,
     operator: Option<Operator>,
 }
@@ -91,7 +109,9 @@ impl<'r> Emulation<'r> {
     /// there.
     pub fn new(program: &[u8], robot: Robot<'r>, setup: &Setup) -> Result<Self> {
         let mut robot = robot;
-        robot.set_remote(None, &setup.faults)?;
+        robot.set_faults(&setup.faults)?;
+        robot.set_mistakes(&setup.mistakes)?;
+        let loops = robot.loops();
         let (mut description, listeners) = robot.into_buses()?;
         if let Some(rate) = setup.rate {
             for motor in &mut description.motors {
@@ -132,7 +152,7 @@ impl<'r> Emulation<'r> {
         of_chip.retain(|fault| fault.kind != Kind::RemoteLost);
         let rig = Rig::new(machine, world, wires, on_buses.collect(), &of_chip)?;
         let seed = setup.seed;
-        Ok(Self { rig, motors, description, base, seed, listeners, heard, remote, operator })
+        Ok(Self { rig, motors, description, base, seed, listeners, loops, heard, remote, operator })
     }
 
     /// Lets everything go on up to a time since power-on.
@@ -174,46 +194,59 @@ impl<'r> Emulation<'r> {
     /// As [`Rig::run`].
     pub fn record(mut self, length: Micros) -> Result<(Self, Recording)> {
         let description = self.description.clone();
-        let mut recorder = Recorder::new(&description, self.seed);
+        let mut recorder = Recorder::new(&description, self.seed, &self.loops, true);
         let mut watch = Watch::new(description.remote.as_ref());
         let mut now = Micros::ZERO;
-        let mut next_sample = Recorder::next_sample(now, length);
+        let mut next_look = Recorder::next_look(now, length);
         while now < length {
-            now = watch.next(now).map_or(next_sample, |look| look.min(next_sample));
+            now = watch.next(now).map_or(next_look, |look| look.min(next_look));
             self.run(now.into())?;
             if let Some(sight) = self.sight() {
                 watch.look(now, sight);
             }
-            if now < next_sample {
+            if now < next_look {
                 continue;
             }
-            for (bus, entries) in self.listen().iter().enumerate() {
+            next_look = Recorder::next_look(now, length);
+            let machine = &self.rig.machine;
+            if let (None, Some(other)) = (machine.ready(), foreign::chip_of(machine.reports())) {
+                bail!("this ELF is not for an STM32H723: {other}");
+            }
+            let news = self.listen();
+            for (bus, entries) in news.iter().enumerate() {
                 recorder.frames(bus, entries);
             }
-            recorder.sample(&self.motors, self.base.as_ref(), |line| self.status(line, now));
+            if !recorder.look((now, length), &self.motors, |line| self.status(line, now)) {
+                continue;
+            }
+            recorder.sample(self.base.as_ref(), |number| self.bus_status(number), None);
+            // What the chip hears of its IMU is not seen from here.
+            recorder.base(&self.motors, |line| self.status(line, now), None);
             if let Some(sight) = self.sight() {
                 watch.sample(sight);
             }
-            next_sample = Recorder::next_sample(now, length);
         }
         let recording = recorder.finish(
             length,
             self.rig.buses(),
             &self.motors,
             |line| self.status(line, now),
-            |number| {
-                let mut status = BusStatus::default();
-                if let Some(bus) = self.listeners.get(usize::from(number) - 1) {
-                    status.received = bus.counters();
-                    status.load = bus.load(1_000_000);
-                }
-                status
-            },
+            |number| self.bus_status(number),
             Vec::new(),
         );
         let remote = self.remote.as_ref();
         let remote = remote.map(|link| watch.finish(link.receiver, link.remote.sent(), None));
         Ok((self, Recording { remote, ..recording }))
+    }
+
+    /// What is heard of a bus.
+    fn bus_status(&self, number: u8) -> BusStatus {
+        let mut status = BusStatus::default();
+        if let Some(bus) = self.listeners.get(usize::from(number) - 1) {
+            status.received = bus.counters();
+            status.load = bus.load(1_000_000);
+        }
+        status
     }
 
     /// What is heard of a motor.
@@ -227,12 +260,14 @@ impl<'r> Emulation<'r> {
     }
 }
 
-/// Runs a program, prints the figures.
+/// Runs a program, writes the files, prints the figures. Whether the run had problems.
 ///
 /// # Errors
-/// If there is no program, or it is none, or a fault cannot happen.
-pub fn emulate(args: &EmuArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+/// If there is no program, or it is none, or one for another chip; if a fault cannot happen; if the
+/// robot's motors do not fit on their buses; if the folder cannot be written.
+pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     check_end(&args.faults, args.seconds)?;
+    robot.fit(args.force)?;
     let path = match (&args.elf, robot.description().firmware) {
         (Some(path), _) => path.clone(),
         (None, Some(build)) => build()?,
@@ -244,17 +279,35 @@ pub fn emulate(args: &EmuArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<
         speed: args.mips.map(|mips| mips * 1_000_000),
         rate: None,
         faults: args.faults.clone(),
+        mistakes: args.mistakes.clone(),
     };
     let started = Instant::now();
-    let emulation =
-        Emulation::new(&program, robot, &setup).with_context(|| path.display().to_string())?;
-    let (mut emulation, recording) = emulation.record(args.seconds)?;
+    let named = || path.display().to_string();
+    let emulation = Emulation::new(&program, robot, &setup).with_context(named)?;
+    make_folder(&args.out)?;
+    let (mut emulation, mut recording) = emulation.record(args.seconds).with_context(named)?;
     let took = started.elapsed();
+    recording.faults.clone_from(&args.faults);
+    let figures = Figures::of(&recording);
+    write_files(&recording, &figures, &args.out)?;
+    let sent = emulation.rig.machine.soc().take_sent();
+    let texts = text::of(&sent);
+    for text in &texts {
+        write_file(&args.out, &text.file_name(), text.lines.as_bytes())?;
+    }
     let log = emulation.rig.machine.take_log();
-    let outcome = Outcome::new(&emulation.rig, &recording, &args.faults, &log);
-    let text = if args.json { format!("{:#}\n", outcome.to_json()) } else { outcome.text(took) };
-    out.write_all(text.as_bytes())?;
-    Ok(())
+    let outcome = Outcome::new(&emulation.rig, &recording, &figures, &args.faults, &log);
+    if args.json {
+        writeln!(out, "{:#}", outcome.to_json())?;
+    } else {
+        out.write_all(outcome.text(took).as_bytes())?;
+        print_files(&args.out, out)?;
+        for text in &texts {
+            writeln!(out, "text  {}", args.out.join(text.file_name()).display())?;
+        }
+        write!(out, "\n{}", verdict(&recording, &figures))?;
+    }
+    Ok(figures.any_problems())
 }
 
 /// Builds the firmware of this checkout; says where its ELF file is.

@@ -4,176 +4,413 @@ use std::fmt::Write as _;
 
 use rc10_can::{Micros, Timing};
 use rc10_module::Counters;
-use rc10_motor::TargetKind;
+use rc10_motor::{Drive, Link, TargetKind, Verdict};
 use serde_json::{Value, json};
 
-use crate::recording::{MotorTrack, Recording};
+use crate::problems::{Problem, Severity, any, problems};
+use crate::recording::{MotorTrack, Recording, Tracking};
 use crate::remote::{Loss, RemoteTrack};
 
-/// What a track's samples amount to.
-struct Tracking {
-    unit: &'static str,
-    /// Root of the mean square difference of target and measurement, while it followed a target.
-    rms: Option<f64>,
-    /// Newest target and measurement.
-    last: (Option<f64>, f64),
-    /// Largest current, A, either way.
-    peak_current: f64,
+/// What a run amounts to: computed once, and printed as text, JSON and HTML.
+pub struct Figures {
+    /// One per motor, in the order of the robot's table.
+    pub motors: Vec<MotorFigures>,
+    /// What was not as it should be.
+    pub problems: Vec<Problem>,
 }
 
-fn tracking(track: &MotorTrack) -> Tracking {
-    let errors: Vec<f64> = (track.samples.iter())
-        .filter_map(|sample| Some(sample.target? - sample.measured))
-        .collect();
-    let mean_square = errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64;
-    let last = track.samples.last();
-    let kind = last.map_or(TargetKind::Coast, |sample| sample.kind);
-    Tracking {
-        unit: match kind {
-            TargetKind::Angle | TargetKind::TotalAngle | TargetKind::Impedance => "deg",
-            _ => "rpm",
-        },
-        rms: (!errors.is_empty()).then(|| mean_square.sqrt()),
-        last: last.map_or((None, 0.0), |sample| (sample.target, sample.measured)),
-        peak_current: track.samples.iter().fold(0.0, |peak, sample| peak.max(sample.current.abs())),
+/// The figures of one motor.
+pub struct MotorFigures {
+    /// Unit of the newest target and measurement.
+    pub unit: &'static str,
+    /// Newest target, if it followed one.
+    pub target: Option<f64>,
+    /// Newest measurement.
+    pub measured: Option<f64>,
+    /// How well it followed its targets, by kind; the kind that it followed longest first.
+    pub tracking: Vec<Tracking>,
+    /// Largest current either way, A.
+    pub peak_current: Option<f64>,
+    /// What is to be said of its control loops.
+    pub loops: &'static str,
+}
+
+impl Figures {
+    /// Of a run.
+    #[must_use]
+    pub fn of(recording: &Recording) -> Self {
+        let motors = recording.motors.iter().map(MotorFigures::of);
+        Self { motors: motors.collect(), problems: problems(recording) }
+    }
+
+    /// Whether there is something to mend.
+    #[must_use]
+    pub fn any_problems(&self) -> bool {
+        any(&self.problems)
+    }
+
+    /// The problems, or the information.
+    pub fn found(&self, severity: Severity) -> impl Iterator<Item = &Problem> {
+        self.problems.iter().filter(move |problem| problem.severity == severity)
+    }
+}
+
+impl MotorFigures {
+    fn of(track: &MotorTrack) -> Self {
+        let last = track.samples.last();
+        let mut tracking = track.tracking.clone();
+        // Stable: the first of two that are as long is the one that came first.
+        tracking.sort_by_key(|tracking| std::cmp::Reverse(tracking.looks));
+        Self {
+            unit: unit(last.map_or(TargetKind::Speed, |sample| sample.kind)),
+            target: last.and_then(|sample| sample.target),
+            measured: last.map(|sample| sample.measured),
+            tracking,
+            peak_current: (!track.samples.is_empty()).then_some(track.peak_current),
+            loops: match &track.effort {
+                None => "not judged",
+                Some(effort) if effort.windows == 0 => "not driven",
+                Some(effort) if effort.oscillates() => "shakes",
+                Some(effort) if effort.saturates() => "at its limit",
+                Some(_) => "calm",
+            },
+        }
+    }
+
+    /// The error of each kind of target: `6.70 deg angle, 7.09 rpm speed`.
+    #[must_use]
+    pub fn errors(&self) -> String {
+        let one = |tracking: &Tracking| {
+            let Tracking { kind, .. } = *tracking;
+            format!("{:.2} {} {}", tracking.rms(), unit(kind), noun(kind))
+        };
+        self.tracking.iter().map(one).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// The unit of the targets of a kind, and of what is measured beside them.
+#[must_use]
+pub const fn unit(kind: TargetKind) -> &'static str {
+    match kind {
+        TargetKind::Angle | TargetKind::TotalAngle | TargetKind::Impedance => "deg",
+        _ => "rpm",
+    }
+}
+
+const fn noun(kind: TargetKind) -> &'static str {
+    match kind {
+        TargetKind::Angle => "angle",
+        TargetKind::TotalAngle => "total angle",
+        TargetKind::Impedance => "impedance",
+        _ => "speed",
+    }
+}
+
+// ---- tables, as text and as HTML ---------------------------------------------------------------
+
+/// A table: its first columns are words.
+pub struct Table {
+    /// The columns' titles.
+    pub head: Vec<&'static str>,
+    /// How many columns are words.
+    pub words: usize,
+    /// The rows.
+    pub rows: Vec<Vec<Entry>>,
+}
+
+/// What stands at one place of a table.
+pub struct Entry {
+    /// The words or the number.
+    pub text: String,
+    /// It should be something else.
+    pub bad: bool,
+}
+
+fn words(text: impl ToString) -> Entry {
+    Entry { text: text.to_string(), bad: false }
+}
+
+/// A count that should be zero.
+fn loss(count: impl Into<u64>) -> Entry {
+    let count = count.into();
+    Entry { text: grouped(count), bad: count > 0 }
+}
+
+fn count(count: impl Into<u64>) -> Entry {
+    words(grouped(count.into()))
+}
+
+fn number(value: Option<f64>, digits: usize, unit: &str) -> Entry {
+    words(optional(value, digits, unit))
+}
+
+/// A number with a unit; a dash for none.
+pub(crate) fn optional(value: Option<f64>, digits: usize, unit: &str) -> String {
+    match value.filter(|value| value.is_finite()) {
+        Some(value) => format!("{value:.digits$}{unit}"),
+        None => "–".to_owned(),
+    }
+}
+
+/// 1234567 as "1 234 567", with spaces that do not break.
+pub(crate) fn grouped(count: u64) -> String {
+    let digits = count.to_string();
+    let mut text = String::new();
+    for (index, digit) in digits.char_indices() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push('\u{202f}');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+impl Table {
+    /// Leaves out the columns of these titles.
+    fn without(mut self, titles: &[&str]) -> Self {
+        let keep: Vec<bool> = self.head.iter().map(|title| !titles.contains(title)).collect();
+        let left = keep.iter().take(self.words).filter(|keep| **keep).count();
+        let mut kept = keep.iter();
+        self.head.retain(|_| kept.next().is_some_and(|keep| *keep));
+        for row in &mut self.rows {
+            let mut kept = keep.iter();
+            row.retain(|_| kept.next().is_some_and(|keep| *keep));
+        }
+        Self { words: left, ..self }
+    }
+
+    /// As text for a terminal: columns of one width, as wide as they must be.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let titles = self.head.iter().map(|title| title.chars().count());
+        let mut widths: Vec<usize> = titles.collect();
+        for row in &self.rows {
+            for (width, entry) in widths.iter_mut().zip(row) {
+                *width = entry.text.chars().count().max(*width);
+            }
+        }
+        let line = |texts: &mut dyn Iterator<Item = &str>| {
+            let mut line = String::new();
+            for (column, (text, &width)) in texts.zip(&widths).enumerate() {
+                let _ = match column < self.words {
+                    true => write!(line, "{text:<width$}  "),
+                    false => write!(line, "{text:>width$}  "),
+                };
+            }
+            line.trim_end().replace('\u{202f}', " ") + "\n"
+        };
+        let mut text = line(&mut self.head.iter().copied());
+        for row in &self.rows {
+            text += &line(&mut row.iter().map(|entry| entry.text.as_str()));
+        }
+        text
     }
 }
 
 /// A line per motor.
 #[must_use]
-pub fn motor_table(recording: &Recording) -> String {
-    let mut text = String::new();
-    let _ = write_motors(&mut text, recording);
-    text
-}
-
-fn write_motors(text: &mut String, recording: &Recording) -> std::fmt::Result {
-    let names = recording.motors.iter().map(|track| track.motor.name().to_string().len());
-    let width = names.max().unwrap_or(0).max(26);
-    writeln!(
-        text,
-        "{:<18} {:<width$} {:>3}  {:<9} {:>9} {:>9}     {:>10} {:>8} {:>8} {:>5} {:>5}",
-        "motor",
-        "model",
-        "bus",
-        "link",
-        "target",
-        "measured",
-        "error rms",
-        "peak A",
-        "received",
-        "bad",
-        "lost"
-    )?;
-    for track in &recording.motors {
-        let Tracking { unit, rms, last: (target, measured), peak_current } = tracking(track);
-        let target = target.map_or("-".into(), |target| format!("{target:.1}"));
-        let rms = rms.map_or("-".into(), |rms| format!("{rms:.2}"));
-        let model = track.motor.name().to_string();
-        let counters = track.last.counters;
-        writeln!(
-            text,
-            "{:<18} {:<width$} {:>3}  {:<9} {:>9} {:>9.1} {:<3} {:>10} {:>8.2} {:>8} {:>5} {:>5}",
-            track.motor.label,
-            model,
-            track.motor.on.short(),
-            format!("{:?}", track.last.link),
-            target,
-            measured,
-            unit,
-            rms,
-            peak_current,
-            counters.received,
-            counters.malformed,
-            counters.lost + u32::try_from(track.overwritten).unwrap_or(u32::MAX),
-        )?;
-    }
-    Ok(())
+pub fn motor_table(recording: &Recording, figures: &Figures) -> Table {
+    let motors = recording.motors.iter().zip(&figures.motors);
+    let rows = motors.map(|(track, figures)| {
+        let (motor, last) = (&track.motor, &track.last);
+        let counters = last.counters;
+        let unit = format!(" {}", figures.unit);
+        let link = Entry { bad: last.link != Link::Online, ..words(link_name(last.link)) };
+        let is_bad = matches!(figures.loops, "shakes" | "at its limit");
+        vec![
+            words(motor.label),
+            words(motor.name()),
+            words(motor.on.short()),
+            link,
+            words(drive_name(last.drive)),
+            Entry { bad: is_bad, ..words(figures.loops) },
+            number(figures.target, 1, &unit),
+            number(figures.measured, 1, &unit),
+            words(match figures.errors() {
+                errors if errors.is_empty() => "–".into(),
+                errors => errors,
+            }),
+            number(figures.peak_current, 2, " A"),
+            count(counters.received),
+            loss(counters.malformed),
+            loss(counters.lost),
+            loss(track.overwritten),
+            loss(counters.refused.total()),
+        ]
+    });
+    let table = Table {
+        head: vec![
+            "motor",
+            "model",
+            "bus",
+            "link",
+            "drive",
+            "loop",
+            "target",
+            "measured",
+            "RMS error",
+            "peak",
+            "received",
+            "malformed",
+            "lost",
+            "overwritten",
+            "refused",
+        ],
+        words: 6,
+        rows: rows.collect(),
+    };
+    // The chip alone knows these.
+    let hidden = ["drive", "target", "RMS error", "refused"];
+    if recording.is_emulated { table.without(&hidden) } else { table }
 }
 
 /// A line per bus.
 #[must_use]
-pub fn bus_table(recording: &Recording) -> String {
-    let mut text = String::new();
-    let _ = write_buses(&mut text, recording);
-    text
+pub fn bus_table(recording: &Recording) -> Table {
+    let rows = recording.buses.iter().map(|track| {
+        let (plan, last) = (&track.last.load, &track.last);
+        let percent = |value: f64| number(Some(value), 1, " %");
+        let micros = |value: Option<f64>, digits| number(value, digits, " µs");
+        let verdict = plan.verdict();
+        vec![
+            words(format!("bus {}", track.number)),
+            Entry { bad: verdict == Verdict::DoesNotFit, ..words(verdict_name(verdict)) },
+            percent(plan.least.into()),
+            percent(plan.typical.into()),
+            percent(plan.worst.into()),
+            percent(track.load),
+            count(track.frames),
+            loss(last.health.receive_lost),
+            loss(last.replaced),
+            loss(last.refused),
+            loss(last.overruns),
+            micros(last.period.min().map(f64::from), 0),
+            micros(last.period.mean().map(f64::from), 1),
+            micros(last.period.max().map(f64::from), 0),
+        ]
+    });
+    let table = Table {
+        head: vec![
+            "bus",
+            "plan",
+            "planned load: least",
+            "typical",
+            "worst",
+            "measured",
+            "frames",
+            "rx lost",
+            "replaced",
+            "refused",
+            "overruns",
+            "tick period: min",
+            "mean",
+            "max",
+        ],
+        words: 2,
+        rows: rows.collect(),
+    };
+    let hidden = ["rx lost", "replaced", "refused", "overruns", "tick period: min", "mean", "max"];
+    if recording.is_emulated { table.without(&hidden) } else { table }
 }
 
-fn write_buses(text: &mut String, recording: &Recording) -> std::fmt::Result {
-    writeln!(
-        text,
-        "{:<5} {:>15} {:>8} {:>8} {:>6} {:>9} {:>8} {:>9}  {:<24} {:<18}",
-        "bus",
-        "planned load %",
-        "load %",
-        "frames",
-        "lost",
-        "replaced",
-        "refused",
-        "overruns",
-        "tick period us",
-        "tick takes us"
-    )?;
-    for bus in &recording.buses {
-        let last = &bus.last;
-        writeln!(
-            text,
-            "{:<5} {:>15} {:>8.1} {:>8} {:>6} {:>9} {:>8} {:>9}  {:<24} {:<18}",
-            bus.number,
-            format!("{:.0}..{:.0}", last.load.least, last.load.worst),
-            bus.load,
-            bus.frames,
-            last.health.receive_lost,
-            last.replaced,
-            last.refused,
-            last.overruns,
-            min_mean_max(&last.period),
-            min_mean_max(&last.execution),
-        )?;
-    }
-    Ok(())
-}
-
-/// An empty line and one per RS-485 line; nothing for a robot without any.
+/// A line per RS-485 line; `None` for a robot without any.
 #[must_use]
-pub fn line_table(recording: &Recording) -> String {
-    let mut text = String::new();
-    let _ = write_lines(&mut text, recording);
+pub fn line_table(recording: &Recording) -> Option<Table> {
+    if recording.lines.is_empty() {
+        return None;
+    }
+    let rows = (1..).zip(&recording.lines).map(|(number, line): (u8, _)| {
+        let traffic = &line.traffic;
+        let micros = |value: Option<f64>, digits| self::number(value, digits, " µs");
+        vec![
+            words(format!("line {number}")),
+            count(traffic.exchanges),
+            loss(traffic.timeouts),
+            loss(traffic.crc_errors),
+            loss(traffic.garbage),
+            loss(traffic.unexpected),
+            loss(line.port_errors),
+            loss(line.overruns),
+            micros(traffic.exchange.min().map(f64::from), 0),
+            micros(traffic.exchange.mean().map(f64::from), 1),
+            micros(traffic.exchange.max().map(f64::from), 0),
+        ]
+    });
+    Some(Table {
+        head: vec![
+            "line",
+            "exchanges",
+            "timeouts",
+            "CRC errors",
+            "garbage bytes",
+            "unexpected",
+            "port errors",
+            "overruns",
+            "exchange: min",
+            "mean",
+            "max",
+        ],
+        words: 1,
+        rows: rows.collect(),
+    })
+}
+
+pub(crate) const fn link_name(link: Link) -> &'static str {
+    match link {
+        Link::NeverSeen => "never heard",
+        Link::Online => "online",
+        Link::Lost => "lost",
+    }
+}
+
+const fn drive_name(drive: Drive) -> &'static str {
+    match drive {
+        Drive::Off => "off",
+        Drive::Coast => "coast",
+        Drive::Brake => "brake",
+        Drive::Hold => "hold",
+        Drive::Run => "run",
+    }
+}
+
+const fn verdict_name(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Fits => "fits",
+        Verdict::Tight => "tight",
+        Verdict::DoesNotFit => "does not fit",
+    }
+}
+
+/// What a run was like, in a line or more: for the end of the output.
+#[must_use]
+pub fn verdict(recording: &Recording, figures: &Figures) -> String {
+    let mut text = headline(recording, figures);
+    text.push('\n');
+    for problem in figures.found(Severity::Problem) {
+        let _ = writeln!(text, "  {problem}");
+    }
+    let mut information = figures.found(Severity::Information).peekable();
+    if information.peek().is_some() {
+        text += "Good to know\n";
+    }
+    for problem in information {
+        let _ = writeln!(text, "  {problem}");
+    }
     text
 }
 
-fn write_lines(text: &mut String, recording: &Recording) -> std::fmt::Result {
-    if recording.lines.is_empty() {
-        return Ok(());
+/// The first line of it.
+#[must_use]
+pub fn headline(recording: &Recording, figures: &Figures) -> String {
+    match figures.found(Severity::Problem).count() {
+        0 if recording.faults.is_empty() => {
+            let count = recording.motors.len();
+            format!("✓ All {count} motors online · no frame lost · no overruns")
+        }
+        0 => "✓ No problem but the faults that were asked for".into(),
+        1 => "✗ 1 problem".into(),
+        count => format!("✗ {count} problems"),
     }
-    writeln!(
-        text,
-        "\n{:<5} {:>10} {:>9} {:>11} {:>8} {:>11} {:>9}  {:<24}",
-        "line",
-        "exchanges",
-        "timeouts",
-        "crc errors",
-        "garbage",
-        "unexpected",
-        "overruns",
-        "exchange us"
-    )?;
-    for (number, line) in (1..).zip(&recording.lines) {
-        let number: u8 = number;
-        let traffic = &line.traffic;
-        writeln!(
-            text,
-            "{number:<5} {:>10} {:>9} {:>11} {:>8} {:>11} {:>9}  {:<24}",
-            traffic.exchanges,
-            traffic.timeouts,
-            traffic.crc_errors,
-            traffic.garbage,
-            traffic.unexpected,
-            line.overruns,
-            min_mean_max(&traffic.exchange),
-        )?;
-    }
-    Ok(())
 }
 
 /// An empty line, one for the receiver and one per time that the remote was lost; nothing for a
@@ -272,18 +509,13 @@ pub fn remote_json(recording: &Recording) -> Value {
     })
 }
 
-fn min_mean_max(timing: &Timing) -> String {
-    match (timing.min(), timing.mean(), timing.max()) {
-        (Some(min), Some(mean), Some(max)) => format!("{min} / {mean:.1} / {max}"),
-        _ => "-".into(),
-    }
-}
-
 /// All figures as one JSON object. `wall` is how many seconds of real time the run took.
 #[must_use]
-pub fn to_json(recording: &Recording, wall: f64) -> Value {
-    let motors = recording.motors.iter().map(|track| {
-        let Tracking { unit, rms, last: (target, measured), peak_current } = tracking(track);
+pub fn to_json(recording: &Recording, figures: &Figures, wall: f64) -> Value {
+    let motors = recording.motors.iter().zip(&figures.motors).map(|(track, figures)| {
+        let MotorFigures { unit, target, measured, peak_current, loops, .. } = figures;
+        let longest = figures.tracking.first();
+        let refused = track.last.counters.refused;
         json!({
             "motor": track.motor.label,
             "model": track.motor.name().model,
@@ -295,12 +527,20 @@ pub fn to_json(recording: &Recording, wall: f64) -> Value {
             "unit": unit,
             "target": target,
             "measured": measured,
-            "error_rms": rms,
+            // Of the kind of target that it followed longest.
+            "error_rms": longest.map(Tracking::rms),
+            "tracking": figures.tracking.iter().map(tracking_json).collect::<Vec<_>>(),
+            "loop": loops,
             "peak_current_a": peak_current,
             "received": track.last.counters.received,
             "malformed": track.last.counters.malformed,
             "lost": track.last.counters.lost,
             "expired": track.last.counters.expired,
+            "refused": {
+                "not_finite": refused.not_finite,
+                "out_of_range": refused.out_of_range,
+                "unsupported": refused.unsupported,
+            },
             "feedback_overwritten": track.overwritten,
         })
     });
@@ -355,6 +595,23 @@ pub fn to_json(recording: &Recording, wall: f64) -> Value {
         "buses": buses.collect::<Vec<_>>(),
         "lines": lines.collect::<Vec<_>>(),
         "remote": remote_json(recording),
+        "problems": problems_json(figures),
+    })
+}
+
+/// The problems and the information as JSON.
+#[must_use]
+pub fn problems_json(figures: &Figures) -> Value {
+    figures.problems.iter().map(Problem::to_json).collect()
+}
+
+fn tracking_json(tracking: &Tracking) -> Value {
+    json!({
+        "kind": noun(tracking.kind),
+        "unit": unit(tracking.kind),
+        "seconds": seconds(tracking.time()),
+        "rms": tracking.rms(),
+        "peak": tracking.peak,
     })
 }
 

@@ -58,6 +58,9 @@ pub struct PtyArgs {
     /// Seed of everything random in the world
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
+    /// Run even if the motors of a bus do not fit on it
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// Runs until its time is over, or until Ctrl-C.

@@ -4,12 +4,14 @@ use rc10_app::TotalAngle;
 use rc10_app::angle::shortest_way_degrees;
 use rc10_can::Micros;
 use rc10_motor::embassy::{BusStatus, LineStatus};
-use rc10_motor::{Drive, MotorStatus, Target};
+use rc10_motor::{ArmState, Drive, Link, Loops, MotorStatus, Target, TargetKind};
 use rc10_sim::{Base, TraceEntry};
 
 use crate::candump;
+use crate::effort::{EffortWatch, effort_of};
 use crate::recording::{
-    BaseTrack, BusTrack, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD,
+    BaseHeard, BaseTrack, BusSample, BusTrack, Cell, LOOK_PERIOD, MotorSample, MotorTrack,
+    PathPoint, Recording, SAMPLE_PERIOD, Tracking, WheelHeard,
 };
 use crate::robot::{Description, Motor, Twin};
 
@@ -18,33 +20,54 @@ use crate::robot::{Description, Motor, Twin};
 pub struct Recorder<'d> {
     description: &'d Description,
     seed: u64,
-    samples: Vec<Vec<MotorSample>>,
-    logs: Vec<(String, u64)>,
+    is_emulated: bool,
+    motors: Vec<MotorRecorder>,
+    buses: Vec<BusRecorder>,
+    arm: Vec<ArmState>,
     path: Vec<PathPoint>,
+    heard: Vec<BaseHeard>,
+}
+
+#[derive(Default)]
+struct BusRecorder {
+    log: String,
+    frames: u64,
+    samples: Vec<BusSample>,
 }
 
 impl<'d> Recorder<'d> {
-    /// A recorder before the start. `seed` is the surroundings' one.
+    /// A recorder before the start. `seed` is the surroundings' one, `loops` those of the motors in
+    /// the order of the description. On an emulated chip it does not see what the robot decides.
     #[must_use]
-    pub fn new(description: &'d Description, seed: u64) -> Self {
+    pub fn new(
+        description: &'d Description,
+        seed: u64,
+        loops: &[Option<Loops>],
+        is_emulated: bool,
+    ) -> Self {
+        let loops = loops.iter().copied().chain(std::iter::repeat(None));
+        let motors = description.motors.iter().zip(loops);
         Self {
             description,
             seed,
-            samples: vec![Vec::new(); description.motors.len()],
-            logs: vec![Default::default(); description.buses.into()],
+            is_emulated,
+            motors: motors.map(|(_, loops)| MotorRecorder::new(loops)).collect(),
+            buses: (0..description.buses).map(|_| BusRecorder::default()).collect(),
+            arm: Vec::new(),
             path: Vec::new(),
+            heard: Vec::new(),
         }
     }
 
-    /// How long to let time pass until the next sample, if the run is to end at `end`.
+    /// When to look next, if the run is to end at `end`.
     #[must_use]
-    pub fn next_sample(now: Micros, end: Micros) -> Micros {
-        (now + SAMPLE_PERIOD).min(end)
+    pub fn next_look(now: Micros, end: Micros) -> Micros {
+        (now + LOOK_PERIOD).min(end)
     }
 
     /// Takes frames of a bus down, 0 for the first, in the order of the wire.
     pub fn frames(&mut self, bus: usize, entries: &[TraceEntry]) {
-        let Some((log, frames)) = self.logs.get_mut(bus) else {
+        let Some(BusRecorder { log, frames, .. }) = self.buses.get_mut(bus) else {
             return;
         };
         // As can-utils would call them.
@@ -56,22 +79,67 @@ impl<'d> Recorder<'d> {
         }
     }
 
-    /// Takes a sample of everything but the wires. `status` is what is known of the motor in a line
-    /// of the robot's table.
+    /// Looks at the motors: every [`LOOK_PERIOD`]. `status` is what is known of the motor in a line
+    /// of the robot's table. Whether it is time for a [`sample`](Self::sample), too.
+    pub fn look(
+        &mut self,
+        (now, end): (Micros, Micros),
+        motors: &[Twin],
+        status: impl Fn(usize) -> MotorStatus,
+    ) -> bool {
+        let motors = self.description.motors.iter().zip(motors);
+        for (line, (recorder, (motor, twin))) in self.motors.iter_mut().zip(motors).enumerate() {
+            let mut status = status(line);
+            if self.is_emulated {
+                status.drive = if motor.is_driven(twin) { Drive::Run } else { Drive::Coast };
+            }
+            recorder.look(now, motor, &status, twin);
+        }
+        now >= end || now.get().is_multiple_of(SAMPLE_PERIOD.get())
+    }
+
+    /// Takes a sample of everything but the wires: of the motors what was seen since the last one.
+    /// `bus` is what is known of a bus with a number, `arm` whether the robot is armed, if that is
+    /// known.
     pub fn sample(
         &mut self,
-        motors: &[Twin],
         base: Option<&Base>,
-        status: impl Fn(usize) -> MotorStatus,
+        bus: impl Fn(u8) -> BusStatus,
+        arm: Option<ArmState>,
     ) {
-        let motors = self.description.motors.iter().zip(motors);
-        for (line, (samples, (motor, esc))) in self.samples.iter_mut().zip(motors).enumerate() {
-            samples.push(sample(motor, &status(line), esc));
+        self.motors.iter_mut().for_each(MotorRecorder::sample);
+        for (number, recorder) in (1..=u8::MAX).zip(&mut self.buses) {
+            recorder.samples.push(BusSample::of(&bus(number)));
         }
+        self.arm.extend(arm);
         if let Some(base) = base {
             let pose = base.pose();
             self.path.push(PathPoint { x: pose.x, y: pose.y, yaw: pose.yaw });
         }
+    }
+
+    /// Takes a sample of what the robot hears of its base: `status` as for [`sample`](Self::sample),
+    /// and by its IMU `yaw`, degrees.
+    pub fn base(
+        &mut self,
+        motors: &[Twin],
+        status: impl Fn(usize) -> MotorStatus,
+        yaw: Option<f64>,
+    ) {
+        let Some(base) = &self.description.base else { return };
+        let wheels = base.wheels.map(|line| {
+            let MotorStatus { link, drive, feedback, .. } = status(line);
+            let is_driven = match self.description.motors.get(line).zip(motors.get(line)) {
+                Some((motor, twin)) if self.is_emulated => motor.is_driven(twin),
+                _ => drive == Drive::Run,
+            };
+            WheelHeard {
+                angle: feedback.total_angle.microdegrees() as f64 * 1e-6,
+                current: feedback.current().map(|current| current.get().into()),
+                follows: link == Link::Online && is_driven,
+            }
+        });
+        self.heard.push(BaseHeard { wheels, yaw });
     }
 
     /// The recording. `motor` is what the robot knows of the motor in a line of its table, `bus`
@@ -86,21 +154,25 @@ impl<'d> Recorder<'d> {
         bus: impl Fn(u8) -> BusStatus,
         lines: Vec<LineStatus>,
     ) -> Recording {
-        let motors = self.description.motors.iter().zip(escs).zip(self.samples);
-        let motors = motors.enumerate().map(|(line, ((described, esc), samples))| MotorTrack {
+        let motors = self.description.motors.iter().zip(escs).zip(self.motors);
+        let motors = motors.enumerate().map(|(line, ((described, esc), recorder))| MotorTrack {
             motor: *described,
-            samples,
+            samples: recorder.samples,
             last: motor(line),
             overwritten: esc.state().feedback_overwritten,
+            tracking: recorder.tracking,
+            peak_current: recorder.peak_current,
+            effort: recorder.effort.map(EffortWatch::finish),
         });
-        let buses = (1..=u8::MAX).zip(wires.iter().zip(self.logs));
-        let buses = buses.map(|(number, (wire, (log, frames)))| BusTrack {
+        let buses = (1..=u8::MAX).zip(wires.iter().zip(self.buses));
+        let buses = buses.map(|(number, (wire, recorder))| BusTrack {
             number,
             load: wire.load(),
             load_windows: wire.load_windows(),
             last: bus(number),
-            frames,
-            log,
+            samples: recorder.samples,
+            frames: recorder.frames,
+            log: recorder.log,
         });
         let base = self.description.base;
         Recording {
@@ -109,10 +181,119 @@ impl<'d> Recorder<'d> {
             motors: motors.collect(),
             buses: buses.collect(),
             lines,
-            base: base.map(|base| BaseTrack { wheels: base.wheels, path: self.path }),
+            base: base.map(|base| BaseTrack {
+                wheels: base.wheels,
+                path: self.path,
+                chassis: base.chassis,
+                heard: self.heard,
+            }),
             events: self.description.events(length),
-            remote: None,
+            arm: self.arm,
+            is_emulated: self.is_emulated,
+            ..Recording::default()
         }
+    }
+}
+
+/// What was seen of one motor.
+struct MotorRecorder {
+    samples: Vec<MotorSample>,
+    tracking: Vec<Tracking>,
+    peak_current: f64,
+    effort: Option<EffortWatch>,
+    /// Since the last sample.
+    newest: Option<MotorSample>,
+    measured: Sum,
+    current: Sum,
+    rpm: Sum,
+}
+
+impl MotorRecorder {
+    fn new(loops: Option<Loops>) -> Self {
+        Self {
+            samples: Vec::new(),
+            tracking: Vec::new(),
+            peak_current: 0.0,
+            effort: loops.map(EffortWatch::new),
+            newest: None,
+            measured: Sum::default(),
+            current: Sum::default(),
+            rpm: Sum::default(),
+        }
+    }
+
+    fn look(&mut self, now: Micros, motor: &Motor, status: &MotorStatus, twin: &Twin) {
+        let seen = sample(motor, status, twin);
+        if let (Some(target), Drive::Run) = (seen.target, seen.drive) {
+            self.track(seen.kind, target - seen.measured);
+        }
+        self.peak_current = self.peak_current.max(seen.current.abs());
+        if let Some(watch) = &mut self.effort {
+            let is_driven = !matches!(seen.drive, Drive::Off | Drive::Coast);
+            // An effort that was asked for is not judged: no loop has made it.
+            let asked = matches!(
+                status.target.kind(),
+                TargetKind::Current | TargetKind::Torque | TargetKind::Duty | TargetKind::Impedance
+            );
+            let is_judged = is_driven && seen.link == Link::Online && !asked;
+            let loops = watch.loops();
+            watch.look(now, is_judged.then(|| effort_of(motor, twin, loops)));
+        }
+        if self.newest.is_some_and(|newest| newest.kind != seen.kind) {
+            self.measured = Sum::default();
+        }
+        self.measured.add(seen.measured);
+        self.current.add(seen.current);
+        self.rpm.add(seen.rpm);
+        self.newest = Some(seen);
+    }
+
+    fn track(&mut self, kind: TargetKind, error: f64) {
+        let known = self.tracking.iter().position(|tracking| tracking.kind == kind);
+        let index = known.unwrap_or_else(|| {
+            self.tracking.push(Tracking { kind, looks: 0, squares: 0.0, peak: 0.0 });
+            self.tracking.len() - 1
+        });
+        let tracking = &mut self.tracking[index];
+        tracking.looks += 1;
+        tracking.squares += error * error;
+        tracking.peak = tracking.peak.max(error.abs());
+    }
+
+    fn sample(&mut self) {
+        let Some(newest) = self.newest.take() else { return };
+        let cell = |sum: &mut Sum| std::mem::take(sum).cell();
+        self.samples.push(MotorSample {
+            measured_cell: cell(&mut self.measured),
+            current_cell: cell(&mut self.current),
+            rpm_cell: cell(&mut self.rpm),
+            ..newest
+        });
+    }
+}
+
+/// Values on their way to a [`Cell`].
+#[derive(Default)]
+struct Sum {
+    count: u32,
+    sum: f64,
+    min: f64,
+    max: f64,
+}
+
+impl Sum {
+    fn add(&mut self, value: f64) {
+        if self.count == 0 {
+            (self.min, self.max) = (value, value);
+        }
+        (self.min, self.max) = (self.min.min(value), self.max.max(value));
+        self.sum += value;
+        self.count += 1;
+    }
+
+    fn cell(self) -> Cell {
+        let mean = self.sum / f64::from(self.count);
+        Cell { min: self.min as f32, mean: mean as f32, max: self.max as f32 }
     }
 }
 
@@ -144,10 +325,15 @@ fn sample(motor: &Motor, status: &MotorStatus, esc: &Twin) -> MotorSample {
     MotorSample {
         target: wanted.filter(|_| status.drive == Drive::Run),
         measured,
+        measured_cell: Cell::default(),
         kind: status.target.kind(),
         current: state.current * motor.sign(),
+        current_cell: Cell::default(),
         rpm: state.output_rpm * motor.sign(),
+        rpm_cell: Cell::default(),
         link: status.link,
         drive: status.drive,
+        counters: status.counters,
+        overwritten: state.feedback_overwritten,
     }
 }

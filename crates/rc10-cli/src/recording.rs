@@ -4,16 +4,21 @@ use std::fmt::Write as _;
 
 use rc10_can::Micros;
 use rc10_motor::embassy::{BusStatus, LineStatus};
-use rc10_motor::{Drive, Link, MotorStatus, TargetKind};
+use rc10_motor::{ArmState, Drive, Link, MotorCounters, MotorStatus, TargetKind};
+use rc10_sim::{Chassis, Fault};
 use sha2::{Digest, Sha256};
 
+use crate::effort::EffortTrack;
 use crate::remote::RemoteTrack;
 use crate::robot::Motor;
 
 /// Samples are taken this far apart.
 pub const SAMPLE_PERIOD: Micros = Micros::from_millis(10);
+/// A sample is made from looks this far apart: as often as control loops run.
+pub const LOOK_PERIOD: Micros = Micros::from_millis(1);
 
 /// One run.
+#[derive(Default)]
 pub struct Recording {
     /// Seed of the world.
     pub seed: u64,
@@ -31,6 +36,13 @@ pub struct Recording {
     pub events: Vec<Event>,
     /// What its remote did, if it has one.
     pub remote: Option<RemoteTrack>,
+    /// Whether the robot was armed, per sample; empty if that is not known.
+    pub arm: Vec<ArmState>,
+    /// What went wrong on purpose.
+    pub faults: Vec<Fault>,
+    /// It ran on an emulated chip: what it believed and was told is not known, only what was on the
+    /// wires and at the shafts.
+    pub is_emulated: bool,
 }
 
 impl Recording {
@@ -63,25 +75,90 @@ pub struct MotorTrack {
     pub last: MotorStatus,
     /// Feedback frames that were overwritten in the ESC because the bus was busy.
     pub overwritten: u64,
+    /// How well it followed its targets: one per kind of target, in the order of their coming.
+    pub tracking: Vec<Tracking>,
+    /// Largest current in the winding either way, A.
+    pub peak_current: f64,
+    /// What became of the effort of its loops; `None` where they run in the device, or their effort
+    /// cannot be seen.
+    pub effort: Option<EffortTrack>,
 }
 
-/// One motor at one moment.
+/// How well a motor followed targets of one kind: all looks in which it did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tracking {
+    /// Which kind.
+    pub kind: TargetKind,
+    /// How many looks.
+    pub looks: u64,
+    /// Sum of the squares of target minus measured.
+    pub squares: f64,
+    /// Largest difference either way.
+    pub peak: f64,
+}
+
+impl Tracking {
+    /// Root of the mean square difference of target and measurement, in the unit of the kind.
+    #[must_use]
+    pub fn rms(&self) -> f64 {
+        (self.squares / self.looks as f64).sqrt()
+    }
+
+    /// For how long it followed such targets.
+    #[must_use]
+    pub const fn time(&self) -> Micros {
+        Micros::new(self.looks * LOOK_PERIOD.get())
+    }
+}
+
+/// What values were between two samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cell {
+    /// The lowest.
+    pub min: f32,
+    /// Their mean.
+    pub mean: f32,
+    /// The highest.
+    pub max: f32,
+}
+
+impl Cell {
+    /// Of a value that does not change.
+    #[must_use]
+    pub const fn of(value: f64) -> Self {
+        let value = value as f32;
+        Self { min: value, mean: value, max: value }
+    }
+}
+
+/// One motor at one moment, and since the one before.
 #[derive(Clone, Copy, Debug)]
 pub struct MotorSample {
     /// What it was told, in the unit of `kind`; `None` while it does not follow a target.
     pub target: Option<f64>,
     /// What it measured, in the same unit: rpm for speeds, degrees for angles.
     pub measured: f64,
+    /// `measured` since the sample before, as long as it was of this kind.
+    pub measured_cell: Cell,
     /// What the target is: it says what `target` and `measured` are.
     pub kind: TargetKind,
     /// Current in the winding, A, as the simulated motor knows it.
     pub current: f64,
+    /// The same since the sample before.
+    pub current_cell: Cell,
     /// Speed of the output shaft, rpm, as the simulated motor knows it.
     pub rpm: f64,
+    /// The same since the sample before.
+    pub rpm_cell: Cell,
     /// Whether it is heard.
     pub link: Link,
-    /// What its bus lets it do.
+    /// What its bus lets it do. On an emulated chip [`Drive::Run`] if the simulated motor is driven,
+    /// else [`Drive::Coast`].
     pub drive: Drive,
+    /// Its counters so far.
+    pub counters: MotorCounters,
+    /// Its feedback frames so far that were overwritten in the ESC.
+    pub overwritten: u64,
 }
 
 /// What one bus did.
@@ -94,10 +171,39 @@ pub struct BusTrack {
     pub load_windows: Vec<f64>,
     /// Its status at the end; with what its motors need of it, as known before the start.
     pub last: BusStatus,
+    /// What it had counted, per sample.
+    pub samples: Vec<BusSample>,
     /// Frames on the wire.
     pub frames: u64,
     /// Frames on the wire, as a candump log.
     pub log: String,
+}
+
+/// What a bus had counted at one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BusSample {
+    /// Ticks that did not happen.
+    pub overruns: u32,
+    /// Received frames lost.
+    pub lost: u32,
+    /// Commands replaced before they left.
+    pub replaced: u32,
+    /// Frames refused.
+    pub refused: u32,
+    /// Times it was off.
+    pub bus_offs: u32,
+}
+
+impl BusSample {
+    pub(crate) const fn of(status: &BusStatus) -> Self {
+        Self {
+            overruns: status.overruns,
+            lost: status.health.receive_lost,
+            replaced: status.replaced,
+            refused: status.refused,
+            bus_offs: status.health.bus_offs,
+        }
+    }
 }
 
 /// What a base did.
@@ -106,6 +212,55 @@ pub struct BaseTrack {
     pub wheels: [usize; 4],
     /// Where it was, per sample.
     pub path: Vec<PathPoint>,
+    /// Its measures, as the robot's table has them.
+    pub chassis: Chassis,
+    /// What the robot heard of it, per sample.
+    pub heard: Vec<BaseHeard>,
+}
+
+impl BaseTrack {
+    /// Where the robot's wheels say that it was, per sample: their turns, by the robot's measures.
+    #[must_use]
+    pub fn by_wheels(&self) -> Vec<PathPoint> {
+        let Chassis { wheel_radius, half_length, half_width, .. } = self.chassis;
+        let mut at = PathPoint { x: 0.0, y: 0.0, yaw: 0.0 };
+        let before = self.heard.first().into_iter().chain(&self.heard);
+        let step = |(before, now): (&BaseHeard, &BaseHeard)| {
+            let rim = |wheel: usize| {
+                let degrees = now.wheels[wheel].angle - before.wheels[wheel].angle;
+                degrees.to_radians() * wheel_radius / 4.0
+            };
+            let [fl, fr, rl, rr] = [rim(0), rim(1), rim(2), rim(3)];
+            let (forward, left) = (fl + fr + rl + rr, -fl + fr + rl - rr);
+            let turn = (-fl + fr - rl + rr) / (half_length + half_width);
+            let (sin, cos) = (at.yaw + turn / 2.0).sin_cos();
+            at.x += forward * cos - left * sin;
+            at.y += forward * sin + left * cos;
+            at.yaw += turn;
+            at
+        };
+        before.zip(&self.heard).map(step).collect()
+    }
+}
+
+/// What a robot's own sensors said of its base at one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BaseHeard {
+    /// Its wheels, in the order of [`BaseTrack::wheels`].
+    pub wheels: [WheelHeard; 4],
+    /// Which way it looks by its IMU, degrees counter-clockwise, all turns counted.
+    pub yaw: Option<f64>,
+}
+
+/// What a robot heard of a wheel's motor, as the robot counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WheelHeard {
+    /// Degrees of the output shaft, all turns counted.
+    pub angle: f64,
+    /// Current in the winding, A, if the device tells it.
+    pub current: Option<f64>,
+    /// It is heard, and follows a target.
+    pub follows: bool,
 }
 
 /// Where the base was.

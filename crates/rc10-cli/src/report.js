@@ -30,6 +30,12 @@
   const style = (name) => ink[name] ??= getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
   const colour = (index) => style("line-" + (index % COLOURS));
 
+  // Lowest and highest value of a sample: `below` and `above` are hundredths.
+  const bounds = ({ measured, below, above }, index) => {
+    const mean = measured[index];
+    return mean == null ? [null, null] : [mean - (below?.[index] ?? 0) / 100, mean + (above?.[index] ?? 0) / 100];
+  };
+
   // A canvas cleared and scaled to the screen's pixels.
   const open = (canvas) => {
     const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
@@ -202,10 +208,10 @@
         low = Math.min(low, value);
         high = Math.max(high, value);
       };
-      for (const { measured, target = [] } of this.shown()) {
+      for (const series of this.shown()) {
         for (let index = first; index <= last; index++) {
-          see(measured[index]);
-          see(target[index]);
+          bounds(series, index).forEach(see);
+          see(series.target?.[index]);
         }
       }
       if (this.chart.plan) [0, 100, ...this.chart.plan].forEach(see);
@@ -234,7 +240,9 @@
       flags(pen, box, events);
       inside(pen, box, () => {
         if (chart.plan) this.drawPlan(pen, box, y);
-        for (const { measured, target, index } of this.shown()) {
+        for (const series of this.shown()) {
+          const { measured, target, index } = series;
+          this.envelope(pen, series, x, y, first, last);
           pen.strokeStyle = colour(index);
           pen.lineWidth = 1.6;
           this.trace(pen, measured, x, y, first, last);
@@ -260,6 +268,19 @@
       label("planned at worst", worst, "bottom");
       label("at least", least, "top");
     }
+    // From the lowest to the highest value of each sample, where they are apart.
+    envelope(pen, series, x, y, first, last) {
+      const { from, step } = this.chart, half = Math.max(x(step) - x(0), 1) / 2;
+      pen.fillStyle = colour(series.index);
+      pen.globalAlpha = 0.3;
+      for (let index = first; index <= Math.min(last, series.measured.length - 1); index++) {
+        const [low, high] = bounds(series, index);
+        // Since the sample before.
+        const middle = x(from + index * step) - half;
+        if (low !== null && high > low) pen.fillRect(middle - half, y(high), 2 * half, y(low) - y(high));
+      }
+      pen.globalAlpha = 1;
+    }
     // One line; it breaks where there is no value, and where an angle goes round.
     trace(pen, values, x, y, first, last) {
       const { from, step, wraps, stairs } = this.chart;
@@ -281,7 +302,10 @@
       const index = Math[stairs ? "floor" : "round"]((cursor - from) / step);
       series.forEach(({ measured, target }, number) => {
         const goal = target && target[index] != null ? " → " + show(target[index], places) : "";
-        this.outputs[number].textContent = seen ? show(measured[index], places) + goal + " " + unit : "";
+        const [low, high] = seen ? bounds(series[number], index) : [null, null];
+        const apart = low !== null && show(low, places) !== show(high, places);
+        const range = apart ? ` (${show(low, places)} .. ${show(high, places)})` : "";
+        this.outputs[number].textContent = seen ? show(measured[index], places) + range + goal + " " + unit : "";
       });
     }
   }
@@ -363,10 +387,10 @@
       this.output = element("output", element("span", canvas.closest("figure").querySelector(".legend"), "whole"));
     }
     draw() {
-      const { pen, width, height } = open(this.canvas), { from, step, x: xs, y: ys, yaw } = data.path;
+      const { pen, width, height } = open(this.canvas), { from, step, x: xs, y: ys, yaw, believed } = data.path;
       const box = { left: 40, top: 18, right: width - 8, bottom: height - 36 };
       const extent = (all) => all.reduce(([low, high], value) => [Math.min(low, value ?? 0), Math.max(high, value ?? 0)], [0, 0]);
-      const [left, right] = extent(xs), [low, high] = extent(ys), air = 0.12 * Math.max(right - left, high - low, 0.5);
+      const [left, right] = extent(xs.concat(believed.x)), [low, high] = extent(ys.concat(believed.y)), air = 0.12 * Math.max(right - left, high - low, 0.5);
       // Metres are as long one way as the other.
       const scale = Math.min((box.right - box.left) / (right - left + 2 * air), (box.bottom - box.top) / (high - low + 2 * air));
       const middle = [(box.left + box.right) / 2, (box.top + box.bottom) / 2];
@@ -391,6 +415,11 @@
       const first = Math.max(0, Math.floor((view[0] - from) / step)), last = Math.ceil((view[1] - from) / step);
       this.trace(pen, 0, xs.length - 1, "rule");
       this.trace(pen, first, Math.min(last, xs.length - 1), "line-0");
+      // Where its wheels say that it was.
+      pen.setLineDash([5, 4]);
+      const spots = believed.x.map((metres, index) => [metres, believed.y[index]]).slice(first, last + 1);
+      stroke(pen, spots.filter((spot) => spot.every((metres) => metres != null)).map(([a, b]) => [x(a), y(b)]), style("muted"), 1.5);
+      pen.setLineDash([]);
       const every = Math.max(1, Math.round(0.5 / step));
       for (let index = 0; index < xs.length; index += every) {
         const spot = this.spot(index);

@@ -8,10 +8,12 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_emu::Fault;
-use rc10_emu::fault::Kind;
+use rc10_sim::fault::{self, Fault};
 
-use crate::figures::{bus_table, line_table, motor_table, remote_lines, to_json};
+use crate::figures::{
+    Figures, Table, bus_table, line_table, motor_table, remote_lines, to_json, verdict,
+};
+use crate::mistake::{self, Mistake};
 use crate::recording::Recording;
 use crate::remote::{self, Receiver};
 use crate::report::report;
@@ -30,15 +32,24 @@ pub struct RunArgs {
     /// The receiver of the robot's remote control [default: the one that the robot names]
     #[arg(long, value_name = "RECEIVER", value_parser = remote::parser(), ignore_case = true)]
     pub remote: Option<Receiver>,
-    /// Something goes wrong: remote-lost@4s or remote-lost@4s..4.5s; repeat for more
-    #[arg(long = "fault", value_name = "FAULT")]
+    #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
     pub faults: Vec<Fault>,
+    #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
+    pub mistakes: Vec<Mistake>,
     /// Folder for report.html and the bus logs
     #[arg(long, value_name = "DIR", default_value = "target/rc10")]
     pub out: PathBuf,
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
+    /// Exit code 3 if the run had problems
+    #[arg(long)]
+    pub strict: bool,
+    /// Run even if the motors of a bus do not fit on it
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// What `rc10` does without any argument.
@@ -49,8 +60,11 @@ impl Default for RunArgs {
             seed: 1,
             remote: None,
             faults: Vec::new(),
+            mistakes: Vec::new(),
             out: "target/rc10".into(),
             json: false,
+            strict: false,
+            force: false,
         }
     }
 }
@@ -75,28 +89,36 @@ pub(crate) fn seconds(text: &str) -> Result<Micros, String> {
     }
 }
 
-/// Runs a robot, writes the files, prints the figures.
+/// Runs a robot, writes the files, prints the figures. Whether the run had problems.
 ///
 /// # Errors
-/// If the folder cannot be written, or the robot is not as described.
-pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+/// If the folder cannot be written, the robot is not as described, or its motors do not fit on
+/// their buses.
+pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     check_end(&args.faults, args.seconds)?;
-    if let Some(fault) = args.faults.iter().find(|fault| fault.kind != Kind::RemoteLost) {
-        bail!("--fault {}: rc10 run knows only remote-lost; rc10 emu does that", fault.kind);
+    if let Some(Fault { kind, .. }) = args.faults.iter().find(|fault| fault.kind.is_of_chip()) {
+        bail!("--fault {kind}: rc10 run has no chip to do that to; rc10 emu does it");
     }
-    robot.set_remote(args.remote, &args.faults)?;
+    if let Some(receiver) = args.remote {
+        robot.set_remote(receiver)?;
+    }
+    robot.set_faults(&args.faults)?;
+    robot.set_mistakes(&args.mistakes)?;
+    robot.fit(args.force)?;
     // Before the work, so that a wrong folder is known at once.
     make_folder(&args.out)?;
     let started = Instant::now();
-    let recording = simulate(robot, args.seed, args.seconds)?;
+    let mut recording = simulate(robot, args.seed, args.seconds)?;
+    recording.faults.clone_from(&args.faults);
     let wall = started.elapsed().as_secs_f64();
-    write_files(&recording, &args.out)?;
+    let figures = Figures::of(&recording);
+    write_files(&recording, &figures, &args.out)?;
     if args.json {
-        writeln!(out, "{}", to_json(&recording, wall))?;
+        writeln!(out, "{}", to_json(&recording, &figures, wall))?;
     } else {
-        print(&recording, wall, &args.out, out)?;
+        print(&recording, &figures, wall, &args.out, out)?;
     }
-    Ok(())
+    Ok(figures.any_problems())
 }
 
 /// # Errors
@@ -111,17 +133,31 @@ pub(crate) fn check_end(faults: &[Fault], end: Micros) -> Result<()> {
     }
 }
 
-fn print(recording: &Recording, wall: f64, folder: &Path, out: &mut dyn Write) -> io::Result<()> {
+fn print(
+    recording: &Recording,
+    figures: &Figures,
+    wall: f64,
+    folder: &Path,
+    out: &mut dyn Write,
+) -> io::Result<()> {
     let length = recording.length.get() as f64 * 1e-6;
     writeln!(out, "{length} s of virtual time in {wall:.2} s, seed {}\n", recording.seed)?;
-    let (motors, buses) = (motor_table(recording), bus_table(recording));
-    writeln!(out, "{motors}\n{buses}{}{}", line_table(recording), remote_lines(recording))?;
+    let (motors, buses) = (motor_table(recording, figures), bus_table(recording));
+    let lines = line_table(recording).as_ref().map_or_else(String::new, Table::text);
+    let lines = if lines.is_empty() { lines } else { format!("\n{lines}") };
+    writeln!(out, "{}\n{}{lines}{}", motors.text(), buses.text(), remote_lines(recording))?;
     writeln!(
         out,
         "A tick takes 0 us here: virtual time stands still while code runs. Instructions per tick\n\
          on the chip: cargo xtask count.\n"
     )?;
     writeln!(out, "trace {}", recording.trace_hash())?;
+    print_files(folder, out)?;
+    write!(out, "\n{}", verdict(recording, figures))
+}
+
+/// Says where the files of a run are.
+pub(crate) fn print_files(folder: &Path, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "open  {}", folder.join("report.html").display())?;
     writeln!(out, "logs  {}  (rc10 decode reads them)", folder.join("bus*.log").display())
 }
@@ -139,8 +175,8 @@ pub fn make_folder(folder: &Path) -> Result<()> {
 ///
 /// # Errors
 /// If they cannot be written.
-pub fn write_files(recording: &Recording, folder: &Path) -> Result<()> {
-    write_file(folder, "report.html", report(recording).as_bytes())?;
+pub fn write_files(recording: &Recording, figures: &Figures, folder: &Path) -> Result<()> {
+    write_file(folder, "report.html", report(recording, figures).as_bytes())?;
     for bus in &recording.buses {
         write_file(folder, &format!("bus{}.log", bus.number), bus.log.as_bytes())?;
     }

@@ -5,6 +5,7 @@ use rc10_can::Micros;
 use rc10_module::Reception;
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{ArmSwitch, MotorStatus};
+use rc10_sim::{Faults, Nanos};
 
 use crate::recorder::Recorder;
 use crate::recording::Recording;
@@ -17,18 +18,38 @@ use crate::surroundings::Surroundings;
 /// # Errors
 /// If the robot is not as described, or its surroundings cannot be built.
 pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording> {
+    let loops = robot.loops();
     let (description, ports) = (robot.description().clone(), robot.ports());
     let mut around = Surroundings::new(&description, seed)?;
     let mut tasks = robot.tasks(&around)?;
     let motor =
         |entry| ports.motor(&description, entry).map_or(MotorStatus::NEW, |port| port.status());
-    let mut recorder = Recorder::new(&description, seed);
+    let mut recorder = Recorder::new(&description, seed, &loops, false);
     let mut watch = Watch::new(description.remote.as_ref());
-    let mut next_sample = Recorder::next_sample(around.world.now(), length);
+    let mut faults = Faults::new(&around.wires, &around.lines, &description.faults)?;
+    let bus = |number: u8| {
+        let port = usize::from(number).checked_sub(1).and_then(|index| ports.buses.get(index));
+        port.map_or_else(BusStatus::default, |port| port.status())
+    };
+    // A robot need not say what arms it: its buses and lines know.
+    let arm = || {
+        let told = ports.switch.map(ArmSwitch::state);
+        let bus = || ports.buses.first().map(|port| port.status().arm);
+        told.or_else(bus).or_else(|| ports.lines.first().map(|port| port.status().arm))
+    };
+    let mut next_look = Recorder::next_look(around.world.now(), length);
     while around.world.now() < length {
-        let next_look = watch.next(around.world.now()).unwrap_or(next_sample);
-        around.run(&mut tasks, next_look.min(next_sample));
+        let watched = watch.next(around.world.now()).unwrap_or(next_look);
+        let next_fault = faults.next(around.world.now_ns()).map_or(next_look, rounded_up);
+        around.run(&mut tasks, watched.min(next_look).min(next_fault));
         let now = around.world.now();
+        for (bus, wire) in around.wires.iter().enumerate() {
+            let news = wire.take_trace();
+            faults.heard(bus, &news);
+            recorder.frames(bus, &news);
+        }
+        // The remote's are in its operator's hands, those of a chip are refused.
+        let _ = faults.act(now.into());
         let sight = around.remote.as_ref().map(|link| Sight {
             sent: link.remote.sent(),
             motors: &description.motors,
@@ -38,22 +59,19 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
         if let Some(sight) = sight {
             watch.look(now, sight);
         }
-        if now < next_sample {
+        if now < next_look {
             continue;
         }
-        for (bus, wire) in around.wires.iter().enumerate() {
-            recorder.frames(bus, &wire.take_trace());
+        next_look = Recorder::next_look(now, length);
+        if !recorder.look((now, length), &around.motors, motor) {
+            continue;
         }
-        recorder.sample(&around.motors, around.base.as_ref(), motor);
+        recorder.sample(around.base.as_ref(), bus, arm());
+        recorder.base(&around.motors, motor, ports.yaw.as_ref().and_then(|yaw| yaw(now)));
         if let Some(sight) = sight {
             watch.sample(sight);
         }
-        next_sample = Recorder::next_sample(now, length);
     }
-    let bus = |number: u8| {
-        let port = usize::from(number).checked_sub(1).and_then(|index| ports.buses.get(index));
-        port.map_or_else(BusStatus::default, |port| port.status())
-    };
     let lines = ports.lines.iter().map(|port| port.status()).collect();
     let heard = ports.reception.map(Reception::read);
     let remote = around.remote.as_ref();
@@ -61,6 +79,11 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
     let recording =
         recorder.finish(around.world.now(), &around.wires, &around.motors, motor, bus, lines);
     Ok(Recording { remote, ..recording })
+}
+
+/// The first whole microsecond that is not before it: tasks know no finer time.
+const fn rounded_up(time: Nanos) -> Micros {
+    Micros::new(time.get().div_ceil(1000))
 }
 
 #[cfg(test)]

@@ -53,7 +53,7 @@ pub trait Core {
     fn step(&mut self) -> (Step, u64);
     /// Clocks until the core's own timer (`SysTick`) would end its sleep, if it runs.
     fn clocks_until_timer(&self) -> Option<u64>;
-    /// Lets the core's own timer count while the core sleeps.
+    /// Lets the core's own timer count while the core sleeps, or waits for a bus.
     fn sleep(&mut self, clocks: u64);
     /// Lets the core's own counters go on while the core waits for a bus: timer and cycle counter.
     fn wait(&mut self, clocks: u64);

@@ -24,7 +24,7 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 use crate::batch::{TxBatch, TxFull};
 use crate::cascade::{Cascade, CascadeState};
 use crate::motor::{
-    Answer, CanMotor, Drive, Fault, Feedback, FrameError, Gains, Heard, Motor, Request,
+    Answer, CanMotor, Drive, Fault, Feedback, FrameError, Gains, Heard, Loops, Motor, Request,
     RequestError, Target, TargetError, TargetKind, TargetSet,
 };
 use crate::wiring::{Rate, Receive, Share, Transmit, Wiring};
@@ -191,7 +191,8 @@ pub struct IdOutOfRange {
 
 impl fmt::Display for IdOutOfRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} has identifiers 1 to {}, not {}", self.model, self.last_id, self.id)
+        let Self { model, id, last_id } = self;
+        write!(f, "{model} id {id}: its identifiers are 1 to {last_id}")
     }
 }
 
@@ -471,7 +472,8 @@ impl Dji {
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
-        cascade.validate()?;
+        let named = |error: ConfigError| error.of_device(self.model.name, self.id.into());
+        cascade.validate().map_err(named)?;
         self.cascade = cascade;
         self.loop_limit = cascade.speed.output_limit;
         self.apply_limit();
@@ -715,6 +717,14 @@ impl Scale {
 }
 
 impl Motor for Dji {
+    fn loops(&self) -> Option<Loops> {
+        let effort = match self.model.effort {
+            Effort::Current(_) => TargetKind::Current,
+            Effort::Voltage => TargetKind::Duty,
+        };
+        Some(Loops { effort, limit: self.cascade.speed.output_limit })
+    }
+
     fn supports(&self) -> TargetSet {
         use TargetKind::{Angle, Coast, Current, Duty, Speed, TotalAngle};
         match self.model.effort {
@@ -811,9 +821,7 @@ impl Motor for Dji {
                 let limit = limit.get();
                 if limit.is_nan() || limit < 0.0 {
                     let must_be = "zero or more";
-                    return Err(
-                        ConfigError { field: "current limit", value: limit, must_be }.into()
-                    );
+                    return Err(ConfigError::new("current limit", limit, must_be).into());
                 }
                 self.limit = limit.min(full);
                 self.apply_limit();

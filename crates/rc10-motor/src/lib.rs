@@ -85,7 +85,7 @@ pub use bus::{AttachError, BusCounters, CommandError, Dispatch, MotorBus, MotorI
 pub use load::{BusLoad, Verdict};
 pub use motor::{
     Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Gains, Heard, Impedance,
-    Motor, Request, RequestError, SafeState, Target, TargetError, TargetKind, TargetSet,
+    Loops, Motor, Request, RequestError, SafeState, Target, TargetError, TargetKind, TargetSet,
 };
 pub use supervision::{Link, MotorCounters, MotorStatus, Refusals, Safety};
 pub use wiring::{Clash, Guard, MotorName, Rate, Receive, Share, Transmit, Wiring, WiringFull};

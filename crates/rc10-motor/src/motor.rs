@@ -578,8 +578,11 @@ pub enum FrameError {
     Length,
     /// An encoder value that the device cannot have.
     Encoder,
-    /// Content that the device cannot send, or an answer that nobody asked for.
+    /// Content that the device cannot send.
     Unexpected,
+    /// An answer to a request that this motor has not made: another program's, or one that came
+    /// late. Not a bad frame, but not feedback either.
+    Unasked,
 }
 
 impl fmt::Display for FrameError {
@@ -588,12 +591,24 @@ impl fmt::Display for FrameError {
             Self::NotMine => f.write_str("not a frame of this motor"),
             Self::Length => f.write_str("not the length that this frame always has"),
             Self::Encoder => f.write_str("an encoder value that the device cannot have"),
-            Self::Unexpected => f.write_str("content that the device cannot send, or unasked"),
+            Self::Unexpected => f.write_str("content that the device cannot send"),
+            Self::Unasked => f.write_str("an answer to a request that was not made here"),
         }
     }
 }
 
 impl core::error::Error for FrameError {}
+
+/// The control loops that follow speeds and angles, where they run here and not in the device.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Loops {
+    /// What their effort is: [`TargetKind::Current`] in A, [`TargetKind::Torque`] in N m, or
+    /// [`TargetKind::Duty`] as a share of the full voltage.
+    pub effort: TargetKind,
+    /// The largest effort either way, in that unit.
+    pub limit: f32,
+}
 
 /// A motor, whatever it is connected by.
 pub trait Motor: Send {
@@ -634,6 +649,12 @@ pub trait Motor: Send {
     /// Whether it does what its target says, given that it may run.
     fn condition(&self) -> Condition {
         Condition::Ready
+    }
+
+    /// The loops by which it follows [`Target::Speed`], [`Target::Angle`] and
+    /// [`Target::TotalAngle`]; `None` if they run in the device.
+    fn loops(&self) -> Option<Loops> {
+        None
     }
 }
 

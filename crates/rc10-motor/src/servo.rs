@@ -28,7 +28,7 @@ use rc10_app::{ConfigError, CountsPerTurn, Degrees, PidConfig, Seconds};
 
 use crate::cascade::{Cascade, CascadeState};
 use crate::motor::{
-    Answer, Drive, Gains, Request, RequestError, Target, TargetError, TargetKind, TargetSet,
+    Answer, Drive, Gains, Loops, Request, RequestError, Target, TargetError, TargetKind, TargetSet,
 };
 
 const TURN: i64 = 360_000_000;
@@ -181,7 +181,7 @@ impl Servo {
     /// [`ConfigError`] with the name of the `field`, if it is negative or NaN.
     pub fn set_limit(&mut self, field: &'static str, limit: f32) -> Result<(), ConfigError> {
         if limit.is_nan() || limit < 0.0 {
-            return Err(ConfigError { field, value: limit, must_be: "zero or more" });
+            return Err(ConfigError::new(field, limit, "zero or more"));
         }
         self.limit = limit.min(self.full);
         self.cascade.speed.output_limit = self.limit;
@@ -205,6 +205,12 @@ impl Servo {
     #[must_use]
     pub const fn cascade(&self) -> &Cascade {
         &self.cascade
+    }
+
+    /// What its effort is, and the largest.
+    #[must_use]
+    pub const fn loops(&self) -> Loops {
+        Loops { effort: self.effort, limit: self.limit }
     }
 
     /// What a servo can do of a request itself: gains, and the limit of its own effort.

@@ -8,6 +8,7 @@
 
 mod buses;
 mod can;
+mod memory;
 mod motors;
 mod report;
 mod serial_ports;
@@ -83,5 +84,6 @@ async fn main(spawner: Spawner) {
     report.run("switches", timers::switches(board.switches)).await;
     report.run("pulses", timers::pulses(board.pulses)).await;
     report.run("strip", timers::strip(board.strip)).await;
+    report.run("memory", memory::protection()).await;
     report.conclude().await;
 }

@@ -4,12 +4,14 @@ use std::fmt::{self, Write as _};
 use std::time::Duration;
 
 use rc10_emu::memory::FLASH;
-use rc10_emu::{BusFigures, ExceptionCost, Fault, Figures, LogLine, Rig, Spread};
-use rc10_sim::Nanos;
+use rc10_emu::{BusFigures, ExceptionCost, Figures, LogLine, Rig, Spread};
+use rc10_sim::{Fault, Nanos};
 use serde_json::{Value, json};
 
 use super::content_hash;
-use crate::figures::{motor_table, remote_json, remote_lines};
+use crate::figures::{
+    Figures as RunFigures, motor_table, problems_json, remote_json, remote_lines,
+};
 use crate::recording::Recording;
 
 /// How many functions are listed.
@@ -20,6 +22,7 @@ pub(super) struct Outcome<'a> {
     rig: &'a Rig,
     figures: Figures,
     recording: &'a Recording,
+    run: &'a RunFigures,
     faults: &'a [Fault],
     log: &'a [LogLine],
 }
@@ -54,10 +57,11 @@ impl<'a> Outcome<'a> {
     pub(super) fn new(
         rig: &'a Rig,
         recording: &'a Recording,
+        run: &'a RunFigures,
         faults: &'a [Fault],
         log: &'a [LogLine],
     ) -> Self {
-        Self { rig, figures: Figures::of(rig), recording, faults, log }
+        Self { rig, figures: Figures::of(rig), recording, run, faults, log }
     }
 
     /// Everything that happened at one moment, in the order of time.
@@ -134,6 +138,7 @@ impl<'a> Outcome<'a> {
                 "feedback_overwritten": track.overwritten,
             })).collect::<Vec<_>>(),
             "remote": remote_json(recording),
+            "problems": problems_json(self.run),
             "functions": functions.iter().take(TOP_FUNCTIONS).map(|(name, instructions)| json!({
                 "function": name,
                 "instructions": instructions,
@@ -163,7 +168,7 @@ impl<'a> Outcome<'a> {
             text,
             "\n{virtual_seconds:.3} s on the emulated chip in {took:.1} s, seed {seed}\n"
         )?;
-        writeln!(text, "{}", motor_table(self.recording))?;
+        writeln!(text, "{}", motor_table(self.recording, self.run).text())?;
         self.write_buses(text)?;
         writeln!(text, "{}", remote_lines(self.recording))?;
         self.write_figures(text)?;

@@ -15,7 +15,10 @@ pub(super) struct Scene<'r> {
 }
 
 impl<'r> Scene<'r> {
-    pub(super) fn new(args: &PtyArgs, robot: Robot<'r>) -> Result<Self> {
+    pub(super) fn new(args: &PtyArgs, mut robot: Robot<'r>) -> Result<Self> {
+        if !args.alone {
+            robot.fit(args.force)?;
+        }
         let around = Surroundings::new(robot.description(), args.seed)?;
         let buses = around.wires.len();
         let client = usize::from(args.bus).checked_sub(1).filter(|&bus| bus < buses);

@@ -179,7 +179,7 @@ mod tests {
 
     fn args(link: PathBuf, lockstep: bool, seconds: u64) -> PtyArgs {
         let seconds = Some(Micros::from_millis(1000 * seconds));
-        PtyArgs { bus: 1, seconds, lockstep, alone: true, link: Some(link), seed: 7 }
+        PtyArgs { bus: 1, seconds, lockstep, alone: true, link: Some(link), seed: 7, force: false }
     }
 
     fn link(name: &str) -> PathBuf {

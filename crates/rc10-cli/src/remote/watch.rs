@@ -100,11 +100,9 @@ impl Sight<'_> {
     /// others.
     fn is_driven(&self, holding: bool) -> bool {
         let motors = self.motors.iter().zip(self.twins);
-        motors.filter(|(motor, _)| motor.holds == holding).any(|(motor, twin)| {
-            let state = twin.state();
-            // Those of DJI are told a current, or a voltage; the others what to do.
-            if motor.dji().is_some() { state.command != 0 } else { !state.open }
-        })
+        motors
+            .filter(|(motor, _)| motor.holds == holding)
+            .any(|(motor, twin)| motor.is_driven(twin))
     }
 
     fn is_armed(&self) -> bool {

@@ -4,10 +4,10 @@
 use std::collections::VecDeque;
 
 use rc10_emu::peripherals::Width;
-use rc10_emu::{Fault, Machine, Rig};
+use rc10_emu::{Machine, Rig};
 use rc10_sim::unitree_line::{GoM8010, plant};
 use rc10_sim::{
-    LineConfig, Nanos, PulseDevice, Serial, SerialConfig, SerialDevice, UartFault, World,
+    Fault, LineConfig, Nanos, PulseDevice, Serial, SerialConfig, SerialDevice, UartFault, World,
 };
 
 use crate::{FLASH, HANDLER, LOAD, program};

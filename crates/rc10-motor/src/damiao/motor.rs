@@ -13,8 +13,8 @@ use super::shaft::{LONGEST_SILENCE, RPM_PER_RADIAN_PER_SECOND, Shaft};
 use super::wire::{self, DeviceId, Mode, Operation, REGISTERS, State, operate, standard};
 use crate::dji::Direction;
 use crate::motor::{
-    Answer, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request, RequestError,
-    Target, TargetError, TargetSet,
+    Answer, Condition, Drive, Fault, Feedback, FrameError, Heard, Loops, Motor, Request,
+    RequestError, Target, TargetError, TargetSet,
 };
 
 /// One Damiao motor. What it does is told in the [module's documentation](super).
@@ -75,8 +75,17 @@ impl Damiao {
         master_id: u16,
         control: Control,
     ) -> Result<Self, ConfigError> {
-        let error =
-            |field, value: u16, must_be| ConfigError { field, value: value.into(), must_be };
+        Self::build(model, can_id, master_id, control)
+            .map_err(|error| error.of_device(model.name, can_id))
+    }
+
+    fn build(
+        model: Model,
+        can_id: u16,
+        master_id: u16,
+        control: Control,
+    ) -> Result<Self, ConfigError> {
+        let error = |field, value: u16, must_be| ConfigError::new(field, value.into(), must_be);
         let id = DeviceId::new(can_id)
             .filter(|id| id.raw() & 0xFF != REGISTERS & 0xFF)
             .ok_or(error("CAN_ID", can_id, "at most 0x4FE, its low byte not 0xFF"))?;
@@ -415,6 +424,10 @@ impl Motor for Damiao {
 
     fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
         self.dialogue.take_answer()
+    }
+
+    fn loops(&self) -> Option<Loops> {
+        self.steering.loops()
     }
 
     fn condition(&self) -> Condition {

@@ -7,7 +7,7 @@ use rc10_app::{ConfigError, CountsPerTurn, NewtonMetres, Seconds};
 use super::config::Control;
 use super::shaft::Shaft;
 use super::wire::{Command, Estimates};
-use crate::motor::{Drive, Target, TargetError, TargetKind, TargetSet};
+use crate::motor::{self, Drive, Target, TargetError, TargetKind, TargetSet};
 use crate::servo::{Measured, Servo};
 
 /// Who closes the loops.
@@ -122,6 +122,13 @@ impl Loops {
             Self::Here(servo) => servo.supports(),
             Self::Velocity(_) => TargetSet::of(&[Coast, Speed]),
             Self::Position(_) => TargetSet::of(&[Coast, Angle, TotalAngle]),
+        }
+    }
+
+    pub const fn here(&self) -> Option<motor::Loops> {
+        match self {
+            Self::Here(servo) => Some(servo.loops()),
+            Self::Velocity(_) | Self::Position(_) => None,
         }
     }
 

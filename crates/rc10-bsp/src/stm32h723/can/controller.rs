@@ -38,7 +38,7 @@ const _: () = assert!(3 * SHARE <= 2560, "the three FDCANs share 2560 words");
 const BIT_RATE: u32 = 1_000_000;
 const BIT_TIMING: BitTiming = BitTiming::exact(FDCAN_CLOCK.0, BIT_RATE);
 
-/// FDCAN_CCU_CCFG (RM0468, FDCAN, clock calibration unit; base 0x4000_A800 in ST's `stm32h723xx.h`).
+/// CCFG of the clock calibration unit (RM0468, FDCAN; base `0x4000_A800` in ST's `stm32h723xx.h`).
 const CALIBRATION: *mut u32 = 0x4000_A804 as *mut u32;
 /// BCC: the unit is bypassed, and the kernel clock goes to the controllers undivided.
 const BYPASS: u32 = 1 << 6;

@@ -1,23 +1,46 @@
-//! Faults of a scenario, as a user writes them: `cut:2@0.3s..0.5s`.
+//! Faults of a scenario, as a user writes them: `cut:2@0.3s..0.5s`. [`Faults`](crate::Faults) does
+//! those of a wire; those of the chip need an emulated one, and are read here because a user writes
+//! them all in one way.
 
 use std::fmt;
 use std::str::FromStr;
 
-use rc10_sim::Nanos;
+use crate::Nanos;
+
+/// What a fault is on; the first of each sort is 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wire {
+    /// A CAN bus: `1` is the first.
+    Bus(usize),
+    /// An RS-485 line: `L1` is the first.
+    Line(usize),
+}
+
+impl fmt::Display for Wire {
+    /// As a user writes it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bus(bus) => write!(f, "{}", bus + 1),
+            Self::Line(line) => write!(f, "L{}", line + 1),
+        }
+    }
+}
 
 /// What goes wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// `cut:BUS`: the bus's plug is out of the board. Nobody acknowledges what the chip sends.
-    Cut(usize),
+    /// `cut:BUS`, `cut:LINE`: the plug is out of the board. On a bus nothing acknowledges what the
+    /// chip sends; on a line both ends hear nothing.
+    Cut(Wire),
     /// `short:BUS`: CANH touches CANL. Whoever sends fails with its first bit.
     Short(usize),
     /// `dominant:BUS`: something holds the bus dominant.
     Dominant(usize),
-    /// `noise:BUS`: the frame on the wire, or the next one, is destroyed. Has no end.
-    Noise(usize),
-    /// `power:BUS`: the motors of a bus have no power.
-    Power(usize),
+    /// `noise:BUS`, `noise:LINE`: the frame on the bus, or the next one, is destroyed; on a line one
+    /// bit of the next answer is wrong. Has no end.
+    Noise(Wire),
+    /// `power:BUS`, `power:LINE`: its motors have no power.
+    Power(Wire),
     /// `load:BUS`: another node fills the bus up to more than 99 %, with repetitions of the least
     /// urgent feedback.
     Load(usize),
@@ -48,16 +71,12 @@ impl Kind {
         matches!(self, Self::Noise(_) | Self::Panic | Self::HardFault)
     }
 
-    /// The bus it concerns, 0 for the first.
+    /// The bus or line it concerns.
     #[must_use]
-    pub const fn bus(&self) -> Option<usize> {
+    pub const fn wire(&self) -> Option<Wire> {
         match self {
-            Self::Cut(bus)
-            | Self::Short(bus)
-            | Self::Dominant(bus)
-            | Self::Noise(bus)
-            | Self::Power(bus)
-            | Self::Load(bus) => Some(*bus),
+            Self::Cut(wire) | Self::Noise(wire) | Self::Power(wire) => Some(*wire),
+            Self::Short(bus) | Self::Dominant(bus) | Self::Load(bus) => Some(Wire::Bus(*bus)),
             Self::Panic
             | Self::HardFault
             | Self::Hang(_)
@@ -66,6 +85,21 @@ impl Kind {
             | Self::CrystalDead
             | Self::CrystalStops => None,
         }
+    }
+
+    /// The bus it concerns, 0 for the first.
+    #[must_use]
+    pub const fn bus(&self) -> Option<usize> {
+        match self.wire() {
+            Some(Wire::Bus(bus)) => Some(bus),
+            _ => None,
+        }
+    }
+
+    /// Whether it is the chip's: nothing but an emulated one can do it.
+    #[must_use]
+    pub const fn is_of_chip(&self) -> bool {
+        self.wire().is_none() && !matches!(self, Self::RemoteLost)
     }
 }
 
@@ -87,8 +121,8 @@ impl fmt::Display for Kind {
             Self::CrystalDead => "crystal-dead",
             Self::CrystalStops => "crystal-stops",
         };
-        match self.bus() {
-            Some(bus) => write!(f, "{name}:{}", bus + 1),
+        match self.wire() {
+            Some(wire) => write!(f, "{name}:{wire}"),
             None => f.write_str(name),
         }
     }
@@ -107,7 +141,7 @@ pub struct Fault {
 
 /// Why a text is no fault.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NoFault(String);
+pub struct NoFault(pub(crate) String);
 
 impl fmt::Display for NoFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -118,7 +152,14 @@ impl fmt::Display for NoFault {
 impl std::error::Error for NoFault {}
 
 const KINDS: &str = "cut:BUS short:BUS dominant:BUS noise:BUS power:BUS load:BUS panic hardfault \
-                     hang[:HANDLER] remote-lost mask crystal-dead crystal-stops";
+                     hang[:HANDLER] remote-lost mask crystal-dead crystal-stops; cut, noise and power also of a LINE";
+
+/// What a command line says of its argument.
+pub const HELP: &str = "\
+Something goes wrong, KIND@TIME or KIND@TIME..TIME: cut:2@0.3s..0.5s short:2@.. dominant:2@.. \
+noise:2@0.3s power:2@.. load:2@.. remote-lost@0.5s..0.7s; cut:L1, noise:L1 and power:L1 for an RS-485 \
+line; of the chip, in rc10 emu only: hang@0.3s..320ms mask@0.3s..305ms panic@0.3s hardfault@0.3s \
+crystal-dead crystal-stops@0.3s; repeat for more";
 
 impl FromStr for Fault {
     type Err = NoFault;
@@ -167,16 +208,21 @@ fn kind_of(text: &str) -> Result<Kind, String> {
         Some(Ok(number @ 1..=3)) => Ok(number - 1),
         _ => Err(format!("`{name}` needs a bus, 1 to 3: {name}:2")),
     };
+    let wire = || match argument.and_then(|text| text.strip_prefix('L')).map(str::parse::<usize>) {
+        Some(Ok(number @ 1..=9)) => Ok(Wire::Line(number - 1)),
+        Some(_) => Err(format!("`{name}` needs a line, L1 to L9, or a bus: {name}:L1")),
+        None => bus().map(Wire::Bus),
+    };
     let alone = |kind: Kind| match argument {
         None => Ok(kind),
         Some(_) => Err(format!("`{name}` takes nothing behind a colon: {name}@0.5s")),
     };
     match name {
-        "cut" => bus().map(Kind::Cut),
+        "cut" => wire().map(Kind::Cut),
         "short" => bus().map(Kind::Short),
         "dominant" => bus().map(Kind::Dominant),
-        "noise" => bus().map(Kind::Noise),
-        "power" => bus().map(Kind::Power),
+        "noise" => wire().map(Kind::Noise),
+        "power" => wire().map(Kind::Power),
         "load" => bus().map(Kind::Load),
         "panic" => alone(Kind::Panic),
         "hardfault" => alone(Kind::HardFault),
@@ -221,7 +267,7 @@ mod tests {
     #[test]
     fn faults_are_written_as_the_help_says() {
         let fault: Fault = "cut:2@0.3s..500ms".parse().unwrap();
-        assert_eq!(fault.kind, Kind::Cut(1));
+        assert_eq!(fault.kind, Kind::Cut(Wire::Bus(1)));
         assert_eq!(fault.from, Nanos::new(300_000_000));
         assert_eq!(fault.until, Some(Nanos::new(500_000_000)));
         let fault: Fault = "hang@1.000001s".parse().unwrap();
@@ -242,7 +288,8 @@ mod tests {
 
     #[test]
     fn kinds_are_shown_as_they_are_written() {
-        let kinds = "cut:1 short:2 dominant:3 noise:1 power:2 load:3 panic hardfault hang:TIM2 remote-lost mask \
+        let kinds = "cut:1 short:2 dominant:3 noise:1 power:2 load:3 panic hardfault hang:TIM2 \
+                     remote-lost mask cut:L1 noise:L2 power:L9 \
                      crystal-dead crystal-stops";
         for kind in kinds.split(' ') {
             assert_eq!(kind_of(kind).unwrap().to_string(), kind);
@@ -256,6 +303,9 @@ mod tests {
             ("cut@1s", "needs a bus"),
             ("cut:4@1s", "needs a bus"),
             ("cut:0@1s", "needs a bus"),
+            ("cut:L0@1s", "needs a line"),
+            ("power:L@1s", "needs a line"),
+            ("short:L1@1s", "needs a bus"),
             ("panic:1@1s", "panic@0.5s"),
             ("remote-lost:1@1s", "remote-lost@0.5s"),
             ("flood@1s", "cut:BUS"),

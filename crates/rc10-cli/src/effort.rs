@@ -1,0 +1,219 @@
+//! Whether the effort of a motor's control loops shakes, or stands at its limit.
+//!
+//! Judged are loops that run here, not in the device: their gains are the robot's. The effort is
+//! looked at every millisecond, in windows of [`WINDOW`] looks in which the motor is driven
+//! throughout.
+
+use rc10_can::Micros;
+use rc10_motor::{Loops, TargetKind, dji};
+
+use crate::robot::{Device, Motor, Twin};
+
+/// Looks in a window: 200 ms.
+pub const WINDOW: usize = 200;
+/// An effort changes direction when it has crossed its mean by this share of its limit both ways.
+pub const SWING: f64 = 0.05;
+/// So many changes of direction in a window are a shaking effort: 15 Hz.
+pub const REVERSALS: u32 = 6;
+/// From this share of its limit on an effort stands at it.
+pub const AT_LIMIT: f64 = 0.98;
+/// Looks of a window at the limit, from which on it stands there.
+pub const LOOKS_AT_LIMIT: u32 = 180;
+/// So many windows one after another are a problem, and no answer to a step.
+pub const IN_A_ROW: u32 = 3;
+
+/// What became of the effort of a motor's loops in a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EffortTrack {
+    /// Its unit and limit.
+    pub loops: Loops,
+    /// Windows that were judged.
+    pub windows: u32,
+    /// Changes of direction.
+    pub reversals: Worst,
+    /// Looks at the limit.
+    pub at_limit: Worst,
+}
+
+/// How bad it was in windows one after another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Worst {
+    /// The most that [`IN_A_ROW`] windows in a row have all reached.
+    pub count: u32,
+    /// When the first of them began.
+    pub at: Micros,
+    /// Windows that reached the threshold.
+    pub windows: u32,
+    /// What the last windows had, the newest last.
+    last: [u32; IN_A_ROW as usize],
+}
+
+impl Worst {
+    fn add(&mut self, count: u32, threshold: u32, end: Micros) {
+        self.last.rotate_left(1);
+        self.last[self.last.len() - 1] = count;
+        self.windows += u32::from(count >= threshold);
+        let all = self.last.iter().copied().min().unwrap_or(0);
+        if all > self.count {
+            let length = Micros::from_millis(u64::from(IN_A_ROW) * WINDOW as u64);
+            (self.count, self.at) = (all, end.since(length));
+        }
+    }
+
+    const fn interrupt(&mut self) {
+        self.last = [0; IN_A_ROW as usize];
+    }
+}
+
+impl EffortTrack {
+    /// It shook.
+    #[must_use]
+    pub const fn oscillates(&self) -> bool {
+        self.reversals.count >= REVERSALS
+    }
+
+    /// It stood at its limit.
+    #[must_use]
+    pub const fn saturates(&self) -> bool {
+        self.at_limit.count >= LOOKS_AT_LIMIT
+    }
+
+    /// The unit of its effort.
+    #[must_use]
+    pub const fn unit(&self) -> &'static str {
+        match self.loops.effort {
+            TargetKind::Current => "A",
+            TargetKind::Torque => "N m",
+            _ => "of the full voltage",
+        }
+    }
+}
+
+/// Looks at the effort of one motor.
+pub struct EffortWatch {
+    track: EffortTrack,
+    window: Vec<f64>,
+}
+
+impl EffortWatch {
+    /// Before the start.
+    #[must_use]
+    pub fn new(loops: Loops) -> Self {
+        let track = EffortTrack {
+            loops,
+            windows: 0,
+            reversals: Worst::default(),
+            at_limit: Worst::default(),
+        };
+        Self { track, window: Vec::with_capacity(WINDOW) }
+    }
+
+    /// Unit and limit of the effort.
+    #[must_use]
+    pub const fn loops(&self) -> Loops {
+        self.track.loops
+    }
+
+    /// Takes the effort of this millisecond; `None` while the loops do not drive.
+    pub fn look(&mut self, now: Micros, effort: Option<f64>) {
+        let Some(effort) = effort else {
+            self.window.clear();
+            self.track.reversals.interrupt();
+            self.track.at_limit.interrupt();
+            return;
+        };
+        self.window.push(effort);
+        if self.window.len() < WINDOW {
+            return;
+        }
+        let limit = f64::from(self.track.loops.limit);
+        let at_limit = self.window.iter().filter(|effort| effort.abs() >= AT_LIMIT * limit);
+        let at_limit = u32::try_from(at_limit.count()).unwrap_or(u32::MAX);
+        self.track.windows += 1;
+        self.track.reversals.add(reversals(&self.window, SWING * limit), REVERSALS, now);
+        self.track.at_limit.add(at_limit, LOOKS_AT_LIMIT, now);
+        self.window.clear();
+    }
+
+    /// What became of it.
+    #[must_use]
+    pub fn finish(self) -> EffortTrack {
+        self.track
+    }
+}
+
+/// How often values go from `swing` above their mean to `swing` below it, or back.
+fn reversals(values: &[f64], swing: f64) -> u32 {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let (mut count, mut side) = (0, 0.0);
+    for value in values.iter().map(|value| value - mean).filter(|value| value.abs() > swing) {
+        count += u32::from(value * side < 0.0);
+        side = value;
+    }
+    count
+}
+
+/// The effort that a device obeys, in the unit of the loops that command it.
+#[must_use]
+pub fn effort_of(motor: &Motor, twin: &Twin, loops: Loops) -> f64 {
+    let state = twin.state();
+    match (motor.device, loops.effort) {
+        (Device::Dji { model, .. }, _) => {
+            let full = match model.effort {
+                dji::Effort::Current(amps) => f64::from(amps),
+                dji::Effort::Voltage => 1.0,
+            };
+            f64::from(state.command) * full / f64::from(model.full_scale)
+        }
+        (_, TargetKind::Current) => state.current,
+        _ => state.torque,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn track(effort: impl Fn(u32) -> Option<f64>) -> EffortTrack {
+        let mut watch = EffortWatch::new(Loops { effort: TargetKind::Torque, limit: 7.0 });
+        for millis in 1..=2000 {
+            watch.look(Micros::from_millis(millis.into()), effort(millis));
+        }
+        watch.finish()
+    }
+
+    #[test]
+    fn an_effort_that_bangs_shakes_and_one_that_is_pushed_stands_at_its_limit() {
+        let bang = |millis: u32| if millis / 3 % 2 == 0 { 7.0 } else { -7.0 };
+        let banging = track(|millis| Some(bang(millis)));
+        assert!(banging.oscillates() && banging.saturates(), "{banging:?}");
+        let pushing = track(|_| Some(6.9));
+        assert!(!pushing.oscillates() && pushing.saturates(), "{pushing:?}");
+        assert_eq!((pushing.windows, pushing.at_limit.windows), (10, 10));
+        assert_eq!(pushing.at_limit.at, Micros::ZERO);
+        let carrying = track(|_| Some(6.8));
+        assert!(!carrying.saturates(), "{carrying:?}");
+        // Around a load, from a second on.
+        let late = track(|millis| Some(3.0 + if millis > 1000 { 0.2 * bang(millis) } else { 0.0 }));
+        assert!(late.oscillates() && !late.saturates(), "{late:?}");
+        assert_eq!(late.reversals.at, Micros::from_millis(1000));
+    }
+
+    #[test]
+    fn an_answer_to_a_step_and_a_pause_are_no_shaking() {
+        // Half a second of it.
+        let step = track(|millis| {
+            Some(if (700..900).contains(&millis) { f64::from(millis % 10) } else { 0.0 })
+        });
+        assert!(!step.oscillates(), "{step:?}");
+        let paused =
+            track(|millis| (millis % 390 > 10).then(|| 7.0 * f64::from(millis % 4) - 10.5));
+        assert!(!paused.oscillates() && paused.windows > 0, "{paused:?}");
+    }
+
+    #[test]
+    fn small_noise_is_no_shaking() {
+        let noise = track(|millis| Some(if millis % 2 == 0 { 0.34 } else { -0.34 }));
+        assert_eq!(noise.reversals.count, 0);
+    }
+}

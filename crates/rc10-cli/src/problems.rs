@@ -1,0 +1,508 @@
+//! What was not as it should be in a run: data, made once. Console, JSON, report and exit code say
+//! the same.
+//!
+//! What an injected fault must do is no problem; that it does not happen is one. The thresholds, and
+//! how far the shipped robots are from them: `docs/verdict.md`.
+
+use std::fmt;
+
+use rc10_can::Micros;
+use rc10_motor::{ArmState, Condition, Drive, Link, Verdict};
+use rc10_sim::fault::{Fault, Kind as FaultKind};
+use serde_json::{Value, json};
+
+use crate::effort::{self, EffortTrack, IN_A_ROW, WINDOW};
+use crate::recording::{BusTrack, MotorSample, MotorTrack, Recording, SAMPLE_PERIOD};
+use crate::remote::{Loss, Receiver, RemoteTrack};
+
+/// How bad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Severity {
+    /// Something to mend: `--strict` ends with exit code 3.
+    Problem,
+    /// Good to know.
+    Information,
+}
+
+/// What it is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum About {
+    /// The robot as a whole.
+    Robot,
+    /// The motor of this label.
+    Motor(&'static str),
+    /// A bus; the first one is 1.
+    Bus(u8),
+    /// An RS-485 line; the first one is 1.
+    Line(u8),
+    /// The remote control.
+    Remote,
+}
+
+impl fmt::Display for About {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Robot => f.write_str("robot"),
+            Self::Motor(label) => f.write_str(label),
+            Self::Bus(number) => write!(f, "bus {number}"),
+            Self::Line(number) => write!(f, "line {number}"),
+            Self::Remote => f.write_str("remote"),
+        }
+    }
+}
+
+/// One finding.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What it is about.
+    pub about: About,
+    /// For programs: the same word for the same finding, in small letters with hyphens.
+    pub kind: &'static str,
+    /// For people: a sentence without its subject.
+    pub text: String,
+}
+
+impl Problem {
+    /// Something to mend.
+    #[must_use]
+    pub const fn new(about: About, kind: &'static str, text: String) -> Self {
+        Self { severity: Severity::Problem, about, kind, text }
+    }
+
+    /// Something that is good to know.
+    #[must_use]
+    pub const fn information(about: About, kind: &'static str, text: String) -> Self {
+        Self { severity: Severity::Information, about, kind, text }
+    }
+
+    /// As JSON.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        json!({
+            "severity": match self.severity {
+                Severity::Problem => "problem",
+                Severity::Information => "information",
+            },
+            "about": self.about.to_string(),
+            "kind": self.kind,
+            "text": self.text,
+        })
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.about, self.text)
+    }
+}
+
+/// Looks for findings of one sort. Another one is a function here, and a line in [`SEARCHES`].
+pub type Search = fn(&Recording, &mut Vec<Problem>);
+
+/// All of them, in the order in which their findings are told.
+const SEARCHES: [Search; 7] =
+    [robot, motors, efforts, buses, lines, remote, crate::consistency::consistency];
+
+/// Everything that was found in a run: problems first.
+#[must_use]
+pub fn problems(recording: &Recording) -> Vec<Problem> {
+    let mut found = Vec::new();
+    SEARCHES.iter().for_each(|search| search(recording, &mut found));
+    // Stable: otherwise in the order of the searches.
+    found.sort_by_key(|problem| problem.severity == Severity::Information);
+    found
+}
+
+/// Whether there is something to mend.
+#[must_use]
+pub fn any(problems: &[Problem]) -> bool {
+    problems.iter().any(|problem| problem.severity == Severity::Problem)
+}
+
+/// Of frames or commands, one in this many may be lost to be information only: 0.1 %.
+pub const RARE: u64 = 1000;
+/// A robot that lost its remote lets go within this time from the last good frame on.
+pub const REACTION: Micros = Micros::from_millis(120);
+/// A motor that cannot be heard is known as lost within this time.
+pub const LOST_WITHIN: Micros = Micros::from_millis(50);
+/// A motor is back within this time from the end of a fault on.
+pub const BACK_WITHIN: Micros = Micros::from_millis(500);
+/// A chip that crashed or hung is back, and armed by hand, within this time.
+pub const RESTART_WITHIN: Micros = Micros::from_millis(1500);
+/// A motor without a target is a problem if the robot was armed for this long.
+pub const ARMED_FOR: Micros = Micros::from_millis(500);
+/// A robot that is not armed in a run of this length is a problem.
+pub const UNARMED_FOR: Micros = Micros::from_millis(1000);
+
+// ---- injected faults ---------------------------------------------------------------------------
+
+/// From when to when a fault may have its effects on a bus; on a motor on a line with `None`.
+fn effects(fault: &Fault, bus: Option<u8>) -> Option<(Micros, Option<Micros>)> {
+    let from = fault.from.micros();
+    let until = fault.until.map(|until| until.micros());
+    match fault.kind {
+        FaultKind::RemoteLost => None,
+        FaultKind::Panic | FaultKind::HardFault | FaultKind::Hang(_) | FaultKind::Mask => {
+            Some((from, Some(until.unwrap_or(from) + RESTART_WITHIN)))
+        }
+        FaultKind::Noise(_) if is_on(fault, bus) => Some((from, Some(from + BACK_WITHIN))),
+        _ if is_on(fault, bus) => Some((from, until.map(|until| until + BACK_WITHIN))),
+        _ => None,
+    }
+}
+
+fn is_on(fault: &Fault, bus: Option<u8>) -> bool {
+    fault.kind.bus().zip(bus).is_some_and(|(index, bus)| index + 1 == usize::from(bus))
+}
+
+/// Whether an injected fault may have its effects on a bus at a time.
+fn is_excused(recording: &Recording, bus: Option<u8>, at: Micros) -> bool {
+    let effects = recording.faults.iter().filter_map(|fault| effects(fault, bus));
+    effects.into_iter().any(|(from, until)| {
+        from <= at && until.is_none_or(|until| at.since(SAMPLE_PERIOD) <= until)
+    })
+}
+
+/// What of a total was counted while no fault had its effects.
+fn unexcused<T>(
+    recording: &Recording,
+    bus: Option<u8>,
+    total: u64,
+    samples: &[T],
+    count: impl Fn(&T) -> u64,
+) -> u64 {
+    if recording.faults.is_empty() {
+        return total;
+    }
+    let mut before = 0;
+    let mut excused = 0;
+    for (index, sample) in samples.iter().enumerate() {
+        let now = count(sample);
+        if is_excused(recording, bus, time_of(index)) {
+            excused += now.saturating_sub(before);
+        }
+        before = now;
+    }
+    total.saturating_sub(excused)
+}
+
+/// When a sample was taken.
+fn time_of(index: usize) -> Micros {
+    Micros::new((index as u64 + 1) * SAMPLE_PERIOD.get())
+}
+
+/// The sample of a time, if the run was so long.
+fn sample_at<T>(samples: &[T], at: Micros) -> Option<&T> {
+    samples.get(usize::try_from(at.get().div_ceil(SAMPLE_PERIOD.get())).ok()?.checked_sub(1)?)
+}
+
+/// Whether motors of the bus of a fault cannot be heard while it lasts, as far as can be seen.
+const fn must_be_lost(recording: &Recording, kind: &FaultKind) -> bool {
+    match kind {
+        FaultKind::Power(_) => true,
+        // What is cut off, the chip alone knows: on the wire its motors still speak.
+        FaultKind::Cut(_) => !recording.is_emulated,
+        FaultKind::Short(_) | FaultKind::Dominant(_) => true,
+        _ => false,
+    }
+}
+
+/// What a fault must do to a motor and does not.
+fn effects_on_motor(recording: &Recording, track: &MotorTrack, found: &mut Vec<Problem>) -> bool {
+    let bus = track.motor.on.bus();
+    let about = About::Motor(track.motor.label);
+    let mut is_back = true;
+    for fault in recording.faults.iter().filter(|fault| is_on(fault, bus)) {
+        let (from, until) = (fault.from.micros(), fault.until.map(|until| until.micros()));
+        let kind = &fault.kind;
+        let during = || {
+            let samples = (track.samples.iter().enumerate()).map(|(at, seen)| (time_of(at), seen));
+            samples.filter(move |(at, _)| {
+                *at >= from + LOST_WITHIN && until.is_none_or(|until| *at <= until)
+            })
+        };
+        if must_be_lost(recording, kind)
+            && let Some((at, _)) = during().find(|(_, sample)| sample.link == Link::Online)
+        {
+            let text = format!("is heard at {:.3} s, in spite of {kind}", seconds(at));
+            found.push(Problem::new(about, "fault-without-effect", text));
+        }
+        let Some(until) = until else { continue };
+        let other = recording.faults.iter().any(|other| {
+            other != fault
+                && effects(other, bus).is_some_and(|(from, end)| {
+                    from <= until + BACK_WITHIN && end.is_none_or(|end| end > until)
+                })
+        });
+        let sample = sample_at(&track.samples, until + BACK_WITHIN);
+        if !other && sample.is_some_and(|sample| sample.link != Link::Online) {
+            let limit = BACK_WITHIN.get() / 1000;
+            let text = format!("is not back {limit} ms after the end of {kind}");
+            found.push(Problem::new(about, "not-back", text));
+            is_back = false;
+        }
+    }
+    is_back
+}
+
+// ---- the searches ------------------------------------------------------------------------------
+
+fn robot(recording: &Recording, found: &mut Vec<Problem>) {
+    let never_armed = !recording.arm.is_empty() && !recording.arm.contains(&ArmState::Armed);
+    let has_reason = recording.faults.iter().any(|fault| fault.kind == FaultKind::RemoteLost);
+    if never_armed && recording.length >= UNARMED_FOR && !has_reason && !recording.motors.is_empty()
+    {
+        let text = "was never armed: no motor was driven".to_owned();
+        found.push(Problem::new(About::Robot, "never-armed", text));
+    }
+}
+
+/// For how long the robot was armed.
+fn armed_for(recording: &Recording) -> Micros {
+    let armed = recording.arm.iter().filter(|arm| **arm == ArmState::Armed).count();
+    Micros::new(armed as u64 * SAMPLE_PERIOD.get())
+}
+
+fn motors(recording: &Recording, found: &mut Vec<Problem>) {
+    for track in &recording.motors {
+        let last = &track.last;
+        let bus = track.motor.on.bus();
+        let about = About::Motor(track.motor.label);
+        let is_back = effects_on_motor(recording, track, found);
+        let is_excused_now = is_excused(recording, bus, recording.length);
+        match last.link {
+            Link::NeverSeen if !is_excused_now => {
+                let text = format!(
+                    "never heard: is it {} on {}, and powered?",
+                    track.motor.name(),
+                    track.motor.on
+                );
+                found.push(Problem::new(about, "never-heard", text));
+            }
+            Link::Lost if is_back && !is_excused_now => {
+                found.push(Problem::new(about, "lost", "lost at the end".into()));
+            }
+            _ => (),
+        }
+        if let Some(fault) = last.fault.filter(|_| !is_excused_now) {
+            let text = format!("{} (code {})", fault.text, fault.code);
+            found.push(Problem::new(about, "device-fault", text));
+        }
+        let condition = match last.condition {
+            Condition::NotFollowing => "does not do what it is told, and does not say why",
+            Condition::NoReports => "sends no feedback: it has to be switched on in the device",
+            Condition::SlowFeedback => "sends feedback too seldom to be controlled by it",
+            _ => "",
+        };
+        if !condition.is_empty() && !is_excused_now {
+            found.push(Problem::new(about, "condition", format!("{condition}, at the end")));
+        }
+        let refused = last.counters.refused;
+        for (count, why) in [
+            (refused.not_finite, "not a number (infinite or NaN)"),
+            (refused.out_of_range, "a number in them lies where the motor cannot go"),
+            (refused.unsupported, "of a kind that it does not take"),
+        ] {
+            if count > 0 {
+                let text = format!("{count} targets refused: {why}");
+                found.push(Problem::new(about, "refused", text));
+            }
+        }
+        let was_driven = track.samples.iter().any(|sample| sample.drive == Drive::Run);
+        let armed = armed_for(recording);
+        if armed >= ARMED_FOR
+            && !was_driven
+            && last.link == Link::Online
+            && last.fault.is_none()
+            && refused.total() == 0
+        {
+            let text =
+                format!("never got a target, and the robot was armed for {:.1} s", seconds(armed));
+            found.push(Problem::new(about, "never-commanded", text));
+        }
+        motor_counts(recording, track, found);
+    }
+}
+
+fn motor_counts(recording: &Recording, track: &MotorTrack, found: &mut Vec<Problem>) {
+    let counters = track.last.counters;
+    let (bus, about) = (track.motor.on.bus(), About::Motor(track.motor.label));
+    let count = |total: u64, of: fn(&MotorSample) -> u64| {
+        unexcused(recording, bus, total, &track.samples, of)
+    };
+    let lost = count(counters.lost.into(), |sample| sample.counters.lost.into());
+    if lost > 0 {
+        found.push(Problem::new(about, "was-lost", format!("{lost} × lost during the run")));
+    }
+    let received = u64::from(counters.received);
+    let malformed = count(counters.malformed.into(), |sample| sample.counters.malformed.into());
+    found.extend(share(about, "malformed", malformed, received, "malformed frames"));
+    let overwritten = count(track.overwritten, |sample| sample.overwritten);
+    let what = "feedback frames overwritten because the bus was busy";
+    found.extend(share(about, "overwritten", overwritten, received, what));
+    let expired = count(counters.expired.into(), |sample| sample.counters.expired.into());
+    if expired > 0 {
+        let text = format!("{expired} × its command expired while the robot was armed");
+        found.push(Problem::information(about, "expired", text));
+    }
+}
+
+/// A count that should be zero: information below 0.1 % of `all`.
+fn share(about: About, kind: &'static str, count: u64, all: u64, what: &str) -> Option<Problem> {
+    if count == 0 {
+        return None;
+    }
+    Some(if count.saturating_mul(RARE) < all {
+        let percent = count as f64 * 100.0 / all as f64;
+        Problem::information(about, kind, format!("{count} {what} ({percent:.3} %)"))
+    } else {
+        Problem::new(about, kind, format!("{count} {what}"))
+    })
+}
+
+fn efforts(recording: &Recording, found: &mut Vec<Problem>) {
+    for track in &recording.motors {
+        let Some(effort) = &track.effort else { continue };
+        let EffortTrack { loops, windows, reversals, at_limit } = effort;
+        let about = About::Motor(track.motor.label);
+        let millis = WINDOW;
+        if effort.oscillates() {
+            let text = format!(
+                "shakes: its effort changes direction {} times in {millis} ms (from {:.2} s on; in \
+                 {} of {windows} windows): a gain of its loops is too high for what it moves",
+                reversals.count,
+                seconds(reversals.at),
+                reversals.windows,
+            );
+            found.push(Problem::new(about, "oscillation", text));
+        }
+        if effort.saturates() {
+            let text = format!(
+                "its effort stands at its limit of {} {} for {:.0} % of {} ms (from {:.2} s on; in \
+                 {} of {windows} windows): it is blocked, too weak, or turns the wrong way",
+                loops.limit,
+                effort.unit(),
+                f64::from(at_limit.count) * 100.0 / effort::WINDOW as f64,
+                WINDOW * IN_A_ROW as usize,
+                seconds(at_limit.at),
+                at_limit.windows,
+            );
+            found.push(Problem::new(about, "saturation", text));
+        }
+    }
+}
+
+fn buses(recording: &Recording, found: &mut Vec<Problem>) {
+    for track in &recording.buses {
+        let (last, about) = (&track.last, About::Bus(track.number));
+        match last.load.verdict() {
+            Verdict::Fits => (),
+            Verdict::Tight => {
+                found.push(Problem::information(about, "tight", last.load.to_string()));
+            }
+            Verdict::DoesNotFit => {
+                found.push(Problem::new(about, "does-not-fit", last.load.to_string()));
+            }
+        }
+        let count = |total: u32, of: fn(&crate::recording::BusSample) -> u32| {
+            let BusTrack { number, samples, .. } = track;
+            unexcused(recording, Some(*number), total.into(), samples, |one| of(one).into())
+        };
+        let replaced = count(last.replaced, |sample| sample.replaced);
+        let submitted = last.submitted.into();
+        let what = "commands replaced before they left";
+        found.extend(share(about, "replaced", replaced, submitted, what));
+        for (count, kind, what) in [
+            (count(last.overruns, |sample| sample.overruns), "overrun", "ticks overrun"),
+            (count(last.health.receive_lost, |one| one.lost), "rx-lost", "received frames lost"),
+            (count(last.refused, |sample| sample.refused), "frame-refused", "frames refused"),
+            (count(last.health.bus_offs, |sample| sample.bus_offs), "bus-off", "× bus-off"),
+        ] {
+            if count > 0 {
+                found.push(Problem::new(about, kind, format!("{count} {what}")));
+            }
+        }
+        let unclaimed = last.received.unclaimed;
+        if let (1.., Some(key)) = (unclaimed, last.received.last_unclaimed) {
+            let text = format!("{unclaimed} frames that no motor claims, the newest of {key:#x}");
+            found.push(Problem::information(about, "unclaimed", text));
+        }
+    }
+}
+
+fn lines(recording: &Recording, found: &mut Vec<Problem>) {
+    for (number, line) in (1..).zip(&recording.lines) {
+        let (about, traffic) = (About::Line(number), &line.traffic);
+        let all = traffic.exchanges.into();
+        for (count, kind, what) in [
+            (traffic.timeouts, "timeout", "commands without an answer"),
+            (traffic.crc_errors, "crc", "answers with a wrong CRC"),
+            (traffic.unexpected, "unexpected", "answers that were not asked for"),
+        ] {
+            found.extend(share(about, kind, count.into(), all, what));
+        }
+        for (count, kind, what) in [
+            (line.port_errors, "port-error", "port errors"),
+            (line.overruns, "overrun", "ticks overrun"),
+        ] {
+            if count > 0 {
+                found.push(Problem::new(about, kind, format!("{count} {what}")));
+            }
+        }
+    }
+}
+
+fn remote(recording: &Recording, found: &mut Vec<Problem>) {
+    let Some(track) = &recording.remote else { return };
+    let RemoteTrack { receiver, sent, heard, losses, .. } = track;
+    let about = About::Remote;
+    if let Some(heard) = heard {
+        if heard.frames == 0 && sent.live > 0 {
+            let text = format!("never heard: {} frames of {receiver} were sent", sent.frames);
+            found.push(Problem::new(about, "never-heard", text));
+        }
+        // A train of pulses that a loss has cut off is no problem of its own.
+        let cut_off = match receiver {
+            Receiver::Ppm => u32::try_from(losses.len()).unwrap_or(u32::MAX),
+            Receiver::Dr16 | Receiver::Sbus | Receiver::Crsf | Receiver::Vt03 => 0,
+        };
+        let damaged = heard.damaged.saturating_sub(cut_off);
+        found.extend(share(
+            about,
+            "damaged",
+            damaged.into(),
+            heard.frames.into(),
+            "damaged frames",
+        ));
+        if heard.port_errors > 0 {
+            let text = format!("{} port errors", heard.port_errors);
+            found.push(Problem::new(about, "port-error", text));
+        }
+    }
+    for loss in losses {
+        if let Some(time) = loss.reaction().filter(|time| *time > REACTION) {
+            let text = format!("lost: the motors coasted after {:.1} ms only", seconds(time) * 1e3);
+            found.push(Problem::new(about, "late-to-coast", text));
+        } else if is_driven_on(loss, recording.length) {
+            let text = format!(
+                "lost at {:.3} s: the motors did not coast within {} ms of the last good frame",
+                seconds(loss.lost.from),
+                REACTION.get() / 1000,
+            );
+            found.push(Problem::new(about, "not-coasting", text));
+        }
+    }
+}
+
+/// It was lost for long enough, and the motors went on being driven.
+fn is_driven_on(loss: &Loss, end: Micros) -> bool {
+    let due = loss.last_frame.unwrap_or(loss.lost.from).max(loss.lost.from) + REACTION;
+    let over = loss.back.or(loss.lost.until).unwrap_or(end).min(end);
+    loss.coasting.is_none() && over > due
+}
+
+fn seconds(time: Micros) -> f64 {
+    time.get() as f64 * 1e-6
+}
