@@ -13,7 +13,7 @@ use std::{env, fs};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_emu::{Machine, Rig};
+use rc10_emu::{Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{Loops, MotorBus, MotorStatus};
@@ -124,7 +124,8 @@ impl<'r> Emulation<'r> {
             Surroundings::new(&description, setup.seed)?;
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
         ensure!(lines.is_empty(), "the firmware has no RS-485 line yet, the robot {}", lines.len());
-        let mut machine = Machine::new(program)?;
+        let mut machine =
+            Machine::with(program, Options { seed: setup.seed, ..Options::default() })?;
         if let Some(speed) = setup.speed {
             machine.set_speed(speed);
         }

@@ -177,13 +177,19 @@ const fn strict(is_strict: bool, has_problems: bool) -> u8 {
     if is_strict && has_problems { 3 } else { 0 }
 }
 
-/// The command line for a robot: `robot` sets it up and gives it to [`CommandLine::run`]. Exit code
-/// 0: fine; 1: the input has broken lines; 2: bad arguments, a robot that cannot be set up, motors
-/// that do not fit on a bus, or a file that cannot be read or written; 3: the run had problems, and
-/// `--strict` was given.
+/// The command line for a robot: `robot` sets it up and gives it to [`CommandLine::run`]. An error
+/// that names a motor by model and identifier is told with its label and bus of the `description`.
+/// Exit code 0: fine; 1: the input has broken lines; 2: bad arguments, a robot that cannot be set up,
+/// motors that do not fit on a bus, or a file that cannot be read or written; 3: the run had problems,
+/// and `--strict` was given.
 #[must_use]
-pub fn main_for(robot: impl FnOnce(CommandLine) -> anyhow::Result<ExitCode>) -> ExitCode {
-    main_with(|arguments: Arguments| robot(arguments.command_line()))
+pub fn main_for(
+    description: &Description,
+    robot: impl FnOnce(CommandLine) -> anyhow::Result<ExitCode>,
+) -> ExitCode {
+    main_with(|arguments: Arguments| {
+        robot(arguments.command_line()).map_err(|error| description.label(error))
+    })
 }
 
 /// Reads the command line and does what it says.
@@ -216,13 +222,16 @@ pub fn main() -> ExitCode {
                 let ports = rc10_robot::ports();
                 let io = rc10_robot::Io::new(ports.each_ref());
                 let mut motors = rc10_robot::Motors::new();
-                let buses = motors.start(&io)?;
+                let buses =
+                    motors.start(&io).map_err(|error| team::description().label(error.into()))?;
                 command.run(team::robot(&io, buses))
             }
             Which::Mixed => {
                 let io = rc10_robot::mixed::Io::new();
-                let mut motors = rc10_robot::mixed::Motors::new()?;
-                let (buses, line) = motors.start(&io)?;
+                let description = mixed::description()?;
+                let label = |error: rc10_robot::mixed::SetupError| description.label(error.into());
+                let mut motors = rc10_robot::mixed::Motors::new().map_err(label)?;
+                let (buses, line) = motors.start(&io).map_err(label)?;
                 command.run(mixed::robot(&io, buses, line)?)
             }
         }

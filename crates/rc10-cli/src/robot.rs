@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::pin::Pin;
 use std::rc::Rc;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use rc10_can::Micros;
 use rc10_module::Reception;
 use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
@@ -356,6 +356,12 @@ impl Script {
     }
 }
 
+/// How often a text names a motor: `M3508 id 1` is not in `M3508 id 12`.
+fn mentions(text: &str, name: &str) -> usize {
+    let ends = text.match_indices(name).map(|(at, name)| &text[at + name.len()..]);
+    ends.filter(|rest| !rest.starts_with(|next: char| next.is_ascii_digit())).count()
+}
+
 impl Description {
     /// The motors of a bus, in the order in which they are attached.
     pub fn on_bus(&self, bus: u8) -> impl Iterator<Item = &Motor> {
@@ -389,6 +395,35 @@ impl Description {
         events.retain(|event| event.at < end);
         events.sort_by_key(|event| event.at);
         events
+    }
+
+    /// Adds to an error that names motors by model and identifier what the robot calls them, and
+    /// where they are plugged in: a line each.
+    #[must_use]
+    pub fn label(&self, error: anyhow::Error) -> anyhow::Error {
+        let text = format!("{error:#}");
+        let named = |motor: &&Motor| mentions(&text, &motor.name().to_string()) > 0;
+        let mut motors: Vec<&Motor> = self.motors.iter().filter(named).collect();
+        // Two that are in each other's way hang on the same bus; others may be called the same.
+        let mentioned = |on| -> usize {
+            let mut names: Vec<String> = Vec::new();
+            names.extend(motors.iter().filter(|m| m.on == on).map(|m| m.name().to_string()));
+            let count = names.len();
+            names.dedup();
+            names.iter().map(|name| mentions(&text, name)).sum::<usize>().min(count)
+        };
+        let most = motors.iter().map(|motor| mentioned(motor.on)).max();
+        let places: Vec<Place> = motors.iter().map(|motor| motor.on).collect();
+        let best: Vec<Place> =
+            places.into_iter().filter(|on| Some(mentioned(*on)) == most).collect();
+        motors.retain(|motor| best.contains(&motor.on));
+        if motors.is_empty() {
+            return error;
+        }
+        let whose =
+            |motor: &&Motor| format!("\n      {}: {} is {}", motor.on, motor.label, motor.name());
+        let whose: String = motors.iter().map(whose).collect();
+        anyhow!("{text}{whose}")
     }
 
     /// Which of the motors that are plugged in at the same place the one in an entry of
@@ -771,6 +806,42 @@ mod tests {
         let expected = "0 down, 100 up, 1000 remote lost, 1050 remote back, 1050 down, \
                         1100 remote lost, 2200 remote back, 2200 up";
         assert_eq!(twice, expected);
+    }
+
+    #[test]
+    fn errors_say_what_the_robot_calls_their_motors() {
+        let motors = vec![
+            Motor::new("wheel left", 1, &dji::M3508, 1),
+            Motor::new("wheel right", 1, &dji::M3508, 1),
+            Motor::new("lift", 2, &dji::M3508, 1),
+            Motor::new("yaw", 2, &dji::GM6020_CURRENT, 11),
+        ];
+        let description = Description { motors, buses: 2, ..<_>::default() };
+        let labelled = |error: anyhow::Error| description.label(error).to_string();
+        let switch = ArmSwitch::new();
+        let mut motors = [1, 1].map(|id| Dji::new(&dji::M3508, id).unwrap());
+        let mut bus = MotorBus::new(&switch);
+        let [left, right] = &mut motors;
+        bus.attach(left, Safety::COAST).unwrap();
+        let clash = bus.attach(right, Safety::COAST).unwrap_err();
+        assert_eq!(
+            labelled(clash.into()),
+            "M3508 id 1 cannot share a bus with M3508 id 1: both send feedback with identifier \
+             0x201\n      bus 1: wheel left is M3508 id 1\n      bus 1: wheel right is M3508 id 1"
+        );
+        let id = Dji::new(&dji::GM6020_CURRENT, 11).unwrap_err();
+        assert_eq!(
+            labelled(id.into()),
+            "GM6020 (current mode) id 11: its identifiers are 1 to 7\n      \
+             bus 2: yaw is GM6020 (current mode) id 11"
+        );
+        let mut gains = dji::M3508.cascade;
+        gains.speed.kp = -0.063;
+        let gains = Dji::new(&dji::M3508, 1).unwrap().with_cascade(gains).unwrap_err();
+        assert!(labelled(gains.into()).starts_with(
+            "M3508 id 1: `speed.kp` is -0.063, but must be finite and not negative\n      bus 1: "
+        ));
+        assert_eq!(labelled(anyhow!("M3508 id 12 is none of them")), "M3508 id 12 is none of them");
     }
 
     #[test]

@@ -37,7 +37,7 @@ impl Rig {
     /// # Errors
     /// If a fault is on a bus that is not there, or in a handler that the program does not have.
     pub fn new(
-        machine: Machine,
+        mut machine: Machine,
         world: World,
         buses: Vec<Bus>,
         motors: Vec<(usize, Esc)>,
@@ -46,6 +46,10 @@ impl Rig {
         for Fault { kind, .. } in faults {
             if let Kind::Hang(handler) = kind {
                 exception_of(&machine, handler)?;
+            }
+            if *kind == Kind::CrystalDead {
+                machine.set_crystal(false);
+                continue;
             }
             ensure!(*kind != Kind::RemoteLost, "{kind}: whoever holds the remote must do that");
         }
@@ -114,8 +118,10 @@ impl Rig {
                 })?;
             }
             Kind::Mask => self.machine.inject(Injection::MaskInterrupts(begins))?,
-            // Done by `Faults`, or refused by `new`.
-            Kind::Cut(_)
+            Kind::CrystalStops => self.machine.set_crystal(!begins),
+            // Done by `Faults`, done by `new`, or refused by it.
+            Kind::CrystalDead
+            | Kind::Cut(_)
             | Kind::Short(_)
             | Kind::Dominant(_)
             | Kind::Noise(_)
