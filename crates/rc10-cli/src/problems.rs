@@ -39,6 +39,8 @@ pub enum About {
     Line(u8),
     /// The remote control.
     Remote,
+    /// The emulated chip, and the program on it.
+    Chip,
 }
 
 impl fmt::Display for About {
@@ -49,6 +51,7 @@ impl fmt::Display for About {
             Self::Bus(number) => write!(f, "bus {number}"),
             Self::Line(number) => write!(f, "line {number}"),
             Self::Remote => f.write_str("remote"),
+            Self::Chip => f.write_str("chip"),
         }
     }
 }
@@ -106,13 +109,11 @@ pub type Search = fn(&Recording, &mut Vec<Problem>);
 /// All of them, in the order in which their findings are told.
 const SEARCHES: [Search; 6] = [robot, motors, efforts, buses, lines, remote];
 
-/// Everything that was found in a run: problems first.
+/// Everything that was found in a run.
 #[must_use]
 pub fn problems(recording: &Recording) -> Vec<Problem> {
     let mut found = Vec::new();
     SEARCHES.iter().for_each(|search| search(recording, &mut found));
-    // Stable: otherwise in the order of the searches.
-    found.sort_by_key(|problem| problem.severity == Severity::Information);
     found
 }
 
@@ -159,7 +160,7 @@ fn is_on(fault: &Fault, bus: Option<u8>) -> bool {
 }
 
 /// Whether an injected fault may have its effects on a bus at a time.
-fn is_excused(recording: &Recording, bus: Option<u8>, at: Micros) -> bool {
+pub(crate) fn is_excused(recording: &Recording, bus: Option<u8>, at: Micros) -> bool {
     let effects = recording.faults.iter().filter_map(|fault| effects(fault, bus));
     effects.into_iter().any(|(from, until)| {
         from <= at && until.is_none_or(|until| at.since(SAMPLE_PERIOD) <= until)
