@@ -144,6 +144,241 @@ fn what_cannot_be_done_is_said_and_ends_with_2() {
     }
 }
 
+/// Frames that are neither setpoint nor measurement, by hand from the vendors' documents; whose they
+/// are in the mixed robot; and what is said of them.
+const SPECIAL: &[(&str, &str, &str)] = &[
+    // Manuals of J4310, J10010L and S3519.
+    ("can0 011#FFFFFFFFFFFFFFFC", "arm", "DAMIAO_ENABLE"),
+    ("can0 011#FFFFFFFFFFFFFFFD", "arm", "DAMIAO_DISABLE"),
+    ("can0 011#FFFFFFFFFFFFFFFE", "arm", "DAMIAO_STORE_ZERO"),
+    ("can0 011#FFFFFFFFFFFFFFFB", "arm", "DAMIAO_CLEAR_ERROR"),
+    ("can0 7FF#11003315", "arm", "DAMIAO_READ_REGISTER REGISTER PMAX"),
+    ("can0 7FF#1100330A00000000", "arm", "DAMIAO_READ_REGISTER REGISTER CTRL_MODE"),
+    ("can0 031#1100331500004841", "arm", "DAMIAO_REGISTER_HOLDS PMAX 12.5 rad"),
+    ("can0 7FF#1100550A02000000", "arm", "DAMIAO_WRITE_REGISTER CTRL_MODE position-velocity"),
+    ("can0 031#1100550A02000000", "arm", "DAMIAO_REGISTER_WRITTEN CTRL_MODE position-velocity"),
+    ("can0 7FF#1100AA01", "arm", "DAMIAO_SAVE_REGISTERS"),
+    ("can0 031#1100AA0100000000", "arm", "DAMIAO_REGISTERS_SAVED"),
+    ("can0 7FF#1100CC00", "arm", "DAMIAO_REFRESH"),
+    // bldc, `comm_can.c`.
+    ("can0 00001101#FE", "wheel", "VESC_PING VESC_PING_FROM 254"),
+    ("can0 000012FE#0100", "wheel", "VESC_PONG VESC_PONG_FROM 1 VESC_PONG_HARDWARE VESC"),
+    (
+        "can0 00001501#FFFF15A00000EA60",
+        "wheel",
+        "VESC_CURRENT_LIMITS VESC_LIMIT_MIN -60 A VESC_LIMIT_MAX 60 A",
+    ),
+    (
+        "can0 00001E01#00004E2000004844",
+        "wheel",
+        "VESC_STORE_BATTERY_CUT VESC_CUT_BEGINS 20 V VESC_CUT_ENDS 18.5 V",
+    ),
+    ("can0 00001F01#", "wheel", "VESC_SHUTDOWN"),
+    (
+        "can0 00003A01#04E209C402EE01F4",
+        "wheel",
+        "VESC_STATUS_6 VESC_INPUT_1 1.25 V VESC_INPUT_2 2.5 V VESC_INPUT_3 0.75 V VESC_PPM 0.5",
+    ),
+    // module manual V1.0.
+    ("can0 180A0000#0000000000000000", "hip", "UNITREE_GO_LOCK"),
+    ("can0 180A2000#0000000000000000", "hip", "UNITREE_GO_CALIBRATE"),
+    (
+        "can0 180B0000#0005000A00000000",
+        "hip",
+        "UNITREE_GO_SET_GAINS Damping 40.069 Nms/rad Stiffness 80.138 Nm/rad",
+    ),
+    ("can0 180C0000#0000000000000000", "hip", "UNITREE_GO_READ_GAINS"),
+    (
+        "can0 180D1000#0000000000000000",
+        "hip",
+        "UNITREE_GO_CONTROL_UNANSWERED Angle 0 deg Speed 0 rpm Torque 0 Nm",
+    ),
+    (
+        "can0 1D071023#0000000000000000",
+        "hip",
+        "UNITREE_GO_STATE Status controlled Angle 0 deg Speed 0 rpm Torque 0 Nm Temperature 35 degC AirPressure 7",
+    ),
+    (
+        "can0 1D011080#0000000000000000",
+        "hip",
+        "UNITREE_GO_FAULT Status controlled Error over-temperature",
+    ),
+    (
+        "can0 1E020000#0005000A00000000",
+        "hip",
+        "UNITREE_GO_GAINS Damping 40.069 Nms/rad Stiffness 80.138 Nm/rad",
+    ),
+    // CyberGear manual, types 0 to 22.
+    ("can1 0300FD7F#0000000000000000", "wrist", "CYBERGEAR_ENABLE"),
+    ("can1 0400FD7F#0100000000000000", "wrist", "CYBERGEAR_STOP CLEARS_FAULTS yes"),
+    ("can1 0600FD7F#0100000000000000", "wrist", "CYBERGEAR_SET_ZERO"),
+    ("can1 0705FD7F#0100000000000000", "wrist", "CYBERGEAR_SET_ID NEW_ID 5"),
+    ("can1 0000FD7F#0000000000000000", "wrist", "CYBERGEAR_IDENTIFY"),
+    ("can1 00007FFE#0000000000000102", "wrist", "CYBERGEAR_IDENTITY CHIP 258"),
+    ("can1 1100FD7F#1670000000000000", "wrist", "CYBERGEAR_READ_PARAMETER INDEX POSITION"),
+    ("can1 11007FFD#1C70000000006041", "wrist", "CYBERGEAR_PARAMETER SUPPLY 14 V"),
+    ("can1 1200FD7F#0570000001000000", "wrist", "CYBERGEAR_WRITE_PARAMETER RUN_MODE position"),
+    ("can1 1600FD7F#0200000000000000", "wrist", "CYBERGEAR_SET_BIT_RATE BIT_RATE 500 kbit/s"),
+    (
+        "can1 01FFFF7F#7FFF7FFF00000000",
+        "wrist",
+        "CYBERGEAR_MOTION POSITION 0 rad VELOCITY 0 rad/s KP 0 N m/rad KD 0 N m s/rad TORQUE 12 N m",
+    ),
+    (
+        "can1 02847FFD#7FFF7FFF7FFF00FA",
+        "wrist",
+        "CYBERGEAR_FEEDBACK MODE runs FAULT_2 too hot POSITION 0 rad VELOCITY 0 rad/s TORQUE 0 N m TEMPERATURE 25 degC",
+    ),
+    (
+        "can1 15007FFD#0100000000000000",
+        "wrist",
+        "CYBERGEAR_FAULTS DRIVER_CHIP good OVER_CURRENT_A good OVER_CURRENT_B good OVER_CURRENT_C good TOO_HOT motor too hot (80 °C) OVERLOAD good OVER_VOLTAGE good UNDER_VOLTAGE good NOT_CALIBRATED good GETS_HOT good",
+    ),
+    // LK CAN manual V2.3.
+    ("can1 141#8000000000000000", "turret", "LK_OFF"),
+    ("can1 141#8100000000000000", "turret", "LK_STOP"),
+    ("can1 141#8800000000000000", "turret", "LK_RUN"),
+    ("can1 141#9A00000000000000", "turret", "LK_READ_ERRORS"),
+    (
+        "can1 141#9A1900F000000000",
+        "turret",
+        "LK_ANSWER COMMAND errors REPORTED_TEMPERATURE 25 degC SUPPLY 24 V",
+    ),
+    ("can1 141#9B00000000000000", "turret", "LK_CLEAR_ERRORS"),
+    ("can1 141#A100000064000000", "turret", "LK_CURRENT CURRENT 1.611 A"),
+    (
+        "can1 141#A119640064000040",
+        "turret",
+        "LK_ANSWER COMMAND torque current TEMPERATURE 25 degC CURRENT 1.611 A ROTOR_SPEED 100 deg/s ROTOR_ANGLE 90 deg",
+    ),
+    ("can1 141#A200000010270000", "turret", "LK_SPEED ROTOR_SPEED 100 deg/s"),
+    (
+        "can1 141#A219640064000040",
+        "turret",
+        "LK_MOTION COMMAND speed TEMPERATURE 25 degC CURRENT 1.611 A ROTOR_SPEED 100 deg/s ROTOR_ANGLE 90 deg",
+    ),
+    ("can1 141#A4006400A08C0000", "turret", "LK_TURN_TO ROTOR_ANGLE 360 deg SPEED_LIMIT 100 deg/s"),
+    ("can1 141#9200000000000000", "turret", "LK_READ_MULTI_TURN"),
+    ("can1 141#92A08C0000000000", "turret", "LK_MULTI_TURN ROTOR_ANGLE 360 deg"),
+    // firmware 0.6: CAN protocol page, and `can_simple.hpp`.
+    ("can1 074#R8", "flywheel", "ODRIVE_ASK_CURRENTS"),
+    ("can1 069#R", "flywheel", "ODRIVE_ASK_ESTIMATES"),
+    (
+        "can1 061#0000000001000000",
+        "flywheel",
+        "ODRIVE_HEARTBEAT AXIS_STATE idle PROCEDURE_RESULT 0 TRAJECTORY_DONE 0",
+    ),
+    ("can1 062#", "flywheel", "ODRIVE_EMERGENCY_STOP"),
+    (
+        "can1 067#0800000000000000",
+        "flywheel",
+        "ODRIVE_SET_STATE REQUESTED_STATE closed-loop control",
+    ),
+    ("can1 064#00030100", "flywheel", "ODRIVE_READ_ENDPOINT ENDPOINT 259"),
+    (
+        "can1 064#0103010000002041",
+        "flywheel",
+        "ODRIVE_ENDPOINT_REQUEST OPERATION write ENDPOINT 259 VALUE 1092616192 VALUE_AS_FLOAT 10",
+    ),
+    (
+        "can1 065#0003010000002041",
+        "flywheel",
+        "ODRIVE_ENDPOINT_HOLDS ENDPOINT 259 VALUE 1092616192 VALUE_AS_FLOAT 10",
+    ),
+    ("can1 078#", "flywheel", "ODRIVE_CLEAR_ERRORS"),
+];
+
+fn words(line: &str) -> String {
+    line.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn every_special_frame_of_every_vendor_has_its_name() {
+    let log: String = SPECIAL.iter().map(|(frame, ..)| format!("(1.0) {frame}\n")).collect();
+    let output = with_input(&["-", "--robot", "mixed"], log.as_bytes());
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), ""));
+    let printed = text(&output.stdout);
+    for (line, (frame, motor, said)) in printed.lines().zip(SPECIAL) {
+        let (words, channel) = (words(line), frame.split(' ').next().unwrap());
+        let whose = format!("0000000001.000000 {channel} {motor} ");
+        let rest = words.strip_prefix(&whose).unwrap_or_else(|| panic!("{frame}: {words}"));
+        let name = said.split(' ').next().unwrap();
+        let told = rest.find(name).map(|start| &rest[start..]);
+        assert_eq!(told, Some(*said), "{frame}: {words}");
+    }
+    assert!(printed.contains("malformed 0, unknown 0"), "{printed}");
+    // Sent to all four: the identifiers of DJI's motors.
+    let output = with_input(&["-"], b"(1.0) can0 700#0000000000000000\n");
+    let said = words(text(&output.stdout).lines().next().unwrap());
+    assert_eq!(said, "0000000001.000000 can0 several DJI_QUICK_ID_SETTING");
+}
+
+/// A whole run: each frame has a name, none is bad, and a disabling frame is no setpoint.
+#[test]
+fn every_frame_of_a_healthy_robot_is_named_and_none_is_malformed() {
+    for (robot, buses) in [("mixed", 2), ("team", 3)] {
+        let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("decode-{robot}"));
+        let mut run = Command::new(env!("CARGO_BIN_EXE_rc10"));
+        run.args(["run", "--robot", robot, "--seconds", "3", "--out"]).arg(&folder);
+        assert_eq!(run.output().unwrap().status.code(), Some(0), "{robot}");
+        let mut names = std::collections::BTreeSet::new();
+        let mut unasked = 0;
+        for bus in 1..=buses {
+            let log = folder.join(format!("bus{bus}.log"));
+            let lines = std::fs::read_to_string(&log).unwrap().lines().count();
+            let output = rc10(&[log.to_str().unwrap(), "--robot", robot, "--json"]).output();
+            let object = json(&output.unwrap());
+            let summary = &object["summary"];
+            let frames = object["frames"].as_array().unwrap();
+            assert_eq!((frames.len(), &summary["frames"]), (lines, &lines.into()), "{robot}");
+            assert_eq!((&summary["malformed"], &summary["unknown"]), (&0.into(), &0.into()));
+            for motor in summary["motors"].as_array().unwrap() {
+                assert_eq!(motor["malformed"], 0, "{motor}");
+                unasked += motor["unasked"].as_u64().unwrap();
+            }
+            for frame in frames {
+                let name = frame["message"].as_str().or(frame["kind"].as_str()).unwrap();
+                names.insert(name.to_owned());
+                let says = |end: &str| frame["frame"].as_str().is_some_and(|it| it.ends_with(end));
+                assert_eq!(name == "DAMIAO_DISABLE", says("#FFFFFFFFFFFFFFFD"), "{frame}");
+                let is_full = |signal: &Value| signal["signal"] == "KP" && signal["value"] == 500.0;
+                let signals = frame["signals"].as_array();
+                assert!(!signals.is_some_and(|all| all.iter().any(is_full)), "{frame}");
+            }
+        }
+        let special: &[&str] = match robot {
+            "mixed" => &[
+                "CYBERGEAR_ENABLE",
+                "CYBERGEAR_MOTION",
+                "CYBERGEAR_PARAMETER",
+                "CYBERGEAR_READ_PARAMETER",
+                "CYBERGEAR_STOP",
+                "DAMIAO_DISABLE",
+                "DAMIAO_ENABLE",
+                "DAMIAO_READ_REGISTER",
+                "DAMIAO_REGISTER_HOLDS",
+                "LK_CURRENT",
+                "LK_OFF",
+                "LK_READ_ERRORS",
+                "LK_READ_MEASUREMENT",
+                "LK_RUN",
+                "ODRIVE_SET_STATE",
+                "UNITREE_GO_GAINS",
+                "UNITREE_GO_LOCK",
+                "UNITREE_GO_READ_GAINS",
+                "UNITREE_GO_SET_GAINS",
+                "UNITREE_GO_STATE",
+            ],
+            _ => &["command", "feedback"],
+        };
+        for name in special {
+            assert!(names.contains(*name), "{robot}: no {name} in {names:?}");
+        }
+        // Four registers of the arm, and the gains of the hip: this program has not asked.
+        assert_eq!(unasked, if robot == "mixed" { 5 } else { 0 }, "{robot}");
+    }
+}
+
 mod round_trip {
     use super::*;
     use proptest::prelude::*;

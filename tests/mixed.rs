@@ -64,7 +64,7 @@ fn nothing_is_lost_and_one_seed_gives_one_trace() {
             "{label}"
         );
         let counters = last.counters;
-        let bad = (counters.malformed, counters.lost, counters.refused, track.overwritten);
+        let bad = (counters.malformed, counters.lost, counters.refused.total(), track.overwritten);
         assert_eq!(bad, (0, 0, 0, 0), "{label}");
     }
     for bus in &run_1.buses {

@@ -47,7 +47,7 @@ fn scene_with<T>(
     let mut motors = Motors::new();
     let buses = motors.start(io).unwrap();
     let mut robot = team::robot(io, buses);
-    robot.set_remote(Some(receiver), &[]).unwrap();
+    robot.set_remote(receiver).unwrap();
     let mut around = Surroundings::new(robot.description(), seed).unwrap();
     around.operator = None;
     change(&mut around);
@@ -346,7 +346,7 @@ fn every_receiver_drives_the_script() {
             let io = &Io::new(ports.each_ref());
             let mut motors = Motors::new();
             let mut robot = team::robot(io, motors.start(io).unwrap());
-            robot.set_remote(Some(receiver), &[]).unwrap();
+            robot.set_remote(receiver).unwrap();
             simulate(robot, seed, millis(4_400)).unwrap()
         };
         let first = run(3);

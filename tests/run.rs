@@ -178,6 +178,68 @@ fn a_lost_remote_stops_the_robot_and_the_figures_say_when() {
     }
 }
 
+/// Each fault of a wire leaves its own trace where it is, and none elsewhere.
+#[test]
+fn run_does_the_faults_of_wires() {
+    let run = |robot: &str, fault: &str| {
+        let folder = folder(&format!("fault_{}", fault.replace([':', '@', '.'], "_")));
+        let out = folder.to_str().unwrap();
+        let arguments = ["run", "--robot", robot, "--seconds", "1", "--json", "--out", out];
+        let fault = ["--fault", fault];
+        let output =
+            rc10(&[&arguments[..], if fault[1].is_empty() { &[] } else { &fault }].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice::<Value>(&output.stdout).unwrap()
+    };
+    let number = |value: &Value| value.as_f64().unwrap();
+    // Received of the first motor on a place, how often it was lost, and what of the bus was not well.
+    let seen = |figures: &Value, motor: usize, bus: usize| {
+        let (motor, bus) = (&figures["motors"][motor], &figures["buses"][bus]);
+        let [received, lost] = ["received", "lost"].map(|name| number(&motor[name]));
+        let unsent = number(&bus["replaced"]) + number(&bus["refused"]);
+        (received, lost, unsent, number(&bus["load_percent"]))
+    };
+    let (plain, mixed) = (run("team", ""), run("mixed", ""));
+    let (received, _, _, load) = seen(&plain, 0, 0);
+    for (fault, frames, lost, unsent, full) in [
+        ("cut:1@0.4s..0.6s", -200.0, 1.0, true, false),
+        ("short:1@0.4s..0.6s", -200.0, 1.0, true, true),
+        ("dominant:1@0.4s..0.6s", -200.0, 1.0, true, true),
+        ("power:1@0.4s..0.6s", -200.0, 1.0, true, true),
+        ("noise:1@0.4s", 0.0, 0.0, false, false),
+    ] {
+        let figures = run("team", fault);
+        let now = seen(&figures, 0, 0);
+        assert!((now.0 - received - frames).abs() <= 20.0, "{fault}: {now:?} of {received}");
+        assert_eq!((now.1, now.2 > 0.0), (lost, unsent), "{fault}: {now:?}");
+        assert_eq!(now.3 > load + 2.0, full, "{fault}: {now:?}, else {load} %");
+        // The others did not notice.
+        for motor in 4..11 {
+            assert_eq!(figures["motors"][motor]["lost"], 0, "{fault}");
+        }
+        // All is well again.
+        assert_eq!(figures["motors"][0]["link"], "Online", "{fault}");
+        assert_ne!(figures["trace_hash"], plain["trace_hash"], "{fault}");
+    }
+    // Filled with the least urgent feedback: that of the second motor of bus 2.
+    let figures = run("team", "load:2@0.4s..0.6s");
+    let (now, before) = (seen(&figures, 5, 1), seen(&plain, 5, 1));
+    assert!(now.0 > before.0 + 400.0 && now.3 > before.3 + 4.0, "{now:?} {before:?}");
+    // A line: the answers stop, or one of them is damaged.
+    for (fault, counter, motors) in
+        [("cut:L1@0.4s..0.6s", "timeouts", 1), ("power:L1@0.4s..0.6s", "timeouts", 1)]
+    {
+        let figures = run("mixed", fault);
+        let [now, before] = [&figures, &mixed].map(|run| number(&run["lines"][0][counter]));
+        assert!(now >= before + 20.0, "{fault}: {now}, else {before}");
+        let lost: Vec<_> = (6..10).map(|leg| figures["motors"][leg]["lost"].clone()).collect();
+        assert_eq!(lost, [motors; 4], "{fault}");
+    }
+    let figures = run("mixed", "noise:L1@0.4s");
+    assert_eq!(figures["lines"][0]["crc_errors"], 1);
+    assert_eq!(figures["motors"][6]["lost"], 0);
+}
+
 #[test]
 fn wrong_arguments_end_with_2_and_a_reason() {
     let file = folder("a_file");
@@ -203,7 +265,19 @@ fn wrong_arguments_end_with_2_and_a_reason() {
             &["run", "--fault", "remote-lost@1s", "--fault", "remote-lost@2s..3s"],
             "remote-lost@2s: the remote is lost already, since 1 s",
         ),
-        (&["run", "--fault", "cut:1@1s"], "knows only remote-lost"),
+        (&["run", "--fault", "panic@1s"], "--fault panic: rc10 run has no chip to do that to"),
+        (&["run", "--fault", "hang@1s..2s"], "rc10 emu does it"),
+        (&["run", "--fault", "mask@1s..2s"], "rc10 emu does it"),
+        (&["run", "--fault", "cut:4@1s"], "`cut` needs a bus, 1 to 3"),
+        (&["run", "--fault", "cut:L1@1s"], "cut:L1: there is no such line; it has no line"),
+        (
+            &["run", "--robot", "mixed", "--fault", "load:3@1s"],
+            "load:3: there is no such bus; the last is 2",
+        ),
+        (
+            &["run", "--robot", "mixed", "--fault", "power:L2@1s"],
+            "power:L2: there is no such line; the last is 1",
+        ),
         (&["run", "--robot", "mixed", "--remote", "sbus"], "no remote control"),
         (&["run", "--robot", "mixed", "--fault", "remote-lost@1s"], "no remote control"),
         (&["run", "--out", file], "cannot make the folder"),

@@ -56,7 +56,7 @@ fn nothing_of_the_robot_is_left_out() {
         let dbc = of_bus(&robot, bus);
         for motor in robot.on_bus(bus) {
             let label = motor.label.replace(' ', "_");
-            assert_eq!(motor.messages().len(), 2);
+            assert_eq!(motor.messages().len(), 3);
             for message in motor.messages() {
                 let frame = dbc.frames.iter().find(|frame| frame.id == message.id).unwrap();
                 let own = frame.name.long == format!("{label}_{}", message.name);
@@ -112,8 +112,7 @@ fn every_shape() -> [Node; 3] {
     const SHORT: &[Signal] = &[Signal::new("BIT", ByteOrder::Little, 23, 1).named(&[(1, "on")])];
     let standard = |id| Id::from(StandardId::new(id).unwrap());
     let extended = |id| Id::from(ExtendedId::new(id).unwrap());
-    let message =
-        |name, id, len, from_device, signals| Message { name, id, len, from_device, signals };
+    let message = Message::new;
     let node = |label: &str, messages: Vec<Message>| Node {
         label: label.to_owned(),
         comment: "\"quoted\", in °C and 中文".to_owned(),

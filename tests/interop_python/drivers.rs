@@ -18,6 +18,7 @@ fn drive(name: &str) -> Option<(Value, String)> {
     let python = python()?;
     let link = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name).with_extension("pty");
     let args = PtyArgs {
+        force: false,
         bus: 1,
         seconds: None,
         lockstep: true,

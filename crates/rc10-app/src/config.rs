@@ -4,6 +4,10 @@ use core::fmt;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ConfigError {
+    /// Model and identifier of the device whose configuration it is, if it is a device's.
+    pub device: Option<(&'static str, u16)>,
+    /// The part of the configuration, such as `speed` for the speed loop; empty for the whole.
+    pub part: &'static str,
     /// The field, as it is written in the source.
     pub field: &'static str,
     /// What it holds.
@@ -12,9 +16,35 @@ pub struct ConfigError {
     pub must_be: &'static str,
 }
 
+impl ConfigError {
+    /// A field that holds `value`, but must be something else.
+    #[must_use]
+    pub const fn new(field: &'static str, value: f32, must_be: &'static str) -> Self {
+        Self { device: None, part: "", field, value, must_be }
+    }
+
+    /// The same, in a part of a configuration.
+    #[must_use]
+    pub const fn in_part(self, part: &'static str) -> Self {
+        Self { part, ..self }
+    }
+
+    /// The same, in the configuration of a device.
+    #[must_use]
+    pub const fn of_device(self, model: &'static str, id: u16) -> Self {
+        Self { device: Some((model, id)), ..self }
+    }
+}
+
+/// ``M3508 id 1: `speed.kp` is -0.063, but must be finite and not negative``
 impl fmt::Display for ConfigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "`{}` is {}, but must be {}", self.field, self.value, self.must_be)
+        let Self { device, part, field, value, must_be } = self;
+        if let Some((model, id)) = device {
+            write!(f, "{model} id {id}: ")?;
+        }
+        let dot = if part.is_empty() { "" } else { "." };
+        write!(f, "`{part}{dot}{field}` is {value}, but must be {must_be}")
     }
 }
 
@@ -46,5 +76,5 @@ fn check(
     value: f32,
     must_be: &'static str,
 ) -> Result<(), ConfigError> {
-    if good { Ok(()) } else { Err(ConfigError { field, value, must_be }) }
+    if good { Ok(()) } else { Err(ConfigError::new(field, value, must_be)) }
 }

@@ -13,11 +13,11 @@ use anyhow::Context;
 use rc10_can::embedded_can::Id;
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::{self, Model, RawFeedback};
-use rc10_motor::signals::Message;
+use rc10_motor::signals::{Marks, Message};
 use rc10_motor::{Dispatch, Feedback, FrameError, MotorBus, MotorId, MotorStatus};
 
 use crate::candump::{Line, Numbered, Reader};
-use crate::robot::{Description, Motor, Place, Robot};
+use crate::robot::{Description, Motor, Robot};
 use print::Printer;
 
 /// Arguments of `rc10 decode`.
@@ -37,7 +37,11 @@ pub struct DecodeArgs {
 const HELP: &str = "\
 Angles, speeds and currents are those of the output shaft, counted the way the robot counts: a
 motor that is mounted mirrored has its signs turned. Which motor is where stands in the robot's
-table of motors. Lines that cannot be read are reported on standard error.
+table of motors. Standard error has the lines that cannot be read, interfaces that are no bus of the
+robot, and those of --bus that never came.
+
+What is no plain setpoint or measurement has a name of its own: DAMIAO_DISABLE,
+DAMIAO_READ_REGISTER, LK_OFF, ODRIVE_ASK_CURRENTS, VESC_PING. Answers to requests count as feedback.
 
 With --json each frame is a line of its own, written while the log is read:
   feedback   {\"line\", \"time_us\", \"channel\", \"bus\", \"direction\", \"kind\": \"feedback\", \"motor\", \"model\",
@@ -48,6 +52,8 @@ With --json each frame is a line of its own, written while the log is read:
              motor takes has only \"lane\" and \"raw\"
   message    {.., \"kind\": \"message\", \"frame\", \"motor\", \"model\", \"id\", \"message\", \"from_device\",
              \"signals\": [{\"signal\", \"value\", \"unit\", \"name\"}]}: a frame of a motor of another vendor
+             that is sent to several, if motor is null
+  unasked    {.., \"kind\": \"unasked\", \"frame\", \"motor\"}: an answer to a request, without a name
   malformed  {.., \"kind\": \"malformed\", \"frame\", \"motor\", \"error\"}
 Unknown frames are only counted, in the summary. What a line does not tell is null.
 
@@ -82,8 +88,8 @@ impl FromStr for BusOfChannel {
     }
 }
 
-/// Prints what a log of the robot's buses says to `out`, and the lines that cannot be read to `err`. Whether there were
-/// such lines.
+/// Prints what a log of the robot's buses says to `out`, and the lines that cannot be read to `err`,
+/// with the interfaces that are no bus or never came. Whether there were lines that cannot be read.
 ///
 /// # Errors
 /// The file cannot be read; a bus or an interface is given twice, or the robot has no such bus; the
@@ -109,11 +115,7 @@ fn decode_log(
     err: &mut dyn Write,
 ) -> anyhow::Result<bool> {
     let (robot, buses) = robot.into_buses()?;
-    // DJI's motors tell more themselves than their tables do: the angle behind the gearbox.
-    let described = robot.motors.iter().filter(|motor| motor.dji().is_none());
-    let messages = described
-        .flat_map(|motor| motor.messages().into_iter().map(move |message| (motor, message)))
-        .collect();
+    let messages = (1..=robot.buses).map(|bus| known_on(&robot, bus)).collect();
     let mut decoder = Decoder { robot: &robot, messages, buses, newest: Micros::ZERO };
     let mut summary = Summary::new(&args.buses, robot.buses)?;
     let mut printer = Printer::new(out, args.json, &robot)?;
@@ -125,6 +127,9 @@ fn decode_log(
         match line {
             Ok(None) => {}
             Ok(Some(line)) => {
+                if let Some(hint) = summary.greet(line.channel) {
+                    writeln!(err, "{hint}")?;
+                }
                 if let Some((bus, meaning)) = summary.count(&mut decoder, &line) {
                     printer.frame(number, &line, bus, &meaning)?;
                 }
@@ -140,6 +145,9 @@ fn decode_log(
         }
     }
     printer.finish(&summary, &decoder)?;
+    for hint in summary.silent() {
+        writeln!(err, "{hint}")?;
+    }
     Ok(summary.broken_lines > 0)
 }
 
@@ -154,11 +162,28 @@ fn excerpt(text: &str) -> String {
     format!("\"{}\"{more}", text.chars().take(LONGEST).collect::<String>().escape_debug())
 }
 
+/// What the tables of a bus's motors describe, in their order; what is sent to several motors once.
+fn known_on(robot: &Description, bus: u8) -> Vec<Known<'_>> {
+    let mut all: Vec<Known<'_>> = Vec::new();
+    for motor in robot.on_bus(bus) {
+        for message in motor.messages() {
+            match all.iter_mut().find(|(_, known)| *known == message && !message.from_device) {
+                Some((whose, _)) => *whose = None,
+                None => all.push((Some(motor), message)),
+            }
+        }
+    }
+    all
+}
+
+/// A message, and its motor; `None`: it is sent to several.
+type Known<'d> = (Option<&'d Motor>, Message);
+
 /// The robot's buses, which only listen here.
 struct Decoder<'d, 'm> {
     robot: &'d Description,
-    /// What the tables of the motors describe.
-    messages: Vec<(&'d Motor, Message)>,
+    /// What the tables of the motors describe, bus by bus.
+    messages: Vec<Vec<Known<'d>>>,
     buses: Vec<MotorBus<'m>>,
     /// The newest time in the log: that of frames without one.
     newest: Micros,
@@ -173,9 +198,13 @@ enum Meaning<'d> {
     },
     /// A frame that a motor's tables describe.
     Message {
-        motor: &'d Motor,
+        /// `None`: several.
+        motor: Option<&'d Motor>,
         message: Message,
-        from_device: bool,
+    },
+    /// A motor's answer to a request, of which its tables say nothing.
+    Unasked {
+        motor: &'d Motor,
     },
     Command(Vec<Lane<'d>>),
     Malformed {
@@ -211,37 +240,60 @@ impl<'d> Decoder<'d, '_> {
         {
             return command(self.robot, bus, frame);
         }
+        // An LK drive takes commands at the identifier of its answers: what is sent to a motor is no
+        // feedback of it.
+        if let Some(message) = self.message(bus, frame, |_, message| !message.from_device) {
+            return message;
+        }
         let described = |id: MotorId| self.robot.on_bus(bus).nth(id.index());
-        let message = |from_device, whose: Option<&Motor>| {
-            let mut messages = self.messages.iter();
-            let is_it = |(motor, message): &&(&Motor, Message)| {
-                motor.on == Place::Bus(bus)
-                    && whose.is_none_or(|whose| std::ptr::eq(*motor, whose))
-                    && message.from_device == from_device
-                    && message.id == frame.id()
-                    && usize::from(message.len) == frame.len()
-            };
-            let &(motor, message) = messages.find(is_it).filter(|_| !frame.is_remote())?;
-            Some(Meaning::Message { motor, message, from_device })
-        };
         let Some(motors) = self.buses.get_mut(usize::from(bus) - 1) else {
             return Meaning::Unknown;
         };
-        match motors.on_frame(frame, at) {
-            Dispatch::Unclaimed => message(false, None).unwrap_or(Meaning::Unknown),
-            Dispatch::Malformed(id, error) => Meaning::Malformed { motor: described(id), error },
-            Dispatch::Motor(id) => {
-                let (Some(motor), Some(status)) = (described(id), motors.status(id, at)) else {
-                    return Meaning::Unknown;
-                };
-                if let Some(message) = message(true, Some(motor)) {
-                    return message;
-                }
-                let bytes = motor.dji().and_then(|_| frame.all_eight());
-                let raw = bytes.map(RawFeedback::unpack);
-                Meaning::Feedback { motor, raw, feedback: status.feedback }
+        let dispatch = motors.on_frame(frame, at);
+        let message = match dispatch {
+            Dispatch::Malformed(id, error) => {
+                return Meaning::Malformed { motor: described(id), error };
             }
+            Dispatch::Unclaimed => self.message(bus, frame, |_, message| message.from_device),
+            Dispatch::Unasked(id) => {
+                let whose = described(id);
+                self.message(bus, frame, |motor, message| message.from_device && is(motor, whose))
+            }
+            // What its motor takes for feedback is nothing that marks would tell from it.
+            Dispatch::Motor(id) => {
+                let whose = described(id).filter(|motor| motor.dji().is_none());
+                self.message(bus, frame, |motor, message| {
+                    let is_marked = message.marks != Marks::NONE;
+                    message.from_device && !is_marked && is(motor, whose)
+                })
+            }
+        };
+        let (Dispatch::Motor(id) | Dispatch::Unasked(id)) = dispatch else {
+            return message.unwrap_or(Meaning::Unknown);
+        };
+        let status = self.buses.get(usize::from(bus) - 1).and_then(|motors| motors.status(id, at));
+        let (None, Some(motor), Some(status)) = (&message, described(id), status) else {
+            return message.unwrap_or(Meaning::Unknown);
+        };
+        if let Dispatch::Unasked(_) = dispatch {
+            return Meaning::Unasked { motor };
         }
+        // DJI's motors tell more themselves than their tables do: the angle behind the gearbox.
+        let raw = motor.dji().and_then(|_| frame.all_eight()).map(RawFeedback::unpack);
+        Meaning::Feedback { motor, raw, feedback: status.feedback }
+    }
+
+    /// The most special message of a bus's motors that a frame is, of those that are wanted.
+    fn message(
+        &self,
+        bus: u8,
+        frame: &CanFrame,
+        wanted: impl Fn(Option<&'d Motor>, &Message) -> bool,
+    ) -> Option<Meaning<'d>> {
+        let mut messages = self.messages.get(usize::from(bus) - 1)?.iter().rev();
+        let &(motor, message) =
+            messages.find(|(motor, message)| message.matches(frame) && wanted(*motor, message))?;
+        Some(Meaning::Message { motor, message })
     }
 
     /// How the motors of a bus are, in the order of the table.
@@ -252,6 +304,11 @@ impl<'d> Decoder<'d, '_> {
             motors.flat_map(move |motors| motors.ids().filter_map(move |id| status(motors, id)));
         self.robot.on_bus(bus).zip(statuses)
     }
+}
+
+/// Whether it is that very motor.
+fn is(one: Option<&Motor>, other: Option<&Motor>) -> bool {
+    one.zip(other).is_some_and(|(one, other)| std::ptr::eq(one, other))
 }
 
 /// The lanes of a command frame that a motor takes, and those that say something to nobody.
@@ -332,25 +389,57 @@ impl Summary {
         stock.filter(|bus| self.told.iter().all(|told| told.bus != *bus))
     }
 
+    /// Takes note of an interface; a hint when the first frame comes from one that is no bus.
+    fn greet(&mut self, name: &str) -> Option<String> {
+        if self.channels.contains_key(name) {
+            return None;
+        }
+        let bus = self.bus_of(name);
+        self.channels.insert(name.to_owned(), Channel { bus, ..Channel::default() });
+        if bus.is_some() {
+            return None;
+        }
+        let is_free = |bus: &u8| {
+            let taken = self.channels.values().any(|channel| channel.bus == Some(*bus));
+            !taken && self.told.iter().all(|told| told.bus != *bus)
+        };
+        let free = (1..=self.buses).find(is_free).unwrap_or(1);
+        Some(format!(
+            "{name}: no bus of the robot (1 to {}), its frames are not decoded; --bus {name}={free} \
+             makes it one",
+            self.buses
+        ))
+    }
+
+    /// What to say of the interfaces that were told, but never came.
+    fn silent(&self) -> impl Iterator<Item = String> {
+        let came: Vec<&str> = self.channels.keys().map(String::as_str).collect();
+        let came = if came.is_empty() { "no frames".to_owned() } else { came.join(", ") };
+        let silent = self.told.iter().filter(|told| !self.channels.contains_key(&told.channel));
+        silent.map(move |BusOfChannel { channel, bus }| {
+            format!("--bus {channel}={bus}: no frame came on {channel}; the log has {came}")
+        })
+    }
+
     /// Decodes and counts a frame; `None`: it is unknown.
     fn count<'d>(
         &mut self,
         decoder: &mut Decoder<'d, '_>,
         line: &Line<'_>,
     ) -> Option<(u8, Meaning<'d>)> {
-        if !self.channels.contains_key(line.channel) {
-            let channel = Channel { bus: self.bus_of(line.channel), ..Channel::default() };
-            self.channels.insert(line.channel.to_owned(), channel);
-        }
         let channel = self.channels.get_mut(line.channel)?;
         self.frames += 1;
         channel.frames += 1;
         let meaning = channel.bus.map(|bus| (bus, decoder.decode(bus, line)));
         match &meaning {
-            Some((_, Meaning::Feedback { .. } | Meaning::Message { from_device: true, .. })) => {
-                self.feedback += 1;
+            Some((_, Meaning::Message { message, .. })) if !message.from_device => {
+                self.commands += 1;
             }
-            Some((_, Meaning::Command(_) | Meaning::Message { .. })) => self.commands += 1,
+            Some((_, Meaning::Command(_))) => self.commands += 1,
+            Some((
+                _,
+                Meaning::Feedback { .. } | Meaning::Message { .. } | Meaning::Unasked { .. },
+            )) => self.feedback += 1,
             Some((_, Meaning::Malformed { .. })) => self.malformed += 1,
             None | Some((_, Meaning::Unknown)) => {
                 self.unknown += 1;
@@ -531,18 +620,18 @@ mod tests {
         let output = run(MIXED, &[], false).unwrap();
         assert!(output.broken);
         let lines: Vec<&str> = output.errors.lines().collect();
-        assert_eq!(lines.len(), 2, "{lines:?}");
+        assert_eq!(lines.len(), 3, "{lines:?}");
         assert!(
             lines[0].starts_with("line 7: it is not UTF-8 text: \"nothing\\u{1b}[2J"),
             "{lines:?}"
         );
         assert!(lines[1].starts_with("line 10: odd number of hex digits"), "{lines:?}");
+        assert!(lines[2].starts_with("can5: no bus of the robot"), "{lines:?}");
         assert!(
             output.text.contains("MALFORMED: 1 data bytes instead of 8: 201#00"),
             "{}",
             output.text
         );
-        assert!(output.text.contains("--bus can5=N"), "{}", output.text);
         assert!(!output.text.contains('\x1B'));
     }
 
@@ -561,6 +650,27 @@ mod tests {
         let stock = summary(log, &[]);
         assert_eq!(channels(&stock)[0]["bus"], 2);
         assert_eq!(channels(&stock)[1]["bus"], Value::Null);
+    }
+
+    #[test]
+    fn interfaces_that_are_no_bus_and_buses_that_never_come_are_said() {
+        let log = b"(1.0) can7 203#0000000000000000\n(1.1) can7 203#0000000000000000\n\
+                    (1.2) can0 203#0000000000000000\n";
+        let said = |buses: &[&str]| run(log, buses, true).unwrap().errors;
+        let stray = "can7: no bus of the robot (1 to 3), its frames are not decoded; ";
+        assert_eq!(said(&[]), format!("{stray}--bus can7=1 makes it one\n"));
+        let silent = "--bus foo=1: no frame came on foo; the log has can0, can7\n";
+        assert_eq!(
+            said(&["foo=1"]),
+            format!(
+                "{stray}--bus can7=2 makes it one\n\
+                 can0: no bus of the robot (1 to 3), its frames are not decoded; --bus can0=2 makes \
+                 it one\n{silent}"
+            )
+        );
+        assert_eq!(said(&["can7=2"]), "");
+        let nothing = run(b"", &["foo=1"], false).unwrap().errors;
+        assert_eq!(nothing, "--bus foo=1: no frame came on foo; the log has no frames\n");
     }
 
     #[test]

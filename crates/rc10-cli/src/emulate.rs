@@ -14,16 +14,17 @@ use std::{env, fs};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_emu::fault::Kind;
-use rc10_emu::{Fault, Machine, Rig};
+use rc10_emu::{Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{Loops, MotorBus, MotorStatus};
+use rc10_sim::fault::{self, Fault, Kind};
 use rc10_sim::{Nanos, TraceEntry};
 use sha2::{Digest, Sha256};
 
 use self::output::Outcome;
 use crate::figures::{Figures, verdict};
+use crate::mistake::{self, Mistake};
 use crate::recorder::Recorder;
 use crate::recording::{Recording, hex_digits};
 use crate::remote::{Operator, ReceiverWire, Sight, Watch};
@@ -46,11 +47,12 @@ pub struct EmuArgs {
     /// a Cortex-M4 would]
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub mips: Option<u64>,
-    /// Something goes wrong: cut:2@0.3s..0.5s short:2@.. dominant:2@.. noise:2@0.3s power:2@..
-    /// load:2@.. remote-lost@0.5s..0.7s hang@0.3s..320ms mask@0.3s..305ms panic@0.3s
-    /// hardfault@0.3s; repeat for more
-    #[arg(long = "fault", value_name = "FAULT")]
+    #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
     pub faults: Vec<Fault>,
+    #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
+    pub mistakes: Vec<Mistake>,
     /// Folder for report.html, the bus logs and what the chip's UARTs said
     #[arg(long, value_name = "DIR", default_value = "target/rc10-emu")]
     pub out: PathBuf,
@@ -76,6 +78,8 @@ pub struct Setup {
     pub rate: Option<FeedbackRate>,
     /// What goes wrong.
     pub faults: Vec<Fault>,
+    /// What is built otherwise than the robot's table says.
+    pub mistakes: Vec<Mistake>,
 }
 
 /// A chip in a robot's surroundings, and what the robot's own code on this machine hears on the
@@ -106,7 +110,8 @@ impl<'r> Emulation<'r> {
     /// there.
     pub fn new(program: &[u8], robot: Robot<'r>, setup: &Setup) -> Result<Self> {
         let mut robot = robot;
-        robot.set_remote(None, &setup.faults)?;
+        robot.set_faults(&setup.faults)?;
+        robot.set_mistakes(&setup.mistakes)?;
         let loops = robot.loops();
         let (mut description, listeners) = robot.into_buses()?;
         if let Some(rate) = setup.rate {
@@ -120,7 +125,8 @@ impl<'r> Emulation<'r> {
             Surroundings::new(&description, setup.seed)?;
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
         ensure!(lines.is_empty(), "the firmware has no RS-485 line yet, the robot {}", lines.len());
-        let mut machine = Machine::new(program)?;
+        let mut machine =
+            Machine::with(program, Options { seed: setup.seed, ..Options::default() })?;
         if let Some(speed) = setup.speed {
             machine.set_speed(speed);
         }
@@ -215,6 +221,8 @@ impl<'r> Emulation<'r> {
                 continue;
             }
             recorder.sample(self.base.as_ref(), |number| self.bus_status(number), None);
+            // What the chip hears of its IMU is not seen from here.
+            recorder.base(&self.motors, |line| self.status(line, now), None);
             if let Some(sight) = self.sight() {
                 watch.sample(sight);
             }
@@ -272,6 +280,7 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
         speed: args.mips.map(|mips| mips * 1_000_000),
         rate: None,
         faults: args.faults.clone(),
+        mistakes: args.mistakes.clone(),
     };
     let started = Instant::now();
     let named = || path.display().to_string();

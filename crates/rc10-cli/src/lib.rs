@@ -9,7 +9,8 @@
 //!   on a bus or line, its [`Device`](robot::Device), and what its shaft carries. [`team`] and
 //!   [`mixed`]: the two of `rc10-robot`.
 //! * [`remote`]: its remote control, who holds it, and what happens when it is lost.
-//! * [`surroundings`]: the world around a robot, from its description alone.
+//! * [`surroundings`]: the world around a robot, from its description alone. [`mistake`]: what is
+//!   not as described.
 //! * [`recorder`]: writes down what happens there, whoever runs the robot. [`simulate`] runs its
 //!   own tasks, on this machine.
 //! * [`recording`]: what is left of a run. [`figures`] and [`report`] are made from it.
@@ -20,12 +21,14 @@
 #![allow(clippy::cast_precision_loss, clippy::cast_possible_truncation)]
 
 pub mod candump;
+pub mod consistency;
 pub mod dbc;
 pub mod decode;
 pub mod effort;
 pub mod emulate;
 pub mod figures;
 pub mod margin;
+pub mod mistake;
 pub mod mixed;
 pub mod problems;
 pub mod pty;
@@ -52,6 +55,7 @@ use emulate::EmuArgs;
 use pty::PtyArgs;
 use run::RunArgs;
 
+pub use mistake::Mistake;
 pub use recording::{Event, Recording};
 pub use remote::{Receiver, RemoteControl};
 pub use robot::{Base, Description, Motor, Robot, Script, SerialPart};
@@ -105,6 +109,8 @@ Examples:
   rc10                                   ten seconds of the robot, and target/rc10/report.html
   rc10 run --seconds 3 --seed 7          three seconds of another world
   rc10 run --out /tmp/tonight --json     all figures as one JSON object
+  rc10 run --mistake direction:wheel-front-left
+                                         how it looks if that motor is mounted the other way
   rc10 run --remote sbus --fault remote-lost@4s..4.5s
                                          another receiver, and its radio link breaks
   rc10 emu --fault cut:2@0.3s..0.5s      the firmware's ELF, with bus 2 unplugged for a while
@@ -171,13 +177,19 @@ const fn strict(is_strict: bool, has_problems: bool) -> u8 {
     if is_strict && has_problems { 3 } else { 0 }
 }
 
-/// The command line for a robot: `robot` sets it up and gives it to [`CommandLine::run`]. Exit code
-/// 0: fine; 1: the input has broken lines; 2: bad arguments, a robot that cannot be set up, motors
-/// that do not fit on a bus, or a file that cannot be read or written; 3: the run had problems, and
-/// `--strict` was given.
+/// The command line for a robot: `robot` sets it up and gives it to [`CommandLine::run`]. An error
+/// that names a motor by model and identifier is told with its label and bus of the `description`.
+/// Exit code 0: fine; 1: the input has broken lines; 2: bad arguments, a robot that cannot be set up,
+/// motors that do not fit on a bus, or a file that cannot be read or written; 3: the run had problems,
+/// and `--strict` was given.
 #[must_use]
-pub fn main_for(robot: impl FnOnce(CommandLine) -> anyhow::Result<ExitCode>) -> ExitCode {
-    main_with(|arguments: Arguments| robot(arguments.command_line()))
+pub fn main_for(
+    description: &Description,
+    robot: impl FnOnce(CommandLine) -> anyhow::Result<ExitCode>,
+) -> ExitCode {
+    main_with(|arguments: Arguments| {
+        robot(arguments.command_line()).map_err(|error| description.label(error))
+    })
 }
 
 /// Reads the command line and does what it says.
@@ -210,13 +222,16 @@ pub fn main() -> ExitCode {
                 let ports = rc10_robot::ports();
                 let io = rc10_robot::Io::new(ports.each_ref());
                 let mut motors = rc10_robot::Motors::new();
-                let buses = motors.start(&io)?;
+                let buses =
+                    motors.start(&io).map_err(|error| team::description().label(error.into()))?;
                 command.run(team::robot(&io, buses))
             }
             Which::Mixed => {
                 let io = rc10_robot::mixed::Io::new();
-                let mut motors = rc10_robot::mixed::Motors::new()?;
-                let (buses, line) = motors.start(&io)?;
+                let description = mixed::description()?;
+                let label = |error: rc10_robot::mixed::SetupError| description.label(error.into());
+                let mut motors = rc10_robot::mixed::Motors::new().map_err(label)?;
+                let (buses, line) = motors.start(&io).map_err(label)?;
                 command.run(mixed::robot(&io, buses, line)?)
             }
         }

@@ -7,9 +7,8 @@
 use std::fmt;
 
 use rc10_can::Micros;
-use rc10_emu::Fault;
-use rc10_emu::fault::Kind as FaultKind;
 use rc10_motor::{ArmState, Condition, Drive, Link, Verdict};
+use rc10_sim::fault::{Fault, Kind as FaultKind};
 use serde_json::{Value, json};
 
 use crate::effort::{self, EffortTrack, IN_A_ROW, WINDOW};
@@ -107,7 +106,8 @@ impl fmt::Display for Problem {
 pub type Search = fn(&Recording, &mut Vec<Problem>);
 
 /// All of them, in the order in which their findings are told.
-const SEARCHES: [Search; 6] = [robot, motors, efforts, buses, lines, remote];
+const SEARCHES: [Search; 7] =
+    [robot, motors, efforts, buses, lines, remote, crate::consistency::consistency];
 
 /// Everything that was found in a run.
 #[must_use]

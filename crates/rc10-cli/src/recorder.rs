@@ -11,8 +11,8 @@ use crate::candump;
 use crate::effort::{EffortWatch, effort_of};
 use crate::margin::Margins;
 use crate::recording::{
-    BaseTrack, BusSample, BusTrack, Cell, LOOK_PERIOD, MotorSample, MotorTrack, PathPoint,
-    Recording, SAMPLE_PERIOD, Tracking,
+    BaseHeard, BaseTrack, BusSample, BusTrack, Cell, LOOK_PERIOD, MotorSample, MotorTrack,
+    PathPoint, Recording, SAMPLE_PERIOD, Tracking, WheelHeard,
 };
 use crate::robot::{Description, Motor, Twin};
 
@@ -26,6 +26,7 @@ pub struct Recorder<'d> {
     buses: Vec<BusRecorder>,
     arm: Vec<ArmState>,
     path: Vec<PathPoint>,
+    heard: Vec<BaseHeard>,
 }
 
 #[derive(Default)]
@@ -59,6 +60,7 @@ impl<'d> Recorder<'d> {
             buses: (0..description.buses).map(|_| BusRecorder::default()).collect(),
             arm: Vec::new(),
             path: Vec::new(),
+            heard: Vec::new(),
         }
     }
 
@@ -121,6 +123,30 @@ impl<'d> Recorder<'d> {
         }
     }
 
+    /// Takes a sample of what the robot hears of its base: `status` as for [`sample`](Self::sample),
+    /// and by its IMU `yaw`, degrees.
+    pub fn base(
+        &mut self,
+        motors: &[Twin],
+        status: impl Fn(usize) -> MotorStatus,
+        yaw: Option<f64>,
+    ) {
+        let Some(base) = &self.description.base else { return };
+        let wheels = base.wheels.map(|line| {
+            let MotorStatus { link, drive, feedback, .. } = status(line);
+            let is_driven = match self.description.motors.get(line).zip(motors.get(line)) {
+                Some((motor, twin)) if self.is_emulated => motor.is_driven(twin),
+                _ => drive == Drive::Run,
+            };
+            WheelHeard {
+                angle: feedback.total_angle.microdegrees() as f64 * 1e-6,
+                current: feedback.current().map(|current| current.get().into()),
+                follows: link == Link::Online && is_driven,
+            }
+        });
+        self.heard.push(BaseHeard { wheels, yaw });
+    }
+
     /// The recording. `motor` is what the robot knows of the motor in a line of its table, `bus`
     /// of its bus with a number, `lines` of its RS-485 lines, at the end.
     #[must_use]
@@ -160,7 +186,12 @@ impl<'d> Recorder<'d> {
             motors: motors.collect(),
             buses: buses.collect(),
             lines,
-            base: base.map(|base| BaseTrack { wheels: base.wheels, path: self.path }),
+            base: base.map(|base| BaseTrack {
+                wheels: base.wheels,
+                path: self.path,
+                chassis: base.chassis,
+                heard: self.heard,
+            }),
             events: self.description.events(length),
             arm: self.arm,
             is_emulated: self.is_emulated,

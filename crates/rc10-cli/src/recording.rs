@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 
 use rc10_can::Micros;
-use rc10_emu::Fault;
 use rc10_motor::embassy::{BusStatus, LineStatus};
 use rc10_motor::{ArmState, Drive, Link, MotorCounters, MotorStatus, TargetKind};
+use rc10_sim::{Chassis, Fault};
 use sha2::{Digest, Sha256};
 
 use crate::effort::EffortTrack;
@@ -212,6 +212,55 @@ pub struct BaseTrack {
     pub wheels: [usize; 4],
     /// Where it was, per sample.
     pub path: Vec<PathPoint>,
+    /// Its measures, as the robot's table has them.
+    pub chassis: Chassis,
+    /// What the robot heard of it, per sample.
+    pub heard: Vec<BaseHeard>,
+}
+
+impl BaseTrack {
+    /// Where the robot's wheels say that it was, per sample: their turns, by the robot's measures.
+    #[must_use]
+    pub fn by_wheels(&self) -> Vec<PathPoint> {
+        let Chassis { wheel_radius, half_length, half_width, .. } = self.chassis;
+        let mut at = PathPoint { x: 0.0, y: 0.0, yaw: 0.0 };
+        let before = self.heard.first().into_iter().chain(&self.heard);
+        let step = |(before, now): (&BaseHeard, &BaseHeard)| {
+            let rim = |wheel: usize| {
+                let degrees = now.wheels[wheel].angle - before.wheels[wheel].angle;
+                degrees.to_radians() * wheel_radius / 4.0
+            };
+            let [fl, fr, rl, rr] = [rim(0), rim(1), rim(2), rim(3)];
+            let (forward, left) = (fl + fr + rl + rr, -fl + fr + rl - rr);
+            let turn = (-fl + fr - rl + rr) / (half_length + half_width);
+            let (sin, cos) = (at.yaw + turn / 2.0).sin_cos();
+            at.x += forward * cos - left * sin;
+            at.y += forward * sin + left * cos;
+            at.yaw += turn;
+            at
+        };
+        before.zip(&self.heard).map(step).collect()
+    }
+}
+
+/// What a robot's own sensors said of its base at one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BaseHeard {
+    /// Its wheels, in the order of [`BaseTrack::wheels`].
+    pub wheels: [WheelHeard; 4],
+    /// Which way it looks by its IMU, degrees counter-clockwise, all turns counted.
+    pub yaw: Option<f64>,
+}
+
+/// What a robot heard of a wheel's motor, as the robot counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WheelHeard {
+    /// Degrees of the output shaft, all turns counted.
+    pub angle: f64,
+    /// Current in the winding, A, if the device tells it.
+    pub current: Option<f64>,
+    /// It is heard, and follows a target.
+    pub follows: bool,
 }
 
 /// Where the base was.

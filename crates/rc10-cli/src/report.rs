@@ -15,7 +15,7 @@ use crate::figures::{
 };
 use crate::problems::{Problem, Severity};
 use crate::recording::{
-    BusTrack, Cell, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD,
+    BaseTrack, BusTrack, Cell, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD,
 };
 use crate::remote::{RemoteSample, RemoteTrack};
 use crate::robot::Place;
@@ -382,7 +382,7 @@ fn figure(number: usize, chart: &Chart) -> String {
 
 /// The plot of the path, which has no time axis.
 const PATH: &str = "<figure>
-<figcaption><h3>Path of the base <small>seen from above, an arrow each 0.5 s</small></h3></figcaption>
+<figcaption><h3>Path of the base <small>seen from above, an arrow each 0.5 s · dashed: where its wheels say that it was</small></h3></figcaption>
 <div class=\"legend\"></div>
 <div class=\"plot\"><canvas data-plot=\"path\" role=\"img\" aria-label=\"Path of the base in the plane, in metres\"></canvas></div>
 </figure>
@@ -486,6 +486,8 @@ fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> S
     let stride = stride(recording);
     let path =
         |of: fn(&PathPoint) -> f64| numbers(path(recording).iter().step_by(stride).map(of), 3);
+    let by_wheels = recording.base.as_ref().map_or_else(Vec::new, BaseTrack::by_wheels);
+    let believed = || by_wheels.iter().step_by(stride);
     let data = json!({
         "length": seconds(recording.length),
         "period": periods(1),
@@ -501,6 +503,10 @@ fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> S
             "x": path(|at| at.x),
             "y": path(|at| at.y),
             "yaw": path(|at| at.yaw),
+            "believed": {
+                "x": numbers(believed().map(|at| at.x), 3),
+                "y": numbers(believed().map(|at| at.y), 3),
+            },
         },
     });
     // Inside strings only, because JSON has no such sign elsewhere.
@@ -611,7 +617,7 @@ mod tests {
     use rc10_sim::remote::Sent;
 
     use super::*;
-    use crate::recording::{BaseTrack, Event, Tracking};
+    use crate::recording::{Event, Tracking};
     use crate::remote::{Loss, Lost, Receiver};
     use crate::team;
 
@@ -674,7 +680,12 @@ mod tests {
             motors: motors.collect(),
             buses: (1..=3).map(bus).collect(),
             lines: Vec::new(),
-            base: Some(BaseTrack { wheels: [0, 1, 2, 3], path: (0..samples).map(path).collect() }),
+            base: Some(BaseTrack {
+                wheels: [0, 1, 2, 3],
+                path: (0..samples).map(path).collect(),
+                chassis: rc10_sim::Chassis::default(),
+                heard: Vec::new(),
+            }),
             events: vec![
                 event(100, "arm"),
                 event(900, "square: forward"),

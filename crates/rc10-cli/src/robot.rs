@@ -4,19 +4,22 @@
 use std::fmt;
 use std::path::PathBuf;
 use std::pin::Pin;
+use std::rc::Rc;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use rc10_can::Micros;
-use rc10_emu::Fault;
-use rc10_emu::fault::Kind;
 use rc10_module::Reception;
 use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
 use rc10_motor::embassy::{BusPort, LinePort, MotorPort, run_bus, run_line};
 use rc10_motor::signals::Message;
 use rc10_motor::unitree::UnitreeLine;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorId, MotorName, Verdict};
-use rc10_sim::{Esc, EscConfig, EscState, LineMotor, Serial, Tasks, UartPort, World};
+use rc10_sim::fault::Kind;
+use rc10_sim::{
+    Esc, EscConfig, EscState, Fault, Faults, LineMotor, Serial, Tasks, UartPort, World,
+};
 
+use crate::mistake::{Built, Mistake};
 use crate::recording::Event;
 use crate::remote::{Line, Lost, Receiver, ReceiverPort, RemoteControl};
 use crate::surroundings::Surroundings;
@@ -40,6 +43,10 @@ pub struct Description {
     pub script: Script,
     /// Builds its firmware and says where the ELF file is. `None`: `rc10 emu` must be told.
     pub firmware: Option<fn() -> Result<PathBuf>>,
+    /// What goes wrong around it in this run: [`Robot::set_faults`].
+    pub faults: Vec<Fault>,
+    /// What is built otherwise than described: [`Robot::set_mistakes`].
+    pub mistakes: Vec<Mistake>,
 }
 
 /// One motor of a robot, and what is on its shaft.
@@ -349,6 +356,12 @@ impl Script {
     }
 }
 
+/// How often a text names a motor: `M3508 id 1` is not in `M3508 id 12`.
+fn mentions(text: &str, name: &str) -> usize {
+    let ends = text.match_indices(name).map(|(at, name)| &text[at + name.len()..]);
+    ends.filter(|rest| !rest.starts_with(|next: char| next.is_ascii_digit())).count()
+}
+
 impl Description {
     /// The motors of a bus, in the order in which they are attached.
     pub fn on_bus(&self, bus: u8) -> impl Iterator<Item = &Motor> {
@@ -384,6 +397,35 @@ impl Description {
         events
     }
 
+    /// Adds to an error that names motors by model and identifier what the robot calls them, and
+    /// where they are plugged in: a line each.
+    #[must_use]
+    pub fn label(&self, error: anyhow::Error) -> anyhow::Error {
+        let text = format!("{error:#}");
+        let named = |motor: &&Motor| mentions(&text, &motor.name().to_string()) > 0;
+        let mut motors: Vec<&Motor> = self.motors.iter().filter(named).collect();
+        // Two that are in each other's way hang on the same bus; others may be called the same.
+        let mentioned = |on| -> usize {
+            let mut names: Vec<String> = Vec::new();
+            names.extend(motors.iter().filter(|m| m.on == on).map(|m| m.name().to_string()));
+            let count = names.len();
+            names.dedup();
+            names.iter().map(|name| mentions(&text, name)).sum::<usize>().min(count)
+        };
+        let most = motors.iter().map(|motor| mentioned(motor.on)).max();
+        let places: Vec<Place> = motors.iter().map(|motor| motor.on).collect();
+        let best: Vec<Place> =
+            places.into_iter().filter(|on| Some(mentioned(*on)) == most).collect();
+        motors.retain(|motor| best.contains(&motor.on));
+        if motors.is_empty() {
+            return error;
+        }
+        let whose =
+            |motor: &&Motor| format!("\n      {}: {} is {}", motor.on, motor.label, motor.name());
+        let whose: String = motors.iter().map(whose).collect();
+        anyhow!("{text}{whose}")
+    }
+
     /// Which of the motors that are plugged in at the same place the one in an entry of
     /// [`Description::motors`] is.
     #[must_use]
@@ -405,7 +447,12 @@ pub struct Ports<'r> {
     pub switch: Option<&'r ArmSwitch>,
     /// What it hears of its remote.
     pub reception: Option<&'r Reception>,
+    /// Which way it looks by its IMU at this time: degrees counter-clockwise, all turns counted.
+    pub yaw: Option<Yaw<'r>>,
 }
+
+/// Which way a robot looks at a time, if it knows.
+pub type Yaw<'r> = Rc<dyn Fn(Micros) -> Option<f64> + 'r>;
 
 impl<'r> Ports<'r> {
     /// The port of the motor in an entry of [`Description::motors`], if it is plugged in here.
@@ -446,7 +493,13 @@ impl<'r> Robot<'r> {
     /// A robot without buses and tasks.
     #[must_use]
     pub const fn new(description: Description) -> Self {
-        let ports = Ports { buses: Vec::new(), lines: Vec::new(), switch: None, reception: None };
+        let ports = Ports {
+            buses: Vec::new(),
+            lines: Vec::new(),
+            switch: None,
+            reception: None,
+            yaw: None,
+        };
         Self {
             description,
             buses: Vec::new(),
@@ -489,6 +542,14 @@ impl<'r> Robot<'r> {
         self
     }
 
+    /// Says which way its IMU says that it looks, degrees counter-clockwise with all turns counted:
+    /// so that a run can compare its wheels with that.
+    #[must_use]
+    pub fn yaw(mut self, yaw: impl Fn(Micros) -> Option<f64> + 'r) -> Self {
+        self.ports.yaw = Some(Rc::new(yaw));
+        self
+    }
+
     /// Adds the task that listens to the receiver of its remote, and where that counts.
     #[must_use]
     pub fn remote<F: Future + 'r>(
@@ -508,22 +569,44 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Plugs another receiver in, if one is named, and says when the remote will be lost.
+    /// Plugs another receiver in.
     ///
     /// # Errors
-    /// If it has no remote, or none with such a receiver, or one is lost that is lost already.
-    pub fn set_remote(&mut self, receiver: Option<Receiver>, faults: &[Fault]) -> Result<()> {
-        let needed = receiver.is_some() || faults.iter().any(|f| f.kind == Kind::RemoteLost);
+    /// If it has no remote, or none with such a receiver.
+    pub fn set_remote(&mut self, receiver: Receiver) -> Result<()> {
         match &mut self.description.remote {
-            Some(remote) => {
-                receiver.map_or(Ok(()), |receiver| remote.plug(receiver))?;
-                remote.lose(faults)
-            }
-            None if needed => {
-                bail!("this robot has no remote control: no --remote, no remote-lost")
-            }
-            None => Ok(()),
+            Some(remote) => remote.plug(receiver),
+            None => bail!("this robot has no remote control: no --remote"),
         }
+    }
+
+    /// Says what will go wrong around it.
+    ///
+    /// # Errors
+    /// If a fault is on a bus or a line that it does not have; if it has no remote to lose, or one
+    /// is lost that is lost already.
+    pub fn set_faults(&mut self, faults: &[Fault]) -> Result<()> {
+        let Description { buses, lines, remote, .. } = &mut self.description;
+        Faults::check(faults, usize::from(*buses), usize::from(*lines))?;
+        match remote {
+            Some(remote) => remote.lose(faults)?,
+            None => ensure!(
+                faults.iter().all(|fault| fault.kind != Kind::RemoteLost),
+                "this robot has no remote control: no remote-lost"
+            ),
+        }
+        self.description.faults = faults.into();
+        Ok(())
+    }
+
+    /// Says what is built otherwise than described: the world around it will be, and it will not
+    /// know.
+    ///
+    /// # Errors
+    /// If a mistake concerns a motor or a base that it does not have.
+    pub fn set_mistakes(&mut self, mistakes: &[Mistake]) -> Result<()> {
+        self.description.mistakes = mistakes.into();
+        Built::new(&self.description).map(|_| ())
     }
 
     /// What it was described as.
@@ -723,6 +806,42 @@ mod tests {
         let expected = "0 down, 100 up, 1000 remote lost, 1050 remote back, 1050 down, \
                         1100 remote lost, 2200 remote back, 2200 up";
         assert_eq!(twice, expected);
+    }
+
+    #[test]
+    fn errors_say_what_the_robot_calls_their_motors() {
+        let motors = vec![
+            Motor::new("wheel left", 1, &dji::M3508, 1),
+            Motor::new("wheel right", 1, &dji::M3508, 1),
+            Motor::new("lift", 2, &dji::M3508, 1),
+            Motor::new("yaw", 2, &dji::GM6020_CURRENT, 11),
+        ];
+        let description = Description { motors, buses: 2, ..<_>::default() };
+        let labelled = |error: anyhow::Error| description.label(error).to_string();
+        let switch = ArmSwitch::new();
+        let mut motors = [1, 1].map(|id| Dji::new(&dji::M3508, id).unwrap());
+        let mut bus = MotorBus::new(&switch);
+        let [left, right] = &mut motors;
+        bus.attach(left, Safety::COAST).unwrap();
+        let clash = bus.attach(right, Safety::COAST).unwrap_err();
+        assert_eq!(
+            labelled(clash.into()),
+            "M3508 id 1 cannot share a bus with M3508 id 1: both send feedback with identifier \
+             0x201\n      bus 1: wheel left is M3508 id 1\n      bus 1: wheel right is M3508 id 1"
+        );
+        let id = Dji::new(&dji::GM6020_CURRENT, 11).unwrap_err();
+        assert_eq!(
+            labelled(id.into()),
+            "GM6020 (current mode) id 11: its identifiers are 1 to 7\n      \
+             bus 2: yaw is GM6020 (current mode) id 11"
+        );
+        let mut gains = dji::M3508.cascade;
+        gains.speed.kp = -0.063;
+        let gains = Dji::new(&dji::M3508, 1).unwrap().with_cascade(gains).unwrap_err();
+        assert!(labelled(gains.into()).starts_with(
+            "M3508 id 1: `speed.kp` is -0.063, but must be finite and not negative\n      bus 1: "
+        ));
+        assert_eq!(labelled(anyhow!("M3508 id 12 is none of them")), "M3508 id 12 is none of them");
     }
 
     #[test]

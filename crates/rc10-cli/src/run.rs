@@ -8,12 +8,12 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_emu::Fault;
-use rc10_emu::fault::Kind;
+use rc10_sim::fault::{self, Fault};
 
 use crate::figures::{
     Figures, Table, bus_table, line_table, motor_table, remote_lines, to_json, verdict,
 };
+use crate::mistake::{self, Mistake};
 use crate::recording::Recording;
 use crate::remote::{self, Receiver};
 use crate::report::report;
@@ -32,9 +32,12 @@ pub struct RunArgs {
     /// The receiver of the robot's remote control [default: the one that the robot names]
     #[arg(long, value_name = "RECEIVER", value_parser = remote::parser(), ignore_case = true)]
     pub remote: Option<Receiver>,
-    /// Something goes wrong: remote-lost@4s or remote-lost@4s..4.5s; repeat for more
-    #[arg(long = "fault", value_name = "FAULT")]
+    #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
     pub faults: Vec<Fault>,
+    #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
+    pub mistakes: Vec<Mistake>,
     /// Folder for report.html and the bus logs
     #[arg(long, value_name = "DIR", default_value = "target/rc10")]
     pub out: PathBuf,
@@ -57,6 +60,7 @@ impl Default for RunArgs {
             seed: 1,
             remote: None,
             faults: Vec::new(),
+            mistakes: Vec::new(),
             out: "target/rc10".into(),
             json: false,
             strict: false,
@@ -92,10 +96,14 @@ pub(crate) fn seconds(text: &str) -> Result<Micros, String> {
 /// their buses.
 pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
     check_end(&args.faults, args.seconds)?;
-    if let Some(fault) = args.faults.iter().find(|fault| fault.kind != Kind::RemoteLost) {
-        bail!("--fault {}: rc10 run knows only remote-lost; rc10 emu does that", fault.kind);
+    if let Some(Fault { kind, .. }) = args.faults.iter().find(|fault| fault.kind.is_of_chip()) {
+        bail!("--fault {kind}: rc10 run has no chip to do that to; rc10 emu does it");
     }
-    robot.set_remote(args.remote, &args.faults)?;
+    if let Some(receiver) = args.remote {
+        robot.set_remote(receiver)?;
+    }
+    robot.set_faults(&args.faults)?;
+    robot.set_mistakes(&args.mistakes)?;
     robot.fit(args.force)?;
     // Before the work, so that a wrong folder is known at once.
     make_folder(&args.out)?;

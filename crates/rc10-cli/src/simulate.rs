@@ -5,6 +5,7 @@ use rc10_can::Micros;
 use rc10_module::Reception;
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{ArmSwitch, MotorStatus};
+use rc10_sim::{Faults, Nanos};
 
 use crate::recorder::Recorder;
 use crate::recording::Recording;
@@ -25,6 +26,7 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
         |entry| ports.motor(&description, entry).map_or(MotorStatus::NEW, |port| port.status());
     let mut recorder = Recorder::new(&description, seed, &loops, &around.motors, false);
     let mut watch = Watch::new(description.remote.as_ref());
+    let mut faults = Faults::new(&around.wires, &around.lines, &description.faults)?;
     let bus = |number: u8| {
         let port = usize::from(number).checked_sub(1).and_then(|index| ports.buses.get(index));
         port.map_or_else(BusStatus::default, |port| port.status())
@@ -38,8 +40,16 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
     let mut next_look = Recorder::next_look(around.world.now(), length);
     while around.world.now() < length {
         let watched = watch.next(around.world.now()).unwrap_or(next_look);
-        around.run(&mut tasks, watched.min(next_look));
+        let next_fault = faults.next(around.world.now_ns()).map_or(next_look, rounded_up);
+        around.run(&mut tasks, watched.min(next_look).min(next_fault));
         let now = around.world.now();
+        for (bus, wire) in around.wires.iter().enumerate() {
+            let news = wire.take_trace();
+            faults.heard(bus, &news);
+            recorder.frames(bus, &news);
+        }
+        // The remote's are in its operator's hands, those of a chip are refused.
+        let _ = faults.act(now.into());
         let sight = around.remote.as_ref().map(|link| Sight {
             sent: link.remote.sent(),
             motors: &description.motors,
@@ -56,10 +66,8 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
         if !recorder.look((now, length), &around.motors, motor) {
             continue;
         }
-        for (bus, wire) in around.wires.iter().enumerate() {
-            recorder.frames(bus, &wire.take_trace());
-        }
         recorder.sample(around.base.as_ref(), bus, arm());
+        recorder.base(&around.motors, motor, ports.yaw.as_ref().and_then(|yaw| yaw(now)));
         if let Some(sight) = sight {
             watch.sample(sight);
         }
@@ -71,6 +79,11 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
     let recording =
         recorder.finish(around.world.now(), &around.wires, &around.motors, motor, bus, lines);
     Ok(Recording { remote, ..recording })
+}
+
+/// The first whole microsecond that is not before it: tasks know no finer time.
+const fn rounded_up(time: Nanos) -> Micros {
+    Micros::new(time.get().div_ceil(1000))
 }
 
 #[cfg(test)]

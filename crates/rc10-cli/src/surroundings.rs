@@ -9,6 +9,7 @@ use rc10_motor::dji::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{Base, BusConfig, LineConfig, Mounting, Serial, Tasks, Wheels, World};
 
+use crate::mistake::Built;
 use crate::remote::{Operator, Receiver, ReceiverWire};
 use crate::robot::{Description, Twin};
 
@@ -44,10 +45,10 @@ pub struct RemoteLink {
 }
 
 impl Surroundings {
-    /// What the description says, with all chance from `seed`.
+    /// What the description says, but for its mistakes, with all chance from `seed`.
     ///
     /// # Errors
-    /// If it has a motor that no simulated ESC can be, or one on a bus that it does not have; or
+    /// If a mistake cannot be; if it has a motor that no simulated ESC can be, or one on a bus that it does not have; or
     /// if four wheels of the base are not four motors.
     pub fn new(description: &Description, seed: u64) -> Result<Self> {
         let mut world = World::new(seed);
@@ -56,14 +57,17 @@ impl Surroundings {
         let lines: Vec<_> =
             (0..description.lines).map(|_| world.add_line(LineConfig::default())).collect();
         let mut motors = Vec::new();
-        for motor in &description.motors {
+        let built = Built::new(description)?;
+        for (index, motor) in built.motors.iter().enumerate() {
             let twin = motor.plug_in(&wires, &lines);
-            motors.push(twin.with_context(|| format!("motor table, {}", motor.label))?);
+            let twin = twin.with_context(|| format!("motor table, {}", motor.label))?;
+            built.finish(index, &twin).with_context(|| format!("mistake, {}", motor.label))?;
+            motors.push(twin);
         }
         let mut base = None;
-        if let Some(under) = &description.base {
+        if let Some((under, chassis)) = description.base.as_ref().zip(built.chassis) {
             let wheel = |line: usize| {
-                let motor = description.motors.get(line).zip(motors.get(line));
+                let motor = built.motors.get(line).zip(motors.get(line));
                 let (motor, esc) =
                     motor.with_context(|| format!("base: there is no motor in line {line}"))?;
                 let mounting = match motor.direction {
@@ -80,7 +84,7 @@ impl Surroundings {
                 rear_left: wheel(rear_left)?,
                 rear_right: wheel(rear_right)?,
             };
-            base = Some(world.add_base(under.chassis, wheels).context("base")?);
+            base = Some(world.add_base(chassis, wheels).context("base")?);
         }
         let mut serials = Vec::new();
         for part in &description.serials {

@@ -11,7 +11,7 @@ use rc10_sim::{Chassis, Nanos, Serial, World};
 
 use crate::emulate::build_firmware;
 use crate::remote::{Receiver, ReceiverPort, RemoteControl};
-use crate::robot::{Base, Description, Device, Motor, Place, Robot, Script, SerialPart};
+use crate::robot::{Base, Description, Device, Motor, Place, Robot, SerialPart};
 
 /// Where its parts are plugged in: `firmware/src/board.rs`.
 const REMOTE_UART: u8 = 5;
@@ -30,7 +30,6 @@ pub fn description() -> Description {
     Description {
         motors: MOTORS.iter().map(motor).collect(),
         buses: BUSES as u8,
-        lines: 0,
         base: Some(Base { wheels: WHEELS.map(|name| name as usize), chassis }),
         remote: Some(RemoteControl {
             receiver: RECEIVER,
@@ -42,8 +41,8 @@ pub fn description() -> Description {
             lost: Vec::new(),
         }),
         serials: vec![SerialPart { label: "IMU", uart: IMU_UART, twin: imu_twin }],
-        script: Script::default(),
         firmware: Some(build_firmware),
+        ..Description::default()
     }
 }
 
@@ -96,4 +95,8 @@ pub fn robot<'r>(io: &'r Io<'_>, buses: [Bus<'r>; BUSES]) -> Robot<'r> {
             }
         })
         .serial(async |port| imu::run(io, port).await)
+        .yaw(|now| {
+            let heading = io.heading.read()?.value.total(now)?;
+            Some(heading.microdegrees() as f64 * 1e-6)
+        })
 }

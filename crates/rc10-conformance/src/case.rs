@@ -57,20 +57,23 @@ pub fn check_line(
 fn run(case: &Case<'_>, apply: impl Fn(&Rule, &mut Findings)) -> Result<(), Report> {
     let motor = case.motor().name();
     let mut report = Report { motor, breaches: Vec::new(), unchecked: Vec::new() };
+    let mut causes = Vec::new();
     for rule in RULES {
         let mut found = Findings::default();
         let tried = catch_unwind(AssertUnwindSafe(|| apply(rule, &mut found)));
         if let Err(panic) = tried {
             let text = panic.downcast_ref::<String>().map(String::as_str);
             let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("…");
-            found.add(None, format!("it panicked: {text}"));
+            found.add_cause(None, format!("it panicked: {text}"));
         }
         let breach = |(at, what)| Breach { rule: rule.name, what, at };
+        causes.extend(found.causes.into_iter().map(breach));
         report.breaches.extend(found.found.into_iter().map(breach));
         if found.is_stuck {
             report.unchecked.push(rule.name);
         }
     }
+    report.breaches.splice(0..0, causes);
     if report.breaches.is_empty() && report.unchecked.is_empty() { Ok(()) } else { Err(report) }
 }
 
@@ -78,6 +81,8 @@ fn run(case: &Case<'_>, apply: impl Fn(&Rule, &mut Findings)) -> Result<(), Repo
 pub(crate) enum Halt {
     /// The rule is broken.
     Broken(Option<Micros>, String),
+    /// A number that it tells or sends is wrong: what else is broken follows from that.
+    Wrong(Micros, String),
     /// The motor does not do what the scenario starts from: another rule says so.
     Stuck,
 }
@@ -91,6 +96,8 @@ pub(crate) fn broken<T>(at: impl Into<Option<Micros>>, what: impl Into<String>) 
 /// What one rule found. A fault that shows in every tick is told a few times only.
 #[derive(Default)]
 pub(crate) struct Findings {
+    /// What other findings follow from.
+    causes: Vec<(Option<Micros>, String)>,
     found: Vec<(Option<Micros>, String)>,
     is_stuck: bool,
 }
@@ -104,10 +111,17 @@ impl Findings {
         }
     }
 
+    pub(crate) fn add_cause(&mut self, at: Option<Micros>, what: String) {
+        if self.causes.len() < MOST_FINDINGS {
+            self.causes.push((at, what));
+        }
+    }
+
     pub(crate) fn note(&mut self, outcome: Outcome) {
         match outcome {
             Ok(()) => (),
             Err(Halt::Broken(at, what)) => self.add(at, what),
+            Err(Halt::Wrong(at, what)) => self.add_cause(Some(at), what),
             Err(Halt::Stuck) => self.is_stuck = true,
         }
     }

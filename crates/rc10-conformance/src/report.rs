@@ -21,8 +21,9 @@ impl fmt::Display for Breach {
     }
 }
 
-/// Every rule that a motor breaks.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// Every rule that a motor breaks. Its first line has the finding from which others follow, if there
+/// is one. `Debug` is the same text as `Display`: what a test that returns it prints.
+#[derive(Clone, PartialEq, Eq)]
 pub struct Report {
     pub(crate) motor: MotorName,
     pub(crate) breaches: Vec<Breach>,
@@ -30,7 +31,8 @@ pub struct Report {
 }
 
 impl Report {
-    /// All that was found, in the order of the [rules](crate::RULES).
+    /// All that was found: first wrong numbers and panics, from which others follow, then the others,
+    /// both in the order of the [rules](crate::RULES).
     #[must_use]
     pub fn breaches(&self) -> &[Breach] {
         &self.breaches
@@ -38,9 +40,10 @@ impl Report {
 
     /// The names of the rules that are broken, each once.
     pub fn broken(&self) -> impl Iterator<Item = &'static str> {
-        let mut last = None;
-        let rules = self.breaches.iter().map(|breach| breach.rule);
-        rules.filter(move |rule| last.replace(*rule) != Some(*rule))
+        let rules = self.breaches.iter().map(|breach| breach.rule).enumerate();
+        let is_first =
+            |&(index, rule): &(usize, _)| self.breaches[..index].iter().all(|it| it.rule != rule);
+        rules.filter(is_first).map(|(_, rule)| rule)
     }
 
     /// The rules that could not be tried to the end, because the motor did not do what it takes
@@ -53,13 +56,23 @@ impl Report {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let count = self.breaches.len();
-        write!(f, "{}: {count} found", self.motor)?;
-        self.breaches.iter().try_for_each(|breach| write!(f, "\n  {breach}"))?;
+        match self.breaches.split_first() {
+            None => write!(f, "{}: it does not do what the rules start from", self.motor)?,
+            Some((first, others)) => {
+                write!(f, "{}: {first}", self.motor)?;
+                others.iter().try_for_each(|breach| write!(f, "\n  {breach}"))?;
+            }
+        }
         if self.unchecked.is_empty() {
             return Ok(());
         }
         write!(f, "\n  not tried to the end: {}", self.unchecked.join(", "))
+    }
+}
+
+impl fmt::Debug for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
     }
 }
 

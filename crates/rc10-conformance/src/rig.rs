@@ -230,6 +230,19 @@ impl<'m> Rig<'m> {
         if self.goes(cruise) && torque > 0.5 * self.load() { Ok(()) } else { Err(Halt::Stuck) }
     }
 
+    /// Turns its shaft while it is disarmed, onward and about as fast as it cruises; then lets go.
+    pub(crate) fn turn_by_hand(&mut self) -> Outcome {
+        self.esc.set_load(self.load());
+        for _ in 0..SPIN_UP {
+            self.tick(None);
+            if self.esc.state().output_rpm >= self.cruise_rpm() {
+                self.esc.set_load(0.0);
+                return Ok(());
+            }
+        }
+        Err(Halt::Stuck)
+    }
+
     /// Asks for something, and waits for the answer without commanding.
     pub(crate) fn ask(&mut self, request: Request) -> Result<Answer, RequestError> {
         let answer = self.bench.request(self.motor, request)?;

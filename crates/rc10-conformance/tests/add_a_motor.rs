@@ -42,9 +42,8 @@ fn identifiers_that_no_motor_has_are_refused() {
 }
 
 #[test]
-fn it_keeps_the_rules() {
-    let finch = |id| Finch::new(id).unwrap();
-    check(&declared(), finch, plug_in).unwrap_or_else(|report| panic!("{report}"));
+fn it_keeps_the_rules() -> Result<(), rc10_conformance::Report> {
+    check(&declared(), |id| Finch::new(id).unwrap(), plug_in)
 }
 
 /// The sources that the guide shows.

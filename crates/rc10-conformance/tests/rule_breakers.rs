@@ -32,12 +32,10 @@ fn check_spoiled(declared: &Declaration, spoil: Spoil) -> Result<(), Report> {
 }
 
 #[test]
-fn a_motor_that_keeps_the_rules_passes() {
-    if let Err(report) = check(&declared(), |id| Finch::new(id).unwrap(), plug_in) {
-        panic!("{report}");
-    }
+fn a_motor_that_keeps_the_rules_passes() -> Result<(), Report> {
+    check(&declared(), |id| Finch::new(id).unwrap(), plug_in)?;
     // What spoils the others lets it pass if it spoils nothing.
-    assert_eq!(check_spoiled(&declared(), Spoil::Nothing), Ok(()));
+    check_spoiled(&declared(), Spoil::Nothing)
 }
 
 #[test]
@@ -121,13 +119,26 @@ fn a_report_names_every_broken_rule_in_words_and_says_when() {
     assert!(report.unchecked().contains(&"disarm"), "{report}");
     let text = report.to_string();
     assert!(text.starts_with("Finch F10 id 1: "), "{text}");
-    assert!(
-        text.contains(
-            "\n  gets-going: armed and commanded it makes 0.0 rpm, not 120 (at 2.060000 s)"
-        ),
-        "{text}"
-    );
+    let first = text.lines().next().unwrap();
+    let cause = "gets-going: armed and commanded it makes 0.0 rpm, not 120 (at 2.060000 s)";
+    assert_eq!(first, format!("Finch F10 id 1: {cause}"), "{text}");
+    assert_eq!(format!("{report:?}"), text);
     assert!(text.contains("not tried to the end: "), "{text}");
+}
+
+#[test]
+fn a_wrong_codec_is_named_in_the_first_line() {
+    for (spoil, cause) in [
+        (
+            Spoil::SwapsSpeed,
+            "feedback-is-true: turned by hand it says -2943.8 rpm, and makes 65.3 (",
+        ),
+        (Spoil::TenthOfTorque, "follows: torque 2.5 N m: 0.250 N m at best: 0.100 times that"),
+    ] {
+        let report = check_spoiled(&declared(), spoil).unwrap_err().to_string();
+        let first = report.lines().next().unwrap();
+        assert!(first.starts_with(&format!("Finch F10 id 1: {cause}")), "{spoil:?}: {report}");
+    }
 }
 
 #[test]

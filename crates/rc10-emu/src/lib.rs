@@ -2,7 +2,6 @@
 #![forbid(unsafe_code)]
 
 pub mod core;
-pub mod fault;
 pub mod fdcan;
 mod figures;
 pub mod image;
@@ -14,10 +13,9 @@ pub mod peripherals;
 pub mod profile;
 mod rig;
 
-pub use fault::Fault;
 pub use figures::{BusFigures, Figures, Spread};
 pub use image::{Image, Static};
-pub use machine::{Injection, LogLine, Machine, Report, Restart};
+pub use machine::{Injection, LogLine, Machine, Options, Report, Restart};
 pub use memory::Memory;
 pub use profile::{ExceptionCost, Profile};
 pub use rig::{BusLog, Rig};

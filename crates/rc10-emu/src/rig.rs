@@ -1,28 +1,21 @@
 //! A chip on its wires, with motors, faults and everything that is measured: one scenario.
 
 use anyhow::{Context, Result, ensure};
-use rc10_can::CanFrame;
-use rc10_sim::{Bus, Esc, Nanos, TraceEntry, World};
+use rc10_sim::fault::{Fault, Kind};
+use rc10_sim::{Bus, Esc, Faults, Nanos, TraceEntry, World};
 
-use crate::fault::{Fault, Kind};
 use crate::machine::{Injection, Machine};
 use crate::memory::FLASH;
 
 /// The steps in which a scenario goes on: faults begin and end at their exact times, between two
 /// steps.
 const STEP: Nanos = Nanos::new(1_000_000);
-/// Frames that a filled bus has waiting: more than a step's worth.
-const FILLER: usize = 12;
-/// While a bus is filled, one step in this many is not: so that "99 %" is not "100 %".
-const FILLER_PAUSE: u64 = 100;
 
 /// What happened on one bus.
 #[derive(Default)]
 pub struct BusLog {
     /// Its frames, in the order of the wire.
     pub frames: Vec<TraceEntry>,
-    /// The newest of its least urgent feedback, which fills it.
-    filler: Option<CanFrame>,
 }
 
 /// One scenario: a machine in a world.
@@ -34,9 +27,7 @@ pub struct Rig {
     buses: Vec<Bus>,
     motors: Vec<(usize, Esc)>,
     logs: Vec<BusLog>,
-    /// Beginnings (`true`) and ends of faults, in the order of time.
-    timeline: Vec<(Nanos, bool, Kind)>,
-    filled: Vec<bool>,
+    faults: Faults,
     next_step: Nanos,
 }
 
@@ -46,28 +37,22 @@ impl Rig {
     /// # Errors
     /// If a fault is on a bus that is not there, or in a handler that the program does not have.
     pub fn new(
-        machine: Machine,
+        mut machine: Machine,
         world: World,
         buses: Vec<Bus>,
         motors: Vec<(usize, Esc)>,
         faults: &[Fault],
     ) -> Result<Self> {
-        let mut timeline = Vec::new();
-        for Fault { kind, from, until } in faults {
-            ensure!(
-                kind.bus().is_none_or(|bus| bus < buses.len()),
-                "{kind}: there is no such bus; the last is {}",
-                buses.len()
-            );
+        for Fault { kind, .. } in faults {
             if let Kind::Hang(handler) = kind {
                 exception_of(&machine, handler)?;
             }
+            if *kind == Kind::CrystalDead {
+                machine.set_crystal(false);
+                continue;
+            }
             ensure!(*kind != Kind::RemoteLost, "{kind}: whoever holds the remote must do that");
-            timeline.push((*from, true, kind.clone()));
-            timeline.extend(until.map(|until| (until, false, kind.clone())));
         }
-        // Stable: what begins and ends at one moment does so as it was written.
-        timeline.sort_by_key(|entry| entry.0);
         for (index, bus) in buses.iter().enumerate() {
             machine.connect(index, bus);
         }
@@ -75,10 +60,9 @@ impl Rig {
             machine,
             world,
             logs: buses.iter().map(|_| BusLog::default()).collect(),
-            filled: vec![false; buses.len()],
+            faults: Faults::new(&buses, &[], faults)?,
             buses,
             motors,
-            timeline,
             next_step: STEP,
         })
     }
@@ -107,17 +91,15 @@ impl Rig {
     /// If a fault cannot be put into the program.
     pub fn run(&mut self, until: Nanos) -> Result<()> {
         while self.machine.now() < until {
-            let next_fault = self.timeline.first().map_or(until, |entry| entry.0);
+            let next_fault = self.faults.next(self.machine.now()).unwrap_or(until);
             let next = self.next_step.min(next_fault).min(until);
             self.machine.run(&mut self.world, next)?;
-            while self.timeline.first().is_some_and(|entry| entry.0 <= next) {
-                let (_, begins, kind) = self.timeline.remove(0);
+            self.collect();
+            for (begins, kind) in self.faults.act(next) {
                 self.apply(begins, &kind)?;
             }
-            self.collect();
             if next >= self.next_step {
                 self.next_step = self.next_step + STEP;
-                self.fill();
             }
         }
         Ok(())
@@ -125,15 +107,6 @@ impl Rig {
 
     fn apply(&mut self, begins: bool, kind: &Kind) -> Result<()> {
         match *kind {
-            Kind::Cut(bus) => self.buses[bus].set_cut(begins),
-            Kind::Short(bus) => self.buses[bus].set_shorted(begins),
-            Kind::Dominant(bus) => self.buses[bus].set_held_dominant(begins),
-            Kind::Noise(bus) => self.buses[bus].damage(1),
-            Kind::Power(bus) => {
-                let of_bus = self.motors.iter().filter(|(on, _)| *on == bus);
-                of_bus.for_each(|(_, motor)| motor.set_power(!begins));
-            }
-            Kind::Load(bus) => self.filled[bus] = begins,
             Kind::Panic => self.machine.inject(Injection::Panic)?,
             Kind::HardFault => self.machine.inject(Injection::HardFault)?,
             Kind::Hang(ref handler) => {
@@ -145,35 +118,25 @@ impl Rig {
                 })?;
             }
             Kind::Mask => self.machine.inject(Injection::MaskInterrupts(begins))?,
-            // Refused by `new`.
-            Kind::RemoteLost => (),
+            Kind::CrystalStops => self.machine.set_crystal(!begins),
+            // Done by `Faults`, done by `new`, or refused by it.
+            Kind::CrystalDead
+            | Kind::Cut(_)
+            | Kind::Short(_)
+            | Kind::Dominant(_)
+            | Kind::Noise(_)
+            | Kind::Power(_)
+            | Kind::Load(_)
+            | Kind::RemoteLost => (),
         }
         Ok(())
     }
 
     fn collect(&mut self) {
-        for (bus, log) in self.buses.iter().zip(&mut self.logs) {
-            for entry in bus.take_trace() {
-                let least_urgent = log.filler.is_none_or(|filler| entry.frame.id() >= filler.id());
-                if !entry.from_controller && least_urgent {
-                    log.filler = Some(entry.frame);
-                }
-                log.frames.push(entry);
-            }
-        }
-    }
-
-    fn fill(&self) {
-        if (self.next_step.get() / STEP.get()).is_multiple_of(FILLER_PAUSE) {
-            return;
-        }
-        let filled = self.buses.iter().zip(&self.logs).zip(&self.filled);
-        for ((bus, log), _) in filled.filter(|(_, filled)| **filled) {
-            if let Some(frame) = &log.filler {
-                for _ in bus.foreign_waiting()..FILLER {
-                    bus.inject(frame);
-                }
-            }
+        for (index, (bus, log)) in self.buses.iter().zip(&mut self.logs).enumerate() {
+            let new = bus.take_trace();
+            self.faults.heard(index, &new);
+            log.frames.extend(new);
         }
     }
 }

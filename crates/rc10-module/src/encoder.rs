@@ -117,7 +117,7 @@ impl IncrementalEncoder {
             None
         };
         if let Some((field, value, must_be)) = bad {
-            return Err(ConfigError { field, value, must_be });
+            return Err(ConfigError::new(field, value, must_be));
         }
         Ok(Self {
             config,

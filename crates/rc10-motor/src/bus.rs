@@ -151,6 +151,8 @@ impl core::error::Error for CommandError {}
 pub enum Dispatch {
     /// It was this motor's feedback.
     Motor(MotorId),
+    /// It was this motor's answer to a request that was not made here. Counted; nothing changed.
+    Unasked(MotorId),
     /// It has this motor's identifier, but is no feedback. Counted; nothing changed.
     Malformed(MotorId, FrameError),
     /// No motor claims it, or it is a remote request, which no motor sends. Counted.
@@ -276,6 +278,7 @@ impl<'m> MotorBus<'m> {
         }
         match slot.watch.heard(heard, at) {
             Ok(()) => Dispatch::Motor(MotorId(index)),
+            Err(FrameError::Unasked) => Dispatch::Unasked(MotorId(index)),
             Err(error) => Dispatch::Malformed(MotorId(index), error),
         }
     }
@@ -420,8 +423,9 @@ impl<'m> MotorBus<'m> {
             remote: self.remote,
         };
         for slot in &self.slots {
-            let MotorCounters { received, malformed, .. } = *slot.watch.counters();
-            sum.received = sum.received.saturating_add(received).saturating_add(malformed);
+            let MotorCounters { received, malformed, unasked, .. } = *slot.watch.counters();
+            let all = received.saturating_add(malformed).saturating_add(unasked);
+            sum.received = sum.received.saturating_add(all);
             sum.malformed = sum.malformed.saturating_add(malformed);
         }
         sum

@@ -32,10 +32,10 @@ impl Cascade {
     /// # Errors
     /// The first field that cannot, and what it must be.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        self.speed.validate()?;
-        self.angle.validate()?;
+        self.speed.validate().map_err(|error| error.in_part("speed"))?;
+        self.angle.validate().map_err(|error| error.in_part("angle"))?;
         let check = |field, value: f32, good: bool, must_be| {
-            if good { Ok(()) } else { Err(ConfigError { field, value, must_be }) }
+            if good { Ok(()) } else { Err(ConfigError::new(field, value, must_be)) }
         };
         let acceleration = self.acceleration.get();
         let good = acceleration.is_finite() && acceleration > 0.0;

@@ -191,7 +191,8 @@ pub struct IdOutOfRange {
 
 impl fmt::Display for IdOutOfRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} has identifiers 1 to {}, not {}", self.model, self.last_id, self.id)
+        let Self { model, id, last_id } = self;
+        write!(f, "{model} id {id}: its identifiers are 1 to {last_id}")
     }
 }
 
@@ -471,7 +472,8 @@ impl Dji {
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
-        cascade.validate()?;
+        let named = |error: ConfigError| error.of_device(self.model.name, self.id.into());
+        cascade.validate().map_err(named)?;
         self.cascade = cascade;
         self.loop_limit = cascade.speed.output_limit;
         self.apply_limit();
@@ -819,9 +821,7 @@ impl Motor for Dji {
                 let limit = limit.get();
                 if limit.is_nan() || limit < 0.0 {
                     let must_be = "zero or more";
-                    return Err(
-                        ConfigError { field: "current limit", value: limit, must_be }.into()
-                    );
+                    return Err(ConfigError::new("current limit", limit, must_be).into());
                 }
                 self.limit = limit.min(full);
                 self.apply_limit();

@@ -579,8 +579,11 @@ pub enum FrameError {
     Length,
     /// An encoder value that the device cannot have.
     Encoder,
-    /// Content that the device cannot send, or an answer that nobody asked for.
+    /// Content that the device cannot send.
     Unexpected,
+    /// An answer to a request that this motor has not made: another program's, or one that came
+    /// late. Not a bad frame, but not feedback either.
+    Unasked,
 }
 
 impl fmt::Display for FrameError {
@@ -589,7 +592,8 @@ impl fmt::Display for FrameError {
             Self::NotMine => f.write_str("not a frame of this motor"),
             Self::Length => f.write_str("not the length that this frame always has"),
             Self::Encoder => f.write_str("an encoder value that the device cannot have"),
-            Self::Unexpected => f.write_str("content that the device cannot send, or unasked"),
+            Self::Unexpected => f.write_str("content that the device cannot send"),
+            Self::Unasked => f.write_str("an answer to a request that was not made here"),
         }
     }
 }

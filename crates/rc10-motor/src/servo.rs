@@ -181,7 +181,7 @@ impl Servo {
     /// [`ConfigError`] with the name of the `field`, if it is negative or NaN.
     pub fn set_limit(&mut self, field: &'static str, limit: f32) -> Result<(), ConfigError> {
         if limit.is_nan() || limit < 0.0 {
-            return Err(ConfigError { field, value: limit, must_be: "zero or more" });
+            return Err(ConfigError::new(field, limit, "zero or more"));
         }
         self.limit = limit.min(self.full);
         self.cascade.speed.output_limit = self.limit;

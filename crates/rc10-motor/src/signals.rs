@@ -1,8 +1,16 @@
-//! What stands where in a vendor's frames, as data: for DBC files, and for who wants to read a bus
-//! without this crate's types. Each vendor's table stands beside its codec and is tested against
-//! it, bit for bit.
+//! What stands where in a vendor's frames, as data: for DBC files, for `rc10 decode`, and for who
+//! wants to read a bus without this crate's types. Each vendor's table stands beside its codec and
+//! is tested against it, bit for bit.
+//!
+//! A table has the plain messages first, which a DBC file can describe, then the special ones:
+//! frames that are told from others by their data (`0xFF` seven times and `0xFD`), that carry
+//! content in their identifier, or that are remote requests.
 
 use embedded_can::Id;
+use rc10_can::{CanFrame, IdPattern};
+
+/// Where the bits of the identifier begin, for [`Signal::start`]: behind those of eight bytes.
+const IDENTIFIER: u8 = 64;
 
 /// One sort of frame of one device.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,12 +19,107 @@ pub struct Message {
     pub name: &'static str,
     /// Its identifier.
     pub id: Id,
+    /// Bits of the identifier that carry content and differ from frame to frame; 0 for most.
+    pub varies: u32,
     /// Data bytes.
     pub len: u8,
+    /// Whether it is a remote request: it has no data bytes, whatever its length.
+    pub remote: bool,
     /// Whether the device sends it; else it is sent to the device.
     pub from_device: bool,
+    /// What its data must be: tells it from other frames with its identifier.
+    pub marks: Marks,
     /// What stands in it.
     pub signals: &'static [Signal],
+}
+
+impl Message {
+    /// A data frame with an identifier and a length of its own.
+    #[must_use]
+    pub const fn new(
+        name: &'static str,
+        id: Id,
+        len: u8,
+        from_device: bool,
+        signals: &'static [Signal],
+    ) -> Self {
+        let (varies, remote, marks) = (0, false, Marks::NONE);
+        Self { name, id, varies, len, remote, from_device, marks, signals }
+    }
+
+    /// The same, and these bits of its identifier are content.
+    #[must_use]
+    pub const fn varying(mut self, bits: u32) -> Self {
+        self.varies = bits;
+        self
+    }
+
+    /// The same, and its data must be so.
+    #[must_use]
+    pub const fn marked(mut self, marks: Marks) -> Self {
+        self.marks = marks;
+        self
+    }
+
+    /// The remote request for it, which is sent to the device.
+    #[must_use]
+    pub const fn requested(mut self) -> Self {
+        (self.remote, self.from_device, self.signals) = (true, false, &[]);
+        self
+    }
+
+    /// Whether identifier and length alone tell it, as in a DBC file. All others are *special*.
+    #[must_use]
+    pub fn is_plain(&self) -> bool {
+        self.varies == 0 && !self.remote && self.marks == Marks::NONE
+    }
+
+    /// Whether a frame is one of these. Of several messages that a frame is, the last in a vendor's
+    /// table is the most special.
+    #[must_use]
+    pub fn matches(&self, frame: &CanFrame) -> bool {
+        IdPattern::masked(self.id, !self.varies).contains(frame.id())
+            && frame.is_remote() == self.remote
+            && (self.remote || frame.len() == usize::from(self.len))
+            && self.marks.are_in(frame.bytes())
+    }
+}
+
+/// Data bytes, or bits of them, that a frame must have. What lies behind the data counts as zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Marks {
+    mask: u64,
+    value: u64,
+}
+
+impl Marks {
+    /// Any data.
+    pub const NONE: Self = Self { mask: 0, value: 0 };
+
+    /// These bytes, from the first on.
+    #[must_use]
+    pub const fn bytes<const N: usize>(bytes: [u8; N]) -> Self {
+        let (mut mask, mut value) = ([0; 8], [0; 8]);
+        let mut index = 0;
+        while index < N && index < 8 {
+            (mask[index], value[index]) = (0xFF, bytes[index]);
+            index += 1;
+        }
+        Self::masked(mask, value)
+    }
+
+    /// These bits, where `mask` has ones.
+    #[must_use]
+    pub const fn masked(mask: [u8; 8], value: [u8; 8]) -> Self {
+        let mask = u64::from_le_bytes(mask);
+        Self { mask, value: u64::from_le_bytes(value) & mask }
+    }
+
+    fn are_in(&self, data: &[u8]) -> bool {
+        let mut bytes = [0; 8];
+        bytes.iter_mut().zip(data).for_each(|(byte, data)| *byte = *data);
+        u64::from_le_bytes(bytes) & self.mask == self.value
+    }
 }
 
 /// Some bits of a frame, as a number.
@@ -25,7 +128,8 @@ pub struct Signal {
     /// Its name: letters, digits and underscores.
     pub name: &'static str,
     /// Where it begins, as a DBC file counts: bit 0 is the lowest of byte 0, bit 8 the lowest of
-    /// byte 1. Little endian: its lowest bit; big endian: its highest.
+    /// byte 1. Little endian: its lowest bit; big endian: its highest. From 64 on: bits of the
+    /// identifier, its lowest being 64.
     pub start: u8,
     /// Bits, 1 ..= 64.
     pub bits: u8,
@@ -106,6 +210,12 @@ impl Signal {
         Self::new(name, ByteOrder::Little, first * 8, bytes * 8)
     }
 
+    /// Of `bits` bits of the identifier from bit `first` on.
+    #[must_use]
+    pub const fn in_id(name: &'static str, first: u8, bits: u8) -> Self {
+        Self::new(name, ByteOrder::Little, IDENTIFIER + first, bits)
+    }
+
     /// The same in two's complement.
     #[must_use]
     pub const fn signed(mut self) -> Self {
@@ -171,15 +281,33 @@ impl Signal {
         Some(raw)
     }
 
+    /// Its raw bits in a frame; `None` if the frame is too short.
+    #[must_use]
+    pub fn raw_in(&self, frame: &CanFrame) -> Option<u64> {
+        match self.start.checked_sub(IDENTIFIER) {
+            Some(start) => Self { start, ..*self }.raw(&frame.raw_id().to_le_bytes()),
+            None => self.raw(frame.bytes()),
+        }
+    }
+
     /// Its physical value in a payload; `None` if the payload is too short. Whether it is
     /// [present](Presence) is the caller's to know.
     #[must_use]
+    pub fn physical(&self, payload: &[u8]) -> Option<f64> {
+        self.scale(self.raw(payload)?)
+    }
+
+    /// Its physical value in a frame, as [`physical`](Self::physical).
+    #[must_use]
+    pub fn physical_in(&self, frame: &CanFrame) -> Option<f64> {
+        self.scale(self.raw_in(frame)?)
+    }
+
     #[expect(
         clippy::cast_precision_loss,
         reason = "no signal here has more than 53 bits that count"
     )]
-    pub fn physical(&self, payload: &[u8]) -> Option<f64> {
-        let raw = self.raw(payload)?;
+    fn scale(&self, raw: u64) -> Option<f64> {
         let unused = 64_u32.saturating_sub(self.bits.into());
         let number = match self.kind {
             Kind::Unsigned => raw as f64,
@@ -193,6 +321,7 @@ impl Signal {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use embedded_can::{ExtendedId, StandardId};
 
     const PAYLOAD: [u8; 8] = [0x12, 0x34, 0x56, 0x78, 0x9A, 0xBC, 0xDE, 0xF0];
 
@@ -205,6 +334,38 @@ mod tests {
         assert_eq!(Signal::new("a", ByteOrder::Big, 35, 12).raw(&PAYLOAD), Some(0xABC));
         assert_eq!(Signal::new("a", ByteOrder::Little, 4, 12).raw(&PAYLOAD), Some(0x341));
         assert_eq!(Signal::big("a", 7, 2).raw(&PAYLOAD), None);
+    }
+
+    #[test]
+    fn a_message_is_told_by_identifier_length_and_marks() {
+        let standard = |id| StandardId::new(id).unwrap();
+        let frame = |id, data: &[u8]| CanFrame::data_frame(standard(id), data).unwrap();
+        let plain = Message::new("A", standard(0x123).into(), 3, false, &[]);
+        assert!(plain.is_plain() && plain.matches(&frame(0x123, &[1, 2, 3])));
+        assert!(!plain.matches(&frame(0x122, &[1, 2, 3])));
+        assert!(!plain.matches(&frame(0x123, &[1, 2])));
+        let extended = ExtendedId::new(0x123).unwrap();
+        assert!(!plain.matches(&CanFrame::data_frame(extended, &[1, 2, 3]).unwrap()));
+        assert!(!plain.matches(&CanFrame::remote_frame(standard(0x123), 3).unwrap()));
+
+        let marked = plain.marked(Marks::bytes([1, 2]));
+        assert!(!marked.is_plain() && marked.matches(&frame(0x123, &[1, 2, 9])));
+        assert!(!marked.matches(&frame(0x123, &[1, 3, 9])));
+        let bits = Marks::masked([0, 0x0F, 0, 0, 0, 0, 0, 0], [0xFF, 0xF2, 0, 0, 0, 0, 0, 0]);
+        assert!(plain.marked(bits).matches(&frame(0x123, &[7, 0x52, 9])));
+        assert!(!plain.marked(bits).matches(&frame(0x123, &[7, 0x53, 9])));
+
+        let varying = plain.varying(0x0F0);
+        assert!(!varying.is_plain() && varying.matches(&frame(0x1F3, &[0; 3])));
+        assert!(!varying.matches(&frame(0x223, &[0; 3])));
+        let nibble = Signal::in_id("N", 4, 4).scaled(0.5, "A").offset(1.0);
+        assert_eq!(nibble.raw_in(&frame(0x1F3, &[0; 3])), Some(0xF));
+        assert!((nibble.physical_in(&frame(0x1A3, &[0; 3])).unwrap() - 6.0).abs() < 1e-9);
+        assert_eq!(Signal::big("P", 1, 1).raw_in(&frame(0x1A3, &[0, 7])), Some(7));
+
+        let request = plain.requested();
+        assert!(!request.is_plain() && !request.matches(&frame(0x123, &[1, 2, 3])));
+        assert!(request.matches(&CanFrame::remote_frame(standard(0x123), 8).unwrap()));
     }
 
     #[test]

@@ -66,6 +66,8 @@ pub struct MotorCounters {
     pub received: u32,
     /// Frames with its identifier that were no feedback.
     pub malformed: u32,
+    /// Answers to requests that were not made here: another program's, or late ones.
+    pub unasked: u32,
     /// Times it went from online to lost.
     pub lost: u32,
     /// Times its command expired while it was armed and online.
@@ -171,6 +173,7 @@ impl MotorStatus {
         counters: MotorCounters {
             received: 0,
             malformed: 0,
+            unasked: 0,
             lost: 0,
             expired: 0,
             refused: Refusals::NONE,
@@ -291,7 +294,11 @@ impl Supervision {
         heard: Result<Heard, FrameError>,
         at: Micros,
     ) -> Result<(), FrameError> {
-        let heard = heard.inspect_err(|_| count(&mut self.counters.malformed))?;
+        let heard = heard.inspect_err(|error| {
+            let counters = &mut self.counters;
+            let is_unasked = *error == FrameError::Unasked;
+            count(if is_unasked { &mut counters.unasked } else { &mut counters.malformed });
+        })?;
         self.counters.received = self.counters.received.wrapping_add(1);
         if heard != Heard::Other {
             (self.heard_at, self.link) = (low(at), Link::Online);

@@ -334,12 +334,11 @@ pub async fn run(io: &Io) -> ! {
         let begun = SCRIPT.iter().filter(|(at, ..)| u64::from(*at) <= now);
         for name in MOTORS {
             let mut said = begun.clone().flat_map(|(_, _, targets)| targets.iter());
-            if let Some((_, target)) = said.rfind(|(whose, _)| *whose == name) {
-                if io.motor(name).command(*target).is_err() {
-                    // A mistake in this program: rather none drives than all others. The motor's
-                    // status counts it by reason.
-                    io.switch.emergency_stop();
-                }
+            let Some((_, target)) = said.rfind(|(whose, _)| *whose == name) else { continue };
+            if io.motor(name).command(*target).is_err() {
+                // A mistake in this program: rather none drives than all others. The motor's status
+                // counts it by reason.
+                io.switch.emergency_stop();
             }
         }
         ticker.next().await;

@@ -97,7 +97,7 @@ impl fmt::Display for SetupError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Id(motor, error) => write!(f, "motor table, {motor}: {error}"),
-            Self::Gains(motor, error) => write!(f, "motor table, {motor}: gains: {error}"),
+            Self::Gains(motor, error) => write!(f, "motor table, {motor}: {error}"),
             Self::Attach(motor, error) => write!(f, "motor table, {motor}: {error}"),
         }
     }

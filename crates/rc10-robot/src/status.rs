@@ -59,6 +59,8 @@ pub struct BusSummary {
     pub alone: bool,
     /// How often the controller went bus-off.
     pub bus_offs: u32,
+    /// How often the controller was found unable to send (restricted operation).
+    pub restrictions: u32,
     /// How often the bus stood still and was made safe.
     pub stalls: u32,
 }
@@ -110,6 +112,7 @@ impl fmt::Display for BusSummary {
             (self.malformed, "malformed"),
             (self.lost, "lost"),
             (self.bus_offs, "times bus-off"),
+            (self.restrictions, "times restricted"),
             (self.stalls, "times stalled"),
         ] {
             if count > 0 {
@@ -151,6 +154,7 @@ pub fn now(io: &Io<'_>) -> RobotStatus {
             state: status.health.state,
             alone: status.health.is_alone(),
             bus_offs: status.health.bus_offs,
+            restrictions: status.health.restrictions,
             stalls: status.health.stalls,
         }
     };

@@ -51,6 +51,11 @@ pub trait Device: Any {
     fn inject(&mut self, _fault: EscFault) -> bool {
         false
     }
+
+    /// Sets another identifier on it. `false`: it can have no such one, and nothing happened.
+    fn set_id(&mut self, _id: u8) -> bool {
+        false
+    }
 }
 
 /// What became of a frame at a device.
@@ -243,6 +248,10 @@ impl Unit {
 
     pub(crate) fn inject(&mut self, fault: EscFault) -> bool {
         self.device.inject(fault)
+    }
+
+    pub(crate) fn set_id(&mut self, id: u8) -> bool {
+        self.device.set_id(id)
     }
 
     pub(crate) fn device(&mut self) -> &mut dyn Any {

@@ -174,7 +174,7 @@ pub(crate) struct Dji {
     command_id: Id,
     slot: usize,
     feedback_id: StandardId,
-    period: Micros,
+    rate: FeedbackRate,
     next_feedback: Micros,
     command: i16,
 }
@@ -193,7 +193,7 @@ impl Dji {
             command_id: command_id.into(),
             slot: index % 4,
             feedback_id: StandardId::new(model.feedback_base() + u16::from(id)).ok_or(error)?,
-            period: config.rate.period(),
+            rate: config.rate,
             next_feedback: Micros::ZERO,
             command: 0,
         })
@@ -221,13 +221,22 @@ impl Dji {
 }
 
 impl Device for Dji {
+    fn set_id(&mut self, id: u8) -> bool {
+        let config =
+            EscConfig { model: self.model, id, rate: self.rate, plant: self.model.plant() };
+        let Ok(other) = Self::new(&config) else { return false };
+        (self.command_id, self.slot, self.feedback_id) =
+            (other.command_id, other.slot, other.feedback_id);
+        true
+    }
+
     fn power_on(&mut self, now: Micros, phase: Micros) {
         self.command = 0;
         self.next_feedback = now + phase;
     }
 
     fn period(&self) -> Micros {
-        self.period
+        self.rate.period()
     }
 
     fn receive(
@@ -253,7 +262,7 @@ impl Device for Dji {
 
     fn advance(&mut self, shaft: &Shaft<'_>, now: Micros, out: &mut Outbox) {
         if now >= self.next_feedback {
-            self.next_feedback += self.period;
+            self.next_feedback += self.rate.period();
             out.send(self.feedback(shaft));
         }
     }

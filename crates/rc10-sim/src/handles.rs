@@ -103,6 +103,17 @@ impl Bus {
         self.with_wire(|wire, now| wire.set_held_dominant(held, now));
     }
 
+    /// Switches the power of all ESCs on the bus, in the order in which they were added: as
+    /// [`Esc::set_power`] each.
+    pub fn set_power(&self, powered: bool) {
+        let count = self.inner.borrow().units.len();
+        for index in 0..count {
+            if self.inner.borrow().units[index].bus == self.index {
+                Esc { inner: Rc::clone(&self.inner), index }.set_power(powered);
+            }
+        }
+    }
+
     /// The next frames on the bus, one that is on it now included, are destroyed by noise just
     /// before their end: an error frame follows, and their senders repeat them. Replaces the number
     /// given before; 0 for no more noise.
@@ -226,6 +237,18 @@ impl Esc {
     /// such fault, and nothing happened.
     pub fn inject(&self, fault: EscFault) -> bool {
         self.inner.borrow_mut().units[self.index].inject(fault)
+    }
+
+    /// Sets another identifier on it, as before power-on. `false`: it can have no such one, and
+    /// nothing happened.
+    pub fn set_id(&self, id: u8) -> bool {
+        self.inner.borrow_mut().units[self.index].set_id(id)
+    }
+
+    /// Puts its motor behind another gearbox: so many turns of the rotor per turn of the output
+    /// shaft, above 0. Torque, speed and friction follow ([`Plant::with_gear`]).
+    pub fn set_gear(&self, ratio: f64) {
+        self.inner.borrow_mut().units[self.index].motor.set_gear(ratio);
     }
 
     /// A look into its electronics, or a hand: `None` if it is not a `D`.

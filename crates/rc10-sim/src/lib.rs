@@ -12,6 +12,7 @@
 //!   [`LineDevice`] each.
 //! * [`Serial`] and its [`UartPort`]: a serial link in full duplex to one [`SerialDevice`].
 //!   [`Pulses`] and its [`PulsePort`]: a line on which one [`PulseDevice`] sends pulses.
+//! * [`fault`]: what goes wrong, as a user writes it; [`Faults`] does it to buses and lines.
 //! * [`remote`]: remote controls with their receivers. [`imu`]: which way a base looks.
 //! * [`Base`]: four motors under a body that rolls and slides.
 //!
@@ -71,6 +72,8 @@ pub mod cybergear;
 pub mod damiao;
 mod device;
 mod dji;
+pub mod fault;
+mod faults;
 mod handles;
 mod host;
 pub mod imu;
@@ -98,6 +101,8 @@ pub use base::{Chassis, Mounting, Pose, Twist, WheelError, Wheels};
 pub use controller::{Activity, Controller, Nanos, Outcome};
 pub use device::{Device, EscFault, EscState, Outbox, Shaft, Taken, Winding};
 pub use dji::{EscConfig, FeedbackRate, IdOutOfRange, Model};
+pub use fault::Fault;
+pub use faults::Faults;
 pub use handles::{Base, Bus, Esc, SimPort};
 pub use line::{Heard, LineConfig, LineCounters, LineDevice};
 pub use line_handles::{Line, LineMotor, SerialPort};

@@ -67,6 +67,11 @@ pub trait LineDevice: Any {
     fn inject(&mut self, _fault: EscFault) -> bool {
         false
     }
+
+    /// Sets another identifier on it. `false`: it can have no such one, and nothing happened.
+    fn set_id(&mut self, _id: u8) -> bool {
+        false
+    }
 }
 
 /// What a byte amounted to at a device.
@@ -221,6 +226,10 @@ impl Line {
         }
     }
 
+    pub(crate) fn set_power_of_all(&mut self, powered: bool, now: Nanos) {
+        (0..self.places.len()).for_each(|index| self.set_power(index, powered, now));
+    }
+
     pub(crate) fn set_muted(&mut self, index: usize, muted: bool) {
         self.places[index].muted = muted;
     }
@@ -239,6 +248,10 @@ impl Line {
 
     pub(crate) fn inject_fault(&mut self, index: usize, fault: EscFault) -> bool {
         self.places[index].device.inject(fault)
+    }
+
+    pub(crate) fn set_id(&mut self, index: usize, id: u8) -> bool {
+        self.places[index].device.set_id(id)
     }
 
     pub(crate) fn device(&mut self, index: usize) -> &mut dyn Any {

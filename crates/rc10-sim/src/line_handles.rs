@@ -62,6 +62,11 @@ impl Line {
         self.with(|line, _| line.set_cut(cut));
     }
 
+    /// Switches the power of all devices on the line: as [`LineMotor::set_power`] each.
+    pub fn set_power(&self, powered: bool) {
+        self.with(|line, now| line.set_power_of_all(powered, now));
+    }
+
     /// Somebody who is no device sends bytes, from now on and after those he was given before.
     /// Whoever sends at the same time collides with him.
     pub fn inject(&self, bytes: &[u8]) {
@@ -125,6 +130,12 @@ impl LineMotor {
     /// such fault, and nothing happened.
     pub fn inject(&self, fault: EscFault) -> bool {
         self.line.with(|line, _| line.inject_fault(self.motor, fault))
+    }
+
+    /// Sets another identifier on it, as before power-on. `false`: it can have no such one, and
+    /// nothing happened.
+    pub fn set_id(&self, id: u8) -> bool {
+        self.line.with(|line, _| line.set_id(self.motor, id))
     }
 
     /// A look into its electronics, or a hand: `None` if it is not a `D`.

@@ -270,6 +270,15 @@ impl Drive {
 }
 
 impl Device for Drive {
+    fn set_id(&mut self, id: u8) -> bool {
+        let last = if self.settings.multi_motor { 4 } else { 32 };
+        let can_be = (1..=last).contains(&id);
+        if can_be {
+            self.settings.id = id;
+        }
+        can_be
+    }
+
     fn power_on(&mut self, now: Micros, _phase: Micros) {
         self.is_on = self.settings.starts_on || self.settings.multi_motor;
         (self.goal, self.late, self.integral) = (Goal::Nothing, None, 0.0);

@@ -162,6 +162,21 @@ impl Plant {
         self
     }
 
+    /// The same motor behind another gearbox: so many turns of the rotor per turn of the output
+    /// shaft. Torque per ampere and back-EMF grow with it, dry friction too, viscous friction with
+    /// its square.
+    #[must_use]
+    pub const fn with_gear(mut self, ratio: f64) -> Self {
+        let by = ratio / self.gear_ratio;
+        self.gear_ratio = ratio;
+        self.torque_constant *= by;
+        self.back_emf *= by;
+        self.coulomb_friction *= by;
+        self.static_friction *= by;
+        self.viscous_friction *= by * by;
+        self
+    }
+
     /// The same with its parameters off by some factors.
     ///
     /// ```
@@ -236,6 +251,10 @@ impl Motor {
 
     pub(crate) const fn plant(&self) -> &Plant {
         &self.plant
+    }
+
+    pub(crate) const fn set_gear(&mut self, ratio: f64) {
+        self.plant = self.plant.with_gear(ratio);
     }
 
     pub(crate) const fn add_load_inertia(&mut self, inertia: f64) {

@@ -288,6 +288,14 @@ impl Axis {
 }
 
 impl Device for Axis {
+    fn set_id(&mut self, id: u8) -> bool {
+        let can_be = id <= 63;
+        if can_be {
+            self.settings.node = id;
+        }
+        can_be
+    }
+
     fn power_on(&mut self, now: Micros, phase: Micros) {
         self.state = State::Idle;
         self.controller = Controller::new();

@@ -246,6 +246,14 @@ impl GoM8010 {
 }
 
 impl LineDevice for GoM8010 {
+    fn set_id(&mut self, id: u8) -> bool {
+        let can_be = id < EVERYBODY;
+        if can_be {
+            self.id = id;
+        }
+        can_be
+    }
+
     fn power_on(&mut self, shaft: &Shaft<'_>, now: Nanos) {
         *self = Self { think: self.think, patience: self.patience, ..Self::new(self.id) };
         self.uncounted = shaft.rotor_turns().floor();

@@ -14,7 +14,7 @@ use rc10_motor::dji::M3508;
 use robot::{SCRIPT, TwoWheels, WHEELS, drive};
 
 fn main() -> ExitCode {
-    rc10_cli::main_for(|command| {
+    rc10_cli::main_for(&description(), |command| {
         let mut robot = TwoWheels::new()?;
         command.run(ready(&mut robot)?)
     })

@@ -7,6 +7,8 @@
 #![no_main]
 
 mod buses;
+mod can;
+mod memory;
 mod motors;
 mod report;
 mod serial_ports;
@@ -71,6 +73,7 @@ async fn main(spawner: Spawner) {
         panic!("115200 baud are possible");
     };
     let mut report = Report::new(text);
+    report.run("CAN", can::exchange(spawner, board.bus_2, board.standby)).await;
     report.run("serial", serial_ports::echo(board.positioning)).await;
     report.run("serial faults", serial_ports::faults(board.laser)).await;
     report.run("RS-485", motors::line(spawner, board.rs485)).await;
@@ -81,5 +84,6 @@ async fn main(spawner: Spawner) {
     report.run("switches", timers::switches(board.switches)).await;
     report.run("pulses", timers::pulses(board.pulses)).await;
     report.run("strip", timers::strip(board.strip)).await;
+    report.run("memory", memory::protection()).await;
     report.conclude().await;
 }

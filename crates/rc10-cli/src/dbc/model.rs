@@ -60,7 +60,7 @@ impl Dbc {
         // In the order of numbers, extended ones last.
         let mut by_id: BTreeMap<u32, Vec<(usize, &Message)>> = BTreeMap::new();
         for (place, device) in (1..).zip(devices) {
-            for message in &device.messages {
+            for message in device.messages.iter().filter(|message| message.is_plain()) {
                 by_id.entry(number(message.id)).or_default().push((place, message));
             }
         }
@@ -68,6 +68,15 @@ impl Dbc {
         for line in devices.iter().flat_map(|device| device.not_in_dbc) {
             if !left_out.iter().any(|known| known == line) {
                 left_out.push((*line).to_owned());
+            }
+        }
+        for device in devices {
+            let mut special = Vec::new();
+            let messages = device.messages.iter().filter(|message| !message.is_plain());
+            messages.for_each(|message| add(&mut special, message.name));
+            if !special.is_empty() {
+                let (label, special) = (&device.label, special.join(", "));
+                left_out.push(format!("{label}, but named by rc10 decode: {special}"));
             }
         }
         let mut names = Names::default();
@@ -196,7 +205,7 @@ mod tests {
 
     fn node(label: &str, signals: &'static [Signal]) -> Node {
         let id = StandardId::new(0x10).unwrap().into();
-        let message = Message { name: "STATE", id, len: 8, from_device: true, signals };
+        let message = Message::new("STATE", id, 8, true, signals);
         Node {
             label: label.to_owned(),
             comment: String::new(),

@@ -88,8 +88,17 @@ impl Columns {
     }
 
     fn name(&self, motor: &Motor) -> String {
-        let Self { label, device: device_width } = *self;
-        format!("{:<label$}  {:<device_width$}", motor.label, device(motor))
+        self.columns(motor.label, &device(motor))
+    }
+
+    /// In the place of one motor.
+    fn several(&self) -> String {
+        self.columns("several", "")
+    }
+
+    fn columns(&self, label: &str, device: &str) -> String {
+        let Self { label: label_width, device: device_width } = *self;
+        format!("{label:<label_width$}  {device:<device_width$}")
     }
 }
 
@@ -117,18 +126,31 @@ fn signals<'m>(
     frame: &CanFrame,
 ) -> impl Iterator<Item = (&'m Signal, f64, Option<&'static str>)> {
     let switch = message.signals.iter().find(|signal| signal.presence == Presence::Switch);
-    let payload = *frame;
-    let case = switch.and_then(|switch| switch.raw(payload.bytes()));
+    let frame = *frame;
+    let case = switch.and_then(|switch| switch.raw_in(&frame));
     message.signals.iter().filter_map(move |signal| {
         if let Presence::If(wanted) = signal.presence
             && case != Some(u64::from(wanted))
         {
             return None;
         }
-        let raw = signal.raw(payload.bytes())?;
+        let raw = signal.raw_in(&frame)?;
         let name = signal.values.iter().find(|(value, _)| u64::from(*value) == raw);
-        Some((signal, signal.physical(payload.bytes())?, name.map(|(_, name)| *name)))
+        Some((signal, signal.physical_in(&frame)?, name.map(|(_, name)| *name)))
     })
+}
+
+/// The same as text, without what says nothing: "REGISTER PMAX" if "PMAX 12.5 rad" follows, and bits
+/// of errors that are not set.
+fn signals_text(message: &Message, frame: &CanFrame) -> String {
+    let all: Vec<_> = signals(message, frame).collect();
+    let follows = |name: Option<&str>| all.iter().any(|(signal, ..)| name == Some(signal.name));
+    let said = all.iter().filter(|(signal, _, name)| {
+        let is_unset = signal.bits == 1 && name.is_none() && !signal.values.is_empty();
+        let is_said_again = signal.presence == Presence::Switch && follows(*name);
+        !is_unset && !is_said_again
+    });
+    said.map(|signal| signal_text(*signal)).collect::<Vec<_>>().join("  ")
 }
 
 fn signal_text((signal, value, name): (&Signal, f64, Option<&'static str>)) -> String {
@@ -158,9 +180,16 @@ fn text(columns: &Columns, line: &Line<'_>, meaning: &Meaning<'_>) -> String {
                 three(feedback.current().unwrap_or_default().get()),
             )
         }
-        Meaning::Message { motor, message, .. } => {
-            let signals: Vec<_> = signals(message, &line.frame).map(signal_text).collect();
-            format!("{start}  {}  {}  {}", columns.name(motor), message.name, signals.join("  "))
+        Meaning::Message { motor, message } => {
+            let whose = motor.map_or_else(|| columns.several(), |motor| columns.name(motor));
+            let text = format!("{start}  {whose}  {}", message.name);
+            match signals_text(message, &line.frame) {
+                signals if signals.is_empty() => text,
+                signals => format!("{text}  {signals}"),
+            }
+        }
+        Meaning::Unasked { motor } => {
+            format!("{start}  {}  an answer to a request: {}", columns.name(motor), line.frame)
         }
         Meaning::Command(lanes) => {
             let lanes: Vec<String> = lanes.iter().map(lane_text).collect();
@@ -227,7 +256,7 @@ fn object(number: u64, line: &Line<'_>, bus: u8, meaning: &Meaning<'_>) -> Value
                 "temperature": raw.temperature,
             })),
         }),
-        Meaning::Message { motor, message, from_device } => {
+        Meaning::Message { motor, message } => {
             let signals = signals(message, &line.frame).map(|(signal, value, name)| {
                 json!({
                     "signal": signal.name,
@@ -239,14 +268,19 @@ fn object(number: u64, line: &Line<'_>, bus: u8, meaning: &Meaning<'_>) -> Value
             json!({
                 "kind": "message",
                 "frame": line.frame.to_string(),
-                "motor": motor.label,
-                "model": motor.name().model,
-                "id": motor.name().id,
+                "motor": motor.map(|motor| motor.label),
+                "model": motor.map(|motor| motor.name().model),
+                "id": motor.map(|motor| motor.name().id),
                 "message": message.name,
-                "from_device": from_device,
+                "from_device": message.from_device,
                 "signals": signals.collect::<Value>(),
             })
         }
+        Meaning::Unasked { motor } => json!({
+            "kind": "unasked",
+            "frame": line.frame.to_string(),
+            "motor": motor.label,
+        }),
         Meaning::Command(lanes) => json!({
             "kind": "command",
             "frame": line.frame.to_string(),
@@ -326,6 +360,7 @@ fn summary_object(summary: &Summary, decoder: &Decoder<'_, '_>) -> Value {
                 "mirrored": motor.direction == Direction::Reversed,
                 "feedback": status.counters.received,
                 "malformed": status.counters.malformed,
+                "unasked": status.counters.unasked,
                 "turn_gaps": status.feedback.turn_gaps,
             })
         })
@@ -379,14 +414,6 @@ fn summary_text(
             writeln!(out, "  {}  {}", columns.name(motor), motor_summary(motor, &status))?;
         }
     }
-    for (name, _) in summary.channels.iter().filter(|(_, channel)| channel.bus.is_none()) {
-        writeln!(
-            out,
-            "\n{name} is not known as a bus of the robot; --bus {name}=N makes it bus N \
-             (1 to {})",
-            summary.buses
-        )?;
-    }
     if *unknown > 0 {
         writeln!(out, "\nunknown identifiers")?;
     }
@@ -409,6 +436,9 @@ fn motor_summary(motor: &Motor, status: &MotorStatus) -> String {
     };
     if status.counters.malformed > 0 {
         text += &format!(", malformed {}", status.counters.malformed);
+    }
+    if status.counters.unasked > 0 {
+        text += &format!(", answers to requests {}", status.counters.unasked);
     }
     if status.feedback.turn_gaps > 0 {
         text += &format!(", turns estimated over {} gaps", status.feedback.turn_gaps);

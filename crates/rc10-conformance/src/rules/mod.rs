@@ -1,5 +1,6 @@
 //! The rules, one function each. What a rule needs a motor to do first is another rule's business:
-//! where the motor does not, the rule says that it could not be tried.
+//! where the motor does not, the rule says that it could not be tried. What others follow from comes
+//! before them.
 
 mod declared;
 mod faults;
@@ -94,6 +95,12 @@ pub const RULES: &[Rule] = &[
         targets::refuses_targets,
     ),
     rule(
+        "feedback-is-true",
+        "Speed and angle in the feedback are those of the shaft, driven or turned by hand; the angle \
+         lies in 0 ..< 360.",
+        targets::feedback_is_true,
+    ),
+    rule(
         "gets-going",
         "Armed and commanded it turns against its load, and says that it is ready.",
         targets::gets_going,
@@ -102,11 +109,6 @@ pub const RULES: &[Rule] = &[
         "follows",
         "It reaches every target of the declaration, as closely and as fast as declared.",
         targets::follows,
-    ),
-    rule(
-        "feedback-is-true",
-        "Speed and angle in the feedback are those of the shaft; the angle lies in 0 ..< 360.",
-        targets::feedback_is_true,
     ),
     rule(
         "strange-steps",

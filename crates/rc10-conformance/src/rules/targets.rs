@@ -109,20 +109,52 @@ fn reaches(rig: &mut Rig<'_>, trial: &Trial) -> Outcome {
         rig.is_heard().map_err(|_| Halt::Stuck)?;
         let _ = rig.switch.arm();
     }
-    let (mut kept, mut nearest) = (0, f64::INFINITY);
+    let (mut kept, mut nearest, mut effort) = (0, f64::INFINITY, None);
     for _ in 0..rig.declared.enables_within + trial.within {
         rig.tick(Some(trial.target));
         let off = off_by(rig, trial);
         let is_near = off <= trial.tolerance;
         kept = if is_near { kept + 1 } else { 0 };
-        nearest = nearest.min(off);
+        if off < nearest {
+            (nearest, effort) = (off, effort_of(rig, trial.target));
+        }
         if kept == KEPT {
             return Ok(());
         }
     }
     let Trial { target, tolerance, within } = trial;
-    let what = format!("{target:?}: not within {tolerance} for {KEPT} ms on end, in {within} ms");
-    broken(rig.now(), format!("{what}; {nearest:.3} at best"))
+    let target = words(*target);
+    let what = format!("not within {tolerance} for {KEPT} ms on end, in {within} ms");
+    match effort {
+        // What the loops do with it does not come into it: the scale is wrong.
+        Some((is, should, unit)) if is.abs() > 0.01 * should.abs() => {
+            let times = times(is, should);
+            Err(Halt::Wrong(rig.now(), format!("{target}: {is:.3} {unit} at best{times}; {what}")))
+        }
+        _ => broken(rig.now(), format!("{target}: {what}; {nearest:.3} off at best")),
+    }
+}
+
+/// The effort that there is, the one that was asked for, and the unit of both.
+fn effort_of(rig: &Rig<'_>, target: Target) -> Option<(f64, f64, &'static str)> {
+    let state = rig.esc.state();
+    match target {
+        Target::Current(amps) => Some((state.current, amps.get().into(), "A")),
+        Target::Torque(torque) => Some((state.torque, torque.get().into(), "N m")),
+        _ => None,
+    }
+}
+
+/// A target for people.
+fn words(target: Target) -> String {
+    match target {
+        Target::Speed(rpm) => format!("speed {} rpm", rpm.get()),
+        Target::Current(amps) => format!("current {} A", amps.get()),
+        Target::Torque(torque) => format!("torque {} N m", torque.get()),
+        Target::Angle(degrees) => format!("angle {} degrees", degrees.get()),
+        Target::TotalAngle(angle) => format!("total angle {} degrees", angle.degrees().get()),
+        other => format!("{other:?}"),
+    }
 }
 
 /// How far the motor is from its target: at most the tolerance when it is reached.
@@ -154,35 +186,69 @@ fn off_by(rig: &Rig<'_>, trial: &Trial) -> f64 {
 }
 
 pub(super) fn feedback_is_true(case: &Case<'_>, found: &mut Findings) {
-    found.note(case.alone(SafeState::Coast, |rig| {
+    let driven = case.alone(SafeState::Coast, |rig| {
         rig.get_going()?;
         let cruise = rig.cruise();
         rig.wait(Some(cruise), 300);
-        let (start, told_start) = (rig.esc.state(), rig.status().feedback);
-        for _ in 0..500 {
-            rig.tick(Some(cruise));
-            let angle = rig.status().feedback.angle.get();
-            if !(0.0..360.0).contains(&angle) {
-                return broken(rig.now(), format!("its angle is {angle} degrees"));
-            }
+        tells_the_truth(case, rig, Some(cruise), "")
+    });
+    // Wrong feedback is a reason not to get going.
+    found.note(match driven {
+        Err(Halt::Stuck) => case.alone(SafeState::Coast, |rig| {
+            rig.is_heard().map_err(|_| Halt::Stuck)?;
+            rig.turn_by_hand()?;
+            tells_the_truth(case, rig, None, "turned by hand ")
+        }),
+        driven => driven,
+    });
+}
+
+/// For half a second it says what the shaft does.
+fn tells_the_truth(
+    case: &Case<'_>,
+    rig: &mut Rig<'_>,
+    target: Option<Target>,
+    how: &str,
+) -> Outcome {
+    let wrong = |rig: &Rig<'_>, what| Err(Halt::Wrong(rig.now(), what));
+    let (start, told_start) = (rig.esc.state(), rig.status().feedback);
+    for _ in 0..500 {
+        rig.tick(target);
+        let angle = rig.status().feedback.angle.get();
+        if !(0.0..360.0).contains(&angle) {
+            return wrong(rig, format!("{how}its angle is {angle} degrees"));
         }
-        let (end, told) = (rig.esc.state(), rig.status().feedback);
-        let (rpm, told_rpm) = (end.output_rpm, f64::from(told.speed.get()));
-        if (rpm - told_rpm).abs() > 0.05 * rig.cruise_rpm() {
-            return broken(rig.now(), format!("it says {told_rpm:.1} rpm, and makes {rpm:.1}"));
-        }
-        let moved = end.output_degrees - start.output_degrees;
-        let told_moved = told.total_angle.minus(told_start.total_angle).degrees();
-        let told_moved = f64::from(told_moved.get());
-        // At both ends the feedback is some milliseconds old: 6 degrees a second for each rpm.
-        let period = Seconds::from_micros(case.motor().report_period().get());
-        let period_ms = f64::from(period.get()) * 1000.0 + 2.0;
-        let age = 2.0 * period_ms * 0.006 * rig.cruise_rpm();
-        if (moved - told_moved).abs() <= 0.01 * moved.abs() + age {
-            return Ok(());
-        }
-        broken(rig.now(), format!("it says {told_moved:.1} degrees, and went {moved:.1}"))
-    }));
+    }
+    let (end, told) = (rig.esc.state(), rig.status().feedback);
+    let (rpm, told_rpm) = (end.output_rpm, f64::from(told.speed.get()));
+    if (rpm - told_rpm).abs() > 0.05 * rig.cruise_rpm() {
+        let times = times(told_rpm, rpm);
+        return wrong(rig, format!("{how}it says {told_rpm:.1} rpm, and makes {rpm:.1}{times}"));
+    }
+    let moved = end.output_degrees - start.output_degrees;
+    let told_moved = told.total_angle.minus(told_start.total_angle).degrees();
+    let told_moved = f64::from(told_moved.get());
+    // At both ends the feedback is some milliseconds old: 6 degrees a second for each rpm.
+    let period = Seconds::from_micros(case.motor().report_period().get());
+    let period_ms = f64::from(period.get()) * 1000.0 + 2.0;
+    let age = 2.0 * period_ms * 0.006 * rig.cruise_rpm();
+    if (moved - told_moved).abs() <= 0.01 * moved.abs() + age {
+        return Ok(());
+    }
+    let times = times(told_moved, moved);
+    wrong(rig, format!("{how}it says {told_moved:.1} degrees, and went {moved:.1}{times}"))
+}
+
+/// What a wrong unit, byte, gear or sign makes of a number: one of these, its inverse, or negative.
+const SLIPS: [f64; 10] = [1.0, 2.0, 6.0, 9.549, 10.0, 57.296, 60.0, 100.0, 256.0, 1000.0];
+
+/// ": 0.100 times that", if it is so by a usual slip.
+fn times(is: f64, should: f64) -> String {
+    let times = is / should;
+    let is_slip = |slip: &f64| {
+        [times.abs() / slip, times.abs() * slip].iter().any(|rest| (rest - 1.0).abs() < 0.03)
+    };
+    if SLIPS.iter().any(is_slip) { format!(": {times:.3} times that") } else { String::new() }
 }
 
 /// Steps that no clock should take, s.

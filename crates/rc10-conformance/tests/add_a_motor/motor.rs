@@ -135,7 +135,7 @@ impl Finch {
         let raw = u16::from(id);
         let ids = (StandardId::new(0x300 + raw), StandardId::new(0x380 + raw));
         let (Some(command_id), Some(report_id), 1..=LAST_ID) = (ids.0, ids.1, id) else {
-            return Err(ConfigError { field: "id", value: id.into(), must_be: "1 to 63" });
+            return Err(ConfigError::new("id", id.into(), "1 to 63"));
         };
         Ok(Self {
             id,

@@ -5,7 +5,7 @@ use rc10_motor::cybergear::{Model, Reply};
 /// What our codec reads from a frame, under the names of the signal table. Empty for what only a
 /// host sends: there is nothing of ours that reads it.
 pub fn values(message: &str, frame: &CanFrame, model: &Model) -> Vec<(&'static str, f64)> {
-    if !["FEEDBACK_STOPPED", "FEEDBACK_RUNNING", "FAULTS", "PARAMETER"]
+    if !["FEEDBACK_STOPPED", "FEEDBACK_RUNNING", "FAULTS", "PARAMETER", "IDENTITY"]
         .iter()
         .any(|what| message.ends_with(&format!("{}_{what}", vendor(model))))
     {
@@ -41,6 +41,7 @@ pub fn values(message: &str, frame: &CanFrame, model: &Model) -> Vec<(&'static s
             }
             all
         }
+        Ok(Reply::Identity { chip, .. }) => vec![("CHIP", chip as f64)],
         _ => Vec::new(),
     }
 }

@@ -19,7 +19,7 @@ fn named<'s>(signals: &'s [Signal], name: &str) -> Option<&'s Signal> {
 fn identifiers_and_lanes_are_those_of_the_motor() {
     for model in MODELS {
         for id in 1..=model.last_id {
-            let [feedback, command] = messages(model, id).unwrap().into_array().unwrap();
+            let [feedback, command, _] = messages(model, id).unwrap().into_array().unwrap();
             assert_eq!(feedback.id, model.feedback_id(id).unwrap().into());
             let (command_id, lane) = model.command_lane(id).unwrap();
             assert_eq!(command.id, command_id.into());

@@ -9,7 +9,7 @@ use rc10_motor::unitree::wire::module::{Content, Reply};
 /// laid out like those of the answers, so they are read as an answer.
 pub fn values(message: &str, frame: &CanFrame) -> Vec<(&'static str, f64)> {
     let content = match message {
-        "UNITREE_GO_LOCK" | "UNITREE_GO_CONTROL" => 1,
+        "UNITREE_GO_CONTROL" | "UNITREE_GO_CONTROL_UNANSWERED" => 1,
         "UNITREE_GO_SET_GAINS" => 2,
         _ => return Vec::new(),
     };

@@ -25,10 +25,30 @@ pub fn values(message: &str, frame: &CanFrame) -> Vec<(&'static str, f64)> {
         "VESC_STATUS_6" => "VESC_INPUT_1",
         "VESC_PONG" => "VESC_PONG_FROM",
         "VESC_PING" => "VESC_PING_FROM",
-        "VESC_CURRENT_LIMITS" => "VESC_LIMIT_MIN",
+        "VESC_CURRENT_LIMITS" | "VESC_STORE_CURRENT_LIMITS" => "VESC_LIMIT_MIN",
+        setting if SETTINGS.iter().any(|(name, _)| *name == setting) => {
+            return pair(setting, frame);
+        }
         order => order,
     };
     if told.first().is_some_and(|(name, _)| *name == own) { told } else { Vec::new() }
+}
+
+/// Settings that the simulated VESC does not know: two numbers in thousandths.
+const SETTINGS: [(&str, [&str; 2]); 6] = [
+    ("VESC_INPUT_LIMITS", ["VESC_LIMIT_MIN", "VESC_LIMIT_MAX"]),
+    ("VESC_STORE_INPUT_LIMITS", ["VESC_LIMIT_MIN", "VESC_LIMIT_MAX"]),
+    ("VESC_FOC_SPEEDS", ["VESC_OPEN_LOOP_SPEED", "VESC_SENSORLESS_SPEED"]),
+    ("VESC_STORE_FOC_SPEEDS", ["VESC_OPEN_LOOP_SPEED", "VESC_SENSORLESS_SPEED"]),
+    ("VESC_BATTERY_CUT", ["VESC_CUT_BEGINS", "VESC_CUT_ENDS"]),
+    ("VESC_STORE_BATTERY_CUT", ["VESC_CUT_BEGINS", "VESC_CUT_ENDS"]),
+];
+
+fn pair(setting: &str, frame: &CanFrame) -> Vec<(&'static str, f64)> {
+    let (_, names) = SETTINGS.iter().find(|(name, _)| *name == setting).unwrap();
+    let raw = u64::from_be_bytes(*frame.all_eight().unwrap());
+    let numbers = [(raw >> 32) as u32, raw as u32].map(|half| f64::from(half as i32) / 1000.0);
+    names.iter().copied().zip(numbers).collect()
 }
 
 fn reported(status: Status) -> Vec<(&'static str, f64)> {

@@ -6,6 +6,10 @@ pub enum Spoil {
     Nothing,
     /// Breaks many rules, because nothing can be tried.
     NeverEnables,
+    /// Its codec reads the two bytes of the speed in the wrong order: many rules follow.
+    SwapsSpeed,
+    /// Its codec sends a tenth of each torque: many rules follow.
+    TenthOfTorque,
     NineBytes,
     OtherName,
     UndeclaredFrame,

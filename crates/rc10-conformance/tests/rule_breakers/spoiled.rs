@@ -149,6 +149,16 @@ fn scaled(frame: CanFrame, factor: f32) -> CanFrame {
     }
 }
 
+/// A report with the bytes of its speed exchanged.
+fn speed_swapped(frame: CanFrame) -> CanFrame {
+    match frame.all_eight() {
+        Some(&[a, b, high, low, e, f, g, h]) if !frame.is_extended_id() => {
+            CanFrame::eight_bytes(frame.id(), [a, b, low, high, e, f, g, h])
+        }
+        _ => frame,
+    }
+}
+
 impl Motor for Spoiled {
     fn supports(&self) -> TargetSet {
         use TargetKind::{Angle, Coast, Duty, Speed, Torque, TotalAngle};
@@ -273,7 +283,8 @@ impl CanMotor for Spoiled {
     }
 
     fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
-        let heard = self.good.unpack_feedback(frame, at);
+        let read = if self.is(Spoil::SwapsSpeed) { speed_swapped(*frame) } else { *frame };
+        let heard = self.good.unpack_feedback(&read, at);
         let is_own = frame.key() == CanFrame::key_of(standard(0x380 + self.id));
         if heard.is_err() {
             let takes = match self.spoil {
@@ -334,6 +345,7 @@ impl CanMotor for Spoiled {
                 tx.push(frame)?;
                 tx.push(frame)?;
             }
+            Spoil::TenthOfTorque => frame = scaled(frame, 0.1),
             Spoil::HalfTheTorque if matches!(self.good.target(), Target::Torque(_)) => {
                 frame = scaled(frame, 0.5);
             }

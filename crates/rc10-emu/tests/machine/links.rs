@@ -4,10 +4,10 @@
 use std::collections::VecDeque;
 
 use rc10_emu::peripherals::Width;
-use rc10_emu::{Fault, Machine, Rig};
+use rc10_emu::{Machine, Rig};
 use rc10_sim::unitree_line::{GoM8010, plant};
 use rc10_sim::{
-    LineConfig, Nanos, PulseDevice, Serial, SerialConfig, SerialDevice, UartFault, World,
+    Fault, LineConfig, Nanos, PulseDevice, Serial, SerialConfig, SerialDevice, UartFault, World,
 };
 
 use crate::{FLASH, HANDLER, LOAD, program};
@@ -31,6 +31,8 @@ impl Bench {
     fn new() -> Self {
         let machine = Machine::new(&program(LOAD, FLASH, HANDLER)).unwrap();
         let bench = Self { machine, world: World::new(1) };
+        // What no byte has reached is zero.
+        bench.machine.memory().write(BUFFER, &[0; 0x200]).unwrap();
         // Ports A to F, DMA1, UART5 and USART2, TIM13.
         bench.write(0x5802_44E0, 0x3F);
         bench.write(0x5802_44D8, 1);

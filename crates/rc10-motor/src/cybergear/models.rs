@@ -26,7 +26,7 @@ pub struct Model {
 }
 
 /// CyberGear manual, feedback frame.
-const CYBERGEAR_FAULTS: [(u8, &str); 6] = [
+pub(super) const CYBERGEAR_FAULTS: [(u8, &str); 6] = [
     (1, "over-current"),
     (2, "too hot"),
     (3, "magnetic encoder fault"),
@@ -36,7 +36,7 @@ const CYBERGEAR_FAULTS: [(u8, &str); 6] = [
 ];
 
 /// RobStride manuals, feedback frame: bits 1 and 4 differ.
-const ROBSTRIDE_FAULTS: [(u8, &str); 6] = [
+pub(super) const ROBSTRIDE_FAULTS: [(u8, &str); 6] = [
     (1, "driver fault"),
     (2, "too hot"),
     (3, "magnetic encoder fault"),

@@ -105,13 +105,18 @@ impl CyberGear {
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn new(model: &'static Model, address: Address) -> Result<Self, ConfigError> {
+        Self::build(model, address)
+            .map_err(|error| error.of_device(model.name, address.motor.into()))
+    }
+
+    fn build(model: &'static Model, address: Address) -> Result<Self, ConfigError> {
         let Address { motor, host } = address;
         if !(1..=127).contains(&motor) {
-            return Err(ConfigError { field: "motor", value: motor.into(), must_be: "1 to 127" });
+            return Err(ConfigError::new("motor", motor.into(), "1 to 127"));
         }
         if host == motor || host >= EVERYBODY {
             let must_be = "below 254, and not the motor's own identifier";
-            return Err(ConfigError { field: "host", value: host.into(), must_be });
+            return Err(ConfigError::new("host", host.into(), must_be));
         }
         let limits = model.limits.checked()?;
         Ok(Self {
@@ -160,12 +165,14 @@ impl CyberGear {
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
+        let id = self.address.motor.into();
+        let named = |error: ConfigError| error.of_device(self.model.name, id);
         let (torque, most) = (cascade.speed.output_limit, self.limits.torque());
         if torque > most {
-            let must_be = "at most the model's torque";
-            return Err(ConfigError { field: "speed.output_limit", value: torque, must_be });
+            let error = ConfigError::new("output_limit", torque, "at most the model's torque");
+            return Err(named(error.in_part("speed")));
         }
-        self.servo = Servo::new(TargetKind::Torque, cascade)?;
+        self.servo = Servo::new(TargetKind::Torque, cascade).map_err(named)?;
         Ok(self)
     }
 
@@ -258,7 +265,7 @@ fn position_range(limits: Limits) -> Result<f32, ConfigError> {
     if value <= 15.0 {
         Ok(value)
     } else {
-        Err(ConfigError { field: "position", value, must_be: "at most 15 rad" })
+        Err(ConfigError::new("position", value, "at most 15 rad"))
     }
 }
 

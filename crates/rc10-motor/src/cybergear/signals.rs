@@ -2,6 +2,7 @@
 
 use embedded_can::ExtendedId;
 use heapless::Vec;
+use rc10_can::CanFrame;
 
 use super::models::{self, CYBERGEAR_DETAILS, Model, ROBSTRIDE_DETAILS};
 use super::wire::{self, Address, Parameter, kind};
@@ -18,13 +19,17 @@ pub const NOT_IN_DBC: &[&str] = &[
      another one (12.5 rad or 4π) has another scale.",
     "RobStride: a parameter that does not exist is answered with 1 in bits 23 to 16 of the \
      identifier; that answer has no message here.",
-    "CyberGear, RobStride: what has another identifier than 8 bits of motor and host (identity, \
-     type 0; its change, type 7) has no message here: no motor of ours uses it.",
+    "CyberGear, RobStride: a change of the motor's identifier (type 7) carries the new one in bits 23 \
+     to 16 of its own, and has no message here.",
 ];
 
-/// The frames that a motor of the model sends and takes, but for [`NOT_IN_DBC`].
+/// The most messages of a motor.
+pub const MOST: usize = 18;
+
+/// The frames that a motor of the model sends and takes; first those that are not in
+/// [`NOT_IN_DBC`].
 #[must_use]
-pub fn messages(model: &Model, address: Address) -> Vec<Message, 10> {
+pub fn messages(model: &Model, address: Address) -> Vec<Message, MOST> {
     let robstride = model.saves;
     // A prefix for each vendor.
     macro_rules! name {
@@ -33,23 +38,20 @@ pub fn messages(model: &Model, address: Address) -> Vec<Message, 10> {
         };
     }
     let Address { motor, host } = address;
-    let from = |kind: u8, mode: u32, name, signals| {
-        let raw = u32::from(kind) << 24 | mode << 22 | u32::from(motor) << 8 | u32::from(host);
+    let with_id = |kind: u8, upper: u8, middle: u8, low: u8, name, from_device, signals| {
+        let raw = u32::from_be_bytes([kind, upper, middle, low]);
         let id = ExtendedId::new(raw).unwrap_or(ExtendedId::MAX).into();
-        Message { name, id, len: 8, from_device: true, signals }
+        Message::new(name, id, 8, from_device, signals)
     };
-    let to = |frame: rc10_can::CanFrame, name, signals| Message {
-        name,
-        id: frame.id(),
-        len: 8,
-        from_device: false,
-        signals,
+    let from = |kind: u8, mode: u8, name, signals| {
+        with_id(kind, mode << 6, motor, host, name, true, signals)
     };
+    let to = |frame: CanFrame, name, signals| Message::new(name, frame.id(), 8, false, signals);
     let feedback = feedback_of(model);
     let faults: &[_] = if robstride { &ROBSTRIDE_FAULTS } else { &CYBERGEAR_FAULTS };
     let parameter = Parameter::RUN_MODE;
     let mut all = Vec::new();
-    let common = [
+    let plain = [
         from(kind::FEEDBACK, 0, name!("FEEDBACK_STOPPED"), feedback),
         from(kind::FEEDBACK, 2, name!("FEEDBACK_RUNNING"), feedback),
         from(kind::FAULTS, 0, name!("FAULTS"), faults),
@@ -59,12 +61,32 @@ pub fn messages(model: &Model, address: Address) -> Vec<Message, 10> {
         to(wire::set_zero(address), name!("SET_ZERO"), &[]),
         to(wire::read(address, parameter), name!("READ_PARAMETER"), &READ),
         to(wire::write(address, parameter, [0; 4]), name!("WRITE_PARAMETER"), &PARAMETERS),
+        to(wire::identify(address), name!("IDENTIFY"), &[]),
+        // 0xFE instead of a host: to everybody.
+        with_id(kind::IDENTITY, 0, motor, 0xFE, name!("IDENTITY"), true, &IDENTITY),
     ];
-    // Nine and one are ten.
-    let _ = all.extend_from_slice(&common);
+    // Eleven, two, and five are eighteen.
+    let _ = all.extend_from_slice(&plain);
+    let save = wire::save(address);
     if robstride {
-        let _ = all.push(to(wire::save(address), "ROBSTRIDE_SAVE", &[]));
+        let _ = all.push(to(save, "ROBSTRIDE_SAVE", &[]));
+        let name = "ROBSTRIDE_SET_REPORT";
+        let _ = all.push(with_id(kind::REPORT, 0, host, motor, name, false, &REPORT));
+    } else {
+        let _ = all.push(to(save, "CYBERGEAR_SET_BIT_RATE", &BIT_RATE));
     }
+    const UPPER: u32 = 0x00FF_0000;
+    let state = state_of(model);
+    let motion = motion_of(model);
+    let special = [
+        with_id(kind::MOTION, 0, 0, motor, name!("MOTION"), false, motion).varying(0x00FF_FF00),
+        from(kind::FEEDBACK, 0, name!("FEEDBACK"), state).varying(UPPER),
+        with_id(kind::SET_ID, 0, host, motor, name!("SET_ID"), false, &NEW_ID).varying(UPPER),
+        from(kind::READ, 0, name!("NO_SUCH_PARAMETER"), &READ).varying(UPPER),
+        from(kind::REPORT, 0, name!("REPORT"), state).varying(UPPER),
+    ];
+    // The last two are a RobStride's.
+    let _ = all.extend_from_slice(if robstride { &special } else { &special[..3] });
     all
 }
 
@@ -88,6 +110,119 @@ fn feedback_of(model: &Model) -> &'static [Signal] {
     FEEDBACK.iter().find(|(name, _)| *name == model.name).map_or(&RAW, |(_, signals)| signals)
 }
 
+/// The same with what stands in the identifier.
+fn state_of(model: &Model) -> &'static [Signal] {
+    let known = STATE.iter().find(|(name, _)| *name == model.name);
+    known.map_or(&RAW_STATE[usize::from(model.saves)], |(_, signals)| signals)
+}
+
+/// What the setpoint of a model says.
+fn motion_of(model: &Model) -> &'static [Signal] {
+    MOTION.iter().find(|(name, _)| *name == model.name).map_or(&RAW_MOTION, |(_, signals)| signals)
+}
+
+/// Mode and faults in the identifier, then what stands in the data of a feedback.
+const STATE_SIGNALS: usize = 1 + 6 + 4;
+
+const fn state(
+    data: [Signal; 4],
+    faults: &[(u8, &str); 6],
+    texts: &'static [[(u32, &'static str); 1]; 6],
+) -> [Signal; STATE_SIGNALS] {
+    const MODES: &[(u32, &str)] = &[(0, "stopped"), (1, "calibrates"), (2, "runs")];
+    const NAMES: [&str; 6] = ["FAULT_0", "FAULT_1", "FAULT_2", "FAULT_3", "FAULT_4", "FAULT_5"];
+    let mut signals = [Signal::in_id("MODE", 22, 2).named(MODES); STATE_SIGNALS];
+    let mut index = 0;
+    while index < 6 {
+        let bit = faults[index].0;
+        let signal = Signal::in_id(NAMES[bit as usize], 16 + bit, 1);
+        signals[1 + index] = signal.named(&texts[index]);
+        index += 1;
+    }
+    index = 0;
+    while index < 4 {
+        signals[7 + index] = data[index];
+        index += 1;
+    }
+    signals
+}
+
+/// A fault bit that is set, in the words of the codec.
+const fn texts(faults: &[(u8, &'static str); 6]) -> [[(u32, &'static str); 1]; 6] {
+    let mut texts = [[(1, "")]; 6];
+    let mut index = 0;
+    while index < 6 {
+        texts[index][0].1 = faults[index].1;
+        index += 1;
+    }
+    texts
+}
+
+static CYBERGEAR_TEXTS: [[(u32, &str); 1]; 6] = texts(&models::CYBERGEAR_FAULTS);
+static ROBSTRIDE_TEXTS: [[(u32, &str); 1]; 6] = texts(&models::ROBSTRIDE_FAULTS);
+
+const fn state_with(data: [Signal; 4], robstride: bool) -> [Signal; STATE_SIGNALS] {
+    if robstride {
+        state(data, &models::ROBSTRIDE_FAULTS, &ROBSTRIDE_TEXTS)
+    } else {
+        state(data, &models::CYBERGEAR_FAULTS, &CYBERGEAR_TEXTS)
+    }
+}
+
+const fn motion(limits: &Limits) -> [Signal; 5] {
+    let torque = limits.torque() as f64;
+    [
+        ranged("POSITION", 0, limits.position(), "rad"),
+        ranged("VELOCITY", 2, limits.velocity(), "rad/s"),
+        Signal::big("KP", 4, 2).scaled(limits.kp() as f64 / 65_535.0, "N m/rad"),
+        Signal::big("KD", 6, 2).scaled(limits.kd() as f64 / 65_535.0, "N m s/rad"),
+        Signal::in_id("TORQUE", 8, 16).scaled(2.0 * torque / 65_535.0, "N m").offset(-torque),
+    ]
+}
+
+static RAW_STATE: [[Signal; STATE_SIGNALS]; 2] = [state_with(RAW, false), state_with(RAW, true)];
+const RAW_MOTION: [Signal; 5] = [
+    Signal::big("POSITION", 0, 2),
+    Signal::big("VELOCITY", 2, 2),
+    Signal::big("KP", 4, 2),
+    Signal::big("KD", 6, 2),
+    Signal::in_id("TORQUE", 8, 16),
+];
+
+static STATE: [(&str, [Signal; STATE_SIGNALS]); models::ALL.len()] = {
+    let mut all = [("", state_with(RAW, false)); models::ALL.len()];
+    let mut index = 0;
+    while index < all.len() {
+        let model = &models::ALL[index];
+        all[index] = (model.name, state_with(feedback(&model.limits), model.saves));
+        index += 1;
+    }
+    all
+};
+
+static MOTION: [(&str, [Signal; 5]); models::ALL.len()] = {
+    let mut all = [("", RAW_MOTION); models::ALL.len()];
+    let mut index = 0;
+    while index < all.len() {
+        all[index] = (models::ALL[index].name, motion(&models::ALL[index].limits));
+        index += 1;
+    }
+    all
+};
+
+/// Number of the chip, eight bytes as they came.
+static IDENTITY: [Signal; 1] = [Signal::big("CHIP", 0, 8)];
+/// Whether it reports of its own accord (RobStride manuals, type 24).
+static REPORT: [Signal; 1] =
+    [Signal::little("REPORTS", 6, 1).named(&[(0, "when asked"), (1, "of its own accord")])];
+static NEW_ID: [Signal; 1] = [Signal::in_id("NEW_ID", 16, 8)];
+static BIT_RATE: [Signal; 1] = [Signal::little("BIT_RATE", 0, 1).named(&[
+    (1, "1 Mbit/s"),
+    (2, "500 kbit/s"),
+    (3, "250 kbit/s"),
+    (4, "125 kbit/s"),
+])];
+
 static FEEDBACK: [(&str, [Signal; 4]); models::ALL.len()] = {
     let mut all = [("", RAW); models::ALL.len()];
     let mut index = 0;
@@ -105,8 +240,7 @@ const RAW: [Signal; 4] = [
     Signal::big("TEMPERATURE", 6, 2).scaled(0.1, "degC"),
 ];
 
-static STOP: [Signal; 1] =
-    [Signal::little("CLEARS_FAULTS", 0, 1).named(&[(0, "stop"), (1, "stop and clear faults")])];
+static STOP: [Signal; 1] = [Signal::little("CLEARS_FAULTS", 0, 1).named(&[(0, "no"), (1, "yes")])];
 
 /// Where the bits of a mask lie.
 const fn masked(name: &'static str, mask: u32) -> Signal {
@@ -154,7 +288,21 @@ static ROBSTRIDE_FAULTS: [Signal; 12] = [
     GETS_HOT,
 ];
 
-const INDEX: Signal = Signal::little("INDEX", 0, 2);
+const INDEX: Signal = Signal::little("INDEX", 0, 2).named(&PARAMETER_NAMES);
+
+/// Names of the parameters, for what tells which one is meant.
+static PARAMETER_NAMES: [(u32, &str); PARAMETER_SIGNALS.len()] = {
+    let mut names = [(0, ""); PARAMETER_SIGNALS.len()];
+    let mut index = 0;
+    while index < names.len() {
+        let signal = &PARAMETER_SIGNALS[index];
+        if let Presence::If(number) = signal.presence {
+            names[index] = (number, signal.name);
+        }
+        index += 1;
+    }
+    names
+};
 
 static READ: [Signal; 1] = [INDEX];
 
@@ -163,8 +311,7 @@ const fn real(name: &'static str, parameter: Parameter, unit: &'static str) -> S
     Signal::little(name, 4, 4).float().scaled(1.0, unit).when(Presence::If(parameter.0 as u32))
 }
 
-static PARAMETERS: [Signal; 11] = [
-    INDEX.when(Presence::Switch),
+const PARAMETER_SIGNALS: [Signal; 10] = [
     Signal::little("RUN_MODE", 4, 1)
         .named(&[(0, "motion"), (1, "position"), (2, "velocity"), (3, "current")])
         .when(Presence::If(Parameter::RUN_MODE.0 as u32)),
@@ -178,3 +325,13 @@ static PARAMETERS: [Signal; 11] = [
     real("MEASURED_VELOCITY", Parameter::MEASURED_VELOCITY, "rad/s"),
     real("SUPPLY", Parameter::SUPPLY, "V"),
 ];
+
+static PARAMETERS: [Signal; 1 + PARAMETER_SIGNALS.len()] = {
+    let mut signals = [INDEX.when(Presence::Switch); 1 + PARAMETER_SIGNALS.len()];
+    let mut index = 0;
+    while index < PARAMETER_SIGNALS.len() {
+        signals[1 + index] = PARAMETER_SIGNALS[index];
+        index += 1;
+    }
+    signals
+};

@@ -51,7 +51,7 @@ impl Steering {
             if rpm > 0.0 && rpm <= most {
                 Ok(rpm / RPM_PER_RADIAN_PER_SECOND)
             } else {
-                Err(ConfigError { field: "speed", value: rpm, must_be })
+                Err(ConfigError::new("speed", rpm, must_be))
             }
         };
         let up_to_vmax = "above zero, and at most VMAX";
@@ -61,11 +61,11 @@ impl Steering {
                 let servo = Servo::new(TargetKind::Torque, cascade)?;
                 if torque > limits.torque() {
                     let (field, value) = ("speed.output_limit", torque);
-                    return Err(ConfigError { field, value, must_be: "at most TMAX, in N m" });
+                    return Err(ConfigError::new(field, value, "at most TMAX, in N m"));
                 }
                 if speed > fastest {
                     let (field, value) = ("angle.output_limit", speed);
-                    return Err(ConfigError { field, value, must_be: "at most VMAX, in rpm" });
+                    return Err(ConfigError::new(field, value, "at most VMAX, in rpm"));
                 }
                 Self::Mit(servo)
             }
@@ -79,7 +79,7 @@ impl Steering {
                 let _ = speed_within(speed.get(), most, "at most 100 rad/s")?;
                 if !(share > 0.0 && share <= 1.0) {
                     let (field, must_be) = ("torque_share", "above 0, and at most 1");
-                    return Err(ConfigError { field, value: share, must_be });
+                    return Err(ConfigError::new(field, share, must_be));
                 }
                 Self::ForcePosition { velocity, share }
             }

@@ -146,7 +146,7 @@ impl Dialogue {
                 let access = Access::Write(register, value);
                 if access.pack(self.id).is_err() {
                     let (field, value) = ("register value", f32::from_bits(bits));
-                    return Err(ConfigError { field, value, must_be: "finite" }.into());
+                    return Err(ConfigError::new(field, value, "finite").into());
                 }
                 Question::Access(access)
             }
@@ -254,13 +254,12 @@ impl Dialogue {
         if !is_like_reply(frame, self.id) {
             return None;
         }
-        let reply = Reply::unpack(frame).ok();
-        let (Some(access), Some(reply)) = (self.access(), reply) else {
+        let Ok(reply) = Reply::unpack(frame) else {
             return Some(Err(FrameError::Unexpected));
         };
-        if !reply.answers(self.id, &access) {
-            return Some(Err(FrameError::Unexpected));
-        }
+        let Some(access) = self.access().filter(|access| reply.answers(self.id, access)) else {
+            return Some(Err(FrameError::Unasked));
+        };
         let held = match reply.content {
             Content::Holds(_, value) | Content::Written(_, value) => Some(value),
             Content::Saved => None,
@@ -319,11 +318,9 @@ impl Dialogue {
 }
 
 fn register(number: u16) -> Result<Register, ConfigError> {
-    u8::try_from(number).map(Register).map_err(|_| ConfigError {
-        field: "register",
-        value: number.into(),
-        must_be: "255 or less",
-    })
+    u8::try_from(number)
+        .map(Register)
+        .map_err(|_| ConfigError::new("register", number.into(), "255 or less"))
 }
 
 const fn bits(value: Value) -> u32 {

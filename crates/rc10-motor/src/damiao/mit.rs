@@ -44,7 +44,7 @@ impl Setpoint {
             ("torque", torque),
         ];
         match fields.into_iter().find(|(_, value)| !value.is_finite()) {
-            Some((field, value)) => Err(ConfigError { field, value, must_be: "finite" }),
+            Some((field, value)) => Err(ConfigError::new(field, value, "finite")),
             None => Ok(()),
         }
     }
@@ -116,7 +116,7 @@ impl Limits {
         ];
         match fields.into_iter().find(|&(_, value)| !(value > 0.0 && value <= LARGEST)) {
             Some((field, value)) => {
-                Err(ConfigError { field, value, must_be: "above 0, and at most a million" })
+                Err(ConfigError::new(field, value, "above 0, and at most a million"))
             }
             None => Ok(self),
         }

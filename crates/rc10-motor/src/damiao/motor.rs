@@ -75,8 +75,17 @@ impl Damiao {
         master_id: u16,
         control: Control,
     ) -> Result<Self, ConfigError> {
-        let error =
-            |field, value: u16, must_be| ConfigError { field, value: value.into(), must_be };
+        Self::build(model, can_id, master_id, control)
+            .map_err(|error| error.of_device(model.name, can_id))
+    }
+
+    fn build(
+        model: Model,
+        can_id: u16,
+        master_id: u16,
+        control: Control,
+    ) -> Result<Self, ConfigError> {
+        let error = |field, value: u16, must_be| ConfigError::new(field, value.into(), must_be);
         let id = DeviceId::new(can_id)
             .filter(|id| id.raw() & 0xFF != REGISTERS & 0xFF)
             .ok_or(error("CAN_ID", can_id, "at most 0x4FE, its low byte not 0xFF"))?;

@@ -41,6 +41,57 @@ impl Register {
     }
 }
 
+/// Names and units of all registers that the vendor names: manual of J10010L, register table, and the
+/// vendor's Python library, `DM_variable`; names in capitals. No unit: a plain number, or the sources
+/// do not tell.
+pub(super) const NAMES: [(u8, &str, &str); 45] = [
+    (0, "UV_VALUE", "V"),
+    (1, "KT_VALUE", "N m/A"),
+    (2, "OT_VALUE", "degC"),
+    (3, "OC_VALUE", ""),
+    (4, "ACC", ""),
+    (5, "DEC", ""),
+    (6, "MAX_SPD", "rad/s"),
+    (7, "MST_ID", ""),
+    (8, "ESC_ID", ""),
+    (9, "TIMEOUT", "ms"),
+    (10, "CTRL_MODE", ""),
+    (11, "DAMP", ""),
+    (12, "INERTIA", ""),
+    (13, "HW_VER", ""),
+    (14, "SW_VER", ""),
+    (15, "SN", ""),
+    (16, "NPP", ""),
+    (17, "RS", ""),
+    (18, "LS", ""),
+    (19, "FLUX", ""),
+    (20, "GR", ""),
+    (21, "PMAX", "rad"),
+    (22, "VMAX", "rad/s"),
+    (23, "TMAX", "N m"),
+    (24, "I_BW", ""),
+    (25, "KP_ASR", ""),
+    (26, "KI_ASR", ""),
+    (27, "KP_APR", ""),
+    (28, "KI_APR", ""),
+    (29, "OV_VALUE", "V"),
+    (30, "GREF", ""),
+    (31, "DETA", ""),
+    (32, "V_BW", ""),
+    (33, "IQ_C1", ""),
+    (34, "VL_C1", ""),
+    (35, "CAN_BR", ""),
+    (36, "SUB_VER", ""),
+    (50, "U_OFF", ""),
+    (51, "V_OFF", ""),
+    (52, "K1", ""),
+    (53, "K2", ""),
+    (54, "M_OFF", ""),
+    (55, "DIR", ""),
+    (80, "P_M", "rad"),
+    (81, "XOUT", "rad"),
+];
+
 /// What a register holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -67,10 +118,10 @@ pub enum Access {
     Refresh,
 }
 
-const READ: u8 = 0x33;
-const WRITE: u8 = 0x55;
-const SAVE: u8 = 0xAA;
-const REFRESH: u8 = 0xCC;
+pub(super) const READ: u8 = 0x33;
+pub(super) const WRITE: u8 = 0x55;
+pub(super) const SAVE: u8 = 0xAA;
+pub(super) const REFRESH: u8 = 0xCC;
 
 impl Access {
     /// The frame that asks for it: eight bytes for a write, else four.

@@ -5,8 +5,9 @@ use heapless::Vec;
 
 use super::mit::Limits;
 use super::motor::Damiao;
-use super::wire::{ERRORS, Mode, REGISTERS, standard};
-use crate::signals::{ByteOrder, Message, Presence, Signal};
+use super::registers::{NAMES, READ, REFRESH, Register, SAVE, WRITE};
+use super::wire::{ERRORS, Mode, Operation, REGISTERS, operate, standard};
+use crate::signals::{ByteOrder, Marks, Message, Presence, Signal};
 
 /// What a DBC file cannot say of these motors.
 pub const NOT_IN_DBC: &[&str] = &[
@@ -76,57 +77,124 @@ static FORCE_POSITION: [Signal; 3] = [
     Signal::little("CURRENT", 6, 2).scaled(0.0001, ""),
 ];
 
-static REGISTER: [Signal; 11] = [
+/// Names of the registers, for what tells which one is meant.
+static REGISTER_NAMES: [(u32, &str); NAMES.len()] = {
+    let mut names = [(0, ""); NAMES.len()];
+    let mut index = 0;
+    while index < names.len() {
+        names[index] = (NAMES[index].0 as u32, NAMES[index].1);
+        index += 1;
+    }
+    names
+};
+
+const WHICH: Signal = Signal::little("REGISTER", 3, 1).named(&REGISTER_NAMES);
+
+/// What stands in a frame about a register: `first` of other signals, which one it is, and a value
+/// for each.
+const fn with_registers<const FIRST: usize, const ALL: usize>(
+    first: [Signal; FIRST],
+) -> [Signal; ALL] {
+    let mut signals = [WHICH.when(Presence::Switch); ALL];
+    let mut next = 0;
+    while next < FIRST {
+        signals[next] = first[next];
+        next += 1;
+    }
+    let mut index = 0;
+    while index < NAMES.len() {
+        let (number, name, unit) = NAMES[index];
+        let value = Signal::little(name, 4, 4).when(Presence::If(number as u32));
+        let register = Register(number);
+        signals[FIRST + 1 + index] = match register {
+            Register::TIMEOUT => value.scaled(0.05, unit),
+            Register::MODE => value.named(&MODES),
+            Register::BIT_RATE => value.named(&BIT_RATES),
+            _ if register.is_whole() => value,
+            _ => value.float().scaled(1.0, unit),
+        };
+        index += 1;
+    }
+    signals
+}
+
+static MODES: [(u32, &str); 4] =
+    [(1, "MIT"), (2, "position-velocity"), (3, "velocity"), (4, "force-position")];
+static BIT_RATES: [(u32, &str); 5] =
+    [(0, "125 kbit/s"), (1, "200 kbit/s"), (2, "250 kbit/s"), (3, "500 kbit/s"), (4, "1 Mbit/s")];
+
+static REGISTER: [Signal; 3 + NAMES.len()] = with_registers([
     Signal::little("CAN_ID", 0, 2),
     Signal::little("OPERATION", 2, 1).named(&[
-        (0x33, "read"),
-        (0x55, "write"),
-        (0xAA, "save"),
-        (0xCC, "report"),
+        (READ as u32, "read"),
+        (WRITE as u32, "write"),
+        (SAVE as u32, "save"),
+        (REFRESH as u32, "report"),
     ]),
-    Signal::little("REGISTER", 3, 1).when(Presence::Switch),
-    Signal::little("MST_ID", 4, 4).when(Presence::If(7)),
-    Signal::little("ESC_ID", 4, 4).when(Presence::If(8)),
-    Signal::little("TIMEOUT", 4, 4).scaled(0.05, "ms").when(Presence::If(9)),
-    Signal::little("CTRL_MODE", 4, 4)
-        .named(&[(1, "MIT"), (2, "position-velocity"), (3, "velocity"), (4, "force-position")])
-        .when(Presence::If(10)),
-    Signal::little("PMAX", 4, 4).float().scaled(1.0, "rad").when(Presence::If(21)),
-    Signal::little("VMAX", 4, 4).float().scaled(1.0, "rad/s").when(Presence::If(22)),
-    Signal::little("TMAX", 4, 4).float().scaled(1.0, "N m").when(Presence::If(23)),
-    Signal::little("CAN_BR", 4, 4).when(Presence::If(35)),
-];
+]);
+static VALUE: [Signal; 1 + NAMES.len()] = with_registers([]);
+static ASKED: [Signal; 1] = [WHICH];
+
+/// The most messages of a motor.
+pub const MOST: usize = 22;
 
 /// The frames of a motor: its feedback, its commands, and the registers' frame, which all motors of
-/// a bus share and which is the same for each.
+/// a bus share and which is the same for each. Then the special ones: enable, disable, clear error
+/// and store zero, and what is asked and answered about registers.
 #[must_use]
-pub fn messages(motor: &Damiao, scaled: &'static Scaled) -> Vec<Message, 3> {
+pub fn messages(motor: &Damiao, scaled: &'static Scaled) -> Vec<Message, MOST> {
     let (name, len, signals): (_, _, &'static [Signal]) = match motor.mode() {
         Mode::Mit => ("DAMIAO_MIT", 8, &scaled.setpoint),
         Mode::PositionVelocity => ("DAMIAO_POSITION_VELOCITY", 8, &POSITION_VELOCITY),
         Mode::Velocity => ("DAMIAO_VELOCITY", 4, &VELOCITY),
         Mode::ForcePosition => ("DAMIAO_FORCE_POSITION", 8, &FORCE_POSITION),
     };
-    let command = Id::Standard(motor.can_id().command_id(motor.mode()));
+    let id = motor.can_id();
     let feedback = Id::Standard(motor.master_id());
     let register = Id::Standard(standard(REGISTERS));
-    [
-        Message {
-            name: "DAMIAO_FEEDBACK",
-            id: feedback,
-            len: 8,
-            from_device: true,
-            signals: &scaled.feedback,
-        },
-        Message { name, id: command, len, from_device: false, signals },
-        Message {
-            name: "DAMIAO_REGISTER",
-            id: register,
-            len: 8,
-            from_device: false,
-            signals: &REGISTER,
-        },
-    ]
-    .into_iter()
-    .collect()
+    let plain = [
+        Message::new("DAMIAO_FEEDBACK", feedback, 8, true, &scaled.feedback),
+        Message::new(name, id.command_id(motor.mode()).into(), len, false, signals),
+        Message::new("DAMIAO_REGISTER", register, 8, false, &REGISTER),
+    ];
+    // The motor's own mode, and the bare identifier.
+    let modes = [motor.mode(), Mode::Mit];
+    let modes = if motor.mode() == Mode::Mit { &modes[1..] } else { &modes };
+    let operations = modes.iter().flat_map(|&mode| {
+        OPERATIONS.into_iter().map(move |(name, operation)| {
+            let frame = operate(id, mode, operation);
+            let marks = frame.all_eight().map_or(Marks::NONE, |bytes| Marks::bytes(*bytes));
+            Message::new(name, frame.id(), 8, false, &[]).marked(marks)
+        })
+    });
+    let [low, high] = id.raw().to_le_bytes();
+    let about = move |name, operation, len, from_device, signals| {
+        let id = if from_device { feedback } else { register };
+        let marks = Marks::bytes([low, high, operation]);
+        Message::new(name, id, len, from_device, signals).marked(marks)
+    };
+    // A question has four bytes; devices take eight, too.
+    let questions = [4, 8].into_iter().flat_map(move |len| {
+        [
+            about("DAMIAO_READ_REGISTER", READ, len, false, &ASKED),
+            about("DAMIAO_SAVE_REGISTERS", SAVE, len, false, &[]),
+            about("DAMIAO_REFRESH", REFRESH, len, false, &[]),
+        ]
+    });
+    let others = [
+        about("DAMIAO_WRITE_REGISTER", WRITE, 8, false, &VALUE),
+        about("DAMIAO_REGISTER_HOLDS", READ, 8, true, &VALUE),
+        about("DAMIAO_REGISTER_WRITTEN", WRITE, 8, true, &VALUE),
+        about("DAMIAO_REGISTERS_SAVED", SAVE, 4, true, &[]),
+        about("DAMIAO_REGISTERS_SAVED", SAVE, 8, true, &[]),
+    ];
+    // Three, eight, six and five.
+    plain.into_iter().chain(operations).chain(questions).chain(others).take(MOST).collect()
 }
+
+const OPERATIONS: [(&str, Operation); 4] = [
+    ("DAMIAO_CLEAR_ERROR", Operation::ClearError),
+    ("DAMIAO_ENABLE", Operation::Enable),
+    ("DAMIAO_DISABLE", Operation::Disable),
+    ("DAMIAO_STORE_ZERO", Operation::StoreZero),
+];

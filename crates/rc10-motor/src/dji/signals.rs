@@ -2,7 +2,7 @@
 //!
 //! Angle and speed are the rotor's, as they are on the wire.
 
-use embedded_can::Id;
+use embedded_can::{Id, StandardId};
 use heapless::Vec;
 
 use super::{GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model};
@@ -14,18 +14,18 @@ pub const NOT_IN_DBC: &[&str] = &[
     "DJI: an angle above 359.96 deg is no angle, its frame is refused",
 ];
 
-/// The feedback of device `id`, and its lane of the command frame that it shares with others; `None`
-/// if the model is none of this crate's, or has no such identifier.
+/// The feedback of device `id`, its lane of the command frame that it shares with others, and the
+/// frame with which all of them begin to take new identifiers, which this crate never sends; `None` if the model is none of this crate's, or has no such identifier.
 ///
 /// ```
 /// use rc10_motor::dji::{M3508, signals::messages};
-/// let [feedback, command] = messages(&M3508, 2).unwrap().into_array().unwrap();
+/// let [feedback, command, _] = messages(&M3508, 2).unwrap().into_array().unwrap();
 /// assert_eq!((feedback.name, feedback.signals.len()), ("M3508_FEEDBACK", 4));
 /// // Bytes 2 and 3 of 0x200.
 /// assert_eq!((command.name, command.signals[0].start), ("DJI_COMMAND_200", 23));
 /// ```
 #[must_use]
-pub fn messages(model: &Model, id: u8) -> Option<Vec<Message, 2>> {
+pub fn messages(model: &Model, id: u8) -> Option<Vec<Message, 3>> {
     let table = match model {
         model if *model == M3508 => &M3508_TABLE,
         model if *model == M2006 => &M2006_TABLE,
@@ -42,14 +42,21 @@ pub fn messages(model: &Model, id: u8) -> Option<Vec<Message, 2>> {
         0x1FE => "DJI_COMMAND_1FE",
         _ => "DJI_COMMAND_2FE",
     };
-    let message =
-        |name, id, from_device, signals| Message { name, id, len: 8, from_device, signals };
+    let lane = table.lanes.get(lane / 2)?;
     Vec::from_slice(&[
-        message(table.name, Id::Standard(feedback_id), true, table.feedback),
-        message(command, Id::Standard(command_id), false, table.lanes.get(lane / 2)?),
+        Message::new(table.name, Id::Standard(feedback_id), 8, true, table.feedback),
+        Message::new(command, Id::Standard(command_id), 8, false, lane),
+        Message::new("DJI_QUICK_ID_SETTING", Id::Standard(QUICK_ID_SETTING), 8, false, &[]),
     ])
     .ok()
 }
+
+/// Eight bytes of zero begin the quick setting of identifiers (RoboMaster's sample code for board C,
+/// `CAN_cmd_chassis_reset_ID`).
+const QUICK_ID_SETTING: StandardId = match StandardId::new(0x700) {
+    Some(id) => id,
+    None => StandardId::MAX,
+};
 
 struct Table {
     name: &'static str,

@@ -95,6 +95,10 @@ impl Lk {
     /// multi-motor frame), a model without a current loop, a gearbox that is faster than the rotor,
     /// or what [`Cascade::validate`](crate::cascade::Cascade::validate) finds.
     pub fn new(id: u8, config: Config) -> Result<Self, ConfigError> {
+        Self::build(id, config).map_err(|error| error.of_device(config.model.name, id.into()))
+    }
+
+    fn build(id: u8, config: Config) -> Result<Self, ConfigError> {
         let (id, lane) = config.checked(id)?;
         let Config { model, cascade, commands, direction } = config;
         let sign = direction.sign();
@@ -139,7 +143,7 @@ impl Lk {
 
     fn heard_motion(&mut self, motion: Motion, at: Micros) -> Result<Heard, FrameError> {
         if motion.command != CURRENT && motion.command != MOTION {
-            return Err(FrameError::Unexpected);
+            return Err(FrameError::Unasked);
         }
         if u32::from(motion.encoder) >= self.model.encoder.counts() {
             return Err(FrameError::Encoder);
@@ -190,7 +194,7 @@ impl Lk {
     #[cold]
     fn heard_other(&mut self, reply: &Reply) -> Result<Heard, FrameError> {
         if self.commands == Commands::MultiMotor {
-            return Err(FrameError::Unexpected);
+            return Err(FrameError::Unasked);
         }
         match reply {
             Reply::Health(health) => Ok(self.heard_health(*health)),
@@ -203,7 +207,7 @@ impl Lk {
                 Ok(Heard::Other)
             }
             Reply::Off => Ok(Heard::Other),
-            _ => Err(FrameError::Unexpected),
+            _ => Err(FrameError::Unasked),
         }
     }
 

@@ -6,8 +6,12 @@ use rc10_app::ConfigError;
 
 use super::config::{Commands, Config};
 use super::models::{EncoderBits, Model};
-use super::wire::{CLEAR_ERRORS, CURRENT, ERROR_TEXTS, HEALTH, MOTION, MULTI_MOTOR_ID, OFF, RUN};
-use crate::signals::{ByteOrder, Message, Presence, Signal};
+use super::wire::{
+    CLEAR_ERRORS, CURRENT, ERROR_TEXTS, HEALTH, MOTION, MULTI_MOTOR_ID, MULTI_TURN, OFF, OPEN_LOOP,
+    PHASE_CURRENTS, RUN, SINGLE_TURN, SPEED, STOP, TURN_BY, TURN_BY_LIMITED, TURN_TO,
+    TURN_TO_LIMITED, TURN_WITHIN, TURN_WITHIN_LIMITED,
+};
+use crate::signals::{ByteOrder, Marks, Message, Presence, Signal};
 
 /// What a DBC cannot say.
 pub const NOT_IN_DBC: &[&str] = &[
@@ -19,23 +23,105 @@ pub const NOT_IN_DBC: &[&str] = &[
 ];
 
 /// The answers of a drive, and in multi-motor mode the frame that commands it, which is the same
-/// for all drives of a bus. Angles and speeds are the rotor's. A model whose current step is neither
+/// for all drives of a bus; then its single commands, which have the identifier of its answers, and
+/// the answers to those that this crate never sends. Angles and speeds are the rotor's. A model whose current step is neither
 /// that of MG nor that of MF has its current in steps.
 ///
 /// # Errors
 /// [`ConfigError`] as for [`Lk::new`](super::Lk::new).
-pub fn messages(id: u8, config: &Config) -> Result<Vec<Message, 2>, ConfigError> {
+pub fn messages(id: u8, config: &Config) -> Result<Vec<Message, MOST>, ConfigError> {
     let (id, _) = config.checked(id)?;
-    let message =
-        |name, id: Id, from_device, signals| Message { name, id, len: 8, from_device, signals };
+    let id = Id::from(id.can_id());
+    let Table { answers, motion, current } = table(&config.model);
     let mut messages = Vec::new();
-    // Two fit.
-    let _ = messages.push(message("LK_ANSWER", id.can_id().into(), true, answers(&config.model)));
+    // Two, and as many as MOST has room for.
+    let _ = messages.push(Message::new("LK_ANSWER", id, 8, true, answers));
     if config.commands == Commands::MultiMotor {
-        let _ = messages.push(message("LK_MULTI_MOTOR", MULTI_MOTOR_ID.into(), false, &LANES));
+        let id = MULTI_MOTOR_ID.into();
+        let _ = messages.push(Message::new("LK_MULTI_MOTOR", id, 8, false, &LANES));
     }
+    let moved = [(OPEN_LOOP, 0xF8), (TURN_BY_LIMITED, 0xFF)].map(|(command, mask)| {
+        let marks = Marks::masked([mask, 0, 0, 0, 0, 0, 0, 0], [command, 0, 0, 0, 0, 0, 0, 0]);
+        Message::new("LK_MOTION", id, 8, true, motion).marked(marks)
+    });
+    let told = [
+        ("LK_MULTI_TURN", MULTI_TURN, &MULTI_TURN_ANGLE[..]),
+        ("LK_SINGLE_TURN", SINGLE_TURN, &SINGLE_TURN_ANGLE),
+        ("LK_PHASE_CURRENTS", PHASE_CURRENTS, &PHASES),
+    ]
+    .map(|(name, command, signals)| {
+        Message::new(name, id, 8, true, signals).marked(Marks::bytes([command]))
+    });
+    let asked = ASKED.map(|(name, command)| {
+        let marks = Marks::bytes([command, 0, 0, 0, 0, 0, 0, 0]);
+        Message::new(name, id, 8, false, &[]).marked(marks)
+    });
+    let moves = MOVES.map(|(name, command, zero, signals)| {
+        let [a, b, c, d, e, f, g] = zero;
+        let marks = Marks::masked([0xFF, a, b, c, d, e, f, g], [command, 0, 0, 0, 0, 0, 0, 0]);
+        let signals = if command == CURRENT { current } else { signals };
+        Message::new(name, id, 8, false, signals).marked(marks)
+    });
+    messages.extend(moved.into_iter().chain(told).chain(asked).chain(moves));
     Ok(messages)
 }
+
+/// The most messages of a drive.
+pub const MOST: usize = 2 + 2 + 3 + ASKED.len() + MOVES.len();
+
+/// Commands without a value: nothing but zeros follows. A drive echoes the first three.
+const ASKED: [(&str, u8); 9] = [
+    ("LK_OFF", OFF),
+    ("LK_STOP", STOP),
+    ("LK_RUN", RUN),
+    ("LK_READ_ERRORS", HEALTH),
+    ("LK_CLEAR_ERRORS", CLEAR_ERRORS),
+    ("LK_READ_MEASUREMENT", MOTION),
+    ("LK_READ_PHASE_CURRENTS", PHASE_CURRENTS),
+    ("LK_READ_MULTI_TURN", MULTI_TURN),
+    ("LK_READ_SINGLE_TURN", SINGLE_TURN),
+];
+
+/// Commands with a value, and which bits of bytes 1 to 7 are zero in them: what tells them from
+/// their answers, unless a drive is at 0 degrees Celsius and without current.
+const MOVES: [(&str, u8, [u8; 7], &[Signal]); 9] = {
+    const NO_LIMIT: [u8; 7] = [0xFF, 0xFF, 0xFF, 0, 0, 0, 0];
+    const LIMIT: [u8; 7] = [0xFF, 0, 0, 0, 0, 0, 0];
+    const EFFORT: [u8; 7] = [0xFF, 0xFF, 0xFF, 0, 0, 0xFF, 0xFF];
+    [
+        ("LK_OPEN_LOOP", OPEN_LOOP, EFFORT, &[POWER]),
+        // Its scale is the model's.
+        ("LK_CURRENT", CURRENT, EFFORT, &[]),
+        ("LK_SPEED", SPEED, NO_LIMIT, &[SPEED_WANTED]),
+        ("LK_TURN_TO", TURN_TO, NO_LIMIT, &[ANGLE]),
+        ("LK_TURN_TO", TURN_TO_LIMITED, LIMIT, &[ANGLE, SPEED_LIMIT]),
+        ("LK_TURN_WITHIN", TURN_WITHIN, [0xFE, 0xFF, 0xFF, 0, 0, 0xFF, 0xFF], &[ANGLE, WAY]),
+        (
+            "LK_TURN_WITHIN",
+            TURN_WITHIN_LIMITED,
+            [0xFE, 0, 0, 0, 0, 0xFF, 0xFF],
+            &[ANGLE, WAY, SPEED_LIMIT],
+        ),
+        ("LK_TURN_BY", TURN_BY, NO_LIMIT, &[ANGLE]),
+        ("LK_TURN_BY", TURN_BY_LIMITED, LIMIT, &[ANGLE, SPEED_LIMIT]),
+    ]
+};
+const POWER: Signal = Signal::little("POWER", 4, 2).signed();
+const SPEED_WANTED: Signal = Signal::little("ROTOR_SPEED", 4, 4).signed().scaled(0.01, "deg/s");
+const ANGLE: Signal = Signal::little("ROTOR_ANGLE", 4, 4).signed().scaled(0.01, "deg");
+const SPEED_LIMIT: Signal = Signal::little("SPEED_LIMIT", 2, 2).scaled(1.0, "deg/s");
+const WAY: Signal =
+    Signal::little("DIRECTION", 1, 1).named(&[(0, "clockwise"), (1, "counter-clockwise")]);
+
+static MULTI_TURN_ANGLE: [Signal; 1] =
+    [Signal::little("ROTOR_ANGLE", 1, 7).signed().scaled(0.01, "deg")];
+static SINGLE_TURN_ANGLE: [Signal; 1] = [Signal::little("ROTOR_ANGLE", 4, 4).scaled(0.01, "deg")];
+static PHASES: [Signal; 4] = [
+    Signal::little("TEMPERATURE", 1, 1).signed().scaled(1.0, "degC"),
+    Signal::little("PHASE_A", 2, 2).signed().scaled(1.0 / 64.0, "A"),
+    Signal::little("PHASE_B", 4, 2).signed().scaled(1.0 / 64.0, "A"),
+    Signal::little("PHASE_C", 6, 2).signed().scaled(1.0 / 64.0, "A"),
+];
 
 static LANES: [Signal; 4] = [
     Signal::little("CURRENT_1", 0, 2).signed(),
@@ -52,6 +138,18 @@ static COMMANDS: &[(u32, &str)] = &[
     (CLEAR_ERRORS as u32, "errors cleared"),
     (MOTION as u32, "measurement"),
     (CURRENT as u32, "torque current"),
+    (STOP as u32, "stop"),
+    (OPEN_LOOP as u32, "open loop"),
+    (SPEED as u32, "speed"),
+    (TURN_TO as u32, "turn to"),
+    (TURN_TO_LIMITED as u32, "turn to, limited"),
+    (TURN_WITHIN as u32, "turn within"),
+    (TURN_WITHIN_LIMITED as u32, "turn within, limited"),
+    (TURN_BY as u32, "turn by"),
+    (TURN_BY_LIMITED as u32, "turn by, limited"),
+    (MULTI_TURN as u32, "multi-turn angle"),
+    (SINGLE_TURN as u32, "single-turn angle"),
+    (PHASE_CURRENTS as u32, "phase currents"),
 ];
 
 /// A bit that is set, in the words of the codec.
@@ -119,19 +217,39 @@ const fn answer_signals(amps_per_count: f64, bits: u32) -> [Signal; ANSWERS] {
     signals
 }
 
-const fn of_every_encoder(amps_per_count: f64) -> [[Signal; ANSWERS]; 3] {
-    [
-        answer_signals(amps_per_count, 14),
-        answer_signals(amps_per_count, 15),
-        answer_signals(amps_per_count, 16),
-    ]
+/// What stands in the frames of a model.
+struct Table {
+    answers: [Signal; ANSWERS],
+    /// In the answer to any command that moves.
+    motion: [Signal; 5],
+    /// In a command.
+    current: [Signal; 1],
 }
 
-static MG: [[Signal; ANSWERS]; 3] = of_every_encoder(33.0 / 2048.0);
-static MF: [[Signal; ANSWERS]; 3] = of_every_encoder(16.5 / 2048.0);
-static STEPS: [[Signal; ANSWERS]; 3] = of_every_encoder(1.0);
+const fn of_encoder(amps_per_count: f64, bits: u32) -> Table {
+    let answers = answer_signals(amps_per_count, bits);
+    let always = Presence::Always;
+    let motion = [
+        answers[0].when(always),
+        answers[1].when(always),
+        answers[2].when(always),
+        answers[3].when(always),
+        answers[4].when(always),
+    ];
+    let unit = answers[2].unit;
+    let current = [Signal::little("CURRENT", 4, 2).signed().scaled(amps_per_count, unit)];
+    Table { answers, motion, current }
+}
 
-fn answers(model: &Model) -> &'static [Signal] {
+const fn of_every_encoder(amps_per_count: f64) -> [Table; 3] {
+    [of_encoder(amps_per_count, 14), of_encoder(amps_per_count, 15), of_encoder(amps_per_count, 16)]
+}
+
+static MG: [Table; 3] = of_every_encoder(33.0 / 2048.0);
+static MF: [Table; 3] = of_every_encoder(16.5 / 2048.0);
+static STEPS: [Table; 3] = of_every_encoder(1.0);
+
+fn table(model: &Model) -> &'static Table {
     let is_that_of =
         |other: Model| model.amps_per_count.to_bits() == other.amps_per_count.to_bits();
     let [fourteen, fifteen, sixteen] = if is_that_of(Model::mg(model.encoder)) {

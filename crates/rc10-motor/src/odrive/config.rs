@@ -121,13 +121,10 @@ impl Config {
     /// Whether a node can be like that.
     pub(super) fn checked(&self, node: u8) -> Result<Node, ConfigError> {
         let check = |good: bool, field, value: f32, must_be| {
-            if good { Ok(()) } else { Err(ConfigError { field, value, must_be }) }
+            if good { Ok(()) } else { Err(ConfigError::new(field, value, must_be)) }
         };
-        let nobody = ConfigError {
-            field: "node",
-            value: node.into(),
-            must_be: "0 to 62: an axis without a number has 63",
-        };
+        let nobody =
+            ConfigError::new("node", node.into(), "0 to 62: an axis without a number has 63");
         let node = Node::new(node).filter(|node| node.number() < 63).ok_or(nobody)?;
         let ratio = self.gear.ratio();
         check(ratio >= 1.0, "gear", ratio, "one turn or more for a turn of the output")?;
@@ -172,6 +169,6 @@ impl Config {
             return Ok(());
         }
         let value = f32::from(input as u8);
-        Err(ConfigError { field: "input mode", value, must_be })
+        Err(ConfigError::new("input mode", value, must_be))
     }
 }

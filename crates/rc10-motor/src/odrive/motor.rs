@@ -122,6 +122,10 @@ impl ODrive {
     /// than the encoder, an input mode that is none of its control mode's, rates, limits, and what
     /// [`Cascade::validate`](crate::cascade::Cascade::validate) finds.
     pub fn new(node: u8, config: Config) -> Result<Self, ConfigError> {
+        Self::build(node, config).map_err(|error| error.of_device("ODrive", node.into()))
+    }
+
+    fn build(node: u8, config: Config) -> Result<Self, ConfigError> {
         let node = config.checked(node)?;
         let sign = config.direction.sign();
         let Rates { estimates, heartbeat, .. } = config.rates;
@@ -339,7 +343,7 @@ impl ODrive {
         let value = limit.get();
         if !value.is_finite() || value < 0.0 {
             let must_be = "finite and zero or more";
-            return Err(ConfigError { field: "current limit", value, must_be }.into());
+            return Err(ConfigError::new("current limit", value, must_be).into());
         }
         limits.current = Amps::new(value.min(self.most_current.get()));
         self.limits_due = self.limits_due.max(LIMIT_FRAMES);

@@ -1,5 +1,6 @@
 //! What stands in an axis's frames.
 
+use embedded_can::Id;
 use heapless::Vec;
 use rc10_app::ConfigError;
 
@@ -9,7 +10,7 @@ use super::wire::{
     AXIS_STATES, CLEAR_ERRORS, CURRENTS, ControlMode, ESTIMATES, HEARTBEAT, LIMITS, MODES,
     POSITION, STATE, SUPPLY, TEMPERATURES, TORQUE, VELOCITY,
 };
-use crate::signals::{ByteOrder, Message, Signal};
+use crate::signals::{ByteOrder, Marks, Message, Signal};
 
 /// What a DBC cannot say.
 pub const NOT_IN_DBC: &[&str] = &[
@@ -18,18 +19,19 @@ pub const NOT_IN_DBC: &[&str] = &[
     "ODrive: questions are remote frames, which a DBC does not describe.",
 ];
 
-/// Every frame of an axis's wiring, those it sends first. Positions, speeds and torques are those of
+/// Every frame of an axis's wiring, those it sends first; then what other programs send, and the
+/// remote requests. Positions, speeds and torques are those of
 /// the encoder's shaft.
 ///
 /// # Errors
 /// [`ConfigError`] as for [`ODrive::new`](super::ODrive::new).
-pub fn messages(node: u8, config: &Config) -> Result<Vec<Message, 10>, ConfigError> {
+pub fn messages(node: u8, config: &Config) -> Result<Vec<Message, MOST>, ConfigError> {
     let node = config.checked(node)?;
     let mut messages = Vec::new();
     let mut add = |name, number, len, from_device, signals| {
         let id = node.can_id(number).into();
-        // Ten fit.
-        let _ = messages.push(Message { name, id, len, from_device, signals });
+        // As many as MOST fit.
+        let _ = messages.push(Message::new(name, id, len, from_device, signals));
     };
     let Rates { currents, temperatures, supply, .. } = config.rates;
     add("ODRIVE_HEARTBEAT", HEARTBEAT, 8, true, heartbeat(&config.firmware));
@@ -60,8 +62,144 @@ pub fn messages(node: u8, config: &Config) -> Result<Vec<Message, 10>, ConfigErr
         add("ODRIVE_SET_LIMITS", LIMITS, 8, false, &LIMIT_SIGNALS);
     }
     add("ODRIVE_CLEAR_ERRORS", CLEAR_ERRORS, 0, false, &[]);
+    let others = if config.firmware.has_temperatures { OTHERS_0_6 } else { OTHERS_0_5 };
+    for &(name, number, len, from_device, signals) in OTHERS.iter().chain(others) {
+        let id = Id::from(node.can_id(number));
+        let message = Message::new(name, id, len, from_device, signals);
+        let known = |all: &Vec<Message, MOST>| all.iter().find(|known| known.id == id).copied();
+        let _ = match known(&messages) {
+            None => messages.push(message),
+            Some(known) if known.len == len => Ok(()),
+            // A DBC has one length for an identifier.
+            Some(_) => messages.push(message.marked(behind(len))),
+        };
+    }
+    let asks = if config.firmware.has_temperatures { ASKS_0_6 } else { ASKS_0_5 };
+    for &(name, number) in ASKS.iter().chain(asks) {
+        let id = Id::from(node.can_id(number));
+        let _ = messages.push(Message::new(name, id, 8, false, &[]).requested());
+    }
     Ok(messages)
 }
+
+/// What lies behind the data, of which every frame of this length has nothing.
+fn behind(len: u8) -> Marks {
+    let mut mask = [0xFF; 8];
+    mask.iter_mut().take(len.into()).for_each(|byte| *byte = 0);
+    Marks::masked(mask, [0; 8])
+}
+
+/// Name, number, data bytes, whether the axis sends it, and what stands in it.
+type Row = (&'static str, u8, u8, bool, &'static [Signal]);
+
+/// What other programs send and ask for, whatever the firmware and the configuration.
+const OTHERS: &[Row] = &[
+    ("ODRIVE_CURRENTS", CURRENTS, 8, true, &CURRENT_SIGNALS),
+    ("ODRIVE_SUPPLY", SUPPLY, 8, true, &SUPPLY_SIGNALS),
+    ("ODRIVE_EMERGENCY_STOP", 0x02, 0, false, &[]),
+    ("ODRIVE_SET_POSITION", POSITION, 8, false, &POSITION_SIGNALS),
+    ("ODRIVE_SET_VELOCITY", VELOCITY, 8, false, &VELOCITY_SIGNALS),
+    ("ODRIVE_SET_TORQUE", TORQUE, 8, false, &TORQUE_SIGNALS),
+    ("ODRIVE_SET_TORQUE", TORQUE, 4, false, &TORQUE_SIGNALS),
+    ("ODRIVE_SET_STATE", STATE, 4, false, &STATE_SIGNALS),
+    ("ODRIVE_SET_LIMITS", LIMITS, 8, false, &LIMIT_SIGNALS),
+    ("ODRIVE_SET_TRAJECTORY_VELOCITY", 0x11, 8, false, &[float("VELOCITY_LIMIT", 0, "rev/s")]),
+    ("ODRIVE_SET_TRAJECTORY_VELOCITY", 0x11, 4, false, &[float("VELOCITY_LIMIT", 0, "rev/s")]),
+    ("ODRIVE_SET_TRAJECTORY_ACCELERATION", 0x12, 8, false, &ACCELERATION_SIGNALS),
+    ("ODRIVE_SET_INERTIA", 0x13, 8, false, &[float("INERTIA", 0, "")]),
+    ("ODRIVE_SET_INERTIA", 0x13, 4, false, &[float("INERTIA", 0, "")]),
+    ("ODRIVE_REBOOT", 0x16, 0, false, &[]),
+    ("ODRIVE_SET_POSITION_GAIN", 0x1A, 8, false, &[float("POSITION_GAIN", 0, "")]),
+    ("ODRIVE_SET_POSITION_GAIN", 0x1A, 4, false, &[float("POSITION_GAIN", 0, "")]),
+    ("ODRIVE_SET_VELOCITY_GAINS", 0x1B, 8, false, &GAIN_SIGNALS),
+];
+/// Firmware 0.5.6, `can_simple.hpp` and `can_simple.cpp`.
+const OTHERS_0_5: &[Row] = &[
+    ("ODRIVE_MOTOR_ERROR", 0x03, 8, true, &[Signal::little("MOTOR_ERROR_BITS", 0, 8)]),
+    ("ODRIVE_ENCODER_ERROR", 0x04, 8, true, &[Signal::little("ENCODER_ERROR_BITS", 0, 4)]),
+    ("ODRIVE_SENSORLESS_ERROR", 0x05, 8, true, &[Signal::little("SENSORLESS_ERROR_BITS", 0, 4)]),
+    ("ODRIVE_SET_NODE", 0x06, 8, false, &[Signal::little("NODE", 0, 4)]),
+    ("ODRIVE_ENCODER_COUNT", 0x0A, 8, true, &COUNT_SIGNALS),
+    ("ODRIVE_START_ANTICOGGING", 0x10, 0, false, &[]),
+    ("ODRIVE_SENSORLESS_ESTIMATES", 0x15, 8, true, &ESTIMATE_SIGNALS),
+    ("ODRIVE_SET_LINEAR_COUNT", 0x19, 8, false, &[Signal::little("COUNT", 0, 4).signed()]),
+    ("ODRIVE_CONTROLLER_ERROR", 0x1D, 8, true, &[Signal::little("CONTROLLER_ERROR_BITS", 0, 4)]),
+];
+/// Firmware 0.6: the vendor's CAN protocol page, and its DBC file. An endpoint's value has the size
+/// of its type: nothing in the frame tells whether it is a float.
+const OTHERS_0_6: &[Row] = &[
+    ("ODRIVE_TEMPERATURES", TEMPERATURES, 8, true, &TEMPERATURE_SIGNALS),
+    ("ODRIVE_VERSION", 0x00, 8, true, &VERSION_SIGNALS),
+    ("ODRIVE_ERRORS", 0x03, 8, true, &ERROR_SIGNALS),
+    ("ODRIVE_ENDPOINT_REQUEST", 0x04, 8, false, &[OPERATION, ENDPOINT, VALUE_4, REAL]),
+    ("ODRIVE_READ_ENDPOINT", 0x04, 4, false, &[ENDPOINT]),
+    ("ODRIVE_ENDPOINT_REQUEST", 0x04, 5, false, &[OPERATION, ENDPOINT, VALUE_1]),
+    ("ODRIVE_ENDPOINT_REQUEST", 0x04, 6, false, &[OPERATION, ENDPOINT, VALUE_2]),
+    ("ODRIVE_ENDPOINT_HOLDS", 0x05, 8, true, &[ENDPOINT, VALUE_4, REAL]),
+    ("ODRIVE_ENDPOINT_HOLDS", 0x05, 5, true, &[ENDPOINT, VALUE_1]),
+    ("ODRIVE_ENDPOINT_HOLDS", 0x05, 6, true, &[ENDPOINT, VALUE_2]),
+    ("ODRIVE_ADDRESS", 0x06, 8, true, &ADDRESS_SIGNALS),
+    ("ODRIVE_REBOOT", 0x16, 1, false, &[Signal::little("ACTION", 0, 1)]),
+    ("ODRIVE_CLEAR_ERRORS", CLEAR_ERRORS, 1, false, &[Signal::little("IDENTIFY", 0, 1)]),
+    ("ODRIVE_SET_ABSOLUTE_POSITION", 0x19, 4, false, &[float("POSITION", 0, "rev")]),
+    ("ODRIVE_TORQUES", 0x1C, 8, true, &TORQUES_SIGNALS),
+    ("ODRIVE_POWERS", 0x1D, 8, true, &POWER_SIGNALS),
+    ("ODRIVE_ENTER_DFU", 0x1F, 0, false, &[]),
+];
+
+/// What can be asked for with a remote request.
+const ASKS: &[(&str, u8)] = &[
+    ("ODRIVE_ASK_HEARTBEAT", HEARTBEAT),
+    ("ODRIVE_ASK_ESTIMATES", ESTIMATES),
+    ("ODRIVE_ASK_CURRENTS", CURRENTS),
+    ("ODRIVE_ASK_SUPPLY", SUPPLY),
+];
+const ASKS_0_5: &[(&str, u8)] = &[
+    ("ODRIVE_ASK_MOTOR_ERROR", 0x03),
+    ("ODRIVE_ASK_ENCODER_ERROR", 0x04),
+    ("ODRIVE_ASK_SENSORLESS_ERROR", 0x05),
+    ("ODRIVE_ASK_ENCODER_COUNT", 0x0A),
+    ("ODRIVE_ASK_SENSORLESS_ESTIMATES", 0x15),
+    ("ODRIVE_ASK_CONTROLLER_ERROR", 0x1D),
+];
+const ASKS_0_6: &[(&str, u8)] = &[
+    ("ODRIVE_ASK_VERSION", 0x00),
+    ("ODRIVE_ASK_ERRORS", 0x03),
+    ("ODRIVE_ASK_ADDRESS", 0x06),
+    ("ODRIVE_ASK_TEMPERATURES", TEMPERATURES),
+    ("ODRIVE_ASK_TORQUES", 0x1C),
+    ("ODRIVE_ASK_POWERS", 0x1D),
+];
+
+/// The most messages of an axis: its own, the others, and the requests.
+pub const MOST: usize = 10 + OTHERS.len() + OTHERS_0_6.len() + ASKS.len() + ASKS_0_6.len();
+
+static ACCELERATION_SIGNALS: [Signal; 2] =
+    [float("ACCELERATION_LIMIT", 0, "rev/s2"), float("DECELERATION_LIMIT", 4, "rev/s2")];
+static GAIN_SIGNALS: [Signal; 2] =
+    [float("VELOCITY_GAIN", 0, ""), float("VELOCITY_INTEGRATOR_GAIN", 4, "")];
+static COUNT_SIGNALS: [Signal; 2] =
+    [Signal::little("SHADOW_COUNT", 0, 4).signed(), Signal::little("COUNT_IN_TURN", 4, 4).signed()];
+static VERSION_SIGNALS: [Signal; 4] = [
+    Signal::little("PROTOCOL", 0, 1),
+    Signal::little("FIRMWARE_MAJOR", 4, 1),
+    Signal::little("FIRMWARE_MINOR", 5, 1),
+    Signal::little("FIRMWARE_REVISION", 6, 1),
+];
+static ERROR_SIGNALS: [Signal; 2] =
+    [Signal::little("ACTIVE_ERRORS", 0, 4), Signal::little("DISARM_REASON", 4, 4)];
+static ADDRESS_SIGNALS: [Signal; 2] =
+    [Signal::little("NODE", 0, 1), Signal::little("SERIAL_NUMBER", 1, 6)];
+static TORQUES_SIGNALS: [Signal; 2] =
+    [float("TORQUE_TARGET", 0, "Nm"), float("TORQUE_ESTIMATE", 4, "Nm")];
+static POWER_SIGNALS: [Signal; 2] =
+    [float("ELECTRICAL_POWER", 0, "W"), float("MECHANICAL_POWER", 4, "W")];
+const OPERATION: Signal = Signal::little("OPERATION", 0, 1).named(&[(0, "read"), (1, "write")]);
+const ENDPOINT: Signal = Signal::little("ENDPOINT", 1, 2);
+const VALUE_1: Signal = Signal::little("VALUE", 4, 1);
+const VALUE_2: Signal = Signal::little("VALUE", 4, 2);
+const VALUE_4: Signal = Signal::little("VALUE", 4, 4);
+const REAL: Signal = float("VALUE_AS_FLOAT", 4, "");
 
 const fn float(name: &'static str, first: u8, unit: &'static str) -> Signal {
     Signal::little(name, first, 4).float().scaled(1.0, unit)

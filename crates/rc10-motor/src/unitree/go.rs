@@ -68,7 +68,7 @@ pub struct IdOutOfRange {
 
 impl fmt::Display for IdOutOfRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "a GO-M8010-6 takes ids 0 to 14, not {}", self.id)
+        write!(f, "GO-M8010-6 id {}: its ids are 0 to 14", self.id)
     }
 }
 
@@ -133,12 +133,13 @@ impl GoM8010 {
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
+        let named = |error: ConfigError| error.of_device("GO-M8010-6", self.address.get().into());
         let value = cascade.speed.output_limit;
         if value > STRONGEST {
-            let must_be = "at most 23.7 N m";
-            return Err(ConfigError { field: "output_limit", value, must_be });
+            let error = ConfigError::new("output_limit", value, "at most 23.7 N m");
+            return Err(named(error.in_part("speed")));
         }
-        self.servo = Servo::new(TargetKind::Torque, cascade)?;
+        self.servo = Servo::new(TargetKind::Torque, cascade).map_err(named)?;
         Ok(self)
     }
 

@@ -208,7 +208,7 @@ impl<'m> UnitreeLine<'m> {
         if !allowed.contains(&timeout) {
             let value = Seconds::from_micros(timeout.get()).get() * 1e6;
             let must_be = "100 to 1000 us";
-            return Err(ConfigError { field: "reply_timeout", value, must_be });
+            return Err(ConfigError::new("reply_timeout", value, must_be));
         }
         self.reply_timeout = timeout;
         Ok(self)

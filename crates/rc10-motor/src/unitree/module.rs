@@ -136,8 +136,7 @@ impl GoModule {
     /// # Errors
     /// [`ConfigError`], naming the number that no device has.
     pub fn new(module: u8, motor: u8) -> Result<Self, ConfigError> {
-        let refuse =
-            |field, value: u8, must_be| ConfigError { field, value: value.into(), must_be };
+        let refuse = |field, value: u8, must_be| ConfigError::new(field, value.into(), must_be);
         let address =
             Address::new(motor).ok_or(refuse("motor", motor, "0 to 14 (15 is every motor)"))?;
         let module = Module::new(module).ok_or(refuse("module", module, "0 to 3"))?;
@@ -174,13 +173,20 @@ impl GoModule {
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
+        let (name, id) = (self.name(), self.address.get().into());
+        let named = |error: ConfigError| error.of_device(name, id);
         let most = cascade.speed.output_limit;
         if most > LARGEST_TORQUE {
             let must_be = "at most 23.7, which is what the motor can give";
-            return Err(ConfigError { field: "output_limit", value: most, must_be });
+            let error = ConfigError::new("output_limit", most, must_be);
+            return Err(named(error.in_part("speed")));
         }
-        self.servo = Servo::new(TargetKind::Torque, cascade)?;
+        self.servo = Servo::new(TargetKind::Torque, cascade).map_err(named)?;
         Ok(self)
+    }
+
+    fn name(&self) -> &'static str {
+        NAMES.get(usize::from(self.module.get())).copied().unwrap_or("GO-M8010-6")
     }
 
     /// The module it is behind.
@@ -380,8 +386,7 @@ impl CanMotor for GoModule {
             rate: Rate::EveryTick,
             share: Share::Whole,
         };
-        let name = NAMES.get(usize::from(self.module.get())).copied().unwrap_or("GO-M8010-6");
-        let wiring = Wiring::new(name, self.address.get().into());
+        let wiring = Wiring::new(self.name(), self.address.get().into());
         let wired = wiring
             .clone()
             .receives(receive)
@@ -411,7 +416,7 @@ impl CanMotor for GoModule {
                 Ok(Heard::Fault)
             }
             Content::Impedance(has) if self.sequence.on_impedance(has) => Ok(Heard::Other),
-            Content::Impedance(_) => Err(FrameError::Unexpected),
+            Content::Impedance(_) => Err(FrameError::Unasked),
         }
     }
 

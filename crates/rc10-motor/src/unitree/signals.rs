@@ -4,8 +4,8 @@
 use embedded_can::{ExtendedId, Id};
 use heapless::Vec;
 
-use super::wire::module::{Module, Request};
-use super::wire::{Address, RawImpedance, RawMotion, Status};
+use super::wire::module::{FROM_MODULE, IMPEDANCE, Module, NO_TEMPERATURE, Request, STATE};
+use super::wire::{Address, ERRORS, RawImpedance, RawMotion, Status};
 use crate::signals::{Message, Signal};
 
 /// What a DBC file cannot say.
@@ -33,20 +33,80 @@ const GAINS: &[Signal] = &[
     Signal::little("Stiffness", 2, 2).scaled(GEAR * GEAR / 1280.0, "Nm/rad"),
 ];
 
-/// Everything that is sent to a motor; what comes back is [not in a DBC file](NOT_IN_DBC).
+/// Everything that is sent to a motor, then what comes back, which is [not in a DBC
+/// file](NOT_IN_DBC).
 #[must_use]
-pub fn messages(module: Module, motor: Address) -> Vec<Message, 4> {
-    let message = |name, request: Request, signals| {
-        let id = ExtendedId::new(request.pack(module, motor).raw_id()).unwrap_or(ExtendedId::ZERO);
-        Message { name, id: Id::Extended(id), len: 8, from_device: false, signals }
+pub fn messages(module: Module, motor: Address) -> Vec<Message, MOST> {
+    let with_id = |name, raw, from_device, signals| {
+        let id = ExtendedId::new(raw).unwrap_or(ExtendedId::ZERO);
+        Message::new(name, Id::Extended(id), 8, from_device, signals)
+    };
+    let request = |name, request: Request, signals| {
+        with_id(name, request.pack(module, motor).raw_id(), false, signals)
+    };
+    // The identifier of an answer: the module's, what it is, the motor's, and its lowest byte.
+    let answer = |name, content: u8, low: u8, signals, varies| {
+        let top = module.get() << 3 | FROM_MODULE_BYTE | content;
+        let raw = u32::from_be_bytes([top, 0, motor.get(), low]);
+        with_id(name, raw, true, signals).varying(varies)
     };
     let (motion, gains) = (RawMotion::default(), RawImpedance::default());
+    // Status in bits 14 to 12, what differs in bits 23 to 16.
+    let fault = 0x00FF_7000;
     [
-        message("UNITREE_GO_LOCK", Request::Control(Status::LOCK, motion), MOTION),
-        message("UNITREE_GO_CONTROL", Request::Control(Status::FOC, motion), MOTION),
-        message("UNITREE_GO_SET_GAINS", Request::SetImpedance(gains), GAINS),
-        message("UNITREE_GO_READ_GAINS", Request::ReadImpedance, &[]),
+        // What its numbers say is not done.
+        request("UNITREE_GO_LOCK", Request::Control(Status::LOCK, motion), &[]),
+        request("UNITREE_GO_CONTROL", Request::Control(Status::FOC, motion), MOTION),
+        request("UNITREE_GO_SET_GAINS", Request::SetImpedance(gains), GAINS),
+        request("UNITREE_GO_READ_GAINS", Request::ReadImpedance, &[]),
+        request("UNITREE_GO_CALIBRATE", Request::Control(Status::CALIBRATE, motion), &[]),
+        request(
+            "UNITREE_GO_LOCK_UNANSWERED",
+            Request::ControlUnanswered(Status::LOCK, motion),
+            &[],
+        ),
+        request(
+            "UNITREE_GO_CONTROL_UNANSWERED",
+            Request::ControlUnanswered(Status::FOC, motion),
+            MOTION,
+        ),
+        answer("UNITREE_GO_STATE", STATE, 0, STATES, fault | 0xFF),
+        answer("UNITREE_GO_FAULT", STATE, NO_TEMPERATURE.cast_unsigned(), FAULTS, fault),
+        answer("UNITREE_GO_GAINS", IMPEDANCE, 0, GAINS, fault | 0xFF),
     ]
     .into_iter()
     .collect()
 }
+
+/// The most messages of a motor.
+pub const MOST: usize = 10;
+
+/// [`FROM_MODULE`] as a bit of the identifier's highest byte.
+const FROM_MODULE_BYTE: u8 = (FROM_MODULE >> 24) as u8;
+
+const STATUS: Signal =
+    Signal::in_id("Status", 12, 3).named(&[(0, "locked"), (1, "controlled"), (2, "calibrates")]);
+
+const STATES: &[Signal] = &[
+    STATUS,
+    MOTION[0],
+    MOTION[1],
+    MOTION[2],
+    Signal::in_id("Temperature", 0, 8).signed().scaled(1.0, "degC"),
+    Signal::in_id("AirPressure", 16, 8),
+];
+
+const FAULTS: &[Signal] = &[STATUS, Signal::in_id("Error", 16, 8).named(&ERROR_NAMES)];
+
+/// The texts of the codec, by their numbers.
+static ERROR_NAMES: [(u32, &str); 1 + ERRORS.len()] = {
+    let mut names = [(0, "none"); 1 + ERRORS.len()];
+    let mut index = 0;
+    while index < ERRORS.len() {
+        #[expect(clippy::cast_possible_truncation, reason = "four")]
+        let number = 1 + index as u32;
+        names[1 + index] = (number, ERRORS[index]);
+        index += 1;
+    }
+    names
+};

@@ -160,5 +160,5 @@ pub(super) fn check(
     good: bool,
     must_be: &'static str,
 ) -> Result<(), ConfigError> {
-    if good { Ok(()) } else { Err(ConfigError { field, value, must_be }) }
+    if good { Ok(()) } else { Err(ConfigError::new(field, value, must_be)) }
 }

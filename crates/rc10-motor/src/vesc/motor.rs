@@ -86,13 +86,17 @@ struct Seen {
     volts: Option<f32>,
 }
 
+fn named(config: &Config, error: ConfigError) -> ConfigError {
+    error.of_device("VESC", config.id.get().into())
+}
+
 impl Vesc {
     /// A VESC that is set up like this.
     ///
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
-        config.validate()?;
+        config.validate().map_err(|error| named(&config, error))?;
         Ok(Self {
             config,
             sign: config.direction.sign().into(),
@@ -128,10 +132,14 @@ impl Vesc {
     /// has to come at [`CONTROL_HZ`] or more.
     pub fn with_servo(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
         let rate = self.config.status.status_5;
-        check("status_5", rate.into(), rate >= CONTROL_HZ, "200 Hz or more, to seek angles by")?;
-        let mut servo = Servo::new(TargetKind::Current, cascade)?;
-        servo.set_limit("limit", self.limit)?;
-        self.servo = Some(servo);
+        let servo = || {
+            let must_be = "200 Hz or more, to seek angles by";
+            check("status_5", rate.into(), rate >= CONTROL_HZ, must_be)?;
+            let mut servo = Servo::new(TargetKind::Current, cascade)?;
+            servo.set_limit("limit", self.limit)?;
+            Ok(servo)
+        };
+        self.servo = Some(servo().map_err(|error| named(&self.config, error))?);
         Ok(self)
     }
 

@@ -17,30 +17,28 @@ pub const NOT_IN_DBC: &[&str] = &[
     "VESC: the current in STATUS is negative when the motor generates, whichever way it turns",
 ];
 
-/// All messages of a VESC, and all that is sent to it.
-pub const MOST: usize = 18;
+/// All messages of a VESC, and all that can be sent to it.
+pub const MOST: usize = 6 + 1 + ORDERS.len();
 
-/// The status frames that are switched on, the answer to a PING, and all that is sent to it.
+/// The status frames that are switched on, the answer to a PING, all that can be sent to it, also by
+/// other programs, and the status frames that are not expected.
 #[must_use]
 pub fn messages(config: &Config) -> Vec<Message, MOST> {
-    let from = |packet: Packet, id, name, len, signals| Message {
-        name,
-        id: Id::Extended(packet.id(id)),
-        len,
-        from_device: true,
-        signals,
+    let message = |packet: Packet, id, name, len, from_device, signals| {
+        Message::new(name, Id::Extended(packet.id(id)), len, from_device, signals)
     };
-    let statuses = STATUSES.into_iter().zip(REPORTS).zip(config.status.all());
-    let reports = statuses
-        .filter(|(_, rate)| *rate > 0)
-        .map(|((packet, (name, signals)), _)| from(packet, config.id, name, 8, signals));
-    let pong = from(Packet::Pong, config.asker, "VESC_PONG", 2, PONG);
-    let orders = ORDERS.iter().map(|&(packet, name, len, signals)| Message {
-        from_device: false,
-        ..from(packet, config.id, name, len, signals)
-    });
-    // Six, one, and eleven.
-    reports.chain([pong]).chain(orders).take(MOST).collect()
+    let reports = |wanted: bool| {
+        let statuses = STATUSES.into_iter().zip(REPORTS).zip(config.status.all());
+        let statuses = statuses.filter(move |(_, rate)| (*rate > 0) == wanted);
+        statuses.map(move |((packet, (name, signals)), _)| {
+            message(packet, config.id, name, 8, true, signals)
+        })
+    };
+    let pong = message(Packet::Pong, config.asker, "VESC_PONG", 2, true, PONG);
+    let orders = ORDERS
+        .iter()
+        .map(|&(packet, name, len, signals)| message(packet, config.id, name, len, false, signals));
+    reports(true).chain([pong]).chain(orders).chain(reports(false)).take(MOST).collect()
 }
 
 /// In the order of their numbers (bldc `comm_can.c`, `comm_can_send_status1` to `status6`).
@@ -103,7 +101,7 @@ const fn order(name: &'static str, factor: f64, unit: &'static str) -> [Signal; 
     [Signal::big(name, 0, 4).signed().scaled(factor, unit)]
 }
 
-/// What the motor sends (bldc `comm_can.c`, `comm_can_set_*`).
+/// What can be sent to it (bldc `comm_can.c`, `comm_can_set_*`); the motor sends the first eleven.
 const ORDERS: &[(Packet, &str, u8, &[Signal])] = &[
     (Packet::SetDuty, "VESC_SET_DUTY", 4, &order("VESC_SET_DUTY", 1e-5, "")),
     (Packet::SetCurrent, "VESC_SET_CURRENT", 4, &order("VESC_SET_CURRENT", 1e-3, "A")),
@@ -130,13 +128,25 @@ const ORDERS: &[(Packet, &str, u8, &[Signal])] = &[
         &order("VESC_SET_HANDBRAKE_SHARE", 1e-5, ""),
     ),
     (Packet::Ping, "VESC_PING", 1, &[Signal::big("VESC_PING_FROM", 0, 1)]),
-    (
-        Packet::ConfCurrentLimits,
-        "VESC_CURRENT_LIMITS",
-        8,
-        &[
-            Signal::big("VESC_LIMIT_MIN", 0, 4).signed().scaled(1e-3, "A"),
-            Signal::big("VESC_LIMIT_MAX", 4, 4).signed().scaled(1e-3, "A"),
-        ],
-    ),
+    (Packet::ConfCurrentLimits, "VESC_CURRENT_LIMITS", 8, &CURRENT_LIMITS),
+    (Packet::ConfStoreCurrentLimits, "VESC_STORE_CURRENT_LIMITS", 8, &CURRENT_LIMITS),
+    (Packet::ConfCurrentLimitsIn, "VESC_INPUT_LIMITS", 8, &CURRENT_LIMITS),
+    (Packet::ConfStoreCurrentLimitsIn, "VESC_STORE_INPUT_LIMITS", 8, &CURRENT_LIMITS),
+    (Packet::ConfFocErpms, "VESC_FOC_SPEEDS", 8, &FOC_SPEEDS),
+    (Packet::ConfStoreFocErpms, "VESC_STORE_FOC_SPEEDS", 8, &FOC_SPEEDS),
+    (Packet::ConfBatteryCut, "VESC_BATTERY_CUT", 8, &BATTERY_CUT),
+    (Packet::ConfStoreBatteryCut, "VESC_STORE_BATTERY_CUT", 8, &BATTERY_CUT),
+    (Packet::Shutdown, "VESC_SHUTDOWN", 0, &[]),
 ];
+
+/// Two numbers of a setting (bldc `comm_can.c`, `comm_can_conf_*`).
+const fn pair(first: &'static str, second: &'static str, unit: &'static str) -> [Signal; 2] {
+    [
+        Signal::big(first, 0, 4).signed().scaled(1e-3, unit),
+        Signal::big(second, 4, 4).signed().scaled(1e-3, unit),
+    ]
+}
+
+const CURRENT_LIMITS: [Signal; 2] = pair("VESC_LIMIT_MIN", "VESC_LIMIT_MAX", "A");
+const FOC_SPEEDS: [Signal; 2] = pair("VESC_OPEN_LOOP_SPEED", "VESC_SENSORLESS_SPEED", "erpm");
+const BATTERY_CUT: [Signal; 2] = pair("VESC_CUT_BEGINS", "VESC_CUT_ENDS", "V");

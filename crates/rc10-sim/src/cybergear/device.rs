@@ -328,6 +328,11 @@ impl CyberGear {
 }
 
 impl Device for CyberGear {
+    fn set_id(&mut self, id: u8) -> bool {
+        self.id = id;
+        true
+    }
+
     fn power_on(&mut self, now: Micros, _phase: Micros) {
         self.stop();
         self.parameters = self.saved;

@@ -198,6 +198,11 @@ impl Vesc {
         })
     }
 
+    /// It is connected to a motor with so many pole pairs, 1 or more.
+    pub fn set_pole_pairs(&mut self, pole_pairs: u8) {
+        self.config.pole_pairs = pole_pairs.max(1);
+    }
+
     /// What it does to the motor now.
     #[must_use]
     pub const fn mode(&self) -> Mode {
@@ -279,6 +284,14 @@ impl Vesc {
 }
 
 impl Device for Vesc {
+    fn set_id(&mut self, id: u8) -> bool {
+        let can_be = id != 255;
+        if can_be {
+            self.config.id = id;
+        }
+        can_be
+    }
+
     fn power_on(&mut self, now: Micros, phase: Micros) {
         self.control = Control::new();
         self.last_order = None;

@@ -31,7 +31,7 @@ fn what_cannot_be_is_refused_by_name() {
     }
     let mut cascade = models::CYBERGEAR.cascade;
     cascade.speed.output_limit = 13.0;
-    assert_eq!(cybergear().with_cascade(cascade).unwrap_err().field, "speed.output_limit");
+    assert_eq!(cybergear().with_cascade(cascade).unwrap_err().field, "output_limit");
     cascade.speed.output_limit = f32::NAN;
     assert!(cybergear().with_cascade(cascade).is_err());
 }
@@ -95,8 +95,8 @@ fn frames_of_others_and_of_wrong_length_change_nothing() {
         (frame(0x0280_01FC, &[0; 8]), FrameError::NotMine),
         (frame(0x0380_01FD, &[0; 8]), FrameError::NotMine),
         (frame(0x0280_01FD, &[0; 7]), FrameError::Length),
-        // A parameter that nobody asked for.
-        (frame(0x1100_01FD, &[0x19, 0x70, 0, 0, 0, 0, 0, 0]), FrameError::Unexpected),
+        // A parameter that was not asked for here.
+        (frame(0x1100_01FD, &[0x19, 0x70, 0, 0, 0, 0, 0, 0]), FrameError::Unasked),
     ] {
         assert_eq!(motor.unpack_feedback(&frame, now), Err(error), "{frame}");
         assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);

@@ -268,7 +268,7 @@ fn what_lies_beyond_its_range_is_refused() {
     assert_eq!(rig.ask(Request::SetZero), Ok(rc10_motor::Answer::Done));
     assert_eq!(far(&mut rig, angle(630)), out(TargetKind::TotalAngle));
     assert_eq!(far(&mut rig, angle(-716)), Ok(()));
-    assert_eq!(rig.status().counters.refused, 10);
+    assert_eq!(rig.status().counters.refused.total(), 10);
 
     let narrow = rc10_motor::damiao::Limits::new(3.0, 30.0, 10.0).unwrap();
     let model = rc10_motor::damiao::Model { limits: narrow, ..models::J4310 };

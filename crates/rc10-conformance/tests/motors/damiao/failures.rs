@@ -366,7 +366,7 @@ fn frames_that_are_none_of_its_own_change_nothing() {
     let extended = ExtendedId::new(MASTER_ID.into()).unwrap();
     // As if motor 2 answered on the same identifier.
     let other = [0x12, 0, 0, 0, 0, 0, 0, 0];
-    // The answer to somebody else's question about register 21.
+    // The answer to another program's question about register 21.
     let reply = [0x11, 0, 0x33, 21, 0, 0, 0x48, 0x41];
     for (frame, error) in [
         (CanFrame::eight_bytes(wrong_id, good), FrameError::NotMine),
@@ -375,7 +375,7 @@ fn frames_that_are_none_of_its_own_change_nothing() {
         (CanFrame::data_frame(id, &good[..7]).unwrap(), FrameError::Length),
         (CanFrame::data_frame(id, &[]).unwrap(), FrameError::Length),
         (CanFrame::eight_bytes(id, other), FrameError::NotMine),
-        (CanFrame::eight_bytes(id, reply), FrameError::Unexpected),
+        (CanFrame::eight_bytes(id, reply), FrameError::Unasked),
     ] {
         assert_eq!(hear(&mut motor, frame), Err(error), "{frame}");
         assert_eq!(motor.feedback(), before, "{frame}");

@@ -108,7 +108,10 @@ fn what_we_send_has_the_values_that_were_sent() {
                     vec![("POSITION", p, 0.0), ("VELOCITY", v, 0.01), ("CURRENT", share, 0.0001)],
                 ),
             };
-            let [message] = messages.iter().filter(|m| m.id == frame.id()).collect::<Vec<_>>()[..]
+            let [message] = messages
+                .iter()
+                .filter(|m| m.matches(&frame) && m.is_plain())
+                .collect::<Vec<_>>()[..]
             else {
                 panic!("no message, or several, for {frame}");
             };

@@ -253,9 +253,9 @@ fn what_is_no_answer_changes_nothing() {
         (CanFrame::eight_bytes(DriveId::new(2).unwrap().can_id(), good), FrameError::NotMine),
         (CanFrame::remote_frame(own, 8).unwrap(), FrameError::NotMine),
         // Moved by others, or unasked.
-        (eight(encode_state(0xA2, state)), FrameError::Unexpected),
-        (eight(encode_echo(0x81)), FrameError::Unexpected),
-        (eight([0x92; 8]), FrameError::Unexpected),
+        (eight(encode_state(0xA2, state)), FrameError::Unasked),
+        (eight(encode_echo(0x81)), FrameError::Unasked),
+        (eight([0x92; 8]), FrameError::Unasked),
         (eight([0xFF; 8]), FrameError::Unexpected),
     ] {
         assert_eq!(heard(&frame), Err(error), "{frame}");
@@ -277,7 +277,7 @@ fn what_is_no_answer_changes_nothing() {
     // In the multi-motor frame nothing but measurements comes.
     let mut multi = Lk::new(1, joint().with_commands(Commands::MultiMotor)).unwrap();
     let health = eight(encode_health(0x9A, 20, 24.0, 8));
-    assert_eq!(multi.unpack_feedback(&health, at), Err(FrameError::Unexpected));
+    assert_eq!(multi.unpack_feedback(&health, at), Err(FrameError::Unasked));
     assert_eq!(multi.unpack_feedback(&eight(encode_state(0xA1, state)), at), Ok(Heard::Feedback));
 }
 

@@ -193,7 +193,7 @@ fn requests_and_refusals() {
     let nan = Target::Torque(NewtonMetres::new(f32::NAN));
     let refused = TargetError::NotFinite(TargetKind::Torque);
     assert_eq!(bench.line.command(id, nan, now), Err(CommandError::Target(refused)));
-    assert_eq!(bench.status(id).counters.refused, 2);
+    assert_eq!(bench.status(id).counters.refused.total(), 2);
     for request in [Request::StoreZero, Request::ReadRegister(1), Request::SaveRegisters] {
         assert_eq!(bench.line.request(id, request), Err(RequestError::Unsupported));
     }

@@ -252,5 +252,5 @@ fn what_cannot_be_attached_is_refused_by_name() {
     assert_eq!(error.to_string(), text);
     assert_eq!(line.motors().count(), 15);
     let text = GoM8010::new(15).unwrap_err().to_string();
-    assert_eq!(text, "a GO-M8010-6 takes ids 0 to 14, not 15");
+    assert_eq!(text, "GO-M8010-6 id 15: its ids are 0 to 14");
 }

@@ -154,6 +154,7 @@ proptest! {
             _ if len < 8 => Err(FrameError::Length),
             1 if id & 0xFF == 0x80 => Ok(Heard::Fault),
             1 => Ok(Heard::Feedback),
+            2 => Err(FrameError::Unasked),
             _ => Err(FrameError::Unexpected),
         };
         prop_assert_eq!(heard, expected, "{}", frame);

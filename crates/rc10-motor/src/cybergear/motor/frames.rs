@@ -102,7 +102,7 @@ impl CyberGear {
                 Some(None) => {}
                 // On a busy bus it is asked for once more before the answer is there.
                 None if value.parameter == Parameter::RUN_MODE => {}
-                None => return Err(FrameError::Unexpected),
+                None => return Err(FrameError::Unasked),
             }
         }
         Ok(Heard::Other)

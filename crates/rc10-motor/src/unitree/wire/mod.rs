@@ -72,7 +72,8 @@ const fn split_mode(mode: u8) -> (Address, Status) {
 }
 
 /// Texts of the vendor's `MError`, from 1 (data manual, table of the reply).
-const ERRORS: [&str; 4] = ["over-temperature", "over-current", "over-voltage", "encoder"];
+pub(super) const ERRORS: [&str; 4] =
+    ["over-temperature", "over-current", "over-voltage", "encoder"];
 
 /// What an `MError` says; `None` for 0, no error.
 #[must_use]

@@ -23,13 +23,13 @@ use super::{Address, RawImpedance, RawMotion, ReplyError, Status, fault, mode, s
 use crate::motor::Fault;
 
 /// Bit 26: set in what a module says.
-const FROM_MODULE: u32 = 1 << 26;
+pub(in crate::unitree) const FROM_MODULE: u32 = 1 << 26;
 /// Bits 25 and 24 of a state or a fault.
-const STATE: u8 = 1;
+pub(in crate::unitree) const STATE: u8 = 1;
 /// Bits 25 and 24 of an impedance.
-const IMPEDANCE: u8 = 2;
+pub(in crate::unitree) const IMPEDANCE: u8 = 2;
 /// In place of a temperature: this is a fault.
-const NO_TEMPERATURE: i8 = -128;
+pub(in crate::unitree) const NO_TEMPERATURE: i8 = -128;
 
 /// A module on a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

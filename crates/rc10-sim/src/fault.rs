@@ -1,23 +1,46 @@
-//! Faults of a scenario, as a user writes them: `cut:2@0.3s..0.5s`.
+//! Faults of a scenario, as a user writes them: `cut:2@0.3s..0.5s`. [`Faults`](crate::Faults) does
+//! those of a wire; those of the chip need an emulated one, and are read here because a user writes
+//! them all in one way.
 
 use std::fmt;
 use std::str::FromStr;
 
-use rc10_sim::Nanos;
+use crate::Nanos;
+
+/// What a fault is on; the first of each sort is 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wire {
+    /// A CAN bus: `1` is the first.
+    Bus(usize),
+    /// An RS-485 line: `L1` is the first.
+    Line(usize),
+}
+
+impl fmt::Display for Wire {
+    /// As a user writes it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bus(bus) => write!(f, "{}", bus + 1),
+            Self::Line(line) => write!(f, "L{}", line + 1),
+        }
+    }
+}
 
 /// What goes wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// `cut:BUS`: the bus's plug is out of the board. Nobody acknowledges what the chip sends.
-    Cut(usize),
+    /// `cut:BUS`, `cut:LINE`: the plug is out of the board. On a bus nothing acknowledges what the
+    /// chip sends; on a line both ends hear nothing.
+    Cut(Wire),
     /// `short:BUS`: CANH touches CANL. Whoever sends fails with its first bit.
     Short(usize),
     /// `dominant:BUS`: something holds the bus dominant.
     Dominant(usize),
-    /// `noise:BUS`: the frame on the wire, or the next one, is destroyed. Has no end.
-    Noise(usize),
-    /// `power:BUS`: the motors of a bus have no power.
-    Power(usize),
+    /// `noise:BUS`, `noise:LINE`: the frame on the bus, or the next one, is destroyed; on a line one
+    /// bit of the next answer is wrong. Has no end.
+    Noise(Wire),
+    /// `power:BUS`, `power:LINE`: its motors have no power.
+    Power(Wire),
     /// `load:BUS`: another node fills the bus up to more than 99 %, with repetitions of the least
     /// urgent feedback.
     Load(usize),
@@ -33,6 +56,10 @@ pub enum Kind {
     RemoteLost,
     /// `mask`: somebody's critical section, with all interrupts masked, takes so long.
     Mask,
+    /// `crystal-dead`: the board's crystal never swings. Has no time: from power-on on.
+    CrystalDead,
+    /// `crystal-stops`: the board's crystal stops swinging.
+    CrystalStops,
 }
 
 /// The handler that runs the buses of RC10's firmware.
@@ -44,18 +71,35 @@ impl Kind {
         matches!(self, Self::Noise(_) | Self::Panic | Self::HardFault)
     }
 
+    /// The bus or line it concerns.
+    #[must_use]
+    pub const fn wire(&self) -> Option<Wire> {
+        match self {
+            Self::Cut(wire) | Self::Noise(wire) | Self::Power(wire) => Some(*wire),
+            Self::Short(bus) | Self::Dominant(bus) | Self::Load(bus) => Some(Wire::Bus(*bus)),
+            Self::Panic
+            | Self::HardFault
+            | Self::Hang(_)
+            | Self::RemoteLost
+            | Self::Mask
+            | Self::CrystalDead
+            | Self::CrystalStops => None,
+        }
+    }
+
     /// The bus it concerns, 0 for the first.
     #[must_use]
     pub const fn bus(&self) -> Option<usize> {
-        match self {
-            Self::Cut(bus)
-            | Self::Short(bus)
-            | Self::Dominant(bus)
-            | Self::Noise(bus)
-            | Self::Power(bus)
-            | Self::Load(bus) => Some(*bus),
-            Self::Panic | Self::HardFault | Self::Hang(_) | Self::RemoteLost | Self::Mask => None,
+        match self.wire() {
+            Some(Wire::Bus(bus)) => Some(bus),
+            _ => None,
         }
+    }
+
+    /// Whether it is the chip's: nothing but an emulated one can do it.
+    #[must_use]
+    pub const fn is_of_chip(&self) -> bool {
+        self.wire().is_none() && !matches!(self, Self::RemoteLost)
     }
 }
 
@@ -74,9 +118,11 @@ impl fmt::Display for Kind {
             Self::Hang(handler) => return write!(f, "hang:{handler}"),
             Self::RemoteLost => "remote-lost",
             Self::Mask => "mask",
+            Self::CrystalDead => "crystal-dead",
+            Self::CrystalStops => "crystal-stops",
         };
-        match self.bus() {
-            Some(bus) => write!(f, "{name}:{}", bus + 1),
+        match self.wire() {
+            Some(wire) => write!(f, "{name}:{wire}"),
             None => f.write_str(name),
         }
     }
@@ -95,7 +141,7 @@ pub struct Fault {
 
 /// Why a text is no fault.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NoFault(String);
+pub struct NoFault(pub(crate) String);
 
 impl fmt::Display for NoFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -106,13 +152,33 @@ impl fmt::Display for NoFault {
 impl std::error::Error for NoFault {}
 
 const KINDS: &str = "cut:BUS short:BUS dominant:BUS noise:BUS power:BUS load:BUS panic hardfault \
-                     hang[:HANDLER] remote-lost mask";
+                     hang[:HANDLER] remote-lost mask crystal-dead crystal-stops; cut, noise and power also of a LINE";
+
+/// What a command line says of its argument.
+pub const HELP: &str = "\
+Something goes wrong, KIND@TIME or KIND@TIME..TIME: cut:2@0.3s..0.5s short:2@.. dominant:2@.. \
+noise:2@0.3s power:2@.. load:2@.. remote-lost@0.5s..0.7s; cut:L1, noise:L1 and power:L1 for an RS-485 \
+line; of the chip, in rc10 emu only: hang@0.3s..320ms mask@0.3s..305ms panic@0.3s hardfault@0.3s \
+crystal-dead crystal-stops@0.3s; repeat for more";
 
 impl FromStr for Fault {
     type Err = NoFault;
 
     fn from_str(text: &str) -> Result<Self, NoFault> {
         let wrong = |why: String| NoFault(format!("`{text}`: {why}"));
+        // It is there before the program is: a time would say nothing.
+        match text.split_once('@') {
+            None if text == "crystal-dead" => {
+                return Ok(Self { kind: Kind::CrystalDead, from: Nanos::ZERO, until: None });
+            }
+            Some(("crystal-dead", _)) => {
+                return Err(wrong(
+                    "it is dead from power-on, write it without a time; or crystal-stops@TIME"
+                        .into(),
+                ));
+            }
+            _ => {}
+        }
         let (kind, times) = text.split_once('@').ok_or_else(|| {
             wrong("write KIND@TIME or KIND@TIME..TIME, as cut:2@0.3s..0.5s".into())
         })?;
@@ -142,21 +208,28 @@ fn kind_of(text: &str) -> Result<Kind, String> {
         Some(Ok(number @ 1..=3)) => Ok(number - 1),
         _ => Err(format!("`{name}` needs a bus, 1 to 3: {name}:2")),
     };
+    let wire = || match argument.and_then(|text| text.strip_prefix('L')).map(str::parse::<usize>) {
+        Some(Ok(number @ 1..=9)) => Ok(Wire::Line(number - 1)),
+        Some(_) => Err(format!("`{name}` needs a line, L1 to L9, or a bus: {name}:L1")),
+        None => bus().map(Wire::Bus),
+    };
     let alone = |kind: Kind| match argument {
         None => Ok(kind),
         Some(_) => Err(format!("`{name}` takes nothing behind a colon: {name}@0.5s")),
     };
     match name {
-        "cut" => bus().map(Kind::Cut),
+        "cut" => wire().map(Kind::Cut),
         "short" => bus().map(Kind::Short),
         "dominant" => bus().map(Kind::Dominant),
-        "noise" => bus().map(Kind::Noise),
-        "power" => bus().map(Kind::Power),
+        "noise" => wire().map(Kind::Noise),
+        "power" => wire().map(Kind::Power),
         "load" => bus().map(Kind::Load),
         "panic" => alone(Kind::Panic),
         "hardfault" => alone(Kind::HardFault),
         "remote-lost" => alone(Kind::RemoteLost),
         "mask" => alone(Kind::Mask),
+        "crystal-dead" => alone(Kind::CrystalDead),
+        "crystal-stops" => alone(Kind::CrystalStops),
         "hang" if argument == Some("") => Err("name a handler: hang:TIM2; or none: hang".into()),
         "hang" => Ok(Kind::Hang(argument.unwrap_or(CONTROL_EXECUTOR).to_owned())),
         _ => Err(format!("there is no such fault; there are: {KINDS}")),
@@ -194,7 +267,7 @@ mod tests {
     #[test]
     fn faults_are_written_as_the_help_says() {
         let fault: Fault = "cut:2@0.3s..500ms".parse().unwrap();
-        assert_eq!(fault.kind, Kind::Cut(1));
+        assert_eq!(fault.kind, Kind::Cut(Wire::Bus(1)));
         assert_eq!(fault.from, Nanos::new(300_000_000));
         assert_eq!(fault.until, Some(Nanos::new(500_000_000)));
         let fault: Fault = "hang@1.000001s".parse().unwrap();
@@ -207,11 +280,17 @@ mod tests {
         );
         let fault: Fault = "mask@20us..25us".parse().unwrap();
         assert_eq!((fault.kind, fault.from), (Kind::Mask, Nanos::new(20_000)));
+        let fault: Fault = "crystal-dead".parse().unwrap();
+        assert_eq!((fault.kind, fault.from, fault.until), (Kind::CrystalDead, Nanos::ZERO, None));
+        let fault: Fault = "crystal-stops@1s".parse().unwrap();
+        assert_eq!((fault.kind, fault.from), (Kind::CrystalStops, time_of("1s").unwrap()));
     }
 
     #[test]
     fn kinds_are_shown_as_they_are_written() {
-        let kinds = "cut:1 short:2 dominant:3 noise:1 power:2 load:3 panic hardfault hang:TIM2 remote-lost mask";
+        let kinds = "cut:1 short:2 dominant:3 noise:1 power:2 load:3 panic hardfault hang:TIM2 \
+                     remote-lost mask cut:L1 noise:L2 power:L9 \
+                     crystal-dead crystal-stops";
         for kind in kinds.split(' ') {
             assert_eq!(kind_of(kind).unwrap().to_string(), kind);
         }
@@ -224,9 +303,15 @@ mod tests {
             ("cut@1s", "needs a bus"),
             ("cut:4@1s", "needs a bus"),
             ("cut:0@1s", "needs a bus"),
+            ("cut:L0@1s", "needs a line"),
+            ("power:L@1s", "needs a line"),
+            ("short:L1@1s", "needs a bus"),
             ("panic:1@1s", "panic@0.5s"),
             ("remote-lost:1@1s", "remote-lost@0.5s"),
             ("flood@1s", "cut:BUS"),
+            ("crystal-dead@1s", "without a time"),
+            ("crystal-stops", "KIND@TIME"),
+            ("crystal-stops:1@1s", "crystal-stops@0.5s"),
             ("mask@1", "is no time"),
             ("mask@1e3s", "is no time"),
             ("mask@-1s", "is no time"),

@@ -1,0 +1,150 @@
+//! Faults of wires, done when their time has come.
+
+use rc10_can::CanFrame;
+
+use crate::fault::{Fault, Kind, NoFault, Wire};
+use crate::{Bus, Line, Nanos, TraceEntry};
+
+/// A filled bus is filled again so often.
+const STEP: Nanos = Nanos::new(1_000_000);
+/// Frames that a filled bus has waiting: more than a step's worth.
+const FILLER: usize = 12;
+/// While a bus is filled, one step in this many is not: so that "99 %" is not "100 %".
+const FILLER_PAUSE: u64 = 100;
+
+/// The faults of a run. Begins and ends those of wires; the others it hands out.
+///
+/// Let time pass up to [`next`](Self::next), tell it what was [`heard`](Self::heard) on the buses,
+/// and let it [`act`](Self::act).
+pub struct Faults {
+    buses: Vec<Filled>,
+    lines: Vec<Line>,
+    /// Beginnings (`true`) and ends, the next one last.
+    timeline: Vec<(Nanos, bool, Kind)>,
+}
+
+/// A bus, and what fills it while a fault does.
+struct Filled {
+    bus: Bus,
+    on: bool,
+    /// The newest of its least urgent feedback.
+    filler: Option<CanFrame>,
+}
+
+impl Faults {
+    /// The faults of a run on these buses and lines.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check).
+    pub fn new(buses: &[Bus], lines: &[Line], faults: &[Fault]) -> Result<Self, NoFault> {
+        Self::check(faults, buses.len(), lines.len())?;
+        let mut timeline = Vec::new();
+        for Fault { kind, from, until } in faults {
+            timeline.push((*from, true, kind.clone()));
+            timeline.extend(until.map(|until| (until, false, kind.clone())));
+        }
+        // Stable: what begins and ends at one moment does so as it was written.
+        timeline.sort_by_key(|entry| entry.0);
+        timeline.reverse();
+        let filled = |bus: &Bus| Filled { bus: bus.clone(), on: false, filler: None };
+        Ok(Self { buses: buses.iter().map(filled).collect(), lines: lines.into(), timeline })
+    }
+
+    /// Whether so many buses and lines can have such faults.
+    ///
+    /// # Errors
+    /// If one is on a bus or a line that is not there.
+    pub fn check(faults: &[Fault], buses: usize, lines: usize) -> Result<(), NoFault> {
+        for Fault { kind, .. } in faults {
+            let (index, count, noun) = match kind.wire() {
+                Some(Wire::Bus(bus)) => (bus, buses, "bus"),
+                Some(Wire::Line(line)) => (line, lines, "line"),
+                None => continue,
+            };
+            if index >= count {
+                let rest = match count {
+                    0 => format!("it has no {noun}"),
+                    last => format!("the last is {last}"),
+                };
+                return Err(NoFault(format!("{kind}: there is no such {noun}; {rest}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// When to act next, later than now.
+    #[must_use]
+    pub fn next(&self, now: Nanos) -> Option<Nanos> {
+        let entry = self.timeline.last().map(|entry| entry.0);
+        let step = Nanos::new((now.get() / STEP.get() + 1) * STEP.get());
+        entry.into_iter().chain(self.buses.iter().any(|bus| bus.on).then_some(step)).min()
+    }
+
+    /// What went over a bus since the last time, 0 for the first: its least urgent feedback is what
+    /// fills it.
+    pub fn heard(&mut self, bus: usize, entries: &[TraceEntry]) {
+        let Some(Filled { filler, .. }) = self.buses.get_mut(bus) else { return };
+        for entry in entries.iter().filter(|entry| !entry.from_controller) {
+            if filler.is_none_or(|filler| entry.frame.id() >= filler.id()) {
+                *filler = Some(entry.frame);
+            }
+        }
+    }
+
+    /// Does what is due by now. What is no fault of a wire comes back: whether it begins, and which.
+    #[must_use]
+    pub fn act(&mut self, now: Nanos) -> Vec<(bool, Kind)> {
+        let mut others = Vec::new();
+        while let Some((_, begins, kind)) = self.timeline.pop_if(|entry| entry.0 <= now) {
+            if !self.act_on_wire(begins, &kind) {
+                others.push((begins, kind));
+            }
+        }
+        if now.get().is_multiple_of(STEP.get()) {
+            self.fill(now.get() / STEP.get());
+        }
+        others
+    }
+
+    /// Whether it is a fault of a wire.
+    fn act_on_wire(&mut self, begins: bool, kind: &Kind) -> bool {
+        match (kind, kind.wire()) {
+            (Kind::Load(_), Some(Wire::Bus(bus))) => self.buses[bus].on = begins,
+            (_, Some(Wire::Bus(bus))) => {
+                let bus = &self.buses[bus].bus;
+                match kind {
+                    Kind::Cut(_) => bus.set_cut(begins),
+                    Kind::Short(_) => bus.set_shorted(begins),
+                    Kind::Dominant(_) => bus.set_held_dominant(begins),
+                    Kind::Noise(_) => bus.damage(1),
+                    Kind::Power(_) => bus.set_power(!begins),
+                    _ => return false,
+                }
+            }
+            (_, Some(Wire::Line(line))) => {
+                let line = &self.lines[line];
+                match kind {
+                    Kind::Cut(_) => line.set_cut(begins),
+                    Kind::Noise(_) => line.damage_answers(1),
+                    Kind::Power(_) => line.set_power(!begins),
+                    _ => return false,
+                }
+            }
+            (_, None) => return false,
+        }
+        true
+    }
+
+    fn fill(&self, step: u64) {
+        if (step + 1).is_multiple_of(FILLER_PAUSE) {
+            return;
+        }
+        for Filled { bus, filler, .. } in self.buses.iter().filter(|bus| bus.on) {
+            if let Some(frame) = filler {
+                for _ in bus.foreign_waiting()..FILLER {
+                    bus.inject(frame);
+                }
+            }
+        }
+    }
+}
