@@ -194,7 +194,7 @@ impl<'r> Emulation<'r> {
     /// As [`Rig::run`].
     pub fn record(mut self, length: Micros) -> Result<(Self, Recording)> {
         let description = self.description.clone();
-        let mut recorder = Recorder::new(&description, self.seed, &self.loops, true);
+        let mut recorder = Recorder::new(&description, self.seed, &self.loops, &self.motors, true);
         let mut watch = Watch::new(description.remote.as_ref());
         let mut now = Micros::ZERO;
         let mut next_look = Recorder::next_look(now, length);

@@ -9,6 +9,7 @@ use rc10_sim::{Base, TraceEntry};
 
 use crate::candump;
 use crate::effort::{EffortWatch, effort_of};
+use crate::margin::Margins;
 use crate::recording::{
     BaseHeard, BaseTrack, BusSample, BusTrack, Cell, LOOK_PERIOD, MotorSample, MotorTrack,
     PathPoint, Recording, SAMPLE_PERIOD, Tracking, WheelHeard,
@@ -37,21 +38,25 @@ struct BusRecorder {
 
 impl<'d> Recorder<'d> {
     /// A recorder before the start. `seed` is the surroundings' one, `loops` those of the motors in
-    /// the order of the description. On an emulated chip it does not see what the robot decides.
+    /// the order of the description, as are their `twins`. On an emulated chip it does not see what the robot decides.
     #[must_use]
     pub fn new(
         description: &'d Description,
         seed: u64,
         loops: &[Option<Loops>],
+        twins: &[Twin],
         is_emulated: bool,
     ) -> Self {
-        let loops = loops.iter().copied().chain(std::iter::repeat(None));
-        let motors = description.motors.iter().zip(loops);
+        let watch = |(line, (loops, twin)): (usize, (&Option<Loops>, &Twin))| {
+            let loops = (*loops)?;
+            Some(EffortWatch::new(loops, Margins::of_motor(loops, line, twin, description)))
+        };
+        let watches = loops.iter().zip(twins).enumerate().map(watch);
         Self {
             description,
             seed,
             is_emulated,
-            motors: motors.map(|(_, loops)| MotorRecorder::new(loops)).collect(),
+            motors: watches.map(MotorRecorder::new).collect(),
             buses: (0..description.buses).map(|_| BusRecorder::default()).collect(),
             arm: Vec::new(),
             path: Vec::new(),
@@ -209,12 +214,12 @@ struct MotorRecorder {
 }
 
 impl MotorRecorder {
-    fn new(loops: Option<Loops>) -> Self {
+    fn new(effort: Option<EffortWatch>) -> Self {
         Self {
             samples: Vec::new(),
             tracking: Vec::new(),
             peak_current: 0.0,
-            effort: loops.map(EffortWatch::new),
+            effort,
             newest: None,
             measured: Sum::default(),
             current: Sum::default(),

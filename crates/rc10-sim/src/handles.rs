@@ -207,6 +207,12 @@ impl Esc {
         unit.state(inner.wires[unit.bus].overwritten(unit.node))
     }
 
+    /// Its motor, gearbox and load; a wheel of a base with its wheel, without the base.
+    #[must_use]
+    pub fn plant(&self) -> Plant {
+        *self.inner.borrow().units[self.index].motor.plant()
+    }
+
     /// Switches the ESC's power. Without it there is no current, no feedback, no acknowledge; the
     /// rotor coasts. With it again, the ESC starts afresh, a DJI at command 0 and sending at a new
     /// phase, at once (a real one takes a second or two to start).
