@@ -124,6 +124,13 @@ pub fn run() -> Result<()> {
         _ => Outcome::Skipped("the active toolchain's clippy has no chip target".to_owned()),
     });
     report.step("test", || run_command(&mut host("test --workspace")).into());
+    report.step("robots", || {
+        let run = |robot: &str| {
+            let out = format!("--out target/rc10-{robot}");
+            run_command(&mut host(&format!("run --release -- run --strict --robot {robot} {out}")))
+        };
+        run("team").and_then(|()| run("mixed")).into()
+    });
     report.step("two wheels", || two_wheels().into());
     report.step("docs", || {
         run_command(host("doc --workspace --no-deps").env("RUSTDOCFLAGS", "-Dwarnings")).into()
@@ -152,7 +159,7 @@ pub fn run() -> Result<()> {
 /// Builds it with its own lock file, runs its test, and itself.
 fn two_wheels() -> Result<()> {
     run_command(&mut host(&format!("test --locked {TWO_WHEELS}")))?;
-    let arguments = "run --seconds 2 --out target/two-wheels";
+    let arguments = "run --strict --seconds 2 --out target/two-wheels";
     run_command(&mut host(&format!("run --locked {TWO_WHEELS} -- {arguments}")))
 }
 

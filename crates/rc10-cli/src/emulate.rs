@@ -2,6 +2,7 @@
 
 mod foreign;
 mod output;
+mod problems;
 mod text;
 
 use std::io::Write;
@@ -288,7 +289,8 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     let (mut emulation, mut recording) = emulation.record(args.seconds).with_context(named)?;
     let took = started.elapsed();
     recording.faults.clone_from(&args.faults);
-    let figures = Figures::of(&recording);
+    let mut figures = Figures::of(&recording);
+    problems::search(&emulation.rig, &recording, &mut figures.problems);
     write_files(&recording, &figures, &args.out)?;
     let sent = emulation.rig.machine.soc().take_sent();
     let texts = text::of(&sent);

@@ -39,6 +39,8 @@ pub enum About {
     Line(u8),
     /// The remote control.
     Remote,
+    /// The emulated chip, and the program on it.
+    Chip,
 }
 
 impl fmt::Display for About {
@@ -49,6 +51,7 @@ impl fmt::Display for About {
             Self::Bus(number) => write!(f, "bus {number}"),
             Self::Line(number) => write!(f, "line {number}"),
             Self::Remote => f.write_str("remote"),
+            Self::Chip => f.write_str("chip"),
         }
     }
 }
@@ -107,13 +110,11 @@ pub type Search = fn(&Recording, &mut Vec<Problem>);
 const SEARCHES: [Search; 7] =
     [robot, motors, efforts, buses, lines, remote, crate::consistency::consistency];
 
-/// Everything that was found in a run: problems first.
+/// Everything that was found in a run.
 #[must_use]
 pub fn problems(recording: &Recording) -> Vec<Problem> {
     let mut found = Vec::new();
     SEARCHES.iter().for_each(|search| search(recording, &mut found));
-    // Stable: otherwise in the order of the searches.
-    found.sort_by_key(|problem| problem.severity == Severity::Information);
     found
 }
 
@@ -146,9 +147,13 @@ fn effects(fault: &Fault, on: Place) -> Option<(Micros, Option<Micros>)> {
     let until = fault.until.map(|until| until.micros());
     match fault.kind {
         FaultKind::RemoteLost => None,
-        FaultKind::Panic | FaultKind::HardFault | FaultKind::Hang(_) | FaultKind::Mask => {
-            Some((from, Some(until.unwrap_or(from) + RESTART_WITHIN)))
-        }
+        FaultKind::Panic
+        | FaultKind::HardFault
+        | FaultKind::Hang(_)
+        | FaultKind::Mask
+        | FaultKind::CrystalStops => Some((from, Some(until.unwrap_or(from) + RESTART_WITHIN))),
+        // For good: bit rates are what the chip's own oscillator makes of them.
+        FaultKind::CrystalDead => Some((from, None)),
         FaultKind::Noise(_) if is_on(fault, on) => Some((from, Some(from + BACK_WITHIN))),
         _ if is_on(fault, on) => Some((from, until.map(|until| until + BACK_WITHIN))),
         _ => None,
@@ -165,7 +170,7 @@ fn is_on(fault: &Fault, on: Place) -> bool {
 }
 
 /// Whether an injected fault may have its effects on a bus or line at a time.
-fn is_excused(recording: &Recording, on: Place, at: Micros) -> bool {
+pub(crate) fn is_excused(recording: &Recording, on: Place, at: Micros) -> bool {
     let effects = recording.faults.iter().filter_map(|fault| effects(fault, on));
     effects.into_iter().any(|(from, until)| {
         from <= at && until.is_none_or(|until| at.since(SAMPLE_PERIOD) <= until)
@@ -258,7 +263,10 @@ fn effects_on_motor(recording: &Recording, track: &MotorTrack, found: &mut Vec<P
 
 fn robot(recording: &Recording, found: &mut Vec<Problem>) {
     let never_armed = !recording.arm.is_empty() && !recording.arm.contains(&ArmState::Armed);
-    let has_reason = recording.faults.iter().any(|fault| fault.kind == FaultKind::RemoteLost);
+    let forbids = |kind: &FaultKind| {
+        matches!(kind, FaultKind::RemoteLost | FaultKind::CrystalDead | FaultKind::CrystalStops)
+    };
+    let has_reason = recording.faults.iter().any(|fault| forbids(&fault.kind));
     if never_armed && recording.length >= UNARMED_FOR && !has_reason && !recording.motors.is_empty()
     {
         let text = "was never armed: no motor was driven".to_owned();
