@@ -245,7 +245,7 @@ impl Esc {
         self.inner.borrow_mut().units[self.index].set_id(id)
     }
 
-    /// Puts its motor behind another gearbox: so many turns of the rotor per turn of the output
+    /// Puts its motor behind another gearbox: `ratio` turns of the rotor per turn of the output
     /// shaft, above 0. Torque, speed and friction follow ([`Plant::with_gear`]).
     pub fn set_gear(&self, ratio: f64) {
         self.inner.borrow_mut().units[self.index].motor.set_gear(ratio);
