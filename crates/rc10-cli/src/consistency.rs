@@ -367,7 +367,7 @@ fn largest_current(track: &MotorTrack) -> Option<f64> {
     });
     let loops = track.effort.as_ref().map(|effort| effort.loops);
     let of_loops = loops.filter(|loops| loops.effort == TargetKind::Current);
-    of_model.or(of_loops.map(|loops| loops.limit)).map(f64::from)
+    of_model.or(of_loops.map(|loops| loops.cascade.speed.output_limit)).map(f64::from)
 }
 
 fn base_and_wheels(recording: &Recording, base: &BaseTrack, found: &mut Vec<Problem>) {

@@ -8,13 +8,14 @@ use std::fmt;
 
 use rc10_can::Micros;
 use rc10_motor::{ArmState, Condition, Drive, Link, Verdict};
-use rc10_sim::fault::{Fault, Kind as FaultKind};
+use rc10_sim::fault::{Fault, Kind as FaultKind, Wire};
 use serde_json::{Value, json};
 
 use crate::effort::{self, EffortTrack, IN_A_ROW, WINDOW};
 use crate::margin;
 use crate::recording::{BusTrack, MotorSample, MotorTrack, Recording, SAMPLE_PERIOD};
 use crate::remote::{Loss, Receiver, RemoteTrack};
+use crate::robot::Place;
 
 /// How bad it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -140,28 +141,35 @@ pub const UNARMED_FOR: Micros = Micros::from_millis(1000);
 
 // ---- injected faults ---------------------------------------------------------------------------
 
-/// From when to when a fault may have its effects on a bus; on a motor on a line with `None`.
-fn effects(fault: &Fault, bus: Option<u8>) -> Option<(Micros, Option<Micros>)> {
+/// From when to when a fault may have its effects on a bus or line.
+fn effects(fault: &Fault, on: Place) -> Option<(Micros, Option<Micros>)> {
     let from = fault.from.micros();
     let until = fault.until.map(|until| until.micros());
     match fault.kind {
-        FaultKind::RemoteLost => None,
-        FaultKind::Panic | FaultKind::HardFault | FaultKind::Hang(_) | FaultKind::Mask => {
-            Some((from, Some(until.unwrap_or(from) + RESTART_WITHIN)))
-        }
-        FaultKind::Noise(_) if is_on(fault, bus) => Some((from, Some(from + BACK_WITHIN))),
-        _ if is_on(fault, bus) => Some((from, until.map(|until| until + BACK_WITHIN))),
+        FaultKind::RemoteLost | FaultKind::CrystalDead => None,
+        FaultKind::Panic
+        | FaultKind::HardFault
+        | FaultKind::Hang(_)
+        | FaultKind::Mask
+        | FaultKind::CrystalStops => Some((from, Some(until.unwrap_or(from) + RESTART_WITHIN))),
+        FaultKind::Noise(_) if is_on(fault, on) => Some((from, Some(from + BACK_WITHIN))),
+        _ if is_on(fault, on) => Some((from, until.map(|until| until + BACK_WITHIN))),
         _ => None,
     }
 }
 
-fn is_on(fault: &Fault, bus: Option<u8>) -> bool {
-    fault.kind.bus().zip(bus).is_some_and(|(index, bus)| index + 1 == usize::from(bus))
+fn is_on(fault: &Fault, on: Place) -> bool {
+    let is = |index: usize, number: u8| index + 1 == usize::from(number);
+    match (fault.kind.wire(), on) {
+        (Some(Wire::Bus(index)), Place::Bus(number))
+        | (Some(Wire::Line(index)), Place::Line(number)) => is(index, number),
+        _ => false,
+    }
 }
 
 /// Whether an injected fault may have its effects on a bus at a time.
-pub(crate) fn is_excused(recording: &Recording, bus: Option<u8>, at: Micros) -> bool {
-    let effects = recording.faults.iter().filter_map(|fault| effects(fault, bus));
+pub(crate) fn is_excused(recording: &Recording, on: Place, at: Micros) -> bool {
+    let effects = recording.faults.iter().filter_map(|fault| effects(fault, on));
     effects.into_iter().any(|(from, until)| {
         from <= at && until.is_none_or(|until| at.since(SAMPLE_PERIOD) <= until)
     })
@@ -170,7 +178,7 @@ pub(crate) fn is_excused(recording: &Recording, bus: Option<u8>, at: Micros) -> 
 /// What of a total was counted while no fault had its effects.
 fn unexcused<T>(
     recording: &Recording,
-    bus: Option<u8>,
+    on: Place,
     total: u64,
     samples: &[T],
     count: impl Fn(&T) -> u64,
@@ -182,7 +190,7 @@ fn unexcused<T>(
     let mut excused = 0;
     for (index, sample) in samples.iter().enumerate() {
         let now = count(sample);
-        if is_excused(recording, bus, time_of(index)) {
+        if is_excused(recording, on, time_of(index)) {
             excused += now.saturating_sub(before);
         }
         before = now;
@@ -213,10 +221,10 @@ const fn must_be_lost(recording: &Recording, kind: &FaultKind) -> bool {
 
 /// What a fault must do to a motor and does not.
 fn effects_on_motor(recording: &Recording, track: &MotorTrack, found: &mut Vec<Problem>) -> bool {
-    let bus = track.motor.on.bus();
+    let on = track.motor.on;
     let about = About::Motor(track.motor.label);
     let mut is_back = true;
-    for fault in recording.faults.iter().filter(|fault| is_on(fault, bus)) {
+    for fault in recording.faults.iter().filter(|fault| is_on(fault, on)) {
         let (from, until) = (fault.from.micros(), fault.until.map(|until| until.micros()));
         let kind = &fault.kind;
         let during = || {
@@ -234,7 +242,7 @@ fn effects_on_motor(recording: &Recording, track: &MotorTrack, found: &mut Vec<P
         let Some(until) = until else { continue };
         let other = recording.faults.iter().any(|other| {
             other != fault
-                && effects(other, bus).is_some_and(|(from, end)| {
+                && effects(other, on).is_some_and(|(from, end)| {
                     from <= until + BACK_WITHIN && end.is_none_or(|end| end > until)
                 })
         });
@@ -270,10 +278,10 @@ fn armed_for(recording: &Recording) -> Micros {
 fn motors(recording: &Recording, found: &mut Vec<Problem>) {
     for track in &recording.motors {
         let last = &track.last;
-        let bus = track.motor.on.bus();
+        let on = track.motor.on;
         let about = About::Motor(track.motor.label);
         let is_back = effects_on_motor(recording, track, found);
-        let is_excused_now = is_excused(recording, bus, recording.length);
+        let is_excused_now = is_excused(recording, on, recording.length);
         match last.link {
             Link::NeverSeen if !is_excused_now => {
                 let text = format!(
@@ -330,9 +338,9 @@ fn motors(recording: &Recording, found: &mut Vec<Problem>) {
 
 fn motor_counts(recording: &Recording, track: &MotorTrack, found: &mut Vec<Problem>) {
     let counters = track.last.counters;
-    let (bus, about) = (track.motor.on.bus(), About::Motor(track.motor.label));
+    let (on, about) = (track.motor.on, About::Motor(track.motor.label));
     let count = |total: u64, of: fn(&MotorSample) -> u64| {
-        unexcused(recording, bus, total, &track.samples, of)
+        unexcused(recording, on, total, &track.samples, of)
     };
     let lost = count(counters.lost.into(), |sample| sample.counters.lost.into());
     if lost > 0 {
@@ -424,7 +432,7 @@ fn buses(recording: &Recording, found: &mut Vec<Problem>) {
         }
         let count = |total: u32, of: fn(&crate::recording::BusSample) -> u32| {
             let BusTrack { number, samples, .. } = track;
-            unexcused(recording, Some(*number), total.into(), samples, |one| of(one).into())
+            unexcused(recording, Place::Bus(*number), total.into(), samples, |one| of(one).into())
         };
         let replaced = count(last.replaced, |sample| sample.replaced);
         let submitted = last.submitted.into();
@@ -451,6 +459,10 @@ fn buses(recording: &Recording, found: &mut Vec<Problem>) {
 fn lines(recording: &Recording, found: &mut Vec<Problem>) {
     for (number, line) in (1..).zip(&recording.lines) {
         let (about, traffic) = (About::Line(number), &line.traffic);
+        // Counted over the whole run: a fault on the line excuses all of it.
+        if recording.faults.iter().any(|fault| effects(fault, Place::Line(number)).is_some()) {
+            continue;
+        }
         let all = traffic.exchanges.into();
         for (count, kind, what) in [
             (traffic.timeouts, "timeout", "commands without an answer"),

@@ -1,10 +1,11 @@
 //! What was not as it should be on the emulated chip itself.
 
-use rc10_emu::fault::Kind;
 use rc10_emu::{Figures, Rig};
+use rc10_sim::fault::Kind;
 
 use crate::problems::{About, Problem, is_excused};
 use crate::recording::Recording;
+use crate::robot::Place;
 
 /// Adds what is to be said of the chip. What its faults must do is no problem.
 pub(super) fn search(rig: &Rig, recording: &Recording, found: &mut Vec<Problem>) {
@@ -18,8 +19,12 @@ pub(super) fn search(rig: &Rig, recording: &Recording, found: &mut Vec<Problem>)
         let at = report.at.get() as f64 * 1e-6;
         problem(About::Chip, "bad-access", format!("{} at {at:.3} ms", report.text));
     }
-    let crashes =
-        |kind: &Kind| matches!(kind, Kind::Panic | Kind::HardFault | Kind::Hang(_) | Kind::Mask);
+    let crashes = |kind: &Kind| {
+        matches!(
+            kind,
+            Kind::Panic | Kind::HardFault | Kind::Hang(_) | Kind::Mask | Kind::CrystalStops
+        )
+    };
     let crashed = recording.faults.iter().filter(|fault| crashes(&fault.kind)).count();
     for restart in rig.machine.restarts().iter().skip(crashed) {
         let at = restart.at.get() as f64 * 1e-6;
@@ -30,7 +35,7 @@ pub(super) fn search(rig: &Rig, recording: &Recording, found: &mut Vec<Problem>)
         let excused = recording
             .faults
             .iter()
-            .any(|fault| is_excused(recording, Some(number), fault.from.micros()));
+            .any(|fault| is_excused(recording, Place::Bus(number), fault.from.micros()));
         for (count, kind, what) in [
             (bus.lost, "rx-lost", "received frames lost"),
             (u64::from(bus.bus_offs), "bus-off", "× bus-off"),
