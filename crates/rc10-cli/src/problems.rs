@@ -146,12 +146,14 @@ fn effects(fault: &Fault, on: Place) -> Option<(Micros, Option<Micros>)> {
     let from = fault.from.micros();
     let until = fault.until.map(|until| until.micros());
     match fault.kind {
-        FaultKind::RemoteLost | FaultKind::CrystalDead => None,
+        FaultKind::RemoteLost => None,
         FaultKind::Panic
         | FaultKind::HardFault
         | FaultKind::Hang(_)
         | FaultKind::Mask
         | FaultKind::CrystalStops => Some((from, Some(until.unwrap_or(from) + RESTART_WITHIN))),
+        // For good: bit rates are what the chip's own oscillator makes of them.
+        FaultKind::CrystalDead => Some((from, None)),
         FaultKind::Noise(_) if is_on(fault, on) => Some((from, Some(from + BACK_WITHIN))),
         _ if is_on(fault, on) => Some((from, until.map(|until| until + BACK_WITHIN))),
         _ => None,
@@ -159,15 +161,15 @@ fn effects(fault: &Fault, on: Place) -> Option<(Micros, Option<Micros>)> {
 }
 
 fn is_on(fault: &Fault, on: Place) -> bool {
-    let is = |index: usize, number: u8| index + 1 == usize::from(number);
-    match (fault.kind.wire(), on) {
-        (Some(Wire::Bus(index)), Place::Bus(number))
-        | (Some(Wire::Line(index)), Place::Line(number)) => is(index, number),
-        _ => false,
-    }
+    let (index, number) = match (fault.kind.wire(), on) {
+        (Some(Wire::Bus(index)), Place::Bus(number)) => (index, number),
+        (Some(Wire::Line(index)), Place::Line(number)) => (index, number),
+        _ => return false,
+    };
+    index + 1 == usize::from(number)
 }
 
-/// Whether an injected fault may have its effects on a bus at a time.
+/// Whether an injected fault may have its effects on a bus or line at a time.
 pub(crate) fn is_excused(recording: &Recording, on: Place, at: Micros) -> bool {
     let effects = recording.faults.iter().filter_map(|fault| effects(fault, on));
     effects.into_iter().any(|(from, until)| {
@@ -261,7 +263,10 @@ fn effects_on_motor(recording: &Recording, track: &MotorTrack, found: &mut Vec<P
 
 fn robot(recording: &Recording, found: &mut Vec<Problem>) {
     let never_armed = !recording.arm.is_empty() && !recording.arm.contains(&ArmState::Armed);
-    let has_reason = recording.faults.iter().any(|fault| fault.kind == FaultKind::RemoteLost);
+    let forbids = |kind: &FaultKind| {
+        matches!(kind, FaultKind::RemoteLost | FaultKind::CrystalDead | FaultKind::CrystalStops)
+    };
+    let has_reason = recording.faults.iter().any(|fault| forbids(&fault.kind));
     if never_armed && recording.length >= UNARMED_FOR && !has_reason && !recording.motors.is_empty()
     {
         let text = "was never armed: no motor was driven".to_owned();
@@ -459,16 +464,15 @@ fn buses(recording: &Recording, found: &mut Vec<Problem>) {
 fn lines(recording: &Recording, found: &mut Vec<Problem>) {
     for (number, line) in (1..).zip(&recording.lines) {
         let (about, traffic) = (About::Line(number), &line.traffic);
-        // Counted over the whole run: a fault on the line excuses all of it.
-        if recording.faults.iter().any(|fault| effects(fault, Place::Line(number)).is_some()) {
-            continue;
-        }
         let all = traffic.exchanges.into();
+        // A line's counters are not sampled: what a fault of it does to them cannot be told apart.
+        let is_faulty = recording.faults.iter().any(|fault| is_on(fault, Place::Line(number)));
         for (count, kind, what) in [
             (traffic.timeouts, "timeout", "commands without an answer"),
             (traffic.crc_errors, "crc", "answers with a wrong CRC"),
             (traffic.unexpected, "unexpected", "answers that were not asked for"),
         ] {
+            let count = if is_faulty { 0 } else { count };
             found.extend(share(about, kind, count.into(), all, what));
         }
         for (count, kind, what) in [

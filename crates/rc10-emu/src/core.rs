@@ -55,6 +55,8 @@ pub trait Core {
     fn clocks_until_timer(&self) -> Option<u64>;
     /// Lets the core's own timer count while the core sleeps, or waits for a bus.
     fn sleep(&mut self, clocks: u64);
+    /// Lets the core's own counters go on while the core waits for a bus: timer and cycle counter.
+    fn wait(&mut self, clocks: u64);
     /// The levels of the external interrupts: bit n of word n / 32.
     fn set_interrupts(&mut self, levels: [u32; INTERRUPT_WORDS]);
     /// The level of the non-maskable interrupt.
@@ -348,6 +350,11 @@ impl Core for Interpreter {
                 system.set_pending(Exception::SYSTICK, true);
             }
         });
+    }
+
+    fn wait(&mut self, clocks: u64) {
+        self.sleep(clocks);
+        self.core.with_sys(|system| system.tick_cyccnt(clocks));
     }
 
     fn set_interrupts(&mut self, levels: [u32; INTERRUPT_WORDS]) {

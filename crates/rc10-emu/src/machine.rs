@@ -506,8 +506,7 @@ impl Machine {
             }
             let waited = self.wiring.waited.swap(0, Ordering::Relaxed);
             if waited > 0 {
-                // SysTick counts on.
-                self.core.sleep(waited);
+                self.core.wait(waited);
                 self.pass(waited, clock);
             }
             if self.now >= horizon || self.wiring.touched.load(Ordering::Relaxed) {

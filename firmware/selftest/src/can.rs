@@ -45,7 +45,7 @@ pub async fn exchange(
     standby: Peri<'static, PG4>,
 ) -> Outcome {
     let parts = parts.with_standby(standby, Level::High);
-    let started = Bus::start(spawner.make_send(), parts, |port| talk(port));
+    let started = Bus::start(spawner.make_send(), parts, talk);
     want!(started.is_ok(), "cannot spawn");
     let (sent, received, health) = RESULT.wait().await;
     want!(sent == FRAMES && received > 0, "{sent} sent, {received} received, {health}");

@@ -20,10 +20,8 @@ pub(super) fn search(rig: &Rig, recording: &Recording, found: &mut Vec<Problem>)
         problem(About::Chip, "bad-access", format!("{} at {at:.3} ms", report.text));
     }
     let crashes = |kind: &Kind| {
-        matches!(
-            kind,
-            Kind::Panic | Kind::HardFault | Kind::Hang(_) | Kind::Mask | Kind::CrystalStops
-        )
+        use Kind::{CrystalStops, Hang, HardFault, Mask, Panic};
+        matches!(kind, Panic | HardFault | Hang(_) | Mask | CrystalStops)
     };
     let crashed = recording.faults.iter().filter(|fault| crashes(&fault.kind)).count();
     for restart in rig.machine.restarts().iter().skip(crashed) {
@@ -36,10 +34,9 @@ pub(super) fn search(rig: &Rig, recording: &Recording, found: &mut Vec<Problem>)
             .faults
             .iter()
             .any(|fault| is_excused(recording, Place::Bus(number), fault.from.micros()));
-        for (count, kind, what) in [
-            (bus.lost, "rx-lost", "received frames lost"),
-            (u64::from(bus.bus_offs), "bus-off", "× bus-off"),
-        ] {
+        for (count, kind, what) in
+            [(bus.lost, "rx-lost", "received frames lost"), (bus.bus_offs, "bus-off", "× bus-off")]
+        {
             if count > 0 && !excused {
                 problem(About::Bus(number), kind, format!("{count} {what}"));
             }

@@ -350,3 +350,34 @@ fn ram_written_before_the_supply_is_configured_is_told_if_asked_for() {
     assert_eq!(machine.reports(), []);
     assert_eq!(machine.memory().word(STATIC).unwrap(), 1);
 }
+
+/// A program that measures with SysTick what a load takes, and says it at [`STATIC`].
+fn stopwatch(address: u32) -> Vec<u8> {
+    let mut words = vec![STACK, START | 1];
+    words.resize(16, START + 0x14 | 1);
+    let mut flash: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let code: [u16; 12] = [
+        0x4805, // LDR R0, =SYST_CSR
+        0x21FF, // MOVS R1, #255
+        0x6041, // STR R1, [R0, #4]: SYST_RVR
+        0x2105, // MOVS R1, #5
+        0x6001, // STR R1, [R0]: enabled, the core's clock
+        0x4A04, // LDR R2, =address
+        0x6813, // LDR R3, [R2]
+        0x6884, // LDR R4, [R0, #8]: SYST_CVR
+        0x4D03, // LDR R5, =STATIC
+        0x602C, // STR R4, [R5]
+        0xE7FE, // B to itself
+        0xBF00, // NOP
+    ];
+    flash.extend(code.iter().flat_map(|half| half.to_le_bytes()));
+    flash.extend([0xE000_E010, address, STATIC].iter().flat_map(|word: &u32| word.to_le_bytes()));
+    elf(FLASH, &flash)
+}
+
+/// A program's own clock sees what its accesses take.
+#[test]
+fn systick_goes_on_while_the_core_waits_for_a_bus() {
+    let left = |address| run(&stopwatch(address)).memory().word(STATIC).unwrap();
+    assert_eq!(left(FLASH) - left(0x5802_4400), 12);
+}
