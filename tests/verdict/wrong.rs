@@ -43,7 +43,7 @@ impl Own {
     fn end(&self, arguments: &[&str]) -> Result<(u8, String), String> {
         let folder = folder();
         let out = ["--out", folder.to_str().unwrap()];
-        self.command(&[&["run", "--seconds", "1.5"], &out, arguments].concat())
+        self.command(&[&["run", "--seconds", "1.5"][..], &out, arguments].concat())
     }
 
     /// The same of any command.
@@ -80,7 +80,7 @@ impl Own {
         };
         let description = Description { motors, buses: 1, ..Description::default() };
         let robot = Robot::new(description).bus(bus, &port).switch(&switch).task(task);
-        let line = CommandLine::parse([&["own"], arguments].concat()).unwrap();
+        let line = CommandLine::parse([&["own"][..], arguments].concat()).unwrap();
         let mut text = Vec::new();
         match line.run_to(robot, &mut text) {
             Ok(code) => Ok((code, String::from_utf8(text).unwrap())),
