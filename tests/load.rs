@@ -7,7 +7,9 @@ use common::{Bench, motor, twin};
 use rc10_app::Rpm;
 use rc10_can::Micros;
 use rc10_motor::dji::{self, Dji, FeedbackRate};
-use rc10_motor::{ArmSwitch, Safety, Target, Verdict};
+use rc10_motor::embassy::{BusPort, Runner};
+use rc10_motor::{ArmError, ArmSwitch, MotorBus, Safety, Target, Unfit, Verdict};
+use rc10_sim::{BusConfig, World};
 
 fn eight(rate: FeedbackRate) -> Vec<Dji> {
     (1..=8).map(|id| motor(&dji::M3508, id).with_feedback_rate(rate)).collect()
@@ -73,6 +75,30 @@ fn eight_motors_at_1_khz_are_said_not_to_fit_with_the_numbers_and_do_not() {
     assert!(lost > 1000 && measured > 99.0, "lost {lost} at {measured:.1} %");
 }
 
+#[test]
+fn a_bus_that_does_not_fit_cannot_be_armed_unless_that_is_allowed() {
+    let armed = |count, allowed: bool| {
+        let switch = ArmSwitch::new();
+        let mut motors = eight(FeedbackRate::Hz1000);
+        let mut bus = MotorBus::new(&switch);
+        for motor in &mut motors[..count] {
+            bus.attach(motor, Safety::COAST).unwrap();
+        }
+        if allowed {
+            bus.allow_overload();
+        }
+        let wire = World::new(1).add_bus(BusConfig::default());
+        let shared = BusPort::new();
+        let _runner = Runner::new(wire.port(), bus, &shared, Micros::ZERO);
+        switch.arm()
+    };
+    assert_eq!(armed(6, false), Ok(()), "tight");
+    let error = armed(7, false).unwrap_err();
+    assert_eq!(error, ArmError::Unfit(Unfit::Overload));
+    assert_eq!(error.to_string(), "cannot be armed: the motors of a bus do not fit on it");
+    assert_eq!(armed(8, true), Ok(()));
+}
+
 /// protocols of the field give 56-68 % for four and 78-95 % for five motors; six are tight.
 #[test]
 fn four_and_five_motors_fit_and_six_are_tight() {
@@ -84,7 +110,7 @@ fn four_and_five_motors_fit_and_six_are_tight() {
     ] {
         let switch = ArmSwitch::new();
         let mut motors = eight(FeedbackRate::Hz1000);
-        let mut bus = rc10_motor::MotorBus::new(&switch);
+        let mut bus = MotorBus::new(&switch);
         for motor in &mut motors[..count] {
             bus.attach(motor, Safety::COAST).unwrap();
         }

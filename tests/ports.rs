@@ -75,6 +75,10 @@ fn a_port_refuses_what_the_motor_cannot_do_where_it_is_asked() {
         // A refused target does not disturb the one before.
         Timer::after_millis(5).await;
         assert_eq!(port.status().target, Target::Speed(Rpm::new(10.0)));
+        // Counted by reason, also what came no further than the port.
+        let refused = port.status().counters.refused;
+        assert_eq!((refused.unsupported, refused.not_finite, refused.out_of_range), (1, 6, 0));
+        assert_eq!(refused.to_string(), "1 of a kind it does not take, 6 not finite");
         let nobody = shared.motor(MotorId::new(3));
         assert!(nobody.command(Target::Coast).is_err());
         assert_eq!(nobody.request(Request::SetZero).await, Err(RequestError::NoSuchMotor));

@@ -9,7 +9,7 @@ use embassy_stm32::peripherals::{
     DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, DMA1_CH7, DMA2_CH0,
     DMA2_CH1, DMA2_CH2, DMA2_CH3, DMA2_CH4, DMA2_CH5, DMA2_CH6, DMA2_CH7, EXTI2, EXTI3, FDCAN1,
     FDCAN2, FDCAN3, I2C2, IWDG1, PA0, PA1, PA5, PA6, PA7, PA11, PA12, PC4, PC5, PC6, PC7, PD12,
-    PD13, PD14, PD15, PF0, PF1, PF8, PF9, PF11, PG2, PG3, SPI1, TIM3, TIM4, TIM5, TIM7, TIM13,
+    PD13, PD14, PD15, PF0, PF1, PF8, PF9, PF11, PG2, PG3, PG4, SPI1, TIM3, TIM4, TIM5, TIM7, TIM13,
     TIM23, TIM24, UART5, UART7, USART1, USART2, USART3, USART10, USB_OTG_HS,
 };
 use embassy_stm32::{Peri, Peripherals};
@@ -22,12 +22,15 @@ pub const REMOTE_HAS_INVERTER: bool = false;
 
 /// The board's parts, by what they are for.
 pub struct Board {
-    /// FDCAN1: receive PD0, transmit PD1.
+    /// FDCAN1: receive PD0, transmit PD1. If the transceiver has a standby pin that is wired to the
+    /// chip, [`BusParts::with_standby`] drives it.
     pub bus_1: BusParts<FDCAN1>,
     /// FDCAN2: receive PB12, transmit PB13.
     pub bus_2: BusParts<FDCAN2>,
     /// FDCAN3: receive PF6, transmit PF7.
     pub bus_3: BusParts<FDCAN3>,
+    /// A pin for a transceiver's standby, if it has one. The team's project names none.
+    pub standby: Peri<'static, PG4>,
     /// A line of text for people, or a link to another computer.
     pub text: SerialParts<USART1, DMA1_CH0, DMA1_CH1>,
     /// The receiver of a remote control that speaks serially. It only talks.
@@ -169,13 +172,14 @@ pub struct UsbParts {
 }
 
 impl Board {
-    /// Hands out the pins. Nothing is switched on.
+    /// Hands out the pins. Nothing is switched on; RS-485's driver enable is pulled to receive.
     #[must_use]
     pub fn new(p: Peripherals) -> Self {
         Self {
             bus_1: BusParts::new(p.FDCAN1, p.PD0, p.PD1),
             bus_2: BusParts::new(p.FDCAN2, p.PB12, p.PB13),
             bus_3: BusParts::new(p.FDCAN3, p.PF6, p.PF7),
+            standby: p.PG4,
             // UART, receive pin, transmit pin, stream that receives, stream that sends.
             text: SerialParts::new(p.USART1, p.PB7, p.PB6, p.DMA1_CH0, p.DMA1_CH1),
             remote: ReceiverParts::new(p.UART5, p.PD2, p.DMA1_CH2),

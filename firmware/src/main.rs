@@ -26,6 +26,7 @@ use rc10_bsp::{crash, dma_buffer, supervisor};
 use rc10_firmware::board::{Board, PulseParts, REMOTE_HAS_INVERTER, StripParts};
 use rc10_module::led::ws2812::BITS;
 use rc10_module::remote::{self, SerialSettings};
+use rc10_motor::Unfit;
 use rc10_motor::embassy::BusPort;
 use rc10_robot::table::{BUSES, LEDS, RECEIVER};
 use rc10_robot::{Io, Motors};
@@ -98,6 +99,10 @@ async fn main(spawner: Spawner) {
 fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     let ports = PORTS.each_ref().map(|place| &*place.init_with(|| const { BusPort::new() }));
     let io = &*IO.init_with(|| Io::new(ports));
+    if !rc10_bsp::has_crystal() {
+        defmt::error!("the crystal does not start: the robot cannot be armed");
+        io.switch.forbid(Unfit::Clock);
+    }
     let places = MOTOR_BUSES.each_ref();
     let buses = places.map(|place| place.init_with(|| rc10_robot::Bus::new(&io.switch)));
     let motors = MOTORS.take().attach(buses)?;

@@ -137,6 +137,9 @@ pub async fn imu(io: &'static Io<'static>, port: Serial) -> ! {
 /// Feeds the watchdog while every bus ticks.
 async fn watch(watchdog: Peri<'static, IWDG1>, io: &Io<'_>) -> ! {
     let mut watchdog = Watchdog::start(watchdog, WATCHDOG);
+    if !watchdog.is_set() {
+        defmt::warn!("the watchdog does not take its timeout: a hung robot may not restart");
+    }
     let mut ticker = Ticker::every(FEED);
     let ticks = || io.buses.map(|bus| bus.ticks());
     let mut before = ticks();

@@ -5,7 +5,8 @@ use rc10_emu::{Injection, Machine};
 use rc10_sim::remote::{Ppm, Remote};
 use rc10_sim::unitree_line::{GoM8010, plant};
 use rc10_sim::{
-    Line, LineConfig, LineMotor, Nanos, Pulses, Serial, SerialConfig, UartFault, World,
+    Bus, BusConfig, EscConfig, Line, LineConfig, LineMotor, Model, Nanos, Pulses, Serial,
+    SerialConfig, UartFault, World,
 };
 
 use super::wires::{Bmi088, Echo, Listener, Registers, Sleeper, pictures};
@@ -18,6 +19,7 @@ const STEP: u64 = 20_000;
 
 type Pin = (char, usize);
 
+const STANDBY: Pin = ('G', 4);
 const SERVOS: [Pin; 4] = [('D', 12), ('D', 13), ('D', 14), ('D', 15)];
 const CAPTURE: Pin = ('F', 11);
 const I2C_CLOCK: Pin = ('F', 1);
@@ -31,7 +33,8 @@ const PULSES: Pin = ('F', 8);
 const PULSE_COUNTER: u32 = 0x4000_1C24;
 
 /// What is tested, in order.
-const TESTS: [&str; 10] = [
+const TESTS: [&str; 11] = [
+    "CAN",
     "serial",
     "serial faults",
     "RS-485",
@@ -48,6 +51,7 @@ const TESTS: [&str; 10] = [
 struct Bench {
     machine: Machine,
     world: World,
+    bus: Bus,
     text: Serial,
     faulty: Serial,
     line: Line,
@@ -65,6 +69,10 @@ impl Bench {
     fn new(seed: u64) -> Self {
         let mut machine = Machine::new(&program("selftest")).unwrap();
         let mut world = World::new(seed);
+        // FDCAN2's, with one motor.
+        let bus = world.add_bus(BusConfig::default());
+        bus.add_esc(EscConfig::new(Model::C620, 1)).unwrap();
+        machine.connect(1, &bus);
         let text = world.add_serial(SerialConfig::default(), Listener::default());
         machine.connect_serial(1, &text, false).unwrap();
         let echo = world.add_serial(SerialConfig::default(), Echo::default());
@@ -85,7 +93,7 @@ impl Bench {
         assert!(soc.attach_i2c(2, Box::new(Registers::new())));
         assert!(soc.attach_i2c(2, Box::new(Sleeper)));
         assert!(soc.join_pins(SERVOS[0], CAPTURE, Nanos::ZERO));
-        for (port, pin) in SERVOS.into_iter().chain([STRIP]) {
+        for (port, pin) in SERVOS.into_iter().chain([STRIP, STANDBY]) {
             assert!(soc.record_pin(port, pin));
         }
         // Pull-ups, switches that are released; encoders.
@@ -96,7 +104,7 @@ impl Bench {
         }
         drop(soc);
         let (position, log, read) = (0, String::new(), 0);
-        Self { machine, world, text, faulty, line, motors, pulses, position, log, read }
+        Self { machine, world, bus, text, faulty, line, motors, pulses, position, log, read }
     }
 
     fn run(&mut self, nanos: u64) {
@@ -140,6 +148,10 @@ impl Bench {
         self.until("hold the data line");
         let now = self.machine.now();
         assert!(self.machine.soc().hold_data(2, I2C_CLOCK, I2C_DATA, 7, now));
+        for (what, bytes) in [("disturb the bus", 1), ("disturb the bus twice", 2)] {
+            self.until(what);
+            assert!(self.machine.soc().disturb_i2c(2, bytes));
+        }
         self.until("turn the encoders");
         // As `timers.rs` of the program has them; the last one fast.
         for (target, step) in [(1000, 9_000), (-2000, 9_000), (500, 2_000)] {
@@ -348,12 +360,19 @@ fn every_driver_passes_its_self_test() {
     bench.is_clean();
     priorities::judge(&priorities::of(&bench.machine), &[priorities::TIME]);
 
+    // The transceiver is awake before the first frame, and stays so.
+    let trace = bench.bus.take_trace();
+    let ours: Vec<_> = trace.iter().filter(|entry| entry.from_controller).collect();
+    let edges = bench.edges(STANDBY);
+    println!("standby {edges:?}, {} frames sent from {} on", ours.len(), ours[0].start);
+    assert!(edges.len() == 1 && edges[0].high, "{edges:?}");
+    assert!(ours.len() == 20 && ours[0].start.since(edges[0].at) >= Nanos::new(100_000));
     // Without a fault nothing is lost.
-    assert_eq!(text[1], "serial faults: ok, 0 of 250 lost: 0 F 0 P 0 N 0 B 0 O 0 D");
-    let answered = text[2].split(' ').find_map(|word| word.parse::<u64>().ok()).unwrap();
+    assert_eq!(text[2], "serial faults: ok, 0 of 250 lost: 0 F 0 P 0 N 0 B 0 O 0 D");
+    let answered = text[3].split(' ').find_map(|word| word.parse::<u64>().ok()).unwrap();
     let commands: u64 = bench.motors.iter().map(|motor| motor.state().commands).sum();
     // It goes on for as long as the program runs.
-    assert!(answered >= 600 && commands > answered, "{commands} commands: {}", text[2]);
+    assert!(answered >= 600 && commands > answered, "{commands} commands: {}", text[3]);
     assert!(bench.motors.iter().all(|motor| motor.state().malformed == 0));
     assert_eq!(bench.line.counters().collided, 0);
     for (pin, micros) in SERVOS.into_iter().zip([1500, 1600, 1700, 1800]) {
@@ -366,7 +385,7 @@ fn every_driver_passes_its_self_test() {
         assert!(period.abs_diff(20_000_000) <= 309, "{pin:?}: {period} ns");
     }
     // A remote at rest: eight channels in the middle of 22 ms.
-    assert!(text[8].contains("ok, 1500 .. 10000 us apart"), "{}", text[8]);
+    assert!(text[9].contains("ok, 1500 .. 10000 us apart"), "{}", text[9]);
     let (first, second) = ([0x12, 0x34, 0x56], [0xA5, 0x5A, 0xC3]);
     let shown = pictures(&bench.edges(STRIP));
     assert_eq!(shown, [vec![first, second], vec![second, first], vec![first, second, second]]);
@@ -381,8 +400,8 @@ fn behind_every_fault_of_a_uart_the_next_frame_arrives() {
         let faults = bench.disturb();
         bench.run(10_000_000);
         let text = bench.text();
-        println!("seed {seed}: {} faults; {}", faults.injected.len(), text[1]);
-        faults.judge(&text[1]);
+        println!("seed {seed}: {} faults; {}", faults.injected.len(), text[2]);
+        faults.judge(&text[2]);
         bench.is_clean();
     }
 }
@@ -396,10 +415,10 @@ fn a_pulse_at_the_turn_of_its_timer_has_its_time() {
     let turns = bench.pulse_at_the_turns();
     bench.finish();
     let text = bench.text();
-    println!("{turns} turns; {}", text[8]);
+    println!("{turns} turns; {}", text[9]);
     assert!(turns >= 4);
-    let numbers = text[8].split(' ').filter_map(|word| word.parse::<u64>().ok());
-    let [shortest, longest, _] = numbers.collect::<Vec<_>>()[..] else { panic!("{}", text[8]) };
-    assert!((300..=5_000).contains(&shortest) && (5_000..=7_500).contains(&longest), "{}", text[8]);
+    let numbers = text[9].split(' ').filter_map(|word| word.parse::<u64>().ok());
+    let [shortest, longest, _] = numbers.collect::<Vec<_>>()[..] else { panic!("{}", text[9]) };
+    assert!((300..=5_000).contains(&shortest) && (5_000..=7_500).contains(&longest), "{}", text[9]);
     bench.is_clean();
 }

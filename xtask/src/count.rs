@@ -125,7 +125,7 @@ impl Program {
     }
 
     fn run(&self) -> Result<Vec<Measurement>> {
-        let mut core = bare(&Memory::with(&self.image)?)?;
+        let mut core = bare(&Memory::with(&self.image, 1)?)?;
         let mut results: BTreeMap<u32, Measurement> = BTreeMap::new();
         // The call being measured: its entry, where it returns to, and what it took so far.
         let mut call: Option<(u32, u32, u64)> = None;

@@ -25,7 +25,10 @@ cargo xtask fuzz [seconds] [target ..]   throws bytes at every decoder, 60 s eac
 
 fn main() -> ExitCode {
     let task: fn() -> Result<()> = match std::env::args().nth(1).as_deref() {
-        Some("setup") => || setup::chip_toolchain().and_then(|_| setup::python()),
+        Some("setup") => || {
+            setup::probe();
+            setup::chip_toolchain().and_then(|_| setup::python())
+        },
         Some("check") => check::run,
         Some("firmware") => || firmware::build().map(|elf| println!("{}", elf.display())),
         Some("emulate") => || {

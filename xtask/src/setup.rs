@@ -64,6 +64,33 @@ pub fn python() -> Result<()> {
     Ok(())
 }
 
+/// The first probe-rs whose `run` knows the flags that `.cargo/config.toml` gives it (its change log,
+/// 0.28.0): major and minor version.
+const PROBE_RS: [u32; 2] = [0, 28];
+
+/// Says whether a board can be flashed from here. Never fails: not everybody has a board.
+pub fn probe() {
+    let version = answer(Command::new("probe-rs").arg("--version"));
+    println!("setup: {}", judge_probe_rs(version.as_deref()));
+}
+
+/// What to say about an answer to `probe-rs --version`.
+fn judge_probe_rs(version: Option<&str>) -> String {
+    let [major, minor] = PROBE_RS;
+    let wanted = format!("to flash a board, install probe-rs {major}.{minor} or newer");
+    let Some(version) = version else { return format!("no probe-rs here; {wanted}") };
+    // `probe-rs 0.29.1 (git commit: ..)`
+    let number = version.split_whitespace().nth(1).unwrap_or_default();
+    let mut parts = number.split('.').map_while(|part| part.parse::<u32>().ok());
+    match (parts.next(), parts.next()) {
+        (Some(major), Some(minor)) if [major, minor] >= PROBE_RS => {
+            format!("probe-rs {number} flashes a board")
+        }
+        (Some(_), Some(_)) => format!("probe-rs {number} is too old; {wanted}"),
+        _ => format!("probe-rs says {version:?}, which is no version; {wanted}"),
+    }
+}
+
 /// Debian's packages.
 fn install(packages: &[&str]) -> Result<()> {
     let mut apt = Command::new("apt-get");
@@ -162,4 +189,35 @@ fn linker(targets: &Path) -> Result<()> {
     }
     // A link, not a copy: the linker finds its libraries by where it really is.
     run(Command::new("ln").arg("-sfn").arg(linker).arg(place))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Without them a fault of a robot with a probe leaves its motors running.
+    #[test]
+    fn the_runner_lets_a_fault_reach_the_handler_and_a_reset_the_next_run() {
+        let config = include_str!("../../.cargo/config.toml");
+        let runner = config.lines().find_map(|line| line.strip_prefix("runner = ")).unwrap_or("");
+        let words: Vec<_> = runner.trim_matches('"').split(' ').collect();
+        assert!(words.starts_with(&["probe-rs", "run"]), "{runner}");
+        for flag in ["--no-catch-reset", "--no-catch-hardfault"] {
+            assert!(words.contains(&flag), "{flag} is not in: {runner}");
+        }
+    }
+
+    #[test]
+    fn a_probe_rs_that_refuses_the_flags_is_called_too_old() {
+        for (version, said) in [
+            (None, "no probe-rs here; to flash a board, install probe-rs 0.28 or newer"),
+            (Some("probe-rs 0.28.0 (git commit: 0123abc)"), "probe-rs 0.28.0 flashes a board"),
+            (Some("probe-rs 1.0.0"), "probe-rs 1.0.0 flashes a board"),
+            (Some("probe-rs 0.27.0 (git commit: 0123abc)"), "probe-rs 0.27.0 is too old"),
+            (Some("probe-rs"), "probe-rs says \"probe-rs\", which is no version"),
+        ] {
+            let judged = judge_probe_rs(version);
+            assert!(judged.starts_with(said), "{version:?}: {judged}");
+        }
+    }
 }

@@ -29,8 +29,8 @@ pub use rc10_message::{
 pub use stm32h723::usb;
 #[cfg(feature = "stm32h723")]
 pub use stm32h723::{
-    FDCAN_CLOCK, TIMER_CLOCK, can, clocks, crash, dma, i2c, initialise, pulse_input, pulse_output,
-    quadrature, serial, spi, supervisor, watchdog,
+    FDCAN_CLOCK, TIMER_CLOCK, can, clocks, crash, dma, has_crystal, i2c, initialise, pulse_input,
+    pulse_output, quadrature, serial, spi, supervisor, watchdog,
 };
 
 use embassy_time::Instant;

@@ -1,7 +1,7 @@
 //! The chip side: STM32H723, on embassy-stm32. Facts are from RM0468 (the reference manual) and
 //! from the board's `CubeMX` project unless said otherwise.
 //!
-//! * [`initialise`]: clocks and caches.
+//! * [`initialise`]: clocks and caches; [`has_crystal`]: whether the crystal works.
 //! * [`can`]: the three FDCAN ports, and [`can::Bus::start`].
 //! * [`serial`]: UARTs; [`dma`]: the memory that a DMA reaches.
 //! * [`i2c`] with timeouts and recovery; [`spi`] through that memory.
@@ -15,6 +15,7 @@
 
 pub mod can;
 pub mod crash;
+mod crystal;
 pub mod dma;
 pub mod i2c;
 pub mod pulse_input;
@@ -23,9 +24,12 @@ pub mod quadrature;
 pub mod serial;
 pub mod spi;
 pub mod supervisor;
+mod supply;
 #[cfg(feature = "usb")]
 pub mod usb;
 pub mod watchdog;
+
+pub use crystal::has_crystal;
 
 use embassy_stm32::rcc::mux::Fdcansel;
 use embassy_stm32::rcc::{
@@ -34,14 +38,22 @@ use embassy_stm32::rcc::{
 use embassy_stm32::time::Hertz;
 use embassy_stm32::{Config, Peripherals, pac};
 
-/// Kernel clock of the three FDCANs: PLL1 Q.
-pub const FDCAN_CLOCK: Hertz = Hertz(120_000_000);
+/// Clock of APB1 to APB4.
+const APB_CLOCK: Hertz = Hertz(120_000_000);
+
+/// Kernel clock of the three FDCANs, and of SPI1 to SPI3: PLL1 Q.
+///
+/// The quanta of a bit must not be faster than APB1 (RM0468, FDCAN bit timing; the text allows
+/// equality, the formula beside it does not; ST's FAQ on FDCAN names frames that are repeated though
+/// acknowledged as what happens else), nor than 125 MHz. 80 MHz is far from both.
+pub const FDCAN_CLOCK: Hertz = Hertz(80_000_000);
+const _: () = assert!(FDCAN_CLOCK.0 < APB_CLOCK.0 && FDCAN_CLOCK.0 <= 125_000_000);
 
 /// What the timers count at, unless a prescaler divides it.
 pub const TIMER_CLOCK: Hertz = Hertz(240_000_000);
 
 /// The board's clocks: 25 MHz crystal / 5 x 96 = 480 MHz for the core, half of it for AHB (limit
-/// 275 MHz), a quarter for every APB (limit 137.5 MHz), a quarter from PLL1 Q for the FDCANs.
+/// 275 MHz), a quarter for every APB (limit 137.5 MHz), a sixth from PLL1 Q for the FDCANs.
 ///
 /// The timers run at 240 MHz: the time driver wants a whole number of megahertz.
 #[must_use]
@@ -54,7 +66,7 @@ pub fn clocks() -> Config {
         prediv: PllPreDiv::DIV5,
         mul: PllMul::MUL96,
         divp: Some(PllDiv::DIV1),
-        divq: Some(PllDiv::DIV4),
+        divq: Some(PllDiv::DIV6),
         divr: None,
     });
     clocks.sys = Sysclk::PLL1_P;
@@ -74,7 +86,33 @@ pub fn clocks() -> Config {
     config
 }
 
-/// Starts the chip: [`clocks`], instruction cache on, data cache off.
+/// Makes 0x6000_0000 ..= 0xDFFF_FFFF a region without access. There external memories would be, which
+/// the board does not have; but to a Cortex-M7 it is ordinary memory, and it may read ahead in it, where
+/// the FMC then waits for a chip that does not answer. (What `CubeMX` sets up as its background region.)
+fn forbid_external_memory(mpu: &cortex_m::peripheral::MPU) {
+    // Armv7-M manual, B3.5: all 4 GiB, less the eighths 0, 1, 2 and 7; no access, no execution.
+    const ENABLE: u32 = 1;
+    const WHOLE: u32 = 31 << 1;
+    const WITHOUT: u32 = 0b1000_0111 << 8;
+    const SHAREABLE: u32 = 1 << 18;
+    const NEVER_EXECUTE: u32 = 1 << 28;
+    // Everywhere else the memory map is what it is without the MPU.
+    const BACKGROUND: u32 = 1 << 2;
+    cortex_m::asm::dmb();
+    // SAFETY: nothing that this program has lies in the region.
+    unsafe {
+        mpu.rnr.write(0);
+        mpu.rbar.write(0);
+        mpu.rasr.write(NEVER_EXECUTE | SHAREABLE | WITHOUT | WHOLE | ENABLE);
+        mpu.ctrl.write(BACKGROUND | ENABLE);
+    }
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
+}
+
+/// Starts the chip: [`clocks`], instruction cache on, data cache off. A crystal that does not start
+/// within 100 ms is replaced ([`has_crystal`]); one that stops later is a
+/// [crash](crash::LastCrash::CrystalStopped), if [`crash_handlers!`](crate::crash_handlers) are there.
 ///
 /// The data cache stays off because stack and statics live in DTCM, which is as fast as a cache,
 /// and because nothing here would keep it coherent with DMA.
@@ -84,10 +122,11 @@ pub fn clocks() -> Config {
 #[must_use]
 #[inline(never)]
 pub fn initialise() -> Peripherals {
-    let peripherals = embassy_stm32::init(clocks());
+    let peripherals = crystal::start(clocks());
     // SAFETY: the core's peripherals are touched by nobody else; `init` above panics if this
     // function runs a second time.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
+    forbid_external_memory(&core.MPU);
     core.SCB.enable_icache();
     // Off after a reset; who started this program may have switched it on.
     core.SCB.disable_dcache(&mut core.CPUID);

@@ -6,12 +6,13 @@ mod timing;
 
 use timing::BitTiming;
 
-const OURS: BitTiming = BitTiming::exact(120_000_000, 1_000_000);
+const OURS: BitTiming = BitTiming::exact(80_000_000, 1_000_000);
 
 #[test]
 fn every_timing_is_exact_and_samples_where_the_motors_do() {
-    assert_eq!(OURS, BitTiming { prescaler: 1, before: 89, after: 30 });
+    assert_eq!(OURS, BitTiming { prescaler: 1, before: 59, after: 20 });
     for (clock, rate) in [
+        (80_000_000, 1_000_000),
         (120_000_000, 1_000_000),
         (120_000_000, 500_000),
         (120_000_000, 125_000),

@@ -56,6 +56,9 @@ pub struct Health {
     pub ignored: u32,
     /// How often the controller went bus-off.
     pub bus_offs: u32,
+    /// How often the controller was found in restricted operation, in which it sends nothing: its
+    /// message memory was too slow, or its clock is being calibrated. It was sent back each time.
+    pub restrictions: u32,
     /// How often a supervisor made the motors of the bus safe because nobody had asked the port
     /// for frames for too long.
     pub stalls: u32,
@@ -72,6 +75,7 @@ impl Health {
         transmit_lost: 0,
         ignored: 0,
         bus_offs: 0,
+        restrictions: 0,
         stalls: 0,
     };
 
@@ -119,6 +123,7 @@ impl fmt::Display for Health {
             ("unsent frames lost", self.transmit_lost),
             ("frames ignored", self.ignored),
             ("times bus-off", self.bus_offs),
+            ("times restricted", self.restrictions),
             ("stalls", self.stalls),
         ];
         for (name, count) in counters.into_iter().filter(|&(_, count)| count > 0) {
@@ -154,6 +159,8 @@ mod tests {
         // An error of long ago.
         let healed = Health { state: ErrorState::Active, transmit_errors: 0, bus_offs: 2, ..alone };
         assert_eq!(healed.to_string(), "error active, times bus-off 2");
+        let restricted = Health { restrictions: 3, ..Health::NEW };
+        assert_eq!(restricted.to_string(), "error active, times restricted 3");
         let shorted =
             Health { state: ErrorState::BusOff, last_error: Some(BusError::Bit), ..alone };
         assert!(!shorted.is_alone());

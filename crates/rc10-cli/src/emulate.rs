@@ -12,7 +12,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
 use rc10_emu::fault::Kind;
-use rc10_emu::{Fault, Machine, Rig};
+use rc10_emu::{Fault, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{MotorBus, MotorStatus};
@@ -44,7 +44,7 @@ pub struct EmuArgs {
     pub mips: Option<u64>,
     /// Something goes wrong: cut:2@0.3s..0.5s short:2@.. dominant:2@.. noise:2@0.3s power:2@..
     /// load:2@.. remote-lost@0.5s..0.7s hang@0.3s..320ms mask@0.3s..305ms panic@0.3s
-    /// hardfault@0.3s; repeat for more
+    /// hardfault@0.3s crystal-dead crystal-stops@0.3s; repeat for more
     #[arg(long = "fault", value_name = "FAULT")]
     pub faults: Vec<Fault>,
     /// Print one JSON object instead of tables
@@ -104,7 +104,8 @@ impl<'r> Emulation<'r> {
             Surroundings::new(&description, setup.seed)?;
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
         ensure!(lines.is_empty(), "the firmware has no RS-485 line yet, the robot {}", lines.len());
-        let mut machine = Machine::new(program)?;
+        let mut machine =
+            Machine::with(program, Options { seed: setup.seed, ..Options::default() })?;
         if let Some(speed) = setup.speed {
             machine.set_speed(speed);
         }

@@ -57,6 +57,8 @@ pub trait Core {
     fn sleep(&mut self, clocks: u64);
     /// The levels of the external interrupts: bit n of word n / 32.
     fn set_interrupts(&mut self, levels: [u32; INTERRUPT_WORDS]);
+    /// The level of the non-maskable interrupt.
+    fn set_nmi(&mut self, level: bool);
     /// Whether the program asked for a reset of the chip; forgets it.
     fn take_reset_request(&mut self) -> bool;
     /// Number of the exception that is handled; 0 in thread mode.
@@ -95,6 +97,8 @@ pub(crate) struct Wiring {
     pub(crate) now: Arc<AtomicU64>,
     /// Set by every access to a peripheral: it may have changed an interrupt, or what comes next.
     pub(crate) touched: Arc<AtomicBool>,
+    /// Clocks that the core has waited for buses since this was last taken.
+    pub(crate) waited: Arc<AtomicU64>,
 }
 
 impl Wiring {
@@ -105,6 +109,10 @@ impl Wiring {
 
     fn time(&self) -> Nanos {
         Nanos::new(self.now.load(Ordering::Relaxed))
+    }
+
+    fn wait(&self, soc: &Soc, address: u32) {
+        self.waited.fetch_add(soc.access_clocks(address), Ordering::Relaxed);
     }
 }
 
@@ -137,7 +145,9 @@ impl MemOps for Wiring {
         let value = if attributes.purpose == AccessPurpose::FETCH {
             Err(self.soc().refuse(address, false))
         } else {
-            self.soc().read(address, width, self.time())
+            let mut soc = self.soc();
+            self.wait(&soc, address);
+            soc.read(address, width, self.time())
         };
         let value = value.map_err(|_| BusError::Unassigned)?;
         to.copy_from_slice(&value.to_le_bytes()[..to.len()]);
@@ -148,12 +158,18 @@ impl MemOps for Wiring {
         if attributes.debug {
             return Err(BusError::Protected);
         }
-        let width = width_of(from.len())?;
         let address = address_of(offset)?;
+        if self.soc().write_early(address, from) {
+            self.touched.store(true, Ordering::Relaxed);
+            return Ok(());
+        }
+        let width = width_of(from.len())?;
         let mut bytes = [0; 4];
         bytes[..from.len()].copy_from_slice(from);
         self.touched.store(true, Ordering::Relaxed);
-        let written = self.soc().write(address, width, u32::from_le_bytes(bytes), self.time());
+        let mut soc = self.soc();
+        self.wait(&soc, address);
+        let written = soc.write(address, width, u32::from_le_bytes(bytes), self.time());
         written.map_err(|_| BusError::Unassigned)
     }
 }
@@ -174,9 +190,11 @@ pub(crate) struct Interpreter {
     held: Option<(u32, Regs)>,
     /// The memories that have a clock only if the program gives them one.
     gated: Vec<Gated>,
+    /// The memories that must not be written yet.
+    guarded: Vec<Gated>,
 }
 
-/// A memory behind a clock gate; mapped while it has its clock.
+/// A memory that is not always mapped as it is to be.
 struct Gated {
     mapping: Mapping,
     mapped: Option<MappingId>,
@@ -187,7 +205,8 @@ impl Interpreter {
         // A table instead of a search: it is asked for every instruction.
         let table = DispatchPolicy::Dense { page_bits: PAGE_BITS, cover: EVERYTHING };
         let space = AddressSpace::new("cpu", 32).with_dispatch(table);
-        let mut gated = Vec::new();
+        let (mut gated, mut guarded) = (Vec::new(), Vec::new());
+        let guards = wiring.as_ref().is_some_and(|wiring| wiring.soc().guards_ram());
         for bank in memory.banks() {
             // A plain write does not program the flash.
             let allowed = if bank.base == FLASH { Perms::RX } else { Perms::RWX };
@@ -195,6 +214,10 @@ impl Interpreter {
             let mapping = Mapping::new(region, bank.base.into()).with_perms(allowed);
             if wiring.is_some() && GATED.contains(&bank.name) {
                 gated.push(Gated { mapping, mapped: None });
+            } else if guards && bank.base != FLASH {
+                let locked = mapping.clone().with_perms(Perms::RX);
+                let mapped = Some(space.topology().map_with(locked).context(bank.name)?);
+                guarded.push(Gated { mapping, mapped });
             } else {
                 space.topology().map_with(mapping).context(bank.name)?;
             }
@@ -213,6 +236,7 @@ impl Interpreter {
             stack_pointer: 0,
             held: None,
             gated,
+            guarded,
         };
         interpreter.reset();
         Ok(interpreter)
@@ -236,6 +260,20 @@ impl Interpreter {
                 }
                 _ => {}
             }
+        }
+        Ok(())
+    }
+
+    /// Lets the program write RAM from now on.
+    ///
+    /// # Errors
+    /// If the memories overlap.
+    pub(crate) fn unlock_memories(&mut self) -> Result<()> {
+        for Gated { mapping, mapped } in self.guarded.drain(..) {
+            if let Some(id) = mapped {
+                self.space.topology().unmap(id).context("RAM")?;
+            }
+            self.space.topology().map_with(mapping).context("RAM")?;
         }
         Ok(())
     }
@@ -322,6 +360,10 @@ impl Core for Interpreter {
                 self.core.set_irq(word * 32 + bit as u16, new & (1 << bit) != 0);
             }
         }
+    }
+
+    fn set_nmi(&mut self, level: bool) {
+        self.core.set_nmi(level);
     }
 
     fn take_reset_request(&mut self) -> bool {

@@ -33,6 +33,10 @@ pub enum Kind {
     RemoteLost,
     /// `mask`: somebody's critical section, with all interrupts masked, takes so long.
     Mask,
+    /// `crystal-dead`: the board's crystal never swings. Has no time: from power-on on.
+    CrystalDead,
+    /// `crystal-stops`: the board's crystal stops swinging.
+    CrystalStops,
 }
 
 /// The handler that runs the buses of RC10's firmware.
@@ -54,7 +58,13 @@ impl Kind {
             | Self::Noise(bus)
             | Self::Power(bus)
             | Self::Load(bus) => Some(*bus),
-            Self::Panic | Self::HardFault | Self::Hang(_) | Self::RemoteLost | Self::Mask => None,
+            Self::Panic
+            | Self::HardFault
+            | Self::Hang(_)
+            | Self::RemoteLost
+            | Self::Mask
+            | Self::CrystalDead
+            | Self::CrystalStops => None,
         }
     }
 }
@@ -74,6 +84,8 @@ impl fmt::Display for Kind {
             Self::Hang(handler) => return write!(f, "hang:{handler}"),
             Self::RemoteLost => "remote-lost",
             Self::Mask => "mask",
+            Self::CrystalDead => "crystal-dead",
+            Self::CrystalStops => "crystal-stops",
         };
         match self.bus() {
             Some(bus) => write!(f, "{name}:{}", bus + 1),
@@ -106,13 +118,26 @@ impl fmt::Display for NoFault {
 impl std::error::Error for NoFault {}
 
 const KINDS: &str = "cut:BUS short:BUS dominant:BUS noise:BUS power:BUS load:BUS panic hardfault \
-                     hang[:HANDLER] remote-lost mask";
+                     hang[:HANDLER] remote-lost mask crystal-dead crystal-stops";
 
 impl FromStr for Fault {
     type Err = NoFault;
 
     fn from_str(text: &str) -> Result<Self, NoFault> {
         let wrong = |why: String| NoFault(format!("`{text}`: {why}"));
+        // It is there before the program is: a time would say nothing.
+        match text.split_once('@') {
+            None if text == "crystal-dead" => {
+                return Ok(Self { kind: Kind::CrystalDead, from: Nanos::ZERO, until: None });
+            }
+            Some(("crystal-dead", _)) => {
+                return Err(wrong(
+                    "it is dead from power-on, write it without a time; or crystal-stops@TIME"
+                        .into(),
+                ));
+            }
+            _ => {}
+        }
         let (kind, times) = text.split_once('@').ok_or_else(|| {
             wrong("write KIND@TIME or KIND@TIME..TIME, as cut:2@0.3s..0.5s".into())
         })?;
@@ -157,6 +182,8 @@ fn kind_of(text: &str) -> Result<Kind, String> {
         "hardfault" => alone(Kind::HardFault),
         "remote-lost" => alone(Kind::RemoteLost),
         "mask" => alone(Kind::Mask),
+        "crystal-dead" => alone(Kind::CrystalDead),
+        "crystal-stops" => alone(Kind::CrystalStops),
         "hang" if argument == Some("") => Err("name a handler: hang:TIM2; or none: hang".into()),
         "hang" => Ok(Kind::Hang(argument.unwrap_or(CONTROL_EXECUTOR).to_owned())),
         _ => Err(format!("there is no such fault; there are: {KINDS}")),
@@ -207,11 +234,16 @@ mod tests {
         );
         let fault: Fault = "mask@20us..25us".parse().unwrap();
         assert_eq!((fault.kind, fault.from), (Kind::Mask, Nanos::new(20_000)));
+        let fault: Fault = "crystal-dead".parse().unwrap();
+        assert_eq!((fault.kind, fault.from, fault.until), (Kind::CrystalDead, Nanos::ZERO, None));
+        let fault: Fault = "crystal-stops@1s".parse().unwrap();
+        assert_eq!((fault.kind, fault.from), (Kind::CrystalStops, time_of("1s").unwrap()));
     }
 
     #[test]
     fn kinds_are_shown_as_they_are_written() {
-        let kinds = "cut:1 short:2 dominant:3 noise:1 power:2 load:3 panic hardfault hang:TIM2 remote-lost mask";
+        let kinds = "cut:1 short:2 dominant:3 noise:1 power:2 load:3 panic hardfault hang:TIM2 remote-lost mask \
+                     crystal-dead crystal-stops";
         for kind in kinds.split(' ') {
             assert_eq!(kind_of(kind).unwrap().to_string(), kind);
         }
@@ -227,6 +259,9 @@ mod tests {
             ("panic:1@1s", "panic@0.5s"),
             ("remote-lost:1@1s", "remote-lost@0.5s"),
             ("flood@1s", "cut:BUS"),
+            ("crystal-dead@1s", "without a time"),
+            ("crystal-stops", "KIND@TIME"),
+            ("crystal-stops:1@1s", "crystal-stops@0.5s"),
             ("mask@1", "is no time"),
             ("mask@1e3s", "is no time"),
             ("mask@-1s", "is no time"),

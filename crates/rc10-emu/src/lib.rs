@@ -17,7 +17,7 @@ mod rig;
 pub use fault::Fault;
 pub use figures::{BusFigures, Figures, Spread};
 pub use image::{Image, Static};
-pub use machine::{Injection, LogLine, Machine, Report, Restart};
+pub use machine::{Injection, LogLine, Machine, Options, Report, Restart};
 pub use memory::Memory;
 pub use profile::{ExceptionCost, Profile};
 pub use rig::{BusLog, Rig};

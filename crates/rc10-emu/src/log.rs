@@ -17,6 +17,9 @@ const READ: u32 = WRITE + 4;
 /// A ring longer than this is none: the control block is not set up yet.
 const LONGEST_RING: u32 = 1 << 16;
 
+/// What the control block begins with.
+const ID: &[u8; 10] = b"SEGGER RTT";
+
 /// What decodes the log of one program.
 pub(crate) struct Log {
     table: Option<Table>,
@@ -41,6 +44,12 @@ impl Log {
         let Some(block) = self.control_block else {
             return Ok(());
         };
+        // As a probe does: until the program has written it, anything stands there.
+        let mut id = [0; ID.len()];
+        memory.read(block, &mut id)?;
+        if id != *ID {
+            return Ok(());
+        }
         let [buffer, size, write, read] =
             [BUFFER, SIZE, WRITE, READ].map(|field| memory.word(block + field));
         let (buffer, size, write, read) = (buffer?, size?, write?, read?);

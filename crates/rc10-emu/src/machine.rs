@@ -94,6 +94,29 @@ pub struct LogLine {
     pub text: String,
 }
 
+/// What differs from chip to chip, and how the chip is where its manual can be read in two ways.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Whether the FDCANs' clock calibration unit has to be bypassed before a controller may send.
+    /// RM0399 59.4.5 says so; ST's HAL leaves it alone, and works. `true` if not said.
+    pub calibration_needed: bool,
+    /// Whether RCC_RSR.RMVF stays set until the program clears it, and holds the reset flags at zero.
+    /// The register's text says "set and reset by software"; ST's HAL only sets it. `true` if not said.
+    pub removal_stays: bool,
+    /// Whether RAM written before the supply is configured is reported: forbidden (RM0468, power
+    /// control), and done by every start-up code, ST's own too. `false` if not said.
+    pub reports_early_ram: bool,
+    /// Seed of the noise that is in all RAM when power comes, the FDCANs' too. 1 if not said.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    /// The stricter reading of what can be read in two ways.
+    fn default() -> Self {
+        Self { calibration_needed: true, removal_stays: true, reports_early_ram: false, seed: 1 }
+    }
+}
+
 /// An emulated STM32H723 with a program in its flash.
 ///
 /// It has no wires of its own: [`connect`](Self::connect) puts its FDCANs on buses of a [`World`],
@@ -136,20 +159,34 @@ impl Machine {
     /// # Errors
     /// If the file is no program, or does not fit into the chip's memories.
     pub fn new(file: &[u8]) -> Result<Self> {
+        Self::with(file, Options::default())
+    }
+
+    /// As [`new`](Self::new), but not the strictest chip.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with(file: &[u8], options: Options) -> Result<Self> {
         let image = Image::parse(file)?;
         let log = Log::new(file, &image)?;
-        let memory = Memory::with(&image)?;
+        let memory = Memory::with(&image, options.seed)?;
         let [stack, start] = [memory.word(FLASH)?, memory.word(FLASH + 4)?];
         // The stack is full at first: its pointer may stand right behind a memory.
         ensure!(
             memory.word(stack.wrapping_sub(4)).is_ok() && start & 1 == 1 && image.holds(start & !1),
             "no vector table at {FLASH:#010x}: this is no program for an STM32H7"
         );
-        let fdcan = Arc::new(Mutex::new(Fdcans::new()));
+        let mut fdcan = Fdcans::new(options.seed);
+        fdcan.set_calibration_needed(options.calibration_needed);
+        let fdcan = Arc::new(Mutex::new(fdcan));
+        let mut soc = Soc::new(Arc::clone(&fdcan), memory.clone());
+        soc.set_removal_stays(options.removal_stays);
+        soc.set_guards_ram(options.reports_early_ram);
         let wiring = Wiring {
-            soc: Arc::new(Mutex::new(Soc::new(Arc::clone(&fdcan), memory.clone()))),
+            soc: Arc::new(Mutex::new(soc)),
             now: Arc::default(),
             touched: Arc::new(AtomicBool::new(false)),
+            waited: Arc::default(),
         };
         let core = Interpreter::new(&memory, Some(wiring.clone()))?;
         Ok(Self {
@@ -234,7 +271,8 @@ impl Machine {
 
     /// How many instructions a second the core executes when its clock is 480 MHz; in proportion
     /// less while it is slower. If never said, each takes the clocks that the interpreter reckons:
-    /// those of a Cortex-M4, which waits for one instruction to end before the next begins.
+    /// those of a Cortex-M4, which waits for one instruction to end before the next begins. What buses
+    /// take on the way to a peripheral comes on top of either.
     pub fn set_speed(&mut self, instructions_per_second: u64) {
         self.speed = Some(instructions_per_second.max(1));
     }
@@ -357,6 +395,14 @@ impl Machine {
         Ok(())
     }
 
+    /// The board's crystal stops swinging, now, or can swing again.
+    pub fn set_crystal(&mut self, alive: bool) {
+        let now = self.now();
+        let mut soc = self.wiring.soc();
+        soc.set_crystal(alive, now);
+        self.core.set_nmi(soc.nmi());
+    }
+
     /// Lets chip and world go on up to a time.
     ///
     /// # Errors
@@ -375,14 +421,18 @@ impl Machine {
             } else {
                 self.talk(world, next_of_world, now);
             }
-            let (levels, memories) = {
+            let (levels, nmi, memories, guards) = {
                 let mut soc = self.wiring.soc();
                 soc.advance(now);
                 self.ready = self.ready.or(soc.system_ready_at());
-                (soc.interrupt_levels(), soc.memories_run())
+                (soc.interrupt_levels(), soc.nmi(), soc.memories_run(), soc.guards_ram())
             };
+            if !guards {
+                self.core.unlock_memories()?;
+            }
             self.core.set_memories(memories)?;
             self.core.set_interrupts(levels);
+            self.core.set_nmi(nmi);
             self.after(now)?;
         }
         Ok(())
@@ -406,8 +456,14 @@ impl Machine {
 
     /// Runs the core up to a time, or until it has touched a peripheral.
     fn execute(&mut self, horizon: u64) -> Result<()> {
-        let clock = self.wiring.soc().core_clock_hz().max(1);
+        let clock = self.wiring.soc().core_clock_hz();
         self.wiring.touched.store(false, Ordering::Relaxed);
+        if clock == 0 {
+            // Nothing is executed, and no interrupt taken.
+            self.now = horizon.max(self.now);
+            self.wiring.now.store(self.now, Ordering::Relaxed);
+            return Ok(());
+        }
         loop {
             let address = self.core.program_counter();
             let exception = self.core.exception();
@@ -447,6 +503,10 @@ impl Machine {
                     self.pass(1, (clock.saturating_mul(speed) / FULL_CLOCK_HZ).max(1));
                 }
                 _ => self.pass(clocks, clock),
+            }
+            let waited = self.wiring.waited.swap(0, Ordering::Relaxed);
+            if waited > 0 {
+                self.pass(waited, clock);
             }
             if self.now >= horizon || self.wiring.touched.load(Ordering::Relaxed) {
                 return Ok(());

@@ -40,21 +40,36 @@ const BANKS: [(&str, u32, u64); 8] = [
 /// Where the processor's first instruction comes from.
 pub const FLASH: u32 = BANKS[1].1;
 
+/// What a RAM holds when power comes: anything, and the same for the same seed.
+pub(crate) fn noise(seed: u64) -> impl Iterator<Item = u64> {
+    // SplitMix64 (Steele, Lea, Flood: Fast Splittable Pseudorandom Number Generators).
+    (1_u64..).map(move |count| {
+        let state = seed.wrapping_add(count.wrapping_mul(0x9E37_79B9_7F4A_7C15));
+        let mixed = (state ^ state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        mixed ^ mixed >> 31
+    })
+}
+
 /// All memories. A reset leaves them as they are.
 pub struct Memory {
     banks: Vec<Bank>,
 }
 
 impl Memory {
-    /// Memories full of zeros; erased flash is full of ones.
+    /// As power-on leaves them: noise, other noise for another seed; erased flash is full of ones.
     #[must_use]
-    pub fn new() -> Self {
+    pub fn new(seed: u64) -> Self {
         let banks = BANKS.map(|(name, base, length)| {
             let store = Arc::new(RamStore::new(length));
-            if base == FLASH {
-                // Cannot fail: it is the whole store.
-                let _ = store.fill(0, length, 0xFF);
-            }
+            // Neither can fail: it is the whole store.
+            let _ = if base == FLASH {
+                store.fill(0, length, 0xFF)
+            } else {
+                let words = usize::try_from(length / 8).unwrap_or(0);
+                let words = noise(seed ^ u64::from(base)).take(words).flat_map(u64::to_le_bytes);
+                store.write_at(0, &words.collect::<Vec<_>>())
+            };
             Bank { name, base, store }
         });
         Self { banks: banks.into() }
@@ -64,8 +79,8 @@ impl Memory {
     ///
     /// # Errors
     /// If it does not fit.
-    pub fn with(image: &Image) -> Result<Self> {
-        let memory = Self::new();
+    pub fn with(image: &Image, seed: u64) -> Result<Self> {
+        let memory = Self::new(seed);
         for (address, bytes) in &image.segments {
             memory.write(*address, bytes).context("the program does not fit")?;
         }
@@ -123,11 +138,5 @@ impl Clone for Memory {
         let banks =
             banks.map(|bank| Bank { name: bank.name, base: bank.base, store: bank.store() });
         Self { banks: banks.collect() }
-    }
-}
-
-impl Default for Memory {
-    fn default() -> Self {
-        Self::new()
     }
 }

@@ -46,7 +46,7 @@ impl Rig {
     /// # Errors
     /// If a fault is on a bus that is not there, or in a handler that the program does not have.
     pub fn new(
-        machine: Machine,
+        mut machine: Machine,
         world: World,
         buses: Vec<Bus>,
         motors: Vec<(usize, Esc)>,
@@ -61,6 +61,10 @@ impl Rig {
             );
             if let Kind::Hang(handler) = kind {
                 exception_of(&machine, handler)?;
+            }
+            if *kind == Kind::CrystalDead {
+                machine.set_crystal(false);
+                continue;
             }
             ensure!(*kind != Kind::RemoteLost, "{kind}: whoever holds the remote must do that");
             timeline.push((*from, true, kind.clone()));
@@ -145,8 +149,9 @@ impl Rig {
                 })?;
             }
             Kind::Mask => self.machine.inject(Injection::MaskInterrupts(begins))?,
-            // Refused by `new`.
-            Kind::RemoteLost => (),
+            Kind::CrystalStops => self.machine.set_crystal(!begins),
+            // Done and refused by `new`.
+            Kind::CrystalDead | Kind::RemoteLost => (),
         }
         Ok(())
     }

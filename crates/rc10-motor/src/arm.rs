@@ -42,7 +42,7 @@ impl fmt::Display for ArmState {
 /// assert!(switch.arm().is_err());
 /// switch.reset();
 /// assert_eq!(switch.state(), ArmState::Disarmed);
-/// # Ok::<(), rc10_motor::EStopped>(())
+/// # Ok::<(), rc10_motor::ArmError>(())
 /// ```
 #[derive(Debug, Default)]
 pub struct ArmSwitch(AtomicU8);
@@ -53,19 +53,49 @@ const STOPPED: u8 = 2;
 /// Stopped, and without torque: it was not armed, or has been disarmed since.
 const STOPPED_OFF: u8 = 3;
 const SUSPENDED: u8 = 4;
+/// Disarmed until the next start: [`Unfit::Overload`], [`Unfit::Clock`].
+const OVERLOAD: u8 = 5;
+const CLOCK: u8 = 6;
 
-/// The robot is stopped; it must be reset before it can be armed.
+/// Why a robot cannot be armed until it is started again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct EStopped;
+pub enum Unfit {
+    /// The motors of a bus need more than the bus has: frames would be lost.
+    Overload,
+    /// The crystal does not work: bit rates and times are not exact.
+    Clock,
+}
 
-impl fmt::Display for EStopped {
+impl fmt::Display for Unfit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("the emergency stop is latched: reset it before arming")
+        f.write_str(match self {
+            Self::Overload => "the motors of a bus do not fit on it",
+            Self::Clock => "the crystal does not work",
+        })
     }
 }
 
-impl core::error::Error for EStopped {}
+/// Why [`ArmSwitch::arm`] was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ArmError {
+    /// The robot is stopped; it must be reset before it can be armed.
+    EStopped,
+    /// The robot cannot be armed until it is started again.
+    Unfit(Unfit),
+}
+
+impl fmt::Display for ArmError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::EStopped => f.write_str("the emergency stop is latched: reset it before arming"),
+            Self::Unfit(why) => write!(f, "cannot be armed: {why}"),
+        }
+    }
+}
+
+impl core::error::Error for ArmError {}
 
 impl ArmSwitch {
     /// A switch in state [`ArmState::Disarmed`].
@@ -80,7 +110,7 @@ impl ArmSwitch {
     pub fn state(&self) -> ArmState {
         match self.0.load(Ordering::Acquire) {
             ARMED => ArmState::Armed,
-            DISARMED => ArmState::Disarmed,
+            DISARMED | OVERLOAD | CLOCK => ArmState::Disarmed,
             SUSPENDED => ArmState::Suspended,
             _ => ArmState::EStopped,
         }
@@ -90,10 +120,34 @@ impl ArmSwitch {
     /// arming a suspended one.
     ///
     /// # Errors
-    /// [`EStopped`] while an emergency stop is latched.
-    pub fn arm(&self) -> Result<(), EStopped> {
+    /// [`ArmError`] while an emergency stop is latched, and after [`forbid`](Self::forbid).
+    pub fn arm(&self) -> Result<(), ArmError> {
         self.change(DISARMED, ARMED);
-        if self.state() == ArmState::EStopped { Err(EStopped) } else { Ok(()) }
+        match (self.state(), self.unfit()) {
+            (_, Some(why)) => Err(ArmError::Unfit(why)),
+            (ArmState::EStopped, None) => Err(ArmError::EStopped),
+            _ => Ok(()),
+        }
+    }
+
+    /// Disarms the robot, and keeps it disarmed until it is started again: something is wrong with
+    /// it that would make driving it unsafe. The first reason stays.
+    pub fn forbid(&self, why: Unfit) {
+        let unfit = match why {
+            Unfit::Overload => OVERLOAD,
+            Unfit::Clock => CLOCK,
+        };
+        self.always(|_| unfit);
+    }
+
+    /// Why the robot cannot be armed, if it cannot.
+    #[must_use]
+    pub fn unfit(&self) -> Option<Unfit> {
+        match self.0.load(Ordering::Acquire) {
+            OVERLOAD => Some(Unfit::Overload),
+            CLOCK => Some(Unfit::Clock),
+            _ => None,
+        }
     }
 
     /// Stops driving: every motor coasts, also one that holds during an emergency stop. The stop
@@ -138,10 +192,13 @@ impl ArmSwitch {
         if state == ARMED { ArmState::Armed } else { for_idle_motors(state) }
     }
 
-    /// One step from whatever state there is, in one piece: nobody's step comes in between.
+    /// One step from the state there is, in one piece: no other step comes in between. An unfit
+    /// robot stays what it is.
     fn always(&self, step: impl Fn(u8) -> u8) {
-        // It always has an answer, so this always takes effect.
-        let _ = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, |state| Some(step(state)));
+        // `Err`: unfit already.
+        let _ = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, |state| {
+            (state < OVERLOAD).then(|| step(state))
+        });
     }
 
     /// One step of the state machine; an emergency stop in between wins.
@@ -198,7 +255,7 @@ mod tests {
         assert_eq!(switch.state(), ArmState::Armed);
         switch.emergency_stop();
         switch.disarm();
-        assert_eq!(switch.arm(), Err(EStopped));
+        assert_eq!(switch.arm(), Err(ArmError::EStopped));
         assert_eq!(switch.state(), ArmState::EStopped);
         // Disarmed on top: no torque either.
         assert_eq!(switch.for_motors(), ArmState::Disarmed);
@@ -240,5 +297,28 @@ mod tests {
         switch.disarm();
         switch.resume();
         assert_eq!(switch.state(), ArmState::Disarmed);
+    }
+
+    #[test]
+    fn an_unfit_robot_stays_disarmed_whatever_is_done() {
+        for (why, later) in [(Unfit::Overload, Unfit::Clock), (Unfit::Clock, Unfit::Overload)] {
+            let switch = ArmSwitch::new();
+            switch.arm().unwrap();
+            switch.forbid(why);
+            let steps: [&dyn Fn(); 6] = [
+                &|| switch.disarm(),
+                &|| switch.emergency_stop(),
+                &|| switch.reset(),
+                &|| switch.suspend(),
+                &|| switch.resume(),
+                &|| switch.forbid(later),
+            ];
+            for step in steps {
+                step();
+                assert_eq!(switch.arm(), Err(ArmError::Unfit(why)));
+                assert_eq!((switch.state(), switch.unfit()), (ArmState::Disarmed, Some(why)));
+                assert_eq!(switch.for_motors(), ArmState::Disarmed);
+            }
+        }
     }
 }

@@ -5,8 +5,12 @@ use rc10_app::Seconds;
 use rc10_can::{CanFrame, Micros};
 
 use crate::arm::ArmSwitch;
+#[cfg(feature = "embassy")]
+use crate::arm::Unfit;
 use crate::batch::{TxBatch, TxFull};
 use crate::load::BusLoad;
+#[cfg(feature = "embassy")]
+use crate::load::Verdict;
 use crate::motor::{
     Answer, CanMotor, FrameError, Heard, Request, RequestError, Target, TargetError, TargetSet,
 };
@@ -29,6 +33,8 @@ pub struct MotorBus<'m> {
     table: ReceiveTable,
     counters: BusCounters,
     last_tick: Option<Micros>,
+    /// It runs even if its motors do not fit on it.
+    overload_allowed: bool,
 }
 
 /// See [`MotorBus::CAPACITY`].
@@ -181,7 +187,14 @@ impl<'m> MotorBus<'m> {
             table: ReceiveTable::new(),
             counters: BusCounters::NEW,
             last_tick: None,
+            overload_allowed: false,
         }
+    }
+
+    /// Lets the robot be armed even if the motors of this bus do not fit on it: without this a
+    /// runner forbids that ([`Unfit::Overload`]). Frames will be lost, and motors with them.
+    pub const fn allow_overload(&mut self) {
+        self.overload_allowed = true;
     }
 
     /// Adds a motor.
@@ -261,6 +274,17 @@ impl<'m> MotorBus<'m> {
                 Dispatch::Malformed(MotorId(index), error)
             }
         }
+    }
+
+    /// What its motors need of a bus of `bits_per_second`. If that does not fit, the robot is not
+    /// armed until the next start.
+    #[cfg(feature = "embassy")]
+    pub(crate) fn check_load(&self, bits_per_second: u32) -> BusLoad {
+        let load = self.load(bits_per_second);
+        if load.verdict() == Verdict::DoesNotFit && !self.overload_allowed {
+            self.switch.forbid(Unfit::Overload);
+        }
+        load
     }
 
     /// Gives a motor a new target, which holds from `now` until it expires.
@@ -573,7 +597,7 @@ mod tests {
         let counters = bus.counters();
         assert_eq!((counters.received, counters.malformed, counters.unclaimed), (2, 1, 1));
         assert_eq!(counters.last_unclaimed, Some(0x55));
-        assert_eq!(bus.status(motor, Micros::ZERO).unwrap().counters.refused, 1);
+        assert_eq!(bus.status(motor, Micros::ZERO).unwrap().counters.refused.total(), 1);
     }
 
     #[test]

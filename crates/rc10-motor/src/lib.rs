@@ -79,7 +79,7 @@ pub mod unitree;
 pub mod vesc;
 mod wiring;
 
-pub use arm::{ArmState, ArmSwitch, EStopped};
+pub use arm::{ArmError, ArmState, ArmSwitch, Unfit};
 pub use batch::{TxBatch, TxFull};
 pub use bus::{AttachError, BusCounters, CommandError, Dispatch, MotorBus, MotorId};
 pub use load::{BusLoad, Verdict};
@@ -87,7 +87,7 @@ pub use motor::{
     Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Gains, Heard, Impedance,
     Motor, Request, RequestError, SafeState, Target, TargetError, TargetKind, TargetSet,
 };
-pub use supervision::{Link, MotorCounters, MotorStatus, Safety};
+pub use supervision::{Link, MotorCounters, MotorStatus, Refusals, Safety};
 pub use wiring::{Clash, Guard, MotorName, Rate, Receive, Share, Transmit, Wiring, WiringFull};
 // Whose types stand in the signatures of the above: who uses the crate needs no other.
 pub use {rc10_app, rc10_can};

@@ -1,5 +1,7 @@
 //! What keeps one motor safe, whatever it is connected by.
 
+use core::fmt;
+
 use rc10_app::Seconds;
 use rc10_can::Micros;
 
@@ -68,8 +70,72 @@ pub struct MotorCounters {
     pub lost: u32,
     /// Times its command expired while it was armed and online.
     pub expired: u32,
-    /// Targets it did not take.
-    pub refused: u32,
+    /// Targets that were refused: those that its port did not take included.
+    pub refused: Refusals,
+}
+
+/// How many targets of a motor were refused, by reason: see [`TargetError`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct Refusals {
+    /// Targets of a kind that the motor does not take. Also those that came before its bus ran.
+    pub unsupported: u32,
+    /// Targets with a number that is infinite or NaN.
+    pub not_finite: u32,
+    /// Targets with a number that lies where the motor cannot go.
+    pub out_of_range: u32,
+}
+
+impl Refusals {
+    pub(crate) const NONE: Self = Self { unsupported: 0, not_finite: 0, out_of_range: 0 };
+
+    /// Of all reasons together.
+    #[must_use]
+    pub const fn total(&self) -> u32 {
+        self.unsupported.saturating_add(self.not_finite).saturating_add(self.out_of_range)
+    }
+
+    /// Both together.
+    #[cfg(feature = "embassy")]
+    pub(crate) const fn plus(self, other: Self) -> Self {
+        Self {
+            unsupported: self.unsupported.saturating_add(other.unsupported),
+            not_finite: self.not_finite.saturating_add(other.not_finite),
+            out_of_range: self.out_of_range.saturating_add(other.out_of_range),
+        }
+    }
+
+    /// Counts one.
+    #[cold]
+    pub(crate) const fn add(&mut self, error: TargetError) {
+        count(match error {
+            TargetError::Unsupported(_) => &mut self.unsupported,
+            TargetError::NotFinite(_) => &mut self.not_finite,
+            TargetError::OutOfRange(_) => &mut self.out_of_range,
+        });
+    }
+}
+
+/// `9800 not finite, 1 out of range`; `none`.
+impl fmt::Display for Refusals {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { unsupported, not_finite, out_of_range } = *self;
+        let counts = [
+            (unsupported, "of a kind it does not take"),
+            (not_finite, "not finite"),
+            (out_of_range, "out of range"),
+        ];
+        if self.total() == 0 {
+            return f.write_str("none");
+        }
+        let mut separator = "";
+        for (count, reason) in counts.into_iter().filter(|(count, _)| *count > 0) {
+            write!(f, "{separator}{count} {reason}")?;
+            separator = ", ";
+        }
+        Ok(())
+    }
 }
 
 /// All there is to know about one motor.
@@ -102,7 +168,13 @@ impl MotorStatus {
         feedback: Feedback::NEW,
         fault: None,
         condition: Condition::Ready,
-        counters: MotorCounters { received: 0, malformed: 0, lost: 0, expired: 0, refused: 0 },
+        counters: MotorCounters {
+            received: 0,
+            malformed: 0,
+            lost: 0,
+            expired: 0,
+            refused: Refusals::NONE,
+        },
     };
 }
 
@@ -167,7 +239,7 @@ impl Supervision {
         now: Micros,
     ) -> Result<(), TargetError> {
         if let Err(error) = motor.set_target(target) {
-            count(&mut self.counters.refused);
+            self.counters.refused.add(error);
             return Err(error);
         }
         self.commanded_at = low(now);

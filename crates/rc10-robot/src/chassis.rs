@@ -1,6 +1,6 @@
 //! From how the base shall move to the speeds of its wheels.
 
-use rc10_app::{Radians, Seconds, Twist, TwistLimiter};
+use rc10_app::{Radians, Rpm, Seconds, Twist, TwistLimiter};
 use rc10_bsp::{Overrun, periodic};
 use rc10_can::Micros;
 use rc10_motor::{ArmState, Target};
@@ -46,12 +46,11 @@ pub async fn run(io: &Io<'_>) -> ! {
         }
         let dt = Seconds::from_micros(tick.since_last.get());
         let limited = limiter.update(&BASE_LIMITS, wish.twist, dt);
-        // A twist that is not finite is treated as none at all.
         let wheels = limited.and_then(|twist| BASE.inverse(twist.into_frame(heading)));
-        let Ok(wheels) = wheels else { return };
-        for (name, speed) in WHEELS.into_iter().zip(wheels.speeds) {
-            // Refused only while the bus is not running yet.
-            let _ = io.motor(name).command(Target::Speed(speed));
+        // Without a result there is no speed either: the wheels refuse it, and that is counted.
+        let speeds = wheels.map_or([Rpm::new(f32::NAN); WHEELS.len()], |wheels| wheels.speeds);
+        for (name, speed) in WHEELS.into_iter().zip(speeds) {
+            io.command(name, Target::Speed(speed));
         }
     })
     .await

@@ -146,7 +146,7 @@ impl Driver {
         } else {
             switch.resume();
             if core::mem::take(&mut self.may_arm) {
-                // Refused while somebody else has stopped the robot: it stays stopped.
+                // Refused while the robot is stopped, or unfit: the status says which.
                 let _ = switch.arm();
             }
         }
@@ -197,6 +197,7 @@ const HOME: Posture =
 #[cfg(test)]
 mod tests {
     use rc10_module::remote::Stick;
+    use rc10_motor::Unfit;
 
     use super::*;
 
@@ -283,6 +284,16 @@ mod tests {
         scene.switch.reset();
         assert_eq!(scene.step(100), None);
         assert_eq!(scene.switch.state(), ArmState::Disarmed, "stopped");
+    }
+
+    #[test]
+    fn an_unfit_robot_is_not_armed_by_its_switches() {
+        let mut scene = Scene::new(Switch::Down);
+        scene.switch.forbid(Unfit::Clock);
+        scene.step(2);
+        scene.remote.right_switch = Switch::Middle;
+        assert_eq!(scene.step(100), None);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed);
     }
 
     #[test]

@@ -29,20 +29,15 @@ pub async fn run(io: &Io<'_>) -> ! {
             }
         }
         let Some(wish) = io.posture.newer_than(OLDEST_POSTURE, rc10_bsp::now()) else { continue };
-        let command = |name, target| {
-            // Refused only while the bus is not running yet, or if the wish is not finite: then
-            // the command before expires.
-            let _ = io.motor(name).command(target);
-        };
-        command(Name::Yaw, Target::Angle(wish.yaw));
-        command(Name::Pitch, Target::Angle(wish.pitch));
-        command(Name::Feeder, Target::Speed(wish.feeder));
+        io.command(Name::Yaw, Target::Angle(wish.yaw));
+        io.command(Name::Pitch, Target::Angle(wish.pitch));
+        io.command(Name::Feeder, Target::Speed(wish.feeder));
         let mut lift = wish.lift;
         for (motor, zeroed) in LIFT.into_iter().zip(zeroed) {
             if let Some(scale) = zeroed {
                 // In the motor's own counts: divided here and once, not in the bus's tick.
                 lift = lift.on(scale);
-                command(motor, Target::TotalAngle(lift));
+                io.command(motor, Target::TotalAngle(lift));
             }
         }
     }

@@ -326,7 +326,7 @@ const MOTORS: [Name; 6 + LEGS] = [
 /// The task: arms the robot, and repeats every 10 ms what the script said last to each motor.
 pub async fn run(io: &Io) -> ! {
     Timer::at(Instant::from_millis(ARMED_AT)).await;
-    // Refused only after an emergency stop, and then it shall stay stopped.
+    // Refused after an emergency stop, and if its buses do not fit: it stays disarmed then.
     let _ = io.switch.arm();
     let mut ticker = Ticker::every(Duration::from_millis(10));
     loop {
@@ -335,8 +335,11 @@ pub async fn run(io: &Io) -> ! {
         for name in MOTORS {
             let mut said = begun.clone().flat_map(|(_, _, targets)| targets.iter());
             if let Some((_, target)) = said.rfind(|(whose, _)| *whose == name) {
-                // Refused only while the bus is not running yet.
-                let _ = io.motor(name).command(*target);
+                if io.motor(name).command(*target).is_err() {
+                    // A mistake in this program: rather none drives than all others. The motor's
+                    // status counts it by reason.
+                    io.switch.emergency_stop();
+                }
             }
         }
         ticker.next().await;

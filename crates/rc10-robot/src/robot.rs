@@ -9,7 +9,7 @@ use rc10_module::imu::Heading;
 use rc10_module::remote::{Freshness, Remote};
 use rc10_motor::dji::{Dji, IdOutOfRange};
 use rc10_motor::embassy::{BusPort, MotorPort};
-use rc10_motor::{ArmSwitch, AttachError, MotorBus, MotorId};
+use rc10_motor::{ArmSwitch, AttachError, MotorBus, MotorId, Target, TargetError};
 
 use crate::status::RobotStatus;
 use crate::table::{BUSES, Entry, MOTORS, Name};
@@ -42,6 +42,8 @@ pub struct Io<'p> {
     pub motion: Latest<Motion, 1>,
     /// Where the gimbal shall point, how fast the feeder shall turn, how high the lift shall be.
     pub posture: Latest<Posture, 1>,
+    /// The newest target that a motor refused: which motor, and why.
+    pub refused: Latest<(Name, TargetError), 1>,
     /// How the robot is, ten times a second.
     pub status: Topic<RobotStatus, 4, 2>,
     /// How punctual the chassis task is.
@@ -179,6 +181,7 @@ impl<'p> Io<'p> {
             imu_reception: Reception::new(),
             motion: Latest::new(),
             posture: Latest::new(),
+            refused: Latest::new(),
             status: Topic::new(),
             chassis_timing: Statistics::new(),
         }
@@ -189,5 +192,15 @@ impl<'p> Io<'p> {
     pub fn motor(&self, name: Name) -> MotorPort<'_> {
         let bus = usize::from(name.entry().bus - 1);
         self.buses[bus].motor(MotorId::new(name.index_on_bus()))
+    }
+
+    /// Gives a motor a target; repeat it, for it expires in 50 ms.
+    ///
+    /// A motor that refuses it (a number that is not finite, a kind it does not take) keeps the old
+    /// one until that expires, and then is safe. The status names the motor and the reason.
+    pub fn command(&self, name: Name, target: Target) {
+        if let Err(why) = self.motor(name).command(target) {
+            self.refused.set((name, why), rc10_bsp::now());
+        }
     }
 }

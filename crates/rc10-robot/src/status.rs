@@ -6,10 +6,10 @@ use embassy_time::{Duration, Ticker};
 use rc10_can::{ErrorState, Micros};
 use rc10_module::Counters;
 use rc10_module::remote::Freshness;
-use rc10_motor::{ArmState, Link};
+use rc10_motor::{ArmState, Link, TargetError, Unfit};
 
 use crate::robot::Io;
-use crate::table::{BUSES, MOTORS};
+use crate::table::{BUSES, MOTORS, Name};
 
 /// How the robot is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,8 +18,14 @@ pub struct RobotStatus {
     pub at: Micros,
     /// Whether it is armed.
     pub arm: ArmState,
+    /// Why it cannot be armed, if it cannot.
+    pub unfit: Option<Unfit>,
     /// Motors that are heard.
     pub online: u8,
+    /// Targets that motors refused, of all of them.
+    pub refused: u32,
+    /// The newest of those that came from a task of the robot: which motor, and why.
+    pub last_refused: Option<(Name, TargetError)>,
     /// Whether the remote control is heard.
     pub remote: Freshness,
     /// What the bytes of its receiver amounted to.
@@ -53,6 +59,8 @@ pub struct BusSummary {
     pub alone: bool,
     /// How often the controller went bus-off.
     pub bus_offs: u32,
+    /// How often the controller was found unable to send (restricted operation).
+    pub restrictions: u32,
     /// How often the bus stood still and was made safe.
     pub stalls: u32,
 }
@@ -60,7 +68,17 @@ pub struct BusSummary {
 /// For people: what is as it should be takes few words.
 impl fmt::Display for RobotStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}, {} of {} motors online", self.arm, self.online, MOTORS.len())?;
+        write!(f, "{}", self.arm)?;
+        if let Some(why) = self.unfit {
+            write!(f, ", cannot be armed: {why}")?;
+        }
+        write!(f, ", {} of {} motors online", self.online, MOTORS.len())?;
+        if self.refused > 0 {
+            write!(f, ", {} targets refused", self.refused)?;
+        }
+        if let Some((motor, why)) = self.last_refused {
+            write!(f, " ({}: {why})", motor.entry().label)?;
+        }
         match self.remote {
             Freshness::Fresh => {}
             Freshness::Missing => write!(f, ", remote missing")?,
@@ -94,6 +112,7 @@ impl fmt::Display for BusSummary {
             (self.malformed, "malformed"),
             (self.lost, "lost"),
             (self.bus_offs, "times bus-off"),
+            (self.restrictions, "times restricted"),
             (self.stalls, "times stalled"),
         ] {
             if count > 0 {
@@ -116,7 +135,12 @@ pub async fn run(io: &Io<'_>) -> ! {
 /// How the robot is now.
 #[must_use]
 pub fn now(io: &Io<'_>) -> RobotStatus {
-    let online = MOTORS.iter().filter(|motor| io.motor(motor.name).status().link == Link::Online);
+    let (mut online, mut refused) = (0, 0_u32);
+    for motor in &MOTORS {
+        let status = io.motor(motor.name).status();
+        online += u8::from(status.link == Link::Online);
+        refused = refused.saturating_add(status.counters.refused.total());
+    }
     let summary = |bus: usize| {
         let status = io.buses[bus].status();
         BusSummary {
@@ -130,16 +154,51 @@ pub fn now(io: &Io<'_>) -> RobotStatus {
             state: status.health.state,
             alone: status.health.is_alone(),
             bus_offs: status.health.bus_offs,
+            restrictions: status.health.restrictions,
             stalls: status.health.stalls,
         }
     };
     RobotStatus {
         at: rc10_bsp::now(),
         arm: io.switch.state(),
-        online: u8::try_from(online.count()).unwrap_or(u8::MAX),
+        unfit: io.switch.unfit(),
+        online,
+        refused,
+        last_refused: io.refused.read().map(|refused| refused.value),
         remote: io.freshness.read().map_or(Freshness::Lost, |freshness| freshness.value),
         remote_reception: io.remote_reception.read(),
         imu_reception: io.imu_reception.read(),
         buses: core::array::from_fn(summary),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::string::ToString;
+
+    use rc10_motor::TargetKind;
+
+    use super::*;
+
+    #[test]
+    fn what_keeps_the_robot_from_driving_is_said_first() {
+        let status = RobotStatus {
+            at: Micros::ZERO,
+            arm: ArmState::Disarmed,
+            unfit: Some(Unfit::Overload),
+            online: 11,
+            refused: 9800,
+            last_refused: Some((Name::FrontLeft, TargetError::NotFinite(TargetKind::Speed))),
+            remote: Freshness::Fresh,
+            remote_reception: Counters::default(),
+            imu_reception: Counters::default(),
+            buses: [BusSummary::default(); BUSES],
+        };
+        let expected = "disarmed, cannot be armed: the motors of a bus do not fit on it, 11 of 11 \
+                        motors online, 9800 targets refused (wheel front left: the Speed target is \
+                        infinite or NaN); bus 1 ";
+        assert!(status.to_string().starts_with(expected), "{status}");
     }
 }

@@ -56,14 +56,18 @@ impl TwoWheels {
 
 /// The task: arms the robot, and tells its wheels every 10 ms what the script says.
 pub async fn drive(io: &Io) -> ! {
-    // Refused only after an emergency stop, and then it shall stay stopped.
+    // Refused after an emergency stop, and if the bus does not fit: it stays disarmed then.
     let _ = io.switch.arm();
     periodic(Micros::from_millis(10), Overrun::Skip, &io.timing, async |tick| {
         let line = SCRIPT.iter().rev().find(|(from, ..)| *from <= tick.now);
         let Some((_, _, speeds)) = line else { return };
         for (wheel, rpm) in (0..).zip(speeds) {
-            // Refused only while the bus is not running yet.
-            let _ = io.bus.motor(MotorId::new(wheel)).command(Target::Speed(Rpm::new(*rpm)));
+            let target = Target::Speed(Rpm::new(*rpm));
+            if io.bus.motor(MotorId::new(wheel)).command(target).is_err() {
+                // A mistake in this program: rather none drives than one alone. The motor's status
+                // counts it by reason.
+                io.switch.emergency_stop();
+            }
         }
     })
     .await

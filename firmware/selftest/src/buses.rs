@@ -22,7 +22,8 @@ const GYROSCOPE_ID: u8 = 0x0F;
 /// Both halves of a BMI088 say who they are.
 pub async fn spi(parts: SpiParts) -> Outcome {
     let mut config = spi::Config::default();
-    config.frequency = Hertz(7_500_000);
+    // 80 MHz / 16. embassy-stm32 takes the nearest divider, also one that is faster than asked for.
+    config.frequency = Hertz(5_000_000);
     // Mode 3; the sensor takes 0 too.
     config.mode = spi::MODE_3;
     let bus = Spi::new(
@@ -113,6 +114,19 @@ pub async fn i2c(parts: I2cParts) -> Outcome {
     want!(read[0] == 3, "read {} after recovery", read[0]);
     let recoveries = bus.recoveries() - before;
     want!(recoveries == 1, "recovered {recoveries} times");
+    // Errors of the bus that are none: one, and then two in a row.
+    defmt::info!("disturb the bus");
+    embassy_time::Timer::after_millis(5).await;
+    want!(bus.write(DEVICE, &[0x40, 7]).await == Ok(()), "a spurious error fails a transaction");
+    want!(bus.write_read(DEVICE, &[0x40], &mut read[..1]).await == Ok(()), "cannot read after one");
+    let (retries, again) = (bus.retries(), bus.recoveries() - before);
+    want!(read[0] == 7 && retries == 1, "read {} after {retries} retries", read[0]);
+    want!(again == recoveries, "recovered from a spurious error");
+    defmt::info!("disturb the bus twice");
+    embassy_time::Timer::after_millis(5).await;
+    let failed = bus.write(DEVICE, &[0x40, 8]).await;
+    want!(failed == Err(I2cError::Bus), "two errors in a row are {failed:?}");
+    want!(bus.recoveries() - before == recoveries + 1, "not recovered from two errors");
     let stuck = bus.write(SLEEPER, &[0]).await;
     let in_vain = matches!(stuck, Err(I2cError::Timeout | I2cError::Held));
     want!(in_vain, "the sleeper answered {stuck:?}");

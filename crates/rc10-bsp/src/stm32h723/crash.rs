@@ -1,4 +1,4 @@
-//! What happens after a panic, a fault or an interrupt that nobody handles.
+//! What happens after a panic, a fault, an interrupt that nobody handles, or a crystal that stops.
 //!
 //! Interrupts go off; on every bus what is unsent is cancelled and the stored coast image is sent
 //! by registers; the cause is written to memory that a reset keeps; when the images have left, the
@@ -15,7 +15,7 @@ use embassy_stm32::pac;
 use heapless::String;
 use rc10_can::Micros;
 
-use super::can;
+use super::{can, crystal};
 
 /// Why the chip restarted.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -44,6 +44,8 @@ pub enum LastCrash {
         /// Its number; exceptions are negative, as cortex-m-rt counts.
         number: i16,
     },
+    /// The crystal stopped.
+    CrystalStopped,
     /// The watchdog was not fed in time.
     Watchdog,
 }
@@ -55,6 +57,7 @@ const MAGIC: u32 = 0x5243_3130;
 const PANIC: u32 = 1;
 const FAULT: u32 = 2;
 const INTERRUPT: u32 = 3;
+const CRYSTAL: u32 = 4;
 
 const FILE_WORDS: usize = FILE_LENGTH / 4;
 /// Magic, kind, four values, file name, checksum.
@@ -71,7 +74,9 @@ pub fn take_last() -> Option<LastCrash> {
     let words: [u32; WORDS] = core::array::from_fn(|index| RECORD[index].load(Ordering::Relaxed));
     RECORD[0].store(0, Ordering::Relaxed);
     let by_watchdog = pac::RCC.rsr().read().iwdg1rstf();
+    // "Set and reset by software": if it stayed set, it would hide the next cause.
     pac::RCC.rsr().modify(|w| w.set_rmvf(true));
+    pac::RCC.rsr().modify(|w| w.set_rmvf(false));
 
     let (checksum, kept) = words.split_last()?;
     if kept[0] != MAGIC || *checksum != checksum_of(kept) {
@@ -96,6 +101,7 @@ pub fn take_last() -> Option<LastCrash> {
         INTERRUPT => Some(LastCrash::Interrupt {
             number: i16::try_from(kept[2].cast_signed()).unwrap_or(i16::MAX),
         }),
+        CRYSTAL => Some(LastCrash::CrystalStopped),
         _ => None,
     }
 }
@@ -111,6 +117,17 @@ pub fn on_panic(info: &PanicInfo<'_>) -> ! {
 #[doc(hidden)]
 pub fn on_interrupt(number: i16) -> ! {
     crash(INTERRUPT, [i32::from(number).cast_unsigned(), 0, 0, 0], "")
+}
+
+/// For [`crash_handlers!`](crate::crash_handlers): the exception that cannot be masked.
+#[doc(hidden)]
+pub fn on_nmi() -> ! {
+    if crystal::take_stopped() {
+        // First: without it the FDCANs have no clock to send with.
+        crystal::replace();
+        crash(CRYSTAL, [0; 4], "")
+    }
+    on_interrupt(-14)
 }
 
 /// For [`crash_handlers!`](crate::crash_handlers): `frame` is where the fault pushed the registers.
@@ -181,7 +198,7 @@ fn checksum_of(words: &[u32]) -> u32 {
     words.iter().fold(0x811C_9DC5, |hash, word| (hash ^ word).wrapping_mul(0x0100_0193))
 }
 
-/// Defines the panic handler, the `HardFault` handler and the handler of unexpected interrupts of a
+/// Defines the panic handler and the handlers of `HardFault`, NMI and unexpected interrupts of a
 /// firmware: [`crash`](crate::crash).
 #[macro_export]
 macro_rules! crash_handlers {
@@ -204,6 +221,12 @@ macro_rules! crash_handlers {
                 "b {on_fault}",
                 on_fault = sym $crate::crash::on_fault,
             )
+        }
+
+        // SAFETY: as above.
+        #[unsafe(export_name = "NonMaskableInt")]
+        unsafe extern "C" fn non_maskable_interrupt() -> ! {
+            $crate::crash::on_nmi()
         }
 
         // SAFETY: as above; cortex-m-rt calls it for every vector without a handler.

@@ -6,6 +6,10 @@
 //! that finds a line low, after one that failed otherwise than by a NACK, and after one whose future
 //! was dropped.
 //!
+//! An error of the bus (BERR) in the middle of a transaction may be none: by ST's errata sheets this
+//! block tells of misplaced STARTs and STOPs that were not there. The transaction is tried once more
+//! before that is believed; a device may hear its first bytes twice.
+//!
 //! What is sent and received goes through SRAM1: the DMA reaches no stack.
 
 use core::fmt;
@@ -23,7 +27,7 @@ use embassy_stm32::mode::Async;
 use embassy_stm32::peripherals::{I2C1, I2C2, I2C3, I2C5};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::{Peri, pac};
-use embassy_time::{Duration, Timer, with_timeout};
+use embassy_time::{Duration, TimeoutError, Timer, with_timeout};
 use embedded_hal_async::i2c::{ErrorKind, ErrorType, NoAcknowledgeSource, Operation};
 use heapless::Vec;
 
@@ -97,6 +101,9 @@ impl embedded_hal_async::i2c::Error for I2cError {
     }
 }
 
+/// What the driver said, if it said it in time.
+type Attempt = Result<Result<(), i2c::Error>, TimeoutError>;
+
 /// A pin, and the alternate function that connects it to the peripheral.
 struct Line {
     pin: Flex<'static>,
@@ -124,6 +131,7 @@ pub struct I2cBus {
     data: Line,
     memory: &'static mut [u8],
     recoveries: u32,
+    retries: u32,
     /// A transaction has begun and was not heard to end: it failed, or its future was dropped.
     is_open: bool,
 }
@@ -177,6 +185,7 @@ impl I2cBus {
             data: Line { pin: data, function: functions[1] },
             memory: buffer.elements(),
             recoveries: 0,
+            retries: 0,
             is_open: false,
         }
     }
@@ -185,6 +194,42 @@ impl I2cBus {
     #[must_use]
     pub const fn recoveries(&self) -> u32 {
         self.recoveries
+    }
+
+    /// How often a transaction was tried a second time, because of an error of the bus that was
+    /// perhaps none.
+    #[must_use]
+    pub const fn retries(&self) -> u32 {
+        self.retries
+    }
+
+    /// The transaction once, through SRAM1.
+    async fn attempt(
+        &mut self,
+        address: u8,
+        operations: &[Operation<'_>],
+    ) -> Result<Attempt, I2cError> {
+        let mut rest = &mut *self.memory;
+        let mut pieces: Vec<Operation<'_>, OPERATIONS> = Vec::new();
+        for operation in operations {
+            let length = match operation {
+                Operation::Read(bytes) => bytes.len(),
+                Operation::Write(bytes) => bytes.len(),
+            };
+            let (piece, behind) = rest.split_at_mut_checked(length).ok_or(I2cError::TooLong)?;
+            rest = behind;
+            let piece = match operation {
+                Operation::Read(_) => Operation::Read(piece),
+                Operation::Write(bytes) => {
+                    piece.copy_from_slice(bytes);
+                    Operation::Write(piece)
+                }
+            };
+            pieces.push(piece).map_err(|_| I2cError::TooLong)?;
+        }
+        self.is_open = true;
+        self.registers.icr().write(|w| w.set_stopcf(true));
+        Ok(with_timeout(LIMIT, self.driver.transaction(address, &mut pieces)).await)
     }
 
     fn is_at_rest(&self) -> bool {
@@ -250,29 +295,12 @@ impl embedded_hal_async::i2c::I2c for I2cBus {
         if (self.is_open || !self.comes_to_rest().await) && !self.recover().await {
             return Err(I2cError::Held);
         }
-        let result = {
-            let mut rest = &mut *self.memory;
-            let mut pieces: Vec<Operation<'_>, OPERATIONS> = Vec::new();
-            for operation in &*operations {
-                let length = match operation {
-                    Operation::Read(bytes) => bytes.len(),
-                    Operation::Write(bytes) => bytes.len(),
-                };
-                let (piece, behind) = rest.split_at_mut_checked(length).ok_or(I2cError::TooLong)?;
-                rest = behind;
-                let piece = match operation {
-                    Operation::Read(_) => Operation::Read(piece),
-                    Operation::Write(bytes) => {
-                        piece.copy_from_slice(bytes);
-                        Operation::Write(piece)
-                    }
-                };
-                pieces.push(piece).map_err(|_| I2cError::TooLong)?;
-            }
-            self.is_open = true;
-            self.registers.icr().write(|w| w.set_stopcf(true));
-            with_timeout(LIMIT, self.driver.transaction(address, &mut pieces)).await
-        };
+        let mut result = self.attempt(address, operations).await?;
+        // The driver has started the block anew, so the lines are free, unless a device holds one.
+        if matches!(result, Ok(Err(i2c::Error::Bus))) && self.comes_to_rest().await {
+            self.retries = self.retries.saturating_add(1);
+            result = self.attempt(address, operations).await?;
+        }
         // A refused read the driver waits for in vain; a STOP has followed the refusal.
         let is_refused = match result {
             Ok(Err(i2c::Error::Nack)) => true,

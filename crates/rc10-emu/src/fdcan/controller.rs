@@ -19,12 +19,26 @@ const TO_RECOVER: u64 = 129;
 /// Recessive bits an error-passive sender adds to the interframe space (ISO 11898-1, suspend
 /// transmission).
 const SUSPEND_BITS: u64 = 8;
+/// Periods of the kernel clock, the slower one, until what was written to INIT or TXBCR can be read
+/// back ("due to the synchronization mechanism between the two clock domains, there may be a delay"):
+/// our estimate, two synchronizers and some. A driver has to ask, not to count.
+const CROSSING: u64 = 16;
+/// Periods that a scan for the most urgent buffer takes for each buffer: a word of the message RAM. Our
+/// estimate.
+const SCAN: u64 = 4;
+
+/// Without a clock nothing crosses.
+const NEVER: Nanos = Nanos::new(u64::MAX);
 
 pub(super) struct Controller {
     registers: Registers,
     /// IR.
     flags: u32,
+    /// Its time quantum clock, and whether the calibration unit vouches for it.
     kernel_hz: u64,
+    is_clock_valid: bool,
+    /// Until then CCCR.INIT reads as it was before it was written.
+    init_told: Nanos,
     /// Whether the receive and the transmit pin lead to it.
     pub pins: (bool, bool),
     timestamp: Timestamp,
@@ -46,6 +60,8 @@ impl Controller {
             registers: Registers::new(),
             flags: 0,
             kernel_hz: 0,
+            is_clock_valid: false,
+            init_told: Nanos::ZERO,
             pins: (false, false),
             timestamp: Timestamp::new(),
             link: Link::new(),
@@ -70,10 +86,16 @@ impl Controller {
         self.transmit = Transmit::default();
         self.sent_last = false;
         self.suspended_until = Nanos::ZERO;
+        self.init_told = Nanos::ZERO;
     }
 
-    pub fn set_kernel_clock(&mut self, hz: u64) {
+    pub fn set_kernel_clock(&mut self, hz: u64, valid: bool) {
         let was_off = std::mem::replace(&mut self.kernel_hz, hz) == 0;
+        if self.init_told == NEVER {
+            self.init_told = self.after(CROSSING);
+        }
+        self.is_clock_valid = valid;
+        self.restrict();
         self.set_timestamp_rate();
         if self.is(cccr::INIT) {
             return;
@@ -85,11 +107,39 @@ impl Controller {
         }
     }
 
+    /// So many periods of the kernel clock from now.
+    fn after(&self, periods: u64) -> Nanos {
+        if self.kernel_hz == 0 {
+            return NEVER;
+        }
+        self.now + Period::of_clock(self.kernel_hz).many(periods)
+    }
+
+    /// CCCR.INIT as it reads.
+    fn told_init(&self) -> bool {
+        self.is(cccr::INIT) != (self.now < self.init_told)
+    }
+
+    /// How long a scan for the most urgent buffer takes.
+    fn scan(&self) -> Nanos {
+        if self.kernel_hz == 0 {
+            return Nanos::ZERO;
+        }
+        Period::of_clock(self.kernel_hz).many(SCAN * Transmit::buffers(&self.registers))
+    }
+
     fn is(&self, bit: u32) -> bool {
         self.registers.has(at::CCCR, bit)
     }
 
-    fn may_configure(&self) -> bool {
+    /// Without a valid clock it is kept in restricted mode while it is not in INIT.
+    fn restrict(&mut self) {
+        if !self.is_clock_valid && !self.is(cccr::INIT) {
+            self.registers.set(at::CCCR, self.registers.at(at::CCCR) | cccr::ASM);
+        }
+    }
+
+    pub fn may_configure(&self) -> bool {
         self.is(cccr::INIT | cccr::CCE)
     }
 
@@ -138,6 +188,8 @@ impl Controller {
         if self.timestamp.has_wrapped(self.now) {
             self.flags |= ir::TSW;
         }
+        let scan = if self.transmit.adding == 0 { Nanos::ZERO } else { self.scan() };
+        self.flags |= self.transmit.settle(self.now, scan, &self.registers);
         self.stop_clock_if_asked();
     }
 
@@ -145,7 +197,8 @@ impl Controller {
         let joins = self.bit().and_then(|bit| self.link.next_event(bit));
         let resumes = (self.transmit.pending != 0).then_some(self.suspended_until);
         let wraps = self.registers.has(at::IE, ir::TSW).then(|| self.timestamp.next_wrap());
-        let events = joins.into_iter().chain(resumes).chain(wraps.flatten());
+        let cancelled = self.transmit.next_event();
+        let events = joins.into_iter().chain(resumes).chain(wraps.flatten()).chain(cancelled);
         events.filter(|&event| event > self.now).min()
     }
 
@@ -299,12 +352,14 @@ impl Controller {
             at::RXF0S => self.receive.status(0, &self.registers) | lost(ir::RF0L),
             at::RXF1S => self.receive.status(1, &self.registers) | lost(ir::RF0L << 4),
             at::TXFQS => self.transmit.status(&self.registers),
-            at::TXBRP => self.transmit.pending,
+            at::TXBRP => self.transmit.told_pending(),
+            at::TXBAR => self.transmit.adding,
             at::TXBCR => self.transmit.being_cancelled(),
             at::TXBTO => self.transmit.occurred,
             at::TXBCF => self.transmit.cancelled,
             at::TXEFS => self.transmit.event_status(&self.registers) | lost(ir::TEFL),
-            at::CCCR | at::TEST => self.registers.at(offset),
+            at::CCCR => self.registers.at(offset) & !cccr::INIT | u32::from(self.told_init()),
+            at::TEST => self.registers.at(offset),
             // Acknowledge and request registers read as zero.
             _ => 0,
         })
@@ -383,7 +438,7 @@ impl Controller {
             self.counters.requests_ignored += u64::from(buffers.count_ones());
         } else {
             self.counters.requests_ignored +=
-                self.transmit.request(buffers, self.now, &self.registers);
+                self.transmit.request(buffers, self.now, self.scan(), &self.registers);
         }
     }
 
@@ -391,8 +446,9 @@ impl Controller {
         if self.is(cccr::CCE) {
             self.refuse_if(buffers != 0);
         } else {
+            let done = if self.kernel_hz == 0 { self.now } else { self.after(CROSSING) };
             let counters = &mut self.counters;
-            self.flags |= self.transmit.cancel(buffers, &self.registers, counters);
+            self.flags |= self.transmit.cancel(buffers, done, &self.registers, counters);
         }
     }
 
@@ -413,8 +469,12 @@ impl Controller {
 
         // While the clock is stopped, INIT stays set.
         let clock_stopped = value & cccr::CSR != 0 && old & cccr::CSA != 0;
-        let init = value & cccr::INIT != 0 || clock_stopped;
-        let may_set_cce = was_init && init;
+        let wanted = value & cccr::INIT != 0 || clock_stopped;
+        // "The programmer has to assure that the previous value written to INIT has been accepted".
+        let is_crossing = self.now < self.init_told;
+        self.refuse_if(is_crossing && wanted != was_init);
+        let init = if is_crossing { was_init } else { wanted };
+        let may_set_cce = was_init && self.told_init() && init;
         let cce = value & cccr::CCE != 0 && may_set_cce;
         self.refuse_if(value & cccr::CCE != 0 && value & cccr::INIT != 0 && !may_set_cce);
 
@@ -429,6 +489,10 @@ impl Controller {
         new |= if cce { cccr::CCE } else { 0 };
         new |= if clock_stopped { cccr::CSA } else { 0 };
         self.registers.set(at::CCCR, new);
+        if init != was_init {
+            self.init_told = self.after(CROSSING);
+        }
+        self.restrict();
 
         if new & cccr::TEST == 0 {
             self.registers.set(at::TEST, 0);

@@ -9,13 +9,14 @@
 //! * Loop-back: a controller in it is not on the bus.
 //! * Bus monitoring sends nothing, but a wire takes whoever hears for one that acknowledges.
 //! * The timeout counter, the RAM watchdog, the external timestamp counter (reads as 0) and
-//!   transmit pause hold what is written and do nothing. The time-triggered registers and the clock
-//!   calibration unit do not exist.
+//!   transmit pause hold what is written and do nothing. The time-triggered registers do not exist.
+//! * The clock calibration unit does not calibrate: bypassed, or without a valid clock.
 //! * Remote frames and length codes above 8 are those of [`CanFrame`]: 8 at most.
 //! * While in bus-off, TEC keeps its last value, which the manual leaves open.
 //! * Acknowledging an element that is not in the FIFO is ignored, where the chip's indices would go
 //!   astray.
 
+mod calibration;
 mod controller;
 mod counters;
 mod errors;
@@ -39,27 +40,27 @@ use ram::MessageRam;
 /// FDCAN1, FDCAN2, FDCAN3 and their message RAM. Controllers are counted from 0.
 pub struct Fdcans {
     controllers: [controller::Controller; 3],
+    calibration: calibration::Calibration,
+    kernel_hz: u64,
     ram: MessageRam,
 }
 
-impl Default for Fdcans {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl Fdcans {
-    /// After power-on: kernel clock off, no pins, noise in the message RAM.
+    /// After power-on: kernel clock off, no pins, noise in the message RAM, other noise for another
+    /// seed.
     #[must_use]
-    pub fn new() -> Self {
+    pub fn new(seed: u64) -> Self {
         let controllers = [(); 3].map(|()| controller::Controller::new());
-        Self { controllers, ram: MessageRam::new() }
+        let calibration = calibration::Calibration::new();
+        Self { controllers, calibration, kernel_hz: 0, ram: MessageRam::new(seed) }
     }
 
     /// The block's reset in RCC: all registers. Message RAM, kernel clock and pins stay, and so
     /// do the [`Counters`].
     pub fn reset(&mut self) {
         self.controllers.iter_mut().for_each(controller::Controller::reset);
+        self.calibration.reset();
+        self.apply_clock();
     }
 
     /// Reads a register; `offset` is in bytes from the controller's base address. `None`: there
@@ -72,6 +73,29 @@ impl Fdcans {
     /// no such register.
     pub fn write(&mut self, index: usize, offset: u32, value: u32, now: Nanos) -> bool {
         self.controllers.get_mut(index).is_some_and(|one| one.write(offset, value, now))
+    }
+
+    /// Reads a register of the clock calibration unit; `offset` is in bytes from its base address.
+    /// `None`: there is no such register.
+    #[must_use]
+    pub const fn read_calibration(&self, offset: u32) -> Option<u32> {
+        self.calibration.read(offset)
+    }
+
+    /// Writes a register of the clock calibration unit. `None`: there is no such register; `false`:
+    /// it is locked, because FDCAN1 has not both INIT and CCE.
+    pub fn write_calibration(&mut self, offset: u32, value: u32) -> Option<bool> {
+        let unlocked = self.controllers[0].may_configure();
+        let written = self.calibration.write(offset, value, unlocked)?;
+        self.apply_clock();
+        Some(written)
+    }
+
+    /// Whether the clock calibration unit has to be bypassed before a controller may send: the
+    /// manual's stricter reading, and what holds if never said.
+    pub fn set_calibration_needed(&mut self, needed: bool) {
+        self.calibration.is_needed = needed;
+        self.apply_clock();
     }
 
     /// A word of the message RAM, 0 ..= 2559; `None` beyond.
@@ -93,7 +117,19 @@ impl Fdcans {
 
     /// The frequency of all three kernel clocks in hertz; 0: off, then no controller takes part.
     pub fn set_kernel_clock(&mut self, hz: u64) {
-        self.controllers.iter_mut().for_each(|one| one.set_kernel_clock(hz));
+        self.kernel_hz = hz;
+        self.apply_clock();
+    }
+
+    /// The kernel clock behind the calibration unit's divider, hertz.
+    #[must_use]
+    pub const fn time_quantum_hz(&self) -> u64 {
+        self.kernel_hz / self.calibration.divider()
+    }
+
+    fn apply_clock(&mut self) {
+        let (hz, valid) = (self.time_quantum_hz(), self.calibration.is_valid());
+        self.controllers.iter_mut().for_each(|one| one.set_kernel_clock(hz, valid));
     }
 
     /// Whether pins lead to a controller's receive input and from its transmit output. It is wired
@@ -142,7 +178,7 @@ impl Node {
     ) -> R {
         let mut fdcans: MutexGuard<'_, Fdcans> =
             self.fdcans.lock().unwrap_or_else(PoisonError::into_inner);
-        let Fdcans { controllers, ram } = &mut *fdcans;
+        let Fdcans { controllers, ram, .. } = &mut *fdcans;
         controllers.get_mut(self.index).map_or_else(R::default, |one| act(one, ram))
     }
 }

@@ -4,6 +4,7 @@ use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 
 use super::registers::field;
+use crate::memory::noise;
 
 /// 10 KiB (RM0468, FDCAN message RAM).
 pub(super) const WORDS: u32 = 2560;
@@ -15,14 +16,10 @@ pub(super) struct MessageRam {
 }
 
 impl MessageRam {
-    /// After power-on: anything, the same in every run.
-    pub fn new() -> Self {
-        // Constants of a linear congruential generator: Knuth, MMIX.
-        let noise = (0..WORDS).scan(1_u64, |state, _| {
-            *state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            Some((*state >> 32) as u32)
-        });
-        Self { words: noise.collect(), misses: 0 }
+    /// After power-on: noise, other noise for another seed.
+    pub fn new(seed: u64) -> Self {
+        let words = noise(seed).take(WORDS as usize).map(|word| (word >> 32) as u32);
+        Self { words: words.collect(), misses: 0 }
     }
 
     pub fn word(&self, index: usize) -> Option<u32> {

@@ -22,6 +22,11 @@ impl Period {
         (hz > 0).then_some(Self { cycles: u64::from(quanta * prescaler), hz })
     }
 
+    /// One period of a clock that is on.
+    pub const fn of_clock(hz: u64) -> Self {
+        Self { cycles: 1, hz }
+    }
+
     pub const fn times(self, factor: u32) -> Self {
         Self { cycles: self.cycles * factor as u64, ..self }
     }

@@ -1,4 +1,9 @@
 //! Which buffer is sent next, and what becomes of it (RM0468, "Tx handling").
+//!
+//! What is asked for happens at once; the registers tell it later. While the controller scans for its
+//! most urgent buffer, further requests stay in TXBAR ("the bits remain set until the Tx scan process
+//! has completed") and are not in TXBRP. A cancellation has to cross to the kernel clock: until it is
+//! done the buffer is in TXBCR and TXBRP, and a new request for it is lost.
 
 use rc10_can::CanFrame;
 use rc10_sim::Nanos;
@@ -73,6 +78,12 @@ pub(super) struct Transmit {
     pub pending: u32,
     pub occurred: u32,
     pub cancelled: u32,
+    /// TXBAR: requests that came during a scan, and when it ends.
+    pub adding: u32,
+    scan_ends: Nanos,
+    /// Cancellations on their way, and when they are done.
+    cancelling: u32,
+    cancel_ends: Nanos,
     /// When each buffer was asked for last.
     requested: [Nanos; BUFFERS as usize],
     /// The FIFO's get index, counted from its first buffer, and its elements in use.
@@ -101,10 +112,44 @@ impl Transmit {
         self.on_wire.is_some()
     }
 
-    /// TXBAR; the number of requests without effect.
-    pub fn request(&mut self, bits: u32, now: Nanos, registers: &Registers) -> u64 {
+    /// What has been done by now, at a controller whose scan takes so long; flags of IR.
+    pub fn settle(&mut self, now: Nanos, scan: Nanos, registers: &Registers) -> u32 {
+        if self.adding != 0 && now >= self.scan_ends {
+            self.adding = 0;
+            // They start the next one.
+            self.scan_ends = self.scan_ends + scan;
+        }
+        if self.cancelling == 0 || now < self.cancel_ends {
+            return 0;
+        }
+        let done = std::mem::take(&mut self.cancelling);
+        self.finish_cancellation(done, registers)
+    }
+
+    /// When a cancellation is done.
+    pub fn next_event(&self) -> Option<Nanos> {
+        (self.cancelling != 0).then_some(self.cancel_ends)
+    }
+
+    /// TXBRP.
+    pub const fn told_pending(&self) -> u32 {
+        self.pending & !self.adding | self.cancelling
+    }
+
+    /// How many buffers there are to scan.
+    pub fn buffers(registers: &Registers) -> u64 {
+        u64::from(Layout::new(registers).all().count_ones())
+    }
+
+    /// TXBAR, at a controller whose scan takes so long; the number of requests without effect.
+    pub fn request(&mut self, bits: u32, now: Nanos, scan: Nanos, registers: &Registers) -> u64 {
         let layout = Layout::new(registers);
-        let new = bits & layout.all() & !self.pending;
+        let new = bits & layout.all() & !self.pending & !self.cancelling;
+        if now < self.scan_ends {
+            self.adding |= new;
+        } else if new != 0 {
+            self.scan_ends = now + scan;
+        }
         for (buffer, requested) in self.requested.iter_mut().enumerate() {
             if new >> buffer & 1 != 0 {
                 *requested = now;
@@ -123,8 +168,14 @@ impl Transmit {
         u64::from((bits & !new).count_ones())
     }
 
-    /// TXBCR.
-    pub fn cancel(&mut self, bits: u32, registers: &Registers, counters: &mut Counters) -> u32 {
+    /// TXBCR; it is told at `done`.
+    pub fn cancel(
+        &mut self,
+        bits: u32,
+        done: Nanos,
+        registers: &Registers,
+        counters: &mut Counters,
+    ) -> u32 {
         let layout = Layout::new(registers);
         let mut now = bits & layout.all();
         if let Some(sending) = &mut self.on_wire
@@ -136,7 +187,12 @@ impl Transmit {
         }
         counters.cancelled += u64::from((self.pending & now).count_ones());
         self.pending &= !now;
-        self.finish_cancellation(now, registers) | self.release(layout)
+        self.adding &= !now;
+        if now != 0 {
+            self.cancelling |= now;
+            self.cancel_ends = done;
+        }
+        self.release(layout)
     }
 
     fn finish_cancellation(&mut self, bits: u32, registers: &Registers) -> u32 {
@@ -144,9 +200,11 @@ impl Transmit {
         if bits & registers.at(at::TXBCIE) != 0 { ir::TCF } else { 0 }
     }
 
-    /// TXBCR: the buffers that are over only when their transmission is.
+    /// TXBCR: the buffers whose cancellation is not done, and those that are over only when their
+    /// transmission is.
     pub fn being_cancelled(&self) -> u32 {
-        self.on_wire.filter(|sending| sending.cancelled).map_or(0, |sending| 1 << sending.buffer)
+        let sending = self.on_wire.filter(|sending| sending.cancelled);
+        self.cancelling | sending.map_or(0, |sending| 1 << sending.buffer)
     }
 
     /// The FIFO's get index moves on over buffers that are done.

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::clocks::TooFast;
+
 /// How much an access reads or writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
@@ -46,6 +48,13 @@ pub enum AccessKind {
     WaitStates,
     /// A DMA does not reach the memory, or cannot write it: a transfer error.
     OutOfReach,
+    /// A DMA stream that serves a UART without `CR.TRBUFF` has locked: it moves nothing more.
+    Locked,
+    /// RAM, before the supply is configured (`PWR_CSR1.ACTVOSRDY`): "write accesses to the RAMs are not
+    /// permitted". Reported only if [`Options`](crate::Options) ask for it, and once.
+    BeforeSupply,
+    /// What was written makes a clock faster than what it drives can be.
+    TooFast(TooFast),
 }
 
 /// An access that the chip does not like.
@@ -65,6 +74,7 @@ impl fmt::Display for Access {
         let name = match self.address {
             0x3000_0000..0x3000_4000 => "SRAM1",
             0x3000_4000..0x3000_8000 => "SRAM2",
+            _ if self.kind == AccessKind::BeforeSupply => "RAM",
             _ => super::map::row_of(self.address).map_or("nobody", |(_, row)| row.name),
         };
         let what = match self.kind {
@@ -74,6 +84,17 @@ impl fmt::Display for Access {
             AccessKind::Protected => "locked",
             AccessKind::WaitStates => "too few wait states",
             AccessKind::OutOfReach => "out of the DMA's reach",
+            AccessKind::Locked => {
+                return write!(
+                    f,
+                    "DMA stream at {:#010x} ({name}) serves a UART without TRBUFF, and has locked",
+                    self.address
+                );
+            }
+            AccessKind::BeforeSupply => "before the supply is configured (PWR_CSR1.ACTVOSRDY)",
+            AccessKind::TooFast(clock) => {
+                return write!(f, "{verb} {:#010x} ({name}): {clock}", self.address);
+            }
         };
         write!(f, "{verb} {:#010x} ({name}): {what}", self.address)
     }
@@ -94,6 +115,12 @@ pub struct Counts {
     pub wait_states: u64,
     /// [`AccessKind::OutOfReach`].
     pub out_of_reach: u64,
+    /// [`AccessKind::Locked`].
+    pub locked: u64,
+    /// [`AccessKind::BeforeSupply`].
+    pub before_supply: u64,
+    /// [`AccessKind::TooFast`].
+    pub too_fast: u64,
 }
 
 impl Counts {
@@ -105,6 +132,9 @@ impl Counts {
             AccessKind::Protected => &mut self.protected,
             AccessKind::WaitStates => &mut self.wait_states,
             AccessKind::OutOfReach => &mut self.out_of_reach,
+            AccessKind::Locked => &mut self.locked,
+            AccessKind::BeforeSupply => &mut self.before_supply,
+            AccessKind::TooFast(_) => &mut self.too_fast,
         };
         *count += 1;
     }

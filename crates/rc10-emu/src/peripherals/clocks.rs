@@ -1,4 +1,7 @@
-//! The clock tree as it is set at one moment (RM0468, RCC chapter, clock tree figure).
+//! The clock tree as it is set at one moment (RM0468, RCC chapter, clock tree figure), and how fast
+//! each of its clocks may be.
+
+use std::fmt;
 
 /// The board's crystal. Source: the team's `CubeMX` project.
 pub const HSE_HZ: u64 = 25_000_000;
@@ -166,6 +169,105 @@ pub(super) fn pll(input: u64, settings: &Pll) -> Option<[u64; 3]> {
     Some(settings.dividers.map(|divider| divider.map_or(0, |divider| oscillator / divider)))
 }
 
+/// A clock that is too fast for what it drives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TooFast {
+    /// Which clock.
+    pub clock: &'static str,
+    /// Its frequency, hertz.
+    pub hz: u64,
+    /// What it must not reach, or not exceed.
+    pub limit: Limit,
+}
+
+/// How fast a clock may be, hertz.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Limit {
+    /// So fast at most, at this voltage.
+    AtMost(u64),
+    /// Slower than APB1, which has this frequency.
+    BelowApb1(u64),
+}
+
+impl fmt::Display for TooFast {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mhz = |hz: u64| hz as f64 / 1e6;
+        let (clock, hz) = (self.clock, mhz(self.hz));
+        match self.limit {
+            Limit::AtMost(limit) => {
+                write!(f, "{clock} is {hz} MHz, at this voltage {} are allowed", mhz(limit))
+            }
+            Limit::BelowApb1(apb) => {
+                write!(f, "{clock} is {hz} MHz, and must be below APB1's {} MHz", mhz(apb))
+            }
+        }
+    }
+}
+
+/// Which kernel clocks drive something: a peripheral whose bus clock is on.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Used {
+    pub fdcan: bool,
+    pub usarts: [bool; 2],
+    pub spis: [bool; 2],
+    pub i2cs: bool,
+}
+
+/// Highest frequencies of the core, of AXI and AHB, and of the APBs, by voltage scale 0 to 3; the core
+/// without the option byte that boosts it. Source: STM32H723 data sheet, general operating conditions;
+/// the same in embassy-stm32's `rcc/h.rs`. But that APBs may have 42.5 MHz at scale 3 cannot be meant of
+/// the state after a reset, where they have HSI's 64 MHz: so they may here.
+const BUS_LIMITS: [[u64; 3]; 4] = [
+    [520_000_000, 275_000_000, 137_500_000],
+    [400_000_000, 200_000_000, 100_000_000],
+    [300_000_000, 150_000_000, 75_000_000],
+    [170_000_000, 85_000_000, HSI_HZ],
+];
+/// FDCAN's kernel clock at scale 0 (RM0399, kernel clock distribution; Zephyr's
+/// `can_stm32h7_fdcan.c`). At lower voltage the APB's limit is the smaller one.
+const FDCAN_LIMIT: u64 = 125_000_000;
+/// SPI1 to SPI3's at scale 0 (data sheet, SPI characteristics). At lower voltage we take AXI's limit.
+const SPI123_LIMIT: u64 = 200_000_000;
+
+/// The clocks that are too fast. Kernel clocks that the documents at hand give no figure for are held
+/// to the limit of the bus that their peripheral is on.
+///
+/// `time_quantum` is FDCAN's clock behind the calibration unit's divider. RM0399 59.4.5 says that it
+/// must be "always below or equal to" APB's and prints `fdcan_tq_ck < fdcan_pclk` beside it: here the
+/// formula holds.
+pub(super) fn too_fast(
+    clocks: &Clocks,
+    time_quantum: u64,
+    used: Used,
+    scale: u32,
+) -> impl Iterator<Item = TooFast> {
+    let [core, bus, apb] = BUS_LIMITS[scale as usize % BUS_LIMITS.len()];
+    let if_used = |used: bool, hz| if used { hz } else { 0 };
+    let fdcan = if_used(used.fdcan, clocks.fdcan);
+    let at_most = [
+        ("the core's clock", clocks.core, core),
+        ("AXI's clock", clocks.bus, bus),
+        ("APB1's clock", clocks.apb[0], apb),
+        ("APB2's clock", clocks.apb[1], apb),
+        ("FDCAN's kernel clock", fdcan, FDCAN_LIMIT.min(apb)),
+        ("the kernel clock of the UARTs on APB1", if_used(used.usarts[0], clocks.usarts[0]), apb),
+        ("the kernel clock of the UARTs on APB2", if_used(used.usarts[1], clocks.usarts[1]), apb),
+        ("SPI1 to 3's kernel clock", if_used(used.spis[0], clocks.spis[0]), SPI123_LIMIT.min(bus)),
+        ("SPI4 and 5's kernel clock", if_used(used.spis[1], clocks.spis[1]), apb),
+        ("I2C1, 2, 3 and 5's kernel clock", if_used(used.i2cs, clocks.i2cs), apb),
+    ];
+    let at_most = at_most.into_iter().filter(|(_, hz, limit)| hz > limit);
+    let at_most =
+        at_most.map(|(clock, hz, limit)| TooFast { clock, hz, limit: Limit::AtMost(limit) });
+    let quantum = TooFast {
+        clock: "FDCAN's time quantum clock",
+        hz: time_quantum,
+        limit: Limit::BelowApb1(clocks.apb[0]),
+    };
+    let apart = !used.fdcan || time_quantum == 0 || time_quantum < clocks.apb[0];
+    at_most.chain((!apart).then_some(quantum))
+}
+
 /// How one PLL is set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Pll {
@@ -206,6 +308,43 @@ mod tests {
         assert_eq!(pll(HSE_HZ, &Pll { pre_divider: 0, ..RC10 }), None);
         assert_eq!(pll(HSE_HZ, &Pll { range: 3, ..RC10 }), None);
         assert_eq!(pll(HSE_HZ, &Pll { multiplier: 200, ..RC10 }), None);
+    }
+
+    #[test]
+    fn clocks_have_limits_by_voltage() {
+        let clocks = Clocks {
+            core: 480_000_000,
+            bus: 240_000_000,
+            apb: [120_000_000; 2],
+            fdcan: 80_000_000,
+            usarts: [120_000_000, 250_000_000],
+            spis: [200_000_000, 120_000_000],
+            ..Clocks::default()
+        };
+        let used = Used { fdcan: true, usarts: [true, false], spis: [true; 2], i2cs: true };
+        let names = |clocks: &Clocks, tq, used, scale| {
+            too_fast(clocks, tq, used, scale).map(|clock| clock.clock).collect::<Vec<_>>()
+        };
+        assert_eq!(names(&clocks, 80_000_000, used, 0), [""; 0]);
+        assert_eq!(names(&clocks, 80_000_000, Used::default(), 1).len(), 4, "core and buses");
+        let used = Used { usarts: [true; 2], ..used };
+        assert_eq!(
+            names(&clocks, 80_000_000, used, 0),
+            ["the kernel clock of the UARTs on APB2"],
+            "one that is not used may be too fast"
+        );
+        // One hertz too much for each.
+        let fast = Clocks {
+            core: 520_000_001,
+            bus: 275_000_001,
+            apb: [137_500_001; 2],
+            fdcan: 125_000_001,
+            usarts: [137_500_001; 2],
+            spis: [200_000_001, 137_500_001],
+            i2cs: 137_500_001,
+            ..Clocks::default()
+        };
+        assert_eq!(names(&fast, 125_000_001, used, 0).len(), 10);
     }
 
     #[test]

@@ -1,13 +1,25 @@
 //! DMA1 and DMA2, and the router DMAMUX1 in front of them (RM0468, DMA and DMAMUX chapters).
 //!
-//! An item moves in the moment its peripheral asks, without bus or FIFO delay; memory to memory in
-//! the moment the stream is enabled. Items are as wide as the peripheral's; where memory's are
-//! wider or narrower, the same bytes lie in the same places. A stream is not enabled while a flag of
-//! its last transfer stands.
+//! An item moves in the moment its peripheral asks, without bus delay; memory to memory in the moment
+//! the stream is enabled. Items are as wide as the peripheral's; where memory's are wider or narrower,
+//! the same bytes lie in the same places. A stream is not enabled while a flag of its last transfer
+//! stands.
+//!
+//! With its FIFO (`FCR.DMDIS`) a stream from a peripheral counts an item when it has fetched it, and
+//! writes to memory when the FIFO has reached its threshold, at the end, or when it is switched off; one
+//! to a peripheral reads memory as far ahead as its FIFO holds.
+//!
+//! A stream that serves a UART without `CR.TRBUFF` locks when another stream of its controller moves
+//! at that time: it stays enabled and moves nothing more, until it is enabled anew. Source: STM32H7
+//! errata, "DMA stream locked when transferring data to/from USART/UART", as ST's
+//! `stm32h7xx_hal_dma.c` and Zephyr (issue 72790) work around it.
+//!
 //! Not modelled, and reported when asked for: double buffers, flow control by the peripheral,
 //! synchronised requests and request generators. Priorities are those of the streams' numbers.
 
 use std::ops::Range;
+
+use rc10_sim::Nanos;
 
 use super::access::{Refusal, Width, Write};
 
@@ -32,6 +44,15 @@ const UNMODELLED: u32 = 1 << 5 | 1 << 18;
 const CIRCULAR: u32 = 1 << 8;
 const PERIPHERAL_INCREMENT: u32 = 1 << 9;
 const MEMORY_INCREMENT: u32 = 1 << 10;
+/// TRBUFF.
+const BUFFERABLE: u32 = 1 << 20;
+/// FCR.DMDIS.
+const FIFO_MODE: u32 = 1 << 2;
+/// Bytes of a FIFO, and items in it at most.
+const FIFO_BYTES: u32 = 16;
+const FIFO_ITEMS: usize = 16;
+/// How near in time two transfers are "concurrent": about what one takes on the buses.
+const CONCURRENT: Nanos = Nanos::new(100);
 
 /// Interrupts of DMA1's and DMA2's streams. Source: stm32-metapac.
 const INTERRUPTS: [[usize; STREAMS]; 2] =
@@ -54,13 +75,18 @@ struct Stream {
     reload: u32,
     peripheral: u32,
     memory: [u32; 2],
-    /// Reset value 0x21: its FIFO is empty.
+    /// Reset value 0x21, with the state of an empty FIFO.
     fifo: u32,
     flags: u32,
     /// Items done since it was enabled or started again.
     done: u32,
     /// The next item is to fail.
     fails: bool,
+    /// What its FIFO holds: values, with where they go if that is memory.
+    held: [(u32, u32); FIFO_ITEMS],
+    level: usize,
+    moved_at: Option<Nanos>,
+    locked: bool,
 }
 
 /// One item to move.
@@ -69,6 +95,8 @@ pub(super) struct Transfer {
     pub from: u32,
     pub to: u32,
     pub width: Width,
+    /// Through the FIFO: of the two only the peripheral's side is served now.
+    pub buffered: bool,
 }
 
 impl Stream {
@@ -79,10 +107,14 @@ impl Stream {
             reload: 0,
             peripheral: 0,
             memory: [0; 2],
-            fifo: 0x21,
+            fifo: 0x01,
             flags: 0,
             done: 0,
             fails: false,
+            held: [(0, 0); FIFO_ITEMS],
+            level: 0,
+            moved_at: None,
+            locked: false,
         }
     }
 
@@ -116,7 +148,62 @@ impl Stream {
             Direction::ToPeripheral => (memory, peripheral),
             Direction::FromPeripheral | Direction::MemoryToMemory => (peripheral, memory),
         };
-        Transfer { from, to, width }
+        Transfer { from, to, width, buffered: self.buffers() }
+    }
+
+    /// Memory to memory has its FIFO too, but nothing to wait for.
+    fn buffers(&self) -> bool {
+        self.fifo & FIFO_MODE != 0 && self.direction() != Direction::MemoryToMemory
+    }
+
+    /// The memory address to be read ahead, if there is room.
+    fn ahead(&self) -> Option<u32> {
+        let bytes = self.width().bytes();
+        let level = u32::try_from(self.level).unwrap_or(0);
+        let next = self.done + level;
+        let wanted =
+            self.is(ENABLE) && self.buffers() && self.direction() == Direction::ToPeripheral;
+        if !wanted || (level + 1) * bytes > FIFO_BYTES {
+            return None;
+        }
+        let next = if self.is(CIRCULAR) { next % self.reload } else { next };
+        let moved = if self.is(MEMORY_INCREMENT) { next.wrapping_mul(bytes) } else { 0 };
+        (next < self.reload).then(|| self.memory[0].wrapping_add(moved))
+    }
+
+    fn hold(&mut self, to: u32, value: u32) {
+        if let Some(slot) = self.held.get_mut(self.level) {
+            *slot = (to, value);
+            self.level += 1;
+        }
+    }
+
+    /// The oldest value in the FIFO.
+    fn give(&mut self) -> Option<(u32, u32)> {
+        self.level = self.level.checked_sub(1)?;
+        let oldest = self.held[0];
+        self.held.rotate_left(1);
+        Some(oldest)
+    }
+
+    /// Whether what the FIFO holds is to go to memory now.
+    fn is_due(&self) -> bool {
+        let bytes = u32::try_from(self.level).unwrap_or(0) * self.width().bytes();
+        let threshold = FIFO_BYTES / 4 * ((self.fifo & 3) + 1);
+        let from = self.direction() == Direction::FromPeripheral;
+        // Circular, it begins again.
+        let ends = !self.is(ENABLE) || self.done == 0;
+        from && self.level > 0 && (bytes >= threshold || ends)
+    }
+
+    /// FCR.FS: how full it is.
+    fn fill(&self) -> u32 {
+        let bytes = u32::try_from(self.level).unwrap_or(0) * self.width().bytes();
+        match bytes {
+            0 => 4,
+            FIFO_BYTES.. => 5,
+            _ => bytes / (FIFO_BYTES / 4),
+        }
     }
 
     fn moved(&mut self, worked: bool) {
@@ -168,6 +255,7 @@ impl Stream {
                     }
                     self.reload = self.items;
                     self.done = 0;
+                    (self.level, self.locked) = (0, false);
                 }
             }
             0x04 | 0x08 | 0x0C if locked => return Err(Refusal::Protected),
@@ -178,7 +266,8 @@ impl Stream {
             0x08 => self.peripheral = write.over(self.peripheral),
             0x0C => self.memory[0] = write.over(self.memory[0]),
             0x10 => self.memory[1] = write.over(self.memory[1]),
-            _ => self.fifo = write.over(self.fifo) & 0x87 | 0x20,
+            _ if locked => return Err(Refusal::Protected),
+            _ => self.fifo = write.over(self.fifo) & 0x87,
         }
         Ok(())
     }
@@ -227,7 +316,7 @@ impl Dma {
             0x08 => stream.peripheral,
             0x0C => stream.memory[0],
             0x10 => stream.memory[1],
-            _ => stream.fifo,
+            _ => stream.fifo | stream.fill() << 3,
         })
     }
 
@@ -251,14 +340,61 @@ impl Dma {
 
     /// What an enabled stream moves next; `None` if it waits for a request that is not there.
     pub(super) fn next(&self, stream: usize, requested: bool) -> Option<Transfer> {
-        let stream = self.streams.get(stream).filter(|stream| stream.is(ENABLE))?;
+        let stream =
+            self.streams.get(stream).filter(|stream| stream.is(ENABLE) && !stream.locked)?;
         let moves = requested || stream.direction() == Direction::MemoryToMemory;
         moves.then(|| stream.next())
     }
 
     /// The transfer that [`next`](Self::next) named was made, or could not be.
-    pub(super) fn moved(&mut self, stream: usize, worked: bool) {
+    pub(super) fn moved(&mut self, stream: usize, worked: bool, now: Nanos) {
+        self.streams[stream].moved_at = Some(now);
         self.streams[stream].moved(worked);
+    }
+
+    /// Where a stream is to read ahead into its FIFO.
+    pub(super) fn ahead(&self, stream: usize) -> Option<u32> {
+        self.streams[stream].ahead()
+    }
+
+    /// Puts a value into the FIFO; `to` is where in memory it goes, if it does.
+    pub(super) fn hold(&mut self, stream: usize, to: u32, value: u32) {
+        self.streams[stream].hold(to, value);
+    }
+
+    /// The oldest value in the FIFO, and where it goes.
+    pub(super) fn give(&mut self, stream: usize) -> Option<(u32, u32)> {
+        self.streams[stream].give()
+    }
+
+    /// What goes to memory now: where, the value, its width.
+    pub(super) fn give_due(&mut self, stream: usize) -> Vec<(u32, u32, Width)> {
+        let stream = &mut self.streams[stream];
+        let width = stream.width();
+        if !stream.is_due() {
+            return Vec::new();
+        }
+        let values = std::iter::from_fn(|| stream.give());
+        values.map(|(to, value)| (to, value, width)).collect()
+    }
+
+    /// Locks a stream that serves a UART without TRBUFF, if another one moves at this time.
+    /// `requested` says which streams have a request now. `true`: it just did.
+    pub(super) fn locks(&mut self, stream: usize, requested: [bool; STREAMS], now: Nanos) -> bool {
+        let concurrent = (0..STREAMS).filter(|other| *other != stream).any(|other| {
+            let one = &self.streams[other];
+            let moved = one.moved_at.is_some_and(|at| now.since(at) < CONCURRENT);
+            moved || one.is(ENABLE) && requested[other]
+        });
+        let stream = &mut self.streams[stream];
+        let is_at_risk = stream.is(ENABLE) && !stream.is(BUFFERABLE) && !stream.locked;
+        stream.locked |= is_at_risk && concurrent;
+        is_at_risk && stream.locked
+    }
+
+    /// Address of a stream's CR.
+    pub(super) const fn control_address(&self, stream: usize) -> u32 {
+        0x4002_0010 + 0x400 * self.index as u32 + 0x18 * stream as u32
     }
 
     pub(super) fn is_idle(&self) -> bool {

@@ -122,6 +122,8 @@ pub(super) struct I2c {
     held: bool,
     /// A start condition was seen that nobody has ended.
     held_busy: bool,
+    /// In so many bytes to come, BERR is raised for nothing.
+    disturbed: u32,
     connected: bool,
     devices: Vec<Box<dyn I2cDevice>>,
     addressed: Option<usize>,
@@ -146,6 +148,7 @@ impl I2c {
             done: 0,
             held: false,
             held_busy: false,
+            disturbed: 0,
             connected: false,
             devices: Vec::new(),
             addressed: None,
@@ -185,6 +188,12 @@ impl I2c {
         if !held {
             self.try_start(now);
         }
+    }
+
+    /// Another so many bytes raise BERR for nothing, as ST's errata sheets say of a master on this
+    /// block ("spurious bus error detection"): the transfer itself goes on.
+    pub(super) const fn disturb(&mut self, bytes: u32) {
+        self.disturbed += bytes;
     }
 
     /// The chip lets go of the bus.
@@ -298,6 +307,10 @@ impl I2c {
             match self.state {
                 State::Addressing => self.addressed(at),
                 State::Sending(byte) => {
+                    if self.disturbed > 0 {
+                        self.disturbed -= 1;
+                        self.flags |= BUS_ERROR;
+                    }
                     let device = self.addressed.and_then(|device| self.devices.get_mut(device));
                     if device.is_some_and(|device| device.write(byte, at)) {
                         self.done += 1;

@@ -46,7 +46,7 @@ mod usart;
 mod watchdog;
 
 pub use access::{Access, AccessKind, BusFault, Counts, Width};
-pub use clocks::{Clocks, HSE_HZ};
+pub use clocks::{Clocks, HSE_HZ, Limit, TooFast};
 pub use i2c::I2cDevice;
 pub use outside::Edge;
 pub use rcc::ResetCause;

@@ -301,6 +301,14 @@ impl Soc {
         true
     }
 
+    /// In the next so many bytes that an I2C sends it believes to see a bus error. `false`: there is
+    /// no such I2C.
+    pub fn disturb_i2c(&mut self, i2c: u8, bytes: u32) -> bool {
+        let Some(i2c) = i2c_of(i2c) else { return false };
+        self.i2cs[i2c].disturb(bytes);
+        true
+    }
+
     /// A device holds an I2C's data line low, as one does that lost a clock, until it has seen so
     /// many clocks from the clock pin as a general-purpose output. Both lines have pull-ups from now
     /// on. `false`: no such I2C, or no such pins.

@@ -72,14 +72,18 @@ impl Power {
         (4 - self.scale) % 4
     }
 
-    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
-        let stored = self.registers.read(offset)?;
+    /// ACTVOSRDY: the supply is configured. Before that the RAMs must not be written.
+    pub(super) fn is_supplied(&self) -> bool {
         let supply = self.registers.value(CR3);
         // The LDO, or an external supply; not both.
-        let supplied = self.supply_written && (supply & 1 != 0) != (supply & 2 != 0);
+        self.supply_written && (supply & 1 != 0) != (supply & 2 != 0)
+    }
+
+    pub(super) fn read(&mut self, offset: u32, now: Nanos) -> Result<u32, Refusal> {
+        let stored = self.registers.read(offset)?;
         self.scale(now);
         Ok(match offset {
-            CSR1 => self.scale << 14 | u32::from(supplied) << 13,
+            CSR1 => self.scale << 14 | u32::from(self.is_supplied()) << 13,
             D3CR => stored | u32::from(now >= self.scaled_at) << 13,
             _ => stored,
         })

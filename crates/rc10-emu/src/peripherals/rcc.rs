@@ -4,7 +4,12 @@
 //! While a PLL is on, its input and its dividers are locked: writes to them change nothing, and are
 //! not reported, because embassy writes there at every boot and relies on it.
 //!
-//! Only stored: MCO outputs, ready interrupts, clock security, calibration, low-power gates.
+//! A crystal may be dead or die. With clock security on (`CR.HSECSSON`) the chip then switches to HSI
+//! and raises an NMI; without it everything that comes from the crystal stands still until it swings
+//! again: what a PLL without its reference does the manual leaves open. Whether its ready flags fall,
+//! too: here they do. A failure is detected at once.
+//!
+//! Only stored: MCO outputs, ready interrupts, clock security of LSE, calibration, low-power gates.
 //! A `CPURST` does nothing.
 
 use rc10_sim::Nanos;
@@ -41,6 +46,8 @@ impl ResetCause {
     }
 }
 
+/// The address of `RCC_CR`: what is told of clocks that change without an access.
+pub(super) const CONTROL: u32 = 0x5802_4400;
 const CR: u32 = 0x00;
 const CFGR: u32 = 0x10;
 const D1CFGR: u32 = 0x18;
@@ -50,9 +57,13 @@ const PLLCFGR: u32 = 0x2C;
 const D1CCIPR: u32 = 0x4C;
 const D2CCIP1R: u32 = 0x50;
 const D2CCIP2R: u32 = 0x54;
+const CIFR: u32 = 0x64;
+const CICR: u32 = 0x68;
 const BDCR: u32 = 0x70;
 const CSR: u32 = 0x74;
 const RSR: u32 = 0xD0;
+/// RSR.RMVF: removes the reset flags.
+const REMOVE: u32 = 1 << 16;
 /// First and last of the enable registers.
 const ENABLES: std::ops::RangeInclusive<u32> = 0xD4..=0xF4;
 /// The same registers, from RSR on, once more: "for core 1".
@@ -78,7 +89,7 @@ const TABLE: &[Register] = &[
     masked(divider(2), 0x0101_0280, 0x7F7F_FFFF), masked(fraction(2), 0, 0xFFF8),
     masked(D1CCIPR, 0, 0x3001_0133), masked(D2CCIP1R, 0, 0xB137_71C7),
     masked(D2CCIP2R, 0, 0x70F0_333F), masked(0x58, 0, 0x7FE3_FF07),
-    masked(0x60, 0, 0x27F), masked(0x64, 0, 0), masked(0x68, 0, 0),
+    masked(0x60, 0, 0x27F), masked(CIFR, 0, 0), masked(CICR, 0, 0),
     masked(BDCR, 0, 0x1_833D), masked(CSR, 0, 1),
     masked(0x7C, 0, 0x80E9_5031), masked(0x80, 0, 0x0A00_C023), masked(0x84, 0, 0x0003_0271),
     masked(0x88, 0, 0x0328_07FF), masked(0x8C, 0, 0x18), masked(0x90, 0, 0xEAFF_C3FF),
@@ -106,6 +117,11 @@ const STARTERS: [(u32, u32, Nanos); 4] = [
 const HSI: u32 = 0;
 const CSI: u32 = 7;
 const HSE: u32 = 16;
+/// HSECSSON in CR; HSECSSF in CIFR, HSECSSC in CICR.
+const SECURITY: u32 = 1 << 19;
+const SECURITY_FLAG: u32 = 1 << 10;
+/// CFGR.STOPWUCK: what clock security falls back to is CSI.
+const FALL_BACK_TO_CSI: u32 = 1 << 6;
 /// PLL1's bit in CR; PLL2 and PLL3 are two further each.
 const PLL: u32 = 24;
 /// Data sheet, PLL characteristics, typical.
@@ -124,6 +140,10 @@ pub(super) struct Rcc {
     registers: Registers,
     /// When each starter becomes ready, by its bit in CR.
     ready: [Option<Nanos>; 34],
+    /// Whether the crystal swings when it is asked to.
+    crystal: bool,
+    /// Whether RMVF stays set until the program clears it, and holds the reset flags at zero.
+    pub(super) removal_stays: bool,
     /// SWS.
     source: u32,
     /// Until when changes that need no access are taken into account.
@@ -137,20 +157,75 @@ impl Rcc {
         ready[HSI as usize] = Some(Nanos::ZERO);
         let mut registers = Registers::new(TABLE);
         registers.set(RSR, ResetCause::PowerOn.flags());
-        Self { registers, ready, source: 0, settled: Nanos::ZERO, system_ready_at: None }
+        Self {
+            registers,
+            ready,
+            crystal: true,
+            removal_stays: true,
+            source: 0,
+            settled: Nanos::ZERO,
+            system_ready_at: None,
+        }
     }
 
     /// A reset of the chip. The backup domain stays, unless power was gone.
     pub(super) fn reset(&mut self, cause: ResetCause, now: Nanos) {
         let (flags, backup) = (self.registers.value(RSR), self.registers.value(BDCR));
         let lse = self.ready[LSE];
-        *self = Self::new();
-        self.settled = now;
+        let (crystal, removal_stays) = (self.crystal, self.removal_stays);
+        *self = Self { crystal, removal_stays, settled: now, ..Self::new() };
         if cause != ResetCause::PowerOn {
-            self.registers.set(RSR, flags | cause.flags());
+            let held = flags & REMOVE != 0;
+            self.registers.set(RSR, if held { REMOVE } else { flags | cause.flags() });
             self.registers.set(BDCR, backup);
             self.ready[LSE] = lse;
         }
+    }
+
+    /// The crystal dies, or lives again.
+    pub(super) fn set_crystal(&mut self, alive: bool, now: Nanos) {
+        self.advance(now);
+        let was_ready = self.is_ready(HSE as usize);
+        self.crystal = alive;
+        let secured = self.registers.value(CR) & SECURITY != 0;
+        if !alive && was_ready && secured {
+            self.fall_back();
+        }
+        if !alive {
+            self.ready[HSE as usize] = None;
+            if self.plls_are_fed_by_hse() {
+                (0..3).for_each(|pll| self.ready[(PLL + 2 * pll) as usize] = None);
+            }
+        }
+        self.start(now);
+    }
+
+    fn plls_are_fed_by_hse(&self) -> bool {
+        field(self.registers.value(PLLCKSELR), 0, 2) == 2
+    }
+
+    /// Clock security: RM0468, "Clock security system on HSE".
+    fn fall_back(&mut self) {
+        let mut off = SECURITY | 1 << HSE;
+        let fed = self.plls_are_fed_by_hse();
+        if fed {
+            off |= (0..3).map(|pll| 1 << (PLL + 2 * pll)).sum::<u32>();
+        }
+        let mut on = 0;
+        if self.source == 2 || self.source == 3 && fed {
+            let configuration = self.registers.value(CFGR);
+            let to_csi = configuration & FALL_BACK_TO_CSI != 0;
+            self.source = u32::from(to_csi);
+            self.registers.set(CFGR, configuration & !7 | self.source);
+            on = if to_csi { 1 << CSI } else { 1 << HSI };
+        }
+        self.registers.set(CR, self.registers.value(CR) & !off | on);
+        self.registers.set(CIFR, SECURITY_FLAG);
+    }
+
+    /// Whether clock security raises its NMI: until the program clears the flag.
+    pub(super) fn raises_nmi(&self) -> bool {
+        self.registers.value(CIFR) & SECURITY_FLAG != 0
     }
 
     /// When the system clock was switched to PLL1.
@@ -226,7 +301,12 @@ impl Rcc {
                 // What drives the system clock cannot be switched off.
                 let before = self.registers.value(CR);
                 self.registers.write(write)?;
-                self.registers.set(CR, self.registers.value(CR) | before & self.in_use());
+                // Clock security is only ever switched on.
+                let held = before & (self.in_use() | SECURITY);
+                self.registers.set(CR, self.registers.value(CR) | held);
+            }
+            CICR => {
+                self.registers.set(CIFR, self.registers.value(CIFR) & !write.ones());
             }
             PLLCKSELR => {
                 let sources = off(0, 3) & off(1, 3) & off(2, 3);
@@ -254,7 +334,12 @@ impl Rcc {
                     self.registers.set(BDCR, BDRST);
                 }
             }
-            RSR if write.ones() & 1 << 16 != 0 => self.registers.set(RSR, 0),
+            RSR if write.ones() & REMOVE != 0 => {
+                self.registers.set(RSR, if self.removal_stays { REMOVE } else { 0 });
+            }
+            RSR if write.zeros() & REMOVE != 0 => {
+                self.registers.set(RSR, self.registers.value(RSR) & !REMOVE);
+            }
             _ => self.registers.write(write)?,
         }
         self.start(now);
@@ -284,7 +369,8 @@ impl Rcc {
             *ready = if on { ready.or(at) } else { None };
         };
         for (bit, _, time) in STARTERS {
-            note(bit as usize, control & 1 << bit != 0, Some(now + time));
+            let swings = bit != HSE || self.crystal;
+            note(bit as usize, control & 1 << bit != 0, swings.then_some(now + time));
         }
         note(LSI, self.registers.value(CSR) & 1 != 0, Some(now + LSI_START));
         note(LSE, self.registers.value(BDCR) & 1 != 0, Some(now + LSE_START));

@@ -103,7 +103,3 @@ pub(super) const SYSCFG: &[Register] = &[
     masked(0x28, 0, 0xFF),
     fixed(0x348, 0),
 ];
-
-/// Clock calibration unit of the FDCANs: bypassed, it only stores.
-pub(super) const CAN_CALIBRATION: &[Register] =
-    &[plain(0x04, 0x4), fixed(0x08, 0x0203_FFFF), plain(0x0C, 0), plain(0x14, 0)];

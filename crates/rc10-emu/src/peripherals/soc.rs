@@ -6,16 +6,16 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use rc10_sim::Nanos;
 
 use super::access::{Access, AccessKind, BusFault, Counts, Refusal, Width, Write};
-use super::clocks::Clocks;
+use super::clocks::{self, Clocks, TooFast, Used};
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
 use super::exti::Exti;
 use super::gpio::{PINS, Port};
 use super::i2c::{I2CS, I2c};
-use super::map::{Block, MAP, Row, row_of};
+use super::map::{self, Block, MAP, Row, row_of};
 use super::outside::{Holder, Jumper, Recorder};
 use super::pins::{Signal, is_connected};
 use super::power::{self, Power};
-use super::rcc::{Rcc, ResetCause};
+use super::rcc::{self, Rcc, ResetCause};
 use super::registers::{self, Registers};
 use super::spi::{self, SPIS, Spi};
 use super::timer::{TIMERS, Timer};
@@ -46,7 +46,6 @@ pub struct Soc {
     flash: Registers,
     syscfg: Registers,
     debug: Registers,
-    calibration: Registers,
     exti: Exti,
     pub(super) ports: [Port; PORTS],
     pub(super) timers: [Timer; TIMERS.len()],
@@ -64,8 +63,11 @@ pub struct Soc {
     pub(super) jumpers: Vec<Jumper>,
     pub(super) holders: Vec<Holder>,
     memories_run: [bool; 2],
+    guards_ram: bool,
     clocks: Clocks,
     flash_keeps_up: bool,
+    /// The clocks that are too fast now.
+    too_fast: Vec<TooFast>,
     next: Option<Nanos>,
     levels: [u32; INTERRUPT_WORDS],
     wants_reset: bool,
@@ -91,7 +93,6 @@ impl Soc {
             flash: Registers::new(power::FLASH),
             syscfg: Registers::new(registers::SYSCFG),
             debug: Registers::new(registers::DEBUG),
-            calibration: Registers::new(registers::CAN_CALIBRATION),
             exti: Exti::new(),
             ports: std::array::from_fn(Port::new),
             timers: TIMERS.each_ref().map(Timer::new),
@@ -107,8 +108,10 @@ impl Soc {
             jumpers: Vec::new(),
             holders: Vec::new(),
             memories_run: [false; 2],
+            guards_ram: false,
             clocks: Clocks::default(),
             flash_keeps_up: true,
+            too_fast: Vec::new(),
             next: None,
             levels: [0; INTERRUPT_WORDS],
             wants_reset: false,
@@ -213,6 +216,7 @@ impl Soc {
             self.rcc.advance(at);
             if clocks_changed {
                 self.apply_clocks(at);
+                self.check_clocks(rcc::CONTROL, at);
             }
             self.watchdog.advance(at);
             self.timers.iter_mut().for_each(|timer| timer.advance(at));
@@ -236,7 +240,34 @@ impl Soc {
         levels
     }
 
-    /// The core's clock now, in hertz: 64 MHz after a reset.
+    /// Clocks of the core that its access to a peripheral takes beyond the instruction's own. A write
+    /// counts as a read does: it may be posted, but the next access waits for it. APB2 to APB4 count
+    /// as fast as APB1.
+    #[must_use]
+    pub fn access_clocks(&self, address: u32) -> u64 {
+        if !is_peripheral(address) {
+            return 0;
+        }
+        let way = map::way_to(address);
+        let of = |hz| self.clocks.core.checked_div(hz).unwrap_or(0);
+        way.bus * of(self.clocks.bus) + way.apb * of(self.clocks.apb[0])
+    }
+
+    /// Whether the core's non-maskable interrupt is asked for: by clock security.
+    #[must_use]
+    pub fn nmi(&self) -> bool {
+        self.rcc.raises_nmi()
+    }
+
+    /// The board's crystal stops swinging, or can swing again. A reset changes nothing about it.
+    pub fn set_crystal(&mut self, alive: bool, now: Nanos) {
+        self.advance(now);
+        self.rcc.set_crystal(alive, now);
+        self.apply_clocks(now);
+        self.settle(now);
+    }
+
+    /// The core's clock now, in hertz: 64 MHz after a reset; 0 if its source stands still.
     #[must_use]
     pub const fn core_clock_hz(&self) -> u64 {
         self.clocks.core
@@ -286,6 +317,40 @@ impl Soc {
     #[must_use]
     pub fn memories_run(&self) -> [bool; 2] {
         self.memories_run
+    }
+
+    /// Whether the supply is configured (`PWR_CSR1.ACTVOSRDY`).
+    #[must_use]
+    pub fn is_supplied(&self) -> bool {
+        self.power.is_supplied()
+    }
+
+    /// Sets how RSR.RMVF behaves: whether it stays set until it is cleared, and holds the reset flags at
+    /// zero as long. It does if never said.
+    pub fn set_removal_stays(&mut self, stays: bool) {
+        self.rcc.removal_stays = stays;
+    }
+
+    /// RAM that is written before the supply is configured is to be reported.
+    pub fn set_guards_ram(&mut self, guards: bool) {
+        self.guards_ram = guards;
+    }
+
+    /// Whether the core is to be kept from writing RAM.
+    pub(crate) fn guards_ram(&self) -> bool {
+        self.guards_ram && !self.is_supplied()
+    }
+
+    /// A write to a RAM that the core is kept from: told, the first time, and done. `false`: it is none.
+    pub(crate) fn write_early(&mut self, address: u32, bytes: &[u8]) -> bool {
+        let is_ram = address >> 24 != FLASH >> 24 && !self.is_gated_memory(address);
+        if !self.guards_ram() || !is_ram || self.memory.write(address, bytes).is_err() {
+            return false;
+        }
+        if self.counts.before_supply == 0 {
+            self.report(address, true, AccessKind::BeforeSupply);
+        }
+        true
     }
 
     /// Whether an address lies in a memory that has no clock now.
@@ -356,6 +421,9 @@ impl Soc {
             if matches!(row.block, Block::Rcc | Block::Power | Block::Flash) {
                 self.check_flash(address, now);
             }
+            if matches!(row.block, Block::Rcc | Block::Power | Block::FdcanCalibration) {
+                self.check_clocks(address, now);
+            }
         }
         Ok(row.block)
     }
@@ -397,7 +465,9 @@ impl Soc {
             Block::FdcanRam => {
                 self.fdcans().read_ram(offset as usize / 4).ok_or(Refusal::Unmodelled)
             }
-            Block::FdcanCalibration => self.calibration.read(offset),
+            Block::FdcanCalibration => {
+                self.fdcans().read_calibration(offset).ok_or(Refusal::Unmodelled)
+            }
             Block::Unmodelled => Err(Refusal::Unmodelled),
         }
     }
@@ -448,7 +518,13 @@ impl Soc {
                 fdcans.write_ram(word, write.over(old));
                 Ok(())
             }
-            Block::FdcanCalibration => self.calibration.write(write),
+            Block::FdcanCalibration => {
+                let written = self.fdcans().write_calibration(write.offset, write.ones());
+                match written.ok_or(Refusal::Unmodelled)? {
+                    true => Ok(()),
+                    false => Err(Refusal::Protected),
+                }
+            }
             Block::Unmodelled => Err(Refusal::Unmodelled),
         }
     }
@@ -485,9 +561,8 @@ impl Soc {
             Block::Spi(spi) => self.spis[spi].reset(),
             Block::I2c(i2c) => self.i2cs[i2c].reset(now),
             Block::Dma(dma) => self.dmas[dma].reset(),
-            // One bit resets all three: once is enough.
+            // One bit resets all three and the calibration unit: once is enough.
             Block::Fdcan(0) => self.fdcans().reset(),
-            Block::FdcanCalibration => self.calibration.reset(),
             // The others have no reset of their own, or nothing to reset.
             Block::Rcc
             | Block::Power
@@ -498,6 +573,7 @@ impl Soc {
             | Block::DmaMux
             | Block::Fdcan(_)
             | Block::FdcanRam
+            | Block::FdcanCalibration
             | Block::Unmodelled => {}
         }
     }
@@ -576,6 +652,27 @@ impl Soc {
         self.flash_keeps_up = keeps_up;
     }
 
+    /// Reports each clock once when it becomes too fast for what it drives.
+    fn check_clocks(&mut self, address: u32, now: Nanos) {
+        let mut used = Used::default();
+        for (row, _) in MAP.iter().zip(&self.running).filter(|(_, running)| **running) {
+            match row.block {
+                Block::Fdcan(_) => used.fdcan = true,
+                Block::Usart(usart) => used.usarts[USARTS[usart].bus] = true,
+                Block::Spi(spi) => used.spis[SPIS[spi].clock] = true,
+                Block::I2c(_) => used.i2cs = true,
+                _ => {}
+            }
+        }
+        let time_quantum = self.fdcans().time_quantum_hz();
+        let scale = self.power.scale(now);
+        let too_fast: Vec<_> = clocks::too_fast(&self.clocks, time_quantum, used, scale).collect();
+        let before = std::mem::replace(&mut self.too_fast, too_fast.clone());
+        for clock in too_fast.into_iter().filter(|clock| !before.contains(clock)) {
+            self.report(address, true, AccessKind::TooFast(clock));
+        }
+    }
+
     /// After anything that may have changed: edges, transfers, interrupts, what comes next.
     pub(super) fn settle(&mut self, now: Nanos) {
         loop {
@@ -639,6 +736,9 @@ impl Soc {
         let mut moved = true;
         while std::mem::take(&mut moved) {
             for dma in 0..self.dmas.len() {
+                for stream in 0..dma::STREAMS {
+                    self.empty_fifo(dma, stream);
+                }
                 if self.dmas[dma].is_idle() {
                     continue;
                 }
@@ -646,17 +746,60 @@ impl Soc {
                     if !self.dmas[dma].is_enabled(stream) {
                         continue;
                     }
+                    self.read_ahead(dma, stream);
                     let request = self.mux.request(dma, stream);
-                    let Some(transfer) = self.dmas[dma].next(stream, self.is_requested(request))
-                    else {
+                    let requested = self.is_requested(request);
+                    if requested && self.locks(dma, stream, request, now) {
+                        continue;
+                    }
+                    let Some(transfer) = self.dmas[dma].next(stream, requested) else {
                         continue;
                     };
                     self.timers.iter_mut().for_each(|timer| timer.acknowledge(request));
                     let fails = self.dmas[dma].take_failure(stream);
-                    let worked = !fails && self.move_item(transfer, now).is_some();
-                    self.dmas[dma].moved(stream, worked);
+                    let worked = !fails && self.move_item(dma, stream, transfer, now).is_some();
+                    self.dmas[dma].moved(stream, worked, now);
+                    self.empty_fifo(dma, stream);
                     moved = true;
                 }
+            }
+        }
+    }
+
+    /// Whether a stream that serves a UART is locked, or locks now.
+    fn locks(&mut self, dma: usize, stream: usize, request: u32, now: Nanos) -> bool {
+        if !self.usarts.iter().any(|usart| usart.requests(request)) {
+            return false;
+        }
+        let requested =
+            std::array::from_fn(|other| self.is_requested(self.mux.request(dma, other)));
+        let locked = self.dmas[dma].locks(stream, requested, now);
+        if locked {
+            let address = self.dmas[dma].control_address(stream);
+            self.report(address, true, AccessKind::Locked);
+        }
+        locked
+    }
+
+    /// Fills the FIFO of a stream to a peripheral.
+    fn read_ahead(&mut self, dma: usize, stream: usize) {
+        while let Some(from) = self.dmas[dma].ahead(stream) {
+            let mut bytes = [0; 4];
+            let known = self.memory.read(from & !3, &mut bytes).is_ok();
+            if !self.reaches(from, false, known) {
+                self.dmas[dma].moved(stream, false, Nanos::ZERO);
+                return;
+            }
+            let value = u32::from_le_bytes(bytes) >> (8 * (from & 3));
+            self.dmas[dma].hold(stream, 0, value);
+        }
+    }
+
+    /// Writes to memory what the FIFO of a stream from a peripheral has to give.
+    fn empty_fifo(&mut self, dma: usize, stream: usize) {
+        for (to, value, width) in self.dmas[dma].give_due(stream) {
+            if self.write_item(to, value, width).is_none() {
+                self.dmas[dma].moved(stream, false, Nanos::ZERO);
             }
         }
     }
@@ -682,14 +825,19 @@ impl Soc {
         false
     }
 
-    fn move_item(&mut self, transfer: Transfer, now: Nanos) -> Option<()> {
-        let Transfer { from, to, width } = transfer;
-        let is_peripheral = |address: u32| {
-            address.checked_sub(PERIPHERALS.0).is_some_and(|offset| offset < PERIPHERALS.1)
-        };
+    fn move_item(
+        &mut self,
+        dma: usize,
+        stream: usize,
+        transfer: Transfer,
+        now: Nanos,
+    ) -> Option<()> {
+        let Transfer { from, to, width, buffered } = transfer;
         let length = width.bytes() as usize;
         let value = if is_peripheral(from) {
             self.access_read(from, width, now).ok()?
+        } else if buffered {
+            self.dmas[dma].give(stream)?.1 & width.mask()
         } else {
             let mut bytes = [0; 4];
             let known = self.memory.read(from, &mut bytes[..length]).is_ok();
@@ -700,14 +848,26 @@ impl Soc {
         };
         if is_peripheral(to) {
             self.access_write(to, width, value, now).ok().map(drop)
+        } else if buffered {
+            self.dmas[dma].hold(stream, to, value);
+            Some(())
         } else {
-            // A plain write does not program the flash.
-            let known = to >> 24 != FLASH >> 24 && self.memory.word(to & !3).is_ok();
-            let bytes = value.to_le_bytes();
-            let reached = self.reaches(to, true, known);
-            if reached { self.memory.write(to, &bytes[..length]).ok() } else { None }
+            self.write_item(to, value, width)
         }
     }
+
+    fn write_item(&mut self, to: u32, value: u32, width: Width) -> Option<()> {
+        // A plain write does not program the flash.
+        let known = to >> 24 != FLASH >> 24 && self.memory.word(to & !3).is_ok();
+        let reached = self.reaches(to, true, known);
+        let bytes = value.to_le_bytes();
+        let length = width.bytes() as usize;
+        if reached { self.memory.write(to, &bytes[..length]).ok() } else { None }
+    }
+}
+
+fn is_peripheral(address: u32) -> bool {
+    address.checked_sub(PERIPHERALS.0).is_some_and(|offset| offset < PERIPHERALS.1)
 }
 
 fn raise(levels: &mut [u32; INTERRUPT_WORDS], number: usize) {

@@ -44,6 +44,10 @@ pub const TXEFC: u32 = 0xF0;
 pub const TXEFS: u32 = 0xF4;
 pub const TXEFA: u32 = 0xF8;
 
+/// Of the clock calibration unit: its configuration, and the bit that bypasses it.
+pub const CCFG: u32 = 0x04;
+pub const BYPASS: u32 = 1 << 6;
+
 pub const INIT: u32 = 1;
 pub const CCE: u32 = 2;
 pub const ASM: u32 = 1 << 2;
@@ -69,6 +73,8 @@ pub const ELEMENT: usize = 4;
 
 pub const EVENT: u32 = 1 << 23;
 pub const BIT: u64 = 1000;
+/// 16 periods of 120 MHz, 133 1/3 ns: until INIT can be read back, and a cancellation is done.
+pub const CROSSING: u64 = 134;
 
 pub struct Bench {
     pub fdcans: Arc<Mutex<Fdcans>>,
@@ -97,12 +103,13 @@ const INTERFRAME_NS: u64 = 3 * BIT;
 impl Bench {
     /// In configuration mode: 1 Mbit/s, three elements in each FIFO, no filters, nothing to send.
     pub fn configuring() -> Self {
-        let fdcans = Arc::new(Mutex::new(Fdcans::new()));
+        let fdcans = Arc::new(Mutex::new(Fdcans::new(1)));
         let node = Node::new(Arc::clone(&fdcans), 0);
         let bench = Self { fdcans, node, now: Nanos::ZERO };
         bench.fdcans().set_kernel_clock(120_000_000);
         bench.fdcans().set_pins(0, true, true);
         bench.write(CCCR, INIT | CCE);
+        assert_eq!(bench.fdcans().write_calibration(CCFG, BYPASS), Some(true));
         bench.write(NBTP, ONE_MEGABIT);
         bench.write(RXF0C, 3 << 16 | start_address(FIFO_0));
         bench.write(RXF1C, 3 << 16 | start_address(FIFO_1));
@@ -146,6 +153,12 @@ impl Bench {
 
     pub fn write(&self, offset: u32, value: u32) {
         assert!(self.fdcans().write(0, offset, value, self.now));
+    }
+
+    /// Writes CCCR and waits until INIT can be read back.
+    pub fn set_cccr(&mut self, value: u32) {
+        self.write(CCCR, value);
+        self.wait(CROSSING);
     }
 
     pub fn ram(&self, word: usize) -> u32 {

@@ -220,12 +220,12 @@ fn on_a_full_bus_every_frame_is_one_step_of_recovery() {
 #[test]
 fn setting_init_again_does_not_shorten_recovery() {
     let mut bench = bus_off();
-    bench.write(CCCR, 0);
+    bench.set_cccr(0);
     bench.wait(128 * 11 * BIT);
-    bench.write(CCCR, INIT);
-    bench.write(CCCR, INIT | CCE);
-    bench.write(CCCR, 0);
-    assert_eq!(bench.node.next_event(), Some(bench.now + Nanos::new(129 * 11 * BIT)));
+    bench.set_cccr(INIT);
+    bench.set_cccr(INIT | CCE);
+    bench.set_cccr(0);
+    assert_eq!(bench.node.next_event(), Some(bench.now + Nanos::new(129 * 11 * BIT - CROSSING)));
     // CCE took the request with it.
     assert_eq!((bench.read(TXBRP), bench.counters().cancelled), (0, 1));
 }
@@ -250,9 +250,9 @@ fn in_restricted_operation_it_listens_and_its_counters_stand() {
 fn a_bus_monitor_sends_nothing() {
     let mut bench = Bench::sending(1, 0, false);
     bench.request(0, &standard(1, &[]));
-    bench.write(CCCR, INIT);
-    bench.write(CCCR, INIT | CCE);
-    bench.write(CCCR, INIT | CCE | MON);
+    bench.set_cccr(INIT);
+    bench.set_cccr(INIT | CCE);
+    bench.set_cccr(INIT | CCE | MON);
     bench.join();
     assert_eq!(bench.read(TXBRP), 0);
     bench.request(0, &standard(1, &[]));

@@ -143,8 +143,8 @@ fn configuration_empties_the_fifos() {
     let mut bench = Bench::configuring();
     bench.join();
     hear(&mut bench, 1);
-    bench.write(CCCR, INIT);
+    bench.set_cccr(INIT);
     assert_eq!(status(&bench).0, 1);
-    bench.write(CCCR, INIT | CCE);
+    bench.set_cccr(INIT | CCE);
     assert_eq!(bench.read(RXF0S), 0);
 }

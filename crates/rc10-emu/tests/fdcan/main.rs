@@ -5,6 +5,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 mod bench;
+mod calibration;
 mod errors;
 mod fifos;
 mod filters;

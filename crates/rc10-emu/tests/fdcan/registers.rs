@@ -17,7 +17,7 @@ fn it_is_the_core_that_drivers_look_for() {
 
 #[test]
 fn reset_values() {
-    let mut fdcans = rc10_emu::fdcan::Fdcans::new();
+    let mut fdcans = rc10_emu::fdcan::Fdcans::new(1);
     let values = [
         (CCCR, 1),
         (NBTP, 0x0600_0A03),
@@ -61,7 +61,7 @@ fn configuration_needs_init_and_cce() {
     let protected = protected.into_iter().chain([RXF1C, RXESC, TXBC, 0xC8, TXEFC, TEST]);
     let values: Vec<_> = protected.map(|offset| (offset, bench.read(offset))).collect();
     for cccr in [0, INIT] {
-        bench.write(CCCR, cccr);
+        bench.set_cccr(cccr);
         for &(offset, value) in &values {
             let before = bench.counters().protected_writes;
             bench.write(offset, !value);
@@ -69,7 +69,7 @@ fn configuration_needs_init_and_cce() {
             assert_eq!(bench.counters().protected_writes, before + 1, "{offset:#x}");
         }
     }
-    bench.write(CCCR, INIT | CCE);
+    bench.set_cccr(INIT | CCE);
     let before = bench.counters().protected_writes;
     for &(offset, value) in values.iter().filter(|&&(offset, _)| offset != TEST) {
         bench.write(offset, !value);
@@ -77,7 +77,7 @@ fn configuration_needs_init_and_cce() {
     }
     assert_eq!(bench.counters().protected_writes, before);
     // Writing what is there already is no attempt to change it.
-    bench.write(CCCR, 0);
+    bench.set_cccr(0);
     bench.write(NBTP, bench.read(NBTP));
     assert_eq!(bench.counters().protected_writes, before);
 }
@@ -87,28 +87,28 @@ fn cce_lives_only_with_init() {
     let mut bench = Bench::configuring();
     bench.join();
     // Both at once: INIT was not set yet.
-    bench.write(CCCR, INIT | CCE);
+    bench.set_cccr(INIT | CCE);
     assert_eq!(bench.read(CCCR), INIT);
-    bench.write(CCCR, INIT | CCE);
+    bench.set_cccr(INIT | CCE);
     assert_eq!(bench.read(CCCR), INIT | CCE);
-    bench.write(CCCR, CCE);
+    bench.set_cccr(CCE);
     assert_eq!(bench.read(CCCR), 0);
-    bench.write(CCCR, CCE);
+    bench.set_cccr(CCE);
     assert_eq!(bench.read(CCCR), 0);
 }
 
 #[test]
 fn modes_are_set_in_configuration_and_some_cleared_at_any_time() {
-    let bench = Bench::configuring();
+    let mut bench = Bench::configuring();
     let modes = ASM | MON | 1 << 7 | DAR | FDOE;
-    bench.write(CCCR, INIT | CCE | modes);
-    bench.write(CCCR, modes);
+    bench.set_cccr(INIT | CCE | modes);
+    bench.set_cccr(modes);
     assert_eq!(bench.read(CCCR), modes);
     // ASM, MON and TEST go, DAR and FDOE stay.
-    bench.write(CCCR, 0);
+    bench.set_cccr(0);
     assert_eq!(bench.read(CCCR), DAR | FDOE);
     let before = bench.counters().protected_writes;
-    bench.write(CCCR, DAR | FDOE | MON);
+    bench.set_cccr(DAR | FDOE | MON);
     assert_eq!(bench.read(CCCR), DAR | FDOE);
     assert_eq!(bench.counters().protected_writes, before + 1);
 }
@@ -140,7 +140,7 @@ fn eleven_recessive_bits_before_it_takes_part() {
     bench.wait(1);
     assert!(bench.node.is_on_bus());
     assert_eq!((bench.read(PSR) >> 3 & 3, bench.node.next_event()), (1, None));
-    bench.write(CCCR, INIT);
+    bench.set_cccr(INIT);
     assert!(!bench.node.is_on_bus());
 
     // A frame in between: it waits for its end, whose recessive bits count.
@@ -200,14 +200,14 @@ fn a_reset_takes_registers_and_leaves_message_ram() {
 fn clock_stop_waits_for_what_is_pending() {
     let mut bench = Bench::sending(1, 0, false);
     bench.request(0, &standard(1, &[]));
-    bench.write(CCCR, CSR);
+    bench.set_cccr(CSR);
     assert_eq!(bench.read(CCCR), CSR);
     bench.carry(Outcome::Acknowledged);
     assert_eq!(bench.read(CCCR), CSR | CSA | INIT);
     // Released: INIT is the program's to clear.
-    bench.write(CCCR, INIT);
+    bench.set_cccr(INIT);
     assert_eq!(bench.read(CCCR), INIT);
-    bench.write(CCCR, 0);
+    bench.set_cccr(0);
     assert_eq!(bench.read(CCCR), 0);
 }
 
@@ -303,4 +303,54 @@ fn controllers_share_the_message_ram_and_nothing_else() {
     let bench = Bench::configuring();
     assert_eq!(bench.fdcans().read(1, NBTP, bench.now), Some(0x0600_0A03));
     assert_eq!(bench.fdcans().read(2, CCCR, bench.now), Some(INIT));
+}
+
+/// Nothing may be read that nothing has written.
+#[test]
+fn the_message_ram_starts_with_noise_of_the_seed() {
+    let words = |seed| {
+        let fdcans = rc10_emu::fdcan::Fdcans::new(seed);
+        (0..2560).map(|word| fdcans.read_ram(word).unwrap()).collect::<Vec<_>>()
+    };
+    assert_eq!(words(1), words(1));
+    let same = words(1).iter().zip(words(2)).filter(|(one, two)| **one == *two).count();
+    assert!(same < 5, "{same} words are the same with another seed");
+    assert!(words(1).iter().filter(|word| **word == 0).count() < 5);
+}
+
+/// "There may be a delay until the value written to INIT can be read back. Therefore the programmer has
+/// to assure that the previous value written to INIT has been accepted by reading INIT before setting
+/// INIT to a new value."
+#[test]
+fn init_is_read_back_later() {
+    let mut bench = Bench::configuring();
+    bench.write(CCCR, 0);
+    assert_eq!(bench.read(CCCR), INIT, "a driver that looks at once takes it for bus-off");
+    bench.wait(CROSSING - 1);
+    assert_eq!(bench.read(CCCR), INIT);
+    // Written again meanwhile: lost, and counted.
+    bench.write(CCCR, INIT);
+    assert_eq!(bench.counters().protected_writes, 1);
+    bench.wait(1);
+    assert_eq!(bench.read(CCCR), 0);
+
+    // CCE needs an INIT that has arrived.
+    bench.write(CCCR, INIT);
+    bench.write(CCCR, INIT | CCE);
+    bench.wait(CROSSING);
+    assert_eq!(bench.read(CCCR), INIT);
+    bench.write(CCCR, INIT | CCE);
+    assert_eq!(bench.read(CCCR), INIT | CCE);
+}
+
+#[test]
+fn without_a_kernel_clock_init_is_never_read_back() {
+    let mut bench = Bench::configuring();
+    bench.fdcans().set_kernel_clock(0);
+    bench.write(CCCR, 0);
+    bench.wait(1_000_000_000);
+    assert_eq!(bench.read(CCCR), INIT);
+    bench.fdcans().set_kernel_clock(120_000_000);
+    bench.wait(CROSSING);
+    assert_eq!(bench.read(CCCR), 0);
 }

@@ -136,7 +136,9 @@ fn a_dominant_wire_holds_recovery_up() {
 #[test]
 fn another_bit_rate_hears_nothing_and_counts_errors() {
     let (mut world, bus, mut bench) = rig();
+    advance(&mut world, &mut bench, 1);
     bench.write(CCCR, INIT);
+    advance(&mut world, &mut bench, 1);
     bench.write(CCCR, INIT | CCE);
     // 41 quanta: 2.5 % off.
     bench.write(NBTP, ONE_MEGABIT + 1);

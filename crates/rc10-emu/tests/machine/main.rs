@@ -4,7 +4,7 @@
 mod links;
 
 use rc10_emu::peripherals::{ResetCause, Width};
-use rc10_emu::{Injection, Machine};
+use rc10_emu::{Injection, Machine, Options};
 use rc10_sim::{Nanos, World};
 
 const FLASH: u32 = 0x0800_0000;
@@ -196,4 +196,157 @@ fn a_memory_without_clock_is_told() {
     machine.soc().reset(ResetCause::Software, micros(10));
     assert_eq!(machine.soc().memories_run(), [false; 2]);
     assert_eq!(machine.memory().word(SRAM1).unwrap(), 0x0403_0201);
+}
+
+const RCC: u32 = 0x5802_4400;
+
+/// Switches HSE on and makes it the system clock: what a program does at first.
+fn use_crystal(machine: &mut Machine, world: &mut World) {
+    let write = |machine: &Machine, offset, value| {
+        let now = machine.now();
+        machine.soc().write(RCC + offset, Width::Word, value, now).unwrap();
+    };
+    write(machine, 0, 1 << 16 | 1);
+    write(machine, 0x10, 2);
+    machine.run(world, micros(3000)).unwrap();
+    assert_eq!(machine.soc().core_clock_hz(), rc10_emu::peripherals::HSE_HZ);
+}
+
+/// The core takes the NMI at once, and does so again and again until the flag is cleared.
+#[test]
+fn clock_security_interrupts_the_core() {
+    let mut world = World::new(1);
+    let mut machine = Machine::new(&program(MASK, 0, HANDLER)).unwrap();
+    use_crystal(&mut machine, &mut world);
+    let now = machine.now();
+    // CSSHSEON.
+    machine.soc().write(RCC, Width::Word, 1 << 19 | 1 << 16 | 1, now).unwrap();
+    machine.set_crystal(false);
+    machine.restart_profile();
+    machine.run(&mut world, micros(3010)).unwrap();
+    // Interrupts are masked, and it is no interrupt that can be.
+    let costs = machine.profile().by_exception();
+    let nmi = costs.iter().find(|cost| cost.exception == 2).unwrap();
+    assert!(nmi.entries == 1 && nmi.instructions > 10, "{costs:?}");
+    assert_eq!(machine.soc().core_clock_hz(), 64_000_000);
+}
+
+/// Nothing is executed, and only what LSI drives is left: the watchdog.
+#[test]
+fn without_clock_security_the_core_stands_and_the_watchdog_resets() {
+    const IWDG: u32 = 0x5800_4800;
+    let mut world = World::new(1);
+    let mut machine = Machine::new(&program(LOAD, FLASH, HANDLER)).unwrap();
+    // Started, its settings as after a reset: 4096 periods of 4 / 32 kHz, 512 ms.
+    machine.soc().write(IWDG, Width::Word, 0xCCCC, Nanos::ZERO).unwrap();
+    use_crystal(&mut machine, &mut world);
+    machine.set_crystal(false);
+    machine.restart_profile();
+    machine.run(&mut world, micros(511_999)).unwrap();
+    assert_eq!((machine.profile().total(), machine.restarts().len()), (0, 0));
+    machine.run(&mut world, micros(512_100)).unwrap();
+    let causes: Vec<_> = machine.restarts().iter().map(|restart| restart.cause).collect();
+    assert_eq!(causes, [ResetCause::Watchdog]);
+    assert!(machine.profile().total() > 0, "it runs on HSI again");
+}
+
+/// An address in DTCM, where a program's statics are.
+const STATIC: u32 = 0x2000_1000;
+
+/// A program that keeps a count in RAM and takes for granted that it starts at zero, as `.bss` does
+/// and `.uninit` does not: counts it up, and executes an undefined instruction if it is beyond 100.
+/// `clears`: it writes a zero first.
+fn counter(clears: bool) -> Vec<u8> {
+    const LOOP: u32 = START + 18;
+    let mut words = vec![STACK, START | 1];
+    words.resize(16, LOOP | 1);
+    let mut flash: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let code = [
+        0x4804,                               // LDR R0, [PC, #16]: the address
+        if clears { 0x2100 } else { 0xE000 }, // MOVS R1, #0; or on behind the next
+        0x6001,                               // STR R1, [R0]
+        0x6801,                               // LDR R1, [R0]
+        0x3101,                               // ADDS R1, #1
+        0x2964,                               // CMP R1, #100
+        0xD900,                               // BLS, over the next
+        0xDE00,                               // UDF #0
+        0x6001,                               // STR R1, [R0]
+        0xE7FE,                               // B to itself: faults end here, too
+    ];
+    flash.extend(code.iter().flat_map(|half: &u16| half.to_le_bytes()));
+    flash.extend(STATIC.to_le_bytes());
+    elf(FLASH, &flash)
+}
+
+#[test]
+fn ram_that_was_never_written_is_noise() {
+    for seed in 0..20 {
+        let run = |program: &[u8]| {
+            let options = Options { seed, ..Options::default() };
+            let mut machine = Machine::with(program, options).unwrap();
+            machine.run(&mut World::new(1), micros(10)).unwrap();
+            let faults = machine.profile().by_exception();
+            (faults.iter().any(|cost| cost.exception == 3), machine.memory().word(STATIC).unwrap())
+        };
+        assert_eq!(run(&counter(true)), (false, 1));
+        let (fails, first) = run(&counter(false));
+        assert!(fails, "{seed}: it began with {first}");
+        // The same seed, the same noise.
+        assert_eq!(run(&counter(false)), (fails, first));
+    }
+}
+
+/// Every RAM has its own noise, and a reset keeps what is in it.
+#[test]
+fn power_comes_with_noise_in_every_ram() {
+    let machine = run(&program(LOAD, FLASH, HANDLER));
+    let mut seen = std::collections::BTreeSet::new();
+    for bank in machine.memory().banks().iter().filter(|bank| bank.base != FLASH) {
+        let words = (0..64).map(|word| machine.memory().word(bank.base + 256 + 4 * word).unwrap());
+        assert!(words.into_iter().all(|word| seen.insert(word)), "{}", bank.name);
+    }
+    let before = machine.memory().word(STATIC).unwrap();
+    machine.soc().reset(ResetCause::Watchdog, micros(10));
+    assert_eq!(machine.memory().word(STATIC).unwrap(), before);
+}
+
+/// Instructions are what they were; time is not.
+#[test]
+fn an_access_takes_what_the_buses_take() {
+    let instructions = |address| {
+        let mut machine = Machine::new(&program(LOAD, address, HANDLER)).unwrap();
+        // At 480 MHz: 64 million here, one a clock.
+        machine.set_speed(480_000_000);
+        machine.run(&mut World::new(1), micros(1000)).unwrap();
+        machine.profile().total()
+    };
+    let alone = instructions(FLASH);
+    // All buses at the core's 64 MHz. RCC, on AHB4; IWDG1, on APB4; DMA1 without its clock, on AHB1.
+    for (address, clocks) in [(0x5802_4400, 12), (0x5800_4800, 16), (0x4002_0000, 12)] {
+        assert_eq!(alone - instructions(address), clocks, "{address:#x}");
+    }
+}
+
+/// RM0468, power control: no write to a RAM before ACTVOSRDY. The write is done all the same.
+#[test]
+fn ram_written_before_the_supply_is_configured_is_told_if_asked_for() {
+    const CR3: u32 = 0x5802_480C;
+    let stores = counter(true);
+    assert_eq!(run(&stores).reports(), [], "as every start-up code does");
+    let options = Options { reports_early_ram: true, ..Options::default() };
+    let mut machine = Machine::with(&stores, options).unwrap();
+    machine.run(&mut World::new(1), micros(10)).unwrap();
+    let reports = reports(&machine);
+    // Once, although it stores twice.
+    assert!(reports.len() == 1 && reports[0].contains("before the supply"), "{reports:?}");
+    assert!(reports[0].contains("0x20001000"), "{reports:?}");
+    assert_eq!(machine.memory().word(STATIC).unwrap(), 1);
+
+    // LDOEN is written before its first instruction.
+    let mut machine = Machine::with(&stores, options).unwrap();
+    machine.soc().write(CR3, Width::Word, 0b010, Nanos::ZERO).unwrap();
+    machine.run(&mut World::new(1), Nanos::new(1)).unwrap();
+    machine.run(&mut World::new(1), micros(10)).unwrap();
+    assert_eq!(machine.reports(), []);
+    assert_eq!(machine.memory().word(STATIC).unwrap(), 1);
 }

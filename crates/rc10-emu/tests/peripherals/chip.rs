@@ -27,20 +27,25 @@ pub struct Chip {
 
 impl Chip {
     pub fn new() -> Self {
-        let memory = Memory::new();
-        let soc = Soc::new(Arc::new(Mutex::new(Fdcans::new())), memory.clone());
+        let memory = Memory::new(1);
+        let soc = Soc::new(Arc::new(Mutex::new(Fdcans::new(1))), memory.clone());
         Self { soc, memory, now: 0 }
     }
 
     /// One that runs as our firmware sets it up: 480 MHz.
     pub fn running() -> Self {
+        Self::with_pll1_q(6)
+    }
+
+    /// The same with another divider of PLL1's output Q: the FDCANs' and SPI1 to 3's clock.
+    pub fn with_pll1_q(divider: u32) -> Self {
         let mut chip = Self::new();
-        chip.start_clocks();
+        chip.start_clocks(divider);
         chip
     }
 
     /// What embassy-stm32 0.6.0 writes for `rc10_bsp::clocks()`, with its waiting loops.
-    pub fn start_clocks(&mut self) {
+    pub fn start_clocks(&mut self, divider: u32) {
         self.set(PWR + 0x0C, 0b111, 0b010);
         self.wait(PWR + 0x04, 1 << 13);
         self.set(PWR + 0x18, 3 << 14, 0);
@@ -49,10 +54,10 @@ impl Chip {
         self.wait(RCC, 1 << 2);
         self.set(RCC, 1 << 16, 1 << 16);
         self.wait(RCC, 1 << 17);
-        // HSE / 5 x 96, P / 1, Q / 4.
+        // HSE / 5 x 96, P / 1.
         self.set(RCC + 0x28, 0x3F << 4 | 3, 5 << 4 | 2);
         self.set(RCC + 0x2C, 0b1111 | 7 << 16, 0b10 << 2 | 0b011 << 16);
-        self.write(RCC + 0x30, 95 | 3 << 16 | 1 << 24);
+        self.write(RCC + 0x30, 95 | (divider - 1) << 16 | 1 << 24);
         self.set(RCC, 1 << 24, 1 << 24);
         self.wait(RCC, 1 << 25);
         // It switches the other PLLs off like this.

@@ -92,10 +92,153 @@ fn a_memory_without_clock_does_not_answer() {
     let mut chip = receiver(SRAM1, 0);
     chip.set(AHB2ENR, 1 << 29, 1 << 29);
     feed(&mut chip, &[0x5A]);
-    assert_eq!(chip.memory.word(SRAM1).unwrap(), 0x5A);
+    assert_eq!(chip.memory.word(SRAM1).unwrap() & 0xFF, 0x5A);
     // SRAM2's clock is another one.
     let mut chip = receiver(SRAM1 + 0x4000, 0);
     chip.set(AHB2ENR, 1 << 29, 1 << 29);
     feed(&mut chip, &[1]);
     assert_eq!(chip.read(DMA2) & 0x3D, 1 << 3);
+}
+
+const TRBUFF: u32 = 1 << 20;
+const USART2: u32 = 0x4000_4400;
+/// DMA1's or DMA2's stream 1.
+const OTHER_STREAM: u32 = 0x28;
+
+/// As `receiver`, and USART2's bytes go by stream 1 of a DMA; both without TRBUFF unless told.
+fn two_receivers(first: u32, second: u32, second_dma: u32, channel: u32) -> Chip {
+    let mut chip = receiver(0x2400_0000, CIRCULAR | first);
+    chip.set(AHB1ENR, 0b11, 0b11);
+    chip.write(crate::chip::APB1LENR, 1 << 17);
+    chip.alternate(0, 3, 7);
+    chip.write(USART2 + 0x0C, 1200);
+    chip.write(USART2 + 0x08, 1 << 6);
+    chip.write(USART2, 0b101);
+    chip.write(0x4002_0800 + 4 * channel, 43);
+    let stream = second_dma + OTHER_STREAM;
+    chip.write(stream + 0x04, 8);
+    chip.write(stream + 0x08, USART2 + 0x24);
+    chip.write(stream + 0x0C, 0x2400_0100);
+    chip.write(stream, 1 << 10 | CIRCULAR | second | 1);
+    chip
+}
+
+/// One byte for both UARTs, at one time.
+fn feed_both(chip: &mut Chip) {
+    let now = Nanos::new(chip.now);
+    for uart in [1, 2] {
+        assert!(chip.soc.feed_serial(uart, &[7], 100_000, 10, now));
+    }
+    chip.run_to(chip.now + 100_000);
+}
+
+/// STM32H7 errata: "DMA stream locked when transferring data to/from USART/UART".
+#[test]
+fn a_uart_without_trbuff_locks_its_stream_when_another_one_moves() {
+    // DMA1 is at 0x4002_0000, its channels of DMAMUX1 are 0 to 7.
+    let (dma1, dma2) = (0x4002_0000, 0x4002_0400);
+    // Set for both: no harm. On another DMA: no harm either.
+    for mut chip in [two_receivers(TRBUFF, TRBUFF, dma2, 9), two_receivers(0, 0, dma1, 1)] {
+        feed_both(&mut chip);
+        feed_both(&mut chip);
+        assert_eq!((chip.read(NDTR), chip.kinds()), (6, vec![]));
+    }
+    let mut chip = two_receivers(0, TRBUFF, dma2, 9);
+    // Alone it works, which is why nobody notices.
+    feed(&mut chip, &[1]);
+    assert_eq!((chip.read(NDTR), chip.kinds()), (7, vec![]));
+    chip.now += 1000;
+    feed_both(&mut chip);
+    feed(&mut chip, &[2, 3]);
+    // Enabled, without an error, and it moves nothing more. It is told once.
+    assert_eq!((chip.read(NDTR), chip.read(CR) & 1, chip.read(DMA2) & 0x3D), (7, 1, 0));
+    assert_eq!(chip.read(dma2 + OTHER_STREAM + 0x04), 7, "the other one goes on");
+    let reports = chip.soc.take_reports();
+    assert_eq!(reports.len(), 1);
+    assert!(reports[0].to_string().contains("without TRBUFF"), "{}", reports[0]);
+    // Switched off and on again it works until the next time.
+    chip.set(CR, 1, 0);
+    chip.write(DMA2 + 0x08, 0x3D);
+    chip.write(USART1 + 0x20, 0xF);
+    chip.set(CR, 1, 1);
+    let before = chip.read(NDTR);
+    feed(&mut chip, &[4]);
+    assert_eq!(chip.read(NDTR), before - 1);
+}
+
+/// FCR: DMDIS, and a threshold of a quarter, four bytes.
+const FCR: u32 = CR + 0x14;
+const FIFO_MODE: u32 = 1 << 2;
+
+#[test]
+fn with_its_fifo_ndtr_runs_ahead_of_memory() {
+    let mut chip = receiver(0x2400_0000, CIRCULAR);
+    assert_eq!(chip.read(FCR), 0x21);
+    chip.set(CR, 1, 0);
+    chip.write(DMA2 + 0x08, 0x3D);
+    chip.write(NDTR, 8);
+    chip.write(FCR, FIFO_MODE);
+    chip.set(CR, 1, 1);
+    let memory = |chip: &Chip| chip.memory.word(0x2400_0000).unwrap();
+    let before = memory(&chip);
+    feed(&mut chip, &[1, 2, 3]);
+    assert_eq!((chip.read(NDTR), memory(&chip)), (5, before), "counted, and not there");
+    assert_eq!(chip.read(FCR) >> 3 & 7, 0, "less than a quarter");
+    feed(&mut chip, &[4]);
+    assert_eq!((chip.read(NDTR), memory(&chip)), (4, 0x0403_0201));
+    assert_eq!(chip.read(FCR) >> 3 & 7, 4, "empty");
+    // What is left goes to memory when the stream is switched off.
+    feed(&mut chip, &[5]);
+    let second = |chip: &Chip| chip.memory.word(0x2400_0004).unwrap() & 0xFF;
+    assert_ne!(second(&chip), 5);
+    chip.set(CR, 1, 0);
+    assert_eq!(second(&chip), 5);
+    // FCR is locked while the stream runs.
+    chip.write(DMA2 + 0x08, 0x3D);
+    chip.set(CR, 1, 1);
+    chip.write(FCR, 0);
+    assert_eq!(chip.kinds(), [AccessKind::Protected]);
+}
+
+/// The end of the buffer is written even if the FIFO is not at its threshold.
+#[test]
+fn with_its_fifo_a_transfer_ends_in_memory() {
+    let mut chip = receiver(0x2400_0000, 0);
+    chip.set(CR, 1, 0);
+    chip.write(DMA2 + 0x08, 0x3D);
+    chip.write(NDTR, 3);
+    chip.write(FCR, FIFO_MODE | 0b11);
+    chip.set(CR, 1, 1);
+    feed(&mut chip, &[1, 2, 3]);
+    assert_eq!(chip.memory.word(0x2400_0000).unwrap() & 0xFF_FFFF, 0x03_0201);
+    assert_eq!(chip.read(DMA2) & 0x20, 0x20, "complete");
+}
+
+#[test]
+fn with_its_fifo_memory_is_read_ahead() {
+    for (fifo, sent) in [(FIFO_MODE, [1, 2, 3]), (0, [1, 8, 9])] {
+        let mut chip = receiver(0x2400_0000, CIRCULAR);
+        chip.set(CR, 1, 0);
+        chip.write(DMA2 + 0x08, 0x3D);
+        // TE, and DMAT: USART1 sends.
+        chip.alternate(1, 6, 7);
+        chip.write(USART1, 0b1001);
+        chip.write(USART1 + 0x08, 1 << 7);
+        chip.write(0x4002_0820, 42);
+        chip.memory.write(0x2400_0000, &[1, 2, 3]).unwrap();
+        chip.write(NDTR, 3);
+        chip.write(CR + 0x08, USART1 + 0x28);
+        chip.write(FCR, fifo);
+        // Before the UART asks for its third byte, the buffer is changed.
+        chip.write(CR, 1 << 10 | 1 << 6 | TRBUFF);
+        chip.write(USART1 + 0x08, 0);
+        chip.set(CR, 1, 1);
+        let old = chip.memory.word(0x2400_0000).unwrap() & 0xFF;
+        assert_eq!(old, 1);
+        chip.memory.write(0x2400_0001, &[8, 9]).unwrap();
+        chip.write(USART1 + 0x08, 1 << 7);
+        chip.run_to(chip.now + 400_000);
+        let values: Vec<_> = chip.soc.take_sent().iter().map(|byte| byte.value).collect();
+        assert_eq!(values, sent, "{fifo}");
+    }
 }

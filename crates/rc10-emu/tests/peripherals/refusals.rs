@@ -86,6 +86,14 @@ fn the_fdcans_share_a_clock_gate_a_reset_and_their_memory() {
         chip.write(base + 0x1C, 0x1234_0506);
         assert_eq!(chip.read(base + 0x1C), 0x1234_0506);
     }
+    // The calibration unit, while FDCAN1 is configured and when it no longer is.
+    let ccfg = 0x4000_A804;
+    chip.write(ccfg, 1 << 6);
+    assert_eq!((chip.read(ccfg), chip.soc.counts().protected), (1 << 6, 0));
+    chip.write(fdcans[0] + 0x18, 0);
+    chip.write(ccfg, 0);
+    assert_eq!((chip.read(ccfg), chip.soc.counts().protected), (1 << 6, 1));
+
     chip.write(ram + 0x27FC, 0x5A5A_0001);
     let now = Nanos::new(chip.now);
     chip.soc.write(ram + 0x27FD, Width::Byte, 0x77, now).unwrap();
@@ -96,5 +104,24 @@ fn the_fdcans_share_a_clock_gate_a_reset_and_their_memory() {
     for base in fdcans {
         assert_eq!(chip.read(base + 0x1C), 0x0600_0A03, "NBTP after a reset");
     }
+    assert_eq!(chip.read(ccfg), 0x4, "no bypass after a reset");
     assert_eq!(chip.read(ram + 0x27FC), 0x5A5A_7701);
+}
+
+/// 480, 240 and 120 MHz: reading an FDCAN or its message RAM is said to take 40 to 50 clocks.
+#[test]
+fn an_access_takes_longer_the_farther_away_it_goes() {
+    let chip = Chip::running();
+    for (address, clocks) in [
+        (0x4000_A000, 44), // FDCAN1
+        (0x4000_AC00, 44), // message RAM
+        (0x4001_1000, 44), // USART1
+        (0x4002_0000, 24), // DMA1
+        (0x5200_2000, 12), // FLASH
+        (0x5802_0000, 24), // GPIOA
+        (0x3000_0000, 0),  // SRAM1
+    ] {
+        assert_eq!(chip.soc.access_clocks(address), clocks, "{address:#x}");
+    }
+    assert_eq!(Chip::new().soc.access_clocks(0x4000_A000), 16, "all buses at the core's clock");
 }

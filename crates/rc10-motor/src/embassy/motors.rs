@@ -8,7 +8,7 @@ use rc10_message::{CallError, Caller, Service};
 
 use crate::bus::MotorId;
 use crate::motor::{Answer, Request, RequestError, Target, TargetError, TargetSet};
-use crate::supervision::MotorStatus;
+use crate::supervision::{MotorStatus, Refusals};
 
 /// A mailbox and a status for each of `N` motors, and one service for the requests to all of them:
 /// what their bus or line shares with all other tasks.
@@ -23,6 +23,8 @@ struct MotorCell {
     command: Mutex<CriticalSectionRawMutex, Cell<Option<Target>>>,
     supports: Mutex<CriticalSectionRawMutex, Cell<TargetSet>>,
     status: Mutex<CriticalSectionRawMutex, RefCell<MotorStatus>>,
+    /// Targets that did not come as far as the mail.
+    refused: Mutex<CriticalSectionRawMutex, Cell<Refusals>>,
 }
 
 /// How many requests to the motors of a bus or line may wait at once.
@@ -34,6 +36,17 @@ type Outcome = Result<Answer, RequestError>;
 /// Who waits for it.
 type Asker<'p> = Caller<'p, (MotorId, Request), Outcome, CALLERS>;
 
+impl MotorCell {
+    #[cold]
+    fn refuse(&self, error: TargetError) {
+        self.refused.lock(|place| {
+            let mut refused = place.get();
+            refused.add(error);
+            place.set(refused);
+        });
+    }
+}
+
 impl<const N: usize> MotorPorts<N> {
     /// They refuse all targets until they are [opened](Self::open).
     pub(super) const fn new() -> Self {
@@ -44,6 +57,7 @@ impl<const N: usize> MotorPorts<N> {
                     command: Mutex::new(Cell::new(None)),
                     supports: Mutex::new(Cell::new(TargetSet::NONE)),
                     status: Mutex::new(RefCell::new(MotorStatus::NEW)),
+                    refused: Mutex::new(Cell::new(Refusals::NONE)),
                 }
             }; N],
             requests: Service::new(),
@@ -154,10 +168,14 @@ impl MotorPort<'_> {
     ///
     /// # Errors
     /// [`TargetError`]: the motor does not take such targets, or a number is not finite. While the
-    /// bus is not running yet every target is unsupported.
+    /// bus is not running yet every target is unsupported. The motor keeps the target it had until
+    /// that expires; [`MotorCounters::refused`](crate::MotorCounters::refused) counts it.
     pub fn command(&self, target: Target) -> Result<(), TargetError> {
         let cell = self.cell.ok_or(TargetError::Unsupported(target.kind()))?;
-        cell.supports.lock(Cell::get).accepts(&target)?;
+        if let Err(error) = cell.supports.lock(Cell::get).accepts(&target) {
+            cell.refuse(error);
+            return Err(error);
+        }
         cell.command.lock(|command| command.set(Some(target)));
         cell.commanded.store(true, Ordering::Release);
         Ok(())
@@ -195,7 +213,12 @@ impl MotorPort<'_> {
     /// All there is to know about the motor, as of its bus's last tick.
     #[must_use]
     pub fn status(&self) -> MotorStatus {
-        self.cell.map_or(MotorStatus::NEW, |cell| cell.status.lock(|status| *status.borrow()))
+        self.cell.map_or(MotorStatus::NEW, |cell| {
+            let mut status = cell.status.lock(|status| *status.borrow());
+            let refused = &mut status.counters.refused;
+            *refused = refused.plus(cell.refused.lock(Cell::get));
+            status
+        })
     }
 
     /// The targets it takes; none while its bus is not running yet.

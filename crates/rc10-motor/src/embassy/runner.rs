@@ -113,10 +113,11 @@ pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
 }
 
 impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
-    /// The first frames leave one period after `now`.
+    /// The first frames leave one period after `now`. If the motors do not fit on a bus of 1 Mbit/s,
+    /// the robot cannot be armed: [`Unfit::Overload`](crate::Unfit::Overload).
     pub fn new(port: P, bus: B, shared: &'p BusPort, now: Micros) -> Self {
         shared.open(bus.borrow());
-        let load = bus.borrow().load(BITS_PER_SECOND);
+        let load = bus.borrow().check_load(BITS_PER_SECOND);
         shared.publish_bus(|status| *status = BusStatus { load, ..BusStatus::NEW });
         let mut runner = Self {
             port,

@@ -38,6 +38,11 @@ const _: () = assert!(3 * SHARE <= 2560, "the three FDCANs share 2560 words");
 const BIT_RATE: u32 = 1_000_000;
 const BIT_TIMING: BitTiming = BitTiming::exact(FDCAN_CLOCK.0, BIT_RATE);
 
+/// FDCAN_CCU_CCFG (RM0468, FDCAN, clock calibration unit; base 0x4000_A800 in ST's `stm32h723xx.h`).
+const CALIBRATION: *mut u32 = 0x4000_A804 as *mut u32;
+/// BCC: the unit is bypassed, and the kernel clock goes to the controllers undivided.
+const BYPASS: u32 = 1 << 6;
+
 /// One of the three controllers.
 #[derive(Clone, Copy)]
 pub struct Controller {
@@ -95,6 +100,11 @@ impl Controller {
     /// Configures and starts a controller that was just reset (CCCR.INIT is set). It accepts all
     /// frames.
     pub(super) fn start(self) {
+        bypass_calibration();
+        // What it holds after power-on is anything.
+        for word in self.share..self.share + SHARE {
+            pac::FDCANRAM.ram(word).write_value(0);
+        }
         let can = self.registers;
         can.cccr().modify(|w| w.set_cce(true));
         // The register holds each value less one.
@@ -149,8 +159,8 @@ impl Controller {
     }
 
     /// Takes part in the bus: after the configuration; after bus-off, when the hardware itself
-    /// waits for the 129 x 11 recessive bits that ISO 11898-1 asks for; and after the message RAM
-    /// was too slow for a frame, when the hardware stops sending (restricted operation, CCCR.ASM).
+    /// waits for the 129 x 11 recessive bits that ISO 11898-1 asks for; and from restricted
+    /// operation (CCCR.ASM), in which the hardware sends nothing.
     pub(super) fn go_on_bus(self) {
         self.registers.cccr().modify(|w| {
             w.set_init(false);
@@ -334,6 +344,24 @@ impl Controller {
         let coast = self.coast();
         coast == 0 || self.registers.txbto().read().0 & coast == coast
     }
+}
+
+/// Takes the clock calibration unit out of the clock's way, before the first controller starts. It
+/// belongs to FDCAN1 and stands before all three.
+///
+/// By the manual's text it gives no valid clock after a reset, and holds the controllers in
+/// restricted operation until it is calibrated or bypassed. (Whether silicon does is doubtful: ST's
+/// HAL never writes it.) It can be written only while FDCAN1 has INIT and CCE set.
+fn bypass_calibration() {
+    // SAFETY: a register of the FDCANs, whose common clock the caller has switched on.
+    if unsafe { CALIBRATION.read_volatile() } & BYPASS != 0 {
+        return;
+    }
+    // INIT is set since the common reset: no controller was started before this one.
+    pac::FDCAN1.cccr().modify(|w| w.set_cce(true));
+    // SAFETY: as above; without divider, and nothing else in it is used.
+    unsafe { CALIBRATION.write_volatile(BYPASS) };
+    pac::FDCAN1.cccr().modify(|w| w.set_cce(false));
 }
 
 /// A message RAM word index as the address registers take it.

@@ -54,6 +54,7 @@ pub struct FdcanPort {
     transmit_lost: u32,
     ignored: u32,
     bus_offs: u32,
+    restrictions: u32,
     /// The controller has left the bus, and has not been told to go back.
     off: bool,
     /// How often the bus had stalled when the port was asked for frames last.
@@ -74,6 +75,7 @@ impl FdcanPort {
             transmit_lost: 0,
             ignored: 0,
             bus_offs: 0,
+            restrictions: 0,
             off: false,
             stalls: controller.stalls(),
         }
@@ -113,7 +115,9 @@ impl FdcanPort {
             // Since the start only the hardware sets it: bus-off.
             self.leave_bus();
         } else if control.asm() {
-            // The message RAM was too slow, and that is over.
+            // The message RAM was too slow for a frame, and that is over; or the clock calibration
+            // unit is at work, and then this happens again in every tick.
+            self.restrictions = self.restrictions.saturating_add(1);
             self.controller.go_on_bus();
         }
         if core::mem::take(&mut self.foreign_taken) {
@@ -224,6 +228,7 @@ impl CanPort for FdcanPort {
             transmit_lost: self.transmit_lost,
             ignored: self.ignored,
             bus_offs: self.bus_offs,
+            restrictions: self.restrictions,
             stalls: self.controller.stalls(),
         }
     }

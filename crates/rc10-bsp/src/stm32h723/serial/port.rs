@@ -1,4 +1,5 @@
 use core::future::poll_fn;
+use core::mem::ManuallyDrop;
 use core::sync::atomic::{Ordering, fence};
 use core::task::Poll;
 
@@ -30,7 +31,8 @@ pub struct ReceiverParts<T: SerialPeripheral, D: DmaStream> {
 pub struct SerialParts<T: SerialPeripheral, D: DmaStream, E: DmaStream> {
     receiver: ReceiverParts<T, D>,
     pin: Pin,
-    driver_enable: Option<Pin>,
+    /// Never disconnected: see [`with_driver_enable`](SerialParts::with_driver_enable).
+    driver_enable: Option<ManuallyDrop<Pin>>,
     _stream: Peri<'static, E>,
     request: u8,
 }
@@ -74,11 +76,14 @@ impl<T: SerialPeripheral, D: DmaStream + RxDma<T>, E: DmaStream + TxDma<T>> Seri
     }
 
     /// An RS-485 transceiver's driver is enabled by this pin, high while the UART sends: by the
-    /// peripheral itself, to a part of a bit.
+    /// peripheral itself, to a part of a bit. Until the port is started, and if it never is, the pin
+    /// is pulled down: the transceiver listens, and leaves the line to others.
     #[must_use]
     pub fn with_driver_enable<P: DePin<T>>(mut self, pin: Peri<'static, P>) -> Self {
         let function = pin.af_num();
-        self.driver_enable = Some((Flex::new(pin), function));
+        let mut pin = Flex::new(pin);
+        pin.set_as_input(Pull::Down);
+        self.driver_enable = Some(ManuallyDrop::new((pin, function)));
         self
     }
 }
@@ -290,7 +295,7 @@ impl Serial {
         // driver-enable pin a transceiver on the line.
         let push_pull = AfType::output(OutputType::PushPull, Speed::High);
         connect(parts.pin, push_pull);
-        if let Some(pin) = parts.driver_enable {
+        if let Some(pin) = parts.driver_enable.map(ManuallyDrop::into_inner) {
             connect(pin, push_pull);
         }
         let transmitter = SerialTransmitter {

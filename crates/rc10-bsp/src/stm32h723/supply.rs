@@ -1,0 +1,33 @@
+//! The core's supply, which has to be chosen before memory is written.
+//!
+//! RM0468, PWR: after power-on the chip waits in "Run*" for the program to say which regulator feeds the
+//! core (CR3, once per power-on); until CSR1.ACTVOSRDY says that the voltage is there, memories must not
+//! be written. cortex-m-rt clears statics and uses the stack long before a program's first line, as ST's
+//! own start-up code does; but it calls `__pre_init` before that.
+
+/// PWR (`stm32h723xx.h`).
+const PWR: u32 = 0x5802_4800;
+
+/// The LDO, as the H723 has no other regulator: LDOEN without SCUEN and BYPASS, what ST's HAL calls
+/// `PWR_LDO_SUPPLY`. embassy-stm32 writes the same again later. Waits for as long as it takes: without a
+/// supply there is nothing else to do.
+// SAFETY: cortex-m-rt calls it by this name, from `Reset`. It uses two registers that are free to any
+// function and no memory: neither stack nor statics, which are not ready yet.
+#[unsafe(export_name = "__pre_init")]
+#[unsafe(naked)]
+unsafe extern "C" fn choose_supply() {
+    core::arch::naked_asm!(
+        "ldr r0, ={PWR}",
+        // CR3
+        "ldr r1, [r0, #0x0C]",
+        "bic r1, r1, #0b101",
+        "orr r1, r1, #0b010",
+        "str r1, [r0, #0x0C]",
+        // CSR1, ACTVOSRDY
+        "2: ldr r1, [r0, #0x04]",
+        "tst r1, #(1 << 13)",
+        "beq 2b",
+        "bx lr",
+        PWR = const PWR,
+    )
+}
