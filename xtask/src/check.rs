@@ -151,7 +151,7 @@ pub fn run() -> Result<()> {
         None => Outcome::Skipped("no firmware".to_owned()),
     });
     report.step("emulate", || match &program {
-        Some(program) => emulate::run(program).into(),
+        Some(program) => emulate::run(program, None).into(),
         None => Outcome::Skipped("no firmware".to_owned()),
     });
     report.step("count", || with_chip(&rustc, |rustc| count::run(&build_count_with(rustc)?)));
