@@ -150,6 +150,10 @@ fn the_path_is_that_of_the_world() {
         let run = run(mistake, millis);
         let base = run.base.unwrap();
         let wheels = base.heard.last().unwrap().wheels.map(|wheel| wheel.angle);
+        // What the robot believes of the same.
+        let believed = base.by_wheels().last().copied().unwrap();
+        assert_eq!(base.path.len(), base.heard.len());
+        assert!((believed.x - 0.84).abs() < 0.1 && believed.y.abs() < 0.05, "{believed:?}");
         (*base.path.last().unwrap(), wheels)
     };
     // Forward, up to the first corner.

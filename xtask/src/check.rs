@@ -17,6 +17,9 @@ use crate::{count, emulate, size};
 /// A robot of somebody else's, outside the workspace. It shares the target directory.
 const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";
 
+/// All of `rc10-bsp`'s.
+const CHIP_FEATURES: &str = "stm32h723,usb,defmt,freeze-watchdog";
+
 enum Outcome {
     Passed,
     Failed(String),
@@ -114,8 +117,7 @@ pub fn run() -> Result<()> {
     report.step("lint chip", || match &rustc {
         // clippy is a compiler of its own and knows only its own toolchain's targets.
         Ok(None) => with_component("clippy", || {
-            let bsp =
-                format!("--package rc10-bsp --features stm32h723,usb,defmt --target {TARGET}");
+            let bsp = format!("--package rc10-bsp --features {CHIP_FEATURES} --target {TARGET}");
             run_command(&mut host(&format!("clippy {bsp} -- -D warnings")))?;
             run_command(&mut chip("clippy --workspace --release -- -D warnings", None))?;
             let docs = format!("doc --no-deps {bsp}");
@@ -124,6 +126,13 @@ pub fn run() -> Result<()> {
         _ => Outcome::Skipped("the active toolchain's clippy has no chip target".to_owned()),
     });
     report.step("test", || run_command(&mut host("test --workspace")).into());
+    report.step("robots", || {
+        let run = |robot: &str| {
+            let out = format!("--out target/rc10-{robot}");
+            run_command(&mut host(&format!("run --release -- run --strict --robot {robot} {out}")))
+        };
+        run("team").and_then(|()| run("mixed")).into()
+    });
     report.step("two wheels", || two_wheels().into());
     report.step("docs", || {
         run_command(host("doc --workspace --no-deps").env("RUSTDOCFLAGS", "-Dwarnings")).into()
@@ -142,7 +151,7 @@ pub fn run() -> Result<()> {
         None => Outcome::Skipped("no firmware".to_owned()),
     });
     report.step("emulate", || match &program {
-        Some(program) => emulate::run(program).into(),
+        Some(program) => emulate::run(program, None).into(),
         None => Outcome::Skipped("no firmware".to_owned()),
     });
     report.step("count", || with_chip(&rustc, |rustc| count::run(&build_count_with(rustc)?)));
@@ -152,7 +161,7 @@ pub fn run() -> Result<()> {
 /// Builds it with its own lock file, runs its test, and itself.
 fn two_wheels() -> Result<()> {
     run_command(&mut host(&format!("test --locked {TWO_WHEELS}")))?;
-    let arguments = "run --seconds 2 --out target/two-wheels";
+    let arguments = "run --strict --seconds 2 --out target/two-wheels";
     run_command(&mut host(&format!("run --locked {TWO_WHEELS} -- {arguments}")))
 }
 

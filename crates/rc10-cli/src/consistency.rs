@@ -1,5 +1,5 @@
 //! Whether what a robot's own sensors say fits together: its wheels with one another, with its IMU
-//! and with what they push; its motors with their targets; its identifiers with what is heard.
+//! and with what they push; its motors with their targets; its identifiers with the frames on the bus.
 //!
 //! What no sensor can know, a wheel's true radius for example, is said as information, with what
 //! would show it. The thresholds, and how far the shipped robots are from them: `docs/verdict.md`.
@@ -31,9 +31,9 @@ pub const PUSH: f64 = 0.2;
 /// Four wheels on a rigid base fit one another if none of them slips further than this in a window,
 /// m: 0.1 m/s.
 pub const SLIP: f64 = 0.01;
-/// So many windows make a problem ..
+/// Windows that make a problem ..
 pub const WINDOWS: usize = 3;
-/// .. and so many in which wheels push at a steady speed.
+/// .. and those in which wheels push at a steady speed.
 pub const PUSHING: usize = 2;
 /// A base that turned by less than this, rad, tells nothing of its measures.
 pub const TURNED: f64 = 1.0;
@@ -41,7 +41,7 @@ pub const TURNED: f64 = 1.0;
 pub const TURNED_SHARE: f64 = 0.05;
 /// A device that answers more often than this many times its rate is two.
 pub const TWICE: f64 = 1.5;
-/// A motor that goes away from its target for so many samples runs away: 200 ms.
+/// Samples for which a motor that runs away goes away from its target: 200 ms.
 pub const AWAY: usize = 20;
 /// This much of the time after a fault is not judged.
 const AFTER_FAULT: Micros = Micros::from_millis(500);
@@ -67,7 +67,7 @@ fn identifiers(recording: &Recording, found: &mut Vec<Problem>) {
     for track in &recording.motors {
         let (motor, on) = (&track.motor, track.motor.on);
         let Device::Dji { rate, .. } = motor.device else { continue };
-        // What fills a bus repeats somebody's feedback.
+        // A bus is filled with repetitions of a motor's feedback.
         let is_filled = |fault: &Fault| {
             matches!(fault.kind, Kind::Load(_))
                 && fault
@@ -198,9 +198,9 @@ enum Cause {
     None,
     /// A wheel goes the other way.
     Direction(usize),
-    /// A wheel goes so many times as fast.
+    /// A wheel goes faster or slower by this factor.
     Scale(usize, f64),
-    /// The base turns so many times as fast as its wheels say.
+    /// The base turns faster or slower than its wheels say, by this factor.
     Yaw(f64),
     /// Two wheels are exchanged.
     Swap(usize, usize),
@@ -367,7 +367,7 @@ fn largest_current(track: &MotorTrack) -> Option<f64> {
     });
     let loops = track.effort.as_ref().map(|effort| effort.loops);
     let of_loops = loops.filter(|loops| loops.effort == TargetKind::Current);
-    of_model.or(of_loops.map(|loops| loops.limit)).map(f64::from)
+    of_model.or(of_loops.map(|loops| loops.cascade.speed.output_limit)).map(f64::from)
 }
 
 fn base_and_wheels(recording: &Recording, base: &BaseTrack, found: &mut Vec<Problem>) {

@@ -7,6 +7,7 @@
 use rc10_can::Micros;
 use rc10_motor::{Loops, TargetKind, dji};
 
+use crate::margin::Margins;
 use crate::robot::{Device, Motor, Twin};
 
 /// Looks in a window: 200 ms.
@@ -25,8 +26,10 @@ pub const IN_A_ROW: u32 = 3;
 /// What became of the effort of a motor's loops in a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffortTrack {
-    /// Its unit and limit.
+    /// Its loops.
     pub loops: Loops,
+    /// How far they are from shaking by themselves; `None` if what they move is not described.
+    pub margins: Option<Margins>,
     /// Windows that were judged.
     pub windows: u32,
     /// Changes of direction.
@@ -98,9 +101,10 @@ pub struct EffortWatch {
 impl EffortWatch {
     /// Before the start.
     #[must_use]
-    pub fn new(loops: Loops) -> Self {
+    pub fn new(loops: Loops, margins: Option<Margins>) -> Self {
         let track = EffortTrack {
             loops,
+            margins,
             windows: 0,
             reversals: Worst::default(),
             at_limit: Worst::default(),
@@ -126,7 +130,7 @@ impl EffortWatch {
         if self.window.len() < WINDOW {
             return;
         }
-        let limit = f64::from(self.track.loops.limit);
+        let limit = f64::from(self.track.loops.cascade.speed.output_limit);
         let at_limit = self.window.iter().filter(|effort| effort.abs() >= AT_LIMIT * limit);
         let at_limit = u32::try_from(at_limit.count()).unwrap_or(u32::MAX);
         self.track.windows += 1;
@@ -175,7 +179,10 @@ mod tests {
     use super::*;
 
     fn track(effort: impl Fn(u32) -> Option<f64>) -> EffortTrack {
-        let mut watch = EffortWatch::new(Loops { effort: TargetKind::Torque, limit: 7.0 });
+        let mut cascade = dji::M3508.cascade;
+        cascade.speed.output_limit = 7.0;
+        let loops = Loops { effort: TargetKind::Torque, cascade };
+        let mut watch = EffortWatch::new(loops, None);
         for millis in 1..=2000 {
             watch.look(Micros::from_millis(millis.into()), effort(millis));
         }
@@ -184,7 +191,7 @@ mod tests {
 
     #[test]
     fn an_effort_that_bangs_shakes_and_one_that_is_pushed_stands_at_its_limit() {
-        let bang = |millis: u32| if millis / 3 % 2 == 0 { 7.0 } else { -7.0 };
+        let bang = |millis: u32| if (millis / 3).is_multiple_of(2) { 7.0 } else { -7.0 };
         let banging = track(|millis| Some(bang(millis)));
         assert!(banging.oscillates() && banging.saturates(), "{banging:?}");
         let pushing = track(|_| Some(6.9));
@@ -213,7 +220,7 @@ mod tests {
 
     #[test]
     fn small_noise_is_no_shaking() {
-        let noise = track(|millis| Some(if millis % 2 == 0 { 0.34 } else { -0.34 }));
+        let noise = track(|millis| Some(if millis.is_multiple_of(2) { 0.34 } else { -0.34 }));
         assert_eq!(noise.reversals.count, 0);
     }
 }

@@ -2,6 +2,7 @@
 
 mod foreign;
 mod output;
+mod problems;
 mod text;
 
 use std::io::Write;
@@ -28,11 +29,12 @@ use crate::recorder::Recorder;
 use crate::recording::{Recording, hex_digits};
 use crate::remote::{Operator, ReceiverWire, Sight, Watch};
 use crate::robot::{Description, Device, Place, Robot, Twin};
-use crate::run::{check_end, make_folder, print_files, seconds, write_file, write_files};
+use crate::run::{check_end, make_folder, print_files, seconds, seed, write_file, write_files};
 use crate::surroundings::{RemoteLink, Surroundings, operate};
 
 /// What `rc10 emu` is told.
 #[derive(Args, Debug)]
+#[command(allow_negative_numbers = true)]
 pub struct EmuArgs {
     /// The program to run; without one the firmware is built first
     pub elf: Option<PathBuf>,
@@ -40,7 +42,7 @@ pub struct EmuArgs {
     #[arg(long, value_name = "S", default_value = "1", value_parser = seconds)]
     pub seconds: Micros,
     /// Seed of everything random in the world: two runs with one seed are the same to the bit
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed)]
     pub seed: u64,
     /// Million instructions a second that the core executes at its full clock [default: as many as
     /// a Cortex-M4 would]
@@ -194,7 +196,7 @@ impl<'r> Emulation<'r> {
     /// As [`Rig::run`].
     pub fn record(mut self, length: Micros) -> Result<(Self, Recording)> {
         let description = self.description.clone();
-        let mut recorder = Recorder::new(&description, self.seed, &self.loops, true);
+        let mut recorder = Recorder::new(&description, self.seed, &self.loops, &self.motors, true);
         let mut watch = Watch::new(description.remote.as_ref());
         let mut now = Micros::ZERO;
         let mut next_look = Recorder::next_look(now, length);
@@ -288,7 +290,8 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     let (mut emulation, mut recording) = emulation.record(args.seconds).with_context(named)?;
     let took = started.elapsed();
     recording.faults.clone_from(&args.faults);
-    let figures = Figures::of(&recording);
+    let mut figures = Figures::of(&recording);
+    problems::search(&emulation.rig, &recording, &mut figures.problems);
     write_files(&recording, &figures, &args.out)?;
     let sent = emulation.rig.machine.soc().take_sent();
     let texts = text::of(&sent);
@@ -301,7 +304,7 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
         writeln!(out, "{:#}", outcome.to_json())?;
     } else {
         out.write_all(outcome.text(took).as_bytes())?;
-        print_files(&args.out, out)?;
+        print_files(&recording, &args.out, out)?;
         for text in &texts {
             writeln!(out, "text  {}", args.out.join(text.file_name()).display())?;
         }

@@ -27,6 +27,7 @@ pub mod decode;
 pub mod effort;
 pub mod emulate;
 pub mod figures;
+pub mod margin;
 pub mod mistake;
 pub mod mixed;
 pub mod problems;
@@ -42,6 +43,7 @@ pub mod slcan;
 pub mod surroundings;
 pub mod team;
 
+use std::ffi::OsString;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
@@ -129,25 +131,44 @@ impl Arguments {
 pub struct CommandLine(Command);
 
 impl CommandLine {
-    /// Does it with `robot`. Exit code 0: fine; 1: the input has broken lines; 3: the run had
+    /// Reads it from arguments; the first is the command's own name.
+    ///
+    /// # Errors
+    /// If they are not as the help says.
+    pub fn parse<T: Into<OsString> + Clone>(
+        arguments: impl IntoIterator<Item = T>,
+    ) -> anyhow::Result<Self> {
+        Ok(Arguments::try_parse_from(arguments)?.command_line())
+    }
+
+    /// Does it with `robot`, and writes to standard output. Exit code 0: fine; 1: the input has broken lines; 3: the run had
     /// problems, and `--strict` was given.
     ///
     /// # Errors
-    /// If the robot is not as described, or a file cannot be read or written.
+    /// If the robot is not as described, its motors do not fit on a bus, or a file cannot be read or
+    /// written.
     pub fn run(self, robot: Robot<'_>) -> anyhow::Result<ExitCode> {
         let mut out = io::BufWriter::new(io::stdout().lock());
-        let code = match self.0 {
-            Command::Run(args) => strict(args.strict, run::run(&args, robot, &mut out)?),
-            Command::Emu(args) => strict(args.strict, emulate::emulate(&args, robot, &mut out)?),
-            Command::Decode(args) => {
-                let broken = decode::decode(&args, robot, &mut out, &mut io::stderr().lock())?;
-                u8::from(broken)
-            }
-            Command::Dbc(args) => dbc::dbc(&args, robot.description(), &mut out).map(|()| 0)?,
-            Command::Pty(args) => pty::pty(&args, robot, &mut out).map(|()| 0)?,
-        };
+        let code = self.run_to(robot, &mut out)?;
         out.flush()?;
         Ok(ExitCode::from(code))
+    }
+
+    /// The same, written elsewhere; the exit code as a number.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_to(self, robot: Robot<'_>, out: &mut dyn Write) -> anyhow::Result<u8> {
+        Ok(match self.0 {
+            Command::Run(args) => strict(args.strict, run::run(&args, robot, out)?),
+            Command::Emu(args) => strict(args.strict, emulate::emulate(&args, robot, out)?),
+            Command::Decode(args) => {
+                let broken = decode::decode(&args, robot, out, &mut io::stderr().lock())?;
+                u8::from(broken)
+            }
+            Command::Dbc(args) => dbc::dbc(&args, robot.description(), out).map(|()| 0)?,
+            Command::Pty(args) => pty::pty(&args, robot, out).map(|()| 0)?,
+        })
     }
 }
 

@@ -24,20 +24,20 @@ beginning, with - for spaces; repeat for more";
 pub enum Mistake {
     /// `direction:NAME`: the motor looks the other way.
     Direction(String),
-    /// `gear:NAME=n`: so many turns of the rotor per turn of the output shaft.
+    /// `gear:NAME=n`: `n` turns of the rotor per turn of the output shaft.
     Gear(String, f64),
-    /// `pole-pairs:NAME=n`: the motor at an ESC that counts electrical turns has so many.
+    /// `pole-pairs:NAME=n`: the motor at an ESC that counts electrical turns has `n` pole pairs.
     PolePairs(String, u8),
     /// `swap:NAME,NAME`: each of two motors of one model is where the table says that the other is,
     /// bus and identifier.
     Swap(String, String),
     /// `id:NAME=n`: the device is set to another identifier.
     Id(String, u8),
-    /// `radius:xF`: the wheels' radius is so many times as large.
+    /// `radius:xF`: the wheels' radius is `F` times that of the table.
     Radius(f64),
-    /// `track:xF`: the wheels are so many times as far apart sideways.
+    /// `track:xF`: the wheels are `F` times as far apart sideways.
     Track(f64),
-    /// `wheelbase:xF`: the axles are so many times as far apart.
+    /// `wheelbase:xF`: the axles are `F` times as far apart.
     Wheelbase(f64),
 }
 
@@ -128,17 +128,17 @@ fn mistake_of(text: &str) -> Result<Mistake, String> {
     }
 }
 
-/// What is really built: the description's motors and base, but for the mistakes.
+/// The robot as it is really built: the description's motors and base, but for the mistakes.
 pub struct Built {
     /// The motors, in the order of the description: each with what its place has.
     pub motors: Vec<Motor>,
     /// The base.
     pub chassis: Option<Chassis>,
-    /// What is done to a motor when it is there.
+    /// Changes to motors, by their places in `motors`, made when they are plugged in.
     changes: Vec<(usize, Change)>,
 }
 
-/// What is done to a simulated motor.
+/// A change to a simulated motor.
 enum Change {
     Gear(f64),
     PolePairs(u8),
@@ -207,7 +207,7 @@ impl Built {
         Ok(())
     }
 
-    /// Does to a motor that has just been plugged in what is to be done to it.
+    /// Makes the changes to a motor that has just been plugged in.
     ///
     /// # Errors
     /// If its device has no such number.

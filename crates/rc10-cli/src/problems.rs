@@ -8,12 +8,14 @@ use std::fmt;
 
 use rc10_can::Micros;
 use rc10_motor::{ArmState, Condition, Drive, Link, Verdict};
-use rc10_sim::fault::{Fault, Kind as FaultKind};
+use rc10_sim::fault::{Fault, Kind as FaultKind, Wire};
 use serde_json::{Value, json};
 
 use crate::effort::{self, EffortTrack, IN_A_ROW, WINDOW};
+use crate::margin;
 use crate::recording::{BusTrack, MotorSample, MotorTrack, Recording, SAMPLE_PERIOD};
 use crate::remote::{Loss, Receiver, RemoteTrack};
+use crate::robot::Place;
 
 /// How bad it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +39,8 @@ pub enum About {
     Line(u8),
     /// The remote control.
     Remote,
+    /// The emulated chip, and the program on it.
+    Chip,
 }
 
 impl fmt::Display for About {
@@ -47,6 +51,7 @@ impl fmt::Display for About {
             Self::Bus(number) => write!(f, "bus {number}"),
             Self::Line(number) => write!(f, "line {number}"),
             Self::Remote => f.write_str("remote"),
+            Self::Chip => f.write_str("chip"),
         }
     }
 }
@@ -105,13 +110,11 @@ pub type Search = fn(&Recording, &mut Vec<Problem>);
 const SEARCHES: [Search; 7] =
     [robot, motors, efforts, buses, lines, remote, crate::consistency::consistency];
 
-/// Everything that was found in a run: problems first.
+/// Everything that was found in a run.
 #[must_use]
 pub fn problems(recording: &Recording) -> Vec<Problem> {
     let mut found = Vec::new();
     SEARCHES.iter().for_each(|search| search(recording, &mut found));
-    // Stable: otherwise in the order of the searches.
-    found.sort_by_key(|problem| problem.severity == Severity::Information);
     found
 }
 
@@ -138,28 +141,37 @@ pub const UNARMED_FOR: Micros = Micros::from_millis(1000);
 
 // ---- injected faults ---------------------------------------------------------------------------
 
-/// From when to when a fault may have its effects on a bus; on a motor on a line with `None`.
-fn effects(fault: &Fault, bus: Option<u8>) -> Option<(Micros, Option<Micros>)> {
+/// From when to when a fault may have its effects on a bus or line.
+fn effects(fault: &Fault, on: Place) -> Option<(Micros, Option<Micros>)> {
     let from = fault.from.micros();
     let until = fault.until.map(|until| until.micros());
     match fault.kind {
         FaultKind::RemoteLost => None,
-        FaultKind::Panic | FaultKind::HardFault | FaultKind::Hang(_) | FaultKind::Mask => {
-            Some((from, Some(until.unwrap_or(from) + RESTART_WITHIN)))
-        }
-        FaultKind::Noise(_) if is_on(fault, bus) => Some((from, Some(from + BACK_WITHIN))),
-        _ if is_on(fault, bus) => Some((from, until.map(|until| until + BACK_WITHIN))),
+        FaultKind::Panic
+        | FaultKind::HardFault
+        | FaultKind::Hang(_)
+        | FaultKind::Mask
+        | FaultKind::CrystalStops => Some((from, Some(until.unwrap_or(from) + RESTART_WITHIN))),
+        // For good: bit rates are what the chip's own oscillator makes of them.
+        FaultKind::CrystalDead => Some((from, None)),
+        FaultKind::Noise(_) if is_on(fault, on) => Some((from, Some(from + BACK_WITHIN))),
+        _ if is_on(fault, on) => Some((from, until.map(|until| until + BACK_WITHIN))),
         _ => None,
     }
 }
 
-fn is_on(fault: &Fault, bus: Option<u8>) -> bool {
-    fault.kind.bus().zip(bus).is_some_and(|(index, bus)| index + 1 == usize::from(bus))
+fn is_on(fault: &Fault, on: Place) -> bool {
+    let (index, number) = match (fault.kind.wire(), on) {
+        (Some(Wire::Bus(index)), Place::Bus(number)) => (index, number),
+        (Some(Wire::Line(index)), Place::Line(number)) => (index, number),
+        _ => return false,
+    };
+    index + 1 == usize::from(number)
 }
 
-/// Whether an injected fault may have its effects on a bus at a time.
-fn is_excused(recording: &Recording, bus: Option<u8>, at: Micros) -> bool {
-    let effects = recording.faults.iter().filter_map(|fault| effects(fault, bus));
+/// Whether an injected fault may have its effects on a bus or line at a time.
+pub(crate) fn is_excused(recording: &Recording, on: Place, at: Micros) -> bool {
+    let effects = recording.faults.iter().filter_map(|fault| effects(fault, on));
     effects.into_iter().any(|(from, until)| {
         from <= at && until.is_none_or(|until| at.since(SAMPLE_PERIOD) <= until)
     })
@@ -168,7 +180,7 @@ fn is_excused(recording: &Recording, bus: Option<u8>, at: Micros) -> bool {
 /// What of a total was counted while no fault had its effects.
 fn unexcused<T>(
     recording: &Recording,
-    bus: Option<u8>,
+    on: Place,
     total: u64,
     samples: &[T],
     count: impl Fn(&T) -> u64,
@@ -180,7 +192,7 @@ fn unexcused<T>(
     let mut excused = 0;
     for (index, sample) in samples.iter().enumerate() {
         let now = count(sample);
-        if is_excused(recording, bus, time_of(index)) {
+        if is_excused(recording, on, time_of(index)) {
             excused += now.saturating_sub(before);
         }
         before = now;
@@ -211,10 +223,10 @@ const fn must_be_lost(recording: &Recording, kind: &FaultKind) -> bool {
 
 /// What a fault must do to a motor and does not.
 fn effects_on_motor(recording: &Recording, track: &MotorTrack, found: &mut Vec<Problem>) -> bool {
-    let bus = track.motor.on.bus();
+    let on = track.motor.on;
     let about = About::Motor(track.motor.label);
     let mut is_back = true;
-    for fault in recording.faults.iter().filter(|fault| is_on(fault, bus)) {
+    for fault in recording.faults.iter().filter(|fault| is_on(fault, on)) {
         let (from, until) = (fault.from.micros(), fault.until.map(|until| until.micros()));
         let kind = &fault.kind;
         let during = || {
@@ -232,7 +244,7 @@ fn effects_on_motor(recording: &Recording, track: &MotorTrack, found: &mut Vec<P
         let Some(until) = until else { continue };
         let other = recording.faults.iter().any(|other| {
             other != fault
-                && effects(other, bus).is_some_and(|(from, end)| {
+                && effects(other, on).is_some_and(|(from, end)| {
                     from <= until + BACK_WITHIN && end.is_none_or(|end| end > until)
                 })
         });
@@ -251,7 +263,10 @@ fn effects_on_motor(recording: &Recording, track: &MotorTrack, found: &mut Vec<P
 
 fn robot(recording: &Recording, found: &mut Vec<Problem>) {
     let never_armed = !recording.arm.is_empty() && !recording.arm.contains(&ArmState::Armed);
-    let has_reason = recording.faults.iter().any(|fault| fault.kind == FaultKind::RemoteLost);
+    let forbids = |kind: &FaultKind| {
+        matches!(kind, FaultKind::RemoteLost | FaultKind::CrystalDead | FaultKind::CrystalStops)
+    };
+    let has_reason = recording.faults.iter().any(|fault| forbids(&fault.kind));
     if never_armed && recording.length >= UNARMED_FOR && !has_reason && !recording.motors.is_empty()
     {
         let text = "was never armed: no motor was driven".to_owned();
@@ -268,10 +283,10 @@ fn armed_for(recording: &Recording) -> Micros {
 fn motors(recording: &Recording, found: &mut Vec<Problem>) {
     for track in &recording.motors {
         let last = &track.last;
-        let bus = track.motor.on.bus();
+        let on = track.motor.on;
         let about = About::Motor(track.motor.label);
         let is_back = effects_on_motor(recording, track, found);
-        let is_excused_now = is_excused(recording, bus, recording.length);
+        let is_excused_now = is_excused(recording, on, recording.length);
         match last.link {
             Link::NeverSeen if !is_excused_now => {
                 let text = format!(
@@ -328,9 +343,9 @@ fn motors(recording: &Recording, found: &mut Vec<Problem>) {
 
 fn motor_counts(recording: &Recording, track: &MotorTrack, found: &mut Vec<Problem>) {
     let counters = track.last.counters;
-    let (bus, about) = (track.motor.on.bus(), About::Motor(track.motor.label));
+    let (on, about) = (track.motor.on, About::Motor(track.motor.label));
     let count = |total: u64, of: fn(&MotorSample) -> u64| {
-        unexcused(recording, bus, total, &track.samples, of)
+        unexcused(recording, on, total, &track.samples, of)
     };
     let lost = count(counters.lost.into(), |sample| sample.counters.lost.into());
     if lost > 0 {
@@ -365,7 +380,7 @@ fn share(about: About, kind: &'static str, count: u64, all: u64, what: &str) -> 
 fn efforts(recording: &Recording, found: &mut Vec<Problem>) {
     for track in &recording.motors {
         let Some(effort) = &track.effort else { continue };
-        let EffortTrack { loops, windows, reversals, at_limit } = effort;
+        let EffortTrack { loops, margins, windows, reversals, at_limit } = effort;
         let about = About::Motor(track.motor.label);
         let millis = WINDOW;
         if effort.oscillates() {
@@ -378,11 +393,25 @@ fn efforts(recording: &Recording, found: &mut Vec<Problem>) {
             );
             found.push(Problem::new(about, "oscillation", text));
         }
+        let margins = margins.map(|margins| [("speed", margins.speed), ("angle", margins.angle)]);
+        let low = |(_, margin): &(&str, f64)| *margin < margin::LEAST;
+        for (name, gain_margin) in margins.into_iter().flatten().filter(low) {
+            let text = format!(
+                "the gain margin of its {name} loop is {gain_margin:.1}, and should be at least {}: \
+                 the kp of its {name} loop is too high for what it moves",
+                margin::LEAST,
+            );
+            found.push(Problem::new(about, "gain-margin", text));
+        }
+        if margins.is_none() {
+            let text = "what it moves is not described (inertia 0): its gain margin is not judged";
+            found.push(Problem::information(about, "no-inertia", text.to_owned()));
+        }
         if effort.saturates() {
             let text = format!(
                 "its effort stands at its limit of {} {} for {:.0} % of {} ms (from {:.2} s on; in \
                  {} of {windows} windows): it is blocked, too weak, or turns the wrong way",
-                loops.limit,
+                loops.cascade.speed.output_limit,
                 effort.unit(),
                 f64::from(at_limit.count) * 100.0 / effort::WINDOW as f64,
                 WINDOW * IN_A_ROW as usize,
@@ -408,7 +437,7 @@ fn buses(recording: &Recording, found: &mut Vec<Problem>) {
         }
         let count = |total: u32, of: fn(&crate::recording::BusSample) -> u32| {
             let BusTrack { number, samples, .. } = track;
-            unexcused(recording, Some(*number), total.into(), samples, |one| of(one).into())
+            unexcused(recording, Place::Bus(*number), total.into(), samples, |one| of(one).into())
         };
         let replaced = count(last.replaced, |sample| sample.replaced);
         let submitted = last.submitted.into();
@@ -436,11 +465,14 @@ fn lines(recording: &Recording, found: &mut Vec<Problem>) {
     for (number, line) in (1..).zip(&recording.lines) {
         let (about, traffic) = (About::Line(number), &line.traffic);
         let all = traffic.exchanges.into();
+        // A line's counters are not sampled: what a fault of it does to them cannot be told apart.
+        let is_faulty = recording.faults.iter().any(|fault| is_on(fault, Place::Line(number)));
         for (count, kind, what) in [
             (traffic.timeouts, "timeout", "commands without an answer"),
             (traffic.crc_errors, "crc", "answers with a wrong CRC"),
             (traffic.unexpected, "unexpected", "answers that were not asked for"),
         ] {
+            let count = if is_faulty { 0 } else { count };
             found.extend(share(about, kind, count.into(), all, what));
         }
         for (count, kind, what) in [

@@ -6,12 +6,14 @@ use rc10_can::Micros;
 use rc10_motor::embassy::{BusStatus, LineStatus};
 use rc10_motor::{ArmState, Drive, Link, Loops, MotorStatus, Target, TargetKind};
 use rc10_sim::{Base, TraceEntry};
+use sha2::{Digest, Sha256};
 
 use crate::candump;
 use crate::effort::{EffortWatch, effort_of};
+use crate::margin::Margins;
 use crate::recording::{
     BaseHeard, BaseTrack, BusSample, BusTrack, Cell, LOOK_PERIOD, MotorSample, MotorTrack,
-    PathPoint, Recording, SAMPLE_PERIOD, Tracking, WheelHeard,
+    PathPoint, Recording, SAMPLE_PERIOD, Tracking, WheelHeard, hex_digits,
 };
 use crate::robot::{Description, Motor, Twin};
 
@@ -31,27 +33,33 @@ pub struct Recorder<'d> {
 #[derive(Default)]
 struct BusRecorder {
     log: String,
+    /// Of what was in the log before, if that is not kept.
+    hash: Sha256,
     frames: u64,
     samples: Vec<BusSample>,
 }
 
 impl<'d> Recorder<'d> {
     /// A recorder before the start. `seed` is the surroundings' one, `loops` those of the motors in
-    /// the order of the description. On an emulated chip it does not see what the robot decides.
+    /// the order of the description, as are their `twins`. On an emulated chip it does not see what the robot decides.
     #[must_use]
     pub fn new(
         description: &'d Description,
         seed: u64,
         loops: &[Option<Loops>],
+        twins: &[Twin],
         is_emulated: bool,
     ) -> Self {
-        let loops = loops.iter().copied().chain(std::iter::repeat(None));
-        let motors = description.motors.iter().zip(loops);
+        let watch = |(line, (loops, twin)): (usize, (&Option<Loops>, &Twin))| {
+            let loops = (*loops)?;
+            Some(EffortWatch::new(loops, Margins::of_motor(loops, line, twin, description)))
+        };
+        let watches = loops.iter().zip(twins).enumerate().map(watch);
         Self {
             description,
             seed,
             is_emulated,
-            motors: motors.map(|(_, loops)| MotorRecorder::new(loops)).collect(),
+            motors: watches.map(MotorRecorder::new).collect(),
             buses: (0..description.buses).map(|_| BusRecorder::default()).collect(),
             arm: Vec::new(),
             path: Vec::new(),
@@ -67,7 +75,7 @@ impl<'d> Recorder<'d> {
 
     /// Takes frames of a bus down, 0 for the first, in the order of the wire.
     pub fn frames(&mut self, bus: usize, entries: &[TraceEntry]) {
-        let Some(BusRecorder { log, frames, .. }) = self.buses.get_mut(bus) else {
+        let Some(BusRecorder { log, hash, frames, .. }) = self.buses.get_mut(bus) else {
             return;
         };
         // As can-utils would call them.
@@ -76,6 +84,10 @@ impl<'d> Recorder<'d> {
             *frames += 1;
             // A string takes everything.
             let _ = candump::write_line(log, entry.at, &channel, &entry.frame);
+        }
+        if self.description.no_logs {
+            hash.update(&*log);
+            log.clear();
         }
     }
 
@@ -172,6 +184,7 @@ impl<'d> Recorder<'d> {
             last: bus(number),
             samples: recorder.samples,
             frames: recorder.frames,
+            log_hash: hex_digits(recorder.hash.chain_update(&recorder.log)),
             log: recorder.log,
         });
         let base = self.description.base;
@@ -189,6 +202,7 @@ impl<'d> Recorder<'d> {
             }),
             events: self.description.events(length),
             arm: self.arm,
+            no_logs: self.description.no_logs,
             is_emulated: self.is_emulated,
             ..Recording::default()
         }
@@ -209,12 +223,12 @@ struct MotorRecorder {
 }
 
 impl MotorRecorder {
-    fn new(loops: Option<Loops>) -> Self {
+    fn new(effort: Option<EffortWatch>) -> Self {
         Self {
             samples: Vec::new(),
             tracking: Vec::new(),
             peak_current: 0.0,
-            effort: loops.map(EffortWatch::new),
+            effort,
             newest: None,
             measured: Sum::default(),
             current: Sum::default(),

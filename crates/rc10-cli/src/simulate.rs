@@ -24,7 +24,7 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
     let mut tasks = robot.tasks(&around)?;
     let motor =
         |entry| ports.motor(&description, entry).map_or(MotorStatus::NEW, |port| port.status());
-    let mut recorder = Recorder::new(&description, seed, &loops, false);
+    let mut recorder = Recorder::new(&description, seed, &loops, &around.motors, false);
     let mut watch = Watch::new(description.remote.as_ref());
     let mut faults = Faults::new(&around.wires, &around.lines, &description.faults)?;
     let bus = |number: u8| {

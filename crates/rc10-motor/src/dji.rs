@@ -722,7 +722,7 @@ impl Motor for Dji {
             Effort::Current(_) => TargetKind::Current,
             Effort::Voltage => TargetKind::Duty,
         };
-        Some(Loops { effort, limit: self.cascade.speed.output_limit })
+        Some(Loops { effort, cascade: self.cascade })
     }
 
     fn supports(&self) -> TargetSet {

@@ -6,6 +6,7 @@ use rc10_app::{
 use rc10_can::{CanFrame, Micros};
 
 use crate::batch::{TxBatch, TxFull};
+use crate::cascade::Cascade;
 use crate::wiring::Wiring;
 
 /// What a motor shall do. All values are at the output shaft.
@@ -601,13 +602,12 @@ impl core::error::Error for FrameError {}
 
 /// The control loops that follow speeds and angles, where they run here and not in the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Loops {
     /// What their effort is: [`TargetKind::Current`] in A, [`TargetKind::Torque`] in N m, or
     /// [`TargetKind::Duty`] as a share of the full voltage.
     pub effort: TargetKind,
-    /// The largest effort either way, in that unit.
-    pub limit: f32,
+    /// Their gains and limits. The speed loop's output limit is the largest effort.
+    pub cascade: Cascade,
 }
 
 /// A motor, whatever it is connected by.

@@ -207,10 +207,10 @@ impl Servo {
         &self.cascade
     }
 
-    /// What its effort is, and the largest.
+    /// What its effort is, its gains and limits.
     #[must_use]
     pub const fn loops(&self) -> Loops {
-        Loops { effort: self.effort, limit: self.limit }
+        Loops { effort: self.effort, cascade: self.cascade }
     }
 
     /// What a servo can do of a request itself: gains, and the limit of its own effort.

@@ -84,8 +84,8 @@ pub fn arm() -> Result<Damiao, ConfigError> {
     Damiao::new(damiao::models::J4310, ARM_IDS.0, ARM_IDS.1, Control::Mit(ARM))
 }
 
-/// Efforts in N m; for a light arm on the shaft.
-const ARM: Cascade = Cascade {
+/// The arm's loops. Efforts in N m; for a light arm on the shaft.
+pub const ARM: Cascade = Cascade {
     speed: PidConfig::new(0.063, 0.5, 0.0, 7.0),
     angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
     outer_divider: 1,

@@ -50,7 +50,7 @@ impl Faults {
         Ok(Self { buses: buses.iter().map(filled).collect(), lines: lines.into(), timeline })
     }
 
-    /// Whether so many buses and lines can have such faults.
+    /// Whether a robot with this number of buses and lines can have such faults.
     ///
     /// # Errors
     /// If one is on a bus or a line that is not there.
@@ -91,7 +91,8 @@ impl Faults {
         }
     }
 
-    /// Does what is due by now. What is no fault of a wire comes back: whether it begins, and which.
+    /// Begins and ends the faults that are due by now. Those that are not of a wire come back: whether
+    /// one begins, and which.
     #[must_use]
     pub fn act(&mut self, now: Nanos) -> Vec<(bool, Kind)> {
         let mut others = Vec::new();

@@ -207,6 +207,12 @@ impl Esc {
         unit.state(inner.wires[unit.bus].overwritten(unit.node))
     }
 
+    /// Its motor, gearbox and load; a wheel of a base with its wheel, without the base.
+    #[must_use]
+    pub fn plant(&self) -> Plant {
+        *self.inner.borrow().units[self.index].motor.plant()
+    }
+
     /// Switches the ESC's power. Without it there is no current, no feedback, no acknowledge; the
     /// rotor coasts. With it again, the ESC starts afresh, a DJI at command 0 and sending at a new
     /// phase, at once (a real one takes a second or two to start).
@@ -239,7 +245,7 @@ impl Esc {
         self.inner.borrow_mut().units[self.index].set_id(id)
     }
 
-    /// Puts its motor behind another gearbox: so many turns of the rotor per turn of the output
+    /// Puts its motor behind another gearbox: `ratio` turns of the rotor per turn of the output
     /// shaft, above 0. Torque, speed and friction follow ([`Plant::with_gear`]).
     pub fn set_gear(&self, ratio: f64) {
         self.inner.borrow_mut().units[self.index].motor.set_gear(ratio);

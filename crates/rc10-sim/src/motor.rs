@@ -162,7 +162,7 @@ impl Plant {
         self
     }
 
-    /// The same motor behind another gearbox: so many turns of the rotor per turn of the output
+    /// The same motor behind another gearbox: `ratio` turns of the rotor per turn of the output
     /// shaft. Torque per ampere and back-EMF grow with it, dry friction too, viscous friction with
     /// its square.
     #[must_use]

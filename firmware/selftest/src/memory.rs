@@ -41,12 +41,17 @@ fn reads(address: u32) -> bool {
     // SAFETY: a word of memory or of a register that reading does not change; if there is none, the
     // handler above skips this.
     unsafe {
-        core::arch::asm!("ldr.w {word}, [{address}]", "dsb", word = out(reg) _, address = in(reg) address)
-    };
+        core::arch::asm!(
+            "ldr.w {word}, [{address}]",
+            "dsb",
+            word = out(reg) _,
+            address = in(reg) address,
+        );
+    }
     REFUSED.load(Ordering::Relaxed) == before
 }
 
-/// From 0x6000_0000 to 0xDFFF_FFFF nothing can be read; everywhere else it can.
+/// From `0x6000_0000` to `0xDFFF_FFFF` nothing can be read; elsewhere it can.
 pub async fn protection() -> Outcome {
     // SAFETY: nothing else in this program touches the core's own registers.
     let mut core = unsafe { Peripherals::steal() };

@@ -72,8 +72,12 @@ impl Dbc {
         }
         for device in devices {
             let mut special = Vec::new();
-            let messages = device.messages.iter().filter(|message| !message.is_plain());
-            messages.for_each(|message| add(&mut special, message.name));
+            let (plain, others): (Vec<&Message>, Vec<_>) =
+                device.messages.iter().partition(|message| message.is_plain());
+            let others = others.iter().map(|message| message.name);
+            others
+                .filter(|name| plain.iter().all(|message| message.name != *name))
+                .for_each(|name| add(&mut special, name));
             if !special.is_empty() {
                 let (label, special) = (&device.label, special.join(", "));
                 left_out.push(format!("{label}, but named by rc10 decode: {special}"));
@@ -200,6 +204,7 @@ fn bits(signal: &Signal) -> u64 {
 #[cfg(test)]
 mod tests {
     use rc10_can::embedded_can::StandardId;
+    use rc10_motor::signals::Marks;
 
     use super::*;
 
@@ -264,6 +269,23 @@ mod tests {
             "STATE: HEAT of two: one_SPEED is in its place",
         ];
         assert_eq!(dbc.left_out, expected);
+    }
+
+    #[test]
+    fn special_messages_are_named_and_are_no_frames() {
+        let id = StandardId::new(0x10).unwrap().into();
+        let plain = Message::new("SET", id, 8, false, &[]);
+        let messages = vec![
+            plain,
+            plain.marked(Marks::bytes([1])),
+            Message { name: "STOP", ..plain.marked(Marks::bytes([2])) },
+            Message { name: "ASK", ..plain.requested() },
+            Message { name: "MOVE", ..plain.varying(3) },
+        ];
+        let dbc = Dbc::new("bus", &[Node { messages, ..node("arm", &[]) }]);
+        let frames: Vec<_> = dbc.frames.iter().map(|frame| frame.name.long.as_str()).collect();
+        assert_eq!(frames, ["arm_SET"]);
+        assert_eq!(dbc.left_out, ["arm, but named by rc10 decode: STOP, ASK, MOVE"]);
     }
 
     #[test]

@@ -198,7 +198,7 @@ impl Vesc {
         })
     }
 
-    /// It is connected to a motor with so many pole pairs, 1 or more.
+    /// Connects it to a motor with another number of pole pairs, 1 or more.
     pub fn set_pole_pairs(&mut self, pole_pairs: u8) {
         self.config.pole_pairs = pole_pairs.max(1);
     }

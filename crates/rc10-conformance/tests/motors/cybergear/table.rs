@@ -141,7 +141,8 @@ fn what_the_identifier_carries_is_told() {
         let message = table.iter().rev().find(is_it)?;
         let read = |name: &str| {
             let signal = message.signals.iter().find(|signal| signal.name == name);
-            signal.unwrap().physical_in(&frame).unwrap()
+            // Limits are f32.
+            (signal.unwrap().physical_in(&frame).unwrap() * 1e4).round() * 1e-4
         };
         let numbers: Vec<f64> = match message.name {
             "ROBSTRIDE_MOTION" => vec![read("TORQUE"), read("POSITION"), read("KP")],

@@ -1,0 +1,45 @@
+//! What was not as it should be on the emulated chip itself.
+
+use rc10_emu::{Figures, Rig};
+use rc10_sim::fault::Kind;
+
+use crate::problems::{About, Problem, is_excused};
+use crate::recording::Recording;
+use crate::robot::Place;
+
+/// Adds what is to be said of the chip. What its faults must do is no problem.
+pub(super) fn search(rig: &Rig, recording: &Recording, found: &mut Vec<Problem>) {
+    let figures = Figures::of(rig);
+    let mut problem = |about, kind, text| found.push(Problem::new(about, kind, text));
+    if figures.boot.is_none() {
+        let text = "a bus has seen no frame from it".to_owned();
+        problem(About::Chip, "silent", text);
+    }
+    for report in rig.machine.reports() {
+        let at = report.at.get() as f64 * 1e-6;
+        problem(About::Chip, "bad-access", format!("{} at {at:.3} ms", report.text));
+    }
+    let crashes = |kind: &Kind| {
+        use Kind::{CrystalStops, Hang, HardFault, Mask, Panic};
+        matches!(kind, Panic | HardFault | Hang(_) | Mask | CrystalStops)
+    };
+    let crashed = recording.faults.iter().filter(|fault| crashes(&fault.kind)).count();
+    for restart in rig.machine.restarts().iter().skip(crashed) {
+        let at = restart.at.get() as f64 * 1e-6;
+        problem(About::Chip, "restart", format!("restarted at {at:.3} ms: {:?}", restart.cause));
+    }
+    for (number, bus) in (1..).zip(&figures.buses) {
+        // Counted over the whole run: a fault on the bus excuses all of it.
+        let excused = recording
+            .faults
+            .iter()
+            .any(|fault| is_excused(recording, Place::Bus(number), fault.from.micros()));
+        for (count, kind, what) in
+            [(bus.lost, "rx-lost", "received frames lost"), (bus.bus_offs, "bus-off", "× bus-off")]
+        {
+            if count > 0 && !excused {
+                problem(About::Bus(number), kind, format!("{count} {what}"));
+            }
+        }
+    }
+}

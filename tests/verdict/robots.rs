@@ -1,0 +1,92 @@
+//! The shipped robots, with other gains for one of their motors.
+
+use rc10_cli::robot::Robot;
+use rc10_cli::simulate::simulate;
+use rc10_cli::{mixed, team};
+use rc10_motor::cascade::Cascade;
+use rc10_motor::damiao::{self, Damiao};
+use rc10_motor::dji::Dji;
+use rc10_motor::lk::{self, Lk};
+use rc10_motor::odrive::{self, ODrive};
+use rc10_motor::unitree::UnitreeLine;
+use rc10_motor::{CanMotor, MotorBus, Safety};
+use rc10_robot::mixed as table;
+use rc10_robot::table::MOTORS;
+
+use super::*;
+
+/// A shipped robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Which {
+    Team,
+    Mixed,
+}
+
+pub const TEN_SECONDS: Micros = Micros::from_millis(10_000);
+
+/// Other gains for the motor of a label.
+pub type Change<'c> = (&'c str, &'c dyn Fn(&mut Cascade));
+
+/// Runs it as it is shipped, but for a change.
+pub fn run(which: Which, seed: u64, length: Micros, change: Option<Change<'_>>) -> Recording {
+    let changed = |label: &str, mut cascade: Cascade| {
+        change.into_iter().filter(|(name, _)| *name == label).for_each(|(_, f)| f(&mut cascade));
+        cascade
+    };
+    let run = |robot: Robot<'_>| simulate(robot, seed, length).unwrap();
+    match which {
+        Which::Team => {
+            let ports = rc10_robot::ports();
+            let io = &rc10_robot::Io::new(ports.each_ref());
+            let mut motors = MOTORS.map(|entry| {
+                let motor = Dji::new(entry.model, entry.id).unwrap();
+                let motor = motor.with_direction(entry.direction).with_feedback_rate(entry.rate);
+                let cascade = entry.gains.unwrap_or(entry.model.cascade);
+                motor.with_cascade(changed(entry.label, cascade)).unwrap()
+            });
+            let mut buses = [(); 3].map(|()| MotorBus::new(&io.switch));
+            for (motor, entry) in motors.iter_mut().zip(&MOTORS) {
+                buses[usize::from(entry.bus - 1)].attach(motor, entry.safety).unwrap();
+            }
+            run(team::robot(io, buses))
+        }
+        Which::Mixed => {
+            let io = &table::Io::new();
+            let mit = damiao::Control::Mit(changed("arm", table::ARM));
+            let (id, master) = table::ARM_IDS;
+            let mut arm = Damiao::new(damiao::models::J4310, id, master, mit).unwrap();
+            let turret = table::TURRET.cascade;
+            let turret = lk::Config { cascade: changed("turret", turret), ..table::TURRET };
+            let mut turret = Lk::new(table::TURRET_ID, turret).unwrap();
+            let odrive::Control::Torque(cascade) = table::FLYWHEEL.control else { panic!() };
+            let control = odrive::Control::Torque(changed("flywheel", cascade));
+            let flywheel = odrive::Config { control, ..table::FLYWHEEL };
+            let mut flywheel = ODrive::new(table::FLYWHEEL_NODE, flywheel).unwrap();
+            let mut wheel = rc10_motor::vesc::Vesc::new(table::wheel()).unwrap();
+            let (module, motor) = table::HIP;
+            let mut hip = rc10_motor::unitree::GoModule::new(module, motor).unwrap();
+            let model = &rc10_motor::cybergear::models::CYBERGEAR;
+            let mut wrist = rc10_motor::cybergear::CyberGear::new(model, table::WRIST).unwrap();
+            let legs = std::array::from_fn(|id| u8::try_from(id).unwrap());
+            let legs: [u8; table::LEGS] = legs;
+            let mut legs = legs.map(|id| rc10_motor::unitree::GoM8010::new(id).unwrap());
+            let mut line = UnitreeLine::new(&io.switch);
+            for leg in &mut legs {
+                line.attach(leg, Safety::HOLD).unwrap();
+            }
+            let mut buses = [(); 2].map(|()| MotorBus::new(&io.switch));
+            let on_buses: [(usize, &mut dyn CanMotor, Safety); 6] = [
+                (0, &mut wheel, Safety::BRAKE),
+                (0, &mut arm, Safety::HOLD),
+                (0, &mut hip, Safety::HOLD),
+                (1, &mut wrist, Safety::COAST),
+                (1, &mut turret, Safety::HOLD),
+                (1, &mut flywheel, Safety::COAST),
+            ];
+            for (bus, motor, safety) in on_buses {
+                buses[bus].attach(motor, safety).unwrap();
+            }
+            run(mixed::robot(io, buses, line).unwrap())
+        }
+    }
+}
