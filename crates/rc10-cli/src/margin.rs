@@ -68,7 +68,7 @@ impl Margins {
     /// moves is not described.
     #[must_use]
     pub fn of_motor(loops: Loops, line: usize, twin: &Twin, robot: &Description) -> Option<Self> {
-        let mut plant = twin.esc()?.plant();
+        let mut plant = twin.plant();
         if plant.load_inertia <= 0.0 {
             return None;
         }

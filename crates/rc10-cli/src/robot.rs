@@ -16,7 +16,7 @@ use rc10_motor::unitree::UnitreeLine;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorId, MotorName, Verdict};
 use rc10_sim::fault::Kind;
 use rc10_sim::{
-    Esc, EscConfig, EscState, Fault, Faults, LineMotor, Serial, Tasks, UartPort, World,
+    Esc, EscConfig, EscState, Fault, Faults, LineMotor, Plant, Serial, Tasks, UartPort, World,
 };
 
 use crate::mistake::{Built, Mistake};
@@ -285,6 +285,15 @@ impl Twin {
         match self {
             Self::Esc(esc) => esc.state(),
             Self::Line(motor) => motor.state(),
+        }
+    }
+
+    /// Its motor, gearbox and load; a wheel of a base with its wheel, without the base.
+    #[must_use]
+    pub fn plant(&self) -> Plant {
+        match self {
+            Self::Esc(esc) => esc.plant(),
+            Self::Line(motor) => motor.plant(),
         }
     }
 
@@ -666,9 +675,12 @@ impl<'r> Robot<'r> {
     #[must_use]
     pub fn loops(&self) -> Vec<Option<Loops>> {
         let loops = |entry: usize| {
-            let bus = self.description.motors.get(entry)?.on.bus()?;
-            let bus = self.buses.get(usize::from(bus).checked_sub(1)?)?;
-            bus.loops(self.description.number(entry)?)
+            let motor = self.description.number(entry)?;
+            let index = |number: u8| usize::from(number).checked_sub(1);
+            match self.description.motors.get(entry)?.on {
+                Place::Bus(number) => self.buses.get(index(number)?)?.loops(motor),
+                Place::Line(number) => self.lines.get(index(number)?)?.loops(motor),
+            }
         };
         (0..self.description.motors.len()).map(loops).collect()
     }

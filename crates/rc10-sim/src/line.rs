@@ -273,6 +273,10 @@ impl Line {
         self.damage[1] = frames;
     }
 
+    pub(crate) fn plant(&self, index: usize) -> Plant {
+        *self.places[index].motor.plant()
+    }
+
     pub(crate) fn state(&self, index: usize) -> EscState {
         let place = &self.places[index];
         EscState {

@@ -111,6 +111,12 @@ impl LineMotor {
         self.line.with(|line, _| line.state(self.motor))
     }
 
+    /// Its motor, gearbox and load.
+    #[must_use]
+    pub fn plant(&self) -> Plant {
+        self.line.with(|line, _| line.plant(self.motor))
+    }
+
     /// Switches its power. Without it there is no current and no answer; the rotor coasts.
     pub fn set_power(&self, powered: bool) {
         self.line.with(|line, now| line.set_power(self.motor, powered, now));

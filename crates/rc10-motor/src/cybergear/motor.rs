@@ -15,8 +15,8 @@ use crate::cascade::Cascade;
 use crate::damiao::mit::{Limits, Setpoint};
 use crate::dji::Direction;
 use crate::motor::{
-    Answer, Condition, Drive, Fault, Feedback, Impedance, Motor, Request, RequestError, Target,
-    TargetError, TargetKind, TargetSet,
+    Answer, Condition, Drive, Fault, Feedback, Impedance, Loops, Motor, Request, RequestError,
+    Target, TargetError, TargetKind, TargetSet,
 };
 use crate::servo::{Measured, Servo};
 
@@ -270,6 +270,10 @@ fn position_range(limits: Limits) -> Result<f32, ConfigError> {
 }
 
 impl Motor for CyberGear {
+    fn loops(&self) -> Option<Loops> {
+        Some(self.servo.loops())
+    }
+
     fn supports(&self) -> TargetSet {
         Self::TARGETS
     }

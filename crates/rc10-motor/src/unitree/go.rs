@@ -14,8 +14,8 @@ use super::wire::{Address, GEAR, Motion, RawImpedance, RawMotion, Shaft, Status}
 use crate::cascade::Cascade;
 use crate::dji::Direction;
 use crate::motor::{
-    Answer, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request, RequestError,
-    Target, TargetError, TargetKind, TargetSet,
+    Answer, Condition, Drive, Fault, Feedback, FrameError, Heard, Loops, Motor, Request,
+    RequestError, Target, TargetError, TargetKind, TargetSet,
 };
 use crate::servo::{Measured, Servo};
 
@@ -261,6 +261,10 @@ pub(super) const fn quiet(address: Address, status: Status) -> Command {
 }
 
 impl Motor for GoM8010 {
+    fn loops(&self) -> Option<Loops> {
+        Some(self.servo.loops())
+    }
+
     fn supports(&self) -> TargetSet {
         use TargetKind::{Angle, Coast, Impedance, Speed, Torque, TotalAngle};
         TargetSet::of(&[Coast, Torque, Speed, Angle, TotalAngle, Impedance])

@@ -9,7 +9,7 @@ use super::wire::line::{COMMAND_LEN, Parser, Reply};
 use super::wire::{Address, Status};
 use crate::arm::ArmSwitch;
 use crate::bus::{CommandError, MotorId};
-use crate::motor::{Answer, Drive, Heard, Motor, Request, RequestError, Target, TargetSet};
+use crate::motor::{Answer, Drive, Heard, Loops, Motor, Request, RequestError, Target, TargetSet};
 use crate::supervision::{LONGEST_PAUSE, MotorStatus, Safety, Supervision, sound_step};
 use crate::wiring::MotorName;
 
@@ -391,6 +391,12 @@ impl<'m> UnitreeLine<'m> {
     #[must_use]
     pub fn supports(&self, motor: MotorId) -> TargetSet {
         self.slots.get(motor.index()).map_or(TargetSet::NONE, |slot| slot.motor.supports())
+    }
+
+    /// The control loops of a motor; `None` for a motor that does not exist.
+    #[must_use]
+    pub fn loops(&self, motor: MotorId) -> Option<Loops> {
+        self.slots.get(motor.index()).and_then(|slot| slot.motor.loops())
     }
 
     /// All there is to know about a motor.

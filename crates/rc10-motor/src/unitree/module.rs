@@ -54,8 +54,8 @@ use crate::batch::{TxBatch, TxFull};
 use crate::cascade::Cascade;
 use crate::dji::Direction;
 use crate::motor::{
-    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Impedance, Motor,
-    Request, RequestError, Target, TargetError, TargetKind, TargetSet,
+    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Impedance, Loops,
+    Motor, Request, RequestError, Target, TargetError, TargetKind, TargetSet,
 };
 use crate::servo::{Measured, Servo};
 use crate::wiring::{Rate, Receive, Share, Transmit, Wiring};
@@ -269,6 +269,10 @@ impl GoModule {
 }
 
 impl Motor for GoModule {
+    fn loops(&self) -> Option<Loops> {
+        Some(self.servo.loops())
+    }
+
     fn supports(&self) -> TargetSet {
         use TargetKind::{Angle, Coast, Impedance, Speed, Torque, TotalAngle};
         TargetSet::of(&[Coast, Torque, Speed, Angle, TotalAngle, Impedance])
