@@ -174,6 +174,7 @@ const SPECIAL: &[(&str, &str, &str)] = &[
         "VESC_STORE_BATTERY_CUT VESC_CUT_BEGINS 20 V VESC_CUT_ENDS 18.5 V",
     ),
     ("can0 00001F01#", "wheel", "VESC_SHUTDOWN"),
+    ("can0 000001FF#00000000", "wheel", "VESC_SET_CURRENT VESC_SET_CURRENT 0 A"),
     (
         "can0 00003A01#04E209C402EE01F4",
         "wheel",

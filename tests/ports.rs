@@ -14,7 +14,7 @@ use rc10_app::{Amps, Degrees, Rpm};
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::dji::{self, Dji};
-use rc10_motor::embassy::{BusPort, Filter, OutboxError, Runner, run_bus};
+use rc10_motor::embassy::{BusPort, Filter, OutboxError, Runner, run_bus, run_buses};
 use rc10_motor::{
     Answer, ArmSwitch, Link, MotorBus, MotorId, Request, RequestError, Safety, Target, TargetError,
     TargetKind,
@@ -230,9 +230,106 @@ fn overruns_are_counted_and_do_not_move_the_grid() {
     for start in [1_000, 2_000, 5_400, 6_000, 7_010] {
         world.advance(Micros::new(start));
         runner.tick(|| Micros::new(start));
-        assert_eq!(runner.next().get() % 1000, 0);
+        // The first half of the next one.
+        assert_eq!(runner.next().get() % 1000, 667);
     }
     let status = shared.status();
     assert_eq!((status.ticks, status.overruns), (5, 2));
     assert_eq!((status.period.min(), status.period.max()), (Some(600), Some(3_400)));
+}
+
+/// An M3508 that is asked for 3 A. At 100 ms the first half of a tick is done, with the last of its
+/// targets; then `between` happens, and after a pause the runner comes by again. The commands on the wire from then on: when, and whether zero.
+fn after_half_a_tick(pause: u64, between: impl FnOnce(&ArmSwitch)) -> Vec<(Micros, bool)> {
+    let mut world = World::new(3);
+    let wire = world.add_bus(BusConfig::default());
+    let _esc = wire.add_esc(twin(&dji::M3508, 1)).unwrap();
+    let (switch, shared) = (ArmSwitch::new(), BusPort::new());
+    let mut wheel = motor(&dji::M3508, 1);
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(&mut wheel, Safety::COAST).unwrap();
+    let mut runner = Runner::new(wire.port(), bus, &shared, Micros::ZERO);
+    switch.arm().unwrap();
+    let mut step = |at: Micros| {
+        world.advance(at);
+        runner.tick(|| at);
+        runner.next()
+    };
+    let mut next = Micros::new(667);
+    while next <= Micros::new(99_667) {
+        shared.motor(FIRST).command(Target::Current(Amps::new(3.0))).unwrap();
+        next = step(next);
+    }
+    assert_eq!(next, Micros::from_millis(100));
+    let torque = |entry: &rc10_sim::TraceEntry| entry.frame.bytes() != [0; 8];
+    let commands = || wire.take_trace().into_iter().filter(|entry| entry.from_controller);
+    assert!(commands().any(|entry| torque(&entry)));
+    between(&switch);
+    next = next + Micros::new(pause);
+    while next < Micros::new(102_500 + pause) {
+        next = step(next);
+    }
+    commands().map(|entry| (entry.start.micros(), !torque(&entry))).collect()
+}
+
+/// However long the first half took, and however late the one before was.
+#[test]
+fn frames_leave_on_the_grid() {
+    let commands = after_half_a_tick(0, |_| {});
+    // The wire may be busy with a feedback, of 130 us at most.
+    let late = commands.iter().map(|(at, _)| at.get() % 1000);
+    assert!(late.clone().all(|late| late < 150), "{commands:?}");
+    assert!(commands.len() >= 2 && commands.iter().all(|(_, zero)| !zero), "{commands:?}");
+}
+
+/// What was computed before the stop does not leave after it.
+#[test]
+fn a_stop_between_the_halves_of_a_tick_counts() {
+    for stop in [ArmSwitch::emergency_stop, ArmSwitch::disarm, ArmSwitch::suspend] {
+        let commands = after_half_a_tick(0, stop);
+        assert!(commands.len() >= 2 && commands.iter().all(|(_, zero)| *zero), "{commands:?}");
+    }
+}
+
+/// A task that was kept from running for 60 ms computes anew: by now its target has expired.
+#[test]
+fn half_a_tick_that_is_old_does_not_leave() {
+    let commands = after_half_a_tick(60_000, |_| {});
+    let (first, zero) = commands[0];
+    assert!(first >= Micros::from_millis(160) && zero, "{commands:?}");
+    // Late by a little it may leave.
+    let commands = after_half_a_tick(300, |_| {});
+    assert!(!commands[0].1, "{commands:?}");
+}
+
+/// The ticks of several buses lie behind each other.
+#[test]
+fn buses_of_one_task_send_a_third_of_a_tick_apart() {
+    let mut world = World::new(4);
+    let switch = ArmSwitch::new();
+    let wires = [(); 3].map(|()| world.add_bus(BusConfig::default()));
+    let _escs = wires.each_ref().map(|wire| wire.add_esc(twin(&dji::M3508, 1)).unwrap());
+    let shared = [(); 3].map(|()| BusPort::new());
+    let mut motors = [(); 3].map(|()| motor(&dji::M3508, 1));
+    let mut tasks = Tasks::new();
+    let mut runners = wires.iter().zip(&mut motors).zip(&shared).map(|((wire, motor), shared)| {
+        let mut bus = MotorBus::new(&switch);
+        bus.attach(motor, Safety::COAST).unwrap();
+        Runner::new(wire.port(), bus, shared, Micros::ZERO)
+    });
+    let runners: [_; 3] = std::array::from_fn(|_| runners.next().unwrap());
+    tasks.add(run_buses(runners));
+    let _ = world.run(Pin::new(&mut tasks), Micros::from_millis(20));
+    drop(tasks);
+    for (wire, grid) in wires.iter().zip([0, 333, 666]) {
+        let sent = wire.take_trace().into_iter().filter(|entry| entry.from_controller);
+        // A feedback may be on the wire.
+        let late: Vec<_> = sent.map(|entry| (entry.start.micros().get() - grid) % 1000).collect();
+        assert!(late.len() >= 18 && late.iter().all(|late| *late < 150), "{late:?}");
+    }
+    for port in &shared {
+        let status = port.status();
+        assert_eq!((status.period.min(), status.period.max()), (Some(1000), Some(1000)));
+        assert!(status.ticks >= 19 && status.overruns == 0, "{status:?}");
+    }
 }

@@ -105,20 +105,59 @@ fn one_seed_gives_one_trace_and_another_seed_another() {
     assert_eq!(first.as_str().unwrap().len(), 64);
 }
 
-/// The hash is what it says: SHA-256 of the three logs one after another.
+/// The hash is what it says: SHA-256 of the three logs' SHA-256s, one after another.
 #[test]
 fn the_hash_is_that_of_the_logs() {
     let folder = folder("hash");
     let figures = run_json("2", "0.2", &folder);
-    let logs = ["bus1.log", "bus2.log", "bus3.log"].map(|log| fs::read(folder.join(log)).unwrap());
-    let joined = folder.join("joined");
-    fs::write(&joined, logs.concat()).unwrap();
-    let Ok(output) = Command::new("sha256sum").arg(&joined).output() else {
+    let sum = |path: &Path| -> Option<String> {
+        let output = Command::new("sha256sum").arg(path).output().ok()?;
+        Some(String::from_utf8(output.stdout).unwrap()[..64].to_owned())
+    };
+    let logs = ["bus1.log", "bus2.log", "bus3.log"].map(|log| sum(&folder.join(log)));
+    let Some(joined) = logs.into_iter().collect::<Option<String>>() else {
         println!("no sha256sum on this machine: not compared");
         return;
     };
-    let sum = String::from_utf8(output.stdout).unwrap();
-    assert!(sum.starts_with(figures["trace_hash"].as_str().unwrap()));
+    let path = folder.join("joined");
+    fs::write(&path, joined).unwrap();
+    assert_eq!(sum(&path).as_deref(), figures["trace_hash"].as_str());
+}
+
+#[test]
+fn without_logs_there_are_none_and_the_hash_is_the_same() {
+    let folder = folder("no_logs");
+    let out = folder.to_str().unwrap();
+    let hash = |more: &[&str]| {
+        let run = rc10(&[&["run", "--seconds", "0.2", "--json", "--out", out], more].concat());
+        let figures: Value = serde_json::from_slice(&run.stdout).unwrap();
+        figures["trace_hash"].as_str().unwrap().to_owned()
+    };
+    let with = hash(&[]);
+    assert!(folder.join("bus2.log").exists());
+    assert_eq!(hash(&["--no-logs"]), with);
+    assert!(!folder.join("bus2.log").exists() && folder.join("report.html").exists());
+}
+
+/// Not to its end: it says so before it begins.
+#[test]
+fn a_long_run_says_first_how_much_it_will_write() {
+    let folder = folder("long");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_rc10"))
+        .args(["run", "--seconds", "3600", "--out", folder.to_str().unwrap()])
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    std::io::BufRead::read_line(
+        &mut std::io::BufReader::new(child.stderr.take().unwrap()),
+        &mut line,
+    )
+    .unwrap();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(line.starts_with("rc10: the bus logs will take some 2707 MB in "), "{line}");
+    assert!(line.ends_with("; --no-logs writes none\n"), "{line}");
 }
 
 #[test]
@@ -249,7 +288,13 @@ fn wrong_arguments_end_with_2_and_a_reason() {
     let below = format!("{file}/below");
     for (arguments, reason) in [
         (&["run", "--seconds", "0"][..], "seconds"),
-        (&["run", "--seconds", "-3"], "-3"),
+        (
+            &["run", "--seconds", "-3"],
+            "value '-3' for '--seconds <S>': must be a number of seconds",
+        ),
+        (&["run", "--seed", "-5"], "'-5' for '--seed <N>': must be a whole number from 0"),
+        (&["emu", "--seed", "-5"], "'-5' for '--seed <N>': must be a whole number from 0"),
+        (&["pty", "--bus", "1", "--seed", "1.5"], "must be a whole number from 0"),
         (&["run", "--seconds", "NaN"], "must be a number of seconds"),
         (&["run", "--seed", "x"], "--seed"),
         (&["run", "--remote", "foo"], "possible values: dr16, sbus, crsf, ppm, vt03"),

@@ -17,7 +17,7 @@ use embassy_stm32::bind_interrupts;
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::peripherals::{DMA1_CH7, UART5, UART7, USART1};
-use embassy_time::{Duration, block_for};
+use embassy_time::{Duration, Instant};
 use rc10_bsp::can::Bus;
 use rc10_bsp::pulse_input::{self, PulseInput};
 use rc10_bsp::pulse_output::{self, PulseOutput};
@@ -56,6 +56,10 @@ const PERIPHERALS: Priority = Priority::P7;
 const TEXT: SerialConfig = SerialConfig::new(115_200);
 /// The HWT101.
 const IMU: SerialConfig = SerialConfig::new(115_200);
+
+/// After the buses' start, when everything else begins: longer than that takes to set up, and half
+/// way between two of their ticks.
+const BETWEEN: Duration = Duration::from_micros(2_166);
 
 /// Of all LEDs, and two without a pulse.
 const PULSES: usize = LEDS * BITS + 2;
@@ -101,19 +105,15 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     }
     let places = MOTOR_BUSES.each_ref();
     let buses = places.map(|place| place.init_with(|| rc10_robot::Bus::new(&io.switch)));
-    let [first, second, third] = MOTORS.take().attach(buses)?;
+    let motors = MOTORS.take().attach(buses)?;
 
     interrupt::UART9.set_priority(Priority::P6);
     let control = CONTROL.start(interrupt::UART9);
-    let [port_1, port_2, port_3] = io.buses;
-    Bus::start(control, board.bus_1, |can| tasks::bus(can, first, port_1))?;
-    Bus::start(control, board.bus_2, |can| tasks::bus(can, second, port_2))?;
-    Bus::start(control, board.bus_3, |can| tasks::bus(can, third, port_3))?;
+    let ports = [Bus::start(board.bus_1), Bus::start(board.bus_2), Bus::start(board.bus_3)];
+    let started = Instant::now();
+    control.spawn(tasks::buses(ports, motors, io.buses)?);
     supervisor::start(board.supervisor, Irqs, Priority::P3);
 
-    // The buses tick every millisecond from now on. All else wakes between their ticks: woken with
-    // them, it would take from their punctuality.
-    block_for(Duration::from_micros(500));
     spawner.spawn(tasks::ten_milliseconds(io, board.watchdog)?);
     spawner.spawn(tasks::chassis(io)?);
     let (StripParts { timer, pin, stream }, buffer) = (board.strip, dma_buffer!(u32; PULSES));
@@ -140,6 +140,9 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
             spawner.spawn(tasks::pulses(io, input)?);
         }
     }
+    // One of the buses wakes every third of a millisecond from then on. All else wakes between: woken
+    // with them, it would take from their punctuality.
+    while started.elapsed() < BETWEEN {}
     Ok(())
 }
 

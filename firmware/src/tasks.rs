@@ -17,8 +17,8 @@ use rc10_bsp::serial::{BaudError, Serial, SerialReceiver};
 use rc10_bsp::watchdog::Watchdog;
 use rc10_module::led::ws2812::{PulseTiming, Pulses, Strip};
 use rc10_motor::TxBatch;
-use rc10_motor::embassy::{BusPort, run_bus};
-use rc10_robot::table::{LED_BRIGHTNESS, LEDS, RECEIVER};
+use rc10_motor::embassy::{BusPort, Runner, run_buses};
+use rc10_robot::table::{BUSES, LED_BRIGHTNESS, LEDS, RECEIVER};
 use rc10_robot::{Io, SetupError, chassis, driver, imu, lamp, mechanisms, remote, status};
 
 /// The chip restarts within 100 ms if a bus does not tick, or if the tasks in thread mode do not
@@ -36,22 +36,32 @@ pub const STRIP: PulseTiming = match PulseTiming::new(TIMER_CLOCK.0) {
     Err(_) => panic!("the timer's clock hits no pulse width of a WS2812"),
 };
 
-/// One bus: frames in, motors, frames out, every millisecond. The frames that make its motors safe
-/// are stored before the first tick.
+/// The buses: frames in, motors, frames out, every millisecond. The frames that make their motors
+/// safe are stored before the first tick.
 ///
-/// Not an `async fn`: that keeps a second copy of its arguments, 2 KiB a bus.
-#[embassy_executor::task(pool_size = 3)]
-pub fn bus(
+/// One task, because whoever sets a timer walks past those of all tasks. Not an `async fn`: that
+/// keeps a second copy of its arguments, 2 KiB a bus.
+#[embassy_executor::task]
+pub fn buses(
+    ports: [FdcanPort; BUSES],
+    motors: [&'static mut rc10_robot::Bus<'static>; BUSES],
+    shared: [&'static BusPort; BUSES],
+) -> impl Future<Output = ()> {
+    let ([a, b, c], [d, e, f], [g, h, i]) = (ports, motors, shared);
+    run_buses([runner(a, d, g), runner(b, e, h), runner(c, f, i)])
+}
+
+fn runner(
     mut can: FdcanPort,
     motors: &'static mut rc10_robot::Bus<'static>,
     shared: &'static BusPort,
-) -> impl Future<Output = ()> {
+) -> Runner<'static, 'static, FdcanPort, &'static mut rc10_robot::Bus<'static>> {
     let mut coast = TxBatch::new();
     if motors.coast_image(&mut coast).is_err() || can.keep_coast_image(coast.frames()).is_err() {
         // Not defmt's: with that one, the crash record would name a line of defmt.
         panic!("a bus has more motors than its coast image holds");
     }
-    run_bus(can, motors, shared)
+    Runner::new(can, motors, shared, rc10_bsp::now())
 }
 
 /// The base.

@@ -10,7 +10,7 @@ const RAM: u32 = 48 * 1024;
 /// Flash, bytes.
 const FLASH: u32 = 128 * 1024;
 /// Instructions of all in one second with eleven motors at 1 kHz.
-const SECOND: u64 = 12_000_000;
+pub const SECOND: u64 = 12_000_000;
 /// Instructions of one more received frame.
 const FRAME: u64 = 300;
 /// So many more instructions in a tick than it took with this compiler are too many, and so many

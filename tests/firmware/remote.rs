@@ -8,10 +8,10 @@ use rc10_cli::recording::Recording;
 use rc10_cli::remote::{Loss, ReceiverWire};
 use rc10_emu::Figures;
 use rc10_robot::table::{BASE, FULL_STICK, LED_BRIGHTNESS, LEDS, WHEELS};
-use rc10_sim::UartFault;
+use rc10_sim::{Nanos, UartFault};
 
 use crate::wires::pictures;
-use crate::{give, is_clean, log, millis, run, setup};
+use crate::{give, is_clean, keeps_its_period, log, millis, run, setup};
 
 /// Drives forward, loses the remote for a time, and goes on for so many milliseconds in all.
 fn lose(fault: &str, length: u64, judge: impl FnOnce(Loss, Recording, String)) {
@@ -143,6 +143,32 @@ fn the_strip_shows_how_the_robot_is() {
         order.dedup();
         assert_eq!(order, [MAGENTA, BLUE, GREEN, AMBER, GREEN]);
     });
+}
+
+/// Errors in every byte's time, of one kind or of all, cost less than the frames in their place do.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_line_full_of_errors_costs_little() {
+    let each = UartFault::ALL.map(|fault| vec![fault]);
+    for faults in each.into_iter().chain([UartFault::ALL.to_vec()]) {
+        run(&setup(&[]), |emulation| {
+            emulation.run(millis(300)).unwrap();
+            let before = Figures::of(&emulation.rig).instructions;
+            // DR16's bytes take 110 us.
+            for (number, fault) in (1..=4545).zip(faults.iter().cycle()) {
+                wire(emulation).inject(*fault);
+                emulation.run(millis(300) + Nanos::new(110_000 * number)).unwrap();
+            }
+            let figures = Figures::of(&emulation.rig);
+            let spent = 2 * (figures.instructions - before);
+            let log = log(emulation);
+            println!("{faults:?} in every byte: {spent} instructions a second");
+            assert!(spent <= crate::budgets::SECOND, "{spent}");
+            assert!(log.contains("suspended, 11 of 11 motors online, remote missing"), "{log}");
+            keeps_its_period(&figures);
+            is_clean(&emulation.rig, &figures);
+        });
+    }
 }
 
 fn wire<'e>(emulation: &'e Emulation<'_>) -> &'e rc10_sim::Serial {

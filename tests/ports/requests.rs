@@ -215,10 +215,12 @@ fn with_bus(
     interrupt_with(None);
 }
 
-/// The next tick.
+/// The next tick, both halves of it.
 fn tick<'m>(runner: &mut Runner<'m, '_, SimPort, &mut MotorBus<'m>>) {
-    let now = runner.next();
-    runner.tick(|| now);
+    for _ in 0..2 {
+        let now = runner.next();
+        runner.tick(|| now);
+    }
 }
 
 const fn register(number: u16) -> Outcome {

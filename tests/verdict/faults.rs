@@ -85,7 +85,7 @@ fn below_a_thousandth_it_is_information() {
     let told: Vec<_> = figures.problems.iter().map(ToString::to_string).collect();
     let words =
         "wheel front left: 1 feedback frames overwritten because the bus was busy (0.067 %)";
-    assert_eq!(told.first().map(String::as_str), Some(words));
+    assert!(told.iter().any(|told| told == words), "{told:?}");
     recording.motors[0].overwritten = 2;
     assert!(problems(&recording).starts_with("wheel front left: 2 feedback frames overwritten"));
 }

@@ -39,8 +39,15 @@ fn folder() -> PathBuf {
 }
 
 impl Own {
-    /// Exit code and output, or what it says before it ends with exit code 2.
+    /// Exit code and output of `run`, or what it says before it ends with exit code 2.
     fn end(&self, arguments: &[&str]) -> Result<(u8, String), String> {
+        let folder = folder();
+        let out = ["--out", folder.to_str().unwrap()];
+        self.command(&[&["run", "--seconds", "1.5"][..], &out, arguments].concat())
+    }
+
+    /// The same of any command.
+    fn command(&self, arguments: &[&str]) -> Result<(u8, String), String> {
         let (switch, port) = (ArmSwitch::new(), BusPort::new());
         let mut motors: Vec<Dji> = (1..=self.motors)
             .map(|id| Dji::new(&M3508, id).unwrap().with_feedback_rate(self.rate))
@@ -73,10 +80,7 @@ impl Own {
         };
         let description = Description { motors, buses: 1, ..Description::default() };
         let robot = Robot::new(description).bus(bus, &port).switch(&switch).task(task);
-        let folder = folder();
-        let out = ["--out", folder.to_str().unwrap()];
-        let fixed = ["own", "run", "--seconds", "1.5"];
-        let line = CommandLine::parse([&fixed[..], &out, arguments].concat()).unwrap();
+        let line = CommandLine::parse([&["own"][..], arguments].concat()).unwrap();
         let mut text = Vec::new();
         match line.run_to(robot, &mut text) {
             Ok(code) => Ok((code, String::from_utf8(text).unwrap())),
@@ -110,6 +114,19 @@ fn a_bus_that_is_too_full_is_refused_with_names_numbers_and_a_way_out() {
         "--force",
     ]) {
         assert!(refused.contains(words), "{words}: {refused}");
+    }
+    // Whichever command: before a file is opened, or anything moves.
+    let file = folder().join("report.html");
+    let _ = fs::remove_file(&file);
+    assert_eq!(full.end(&["--json"]).unwrap_err(), refused);
+    assert!(!file.exists());
+    assert_eq!(full.command(&["emu", "no/such.elf"]).unwrap_err(), refused);
+    let missing = full.command(&["emu", "no/such.elf", "--force"]).unwrap_err();
+    assert!(missing.contains("cannot read no/such.elf"), "{missing}");
+    if cfg!(unix) {
+        let pty = ["pty", "--bus", "1", "--seconds", "0.01"];
+        assert_eq!(full.command(&pty).unwrap_err(), refused);
+        assert!(full.command(&[&pty[..], &["--force"]].concat()).is_ok());
     }
     // All the same: then it is a problem.
     let (code, text) = full.end(&["--force"]).unwrap();

@@ -17,6 +17,9 @@ use crate::{count, emulate, size};
 /// A robot of somebody else's, outside the workspace. It shares the target directory.
 const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";
 
+/// All of `rc10-bsp`'s.
+const CHIP_FEATURES: &str = "stm32h723,usb,defmt,freeze-watchdog";
+
 enum Outcome {
     Passed,
     Failed(String),
@@ -114,8 +117,7 @@ pub fn run() -> Result<()> {
     report.step("lint chip", || match &rustc {
         // clippy is a compiler of its own and knows only its own toolchain's targets.
         Ok(None) => with_component("clippy", || {
-            let bsp =
-                format!("--package rc10-bsp --features stm32h723,usb,defmt --target {TARGET}");
+            let bsp = format!("--package rc10-bsp --features {CHIP_FEATURES} --target {TARGET}");
             run_command(&mut host(&format!("clippy {bsp} -- -D warnings")))?;
             run_command(&mut chip("clippy --workspace --release -- -D warnings", None))?;
             let docs = format!("doc --no-deps {bsp}");
@@ -149,7 +151,7 @@ pub fn run() -> Result<()> {
         None => Outcome::Skipped("no firmware".to_owned()),
     });
     report.step("emulate", || match &program {
-        Some(program) => emulate::run(program).into(),
+        Some(program) => emulate::run(program, None).into(),
         None => Outcome::Skipped("no firmware".to_owned()),
     });
     report.step("count", || with_chip(&rustc, |rustc| count::run(&build_count_with(rustc)?)));

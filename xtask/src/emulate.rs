@@ -6,11 +6,11 @@ use anyhow::Result;
 
 use crate::cargo::{host, run as run_command};
 
-/// Runs every scenario on the program.
+/// Runs every scenario on the program, or those of a module.
 ///
 /// # Errors
 /// If one of them fails.
-pub fn run(program: &Path) -> Result<()> {
+pub fn run(program: &Path, module: Option<&str>) -> Result<()> {
     let test = "test --test firmware -- --include-ignored --show-output";
-    run_command(host(test).env("RC10_FIRMWARE", program))
+    run_command(host(test).args(module).env("RC10_FIRMWARE", program))
 }

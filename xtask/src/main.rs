@@ -19,6 +19,7 @@ cargo xtask setup   make this machine able to build for the chip, and to test ag
 cargo xtask check   everything that must hold before a commit
 cargo xtask firmware   build the firmware, say where it is
 cargo xtask emulate   the firmware on an emulated chip: every scenario, against its budgets
+cargo xtask phases  the least and the most of what faults cost, over fifty phases
 cargo xtask size    flash and RAM of the firmware, against their budgets
 cargo xtask count   instructions of the control loop and of every codec, against their budgets
 cargo xtask fuzz [seconds] [target ..]   throws bytes at every decoder, 60 s each; needs nightly";
@@ -35,8 +36,9 @@ fn main() -> ExitCode {
             let firmware = firmware::build()?;
             firmware::build_interop()?;
             firmware::build_selftest()?;
-            emulate::run(&firmware)
+            emulate::run(&firmware, None)
         },
+        Some("phases") => || emulate::run(&firmware::build()?, Some("phases::")),
         Some("size") => || size::run(&firmware::build()?),
         Some("count") => || count::run(&firmware::build_count()?),
         Some("fuzz") => || fuzz::run(std::env::args().skip(2)),

@@ -36,6 +36,12 @@ impl Dma {
     }
 
     fn look(&mut self) {
+        self.look_only();
+        self.ring.check();
+    }
+
+    /// While the UART does not tell of errors.
+    fn look_only(&mut self) {
         let remaining = LENGTH - u32::try_from(self.written % u64::from(LENGTH)).unwrap();
         let [half, end] = [core::mem::take(&mut self.half), core::mem::take(&mut self.end)];
         self.ring.look(remaining, half, end);
@@ -61,7 +67,7 @@ impl Dma {
         self.write_and_look(meanwhile);
         let place = |position: u32| (from.wrapping_add(position) % LENGTH) as usize;
         let bytes = (0..count).map(|position| self.memory[place(position)]).collect();
-        self.look();
+        self.look_only();
         if self.ring.take(from, count) { Some(Ok(bytes)) } else { self.read(room, 0) }
     }
 }
@@ -263,4 +269,22 @@ fn what_lies_between_two_errors_and_is_dropped_is_counted() {
     assert_eq!(errors, [SerialError::TooSlow]);
     let counted = u64::from(dma.ring.counters.unread) + bytes.len() as u64;
     assert_eq!(counted, dma.written - 5);
+}
+
+/// What the UART has not been asked about is not read; if something was wrong with it, it goes.
+#[test]
+fn bytes_are_read_when_the_uart_has_said_that_they_are_whole() {
+    let mut dma = Dma::new();
+    dma.write(3);
+    dma.look();
+    dma.write(4);
+    dma.look_only();
+    assert_eq!(dma.read(10, 0), Some(Ok(vec![0, 1, 2])));
+    assert_eq!(dma.read(10, 0), None);
+    dma.ring.fail(LineFlags { parity: true, ..LineFlags::default() }, None);
+    dma.write(2);
+    dma.look();
+    assert_eq!(dma.read(10, 0), Some(Err(SerialError::Parity)));
+    assert_eq!(dma.read(10, 0), Some(Ok(vec![7, 8])));
+    assert_eq!((dma.ring.counters.parity, dma.ring.counters.unread), (1, 4));
 }

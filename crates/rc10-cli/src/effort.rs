@@ -191,7 +191,7 @@ mod tests {
 
     #[test]
     fn an_effort_that_bangs_shakes_and_one_that_is_pushed_stands_at_its_limit() {
-        let bang = |millis: u32| if millis / 3 % 2 == 0 { 7.0 } else { -7.0 };
+        let bang = |millis: u32| if (millis / 3).is_multiple_of(2) { 7.0 } else { -7.0 };
         let banging = track(|millis| Some(bang(millis)));
         assert!(banging.oscillates() && banging.saturates(), "{banging:?}");
         let pushing = track(|_| Some(6.9));
@@ -220,7 +220,7 @@ mod tests {
 
     #[test]
     fn small_noise_is_no_shaking() {
-        let noise = track(|millis| Some(if millis % 2 == 0 { 0.34 } else { -0.34 }));
+        let noise = track(|millis| Some(if millis.is_multiple_of(2) { 0.34 } else { -0.34 }));
         assert_eq!(noise.reversals.count, 0);
     }
 }

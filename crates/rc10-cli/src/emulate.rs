@@ -29,11 +29,12 @@ use crate::recorder::Recorder;
 use crate::recording::{Recording, hex_digits};
 use crate::remote::{Operator, ReceiverWire, Sight, Watch};
 use crate::robot::{Description, Device, Place, Robot, Twin};
-use crate::run::{check_end, make_folder, print_files, seconds, write_file, write_files};
+use crate::run::{check_end, make_folder, print_files, seconds, seed, write_file, write_files};
 use crate::surroundings::{RemoteLink, Surroundings, operate};
 
 /// What `rc10 emu` is told.
 #[derive(Args, Debug)]
+#[command(allow_negative_numbers = true)]
 pub struct EmuArgs {
     /// The program to run; without one the firmware is built first
     pub elf: Option<PathBuf>,
@@ -41,7 +42,7 @@ pub struct EmuArgs {
     #[arg(long, value_name = "S", default_value = "1", value_parser = seconds)]
     pub seconds: Micros,
     /// Seed of everything random in the world: two runs with one seed are the same to the bit
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed)]
     pub seed: u64,
     /// Million instructions a second that the core executes at its full clock [default: as many as
     /// a Cortex-M4 would]
@@ -303,7 +304,7 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
         writeln!(out, "{:#}", outcome.to_json())?;
     } else {
         out.write_all(outcome.text(took).as_bytes())?;
-        print_files(&args.out, out)?;
+        print_files(&recording, &args.out, out)?;
         for text in &texts {
             writeln!(out, "text  {}", args.out.join(text.file_name()).display())?;
         }

@@ -29,7 +29,7 @@ use clap::Args;
 use rc10_can::Micros;
 
 use crate::robot::Robot;
-use crate::run::seconds;
+use crate::run::{seconds, seed};
 
 #[cfg(unix)]
 pub use unix::serve;
@@ -39,6 +39,7 @@ pub const STEP: Micros = Micros::from_millis(1);
 
 /// What `rc10 pty` is told.
 #[derive(Args, Debug)]
+#[command(allow_negative_numbers = true)]
 pub struct PtyArgs {
     /// Which bus of the robot; the first is 1
     #[arg(long, value_name = "N")]
@@ -56,7 +57,7 @@ pub struct PtyArgs {
     #[arg(long, value_name = "PATH")]
     pub link: Option<PathBuf>,
     /// Seed of everything random in the world
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed)]
     pub seed: u64,
     /// Run even if the motors of a bus do not fit on it
     #[arg(long)]

@@ -6,13 +6,14 @@ use rc10_can::Micros;
 use rc10_motor::embassy::{BusStatus, LineStatus};
 use rc10_motor::{ArmState, Drive, Link, Loops, MotorStatus, Target, TargetKind};
 use rc10_sim::{Base, TraceEntry};
+use sha2::{Digest, Sha256};
 
 use crate::candump;
 use crate::effort::{EffortWatch, effort_of};
 use crate::margin::Margins;
 use crate::recording::{
     BaseHeard, BaseTrack, BusSample, BusTrack, Cell, LOOK_PERIOD, MotorSample, MotorTrack,
-    PathPoint, Recording, SAMPLE_PERIOD, Tracking, WheelHeard,
+    PathPoint, Recording, SAMPLE_PERIOD, Tracking, WheelHeard, hex_digits,
 };
 use crate::robot::{Description, Motor, Twin};
 
@@ -32,6 +33,8 @@ pub struct Recorder<'d> {
 #[derive(Default)]
 struct BusRecorder {
     log: String,
+    /// Of what was in the log before, if that is not kept.
+    hash: Sha256,
     frames: u64,
     samples: Vec<BusSample>,
 }
@@ -72,7 +75,7 @@ impl<'d> Recorder<'d> {
 
     /// Takes frames of a bus down, 0 for the first, in the order of the wire.
     pub fn frames(&mut self, bus: usize, entries: &[TraceEntry]) {
-        let Some(BusRecorder { log, frames, .. }) = self.buses.get_mut(bus) else {
+        let Some(BusRecorder { log, hash, frames, .. }) = self.buses.get_mut(bus) else {
             return;
         };
         // As can-utils would call them.
@@ -81,6 +84,10 @@ impl<'d> Recorder<'d> {
             *frames += 1;
             // A string takes everything.
             let _ = candump::write_line(log, entry.at, &channel, &entry.frame);
+        }
+        if self.description.no_logs {
+            hash.update(&*log);
+            log.clear();
         }
     }
 
@@ -177,6 +184,7 @@ impl<'d> Recorder<'d> {
             last: bus(number),
             samples: recorder.samples,
             frames: recorder.frames,
+            log_hash: hex_digits(recorder.hash.chain_update(&recorder.log)),
             log: recorder.log,
         });
         let base = self.description.base;
@@ -194,6 +202,7 @@ impl<'d> Recorder<'d> {
             }),
             events: self.description.events(length),
             arm: self.arm,
+            no_logs: self.description.no_logs,
             is_emulated: self.is_emulated,
             ..Recording::default()
         }

@@ -40,18 +40,20 @@ pub struct Recording {
     pub arm: Vec<ArmState>,
     /// What went wrong on purpose.
     pub faults: Vec<Fault>,
+    /// The buses' logs were not kept.
+    pub no_logs: bool,
     /// It ran on an emulated chip: what it believed and was told is not known, only what was on the
     /// wires and at the shafts.
     pub is_emulated: bool,
 }
 
 impl Recording {
-    /// The logs of all buses, one after another, as one SHA-256 hash in hex digits.
+    /// The hashes of all buses' logs, one after another, as one SHA-256 hash in hex digits.
     #[must_use]
     pub fn trace_hash(&self) -> String {
         let mut hash = Sha256::new();
         for bus in &self.buses {
-            hash.update(&bus.log);
+            hash.update(&bus.log_hash);
         }
         hex_digits(hash)
     }
@@ -175,8 +177,12 @@ pub struct BusTrack {
     pub samples: Vec<BusSample>,
     /// Frames on the wire.
     pub frames: u64,
-    /// Frames on the wire, as a candump log.
+    /// Frames on the wire, as a candump log; empty if [`Description::no_logs`] says so.
+    ///
+    /// [`Description::no_logs`]: crate::Description::no_logs
     pub log: String,
+    /// SHA-256 of that log in hex digits, also of one that is not kept.
+    pub log_hash: String,
 }
 
 /// What a bus had counted at one moment.

@@ -275,8 +275,8 @@
       pen.globalAlpha = 0.3;
       for (let index = first; index <= Math.min(last, series.measured.length - 1); index++) {
         const [low, high] = bounds(series, index);
-        // Since the sample before.
-        const middle = x(from + index * step) - half;
+        // Around the mean, which stands for the same time.
+        const middle = x(from + index * step);
         if (low !== null && high > low) pen.fillRect(middle - half, y(high), 2 * half, y(low) - y(high));
       }
       pen.globalAlpha = 1;

@@ -671,6 +671,7 @@ mod tests {
             samples: Vec::new(),
             frames: 50_123,
             log: Default::default(),
+            log_hash: Default::default(),
         };
         let path = |index: usize| PathPoint { x: index as f64 / 100.0, y: 0.5, yaw: -0.0 };
         let event = |millis, label| Event { at: Micros::from_millis(millis), label };

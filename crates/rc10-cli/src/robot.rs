@@ -47,6 +47,8 @@ pub struct Description {
     pub faults: Vec<Fault>,
     /// What is built otherwise than described: [`Robot::set_mistakes`].
     pub mistakes: Vec<Mistake>,
+    /// The buses' logs are hashed, and not kept: [`Robot::set_no_logs`].
+    pub no_logs: bool,
 }
 
 /// One motor of a robot, and what is on its shaft.
@@ -356,6 +358,10 @@ impl Script {
     }
 }
 
+/// Bytes that a frame of eight bytes takes in a log, between those of a standard and an extended
+/// one.
+const LOG_LINE: u64 = 47;
+
 /// How often a text names a motor: `M3508 id 1` is not in `M3508 id 12`.
 fn mentions(text: &str, name: &str) -> usize {
     let ends = text.match_indices(name).map(|(at, name)| &text[at + name.len()..]);
@@ -607,6 +613,22 @@ impl<'r> Robot<'r> {
     pub fn set_mistakes(&mut self, mistakes: &[Mistake]) -> Result<()> {
         self.description.mistakes = mistakes.into();
         Built::new(&self.description).map(|_| ())
+    }
+
+    /// Whether the buses' logs are only hashed: those of an hour are too large for many a memory.
+    pub const fn set_no_logs(&mut self, no_logs: bool) {
+        self.description.no_logs = no_logs;
+    }
+
+    /// Bytes that the buses' logs of a run take, by the planned load; 0 if they are not kept.
+    #[must_use]
+    pub fn log_size(&self, length: Micros) -> u64 {
+        if self.description.no_logs {
+            return 0;
+        }
+        let frames = |bus: &MotorBus<'_>| u64::from(bus.load(BITS_PER_SECOND).frames_per_second);
+        let a_second: u64 = self.buses.iter().map(frames).sum();
+        a_second * LOG_LINE * length.get() / 1_000_000
     }
 
     /// What it was described as.

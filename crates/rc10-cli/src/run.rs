@@ -22,12 +22,13 @@ use crate::simulate::simulate;
 
 /// What `rc10 run` is told.
 #[derive(Args, Debug)]
+#[command(allow_negative_numbers = true)]
 pub struct RunArgs {
     /// Virtual seconds to run, up to 3600
     #[arg(long, value_name = "S", default_value = "10", value_parser = seconds)]
     pub seconds: Micros,
     /// Seed of everything random in the world: two runs with one seed are the same to the bit
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed)]
     pub seed: u64,
     /// The receiver of the robot's remote control [default: the one that the robot names]
     #[arg(long, value_name = "RECEIVER", value_parser = remote::parser(), ignore_case = true)]
@@ -41,6 +42,9 @@ pub struct RunArgs {
     /// Folder for report.html and the bus logs
     #[arg(long, value_name = "DIR", default_value = "target/rc10")]
     pub out: PathBuf,
+    /// Write no bus logs: those of an hour take some 2.5 GB
+    #[arg(long)]
+    pub no_logs: bool,
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
@@ -52,6 +56,9 @@ pub struct RunArgs {
     pub force: bool,
 }
 
+/// Logs of this many bytes are told of before they are written.
+const LARGE: u64 = 100_000_000;
+
 /// What `rc10` does without any argument.
 impl Default for RunArgs {
     fn default() -> Self {
@@ -62,6 +69,7 @@ impl Default for RunArgs {
             faults: Vec::new(),
             mistakes: Vec::new(),
             out: "target/rc10".into(),
+            no_logs: false,
             json: false,
             strict: false,
             force: false,
@@ -89,6 +97,11 @@ pub(crate) fn seconds(text: &str) -> Result<Micros, String> {
     }
 }
 
+/// A seed.
+pub(crate) fn seed(text: &str) -> Result<u64, &'static str> {
+    text.parse().map_err(|_| "must be a whole number from 0 to 18446744073709551615")
+}
+
 /// Runs a robot, writes the files, prints the figures. Whether the run had problems.
 ///
 /// # Errors
@@ -105,8 +118,13 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
     robot.set_faults(&args.faults)?;
     robot.set_mistakes(&args.mistakes)?;
     robot.fit(args.force)?;
+    robot.set_no_logs(args.no_logs);
     // Before the work, so that a wrong folder is known at once.
     make_folder(&args.out)?;
+    if let size @ LARGE.. = robot.log_size(args.seconds) {
+        let (folder, size) = (args.out.display(), size / 1_000_000);
+        eprintln!("rc10: the bus logs will take some {size} MB in {folder}; --no-logs writes none");
+    }
     let started = Instant::now();
     let mut recording = simulate(robot, args.seed, args.seconds)?;
     recording.faults.clone_from(&args.faults);
@@ -152,13 +170,20 @@ fn print(
          on the chip: cargo xtask count.\n"
     )?;
     writeln!(out, "trace {}", recording.trace_hash())?;
-    print_files(folder, out)?;
+    print_files(recording, folder, out)?;
     write!(out, "\n{}", verdict(recording, figures))
 }
 
 /// Says where the files of a run are.
-pub(crate) fn print_files(folder: &Path, out: &mut dyn Write) -> io::Result<()> {
+pub(crate) fn print_files(
+    recording: &Recording,
+    folder: &Path,
+    out: &mut dyn Write,
+) -> io::Result<()> {
     writeln!(out, "open  {}", folder.join("report.html").display())?;
+    if recording.no_logs {
+        return Ok(());
+    }
     writeln!(out, "logs  {}  (rc10 decode reads them)", folder.join("bus*.log").display())
 }
 
@@ -178,7 +203,13 @@ pub fn make_folder(folder: &Path) -> Result<()> {
 pub fn write_files(recording: &Recording, figures: &Figures, folder: &Path) -> Result<()> {
     write_file(folder, "report.html", report(recording, figures).as_bytes())?;
     for bus in &recording.buses {
-        write_file(folder, &format!("bus{}.log", bus.number), bus.log.as_bytes())?;
+        let name = format!("bus{}.log", bus.number);
+        if recording.no_logs {
+            // One of a run before would be taken for this one's.
+            let _ = fs::remove_file(folder.join(name));
+        } else {
+            write_file(folder, &name, bus.log.as_bytes())?;
+        }
     }
     Ok(())
 }

@@ -100,7 +100,7 @@ pub struct Options {
     /// Whether the FDCANs' clock calibration unit has to be bypassed before a controller may send.
     /// RM0399 59.4.5 says so; ST's HAL leaves it alone, and works. `true` if not said.
     pub calibration_needed: bool,
-    /// Whether RCC_RSR.RMVF stays set until the program clears it, and holds the reset flags at zero.
+    /// Whether `RCC_RSR.RMVF` stays set until the program clears it, and holds the reset flags at zero.
     /// The register's text says "set and reset by software"; ST's HAL only sets it. `true` if not said.
     pub removal_stays: bool,
     /// Whether RAM written before the supply is configured is reported: forbidden (RM0468, power

@@ -46,13 +46,13 @@ impl fmt::Debug for Reception {
 
 /// Bytes taken from the port at once.
 const RECEIVE: usize = 64;
-/// A port that always fails at once must not keep the processor busy.
-const ERROR_PAUSE: Duration = Duration::from_micros(100);
+/// A port that always fails must not keep the processor busy. What comes meanwhile waits in it.
+const ERROR_PAUSE: Duration = Duration::from_millis(4);
 
 /// Listens to a serial device for ever, and hands each message and its time to `hear`.
 ///
 /// `port` must read as soon as there are bytes, not only when its buffer is full, and go on after
-/// an error: [`Counters::port_errors`] counts those. A protocol with a [`Protocol::PAUSE`] hears it
+/// an error: [`Counters::port_errors`] counts those, and after each it reads on 4 ms later. A protocol with a [`Protocol::PAUSE`] hears it
 /// when `port` had nothing to read for so long; a late task hears none, rather than a wrong one.
 pub async fn listen<P: Protocol>(
     mut port: impl Read,

@@ -15,9 +15,7 @@ use crate::motor::{
     Answer, CanMotor, FrameError, Heard, Loops, Request, RequestError, Target, TargetError,
     TargetSet,
 };
-use crate::supervision::{
-    LONGEST_PAUSE, MotorCounters, MotorStatus, Safety, Supervision, sound_step,
-};
+use crate::supervision::{LONGEST_PAUSE, MotorStatus, Safety, Supervision, sound_step};
 use crate::table::ReceiveTable;
 use crate::wiring::{Clash, MotorName, Wiring};
 
@@ -34,9 +32,7 @@ pub struct MotorBus<'m> {
     switch: &'m ArmSwitch,
     slots: Vec<Slot<'m>, CAPACITY>,
     table: ReceiveTable,
-    unclaimed: u32,
-    last_unclaimed: Option<u32>,
-    remote: u32,
+    counters: BusCounters,
     last_tick: Option<Micros>,
     /// It runs even if its motors do not fit on it.
     overload_allowed: bool,
@@ -176,7 +172,6 @@ pub struct BusCounters {
     pub remote: u32,
 }
 
-#[cfg(feature = "embassy")]
 impl BusCounters {
     pub(crate) const NEW: Self =
         Self { received: 0, malformed: 0, unclaimed: 0, last_unclaimed: None, remote: 0 };
@@ -193,9 +188,7 @@ impl<'m> MotorBus<'m> {
             switch,
             slots: Vec::new(),
             table: ReceiveTable::new(),
-            unclaimed: 0,
-            last_unclaimed: None,
-            remote: 0,
+            counters: BusCounters::NEW,
             last_tick: None,
             overload_allowed: false,
         }
@@ -243,6 +236,7 @@ impl<'m> MotorBus<'m> {
     /// Takes a frame that arrived at `at`; constant time.
     #[inline]
     pub fn on_frame(&mut self, frame: &CanFrame, at: Micros) -> Dispatch {
+        self.counters.received = self.counters.received.wrapping_add(1);
         // Nearly always the first place looked at is the right one.
         match self.table.find_first(frame) {
             Some(index) => self.hear(index, frame, at),
@@ -254,14 +248,14 @@ impl<'m> MotorBus<'m> {
     #[inline(never)]
     fn on_other_frame(&mut self, frame: &CanFrame, at: Micros) -> Dispatch {
         if frame.is_remote() {
-            count(&mut self.remote);
+            count(&mut self.counters.remote);
             return Dispatch::Unclaimed;
         }
         if let Some(index) = self.table.find(frame) {
             return self.hear(index, frame, at);
         }
-        count(&mut self.unclaimed);
-        self.last_unclaimed = Some(frame.key());
+        count(&mut self.counters.unclaimed);
+        self.counters.last_unclaimed = Some(frame.key());
         Dispatch::Unclaimed
     }
 
@@ -279,7 +273,10 @@ impl<'m> MotorBus<'m> {
         match slot.watch.heard(heard, at) {
             Ok(()) => Dispatch::Motor(MotorId(index)),
             Err(FrameError::Unasked) => Dispatch::Unasked(MotorId(index)),
-            Err(error) => Dispatch::Malformed(MotorId(index), error),
+            Err(error) => {
+                count(&mut self.counters.malformed);
+                Dispatch::Malformed(MotorId(index), error)
+            }
         }
     }
 
@@ -414,21 +411,8 @@ impl<'m> MotorBus<'m> {
 
     /// What the frames of this bus amounted to.
     #[must_use]
-    pub fn counters(&self) -> BusCounters {
-        let mut sum = BusCounters {
-            received: self.unclaimed.saturating_add(self.remote),
-            malformed: 0,
-            unclaimed: self.unclaimed,
-            last_unclaimed: self.last_unclaimed,
-            remote: self.remote,
-        };
-        for slot in &self.slots {
-            let MotorCounters { received, malformed, unasked, .. } = *slot.watch.counters();
-            let all = received.saturating_add(malformed).saturating_add(unasked);
-            sum.received = sum.received.saturating_add(all);
-            sum.malformed = sum.malformed.saturating_add(malformed);
-        }
-        sum
+    pub const fn counters(&self) -> BusCounters {
+        self.counters
     }
 
     /// The switch that arms this bus.

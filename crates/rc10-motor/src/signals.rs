@@ -115,6 +115,19 @@ impl Marks {
         Self { mask, value: u64::from_le_bytes(value) & mask }
     }
 
+    /// Nothing behind `len` bytes, as every frame of that length has it: makes a message special that
+    /// a DBC file has no room for.
+    #[must_use]
+    pub const fn behind(len: u8) -> Self {
+        let mut mask = [0; 8];
+        let mut index = len as usize;
+        while index < 8 {
+            mask[index] = 0xFF;
+            index += 1;
+        }
+        Self::masked(mask, [0; 8])
+    }
+
     fn are_in(&self, data: &[u8]) -> bool {
         let mut bytes = [0; 8];
         bytes.iter_mut().zip(data).for_each(|(byte, data)| *byte = *data);

@@ -233,10 +233,6 @@ impl Supervision {
         }
     }
 
-    pub(crate) const fn counters(&self) -> &MotorCounters {
-        &self.counters
-    }
-
     /// Gives the motor a target, which holds from `now` until it expires.
     #[inline]
     pub(crate) fn command(

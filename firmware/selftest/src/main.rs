@@ -73,7 +73,7 @@ async fn main(spawner: Spawner) {
         panic!("115200 baud are possible");
     };
     let mut report = Report::new(text);
-    report.run("CAN", can::exchange(spawner, board.bus_2, board.standby)).await;
+    report.run("CAN", can::exchange(board.bus_2, board.standby)).await;
     report.run("serial", serial_ports::echo(board.positioning)).await;
     report.run("serial faults", serial_ports::faults(board.laser)).await;
     report.run("RS-485", motors::line(spawner, board.rs485)).await;

@@ -34,10 +34,9 @@ pub(super) fn search(rig: &Rig, recording: &Recording, found: &mut Vec<Problem>)
             .faults
             .iter()
             .any(|fault| is_excused(recording, Place::Bus(number), fault.from.micros()));
-        for (count, kind, what) in [
-            (bus.lost, "rx-lost", "received frames lost"),
-            (u64::from(bus.bus_offs), "bus-off", "× bus-off"),
-        ] {
+        for (count, kind, what) in
+            [(bus.lost, "rx-lost", "received frames lost"), (bus.bus_offs, "bus-off", "× bus-off")]
+        {
             if count > 0 && !excused {
                 problem(About::Bus(number), kind, format!("{count} {what}"));
             }

@@ -46,8 +46,9 @@ const SETTINGS: [(&str, [&str; 2]); 6] = [
 
 fn pair(setting: &str, frame: &CanFrame) -> Vec<(&'static str, f64)> {
     let (_, names) = SETTINGS.iter().find(|(name, _)| *name == setting).unwrap();
-    let raw = u64::from_be_bytes(*frame.all_eight().unwrap());
-    let numbers = [(raw >> 32) as u32, raw as u32].map(|half| f64::from(half as i32) / 1000.0);
+    let halves = frame.bytes().chunks_exact(4);
+    let numbers =
+        halves.map(|half| f64::from(i32::from_be_bytes(half.try_into().unwrap())) / 1000.0);
     names.iter().copied().zip(numbers).collect()
 }
 

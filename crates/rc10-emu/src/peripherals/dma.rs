@@ -393,8 +393,9 @@ impl Dma {
     }
 
     /// Address of a stream's CR.
-    pub(super) const fn control_address(&self, stream: usize) -> u32 {
-        0x4002_0010 + 0x400 * self.index as u32 + 0x18 * stream as u32
+    pub(super) fn control_address(&self, stream: usize) -> u32 {
+        let offset = u32::try_from(0x400 * self.index + 0x18 * stream).unwrap_or(0);
+        0x4002_0010 + offset
     }
 
     pub(super) fn is_idle(&self) -> bool {

@@ -351,10 +351,10 @@ fn ram_written_before_the_supply_is_configured_is_told_if_asked_for() {
     assert_eq!(machine.memory().word(STATIC).unwrap(), 1);
 }
 
-/// A program that measures with SysTick what a load takes, and says it at [`STATIC`].
+/// A program that measures with `SysTick` what a load takes, and says it at [`STATIC`].
 fn stopwatch(address: u32) -> Vec<u8> {
     let mut words = vec![STACK, START | 1];
-    words.resize(16, START + 0x14 | 1);
+    words.resize(16, (START + 0x14) | 1);
     let mut flash: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
     let code: [u16; 12] = [
         0x4805, // LDR R0, =SYST_CSR

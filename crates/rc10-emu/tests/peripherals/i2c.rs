@@ -30,6 +30,7 @@ const NACKF: u32 = 1 << 4;
 const STOPF: u32 = 1 << 5;
 const TC: u32 = 1 << 6;
 const TCR: u32 = 1 << 7;
+const BERR: u32 = 1 << 8;
 const ARLO: u32 = 1 << 9;
 const BUSY: u32 = 1 << 15;
 
@@ -122,6 +123,21 @@ fn the_pins_show_what_holds_the_bus() {
     assert_eq!(chip.read(PORT_F + 0x10) & 0b11, 0, "the stop is on its way");
     chip.wait(ISR, STOPF);
     assert_eq!(chip.read(PORT_F + 0x10) & 0b11, 0b11, "over");
+}
+
+/// ST's errata sheets, "spurious bus error detection in master mode": a flag, and the transfer goes on.
+#[test]
+fn a_spurious_bus_error_is_a_flag_and_no_more() {
+    let (mut chip, device) = i2c();
+    assert!(chip.soc.disturb_i2c(2, 1) && !chip.soc.disturb_i2c(4, 1));
+    chip.write(CR2, ADDRESS | 2 << 16 | START | AUTOEND);
+    send(&mut chip, &[0x10]);
+    assert_eq!(chip.read(ISR) & BERR, 0, "not before the byte has passed");
+    send(&mut chip, &[0x20]);
+    chip.wait(ISR, STOPF);
+    assert_eq!((log(&device).as_str(), chip.read(ISR) & BERR), ("W 10 20 P", BERR));
+    chip.write(ICR, BERR);
+    assert_eq!(chip.read(ISR) & BERR, 0);
 }
 
 #[test]

@@ -43,7 +43,7 @@ fn a_port_that_fails_at_once_and_always_leaves_time_for_others() {
         let task = listen(Receiver::Dr16, port, &reception, silent);
         assert_eq!(run_until(start + 1_000_000, task), None);
         // And it is tried again soon.
-        assert!((5_000..=10_001).contains(&reads.get()), "{says:?}: {} reads", reads.get());
+        assert!((200..=251).contains(&reads.get()), "{says:?}: {} reads", reads.get());
         assert!(reception.read().port_errors + 1 >= reads.get());
     }
 }

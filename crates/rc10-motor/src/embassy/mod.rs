@@ -19,5 +19,5 @@ mod subscription;
 pub use line::{LinePort, LineStatus, run_line};
 pub use motors::MotorPort;
 pub use port::{BusPort, BusStatus, OutboxError};
-pub use runner::{Runner, run_bus};
+pub use runner::{Runner, run_bus, run_buses};
 pub use subscription::{Filter, NoFreeSubscription, Received, Subscription};

@@ -10,11 +10,17 @@ use super::motors::Server;
 use super::port::{BusPort, BusStatus};
 use super::recovery::Recovery;
 use super::subscription::{Filter, Received};
+use crate::arm::ArmState;
 use crate::batch::TxBatch;
 use crate::bus::{Dispatch, MotorBus};
 
 /// Length of a tick.
 pub(super) const PERIOD: Micros = Micros::from_millis(1);
+/// How long before its frames leave a tick begins: more than the work takes on a full bus, and a
+/// third of a tick, so that of three buses each is woken for as the one before sends.
+const LEAD: Micros = Micros::new(333);
+/// What is due within so long of each other is done at once: three times [`LEAD`] is no tick.
+const TOGETHER: Micros = Micros::new(1);
 /// Bit rate that load figures refer to.
 const BITS_PER_SECOND: u32 = 1_000_000;
 /// Frames taken from the port in one tick: three times what a saturated bus delivers, so that it
@@ -26,13 +32,47 @@ const ACCEPTED: usize = 48;
 /// Runs a bus that goes back by itself after bus-off; the future never ends. One tick every
 /// millisecond, on the grid, without drift. Ticks whose time has gone by are skipped and counted.
 ///
-/// For another [`BusOffPolicy`]: [`Runner::with_bus_off`] and [`Runner::run`].
+/// For another [`BusOffPolicy`]: [`Runner::with_bus_off`] and [`run_buses`].
 pub fn run_bus<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>>(
     port: P,
     bus: B,
     shared: &BusPort,
 ) -> impl Future<Output = ()> {
-    Runner::new(port, bus, shared, now()).run()
+    run_buses([Runner::new(port, bus, shared, now())])
+}
+
+/// Runs the buses of one processor in one task; the future never ends. Each ticks as in
+/// [`run_bus`]. Their ticks lie behind each other: as the frames of one leave, those of the next
+/// are computed, so that one timer wakes both.
+///
+/// Not written `async fn`, which would keep a second copy of the runners: 2 KiB a bus.
+pub fn run_buses<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>, const N: usize>(
+    runners: [Runner<'m, '_, P, B>; N],
+) -> impl Future<Output = ()> {
+    let mut runners = runners;
+    async move {
+        let mut next = now() + PERIOD;
+        for runner in &mut runners {
+            runner.start_at(next);
+            next += LEAD;
+        }
+        let mut turn = 0;
+        while let Some(first) = runners.get_mut(turn) {
+            let due = first.due;
+            Timer::at(Instant::from_micros(due.get())).await;
+            // What is to leave leaves before anything is computed.
+            first.tick(now);
+            let mut next = Micros::new(u64::MAX);
+            for (index, runner) in runners.iter_mut().enumerate() {
+                if runner.due <= due + TOGETHER {
+                    runner.tick(now);
+                }
+                if runner.due < next {
+                    (turn, next) = (index, runner.due);
+                }
+            }
+        }
+    }
 }
 
 fn now() -> Micros {
@@ -49,8 +89,19 @@ pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
     bus: B,
     motors: PhantomData<MotorBus<'m>>,
     shared: &'p BusPort,
+    /// When frames leave.
     schedule: Schedule,
+    /// When the next half of a tick is due.
+    due: Micros,
+    /// Whether the first half is done, and waits for its time to send.
+    prepared: bool,
+    health: Health,
+    /// What the motors were allowed in it.
+    arm: ArmState,
+    /// How long it took.
+    took: Micros,
     last_start: Option<Micros>,
+    last_sent: Option<Micros>,
     tx: TxBatch,
     traffic: Traffic,
     recovery: Recovery,
@@ -62,7 +113,7 @@ pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
 }
 
 impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
-    /// The first tick is due one period after `now`. If the motors do not fit on a bus of 1 Mbit/s,
+    /// The first frames leave one period after `now`. If the motors do not fit on a bus of 1 Mbit/s,
     /// the robot cannot be armed: [`Unfit::Overload`](crate::Unfit::Overload).
     pub fn new(port: P, bus: B, shared: &'p BusPort, now: Micros) -> Self {
         shared.open(bus.borrow());
@@ -74,7 +125,13 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
             motors: PhantomData,
             shared,
             schedule: Schedule::new(now + PERIOD, PERIOD),
+            due: now + (PERIOD - LEAD),
+            prepared: false,
+            health: Health::NEW,
+            arm: ArmState::Disarmed,
+            took: Micros::ZERO,
             last_start: None,
+            last_sent: None,
             tx: TxBatch::new(),
             traffic: Traffic::NONE,
             recovery: Recovery::new(BusOffPolicy::default()),
@@ -93,55 +150,83 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self
     }
 
-    /// Ticks every millisecond for ever.
-    ///
-    /// Not written `async fn`, which would keep a second copy of the runner: 2 KiB a bus.
-    pub fn run(self) -> impl Future<Output = ()> {
-        let mut runner = self;
-        async move {
-            loop {
-                Timer::at(Instant::from_micros(runner.next().get())).await;
-                runner.tick(now);
-            }
-        }
+    fn start_at(&mut self, first: Micros) {
+        self.schedule = Schedule::new(first, PERIOD);
+        self.due = first - LEAD;
     }
 
-    /// When the next tick is due.
+    /// When [`tick`](Self::tick) is due: 333 µs before frames are to leave, and then when they
+    /// are to.
     #[must_use]
+    #[inline]
     pub const fn next(&self) -> Micros {
-        self.schedule.next()
+        self.due
     }
 
-    /// One tick: frames in, commands in, motors, frames out, status out. Never waits. `clock` is
+    /// What is due: the first half of a tick (frames in, commands in, motors), and at its time the
+    /// second (frames out, status out), so that when frames leave does not depend on the work.
+    /// Whoever comes by once a millisecond, or late, has both done at once. Never waits. `clock` is
     /// read at the start and at the end.
     pub fn tick(&mut self, clock: impl Fn() -> Micros) {
         let now = clock();
-        let start = self.schedule.start(now);
-        let elapsed = self.last_start.replace(now).map(|last| now.since(last));
-        let dt = Seconds::from_micros(elapsed.unwrap_or(PERIOD).get());
+        let leave = self.schedule.next();
+        if !self.prepared || !self.holds(now) {
+            self.prepare(now);
+            if now < leave {
+                self.took = clock().since(now);
+                (self.prepared, self.due) = (true, leave);
+                return;
+            }
+            // Of both together.
+            self.took = Micros::ZERO;
+        }
+        self.send(now, clock);
+    }
 
+    /// Whether what was prepared may leave now: nothing that is as old as a tick, and no torque
+    /// after a stop.
+    fn holds(&self, now: Micros) -> bool {
+        let is_stopped =
+            self.arm == ArmState::Armed && self.bus.borrow().switch().for_motors() != self.arm;
+        !is_stopped && now.since(self.schedule.next()) < PERIOD - LEAD
+    }
+
+    /// The first half of a tick.
+    fn prepare(&mut self, now: Micros) {
+        let elapsed = self.last_start.replace(now).map_or(PERIOD, |last| now.since(last));
         let subscriptions = self.shared.subscriptions().changes();
         if subscriptions != self.subscriptions {
             self.accept(subscriptions);
         }
         self.receive();
-        let health = self.look_after_bus(now);
+        self.look_after_bus(now);
         self.take_commands(now);
         self.tx.clear();
+        self.arm = self.bus.borrow().switch().for_motors();
+        let dt = Seconds::from_micros(elapsed.get());
         if self.bus.borrow_mut().tick(now, dt, &mut self.tx).is_err() {
             // The batch was full; the frame that found no room counts as refused.
             self.traffic.refused += 1;
         }
+        self.publish_motors(now);
+    }
+
+    /// The second half.
+    fn send(&mut self, now: Micros, clock: impl Fn() -> Micros) {
         for (frame, stream) in self.tx.entries() {
             self.traffic.count(self.port.submit_as(frame, stream));
         }
         self.send_outbox();
-        self.publish_motors(now);
 
+        self.prepared = false;
+        let start = self.schedule.start(now);
+        self.due = self.schedule.next() - LEAD;
+        let elapsed = self.last_sent.replace(now).map(|last| now.since(last));
         let traffic = core::mem::replace(&mut self.traffic, Traffic::NONE);
         let bus = self.bus.borrow();
         let (received, arm) = (bus.counters(), bus.switch().state());
-        let execution = clock().since(now);
+        let health = &self.health;
+        let execution = self.took + clock().since(now);
         self.shared.publish_bus(|status| {
             // It tells a watchdog that the bus ticks: it must not stand still at the largest value.
             status.ticks = status.ticks.wrapping_add(1);
@@ -151,7 +236,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
             }
             status.execution.add(execution);
             traffic.add_to(status);
-            (status.received, status.health, status.arm) = (received, health, arm);
+            (status.received, status.health, status.arm) = (received, *health, arm);
         });
     }
 
@@ -201,17 +286,16 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     }
 
     /// Before anything is sent: a bus that is off goes back as its policy says.
-    fn look_after_bus(&mut self, now: Micros) -> Health {
-        let health = self.port.health();
+    fn look_after_bus(&mut self, now: Micros) {
+        self.health = self.port.health();
         let asked = self.shared.take_recover();
-        let steps = self.recovery.step(&health, asked, now);
+        let steps = self.recovery.step(&self.health, asked, now);
         if steps.emergency_stop {
             self.bus.borrow().switch().emergency_stop();
         }
         if steps.recover {
             self.port.recover();
         }
-        health
     }
 
     fn take_commands(&mut self, now: Micros) {

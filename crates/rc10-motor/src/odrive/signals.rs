@@ -71,7 +71,7 @@ pub fn messages(node: u8, config: &Config) -> Result<Vec<Message, MOST>, ConfigE
             None => messages.push(message),
             Some(known) if known.len == len => Ok(()),
             // A DBC has one length for an identifier.
-            Some(_) => messages.push(message.marked(behind(len))),
+            Some(_) => messages.push(message.marked(Marks::behind(len))),
         };
     }
     let asks = if config.firmware.has_temperatures { ASKS_0_6 } else { ASKS_0_5 };
@@ -80,13 +80,6 @@ pub fn messages(node: u8, config: &Config) -> Result<Vec<Message, MOST>, ConfigE
         let _ = messages.push(Message::new(name, id, 8, false, &[]).requested());
     }
     Ok(messages)
-}
-
-/// What lies behind the data, of which every frame of this length has nothing.
-fn behind(len: u8) -> Marks {
-    let mut mask = [0xFF; 8];
-    mask.iter_mut().take(len.into()).for_each(|byte| *byte = 0);
-    Marks::masked(mask, [0; 8])
 }
 
 /// Name, number, data bytes, whether the axis sends it, and what stands in it.

@@ -6,8 +6,8 @@ use embedded_can::Id;
 use heapless::Vec;
 
 use super::can::STATUSES;
-use super::{Config, Packet};
-use crate::signals::{Message, Signal};
+use super::{Address, Config, Packet};
+use crate::signals::{Marks, Message, Signal};
 
 /// What a DBC file cannot say of these frames.
 pub const NOT_IN_DBC: &[&str] = &[
@@ -18,10 +18,10 @@ pub const NOT_IN_DBC: &[&str] = &[
 ];
 
 /// All messages of a VESC, and all that can be sent to it.
-pub const MOST: usize = 6 + 1 + ORDERS.len();
+pub const MOST: usize = 6 + 1 + 2 * ORDERS.len();
 
 /// The status frames that are switched on, the answer to a PING, all that can be sent to it, also by
-/// other programs, and the status frames that are not expected.
+/// other programs, the status frames that are not expected, and what is sent to all VESCs.
 #[must_use]
 pub fn messages(config: &Config) -> Vec<Message, MOST> {
     let message = |packet: Packet, id, name, len, from_device, signals| {
@@ -38,7 +38,14 @@ pub fn messages(config: &Config) -> Vec<Message, MOST> {
     let orders = ORDERS
         .iter()
         .map(|&(packet, name, len, signals)| message(packet, config.id, name, len, false, signals));
-    reports(true).chain([pong]).chain(orders).chain(reports(false)).take(MOST).collect()
+    // Of eight bytes are only settings, which belong to one.
+    let to_all = ORDERS.iter().filter(|(_, _, len, _)| *len < 8);
+    let to_all = to_all.map(|&(packet, name, len, signals)| {
+        let id = Id::Extended(packet.id(Address::Every));
+        Message::new(name, id, len, false, signals).marked(Marks::behind(len))
+    });
+    let own = reports(true).chain([pong]).chain(orders);
+    own.chain(reports(false)).chain(to_all).take(MOST).collect()
 }
 
 /// In the order of their numbers (bldc `comm_can.c`, `comm_can_send_status1` to `status6`).

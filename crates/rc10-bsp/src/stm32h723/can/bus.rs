@@ -1,4 +1,3 @@
-use embassy_executor::{SendSpawner, SpawnError, SpawnToken};
 use embassy_stm32::can::{RxPin, TxPin};
 use embassy_stm32::gpio::{AfType, Flex, Level, OutputType, Pin, Pull, Speed};
 use embassy_stm32::{Peri, rcc};
@@ -52,25 +51,9 @@ impl<T: BusPeripheral> BusParts<T> {
 pub struct Bus;
 
 impl Bus {
-    /// Brings the controller up and spawns the task that owns its port.
-    ///
-    /// `task` makes that task from the port. What runs on the bus is the caller's business, and an
-    /// embassy task cannot be generic:
-    ///
-    /// ```ignore
-    /// #[embassy_executor::task]
-    /// async fn chassis(port: FdcanPort, motors: Motors) -> ! { .. }
-    ///
-    /// Bus::start(spawner, parts, |port| chassis(port, motors))?;
-    /// ```
-    ///
-    /// # Errors
-    /// [`SpawnError`] if that task runs already.
-    pub fn start<T: BusPeripheral, S: Send>(
-        spawner: SendSpawner,
-        parts: BusParts<T>,
-        task: impl FnOnce(FdcanPort) -> Result<SpawnToken<S>, SpawnError>,
-    ) -> Result<(), SpawnError> {
+    /// Brings the controller up.
+    #[must_use]
+    pub fn start<T: BusPeripheral>(parts: BusParts<T>) -> FdcanPort {
         // The three controllers have one reset in common; embassy does it before the first only.
         rcc::enable_and_reset::<T>();
         // Before the controller, whose bits the transceiver must send.
@@ -91,7 +74,6 @@ impl Bus {
         core::mem::forget((receive, transmit));
 
         T::CONTROLLER.start();
-        spawner.spawn(task(FdcanPort::new(T::CONTROLLER))?);
-        Ok(())
+        FdcanPort::new(T::CONTROLLER)
     }
 }

@@ -100,8 +100,10 @@ fn connect((mut pin, function): Pin, kind: AfType) {
 /// `read` returns what has come in when the line pauses for a byte's length, or the ring is half
 /// full; a dropped one has read nothing. Each error is told once, between the bytes before and
 /// after it, and costs the byte that it is about, no other: the DMA never stops for it. (Of several
-/// that came between two reads the first is told, and what lies between them is dropped.) What is
-/// lost when nobody reads in time is counted, and told as [`SerialError::TooSlow`].
+/// that came between two reads the first is told, and what lies between them is dropped; so is what
+/// came with an error before the one before was told.) Between two reads a UART interrupts once: a
+/// reader that pauses after an error bounds what a line full of them costs. What is lost when it does
+/// not read in time is counted, and told as [`SerialError::TooSlow`].
 pub struct SerialReceiver {
     uart: Uart,
     stream: Stream,
@@ -212,7 +214,10 @@ impl SerialReceiver {
                     line.ring.restart();
                     self.fill();
                 }
-                line.ring.next(room)
+                match line.ring.next(room) {
+                    Next::Nothing if self.uart.go_on(line) => line.ring.next(room),
+                    next => next,
+                }
             });
             let (from, count) = match next {
                 Next::Nothing => return None,

@@ -104,6 +104,8 @@ pub struct Ring {
     /// A power of two, so that 2³² positions are whole rounds.
     length: u32,
     received: u32,
+    /// Up to here no byte was wrong: the reader gets none behind it.
+    checked: u32,
     read: u32,
     /// Where the reader gets an error, and which bytes it does not get; there may be none.
     hole: Option<Hole>,
@@ -125,7 +127,14 @@ const fn count(counter: &mut u32) {
 impl Ring {
     /// A ring without memory: it never has anything.
     pub const fn new() -> Self {
-        Self { length: 1, received: 0, read: 0, hole: None, counters: SerialCounters::NEW }
+        Self {
+            length: 1,
+            received: 0,
+            checked: 0,
+            read: 0,
+            hole: None,
+            counters: SerialCounters::NEW,
+        }
     }
 
     /// Gives it memory, of a power of two of bytes.
@@ -141,6 +150,7 @@ impl Ring {
     fn drop_unread(&mut self, why: SerialError) {
         self.counters.unread = self.counters.unread.wrapping_add(self.unread());
         self.read = self.received;
+        self.checked = self.received;
         self.hole = Some(Hole { from: self.read, to: self.read, why });
     }
 
@@ -159,8 +169,14 @@ impl Ring {
         }
     }
 
-    /// The UART says that a byte was wrong, or lost; it did not come here. `wrong` is what there
-    /// was of it, if that is known.
+    /// The UART says that until now nothing was wrong.
+    pub const fn check(&mut self) {
+        self.checked = self.received;
+    }
+
+    /// The UART says that since the last check a byte was wrong, or lost; it did not come here.
+    /// `wrong` is what there was of it, if that is known. Nothing tells where among the bytes since
+    /// then it belongs: they go.
     pub fn fail(&mut self, flags: LineFlags, wrong: Option<u8>) {
         let counters = &mut self.counters;
         let mut why = None;
@@ -186,11 +202,17 @@ impl Ring {
             why = Some(kind);
         }
         let Some(why) = why else { return };
-        let from = self.hole.map_or(self.received, |hole| hole.from);
+        let from = self.hole.map_or(self.checked, |hole| hole.from);
         let why = self.hole.map_or(why, |hole| hole.why);
         // Between two errors there may be good bytes. A reader that is so far behind does without:
         // nothing would tell it that they do not belong together.
         self.hole = Some(Hole { from, to: self.received, why });
+        self.checked = self.received;
+    }
+
+    /// Whether the reader has an error to be told.
+    pub const fn has_failed(&self) -> bool {
+        self.hole.is_some()
     }
 
     /// The DMA has failed and will begin a new round.
@@ -198,7 +220,7 @@ impl Ring {
         count(&mut self.counters.dma);
         self.drop_unread(SerialError::Dma);
         self.received = self.received.wrapping_add(self.length - 1) & !(self.length - 1);
-        self.read = self.received;
+        (self.read, self.checked) = (self.received, self.received);
         self.hole = Some(Hole { from: self.read, to: self.read, why: SerialError::Dma });
     }
 
@@ -213,7 +235,7 @@ impl Ring {
                 return Next::Error(hole.why);
             }
             Some(hole) => hole.from,
-            None => self.received,
+            None => self.checked,
         };
         match end.wrapping_sub(self.read).min(room) {
             0 => Next::Nothing,

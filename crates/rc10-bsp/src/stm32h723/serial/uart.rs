@@ -44,6 +44,7 @@ impl Shared {
                 ring: Ring::new(),
                 receive: None,
                 transmit: None,
+                is_quiet: false,
                 is_transmit_broken: false,
             })),
             reader: AtomicWaker::new(),
@@ -58,6 +59,9 @@ pub(super) struct Line {
     /// The stream that fills the ring.
     pub receive: Option<Stream>,
     pub transmit: Option<Stream>,
+    /// The reader knows that there is something, and the UART is not to say so again before it has
+    /// come: what a line full of noise costs is up to the reader.
+    is_quiet: bool,
     /// A transfer out of memory has failed, and nobody was told yet.
     pub is_transmit_broken: bool,
 }
@@ -172,49 +176,88 @@ impl Uart {
         self.registers.cr1().modify(|w| w.set_tcie(true));
     }
 
+    /// What the UART says of the bytes until now, and whether it says anything. `line` has been
+    /// looked at before.
+    fn hear(self, line: &mut Line) -> bool {
+        let flags = self.registers.isr().read();
+        let mut clear = regs::Icr(0);
+        clear.set_idle(flags.idle());
+        clear.set_pe(flags.pe());
+        clear.set_fe(flags.fe());
+        clear.set_ne(flags.ne());
+        clear.set_ore(flags.ore());
+        if clear.0 == 0 {
+            return false;
+        }
+        self.registers.icr().write_value(clear);
+        if flags.ore() || flags.fe() || flags.pe() || flags.ne() {
+            let errors = LineFlags {
+                overrun: flags.ore(),
+                framing: flags.fe(),
+                parity: flags.pe(),
+                noise: flags.ne(),
+            };
+            // With DDRE at 0 a byte with an error is not requested from the DMA, and lies
+            // here until the next one (RM0468, USART_CR3). RXNE says that the next one is
+            // there already: reading would take it from the DMA.
+            let is_there = flags.fe() && !flags.rxne();
+            let wrong = is_there.then(|| self.registers.rdr().read().0.to_le_bytes()[0]);
+            line.ring.fail(errors, wrong);
+        }
+        true
+    }
+
+    /// Whether pauses and errors interrupt.
+    fn set_quiet(self, line: &mut Line, is_quiet: bool) {
+        line.is_quiet = is_quiet;
+        self.registers.cr1().modify(|w| {
+            // No error without parity.
+            w.set_peie(w.pce() && !is_quiet);
+            w.set_idleie(!is_quiet);
+        });
+        self.registers.cr3().modify(|w| w.set_eie(!is_quiet));
+    }
+
+    /// The reader has read all that was checked: what came since then is, and the next pause or error
+    /// interrupts again. Whether there may be more to read.
+    pub(super) fn go_on(self, line: &mut Line) -> bool {
+        if !line.is_quiet {
+            return false;
+        }
+        // Before the flags: what they do not tell of has come whole.
+        line.look();
+        if !self.hear(line) || !line.ring.has_failed() {
+            line.ring.check();
+            self.set_quiet(line, false);
+        }
+        true
+    }
+
     fn serve(self) {
         let (mut is_reader_due, mut is_writer_due) = (false, false);
         self.shared.line.lock(|line| {
             let line = &mut *line.borrow_mut();
-            let flags = self.registers.isr().read();
-            let mut clear = regs::Icr(0);
-            clear.set_idle(flags.idle());
-            clear.set_pe(flags.pe());
-            clear.set_fe(flags.fe());
-            clear.set_ne(flags.ne());
-            clear.set_ore(flags.ore());
-            if clear.0 != 0 {
-                self.registers.icr().write_value(clear);
-                is_reader_due = true;
-            }
             if let Some(stream) = line.receive {
                 let events = stream.take_events();
-                is_reader_due |= events.half || events.complete || events.error;
+                is_reader_due = events.half || events.complete || events.error;
                 // A stream that failed has stopped; whoever reads starts it again, so that one that
                 // fails for ever does not keep the processor busy.
                 if !events.error {
                     line.ring.look(stream.remaining().into(), events.half, events.complete);
                 }
-                let errors = LineFlags {
-                    overrun: flags.ore(),
-                    framing: flags.fe(),
-                    parity: flags.pe(),
-                    noise: flags.ne(),
-                };
-                if flags.ore() || flags.fe() || flags.pe() || flags.ne() {
-                    // With DDRE at 0 a byte with an error is not requested from the DMA, and lies
-                    // here until the next one (RM0468, USART_CR3). RXNE says that the next one is
-                    // there already: reading would take it from the DMA.
-                    let is_there = flags.fe() && !flags.rxne();
-                    let wrong = is_there.then(|| self.registers.rdr().read().0.to_le_bytes()[0]);
-                    line.ring.fail(errors, wrong);
+                if !line.is_quiet {
+                    line.ring.check();
+                    if self.hear(line) {
+                        self.set_quiet(line, true);
+                        is_reader_due = true;
+                    }
                 }
             }
             if let Some(stream) = line.transmit {
                 let events = stream.take_events();
                 line.is_transmit_broken |= events.error;
                 is_writer_due = events.complete || events.error;
-                if flags.tc() && self.registers.cr1().read().tcie() {
+                if self.has_sent() && self.registers.cr1().read().tcie() {
                     self.registers.cr1().modify(|w| w.set_tcie(false));
                     is_writer_due = true;
                 }
