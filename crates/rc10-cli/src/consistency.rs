@@ -432,11 +432,17 @@ fn base_and_wheels(recording: &Recording, base: &BaseTrack, found: &mut Vec<Prob
     let (least, best) = causes[0];
     let is_explained = best != Cause::None && least < EXPLAINED;
     let likely = causes.iter().filter(|(cost, _)| is_explained && *cost < least + ALIKE);
-    let likely: Vec<String> = likely.map(|(_, cause)| judged.sentence(*cause)).collect();
-    let likely = if likely.is_empty() {
-        "why cannot be told from this run".to_owned()
-    } else {
-        format!("it looks as if {}", likely.join(", or "))
+    let likely: Vec<Cause> = likely.map(|(_, cause)| *cause).collect();
+    let directions = likely.iter().filter(|cause| matches!(cause, Cause::Direction(_))).count();
+    let likely: Vec<String> = likely.into_iter().map(|cause| judged.sentence(cause)).collect();
+    let likely = match likely.len() {
+        0 => "why cannot be told from this run".to_owned(),
+        // Without an IMU they all look alike.
+        _ if directions > 2 => {
+            "it looks as if the direction, or the gear, of one of its wheels were wrong in the table"
+                .to_owned()
+        }
+        _ => format!("it looks as if {}", likely.join(", or ")),
     };
     let text = format!("the base does not do what its wheels say: {likely}; {}", seen.join("; "));
     found.push(Problem::new(About::Robot, "base", text));
@@ -636,6 +642,7 @@ mod tests {
             (run(turning, |_| Some(0.119), 1.0), true, "the wheels' radius were 0.50 times"),
             (run(forward, |_| Some(0.119), 1.0), true, "differ on how fast it turns"),
             (run(forward, |_| None, 8.0), true, "push with 40 % of their largest current"),
+            (run(forward, |_| None, 8.0), true, "the direction, or the gear, of one of its wheels"),
             (run(|_| [0.1, 0.1, 0.02, 0.1], |_| None, 1.0), true, "as on no rigid base"),
         ] {
             let (found, text) = said(&run);
