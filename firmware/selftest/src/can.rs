@@ -45,8 +45,8 @@ pub async fn exchange(
     standby: Peri<'static, PG4>,
 ) -> Outcome {
     let parts = parts.with_standby(standby, Level::High);
-    let started = Bus::start(spawner.make_send(), parts, |port| talk(port));
-    want!(started.is_ok(), "cannot spawn");
+    let talks = talk(Bus::start(parts)).map(|task| spawner.spawn(task));
+    want!(talks.is_ok(), "cannot spawn");
     let (sent, received, health) = RESULT.wait().await;
     want!(sent == FRAMES && received > 0, "{sent} sent, {received} received, {health}");
     want!(health == Health::NEW, "{health}");
