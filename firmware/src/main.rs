@@ -124,7 +124,7 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     // Rings hold what comes in 5 ms twice over, at the highest rate of what may be there.
     let (ring, buffer) = (dma_buffer!(u8; 64), dma_buffer!(u8; 256));
     let text = Serial::start(board.text, Irqs, &TEXT, ring, buffer, PERIPHERALS)?;
-    spawner.spawn(tasks::log(io, text)?);
+    spawner.spawn(tasks::log(io, text, started + BETWEEN)?);
     let (ring, buffer) = (dma_buffer!(u8; 128), dma_buffer!(u8; 32));
     let imu = Serial::start(board.imu, Irqs, &IMU, ring, buffer, PERIPHERALS)?;
     spawner.spawn(tasks::imu(io, imu)?);

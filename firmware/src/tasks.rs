@@ -6,7 +6,7 @@ use embassy_executor::SpawnError;
 use embassy_futures::join::{join, join3};
 use embassy_stm32::Peri;
 use embassy_stm32::peripherals::IWDG1;
-use embassy_time::{Duration, Ticker};
+use embassy_time::{Duration, Instant, Ticker, Timer};
 use embedded_io_async::Write as _;
 use heapless::String;
 use rc10_bsp::TIMER_CLOCK;
@@ -92,9 +92,10 @@ async fn show(io: &Io<'_>, mut output: PulseOutput) -> ! {
 
 /// Writes the status, ten times a second, as a line of text: to whoever listens at the UART, and into
 /// the debug probe's buffer. Never faster, because writing there blocks interrupts; and the text is
-/// made before, so that they wait for a copy of it only.
+/// made before, so that they wait for a copy of it only, and written whole milliseconds after `quiet`,
+/// when no bus is about to send.
 #[embassy_executor::task]
-pub async fn log(io: &'static Io<'static>, mut port: Serial) {
+pub async fn log(io: &'static Io<'static>, mut port: Serial, quiet: Instant) {
     let Ok(mut messages) = io.status.subscribe() else {
         defmt::error!("no room for the log to subscribe to the status");
         return;
@@ -108,6 +109,9 @@ pub async fn log(io: &'static Io<'static>, mut port: Serial) {
         line.clear();
         // What does not fit is cut off; the line still ends.
         let _ = write!(line, "{}", message.value);
+        // Interrupts wait for up to 20 us.
+        let since = quiet.elapsed().as_micros() % 1000;
+        Timer::after_micros(1000 - since).await;
         defmt::info!("{=str}", line);
         line.truncate(LINE - 2);
         let _ = line.push_str("\r\n");

@@ -186,8 +186,11 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     /// Whether what was prepared may leave now: nothing that is as old as a tick, and no torque
     /// after a stop.
     fn holds(&self, now: Micros) -> bool {
-        let is_stopped =
-            self.arm == ArmState::Armed && self.bus.borrow().switch().for_motors() != self.arm;
+        let is_stopped = self.arm == ArmState::Armed
+            && matches!(
+                self.bus.borrow().switch().state(),
+                ArmState::EStopped | ArmState::Disarmed
+            );
         !is_stopped && now.since(self.schedule.next()) < PERIOD - LEAD
     }
 

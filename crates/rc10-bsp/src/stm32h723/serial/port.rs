@@ -101,8 +101,8 @@ fn connect((mut pin, function): Pin, kind: AfType) {
 /// full; a dropped one has read nothing. Each error is told once, between the bytes before and
 /// after it, and costs the byte that it is about, no other: the DMA never stops for it. (Of several
 /// that came between two reads the first is told, and what lies between them is dropped; so is what
-/// came with an error before the one before was told.) Between two reads a UART interrupts once: a
-/// reader that pauses after an error bounds what a line full of them costs. What is lost when it does
+/// came with an error before the one before was told.) After an error a UART does not interrupt before
+/// it was told: a reader that pauses then bounds what a line full of them costs. What is lost when it does
 /// not read in time is counted, and told as [`SerialError::TooSlow`].
 pub struct SerialReceiver {
     uart: Uart,

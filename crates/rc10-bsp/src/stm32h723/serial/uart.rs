@@ -59,8 +59,8 @@ pub(super) struct Line {
     /// The stream that fills the ring.
     pub receive: Option<Stream>,
     pub transmit: Option<Stream>,
-    /// The reader knows that there is something, and the UART is not to say so again before it has
-    /// come: what a line full of noise costs is up to the reader.
+    /// The reader knows that something was wrong, and the UART is not to say more before it has come:
+    /// what a line full of errors costs is up to the reader.
     is_quiet: bool,
     /// A transfer out of memory has failed, and nobody was told yet.
     pub is_transmit_broken: bool,
@@ -247,9 +247,9 @@ impl Uart {
                 }
                 if !line.is_quiet {
                     line.ring.check();
-                    if self.hear(line) {
+                    is_reader_due |= self.hear(line);
+                    if line.ring.has_failed() {
                         self.set_quiet(line, true);
-                        is_reader_due = true;
                     }
                 }
             }
