@@ -265,7 +265,7 @@ fn after_half_a_tick(pause: u64, between: impl FnOnce(&ArmSwitch)) -> Vec<(Micro
     let commands = || wire.take_trace().into_iter().filter(|entry| entry.from_controller);
     assert!(commands().any(|entry| torque(&entry)));
     between(&switch);
-    next = next + Micros::new(pause);
+    next += Micros::new(pause);
     while next < Micros::new(102_500 + pause) {
         next = step(next);
     }

@@ -250,7 +250,9 @@ fn what_lies_between_two_errors_and_is_dropped_is_counted() {
     let mut dma = Dma::new();
     dma.write_and_look(3);
     dma.look();
+    assert!(!dma.ring.has_failed());
     dma.ring.fail(FRAMING, Some(1));
+    assert!(dma.ring.has_failed());
     dma.write_and_look(5);
     dma.look();
     dma.ring.fail(FRAMING, Some(1));
