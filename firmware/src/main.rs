@@ -73,7 +73,8 @@ static MOTOR_BUSES: [StaticCell<rc10_robot::Bus<'static>>; BUSES] =
 
 /// Runs the buses. It borrows the interrupt of a peripheral that the board does not use.
 static CONTROL: InterruptExecutor = InterruptExecutor::new();
-/// What they take: at each wake one bus sends, and the next one computes.
+/// What they take at each wake: one bus sends, and the next one computes. Not in it: entering and
+/// leaving the interrupt.
 static TICKS: Cycles = Cycles::new(CORE_CLOCK.0);
 
 #[interrupt]

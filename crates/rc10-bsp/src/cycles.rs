@@ -25,7 +25,7 @@ pub struct Cycles {
     most: AtomicU32,
 }
 
-/// What [`Cycles`] has measured, with everything that interrupted it.
+/// What [`Cycles`] has measured, with everything that interrupted the work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CycleCount {
     /// Mean of a run: of all, up to 1024, then of about the newest 1024. One that took more than 4

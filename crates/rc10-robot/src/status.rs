@@ -13,10 +13,8 @@ use crate::robot::Io;
 use crate::table::{BUSES, MOTORS, Name};
 
 /// Ticks a second, of all buses: one after the other, at equal distance.
-const TICKS: u32 = {
-    assert!(BUSES <= 3);
-    BUSES as u32 * 1000
-};
+#[expect(clippy::cast_possible_truncation, reason = "three buses")]
+const TICKS: u32 = BUSES as u32 * 1000;
 
 /// How the robot is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,7 +39,7 @@ pub struct RobotStatus {
     pub imu_reception: Counters,
     /// How the buses are.
     pub buses: [BusSummary; BUSES],
-    /// What a tick takes of the core, if it is a chip's: of all buses together.
+    /// What a tick takes of the core, if it is a chip's: any bus's.
     pub bus_cycles: Option<CycleCount>,
 }
 
@@ -105,7 +103,7 @@ impl fmt::Display for RobotStatus {
         }
         if let Some(CycleCount { mean, most, a_second }) = self.bus_cycles {
             let apart = a_second / TICKS;
-            let share = u64::from(mean) * 1000 / u64::from(apart.max(1));
+            let share = mean.saturating_mul(1000) / apart.max(1);
             let (percent, tenths) = (share / 10, share % 10);
             write!(f, "; ticks take {mean} of {apart} cycles ({percent}.{tenths} %)")?;
             write!(f, ", at most {most}")?;
