@@ -240,15 +240,15 @@ fn ticks_take_the_cycles_that_the_log_says() {
             let costs = emulation.rig.machine.profile().by_exception();
             let cost = costs.iter().find(|cost| cost.exception == priorities::BUSES_EXCEPTION);
             let before = std::mem::replace(&mut clocks, cost.map_or(0, |cost| cost.clocks));
+            if clocks == before {
+                continue;
+            }
             match ticks.last_mut() {
                 // From one to the next it is a third of a millisecond.
                 Some((at, tick)) if now.since(*at) <= STEP => {
-                    if clocks > before {
-                        (*at, *tick) = (now, *tick + clocks - before);
-                    }
+                    (*at, *tick) = (now, *tick + clocks - before);
                 }
-                _ if clocks > before => ticks.push((now, clocks - before)),
-                _ => {}
+                _ => ticks.push((now, clocks - before)),
             }
         }
         let log = log(emulation);
@@ -265,7 +265,10 @@ fn ticks_take_the_cycles_that_the_log_says() {
         println!("mean {took:.0} cycles a tick, {mean} by the log; most {longest}, {most}");
         assert!((mean - took).abs() <= 0.03 * took, "{last}");
         assert!((most - longest).abs() <= 0.03 * longest, "{last}");
-        assert!(apart == 160_000.0 && (percent - mean / 1600.0).abs() <= 0.1, "{last}");
+        assert!(
+            (apart - 160_000.0).abs() < 0.5 && (percent - mean / 1600.0).abs() <= 0.1,
+            "{last}"
+        );
     });
 }
 
