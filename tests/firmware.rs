@@ -225,6 +225,53 @@ fn instructions_stay_within_their_budgets() {
     budgets::judge(firmware(), &figures, many, per_tick, per_frame);
 }
 
+/// What the firmware's log says of its ticks, by the chip's cycle counter, is what they took.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn ticks_take_the_cycles_that_the_log_says() {
+    const STEP: Nanos = Nanos::new(50_000);
+    run(&setup(&[]), |emulation| {
+        // Clocks of every tick, and when it had ended.
+        let mut ticks = Vec::new();
+        let (mut clocks, mut now) = (0, Nanos::ZERO);
+        while now < millis(1500) {
+            now = now + STEP;
+            emulation.run(now).unwrap();
+            let costs = emulation.rig.machine.profile().by_exception();
+            let cost = costs.iter().find(|cost| cost.exception == priorities::BUSES_EXCEPTION);
+            let before = std::mem::replace(&mut clocks, cost.map_or(0, |cost| cost.clocks));
+            if clocks == before {
+                continue;
+            }
+            match ticks.last_mut() {
+                // From one to the next it is a third of a millisecond.
+                Some((at, tick)) if now.since(*at) <= STEP => {
+                    (*at, *tick) = (now, *tick + clocks - before);
+                }
+                _ => ticks.push((now, clocks - before)),
+            }
+        }
+        let log = log(emulation);
+        let last = log.lines().last().unwrap();
+        let numbers = last.split_once("; ticks take ").unwrap().1;
+        let numbers: Vec<f64> =
+            numbers.split([' ', '(']).filter_map(|word| word.parse().ok()).collect();
+        let [mean, apart, percent, most] = numbers[..] else { panic!("{last}") };
+        let newest = ticks.iter().filter(|(at, _)| *at >= millis(1000));
+        let newest: Vec<f64> = newest.map(|&(_, clocks)| clocks as f64).collect();
+        assert!(newest.len().abs_diff(1500) <= 2, "{}", newest.len());
+        let took = newest.iter().sum::<f64>() / newest.len() as f64;
+        let longest = ticks.iter().map(|&(_, clocks)| clocks).max().unwrap() as f64;
+        println!("mean {took:.0} cycles a tick, {mean} by the log; most {longest}, {most}");
+        assert!((mean - took).abs() <= 0.03 * took, "{last}");
+        assert!((most - longest).abs() <= 0.03 * longest, "{last}");
+        assert!(
+            (apart - 160_000.0).abs() < 0.5 && (percent - mean / 1600.0).abs() <= 0.1,
+            "{last}"
+        );
+    });
+}
+
 /// When the first of bus 2's motors is heard after a time.
 fn online_again(rig: &Rig, healed: Nanos) -> Nanos {
     let mut frames = rig.logs()[1].frames.iter();

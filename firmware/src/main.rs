@@ -22,7 +22,7 @@ use rc10_bsp::can::Bus;
 use rc10_bsp::pulse_input::{self, PulseInput};
 use rc10_bsp::pulse_output::{self, PulseOutput};
 use rc10_bsp::serial::{self, Parity, Serial, SerialConfig, SerialReceiver, StopBits};
-use rc10_bsp::{crash, dma_buffer, supervisor};
+use rc10_bsp::{CORE_CLOCK, Cycles, crash, cycle_count, dma_buffer, supervisor};
 use rc10_firmware::board::{Board, PulseParts, REMOTE_HAS_INVERTER, StripParts};
 use rc10_module::led::ws2812::BITS;
 use rc10_module::remote::{self, SerialSettings};
@@ -73,11 +73,14 @@ static MOTOR_BUSES: [StaticCell<rc10_robot::Bus<'static>>; BUSES] =
 
 /// Runs the buses. It borrows the interrupt of a peripheral that the board does not use.
 static CONTROL: InterruptExecutor = InterruptExecutor::new();
+/// What they take at each wake: one bus sends, and the next one computes. Not in it: entering and
+/// leaving the interrupt.
+static TICKS: Cycles = Cycles::new(CORE_CLOCK.0);
 
 #[interrupt]
 unsafe fn UART9() {
     // SAFETY: this is the interrupt that `CONTROL` is started with, and its only caller.
-    unsafe { CONTROL.on_interrupt() }
+    TICKS.measure(cycle_count, || unsafe { CONTROL.on_interrupt() });
 }
 
 #[embassy_executor::main]
@@ -98,7 +101,9 @@ async fn main(spawner: Spawner) {
 #[inline(never)]
 fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     let ports = PORTS.each_ref().map(|place| &*place.init_with(|| const { BusPort::new() }));
-    let io = &*IO.init_with(|| Io::new(ports));
+    let io = IO.init_with(|| Io::new(ports));
+    io.bus_cycles = Some(&TICKS);
+    let io = &*io;
     if !rc10_bsp::has_crystal() {
         defmt::error!("the crystal does not start: the robot cannot be armed");
         io.switch.forbid(Unfit::Clock);

@@ -4,6 +4,7 @@
 //!
 //! * [`Topic`], [`Latest`] and [`Service`]: what tasks say to each other, from [`rc10_message`].
 //! * [`periodic`]: work on a grid of time, without drift, with [`Statistics`].
+//! * [`Cycles`]: what work costs, in cycles of the core's clock.
 //!
 //! All of them may be statics and may be shared between executors and interrupts. They need a
 //! [`critical_section`](https://docs.rs/critical-section) implementation and an
@@ -15,11 +16,13 @@
 #![no_std]
 #![cfg_attr(not(feature = "stm32h723"), forbid(unsafe_code))]
 
+mod cycles;
 mod periodic;
 
 #[cfg(feature = "stm32h723")]
 mod stm32h723;
 
+pub use cycles::{CycleCount, Cycles};
 pub use periodic::{Load, Overrun, Statistics, Tick, periodic};
 pub use rc10_message::{
     AlreadyServed, CallError, Caller, Calls, Changes, Latest, Message, Server, Service, Stamped,
@@ -29,8 +32,8 @@ pub use rc10_message::{
 pub use stm32h723::usb;
 #[cfg(feature = "stm32h723")]
 pub use stm32h723::{
-    FDCAN_CLOCK, TIMER_CLOCK, can, clocks, crash, dma, has_crystal, i2c, initialise, pulse_input,
-    pulse_output, quadrature, serial, spi, supervisor, watchdog,
+    CORE_CLOCK, FDCAN_CLOCK, TIMER_CLOCK, can, clocks, crash, cycle_count, dma, has_crystal, i2c,
+    initialise, pulse_input, pulse_output, quadrature, serial, spi, supervisor, watchdog,
 };
 
 use embassy_time::Instant;

@@ -2,6 +2,7 @@
 //! from the board's `CubeMX` project unless said otherwise.
 //!
 //! * [`initialise`]: clocks and caches; [`has_crystal`]: whether the crystal works.
+//! * [`cycle_count`]: the core's cycle counter.
 //! * [`can`]: the three FDCAN ports, and [`can::Bus::start`].
 //! * [`serial`]: UARTs; [`dma`]: the memory that a DMA reaches.
 //! * [`i2c`] with timeouts and recovery; [`spi`] through that memory.
@@ -31,12 +32,16 @@ pub mod watchdog;
 
 pub use crystal::has_crystal;
 
+use cortex_m::peripheral::DWT;
 use embassy_stm32::rcc::mux::Fdcansel;
 use embassy_stm32::rcc::{
     AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllDiv, PllMul, PllPreDiv, PllSource, Sysclk,
 };
 use embassy_stm32::time::Hertz;
 use embassy_stm32::{Config, Peripherals, pac};
+
+/// Clock of the core.
+pub const CORE_CLOCK: Hertz = Hertz(480_000_000);
 
 /// Clock of APB1 to APB4.
 const APB_CLOCK: Hertz = Hertz(120_000_000);
@@ -110,7 +115,23 @@ fn forbid_external_memory(mpu: &cortex_m::peripheral::MPU) {
     cortex_m::asm::isb();
 }
 
-/// Starts the chip: [`clocks`], instruction cache on, data cache off. A crystal that does not start
+/// Starts the cycle counter, which stands still after a reset.
+fn start_cycle_counter(core: &mut cortex_m::Peripherals) {
+    // Armv7-M manual, C1.6.5 and C1.8.7; a Cortex-M7 has a lock before it (its own manual, DWT_LAR).
+    core.DCB.enable_trace();
+    DWT::unlock();
+    core.DWT.enable_cycle_counter();
+}
+
+/// Cycles of the core's clock, [`CORE_CLOCK`], wrapping at 2^32: every 8.9 s. It may stand while the
+/// core sleeps.
+#[must_use]
+#[inline]
+pub fn cycle_count() -> u32 {
+    DWT::cycle_count()
+}
+
+/// Starts the chip: [`clocks`], instruction cache on, data cache off, cycle counter on. A crystal that does not start
 /// within 100 ms is replaced ([`has_crystal`]); one that stops later is a
 /// [crash](crash::LastCrash::CrystalStopped), if [`crash_handlers!`](crate::crash_handlers) are there.
 ///
@@ -127,6 +148,7 @@ pub fn initialise() -> Peripherals {
     // function runs a second time.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
     forbid_external_memory(&core.MPU);
+    start_cycle_counter(&mut core);
     core.SCB.enable_icache();
     // Off after a reset; who started this program may have switched it on.
     core.SCB.disable_dcache(&mut core.CPUID);

@@ -57,6 +57,8 @@ pub trait Core {
     fn sleep(&mut self, clocks: u64);
     /// Lets the core's own counters go on while the core waits for a bus: timer and cycle counter.
     fn wait(&mut self, clocks: u64);
+    /// Lets the cycle counter go on by some clocks more, or less, than [`step`](Self::step) said.
+    fn correct_cycles(&mut self, by: i64);
     /// The levels of the external interrupts: bit n of word n / 32.
     fn set_interrupts(&mut self, levels: [u32; INTERRUPT_WORDS]);
     /// The level of the non-maskable interrupt.
@@ -383,6 +385,11 @@ impl Core for Interpreter {
     fn wait(&mut self, clocks: u64) {
         self.sleep(clocks);
         self.core.with_sys(|system| system.tick_cyccnt(clocks));
+    }
+
+    fn correct_cycles(&mut self, by: i64) {
+        // It wraps.
+        self.core.with_sys(|system| system.tick_cyccnt(by.cast_unsigned()));
     }
 
     fn set_interrupts(&mut self, levels: [u32; INTERRUPT_WORDS]) {

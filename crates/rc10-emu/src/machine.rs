@@ -137,6 +137,8 @@ pub struct Machine {
     fraction: u64,
     /// Instructions per second at the full clock, if not as many as the clocks allow.
     speed: Option<u64>,
+    /// Of a clock: what an instruction took at that speed beyond whole ones, in 1/speed.
+    part: u64,
     /// Rate that `fraction` is of.
     rate: u64,
     /// Where the program is to go on, with which arguments, as soon as it executes anything: a core
@@ -203,6 +205,7 @@ impl Machine {
             now: 0,
             fraction: 0,
             speed: None,
+            part: 0,
             rate: 1,
             jumps: VecDeque::new(),
             hangs: BTreeSet::new(),
@@ -274,7 +277,7 @@ impl Machine {
     /// those of a Cortex-M4, which waits for one instruction to end before the next begins. What buses
     /// take on the way to a peripheral comes on top of either.
     pub fn set_speed(&mut self, instructions_per_second: u64) {
-        self.speed = Some(instructions_per_second.max(1));
+        (self.speed, self.part) = (Some(instructions_per_second.max(1)), 0);
     }
 
     /// The time.
@@ -501,6 +504,11 @@ impl Machine {
                 // A core that sleeps does not count instructions.
                 Some(speed) if !matches!(step, Step::Asleep | Step::LockedUp) => {
                     self.pass(1, (clock.saturating_mul(speed) / FULL_CLOCK_HZ).max(1));
+                    self.part += FULL_CLOCK_HZ;
+                    let taken = self.part / speed;
+                    self.part %= speed;
+                    self.core.correct_cycles(taken.cast_signed() - clocks.cast_signed());
+                    clocks = taken;
                 }
                 _ => self.pass(clocks, clock),
             }
@@ -509,6 +517,7 @@ impl Machine {
                 self.core.wait(waited);
                 self.pass(waited, clock);
             }
+            self.profile.time(exception, clocks + waited);
             if self.now >= horizon || self.wiring.touched.load(Ordering::Relaxed) {
                 return Ok(());
             }

@@ -17,6 +17,7 @@ pub struct Profile {
     /// Instructions in code that is not in flash.
     elsewhere: u64,
     exceptions: [u64; EXCEPTIONS],
+    clocks: [u64; EXCEPTIONS],
     entries: [u64; EXCEPTIONS],
     total: u64,
     lowest_stack: u32,
@@ -31,6 +32,8 @@ pub struct ExceptionCost {
     pub entries: u64,
     /// Instructions in its handler, those of handlers that interrupted it not included.
     pub instructions: u64,
+    /// Clocks that they took, with those in which the core waited for a bus.
+    pub clocks: u64,
 }
 
 impl Profile {
@@ -39,6 +42,7 @@ impl Profile {
             places: vec![0; PLACES],
             elsewhere: 0,
             exceptions: [0; EXCEPTIONS],
+            clocks: [0; EXCEPTIONS],
             entries: [0; EXCEPTIONS],
             total: 0,
             lowest_stack: u32::MAX,
@@ -71,6 +75,13 @@ impl Profile {
         self.lowest_stack = self.lowest_stack.min(stack);
     }
 
+    #[inline]
+    pub(crate) fn time(&mut self, exception: u16, clocks: u64) {
+        if let Some(count) = self.clocks.get_mut(usize::from(exception)) {
+            *count += clocks;
+        }
+    }
+
     /// All instructions.
     #[must_use]
     pub const fn total(&self) -> u64 {
@@ -87,11 +98,12 @@ impl Profile {
     #[must_use]
     pub fn by_exception(&self) -> Vec<ExceptionCost> {
         (0..)
-            .zip(self.entries.iter().zip(&self.exceptions))
-            .map(|(exception, (&entries, &instructions))| ExceptionCost {
+            .zip(self.entries.iter().zip(&self.exceptions).zip(&self.clocks))
+            .map(|(exception, ((&entries, &instructions), &clocks))| ExceptionCost {
                 exception,
                 entries,
                 instructions,
+                clocks,
             })
             .filter(|cost| cost.entries + cost.instructions > 0)
             .collect()

@@ -3,7 +3,7 @@ use core::fmt;
 
 use heapless::Vec;
 use rc10_app::{ConfigError, Degrees, Rpm, TotalAngle, Twist};
-use rc10_bsp::{Latest, Statistics, Topic};
+use rc10_bsp::{Cycles, Latest, Statistics, Topic};
 use rc10_module::Reception;
 use rc10_module::imu::Heading;
 use rc10_module::remote::{Freshness, Remote};
@@ -48,6 +48,8 @@ pub struct Io<'p> {
     pub status: Topic<RobotStatus, 4, 2>,
     /// How punctual the chassis task is.
     pub chassis_timing: Statistics,
+    /// What the buses take of the core, on a chip that counts its cycles: a run is a tick.
+    pub bus_cycles: Option<&'p Cycles>,
 }
 
 /// How the base shall move.
@@ -184,6 +186,7 @@ impl<'p> Io<'p> {
             refused: Latest::new(),
             status: Topic::new(),
             chassis_timing: Statistics::new(),
+            bus_cycles: None,
         }
     }
 

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use embassy_time::{Duration, Ticker};
+use rc10_bsp::{CycleCount, Cycles};
 use rc10_can::{ErrorState, Micros};
 use rc10_module::Counters;
 use rc10_module::remote::Freshness;
@@ -10,6 +11,10 @@ use rc10_motor::{ArmState, Link, TargetError, Unfit};
 
 use crate::robot::Io;
 use crate::table::{BUSES, MOTORS, Name};
+
+/// Ticks a second, of all buses: one after the other, at equal distance.
+#[expect(clippy::cast_possible_truncation, reason = "three buses")]
+const TICKS: u32 = BUSES as u32 * 1000;
 
 /// How the robot is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +39,8 @@ pub struct RobotStatus {
     pub imu_reception: Counters,
     /// How the buses are.
     pub buses: [BusSummary; BUSES],
+    /// What a tick takes of the core, if it is a chip's: any bus's.
+    pub bus_cycles: Option<CycleCount>,
 }
 
 /// How a bus is.
@@ -93,6 +100,13 @@ impl fmt::Display for RobotStatus {
         }
         for (number, bus) in (1_u8..).zip(&self.buses) {
             write!(f, "; bus {number} {bus}")?;
+        }
+        if let Some(CycleCount { mean, most, a_second }) = self.bus_cycles {
+            let apart = a_second / TICKS;
+            let share = mean.saturating_mul(1000) / apart.max(1);
+            let (percent, tenths) = (share / 10, share % 10);
+            write!(f, "; ticks take {mean} of {apart} cycles ({percent}.{tenths} %)")?;
+            write!(f, ", at most {most}")?;
         }
         Ok(())
     }
@@ -169,6 +183,7 @@ pub fn now(io: &Io<'_>) -> RobotStatus {
         remote_reception: io.remote_reception.read(),
         imu_reception: io.imu_reception.read(),
         buses: core::array::from_fn(summary),
+        bus_cycles: io.bus_cycles.and_then(Cycles::read),
     }
 }
 
@@ -195,10 +210,13 @@ mod tests {
             remote_reception: Counters::default(),
             imu_reception: Counters::default(),
             buses: [BusSummary::default(); BUSES],
+            bus_cycles: Some(CycleCount { mean: 7_740, most: 11_772, a_second: 480_000_000 }),
         };
         let expected = "disarmed, cannot be armed: the motors of a bus do not fit on it, 11 of 11 \
                         motors online, 9800 targets refused (wheel front left: the Speed target is \
                         infinite or NaN); bus 1 ";
         assert!(status.to_string().starts_with(expected), "{status}");
+        let expected = "; ticks take 7740 of 160000 cycles (4.8 %), at most 11772";
+        assert!(status.to_string().ends_with(expected), "{status}");
     }
 }

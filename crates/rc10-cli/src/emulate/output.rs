@@ -241,7 +241,7 @@ impl<'a> Outcome<'a> {
     fn write_exceptions(&self, text: &mut String) -> fmt::Result {
         writeln!(text, "{:>12} {:>6} {:>10}  exception", "instructions", "%", "entries")?;
         for cost in self.rig.machine.profile().by_exception() {
-            let ExceptionCost { exception, entries, instructions } = cost;
+            let ExceptionCost { exception, entries, instructions, .. } = cost;
             let name = match exception.checked_sub(16) {
                 Some(number) => format!("interrupt {number} ({})", self.handler(exception)),
                 None if exception == 0 => "thread mode".into(),

@@ -137,6 +137,48 @@ fn time_is_what_the_instructions_take() {
     assert!(machine.profile().total().abs_diff(64_000) <= 1, "{}", machine.profile().total());
 }
 
+/// Reads a word at an address, then the cycle counter, and stores that in [`COUNT`], for ever.
+fn counts_cycles(address: u32) -> Vec<u8> {
+    let mut words = vec![STACK, START | 1];
+    words.resize(16, START | 1);
+    // LDR R0, =DEMCR; LDR R1, =TRCENA; STR R1, [R0]; LDR R0, =DWT_CTRL; MOVS R1, #1; STR R1, [R0];
+    // LDR R2, =COUNT; LDR R3, =address; then LDR R1, [R3]; LDR R1, [R0, #4]; STR R1, [R2]; B
+    let code = [0x4805_u16, 0x4906, 0x6001, 0x4806, 0x2101, 0x6001, 0x4A05, 0x4B06];
+    let code = code.into_iter().chain([0x6819, 0x6841, 0x6011, 0xE7FB]);
+    let mut flash: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    flash.extend(code.flat_map(u16::to_le_bytes));
+    let literals = [0xE000_EDFC, 1 << 24, 0xE000_1000, COUNT, address];
+    flash.extend(literals.into_iter().flat_map(u32::to_le_bytes));
+    elf(FLASH, &flash)
+}
+
+/// In DTCM.
+const COUNT: u32 = 0x2000_0000;
+
+/// Cycles are time times clock, whatever a program does meanwhile: 64 MHz after a reset.
+#[test]
+fn the_cycle_counter_counts_the_clocks_that_go_by() {
+    // Flash; RCC_CR, which is behind two buses.
+    for address in [FLASH, 0x5802_4400] {
+        for speed in [None, Some(480_000_000), Some(111_000_000)] {
+            let mut world = World::new(1);
+            let mut machine = Machine::new(&counts_cycles(address)).unwrap();
+            if let Some(speed) = speed {
+                machine.set_speed(speed);
+            }
+            let mut count = |until| {
+                machine.run(&mut world, micros(until)).unwrap();
+                (machine.memory().word(COUNT).unwrap(), machine.profile().total())
+            };
+            let (before, after) = (count(100), count(10_100));
+            let cycles = after.0.wrapping_sub(before.0);
+            println!("{cycles} cycles, {} instructions", after.1 - before.1);
+            // A turn of the loop more or less.
+            assert!(cycles.abs_diff(640_000) < 100, "{address:#x} {speed:?}: {cycles}");
+        }
+    }
+}
+
 /// Faults at one moment happen one after the other.
 #[test]
 fn no_fault_is_forgotten() {
