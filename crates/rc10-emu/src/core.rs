@@ -188,6 +188,8 @@ pub(crate) struct Interpreter {
     exception: u16,
     program_counter: u32,
     stack_pointer: u32,
+    /// xPSR's bits for the IT block that the next instruction is in.
+    it_state: u32,
     /// Where it was held, and what was in its registers before.
     held: Option<(u32, Regs)>,
     /// The memories that have a clock only if the program gives them one.
@@ -195,6 +197,9 @@ pub(crate) struct Interpreter {
     /// The memories that must not be written yet.
     guarded: Vec<Gated>,
 }
+
+/// ICI/IT of xPSR (Armv7-M ARM B1.4.2).
+const IT_STATE: u32 = 0x0600_FC00;
 
 /// A memory that is not always mapped as it is to be.
 struct Gated {
@@ -236,6 +241,7 @@ impl Interpreter {
             exception: 0,
             program_counter: 0,
             stack_pointer: 0,
+            it_state: 0,
             held: None,
             gated,
             guarded,
@@ -289,8 +295,27 @@ impl Interpreter {
         handler.is_ok_and(|handler| handler & !1 == u64::from(self.program_counter))
     }
 
+    /// Puts the state of an IT block into the frame of the exception that has just been taken in it.
+    /// The interpreter (0.0.7) stacks xPSR without it, and would execute the rest of the block
+    /// whatever its condition was (Armv7-M ARM B1.5.6: the whole xPSR is stacked).
+    fn keep_it_state(&mut self, state: u32, interrupted: u32) {
+        let registers = self.core.regs();
+        let on_process_stack = registers.r[14] & 4 != 0;
+        let frame = if on_process_stack { self.core.psp() } else { self.core.msp() };
+        let word = |offset: u64| u64::from(frame) + offset;
+        let read = |at| self.space.read(at, rsemu::core::value::Width::U32, MemAttrs::DEBUG);
+        let (Ok(address), Ok(status)) = (read(word(24)), read(word(28))) else { return };
+        // One exception after another without a return between stacks nothing.
+        if address == u64::from(interrupted) {
+            let status = status | u64::from(state);
+            let _ =
+                self.space.write(word(28), rsemu::core::value::Width::U32, status, MemAttrs::DEBUG);
+        }
+    }
+
     fn look(&mut self) {
         let registers = self.core.regs();
+        self.it_state = registers.xpsr & IT_STATE;
         self.exception = registers.exception().0;
         self.program_counter = registers.r[15];
         self.stack_pointer = registers.r[13];
@@ -317,7 +342,7 @@ impl Core for Interpreter {
     }
 
     fn step(&mut self) -> (Step, u64) {
-        let (before, was_at) = (self.exception, self.program_counter);
+        let (before, was_at, it_state) = (self.exception, self.program_counter, self.it_state);
         let clocks = self.core.step();
         self.look();
         // It waits at an address where no program can be.
@@ -325,6 +350,9 @@ impl Core for Interpreter {
             return (Step::LockedUp, clocks);
         }
         if self.exception != before && self.exception != 0 && self.is_at_handler() {
+            if it_state != 0 {
+                self.keep_it_state(it_state, was_at);
+            }
             return (Step::Entry(self.exception), clocks);
         }
         if was_at == self.program_counter && self.core.is_asleep() {

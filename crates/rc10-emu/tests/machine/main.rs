@@ -381,3 +381,49 @@ fn systick_goes_on_while_the_core_waits_for_a_bus() {
     let left = |address| run(&stopwatch(address)).memory().word(STATIC).unwrap();
     assert_eq!(left(FLASH) - left(0x5802_4400), 12);
 }
+
+/// A program whose `SysTick` interrupts it everywhere, also in a block of IT whose rest must not be
+/// executed: how often it was interrupted stands behind [`STATIC`], and there whether the rest was.
+fn conditional() -> Vec<u8> {
+    let mut words = vec![STACK, START | 1];
+    words.resize(15, (START + 0x22) | 1);
+    words.push((START + 0x24) | 1);
+    let mut flash: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let code: [u16; 22] = [
+        0x480A, // LDR R0, =SYST_CSR
+        0x4D0B, // LDR R5, =STATIC
+        0x2400, // MOVS R4, #0
+        0x602C, // STR R4, [R5]
+        0x606C, // STR R4, [R5, #4]
+        0x2125, // MOVS R1, #37
+        0x6041, // STR R1, [R0, #4]: SYST_RVR
+        0x2107, // MOVS R1, #7
+        0x6001, // STR R1, [R0]: enabled, with its interrupt, the core's clock
+        0x2201, // loop: MOVS R2, #1
+        0xBF12, // ITEE NE
+        0x2301, // MOVNE R3, #1
+        0x2200, // MOVEQ R2, #0
+        0x2200, // MOVEQ R2, #0
+        0x2A01, // CMP R2, #1
+        0xD0F8, // BEQ loop
+        0x6028, // STR R0, [R5]
+        0xE7FE, // B to itself: faults end here, too
+        0x6869, // SysTick: LDR R1, [R5, #4]
+        0x3101, // ADDS R1, #1
+        0x6069, // STR R1, [R5, #4]
+        0x4770, // BX LR
+    ];
+    flash.extend(code.iter().flat_map(|half| half.to_le_bytes()));
+    flash.extend([0xE000_E010, STATIC].iter().flat_map(|word: &u32| word.to_le_bytes()));
+    elf(FLASH, &flash)
+}
+
+/// Armv7-M ARM B1.5.6: an exception stacks the whole of xPSR, and its return goes on in the block.
+#[test]
+fn an_interrupt_in_a_block_of_it_does_not_end_it() {
+    let mut machine = Machine::new(&conditional()).unwrap();
+    machine.run(&mut World::new(1), micros(1000)).unwrap();
+    let word = |offset| machine.memory().word(STATIC + offset).unwrap();
+    assert!(word(4) > 500, "{} interrupts", word(4));
+    assert_eq!(word(0), 0, "the rest of the block was executed");
+}
