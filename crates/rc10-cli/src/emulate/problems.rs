@@ -15,7 +15,19 @@ pub(super) fn search(rig: &Rig, recording: &Recording, found: &mut Vec<Problem>)
         let text = "a bus has seen no frame from it".to_owned();
         problem(About::Chip, "silent", text);
     }
-    for report in rig.machine.reports() {
+    // Between a crystal that stops and the restart the PLL is the chip's own oscillator's, and its
+    // outputs run for a moment before the core has switched to it: no order of steps avoids that.
+    let stops = recording.faults.iter().filter(|fault| fault.kind == Kind::CrystalStops);
+    let rescues: Vec<_> = stops
+        .map(|fault| {
+            let restarts = rig.machine.restarts().iter().map(|restart| restart.at);
+            (fault.from, restarts.into_iter().find(|&at| at > fault.from))
+        })
+        .collect();
+    let is_rescue = |at| {
+        rescues.iter().any(|&(from, until)| at >= from && until.is_some_and(|until| at <= until))
+    };
+    for report in rig.machine.reports().iter().filter(|report| !is_rescue(report.at)) {
         let at = report.at.get() as f64 * 1e-6;
         problem(About::Chip, "bad-access", format!("{} at {at:.3} ms", report.text));
     }
