@@ -147,8 +147,8 @@ fn of_a_lost_motor() {
         emulation.run(strikes(phase) + millis(20)).unwrap();
         let key = |id| move |entry: &&TraceEntry| entry.frame.key() == CanFrame::key_of(id);
         let [feedback, command] = [0x201, 0x200].map(|id| StandardId::new(id).unwrap());
-        let frames = emulation.rig.logs()[0].frames.iter();
-        let last = frames.filter(key(feedback)).last().unwrap().end;
+        let mut frames = emulation.rig.logs()[0].frames.iter();
+        let last = frames.rfind(key(feedback)).unwrap().end;
         let zero = commands(&emulation.rig, 0, last)
             .filter(key(command))
             .find(|entry| entry.frame.bytes()[..2] == [0; 2])
