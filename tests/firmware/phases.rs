@@ -78,11 +78,12 @@ fn coast(rig: &Rig, buses: &[usize], struck: Nanos) -> Nanos {
 }
 
 /// From the fault to the end of the last coast frame, and from the fault to the restart.
-fn crash(emulation: &mut Emulation<'_>, length: u64) -> [f64; 2] {
+fn crash(emulation: &mut Emulation<'_>, phase: u64, length: u64) -> [f64; 2] {
     let until = emulation.rig.machine.now().max(STRIKES) + millis(length);
     emulation.run(until).unwrap();
     let rig = &emulation.rig;
-    let struck = rig.machine.struck().unwrap();
+    // What the program does not have to execute strikes when it is due.
+    let struck = rig.machine.struck().unwrap_or(strikes(phase));
     let reset = rig.machine.restarts().first().expect("a restart").at;
     [since(coast(rig, &[0, 1, 2], struck), struck), since(reset, struck)]
 }
@@ -91,8 +92,8 @@ fn crash(emulation: &mut Emulation<'_>, length: u64) -> [f64; 2] {
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn of_a_hung_executor() {
     let names = ["hung executor: all coast after", "hung executor: reset after"];
-    at_every_phase("hang@{}", names, [(3.0, 9.0), (65.0, 100.0)], |emulation, _| {
-        crash(emulation, 20 + 100)
+    at_every_phase("hang@{}", names, [(3.0, 9.0), (65.0, 100.0)], |emulation, phase| {
+        crash(emulation, phase, 20 + 100)
     });
 }
 
@@ -100,14 +101,27 @@ fn of_a_hung_executor() {
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn of_a_panic() {
     let names = ["panic: all coast after", "panic: reset after"];
-    at_every_phase("panic@{}", names, [(0.0, 1.0); 2], |emulation, _| crash(emulation, 20 + 3));
+    at_every_phase("panic@{}", names, [(0.0, 1.0); 2], |emulation, phase| {
+        crash(emulation, phase, 20 + 3)
+    });
 }
 
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn of_a_hard_fault() {
     let names = ["HardFault: all coast after", "HardFault: reset after"];
-    at_every_phase("hardfault@{}", names, [(0.0, 1.0); 2], |emulation, _| crash(emulation, 20 + 3));
+    at_every_phase("hardfault@{}", names, [(0.0, 1.0); 2], |emulation, phase| {
+        crash(emulation, phase, 20 + 3)
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn of_a_crystal_that_stops() {
+    let names = ["crystal stops: all coast after", "crystal stops: reset after"];
+    at_every_phase("crystal-stops@{}", names, [(0.0, 2.0), (0.0, 100.0)], |emulation, phase| {
+        crash(emulation, phase, 20 + 3)
+    });
 }
 
 #[test]
