@@ -103,7 +103,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// Looks for findings of one sort. Another one is a function here, and a line in [`SEARCHES`].
+/// Looks for findings of one sort. Another one is a function here, and a line in `SEARCHES`.
 pub type Search = fn(&Recording, &mut Vec<Problem>);
 
 /// All of them, in the order in which their findings are told.
