@@ -52,8 +52,9 @@ const ERROR_PAUSE: Duration = Duration::from_millis(4);
 /// Listens to a serial device for ever, and hands each message and its time to `hear`.
 ///
 /// `port` must read as soon as there are bytes, not only when its buffer is full, and go on after
-/// an error: [`Counters::port_errors`] counts those, and after each it reads on 4 ms later. A protocol with a [`Protocol::PAUSE`] hears it
-/// when `port` had nothing to read for so long; a late task hears none, rather than a wrong one.
+/// an error: [`Counters::port_errors`] counts those, and after each it reads on 4 ms later. A protocol
+/// with a [`Protocol::PAUSE`] hears it when `port` had nothing to read for so long; a late task hears
+/// none, rather than a wrong one, and so does one that has just paused after an error.
 pub async fn listen<P: Protocol>(
     mut port: impl Read,
     protocol: P,

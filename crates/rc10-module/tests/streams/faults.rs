@@ -25,8 +25,11 @@ fn silences<W: Wire>() -> Option<(u64, u64)> {
     Some((pause, pause + LATE * 1000 + 2 * W::BYTE_NS))
 }
 
+/// `listen` reads on so much later after each error, ns.
+const ERROR_PAUSE: u64 = 4_000_000;
+
 /// Puts faults into a stream. Silence is lengthened where it would depend on the task whether it is
-/// heard.
+/// heard, or begins while the task pauses after errors.
 fn with_faults<W: Wire>(good: &Line, faults: &[Fault]) -> Vec<Told> {
     let count = good.events.len();
     let mut faults: Vec<_> =
@@ -34,7 +37,7 @@ fn with_faults<W: Wire>(good: &Line, faults: &[Fault]) -> Vec<Told> {
     faults.sort_unstable();
     let mut faults = faults.into_iter().peekable();
     let mut told: Vec<Told> = Vec::new();
-    let (mut lost_until, mut longer) = (0, 0);
+    let (mut lost_until, mut longer, mut paused_until) = (0, 0, 0_u64);
     for (index, &(time, byte)) in good.events.iter().enumerate() {
         let mut events = Vec::new();
         while let Some((_, lost, is_error)) = faults.next_if(|(at, ..)| *at == index) {
@@ -45,11 +48,16 @@ fn with_faults<W: Wire>(good: &Line, faults: &[Fault]) -> Vec<Told> {
             events.push((byte, Some(index)));
         }
         for (event, index) in events {
-            let silence = time + longer - told.last().map_or(0, |(before, ..)| *before);
+            let before = told.last().map_or(0, |(before, ..)| *before);
+            let silence = time + longer - before;
             if let Some((early, late)) = silences::<W>()
                 && silence >= early
             {
-                longer += late.saturating_sub(silence);
+                let heard = late + paused_until.saturating_sub(before);
+                longer += heard.saturating_sub(silence);
+            }
+            if !matches!(event, Event::Byte(_)) {
+                paused_until = paused_until.max(time + longer) + ERROR_PAUSE;
             }
             told.push((time + longer, event, index));
         }
