@@ -39,7 +39,7 @@ pub const STRIP: PulseTiming = match PulseTiming::new(TIMER_CLOCK.0) {
 /// The buses: frames in, motors, frames out, every millisecond. The frames that make their motors
 /// safe are stored before the first tick.
 ///
-/// One task, because whoever sets a timer walks past those of all tasks. Not an `async fn`: that
+/// One task, because setting a timer walks past those of all tasks. Not an `async fn`: that
 /// keeps a second copy of its arguments, 2 KiB a bus.
 #[embassy_executor::task]
 pub fn buses(
@@ -71,7 +71,7 @@ pub async fn chassis(io: &'static Io<'static>) -> ! {
 }
 
 /// Gimbal, feeder, lift; who decides; and who feeds the watchdog. One task for all that happens every
-/// ten milliseconds, because whoever sets a timer walks past those of all tasks. Who decides comes
+/// ten milliseconds, because setting a timer walks past those of all tasks. Who decides comes
 /// last, so that motors start in another tick than the one in which the robot is armed: in one tick
 /// that would be a lot.
 #[embassy_executor::task]

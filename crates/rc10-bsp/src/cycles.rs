@@ -38,7 +38,7 @@ pub struct CycleCount {
 }
 
 impl Cycles {
-    /// Nothing measured yet, of a clock with so many cycles a second.
+    /// Nothing measured yet. The argument is the clock's cycles a second.
     #[must_use]
     pub const fn new(a_second: u32) -> Self {
         let [runs, mean, most] = [const { AtomicU32::new(0) }; 3];

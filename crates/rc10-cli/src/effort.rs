@@ -14,13 +14,13 @@ use crate::robot::{Device, Motor, Twin};
 pub const WINDOW: usize = 200;
 /// An effort changes direction when it has crossed its mean by this share of its limit both ways.
 pub const SWING: f64 = 0.05;
-/// So many changes of direction in a window are a shaking effort: 15 Hz.
+/// Changes of direction in a window from which on an effort shakes: 15 Hz.
 pub const REVERSALS: u32 = 6;
 /// From this share of its limit on an effort stands at it.
 pub const AT_LIMIT: f64 = 0.98;
 /// Looks of a window at the limit, from which on it stands there.
 pub const LOOKS_AT_LIMIT: u32 = 180;
-/// So many windows one after another are a problem, and no answer to a step.
+/// Windows one after another that are a problem, and no answer to a step.
 pub const IN_A_ROW: u32 = 3;
 
 /// What became of the effort of a motor's loops in a run.

@@ -6,7 +6,7 @@
 //!
 //! The speed loop is a gain on torque, inertia and friction of back-EMF, the current's time
 //! constant, and a dead time of [`DELAY`]. The angle loop is a gain on an integrator behind the
-//! closed speed loop, which follows as a first-order lag does, and runs every so many ticks. Integral
+//! closed speed loop, which follows as a first-order lag does, and runs in every n-th tick. Integral
 //! parts and feed-forward are left out.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};

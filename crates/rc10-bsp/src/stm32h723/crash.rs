@@ -1,4 +1,4 @@
-//! What happens after a panic, a fault, an interrupt that nobody handles, or a crystal that stops.
+//! What happens after a panic, a fault, an interrupt without a handler, or a crystal that stops.
 //!
 //! Interrupts go off; on every bus what is unsent is cancelled and the stored coast image is sent
 //! by registers; the cause is written to memory that a reset keeps; when the images have left, the

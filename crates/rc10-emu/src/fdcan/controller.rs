@@ -107,7 +107,7 @@ impl Controller {
         }
     }
 
-    /// So many periods of the kernel clock from now.
+    /// A number of periods of the kernel clock from now.
     fn after(&self, periods: u64) -> Nanos {
         if self.kernel_hz == 0 {
             return NEVER;

@@ -122,7 +122,7 @@ pub(super) struct I2c {
     held: bool,
     /// A start condition was seen that nobody has ended.
     held_busy: bool,
-    /// In so many bytes to come, BERR is raised for nothing.
+    /// Bytes to come in which BERR is raised for nothing.
     disturbed: u32,
     connected: bool,
     devices: Vec<Box<dyn I2cDevice>>,
@@ -190,7 +190,7 @@ impl I2c {
         }
     }
 
-    /// Another so many bytes raise BERR for nothing, as ST's errata sheets say of a master on this
+    /// Adds bytes that raise BERR for nothing, as ST's errata sheets say of a master on this
     /// block ("spurious bus error detection"): the transfer itself goes on.
     pub(super) const fn disturb(&mut self, bytes: u32) {
         self.disturbed += bytes;

@@ -301,7 +301,7 @@ impl Soc {
         true
     }
 
-    /// In the next so many bytes that an I2C sends it believes to see a bus error. `false`: there is
+    /// In the next bytes that an I2C sends it sees a bus error that is none. `false`: there is
     /// no such I2C.
     pub fn disturb_i2c(&mut self, i2c: u8, bytes: u32) -> bool {
         let Some(i2c) = i2c_of(i2c) else { return false };

@@ -144,7 +144,7 @@ fn a_uart_without_trbuff_locks_its_stream_when_another_one_moves() {
         assert_eq!((chip.read(NDTR), chip.kinds()), (6, vec![]));
     }
     let mut chip = two_receivers(0, TRBUFF, dma2, 9);
-    // Alone it works, which is why nobody notices.
+    // Alone it works, so the mistake is not seen.
     feed(&mut chip, &[1]);
     assert_eq!((chip.read(NDTR), chip.kinds()), (7, vec![]));
     chip.now += 1000;

@@ -165,7 +165,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
 
     /// What is due: the first half of a tick (frames in, commands in, motors), and at its time the
     /// second (frames out, status out), so that when frames leave does not depend on the work.
-    /// Whoever comes by once a millisecond, or late, has both done at once. Never waits. `clock` is
+    /// A loop that comes by once a millisecond, or late, has both done at once. Never waits. `clock` is
     /// read at the start and at the end.
     pub fn tick(&mut self, clock: impl Fn() -> Micros) {
         let now = clock();
