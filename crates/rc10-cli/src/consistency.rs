@@ -9,7 +9,7 @@ use rc10_motor::dji::Effort;
 use rc10_motor::{Drive, Link, TargetKind};
 use rc10_sim::fault::{Fault, Kind};
 
-use crate::problems::{About, Problem};
+use crate::problems::{About, Problem, is_on, seconds, time_of};
 use crate::recording::{BaseHeard, BaseTrack, MotorSample, MotorTrack, Recording, SAMPLE_PERIOD};
 use crate::robot::{Device, Place};
 
@@ -68,14 +68,7 @@ fn identifiers(recording: &Recording, found: &mut Vec<Problem>) {
         let (motor, on) = (&track.motor, track.motor.on);
         let Device::Dji { rate, .. } = motor.device else { continue };
         // A bus is filled with repetitions of a motor's feedback.
-        let is_filled = |fault: &Fault| {
-            matches!(fault.kind, Kind::Load(_))
-                && fault
-                    .kind
-                    .bus()
-                    .zip(on.bus())
-                    .is_some_and(|(at, bus)| at + 1 == usize::from(bus))
-        };
+        let is_filled = |fault: &Fault| matches!(fault.kind, Kind::Load(_)) && is_on(fault, on);
         let due = seconds(recording.length) * f64::from(rate.hz());
         let received = f64::from(track.last.counters.received);
         if received <= TWICE * due || recording.faults.iter().any(is_filled) {
@@ -527,15 +520,6 @@ fn is_excused(recording: &Recording, at: Micros) -> bool {
         };
         at >= fault.from.micros() && end.is_none_or(|end| at <= end.micros() + AFTER_FAULT)
     })
-}
-
-/// When a sample was taken.
-fn time_of(index: usize) -> Micros {
-    Micros::new((index as u64 + 1) * SAMPLE_PERIOD.get())
-}
-
-fn seconds(time: Micros) -> f64 {
-    time.get() as f64 * 1e-6
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use rc10_module::Counters;
 use rc10_motor::{Drive, Link, TargetKind, Verdict};
 use serde_json::{Value, json};
 
-use crate::problems::{Problem, Severity, any, problems};
+use crate::problems::{Problem, Severity, any, problems, seconds};
 use crate::recording::{MotorTrack, Recording, Tracking};
 use crate::remote::{Loss, RemoteTrack};
 
@@ -469,10 +469,6 @@ pub fn sentence(loss: &Loss) -> String {
     let until = lost.until.map_or(String::new(), |until| format!(" to {:.3} s", seconds(until)));
     let lost = if until.is_empty() { "at" } else { "from" };
     format!("remote lost {lost} {from:.3} s{until}: {}", parts.join("; "))
-}
-
-fn seconds(time: Micros) -> f64 {
-    time.get() as f64 * 1e-6
 }
 
 /// The remote as JSON; null without one.

@@ -160,7 +160,7 @@ fn effects(fault: &Fault, on: Place) -> Option<(Micros, Option<Micros>)> {
     }
 }
 
-fn is_on(fault: &Fault, on: Place) -> bool {
+pub(crate) fn is_on(fault: &Fault, on: Place) -> bool {
     let (index, number) = match (fault.kind.wire(), on) {
         (Some(Wire::Bus(index)), Place::Bus(number)) => (index, number),
         (Some(Wire::Line(index)), Place::Line(number)) => (index, number),
@@ -201,7 +201,7 @@ fn unexcused<T>(
 }
 
 /// When a sample was taken.
-fn time_of(index: usize) -> Micros {
+pub(crate) fn time_of(index: usize) -> Micros {
     Micros::new((index as u64 + 1) * SAMPLE_PERIOD.get())
 }
 
@@ -535,6 +535,6 @@ fn is_driven_on(loss: &Loss, end: Micros) -> bool {
     loss.coasting.is_none() && over > due
 }
 
-fn seconds(time: Micros) -> f64 {
+pub(crate) fn seconds(time: Micros) -> f64 {
     time.get() as f64 * 1e-6
 }

@@ -23,7 +23,7 @@ const START: u32 = 100;
 const SWITCH: u32 = 1;
 const HSI_CYCLES_A_MILLISECOND: u32 = 64_000;
 
-/// Waits for a flag, at most 262 ms, of a core on HSI. Its clock is `SysTick`,
+/// Waits for a flag, `milliseconds` (up to 262) at most, of a core on HSI. Its clock is `SysTick`,
 /// which nothing else uses: embassy's does not run yet, or runs wrong.
 fn comes(flag: impl Fn() -> bool, milliseconds: u32) -> bool {
     // SAFETY: called before anything else runs, and by an exception that does not return.
