@@ -18,6 +18,7 @@
 #![forbid(unsafe_code)]
 
 pub mod angle;
+pub mod cascade;
 pub mod chassis;
 pub mod differentiator;
 pub mod encoder;
@@ -32,6 +33,7 @@ pub mod units;
 mod config;
 
 pub use angle::{CountsPerTurn, TotalAngle};
+pub use cascade::{Cascade, CascadeState};
 pub use chassis::{Mecanum, Twist, TwistLimiter, TwistLimits, TwistNotFinite, WheelSpeeds};
 pub use config::ConfigError;
 pub use differentiator::{Differentiator, DifferentiatorConfig};
@@ -42,6 +44,6 @@ pub use pid::{PidConfig, PidInput, PidState};
 pub use ramp::{Ramp, RampConfig};
 pub use transform::Pose;
 pub use units::{
-    Amps, Celsius, Degrees, Gear, NewtonMetres, Radians, RotorRpm, Rpm, RpmPerSecond, Seconds,
-    Volts,
+    Amps, Celsius, Degrees, Direction, Gear, NewtonMetres, Radians, RotorRpm, Rpm, RpmPerSecond,
+    Seconds, Volts,
 };

@@ -234,6 +234,29 @@ impl Gear {
     }
 }
 
+/// Which way the output shaft counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Direction {
+    /// As the motor does.
+    #[default]
+    Forward,
+    /// The other way: a motor that is mounted mirrored.
+    Reversed,
+}
+
+impl Direction {
+    /// 1 for forward, -1 for reversed.
+    #[inline]
+    #[must_use]
+    pub const fn sign(self) -> i8 {
+        match self {
+            Self::Forward => 1,
+            Self::Reversed => -1,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

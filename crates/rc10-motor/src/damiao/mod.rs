@@ -40,7 +40,7 @@
 //!   Saving makes it deaf for up to 30 ms: it is lost for a moment.
 //!
 //! ```
-//! use rc10_motor::cascade::Cascade;
+//! use rc10_motor::rc10_app::Cascade;
 //! use rc10_motor::damiao::{Control, Damiao, models};
 //! use rc10_motor::rc10_app::{PidConfig, RpmPerSecond};
 //!
@@ -68,7 +68,6 @@ mod can;
 mod control;
 mod dialogue;
 mod goal;
-pub mod mit;
 pub mod models;
 mod motor;
 pub mod registers;
@@ -76,8 +75,8 @@ mod shaft;
 pub mod signals;
 pub mod wire;
 
+pub use crate::mit::{Limits, Setpoint};
 pub use control::Control;
-pub use mit::{Limits, Setpoint};
 pub use models::Model;
 pub use motor::Damiao;
 pub use wire::{DeviceId, Feedback, Mode, Operation, State};

@@ -8,8 +8,8 @@
 //! The **effort** that comes out is in whatever the actuator takes: amperes, or a share of the
 //! full voltage.
 
-use rc10_app::maths::{fast_sqrt, within};
-use rc10_app::{ConfigError, PidConfig, PidInput, PidState, RpmPerSecond, Seconds};
+use crate::maths::{fast_sqrt, within};
+use crate::{ConfigError, PidConfig, PidInput, PidState, RpmPerSecond, Seconds};
 
 /// Gains and limits of both loops.
 #[derive(Clone, Copy, Debug, PartialEq)]
