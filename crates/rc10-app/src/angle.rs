@@ -1,10 +1,10 @@
-//! Angles that stay exact: whole counts of a known fraction of a turn, and the shortest way round.
+//! Angles of any number of turns that stay exact, and the shortest way round.
 
 use core::fmt;
 
 use crate::Degrees;
 
-/// How fine a [`TotalAngle`] counts: `counts` counts make `turns` turns of the output shaft.
+/// The counts of a sensor in some turns of the output shaft: `counts` counts make `turns` turns.
 ///
 /// Two numbers, because a gearbox seldom leaves a whole number of encoder counts per output turn:
 /// an M3508's 8192-count encoder behind 3591 : 187 makes 29,417,472 counts in 187 turns.
@@ -16,9 +16,6 @@ pub struct CountsPerTurn {
 }
 
 impl CountsPerTurn {
-    /// Millionths of a degree.
-    pub const MICRODEGREES: Self = Self { counts: 360_000_000, turns: 1 };
-
     /// `counts` counts in `turns` turns; zero counts as one.
     #[must_use]
     pub const fn new(counts: u32, turns: u32) -> Self {
@@ -41,8 +38,9 @@ impl CountsPerTurn {
     }
 }
 
-/// An angle of any number of turns, as an exact integer count. Adding a million turns and taking
-/// them away again leaves nothing behind; an f32 is only made for people and for differences.
+/// An angle of any number of turns: a whole number of millionths of a degree. Adding a million
+/// turns and taking them away again leaves nothing behind; an f32 is only made for people and for
+/// differences.
 ///
 /// ```
 /// use rc10_app::{CountsPerTurn, TotalAngle};
@@ -50,33 +48,27 @@ impl CountsPerTurn {
 /// let encoder = CountsPerTurn::new(8192 * 36, 1); // an M2006: 36 : 1
 /// assert_eq!(target.counts_at(encoder), 2 * 8192 * 36);
 /// ```
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct TotalAngle {
-    counts: i64,
-    scale: CountsPerTurn,
-}
+pub struct TotalAngle(i64);
 
 impl TotalAngle {
     /// No turn at all.
-    pub const ZERO: Self = Self { counts: 0, scale: CountsPerTurn::MICRODEGREES };
-
-    /// A count on a scale.
-    #[must_use]
-    pub const fn new(counts: i64, scale: CountsPerTurn) -> Self {
-        Self { counts, scale }
-    }
+    pub const ZERO: Self = Self(0);
+    /// One turn.
+    pub const TURN: Self = Self(360_000_000);
 
     /// Whole degrees.
     #[must_use]
     pub const fn from_degrees(degrees: i32) -> Self {
-        Self::from_microdegrees(degrees as i64 * 1_000_000)
+        Self(degrees as i64 * 1_000_000)
     }
 
     /// Millionths of a degree.
+    #[inline]
     #[must_use]
     pub const fn from_microdegrees(microdegrees: i64) -> Self {
-        Self::new(microdegrees, CountsPerTurn::MICRODEGREES)
+        Self(microdegrees)
     }
 
     /// The nearest angle to an f32 of degrees, within ± 9 · 10¹² degrees; `None` if it is not
@@ -92,108 +84,86 @@ impl TotalAngle {
         #[expect(clippy::cast_precision_loss, reason = "whole came from this f32: exact")]
         let fraction = degrees - whole as f32;
         let fraction = crate::maths::round_to_i32(fraction * 1e6);
-        Some(Self::from_microdegrees(whole * 1_000_000 + i64::from(fraction)))
+        Some(Self(whole * 1_000_000 + i64::from(fraction)))
     }
 
-    /// The count on its own scale.
+    /// The nearest angle to a count; saturates at the ends of the range.
     #[must_use]
-    pub const fn counts(self) -> i64 {
-        self.counts
+    pub fn from_counts(counts: i64, scale: CountsPerTurn) -> Self {
+        Self(nearest(counts, Self::TURN.0 * i64::from(scale.turns), scale.counts.into()))
     }
 
-    /// The scale.
-    #[must_use]
-    pub const fn scale(self) -> CountsPerTurn {
-        self.scale
-    }
-
-    /// The nearest count on another scale; saturates at i64's ends.
+    /// The nearest count; saturates at the ends of i64.
     #[must_use]
     pub fn counts_at(self, scale: CountsPerTurn) -> i64 {
-        if scale == self.scale {
-            return self.counts;
-        }
-        let turns = u64::from(self.scale.turns) * u64::from(scale.counts);
-        let counts = u64::from(self.scale.counts) * u64::from(scale.turns);
-        // Most divisors get short enough for the chip's own division.
-        let common = turns.trailing_zeros().min(counts.trailing_zeros());
-        let (turns, counts) = (turns >> common, counts >> common);
-        // Many turns of most scales: a tenth of the instructions.
-        if let (Ok(short_turns), Ok(short_counts)) = (i64::try_from(turns), i64::try_from(counts))
-            && let Some(scaled) = self.counts.checked_mul(short_turns)
-            && let half = if scaled < 0 { -(short_counts / 2) } else { short_counts / 2 }
-            && let Some(rounded) = scaled.checked_add(half)
-        {
-            return rounded / short_counts;
-        }
-        // Cannot overflow: 64 + 32 + 32 bits are fewer than 127 with either `turns` below 2^31.
-        let counts = i128::from(counts);
-        let scaled = i128::from(self.counts) * i128::from(turns);
-        let half = if scaled < 0 { -(counts / 2) } else { counts / 2 };
-        let nearest = (scaled + half) / counts;
-        i64::try_from(nearest).unwrap_or(if nearest < 0 { i64::MIN } else { i64::MAX })
+        nearest(self.0, scale.counts.into(), Self::TURN.0 * i64::from(scale.turns))
     }
 
-    /// The same angle, or the nearest to it, on another scale; saturates as
-    /// [`counts_at`](Self::counts_at) does.
+    /// Millionths of a degree.
+    #[inline]
     #[must_use]
-    pub fn on(self, scale: CountsPerTurn) -> Self {
-        Self::new(self.counts_at(scale), scale)
-    }
-
-    /// Millionths of a degree, rounded to the nearest; exact for ever.
-    #[must_use]
-    pub fn microdegrees(self) -> i64 {
-        self.counts_at(CountsPerTurn::MICRODEGREES)
+    pub const fn microdegrees(self) -> i64 {
+        self.0
     }
 
     /// In degrees, as near as an f32 comes: seven digits.
     #[must_use]
-    pub fn degrees(self) -> Degrees {
+    pub const fn degrees(self) -> Degrees {
         #[expect(clippy::cast_precision_loss, reason = "seven digits, as documented")]
-        Degrees::new(self.microdegrees() as f32 * 1e-6)
+        Degrees::new(self.0 as f32 * 1e-6)
     }
 
     /// The angle within its turn, 0 ..< 360 degrees.
     #[must_use]
-    pub fn within_turn(self) -> Degrees {
-        let microdegrees = self.microdegrees().rem_euclid(360_000_000);
-        #[expect(clippy::cast_precision_loss, reason = "a millionth of a turn is enough")]
-        let degrees = microdegrees as f32 * 1e-6;
-        // The last few microdegrees round up to a full turn.
-        Degrees::new(if degrees < 360.0 { degrees } else { 0.0 })
+    pub const fn within_turn(self) -> Degrees {
+        #[expect(clippy::cast_possible_truncation, reason = "less than a turn")]
+        degrees_within_turn(self.0.rem_euclid(Self::TURN.0) as i32)
     }
 
-    /// This angle and another added, on this one's scale; saturating.
+    /// This angle and another added; saturating.
+    #[inline]
     #[must_use]
-    pub fn plus(self, other: Self) -> Self {
-        Self { counts: self.counts.saturating_add(other.counts_at(self.scale)), ..self }
+    pub const fn plus(self, other: Self) -> Self {
+        Self(self.0.saturating_add(other.0))
     }
 
-    /// This angle less another, on this one's scale; saturating.
+    /// This angle less another; saturating.
+    #[inline]
     #[must_use]
-    pub fn minus(self, other: Self) -> Self {
-        Self { counts: self.counts.saturating_sub(other.counts_at(self.scale)), ..self }
+    pub const fn minus(self, other: Self) -> Self {
+        Self(self.0.saturating_sub(other.0))
+    }
+
+    /// The same angle the other way round; saturating.
+    #[inline]
+    #[must_use]
+    pub const fn reversed(self) -> Self {
+        Self(self.0.saturating_neg())
     }
 }
 
-impl Default for TotalAngle {
-    fn default() -> Self {
-        Self::ZERO
-    }
+/// 0 ..< 360 degrees, from microdegrees within a turn.
+#[inline]
+#[must_use]
+pub const fn degrees_within_turn(microdegrees: i32) -> Degrees {
+    #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of a turn")]
+    let degrees = microdegrees as f32 * 1e-6;
+    // The last few microdegrees round up to a full turn.
+    Degrees::new(if degrees < 360.0 { degrees } else { 0.0 })
 }
 
-/// Equal angles are equal on whatever scale they are counted.
-impl PartialEq for TotalAngle {
-    fn eq(&self, other: &Self) -> bool {
-        let cross = |a: &Self, b: &Self| {
-            i128::from(a.counts) * i128::from(u64::from(a.scale.turns) * u64::from(b.scale.counts))
-        };
-        cross(self, other) == cross(other, self)
+/// `value * factor / divisor` to the nearest, halves away from zero, saturating; both above zero.
+fn nearest(value: i64, factor: i64, divisor: i64) -> i64 {
+    // In 64 bits where that fits: a tenth of the instructions.
+    let half = if value < 0 { -(divisor / 2) } else { divisor / 2 };
+    let scaled = value.checked_mul(factor).and_then(|scaled| scaled.checked_add(half));
+    if let Some(scaled) = scaled {
+        return scaled / divisor;
     }
+    let scaled = i128::from(value) * i128::from(factor) + i128::from(half);
+    let nearest = scaled / i128::from(divisor);
+    i64::try_from(nearest).unwrap_or(if nearest < 0 { i64::MIN } else { i64::MAX })
 }
-
-impl Eq for TotalAngle {}
 
 impl fmt::Display for TotalAngle {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -266,35 +236,36 @@ pub(crate) fn shortest_way_f32(from: f32, to: f32, turn: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// `RC10_LIB`: 350 to 10 gave an error of -340.
-    /// Short numbers are divided another way than long ones.
     #[test]
-    fn counts_on_another_scale_are_the_nearest_however_long_they_are() {
+    fn counts_are_the_nearest_however_long_they_are() {
         let scales = [
-            CountsPerTurn::MICRODEGREES,
+            CountsPerTurn::new(36_000, 1),
             CountsPerTurn::new(8192 * 3591, 187),
             CountsPerTurn::new(8192 * 36, 1),
             CountsPerTurn::new(1, 3),
             CountsPerTurn::new(u32::MAX, u32::MAX - 1),
         ];
         let long = [1, 7, 49, 50, 187, 1_000_003, 312_345_678_901, i64::MAX / 3, i64::MAX];
-        let counts = long.into_iter().chain([0]).chain(long.map(|count| -count));
-        for count in counts {
-            for from in scales {
-                for to in scales {
-                    let top = i128::from(count) * i128::from(from.turns) * i128::from(to.counts);
-                    let bottom = i128::from(from.counts) * i128::from(to.turns);
-                    // Nearest, halves away from zero: twice the way off is at most the divisor.
-                    let got = i128::from(TotalAngle::new(count, from).counts_at(to));
-                    let off = 2 * (top - got * bottom);
-                    let is_nearest = off.abs() < bottom || off.abs() == bottom && off * top < 0;
-                    let saturates = got == i64::MAX.into() || got == i64::MIN.into();
-                    assert!(is_nearest || saturates || top == 0, "{count} {from:?} {to:?}: {got}");
-                }
+        for value in long.into_iter().chain([0]).chain(long.map(|value| -value)) {
+            for scale in scales {
+                let turn = 360_000_000 * i128::from(scale.turns);
+                let counts = i128::from(scale.counts);
+                let is_nearest = |got: i64, top: i128, bottom: i128| {
+                    // Nearest, halves away from zero: twice the error is at most the divisor.
+                    let off = 2 * (top - i128::from(got) * bottom);
+                    let is_nearest = off.abs() < bottom || off.abs() == bottom && off * top <= 0;
+                    assert!(is_nearest || got == i64::MAX || got == i64::MIN, "{value} {scale:?}");
+                };
+                let value_ = i128::from(value);
+                let angle = TotalAngle::from_counts(value, scale);
+                is_nearest(angle.microdegrees(), value_ * turn, counts);
+                let counted = TotalAngle::from_microdegrees(value).counts_at(scale);
+                is_nearest(counted, value_ * counts, turn);
             }
         }
     }
 
+    /// `RC10_LIB`: 350 to 10 gave an error of -340.
     #[test]
     fn from_350_to_10_degrees_is_20_forward() {
         let way = |from, to| shortest_way_degrees(Degrees::new(from), Degrees::new(to)).get();
@@ -321,17 +292,10 @@ mod tests {
         // 1,000,000 turns of the output and a quarter.
         let angle = TotalAngle::from_microdegrees(360_000_000_000_000 + 90_000_000);
         let counts = angle.counts_at(m3508);
-        let back = TotalAngle::new(counts, m3508).microdegrees();
+        let back = TotalAngle::from_counts(counts, m3508).microdegrees();
         // One count is 2288 microdegrees.
         assert!((back - angle.microdegrees()).abs() <= 1145);
         assert_eq!(TotalAngle::from_degrees(360 * 187).counts_at(m3508), 8192 * 3591);
-    }
-
-    #[test]
-    fn equal_on_any_scale() {
-        let coarse = TotalAngle::new(1, CountsPerTurn::new(4, 1));
-        assert_eq!(coarse, TotalAngle::from_degrees(90));
-        assert_ne!(coarse, TotalAngle::from_microdegrees(90_000_001));
     }
 
     #[test]
@@ -345,11 +309,13 @@ mod tests {
 
     #[test]
     fn saturates_instead_of_wrapping() {
-        let huge = TotalAngle::new(i64::MAX, CountsPerTurn::new(1, u32::MAX));
+        let huge = TotalAngle::from_counts(i64::MAX, CountsPerTurn::new(1, u32::MAX));
         assert_eq!(huge.microdegrees(), i64::MAX);
-        assert_eq!(huge.plus(huge).counts(), i64::MAX);
-        let negative = TotalAngle::new(i64::MIN, CountsPerTurn::new(1, u32::MAX));
+        assert_eq!(huge.plus(huge), huge);
+        let negative = TotalAngle::from_counts(i64::MIN, CountsPerTurn::new(1, u32::MAX));
         assert_eq!(negative.microdegrees(), i64::MIN);
+        assert_eq!(negative.minus(huge), negative);
+        assert_eq!(negative.reversed(), huge);
     }
 
     #[test]

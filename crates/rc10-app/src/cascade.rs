@@ -45,6 +45,15 @@ impl Cascade {
     }
 }
 
+impl Cascade {
+    /// From the tick `count` to the next one in which the angle loop runs: 1 ..= divider.
+    const fn ticks_to_next(&self, count: u32) -> u8 {
+        let divider = if self.outer_divider == 0 { 1 } else { self.outer_divider };
+        #[expect(clippy::cast_possible_truncation, reason = "a remainder of a u8")]
+        return divider - (count % divider as u32) as u8;
+    }
+}
+
 /// How far a measurement moved since this was asked last.
 const fn change(last: &mut f32, measured: f32) -> f32 {
     measured - core::mem::replace(last, measured)
@@ -228,7 +237,9 @@ impl CascadeState {
         goes_on
     }
 
-    /// One step towards an angle that is `way` degrees away. `measured` in rpm.
+    /// One step towards an angle that is `way` degrees away. `measured` in rpm. `count` counts ticks:
+    /// the angle loop runs where it is a multiple of the divider, so that cascades with other
+    /// counts take other ticks.
     #[inline]
     pub fn seek_angle(
         &mut self,
@@ -237,24 +248,33 @@ impl CascadeState {
         measured: f32,
         full: f32,
         dt: Seconds,
+        count: u32,
     ) {
         if self.active != Active::Angle {
-            return self.start_angle(config, way, measured, full, dt);
+            return self.start_angle(config, way, measured, full, dt, count);
         }
-        self.angle_loop(config, way, config.outer_divider.max(1), dt);
+        self.angle_loop(config, way, config.ticks_to_next(count), dt);
         self.speed_loop(config, self.asked, measured, dt);
     }
 
     #[cold]
     #[inline(never)]
-    fn start_angle(&mut self, config: &Cascade, way: f32, measured: f32, full: f32, dt: Seconds) {
+    fn start_angle(
+        &mut self,
+        config: &Cascade,
+        way: f32,
+        measured: f32,
+        full: f32,
+        dt: Seconds,
+        count: u32,
+    ) {
         if self.starting != Active::Angle {
             self.last_way = -way;
         }
         let last = self.effort();
         let goes_on = self.enter(Active::Angle, measured);
         // During a soft start it runs in every tick.
-        let ticks = if goes_on { config.outer_divider.max(1) } else { 1 };
+        let ticks = if goes_on { config.ticks_to_next(count) } else { 1 };
         self.angle_loop(config, way, ticks, dt);
         self.speed_loop(config, self.asked, measured, dt);
         if !goes_on {
@@ -390,7 +410,7 @@ mod tests {
         }
         state.seek_speed(&CONFIG, 100.0, 100.0, 20.0, MS);
         assert!((state.effort() - 5.0).abs() < 0.1, "{}", state.effort());
-        state.seek_angle(&CONFIG, 100.0 / 1.3, 100.0, 20.0, MS);
+        state.seek_angle(&CONFIG, 100.0 / 1.3, 100.0, 20.0, MS, 0);
         assert!((state.effort() - 5.0).abs() < 0.1, "{}", state.effort());
         state.seek_speed(&CONFIG, 100.0, 100.0, 20.0, MS);
         assert!((state.effort() - 5.0).abs() < 0.1, "{}", state.effort());
@@ -400,7 +420,7 @@ mod tests {
     fn the_angle_loop_runs_every_tenth_tick() {
         let mut state = CascadeState::new();
         for _ in 0..30 {
-            state.seek_angle(&CONFIG, 10.0, 0.0, 20.0, MS);
+            state.seek_angle(&CONFIG, 10.0, 0.0, 20.0, MS, 0);
         }
         let mut between = 0;
         while state.keep_seeking_angle(&CONFIG, 0.0, MS) {
@@ -408,7 +428,7 @@ mod tests {
         }
         assert_eq!(between, 9);
         // Leaving the angle ends that at once.
-        state.seek_angle(&CONFIG, 10.0, 0.0, 20.0, MS);
+        state.seek_angle(&CONFIG, 10.0, 0.0, 20.0, MS, 0);
         state.seek_speed(&CONFIG, 0.0, 0.0, 20.0, MS);
         assert!(!state.keep_seeking_angle(&CONFIG, 0.0, MS));
     }

@@ -21,13 +21,19 @@ impl IdPattern {
     /// Just this identifier.
     #[must_use]
     pub fn exact(id: impl Into<Id>) -> Self {
-        Self { id: id.into(), mask: EXACT }
+        Self::of(id.into(), EXACT)
+    }
+
+    /// As [`exact`](Self::exact) and [`masked`](Self::masked), for constants.
+    #[must_use]
+    pub const fn of(id: Id, mask: u32) -> Self {
+        Self { id, mask: mask & EXACT }
     }
 
     /// Every identifier of the same size that equals `id` where `mask` has a one.
     #[must_use]
     pub fn masked(id: impl Into<Id>, mask: u32) -> Self {
-        Self { id: id.into(), mask: mask & EXACT }
+        Self::of(id.into(), mask)
     }
 
     /// Every standard identifier.

@@ -1,6 +1,5 @@
-use core::fmt;
+use core::ops::{Deref, DerefMut};
 
-use heapless::Vec;
 use rc10_app::Seconds;
 use rc10_can::{CanFrame, Micros};
 
@@ -8,139 +7,33 @@ use crate::arm::ArmSwitch;
 #[cfg(feature = "embassy")]
 use crate::arm::Unfit;
 use crate::batch::{TxBatch, TxFull};
+use crate::can_ids::CanIds;
 use crate::load::BusLoad;
 #[cfg(feature = "embassy")]
 use crate::load::Verdict;
-use crate::motor::{
-    CanMotor, FrameError, FrameKind, Loops, Request, RequestError, Response, Target, TargetError,
-    TargetSet,
-};
-use crate::supervision::{LONGEST_PAUSE, MotorStatus, Safety, Supervision, sound_step};
+use crate::motor::{CanMotor, FrameError};
+use crate::motors::{AttachError, MotorId, Motors};
+use crate::supervision::Safety;
 use crate::table::ReceiveTable;
-use crate::wiring::{CanIds, Clash, MotorName};
 
 /// The motors of one CAN bus, and what keeps them safe.
 ///
 /// Plain synchronous functions; the time comes in as an argument. Every tick: give it the received
-/// frames ([`on_frame`](Self::on_frame)) and the newest targets ([`command`](Self::command)), then
-/// [`tick`](Self::tick) fills the frames to send.
-///
-/// No motor can opt out of: no torque until the [`ArmSwitch`] is armed; its safe state when
-/// commands stop coming; no torque when its feedback is lost; its safe state while the emergency
-/// stop is latched.
+/// frames ([`on_frame`](Self::on_frame)) and the newest targets ([`command`](Motors::command)), then
+/// [`tick`](Self::tick) fills the frames to send. What it has in common with a bus on RS-485 is that
+/// of its [`Motors`].
 pub struct MotorBus<'m> {
-    switch: &'m ArmSwitch,
-    slots: Vec<Slot<'m>, CAPACITY>,
+    motors: CanMotors<'m>,
     table: ReceiveTable,
     counters: BusCounters,
-    last_tick: Option<Micros>,
     /// It runs even if its motors do not fit on it.
     overload_allowed: bool,
 }
 
+type CanMotors<'m> = Motors<'m, dyn CanMotor + 'm, CAPACITY>;
+
 /// See [`MotorBus::CAPACITY`].
 const CAPACITY: usize = 8;
-
-struct Slot<'m> {
-    motor: &'m mut dyn CanMotor,
-    watch: Supervision,
-}
-
-/// Which motor of a bus: as [`MotorBus::attach`] counted them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct MotorId(u8);
-
-impl MotorId {
-    /// The motor attached as number `index`, counted from 0.
-    #[must_use]
-    pub const fn new(index: u8) -> Self {
-        Self(index)
-    }
-
-    /// Its number on its bus, counted from 0.
-    #[must_use]
-    pub const fn index(self) -> usize {
-        self.0 as usize
-    }
-}
-
-/// Why a motor was not attached.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AttachError {
-    /// It clashes with one that is attached already.
-    Clash {
-        /// The motor that was to be attached.
-        motor: MotorName,
-        /// The one that is in its way.
-        with: MotorName,
-        /// What they would both use.
-        clash: Clash,
-    },
-    /// The bus has as many motors as it can have.
-    Full {
-        /// The motor that was to be attached.
-        motor: MotorName,
-        /// How many motors the bus holds.
-        capacity: usize,
-    },
-    /// The receive table has no room for its identifiers.
-    TableFull {
-        /// The motor that was to be attached.
-        motor: MotorName,
-    },
-    /// Its commands would hold for no time, or for too long.
-    Expiry {
-        /// The motor that was to be attached.
-        motor: MotorName,
-        /// What was asked for.
-        asked: Micros,
-    },
-}
-
-impl fmt::Display for AttachError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Clash { motor, with, clash } => {
-                write!(f, "{motor} cannot share a bus with {with}: {clash}")
-            }
-            Self::Full { motor, capacity } => {
-                write!(f, "{motor} finds no room: the bus holds {capacity} motors")
-            }
-            Self::TableFull { motor } => {
-                write!(f, "{motor} finds no room in the bus's receive table")
-            }
-            Self::Expiry { motor, asked } => write!(
-                f,
-                "{motor}: a command must expire after 0 to {}, not {asked}",
-                Safety::LONGEST_EXPIRY
-            ),
-        }
-    }
-}
-
-impl core::error::Error for AttachError {}
-
-/// Why a command was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum CommandError {
-    /// The motor does not take it.
-    Target(TargetError),
-    /// The bus has no such motor.
-    NoSuchMotor,
-}
-
-impl fmt::Display for CommandError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Target(error) => error.fmt(f),
-            Self::NoSuchMotor => f.write_str("the bus has no such motor"),
-        }
-    }
-}
-
-impl core::error::Error for CommandError {}
 
 /// What became of a received frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -177,6 +70,22 @@ impl BusCounters {
         Self { received: 0, malformed: 0, unclaimed: 0, last_unclaimed: None, remote: 0 };
 }
 
+impl<'m> Deref for MotorBus<'m> {
+    type Target = CanMotors<'m>;
+
+    #[inline]
+    fn deref(&self) -> &Self::Target {
+        &self.motors
+    }
+}
+
+impl DerefMut for MotorBus<'_> {
+    #[inline]
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.motors
+    }
+}
+
 impl<'m> MotorBus<'m> {
     /// Motors that a bus holds. More DJI motors than this fit on no wire, whatever their rate.
     pub const CAPACITY: usize = CAPACITY;
@@ -185,17 +94,16 @@ impl<'m> MotorBus<'m> {
     #[must_use]
     pub const fn new(switch: &'m ArmSwitch) -> Self {
         Self {
-            switch,
-            slots: Vec::new(),
+            motors: Motors::new(switch),
             table: ReceiveTable::new(),
             counters: BusCounters::NEW,
-            last_tick: None,
             overload_allowed: false,
         }
     }
 
     /// Lets the robot be armed even if the motors of this bus do not fit on it: without this a
-    /// runner forbids that ([`Unfit::Overload`]). Frames will be lost, and motors with them.
+    /// runner forbids that ([`Unfit::Overload`](crate::Unfit::Overload)). Frames will be lost, and
+    /// motors with them.
     pub const fn allow_overload(&mut self) {
         self.overload_allowed = true;
     }
@@ -206,31 +114,26 @@ impl<'m> MotorBus<'m> {
     /// [`AttachError`], naming both motors of a clash; the bus is as it was.
     pub fn attach(
         &mut self,
-        motor: &'m mut dyn CanMotor,
+        motor: &'m mut (dyn CanMotor + 'm),
         safety: Safety,
     ) -> Result<MotorId, AttachError> {
-        let wiring = motor.wiring();
-        let name = wiring.name();
-        if !safety.is_valid() {
-            return Err(AttachError::Expiry { motor: name, asked: safety.command_expiry });
+        let (ids, name) = (motor.can_ids(), motor.name());
+        if !ids.is_complete() {
+            return Err(AttachError::TooManyIds { motor: name });
         }
-        for slot in &self.slots {
-            let other = slot.motor.wiring();
-            if let Some(clash) = wiring.clash(&other) {
+        for other in self.motors.iter() {
+            if let Some(clash) = ids.clash(&other.can_ids()) {
                 return Err(AttachError::Clash { motor: name, with: other.name(), clash });
             }
         }
-        if !self.table.has_room(wiring.received()) {
+        if !self.table.has_room(ids.received()) {
             return Err(AttachError::TableFull { motor: name });
         }
-        let slot = Slot { motor, watch: Supervision::new(safety, wiring.link_timeout()) };
-        let full = AttachError::Full { motor: name, capacity: Self::CAPACITY };
-        let index = u8::try_from(self.slots.len()).map_err(|_| full)?;
-        self.slots.push(slot).map_err(|_| full)?;
-        for receive in wiring.received() {
-            self.table.insert(receive, index);
+        let motor = self.motors.attach(motor, safety, ids.link_timeout())?;
+        for frames in ids.received() {
+            self.table.insert(frames, motor);
         }
-        Ok(MotorId(index))
+        Ok(motor)
     }
 
     /// Takes a frame that arrived at `at`; constant time.
@@ -239,20 +142,19 @@ impl<'m> MotorBus<'m> {
         self.counters.received = self.counters.received.wrapping_add(1);
         // Nearly always the first place looked at is the right one.
         match self.table.find_first(frame) {
-            Some(index) => self.hear(index, frame, at),
+            Some(motor) => self.hear(motor, frame, at),
             None => self.on_other_frame(frame, at),
         }
     }
 
     #[cold]
-    #[inline(never)]
     fn on_other_frame(&mut self, frame: &CanFrame, at: Micros) -> Dispatch {
         if frame.is_remote() {
             count(&mut self.counters.remote);
             return Dispatch::Unclaimed;
         }
-        if let Some(index) = self.table.find(frame) {
-            return self.hear(index, frame, at);
+        if let Some(motor) = self.table.find(frame) {
+            return self.hear(motor, frame, at);
         }
         count(&mut self.counters.unclaimed);
         self.counters.last_unclaimed = Some(frame.key());
@@ -260,23 +162,17 @@ impl<'m> MotorBus<'m> {
     }
 
     #[inline]
-    fn hear(&mut self, index: u8, frame: &CanFrame, at: Micros) -> Dispatch {
-        // The table only has indices of motors.
-        let Some(slot) = self.slots.get_mut(usize::from(index)) else {
-            return Dispatch::Unclaimed;
-        };
-        let heard = slot.motor.unpack_feedback(frame, at);
-        if heard == Ok(FrameKind::Feedback) {
-            slot.watch.heard_feedback(at);
-            return Dispatch::Motor(MotorId(index));
-        }
-        match slot.watch.heard(heard, at) {
-            Ok(()) => Dispatch::Motor(MotorId(index)),
-            Err(FrameError::Unasked) => Dispatch::Unasked(MotorId(index)),
-            Err(error) => {
+    fn hear(&mut self, motor: MotorId, frame: &CanFrame, at: Micros) -> Dispatch {
+        let heard = self.motors.hear(motor, at, |it, link| it.unpack_feedback(frame, at, link));
+        match heard {
+            Some(Ok(())) => Dispatch::Motor(motor),
+            Some(Err(FrameError::Unasked)) => Dispatch::Unasked(motor),
+            Some(Err(error)) => {
                 count(&mut self.counters.malformed);
-                Dispatch::Malformed(MotorId(index), error)
+                Dispatch::Malformed(motor, error)
             }
+            // The table only has motors of this bus.
+            None => Dispatch::Unclaimed,
         }
     }
 
@@ -286,39 +182,9 @@ impl<'m> MotorBus<'m> {
     pub(crate) fn check_load(&self, bits_per_second: u32) -> BusLoad {
         let load = self.load(bits_per_second);
         if load.verdict() == Verdict::DoesNotFit && !self.overload_allowed {
-            self.switch.forbid(Unfit::Overload);
+            self.switch().forbid(Unfit::Overload);
         }
         load
-    }
-
-    /// Gives a motor a new target, which holds from `now` until it expires.
-    ///
-    /// # Errors
-    /// [`CommandError`]; the old target stays, and stays as old as it was.
-    pub fn command(
-        &mut self,
-        motor: MotorId,
-        target: Target,
-        now: Micros,
-    ) -> Result<(), CommandError> {
-        let slot = self.slots.get_mut(motor.index()).ok_or(CommandError::NoSuchMotor)?;
-        slot.watch.command(&mut *slot.motor, target, now).map_err(CommandError::Target)
-    }
-
-    /// Asks something of a motor beside a target. After [`Response::Pending`] its
-    /// [`answer`](Self::answer) is to be asked for after each tick.
-    ///
-    /// # Errors
-    /// [`RequestError`]; nothing changed.
-    pub fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
-        let slot = self.slots.get_mut(motor.index()).ok_or(RequestError::NoSuchMotor)?;
-        slot.watch.request(&mut *slot.motor, request)
-    }
-
-    /// How a request went that was [`Pending`](Response::Pending), once that is known; told once.
-    pub fn answer(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
-        let slot = self.slots.get_mut(motor.index())?;
-        slot.watch.answer(&mut *slot.motor)
     }
 
     /// One tick: decides what each motor may do, lets it compute, and adds its frames to `tx`.
@@ -328,20 +194,12 @@ impl<'m> MotorBus<'m> {
     /// # Errors
     /// [`TxFull`] if not all frames fit into `tx`; the other motors' frames are in it.
     pub fn tick(&mut self, now: Micros, dt: Seconds, tx: &mut TxBatch) -> Result<(), TxFull> {
-        let dt = sound_step(dt);
-        let last = self.last_tick.replace(now);
-        if last.is_some_and(|last| now.since(last) > LONGEST_PAUSE) {
-            self.slots.iter_mut().for_each(|slot| slot.watch.forget());
-        }
-        let arm = self.switch.for_motors();
         let mut outcome = Ok(());
-        for slot in &mut self.slots {
-            let drive = slot.watch.decide(arm, now);
-            slot.motor.update(dt, drive);
-            if let Err(full) = slot.motor.pack_command(tx) {
+        self.motors.tick(now, dt, |_, motor, _| {
+            if let Err(full) = motor.pack_command(tx) {
                 outcome = Err(full);
             }
-        }
+        });
         outcome
     }
 
@@ -350,75 +208,26 @@ impl<'m> MotorBus<'m> {
     /// # Errors
     /// [`TxFull`] if not all fit.
     pub fn coast_image(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
-        self.slots.iter().try_for_each(|slot| slot.motor.coast_frames(tx))
+        self.motors.iter().try_for_each(|motor| motor.coast_frames(tx))
     }
 
     /// How much of a bus of `bits_per_second` the attached motors need.
     #[must_use]
     pub fn load(&self, bits_per_second: u32) -> BusLoad {
-        BusLoad::of(self.slots.iter().map(|slot| slot.motor.wiring()), bits_per_second)
+        BusLoad::of(self.motors.iter().map(CanMotor::can_ids), bits_per_second)
     }
 
-    /// The motors attached, in order.
-    pub fn motors(&self) -> impl Iterator<Item = (MotorId, MotorName)> {
-        (0..).map(MotorId).zip(self.slots.iter().map(|slot| slot.motor.wiring().name()))
-    }
-
-    /// The attached motors' numbers, in order.
-    pub fn ids(&self) -> impl Iterator<Item = MotorId> + use<> {
-        (0..).take(self.slots.len()).map(MotorId)
-    }
-
-    /// What each motor occupies, in order. One after the other: all at once they would take a large
-    /// part of a chip's stack.
-    pub fn for_each_wiring(&self, mut f: impl FnMut(&CanIds)) {
-        for slot in &self.slots {
-            f(&slot.motor.wiring());
-        }
-    }
-
-    /// What targets a motor takes; none for a motor that does not exist.
-    #[must_use]
-    pub fn supports(&self, motor: MotorId) -> TargetSet {
-        self.slots.get(motor.index()).map_or(TargetSet::NONE, |slot| slot.motor.supports())
-    }
-
-    /// The control loops of a motor, where they run here; `None` also for a motor that does not
-    /// exist.
-    #[must_use]
-    pub fn loops(&self, motor: MotorId) -> Option<Loops> {
-        self.slots.get(motor.index()).and_then(|slot| slot.motor.loops())
-    }
-
-    /// All there is to know about a motor.
-    #[must_use]
-    pub fn status(&self, motor: MotorId, now: Micros) -> Option<MotorStatus> {
-        let slot = self.slots.get(motor.index())?;
-        let mut status = MotorStatus::NEW;
-        slot.watch.write_status(&*slot.motor, now, &mut status);
-        Some(status)
-    }
-
-    /// The same, written where it is wanted: every tick for every motor. Nothing for a motor that
-    /// does not exist.
-    #[cfg(feature = "embassy")]
-    #[inline]
-    pub(crate) fn write_status(&self, motor: MotorId, now: Micros, status: &mut MotorStatus) {
-        if let Some(slot) = self.slots.get(motor.index()) {
-            slot.watch.write_status(&*slot.motor, now, status);
-        }
+    /// The identifiers each motor occupies, in order. One after the other: all at once they would
+    /// take a large part of a chip's stack.
+    pub fn for_each_can_ids(&self, f: impl FnMut(&CanIds)) {
+        let mut f = f;
+        self.motors.iter().for_each(|motor| f(&motor.can_ids()));
     }
 
     /// What the frames of this bus amounted to.
     #[must_use]
     pub const fn counters(&self) -> BusCounters {
         self.counters
-    }
-
-    /// The switch that arms this bus.
-    #[must_use]
-    pub const fn switch(&self) -> &'m ArmSwitch {
-        self.switch
     }
 }
 
@@ -431,8 +240,10 @@ const fn count(counter: &mut u32) {
 mod tests {
     use super::*;
     use crate::dji::{Dji, M3508};
-    use crate::motor::{DriveMode, Fault, Feedback};
-    use crate::supervision::Link;
+    use crate::{
+        CommandError, DriveMode, Fault, Feedback, FrameKind, Link, Motor, MotorName, Rate, Request,
+        RequestError, Response, RxFrames, Target, TargetError, TargetKind, TargetSet, Tick,
+    };
     use embedded_can::StandardId;
     use rc10_app::Rpm;
     use rc10_can::IdPattern;
@@ -442,15 +253,18 @@ mod tests {
     /// A motor that says of itself whatever byte 0 tells it to.
     #[derive(Default)]
     struct Talker {
-        drive: DriveMode,
+        mode: DriveMode,
         /// Whether it first asks its device.
         asks: bool,
-        answer: Option<Result<Response, RequestError>>,
+        response: Option<Result<Response, RequestError>>,
     }
 
-    impl crate::motor::Motor for Talker {
+    impl Motor for Talker {
+        fn name(&self) -> MotorName {
+            MotorName { model: "talker", id: 1 }
+        }
         fn supports(&self) -> TargetSet {
-            TargetSet::of(&[crate::TargetKind::Coast, crate::TargetKind::Speed])
+            TargetSet::of(&[TargetKind::Coast, TargetKind::Speed])
         }
         fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
             self.supports().accepts(&target)
@@ -461,41 +275,40 @@ mod tests {
         /// Tells as its speed what it was allowed to do.
         fn feedback(&self) -> Feedback {
             let mut told = Feedback::NEW;
-            told.speed = Rpm::new(f32::from(self.drive as u8));
+            told.speed = Rpm::new(f32::from(self.mode as u8));
             told
         }
         fn fault(&self) -> Option<Fault> {
             None
         }
-        fn update(&mut self, _: Seconds, drive: DriveMode) {
-            self.drive = drive;
+        fn update(&mut self, tick: &Tick) {
+            self.mode = tick.mode;
         }
         fn request(&mut self, _: Request) -> Result<Response, RequestError> {
             Ok(if self.asks { Response::Pending } else { Response::Done })
         }
-        fn answer(&mut self) -> Option<Result<Response, RequestError>> {
-            self.answer.take()
+        fn response(&mut self) -> Option<Result<Response, RequestError>> {
+            self.response.take()
         }
     }
 
     impl CanMotor for Talker {
-        fn wiring(&self) -> crate::CanIds {
+        fn can_ids(&self) -> CanIds {
             let pattern = IdPattern::exact(StandardId::new(0x10).unwrap());
-            let rate = crate::Rate::EveryTick;
-            let receive = crate::RxFrames { pattern, len: 1, rate, guard: None };
-            crate::CanIds::new("talker", 1).receives(receive).unwrap()
+            CanIds::new().receives(RxFrames::new(pattern, 1, Rate::EveryTick))
         }
         fn unpack_feedback(
             &mut self,
             frame: &CanFrame,
             _: Micros,
+            _: Link,
         ) -> Result<FrameKind, FrameError> {
             match frame.bytes() {
                 [0] => Ok(FrameKind::Feedback),
                 [1] => Ok(FrameKind::Fault),
                 [2] => Ok(FrameKind::Other),
                 [3] => {
-                    self.answer = Some(Ok(Response::Done));
+                    self.response = Some(Ok(Response::Done));
                     Ok(FrameKind::Feedback)
                 }
                 _ => Err(FrameError::Length),
@@ -519,9 +332,9 @@ mod tests {
         if let Some(byte) = byte {
             bus.on_frame(&says(byte), now);
         }
-        bus.command(MotorId(0), Target::Speed(Rpm::new(1.0)), now).unwrap();
+        bus.command(MotorId::new(0), Target::Speed(Rpm::new(1.0)), now).unwrap();
         bus.tick(now, MS, &mut TxBatch::new()).unwrap();
-        let status = bus.status(MotorId(0), now).unwrap();
+        let status = bus.status(MotorId::new(0), now).unwrap();
         let told = status.feedback.speed;
         assert_eq!(told, Rpm::new(f32::from(status.drive as u8)), "the motor was told otherwise");
         (status.drive, status.link)
@@ -538,9 +351,9 @@ mod tests {
         assert_eq!(tick(&mut bus, 2, Some(1)), (DriveMode::Brake, Link::Online));
         // That the fault goes by itself is not enough.
         assert_eq!(tick(&mut bus, 3, Some(0)), (DriveMode::Brake, Link::Online));
-        bus.request(MotorId(0), Request::ClearFault).unwrap();
+        bus.request(MotorId::new(0), Request::ClearFault).unwrap();
         assert_eq!(tick(&mut bus, 4, Some(0)), (DriveMode::Run, Link::Online));
-        assert_eq!(bus.status(MotorId(0), Micros::ZERO).unwrap().counters.expired, 0);
+        assert_eq!(bus.status(MotorId::new(0), Micros::ZERO).unwrap().counters.expired, 0);
     }
 
     #[test]
@@ -551,13 +364,13 @@ mod tests {
         bus.attach(&mut talker, Safety::COAST).unwrap();
         switch.arm().unwrap();
         assert_eq!(tick(&mut bus, 1, Some(1)), (DriveMode::Coast, Link::Online));
-        assert_eq!(bus.request(MotorId(0), Request::ClearFault), Ok(Response::Pending));
-        assert_eq!(bus.answer(MotorId(0)), None);
+        assert_eq!(bus.request(MotorId::new(0), Request::ClearFault), Ok(Response::Pending));
+        assert_eq!(bus.response(MotorId::new(0)), None);
         // A frame that was on its way still tells of the fault, and it is gone with the answer.
         assert_eq!(tick(&mut bus, 2, Some(1)), (DriveMode::Coast, Link::Online));
         assert_eq!(tick(&mut bus, 3, Some(3)), (DriveMode::Coast, Link::Online));
-        assert_eq!(bus.answer(MotorId(0)), Some(Ok(Response::Done)));
-        assert_eq!(bus.answer(MotorId(0)), None);
+        assert_eq!(bus.response(MotorId::new(0)), Some(Ok(Response::Done)));
+        assert_eq!(bus.response(MotorId::new(0)), None);
         assert_eq!(tick(&mut bus, 4, Some(0)), (DriveMode::Run, Link::Online));
     }
 
@@ -578,7 +391,7 @@ mod tests {
         for millis in [4_294_967_u64, 4_294_972, 4_294_980] {
             assert_eq!(tick(&mut bus, millis, None), (DriveMode::Coast, Link::Lost));
         }
-        let counters = bus.status(MotorId(0), Micros::ZERO).unwrap().counters;
+        let counters = bus.status(MotorId::new(0), Micros::ZERO).unwrap().counters;
         assert_eq!((counters.lost, counters.received), (1, 13));
     }
 
@@ -591,9 +404,9 @@ mod tests {
         switch.arm().unwrap();
         let now = Micros::from_millis(5);
         bus.on_frame(&says(0), now + Micros::new(40));
-        bus.command(MotorId(0), Target::Coast, now).unwrap();
+        bus.command(MotorId::new(0), Target::Coast, now).unwrap();
         bus.tick(now, MS, &mut TxBatch::new()).unwrap();
-        assert_eq!(bus.status(MotorId(0), now).unwrap().drive, DriveMode::Run);
+        assert_eq!(bus.status(MotorId::new(0), now).unwrap().drive, DriveMode::Run);
     }
 
     #[test]
@@ -603,7 +416,7 @@ mod tests {
         let mut bus = MotorBus::new(&switch);
         let motor = bus.attach(&mut talker, Safety::COAST).unwrap();
         assert!(bus.command(motor, Target::Duty(0.5), Micros::ZERO).is_err());
-        let nobody = bus.command(MotorId(5), Target::Coast, Micros::ZERO);
+        let nobody = bus.command(MotorId::new(5), Target::Coast, Micros::ZERO);
         assert_eq!(nobody, Err(CommandError::NoSuchMotor));
         let stranger = CanFrame::data_frame(StandardId::new(0x55).unwrap(), &[]).unwrap();
         assert_eq!(bus.on_frame(&stranger, Micros::ZERO), Dispatch::Unclaimed);

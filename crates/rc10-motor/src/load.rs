@@ -3,10 +3,10 @@ use core::fmt;
 use heapless::Vec;
 use rc10_can::LengthBounds;
 
-use crate::wiring::{CanIds, Ownership, is_extended};
+use crate::can_ids::{CanIds, Ownership, is_extended};
 
-/// How much of a bus the motors attached to it need, known before power-on: from their wirings
-/// alone.
+/// How much of a bus the motors attached to it need, known before power-on: from their
+/// identifiers alone.
 ///
 /// Percent of the bit rate. Every figure counts exact frame lengths with interframe space;
 /// they differ in the stuff bits, which depend on the data.
@@ -53,18 +53,18 @@ impl BusLoad {
         }
     }
 
-    /// The load of motors with these wirings on a bus of `bits_per_second`.
-    pub(crate) fn of(wirings: impl Iterator<Item = CanIds>, bits_per_second: u32) -> Self {
+    /// The load of motors with these identifiers on a bus of `bits_per_second`.
+    pub(crate) fn of(motors: impl Iterator<Item = CanIds>, bits_per_second: u32) -> Self {
         let mut sum = Sum::default();
         // A frame that several motors share is sent once.
         let mut shared: Vec<_, 32> = Vec::new();
-        for wiring in wirings {
-            for (bounds, rate) in wiring.receive_bits() {
+        for ids in motors {
+            for (bounds, rate) in ids.receive_bits() {
                 sum.add(bounds, rate);
             }
-            for transmit in wiring.transmitted() {
+            for transmit in ids.transmitted() {
                 let key = transmit.pattern.id();
-                if matches!(transmit.share, Ownership::Lane(_)) && shared.contains(&key) {
+                if matches!(transmit.ownership, Ownership::Bytes(_)) && shared.contains(&key) {
                     continue;
                 }
                 // If the list is full, a shared frame counts twice: the load is never too low.

@@ -1,11 +1,11 @@
-//! What lies between a [`Target`] and an effort, for motors whose device only takes an effort: the
-//! goal, the loops of a [`Cascade`], and the ways to stop. A motor adds its frames to it.
+//! What lies between a [`Target`] and an effort or a spring, for motors whose device takes one: the
+//! loops of a [`Cascade`], soft starts, and the ways to stop. A motor adds its frames to it.
 //!
 //! ```
-//! use rc10_app::{PidConfig, Rpm, RpmPerSecond, Seconds};
-//! use rc10_motor::rc10_app::Cascade;
-//! use rc10_motor::servo::{Measured, Servo};
-//! use rc10_motor::{DriveMode, Target, TargetKind};
+//! use rc10_app::{Cascade, PidConfig, Rpm, RpmPerSecond};
+//! use rc10_motor::servo::Servo;
+//! use rc10_motor::shaft::Measured;
+//! use rc10_motor::{DriveMode, Target, TargetKind, Tick};
 //!
 //! // Efforts in N m.
 //! let cascade = Cascade {
@@ -17,62 +17,82 @@
 //! };
 //! let mut servo = Servo::new(TargetKind::Torque, cascade)?;
 //! servo.set_target(Target::Speed(Rpm::new(60.0)))?;
-//! let measured = Some(Measured { rpm: 0.0, microdegrees: 0 });
-//! let torque = servo.update(Seconds::new(0.001), DriveMode::Run, measured);
-//! assert!(torque > 0.0 && torque < 3.0);
-//! assert!(servo.update(Seconds::new(0.001), DriveMode::Coast, measured).abs() < 1e-9);
+//! let measured = Some(Measured::default());
+//! servo.update(&Tick::new(DriveMode::Run), measured);
+//! assert!(servo.effort() > 0.0 && servo.effort() < 3.0);
+//! servo.update(&Tick::new(DriveMode::Coast), measured);
+//! assert!(servo.effort().abs() < 1e-9);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use rc10_app::{ConfigError, CountsPerTurn, Degrees, PidConfig, Seconds};
+use core::f32::consts::TAU;
 
-use crate::motor::{
-    DriveMode, Gains, Loops, Request, RequestError, Response, Target, TargetError, TargetKind,
-    TargetSet,
-};
-use rc10_app::cascade::{Cascade, CascadeState};
+use rc10_app::angle::shortest_way;
+use rc10_app::maths::{round_to_i32, within};
+use rc10_app::{Cascade, CascadeState, ConfigError, Degrees, PidConfig, Rpm, Seconds, TotalAngle};
 
-const TURN: i64 = 360_000_000;
+use crate::goal::{Goal, Goals};
+use crate::motor::{DriveMode, Loops, Tick};
+use crate::request::{Gains, Request, RequestError, Response};
+use crate::shaft::Measured;
+use crate::target::{Impedance, Target, TargetError, TargetKind, TargetSet};
 
-/// Where the output shaft is and how it moves.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measured {
-    /// Speed, rpm.
-    pub rpm: f32,
-    /// Angle of many turns from the zero, in millionths of a degree.
-    pub microdegrees: i64,
-}
-
-/// Follows targets by an effort. Efforts are in the unit of the target that asks for one directly:
-/// amperes, newton metres, or a share of the full voltage.
+/// Follows targets by an effort, or by a spring that the device makes.
+///
+/// Efforts are in the unit of the target that asks for one directly: amperes, newton metres, or a
+/// share of the full voltage.
 #[derive(Clone, Copy, Debug)]
 pub struct Servo {
     effort: TargetKind,
+    goals: Goals,
     cascade: Cascade,
-    /// Full scale: the output limit the cascade came with.
+    /// Largest effort of the device.
     full: f32,
+    /// Largest effort of the speed loop by its own gains.
+    loop_limit: f32,
     /// Largest effort now.
     limit: f32,
-    target: Target,
-    goal: Goal,
-    /// Where to stay while the bus says hold, microdegrees.
-    held: Option<i64>,
     /// Whether it followed its target in the last tick.
     ran: bool,
     state: CascadeState,
+    /// What the device can be told of a spring, if it can make one.
+    springs: Option<SpringRange>,
+    /// The spring decided last; `None` while an effort drives.
+    spring: Option<Spring>,
+    /// How much of the limit a spring may use yet, 0 ..= 1: it starts softly.
+    softness: f32,
 }
 
-/// The target in numbers.
+/// The springs that a device can make.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Goal {
-    Rest,
-    Effort(f32),
-    Rpm(f32),
-    /// Within the turn, microdegrees.
-    Angle(i64),
-    /// Of many turns, microdegrees.
-    Total(i64),
+pub struct SpringRange {
+    /// Largest stiffness, N m/rad.
+    pub kp: f32,
+    /// Largest damping, N m s/rad.
+    pub kd: f32,
+    /// Largest speed.
+    pub speed: Rpm,
 }
+
+/// A spring and a damper as the device shall make them, at the output shaft.
+///
+/// torque = `kp` · `way` + `kd` · (`speed` - measured) + `torque`
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Spring {
+    /// The way left to where the spring pulls to.
+    pub way: Degrees,
+    /// The speed at which the damper does nothing.
+    pub speed: Rpm,
+    /// Torque on top, N m.
+    pub torque: f32,
+    /// Stiffness, N m/rad.
+    pub kp: f32,
+    /// Damping, N m s/rad.
+    pub kd: f32,
+}
+
+/// Share of the limit by which the torque of a spring may grow in a second: all of it in 20 ms.
+const SOFT_SLOPE: f32 = 50.0;
 
 impl Servo {
     /// Efforts are those of `effort` ([`TargetKind::Current`], [`TargetKind::Torque`] or
@@ -82,39 +102,64 @@ impl Servo {
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn new(effort: TargetKind, cascade: Cascade) -> Result<Self, ConfigError> {
         cascade.validate()?;
-        let full = cascade.speed.output_limit;
-        Ok(Self {
-            effort,
-            cascade,
-            full,
-            limit: full,
-            target: Target::Coast,
-            goal: Goal::Rest,
-            held: None,
-            ran: false,
-            state: CascadeState::new(),
-        })
+        Ok(Self::of(effort, cascade))
     }
 
-    /// Coasting, the effort itself, speeds and angles.
+    /// The same with gains that are known to be good.
+    pub(crate) const fn of(effort: TargetKind, cascade: Cascade) -> Self {
+        use TargetKind::{Angle, Coast, Speed, TotalAngle};
+        let full = cascade.speed.output_limit;
+        Self {
+            effort,
+            goals: Goals::new(TargetSet::of(&[Coast, effort, Speed, Angle, TotalAngle])),
+            cascade,
+            full,
+            loop_limit: full,
+            limit: full,
+            ran: false,
+            state: CascadeState::new(),
+            springs: None,
+            spring: None,
+            softness: 0.0,
+        }
+    }
+
+    /// With a largest effort that may be above the speed loop's output limit.
+    #[must_use]
+    pub const fn with_full_scale(mut self, full: f32) -> Self {
+        (self.full, self.limit) = (full, full);
+        self.apply_limit();
+        self
+    }
+
+    /// Of a device that makes springs: it takes [`Target::Impedance`] too. Efforts are torques.
+    #[must_use]
+    pub const fn with_springs(mut self, range: SpringRange) -> Self {
+        self.goals = Goals::new(self.goals.supports().with(TargetKind::Impedance));
+        self.springs = Some(range);
+        self
+    }
+
+    /// Coasting, the effort itself, speeds and angles; impedances [if its device makes
+    /// springs](Self::with_springs).
     #[must_use]
     pub const fn supports(&self) -> TargetSet {
-        use TargetKind::{Angle, Coast, Speed, TotalAngle};
-        TargetSet::of(&[Coast, self.effort, Speed, Angle, TotalAngle])
+        self.goals.supports()
     }
 
     /// Takes a new target; it takes effect in the next [`update`](Self::update).
     ///
     /// # Errors
-    /// [`TargetError`]; the old target stays.
+    /// [`TargetError`]; the old target stays. [`TargetError::OutOfRange`] for an impedance that the
+    /// device cannot make; its torque is limited instead.
     pub fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        // The usual case is the same target again; but coasting is also what a target becomes whose
-        // number lies elsewhere since a new zero.
-        let is_same = target == self.target && (target != Target::Coast || self.goal == Goal::Rest);
-        if !is_same {
+        if let (Target::Impedance(impedance), Some(range)) = (&target, &self.springs) {
             self.supports().accepts(&target)?;
-            self.goal = goal_of(target);
-            self.target = target;
+            range.check(impedance)?;
+        }
+        self.goals.set_target(target)?;
+        if target.kind() != TargetKind::Impedance {
+            self.spring = None;
         }
         Ok(())
     }
@@ -122,58 +167,63 @@ impl Servo {
     /// The target it has.
     #[must_use]
     pub const fn target(&self) -> Target {
-        self.target
+        self.goals.target()
     }
 
     /// The effort decided last.
+    #[inline]
     #[must_use]
     pub const fn effort(&self) -> f32 {
         self.state.effort()
     }
 
-    /// One step; the effort to give. Without a measurement there is none.
-    pub fn update(&mut self, dt: Seconds, drive: DriveMode, measured: Option<Measured>) -> f32 {
-        let Some(measured) = measured else {
-            self.rest();
-            return 0.0;
-        };
-        if drive == DriveMode::Run {
-            (self.held, self.ran) = (None, true);
-            self.pursue(self.goal, measured, dt);
-        } else {
-            let ran = core::mem::take(&mut self.ran);
-            if ran && matches!(drive, DriveMode::Brake | DriveMode::Hold) {
-                self.state.start_over(drive == DriveMode::Hold);
+    /// The spring decided last; `None` while it is an [`effort`](Self::effort).
+    #[inline]
+    #[must_use]
+    pub const fn spring(&self) -> Option<&Spring> {
+        self.spring.as_ref()
+    }
+
+    /// One step. Without a measurement there is no effort.
+    #[inline]
+    pub fn update(&mut self, tick: &Tick, measured: Option<Measured>) {
+        match measured {
+            Some(measured) if tick.mode == DriveMode::Run => {
+                self.ran = true;
+                self.goals.rest();
+                self.pursue(self.goals.goal(), measured, tick);
             }
-            self.held = match drive {
-                DriveMode::Hold => self.held.or_else(|| Some(self.standstill(measured))),
-                _ => None,
-            };
-            let goal = match (drive, self.held) {
-                (DriveMode::Brake, _) => Goal::Rpm(0.0),
-                (_, Some(microdegrees)) => Goal::Total(microdegrees),
-                _ => Goal::Rest,
-            };
-            self.pursue(goal, measured, dt);
+            Some(measured) => self.stop(measured, tick),
+            None => self.rest(),
         }
-        self.effort()
+    }
+
+    /// One step while the target may not be followed.
+    #[cold]
+    fn stop(&mut self, measured: Measured, tick: &Tick) {
+        let mode = tick.mode;
+        let ran = core::mem::take(&mut self.ran);
+        if ran && matches!(mode, DriveMode::Brake | DriveMode::Hold) {
+            self.state.start_over(mode == DriveMode::Hold);
+        }
+        self.spring = None;
+        let acceleration = self.cascade.acceleration.get();
+        let goal = self.goals.update(mode, || Some(stand(measured, acceleration)));
+        self.pursue(goal, measured, tick);
     }
 
     /// No effort, and whatever drives next starts softly: while the device cannot follow.
+    #[inline]
     pub fn rest(&mut self) {
-        (self.held, self.ran) = (None, false);
+        (self.ran, self.spring) = (false, None);
+        self.goals.rest();
         self.state.rest();
     }
 
     /// All angles count from `zero` (as measured until now) from now on. What is sought or held
     /// stays where it is.
-    pub fn set_zero(&mut self, zero: i64) {
-        self.held = self.held.map(|held| held.saturating_sub(zero));
-        if let Goal::Total(microdegrees) = self.goal {
-            self.goal = Goal::Total(microdegrees.saturating_sub(zero));
-            // The same number commanded again lies elsewhere now.
-            self.target = Target::Coast;
-        }
+    pub fn set_zero(&mut self, zero: TotalAngle) {
+        self.goals.set_zero(zero);
     }
 
     /// Never more effort than this, nor than full scale.
@@ -185,21 +235,13 @@ impl Servo {
             return Err(ConfigError::new(field, limit, "zero or more"));
         }
         self.limit = limit.min(self.full);
-        self.cascade.speed.output_limit = self.limit;
+        self.apply_limit();
         Ok(())
     }
 
-    /// New gains and limits; a limit that was lowered stays lowered.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
-    pub fn set_cascade(&mut self, cascade: Cascade) -> Result<(), ConfigError> {
-        cascade.validate()?;
-        self.full = cascade.speed.output_limit;
-        self.limit = self.limit.min(self.full);
-        self.cascade = cascade;
-        self.cascade.speed.output_limit = self.limit;
-        Ok(())
+    /// The speed loop never asks for more than the limit.
+    const fn apply_limit(&mut self) {
+        self.cascade.speed.output_limit = self.loop_limit.min(self.limit);
     }
 
     /// Its gains and limits.
@@ -214,7 +256,7 @@ impl Servo {
         Loops { effort: self.effort, cascade: self.cascade }
     }
 
-    /// What a servo can do of a request itself: gains, and the limit of its own effort.
+    /// Carries out what a servo can: gains, and the limit of its own effort.
     ///
     /// # Errors
     /// [`RequestError`]; nothing changed. [`RequestError::Unsupported`] for what the motor has to do.
@@ -237,80 +279,89 @@ impl Servo {
             _ => return Err(RequestError::Unsupported),
         }
         if let Some(measured) = measured {
-            let way = way(self.goal, measured);
-            self.state.change_gains(&self.cascade, measured.rpm, way);
+            let way = way(self.goals.goal(), measured);
+            self.state.change_gains(&self.cascade, measured.speed.get(), way);
         }
         Ok(Response::Done)
     }
 
-    fn pursue(&mut self, goal: Goal, measured: Measured, dt: Seconds) {
+    #[inline]
+    fn pursue(&mut self, goal: Goal, measured: Measured, tick: &Tick) {
         let Self { state, cascade, limit, .. } = self;
+        let (speed, dt) = (measured.speed.get(), tick.dt);
         match goal {
-            Goal::Rest => state.rest(),
-            Goal::Effort(effort) => state.give(effort, *limit, dt),
-            Goal::Rpm(rpm) => state.seek_speed(cascade, rpm, measured.rpm, *limit, dt),
+            Goal::Speed(rpm) => state.seek_speed(cascade, rpm, speed, *limit, dt),
             Goal::Angle(_) | Goal::Total(_) => {
-                if !state.keep_seeking_angle(cascade, measured.rpm, dt) {
-                    state.seek_angle(cascade, way(goal, measured), measured.rpm, *limit, dt);
+                if !state.keep_seeking_angle(cascade, speed, dt) {
+                    let way = way(goal, measured);
+                    state.seek_angle(cascade, way, speed, *limit, dt, tick.count);
                 }
+            }
+            Goal::Effort(effort) => state.give(effort, *limit, dt),
+            Goal::Rest => state.rest(),
+            Goal::Impedance(angle, impedance) => {
+                let way = way(Goal::Total(angle), measured);
+                self.impede(way, &impedance, speed, dt);
             }
         }
     }
 
-    /// Where the shaft can come to a stand: holding the angle at which it still turns would throw
-    /// it back there.
-    fn standstill(&self, measured: Measured) -> i64 {
-        // s = v² / 2 a, in degrees and rpm: 1 rpm = 6 degrees a second.
-        let rpm = measured.rpm;
-        let degrees = 3.0 * rpm * rpm.abs() / self.cascade.acceleration.get();
-        measured.microdegrees.saturating_add(microdegrees(degrees))
+    /// Where the law would ask for more torque than the limit, all of it is taken back by one
+    /// factor: the equilibrium stays.
+    fn impede(&mut self, way: f32, impedance: &Impedance, measured: f32, dt: Seconds) {
+        let Impedance { speed, torque, kp, kd, .. } = *impedance;
+        self.state.rest();
+        let softness = if self.spring.is_some() { self.softness } else { 0.0 };
+        self.softness = (softness + SOFT_SLOPE * dt.get()).min(1.0);
+        let torque = within(torque.get(), self.limit);
+        let law = kp * way.to_radians() + kd * ((speed.get() - measured) * (TAU / 60.0)) + torque;
+        let limit = self.limit * self.softness;
+        let share = if law.abs() > limit { limit / law.abs() } else { 1.0 };
+        self.spring = Some(Spring {
+            way: Degrees::new(way),
+            speed,
+            torque: torque * share,
+            kp: kp * share,
+            kd: kd * share,
+        });
     }
 }
 
-fn goal_of(target: Target) -> Goal {
-    match target {
-        Target::Current(amps) => Goal::Effort(amps.get()),
-        Target::Torque(torque) => Goal::Effort(torque.get()),
-        Target::Duty(duty) => Goal::Effort(duty),
-        Target::Speed(rpm) => Goal::Rpm(rpm.get()),
-        Target::Angle(degrees) => Goal::Angle(within_turn(degrees)),
-        Target::TotalAngle(angle) => Goal::Total(angle.counts_at(CountsPerTurn::MICRODEGREES)),
-        // What is not supported was refused before.
-        _ => Goal::Rest,
+impl SpringRange {
+    fn check(&self, impedance: &Impedance) -> Result<(), TargetError> {
+        let Impedance { speed, kp, kd, .. } = impedance;
+        let is_good = (0.0..=self.kp).contains(kp)
+            && (0.0..=self.kd).contains(kd)
+            && speed.get().abs() <= self.speed.get();
+        if is_good { Ok(()) } else { Err(TargetError::OutOfRange(TargetKind::Impedance)) }
     }
 }
 
-/// Whole microdegrees; saturates at a little above 2000 degrees, where a motor that seeks an angle
-/// has long reached its largest speed.
-fn microdegrees(degrees: f32) -> i64 {
-    rc10_app::maths::round_to_i32(degrees * 1e6).into()
-}
-
-/// 0 ..= 360 degrees in microdegrees.
-fn within_turn(degrees: Degrees) -> i64 {
-    let degrees = degrees.get() % 360.0;
-    microdegrees(if degrees < 0.0 { degrees + 360.0 } else { degrees })
+/// Where a shaft comes to a stand: holding the angle at which it still turns would throw it back
+/// there. `acceleration` in rpm/s.
+fn stand(measured: Measured, acceleration: f32) -> TotalAngle {
+    // s = v² / 2 a, in degrees and rpm: 1 rpm = 6 degrees a second.
+    let rpm = measured.speed.get();
+    let microdegrees = round_to_i32(3e6 * rpm * rpm.abs() / acceleration);
+    measured.angle.plus(TotalAngle::from_microdegrees(microdegrees.into()))
 }
 
 /// How far it is to an angle, in degrees; 0 where none is sought.
 fn way(goal: Goal, measured: Measured) -> f32 {
     let way = match goal {
-        Goal::Total(wanted) => wanted.saturating_sub(measured.microdegrees),
-        Goal::Angle(wanted) => {
-            let way = wanted.saturating_sub(measured.microdegrees) % TURN;
-            match way {
-                way if way > TURN / 2 => way - TURN,
-                way if way < -TURN / 2 => way + TURN,
-                way => way,
-            }
+        Goal::Total(angle) | Goal::Impedance(angle, _) => {
+            let way = angle.minus(measured.angle).microdegrees();
+            // Six turns away, some more or less do not matter.
+            i32::try_from(way).unwrap_or(if way < 0 { i32::MIN } else { i32::MAX })
         }
-        Goal::Rest | Goal::Effort(_) | Goal::Rpm(_) => 0,
+        Goal::Angle(phase) => shortest_way(measured.phase, phase, TURN),
+        Goal::Rest | Goal::Effort(_) | Goal::Speed(_) => 0,
     };
-    // Six turns away, some more or less do not matter.
-    let most = if way < 0 { i32::MIN } else { i32::MAX };
     #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of the way to go")]
-    return i32::try_from(way).unwrap_or(most) as f32 * 1e-6;
+    return way as f32 * 1e-6;
 }
+
+const TURN: i32 = 360_000_000;
 
 fn with_gains(pid: &mut PidConfig, gains: Gains) -> Result<(), ConfigError> {
     let Gains { kp, ki, kd } = gains;
@@ -323,9 +374,7 @@ fn with_gains(pid: &mut PidConfig, gains: Gains) -> Result<(), ConfigError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rc10_app::{Amps, NewtonMetres, Rpm, RpmPerSecond, TotalAngle};
-
-    const MS: Seconds = Seconds::new(0.001);
+    use rc10_app::{Amps, NewtonMetres, RpmPerSecond};
 
     fn servo() -> Servo {
         let cascade = Cascade {
@@ -339,12 +388,13 @@ mod tests {
     }
 
     fn at(degrees: i32, rpm: f32) -> Option<Measured> {
-        Some(Measured { rpm, microdegrees: i64::from(degrees) * 1_000_000 })
+        Some(Measured::new(Rpm::new(rpm), TotalAngle::from_degrees(degrees)))
     }
 
     /// The effort once the soft start is over.
-    fn settled(servo: &mut Servo, drive: DriveMode, measured: Option<Measured>) -> f32 {
-        (0..40).map(|_| servo.update(MS, drive, measured)).last().unwrap()
+    fn settled(servo: &mut Servo, mode: DriveMode, measured: Option<Measured>) -> f32 {
+        (0..40).for_each(|_| servo.update(&Tick::new(mode), measured));
+        servo.effort()
     }
 
     #[test]
@@ -387,11 +437,11 @@ mod tests {
         let mut servo = servo();
         servo.set_target(Target::TotalAngle(TotalAngle::from_degrees(100))).unwrap();
         let before = settled(&mut servo, DriveMode::Run, at(99, 0.0));
-        servo.set_zero(99_000_000);
+        servo.set_zero(TotalAngle::from_degrees(99));
         let after = settled(&mut servo, DriveMode::Run, at(0, 0.0));
         assert!((before - after).abs() < 1e-3, "{before} {after}");
         let _ = settled(&mut servo, DriveMode::Hold, at(5, 0.0));
-        servo.set_zero(5_000_000);
+        servo.set_zero(TotalAngle::from_degrees(5));
         assert!(settled(&mut servo, DriveMode::Hold, at(0, 0.0)).abs() < 1e-3);
     }
 

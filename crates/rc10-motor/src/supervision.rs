@@ -2,14 +2,13 @@
 
 use core::fmt;
 
-use rc10_app::Seconds;
 use rc10_can::Micros;
 
 use crate::arm::ArmState;
-use crate::motor::{
-    Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Motor, Request, RequestError,
-    Response, SafeState, Target, TargetError,
-};
+use crate::feedback::{Condition, Fault, Feedback};
+use crate::motor::{DriveMode, FrameError, FrameKind, Motor, SafeState};
+use crate::request::{Request, RequestError, Response};
+use crate::target::{Target, TargetError};
 
 /// When and how a motor leaves its target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -181,16 +180,6 @@ impl MotorStatus {
     };
 }
 
-/// After a longer pause between two ticks nothing that was heard or commanded before still holds.
-pub(crate) const LONGEST_PAUSE: Micros = Micros::from_millis(1000);
-
-/// The step that loops take when so much time has passed since the last one: not above 10 ms, and
-/// 1 ms for what is no time at all.
-#[inline]
-pub(crate) fn sound_step(dt: Seconds) -> Seconds {
-    Seconds::new(if dt.get() > 0.0 { dt.get().min(0.010) } else { 0.001 })
-}
-
 /// A frame may have arrived so long after the tick began that takes it, µs. What lies further in
 /// the future is not fresh, but another clock.
 const SKEW: u32 = 2_000;
@@ -255,24 +244,24 @@ impl Supervision {
         motor: &mut (impl Motor + ?Sized),
         request: Request,
     ) -> Result<Response, RequestError> {
-        let answer = motor.request(request)?;
+        let response = motor.request(request)?;
         if request == Request::ClearFault {
             // If the fault is still there, the motor's next frame says so.
-            self.clearing = answer == Response::Pending;
+            self.clearing = response == Response::Pending;
             self.faulted &= self.clearing;
         }
-        Ok(answer)
+        Ok(response)
     }
 
-    pub(crate) fn answer(
+    pub(crate) fn response(
         &mut self,
         motor: &mut (impl Motor + ?Sized),
     ) -> Option<Result<Response, RequestError>> {
-        let answer = motor.answer()?;
-        if core::mem::take(&mut self.clearing) && answer.is_ok() {
+        let response = motor.response()?;
+        if core::mem::take(&mut self.clearing) && response.is_ok() {
             self.faulted = false;
         }
-        Some(answer)
+        Some(response)
     }
 
     /// The motor told how it is.
@@ -333,15 +322,19 @@ impl Supervision {
         status.counters = self.counters;
     }
 
-    pub(crate) fn is_online(&self, now: Micros) -> bool {
-        self.link == Link::Online && since(self.heard_at, now) <= self.link_timeout
-    }
-
-    fn link(&self, now: Micros) -> Link {
+    /// Whether the motor was heard within its time-out: the one place that knows.
+    #[inline]
+    pub(crate) fn link(&self, now: Micros) -> Link {
         match self.link {
-            Link::Online if !self.is_online(now) => Link::Lost,
+            Link::Online if since(self.heard_at, now) > self.link_timeout => Link::Lost,
             link => link,
         }
+    }
+
+    /// The same in the tick that was [decided](Self::decide).
+    #[inline]
+    pub(crate) const fn link_in_tick(&self) -> Link {
+        self.link
     }
 
     /// What the motor may do now. This and [`change`](Self::change) are the one place where motors
@@ -361,13 +354,13 @@ impl Supervision {
     /// What the motor may do when it does not simply go on running.
     #[cold]
     fn change(&mut self, arm: ArmState, now: Micros) -> DriveMode {
-        let online = self.is_online(now);
+        let online = self.link(now) == Link::Online;
         let fresh = self.fresh && since(self.commanded_at, now) < self.command_expiry;
         let drive = match arm {
             ArmState::Disarmed => DriveMode::Off,
             _ if !online => DriveMode::Coast,
             ArmState::Armed if fresh && !self.faulted => DriveMode::Run,
-            ArmState::Armed | ArmState::Suspended | ArmState::EStopped => self.safety.state.drive(),
+            ArmState::Armed | ArmState::Suspended | ArmState::EStopped => self.safety.state.mode(),
         };
         if self.link == Link::Online && !online {
             self.link = Link::Lost;

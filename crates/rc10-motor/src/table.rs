@@ -1,14 +1,15 @@
 use heapless::Vec;
 use rc10_can::CanFrame;
 
-use crate::wiring::{Guard, RxFrames};
+use crate::can_ids::{Guard, RxFrames};
+use crate::motors::MotorId;
 
 /// From a frame to the motor it belongs to, in constant time: an open-addressed hash table for
 /// exact identifiers, then a short list for patterns.
 pub(crate) struct ReceiveTable {
     entries: [Entry; SIZE],
     used: u8,
-    masked: Vec<(RxFrames, u8), 8>,
+    masked: Vec<(RxFrames, MotorId), 8>,
 }
 
 const BITS: u32 = 6;
@@ -20,7 +21,7 @@ const _: () = assert!(MOST as usize == SIZE / 4 * 3);
 #[derive(Clone, Copy)]
 struct Entry {
     key: u32,
-    slot: u8,
+    slot: MotorId,
     guard: Guard,
 }
 
@@ -33,7 +34,7 @@ const NO_GUARD: Guard = Guard { byte: 0, mask: 0, value: 0 };
 impl ReceiveTable {
     pub(crate) const fn new() -> Self {
         Self {
-            entries: [Entry { key: FREE, slot: 0, guard: NO_GUARD }; SIZE],
+            entries: [Entry { key: FREE, slot: MotorId::new(0), guard: NO_GUARD }; SIZE],
             used: 0,
             masked: Vec::new(),
         }
@@ -48,7 +49,7 @@ impl ReceiveTable {
     }
 
     /// Adds a motor's patterns; the caller asked [`has_room`](Self::has_room).
-    pub(crate) fn insert(&mut self, receive: &RxFrames, slot: u8) {
+    pub(crate) fn insert(&mut self, receive: &RxFrames, slot: MotorId) {
         if !receive.pattern.is_exact() {
             let _ = self.masked.push((*receive, slot));
             return;
@@ -68,13 +69,13 @@ impl ReceiveTable {
 
     /// Which motor a frame belongs to, if that is known at first sight.
     #[inline]
-    pub(crate) fn find_first(&self, frame: &CanFrame) -> Option<u8> {
+    pub(crate) fn find_first(&self, frame: &CanFrame) -> Option<MotorId> {
         let entry = &self.entries[home(frame.key()) % SIZE];
         (entry.key == frame.key()).then_some(entry.slot)
     }
 
     /// Which motor a frame belongs to.
-    pub(crate) fn find(&self, frame: &CanFrame) -> Option<u8> {
+    pub(crate) fn find(&self, frame: &CanFrame) -> Option<MotorId> {
         let key = frame.key();
         let mut index = home(key);
         // Never full, so this ends at a free entry at the latest.
@@ -104,9 +105,13 @@ const fn home(key: u32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wiring::Rate;
+    use crate::can_ids::Rate;
     use embedded_can::{ExtendedId, StandardId};
     use rc10_can::IdPattern;
+
+    fn number(motor: MotorId) -> u16 {
+        u16::try_from(motor.index()).unwrap()
+    }
 
     fn receive(pattern: IdPattern, guard: Option<Guard>) -> RxFrames {
         RxFrames { pattern, len: 8, rate: Rate::EveryTick, guard }
@@ -119,14 +124,14 @@ mod tests {
         for slot in 0..MOST {
             let receive = receive(IdPattern::exact(id(slot.into())), None);
             assert!(table.has_room(&[receive]));
-            table.insert(&receive, slot);
+            table.insert(&receive, MotorId::new(slot));
         }
         assert!(!table.has_room(&[receive(IdPattern::exact(id(49)), None)]));
         for raw in 0..=0x7FF {
             let frame = CanFrame::eight_bytes(StandardId::new(raw).unwrap(), [0; 8]);
             let slot = (raw % 41 == 0 && raw / 41 < u16::from(MOST)).then_some(raw / 41);
-            assert_eq!(table.find(&frame).map(u16::from), slot, "{raw}");
-            let first = table.find_first(&frame).map(u16::from);
+            assert_eq!(table.find(&frame).map(number), slot, "{raw}");
+            let first = table.find_first(&frame).map(number);
             assert!(first.is_none() || first == slot, "{raw}");
         }
     }
@@ -137,15 +142,15 @@ mod tests {
         let master = IdPattern::exact(StandardId::ZERO);
         for slot in 0..3 {
             let guard = Guard { byte: 0, mask: 0x0F, value: slot + 1 };
-            table.insert(&receive(master, Some(guard)), slot);
+            table.insert(&receive(master, Some(guard)), MotorId::new(slot));
         }
         let module = IdPattern::masked(ExtendedId::new(0x1D00_1000).unwrap(), 0x1F00_FF00);
-        table.insert(&receive(module, None), 7);
+        table.insert(&receive(module, None), MotorId::new(7));
         let frame = |byte| CanFrame::eight_bytes(StandardId::ZERO, [byte, 0, 0, 0, 0, 0, 0, 0]);
-        assert_eq!(table.find(&frame(0x12)), Some(1));
+        assert_eq!(table.find(&frame(0x12)), Some(MotorId::new(1)));
         assert_eq!(table.find_first(&frame(0x12)), None);
         assert_eq!(table.find(&frame(0x14)), None);
         let state = CanFrame::eight_bytes(ExtendedId::new(0x1D55_1023).unwrap(), [0; 8]);
-        assert_eq!(table.find(&state), Some(7));
+        assert_eq!(table.find(&state), Some(MotorId::new(7)));
     }
 }

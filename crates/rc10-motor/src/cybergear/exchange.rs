@@ -67,7 +67,7 @@ impl Exchange {
         self.ticks = self.ticks.saturating_add(1);
         let patience = if self.ask == Ask::Save { SAVE_PATIENCE } else { PATIENCE };
         (self.elapsed > patience)
-            .then(|| Err(self.refusal.map_or(RequestError::NoReply, RequestError::Refused)))
+            .then(|| Err(self.refusal.map_or(RequestError::Timeout, RequestError::Refused)))
     }
 
     /// What it sends in this tick, the first being number 1.

@@ -342,7 +342,7 @@ impl Motor for CyberGear {
         if let Some(exchange) = &mut self.exchange {
             let late = exchange.tick(dt);
             let outcome = if exchange.needs_disarmed() && drive != DriveMode::Off {
-                Some(Err(RequestError::NoReply))
+                Some(Err(RequestError::Timeout))
             } else {
                 late
             };

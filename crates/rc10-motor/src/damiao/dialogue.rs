@@ -199,7 +199,7 @@ impl Dialogue {
     fn stop_if_driven(&mut self, now: Situation) {
         if self.asked.is_some_and(Question::only_while_off) && !now.off {
             let was_asked = !self.due || self.tries > 1;
-            let error = if was_asked { RequestError::NoReply } else { RequestError::NotWhileArmed };
+            let error = if was_asked { RequestError::Timeout } else { RequestError::NotWhileArmed };
             self.end(Err(error));
         }
     }
@@ -213,7 +213,7 @@ impl Dialogue {
             Some(State::Error(code)) if question == Question::ClearFault && now.alive => {
                 RequestError::Refused(code.into())
             }
-            _ => RequestError::NoReply,
+            _ => RequestError::Timeout,
         }));
         None
     }

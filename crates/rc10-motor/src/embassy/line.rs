@@ -12,7 +12,7 @@ use rc10_message::Calls;
 use super::motors::{MotorPort, MotorPorts, Server};
 use super::runner::PERIOD;
 use crate::arm::ArmState;
-use crate::bus::MotorId;
+use crate::motors::MotorId;
 use crate::unitree::{Rs485Bus, Rs485Counters, Step};
 
 /// What a line and all other tasks share: a mailbox and a status per motor, and a status. One per
@@ -182,7 +182,7 @@ impl<'r, 'm> Runner<'r, 'm> {
         }
         self.requests.tick(|motor, request| match request {
             Some(request) => Some(self.line.request(motor, request)),
-            None => self.line.answer(motor),
+            None => self.line.response(motor),
         });
         self.line.tick(now, dt);
         for motor in self.line.ids() {

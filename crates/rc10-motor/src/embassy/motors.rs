@@ -6,9 +6,10 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use heapless::Vec;
 use rc10_message::{CallError, Caller, Service};
 
-use crate::bus::MotorId;
-use crate::motor::{Request, RequestError, Response, Target, TargetError, TargetSet};
+use crate::motors::MotorId;
+use crate::request::{Request, RequestError, Response};
 use crate::supervision::{MotorStatus, Refusals};
+use crate::target::{Target, TargetError, TargetSet};
 
 /// A mailbox and a status for each of `N` motors, and one service for the requests to all of them:
 /// what their bus or line shares with all other tasks.
@@ -189,7 +190,7 @@ impl MotorPort<'_> {
     /// because every motor gives up by itself on a device that does not answer.
     ///
     /// # Errors
-    /// [`RequestError`]; nothing changed, unless it is [`RequestError::NoReply`].
+    /// [`RequestError`]; nothing changed, unless it is [`RequestError::Timeout`].
     /// [`RequestError::Busy`] while this motor's device has not answered an earlier request, or
     /// while four requests to motors of this bus wait;
     /// [`RequestError::NoSuchMotor`] also while the bus is not running yet.
@@ -206,7 +207,7 @@ impl MotorPort<'_> {
             Ok(outcome) => outcome,
             Err(CallError::Full { .. }) => Err(RequestError::Busy),
             // The bus ended before the device had answered.
-            Err(_) => Err(RequestError::NoReply),
+            Err(_) => Err(RequestError::Timeout),
         }
     }
 

@@ -13,8 +13,9 @@ use rc10_message::Calls;
 use super::motors::{MotorPort, MotorPorts};
 use super::subscription::{Filter, NoFreeSubscription, Subscription, Subscriptions};
 use crate::arm::ArmState;
-use crate::bus::{BusCounters, MotorBus, MotorId};
+use crate::bus::{BusCounters, MotorBus};
 use crate::load::BusLoad;
+use crate::motors::MotorId;
 
 /// What a bus and all other tasks share: a mailbox and a status per motor, an outbox, and
 /// subscriptions. One per bus; every method works from any task or interrupt.
@@ -176,8 +177,8 @@ impl BusPort {
             let Claimed { patterns, all } = &mut *claimed;
             patterns.clear();
             *all = false;
-            bus.for_each_wiring(|wiring| {
-                for sent in wiring.transmitted() {
+            bus.for_each_can_ids(|ids| {
+                for sent in ids.transmitted() {
                     // Lanes of one frame repeat its identifier.
                     *all |=
                         !patterns.contains(&sent.pattern) && patterns.push(sent.pattern).is_err();

@@ -254,8 +254,8 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
             all |= !patterns.contains(&pattern) && patterns.push(pattern).is_err();
         };
         // The motors first, and always in the same order: their filters stay where they are.
-        self.bus.borrow().for_each_wiring(|wiring| {
-            wiring.received().iter().for_each(|received| want(received.pattern));
+        self.bus.borrow().for_each_can_ids(|ids| {
+            ids.received().iter().for_each(|received| want(received.pattern));
         });
         self.listening = false;
         for filter in self.shared.subscriptions().filters() {
@@ -312,7 +312,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         let bus = self.bus.borrow_mut();
         self.requests.tick(|motor, request| match request {
             Some(request) => Some(bus.request(motor, request)),
-            None => bus.answer(motor),
+            None => bus.response(motor),
         });
     }
 

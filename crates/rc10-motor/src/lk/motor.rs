@@ -218,7 +218,7 @@ impl Lk {
         if waited < PATIENCE {
             self.clearing = Some(waited);
         } else {
-            (self.clearing, self.answer) = (None, Some(Err(RequestError::NoReply)));
+            (self.clearing, self.answer) = (None, Some(Err(RequestError::Timeout)));
         }
     }
 

@@ -293,7 +293,7 @@ impl ODrive {
         let Some(clearing) = &mut self.clearing else { return };
         clearing.waited += dt.get();
         if clearing.waited >= self.heartbeat_timeout {
-            let error = clearing.errors.map_or(RequestError::NoReply, RequestError::Refused);
+            let error = clearing.errors.map_or(RequestError::Timeout, RequestError::Refused);
             (self.clearing, self.answer) = (None, Some(Err(error)));
         }
     }

@@ -319,7 +319,7 @@ impl Motor for GoM8010 {
         if let Clearing::Waiting(left) = &mut self.clearing {
             *left -= dt.get();
             if *left <= 0.0 {
-                self.clearing = Clearing::Answered(Err(RequestError::NoReply));
+                self.clearing = Clearing::Answered(Err(RequestError::Timeout));
             }
         }
         let measured = self.measured();

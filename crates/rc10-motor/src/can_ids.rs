@@ -1,17 +1,61 @@
 use core::fmt;
 
 use embedded_can::Id;
-use heapless::Vec;
 use rc10_can::{CanFrame, IdPattern, LengthBounds, Micros};
 
-/// Everything a motor occupies on its bus, declared once. The clash check, the receive table, the
-/// load figure and the link timeout all follow from it.
-#[derive(Clone, Debug)]
+/// The identifiers that a motor occupies on its bus, declared once. The clash check, the receive
+/// table, the load figure and the link timeout all follow from it.
+///
+/// Built by `const` functions that cannot fail: a motor that declares more than fits is refused when
+/// it is attached, or, in a `const`, by [`checked`](Self::checked) when it is compiled.
+///
+/// ```
+/// use rc10_can::IdPattern;
+/// use rc10_can::embedded_can::{Id, StandardId};
+/// use rc10_motor::{CanIds, Ownership, Rate, RxFrames, TxFrames};
+///
+/// const fn id(raw: u16) -> IdPattern {
+///     IdPattern::of(Id::Standard(StandardId::new(raw).unwrap()), 0x7FF)
+/// }
+/// const IDS: CanIds = CanIds::new()
+///     .receives(RxFrames::new(id(0x201), 8, Rate::Hz(1000)))
+///     .transmits(TxFrames::new(id(0x200), 8, Rate::EveryTick))
+///     .checked();
+/// assert_eq!(IDS.link_timeout().get(), 10_000);
+/// ```
+#[derive(Clone, Copy, Debug)]
 pub struct CanIds {
-    name: MotorName,
-    receive: Vec<RxFrames, 8>,
-    transmit: Vec<TxFrames, 8>,
-    listens: Vec<IdPattern, 2>,
+    received: List<RxFrames, 8>,
+    transmitted: List<TxFrames, 8>,
+    listens: List<IdPattern, 2>,
+}
+
+/// Up to `N` things, in the order in which they were added.
+#[derive(Clone, Copy, Debug)]
+struct List<T, const N: usize> {
+    items: [T; N],
+    len: usize,
+    /// How many found no room.
+    lost: usize,
+}
+
+impl<T: Copy, const N: usize> List<T, N> {
+    const fn new(filler: T) -> Self {
+        Self { items: [filler; N], len: 0, lost: 0 }
+    }
+
+    const fn push(&mut self, item: T) {
+        if self.len < N {
+            self.items[self.len] = item;
+            self.len += 1;
+        } else {
+            self.lost += 1;
+        }
+    }
+
+    fn items(&self) -> &[T] {
+        self.items.get(..self.len).unwrap_or_default()
+    }
 }
 
 /// What a motor is called in errors and tables: its model and the identifier set on it.
@@ -66,6 +110,21 @@ pub struct RxFrames {
     pub guard: Option<Guard>,
 }
 
+impl RxFrames {
+    /// Without a guard: the identifier alone says whose they are.
+    #[must_use]
+    pub const fn new(pattern: IdPattern, len: u8, rate: Rate) -> Self {
+        Self { pattern, len, rate, guard: None }
+    }
+
+    /// Of a device that shares the identifier: its frames pass this guard.
+    #[must_use]
+    pub const fn guarded(mut self, guard: Guard) -> Self {
+        self.guard = Some(guard);
+        self
+    }
+}
+
 /// A test on one byte of a payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Guard {
@@ -104,7 +163,22 @@ pub struct TxFrames {
     /// How often.
     pub rate: Rate,
     /// Whose the frame is.
-    pub share: Ownership,
+    pub ownership: Ownership,
+}
+
+impl TxFrames {
+    /// Frames that are one device's as a whole.
+    #[must_use]
+    pub const fn new(pattern: IdPattern, len: u8, rate: Rate) -> Self {
+        Self { pattern, len, rate, ownership: Ownership::Whole }
+    }
+
+    /// Frames of which the device owns a part.
+    #[must_use]
+    pub const fn owned(mut self, ownership: Ownership) -> Self {
+        self.ownership = ownership;
+        self
+    }
 }
 
 /// How much of a frame that we send is one device's.
@@ -113,7 +187,7 @@ pub enum Ownership {
     /// All of it.
     Whole,
     /// Some of its bytes, bit n for byte n: several devices are commanded by one frame.
-    Lane(u8),
+    Bytes(u8),
     /// All of it, if the payload says so: several devices are commanded with one identifier.
     Guard(Guard),
 }
@@ -122,24 +196,12 @@ impl Ownership {
     /// Whether two devices can have their shares of frames with one identifier.
     const fn excludes(self, other: Self) -> bool {
         match (self, other) {
-            (Self::Lane(ours), Self::Lane(theirs)) => ours & theirs == 0,
+            (Self::Bytes(ours), Self::Bytes(theirs)) => ours & theirs == 0,
             (Self::Guard(ours), Self::Guard(theirs)) => ours.excludes(theirs),
             _ => false,
         }
     }
 }
-
-/// More frames than a [`CanIds`] holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CanIdsFull;
-
-impl fmt::Display for CanIdsFull {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a wiring holds 8 received, 8 sent and 2 listened-to patterns")
-    }
-}
-
-impl core::error::Error for CanIdsFull {}
 
 /// Why two motors cannot share a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -165,74 +227,78 @@ impl fmt::Display for Clash {
 }
 
 impl CanIds {
-    /// A motor that occupies nothing yet.
+    /// Of a motor that occupies nothing yet.
     #[must_use]
-    pub const fn new(model: &'static str, id: u16) -> Self {
+    pub const fn new() -> Self {
+        let nothing = IdPattern::any_standard();
         Self {
-            name: MotorName { model, id },
-            receive: Vec::new(),
-            transmit: Vec::new(),
-            listens: Vec::new(),
+            received: List::new(RxFrames::new(nothing, 0, Rate::Rare)),
+            transmitted: List::new(TxFrames::new(nothing, 0, Rate::Rare)),
+            listens: List::new(nothing),
         }
     }
 
-    /// Adds frames the device sends.
-    ///
-    /// # Errors
-    /// [`CanIdsFull`] beyond eight.
-    pub fn receives(mut self, receive: RxFrames) -> Result<Self, CanIdsFull> {
-        self.receive.push(receive).map_err(|_| CanIdsFull)?;
-        Ok(self)
+    /// Adds frames the device sends; eight at most.
+    #[must_use]
+    pub const fn receives(mut self, frames: RxFrames) -> Self {
+        self.received.push(frames);
+        self
     }
 
-    /// Adds frames sent to the device.
-    ///
-    /// # Errors
-    /// [`CanIdsFull`] beyond eight.
-    pub fn transmits(mut self, transmit: TxFrames) -> Result<Self, CanIdsFull> {
-        self.transmit.push(transmit).map_err(|_| CanIdsFull)?;
-        Ok(self)
+    /// Adds frames sent to the device; eight at most.
+    #[must_use]
+    pub const fn transmits(mut self, frames: TxFrames) -> Self {
+        self.transmitted.push(frames);
+        self
     }
 
     /// Adds identifiers the device obeys although we never use them: no other device's frames may
-    /// match. (A Damiao reacts to the low byte of every standard identifier.)
-    ///
-    /// # Errors
-    /// [`CanIdsFull`] beyond two.
-    pub fn listens_to(mut self, pattern: IdPattern) -> Result<Self, CanIdsFull> {
-        self.listens.push(pattern).map_err(|_| CanIdsFull)?;
-        Ok(self)
+    /// match. (A Damiao reacts to the low byte of every standard identifier.) Two at most.
+    #[must_use]
+    pub const fn listens_to(mut self, pattern: IdPattern) -> Self {
+        self.listens.push(pattern);
+        self
     }
 
-    /// What the motor is called.
+    /// Whether all that was added found room.
     #[must_use]
-    pub const fn name(&self) -> MotorName {
-        self.name
+    pub const fn is_complete(&self) -> bool {
+        self.received.lost == 0 && self.transmitted.lost == 0 && self.listens.lost == 0
+    }
+
+    /// The same, if all that was added found room: to be evaluated in a `const`.
+    ///
+    /// # Panics
+    /// If not; in a `const` that is a compile error.
+    #[must_use]
+    pub const fn checked(self) -> Self {
+        assert!(self.is_complete(), "8 received, 8 transmitted and 2 listened-to patterns at most");
+        self
     }
 
     /// What the device sends.
     #[must_use]
     pub fn received(&self) -> &[RxFrames] {
-        &self.receive
+        self.received.items()
     }
 
     /// What is sent to the device.
     #[must_use]
     pub fn transmitted(&self) -> &[TxFrames] {
-        &self.transmit
+        self.transmitted.items()
     }
 
     /// What the device obeys although it is never sent.
     #[must_use]
     pub fn listened_to(&self) -> &[IdPattern] {
-        &self.listens
+        self.listens.items()
     }
 
     /// After so long without a frame the motor is lost: three periods of its most frequent
     /// feedback, but at least 10 ms.
     #[must_use]
     pub fn link_timeout(&self) -> Micros {
-        let rates = self.receive.iter().map(|receive| receive.rate.per_second());
+        let rates = self.received().iter().map(|receive| receive.rate.per_second());
         let fastest = rates.max().unwrap_or(0).max(1);
         Micros::new(u64::from(3_000_000_u32.div_ceil(fastest)).max(10_000))
     }
@@ -240,8 +306,8 @@ impl CanIds {
     /// Why this motor and another cannot share a bus, if so.
     #[must_use]
     pub fn clash(&self, other: &Self) -> Option<Clash> {
-        for ours in &self.receive {
-            for theirs in &other.receive {
+        for ours in self.received() {
+            for theirs in other.received() {
                 let told_apart = match (ours.guard, theirs.guard) {
                     (Some(ours), Some(theirs)) => ours.excludes(theirs),
                     _ => false,
@@ -251,10 +317,10 @@ impl CanIds {
                 }
             }
         }
-        for ours in &self.transmit {
-            for theirs in &other.transmit {
-                let apart = ours.share.excludes(theirs.share)
-                    && (ours.len == theirs.len || matches!(ours.share, Ownership::Guard(_)));
+        for ours in self.transmitted() {
+            for theirs in other.transmitted() {
+                let apart = ours.ownership.excludes(theirs.ownership)
+                    && (ours.len == theirs.len || matches!(ours.ownership, Ownership::Guard(_)));
                 if let (Some(id), false) = (ours.pattern.overlap(&theirs.pattern), apart) {
                     return Some(Clash::TxFrames(id));
                 }
@@ -265,23 +331,29 @@ impl CanIds {
 
     /// A frame sent by or to `other` that this device takes for a command.
     fn confused_by(&self, other: &Self) -> Option<Id> {
-        let sent = other.receive.iter().map(|receive| receive.pattern);
-        let commands = other.transmit.iter().map(|transmit| transmit.pattern);
-        let obeyed = self.transmit.iter().map(|transmit| transmit.pattern);
+        let sent = other.received().iter().map(|receive| receive.pattern);
+        let commands = other.transmitted().iter().map(|transmit| transmit.pattern);
+        let obeyed = self.transmitted().iter().map(|transmit| transmit.pattern);
         // Commands of both were compared before: they may share a frame.
         let by_feedback =
             sent.clone().find_map(|frame| obeyed.clone().find_map(|c| c.overlap(&frame)));
         by_feedback.or_else(|| {
-            sent.chain(commands).find_map(|f| self.listens.iter().find_map(|l| l.overlap(&f)))
+            sent.chain(commands).find_map(|f| self.listened_to().iter().find_map(|l| l.overlap(&f)))
         })
     }
 
     /// Bit times a second that this motor's feedback takes.
     pub(crate) fn receive_bits(&self) -> impl Iterator<Item = (LengthBounds, u32)> + '_ {
-        self.receive.iter().map(|receive| {
+        self.received().iter().map(|receive| {
             let bounds = LengthBounds::of(usize::from(receive.len), is_extended(&receive.pattern));
             (bounds, receive.rate.per_second())
         })
+    }
+}
+
+impl Default for CanIds {
+    fn default() -> Self {
+        Self::new()
     }
 }
 
@@ -299,11 +371,11 @@ mod tests {
     }
 
     fn feedback(raw: u16, guard: Option<Guard>) -> RxFrames {
-        RxFrames { pattern: exact(raw), len: 8, rate: Rate::EveryTick, guard }
+        RxFrames { guard, ..RxFrames::new(exact(raw), 8, Rate::EveryTick) }
     }
 
-    fn command(raw: u16, share: Ownership) -> TxFrames {
-        TxFrames { pattern: exact(raw), len: 8, rate: Rate::EveryTick, share }
+    fn command(raw: u16, ownership: Ownership) -> TxFrames {
+        TxFrames::new(exact(raw), 8, Rate::EveryTick).owned(ownership)
     }
 
     /// As protocols of later motors need it: two Damiao motors on one master identifier.
@@ -311,10 +383,7 @@ mod tests {
     fn a_shared_feedback_id_needs_guards_that_exclude_each_other() {
         let nibble = |value| Some(Guard { byte: 0, mask: 0x0F, value });
         let damiao = |id: u16, guard| {
-            CanIds::new("J4310", id)
-                .receives(feedback(0x000, guard))
-                .and_then(|wiring| wiring.transmits(command(id, Ownership::Whole)))
-                .unwrap()
+            CanIds::new().receives(feedback(0x000, guard)).transmits(command(id, Ownership::Whole))
         };
         assert_eq!(damiao(0x11, nibble(1)).clash(&damiao(0x12, nibble(2))), None);
         let clash = damiao(0x11, nibble(1)).clash(&damiao(0x21, nibble(1)));
@@ -324,8 +393,8 @@ mod tests {
 
     #[test]
     fn lanes_share_a_frame_unless_their_bytes_overlap() {
-        let wired = |share| CanIds::new("x", 1).transmits(command(0x200, share)).unwrap();
-        let lane = |bytes| wired(Ownership::Lane(bytes));
+        let wired = |ownership| CanIds::new().transmits(command(0x200, ownership));
+        let lane = |bytes| wired(Ownership::Bytes(bytes));
         assert_eq!(lane(0b0011).clash(&lane(0b1100)), None);
         let id = StandardId::new(0x200).unwrap().into();
         assert_eq!(lane(0b0011).clash(&lane(0b0110)), Some(Clash::TxFrames(id)));
@@ -339,20 +408,20 @@ mod tests {
             let guard = Guard { byte: 0, mask: 0xFF, value };
             let register =
                 TxFrames { len: 4 + value % 2, ..command(0x7FF, Ownership::Guard(guard)) };
-            CanIds::new("x", 1).transmits(register).unwrap()
+            CanIds::new().transmits(register)
         };
         assert_eq!(asked(0x11).clash(&asked(0x12)), None);
         let id = StandardId::new(0x7FF).unwrap().into();
         assert_eq!(asked(0x11).clash(&asked(0x11)), Some(Clash::TxFrames(id)));
-        let lane = CanIds::new("x", 1).transmits(command(0x7FF, Ownership::Lane(1))).unwrap();
+        let lane = CanIds::new().transmits(command(0x7FF, Ownership::Bytes(1)));
         assert_eq!(asked(0x11).clash(&lane), Some(Clash::TxFrames(id)));
     }
 
     #[test]
     fn a_device_that_obeys_a_low_byte_clashes_with_feedback_that_ends_in_it() {
         let low_byte = IdPattern::masked(StandardId::new(0x001).unwrap(), 0xFF);
-        let damiao = CanIds::new("J4310", 1).listens_to(low_byte).unwrap();
-        let dji = CanIds::new("M3508", 1).receives(feedback(0x201, None)).unwrap();
+        let damiao = CanIds::new().listens_to(low_byte);
+        let dji = CanIds::new().receives(feedback(0x201, None));
         let id = StandardId::new(0x201).unwrap().into();
         assert_eq!(damiao.clash(&dji), Some(Clash::Confuses(id)));
         assert_eq!(dji.clash(&damiao), Some(Clash::Confuses(id)));
@@ -362,10 +431,24 @@ mod tests {
     fn the_link_timeout_is_three_periods_or_ten_milliseconds() {
         let at = |rate| {
             let receive = RxFrames { rate, ..feedback(0x201, None) };
-            CanIds::new("x", 1).receives(receive).unwrap().link_timeout().get()
+            CanIds::new().receives(receive).link_timeout().get()
         };
         assert_eq!(at(Rate::EveryTick), 10_000);
         assert_eq!(at(Rate::Hz(125)), 24_000);
         assert_eq!(at(Rate::Hz(50)), 60_000);
+    }
+
+    #[test]
+    fn more_than_fits_is_never_an_empty_claim() {
+        let mut ids = CanIds::new();
+        for raw in 0..8 {
+            ids = ids.receives(feedback(raw, None)).transmits(command(raw, Ownership::Whole));
+        }
+        ids = ids.listens_to(exact(8)).listens_to(exact(9));
+        assert!(ids.is_complete());
+        assert!(!ids.receives(feedback(8, None)).is_complete());
+        assert!(!ids.transmits(command(8, Ownership::Whole)).is_complete());
+        assert!(!ids.listens_to(exact(10)).is_complete());
+        assert_eq!(ids.receives(feedback(8, None)).received().len(), 8);
     }
 }

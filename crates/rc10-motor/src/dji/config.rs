@@ -1,0 +1,226 @@
+//! What tells one model from another, and what is set on a controller.
+
+use core::fmt;
+
+use embedded_can::StandardId;
+use rc10_app::{Cascade, Gear, PidConfig, RpmPerSecond};
+
+/// What tells one DJI model from another. Other controllers that speak the same protocol are one
+/// more constant of this type.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Model {
+    /// As the vendor writes it.
+    pub name: &'static str,
+    /// Identifiers go from 1 to this.
+    pub last_id: u8,
+    /// Feedback comes with this plus the identifier set on the device.
+    pub feedback_base: u16,
+    /// Command frame of identifiers 1 ..= 4, and of 5 ..= 8.
+    pub command_ids: [u16; 2],
+    /// What the command means.
+    pub effort: Effort,
+    /// Raw command at full scale.
+    pub full_scale: i16,
+    /// Amperes per raw unit of the current in the feedback.
+    pub amps_per_count: f32,
+    /// Whether byte 6 of the feedback is a temperature.
+    pub has_temperature: bool,
+    /// The gearbox it is sold with.
+    pub gear: Gear,
+    /// Torque per ampere at the rotor, N m / A.
+    pub rotor_torque_constant: f32,
+    /// Gains it works well with out of the box, from a bare shaft to a usual load (wheel of a
+    /// 20 kg robot: 0.029 kg m², M2006 0.002, gimbal 0.01), give or take 30 %:
+    /// `tests/closed_loop.rs`.
+    pub cascade: Cascade,
+}
+
+/// What a raw command stands for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Effort {
+    /// A torque-producing current; full scale is so many amperes.
+    Current(f32),
+    /// A voltage, as a share of full scale: the vendor documents no volts per count.
+    Voltage,
+}
+
+impl Effort {
+    /// Full scale, in the unit the cascade works in.
+    pub(super) const fn full(self) -> f32 {
+        match self {
+            Self::Current(amps) => amps,
+            Self::Voltage => 1.0,
+        }
+    }
+}
+
+const fn gear(rotor: u32, output: u32) -> Gear {
+    match Gear::new(rotor, output) {
+        Some(gear) => gear,
+        None => Gear::DIRECT,
+    }
+}
+
+const fn cascade(speed: PidConfig, angle: PidConfig, acceleration: f32, forward: f32) -> Cascade {
+    Cascade {
+        speed,
+        angle,
+        outer_divider: 10,
+        acceleration: RpmPerSecond::new(acceleration),
+        feed_forward: forward,
+    }
+}
+
+/// M3508 with its C620: ±20 A, gear 3591 : 187.
+pub const M3508: Model = Model {
+    name: "M3508",
+    last_id: 8,
+    feedback_base: 0x200,
+    command_ids: [0x200, 0x1FF],
+    effort: Effort::Current(20.0),
+    full_scale: 16384,
+    amps_per_count: 20.0 / 16384.0,
+    has_temperature: true,
+    gear: gear(3591, 187),
+    rotor_torque_constant: 0.015_622,
+    cascade: cascade(
+        PidConfig::new(0.40, 2.0, 0.0, 20.0),
+        PidConfig::new(1.3, 0.0, 0.0, 400.0),
+        1000.0,
+        0.0,
+    ),
+};
+
+/// M2006 with its C610: ±10 A, gear 36 : 1. It has no temperature sensor.
+pub const M2006: Model = Model {
+    name: "M2006",
+    last_id: 8,
+    feedback_base: 0x200,
+    command_ids: [0x200, 0x1FF],
+    effort: Effort::Current(10.0),
+    full_scale: 10000,
+    amps_per_count: 10.0 / 10000.0,
+    has_temperature: false,
+    gear: gear(36, 1),
+    rotor_torque_constant: 0.005,
+    cascade: cascade(
+        PidConfig::new(0.10, 0.75, 0.0, 10.0),
+        PidConfig::new(1.3, 0.0, 0.0, 400.0),
+        2000.0,
+        0.0,
+    ),
+};
+
+/// GM6020 set to current mode: ±3 A, no gearbox. The mode is set in RoboMaster Assistant (firmware
+/// 1.0.11.2 or newer); a motor obeys only the mode it is set to.
+pub const GM6020_CURRENT: Model = Model {
+    name: "GM6020 (current mode)",
+    last_id: 7,
+    feedback_base: 0x204,
+    command_ids: [0x1FE, 0x2FE],
+    effort: Effort::Current(3.0),
+    full_scale: 16384,
+    amps_per_count: 3.0 / 16384.0,
+    has_temperature: true,
+    gear: Gear::DIRECT,
+    rotor_torque_constant: 0.741,
+    cascade: cascade(
+        PidConfig::new(0.04, 0.1, 0.0, 3.0),
+        PidConfig::new(0.8, 0.0, 0.0, 250.0),
+        500.0,
+        0.0,
+    ),
+};
+
+/// GM6020 set to voltage mode, as it is sold. ±25000 is what every firmware takes (the first manual
+/// says 30000, all newer ones 25000).
+pub const GM6020_VOLTAGE: Model = Model {
+    name: "GM6020 (voltage mode)",
+    command_ids: [0x1FF, 0x2FF],
+    effort: Effort::Voltage,
+    full_scale: 25000,
+    cascade: cascade(
+        PidConfig::new(0.003, 0.06, 0.0, 1.0),
+        PidConfig::new(0.8, 0.0, 0.0, 250.0),
+        500.0,
+        // 320 rpm at full voltage without load; less, so that a weak motor is not overdriven.
+        0.7 / 320.0,
+    ),
+    ..GM6020_CURRENT
+};
+
+/// An identifier that no device of the model can be set to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct IdOutOfRange {
+    /// The model.
+    pub model: &'static str,
+    /// What was asked for.
+    pub id: u8,
+    /// Identifiers go from 1 to this.
+    pub last_id: u8,
+}
+
+impl fmt::Display for IdOutOfRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { model, id, last_id } = self;
+        write!(f, "{model} id {id}: its identifiers are 1 to {last_id}")
+    }
+}
+
+impl core::error::Error for IdOutOfRange {}
+
+impl Model {
+    /// The identifier of the feedback of device `id`.
+    ///
+    /// # Errors
+    /// [`IdOutOfRange`].
+    pub fn feedback_id(&self, id: u8) -> Result<StandardId, IdOutOfRange> {
+        let error = IdOutOfRange { model: self.name, id, last_id: self.last_id };
+        if id == 0 || id > self.last_id {
+            return Err(error);
+        }
+        StandardId::new(self.feedback_base + u16::from(id)).ok_or(error)
+    }
+
+    /// The identifier of the frame that commands device `id`, and the first of its two bytes in it.
+    ///
+    /// # Errors
+    /// [`IdOutOfRange`].
+    pub fn command_lane(&self, id: u8) -> Result<(StandardId, usize), IdOutOfRange> {
+        self.feedback_id(id)?;
+        let error = IdOutOfRange { model: self.name, id, last_id: self.last_id };
+        let group = usize::from(id - 1) / 4;
+        let frame = self.command_ids.get(group).copied().and_then(StandardId::new).ok_or(error)?;
+        Ok((frame, usize::from(id - 1) % 4 * 2))
+    }
+}
+
+/// How often the controller sends feedback; set in RoboMaster Assistant (GM6020: 1 kHz only).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum FeedbackRate {
+    /// 1000 Hz, the factory setting.
+    #[default]
+    Hz1000,
+    /// 500 Hz: needed from six motors a bus on.
+    Hz500,
+    /// 250 Hz; above 6750 rpm the rotor's turns are estimated, see
+    /// [`Feedback::turn_gaps`](crate::Feedback::turn_gaps).
+    Hz250,
+    /// 125 Hz; above 3375 rpm the rotor's turns are estimated.
+    Hz125,
+}
+
+impl FeedbackRate {
+    /// In frames a second.
+    #[must_use]
+    pub const fn hz(self) -> u16 {
+        match self {
+            Self::Hz1000 => 1000,
+            Self::Hz500 => 500,
+            Self::Hz250 => 250,
+            Self::Hz125 => 125,
+        }
+    }
+}

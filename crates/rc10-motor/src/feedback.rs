@@ -1,0 +1,193 @@
+use core::fmt;
+
+use rc10_app::{Amps, Celsius, Degrees, NewtonMetres, Rpm, TotalAngle, Volts};
+use rc10_can::Micros;
+
+/// What a motor measured, at the output shaft.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct Feedback {
+    /// When it arrived.
+    pub at: Micros,
+    /// Speed.
+    pub speed: Rpm,
+    /// Angle within the turn, 0 ..< 360 degrees. Behind a gearbox it counts from where the motor
+    /// was at power-on, or from where it was zeroed.
+    pub angle: Degrees,
+    /// Angle of many turns, exact.
+    pub total_angle: TotalAngle,
+    /// How often the number of turns had to be estimated, because feedback was missing at speed or
+    /// for more than 100 ms. A motor that has lost count runs on: watch this where it matters.
+    pub turn_gaps: u32,
+    current: Reading,
+    torque: Reading,
+    temperature: Reading,
+    controller_temperature: Reading,
+    supply: Reading,
+}
+
+/// What not every device tells: absent as NaN, because an `Option<f32>` takes twice the room, and
+/// every task that looks at a motor gets a copy.
+#[derive(Clone, Copy)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+struct Reading(f32);
+
+impl Reading {
+    const NONE: Self = Self(f32::NAN);
+
+    #[inline]
+    const fn get(self) -> Option<f32> {
+        if self.0.is_nan() { None } else { Some(self.0) }
+    }
+}
+
+impl Default for Reading {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+impl PartialEq for Reading {
+    fn eq(&self, other: &Self) -> bool {
+        self.get() == other.get()
+    }
+}
+
+impl fmt::Debug for Reading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.get().fmt(f)
+    }
+}
+
+impl Feedback {
+    /// Nothing measured: everything zero or absent.
+    pub const NEW: Self = Self {
+        at: Micros::ZERO,
+        speed: Rpm::ZERO,
+        angle: Degrees::ZERO,
+        total_angle: TotalAngle::ZERO,
+        turn_gaps: 0,
+        current: Reading::NONE,
+        torque: Reading::NONE,
+        temperature: Reading::NONE,
+        controller_temperature: Reading::NONE,
+        supply: Reading::NONE,
+    };
+
+    /// What every device tells, and nothing else.
+    #[inline]
+    #[must_use]
+    pub const fn new(at: Micros, speed: Rpm, angle: Degrees, total_angle: TotalAngle) -> Self {
+        Self { at, speed, angle, total_angle, ..Self::NEW }
+    }
+
+    /// Torque-producing current, positive for positive torque.
+    #[must_use]
+    pub fn current(&self) -> Option<Amps> {
+        self.current.get().map(Amps::new)
+    }
+
+    /// Torque, where the device tells it or its torque constant is known.
+    #[must_use]
+    pub fn torque(&self) -> Option<NewtonMetres> {
+        self.torque.get().map(NewtonMetres::new)
+    }
+
+    /// Temperature of the motor, where the device tells it.
+    #[must_use]
+    pub fn temperature(&self) -> Option<Celsius> {
+        self.temperature.get().map(Celsius::new)
+    }
+
+    /// Temperature of what drives the motor, where the device tells it.
+    #[must_use]
+    pub fn controller_temperature(&self) -> Option<Celsius> {
+        self.controller_temperature.get().map(Celsius::new)
+    }
+
+    /// Voltage it is supplied with, where the device tells it.
+    #[must_use]
+    pub fn supply(&self) -> Option<Volts> {
+        self.supply.get().map(Volts::new)
+    }
+
+    /// The same with a current. What is NaN counts as not told, here and below.
+    #[inline]
+    #[must_use]
+    pub const fn with_current(mut self, current: Amps) -> Self {
+        self.current = Reading(current.get());
+        self
+    }
+
+    /// The same with a torque.
+    #[inline]
+    #[must_use]
+    pub const fn with_torque(mut self, torque: NewtonMetres) -> Self {
+        self.torque = Reading(torque.get());
+        self
+    }
+
+    /// The same with a temperature of the motor.
+    #[inline]
+    #[must_use]
+    pub const fn with_temperature(mut self, temperature: Celsius) -> Self {
+        self.temperature = Reading(temperature.get());
+        self
+    }
+
+    /// The same with a temperature of what drives the motor.
+    #[inline]
+    #[must_use]
+    pub const fn with_controller_temperature(mut self, temperature: Celsius) -> Self {
+        self.controller_temperature = Reading(temperature.get());
+        self
+    }
+
+    /// The same with the voltage it is supplied with.
+    #[inline]
+    #[must_use]
+    pub const fn with_supply(mut self, supply: Volts) -> Self {
+        self.supply = Reading(supply.get());
+        self
+    }
+}
+
+/// What is wrong with a motor, by its own account.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct Fault {
+    /// The code the device sent.
+    pub code: u32,
+    /// What it means.
+    pub text: &'static str,
+}
+
+impl Fault {
+    /// A fault.
+    #[must_use]
+    pub const fn new(code: u32, text: &'static str) -> Self {
+        Self { code, text }
+    }
+}
+
+/// Whether a motor that may run does what its target says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Condition {
+    /// It does.
+    #[default]
+    Ready,
+    /// Not yet: its device is being set up or enabled.
+    Starting,
+    /// The speed asked for is below what its drive regulates: it turns as the load lets it.
+    Unregulated,
+    /// Its feedback comes too seldom to control it by.
+    SlowFeedback,
+    /// Its device answers when asked, but sends no feedback: that has to be switched on there.
+    NoReports,
+    /// Its device does not do what it is told, and does not say why: it may have a fault.
+    NotFollowing,
+}

@@ -1,0 +1,142 @@
+use rc10_app::maths::round_to_i32;
+use rc10_app::{Degrees, TotalAngle};
+
+use crate::motor::DriveMode;
+use crate::target::{Impedance, Target, TargetError, TargetSet};
+
+const TURN: i32 = 360_000_000;
+
+/// A target in numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Goal {
+    Rest,
+    /// In the unit of the motor's own effort.
+    Effort(f32),
+    /// rpm
+    Speed(f32),
+    /// Within the turn, 0 ..< 360,000,000 microdegrees.
+    Angle(i32),
+    Total(TotalAngle),
+    /// Its angle is the first one, which is exact.
+    Impedance(TotalAngle, Impedance),
+}
+
+impl Goal {
+    fn of(target: Target) -> Result<Self, TargetError> {
+        Ok(match target {
+            Target::Current(amps) => Self::Effort(amps.get()),
+            Target::Torque(torque) => Self::Effort(torque.get()),
+            Target::Duty(duty) => Self::Effort(duty),
+            Target::Speed(rpm) => Self::Speed(rpm.get()),
+            Target::Angle(degrees) => Self::Angle(within_turn(degrees)),
+            Target::TotalAngle(angle) => Self::Total(angle),
+            Target::Impedance(impedance) => {
+                let out_of_range = TargetError::OutOfRange(target.kind());
+                let angle = TotalAngle::try_from_degrees(impedance.angle).ok_or(out_of_range)?;
+                Self::Impedance(angle, impedance)
+            }
+            // The others are the motor's own.
+            _ => Self::Rest,
+        })
+    }
+}
+
+/// The target of a motor, and where it holds: with or without loops of ours.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Goals {
+    supports: TargetSet,
+    target: Target,
+    goal: Goal,
+    /// Where to stay while the bus says hold.
+    held: Option<TotalAngle>,
+}
+
+impl Goals {
+    pub(crate) const fn new(supports: TargetSet) -> Self {
+        Self { supports, target: Target::Coast, goal: Goal::Rest, held: None }
+    }
+
+    pub(crate) const fn supports(&self) -> TargetSet {
+        self.supports
+    }
+
+    /// Takes a new target.
+    ///
+    /// # Errors
+    /// [`TargetError`]; the old target stays.
+    pub(crate) fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
+        // The usual case is the same target again.
+        if target != self.target {
+            self.supports.accepts(&target)?;
+            self.goal = Goal::of(target)?;
+            self.target = target;
+        }
+        Ok(())
+    }
+
+    pub(crate) const fn target(&self) -> Target {
+        self.target
+    }
+
+    #[inline]
+    pub(crate) const fn goal(&self) -> Goal {
+        self.goal
+    }
+
+    /// All angles count from `zero` (as measured until now) from now on. What is sought or held
+    /// stays where it is, so it is another number: the same number commanded again lies elsewhere.
+    pub(crate) fn set_zero(&mut self, zero: TotalAngle) {
+        self.held = self.held.map(|held| held.minus(zero));
+        match self.goal {
+            Goal::Total(angle) => {
+                let angle = angle.minus(zero);
+                (self.goal, self.target) = (Goal::Total(angle), Target::TotalAngle(angle));
+            }
+            Goal::Angle(phase) => {
+                let angle = TotalAngle::from_microdegrees(phase.into()).minus(zero).within_turn();
+                (self.goal, self.target) = (Goal::Angle(within_turn(angle)), Target::Angle(angle));
+            }
+            Goal::Impedance(angle, impedance) => {
+                let angle = angle.minus(zero);
+                let impedance = Impedance { angle: angle.degrees(), ..impedance };
+                self.goal = Goal::Impedance(angle, impedance);
+                self.target = Target::Impedance(impedance);
+            }
+            Goal::Rest | Goal::Effort(_) | Goal::Speed(_) => (),
+        }
+    }
+
+    /// What is sought in a tick; `stand` is where the shaft comes to a stand, if that is known.
+    pub(crate) fn update(
+        &mut self,
+        mode: DriveMode,
+        stand: impl FnOnce() -> Option<TotalAngle>,
+    ) -> Goal {
+        if mode != DriveMode::Hold {
+            self.held = None;
+        } else if self.held.is_none() {
+            self.held = stand();
+        }
+        match (mode, self.held) {
+            (DriveMode::Run, _) => self.goal,
+            (DriveMode::Brake, _) => Goal::Speed(0.0),
+            (DriveMode::Hold, Some(angle)) => Goal::Total(angle),
+            (DriveMode::Off | DriveMode::Coast | DriveMode::Hold, _) => Goal::Rest,
+        }
+    }
+
+    /// Nothing is held: what comes next starts from where the shaft is.
+    #[inline]
+    pub(crate) const fn rest(&mut self) {
+        self.held = None;
+    }
+}
+
+/// 0 ..< 360 degrees in microdegrees, from any number of degrees.
+fn within_turn(degrees: Degrees) -> i32 {
+    let degrees = degrees.get() % 360.0;
+    let degrees = if degrees < 0.0 { degrees + 360.0 } else { degrees };
+    let phase = round_to_i32(degrees * 1e6);
+    // The last steps before a full turn may round up to it.
+    if phase < TURN { phase } else { 0 }
+}

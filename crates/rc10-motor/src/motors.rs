@@ -1,0 +1,305 @@
+//! The motors of a CAN or RS-485 bus, and what keeps them safe.
+
+use core::fmt;
+
+use heapless::Vec;
+use rc10_app::Seconds;
+use rc10_can::Micros;
+
+use crate::arm::ArmSwitch;
+use crate::can_ids::{Clash, MotorName};
+use crate::motor::{DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::request::{Request, RequestError, Response};
+use crate::supervision::{Link, MotorStatus, Safety, Supervision};
+use crate::target::{Target, TargetError, TargetSet};
+
+/// Which motor of a bus: as `attach` counted them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MotorId(u8);
+
+impl MotorId {
+    /// The motor attached as number `index`, counted from 0.
+    #[must_use]
+    pub const fn new(index: u8) -> Self {
+        Self(index)
+    }
+
+    /// Its number on its bus, counted from 0.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// Why a motor was not attached.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum AttachError {
+    /// It clashes with one that is attached already.
+    Clash {
+        /// The motor that was to be attached.
+        motor: MotorName,
+        /// The one that is in its way.
+        with: MotorName,
+        /// What they would both use.
+        clash: Clash,
+    },
+    /// The bus has as many motors as it can have.
+    Full {
+        /// The motor that was to be attached.
+        motor: MotorName,
+        /// How many motors the bus holds.
+        capacity: usize,
+    },
+    /// The receive table has no room for its identifiers.
+    TableFull {
+        /// The motor that was to be attached.
+        motor: MotorName,
+    },
+    /// It declares more identifiers than a [`CanIds`](crate::CanIds) holds.
+    TooManyIds {
+        /// The motor that was to be attached.
+        motor: MotorName,
+    },
+    /// Its commands would hold for no time, or for too long.
+    Expiry {
+        /// The motor that was to be attached.
+        motor: MotorName,
+        /// The expiry asked for.
+        asked: Micros,
+    },
+}
+
+impl fmt::Display for AttachError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Clash { motor, with, clash } => {
+                write!(f, "{motor} cannot share a bus with {with}: {clash}")
+            }
+            Self::Full { motor, capacity } => {
+                write!(f, "{motor} finds no room: the bus holds {capacity} motors")
+            }
+            Self::TableFull { motor } => {
+                write!(f, "{motor} finds no room in the bus's receive table")
+            }
+            Self::TooManyIds { motor } => write!(
+                f,
+                "{motor} declares more than 8 received, 8 transmitted or 2 listened-to patterns"
+            ),
+            Self::Expiry { motor, asked } => write!(
+                f,
+                "{motor}: a command must expire after 0 to {}, not {asked}",
+                Safety::LONGEST_EXPIRY
+            ),
+        }
+    }
+}
+
+impl core::error::Error for AttachError {}
+
+/// Why a command was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum CommandError {
+    /// The motor does not take it.
+    Target(TargetError),
+    /// The bus has no such motor.
+    NoSuchMotor,
+}
+
+impl fmt::Display for CommandError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Target(error) => error.fmt(f),
+            Self::NoSuchMotor => f.write_str("the bus has no such motor"),
+        }
+    }
+}
+
+impl core::error::Error for CommandError {}
+
+/// The motors of a bus: what a [`MotorBus`](crate::MotorBus) and an
+/// [`Rs485Bus`](crate::unitree::Rs485Bus) have in common.
+///
+/// No motor can opt out of: no torque until the [`ArmSwitch`] is armed; its safe state when
+/// commands stop coming; no torque when its feedback is lost; its safe state while the emergency
+/// stop is latched.
+pub struct Motors<'m, M: ?Sized, const N: usize> {
+    switch: &'m ArmSwitch,
+    slots: Vec<Slot<'m, M>, N>,
+    last_tick: Option<Micros>,
+    ticks: u32,
+}
+
+struct Slot<'m, M: ?Sized> {
+    motor: &'m mut M,
+    supervision: Supervision,
+}
+
+/// After a longer pause between two ticks nothing that was heard or commanded before still holds.
+const LONGEST_PAUSE: Micros = Micros::from_millis(1000);
+
+impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
+    pub(crate) const fn new(switch: &'m ArmSwitch) -> Self {
+        Self { switch, slots: Vec::new(), last_tick: None, ticks: 0 }
+    }
+
+    pub(crate) fn attach(
+        &mut self,
+        motor: &'m mut M,
+        safety: Safety,
+        link_timeout: Micros,
+    ) -> Result<MotorId, AttachError> {
+        let name = motor.name();
+        if !safety.is_valid() {
+            return Err(AttachError::Expiry { motor: name, asked: safety.command_expiry });
+        }
+        let full = AttachError::Full { motor: name, capacity: N };
+        let index = u8::try_from(self.slots.len()).map_err(|_| full)?;
+        let slot = Slot { motor, supervision: Supervision::new(safety, link_timeout) };
+        self.slots.push(slot).map_err(|_| full)?;
+        Ok(MotorId(index))
+    }
+
+    fn slot(&self, motor: MotorId) -> Option<&Slot<'m, M>> {
+        self.slots.get(motor.index())
+    }
+
+    fn slot_mut(&mut self, motor: MotorId) -> Option<&mut Slot<'m, M>> {
+        self.slots.get_mut(motor.index())
+    }
+
+    /// The motors themselves, in order.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &M> {
+        self.slots.iter().map(|slot| &*slot.motor)
+    }
+
+    /// Has a motor take a frame that arrived at `at`, with what is known of its link until then.
+    /// `None` for a motor that does not exist.
+    #[inline]
+    pub(crate) fn hear(
+        &mut self,
+        motor: MotorId,
+        at: Micros,
+        take: impl FnOnce(&mut M, Link) -> Result<FrameKind, FrameError>,
+    ) -> Option<Result<(), FrameError>> {
+        let slot = self.slots.get_mut(motor.index())?;
+        let heard = take(slot.motor, slot.supervision.link(at));
+        if heard == Ok(FrameKind::Feedback) {
+            slot.supervision.heard_feedback(at);
+            return Some(Ok(()));
+        }
+        Some(slot.supervision.heard(heard, at))
+    }
+
+    /// One tick: decides what each motor may do, lets it compute, and has `send` take what it
+    /// sends.
+    #[inline]
+    pub(crate) fn tick(
+        &mut self,
+        now: Micros,
+        dt: Seconds,
+        mut send: impl FnMut(usize, &mut M, DriveMode),
+    ) {
+        let dt = Seconds::new(if dt.get() > 0.0 { dt.get().min(0.010) } else { 0.001 });
+        let last = self.last_tick.replace(now);
+        if last.is_some_and(|last| now.since(last) > LONGEST_PAUSE) {
+            self.slots.iter_mut().for_each(|slot| slot.supervision.forget());
+        }
+        let arm = self.switch.for_motors();
+        self.ticks = self.ticks.wrapping_add(1);
+        let mut tick = Tick { dt, mode: DriveMode::Off, link: Link::Online, count: self.ticks };
+        for (index, slot) in self.slots.iter_mut().enumerate() {
+            tick.mode = slot.supervision.decide(arm, now);
+            tick.link = slot.supervision.link_in_tick();
+            slot.motor.update(&tick);
+            send(index, slot.motor, tick.mode);
+            // Each has its own beat.
+            tick.count = tick.count.wrapping_add(1);
+        }
+    }
+
+    /// Whether a motor is heard.
+    pub(crate) fn is_online(&self, index: usize, now: Micros) -> bool {
+        self.slots.get(index).is_some_and(|slot| slot.supervision.link(now) == Link::Online)
+    }
+
+    /// Gives a motor a new target, which holds from `now` until it expires.
+    ///
+    /// # Errors
+    /// [`CommandError`]; the old target stays, and stays as old as it was.
+    pub fn command(
+        &mut self,
+        motor: MotorId,
+        target: Target,
+        now: Micros,
+    ) -> Result<(), CommandError> {
+        let slot = self.slot_mut(motor).ok_or(CommandError::NoSuchMotor)?;
+        slot.supervision.command(&mut *slot.motor, target, now).map_err(CommandError::Target)
+    }
+
+    /// Makes a request. After [`Response::Pending`] its [`response`](Self::response) is to be asked
+    /// for after each tick.
+    ///
+    /// # Errors
+    /// [`RequestError`]; nothing changed.
+    pub fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
+        let slot = self.slot_mut(motor).ok_or(RequestError::NoSuchMotor)?;
+        slot.supervision.request(&mut *slot.motor, request)
+    }
+
+    /// The outcome of a request that was [`Pending`](Response::Pending), once it is known; told
+    /// once.
+    pub fn response(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
+        let slot = self.slot_mut(motor)?;
+        slot.supervision.response(&mut *slot.motor)
+    }
+
+    /// The motors attached, in order.
+    pub fn motors(&self) -> impl Iterator<Item = (MotorId, MotorName)> {
+        self.ids().zip(self.iter().map(Motor::name))
+    }
+
+    /// The attached motors' numbers, in order.
+    pub fn ids(&self) -> impl Iterator<Item = MotorId> + use<M, N> {
+        (0..).take(self.slots.len()).map(MotorId)
+    }
+
+    /// The targets a motor takes; none for a motor that does not exist.
+    #[must_use]
+    pub fn supports(&self, motor: MotorId) -> TargetSet {
+        self.slot(motor).map_or(TargetSet::NONE, |slot| slot.motor.supports())
+    }
+
+    /// The control loops of a motor, where they run here; `None` also for a motor that does not
+    /// exist.
+    #[must_use]
+    pub fn loops(&self, motor: MotorId) -> Option<Loops> {
+        self.slot(motor).and_then(|slot| slot.motor.loops())
+    }
+
+    /// The status of a motor; `None` for a motor that does not exist.
+    #[must_use]
+    pub fn status(&self, motor: MotorId, now: Micros) -> Option<MotorStatus> {
+        let mut status = MotorStatus::NEW;
+        self.slot(motor)?;
+        self.write_status(motor, now, &mut status);
+        Some(status)
+    }
+
+    /// The same, written where it is wanted: every tick for every motor. Nothing for a motor that
+    /// does not exist.
+    #[inline]
+    pub(crate) fn write_status(&self, motor: MotorId, now: Micros, status: &mut MotorStatus) {
+        if let Some(slot) = self.slot(motor) {
+            slot.supervision.write_status(&*slot.motor, now, status);
+        }
+    }
+
+    /// The switch that arms this bus.
+    #[must_use]
+    pub const fn switch(&self) -> &'m ArmSwitch {
+        self.switch
+    }
+}

@@ -1,0 +1,189 @@
+//! A request that waits for its device: [`Pending`].
+
+use rc10_app::Seconds;
+
+use crate::request::{RequestError, Response};
+
+/// What became of a request.
+pub(crate) type Outcome = Result<Response, RequestError>;
+
+/// How often a question is put to a device, and for how long.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Retry {
+    /// Seconds from one try to the next.
+    pub every: f32,
+    /// Tries; after the last one the device has `every` seconds to answer.
+    pub tries: u8,
+}
+
+/// At most one request in flight: the question, its tries, and its outcome, told once.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pending<Q> {
+    asked: Option<Asked<Q>>,
+    outcome: Option<Outcome>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Asked<Q> {
+    question: Q,
+    retry: Retry,
+    /// Tries so far, the one that is due included.
+    tries: u8,
+    /// It is to be sent in this tick.
+    is_due: bool,
+    /// Seconds since the last try.
+    waited: f32,
+    /// The outcome if time runs out.
+    failure: RequestError,
+}
+
+impl<Q: Copy> Pending<Q> {
+    pub(crate) const fn new() -> Self {
+        Self { asked: None, outcome: None }
+    }
+
+    /// Whether a request waits for its device, or its outcome to be taken.
+    pub(crate) const fn is_busy(&self) -> bool {
+        self.asked.is_some() || self.outcome.is_some()
+    }
+
+    /// Takes a question; its first try is due in the next tick.
+    ///
+    /// # Errors
+    /// [`RequestError::Busy`] while another is in flight.
+    pub(crate) fn ask(&mut self, question: Q, retry: Retry) -> Outcome {
+        if self.is_busy() {
+            return Err(RequestError::Busy);
+        }
+        self.replace(question, retry);
+        Ok(Response::Pending)
+    }
+
+    /// Goes on with another question of the same request.
+    pub(crate) const fn replace(&mut self, question: Q, retry: Retry) {
+        self.asked = Some(Asked {
+            question,
+            retry,
+            tries: 0,
+            is_due: false,
+            waited: f32::INFINITY,
+            failure: RequestError::Timeout,
+        });
+    }
+
+    /// The question in flight.
+    pub(crate) const fn question(&self) -> Option<Q> {
+        match &self.asked {
+            Some(asked) => Some(asked.question),
+            None => None,
+        }
+    }
+
+    /// The question, if the device has been asked.
+    pub(crate) const fn sent(&self) -> Option<Q> {
+        match &self.asked {
+            Some(asked) if asked.tries > 1 || asked.tries == 1 && !asked.is_due => {
+                Some(asked.question)
+            }
+            _ => None,
+        }
+    }
+
+    /// One tick later. A question that was asked often enough is over.
+    pub(crate) fn update(&mut self, dt: Seconds) {
+        let Some(asked) = &mut self.asked else { return };
+        asked.waited += dt.get();
+        if asked.waited < asked.retry.every {
+            return;
+        }
+        if asked.tries < asked.retry.tries {
+            (asked.is_due, asked.tries, asked.waited) = (true, asked.tries + 1, 0.0);
+        } else {
+            let failure = asked.failure;
+            self.end(Err(failure));
+        }
+    }
+
+    /// The question that is to be sent in this tick; asked once.
+    pub(crate) fn take_due(&mut self) -> Option<Q> {
+        let asked = self.asked.as_mut()?;
+        core::mem::take(&mut asked.is_due).then_some(asked.question)
+    }
+
+    /// What the device said that does not end the request: the outcome if time runs out.
+    pub(crate) fn fail_with(&mut self, failure: RequestError) {
+        if let Some(asked) = &mut self.asked {
+            asked.failure = failure;
+        }
+    }
+
+    /// The request is over.
+    pub(crate) fn end(&mut self, outcome: Outcome) {
+        if self.asked.take().is_some() {
+            self.outcome = Some(outcome);
+        }
+    }
+
+    /// The outcome, once it is known; told once.
+    pub(crate) const fn take_outcome(&mut self) -> Option<Outcome> {
+        self.outcome.take()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::vec::Vec;
+
+    use super::*;
+
+    const MS: Seconds = Seconds::new(0.001);
+    const RETRY: Retry = Retry { every: 0.0045, tries: 3 };
+
+    #[test]
+    fn a_question_is_repeated_and_then_given_up() {
+        let mut pending = Pending::new();
+        assert_eq!(pending.ask('q', RETRY), Ok(Response::Pending));
+        assert_eq!(pending.ask('r', RETRY), Err(RequestError::Busy));
+        let mut sent = Vec::new();
+        for tick in 1..100 {
+            assert_eq!(pending.sent().is_some(), !sent.is_empty());
+            pending.update(MS);
+            sent.extend(pending.take_due().map(|question| (tick, question)));
+            assert_eq!(pending.take_due(), None);
+            if let Some(outcome) = pending.take_outcome() {
+                assert_eq!((outcome, tick), (Err(RequestError::Timeout), 16));
+                break;
+            }
+            assert!(pending.is_busy());
+        }
+        assert_eq!(sent, [(1, 'q'), (6, 'q'), (11, 'q')]);
+        assert!(!pending.is_busy() && pending.take_outcome().is_none());
+    }
+
+    #[test]
+    fn an_answer_ends_it_and_is_told_once() {
+        let mut pending = Pending::new();
+        pending.end(Ok(Response::Done));
+        assert_eq!(pending.take_outcome(), None);
+        let _ = pending.ask(1, RETRY);
+        pending.fail_with(RequestError::Refused(7));
+        pending.update(MS);
+        pending.end(Ok(Response::Register(3)));
+        pending.end(Ok(Response::Done));
+        assert!(pending.is_busy() && pending.question().is_none());
+        assert_eq!(pending.take_outcome(), Some(Ok(Response::Register(3))));
+        assert_eq!(pending.take_outcome(), None);
+    }
+
+    #[test]
+    fn what_a_device_refuses_is_told_when_time_runs_out() {
+        let mut pending = Pending::new();
+        let _ = pending.ask((), Retry { every: 0.01, tries: 1 });
+        pending.fail_with(RequestError::Refused(7));
+        for _ in 0..12 {
+            pending.update(MS);
+        }
+        assert_eq!(pending.take_outcome(), Some(Err(RequestError::Refused(7))));
+    }
+}

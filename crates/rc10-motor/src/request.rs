@@ -1,0 +1,107 @@
+use core::fmt;
+
+use rc10_app::{Amps, ConfigError, NewtonMetres};
+
+/// The gains of one loop.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Gains {
+    /// Proportional.
+    pub kp: f32,
+    /// Integral, per second.
+    pub ki: f32,
+    /// Derivative, times seconds.
+    pub kd: f32,
+}
+
+/// What can be asked of a motor beside targets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Request {
+    /// The shaft's angle now is zero from now on. A total angle that is sought or held stays where
+    /// it is; the same number commanded again lies elsewhere.
+    SetZero,
+    /// Forget a fault and go on.
+    ClearFault,
+    /// Never command more current than this.
+    CurrentLimit(Amps),
+    /// New gains for the speed loop.
+    SpeedGains(Gains),
+    /// New gains for the angle loop.
+    AngleGains(Gains),
+    /// Never command more torque than this.
+    TorqueLimit(NewtonMetres),
+    /// The shaft's angle now is zero from now on, also after power-off: the device stores it. Only
+    /// while the robot is disarmed.
+    StoreZero,
+    /// What stands in a register of the device: four bytes, little endian
+    /// ([`Response::Register`]).
+    ReadRegister(u16),
+    /// Writes four bytes, little endian, into a register of the device, until power-off. Only while
+    /// the robot is disarmed.
+    WriteRegister(u16, u32),
+    /// The device keeps its registers also after power-off. Only while the robot is disarmed: its
+    /// flash wears, and its loops stop meanwhile.
+    SaveRegisters,
+}
+
+/// What became of a request that was not refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Response {
+    /// It is done.
+    Done,
+    /// The device was asked; [`Motor::answer`] has what it says. Who waits at a motor's port never
+    /// sees this.
+    Pending,
+    /// What stands in the register.
+    Register(u32),
+}
+
+/// Why a request was refused.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum RequestError {
+    /// This motor cannot do that.
+    Unsupported,
+    /// A number in it cannot be used.
+    Config(ConfigError),
+    /// It needs feedback, and none came yet.
+    NoFeedback,
+    /// The one before has not been carried out yet.
+    Busy,
+    /// The bus has no such motor.
+    NoSuchMotor,
+    /// Only while the robot is disarmed.
+    NotWhileArmed,
+    /// The device did not answer in time: whether it did what was asked is not known.
+    Timeout,
+    /// The device refused, with this code of its own.
+    Refused(u32),
+}
+
+impl fmt::Display for RequestError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unsupported => f.write_str("this motor cannot do that"),
+            Self::Config(error) => error.fmt(f),
+            Self::NoFeedback => f.write_str("the motor has not been heard of yet"),
+            Self::Busy => f.write_str("the request before has not been carried out yet"),
+            Self::NoSuchMotor => f.write_str("the bus has no such motor"),
+            Self::NotWhileArmed => f.write_str("only while the robot is disarmed"),
+            Self::Timeout => f.write_str("the device did not answer in time"),
+            Self::Refused(code) => write!(f, "the device refused, code {code}"),
+        }
+    }
+}
+
+impl core::error::Error for RequestError {}
+
+impl From<ConfigError> for RequestError {
+    fn from(error: ConfigError) -> Self {
+        Self::Config(error)
+    }
+}

@@ -1,0 +1,325 @@
+//! Where the output shaft is: [`Shaft`] counts its turns exactly, for every motor.
+//!
+//! A device tells by how many steps its sensor moved, or a reading that starts over every turn;
+//! the shaft makes millionths of a degree of the output of them, through the gearbox and in the
+//! direction that the robot counts.
+//!
+//! ```
+//! use rc10_app::{Direction, Gear};
+//! use rc10_can::Micros;
+//! use rc10_motor::shaft::Shaft;
+//!
+//! // An encoder of 8192 steps in front of a gearbox of 36 : 1, mounted mirrored.
+//! let gear = Gear::new(36, 1).unwrap();
+//! let mut shaft = Shaft::new(8192, gear, Direction::Reversed);
+//! shaft.follow(0, 60.0, Micros::from_millis(1));
+//! shaft.follow(8, 60.0, Micros::from_millis(2));
+//! let angle = shaft.feedback().total_angle;
+//! assert_eq!(angle.microdegrees(), -8 * 360_000_000 / (8192 * 36));
+//! ```
+
+use rc10_app::angle::{degrees_within_turn, nearest_movement, shortest_way};
+use rc10_app::{Direction, Gear, Rpm, TotalAngle};
+use rc10_can::Micros;
+
+use crate::feedback::Feedback;
+
+const TURN: i32 = 360_000_000;
+
+/// Readings of an encoder this close together (µs) are less than half a turn apart: no rotor makes
+/// 20,700 rpm.
+const CERTAIN_MICROS: u64 = 1_300;
+/// Speed (rpm) times time (µs) in which a rotor makes 0.45 turns: beyond it, the turns between two
+/// readings are not certain any more.
+const CERTAIN_RPM_MICROS: f32 = 27e6;
+/// Nor are they after such a silence, whatever the speed was before and after.
+const LONG_SILENCE: Micros = Micros::from_millis(100);
+
+/// Speed and angle of an output shaft, as measured last.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Measured {
+    /// Speed.
+    pub speed: Rpm,
+    /// Angle of many turns from the zero.
+    pub angle: TotalAngle,
+    /// The same within the turn: 0 ..< 360,000,000 microdegrees.
+    pub phase: i32,
+}
+
+impl Measured {
+    /// A speed and an angle.
+    #[must_use]
+    pub const fn new(speed: Rpm, angle: TotalAngle) -> Self {
+        #[expect(clippy::cast_possible_truncation, reason = "less than a turn")]
+        let phase = angle.microdegrees().rem_euclid(TURN as i64) as i32;
+        Self { speed, angle, phase }
+    }
+}
+
+/// Counts the turns of an output shaft.
+///
+/// What is counted stays exact: the part of a microdegree that a step leaves over is carried on.
+#[derive(Clone, Copy, Debug)]
+pub struct Shaft {
+    /// Microdegrees of the output per step, with the direction: whole ones, and `part / divisor`.
+    whole: i32,
+    part: i32,
+    divisor: i32,
+    /// Steps in a turn of the sensor.
+    steps_per_turn: i32,
+    /// Turns of the output per turn of the sensor, with the direction.
+    ratio: f32,
+    /// What the encoder showed last, where it starts over every turn.
+    reading: i32,
+    /// What the last steps left over, in shares of `divisor`.
+    rest: i32,
+    measured: Measured,
+    /// When it was measured last; far away before the first time.
+    at: Micros,
+    gaps: u32,
+}
+
+impl Shaft {
+    /// A sensor of `steps_per_turn` (1 ..= 2³¹ - 1) steps in front of a gearbox, and the direction
+    /// in which the output counts. A sensor at the output shaft has [`Gear::DIRECT`].
+    #[must_use]
+    pub const fn new(steps_per_turn: u32, gear: Gear, direction: Direction) -> Self {
+        let steps = match steps_per_turn {
+            0 => 1,
+            most if most > i32::MAX as u32 => i32::MAX,
+            steps => steps.cast_signed(),
+        };
+        let mut microdegrees = TURN as i64 * gear.output_turns() as i64;
+        let mut divisor = steps as i64 * gear.rotor_turns() as i64;
+        let common = greatest_common_divisor(microdegrees, divisor);
+        (microdegrees, divisor) = (microdegrees / common, divisor / common);
+        // No sensor that is built comes near.
+        while divisor > i32::MAX as i64 {
+            (microdegrees, divisor) = (microdegrees >> 1, divisor >> 1);
+        }
+        let sign = direction.sign();
+        // Nor has any a step of five turns.
+        let whole = if microdegrees / divisor > i32::MAX as i64 {
+            i32::MAX as i64
+        } else {
+            microdegrees / divisor
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "checked, or below the divisor")]
+        Self {
+            whole: whole as i32 * sign as i32,
+            part: (microdegrees % divisor * sign as i64) as i32,
+            divisor: divisor as i32,
+            steps_per_turn: steps,
+            ratio: sign as f32 / gear.ratio(),
+            reading: 0,
+            rest: 0,
+            measured: Measured { speed: Rpm::ZERO, angle: TotalAngle::ZERO, phase: 0 },
+            at: Micros::new(u64::MAX / 2),
+            gaps: 0,
+        }
+    }
+
+    /// Whether anything was measured.
+    #[must_use]
+    pub const fn is_known(&self) -> bool {
+        self.at.get() != u64::MAX / 2
+    }
+
+    /// Takes the reading of an encoder that starts over every turn (0 ..< `steps_per_turn`), and
+    /// the speed of its rotor.
+    ///
+    /// The first reading is an absolute angle. After a silence in which the rotor may have gone
+    /// round, its speed before and after says which number of turns is likeliest, and the gap is
+    /// counted.
+    #[inline]
+    pub fn follow(&mut self, reading: i32, sensor_rpm: f32, at: Micros) {
+        let step = shortest_way(self.reading, reading, self.steps_per_turn);
+        self.reading = reading;
+        // Also for the first reading.
+        if at.get().wrapping_sub(self.at.get()) < CERTAIN_MICROS {
+            self.move_by(step);
+        } else {
+            self.follow_after_silence(step, sensor_rpm, at);
+        }
+        self.measure(sensor_rpm, at);
+    }
+
+    #[cold]
+    fn follow_after_silence(&mut self, step: i32, sensor_rpm: f32, at: Micros) {
+        if !self.is_known() {
+            return self.start(self.reading.into());
+        }
+        let silence = at.since(self.at);
+        let fastest = sensor_rpm.abs().max((self.measured.speed.get() / self.ratio).abs());
+        #[expect(clippy::cast_precision_loss, reason = "up to 100 ms")]
+        let turned = fastest * silence.get() as f32;
+        if silence <= LONG_SILENCE && turned <= CERTAIN_RPM_MICROS {
+            self.move_by(step);
+        } else {
+            self.bridge(step.into(), sensor_rpm, at);
+        }
+    }
+
+    /// The sensor moved by `step`, give or take whole turns of it, since it was measured last: its
+    /// speed before and after says how many. Counts a gap.
+    #[cold]
+    pub fn bridge(&mut self, step: i64, sensor_rpm: f32, at: Micros) {
+        let mean = 0.5 * (self.measured.speed.get() / self.ratio + sensor_rpm);
+        #[expect(clippy::cast_precision_loss, reason = "an estimate")]
+        let turns = mean * (at.since(self.at).get() as f32 * (1.0 / 60e6));
+        #[expect(clippy::cast_precision_loss, reason = "an estimate")]
+        #[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
+        let expected = (turns * self.steps_per_turn as f32) as i64;
+        let turn = self.steps_per_turn.into();
+        self.count_gap();
+        self.jump_by(nearest_movement(step % turn, expected, turn));
+    }
+
+    /// The first position of a sensor that knows where it is: `steps` from its own zero.
+    #[cold]
+    pub fn start(&mut self, steps: i64) {
+        self.rest = 0;
+        self.place(TotalAngle::ZERO);
+        self.jump_by(steps);
+    }
+
+    /// The sensor moved by so many steps.
+    #[inline]
+    pub fn move_by(&mut self, steps: i32) {
+        let over = i64::from(steps) * i64::from(self.part) + i64::from(self.rest);
+        let Ok(over) = i32::try_from(over) else { return self.jump_by(steps.into()) };
+        let carry = over / self.divisor;
+        self.rest = over - carry * self.divisor;
+        self.advance(i64::from(steps) * i64::from(self.whole) + i64::from(carry));
+    }
+
+    /// The same for any number of steps.
+    #[cold]
+    pub fn jump_by(&mut self, steps: i64) {
+        let over = i128::from(steps) * i128::from(self.part) + i128::from(self.rest);
+        let carry = over / i128::from(self.divisor);
+        #[expect(clippy::cast_possible_truncation, reason = "below the divisor; up to 2^64")]
+        let (rest, carry) = ((over - carry * i128::from(self.divisor)) as i32, carry as i64);
+        self.rest = rest;
+        self.advance(steps.saturating_mul(self.whole.into()).saturating_add(carry));
+    }
+
+    #[inline]
+    fn advance(&mut self, microdegrees: i64) {
+        let moved = TotalAngle::from_microdegrees(microdegrees);
+        let angle = self.measured.angle.plus(moved);
+        match i32::try_from(microdegrees) {
+            Ok(step) if (-TURN..=TURN).contains(&step) => {
+                self.measured.angle = angle;
+                let phase = self.measured.phase + step;
+                self.measured.phase = match phase {
+                    _ if phase < 0 => phase + TURN,
+                    _ if phase >= TURN => phase - TURN,
+                    _ => phase,
+                };
+            }
+            _ => self.place(angle),
+        }
+    }
+
+    /// The shaft is there, however it came there.
+    #[cold]
+    pub fn place(&mut self, angle: TotalAngle) {
+        self.measured = Measured::new(self.measured.speed, angle);
+    }
+
+    /// Its speed at `at`, from that of the sensor.
+    #[inline]
+    pub fn measure(&mut self, sensor_rpm: f32, at: Micros) {
+        self.measured.speed = Rpm::new(sensor_rpm * self.ratio);
+        self.at = at;
+    }
+
+    /// The number of turns is an estimate from now on.
+    #[cold]
+    pub const fn count_gap(&mut self) {
+        self.gaps = self.gaps.saturating_add(1);
+    }
+
+    /// The angle now is zero from now on; what it was until now.
+    pub const fn set_zero(&mut self) -> TotalAngle {
+        (self.rest, self.measured.phase) = (0, 0);
+        core::mem::replace(&mut self.measured.angle, TotalAngle::ZERO)
+    }
+
+    /// The angle of many turns from the zero.
+    #[inline]
+    #[must_use]
+    pub const fn angle(&self) -> TotalAngle {
+        self.measured.angle
+    }
+
+    /// The angle within the turn: 0 ..< 360,000,000 microdegrees.
+    #[must_use]
+    pub const fn phase(&self) -> i32 {
+        self.measured.phase
+    }
+
+    /// Speed and angle; `None` before anything was measured.
+    #[inline]
+    #[must_use]
+    pub const fn measured(&self) -> Option<Measured> {
+        if self.is_known() { Some(self.measured) } else { None }
+    }
+
+    /// When it was measured last.
+    #[must_use]
+    pub const fn at(&self) -> Micros {
+        self.at
+    }
+
+    /// 1, or -1 if the output counts the other way than the sensor.
+    #[inline]
+    #[must_use]
+    pub const fn sign(&self) -> f32 {
+        if self.ratio < 0.0 { -1.0 } else { 1.0 }
+    }
+
+    /// The sensor's speed (rpm) at a speed of the output, and its angle at one of the output.
+    #[inline]
+    #[must_use]
+    pub const fn to_sensor(&self, output: f32) -> f32 {
+        output / self.ratio
+    }
+
+    /// The nearest number of steps from here to another angle: what to add to the device's own
+    /// reading for a device that is told where to go.
+    #[must_use]
+    pub fn steps_to(&self, angle: TotalAngle) -> i64 {
+        let way = i128::from(angle.minus(self.measured.angle).microdegrees());
+        let (divisor, part) = (i128::from(self.divisor), i128::from(self.part));
+        // A step is (whole · divisor + part) / divisor microdegrees.
+        let step = i128::from(self.whole) * divisor + part;
+        let doubled = 2 * way * divisor * step.signum();
+        let steps = (doubled + step.abs()).div_euclid(2 * step.abs());
+        i64::try_from(steps).unwrap_or(if steps < 0 { i64::MIN } else { i64::MAX })
+    }
+
+    /// Time, speed, angles and gaps; nothing before anything was measured.
+    #[inline]
+    #[must_use]
+    pub const fn feedback(&self) -> Feedback {
+        if !self.is_known() {
+            return Feedback::NEW;
+        }
+        let Measured { speed, angle, phase } = self.measured;
+        let mut feedback = Feedback::new(self.at, speed, degrees_within_turn(phase), angle);
+        feedback.turn_gaps = self.gaps;
+        feedback
+    }
+}
+
+const fn greatest_common_divisor(mut a: i64, mut b: i64) -> i64 {
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,220 @@
+use core::fmt;
+
+use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
+
+/// What a motor shall do. All values are at the output shaft.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Target {
+    /// Turn freely: no torque.
+    #[default]
+    Coast,
+    /// A torque-producing current. More than the motor takes is limited.
+    Current(Amps),
+    /// A share of the full voltage, -1 ..= 1; more is limited.
+    Duty(f32),
+    /// A speed.
+    Speed(Rpm),
+    /// An angle within the turn, reached the shorter way round; any number of degrees, taken
+    /// modulo 360.
+    Angle(Degrees),
+    /// An angle of many turns.
+    TotalAngle(TotalAngle),
+    /// A torque.
+    Torque(NewtonMetres),
+    /// A spring and a damper between the shaft and a moving point, and a torque on top ("MIT
+    /// mode").
+    Impedance(Impedance),
+    /// A current that brakes whichever way the shaft turns, 0 or more; none at standstill.
+    Brake(Amps),
+    /// A current that holds the rotor where it stands, 0 or more: it locks a field, and heats.
+    Handbrake(Amps),
+    /// As [`Current`](Self::Current), as a share of the limit set in the drive, -1 ..= 1.
+    CurrentShare(f32),
+    /// As [`Brake`](Self::Brake), as a share of the limit set in the drive, 0 ..= 1.
+    BrakeShare(f32),
+    /// As [`Handbrake`](Self::Handbrake), as a share of the limit set in the drive, 0 ..= 1.
+    HandbrakeShare(f32),
+}
+
+/// What [`Target::Impedance`] asks for: torque = `kp` · (`angle` - measured) + `kd` · (`speed` -
+/// measured) + `torque`.
+///
+/// A single step of `angle` is a blow: a spring pulls with all it has. Move it, or keep `kp` low.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Impedance {
+    /// Where the spring pulls to, over many turns, counted from the zero as
+    /// [`Feedback::total_angle`] is.
+    pub angle: Degrees,
+    /// The speed at which the damper does nothing.
+    pub speed: Rpm,
+    /// Torque on top.
+    pub torque: NewtonMetres,
+    /// Stiffness, N m/rad, 0 or more.
+    pub kp: f32,
+    /// Damping, N m s/rad, 0 or more.
+    pub kd: f32,
+}
+
+impl Impedance {
+    /// Whether every number in it is finite.
+    #[must_use]
+    pub const fn is_finite(&self) -> bool {
+        let Self { angle, speed, torque, kp, kd } = self;
+        angle.is_finite()
+            && speed.is_finite()
+            && torque.is_finite()
+            && kp.is_finite()
+            && kd.is_finite()
+    }
+}
+
+/// The kinds of [`Target`], without their values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+#[repr(u8)]
+pub enum TargetKind {
+    /// [`Target::Coast`].
+    Coast,
+    /// [`Target::Current`].
+    Current,
+    /// [`Target::Duty`].
+    Duty,
+    /// [`Target::Speed`].
+    Speed,
+    /// [`Target::Angle`].
+    Angle,
+    /// [`Target::TotalAngle`].
+    TotalAngle,
+    /// [`Target::Torque`].
+    Torque,
+    /// [`Target::Impedance`].
+    Impedance,
+    /// [`Target::Brake`].
+    Brake,
+    /// [`Target::Handbrake`].
+    Handbrake,
+    /// [`Target::CurrentShare`].
+    CurrentShare,
+    /// [`Target::BrakeShare`].
+    BrakeShare,
+    /// [`Target::HandbrakeShare`].
+    HandbrakeShare,
+}
+
+impl Target {
+    /// Its kind.
+    #[must_use]
+    pub const fn kind(&self) -> TargetKind {
+        match self {
+            Self::Coast => TargetKind::Coast,
+            Self::Current(_) => TargetKind::Current,
+            Self::Duty(_) => TargetKind::Duty,
+            Self::Speed(_) => TargetKind::Speed,
+            Self::Angle(_) => TargetKind::Angle,
+            Self::TotalAngle(_) => TargetKind::TotalAngle,
+            Self::Torque(_) => TargetKind::Torque,
+            Self::Impedance(_) => TargetKind::Impedance,
+            Self::Brake(_) => TargetKind::Brake,
+            Self::Handbrake(_) => TargetKind::Handbrake,
+            Self::CurrentShare(_) => TargetKind::CurrentShare,
+            Self::BrakeShare(_) => TargetKind::BrakeShare,
+            Self::HandbrakeShare(_) => TargetKind::HandbrakeShare,
+        }
+    }
+
+    /// Whether every number in it is finite.
+    #[must_use]
+    pub const fn is_finite(&self) -> bool {
+        match self {
+            Self::Coast | Self::TotalAngle(_) => true,
+            Self::Current(amps) | Self::Brake(amps) | Self::Handbrake(amps) => amps.is_finite(),
+            Self::Duty(share)
+            | Self::CurrentShare(share)
+            | Self::BrakeShare(share)
+            | Self::HandbrakeShare(share) => share.is_finite(),
+            Self::Torque(torque) => torque.is_finite(),
+            Self::Impedance(impedance) => impedance.is_finite(),
+            Self::Speed(rpm) => rpm.is_finite(),
+            Self::Angle(degrees) => degrees.is_finite(),
+        }
+    }
+}
+
+/// Which kinds of target a motor takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct TargetSet(u16);
+
+impl TargetSet {
+    /// None: not even coasting. What a port offers before its motor is attached.
+    pub const NONE: Self = Self(0);
+
+    /// The kinds listed.
+    #[must_use]
+    pub const fn of(kinds: &[TargetKind]) -> Self {
+        let mut bits = 0;
+        let mut index = 0;
+        while index < kinds.len() {
+            bits |= 1 << kinds[index] as u16;
+            index += 1;
+        }
+        Self(bits)
+    }
+
+    /// These and one more.
+    #[must_use]
+    pub const fn with(self, kind: TargetKind) -> Self {
+        Self(self.0 | 1 << kind as u16)
+    }
+
+    /// Whether a kind is among them.
+    #[must_use]
+    pub const fn contains(self, kind: TargetKind) -> bool {
+        self.0 & (1 << kind as u16) != 0
+    }
+
+    /// `Ok` if the target's kind is among these and its numbers are finite.
+    ///
+    /// # Errors
+    /// [`TargetError`], saying which of both is wrong.
+    pub const fn accepts(self, target: &Target) -> Result<(), TargetError> {
+        if !self.contains(target.kind()) {
+            Err(TargetError::Unsupported(target.kind()))
+        } else if target.is_finite() {
+            Ok(())
+        } else {
+            Err(TargetError::NotFinite(target.kind()))
+        }
+    }
+}
+
+/// Why a target was refused. The motor keeps the one it had.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum TargetError {
+    /// This motor cannot do that.
+    Unsupported(TargetKind),
+    /// A number in it is infinite or NaN.
+    NotFinite(TargetKind),
+    /// A number in it lies where the motor cannot go.
+    OutOfRange(TargetKind),
+}
+
+impl fmt::Display for TargetError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unsupported(kind) => write!(f, "this motor takes no {kind:?} target"),
+            Self::NotFinite(kind) => write!(f, "the {kind:?} target is infinite or NaN"),
+            Self::OutOfRange(kind) => {
+                write!(f, "the {kind:?} target lies where the motor cannot go")
+            }
+        }
+    }
+}
+
+impl core::error::Error for TargetError {}
