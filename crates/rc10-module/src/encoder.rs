@@ -203,8 +203,8 @@ impl IncrementalEncoder {
 
     /// The angle from zero, of any number of turns, exact.
     #[must_use]
-    pub const fn angle(&self) -> TotalAngle {
-        TotalAngle::new(self.counts(), self.config.scale)
+    pub fn angle(&self) -> TotalAngle {
+        TotalAngle::from_counts(self.counts(), self.config.scale)
     }
 
     /// The speed when the counter was read last: the mean over 20 ms, or since the count before if
@@ -345,7 +345,7 @@ mod tests {
         let moved = turn(&mut encoder, 0, 100, 100);
         assert_eq!(encoder.counts(), -moved);
         assert!(encoder.speed().get() < -1000.0);
-        assert_eq!(encoder.angle().counts(), -moved);
+        assert_eq!(encoder.angle().counts_at(encoder.config.scale), -moved);
     }
 
     #[test]
