@@ -17,10 +17,10 @@
 //! };
 //! let mut servo = Servo::new(TargetKind::Torque, cascade)?;
 //! servo.set_target(Target::Speed(Rpm::new(60.0)))?;
-//! let measured = Some(Measured::default());
-//! servo.update(&Tick::new(DriveMode::Run), measured);
+//! let measured = Measured::default();
+//! servo.update(&Tick::new(DriveMode::Run), Some(&measured));
 //! assert!(servo.effort() > 0.0 && servo.effort() < 3.0);
-//! servo.update(&Tick::new(DriveMode::Coast), measured);
+//! servo.update(&Tick::new(DriveMode::Coast), Some(&measured));
 //! assert!(servo.effort().abs() < 1e-9);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -186,7 +186,7 @@ impl Servo {
 
     /// One step. Without a measurement there is no effort.
     #[inline]
-    pub fn update(&mut self, tick: &Tick, measured: Option<Measured>) {
+    pub fn update(&mut self, tick: &Tick, measured: Option<&Measured>) {
         match measured {
             Some(measured) if tick.mode == DriveMode::Run => {
                 self.ran = true;
@@ -200,7 +200,7 @@ impl Servo {
 
     /// One step while the target may not be followed.
     #[cold]
-    fn stop(&mut self, measured: Measured, tick: &Tick) {
+    fn stop(&mut self, measured: &Measured, tick: &Tick) {
         let mode = tick.mode;
         let ran = core::mem::take(&mut self.ran);
         if ran && matches!(mode, DriveMode::Brake | DriveMode::Hold) {
@@ -263,7 +263,7 @@ impl Servo {
     pub fn request(
         &mut self,
         request: Request,
-        measured: Option<Measured>,
+        measured: Option<&Measured>,
     ) -> Result<Response, RequestError> {
         match request {
             Request::SpeedGains(gains) => with_gains(&mut self.cascade.speed, gains)?,
@@ -286,7 +286,7 @@ impl Servo {
     }
 
     #[inline]
-    fn pursue(&mut self, goal: Goal, measured: Measured, tick: &Tick) {
+    fn pursue(&mut self, goal: Goal, measured: &Measured, tick: &Tick) {
         let Self { state, cascade, limit, .. } = self;
         let (speed, dt) = (measured.speed.get(), tick.dt);
         match goal {
@@ -339,7 +339,7 @@ impl SpringRange {
 
 /// Where a shaft comes to a stand: holding the angle at which it still turns would throw it back
 /// there. `acceleration` in rpm/s.
-fn stand(measured: Measured, acceleration: f32) -> TotalAngle {
+fn stand(measured: &Measured, acceleration: f32) -> TotalAngle {
     // s = v² / 2 a, in degrees and rpm: 1 rpm = 6 degrees a second.
     let rpm = measured.speed.get();
     let microdegrees = round_to_i32(3e6 * rpm * rpm.abs() / acceleration);
@@ -347,7 +347,7 @@ fn stand(measured: Measured, acceleration: f32) -> TotalAngle {
 }
 
 /// How far it is to an angle, in degrees; 0 where none is sought.
-fn way(goal: Goal, measured: Measured) -> f32 {
+fn way(goal: Goal, measured: &Measured) -> f32 {
     let way = match goal {
         Goal::Total(angle) | Goal::Impedance(angle, _) => {
             let way = angle.minus(measured.angle).microdegrees();
@@ -393,7 +393,7 @@ mod tests {
 
     /// The effort once the soft start is over.
     fn settled(servo: &mut Servo, mode: DriveMode, measured: Option<Measured>) -> f32 {
-        (0..40).for_each(|_| servo.update(&Tick::new(mode), measured));
+        (0..40).for_each(|_| servo.update(&Tick::new(mode), measured.as_ref()));
         servo.effort()
     }
 
@@ -463,7 +463,7 @@ mod tests {
         assert_eq!(servo.request(limit(9.0), None), Ok(Response::Done));
         assert!((settled(&mut servo, DriveMode::Run, at(0, 0.0)) - 5.0).abs() < 1e-3);
         let bad = Request::SpeedGains(Gains { kp: -1.0, ..Gains::default() });
-        assert!(servo.request(bad, at(0, 0.0)).is_err());
+        assert!(servo.request(bad, at(0, 0.0).as_ref()).is_err());
         let wrong = servo.set_target(Target::Current(Amps::new(1.0)));
         assert_eq!(wrong, Err(TargetError::Unsupported(TargetKind::Current)));
     }

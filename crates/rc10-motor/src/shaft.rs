@@ -18,7 +18,7 @@
 //! assert_eq!(angle.microdegrees(), -8 * 360_000_000 / (8192 * 36));
 //! ```
 
-use rc10_app::angle::{degrees_within_turn, nearest_movement, shortest_way};
+use rc10_app::angle::{degrees_within_turn, nearest_movement};
 use rc10_app::{Direction, Gear, Rpm, TotalAngle};
 use rc10_can::Micros;
 
@@ -65,8 +65,12 @@ pub struct Shaft {
     whole: i32,
     part: i32,
     divisor: i32,
-    /// Steps in a turn of the sensor.
+    /// The most steps at once for which 32 bits are enough, and that move the output by less than a
+    /// turn.
+    most: u32,
+    /// Steps in a turn of the sensor, and in half of one.
     steps_per_turn: i32,
+    half_turn: i32,
     /// Turns of the output per turn of the sensor, with the direction.
     ratio: f32,
     /// What the encoder showed last, where it starts over every turn.
@@ -76,6 +80,7 @@ pub struct Shaft {
     measured: Measured,
     /// When it was measured last; far away before the first time.
     at: Micros,
+    is_known: bool,
     gaps: u32,
 }
 
@@ -104,17 +109,25 @@ impl Shaft {
         } else {
             microdegrees / divisor
         };
-        #[expect(clippy::cast_possible_truncation, reason = "checked, or below the divisor")]
+        let part = microdegrees % divisor;
+        // Of one step, rounded up.
+        let in_turn = TURN as i64 / (whole + 1);
+        let in_32_bits = (i32::MAX as i64 - divisor) / (part + 1);
+        let most = if in_turn < in_32_bits { in_turn } else { in_32_bits };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked")]
         Self {
             whole: whole as i32 * sign as i32,
-            part: (microdegrees % divisor * sign as i64) as i32,
+            part: part as i32 * sign as i32,
             divisor: divisor as i32,
+            most: most as u32,
             steps_per_turn: steps,
+            half_turn: steps / 2,
             ratio: sign as f32 / gear.ratio(),
             reading: 0,
             rest: 0,
             measured: Measured { speed: Rpm::ZERO, angle: TotalAngle::ZERO, phase: 0 },
             at: Micros::new(u64::MAX / 2),
+            is_known: false,
             gaps: 0,
         }
     }
@@ -122,7 +135,7 @@ impl Shaft {
     /// Whether anything was measured.
     #[must_use]
     pub const fn is_known(&self) -> bool {
-        self.at.get() != u64::MAX / 2
+        self.is_known
     }
 
     /// Takes the reading of an encoder that starts over every turn (0 ..< `steps_per_turn`), and
@@ -133,7 +146,7 @@ impl Shaft {
     /// counted.
     #[inline]
     pub fn follow(&mut self, reading: i32, sensor_rpm: f32, at: Micros) {
-        let step = shortest_way(self.reading, reading, self.steps_per_turn);
+        let step = self.shorter_way(reading.wrapping_sub(self.reading));
         self.reading = reading;
         // Also for the first reading.
         if at.get().wrapping_sub(self.at.get()) < CERTAIN_MICROS {
@@ -142,6 +155,19 @@ impl Shaft {
             self.follow_after_silence(step, sensor_rpm, at);
         }
         self.measure(sensor_rpm, at);
+    }
+
+    /// A step from one reading to the next, the shorter way round.
+    #[inline]
+    const fn shorter_way(&self, step: i32) -> i32 {
+        let Self { steps_per_turn, half_turn, .. } = *self;
+        if step.wrapping_add(half_turn).cast_unsigned() < steps_per_turn.cast_unsigned() {
+            step
+        } else if step < 0 {
+            step.wrapping_add(steps_per_turn)
+        } else {
+            step.wrapping_sub(steps_per_turn)
+        }
     }
 
     #[cold]
@@ -186,11 +212,24 @@ impl Shaft {
     /// The sensor moved by so many steps.
     #[inline]
     pub fn move_by(&mut self, steps: i32) {
-        let over = i64::from(steps) * i64::from(self.part) + i64::from(self.rest);
-        let Ok(over) = i32::try_from(over) else { return self.jump_by(steps.into()) };
-        let carry = over / self.divisor;
-        self.rest = over - carry * self.divisor;
-        self.advance(i64::from(steps) * i64::from(self.whole) + i64::from(carry));
+        let Self { whole, part, divisor, most, .. } = *self;
+        if steps.unsigned_abs() > most || divisor <= 0 {
+            return self.jump_by(steps.into());
+        }
+        let over = steps.wrapping_mul(part).wrapping_add(self.rest);
+        let carry = over / divisor;
+        self.rest = over.wrapping_sub(carry.wrapping_mul(divisor));
+        let moved = steps.wrapping_mul(whole).wrapping_add(carry);
+        let Measured { angle, phase, .. } = &mut self.measured;
+        // Turns by such steps take longer than the universe to overflow.
+        let total = angle.microdegrees().wrapping_add(moved.into());
+        *angle = TotalAngle::from_microdegrees(total);
+        let sum = phase.wrapping_add(moved);
+        *phase = match sum {
+            _ if sum < 0 => sum.wrapping_add(TURN),
+            _ if sum >= TURN => sum.wrapping_sub(TURN),
+            _ => sum,
+        };
     }
 
     /// The same for any number of steps.
@@ -201,25 +240,8 @@ impl Shaft {
         #[expect(clippy::cast_possible_truncation, reason = "below the divisor; up to 2^64")]
         let (rest, carry) = ((over - carry * i128::from(self.divisor)) as i32, carry as i64);
         self.rest = rest;
-        self.advance(steps.saturating_mul(self.whole.into()).saturating_add(carry));
-    }
-
-    #[inline]
-    fn advance(&mut self, microdegrees: i64) {
-        let moved = TotalAngle::from_microdegrees(microdegrees);
-        let angle = self.measured.angle.plus(moved);
-        match i32::try_from(microdegrees) {
-            Ok(step) if (-TURN..=TURN).contains(&step) => {
-                self.measured.angle = angle;
-                let phase = self.measured.phase + step;
-                self.measured.phase = match phase {
-                    _ if phase < 0 => phase + TURN,
-                    _ if phase >= TURN => phase - TURN,
-                    _ => phase,
-                };
-            }
-            _ => self.place(angle),
-        }
+        let moved = steps.saturating_mul(self.whole.into()).saturating_add(carry);
+        self.place(self.measured.angle.plus(TotalAngle::from_microdegrees(moved)));
     }
 
     /// The shaft is there, however it came there.
@@ -232,7 +254,7 @@ impl Shaft {
     #[inline]
     pub fn measure(&mut self, sensor_rpm: f32, at: Micros) {
         self.measured.speed = Rpm::new(sensor_rpm * self.ratio);
-        self.at = at;
+        (self.at, self.is_known) = (at, true);
     }
 
     /// The number of turns is an estimate from now on.
@@ -263,8 +285,8 @@ impl Shaft {
     /// Speed and angle; `None` before anything was measured.
     #[inline]
     #[must_use]
-    pub const fn measured(&self) -> Option<Measured> {
-        if self.is_known() { Some(self.measured) } else { None }
+    pub const fn measured(&self) -> Option<&Measured> {
+        if self.is_known { Some(&self.measured) } else { None }
     }
 
     /// When it was measured last.
@@ -304,7 +326,7 @@ impl Shaft {
     #[inline]
     #[must_use]
     pub const fn feedback(&self) -> Feedback {
-        if !self.is_known() {
+        if !self.is_known {
             return Feedback::NEW;
         }
         let Measured { speed, angle, phase } = self.measured;
