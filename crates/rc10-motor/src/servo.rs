@@ -189,9 +189,16 @@ impl Servo {
     pub fn update(&mut self, tick: &Tick, measured: Option<&Measured>) {
         match measured {
             Some(measured) if tick.mode == DriveMode::Run => {
-                self.ran = true;
-                self.goals.rest();
-                self.pursue(self.goals.goal(), measured, tick);
+                if !self.ran {
+                    self.ran = true;
+                    self.goals.rest();
+                }
+                let Self { goals, state, cascade, limit, .. } = self;
+                if let Goal::Impedance(angle, impedance) = *goals.goal() {
+                    self.impede(angle, impedance, measured, tick.dt);
+                } else {
+                    pursue(goals.goal(), state, cascade, *limit, measured, tick);
+                }
             }
             Some(measured) => self.stop(measured, tick),
             None => self.rest(),
@@ -209,7 +216,7 @@ impl Servo {
         self.spring = None;
         let acceleration = self.cascade.acceleration.get();
         let goal = self.goals.update(mode, || Some(stand(measured, acceleration)));
-        self.pursue(goal, measured, tick);
+        pursue(&goal, &mut self.state, &self.cascade, self.limit, measured, tick);
     }
 
     /// No effort, and whatever drives next starts softly: while the device cannot follow.
@@ -285,36 +292,24 @@ impl Servo {
         Ok(Response::Done)
     }
 
-    #[inline]
-    fn pursue(&mut self, goal: Goal, measured: &Measured, tick: &Tick) {
-        let Self { state, cascade, limit, .. } = self;
-        let (speed, dt) = (measured.speed.get(), tick.dt);
-        match goal {
-            Goal::Speed(rpm) => state.seek_speed(cascade, rpm, speed, *limit, dt),
-            Goal::Angle(_) | Goal::Total(_) => {
-                if !state.keep_seeking_angle(cascade, speed, dt) {
-                    let way = way(goal, measured);
-                    state.seek_angle(cascade, way, speed, *limit, dt, tick.count);
-                }
-            }
-            Goal::Effort(effort) => state.give(effort, *limit, dt),
-            Goal::Rest => state.rest(),
-            Goal::Impedance(angle, impedance) => {
-                let way = way(Goal::Total(angle), measured);
-                self.impede(way, &impedance, speed, dt);
-            }
-        }
-    }
-
     /// Where the law would ask for more torque than the limit, all of it is taken back by one
     /// factor: the equilibrium stays.
-    fn impede(&mut self, way: f32, impedance: &Impedance, measured: f32, dt: Seconds) {
-        let Impedance { speed, torque, kp, kd, .. } = *impedance;
+    #[inline(never)]
+    fn impede(
+        &mut self,
+        angle: TotalAngle,
+        impedance: Impedance,
+        measured: &Measured,
+        dt: Seconds,
+    ) {
+        let Impedance { speed, torque, kp, kd, .. } = impedance;
+        let way = way(&Goal::Total(angle), measured);
+        let slip = (speed.get() - measured.speed.get()) * (TAU / 60.0);
         self.state.rest();
         let softness = if self.spring.is_some() { self.softness } else { 0.0 };
         self.softness = (softness + SOFT_SLOPE * dt.get()).min(1.0);
         let torque = within(torque.get(), self.limit);
-        let law = kp * way.to_radians() + kd * ((speed.get() - measured) * (TAU / 60.0)) + torque;
+        let law = kp * way.to_radians() + kd * slip + torque;
         let limit = self.limit * self.softness;
         let share = if law.abs() > limit { limit / law.abs() } else { 1.0 };
         self.spring = Some(Spring {
@@ -324,6 +319,30 @@ impl Servo {
             kp: kp * share,
             kd: kd * share,
         });
+    }
+}
+
+/// One step towards a goal that is no spring.
+#[inline]
+fn pursue(
+    goal: &Goal,
+    state: &mut CascadeState,
+    cascade: &Cascade,
+    limit: f32,
+    measured: &Measured,
+    tick: &Tick,
+) {
+    let (speed, dt) = (measured.speed.get(), tick.dt);
+    match *goal {
+        Goal::Speed(rpm) => state.seek_speed(cascade, rpm, speed, limit, dt),
+        Goal::Angle(_) | Goal::Total(_) => {
+            if !state.keep_seeking_angle(cascade, speed, dt) {
+                let way = way(goal, measured);
+                state.seek_angle(cascade, way, speed, limit, dt, tick.count);
+            }
+        }
+        Goal::Effort(effort) => state.give(effort, limit, dt),
+        Goal::Rest | Goal::Impedance(..) => state.rest(),
     }
 }
 
@@ -347,8 +366,8 @@ fn stand(measured: &Measured, acceleration: f32) -> TotalAngle {
 }
 
 /// How far it is to an angle, in degrees; 0 where none is sought.
-fn way(goal: Goal, measured: &Measured) -> f32 {
-    let way = match goal {
+fn way(goal: &Goal, measured: &Measured) -> f32 {
+    let way = match *goal {
         Goal::Total(angle) | Goal::Impedance(angle, _) => {
             let way = angle.minus(measured.angle).microdegrees();
             // Six turns away, some more or less do not matter.

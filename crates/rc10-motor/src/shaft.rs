@@ -35,6 +35,9 @@ const CERTAIN_RPM_MICROS: f32 = 27e6;
 /// Nor are they after such a silence, whatever the speed was before and after.
 const LONG_SILENCE: Micros = Micros::from_millis(100);
 
+/// When a shaft was measured that was not.
+const NEVER: Micros = Micros::new(1 << 63);
+
 /// Speed and angle of an output shaft, as measured last.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measured {
@@ -80,7 +83,6 @@ pub struct Shaft {
     measured: Measured,
     /// When it was measured last; far away before the first time.
     at: Micros,
-    is_known: bool,
     gaps: u32,
 }
 
@@ -126,16 +128,22 @@ impl Shaft {
             reading: 0,
             rest: 0,
             measured: Measured { speed: Rpm::ZERO, angle: TotalAngle::ZERO, phase: 0 },
-            at: Micros::new(u64::MAX / 2),
-            is_known: false,
+            at: NEVER,
             gaps: 0,
         }
     }
 
+    /// When and how fast it was measured last: for [`bridge`](Self::bridge).
+    #[must_use]
+    pub const fn before(&self) -> (Micros, Rpm) {
+        (self.at, self.measured.speed)
+    }
+
     /// Whether anything was measured.
+    #[inline]
     #[must_use]
     pub const fn is_known(&self) -> bool {
-        self.is_known
+        self.at.get() < NEVER.get()
     }
 
     /// Takes the reading of an encoder that starts over every turn (0 ..< `steps_per_turn`), and
@@ -148,13 +156,14 @@ impl Shaft {
     pub fn follow(&mut self, reading: i32, sensor_rpm: f32, at: Micros) {
         let step = self.shorter_way(reading.wrapping_sub(self.reading));
         self.reading = reading;
+        let before = (self.at, self.measured.speed);
+        self.measure(sensor_rpm, at);
         // Also for the first reading.
-        if at.get().wrapping_sub(self.at.get()) < CERTAIN_MICROS {
+        if at.get().wrapping_sub(before.0.get()) < CERTAIN_MICROS {
             self.move_by(step);
         } else {
-            self.follow_after_silence(step, sensor_rpm, at);
+            self.follow_after_silence(step, before);
         }
-        self.measure(sensor_rpm, at);
     }
 
     /// A step from one reading to the next, the shorter way round.
@@ -170,29 +179,33 @@ impl Shaft {
         }
     }
 
+    /// The same after a silence; `before` is when and how fast it was measured before.
     #[cold]
-    fn follow_after_silence(&mut self, step: i32, sensor_rpm: f32, at: Micros) {
-        if !self.is_known() {
+    fn follow_after_silence(&mut self, step: i32, before: (Micros, Rpm)) {
+        let (last, speed) = before;
+        if last == NEVER {
             return self.start(self.reading.into());
         }
-        let silence = at.since(self.at);
-        let fastest = sensor_rpm.abs().max((self.measured.speed.get() / self.ratio).abs());
+        let silence = self.at.since(last);
+        let fastest = self.measured.speed.abs().get().max(speed.abs().get()) / self.ratio.abs();
         #[expect(clippy::cast_precision_loss, reason = "up to 100 ms")]
         let turned = fastest * silence.get() as f32;
         if silence <= LONG_SILENCE && turned <= CERTAIN_RPM_MICROS {
             self.move_by(step);
         } else {
-            self.bridge(step.into(), sensor_rpm, at);
+            self.bridge(step.into(), before);
         }
     }
 
-    /// The sensor moved by `step`, give or take whole turns of it, since it was measured last: its
-    /// speed before and after says how many. Counts a gap.
+    /// The sensor moved by `step`, give or take whole turns of it, between the measurement `before`
+    /// (when, and how fast) and the one that has just been [taken](Self::measure): their mean speed
+    /// says how many. Counts a gap.
     #[cold]
-    pub fn bridge(&mut self, step: i64, sensor_rpm: f32, at: Micros) {
-        let mean = 0.5 * (self.measured.speed.get() / self.ratio + sensor_rpm);
+    pub fn bridge(&mut self, step: i64, before: (Micros, Rpm)) {
+        let (last, speed) = before;
+        let mean = 0.5 * (speed.get() + self.measured.speed.get()) / self.ratio;
         #[expect(clippy::cast_precision_loss, reason = "an estimate")]
-        let turns = mean * (at.since(self.at).get() as f32 * (1.0 / 60e6));
+        let turns = mean * (self.at.since(last).get() as f32 * (1.0 / 60e6));
         #[expect(clippy::cast_precision_loss, reason = "an estimate")]
         #[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
         let expected = (turns * self.steps_per_turn as f32) as i64;
@@ -254,7 +267,7 @@ impl Shaft {
     #[inline]
     pub fn measure(&mut self, sensor_rpm: f32, at: Micros) {
         self.measured.speed = Rpm::new(sensor_rpm * self.ratio);
-        (self.at, self.is_known) = (at, true);
+        self.at = at;
     }
 
     /// The number of turns is an estimate from now on.
@@ -286,7 +299,7 @@ impl Shaft {
     #[inline]
     #[must_use]
     pub const fn measured(&self) -> Option<&Measured> {
-        if self.is_known { Some(&self.measured) } else { None }
+        if self.is_known() { Some(&self.measured) } else { None }
     }
 
     /// When it was measured last.
@@ -326,7 +339,7 @@ impl Shaft {
     #[inline]
     #[must_use]
     pub const fn feedback(&self) -> Feedback {
-        if !self.is_known {
+        if !self.is_known() {
             return Feedback::NEW;
         }
         let Measured { speed, angle, phase } = self.measured;

@@ -241,8 +241,8 @@ impl CanMotor for Dji {
         if frame.key() != self.feedback_key || u32::from(angle) >= ENCODER_COUNTS {
             return self.reject(frame);
         }
-        self.shaft.follow(angle.into(), rpm.into(), at);
         self.bytes = *bytes;
+        self.shaft.follow(angle.into(), rpm.into(), at);
         Ok(FrameKind::Feedback)
     }
 
