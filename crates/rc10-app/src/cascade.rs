@@ -150,8 +150,13 @@ impl CascadeState {
         // Nobody may be left pushing: the effort itself is looked at, not only who gave it.
         let drives = self.active != Active::Nothing || self.starting != Active::Nothing;
         if drives || self.effort().to_bits() != 0 {
-            *self = Self::new();
+            self.reset();
         }
+    }
+
+    #[cold]
+    const fn reset(&mut self) {
+        *self = Self::new();
     }
 
     /// Forgets what the loops have gathered; the effort that flows now is left softly. For a stop:

@@ -185,38 +185,44 @@ impl Servo {
     }
 
     /// One step. Without a measurement there is no effort.
-    #[inline]
     pub fn update(&mut self, tick: &Tick, measured: Option<&Measured>) {
-        match measured {
-            Some(measured) if tick.mode == DriveMode::Run => {
-                if !self.ran {
-                    self.ran = true;
-                    self.goals.rest();
-                }
-                let Self { goals, state, cascade, limit, .. } = self;
-                if let Goal::Impedance(angle, impedance) = *goals.goal() {
-                    self.impede(angle, impedance, measured, tick.dt);
-                } else {
-                    pursue(goals.goal(), state, cascade, *limit, measured, tick);
+        let Some(measured) = measured else { return self.rest() };
+        let (speed, dt) = (measured.speed.get(), tick.dt);
+        let other;
+        let goal = if tick.mode == DriveMode::Run && self.ran {
+            self.goals.goal()
+        } else {
+            other = self.change(tick.mode, measured);
+            &other
+        };
+        let Self { state, cascade, limit, .. } = self;
+        match goal {
+            Goal::Speed(rpm) => state.seek_speed(cascade, *rpm, speed, *limit, dt),
+            Goal::Angle(_) | Goal::Total(_) => {
+                if !state.keep_seeking_angle(cascade, speed, dt) {
+                    let way = way(goal, measured);
+                    state.seek_angle(cascade, way, speed, *limit, dt, tick.count);
                 }
             }
-            Some(measured) => self.stop(measured, tick),
-            None => self.rest(),
+            Goal::Effort(effort) => state.give(*effort, *limit, dt),
+            Goal::Rest => state.rest(),
+            Goal::Impedance(angle, impedance) => {
+                let (way, impedance) = (way(&Goal::Total(*angle), measured), *impedance);
+                self.impede(way, impedance, speed, dt);
+            }
         }
     }
 
-    /// One step while the target may not be followed.
+    /// What is sought while it does not simply go on following its target.
     #[cold]
-    fn stop(&mut self, measured: &Measured, tick: &Tick) {
-        let mode = tick.mode;
-        let ran = core::mem::take(&mut self.ran);
+    fn change(&mut self, mode: DriveMode, measured: &Measured) -> Goal {
+        let ran = core::mem::replace(&mut self.ran, mode == DriveMode::Run);
         if ran && matches!(mode, DriveMode::Brake | DriveMode::Hold) {
             self.state.start_over(mode == DriveMode::Hold);
         }
         self.spring = None;
         let acceleration = self.cascade.acceleration.get();
-        let goal = self.goals.update(mode, || Some(stand(measured, acceleration)));
-        pursue(&goal, &mut self.state, &self.cascade, self.limit, measured, tick);
+        self.goals.update(mode, || Some(stand(measured, acceleration)))
     }
 
     /// No effort, and whatever drives next starts softly: while the device cannot follow.
@@ -294,17 +300,10 @@ impl Servo {
 
     /// Where the law would ask for more torque than the limit, all of it is taken back by one
     /// factor: the equilibrium stays.
-    #[inline(never)]
-    fn impede(
-        &mut self,
-        angle: TotalAngle,
-        impedance: Impedance,
-        measured: &Measured,
-        dt: Seconds,
-    ) {
+    #[cold]
+    fn impede(&mut self, way: f32, impedance: Impedance, measured: f32, dt: Seconds) {
         let Impedance { speed, torque, kp, kd, .. } = impedance;
-        let way = way(&Goal::Total(angle), measured);
-        let slip = (speed.get() - measured.speed.get()) * (TAU / 60.0);
+        let slip = (speed.get() - measured) * (TAU / 60.0);
         self.state.rest();
         let softness = if self.spring.is_some() { self.softness } else { 0.0 };
         self.softness = (softness + SOFT_SLOPE * dt.get()).min(1.0);
@@ -319,30 +318,6 @@ impl Servo {
             kp: kp * share,
             kd: kd * share,
         });
-    }
-}
-
-/// One step towards a goal that is no spring.
-#[inline]
-fn pursue(
-    goal: &Goal,
-    state: &mut CascadeState,
-    cascade: &Cascade,
-    limit: f32,
-    measured: &Measured,
-    tick: &Tick,
-) {
-    let (speed, dt) = (measured.speed.get(), tick.dt);
-    match *goal {
-        Goal::Speed(rpm) => state.seek_speed(cascade, rpm, speed, limit, dt),
-        Goal::Angle(_) | Goal::Total(_) => {
-            if !state.keep_seeking_angle(cascade, speed, dt) {
-                let way = way(goal, measured);
-                state.seek_angle(cascade, way, speed, limit, dt, tick.count);
-            }
-        }
-        Goal::Effort(effort) => state.give(effort, limit, dt),
-        Goal::Rest | Goal::Impedance(..) => state.rest(),
     }
 }
 
