@@ -155,6 +155,7 @@ impl CascadeState {
     }
 
     #[cold]
+    #[inline(never)]
     const fn reset(&mut self) {
         *self = Self::new();
     }

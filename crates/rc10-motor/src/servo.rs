@@ -200,8 +200,7 @@ impl Servo {
             Goal::Speed(rpm) => state.seek_speed(cascade, *rpm, speed, *limit, dt),
             Goal::Angle(_) | Goal::Total(_) => {
                 if !state.keep_seeking_angle(cascade, speed, dt) {
-                    let way = way(goal, measured);
-                    state.seek_angle(cascade, way, speed, *limit, dt, tick.count);
+                    seek_angle(state, cascade, *limit, goal, measured, tick);
                 }
             }
             Goal::Effort(effort) => state.give(*effort, *limit, dt),
@@ -319,6 +318,20 @@ impl Servo {
             kd: kd * share,
         });
     }
+}
+
+/// One step with the angle loop. On its own, because it is not in every tick.
+#[inline(never)]
+fn seek_angle(
+    state: &mut CascadeState,
+    cascade: &Cascade,
+    limit: f32,
+    goal: &Goal,
+    measured: &Measured,
+    tick: &Tick,
+) {
+    let (way, speed) = (way(goal, measured), measured.speed.get());
+    state.seek_angle(cascade, way, speed, limit, tick.dt, tick.count);
 }
 
 impl SpringRange {

@@ -238,11 +238,8 @@ impl Shaft {
         let total = angle.microdegrees().wrapping_add(moved.into());
         *angle = TotalAngle::from_microdegrees(total);
         let sum = phase.wrapping_add(moved);
-        *phase = match sum {
-            _ if sum < 0 => sum.wrapping_add(TURN),
-            _ if sum >= TURN => sum.wrapping_sub(TURN),
-            _ => sum,
-        };
+        let is_within = sum.cast_unsigned() < TURN.cast_unsigned();
+        *phase = if is_within { sum } else { wrapped(sum) };
     }
 
     /// The same for any number of steps.
@@ -347,6 +344,12 @@ impl Shaft {
         feedback.turn_gaps = self.gaps;
         feedback
     }
+}
+
+/// Once in a turn of the output.
+#[cold]
+const fn wrapped(phase: i32) -> i32 {
+    if phase < 0 { phase.wrapping_add(TURN) } else { phase.wrapping_sub(TURN) }
 }
 
 const fn greatest_common_divisor(mut a: i64, mut b: i64) -> i64 {
