@@ -412,6 +412,21 @@ mod tests {
     }
 
     #[test]
+    fn a_jump_drops_the_index_mark() {
+        let mut encoder = IncrementalEncoder::new(config(1 << 16)).unwrap();
+        encoder.update(1000, millis(0)).unwrap();
+        assert_eq!(encoder.index(900), Ok(None));
+        assert!(encoder.update(31_000, millis(1)).is_err());
+        // The old mark is on the count before the jump: it must not correct the angle.
+        assert!(!encoder.set_zero_at_index());
+        assert_eq!(encoder.index(31_000), Ok(None));
+        assert_eq!(encoder.counts(), 0);
+        // The pulse after the jump is the new mark.
+        assert_eq!(encoder.index(31_007), Ok(Some(7)));
+        assert_eq!(encoder.counts(), -7);
+    }
+
+    #[test]
     fn what_cannot_be_is_refused_by_name() {
         let speeds = [0.0, -1.0, f32::NAN, f32::INFINITY];
         for bad in speeds.map(|speed| Config { max_speed: Rpm::new(speed), ..config(1 << 16) }) {
