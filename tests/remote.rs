@@ -9,7 +9,7 @@ mod world_axes;
 
 use rc10_can::Micros;
 use rc10_cli::remote::{Receiver, ReceiverWire};
-use rc10_cli::surroundings::Surroundings;
+use rc10_cli::environment::Environment;
 use rc10_cli::team;
 use rc10_motor::{ArmState, Drive, Target};
 use rc10_robot::table::{FULL_STICK, LIFT, Name, WHEELS};
@@ -24,7 +24,7 @@ const fn millis(millis: u64) -> Micros {
 /// The robot in its world, its remote in the test's hands.
 struct Scene<'r> {
     io: &'r Io<'r>,
-    around: Surroundings,
+    around: Environment,
     tasks: Tasks<'r>,
     /// What the chip's end sent since the last look, bus by bus.
     commands: [Vec<TraceEntry>; 3],
@@ -39,7 +39,7 @@ fn scene<T>(receiver: Receiver, seed: u64, play: impl FnOnce(Scene<'_>) -> T) ->
 fn scene_with<T>(
     receiver: Receiver,
     seed: u64,
-    change: impl FnOnce(&mut Surroundings),
+    change: impl FnOnce(&mut Environment),
     play: impl FnOnce(Scene<'_>) -> T,
 ) -> T {
     let ports = rc10_robot::ports();
@@ -48,7 +48,7 @@ fn scene_with<T>(
     let buses = motors.start(io).unwrap();
     let mut robot = team::robot(io, buses);
     robot.set_remote(receiver).unwrap();
-    let mut around = Surroundings::new(robot.description(), seed).unwrap();
+    let mut around = Environment::new(robot.description(), seed).unwrap();
     around.operator = None;
     change(&mut around);
     let tasks = robot.tasks(&around).unwrap();
@@ -258,7 +258,7 @@ fn after_a_second_it_is_disarmed_and_only_a_hand_arms_it() {
 #[test]
 fn a_failsafe_flag_stops_at_once() {
     for (failsafe, fast) in [(Failsafe::Hold, false), (Failsafe::Centre, true)] {
-        let impatient = |around: &mut Surroundings| {
+        let impatient = |around: &mut Environment| {
             let link = around.remote.as_mut().unwrap();
             let receiver =
                 Sbus::new(&link.remote, Nanos::new(3_100_000)).with_failsafe(failsafe, 0);

@@ -58,7 +58,7 @@ impl Own {
         }
         let described = (1..).zip(LABELS).take(self.motors.into()).map(|(id, label)| {
             let mut motor = Motor { inertia: 0.029, ..Motor::new(label, 1, &M3508, id) };
-            let rc10_cli::robot::Device::Dji { rate, .. } = &mut motor.device else { panic!() };
+            let rc10_cli::motor::Device::Dji { rate, .. } = &mut motor.device else { panic!() };
             *rate = self.rate;
             motor
         });

@@ -24,7 +24,8 @@ use anyhow::Result;
 use clap::Args;
 use rc10_motor::signals::Message;
 
-use crate::robot::{Description, Motor, Place};
+use crate::description::Description;
+use crate::motor::{Motor, Place};
 use crate::run::{make_folder, write_file};
 
 pub use model::{Dbc, Frame, NamedSignal};

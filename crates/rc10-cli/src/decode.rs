@@ -17,7 +17,9 @@ use rc10_motor::signals::{Marks, Message};
 use rc10_motor::{Dispatch, Feedback, FrameError, MotorBus, MotorId, MotorStatus};
 
 use crate::candump::{Line, Numbered, Reader};
-use crate::robot::{Description, Motor, Robot};
+use crate::description::Description;
+use crate::motor::Motor;
+use crate::robot::Robot;
 use print::Printer;
 
 /// Arguments of `rc10 decode`.

@@ -8,7 +8,7 @@ use rc10_can::Micros;
 use rc10_motor::{Loops, TargetKind, dji};
 
 use crate::margin::Margins;
-use crate::robot::{Device, Motor, Twin};
+use crate::motor::{Device, Motor, Twin};
 
 /// Looks in a window: 200 ms.
 pub const WINDOW: usize = 200;

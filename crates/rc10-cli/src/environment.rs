@@ -9,12 +9,13 @@ use rc10_motor::dji::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{Base, BusConfig, LineConfig, Mounting, Serial, Tasks, Wheels, World};
 
-use crate::mistake::Built;
+use crate::built::Built;
+use crate::description::Description;
+use crate::motor::Twin;
 use crate::remote::{Operator, Receiver, ReceiverWire};
-use crate::robot::{Description, Twin};
 
 /// The world around a robot.
-pub struct Surroundings {
+pub struct Environment {
     /// Time, and everything in it.
     pub world: World,
     /// The wires; bus 1 is the first.
@@ -44,7 +45,7 @@ pub struct RemoteLink {
     pub wire: ReceiverWire,
 }
 
-impl Surroundings {
+impl Environment {
     /// What the description says, but for its mistakes, with all chance from `seed`.
     ///
     /// # Errors
@@ -141,16 +142,17 @@ mod tests {
     use rc10_motor::dji;
 
     use super::*;
-    use crate::robot::{self, Motor, Place};
+    use crate::description::Base;
+    use crate::motor::{Motor, Place};
 
     #[test]
     fn what_cannot_be_built_is_named() {
         const OTHER: dji::Model = dji::Model { name: "M3508 without gearbox", ..dji::M3508 };
         let complaint = |motor: Motor, wheels: Option<[usize; 4]>| {
-            let base = wheels.map(|wheels| robot::Base { wheels, chassis: <_>::default() });
+            let base = wheels.map(|wheels| Base { wheels, chassis: <_>::default() });
             let description =
                 Description { motors: vec![motor; 4], buses: 2, base, ..<_>::default() };
-            Surroundings::new(&description, 1).err().map(|error| format!("{error:#}"))
+            Environment::new(&description, 1).err().map(|error| format!("{error:#}"))
         };
         let arm = Motor::new("arm", 2, &dji::M2006, 1);
         assert_eq!(complaint(arm, None), None);

@@ -13,9 +13,9 @@ use serde_json::{Value, json};
 
 use crate::effort::{self, EffortTrack, IN_A_ROW, WINDOW};
 use crate::margin;
+use crate::motor::Place;
 use crate::recording::{BusTrack, MotorSample, MotorTrack, Recording, SAMPLE_PERIOD};
 use crate::remote::{Loss, Receiver, RemoteTrack};
-use crate::robot::Place;
 
 /// How bad it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -535,6 +535,8 @@ fn is_driven_on(loss: &Loss, end: Micros) -> bool {
     loss.coasting.is_none() && over > due
 }
 
+/// A time in seconds.
 pub(crate) fn seconds(time: Micros) -> f64 {
-    time.get() as f64 * 1e-6
+    // Divided: correctly rounded, so that 0.9 s is printed as 0.9.
+    time.get() as f64 / 1e6
 }

@@ -1,4 +1,4 @@
-//! Writes down what a robot does in its surroundings, whoever runs it.
+//! Writes down what a robot does in its environment, whoever runs it.
 
 use rc10_app::TotalAngle;
 use rc10_app::angle::shortest_way_degrees;
@@ -9,13 +9,14 @@ use rc10_sim::{Base, TraceEntry};
 use sha2::{Digest, Sha256};
 
 use crate::candump;
+use crate::description::Description;
 use crate::effort::{EffortWatch, effort_of};
 use crate::margin::Margins;
+use crate::motor::{Motor, Twin};
 use crate::recording::{
     BaseHeard, BaseTrack, BusSample, BusTrack, Cell, LOOK_PERIOD, MotorSample, MotorTrack,
     PathPoint, Recording, SAMPLE_PERIOD, Tracking, WheelHeard, hex_digits,
 };
-use crate::robot::{Description, Motor, Twin};
 
 /// Writes down what a robot does. It sees the wires and the shafts for itself; what the robot
 /// believes of its motors and buses it must be told.
@@ -40,8 +41,9 @@ struct BusRecorder {
 }
 
 impl<'d> Recorder<'d> {
-    /// A recorder before the start. `seed` is the surroundings' one, `loops` those of the motors in
-    /// the order of the description, as are their `twins`. On an emulated chip it does not see what the robot decides.
+    /// A recorder before the start. `seed` is that of the world; `loops` and `twins` are those of
+    /// the motors, in the order of the description. On an emulated chip it does not see what the
+    /// robot decides.
     #[must_use]
     pub fn new(
         description: &'d Description,

@@ -9,8 +9,9 @@ use rc10_sim::{Chassis, Fault};
 use sha2::{Digest, Sha256};
 
 use crate::effort::EffortTrack;
+use crate::motor::Motor;
 use crate::remote::RemoteTrack;
-use crate::robot::Motor;
+use crate::script::Event;
 
 /// Samples are taken this far apart.
 pub const SAMPLE_PERIOD: Micros = Micros::from_millis(10);
@@ -278,13 +279,4 @@ pub struct PathPoint {
     pub y: f64,
     /// Radians, counter-clockwise.
     pub yaw: f64,
-}
-
-/// Something that happened by itself.
-#[derive(Clone, Copy, Debug)]
-pub struct Event {
-    /// When.
-    pub at: Micros,
-    /// What.
-    pub label: &'static str,
 }

@@ -13,12 +13,12 @@ use crate::figures::{
     Entry, Figures, Table, bus_table, grouped, headline, line_table, motor_table, optional,
     sentence,
 };
-use crate::problems::{Problem, Severity};
+use crate::motor::Place;
+use crate::problems::{Problem, Severity, seconds};
 use crate::recording::{
     BaseTrack, BusTrack, Cell, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD,
 };
 use crate::remote::{RemoteSample, RemoteTrack};
-use crate::robot::Place;
 
 /// Width of the windows of [`BusTrack::load_windows`].
 const LOAD_WINDOW: Micros = Micros::from_millis(100);
@@ -284,10 +284,6 @@ impl Scale {
     fn target(self, sample: &MotorSample) -> f64 {
         sample.target.filter(|_| self.kind == sample.kind).unwrap_or(f64::NAN)
     }
-}
-
-fn seconds(time: Micros) -> f64 {
-    time.get() as f64 / 1e6
 }
 
 /// So many sample periods, in seconds.
@@ -617,8 +613,9 @@ mod tests {
     use rc10_sim::remote::Sent;
 
     use super::*;
-    use crate::recording::{Event, Tracking};
+    use crate::recording::Tracking;
     use crate::remote::{Loss, Lost, Receiver};
+    use crate::script::Event;
     use crate::team;
 
     /// All motors follow a target exactly; nothing is wrong.

@@ -1,4 +1,4 @@
-//! `rc10 run`: drives a robot in its surroundings and says how it went.
+//! `rc10 run`: drives a robot in its environment and says how it went.
 
 use std::fs;
 use std::io::{self, Write};

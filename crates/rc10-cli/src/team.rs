@@ -9,9 +9,11 @@ use rc10_robot::{Bus, Io, chassis, driver, imu, mechanisms, remote, status};
 use rc10_sim::imu::Hwt101;
 use rc10_sim::{Chassis, Nanos, Serial, World};
 
+use crate::description::{Base, Description, SerialPart};
 use crate::emulate::build_firmware;
+use crate::motor::{Device, Motor, Place};
 use crate::remote::{Receiver, ReceiverPort, RemoteControl};
-use crate::robot::{Base, Description, Device, Motor, Place, Robot, SerialPart};
+use crate::robot::Robot;
 
 /// Where its parts are plugged in: `firmware/src/board.rs`.
 const REMOTE_UART: u8 = 5;

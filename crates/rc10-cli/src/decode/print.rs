@@ -12,7 +12,8 @@ use serde_json::{Map, Value, json};
 
 use super::{Decoder, Lane, Meaning, Summary};
 use crate::candump::{self, Line, SecondsOf};
-use crate::robot::{Description, Motor};
+use crate::description::Description;
+use crate::motor::Motor;
 
 /// Prints frames as they come, then the summary.
 pub(super) struct Printer<'o> {

@@ -3,9 +3,9 @@
 use rc10_emu::{Figures, Rig};
 use rc10_sim::fault::Kind;
 
+use crate::motor::Place;
 use crate::problems::{About, Problem, is_excused};
 use crate::recording::Recording;
-use crate::robot::Place;
 
 /// Adds what is to be said of the chip. What its faults must do is no problem.
 pub(super) fn search(rig: &Rig, recording: &Recording, found: &mut Vec<Problem>) {

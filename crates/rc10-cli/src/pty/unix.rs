@@ -175,7 +175,8 @@ mod tests {
     use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
     use super::*;
-    use crate::robot::{Description, Motor};
+    use crate::description::Description;
+    use crate::motor::Motor;
 
     fn args(link: PathBuf, lockstep: bool, seconds: u64) -> PtyArgs {
         let seconds = Some(Micros::from_millis(1000 * seconds));

@@ -8,7 +8,7 @@ use rc10_sim::Nanos;
 use rc10_sim::remote::Sent;
 
 use super::{Lost, Receiver, RemoteControl};
-use crate::robot::{Motor, Twin};
+use crate::motor::{Motor, Twin};
 
 /// Whatever a remote that is back brings about has come by then.
 const LONG: Micros = Micros::from_millis(500);
