@@ -353,3 +353,35 @@ fn sample(motor: &Motor, status: &MotorStatus, esc: &Twin) -> MotorSample {
         overwritten: state.feedback_overwritten,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rc10_app::Rpm;
+    use rc10_motor::dji::M3508;
+    use rc10_sim::{BusConfig, World};
+
+    use super::*;
+
+    /// Three looks at a motor that measured 97, 50 and 96 rpm. In the second it was not driven, so
+    /// there was no target to follow.
+    #[test]
+    fn looks_without_a_target_are_not_in_the_error() {
+        let motor = Motor::new("wheel", 1, &M3508, 1);
+        let wire = World::new(1).add_bus(BusConfig::default());
+        let twin = motor.plug_in(&[wire], &[]).unwrap();
+        let mut recorder = MotorRecorder::new(None);
+        for (rpm, drive) in [(97.0, Drive::Run), (50.0, Drive::Coast), (96.0, Drive::Run)] {
+            let mut status = MotorStatus::NEW;
+            status.drive = drive;
+            status.target = Target::Speed(Rpm::new(100.0));
+            status.feedback.speed = Rpm::new(rpm);
+            recorder.look(Micros::ZERO, &motor, &status, &twin);
+            recorder.sample();
+        }
+        let targets: Vec<_> = recorder.samples.iter().map(|sample| sample.target).collect();
+        assert_eq!(targets, [Some(100.0), None, Some(100.0)]);
+        let expected = Tracking { kind: TargetKind::Speed, looks: 2, squares: 25.0, peak: 4.0 };
+        assert_eq!(recorder.tracking, [expected]);
+        assert!((expected.rms() - 12.5_f64.sqrt()).abs() < 1e-9);
+    }
+}
