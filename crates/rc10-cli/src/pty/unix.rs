@@ -165,7 +165,7 @@ fn summary(counts: &Counts, now: Micros, behind: Micros) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::fs::{File, OpenOptions};
+    use std::fs::File;
     use std::io::Read;
     use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
     use std::path::PathBuf;
@@ -173,6 +173,7 @@ mod tests {
 
     use rc10_motor::dji::M3508;
     use rustix::event::{PollFd, PollFlags, Timespec, poll};
+    use rustix::fs::{Mode, OFlags, open};
 
     use super::*;
     use crate::description::Description;
@@ -203,7 +204,10 @@ mod tests {
                 assert!(!server.is_finished(), "no pseudo-terminal");
                 thread::yield_now();
             }
-            let open = || OpenOptions::new().read(true).write(true).open(&link).unwrap();
+            // Without `NOCTTY` it would become the controlling terminal of a test program that leads
+            // a session, and its end would kill that program by SIGHUP.
+            let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
+            let open = || File::from(open(&link, flags, Mode::empty()).unwrap());
             // The other side ends also if the client fails.
             let result = catch_unwind(AssertUnwindSafe(|| client(&mut open())));
             stop.store(true, Ordering::Relaxed);
