@@ -7,13 +7,14 @@ mod lamp;
 #[path = "remote/world_axes.rs"]
 mod world_axes;
 
+use rc10_app::Twist;
 use rc10_can::Micros;
-use rc10_cli::remote::{Receiver, ReceiverWire};
 use rc10_cli::environment::Environment;
+use rc10_cli::remote::{Receiver, ReceiverWire};
 use rc10_cli::team;
-use rc10_motor::{ArmState, Drive, Target};
+use rc10_motor::{ArmState, Drive, Link, Target};
 use rc10_robot::table::{FULL_STICK, LIFT, Name, WHEELS};
-use rc10_robot::{Io, Motors};
+use rc10_robot::{Io, Motion, Motors};
 use rc10_sim::remote::{Controls, Failsafe, Sbus, Stick, Switch};
 use rc10_sim::{Nanos, SerialCounters, Tasks, TraceEntry, UartFault};
 
@@ -35,7 +36,7 @@ fn scene<T>(receiver: Receiver, seed: u64, play: impl FnOnce(Scene<'_>) -> T) ->
     scene_with(receiver, seed, |_| (), play)
 }
 
-/// The same; `change` is what is different about its surroundings.
+/// The same; `change` is what is different about its environment.
 fn scene_with<T>(
     receiver: Receiver,
     seed: u64,
@@ -366,4 +367,65 @@ fn every_receiver_drives_the_script() {
         assert_eq!(first.trace_hash(), run(3).trace_hash(), "{receiver}: the same seed");
         assert_ne!(first.trace_hash(), run(4).trace_hash(), "{receiver}: another seed");
     }
+}
+
+/// A lift motor that is powered while the robot is armed does not know where the bottom is: it gets
+/// no current until its angle has been set to zero there.
+#[test]
+fn a_lift_that_is_powered_while_armed_gets_no_current_before_its_zero() {
+    let power = |around: &Environment, on: bool| {
+        for name in LIFT {
+            around.motors[name as usize].esc().unwrap().set_power(on);
+        }
+    };
+    let unpowered = |around: &mut Environment| power(around, false);
+    scene_with(Receiver::Sbus, 3, unpowered, |mut scene| {
+        scene.run(millis(100));
+        scene.arm_by_hand();
+        scene.run(millis(1000));
+        power(&scene.around, true);
+        let mut waited = [0; LIFT.len()];
+        for _ in 0..60 {
+            scene.run(millis(1));
+            for (name, waited) in LIFT.into_iter().zip(&mut waited) {
+                let status = scene.io.motor(name).status();
+                // Its encoder stands somewhere within a turn of the rotor until then.
+                let has_zero = status.feedback.total_angle.degrees().get().abs() < 0.5;
+                if status.link == Link::Online && !has_zero {
+                    *waited += 1;
+                    assert_ne!(status.drive, Drive::Run, "{name:?}");
+                    assert!(!scene.is_driven(name), "{name:?}");
+                }
+            }
+        }
+        assert!(waited.iter().all(|&waited| waited > 0), "{waited:?} ms without a zero");
+        assert!(LIFT.iter().all(|name| scene.drive(*name) == Drive::Run));
+    });
+}
+
+/// A motion that is wished for while the robot is disarmed is not ramped up to meanwhile: once it
+/// is armed, the wheels begin with the speeds that they have.
+#[test]
+fn wheels_begin_at_rest_whatever_was_wished_for_while_disarmed() {
+    scene(Receiver::Sbus, 4, |mut scene| {
+        let wish = |scene: &mut Scene<'_>, ms: u32| {
+            for _ in 0..ms {
+                let twist = Twist::new(1.0, 0.0, 0.0);
+                let motion = Motion { twist, ..Motion::default() };
+                scene.io.motion.set(motion, scene.now());
+                scene.run(millis(1));
+            }
+        };
+        wish(&mut scene, 1000);
+        assert_eq!(scene.arm(), ArmState::Disarmed);
+        scene.io.switch.arm().unwrap();
+        wish(&mut scene, 8);
+        let target = scene.io.motor(Name::FrontLeft).status().target;
+        let Target::Speed(first) = target else { panic!("{target:?}") };
+        assert!(first.get() < 20.0, "{first}");
+        wish(&mut scene, 1000);
+        let target = scene.io.motor(Name::FrontLeft).status().target;
+        let Target::Speed(last) = target else { panic!("{target:?}") };
+        assert!(last.get() > 100.0, "{last}");
+    });
 }
