@@ -627,5 +627,26 @@ mod tests {
         let with = |fault: &str| Recording { faults: vec![fault.parse().unwrap()], ..bad() };
         assert!(said(&bad()).0 && said(&with("cut:1@2.5s")).0 && said(&with("noise:1@1ms")).0);
         assert!(!said(&with("cut:1@1ms")).0 && !said(&with("power:1@1ms..2.9s")).0);
+        assert!(said(&with("cut:2@1ms")).0, "its wheels are on bus 1");
+    }
+
+    #[test]
+    fn a_runaway_is_excused_by_a_fault_of_its_own_wire_alone() {
+        let mut recording = run(|_| [0.0; 4], |_| None, 0.0);
+        let away = |index: usize| {
+            let rpm = -20.0 * index as f64 - 10.0;
+            sample(100.0, rpm, rpm, -5.0, TargetKind::Speed)
+        };
+        recording.motors[0].samples = (0..AWAY).map(away).collect();
+        for (fault, is_told) in [
+            (None, true),
+            (Some("cut:1@1ms"), false),
+            (Some("cut:2@1ms"), true),
+            (Some("cut:L1@1ms"), true),
+        ] {
+            recording.faults = fault.iter().map(|fault| fault.parse().unwrap()).collect();
+            let found = runaway(&recording, &recording.motors[0]);
+            assert_eq!(found.is_some(), is_told, "{fault:?}");
+        }
     }
 }
