@@ -29,7 +29,7 @@ enum Change {
 }
 
 impl Built {
-    /// What a description says, but for its mistakes.
+    /// The robot of a description with its mistakes.
     ///
     /// # Errors
     /// If a mistake names no motor of it, or more than one; or a base that it does not have; or the

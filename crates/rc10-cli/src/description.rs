@@ -12,7 +12,7 @@ use crate::motor::{Motor, Place};
 use crate::remote::{Line, Lost, RemoteControl};
 use crate::script::{Event, Script};
 
-/// What the tools must know of a robot before it runs.
+/// A robot before it runs: its motors, buses, base, remote and script.
 #[derive(Clone, Debug, Default)]
 pub struct Description {
     /// All motors; those of one bus in the order in which they are attached to it.
@@ -21,28 +21,29 @@ pub struct Description {
     pub buses: u8,
     /// How many RS-485 lines it has: their numbers are 1 to this.
     pub lines: u8,
-    /// What its wheels carry, if that shall be simulated.
+    /// The base on its wheels, if that is simulated.
     pub base: Option<Base>,
-    /// Its remote control, if it has one, and what somebody does with it.
+    /// Its remote control, if it has one, with the script of its operator.
     pub remote: Option<RemoteControl>,
-    /// What else is on its UARTs.
+    /// The other parts on its UARTs.
     pub serials: Vec<SerialPart>,
-    /// What it does by itself, to be named in reports.
+    /// Its script, for reports.
     pub script: Script,
     /// Builds its firmware and says where the ELF file is. `None`: `rc10 emu` must be told.
     pub firmware: Option<fn() -> Result<PathBuf>>,
-    /// What goes wrong around it in this run: [`Robot::set_faults`].
+    /// Faults that are injected in this run: [`Robot::set_faults`](crate::Robot::set_faults).
     pub faults: Vec<Fault>,
-    /// What is built otherwise than described: [`Robot::set_mistakes`].
+    /// Differences between the world and this description:
+    /// [`Robot::set_mistakes`](crate::Robot::set_mistakes).
     pub mistakes: Vec<Mistake>,
-    /// The buses' logs are hashed, and not kept: [`Robot::set_no_logs`].
+    /// The buses' logs are hashed, and not kept: [`Robot::set_no_logs`](crate::Robot::set_no_logs).
     pub no_logs: bool,
 }
 
 /// A part on a UART of the robot.
 #[derive(Clone, Copy, Debug)]
 pub struct SerialPart {
-    /// What people call it.
+    /// Label of the part.
     pub label: &'static str,
     /// The chip's UART: 1 for USART1.
     pub uart: u8,
@@ -72,9 +73,9 @@ impl Description {
         self.motors.iter().filter(move |motor| motor.on == Place::Bus(bus))
     }
 
-    /// What happens by itself before `end`, in the order of time: in its script, in the hands of
-    /// whoever holds its remote, and to that remote. What hands do while the remote is lost nobody
-    /// hears, but for the last of it, when the remote is back.
+    /// The events before `end`, in order of time: those of its script, of its remote's operator,
+    /// and the losses of that remote. What the operator does while the remote is lost is not
+    /// received; only the last of it is, when the remote is back.
     #[must_use]
     pub fn events(&self, end: Micros) -> Vec<Event> {
         let mut events = self.script.until(end);

@@ -23,7 +23,7 @@ pub const LOOKS_AT_LIMIT: u32 = 180;
 /// Windows one after another that are a problem, and no answer to a step.
 pub const IN_A_ROW: u32 = 3;
 
-/// What became of the effort of a motor's loops in a run.
+/// Summary of the effort of a motor's loops in a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffortTrack {
     /// Its loops.

@@ -34,7 +34,7 @@ use crate::remote::{Operator, ReceiverWire, Sight, Watch};
 use crate::robot::Robot;
 use crate::run::{check_end, make_folder, print_files, seconds, seed, write_file, write_files};
 
-/// What `rc10 emu` is told.
+/// Arguments of `rc10 emu`.
 #[derive(Args, Debug)]
 #[command(allow_negative_numbers = true)]
 pub struct EmuArgs {
@@ -70,7 +70,7 @@ pub struct EmuArgs {
     pub force: bool,
 }
 
-/// What is different from a plain run.
+/// Options of an emulation: its differences from a plain run.
 #[derive(Clone, Debug, Default)]
 pub struct Setup {
     /// Seed of the world.
@@ -79,9 +79,9 @@ pub struct Setup {
     pub speed: Option<u64>,
     /// The feedback rate set on all motors, if not the one that the robot expects.
     pub rate: Option<FeedbackRate>,
-    /// What goes wrong.
+    /// Injected faults.
     pub faults: Vec<Fault>,
-    /// What is built otherwise than the robot's table says.
+    /// Differences between the world and the robot's table.
     pub mistakes: Vec<Mistake>,
 }
 

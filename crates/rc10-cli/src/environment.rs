@@ -1,4 +1,4 @@
-//! The world around a robot, without the robot: wires, ESCs with their motors and loads, a base.
+//! The environment of a robot, without the robot: wires, ESCs with their motors and loads, a base.
 
 use std::convert::Infallible;
 use std::pin::Pin;
@@ -14,7 +14,7 @@ use crate::description::Description;
 use crate::motor::Twin;
 use crate::remote::{Operator, Receiver, ReceiverWire};
 
-/// The world around a robot.
+/// The environment of a robot: a simulated world.
 pub struct Environment {
     /// Time, and everything in it.
     pub world: World,
@@ -26,11 +26,11 @@ pub struct Environment {
     pub motors: Vec<Twin>,
     /// The base on its wheels, if the robot has one.
     pub base: Option<Base>,
-    /// What is on its UARTs, in the order of [`Description::serials`].
+    /// The parts on its UARTs, in the order of [`Description::serials`].
     pub serials: Vec<Serial>,
     /// Its remote with the receiver, if it has one.
     pub remote: Option<RemoteLink>,
-    /// Whoever holds that remote.
+    /// The operator of that remote.
     pub operator: Option<Operator>,
 }
 
@@ -46,11 +46,11 @@ pub struct RemoteLink {
 }
 
 impl Environment {
-    /// What the description says, but for its mistakes, with all chance from `seed`.
+    /// The environment of a description, with its mistakes, and all chance from `seed`.
     ///
     /// # Errors
-    /// If a mistake cannot be; if it has a motor that no simulated ESC can be, or one on a bus that it does not have; or
-    /// if four wheels of the base are not four motors.
+    /// If a mistake cannot be made; if a motor has no simulated ESC, or is on a bus that the robot
+    /// does not have; or if the four wheels of the base are not four motors.
     pub fn new(description: &Description, seed: u64) -> Result<Self> {
         let mut world = World::new(seed);
         let wires: Vec<_> =
@@ -103,7 +103,7 @@ impl Environment {
         Ok(Self { world, wires, lines, motors, base, serials, remote, operator })
     }
 
-    /// Runs the robot's tasks up to a time, while its operator does what he does. A robot that has
+    /// Runs the robot's tasks and its operator up to a time. A robot that has
     /// nothing more to do does not stop time.
     pub fn run(&mut self, tasks: &mut Tasks<'_>, until: Micros) {
         let Self { world, operator, .. } = self;

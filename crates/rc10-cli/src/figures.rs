@@ -11,11 +11,11 @@ use crate::problems::{Problem, Severity, any, problems, seconds};
 use crate::recording::{MotorTrack, Recording, Tracking};
 use crate::remote::{Loss, RemoteTrack};
 
-/// What a run amounts to: computed once, and printed as text, JSON and HTML.
+/// The figures of a run: computed once, and printed as text, JSON and HTML.
 pub struct Figures {
     /// One per motor, in the order of the robot's table.
     pub motors: Vec<MotorFigures>,
-    /// What was not as it should be.
+    /// Its problems, and the information.
     pub problems: Vec<Problem>,
 }
 
@@ -31,7 +31,7 @@ pub struct MotorFigures {
     pub tracking: Vec<Tracking>,
     /// Largest current either way, A.
     pub peak_current: Option<f64>,
-    /// What is to be said of its control loops.
+    /// Verdict on its control loops.
     pub loops: &'static str,
 }
 
@@ -118,7 +118,7 @@ pub struct Table {
     pub rows: Vec<Vec<Entry>>,
 }
 
-/// What stands at one place of a table.
+/// One cell of a table.
 pub struct Entry {
     /// The words or the number.
     pub text: String,
@@ -381,7 +381,7 @@ const fn verdict_name(verdict: Verdict) -> &'static str {
     }
 }
 
-/// What a run was like, in a line or more: for the end of the output.
+/// The verdict of a run, in a line or more: for the end of the output.
 #[must_use]
 pub fn verdict(recording: &Recording, figures: &Figures) -> String {
     let mut text = headline(recording, figures);

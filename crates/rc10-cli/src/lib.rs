@@ -10,11 +10,11 @@
 //!   carries. [`script`]: what the robot does by itself. [`team`] and [`mixed`]: the two robots of
 //!   `rc10-robot`.
 //! * [`remote`]: its remote control, who holds it, and what happens when it is lost.
-//! * [`environment`]: the world around a robot, from its description alone. [`mistake`]: what is
-//!   not as described. [`built`]: the robot with its mistakes.
+//! * [`environment`]: the simulated world around a robot, from its description alone. [`mistake`]:
+//!   what is not as described. [`built`]: the robot with its mistakes.
 //! * [`robot`]: a description with its buses and tasks, ready to run. [`ports`]: how a run watches
 //!   them.
-//! * [`recorder`]: writes down what happens there, whoever runs the robot. [`simulate`] runs its
+//! * [`recorder`]: records what happens there. [`simulate`] runs the robot's
 //!   own tasks, on this machine.
 //! * [`recording`]: what is left of a run. [`figures`] and [`report`] are made from it.
 //! * [`run`], [`emulate`], [`decode`], [`dbc`], [`pty`]: the commands. [`candump`]: logs, read and
@@ -214,7 +214,7 @@ fn main_with<A: Parser>(act: impl FnOnce(A) -> anyhow::Result<ExitCode>) -> Exit
     };
     match act(arguments) {
         Ok(code) => code,
-        // Whoever reads our output has read enough (`| head`).
+        // The reader of our output has read enough (`| head`).
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             let _ = writeln!(io::stderr(), "rc10: {error:#}");

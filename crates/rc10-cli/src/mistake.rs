@@ -4,7 +4,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-/// What a command line says of its argument.
+/// Help text of the command line's argument.
 pub const HELP: &str = "\
 The world differs from the robot's table: direction:NAME gear:NAME=19.2 pole-pairs:NAME=14 \
 swap:NAME,NAME id:NAME=3 radius:x2 track:x1.1 wheelbase:x0.9; a name is a motor's label or its \

@@ -26,7 +26,7 @@ use crate::robot::Robot;
 use crate::script::Event;
 use crate::script::Script;
 
-/// What the tools must know of it.
+/// The description of the mixed robot.
 ///
 /// # Errors
 /// If the robot's numbers cannot be.

@@ -12,15 +12,16 @@ use rc10_sim::{Esc, EscConfig, EscState, LineMotor, Plant};
 /// One motor of a robot, and what is on its shaft.
 #[derive(Clone, Copy, Debug)]
 pub struct Motor {
-    /// What people call it. Motors whose labels begin with the same word share a plot.
+    /// Label of the motor. Motors whose labels begin with the same word share a plot.
     pub label: &'static str,
-    /// What it is plugged into.
+    /// The bus or line that it is plugged into.
     pub on: Place,
-    /// Which motor it is.
+    /// The device that it is.
     pub device: Device,
-    /// Which way the robot counts.
+    /// Direction in which the robot counts.
     pub direction: Direction,
-    /// Inertia of what is on its output shaft, kg m². The wheels of a [`Base`] get theirs from it.
+    /// Inertia of what is on its output shaft, kg m². The wheels of a [`Base`](crate::Base) get
+    /// theirs from it.
     pub inertia: f64,
     /// Constant torque on its output shaft from outside, such as a weight, N m; positive the way
     /// the robot counts.
@@ -32,7 +33,7 @@ pub struct Motor {
     pub holds: bool,
 }
 
-/// What a motor is plugged into; the first of each sort is 1.
+/// The bus or line of a motor; the first of each sort is 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// A CAN bus.
@@ -79,7 +80,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// Which motor it is, for the simulator and for tables.
+/// The device of a motor, for the simulator and for tables.
 #[derive(Clone, Copy, Debug)]
 pub enum Device {
     /// One of DJI's.
@@ -93,18 +94,18 @@ pub enum Device {
     },
     /// Any other on a CAN bus.
     Can {
-        /// What the bus calls it.
+        /// Its name on the bus.
         name: MotorName,
         /// Puts its simulated twin on a wire, with so much inertia (kg m²) on its shaft.
         twin: fn(wire: &rc10_sim::Bus, inertia: f64) -> Result<Esc>,
-        /// What stands where in its frames.
+        /// The messages in its frames.
         messages: fn() -> Vec<Message>,
-        /// What no DBC file can say of them: a sentence each.
+        /// Facts about them that no DBC file can say: a sentence each.
         not_in_dbc: &'static [&'static str],
     },
     /// One on an RS-485 line.
     Line {
-        /// What the line calls it.
+        /// Its name on the line.
         name: MotorName,
         /// Puts its simulated twin on a line, with so much inertia (kg m²) on its shaft.
         twin: fn(line: &rc10_sim::Line, inertia: f64) -> Result<LineMotor>,
@@ -127,7 +128,7 @@ impl Motor {
         Self { label, on, device, direction, inertia: 0.0, load: 0.0, travel: None, holds: false }
     }
 
-    /// What buses and tables call it.
+    /// Its name on buses and in tables.
     #[must_use]
     pub const fn name(&self) -> MotorName {
         match self.device {
@@ -145,7 +146,7 @@ impl Motor {
         }
     }
 
-    /// What stands where in its frames.
+    /// The messages in its frames.
     #[must_use]
     pub fn messages(&self) -> Vec<Message> {
         match self.device {
@@ -157,7 +158,7 @@ impl Motor {
         }
     }
 
-    /// What no DBC file can say of its frames: a sentence each.
+    /// Facts about its frames that no DBC file can say: a sentence each.
     #[must_use]
     pub const fn not_in_dbc(&self) -> &'static [&'static str] {
         match self.device {
@@ -226,7 +227,7 @@ pub enum Twin {
 }
 
 impl Twin {
-    /// What is true now (of the mechanics: at the last physics step).
+    /// Its true state now (of the mechanics: at the last physics step).
     #[must_use]
     pub fn state(&self) -> EscState {
         match self {

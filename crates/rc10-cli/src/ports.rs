@@ -10,16 +10,16 @@ use rc10_motor::embassy::{BusPort, LinePort, MotorPort};
 use crate::description::Description;
 use crate::motor::Place;
 
-/// What a running robot's tasks know its buses and lines by; the first of each is number 1.
+/// Ports of a running robot's buses and lines; the first of each is number 1.
 #[derive(Clone, Default)]
 pub struct Ports<'r> {
     /// The buses.
     pub buses: Vec<&'r BusPort>,
     /// The lines.
     pub lines: Vec<&'r LinePort>,
-    /// What arms it.
+    /// Its arm switch.
     pub switch: Option<&'r ArmSwitch>,
-    /// What it hears of its remote.
+    /// Counters of its remote's receiver.
     pub reception: Option<&'r Reception>,
     /// Which way it looks by its IMU at this time: degrees counter-clockwise, all turns counted.
     pub yaw: Option<Yaw<'r>>,

@@ -1,4 +1,4 @@
-//! What was not as it should be in a run: data, made once. Console, JSON, report and exit code say
+//! Problems of a run: data, made once. Console, JSON, report and exit code say
 //! the same.
 //!
 //! What an injected fault must do is no problem; that it does not happen is one. The thresholds, and
@@ -26,7 +26,7 @@ pub enum Severity {
     Information,
 }
 
-/// What it is about.
+/// The subject of a problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum About {
     /// The robot as a whole.
@@ -61,7 +61,7 @@ impl fmt::Display for About {
 pub struct Problem {
     /// How bad it is.
     pub severity: Severity,
-    /// What it is about.
+    /// The subject of a problem.
     pub about: About,
     /// For programs: the same word for the same finding, in small letters with hyphens.
     pub kind: &'static str,
@@ -205,7 +205,7 @@ pub(crate) fn time_of(index: usize) -> Micros {
     Micros::new((index as u64 + 1) * SAMPLE_PERIOD.get())
 }
 
-/// The sample of a time, if the run was so long.
+/// The sample of a time; `None` after the end of the run.
 fn sample_at<T>(samples: &[T], at: Micros) -> Option<&T> {
     samples.get(usize::try_from(at.get().div_ceil(SAMPLE_PERIOD.get())).ok()?.checked_sub(1)?)
 }

@@ -37,7 +37,7 @@ pub use unix::serve;
 /// How far one frame of the client lets time go on in lockstep: 1 ms.
 pub const STEP: Micros = Micros::from_millis(1);
 
-/// What `rc10 pty` is told.
+/// Arguments of `rc10 pty`.
 #[derive(Args, Debug)]
 #[command(allow_negative_numbers = true)]
 pub struct PtyArgs {

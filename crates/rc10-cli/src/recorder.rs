@@ -1,4 +1,4 @@
-//! Writes down what a robot does in its environment, whoever runs it.
+//! Records what a robot does in its environment, simulated or emulated.
 
 use rc10_app::TotalAngle;
 use rc10_app::angle::shortest_way_degrees;
@@ -18,7 +18,7 @@ use crate::recording::{
     PathPoint, Recording, SAMPLE_PERIOD, Tracking, WheelHeard, hex_digits,
 };
 
-/// Writes down what a robot does. It sees the wires and the shafts for itself; what the robot
+/// Recorder of what a robot does. It sees the wires and the shafts for itself; what the robot
 /// believes of its motors and buses it must be told.
 pub struct Recorder<'d> {
     description: &'d Description,

@@ -22,7 +22,7 @@ use crate::remote::{RemoteSample, RemoteTrack};
 
 /// Width of the windows of [`BusTrack::load_windows`].
 const LOAD_WINDOW: Micros = Micros::from_millis(100);
-/// More samples than this would not fit on a screen: of a longer run every so many-th is drawn.
+/// More samples than this would not fit on a screen: of a longer run only every n-th is drawn.
 const DRAWN: usize = 4000;
 /// More events than this are not listed; the plots have them all.
 const LISTED: usize = 60;
@@ -286,7 +286,7 @@ impl Scale {
     }
 }
 
-/// So many sample periods, in seconds.
+/// A number of sample periods, in seconds.
 fn periods(count: usize) -> Value {
     let count = u64::try_from(count).unwrap_or(u64::MAX);
     number(seconds(Micros::new(count.saturating_mul(SAMPLE_PERIOD.get()))), 2)
@@ -297,7 +297,7 @@ fn path(recording: &Recording) -> &[PathPoint] {
     recording.base.as_ref().map_or(&[], |base| &base.path)
 }
 
-/// Every so many-th sample is drawn.
+/// Every n-th sample is drawn: this n.
 fn stride(recording: &Recording) -> usize {
     let samples = recording.motors.iter().map(|track| track.samples.len());
     samples.max().unwrap_or(0).max(path(recording).len()).div_ceil(DRAWN).max(1)

@@ -182,7 +182,7 @@ impl<'r> Robot<'r> {
         a_second * LOG_LINE * length.get() / 1_000_000
     }
 
-    /// What it was described as.
+    /// Its description.
     #[must_use]
     pub const fn description(&self) -> &Description {
         &self.description
@@ -253,7 +253,7 @@ impl<'r> Robot<'r> {
         Ok(tasks)
     }
 
-    /// Its description, and its buses, which nobody runs.
+    /// Takes it apart: its description, and its buses, which do not run.
     ///
     /// # Errors
     /// If its buses are not as described.

@@ -1,22 +1,22 @@
-//! What happens by itself in a run, and when.
+//! Events of a run, and the script of a robot.
 
 use rc10_can::Micros;
 
-/// Something that happened by itself.
+/// An event of a run, such as a step of a script.
 #[derive(Clone, Copy, Debug)]
 pub struct Event {
-    /// When.
+    /// Time of the event.
     pub at: Micros,
-    /// What.
+    /// Name of the event, for reports.
     pub label: &'static str,
 }
 
-/// What a robot does by itself at known times.
+/// The script of a robot: its events at known times.
 #[derive(Clone, Debug, Default)]
 pub struct Script {
-    /// What happens first, in order of time.
+    /// Its events, in order of time.
     pub events: Vec<Event>,
-    /// After how long the same happens again, if it does.
+    /// Period after which the events repeat, if they do.
     pub repeats_after: Option<Micros>,
 }
 

@@ -59,7 +59,7 @@ impl<'o> Printer<'o> {
     }
 }
 
-/// Rounded to so many places, and never a negative zero.
+/// A number rounded to `places` decimals, and never a negative zero.
 fn rounded(value: f64, places: i32) -> f64 {
     let power = 10_f64.powi(places);
     (value * power).round() / power + 0.0

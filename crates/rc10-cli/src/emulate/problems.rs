@@ -1,4 +1,4 @@
-//! What was not as it should be on the emulated chip itself.
+//! Problems of the emulated chip itself.
 
 use rc10_emu::{Figures, Rig};
 use rc10_sim::fault::Kind;

@@ -39,7 +39,7 @@ impl<'r> Scene<'r> {
 
     pub(super) fn run(&mut self, until: Micros) {
         self.around.run(&mut self.tasks, until);
-        // Nobody reads what is said on the others.
+        // The traces of the other buses are not read.
         let others = self.around.wires.iter().enumerate().filter(|(bus, _)| *bus != self.client);
         others.for_each(|(_, wire)| drop(wire.take_trace()));
     }

@@ -51,7 +51,7 @@ pub fn serve(
         if args.alone { "without the robot's program" } else { "and the robot's program" },
         if args.lockstep { "in lockstep with the client" } else { "in real time" },
     )?;
-    // Whoever waits for the path need not wait for the end.
+    // A program that waits for the path need not wait for the end.
     out.flush()?;
     let mut session = Session { scene, adapter, terminal, complained: 0 };
     let end = args.seconds.unwrap_or(Micros::new(u64::MAX));
@@ -219,7 +219,7 @@ mod tests {
         })
     }
 
-    /// The next so many bytes. Says what came, should the rest never come.
+    /// Reads `length` bytes. Says what came, should the rest never come.
     fn read(client: &mut File, length: usize) -> String {
         let mut bytes = Vec::new();
         while bytes.len() < length {
