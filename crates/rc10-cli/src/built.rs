@@ -1,7 +1,7 @@
 //! A robot as it is really built: its description, but for the [mistakes](crate::mistake).
 
 use anyhow::{Context, Result, bail, ensure};
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Direction;
 use rc10_sim::Chassis;
 use rc10_sim::lk::Drive;
 use rc10_sim::odrive::Axis;
@@ -104,7 +104,7 @@ impl Built {
                     let counts_rotor = matches!(motor.device, Device::Dji { .. })
                         || esc.with(|_: &mut Vesc| ()).is_some()
                         || esc.with(|_: &mut Axis| ()).is_some()
-                        || esc.with(|_: &mut Drive| ()).is_some();
+                        || esc.with(|_: &mut DriveMode| ()).is_some();
                     ensure!(counts_rotor, "no gear of a {model} stands in a robot's table");
                     esc.set_gear(*ratio);
                 }

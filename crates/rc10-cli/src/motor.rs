@@ -5,7 +5,8 @@ use std::fmt;
 
 use anyhow::{Context, Result, bail};
 use rc10_motor::MotorName;
-use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
+use rc10_motor::dji::{self, FeedbackRate, Model};
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::signals::Message;
 use rc10_sim::{Esc, EscConfig, EscState, LineMotor, Plant};
 

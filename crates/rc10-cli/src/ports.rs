@@ -5,7 +5,7 @@ use std::rc::Rc;
 use rc10_can::Micros;
 use rc10_module::Reception;
 use rc10_motor::ArmSwitch;
-use rc10_motor::embassy::{BusPort, LinePort, MotorPort};
+use rc10_motor::embassy::{BusPort, MotorPort, Rs485Port};
 
 use crate::description::Description;
 use crate::motor::Place;
@@ -16,7 +16,7 @@ pub struct Ports<'r> {
     /// The buses.
     pub buses: Vec<&'r BusPort>,
     /// The lines.
-    pub lines: Vec<&'r LinePort>,
+    pub lines: Vec<&'r Rs485Port>,
     /// Its arm switch.
     pub switch: Option<&'r ArmSwitch>,
     /// Counters of its remote's receiver.

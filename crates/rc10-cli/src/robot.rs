@@ -6,8 +6,8 @@ use std::rc::Rc;
 use anyhow::{Result, bail, ensure};
 use rc10_can::Micros;
 use rc10_module::Reception;
-use rc10_motor::embassy::{BusPort, LinePort, run_bus, run_line};
-use rc10_motor::unitree::UnitreeLine;
+use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
+use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Verdict};
 use rc10_sim::fault::Kind;
 use rc10_sim::{Fault, Faults, Tasks, UartPort};
@@ -29,7 +29,7 @@ const LOG_LINE: u64 = 47;
 pub struct Robot<'r> {
     description: Description,
     buses: Vec<MotorBus<'r>>,
-    lines: Vec<UnitreeLine<'r>>,
+    lines: Vec<Rs485Bus<'r>>,
     ports: Ports<'r>,
     tasks: Vec<Task<'r>>,
     listen: Option<Box<dyn FnOnce(Receiver, ReceiverPort) -> Task<'r> + 'r>>,
@@ -79,7 +79,7 @@ impl<'r> Robot<'r> {
 
     /// Adds its next RS-485 line, and the port that its tasks know it by.
     #[must_use]
-    pub fn line(mut self, line: UnitreeLine<'r>, port: &'r LinePort) -> Self {
+    pub fn line(mut self, line: Rs485Bus<'r>, port: &'r Rs485Port) -> Self {
         self.lines.push(line);
         self.ports.lines.push(port);
         self
@@ -241,7 +241,7 @@ impl<'r> Robot<'r> {
         }
         let lines = self.lines.into_iter().zip(self.ports.lines);
         for ((line, shared), wire) in lines.zip(&around.lines) {
-            tasks.add(run_line(wire.port(), line, shared));
+            tasks.add(run_rs485(wire.port(), line, shared));
         }
         self.tasks.into_iter().for_each(|task| tasks.add(task));
         if let (Some(listen), Some(remote)) = (self.listen, &around.remote) {

@@ -38,9 +38,9 @@ pub struct Declaration {
     /// Whether it can be disabled. Disarmed and after a fault its bridge must be open then, or short
     /// the winding if it does not coast freely.
     pub disables: Claim,
-    /// Whether [`Drive::Brake`](rc10_motor::Drive::Brake) slows it down.
+    /// Whether [`DriveMode::Brake`](rc10_motor::DriveMode::Brake) slows it down.
     pub brakes: Claim,
-    /// Whether [`Drive::Hold`](rc10_motor::Drive::Hold) keeps its angle.
+    /// Whether [`DriveMode::Hold`](rc10_motor::DriveMode::Hold) keeps its angle.
     pub holds: Claim,
     /// Faults that its device can have and its protocol cannot tell.
     pub untold_faults: Vec<(EscFault, &'static str)>,
