@@ -20,10 +20,13 @@ use rc10_sim::unitree_module::UnitreeModule;
 use rc10_sim::vesc::VescConfig;
 use rc10_sim::{Bus, Esc, Line, LineMotor};
 
-use crate::recording::Event;
-use crate::robot::{Description, Device, Motor, Place, Robot, Script};
+use crate::description::Description;
+use crate::motor::{Device, Motor, Place};
+use crate::robot::Robot;
+use crate::script::Event;
+use crate::script::Script;
 
-/// What the tools must know of it.
+/// The description of the mixed robot.
 ///
 /// # Errors
 /// If the robot's numbers cannot be.
