@@ -38,6 +38,7 @@ mod case;
 mod declaration;
 mod harness;
 mod line_bench;
+mod mirror;
 mod recorder;
 mod report;
 mod rig;

@@ -12,10 +12,11 @@ mod conformance_of {
     pub mod vesc;
 }
 
-use rc10_conformance::{Report, check, check_line};
+use rc10_conformance::{RULES, Report, check, check_line};
+use rc10_motor::dji::Direction;
 
-/// A model, and what its check says.
-type Entry = (&'static str, fn() -> Result<(), Report>);
+/// A model, and what its check says of one made to turn that way.
+type Entry = (&'static str, fn(Direction) -> Result<(), Report>);
 
 const MOTORS: &[Entry] = &[
     ("M3508", conformance_of::dji::m3508),
@@ -40,11 +41,41 @@ const MOTORS: &[Entry] = &[
     // One line for each further model, one file for each vendor in `conformance_of/`.
 ];
 
+/// Rules that a model does not keep yet: model, rule, and why. One that it keeps by now is an error.
+const EXCEPTIONS: &[(&str, &str, &str)] = &[];
+
 #[test]
-fn every_motor_keeps_the_rules() {
-    let broken: Vec<String> = MOTORS
-        .iter()
-        .filter_map(|(name, check)| check().err().map(|report| format!("{name}: {report}")))
-        .collect();
-    assert!(broken.is_empty(), "{}", broken.join("\n\n"));
+fn every_motor_keeps_the_rules_in_both_directions() {
+    let mut wrong = Vec::new();
+    for (model, check) in MOTORS {
+        for direction in [Direction::Forward, Direction::Reversed] {
+            wrong.extend(unexpected(model, direction, check(direction)));
+        }
+    }
+    for (model, rule, why) in EXCEPTIONS {
+        let is_real = MOTORS.iter().any(|(name, _)| name == model)
+            && RULES.iter().any(|known| known.name == *rule)
+            && !why.is_empty();
+        if !is_real {
+            wrong.push(format!("exception without a model, a rule or a reason: {model}, {rule}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
+}
+
+/// How a report differs from what the exceptions say.
+fn unexpected(model: &str, direction: Direction, checked: Result<(), Report>) -> Vec<String> {
+    let mut expected: Vec<&str> =
+        EXCEPTIONS.iter().filter(|(name, ..)| *name == model).map(|(_, rule, _)| *rule).collect();
+    let mut wrong = Vec::new();
+    if let Err(report) = checked {
+        let broken: Vec<&str> = report.broken().collect();
+        if broken.iter().any(|rule| !expected.contains(rule)) || !report.unchecked().is_empty() {
+            wrong.push(format!("{model}: {report}"));
+        }
+        expected.retain(|rule| !broken.contains(rule));
+    }
+    let kept = expected.into_iter();
+    wrong.extend(kept.map(|rule| format!("{model}, {direction:?}: keeps {rule}: no exception")));
+    wrong
 }
