@@ -2,7 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 
-use rc10_app::{Degrees, Rpm, Seconds};
+use rc10_app::{Degrees, Rpm, Seconds, TotalAngle};
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::{
@@ -42,9 +42,17 @@ pub struct Spoiled {
     silence: u32,
     /// Ticks for which it does something wrong yet.
     wrong_for: u32,
+    /// Which way it turned when it last ran, 1 or -1.
+    turned: f32,
     /// The time step was a long one.
     long_step: bool,
     answer: Option<Result<Answer, RequestError>>,
+    /// The last target that it took.
+    asked: Target,
+    /// A torque limit was set.
+    is_limited: bool,
+    /// What a wrong count of turns is off by.
+    lost: TotalAngle,
 }
 
 impl Spoiled {
@@ -68,8 +76,12 @@ impl Spoiled {
             silent_for: 0,
             silence: 0,
             wrong_for: 0,
+            turned: 1.0,
             long_step: false,
             answer: None,
+            asked: Target::Coast,
+            is_limited: false,
+            lost: TotalAngle::ZERO,
         }
     }
 
@@ -92,7 +104,7 @@ impl Spoiled {
             Spoil::DisarmsLate => {
                 self.drive == Drive::Off && self.before == Drive::Run && self.since < 60
             }
-            Spoil::ClearingDrives | Spoil::ZeroMoves => self.wrong_for > 0,
+            Spoil::ClearingDrives | Spoil::ZeroMoves | Spoil::ZeroThrows => self.wrong_for > 0,
             Spoil::ForgetsFaults | Spoil::EnablesFaulted => {
                 self.fault().is_some() && self.wrong_for > 0
             }
@@ -112,6 +124,8 @@ impl Spoiled {
                 Drive::Run
             }
             (Spoil::IgnoresSilence, _) if from_run && !is_heard && self.since < 30 => Drive::Run,
+            (Spoil::GivesUpEarly, Drive::Run) if self.silent_for > 4 => Drive::Coast,
+            (Spoil::HoldsBehind, Drive::Hold) => Drive::Run,
             (Spoil::CoastsForBraking, Drive::Brake)
             | (Spoil::CoastsForHolding, Drive::Hold)
             | (Spoil::NeverEnables, Drive::Run) => Drive::Coast,
@@ -174,11 +188,13 @@ impl Motor for Spoiled {
         if self.is(Spoil::TakesInfinity) && !target.is_finite() {
             return Ok(());
         }
-        self.good.set_target(target)
+        self.good.set_target(target)?;
+        self.asked = target;
+        Ok(())
     }
 
     fn target(&self) -> Target {
-        self.good.target()
+        if self.is(Spoil::OldScale) { self.asked } else { self.good.target() }
     }
 
     fn feedback(&self) -> Feedback {
@@ -192,6 +208,7 @@ impl Motor for Spoiled {
         if self.is(Spoil::AMicrosecondLate) {
             told.at += Micros::new(1);
         }
+        told.total_angle = told.total_angle.plus(self.lost);
         if self.is(Spoil::NotANumber) && self.report.is_some_and(|bytes| bytes[7] > 99) {
             told.speed = Rpm::new(f32::NAN);
         }
@@ -211,8 +228,16 @@ impl Motor for Spoiled {
         } else {
             (self.before, self.drive, self.since) = (self.drive, drive, 0);
         }
+        if drive == Drive::Run {
+            self.turned = self.good.feedback().speed.get().signum();
+        }
         self.was_armed |= drive != Drive::Off;
         self.long_step = dt.get() > 0.005;
+        if self.is(Spoil::HoldsBehind) && drive == Drive::Hold && self.since == 0 {
+            let behind = TotalAngle::from_degrees(if self.turned > 0.0 { -20 } else { 20 });
+            let behind = self.good.feedback().total_angle.plus(behind);
+            let _ = self.good.set_target(Target::TotalAngle(behind));
+        }
         self.good.update(dt, self.heeds(drive));
         self.commanded = false;
         self.silent_for += 1;
@@ -220,14 +245,23 @@ impl Motor for Spoiled {
 
     fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
         self.was_asked = true;
+        self.is_limited |= matches!(request, Request::TorqueLimit(_));
+        let is_off = self.drive == Drive::Off;
         match (self.spoil, request) {
-            (Spoil::NoZero, Request::SetZero)
-            | (Spoil::AnyLimit, Request::TorqueLimit(_))
-            | (Spoil::StoresAnyTime, Request::StoreZero) => return Ok(Answer::Done),
+            (Spoil::NoZero, Request::SetZero) if is_off => return Ok(Answer::Done),
+            (Spoil::AnyLimit, Request::TorqueLimit(limit))
+                if limit.get().is_nan() || limit.get() < 0.0 =>
+            {
+                return Ok(Answer::Done);
+            }
+            (Spoil::StoresAnyTime, Request::StoreZero) => return Ok(Answer::Done),
             (Spoil::ClearingDrives, Request::ClearFault) if self.fault().is_none() => {
                 self.wrong_for = 300;
             }
-            (Spoil::ZeroMoves, Request::SetZero) => self.wrong_for = 100,
+            (Spoil::ZeroMoves, Request::SetZero) if is_off => self.wrong_for = 100,
+            (Spoil::ZeroThrows, Request::SetZero) if self.drive == Drive::Hold => {
+                self.wrong_for = 100;
+            }
             _ => (),
         }
         self.good.request(request)
@@ -301,6 +335,9 @@ impl CanMotor for Spoiled {
         }
         let was_enabled = self.is_enabled();
         (self.silence, self.silent_for) = (self.silent_for, 0);
+        if self.is(Spoil::CountsNoTurns) && self.silence > 200 && self.drive != Drive::Off {
+            self.lost = self.lost.plus(TotalAngle::from_degrees(-720));
+        }
         self.report = frame.all_eight().copied();
         let wrong = match self.spoil {
             Spoil::OneCutTooMany | Spoil::KicksAfterCut => self.silence > 30 && self.is_enabled(),
@@ -348,6 +385,11 @@ impl CanMotor for Spoiled {
             Spoil::TenthOfTorque => frame = scaled(frame, 0.1),
             Spoil::HalfTheTorque if matches!(self.good.target(), Target::Torque(_)) => {
                 frame = scaled(frame, 0.5);
+            }
+            Spoil::IgnoresLimit if self.is_limited && self.drive == Drive::Run => {
+                if let Target::Torque(torque) = self.good.target() {
+                    frame = self.command(Command::Torque(torque.get()));
+                }
             }
             Spoil::LeapsAfterPause if self.long_step && self.is_enabled() => {
                 frame = self.command(Command::Torque(-5.0));
