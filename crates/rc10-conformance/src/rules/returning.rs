@@ -126,7 +126,7 @@ const SHORT: u32 = 10;
 fn seeks(rig: &mut Rig<'_>, millis: u32) -> Outcome {
     let (start, told) = (rig.esc.state().output_degrees, rig.status().feedback.total_angle);
     let there = Target::TotalAngle(told.plus(TotalAngle::from_degrees(90)));
-    rig.wait(Some(there), 3000);
+    rig.wait(Some(there), 2000);
     let moved = rig.esc.state().output_degrees - start;
     if (moved - 90.0).abs() <= 15.0 {
         return Ok(());

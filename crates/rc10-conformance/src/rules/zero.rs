@@ -74,9 +74,9 @@ fn start(rig: &mut Rig<'_>, doing: Doing) -> Result<Target, Halt> {
     };
     match doing {
         Doing::Turning => rig.wait(Some(target), 50),
-        Doing::Seeking | Doing::Springing => rig.wait(Some(target), 2000),
+        Doing::Seeking | Doing::Springing => rig.wait(Some(target), 1500),
         // Until it has come to a stand.
-        Doing::Holding => rig.wait(None, 1500),
+        Doing::Holding => rig.wait(None, 1000),
         Doing::Braking => rig.wait(None, 150),
     }
     Ok(target)
@@ -121,7 +121,7 @@ pub(super) fn zero_moves_nothing(case: &Case<'_>, found: &mut Findings) {
             }
             // On the new scale the same number is as far away as the zero was moved.
             let start = rig.esc.state().output_degrees;
-            rig.wait(Some(target), 3000);
+            rig.wait(Some(target), 2000);
             let moved = rig.esc.state().output_degrees - start;
             let wanted = f64::from(zero.degrees().get());
             if (moved - wanted).abs() <= 0.2 * wanted.abs() {
