@@ -137,13 +137,19 @@ fn comes_from(rig: &mut Rig<'_>, before: Before) -> Outcome {
 
 /// The torque grows to its law in the time of the soft start, neither faster nor slower.
 fn grows(rig: &mut Rig<'_>, before: Before) -> Outcome {
-    let law = law(rig, [0.0, 0.0, 0.8])?;
+    let mut law = law(rig, [0.0, 0.0, 0.8])?;
+    // Without damping the law stays as large as it is.
+    law.asked.kd = 0.0;
     let target = Target::Impedance(law.asked);
     let mut driven = 0;
     for _ in 0..rig.declared.enables_within + SOFT_TIME + 40 {
         rig.tick(Some(target));
         let (is, should) = (rig.esc.state().torque, law.torque(rig));
         driven += u32::from(driven > 0 || is.abs() > 2.0 * rig.no_torque());
+        if driven == 1 {
+            // A shaft that runs away would meet the limits of its voltage.
+            rig.esc.set_load(-should);
+        }
         // A millisecond for the first one, and one for the frame's delay.
         let most = f64::from(driven + 2) / f64::from(SOFT_TIME) * full(rig);
         if is.abs() > most {
