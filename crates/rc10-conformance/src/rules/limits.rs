@@ -1,5 +1,5 @@
 use rc10_app::{Amps, NewtonMetres};
-use rc10_motor::{Answer, Request, SafeState, Target};
+use rc10_motor::{Answer, Request, RequestError, SafeState, Target};
 
 use crate::case::{Case, Findings, Halt, Outcome, broken};
 use crate::harness::Sent;
@@ -69,7 +69,8 @@ fn sent(rig: &mut Rig<'_>, limit: Request, target: Target) -> Result<Vec<Sent>, 
     rig.get_going()?;
     match rig.bench.request(rig.motor, limit) {
         Ok(Answer::Done) => (),
-        _ => return Ok(Vec::new()),
+        Err(RequestError::Unsupported) => return Ok(Vec::new()),
+        _ => return Err(Halt::Stuck),
     }
     let _ = rig.bench.take_traffic();
     rig.wait(Some(target), 100);
