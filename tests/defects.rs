@@ -22,9 +22,9 @@ use rc10_can::{CanFrame, CanPort, Health, Micros, Submitted};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::{
-    Answer, ArmSwitch, AttachError, CanMotor, Clash, Drive, Fault, Feedback, FrameError, Heard,
-    Link, Motor, MotorBus, Request, RequestError, Safety, Target, TargetError, TargetKind,
-    TargetSet, TxBatch, TxFull, Wiring,
+    ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, Fault, Feedback, FrameError,
+    FrameKind, Link, Motor, MotorBus, Request, RequestError, Response, Safety, Target, TargetError,
+    TargetKind, TargetSet, TxBatch, TxFull,
 };
 
 const MS: Seconds = Seconds::new(0.001);
@@ -80,19 +80,19 @@ impl Motor for Witness<'_> {
     fn fault(&self) -> Option<Fault> {
         None
     }
-    fn update(&mut self, dt: Seconds, _: Drive) {
+    fn update(&mut self, dt: Seconds, _: DriveMode) {
         self.0.lock().unwrap().push(dt.get());
     }
-    fn request(&mut self, _: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, _: Request) -> Result<Response, RequestError> {
         Err(RequestError::Unsupported)
     }
 }
 
 impl CanMotor for Witness<'_> {
-    fn wiring(&self) -> Wiring {
-        Wiring::new("witness", 1)
+    fn wiring(&self) -> CanIds {
+        CanIds::new("witness", 1)
     }
-    fn unpack_feedback(&mut self, _: &CanFrame, _: Micros) -> Result<Heard, FrameError> {
+    fn unpack_feedback(&mut self, _: &CanFrame, _: Micros) -> Result<FrameKind, FrameError> {
         Err(FrameError::NotMine)
     }
     fn pack_command(&mut self, _: &mut TxBatch) -> Result<(), TxFull> {
@@ -265,7 +265,7 @@ fn r14_motors_with_one_feedback_id_are_refused_and_both_are_named() {
             let error = bus.attach(&mut gimbal, Safety::COAST).unwrap_err();
             let id = Id::Standard(StandardId::new(0x204 + u16::from(n)).unwrap());
             let AttachError::Clash { motor, with, clash } = error else { panic!("{error}") };
-            assert_eq!((motor.id, with.id, clash), (n.into(), (n + 4).into(), Clash::Receive(id)));
+            assert_eq!((motor.id, with.id, clash), (n.into(), (n + 4).into(), Clash::RxFrames(id)));
             let text = error.to_string();
             assert!(text.contains("M3508") && text.contains("GM6020") && text.contains("0x20"));
         }

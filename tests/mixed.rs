@@ -5,7 +5,7 @@
 use rc10_can::Micros;
 use rc10_cli::recording::{MotorTrack, Recording};
 use rc10_cli::{mixed, simulate::simulate};
-use rc10_motor::{Drive, Link};
+use rc10_motor::{DriveMode, Link};
 
 fn run(seed: u64) -> Recording {
     let io = rc10_robot::mixed::Io::new();
@@ -60,7 +60,7 @@ fn nothing_is_lost_and_one_seed_gives_one_trace() {
         let (label, last) = (track.motor.label, &track.last);
         assert_eq!(
             (last.link, last.drive, last.fault),
-            (Link::Online, Drive::Run, None),
+            (Link::Online, DriveMode::Run, None),
             "{label}"
         );
         let counters = last.counters;

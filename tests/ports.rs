@@ -16,8 +16,8 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Filter, OutboxError, Runner, run_bus, run_buses};
 use rc10_motor::{
-    Answer, ArmSwitch, Link, MotorBus, MotorId, Request, RequestError, Safety, Target, TargetError,
-    TargetKind,
+    ArmSwitch, Link, MotorBus, MotorId, Request, RequestError, Response, Safety, Target,
+    TargetError, TargetKind,
 };
 use rc10_sim::{BusConfig, Tasks, World};
 
@@ -90,7 +90,7 @@ fn a_request_is_answered_after_the_next_tick() {
     with_wheel(100, async |shared, _, _| {
         let port = shared.motor(FIRST);
         assert_eq!(port.request(Request::ClearFault).await, Err(RequestError::Unsupported));
-        assert_eq!(port.request(Request::SetZero).await, Ok(Answer::Done));
+        assert_eq!(port.request(Request::SetZero).await, Ok(Response::Done));
         assert_eq!(port.status().feedback.total_angle.counts(), 0);
     });
 }
@@ -114,8 +114,8 @@ fn no_caller_gets_the_answer_of_another() {
         Pin::new(&mut callers).await;
         let mut answers = answers.take();
         answers.sort_by(|a, b| a.0.cmp(&b.0));
-        assert_eq!(answers[0], ("at once".into(), Ok(Answer::Done)));
-        assert_eq!(answers[1], ("later".into(), Ok(Answer::Done)));
+        assert_eq!(answers[0], ("at once".into(), Ok(Response::Done)));
+        assert_eq!(answers[1], ("later".into(), Ok(Response::Done)));
         assert_eq!(answers[2], ("unsupported".into(), Err(RequestError::Unsupported)));
         // A caller that gives up leaves no answer behind for the next one.
         let given_up = port.request(Request::ClearFault);
@@ -125,7 +125,7 @@ fn no_caller_gets_the_answer_of_another() {
         assert!(given_up.as_mut().poll(&mut context).is_pending());
         drop(given_up);
         Timer::after_millis(3).await;
-        assert_eq!(port.request(Request::SetZero).await, Ok(Answer::Done));
+        assert_eq!(port.request(Request::SetZero).await, Ok(Response::Done));
     });
 }
 

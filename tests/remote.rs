@@ -11,7 +11,7 @@ use rc10_can::Micros;
 use rc10_cli::remote::{Receiver, ReceiverWire};
 use rc10_cli::surroundings::Surroundings;
 use rc10_cli::team;
-use rc10_motor::{ArmState, Drive, Target};
+use rc10_motor::{ArmState, DriveMode, Target};
 use rc10_robot::table::{FULL_STICK, LIFT, Name, WHEELS};
 use rc10_robot::{Io, Motors};
 use rc10_sim::remote::{Controls, Failsafe, Sbus, Stick, Switch};
@@ -106,7 +106,7 @@ impl Scene<'_> {
         self.around.motors[name as usize].state().command != 0
     }
 
-    fn drive(&self, name: Name) -> Drive {
+    fn drive(&self, name: Name) -> DriveMode {
         self.io.motor(name).status().drive
     }
 
@@ -156,11 +156,14 @@ fn every_motor_coasts_within_120_ms_of_the_last_good_frame() {
                     for name in WHEELS.into_iter().chain([Name::Yaw, Name::Pitch, Name::Feeder]) {
                         assert_eq!(
                             (scene.drive(name), scene.is_driven(name)),
-                            (Drive::Coast, false)
+                            (DriveMode::Coast, false)
                         );
                     }
                     for name in LIFT {
-                        assert_eq!((scene.drive(name), scene.is_driven(name)), (Drive::Hold, true));
+                        assert_eq!(
+                            (scene.drive(name), scene.is_driven(name)),
+                            (DriveMode::Hold, true)
+                        );
                     }
                 });
             }
@@ -195,7 +198,7 @@ fn back_within_a_second_it_goes_on_without_a_jump() {
                     let now = WHEELS.map(|name| {
                         let status = scene.io.motor(name).status();
                         let target = match (status.drive, status.target) {
-                            (Drive::Run, Target::Speed(speed)) => f64::from(speed.get()),
+                            (DriveMode::Run, Target::Speed(speed)) => f64::from(speed.get()),
                             // What it would have to begin with.
                             _ => f64::from(status.feedback.speed.get()),
                         };
@@ -242,7 +245,7 @@ fn after_a_second_it_is_disarmed_and_only_a_hand_arms_it() {
                 assert_eq!(scene.arm(), ArmState::Disarmed, "{receiver}: nobody has armed it");
                 assert_eq!(scene.last_current(), None, "{receiver}");
                 for name in WHEELS.into_iter().chain(LIFT) {
-                    assert_eq!((scene.drive(name), scene.is_driven(name)), (Drive::Off, false));
+                    assert_eq!((scene.drive(name), scene.is_driven(name)), (DriveMode::Off, false));
                 }
                 assert!(scene.rpm(Name::FrontLeft).abs() < 1.0);
                 scene.arm_by_hand();

@@ -59,7 +59,7 @@ fn ten_seconds_lose_nothing_and_leave_the_files() {
 #[test]
 fn the_robot_does_what_its_script_says() {
     use rc10_cli::{simulate::simulate, team};
-    use rc10_motor::Drive;
+    use rc10_motor::DriveMode;
     use rc10_robot::table::Name;
     let ports = rc10_robot::ports();
     let io = &rc10_robot::Io::new(ports.each_ref());
@@ -90,9 +90,9 @@ fn the_robot_does_what_its_script_says() {
     assert!((measured(Name::LiftRearRight, 8500) - 720.0).abs() < 5.0);
     // During the stop the lift holds and everything else coasts; then they run again.
     let drive = |name: Name, millis| recording.motors[name as usize].samples[sample(millis)].drive;
-    assert_eq!(drive(Name::LiftFrontLeft, 9000), Drive::Hold);
-    assert_eq!(drive(Name::FrontLeft, 9000), Drive::Coast);
-    assert_eq!(drive(Name::FrontLeft, 9500), Drive::Run);
+    assert_eq!(drive(Name::LiftFrontLeft, 9000), DriveMode::Hold);
+    assert_eq!(drive(Name::FrontLeft, 9000), DriveMode::Coast);
+    assert_eq!(drive(Name::FrontLeft, 9500), DriveMode::Run);
     assert!((measured(Name::LiftFrontLeft, 9000) - 720.0).abs() < 5.0);
 }
 

@@ -9,7 +9,7 @@ use rc10_can::Micros;
 use rc10_cli::surroundings::Surroundings;
 use rc10_cli::team;
 use rc10_motor::dji::{self, FeedbackRate, Model};
-use rc10_motor::{ArmSwitch, Drive, Link, Safety, Target};
+use rc10_motor::{ArmSwitch, DriveMode, Link, Safety, Target};
 use rc10_robot::table::{LIFT, Name};
 use rc10_robot::{Io, Motors};
 
@@ -30,7 +30,7 @@ fn lost_after(model: &'static Model, rate: FeedbackRate, seed: u64) -> u32 {
     switch.arm().unwrap();
     let target = Target::Speed(Rpm::new(60.0));
     bench.hold(id, target, 500);
-    assert_eq!((bench.status(id).link, bench.status(id).drive), (Link::Online, Drive::Run));
+    assert_eq!((bench.status(id).link, bench.status(id).drive), (Link::Online, DriveMode::Run));
     assert_ne!(esc.state().command, 0);
     esc.set_feedback(false);
     for millis in 1..100 {
@@ -88,7 +88,7 @@ fn a_motor_that_comes_back_is_picked_up_gently() {
                 // For 20 ms from when it runs again.
                 let gentle = jump <= tenth || ticks > 20;
                 assert!(gentle, "{} tick {ticks}: {last} to {command}", model.name);
-                ticks += u32::from(bench.status(id).drive == Drive::Run);
+                ticks += u32::from(bench.status(id).drive == DriveMode::Run);
                 last = command;
             }
             assert!(ticks > 20, "{} does not run again", model.name);
@@ -110,7 +110,7 @@ fn a_commander_that_stops_leaves_the_motor_safe_within_50_ms() {
     bench.hold(id, Target::Current(Amps::new(2.0)), 100);
     let silent_since = bench.now();
     for _ in 0..100 {
-        if bench.status(id).drive != Drive::Run {
+        if bench.status(id).drive != DriveMode::Run {
             break;
         }
         bench.tick();
@@ -143,7 +143,7 @@ fn a_lift_whose_commander_stops_holds_its_load() {
     for _ in 0..5000 {
         bench.tick();
     }
-    assert_eq!(bench.status(id).drive, Drive::Hold);
+    assert_eq!(bench.status(id).drive, DriveMode::Hold);
     let moved = esc.state().output_degrees - held;
     assert!(moved.abs() < 2.0, "moved {moved}");
     // A stop holds it too; disarming does not.
@@ -216,7 +216,7 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     io.switch.reset();
     io.switch.arm().unwrap();
     around.run(&mut tasks, stop + Micros::from_millis(950));
-    assert_eq!(io.motor(Name::FrontLeft).status().drive, Drive::Run);
+    assert_eq!(io.motor(Name::FrontLeft).status().drive, DriveMode::Run);
 }
 
 /// A gripper pushes against its end stop; then somebody stops it. It must let go.
@@ -236,7 +236,7 @@ fn a_stalled_motor_that_is_stopped_does_not_go_on_pushing() {
         assert!(esc.state().current > 10.0, "{target:?}");
         switch.emergency_stop();
         bench.hold(id, target, 50);
-        assert_eq!(bench.status(id).drive, Drive::Brake);
+        assert_eq!(bench.status(id).drive, DriveMode::Brake);
         assert!(esc.state().current.abs() < 0.1, "{target:?}: {}", esc.state().current);
     }
 }
@@ -251,17 +251,17 @@ fn stopping_a_disarmed_robot_gives_no_motor_torque_and_disarming_a_stopped_one_t
     bench.hold(id, Target::Coast, 20);
     switch.emergency_stop();
     bench.hold(id, Target::Coast, 100);
-    assert_eq!((bench.status(id).drive, esc.state().command), (Drive::Off, 0));
+    assert_eq!((bench.status(id).drive, esc.state().command), (DriveMode::Off, 0));
     switch.reset();
     switch.arm().unwrap();
     bench.hold(id, Target::Coast, 20);
     switch.emergency_stop();
     bench.hold(id, Target::Coast, 200);
-    assert_eq!(bench.status(id).drive, Drive::Hold);
+    assert_eq!(bench.status(id).drive, DriveMode::Hold);
     assert_ne!(esc.state().command, 0);
     switch.disarm();
     bench.hold(id, Target::Coast, 2);
-    assert_eq!((bench.status(id).drive, esc.state().command), (Drive::Off, 0));
+    assert_eq!((bench.status(id).drive, esc.state().command), (DriveMode::Off, 0));
     assert!(switch.arm().is_err());
 }
 

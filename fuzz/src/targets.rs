@@ -9,14 +9,14 @@ use rc10_app::{
 };
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
-use rc10_motor::cascade::Cascade;
 use rc10_motor::damiao::Control;
 use rc10_motor::dji::{Dji, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
+use rc10_motor::rc10_app::Cascade;
 use rc10_motor::unitree::wire::line::{Command, Parser, Reply};
-use rc10_motor::unitree::{GoM8010, GoModule, Step, UnitreeLine};
+use rc10_motor::unitree::{GoM8010, GoModule, Rs485Bus, Step};
 use rc10_motor::{
-    ArmSwitch, CanMotor, Drive, Feedback, Heard, Impedance, Request, Safety, Target, TxBatch,
-    cybergear, damiao, lk, odrive, vesc,
+    ArmSwitch, CanMotor, DriveMode, Feedback, FrameKind, Impedance, Request, Safety, Target,
+    TxBatch, cybergear, damiao, lk, odrive, vesc,
 };
 
 pub use crate::streams::{action, crsf, dbus, jrt, ppm, rc9, sbus, stp23l, tfmini, vt03, wit};
@@ -130,17 +130,23 @@ fn motor(mut motor: impl CanMotor, bytes: &[u8]) {
                 let frame = source.frame(&patterns);
                 let before = motor.feedback();
                 match motor.unpack_feedback(&frame, now) {
-                    Ok(Heard::Feedback) => {
+                    Ok(FrameKind::Feedback) => {
                         let at = motor.feedback().at;
                         assert!(at == now, "heard at {now}, told {at}");
                     }
                     // A fault may be told without a measurement.
-                    Ok(Heard::Fault | Heard::Other) => {}
+                    Ok(FrameKind::Fault | FrameKind::Other) => {}
                     Err(_) => assert_eq!(motor.feedback(), before, "{frame} changed something"),
                 }
             }
             10..=13 => {
-                let drives = [Drive::Off, Drive::Coast, Drive::Brake, Drive::Hold, Drive::Run];
+                let drives = [
+                    DriveMode::Off,
+                    DriveMode::Coast,
+                    DriveMode::Brake,
+                    DriveMode::Hold,
+                    DriveMode::Run,
+                ];
                 let drive = drives[usize::from(source.byte()) % drives.len()];
                 motor.update(Seconds::new(0.001), drive);
                 let mut tx = TxBatch::new();
@@ -239,7 +245,7 @@ pub fn unitree_line(bytes: &[u8]) {
 fn line_master(bytes: &[u8]) {
     let switch = ArmSwitch::new();
     let mut motors = [0, 3].map(|id| GoM8010::new(id).unwrap());
-    let mut line = UnitreeLine::new(&switch);
+    let mut line = Rs485Bus::new(&switch);
     let ids = motors.each_mut().map(|motor| line.attach(motor, Safety::HOLD).unwrap());
     switch.arm().unwrap();
     let (mut now, mut source) = (Micros::ZERO, Source(bytes));

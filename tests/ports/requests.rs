@@ -15,13 +15,13 @@ use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::{
-    Answer, ArmSwitch, CanMotor, Drive, Fault, Feedback, FrameError, Heard, Motor, MotorBus,
-    MotorId, Rate, Receive, Request, RequestError, Safety, Target, TargetError, TargetKind,
-    TargetSet, TxBatch, TxFull, Wiring,
+    ArmSwitch, CanIds, CanMotor, DriveMode, Fault, Feedback, FrameError, FrameKind, Motor,
+    MotorBus, MotorId, Rate, Request, RequestError, Response, RxFrames, Safety, Target,
+    TargetError, TargetKind, TargetSet, TxBatch, TxFull,
 };
 use rc10_sim::{BusConfig, SimPort, World};
 
-type Outcome = Result<Answer, RequestError>;
+type Outcome = Result<Response, RequestError>;
 
 std::thread_local! {
     /// What happens in the middle of a tick, while a motor is asked.
@@ -101,7 +101,7 @@ impl Motor for Registers {
     fn fault(&self) -> Option<Fault> {
         None
     }
-    fn update(&mut self, _: Seconds, _: Drive) {}
+    fn update(&mut self, _: Seconds, _: DriveMode) {}
 
     fn request(&mut self, request: Request) -> Outcome {
         let Request::ReadRegister(register) = request else {
@@ -113,10 +113,10 @@ impl Motor for Registers {
             self.log.lock().unwrap().busy.push(register);
             Err(RequestError::Busy)
         } else if self.quick || self.random.below(2) == 0 {
-            Ok(Answer::Register(register.into()))
+            Ok(Response::Register(register.into()))
         } else {
             self.pending = Some((register, self.random.below(6)));
-            Ok(Answer::Pending)
+            Ok(Response::Pending)
         };
         interrupt();
         outcome
@@ -126,18 +126,18 @@ impl Motor for Registers {
         interrupt();
         let (register, ticks) = self.pending?;
         self.pending = (ticks > 0).then(|| (register, ticks - 1));
-        (ticks == 0).then_some(Ok(Answer::Register(register.into())))
+        (ticks == 0).then_some(Ok(Response::Register(register.into())))
     }
 }
 
 impl CanMotor for Registers {
-    fn wiring(&self) -> Wiring {
+    fn wiring(&self) -> CanIds {
         let pattern = IdPattern::exact(StandardId::new(0x10 + u16::from(self.number)).unwrap());
-        let receive = Receive { pattern, len: 1, rate: Rate::EveryTick, guard: None };
-        Wiring::new("registers", self.number.into()).receives(receive).unwrap()
+        let receive = RxFrames { pattern, len: 1, rate: Rate::EveryTick, guard: None };
+        CanIds::new("registers", self.number.into()).receives(receive).unwrap()
     }
-    fn unpack_feedback(&mut self, _: &CanFrame, _: Micros) -> Result<Heard, FrameError> {
-        Ok(Heard::Feedback)
+    fn unpack_feedback(&mut self, _: &CanFrame, _: Micros) -> Result<FrameKind, FrameError> {
+        Ok(FrameKind::Feedback)
     }
     fn pack_command(&mut self, _: &mut TxBatch) -> Result<(), TxFull> {
         Ok(())
@@ -224,7 +224,7 @@ fn tick<'m>(runner: &mut Runner<'m, '_, SimPort, &mut MotorBus<'m>>) {
 }
 
 const fn register(number: u16) -> Outcome {
-    Ok(Answer::Register(number as u32))
+    Ok(Response::Register(number as u32))
 }
 
 #[test]

@@ -7,10 +7,9 @@ use proptest::test_runner::RngSeed;
 use rc10_app::{Amps, CountsPerTurn, Degrees, Gear, PidConfig, Rpm, RpmPerSecond, TotalAngle};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
-use rc10_motor::cascade::Cascade;
-use rc10_motor::dji::{
-    Direction, Dji, FeedbackRate, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model,
-};
+use rc10_motor::dji::{Dji, FeedbackRate, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model};
+use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::{Gains, Request, Target};
 
 /// So many cases, from the same seed in every run.

@@ -10,8 +10,8 @@ use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::{Dji, Effort};
 use rc10_motor::{
-    ArmState, ArmSwitch, CanMotor, Dispatch, Drive, Feedback, FrameError, Gains, Motor, MotorBus,
-    MotorId, Request, SafeState, Safety, Share, Target, TargetError, TxBatch,
+    ArmState, ArmSwitch, CanMotor, Dispatch, DriveMode, Feedback, FrameError, Gains, Motor,
+    MotorBus, MotorId, Ownership, Request, SafeState, Safety, Target, TargetError, TxBatch,
 };
 
 use crate::any;
@@ -88,7 +88,7 @@ struct Known {
 
 fn known(motor: &Dji, id: MotorId, safety: Safety) -> Known {
     let wiring = motor.wiring();
-    let Share::Lane(lane) = wiring.transmitted()[0].share else { panic!("a lane") };
+    let Ownership::Lane(lane) = wiring.transmitted()[0].share else { panic!("a lane") };
     let lane = lane.trailing_zeros();
     Known {
         id,
@@ -296,7 +296,7 @@ impl<'m> Bench<'m> {
             };
             if must_rest {
                 prop_assert_eq!(raw, 0, "{:?}", drive);
-                prop_assert!(matches!(drive, Drive::Off | Drive::Coast));
+                prop_assert!(matches!(drive, DriveMode::Off | DriveMode::Coast));
             }
         }
         // Lanes that belong to nobody are zero.
@@ -403,7 +403,7 @@ proptest! {
         times in vec(0..1_u64 << 62, 60),
     ) {
         let id = motor.wiring().received()[0].pattern.id();
-        let drives = [Drive::Run, Drive::Hold, Drive::Brake, Drive::Coast, Drive::Off];
+        let drives = [DriveMode::Run, DriveMode::Hold, DriveMode::Brake, DriveMode::Coast, DriveMode::Off];
         for ((dt, target, request, mut bytes, drive), time) in steps.into_iter().zip(times) {
             bytes[0] &= 0x1F;
             let at = Micros::new(time);

@@ -6,16 +6,16 @@ use rc10_app::Seconds;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::{
-    Answer, ArmSwitch, AttachError, CanMotor, Dispatch, Drive, Fault, Feedback, FrameError, Guard,
-    Heard, Motor, MotorBus, Rate, Receive, Request, RequestError, Safety, Share, Target,
-    TargetError, TargetKind, TargetSet, Transmit, TxBatch, TxFull, Wiring,
+    ArmSwitch, AttachError, CanIds, CanMotor, Dispatch, DriveMode, Fault, Feedback, FrameError,
+    FrameKind, Guard, Motor, MotorBus, Ownership, Rate, Request, RequestError, Response, RxFrames,
+    Safety, Target, TargetError, TargetKind, TargetSet, TxBatch, TxFrames, TxFull,
 };
 
 use crate::any;
 
 /// A motor that is nothing but its wiring.
 #[derive(Debug)]
-struct Wired(Wiring);
+struct Wired(CanIds);
 
 impl Motor for Wired {
     fn supports(&self) -> TargetSet {
@@ -33,18 +33,18 @@ impl Motor for Wired {
     fn fault(&self) -> Option<Fault> {
         None
     }
-    fn update(&mut self, _: Seconds, _: Drive) {}
-    fn request(&mut self, _: Request) -> Result<Answer, RequestError> {
+    fn update(&mut self, _: Seconds, _: DriveMode) {}
+    fn request(&mut self, _: Request) -> Result<Response, RequestError> {
         Err(RequestError::Unsupported)
     }
 }
 
 impl CanMotor for Wired {
-    fn wiring(&self) -> Wiring {
+    fn wiring(&self) -> CanIds {
         self.0.clone()
     }
-    fn unpack_feedback(&mut self, _: &CanFrame, _: Micros) -> Result<Heard, FrameError> {
-        Ok(Heard::Feedback)
+    fn unpack_feedback(&mut self, _: &CanFrame, _: Micros) -> Result<FrameKind, FrameError> {
+        Ok(FrameKind::Feedback)
     }
     fn pack_command(&mut self, _: &mut TxBatch) -> Result<(), TxFull> {
         Ok(())
@@ -81,18 +81,18 @@ fn guard() -> impl Strategy<Value = Guard> {
     parts.prop_map(|(byte, mask, value)| Guard { byte, mask, value })
 }
 
-fn receive() -> impl Strategy<Value = Receive> {
+fn receive() -> impl Strategy<Value = RxFrames> {
     (pattern(), any::<u8>(), rate(), prop::option::of(guard()))
-        .prop_map(|(pattern, len, rate, guard)| Receive { pattern, len, rate, guard })
+        .prop_map(|(pattern, len, rate, guard)| RxFrames { pattern, len, rate, guard })
 }
 
-fn transmit() -> impl Strategy<Value = Transmit> {
+fn transmit() -> impl Strategy<Value = TxFrames> {
     let share = prop_oneof![
-        Just(Share::Whole),
-        any::<u8>().prop_map(Share::Lane),
-        guard().prop_map(Share::Guard),
+        Just(Ownership::Whole),
+        any::<u8>().prop_map(Ownership::Lane),
+        guard().prop_map(Ownership::Guard),
     ];
-    (pattern(), any::<u8>(), rate(), share).prop_map(|(pattern, len, rate, share)| Transmit {
+    (pattern(), any::<u8>(), rate(), share).prop_map(|(pattern, len, rate, share)| TxFrames {
         pattern,
         len,
         rate,
@@ -103,7 +103,7 @@ fn transmit() -> impl Strategy<Value = Transmit> {
 fn wired() -> impl Strategy<Value = Wired> {
     (vec(receive(), 0..=4), vec(transmit(), 0..=1), vec(pattern(), 0..=1)).prop_map(
         |(receives, transmits, listens)| {
-            let mut wiring = Wiring::new("any", 1);
+            let mut wiring = CanIds::new("any", 1);
             for receive in receives {
                 wiring = wiring.receives(receive).unwrap();
             }
@@ -118,7 +118,7 @@ fn wired() -> impl Strategy<Value = Wired> {
     )
 }
 
-fn hears(wiring: &Wiring, frame: &CanFrame) -> bool {
+fn hears(wiring: &CanIds, frame: &CanFrame) -> bool {
     wiring.received().iter().any(|receive| {
         receive.pattern.matches(frame) && receive.guard.is_none_or(|guard| guard.passes(frame))
     })
@@ -137,7 +137,7 @@ proptest! {
         let wirings: Vec<_> = motors.iter().map(CanMotor::wiring).collect();
         let switch = ArmSwitch::new();
         let mut bus = MotorBus::new(&switch);
-        let mut attached: Vec<(_, &Wiring)> = Vec::new();
+        let mut attached: Vec<(_, &CanIds)> = Vec::new();
         for (motor, wiring) in motors.iter_mut().zip(&wirings) {
             let clashes = attached.iter().any(|(_, other)| {
                 let clash = wiring.clash(other);

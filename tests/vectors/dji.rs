@@ -4,8 +4,9 @@ use rc10_app::{Amps, Gear, Seconds};
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::{
-    Direction, Dji, Effort, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model, RawFeedback,
+    Dji, Effort, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model, RawFeedback,
 };
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
     ArmSwitch, CanMotor, Dispatch, Feedback, Motor, MotorBus, Safety, Target, TxBatch,
 };

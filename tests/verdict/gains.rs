@@ -6,7 +6,7 @@ use std::fs;
 
 use rc10_cli::recording::MotorTrack;
 use rc10_cli::{effort, margin};
-use rc10_motor::cascade::Cascade;
+use rc10_motor::rc10_app::Cascade;
 
 use crate::robots::{TEN_SECONDS, Which, run};
 use crate::{Micros, problems};

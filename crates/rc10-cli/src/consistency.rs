@@ -6,7 +6,7 @@
 
 use rc10_can::Micros;
 use rc10_motor::dji::Effort;
-use rc10_motor::{Drive, Link, TargetKind};
+use rc10_motor::{DriveMode, Link, TargetKind};
 use rc10_sim::fault::{Fault, Kind};
 
 use crate::problems::{About, Problem, is_on, seconds, time_of};
@@ -145,7 +145,7 @@ fn is_away(samples: &[MotorSample]) -> bool {
         let error = sample.target? - sample.measured;
         let goes_away = error * if is_angle { sample.rpm } else { sample.measured } < 0.0;
         // What a load or the floor drags along takes power; what runs away gives it.
-        let drives = sample.drive == Drive::Run && sample.current * sample.rpm > 0.0;
+        let drives = sample.drive == DriveMode::Run && sample.current * sample.rpm > 0.0;
         (sample.kind == kind && goes_away && drives).then_some(error)
     };
     let Some(errors) = samples.iter().map(error).collect::<Option<Vec<f64>>>() else {
@@ -541,7 +541,7 @@ mod tests {
             rpm,
             rpm_cell: Cell::default(),
             link: Link::Online,
-            drive: Drive::Run,
+            drive: DriveMode::Run,
             counters: Default::default(),
             overwritten: 0,
         }
@@ -559,7 +559,7 @@ mod tests {
             !seen(&|n| MotorSample { current: 5.0, ..away(n) }),
             "dragged, against its current"
         );
-        assert!(!seen(&|n| MotorSample { drive: Drive::Hold, ..away(n) }), "told nothing");
+        assert!(!seen(&|n| MotorSample { drive: DriveMode::Hold, ..away(n) }), "told nothing");
         assert!(!seen(&|n| MotorSample { target: None, ..away(n) }), "told nothing");
         assert!(!seen(&|n| sample(200.0, 210.0 + n, 210.0 + n, 5.0, speed)), "overshoots");
         assert!(!seen(&|n| sample(100.0, 200.0 - n, 200.0 - n, 5.0, speed)), "comes back");

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use rc10_can::{Micros, Timing};
 use rc10_module::Counters;
-use rc10_motor::{Drive, Link, TargetKind, Verdict};
+use rc10_motor::{DriveMode, Link, TargetKind, Verdict};
 use serde_json::{Value, json};
 
 use crate::problems::{Problem, Severity, any, problems, seconds};
@@ -363,13 +363,13 @@ pub(crate) const fn link_name(link: Link) -> &'static str {
     }
 }
 
-const fn drive_name(drive: Drive) -> &'static str {
+const fn drive_name(drive: DriveMode) -> &'static str {
     match drive {
-        Drive::Off => "off",
-        Drive::Coast => "coast",
-        Drive::Brake => "brake",
-        Drive::Hold => "hold",
-        Drive::Run => "run",
+        DriveMode::Off => "off",
+        DriveMode::Coast => "coast",
+        DriveMode::Brake => "brake",
+        DriveMode::Hold => "hold",
+        DriveMode::Run => "run",
     }
 }
 

@@ -5,7 +5,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use anyhow::{Context, Result, bail, ensure};
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Direction;
 use rc10_sim::Chassis;
 use rc10_sim::lk::Drive;
 use rc10_sim::odrive::Axis;

@@ -6,7 +6,7 @@ use rc10_motor::damiao::signals::Scaled;
 use rc10_motor::signals::Message;
 use rc10_motor::unitree::wire::Address;
 use rc10_motor::unitree::wire::module::Module;
-use rc10_motor::unitree::{GoModule, UnitreeLine};
+use rc10_motor::unitree::{GoModule, Rs485Bus};
 use rc10_motor::{
     CanMotor as _, MotorBus, MotorName, cybergear, damiao, lk, odrive, unitree, vesc,
 };
@@ -192,7 +192,7 @@ fn leg_twin<const ID: u8>(line: &Line, inertia: f64) -> Result<LineMotor> {
 pub fn robot<'r>(
     io: &'r Io,
     buses: [MotorBus<'r>; BUSES],
-    line: UnitreeLine<'r>,
+    line: Rs485Bus<'r>,
 ) -> Result<Robot<'r>> {
     let robot = Robot::new(description()?).line(line, &io.line);
     let robot =

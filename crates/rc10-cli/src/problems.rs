@@ -7,7 +7,7 @@
 use std::fmt;
 
 use rc10_can::Micros;
-use rc10_motor::{ArmState, Condition, Drive, Link, Verdict};
+use rc10_motor::{ArmState, Condition, DriveMode, Link, Verdict};
 use rc10_sim::fault::{Fault, Kind as FaultKind, Wire};
 use serde_json::{Value, json};
 
@@ -325,7 +325,7 @@ fn motors(recording: &Recording, found: &mut Vec<Problem>) {
                 found.push(Problem::new(about, "refused", text));
             }
         }
-        let was_driven = track.samples.iter().any(|sample| sample.drive == Drive::Run);
+        let was_driven = track.samples.iter().any(|sample| sample.drive == DriveMode::Run);
         let armed = armed_for(recording);
         if armed >= ARMED_FOR
             && !was_driven

@@ -4,7 +4,7 @@ use rc10_app::TotalAngle;
 use rc10_app::angle::shortest_way_degrees;
 use rc10_can::Micros;
 use rc10_motor::embassy::{BusStatus, LineStatus};
-use rc10_motor::{ArmState, Drive, Link, Loops, MotorStatus, Target, TargetKind};
+use rc10_motor::{ArmState, DriveMode, Link, Loops, MotorStatus, Target, TargetKind};
 use rc10_sim::{Base, TraceEntry};
 use sha2::{Digest, Sha256};
 
@@ -103,7 +103,8 @@ impl<'d> Recorder<'d> {
         for (line, (recorder, (motor, twin))) in self.motors.iter_mut().zip(motors).enumerate() {
             let mut status = status(line);
             if self.is_emulated {
-                status.drive = if motor.is_driven(twin) { Drive::Run } else { Drive::Coast };
+                status.drive =
+                    if motor.is_driven(twin) { DriveMode::Run } else { DriveMode::Coast };
             }
             recorder.look(now, motor, &status, twin);
         }
@@ -143,7 +144,7 @@ impl<'d> Recorder<'d> {
             let MotorStatus { link, drive, feedback, .. } = status(line);
             let is_driven = match self.description.motors.get(line).zip(motors.get(line)) {
                 Some((motor, twin)) if self.is_emulated => motor.is_driven(twin),
-                _ => drive == Drive::Run,
+                _ => drive == DriveMode::Run,
             };
             WheelHeard {
                 angle: feedback.total_angle.microdegrees() as f64 * 1e-6,
@@ -238,12 +239,12 @@ impl MotorRecorder {
 
     fn look(&mut self, now: Micros, motor: &Motor, status: &MotorStatus, twin: &Twin) {
         let seen = sample(motor, status, twin);
-        if let (Some(target), Drive::Run) = (seen.target, seen.drive) {
+        if let (Some(target), DriveMode::Run) = (seen.target, seen.drive) {
             self.track(seen.kind, target - seen.measured);
         }
         self.peak_current = self.peak_current.max(seen.current.abs());
         if let Some(watch) = &mut self.effort {
-            let is_driven = !matches!(seen.drive, Drive::Off | Drive::Coast);
+            let is_driven = !matches!(seen.drive, DriveMode::Off | DriveMode::Coast);
             // An effort that was asked for is not judged: no loop has made it.
             let asked = matches!(
                 status.target.kind(),
@@ -337,7 +338,7 @@ fn sample(motor: &Motor, status: &MotorStatus, esc: &Twin) -> MotorSample {
     };
     let state = esc.state();
     MotorSample {
-        target: wanted.filter(|_| status.drive == Drive::Run),
+        target: wanted.filter(|_| status.drive == DriveMode::Run),
         measured,
         measured_cell: Cell::default(),
         kind: status.target.kind(),

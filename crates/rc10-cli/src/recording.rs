@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use rc10_can::Micros;
 use rc10_motor::embassy::{BusStatus, LineStatus};
-use rc10_motor::{ArmState, Drive, Link, MotorCounters, MotorStatus, TargetKind};
+use rc10_motor::{ArmState, DriveMode, Link, MotorCounters, MotorStatus, TargetKind};
 use rc10_sim::{Chassis, Fault};
 use sha2::{Digest, Sha256};
 
@@ -154,9 +154,9 @@ pub struct MotorSample {
     pub rpm_cell: Cell,
     /// Whether it is heard.
     pub link: Link,
-    /// What its bus lets it do. On an emulated chip [`Drive::Run`] if the simulated motor is driven,
-    /// else [`Drive::Coast`].
-    pub drive: Drive,
+    /// What its bus lets it do. On an emulated chip [`DriveMode::Run`] if the simulated motor is driven,
+    /// else [`DriveMode::Coast`].
+    pub drive: DriveMode,
     /// Its counters so far.
     pub counters: MotorCounters,
     /// Its feedback frames so far that were overwritten in the ESC.

@@ -6,7 +6,7 @@
 use std::fmt::Write as _;
 
 use rc10_can::Micros;
-use rc10_motor::{ArmState, Drive, Link, TargetKind};
+use rc10_motor::{ArmState, DriveMode, Link, TargetKind};
 use serde_json::{Value, json};
 
 use crate::figures::{
@@ -534,11 +534,11 @@ const fn state(sample: &MotorSample) -> u8 {
     match (sample.link, sample.drive) {
         (Link::NeverSeen, _) => 6,
         (Link::Lost, _) => 5,
-        (Link::Online, Drive::Off) => 4,
-        (Link::Online, Drive::Coast) => 3,
-        (Link::Online, Drive::Brake) => 2,
-        (Link::Online, Drive::Hold) => 1,
-        (Link::Online, Drive::Run) => 0,
+        (Link::Online, DriveMode::Off) => 4,
+        (Link::Online, DriveMode::Coast) => 3,
+        (Link::Online, DriveMode::Brake) => 2,
+        (Link::Online, DriveMode::Hold) => 1,
+        (Link::Online, DriveMode::Run) => 0,
     }
 }
 
@@ -581,10 +581,10 @@ fn stops(recording: &Recording) -> Value {
     let wheels: Vec<_> = wheels.map(|(_, track)| track.samples.as_slice()).collect();
     let samples = wheels.iter().map(|samples| samples.len()).min().unwrap_or(0);
     let state = |index: usize| {
-        let all = |test: fn(Drive) -> bool| wheels.iter().all(|wheel| test(wheel[index].drive));
-        if all(|drive| drive == Drive::Off) {
+        let all = |test: fn(DriveMode) -> bool| wheels.iter().all(|wheel| test(wheel[index].drive));
+        if all(|drive| drive == DriveMode::Off) {
             "disarmed"
-        } else if all(|drive| drive != Drive::Run) {
+        } else if all(|drive| drive != DriveMode::Run) {
             "stopped"
         } else {
             ""
@@ -642,13 +642,13 @@ mod tests {
                     rpm: wave,
                     rpm_cell: Cell::of(wave),
                     link: Link::Online,
-                    drive: Drive::Run,
+                    drive: DriveMode::Run,
                     counters: MotorCounters::default(),
                     overwritten: 0,
                 }
             };
             let mut last = MotorStatus::NEW;
-            (last.link, last.drive) = (Link::Online, Drive::Run);
+            (last.link, last.drive) = (Link::Online, DriveMode::Run);
             let tracking =
                 vec![Tracking { kind, looks: samples as u64 * 10, squares: 0.0, peak: 0.0 }];
             MotorTrack {
@@ -806,10 +806,10 @@ mod tests {
     fn a_stop_is_when_no_wheel_runs() {
         let mut recording = two_seconds();
         for motor in &mut recording.motors[..4] {
-            motor.samples[..10].iter_mut().for_each(|sample| sample.drive = Drive::Off);
-            motor.samples[50..100].iter_mut().for_each(|sample| sample.drive = Drive::Coast);
+            motor.samples[..10].iter_mut().for_each(|sample| sample.drive = DriveMode::Off);
+            motor.samples[50..100].iter_mut().for_each(|sample| sample.drive = DriveMode::Coast);
         }
-        recording.motors[0].samples[150].drive = Drive::Coast;
+        recording.motors[0].samples[150].drive = DriveMode::Coast;
         let stops = embedded(&page_of(&recording))["stops"].clone();
         assert_eq!(stops, json!([[0.0, 0.1, "disarmed"], [0.5, 1.0, "stopped"]]));
     }
@@ -820,11 +820,11 @@ mod tests {
         let with = page_of(&recording);
         recording.base = None;
         for motor in &mut recording.motors[..4] {
-            motor.samples[50..100].iter_mut().for_each(|sample| sample.drive = Drive::Coast);
+            motor.samples[50..100].iter_mut().for_each(|sample| sample.drive = DriveMode::Coast);
         }
         assert_eq!(embedded(&page_of(&recording))["stops"], json!([]));
         for motor in &mut recording.motors[4..] {
-            motor.samples[60..100].iter_mut().for_each(|sample| sample.drive = Drive::Hold);
+            motor.samples[60..100].iter_mut().for_each(|sample| sample.drive = DriveMode::Hold);
         }
         let without = page_of(&recording);
         assert_eq!(embedded(&without)["stops"], json!([[0.6, 1.0, "stopped"]]));

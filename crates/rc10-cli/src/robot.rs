@@ -9,10 +9,11 @@ use std::rc::Rc;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use rc10_can::Micros;
 use rc10_module::Reception;
-use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
-use rc10_motor::embassy::{BusPort, LinePort, MotorPort, run_bus, run_line};
+use rc10_motor::dji::{self, FeedbackRate, Model};
+use rc10_motor::embassy::{BusPort, MotorPort, Rs485Port, run_bus, run_rs485};
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::signals::Message;
-use rc10_motor::unitree::UnitreeLine;
+use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorId, MotorName, Verdict};
 use rc10_sim::fault::Kind;
 use rc10_sim::{
@@ -457,7 +458,7 @@ pub struct Ports<'r> {
     /// The buses.
     pub buses: Vec<&'r BusPort>,
     /// The lines.
-    pub lines: Vec<&'r LinePort>,
+    pub lines: Vec<&'r Rs485Port>,
     /// What arms it.
     pub switch: Option<&'r ArmSwitch>,
     /// What it hears of its remote.
@@ -487,7 +488,7 @@ impl<'r> Ports<'r> {
 pub struct Robot<'r> {
     description: Description,
     buses: Vec<MotorBus<'r>>,
-    lines: Vec<UnitreeLine<'r>>,
+    lines: Vec<Rs485Bus<'r>>,
     ports: Ports<'r>,
     tasks: Vec<Task<'r>>,
     listen: Option<Box<dyn FnOnce(Receiver, ReceiverPort) -> Task<'r> + 'r>>,
@@ -537,7 +538,7 @@ impl<'r> Robot<'r> {
 
     /// Adds its next RS-485 line, and the port that its tasks know it by.
     #[must_use]
-    pub fn line(mut self, line: UnitreeLine<'r>, port: &'r LinePort) -> Self {
+    pub fn line(mut self, line: Rs485Bus<'r>, port: &'r Rs485Port) -> Self {
         self.lines.push(line);
         self.ports.lines.push(port);
         self
@@ -699,7 +700,7 @@ impl<'r> Robot<'r> {
         }
         let lines = self.lines.into_iter().zip(self.ports.lines);
         for ((line, shared), wire) in lines.zip(&around.lines) {
-            tasks.add(run_line(wire.port(), line, shared));
+            tasks.add(run_rs485(wire.port(), line, shared));
         }
         self.tasks.into_iter().for_each(|task| tasks.add(task));
         if let (Some(listen), Some(remote)) = (self.listen, &around.remote) {

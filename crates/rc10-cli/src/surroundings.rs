@@ -5,7 +5,7 @@ use std::pin::Pin;
 
 use anyhow::{Context, Result};
 use rc10_can::Micros;
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{Base, BusConfig, LineConfig, Mounting, Serial, Tasks, Wheels, World};
 

@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use rc10_can::Micros;
 use rc10_motor::unitree::GoM8010;
-use rc10_motor::{ArmSwitch, CanMotor, Drive, Request, SafeState, Safety, Target};
+use rc10_motor::{ArmSwitch, CanMotor, DriveMode, Request, SafeState, Safety, Target};
 use rc10_sim::{Bus, Esc, EscFault, Line, LineMotor};
 
 use crate::declaration::Declaration;
@@ -167,7 +167,7 @@ pub(crate) struct Life {
     /// Empty of a motor without frames.
     pub(crate) log: Log,
     /// When it took other targets than a fresh one, and in which drive.
-    pub(crate) other_targets: Option<(Micros, Drive)>,
+    pub(crate) other_targets: Option<(Micros, DriveMode)>,
     /// So many calls in it was turning under load.
     going: usize,
 }

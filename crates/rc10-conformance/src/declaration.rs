@@ -1,6 +1,6 @@
 use rc10_app::{NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::Target;
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Direction;
 use rc10_sim::{EscFault, EscState};
 
 /// What a motor can do, as far as the rules have to know it. How often it reports, and after what
@@ -43,9 +43,9 @@ pub struct Declaration {
     /// Whether it can be disabled. Disarmed and after a fault its bridge must be open then, or short
     /// the winding if it does not coast freely.
     pub disables: Claim,
-    /// Whether [`Drive::Brake`](rc10_motor::Drive::Brake) slows it down.
+    /// Whether [`DriveMode::Brake`](rc10_motor::DriveMode::Brake) slows it down.
     pub brakes: Claim,
-    /// Whether [`Drive::Hold`](rc10_motor::Drive::Hold) keeps its angle.
+    /// Whether [`DriveMode::Hold`](rc10_motor::DriveMode::Hold) keeps its angle.
     pub holds: Claim,
     /// Faults that its device can have and its protocol cannot tell.
     pub untold_faults: Vec<(EscFault, &'static str)>,

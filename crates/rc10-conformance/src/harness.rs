@@ -6,8 +6,8 @@ use rc10_app::Seconds;
 use rc10_can::{CanFrame, CanPort, Micros};
 use rc10_motor::unitree::GoM8010;
 use rc10_motor::{
-    Answer, ArmSwitch, CanMotor, CommandError, Drive, Motor, MotorId, MotorName, MotorStatus,
-    Request, RequestError, Safety, Target, TargetSet, TxBatch,
+    ArmSwitch, CanMotor, CommandError, DriveMode, Motor, MotorId, MotorName, MotorStatus, Request,
+    RequestError, Response, Safety, Target, TargetSet, TxBatch,
 };
 use rc10_sim::{Bus, Esc, EscFault, EscState, Line, LineMotor};
 
@@ -139,14 +139,14 @@ pub(crate) trait Harness<'m> {
     fn device(&self, id: u8) -> Box<dyn Device>;
     fn now(&self) -> Micros;
     fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError>;
-    fn request(&mut self, motor: MotorId, request: Request) -> Result<Answer, RequestError>;
-    fn answer(&mut self, motor: MotorId) -> Option<Result<Answer, RequestError>>;
+    fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError>;
+    fn answer(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>>;
     fn supports(&self, motor: MotorId) -> TargetSet;
     fn status(&self, motor: MotorId) -> MotorStatus;
     /// A millisecond, with a tick at its end; the motors are told that `dt` has passed.
     fn tick(&mut self, dt: Seconds);
     /// A tick of a motor that is not attached, so that nobody watches over it, and a millisecond.
-    fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: Drive);
+    fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: DriveMode);
     /// The program panics: what is for a panic handler is sent, and what waited is not. No tick may
     /// follow.
     fn panic(&mut self);
@@ -230,11 +230,11 @@ impl<'m> Harness<'m> for OnBus<'m> {
         self.bench.bus.command(motor, self.mirror.target(target), now)
     }
 
-    fn request(&mut self, motor: MotorId, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
         self.bench.bus.request(motor, request)
     }
 
-    fn answer(&mut self, motor: MotorId) -> Option<Result<Answer, RequestError>> {
+    fn answer(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
         self.bench.bus.answer(motor)
     }
 
@@ -250,7 +250,7 @@ impl<'m> Harness<'m> for OnBus<'m> {
         self.bench.tick_with(dt);
     }
 
-    fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: Drive) {
+    fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: DriveMode) {
         motor.update(dt, drive);
         if let Subject::OnBus(motor) = motor {
             let mut batch = TxBatch::new();
@@ -337,11 +337,11 @@ impl<'m> Harness<'m> for OnLine<'m> {
         self.bench.line.command(motor, self.mirror.target(target), now)
     }
 
-    fn request(&mut self, motor: MotorId, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
         self.bench.line.request(motor, request)
     }
 
-    fn answer(&mut self, motor: MotorId) -> Option<Result<Answer, RequestError>> {
+    fn answer(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
         self.bench.line.answer(motor)
     }
 
@@ -357,7 +357,7 @@ impl<'m> Harness<'m> for OnLine<'m> {
         self.bench.tick_with(dt);
     }
 
-    fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: Drive) {
+    fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: DriveMode) {
         motor.update(dt, drive);
         if let Subject::OnLine(motor) = motor {
             self.bench.wire.port().send(&motor.pack_command());
@@ -366,7 +366,7 @@ impl<'m> Harness<'m> for OnLine<'m> {
     }
 
     fn panic(&mut self) {
-        let image = rc10_motor::unitree::UnitreeLine::coast_image();
+        let image = rc10_motor::unitree::Rs485Bus::coast_image();
         // The first may meet an answer.
         for _ in 0..2 {
             self.bench.wire.port().send(&image);

@@ -1,6 +1,6 @@
 use rc10_app::Seconds;
 use rc10_can::Micros;
-use rc10_motor::unitree::{Step, UnitreeLine};
+use rc10_motor::unitree::{Rs485Bus, Step};
 use rc10_motor::{ArmSwitch, CommandError, MotorId, MotorStatus, Target};
 use rc10_sim::{Line, LineConfig, SerialPort, World};
 
@@ -12,7 +12,7 @@ pub struct LineBench<'m> {
     /// The wire.
     pub wire: Line,
     /// The line.
-    pub line: UnitreeLine<'m>,
+    pub line: Rs485Bus<'m>,
     /// What went over the wire: when it was handed over or taken, whether it is ours, the bytes.
     pub traffic: Vec<(Micros, bool, Vec<u8>)>,
     port: SerialPort,
@@ -24,7 +24,7 @@ impl<'m> LineBench<'m> {
     pub fn new(seed: u64, switch: &'m ArmSwitch) -> Self {
         let mut world = World::new(seed);
         let wire = world.add_line(LineConfig::default());
-        let (line, port) = (UnitreeLine::new(switch), wire.port());
+        let (line, port) = (Rs485Bus::new(switch), wire.port());
         Self { world, wire, line, traffic: Vec::new(), port }
     }
 

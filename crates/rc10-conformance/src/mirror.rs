@@ -1,7 +1,7 @@
 //! A reversed motor, seen so that the same numbers move the shaft the same way as a forward one's.
 
 use rc10_app::{Degrees, TotalAngle};
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::{Feedback, Impedance, MotorStatus, Target};
 
 /// Turns the numbers of a reversed motor round; those of a forward one stay.

@@ -3,8 +3,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use rc10_app::Seconds;
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::{
-    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request,
-    RequestError, Target, TargetError, TargetSet, TxBatch, TxFull, Wiring,
+    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Motor, Request,
+    RequestError, Response, Target, TargetError, TargetSet, TxBatch, TxFull,
 };
 
 use crate::harness::Subject;
@@ -14,9 +14,9 @@ use crate::harness::Subject;
 pub(crate) enum Call {
     Target(Target),
     Request(Request),
-    Answer,
+    Response,
     Frame(CanFrame, Micros),
-    Update(Seconds, Drive),
+    Update(Seconds, DriveMode),
     Pack,
 }
 
@@ -24,7 +24,7 @@ pub(crate) enum Call {
 #[derive(Clone, Debug)]
 pub(crate) struct Moment {
     pub(crate) at: Micros,
-    pub(crate) drive: Drive,
+    pub(crate) drive: DriveMode,
     pub(crate) frames: Vec<(CanFrame, u32)>,
     pub(crate) coast: Vec<CanFrame>,
     pub(crate) feedback: Feedback,
@@ -59,7 +59,7 @@ struct Recorded {
     motor: Box<dyn CanMotor>,
     shared: Shared,
     ticks: u64,
-    drive: Drive,
+    drive: DriveMode,
 }
 
 /// The same motor, and what is written down of it: nothing, if it has no frames.
@@ -68,7 +68,7 @@ pub(crate) fn recorded(motor: Subject) -> (Subject, Shared) {
     let Subject::OnBus(motor) = motor else {
         return (motor, shared);
     };
-    let recorded = Recorded { motor, shared: shared.clone(), ticks: 0, drive: Drive::Off };
+    let recorded = Recorded { motor, shared: shared.clone(), ticks: 0, drive: DriveMode::Off };
     (Subject::OnBus(Box::new(recorded)), shared)
 }
 
@@ -94,19 +94,19 @@ impl Motor for Recorded {
         self.motor.fault()
     }
 
-    fn update(&mut self, dt: Seconds, drive: Drive) {
+    fn update(&mut self, dt: Seconds, drive: DriveMode) {
         self.shared.note(Call::Update(dt, drive));
         (self.ticks, self.drive) = (self.ticks + 1, drive);
         self.motor.update(dt, drive);
     }
 
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         self.shared.note(Call::Request(request));
         self.motor.request(request)
     }
 
-    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
-        self.shared.note(Call::Answer);
+    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
+        self.shared.note(Call::Response);
         self.motor.answer()
     }
 
@@ -116,14 +116,14 @@ impl Motor for Recorded {
 }
 
 impl CanMotor for Recorded {
-    fn wiring(&self) -> Wiring {
+    fn wiring(&self) -> CanIds {
         self.motor.wiring()
     }
 
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
         self.shared.note(Call::Frame(*frame, at));
         let heard = self.motor.unpack_feedback(frame, at);
-        if heard == Ok(Heard::Feedback) {
+        if heard == Ok(FrameKind::Feedback) {
             self.shared.log().arrivals.push((at, self.motor.feedback().at));
         }
         heard
@@ -159,7 +159,7 @@ pub(crate) fn replay(motor: &mut dyn CanMotor, calls: &[Call]) -> Vec<(CanFrame,
         match *call {
             Call::Target(target) => drop(motor.set_target(target)),
             Call::Request(request) => drop(motor.request(request)),
-            Call::Answer => drop(motor.answer()),
+            Call::Response => drop(motor.answer()),
             Call::Frame(frame, at) => drop(motor.unpack_feedback(&frame, at)),
             Call::Update(dt, drive) => motor.update(dt, drive),
             Call::Pack => {

@@ -2,7 +2,7 @@ use std::fmt;
 
 use rc10_can::Micros;
 use rc10_motor::MotorName;
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Direction;
 
 /// A rule that a motor breaks.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -4,8 +4,8 @@ use crate::harness::{Device, Harness};
 use rc10_app::Seconds;
 use rc10_can::Micros;
 use rc10_motor::{
-    Answer, ArmSwitch, Condition, Drive, Link, MotorId, MotorStatus, Request, RequestError, Target,
-    TargetSet,
+    ArmSwitch, Condition, DriveMode, Link, MotorId, MotorStatus, Request, RequestError, Response,
+    Target, TargetSet,
 };
 
 /// A motor on a bus and its device on the wire, and what can be seen of both.
@@ -22,7 +22,7 @@ pub(crate) struct Rig<'m> {
     steepest: (f64, Micros),
     /// Which targets it took at first.
     supports: TargetSet,
-    other_targets: Option<(Micros, Drive)>,
+    other_targets: Option<(Micros, DriveMode)>,
 }
 
 /// Times that everything must be over in, ms.
@@ -54,7 +54,7 @@ impl<'m> Rig<'m> {
     }
 
     /// When it took other targets than at first, and in which drive.
-    pub(crate) const fn other_targets(&self) -> Option<(Micros, Drive)> {
+    pub(crate) const fn other_targets(&self) -> Option<(Micros, DriveMode)> {
         self.other_targets
     }
 
@@ -244,16 +244,16 @@ impl<'m> Rig<'m> {
     }
 
     /// Asks for something, and waits for the answer without commanding.
-    pub(crate) fn ask(&mut self, request: Request) -> Result<Answer, RequestError> {
+    pub(crate) fn ask(&mut self, request: Request) -> Result<Response, RequestError> {
         let answer = self.bench.request(self.motor, request)?;
-        if answer != Answer::Pending {
+        if answer != Response::Pending {
             return Ok(answer);
         }
         self.answer().unwrap_or(Err(RequestError::NoReply))
     }
 
     /// The answer that is pending, if it comes.
-    pub(crate) fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+    pub(crate) fn answer(&mut self) -> Option<Result<Response, RequestError>> {
         (0..LONGEST_ANSWER).find_map(|_| {
             self.tick(None);
             self.bench.answer(self.motor)

@@ -13,7 +13,7 @@ mod conformance_of {
 }
 
 use rc10_conformance::{RULES, Report, check, check_line};
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Direction;
 
 /// A model, and what its check says of one made to turn that way.
 type Entry = (&'static str, fn(Direction) -> Result<(), Report>);

@@ -19,7 +19,7 @@ mod sprung;
 
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Claim, Declaration, RULES, Report, Trial, check, check_line};
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::unitree::GoM8010;
 use rc10_motor::{Impedance, Target};
 use rc10_sim::unitree_line::{GoM8010 as Device, plant};

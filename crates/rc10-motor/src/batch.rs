@@ -49,7 +49,7 @@ impl TxBatch {
 
     /// Adds a whole frame that, whatever its identifier, takes the place of an unsent frame of the
     /// same `stream` and of no other: for devices whose identifiers say what is commanded. A stream
-    /// is the [key](CanFrame::key) of an identifier of the motor's own [`Wiring`](crate::Wiring).
+    /// is the [key](CanFrame::key) of an identifier of the motor's own [`CanIds`](crate::CanIds).
     ///
     /// # Errors
     /// [`TxFull`] if there are [`CAPACITY`](Self::CAPACITY) frames already.

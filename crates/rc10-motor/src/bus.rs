@@ -12,12 +12,12 @@ use crate::load::BusLoad;
 #[cfg(feature = "embassy")]
 use crate::load::Verdict;
 use crate::motor::{
-    Answer, CanMotor, FrameError, Heard, Loops, Request, RequestError, Target, TargetError,
+    CanMotor, FrameError, FrameKind, Loops, Request, RequestError, Response, Target, TargetError,
     TargetSet,
 };
 use crate::supervision::{LONGEST_PAUSE, MotorStatus, Safety, Supervision, sound_step};
 use crate::table::ReceiveTable;
-use crate::wiring::{Clash, MotorName, Wiring};
+use crate::wiring::{CanIds, Clash, MotorName};
 
 /// The motors of one CAN bus, and what keeps them safe.
 ///
@@ -266,7 +266,7 @@ impl<'m> MotorBus<'m> {
             return Dispatch::Unclaimed;
         };
         let heard = slot.motor.unpack_feedback(frame, at);
-        if heard == Ok(Heard::Feedback) {
+        if heard == Ok(FrameKind::Feedback) {
             slot.watch.heard_feedback(at);
             return Dispatch::Motor(MotorId(index));
         }
@@ -305,18 +305,18 @@ impl<'m> MotorBus<'m> {
         slot.watch.command(&mut *slot.motor, target, now).map_err(CommandError::Target)
     }
 
-    /// Asks something of a motor beside a target. After [`Answer::Pending`] its
+    /// Asks something of a motor beside a target. After [`Response::Pending`] its
     /// [`answer`](Self::answer) is to be asked for after each tick.
     ///
     /// # Errors
     /// [`RequestError`]; nothing changed.
-    pub fn request(&mut self, motor: MotorId, request: Request) -> Result<Answer, RequestError> {
+    pub fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
         let slot = self.slots.get_mut(motor.index()).ok_or(RequestError::NoSuchMotor)?;
         slot.watch.request(&mut *slot.motor, request)
     }
 
-    /// How a request went that was [`Pending`](Answer::Pending), once that is known; told once.
-    pub fn answer(&mut self, motor: MotorId) -> Option<Result<Answer, RequestError>> {
+    /// How a request went that was [`Pending`](Response::Pending), once that is known; told once.
+    pub fn answer(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
         let slot = self.slots.get_mut(motor.index())?;
         slot.watch.answer(&mut *slot.motor)
     }
@@ -371,7 +371,7 @@ impl<'m> MotorBus<'m> {
 
     /// What each motor occupies, in order. One after the other: all at once they would take a large
     /// part of a chip's stack.
-    pub fn for_each_wiring(&self, mut f: impl FnMut(&Wiring)) {
+    pub fn for_each_wiring(&self, mut f: impl FnMut(&CanIds)) {
         for slot in &self.slots {
             f(&slot.motor.wiring());
         }
@@ -431,7 +431,7 @@ const fn count(counter: &mut u32) {
 mod tests {
     use super::*;
     use crate::dji::{Dji, M3508};
-    use crate::motor::{Drive, Fault, Feedback};
+    use crate::motor::{DriveMode, Fault, Feedback};
     use crate::supervision::Link;
     use embedded_can::StandardId;
     use rc10_app::Rpm;
@@ -442,10 +442,10 @@ mod tests {
     /// A motor that says of itself whatever byte 0 tells it to.
     #[derive(Default)]
     struct Talker {
-        drive: Drive,
+        drive: DriveMode,
         /// Whether it first asks its device.
         asks: bool,
-        answer: Option<Result<Answer, RequestError>>,
+        answer: Option<Result<Response, RequestError>>,
     }
 
     impl crate::motor::Motor for Talker {
@@ -467,32 +467,36 @@ mod tests {
         fn fault(&self) -> Option<Fault> {
             None
         }
-        fn update(&mut self, _: Seconds, drive: Drive) {
+        fn update(&mut self, _: Seconds, drive: DriveMode) {
             self.drive = drive;
         }
-        fn request(&mut self, _: Request) -> Result<Answer, RequestError> {
-            Ok(if self.asks { Answer::Pending } else { Answer::Done })
+        fn request(&mut self, _: Request) -> Result<Response, RequestError> {
+            Ok(if self.asks { Response::Pending } else { Response::Done })
         }
-        fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+        fn answer(&mut self) -> Option<Result<Response, RequestError>> {
             self.answer.take()
         }
     }
 
     impl CanMotor for Talker {
-        fn wiring(&self) -> crate::Wiring {
+        fn wiring(&self) -> crate::CanIds {
             let pattern = IdPattern::exact(StandardId::new(0x10).unwrap());
             let rate = crate::Rate::EveryTick;
-            let receive = crate::Receive { pattern, len: 1, rate, guard: None };
-            crate::Wiring::new("talker", 1).receives(receive).unwrap()
+            let receive = crate::RxFrames { pattern, len: 1, rate, guard: None };
+            crate::CanIds::new("talker", 1).receives(receive).unwrap()
         }
-        fn unpack_feedback(&mut self, frame: &CanFrame, _: Micros) -> Result<Heard, FrameError> {
+        fn unpack_feedback(
+            &mut self,
+            frame: &CanFrame,
+            _: Micros,
+        ) -> Result<FrameKind, FrameError> {
             match frame.bytes() {
-                [0] => Ok(Heard::Feedback),
-                [1] => Ok(Heard::Fault),
-                [2] => Ok(Heard::Other),
+                [0] => Ok(FrameKind::Feedback),
+                [1] => Ok(FrameKind::Fault),
+                [2] => Ok(FrameKind::Other),
                 [3] => {
-                    self.answer = Some(Ok(Answer::Done));
-                    Ok(Heard::Feedback)
+                    self.answer = Some(Ok(Response::Done));
+                    Ok(FrameKind::Feedback)
                 }
                 _ => Err(FrameError::Length),
             }
@@ -510,7 +514,7 @@ mod tests {
     }
 
     /// One tick with a frame and a fresh command; what the motor was allowed.
-    fn tick(bus: &mut MotorBus<'_>, now: u64, byte: Option<u8>) -> (Drive, Link) {
+    fn tick(bus: &mut MotorBus<'_>, now: u64, byte: Option<u8>) -> (DriveMode, Link) {
         let now = Micros::from_millis(now);
         if let Some(byte) = byte {
             bus.on_frame(&says(byte), now);
@@ -530,12 +534,12 @@ mod tests {
         let mut bus = MotorBus::new(&switch);
         bus.attach(&mut talker, Safety::BRAKE).unwrap();
         switch.arm().unwrap();
-        assert_eq!(tick(&mut bus, 1, Some(0)), (Drive::Run, Link::Online));
-        assert_eq!(tick(&mut bus, 2, Some(1)), (Drive::Brake, Link::Online));
+        assert_eq!(tick(&mut bus, 1, Some(0)), (DriveMode::Run, Link::Online));
+        assert_eq!(tick(&mut bus, 2, Some(1)), (DriveMode::Brake, Link::Online));
         // That the fault goes by itself is not enough.
-        assert_eq!(tick(&mut bus, 3, Some(0)), (Drive::Brake, Link::Online));
+        assert_eq!(tick(&mut bus, 3, Some(0)), (DriveMode::Brake, Link::Online));
         bus.request(MotorId(0), Request::ClearFault).unwrap();
-        assert_eq!(tick(&mut bus, 4, Some(0)), (Drive::Run, Link::Online));
+        assert_eq!(tick(&mut bus, 4, Some(0)), (DriveMode::Run, Link::Online));
         assert_eq!(bus.status(MotorId(0), Micros::ZERO).unwrap().counters.expired, 0);
     }
 
@@ -546,15 +550,15 @@ mod tests {
         let mut bus = MotorBus::new(&switch);
         bus.attach(&mut talker, Safety::COAST).unwrap();
         switch.arm().unwrap();
-        assert_eq!(tick(&mut bus, 1, Some(1)), (Drive::Coast, Link::Online));
-        assert_eq!(bus.request(MotorId(0), Request::ClearFault), Ok(Answer::Pending));
+        assert_eq!(tick(&mut bus, 1, Some(1)), (DriveMode::Coast, Link::Online));
+        assert_eq!(bus.request(MotorId(0), Request::ClearFault), Ok(Response::Pending));
         assert_eq!(bus.answer(MotorId(0)), None);
         // A frame that was on its way still tells of the fault, and it is gone with the answer.
-        assert_eq!(tick(&mut bus, 2, Some(1)), (Drive::Coast, Link::Online));
-        assert_eq!(tick(&mut bus, 3, Some(3)), (Drive::Coast, Link::Online));
-        assert_eq!(bus.answer(MotorId(0)), Some(Ok(Answer::Done)));
+        assert_eq!(tick(&mut bus, 2, Some(1)), (DriveMode::Coast, Link::Online));
+        assert_eq!(tick(&mut bus, 3, Some(3)), (DriveMode::Coast, Link::Online));
+        assert_eq!(bus.answer(MotorId(0)), Some(Ok(Response::Done)));
         assert_eq!(bus.answer(MotorId(0)), None);
-        assert_eq!(tick(&mut bus, 4, Some(0)), (Drive::Run, Link::Online));
+        assert_eq!(tick(&mut bus, 4, Some(0)), (DriveMode::Run, Link::Online));
     }
 
     #[test]
@@ -564,15 +568,15 @@ mod tests {
         let mut bus = MotorBus::new(&switch);
         bus.attach(&mut talker, Safety::HOLD).unwrap();
         switch.arm().unwrap();
-        assert_eq!(tick(&mut bus, 1, Some(2)), (Drive::Coast, Link::NeverSeen));
-        assert_eq!(tick(&mut bus, 2, Some(0)), (Drive::Run, Link::Online));
+        assert_eq!(tick(&mut bus, 1, Some(2)), (DriveMode::Coast, Link::NeverSeen));
+        assert_eq!(tick(&mut bus, 2, Some(0)), (DriveMode::Run, Link::Online));
         for now in 3..=12 {
             assert_eq!(tick(&mut bus, now, Some(2)).1, Link::Online);
         }
-        assert_eq!(tick(&mut bus, 13, Some(2)), (Drive::Coast, Link::Lost));
+        assert_eq!(tick(&mut bus, 13, Some(2)), (DriveMode::Coast, Link::Lost));
         // A motor once lost stays lost, also when the low half of the time has gone round.
         for millis in [4_294_967_u64, 4_294_972, 4_294_980] {
-            assert_eq!(tick(&mut bus, millis, None), (Drive::Coast, Link::Lost));
+            assert_eq!(tick(&mut bus, millis, None), (DriveMode::Coast, Link::Lost));
         }
         let counters = bus.status(MotorId(0), Micros::ZERO).unwrap().counters;
         assert_eq!((counters.lost, counters.received), (1, 13));
@@ -589,7 +593,7 @@ mod tests {
         bus.on_frame(&says(0), now + Micros::new(40));
         bus.command(MotorId(0), Target::Coast, now).unwrap();
         bus.tick(now, MS, &mut TxBatch::new()).unwrap();
-        assert_eq!(bus.status(MotorId(0), now).unwrap().drive, Drive::Run);
+        assert_eq!(bus.status(MotorId(0), now).unwrap().drive, DriveMode::Run);
     }
 
     #[test]

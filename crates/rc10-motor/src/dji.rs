@@ -22,12 +22,12 @@ use rc10_app::{
 use rc10_can::{CanFrame, IdPattern, Micros};
 
 use crate::batch::{TxBatch, TxFull};
-use crate::cascade::{Cascade, CascadeState};
 use crate::motor::{
-    Answer, CanMotor, Drive, Fault, Feedback, FrameError, Gains, Heard, Loops, Motor, Request,
-    RequestError, Target, TargetError, TargetKind, TargetSet,
+    CanMotor, DriveMode, Fault, Feedback, FrameError, FrameKind, Gains, Loops, Motor, Request,
+    RequestError, Response, Target, TargetError, TargetKind, TargetSet,
 };
-use crate::wiring::{Rate, Receive, Share, Transmit, Wiring};
+use crate::wiring::{CanIds, Ownership, Rate, RxFrames, TxFrames};
+use rc10_app::cascade::{Cascade, CascadeState};
 
 /// Encoder counts per rotor turn, of all models: 8192.
 const ENCODER_COUNTS: u32 = 1 << ENCODER_BITS;
@@ -539,7 +539,7 @@ impl Dji {
     /// What is wrong with a frame.
     #[cold]
     #[inline(never)]
-    fn reject(&self, frame: &CanFrame) -> Result<Heard, FrameError> {
+    fn reject(&self, frame: &CanFrame) -> Result<FrameKind, FrameError> {
         Err(if frame.key() != self.feedback_key {
             FrameError::NotMine
         } else if frame.all_eight().is_some() {
@@ -565,7 +565,7 @@ impl Dji {
         &mut self,
         frame: &CanFrame,
         at: Micros,
-    ) -> Result<Heard, FrameError> {
+    ) -> Result<FrameKind, FrameError> {
         let Some(bytes) = frame.all_eight() else { return self.reject(frame) };
         let RawFeedback { angle, rpm, .. } = RawFeedback::unpack(bytes);
         let (scale, last) = (self.scale, self.seen);
@@ -598,7 +598,7 @@ impl Dji {
             total: last.total.saturating_add(moved),
             phase,
         };
-        Ok(Heard::Feedback)
+        Ok(FrameKind::Feedback)
     }
 
     /// Where the motor can come to a stand: holding the angle at which it still turns would throw
@@ -637,25 +637,25 @@ impl Dji {
     /// One step while the target may not be followed.
     #[cold]
     #[inline(never)]
-    fn stop(&mut self, drive: Drive, dt: Seconds) {
+    fn stop(&mut self, drive: DriveMode, dt: Seconds) {
         let ran = core::mem::take(&mut self.ran);
-        if drive == Drive::Hold && self.held.is_none() && !ran && self.heard {
+        if drive == DriveMode::Hold && self.held.is_none() && !ran && self.heard {
             // It was at rest and is for one tick more: to find out where takes long enough.
             self.held = Some(self.standstill());
             return self.state.rest();
         }
-        if ran && matches!(drive, Drive::Brake | Drive::Hold) {
-            self.state.start_over(drive == Drive::Hold);
+        if ran && matches!(drive, DriveMode::Brake | DriveMode::Hold) {
+            self.state.start_over(drive == DriveMode::Hold);
         }
         let held = match (drive, self.held) {
-            (Drive::Hold, None) if self.heard => Some(self.standstill()),
-            (Drive::Hold, held) => held,
+            (DriveMode::Hold, None) if self.heard => Some(self.standstill()),
+            (DriveMode::Hold, held) => held,
             _ => None,
         };
         self.held = held;
         let goal = match (drive, held) {
-            (Drive::Hold, Some(counts)) => Goal::Total(counts),
-            (Drive::Brake, _) if self.heard => Goal::Speed(0.0),
+            (DriveMode::Hold, Some(counts)) => Goal::Total(counts),
+            (DriveMode::Brake, _) if self.heard => Goal::Speed(0.0),
             _ => Goal::Rest,
         };
         // The target's own goal waits until it may be followed again.
@@ -782,8 +782,8 @@ impl Motor for Dji {
         None
     }
 
-    fn update(&mut self, dt: Seconds, drive: Drive) {
-        if drive == Drive::Run {
+    fn update(&mut self, dt: Seconds, drive: DriveMode) {
+        if drive == DriveMode::Run {
             (self.held, self.ran) = (None, true);
             self.pursue(dt);
         } else {
@@ -791,7 +791,7 @@ impl Motor for Dji {
         }
     }
 
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         let set = |pid: PidConfig, gains: Gains| {
             // Its limits stand already; one of them may be a current limit of zero.
             PidConfig::new(gains.kp, gains.ki, gains.kd, 1.0).validate()?;
@@ -832,31 +832,31 @@ impl Motor for Dji {
             let way = self.scale.degrees_to(&self.goal, &self.seen);
             self.state.change_gains(&self.cascade, self.seen.speed, way);
         }
-        Ok(Answer::Done)
+        Ok(Response::Done)
     }
 }
 
 impl CanMotor for Dji {
-    fn wiring(&self) -> Wiring {
+    fn wiring(&self) -> CanIds {
         let exact = |raw: u16| IdPattern::exact(StandardId::new(raw).unwrap_or(StandardId::ZERO));
-        let feedback = Receive {
+        let feedback = RxFrames {
             pattern: exact(self.model.feedback_base + u16::from(self.id)),
             len: 8,
             rate: Rate::Hz(self.rate.hz()),
             guard: None,
         };
-        let command = Transmit {
+        let command = TxFrames {
             pattern: IdPattern::exact(Id::Standard(self.command_id)),
             len: 8,
             rate: Rate::EveryTick,
-            share: Share::Lane(0b11 << self.lane),
+            share: Ownership::Lane(0b11 << self.lane),
         };
-        let wiring = Wiring::new(self.model.name, self.id.into());
+        let wiring = CanIds::new(self.model.name, self.id.into());
         let wired = wiring.clone().receives(feedback).and_then(|wiring| wiring.transmits(command));
         wired.unwrap_or(wiring)
     }
 
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
         let Some(bytes) = frame.all_eight() else { return self.reject(frame) };
         let RawFeedback { angle, rpm, .. } = RawFeedback::unpack(bytes);
         let angle = i32::from(angle);
@@ -882,7 +882,7 @@ impl CanMotor for Dji {
         seen.angle = angle;
         seen.speed = f32::from(rpm) * scale.output_per_rotor;
         seen.bytes = *bytes;
-        Ok(Heard::Feedback)
+        Ok(FrameKind::Feedback)
     }
 
     #[inline]
@@ -918,7 +918,7 @@ mod tests {
         let mut wheel = Dji::new(&M3508, 1).unwrap();
         let bytes = [0x10, 0x00, 0x01, 0xF4, 0x40, 0x00, 35, 0];
         let heard = wheel.unpack_feedback(&frame(0x201, bytes), Micros::new(7));
-        assert_eq!(heard, Ok(Heard::Feedback));
+        assert_eq!(heard, Ok(FrameKind::Feedback));
         let seen = wheel.feedback();
         assert_eq!((seen.at, seen.current()), (Micros::new(7), Some(Amps::new(20.0))));
         assert_eq!(seen.temperature(), Some(Celsius::new(35.0)));
@@ -1005,7 +1005,7 @@ mod tests {
             wheel.set_target(Target::Current(Amps::new(5.0))).unwrap();
             wheel.unpack_feedback(&feedback(0x200 + u16::from(id), 0, 0), Micros::ZERO).unwrap();
             for _ in 0..30 {
-                wheel.update(MS, Drive::Run);
+                wheel.update(MS, DriveMode::Run);
             }
             let mut tx = TxBatch::new();
             wheel.pack_command(&mut tx).unwrap();
@@ -1024,7 +1024,9 @@ mod tests {
     fn nothing_is_driven_before_the_first_feedback() {
         let mut wheel = Dji::new(&M3508, 1).unwrap();
         wheel.set_target(Target::Speed(Rpm::new(300.0))).unwrap();
-        for drive in [Drive::Run, Drive::Hold, Drive::Brake, Drive::Coast, Drive::Off] {
+        for drive in
+            [DriveMode::Run, DriveMode::Hold, DriveMode::Brake, DriveMode::Coast, DriveMode::Off]
+        {
             wheel.update(MS, drive);
             assert_eq!(wheel.raw_command(), 0, "{drive:?}");
         }
@@ -1038,7 +1040,7 @@ mod tests {
         pitch.set_target(Target::Duty(2.0)).unwrap();
         pitch.unpack_feedback(&feedback(0x206, 0, 0), Micros::ZERO).unwrap();
         for _ in 0..30 {
-            pitch.update(MS, Drive::Run);
+            pitch.update(MS, DriveMode::Run);
         }
         assert_eq!(pitch.raw_command(), 25000);
     }
@@ -1056,7 +1058,7 @@ mod tests {
         lift.request(Request::CurrentLimit(Amps::new(2.0))).unwrap();
         lift.set_target(Target::Current(Amps::new(20.0))).unwrap();
         for _ in 0..30 {
-            lift.update(MS, Drive::Run);
+            lift.update(MS, DriveMode::Run);
         }
         assert_eq!(lift.raw_command(), round_to_i16(2.0 * 16384.0 / 20.0));
         let negative = lift.request(Request::CurrentLimit(Amps::new(-1.0)));
@@ -1068,11 +1070,11 @@ mod tests {
         let mut lift = Dji::new(&M3508, 1).unwrap();
         lift.unpack_feedback(&feedback(0x201, 5000, 0), Micros::ZERO).unwrap();
         lift.set_target(Target::TotalAngle(TotalAngle::from_degrees(90))).unwrap();
-        lift.update(MS, Drive::Run);
+        lift.update(MS, DriveMode::Run);
         lift.request(Request::SetZero).unwrap();
         lift.set_target(Target::Coast).unwrap();
         for _ in 0..30 {
-            lift.update(MS, Drive::Run);
+            lift.update(MS, DriveMode::Run);
         }
         assert_eq!(lift.raw_command(), 0);
     }

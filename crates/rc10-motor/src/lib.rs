@@ -1,17 +1,17 @@
 //! Motors on CAN and RS-485, and what keeps them safe. `no_std`, no allocation, no I/O.
 //!
 //! * A [`Motor`] takes a [`Target`] and tells its [`Feedback`]. A [`CanMotor`] also knows its
-//!   frames, and declares everything it occupies on the bus in one [`Wiring`].
+//!   frames, and declares everything it occupies on the bus in one [`CanIds`].
 //! * A [`MotorBus`] owns up to eight of them. It refuses motors whose wirings clash, sends each
 //!   received frame to its motor, and every tick decides what each motor may do: run, or go to
 //!   its [`SafeState`] because its command expired, its link is lost, or the [`ArmSwitch`] says so.
-//! * A [`UnitreeLine`](unitree::UnitreeLine) is the same for motors on RS-485.
+//! * A [`Rs485Bus`](unitree::Rs485Bus) is the same for motors on RS-485.
 //! * What a motor has to tell beside its feedback is a [`Fault`] in words, which keeps it from
 //!   running until [`Request::ClearFault`], and a [`Condition`]. A [`Request`] may have to wait for
-//!   the device ([`Answer`]).
+//!   the device ([`Response`]).
 //! * With feature `embassy`, [`run_bus`](embassy::run_bus) does this every millisecond on any
-//!   [`CanPort`](rc10_can::CanPort), [`run_line`](embassy::run_line) on a serial port, and tasks talk
-//!   to the motors through a [`BusPort`](embassy::BusPort) or [`LinePort`](embassy::LinePort).
+//!   [`CanPort`](rc10_can::CanPort), [`run_rs485`](embassy::run_rs485) on a serial port, and tasks talk
+//!   to the motors through a [`BusPort`](embassy::BusPort) or [`Rs485Port`](embassy::Rs485Port).
 //!
 //! | module | motors | link |
 //! |---|---|---|
@@ -84,10 +84,13 @@ pub use batch::{TxBatch, TxFull};
 pub use bus::{AttachError, BusCounters, CommandError, Dispatch, MotorBus, MotorId};
 pub use load::{BusLoad, Verdict};
 pub use motor::{
-    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Gains, Heard, Impedance,
-    Loops, Motor, Request, RequestError, SafeState, Target, TargetError, TargetKind, TargetSet,
+    CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Gains, Impedance,
+    Loops, Motor, Request, RequestError, Response, SafeState, Target, TargetError, TargetKind,
+    TargetSet,
 };
 pub use supervision::{Link, MotorCounters, MotorStatus, Refusals, Safety};
-pub use wiring::{Clash, Guard, MotorName, Rate, Receive, Share, Transmit, Wiring, WiringFull};
+pub use wiring::{
+    CanIds, CanIdsFull, Clash, Guard, MotorName, Ownership, Rate, RxFrames, TxFrames,
+};
 // Whose types stand in the signatures of the above: who uses the crate needs no other.
 pub use {rc10_app, rc10_can};

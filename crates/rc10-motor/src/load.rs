@@ -3,7 +3,7 @@ use core::fmt;
 use heapless::Vec;
 use rc10_can::LengthBounds;
 
-use crate::wiring::{Share, Wiring, is_extended};
+use crate::wiring::{CanIds, Ownership, is_extended};
 
 /// How much of a bus the motors attached to it need, known before power-on: from their wirings
 /// alone.
@@ -54,7 +54,7 @@ impl BusLoad {
     }
 
     /// The load of motors with these wirings on a bus of `bits_per_second`.
-    pub(crate) fn of(wirings: impl Iterator<Item = Wiring>, bits_per_second: u32) -> Self {
+    pub(crate) fn of(wirings: impl Iterator<Item = CanIds>, bits_per_second: u32) -> Self {
         let mut sum = Sum::default();
         // A frame that several motors share is sent once.
         let mut shared: Vec<_, 32> = Vec::new();
@@ -64,7 +64,7 @@ impl BusLoad {
             }
             for transmit in wiring.transmitted() {
                 let key = transmit.pattern.id();
-                if matches!(transmit.share, Share::Lane(_)) && shared.contains(&key) {
+                if matches!(transmit.share, Ownership::Lane(_)) && shared.contains(&key) {
                     continue;
                 }
                 // If the list is full, a shared frame counts twice: the load is never too low.

@@ -6,8 +6,8 @@ use rc10_app::{
 use rc10_can::{CanFrame, Micros};
 
 use crate::batch::{TxBatch, TxFull};
-use crate::cascade::Cascade;
-use crate::wiring::Wiring;
+use crate::wiring::CanIds;
+use rc10_app::Cascade;
 
 /// What a motor shall do. All values are at the output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -392,7 +392,7 @@ impl Fault {
 /// What the bus lets a motor do in this tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Drive {
+pub enum DriveMode {
     /// The robot is disarmed: no torque; a device that can be disabled is.
     #[default]
     Off,
@@ -423,11 +423,11 @@ pub enum SafeState {
 impl SafeState {
     /// The drive that brings it about.
     #[must_use]
-    pub const fn drive(self) -> Drive {
+    pub const fn drive(self) -> DriveMode {
         match self {
-            Self::Coast => Drive::Coast,
-            Self::Brake => Drive::Brake,
-            Self::Hold => Drive::Hold,
+            Self::Coast => DriveMode::Coast,
+            Self::Brake => DriveMode::Brake,
+            Self::Hold => DriveMode::Hold,
         }
     }
 }
@@ -466,7 +466,7 @@ pub enum Request {
     /// while the robot is disarmed.
     StoreZero,
     /// What stands in a register of the device: four bytes, little endian
-    /// ([`Answer::Register`]).
+    /// ([`Response::Register`]).
     ReadRegister(u16),
     /// Writes four bytes, little endian, into a register of the device, until power-off. Only while
     /// the robot is disarmed.
@@ -480,7 +480,7 @@ pub enum Request {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
-pub enum Answer {
+pub enum Response {
     /// It is done.
     Done,
     /// The device was asked; [`Motor::answer`] has what it says. Who waits at a motor's port never
@@ -558,7 +558,7 @@ pub enum Condition {
 
 /// What a motor learned from a frame of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Heard {
+pub enum FrameKind {
     /// How it is now: this keeps its link alive.
     Feedback,
     /// How it is now, and that it has a fault: its bus takes it to its safe state until the fault
@@ -631,18 +631,18 @@ pub trait Motor: Send {
     fn fault(&self) -> Option<Fault>;
 
     /// One step of its control loops. Only maths: what it decides leaves with the next command.
-    fn update(&mut self, dt: Seconds, drive: Drive);
+    fn update(&mut self, dt: Seconds, drive: DriveMode);
 
-    /// Asks for something beside a target. After [`Answer::Pending`] all further requests are
+    /// Asks for something beside a target. After [`Response::Pending`] all further requests are
     /// [`Busy`](RequestError::Busy), until [`answer`](Self::answer) has told how it went.
     ///
     /// # Errors
     /// [`RequestError`]; nothing changed.
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError>;
+    fn request(&mut self, request: Request) -> Result<Response, RequestError>;
 
-    /// How a request went that was [`Pending`](Answer::Pending), once that is known; told once.
+    /// How a request went that was [`Pending`](Response::Pending), once that is known; told once.
     /// The motor itself gives up on a device that does not answer.
-    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
         None
     }
 
@@ -661,13 +661,13 @@ pub trait Motor: Send {
 /// A motor on a CAN bus.
 pub trait CanMotor: Motor {
     /// Everything it occupies on its bus.
-    fn wiring(&self) -> Wiring;
+    fn wiring(&self) -> CanIds;
 
     /// Takes a frame of its own that arrived at `at`, and says what it was.
     ///
     /// # Errors
     /// [`FrameError`]; the frame changed nothing.
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError>;
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError>;
 
     /// Adds what it sends in this tick: called every tick, also when it is disarmed or lost, so
     /// that it can enable, poll, or say "zero". Frames of one tick leave in arbitration order, not

@@ -3,9 +3,9 @@
 //!
 //! ```
 //! use rc10_app::{PidConfig, Rpm, RpmPerSecond, Seconds};
-//! use rc10_motor::cascade::Cascade;
+//! use rc10_motor::rc10_app::Cascade;
 //! use rc10_motor::servo::{Measured, Servo};
-//! use rc10_motor::{Drive, Target, TargetKind};
+//! use rc10_motor::{DriveMode, Target, TargetKind};
 //!
 //! // Efforts in N m.
 //! let cascade = Cascade {
@@ -18,18 +18,19 @@
 //! let mut servo = Servo::new(TargetKind::Torque, cascade)?;
 //! servo.set_target(Target::Speed(Rpm::new(60.0)))?;
 //! let measured = Some(Measured { rpm: 0.0, microdegrees: 0 });
-//! let torque = servo.update(Seconds::new(0.001), Drive::Run, measured);
+//! let torque = servo.update(Seconds::new(0.001), DriveMode::Run, measured);
 //! assert!(torque > 0.0 && torque < 3.0);
-//! assert!(servo.update(Seconds::new(0.001), Drive::Coast, measured).abs() < 1e-9);
+//! assert!(servo.update(Seconds::new(0.001), DriveMode::Coast, measured).abs() < 1e-9);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 use rc10_app::{ConfigError, CountsPerTurn, Degrees, PidConfig, Seconds};
 
-use crate::cascade::{Cascade, CascadeState};
 use crate::motor::{
-    Answer, Drive, Gains, Loops, Request, RequestError, Target, TargetError, TargetKind, TargetSet,
+    DriveMode, Gains, Loops, Request, RequestError, Response, Target, TargetError, TargetKind,
+    TargetSet,
 };
+use rc10_app::cascade::{Cascade, CascadeState};
 
 const TURN: i64 = 360_000_000;
 
@@ -131,25 +132,25 @@ impl Servo {
     }
 
     /// One step; the effort to give. Without a measurement there is none.
-    pub fn update(&mut self, dt: Seconds, drive: Drive, measured: Option<Measured>) -> f32 {
+    pub fn update(&mut self, dt: Seconds, drive: DriveMode, measured: Option<Measured>) -> f32 {
         let Some(measured) = measured else {
             self.rest();
             return 0.0;
         };
-        if drive == Drive::Run {
+        if drive == DriveMode::Run {
             (self.held, self.ran) = (None, true);
             self.pursue(self.goal, measured, dt);
         } else {
             let ran = core::mem::take(&mut self.ran);
-            if ran && matches!(drive, Drive::Brake | Drive::Hold) {
-                self.state.start_over(drive == Drive::Hold);
+            if ran && matches!(drive, DriveMode::Brake | DriveMode::Hold) {
+                self.state.start_over(drive == DriveMode::Hold);
             }
             self.held = match drive {
-                Drive::Hold => self.held.or_else(|| Some(self.standstill(measured))),
+                DriveMode::Hold => self.held.or_else(|| Some(self.standstill(measured))),
                 _ => None,
             };
             let goal = match (drive, self.held) {
-                (Drive::Brake, _) => Goal::Rpm(0.0),
+                (DriveMode::Brake, _) => Goal::Rpm(0.0),
                 (_, Some(microdegrees)) => Goal::Total(microdegrees),
                 _ => Goal::Rest,
             };
@@ -221,17 +222,17 @@ impl Servo {
         &mut self,
         request: Request,
         measured: Option<Measured>,
-    ) -> Result<Answer, RequestError> {
+    ) -> Result<Response, RequestError> {
         match request {
             Request::SpeedGains(gains) => with_gains(&mut self.cascade.speed, gains)?,
             Request::AngleGains(gains) => with_gains(&mut self.cascade.angle, gains)?,
             Request::CurrentLimit(limit) if self.effort == TargetKind::Current => {
                 self.set_limit("current limit", limit.get())?;
-                return Ok(Answer::Done);
+                return Ok(Response::Done);
             }
             Request::TorqueLimit(limit) if self.effort == TargetKind::Torque => {
                 self.set_limit("torque limit", limit.get())?;
-                return Ok(Answer::Done);
+                return Ok(Response::Done);
             }
             _ => return Err(RequestError::Unsupported),
         }
@@ -239,7 +240,7 @@ impl Servo {
             let way = way(self.goal, measured);
             self.state.change_gains(&self.cascade, measured.rpm, way);
         }
-        Ok(Answer::Done)
+        Ok(Response::Done)
     }
 
     fn pursue(&mut self, goal: Goal, measured: Measured, dt: Seconds) {
@@ -342,7 +343,7 @@ mod tests {
     }
 
     /// The effort once the soft start is over.
-    fn settled(servo: &mut Servo, drive: Drive, measured: Option<Measured>) -> f32 {
+    fn settled(servo: &mut Servo, drive: DriveMode, measured: Option<Measured>) -> f32 {
         (0..40).map(|_| servo.update(MS, drive, measured)).last().unwrap()
     }
 
@@ -353,7 +354,7 @@ mod tests {
             [(350.0, 10, -1.0), (10.0, 350, 1.0), (-10.0, 370, -1.0), (90.0, -300, 1.0)]
         {
             servo.set_target(Target::Angle(Degrees::new(wanted))).unwrap();
-            let effort = settled(&mut servo, Drive::Run, at(from, 0.0));
+            let effort = settled(&mut servo, DriveMode::Run, at(from, 0.0));
             assert!(effort * sign > 0.5, "{wanted} from {from}: {effort}");
         }
     }
@@ -363,35 +364,35 @@ mod tests {
         let mut servo = servo();
         let far = 360 * 5_000_000;
         servo.set_target(Target::TotalAngle(TotalAngle::from_degrees(far))).unwrap();
-        let effort = settled(&mut servo, Drive::Run, at(far - 1, 0.0));
+        let effort = settled(&mut servo, DriveMode::Run, at(far - 1, 0.0));
         assert!((effort - 0.3).abs() < 1e-3, "{effort}");
-        assert!((settled(&mut servo, Drive::Run, at(0, 0.0)) - 5.0).abs() < 1e-3);
+        assert!((settled(&mut servo, DriveMode::Run, at(0, 0.0)) - 5.0).abs() < 1e-3);
     }
 
     #[test]
     fn it_holds_where_it_comes_to_a_stand_and_brakes_to_no_speed() {
         let mut servo = servo();
         servo.set_target(Target::Torque(NewtonMetres::new(1.0))).unwrap();
-        assert!((settled(&mut servo, Drive::Run, at(10, 0.0)) - 1.0).abs() < 1e-3);
-        assert!(settled(&mut servo, Drive::Hold, at(10, 0.0)).abs() < 1e-3);
-        assert!(settled(&mut servo, Drive::Hold, at(12, 0.0)) < -0.3);
-        assert!(settled(&mut servo, Drive::Brake, at(12, 30.0)) < -2.9);
-        assert!(settled(&mut servo, Drive::Coast, at(12, 30.0)).abs() < 1e-9);
-        assert!(settled(&mut servo, Drive::Off, at(12, 30.0)).abs() < 1e-9);
-        assert!(settled(&mut servo, Drive::Run, None).abs() < 1e-9);
+        assert!((settled(&mut servo, DriveMode::Run, at(10, 0.0)) - 1.0).abs() < 1e-3);
+        assert!(settled(&mut servo, DriveMode::Hold, at(10, 0.0)).abs() < 1e-3);
+        assert!(settled(&mut servo, DriveMode::Hold, at(12, 0.0)) < -0.3);
+        assert!(settled(&mut servo, DriveMode::Brake, at(12, 30.0)) < -2.9);
+        assert!(settled(&mut servo, DriveMode::Coast, at(12, 30.0)).abs() < 1e-9);
+        assert!(settled(&mut servo, DriveMode::Off, at(12, 30.0)).abs() < 1e-9);
+        assert!(settled(&mut servo, DriveMode::Run, None).abs() < 1e-9);
     }
 
     #[test]
     fn setting_zero_moves_nothing() {
         let mut servo = servo();
         servo.set_target(Target::TotalAngle(TotalAngle::from_degrees(100))).unwrap();
-        let before = settled(&mut servo, Drive::Run, at(99, 0.0));
+        let before = settled(&mut servo, DriveMode::Run, at(99, 0.0));
         servo.set_zero(99_000_000);
-        let after = settled(&mut servo, Drive::Run, at(0, 0.0));
+        let after = settled(&mut servo, DriveMode::Run, at(0, 0.0));
         assert!((before - after).abs() < 1e-3, "{before} {after}");
-        let _ = settled(&mut servo, Drive::Hold, at(5, 0.0));
+        let _ = settled(&mut servo, DriveMode::Hold, at(5, 0.0));
         servo.set_zero(5_000_000);
-        assert!(settled(&mut servo, Drive::Hold, at(0, 0.0)).abs() < 1e-3);
+        assert!(settled(&mut servo, DriveMode::Hold, at(0, 0.0)).abs() < 1e-3);
     }
 
     #[test]
@@ -404,13 +405,13 @@ mod tests {
             servo.request(Request::CurrentLimit(Amps::new(1.0)), None),
             Err(RequestError::Unsupported)
         );
-        assert_eq!(servo.request(limit(2.0), None), Ok(Answer::Done));
+        assert_eq!(servo.request(limit(2.0), None), Ok(Response::Done));
         servo.set_target(Target::Speed(Rpm::new(1000.0))).unwrap();
-        assert!((settled(&mut servo, Drive::Run, at(0, 0.0)) - 2.0).abs() < 1e-3);
+        assert!((settled(&mut servo, DriveMode::Run, at(0, 0.0)) - 2.0).abs() < 1e-3);
         servo.set_target(Target::Torque(NewtonMetres::new(9.0))).unwrap();
-        assert!((settled(&mut servo, Drive::Run, at(0, 0.0)) - 2.0).abs() < 1e-3);
-        assert_eq!(servo.request(limit(9.0), None), Ok(Answer::Done));
-        assert!((settled(&mut servo, Drive::Run, at(0, 0.0)) - 5.0).abs() < 1e-3);
+        assert!((settled(&mut servo, DriveMode::Run, at(0, 0.0)) - 2.0).abs() < 1e-3);
+        assert_eq!(servo.request(limit(9.0), None), Ok(Response::Done));
+        assert!((settled(&mut servo, DriveMode::Run, at(0, 0.0)) - 5.0).abs() < 1e-3);
         let bad = Request::SpeedGains(Gains { kp: -1.0, ..Gains::default() });
         assert!(servo.request(bad, at(0, 0.0)).is_err());
         let wrong = servo.set_target(Target::Current(Amps::new(1.0)));

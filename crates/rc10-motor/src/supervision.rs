@@ -7,8 +7,8 @@ use rc10_can::Micros;
 
 use crate::arm::ArmState;
 use crate::motor::{
-    Answer, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request, RequestError,
-    SafeState, Target, TargetError,
+    Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Motor, Request, RequestError,
+    Response, SafeState, Target, TargetError,
 };
 
 /// When and how a motor leaves its target.
@@ -148,7 +148,7 @@ pub struct MotorStatus {
     /// Whether it is heard.
     pub link: Link,
     /// What the bus let it do in the last tick.
-    pub drive: Drive,
+    pub drive: DriveMode,
     /// The target it has.
     pub target: Target,
     /// What it measured last.
@@ -165,7 +165,7 @@ impl MotorStatus {
     /// Of a motor that was never heard.
     pub const NEW: Self = Self {
         link: Link::NeverSeen,
-        drive: Drive::Off,
+        drive: DriveMode::Off,
         target: Target::Coast,
         feedback: Feedback::NEW,
         fault: None,
@@ -205,7 +205,7 @@ pub(crate) struct Supervision {
     link_timeout: u32,
     command_expiry: u32,
     safety: Safety,
-    drive: Drive,
+    drive: DriveMode,
     link: Link,
     fresh: bool,
     /// The motor has told of a fault that nobody has cleared.
@@ -224,7 +224,7 @@ impl Supervision {
             link_timeout: micros(link_timeout),
             command_expiry: micros(safety.command_expiry),
             safety,
-            drive: Drive::Off,
+            drive: DriveMode::Off,
             link: Link::NeverSeen,
             fresh: false,
             faulted: false,
@@ -254,11 +254,11 @@ impl Supervision {
         &mut self,
         motor: &mut (impl Motor + ?Sized),
         request: Request,
-    ) -> Result<Answer, RequestError> {
+    ) -> Result<Response, RequestError> {
         let answer = motor.request(request)?;
         if request == Request::ClearFault {
             // If the fault is still there, the motor's next frame says so.
-            self.clearing = answer == Answer::Pending;
+            self.clearing = answer == Response::Pending;
             self.faulted &= self.clearing;
         }
         Ok(answer)
@@ -267,7 +267,7 @@ impl Supervision {
     pub(crate) fn answer(
         &mut self,
         motor: &mut (impl Motor + ?Sized),
-    ) -> Option<Result<Answer, RequestError>> {
+    ) -> Option<Result<Response, RequestError>> {
         let answer = motor.answer()?;
         if core::mem::take(&mut self.clearing) && answer.is_ok() {
             self.faulted = false;
@@ -287,7 +287,7 @@ impl Supervision {
     #[cold]
     pub(crate) fn heard(
         &mut self,
-        heard: Result<Heard, FrameError>,
+        heard: Result<FrameKind, FrameError>,
         at: Micros,
     ) -> Result<(), FrameError> {
         let heard = heard.inspect_err(|error| {
@@ -296,13 +296,13 @@ impl Supervision {
             count(if is_unasked { &mut counters.unasked } else { &mut counters.malformed });
         })?;
         self.counters.received = self.counters.received.wrapping_add(1);
-        if heard != Heard::Other {
+        if heard != FrameKind::Other {
             (self.heard_at, self.link) = (low(at), Link::Online);
         }
-        if heard == Heard::Fault {
+        if heard == FrameKind::Fault {
             self.faulted = true;
             // The next tick decides afresh.
-            self.drive = Drive::Off;
+            self.drive = DriveMode::Off;
         }
         Ok(())
     }
@@ -310,7 +310,7 @@ impl Supervision {
     /// Nothing from before a long pause holds any more.
     pub(crate) fn forget(&mut self) {
         self.fresh = false;
-        self.drive = Drive::Off;
+        self.drive = DriveMode::Off;
         if self.link == Link::Online {
             self.link = Link::Lost;
             count(&mut self.counters.lost);
@@ -347,32 +347,32 @@ impl Supervision {
     /// What the motor may do now. This and [`change`](Self::change) are the one place where motors
     /// are stopped.
     #[inline]
-    pub(crate) fn decide(&mut self, arm: ArmState, now: Micros) -> Drive {
+    pub(crate) fn decide(&mut self, arm: ArmState, now: Micros) -> DriveMode {
         if arm == ArmState::Armed
-            && self.drive == Drive::Run
+            && self.drive == DriveMode::Run
             && since(self.heard_at, now) <= self.link_timeout
             && since(self.commanded_at, now) < self.command_expiry
         {
-            return Drive::Run;
+            return DriveMode::Run;
         }
         self.change(arm, now)
     }
 
     /// What the motor may do when it does not simply go on running.
     #[cold]
-    fn change(&mut self, arm: ArmState, now: Micros) -> Drive {
+    fn change(&mut self, arm: ArmState, now: Micros) -> DriveMode {
         let online = self.is_online(now);
         let fresh = self.fresh && since(self.commanded_at, now) < self.command_expiry;
         let drive = match arm {
-            ArmState::Disarmed => Drive::Off,
-            _ if !online => Drive::Coast,
-            ArmState::Armed if fresh && !self.faulted => Drive::Run,
+            ArmState::Disarmed => DriveMode::Off,
+            _ if !online => DriveMode::Coast,
+            ArmState::Armed if fresh && !self.faulted => DriveMode::Run,
             ArmState::Armed | ArmState::Suspended | ArmState::EStopped => self.safety.state.drive(),
         };
         if self.link == Link::Online && !online {
             self.link = Link::Lost;
             count(&mut self.counters.lost);
-        } else if self.drive == Drive::Run && arm == ArmState::Armed && !fresh {
+        } else if self.drive == DriveMode::Run && arm == ArmState::Armed && !fresh {
             count(&mut self.counters.expired);
         }
         (self.drive, self.fresh) = (drive, fresh);

@@ -1,14 +1,14 @@
 use heapless::Vec;
 use rc10_can::CanFrame;
 
-use crate::wiring::{Guard, Receive};
+use crate::wiring::{Guard, RxFrames};
 
 /// From a frame to the motor it belongs to, in constant time: an open-addressed hash table for
 /// exact identifiers, then a short list for patterns.
 pub(crate) struct ReceiveTable {
     entries: [Entry; SIZE],
     used: u8,
-    masked: Vec<(Receive, u8), 8>,
+    masked: Vec<(RxFrames, u8), 8>,
 }
 
 const BITS: u32 = 6;
@@ -40,7 +40,7 @@ impl ReceiveTable {
     }
 
     /// Room for so many more patterns of either sort?
-    pub(crate) fn has_room(&self, receives: &[Receive]) -> bool {
+    pub(crate) fn has_room(&self, receives: &[RxFrames]) -> bool {
         let exact = receives.iter().filter(|receive| receive.pattern.is_exact()).count();
         let masked = receives.len() - exact;
         usize::from(self.used) + exact <= usize::from(MOST)
@@ -48,7 +48,7 @@ impl ReceiveTable {
     }
 
     /// Adds a motor's patterns; the caller asked [`has_room`](Self::has_room).
-    pub(crate) fn insert(&mut self, receive: &Receive, slot: u8) {
+    pub(crate) fn insert(&mut self, receive: &RxFrames, slot: u8) {
         if !receive.pattern.is_exact() {
             let _ = self.masked.push((*receive, slot));
             return;
@@ -88,7 +88,7 @@ impl ReceiveTable {
             }
             index += 1;
         }
-        let belongs = |receive: &Receive| {
+        let belongs = |receive: &RxFrames| {
             receive.pattern.matches(frame) && receive.guard.is_none_or(|guard| guard.passes(frame))
         };
         self.masked.iter().find(|(receive, _)| belongs(receive)).map(|&(_, slot)| slot)
@@ -108,8 +108,8 @@ mod tests {
     use embedded_can::{ExtendedId, StandardId};
     use rc10_can::IdPattern;
 
-    fn receive(pattern: IdPattern, guard: Option<Guard>) -> Receive {
-        Receive { pattern, len: 8, rate: Rate::EveryTick, guard }
+    fn receive(pattern: IdPattern, guard: Option<Guard>) -> RxFrames {
+        RxFrames { pattern, len: 8, rate: Rate::EveryTick, guard }
     }
 
     #[test]

@@ -7,10 +7,10 @@ use rc10_can::{CanFrame, IdPattern, LengthBounds, Micros};
 /// Everything a motor occupies on its bus, declared once. The clash check, the receive table, the
 /// load figure and the link timeout all follow from it.
 #[derive(Clone, Debug)]
-pub struct Wiring {
+pub struct CanIds {
     name: MotorName,
-    receive: Vec<Receive, 8>,
-    transmit: Vec<Transmit, 8>,
+    receive: Vec<RxFrames, 8>,
+    transmit: Vec<TxFrames, 8>,
     listens: Vec<IdPattern, 2>,
 }
 
@@ -55,7 +55,7 @@ impl Rate {
 
 /// Frames that a device sends to us.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Receive {
+pub struct RxFrames {
     /// Their identifiers.
     pub pattern: IdPattern,
     /// Data bytes.
@@ -96,7 +96,7 @@ impl Guard {
 
 /// Frames that we send to a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Transmit {
+pub struct TxFrames {
     /// Their identifiers.
     pub pattern: IdPattern,
     /// Data bytes.
@@ -104,12 +104,12 @@ pub struct Transmit {
     /// How often.
     pub rate: Rate,
     /// Whose the frame is.
-    pub share: Share,
+    pub share: Ownership,
 }
 
 /// How much of a frame that we send is one device's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Share {
+pub enum Ownership {
     /// All of it.
     Whole,
     /// Some of its bytes, bit n for byte n: several devices are commanded by one frame.
@@ -118,7 +118,7 @@ pub enum Share {
     Guard(Guard),
 }
 
-impl Share {
+impl Ownership {
     /// Whether two devices can have their shares of frames with one identifier.
     const fn excludes(self, other: Self) -> bool {
         match (self, other) {
@@ -129,42 +129,42 @@ impl Share {
     }
 }
 
-/// More frames than a [`Wiring`] holds.
+/// More frames than a [`CanIds`] holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct WiringFull;
+pub struct CanIdsFull;
 
-impl fmt::Display for WiringFull {
+impl fmt::Display for CanIdsFull {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("a wiring holds 8 received, 8 sent and 2 listened-to patterns")
     }
 }
 
-impl core::error::Error for WiringFull {}
+impl core::error::Error for CanIdsFull {}
 
 /// Why two motors cannot share a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clash {
     /// Both devices send frames with this identifier, and nothing tells them apart.
-    Receive(Id),
+    RxFrames(Id),
     /// Both are commanded by the same bytes of the frame with this identifier.
-    Transmit(Id),
+    TxFrames(Id),
     /// A frame with this identifier, meant for or sent by one, is taken for a command by the other.
     Confuses(Id),
 }
 
 impl fmt::Display for Clash {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Self::Receive(id) | Self::Transmit(id) | Self::Confuses(id)) = *self;
+        let (Self::RxFrames(id) | Self::TxFrames(id) | Self::Confuses(id)) = *self;
         let id = IdPattern::exact(id);
         match self {
-            Self::Receive(_) => write!(f, "both send feedback with identifier {id}"),
-            Self::Transmit(_) => write!(f, "both are commanded by the same bytes of {id}"),
+            Self::RxFrames(_) => write!(f, "both send feedback with identifier {id}"),
+            Self::TxFrames(_) => write!(f, "both are commanded by the same bytes of {id}"),
             Self::Confuses(_) => write!(f, "one takes the other's frame {id} for a command"),
         }
     }
 }
 
-impl Wiring {
+impl CanIds {
     /// A motor that occupies nothing yet.
     #[must_use]
     pub const fn new(model: &'static str, id: u16) -> Self {
@@ -179,18 +179,18 @@ impl Wiring {
     /// Adds frames the device sends.
     ///
     /// # Errors
-    /// [`WiringFull`] beyond eight.
-    pub fn receives(mut self, receive: Receive) -> Result<Self, WiringFull> {
-        self.receive.push(receive).map_err(|_| WiringFull)?;
+    /// [`CanIdsFull`] beyond eight.
+    pub fn receives(mut self, receive: RxFrames) -> Result<Self, CanIdsFull> {
+        self.receive.push(receive).map_err(|_| CanIdsFull)?;
         Ok(self)
     }
 
     /// Adds frames sent to the device.
     ///
     /// # Errors
-    /// [`WiringFull`] beyond eight.
-    pub fn transmits(mut self, transmit: Transmit) -> Result<Self, WiringFull> {
-        self.transmit.push(transmit).map_err(|_| WiringFull)?;
+    /// [`CanIdsFull`] beyond eight.
+    pub fn transmits(mut self, transmit: TxFrames) -> Result<Self, CanIdsFull> {
+        self.transmit.push(transmit).map_err(|_| CanIdsFull)?;
         Ok(self)
     }
 
@@ -198,9 +198,9 @@ impl Wiring {
     /// match. (A Damiao reacts to the low byte of every standard identifier.)
     ///
     /// # Errors
-    /// [`WiringFull`] beyond two.
-    pub fn listens_to(mut self, pattern: IdPattern) -> Result<Self, WiringFull> {
-        self.listens.push(pattern).map_err(|_| WiringFull)?;
+    /// [`CanIdsFull`] beyond two.
+    pub fn listens_to(mut self, pattern: IdPattern) -> Result<Self, CanIdsFull> {
+        self.listens.push(pattern).map_err(|_| CanIdsFull)?;
         Ok(self)
     }
 
@@ -212,13 +212,13 @@ impl Wiring {
 
     /// What the device sends.
     #[must_use]
-    pub fn received(&self) -> &[Receive] {
+    pub fn received(&self) -> &[RxFrames] {
         &self.receive
     }
 
     /// What is sent to the device.
     #[must_use]
-    pub fn transmitted(&self) -> &[Transmit] {
+    pub fn transmitted(&self) -> &[TxFrames] {
         &self.transmit
     }
 
@@ -247,16 +247,16 @@ impl Wiring {
                     _ => false,
                 };
                 if let (Some(id), false) = (ours.pattern.overlap(&theirs.pattern), told_apart) {
-                    return Some(Clash::Receive(id));
+                    return Some(Clash::RxFrames(id));
                 }
             }
         }
         for ours in &self.transmit {
             for theirs in &other.transmit {
                 let apart = ours.share.excludes(theirs.share)
-                    && (ours.len == theirs.len || matches!(ours.share, Share::Guard(_)));
+                    && (ours.len == theirs.len || matches!(ours.share, Ownership::Guard(_)));
                 if let (Some(id), false) = (ours.pattern.overlap(&theirs.pattern), apart) {
-                    return Some(Clash::Transmit(id));
+                    return Some(Clash::TxFrames(id));
                 }
             }
         }
@@ -298,12 +298,12 @@ mod tests {
         IdPattern::exact(StandardId::new(raw).unwrap())
     }
 
-    fn feedback(raw: u16, guard: Option<Guard>) -> Receive {
-        Receive { pattern: exact(raw), len: 8, rate: Rate::EveryTick, guard }
+    fn feedback(raw: u16, guard: Option<Guard>) -> RxFrames {
+        RxFrames { pattern: exact(raw), len: 8, rate: Rate::EveryTick, guard }
     }
 
-    fn command(raw: u16, share: Share) -> Transmit {
-        Transmit { pattern: exact(raw), len: 8, rate: Rate::EveryTick, share }
+    fn command(raw: u16, share: Ownership) -> TxFrames {
+        TxFrames { pattern: exact(raw), len: 8, rate: Rate::EveryTick, share }
     }
 
     /// As protocols of later motors need it: two Damiao motors on one master identifier.
@@ -311,25 +311,25 @@ mod tests {
     fn a_shared_feedback_id_needs_guards_that_exclude_each_other() {
         let nibble = |value| Some(Guard { byte: 0, mask: 0x0F, value });
         let damiao = |id: u16, guard| {
-            Wiring::new("J4310", id)
+            CanIds::new("J4310", id)
                 .receives(feedback(0x000, guard))
-                .and_then(|wiring| wiring.transmits(command(id, Share::Whole)))
+                .and_then(|wiring| wiring.transmits(command(id, Ownership::Whole)))
                 .unwrap()
         };
         assert_eq!(damiao(0x11, nibble(1)).clash(&damiao(0x12, nibble(2))), None);
         let clash = damiao(0x11, nibble(1)).clash(&damiao(0x21, nibble(1)));
-        assert_eq!(clash, Some(Clash::Receive(StandardId::ZERO.into())));
+        assert_eq!(clash, Some(Clash::RxFrames(StandardId::ZERO.into())));
         assert!(damiao(0x11, nibble(1)).clash(&damiao(0x12, None)).is_some());
     }
 
     #[test]
     fn lanes_share_a_frame_unless_their_bytes_overlap() {
-        let wired = |share| Wiring::new("x", 1).transmits(command(0x200, share)).unwrap();
-        let lane = |bytes| wired(Share::Lane(bytes));
+        let wired = |share| CanIds::new("x", 1).transmits(command(0x200, share)).unwrap();
+        let lane = |bytes| wired(Ownership::Lane(bytes));
         assert_eq!(lane(0b0011).clash(&lane(0b1100)), None);
         let id = StandardId::new(0x200).unwrap().into();
-        assert_eq!(lane(0b0011).clash(&lane(0b0110)), Some(Clash::Transmit(id)));
-        assert_eq!(wired(Share::Whole).clash(&lane(1)), Some(Clash::Transmit(id)));
+        assert_eq!(lane(0b0011).clash(&lane(0b0110)), Some(Clash::TxFrames(id)));
+        assert_eq!(wired(Ownership::Whole).clash(&lane(1)), Some(Clash::TxFrames(id)));
     }
 
     /// Damiao's registers: all motors of a bus are asked with one identifier, by payload.
@@ -337,21 +337,22 @@ mod tests {
     fn devices_that_are_commanded_by_payload_share_an_identifier() {
         let asked = |value| {
             let guard = Guard { byte: 0, mask: 0xFF, value };
-            let register = Transmit { len: 4 + value % 2, ..command(0x7FF, Share::Guard(guard)) };
-            Wiring::new("x", 1).transmits(register).unwrap()
+            let register =
+                TxFrames { len: 4 + value % 2, ..command(0x7FF, Ownership::Guard(guard)) };
+            CanIds::new("x", 1).transmits(register).unwrap()
         };
         assert_eq!(asked(0x11).clash(&asked(0x12)), None);
         let id = StandardId::new(0x7FF).unwrap().into();
-        assert_eq!(asked(0x11).clash(&asked(0x11)), Some(Clash::Transmit(id)));
-        let lane = Wiring::new("x", 1).transmits(command(0x7FF, Share::Lane(1))).unwrap();
-        assert_eq!(asked(0x11).clash(&lane), Some(Clash::Transmit(id)));
+        assert_eq!(asked(0x11).clash(&asked(0x11)), Some(Clash::TxFrames(id)));
+        let lane = CanIds::new("x", 1).transmits(command(0x7FF, Ownership::Lane(1))).unwrap();
+        assert_eq!(asked(0x11).clash(&lane), Some(Clash::TxFrames(id)));
     }
 
     #[test]
     fn a_device_that_obeys_a_low_byte_clashes_with_feedback_that_ends_in_it() {
         let low_byte = IdPattern::masked(StandardId::new(0x001).unwrap(), 0xFF);
-        let damiao = Wiring::new("J4310", 1).listens_to(low_byte).unwrap();
-        let dji = Wiring::new("M3508", 1).receives(feedback(0x201, None)).unwrap();
+        let damiao = CanIds::new("J4310", 1).listens_to(low_byte).unwrap();
+        let dji = CanIds::new("M3508", 1).receives(feedback(0x201, None)).unwrap();
         let id = StandardId::new(0x201).unwrap().into();
         assert_eq!(damiao.clash(&dji), Some(Clash::Confuses(id)));
         assert_eq!(dji.clash(&damiao), Some(Clash::Confuses(id)));
@@ -360,8 +361,8 @@ mod tests {
     #[test]
     fn the_link_timeout_is_three_periods_or_ten_milliseconds() {
         let at = |rate| {
-            let receive = Receive { rate, ..feedback(0x201, None) };
-            Wiring::new("x", 1).receives(receive).unwrap().link_timeout().get()
+            let receive = RxFrames { rate, ..feedback(0x201, None) };
+            CanIds::new("x", 1).receives(receive).unwrap().link_timeout().get()
         };
         assert_eq!(at(Rate::EveryTick), 10_000);
         assert_eq!(at(Rate::Hz(125)), 24_000);

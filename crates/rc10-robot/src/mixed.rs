@@ -7,13 +7,13 @@ use embassy_time::{Duration, Instant, Ticker, Timer};
 use rc10_app::{
     Amps, ConfigError, Degrees, Gear, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle,
 };
-use rc10_motor::cascade::Cascade;
 use rc10_motor::cybergear::{self, CyberGear};
 use rc10_motor::damiao::{self, Control, Damiao};
-use rc10_motor::embassy::{BusPort, LinePort, MotorPort};
+use rc10_motor::embassy::{BusPort, MotorPort, Rs485Port};
 use rc10_motor::lk::{self, Lk};
 use rc10_motor::odrive::{self, ODrive};
-use rc10_motor::unitree::{self, GoM8010, GoModule, UnitreeLine};
+use rc10_motor::rc10_app::Cascade;
+use rc10_motor::unitree::{self, GoM8010, GoModule, Rs485Bus};
 use rc10_motor::vesc::{self, Currents, Shaft, Vesc, VescId};
 use rc10_motor::{ArmSwitch, AttachError, Impedance, MotorBus, MotorId, Safety, Target};
 
@@ -59,7 +59,7 @@ pub struct Io {
     /// One port per bus; bus 1 is the first.
     pub buses: [BusPort; BUSES],
     /// The port of the line.
-    pub line: LinePort,
+    pub line: Rs485Port,
 }
 
 /// The wheel's VESC: seven pole pairs, no gear, currents below what VESC Tool allows it.
@@ -158,7 +158,7 @@ impl Motors {
     pub fn start<'r>(
         &'r mut self,
         io: &'r Io,
-    ) -> Result<([MotorBus<'r>; BUSES], UnitreeLine<'r>), SetupError> {
+    ) -> Result<([MotorBus<'r>; BUSES], Rs485Bus<'r>), SetupError> {
         let Self { wheel, arm, hip, wrist, turret, flywheel, legs } = self;
         let mut one = MotorBus::new(&io.switch);
         one.attach(wheel, Safety::BRAKE)?;
@@ -168,7 +168,7 @@ impl Motors {
         two.attach(wrist, Safety::COAST)?;
         two.attach(turret, Safety::HOLD)?;
         two.attach(flywheel, Safety::COAST)?;
-        let mut line = UnitreeLine::new(&io.switch);
+        let mut line = Rs485Bus::new(&io.switch);
         for leg in legs {
             line.attach(leg, Safety::HOLD).map_err(SetupError::Line)?;
         }
@@ -221,7 +221,7 @@ impl Io {
         Self {
             switch: ArmSwitch::new(),
             buses: [const { BusPort::new() }; BUSES],
-            line: LinePort::new(),
+            line: Rs485Port::new(),
         }
     }
 

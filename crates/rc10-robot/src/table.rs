@@ -3,8 +3,9 @@
 use rc10_app::{Degrees, Mecanum, Rpm, Twist, TwistLimits};
 use rc10_module::remote::Receiver;
 use rc10_motor::Safety;
-use rc10_motor::cascade::Cascade;
-use rc10_motor::dji::{self, Direction, FeedbackRate, Model};
+use rc10_motor::dji::{self, FeedbackRate, Model};
+use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::Direction;
 
 /// What the robot calls its motors, in the order of [`MOTORS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

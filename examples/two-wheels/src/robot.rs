@@ -1,7 +1,8 @@
 //! The robot: its table, what its tasks share, and its task.
 
 use rc10_bsp::{Overrun, Statistics, periodic};
-use rc10_motor::dji::{Direction, Dji, IdOutOfRange, M3508};
+use rc10_motor::dji::{Dji, IdOutOfRange, M3508};
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::embassy::BusPort;
 use rc10_motor::rc10_app::Rpm;
 use rc10_motor::rc10_can::Micros;

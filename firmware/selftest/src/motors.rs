@@ -6,8 +6,8 @@ use embassy_time::Timer;
 use rc10_app::Rpm;
 use rc10_bsp::dma_buffer;
 use rc10_bsp::serial::{Serial, SerialConfig, SerialParts};
-use rc10_motor::embassy::{LinePort, run_line};
-use rc10_motor::unitree::{GoM8010, UnitreeLine};
+use rc10_motor::embassy::{Rs485Port, run_rs485};
+use rc10_motor::unitree::{GoM8010, Rs485Bus};
 use rc10_motor::{ArmSwitch, Link, MotorId, Safety, Target};
 use static_cell::StaticCell;
 
@@ -15,12 +15,12 @@ use crate::report::Outcome;
 use crate::{Irqs, PRIORITY, say, want};
 
 static SWITCH: ArmSwitch = ArmSwitch::new();
-static PORT: LinePort = LinePort::new();
+static PORT: Rs485Port = Rs485Port::new();
 static MOTORS: StaticCell<[GoM8010; 2]> = StaticCell::new();
 
 #[embassy_executor::task]
-async fn drive(port: Serial, line: UnitreeLine<'static>) {
-    run_line(port, line, &PORT).await;
+async fn drive(port: Serial, line: Rs485Bus<'static>) {
+    run_rs485(port, line, &PORT).await;
 }
 
 /// Both follow a speed.
@@ -32,7 +32,7 @@ pub async fn line(spawner: Spawner, parts: SerialParts<USART2, DMA2_CH2, DMA2_CH
     let (Ok(first), Ok(second)) = (GoM8010::new(0), GoM8010::new(1)) else {
         return Err(say!("no such ids"));
     };
-    let mut line = UnitreeLine::new(&SWITCH);
+    let mut line = Rs485Bus::new(&SWITCH);
     for motor in MOTORS.init([first, second]) {
         want!(line.attach(motor, Safety::COAST).is_ok(), "cannot attach");
     }

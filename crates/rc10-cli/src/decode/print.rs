@@ -5,7 +5,8 @@ use std::io::{self, Write};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::Id;
 
-use rc10_motor::dji::{Direction, Effort, Model};
+use rc10_motor::dji::{Effort, Model};
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::signals::{Message, Presence, Signal};
 use rc10_motor::{FrameError, MotorStatus};
 use serde_json::{Map, Value, json};

@@ -1,4 +1,4 @@
-use rc10_motor::{Drive, Request, SafeState};
+use rc10_motor::{DriveMode, Request, SafeState};
 use rc10_sim::EscFault;
 
 use crate::case::{Case, Findings, Outcome, broken};
@@ -54,7 +54,7 @@ pub(super) fn fault_is_told(case: &Case<'_>, found: &mut Findings) {
         }
         rig.tick(Some(cruise));
         let drive = rig.status().drive;
-        if drive != Drive::Coast {
+        if drive != DriveMode::Coast {
             return broken(rig.now(), format!("with {fault:?} (\"{text}\") it may {drive:?}"));
         }
         rig.stops(Some(cruise), &format!("after {fault:?} was told"))

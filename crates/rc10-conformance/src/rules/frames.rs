@@ -1,6 +1,6 @@
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
-use rc10_motor::{CanMotor, FrameError, Receive, TxBatch, Wiring};
+use rc10_motor::{CanIds, CanMotor, FrameError, RxFrames, TxBatch};
 
 use crate::case::{Findings, FrameCase, Outcome, broken};
 use crate::recorder::{Call, Told, not_finite, replay};
@@ -56,7 +56,7 @@ fn frame(id: Id, bytes: &[u8]) -> CanFrame {
 }
 
 /// Whether the motor is expected to look at such an identifier at all.
-fn is_own(wiring: &Wiring, id: Id) -> bool {
+fn is_own(wiring: &CanIds, id: Id) -> bool {
     wiring.received().iter().any(|receive| receive.pattern.contains(id))
 }
 
@@ -96,7 +96,7 @@ pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
     let near: Vec<Id> = wiring
         .received()
         .iter()
-        .flat_map(|Receive { pattern, .. }| match pattern.id() {
+        .flat_map(|RxFrames { pattern, .. }| match pattern.id() {
             Id::Standard(id) => {
                 let raw = u64::from(id.as_raw());
                 (0..11).map(|bit| standard(raw ^ 1 << bit)).chain([extended(raw)]).collect()
@@ -173,7 +173,7 @@ pub(super) fn any_content(case: &FrameCase<'_>, found: &mut Findings) {
     }
 }
 
-fn content(case: &FrameCase<'_>, receive: &Receive) -> Outcome {
+fn content(case: &FrameCase<'_>, receive: &RxFrames) -> Outcome {
     let mut random = Random(3);
     let (before, after) = case.life().calls();
     let mut motor = case.motor();
@@ -210,7 +210,7 @@ fn content(case: &FrameCase<'_>, receive: &Receive) -> Outcome {
 }
 
 /// A frame that the motor really got.
-fn frame_of(call: &Call, receive: &Receive) -> Option<CanFrame> {
+fn frame_of(call: &Call, receive: &RxFrames) -> Option<CanFrame> {
     match call {
         Call::Frame(frame, _) if receive.pattern.matches(frame) => Some(*frame),
         _ => None,
@@ -219,7 +219,7 @@ fn frame_of(call: &Call, receive: &Receive) -> Option<CanFrame> {
 
 /// A tick of a motor that has just heard nonsense.
 fn drive_on(motor: &mut dyn CanMotor) {
-    motor.update(rc10_app::Seconds::new(0.001), rc10_motor::Drive::Run);
+    motor.update(rc10_app::Seconds::new(0.001), rc10_motor::DriveMode::Run);
     let _ = motor.pack_command(&mut TxBatch::new());
 }
 

@@ -1,5 +1,5 @@
 use rc10_app::{Amps, NewtonMetres};
-use rc10_motor::{Answer, Request, RequestError, SafeState, Target};
+use rc10_motor::{Request, RequestError, Response, SafeState, Target};
 
 use crate::case::{Case, Findings, Halt, Outcome, broken};
 use crate::harness::Sent;
@@ -68,7 +68,7 @@ fn is_same(beyond: &[Sent], within: &[Sent], target: Target, limit: Request) -> 
 fn sent(rig: &mut Rig<'_>, limit: Request, target: Target) -> Result<Vec<Sent>, Halt> {
     rig.get_going()?;
     match rig.bench.request(rig.motor, limit) {
-        Ok(Answer::Done) => (),
+        Ok(Response::Done) => (),
         Err(RequestError::Unsupported) => return Ok(Vec::new()),
         _ => return Err(Halt::Stuck),
     }

@@ -1,4 +1,4 @@
-use rc10_motor::{Drive, Link, SafeState};
+use rc10_motor::{DriveMode, Link, SafeState};
 
 use crate::case::{Case, Findings, Outcome, broken};
 use crate::rig::Rig;
@@ -30,7 +30,7 @@ fn keeps_on(rig: &mut Rig<'_>, silence: u32) -> Outcome {
         }
         rig.tick(Some(cruise));
         let (status, state) = (rig.status(), rig.esc.state());
-        let is_on = status.drive == Drive::Run
+        let is_on = status.drive == DriveMode::Run
             && status.link == Link::Online
             && status.counters.lost == lost;
         let (drive, link) = (status.drive, status.link);
@@ -60,7 +60,7 @@ fn is_lost(rig: &mut Rig<'_>, timeout: u32, period: u32) -> Outcome {
         let (link, drive) = (status.link, status.drive);
         let is_early = is_lost && past + period + 1 < timeout;
         let is_late = !is_lost && past > timeout + 3;
-        let agrees = is_lost == (drive == Drive::Coast);
+        let agrees = is_lost == (drive == DriveMode::Coast);
         if is_early || is_late || !agrees {
             let what = format!(
                 "silent for {past} of {timeout} ms, its link is {link:?}, it may {drive:?}"

@@ -1,6 +1,6 @@
 use rc10_app::{Amps, NewtonMetres, TotalAngle};
 use rc10_motor::{
-    Answer, Feedback, Gains, Request, RequestError, SafeState, Safety, Target, TargetKind,
+    Feedback, Gains, Request, RequestError, Response, SafeState, Safety, Target, TargetKind,
 };
 
 use crate::case::{Case, Findings, Halt, Outcome, broken};
@@ -59,7 +59,7 @@ fn seeking(rig: &mut Rig<'_>) -> Outcome {
 fn zero_moves_nothing(rig: &mut Rig<'_>, most: f64) -> Outcome {
     let start = rig.esc.state().output_degrees;
     match rig.bench.request(rig.motor, Request::SetZero) {
-        Ok(Answer::Done) => (),
+        Ok(Response::Done) => (),
         answer => return broken(rig.now(), format!("SetZero: {answer:?}")),
     }
     for _ in 0..500 {
@@ -137,7 +137,7 @@ pub(super) fn pending_is_answered(case: &Case<'_>, found: &mut Findings) {
 }
 
 fn is_answered(rig: &mut Rig<'_>, request: Request) -> Outcome {
-    if rig.bench.request(rig.motor, request) != Ok(Answer::Pending) {
+    if rig.bench.request(rig.motor, request) != Ok(Response::Pending) {
         return Ok(());
     }
     let second = rig.bench.request(rig.motor, request);

@@ -1,5 +1,5 @@
 use rc10_app::Seconds;
-use rc10_motor::{ArmSwitch, Drive, Request, SafeState, TxBatch};
+use rc10_motor::{ArmSwitch, DriveMode, Request, SafeState, TxBatch};
 use rc10_sim::EscFault;
 
 use crate::case::{Case, Findings, FrameCase, Halt, Outcome, broken};
@@ -8,7 +8,9 @@ use crate::rig::Rig;
 
 pub(super) fn silent_before_feedback(case: &Case<'_>, found: &mut Findings) {
     // The bus lets it only coast until it is heard: here nothing is between it and the wire.
-    for drive in [Drive::Run, Drive::Hold, Drive::Brake, Drive::Coast, Drive::Off] {
+    for drive in
+        [DriveMode::Run, DriveMode::Hold, DriveMode::Brake, DriveMode::Coast, DriveMode::Off]
+    {
         let switch = ArmSwitch::new();
         let mut bench = case.bench(&switch);
         let esc = bench.device(case.declared.ids[0]);
@@ -62,7 +64,7 @@ pub(super) fn emergency_stop(case: &Case<'_>, found: &mut Findings) {
         let cruise = rig.cruise();
         rig.switch.emergency_stop();
         rig.tick(Some(cruise));
-        may(rig, Drive::Coast)?;
+        may(rig, DriveMode::Coast)?;
         rig.stops(Some(cruise), "after the emergency stop")
     }));
     // One that holds must be let go by disarming.
@@ -70,13 +72,13 @@ pub(super) fn emergency_stop(case: &Case<'_>, found: &mut Findings) {
         rig.get_going()?;
         rig.switch.emergency_stop();
         rig.wait(None, 300);
-        may(rig, Drive::Hold)?;
+        may(rig, DriveMode::Hold)?;
         rig.switch.disarm();
         rig.stops(None, "after disarming during an emergency stop")
     }));
 }
 
-fn may(rig: &Rig<'_>, wanted: Drive) -> Outcome {
+fn may(rig: &Rig<'_>, wanted: DriveMode) -> Outcome {
     let drive = rig.status().drive;
     if drive == wanted {
         return Ok(());
@@ -88,7 +90,7 @@ pub(super) fn expiry(case: &Case<'_>, found: &mut Findings) {
     found.note(case.alone(SafeState::Coast, |rig| {
         rig.get_going()?;
         rig.wait(None, 51);
-        may(rig, Drive::Coast)?;
+        may(rig, DriveMode::Coast)?;
         rig.stops(None, "after its command had expired")?;
         let cruise = rig.cruise();
         rig.watch();
@@ -106,7 +108,7 @@ pub(super) fn lost(case: &Case<'_>, found: &mut Findings) {
         rig.esc.set_feedback(false);
         // A frame may have been on its way.
         rig.wait(Some(cruise), timeout + 3);
-        may(rig, Drive::Coast)?;
+        may(rig, DriveMode::Coast)?;
         rig.stops(Some(cruise), "after its link was lost")
     }));
 }
@@ -190,7 +192,7 @@ pub(super) fn brakes(case: &Case<'_>, found: &mut Findings) {
         let before = rig.esc.state().output_rpm;
         rig.esc.set_load(rig.load() * 0.5);
         rig.wait(None, 51);
-        may(rig, Drive::Brake)?;
+        may(rig, DriveMode::Brake)?;
         rig.wait(None, 500);
         let rpm = rig.esc.state().output_rpm;
         if rpm.abs() > 0.5 * before {
@@ -217,7 +219,7 @@ pub(super) fn holds(case: &Case<'_>, found: &mut Findings) {
     found.note(case.alone(SafeState::Hold, |rig| {
         rig.get_going()?;
         rig.wait(None, 51);
-        may(rig, Drive::Hold)?;
+        may(rig, DriveMode::Hold)?;
         rig.esc.set_load(0.0);
         rig.wait(None, 2000);
         let start = rig.esc.state().output_degrees;
@@ -244,7 +246,7 @@ fn stops_ahead(rig: &mut Rig<'_>, is_backward: bool) -> Outcome {
     rig.goes_again(target, "").map_err(|_| Halt::Stuck)?;
     rig.wait(Some(target), 300);
     rig.wait(None, 51);
-    may(rig, Drive::Hold)?;
+    may(rig, DriveMode::Hold)?;
     let start = rig.esc.state();
     rig.wait(None, 2000);
     let moved = (rig.esc.state().output_degrees - start.output_degrees) * start.output_rpm.signum();

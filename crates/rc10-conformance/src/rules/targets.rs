@@ -1,5 +1,5 @@
 use rc10_app::{Seconds, TotalAngle};
-use rc10_motor::{Condition, Drive, SafeState, Target, TargetError, TargetKind};
+use rc10_motor::{Condition, DriveMode, SafeState, Target, TargetError, TargetKind};
 
 use super::declared::every_kind;
 use crate::case::{Case, Findings, Halt, Outcome, broken};
@@ -257,7 +257,9 @@ const STRANGE: [f32; 7] = [0.0, -0.0, -1.0, 3600.0, f32::NAN, f32::INFINITY, f32
 pub(super) fn strange_steps(case: &Case<'_>, found: &mut Findings) {
     for dt in STRANGE.map(Seconds::new) {
         let mut motor = case.used_motor();
-        for drive in [Drive::Run, Drive::Hold, Drive::Brake, Drive::Coast, Drive::Off] {
+        for drive in
+            [DriveMode::Run, DriveMode::Hold, DriveMode::Brake, DriveMode::Coast, DriveMode::Off]
+        {
             motor.update(dt, drive);
             motor.pack();
             if let Some(name) = not_finite(&motor.feedback()) {

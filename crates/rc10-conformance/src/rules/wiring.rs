@@ -1,6 +1,6 @@
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::Id;
-use rc10_motor::{Guard, SafeState, Share, Transmit, Wiring};
+use rc10_motor::{CanIds, Guard, Ownership, SafeState, TxFrames};
 
 use crate::case::{Findings, FrameCase, Outcome, broken};
 use crate::harness::Sent;
@@ -19,9 +19,9 @@ pub(super) fn wiring_is_valid(case: &FrameCase<'_>, found: &mut Findings) {
     }
     let received = wiring.received().iter().map(|r| (r.pattern, r.len, r.guard, 0));
     let sent = wiring.transmitted().iter().map(|t| match t.share {
-        Share::Guard(guard) => (t.pattern, t.len, Some(guard), 0),
-        Share::Lane(bytes) => (t.pattern, t.len, None, bytes),
-        Share::Whole => (t.pattern, t.len, None, 0),
+        Ownership::Guard(guard) => (t.pattern, t.len, Some(guard), 0),
+        Ownership::Lane(bytes) => (t.pattern, t.len, None, bytes),
+        Ownership::Whole => (t.pattern, t.len, None, 0),
     });
     for (pattern, len, guard, lane) in received.chain(sent) {
         if len > 8 {
@@ -45,12 +45,12 @@ pub(super) fn wiring_is_constant(case: &FrameCase<'_>, found: &mut Findings) {
 }
 
 /// Whether a wiring says that this is sent.
-fn declares(transmit: &Transmit, frame: &CanFrame) -> bool {
-    let Transmit { pattern, len, share, .. } = transmit;
+fn declares(transmit: &TxFrames, frame: &CanFrame) -> bool {
+    let TxFrames { pattern, len, share, .. } = transmit;
     let is_own = match share {
-        Share::Whole => true,
-        Share::Guard(guard) => guard.passes(frame),
-        Share::Lane(bytes) => {
+        Ownership::Whole => true,
+        Ownership::Guard(guard) => guard.passes(frame),
+        Ownership::Lane(bytes) => {
             let mut rest = frame.bytes().iter().enumerate().filter(|(n, _)| bytes >> n & 1 == 0);
             rest.all(|(_, byte)| *byte == 0)
         }
@@ -73,7 +73,7 @@ pub(super) fn frames_are_declared(case: &FrameCase<'_>, found: &mut Findings) {
 }
 
 /// Whether a key is that of an identifier which the motor occupies.
-fn occupies(wiring: &Wiring, key: u32) -> bool {
+fn occupies(wiring: &CanIds, key: u32) -> bool {
     let sent = wiring.transmitted().iter().map(|transmit| transmit.pattern);
     let received = wiring.received().iter().map(|receive| receive.pattern);
     let listens = wiring.listened_to().iter().copied();
@@ -125,7 +125,7 @@ pub(super) fn load_is_as_declared(case: &FrameCase<'_>, found: &mut Findings) {
 }
 
 /// Counts frames for a second.
-fn count(rig: &mut Rig<'_>, wiring: &Wiring) -> Outcome {
+fn count(rig: &mut Rig<'_>, wiring: &CanIds) -> Outcome {
     let cruise = rig.cruise();
     rig.wait(Some(cruise), 1000);
     let at = rig.now();

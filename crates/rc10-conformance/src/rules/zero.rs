@@ -1,5 +1,5 @@
 use rc10_app::{Degrees, TotalAngle};
-use rc10_motor::{Answer, Impedance, Request, SafeState, Safety, Target, TargetKind};
+use rc10_motor::{Impedance, Request, Response, SafeState, Safety, Target, TargetKind};
 
 use super::impedance::spring_of;
 use crate::case::{Case, Findings, Halt, Outcome, broken};
@@ -84,7 +84,7 @@ fn start(rig: &mut Rig<'_>, doing: Doing) -> Result<Target, Halt> {
 
 fn set_zero(rig: &mut Rig<'_>) -> Outcome {
     match rig.bench.request(rig.motor, Request::SetZero) {
-        Ok(Answer::Done) => Ok(()),
+        Ok(Response::Done) => Ok(()),
         answer => broken(rig.now(), format!("SetZero: {answer:?}")),
     }
 }

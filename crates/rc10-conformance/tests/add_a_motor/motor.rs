@@ -7,12 +7,12 @@ use rc10_app::{
 };
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, IdPattern, Micros};
-use rc10_motor::cascade::Cascade;
+use rc10_motor::rc10_app::Cascade;
 use rc10_motor::servo::{Measured, Servo};
 use rc10_motor::{
-    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Rate, Receive,
-    Request, RequestError, Share, Target, TargetError, TargetKind, TargetSet, Transmit, TxBatch,
-    TxFull, Wiring,
+    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Motor,
+    Ownership, Rate, Request, RequestError, Response, RxFrames, Target, TargetError, TargetKind,
+    TargetSet, TxBatch, TxFrames, TxFull,
 };
 
 /// What the motor is told.
@@ -118,12 +118,12 @@ pub struct Finch {
     /// Where the encoder stood when the angle was set to zero.
     zero: i64,
     heard: Option<(Report, Micros)>,
-    drive: Drive,
+    drive: DriveMode,
     /// Kept until somebody clears it.
     fault: Option<Fault>,
     /// An error is being cleared: how long it may take yet, s.
     clearing: Option<f32>,
-    answer: Option<Result<Answer, RequestError>>,
+    answer: Option<Result<Response, RequestError>>,
 }
 
 impl Finch {
@@ -145,7 +145,7 @@ impl Finch {
             encoder: Encoder::new(1 << 16),
             zero: 0,
             heard: None,
-            drive: Drive::Off,
+            drive: DriveMode::Off,
             fault: None,
             clearing: None,
             answer: None,
@@ -170,10 +170,10 @@ impl Finch {
         match self.drive {
             _ if self.clearing.is_some() => Command::ClearError,
             _ if self.fault.is_some() || self.heard.is_none() => Command::Disable,
-            Drive::Off => Command::Disable,
+            DriveMode::Off => Command::Disable,
             _ if self.is_enabled() => Command::Torque(self.servo.effort()),
-            Drive::Coast => Command::Disable,
-            Drive::Brake | Drive::Hold | Drive::Run => Command::Enable,
+            DriveMode::Coast => Command::Disable,
+            DriveMode::Brake | DriveMode::Hold | DriveMode::Run => Command::Enable,
         }
     }
 
@@ -222,7 +222,7 @@ impl Motor for Finch {
         self.fault
     }
 
-    fn update(&mut self, dt: Seconds, drive: Drive) {
+    fn update(&mut self, dt: Seconds, drive: DriveMode) {
         self.drive = drive;
         let measured = if self.is_enabled() { self.measured() } else { None };
         self.servo.update(dt, drive, measured);
@@ -234,7 +234,7 @@ impl Motor for Finch {
         }
     }
 
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         if self.clearing.is_some() || self.answer.is_some() {
             return Err(RequestError::Busy);
         }
@@ -249,47 +249,47 @@ impl Motor for Finch {
                     let zero = TotalAngle::from_microdegrees(measured.microdegrees);
                     let _ = self.servo.set_target(Target::TotalAngle(angle.minus(zero)));
                 }
-                Ok(Answer::Done)
+                Ok(Response::Done)
             }
-            Request::ClearFault if self.fault.is_none() => Ok(Answer::Done),
+            Request::ClearFault if self.fault.is_none() => Ok(Response::Done),
             Request::ClearFault => {
                 self.clearing = Some(PATIENCE);
-                Ok(Answer::Pending)
+                Ok(Response::Pending)
             }
             _ => self.servo.request(request, self.measured()),
         }
     }
 
-    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
         self.answer.take()
     }
 
     fn condition(&self) -> Condition {
-        let wanted = matches!(self.drive, Drive::Brake | Drive::Hold | Drive::Run);
+        let wanted = matches!(self.drive, DriveMode::Brake | DriveMode::Hold | DriveMode::Run);
         if wanted && !self.is_enabled() { Condition::Starting } else { Condition::Ready }
     }
 }
 
 impl CanMotor for Finch {
-    fn wiring(&self) -> Wiring {
-        let report = Receive {
+    fn wiring(&self) -> CanIds {
+        let report = RxFrames {
             pattern: IdPattern::exact(self.report_id),
             len: 8,
             rate: Rate::Hz(1000),
             guard: None,
         };
-        let command = Transmit {
+        let command = TxFrames {
             pattern: IdPattern::exact(self.command_id),
             len: 3,
             rate: Rate::EveryTick,
-            share: Share::Whole,
+            share: Ownership::Whole,
         };
-        let empty = Wiring::new("Finch F10", self.id.into());
+        let empty = CanIds::new("Finch F10", self.id.into());
         let wired = empty.clone().receives(report).and_then(|wiring| wiring.transmits(command));
         wired.unwrap_or(empty)
     }
 
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
         if frame.key() != CanFrame::key_of(self.report_id) {
             return Err(FrameError::NotMine);
         }
@@ -301,9 +301,9 @@ impl CanMotor for Finch {
             self.fault = Some(Fault::new(report.error.into(), error_text(report.error)));
         } else if self.clearing.take().is_some() {
             self.fault = None;
-            self.answer = Some(Ok(Answer::Done));
+            self.answer = Some(Ok(Response::Done));
         }
-        Ok(if self.fault.is_some() { Heard::Fault } else { Heard::Feedback })
+        Ok(if self.fault.is_some() { FrameKind::Fault } else { FrameKind::Feedback })
     }
 
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {

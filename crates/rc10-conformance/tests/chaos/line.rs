@@ -2,7 +2,7 @@ use rc10_can::Micros;
 use rc10_conformance::{Declaration, LineBench};
 use rc10_motor::unitree::GoM8010;
 use rc10_motor::{
-    Answer, ArmSwitch, CommandError, MotorId, MotorStatus, Request, RequestError, Safety, Target,
+    ArmSwitch, CommandError, MotorId, MotorStatus, Request, RequestError, Response, Safety, Target,
     TargetSet,
 };
 use rc10_sim::{EscFault, EscState, Line, LineMotor};
@@ -58,11 +58,11 @@ impl Scene for LineScene<'_> {
         self.bench.line.command(self.motor, target, now)
     }
 
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         self.bench.line.request(self.motor, request)
     }
 
-    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
         self.bench.line.answer(self.motor)
     }
 

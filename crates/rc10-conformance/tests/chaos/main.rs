@@ -29,7 +29,7 @@ mod watch;
 
 use rc10_conformance::Declaration;
 use rc10_motor::CanMotor;
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::unitree::GoM8010;
 use rc10_sim::{Bus, Esc, Line, LineMotor};
 

@@ -3,8 +3,8 @@
 use rc10_can::{CanFrame, CanPort, ErrorState, IdPattern, Micros};
 use rc10_conformance::{Bench, Claim, Declaration};
 use rc10_motor::{
-    Answer, ArmSwitch, CanMotor, CommandError, MotorId, MotorStatus, Request, RequestError, Safety,
-    Target, TargetSet, Wiring,
+    ArmSwitch, CanIds, CanMotor, CommandError, MotorId, MotorStatus, Request, RequestError,
+    Response, Safety, Target, TargetSet,
 };
 use rc10_sim::{Bus, Esc, EscFault, EscState, SimPort};
 
@@ -18,8 +18,8 @@ pub trait Scene {
     fn tick(&mut self);
     fn supports(&self) -> TargetSet;
     fn command(&mut self, target: Target) -> Result<(), CommandError>;
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError>;
-    fn answer(&mut self) -> Option<Result<Answer, RequestError>>;
+    fn request(&mut self, request: Request) -> Result<Response, RequestError>;
+    fn answer(&mut self) -> Option<Result<Response, RequestError>>;
     fn status(&self) -> MotorStatus;
     fn link_timeout(&self) -> Micros;
     /// After a cut it takes so many ms until it is told again what to do.
@@ -48,7 +48,7 @@ pub struct CanScene<'m> {
     port: SimPort,
     esc: Esc,
     motor: MotorId,
-    wiring: Wiring,
+    wiring: CanIds,
     off_since: Option<Micros>,
     tells_restarts: bool,
 }
@@ -122,11 +122,11 @@ impl Scene for CanScene<'_> {
         self.bench.bus.command(self.motor, target, now)
     }
 
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         self.bench.bus.request(self.motor, request)
     }
 
-    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
         self.bench.bus.answer(self.motor)
     }
 

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Declaration, Trial};
-use rc10_motor::{Answer, Condition, Gains, Impedance, Link, Request, SafeState, Target};
+use rc10_motor::{Condition, Gains, Impedance, Link, Request, Response, SafeState, Target};
 use rc10_sim::EscFault;
 
 use crate::random::Random;
@@ -258,12 +258,12 @@ impl<S: Scene> Player<'_, S> {
         let busy = self.waited.is_some();
         let answer = self.scene.request(request);
         self.watch.zeroed = true;
-        if request == Request::SaveRegisters && answer == Ok(Answer::Pending) {
+        if request == Request::SaveRegisters && answer == Ok(Response::Pending) {
             // It may be deaf meanwhile, and a little longer.
             self.world.noisy = self.world.noisy.max(200);
         }
         match (request, answer) {
-            (_, Ok(Answer::Pending)) if !busy => self.waited = Some(0),
+            (_, Ok(Response::Pending)) if !busy => self.waited = Some(0),
             (Request::SpeedGains(_) | Request::AngleGains(_), Ok(_)) => self.world.spoiled = true,
             _ => (),
         }

@@ -1,7 +1,7 @@
 //! What must hold in every millisecond, whatever happens.
 
 use rc10_conformance::{Claim, Declaration};
-use rc10_motor::{Condition, Drive, Link, MotorStatus, SafeState, TargetKind};
+use rc10_motor::{Condition, DriveMode, Link, MotorStatus, SafeState, TargetKind};
 use rc10_sim::EscState;
 
 use crate::scene::Scene;
@@ -230,7 +230,7 @@ impl<'d> Watch<'d> {
         let state = scene.state();
         let last = std::mem::replace(&mut self.last_torque, state.torque);
         let full = f64::from(self.declared.full_torque.get());
-        let driven = matches!(status.drive, Drive::Brake | Drive::Hold | Drive::Run)
+        let driven = matches!(status.drive, DriveMode::Brake | DriveMode::Hold | DriveMode::Run)
             && status.condition != Condition::Starting;
         let blinks = world.powered_for == 1 && scene.tells_restarts() && !world.impersonated;
         if driven {
@@ -249,7 +249,7 @@ impl<'d> Watch<'d> {
             return Ok(());
         }
         self.soft -= 1;
-        let brakes = status.drive != Drive::Run
+        let brakes = status.drive != DriveMode::Run
             || matches!(
                 status.target.kind(),
                 TargetKind::Brake

@@ -1,7 +1,7 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Declaration, Trial};
 use rc10_motor::cybergear::{Address, CyberGear, Model, models};
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::{Impedance, Target};
 use rc10_sim::cybergear as sim;
 

@@ -1,8 +1,8 @@
 use rc10_app::{Degrees, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle};
 use rc10_conformance::{Declaration, Trial};
-use rc10_motor::cascade::Cascade;
 use rc10_motor::damiao::{Control, Damiao, models};
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::{Impedance, Target};
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
 

@@ -1,7 +1,8 @@
 use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
-use rc10_motor::dji::{self, Direction, Dji};
+use rc10_motor::dji::{self, Dji};
+use rc10_motor::rc10_app::Direction;
 use rc10_sim::{EscConfig, Model, Plant};
 
 use crate::{Report, check};

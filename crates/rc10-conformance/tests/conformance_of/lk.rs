@@ -1,10 +1,10 @@
 use rc10_app::{Amps, Degrees, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle};
 use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
-use rc10_motor::cascade::Cascade;
-use rc10_motor::dji::Direction;
 use rc10_motor::lk::models::{MF9025, MG4010E_I10};
 use rc10_motor::lk::{Commands, Config, Lk};
+use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::Direction;
 use rc10_sim::EscFault;
 use rc10_sim::lk::{Drive, Settings, mf9025, mg4010e_i10};
 

@@ -1,9 +1,9 @@
 use rc10_app::{Amps, Degrees, Gear, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle};
 use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
-use rc10_motor::cascade::Cascade;
-use rc10_motor::dji::Direction;
 use rc10_motor::odrive::{Config, Control, Firmware, InputMode, Limits, ODrive, Rates};
+use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::Direction;
 use rc10_sim::odrive::{Axis, Settings, d6374_8to1};
 
 use crate::{Report, check};

@@ -4,8 +4,8 @@ use rc10_app::{Amps, Degrees, Gear, NewtonMetres, PidConfig, Rpm, RpmPerSecond, 
 use rc10_can::Micros;
 use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
-use rc10_motor::cascade::Cascade;
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::vesc::{Config, Currents, Shaft, Vesc, VescId};
 use rc10_sim::vesc::{VescConfig, outrunner_270_kv};
 use rc10_sim::{EscFault, Plant};

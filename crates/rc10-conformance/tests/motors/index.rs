@@ -4,12 +4,12 @@
 use std::num::NonZeroU8;
 
 use rc10_app::{Amps, Gear, PidConfig, Rpm, RpmPerSecond};
-use rc10_motor::cascade::Cascade;
 use rc10_motor::cybergear::{self, CyberGear};
 use rc10_motor::damiao::{self, Control, Damiao};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::lk::{self, Commands, Lk};
 use rc10_motor::odrive::{self, Firmware, InputMode, Limits, ODrive, Rates};
+use rc10_motor::rc10_app::Cascade;
 use rc10_motor::unitree::{GoM8010, GoModule};
 use rc10_motor::vesc::{self, Currents, Vesc, VescId};
 use rc10_motor::{ArmSwitch, CanMotor, Motor, MotorBus, Safety, TargetKind, TargetSet};

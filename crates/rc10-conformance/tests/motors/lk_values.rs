@@ -2,9 +2,9 @@
 
 use rc10_app::{PidConfig, RpmPerSecond};
 use rc10_can::CanFrame;
-use rc10_motor::cascade::Cascade;
 use rc10_motor::lk::models::MG4010E_I10;
 use rc10_motor::lk::{Commands, Config, DriveId, Health, Motion, Reply};
+use rc10_motor::rc10_app::Cascade;
 
 /// The drive whose frames these are.
 pub const ID: u8 = 3;

@@ -2,8 +2,8 @@
 
 use rc10_app::{Amps, PidConfig, Rpm, RpmPerSecond};
 use rc10_can::CanFrame;
-use rc10_motor::cascade::Cascade;
 use rc10_motor::odrive::{Config, Control, Firmware, Limits, Message, Node, Rates, Temperatures};
+use rc10_motor::rc10_app::Cascade;
 
 /// The axis whose frames these are.
 pub const NODE: u8 = 5;

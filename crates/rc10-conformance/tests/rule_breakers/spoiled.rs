@@ -6,9 +6,9 @@ use rc10_app::{Degrees, Rpm, Seconds, TotalAngle};
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::{
-    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Guard, Heard, Motor, Rate,
-    Receive, Request, RequestError, Target, TargetError, TargetKind, TargetSet, TxBatch, TxFull,
-    Wiring,
+    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Guard, Motor,
+    Rate, Request, RequestError, Response, RxFrames, Target, TargetError, TargetKind, TargetSet,
+    TxBatch, TxFull,
 };
 
 use crate::motor::{Command, Finch};
@@ -28,10 +28,10 @@ pub struct Spoiled {
     number: u32,
     ticks: u32,
     /// What the bus said, and since how many ticks.
-    drive: Drive,
+    drive: DriveMode,
     since: u32,
     /// What it said before.
-    before: Drive,
+    before: DriveMode,
     was_armed: bool,
     was_asked: bool,
     /// A target came since the last tick.
@@ -46,7 +46,7 @@ pub struct Spoiled {
     turned: f32,
     /// The time step was a long one.
     long_step: bool,
-    answer: Option<Result<Answer, RequestError>>,
+    answer: Option<Result<Response, RequestError>>,
     /// The last target that it took.
     asked: Target,
     /// A torque limit was set.
@@ -66,9 +66,9 @@ impl Spoiled {
             id,
             number,
             ticks: 0,
-            drive: Drive::Off,
+            drive: DriveMode::Off,
             since: 0,
-            before: Drive::Off,
+            before: DriveMode::Off,
             was_armed: false,
             was_asked: false,
             commanded: false,
@@ -96,43 +96,45 @@ impl Spoiled {
     /// Whether it does what it must not do just now.
     fn drives_anyhow(&self) -> bool {
         match self.spoil {
-            Spoil::DrivesUnheard => self.report.is_none() && self.drive == Drive::Run,
+            Spoil::DrivesUnheard => self.report.is_none() && self.drive == DriveMode::Run,
             Spoil::DrivesUnarmed | Spoil::EnablesUnarmed => {
                 let told = self.good.target() != Target::Coast;
                 !self.was_armed && !self.was_asked && told && self.report.is_some()
             }
             Spoil::DisarmsLate => {
-                self.drive == Drive::Off && self.before == Drive::Run && self.since < 60
+                self.drive == DriveMode::Off && self.before == DriveMode::Run && self.since < 60
             }
             Spoil::ClearingDrives | Spoil::ZeroMoves | Spoil::ZeroThrows => self.wrong_for > 0,
             Spoil::ForgetsFaults | Spoil::EnablesFaulted => {
                 self.fault().is_some() && self.wrong_for > 0
             }
-            Spoil::StaysEnabled => self.drive == Drive::Off && self.before != Drive::Off,
+            Spoil::StaysEnabled => self.drive == DriveMode::Off && self.before != DriveMode::Off,
             _ => false,
         }
     }
 
     /// What it takes for what the bus says.
-    fn heeds(&self, drive: Drive) -> Drive {
+    fn heeds(&self, drive: DriveMode) -> DriveMode {
         let (commanded, is_heard) = (self.commanded, self.silent_for < 5);
-        let from_run = drive == Drive::Coast && self.before == Drive::Run;
+        let from_run = drive == DriveMode::Coast && self.before == DriveMode::Run;
         let fine = self.fault().is_none() && is_heard;
         match (self.spoil, drive) {
-            (Spoil::IgnoresStop, _) if from_run && fine && commanded => Drive::Run,
+            (Spoil::IgnoresStop, _) if from_run && fine && commanded => DriveMode::Run,
             (Spoil::IgnoresExpiry, _) if from_run && fine && !commanded && self.since < 60 => {
-                Drive::Run
+                DriveMode::Run
             }
-            (Spoil::IgnoresSilence, _) if from_run && !is_heard && self.since < 30 => Drive::Run,
-            (Spoil::GivesUpEarly, Drive::Run) if self.silent_for > 4 => Drive::Coast,
-            (Spoil::HoldsBehind, Drive::Hold) => Drive::Run,
-            (Spoil::CoastsForBraking, Drive::Brake)
-            | (Spoil::CoastsForHolding, Drive::Hold)
-            | (Spoil::NeverEnables, Drive::Run) => Drive::Coast,
+            (Spoil::IgnoresSilence, _) if from_run && !is_heard && self.since < 30 => {
+                DriveMode::Run
+            }
+            (Spoil::GivesUpEarly, DriveMode::Run) if self.silent_for > 4 => DriveMode::Coast,
+            (Spoil::HoldsBehind, DriveMode::Hold) => DriveMode::Run,
+            (Spoil::CoastsForBraking, DriveMode::Brake)
+            | (Spoil::CoastsForHolding, DriveMode::Hold)
+            | (Spoil::NeverEnables, DriveMode::Run) => DriveMode::Coast,
             (
                 Spoil::OneCutTooMany | Spoil::OneRestartTooMany | Spoil::NeverRecovers,
-                Drive::Run,
-            ) if self.wrong_for > 0 => Drive::Coast,
+                DriveMode::Run,
+            ) if self.wrong_for > 0 => DriveMode::Coast,
             _ => drive,
         }
     }
@@ -220,7 +222,7 @@ impl Motor for Spoiled {
         Some(if self.is(Spoil::FaultWithoutWords) { Fault::new(fault.code, "") } else { fault })
     }
 
-    fn update(&mut self, dt: Seconds, drive: Drive) {
+    fn update(&mut self, dt: Seconds, drive: DriveMode) {
         self.ticks += 1;
         self.wrong_for = self.wrong_for.saturating_sub(1);
         if drive == self.drive {
@@ -228,12 +230,12 @@ impl Motor for Spoiled {
         } else {
             (self.before, self.drive, self.since) = (self.drive, drive, 0);
         }
-        if drive == Drive::Run {
+        if drive == DriveMode::Run {
             self.turned = self.good.feedback().speed.get().signum();
         }
-        self.was_armed |= drive != Drive::Off;
+        self.was_armed |= drive != DriveMode::Off;
         self.long_step = dt.get() > 0.005;
-        if self.is(Spoil::HoldsBehind) && drive == Drive::Hold && self.since == 0 {
+        if self.is(Spoil::HoldsBehind) && drive == DriveMode::Hold && self.since == 0 {
             let behind = TotalAngle::from_degrees(if self.turned > 0.0 { -20 } else { 20 });
             let behind = self.good.feedback().total_angle.plus(behind);
             let _ = self.good.set_target(Target::TotalAngle(behind));
@@ -243,23 +245,23 @@ impl Motor for Spoiled {
         self.silent_for += 1;
     }
 
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         self.was_asked = true;
         self.is_limited |= matches!(request, Request::TorqueLimit(_));
-        let is_off = self.drive == Drive::Off;
+        let is_off = self.drive == DriveMode::Off;
         match (self.spoil, request) {
-            (Spoil::NoZero, Request::SetZero) if is_off => return Ok(Answer::Done),
+            (Spoil::NoZero, Request::SetZero) if is_off => return Ok(Response::Done),
             (Spoil::AnyLimit, Request::TorqueLimit(limit))
                 if limit.get().is_nan() || limit.get() < 0.0 =>
             {
-                return Ok(Answer::Done);
+                return Ok(Response::Done);
             }
-            (Spoil::StoresAnyTime, Request::StoreZero) => return Ok(Answer::Done),
+            (Spoil::StoresAnyTime, Request::StoreZero) => return Ok(Response::Done),
             (Spoil::ClearingDrives, Request::ClearFault) if self.fault().is_none() => {
                 self.wrong_for = 300;
             }
             (Spoil::ZeroMoves, Request::SetZero) if is_off => self.wrong_for = 100,
-            (Spoil::ZeroThrows, Request::SetZero) if self.drive == Drive::Hold => {
+            (Spoil::ZeroThrows, Request::SetZero) if self.drive == DriveMode::Hold => {
                 self.wrong_for = 100;
             }
             _ => (),
@@ -267,13 +269,13 @@ impl Motor for Spoiled {
         self.good.request(request)
     }
 
-    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
         let again = self.answer.take();
         let answer = self.good.answer();
         if self.is(Spoil::AnswersTwice) {
             self.answer = answer;
         }
-        if self.is(Spoil::NeverRecovers) && answer == Some(Ok(Answer::Done)) {
+        if self.is(Spoil::NeverRecovers) && answer == Some(Ok(Response::Done)) {
             self.wrong_for = 5000;
         }
         answer.or(again)
@@ -285,12 +287,12 @@ impl Motor for Spoiled {
 }
 
 impl CanMotor for Spoiled {
-    fn wiring(&self) -> Wiring {
+    fn wiring(&self) -> CanIds {
         let good = self.good.wiring();
         let (mut received, mut sent) = (good.received().to_vec(), good.transmitted().to_vec());
         let mut name = good.name().model;
         match self.spoil {
-            Spoil::NineBytes => received.push(Receive {
+            Spoil::NineBytes => received.push(RxFrames {
                 pattern: IdPattern::exact(standard(0x700 + self.id)),
                 len: 9,
                 rate: Rate::Rare,
@@ -311,12 +313,12 @@ impl CanMotor for Spoiled {
             }
             _ => (),
         }
-        let empty = Wiring::new(name, self.id);
-        let wiring = received.into_iter().try_fold(empty, Wiring::receives).unwrap();
-        sent.into_iter().try_fold(wiring, Wiring::transmits).unwrap()
+        let empty = CanIds::new(name, self.id);
+        let wiring = received.into_iter().try_fold(empty, CanIds::receives).unwrap();
+        sent.into_iter().try_fold(wiring, CanIds::transmits).unwrap()
     }
 
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
         let read = if self.is(Spoil::SwapsSpeed) { speed_swapped(*frame) } else { *frame };
         let heard = self.good.unpack_feedback(&read, at);
         let is_own = frame.key() == CanFrame::key_of(standard(0x380 + self.id));
@@ -331,11 +333,11 @@ impl CanMotor for Spoiled {
                 }
                 _ => false,
             };
-            return if takes { Ok(Heard::Other) } else { heard };
+            return if takes { Ok(FrameKind::Other) } else { heard };
         }
         let was_enabled = self.is_enabled();
         (self.silence, self.silent_for) = (self.silent_for, 0);
-        if self.is(Spoil::CountsNoTurns) && self.silence > 200 && self.drive != Drive::Off {
+        if self.is(Spoil::CountsNoTurns) && self.silence > 200 && self.drive != DriveMode::Off {
             self.lost = self.lost.plus(TotalAngle::from_degrees(-720));
         }
         self.report = frame.all_eight().copied();
@@ -343,7 +345,10 @@ impl CanMotor for Spoiled {
             Spoil::OneCutTooMany | Spoil::KicksAfterCut => self.silence > 30 && self.is_enabled(),
             Spoil::OneRestartTooMany | Spoil::KicksAfterRestart => {
                 let lost_it = was_enabled && !self.is_enabled();
-                lost_it && self.silence < 9 && self.drive == Drive::Run && self.fault().is_none()
+                lost_it
+                    && self.silence < 9
+                    && self.drive == DriveMode::Run
+                    && self.fault().is_none()
             }
             Spoil::ForgetsFaults | Spoil::EnablesFaulted => {
                 self.silence > 50 && self.fault().is_some()
@@ -356,7 +361,7 @@ impl CanMotor for Spoiled {
                 _ => 5000,
             };
         }
-        if self.is(Spoil::FaultUnheard) { Ok(Heard::Feedback) } else { heard }
+        if self.is(Spoil::FaultUnheard) { Ok(FrameKind::Feedback) } else { heard }
     }
 
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
@@ -386,7 +391,7 @@ impl CanMotor for Spoiled {
             Spoil::HalfTheTorque if matches!(self.good.target(), Target::Torque(_)) => {
                 frame = scaled(frame, 0.5);
             }
-            Spoil::IgnoresLimit if self.is_limited && self.drive == Drive::Run => {
+            Spoil::IgnoresLimit if self.is_limited && self.drive == DriveMode::Run => {
                 if let Target::Torque(torque) = self.good.target() {
                     frame = self.command(Command::Torque(torque.get()));
                 }
@@ -395,7 +400,7 @@ impl CanMotor for Spoiled {
                 frame = self.command(Command::Torque(-5.0));
             }
             Spoil::KicksAfterCut | Spoil::KicksAfterRestart
-                if self.wrong_for > 0 && self.is_enabled() && self.drive == Drive::Run =>
+                if self.wrong_for > 0 && self.is_enabled() && self.drive == DriveMode::Run =>
             {
                 frame = self.command(Command::Torque(5.0));
             }

@@ -3,11 +3,11 @@
 use rc10_app::{Degrees, NewtonMetres, PidConfig, Rpm, RpmPerSecond, Seconds, TotalAngle};
 use rc10_can::{CanFrame, Micros};
 use rc10_conformance::{Declaration, Report, Trial, check};
-use rc10_motor::cascade::Cascade;
 use rc10_motor::damiao::{Control, Damiao, models};
+use rc10_motor::rc10_app::Cascade;
 use rc10_motor::{
-    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Impedance, Motor,
-    Request, RequestError, Target, TargetError, TargetSet, TxBatch, TxFull, Wiring,
+    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Impedance,
+    Motor, Request, RequestError, Response, Target, TargetError, TargetSet, TxBatch, TxFull,
 };
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
 
@@ -83,8 +83,8 @@ impl Motor for Sprung {
         self.good.fault()
     }
 
-    fn update(&mut self, dt: Seconds, drive: Drive) {
-        let runs = drive == Drive::Run && self.asked.is_some();
+    fn update(&mut self, dt: Seconds, drive: DriveMode) {
+        let runs = drive == DriveMode::Run && self.asked.is_some();
         self.driven = if runs { self.driven.saturating_add(1) } else { 0 };
         let wrong = self.asked.filter(|_| runs).map(|asked| (asked, self.slipped(asked)));
         match wrong {
@@ -97,14 +97,14 @@ impl Motor for Sprung {
         }
     }
 
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         if request == Request::SetZero {
             self.asked = None;
         }
         self.good.request(request)
     }
 
-    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
         self.good.answer()
     }
 
@@ -114,11 +114,11 @@ impl Motor for Sprung {
 }
 
 impl CanMotor for Sprung {
-    fn wiring(&self) -> Wiring {
+    fn wiring(&self) -> CanIds {
         self.good.wiring()
     }
 
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
         self.good.unpack_feedback(frame, at)
     }
 

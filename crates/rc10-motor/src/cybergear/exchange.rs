@@ -4,7 +4,7 @@ use rc10_app::Seconds;
 
 use super::wire::{self, Address, Feedback, Mode, Parameter, ParameterValue};
 use crate::batch::{TxBatch, TxFull};
-use crate::motor::{Answer, RequestError};
+use crate::motor::{RequestError, Response};
 
 /// What the device is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,7 +40,7 @@ pub(super) struct Exchange {
     refusal: Option<u32>,
 }
 
-pub(super) type Outcome = Result<Answer, RequestError>;
+pub(super) type Outcome = Result<Response, RequestError>;
 
 impl Exchange {
     pub(super) const fn new(ask: Ask) -> Self {
@@ -99,7 +99,7 @@ impl Exchange {
                 bits == 0
             }
         };
-        (sent && done).then_some(Ok(Answer::Done))
+        (sent && done).then_some(Ok(Response::Done))
     }
 
     /// Takes a parameter; `None` if nobody asked for it, `Some(None)` if it does not end the
@@ -111,14 +111,14 @@ impl Exchange {
             Ask::Read(parameter) if parameter == value.parameter => Some(Some(if value.refused {
                 Err(RequestError::Refused(UNKNOWN_PARAMETER))
             } else {
-                Ok(Answer::Register(code))
+                Ok(Response::Register(code))
             })),
             Ask::Write(parameter, bytes) if parameter == value.parameter => {
                 if value.refused {
                     return Some(Some(Err(RequestError::Refused(UNKNOWN_PARAMETER))));
                 }
                 self.refusal = Some(code);
-                Some((value.bytes == bytes).then_some(Ok(Answer::Done)))
+                Some((value.bytes == bytes).then_some(Ok(Response::Done)))
             }
             _ => None,
         }

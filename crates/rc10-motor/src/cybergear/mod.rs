@@ -22,7 +22,7 @@
 //! * The torque is part of the identifier: a newer command does not have an older one's.
 //! * Type 22 saves a RobStride's parameters ([`wire::save`]), and changes a CyberGear's bit rate:
 //!   that, and switching RobStride's reports on, is left to the vendor's tool.
-//! * Range-mapped fields are those of [`mit`](crate::damiao::mit).
+//! * Range-mapped fields are those of [`mit`](crate::mit).
 //!
 //! ```
 //! use rc10_can::Micros;
@@ -52,7 +52,7 @@ mod position;
 pub mod signals;
 pub mod wire;
 
-pub use crate::damiao::mit::{Limits, Setpoint};
+pub use crate::mit::{Limits, Setpoint};
 pub use models::{Faults, Model};
 pub use motor::CyberGear;
 pub use wire::{Address, Reply};

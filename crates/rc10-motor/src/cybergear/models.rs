@@ -2,9 +2,9 @@
 
 use rc10_app::{PidConfig, RpmPerSecond};
 
-use crate::cascade::Cascade;
-use crate::damiao::mit::Limits;
+use crate::mit::Limits;
 use crate::motor::Fault;
+use rc10_app::Cascade;
 
 /// A model.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -11,14 +11,14 @@ use super::exchange::{Ask, Exchange, Outcome};
 use super::models::Model;
 use super::position::Position;
 use super::wire::{Address, Parameter};
-use crate::cascade::Cascade;
-use crate::damiao::mit::{Limits, Setpoint};
-use crate::dji::Direction;
+use crate::mit::{Limits, Setpoint};
 use crate::motor::{
-    Answer, Condition, Drive, Fault, Feedback, Impedance, Loops, Motor, Request, RequestError,
-    Target, TargetError, TargetKind, TargetSet,
+    Condition, DriveMode, Fault, Feedback, Impedance, Loops, Motor, Request, RequestError,
+    Response, Target, TargetError, TargetKind, TargetSet,
 };
 use crate::servo::{Measured, Servo};
+use rc10_app::Cascade;
+use rc10_app::Direction;
 
 /// One CyberGear or RobStride.
 ///
@@ -35,7 +35,7 @@ pub struct CyberGear {
     /// How much of an impedance is given: from 0 to 1 after it begins.
     share: f32,
     setpoint: Setpoint,
-    drive: Drive,
+    drive: DriveMode,
     step: Step,
     /// Seconds since its last feedback; meaningless before the first.
     silence: f32,
@@ -128,7 +128,7 @@ impl CyberGear {
             impedance: None,
             share: 0.0,
             setpoint: Setpoint::COAST,
-            drive: Drive::Off,
+            drive: DriveMode::Off,
             step: Step::Stopped,
             silence: 0.0,
             position: Position::new(position_range(limits)?, Direction::Forward),
@@ -244,13 +244,13 @@ impl CyberGear {
     }
 
     /// One step of what leads to [`Step::Running`] or back.
-    fn advance(&mut self, drive: Drive) {
+    fn advance(&mut self, drive: DriveMode) {
         let may_run = self.is_heard() && self.fault.is_none();
         let wanted = match drive {
-            Drive::Off => false,
+            DriveMode::Off => false,
             // Nothing needs to be enabled for that.
-            Drive::Coast => self.step == Step::Running,
-            Drive::Brake | Drive::Hold | Drive::Run => true,
+            DriveMode::Coast => self.step == Step::Running,
+            DriveMode::Brake | DriveMode::Hold | DriveMode::Run => true,
         };
         if !(may_run && wanted) {
             self.step = Step::Stopped;
@@ -321,13 +321,13 @@ impl Motor for CyberGear {
         self.fault
     }
 
-    fn update(&mut self, dt: Seconds, drive: Drive) {
+    fn update(&mut self, dt: Seconds, drive: DriveMode) {
         self.silence += dt.get();
         self.drive = drive;
         self.advance(drive);
         let runs = self.step == Step::Running;
         self.setpoint = match self.impedance {
-            Some(impedance) if runs && drive == Drive::Run => {
+            Some(impedance) if runs && drive == DriveMode::Run => {
                 self.servo.rest();
                 self.impede(&impedance, dt)
             }
@@ -341,7 +341,7 @@ impl Motor for CyberGear {
         };
         if let Some(exchange) = &mut self.exchange {
             let late = exchange.tick(dt);
-            let outcome = if exchange.needs_disarmed() && drive != Drive::Off {
+            let outcome = if exchange.needs_disarmed() && drive != DriveMode::Off {
                 Some(Err(RequestError::NoReply))
             } else {
                 late
@@ -352,7 +352,7 @@ impl Motor for CyberGear {
         }
     }
 
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         if self.exchange.is_some() || self.answer.is_some() {
             return Err(RequestError::Busy);
         }
@@ -366,9 +366,9 @@ impl Motor for CyberGear {
                     let degrees = here as f32 * 1e-6;
                     impedance.angle = impedance.angle - rc10_app::Degrees::new(degrees);
                 }
-                return Ok(Answer::Done);
+                return Ok(Response::Done);
             }
-            Request::ClearFault if self.fault.is_none() => return Ok(Answer::Done),
+            Request::ClearFault if self.fault.is_none() => return Ok(Response::Done),
             Request::ClearFault => Ask::Clear,
             Request::ReadRegister(index) => Ask::Read(Parameter(index)),
             Request::WriteRegister(index, value) => {
@@ -380,19 +380,19 @@ impl Motor for CyberGear {
             request => return self.servo.request(request, self.measured()),
         };
         let exchange = Exchange::new(ask);
-        if exchange.needs_disarmed() && self.drive != Drive::Off {
+        if exchange.needs_disarmed() && self.drive != DriveMode::Off {
             return Err(RequestError::NotWhileArmed);
         }
         self.exchange = Some(exchange);
-        Ok(Answer::Pending)
+        Ok(Response::Pending)
     }
 
-    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
         self.answer.take()
     }
 
     fn condition(&self) -> Condition {
-        let wanted = matches!(self.drive, Drive::Brake | Drive::Hold | Drive::Run);
+        let wanted = matches!(self.drive, DriveMode::Brake | DriveMode::Hold | DriveMode::Run);
         if wanted && self.step != Step::Running { Condition::Starting } else { Condition::Ready }
     }
 }

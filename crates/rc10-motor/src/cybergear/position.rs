@@ -12,7 +12,7 @@ use rc10_app::Degrees;
 use rc10_app::maths::round_to_i32;
 use rc10_can::Micros;
 
-use crate::dji::Direction;
+use rc10_app::Direction;
 
 const TURN: i32 = 360_000_000;
 /// Degrees per rad.

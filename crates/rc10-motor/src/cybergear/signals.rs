@@ -6,7 +6,7 @@ use rc10_can::CanFrame;
 
 use super::models::{self, CYBERGEAR_DETAILS, Model, ROBSTRIDE_DETAILS};
 use super::wire::{self, Address, Parameter, kind};
-use crate::damiao::mit::Limits;
+use crate::mit::Limits;
 use crate::signals::{ByteOrder, Message, Presence, Signal};
 
 /// What a DBC file cannot say of these motors.

@@ -9,9 +9,7 @@ use rc10_app::Celsius;
 use rc10_can::CanFrame;
 
 use super::models::Faults;
-use crate::damiao::mit::{
-    Limits, Setpoint, full, pack_positive, pack_signed, sendable, unpack_signed,
-};
+use crate::mit::{Limits, Setpoint, full, pack_positive, pack_signed, sendable, unpack_signed};
 use crate::motor::FrameError;
 
 /// Who speaks to whom.

@@ -5,8 +5,8 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 use super::motor::Damiao;
 use super::wire::{Mode, Operation, REGISTERS, operate, standard};
 use crate::batch::{TxBatch, TxFull};
-use crate::motor::{CanMotor, FrameError, Heard};
-use crate::wiring::{Guard, Rate, Receive, Share, Transmit, Wiring, WiringFull};
+use crate::motor::{CanMotor, FrameError, FrameKind};
+use crate::wiring::{CanIds, CanIdsFull, Guard, Ownership, Rate, RxFrames, TxFrames};
 
 /// It reacts to every standard identifier with its own low byte.
 const LOW_BYTE: u32 = 0xFF;
@@ -27,22 +27,22 @@ impl Damiao {
         CanFrame::key_of(self.can_id().command_id(unused))
     }
 
-    fn wired(&self, wiring: Wiring) -> Result<Wiring, WiringFull> {
+    fn wired(&self, wiring: CanIds) -> Result<CanIds, CanIdsFull> {
         let id = self.can_id();
         let [low, _] = id.raw().to_le_bytes();
-        let command = |mode, len, rate| Transmit {
+        let command = |mode, len, rate| TxFrames {
             pattern: IdPattern::exact(id.command_id(mode)),
             len,
             rate,
-            share: Share::Whole,
+            share: Ownership::Whole,
         };
-        let register = |len| Transmit {
+        let register = |len| TxFrames {
             pattern: IdPattern::exact(standard(REGISTERS)),
             len,
             rate: Rate::Rare,
-            share: Share::Guard(Guard { byte: 0, mask: 0xFF, value: low }),
+            share: Ownership::Guard(Guard { byte: 0, mask: 0xFF, value: low }),
         };
-        let feedback = Receive {
+        let feedback = RxFrames {
             pattern: IdPattern::exact(self.master_id()),
             len: 8,
             rate: Rate::EveryTick,
@@ -67,12 +67,12 @@ impl Damiao {
 }
 
 impl CanMotor for Damiao {
-    fn wiring(&self) -> Wiring {
-        let wiring = Wiring::new(self.model().name, self.can_id().raw());
+    fn wiring(&self) -> CanIds {
+        let wiring = CanIds::new(self.model().name, self.can_id().raw());
         self.wired(wiring.clone()).unwrap_or(wiring)
     }
 
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
         if frame.key() == CanFrame::key_of(self.master_id()) {
             self.hear(frame, at)
         } else {

@@ -2,12 +2,12 @@
 
 use rc10_app::{ConfigError, Rpm};
 
-use super::mit::Limits;
 use super::shaft::RPM_PER_RADIAN_PER_SECOND;
 use super::wire::Mode;
-use crate::cascade::Cascade;
+use crate::mit::Limits;
 use crate::motor::{Loops, TargetKind, TargetSet};
 use crate::servo::Servo;
+use rc10_app::Cascade;
 
 /// How a motor is controlled; its register 10 (`CTRL_MODE`) is to say the same.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,10 +4,10 @@
 use rc10_app::{ConfigError, Seconds};
 use rc10_can::CanFrame;
 
-use super::mit::Limits;
 use super::registers::{Access, Content, Register, Reply, Value};
 use super::wire::{DeviceId, Feedback, Mode, Operation, State};
-use crate::motor::{Answer, Fault, FrameError, Heard, Request, RequestError};
+use crate::mit::Limits;
+use crate::motor::{Fault, FrameError, FrameKind, Request, RequestError, Response};
 
 /// What must hold before a motor is enabled, and what is wrong if it does not. Codes are the
 /// register's number and this.
@@ -57,7 +57,7 @@ impl Question {
 pub(super) struct Situation {
     /// Feedback comes.
     pub alive: bool,
-    /// The bus says [`Drive::Off`](crate::Drive::Off).
+    /// The bus says [`DriveMode::Off`](crate::DriveMode::Off).
     pub off: bool,
     /// It has a fault.
     pub faulted: bool,
@@ -89,7 +89,7 @@ pub(super) struct Dialogue {
     tries: u8,
     /// Seconds since the last try.
     waited: f32,
-    answer: Option<Result<Answer, RequestError>>,
+    answer: Option<Result<Response, RequestError>>,
 }
 
 impl Dialogue {
@@ -131,7 +131,7 @@ impl Dialogue {
         &mut self,
         request: Request,
         now: Situation,
-    ) -> Result<Answer, RequestError> {
+    ) -> Result<Response, RequestError> {
         let question = match request {
             Request::StoreZero => Question::StoreZero,
             Request::ClearFault => Question::ClearFault,
@@ -161,7 +161,7 @@ impl Dialogue {
             return Err(RequestError::NotWhileArmed);
         }
         self.next = Some(question);
-        Ok(Answer::Pending)
+        Ok(Response::Pending)
     }
 
     /// Whether a request has not been answered, or its answer not been heard.
@@ -170,7 +170,7 @@ impl Dialogue {
         asked || self.next.is_some() || self.answer.is_some()
     }
 
-    pub(super) const fn take_answer(&mut self) -> Option<Result<Answer, RequestError>> {
+    pub(super) const fn take_answer(&mut self) -> Option<Result<Response, RequestError>> {
         self.answer.take()
     }
 
@@ -218,7 +218,7 @@ impl Dialogue {
         None
     }
 
-    const fn end(&mut self, answer: Result<Answer, RequestError>) {
+    const fn end(&mut self, answer: Result<Response, RequestError>) {
         (self.asked, self.due, self.answer) = (None, false, Some(answer));
     }
 
@@ -250,7 +250,7 @@ impl Dialogue {
     pub(super) fn hear(
         &mut self,
         frame: &CanFrame,
-    ) -> Option<Result<(Heard, Option<Fault>), FrameError>> {
+    ) -> Option<Result<(FrameKind, Option<Fault>), FrameError>> {
         if !is_like_reply(frame, self.id) {
             return None;
         }
@@ -266,21 +266,21 @@ impl Dialogue {
         };
         if self.asked == Some(Question::Check) {
             return Some(Ok(match self.check_against(held) {
-                Some(fault) => (Heard::Fault, Some(fault)),
-                None => (Heard::Other, None),
+                Some(fault) => (FrameKind::Fault, Some(fault)),
+                None => (FrameKind::Other, None),
             }));
         }
         self.end(match (access, held) {
             (Access::Write(_, wanted), Some(held)) if bits(wanted) != bits(held) => {
                 Err(RequestError::Refused(bits(held)))
             }
-            (Access::Read(_), Some(held)) => Ok(Answer::Register(bits(held))),
-            _ => Ok(Answer::Done),
+            (Access::Read(_), Some(held)) => Ok(Response::Register(bits(held))),
+            _ => Ok(Response::Done),
         });
         if matches!(access, Access::Write(..)) {
             self.start_over();
         }
-        Some(Ok((Heard::Other, None)))
+        Some(Ok((FrameKind::Other, None)))
     }
 
     fn check_against(&mut self, held: Option<Value>) -> Option<Fault> {
@@ -312,7 +312,7 @@ impl Dialogue {
             }
             _ => return News::Nothing,
         };
-        self.end(Ok(Answer::Done));
+        self.end(Ok(Response::Done));
         news
     }
 }

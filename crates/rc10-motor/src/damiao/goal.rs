@@ -4,8 +4,8 @@ use rc10_app::maths::round_to_i32;
 use rc10_app::{CountsPerTurn, TotalAngle};
 
 use super::control::Steering;
-use super::mit::{Limits, Setpoint};
 use super::shaft::{PHASE_TURN, RPM_PER_RADIAN_PER_SECOND, Shaft};
+use crate::mit::{Limits, Setpoint};
 use crate::motor::{Impedance, Target, TargetError};
 
 #[derive(Clone, Copy, Debug, PartialEq)]

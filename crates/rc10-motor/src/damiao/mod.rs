@@ -40,7 +40,7 @@
 //!   Saving makes it deaf for up to 30 ms: it is lost for a moment.
 //!
 //! ```
-//! use rc10_motor::cascade::Cascade;
+//! use rc10_motor::rc10_app::Cascade;
 //! use rc10_motor::damiao::{Control, Damiao, models};
 //! use rc10_motor::rc10_app::{PidConfig, RpmPerSecond};
 //!

@@ -1,6 +1,6 @@
 //! Limits that the models are sold with.
 
-use super::mit::Limits;
+use crate::mit::Limits;
 
 /// A model and its factory limits. They are settings (registers 21 to 23), and what the vendor
 /// ships has changed over the years: compare them with the registers before moving anything.

@@ -7,15 +7,15 @@ use rc10_can::{CanFrame, Micros};
 use super::control::{Control, Steering};
 use super::dialogue::{Dialogue, News, Situation};
 use super::goal::Goal;
-use super::mit::Setpoint;
 use super::models::Model;
 use super::shaft::{LONGEST_SILENCE, RPM_PER_RADIAN_PER_SECOND, Shaft};
 use super::wire::{self, DeviceId, Mode, Operation, REGISTERS, State, operate, standard};
-use crate::dji::Direction;
+use crate::mit::Setpoint;
 use crate::motor::{
-    Answer, Condition, Drive, Fault, Feedback, FrameError, Heard, Loops, Motor, Request,
-    RequestError, Target, TargetError, TargetSet,
+    Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Loops, Motor, Request,
+    RequestError, Response, Target, TargetError, TargetSet,
 };
+use rc10_app::Direction;
 
 /// One Damiao motor. What it does is told in the [module's documentation](super).
 #[derive(Clone, Debug)]
@@ -36,7 +36,7 @@ pub struct Damiao {
     /// 0 ..= 1: how much of the largest torque an impedance may ask for, while it begins.
     softness: f32,
     fault: Option<Fault>,
-    drive: Drive,
+    drive: DriveMode,
     /// Seconds since the last feedback.
     silence: f32,
     command: Command,
@@ -55,7 +55,7 @@ enum Command {
     Velocity(f32),
 }
 
-/// Share of the largest torque by which that of an impedance may grow in a second: all of it in
+/// Ownership of the largest torque by which that of an impedance may grow in a second: all of it in
 /// 20 ms.
 const SOFT_SLOPE: f32 = 50.0;
 /// Slower than this share of `VMAX` is standing still.
@@ -109,7 +109,7 @@ impl Damiao {
             held: None,
             softness: 0.0,
             fault: None,
-            drive: Drive::Off,
+            drive: DriveMode::Off,
             silence: f32::MAX,
             command: Command::Operate(Operation::Disable),
             is_bare: false,
@@ -159,19 +159,19 @@ impl Damiao {
     }
 
     /// Whether it has to be enabled for what the bus lets it do.
-    fn is_driven(&self, drive: Drive) -> bool {
+    fn is_driven(&self, drive: DriveMode) -> bool {
         match drive {
-            Drive::Off | Drive::Coast => false,
-            Drive::Brake | Drive::Hold => true,
+            DriveMode::Off | DriveMode::Coast => false,
+            DriveMode::Brake | DriveMode::Hold => true,
             // Only in MIT mode can an enabled motor be told to give no torque.
-            Drive::Run => self.steering.mode() == Mode::Mit || self.goal != Goal::Rest,
+            DriveMode::Run => self.steering.mode() == Mode::Mit || self.goal != Goal::Rest,
         }
     }
 
     fn situation(&self) -> Situation {
         Situation {
             alive: self.silence <= longest_silence(),
-            off: self.drive == Drive::Off,
+            off: self.drive == DriveMode::Off,
             faulted: self.fault.is_some(),
             state: self.shaft.state(),
         }
@@ -186,8 +186,8 @@ impl Damiao {
     }
 
     /// One step of an enabled motor.
-    fn steer(&mut self, dt: Seconds, drive: Drive) -> Command {
-        let runs = drive == Drive::Run;
+    fn steer(&mut self, dt: Seconds, drive: DriveMode) -> Command {
+        let runs = drive == DriveMode::Run;
         match &mut self.steering {
             Steering::Mit(servo) => {
                 let most = servo.cascade().speed.output_limit;
@@ -280,7 +280,7 @@ impl Damiao {
     }
 
     /// Takes a frame that came with its `MST_ID`.
-    pub(super) fn hear(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+    pub(super) fn hear(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
         if let Some(reply) = self.dialogue.hear(frame) {
             let (heard, fault) = reply?;
             self.fault = self.fault.or(fault);
@@ -307,7 +307,7 @@ impl Damiao {
             News::Nothing => (),
         }
         self.fault = told.state.fault().or(self.fault);
-        Ok(if self.fault.is_some() { Heard::Fault } else { Heard::Feedback })
+        Ok(if self.fault.is_some() { FrameKind::Fault } else { FrameKind::Feedback })
     }
 
     fn forget_fault(&mut self) {
@@ -372,7 +372,7 @@ impl Motor for Damiao {
         self.fault
     }
 
-    fn update(&mut self, dt: Seconds, drive: Drive) {
+    fn update(&mut self, dt: Seconds, drive: DriveMode) {
         self.silence += dt.get();
         self.drive = drive;
         let situation = self.situation();
@@ -392,7 +392,7 @@ impl Motor for Damiao {
         self.command = self.operate(operation);
     }
 
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         if self.dialogue.is_busy() {
             return Err(RequestError::Busy);
         }
@@ -402,7 +402,7 @@ impl Motor for Damiao {
                 measured.ok_or(RequestError::NoFeedback)?;
                 let zero = self.shaft.set_zero();
                 self.shift(zero);
-                Ok(Answer::Done)
+                Ok(Response::Done)
             }
             Request::SpeedGains(_) | Request::AngleGains(_) | Request::TorqueLimit(_) => {
                 match &mut self.steering {
@@ -416,13 +416,13 @@ impl Motor for Damiao {
                     return self.dialogue.request(request, self.situation());
                 }
                 self.forget_fault();
-                Ok(Answer::Done)
+                Ok(Response::Done)
             }
             _ => self.dialogue.request(request, self.situation()),
         }
     }
 
-    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
         self.dialogue.take_answer()
     }
 

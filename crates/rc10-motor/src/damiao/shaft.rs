@@ -5,11 +5,11 @@ use rc10_app::angle::{nearest_movement, shortest_way};
 use rc10_app::{Degrees, NewtonMetres, Rpm, Seconds, TotalAngle};
 use rc10_can::Micros;
 
-use super::mit::{Limits, Setpoint};
 use super::wire::{Feedback, State};
-use crate::dji::Direction;
+use crate::mit::{Limits, Setpoint};
 use crate::motor;
 use crate::servo::Measured;
+use rc10_app::Direction;
 
 /// Of the output shaft.
 const TURN: i64 = 360_000_000;

@@ -3,10 +3,10 @@
 use embedded_can::Id;
 use heapless::Vec;
 
-use super::mit::Limits;
 use super::motor::Damiao;
 use super::registers::{NAMES, READ, REFRESH, Register, SAVE, WRITE};
 use super::wire::{ERRORS, Mode, Operation, REGISTERS, operate, standard};
+use crate::mit::Limits;
 use crate::signals::{ByteOrder, Marks, Message, Presence, Signal};
 
 /// What a DBC file cannot say of these motors.

@@ -8,7 +8,7 @@ use embedded_can::StandardId;
 use rc10_app::Celsius;
 use rc10_can::CanFrame;
 
-use super::mit::{Limits, Setpoint, full, pack_positive, pack_signed, sendable, unpack_signed};
+use crate::mit::{Limits, Setpoint, full, pack_positive, pack_signed, sendable, unpack_signed};
 use crate::motor::{Fault, FrameError};
 
 /// `CAN_ID`, register 8: what a motor listens to. It compares the low byte only.

@@ -13,12 +13,12 @@ use super::motors::{MotorPort, MotorPorts, Server};
 use super::runner::PERIOD;
 use crate::arm::ArmState;
 use crate::bus::MotorId;
-use crate::unitree::{LineCounters, Step, UnitreeLine};
+use crate::unitree::{Rs485Bus, Rs485Counters, Step};
 
 /// What a line and all other tasks share: a mailbox and a status per motor, and a status. One per
 /// line; every method works from any task or interrupt.
-pub struct LinePort {
-    motors: MotorPorts<{ UnitreeLine::CAPACITY }>,
+pub struct Rs485Port {
+    motors: MotorPorts<{ Rs485Bus::CAPACITY }>,
     status: Mutex<CriticalSectionRawMutex, RefCell<LineStatus>>,
 }
 
@@ -33,7 +33,7 @@ pub struct LineStatus {
     /// Time from one tick's start to the next one's.
     pub period: Timing,
     /// What the traffic amounted to.
-    pub traffic: LineCounters,
+    pub traffic: Rs485Counters,
     /// Times the serial port said that it could not read or write.
     pub port_errors: u32,
     /// Whether the robot is armed.
@@ -45,13 +45,13 @@ impl LineStatus {
         ticks: 0,
         overruns: 0,
         period: Timing::new(),
-        traffic: LineCounters::NEW,
+        traffic: Rs485Counters::NEW,
         port_errors: 0,
         arm: ArmState::Disarmed,
     };
 }
 
-impl LinePort {
+impl Rs485Port {
     /// The port of a line that does not run yet: it refuses all targets until it does.
     #[must_use]
     pub const fn new() -> Self {
@@ -77,7 +77,7 @@ impl LinePort {
     }
 }
 
-impl Default for LinePort {
+impl Default for Rs485Port {
     fn default() -> Self {
         Self::new()
     }
@@ -91,10 +91,10 @@ impl Default for LinePort {
 /// keep what it received when a read is dropped: `BufferedUart` and `RingBufferedUartRx` of
 /// `embassy-stm32` do. A transceiver that hears its own commands is no harm, but each counts as 17
 /// bytes of garbage. Errors of the port are counted, and the line goes on.
-pub async fn run_line<'m, P: Read + Write, L: BorrowMut<UnitreeLine<'m>>>(
+pub async fn run_rs485<'m, P: Read + Write, L: BorrowMut<Rs485Bus<'m>>>(
     mut io: P,
     mut line: L,
-    shared: &LinePort,
+    shared: &Rs485Port,
 ) {
     let mut runner = Runner::new(line.borrow_mut(), shared, now());
     let mut received = [0; RECEIVE];
@@ -142,17 +142,17 @@ fn now() -> Micros {
 
 /// A line and its clock.
 struct Runner<'r, 'm> {
-    line: &'r mut UnitreeLine<'m>,
-    shared: &'r LinePort,
+    line: &'r mut Rs485Bus<'m>,
+    shared: &'r Rs485Port,
     schedule: Schedule,
     last_start: Option<Micros>,
     port_errors: u32,
-    requests: Server<'r, { UnitreeLine::CAPACITY }>,
+    requests: Server<'r, { Rs485Bus::CAPACITY }>,
 }
 
 impl<'r, 'm> Runner<'r, 'm> {
     /// The first tick is due one period after `now`.
-    fn new(line: &'r mut UnitreeLine<'m>, shared: &'r LinePort, now: Micros) -> Self {
+    fn new(line: &'r mut Rs485Bus<'m>, shared: &'r Rs485Port, now: Micros) -> Self {
         for motor in line.ids() {
             shared.motors.open(motor, line.supports(motor));
         }

@@ -7,7 +7,7 @@ use heapless::Vec;
 use rc10_message::{CallError, Caller, Service};
 
 use crate::bus::MotorId;
-use crate::motor::{Answer, Request, RequestError, Target, TargetError, TargetSet};
+use crate::motor::{Request, RequestError, Response, Target, TargetError, TargetSet};
 use crate::supervision::{MotorStatus, Refusals};
 
 /// A mailbox and a status for each of `N` motors, and one service for the requests to all of them:
@@ -32,7 +32,7 @@ const CALLERS: usize = 4;
 
 type Requests = Service<(MotorId, Request), Outcome, CALLERS>;
 /// What became of a request.
-type Outcome = Result<Answer, RequestError>;
+type Outcome = Result<Response, RequestError>;
 /// Who waits for it.
 type Asker<'p> = Caller<'p, (MotorId, Request), Outcome, CALLERS>;
 
@@ -147,7 +147,7 @@ impl<'p, const N: usize> Server<'p, N> {
     fn settle(&mut self, motor: MotorId, asker: Asker<'p>, outcome: Option<Outcome>) {
         match outcome {
             // One per motor: while a request is pending the motor is busy for others.
-            None | Some(Ok(Answer::Pending)) => drop(self.pending.push((motor, asker))),
+            None | Some(Ok(Response::Pending)) => drop(self.pending.push((motor, asker))),
             Some(outcome) => asker.reply(outcome),
         }
     }
@@ -182,7 +182,7 @@ impl MotorPort<'_> {
     }
 
     /// Asks something of the motor beside a target, and waits until it is done: the next tick of
-    /// its bus, or when the device has answered. Never [`Answer::Pending`].
+    /// its bus, or when the device has answered. Never [`Response::Pending`].
     ///
     /// It is a call of a [`Service`] that the motors of a bus share: requests are carried out in the
     /// order in which they came, and nobody gets the answer to another's. There is no timeout,
@@ -197,7 +197,7 @@ impl MotorPort<'_> {
     /// # Cancel safety
     /// The future may be dropped at any time. A request that the bus has not taken yet is taken
     /// back; another is carried out, and nobody hears what came of it.
-    pub async fn request(&self, request: Request) -> Result<Answer, RequestError> {
+    pub async fn request(&self, request: Request) -> Result<Response, RequestError> {
         if self.supports() == TargetSet::NONE {
             // Nobody would ever answer.
             return Err(RequestError::NoSuchMotor);

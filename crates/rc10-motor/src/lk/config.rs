@@ -2,8 +2,8 @@ use rc10_app::ConfigError;
 
 use super::models::Model;
 use super::wire::DriveId;
-use crate::cascade::Cascade;
 use crate::dji;
+use rc10_app::Cascade;
 
 /// By which frames a drive is commanded. What is right is set in the drive, with the vendor's tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,14 +27,14 @@ pub struct Config {
     /// By which frames it is commanded.
     pub commands: Commands,
     /// Which way the output shaft counts.
-    pub direction: dji::Direction,
+    pub direction: rc10_app::Direction,
 }
 
 impl Config {
     /// A drive as it is sold: commands of its own, counting as the drive does.
     #[must_use]
     pub const fn new(model: Model, cascade: Cascade) -> Self {
-        Self { model, cascade, commands: Commands::Single, direction: dji::Direction::Forward }
+        Self { model, cascade, commands: Commands::Single, direction: rc10_app::Direction::Forward }
     }
 
     /// Commanded by these frames.
@@ -45,7 +45,7 @@ impl Config {
 
     /// Counting this way.
     #[must_use]
-    pub const fn with_direction(self, direction: dji::Direction) -> Self {
+    pub const fn with_direction(self, direction: rc10_app::Direction) -> Self {
         Self { direction, ..self }
     }
 

@@ -28,7 +28,7 @@
 //!
 //! ```
 //! use rc10_app::{PidConfig, Rpm, RpmPerSecond};
-//! use rc10_motor::cascade::Cascade;
+//! use rc10_motor::rc10_app::Cascade;
 //! use rc10_motor::lk::{Config, Lk, models};
 //! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target};
 //! use rc10_can::Micros;

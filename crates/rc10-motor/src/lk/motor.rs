@@ -12,11 +12,11 @@ use super::wire::{
 };
 use crate::batch::{TxBatch, TxFull};
 use crate::motor::{
-    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Loops, Motor, Request,
-    RequestError, Target, TargetError, TargetKind, TargetSet,
+    CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Loops, Motor, Request,
+    RequestError, Response, Target, TargetError, TargetKind, TargetSet,
 };
 use crate::servo::{Measured, Servo};
-use crate::wiring::{Rate, Receive, Share, Transmit, Wiring};
+use crate::wiring::{CanIds, Ownership, Rate, RxFrames, TxFrames};
 
 /// How far a drive is on its way to obeying.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +67,7 @@ pub struct Lk {
     silence: f32,
     /// For how long clearing a fault has been waited for, s.
     clearing: Option<f32>,
-    answer: Option<Result<Answer, RequestError>>,
+    answer: Option<Result<Response, RequestError>>,
     /// Ticks in which it gave no current, although it was asked for.
     idle: u8,
     /// Counts ticks, 0 ..< [`HEALTH_EVERY`].
@@ -93,7 +93,7 @@ impl Lk {
     /// # Errors
     /// [`ConfigError`], naming what cannot be: an identifier outside 1 ..= 32 (1 ..= 4 in the
     /// multi-motor frame), a model without a current loop, a gearbox that is faster than the rotor,
-    /// or what [`Cascade::validate`](crate::cascade::Cascade::validate) finds.
+    /// or what [`Cascade::validate`](rc10_app::Cascade::validate) finds.
     pub fn new(id: u8, config: Config) -> Result<Self, ConfigError> {
         Self::build(id, config).map_err(|error| error.of_device(config.model.name, id.into()))
     }
@@ -141,7 +141,7 @@ impl Lk {
         Amps::new(current.get() * self.sign)
     }
 
-    fn heard_motion(&mut self, motion: Motion, at: Micros) -> Result<Heard, FrameError> {
+    fn heard_motion(&mut self, motion: Motion, at: Micros) -> Result<FrameKind, FrameError> {
         if motion.command != CURRENT && motion.command != MOTION {
             return Err(FrameError::Unasked);
         }
@@ -159,7 +159,7 @@ impl Lk {
             None => self.shaft.start(seen.sample()),
         }
         self.silence = 0.0;
-        Ok(Heard::Feedback)
+        Ok(FrameKind::Feedback)
     }
 
     /// Whether it has given no current for too long, although it was asked for.
@@ -173,26 +173,26 @@ impl Lk {
     }
 
     #[cold]
-    fn heard_health(&mut self, health: Health) -> Heard {
+    fn heard_health(&mut self, health: Health) -> FrameKind {
         self.supply = health.supply;
         let fault = health.errors.fault();
         if self.clearing.is_some() && health.command == CLEAR_ERRORS {
             self.clearing = None;
             self.answer = Some(match fault {
-                None => Ok(Answer::Done),
+                None => Ok(Response::Done),
                 Some(fault) => Err(RequestError::Refused(fault.code)),
             });
             self.fault = None;
         }
         if fault.is_none() {
-            return Heard::Other;
+            return FrameKind::Other;
         }
         self.fault = fault;
-        Heard::Fault
+        FrameKind::Fault
     }
 
     #[cold]
-    fn heard_other(&mut self, reply: &Reply) -> Result<Heard, FrameError> {
+    fn heard_other(&mut self, reply: &Reply) -> Result<FrameKind, FrameError> {
         if self.commands == Commands::MultiMotor {
             return Err(FrameError::Unasked);
         }
@@ -204,9 +204,9 @@ impl Lk {
                     Step::Starting(_) => Step::Running,
                     step => step,
                 };
-                Ok(Heard::Other)
+                Ok(FrameKind::Other)
             }
-            Reply::Off => Ok(Heard::Other),
+            Reply::Off => Ok(FrameKind::Other),
             _ => Err(FrameError::Unasked),
         }
     }
@@ -236,15 +236,15 @@ impl Lk {
         }
     }
 
-    fn clear_fault(&mut self) -> Result<Answer, RequestError> {
+    fn clear_fault(&mut self) -> Result<Response, RequestError> {
         if self.commands == Commands::MultiMotor {
             return Err(RequestError::Unsupported);
         }
         if self.fault.is_none() {
-            return Ok(Answer::Done);
+            return Ok(Response::Done);
         }
         self.clearing = Some(0.0);
-        Ok(Answer::Pending)
+        Ok(Response::Pending)
     }
 }
 
@@ -301,13 +301,13 @@ impl Motor for Lk {
         self.fault
     }
 
-    fn update(&mut self, dt: Seconds, drive: Drive) {
+    fn update(&mut self, dt: Seconds, drive: DriveMode) {
         self.silence += dt.get();
         if let Some(waited) = self.clearing {
             self.wait(waited, dt);
         }
         let heard = self.silence <= Seconds::from_micros(LINK_TIMEOUT.get()).get();
-        let may = drive != Drive::Off && heard && self.fault.is_none();
+        let may = drive != DriveMode::Off && heard && self.fault.is_none();
         self.step = match (may, self.commands, self.step) {
             (false, ..) => Step::Off,
             (true, Commands::Single, Step::Off) => Step::Starting(0),
@@ -326,7 +326,7 @@ impl Motor for Lk {
         }
     }
 
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         if self.clearing.is_some() || self.answer.is_some() {
             return Err(RequestError::Busy);
         }
@@ -338,19 +338,19 @@ impl Motor for Lk {
                 }
                 self.servo.set_zero(self.shaft.total());
                 self.shaft.set_zero();
-                Ok(Answer::Done)
+                Ok(Response::Done)
             }
             (Request::TorqueLimit(limit), Some(constant)) => {
                 let amps = limit.get() / constant;
                 let told = |error| ConfigError { value: limit.get(), ..error };
                 self.servo.set_limit("torque limit", amps).map_err(told)?;
-                Ok(Answer::Done)
+                Ok(Response::Done)
             }
             _ => self.servo.request(request, self.measured()),
         }
     }
 
-    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
         self.answer.take()
     }
 
@@ -367,27 +367,27 @@ impl Motor for Lk {
 }
 
 impl CanMotor for Lk {
-    fn wiring(&self) -> Wiring {
-        let replies = Receive {
+    fn wiring(&self) -> CanIds {
+        let replies = RxFrames {
             pattern: IdPattern::exact(self.id.can_id()),
             len: 8,
             rate: Rate::EveryTick,
             guard: None,
         };
         let (id, share) = match self.commands {
-            Commands::Single => (self.id.can_id(), Share::Whole),
-            Commands::MultiMotor => (MULTI_MOTOR_ID, Share::Lane(0b11 << self.lane)),
+            Commands::Single => (self.id.can_id(), Ownership::Whole),
+            Commands::MultiMotor => (MULTI_MOTOR_ID, Ownership::Lane(0b11 << self.lane)),
         };
         let pattern = IdPattern::exact(id);
-        let orders = Transmit { pattern, len: 8, rate: Rate::EveryTick, share };
-        let bare = || Wiring::new(self.model.name, self.id.number().into());
+        let orders = TxFrames { pattern, len: 8, rate: Rate::EveryTick, share };
+        let bare = || CanIds::new(self.model.name, self.id.number().into());
         // One of each always fits.
         let wiring = bare().receives(replies).and_then(|wiring| wiring.transmits(orders));
         wiring.unwrap_or_else(|_| bare())
     }
 
     #[inline]
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
         match Reply::from_frame(frame, self.id) {
             Ok(Reply::Motion(motion)) => self.heard_motion(motion, at),
             Ok(reply) => self.heard_other(&reply),

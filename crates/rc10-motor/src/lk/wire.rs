@@ -296,7 +296,7 @@ impl Motion {
     }
 }
 
-/// Answer to `9A` and `9B`.
+/// Response to `9A` and `9B`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Health {
     /// To which of the two.
@@ -358,7 +358,7 @@ impl Errors {
     }
 }
 
-/// Answer to `9D`.
+/// Response to `9D`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhaseCurrents {
     /// Of the motor.

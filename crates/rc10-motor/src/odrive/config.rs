@@ -2,8 +2,8 @@ use rc10_app::{Amps, ConfigError, Gear, Rpm};
 
 use super::firmware::Firmware;
 use super::wire::{ControlMode, InputMode, Node};
-use crate::cascade::Cascade;
 use crate::dji;
+use rc10_app::Cascade;
 
 /// How an axis is set up, and how it shall be controlled.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,7 +14,7 @@ pub struct Config {
     /// wire are that shaft's, too.
     pub gear: Gear,
     /// Which way the output shaft counts.
-    pub direction: dji::Direction,
+    pub direction: rc10_app::Direction,
     /// Where the loops run.
     pub control: Control,
     /// How often it reports.
@@ -92,7 +92,7 @@ impl Config {
         Self {
             firmware,
             gear: Gear::DIRECT,
-            direction: dji::Direction::Forward,
+            direction: rc10_app::Direction::Forward,
             control,
             rates,
             limits: None,
@@ -108,7 +108,7 @@ impl Config {
 
     /// Counting this way.
     #[must_use]
-    pub const fn with_direction(self, direction: dji::Direction) -> Self {
+    pub const fn with_direction(self, direction: rc10_app::Direction) -> Self {
         Self { direction, ..self }
     }
 

@@ -7,7 +7,7 @@ use rc10_app::{ConfigError, CountsPerTurn, NewtonMetres, Seconds};
 use super::config::Control;
 use super::shaft::Shaft;
 use super::wire::{Command, Estimates};
-use crate::motor::{self, Drive, Target, TargetError, TargetKind, TargetSet};
+use crate::motor::{self, DriveMode, Target, TargetError, TargetKind, TargetSet};
 use crate::servo::{Measured, Servo};
 
 /// Who closes the loops.
@@ -63,8 +63,8 @@ impl Places {
         sought
     }
 
-    fn update(&mut self, drive: Drive, shaft: &Shaft) {
-        let total = if drive == Drive::Run {
+    fn update(&mut self, drive: DriveMode, shaft: &Shaft) {
+        let total = if drive == DriveMode::Run {
             self.held = None;
             self.seek(shaft)
         } else {
@@ -157,16 +157,16 @@ impl Loops {
     }
 
     /// Whether this is the way to coast: an axis that closes its own loops cannot but be idle.
-    pub const fn coasts_idle(&self, drive: Drive) -> bool {
+    pub const fn coasts_idle(&self, drive: DriveMode) -> bool {
         let coasts = match self {
             Self::Here(_) => return false,
             Self::Velocity(speeds) => matches!(speeds.target, Target::Coast),
             Self::Position(places) => places.coasts(),
         };
         match drive {
-            Drive::Off | Drive::Coast => true,
-            Drive::Run => coasts,
-            Drive::Brake | Drive::Hold => false,
+            DriveMode::Off | DriveMode::Coast => true,
+            DriveMode::Run => coasts,
+            DriveMode::Brake | DriveMode::Hold => false,
         }
     }
 
@@ -174,7 +174,7 @@ impl Loops {
     pub fn update(
         &mut self,
         dt: Seconds,
-        drive: Drive,
+        drive: DriveMode,
         measured: Option<Measured>,
         shaft: &Shaft,
         ratio: f32,
@@ -185,7 +185,7 @@ impl Loops {
             }
             Self::Velocity(speeds) => {
                 speeds.input = match (drive, speeds.target) {
-                    (Drive::Run, Target::Speed(rpm)) => rpm.get() * ratio / 60.0,
+                    (DriveMode::Run, Target::Speed(rpm)) => rpm.get() * ratio / 60.0,
                     _ => 0.0,
                 };
             }

@@ -29,7 +29,7 @@
 //! ```
 //! use rc10_app::{Gear, PidConfig, Rpm, RpmPerSecond};
 //! use rc10_can::Micros;
-//! use rc10_motor::cascade::Cascade;
+//! use rc10_motor::rc10_app::Cascade;
 //! use rc10_motor::odrive::{Config, Control, Firmware, ODrive, Rates};
 //! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target};
 //!

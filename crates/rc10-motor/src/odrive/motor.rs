@@ -14,11 +14,11 @@ use super::wire::{
 };
 use crate::batch::{TxBatch, TxFull};
 use crate::motor::{
-    self, Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Motor, Request,
-    RequestError, Target, TargetError, TargetSet,
+    self, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Motor, Request,
+    RequestError, Response, Target, TargetError, TargetSet,
 };
 use crate::servo::Measured;
-use crate::wiring::{Rate, Receive, Share, Transmit, Wiring};
+use crate::wiring::{CanIds, Ownership, Rate, RxFrames, TxFrames};
 
 /// What nobody else may send or be sent: the five bits of the message.
 const NODE_MASK: u16 = 0x7E0;
@@ -86,7 +86,7 @@ pub struct ODrive {
     link_timeout: f32,
     heartbeat_timeout: f32,
     clearing: Option<Clearing>,
-    answer: Option<Result<Answer, RequestError>>,
+    answer: Option<Result<Response, RequestError>>,
     beat: u8,
 }
 
@@ -120,7 +120,7 @@ impl ODrive {
     /// # Errors
     /// [`ConfigError`], naming what cannot be: a node that is not 0 ..= 62, a gearbox that is faster
     /// than the encoder, an input mode that is none of its control mode's, rates, limits, and what
-    /// [`Cascade::validate`](crate::cascade::Cascade::validate) finds.
+    /// [`Cascade::validate`](rc10_app::Cascade::validate) finds.
     pub fn new(node: u8, config: Config) -> Result<Self, ConfigError> {
         Self::build(node, config).map_err(|error| error.of_device("ODrive", node.into()))
     }
@@ -178,7 +178,11 @@ impl ODrive {
     }
 
     #[inline]
-    fn heard_estimates(&mut self, estimates: Estimates, at: Micros) -> Result<Heard, FrameError> {
+    fn heard_estimates(
+        &mut self,
+        estimates: Estimates,
+        at: Micros,
+    ) -> Result<FrameKind, FrameError> {
         let Estimates { position, velocity } = estimates;
         if position.abs() > MOST_TURNS || velocity.abs() > MOST_SPEED {
             return Err(FrameError::Encoder);
@@ -191,7 +195,7 @@ impl ODrive {
             None => self.shaft.follow(position),
         }
         self.silence = 0.0;
-        Ok(Heard::Feedback)
+        Ok(FrameKind::Feedback)
     }
 
     #[inline]
@@ -217,7 +221,7 @@ impl ODrive {
         (self.step, self.state) = (Step::Off, AxisState::default());
     }
 
-    fn heard_heartbeat(&mut self, heartbeat: Heartbeat) -> Heard {
+    fn heard_heartbeat(&mut self, heartbeat: Heartbeat) -> FrameKind {
         self.heartbeat_age = 0.0;
         self.state = heartbeat.state;
         let closed = heartbeat.state == AxisState::CLOSED_LOOP;
@@ -237,12 +241,12 @@ impl ODrive {
         }
         if let Some(fault) = self.firmware.fault(errors) {
             self.fault = Some(fault);
-            return Heard::Fault;
+            return FrameKind::Fault;
         }
         if self.clearing.take().is_some() {
-            (self.fault, self.answer) = (None, Some(Ok(Answer::Done)));
+            (self.fault, self.answer) = (None, Some(Ok(Response::Done)));
         }
-        Heard::Other
+        FrameKind::Other
     }
 
     /// Whether it is a message that the axis is set to send.
@@ -265,7 +269,11 @@ impl ODrive {
     }
 
     #[cold]
-    fn heard_other(&mut self, frame: &CanFrame, error: MessageError) -> Result<Heard, FrameError> {
+    fn heard_other(
+        &mut self,
+        frame: &CanFrame,
+        error: MessageError,
+    ) -> Result<FrameKind, FrameError> {
         match error {
             MessageError::NotMine => Err(FrameError::NotMine),
             _ if !self.hears(frame) => Err(FrameError::NotMine),
@@ -274,7 +282,7 @@ impl ODrive {
                 let told = Temperatures::from_frame(frame, self.node)
                     .map_err(|_| FrameError::Unexpected)?;
                 (self.told.controller, self.told.motor) = (told.controller.get(), told.motor.get());
-                Ok(Heard::Other)
+                Ok(FrameKind::Other)
             }
             MessageError::Message(_) | MessageError::NotFinite => Err(FrameError::Unexpected),
         }
@@ -328,17 +336,17 @@ impl ODrive {
         tx.push(command.pack(self.node).unwrap_or_else(|nan| nan.neutral))
     }
 
-    fn set_zero(&mut self) -> Result<Answer, RequestError> {
+    fn set_zero(&mut self) -> Result<Response, RequestError> {
         if self.seen.is_none() {
             return Err(RequestError::NoFeedback);
         }
         let zero = self.shaft.total();
         self.shaft.set_zero();
         self.loops.set_zero(zero);
-        Ok(Answer::Done)
+        Ok(Response::Done)
     }
 
-    fn limit_current(&mut self, limit: Amps) -> Result<Answer, RequestError> {
+    fn limit_current(&mut self, limit: Amps) -> Result<Response, RequestError> {
         let Some(limits) = &mut self.limits else { return Err(RequestError::Unsupported) };
         let value = limit.get();
         if !value.is_finite() || value < 0.0 {
@@ -347,7 +355,7 @@ impl ODrive {
         }
         limits.current = Amps::new(value.min(self.most_current.get()));
         self.limits_due = self.limits_due.max(LIMIT_FRAMES);
-        Ok(Answer::Done)
+        Ok(Response::Done)
     }
 }
 
@@ -389,7 +397,7 @@ impl Motor for ODrive {
         self.fault
     }
 
-    fn update(&mut self, dt: Seconds, drive: Drive) {
+    fn update(&mut self, dt: Seconds, drive: DriveMode) {
         self.silence += dt.get();
         self.heartbeat_age += dt.get();
         self.wait(dt);
@@ -397,7 +405,7 @@ impl Motor for ODrive {
         if self.heartbeat_age > self.heartbeat_timeout {
             self.leave();
         }
-        let may = drive != Drive::Off && self.fault.is_none() && self.clearing.is_none();
+        let may = drive != DriveMode::Off && self.fault.is_none() && self.clearing.is_none();
         self.wanted = may && heard && !self.loops.coasts_idle(drive);
         match (self.wanted, self.step) {
             (false, Step::Starting | Step::Running) => self.leave(),
@@ -415,15 +423,15 @@ impl Motor for ODrive {
         }
     }
 
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         if self.clearing.is_some() || self.answer.is_some() {
             return Err(RequestError::Busy);
         }
         match request {
-            Request::ClearFault if self.fault.is_none() => Ok(Answer::Done),
+            Request::ClearFault if self.fault.is_none() => Ok(Response::Done),
             Request::ClearFault => {
                 self.clearing = Some(Clearing { waited: 0.0, errors: None });
-                Ok(Answer::Pending)
+                Ok(Response::Pending)
             }
             Request::SetZero => self.set_zero(),
             Request::CurrentLimit(limit) => self.limit_current(limit),
@@ -437,7 +445,7 @@ impl Motor for ODrive {
         }
     }
 
-    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
         self.answer.take()
     }
 
@@ -456,24 +464,24 @@ impl Motor for ODrive {
 }
 
 /// Takes over what an axis said of itself.
-fn tell(place: &mut f32, value: f32) -> Result<Heard, FrameError> {
+fn tell(place: &mut f32, value: f32) -> Result<FrameKind, FrameError> {
     if value.abs() > MOST_ELECTRICAL {
         return Err(FrameError::Unexpected);
     }
     *place = value;
-    Ok(Heard::Other)
+    Ok(FrameKind::Other)
 }
 
 impl CanMotor for ODrive {
-    fn wiring(&self) -> Wiring {
+    fn wiring(&self) -> CanIds {
         let all = IdPattern::masked(self.node.can_id(0), NODE_MASK.into());
         let input = match self.modes.0 {
             ControlMode::Velocity => VELOCITY,
             ControlMode::Position => POSITION,
             ControlMode::Torque | ControlMode::Voltage => TORQUE,
         };
-        let bare = || Wiring::new("ODrive", self.node.number().into());
-        let whole = |pattern, len, rate| Transmit { pattern, len, rate, share: Share::Whole };
+        let bare = || CanIds::new("ODrive", self.node.number().into());
+        let whole = |pattern, len, rate| TxFrames { pattern, len, rate, share: Ownership::Whole };
         let exact = |message| IdPattern::exact(self.node.can_id(message));
         let build = || {
             let mut wiring = bare()
@@ -483,17 +491,17 @@ impl CanMotor for ODrive {
             for (message, rate) in self.messages() {
                 if rate > 0 {
                     let (pattern, rate) = (exact(message), Rate::Hz(rate));
-                    wiring = wiring.receives(Receive { pattern, len: 8, rate, guard: None })?;
+                    wiring = wiring.receives(RxFrames { pattern, len: 8, rate, guard: None })?;
                 }
             }
-            Ok::<_, crate::wiring::WiringFull>(wiring)
+            Ok::<_, crate::wiring::CanIdsFull>(wiring)
         };
         // Five and three always fit.
         build().unwrap_or_else(|_| bare())
     }
 
     #[inline]
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
         match Message::from_frame(frame, self.node) {
             Ok(Message::Estimates(estimates)) => self.heard_estimates(estimates, at),
             Ok(Message::Heartbeat(heartbeat)) => Ok(self.heard_heartbeat(heartbeat)),

@@ -11,21 +11,21 @@ use super::seen::{ROTOR_TURN, Seen};
 use super::spring::{Pull, STRONGEST, Spring};
 use super::wire::line::{COMMAND_LEN, Command, Reply};
 use super::wire::{Address, GEAR, Motion, RawImpedance, RawMotion, Shaft, Status};
-use crate::cascade::Cascade;
-use crate::dji::Direction;
 use crate::motor::{
-    Answer, Condition, Drive, Fault, Feedback, FrameError, Heard, Loops, Motor, Request,
-    RequestError, Target, TargetError, TargetKind, TargetSet,
+    Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Loops, Motor, Request,
+    RequestError, Response, Target, TargetError, TargetKind, TargetSet,
 };
 use crate::servo::{Measured, Servo};
+use rc10_app::Cascade;
+use rc10_app::Direction;
 
-/// A GO-M8010-6 on RS-485. It belongs to a [`UnitreeLine`](super::UnitreeLine), which asks it.
+/// A GO-M8010-6 on RS-485. It belongs to a [`Rs485Bus`](super::Rs485Bus), which asks it.
 ///
 /// * **Speed, angle, torque**: loops of ours ([`Servo`]), and one torque in each command.
 /// * **Impedance**: the controller's own law; stiffness and damping travel in each command too. Both
 ///   are taken back where torque at the measured angle and speed would exceed the limit, and for
 ///   the first 20 ms.
-/// * **No torque** ([`Drive::Coast`]): field-oriented control with all five numbers zero. **Off**,
+/// * **No torque** ([`DriveMode::Coast`]): field-oriented control with all five numbers zero. **Off**,
 ///   and while it has a fault: status 0, the vendor's "lock"; what the shaft feels then is not
 ///   documented, expect a brake.
 ///
@@ -39,7 +39,7 @@ pub struct GoM8010 {
     servo: Servo,
     /// The impedance asked for, while that is the target.
     spring: Option<Spring>,
-    drive: Drive,
+    drive: DriveMode,
     /// What is sent when it is asked next.
     command: Command,
     /// Nothing yet: `None`.
@@ -55,7 +55,7 @@ enum Clearing {
     Nothing,
     /// The next answer decides; in so many seconds it is too late.
     Waiting(f32),
-    Answered(Result<Answer, RequestError>),
+    Answered(Result<Response, RequestError>),
 }
 
 /// There is no such motor on a line.
@@ -112,7 +112,7 @@ impl GoM8010 {
             direction: Direction::Forward,
             servo,
             spring: None,
-            drive: Drive::Off,
+            drive: DriveMode::Off,
             command: quiet(address, Status::LOCK),
             seen: None,
             turn_gaps: 0,
@@ -166,7 +166,7 @@ impl GoM8010 {
     ///
     /// # Errors
     /// [`FrameError::NotMine`] if another motor answered; nothing changed.
-    pub fn unpack_reply(&mut self, reply: &Reply, at: Micros) -> Result<Heard, FrameError> {
+    pub fn unpack_reply(&mut self, reply: &Reply, at: Micros) -> Result<FrameKind, FrameError> {
         if reply.address != self.address {
             return Err(FrameError::NotMine);
         }
@@ -190,7 +190,7 @@ impl GoM8010 {
         if let Clearing::Waiting(_) = self.clearing {
             self.clear(fault);
         }
-        Ok(if fault.is_some() { Heard::Fault } else { Heard::Feedback })
+        Ok(if fault.is_some() { FrameKind::Fault } else { FrameKind::Feedback })
     }
 
     /// The device says whether its fault is over.
@@ -198,7 +198,7 @@ impl GoM8010 {
     fn clear(&mut self, fault: Option<Fault>) {
         self.fault = fault;
         let refused = fault.map(|fault| RequestError::Refused(fault.code));
-        self.clearing = Clearing::Answered(refused.map_or(Ok(Answer::Done), Err));
+        self.clearing = Clearing::Answered(refused.map_or(Ok(Response::Done), Err));
     }
 
     /// The first answer of all, or after the link was lost: perhaps the device has been without
@@ -314,7 +314,7 @@ impl Motor for GoM8010 {
         self.fault
     }
 
-    fn update(&mut self, dt: Seconds, drive: Drive) {
+    fn update(&mut self, dt: Seconds, drive: DriveMode) {
         self.drive = drive;
         if let Clearing::Waiting(left) = &mut self.clearing {
             *left -= dt.get();
@@ -325,12 +325,12 @@ impl Motor for GoM8010 {
         let measured = self.measured();
         let limit = self.servo.cascade().speed.output_limit;
         self.command = match (&mut self.spring, measured) {
-            _ if drive == Drive::Off || self.fault.is_some() => {
+            _ if drive == DriveMode::Off || self.fault.is_some() => {
                 self.servo.rest();
                 self.spring.iter_mut().for_each(Spring::rest);
                 quiet(self.address, Status::LOCK)
             }
-            (Some(spring), Some(measured)) if drive == Drive::Run => {
+            (Some(spring), Some(measured)) if drive == DriveMode::Run => {
                 self.servo.rest();
                 let pull = spring.update(dt, measured, limit);
                 self.follow(&pull)
@@ -347,7 +347,7 @@ impl Motor for GoM8010 {
     /// [`ClearFault`](Request::ClearFault): the device has no such command, so what its next answer
     /// says decides, and a fault that is still there refuses with its code. Over-temperature ends
     /// only with the supply.
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         if !matches!(self.clearing, Clearing::Nothing) {
             return Err(RequestError::Busy);
         }
@@ -358,17 +358,17 @@ impl Motor for GoM8010 {
                 (seen.total, seen.within) = (0, 0);
                 self.servo.set_zero(zero);
                 self.spring.iter_mut().for_each(|spring| spring.set_zero(zero));
-                Ok(Answer::Done)
+                Ok(Response::Done)
             }
             Request::ClearFault => {
                 self.clearing = Clearing::Waiting(ANSWER_LIMIT);
-                Ok(Answer::Pending)
+                Ok(Response::Pending)
             }
             other => self.servo.request(other, self.measured()),
         }
     }
 
-    fn answer(&mut self) -> Option<Result<Answer, RequestError>> {
+    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
         let Clearing::Answered(answer) = self.clearing else {
             return None;
         };
@@ -379,7 +379,7 @@ impl Motor for GoM8010 {
     fn condition(&self) -> Condition {
         match &self.seen {
             // It has been told to follow, and does not yet.
-            Some(seen) if self.drive == Drive::Run && seen.status != Status::FOC => {
+            Some(seen) if self.drive == DriveMode::Run && seen.status != Status::FOC => {
                 Condition::Starting
             }
             _ => Condition::Ready,
@@ -452,7 +452,7 @@ mod tests {
             let mut force = |from: u64, ticks: u64| {
                 for at in from..from + ticks {
                     motor.unpack_reply(&reply(0, 0), Micros::from_millis(at)).unwrap();
-                    motor.update(Seconds::new(0.001), Drive::Run);
+                    motor.update(Seconds::new(0.001), DriveMode::Run);
                 }
                 i32::from(motor.command.motion.torque)
                     + i32::from(motor.command.impedance.stiffness)

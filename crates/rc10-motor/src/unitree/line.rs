@@ -9,7 +9,9 @@ use super::wire::line::{COMMAND_LEN, Parser, Reply};
 use super::wire::{Address, Status};
 use crate::arm::ArmSwitch;
 use crate::bus::{CommandError, MotorId};
-use crate::motor::{Answer, Drive, Heard, Loops, Motor, Request, RequestError, Target, TargetSet};
+use crate::motor::{
+    DriveMode, FrameKind, Loops, Motor, Request, RequestError, Response, Target, TargetSet,
+};
 use crate::supervision::{LONGEST_PAUSE, MotorStatus, Safety, Supervision, sound_step};
 use crate::wiring::MotorName;
 
@@ -23,12 +25,12 @@ use crate::wiring::MotorName;
 /// ```
 /// use rc10_motor::rc10_app::{Rpm, Seconds};
 /// use rc10_motor::rc10_can::Micros;
-/// use rc10_motor::unitree::{GoM8010, Step, UnitreeLine};
+/// use rc10_motor::unitree::{GoM8010, Step, Rs485Bus};
 /// use rc10_motor::{ArmSwitch, Safety, Target};
 ///
 /// let switch = ArmSwitch::new();
 /// let mut knee = GoM8010::new(0)?;
-/// let mut line = UnitreeLine::new(&switch);
+/// let mut line = Rs485Bus::new(&switch);
 /// let knee = line.attach(&mut knee, Safety::COAST)?;
 ///
 /// let now = Micros::from_millis(1);
@@ -50,7 +52,7 @@ use crate::wiring::MotorName;
 /// times without that pause: perhaps it hears its safe word though it is not heard.
 ///
 /// No motor can opt out of the rules of a bus: see [`MotorBus`](crate::MotorBus).
-pub struct UnitreeLine<'m> {
+pub struct Rs485Bus<'m> {
     switch: &'m ArmSwitch,
     slots: Vec<Slot<'m>, CAPACITY>,
     reply_timeout: Micros,
@@ -61,7 +63,7 @@ pub struct UnitreeLine<'m> {
     /// How many of those are to be asked before a motor that may not answer.
     owed: usize,
     /// All but what the parser counts.
-    counters: LineCounters,
+    counters: Rs485Counters,
     last_tick: Option<Micros>,
 }
 
@@ -71,7 +73,7 @@ struct Slot<'m> {
     /// Not asked since the last tick.
     is_due: bool,
     asked_at: Option<Micros>,
-    drive: Drive,
+    drive: DriveMode,
     /// So many times it is asked without a pause even if it does not answer: it may do something
     /// else now, and may hear that.
     urgent: u8,
@@ -83,7 +85,7 @@ struct Asked {
     at: Micros,
 }
 
-/// See [`UnitreeLine::CAPACITY`].
+/// See [`Rs485Bus::CAPACITY`].
 const CAPACITY: usize = 15;
 /// What a motor may do has changed: it is told so often at least.
 const URGENT: u8 = 3;
@@ -149,7 +151,7 @@ impl core::error::Error for AttachError {}
 /// What the traffic of a line amounted to. Counters stay at their largest value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct LineCounters {
+pub struct Rs485Counters {
     /// Commands that were answered.
     pub exchanges: u32,
     /// Commands that were not, or not in time, or not by a whole answer.
@@ -164,7 +166,7 @@ pub struct LineCounters {
     pub exchange: Timing,
 }
 
-impl LineCounters {
+impl Rs485Counters {
     pub(crate) const NEW: Self = Self {
         exchanges: 0,
         timeouts: 0,
@@ -175,7 +177,7 @@ impl LineCounters {
     };
 }
 
-impl<'m> UnitreeLine<'m> {
+impl<'m> Rs485Bus<'m> {
     /// Motors that a line holds: as many as there are ids.
     pub const CAPACITY: usize = CAPACITY;
     /// The time-out of a line that is not told another one.
@@ -192,14 +194,14 @@ impl<'m> UnitreeLine<'m> {
             asked: None,
             turn: 0,
             owed: 0,
-            counters: LineCounters::NEW,
+            counters: Rs485Counters::NEW,
             last_tick: None,
         }
     }
 
     /// With another time-out, from when [`poll`](Self::poll) hands out a command to the end of its
     /// answer: 100 µs ..= 1 ms. At 4 Mbit/s the bytes take 82.5 µs; how long a motor thinks in
-    /// between is not documented. [`LineCounters::exchange`] has what they take.
+    /// between is not documented. [`Rs485Counters::exchange`] has what they take.
     ///
     /// # Errors
     /// [`ConfigError`] for another time.
@@ -234,7 +236,7 @@ impl<'m> UnitreeLine<'m> {
         let full = AttachError::Full { motor: name, capacity: CAPACITY };
         let index = u8::try_from(self.slots.len()).map_err(|_| full)?;
         let slot =
-            Slot { motor, watch, is_due: false, asked_at: None, drive: Drive::Off, urgent: 0 };
+            Slot { motor, watch, is_due: false, asked_at: None, drive: DriveMode::Off, urgent: 0 };
         self.slots.push(slot).map_err(|_| full)?;
         Ok(MotorId::new(index))
     }
@@ -310,7 +312,7 @@ impl<'m> UnitreeLine<'m> {
         }
         count(&mut counters.exchanges);
         let heard = slot.motor.unpack_reply(reply, now);
-        if heard == Ok(Heard::Feedback) {
+        if heard == Ok(FrameKind::Feedback) {
             slot.watch.heard_feedback(now);
         } else {
             // Its error, if it is one, is counted there.
@@ -332,18 +334,18 @@ impl<'m> UnitreeLine<'m> {
         slot.watch.command(&mut *slot.motor, target, now).map_err(CommandError::Target)
     }
 
-    /// Asks something of a motor beside a target. After [`Answer::Pending`] its
+    /// Asks something of a motor beside a target. After [`Response::Pending`] its
     /// [`answer`](Self::answer) is to be asked for after each tick.
     ///
     /// # Errors
     /// [`RequestError`]; nothing changed.
-    pub fn request(&mut self, motor: MotorId, request: Request) -> Result<Answer, RequestError> {
+    pub fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
         let slot = self.slots.get_mut(motor.index()).ok_or(RequestError::NoSuchMotor)?;
         slot.watch.request(&mut *slot.motor, request)
     }
 
-    /// How a request went that was [`Pending`](Answer::Pending), once that is known; told once.
-    pub fn answer(&mut self, motor: MotorId) -> Option<Result<Answer, RequestError>> {
+    /// How a request went that was [`Pending`](Response::Pending), once that is known; told once.
+    pub fn answer(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
         let slot = self.slots.get_mut(motor.index())?;
         slot.watch.answer(&mut *slot.motor)
     }
@@ -418,9 +420,9 @@ impl<'m> UnitreeLine<'m> {
 
     /// What the traffic of this line amounted to.
     #[must_use]
-    pub const fn counters(&self) -> LineCounters {
+    pub const fn counters(&self) -> Rs485Counters {
         let (crc_errors, garbage) = (self.parser.crc_errors(), self.parser.skipped());
-        LineCounters { crc_errors, garbage, ..self.counters }
+        Rs485Counters { crc_errors, garbage, ..self.counters }
     }
 
     /// The switch that arms this line.

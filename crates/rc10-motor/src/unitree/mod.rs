@@ -7,7 +7,7 @@
 //! measured), with all five numbers from the command. `k_pos` is a *stiffness*, `k_spd` a *damping*:
 //! together an [`Impedance`](wire::Impedance). A θ of many turns is counted on, not wrapped.
 //!
-//! [`GoM8010`] is such a motor on RS-485, and [`UnitreeLine`] what a bus is to motors on CAN.
+//! [`GoM8010`] is such a motor on RS-485, and [`Rs485Bus`] what a bus is to motors on CAN.
 //!
 //! **Identifiers.** Up to 15 motors share a line, 0 ..= 14; 15 addresses all of them, and none
 //! answers. Up to four modules share a CAN bus, 0 ..= 3, as set by switches 1 and 2 (3 from the
@@ -38,5 +38,5 @@ mod spring;
 pub mod wire;
 
 pub use go::{GoM8010, IdOutOfRange};
-pub use line::{AttachError, LineCounters, Step, UnitreeLine};
+pub use line::{AttachError, Rs485Bus, Rs485Counters, Step};
 pub use module::GoModule;

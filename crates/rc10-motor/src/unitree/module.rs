@@ -51,19 +51,19 @@ use self::turns::Turns;
 use super::wire::module::{Content, Module, Reply};
 use super::wire::{self, Address, Motion, RawMotion, ReplyError, Shaft};
 use crate::batch::{TxBatch, TxFull};
-use crate::cascade::Cascade;
-use crate::dji::Direction;
 use crate::motor::{
-    Answer, CanMotor, Condition, Drive, Fault, Feedback, FrameError, Heard, Impedance, Loops,
-    Motor, Request, RequestError, Target, TargetError, TargetKind, TargetSet,
+    CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Impedance, Loops,
+    Motor, Request, RequestError, Response, Target, TargetError, TargetKind, TargetSet,
 };
 use crate::servo::{Measured, Servo};
-use crate::wiring::{Rate, Receive, Share, Transmit, Wiring};
+use crate::wiring::{CanIds, Ownership, Rate, RxFrames, TxFrames};
+use rc10_app::Cascade;
+use rc10_app::Direction;
 
 /// Largest torque, N m (data manual: 23.7 at the output shaft).
 const LARGEST_TORQUE: f32 = 23.7;
 /// Silent for longer, a motor may be another one when it is back: as its
-/// [`link_timeout`](Wiring::link_timeout).
+/// [`link_timeout`](CanIds::link_timeout).
 const LINK_TIMEOUT: Micros = Micros::from_millis(10);
 /// The same in seconds, and half a tick for rounding.
 const LINK_TIMEOUT_SECONDS: f32 = 0.010_5;
@@ -101,7 +101,7 @@ pub struct GoModule {
     /// 1 or -1.
     sign: i8,
     heard: bool,
-    drive: Drive,
+    drive: DriveMode,
     sequence: Sequence,
     servo: Servo,
     /// What was asked for last; [`Servo`] has it too, unless it is an impedance.
@@ -147,7 +147,7 @@ impl GoModule {
             whose,
             sign: 1,
             heard: false,
-            drive: Drive::Off,
+            drive: DriveMode::Off,
             sequence: Sequence::new(),
             servo: Servo::new(TargetKind::Torque, CASCADE)?,
             target: Target::Coast,
@@ -209,7 +209,7 @@ impl GoModule {
     /// The impedance it shall have now, if the module is to make it.
     fn impedance(&self) -> Option<Impedance> {
         match self.target {
-            Target::Impedance(impedance) if self.drive == Drive::Run => Some(impedance),
+            Target::Impedance(impedance) if self.drive == DriveMode::Run => Some(impedance),
             _ => None,
         }
     }
@@ -314,11 +314,11 @@ impl Motor for GoModule {
         self.fault
     }
 
-    fn update(&mut self, dt: Seconds, drive: Drive) {
+    fn update(&mut self, dt: Seconds, drive: DriveMode) {
         self.drive = drive;
         self.silence = (self.silence + dt.get()).min(1.0);
         let lost = self.silence > LINK_TIMEOUT_SECONDS;
-        if drive == Drive::Off || lost || self.fault.is_some() {
+        if drive == DriveMode::Off || lost || self.fault.is_some() {
             self.sequence.stop();
             self.rest();
             return;
@@ -341,7 +341,7 @@ impl Motor for GoModule {
         };
     }
 
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         match request {
             Request::SetZero if !self.heard => return Err(RequestError::NoFeedback),
             Request::SetZero => {
@@ -360,11 +360,11 @@ impl Motor for GoModule {
             Request::ClearFault => self.fault = None,
             _ => return self.servo.request(request, self.measured()),
         }
-        Ok(Answer::Done)
+        Ok(Response::Done)
     }
 
     fn condition(&self) -> Condition {
-        if self.drive == Drive::Off || self.sequence.is_following() {
+        if self.drive == DriveMode::Off || self.sequence.is_following() {
             Condition::Ready
         } else {
             Condition::Starting
@@ -373,24 +373,24 @@ impl Motor for GoModule {
 }
 
 impl CanMotor for GoModule {
-    fn wiring(&self) -> Wiring {
+    fn wiring(&self) -> CanIds {
         let (answers, commands) = (self.whose, self.stream());
         let everybody =
             u32::from(self.module.get()) << 27 | u32::from(Address::BROADCAST.get()) << 8;
         // One pattern for state, fault and gains: a bus has room for eight that are masked.
-        let receive = Receive {
+        let receive = RxFrames {
             pattern: Self::pattern(answers, WHOSE),
             len: 8,
             rate: Rate::EveryTick,
             guard: None,
         };
-        let transmit = Transmit {
+        let transmit = TxFrames {
             pattern: Self::pattern(commands, TO_MOTOR),
             len: 8,
             rate: Rate::EveryTick,
-            share: Share::Whole,
+            share: Ownership::Whole,
         };
-        let wiring = Wiring::new(self.name(), self.address.get().into());
+        let wiring = CanIds::new(self.name(), self.address.get().into());
         let wired = wiring
             .clone()
             .receives(receive)
@@ -400,7 +400,7 @@ impl CanMotor for GoModule {
         wired.unwrap_or(wiring)
     }
 
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
         if frame.raw_id() & WHOSE != self.whose {
             return Err(FrameError::NotMine);
         }
@@ -413,13 +413,13 @@ impl CanMotor for GoModule {
             Content::State { status, motion, temperature, .. } => {
                 self.see(motion, temperature, at);
                 self.sequence.on_state(status);
-                Ok(Heard::Feedback)
+                Ok(FrameKind::Feedback)
             }
             Content::Fault { .. } => {
                 self.fault = reply.fault();
-                Ok(Heard::Fault)
+                Ok(FrameKind::Fault)
             }
-            Content::Impedance(has) if self.sequence.on_impedance(has) => Ok(Heard::Other),
+            Content::Impedance(has) if self.sequence.on_impedance(has) => Ok(FrameKind::Other),
             Content::Impedance(_) => Err(FrameError::Unasked),
         }
     }
@@ -440,7 +440,7 @@ mod tests {
     const MS: Seconds = Seconds::new(0.001);
 
     /// What a tick sends.
-    fn tick(motor: &mut GoModule, drive: Drive) -> u32 {
+    fn tick(motor: &mut GoModule, drive: DriveMode) -> u32 {
         motor.update(MS, drive);
         let mut tx = TxBatch::new();
         motor.pack_command(&mut tx).unwrap();
@@ -452,7 +452,7 @@ mod tests {
         CanFrame::key_of(motor.wiring().transmitted()[0].pattern.id())
     }
 
-    fn answer(motor: &mut GoModule, id: u32, at: u64) -> Result<Heard, FrameError> {
+    fn answer(motor: &mut GoModule, id: u32, at: u64) -> Result<FrameKind, FrameError> {
         let frame = CanFrame::eight_bytes(ExtendedId::new(id).unwrap(), [0; 8]);
         motor.unpack_feedback(&frame, Micros::from_millis(at))
     }
@@ -460,18 +460,18 @@ mod tests {
     #[test]
     fn a_motor_heard_again_after_a_gap_is_a_new_one_even_if_no_tick_counted_it() {
         let mut motor = GoModule::new(3, 0).unwrap();
-        assert_eq!(answer(&mut motor, 0x1D00_0023, 1), Ok(Heard::Feedback));
-        assert_eq!(tick(&mut motor, Drive::Coast), 0x180B_0000);
-        assert_eq!(tick(&mut motor, Drive::Coast), 0x180C_0000);
-        assert_eq!(answer(&mut motor, 0x1E02_0000, 2), Ok(Heard::Other));
-        assert_eq!(tick(&mut motor, Drive::Coast), 0x180A_1000);
-        assert_eq!(answer(&mut motor, 0x1D00_1023, 3), Ok(Heard::Feedback));
+        assert_eq!(answer(&mut motor, 0x1D00_0023, 1), Ok(FrameKind::Feedback));
+        assert_eq!(tick(&mut motor, DriveMode::Coast), 0x180B_0000);
+        assert_eq!(tick(&mut motor, DriveMode::Coast), 0x180C_0000);
+        assert_eq!(answer(&mut motor, 0x1E02_0000, 2), Ok(FrameKind::Other));
+        assert_eq!(tick(&mut motor, DriveMode::Coast), 0x180A_1000);
+        assert_eq!(answer(&mut motor, 0x1D00_1023, 3), Ok(FrameKind::Feedback));
         assert_eq!(motor.condition(), Condition::Ready);
-        assert_eq!(answer(&mut motor, 0x1D00_1023, 13), Ok(Heard::Feedback));
-        assert_eq!(tick(&mut motor, Drive::Coast), 0x180A_1000);
-        assert_eq!(answer(&mut motor, 0x1D00_1023, 24), Ok(Heard::Feedback));
+        assert_eq!(answer(&mut motor, 0x1D00_1023, 13), Ok(FrameKind::Feedback));
+        assert_eq!(tick(&mut motor, DriveMode::Coast), 0x180A_1000);
+        assert_eq!(answer(&mut motor, 0x1D00_1023, 24), Ok(FrameKind::Feedback));
         assert_eq!(motor.condition(), Condition::Starting);
-        assert_eq!(tick(&mut motor, Drive::Coast), 0x180B_0000);
+        assert_eq!(tick(&mut motor, DriveMode::Coast), 0x180B_0000);
     }
 
     #[test]

@@ -6,14 +6,14 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 
 use super::{Config, Packet, Reply, Setting, UnpackError, Vesc, coast, ping};
 use crate::batch::{TxBatch, TxFull};
-use crate::motor::{CanMotor, FrameError, Heard};
-use crate::wiring::{Guard, Rate, Receive, Share, Transmit, Wiring};
+use crate::motor::{CanMotor, FrameError, FrameKind};
+use crate::wiring::{CanIds, Guard, Ownership, Rate, RxFrames, TxFrames};
 
 /// How often a changed current limit is told again, s: no VESC says that it has taken it.
 const LIMIT_PERIOD: f32 = 1.0;
 
 impl CanMotor for Vesc {
-    fn wiring(&self) -> Wiring {
+    fn wiring(&self) -> CanIds {
         let Config { id, status, asker, command_hz, .. } = self.config;
         let exact = |packet: Packet, id| IdPattern::exact(Id::Extended(packet.id(id)));
         // Whatever is said to one VESC, or to all.
@@ -21,35 +21,35 @@ impl CanMotor for Vesc {
             IdPattern::masked(ExtendedId::new(id).unwrap_or(ExtendedId::ZERO), 0x1FFF_00FF)
         };
         let statuses = STATUSES.into_iter().zip(status.all()).filter(|(_, rate)| *rate > 0);
-        let mut receives = statuses.map(|(packet, rate)| Receive {
+        let mut receives = statuses.map(|(packet, rate)| RxFrames {
             pattern: exact(packet, id),
             len: 8,
             rate: Rate::Hz(rate),
             guard: None,
         });
-        let pong = Receive {
+        let pong = RxFrames {
             pattern: exact(Packet::Pong, asker),
             len: 2,
             rate: Rate::Rare,
             // Who answers.
             guard: Some(Guard { byte: 0, mask: 0xFF, value: id.get() }),
         };
-        let commands = Transmit {
+        let commands = TxFrames {
             pattern: to(id.get().into()),
             len: 4,
             rate: Rate::Hz(command_hz),
-            share: Share::Whole,
+            share: Ownership::Whole,
         };
-        let rare = |packet, len| Transmit {
+        let rare = |packet, len| TxFrames {
             pattern: exact(packet, id),
             len,
             rate: Rate::Rare,
-            share: Share::Whole,
+            share: Ownership::Whole,
         };
-        let wiring = Wiring::new("VESC", id.get().into());
+        let wiring = CanIds::new("VESC", id.get().into());
         // Seven patterns at most, of eight.
         let wired = receives
-            .try_fold(wiring.clone(), Wiring::receives)
+            .try_fold(wiring.clone(), CanIds::receives)
             .and_then(|wiring| wiring.receives(pong))
             .and_then(|wiring| wiring.transmits(commands))
             .and_then(|wiring| wiring.transmits(rare(Packet::Ping, 1)))
@@ -58,7 +58,7 @@ impl CanMotor for Vesc {
         wired.unwrap_or(wiring)
     }
 
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
         match Reply::unpack(frame) {
             Ok(Reply::Status { from, status })
                 if from == self.config.id && self.config.status.of(&status) > 0 =>
@@ -73,7 +73,7 @@ impl CanMotor for Vesc {
                     return Err(FrameError::Unexpected);
                 }
                 self.watch.hear_answer();
-                Ok(Heard::Other)
+                Ok(FrameKind::Other)
             }
             Err(UnpackError::Length(..)) if self.receives(frame) => Err(FrameError::Length),
             Ok(_) | Err(_) => Err(FrameError::NotMine),

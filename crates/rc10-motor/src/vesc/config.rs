@@ -4,7 +4,7 @@ use rc10_app::{Amps, ConfigError};
 use rc10_can::Micros;
 
 use super::{Shaft, Status, VescId};
-use crate::dji::Direction;
+use rc10_app::Direction;
 
 /// Below this rate of `STATUS`, in Hz, a motor is not controlled well: its
 /// [`Condition`](crate::Condition) is `SlowFeedback`.
@@ -69,9 +69,9 @@ pub struct Currents {
     /// Never more than this, either way. At most what "Motor Current Max" and "Motor Current Max
     /// Brake" in VESC Tool both allow. Above 0.
     pub limit: Amps,
-    /// What [`Drive::Brake`](crate::Drive::Brake) brakes with, 0 ..= `limit`.
+    /// What [`DriveMode::Brake`](crate::DriveMode::Brake) brakes with, 0 ..= `limit`.
     pub brake: Amps,
-    /// What [`Drive::Hold`](crate::Drive::Hold) holds with, 0 ..= `limit`. It flows as long as the
+    /// What [`DriveMode::Hold`](crate::DriveMode::Hold) holds with, 0 ..= `limit`. It flows as long as the
     /// shaft is held, and heats.
     pub handbrake: Amps,
 }

@@ -9,12 +9,12 @@ use super::hold::Hold;
 use super::tachometer::Tachometer;
 use super::watch::Watch;
 use super::{CONTROL_HZ, Command, Config, ElectricalRpm, Packet, Status, coast};
-use crate::cascade::Cascade;
 use crate::motor::{
-    Answer, Condition, Drive, Fault, Feedback, Heard, Motor, Request, RequestError, Target,
-    TargetError, TargetKind, TargetSet,
+    Condition, DriveMode, Fault, Feedback, FrameKind, Motor, Request, RequestError, Response,
+    Target, TargetError, TargetKind, TargetSet,
 };
 use crate::servo::{Measured, Servo};
+use rc10_app::Cascade;
 
 /// After driving starts, a current rises to what was asked for within this time, s …
 const SOFT_TIME: f32 = 0.020;
@@ -39,7 +39,7 @@ pub struct Vesc {
     target: Target,
     goal: Goal,
     servo: Option<Servo>,
-    drive: Drive,
+    drive: DriveMode,
     hold: Hold,
     /// How far a soft start has come, 0 ..= 1.
     risen: f32,
@@ -105,7 +105,7 @@ impl Vesc {
             target: Target::Coast,
             goal: Goal::Command(COAST, true),
             servo: None,
-            drive: Drive::Off,
+            drive: DriveMode::Off,
             hold: Hold::default(),
             risen: 0.0,
             from: 0.0,
@@ -182,17 +182,17 @@ impl Vesc {
     }
 
     /// What to tell the VESC now.
-    fn decide(&mut self, dt: Seconds, drive: Drive) -> Command {
+    fn decide(&mut self, dt: Seconds, drive: DriveMode) -> Command {
         let currents = self.config.currents;
         // Nothing is done to a shaft that was never seen.
-        let drive = if self.seen.heard { drive } else { Drive::Off };
+        let drive = if self.seen.heard { drive } else { DriveMode::Off };
         let seeks = match drive {
-            Drive::Run => self.goal == Goal::Servo,
+            DriveMode::Run => self.goal == Goal::Servo,
             // Angle loops hold better than a still field, as long as they see the shaft.
-            Drive::Hold => self.servo.is_some() && !self.is_blind(),
-            Drive::Off | Drive::Coast | Drive::Brake => false,
+            DriveMode::Hold => self.servo.is_some() && !self.is_blind(),
+            DriveMode::Off | DriveMode::Coast | DriveMode::Brake => false,
         };
-        if drive != Drive::Hold || seeks {
+        if drive != DriveMode::Hold || seeks {
             self.hold.start_over();
         }
         if seeks {
@@ -202,12 +202,12 @@ impl Vesc {
             servo.rest();
         }
         let command = match drive {
-            Drive::Off | Drive::Coast => COAST,
-            Drive::Hold if self.hold.update(dt, self.seen.speed) => {
+            DriveMode::Off | DriveMode::Coast => COAST,
+            DriveMode::Hold if self.hold.update(dt, self.seen.speed) => {
                 Command::Handbrake(currents.handbrake)
             }
-            Drive::Brake | Drive::Hold => Command::Brake(currents.brake),
-            Drive::Run => match self.goal {
+            DriveMode::Brake | DriveMode::Hold => Command::Brake(currents.brake),
+            DriveMode::Run => match self.goal {
                 Goal::Command(command, _) => command,
                 Goal::Servo => COAST,
             },
@@ -221,7 +221,7 @@ impl Vesc {
         if way(command) != way(self.command) {
             (self.risen, self.from) = (0.0, self.seen.duty);
         }
-        let begins = drive == Drive::Run && self.target != Target::Coast;
+        let begins = drive == DriveMode::Run && self.target != Target::Coast;
         let rise = match command {
             Command::Current(_) | Command::RelativeCurrent(_) if begins => dt.get() / SOFT_TIME,
             // A field that locks pulls the rotor up to half its turn.
@@ -249,7 +249,7 @@ impl Vesc {
     }
 
     /// One step of our own angle loops, which start softly and keep to the limit by themselves.
-    fn seek(&mut self, dt: Seconds, drive: Drive) -> Command {
+    fn seek(&mut self, dt: Seconds, drive: DriveMode) -> Command {
         self.risen = 0.0;
         let measured = (!self.is_blind()).then(|| self.measured());
         let amps = match &mut self.servo {
@@ -265,7 +265,7 @@ impl Vesc {
     }
 
     /// Takes a status frame; whether it is the one that tells how the motor moves.
-    pub(super) fn take(&mut self, status: Status, at: Micros) -> Heard {
+    pub(super) fn take(&mut self, status: Status, at: Micros) -> FrameKind {
         let seen = &mut self.seen;
         match status {
             Status::Motion { speed, current, duty } => {
@@ -279,7 +279,7 @@ impl Vesc {
                 (seen.at, seen.heard) = (at, true);
                 (seen.speed, seen.current, seen.duty) = (speed, torque, duty);
                 self.watch.hear(current.get(), duty);
-                return Heard::Feedback;
+                return FrameKind::Feedback;
             }
             Status::Temperatures { transistors, motor, position, .. } => {
                 (seen.transistors, seen.motor) = (Some(transistors), Some(motor));
@@ -298,10 +298,10 @@ impl Vesc {
             // Whole-match figures, and inputs of its own: for who reads the bus.
             Status::AmpHours { .. } | Status::WattHours { .. } | Status::Inputs { .. } => (),
         }
-        Heard::Other
+        FrameKind::Other
     }
 
-    fn set_zero(&mut self) -> Result<Answer, RequestError> {
+    fn set_zero(&mut self) -> Result<Response, RequestError> {
         let counts = self.config.status.status_5 > 0;
         let sees = self.config.encoder_on_shaft;
         if !counts && !sees {
@@ -324,10 +324,10 @@ impl Vesc {
             // What is sought stays where it is; the same number commanded again lies elsewhere.
             self.target = Target::Coast;
         }
-        Ok(Answer::Done)
+        Ok(Response::Done)
     }
 
-    fn set_limit(&mut self, limit: Amps) -> Result<Answer, RequestError> {
+    fn set_limit(&mut self, limit: Amps) -> Result<Response, RequestError> {
         let asked = limit.get();
         check("current limit", asked, asked >= 0.0, "zero or more")?;
         self.limit = asked.min(self.config.currents.limit.get());
@@ -335,7 +335,7 @@ impl Vesc {
             servo.set_limit("current limit", self.limit)?;
         }
         self.told_limit = Some(0.0);
-        Ok(Answer::Done)
+        Ok(Response::Done)
     }
 
     /// Of the output shaft.
@@ -448,7 +448,7 @@ impl Motor for Vesc {
         None
     }
 
-    fn update(&mut self, dt: Seconds, drive: Drive) {
+    fn update(&mut self, dt: Seconds, drive: DriveMode) {
         self.tachometer_age += dt.get();
         let command = self.decide(dt, drive);
         self.watch.tick(dt, drive, &command, self.seen.speed);
@@ -466,12 +466,12 @@ impl Motor for Vesc {
         (self.drive, self.command) = (drive, command);
     }
 
-    fn request(&mut self, request: Request) -> Result<Answer, RequestError> {
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         match request {
             Request::SetZero => self.set_zero(),
             Request::CurrentLimit(limit) => self.set_limit(limit),
             // A VESC forgets its faults by itself, and never tells them: there is nothing to clear.
-            Request::ClearFault => Ok(Answer::Done),
+            Request::ClearFault => Ok(Response::Done),
             Request::SpeedGains(_) | Request::AngleGains(_) => {
                 let measured = self.seen.heard.then(|| self.measured());
                 let servo = self.servo.as_mut().ok_or(RequestError::Unsupported)?;

@@ -3,7 +3,7 @@
 use rc10_app::{Degrees, TotalAngle};
 
 use super::Shaft;
-use crate::dji::Direction;
+use rc10_app::Direction;
 
 /// Microdegrees in a turn.
 const TURN: i32 = 360_000_000;

@@ -5,7 +5,7 @@ use rc10_app::Seconds;
 use rc10_can::Micros;
 
 use super::{CONTROL_HZ, Command, ElectricalRpm};
-use crate::motor::{Condition, Drive};
+use crate::motor::{Condition, DriveMode};
 
 /// A VESC that does not report is asked this often, s.
 const ASK_PERIOD: f32 = 0.5;
@@ -98,7 +98,7 @@ impl Watch {
     pub(super) fn tick(
         &mut self,
         dt: Seconds,
-        drive: Drive,
+        drive: DriveMode,
         command: &Command,
         speed: ElectricalRpm,
     ) {
@@ -117,7 +117,7 @@ impl Watch {
             (self.window, self.reports) = (0.0, 0);
         }
         let idles =
-            drive == Drive::Run && self.current.abs() < NOTHING && self.misses(command, speed);
+            drive == DriveMode::Run && self.current.abs() < NOTHING && self.misses(command, speed);
         self.idle = if idles { self.idle + dt } else { 0.0 };
     }
 
@@ -138,11 +138,11 @@ impl Watch {
 
     /// `regulated`: whether the VESC regulates the speed asked for. `blind`: whether an angle is
     /// sought by a tachometer that does not come.
-    pub(super) fn condition(&self, drive: Drive, regulated: bool, blind: bool) -> Condition {
+    pub(super) fn condition(&self, drive: DriveMode, regulated: bool, blind: bool) -> Condition {
         if self.is_quiet() {
             return if self.answered > 0.0 { Condition::NoReports } else { Condition::Ready };
         }
-        let runs = drive == Drive::Run;
+        let runs = drive == DriveMode::Run;
         if runs && !regulated {
             Condition::Unregulated
         } else if runs && self.idle > IDLE_TIME {

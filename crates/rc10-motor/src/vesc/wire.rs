@@ -40,7 +40,7 @@ const INPUT_PER_STEP: f32 = 1.0 / 1e3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command {
-    /// Share of the supply voltage, -1 ..= 1. 0 shorts the motor: it brakes.
+    /// Ownership of the supply voltage, -1 ..= 1. 0 shorts the motor: it brakes.
     Duty(f32),
     /// Torque current. 0 leaves the motor free.
     Current(Amps),
@@ -284,7 +284,7 @@ pub enum Status {
         speed: ElectricalRpm,
         /// Current of the motor, 0.1 A a step.
         current: Amps,
-        /// Share of the supply voltage, -1 ..= 1.
+        /// Ownership of the supply voltage, -1 ..= 1.
         duty: f32,
     },
     /// `STATUS_2`

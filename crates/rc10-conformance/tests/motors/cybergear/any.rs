@@ -9,14 +9,14 @@ use rc10_can::embedded_can::ExtendedId;
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::cybergear::CyberGear;
 use rc10_motor::cybergear::models::ALL;
-use rc10_motor::{CanMotor, Drive, Gains, Impedance, Motor, Request, Target, TxBatch};
+use rc10_motor::{CanMotor, DriveMode, Gains, Impedance, Motor, Request, Target, TxBatch};
 
 use super::ADDRESS;
 
 #[derive(Clone, Copy, Debug)]
 enum Event {
     Frame(u8, u8, [u8; 8]),
-    Tick(Drive),
+    Tick(DriveMode),
     Target(Target),
     Request(Request),
     /// Time passes without anything, ms.
@@ -69,8 +69,14 @@ fn event() -> impl Strategy<Value = Event> {
         3 => any::<[u8; 8]>(),
         1 => Just([0x05, 0x70, 0, 0, 0, 0, 0, 0]),
     ];
-    const DRIVES: [Drive; 6] =
-        [Drive::Off, Drive::Coast, Drive::Brake, Drive::Hold, Drive::Run, Drive::Run];
+    const DRIVES: [DriveMode; 6] = [
+        DriveMode::Off,
+        DriveMode::Coast,
+        DriveMode::Brake,
+        DriveMode::Hold,
+        DriveMode::Run,
+        DriveMode::Run,
+    ];
     prop_oneof![
         8 => (kind, upper, data).prop_map(|(kind, upper, data)| Event::Frame(kind & 0x1F, upper, data)),
         8 => select(&DRIVES[..]).prop_map(Event::Tick),
@@ -103,12 +109,12 @@ proptest! {
                     motor.update(Seconds::new(0.001), drive);
                     let mut tx = TxBatch::new();
                     motor.pack_command(&mut tx).unwrap();
-                    let may_move = drive != Drive::Off && motor.fault().is_none();
+                    let may_move = drive != DriveMode::Off && motor.fault().is_none();
                     for frame in tx.frames() {
                         let kind = frame.raw_id() >> 24;
                         prop_assert!(may_move || !matches!(kind, 1 | 3), "{:?} {}", drive, frame);
                         // Coasting is all zeros, whatever the target.
-                        if drive == Drive::Coast && kind == 1 {
+                        if drive == DriveMode::Coast && kind == 1 {
                             prop_assert_eq!(frame.raw_id(), 0x017F_FF01);
                             prop_assert_eq!(&frame.bytes()[4..], &[0; 4]);
                         }

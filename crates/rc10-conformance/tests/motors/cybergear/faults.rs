@@ -1,7 +1,7 @@
 //! Faults: text, safe state, and nothing but clearing them lets it move again.
 
 use rc10_app::Rpm;
-use rc10_motor::{Answer, Drive, Fault, Request, RequestError, Safety, Target};
+use rc10_motor::{DriveMode, Fault, Request, RequestError, Response, Safety, Target};
 use rc10_sim::EscFault;
 use rc10_sim::cybergear::Mode;
 
@@ -9,7 +9,7 @@ use super::{Pair, with_cybergear, with_rs04};
 
 const SPEED: Target = Target::Speed(Rpm::new(40.0));
 
-fn answer(pair: &mut Pair<'_, '_>, most: u32) -> Result<Answer, RequestError> {
+fn answer(pair: &mut Pair<'_, '_>, most: u32) -> Result<Response, RequestError> {
     for _ in 0..most {
         pair.bench.hold(pair.motor, SPEED, 1).unwrap();
         if let Some(answer) = pair.bench.bus.answer(pair.motor) {
@@ -39,7 +39,7 @@ fn each_fault_has_its_text_and_waits_for_clearing() {
             pair.bench.hold(pair.motor, SPEED, 500).unwrap();
             let status = pair.bench.status(pair.motor);
             assert_eq!(status.fault, Some(Fault::new(code, text)));
-            assert_eq!(status.drive, Drive::Hold);
+            assert_eq!(status.drive, DriveMode::Hold);
             assert_eq!(pair.device(|device| device.mode()), Mode::Reset);
             assert_eq!(pair.esc.state().current, 0.0);
             assert!(pair.rpm().abs() < 1.0);
@@ -47,7 +47,7 @@ fn each_fault_has_its_text_and_waits_for_clearing() {
             // Its cause is still there.
             pair.device(|device| device.set_lasting(true));
             let request = pair.bench.bus.request(pair.motor, Request::ClearFault);
-            assert_eq!(request, Ok(Answer::Pending));
+            assert_eq!(request, Ok(Response::Pending));
             let bits = pair.device(|device| device.faults().0);
             if bits != 0 {
                 let refused = RequestError::Refused(bits.into());
@@ -58,7 +58,7 @@ fn each_fault_has_its_text_and_waits_for_clearing() {
                 pair.bench.bus.request(pair.motor, Request::ClearFault).unwrap();
             }
             pair.device(|device| device.set_lasting(false));
-            assert_eq!(answer(&mut pair, 20), Ok(Answer::Done));
+            assert_eq!(answer(&mut pair, 20), Ok(Response::Done));
             pair.bench.hold(pair.motor, SPEED, 300).unwrap();
             assert_eq!(pair.bench.status(pair.motor).fault, None);
             assert!((pair.rpm() - 40.0).abs() < 2.0);
@@ -81,7 +81,7 @@ fn a_restart_clears_nothing() {
         assert!(pair.bench.status(pair.motor).fault.is_some());
         assert_eq!(pair.device(|device| device.mode()), Mode::Reset);
         pair.bench.bus.request(pair.motor, Request::ClearFault).unwrap();
-        assert_eq!(answer(&mut pair, 20), Ok(Answer::Done));
+        assert_eq!(answer(&mut pair, 20), Ok(Response::Done));
         pair.bench.hold(pair.motor, SPEED, 300).unwrap();
         assert!((pair.rpm() - 40.0).abs() < 2.0);
     });

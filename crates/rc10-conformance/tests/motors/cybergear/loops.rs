@@ -2,7 +2,7 @@
 
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::cybergear::CyberGear;
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
     CommandError, Condition, Impedance, Link, Safety, Target, TargetError, TargetKind,
 };

@@ -1,7 +1,7 @@
 //! Registers, zero, gains, limits.
 
 use rc10_app::{Amps, NewtonMetres, Rpm, TotalAngle};
-use rc10_motor::{Answer, Gains, Request, RequestError, Safety, Target};
+use rc10_motor::{Gains, Request, RequestError, Response, Safety, Target};
 use rc10_sim::cybergear::Mode;
 
 use super::{Pair, with_cybergear, with_rs04};
@@ -9,8 +9,8 @@ use super::{Pair, with_cybergear, with_rs04};
 const COAST: Target = Target::Coast;
 
 /// Asks, and waits for what becomes of it.
-fn ask(pair: &mut Pair<'_, '_>, request: Request) -> Result<Answer, RequestError> {
-    if let answer @ (Ok(Answer::Done | Answer::Register(_)) | Err(_)) =
+fn ask(pair: &mut Pair<'_, '_>, request: Request) -> Result<Response, RequestError> {
+    if let answer @ (Ok(Response::Done | Response::Register(_)) | Err(_)) =
         pair.bench.bus.request(pair.motor, request)
     {
         return answer;
@@ -31,11 +31,11 @@ fn degrees(pair: &Pair<'_, '_>) -> f32 {
 #[test]
 fn registers_are_read_and_written() {
     with_cybergear(Safety::COAST, |mut pair| {
-        let real = |value: f32| Ok(Answer::Register(value.to_bits()));
+        let real = |value: f32| Ok(Response::Register(value.to_bits()));
         assert_eq!(ask(&mut pair, Request::ReadRegister(0x701C)), real(24.0));
         assert_eq!(ask(&mut pair, Request::ReadRegister(0x7018)), real(23.0));
         let write = Request::WriteRegister(0x7018, 10.0_f32.to_bits());
-        assert_eq!(ask(&mut pair, write), Ok(Answer::Done));
+        assert_eq!(ask(&mut pair, write), Ok(Response::Done));
         assert_eq!(pair.device(|device| device.parameters().current_limit), 10.0);
         assert_eq!(ask(&mut pair, Request::ReadRegister(0x7018)), real(10.0));
         // More than it takes: it holds something else now, and says what.
@@ -55,7 +55,7 @@ fn a_question_asked_while_it_is_enabled_waits_for_its_tick() {
         pair.bench.hold(pair.motor, COAST, 20).unwrap();
         pair.switch.arm().unwrap();
         let request = Request::ReadRegister(0x7018);
-        assert_eq!(pair.bench.bus.request(pair.motor, request), Ok(Answer::Pending));
+        assert_eq!(pair.bench.bus.request(pair.motor, request), Ok(Response::Pending));
         let (speed, mut most) = (Target::Speed(Rpm::new(30.0)), 0);
         for _ in 0..50 {
             pair.bench.hold(pair.motor, speed, 1).unwrap();
@@ -63,7 +63,7 @@ fn a_question_asked_while_it_is_enabled_waits_for_its_tick() {
         }
         assert_eq!(most, 2);
         let answer = pair.bench.bus.answer(pair.motor);
-        assert_eq!(answer, Some(Ok(Answer::Register(23.0_f32.to_bits()))));
+        assert_eq!(answer, Some(Ok(Response::Register(23.0_f32.to_bits()))));
         pair.bench.hold(pair.motor, speed, 300).unwrap();
         assert!((pair.rpm() - 30.0).abs() < 0.5);
     });
@@ -83,10 +83,10 @@ fn an_armed_robot_is_not_changed() {
             assert_eq!(bus.request(pair.motor, request), Err(RequestError::NotWhileArmed));
         }
         let read = bus.request(pair.motor, Request::ReadRegister(0x7018));
-        assert_eq!(read, Ok(Answer::Pending));
+        assert_eq!(read, Ok(Response::Pending));
         pair.bench.hold(pair.motor, speed, 5).unwrap();
         let answer = pair.bench.bus.answer(pair.motor);
-        assert_eq!(answer, Some(Ok(Answer::Register(90.0_f32.to_bits()))));
+        assert_eq!(answer, Some(Ok(Response::Register(90.0_f32.to_bits()))));
         assert!((pair.rpm() - 30.0).abs() < 0.5);
         assert_eq!(pair.device(|device| device.saves()), 0);
         // Armed in the middle of it: what became of it nobody knows.
@@ -99,7 +99,7 @@ fn an_armed_robot_is_not_changed() {
     });
 }
 
-fn ask_again(pair: &mut Pair<'_, '_>) -> Result<Answer, RequestError> {
+fn ask_again(pair: &mut Pair<'_, '_>) -> Result<Response, RequestError> {
     for _ in 0..10 {
         pair.bench.hold(pair.motor, COAST, 1).unwrap();
         if let Some(answer) = pair.bench.bus.answer(pair.motor) {
@@ -113,8 +113,8 @@ fn ask_again(pair: &mut Pair<'_, '_>) -> Result<Answer, RequestError> {
 fn a_robstride_keeps_its_registers_and_its_zero() {
     with_rs04(|mut pair| {
         let write = Request::WriteRegister(0x7018, 40.0_f32.to_bits());
-        assert_eq!(ask(&mut pair, write), Ok(Answer::Done));
-        assert_eq!(ask(&mut pair, Request::SaveRegisters), Ok(Answer::Done));
+        assert_eq!(ask(&mut pair, write), Ok(Response::Done));
+        assert_eq!(ask(&mut pair, Request::SaveRegisters), Ok(Response::Done));
         assert_eq!(pair.device(|device| device.saves()), 1);
         // Away from where it started, disarmed again.
         pair.switch.arm().unwrap();
@@ -122,7 +122,7 @@ fn a_robstride_keeps_its_registers_and_its_zero() {
         pair.bench.hold(pair.motor, place, 1500).unwrap();
         pair.switch.disarm();
         pair.bench.wait(10);
-        assert_eq!(ask(&mut pair, Request::StoreZero), Ok(Answer::Done));
+        assert_eq!(ask(&mut pair, Request::StoreZero), Ok(Response::Done));
         assert!(degrees(&pair).abs() < 0.1, "{}", degrees(&pair));
         assert_eq!(pair.device(|device| device.saves()), 2);
         pair.esc.set_power(false);
@@ -156,7 +156,7 @@ fn zero_is_ours_and_moves_nothing() {
         let target = Target::TotalAngle(TotalAngle::from_degrees(60));
         pair.bench.hold(pair.motor, target, 1500).unwrap();
         let stood = pair.degrees();
-        assert_eq!(ask(&mut pair, Request::SetZero), Ok(Answer::Done));
+        assert_eq!(ask(&mut pair, Request::SetZero), Ok(Response::Done));
         assert!(degrees(&pair).abs() < 0.1);
         assert!(pair.bench.status(pair.motor).feedback.angle.get() % 360.0 < 0.1);
         let back = Target::TotalAngle(TotalAngle::from_degrees(0));
@@ -170,8 +170,8 @@ fn zero_is_ours_and_moves_nothing() {
 fn gains_and_limits_are_checked() {
     with_cybergear(Safety::COAST, |mut pair| {
         let good = Gains { kp: 0.03, ki: 0.1, kd: 0.0 };
-        assert_eq!(ask(&mut pair, Request::SpeedGains(good)), Ok(Answer::Done));
-        assert_eq!(ask(&mut pair, Request::AngleGains(good)), Ok(Answer::Done));
+        assert_eq!(ask(&mut pair, Request::SpeedGains(good)), Ok(Response::Done));
+        assert_eq!(ask(&mut pair, Request::AngleGains(good)), Ok(Response::Done));
         let bad = Gains { kp: f32::NAN, ..good };
         assert!(matches!(ask(&mut pair, Request::SpeedGains(bad)), Err(RequestError::Config(_))));
         let limit = Request::TorqueLimit(NewtonMetres::new(-1.0));

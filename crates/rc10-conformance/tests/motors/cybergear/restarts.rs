@@ -2,7 +2,7 @@
 
 use rc10_app::{NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::cybergear::{CyberGear, models};
-use rc10_motor::{Condition, Drive, Impedance, Link, Safety, Target};
+use rc10_motor::{Condition, DriveMode, Impedance, Link, Safety, Target};
 use rc10_sim::cybergear::{self as sim, Mode};
 
 use super::{ADDRESS, Pair, with_cybergear, with_rs04};
@@ -39,7 +39,7 @@ fn is_soft(torques: &[f64]) -> bool {
 fn it_is_enabled_step_by_step_and_disabled_at_once() {
     with_cybergear(Safety::COAST, |pair| {
         assert_eq!(pair.device(|device| device.mode()), Mode::Reset);
-        assert_eq!(pair.bench.status(pair.motor).drive, Drive::Off);
+        assert_eq!(pair.bench.status(pair.motor).drive, DriveMode::Off);
         pair.switch.arm().unwrap();
         let target = Target::Torque(NewtonMetres::new(0.5));
         let mut took = 0;
@@ -216,7 +216,7 @@ fn commands_expire_and_an_emergency_stop_holds() {
         let target = Target::Speed(Rpm::new(60.0));
         pair.bench.hold(pair.motor, target, 300).unwrap();
         pair.bench.wait(1000);
-        assert_eq!(pair.bench.status(pair.motor).drive, Drive::Hold);
+        assert_eq!(pair.bench.status(pair.motor).drive, DriveMode::Hold);
         assert_eq!(pair.bench.status(pair.motor).counters.expired, 1);
         assert!(pair.rpm().abs() < 0.5);
         pair.bench.hold(pair.motor, target, 300).unwrap();
@@ -224,7 +224,7 @@ fn commands_expire_and_an_emergency_stop_holds() {
         pair.switch.emergency_stop();
         pair.bench.hold(pair.motor, target, 1000).unwrap();
         assert!(pair.rpm().abs() < 0.5);
-        assert_eq!(pair.bench.status(pair.motor).drive, Drive::Hold);
+        assert_eq!(pair.bench.status(pair.motor).drive, DriveMode::Hold);
         pair.switch.reset();
         pair.bench.hold(pair.motor, target, 5).unwrap();
         assert_eq!(pair.device(|device| device.mode()), Mode::Reset);

@@ -7,8 +7,8 @@ use rc10_can::{CanFrame, Micros};
 use rc10_motor::cybergear::{Address, CyberGear, models, wire};
 use rc10_motor::dji::{Dji, M3508};
 use rc10_motor::{
-    ArmSwitch, AttachError, CanMotor, Clash, Drive, FrameError, Heard, Impedance, Motor, MotorBus,
-    Rate, Receive, Safety, Target, TxBatch, Verdict, Wiring,
+    ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Impedance,
+    Motor, MotorBus, Rate, RxFrames, Safety, Target, TxBatch, Verdict,
 };
 
 use super::{ADDRESS, HOST, cybergear};
@@ -70,7 +70,7 @@ fn who_cannot_share_a_bus_with_it_is_told() {
         }
     };
     // The same identifier twice; a host that is called as a motor is.
-    assert!(matches!(clash(at(1, HOST), &mut at(1, HOST)), Some(Clash::Receive(_))));
+    assert!(matches!(clash(at(1, HOST), &mut at(1, HOST)), Some(Clash::RxFrames(_))));
     assert!(matches!(clash(at(1, 2), &mut at(2, 1)), Some(Clash::Confuses(_))));
     assert_eq!(clash(at(1, HOST), &mut at(2, HOST)), None);
     // Standard identifiers are another world.
@@ -79,8 +79,8 @@ fn who_cannot_share_a_bus_with_it_is_told() {
     let wiring = at(1, HOST).wiring();
     let id = ExtendedId::new(0x0F01).unwrap();
     let receive =
-        Receive { pattern: IdPattern::exact(id), len: 8, rate: Rate::Hz(50), guard: None };
-    let vesc = Wiring::new("VESC", 1).receives(receive).unwrap();
+        RxFrames { pattern: IdPattern::exact(id), len: 8, rate: Rate::Hz(50), guard: None };
+    let vesc = CanIds::new("VESC", 1).receives(receive).unwrap();
     assert_eq!(wiring.clash(&vesc), Some(Clash::Confuses(id.into())));
 }
 
@@ -103,10 +103,10 @@ fn frames_of_others_and_of_wrong_length_change_nothing() {
     }
     // The mode is asked for until the answer is there: the second one is late, not wrong.
     let late = frame(0x1100_01FD, &[0x05, 0x70, 0, 0, 0, 0, 0, 0]);
-    assert_eq!(motor.unpack_feedback(&late, now), Ok(Heard::Other));
+    assert_eq!(motor.unpack_feedback(&late, now), Ok(FrameKind::Other));
     assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);
     let good = frame(0x0280_01FD, &[0xFF, 0xFF, 0x80, 0, 0x80, 0, 0, 250]);
-    assert_eq!(motor.unpack_feedback(&good, now), Ok(Heard::Feedback));
+    assert_eq!(motor.unpack_feedback(&good, now), Ok(FrameKind::Feedback));
     assert!((motor.feedback().total_angle.degrees().get() - 716.197).abs() < 0.01);
 }
 
@@ -150,7 +150,7 @@ fn a_panic_stops_it_and_nothing_is_sent_that_is_no_number() {
         assert!(motor.set_target(Target::Impedance(impedance)).is_err());
     }
     assert_eq!(motor.target(), Target::Coast);
-    motor.update(Seconds::new(0.001), Drive::Run);
+    motor.update(Seconds::new(0.001), DriveMode::Run);
     tx.clear();
     motor.pack_command(&mut tx).unwrap();
     assert_eq!(tx.frames(), [wire::stop(ADDRESS)]);

@@ -58,11 +58,11 @@ fn configurations_that_cannot_be_are_refused_by_name() {
         (Control::ForcePosition { speed, torque_share: 1.1 }, "torque_share"),
         (Control::ForcePosition { speed, torque_share: f32::NAN }, "torque_share"),
         (
-            Control::Mit(rc10_motor::cascade::Cascade { speed: strong, ..cascade() }),
+            Control::Mit(rc10_motor::rc10_app::Cascade { speed: strong, ..cascade() }),
             "speed.output_limit",
         ),
         (
-            Control::Mit(rc10_motor::cascade::Cascade { angle: fast, ..cascade() }),
+            Control::Mit(rc10_motor::rc10_app::Cascade { angle: fast, ..cascade() }),
             "angle.output_limit",
         ),
     ] {
@@ -93,7 +93,7 @@ fn neighbours_that_would_be_taken_for_commands_are_refused() {
     // One MST_ID for several, if the four bits that fit into feedback differ.
     assert_eq!(clash(&mut at(0x01, 0x00), &mut at(0x02, 0x00)), None);
     let shared = clash(&mut at(0x01, 0x00), &mut at(0x11, 0x00));
-    assert_eq!(shared, Some(Clash::Receive(StandardId::ZERO.into())));
+    assert_eq!(shared, Some(Clash::RxFrames(StandardId::ZERO.into())));
 }
 
 /// 7.2 of the protocol reference: three fit in the worst case, four typically.
@@ -144,7 +144,7 @@ fn register_frames_of_two_motors_keep_apart() {
     for control in controls() {
         let mut motor = motor(control).verify_limits(false);
         motor.request(Request::ReadRegister(80)).unwrap();
-        motor.update(TICK, rc10_motor::Drive::Off);
+        motor.update(TICK, rc10_motor::DriveMode::Off);
         let mut tx = TxBatch::new();
         motor.pack_command(&mut tx).unwrap();
         let mut entries = tx.entries();

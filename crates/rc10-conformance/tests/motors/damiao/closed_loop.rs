@@ -1,9 +1,9 @@
 use super::{LOAD, MOST, Rig, cascade, controls, device, motor};
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::damiao::{Control, Damiao, models};
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
-    Answer, ArmSwitch, CommandError, Condition, Drive, Impedance, Request, Safety, Target,
+    ArmSwitch, CommandError, Condition, DriveMode, Impedance, Request, Response, Safety, Target,
     TargetError, TargetKind,
 };
 use rc10_sim::damiao::{Beyond, DamiaoConfig};
@@ -135,7 +135,7 @@ fn an_impedance_keeps_to_the_torque_limit() {
         let mut motor = motor(mit());
         let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST).armed();
         let request = Request::TorqueLimit(NewtonMetres::new(limit));
-        assert_eq!(rig.bench.bus.request(rig.motor, request), Ok(Answer::Done));
+        assert_eq!(rig.bench.bus.request(rig.motor, request), Ok(Response::Done));
         let spring =
             Impedance { angle: Degrees::new(300.0), kp: 25.0, kd: 1.0, ..Impedance::default() };
         let (mut last, mut most) = (0.0, 0.0_f64);
@@ -265,7 +265,7 @@ fn what_lies_beyond_its_range_is_refused() {
     }
     // A new zero moves the range.
     rig.bench.hold(rig.motor, angle(90), 1000).unwrap();
-    assert_eq!(rig.ask(Request::SetZero), Ok(rc10_motor::Answer::Done));
+    assert_eq!(rig.ask(Request::SetZero), Ok(rc10_motor::Response::Done));
     assert_eq!(far(&mut rig, angle(630)), out(TargetKind::TotalAngle));
     assert_eq!(far(&mut rig, angle(-716)), Ok(()));
     assert_eq!(rig.status().counters.refused.total(), 10);
@@ -337,9 +337,9 @@ fn a_new_zero_moves_nothing_and_coasting_still_coasts() {
         let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
         rig.bench.hold(rig.motor, angle(120), 1500).unwrap();
         let stands = rig.esc.state().output_degrees;
-        assert_eq!(rig.ask(Request::SetZero), Ok(rc10_motor::Answer::Done));
+        assert_eq!(rig.ask(Request::SetZero), Ok(rc10_motor::Response::Done));
         rig.bench.wait(40);
-        assert_eq!(rig.status().drive, Drive::Run);
+        assert_eq!(rig.status().drive, DriveMode::Run);
         assert!((rig.esc.state().output_degrees - stands).abs() < 0.5, "{control:?}");
         assert!(rig.status().feedback.total_angle.degrees().get().abs() < 0.5);
         // Not taken for what it does already.

@@ -6,8 +6,8 @@ use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::damiao::{Control, Damiao, models};
 use rc10_motor::{
-    Answer, ArmSwitch, CanMotor, Condition, Drive, FrameError, Heard, Impedance, Link, Motor,
-    Request, RequestError, Safety, Target, TxBatch,
+    ArmSwitch, CanMotor, Condition, DriveMode, FrameError, FrameKind, Impedance, Link, Motor,
+    Request, RequestError, Response, Safety, Target, TxBatch,
 };
 use rc10_sim::EscFault;
 use rc10_sim::damiao::{DamiaoConfig, Mode};
@@ -132,7 +132,7 @@ fn every_fault_stops_it_and_only_clearing_it_helps() {
             assert_eq!((fault.code, fault.text), (code, text));
             let said = rig.bench.sent().frames()[0].bytes().last().copied();
             assert_eq!(said, Some(0xFD), "asked to disable, not to enable");
-            assert_eq!((rig.status().drive, rig.status().link), (Drive::Hold, Link::Online));
+            assert_eq!((rig.status().drive, rig.status().link), (DriveMode::Hold, Link::Online));
             // Gone by itself, it is still a fault.
             let stays = wrong != EscFault::CommunicationLost;
             if stays {
@@ -144,7 +144,7 @@ fn every_fault_stops_it_and_only_clearing_it_helps() {
             rig.bench.hold(rig.motor, target, 50).unwrap();
             assert_eq!(rig.status().fault, Some(fault));
             assert!(!rig.is_enabled() && rig.esc.state().current == 0.0);
-            assert_eq!(rig.ask(Request::ClearFault), Ok(Answer::Done));
+            assert_eq!(rig.ask(Request::ClearFault), Ok(Response::Done));
             assert_eq!(rig.status().fault, None);
             rig.bench.hold(rig.motor, target, 20).unwrap();
             assert!(rig.is_enabled(), "{control:?} {wrong:?}");
@@ -168,7 +168,7 @@ fn a_restart_clears_no_fault() {
         rig.esc.set_power(true);
         rig.bench.hold(rig.motor, target, 50).unwrap();
         assert!(rig.status().fault.is_some() && !rig.is_enabled());
-        assert_eq!(rig.ask(Request::ClearFault), Ok(Answer::Done));
+        assert_eq!(rig.ask(Request::ClearFault), Ok(Response::Done));
         rig.bench.hold(rig.motor, target, 20).unwrap();
         assert!(rig.is_enabled());
     }
@@ -187,8 +187,8 @@ fn a_restarted_device_is_looked_at_again() {
         rig.bench.wait(20);
         // Set right, and not saved.
         let position = 12.5_f32.to_bits();
-        assert_eq!(rig.ask(Request::WriteRegister(21, position)), Ok(Answer::Done));
-        assert_eq!(rig.ask(Request::ClearFault), Ok(Answer::Done));
+        assert_eq!(rig.ask(Request::WriteRegister(21, position)), Ok(Response::Done));
+        assert_eq!(rig.ask(Request::ClearFault), Ok(Response::Done));
         let mut rig = rig.armed();
         let target = Target::Speed(Rpm::new(30.0));
         rig.bench.hold(rig.motor, target, 50).unwrap();
@@ -222,7 +222,7 @@ fn the_devices_own_time_out_is_a_fault() {
     rig.bench.wire.set_cut(false);
     rig.bench.hold(rig.motor, target, 50).unwrap();
     assert_eq!(rig.status().fault.unwrap().text, "communication lost");
-    assert_eq!(rig.ask(Request::ClearFault), Ok(Answer::Done));
+    assert_eq!(rig.ask(Request::ClearFault), Ok(Response::Done));
     rig.bench.hold(rig.motor, target, 20).unwrap();
     assert!(rig.is_enabled());
 }
@@ -252,7 +252,7 @@ fn settings_that_differ_are_faults_with_text() {
             assert!(!rig.is_enabled());
         }
         // Looked at again, and not better.
-        assert_eq!(rig.ask(Request::ClearFault), Ok(Answer::Done));
+        assert_eq!(rig.ask(Request::ClearFault), Ok(Response::Done));
         rig.bench.hold(rig.motor, target_of(&mit()), 20).unwrap();
         assert_eq!(rig.status().fault, Some(fault));
         // Set right.
@@ -265,8 +265,8 @@ fn settings_that_differ_are_faults_with_text() {
             22 => 30.0_f32.to_bits(),
             _ => 10.0_f32.to_bits(),
         };
-        assert_eq!(rig.ask(Request::WriteRegister(register, value)), Ok(Answer::Done));
-        assert_eq!(rig.ask(Request::ClearFault), Ok(Answer::Done));
+        assert_eq!(rig.ask(Request::WriteRegister(register, value)), Ok(Response::Done));
+        assert_eq!(rig.ask(Request::ClearFault), Ok(Response::Done));
         switch.arm().unwrap();
         rig.bench.hold(rig.motor, target_of(&mit()), 20).unwrap();
         assert!(rig.is_enabled(), "{named}");
@@ -294,7 +294,7 @@ fn firmware_without_registers_is_told_apart() {
         let mut enabled_at = None;
         for millis in 1..=200 {
             motor.set_target(Target::Speed(Rpm::new(10.0))).unwrap();
-            motor.update(TICK, if millis < 3 { Drive::Off } else { Drive::Run });
+            motor.update(TICK, if millis < 3 { DriveMode::Off } else { DriveMode::Run });
             let mut tx = TxBatch::new();
             motor.pack_command(&mut tx).unwrap();
             let enables = tx.frames()[0].bytes().ends_with(&[0xFF, 0xFC]);
@@ -308,7 +308,7 @@ fn firmware_without_registers_is_told_apart() {
             assert_eq!(enabled_at, None);
             assert_eq!(motor.fault().unwrap().code, 0x1FF);
             let heard = motor.unpack_feedback(&answer(0), Micros::from_millis(201));
-            assert_eq!(heard, Ok(Heard::Fault));
+            assert_eq!(heard, Ok(FrameKind::Fault));
         } else {
             assert_eq!((enabled_at, motor.fault()), (Some(3), None));
         }
@@ -360,7 +360,7 @@ fn frames_that_are_none_of_its_own_change_nothing() {
     let good = [0x11, 0x80, 0x00, 0x80, 0x07, 0xFF, 30, 40];
     let at = Micros::from_millis(5);
     let hear = |motor: &mut Damiao, frame: CanFrame| motor.unpack_feedback(&frame, at);
-    assert_eq!(hear(&mut motor, CanFrame::eight_bytes(id, good)), Ok(Heard::Feedback));
+    assert_eq!(hear(&mut motor, CanFrame::eight_bytes(id, good)), Ok(FrameKind::Feedback));
     let before = motor.feedback();
     let wrong_id = StandardId::new(MASTER_ID + 1).unwrap();
     let extended = ExtendedId::new(MASTER_ID.into()).unwrap();
@@ -402,7 +402,13 @@ fn random_frames_do_no_harm() {
             let frame = CanFrame::data_frame(id, &data[..usize::from(data[1] % 9)]).unwrap();
             let _ = motor.unpack_feedback(&frame, at);
             let _ = motor.unpack_feedback(&CanFrame::eight_bytes(id, data), at);
-            let drives = [Drive::Off, Drive::Coast, Drive::Brake, Drive::Hold, Drive::Run];
+            let drives = [
+                DriveMode::Off,
+                DriveMode::Coast,
+                DriveMode::Brake,
+                DriveMode::Hold,
+                DriveMode::Run,
+            ];
             let _ = motor.set_target(target_of(&control));
             let _ = motor.request(Request::ClearFault);
             let _ = motor.answer();

@@ -9,8 +9,8 @@ mod table;
 
 use rc10_app::{PidConfig, Rpm, RpmPerSecond, Seconds};
 use rc10_conformance::Bench;
-use rc10_motor::cascade::Cascade;
 use rc10_motor::damiao::{Control, Damiao, models};
+use rc10_motor::rc10_app::Cascade;
 use rc10_motor::{ArmSwitch, Link, MotorId, MotorStatus, Safety};
 use rc10_sim::Esc;
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
@@ -108,10 +108,10 @@ impl<'m> Rig<'m> {
     pub fn ask(
         &mut self,
         request: rc10_motor::Request,
-    ) -> Result<rc10_motor::Answer, rc10_motor::RequestError> {
+    ) -> Result<rc10_motor::Response, rc10_motor::RequestError> {
         let mut answer = self.bench.bus.request(self.motor, request)?;
         let mut left = 300;
-        while answer == rc10_motor::Answer::Pending {
+        while answer == rc10_motor::Response::Pending {
             assert!(left > 0, "never answered");
             left -= 1;
             self.bench.tick();

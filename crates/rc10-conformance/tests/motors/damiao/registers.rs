@@ -4,16 +4,16 @@ use super::{CAN_ID, MASTER_ID, Rig, cascade, controls, device, motor};
 use rc10_app::{Rpm, TotalAngle};
 use rc10_conformance::Bench;
 use rc10_motor::damiao::{Control, Damiao, models};
-use rc10_motor::{Answer, ArmSwitch, Condition, Link, Request, RequestError, Safety, Target};
+use rc10_motor::{ArmSwitch, Condition, Link, Request, RequestError, Response, Safety, Target};
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig};
 
 fn mit() -> Control {
     Control::Mit(cascade())
 }
 
-fn bits(answer: Result<Answer, RequestError>) -> u32 {
+fn bits(answer: Result<Response, RequestError>) -> u32 {
     match answer {
-        Ok(Answer::Register(bits)) => bits,
+        Ok(Response::Register(bits)) => bits,
         other => panic!("{other:?}"),
     }
 }
@@ -48,10 +48,10 @@ fn registers_are_written_and_saved_only_while_disarmed() {
         let config = DamiaoConfig { acknowledges_with, ..device(&mit()) };
         let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST);
         rig.bench.wait(20);
-        assert_eq!(rig.ask(Request::WriteRegister(9, 2000)), Ok(Answer::Done));
+        assert_eq!(rig.ask(Request::WriteRegister(9, 2000)), Ok(Response::Done));
         assert_eq!(rig.device(|device| device.register(9)), Some(2000));
         let acceleration = 150.0_f32.to_bits();
-        assert_eq!(rig.ask(Request::WriteRegister(4, acceleration)), Ok(Answer::Done));
+        assert_eq!(rig.ask(Request::WriteRegister(4, acceleration)), Ok(Response::Done));
         // Out of its range: the old value stays and is told.
         let refused = rig.ask(Request::WriteRegister(10, 7));
         assert_eq!(refused, Err(RequestError::Refused(1)));
@@ -71,8 +71,8 @@ fn registers_are_written_and_saved_only_while_disarmed() {
         rig.esc.set_power(true);
         rig.bench.wait(20);
         assert_eq!(bits(rig.ask(Request::ReadRegister(9))), 0);
-        assert_eq!(rig.ask(Request::WriteRegister(9, 2000)), Ok(Answer::Done));
-        assert_eq!(rig.ask(Request::SaveRegisters), Ok(Answer::Done));
+        assert_eq!(rig.ask(Request::WriteRegister(9, 2000)), Ok(Response::Done));
+        assert_eq!(rig.ask(Request::SaveRegisters), Ok(Response::Done));
         assert_eq!(rig.device(|device| device.saves()), 1);
         rig.esc.set_power(false);
         rig.bench.wait(20);
@@ -97,7 +97,7 @@ fn registers_are_written_and_saved_only_while_disarmed() {
         // Armed before it goes out.
         switch.disarm();
         rig.bench.wait(2);
-        assert_eq!(rig.bench.bus.request(rig.motor, Request::StoreZero), Ok(Answer::Pending));
+        assert_eq!(rig.bench.bus.request(rig.motor, Request::StoreZero), Ok(Response::Pending));
         let busy = rig.bench.bus.request(rig.motor, Request::ReadRegister(1));
         assert_eq!(busy, Err(RequestError::Busy));
         switch.arm().unwrap();
@@ -124,8 +124,8 @@ fn a_zero_in_flash_is_kept_without_power() {
         // Until friction has stopped it.
         rig.bench.wait(4000);
         // Ours first, so that it is seen to go.
-        assert_eq!(rig.ask(Request::SetZero), Ok(Answer::Done));
-        assert_eq!(rig.ask(Request::StoreZero), Ok(Answer::Done));
+        assert_eq!(rig.ask(Request::SetZero), Ok(Response::Done));
+        assert_eq!(rig.ask(Request::StoreZero), Ok(Response::Done));
         let degrees = |rig: &Rig<'_>| rig.status().feedback.total_angle.degrees().get();
         assert!(degrees(&rig).abs() < 0.1, "{}", degrees(&rig));
         rig.esc.set_power(false);
@@ -173,7 +173,7 @@ fn several_motors_share_one_master_id() {
     bench.wait(50);
     for &id in &ids {
         assert_eq!(bench.status(id).condition, Condition::Ready);
-        assert_eq!(bench.bus.request(id, Request::ReadRegister(8)), Ok(Answer::Pending));
+        assert_eq!(bench.bus.request(id, Request::ReadRegister(8)), Ok(Response::Pending));
     }
     let mut answers = vec![None; 3];
     for _ in 0..20 {
@@ -182,7 +182,7 @@ fn several_motors_share_one_master_id() {
             *answer = answer.or_else(|| bench.bus.answer(id));
         }
     }
-    let own = |id| Some(Ok(Answer::Register(id)));
+    let own = |id| Some(Ok(Response::Register(id)));
     assert_eq!(answers, [own(1), own(2), own(3)]);
     switch.arm().unwrap();
     for _ in 0..600 {

@@ -44,7 +44,7 @@ fn drives_with_one_identifier_and_other_vendors_on_it_are_refused() {
     match bus.attach(&mut same, Safety::COAST) {
         Err(AttachError::Clash { motor, with, clash }) => {
             assert_eq!((motor.model, with.model), ("MF9025", "MG4010E-i10"));
-            assert!(matches!(clash, Clash::Receive(_)), "{clash}");
+            assert!(matches!(clash, Clash::RxFrames(_)), "{clash}");
         }
         other => panic!("{other:?}"),
     }
@@ -56,7 +56,7 @@ fn drives_with_one_identifier_and_other_vendors_on_it_are_refused() {
     let mut bus = MotorBus::new(&switch);
     bus.attach(&mut own, Safety::COAST).unwrap();
     match bus.attach(&mut multi, Safety::COAST) {
-        Err(AttachError::Clash { clash, .. }) => assert!(matches!(clash, Clash::Transmit(_))),
+        Err(AttachError::Clash { clash, .. }) => assert!(matches!(clash, Clash::TxFrames(_))),
         other => panic!("{other:?}"),
     }
 }

@@ -2,10 +2,10 @@
 
 use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::Bench;
-use rc10_motor::dji::Direction;
 use rc10_motor::lk::{Commands, Lk, Model};
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
-    Answer, ArmSwitch, Condition, Motor, MotorId, Request, RequestError, Safety, Target,
+    ArmSwitch, Condition, Motor, MotorId, Request, RequestError, Response, Safety, Target,
     TargetError, TargetKind,
 };
 use rc10_sim::Esc;
@@ -112,11 +112,11 @@ fn currents_and_torques_are_given_as_asked() {
     // Limits: of the loops, of a request, of the drive's own scale.
     bench.hold(id, Target::Torque(NewtonMetres::new(f32::MAX)), 30).unwrap();
     assert!((esc.state().current - 5.0).abs() < 2.0 * step, "{}", esc.state().current);
-    assert_eq!(bench.bus.request(id, Request::CurrentLimit(Amps::new(0.5))), Ok(Answer::Done));
+    assert_eq!(bench.bus.request(id, Request::CurrentLimit(Amps::new(0.5))), Ok(Response::Done));
     bench.hold(id, Target::Current(Amps::new(-9.0)), 30).unwrap();
     assert!((esc.state().current + 0.5).abs() < step);
     let limit = Request::TorqueLimit(NewtonMetres::new(0.7));
-    assert_eq!(bench.bus.request(id, limit), Ok(Answer::Done));
+    assert_eq!(bench.bus.request(id, limit), Ok(Response::Done));
     bench.hold(id, Target::Current(Amps::new(9.0)), 30).unwrap();
     assert!((esc.state().current - 1.0).abs() < 2.0 * step);
     for bad in [-1.0, f32::NAN] {
@@ -157,7 +157,7 @@ fn zero_is_where_it_is_set() {
         bench(&switch, &mut motor, Settings::mg(1), joint_plant(), Safety::HOLD);
     let quarter = Target::TotalAngle(TotalAngle::from_degrees(90));
     bench.hold(id, quarter, 1500).unwrap();
-    assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Answer::Done));
+    assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Response::Done));
     let before = esc.state().output_degrees;
     bench.wait(300);
     assert!((esc.state().output_degrees - before).abs() < 0.2);

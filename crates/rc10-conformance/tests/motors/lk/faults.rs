@@ -5,8 +5,8 @@ use rc10_can::{CanFrame, Micros};
 use rc10_conformance::Bench;
 use rc10_motor::lk::{Commands, DriveId, Lk};
 use rc10_motor::{
-    Answer, ArmSwitch, CanMotor, Drive as Allowed, FrameError, Heard, Link, Motor, MotorId,
-    Request, RequestError, Safety, Target,
+    ArmSwitch, CanMotor, DriveMode, FrameError, FrameKind, Link, Motor, MotorId, Request,
+    RequestError, Response, Safety, Target,
 };
 use rc10_sim::lk::{Drive, Settings, State, encode_echo, encode_health, encode_state};
 use rc10_sim::{Esc, EscFault};
@@ -43,7 +43,7 @@ fn unplugged_it_is_lost_and_comes_back_softly() {
     bench.wire.set_cut(true);
     bench.hold(id, SPEED, 15).unwrap();
     let status = bench.status(id);
-    assert_eq!((status.link, status.drive), (Link::Lost, Allowed::Coast));
+    assert_eq!((status.link, status.drive), (Link::Lost, DriveMode::Coast));
     for _ in 0..100 {
         bench.hold(id, SPEED, 1).unwrap();
         let frame = bench.sent().frames()[0];
@@ -107,7 +107,7 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
         bench.hold(id, SPEED, 102).unwrap();
         let status = bench.status(id);
         assert_eq!(status.fault.map(|fault| fault.text), Some(text));
-        assert_eq!((status.drive, status.link), (Allowed::Brake, Link::Online));
+        assert_eq!((status.drive, status.link), (DriveMode::Brake, Link::Online));
         bench.hold(id, SPEED, 500).unwrap();
         assert!(!is_on(&esc));
         for frame in bench.sent().frames() {
@@ -115,24 +115,24 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
         }
 
         // The cause is still there.
-        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Pending));
+        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
         assert_eq!(bench.bus.request(id, Request::SetZero), Err(RequestError::Busy));
         bench.hold(id, SPEED, 10).unwrap();
         assert!(matches!(bench.bus.answer(id), Some(Err(RequestError::Refused(_)))));
         assert_eq!(bench.bus.answer(id), None);
         bench.hold(id, SPEED, 200).unwrap();
-        assert!(!is_on(&esc) && bench.status(id).drive == Allowed::Brake);
+        assert!(!is_on(&esc) && bench.status(id).drive == DriveMode::Brake);
 
         // It is gone, and nothing happens by itself.
         esc.with(Drive::heal).unwrap();
         bench.hold(id, SPEED, 500).unwrap();
         assert!(!is_on(&esc) && bench.status(id).fault.is_some());
-        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Pending));
+        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
         bench.hold(id, SPEED, 10).unwrap();
-        assert_eq!(bench.bus.answer(id), Some(Ok(Answer::Done)));
+        assert_eq!(bench.bus.answer(id), Some(Ok(Response::Done)));
         assert_returns_softly(&mut bench, id, &esc, 5.0);
         assert_eq!(bench.status(id).fault, None);
-        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Done));
+        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Done));
     }
 }
 
@@ -158,7 +158,7 @@ fn a_drive_that_does_not_answer_is_given_up_on() {
     esc.inject(EscFault::OverCurrent);
     bench.hold(id, SPEED, 150).unwrap();
     esc.set_power(false);
-    assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Pending));
+    assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
     bench.wait(90);
     assert_eq!(bench.bus.answer(id), None);
     bench.wait(20);
@@ -167,16 +167,16 @@ fn a_drive_that_does_not_answer_is_given_up_on() {
     esc.set_power(true);
     bench.hold(id, SPEED, 300).unwrap();
     assert!(!is_on(&esc) && bench.status(id).fault.is_some());
-    assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Pending));
+    assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
     bench.hold(id, SPEED, 300).unwrap();
-    assert_eq!(bench.bus.answer(id), Some(Ok(Answer::Done)));
+    assert_eq!(bench.bus.answer(id), Some(Ok(Response::Done)));
     bench.hold(id, SPEED, 300).unwrap();
     assert!(is_on(&esc));
 }
 
 #[test]
 fn commands_expire_and_stops_stop() {
-    for (safety, state) in [(Safety::COAST, Allowed::Coast), (Safety::HOLD, Allowed::Hold)] {
+    for (safety, state) in [(Safety::COAST, DriveMode::Coast), (Safety::HOLD, DriveMode::Hold)] {
         let switch = ArmSwitch::new();
         let mut motor = Lk::new(1, joint()).unwrap();
         let (mut bench, esc, id) =
@@ -185,7 +185,7 @@ fn commands_expire_and_stops_stop() {
         bench.wait(60);
         assert_eq!(bench.status(id).drive, state);
         bench.wait(500);
-        if state == Allowed::Coast {
+        if state == DriveMode::Coast {
             // Coasting: current zero, and no braking.
             assert!(esc.state().current.abs() < 0.02);
             assert_eq!(bench.sent().frames()[0].to_string(), "141#A100000000000000");
@@ -203,7 +203,7 @@ fn commands_expire_and_stops_stop() {
         assert_eq!(bench.status(id).drive, state);
         switch.reset();
         bench.hold(id, SPEED, 5).unwrap();
-        assert!(!is_on(&esc) && bench.status(id).drive == Allowed::Off);
+        assert!(!is_on(&esc) && bench.status(id).drive == DriveMode::Off);
         switch.arm().unwrap();
         assert_returns_softly(&mut bench, id, &esc, 5.0);
     }
@@ -260,10 +260,10 @@ fn what_is_no_answer_changes_nothing() {
     ] {
         assert_eq!(heard(&frame), Err(error), "{frame}");
     }
-    assert_eq!(heard(&eight(encode_echo(0x88))), Ok(Heard::Other));
-    assert_eq!(heard(&eight(encode_health(0x9A, 20, 24.0, 0))), Ok(Heard::Other));
-    assert_eq!(heard(&eight(encode_health(0x9A, 20, 24.0, 8))), Ok(Heard::Fault));
-    assert_eq!(heard(&eight(good)), Ok(Heard::Feedback));
+    assert_eq!(heard(&eight(encode_echo(0x88))), Ok(FrameKind::Other));
+    assert_eq!(heard(&eight(encode_health(0x9A, 20, 24.0, 0))), Ok(FrameKind::Other));
+    assert_eq!(heard(&eight(encode_health(0x9A, 20, 24.0, 8))), Ok(FrameKind::Fault));
+    assert_eq!(heard(&eight(good)), Ok(FrameKind::Feedback));
     assert!((motor.feedback().speed.get() - 1.0).abs() < 1e-6);
 
     // Fourteen bits cannot show this.
@@ -278,7 +278,10 @@ fn what_is_no_answer_changes_nothing() {
     let mut multi = Lk::new(1, joint().with_commands(Commands::MultiMotor)).unwrap();
     let health = eight(encode_health(0x9A, 20, 24.0, 8));
     assert_eq!(multi.unpack_feedback(&health, at), Err(FrameError::Unasked));
-    assert_eq!(multi.unpack_feedback(&eight(encode_state(0xA1, state)), at), Ok(Heard::Feedback));
+    assert_eq!(
+        multi.unpack_feedback(&eight(encode_state(0xA1, state)), at),
+        Ok(FrameKind::Feedback)
+    );
 }
 
 /// An echo from before a restart is not taken for the new drive's.
@@ -291,7 +294,7 @@ fn one_echo_is_not_enough() {
     let feed = |motor: &mut Lk, bytes, millis| {
         let frame = CanFrame::eight_bytes(own, bytes);
         motor.unpack_feedback(&frame, Micros::from_millis(millis)).unwrap();
-        motor.update(dt, Allowed::Run);
+        motor.update(dt, DriveMode::Run);
         let mut tx = rc10_motor::TxBatch::new();
         motor.pack_command(&mut tx).unwrap();
         tx.frames()[0].bytes()[0]
@@ -314,12 +317,12 @@ fn only_the_answer_to_clearing_clears() {
         let frame = CanFrame::eight_bytes(DriveId::new(1).unwrap().can_id(), bytes);
         motor.unpack_feedback(&frame, Micros::from_millis(1)).unwrap()
     };
-    assert_eq!(hear(&mut motor, encode_health(0x9A, 20, 24.0, 16)), Heard::Fault);
-    assert_eq!(motor.request(Request::ClearFault), Ok(Answer::Pending));
-    assert_eq!(hear(&mut motor, encode_health(0x9A, 20, 24.0, 0)), Heard::Other);
+    assert_eq!(hear(&mut motor, encode_health(0x9A, 20, 24.0, 16)), FrameKind::Fault);
+    assert_eq!(motor.request(Request::ClearFault), Ok(Response::Pending));
+    assert_eq!(hear(&mut motor, encode_health(0x9A, 20, 24.0, 0)), FrameKind::Other);
     assert_eq!(motor.answer(), None);
     assert!(motor.fault().is_some());
-    assert_eq!(hear(&mut motor, encode_health(0x9B, 20, 24.0, 0)), Heard::Other);
-    assert_eq!(motor.answer(), Some(Ok(Answer::Done)));
+    assert_eq!(hear(&mut motor, encode_health(0x9B, 20, 24.0, 0)), FrameKind::Other);
+    assert_eq!(motor.answer(), Some(Ok(Response::Done)));
     assert_eq!(motor.fault(), None);
 }

@@ -10,9 +10,9 @@ mod values;
 
 use rc10_app::{PidConfig, RpmPerSecond};
 use rc10_conformance::Bench;
-use rc10_motor::cascade::Cascade;
 use rc10_motor::lk::models::{MF9025, MG4010E_I10};
 use rc10_motor::lk::{Config, Lk};
+use rc10_motor::rc10_app::Cascade;
 use rc10_motor::{ArmSwitch, MotorId, Safety};
 use rc10_sim::lk::{Drive, Settings, mf9025, mg4010e_i10};
 use rc10_sim::{Esc, Plant};

@@ -81,7 +81,7 @@ fn nodes_that_lie_on_other_vendors_identifiers_are_refused() {
     let mut last = Lk::new(32, lk::Config::new(MG4010E_I10, super::super::lk::JOINT)).unwrap();
     assert!(refused(11, &mut last).is_some(), "0x160");
     let mut same = ODrive::new(NODE, wheel()).unwrap();
-    assert!(matches!(refused(NODE, &mut same), Some(Clash::Receive(_) | Clash::Transmit(_))));
+    assert!(matches!(refused(NODE, &mut same), Some(Clash::RxFrames(_) | Clash::TxFrames(_))));
     assert_eq!(refused(NODE + 1, &mut same), None);
 }
 

@@ -3,11 +3,11 @@
 use rc10_app::{Amps, Degrees, Gear, NewtonMetres, Rpm, TotalAngle};
 use rc10_can::Micros;
 use rc10_conformance::Bench;
-use rc10_motor::dji::Direction;
 use rc10_motor::odrive::{AxisState, Config, Control, InputMode, Limits, ODrive, Rates};
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
-    Answer, ArmSwitch, Condition, Drive, Motor, MotorId, Request, RequestError, Safety, Target,
-    TargetError, TargetKind,
+    ArmSwitch, Condition, DriveMode, Motor, MotorId, Request, RequestError, Response, Safety,
+    Target, TargetError, TargetKind,
 };
 use rc10_sim::Esc;
 use rc10_sim::odrive::{Axis, Settings};
@@ -124,7 +124,7 @@ fn an_axis_with_velocity_loops_of_its_own_gets_velocities() {
         assert_eq!(modes, Some((2, input as u32, 16.0)));
         // Braking is a speed, coasting is not.
         bench.wait(60);
-        assert_eq!(bench.status(id).drive, Drive::Brake);
+        assert_eq!(bench.status(id).drive, DriveMode::Brake);
         bench.wait(1000);
         assert!(rpm(&esc).abs() < 2.0 && is_on(&esc));
         bench.hold(id, target, 800).unwrap();
@@ -153,24 +153,24 @@ fn an_axis_with_position_loops_of_its_own_gets_positions() {
         // An angle within the turn counts from the new zero; a total angle that is sought stays
         // where it is, and its number means another place when it is commanded again.
         let total = |degrees| Target::TotalAngle(TotalAngle::from_degrees(degrees));
-        assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Answer::Done));
+        assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Response::Done));
         bench.hold(id, Target::Angle(Degrees::new(-20.0)), 1500).unwrap();
         assert!((esc.state().output_degrees - 320.0).abs() < 1.0);
         bench.hold(id, total(-90), 1500).unwrap();
         assert!((esc.state().output_degrees - 250.0).abs() < 1.0);
-        assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Answer::Done));
+        assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Response::Done));
         bench.wait(30);
         assert!((esc.state().output_degrees - 250.0).abs() < 1.0 && is_on(&esc));
         bench.hold(id, total(-90), 1500).unwrap();
         assert!((esc.state().output_degrees - 160.0).abs() < 1.0);
-        assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Answer::Done));
+        assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Response::Done));
         bench.hold(id, Target::Coast, 30).unwrap();
         assert!(!is_on(&esc), "coasting is coasting, also after a new zero");
         bench.hold(id, total(90), 1500).unwrap();
         assert!((esc.state().output_degrees - 250.0).abs() < 2.0);
         // Commands stop: it holds against a load.
         bench.wait(60);
-        assert_eq!(bench.status(id).drive, Drive::Hold);
+        assert_eq!(bench.status(id).drive, DriveMode::Hold);
         esc.set_load(2.0);
         bench.wait(1000);
         assert!((esc.state().output_degrees - 250.0).abs() < 3.0, "{:?}", esc.state());
@@ -202,19 +202,19 @@ fn limits_are_told_before_it_is_switched_on() {
     assert_eq!(told(&esc), (40.0, 20.0));
     let ask =
         |bench: &mut Bench<'_>, amps| bench.bus.request(id, Request::CurrentLimit(Amps::new(amps)));
-    assert_eq!(ask(&mut bench, 5.0), Ok(Answer::Done));
+    assert_eq!(ask(&mut bench, 5.0), Ok(Response::Done));
     bench.hold(id, Target::Torque(NewtonMetres::new(8.0)), 30).unwrap();
     assert_eq!(told(&esc), (40.0, 5.0));
     assert!((esc.state().current - 5.0).abs() < 0.01);
     // No request goes beyond the configuration.
-    assert_eq!(ask(&mut bench, 30.0), Ok(Answer::Done));
+    assert_eq!(ask(&mut bench, 30.0), Ok(Response::Done));
     bench.hold(id, Target::Torque(NewtonMetres::new(8.0)), 30).unwrap();
     assert_eq!(told(&esc), (40.0, 20.0));
     for bad in [-1.0, f32::NAN, f32::INFINITY] {
         assert!(matches!(ask(&mut bench, bad), Err(RequestError::Config(_))));
     }
     let limit = Request::TorqueLimit(NewtonMetres::new(1.0));
-    assert_eq!(bench.bus.request(id, limit), Ok(Answer::Done));
+    assert_eq!(bench.bus.request(id, limit), Ok(Response::Done));
     bench.hold(id, Target::Torque(NewtonMetres::new(8.0)), 30).unwrap();
     assert!((esc.state().current * 8.0 * 8.27 / 150.0 - 1.0).abs() < 0.01);
 

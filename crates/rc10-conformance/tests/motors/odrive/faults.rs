@@ -5,8 +5,8 @@ use rc10_can::{CanFrame, Micros};
 use rc10_conformance::Bench;
 use rc10_motor::odrive::{Config, Control, Firmware, InputMode, Node, ODrive, Rates};
 use rc10_motor::{
-    Answer, ArmSwitch, CanMotor, Condition, Drive, FrameError, Heard, Link, Motor, MotorId,
-    Request, RequestError, Safety, Target,
+    ArmSwitch, CanMotor, Condition, DriveMode, FrameError, FrameKind, Link, Motor, MotorId,
+    Request, RequestError, Response, Safety, Target,
 };
 use rc10_sim::odrive::{
     Axis, Settings, Version, encode_estimates, encode_heartbeat, encode_temperatures,
@@ -47,7 +47,7 @@ fn unplugged_it_is_lost_and_comes_back_softly() {
     bench.wire.set_cut(true);
     bench.hold(id, SPEED, 15).unwrap();
     let status = bench.status(id);
-    assert_eq!((status.link, status.drive), (Link::Lost, Drive::Coast));
+    assert_eq!((status.link, status.drive), (Link::Lost, DriveMode::Coast));
     for _ in 0..100 {
         bench.hold(id, SPEED, 1).unwrap();
         assert_eq!(bench.sent().frames()[0].to_string(), "067#0100000000000000");
@@ -154,7 +154,7 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
         bench.hold(id, SPEED, 25).unwrap();
         let status = bench.status(id);
         assert_eq!(status.fault.map(|fault| fault.text), Some(text));
-        assert_eq!((status.drive, status.link), (Drive::Brake, Link::Online));
+        assert_eq!((status.drive, status.link), (DriveMode::Brake, Link::Online));
         for _ in 0..300 {
             bench.hold(id, SPEED, 1).unwrap();
             assert!(!is_on(&esc));
@@ -164,19 +164,19 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
         }
 
         // The cause is still there.
-        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Pending));
+        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
         assert_eq!(bench.bus.request(id, Request::SetZero), Err(RequestError::Busy));
         bench.hold(id, SPEED, 80).unwrap();
         let code = esc.with(|axis: &mut Axis| axis.errors()).unwrap();
         assert_eq!(bench.bus.answer(id), Some(Err(RequestError::Refused(code))));
         bench.hold(id, SPEED, 100).unwrap();
-        assert!(!is_on(&esc) && bench.status(id).drive == Drive::Brake);
+        assert!(!is_on(&esc) && bench.status(id).drive == DriveMode::Brake);
 
         // It is gone, and nothing happens by itself.
         esc.with(Axis::heal).unwrap();
         bench.hold(id, SPEED, 300).unwrap();
         assert!(!is_on(&esc) && bench.status(id).fault.is_some());
-        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Pending));
+        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
         let mut waited = 0;
         let answer = loop {
             bench.hold(id, SPEED, 1).unwrap();
@@ -186,10 +186,10 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
                 None => assert!(waited < 60),
             }
         };
-        assert_eq!(answer, Ok(Answer::Done));
+        assert_eq!(answer, Ok(Response::Done));
         assert_returns_softly(&mut bench, id, &esc);
         assert_eq!(bench.status(id).fault, None);
-        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Done));
+        assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Done));
     }
 }
 
@@ -202,7 +202,7 @@ fn an_axis_that_does_not_answer_is_given_up_on() {
     bench.hold(id, SPEED, 50).unwrap();
     esc.set_power(false);
     bench.wait(5);
-    assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Pending));
+    assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
     bench.wait(65);
     assert_eq!(bench.bus.answer(id), None);
     bench.wait(15);
@@ -210,9 +210,9 @@ fn an_axis_that_does_not_answer_is_given_up_on() {
     esc.set_power(true);
     bench.hold(id, SPEED, 300).unwrap();
     assert!(!is_on(&esc) && bench.status(id).fault.is_some());
-    assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Answer::Pending));
+    assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
     bench.hold(id, SPEED, 300).unwrap();
-    assert_eq!(bench.bus.answer(id), Some(Ok(Answer::Done)));
+    assert_eq!(bench.bus.answer(id), Some(Ok(Response::Done)));
     assert!(is_on(&esc));
 }
 
@@ -225,15 +225,15 @@ fn without_heartbeats_nothing_is_known_and_nothing_driven() {
     for millis in 1..=200 {
         let at = Micros::from_millis(millis);
         let estimates = encode_estimates(NODE, 0.0, 0.0);
-        assert_eq!(motor.unpack_feedback(&estimates, at), Ok(Heard::Feedback));
+        assert_eq!(motor.unpack_feedback(&estimates, at), Ok(FrameKind::Feedback));
         // Idle, then switched on, then silence.
         for (when, state) in [(10, 1), (20, 8), (30, 8)] {
             if millis == when {
                 let heartbeat = encode_heartbeat(NODE, 0, state, [0; 3]);
-                assert_eq!(motor.unpack_feedback(&heartbeat, at), Ok(Heard::Other));
+                assert_eq!(motor.unpack_feedback(&heartbeat, at), Ok(FrameKind::Other));
             }
         }
-        motor.update(dt, Drive::Run);
+        motor.update(dt, DriveMode::Run);
         let mut tx = rc10_motor::TxBatch::new();
         motor.pack_command(&mut tx).unwrap();
         sent.push(tx.frames().first().map_or(0, |frame| frame.raw_id() & 31));
@@ -247,7 +247,7 @@ fn without_heartbeats_nothing_is_known_and_nothing_driven() {
 
 #[test]
 fn commands_expire_and_stops_stop() {
-    for (safety, state) in [(Safety::COAST, Drive::Coast), (Safety::HOLD, Drive::Hold)] {
+    for (safety, state) in [(Safety::COAST, DriveMode::Coast), (Safety::HOLD, DriveMode::Hold)] {
         let switch = ArmSwitch::new();
         let mut motor = ODrive::new(NODE, wheel()).unwrap();
         let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), safety);
@@ -255,7 +255,7 @@ fn commands_expire_and_stops_stop() {
         bench.wait(60);
         assert_eq!(bench.status(id).drive, state);
         bench.wait(500);
-        if state == Drive::Coast {
+        if state == DriveMode::Coast {
             // Coasting is torque zero, and no braking.
             assert!(esc.state().current.abs() < 1e-6 && is_on(&esc));
             assert_eq!(bench.sent().frames()[0].to_string(), "06E#0000000000000000");
@@ -273,7 +273,7 @@ fn commands_expire_and_stops_stop() {
         assert_eq!(bench.status(id).drive, state);
         switch.reset();
         bench.hold(id, SPEED, 5).unwrap();
-        assert!(!is_on(&esc) && bench.status(id).drive == Drive::Off);
+        assert!(!is_on(&esc) && bench.status(id).drive == DriveMode::Off);
         switch.arm().unwrap();
         assert_returns_softly(&mut bench, id, &esc);
     }
@@ -322,10 +322,10 @@ fn what_is_no_message_changes_nothing() {
     ] {
         assert_eq!(heard(&frame), Err(error), "{frame}");
     }
-    assert_eq!(heard(&encode_temperatures(NODE, 30.0, f64::NAN)), Ok(Heard::Other));
+    assert_eq!(heard(&encode_temperatures(NODE, 30.0, f64::NAN)), Ok(FrameKind::Other));
     // Starting is no fault in 0.6; the same bit is one in 0.5.
-    assert_eq!(heard(&encode_heartbeat(NODE, 1, 1, [0; 3])), Ok(Heard::Other));
-    assert_eq!(heard(&encode_heartbeat(NODE, 3, 1, [0; 3])), Ok(Heard::Fault));
+    assert_eq!(heard(&encode_heartbeat(NODE, 1, 1, [0; 3])), Ok(FrameKind::Other));
+    assert_eq!(heard(&encode_heartbeat(NODE, 3, 1, [0; 3])), Ok(FrameKind::Fault));
     assert_eq!(motor.fault().unwrap().text, "system failed");
     assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);
     let mut old = ODrive::new(NODE, Config { firmware: Firmware::V0_5, ..wheel() }).unwrap();
@@ -334,7 +334,7 @@ fn what_is_no_message_changes_nothing() {
         assert_eq!(old.unpack_feedback(&unasked, at), Err(FrameError::NotMine));
     }
     let refused = encode_heartbeat(NODE, 1, 1, [0; 3]);
-    assert_eq!(old.unpack_feedback(&refused, at), Ok(Heard::Fault));
+    assert_eq!(old.unpack_feedback(&refused, at), Ok(FrameKind::Fault));
 }
 
 /// It was idle by its last heartbeat, but has been told to follow inputs since.
@@ -356,11 +356,11 @@ fn stopped_while_it_starts_it_is_told_so_until_a_heartbeat_says_idle() {
         tx.frames().first().map(ToString::to_string)
     };
     let idle = Some("067#0100000000000000".to_owned());
-    let started: Vec<_> = (1..=4).map(|at| tick(&mut motor, at, Drive::Run)).collect();
+    let started: Vec<_> = (1..=4).map(|at| tick(&mut motor, at, DriveMode::Run)).collect();
     assert_eq!(started[3].as_deref(), Some("067#0800000000000000"), "{started:?}");
     for at in 5..20 {
-        assert_eq!(tick(&mut motor, at, Drive::Off), idle, "{at}");
+        assert_eq!(tick(&mut motor, at, DriveMode::Off), idle, "{at}");
     }
-    let after: Vec<_> = (20..40).map(|at| tick(&mut motor, at, Drive::Off)).collect();
+    let after: Vec<_> = (20..40).map(|at| tick(&mut motor, at, DriveMode::Off)).collect();
     assert_eq!(after.iter().flatten().count(), 2, "{after:?}");
 }

@@ -10,8 +10,8 @@ mod values;
 
 use rc10_app::{Amps, Gear, PidConfig, Rpm, RpmPerSecond};
 use rc10_conformance::Bench;
-use rc10_motor::cascade::Cascade;
 use rc10_motor::odrive::{Config, Control, Firmware, Limits, ODrive, Rates};
+use rc10_motor::rc10_app::Cascade;
 use rc10_motor::{ArmSwitch, MotorId, Safety};
 use rc10_sim::odrive::{Axis, Settings, State, d6374_8to1};
 use rc10_sim::{Esc, Plant};

@@ -9,7 +9,7 @@ use rc10_motor::odrive::{
     AxisState, Command, Config, Control, ControlMode, Firmware, InputMode, Node, ODrive, Rates,
 };
 use rc10_motor::signals::Message;
-use rc10_motor::{CanMotor, Share};
+use rc10_motor::{CanMotor, Ownership};
 
 use super::codecs::cases;
 use super::values::{NODE, config, values};
@@ -95,10 +95,10 @@ fn the_table_names_what_is_on_the_wire() {
         let (heard, sent) = all.split_at(own(&all));
         assert_eq!(heard.len(), wiring.received().len());
         for message in heard {
-            let is_that = |it: &&rc10_motor::Receive| it.pattern.id() == message.id;
+            let is_that = |it: &&rc10_motor::RxFrames| it.pattern.id() == message.id;
             assert_eq!(wiring.received().iter().filter(is_that).count(), 1, "{}", message.name);
         }
-        assert!(wiring.transmitted().iter().all(|transmit| transmit.share == Share::Whole));
+        assert!(wiring.transmitted().iter().all(|transmit| transmit.share == Ownership::Whole));
         let sent: Vec<_> = sent.iter().take(5).map(|message| message.name).collect();
         let [_, _, torque, limits, clear] = sent[..] else { panic!("{sent:?}") };
         let names = ["ODRIVE_SET_TORQUE", "ODRIVE_SET_LIMITS", "ODRIVE_CLEAR_ERRORS"];

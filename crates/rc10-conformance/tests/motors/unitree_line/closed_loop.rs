@@ -1,9 +1,9 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::unitree::GoM8010;
 use rc10_motor::{
-    Answer, ArmSwitch, Condition, Drive, Impedance, Link, Request, Safety, Target, TargetError,
-    TargetKind,
+    ArmSwitch, Condition, DriveMode, Impedance, Link, Request, Response, Safety, Target,
+    TargetError, TargetKind,
 };
 use rc10_sim::unitree_line::plant;
 use rc10_sim::{LineMotor, Plant, Scale};
@@ -55,7 +55,7 @@ fn an_angle_is_reached_and_zero_is_ours() {
     let motor = bench.line.attach(&mut motor, Safety::HOLD).unwrap();
     assert!(bench.line.request(motor, Request::SetZero).is_err(), "nothing measured yet");
     bench.wait(5);
-    assert_eq!(bench.line.request(motor, Request::SetZero), Ok(Answer::Done));
+    assert_eq!(bench.line.request(motor, Request::SetZero), Ok(Response::Done));
     switch.arm().unwrap();
     let start = device.state().output_degrees;
     let turned = || device.state().output_degrees - start;
@@ -71,13 +71,13 @@ fn an_angle_is_reached_and_zero_is_ours() {
     assert!((turned() + 730.0).abs() < 0.5, "{}", turned());
     // Zero moves nothing that is sought or held; the same number commanded anew lies elsewhere.
     bench.hold(motor, Target::TotalAngle(TotalAngle::from_degrees(-730)), 300);
-    assert_eq!(bench.line.request(motor, Request::SetZero), Ok(Answer::Done));
+    assert_eq!(bench.line.request(motor, Request::SetZero), Ok(Response::Done));
     bench.wait(40);
-    assert_eq!(bench.status(motor).drive, Drive::Run);
+    assert_eq!(bench.status(motor).drive, DriveMode::Run);
     assert!((turned() + 730.0).abs() < 0.5, "{}", turned());
     bench.wait(100);
-    assert_eq!(bench.status(motor).drive, Drive::Hold);
-    assert_eq!(bench.line.request(motor, Request::SetZero), Ok(Answer::Done));
+    assert_eq!(bench.status(motor).drive, DriveMode::Hold);
+    assert_eq!(bench.line.request(motor, Request::SetZero), Ok(Response::Done));
     bench.wait(200);
     assert!((turned() + 730.0).abs() < 0.5, "{}", turned());
     bench.hold(motor, Target::TotalAngle(TotalAngle::from_degrees(0)), 300);
@@ -102,7 +102,7 @@ fn a_torque_is_what_the_shaft_gets_whichever_way_it_counts() {
         bench.hold(motor, Target::Torque(NewtonMetres::new(f32::MAX)), 60);
         assert!((torque(&device) - 23.7 * sign).abs() < 0.05, "{}", torque(&device));
         let limit = Request::TorqueLimit(NewtonMetres::new(2.0));
-        assert_eq!(bench.line.request(motor, limit), Ok(Answer::Done));
+        assert_eq!(bench.line.request(motor, limit), Ok(Response::Done));
         bench.hold(motor, Target::Torque(NewtonMetres::new(-9.0)), 60);
         assert!((torque(&device) + 2.0 * sign).abs() < 0.03, "{}", torque(&device));
     }
@@ -136,7 +136,7 @@ fn an_impedance_is_the_device_s_own_law() {
         assert!((told.damping - 0.5 / 6.33 / 6.33).abs() < 1e-3, "{told:?}");
         // A limit takes back all of it.
         let limit = Request::TorqueLimit(NewtonMetres::new(1.5));
-        assert_eq!(bench.line.request(motor, limit), Ok(Answer::Done));
+        assert_eq!(bench.line.request(motor, limit), Ok(Response::Done));
         bench.hold(motor, Target::Impedance(pull), 60);
         assert!((torque(&device) - 1.5 * sign).abs() < 0.05, "{}", torque(&device));
 
@@ -169,5 +169,5 @@ fn an_impedance_moves_the_shaft_to_where_it_pulls() {
     bench.line.request(motor, Request::SetZero).unwrap();
     bench.wait(30);
     assert!((device.state().output_degrees - start - 400.0).abs() < 0.7);
-    assert_eq!(bench.status(motor).drive, Drive::Run);
+    assert_eq!(bench.status(motor).drive, DriveMode::Run);
 }

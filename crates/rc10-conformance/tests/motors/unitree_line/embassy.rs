@@ -3,10 +3,10 @@ use std::pin::Pin;
 use embassy_time::Timer;
 use rc10_app::Rpm;
 use rc10_can::Micros;
-use rc10_motor::embassy::{LinePort, run_line};
-use rc10_motor::unitree::{GoM8010, UnitreeLine};
+use rc10_motor::embassy::{Rs485Port, run_rs485};
+use rc10_motor::unitree::{GoM8010, Rs485Bus};
 use rc10_motor::{
-    Answer, ArmState, ArmSwitch, Drive, Link, MotorId, Request, RequestError, Safety, Target,
+    ArmState, ArmSwitch, DriveMode, Link, MotorId, Request, RequestError, Response, Safety, Target,
     TargetError, TargetKind,
 };
 use rc10_sim::unitree_line::{GoM8010 as Device, plant};
@@ -20,27 +20,27 @@ const SPEED: Target = Target::Speed(Rpm::new(60.0));
 /// in two seconds.
 fn run<F: Future<Output = ()>>(
     config: LineConfig,
-    robot: impl FnOnce(&'static LinePort, &'static ArmSwitch, Vec<LineMotor>) -> F,
-) -> (&'static LinePort, Vec<LineMotor>, rc10_sim::Line) {
+    robot: impl FnOnce(&'static Rs485Port, &'static ArmSwitch, Vec<LineMotor>) -> F,
+) -> (&'static Rs485Port, Vec<LineMotor>, rc10_sim::Line) {
     let switch: &'static ArmSwitch = Box::leak(Box::default());
-    let port: &'static LinePort = Box::leak(Box::default());
+    let port: &'static Rs485Port = Box::leak(Box::default());
     let ours: &'static mut [GoM8010] = Box::leak(motors(8).into_boxed_slice());
     let mut world = World::new(40);
     let wire = world.add_line(config);
     let devices: Vec<_> = (0..8).map(|id| wire.add(Device::new(id), plant())).collect();
     devices[3].set_power(false);
-    let mut line = UnitreeLine::new(switch);
+    let mut line = Rs485Bus::new(switch);
     for motor in ours {
         line.attach(motor, Safety::COAST).unwrap();
     }
     let mut tasks = Tasks::new();
-    tasks.add(run_line(wire.port(), line, port));
+    tasks.add(run_rs485(wire.port(), line, port));
     tasks.add(robot(port, switch, devices.clone()));
     assert!(world.run(Pin::new(&mut tasks), Micros::from_millis(2000)).is_pending());
     (port, devices, wire)
 }
 
-async fn command_all(port: &LinePort, millis: u32) {
+async fn command_all(port: &Rs485Port, millis: u32) {
     for _ in 0..millis {
         for index in 0..8 {
             port.motor(MotorId::new(index)).command(SPEED).unwrap();
@@ -56,8 +56,8 @@ fn a_line_under_embassy_drives_its_motors_and_answers_requests() {
         let refused = TargetError::Unsupported(TargetKind::Speed);
         assert_eq!(port.motor(MotorId::new(8)).command(SPEED), Err(refused));
         Timer::after_millis(5).await;
-        assert_eq!(first.status().drive, Drive::Off);
-        assert_eq!(first.request(Request::SetZero).await, Ok(Answer::Done));
+        assert_eq!(first.status().drive, DriveMode::Off);
+        assert_eq!(first.request(Request::SetZero).await, Ok(Response::Done));
         switch.arm().unwrap();
         command_all(port, 500).await;
         assert!(devices[0].inject(EscFault::OverCurrent));
@@ -72,12 +72,12 @@ fn a_line_under_embassy_drives_its_motors_and_answers_requests() {
         command_all(port, 50).await;
         devices[0].set_power(true);
         command_all(port, 150).await;
-        assert_eq!(first.request(Request::ClearFault).await, Ok(Answer::Done));
+        assert_eq!(first.request(Request::ClearFault).await, Ok(Response::Done));
         command_all(port, 2000).await;
     });
     for (index, device) in (0..8).zip(&devices) {
         let status = port.motor(MotorId::new(index)).status();
-        assert_eq!((status.link, status.drive), (Link::Online, Drive::Run), "{index}");
+        assert_eq!((status.link, status.drive), (Link::Online, DriveMode::Run), "{index}");
         assert!((device.state().output_rpm - 60.0).abs() < 0.5, "{index} {:?}", device.state());
     }
     let status = port.status();

@@ -1,7 +1,7 @@
 use rc10_app::{NewtonMetres, Rpm};
 use rc10_motor::unitree::GoM8010;
 use rc10_motor::{
-    Answer, ArmSwitch, Drive, Impedance, Link, Request, RequestError, Safety, Target,
+    ArmSwitch, DriveMode, Impedance, Link, Request, RequestError, Response, Safety, Target,
 };
 use rc10_sim::EscFault;
 use rc10_sim::unitree_line::GoM8010 as Device;
@@ -57,30 +57,30 @@ fn each_fault_is_named_stops_the_motor_and_stays_until_it_is_cleared() {
         let status = bench.status(id);
         let told = status.fault.unwrap();
         assert_eq!((told.code, told.text), (code, text));
-        assert_eq!((status.link, status.drive), (Link::Online, Drive::Brake));
+        assert_eq!((status.link, status.drive), (Link::Online, DriveMode::Brake));
         assert_eq!((obeys(&device).status, obeys(&device).torque), (0, 0.0));
         assert!(device.state().open);
 
         // Still there: the device refuses.
-        assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Answer::Pending));
+        assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Response::Pending));
         bench.hold(id, SPEED, 3);
         assert_eq!(bench.line.answer(id), Some(Err(RequestError::Refused(code))));
         bench.hold(id, SPEED, 50);
-        assert_eq!(bench.status(id).drive, Drive::Brake);
+        assert_eq!(bench.status(id).drive, DriveMode::Brake);
         // Gone with the power, but nobody has cleared it.
         device.set_power(false);
         bench.hold(id, SPEED, 50);
         device.set_power(true);
         bench.hold(id, SPEED, 300);
         let status = bench.status(id);
-        assert_eq!((status.link, status.drive), (Link::Online, Drive::Brake));
+        assert_eq!((status.link, status.drive), (Link::Online, DriveMode::Brake));
         assert_eq!(status.fault.unwrap().text, text);
         assert_eq!(obeys(&device).status, 0);
-        assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Answer::Pending));
+        assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Response::Pending));
         bench.hold(id, SPEED, 3);
-        assert_eq!(bench.line.answer(id), Some(Ok(Answer::Done)));
+        assert_eq!(bench.line.answer(id), Some(Ok(Response::Done)));
         bench.hold(id, SPEED, 400);
-        assert_eq!((bench.status(id).fault, bench.status(id).drive), (None, Drive::Run));
+        assert_eq!((bench.status(id).fault, bench.status(id).drive), (None, DriveMode::Run));
         assert!((device.state().output_rpm - 60.0).abs() < 0.5);
     }
 }

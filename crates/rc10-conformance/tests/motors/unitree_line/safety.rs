@@ -1,8 +1,8 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm};
 use rc10_can::Micros;
-use rc10_motor::unitree::{GoM8010, UnitreeLine};
+use rc10_motor::unitree::{GoM8010, Rs485Bus};
 use rc10_motor::{
-    Answer, ArmSwitch, CommandError, Drive, Impedance, Link, MotorId, Request, RequestError,
+    ArmSwitch, CommandError, DriveMode, Impedance, Link, MotorId, Request, RequestError, Response,
     SafeState, Safety, Target, TargetError, TargetKind,
 };
 use rc10_sim::Nanos;
@@ -36,7 +36,7 @@ fn disarmed_it_is_locked_and_heard() {
     let id = bench.line.attach(&mut motor, Safety::COAST).unwrap();
     bench.hold(id, SPEED, 100);
     assert_eq!(bench.status(id).link, Link::Online);
-    assert_eq!(bench.status(id).drive, Drive::Off);
+    assert_eq!(bench.status(id).drive, DriveMode::Off);
     assert_eq!((obeys(&device).status, obeys(&device).torque), (0, 0.0));
     assert_eq!(device.state().output_rpm, 0.0);
     assert!(device.state().commands >= 98);
@@ -49,7 +49,7 @@ fn a_command_expires_into_the_safe_state() {
         let mut motor = GoM8010::new(0).unwrap();
         let (mut bench, device, id) = turning(&switch, &mut motor, state);
         bench.wait(48);
-        assert_eq!(bench.status(id).drive, Drive::Run);
+        assert_eq!(bench.status(id).drive, DriveMode::Run);
         bench.wait(2);
         assert_eq!((bench.status(id).drive, bench.status(id).counters.expired), (state.drive(), 1));
         bench.wait(300);
@@ -85,17 +85,17 @@ fn emergency_stop_and_disarming() {
     let (mut bench, device, id) = turning(&switch, &mut motor, SafeState::Brake);
     switch.emergency_stop();
     bench.hold(id, SPEED, 300);
-    assert_eq!(bench.status(id).drive, Drive::Brake);
+    assert_eq!(bench.status(id).drive, DriveMode::Brake);
     assert!(device.state().output_rpm.abs() < 1.0);
     switch.reset();
     bench.hold(id, SPEED, 20);
-    assert_eq!((bench.status(id).drive, obeys(&device).status), (Drive::Off, 0));
+    assert_eq!((bench.status(id).drive, obeys(&device).status), (DriveMode::Off, 0));
     switch.arm().unwrap();
     bench.hold(id, SPEED, 400);
     assert!((device.state().output_rpm - 100.0).abs() < 0.5);
     switch.disarm();
     bench.hold(id, SPEED, 3);
-    assert_eq!((bench.status(id).drive, obeys(&device).status), (Drive::Off, 0));
+    assert_eq!((bench.status(id).drive, obeys(&device).status), (DriveMode::Off, 0));
 }
 
 #[test]
@@ -106,7 +106,7 @@ fn a_lost_motor_hears_nothing_but_its_safe_word() {
     // It obeys, but is not heard.
     device.set_feedback(false);
     bench.hold(id, SPEED, 22);
-    assert_eq!((bench.status(id).link, bench.status(id).drive), (Link::Lost, Drive::Coast));
+    assert_eq!((bench.status(id).link, bench.status(id).drive), (Link::Lost, DriveMode::Coast));
     assert_eq!(bench.status(id).counters.lost, 1);
     // It is told at once, and then ten times a second.
     bench.hold(id, SPEED, 1);
@@ -198,7 +198,7 @@ fn requests_and_refusals() {
         assert_eq!(bench.line.request(id, request), Err(RequestError::Unsupported));
     }
     // There is no device at all.
-    assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Answer::Pending));
+    assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Response::Pending));
     assert_eq!(bench.line.request(id, Request::SetZero), Err(RequestError::Busy));
     bench.wait(240);
     assert_eq!(bench.line.answer(id), None);
@@ -217,7 +217,7 @@ fn after_a_pause_nothing_old_holds() {
     bench.world.advance(now);
     assert_eq!(obeys(&device).status, 0, "the device has given up");
     bench.tick();
-    assert_ne!(bench.status(id).drive, Drive::Run);
+    assert_ne!(bench.status(id).drive, DriveMode::Run);
     assert_eq!(bench.status(id).link, Link::Lost);
 }
 
@@ -235,8 +235,8 @@ fn the_coast_image_frees_all_of_them_in_whatever_state() {
     assert!(devices.iter().all(|device| device.state().current > 3.0));
     // In the middle of an exchange.
     let mut port = bench.wire.port();
-    port.send(&UnitreeLine::coast_image());
-    port.send(&UnitreeLine::coast_image());
+    port.send(&Rs485Bus::coast_image());
+    port.send(&Rs485Bus::coast_image());
     let later = bench.world.now_ns() + Nanos::new(3_000_000);
     bench.world.advance_to(later);
     for device in &devices {

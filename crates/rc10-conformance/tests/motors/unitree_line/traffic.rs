@@ -1,6 +1,6 @@
 use rc10_app::Rpm;
 use rc10_can::Micros;
-use rc10_motor::unitree::{AttachError, GoM8010, Step, UnitreeLine};
+use rc10_motor::unitree::{AttachError, GoM8010, Rs485Bus, Step};
 use rc10_motor::{ArmSwitch, Link, MotorId, MotorName, SafeState, Safety, Target};
 use rc10_sim::unitree_line::{Answer, GoM8010 as Device, plant};
 use rc10_sim::{LineMotor, Nanos};
@@ -173,7 +173,7 @@ fn garbage_and_wrong_bits_are_counted_and_never_taken() {
 fn an_answer_that_nobody_asked_for_is_not_taken() {
     let switch = ArmSwitch::new();
     let mut ours = motors(2);
-    let mut line = UnitreeLine::new(&switch);
+    let mut line = Rs485Bus::new(&switch);
     for motor in &mut ours {
         line.attach(motor, Safety::COAST).unwrap();
     }
@@ -226,7 +226,7 @@ fn slow_devices_are_waited_for_up_to_the_time_out() {
         assert_eq!(bench.line.counters().timeouts > 0, !answers);
     }
     let switch = ArmSwitch::new();
-    let line = |micros| UnitreeLine::new(&switch).with_reply_timeout(Micros::new(micros));
+    let line = |micros| Rs485Bus::new(&switch).with_reply_timeout(Micros::new(micros));
     assert!(line(100).is_ok() && line(1000).is_ok());
     assert_eq!(line(99).err().unwrap().field, "reply_timeout");
     assert_eq!(line(1001).err().unwrap().must_be, "100 to 1000 us");
@@ -238,7 +238,7 @@ fn what_cannot_be_attached_is_refused_by_name() {
     let mut ours = motors(15);
     let mut twin = GoM8010::new(4).unwrap();
     let mut hasty = GoM8010::new(5).unwrap();
-    let mut line = UnitreeLine::new(&switch);
+    let mut line = Rs485Bus::new(&switch);
     let expiry = Safety { command_expiry: Micros::ZERO, ..Safety::new(SafeState::Hold) };
     let name = |id| MotorName { model: "GO-M8010-6", id };
     let error = line.attach(&mut hasty, expiry).unwrap_err();

@@ -7,7 +7,7 @@ use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::rc10_app::{Degrees, NewtonMetres, Rpm, Seconds, TotalAngle};
 use rc10_motor::unitree::GoModule;
-use rc10_motor::{CanMotor, Drive, Gains, Impedance, Motor, Request, Target, TxBatch};
+use rc10_motor::{CanMotor, DriveMode, Gains, Impedance, Motor, Request, Target, TxBatch};
 use rc10_sim::unitree_module::{Asked, Command};
 
 use super::codecs::number;
@@ -17,7 +17,7 @@ enum Event {
     Hear(u32, [u8; 8], u64),
     Aim(Target),
     Ask(Request),
-    Tick(Drive, f32),
+    Tick(DriveMode, f32),
 }
 
 fn target() -> impl Strategy<Value = Target> {
@@ -53,11 +53,11 @@ fn request() -> impl Strategy<Value = Request> {
 
 fn event() -> impl Strategy<Value = Event> {
     let drive = prop_oneof![
-        1 => Just(Drive::Off),
-        1 => Just(Drive::Coast),
-        1 => Just(Drive::Brake),
-        1 => Just(Drive::Hold),
-        4 => Just(Drive::Run),
+        1 => Just(DriveMode::Off),
+        1 => Just(DriveMode::Coast),
+        1 => Just(DriveMode::Brake),
+        1 => Just(DriveMode::Hold),
+        4 => Just(DriveMode::Run),
     ];
     // Mostly answers that lead on: states of a motor that follows, gains of zero.
     let id = prop_oneof![
@@ -107,7 +107,7 @@ proptest! {
                         prop_assert!(motion.torque.abs() <= 128.0);
                     }
                     let locks = matches!(command.asked, Asked::Control { status: 0, .. });
-                    prop_assert!(locks || (drive != Drive::Off && motor.fault().is_none()));
+                    prop_assert!(locks || (drive != DriveMode::Off && motor.fault().is_none()));
                 }
             }
             let seen = motor.feedback();

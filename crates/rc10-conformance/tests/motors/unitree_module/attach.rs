@@ -6,13 +6,13 @@ use rc10_motor::dji::{Dji, M3508};
 use rc10_motor::rc10_app::{ConfigError, Seconds};
 use rc10_motor::unitree::GoModule;
 use rc10_motor::{
-    Answer, ArmSwitch, AttachError, CanMotor, Clash, Drive, Fault, Feedback, FrameError, Heard,
-    Motor, MotorBus, Rate, Receive, Request, RequestError, Safety, Share, Target, TargetError,
-    TargetSet, Transmit, TxBatch, TxFull, Wiring,
+    ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, Fault, Feedback, FrameError,
+    FrameKind, Motor, MotorBus, Ownership, Rate, Request, RequestError, Response, RxFrames, Safety,
+    Target, TargetError, TargetSet, TxBatch, TxFrames, TxFull,
 };
 
 /// A motor that is nothing but its wiring.
-struct Wired(Wiring);
+struct Wired(CanIds);
 
 impl Motor for Wired {
     fn supports(&self) -> TargetSet {
@@ -30,17 +30,17 @@ impl Motor for Wired {
     fn fault(&self) -> Option<Fault> {
         None
     }
-    fn update(&mut self, _dt: Seconds, _drive: Drive) {}
-    fn request(&mut self, _request: Request) -> Result<Answer, RequestError> {
+    fn update(&mut self, _dt: Seconds, _drive: DriveMode) {}
+    fn request(&mut self, _request: Request) -> Result<Response, RequestError> {
         Err(RequestError::Unsupported)
     }
 }
 
 impl CanMotor for Wired {
-    fn wiring(&self) -> Wiring {
+    fn wiring(&self) -> CanIds {
         self.0.clone()
     }
-    fn unpack_feedback(&mut self, _frame: &CanFrame, _at: Micros) -> Result<Heard, FrameError> {
+    fn unpack_feedback(&mut self, _frame: &CanFrame, _at: Micros) -> Result<FrameKind, FrameError> {
         Err(FrameError::NotMine)
     }
     fn pack_command(&mut self, _tx: &mut TxBatch) -> Result<(), TxFull> {
@@ -55,18 +55,18 @@ fn extended(id: u32, mask: u32) -> IdPattern {
     IdPattern::masked(ExtendedId::new(id).unwrap(), mask)
 }
 
-fn receive(id: u32, mask: u32) -> Receive {
-    Receive { pattern: extended(id, mask), len: 8, rate: Rate::EveryTick, guard: None }
+fn receive(id: u32, mask: u32) -> RxFrames {
+    RxFrames { pattern: extended(id, mask), len: 8, rate: Rate::EveryTick, guard: None }
 }
 
-fn transmit(id: u32, mask: u32) -> Transmit {
+fn transmit(id: u32, mask: u32) -> TxFrames {
     let pattern = extended(id, mask);
-    Transmit { pattern, len: 8, rate: Rate::EveryTick, share: Share::Whole }
+    TxFrames { pattern, len: 8, rate: Rate::EveryTick, share: Ownership::Whole }
 }
 
 /// STATUS and STATUS 3, commands: a wiring by hand.
 fn vesc(id: u16) -> Wired {
-    let wiring = Wiring::new("VESC", id)
+    let wiring = CanIds::new("VESC", id)
         .receives(receive(0x09 << 8 | u32::from(id), 0x1FFF_FFFF))
         .and_then(|wiring| wiring.receives(receive(0x0F << 8 | u32::from(id), 0x1FFF_FFFF)))
         .and_then(|wiring| wiring.transmits(transmit(id.into(), 0x1FFF_00FF)));
@@ -76,7 +76,7 @@ fn vesc(id: u16) -> Wired {
 /// Feedback, motion control, and everything else.
 fn cybergear(motor: u16) -> Wired {
     let id = u32::from(motor);
-    let wiring = Wiring::new("CyberGear", motor)
+    let wiring = CanIds::new("CyberGear", motor)
         .receives(receive(id << 8 | 0xFD, 0xFFFF))
         .and_then(|wiring| wiring.transmits(transmit(1 << 24 | id, 0x1F00_00FF)))
         .and_then(|wiring| wiring.transmits(transmit(id, 0xFF)));

@@ -1,6 +1,6 @@
 //! Each sort of target is reached, bare and loaded, with a motor that is not quite what we think.
 
-use rc10_motor::dji::Direction;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::unitree::GoModule;
 use rc10_motor::{

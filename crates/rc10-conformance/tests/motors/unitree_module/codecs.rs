@@ -10,7 +10,7 @@ use rc10_motor::rc10_app::{NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::unitree::GoModule;
 use rc10_motor::unitree::wire::module::{Content, Module, Reply, Request};
 use rc10_motor::unitree::wire::{Address, Impedance, Motion, Shaft, Status};
-use rc10_motor::{CanMotor, FrameError, Heard, Motor};
+use rc10_motor::{CanMotor, FrameError, FrameKind, Motor};
 use rc10_sim::unitree_module::{self as device, Asked, Command, Report, Told};
 
 const GEAR: f64 = 6.33;
@@ -152,16 +152,16 @@ proptest! {
         let expected = match id >> 24 & 3 {
             _ if id & 0x1C00_0F00 != 0x1C00_0200 => Err(FrameError::NotMine),
             _ if len < 8 => Err(FrameError::Length),
-            1 if id & 0xFF == 0x80 => Ok(Heard::Fault),
-            1 => Ok(Heard::Feedback),
+            1 if id & 0xFF == 0x80 => Ok(FrameKind::Fault),
+            1 => Ok(FrameKind::Feedback),
             2 => Err(FrameError::Unasked),
             _ => Err(FrameError::Unexpected),
         };
         prop_assert_eq!(heard, expected, "{}", frame);
         let feedback = motor.feedback();
         prop_assert!(feedback.speed.is_finite() && (0.0..360.0).contains(&feedback.angle.get()));
-        prop_assert_eq!(feedback.torque().is_some(), expected == Ok(Heard::Feedback));
-        prop_assert_eq!(motor.fault().is_some(), expected == Ok(Heard::Fault));
+        prop_assert_eq!(feedback.torque().is_some(), expected == Ok(FrameKind::Feedback));
+        prop_assert_eq!(motor.fault().is_some(), expected == Ok(FrameKind::Fault));
     }
 }
 

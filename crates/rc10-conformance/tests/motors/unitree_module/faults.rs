@@ -3,7 +3,7 @@
 use rc10_motor::rc10_app::{Degrees, NewtonMetres, TotalAngle};
 use rc10_motor::unitree::GoModule;
 use rc10_motor::{
-    ArmSwitch, Condition, Drive, Impedance, Link, Request, SafeState, Safety, Target,
+    ArmSwitch, Condition, DriveMode, Impedance, Link, Request, SafeState, Safety, Target,
 };
 use rc10_sim::EscFault;
 use rc10_sim::unitree_module::{Mode, plant};
@@ -42,7 +42,7 @@ fn a_cut_wire_is_noticed_and_the_motor_comes_back_without_a_kick() {
         assert_eq!(one.bench.status(one.motor).link, Link::Online);
         one.hold(target, 100);
         let status = one.bench.status(one.motor);
-        assert_eq!((status.link, status.drive), (Link::Lost, Drive::Coast));
+        assert_eq!((status.link, status.drive), (Link::Lost, DriveMode::Coast));
         let _ = one.bench.wire.take_trace();
         one.bench.wire.set_cut(false);
         // Whatever the motor hears now, it is to be locked: no older torque waits.
@@ -143,7 +143,7 @@ fn each_fault_has_a_text_and_ends_with_clear_fault_only() {
         let status = one.bench.status(one.motor);
         let told = status.fault.unwrap();
         assert_eq!((told.text, told.code >> 16 & 0xFF, told.code & 0xFF), (text, error, 0x80));
-        assert_eq!((status.drive, status.link), (Drive::Brake, Link::Online));
+        assert_eq!((status.drive, status.link), (DriveMode::Brake, Link::Online));
         assert_eq!(one.mode(), Mode::Locked, "{text}");
         // Still there: clearing it does not help.
         one.bench.bus.request(one.motor, Request::ClearFault).unwrap();

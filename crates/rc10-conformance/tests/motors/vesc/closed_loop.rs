@@ -1,9 +1,9 @@
 //! What each target does to a simulated motor.
 
 use rc10_app::{Amps, Degrees, PidConfig, Rpm, RpmPerSecond, TotalAngle};
-use rc10_motor::cascade::Cascade;
-use rc10_motor::dji::Direction;
-use rc10_motor::{Condition, Drive, Request, RequestError, Target, TargetError, TargetKind};
+use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::Direction;
+use rc10_motor::{Condition, DriveMode, Request, RequestError, Target, TargetError, TargetKind};
 use rc10_sim::vesc::Mode;
 
 use super::*;
@@ -184,7 +184,7 @@ fn an_angle_is_reached_by_the_device_only_where_its_encoder_sits_on_the_shaft() 
                 let told = bench.status(motor).feedback.angle.get();
                 near(told.into(), stands.rem_euclid(360.0), 1.0);
             }
-            assert_eq!(bench.bus.request(motor, Request::SetZero), Ok(rc10_motor::Answer::Done));
+            assert_eq!(bench.bus.request(motor, Request::SetZero), Ok(rc10_motor::Response::Done));
             bench.wait(1);
             let told = bench.status(motor).feedback.angle.get();
             assert!(!(1.0..359.0).contains(&told), "{told}");
@@ -256,7 +256,7 @@ fn a_servo_reaches_many_turns_under_load_and_holds() {
         hold(bench, motor, Target::TotalAngle(TotalAngle::ZERO), 3000);
         // Nobody commands it any more: it stays, also while it is pushed.
         bench.wait(500);
-        assert_eq!(bench.status(motor).drive, Drive::Hold);
+        assert_eq!(bench.status(motor).drive, DriveMode::Hold);
         near(esc.state().output_degrees, -70.0, 1.5);
         assert!(bench.bus.request(motor, Request::SetZero).is_ok());
         esc.set_load(-8.0);
@@ -331,7 +331,7 @@ fn hold_slows_down_before_it_locks() {
         bench.wait(50);
         hold(bench, motor, Target::Speed(Rpm::new(1000.0)), 1000);
         bench.wait(100);
-        assert_eq!(bench.status(motor).drive, Drive::Hold);
+        assert_eq!(bench.status(motor).drive, DriveMode::Hold);
         assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Brake(15.0));
         bench.wait(2000);
         assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Handbrake(20.0));
@@ -383,7 +383,7 @@ fn hold_brakes_again_what_was_torn_loose() {
     on_bench(motor, device(1), Safety::HOLD, |bench, motor, esc, switch| {
         switch.arm().unwrap();
         bench.wait(500);
-        assert_eq!(bench.status(motor).drive, Drive::Hold);
+        assert_eq!(bench.status(motor).drive, DriveMode::Hold);
         assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Handbrake(20.0));
         esc.set_load(2.0);
         bench.wait(300);

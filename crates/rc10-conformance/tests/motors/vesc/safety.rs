@@ -1,7 +1,7 @@
 //! Cut wires, lost power, muted and missing reports, faults, expiry, emergency stop.
 
 use rc10_app::{Amps, Rpm};
-use rc10_motor::{Answer, Condition, Drive, Link, Request, Target};
+use rc10_motor::{Condition, DriveMode, Link, Request, Response, Target};
 use rc10_sim::EscFault;
 use rc10_sim::vesc::{Mode, VescFault};
 
@@ -20,7 +20,7 @@ fn a_cut_wire_lets_both_sides_go() {
         bench.wire.set_cut(true);
         bench.hold(motor, PUSH, 20).unwrap();
         let status = bench.status(motor);
-        assert_eq!((status.link, status.drive), (Link::Lost, Drive::Coast));
+        assert_eq!((status.link, status.drive), (Link::Lost, DriveMode::Coast));
         // The VESC goes on until its own timeout, which nobody can shorten from here.
         assert_eq!(mode(esc), Mode::Current(30.0));
         bench.hold(motor, PUSH, 200).unwrap();
@@ -91,7 +91,7 @@ fn a_vesc_that_restarts_is_driven_softly_and_counts_on() {
         assert!(before > 5000.0);
         esc.set_power(false);
         bench.hold(motor, PUSH, 300).unwrap();
-        assert_eq!(bench.status(motor).drive, Drive::Coast);
+        assert_eq!(bench.status(motor).drive, DriveMode::Coast);
         esc.set_power(true);
         let mut steepest: f64 = 0.0;
         for _ in 0..60 {
@@ -115,12 +115,12 @@ fn a_vesc_that_only_fell_silent_lost_no_count() {
         esc.set_feedback(false);
         bench.hold(motor, turn, 100).unwrap();
         let status = bench.status(motor);
-        assert_eq!((status.link, status.drive), (Link::Lost, Drive::Coast));
+        assert_eq!((status.link, status.drive), (Link::Lost, DriveMode::Coast));
         assert_eq!(mode(esc), Mode::Released);
         esc.set_feedback(true);
         bench.hold(motor, turn, 50).unwrap();
         let status = bench.status(motor);
-        assert_eq!((status.link, status.drive), (Link::Online, Drive::Run));
+        assert_eq!((status.link, status.drive), (Link::Online, DriveMode::Run));
         assert_eq!(status.feedback.turn_gaps, 1);
         let told = f64::from(status.feedback.total_angle.degrees().get());
         assert!((told - esc.state().output_degrees).abs() < 120.0, "{told}");
@@ -137,7 +137,7 @@ fn a_vesc_whose_reports_are_off_is_told_from_one_that_is_not_there() {
         switch.arm().unwrap();
         bench.hold(motor, PUSH, 1000).unwrap();
         let status = bench.status(motor);
-        assert_eq!((status.link, status.drive), (Link::NeverSeen, Drive::Coast));
+        assert_eq!((status.link, status.drive), (Link::NeverSeen, DriveMode::Coast));
         assert_eq!(status.condition, Condition::NoReports);
         assert_eq!(mode(esc), Mode::Released);
         let now = bench.world.now();
@@ -209,7 +209,7 @@ fn a_faulted_vesc_is_seen_not_to_follow() {
                 let hot = status.feedback.controller_temperature().unwrap().get();
                 assert_eq!(hot > 100.0, fault == EscFault::OverTemperature);
                 // There is nothing to clear from here.
-                assert_eq!(bench.bus.request(motor, Request::ClearFault), Ok(Answer::Done));
+                assert_eq!(bench.bus.request(motor, Request::ClearFault), Ok(Response::Done));
                 esc.set_power(false);
                 bench.hold(motor, target, 100).unwrap();
                 esc.set_power(true);

@@ -3,12 +3,12 @@
 use rc10_app::{Amps, ConfigError, PidConfig, Rpm, RpmPerSecond, Seconds};
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, IdPattern};
-use rc10_motor::cascade::Cascade;
 use rc10_motor::dji::{Dji, FeedbackRate, M3508};
+use rc10_motor::rc10_app::Cascade;
 use rc10_motor::vesc::{ElectricalRpm, StatusRates};
 use rc10_motor::{
-    AttachError, CanMotor, Clash, Drive, FrameError, Heard, Motor, MotorBus, Rate, Share, Target,
-    Transmit, TxBatch, Verdict, Wiring,
+    AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Motor, MotorBus,
+    Ownership, Rate, Target, TxBatch, TxFrames, Verdict,
 };
 
 use super::*;
@@ -91,7 +91,7 @@ fn vescs_share_a_bus_with_others_unless_they_would_be_mistaken() {
     bus.attach(&mut wheel, Safety::COAST).unwrap();
     bus.attach(&mut asked, Safety::COAST).unwrap();
     let error = bus.attach(&mut twin, Safety::COAST).unwrap_err();
-    assert!(matches!(error, AttachError::Clash { clash: Clash::Receive(_), .. }), "{error}");
+    assert!(matches!(error, AttachError::Clash { clash: Clash::RxFrames(_), .. }), "{error}");
     assert!(error.to_string().contains("VESC id 1"), "{error}");
     // The answers of the others would be commands to it.
     let error = bus.attach(&mut as_asker, Safety::COAST).unwrap_err();
@@ -102,13 +102,13 @@ fn vescs_share_a_bus_with_others_unless_they_would_be_mistaken() {
 #[test]
 fn nobody_else_may_send_what_every_vesc_obeys() {
     let id = ExtendedId::new(0x3FF).unwrap();
-    let stranger = Transmit {
+    let stranger = TxFrames {
         pattern: IdPattern::exact(id),
         len: 4,
         rate: Rate::EveryTick,
-        share: Share::Whole,
+        share: Ownership::Whole,
     };
-    let stranger = Wiring::new("stranger", 1).transmits(stranger).unwrap();
+    let stranger = CanIds::new("stranger", 1).transmits(stranger).unwrap();
     assert_eq!(vesc(1).wiring().clash(&stranger), Some(Clash::Confuses(id.into())));
 }
 
@@ -196,24 +196,24 @@ fn a_frame_is_sent_when_there_is_something_to_say() {
         sent.clone()
     };
     // Repeated at 200 Hz; after half a second it is asked whether it is there.
-    assert_eq!(tick(&mut motor, Drive::Off, 1), ["00000105#00000000"]);
-    let sent = tick(&mut motor, Drive::Off, 510);
+    assert_eq!(tick(&mut motor, DriveMode::Off, 1), ["00000105#00000000"]);
+    let sent = tick(&mut motor, DriveMode::Off, 510);
     assert_eq!(sent.iter().filter(|frame| *frame == "00000105#00000000").count(), 102);
     assert_eq!(sent.iter().filter(|frame| *frame == "00001105#FE").count(), 1);
     assert_eq!(sent.len(), 103);
     // Nothing is done before it was heard.
     motor.set_target(Target::Duty(0.5)).unwrap();
-    assert_eq!(tick(&mut motor, Drive::Run, 1), ["00000105#00000000"]);
+    assert_eq!(tick(&mut motor, DriveMode::Run, 1), ["00000105#00000000"]);
     motor.unpack_feedback(&frame(0x905, &[0; 8]), Micros::ZERO).unwrap();
     // Another way to drive does not wait, and the same one does.
     motor.set_target(Target::Speed(Rpm::new(100.0))).unwrap();
-    let _ = tick(&mut motor, Drive::Off, 2);
-    assert_eq!(tick(&mut motor, Drive::Run, 1), ["00000305#000002BC"]);
+    let _ = tick(&mut motor, DriveMode::Off, 2);
+    assert_eq!(tick(&mut motor, DriveMode::Run, 1), ["00000305#000002BC"]);
     motor.set_target(Target::Speed(Rpm::new(200.0))).unwrap();
-    assert_eq!(tick(&mut motor, Drive::Run, 5), ["00000305#00000578"]);
+    assert_eq!(tick(&mut motor, DriveMode::Run, 5), ["00000305#00000578"]);
     motor.set_target(Target::Brake(Amps::new(3.0))).unwrap();
-    assert_eq!(tick(&mut motor, Drive::Run, 1), ["00000205#00000BB8"]);
-    assert_eq!(tick(&mut motor, Drive::Coast, 1), ["00000105#00000000"]);
+    assert_eq!(tick(&mut motor, DriveMode::Run, 1), ["00000205#00000BB8"]);
+    assert_eq!(tick(&mut motor, DriveMode::Coast, 1), ["00000105#00000000"]);
     let mut image = TxBatch::new();
     motor.coast_frames(&mut image).unwrap();
     assert_eq!(image.frames()[0].to_string(), "00000105#00000000");
@@ -224,11 +224,11 @@ fn a_frame_that_finds_no_room_is_sent_in_the_next_tick() {
     let mut motor = vesc(5);
     motor.unpack_feedback(&frame(0x905, &[0; 8]), Micros::ZERO).unwrap();
     motor.set_target(Target::Brake(Amps::new(3.0))).unwrap();
-    motor.update(MS, Drive::Run);
+    motor.update(MS, DriveMode::Run);
     let mut full = TxBatch::new();
     while full.push(frame(1, &[])).is_ok() {}
     assert!(motor.pack_command(&mut full).is_err());
-    motor.update(MS, Drive::Run);
+    motor.update(MS, DriveMode::Run);
     let mut tx = TxBatch::new();
     motor.pack_command(&mut tx).unwrap();
     assert_eq!(tx.frames()[0].to_string(), "00000205#00000BB8");
@@ -263,9 +263,9 @@ fn frames_of_others_and_of_other_lengths_change_nothing() {
         assert_eq!(motor.unpack_feedback(&frame, at), Err(error), "{frame}");
         assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);
     }
-    assert_eq!(motor.unpack_feedback(&frame(0x905, &eight), at), Ok(Heard::Feedback));
-    assert_eq!(motor.unpack_feedback(&frame(0x1B05, &eight), at), Ok(Heard::Other));
-    assert_eq!(motor.unpack_feedback(&frame(0x12FE, &[5, 0]), at), Ok(Heard::Other));
+    assert_eq!(motor.unpack_feedback(&frame(0x905, &eight), at), Ok(FrameKind::Feedback));
+    assert_eq!(motor.unpack_feedback(&frame(0x1B05, &eight), at), Ok(FrameKind::Other));
+    assert_eq!(motor.unpack_feedback(&frame(0x12FE, &[5, 0]), at), Ok(FrameKind::Other));
     let told = motor.feedback();
     assert_eq!((told.at, told.speed), (at, Rpm::new(4096.0 / 7.0)));
     assert_eq!(told.current(), Some(Amps::new(1.0)));

@@ -8,8 +8,8 @@ use super::{CyberGear, LINK_TIMEOUT_MICROS, LONG_SILENCE, NEAR, Seen, Step};
 use crate::batch::{TxBatch, TxFull};
 use crate::cybergear::exchange::{Ask, Exchange, Outcome};
 use crate::cybergear::wire::{self, Address, Mode, Parameter, ParameterValue, Reply};
-use crate::motor::{CanMotor, FrameError, Heard};
-use crate::wiring::{Rate, Receive, Share, Transmit, Wiring};
+use crate::motor::{CanMotor, FrameError, FrameKind};
+use crate::wiring::{CanIds, Ownership, Rate, RxFrames, TxFrames};
 
 const MOTION: u32 = 1 << 24;
 
@@ -24,7 +24,7 @@ impl CyberGear {
         self.answer = Some(outcome);
     }
 
-    fn heard_feedback(&mut self, heard: &wire::Feedback, at: Micros) -> Heard {
+    fn heard_feedback(&mut self, heard: &wire::Feedback, at: Micros) -> FrameKind {
         let since = at.since(self.seen.at);
         let runs = heard.mode == Mode::Run;
         let stopped_itself = self.step == Step::Running && !runs;
@@ -56,9 +56,9 @@ impl CyberGear {
         }
         if fault.is_some() {
             self.fault = self.fault.or(fault);
-            return Heard::Fault;
+            return FrameKind::Fault;
         }
-        Heard::Feedback
+        FrameKind::Feedback
     }
 
     /// The device has done what it was asked for.
@@ -92,7 +92,7 @@ impl CyberGear {
         }
     }
 
-    fn heard_parameter(&mut self, value: &ParameterValue) -> Result<Heard, FrameError> {
+    fn heard_parameter(&mut self, value: &ParameterValue) -> Result<FrameKind, FrameError> {
         if self.step == Step::Checking && value.parameter == Parameter::RUN_MODE && !value.refused {
             self.step = if value.byte() == 0 { Step::Enabling } else { Step::Setting };
         } else {
@@ -105,7 +105,7 @@ impl CyberGear {
                 None => return Err(FrameError::Unasked),
             }
         }
-        Ok(Heard::Other)
+        Ok(FrameKind::Other)
     }
 }
 
@@ -115,25 +115,25 @@ fn extended(raw: u32) -> ExtendedId {
 }
 
 impl CanMotor for CyberGear {
-    fn wiring(&self) -> Wiring {
+    fn wiring(&self) -> CanIds {
         let Address { motor, .. } = self.address;
         let replies = extended(self.replies());
         let motion = extended(MOTION | u32::from(motor));
         let others = extended(motor.into());
         let rare = Rate::Rare;
         let every = Rate::EveryTick;
-        let transmit = |pattern, rate| Transmit { pattern, len: 8, rate, share: Share::Whole };
+        let transmit = |pattern, rate| TxFrames { pattern, len: 8, rate, share: Ownership::Whole };
         let pattern = IdPattern::masked(replies, 0xFFFF);
-        Wiring::new(self.model.name, motor.into())
-            .receives(Receive { pattern, len: 8, rate: every, guard: None })
+        CanIds::new(self.model.name, motor.into())
+            .receives(RxFrames { pattern, len: 8, rate: every, guard: None })
             .and_then(|w| w.transmits(transmit(IdPattern::masked(motion, 0x1F00_00FF), every)))
             .and_then(|w| w.transmits(transmit(IdPattern::masked(others, 0xFF), rare)))
             // One and two are fewer than eight.
-            .unwrap_or(Wiring::new(self.model.name, motor.into()))
+            .unwrap_or(CanIds::new(self.model.name, motor.into()))
     }
 
     #[inline]
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<Heard, FrameError> {
+    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
         // First of all: what length another's frames have is no business of this one.
         if frame.raw_id() & 0xFFFF != self.replies() {
             return Err(FrameError::NotMine);
@@ -144,9 +144,9 @@ impl CanMotor for CyberGear {
             Reply::Faults(report) => Ok(match self.model.detail(report.faults) {
                 Some(detail) => {
                     self.fault = Some(detail);
-                    Heard::Fault
+                    FrameKind::Fault
                 }
-                None => Heard::Other,
+                None => FrameKind::Other,
             }),
             Reply::Identity { .. } => Err(FrameError::NotMine),
         }
