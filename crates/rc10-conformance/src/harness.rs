@@ -11,6 +11,7 @@ use rc10_motor::{
 };
 use rc10_sim::{Bus, Esc, EscFault, EscState, Line, LineMotor};
 
+use crate::mirror::Mirror;
 use crate::{Bench, LineBench};
 
 /// A motor to be tried.
@@ -160,7 +161,13 @@ pub(crate) trait Harness<'m> {
 /// Makes motors, and benches for them.
 pub(crate) trait Connection {
     fn motor(&self, id: u8) -> Subject;
-    fn bench<'m>(&'m self, seed: u64, switch: &'m ArmSwitch) -> Box<dyn Harness<'m> + 'm>;
+    /// An empty wire; `mirror` is that of the motors on it.
+    fn bench<'m>(
+        &'m self,
+        seed: u64,
+        mirror: Mirror,
+        switch: &'m ArmSwitch,
+    ) -> Box<dyn Harness<'m> + 'm>;
 }
 
 /// Motors on a CAN bus.
@@ -174,13 +181,19 @@ impl Connection for ByBus<'_> {
         Subject::OnBus((self.motor)(id))
     }
 
-    fn bench<'m>(&'m self, seed: u64, switch: &'m ArmSwitch) -> Box<dyn Harness<'m> + 'm> {
-        Box::new(OnBus { bench: Bench::new(seed, switch), device: self.device })
+    fn bench<'m>(
+        &'m self,
+        seed: u64,
+        mirror: Mirror,
+        switch: &'m ArmSwitch,
+    ) -> Box<dyn Harness<'m> + 'm> {
+        Box::new(OnBus { bench: Bench::new(seed, switch), mirror, device: self.device })
     }
 }
 
 struct OnBus<'m> {
     bench: Bench<'m>,
+    mirror: Mirror,
     device: &'m dyn Fn(&Bus, u8) -> Esc,
 }
 
@@ -214,7 +227,7 @@ impl<'m> Harness<'m> for OnBus<'m> {
 
     fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError> {
         let now = self.now();
-        self.bench.bus.command(motor, target, now)
+        self.bench.bus.command(motor, self.mirror.target(target), now)
     }
 
     fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
@@ -230,7 +243,7 @@ impl<'m> Harness<'m> for OnBus<'m> {
     }
 
     fn status(&self, motor: MotorId) -> MotorStatus {
-        self.bench.status(motor)
+        self.mirror.status(self.bench.status(motor))
     }
 
     fn tick(&mut self, dt: Seconds) {
@@ -285,13 +298,19 @@ impl Connection for ByLine<'_> {
         Subject::OnLine(Box::new((self.motor)(id)))
     }
 
-    fn bench<'m>(&'m self, seed: u64, switch: &'m ArmSwitch) -> Box<dyn Harness<'m> + 'm> {
-        Box::new(OnLine { bench: LineBench::new(seed, switch), device: self.device })
+    fn bench<'m>(
+        &'m self,
+        seed: u64,
+        mirror: Mirror,
+        switch: &'m ArmSwitch,
+    ) -> Box<dyn Harness<'m> + 'm> {
+        Box::new(OnLine { bench: LineBench::new(seed, switch), mirror, device: self.device })
     }
 }
 
 struct OnLine<'m> {
     bench: LineBench<'m>,
+    mirror: Mirror,
     device: &'m dyn Fn(&Line, u8) -> LineMotor,
 }
 
@@ -315,7 +334,7 @@ impl<'m> Harness<'m> for OnLine<'m> {
 
     fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError> {
         let now = self.now();
-        self.bench.line.command(motor, target, now)
+        self.bench.line.command(motor, self.mirror.target(target), now)
     }
 
     fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
@@ -331,7 +350,7 @@ impl<'m> Harness<'m> for OnLine<'m> {
     }
 
     fn status(&self, motor: MotorId) -> MotorStatus {
-        self.bench.status(motor)
+        self.mirror.status(self.bench.status(motor))
     }
 
     fn tick(&mut self, dt: Seconds) {

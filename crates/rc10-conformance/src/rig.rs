@@ -79,7 +79,7 @@ impl<'m> Rig<'m> {
         self.declared.load.get().into()
     }
 
-    fn no_torque(&self) -> f64 {
+    pub(crate) fn no_torque(&self) -> f64 {
         self.declared.no_torque.get().into()
     }
 

@@ -242,7 +242,13 @@ impl Motor for Finch {
             Request::SetZero => {
                 let measured = self.measured().ok_or(RequestError::NoFeedback)?;
                 self.zero = self.encoder.total();
+                let sought = self.servo.target();
                 self.servo.set_zero(measured.microdegrees);
+                if let Target::TotalAngle(angle) = sought {
+                    // The same place, told on the new scale.
+                    let zero = TotalAngle::from_microdegrees(measured.microdegrees);
+                    let _ = self.servo.set_target(Target::TotalAngle(angle.minus(zero)));
+                }
                 Ok(Response::Done)
             }
             Request::ClearFault if self.fault.is_none() => Ok(Response::Done),
