@@ -187,46 +187,50 @@ impl Servo {
     }
 
     /// One step. A shaft that was never measured gets no effort.
+    #[inline]
     pub fn update(&mut self, tick: &Tick, shaft: &Shaft) {
-        let (speed, dt) = (shaft.speed().get(), tick.dt);
-        let other;
-        let goal = if tick.mode == DriveMode::Run && self.ran {
-            self.goals.goal()
-        } else {
-            other = self.change(tick.mode, shaft);
-            &other
-        };
-        let Self { state, cascade, limit, .. } = self;
-        match goal {
-            Goal::Speed(rpm) => state.seek_speed(cascade, *rpm, speed, *limit, dt),
-            Goal::Angle(_) | Goal::Total(_) => {
-                if !state.keep_seeking_angle(cascade, speed, dt) {
-                    seek_angle(state, cascade, *limit, goal, shaft, tick);
-                }
+        let Self { goals, state, cascade, limit, .. } = self;
+        let goes_on = tick.mode == DriveMode::Run && self.ran;
+        // The usual cases, in few instructions.
+        match goals.goal() {
+            Goal::Speed(rpm) if goes_on => {
+                state.seek_speed(cascade, *rpm, shaft.speed().get(), *limit, tick.dt);
             }
-            Goal::Effort(effort) => state.give(*effort, *limit, dt),
-            Goal::Rest => state.rest(),
-            Goal::Impedance(angle, impedance) => {
-                let (way, impedance) = (way(&Goal::Total(*angle), shaft), *impedance);
-                self.impede(way, impedance, speed, dt);
-            }
+            Goal::Angle(_) | Goal::Total(_)
+                if goes_on && state.keep_seeking_angle(cascade, shaft.speed().get(), tick.dt) => {}
+            _ => self.pursue(tick, shaft),
         }
     }
 
-    /// What is sought while it does not simply go on following its target.
-    #[cold]
-    fn change(&mut self, mode: DriveMode, shaft: &Shaft) -> Goal {
+    /// One step, whatever is sought.
+    #[inline(never)]
+    fn pursue(&mut self, tick: &Tick, shaft: &Shaft) {
         if !shaft.is_known() {
-            self.rest();
-            return Goal::Rest;
+            return self.rest();
         }
-        let ran = core::mem::replace(&mut self.ran, mode == DriveMode::Run);
-        if ran && matches!(mode, DriveMode::Brake | DriveMode::Hold) {
-            self.state.start_over(mode == DriveMode::Hold);
+        let ran = core::mem::replace(&mut self.ran, tick.mode == DriveMode::Run);
+        if ran && matches!(tick.mode, DriveMode::Brake | DriveMode::Hold) {
+            self.state.start_over(tick.mode == DriveMode::Hold);
         }
-        self.spring = None;
+        if !self.ran {
+            self.spring = None;
+        }
         let acceleration = self.cascade.acceleration.get();
-        self.goals.update(mode, || Some(stand(shaft, acceleration)))
+        let goal = self.goals.update(tick.mode, || Some(stand(shaft, acceleration)));
+        let (speed, dt) = (shaft.speed().get(), tick.dt);
+        let Self { state, cascade, limit, .. } = self;
+        match goal {
+            Goal::Rest => state.rest(),
+            Goal::Effort(effort) => state.give(effort, *limit, dt),
+            Goal::Speed(rpm) => state.seek_speed(cascade, rpm, speed, *limit, dt),
+            Goal::Angle(_) | Goal::Total(_) => {
+                if !state.keep_seeking_angle(cascade, speed, dt) {
+                    let way = way(&goal, shaft);
+                    state.seek_angle(cascade, way, speed, *limit, dt, tick.count);
+                }
+            }
+            Goal::Impedance(_, impedance) => self.impede(way(&goal, shaft), impedance, speed, dt),
+        }
     }
 
     /// No effort, and whatever drives next starts softly: while the device cannot follow.
@@ -302,7 +306,6 @@ impl Servo {
 
     /// Where the law would ask for more torque than the limit, all of it is taken back by one
     /// factor: the equilibrium stays.
-    #[cold]
     fn impede(&mut self, way: f32, impedance: Impedance, measured: f32, dt: Seconds) {
         let Impedance { speed, torque, kp, kd, .. } = impedance;
         let slip = (speed.get() - measured) * (TAU / 60.0);
@@ -321,20 +324,6 @@ impl Servo {
             kd: kd * share,
         });
     }
-}
-
-/// One step with the angle loop. On its own, because it is not in every tick.
-#[inline(never)]
-fn seek_angle(
-    state: &mut CascadeState,
-    cascade: &Cascade,
-    limit: f32,
-    goal: &Goal,
-    shaft: &Shaft,
-    tick: &Tick,
-) {
-    let (way, speed) = (way(goal, shaft), shaft.speed().get());
-    state.seek_angle(cascade, way, speed, limit, tick.dt, tick.count);
 }
 
 impl SpringRange {

@@ -60,9 +60,8 @@ pub struct Shaft {
     /// What the last steps left over, in shares of `divisor`.
     rest: i32,
     speed: Rpm,
-    /// Angle of many turns from the zero.
-    angle: TotalAngle,
-    /// The same within the turn: 0 ..< 360,000,000 microdegrees.
+    /// The angle from the zero: whole turns, and 0 ..< 360,000,000 microdegrees.
+    turns: i32,
     phase: i32,
     /// When it was measured last; far away before the first time.
     at: Micros,
@@ -111,7 +110,7 @@ impl Shaft {
             reading: 0,
             rest: 0,
             speed: Rpm::ZERO,
-            angle: TotalAngle::ZERO,
+            turns: 0,
             phase: 0,
             at: NEVER,
             gaps: 0,
@@ -218,12 +217,18 @@ impl Shaft {
         let carry = over / divisor;
         self.rest = over.wrapping_sub(carry.wrapping_mul(divisor));
         let moved = steps.wrapping_mul(whole).wrapping_add(carry);
-        // Turns by such steps take longer than the universe to overflow.
-        let angle = self.angle.microdegrees().wrapping_add(moved.into());
-        self.angle = TotalAngle::from_microdegrees(angle);
-        let sum = self.phase.wrapping_add(moved);
-        let is_within = sum.cast_unsigned() < TURN.cast_unsigned();
-        self.phase = if is_within { sum } else { wrapped(sum) };
+        self.phase = self.phase.wrapping_add(moved);
+        if self.phase.cast_unsigned() >= TURN.cast_unsigned() {
+            self.wrap();
+        }
+    }
+
+    /// Once in a turn of the output.
+    #[cold]
+    const fn wrap(&mut self) {
+        let turn = if self.phase < 0 { -1 } else { 1 };
+        self.turns = self.turns.wrapping_add(turn);
+        self.phase = self.phase.wrapping_sub(turn * TURN);
     }
 
     /// The same for any number of steps.
@@ -235,16 +240,16 @@ impl Shaft {
         let (rest, carry) = ((over - carry * i128::from(self.divisor)) as i32, carry as i64);
         self.rest = rest;
         let moved = steps.saturating_mul(self.whole.into()).saturating_add(carry);
-        self.place(self.angle.plus(TotalAngle::from_microdegrees(moved)));
+        self.place(self.angle().plus(TotalAngle::from_microdegrees(moved)));
     }
 
     /// The shaft is there, however it came there.
     #[cold]
     pub fn place(&mut self, angle: TotalAngle) {
-        self.angle = angle;
-        #[expect(clippy::cast_possible_truncation, reason = "less than a turn")]
-        let phase = angle.microdegrees().rem_euclid(TURN.into()) as i32;
-        self.phase = phase;
+        let (microdegrees, turn) = (angle.microdegrees(), i64::from(TURN));
+        let turns = microdegrees.div_euclid(turn).clamp(i32::MIN.into(), i32::MAX.into());
+        #[expect(clippy::cast_possible_truncation, reason = "clamped; less than a turn")]
+        (self.turns, self.phase) = (turns as i32, microdegrees.rem_euclid(turn) as i32);
     }
 
     /// Its speed at `at`, from that of the sensor.
@@ -262,15 +267,17 @@ impl Shaft {
 
     /// The angle now is zero from now on; what it was until now.
     pub const fn set_zero(&mut self) -> TotalAngle {
-        (self.rest, self.phase) = (0, 0);
-        core::mem::replace(&mut self.angle, TotalAngle::ZERO)
+        let zero = self.angle();
+        (self.rest, self.turns, self.phase) = (0, 0, 0);
+        zero
     }
 
     /// The angle of many turns from the zero.
     #[inline]
     #[must_use]
     pub const fn angle(&self) -> TotalAngle {
-        self.angle
+        let turns = self.turns as i64 * TURN as i64;
+        TotalAngle::from_microdegrees(turns + self.phase as i64)
     }
 
     /// The angle within the turn: 0 ..< 360,000,000 microdegrees.
@@ -310,7 +317,7 @@ impl Shaft {
     /// reading for a device that is told where to go.
     #[must_use]
     pub fn steps_to(&self, angle: TotalAngle) -> i64 {
-        let way = i128::from(angle.minus(self.angle).microdegrees());
+        let way = i128::from(angle.minus(self.angle()).microdegrees());
         let (divisor, part) = (i128::from(self.divisor), i128::from(self.part));
         // A step is (whole · divisor + part) / divisor microdegrees.
         let step = i128::from(self.whole) * divisor + part;
@@ -327,16 +334,10 @@ impl Shaft {
             return Feedback::NEW;
         }
         let angle = degrees_within_turn(self.phase);
-        let mut feedback = Feedback::new(self.at, self.speed, angle, self.angle);
+        let mut feedback = Feedback::new(self.at, self.speed, angle, self.angle());
         feedback.turn_gaps = self.gaps;
         feedback
     }
-}
-
-/// Once in a turn of the output.
-#[cold]
-const fn wrapped(phase: i32) -> i32 {
-    if phase < 0 { phase.wrapping_add(TURN) } else { phase.wrapping_sub(TURN) }
 }
 
 const fn greatest_common_divisor(mut a: i64, mut b: i64) -> i64 {
