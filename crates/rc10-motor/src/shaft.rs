@@ -249,7 +249,8 @@ impl Shaft {
         let (microdegrees, turn) = (angle.microdegrees(), i64::from(TURN));
         let turns = microdegrees.div_euclid(turn).clamp(i32::MIN.into(), i32::MAX.into());
         #[expect(clippy::cast_possible_truncation, reason = "clamped; less than a turn")]
-        (self.turns, self.phase) = (turns as i32, microdegrees.rem_euclid(turn) as i32);
+        let (turns, phase) = (turns as i32, microdegrees.rem_euclid(turn) as i32);
+        (self.turns, self.phase) = (turns, phase);
     }
 
     /// Its speed at `at`, from that of the sensor.
