@@ -196,8 +196,13 @@ impl Servo {
             Goal::Speed(rpm) if goes_on => {
                 state.seek_speed(cascade, *rpm, shaft.speed().get(), *limit, tick.dt);
             }
-            Goal::Angle(_) | Goal::Total(_)
-                if goes_on && state.keep_seeking_angle(cascade, shaft.speed().get(), tick.dt) => {}
+            goal @ (Goal::Angle(_) | Goal::Total(_)) if goes_on => {
+                let speed = shaft.speed().get();
+                if !state.keep_seeking_angle(cascade, speed, tick.dt) {
+                    let way = way(goal, shaft);
+                    state.seek_angle(cascade, way, speed, *limit, tick.dt, tick.count);
+                }
+            }
             _ => self.pursue(tick, shaft),
         }
     }
