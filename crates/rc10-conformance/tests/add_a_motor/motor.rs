@@ -229,7 +229,7 @@ impl Motor for Finch {
         if let Some(left) = self.clearing {
             self.clearing = Some(left - dt.get().max(0.0)).filter(|left| *left > 0.0);
             if self.clearing.is_none() {
-                self.answer = Some(Err(RequestError::NoReply));
+                self.answer = Some(Err(RequestError::Timeout));
             }
         }
     }
@@ -271,7 +271,7 @@ impl Motor for Finch {
 }
 
 impl CanMotor for Finch {
-    fn wiring(&self) -> CanIds {
+    fn can_ids(&self) -> CanIds {
         let report = RxFrames {
             pattern: IdPattern::exact(self.report_id),
             len: 8,

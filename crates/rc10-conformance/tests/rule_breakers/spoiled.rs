@@ -58,7 +58,7 @@ pub struct Spoiled {
 impl Spoiled {
     pub fn new(good: Finch, spoil: Spoil) -> Self {
         let number = MADE.with(|made| made.replace(made.get() + 1));
-        let id = good.wiring().name().id;
+        let id = good.name().id;
         ALIVE.with(|alive| alive.borrow_mut().push((id, number)));
         Self {
             good,
@@ -287,8 +287,8 @@ impl Motor for Spoiled {
 }
 
 impl CanMotor for Spoiled {
-    fn wiring(&self) -> CanIds {
-        let good = self.good.wiring();
+    fn can_ids(&self) -> CanIds {
+        let good = self.good.can_ids();
         let (mut received, mut sent) = (good.received().to_vec(), good.transmitted().to_vec());
         let mut name = good.name().model;
         match self.spoil {

@@ -114,8 +114,8 @@ impl Motor for Sprung {
 }
 
 impl CanMotor for Sprung {
-    fn wiring(&self) -> CanIds {
-        self.good.wiring()
+    fn can_ids(&self) -> CanIds {
+        self.good.can_ids()
     }
 
     fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {

@@ -62,7 +62,7 @@ fn reversed_is_the_mirror_of_forward() {
 fn the_first_reading_is_an_absolute_angle_and_zero_is_where_it_stands() {
     let mut shaft = shaft(8192, 1, 1, Direction::Forward);
     assert_eq!(shaft.feedback(), Feedback::NEW);
-    assert_eq!(shaft.measured(), None);
+    assert!(!shaft.is_known());
     shaft.follow(2048, 0.0, Micros::from_millis(500));
     assert_eq!((shaft.angle(), shaft.phase()), (TotalAngle::from_degrees(90), TURN / 4));
     assert_eq!(shaft.feedback().turn_gaps, 0);
