@@ -24,9 +24,6 @@ pub(super) fn every_kind(number: f32) -> [Target; 13] {
         Target::Impedance(impedance),
         Target::Brake(Amps::new(number)),
         Target::Handbrake(Amps::new(number)),
-        Target::CurrentShare(number),
-        Target::BrakeShare(number),
-        Target::HandbrakeShare(number),
     ]
 }
 

@@ -200,9 +200,13 @@ impl Vesc {
     /// One step of our own angle loops, which start softly and keep to the limit by themselves.
     fn seek(&mut self, tick: &Tick) -> Command {
         self.risen = 0.0;
-        let measured = if self.is_blind() { None } else { self.shaft.measured() };
+        let is_blind = self.is_blind();
         let Some(servo) = &mut self.servo else { return COAST };
-        servo.update(tick, measured);
+        if is_blind {
+            servo.rest();
+        } else {
+            servo.update(tick, &self.shaft);
+        }
         Command::Current(Amps::new(self.shaft.sign() * servo.effort()))
     }
 
@@ -481,7 +485,7 @@ impl Motor for Vesc {
             Request::ClearFault => Ok(Response::Done),
             Request::SpeedGains(_) | Request::AngleGains(_) => {
                 let servo = self.servo.as_mut().ok_or(RequestError::Unsupported)?;
-                servo.request(request, self.shaft.measured())
+                servo.request(request, &self.shaft)
             }
             _ => Err(RequestError::Unsupported),
         }
