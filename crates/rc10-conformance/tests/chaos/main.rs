@@ -122,7 +122,11 @@ fn unitree_motors() {
 
 #[test]
 fn vescs() {
-    all(&[("VESC", vesc::vesc), ("VESC with angle loops", vesc::vesc_with_servo)]);
+    all(&[
+        ("VESC", vesc::vesc),
+        ("VESC, relative currents", vesc::vesc_relative),
+        ("VESC with angle loops", vesc::vesc_with_servo),
+    ]);
 }
 
 #[test]

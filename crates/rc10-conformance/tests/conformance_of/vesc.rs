@@ -64,8 +64,17 @@ const ALIKE: [Trial; 5] = [
     Trial::new(Target::Handbrake(Amps::new(20.0)), 300.0, 8000),
 ];
 
-/// A wheel of 0.5 kg without gearbox.
 pub fn vesc(direction: Direction) -> Result<(), Report> {
+    wheel(direction, None)
+}
+
+/// Its currents are sent as shares of the device's limit.
+pub fn vesc_relative(direction: Direction) -> Result<(), Report> {
+    wheel(direction, Some(Amps::new(LIMIT)))
+}
+
+/// A wheel of 0.5 kg without gearbox.
+fn wheel(direction: Direction, relative_to: Option<Amps>) -> Result<(), Report> {
     let plant = outrunner_270_kv().with_load_inertia(6e-4);
     let declared = Declaration {
         holds: Claim::Cannot("a still field holds to half its turn: 26 degrees of this shaft"),
@@ -73,7 +82,10 @@ pub fn vesc(direction: Direction) -> Result<(), Report> {
     }
     .with_trials(&ALIKE)
     .with_trials(&[Trial::new(Target::Speed(Rpm::new(1000.0)), 60.0, 3000)]);
-    run(&untold(declared, direction), plant, |id| ours(id, Gear::DIRECT, direction))
+    run(&untold(declared, direction), plant, |id| {
+        let config = Config { relative_to, ..*ours(id, Gear::DIRECT, direction).config() };
+        Vesc::new(config).unwrap()
+    })
 }
 
 /// A lift's drum behind a gearbox of 19 : 1.

@@ -21,8 +21,7 @@ use crate::shaft::Shaft;
 use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
-/// After driving starts, a current rises to what was asked for within this time, s. The servo's
-/// soft start is too steep where a command leaves every 5 ms …
+/// After driving starts, a current rises to what was asked for within this time, s …
 const SOFT_TIME: f32 = 0.020;
 /// … and a duty from what the motor's own voltage is by so much a second. The VESC's ramp of 2 % in
 /// a millisecond is a blow: its winding has no more than a few hundredths of an ohm.
@@ -69,6 +68,8 @@ pub struct Vesc {
     risen: f32,
     /// Duty from which it comes.
     from: f32,
+    /// Seconds for which our angle loops have driven.
+    sought: f32,
     command: Command,
     is_due: bool,
     /// Seconds until the command is repeated.
@@ -130,6 +131,7 @@ impl Vesc {
             hold: Hold::default(),
             risen: 0.0,
             from: 0.0,
+            sought: 0.0,
             command: COAST,
             is_due: true,
             until_next: 0.0,
@@ -180,6 +182,7 @@ impl Vesc {
         if seeks {
             return self.seek(tick);
         }
+        self.sought = 0.0;
         if let Some(servo) = &mut self.servo {
             servo.rest();
         }
@@ -203,8 +206,10 @@ impl Vesc {
         let is_blind = self.is_blind();
         let Some(servo) = &mut self.servo else { return COAST };
         if is_blind {
+            self.sought = 0.0;
             servo.rest();
         } else {
+            self.sought += tick.dt.get();
             servo.update(tick, &self.shaft);
         }
         Command::Current(Amps::new(self.shaft.sign() * servo.effort()))
@@ -307,7 +312,7 @@ impl Vesc {
         match *status {
             Status::Motion { speed, current, duty } => {
                 if link != Link::Online {
-                    self.after_silence = true;
+                    self.after_silence = link == Link::Lost;
                     // It may have started anew, with the limits that are set in it.
                     self.until_limit = self.until_limit.map(|_| 0.0);
                 }
@@ -341,13 +346,14 @@ impl Vesc {
         // blink.
         let most = MOST_ASIDE + 0.2 * self.reported.speed.get().abs() * self.tachometer_age;
         self.tachometer_age = 0.0;
+        let after_silence = core::mem::take(&mut self.after_silence);
         let Some(last) = self.tachometer.replace(steps) else {
             return self.shaft.start(steps.into());
         };
         let moved = steps.wrapping_sub(last);
         #[expect(clippy::cast_precision_loss, reason = "many are many")]
         let jumps = moved.unsigned_abs() as f32 > most;
-        if !(core::mem::take(&mut self.after_silence) || jumps) {
+        if !(after_silence || jumps) {
             return self.shaft.move_by(moved);
         }
         self.shaft.count_gap();
@@ -474,6 +480,8 @@ impl Motor for Vesc {
             self.is_due = true;
             self.until_next = (self.until_next + period).max(0.0);
         }
+        // The steps of a soft start are those of a tick, not of a command's period.
+        self.is_due |= self.sought > 0.0 && self.sought <= SOFT_TIME;
         (self.mode, self.command) = (tick.mode, command);
     }
 
