@@ -318,6 +318,34 @@ fn a_servo_keeps_to_the_limits() {
     });
 }
 
+/// Also where a command is repeated every 5 ms.
+#[test]
+fn a_servo_starts_softly() {
+    let (ours, theirs) = lift();
+    let config = Config { command_hz: 200, ..*ours.config() };
+    let cascade = Cascade {
+        speed: PidConfig::new(50.0, 0.0, 0.0, 40.0),
+        angle: PidConfig::new(2.0, 0.0, 0.0, 120.0),
+        outer_divider: 5,
+        acceleration: RpmPerSecond::new(4000.0),
+        feed_forward: 0.0,
+    };
+    let ours = Vesc::new(config).unwrap().with_servo(cascade).unwrap();
+    on_bench(ours, theirs, Safety::COAST, |bench, motor, esc, switch| {
+        switch.arm().unwrap();
+        bench.wait(50);
+        let mut strongest = 0.0_f64;
+        for _ in 0..15 {
+            let before = esc.state().current;
+            hold(bench, motor, Target::TotalAngle(TotalAngle::from_degrees(7200)), 1);
+            let grown = esc.state().current - before;
+            assert!(grown < 0.15 * 40.0, "{grown} A in a millisecond");
+            strongest = strongest.max(esc.state().current);
+        }
+        assert!(strongest > 30.0, "{strongest}");
+    });
+}
+
 #[test]
 fn a_servo_seeks_nothing_by_a_tachometer_that_has_stopped() {
     let (ours, theirs) = lift();
