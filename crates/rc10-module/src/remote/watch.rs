@@ -79,7 +79,7 @@ mod tests {
 
     #[test]
     fn nothing_heard_is_lost() {
-        assert_eq!(Watch::new().freshness(Micros::ZERO), Lost);
+        assert_eq!(Watch::new().link(Micros::ZERO), Lost);
         let mut watch = Watch::new();
         watch.heard(&FAILSAFE, after(0));
         assert_eq!(watch.link(after(0)), Lost);
