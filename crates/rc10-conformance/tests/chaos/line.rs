@@ -62,7 +62,7 @@ impl Scene for LineScene<'_> {
         self.bench.line.request(self.motor, request)
     }
 
-    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
+    fn response(&mut self) -> Option<Result<Response, RequestError>> {
         self.bench.line.response(self.motor)
     }
 
