@@ -89,7 +89,7 @@ impl Motor for Witness<'_> {
 }
 
 impl CanMotor for Witness<'_> {
-    fn wiring(&self) -> CanIds {
+    fn can_ids(&self) -> CanIds {
         CanIds::new("witness", 1)
     }
     fn unpack_feedback(&mut self, _: &CanFrame, _: Micros) -> Result<FrameKind, FrameError> {

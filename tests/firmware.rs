@@ -56,7 +56,7 @@ fn micros(time: Nanos) -> f64 {
     time.get() as f64 * 1e-3
 }
 
-/// The robot's firmware in the robot's surroundings.
+/// The robot's firmware in the robot's environment.
 fn run<R>(setup: &Setup, scenario: impl FnOnce(&mut Emulation<'_>) -> R) -> R {
     give(setup, |mut emulation| scenario(&mut emulation))
 }
@@ -653,7 +653,7 @@ fn the_chip_drives_as_the_simulator_does() {
         let mut motors = Motors::new();
         let robot = team::robot(&io, motors.start(&io).unwrap());
         let description = robot.description().clone();
-        let mut around = rc10_cli::surroundings::Surroundings::new(&description, 1).unwrap();
+        let mut around = rc10_cli::environment::Environment::new(&description, 1).unwrap();
         let mut tasks = robot.tasks(&around).unwrap();
         (1..=end)
             .map(|millisecond| {

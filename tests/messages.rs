@@ -10,7 +10,7 @@ use embassy_time::Timer;
 use rc10_app::Rpm;
 use rc10_bsp::{Latest, Service, Topic, now};
 use rc10_can::Micros;
-use rc10_cli::surroundings::Surroundings;
+use rc10_cli::environment::Environment;
 use rc10_cli::team;
 use rc10_module::ranging::Range;
 use rc10_motor::{Request, Target};
@@ -79,7 +79,7 @@ fn the_code_of_the_page_runs() {
     let io = &Io::new(ports.each_ref());
     let mut motors = Motors::new();
     let robot = team::robot(io, motors.start(io).unwrap());
-    let mut around = Surroundings::new(robot.description(), 1).unwrap();
+    let mut around = Environment::new(robot.description(), 1).unwrap();
     let mut tasks = robot.tasks(&around).unwrap();
     tasks.add(async { listen().await.unwrap() });
     tasks.add(async { serve().await.unwrap() });

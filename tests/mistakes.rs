@@ -1,7 +1,9 @@
 //! Robots that are built otherwise than their table says: how it looks, and what a run says of it.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use std::path::Path;
+#[path = "common/scratch.rs"]
+mod scratch;
+
 use std::process::Command;
 
 use rc10_can::Micros;
@@ -9,11 +11,12 @@ use rc10_cli::recording::Recording;
 use rc10_cli::{mixed, simulate::simulate, team};
 use rc10_motor::Link;
 use rc10_robot::table::Name;
+use scratch::Scratch;
 
 /// Exit code, and what it says on both ways out.
 fn rc10(arguments: &[&str]) -> (Option<i32>, String) {
     let folder = arguments.concat().replace([':', '=', ',', ' '], "_");
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(folder);
+    let folder = Scratch::new(&folder);
     let output = Command::new(env!("CARGO_BIN_EXE_rc10"))
         .args(["run", "--strict", "--out", folder.to_str().unwrap()])
         .args(arguments)

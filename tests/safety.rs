@@ -6,7 +6,7 @@ mod common;
 use common::{Bench, motor, twin};
 use rc10_app::{Amps, Rpm, TotalAngle};
 use rc10_can::Micros;
-use rc10_cli::surroundings::Surroundings;
+use rc10_cli::environment::Environment;
 use rc10_cli::team;
 use rc10_motor::dji::{self, FeedbackRate, Model};
 use rc10_motor::{ArmSwitch, DriveMode, Link, Safety, Target};
@@ -177,16 +177,15 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     let mut motors = Motors::new();
     let buses = motors.start(io).unwrap();
     let robot = team::robot(io, buses);
-    let mut around = Surroundings::new(robot.description(), 4).unwrap();
+    let mut around = Environment::new(robot.description(), 4).unwrap();
     let mut tasks = robot.tasks(&around).unwrap();
     let stop = Micros::new(7_400_300);
     around.run(&mut tasks, stop);
-    let traces = |around: &Surroundings| {
+    let traces = |around: &Environment| {
         around.wires.iter().map(rc10_sim::Bus::take_trace).collect::<Vec<_>>()
     };
-    let lift = |around: &Surroundings| {
-        LIFT.map(|name| around.motors[name as usize].state().output_degrees)
-    };
+    let lift =
+        |around: &Environment| LIFT.map(|name| around.motors[name as usize].state().output_degrees);
     let rising = around.motors[Name::LiftFrontLeft as usize].state().output_rpm;
     assert!(rising > 20.0, "the lift moves: {rising}");
     io.switch.emergency_stop();

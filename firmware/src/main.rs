@@ -92,7 +92,7 @@ async fn main(spawner: Spawner) {
     }
     if let Err(why) = start(spawner, board) {
         // No crash: after a restart it would be the same, and a buffer that starts anew again and
-        // again is hard to read. Nobody commands the buses that run already: they coast.
+        // again is hard to read. The buses that run already get no commands: they coast.
         defmt::error!("the robot does not start: {}", why);
     }
 }

@@ -90,7 +90,7 @@ async fn show(io: &Io<'_>, mut output: PulseOutput) -> ! {
     lamp::run(io, Strip::<_, LEDS>::new(pulses).with_brightness(LED_BRIGHTNESS)).await
 }
 
-/// Writes the status, ten times a second, as a line of text: to whoever listens at the UART, and into
+/// Writes the status, ten times a second, as a line of text: to the UART, and into
 /// the debug probe's buffer. Never faster, because writing there blocks interrupts; and the text is
 /// made before, so that they wait for a copy of it only, and written whole milliseconds after `quiet`,
 /// when no bus is about to send.

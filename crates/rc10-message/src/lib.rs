@@ -10,7 +10,7 @@
 //! for timeouts, an [`embassy_time`] driver, which the binary chooses: this crate enables neither.
 //!
 //! It is a crate of its own because motors and boards both use it, and do not know each other.
-//! `docs/messages.md` says what is what to somebody who knows ROS, and has every message of the robot
+//! `docs/messages.md` translates for readers who know ROS, and has every message of the robot
 //! in one table.
 #![no_std]
 #![forbid(unsafe_code)]

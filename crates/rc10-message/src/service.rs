@@ -70,9 +70,9 @@ struct Desk<Request, Response, const CALLERS: usize> {
     late: u32,
 }
 
-/// Where a caller waits.
+/// The place of a waiting caller.
 struct Place<Request, Response> {
-    /// Tells one call from the next, so that nobody takes another's response; counts upwards.
+    /// Tells one call from the next, so that no caller takes another's response; counts upwards.
     ticket: u32,
     stage: Stage<Request, Response>,
     caller: WakerRegistration,
@@ -94,7 +94,7 @@ pub enum CallError {
         /// How many it has room for.
         most: usize,
     },
-    /// Nobody took the request in time, and nobody will: does the server run?
+    /// The request was not taken in time, and was taken back: does the server run?
     NotTaken,
     /// The server has taken the request but did not answer in time. Whether it does what was asked
     /// is not known.
@@ -116,7 +116,7 @@ impl fmt::Display for CallError {
 
 impl core::error::Error for CallError {}
 
-/// What became of a service's calls.
+/// Counters of a service's calls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Calls {
@@ -137,7 +137,7 @@ pub struct Calls {
 }
 
 impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS> {
-    /// A service that nobody has called yet.
+    /// A service without calls.
     #[must_use]
     pub const fn new() -> Self {
         const { assert!(CALLERS > 0, "a service needs room for a caller") };
@@ -158,7 +158,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
 
     /// Asks, and waits for the response, at most for `timeout`.
     ///
-    /// A request that nobody has taken when its time is over is taken back: no server will ever see
+    /// A request that was not taken when its time is over is taken back: no server will ever see
     /// it. A response that came in the last moment counts.
     ///
     /// # Errors
@@ -166,7 +166,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
     ///
     /// # Cancel safety
     /// The future may be dropped at any time, and does nothing before it is first polled. Dropped,
-    /// it takes its request back if nobody has taken it, and otherwise has its response dropped.
+    /// it takes its request back if it was not taken, and otherwise has its response dropped.
     pub async fn call(&self, request: Request, timeout: Micros) -> Result<Response, CallError> {
         let mut waiting = self.ask(request)?;
         let timeout = Duration::from_micros(timeout.get().min(LONGEST_TIMEOUT));
@@ -197,7 +197,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
         })
     }
 
-    /// The oldest request that nobody has taken, if there is one, and who waits for the response.
+    /// The oldest request that was not taken yet, if there is one, and who waits for the response.
     /// Never waits: while there is none it costs one load. Any task or interrupt may look.
     ///
     /// ```
@@ -208,7 +208,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
     ///
     /// static RAISE: Service<i32, i32> = Service::new();
     ///
-    /// // A control task: a tick every millisecond, whether somebody asks or not.
+    /// // A control task: a tick every millisecond, with or without requests.
     /// let lift = async {
     ///     let (mut height, mut goal) = (0, None);
     ///     loop {
@@ -246,7 +246,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
         if served { Err(AlreadyServed) } else { Ok(Server { service: self }) }
     }
 
-    /// What became of the calls so far. Counters start over after 2³².
+    /// Counters of the calls so far. They start over after 2³².
     #[must_use]
     pub fn calls(&self) -> Calls {
         self.with(|desk| {
@@ -340,13 +340,13 @@ impl<Request, Response, const CALLERS: usize> Desk<Request, Response, CALLERS> {
     }
 }
 
-/// Who waits for the requests to a [`Service`].
+/// The server of a [`Service`]: takes its requests.
 pub struct Server<'s, Request, Response, const CALLERS: usize = 4> {
     service: &'s Service<Request, Response, CALLERS>,
 }
 
 impl<'s, Request, Response, const CALLERS: usize> Server<'s, Request, Response, CALLERS> {
-    /// Waits for a request: the oldest that nobody has taken, and who waits for the response.
+    /// Waits for a request: the oldest that was not taken yet, and who waits for the response.
     ///
     /// # Cancel safety
     /// Dropping the future loses no request.
@@ -450,8 +450,8 @@ impl<Request, Response, const CALLERS: usize> Drop for Waiting<'_, Request, Resp
     }
 }
 
-/// Who waits for a response. A server may keep it and [`reply`](Self::reply) later, after other
-/// requests; dropped, it tells the caller at once that its request is not served.
+/// The caller that waits for a response. A server may keep it and [`reply`](Self::reply) later,
+/// after other requests; dropped, it tells the caller at once that its request is not served.
 #[must_use = "dropped, it tells the caller that its request is not served"]
 pub struct Caller<'s, Request, Response, const CALLERS: usize = 4> {
     service: &'s Service<Request, Response, CALLERS>,

@@ -18,7 +18,7 @@
 //! assert_eq!(angle.microdegrees(), -8 * 360_000_000 / (8192 * 36));
 //! ```
 
-use rc10_app::angle::{degrees_within_turn, nearest_movement, shortest_way};
+use rc10_app::angle::{degrees_within_turn, nearest_movement};
 use rc10_app::{Direction, Gear, Rpm, TotalAngle};
 use rc10_can::Micros;
 
@@ -35,26 +35,8 @@ const CERTAIN_RPM_MICROS: f32 = 27e6;
 /// Nor are they after such a silence, whatever the speed was before and after.
 const LONG_SILENCE: Micros = Micros::from_millis(100);
 
-/// Speed and angle of an output shaft, as measured last.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Measured {
-    /// Speed.
-    pub speed: Rpm,
-    /// Angle of many turns from the zero.
-    pub angle: TotalAngle,
-    /// The same within the turn: 0 ..< 360,000,000 microdegrees.
-    pub phase: i32,
-}
-
-impl Measured {
-    /// A speed and an angle.
-    #[must_use]
-    pub const fn new(speed: Rpm, angle: TotalAngle) -> Self {
-        #[expect(clippy::cast_possible_truncation, reason = "less than a turn")]
-        let phase = angle.microdegrees().rem_euclid(TURN as i64) as i32;
-        Self { speed, angle, phase }
-    }
-}
+/// When a shaft was measured that was not.
+const NEVER: Micros = Micros::new(1 << 63);
 
 /// Counts the turns of an output shaft.
 ///
@@ -65,15 +47,22 @@ pub struct Shaft {
     whole: i32,
     part: i32,
     divisor: i32,
-    /// Steps in a turn of the sensor.
+    /// The most steps at once for which 32 bits are enough, and that move the output by less than a
+    /// turn.
+    most: u32,
+    /// Steps in a turn of the sensor, and in half of one.
     steps_per_turn: i32,
+    half_turn: i32,
     /// Turns of the output per turn of the sensor, with the direction.
     ratio: f32,
     /// What the encoder showed last, where it starts over every turn.
     reading: i32,
     /// What the last steps left over, in shares of `divisor`.
     rest: i32,
-    measured: Measured,
+    speed: Rpm,
+    /// The angle from the zero: whole turns, and 0 ..< 360,000,000 microdegrees.
+    turns: i32,
+    phase: i32,
     /// When it was measured last; far away before the first time.
     at: Micros,
     gaps: u32,
@@ -104,25 +93,41 @@ impl Shaft {
         } else {
             microdegrees / divisor
         };
-        #[expect(clippy::cast_possible_truncation, reason = "checked, or below the divisor")]
+        let part = microdegrees % divisor;
+        // Of one step, rounded up.
+        let in_turn = TURN as i64 / (whole + 1);
+        let in_32_bits = (i32::MAX as i64 - divisor) / (part + 1);
+        let most = if in_turn < in_32_bits { in_turn } else { in_32_bits };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked")]
         Self {
             whole: whole as i32 * sign as i32,
-            part: (microdegrees % divisor * sign as i64) as i32,
+            part: part as i32 * sign as i32,
             divisor: divisor as i32,
+            most: most as u32,
             steps_per_turn: steps,
+            half_turn: steps / 2,
             ratio: sign as f32 / gear.ratio(),
             reading: 0,
             rest: 0,
-            measured: Measured { speed: Rpm::ZERO, angle: TotalAngle::ZERO, phase: 0 },
-            at: Micros::new(u64::MAX / 2),
+            speed: Rpm::ZERO,
+            turns: 0,
+            phase: 0,
+            at: NEVER,
             gaps: 0,
         }
     }
 
+    /// When and how fast it was measured last: for [`bridge`](Self::bridge).
+    #[must_use]
+    pub const fn before(&self) -> (Micros, Rpm) {
+        (self.at, self.speed)
+    }
+
     /// Whether anything was measured.
+    #[inline]
     #[must_use]
     pub const fn is_known(&self) -> bool {
-        self.at.get() != u64::MAX / 2
+        self.at.get() < NEVER.get()
     }
 
     /// Takes the reading of an encoder that starts over every turn (0 ..< `steps_per_turn`), and
@@ -133,40 +138,58 @@ impl Shaft {
     /// counted.
     #[inline]
     pub fn follow(&mut self, reading: i32, sensor_rpm: f32, at: Micros) {
-        let step = shortest_way(self.reading, reading, self.steps_per_turn);
+        let step = self.shorter_way(reading.wrapping_sub(self.reading));
         self.reading = reading;
+        let before = (self.at, self.speed);
+        self.measure(sensor_rpm, at);
         // Also for the first reading.
-        if at.get().wrapping_sub(self.at.get()) < CERTAIN_MICROS {
+        if at.get().wrapping_sub(before.0.get()) < CERTAIN_MICROS {
             self.move_by(step);
         } else {
-            self.follow_after_silence(step, sensor_rpm, at);
+            self.follow_after_silence(step, before);
         }
-        self.measure(sensor_rpm, at);
     }
 
+    /// A step from one reading to the next, the shorter way round.
+    #[inline]
+    const fn shorter_way(&self, step: i32) -> i32 {
+        let Self { steps_per_turn, half_turn, .. } = *self;
+        if step.wrapping_add(half_turn).cast_unsigned() < steps_per_turn.cast_unsigned() {
+            step
+        } else if step < 0 {
+            step.wrapping_add(steps_per_turn)
+        } else {
+            step.wrapping_sub(steps_per_turn)
+        }
+    }
+
+    /// The same after a silence; `before` is when and how fast it was measured before.
     #[cold]
-    fn follow_after_silence(&mut self, step: i32, sensor_rpm: f32, at: Micros) {
-        if !self.is_known() {
+    fn follow_after_silence(&mut self, step: i32, before: (Micros, Rpm)) {
+        let (last, speed) = before;
+        if last == NEVER {
             return self.start(self.reading.into());
         }
-        let silence = at.since(self.at);
-        let fastest = sensor_rpm.abs().max((self.measured.speed.get() / self.ratio).abs());
+        let silence = self.at.since(last);
+        let fastest = self.speed.abs().get().max(speed.abs().get()) / self.ratio.abs();
         #[expect(clippy::cast_precision_loss, reason = "up to 100 ms")]
         let turned = fastest * silence.get() as f32;
         if silence <= LONG_SILENCE && turned <= CERTAIN_RPM_MICROS {
             self.move_by(step);
         } else {
-            self.bridge(step.into(), sensor_rpm, at);
+            self.bridge(step.into(), before);
         }
     }
 
-    /// The sensor moved by `step`, give or take whole turns of it, since it was measured last: its
-    /// speed before and after says how many. Counts a gap.
+    /// The sensor moved by `step`, give or take whole turns of it, between the measurement `before`
+    /// (when, and how fast) and the one that has just been [taken](Self::measure): their mean speed
+    /// says how many. Counts a gap.
     #[cold]
-    pub fn bridge(&mut self, step: i64, sensor_rpm: f32, at: Micros) {
-        let mean = 0.5 * (self.measured.speed.get() / self.ratio + sensor_rpm);
+    pub fn bridge(&mut self, step: i64, before: (Micros, Rpm)) {
+        let (last, speed) = before;
+        let mean = 0.5 * (speed.get() + self.speed.get()) / self.ratio;
         #[expect(clippy::cast_precision_loss, reason = "an estimate")]
-        let turns = mean * (at.since(self.at).get() as f32 * (1.0 / 60e6));
+        let turns = mean * (self.at.since(last).get() as f32 * (1.0 / 60e6));
         #[expect(clippy::cast_precision_loss, reason = "an estimate")]
         #[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
         let expected = (turns * self.steps_per_turn as f32) as i64;
@@ -186,11 +209,26 @@ impl Shaft {
     /// The sensor moved by so many steps.
     #[inline]
     pub fn move_by(&mut self, steps: i32) {
-        let over = i64::from(steps) * i64::from(self.part) + i64::from(self.rest);
-        let Ok(over) = i32::try_from(over) else { return self.jump_by(steps.into()) };
-        let carry = over / self.divisor;
-        self.rest = over - carry * self.divisor;
-        self.advance(i64::from(steps) * i64::from(self.whole) + i64::from(carry));
+        let Self { whole, part, divisor, most, .. } = *self;
+        if steps.unsigned_abs() > most || divisor <= 0 {
+            return self.jump_by(steps.into());
+        }
+        let over = steps.wrapping_mul(part).wrapping_add(self.rest);
+        let carry = over / divisor;
+        self.rest = over.wrapping_sub(carry.wrapping_mul(divisor));
+        let moved = steps.wrapping_mul(whole).wrapping_add(carry);
+        self.phase = self.phase.wrapping_add(moved);
+        if self.phase.cast_unsigned() >= TURN.cast_unsigned() {
+            self.wrap();
+        }
+    }
+
+    /// Once in a turn of the output.
+    #[cold]
+    const fn wrap(&mut self) {
+        let turn = if self.phase < 0 { -1 } else { 1 };
+        self.turns = self.turns.wrapping_add(turn);
+        self.phase = self.phase.wrapping_sub(turn * TURN);
     }
 
     /// The same for any number of steps.
@@ -201,37 +239,24 @@ impl Shaft {
         #[expect(clippy::cast_possible_truncation, reason = "below the divisor; up to 2^64")]
         let (rest, carry) = ((over - carry * i128::from(self.divisor)) as i32, carry as i64);
         self.rest = rest;
-        self.advance(steps.saturating_mul(self.whole.into()).saturating_add(carry));
-    }
-
-    #[inline]
-    fn advance(&mut self, microdegrees: i64) {
-        let moved = TotalAngle::from_microdegrees(microdegrees);
-        let angle = self.measured.angle.plus(moved);
-        match i32::try_from(microdegrees) {
-            Ok(step) if (-TURN..=TURN).contains(&step) => {
-                self.measured.angle = angle;
-                let phase = self.measured.phase + step;
-                self.measured.phase = match phase {
-                    _ if phase < 0 => phase + TURN,
-                    _ if phase >= TURN => phase - TURN,
-                    _ => phase,
-                };
-            }
-            _ => self.place(angle),
-        }
+        let moved = steps.saturating_mul(self.whole.into()).saturating_add(carry);
+        self.place(self.angle().plus(TotalAngle::from_microdegrees(moved)));
     }
 
     /// The shaft is there, however it came there.
     #[cold]
     pub fn place(&mut self, angle: TotalAngle) {
-        self.measured = Measured::new(self.measured.speed, angle);
+        let (microdegrees, turn) = (angle.microdegrees(), i64::from(TURN));
+        let turns = microdegrees.div_euclid(turn).clamp(i32::MIN.into(), i32::MAX.into());
+        #[expect(clippy::cast_possible_truncation, reason = "clamped; less than a turn")]
+        let (turns, phase) = (turns as i32, microdegrees.rem_euclid(turn) as i32);
+        (self.turns, self.phase) = (turns, phase);
     }
 
     /// Its speed at `at`, from that of the sensor.
     #[inline]
     pub fn measure(&mut self, sensor_rpm: f32, at: Micros) {
-        self.measured.speed = Rpm::new(sensor_rpm * self.ratio);
+        self.speed = Rpm::new(sensor_rpm * self.ratio);
         self.at = at;
     }
 
@@ -243,28 +268,30 @@ impl Shaft {
 
     /// The angle now is zero from now on; what it was until now.
     pub const fn set_zero(&mut self) -> TotalAngle {
-        (self.rest, self.measured.phase) = (0, 0);
-        core::mem::replace(&mut self.measured.angle, TotalAngle::ZERO)
+        let zero = self.angle();
+        (self.rest, self.turns, self.phase) = (0, 0, 0);
+        zero
     }
 
     /// The angle of many turns from the zero.
     #[inline]
     #[must_use]
     pub const fn angle(&self) -> TotalAngle {
-        self.measured.angle
+        let turns = self.turns as i64 * TURN as i64;
+        TotalAngle::from_microdegrees(turns + self.phase as i64)
     }
 
     /// The angle within the turn: 0 ..< 360,000,000 microdegrees.
     #[must_use]
     pub const fn phase(&self) -> i32 {
-        self.measured.phase
+        self.phase
     }
 
-    /// Speed and angle; `None` before anything was measured.
+    /// The speed of the output.
     #[inline]
     #[must_use]
-    pub const fn measured(&self) -> Option<Measured> {
-        if self.is_known() { Some(self.measured) } else { None }
+    pub const fn speed(&self) -> Rpm {
+        self.speed
     }
 
     /// When it was measured last.
@@ -291,7 +318,7 @@ impl Shaft {
     /// reading for a device that is told where to go.
     #[must_use]
     pub fn steps_to(&self, angle: TotalAngle) -> i64 {
-        let way = i128::from(angle.minus(self.measured.angle).microdegrees());
+        let way = i128::from(angle.minus(self.angle()).microdegrees());
         let (divisor, part) = (i128::from(self.divisor), i128::from(self.part));
         // A step is (whole · divisor + part) / divisor microdegrees.
         let step = i128::from(self.whole) * divisor + part;
@@ -307,8 +334,8 @@ impl Shaft {
         if !self.is_known() {
             return Feedback::NEW;
         }
-        let Measured { speed, angle, phase } = self.measured;
-        let mut feedback = Feedback::new(self.at, speed, degrees_within_turn(phase), angle);
+        let angle = degrees_within_turn(self.phase);
+        let mut feedback = Feedback::new(self.at, self.speed, angle, self.angle());
         feedback.turn_gaps = self.gaps;
         feedback
     }

@@ -1,4 +1,4 @@
-//! From how the base shall move to the speeds of its wheels.
+//! The chassis task: from the motion of the base to the speeds of its wheels.
 
 use rc10_app::{Radians, Rpm, Seconds, Twist, TwistLimiter};
 use rc10_bsp::{Overrun, periodic};
@@ -8,9 +8,9 @@ use rc10_motor::{ArmState, Target};
 use crate::robot::{Axes, Io, Motion};
 use crate::table::{BASE, BASE_LIMITS, WHEELS};
 
-/// How often.
+/// Period of the chassis task.
 pub const PERIOD: Micros = Micros::from_millis(5);
-/// A wish older than this is nobody's any more.
+/// Age up to which a motion command is used.
 const OLDEST_MOTION: Micros = Micros::from_millis(100);
 
 /// The chassis task.
@@ -31,7 +31,7 @@ pub async fn run(io: &Io<'_>) -> ! {
             Axes::World => {
                 match io.heading.read().and_then(|heard| heard.value.direction(tick.now)) {
                     Some(heading) => heading,
-                    // Nobody knows where "forward" is: the base stops.
+                    // Without a heading "forward" is not known: the base stops.
                     None => {
                         wish = Motion::default();
                         Radians::ZERO
@@ -56,7 +56,7 @@ pub async fn run(io: &Io<'_>) -> ! {
     .await
 }
 
-/// How the base moves, by its wheels.
+/// Measured motion of the base, by its wheels.
 fn measured(io: &Io<'_>) -> Twist {
     BASE.forward(WHEELS.map(|name| io.motor(name).status().feedback.speed))
 }

@@ -1,4 +1,4 @@
-//! Who decides what the robot does: somebody with a remote control.
+//! The driver task: a remote control decides what the robot does.
 //!
 //! | right switch | the robot is |
 //! |---|---|
@@ -30,7 +30,7 @@ use rc10_motor::{ArmState, ArmSwitch};
 use crate::robot::{Axes, Io, Motion, Posture};
 use crate::table::{FEEDER, FULL_STICK, GIMBAL_AHEAD, GIMBAL_RATES, LIFT, LIFT_RATE, LIFT_TOP};
 
-/// How often it decides.
+/// Period of the driver task.
 pub const PERIOD: Micros = Micros::from_millis(10);
 
 /// The driver's task.
@@ -52,13 +52,13 @@ pub async fn run(io: &Io<'_>) -> ! {
     }
 }
 
-/// Where the lift is: it stays there until somebody moves it.
+/// Height of the lift, which stays until the stick moves it.
 fn lift_height(io: &Io<'_>) -> TotalAngle {
     let heights = LIFT.map(|motor| io.motor(motor).status().feedback.total_angle.microdegrees());
     TotalAngle::from_microdegrees(heights.iter().sum::<i64>() / heights.len() as i64)
 }
 
-/// What it decides from, and remembers.
+/// State of the driver: its inputs, and its memory.
 #[derive(Debug)]
 pub struct Driver {
     watch: Watch,
@@ -89,7 +89,7 @@ impl Driver {
         self.freshness
     }
 
-    /// What the mechanisms shall do, as of the last step.
+    /// Posture of the mechanisms, as of the last step.
     #[must_use]
     pub const fn posture(&self) -> &Posture {
         &self.posture
@@ -279,7 +279,7 @@ mod tests {
         scene.step(2);
         (scene.remote.left_switch, scene.remote.right_switch) = (Switch::Down, Switch::Up);
         scene.step(1);
-        // Somebody else ends the stop.
+        // The stop is ended elsewhere.
         scene.remote.left_switch = Switch::Middle;
         scene.switch.reset();
         assert_eq!(scene.step(100), None);
@@ -399,7 +399,7 @@ mod tests {
         assert_eq!(scene.driver.posture().lift, TotalAngle::ZERO);
         let yaw = scene.driver.posture().yaw.get();
         assert!((0.0..360.0).contains(&yaw), "{yaw}");
-        // Nobody feeds while driving.
+        // The feeder stands still while driving.
         scene.remote.left_switch = Switch::Middle;
         scene.step(1);
         assert_eq!(scene.driver.posture().feeder, Rpm::ZERO);

@@ -1,4 +1,4 @@
-//! Which way the robot looks becomes a topic.
+//! The IMU's task: the heading of the robot becomes a topic.
 
 use embedded_io_async::Read;
 use rc10_module::imu::{Heading, Wit, wit};

@@ -1,4 +1,4 @@
-//! The LED strip shows how the robot is.
+//! The LED strip that shows the state of the robot.
 
 use embassy_time::{Duration, Ticker};
 use rc10_module::led::pattern::{State, colour};
@@ -9,7 +9,7 @@ use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
 use crate::robot::Io;
 use crate::table::{LEDS, MOTORS};
 
-/// How often it is written: a beat of its rhythms.
+/// Period in which the strip is written: a beat of its rhythms.
 const PERIOD: Duration = Duration::from_millis(100);
 
 /// The lamp's task.
@@ -26,7 +26,7 @@ where
     }
 }
 
-/// What matters most of what there is to say.
+/// The most important state that the strip can show.
 #[must_use]
 pub fn state(io: &Io<'_>) -> State {
     let arm = io.switch.state();

@@ -1,4 +1,4 @@
-//! The gimbal, the feeder and the lift.
+//! The mechanisms task: gimbal, feeder and lift.
 
 use embassy_time::{Duration, Ticker};
 use rc10_can::Micros;
@@ -7,7 +7,7 @@ use rc10_motor::{Link, MotorStatus, Request, Target};
 use crate::robot::Io;
 use crate::table::{LIFT, Name};
 
-/// A posture older than this is nobody's wish any more.
+/// Age up to which a posture is used.
 const OLDEST_POSTURE: Micros = Micros::from_millis(100);
 
 /// The mechanisms' task.

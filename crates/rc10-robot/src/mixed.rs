@@ -22,7 +22,7 @@ pub const BUSES: usize = 2;
 /// Its legs: GO-M8010-6 on the line, with ids 0 to 3.
 pub const LEGS: usize = 4;
 
-/// What the robot calls its motors.
+/// Names of its motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Name {
     /// VESC 1, bus 1.
@@ -52,7 +52,7 @@ pub struct Motors {
     legs: [GoM8010; LEGS],
 }
 
-/// What the tasks share.
+/// Everything that the tasks share.
 pub struct Io {
     /// Arms and stops all motors.
     pub switch: ArmSwitch,
@@ -246,7 +246,7 @@ impl Default for Io {
     }
 }
 
-/// What happens from when on: milliseconds, a label, and new targets.
+/// Script of the robot: milliseconds, a label, and new targets.
 pub type Line = (u32, &'static str, &'static [(Name, Target)]);
 
 const fn legs(degrees: f32) -> [(Name, Target); LEGS] {
@@ -307,7 +307,7 @@ pub const SCRIPT: &[Line] = &[
     ),
 ];
 
-/// When the robot is armed, in milliseconds: all motors have been heard by then.
+/// Time at which the robot is armed, in milliseconds: all motors have been heard by then.
 pub const ARMED_AT: u64 = 100;
 
 const MOTORS: [Name; 6 + LEGS] = [

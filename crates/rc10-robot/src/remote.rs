@@ -1,4 +1,4 @@
-//! What the remote control says becomes a topic.
+//! The remote control's task: its frames become a topic.
 
 use embedded_io_async::Read;
 use rc10_can::Micros;

@@ -21,38 +21,38 @@ pub type Bus<'r> = MotorBus<'r>;
 #[derive(Default)]
 pub struct Motors(Vec<Dji, { MOTORS.len() }>);
 
-/// What the tasks share: every port, topic and switch of the robot.
+/// Everything that the tasks share: ports, topics and the switch of the robot.
 pub struct Io<'p> {
     /// Arms and stops all motors.
     pub switch: ArmSwitch,
     /// One port per bus; bus 1 is the first.
     pub buses: [&'p BusPort; BUSES],
-    /// What the remote control says.
+    /// Newest frame of the remote control.
     pub remote: Latest<Remote, 1>,
-    /// What its receiver's bytes amounted to.
+    /// Counters of its receiver's bytes and frames.
     pub remote_reception: Reception,
-    /// Whether it is heard.
+    /// Freshness of the remote control.
     pub freshness: Latest<Freshness, 1>,
     /// Which way the robot looks in the world, by its IMU: [`imu::run`](crate::imu::run) says from
     /// where that counts.
     pub heading: Latest<Heading, 1>,
-    /// What the IMU's bytes amounted to.
+    /// Counters of the IMU's bytes and frames.
     pub imu_reception: Reception,
-    /// How the base shall move.
+    /// Commanded motion of the base.
     pub motion: Latest<Motion, 1>,
     /// Where the gimbal shall point, how fast the feeder shall turn, how high the lift shall be.
     pub posture: Latest<Posture, 1>,
     /// The newest target that a motor refused: which motor, and why.
     pub refused: Latest<(Name, TargetError), 1>,
-    /// How the robot is, ten times a second.
+    /// Status of the robot, ten times a second.
     pub status: Topic<RobotStatus, 4, 2>,
-    /// How punctual the chassis task is.
+    /// Timing of the chassis task.
     pub chassis_timing: Statistics,
     /// What the buses take of the core, on a chip that counts its cycles: a run is a tick.
     pub bus_cycles: Option<&'p Cycles>,
 }
 
-/// How the base shall move.
+/// A motion command for the base.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
     /// Forward, to the left, and turning.
@@ -61,7 +61,7 @@ pub struct Motion {
     pub axes: Axes,
 }
 
-/// Whose axes a motion is in.
+/// Frame of reference of a motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Axes {
     /// The robot's: forward is where it looks.
@@ -71,7 +71,7 @@ pub enum Axes {
     World,
 }
 
-/// What the mechanisms on the base shall do.
+/// Setpoints of the mechanisms on the base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Posture {
     /// Gimbal yaw, 0 ..< 360 degrees.

@@ -1,4 +1,4 @@
-//! How the robot is, in one small message that a log, a lamp or a display can use.
+//! The status of the robot, in one small message that a log, a lamp or a display can use.
 
 use core::fmt;
 
@@ -16,10 +16,10 @@ use crate::table::{BUSES, MOTORS, Name};
 #[expect(clippy::cast_possible_truncation, reason = "three buses")]
 const TICKS: u32 = BUSES as u32 * 1000;
 
-/// How the robot is.
+/// Status of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RobotStatus {
-    /// When.
+    /// Time of this status.
     pub at: Micros,
     /// Whether it is armed.
     pub arm: ArmState,
@@ -33,17 +33,17 @@ pub struct RobotStatus {
     pub last_refused: Option<(Name, TargetError)>,
     /// Whether the remote control is heard.
     pub remote: Freshness,
-    /// What the bytes of its receiver amounted to.
+    /// Counters of its receiver's bytes and frames.
     pub remote_reception: Counters,
-    /// What the bytes of the IMU amounted to.
+    /// Counters of the IMU's bytes and frames.
     pub imu_reception: Counters,
-    /// How the buses are.
+    /// Status of each bus.
     pub buses: [BusSummary; BUSES],
     /// What a tick takes of the core, if it is a chip's: any bus's.
     pub bus_cycles: Option<CycleCount>,
 }
 
-/// How a bus is.
+/// Status of a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BusSummary {
     /// Ticks so far.
@@ -62,7 +62,7 @@ pub struct BusSummary {
     pub lost: u32,
     /// Error state of the controller.
     pub state: ErrorState,
-    /// Nobody acknowledges: alone on the bus, as it seems.
+    /// No other node acknowledges its frames: it seems to be alone on the bus.
     pub alone: bool,
     /// How often the controller went bus-off.
     pub bus_offs: u32,
@@ -146,7 +146,7 @@ pub async fn run(io: &Io<'_>) -> ! {
     }
 }
 
-/// How the robot is now.
+/// The status of the robot now.
 #[must_use]
 pub fn now(io: &Io<'_>) -> RobotStatus {
     let (mut online, mut refused) = (0, 0_u32);

@@ -16,7 +16,7 @@ impl embassy_time_driver::Driver for Clock {
         NOW.get()
     }
     fn schedule_wake(&self, at: u64, _: &core::task::Waker) {
-        // `run_until` polls at every deadline, so nobody needs to be woken.
+        // `run_until` polls at every deadline, so no task needs to be woken.
         NEXT.set(NEXT.get().min(at));
     }
 }

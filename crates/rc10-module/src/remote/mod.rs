@@ -153,7 +153,7 @@ pub enum Freshness {
     Lost,
 }
 
-/// Without a good frame for so long, the robot lets go.
+/// Time without a good frame after which the robot is suspended.
 pub const MISSING_AFTER: Micros = Micros::from_millis(100);
-/// Without a good frame for so long, the robot is disarmed.
+/// Time without a good frame after which the robot is disarmed.
 pub const LOST_AFTER: Micros = Micros::from_millis(1000);

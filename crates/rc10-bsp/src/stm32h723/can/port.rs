@@ -103,7 +103,7 @@ impl FdcanPort {
         self.clock.read(crate::now(), self.controller.registers.tscv().read().tsc());
     }
 
-    /// FIFO 0 is empty: how is the controller, and is there a frame that nobody asked for?
+    /// FIFO 0 is empty: how is the controller, and is there a frame that was not asked for?
     fn finish(&mut self) -> Option<(CanFrame, Micros)> {
         let [overrun, too_slow] = self.controller.losses();
         if overrun || too_slow {
