@@ -83,7 +83,7 @@ pub mod signals;
 mod supervision;
 mod table;
 mod target;
-//OFF pub mod unitree;
+pub mod unitree;
 //OFF pub mod vesc;
 
 pub use arm::{ArmError, ArmState, ArmSwitch, Unfit};
