@@ -54,7 +54,8 @@ impl<'m> Harness<'m> for OnBus<'m> {
         match motor {
             Subject::OnBus(motor) => {
                 self.bench.attach(&mut **motor, safety).map_err(|error| error.to_string())
-            } //OFF             Subject::OnLine(_) => Err("it belongs on a line".to_owned()),
+            }
+            Subject::OnLine(_) => Err("it belongs on a line".to_owned()),
         }
     }
 

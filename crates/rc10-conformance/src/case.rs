@@ -3,14 +3,14 @@ use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use rc10_can::Micros;
-//OFF use rc10_motor::unitree::GoM8010;
+use rc10_motor::unitree::GoM8010;
 use rc10_motor::{ArmSwitch, CanMotor, DriveMode, Request, SafeState, Safety, Target};
 use rc10_sim::{Bus, Esc, EscFault};
-//OFF use rc10_sim::{Line, LineMotor};
+use rc10_sim::{Line, LineMotor};
 
 use crate::by_bus::ByBus;
+use crate::by_line::ByLine;
 use crate::declaration::Declaration;
-//OFF use crate::by_line::ByLine;
 use crate::harness::{Connection, Harness, Subject};
 use crate::mirror::Mirror;
 use crate::recorder::{Call, Log, Moment, recorded};
@@ -42,22 +42,22 @@ pub fn check<M: CanMotor + 'static>(
     })
 }
 
-//OFF /// The same for a motor on an RS-485 line, without the rules that are about frames on a bus.
-//OFF ///
-//OFF /// # Errors
-//OFF /// All rules that are broken, and what could not be tried.
-//OFF pub fn check_line(
-//OFF     declared: &Declaration,
-//OFF     motor: impl Fn(u8) -> GoM8010,
-//OFF     device: impl Fn(&Line, u8) -> LineMotor,
-//OFF ) -> Result<(), Report> {
-//OFF     let connection = ByLine { motor: &motor, device: &device };
-//OFF     let case = Case::new(declared, &connection);
-//OFF     run(&case, |rule, found| match rule.check {
-//OFF         Check::Any(check) => check(&case, found),
-//OFF         Check::Frames(_) => (),
-//OFF     })
-//OFF }
+/// The same for a motor on an RS-485 line, without the rules that are about frames on a bus.
+///
+/// # Errors
+/// All rules that are broken, and what could not be tried.
+pub fn check_line(
+    declared: &Declaration,
+    motor: impl Fn(u8) -> GoM8010,
+    device: impl Fn(&Line, u8) -> LineMotor,
+) -> Result<(), Report> {
+    let connection = ByLine { motor: &motor, device: &device };
+    let case = Case::new(declared, &connection);
+    run(&case, |rule, found| match rule.check {
+        Check::Any(check) => check(&case, found),
+        Check::Frames(_) => (),
+    })
+}
 
 fn run(case: &Case<'_>, apply: impl Fn(&Rule, &mut Findings)) -> Result<(), Report> {
     let motor = case.motor().name();

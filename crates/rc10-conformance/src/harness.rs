@@ -4,7 +4,7 @@ use std::ops::{Deref, DerefMut};
 
 use rc10_app::Seconds;
 use rc10_can::{CanFrame, Micros};
-//OFF use rc10_motor::unitree::GoM8010;
+use rc10_motor::unitree::{GoM8010, Rs485Bus};
 use rc10_motor::{
     ArmSwitch, CanMotor, CommandError, DriveMode, Motor, MotorId, MotorName, MotorStatus, Request,
     RequestError, Response, Safety, Target, TargetSet, TxBatch,
@@ -16,7 +16,7 @@ use crate::mirror::Mirror;
 /// A motor to be tried.
 pub(crate) enum Subject {
     OnBus(Box<dyn CanMotor>),
-    //OFF     OnLine(Box<GoM8010>),
+    OnLine(Box<GoM8010>),
 }
 
 impl Subject {
@@ -28,7 +28,7 @@ impl Subject {
     pub(crate) fn link_timeout(&self) -> Micros {
         match self {
             Self::OnBus(motor) => motor.can_ids().link_timeout(),
-            //OFF             Self::OnLine(_) => GoM8010::LINK_TIMEOUT,
+            Self::OnLine(_) => Rs485Bus::LINK_TIMEOUT,
         }
     }
 
@@ -48,7 +48,7 @@ impl Subject {
         match self {
             // What does not fit is a matter of other rules.
             Self::OnBus(motor) => drop(motor.pack_command(&mut TxBatch::new())),
-            //OFF             Self::OnLine(motor) => drop(motor.pack_command()),
+            Self::OnLine(motor) => drop(motor.pack_command()),
         }
     }
 }
@@ -59,7 +59,7 @@ impl Deref for Subject {
     fn deref(&self) -> &Self::Target {
         match self {
             Self::OnBus(motor) => &**motor,
-            //OFF             Self::OnLine(motor) => &**motor,
+            Self::OnLine(motor) => &**motor,
         }
     }
 }
@@ -68,7 +68,7 @@ impl DerefMut for Subject {
     fn deref_mut(&mut self) -> &mut Self::Target {
         match self {
             Self::OnBus(motor) => &mut **motor,
-            //OFF             Self::OnLine(motor) => &mut **motor,
+            Self::OnLine(motor) => &mut **motor,
         }
     }
 }

@@ -35,11 +35,11 @@
 
 mod bench;
 mod by_bus;
-//OFF mod by_line;
+mod by_line;
 mod case;
 mod declaration;
 mod harness;
-//OFF mod line_bench;
+mod line_bench;
 mod mirror;
 mod recorder;
 mod report;
@@ -48,8 +48,8 @@ mod rules;
 
 pub use bench::Bench;
 pub use case::check;
-//OFF pub use case::check_line;
+pub use case::check_line;
 pub use declaration::{Claim, Declaration, Trial};
-//OFF pub use line_bench::LineBench;
+pub use line_bench::LineBench;
 pub use report::{Breach, Report};
 pub use rules::{RULES, Rule};

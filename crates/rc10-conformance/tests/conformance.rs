@@ -7,13 +7,13 @@ mod conformance_of {
     pub mod dji;
     //OFF     pub mod lk;
     //OFF     pub mod odrive;
-    //OFF     pub mod unitree_line;
-    //OFF     pub mod unitree_module;
+    pub mod unitree_line;
+    pub mod unitree_module;
     //OFF     pub mod vesc;
 }
 
+use rc10_conformance::check_line;
 use rc10_conformance::{Report, check};
-//OFF use rc10_conformance::check_line;
 use rc10_motor::rc10_app::Direction;
 
 /// A model, and what its check says of one made to turn that way.
@@ -28,7 +28,7 @@ const MOTORS: &[Entry] = &[
     //OFF     ("Damiao J4310, velocity", conformance_of::damiao::j4310_velocity),
     //OFF     ("Damiao J4310, position-velocity", conformance_of::damiao::j4310_position_velocity),
     //OFF     ("Damiao J4310, force-position", conformance_of::damiao::j4310_force_position),
-    //OFF     ("GO-M8010-6 behind a module", conformance_of::unitree_module::go_m8010),
+    ("GO-M8010-6 behind a module", conformance_of::unitree_module::go_m8010),
     //OFF     ("VESC", conformance_of::vesc::vesc),
     //OFF     ("VESC with angle loops", conformance_of::vesc::vesc_with_servo),
     //OFF     ("MG4010E-i10", conformance_of::lk::mg4010e),
@@ -38,7 +38,7 @@ const MOTORS: &[Entry] = &[
     //OFF     ("ODrive, position", conformance_of::odrive::position),
     //OFF     ("CyberGear", conformance_of::cybergear::cybergear),
     //OFF     ("RobStride RS04", conformance_of::cybergear::rs04),
-    //OFF     ("GO-M8010-6 on RS-485", conformance_of::unitree_line::go_m8010),
+    ("GO-M8010-6 on RS-485", conformance_of::unitree_line::go_m8010),
     // One line for each further model, one file for each vendor in `conformance_of/`.
 ];
 

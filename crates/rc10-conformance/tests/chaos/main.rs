@@ -11,7 +11,7 @@
 //OFF mod damiao;
 #[path = "../conformance_of/dji.rs"]
 mod dji;
-//OFF mod line;
+mod line;
 //OFF #[path = "../conformance_of/lk.rs"]
 //OFF mod lk;
 //OFF #[path = "../conformance_of/odrive.rs"]
@@ -19,10 +19,10 @@ mod dji;
 mod random;
 mod scene;
 mod story;
-//OFF #[path = "../conformance_of/unitree_line.rs"]
-//OFF mod unitree_line;
-//OFF #[path = "../conformance_of/unitree_module.rs"]
-//OFF mod unitree_module;
+#[path = "../conformance_of/unitree_line.rs"]
+mod unitree_line;
+#[path = "../conformance_of/unitree_module.rs"]
+mod unitree_module;
 //OFF #[path = "../conformance_of/vesc.rs"]
 //OFF mod vesc;
 mod watch;
@@ -30,11 +30,11 @@ mod watch;
 use rc10_conformance::Declaration;
 use rc10_motor::CanMotor;
 use rc10_motor::rc10_app::Direction;
-//OFF use rc10_motor::unitree::GoM8010;
+use rc10_motor::unitree::GoM8010;
 use rc10_sim::{Bus, Esc};
-//OFF use rc10_sim::{Line, LineMotor};
+use rc10_sim::{Line, LineMotor};
 
-//OFF use line::LineScene;
+use line::LineScene;
 use scene::CanScene;
 
 /// What broke, and in which story.
@@ -63,17 +63,17 @@ pub fn check<M: CanMotor + 'static>(
     })
 }
 
-//OFF /// As [`rc10_conformance::check_line`].
-//OFF pub fn check_line(
-//OFF     declared: &Declaration,
-//OFF     motor: impl Fn(u8) -> GoM8010,
-//OFF     device: impl Fn(&Line, u8) -> LineMotor,
-//OFF ) -> Result<(), Report> {
-//OFF     seeds().try_for_each(|seed| {
-//OFF         LineScene::play(declared, &mut motor(declared.ids[0]), &device, seed)
-//OFF             .map_err(|what| format!("story {seed}: {what}"))
-//OFF     })
-//OFF }
+/// As [`rc10_conformance::check_line`].
+pub fn check_line(
+    declared: &Declaration,
+    motor: impl Fn(u8) -> GoM8010,
+    device: impl Fn(&Line, u8) -> LineMotor,
+) -> Result<(), Report> {
+    seeds().try_for_each(|seed| {
+        LineScene::play(declared, &mut motor(declared.ids[0]), &device, seed)
+            .map_err(|what| format!("story {seed}: {what}"))
+    })
+}
 
 /// A model, and what its stories say.
 type Entry = (&'static str, fn(Direction) -> Result<(), Report>);
@@ -113,13 +113,13 @@ fn dji_motors() {
 //OFF     all(&[("CyberGear", cybergear::cybergear), ("RobStride RS04", cybergear::rs04)]);
 //OFF }
 
-//OFF #[test]
-//OFF fn unitree_motors() {
-//OFF     all(&[
-//OFF         ("GO-M8010-6 behind a module", unitree_module::go_m8010),
-//OFF         ("GO-M8010-6 on a line", unitree_line::go_m8010),
-//OFF     ]);
-//OFF }
+#[test]
+fn unitree_motors() {
+    all(&[
+        ("GO-M8010-6 behind a module", unitree_module::go_m8010),
+        ("GO-M8010-6 on a line", unitree_line::go_m8010),
+    ]);
+}
 
 //OFF #[test]
 //OFF fn vescs() {
