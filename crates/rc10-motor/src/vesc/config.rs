@@ -7,6 +7,7 @@ use rc10_app::{Amps, ConfigError, CountsPerTurn, Direction, Gear, Rpm};
 use rc10_can::Micros;
 
 use super::wire::Status;
+use crate::shaft::Shaft;
 
 /// The number a VESC is set to: 0 ..= 254.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -115,20 +116,15 @@ impl ElectricalScale {
         self.minimum
     }
 
-    /// The gearbox.
-    #[must_use]
-    pub const fn gear(&self) -> Gear {
-        self.gear
-    }
-
     /// Electrical turns per turn of the rotor.
     pub(super) fn pole_pairs(&self) -> f32 {
         self.pole_pairs.get().into()
     }
 
-    /// Tachometer steps per turn of the rotor.
-    pub(super) fn steps_per_rotor_turn(&self) -> u32 {
-        STEPS_PER_ELECTRICAL_TURN * u32::from(self.pole_pairs.get())
+    /// The output shaft, counted by tachometer steps.
+    pub(super) fn shaft(&self, direction: Direction) -> Shaft {
+        let steps = STEPS_PER_ELECTRICAL_TURN * u32::from(self.pole_pairs.get());
+        Shaft::new(steps, self.gear, direction)
     }
 
     /// The electrical speed at a speed of the output shaft.
@@ -153,18 +149,13 @@ impl ElectricalScale {
         self.to_electrical(output).get().abs() >= self.minimum.get()
     }
 
-    /// The slowest speed of the output shaft that is regulated.
-    #[must_use]
-    pub fn slowest(&self) -> Rpm {
-        self.to_output(self.minimum)
-    }
-
     /// Tachometer steps per turn of the output shaft. The tachometer itself goes round after 2³²
     /// of them.
     #[must_use]
     pub fn steps_per_turn(&self) -> CountsPerTurn {
         // At most 6 · 255 · 65,535: fits.
-        let steps = self.steps_per_rotor_turn() * self.gear.rotor_turns();
+        let pairs = u32::from(self.pole_pairs.get());
+        let steps = STEPS_PER_ELECTRICAL_TURN * pairs * self.gear.rotor_turns();
         CountsPerTurn::new(steps, self.gear.output_turns())
     }
 }
@@ -369,7 +360,6 @@ mod tests {
             assert_eq!(wheel.regulates(Rpm::new(rpm)), regulated, "{rpm}");
         }
         assert!(!wheel.regulates(Rpm::new(f32::NAN)));
-        assert!((wheel.slowest().get() - 128.571_4).abs() < 1e-3);
         let set = wheel.with_minimum(ElectricalRpm::new(70.0));
         assert!(set.regulates(Rpm::new(10.0)) && !set.regulates(Rpm::new(9.9)));
     }

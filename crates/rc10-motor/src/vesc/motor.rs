@@ -113,7 +113,7 @@ impl Vesc {
                 supports
             }),
             servo: None,
-            shaft: Shaft::new(scale.steps_per_rotor_turn(), scale.gear(), direction),
+            shaft: scale.shaft(direction),
             encoder: Shaft::new(POSITION_STEPS.unsigned_abs(), Gear::DIRECT, direction),
             tachometer: None,
             tachometer_age: 0.0,
@@ -196,7 +196,7 @@ impl Vesc {
             DriveMode::Run => self.followed(),
         };
         let drives = runs && self.goals.target() != Target::Coast;
-        let command = self.soften(self.limited(command), drives, tick.dt.get());
+        let command = self.soften(command, drives, tick.dt.get());
         if drives { self.relative(command) } else { command }
     }
 
@@ -242,18 +242,7 @@ impl Vesc {
         Degrees::new(degrees)
     }
 
-    /// A command with no more than the largest current.
-    fn limited(&self, command: Command) -> Command {
-        let limited = |amps: Amps| Amps::new(within(amps.get(), self.limit));
-        match command {
-            Command::Current(amps) => Command::Current(limited(amps)),
-            Command::Brake(amps) => Command::Brake(limited(amps)),
-            Command::Handbrake(amps) => Command::Handbrake(limited(amps)),
-            other => other,
-        }
-    }
-
-    /// A command as far as a soft start lets it come.
+    /// A command as far as the largest current and a soft start let it come.
     fn soften(&mut self, command: Command, drives: bool, dt: f32) -> Command {
         let kind = |command: &Command| match command {
             Command::Duty(_) => 1,
@@ -271,9 +260,11 @@ impl Vesc {
             _ => -1.0,
         };
         self.risen = (self.risen + rise).clamp(0.0, 1.0);
+        let limited = |amps: Amps, share| Amps::new(within(amps.get(), self.limit) * share);
         match command {
-            Command::Current(amps) => Command::Current(amps * self.risen),
-            Command::Handbrake(amps) => Command::Handbrake(amps * self.risen),
+            Command::Current(amps) => Command::Current(limited(amps, self.risen)),
+            Command::Handbrake(amps) => Command::Handbrake(limited(amps, self.risen)),
+            Command::Brake(amps) => Command::Brake(limited(amps, 1.0)),
             Command::Duty(duty) if self.risen < 1.0 => {
                 Command::Duty(self.from + (duty - self.from) * self.risen)
             }
