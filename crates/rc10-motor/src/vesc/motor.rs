@@ -310,7 +310,7 @@ impl Vesc {
                 (reported.speed, reported.duty) = (speed, duty);
                 reported.current = torque_current(current.get(), duty, speed);
                 self.shaft.measure(speed.get() / self.config.scale.pole_pairs(), at);
-                self.watch.hear(link);
+                self.watch.hear();
                 return FrameKind::Feedback;
             }
             Status::Temperatures { transistors, motor, position, .. } => {

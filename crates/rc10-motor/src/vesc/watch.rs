@@ -53,11 +53,7 @@ impl Watch {
     }
 
     /// A STATUS came.
-    pub(super) fn hear(&mut self, link: Link) {
-        if link != Link::Online {
-            // Counts afresh.
-            (self.window, self.reports) = (0.0, 0);
-        }
+    pub(super) const fn hear(&mut self) {
         self.answered = 0.0;
         self.reports = self.reports.saturating_add(1);
     }

@@ -1,6 +1,6 @@
 //! What a VESC occupies, sends and refuses.
 
-use rc10_app::{Amps, ConfigError, PidConfig, Rpm, RpmPerSecond};
+use rc10_app::{Amps, ConfigError, Degrees, Direction, PidConfig, Rpm, RpmPerSecond};
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, IdPattern};
 use rc10_motor::dji::{Dji, FeedbackRate, M3508};
@@ -8,7 +8,7 @@ use rc10_motor::rc10_app::Cascade;
 use rc10_motor::vesc::{ElectricalRpm, StatusRates};
 use rc10_motor::{
     AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Link, Motor, MotorBus,
-    Rate, Target, Tick, TxBatch, TxFrames, Verdict,
+    Rate, Request, RequestError, Response, Target, Tick, TxBatch, TxFrames, Verdict,
 };
 
 use super::*;
@@ -215,6 +215,43 @@ fn a_frame_is_sent_when_there_is_something_to_say() {
     let mut image = TxBatch::new();
     motor.coast_frames(&mut image).unwrap();
     assert_eq!(image.frames()[0].to_string(), "00000105#00000000");
+}
+
+/// Its encoder shows 90 degrees where its tachometer has just begun at zero.
+#[test]
+fn an_angle_that_the_device_seeks_stays_where_it_is_under_a_new_zero() {
+    for (direction, seen, sought) in [
+        (Direction::Forward, 90.0, "00000405#05F5E100"),
+        // 260 degrees.
+        (Direction::Reversed, 270.0, "00000405#0F7F4900"),
+    ] {
+        let mut config = Config { encoder_on_shaft: true, direction, ..config(5) };
+        config.status.status_4 = 200;
+        let mut motor = Vesc::new(config).unwrap();
+        let hear = |motor: &mut Vesc, raw, data: [u8; 8]| {
+            motor.unpack_feedback(&frame(raw, &data), Micros::ZERO, Link::Online).unwrap();
+        };
+        hear(&mut motor, 0x905, [0; 8]);
+        hear(&mut motor, 0x1B05, [0; 8]);
+        assert_eq!(motor.request(Request::SetZero), Err(RequestError::NoFeedback));
+        // 4500 steps of 0.02 degrees.
+        hear(&mut motor, 0x1005, [0, 0, 0, 0, 0, 0, 0x11, 0x94]);
+        assert_eq!(motor.feedback().angle, Degrees::new(seen));
+        motor.set_target(Target::Angle(Degrees::new(100.0))).unwrap();
+        let sent = |motor: &mut Vesc| {
+            let mut tx = TxBatch::new();
+            // As long as until a command is repeated.
+            (0..5).for_each(|_| motor.update(&Tick::new(DriveMode::Run)));
+            motor.pack_command(&mut tx).unwrap();
+            tx.frames()[0].to_string()
+        };
+        assert_eq!(sent(&mut motor), sought);
+        assert_eq!(motor.request(Request::SetZero), Ok(Response::Done));
+        let way = (100.0 - seen).rem_euclid(360.0);
+        assert_eq!(motor.target(), Target::Angle(Degrees::new(way)));
+        assert_eq!(motor.feedback().angle, Degrees::ZERO);
+        assert_eq!(sent(&mut motor), sought);
+    }
 }
 
 #[test]
