@@ -343,13 +343,7 @@ impl Setting {
     /// # Errors
     /// [`NotANumber`]: there is no neutral setting, so send nothing.
     pub fn pack(&self, to: impl Into<Address>) -> Result<CanFrame, NotANumber> {
-        let packet = match self {
-            Self::MotorCurrent { .. } => Packet::ConfCurrentLimits,
-            Self::InputCurrent { .. } => Packet::ConfCurrentLimitsIn,
-            Self::FieldOriented { .. } => Packet::ConfFocErpms,
-            Self::BatteryCut { .. } => Packet::ConfBatteryCut,
-        };
-        self.pack_as(packet, to.into())
+        self.pack_as(self.packets().0, to.into())
     }
 
     /// The frame that also writes the VESC's flash memory, which wears out: never periodically.
@@ -357,13 +351,21 @@ impl Setting {
     /// # Errors
     /// As of [`pack`](Self::pack).
     pub fn pack_store(&self, to: impl Into<Address>) -> Result<CanFrame, NotANumber> {
-        let packet = match self {
-            Self::MotorCurrent { .. } => Packet::ConfStoreCurrentLimits,
-            Self::InputCurrent { .. } => Packet::ConfStoreCurrentLimitsIn,
-            Self::FieldOriented { .. } => Packet::ConfStoreFocErpms,
-            Self::BatteryCut { .. } => Packet::ConfStoreBatteryCut,
-        };
-        self.pack_as(packet, to.into())
+        self.pack_as(self.packets().1, to.into())
+    }
+
+    /// Until a restart, and for good.
+    const fn packets(&self) -> (Packet, Packet) {
+        match self {
+            Self::MotorCurrent { .. } => {
+                (Packet::ConfCurrentLimits, Packet::ConfStoreCurrentLimits)
+            }
+            Self::InputCurrent { .. } => {
+                (Packet::ConfCurrentLimitsIn, Packet::ConfStoreCurrentLimitsIn)
+            }
+            Self::FieldOriented { .. } => (Packet::ConfFocErpms, Packet::ConfStoreFocErpms),
+            Self::BatteryCut { .. } => (Packet::ConfBatteryCut, Packet::ConfStoreBatteryCut),
+        }
     }
 
     fn pack_as(&self, packet: Packet, to: Address) -> Result<CanFrame, NotANumber> {
@@ -395,16 +397,16 @@ fn frame<const LEN: usize>(packet: Packet, to: Address, data: [u8; LEN]) -> CanF
 pub enum Reply {
     /// One of its periodic frames.
     Status {
-        /// Who sent it.
+        /// Its sender.
         from: VescId,
         /// What it says.
         status: Status,
     },
     /// The answer to a [`ping`].
     Pong {
-        /// Who sent it.
+        /// Its sender.
         from: VescId,
-        /// Who asked.
+        /// The sender of the PING.
         to: VescId,
         /// Kind of hardware; 0 is a VESC.
         hardware: u8,

@@ -148,8 +148,10 @@ fn a_vesc_whose_reports_are_off_is_told_from_one_that_is_not_there() {
         bench.hold(motor, PUSH, 200).unwrap();
         assert_eq!(bench.status(motor).condition, Condition::Ready);
         assert_eq!(mode(esc), Mode::Current(30.0));
-        // Switched off again, and then gone.
+        // Switched off again, and then gone. What it answered before its reports does not count.
         inside(esc, |vesc| vesc.set_status_hz([0; 6], now));
+        bench.wait(50);
+        assert_eq!(bench.status(motor).condition, Condition::Ready);
         bench.wait(1000);
         assert_eq!(bench.status(motor).condition, Condition::NoReports);
         esc.set_power(false);
