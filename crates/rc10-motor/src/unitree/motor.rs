@@ -59,10 +59,10 @@ impl Actuator {
         // Further than half a turn in a moment moves nothing but a motor that has restarted.
         if link == Link::Online && motion.angle.abs_diff(last) <= HALF_TURN {
             self.shaft.move_by(motion.angle.wrapping_sub(last));
+            self.shaft.measure(rpm, at);
         } else {
             self.resume(motion.angle, rpm, at);
         }
-        self.shaft.measure(rpm, at);
         (self.reported, self.temperature) = (motion, temperature);
     }
 
@@ -71,14 +71,16 @@ impl Actuator {
     #[cold]
     fn resume(&mut self, angle: i32, rpm: f32, at: Micros) {
         let step = i64::from(angle) - i64::from(self.reported.angle);
+        let (was_known, before) = (self.shaft.is_known(), self.shaft.before());
         self.servo.rest();
-        if !self.shaft.is_known() {
+        self.shaft.measure(rpm, at);
+        if !was_known {
             self.shaft.start(angle.into());
         } else if angle.unsigned_abs() > ANGLE_STEPS {
             // Just switched on it is within its first turn: this one has counted on.
             self.shaft.jump_by(step);
         } else {
-            self.shaft.bridge(step, rpm, at);
+            self.shaft.bridge(step, before);
         }
     }
 
@@ -92,7 +94,7 @@ impl Actuator {
     }
 
     pub(super) fn update(&mut self, tick: &Tick) {
-        self.servo.update(tick, self.shaft.measured());
+        self.servo.update(tick, &self.shaft);
     }
 
     /// Its zero, its gains and its [`TorqueLimit`](Request::TorqueLimit).
@@ -103,7 +105,7 @@ impl Actuator {
                 self.servo.set_zero(self.shaft.set_zero());
                 Ok(Response::Done)
             }
-            _ => self.servo.request(request, self.shaft.measured()),
+            _ => self.servo.request(request, &self.shaft),
         }
     }
 
