@@ -40,7 +40,7 @@ use scene::CanScene;
 /// What broke, and in which story.
 pub type Report = String;
 
-/// Stories of a motor, if nobody asks for more.
+/// Stories of a motor, unless `RC10_STORIES` asks for more.
 const STORIES: u64 = 60;
 
 /// The numbers of the stories to tell.
