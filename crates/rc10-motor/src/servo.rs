@@ -198,6 +198,19 @@ impl Servo {
         }
     }
 
+    /// The target in numbers.
+    pub(crate) const fn goal(&self) -> Goal {
+        self.goals.goal()
+    }
+
+    /// One step in [`DriveMode::Run`] towards an angle that stands for the one of the target: for a
+    /// device that may have to go the longer way round.
+    pub(crate) fn update_towards(&mut self, tick: &Tick, measured: &Measured, angle: TotalAngle) {
+        self.ran = true;
+        self.goals.rest();
+        self.pursue(Goal::Total(angle), measured, tick);
+    }
+
     /// One step while the target may not be followed.
     #[cold]
     fn stop(&mut self, measured: &Measured, tick: &Tick) {
