@@ -61,8 +61,8 @@ mod arm;
 mod batch;
 mod bus;
 mod can_ids;
-//OFF pub mod cybergear;
-//OFF pub mod damiao;
+pub mod cybergear;
+pub mod damiao;
 pub mod dji;
 #[cfg(feature = "embassy")]
 pub mod embassy;
@@ -75,7 +75,6 @@ mod motor;
 mod motors;
 mod not_a_number;
 //OFF pub mod odrive;
-#[allow(dead_code)]
 mod pending;
 mod request;
 pub mod servo;
