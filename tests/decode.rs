@@ -1,6 +1,9 @@
 //! `rc10 decode` as somebody with a capture uses it: the command itself, on whole logs.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
+#[path = "common/scratch.rs"]
+mod scratch;
+
 use std::io::{Read, Write};
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
@@ -8,6 +11,7 @@ use std::process::{Command, Output, Stdio};
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, Micros};
 use rc10_cli::candump;
+use scratch::Scratch;
 use serde_json::Value;
 
 fn rc10(arguments: &[&str]) -> Command {
@@ -318,9 +322,9 @@ fn every_special_frame_of_every_vendor_has_its_name() {
 #[test]
 fn every_frame_of_a_healthy_robot_is_named_and_none_is_malformed() {
     for (robot, buses) in [("mixed", 2), ("team", 3)] {
-        let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("decode-{robot}"));
+        let folder = Scratch::new(&format!("decode-{robot}"));
         let mut run = Command::new(env!("CARGO_BIN_EXE_rc10"));
-        run.args(["run", "--robot", robot, "--seconds", "3", "--out"]).arg(&folder);
+        run.args(["run", "--robot", robot, "--seconds", "3", "--out"]).arg(&*folder);
         assert_eq!(run.output().unwrap().status.code(), Some(0), "{robot}");
         let mut names = std::collections::BTreeSet::new();
         let mut unasked = 0;

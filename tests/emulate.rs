@@ -1,9 +1,13 @@
 //! The `rc10 emu` command, as a user calls it in error. tests/firmware.rs has the rest.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+#[path = "common/scratch.rs"]
+mod scratch;
+
 use std::fs;
-use std::path::Path;
 use std::process::Command;
+
+use scratch::Scratch;
 
 /// What it says before it ends with exit code 2.
 fn complaint(arguments: &[&str]) -> String {
@@ -16,7 +20,8 @@ fn complaint(arguments: &[&str]) -> String {
 
 #[test]
 fn what_is_no_program_is_named() {
-    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("no-program.elf");
+    let folder = Scratch::new("no-program");
+    let file = folder.join("no-program.elf");
     let file = file.to_str().unwrap();
     // Nothing, a picture, this machine's own command.
     let own = fs::read(env!("CARGO_BIN_EXE_rc10")).unwrap();
@@ -54,7 +59,7 @@ fn program_that_reads(address: u32) -> Vec<u8> {
 
 #[test]
 fn a_program_for_another_chip_is_named_as_such() {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let folder = Scratch::new("other-chip");
     let file = folder.join("other.elf");
     let file = file.to_str().unwrap();
     let out = folder.join("other");
@@ -72,7 +77,7 @@ fn a_program_for_another_chip_is_named_as_such() {
 
 #[test]
 fn a_program_that_does_nothing_has_problems() {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let folder = Scratch::new("idle");
     let file = folder.join("idle.elf");
     let out = folder.join("idle");
     // The reset and clock control: there on an STM32H7.

@@ -6,11 +6,16 @@
 //! they are skipped; with `CI=true` they fail.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+#[path = "common/scratch.rs"]
+mod scratch;
+
 use std::env;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
+
+use scratch::Scratch;
 
 #[path = "interop_python/dbc.rs"]
 mod dbc;
@@ -37,20 +42,29 @@ fn environment() -> Result<PathBuf, String> {
     let requirements = script("requirements.txt");
     let wanted = fs::read_to_string(&requirements).unwrap();
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("python");
-    let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
+    let interpreter = if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" };
+    let python = folder.join(interpreter);
     // Written last: an environment without it, or with another one, is none.
     let stamp = folder.join("requirements.txt");
     if fs::read_to_string(&stamp).is_ok_and(|there| there == wanted) {
         return Ok(python);
     }
-    let _ = fs::remove_dir_all(&folder);
+    // Made elsewhere and moved here when it is whole: another run may be at the same.
+    let made = Scratch::new("python");
     let base = if cfg!(windows) { "python" } else { "python3" };
-    run(Command::new(base).args(["-m", "venv"]).arg(&folder))
+    run(Command::new(base).args(["-m", "venv"]).arg(&*made))
         .map_err(|why| format!("{why} (cargo xtask setup installs what is missing)"))?;
     let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
     let exact = ["--no-deps", "--require-hashes", "--only-binary", ":all:", "-r"];
-    run(Command::new(&python).args(install).args(exact).arg(&requirements))?;
-    fs::write(&stamp, wanted).unwrap();
+    run(Command::new(made.join(interpreter)).args(install).args(exact).arg(&requirements))?;
+    fs::write(made.join("requirements.txt"), &wanted).unwrap();
+    let is_there = || fs::read_to_string(&stamp).is_ok_and(|there| there == wanted);
+    if !is_there() {
+        let _ = fs::remove_dir_all(&folder);
+        // Fails if the other run was first: then its environment is there.
+        let moved = fs::rename(&*made, &folder);
+        assert!(moved.is_ok() || is_there(), "{}: {moved:?}", folder.display());
+    }
     Ok(python)
 }
 
@@ -68,14 +82,6 @@ fn run(command: &mut Command) -> Result<Output, String> {
 /// A file of tests/python.
 fn script(name: &str) -> PathBuf {
     [env!("CARGO_MANIFEST_DIR"), "tests", "python", name].iter().collect()
-}
-
-/// A fresh folder of a test, below the target directory.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = fs::remove_dir_all(&folder);
-    fs::create_dir_all(&folder).unwrap();
-    folder
 }
 
 /// Runs a script of tests/python to its end; what it printed.

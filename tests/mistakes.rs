@@ -1,7 +1,9 @@
 //! Robots that are built otherwise than their table says: how it looks, and what a run says of it.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use std::path::Path;
+#[path = "common/scratch.rs"]
+mod scratch;
+
 use std::process::Command;
 
 use rc10_can::Micros;
@@ -9,11 +11,12 @@ use rc10_cli::recording::Recording;
 use rc10_cli::{mixed, simulate::simulate, team};
 use rc10_motor::Link;
 use rc10_robot::table::Name;
+use scratch::Scratch;
 
 /// Exit code, and what it says on both ways out.
 fn rc10(arguments: &[&str]) -> (Option<i32>, String) {
     let folder = arguments.concat().replace([':', '=', ',', ' '], "_");
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(folder);
+    let folder = Scratch::new(&folder);
     let output = Command::new(env!("CARGO_BIN_EXE_rc10"))
         .args(["run", "--strict", "--out", folder.to_str().unwrap()])
         .args(arguments)
@@ -133,10 +136,10 @@ fn a_wrong_mistake_ends_with_2_and_a_reason() {
 
 fn run(mistake: &str, millis: u64) -> Recording {
     let ports = rc10_robot::ports();
-    let io = &rc10_robot::Io::new(ports.each_ref());
+    let shared = &rc10_robot::Shared::new(ports.each_ref());
     let mut motors = rc10_robot::Motors::new();
-    let buses = motors.start(io).unwrap();
-    let mut robot = team::robot(io, buses);
+    let buses = motors.start(shared).unwrap();
+    let mut robot = team::robot(shared, buses);
     if !mistake.is_empty() {
         robot.set_mistakes(&[mistake.parse().unwrap()]).unwrap();
     }
@@ -181,10 +184,10 @@ fn the_path_is_that_of_the_world() {
 #[test]
 fn other_vendors_devices_can_have_another_identifier_too() {
     for label in ["wheel", "wrist", "turret", "flywheel", "leg 2"] {
-        let io = rc10_robot::mixed::Io::new();
+        let shared = rc10_robot::mixed::Shared::new();
         let mut motors = rc10_robot::mixed::Motors::new().unwrap();
-        let (buses, line) = motors.start(&io).unwrap();
-        let mut robot = mixed::robot(&io, buses, line).unwrap();
+        let (buses, line) = motors.start(&shared).unwrap();
+        let mut robot = mixed::robot(&shared, buses, line).unwrap();
         robot.set_mistakes(&[format!("id:{label}=9").parse().unwrap()]).unwrap();
         let run = simulate(robot, 1, Micros::from_millis(300)).unwrap();
         for track in &run.motors {

@@ -1,21 +1,18 @@
 //! The `rc10 run` command, as a user calls it.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+#[path = "common/scratch.rs"]
+mod scratch;
+
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 
+use scratch::Scratch;
 use serde_json::Value;
 
 fn rc10(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_rc10")).args(arguments).output().unwrap()
-}
-
-/// A folder of its own for each test, below the target directory.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = fs::remove_dir_all(&folder);
-    folder
 }
 
 fn run_json(seed: &str, seconds: &str, folder: &Path) -> Value {
@@ -27,7 +24,7 @@ fn run_json(seed: &str, seconds: &str, folder: &Path) -> Value {
 
 #[test]
 fn ten_seconds_lose_nothing_and_leave_the_files() {
-    let folder = folder("ten_seconds");
+    let folder = Scratch::new("ten_seconds");
     let figures = run_json("1", "10", &folder);
     assert_eq!(figures["virtual_seconds"], 10.0);
     assert_eq!(figures["ticks"], 30_000);
@@ -62,7 +59,7 @@ fn the_robot_does_what_its_script_says() {
     use rc10_motor::DriveMode;
     use rc10_robot::table::Name;
     let ports = rc10_robot::ports();
-    let io = &rc10_robot::Io::new(ports.each_ref());
+    let io = &rc10_robot::Shared::new(ports.each_ref());
     let mut motors = rc10_robot::Motors::new();
     let buses = motors.start(io).unwrap();
     let length = rc10_can::Micros::from_millis(10_000);
@@ -98,7 +95,7 @@ fn the_robot_does_what_its_script_says() {
 
 #[test]
 fn one_seed_gives_one_trace_and_another_seed_another() {
-    let hash = |seed, name| run_json(seed, "1.5", &folder(name))["trace_hash"].clone();
+    let hash = |seed, name| run_json(seed, "1.5", &Scratch::new(name))["trace_hash"].clone();
     let first = hash("7", "seed_a");
     assert_eq!(first, hash("7", "seed_b"));
     assert_ne!(first, hash("8", "seed_c"));
@@ -108,7 +105,7 @@ fn one_seed_gives_one_trace_and_another_seed_another() {
 /// The hash is what it says: SHA-256 of the three logs' SHA-256s, one after another.
 #[test]
 fn the_hash_is_that_of_the_logs() {
-    let folder = folder("hash");
+    let folder = Scratch::new("hash");
     let figures = run_json("2", "0.2", &folder);
     let sum = |path: &Path| -> Option<String> {
         let output = Command::new("sha256sum").arg(path).output().ok()?;
@@ -126,7 +123,7 @@ fn the_hash_is_that_of_the_logs() {
 
 #[test]
 fn without_logs_there_are_none_and_the_hash_is_the_same() {
-    let folder = folder("no_logs");
+    let folder = Scratch::new("no_logs");
     let out = folder.to_str().unwrap();
     let hash = |more: &[&str]| {
         let run = rc10(&[&["run", "--seconds", "0.2", "--json", "--out", out], more].concat());
@@ -142,7 +139,7 @@ fn without_logs_there_are_none_and_the_hash_is_the_same() {
 /// Not to its end: it says so before it begins.
 #[test]
 fn a_long_run_says_first_how_much_it_will_write() {
-    let folder = folder("long");
+    let folder = Scratch::new("long");
     let mut child = Command::new(env!("CARGO_BIN_EXE_rc10"))
         .args(["run", "--seconds", "3600", "--out", folder.to_str().unwrap()])
         .stderr(std::process::Stdio::piped())
@@ -162,7 +159,7 @@ fn a_long_run_says_first_how_much_it_will_write() {
 
 #[test]
 fn tables_name_every_motor_and_bus() {
-    let folder = folder("tables");
+    let folder = Scratch::new("tables");
     let output = rc10(&["run", "--seconds", "0.5", "--out", folder.to_str().unwrap()]);
     assert!(output.status.success());
     let text = String::from_utf8(output.stdout).unwrap();
@@ -177,7 +174,7 @@ fn tables_name_every_motor_and_bus() {
 #[test]
 fn a_lost_remote_stops_the_robot_and_the_figures_say_when() {
     let run = |fault: &str, name: &str| {
-        let folder = folder(name);
+        let folder = Scratch::new(name);
         let out = folder.to_str().unwrap();
         let arguments = ["run", "--remote", "SBUS", "--fault", fault, "--seconds", "5.5", "--out"];
         let output = rc10(&[&arguments[..], &[out, "--json"]].concat());
@@ -221,7 +218,8 @@ fn a_lost_remote_stops_the_robot_and_the_figures_say_when() {
 #[test]
 fn run_does_the_faults_of_wires() {
     let run = |robot: &str, fault: &str| {
-        let folder = folder(&format!("fault_{}", fault.replace([':', '@', '.'], "_")));
+        let folder =
+            Scratch::new(&format!("fault_{}_{robot}", fault.replace([':', '@', '.'], "_")));
         let out = folder.to_str().unwrap();
         let arguments = ["run", "--robot", robot, "--seconds", "1", "--json", "--out", out];
         let fault = ["--fault", fault];
@@ -281,8 +279,8 @@ fn run_does_the_faults_of_wires() {
 
 #[test]
 fn wrong_arguments_end_with_2_and_a_reason() {
-    let file = folder("a_file");
-    fs::create_dir_all(file.parent().unwrap()).unwrap();
+    let folder = Scratch::new("a_file");
+    let file = folder.join("file");
     fs::write(&file, "in the way").unwrap();
     let file = file.to_str().unwrap();
     let below = format!("{file}/below");

@@ -2,6 +2,9 @@
 //! the shipped robots are from the thresholds of `docs/verdict.md`.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+#[path = "common/scratch.rs"]
+mod scratch;
+
 #[path = "verdict/faults.rs"]
 mod faults;
 #[path = "verdict/gains.rs"]

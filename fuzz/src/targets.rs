@@ -118,7 +118,7 @@ fn finite(feedback: &Feedback) {
 
 /// A motor that hears anything, is told anything, and ticks.
 fn motor(mut motor: impl CanMotor, bytes: &[u8]) {
-    let wiring = motor.wiring();
+    let wiring = motor.can_ids();
     let patterns: Vec<IdPattern> = wiring.received().iter().map(|one| one.pattern).collect();
     let mut source = Source(bytes);
     let mut now = Micros::ZERO;
@@ -187,7 +187,7 @@ fn motor(mut motor: impl CanMotor, bytes: &[u8]) {
                     2 => Request::ReadRegister(source.byte().into()),
                     _ => Request::StoreZero,
                 });
-                let _ = motor.answer();
+                let _ = motor.response();
             }
         }
         finite(&motor.feedback());

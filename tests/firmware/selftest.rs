@@ -14,7 +14,7 @@ use super::{millis, priorities, program};
 
 /// The self-test takes less than 2 s.
 const LIMIT: Nanos = millis(3_000);
-/// How often the surroundings look at what the chip does, ns.
+/// How often the environment looks at what the chip does, ns.
 const STEP: u64 = 20_000;
 
 type Pin = (char, usize);
@@ -48,7 +48,7 @@ const TESTS: [&str; 12] = [
     "memory",
 ];
 
-/// The chip and its surroundings.
+/// The chip and its environment.
 struct Bench {
     machine: Machine,
     world: World,

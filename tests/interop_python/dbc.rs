@@ -10,14 +10,15 @@ use rc10_cli::{mixed, team};
 use rc10_motor::signals::{ByteOrder, Kind, Message, Presence, Signal};
 use serde_json::{Map, Value, json};
 
-use crate::{folder, must_succeed, others, python, script};
+use crate::scratch::Scratch;
+use crate::{must_succeed, others, python, script};
 
 const FRAMES_PER_BUS: usize = 10_000;
 
 #[test]
 fn cantools_decodes_every_frame_to_our_values() {
     let Some(python) = python() else { return };
-    let folder = folder("dbc");
+    let folder = Scratch::new("dbc");
     let mut lines = String::new();
     let mut files = Vec::new();
     let robots = [("team", team::description()), ("mixed", mixed::description().unwrap())];
@@ -42,7 +43,7 @@ fn cantools_decodes_every_frame_to_our_values() {
     let cases = folder.join("cases.jsonl");
     fs::write(&cases, lines).unwrap();
     let script = script("decode_with_cantools.py");
-    let printed = must_succeed(Command::new(python).arg(script).arg(&folder).arg(&cases));
+    let printed = must_succeed(Command::new(python).arg(script).arg(&*folder).arg(&cases));
     print!("{printed}");
     let compared = printed.matches(&format!("{FRAMES_PER_BUS} frames")).count();
     assert_eq!(compared, files.len(), "{printed}");

@@ -1,7 +1,6 @@
 //! Drivers of others drive our simulated motors over slcan, in lockstep. What they read is compared,
 //! never how long it took.
 
-use std::path::PathBuf;
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -11,12 +10,14 @@ use rc10_cli::robot::Robot;
 use serde_json::Value;
 
 use crate::others::{CYBERGEAR_ID, DAMIAO_ID, DAMIAO_MASTER, bus};
+use crate::scratch::Scratch;
 use crate::{must_succeed, python, script};
 
 /// What a script of tests/python reads from the motors, and what `rc10 pty` says in the end.
 fn drive(name: &str) -> Option<(Value, String)> {
     let python = python()?;
-    let link = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name).with_extension("pty");
+    let folder = Scratch::new(name);
+    let link = folder.join("pty");
     let args = PtyArgs {
         force: false,
         bus: 1,
@@ -27,7 +28,6 @@ fn drive(name: &str) -> Option<(Value, String)> {
         seed: 3,
     };
     let stop = AtomicBool::new(false);
-    let _ = std::fs::remove_file(&link);
     thread::scope(|scope| {
         let server = scope.spawn(|| {
             let mut out = Vec::new();

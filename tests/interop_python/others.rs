@@ -4,7 +4,8 @@ use std::num::NonZeroU8;
 
 use rc10_app::{Amps, Gear};
 use rc10_cli::dbc::Node;
-use rc10_cli::robot::{Description, Device, Motor, Place};
+use rc10_cli::description::Description;
+use rc10_cli::motor::{Device, Motor, Place};
 use rc10_motor::MotorName;
 use rc10_motor::cybergear::{self, Address};
 use rc10_motor::damiao::signals::Scaled;

@@ -131,7 +131,7 @@ impl Motor for Registers {
 }
 
 impl CanMotor for Registers {
-    fn wiring(&self) -> CanIds {
+    fn can_ids(&self) -> CanIds {
         let pattern = IdPattern::exact(StandardId::new(0x10 + u16::from(self.number)).unwrap());
         let receive = RxFrames { pattern, len: 1, rate: Rate::EveryTick, guard: None };
         CanIds::new("registers", self.number.into()).receives(receive).unwrap()
@@ -281,7 +281,7 @@ fn a_bus_that_starts_anew_answers() {
             tick(&mut runner);
             drop(runner);
             let outcome = first.poll();
-            assert!(outcome == Some(register(1)) || outcome == Some(Err(RequestError::NoReply)));
+            assert!(outcome == Some(register(1)) || outcome == Some(Err(RequestError::Timeout)));
             let mut runner = Runner::new(port(), bus, &ports, Micros::ZERO);
             let answered = (2..12).any(|number| {
                 let mut call = Call::new(&ports, MOTORS[0], number, 0);
@@ -356,7 +356,7 @@ impl Story {
         let Some(outcome) = call.poll() else { return false };
         match outcome {
             Ok(_) => assert_eq!(outcome, register(call.register), "another's answer"),
-            Err(RequestError::NoReply) => assert!(*self.restarts.borrow() > 0),
+            Err(RequestError::Timeout) => assert!(*self.restarts.borrow() > 0),
             Err(RequestError::Busy) => (),
             Err(_) => panic!("{outcome:?}"),
         }

@@ -87,8 +87,8 @@ struct Known {
 }
 
 fn known(motor: &Dji, id: MotorId, safety: Safety) -> Known {
-    let wiring = motor.wiring();
-    let Ownership::Lane(lane) = wiring.transmitted()[0].share else { panic!("a lane") };
+    let wiring = motor.can_ids();
+    let Ownership::Bytes(lane) = wiring.transmitted()[0].share else { panic!("a lane") };
     let lane = lane.trailing_zeros();
     Known {
         id,
@@ -402,7 +402,7 @@ proptest! {
         ),
         times in vec(0..1_u64 << 62, 60),
     ) {
-        let id = motor.wiring().received()[0].pattern.id();
+        let id = motor.can_ids().received()[0].pattern.id();
         let drives = [DriveMode::Run, DriveMode::Hold, DriveMode::Brake, DriveMode::Coast, DriveMode::Off];
         for ((dt, target, request, mut bytes, drive), time) in steps.into_iter().zip(times) {
             bytes[0] &= 0x1F;

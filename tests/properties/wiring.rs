@@ -40,7 +40,7 @@ impl Motor for Wired {
 }
 
 impl CanMotor for Wired {
-    fn wiring(&self) -> CanIds {
+    fn can_ids(&self) -> CanIds {
         self.0.clone()
     }
     fn unpack_feedback(&mut self, _: &CanFrame, _: Micros) -> Result<FrameKind, FrameError> {
@@ -89,7 +89,7 @@ fn receive() -> impl Strategy<Value = RxFrames> {
 fn transmit() -> impl Strategy<Value = TxFrames> {
     let share = prop_oneof![
         Just(Ownership::Whole),
-        any::<u8>().prop_map(Ownership::Lane),
+        any::<u8>().prop_map(Ownership::Bytes),
         guard().prop_map(Ownership::Guard),
     ];
     (pattern(), any::<u8>(), rate(), share).prop_map(|(pattern, len, rate, share)| TxFrames {

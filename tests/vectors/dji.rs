@@ -460,7 +460,7 @@ fn reject(vector: &mut Fields) -> Check {
     for (model, id) in devices {
         let mut motor = Dji::new(model, id).map_err(|error| error.to_string())?;
         let mut alone = motor.clone();
-        let name = alone.wiring().name();
+        let name = alone.name();
         let switch = ArmSwitch::new();
         let mut bus = MotorBus::new(&switch);
         let id = bus.attach(&mut motor, Safety::COAST).map_err(|error| error.to_string())?;

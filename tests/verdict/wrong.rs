@@ -1,7 +1,7 @@
 //! Wrong robots: each is refused, or ends with exit code 3 and the sentence that names the cause.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 
 use embassy_time::Timer;
@@ -11,6 +11,8 @@ use rc10_motor::dji::{Dji, FeedbackRate, M3508};
 use rc10_motor::embassy::BusPort;
 use rc10_motor::{ArmSwitch, MotorBus, MotorId, Safety, Target};
 use serde_json::Value;
+
+use crate::scratch::Scratch;
 
 const LABELS: [&str; 8] =
     ["wheel a", "wheel b", "wheel c", "wheel d", "arm a", "arm b", "arm c", "arm d"];
@@ -31,11 +33,15 @@ const SOUND: Own = Own {
     target: |_| Some(Target::Speed(Rpm::new(60.0))),
 };
 
-/// One for each test.
+/// The same folder for all runs of one test, each of which has a thread of its own.
 fn folder() -> PathBuf {
-    let thread = std::thread::current();
-    let name = thread.name().unwrap().replace("::", "_");
-    Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
+    thread_local! {
+        static FOLDER: Scratch = {
+            let thread = std::thread::current();
+            Scratch::new(&thread.name().unwrap().replace("::", "_"))
+        };
+    }
+    FOLDER.with(|folder| folder.to_path_buf())
 }
 
 impl Own {
@@ -58,7 +64,7 @@ impl Own {
         }
         let described = (1..).zip(LABELS).take(self.motors.into()).map(|(id, label)| {
             let mut motor = Motor { inertia: 0.029, ..Motor::new(label, 1, &M3508, id) };
-            let rc10_cli::robot::Device::Dji { rate, .. } = &mut motor.device else { panic!() };
+            let rc10_cli::motor::Device::Dji { rate, .. } = &mut motor.device else { panic!() };
             *rate = self.rate;
             motor
         });
@@ -201,7 +207,7 @@ fn wrong_programs_end_with_3_and_the_cause() {
 #[test]
 fn the_shipped_robots_are_strictly_sound() {
     for robot in ["team", "mixed"] {
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("strict_{robot}"));
+        let folder = Scratch::new(&format!("strict_{robot}"));
         let arguments = ["run", "--strict", "--robot", robot, "--out", folder.to_str().unwrap()];
         let output = Command::new(env!("CARGO_BIN_EXE_rc10")).args(arguments).output().unwrap();
         let text = String::from_utf8(output.stdout).unwrap();

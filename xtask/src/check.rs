@@ -14,7 +14,7 @@ use crate::firmware::{
 use crate::setup::{TARGET, chip_toolchain, component, python};
 use crate::{count, emulate, size};
 
-/// A robot of somebody else's, outside the workspace. It shares the target directory.
+/// A robot outside the workspace, as a user has it. It shares the target directory.
 const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";
 
 /// All of `rc10-bsp`'s.
@@ -60,7 +60,7 @@ impl Report {
     }
 
     /// # Errors
-    /// If a step failed; or was skipped, where nobody looks at the output.
+    /// If a step failed; or was skipped where the output is not looked at (`CI=true`).
     fn conclude(&self) -> Result<()> {
         println!("\n== summary");
         for (name, outcome, seconds) in &self.steps {

@@ -150,8 +150,14 @@ impl CascadeState {
         // Nobody may be left pushing: the effort itself is looked at, not only who gave it.
         let drives = self.active != Active::Nothing || self.starting != Active::Nothing;
         if drives || self.effort().to_bits() != 0 {
-            *self = Self::new();
+            self.reset();
         }
+    }
+
+    #[cold]
+    #[inline(never)]
+    const fn reset(&mut self) {
+        *self = Self::new();
     }
 
     /// Forgets what the loops have gathered; the effort that flows now is left softly. For a stop:
@@ -297,7 +303,7 @@ impl CascadeState {
         };
     }
 
-    #[inline(always)]
+    #[inline(never)]
     fn speed_loop(&mut self, config: &Cascade, target: f32, measured: f32, dt: Seconds) {
         let step = config.acceleration.get() * dt.get();
         let gap = target - self.reference;

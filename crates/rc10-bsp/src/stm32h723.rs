@@ -144,7 +144,7 @@ pub fn cycle_count() -> u32 {
 #[inline(never)]
 pub fn initialise() -> Peripherals {
     let peripherals = crystal::start(clocks());
-    // SAFETY: the core's peripherals are touched by nobody else; `init` above panics if this
+    // SAFETY: the core's peripherals are not touched elsewhere; `init` above panics if this
     // function runs a second time.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
     forbid_external_memory(&core.MPU);

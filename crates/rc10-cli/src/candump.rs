@@ -64,7 +64,7 @@ pub enum LineError {
     IdOutOfRange(u32),
     /// A character among the data that is no hex digit.
     NotHex(char),
-    /// A data byte of one digit: so many digits in all.
+    /// A data byte of one digit: the number of digits in all.
     OddDigits(usize),
     /// More than eight data bytes.
     TooManyBytes(usize),

@@ -9,9 +9,9 @@ use rc10_motor::dji::Effort;
 use rc10_motor::{DriveMode, Link, TargetKind};
 use rc10_sim::fault::{Fault, Kind};
 
-use crate::problems::{About, Problem, is_on, seconds, time_of};
+use crate::motor::{Device, Place};
+use crate::problems::{About, Problem, is_excused, is_on, seconds, time_of};
 use crate::recording::{BaseHeard, BaseTrack, MotorSample, MotorTrack, Recording, SAMPLE_PERIOD};
-use crate::robot::{Device, Place};
 
 /// Samples of a window: 100 ms.
 pub const WINDOW: usize = 10;
@@ -43,8 +43,6 @@ pub const TURNED_SHARE: f64 = 0.05;
 pub const TWICE: f64 = 1.5;
 /// Samples for which a motor that runs away goes away from its target: 200 ms.
 pub const AWAY: usize = 20;
-/// This much of the time after a fault is not judged.
-const AFTER_FAULT: Micros = Micros::from_millis(500);
 
 /// What would show what no sensor knows.
 const MEASURE: &str =
@@ -120,7 +118,7 @@ fn runaway(recording: &Recording, track: &MotorTrack) -> Option<Problem> {
     let at = track.samples.windows(AWAY).position(is_away)?;
     let last = track.samples[at + AWAY - 1];
     let end = time_of(at + AWAY - 1);
-    if is_excused(recording, end) {
+    if is_excused(recording, track.motor.on, end) {
         return None;
     }
     let unit = if last.kind == TargetKind::Speed { "rpm" } else { "degrees" };
@@ -218,7 +216,9 @@ impl<'r> Judged<'r> {
             let Some(heard) = base.heard.get(before..=from + WINDOW) else { break };
             let end = time_of(from + WINDOW);
             let followed = heard.iter().all(|one| one.wheels.iter().all(|wheel| wheel.follows));
-            if followed && before < from && !is_excused(recording, end) {
+            let is_disturbed =
+                wheels.iter().any(|track| is_excused(recording, track.motor.on, end));
+            if followed && before < from && !is_disturbed {
                 windows.push(window(&heard[from - before..], base, &wheels, end));
             }
         }
@@ -509,26 +509,13 @@ fn not_checked(recording: &Recording, found: &mut Vec<Problem>) {
     }
 }
 
-// ---- time --------------------------------------------------------------------------------------
-
-/// Whether a fault was injected shortly before, or lasts.
-fn is_excused(recording: &Recording, at: Micros) -> bool {
-    recording.faults.iter().any(|fault| {
-        let end = match fault.kind {
-            Kind::Noise(_) => Some(fault.from),
-            _ => fault.until,
-        };
-        at >= fault.from.micros() && end.is_none_or(|end| at <= end.micros() + AFTER_FAULT)
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use rc10_motor::dji;
 
     use super::*;
+    use crate::motor::Motor;
     use crate::recording::{Cell, PathPoint, WheelHeard};
-    use crate::robot::Motor;
 
     fn sample(target: f64, measured: f64, rpm: f64, current: f64, kind: TargetKind) -> MotorSample {
         MotorSample {
@@ -640,5 +627,26 @@ mod tests {
         let with = |fault: &str| Recording { faults: vec![fault.parse().unwrap()], ..bad() };
         assert!(said(&bad()).0 && said(&with("cut:1@2.5s")).0 && said(&with("noise:1@1ms")).0);
         assert!(!said(&with("cut:1@1ms")).0 && !said(&with("power:1@1ms..2.9s")).0);
+        assert!(said(&with("cut:2@1ms")).0, "its wheels are on bus 1");
+    }
+
+    #[test]
+    fn a_runaway_is_excused_by_a_fault_of_its_own_wire_alone() {
+        let mut recording = run(|_| [0.0; 4], |_| None, 0.0);
+        let away = |index: usize| {
+            let rpm = -20.0 * index as f64 - 10.0;
+            sample(100.0, rpm, rpm, -5.0, TargetKind::Speed)
+        };
+        recording.motors[0].samples = (0..AWAY).map(away).collect();
+        for (fault, is_told) in [
+            (None, true),
+            (Some("cut:1@1ms"), false),
+            (Some("cut:2@1ms"), true),
+            (Some("cut:L1@1ms"), true),
+        ] {
+            recording.faults = fault.iter().map(|fault| fault.parse().unwrap()).collect();
+            let found = runaway(&recording, &recording.motors[0]);
+            assert_eq!(found.is_some(), is_told, "{fault:?}");
+        }
     }
 }

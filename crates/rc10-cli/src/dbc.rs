@@ -24,13 +24,14 @@ use anyhow::Result;
 use clap::Args;
 use rc10_motor::signals::Message;
 
-use crate::robot::{Description, Motor, Place};
+use crate::description::Description;
+use crate::motor::{Motor, Place};
 use crate::run::{make_folder, write_file};
 
 pub use model::{Dbc, Frame, NamedSignal};
 pub use names::Name;
 
-/// What `rc10 dbc` is told.
+/// Arguments of `rc10 dbc`.
 #[derive(Args, Debug)]
 pub struct DbcArgs {
     /// Folder for bus1.dbc, bus2.dbc ...
@@ -41,13 +42,13 @@ pub struct DbcArgs {
 /// A device on a bus, as its DBC file names and describes it.
 #[derive(Clone, Debug)]
 pub struct Node {
-    /// What people call it.
+    /// Label of the motor.
     pub label: String,
-    /// What it is.
+    /// Its model and identifier.
     pub comment: String,
-    /// What stands in its frames.
+    /// The messages in its frames.
     pub messages: Vec<Message>,
-    /// What no DBC file can say of them: a sentence each.
+    /// Facts about them that no DBC file can say: a sentence each.
     pub not_in_dbc: &'static [&'static str],
 }
 

@@ -17,7 +17,9 @@ use rc10_motor::signals::{Marks, Message};
 use rc10_motor::{Dispatch, Feedback, FrameError, MotorBus, MotorId, MotorStatus};
 
 use crate::candump::{Line, Numbered, Reader};
-use crate::robot::{Description, Motor, Robot};
+use crate::description::Description;
+use crate::motor::Motor;
+use crate::robot::Robot;
 use print::Printer;
 
 /// Arguments of `rc10 decode`.
@@ -133,7 +135,7 @@ fn decode_log(
                 if let Some((bus, meaning)) = summary.count(&mut decoder, &line) {
                     printer.frame(number, &line, bus, &meaning)?;
                 }
-                // Somebody may be watching a bus live.
+                // The bus may be watched live.
                 if args.file == Path::new("-") {
                     printer.flush()?;
                 }
@@ -189,7 +191,7 @@ struct Decoder<'d, 'm> {
     newest: Micros,
 }
 
-/// What a frame says.
+/// A decoded frame.
 enum Meaning<'d> {
     Feedback {
         motor: &'d Motor,
@@ -311,7 +313,7 @@ fn is(one: Option<&Motor>, other: Option<&Motor>) -> bool {
     one.zip(other).is_some_and(|(one, other)| std::ptr::eq(one, other))
 }
 
-/// The lanes of a command frame that a motor takes, and those that say something to nobody.
+/// The lanes of a command frame that a motor takes, and those that no motor takes.
 fn command<'d>(robot: &'d Description, bus: u8, frame: &CanFrame) -> Meaning<'d> {
     let Some(bytes) = frame.all_eight() else {
         return Meaning::Malformed { motor: None, error: FrameError::Length };
@@ -328,7 +330,7 @@ fn command<'d>(robot: &'d Description, bus: u8, frame: &CanFrame) -> Meaning<'d>
     Meaning::Command(lanes.filter(|lane| lane.motor.is_some() || lane.raw != 0).collect())
 }
 
-/// What the lines of a log amounted to.
+/// Counters of the lines of a log.
 #[derive(Default)]
 struct Summary {
     /// How many buses the robot has.
@@ -344,7 +346,7 @@ struct Summary {
     channels: BTreeMap<String, Channel>,
 }
 
-/// What came on one interface.
+/// Counters of one interface.
 #[derive(Default)]
 struct Channel {
     bus: Option<u8>,
@@ -489,7 +491,7 @@ mod tests {
         err: &mut dyn Write,
     ) -> anyhow::Result<bool> {
         let ports = rc10_robot::ports();
-        let io = rc10_robot::Io::new(ports.each_ref());
+        let io = rc10_robot::Shared::new(ports.each_ref());
         let mut motors = rc10_robot::Motors::new();
         let buses = motors.start(&io)?;
         decode_log(log, args, crate::team::robot(&io, buses), out, err)

@@ -8,7 +8,7 @@ use rc10_can::Micros;
 use rc10_motor::{Loops, TargetKind, dji};
 
 use crate::margin::Margins;
-use crate::robot::{Device, Motor, Twin};
+use crate::motor::{Device, Motor, Twin};
 
 /// Looks in a window: 200 ms.
 pub const WINDOW: usize = 200;
@@ -23,7 +23,7 @@ pub const LOOKS_AT_LIMIT: u32 = 180;
 /// Windows one after another that are a problem, and no answer to a step.
 pub const IN_A_ROW: u32 = 3;
 
-/// What became of the effort of a motor's loops in a run.
+/// Summary of the effort of a motor's loops in a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffortTrack {
     /// Its loops.

@@ -1,4 +1,4 @@
-//! `rc10 emu`: runs the firmware itself, on an emulated chip, in the robot's surroundings.
+//! `rc10 emu`: runs the firmware itself, on an emulated chip, in the robot's environment.
 
 mod foreign;
 mod output;
@@ -23,16 +23,18 @@ use rc10_sim::{Nanos, TraceEntry};
 use sha2::{Digest, Sha256};
 
 use self::output::Outcome;
+use crate::description::Description;
+use crate::environment::{Environment, RemoteLink, operate};
 use crate::figures::{Figures, verdict};
 use crate::mistake::{self, Mistake};
+use crate::motor::{Device, Place, Twin};
 use crate::recorder::Recorder;
 use crate::recording::{Recording, hex_digits};
 use crate::remote::{Operator, ReceiverWire, Sight, Watch};
-use crate::robot::{Description, Device, Place, Robot, Twin};
+use crate::robot::Robot;
 use crate::run::{check_end, make_folder, print_files, seconds, seed, write_file, write_files};
-use crate::surroundings::{RemoteLink, Surroundings, operate};
 
-/// What `rc10 emu` is told.
+/// Arguments of `rc10 emu`.
 #[derive(Args, Debug)]
 #[command(allow_negative_numbers = true)]
 pub struct EmuArgs {
@@ -68,7 +70,7 @@ pub struct EmuArgs {
     pub force: bool,
 }
 
-/// What is different from a plain run.
+/// Options of an emulation: its differences from a plain run.
 #[derive(Clone, Debug, Default)]
 pub struct Setup {
     /// Seed of the world.
@@ -77,13 +79,13 @@ pub struct Setup {
     pub speed: Option<u64>,
     /// The feedback rate set on all motors, if not the one that the robot expects.
     pub rate: Option<FeedbackRate>,
-    /// What goes wrong.
+    /// Injected faults.
     pub faults: Vec<Fault>,
-    /// What is built otherwise than the robot's table says.
+    /// Differences between the world and the robot's table.
     pub mistakes: Vec<Mistake>,
 }
 
-/// A chip in a robot's surroundings, and what the robot's own code on this machine hears on the
+/// A chip in a robot's environment, and what the robot's own code on this machine hears on the
 /// wires meanwhile.
 pub struct Emulation<'r> {
     /// The scenario.
@@ -104,7 +106,7 @@ pub struct Emulation<'r> {
 }
 
 impl<'r> Emulation<'r> {
-    /// Puts a program into a chip, and the chip into the surroundings of a robot.
+    /// Puts a program into a chip, and the chip into the environment of a robot.
     ///
     /// # Errors
     /// If the program or the robot's description is none, or a fault concerns a bus that is not
@@ -122,8 +124,8 @@ impl<'r> Emulation<'r> {
                 }
             }
         }
-        let Surroundings { world, wires, lines, motors, base, serials, remote, operator } =
-            Surroundings::new(&description, setup.seed)?;
+        let Environment { world, wires, lines, motors, base, serials, remote, operator } =
+            Environment::new(&description, setup.seed)?;
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
         ensure!(lines.is_empty(), "the firmware has no RS-485 line yet, the robot {}", lines.len());
         let mut machine =

@@ -11,11 +11,11 @@ use crate::problems::{Problem, Severity, any, problems, seconds};
 use crate::recording::{MotorTrack, Recording, Tracking};
 use crate::remote::{Loss, RemoteTrack};
 
-/// What a run amounts to: computed once, and printed as text, JSON and HTML.
+/// The figures of a run: computed once, and printed as text, JSON and HTML.
 pub struct Figures {
     /// One per motor, in the order of the robot's table.
     pub motors: Vec<MotorFigures>,
-    /// What was not as it should be.
+    /// Its problems, and the information.
     pub problems: Vec<Problem>,
 }
 
@@ -31,7 +31,7 @@ pub struct MotorFigures {
     pub tracking: Vec<Tracking>,
     /// Largest current either way, A.
     pub peak_current: Option<f64>,
-    /// What is to be said of its control loops.
+    /// Verdict on its control loops.
     pub loops: &'static str,
 }
 
@@ -118,7 +118,7 @@ pub struct Table {
     pub rows: Vec<Vec<Entry>>,
 }
 
-/// What stands at one place of a table.
+/// One cell of a table.
 pub struct Entry {
     /// The words or the number.
     pub text: String,
@@ -381,7 +381,7 @@ const fn verdict_name(verdict: Verdict) -> &'static str {
     }
 }
 
-/// What a run was like, in a line or more: for the end of the output.
+/// The verdict of a run, in a line or more: for the end of the output.
 #[must_use]
 pub fn verdict(recording: &Recording, figures: &Figures) -> String {
     let mut text = headline(recording, figures);
@@ -613,8 +613,88 @@ fn tracking_json(tracking: &Tracking) -> Value {
 
 #[cfg(test)]
 mod tests {
+    use rc10_motor::dji::M3508;
+    use rc10_motor::{MotorCounters, MotorStatus};
+
     use super::*;
+    use crate::motor::Motor;
+    use crate::recording::{Cell, MotorSample};
     use crate::remote::Lost;
+
+    /// A track of three samples, the second without a target, and with these errors in its looks.
+    fn track(label: &'static str, kind: TargetKind, errors: &[f64]) -> MotorTrack {
+        let sample = |(target, measured)| MotorSample {
+            target,
+            measured,
+            measured_cell: Cell::of(measured),
+            kind,
+            current: 0.0,
+            current_cell: Cell::of(0.0),
+            rpm: 0.0,
+            rpm_cell: Cell::of(0.0),
+            link: Link::Online,
+            drive: DriveMode::Run,
+            counters: MotorCounters::default(),
+            overwritten: 0,
+        };
+        MotorTrack {
+            motor: Motor::new(label, 1, &M3508, 1),
+            samples: [(Some(30.0), 27.0), (None, -90.0), (Some(30.0), 26.0)].map(sample).into(),
+            last: MotorStatus::NEW,
+            overwritten: 0,
+            tracking: vec![Tracking {
+                kind,
+                looks: errors.len() as u64,
+                squares: errors.iter().map(|error| error * error).sum(),
+                peak: errors.iter().fold(0.0, |peak: f64, error| peak.max(error.abs())),
+            }],
+            peak_current: 12.5,
+            effort: None,
+        }
+    }
+
+    #[test]
+    fn numbers_stand_with_their_units_in_table_and_json() {
+        let recording = Recording {
+            motors: vec![
+                track("wheel", TargetKind::Speed, &[3.0, 4.0]),
+                track("gimbal", TargetKind::Angle, &[3.0, -4.0]),
+                track("lift", TargetKind::TotalAngle, &[3.0, 4.0]),
+                track("leg", TargetKind::Impedance, &[3.0, 4.0]),
+            ],
+            ..Recording::default()
+        };
+        let figures = Figures::of(&recording);
+        let table = motor_table(&recording, &figures);
+        let json = to_json(&recording, &figures, 0.0);
+        let column = |title| table.head.iter().position(|head| *head == title).unwrap();
+        for (index, (unit, noun)) in
+            [("rpm", "speed"), ("deg", "angle"), ("deg", "total angle"), ("deg", "impedance")]
+                .into_iter()
+                .enumerate()
+        {
+            let text = |title| table.rows[index][column(title)].text.as_str();
+            assert_eq!(text("target"), format!("30.0 {unit}"));
+            assert_eq!(text("measured"), format!("26.0 {unit}"));
+            assert_eq!(text("RMS error"), format!("3.54 {unit} {noun}"));
+            assert_eq!(text("peak"), "12.50 A");
+            let motor = &json["motors"][index];
+            assert_eq!((&motor["unit"], &motor["target"]), (&json!(unit), &json!(30.0)));
+            assert_eq!(
+                (&motor["measured"], &motor["peak_current_a"]),
+                (&json!(26.0), &json!(12.5))
+            );
+            assert_eq!(motor["error_rms"], json!(12.5_f64.sqrt()));
+            let tracking = json!([{
+                "kind": noun,
+                "unit": unit,
+                "seconds": 0.002,
+                "rms": 12.5_f64.sqrt(),
+                "peak": 4.0,
+            }]);
+            assert_eq!(motor["tracking"], tracking);
+        }
+    }
 
     #[test]
     fn a_loss_is_told_to_its_end() {

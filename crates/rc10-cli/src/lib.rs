@@ -5,13 +5,16 @@
 //! A robot crate needs no copy of this one: it hands a [`Robot`], which is a [`Description`] with
 //! buses and tasks, to [`main_for`] and has the same command line. `examples/two-wheels` does.
 //!
-//! * [`robot`]: what the tools must know of a robot: each [`Motor`] with its [`Place`](robot::Place)
-//!   on a bus or line, its [`Device`](robot::Device), and what its shaft carries. [`team`] and
-//!   [`mixed`]: the two of `rc10-robot`.
+//! * [`description`]: what the tools must know of a robot. [`motor`]: each [`Motor`] with its
+//!   [`Place`](motor::Place) on a bus or line, its [`Device`](motor::Device), and what its shaft
+//!   carries. [`script`]: what the robot does by itself. [`team`] and [`mixed`]: the two robots of
+//!   `rc10-robot`.
 //! * [`remote`]: its remote control, who holds it, and what happens when it is lost.
-//! * [`surroundings`]: the world around a robot, from its description alone. [`mistake`]: what is
-//!   not as described.
-//! * [`recorder`]: writes down what happens there, whoever runs the robot. [`simulate`] runs its
+//! * [`environment`]: the simulated world around a robot, from its description alone. [`mistake`]:
+//!   what is not as described. [`built`]: the robot with its mistakes.
+//! * [`robot`]: a description with its buses and tasks, ready to run. [`ports`]: how a run watches
+//!   them.
+//! * [`recorder`]: records what happens there. [`simulate`] runs the robot's
 //!   own tasks, on this machine.
 //! * [`recording`]: what is left of a run. [`figures`] and [`report`] are made from it.
 //! * [`run`], [`emulate`], [`decode`], [`dbc`], [`pty`]: the commands. [`candump`]: logs, read and
@@ -20,16 +23,21 @@
 // Figures for people and plots: a rounded digit does no harm here.
 #![allow(clippy::cast_precision_loss, clippy::cast_possible_truncation)]
 
+pub mod built;
 pub mod candump;
 pub mod consistency;
 pub mod dbc;
 pub mod decode;
+pub mod description;
 pub mod effort;
 pub mod emulate;
+pub mod environment;
 pub mod figures;
 pub mod margin;
 pub mod mistake;
 pub mod mixed;
+pub mod motor;
+pub mod ports;
 pub mod problems;
 pub mod pty;
 pub mod recorder;
@@ -38,9 +46,9 @@ pub mod remote;
 pub mod report;
 pub mod robot;
 pub mod run;
+pub mod script;
 pub mod simulate;
 pub mod slcan;
-pub mod surroundings;
 pub mod team;
 
 use std::ffi::OsString;
@@ -55,10 +63,13 @@ use emulate::EmuArgs;
 use pty::PtyArgs;
 use run::RunArgs;
 
+pub use description::{Base, Description, SerialPart};
 pub use mistake::Mistake;
-pub use recording::{Event, Recording};
+pub use motor::Motor;
+pub use recording::Recording;
 pub use remote::{Receiver, RemoteControl};
-pub use robot::{Base, Description, Motor, Robot, Script, SerialPart};
+pub use robot::Robot;
+pub use script::{Event, Script};
 
 /// RC10: a robot's motor buses, on a PC.
 #[derive(Parser)]
@@ -203,7 +214,7 @@ fn main_with<A: Parser>(act: impl FnOnce(A) -> anyhow::Result<ExitCode>) -> Exit
     };
     match act(arguments) {
         Ok(code) => code,
-        // Whoever reads our output has read enough (`| head`).
+        // The reader of our output has read enough (`| head`).
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             let _ = writeln!(io::stderr(), "rc10: {error:#}");
@@ -220,14 +231,14 @@ pub fn main() -> ExitCode {
         match robot {
             Which::Team => {
                 let ports = rc10_robot::ports();
-                let io = rc10_robot::Io::new(ports.each_ref());
+                let io = rc10_robot::Shared::new(ports.each_ref());
                 let mut motors = rc10_robot::Motors::new();
                 let buses =
                     motors.start(&io).map_err(|error| team::description().label(error.into()))?;
                 command.run(team::robot(&io, buses))
             }
             Which::Mixed => {
-                let io = rc10_robot::mixed::Io::new();
+                let io = rc10_robot::mixed::Shared::new();
                 let description = mixed::description()?;
                 let label = |error: rc10_robot::mixed::SetupError| description.label(error.into());
                 let mut motors = rc10_robot::mixed::Motors::new().map_err(label)?;

@@ -14,7 +14,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use rc10_motor::{Loops, TargetKind};
 use rc10_sim::Plant;
 
-use crate::robot::{Description, Twin};
+use crate::description::Description;
+use crate::motor::Twin;
 
 /// From a measurement to the effort that it causes: half a feedback period, half a tick of holding,
 /// and up to a tick on the bus and in the ESC.

@@ -11,8 +11,8 @@ use rc10_motor::{
     CanMotor as _, MotorBus, MotorName, cybergear, damiao, lk, odrive, unitree, vesc,
 };
 use rc10_robot::mixed::{
-    ARM_IDS, ARMED_AT, BUSES, FLYWHEEL, FLYWHEEL_NODE, HIP, Io, LEGS, SCRIPT, TURRET, TURRET_ID,
-    WRIST, arm, run, wheel,
+    ARM_IDS, ARMED_AT, BUSES, FLYWHEEL, FLYWHEEL_NODE, HIP, LEGS, SCRIPT, Shared, TURRET,
+    TURRET_ID, WRIST, arm, run, wheel,
 };
 use rc10_sim::lk::Drive;
 use rc10_sim::odrive::Axis;
@@ -20,10 +20,13 @@ use rc10_sim::unitree_module::UnitreeModule;
 use rc10_sim::vesc::VescConfig;
 use rc10_sim::{Bus, Esc, Line, LineMotor};
 
-use crate::recording::Event;
-use crate::robot::{Description, Device, Motor, Place, Robot, Script};
+use crate::description::Description;
+use crate::motor::{Device, Motor, Place};
+use crate::robot::Robot;
+use crate::script::Event;
+use crate::script::Script;
 
-/// What the tools must know of it.
+/// The description of the mixed robot.
 ///
 /// # Errors
 /// If the robot's numbers cannot be.
@@ -32,13 +35,13 @@ pub fn description() -> Result<Description> {
         let device = Device::Can { name, twin, messages, not_in_dbc };
         Motor::with_device(label, Place::Bus(bus), device)
     };
-    let vesc = vesc::Vesc::new(wheel())?.wiring().name();
-    let damiao = arm()?.wiring().name();
-    let hip = GoModule::new(HIP.0, HIP.1)?.wiring().name();
+    let vesc = vesc::Vesc::new(wheel())?.name();
+    let damiao = arm()?.name();
+    let hip = GoModule::new(HIP.0, HIP.1)?.name();
     let model = &cybergear::models::CYBERGEAR;
-    let wrist = cybergear::CyberGear::new(model, WRIST)?.wiring().name();
-    let turret = lk::Lk::new(TURRET_ID, TURRET)?.wiring().name();
-    let axis = odrive::ODrive::new(FLYWHEEL_NODE, FLYWHEEL)?.wiring().name();
+    let wrist = cybergear::CyberGear::new(model, WRIST)?.name();
+    let turret = lk::Lk::new(TURRET_ID, TURRET)?.name();
+    let axis = odrive::ODrive::new(FLYWHEEL_NODE, FLYWHEEL)?.name();
     // Inertias in kg m² at the output shaft; our estimates.
     let mut motors = vec![
         Motor {
@@ -190,7 +193,7 @@ fn leg_twin<const ID: u8>(line: &Line, inertia: f64) -> Result<LineMotor> {
 /// # Errors
 /// If the robot's numbers cannot be.
 pub fn robot<'r>(
-    io: &'r Io,
+    io: &'r Shared,
     buses: [MotorBus<'r>; BUSES],
     line: Rs485Bus<'r>,
 ) -> Result<Robot<'r>> {

@@ -1,4 +1,4 @@
-//! What was not as it should be in a run: data, made once. Console, JSON, report and exit code say
+//! Problems of a run: data, made once. Console, JSON, report and exit code say
 //! the same.
 //!
 //! What an injected fault must do is no problem; that it does not happen is one. The thresholds, and
@@ -13,9 +13,9 @@ use serde_json::{Value, json};
 
 use crate::effort::{self, EffortTrack, IN_A_ROW, WINDOW};
 use crate::margin;
+use crate::motor::Place;
 use crate::recording::{BusTrack, MotorSample, MotorTrack, Recording, SAMPLE_PERIOD};
 use crate::remote::{Loss, Receiver, RemoteTrack};
-use crate::robot::Place;
 
 /// How bad it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +26,7 @@ pub enum Severity {
     Information,
 }
 
-/// What it is about.
+/// The subject of a problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum About {
     /// The robot as a whole.
@@ -61,7 +61,7 @@ impl fmt::Display for About {
 pub struct Problem {
     /// How bad it is.
     pub severity: Severity,
-    /// What it is about.
+    /// The subject of a problem.
     pub about: About,
     /// For programs: the same word for the same finding, in small letters with hyphens.
     pub kind: &'static str,
@@ -205,7 +205,7 @@ pub(crate) fn time_of(index: usize) -> Micros {
     Micros::new((index as u64 + 1) * SAMPLE_PERIOD.get())
 }
 
-/// The sample of a time, if the run was so long.
+/// The sample of a time; `None` after the end of the run.
 fn sample_at<T>(samples: &[T], at: Micros) -> Option<&T> {
     samples.get(usize::try_from(at.get().div_ceil(SAMPLE_PERIOD.get())).ok()?.checked_sub(1)?)
 }
@@ -535,6 +535,8 @@ fn is_driven_on(loss: &Loss, end: Micros) -> bool {
     loss.coasting.is_none() && over > due
 }
 
+/// A time in seconds.
 pub(crate) fn seconds(time: Micros) -> f64 {
-    time.get() as f64 * 1e-6
+    // Divided: correctly rounded, so that 0.9 s is printed as 0.9.
+    time.get() as f64 / 1e6
 }

@@ -37,14 +37,14 @@ pub use unix::serve;
 /// How far one frame of the client lets time go on in lockstep: 1 ms.
 pub const STEP: Micros = Micros::from_millis(1);
 
-/// What `rc10 pty` is told.
+/// Arguments of `rc10 pty`.
 #[derive(Args, Debug)]
 #[command(allow_negative_numbers = true)]
 pub struct PtyArgs {
     /// Which bus of the robot; the first is 1
     #[arg(long, value_name = "N")]
     pub bus: u8,
-    /// Ends after so many seconds of virtual time, up to 3600 [default: runs until Ctrl-C]
+    /// Ends after this many seconds of virtual time, up to 3600 [default: runs until Ctrl-C]
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<Micros>,
     /// Time stands still but for 1 ms after each frame of the client (or empty line): for tests

@@ -1,4 +1,4 @@
-//! Writes down what a robot does in its surroundings, whoever runs it.
+//! Records what a robot does in its environment, simulated or emulated.
 
 use rc10_app::TotalAngle;
 use rc10_app::angle::shortest_way_degrees;
@@ -9,15 +9,16 @@ use rc10_sim::{Base, TraceEntry};
 use sha2::{Digest, Sha256};
 
 use crate::candump;
+use crate::description::Description;
 use crate::effort::{EffortWatch, effort_of};
 use crate::margin::Margins;
+use crate::motor::{Motor, Twin};
 use crate::recording::{
     BaseHeard, BaseTrack, BusSample, BusTrack, Cell, LOOK_PERIOD, MotorSample, MotorTrack,
     PathPoint, Recording, SAMPLE_PERIOD, Tracking, WheelHeard, hex_digits,
 };
-use crate::robot::{Description, Motor, Twin};
 
-/// Writes down what a robot does. It sees the wires and the shafts for itself; what the robot
+/// Recorder of what a robot does. It sees the wires and the shafts for itself; what the robot
 /// believes of its motors and buses it must be told.
 pub struct Recorder<'d> {
     description: &'d Description,
@@ -40,8 +41,9 @@ struct BusRecorder {
 }
 
 impl<'d> Recorder<'d> {
-    /// A recorder before the start. `seed` is the surroundings' one, `loops` those of the motors in
-    /// the order of the description, as are their `twins`. On an emulated chip it does not see what the robot decides.
+    /// A recorder before the start. `seed` is that of the world; `loops` and `twins` are those of
+    /// the motors, in the order of the description. On an emulated chip it does not see what the
+    /// robot decides.
     #[must_use]
     pub fn new(
         description: &'d Description,
@@ -350,5 +352,39 @@ fn sample(motor: &Motor, status: &MotorStatus, esc: &Twin) -> MotorSample {
         drive: status.drive,
         counters: status.counters,
         overwritten: state.feedback_overwritten,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_app::Rpm;
+    use rc10_motor::dji::M3508;
+    use rc10_sim::{BusConfig, World};
+
+    use super::*;
+
+    /// Three looks at a motor that measured 97, 50 and 96 rpm. In the second it was not driven, so
+    /// there was no target to follow.
+    #[test]
+    fn looks_without_a_target_are_not_in_the_error() {
+        let motor = Motor::new("wheel", 1, &M3508, 1);
+        let wire = World::new(1).add_bus(BusConfig::default());
+        let twin = motor.plug_in(&[wire], &[]).unwrap();
+        let mut recorder = MotorRecorder::new(None);
+        for (rpm, drive) in
+            [(97.0, DriveMode::Run), (50.0, DriveMode::Coast), (96.0, DriveMode::Run)]
+        {
+            let mut status = MotorStatus::NEW;
+            status.drive = drive;
+            status.target = Target::Speed(Rpm::new(100.0));
+            status.feedback.speed = Rpm::new(rpm);
+            recorder.look(Micros::ZERO, &motor, &status, &twin);
+            recorder.sample();
+        }
+        let targets: Vec<_> = recorder.samples.iter().map(|sample| sample.target).collect();
+        assert_eq!(targets, [Some(100.0), None, Some(100.0)]);
+        let expected = Tracking { kind: TargetKind::Speed, looks: 2, squares: 25.0, peak: 4.0 };
+        assert_eq!(recorder.tracking, [expected]);
+        assert!((expected.rms() - 12.5_f64.sqrt()).abs() < 1e-9);
     }
 }

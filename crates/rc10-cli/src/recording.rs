@@ -1,4 +1,4 @@
-//! What a run leaves behind: everything that tables, JSON and the report are made from.
+//! The recording of a run: everything that tables, JSON and the report are made from.
 
 use std::fmt::Write as _;
 
@@ -9,15 +9,16 @@ use rc10_sim::{Chassis, Fault};
 use sha2::{Digest, Sha256};
 
 use crate::effort::EffortTrack;
+use crate::motor::Motor;
 use crate::remote::RemoteTrack;
-use crate::robot::Motor;
+use crate::script::Event;
 
 /// Samples are taken this far apart.
 pub const SAMPLE_PERIOD: Micros = Micros::from_millis(10);
 /// A sample is made from looks this far apart: as often as control loops run.
 pub const LOOK_PERIOD: Micros = Micros::from_millis(1);
 
-/// One run.
+/// The recording of one run.
 #[derive(Default)]
 pub struct Recording {
     /// Seed of the world.
@@ -30,15 +31,15 @@ pub struct Recording {
     pub buses: Vec<BusTrack>,
     /// How each RS-485 line was at the end.
     pub lines: Vec<LineStatus>,
-    /// What its base did, if it has one.
+    /// The track of its base, if it has one.
     pub base: Option<BaseTrack>,
-    /// What happened by itself, in order: in the robot's script, or in somebody's hands.
+    /// The events of the run, in order: of the robot's script, and of its remote's operator.
     pub events: Vec<Event>,
-    /// What its remote did, if it has one.
+    /// The track of its remote, if it has one.
     pub remote: Option<RemoteTrack>,
     /// Whether the robot was armed, per sample; empty if that is not known.
     pub arm: Vec<ArmState>,
-    /// What went wrong on purpose.
+    /// Injected faults.
     pub faults: Vec<Fault>,
     /// The buses' logs were not kept.
     pub no_logs: bool,
@@ -67,7 +68,7 @@ pub(crate) fn hex_digits(hash: Sha256) -> String {
     })
 }
 
-/// What one motor did.
+/// The track of one motor.
 pub struct MotorTrack {
     /// Which motor it is.
     pub motor: Motor,
@@ -113,7 +114,7 @@ impl Tracking {
     }
 }
 
-/// What values were between two samples.
+/// The range of values between two samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cell {
     /// The lowest.
@@ -136,9 +137,9 @@ impl Cell {
 /// One motor at one moment, and since the one before.
 #[derive(Clone, Copy, Debug)]
 pub struct MotorSample {
-    /// What it was told, in the unit of `kind`; `None` while it does not follow a target.
+    /// Its target, in the unit of `kind`; `None` while it does not follow a target.
     pub target: Option<f64>,
-    /// What it measured, in the same unit: rpm for speeds, degrees for angles.
+    /// Its measurement, in the same unit: rpm for speeds, degrees for angles.
     pub measured: f64,
     /// `measured` since the sample before, as long as it was of this kind.
     pub measured_cell: Cell,
@@ -154,7 +155,7 @@ pub struct MotorSample {
     pub rpm_cell: Cell,
     /// Whether it is heard.
     pub link: Link,
-    /// What its bus lets it do. On an emulated chip [`DriveMode::Run`] if the simulated motor is driven,
+    /// Its drive mode. On an emulated chip [`DriveMode::Run`] if the simulated motor is driven,
     /// else [`DriveMode::Coast`].
     pub drive: DriveMode,
     /// Its counters so far.
@@ -163,7 +164,7 @@ pub struct MotorSample {
     pub overwritten: u64,
 }
 
-/// What one bus did.
+/// The track of one bus.
 pub struct BusTrack {
     /// The first one is 1.
     pub number: u8,
@@ -173,7 +174,7 @@ pub struct BusTrack {
     pub load_windows: Vec<f64>,
     /// Its status at the end; with what its motors need of it, as known before the start.
     pub last: BusStatus,
-    /// What it had counted, per sample.
+    /// Its counters, per sample.
     pub samples: Vec<BusSample>,
     /// Frames on the wire.
     pub frames: u64,
@@ -185,7 +186,7 @@ pub struct BusTrack {
     pub log_hash: String,
 }
 
-/// What a bus had counted at one moment.
+/// Counters of a bus at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BusSample {
     /// Ticks that did not happen.
@@ -212,7 +213,7 @@ impl BusSample {
     }
 }
 
-/// What a base did.
+/// The track of a base.
 pub struct BaseTrack {
     /// Its wheels: places in [`Recording::motors`].
     pub wheels: [usize; 4],
@@ -220,7 +221,7 @@ pub struct BaseTrack {
     pub path: Vec<PathPoint>,
     /// Its measures, as the robot's table has them.
     pub chassis: Chassis,
-    /// What the robot heard of it, per sample.
+    /// What its sensors measured, per sample.
     pub heard: Vec<BaseHeard>,
 }
 
@@ -249,7 +250,7 @@ impl BaseTrack {
     }
 }
 
-/// What a robot's own sensors said of its base at one moment.
+/// Measurements of a base by the robot's own sensors at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BaseHeard {
     /// Its wheels, in the order of [`BaseTrack::wheels`].
@@ -258,7 +259,7 @@ pub struct BaseHeard {
     pub yaw: Option<f64>,
 }
 
-/// What a robot heard of a wheel's motor, as the robot counts.
+/// Feedback of a wheel's motor, as the robot counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WheelHeard {
     /// Degrees of the output shaft, all turns counted.
@@ -269,7 +270,7 @@ pub struct WheelHeard {
     pub follows: bool,
 }
 
-/// Where the base was.
+/// A position of the base.
 #[derive(Clone, Copy, Debug)]
 pub struct PathPoint {
     /// Metres.
@@ -278,13 +279,4 @@ pub struct PathPoint {
     pub y: f64,
     /// Radians, counter-clockwise.
     pub yaw: f64,
-}
-
-/// Something that happened by itself.
-#[derive(Clone, Copy, Debug)]
-pub struct Event {
-    /// When.
-    pub at: Micros,
-    /// What.
-    pub label: &'static str,
 }

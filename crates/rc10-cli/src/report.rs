@@ -13,16 +13,16 @@ use crate::figures::{
     Entry, Figures, Table, bus_table, grouped, headline, line_table, motor_table, optional,
     sentence,
 };
-use crate::problems::{Problem, Severity};
+use crate::motor::Place;
+use crate::problems::{Problem, Severity, seconds};
 use crate::recording::{
     BaseTrack, BusTrack, Cell, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD,
 };
 use crate::remote::{RemoteSample, RemoteTrack};
-use crate::robot::Place;
 
 /// Width of the windows of [`BusTrack::load_windows`].
 const LOAD_WINDOW: Micros = Micros::from_millis(100);
-/// More samples than this would not fit on a screen: of a longer run every so many-th is drawn.
+/// More samples than this would not fit on a screen: of a longer run only every n-th is drawn.
 const DRAWN: usize = 4000;
 /// More events than this are not listed; the plots have them all.
 const LISTED: usize = 60;
@@ -286,11 +286,7 @@ impl Scale {
     }
 }
 
-fn seconds(time: Micros) -> f64 {
-    time.get() as f64 / 1e6
-}
-
-/// So many sample periods, in seconds.
+/// A number of sample periods, in seconds.
 fn periods(count: usize) -> Value {
     let count = u64::try_from(count).unwrap_or(u64::MAX);
     number(seconds(Micros::new(count.saturating_mul(SAMPLE_PERIOD.get()))), 2)
@@ -301,7 +297,7 @@ fn path(recording: &Recording) -> &[PathPoint] {
     recording.base.as_ref().map_or(&[], |base| &base.path)
 }
 
-/// Every so many-th sample is drawn.
+/// Every n-th sample is drawn: this n.
 fn stride(recording: &Recording) -> usize {
     let samples = recording.motors.iter().map(|track| track.samples.len());
     samples.max().unwrap_or(0).max(path(recording).len()).div_ceil(DRAWN).max(1)
@@ -617,8 +613,9 @@ mod tests {
     use rc10_sim::remote::Sent;
 
     use super::*;
-    use crate::recording::{Event, Tracking};
+    use crate::recording::Tracking;
     use crate::remote::{Loss, Lost, Receiver};
+    use crate::script::Event;
     use crate::team;
 
     /// All motors follow a target exactly; nothing is wrong.

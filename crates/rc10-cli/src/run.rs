@@ -1,4 +1,4 @@
-//! `rc10 run`: drives a robot in its surroundings and says how it went.
+//! `rc10 run`: drives a robot in its environment and says how it went.
 
 use std::fs;
 use std::io::{self, Write};
@@ -20,7 +20,7 @@ use crate::report::report;
 use crate::robot::Robot;
 use crate::simulate::simulate;
 
-/// What `rc10 run` is told.
+/// Arguments of `rc10 run`.
 #[derive(Args, Debug)]
 #[command(allow_negative_numbers = true)]
 pub struct RunArgs {

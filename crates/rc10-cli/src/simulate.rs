@@ -1,4 +1,4 @@
-//! A robot in its surroundings: its own tasks, against simulated motors on simulated wires.
+//! A robot in its environment: its own tasks, against simulated motors on simulated wires.
 
 use anyhow::Result;
 use rc10_can::Micros;
@@ -7,20 +7,20 @@ use rc10_motor::embassy::BusStatus;
 use rc10_motor::{ArmSwitch, MotorStatus};
 use rc10_sim::{Faults, Nanos};
 
+use crate::environment::Environment;
 use crate::recorder::Recorder;
 use crate::recording::Recording;
 use crate::remote::{Sight, Watch};
 use crate::robot::Robot;
-use crate::surroundings::Surroundings;
 
 /// Runs a robot for `length` of virtual time.
 ///
 /// # Errors
-/// If the robot is not as described, or its surroundings cannot be built.
+/// If the robot is not as described, or its environment cannot be built.
 pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording> {
     let loops = robot.loops();
     let (description, ports) = (robot.description().clone(), robot.ports());
-    let mut around = Surroundings::new(&description, seed)?;
+    let mut around = Environment::new(&description, seed)?;
     let mut tasks = robot.tasks(&around)?;
     let motor =
         |entry| ports.motor(&description, entry).map_or(MotorStatus::NEW, |port| port.status());
@@ -89,7 +89,7 @@ const fn rounded_up(time: Nanos) -> Micros {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::Description;
+    use crate::description::Description;
 
     #[test]
     fn a_robot_that_does_nothing_lets_time_pass() {

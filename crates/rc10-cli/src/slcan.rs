@@ -38,7 +38,7 @@ const EXTENDED: u32 = 1 << 31;
 /// The longest line: an extended data frame of eight bytes, with its time.
 const LONGEST_LINE: usize = 30;
 
-/// What a client asks for.
+/// A command of a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
     /// Nothing: an empty line.

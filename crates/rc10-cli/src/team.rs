@@ -5,20 +5,22 @@ mod operator;
 use anyhow::{Context, Result};
 use rc10_motor::SafeState;
 use rc10_robot::table::{BASE, BUSES, Entry, LIFT, LIFT_TOP, MOTORS, Name, RECEIVER, WHEELS};
-use rc10_robot::{Bus, Io, chassis, driver, imu, mechanisms, remote, status};
+use rc10_robot::{Bus, Shared, chassis, driver, imu, mechanisms, remote, status};
 use rc10_sim::imu::Hwt101;
 use rc10_sim::{Chassis, Nanos, Serial, World};
 
+use crate::description::{Base, Description, SerialPart};
 use crate::emulate::build_firmware;
+use crate::motor::{Device, Motor, Place};
 use crate::remote::{Receiver, ReceiverPort, RemoteControl};
-use crate::robot::{Base, Description, Device, Motor, Place, Robot, SerialPart};
+use crate::robot::Robot;
 
 /// Where its parts are plugged in: `firmware/src/board.rs`.
 const REMOTE_UART: u8 = 5;
 const PULSE_PIN: (char, usize) = ('F', 8);
 const IMU_UART: u8 = 7;
 
-/// What the tools must know of it.
+/// The description of the team's robot.
 #[must_use]
 pub fn description() -> Description {
     let chassis = Chassis {
@@ -49,7 +51,7 @@ pub fn description() -> Description {
 fn motor(entry: &Entry) -> Motor {
     // kg m² and N m at the output shaft; our estimates. The wheels get theirs from the base, and
     // the weight of the lift pulls every one of its shafts down. It hangs a quarter of a turn above
-    // its floor at power-on: so whoever watches sees whether it is held or let go.
+    // its floor at power-on: so one can see whether it is held or let go.
     let (inertia, load) = match entry.name {
         Name::Yaw => (0.02, 0.0),
         Name::Pitch => (0.01, 0.0),
@@ -79,7 +81,7 @@ fn imu_twin(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial> 
 
 /// The robot with all its tasks, before it runs.
 #[must_use]
-pub fn robot<'r>(io: &'r Io<'_>, buses: [Bus<'r>; BUSES]) -> Robot<'r> {
+pub fn robot<'r>(io: &'r Shared<'_>, buses: [Bus<'r>; BUSES]) -> Robot<'r> {
     let robot = Robot::new(description()).switch(&io.switch);
     let robot =
         buses.into_iter().zip(io.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));

@@ -9,6 +9,7 @@ use rc10_sim::{Bus, Esc, EscFault, Line, LineMotor};
 
 use crate::declaration::Declaration;
 use crate::harness::{ByBus, ByLine, Connection, Harness, Subject};
+use crate::mirror::Mirror;
 use crate::recorder::{Call, Log, Moment, recorded};
 use crate::report::{Breach, Report};
 use crate::rig::Rig;
@@ -18,7 +19,8 @@ use crate::rules::{Check, RULES, Rule};
 const SEED: u64 = 10;
 
 /// Runs every [rule](crate::RULES) on a motor: `motor` makes a fresh one, set to an identifier, and
-/// `device` puts its simulated device, set to that identifier, on a wire. Both turn the same way.
+/// `device` puts its simulated device, set to that identifier, on a wire. Both turn the same way, or
+/// the motor was made [reversed](Declaration::direction).
 ///
 /// # Errors
 /// All rules that are broken, and what could not be tried.
@@ -56,7 +58,12 @@ pub fn check_line(
 
 fn run(case: &Case<'_>, apply: impl Fn(&Rule, &mut Findings)) -> Result<(), Report> {
     let motor = case.motor().name();
-    let mut report = Report { motor, breaches: Vec::new(), unchecked: Vec::new() };
+    let mut report = Report {
+        motor,
+        direction: case.declared.direction,
+        breaches: Vec::new(),
+        unchecked: Vec::new(),
+    };
     let mut causes = Vec::new();
     for rule in RULES {
         let mut found = Findings::default();
@@ -201,7 +208,7 @@ impl<'a> Case<'a> {
 
     /// An empty wire.
     pub(crate) fn bench<'m>(&'m self, switch: &'m ArmSwitch) -> Box<dyn Harness<'m> + 'm> {
-        self.connection.bench(SEED, switch)
+        self.connection.bench(SEED, Mirror(self.declared.direction), switch)
     }
 
     /// A motor and its device on a wire of their own.

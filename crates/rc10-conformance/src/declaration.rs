@@ -1,5 +1,6 @@
 use rc10_app::{NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::Target;
+use rc10_motor::rc10_app::Direction;
 use rc10_sim::{EscFault, EscState};
 
 /// What a motor can do, as far as the rules have to know it. How often it reports, and after what
@@ -8,6 +9,10 @@ use rc10_sim::{EscFault, EscState};
 pub struct Declaration {
     /// Two identifiers that can be set on devices of one bus. The first is used when one will do.
     pub ids: [u8; 2],
+    /// Which way the motor was made to turn. The targets, the far angle and the load below are
+    /// those of a forward motor; for a reversed one the kit mirrors what it commands and what it
+    /// reads, so that the shaft moves as a forward motor's.
+    pub direction: Direction,
     /// A speed it reaches with ease, also against the `load`; positive.
     pub cruise: Rpm,
     /// For a motor that takes no speed: an angle that is positive and so far away that it turns
@@ -92,6 +97,7 @@ impl Declaration {
     pub fn new(ids: [u8; 2], cruise: Rpm, full_torque: NewtonMetres) -> Self {
         Self {
             ids,
+            direction: Direction::Forward,
             cruise,
             far: None,
             full_torque,

@@ -7,10 +7,11 @@ use rc10_can::{CanFrame, CanPort, Micros};
 use rc10_motor::unitree::GoM8010;
 use rc10_motor::{
     ArmSwitch, CanMotor, CommandError, DriveMode, Motor, MotorId, MotorName, MotorStatus, Request,
-    RequestError, Response, Safety, Target, TargetSet, TxBatch,
+    RequestError, Response, Safety, Target, TargetSet, Tick, TxBatch,
 };
 use rc10_sim::{Bus, Esc, EscFault, EscState, Line, LineMotor};
 
+use crate::mirror::Mirror;
 use crate::{Bench, LineBench};
 
 /// A motor to be tried.
@@ -21,18 +22,13 @@ pub(crate) enum Subject {
 
 impl Subject {
     pub(crate) fn name(&self) -> MotorName {
-        match self {
-            Self::OnBus(motor) => motor.wiring().name(),
-            Self::OnLine(motor) => {
-                MotorName { model: "GO-M8010-6", id: motor.address().get().into() }
-            }
-        }
+        Motor::name(&**self)
     }
 
     /// Silent for longer it is lost.
     pub(crate) fn link_timeout(&self) -> Micros {
         match self {
-            Self::OnBus(motor) => motor.wiring().link_timeout(),
+            Self::OnBus(motor) => motor.can_ids().link_timeout(),
             Self::OnLine(_) => GoM8010::LINK_TIMEOUT,
         }
     }
@@ -42,8 +38,8 @@ impl Subject {
         let Self::OnBus(motor) = self else {
             return Micros::from_millis(1);
         };
-        let wiring = motor.wiring();
-        let rates = wiring.received().iter().map(|receive| receive.rate.per_second());
+        let ids = motor.can_ids();
+        let rates = ids.received().iter().map(|receive| receive.rate.per_second());
         let slowest = rates.filter(|rate| *rate > 0).min().unwrap_or(1000);
         Micros::new(1_000_000 / u64::from(slowest))
     }
@@ -139,7 +135,7 @@ pub(crate) trait Harness<'m> {
     fn now(&self) -> Micros;
     fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError>;
     fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError>;
-    fn answer(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>>;
+    fn response(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>>;
     fn supports(&self, motor: MotorId) -> TargetSet;
     fn status(&self, motor: MotorId) -> MotorStatus;
     /// A millisecond, with a tick at its end; the motors are told that `dt` has passed.
@@ -160,7 +156,13 @@ pub(crate) trait Harness<'m> {
 /// Makes motors, and benches for them.
 pub(crate) trait Connection {
     fn motor(&self, id: u8) -> Subject;
-    fn bench<'m>(&'m self, seed: u64, switch: &'m ArmSwitch) -> Box<dyn Harness<'m> + 'm>;
+    /// An empty wire; `mirror` is that of the motors on it.
+    fn bench<'m>(
+        &'m self,
+        seed: u64,
+        mirror: Mirror,
+        switch: &'m ArmSwitch,
+    ) -> Box<dyn Harness<'m> + 'm>;
 }
 
 /// Motors on a CAN bus.
@@ -174,13 +176,19 @@ impl Connection for ByBus<'_> {
         Subject::OnBus((self.motor)(id))
     }
 
-    fn bench<'m>(&'m self, seed: u64, switch: &'m ArmSwitch) -> Box<dyn Harness<'m> + 'm> {
-        Box::new(OnBus { bench: Bench::new(seed, switch), device: self.device })
+    fn bench<'m>(
+        &'m self,
+        seed: u64,
+        mirror: Mirror,
+        switch: &'m ArmSwitch,
+    ) -> Box<dyn Harness<'m> + 'm> {
+        Box::new(OnBus { bench: Bench::new(seed, switch), mirror, device: self.device })
     }
 }
 
 struct OnBus<'m> {
     bench: Bench<'m>,
+    mirror: Mirror,
     device: &'m dyn Fn(&Bus, u8) -> Esc,
 }
 
@@ -214,15 +222,15 @@ impl<'m> Harness<'m> for OnBus<'m> {
 
     fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError> {
         let now = self.now();
-        self.bench.bus.command(motor, target, now)
+        self.bench.bus.command(motor, self.mirror.target(target), now)
     }
 
     fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
         self.bench.bus.request(motor, request)
     }
 
-    fn answer(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
-        self.bench.bus.answer(motor)
+    fn response(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
+        self.bench.bus.response(motor)
     }
 
     fn supports(&self, motor: MotorId) -> TargetSet {
@@ -230,7 +238,7 @@ impl<'m> Harness<'m> for OnBus<'m> {
     }
 
     fn status(&self, motor: MotorId) -> MotorStatus {
-        self.bench.status(motor)
+        self.mirror.status(self.bench.status(motor))
     }
 
     fn tick(&mut self, dt: Seconds) {
@@ -238,7 +246,7 @@ impl<'m> Harness<'m> for OnBus<'m> {
     }
 
     fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: DriveMode) {
-        motor.update(dt, drive);
+        motor.update(&Tick { dt, ..Tick::new(drive) });
         if let Subject::OnBus(motor) = motor {
             let mut batch = TxBatch::new();
             let _ = motor.pack_command(&mut batch);
@@ -285,13 +293,19 @@ impl Connection for ByLine<'_> {
         Subject::OnLine(Box::new((self.motor)(id)))
     }
 
-    fn bench<'m>(&'m self, seed: u64, switch: &'m ArmSwitch) -> Box<dyn Harness<'m> + 'm> {
-        Box::new(OnLine { bench: LineBench::new(seed, switch), device: self.device })
+    fn bench<'m>(
+        &'m self,
+        seed: u64,
+        mirror: Mirror,
+        switch: &'m ArmSwitch,
+    ) -> Box<dyn Harness<'m> + 'm> {
+        Box::new(OnLine { bench: LineBench::new(seed, switch), mirror, device: self.device })
     }
 }
 
 struct OnLine<'m> {
     bench: LineBench<'m>,
+    mirror: Mirror,
     device: &'m dyn Fn(&Line, u8) -> LineMotor,
 }
 
@@ -315,15 +329,15 @@ impl<'m> Harness<'m> for OnLine<'m> {
 
     fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError> {
         let now = self.now();
-        self.bench.line.command(motor, target, now)
+        self.bench.line.command(motor, self.mirror.target(target), now)
     }
 
     fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
         self.bench.line.request(motor, request)
     }
 
-    fn answer(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
-        self.bench.line.answer(motor)
+    fn response(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
+        self.bench.line.response(motor)
     }
 
     fn supports(&self, motor: MotorId) -> TargetSet {
@@ -331,7 +345,7 @@ impl<'m> Harness<'m> for OnLine<'m> {
     }
 
     fn status(&self, motor: MotorId) -> MotorStatus {
-        self.bench.status(motor)
+        self.mirror.status(self.bench.status(motor))
     }
 
     fn tick(&mut self, dt: Seconds) {
@@ -339,7 +353,7 @@ impl<'m> Harness<'m> for OnLine<'m> {
     }
 
     fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: DriveMode) {
-        motor.update(dt, drive);
+        motor.update(&Tick { dt, ..Tick::new(drive) });
         if let Subject::OnLine(motor) = motor {
             self.bench.wire.port().send(&motor.pack_command());
         }

@@ -1,10 +1,10 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use rc10_app::Seconds;
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::{
-    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Motor, Request,
-    RequestError, Response, Target, TargetError, TargetSet, TxBatch, TxFull,
+    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Link, Motor,
+    MotorName, Request, RequestError, Response, Target, TargetError, TargetSet, Tick, TxBatch,
+    TxFull,
 };
 
 use crate::harness::Subject;
@@ -15,8 +15,8 @@ pub(crate) enum Call {
     Target(Target),
     Request(Request),
     Response,
-    Frame(CanFrame, Micros),
-    Update(Seconds, DriveMode),
+    Frame(CanFrame, Micros, Link),
+    Update(Tick),
     Pack,
 }
 
@@ -73,6 +73,10 @@ pub(crate) fn recorded(motor: Subject) -> (Subject, Shared) {
 }
 
 impl Motor for Recorded {
+    fn name(&self) -> MotorName {
+        self.motor.name()
+    }
+
     fn supports(&self) -> TargetSet {
         self.motor.supports()
     }
@@ -94,10 +98,10 @@ impl Motor for Recorded {
         self.motor.fault()
     }
 
-    fn update(&mut self, dt: Seconds, drive: DriveMode) {
-        self.shared.note(Call::Update(dt, drive));
-        (self.ticks, self.drive) = (self.ticks + 1, drive);
-        self.motor.update(dt, drive);
+    fn update(&mut self, tick: &Tick) {
+        self.shared.note(Call::Update(*tick));
+        (self.ticks, self.drive) = (self.ticks + 1, tick.mode);
+        self.motor.update(tick);
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
@@ -105,9 +109,9 @@ impl Motor for Recorded {
         self.motor.request(request)
     }
 
-    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
+    fn response(&mut self) -> Option<Result<Response, RequestError>> {
         self.shared.note(Call::Response);
-        self.motor.answer()
+        self.motor.response()
     }
 
     fn condition(&self) -> Condition {
@@ -116,13 +120,18 @@ impl Motor for Recorded {
 }
 
 impl CanMotor for Recorded {
-    fn wiring(&self) -> CanIds {
-        self.motor.wiring()
+    fn can_ids(&self) -> CanIds {
+        self.motor.can_ids()
     }
 
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
-        self.shared.note(Call::Frame(*frame, at));
-        let heard = self.motor.unpack_feedback(frame, at);
+    fn unpack_feedback(
+        &mut self,
+        frame: &CanFrame,
+        at: Micros,
+        link: Link,
+    ) -> Result<FrameKind, FrameError> {
+        self.shared.note(Call::Frame(*frame, at, link));
+        let heard = self.motor.unpack_feedback(frame, at, link);
         if heard == Ok(FrameKind::Feedback) {
             self.shared.log().arrivals.push((at, self.motor.feedback().at));
         }
@@ -135,7 +144,7 @@ impl CanMotor for Recorded {
         self.motor.pack_command(&mut own)?;
         let mut coast = TxBatch::new();
         self.motor.coast_frames(&mut coast)?;
-        let wiring = self.ticks.is_multiple_of(10).then(|| format!("{:?}", self.motor.wiring()));
+        let wiring = self.ticks.is_multiple_of(10).then(|| format!("{:?}", self.motor.can_ids()));
         self.shared.log().moments.push(Moment {
             at: Micros::from_millis(self.ticks),
             drive: self.drive,
@@ -159,9 +168,9 @@ pub(crate) fn replay(motor: &mut dyn CanMotor, calls: &[Call]) -> Vec<(CanFrame,
         match *call {
             Call::Target(target) => drop(motor.set_target(target)),
             Call::Request(request) => drop(motor.request(request)),
-            Call::Response => drop(motor.answer()),
-            Call::Frame(frame, at) => drop(motor.unpack_feedback(&frame, at)),
-            Call::Update(dt, drive) => motor.update(dt, drive),
+            Call::Response => drop(motor.response()),
+            Call::Frame(frame, at, link) => drop(motor.unpack_feedback(&frame, at, link)),
+            Call::Update(tick) => motor.update(&tick),
             Call::Pack => {
                 let mut tx = TxBatch::new();
                 // What does not fit is missing from the frames.

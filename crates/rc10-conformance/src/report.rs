@@ -2,6 +2,7 @@ use std::fmt;
 
 use rc10_can::Micros;
 use rc10_motor::MotorName;
+use rc10_motor::rc10_app::Direction;
 
 /// A rule that a motor breaks.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,6 +27,7 @@ impl fmt::Display for Breach {
 #[derive(Clone, PartialEq, Eq)]
 pub struct Report {
     pub(crate) motor: MotorName,
+    pub(crate) direction: Direction,
     pub(crate) breaches: Vec<Breach>,
     pub(crate) unchecked: Vec<&'static str>,
 }
@@ -56,10 +58,15 @@ impl Report {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let motor = self.motor;
+        match self.direction {
+            Direction::Forward => write!(f, "{motor}: ")?,
+            Direction::Reversed => write!(f, "{motor}, reversed: ")?,
+        }
         match self.breaches.split_first() {
-            None => write!(f, "{}: it does not do what the rules start from", self.motor)?,
+            None => write!(f, "it does not do what the rules start from")?,
             Some((first, others)) => {
-                write!(f, "{}: {first}", self.motor)?;
+                write!(f, "{first}")?;
                 others.iter().try_for_each(|breach| write!(f, "\n  {breach}"))?;
             }
         }

@@ -79,7 +79,7 @@ impl<'m> Rig<'m> {
         self.declared.load.get().into()
     }
 
-    fn no_torque(&self) -> f64 {
+    pub(crate) fn no_torque(&self) -> f64 {
         self.declared.no_torque.get().into()
     }
 
@@ -249,14 +249,14 @@ impl<'m> Rig<'m> {
         if answer != Response::Pending {
             return Ok(answer);
         }
-        self.answer().unwrap_or(Err(RequestError::NoReply))
+        self.response().unwrap_or(Err(RequestError::Timeout))
     }
 
     /// The answer that is pending, if it comes.
-    pub(crate) fn answer(&mut self) -> Option<Result<Response, RequestError>> {
+    pub(crate) fn response(&mut self) -> Option<Result<Response, RequestError>> {
         (0..LONGEST_ANSWER).find_map(|_| {
             self.tick(None);
-            self.bench.answer(self.motor)
+            self.bench.response(self.motor)
         })
     }
 

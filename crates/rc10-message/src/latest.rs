@@ -31,7 +31,7 @@ pub struct Latest<T: Clone, const SUBSCRIBERS: usize> {
 pub struct Stamped<T> {
     /// The value.
     pub value: T,
-    /// When it was measured, or set.
+    /// Time at which it was measured, or set.
     pub at: Micros,
 }
 

@@ -31,9 +31,9 @@ pub struct Topic<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> {
 /// A message and what was missed before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Message<T> {
-    /// What was published.
+    /// The published message.
     pub value: T,
-    /// How many messages this subscriber missed just before this one.
+    /// Number of messages that this subscriber missed just before this one.
     pub missed: u64,
 }
 

@@ -1,5 +1,5 @@
 //! Random stories of topics, latest values and services in virtual time: whatever happens, in any
-//! order, nothing is lost unreported, no caller gets another's response, and nobody waits for ever.
+//! order, nothing is lost unreported, no caller gets another's response or waits for ever.
 //!
 //! A failed story names its seed: `STORY=<seed> cargo test -p rc10-message --test stories` tells it
 //! alone.

@@ -3,9 +3,9 @@
 //! The count is unwrapped by [`rc10_app::Encoder`], in integers: exact for ever. What a counter
 //! cannot tell is said instead of guessed at:
 //!
-//! * it moved further than the shaft can have turned: [`Fault::Jump`]. Somebody wrote to the timer,
+//! * it moved further than the shaft can have turned: [`Fault::Jump`]. The timer was written to,
 //!   or it counts noise. The angle stays; the counter's new value is where it goes on from.
-//! * it was not read for so long that it may have gone half-way round: the turns are those that the
+//! * it was not read before it may have gone half-way round: the turns are those that the
 //!   speed tells, and [`gaps`](IncrementalEncoder::gaps) says how often.
 //! * it lost edges: nothing shows that but the index pulse, [`IncrementalEncoder::index`].
 
@@ -20,7 +20,7 @@ use rc10_can::Micros;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Config {
-    /// The counter starts over after so many: 2 ..= 2³², `1 << 16` for a timer of 16 bits.
+    /// Counts after which the counter starts over: 2 ..= 2³², `1 << 16` for a timer of 16 bits.
     pub modulus: u64,
     /// Counts of the output shaft: four per line of the disc when both edges of both tracks count.
     pub scale: CountsPerTurn,
@@ -36,9 +36,9 @@ pub struct Config {
 pub enum Fault {
     /// It moved further than the shaft can have turned; the angle stays.
     Jump {
-        /// So many counts.
+        /// Counts that it moved.
         moved: i64,
-        /// No more than this were possible.
+        /// Counts that were possible at most.
         possible: i64,
     },
     /// It showed a value beyond its modulus; the sample is ignored.
@@ -59,10 +59,10 @@ impl fmt::Display for Fault {
 
 impl core::error::Error for Fault {}
 
-/// The speed is measured over so long at least, µs: at 1 kHz and 4096 counts a turn a step is
+/// Shortest time over which the speed is measured, µs: at 1 kHz and 4096 counts a turn a step is
 /// 0.7 rpm instead of 15.
 const WINDOW: u64 = 20_000;
-/// Without a count for so long the shaft stands, µs.
+/// Time without a count after which the shaft stands still, µs.
 const STANDS: u64 = 500_000;
 
 /// The angle and speed of a shaft with an incremental encoder.
@@ -230,7 +230,7 @@ impl IncrementalEncoder {
         (self.config.modulus / 2).cast_signed()
     }
 
-    /// So many counts in so long at this speed.
+    /// Counts in a time at a constant speed.
     fn counts_at(&self, speed: Rpm, time: Micros) -> f32 {
         let (counts, turns) = (self.config.scale.counts(), self.config.scale.turns());
         #[expect(clippy::cast_precision_loss, reason = "compared and estimated, not added up")]
@@ -238,14 +238,14 @@ impl IncrementalEncoder {
         speed.get() / 60.0 * per_turn * Seconds::from_micros(time.get()).get()
     }
 
-    /// No more counts than this in so long: two for the edges at both ends, and 1 % for clocks.
+    /// The most counts possible in a time: two for the edges at both ends, and 1 % for clocks.
     fn counts_within(&self, time: Micros) -> i64 {
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let counts = (self.counts_at(self.config.max_speed, time) * 1.01) as i64;
         counts.saturating_add(2)
     }
 
-    /// So many counts if the speed stayed the same.
+    /// Counts in a time if the speed stays the same.
     fn expected(&self, time: Micros) -> i64 {
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let counts = self.counts_at(self.speed, time) as i64;
@@ -259,7 +259,7 @@ impl IncrementalEncoder {
         if took.get() < WINDOW {
             return;
         }
-        // One count in so long: what it can be at most while none comes.
+        // One count in this time: the highest speed possible while none comes.
         let one = 1.0 / self.counts_at(Rpm::new(1.0), took);
         if total == from {
             let speed = self.speed.get();
@@ -291,7 +291,7 @@ mod tests {
         Micros::from_millis(millis)
     }
 
-    /// A shaft at this many counts per ms for so many ms, read each ms from `start` on.
+    /// Turns a shaft at a rate in counts per ms for a time in ms, read each ms from `start` on.
     fn turn(encoder: &mut IncrementalEncoder, start: i64, rate: i64, ms: i64) -> i64 {
         let modulus = encoder.config.modulus.cast_signed();
         for at in 0..ms {
@@ -409,6 +409,21 @@ mod tests {
         }
         let mark = (900 - 7 + 4096_i64 - 3 * 4096).rem_euclid(65_536);
         assert_eq!(encoder.index(u32::try_from(mark).unwrap()), Ok(Some(0)));
+    }
+
+    #[test]
+    fn a_jump_drops_the_index_mark() {
+        let mut encoder = IncrementalEncoder::new(config(1 << 16)).unwrap();
+        encoder.update(1000, millis(0)).unwrap();
+        assert_eq!(encoder.index(900), Ok(None));
+        assert!(encoder.update(31_000, millis(1)).is_err());
+        // The old mark is on the count before the jump: it must not correct the angle.
+        assert!(!encoder.set_zero_at_index());
+        assert_eq!(encoder.index(31_000), Ok(None));
+        assert_eq!(encoder.counts(), 0);
+        // The pulse after the jump is the new mark.
+        assert_eq!(encoder.index(31_007), Ok(Some(7)));
+        assert_eq!(encoder.counts(), -7);
     }
 
     #[test]

@@ -11,7 +11,7 @@
 //!
 //! # In a firmware of your own
 //!
-//! A task listens, and keeps what it hears with its time; whoever needs it says how old it may be. So
+//! A task listens, and keeps what it hears with its time; each reader says how old it may be. So
 //! a device that is unplugged is noticed, although it says nothing any more:
 //!
 //! ```
@@ -31,7 +31,7 @@
 //!     listen(port, TfMini, &RECEPTION, |measured, at| WALL.set(measured.range(), at)).await
 //! }
 //!
-//! /// It measures every 10 ms: five times without a word, and nobody knows where the wall is.
+//! /// It measures every 10 ms: after five missing values the distance is not known.
 //! fn wall(now: Micros) -> Option<u32> {
 //!     match WALL.newer_than(Micros::from_millis(50), now)? {
 //!         Range::Distance(millimetres) => Some(millimetres),
@@ -39,7 +39,7 @@
 //!         Range::OutOfRange | Range::Unreliable(_) | Range::Fault(_) => None,
 //!     }
 //! }
-//! # /// A wire on which somebody has said something, and then cut it.
+//! # /// A wire with bytes on it that then breaks.
 //! # struct Wire(&'static [u8]);
 //! # impl embedded_io_async::ErrorType for Wire {
 //! #     type Error = core::convert::Infallible;
@@ -61,7 +61,7 @@
 //! #     world.now()
 //! # };
 //!
-//! // A frame behind two bytes of noise; then somebody pulls the plug.
+//! // A frame behind two bytes of noise; then the plug is pulled.
 //! let now = run(1);
 //! assert_eq!(wall(now), Some(1230));
 //! assert_eq!((RECEPTION.read().frames, RECEPTION.read().skipped), (1, 2));

@@ -30,10 +30,10 @@ pub enum Active {
 pub struct Config {
     /// The level of a pressed switch.
     pub active: Active,
-    /// It counts as pressed when it was pressed for so long without a break. Zero: at once, for an
+    /// How long it must be pressed without a break to count as pressed. Zero: at once, for an
     /// axis that must not go a tenth of a millimetre on; then a spark's pulse stops it too.
     pub press: Micros,
-    /// It counts as released when it was released for so long without a break.
+    /// How long it must be released without a break to count as released.
     pub release: Micros,
 }
 
@@ -56,12 +56,12 @@ pub enum Position {
     Released,
     /// Pressed.
     Pressed,
-    /// It does not come to rest: a loose contact, a chafed wire, or noise on an open pin. Whoever
-    /// drives an axis towards it should stop.
+    /// It does not come to rest: a loose contact, a chafed wire, or noise on an open pin. An
+    /// axis that is driven towards it should stop.
     Chattering,
 }
 
-/// A switch that has not come to rest for so long chatters.
+/// Time without rest after which a switch chatters.
 pub const CHATTERS_AFTER: Micros = Micros::from_millis(250);
 
 /// A switch without its bouncing. Sampled, or fed with edges: a level holds until the next one.
@@ -88,7 +88,7 @@ pub struct LimitSwitch {
 }
 
 impl LimitSwitch {
-    /// A switch that nobody has looked at.
+    /// A switch that has not been read yet.
     #[must_use]
     pub const fn new(config: Config) -> Self {
         Self {
@@ -159,7 +159,7 @@ impl LimitSwitch {
 }
 
 /// How often a switch is looked at that is not at rest; one edge in between is waited for. With a
-/// storm of edges on the pin nobody is busy with it all the time.
+/// storm of edges on the pin does not take all of the processor.
 const LOOK: Duration = Duration::from_millis(1);
 
 /// Watches a switch for ever: `hear` gets the first position that is known, and each other one,

@@ -53,7 +53,7 @@ const ERROR_PAUSE: Duration = Duration::from_millis(4);
 ///
 /// `port` must read as soon as there are bytes, not only when its buffer is full, and go on after
 /// an error: [`Counters::port_errors`] counts those, and after each it reads on 4 ms later. A protocol
-/// with a [`Protocol::PAUSE`] hears it when `port` had nothing to read for so long; a late task hears
+/// with a [`Protocol::PAUSE`] hears it when `port` had nothing to read that long; a late task hears
 /// none, rather than a wrong one, and so does one that has just paused after an error.
 pub async fn listen<P: Protocol>(
     mut port: impl Read,

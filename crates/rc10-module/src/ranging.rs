@@ -18,11 +18,11 @@ pub use jrt::Jrt;
 pub use stp23l::Stp23l;
 pub use tfmini::TfMini;
 
-/// What a range finder says.
+/// A measurement of a range finder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Range {
-    /// Something is so many millimetres away. All three devices count whole ones.
+    /// Distance in millimetres. All three devices count whole ones.
     Distance(u32),
     /// Nothing is where the device can measure: it is nearer, or further away.
     OutOfRange,

@@ -20,20 +20,20 @@ pub trait Protocol {
 /// What some bytes begin with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Found<M> {
-    /// It cannot be said before there are so many bytes in all: more than there are.
+    /// Undecided until this number of bytes is there in all: more than there are now.
     More(usize),
     /// No frame begins here.
     Nothing,
     /// Something with a frame's shape whose contents are not sound: a checksum is wrong, say. The
     /// search goes on behind its first byte.
     Damaged,
-    /// A frame of so many bytes that says this.
+    /// A frame: its length in bytes, and its message.
     Frame(usize, M),
-    /// A whole frame of so many bytes that says nothing of interest.
+    /// A whole frame without a message of interest: its length in bytes.
     Other(usize),
 }
 
-/// What silence for so long, or longer, says.
+/// What a pause of this length or longer means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pause {
     /// No frame has such a gap: what was begun is none, and the next byte begins one.
@@ -149,7 +149,7 @@ impl Counters {
 pub struct Stream<P: Protocol> {
     protocol: P,
     buffer: P::Buffer,
-    /// So many bytes must be there before it is worth looking.
+    /// Number of bytes from which on looking for a frame makes sense.
     needed: usize,
     /// What comes is of no use until the line pauses.
     is_lost: bool,
@@ -172,7 +172,7 @@ impl<P: Protocol> Stream<P> {
 
     /// Bytes came in, the last of them not after `at`; `hear` gets the messages that they complete.
     ///
-    /// No bytes: whoever looked at `at` found none. That is how a [`Protocol::PAUSE`] is heard, and
+    /// No bytes: at the time `at` there were none. That is how a [`Protocol::PAUSE`] is heard, and
     /// the only way: bytes that are read late say nothing about when they came. What it completes
     /// came with the bytes before.
     pub fn receive(&mut self, bytes: &[u8], at: Micros, mut hear: impl FnMut(P::Message)) {
@@ -222,7 +222,7 @@ impl<P: Protocol> Stream<P> {
     pub fn interrupt(&mut self) {
         self.counters.port_errors = self.counters.port_errors.wrapping_add(1);
         self.forget();
-        // Bytes came, nobody knows when; and only silence says where the next frame begins.
+        // Bytes came at an unknown time; and only silence says where the next frame begins.
         self.last = None;
         self.is_lost = matches!(P::PAUSE, Some(Pause::Delimits(_)));
     }

@@ -20,7 +20,7 @@ struct Module {
     measures: bool,
     /// Instead of measuring it sends this.
     babble: Option<u8>,
-    /// The port fails so many times.
+    /// How many times the port fails.
     read_errors: u32,
     write_errors: u32,
     commands: Vec<Told>,

@@ -224,7 +224,7 @@ fn a_press_with_bounces_is_heard_once_and_in_time() {
     assert!((52_000..=56_100).contains(&pressed), "{pressed}");
     assert!((212_000..=213_100).contains(&released), "{released}");
     assert!(!ended);
-    // At rest nobody is busy: a second at 1 kHz would be a thousand looks.
+    // At rest nothing polls: a second at 1 kHz would be a thousand looks.
     assert!(pin.looks.get() < 150, "{} looks", pin.looks.get());
 }
 

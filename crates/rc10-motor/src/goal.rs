@@ -79,8 +79,8 @@ impl Goals {
     }
 
     #[inline]
-    pub(crate) const fn goal(&self) -> Goal {
-        self.goal
+    pub(crate) const fn goal(&self) -> &Goal {
+        &self.goal
     }
 
     /// All angles count from `zero` (as measured until now) from now on. What is sought or held

@@ -228,9 +228,9 @@ impl RangedPosition {
         (2 * field as i64 - full(16) as i64) * self.half_step / 65_536
     }
 
-    /// Moves the shaft to a reading that came at `at`; `rpm` is the speed, in the direction of the
-    /// device. If the device counts from elsewhere, the shaft stays, and what the reading moved by
-    /// is returned.
+    /// Moves the shaft to a reading that came at `at`, before its speed (`rpm`, in the direction of
+    /// the device) is [taken](Shaft::measure). If the device counts from elsewhere, the shaft stays,
+    /// and what the reading moved by is returned.
     #[inline]
     pub(crate) fn follow(
         &mut self,
@@ -287,7 +287,7 @@ impl RangedPosition {
                 _ => Some(-moved.signum() * range),
             };
         }
-        let before = shaft.measured().map_or(rpm, |measured| shaft.to_sensor(measured.speed.get()));
+        let before = shaft.to_sensor(shaft.speed().get());
         let expected = travelled(0.5 * (before + rpm), shaft, at);
         let near = NEAR + expected.saturating_abs() / 2;
         let is_near =

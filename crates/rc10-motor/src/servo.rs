@@ -2,9 +2,10 @@
 //! loops of a [`Cascade`], soft starts, and the ways to stop. A motor adds its frames to it.
 //!
 //! ```
-//! use rc10_app::{Cascade, PidConfig, Rpm, RpmPerSecond};
+//! use rc10_app::{Cascade, Direction, Gear, PidConfig, Rpm, RpmPerSecond};
+//! use rc10_can::Micros;
 //! use rc10_motor::servo::Servo;
-//! use rc10_motor::shaft::Measured;
+//! use rc10_motor::shaft::Shaft;
 //! use rc10_motor::{DriveMode, Target, TargetKind, Tick};
 //!
 //! // Efforts in N m.
@@ -17,10 +18,11 @@
 //! };
 //! let mut servo = Servo::new(TargetKind::Torque, cascade)?;
 //! servo.set_target(Target::Speed(Rpm::new(60.0)))?;
-//! let measured = Measured::default();
-//! servo.update(&Tick::new(DriveMode::Run), Some(&measured));
+//! let mut shaft = Shaft::new(4096, Gear::DIRECT, Direction::Forward);
+//! shaft.follow(0, 0.0, Micros::from_millis(1));
+//! servo.update(&Tick::new(DriveMode::Run), &shaft);
 //! assert!(servo.effort() > 0.0 && servo.effort() < 3.0);
-//! servo.update(&Tick::new(DriveMode::Coast), Some(&measured));
+//! servo.update(&Tick::new(DriveMode::Coast), &shaft);
 //! assert!(servo.effort().abs() < 1e-9);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -34,7 +36,7 @@ use rc10_app::{Cascade, CascadeState, ConfigError, Degrees, PidConfig, Rpm, Seco
 use crate::goal::{Goal, Goals};
 use crate::motor::{DriveMode, Loops, Tick};
 use crate::request::{Gains, Request, RequestError, Response};
-use crate::shaft::Measured;
+use crate::shaft::Shaft;
 use crate::target::{Impedance, Target, TargetError, TargetKind, TargetSet};
 
 /// Follows targets by an effort, or by a spring that the device makes.
@@ -184,45 +186,80 @@ impl Servo {
         self.spring.as_ref()
     }
 
-    /// One step. Without a measurement there is no effort.
+    /// One step. A shaft that was never measured gets no effort.
     #[inline]
-    pub fn update(&mut self, tick: &Tick, measured: Option<&Measured>) {
-        match measured {
-            Some(measured) if tick.mode == DriveMode::Run => {
-                self.ran = true;
-                self.goals.rest();
-                self.pursue(self.goals.goal(), measured, tick);
+    pub fn update(&mut self, tick: &Tick, shaft: &Shaft) {
+        let Self { goals, state, cascade, limit, .. } = self;
+        let goes_on = tick.mode == DriveMode::Run && self.ran;
+        // The usual cases, in few instructions.
+        match goals.goal() {
+            Goal::Speed(rpm) if goes_on => {
+                state.seek_speed(cascade, *rpm, shaft.speed().get(), *limit, tick.dt);
             }
-            Some(measured) => self.stop(measured, tick),
-            None => self.rest(),
+            Goal::Angle(_) | Goal::Total(_) if goes_on => {
+                if !state.keep_seeking_angle(cascade, shaft.speed().get(), tick.dt) {
+                    self.seek_angle(tick, shaft);
+                }
+            }
+            _ => self.pursue(tick, shaft),
         }
     }
 
     /// The target in numbers.
-    pub(crate) const fn goal(&self) -> Goal {
+    pub(crate) const fn goal(&self) -> &Goal {
         self.goals.goal()
     }
 
     /// One step in [`DriveMode::Run`] towards an angle that stands for the one of the target: for a
-    /// device that may have to go the longer way round.
-    pub(crate) fn update_towards(&mut self, tick: &Tick, measured: &Measured, angle: TotalAngle) {
+    /// device that may have to go the longer way round. The shaft has been measured.
+    pub(crate) fn update_towards(&mut self, tick: &Tick, shaft: &Shaft, angle: TotalAngle) {
         self.ran = true;
         self.goals.rest();
-        self.pursue(Goal::Total(angle), measured, tick);
+        let Self { state, cascade, limit, .. } = self;
+        let speed = shaft.speed().get();
+        if !state.keep_seeking_angle(cascade, speed, tick.dt) {
+            let way = way(&Goal::Total(angle), shaft);
+            state.seek_angle(cascade, way, speed, *limit, tick.dt, tick.count);
+        }
     }
 
-    /// One step while the target may not be followed.
-    #[cold]
-    fn stop(&mut self, measured: &Measured, tick: &Tick) {
-        let mode = tick.mode;
-        let ran = core::mem::take(&mut self.ran);
-        if ran && matches!(mode, DriveMode::Brake | DriveMode::Hold) {
-            self.state.start_over(mode == DriveMode::Hold);
+    /// One step with the angle loop.
+    #[inline(never)]
+    fn seek_angle(&mut self, tick: &Tick, shaft: &Shaft) {
+        let Self { goals, state, cascade, limit, .. } = self;
+        let way = way(goals.goal(), shaft);
+        state.seek_angle(cascade, way, shaft.speed().get(), *limit, tick.dt, tick.count);
+    }
+
+    /// One step, whatever is sought.
+    #[inline(never)]
+    fn pursue(&mut self, tick: &Tick, shaft: &Shaft) {
+        if !shaft.is_known() {
+            return self.rest();
         }
-        self.spring = None;
+        let ran = core::mem::replace(&mut self.ran, tick.mode == DriveMode::Run);
+        if ran && matches!(tick.mode, DriveMode::Brake | DriveMode::Hold) {
+            self.state.start_over(tick.mode == DriveMode::Hold);
+        }
+        if !self.ran {
+            self.spring = None;
+        }
         let acceleration = self.cascade.acceleration.get();
-        let goal = self.goals.update(mode, || Some(stand(measured, acceleration)));
-        self.pursue(goal, measured, tick);
+        let goal = self.goals.update(tick.mode, || Some(stand(shaft, acceleration)));
+        let (speed, dt) = (shaft.speed().get(), tick.dt);
+        let Self { state, cascade, limit, .. } = self;
+        match goal {
+            Goal::Rest => state.rest(),
+            Goal::Effort(effort) => state.give(effort, *limit, dt),
+            Goal::Speed(rpm) => state.seek_speed(cascade, rpm, speed, *limit, dt),
+            Goal::Angle(_) | Goal::Total(_) => {
+                if !state.keep_seeking_angle(cascade, speed, dt) {
+                    let way = way(&goal, shaft);
+                    state.seek_angle(cascade, way, speed, *limit, dt, tick.count);
+                }
+            }
+            Goal::Impedance(_, impedance) => self.impede(way(&goal, shaft), impedance, speed, dt),
+        }
     }
 
     /// No effort, and whatever drives next starts softly: while the device cannot follow.
@@ -273,11 +310,7 @@ impl Servo {
     ///
     /// # Errors
     /// [`RequestError`]; nothing changed. [`RequestError::Unsupported`] for what the motor has to do.
-    pub fn request(
-        &mut self,
-        request: Request,
-        measured: Option<&Measured>,
-    ) -> Result<Response, RequestError> {
+    pub fn request(&mut self, request: Request, shaft: &Shaft) -> Result<Response, RequestError> {
         match request {
             Request::SpeedGains(gains) => with_gains(&mut self.cascade.speed, gains)?,
             Request::AngleGains(gains) => with_gains(&mut self.cascade.angle, gains)?,
@@ -291,43 +324,21 @@ impl Servo {
             }
             _ => return Err(RequestError::Unsupported),
         }
-        if let Some(measured) = measured {
-            let way = way(self.goals.goal(), measured);
-            self.state.change_gains(&self.cascade, measured.speed.get(), way);
-        }
+        let way = way(self.goals.goal(), shaft);
+        self.state.change_gains(&self.cascade, shaft.speed().get(), way);
         Ok(Response::Done)
-    }
-
-    #[inline]
-    fn pursue(&mut self, goal: Goal, measured: &Measured, tick: &Tick) {
-        let Self { state, cascade, limit, .. } = self;
-        let (speed, dt) = (measured.speed.get(), tick.dt);
-        match goal {
-            Goal::Speed(rpm) => state.seek_speed(cascade, rpm, speed, *limit, dt),
-            Goal::Angle(_) | Goal::Total(_) => {
-                if !state.keep_seeking_angle(cascade, speed, dt) {
-                    let way = way(goal, measured);
-                    state.seek_angle(cascade, way, speed, *limit, dt, tick.count);
-                }
-            }
-            Goal::Effort(effort) => state.give(effort, *limit, dt),
-            Goal::Rest => state.rest(),
-            Goal::Impedance(angle, impedance) => {
-                let way = way(Goal::Total(angle), measured);
-                self.impede(way, &impedance, speed, dt);
-            }
-        }
     }
 
     /// Where the law would ask for more torque than the limit, all of it is taken back by one
     /// factor: the equilibrium stays.
-    fn impede(&mut self, way: f32, impedance: &Impedance, measured: f32, dt: Seconds) {
-        let Impedance { speed, torque, kp, kd, .. } = *impedance;
+    fn impede(&mut self, way: f32, impedance: Impedance, measured: f32, dt: Seconds) {
+        let Impedance { speed, torque, kp, kd, .. } = impedance;
+        let slip = (speed.get() - measured) * (TAU / 60.0);
         self.state.rest();
         let softness = if self.spring.is_some() { self.softness } else { 0.0 };
         self.softness = (softness + SOFT_SLOPE * dt.get()).min(1.0);
         let torque = within(torque.get(), self.limit);
-        let law = kp * way.to_radians() + kd * ((speed.get() - measured) * (TAU / 60.0)) + torque;
+        let law = kp * way.to_radians() + kd * slip + torque;
         let limit = self.limit * self.softness;
         let share = if law.abs() > limit { limit / law.abs() } else { 1.0 };
         self.spring = Some(Spring {
@@ -352,22 +363,22 @@ impl SpringRange {
 
 /// Where a shaft comes to a stand: holding the angle at which it still turns would throw it back
 /// there. `acceleration` in rpm/s.
-fn stand(measured: &Measured, acceleration: f32) -> TotalAngle {
+fn stand(shaft: &Shaft, acceleration: f32) -> TotalAngle {
     // s = v² / 2 a, in degrees and rpm: 1 rpm = 6 degrees a second.
-    let rpm = measured.speed.get();
+    let rpm = shaft.speed().get();
     let microdegrees = round_to_i32(3e6 * rpm * rpm.abs() / acceleration);
-    measured.angle.plus(TotalAngle::from_microdegrees(microdegrees.into()))
+    shaft.angle().plus(TotalAngle::from_microdegrees(microdegrees.into()))
 }
 
 /// How far it is to an angle, in degrees; 0 where none is sought.
-fn way(goal: Goal, measured: &Measured) -> f32 {
-    let way = match goal {
+fn way(goal: &Goal, shaft: &Shaft) -> f32 {
+    let way = match *goal {
         Goal::Total(angle) | Goal::Impedance(angle, _) => {
-            let way = angle.minus(measured.angle).microdegrees();
+            let way = angle.minus(shaft.angle()).microdegrees();
             // Six turns away, some more or less do not matter.
             i32::try_from(way).unwrap_or(if way < 0 { i32::MIN } else { i32::MAX })
         }
-        Goal::Angle(phase) => shortest_way(measured.phase, phase, TURN),
+        Goal::Angle(phase) => shortest_way(shaft.phase(), phase, TURN),
         Goal::Rest | Goal::Effort(_) | Goal::Speed(_) => 0,
     };
     #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of the way to go")]
@@ -387,7 +398,8 @@ fn with_gains(pid: &mut PidConfig, gains: Gains) -> Result<(), ConfigError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rc10_app::{Amps, NewtonMetres, RpmPerSecond};
+    use rc10_app::{Amps, Direction, Gear, NewtonMetres, RpmPerSecond};
+    use rc10_can::Micros;
 
     fn servo() -> Servo {
         let cascade = Cascade {
@@ -400,13 +412,16 @@ mod tests {
         Servo::new(TargetKind::Torque, cascade).unwrap()
     }
 
-    fn at(degrees: i32, rpm: f32) -> Option<Measured> {
-        Some(Measured::new(Rpm::new(rpm), TotalAngle::from_degrees(degrees)))
+    fn at(degrees: i32, rpm: f32) -> Shaft {
+        let mut shaft = Shaft::new(360, Gear::DIRECT, Direction::Forward);
+        shaft.start(degrees.into());
+        shaft.measure(rpm, Micros::ZERO);
+        shaft
     }
 
     /// The effort once the soft start is over.
-    fn settled(servo: &mut Servo, mode: DriveMode, measured: Option<Measured>) -> f32 {
-        (0..40).for_each(|_| servo.update(&Tick::new(mode), measured.as_ref()));
+    fn settled(servo: &mut Servo, mode: DriveMode, shaft: Shaft) -> f32 {
+        (0..40).for_each(|_| servo.update(&Tick::new(mode), &shaft));
         servo.effort()
     }
 
@@ -442,7 +457,11 @@ mod tests {
         assert!(settled(&mut servo, DriveMode::Brake, at(12, 30.0)) < -2.9);
         assert!(settled(&mut servo, DriveMode::Coast, at(12, 30.0)).abs() < 1e-9);
         assert!(settled(&mut servo, DriveMode::Off, at(12, 30.0)).abs() < 1e-9);
-        assert!(settled(&mut servo, DriveMode::Run, None).abs() < 1e-9);
+        assert!(
+            settled(&mut servo, DriveMode::Run, Shaft::new(1, Gear::DIRECT, Direction::Forward))
+                .abs()
+                < 1e-9
+        );
     }
 
     #[test]
@@ -462,21 +481,21 @@ mod tests {
     fn limits_and_gains_are_checked_and_obeyed() {
         let mut servo = servo();
         let limit = |newton_metres| Request::TorqueLimit(NewtonMetres::new(newton_metres));
-        assert!(servo.request(limit(-1.0), None).is_err());
-        assert!(servo.request(limit(f32::NAN), None).is_err());
+        assert!(servo.request(limit(-1.0), &at(0, 0.0)).is_err());
+        assert!(servo.request(limit(f32::NAN), &at(0, 0.0)).is_err());
         assert_eq!(
-            servo.request(Request::CurrentLimit(Amps::new(1.0)), None),
+            servo.request(Request::CurrentLimit(Amps::new(1.0)), &at(0, 0.0)),
             Err(RequestError::Unsupported)
         );
-        assert_eq!(servo.request(limit(2.0), None), Ok(Response::Done));
+        assert_eq!(servo.request(limit(2.0), &at(0, 0.0)), Ok(Response::Done));
         servo.set_target(Target::Speed(Rpm::new(1000.0))).unwrap();
         assert!((settled(&mut servo, DriveMode::Run, at(0, 0.0)) - 2.0).abs() < 1e-3);
         servo.set_target(Target::Torque(NewtonMetres::new(9.0))).unwrap();
         assert!((settled(&mut servo, DriveMode::Run, at(0, 0.0)) - 2.0).abs() < 1e-3);
-        assert_eq!(servo.request(limit(9.0), None), Ok(Response::Done));
+        assert_eq!(servo.request(limit(9.0), &at(0, 0.0)), Ok(Response::Done));
         assert!((settled(&mut servo, DriveMode::Run, at(0, 0.0)) - 5.0).abs() < 1e-3);
         let bad = Request::SpeedGains(Gains { kp: -1.0, ..Gains::default() });
-        assert!(servo.request(bad, at(0, 0.0).as_ref()).is_err());
+        assert!(servo.request(bad, &at(0, 0.0)).is_err());
         let wrong = servo.set_target(Target::Current(Amps::new(1.0)));
         assert_eq!(wrong, Err(TargetError::Unsupported(TargetKind::Current)));
     }

@@ -35,26 +35,8 @@ const CERTAIN_RPM_MICROS: f32 = 27e6;
 /// Nor are they after such a silence, whatever the speed was before and after.
 const LONG_SILENCE: Micros = Micros::from_millis(100);
 
-/// Speed and angle of an output shaft, as measured last.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Measured {
-    /// Speed.
-    pub speed: Rpm,
-    /// Angle of many turns from the zero.
-    pub angle: TotalAngle,
-    /// The same within the turn: 0 ..< 360,000,000 microdegrees.
-    pub phase: i32,
-}
-
-impl Measured {
-    /// A speed and an angle.
-    #[must_use]
-    pub const fn new(speed: Rpm, angle: TotalAngle) -> Self {
-        #[expect(clippy::cast_possible_truncation, reason = "less than a turn")]
-        let phase = angle.microdegrees().rem_euclid(TURN as i64) as i32;
-        Self { speed, angle, phase }
-    }
-}
+/// When a shaft was measured that was not.
+const NEVER: Micros = Micros::new(1 << 63);
 
 /// Counts the turns of an output shaft.
 ///
@@ -77,10 +59,12 @@ pub struct Shaft {
     reading: i32,
     /// What the last steps left over, in shares of `divisor`.
     rest: i32,
-    measured: Measured,
+    speed: Rpm,
+    /// The angle from the zero: whole turns, and 0 ..< 360,000,000 microdegrees.
+    turns: i32,
+    phase: i32,
     /// When it was measured last; far away before the first time.
     at: Micros,
-    is_known: bool,
     gaps: u32,
 }
 
@@ -125,17 +109,25 @@ impl Shaft {
             ratio: sign as f32 / gear.ratio(),
             reading: 0,
             rest: 0,
-            measured: Measured { speed: Rpm::ZERO, angle: TotalAngle::ZERO, phase: 0 },
-            at: Micros::new(u64::MAX / 2),
-            is_known: false,
+            speed: Rpm::ZERO,
+            turns: 0,
+            phase: 0,
+            at: NEVER,
             gaps: 0,
         }
     }
 
+    /// When and how fast it was measured last: for [`bridge`](Self::bridge).
+    #[must_use]
+    pub const fn before(&self) -> (Micros, Rpm) {
+        (self.at, self.speed)
+    }
+
     /// Whether anything was measured.
+    #[inline]
     #[must_use]
     pub const fn is_known(&self) -> bool {
-        self.is_known
+        self.at.get() < NEVER.get()
     }
 
     /// Takes the reading of an encoder that starts over every turn (0 ..< `steps_per_turn`), and
@@ -148,13 +140,14 @@ impl Shaft {
     pub fn follow(&mut self, reading: i32, sensor_rpm: f32, at: Micros) {
         let step = self.shorter_way(reading.wrapping_sub(self.reading));
         self.reading = reading;
+        let before = (self.at, self.speed);
+        self.measure(sensor_rpm, at);
         // Also for the first reading.
-        if at.get().wrapping_sub(self.at.get()) < CERTAIN_MICROS {
+        if at.get().wrapping_sub(before.0.get()) < CERTAIN_MICROS {
             self.move_by(step);
         } else {
-            self.follow_after_silence(step, sensor_rpm, at);
+            self.follow_after_silence(step, before);
         }
-        self.measure(sensor_rpm, at);
     }
 
     /// A step from one reading to the next, the shorter way round.
@@ -170,29 +163,33 @@ impl Shaft {
         }
     }
 
+    /// The same after a silence; `before` is when and how fast it was measured before.
     #[cold]
-    fn follow_after_silence(&mut self, step: i32, sensor_rpm: f32, at: Micros) {
-        if !self.is_known() {
+    fn follow_after_silence(&mut self, step: i32, before: (Micros, Rpm)) {
+        let (last, speed) = before;
+        if last == NEVER {
             return self.start(self.reading.into());
         }
-        let silence = at.since(self.at);
-        let fastest = sensor_rpm.abs().max((self.measured.speed.get() / self.ratio).abs());
+        let silence = self.at.since(last);
+        let fastest = self.speed.abs().get().max(speed.abs().get()) / self.ratio.abs();
         #[expect(clippy::cast_precision_loss, reason = "up to 100 ms")]
         let turned = fastest * silence.get() as f32;
         if silence <= LONG_SILENCE && turned <= CERTAIN_RPM_MICROS {
             self.move_by(step);
         } else {
-            self.bridge(step.into(), sensor_rpm, at);
+            self.bridge(step.into(), before);
         }
     }
 
-    /// The sensor moved by `step`, give or take whole turns of it, since it was measured last: its
-    /// speed before and after says how many. Counts a gap.
+    /// The sensor moved by `step`, give or take whole turns of it, between the measurement `before`
+    /// (when, and how fast) and the one that has just been [taken](Self::measure): their mean speed
+    /// says how many. Counts a gap.
     #[cold]
-    pub fn bridge(&mut self, step: i64, sensor_rpm: f32, at: Micros) {
-        let mean = 0.5 * (self.measured.speed.get() / self.ratio + sensor_rpm);
+    pub fn bridge(&mut self, step: i64, before: (Micros, Rpm)) {
+        let (last, speed) = before;
+        let mean = 0.5 * (speed.get() + self.speed.get()) / self.ratio;
         #[expect(clippy::cast_precision_loss, reason = "an estimate")]
-        let turns = mean * (at.since(self.at).get() as f32 * (1.0 / 60e6));
+        let turns = mean * (self.at.since(last).get() as f32 * (1.0 / 60e6));
         #[expect(clippy::cast_precision_loss, reason = "an estimate")]
         #[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
         let expected = (turns * self.steps_per_turn as f32) as i64;
@@ -220,16 +217,18 @@ impl Shaft {
         let carry = over / divisor;
         self.rest = over.wrapping_sub(carry.wrapping_mul(divisor));
         let moved = steps.wrapping_mul(whole).wrapping_add(carry);
-        let Measured { angle, phase, .. } = &mut self.measured;
-        // Turns by such steps take longer than the universe to overflow.
-        let total = angle.microdegrees().wrapping_add(moved.into());
-        *angle = TotalAngle::from_microdegrees(total);
-        let sum = phase.wrapping_add(moved);
-        *phase = match sum {
-            _ if sum < 0 => sum.wrapping_add(TURN),
-            _ if sum >= TURN => sum.wrapping_sub(TURN),
-            _ => sum,
-        };
+        self.phase = self.phase.wrapping_add(moved);
+        if self.phase.cast_unsigned() >= TURN.cast_unsigned() {
+            self.wrap();
+        }
+    }
+
+    /// Once in a turn of the output.
+    #[cold]
+    const fn wrap(&mut self) {
+        let turn = if self.phase < 0 { -1 } else { 1 };
+        self.turns = self.turns.wrapping_add(turn);
+        self.phase = self.phase.wrapping_sub(turn * TURN);
     }
 
     /// The same for any number of steps.
@@ -241,20 +240,24 @@ impl Shaft {
         let (rest, carry) = ((over - carry * i128::from(self.divisor)) as i32, carry as i64);
         self.rest = rest;
         let moved = steps.saturating_mul(self.whole.into()).saturating_add(carry);
-        self.place(self.measured.angle.plus(TotalAngle::from_microdegrees(moved)));
+        self.place(self.angle().plus(TotalAngle::from_microdegrees(moved)));
     }
 
     /// The shaft is there, however it came there.
     #[cold]
     pub fn place(&mut self, angle: TotalAngle) {
-        self.measured = Measured::new(self.measured.speed, angle);
+        let (microdegrees, turn) = (angle.microdegrees(), i64::from(TURN));
+        let turns = microdegrees.div_euclid(turn).clamp(i32::MIN.into(), i32::MAX.into());
+        #[expect(clippy::cast_possible_truncation, reason = "clamped; less than a turn")]
+        let (turns, phase) = (turns as i32, microdegrees.rem_euclid(turn) as i32);
+        (self.turns, self.phase) = (turns, phase);
     }
 
     /// Its speed at `at`, from that of the sensor.
     #[inline]
     pub fn measure(&mut self, sensor_rpm: f32, at: Micros) {
-        self.measured.speed = Rpm::new(sensor_rpm * self.ratio);
-        (self.at, self.is_known) = (at, true);
+        self.speed = Rpm::new(sensor_rpm * self.ratio);
+        self.at = at;
     }
 
     /// The number of turns is an estimate from now on.
@@ -265,28 +268,30 @@ impl Shaft {
 
     /// The angle now is zero from now on; what it was until now.
     pub const fn set_zero(&mut self) -> TotalAngle {
-        (self.rest, self.measured.phase) = (0, 0);
-        core::mem::replace(&mut self.measured.angle, TotalAngle::ZERO)
+        let zero = self.angle();
+        (self.rest, self.turns, self.phase) = (0, 0, 0);
+        zero
     }
 
     /// The angle of many turns from the zero.
     #[inline]
     #[must_use]
     pub const fn angle(&self) -> TotalAngle {
-        self.measured.angle
+        let turns = self.turns as i64 * TURN as i64;
+        TotalAngle::from_microdegrees(turns + self.phase as i64)
     }
 
     /// The angle within the turn: 0 ..< 360,000,000 microdegrees.
     #[must_use]
     pub const fn phase(&self) -> i32 {
-        self.measured.phase
+        self.phase
     }
 
-    /// Speed and angle; `None` before anything was measured.
+    /// The speed of the output.
     #[inline]
     #[must_use]
-    pub const fn measured(&self) -> Option<&Measured> {
-        if self.is_known { Some(&self.measured) } else { None }
+    pub const fn speed(&self) -> Rpm {
+        self.speed
     }
 
     /// When it was measured last.
@@ -313,7 +318,7 @@ impl Shaft {
     /// reading for a device that is told where to go.
     #[must_use]
     pub fn steps_to(&self, angle: TotalAngle) -> i64 {
-        let way = i128::from(angle.minus(self.measured.angle).microdegrees());
+        let way = i128::from(angle.minus(self.angle()).microdegrees());
         let (divisor, part) = (i128::from(self.divisor), i128::from(self.part));
         // A step is (whole · divisor + part) / divisor microdegrees.
         let step = i128::from(self.whole) * divisor + part;
@@ -326,11 +331,11 @@ impl Shaft {
     #[inline]
     #[must_use]
     pub const fn feedback(&self) -> Feedback {
-        if !self.is_known {
+        if !self.is_known() {
             return Feedback::NEW;
         }
-        let Measured { speed, angle, phase } = self.measured;
-        let mut feedback = Feedback::new(self.at, speed, degrees_within_turn(phase), angle);
+        let angle = degrees_within_turn(self.phase);
+        let mut feedback = Feedback::new(self.at, self.speed, angle, self.angle());
         feedback.turn_gaps = self.gaps;
         feedback
     }

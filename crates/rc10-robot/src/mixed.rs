@@ -22,7 +22,7 @@ pub const BUSES: usize = 2;
 /// Its legs: GO-M8010-6 on the line, with ids 0 to 3.
 pub const LEGS: usize = 4;
 
-/// What the robot calls its motors.
+/// Names of its motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Name {
     /// VESC 1, bus 1.
@@ -52,8 +52,8 @@ pub struct Motors {
     legs: [GoM8010; LEGS],
 }
 
-/// What the tasks share.
-pub struct Io {
+/// Everything that the tasks share.
+pub struct Shared {
     /// Arms and stops all motors.
     pub switch: ArmSwitch,
     /// One port per bus; bus 1 is the first.
@@ -157,18 +157,18 @@ impl Motors {
     /// [`SetupError`], naming both motors of a clash.
     pub fn start<'r>(
         &'r mut self,
-        io: &'r Io,
+        shared: &'r Shared,
     ) -> Result<([MotorBus<'r>; BUSES], Rs485Bus<'r>), SetupError> {
         let Self { wheel, arm, hip, wrist, turret, flywheel, legs } = self;
-        let mut one = MotorBus::new(&io.switch);
+        let mut one = MotorBus::new(&shared.switch);
         one.attach(wheel, Safety::BRAKE)?;
         one.attach(arm, Safety::HOLD)?;
         one.attach(hip, Safety::HOLD)?;
-        let mut two = MotorBus::new(&io.switch);
+        let mut two = MotorBus::new(&shared.switch);
         two.attach(wrist, Safety::COAST)?;
         two.attach(turret, Safety::HOLD)?;
         two.attach(flywheel, Safety::COAST)?;
-        let mut line = Rs485Bus::new(&io.switch);
+        let mut line = Rs485Bus::new(&shared.switch);
         for leg in legs {
             line.attach(leg, Safety::HOLD).map_err(SetupError::Line)?;
         }
@@ -214,7 +214,7 @@ impl From<AttachError> for SetupError {
     }
 }
 
-impl Io {
+impl Shared {
     /// What the tasks of a robot share that has not begun.
     #[must_use]
     pub const fn new() -> Self {
@@ -240,13 +240,13 @@ impl Io {
     }
 }
 
-impl Default for Io {
+impl Default for Shared {
     fn default() -> Self {
         Self::new()
     }
 }
 
-/// What happens from when on: milliseconds, a label, and new targets.
+/// Script of the robot: milliseconds, a label, and new targets.
 pub type Line = (u32, &'static str, &'static [(Name, Target)]);
 
 const fn legs(degrees: f32) -> [(Name, Target); LEGS] {
@@ -307,7 +307,7 @@ pub const SCRIPT: &[Line] = &[
     ),
 ];
 
-/// When the robot is armed, in milliseconds: all motors have been heard by then.
+/// Time at which the robot is armed, in milliseconds: all motors have been heard by then.
 pub const ARMED_AT: u64 = 100;
 
 const MOTORS: [Name; 6 + LEGS] = [
@@ -324,10 +324,10 @@ const MOTORS: [Name; 6 + LEGS] = [
 ];
 
 /// The task: arms the robot, and repeats every 10 ms what the script said last to each motor.
-pub async fn run(io: &Io) -> ! {
+pub async fn run(shared: &Shared) -> ! {
     Timer::at(Instant::from_millis(ARMED_AT)).await;
     // Refused after an emergency stop, and if its buses do not fit: it stays disarmed then.
-    let _ = io.switch.arm();
+    let _ = shared.switch.arm();
     let mut ticker = Ticker::every(Duration::from_millis(10));
     loop {
         let now = Instant::now().as_millis();
@@ -335,10 +335,10 @@ pub async fn run(io: &Io) -> ! {
         for name in MOTORS {
             let mut said = begun.clone().flat_map(|(_, _, targets)| targets.iter());
             let Some((_, target)) = said.rfind(|(whose, _)| *whose == name) else { continue };
-            if io.motor(name).command(*target).is_err() {
+            if shared.motor(name).command(*target).is_err() {
                 // A mistake in this program: rather none drives than all others. The motor's status
                 // counts it by reason.
-                io.switch.emergency_stop();
+                shared.switch.emergency_stop();
             }
         }
         ticker.next().await;

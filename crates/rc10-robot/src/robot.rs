@@ -3,10 +3,10 @@ use core::fmt;
 
 use heapless::Vec;
 use rc10_app::{ConfigError, Degrees, Rpm, TotalAngle, Twist};
-use rc10_bsp::{Cycles, Latest, Statistics, Topic};
+use rc10_message::{Cycles, Latest, Statistics, Topic};
 use rc10_module::Reception;
 use rc10_module::imu::Heading;
-use rc10_module::remote::{Freshness, Remote};
+use rc10_module::remote::{Remote, RemoteLink};
 use rc10_motor::dji::{Dji, IdOutOfRange};
 use rc10_motor::embassy::{BusPort, MotorPort};
 use rc10_motor::{ArmSwitch, AttachError, MotorBus, MotorId, Target, TargetError};
@@ -21,47 +21,47 @@ pub type Bus<'r> = MotorBus<'r>;
 #[derive(Default)]
 pub struct Motors(Vec<Dji, { MOTORS.len() }>);
 
-/// What the tasks share: every port, topic and switch of the robot.
-pub struct Io<'p> {
+/// Everything that the tasks share: ports, topics and the switch of the robot.
+pub struct Shared<'p> {
     /// Arms and stops all motors.
     pub switch: ArmSwitch,
     /// One port per bus; bus 1 is the first.
     pub buses: [&'p BusPort; BUSES],
-    /// What the remote control says.
+    /// Newest frame of the remote control.
     pub remote: Latest<Remote, 1>,
-    /// What its receiver's bytes amounted to.
+    /// Counters of its receiver's bytes and frames.
     pub remote_reception: Reception,
-    /// Whether it is heard.
-    pub freshness: Latest<Freshness, 1>,
+    /// RemoteLink of the remote control.
+    pub remote_link: Latest<RemoteLink, 1>,
     /// Which way the robot looks in the world, by its IMU: [`imu::run`](crate::imu::run) says from
     /// where that counts.
     pub heading: Latest<Heading, 1>,
-    /// What the IMU's bytes amounted to.
+    /// Counters of the IMU's bytes and frames.
     pub imu_reception: Reception,
-    /// How the base shall move.
-    pub motion: Latest<Motion, 1>,
+    /// Commanded motion of the base.
+    pub motion: Latest<BaseCommand, 1>,
     /// Where the gimbal shall point, how fast the feeder shall turn, how high the lift shall be.
-    pub posture: Latest<Posture, 1>,
+    pub mechanisms: Latest<MechanismCommand, 1>,
     /// The newest target that a motor refused: which motor, and why.
     pub refused: Latest<(Name, TargetError), 1>,
-    /// How the robot is, ten times a second.
+    /// Status of the robot, ten times a second.
     pub status: Topic<RobotStatus, 4, 2>,
-    /// How punctual the chassis task is.
+    /// Timing of the chassis task.
     pub chassis_timing: Statistics,
     /// What the buses take of the core, on a chip that counts its cycles: a run is a tick.
     pub bus_cycles: Option<&'p Cycles>,
 }
 
-/// How the base shall move.
+/// A motion command for the base.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Motion {
+pub struct BaseCommand {
     /// Forward, to the left, and turning.
     pub twist: Twist,
     /// Whose forward that is.
     pub axes: Axes,
 }
 
-/// Whose axes a motion is in.
+/// Frame of reference of a motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Axes {
     /// The robot's: forward is where it looks.
@@ -71,9 +71,9 @@ pub enum Axes {
     World,
 }
 
-/// What the mechanisms on the base shall do.
+/// Setpoints of the mechanisms on the base.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Posture {
+pub struct MechanismCommand {
     /// Gimbal yaw, 0 ..< 360 degrees.
     pub yaw: Degrees,
     /// Gimbal pitch, 0 ..< 360 degrees.
@@ -118,8 +118,8 @@ impl Motors {
     ///
     /// # Errors
     /// [`SetupError`], naming the line of the table, and both motors of a clash.
-    pub fn start<'r>(&'r mut self, io: &'r Io<'_>) -> Result<[Bus<'r>; BUSES], SetupError> {
-        self.attach(core::array::from_fn(|_| Bus::new(&io.switch)))
+    pub fn start<'r>(&'r mut self, shared: &'r Shared<'_>) -> Result<[Bus<'r>; BUSES], SetupError> {
+        self.attach(core::array::from_fn(|_| Bus::new(&shared.switch)))
     }
 
     /// The same on buses that stand elsewhere, as `&mut Bus`: a chip's stack is too small to make
@@ -166,7 +166,7 @@ fn motor(entry: &Entry) -> Result<Dji, SetupError> {
     }
 }
 
-impl<'p> Io<'p> {
+impl<'p> Shared<'p> {
     /// What the tasks of a robot share that has not begun, with a port per bus: [`ports`] makes
     /// some.
     // Always inlined, so that it is made where it stays and does not pass over the stack.
@@ -178,11 +178,11 @@ impl<'p> Io<'p> {
             buses,
             remote: Latest::new(),
             remote_reception: Reception::new(),
-            freshness: Latest::new(),
+            remote_link: Latest::new(),
             heading: Latest::new(),
             imu_reception: Reception::new(),
             motion: Latest::new(),
-            posture: Latest::new(),
+            mechanisms: Latest::new(),
             refused: Latest::new(),
             status: Topic::new(),
             chassis_timing: Statistics::new(),
@@ -203,7 +203,7 @@ impl<'p> Io<'p> {
     /// one until that expires, and then is safe. The status names the motor and the reason.
     pub fn command(&self, name: Name, target: Target) {
         if let Err(why) = self.motor(name).command(target) {
-            self.refused.set((name, why), rc10_bsp::now());
+            self.refused.set((name, why), rc10_message::now());
         }
     }
 }

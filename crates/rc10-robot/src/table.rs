@@ -1,4 +1,4 @@
-//! Which motor, on which bus, with which id, gains and safe state; and the robot's measures.
+//! The motor table: bus, id, gains and safe state of each motor; and the robot's measures.
 
 use rc10_app::{Degrees, Mecanum, Rpm, Twist, TwistLimits};
 use rc10_module::remote::Receiver;
@@ -7,7 +7,7 @@ use rc10_motor::dji::{self, FeedbackRate, Model};
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
 
-/// What the robot calls its motors, in the order of [`MOTORS`].
+/// Names of the motors, in the order of [`MOTORS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs, reason = "the names say it")]
 pub enum Name {
@@ -27,23 +27,23 @@ pub enum Name {
 /// One motor of the robot.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
-    /// What the robot calls it.
+    /// Name of the motor.
     pub name: Name,
     /// The same, for people.
     pub label: &'static str,
     /// On which bus: 1, 2 or 3.
     pub bus: u8,
-    /// Which motor it is.
+    /// Model of the motor.
     pub model: &'static Model,
     /// The identifier set on it.
     pub id: u8,
-    /// Which way it counts.
+    /// Direction in which it counts.
     pub direction: Direction,
     /// The feedback rate set on it.
     pub rate: FeedbackRate,
     /// Gains of its own, in place of its model's.
     pub gains: Option<Cascade>,
-    /// What it does when it may not follow its target.
+    /// Its safe state, for when it may not follow its target.
     pub safety: Safety,
 }
 
@@ -100,35 +100,35 @@ pub const LIFT: [Name; 4] =
 /// an M3508 reaches unloaded.
 pub const BASE: Mecanum = Mecanum::new(0.076, 0.20, 0.22, Rpm::new(400.0));
 
-/// Which receiver of a remote control is plugged in.
+/// The receiver of the remote control that is plugged in.
 pub const RECEIVER: Receiver = Receiver::Dr16;
 
 /// LEDs of the strip that shows how the robot is.
 pub const LEDS: usize = 8;
 
-/// How bright they are, of 255. An LED takes up to 60 mA at full white: the 5 V of a board are soon
+/// Brightness, of 255. An LED takes up to 60 mA at full white: the 5 V of a board are soon
 /// too weak for that.
 pub const LED_BRIGHTNESS: u8 = 60;
 
-/// How fast the base goes with the sticks at their ends.
+/// Speed of the base with the sticks at their ends.
 pub const FULL_STICK: Twist = Twist::new(2.0, 2.0, 6.0);
 
-/// How fast the gimbal turns with the sticks at their ends, degrees per second: yaw and pitch.
+/// Speed of the gimbal with the sticks at their ends, degrees per second: yaw and pitch.
 pub const GIMBAL_RATES: [f32; 2] = [240.0, 120.0];
 
-/// Where the gimbal looks when the robot is armed.
+/// Angles of the gimbal when the robot is armed.
 pub const GIMBAL_AHEAD: Degrees = Degrees::new(180.0);
 
-/// How fast the feeder turns with the stick at its end.
+/// Speed of the feeder with the stick at its end.
 pub const FEEDER: Rpm = Rpm::new(300.0);
 
-/// How fast the lift's shafts turn with the stick at its end, degrees per second.
+/// Speed of the lift's shafts with the stick at its end, degrees per second.
 pub const LIFT_RATE: f32 = 800.0;
 
 /// The lift's shafts turn so far from the bottom to the top, degrees.
 pub const LIFT_TOP: i32 = 1080;
 
-/// What the base can accelerate without its wheels slipping: m/s² and rad/s².
+/// Largest accelerations of the base at which its wheels do not slip: m/s² and rad/s².
 pub const BASE_LIMITS: TwistLimits = TwistLimits::new(3.0, 12.0);
 
 impl Name {

@@ -23,9 +23,9 @@ use rc10_motor::{ArmSwitch, CanMotor, MotorBus, MotorId, Safety, Target, TxBatch
 /// The motors' identifiers: M3508 are 1 to 4, M2006 5 to 8.
 const IDS: [u8; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
 const TICK: Micros = Micros::from_millis(1);
-/// Each measurement is repeated for so many milliseconds …
+/// Milliseconds for which each measurement is repeated …
 const ROUNDS: u16 = 450;
-/// … after so many in which the motors are armed and started softly.
+/// … after these in which the motors are armed and started softly.
 const WARM_UP: u16 = 50;
 
 #[panic_handler]

@@ -80,7 +80,7 @@ pub fn superloop(can: impl nb::Can, mut heartbeat: Heartbeat) -> ! {
     let (Ok(wheel), Ok(_)) = attached else {
         unreachable!("their identifiers do not clash");
     };
-    // Nobody has stopped the robot yet.
+    // The robot was not stopped yet.
     let _ = switch.arm();
 
     let mut port = NbPort::<_, 16>::new(can, now);

@@ -65,7 +65,7 @@ const DEVICE: u8 = 0x50;
 const READ_ONLY: u8 = 0;
 /// one that holds the clock for ever, ..
 const SLEEPER: u8 = 0x51;
-/// .. and nobody.
+/// .. and no node.
 const NOBODY: u8 = 0x22;
 
 /// Writes and reads, is refused, waits no longer than allowed, and frees a bus that is held.

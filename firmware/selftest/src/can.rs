@@ -15,7 +15,7 @@ use crate::{say, want};
 const FRAMES: u32 = 20;
 
 /// Only FDCAN2 is used, not FDCAN1, on which the clock of all three depends; the standby pin is
-/// high before the first frame leaves. Somebody acknowledges, and sends too.
+/// high before the first frame leaves. Another node acknowledges, and sends too.
 pub async fn exchange(parts: BusParts<FDCAN2>, standby: Peri<'static, PG4>) -> Outcome {
     let mut port = Bus::start(parts.with_standby(standby, Level::High));
     // No motor takes it for a command.

@@ -1,7 +1,7 @@
 //! Drives every peripheral driver that the robot's firmware does not use, one after the other, and
 //! says what came of it: a line each, into the debug probe's buffer and on the line of text.
 //!
-//! It needs somebody at the other end of the wires. `tests/firmware/selftest.rs` is that for the
+//! It needs devices at the other end of the wires. `tests/firmware/selftest.rs` is that for the
 //! emulated chip; on a board it is what the table in `docs/wiring.md` says.
 #![no_std]
 #![no_main]

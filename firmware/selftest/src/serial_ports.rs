@@ -1,4 +1,4 @@
-//! UARTs, with somebody at the other end who sends back what comes.
+//! UARTs, with a device at the other end that sends back what comes.
 
 use embassy_futures::join::join;
 use embassy_stm32::peripherals::{DMA1_CH3, DMA1_CH4, DMA2_CH0, DMA2_CH1, USART3, USART10};

@@ -168,10 +168,10 @@ pub async fn pulses(parts: PulseParts) -> Outcome {
         (shortest, longest) = (shortest.min(gap), longest.max(gap));
         last = edge;
     }
-    let age = rc10_bsp::now().since(last).get();
+    let age = rc10_message::now().since(last).get();
     want!(age < 1000, "an edge {age} us old");
     want!(shortest >= 700 && longest <= 20_000, "{shortest} .. {longest} us apart");
-    // Nobody reads for a while: what is lost is counted.
+    // Without reads for a while: what is lost is counted.
     Timer::after_millis(200).await;
     let lost = input.lost();
     want!(lost > 0, "no edge was lost though nobody read");
@@ -188,7 +188,7 @@ const PICTURE: [RGB8; 2] = [RGB8::new(0x12, 0x34, 0x56), RGB8::new(0xA5, 0x5A, 0
 /// Pulses of that.
 const PULSES: usize = PICTURE.len() * BITS;
 
-/// Two LEDs, two pictures; then two that nobody waits for.
+/// Two LEDs, two pictures; then two without waiting for their end.
 pub async fn strip(parts: StripParts) -> Outcome {
     let StripParts { timer, pin, stream } = parts;
     let buffer = dma_buffer!(u32; PULSES + 2);

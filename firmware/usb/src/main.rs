@@ -1,5 +1,5 @@
 //! A board that is a serial port on USB: it sends back what it hears, and once a second says how much
-//! of what it has sent nobody listened to. Not for a robot: a first look at a board, and at the port.
+//! of what it has sent unheard. Not for a robot: a first look at a board, and at the port.
 //!
 //! `cargo run --release --package usb` flashes it. On Linux the port is `/dev/ttyACM0`.
 #![no_std]

@@ -11,7 +11,7 @@
 //! **Sending.** 24 of the controller's 32 transmit buffers are for commands, and the controller
 //! sends the one that wins arbitration first. A newer frame cancels the unsent older one of its
 //! identifier and takes another buffer: its own may be on the wire, and then must not be rewritten,
-//! and with a buffer to spare nobody has to wait for that. So each identifier has one live buffer,
+//! and with a spare buffer no frame has to wait for that. So each identifier has one live buffer,
 //! and nothing stale leaves after an outage: what is sent is as old as the tick before, at most. If
 //! the ticks stop, the supervisor takes it back (not while interrupts are masked: then nothing
 //! can). The other eight buffers hold the bus's coast image ([`FdcanPort::keep_coast_image`]): what

@@ -160,15 +160,15 @@ fn crash(kind: u32, values: [u32; 4], file: &str) -> ! {
 }
 
 /// Bounded: 20 ms. Eight frames take 1 ms; a bus that comes back from bus-off takes 1.4 ms if it is
-/// idle, 17 ms if it is full; one where nobody acknowledges takes all of it. The watchdog leaves
+/// idle, 17 ms if it is full; one without another node takes all of it. The watchdog leaves
 /// 70 ms.
 ///
 /// The clock needs no interrupt for half of its counter's period, 32 ms; it runs if there is an
 /// image, which only a started bus has.
 fn wait_for_coast_images() {
-    let until = crate::now() + Micros::from_millis(20);
+    let until = rc10_message::now() + Micros::from_millis(20);
     while !can::ALL.iter().all(|controller| controller.coast_image_sent()) {
-        if crate::now() >= until {
+        if rc10_message::now() >= until {
             return;
         }
     }

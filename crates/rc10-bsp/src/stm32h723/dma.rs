@@ -209,7 +209,7 @@ impl Stream {
             w.set_msize(T::SIZE);
             w.set_psize(T::SIZE);
             w.set_circ(transfer.circular);
-            // What comes in waits for nobody.
+            // Received bytes do not wait.
             w.set_pl(if transfer.to_peripheral { vals::Pl::MEDIUM } else { vals::Pl::HIGH });
             w.set_trbuff(transfer.is_serial);
             w.set_htie(transfer.circular);

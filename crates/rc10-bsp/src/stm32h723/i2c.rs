@@ -33,7 +33,7 @@ use heapless::Vec;
 
 use crate::dma::DmaBuffer;
 
-/// A whole transaction takes so long at most: 255 bytes at 100 kHz take 23 ms.
+/// Longest duration of a whole transaction: 255 bytes at 100 kHz take 23 ms.
 const LIMIT: Duration = Duration::from_millis(30);
 /// Half a clock at 100 kHz, which every device understands.
 const HALF_CLOCK: Duration = Duration::from_micros(5);
@@ -65,7 +65,7 @@ impl I2cPeripheral for I2C5 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum I2cError {
-    /// Nobody acknowledged: no such device, or it is busy. (Of a read that shows after 30 ms only.)
+    /// Not acknowledged: no such device, or it is busy. (Of a read that shows after 30 ms only.)
     NoAcknowledge,
     /// It took longer than 30 ms.
     Timeout,
@@ -308,7 +308,7 @@ impl embedded_hal_async::i2c::I2c for I2cBus {
             Ok(_) => false,
         };
         if is_refused {
-            // The byte behind the refused one waits to be sent: to whoever is addressed next.
+            // The byte behind the refused one waits to be sent: to the next device.
             self.registers.isr().write(|w| w.set_txe(true));
             self.is_open = false;
             return Err(I2cError::NoAcknowledge);

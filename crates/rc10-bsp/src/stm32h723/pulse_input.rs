@@ -29,7 +29,7 @@ const ALTERNATE_FUNCTION: u8 = 9;
 /// Makes microseconds of [`TIMER_CLOCK`].
 const DIVISOR: u16 = 240;
 const _: () = assert!(TIMER_CLOCK.0 == DIVISOR as u32 * 1_000_000);
-/// The timer starts over after so many microseconds.
+/// Period of the timer in microseconds.
 const ROUND: u64 = 1 << 16;
 
 static EDGES: Channel<CriticalSectionRawMutex, Micros, HELD> = Channel::new();
@@ -102,7 +102,7 @@ impl PulseInput {
         // Takes the prescaler over; that shows as an update, which is none.
         timer.egr().write(|w| w.set_ug(true));
         timer.sr().write_value(regs::Sr1ch(0));
-        STATE.lock(|state| state.set(State { round_began: crate::now(), lost: 0 }));
+        STATE.lock(|state| state.set(State { round_began: rc10_message::now(), lost: 0 }));
         timer.cr1().modify(|w| w.set_cen(true));
         timer.dier().modify(|w| {
             w.set_ccie(0, true);

@@ -13,7 +13,7 @@ use embassy_stm32::timer::{Ch1, Ch2, GeneralInstance4Channel, TimerPin};
 
 /// A timer of two tracks whose counter's length is known.
 pub trait QuadratureTimer: GeneralInstance4Channel {
-    /// Its counter starts over after so many counts.
+    /// Counts after which its counter starts over.
     const MODULUS: u64;
 }
 

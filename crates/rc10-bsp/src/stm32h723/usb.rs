@@ -5,7 +5,7 @@
 //! CRS keeps in step with the frames of the host (RM0468, CRS): with the feature `usb`,
 //! [`clocks`](super::clocks) says so. It uses no DMA, so its memory may lie anywhere.
 //!
-//! **A PC may or may not listen**, and a robot must not wait for it: what is sent while nobody does
+//! **A PC may or may not listen**, and a robot must not wait for it: what is sent while none does
 //! is dropped and counted, [`UsbTransmitter::lost`]. What a PC sends waits in the PC until it is
 //! read: nothing is lost in that direction.
 //!
@@ -136,12 +136,12 @@ impl Read for UsbReceiver {
 pub struct UsbTransmitter {
     sender: Sender<'static, Controller>,
     lost: u32,
-    /// Nobody fetched the last packet.
+    /// The last packet was not fetched.
     is_deaf: bool,
 }
 
 impl UsbTransmitter {
-    /// Bytes that were dropped because nobody listened; starts over after 2³². The last packet that
+    /// Bytes that were dropped because no PC listened; starts over after 2³². The last packet that
     /// was handed to the controller before the PC went away, 63 bytes at most, is not among them.
     #[must_use]
     pub const fn lost(&self) -> u32 {

@@ -9,10 +9,10 @@ use super::names::{Name, Names};
 /// Our own node.
 const ROBOT: &str = "Robot";
 
-/// What a DBC file says of a bus.
+/// The contents of a DBC file: one bus.
 #[derive(Clone, Debug)]
 pub struct Dbc {
-    /// What the bus is called.
+    /// Name of the bus.
     pub bus: String,
     /// Our own node, then the devices; with what each is.
     pub nodes: Vec<(Name, String)>,
@@ -25,7 +25,7 @@ pub struct Dbc {
 /// All that comes with one identifier.
 #[derive(Clone, Debug)]
 pub struct Frame {
-    /// What it is called.
+    /// Its name.
     pub name: Name,
     /// Its identifier.
     pub id: Id,
@@ -142,7 +142,7 @@ fn frame(
                     "what says whether it is there is not in it".to_owned()
                 }
                 None => {
-                    // What others have too is nobody's own.
+                    // A frame that others have too belongs to none of them.
                     let has_it = |(_, other): &&(_, &Message)| other.signals.contains(signal);
                     let is_own = is_shared && messages.iter().filter(has_it).count() == 1;
                     let name = if is_own {

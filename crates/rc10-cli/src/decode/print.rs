@@ -13,7 +13,8 @@ use serde_json::{Map, Value, json};
 
 use super::{Decoder, Lane, Meaning, Summary};
 use crate::candump::{self, Line, SecondsOf};
-use crate::robot::{Description, Motor};
+use crate::description::Description;
+use crate::motor::Motor;
 
 /// Prints frames as they come, then the summary.
 pub(super) struct Printer<'o> {
@@ -59,7 +60,7 @@ impl<'o> Printer<'o> {
     }
 }
 
-/// Rounded to so many places, and never a negative zero.
+/// A number rounded to `places` decimals, and never a negative zero.
 fn rounded(value: f64, places: i32) -> f64 {
     let power = 10_f64.powi(places);
     (value * power).round() / power + 0.0

@@ -1,4 +1,4 @@
-//! What a run on the emulated chip amounts to: text for people, JSON for programs.
+//! The figures of a run on the emulated chip: text for people, JSON for programs.
 
 use std::fmt::{self, Write as _};
 use std::time::Duration;

@@ -1,11 +1,11 @@
-//! What was not as it should be on the emulated chip itself.
+//! Problems of the emulated chip itself.
 
 use rc10_emu::{Figures, Rig};
 use rc10_sim::fault::Kind;
 
+use crate::motor::Place;
 use crate::problems::{About, Problem, is_excused};
 use crate::recording::Recording;
-use crate::robot::Place;
 
 /// Adds what is to be said of the chip. What its faults must do is no problem.
 pub(super) fn search(rig: &Rig, recording: &Recording, found: &mut Vec<Problem>) {

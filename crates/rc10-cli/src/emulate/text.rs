@@ -1,10 +1,10 @@
-//! What the chip's UARTs have said in words.
+//! The text that the chip's UARTs sent.
 
 use std::fmt::Write as _;
 
 use rc10_emu::peripherals::SentByte;
 
-/// What one UART has said.
+/// The text of one UART.
 pub(super) struct UartText {
     uart: u8,
     /// Its lines, each behind its time in seconds.

@@ -3,12 +3,12 @@ use rc10_can::Micros;
 use rc10_sim::{Bus, Tasks};
 
 use super::PtyArgs;
+use crate::environment::Environment;
 use crate::robot::Robot;
-use crate::surroundings::Surroundings;
 
 /// The world, with or without the robot.
 pub(super) struct Scene<'r> {
-    around: Surroundings,
+    around: Environment,
     /// The place of the client's bus among them.
     client: usize,
     tasks: Tasks<'r>,
@@ -19,7 +19,7 @@ impl<'r> Scene<'r> {
         if !args.alone {
             robot.fit(args.force)?;
         }
-        let around = Surroundings::new(robot.description(), args.seed)?;
+        let around = Environment::new(robot.description(), args.seed)?;
         let buses = around.wires.len();
         let client = usize::from(args.bus).checked_sub(1).filter(|&bus| bus < buses);
         let client = client
@@ -39,7 +39,7 @@ impl<'r> Scene<'r> {
 
     pub(super) fn run(&mut self, until: Micros) {
         self.around.run(&mut self.tasks, until);
-        // Nobody reads what is said on the others.
+        // The traces of the other buses are not read.
         let others = self.around.wires.iter().enumerate().filter(|(bus, _)| *bus != self.client);
         others.for_each(|(_, wire)| drop(wire.take_trace()));
     }

@@ -55,7 +55,7 @@ impl Terminal {
     }
 
     /// Waits until the client has written something or, if there is something to `write`, has room
-    /// for it; at most so long.
+    /// for it; at most `timeout`.
     pub(super) fn wait(&self, read: bool, write: bool, timeout: Duration) -> Result<()> {
         let mut wanted = PollFlags::empty();
         wanted.set(PollFlags::IN, read);

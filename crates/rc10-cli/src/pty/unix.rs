@@ -51,7 +51,7 @@ pub fn serve(
         if args.alone { "without the robot's program" } else { "and the robot's program" },
         if args.lockstep { "in lockstep with the client" } else { "in real time" },
     )?;
-    // Whoever waits for the path need not wait for the end.
+    // A program that waits for the path need not wait for the end.
     out.flush()?;
     let mut session = Session { scene, adapter, terminal, complained: 0 };
     let end = args.seconds.unwrap_or(Micros::new(u64::MAX));
@@ -165,7 +165,7 @@ fn summary(counts: &Counts, now: Micros, behind: Micros) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::fs::{File, OpenOptions};
+    use std::fs::File;
     use std::io::Read;
     use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
     use std::path::PathBuf;
@@ -173,9 +173,11 @@ mod tests {
 
     use rc10_motor::dji::M3508;
     use rustix::event::{PollFd, PollFlags, Timespec, poll};
+    use rustix::fs::{Mode, OFlags, open};
 
     use super::*;
-    use crate::robot::{Description, Motor};
+    use crate::description::Description;
+    use crate::motor::Motor;
 
     fn args(link: PathBuf, lockstep: bool, seconds: u64) -> PtyArgs {
         let seconds = Some(Micros::from_millis(1000 * seconds));
@@ -202,7 +204,10 @@ mod tests {
                 assert!(!server.is_finished(), "no pseudo-terminal");
                 thread::yield_now();
             }
-            let open = || OpenOptions::new().read(true).write(true).open(&link).unwrap();
+            // Without `NOCTTY` it would become the controlling terminal of a test program that leads
+            // a session, and its end would kill that program by SIGHUP.
+            let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
+            let open = || File::from(open(&link, flags, Mode::empty()).unwrap());
             // The other side ends also if the client fails.
             let result = catch_unwind(AssertUnwindSafe(|| client(&mut open())));
             stop.store(true, Ordering::Relaxed);
@@ -214,7 +219,7 @@ mod tests {
         })
     }
 
-    /// The next so many bytes. Says what came, should the rest never come.
+    /// Reads `length` bytes. Says what came, should the rest never come.
     fn read(client: &mut File, length: usize) -> String {
         let mut bytes = Vec::new();
         while bytes.len() < length {

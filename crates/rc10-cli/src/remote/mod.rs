@@ -1,4 +1,4 @@
-//! The remote control of a robot, and whoever holds it: a script of what hands do, and when the
+//! The remote control of a robot, and its operator: a script of what he does, and when the
 //! radio link breaks.
 
 mod operator;
@@ -15,18 +15,18 @@ pub use operator::Operator;
 pub use rc10_module::remote::Receiver;
 pub use watch::{Loss, RemoteSample, RemoteTrack, Sight, Watch};
 
-/// What the tools must know of a robot's remote control.
+/// The remote control of a robot, with its operator's script.
 #[derive(Clone, Debug)]
 pub struct RemoteControl {
     /// The receiver that is plugged in.
     pub receiver: Receiver,
-    /// What the robot can listen to.
+    /// Receivers that the robot supports.
     pub receivers: Vec<Receiver>,
     /// The chip's UART for those that speak bytes.
     pub uart: u8,
     /// The chip's pin for those that send pulses.
     pub pulse_pin: (char, usize),
-    /// What hands do, in the order of time. Before, nobody touches it.
+    /// What the operator does, in the order of time. Before that all sticks are at rest.
     pub script: Vec<Line>,
     /// After how long, counted from power-on, the script begins again, if it does.
     pub repeats_after: Option<Micros>,
@@ -34,12 +34,12 @@ pub struct RemoteControl {
     pub lost: Vec<Lost>,
 }
 
-/// What hands do from a time on.
+/// A line of the operator's script: controls from a time on.
 #[derive(Clone, Copy, Debug)]
 pub struct Line {
     /// From when on, since power-on.
     pub at: Micros,
-    /// What that is called.
+    /// Label for reports.
     pub label: &'static str,
     /// Where they put everything.
     pub controls: Controls,
@@ -74,7 +74,7 @@ pub(crate) fn parser() -> impl TypedValueParser<Value = Receiver> {
     })
 }
 
-/// What a receiver is plugged into.
+/// The port that a receiver is plugged into.
 #[derive(Clone)]
 pub enum ReceiverWire {
     /// One that speaks bytes.

@@ -3,7 +3,7 @@ use rc10_sim::remote::Remote;
 
 use super::{Line, Lost, RemoteControl};
 
-/// Whoever holds the remote: does what the script says, to the microsecond.
+/// The operator of a remote: does what the script says, to the microsecond.
 #[derive(Clone, Debug)]
 pub struct Operator {
     remote: Remote,
@@ -17,7 +17,7 @@ pub struct Operator {
 }
 
 impl Operator {
-    /// Somebody with this remote in his hands, before power-on.
+    /// An operator of this remote, before power-on.
     #[must_use]
     pub fn new(remote: &Remote, control: &RemoteControl) -> Self {
         let off_and_on = |lost: &Lost| {

@@ -8,7 +8,7 @@ use rc10_sim::Nanos;
 use rc10_sim::remote::Sent;
 
 use super::{Lost, Receiver, RemoteControl};
-use crate::robot::{Motor, Twin};
+use crate::motor::{Motor, Twin};
 
 /// Whatever a remote that is back brings about has come by then.
 const LONG: Micros = Micros::from_millis(500);
@@ -16,7 +16,7 @@ const LONG: Micros = Micros::from_millis(500);
 /// How often is looked while something may happen: a step of the simulator's physics.
 const STEP: Micros = Micros::new(100);
 
-/// What a receiver sent, and what became of the robot while its remote was lost.
+/// The track of a remote: what its receiver sent, and what the robot did while it was lost.
 #[derive(Clone, Debug)]
 pub struct RemoteTrack {
     /// Which receiver.
@@ -53,8 +53,8 @@ pub struct Loss {
     pub back: Option<Micros>,
     /// When the motors were driven again without anybody arming them.
     pub resumed: Option<Micros>,
-    /// When the robot was disarmed or stopped, so that somebody must arm it: at once, if it was that
-    /// already. Of a robot that does not say so: when motors that hold let go, too.
+    /// When the robot was disarmed or stopped, so that it must be armed anew: at once, if it was
+    /// that already. Of a robot that does not say so: when motors that hold let go, too.
     pub disarmed: Option<Micros>,
 }
 
@@ -82,7 +82,7 @@ pub struct Watch {
     samples: Vec<RemoteSample>,
 }
 
-/// What can be seen of a robot.
+/// A look at a robot from outside.
 #[derive(Clone, Copy)]
 pub struct Sight<'a> {
     /// What its receiver has sent.

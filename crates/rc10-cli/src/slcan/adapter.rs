@@ -30,7 +30,7 @@ pub enum Channel {
     Open,
 }
 
-/// What has gone through an adapter, and what has not.
+/// Counters of an adapter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Frames of the wire that were written to the client.
@@ -51,24 +51,24 @@ pub struct Counts {
     pub wrong_bit_rate: u64,
 }
 
-/// Who waits when the client does not read.
+/// Flow control for a client that does not read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
-    /// Nobody: beyond so many unread bytes, received frames are lost and counted.
+    /// Lossy: beyond this number of unread bytes, received frames are lost and counted.
     Lossy(usize),
-    /// Whoever drives the adapter: everything is kept.
+    /// Lossless: everything is kept, and the caller waits for the client.
     Lossless,
 }
 
 /// An adapter between a client's bytes and a simulated wire: a state machine without input, output
-/// and clock of its own. Whoever holds it lets time pass in the world and calls
+/// and clock of its own. Its owner lets time pass in the world and calls
 /// [`hear`](Self::hear).
 ///
 /// The client is a foreign node on the wire: see [`Bus::inject`]. It does not hear what it sends.
 pub struct Adapter {
     wire: Bus,
     flow: Flow,
-    /// The wire's own controller is nobody's but this adapter's: it is plugged in while the channel
+    /// The wire's own controller belongs to this adapter alone: it is plugged in while the channel
     /// is open, and acknowledges.
     has_controller: bool,
     lines: Lines,
@@ -209,7 +209,7 @@ impl Adapter {
         self.counts.to_client += 1;
     }
 
-    /// What the client is to read next. Whoever has passed some of it on takes it away.
+    /// The bytes that the client is to read next. The caller removes those that it has passed on.
     pub const fn out(&mut self) -> &mut Vec<u8> {
         &mut self.out
     }
@@ -246,7 +246,7 @@ mod tests {
     }
 
     impl Bench {
-        /// So many C620 and an adapter with the wire's controller.
+        /// A wire with C620s and an adapter with the wire's controller.
         fn new(escs: u8, flow: Flow) -> Self {
             let mut world = World::new(5);
             let wire = world.add_bus(BusConfig::default());
@@ -256,7 +256,7 @@ mod tests {
             Self { world, wire, adapter, escs }
         }
 
-        /// Says it, lets so many milliseconds pass; what is answered and heard.
+        /// Sends a text and lets milliseconds pass; what is answered and received.
         fn say(&mut self, text: &str, millis: u64) -> String {
             for command in self.adapter.take(text.as_bytes()) {
                 self.adapter.answer(command);
@@ -298,7 +298,7 @@ mod tests {
         assert_eq!(bench.adapter.counts().not_open, 2);
     }
 
-    /// One device and nobody who acknowledges: its frames are none. An open channel acknowledges.
+    /// Without a node that acknowledges, frames do not count. An open channel acknowledges.
     #[test]
     fn without_the_robot_the_adapter_acknowledges_while_it_is_open() {
         let mut bench = Bench::new(1, Flow::Lossless);

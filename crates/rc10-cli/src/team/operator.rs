@@ -1,4 +1,4 @@
-//! Somebody with the remote of the team's robot in his hands: ten seconds that show everything.
+//! The script of the team's remote: ten seconds that show everything.
 //! What the controls mean stands in `rc10_robot::driver`.
 
 use rc10_can::Micros;

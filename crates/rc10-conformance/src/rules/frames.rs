@@ -90,7 +90,7 @@ fn change_nothing(
 }
 
 pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
-    let wiring = case.motor().wiring();
+    let wiring = case.motor().can_ids();
     let mut random = Random(1);
     // Neighbours first: the identifiers that differ from its own by a bit.
     let near: Vec<Id> = wiring
@@ -144,7 +144,7 @@ pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
 }
 
 pub(super) fn wrong_lengths(case: &FrameCase<'_>, found: &mut Findings) {
-    let wiring = case.motor().wiring();
+    let wiring = case.motor().can_ids();
     let mut random = Random(2);
     let mut wrong = Vec::new();
     for receive in wiring.received() {
@@ -163,7 +163,7 @@ pub(super) fn wrong_lengths(case: &FrameCase<'_>, found: &mut Findings) {
 }
 
 pub(super) fn any_content(case: &FrameCase<'_>, found: &mut Findings) {
-    for receive in case.motor().wiring().received() {
+    for receive in case.motor().can_ids().received() {
         found.note(content(case, receive));
     }
     for moment in case.life().moments() {

@@ -5,12 +5,16 @@
 mod declared;
 mod faults;
 mod frames;
+mod impedance;
+mod limits;
+mod link;
 mod requests;
 mod returning;
 mod sharing;
 mod stopping;
 mod targets;
 mod wiring;
+mod zero;
 
 use crate::case::{Case, Findings, FrameCase};
 
@@ -169,6 +173,12 @@ pub const RULES: &[Rule] = &[
         "When its feedback stops coming it coasts, whatever it is commanded.",
         stopping::lost,
     ),
+    rule(
+        "link-timeout",
+        "Silent for less than its time-out it runs on as before; for longer it is lost, coasts, and \
+         comes back softly.",
+        link::link_timeout,
+    ),
     frame_rule(
         "coast-frames-are-fixed",
         "The frames for a panic handler are always the same, also before any feedback.",
@@ -192,6 +202,34 @@ pub const RULES: &[Rule] = &[
         "set-zero",
         "After `SetZero` its angles are zero and nothing moves; before any feedback it is refused.",
         requests::set_zero,
+    ),
+    rule(
+        "zero-moves-nothing",
+        "A new zero moves nothing while it turns, seeks, holds, brakes or obeys an impedance; the \
+         same number commanded again lies elsewhere.",
+        zero::zero_moves_nothing,
+    ),
+    rule(
+        "target-on-new-scale",
+        "After a new zero its target is the same place or law, on the new scale.",
+        zero::target_is_on_the_new_scale,
+    ),
+    rule(
+        "impedance-law",
+        "An impedance gives the torque of its law: stiffness, damping, speed and torque, each with \
+         its unit and sign.",
+        impedance::obeys_the_law,
+    ),
+    rule(
+        "soft-impedance",
+        "From rest an impedance grows to its law in 20 ms, by one factor for all of it: its \
+         equilibrium stays.",
+        impedance::starts_softly,
+    ),
+    rule(
+        "limits-bound-efforts",
+        "A lowered limit bounds every torque and current that is asked for, braking too.",
+        limits::limits_bound_efforts,
     ),
     rule(
         "requests-are-checked",

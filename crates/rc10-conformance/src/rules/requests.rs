@@ -144,11 +144,11 @@ fn is_answered(rig: &mut Rig<'_>, request: Request) -> Outcome {
     if second != Err(RequestError::Busy) {
         return broken(rig.now(), format!("{request:?} is pending; the same again: {second:?}"));
     }
-    if rig.answer().is_none() {
+    if rig.response().is_none() {
         return broken(rig.now(), format!("{request:?} is pending for ever"));
     }
     rig.tick(None);
-    match rig.bench.answer(rig.motor) {
+    match rig.bench.response(rig.motor) {
         None => Ok(()),
         Some(answer) => broken(rig.now(), format!("{request:?} is answered again: {answer:?}")),
     }

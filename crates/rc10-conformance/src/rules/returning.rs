@@ -1,6 +1,7 @@
+use rc10_app::TotalAngle;
 use rc10_motor::{SafeState, Target, TargetKind};
 
-use crate::case::{Case, Findings, Halt, Outcome};
+use crate::case::{Case, Findings, Halt, Outcome, broken};
 use crate::rig::Rig;
 
 /// A speed is approached gently anyway; a torque is a step, and shows whether the start is soft.
@@ -69,6 +70,11 @@ pub(super) fn restart(case: &Case<'_>, found: &mut Findings) {
             rig.was_soft(&when)
         }));
     }
+    for millis in [3, 300] {
+        for is_backward in [false, true] {
+            found.note(case.alone(SafeState::Coast, |rig| counts_on(rig, millis, is_backward)));
+        }
+    }
     for_each_effort(case, found, |rig, effort| {
         rig.esc.set_power(false);
         rig.wait(Some(effort), 300);
@@ -77,4 +83,53 @@ pub(super) fn restart(case: &Case<'_>, found: &mut Findings) {
         rig.wait(Some(effort), rig.declared.enables_within + 100);
         rig.was_soft(&format!("restarted, with {effort:?},"))
     });
+}
+
+/// Restarted while it turns, it counts on: exactly, if it was away for a moment; after longer at
+/// least no turns that the shaft has not made. Then it seeks angles on that count.
+fn counts_on(rig: &mut Rig<'_>, millis: u32, is_backward: bool) -> Outcome {
+    let target = if is_backward { rig.declared.backward() } else { rig.cruise() };
+    rig.get_going()?;
+    rig.esc.set_load(0.0);
+    rig.goes_again(target, "").map_err(|_| Halt::Stuck)?;
+    rig.wait(Some(target), 100);
+    let (start, told) = (rig.esc.state().output_degrees, rig.status().feedback.total_angle);
+    rig.esc.set_power(false);
+    rig.wait(Some(target), millis);
+    rig.esc.set_power(true);
+    rig.wait(Some(target), rig.declared.enables_within + 500);
+    rig.goes_again(target, &format!("restarted after {millis} ms while it turned,"))?;
+    rig.wait(Some(target), 100);
+    let moved = rig.esc.state().output_degrees - start;
+    let counted = f64::from(rig.status().feedback.total_angle.minus(told).degrees().get());
+    let is_right = if millis < SHORT {
+        (moved - counted).abs() <= 0.02 * moved.abs() + 5.0
+    } else {
+        (0.2..1.2).contains(&(counted / moved))
+    };
+    if !is_right {
+        let what = format!(
+            "restarted after {millis} ms, it went {moved:.1} degrees and says {counted:.1}"
+        );
+        return broken(rig.now(), what);
+    }
+    if rig.bench.supports(rig.motor).contains(TargetKind::TotalAngle) {
+        seeks(rig, millis)?;
+    }
+    Ok(())
+}
+
+/// A device that was without power for less long, ms, is expected to have lost no turn.
+const SHORT: u32 = 10;
+
+/// A quarter of a turn is one of the shaft, too.
+fn seeks(rig: &mut Rig<'_>, millis: u32) -> Outcome {
+    let (start, told) = (rig.esc.state().output_degrees, rig.status().feedback.total_angle);
+    let there = Target::TotalAngle(told.plus(TotalAngle::from_degrees(90)));
+    rig.wait(Some(there), 2000);
+    let moved = rig.esc.state().output_degrees - start;
+    if (moved - 90.0).abs() <= 15.0 {
+        return Ok(());
+    }
+    broken(rig.now(), format!("restarted after {millis} ms, it goes {moved:.1} degrees, not 90"))
 }

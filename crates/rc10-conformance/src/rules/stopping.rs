@@ -213,6 +213,9 @@ pub(super) fn holds(case: &Case<'_>, found: &mut Findings) {
     if let Claim::Cannot(_) = case.declared.holds {
         return;
     }
+    for is_backward in [false, true] {
+        found.note(case.alone(SafeState::Hold, |rig| stops_ahead(rig, is_backward)));
+    }
     found.note(case.alone(SafeState::Hold, |rig| {
         rig.get_going()?;
         rig.wait(None, 51);
@@ -233,4 +236,24 @@ pub(super) fn holds(case: &Case<'_>, found: &mut Findings) {
         }
         Ok(())
     }));
+}
+
+/// From its speed it comes to a stand ahead of where it was, not behind.
+fn stops_ahead(rig: &mut Rig<'_>, is_backward: bool) -> Outcome {
+    rig.get_going()?;
+    rig.esc.set_load(0.0);
+    let target = if is_backward { rig.declared.backward() } else { rig.cruise() };
+    rig.goes_again(target, "").map_err(|_| Halt::Stuck)?;
+    rig.wait(Some(target), 300);
+    rig.wait(None, 51);
+    may(rig, DriveMode::Hold)?;
+    let start = rig.esc.state();
+    rig.wait(None, 2000);
+    let moved = (rig.esc.state().output_degrees - start.output_degrees) * start.output_rpm.signum();
+    let rpm = start.output_rpm;
+    // A device that holds by itself gets an angle that is some milliseconds old.
+    if moved >= -0.25 * rig.declared.hold_gives {
+        return Ok(());
+    }
+    broken(rig.now(), format!("holding from {rpm:.1} rpm, it is thrown back {:.1} degrees", -moved))
 }

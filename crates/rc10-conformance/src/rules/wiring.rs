@@ -7,7 +7,7 @@ use crate::harness::Sent;
 use crate::rig::Rig;
 
 pub(super) fn wiring_is_valid(case: &FrameCase<'_>, found: &mut Findings) {
-    let wiring = case.motor().wiring();
+    let wiring = case.motor().can_ids();
     if wiring.name().model.is_empty() {
         found.add(None, "its model has no name".to_owned());
     }
@@ -18,9 +18,9 @@ pub(super) fn wiring_is_valid(case: &FrameCase<'_>, found: &mut Findings) {
         found.add(None, "nothing is sent to it".to_owned());
     }
     let received = wiring.received().iter().map(|r| (r.pattern, r.len, r.guard, 0));
-    let sent = wiring.transmitted().iter().map(|t| match t.share {
+    let sent = wiring.transmitted().iter().map(|t| match t.ownership {
         Ownership::Guard(guard) => (t.pattern, t.len, Some(guard), 0),
-        Ownership::Lane(bytes) => (t.pattern, t.len, None, bytes),
+        Ownership::Bytes(bytes) => (t.pattern, t.len, None, bytes),
         Ownership::Whole => (t.pattern, t.len, None, 0),
     });
     for (pattern, len, guard, lane) in received.chain(sent) {
@@ -35,7 +35,7 @@ pub(super) fn wiring_is_valid(case: &FrameCase<'_>, found: &mut Findings) {
 }
 
 pub(super) fn wiring_is_constant(case: &FrameCase<'_>, found: &mut Findings) {
-    let fresh = format!("{:?}", case.motor().wiring());
+    let fresh = format!("{:?}", case.motor().can_ids());
     for moment in case.life().moments() {
         if moment.wiring.as_ref().is_some_and(|now| *now != fresh) {
             let what = format!("in {:?} it differs from that of a fresh motor", moment.drive);
@@ -50,7 +50,7 @@ fn declares(transmit: &TxFrames, frame: &CanFrame) -> bool {
     let is_own = match share {
         Ownership::Whole => true,
         Ownership::Guard(guard) => guard.passes(frame),
-        Ownership::Lane(bytes) => {
+        Ownership::Bytes(bytes) => {
             let mut rest = frame.bytes().iter().enumerate().filter(|(n, _)| bytes >> n & 1 == 0);
             rest.all(|(_, byte)| *byte == 0)
         }
@@ -59,7 +59,7 @@ fn declares(transmit: &TxFrames, frame: &CanFrame) -> bool {
 }
 
 pub(super) fn frames_are_declared(case: &FrameCase<'_>, found: &mut Findings) {
-    let wiring = case.motor().wiring();
+    let wiring = case.motor().can_ids();
     let is_declared = |frame: &CanFrame| wiring.transmitted().iter().any(|t| declares(t, frame));
     for moment in case.life().moments() {
         if let Some((frame, _)) = moment.frames.iter().find(|(frame, _)| !is_declared(frame)) {
@@ -93,7 +93,7 @@ fn occupies(wiring: &CanIds, key: u32) -> bool {
 }
 
 pub(super) fn streams_are_own(case: &FrameCase<'_>, found: &mut Findings) {
-    let wiring = case.motor().wiring();
+    let wiring = case.motor().can_ids();
     for moment in case.life().moments() {
         // A frame without a stream of its own is declared, or another rule says so.
         let foreign = |(frame, stream): &&(CanFrame, u32)| {
@@ -116,7 +116,7 @@ pub(super) fn few_frames_a_tick(case: &FrameCase<'_>, found: &mut Findings) {
 }
 
 pub(super) fn load_is_as_declared(case: &FrameCase<'_>, found: &mut Findings) {
-    let wiring = case.motor().wiring();
+    let wiring = case.motor().can_ids();
     found.note(case.alone(SafeState::Coast, |rig| {
         rig.get_going()?;
         let _ = rig.bench.take_traffic();

@@ -229,7 +229,7 @@ impl Motor for Finch {
         if let Some(left) = self.clearing {
             self.clearing = Some(left - dt.get().max(0.0)).filter(|left| *left > 0.0);
             if self.clearing.is_none() {
-                self.answer = Some(Err(RequestError::NoReply));
+                self.answer = Some(Err(RequestError::Timeout));
             }
         }
     }
@@ -242,7 +242,13 @@ impl Motor for Finch {
             Request::SetZero => {
                 let measured = self.measured().ok_or(RequestError::NoFeedback)?;
                 self.zero = self.encoder.total();
+                let sought = self.servo.target();
                 self.servo.set_zero(measured.microdegrees);
+                if let Target::TotalAngle(angle) = sought {
+                    // The same place, told on the new scale.
+                    let zero = TotalAngle::from_microdegrees(measured.microdegrees);
+                    let _ = self.servo.set_target(Target::TotalAngle(angle.minus(zero)));
+                }
                 Ok(Response::Done)
             }
             Request::ClearFault if self.fault.is_none() => Ok(Response::Done),
@@ -265,7 +271,7 @@ impl Motor for Finch {
 }
 
 impl CanMotor for Finch {
-    fn wiring(&self) -> CanIds {
+    fn can_ids(&self) -> CanIds {
         let report = RxFrames {
             pattern: IdPattern::exact(self.report_id),
             len: 8,

@@ -63,7 +63,7 @@ impl Scene for LineScene<'_> {
     }
 
     fn answer(&mut self) -> Option<Result<Response, RequestError>> {
-        self.bench.line.answer(self.motor)
+        self.bench.line.response(self.motor)
     }
 
     fn status(&self) -> MotorStatus {

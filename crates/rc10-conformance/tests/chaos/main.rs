@@ -29,6 +29,7 @@ mod watch;
 
 use rc10_conformance::Declaration;
 use rc10_motor::CanMotor;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::unitree::GoM8010;
 use rc10_sim::{Bus, Esc, Line, LineMotor};
 
@@ -74,12 +75,14 @@ pub fn check_line(
 }
 
 /// A model, and what its stories say.
-type Entry = (&'static str, fn() -> Result<(), Report>);
+type Entry = (&'static str, fn(Direction) -> Result<(), Report>);
 
 fn all(motors: &[Entry]) {
     let broken: Vec<String> = motors
         .iter()
-        .filter_map(|(name, check)| check().err().map(|report| format!("{name}: {report}")))
+        .filter_map(|(name, check)| {
+            check(Direction::Forward).err().map(|report| format!("{name}: {report}"))
+        })
         .collect();
     assert!(broken.is_empty(), "\n{}\n", broken.join("\n\n"));
 }

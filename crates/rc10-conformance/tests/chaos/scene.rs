@@ -68,7 +68,7 @@ impl CanScene<'_> {
         let safety = random.pick(&[Safety::COAST, Safety::BRAKE, Safety::HOLD]);
         let mut bench = Bench::new(seed, &switch);
         let esc = device(&bench.wire, declared.ids[0]);
-        let wiring = motor.wiring();
+        let wiring = motor.can_ids();
         let motor = bench.attach(motor, safety).unwrap();
         let port = bench.wire.port();
         // A VESC, and a GO-M8010-6, obey whatever the next command says.
@@ -127,7 +127,7 @@ impl Scene for CanScene<'_> {
     }
 
     fn answer(&mut self) -> Option<Result<Response, RequestError>> {
-        self.bench.bus.answer(self.motor)
+        self.bench.bus.response(self.motor)
     }
 
     fn status(&self) -> MotorStatus {

@@ -1,17 +1,24 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Declaration, Trial};
 use rc10_motor::cybergear::{Address, CyberGear, Model, models};
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::{Impedance, Target};
 use rc10_sim::cybergear as sim;
 
 use crate::{Report, check};
 
 /// Both models are driven alike; the spring is as stiff as the motor is strong.
-fn motor(model: &'static Model, device: &'static sim::Model, inertia: f64) -> Result<(), Report> {
+fn motor(
+    model: &'static Model,
+    device: &'static sim::Model,
+    inertia: f64,
+    direction: Direction,
+) -> Result<(), Report> {
     let full = model.limits.torque();
     let spring =
         Impedance { angle: Degrees::new(90.0), kp: full, kd: 0.1 * full, ..Impedance::default() };
     let declared = Declaration {
+        direction,
         // For a moment, when the load changes its way: until the speed loop's integral carries it.
         hold_gives: 14.0,
         ..Declaration::new([1, 2], Rpm::new(60.0), NewtonMetres::new(full))
@@ -26,17 +33,22 @@ fn motor(model: &'static Model, device: &'static sim::Model, inertia: f64) -> Re
     ]);
     check(
         &declared,
-        |motor| CyberGear::new(model, Address { motor, host: 0xFD }).unwrap(),
+        |motor| {
+            CyberGear::new(model, Address { motor, host: 0xFD })
+                .unwrap()
+                .with_direction(direction)
+                .unwrap()
+        },
         |wire, motor| {
             wire.add(sim::CyberGear::new(device, motor), device.plant().with_load_inertia(inertia))
         },
     )
 }
 
-pub fn cybergear() -> Result<(), Report> {
-    motor(&models::CYBERGEAR, &sim::CYBERGEAR, 0.01)
+pub fn cybergear(direction: Direction) -> Result<(), Report> {
+    motor(&models::CYBERGEAR, &sim::CYBERGEAR, 0.01, direction)
 }
 
-pub fn rs04() -> Result<(), Report> {
-    motor(&models::RS04, &sim::RS04, 0.1)
+pub fn rs04(direction: Direction) -> Result<(), Report> {
+    motor(&models::RS04, &sim::RS04, 0.1, direction)
 }

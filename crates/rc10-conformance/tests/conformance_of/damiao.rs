@@ -2,6 +2,7 @@ use rc10_app::{Degrees, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle};
 use rc10_conformance::{Declaration, Trial};
 use rc10_motor::damiao::{Control, Damiao, models};
 use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::{Impedance, Target};
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
 
@@ -10,13 +11,21 @@ use crate::{Report, check};
 /// N m.
 const FULL: f32 = 7.0;
 
-fn j4310(control: Control, mode: Mode, declared: Declaration) -> Result<(), Report> {
+fn j4310(
+    control: Control,
+    mode: Mode,
+    declared: Declaration,
+    direction: Direction,
+) -> Result<(), Report> {
+    let declared = Declaration { direction, ..declared };
     let ids = |id: u8| (u16::from(id), u16::from(id) + 0x20);
     check(
         &declared,
         |id| {
             let (can_id, master_id) = ids(id);
-            Damiao::new(models::J4310, can_id, master_id, control).unwrap()
+            Damiao::new(models::J4310, can_id, master_id, control)
+                .unwrap()
+                .with_direction(direction)
         },
         |wire, id| {
             let (can_id, master_id) = ids(id);
@@ -41,7 +50,7 @@ fn declared() -> Declaration {
     Declaration { enables_within: 60, ..declared }
 }
 
-pub fn j4310_mit() -> Result<(), Report> {
+pub fn j4310_mit(direction: Direction) -> Result<(), Report> {
     let cascade = Cascade {
         speed: PidConfig::new(0.063, 0.5, 0.0, FULL),
         angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
@@ -54,30 +63,35 @@ pub fn j4310_mit() -> Result<(), Report> {
         Trial::new(Target::Torque(NewtonMetres::new(3.5)), 0.1, 100),
         Trial::new(Target::Impedance(spring), 3.0, 3000),
     ]);
-    j4310(Control::Mit(cascade), Mode::Mit, declared.with_trials(&SPEEDS).with_trials(&ANGLES))
+    j4310(
+        Control::Mit(cascade),
+        Mode::Mit,
+        declared.with_trials(&SPEEDS).with_trials(&ANGLES),
+        direction,
+    )
 }
 
-pub fn j4310_velocity() -> Result<(), Report> {
-    j4310(Control::Velocity, Mode::Velocity, declared().with_trials(&SPEEDS))
+pub fn j4310_velocity(direction: Direction) -> Result<(), Report> {
+    j4310(Control::Velocity, Mode::Velocity, declared().with_trials(&SPEEDS), direction)
 }
 
 /// These take no speed, and reach two turns from zero: they cruise slowly.
-fn to_angles(control: Control, mode: Mode) -> Result<(), Report> {
+fn to_angles(control: Control, mode: Mode, direction: Direction) -> Result<(), Report> {
     let declared = Declaration {
         cruise: SLOW,
         far: Some(TotalAngle::from_degrees(700)),
         ..declared().with_trials(&ANGLES)
     };
-    j4310(control, mode, declared)
+    j4310(control, mode, declared, direction)
 }
 
 const SLOW: Rpm = Rpm::new(15.0);
 
-pub fn j4310_position_velocity() -> Result<(), Report> {
-    to_angles(Control::PositionVelocity { speed: SLOW }, Mode::PositionVelocity)
+pub fn j4310_position_velocity(direction: Direction) -> Result<(), Report> {
+    to_angles(Control::PositionVelocity { speed: SLOW }, Mode::PositionVelocity, direction)
 }
 
-pub fn j4310_force_position() -> Result<(), Report> {
+pub fn j4310_force_position(direction: Direction) -> Result<(), Report> {
     let control = Control::ForcePosition { speed: SLOW, torque_share: 0.5 };
-    to_angles(control, Mode::ForcePosition)
+    to_angles(control, Mode::ForcePosition, direction)
 }

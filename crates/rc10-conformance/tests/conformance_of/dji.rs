@@ -2,6 +2,7 @@ use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
 use rc10_motor::dji::{self, Dji};
+use rc10_motor::rc10_app::Direction;
 use rc10_sim::{EscConfig, Model, Plant};
 
 use crate::{Report, check};
@@ -10,6 +11,7 @@ use crate::{Report, check};
 fn dji(
     model: &'static dji::Model,
     esc: Model,
+    direction: Direction,
     declared: Declaration,
     inertia: f64,
 ) -> Result<(), Report> {
@@ -22,34 +24,35 @@ fn dji(
     let plant: Plant = esc.plant().with_load_inertia(inertia);
     check(
         &Declaration {
+            direction,
             disables: Claim::Cannot("it has no enable command"),
             ..declared.with_trials(&trials)
         },
-        |id| Dji::new(model, id).unwrap(),
+        |id| Dji::new(model, id).unwrap().with_direction(direction),
         |wire, id| wire.add_esc(EscConfig { plant, ..EscConfig::new(esc, id) }).unwrap(),
     )
 }
 
-pub fn m3508() -> Result<(), Report> {
+pub fn m3508(direction: Direction) -> Result<(), Report> {
     let declared = Declaration::new([1, 2], Rpm::new(100.0), NewtonMetres::new(6.0))
         .with_trials(&[Trial::new(Target::Current(Amps::new(-10.0)), 0.2, 100)]);
-    dji(&dji::M3508, Model::C620, declared, 0.029)
+    dji(&dji::M3508, Model::C620, direction, declared, 0.029)
 }
 
 /// The second one is commanded by the other frame.
-pub fn m2006() -> Result<(), Report> {
+pub fn m2006(direction: Direction) -> Result<(), Report> {
     let declared = Declaration::new([1, 5], Rpm::new(100.0), NewtonMetres::new(1.8))
         .with_trials(&[Trial::new(Target::Current(Amps::new(5.0)), 0.1, 100)]);
-    dji(&dji::M2006, Model::C610, declared, 0.002)
+    dji(&dji::M2006, Model::C610, direction, declared, 0.002)
 }
 
-pub fn gm6020_current() -> Result<(), Report> {
+pub fn gm6020_current(direction: Direction) -> Result<(), Report> {
     let declared = Declaration::new([1, 2], Rpm::new(60.0), NewtonMetres::new(2.2))
         .with_trials(&[Trial::new(Target::Current(Amps::new(1.5)), 0.05, 100)]);
-    dji(&dji::GM6020_CURRENT, Model::Gm6020Current, declared, 0.01)
+    dji(&dji::GM6020_CURRENT, Model::Gm6020Current, direction, declared, 0.01)
 }
 
-pub fn gm6020_voltage() -> Result<(), Report> {
+pub fn gm6020_voltage(direction: Direction) -> Result<(), Report> {
     let declared = Declaration {
         coasts_freely: Claim::Cannot("no voltage shorts the winding: it turns with a drag"),
         // The winding's inductance.
@@ -59,5 +62,5 @@ pub fn gm6020_voltage() -> Result<(), Report> {
         ..Declaration::new([1, 2], Rpm::new(60.0), NewtonMetres::new(2.2))
     }
     .with_trials(&[Trial::new(Target::Duty(0.5), 100.0, 500)]);
-    dji(&dji::GM6020_VOLTAGE, Model::Gm6020Voltage, declared, 0.01)
+    dji(&dji::GM6020_VOLTAGE, Model::Gm6020Voltage, direction, declared, 0.01)
 }

@@ -4,6 +4,7 @@ use rc10_motor::Target;
 use rc10_motor::lk::models::{MF9025, MG4010E_I10};
 use rc10_motor::lk::{Commands, Config, Lk};
 use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::Direction;
 use rc10_sim::EscFault;
 use rc10_sim::lk::{Drive, Settings, mf9025, mg4010e_i10};
 
@@ -19,7 +20,7 @@ fn trials(cruise: f32) -> [Trial; 4] {
 }
 
 /// 5 A at 0.7 N m/A.
-pub fn mg4010e() -> Result<(), Report> {
+pub fn mg4010e(direction: Direction) -> Result<(), Report> {
     let cascade = Cascade {
         speed: PidConfig::new(0.2, 2.0, 0.0, 5.0),
         angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
@@ -35,10 +36,11 @@ pub fn mg4010e() -> Result<(), Report> {
         ]);
     check(
         &Declaration {
+            direction,
             untold_faults: vec![(EscFault::Encoder, "no error bit says so")],
             ..declared
         },
-        |id| Lk::new(id, Config::new(MG4010E_I10, cascade)).unwrap(),
+        |id| Lk::new(id, Config::new(MG4010E_I10, cascade).with_direction(direction)).unwrap(),
         |wire, id| {
             let plant = mg4010e_i10().with_load_inertia(0.02);
             wire.add(Drive::new(Settings::mg(id)).unwrap(), plant)
@@ -47,7 +49,7 @@ pub fn mg4010e() -> Result<(), Report> {
 }
 
 /// 12 A at 0.32 N m/A.
-pub fn mf9025_multi_motor() -> Result<(), Report> {
+pub fn mf9025_multi_motor(direction: Direction) -> Result<(), Report> {
     const UNTOLD: &str = "in the multi-motor frame a drive tells no errors";
     let cascade = Cascade {
         speed: PidConfig::new(0.1, 0.5, 0.0, 12.0),
@@ -72,12 +74,15 @@ pub fn mf9025_multi_motor() -> Result<(), Report> {
         ]);
     check(
         &Declaration {
+            direction,
             disables: Claim::Cannot("in the multi-motor frame there is no command for it"),
             untold_faults: faults.map(|fault| (fault, UNTOLD)).to_vec(),
             ..declared
         },
         |id| {
-            let config = Config::new(MF9025, cascade).with_commands(Commands::MultiMotor);
+            let config = Config::new(MF9025, cascade)
+                .with_commands(Commands::MultiMotor)
+                .with_direction(direction);
             Lk::new(id, config).unwrap()
         },
         |wire, id| {

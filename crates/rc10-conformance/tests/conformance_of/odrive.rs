@@ -3,6 +3,7 @@ use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
 use rc10_motor::odrive::{Config, Control, Firmware, InputMode, Limits, ODrive, Rates};
 use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::Direction;
 use rc10_sim::odrive::{Axis, Settings, d6374_8to1};
 
 use crate::{Report, check};
@@ -19,13 +20,14 @@ const ANGLES: [Trial; 2] = [
     Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.0, 6000),
 ];
 
-fn odrive(control: Control, declared: Declaration) -> Result<(), Report> {
+fn odrive(control: Control, declared: Declaration, direction: Direction) -> Result<(), Report> {
     let config = Config::new(Firmware::V0_6, control, Rates::new(1000, 100))
+        .with_direction(direction)
         .with_gear(Gear::new(8, 1).unwrap())
         // 8 N m.
         .with_limits(Limits { speed: Rpm::new(300.0), current: Amps::new(18.1) });
     check(
-        &declared,
+        &Declaration { direction, ..declared },
         |node| ODrive::new(node, config).unwrap(),
         |wire, node| {
             let settings = Settings {
@@ -43,7 +45,7 @@ fn declared() -> Declaration {
     Declaration { enables_within: 40, ..declared }
 }
 
-pub fn torque() -> Result<(), Report> {
+pub fn torque(direction: Direction) -> Result<(), Report> {
     let cascade = Cascade {
         speed: PidConfig::new(0.1, 1.0, 0.0, FULL),
         angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
@@ -53,18 +55,18 @@ pub fn torque() -> Result<(), Report> {
     };
     let torque = Trial::new(Target::Torque(NewtonMetres::new(-4.0)), 0.1, 100);
     let declared = declared().with_trials(&[torque]).with_trials(&SPEEDS).with_trials(&ANGLES);
-    odrive(Control::Torque(cascade), declared)
+    odrive(Control::Torque(cascade), declared, direction)
 }
 
-pub fn velocity() -> Result<(), Report> {
+pub fn velocity(direction: Direction) -> Result<(), Report> {
     let declared = Declaration {
         holds: Claim::Cannot("a velocity loop keeps no angle"),
         ..declared().with_trials(&SPEEDS)
     };
-    odrive(Control::Velocity(InputMode::VelocityRamp), declared)
+    odrive(Control::Velocity(InputMode::VelocityRamp), declared, direction)
 }
 
-pub fn position() -> Result<(), Report> {
+pub fn position(direction: Direction) -> Result<(), Report> {
     let declared = Declaration {
         far: Some(TotalAngle::from_degrees(36_000)),
         // What its current may be rises by 5 % a millisecond; when the axis has braked, its own
@@ -72,5 +74,5 @@ pub fn position() -> Result<(), Report> {
         softness: 0.16,
         ..declared().with_trials(&ANGLES)
     };
-    odrive(Control::Position(InputMode::Trapezoid), declared)
+    odrive(Control::Position(InputMode::Trapezoid), declared, direction)
 }

@@ -1,5 +1,6 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Claim, Declaration, Trial};
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::unitree::GoM8010;
 use rc10_motor::{Impedance, Target};
 use rc10_sim::unitree_line::{GoM8010 as Device, plant};
@@ -7,9 +8,10 @@ use rc10_sim::unitree_line::{GoM8010 as Device, plant};
 use crate::{Report, check_line};
 
 /// A light load on its shaft.
-pub fn go_m8010() -> Result<(), Report> {
+pub fn go_m8010(direction: Direction) -> Result<(), Report> {
     let spring = Impedance { angle: Degrees::new(45.0), kp: 30.0, kd: 1.0, ..Impedance::default() };
     let declared = Declaration {
+        direction,
         coasts_freely: Claim::Cannot(
             "disabled it is locked, which is assumed to short its winding",
         ),
@@ -27,7 +29,7 @@ pub fn go_m8010() -> Result<(), Report> {
     ]);
     check_line(
         &declared,
-        |id| GoM8010::new(id).unwrap(),
+        |id| GoM8010::new(id).unwrap().with_direction(direction),
         |wire, id| wire.add(Device::new(id), plant().with_load_inertia(0.01)),
     )
 }

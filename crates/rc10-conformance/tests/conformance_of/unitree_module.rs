@@ -1,5 +1,6 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Claim, Declaration, Trial};
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::unitree::GoModule;
 use rc10_motor::{Impedance, Target};
 use rc10_sim::EscFault;
@@ -8,9 +9,10 @@ use rc10_sim::unitree_module::{UnitreeModule, plant};
 use crate::{Report, check};
 
 /// Each motor behind a module of its own: [`UnitreeModule`]s are told apart by their number.
-pub fn go_m8010() -> Result<(), Report> {
+pub fn go_m8010(direction: Direction) -> Result<(), Report> {
     let spring = Impedance { angle: Degrees::new(45.0), kp: 30.0, kd: 1.0, ..Impedance::default() };
     let declared = Declaration {
+        direction,
         coasts_freely: Claim::Cannot(
             "disabled it is locked, which is assumed to short its winding",
         ),
@@ -32,7 +34,7 @@ pub fn go_m8010() -> Result<(), Report> {
     ]);
     check(
         &declared,
-        |motor| GoModule::new(3, motor).unwrap(),
+        |motor| GoModule::new(3, motor).unwrap().with_direction(direction),
         |wire, motor| {
             let module = UnitreeModule::new(3).unwrap();
             wire.add(module.motor(motor).unwrap(), plant().with_load_inertia(0.01))

@@ -5,6 +5,7 @@ use rc10_can::Micros;
 use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
 use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::vesc::{Config, Currents, Shaft, Vesc, VescId};
 use rc10_sim::vesc::{VescConfig, outrunner_270_kv};
 use rc10_sim::{EscFault, Plant};
@@ -15,11 +16,12 @@ const POLE_PAIRS: u8 = 7;
 const LIMIT: f32 = 40.0;
 
 /// Our side.
-fn ours(id: u8, gear: Gear) -> Vesc {
+fn ours(id: u8, gear: Gear, direction: Direction) -> Vesc {
     let shaft = Shaft::new(NonZeroU8::new(POLE_PAIRS).unwrap(), gear);
     let currents =
         Currents { limit: Amps::new(LIMIT), brake: Amps::new(15.0), handbrake: Amps::new(20.0) };
-    Vesc::new(Config::new(VescId::new(id).unwrap(), shaft, currents)).unwrap()
+    let config = Config::new(VescId::new(id).unwrap(), shaft, currents);
+    Vesc::new(Config { direction, ..config }).unwrap()
 }
 
 /// Its side.
@@ -41,7 +43,7 @@ fn run(declared: &Declaration, plant: Plant, motor: impl Fn(u8) -> Vesc) -> Resu
 }
 
 /// No frame of a VESC tells them.
-fn untold(declared: Declaration) -> Declaration {
+fn untold(declared: Declaration, direction: Direction) -> Declaration {
     let faults = [
         EscFault::OverTemperature,
         EscFault::OverCurrent,
@@ -50,7 +52,7 @@ fn untold(declared: Declaration) -> Declaration {
         EscFault::Encoder,
     ];
     let untold_faults = faults.map(|fault| (fault, "no CAN frame of a VESC tells a fault")).into();
-    Declaration { untold_faults, ..declared }
+    Declaration { direction, untold_faults, ..declared }
 }
 
 const ALIKE: [Trial; 8] = [
@@ -66,7 +68,7 @@ const ALIKE: [Trial; 8] = [
 ];
 
 /// A wheel of 0.5 kg without gearbox.
-pub fn vesc() -> Result<(), Report> {
+pub fn vesc(direction: Direction) -> Result<(), Report> {
     let plant = outrunner_270_kv().with_load_inertia(6e-4);
     let declared = Declaration {
         holds: Claim::Cannot("a still field holds to half its turn: 26 degrees of this shaft"),
@@ -74,11 +76,11 @@ pub fn vesc() -> Result<(), Report> {
     }
     .with_trials(&ALIKE)
     .with_trials(&[Trial::new(Target::Speed(Rpm::new(1000.0)), 60.0, 3000)]);
-    run(&untold(declared), plant, |id| ours(id, Gear::DIRECT))
+    run(&untold(declared, direction), plant, |id| ours(id, Gear::DIRECT, direction))
 }
 
 /// A lift's drum behind a gearbox of 19 : 1.
-pub fn vesc_with_servo() -> Result<(), Report> {
+pub fn vesc_with_servo(direction: Direction) -> Result<(), Report> {
     let plant = outrunner_270_kv();
     let plant = Plant {
         gear_ratio: 19.0,
@@ -104,5 +106,7 @@ pub fn vesc_with_servo() -> Result<(), Report> {
             Trial::new(Target::TotalAngle(TotalAngle::from_degrees(-720)), 1.5, 6000),
         ]);
     let gear = Gear::new(19, 1).unwrap();
-    run(&untold(declared), plant, |id| ours(id, gear).with_servo(cascade).unwrap())
+    run(&untold(declared, direction), plant, |id| {
+        ours(id, gear, direction).with_servo(cascade).unwrap()
+    })
 }

@@ -131,7 +131,7 @@ fn targets_and_loads_are_those_of_the_page() {
 
 /// Whether the bus refuses them.
 fn clash(one: &dyn CanMotor, other: &dyn CanMotor) -> bool {
-    one.wiring().clash(&other.wiring()).is_some()
+    one.can_ids().clash(&other.can_ids()).is_some()
 }
 
 fn all_dji() -> impl Iterator<Item = (&'static dji::Model, u8)> {
@@ -248,7 +248,7 @@ fn the_numbers_that_live_well_together_do() {
         let others = all[index + 1..].iter().map(|other| &**other);
         let others = others.chain(modules.iter().map(|other| other as &dyn CanMotor));
         for other in others.chain(gears.iter().map(|other| other as &dyn CanMotor)) {
-            let names = (motor.wiring().name(), other.wiring().name());
+            let names = (motor.name(), other.name());
             assert!(!clash(&**motor, other), "{} {}", names.0, names.1);
         }
     }

@@ -59,6 +59,12 @@ pub enum Spoil {
     StaysEnabled,
     EnablesUnarmed,
     EnablesFaulted,
+    ZeroThrows,
+    OldScale,
+    GivesUpEarly,
+    IgnoresLimit,
+    CountsNoTurns,
+    HoldsBehind,
 }
 
 impl Spoil {
@@ -113,5 +119,11 @@ impl Spoil {
         ("disarm", Self::StaysEnabled),
         ("off-until-armed", Self::EnablesUnarmed),
         ("fault-waits", Self::EnablesFaulted),
+        ("zero-moves-nothing", Self::ZeroThrows),
+        ("target-on-new-scale", Self::OldScale),
+        ("link-timeout", Self::GivesUpEarly),
+        ("limits-bound-efforts", Self::IgnoresLimit),
+        ("restart", Self::CountsNoTurns),
+        ("holds", Self::HoldsBehind),
     ];
 }

@@ -2,7 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 
-use rc10_app::{Degrees, Rpm, Seconds};
+use rc10_app::{Degrees, Rpm, Seconds, TotalAngle};
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::{
@@ -42,15 +42,23 @@ pub struct Spoiled {
     silence: u32,
     /// Ticks for which it does something wrong yet.
     wrong_for: u32,
+    /// Which way it turned when it last ran, 1 or -1.
+    turned: f32,
     /// The time step was a long one.
     long_step: bool,
     answer: Option<Result<Response, RequestError>>,
+    /// The last target that it took.
+    asked: Target,
+    /// A torque limit was set.
+    is_limited: bool,
+    /// What a wrong count of turns is off by.
+    lost: TotalAngle,
 }
 
 impl Spoiled {
     pub fn new(good: Finch, spoil: Spoil) -> Self {
         let number = MADE.with(|made| made.replace(made.get() + 1));
-        let id = good.wiring().name().id;
+        let id = good.name().id;
         ALIVE.with(|alive| alive.borrow_mut().push((id, number)));
         Self {
             good,
@@ -68,8 +76,12 @@ impl Spoiled {
             silent_for: 0,
             silence: 0,
             wrong_for: 0,
+            turned: 1.0,
             long_step: false,
             answer: None,
+            asked: Target::Coast,
+            is_limited: false,
+            lost: TotalAngle::ZERO,
         }
     }
 
@@ -92,7 +104,7 @@ impl Spoiled {
             Spoil::DisarmsLate => {
                 self.drive == DriveMode::Off && self.before == DriveMode::Run && self.since < 60
             }
-            Spoil::ClearingDrives | Spoil::ZeroMoves => self.wrong_for > 0,
+            Spoil::ClearingDrives | Spoil::ZeroMoves | Spoil::ZeroThrows => self.wrong_for > 0,
             Spoil::ForgetsFaults | Spoil::EnablesFaulted => {
                 self.fault().is_some() && self.wrong_for > 0
             }
@@ -114,6 +126,8 @@ impl Spoiled {
             (Spoil::IgnoresSilence, _) if from_run && !is_heard && self.since < 30 => {
                 DriveMode::Run
             }
+            (Spoil::GivesUpEarly, DriveMode::Run) if self.silent_for > 4 => DriveMode::Coast,
+            (Spoil::HoldsBehind, DriveMode::Hold) => DriveMode::Run,
             (Spoil::CoastsForBraking, DriveMode::Brake)
             | (Spoil::CoastsForHolding, DriveMode::Hold)
             | (Spoil::NeverEnables, DriveMode::Run) => DriveMode::Coast,
@@ -176,11 +190,13 @@ impl Motor for Spoiled {
         if self.is(Spoil::TakesInfinity) && !target.is_finite() {
             return Ok(());
         }
-        self.good.set_target(target)
+        self.good.set_target(target)?;
+        self.asked = target;
+        Ok(())
     }
 
     fn target(&self) -> Target {
-        self.good.target()
+        if self.is(Spoil::OldScale) { self.asked } else { self.good.target() }
     }
 
     fn feedback(&self) -> Feedback {
@@ -194,6 +210,7 @@ impl Motor for Spoiled {
         if self.is(Spoil::AMicrosecondLate) {
             told.at += Micros::new(1);
         }
+        told.total_angle = told.total_angle.plus(self.lost);
         if self.is(Spoil::NotANumber) && self.report.is_some_and(|bytes| bytes[7] > 99) {
             told.speed = Rpm::new(f32::NAN);
         }
@@ -213,8 +230,16 @@ impl Motor for Spoiled {
         } else {
             (self.before, self.drive, self.since) = (self.drive, drive, 0);
         }
+        if drive == DriveMode::Run {
+            self.turned = self.good.feedback().speed.get().signum();
+        }
         self.was_armed |= drive != DriveMode::Off;
         self.long_step = dt.get() > 0.005;
+        if self.is(Spoil::HoldsBehind) && drive == DriveMode::Hold && self.since == 0 {
+            let behind = TotalAngle::from_degrees(if self.turned > 0.0 { -20 } else { 20 });
+            let behind = self.good.feedback().total_angle.plus(behind);
+            let _ = self.good.set_target(Target::TotalAngle(behind));
+        }
         self.good.update(dt, self.heeds(drive));
         self.commanded = false;
         self.silent_for += 1;
@@ -222,14 +247,23 @@ impl Motor for Spoiled {
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
         self.was_asked = true;
+        self.is_limited |= matches!(request, Request::TorqueLimit(_));
+        let is_off = self.drive == DriveMode::Off;
         match (self.spoil, request) {
-            (Spoil::NoZero, Request::SetZero)
-            | (Spoil::AnyLimit, Request::TorqueLimit(_))
-            | (Spoil::StoresAnyTime, Request::StoreZero) => return Ok(Response::Done),
+            (Spoil::NoZero, Request::SetZero) if is_off => return Ok(Response::Done),
+            (Spoil::AnyLimit, Request::TorqueLimit(limit))
+                if limit.get().is_nan() || limit.get() < 0.0 =>
+            {
+                return Ok(Response::Done);
+            }
+            (Spoil::StoresAnyTime, Request::StoreZero) => return Ok(Response::Done),
             (Spoil::ClearingDrives, Request::ClearFault) if self.fault().is_none() => {
                 self.wrong_for = 300;
             }
-            (Spoil::ZeroMoves, Request::SetZero) => self.wrong_for = 100,
+            (Spoil::ZeroMoves, Request::SetZero) if is_off => self.wrong_for = 100,
+            (Spoil::ZeroThrows, Request::SetZero) if self.drive == DriveMode::Hold => {
+                self.wrong_for = 100;
+            }
             _ => (),
         }
         self.good.request(request)
@@ -253,8 +287,8 @@ impl Motor for Spoiled {
 }
 
 impl CanMotor for Spoiled {
-    fn wiring(&self) -> CanIds {
-        let good = self.good.wiring();
+    fn can_ids(&self) -> CanIds {
+        let good = self.good.can_ids();
         let (mut received, mut sent) = (good.received().to_vec(), good.transmitted().to_vec());
         let mut name = good.name().model;
         match self.spoil {
@@ -303,6 +337,9 @@ impl CanMotor for Spoiled {
         }
         let was_enabled = self.is_enabled();
         (self.silence, self.silent_for) = (self.silent_for, 0);
+        if self.is(Spoil::CountsNoTurns) && self.silence > 200 && self.drive != DriveMode::Off {
+            self.lost = self.lost.plus(TotalAngle::from_degrees(-720));
+        }
         self.report = frame.all_eight().copied();
         let wrong = match self.spoil {
             Spoil::OneCutTooMany | Spoil::KicksAfterCut => self.silence > 30 && self.is_enabled(),
@@ -353,6 +390,11 @@ impl CanMotor for Spoiled {
             Spoil::TenthOfTorque => frame = scaled(frame, 0.1),
             Spoil::HalfTheTorque if matches!(self.good.target(), Target::Torque(_)) => {
                 frame = scaled(frame, 0.5);
+            }
+            Spoil::IgnoresLimit if self.is_limited && self.drive == DriveMode::Run => {
+                if let Target::Torque(torque) = self.good.target() {
+                    frame = self.command(Command::Torque(torque.get()));
+                }
             }
             Spoil::LeapsAfterPause if self.long_step && self.is_enabled() => {
                 frame = self.command(Command::Torque(-5.0));

@@ -24,7 +24,7 @@ std::thread_local! {
 
 impl embassy_time_driver::Driver for Clock {
     fn now(&self) -> u64 {
-        // Whoever looks at the clock holds no lock: a place as good as any for an interrupt.
+        // A reader of the clock holds no lock: a place as good as any for an interrupt.
         let interrupt = INTERRUPT.with_borrow_mut(Option::take);
         if let Some(interrupt) = interrupt {
             interrupt();
@@ -42,12 +42,29 @@ impl embassy_time_driver::Driver for Clock {
 
 embassy_time_driver::time_driver_impl!(static CLOCK: Clock = Clock);
 
-/// From now on this happens whenever somebody looks at the clock, wherever that is.
+/// From now on this happens whenever the clock is read, wherever that is.
 #[allow(dead_code, reason = "not everybody needs interrupts")]
 pub fn interrupt_with(interrupt: Option<Rc<dyn Fn()>>) {
     INTERRUPT.with_borrow_mut(|place| *place = interrupt);
 }
 
+/// Lets time pass while code runs.
+#[allow(dead_code, reason = "not every test has work that takes time")]
+pub fn spend(time: Micros) {
+    NOW.set(NOW.get() + time.get());
+}
+
+/// Runs one task until the clock would pass `end`.
+#[allow(dead_code, reason = "for tests of one task")]
+pub fn run_until<T>(end: Micros, task: impl Future<Output = T>) {
+    let mut tasks = Tasks::new();
+    tasks.add(async move {
+        let _ = task.await;
+    });
+    tasks.run(Micros::new(end.get().saturating_sub(NOW.get())));
+}
+
+#[allow(dead_code, reason = "not every test asks")]
 pub fn now() -> Micros {
     Micros::new(NOW.get())
 }
@@ -69,7 +86,7 @@ impl Random {
         (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33) % end
     }
 
-    /// An index of something so long.
+    /// An index below a length.
     pub fn index(&mut self, len: usize) -> usize {
         usize::try_from(self.below(len as u64)).unwrap()
     }
@@ -85,7 +102,7 @@ impl Wake for Awake {
 
 type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
 
-/// Nobody has so much to do at one moment.
+/// More polls than tasks need at one moment.
 const RESTLESS: u32 = 100_000;
 
 /// Tasks that run together.
@@ -108,7 +125,7 @@ impl<'a> Tasks<'a> {
         self.tasks.push((Box::pin(task), Arc::new(Awake(AtomicBool::new(true)))));
     }
 
-    /// Runs until all have ended, or for so long. How many have not ended.
+    /// Runs until all have ended, or a time is over. How many have not ended.
     pub fn run(&mut self, time: Micros) -> usize {
         let end = NOW.get() + time.get();
         let mut polls = 0;

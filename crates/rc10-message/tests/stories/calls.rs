@@ -18,7 +18,7 @@ const CALLERS: u64 = 5;
 const CALLS: u64 = 4;
 /// Servers are back within milliseconds: who waits this long is served.
 const PATIENT: Micros = Micros::from_millis(500);
-/// Nobody waits longer than this for a server: three places, each held for a life at most.
+/// Longest wait for a server: three places, each held for a life at most.
 const BOUND: Micros = Micros::from_millis(60);
 
 /// A request, and the response to it.
@@ -189,7 +189,7 @@ impl Story {
         Timer::after_micros(self.below(5_000))
     }
 
-    /// The server has waited, and has a request: nobody may have let it wait longer.
+    /// The server has waited, and has a request: it must not have waited longer.
     fn found(&self, id: Id) {
         let asked_at = self.asked_at.borrow()[&id];
         let idle_since = self.idle_since.take().unwrap();
@@ -314,7 +314,7 @@ fn whatever_callers_and_servers_do_every_call_ends_with_its_own_answer_or_why_no
         }
         interrupt_with(None);
         assert_eq!(story.open.get(), 0, "somebody waits for ever");
-        // Servers answer nobody any more.
+        // Servers answer no more.
         drop(tasks);
         story.judge();
         let (calls, all) = (story.service.calls(), &mut total.borrow_mut().calls);

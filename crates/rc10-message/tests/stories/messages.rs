@@ -101,7 +101,7 @@ impl Story {
                     }
                 }
             }
-            // Whoever looks at all that is there has heard, or heard of, all that there was.
+            // A reader of all that is there has heard, or heard of, all that there was.
             while let Some(message) = messages.try_next() {
                 self.hear(&mut next, message);
             }

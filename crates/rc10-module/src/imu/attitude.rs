@@ -60,7 +60,7 @@ const ACCELERATION_STILL: f32 = 0.5;
 const LARGEST_BIAS: f32 = 0.05;
 /// Once it is known it is no further off than this, rad/s: by temperature, 0.015 °/s per °C.
 const BIAS_CHANGE: f32 = 0.01;
-/// So long it must look like rest, s.
+/// How long it must look like rest before it counts as rest, s.
 const REST: f32 = 1.0;
 /// A bias is the mean over up to so much rest, s: longer would not follow the temperature.
 const BIAS_MEMORY: f32 = 20.0;
@@ -115,9 +115,9 @@ pub struct Attitude {
     /// All steps together, s; stands still after some hours.
     seen: f32,
     bias: Vector,
-    /// So much rest the bias is made of, s: at most [`BIAS_MEMORY`].
+    /// How much rest the bias is the mean of, s: at most [`BIAS_MEMORY`].
     rested: f32,
-    /// It has looked like rest for so long, s.
+    /// How long it has looked like rest, s.
     still: f32,
     mean_rotation: Vector,
     mean_acceleration: Vector,
@@ -275,7 +275,7 @@ impl Attitude {
         self.still = if is_still { (self.still + dt).min(REST + 1.0) } else { 0.0 };
         if self.is_at_rest() {
             if self.rested <= 0.0 {
-                // So much of what it seems to have turned since power-on was bias.
+                // This part of its apparent turn since power-on was bias.
                 let about_vertical = dot(self.mean_rotation, self.up());
                 self.set_yaw(Radians::new(self.yaw().get() - about_vertical * self.seen));
             }

@@ -138,9 +138,9 @@ pub struct Counters {
     pub starts: u32,
 }
 
-/// After so many errors in a row the chips are set up anew.
+/// Errors in a row after which the chips are set up anew.
 pub const ERRORS_BEFORE_RESTART: u8 = 3;
-/// So many equal readings of the gyroscope say that it is stuck. Noise moves its last digits: of a
+/// Equal readings of the gyroscope in a row that say it is stuck. Noise moves its last digits: of a
 /// hundred readings at 1 kHz ten are new even at its lowest rate.
 const EQUAL_RATES: u8 = 100;
 /// Raw values from here on are the end of the range: ±32,767, and what a filter leaves of it.
@@ -157,7 +157,7 @@ const SATURATED: u16 = 32_700;
 ///     // Once a millisecond:
 ///     match imu.read().await {
 ///         Ok(sample) => drop(sample.rotation),
-///         Err(error) => drop(error), // tell somebody, and read on
+///         Err(error) => drop(error), // report it, and read on
 ///     }
 /// }
 /// # }

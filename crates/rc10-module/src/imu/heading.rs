@@ -12,7 +12,7 @@ const TURN: i32 = 360_000_000;
 /// Where a robot looks, made of the yaw that a sensor tells: continuous over any number of turns,
 /// counter-clockwise positive, from a zero of ours. Whole microdegrees: nothing adds up.
 ///
-/// It is small and `Copy`, made to be published as a whole; whoever reads it says what time it is,
+/// It is small and `Copy`, made to be published as a whole; its reader says what time it is,
 /// and gets nothing where the newest yaw is older than [`FRESH_FOR`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

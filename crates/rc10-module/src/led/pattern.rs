@@ -1,7 +1,7 @@
-//! What a strip says about the robot: a colour and a rhythm per state.
+//! Patterns of a strip: a colour and a rhythm per state of the robot.
 //!
 //! The rhythm alone tells the states apart, on a single LED too: one man in twelve confuses red
-//! with green, and nobody sees colours in the sun. No LED flashes more than three times in a
+//! with green, and colours are hard to see in the sun. No LED flashes more than three times in a
 //! second: faster is dangerous for some people (WCAG 2.3.1).
 //!
 //! | state | colour | rhythm of an LED, one mark is 100 ms | |

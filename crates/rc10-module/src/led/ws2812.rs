@@ -25,7 +25,7 @@ use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
 /// Bits of one LED.
 pub const BITS: usize = 24;
 
-/// The line rests low for so long after a picture: 280 µs of the slowest LEDs, and some.
+/// How long the line rests low after a picture: 280 µs of the slowest LEDs, and a margin.
 pub const SILENCE: Duration = Duration::from_micros(300);
 
 /// A bit that is 0, as a byte of SPI: two of eight high.
@@ -64,10 +64,10 @@ pub fn spi_bytes(colour: RGB8) -> [u8; BITS] {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PulseTiming {
-    /// From one pulse to the next: the timer starts over after so many. (An STM32's auto-reload
+    /// Clocks from one pulse to the next: the period of the timer. (An STM32's auto-reload
     /// register gets one less.)
     pub period: u16,
-    /// A bit that is 0 is high for so many: a compare value.
+    /// Clocks for which a bit that is 0 is high: a compare value.
     pub zero: u16,
     /// A bit that is 1.
     pub one: u16,
@@ -111,7 +111,7 @@ impl PulseTiming {
         }
     }
 
-    /// The nearest number of clocks to so many ns, if it is within these bounds.
+    /// The number of clocks nearest to a time in ns, if it is within these bounds.
     const fn clocks(clock: u32, ns: u64, at_least: u64, at_most: u64) -> Option<u16> {
         const SECOND: u64 = 1_000_000_000;
         let clocks = (clock as u64 * ns + SECOND / 2) / SECOND;
@@ -132,12 +132,12 @@ impl PulseTiming {
     }
 }
 
-/// What brings bits to the LEDs: [`Spi`] or [`Pulses`].
+/// A peripheral that brings bits to the LEDs: [`Spi`] or [`Pulses`].
 #[expect(async_fn_in_trait, reason = "as in embedded-hal-async: executors here need no Send")]
 pub trait Output {
-    /// What a bit becomes.
+    /// The form of a bit.
     type Symbol: Copy + Default;
-    /// What can go wrong.
+    /// Error of the peripheral.
     type Error;
     /// The bits of an LED.
     fn encode(&self, colour: RGB8) -> [Self::Symbol; BITS];
@@ -303,7 +303,8 @@ mod tests {
 
     use super::*;
 
-    /// What an LED reads off pulses of so many ns, by the widths all three data sheets agree on.
+    /// The bits that an LED reads from pulses of these lengths in ns, by the widths that all three
+    /// data sheets agree on.
     fn read(high_ns: &[u64]) -> Vec<RGB8> {
         let bit = |&width| match width {
             250..=380 => false,

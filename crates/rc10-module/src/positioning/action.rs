@@ -8,8 +8,8 @@
 //! | 26, 27 | `0A 0D` |
 //!
 //! **There is no checksum.** What can be checked is: head, tail, and that each number is finite and
-//! below a million. A flipped bit in the middle of a number gets through: whoever steers by this
-//! must refuse a pose that is further from the last than the robot can be.
+//! below a million. A flipped bit in the middle of a number gets through: a program
+//! that steers by this must refuse a pose that is further from the last than the robot can be.
 //!
 //! Source: seven public parsers of Robocon teams, which agree; commands from two of them.
 

@@ -48,7 +48,7 @@ pub struct Frame {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FrameError {
-    /// So many bytes are too many.
+    /// The frame claims this number of bytes: too many.
     TooLong(usize),
     /// This number, counted from 0, is infinite or none at all.
     NotFinite(usize),

@@ -92,7 +92,7 @@ impl ChannelOrder {
     }
 }
 
-/// Makes a [`Remote`] of so many channels.
+/// Makes a [`Remote`] of `N` channels.
 ///
 /// ```
 /// use rc10_module::remote::{Channel, ChannelMap, ChannelOrder, Travel};

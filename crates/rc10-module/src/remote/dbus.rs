@@ -202,7 +202,7 @@ mod tests {
             self
         }
 
-        /// Nothing comes for so long, and the reader sees it.
+        /// A pause of this length, which the reader sees.
         fn pause(&mut self, micros: u64) -> &mut Self {
             self.at += micros;
             self.read(&[])
@@ -239,7 +239,7 @@ mod tests {
         line.read(&CENTRED.repeat(5));
         assert_eq!(line.pause(3000).heard(), 0);
         assert_eq!(line.stream.counters().skipped, 90);
-        // Also what came behind it, before the line was silent: nobody knows where it begins.
+        // Also what came behind it, before the line was silent: where it begins is not known.
         line.read(&CENTRED.repeat(4)).read(&CENTRED[..1]).read(&CENTRED);
         assert_eq!(line.pause(3000).heard(), 0);
         assert_eq!(line.read(&CENTRED).pause(3000).heard(), 1);

@@ -148,7 +148,7 @@ mod tests {
         frames(&mut ppm, &[5000]);
         assert_eq!(frames(&mut ppm, &FRAME[..8]).len(), 0);
         assert_eq!(frames(&mut ppm, &[100_001]).len(), 0);
-        // And nobody knows where in a frame the line came back.
+        // The line may have come back anywhere in a frame.
         assert_eq!(frames(&mut ppm, &FRAME).len(), 0);
         assert_eq!(frames(&mut ppm, &FRAME), [HEARD]);
         assert_eq!(ppm.counters().damaged, 1);

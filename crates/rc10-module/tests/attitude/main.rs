@@ -230,6 +230,20 @@ fn bias_is_learned_in_seconds_and_not_from_a_turn() {
     }
 }
 
+#[test]
+fn a_slow_steady_turn_from_power_on_is_no_bias() {
+    // 5.7 degrees a second: as steady as rest, and twice as fast as the largest bias.
+    for rate in [0.1, -0.1] {
+        let faults = Faults { rotation_bias: [0.0; 3], ..Faults::bmi088(&mut Random::new(1)) };
+        let mut robot = Robot::new(1, faults);
+        let mut attitude = Attitude::new();
+        go(&mut attitude, &mut robot, 20_000, [0.0, 0.0, rate], [0.0; 3]);
+        assert_eq!(attitude.bias(), None, "{rate} rad/s");
+        let error = yaw_error(&attitude, &robot);
+        assert!(error.abs() < 0.5, "{rate} rad/s: {error} degrees");
+    }
+}
+
 /// The other filter with its settings for 1 kHz and robots that jolt.
 struct Witness(Ahrs, Bias);
 

@@ -264,7 +264,7 @@ impl Package {
         let is_read = address & 0x80 != 0;
         let register = |skip: usize| (address & 0x7F).wrapping_add((at - skip) as u8);
         let answer = match chip {
-            // Nobody drives MISO.
+            // MISO is not driven.
             Chip::Accelerometer if !self.accelerometer.speaks_spi => 0xFF,
             Chip::Accelerometer if is_read && at >= 2 => self.read_accelerometer(register(2)),
             Chip::Gyroscope if is_read && at >= 1 => self.read_gyroscope(register(1)),

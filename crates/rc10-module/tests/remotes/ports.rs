@@ -48,7 +48,7 @@ fn a_port_that_fails_at_once_and_always_leaves_time_for_others() {
     }
 }
 
-/// Whoever drops a read of this one that waits loses what comes next.
+/// A port that loses the next bytes if a waiting read of it is dropped.
 struct Careless {
     line: Line,
     dropped: Rc<Cell<u32>>,

@@ -12,7 +12,7 @@ use crate::observed::{Piece, hear};
 use crate::port::{Line, Listened, listened, readings};
 use crate::wire::{Guard, Place, Source, Wire, said, same, searched};
 
-/// Runs a check with so many inputs, from the same seed in every run.
+/// Runs a check with `count` inputs, from the same seed in every run.
 pub fn cases<S: Strategy>(cases: u32, inputs: S, check: impl Fn(S::Value)) {
     let rng_seed = RngSeed::Fixed(10);
     let config =
@@ -66,7 +66,7 @@ fn split(stream: &[u8], lengths: &[usize]) -> Vec<Piece> {
     pieces
 }
 
-/// All bytes at once, and behind them so many others that nothing waits any more.
+/// All bytes at once, and behind them enough others that nothing waits any more.
 fn all_of(mut stream: Vec<u8>, room: usize) -> (Vec<u8>, Vec<Piece>) {
     stream.extend(std::iter::repeat_n(FILLER, room));
     let piece = Piece::Bytes(stream.clone(), Micros::from_millis(1000));

@@ -32,7 +32,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// Sends bytes without a pause, behind so many microseconds of silence.
+    /// Sends bytes without a pause, after a silence in microseconds.
     pub fn send(&mut self, gap: u64, bytes: &[u8], byte_ns: u64) {
         self.now += gap * 1000;
         for &byte in bytes {

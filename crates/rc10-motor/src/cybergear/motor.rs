@@ -372,9 +372,11 @@ impl Motor for CyberGear {
     fn update(&mut self, tick: &Tick) {
         self.drive = tick.mode;
         self.advance(tick);
-        // Without a measurement the servo rests.
-        let measured = self.shaft.measured().filter(|_| self.step == Step::Running);
-        self.servo.update(tick, measured);
+        if self.step == Step::Running {
+            self.servo.update(tick, &self.shaft);
+        } else {
+            self.servo.rest();
+        }
         let sign = self.shaft.sign();
         self.setpoint = match self.servo.spring() {
             Some(spring) => self.position.setpoint(spring, sign),
@@ -410,7 +412,7 @@ impl Motor for CyberGear {
             // A CyberGear forgets its zero and knows no saving: its type 22 is another command.
             Request::StoreZero if self.model.saves => Question::Zero,
             Request::SaveRegisters if self.model.saves => Question::Save,
-            request => return self.servo.request(request, self.shaft.measured()),
+            request => return self.servo.request(request, &self.shaft),
         })
     }
 

@@ -190,7 +190,7 @@ impl Controller {
         }
     }
 
-    pub(super) const fn goal(&self) -> Goal {
+    pub(super) const fn goal(&self) -> &Goal {
         match self {
             Self::Mit(servo) => servo.goal(),
             Self::Own { goals, .. } => goals.goal(),

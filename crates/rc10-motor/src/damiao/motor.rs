@@ -170,24 +170,24 @@ impl Damiao {
             DriveMode::Off | DriveMode::Coast => false,
             DriveMode::Brake | DriveMode::Hold => true,
             // Only in MIT mode can an enabled motor be told to give no torque.
-            DriveMode::Run => self.mode() == Mode::Mit || self.controller.goal() != Goal::Rest,
+            DriveMode::Run => self.mode() == Mode::Mit || *self.controller.goal() != Goal::Rest,
         }
     }
 
     /// One step of an enabled motor.
     fn drive(&mut self, tick: &Tick) -> Command {
         let Self { controller, shaft, position, .. } = self;
-        let (sign, measured) = (shaft.sign(), shaft.measured());
+        let sign = shaft.sign();
         let runs = tick.mode == DriveMode::Run;
         match controller {
             Controller::Mit(servo) => {
-                let near = match servo.goal() {
+                let near = match *servo.goal() {
                     Goal::Angle(phase) if runs => nearest(position, shaft, phase),
                     _ => None,
                 };
-                match (near, measured) {
-                    (Some(angle), Some(measured)) => servo.update_towards(tick, measured, angle),
-                    _ => servo.update(tick, measured),
+                match near {
+                    Some(angle) => servo.update_towards(tick, shaft, angle),
+                    None => servo.update(tick, shaft),
                 }
                 let torque = servo.effort() * sign;
                 let effort = Setpoint { torque, ..Setpoint::COAST };
@@ -196,13 +196,13 @@ impl Damiao {
                 )
             }
             Controller::Own { mode: Mode::Velocity, goals, .. } => {
-                Command::Velocity(match goals.goal() {
+                Command::Velocity(match *goals.goal() {
                     Goal::Speed(rpm) if runs => sign * rpm / RPM_PER_RADIAN_PER_SECOND,
                     _ => 0.0,
                 })
             }
             Controller::Own { goals, .. } => {
-                let sought = match goals.goal() {
+                let sought = match *goals.goal() {
                     // Since a restart it may lie where the device has no number for.
                     Goal::Total(angle) if runs && position.reaches(shaft, angle) => Some(angle),
                     Goal::Angle(phase) if runs => nearest(position, shaft, phase),
@@ -215,8 +215,8 @@ impl Damiao {
                     // Where it is now until it has slowed down, then there.
                     let slow =
                         self.model.limits.velocity() * RPM_PER_RADIAN_PER_SECOND * STANDSTILL;
-                    let stands = measured.filter(|measured| measured.speed.get().abs() <= slow);
-                    match goals.update(DriveMode::Hold, || stands.map(|stands| stands.angle)) {
+                    let stands = shaft.speed().get().abs() <= slow;
+                    match goals.update(DriveMode::Hold, || stands.then(|| shaft.angle())) {
                         Goal::Total(angle) => angle,
                         _ => shaft.angle(),
                     }
@@ -469,7 +469,7 @@ impl Motor for Damiao {
             }
             Request::SaveRegisters => self.ask(Question::Access(Access::Save)),
             _ => match &mut self.controller {
-                Controller::Mit(servo) => servo.request(request, self.shaft.measured()),
+                Controller::Mit(servo) => servo.request(request, &self.shaft),
                 Controller::Own { .. } => Err(RequestError::Unsupported),
             },
         }
@@ -542,13 +542,13 @@ impl CanMotor for Damiao {
             self.set_zero();
             self.position.start_over();
         }
-        let rpm = reported.velocity * RPM_PER_RADIAN_PER_SECOND;
+        let (rpm, before) = (reported.velocity * RPM_PER_RADIAN_PER_SECOND, self.shaft.before());
         let jump = self.position.follow(&mut self.shaft, reported.steps, rpm, at, link);
+        self.shaft.measure(rpm, at);
         if let Some(jump) = jump {
             // It still knows its angle within the turn.
-            self.shaft.bridge(jump, rpm, at);
+            self.shaft.bridge(jump, before);
         }
-        self.shaft.measure(rpm, at);
         if has_restarted || jump.is_some() || link != Link::Online {
             self.checks.start_over();
             self.controller.rest();

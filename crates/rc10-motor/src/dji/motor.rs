@@ -201,7 +201,7 @@ impl Motor for Dji {
     }
 
     fn update(&mut self, tick: &Tick) {
-        self.servo.update(tick, self.shaft.measured());
+        self.servo.update(tick, &self.shaft);
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
@@ -211,7 +211,7 @@ impl Motor for Dji {
                 self.servo.set_zero(self.shaft.set_zero());
                 Ok(Response::Done)
             }
-            _ => self.servo.request(request, self.shaft.measured()),
+            _ => self.servo.request(request, &self.shaft),
         }
     }
 
@@ -241,8 +241,8 @@ impl CanMotor for Dji {
         if frame.key() != self.feedback_key || u32::from(angle) >= ENCODER_COUNTS {
             return self.reject(frame);
         }
-        self.shaft.follow(angle.into(), rpm.into(), at);
         self.bytes = *bytes;
+        self.shaft.follow(angle.into(), rpm.into(), at);
         Ok(FrameKind::Feedback)
     }
 

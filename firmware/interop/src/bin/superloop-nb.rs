@@ -11,7 +11,7 @@ use interop::{Heartbeat, superloop};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::nb::Can;
 
-/// Put your HAL's CAN driver here. This one is a wire with nobody on it.
+/// Put your HAL's CAN driver here. This one is a wire without other nodes.
 struct YourDriver;
 
 impl Can for YourDriver {

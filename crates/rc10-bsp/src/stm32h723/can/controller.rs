@@ -11,7 +11,7 @@ use super::filter;
 use super::timing::BitTiming;
 use crate::FDCAN_CLOCK;
 
-/// Wanted frames that a controller holds until somebody takes them, the most that the hardware
+/// Wanted frames that a controller holds until they are taken, the most that the hardware
 /// can: 3 ms of the shortest frames, 7 ms of frames of eight bytes.
 pub const HARDWARE_RECEIVE: usize = 64;
 /// Unwanted frames that it holds, newest first to be looked at: a bus carries 21 in a millisecond.
@@ -191,7 +191,7 @@ impl Controller {
         (status.ffl(), status.fgi())
     }
 
-    /// The index so many elements behind another.
+    /// The index a number of elements behind another.
     #[inline]
     pub(super) const fn after(fifo: Fifo, index: u8, elements: u8) -> u8 {
         let size = match fifo {
@@ -273,7 +273,7 @@ impl Controller {
     /// Writes the coast image into its buffers; at most [`COAST_FRAMES`] frames.
     pub(super) fn keep_coast_image(self, frames: &[CanFrame]) {
         let mut mask = 0;
-        // Nobody sends half of it.
+        // Half of it is not sent.
         self.shared.coast.store(mask, Ordering::Release);
         for (buffer, frame) in (COMMANDS..TRANSMIT).zip(frames) {
             self.write(buffer, frame);
@@ -282,8 +282,8 @@ impl Controller {
         self.shared.coast.store(mask, Ordering::Release);
     }
 
-    /// The port is being asked. If it had not been for so long that the coast image was sent, what
-    /// is left of that is taken back: it must not follow newer commands. Says how often that was.
+    /// The port is being asked. If the coast image was sent because it had not been asked, the rest
+    /// of that image is taken back: it must not follow newer commands. Says how often that was.
     #[inline]
     pub(super) fn attend(self) -> u32 {
         if self.shared.attendance.swap(POLLED, Ordering::AcqRel) == STALLED {

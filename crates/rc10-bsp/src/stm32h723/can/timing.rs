@@ -8,7 +8,7 @@ pub struct BitTiming {
     pub prescaler: u16,
     /// 2 ..= 256.
     pub before: u16,
-    /// 2 ..= 128. The resynchronisation may jump by so many, too.
+    /// 2 ..= 128. Also the synchronisation jump width.
     pub after: u16,
 }
 

@@ -42,7 +42,7 @@ pub struct SerialConfig {
 }
 
 impl SerialConfig {
-    /// So many bits a second, 8N1, not inverted.
+    /// A configuration with this bit rate, 8N1, not inverted.
     #[must_use]
     pub const fn new(baud: u32) -> Self {
         Self {

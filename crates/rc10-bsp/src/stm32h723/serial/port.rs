@@ -132,7 +132,7 @@ pub struct Serial {
 
 impl SerialReceiver {
     /// Starts a UART that only receives. The ring that the DMA fills has a power of two of bytes.
-    /// It is to hold what comes in while nobody reads, twice over: interrupts that come later than
+    /// It is to hold what comes in between two reads, twice over: interrupts that come later than
     /// half of it lasts lose it.
     ///
     /// The interrupts of the UART and of the stream are bound to its [`Interrupt`]; `priority` is
@@ -236,7 +236,7 @@ impl SerialReceiver {
             let is_whole = shared.line.lock(|line| {
                 let line = &mut *line.borrow_mut();
                 line.look();
-                // Of a stream that has stopped nobody knows how far it came meanwhile.
+                // How far a stream came that has stopped meanwhile is not known.
                 self.stream.is_running() && line.ring.take(from, count)
             });
             if is_whole {

@@ -93,7 +93,7 @@ pub enum Next {
     Nothing,
     /// Once.
     Error(SerialError),
-    /// So many bytes from this position on. They may have to be fetched in two pieces: the place
+    /// Some bytes from this position on. They may have to be fetched in two pieces: the place
     /// of a position is its remainder by the ring's length.
     Bytes { from: u32, count: u32 },
 }
@@ -162,7 +162,7 @@ impl Ring {
         let moved = place.wrapping_sub(self.received) & (self.length - 1);
         self.received = self.received.wrapping_add(moved);
         // A whole round passes both marks. So does a bit more than half of one, but then interrupts
-        // come so late that nobody can say which of the two it was.
+        // come so late that the two cannot be told apart.
         if (half && end) || self.unread() > self.length {
             count(&mut self.counters.too_slow);
             self.drop_unread(SerialError::TooSlow);

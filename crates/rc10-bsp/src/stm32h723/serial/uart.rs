@@ -62,7 +62,7 @@ pub(super) struct Line {
     /// The reader knows that something was wrong, and the UART is not to say more before it has come:
     /// what a line full of errors costs is up to the reader.
     is_quiet: bool,
-    /// A transfer out of memory has failed, and nobody was told yet.
+    /// A transfer out of memory has failed, and that was not reported yet.
     pub is_transmit_broken: bool,
 }
 
@@ -240,7 +240,7 @@ impl Uart {
             if let Some(stream) = line.receive {
                 let events = stream.take_events();
                 is_reader_due = events.half || events.complete || events.error;
-                // A stream that failed has stopped; whoever reads starts it again, so that one that
+                // A stream that failed has stopped; the next read starts it again, so that one that
                 // fails for ever does not keep the processor busy.
                 if !events.error {
                     line.ring.look(stream.remaining().into(), events.half, events.complete);

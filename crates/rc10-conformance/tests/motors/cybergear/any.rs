@@ -119,7 +119,7 @@ proptest! {
                             prop_assert_eq!(&frame.bytes()[4..], &[0; 4]);
                         }
                     }
-                    let _ = motor.answer();
+                    let _ = motor.response();
                 }
             }
             let feedback = motor.feedback();

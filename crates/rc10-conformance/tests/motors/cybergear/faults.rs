@@ -12,7 +12,7 @@ const SPEED: Target = Target::Speed(Rpm::new(40.0));
 fn answer(pair: &mut Pair<'_, '_>, most: u32) -> Result<Response, RequestError> {
     for _ in 0..most {
         pair.bench.hold(pair.motor, SPEED, 1).unwrap();
-        if let Some(answer) = pair.bench.bus.answer(pair.motor) {
+        if let Some(answer) = pair.bench.bus.response(pair.motor) {
             return answer;
         }
         let busy = pair.bench.bus.request(pair.motor, Request::ClearFault);
@@ -118,7 +118,7 @@ fn clearing_without_an_answer_gives_up() {
         pair.bench.wait(5);
         pair.bench.wire.set_cut(true);
         pair.bench.bus.request(pair.motor, Request::ClearFault).unwrap();
-        assert_eq!(answer(&mut pair, 150), Err(RequestError::NoReply));
+        assert_eq!(answer(&mut pair, 150), Err(RequestError::Timeout));
         assert!(pair.bench.status(pair.motor).fault.is_some());
     });
 }

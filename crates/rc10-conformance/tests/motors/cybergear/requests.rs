@@ -17,7 +17,7 @@ fn ask(pair: &mut Pair<'_, '_>, request: Request) -> Result<Response, RequestErr
     }
     for _ in 0..1000 {
         pair.bench.hold(pair.motor, COAST, 1).unwrap();
-        if let Some(answer) = pair.bench.bus.answer(pair.motor) {
+        if let Some(answer) = pair.bench.bus.response(pair.motor) {
             return answer;
         }
     }
@@ -45,7 +45,7 @@ fn registers_are_read_and_written() {
         let write = Request::WriteRegister(0x7FFF, 0);
         assert_eq!(ask(&mut pair, write), Err(RequestError::Refused(1)));
         pair.esc.set_power(false);
-        assert_eq!(ask(&mut pair, Request::ReadRegister(0x7018)), Err(RequestError::NoReply));
+        assert_eq!(ask(&mut pair, Request::ReadRegister(0x7018)), Err(RequestError::Timeout));
     });
 }
 
@@ -62,7 +62,7 @@ fn a_question_asked_while_it_is_enabled_waits_for_its_tick() {
             most = most.max(pair.bench.sent().frames().len());
         }
         assert_eq!(most, 2);
-        let answer = pair.bench.bus.answer(pair.motor);
+        let answer = pair.bench.bus.response(pair.motor);
         assert_eq!(answer, Some(Ok(Response::Register(23.0_f32.to_bits()))));
         pair.bench.hold(pair.motor, speed, 300).unwrap();
         assert!((pair.rpm() - 30.0).abs() < 0.5);
@@ -85,7 +85,7 @@ fn an_armed_robot_is_not_changed() {
         let read = bus.request(pair.motor, Request::ReadRegister(0x7018));
         assert_eq!(read, Ok(Response::Pending));
         pair.bench.hold(pair.motor, speed, 5).unwrap();
-        let answer = pair.bench.bus.answer(pair.motor);
+        let answer = pair.bench.bus.response(pair.motor);
         assert_eq!(answer, Some(Ok(Response::Register(90.0_f32.to_bits()))));
         assert!((pair.rpm() - 30.0).abs() < 0.5);
         assert_eq!(pair.device(|device| device.saves()), 0);
@@ -94,7 +94,7 @@ fn an_armed_robot_is_not_changed() {
         pair.bench.wait(5);
         pair.bench.bus.request(pair.motor, Request::SaveRegisters).unwrap();
         pair.switch.arm().unwrap();
-        assert_eq!(ask_again(&mut pair), Err(RequestError::NoReply));
+        assert_eq!(ask_again(&mut pair), Err(RequestError::Timeout));
         assert_eq!(pair.device(|device| device.saves()), 0);
     });
 }
@@ -102,7 +102,7 @@ fn an_armed_robot_is_not_changed() {
 fn ask_again(pair: &mut Pair<'_, '_>) -> Result<Response, RequestError> {
     for _ in 0..10 {
         pair.bench.hold(pair.motor, COAST, 1).unwrap();
-        if let Some(answer) = pair.bench.bus.answer(pair.motor) {
+        if let Some(answer) = pair.bench.bus.response(pair.motor) {
             return answer;
         }
     }

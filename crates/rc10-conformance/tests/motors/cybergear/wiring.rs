@@ -76,7 +76,7 @@ fn who_cannot_share_a_bus_with_it_is_told() {
     // Standard identifiers are another world.
     assert_eq!(clash(at(1, HOST), &mut Dji::new(&M3508, 1).unwrap()), None);
     // A VESC's status 3 with the same low byte is a command to it: 0xF01 asks who it is.
-    let wiring = at(1, HOST).wiring();
+    let wiring = at(1, HOST).can_ids();
     let id = ExtendedId::new(0x0F01).unwrap();
     let receive =
         RxFrames { pattern: IdPattern::exact(id), len: 8, rate: Rate::Hz(50), guard: None };

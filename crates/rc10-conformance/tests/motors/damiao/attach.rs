@@ -164,8 +164,8 @@ fn a_model_of_ones_own_is_a_name_and_limits() {
     let limits = Limits::new(3.2, 40.0, 8.0).unwrap();
     let mine = Model { name: "DM-mine", limits };
     let motor = Damiao::new(mine, 0x21, 0x41, Control::Velocity).unwrap();
-    assert_eq!(motor.wiring().name().to_string(), "DM-mine id 33");
-    assert_eq!(motor.wiring().link_timeout(), Micros::from_millis(10));
+    assert_eq!(motor.name().to_string(), "DM-mine id 33");
+    assert_eq!(motor.can_ids().link_timeout(), Micros::from_millis(10));
     let bytes = size_of::<Damiao>();
     assert!(bytes <= 640, "{bytes} bytes of the bus's memory");
 }

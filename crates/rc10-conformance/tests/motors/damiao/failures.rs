@@ -411,7 +411,7 @@ fn random_frames_do_no_harm() {
             ];
             let _ = motor.set_target(target_of(&control));
             let _ = motor.request(Request::ClearFault);
-            let _ = motor.answer();
+            let _ = motor.response();
             motor.update(TICK, drives[usize::from(data[2]) % 5]);
             let told = motor.feedback();
             assert!(told.speed.is_finite() && told.angle.is_finite());

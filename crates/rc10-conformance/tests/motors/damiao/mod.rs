@@ -115,7 +115,7 @@ impl<'m> Rig<'m> {
             assert!(left > 0, "never answered");
             left -= 1;
             self.bench.tick();
-            if let Some(told) = self.bench.bus.answer(self.motor) {
+            if let Some(told) = self.bench.bus.response(self.motor) {
                 answer = told?;
             }
         }

@@ -34,7 +34,7 @@ fn registers_are_read_also_while_it_turns() {
         assert_eq!(rig.status().counters.malformed, 0);
         assert_eq!(rig.status().link, Link::Online);
         // There is none of that number: nobody answers.
-        assert_eq!(rig.ask(Request::ReadRegister(49)), Err(RequestError::NoReply));
+        assert_eq!(rig.ask(Request::ReadRegister(49)), Err(RequestError::Timeout));
         let error = rig.ask(Request::ReadRegister(256));
         assert!(matches!(error, Err(RequestError::Config(error)) if error.field == "register"));
     }
@@ -102,9 +102,9 @@ fn registers_are_written_and_saved_only_while_disarmed() {
         assert_eq!(busy, Err(RequestError::Busy));
         switch.arm().unwrap();
         rig.bench.tick();
-        let answer = rig.bench.bus.answer(rig.motor);
+        let answer = rig.bench.bus.response(rig.motor);
         assert_eq!(answer, Some(Err(RequestError::NotWhileArmed)));
-        assert_eq!(rig.bench.bus.answer(rig.motor), None);
+        assert_eq!(rig.bench.bus.response(rig.motor), None);
         assert_eq!(rig.device(|device| device.register(9)), Some(2000));
     }
 }
@@ -146,9 +146,9 @@ fn a_device_that_is_not_there_answers_nothing() {
     rig.bench.wait(5);
     assert_eq!(rig.ask(Request::SetZero), Err(RequestError::NoFeedback));
     assert_eq!(rig.ask(Request::ClearFault), Err(RequestError::NoFeedback));
-    assert_eq!(rig.ask(Request::ReadRegister(21)), Err(RequestError::NoReply));
-    assert_eq!(rig.ask(Request::StoreZero), Err(RequestError::NoReply));
-    assert_eq!(rig.ask(Request::SaveRegisters), Err(RequestError::NoReply));
+    assert_eq!(rig.ask(Request::ReadRegister(21)), Err(RequestError::Timeout));
+    assert_eq!(rig.ask(Request::StoreZero), Err(RequestError::Timeout));
+    assert_eq!(rig.ask(Request::SaveRegisters), Err(RequestError::Timeout));
     assert_eq!(rig.status().fault, None);
     rig.esc.set_power(true);
     // What nobody acknowledged still waits: it saves first.
@@ -179,7 +179,7 @@ fn several_motors_share_one_master_id() {
     for _ in 0..20 {
         bench.tick();
         for (&id, answer) in ids.iter().zip(&mut answers) {
-            *answer = answer.or_else(|| bench.bus.answer(id));
+            *answer = answer.or_else(|| bench.bus.response(id));
         }
     }
     let own = |id| Some(Ok(Response::Register(id)));

@@ -118,8 +118,8 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
         assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
         assert_eq!(bench.bus.request(id, Request::SetZero), Err(RequestError::Busy));
         bench.hold(id, SPEED, 10).unwrap();
-        assert!(matches!(bench.bus.answer(id), Some(Err(RequestError::Refused(_)))));
-        assert_eq!(bench.bus.answer(id), None);
+        assert!(matches!(bench.bus.response(id), Some(Err(RequestError::Refused(_)))));
+        assert_eq!(bench.bus.response(id), None);
         bench.hold(id, SPEED, 200).unwrap();
         assert!(!is_on(&esc) && bench.status(id).drive == DriveMode::Brake);
 
@@ -129,7 +129,7 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
         assert!(!is_on(&esc) && bench.status(id).fault.is_some());
         assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
         bench.hold(id, SPEED, 10).unwrap();
-        assert_eq!(bench.bus.answer(id), Some(Ok(Response::Done)));
+        assert_eq!(bench.bus.response(id), Some(Ok(Response::Done)));
         assert_returns_softly(&mut bench, id, &esc, 5.0);
         assert_eq!(bench.status(id).fault, None);
         assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Done));
@@ -160,16 +160,16 @@ fn a_drive_that_does_not_answer_is_given_up_on() {
     esc.set_power(false);
     assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
     bench.wait(90);
-    assert_eq!(bench.bus.answer(id), None);
+    assert_eq!(bench.bus.response(id), None);
     bench.wait(20);
-    assert_eq!(bench.bus.answer(id), Some(Err(RequestError::NoReply)));
+    assert_eq!(bench.bus.response(id), Some(Err(RequestError::Timeout)));
     // The fault is remembered, although the drive forgot it.
     esc.set_power(true);
     bench.hold(id, SPEED, 300).unwrap();
     assert!(!is_on(&esc) && bench.status(id).fault.is_some());
     assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
     bench.hold(id, SPEED, 300).unwrap();
-    assert_eq!(bench.bus.answer(id), Some(Ok(Response::Done)));
+    assert_eq!(bench.bus.response(id), Some(Ok(Response::Done)));
     bench.hold(id, SPEED, 300).unwrap();
     assert!(is_on(&esc));
 }
@@ -320,9 +320,9 @@ fn only_the_answer_to_clearing_clears() {
     assert_eq!(hear(&mut motor, encode_health(0x9A, 20, 24.0, 16)), FrameKind::Fault);
     assert_eq!(motor.request(Request::ClearFault), Ok(Response::Pending));
     assert_eq!(hear(&mut motor, encode_health(0x9A, 20, 24.0, 0)), FrameKind::Other);
-    assert_eq!(motor.answer(), None);
+    assert_eq!(motor.response(), None);
     assert!(motor.fault().is_some());
     assert_eq!(hear(&mut motor, encode_health(0x9B, 20, 24.0, 0)), FrameKind::Other);
-    assert_eq!(motor.answer(), Some(Ok(Response::Done)));
+    assert_eq!(motor.response(), Some(Ok(Response::Done)));
     assert_eq!(motor.fault(), None);
 }

@@ -62,7 +62,7 @@ proptest! {
 #[test]
 fn the_table_names_what_is_on_the_wire() {
     for config in [config(), Config { commands: Commands::Single, ..config() }] {
-        let wiring = Lk::new(ID, config).unwrap().wiring();
+        let wiring = Lk::new(ID, config).unwrap().can_ids();
         let messages = messages(ID, &config).unwrap();
         let received = wiring.received();
         assert_eq!(messages[0].id, received[0].pattern.id());

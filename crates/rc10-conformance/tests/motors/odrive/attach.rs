@@ -88,7 +88,7 @@ fn nodes_that_lie_on_other_vendors_identifiers_are_refused() {
 #[test]
 fn what_comes_is_declared() {
     let rates = Rates { currents: 100, temperatures: 10, supply: 20, ..Rates::new(500, 50) };
-    let wiring = ODrive::new(NODE, Config { rates, ..wheel() }).unwrap().wiring();
+    let wiring = ODrive::new(NODE, Config { rates, ..wheel() }).unwrap().can_ids();
     let told: Vec<_> =
         wiring.received().iter().map(|it| (it.pattern.to_string(), it.rate)).collect();
     let wanted = [("069", 500), ("061", 50), ("074", 100), ("075", 10), ("077", 20)];
@@ -99,7 +99,7 @@ fn what_comes_is_declared() {
     }
     assert_eq!(wiring.link_timeout().get(), 10_000);
     let slow = ODrive::new(NODE, Config { rates: Rates::new(100, 10), ..wheel() }).unwrap();
-    assert_eq!(slow.wiring().link_timeout().get(), 30_000);
+    assert_eq!(slow.can_ids().link_timeout().get(), 30_000);
 }
 
 /// Percent of 1 Mbit/s.

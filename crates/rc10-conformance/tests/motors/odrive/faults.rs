@@ -168,7 +168,7 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
         assert_eq!(bench.bus.request(id, Request::SetZero), Err(RequestError::Busy));
         bench.hold(id, SPEED, 80).unwrap();
         let code = esc.with(|axis: &mut Axis| axis.errors()).unwrap();
-        assert_eq!(bench.bus.answer(id), Some(Err(RequestError::Refused(code))));
+        assert_eq!(bench.bus.response(id), Some(Err(RequestError::Refused(code))));
         bench.hold(id, SPEED, 100).unwrap();
         assert!(!is_on(&esc) && bench.status(id).drive == DriveMode::Brake);
 
@@ -181,7 +181,7 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
         let answer = loop {
             bench.hold(id, SPEED, 1).unwrap();
             waited += 1;
-            match bench.bus.answer(id) {
+            match bench.bus.response(id) {
                 Some(answer) => break answer,
                 None => assert!(waited < 60),
             }
@@ -204,15 +204,15 @@ fn an_axis_that_does_not_answer_is_given_up_on() {
     bench.wait(5);
     assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
     bench.wait(65);
-    assert_eq!(bench.bus.answer(id), None);
+    assert_eq!(bench.bus.response(id), None);
     bench.wait(15);
-    assert_eq!(bench.bus.answer(id), Some(Err(RequestError::NoReply)));
+    assert_eq!(bench.bus.response(id), Some(Err(RequestError::Timeout)));
     esc.set_power(true);
     bench.hold(id, SPEED, 300).unwrap();
     assert!(!is_on(&esc) && bench.status(id).fault.is_some());
     assert_eq!(bench.bus.request(id, Request::ClearFault), Ok(Response::Pending));
     bench.hold(id, SPEED, 300).unwrap();
-    assert_eq!(bench.bus.answer(id), Some(Ok(Response::Done)));
+    assert_eq!(bench.bus.response(id), Some(Ok(Response::Done)));
     assert!(is_on(&esc));
 }
 

@@ -90,7 +90,7 @@ proptest! {
 #[test]
 fn the_table_names_what_is_on_the_wire() {
     for config in [config(), of_0_5()] {
-        let wiring = ODrive::new(NODE, config).unwrap().wiring();
+        let wiring = ODrive::new(NODE, config).unwrap().can_ids();
         let all = messages(NODE, &config).unwrap();
         let (heard, sent) = all.split_at(own(&all));
         assert_eq!(heard.len(), wiring.received().len());
@@ -98,7 +98,7 @@ fn the_table_names_what_is_on_the_wire() {
             let is_that = |it: &&rc10_motor::RxFrames| it.pattern.id() == message.id;
             assert_eq!(wiring.received().iter().filter(is_that).count(), 1, "{}", message.name);
         }
-        assert!(wiring.transmitted().iter().all(|transmit| transmit.share == Ownership::Whole));
+        assert!(wiring.transmitted().iter().all(|transmit| transmit.ownership == Ownership::Whole));
         let sent: Vec<_> = sent.iter().take(5).map(|message| message.name).collect();
         let [_, _, torque, limits, clear] = sent[..] else { panic!("{sent:?}") };
         let names = ["ODRIVE_SET_TORQUE", "ODRIVE_SET_LIMITS", "ODRIVE_CLEAR_ERRORS"];

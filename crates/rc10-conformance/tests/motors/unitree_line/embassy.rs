@@ -66,7 +66,7 @@ fn a_line_under_embassy_drives_its_motors_and_answers_requests() {
         // Each waits for the device's own answer.
         assert_eq!(first.request(Request::ClearFault).await, Err(RequestError::Refused(2)));
         let silent = port.motor(MotorId::new(3));
-        assert_eq!(silent.request(Request::ClearFault).await, Err(RequestError::NoReply));
+        assert_eq!(silent.request(Request::ClearFault).await, Err(RequestError::Timeout));
         devices[0].set_power(false);
         devices[3].set_power(true);
         command_all(port, 50).await;

@@ -64,7 +64,7 @@ fn each_fault_is_named_stops_the_motor_and_stays_until_it_is_cleared() {
         // Still there: the device refuses.
         assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Response::Pending));
         bench.hold(id, SPEED, 3);
-        assert_eq!(bench.line.answer(id), Some(Err(RequestError::Refused(code))));
+        assert_eq!(bench.line.response(id), Some(Err(RequestError::Refused(code))));
         bench.hold(id, SPEED, 50);
         assert_eq!(bench.status(id).drive, DriveMode::Brake);
         // Gone with the power, but nobody has cleared it.
@@ -78,7 +78,7 @@ fn each_fault_is_named_stops_the_motor_and_stays_until_it_is_cleared() {
         assert_eq!(obeys(&device).status, 0);
         assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Response::Pending));
         bench.hold(id, SPEED, 3);
-        assert_eq!(bench.line.answer(id), Some(Ok(Response::Done)));
+        assert_eq!(bench.line.response(id), Some(Ok(Response::Done)));
         bench.hold(id, SPEED, 400);
         assert_eq!((bench.status(id).fault, bench.status(id).drive), (None, DriveMode::Run));
         assert!((device.state().output_rpm - 60.0).abs() < 0.5);

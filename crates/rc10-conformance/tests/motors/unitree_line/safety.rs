@@ -185,7 +185,7 @@ fn requests_and_refusals() {
     let now = bench.world.now();
     assert_eq!(bench.line.command(nobody, SPEED, now), Err(CommandError::NoSuchMotor));
     assert_eq!(bench.line.request(nobody, Request::SetZero), Err(RequestError::NoSuchMotor));
-    assert_eq!(bench.line.answer(nobody), None);
+    assert_eq!(bench.line.response(nobody), None);
     assert_eq!(bench.line.status(nobody, now), None);
     let current = Target::Current(rc10_app::Amps::new(1.0));
     let refused = TargetError::Unsupported(TargetKind::Current);
@@ -201,10 +201,10 @@ fn requests_and_refusals() {
     assert_eq!(bench.line.request(id, Request::ClearFault), Ok(Response::Pending));
     assert_eq!(bench.line.request(id, Request::SetZero), Err(RequestError::Busy));
     bench.wait(240);
-    assert_eq!(bench.line.answer(id), None);
+    assert_eq!(bench.line.response(id), None);
     bench.wait(20);
-    assert_eq!(bench.line.answer(id), Some(Err(RequestError::NoReply)));
-    assert_eq!(bench.line.answer(id), None);
+    assert_eq!(bench.line.response(id), Some(Err(RequestError::Timeout)));
+    assert_eq!(bench.line.response(id), None);
 }
 
 #[test]

@@ -37,7 +37,7 @@ impl Motor for Wired {
 }
 
 impl CanMotor for Wired {
-    fn wiring(&self) -> CanIds {
+    fn can_ids(&self) -> CanIds {
         self.0.clone()
     }
     fn unpack_feedback(&mut self, _frame: &CanFrame, _at: Micros) -> Result<FrameKind, FrameError> {

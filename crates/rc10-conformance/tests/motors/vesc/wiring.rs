@@ -109,7 +109,7 @@ fn nobody_else_may_send_what_every_vesc_obeys() {
         share: Ownership::Whole,
     };
     let stranger = CanIds::new("stranger", 1).transmits(stranger).unwrap();
-    assert_eq!(vesc(1).wiring().clash(&stranger), Some(Clash::Confuses(id.into())));
+    assert_eq!(vesc(1).can_ids().clash(&stranger), Some(Clash::Confuses(id.into())));
 }
 
 #[test]

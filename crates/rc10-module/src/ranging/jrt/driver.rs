@@ -21,7 +21,7 @@ pub enum Speed {
 }
 
 impl Speed {
-    /// A module that says nothing for so long does not measure: `laser_ldj100` waits 5 s for an
+    /// Silence after which a module does not measure: `laser_ldj100` waits 5 s for an
     /// answer; fast measurements come ten times a second and more.
     const fn patience(self) -> Duration {
         match self {

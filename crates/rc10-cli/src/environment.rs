@@ -1,4 +1,4 @@
-//! The world around a robot, without the robot: wires, ESCs with their motors and loads, a base.
+//! The environment of a robot, without the robot: wires, ESCs with their motors and loads, a base.
 
 use std::convert::Infallible;
 use std::pin::Pin;
@@ -9,12 +9,13 @@ use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
 use rc10_sim::{Base, BusConfig, LineConfig, Mounting, Serial, Tasks, Wheels, World};
 
-use crate::mistake::Built;
+use crate::built::Built;
+use crate::description::Description;
+use crate::motor::Twin;
 use crate::remote::{Operator, Receiver, ReceiverWire};
-use crate::robot::{Description, Twin};
 
-/// The world around a robot.
-pub struct Surroundings {
+/// The environment of a robot: a simulated world.
+pub struct Environment {
     /// Time, and everything in it.
     pub world: World,
     /// The wires; bus 1 is the first.
@@ -25,11 +26,11 @@ pub struct Surroundings {
     pub motors: Vec<Twin>,
     /// The base on its wheels, if the robot has one.
     pub base: Option<Base>,
-    /// What is on its UARTs, in the order of [`Description::serials`].
+    /// The parts on its UARTs, in the order of [`Description::serials`].
     pub serials: Vec<Serial>,
     /// Its remote with the receiver, if it has one.
     pub remote: Option<RemoteLink>,
-    /// Whoever holds that remote.
+    /// The operator of that remote.
     pub operator: Option<Operator>,
 }
 
@@ -44,12 +45,12 @@ pub struct RemoteLink {
     pub wire: ReceiverWire,
 }
 
-impl Surroundings {
-    /// What the description says, but for its mistakes, with all chance from `seed`.
+impl Environment {
+    /// The environment of a description, with its mistakes, and all chance from `seed`.
     ///
     /// # Errors
-    /// If a mistake cannot be; if it has a motor that no simulated ESC can be, or one on a bus that it does not have; or
-    /// if four wheels of the base are not four motors.
+    /// If a mistake cannot be made; if a motor has no simulated ESC, or is on a bus that the robot
+    /// does not have; or if the four wheels of the base are not four motors.
     pub fn new(description: &Description, seed: u64) -> Result<Self> {
         let mut world = World::new(seed);
         let wires: Vec<_> =
@@ -102,7 +103,7 @@ impl Surroundings {
         Ok(Self { world, wires, lines, motors, base, serials, remote, operator })
     }
 
-    /// Runs the robot's tasks up to a time, while its operator does what he does. A robot that has
+    /// Runs the robot's tasks and its operator up to a time. A robot that has
     /// nothing more to do does not stop time.
     pub fn run(&mut self, tasks: &mut Tasks<'_>, until: Micros) {
         let Self { world, operator, .. } = self;
@@ -141,16 +142,17 @@ mod tests {
     use rc10_motor::dji;
 
     use super::*;
-    use crate::robot::{self, Motor, Place};
+    use crate::description::Base;
+    use crate::motor::{Motor, Place};
 
     #[test]
     fn what_cannot_be_built_is_named() {
         const OTHER: dji::Model = dji::Model { name: "M3508 without gearbox", ..dji::M3508 };
         let complaint = |motor: Motor, wheels: Option<[usize; 4]>| {
-            let base = wheels.map(|wheels| robot::Base { wheels, chassis: <_>::default() });
+            let base = wheels.map(|wheels| Base { wheels, chassis: <_>::default() });
             let description =
                 Description { motors: vec![motor; 4], buses: 2, base, ..<_>::default() };
-            Surroundings::new(&description, 1).err().map(|error| format!("{error:#}"))
+            Environment::new(&description, 1).err().map(|error| format!("{error:#}"))
         };
         let arm = Motor::new("arm", 2, &dji::M2006, 1);
         assert_eq!(complaint(arm, None), None);

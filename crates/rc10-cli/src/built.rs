@@ -1,0 +1,227 @@
+//! A robot as it is really built: its description, but for the [mistakes](crate::mistake).
+
+use anyhow::{Context, Result, bail, ensure};
+use rc10_motor::rc10_app::Direction;
+use rc10_sim::Chassis;
+use rc10_sim::lk::Drive;
+use rc10_sim::odrive::Axis;
+use rc10_sim::vesc::Vesc;
+
+use crate::description::Description;
+use crate::mistake::Mistake;
+use crate::motor::{Device, Motor, Twin};
+
+/// The robot as it is really built: the description's motors and base, but for the mistakes.
+pub struct Built {
+    /// The motors, in the order of the description: each with what its place has.
+    pub motors: Vec<Motor>,
+    /// The base.
+    pub chassis: Option<Chassis>,
+    /// Changes to motors, by their places in `motors`, made when they are plugged in.
+    changes: Vec<(usize, Change)>,
+}
+
+/// A change to a simulated motor.
+enum Change {
+    Gear(f64),
+    PolePairs(u8),
+    Id(u8),
+}
+
+impl Built {
+    /// The robot of a description with its mistakes.
+    ///
+    /// # Errors
+    /// If a mistake names no motor of it, or more than one; or a base that it does not have; or the
+    /// motors to swap are not of one model.
+    pub fn new(description: &Description) -> Result<Self> {
+        let mut built = Self {
+            motors: description.motors.clone(),
+            chassis: description.base.map(|base| base.chassis),
+            changes: Vec::new(),
+        };
+        for mistake in &description.mistakes {
+            built.apply(mistake, description).with_context(|| format!("--mistake {mistake}"))?;
+        }
+        Ok(built)
+    }
+
+    fn apply(&mut self, mistake: &Mistake, description: &Description) -> Result<()> {
+        let find = |name: &str| motor_named(description, name);
+        let mut change = |name: &str, change: Change| -> Result<()> {
+            self.changes.push((find(name)?, change));
+            Ok(())
+        };
+        match mistake {
+            Mistake::Direction(name) => {
+                let direction = &mut self.motors[find(name)?].direction;
+                *direction = match direction {
+                    Direction::Forward => Direction::Reversed,
+                    Direction::Reversed => Direction::Forward,
+                };
+            }
+            Mistake::Gear(name, ratio) => change(name, Change::Gear(*ratio))?,
+            Mistake::PolePairs(name, pairs) => change(name, Change::PolePairs(*pairs))?,
+            Mistake::Id(name, id) => change(name, Change::Id(*id))?,
+            Mistake::Swap(first, second) => {
+                let [first, second] = [find(first)?, find(second)?];
+                ensure!(first != second, "that is one motor");
+                let [one, other] = [self.motors[first], self.motors[second]];
+                let [model, its] = [one.name().model, other.name().model];
+                ensure!(
+                    model == its,
+                    "{} is a {model}, {} a {its}: they cannot stand for one another",
+                    one.label,
+                    other.label
+                );
+                (self.motors[first].on, self.motors[first].device) = (other.on, other.device);
+                (self.motors[second].on, self.motors[second].device) = (one.on, one.device);
+            }
+            Mistake::Radius(factor) | Mistake::Track(factor) | Mistake::Wheelbase(factor) => {
+                let chassis =
+                    self.chassis.as_mut().context("this robot has no base that is simulated")?;
+                *match mistake {
+                    Mistake::Radius(_) => &mut chassis.wheel_radius,
+                    Mistake::Track(_) => &mut chassis.half_width,
+                    _ => &mut chassis.half_length,
+                } *= factor;
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes the changes to a motor that has just been plugged in.
+    ///
+    /// # Errors
+    /// If its device has no such number.
+    pub fn finish(&self, index: usize, twin: &Twin) -> Result<()> {
+        let motor = &self.motors[index];
+        let model = motor.name().model;
+        for (_, change) in self.changes.iter().filter(|(at, _)| *at == index) {
+            match (change, twin) {
+                (Change::Gear(ratio), Twin::Esc(esc)) => {
+                    // The others count at their output shaft, by a gear of their own.
+                    let counts_rotor = matches!(motor.device, Device::Dji { .. })
+                        || esc.with(|_: &mut Vesc| ()).is_some()
+                        || esc.with(|_: &mut Axis| ()).is_some()
+                        || esc.with(|_: &mut DriveMode| ()).is_some();
+                    ensure!(counts_rotor, "no gear of a {model} stands in a robot's table");
+                    esc.set_gear(*ratio);
+                }
+                (Change::Gear(_), Twin::Line(_)) => {
+                    bail!("no gear of a {model} stands in a robot's table")
+                }
+                (Change::PolePairs(pairs), Twin::Esc(esc)) => esc
+                    .with(|vesc: &mut Vesc| vesc.set_pole_pairs(*pairs))
+                    .with_context(|| format!("no pole pairs of a {model} stand in the table"))?,
+                (Change::PolePairs(_), Twin::Line(_)) => {
+                    bail!("no pole pairs of a {model} stand in a robot's table")
+                }
+                (Change::Id(id), twin) => {
+                    let can_be = match twin {
+                        Twin::Esc(esc) => esc.set_id(*id),
+                        Twin::Line(motor) => motor.set_id(*id),
+                    };
+                    ensure!(can_be, "a simulated {model} cannot be set to the identifier {id}");
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The motor with this label, or the only one whose label begins so; `-` stands for a space.
+fn motor_named(description: &Description, name: &str) -> Result<usize> {
+    let plain = |text: &str| text.to_lowercase().replace('-', " ");
+    let wanted = plain(name);
+    let labels = || description.motors.iter().map(|motor| motor.label);
+    if let Some(exact) = labels().position(|label| plain(label) == wanted) {
+        return Ok(exact);
+    }
+    let begins: Vec<usize> = (0..)
+        .zip(labels())
+        .filter(|(_, label)| plain(label).starts_with(&wanted))
+        .map(|it| it.0)
+        .collect();
+    let list = |indices: &[usize]| {
+        let labels = indices.iter().map(|index| description.motors[*index].label);
+        labels.collect::<Vec<_>>().join(", ")
+    };
+    match begins.as_slice() {
+        [one] => Ok(*one),
+        [] => {
+            let all: Vec<usize> = (0..description.motors.len()).collect();
+            bail!("there is no motor `{name}`; there are: {}", list(&all))
+        }
+        more => bail!("`{name}` may be {}", list(more)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_motor::dji;
+
+    use super::*;
+    use crate::description::Base;
+
+    fn description(mistake: &str) -> Description {
+        let wheel = |label, id| Motor::new(label, 1, &dji::M3508, id);
+        Description {
+            motors: vec![
+                wheel("wheel left", 1),
+                Motor { direction: Direction::Reversed, ..wheel("wheel right", 2) },
+                Motor::new("arm", 2, &dji::M2006, 1),
+            ],
+            buses: 2,
+            base: Some(Base { wheels: [0; 4], chassis: Chassis::default() }),
+            mistakes: vec![mistake.parse().unwrap()],
+            ..Description::default()
+        }
+    }
+
+    #[test]
+    fn only_what_is_named_is_changed() {
+        let sound = description("gear:arm=1");
+        let built = |mistake: &str| Built::new(&description(mistake)).unwrap();
+        let names = |built: &Built| -> Vec<_> {
+            built
+                .motors
+                .iter()
+                .map(|motor| (motor.label, motor.name().id, motor.direction))
+                .collect()
+        };
+        use Direction::{Forward, Reversed};
+        let plain = [("wheel left", 1, Forward), ("wheel right", 2, Reversed), ("arm", 1, Forward)];
+        assert_eq!(names(&built("radius:x2")), plain);
+        let turned = built("direction:wheel-R");
+        assert_eq!(names(&turned), [plain[0], ("wheel right", 2, Forward), plain[2]]);
+        // The plugs change places, the mountings stay.
+        let swapped = names(&built("swap:wheel left,wheel right"));
+        assert_eq!(swapped, [("wheel left", 2, Forward), ("wheel right", 1, Reversed), plain[2]]);
+        let chassis = sound.base.unwrap().chassis;
+        for (mistake, other) in [
+            ("radius:x2", Chassis { wheel_radius: 2.0 * chassis.wheel_radius, ..chassis }),
+            ("track:x0.5", Chassis { half_width: 0.5 * chassis.half_width, ..chassis }),
+            ("wheelbase:x3", Chassis { half_length: 3.0 * chassis.half_length, ..chassis }),
+            ("direction:arm", chassis),
+        ] {
+            assert_eq!(built(mistake).chassis, Some(other), "{mistake}");
+        }
+    }
+
+    #[test]
+    fn a_name_that_is_none_is_answered_with_those_there_are() {
+        for (mistake, why) in [
+            ("direction:leg", "there is no motor `leg`; there are: wheel left, wheel right, arm"),
+            ("direction:wheel", "`wheel` may be wheel left, wheel right"),
+            ("swap:arm,wheel-left", "arm is a M2006, wheel left a M3508"),
+            ("swap:arm,ARM", "that is one motor"),
+        ] {
+            let error = format!("{:#}", Built::new(&description(mistake)).err().unwrap());
+            assert!(error.contains(why) && error.contains(mistake), "{error}");
+        }
+        let without = Description { base: None, ..description("radius:x2") };
+        let error = format!("{:#}", Built::new(&without).err().unwrap());
+        assert_eq!(error, "--mistake radius:x2: this robot has no base that is simulated");
+    }
+}

@@ -1,0 +1,79 @@
+use rc10_app::{Amps, NewtonMetres};
+use rc10_motor::{Request, RequestError, Response, SafeState, Target};
+
+use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::harness::Sent;
+use crate::rig::Rig;
+
+/// The limit's share of the effort that is asked for.
+const SHARE: f32 = 0.4;
+
+/// A limit that is lower than the effort, and the effort that is just as large.
+fn lowered(target: Target) -> Option<(Request, Target)> {
+    let current =
+        |amps: Amps| (Request::CurrentLimit(Amps::new(amps.get().abs() * SHARE)), amps * SHARE);
+    match target {
+        Target::Current(amps) => {
+            let (limit, amps) = current(amps);
+            Some((limit, Target::Current(amps)))
+        }
+        Target::Brake(amps) => {
+            let (limit, amps) = current(amps);
+            Some((limit, Target::Brake(amps)))
+        }
+        Target::Handbrake(amps) => {
+            let (limit, amps) = current(amps);
+            Some((limit, Target::Handbrake(amps)))
+        }
+        Target::Torque(torque) => {
+            let limit = NewtonMetres::new(torque.get().abs() * SHARE);
+            Some((Request::TorqueLimit(limit), Target::Torque(torque * SHARE)))
+        }
+        _ => None,
+    }
+}
+
+pub(super) fn limits_bound_efforts(case: &Case<'_>, found: &mut Findings) {
+    for trial in &case.declared.trials {
+        let Some((limit, least)) = lowered(trial.target) else {
+            continue;
+        };
+        // The device may have limits of its own: what counts is what it is sent.
+        let (mut beyond, mut within) = (Vec::new(), Vec::new());
+        let tried = case.alone(SafeState::Coast, |rig| {
+            beyond = sent(rig, limit, trial.target)?;
+            Ok(())
+        });
+        let tried = tried.and_then(|()| {
+            case.alone(SafeState::Coast, |rig| {
+                within = sent(rig, limit, least)?;
+                Ok(())
+            })
+        });
+        found.note(tried.and_then(|()| is_same(&beyond, &within, trial.target, limit)));
+    }
+}
+
+fn is_same(beyond: &[Sent], within: &[Sent], target: Target, limit: Request) -> Outcome {
+    match beyond.iter().zip(within).find(|(one, other)| one != other) {
+        Some((one, other)) => {
+            broken(None, format!("with {limit:?}, {target:?} sends {one:?}, not {other:?}"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// What goes to a device that turns while its motor has a target beyond a limit; nothing of a motor
+/// that has no such limit.
+fn sent(rig: &mut Rig<'_>, limit: Request, target: Target) -> Result<Vec<Sent>, Halt> {
+    rig.get_going()?;
+    match rig.bench.request(rig.motor, limit) {
+        Ok(Response::Done) => (),
+        Err(RequestError::Unsupported) => return Ok(Vec::new()),
+        _ => return Err(Halt::Stuck),
+    }
+    let _ = rig.bench.take_traffic();
+    rig.wait(Some(target), 100);
+    let ours = rig.bench.take_traffic().into_iter().filter(|traffic| traffic.is_ours);
+    Ok(ours.map(|traffic| traffic.what).collect())
+}

@@ -1,0 +1,182 @@
+use rc10_app::{Degrees, TotalAngle};
+use rc10_motor::{Impedance, Request, Response, SafeState, Safety, Target, TargetKind};
+
+use super::impedance::spring_of;
+use crate::case::{Case, Findings, Halt, Outcome, broken};
+use crate::declaration::Claim;
+use crate::rig::Rig;
+
+/// What the motor does when its zero is set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Doing {
+    Turning,
+    Seeking,
+    Springing,
+    Holding,
+    Braking,
+}
+
+/// How far the shaft may be from where it would be without the new zero, degrees: devices round.
+const MOVES: f64 = 3.0;
+/// How far from zero the shaft has to be for a new zero to be another one, degrees.
+const FAR: f32 = 45.0;
+/// How far the shaft is sent from where it is, degrees.
+const AHEAD: i32 = 20;
+
+fn doings(case: &Case<'_>) -> Vec<Doing> {
+    let takes = case.motor().supports();
+    let mut doings = vec![Doing::Turning];
+    for (kind, doing) in
+        [(TargetKind::TotalAngle, Doing::Seeking), (TargetKind::Impedance, Doing::Springing)]
+    {
+        if takes.contains(kind) {
+            doings.push(doing);
+        }
+    }
+    for (claim, doing) in
+        [(case.declared.holds, Doing::Holding), (case.declared.brakes, Doing::Braking)]
+    {
+        if claim == Claim::Does {
+            doings.push(doing);
+        }
+    }
+    doings
+}
+
+fn scenario(case: &Case<'_>, doing: Doing, run: impl FnOnce(&mut Rig<'_>) -> Outcome) -> Outcome {
+    let safety = match doing {
+        Doing::Holding => Safety::HOLD,
+        Doing::Braking => Safety::BRAKE,
+        _ => Safety { command_expiry: Safety::LONGEST_EXPIRY, ..Safety::new(SafeState::Coast) },
+    };
+    case.with(&mut case.motor(), safety, run)
+}
+
+/// Brings the motor to do it, far from zero; what was commanded last.
+fn start(rig: &mut Rig<'_>, doing: Doing) -> Result<Target, Halt> {
+    rig.get_going()?;
+    rig.esc.set_load(0.0);
+    let cruise = rig.cruise();
+    for _ in 0..2000 {
+        if rig.status().feedback.total_angle.degrees().get() > FAR {
+            break;
+        }
+        rig.tick(Some(cruise));
+    }
+    let ahead = rig.status().feedback.total_angle.plus(TotalAngle::from_degrees(AHEAD));
+    let target = match doing {
+        Doing::Turning | Doing::Holding | Doing::Braking => cruise,
+        Doing::Seeking => Target::TotalAngle(ahead),
+        Doing::Springing => {
+            let spring = spring_of(rig.declared).ok_or(Halt::Stuck)?;
+            Target::Impedance(Impedance { angle: ahead.degrees(), ..spring })
+        }
+    };
+    match doing {
+        Doing::Turning => rig.wait(Some(target), 50),
+        Doing::Seeking | Doing::Springing => rig.wait(Some(target), 1500),
+        // Until it has come to a stand.
+        Doing::Holding => rig.wait(None, 1000),
+        Doing::Braking => rig.wait(None, 150),
+    }
+    Ok(target)
+}
+
+fn set_zero(rig: &mut Rig<'_>) -> Outcome {
+    match rig.bench.request(rig.motor, Request::SetZero) {
+        Ok(Response::Done) => Ok(()),
+        answer => broken(rig.now(), format!("SetZero: {answer:?}")),
+    }
+}
+
+pub(super) fn zero_moves_nothing(case: &Case<'_>, found: &mut Findings) {
+    for doing in doings(case) {
+        let mut undisturbed = Vec::new();
+        let watched = scenario(case, doing, |rig| {
+            start(rig, doing)?;
+            for _ in 0..500 {
+                rig.tick(None);
+                undisturbed.push(rig.esc.state().output_degrees);
+            }
+            Ok(())
+        });
+        if watched.is_err() {
+            found.note(watched);
+            continue;
+        }
+        found.note(scenario(case, doing, |rig| {
+            let target = start(rig, doing)?;
+            let zero = rig.status().feedback.total_angle;
+            set_zero(rig)?;
+            for without in &undisturbed {
+                rig.tick(None);
+                let moved = rig.esc.state().output_degrees - without;
+                if moved.abs() > MOVES {
+                    let what = format!("{doing:?}, a new zero moves it {moved:.1} degrees");
+                    return broken(rig.now(), what);
+                }
+            }
+            if !matches!(doing, Doing::Seeking | Doing::Springing) {
+                return Ok(());
+            }
+            // On the new scale the same number is as far away as the zero was moved.
+            let start = rig.esc.state().output_degrees;
+            rig.wait(Some(target), 2000);
+            let moved = rig.esc.state().output_degrees - start;
+            let wanted = f64::from(zero.degrees().get());
+            if (moved - wanted).abs() <= 0.2 * wanted.abs() {
+                return Ok(());
+            }
+            let what = format!("{doing:?}, the same number moves it {moved:.1}, not {wanted:.1}");
+            broken(rig.now(), what)
+        }));
+    }
+}
+
+/// The angle in a target, degrees.
+fn angle_of(target: Target) -> Option<Degrees> {
+    match target {
+        Target::TotalAngle(angle) => Some(angle.degrees()),
+        Target::Impedance(impedance) => Some(impedance.angle),
+        _ => None,
+    }
+}
+
+/// The same target, but on its way.
+fn further(target: Target) -> Target {
+    match target {
+        Target::TotalAngle(angle) => {
+            Target::TotalAngle(angle.plus(TotalAngle::from_degrees(AHEAD)))
+        }
+        Target::Impedance(spring) => {
+            let angle = spring.angle + TotalAngle::from_degrees(AHEAD).degrees();
+            Target::Impedance(Impedance { angle, ..spring })
+        }
+        other => other,
+    }
+}
+
+pub(super) fn target_is_on_the_new_scale(case: &Case<'_>, found: &mut Findings) {
+    for doing in doings(case) {
+        if !matches!(doing, Doing::Seeking | Doing::Springing) {
+            continue;
+        }
+        found.note(scenario(case, doing, |rig| {
+            let near = start(rig, doing)?;
+            let target = further(near);
+            rig.wait(Some(target), 3);
+            let zero = rig.status().feedback.total_angle.degrees();
+            set_zero(rig)?;
+            rig.wait(None, 3);
+            let told = rig.status().target;
+            let wanted = angle_of(target).map_or(0.0, |angle| angle.get() - zero.get());
+            let is_right = told.kind() == target.kind()
+                && angle_of(told).is_some_and(|angle| (angle.get() - wanted).abs() < 1.0);
+            if is_right {
+                return Ok(());
+            }
+            let what = format!("it has {told:?}, and goes on to {wanted:.1} degrees");
+            broken(rig.now(), what)
+        }));
+    }
+}
