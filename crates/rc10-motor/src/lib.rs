@@ -61,8 +61,8 @@ mod arm;
 mod batch;
 mod bus;
 mod can_ids;
-//OFF pub mod cybergear;
-//OFF pub mod damiao;
+pub mod cybergear;
+pub mod damiao;
 pub mod dji;
 #[cfg(feature = "embassy")]
 pub mod embassy;

@@ -206,6 +206,24 @@ impl Servo {
         }
     }
 
+    /// The target in numbers.
+    pub(crate) const fn goal(&self) -> &Goal {
+        self.goals.goal()
+    }
+
+    /// One step in [`DriveMode::Run`] towards an angle that stands for the one of the target: for a
+    /// device that may have to go the longer way round. The shaft has been measured.
+    pub(crate) fn update_towards(&mut self, tick: &Tick, shaft: &Shaft, angle: TotalAngle) {
+        self.ran = true;
+        self.goals.rest();
+        let Self { state, cascade, limit, .. } = self;
+        let speed = shaft.speed().get();
+        if !state.keep_seeking_angle(cascade, speed, tick.dt) {
+            let way = way(&Goal::Total(angle), shaft);
+            state.seek_angle(cascade, way, speed, *limit, tick.dt, tick.count);
+        }
+    }
+
     /// One step with the angle loop.
     #[inline(never)]
     fn seek_angle(&mut self, tick: &Tick, shaft: &Shaft) {

@@ -5,10 +5,10 @@
 //! only number 7.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-//OFF #[path = "../conformance_of/cybergear.rs"]
-//OFF mod cybergear;
-//OFF #[path = "../conformance_of/damiao.rs"]
-//OFF mod damiao;
+#[path = "../conformance_of/cybergear.rs"]
+mod cybergear;
+#[path = "../conformance_of/damiao.rs"]
+mod damiao;
 #[path = "../conformance_of/dji.rs"]
 mod dji;
 mod line;
@@ -40,7 +40,7 @@ use scene::CanScene;
 /// What broke, and in which story.
 pub type Report = String;
 
-/// Stories of a motor, if nobody asks for more.
+/// Stories of a motor, unless `RC10_STORIES` asks for more.
 const STORIES: u64 = 60;
 
 /// The numbers of the stories to tell.
@@ -98,20 +98,20 @@ fn dji_motors() {
     ]);
 }
 
-//OFF #[test]
-//OFF fn damiao_motors() {
-//OFF     all(&[
-//OFF         ("J4310, MIT", damiao::j4310_mit),
-//OFF         ("J4310, velocity", damiao::j4310_velocity),
-//OFF         ("J4310, position-velocity", damiao::j4310_position_velocity),
-//OFF         ("J4310, force-position", damiao::j4310_force_position),
-//OFF     ]);
-//OFF }
+#[test]
+fn damiao_motors() {
+    all(&[
+        ("J4310, MIT", damiao::j4310_mit),
+        ("J4310, velocity", damiao::j4310_velocity),
+        ("J4310, position-velocity", damiao::j4310_position_velocity),
+        ("J4310, force-position", damiao::j4310_force_position),
+    ]);
+}
 
-//OFF #[test]
-//OFF fn cybergears_and_robstrides() {
-//OFF     all(&[("CyberGear", cybergear::cybergear), ("RobStride RS04", cybergear::rs04)]);
-//OFF }
+#[test]
+fn cybergears_and_robstrides() {
+    all(&[("CyberGear", cybergear::cybergear), ("RobStride RS04", cybergear::rs04)]);
+}
 
 #[test]
 fn unitree_motors() {
