@@ -16,9 +16,9 @@ use rc10_app::{
     Amps, Encoder, IncrementalPidConfig, IncrementalPidState, Mecanum, PidConfig, PidState, Rpm,
     Seconds, Twist,
 };
-use rc10_bsp::{Overrun, Statistics, periodic};
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, CanPort, Health, Micros, Submitted};
+use rc10_message::{Overrun, Statistics, periodic};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::{

@@ -75,8 +75,7 @@ mod motor;
 mod motors;
 mod not_a_number;
 //OFF pub mod odrive;
-#[allow(dead_code)]
-mod pending;
+pub mod pending;
 mod request;
 pub mod servo;
 pub mod shaft;

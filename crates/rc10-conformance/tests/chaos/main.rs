@@ -5,17 +5,17 @@
 //! only number 7.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-#[path = "../conformance_of/cybergear.rs"]
-mod cybergear;
-#[path = "../conformance_of/damiao.rs"]
-mod damiao;
+//OFF #[path = "../conformance_of/cybergear.rs"]
+//OFF mod cybergear;
+//OFF #[path = "../conformance_of/damiao.rs"]
+//OFF mod damiao;
 #[path = "../conformance_of/dji.rs"]
 mod dji;
 mod line;
-#[path = "../conformance_of/lk.rs"]
-mod lk;
-#[path = "../conformance_of/odrive.rs"]
-mod odrive;
+//OFF #[path = "../conformance_of/lk.rs"]
+//OFF mod lk;
+//OFF #[path = "../conformance_of/odrive.rs"]
+//OFF mod odrive;
 mod random;
 mod scene;
 mod story;
@@ -23,15 +23,16 @@ mod story;
 mod unitree_line;
 #[path = "../conformance_of/unitree_module.rs"]
 mod unitree_module;
-#[path = "../conformance_of/vesc.rs"]
-mod vesc;
+//OFF #[path = "../conformance_of/vesc.rs"]
+//OFF mod vesc;
 mod watch;
 
 use rc10_conformance::Declaration;
 use rc10_motor::CanMotor;
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::unitree::GoM8010;
-use rc10_sim::{Bus, Esc, Line, LineMotor};
+use rc10_sim::{Bus, Esc};
+use rc10_sim::{Line, LineMotor};
 
 use line::LineScene;
 use scene::CanScene;
@@ -97,20 +98,20 @@ fn dji_motors() {
     ]);
 }
 
-#[test]
-fn damiao_motors() {
-    all(&[
-        ("J4310, MIT", damiao::j4310_mit),
-        ("J4310, velocity", damiao::j4310_velocity),
-        ("J4310, position-velocity", damiao::j4310_position_velocity),
-        ("J4310, force-position", damiao::j4310_force_position),
-    ]);
-}
+//OFF #[test]
+//OFF fn damiao_motors() {
+//OFF     all(&[
+//OFF         ("J4310, MIT", damiao::j4310_mit),
+//OFF         ("J4310, velocity", damiao::j4310_velocity),
+//OFF         ("J4310, position-velocity", damiao::j4310_position_velocity),
+//OFF         ("J4310, force-position", damiao::j4310_force_position),
+//OFF     ]);
+//OFF }
 
-#[test]
-fn cybergears_and_robstrides() {
-    all(&[("CyberGear", cybergear::cybergear), ("RobStride RS04", cybergear::rs04)]);
-}
+//OFF #[test]
+//OFF fn cybergears_and_robstrides() {
+//OFF     all(&[("CyberGear", cybergear::cybergear), ("RobStride RS04", cybergear::rs04)]);
+//OFF }
 
 #[test]
 fn unitree_motors() {
@@ -120,24 +121,24 @@ fn unitree_motors() {
     ]);
 }
 
-#[test]
-fn vescs() {
-    all(&[("VESC", vesc::vesc), ("VESC with angle loops", vesc::vesc_with_servo)]);
-}
+//OFF #[test]
+//OFF fn vescs() {
+//OFF     all(&[("VESC", vesc::vesc), ("VESC with angle loops", vesc::vesc_with_servo)]);
+//OFF }
 
-#[test]
-fn lk_drives() {
-    all(&[
-        ("MG4010E-i10", lk::mg4010e),
-        ("MF9025 in the multi-motor frame", lk::mf9025_multi_motor),
-    ]);
-}
+//OFF #[test]
+//OFF fn lk_drives() {
+//OFF     all(&[
+//OFF         ("MG4010E-i10", lk::mg4010e),
+//OFF         ("MF9025 in the multi-motor frame", lk::mf9025_multi_motor),
+//OFF     ]);
+//OFF }
 
-#[test]
-fn odrive_axes() {
-    all(&[
-        ("ODrive, torque", odrive::torque),
-        ("ODrive, velocity", odrive::velocity),
-        ("ODrive, position", odrive::position),
-    ]);
-}
+//OFF #[test]
+//OFF fn odrive_axes() {
+//OFF     all(&[
+//OFF         ("ODrive, torque", odrive::torque),
+//OFF         ("ODrive, velocity", odrive::velocity),
+//OFF         ("ODrive, position", odrive::position),
+//OFF     ]);
+//OFF }

@@ -1,7 +1,9 @@
 use rc10_app::Rpm;
 use rc10_can::Micros;
 use rc10_motor::unitree::{GoM8010, Rs485Bus, Step};
-use rc10_motor::{ArmSwitch, AttachError, Clash, Link, MotorId, MotorName, SafeState, Safety, Target};
+use rc10_motor::{
+    ArmSwitch, AttachError, Clash, Link, MotorId, MotorName, SafeState, Safety, Target,
+};
 use rc10_sim::unitree_line::{Answer, GoM8010 as Device, plant};
 use rc10_sim::{LineMotor, Nanos};
 

@@ -7,7 +7,9 @@ use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::rc10_app::{Degrees, NewtonMetres, Rpm, Seconds, TotalAngle};
 use rc10_motor::unitree::GoModule;
-use rc10_motor::{CanMotor, DriveMode, Gains, Impedance, Link, Motor, Request, Target, Tick, TxBatch};
+use rc10_motor::{
+    CanMotor, DriveMode, Gains, Impedance, Link, Motor, Request, Target, Tick, TxBatch,
+};
 use rc10_sim::unitree_module::{Asked, Command};
 
 use super::codecs::number;
