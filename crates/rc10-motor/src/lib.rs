@@ -68,7 +68,7 @@ pub mod dji;
 pub mod embassy;
 mod feedback;
 mod goal;
-//OFF pub mod lk;
+pub mod lk;
 mod load;
 pub mod mit;
 mod motor;

@@ -286,11 +286,7 @@ impl Servo {
     ///
     /// # Errors
     /// [`RequestError`]; nothing changed. [`RequestError::Unsupported`] for what the motor has to do.
-    pub fn request(
-        &mut self,
-        request: Request,
-        shaft: &Shaft,
-    ) -> Result<Response, RequestError> {
+    pub fn request(&mut self, request: Request, shaft: &Shaft) -> Result<Response, RequestError> {
         match request {
             Request::SpeedGains(gains) => with_gains(&mut self.cascade.speed, gains)?,
             Request::AngleGains(gains) => with_gains(&mut self.cascade.angle, gains)?,
@@ -437,7 +433,11 @@ mod tests {
         assert!(settled(&mut servo, DriveMode::Brake, at(12, 30.0)) < -2.9);
         assert!(settled(&mut servo, DriveMode::Coast, at(12, 30.0)).abs() < 1e-9);
         assert!(settled(&mut servo, DriveMode::Off, at(12, 30.0)).abs() < 1e-9);
-        assert!(settled(&mut servo, DriveMode::Run, Shaft::new(1, Gear::DIRECT, Direction::Forward)).abs() < 1e-9);
+        assert!(
+            settled(&mut servo, DriveMode::Run, Shaft::new(1, Gear::DIRECT, Direction::Forward))
+                .abs()
+                < 1e-9
+        );
     }
 
     #[test]

@@ -7,8 +7,8 @@ use rc10_app::maths::round_to_i32;
 use rc10_app::{Amps, Celsius, CountsPerTurn, Degrees, RotorRpm, TotalAngle};
 use rc10_can::CanFrame;
 
-use super::models::Model;
-use crate::motor::Fault;
+use super::config::Model;
+use crate::feedback::Fault;
 use crate::not_a_number::NotANumber;
 
 // Command bytes: LK CAN manual V2.3, table of commands.
@@ -61,7 +61,7 @@ const fn standard(raw: u16) -> StandardId {
     }
 }
 
-/// What a drive is set to: 1 ..= 32.
+/// The identifier set on a drive: 1 ..= 32.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriveId {
     number: u8,
@@ -99,18 +99,18 @@ impl DriveId {
     }
 }
 
-/// Which way round to an angle within a turn (byte 1 of `A5` and `A6`).
+/// The way round to an angle within a turn: the manual's `spinDirection`, byte 1 of `A5` and `A6`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Direction {
+pub enum SpinDirection {
     /// The way angles count up.
     Clockwise = 0,
     /// The other way.
     CounterClockwise = 1,
 }
 
-/// What a drive can be told. Angles and speeds are the rotor's. What is out of range is limited to
-/// the range. An angle on the scale [`CENTIDEGREES`] is packed without a division.
+/// A command to a drive. Angles and speeds are the rotor's. What is out of range is limited to the
+/// range.
 #[derive(Clone, Copy, Debug)]
 pub enum Command {
     /// `80`: no torque, and what it was doing is forgotten. Echoed.
@@ -137,7 +137,7 @@ pub enum Command {
         /// Where to, 0 ..= 359.99 degrees.
         angle: Degrees,
         /// Which way round.
-        direction: Direction,
+        direction: SpinDirection,
         /// As in [`TurnTo`](Self::TurnTo).
         speed_limit: Option<RotorRpm>,
     },
@@ -244,15 +244,19 @@ fn raw_angle(angle: TotalAngle) -> [u8; 4] {
     return (steps as i32).to_le_bytes();
 }
 
-/// The frame with the raw iq of drives 1 ..= 4 ([`Model::raw_current`]), at [`MULTI_MOTOR_ID`].
-/// Nobody limits these: a lane is sent as it is.
+fn angle(steps: i64) -> TotalAngle {
+    TotalAngle::from_microdegrees(steps.saturating_mul(10_000))
+}
+
+/// The frame with the raw iq of drives 1 ..= 4 ([`Model::raw_current`]), at [`MULTI_MOTOR_ID`]. The
+/// values are not limited.
 #[must_use]
 pub fn pack_multi_motor(raw: [i16; 4]) -> CanFrame {
     let [[a, b], [c, d], [e, f], [g, h]] = raw.map(i16::to_le_bytes);
     CanFrame::eight_bytes(MULTI_MOTOR_ID, [a, b, c, d, e, f, g, h])
 }
 
-/// Measured with every command that moves, and on [`Command::ReadMotion`].
+/// The measurement in the answer to every command that moves, and to [`Command::ReadMotion`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Motion {
     /// The command that this answers: `9C`, `A0` ..= `A8`.
@@ -367,7 +371,7 @@ pub struct PhaseCurrents {
     pub phases: [Amps; 3],
 }
 
-/// What a drive says.
+/// An answer of a drive.
 #[derive(Clone, Copy, Debug)]
 pub enum Reply {
     /// Echo of [`Command::Off`].
@@ -382,9 +386,9 @@ pub enum Reply {
     Health(Health),
     /// To [`Command::ReadPhaseCurrents`].
     PhaseCurrents(PhaseCurrents),
-    /// To [`Command::ReadMultiTurn`], on the scale [`CENTIDEGREES`].
+    /// To [`Command::ReadMultiTurn`], in steps of 0.01 degrees.
     MultiTurn(TotalAngle),
-    /// To [`Command::ReadSingleTurn`], never negative, on the scale [`CENTIDEGREES`].
+    /// To [`Command::ReadSingleTurn`], never negative, in steps of 0.01 degrees.
     SingleTurn(TotalAngle),
 }
 
@@ -396,7 +400,7 @@ pub enum ReplyError {
     NotMine,
     /// Not eight bytes.
     Length,
-    /// The answer to a command that nobody here sends.
+    /// The answer to a command that this crate does not know.
     Command(u8),
 }
 
@@ -452,12 +456,9 @@ impl Reply {
             }
             MULTI_TURN => {
                 // Seven bytes behind the command: shifting the command out extends the sign.
-                Self::MultiTurn(TotalAngle::new(i64::from_le_bytes(*bytes) >> 8, CENTIDEGREES))
+                Self::MultiTurn(angle(i64::from_le_bytes(*bytes) >> 8))
             }
-            SINGLE_TURN => {
-                let steps = u32::from_le_bytes([e, f, g, h]);
-                Self::SingleTurn(TotalAngle::new(steps.into(), CENTIDEGREES))
-            }
+            SINGLE_TURN => Self::SingleTurn(angle(u32::from_le_bytes([e, f, g, h]).into())),
             other => return Err(ReplyError::Command(other)),
         })
     }
