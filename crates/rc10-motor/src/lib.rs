@@ -74,7 +74,7 @@ pub mod mit;
 mod motor;
 mod motors;
 mod not_a_number;
-//OFF pub mod odrive;
+pub mod odrive;
 #[allow(dead_code)]
 mod pending;
 mod request;
