@@ -16,7 +16,7 @@ use rc10_emu::peripherals::{ResetCause, Width};
 use rc10_emu::{Figures, Image, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_robot::table::Name;
-use rc10_robot::{Io, Motors};
+use rc10_robot::{Motors, Shared};
 use rc10_sim::{BusConfig, EscConfig, Model, Nanos, TraceEntry, World};
 use serde_json::Value;
 
@@ -64,9 +64,9 @@ fn run<R>(setup: &Setup, scenario: impl FnOnce(&mut Emulation<'_>) -> R) -> R {
 /// The same, for a scenario that needs it as a whole.
 fn give<R>(setup: &Setup, scenario: impl FnOnce(Emulation<'_>) -> R) -> R {
     let ports = rc10_robot::ports();
-    let io = Io::new(ports.each_ref());
+    let shared = Shared::new(ports.each_ref());
     let mut motors = Motors::new();
-    let robot = team::robot(&io, motors.start(&io).unwrap());
+    let robot = team::robot(&shared, motors.start(&shared).unwrap());
     scenario(Emulation::new(firmware(), robot, setup).unwrap())
 }
 
@@ -649,9 +649,9 @@ fn the_chip_drives_as_the_simulator_does() {
     let wheel = Name::FrontLeft as usize;
     let simulated: Vec<(f64, f64)> = {
         let ports = rc10_robot::ports();
-        let io = Io::new(ports.each_ref());
+        let shared = Shared::new(ports.each_ref());
         let mut motors = Motors::new();
-        let robot = team::robot(&io, motors.start(&io).unwrap());
+        let robot = team::robot(&shared, motors.start(&shared).unwrap());
         let description = robot.description().clone();
         let mut around = rc10_cli::environment::Environment::new(&description, 1).unwrap();
         let mut tasks = robot.tasks(&around).unwrap();
@@ -659,7 +659,7 @@ fn the_chip_drives_as_the_simulator_does() {
             .map(|millisecond| {
                 let until = Micros::from_millis(millisecond);
                 around.run(&mut tasks, until);
-                let target = match io.motor(Name::FrontLeft).status().target {
+                let target = match shared.motor(Name::FrontLeft).status().target {
                     rc10_motor::Target::Speed(speed) => f64::from(speed.get()),
                     _ => 0.0,
                 };

@@ -1,4 +1,4 @@
-//! `docs/messages.md`: its code is that of this file, which runs it; its table is the robot's `Io`.
+//! `docs/messages.md`: its code is that of this file, which runs it; its table is the robot's `Shared`.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::cell::Cell;
@@ -14,7 +14,7 @@ use rc10_cli::environment::Environment;
 use rc10_cli::team;
 use rc10_module::ranging::Range;
 use rc10_motor::{Request, Target};
-use rc10_robot::{Io, Motors, Name};
+use rc10_robot::{Motors, Name, Shared};
 
 const PAGE: &str = include_str!("../docs/messages.md");
 const ROBOT: &str = include_str!("../crates/rc10-robot/src/robot.rs");
@@ -65,8 +65,8 @@ async fn call() {
     }
 }
 
-async fn turn_a_wheel(io: &Io<'_>) -> Result<(), rc10_motor::TargetError> {
-    let wheel = io.motor(Name::FrontLeft);
+async fn turn_a_wheel(shared: &Shared<'_>) -> Result<(), rc10_motor::TargetError> {
+    let wheel = shared.motor(Name::FrontLeft);
     wheel.command(Target::Speed(Rpm::new(60.0)))?;
     let outcome = wheel.request(Request::ClearFault).await;
     println!("{outcome:?}, and it turns at {}", wheel.status().feedback.speed.get());
@@ -76,9 +76,9 @@ async fn turn_a_wheel(io: &Io<'_>) -> Result<(), rc10_motor::TargetError> {
 #[test]
 fn the_code_of_the_page_runs() {
     let (ports, ended) = (rc10_robot::ports(), Cell::new(false));
-    let io = &Io::new(ports.each_ref());
+    let shared = &Shared::new(ports.each_ref());
     let mut motors = Motors::new();
-    let robot = team::robot(io, motors.start(io).unwrap());
+    let robot = team::robot(shared, motors.start(shared).unwrap());
     let mut around = Environment::new(robot.description(), 1).unwrap();
     let mut tasks = robot.tasks(&around).unwrap();
     tasks.add(async { listen().await.unwrap() });
@@ -89,7 +89,7 @@ fn the_code_of_the_page_runs() {
         write().await;
         look().await;
         call().await;
-        turn_a_wheel(io).await.unwrap();
+        turn_a_wheel(shared).await.unwrap();
         ended.set(true);
     });
     around.run(&mut tasks, Micros::from_millis(200));
@@ -140,7 +140,7 @@ fn the_table_is_that_of_the_robot() {
     let rows: Vec<Vec<&str>> =
         rows.map(|row| row.trim_matches('|').split('|').map(str::trim).collect()).collect();
 
-    let (_, fields) = ROBOT.split_once("pub struct Io<'p> {").unwrap();
+    let (_, fields) = ROBOT.split_once("pub struct Shared<'p> {").unwrap();
     let (fields, _) = fields.split_once("\n}").unwrap();
     let fields = fields.lines().filter_map(|line| line.trim().strip_prefix("pub "));
     let fields: Vec<_> =
@@ -149,7 +149,7 @@ fn the_table_is_that_of_the_robot() {
 
     let told: Vec<_> =
         rows.iter().map(|row| (row[0].trim_matches('`'), row[1].trim_matches('`'))).collect();
-    assert_eq!(told, fields, "the fields of `Io`, in their order, with their types");
+    assert_eq!(told, fields, "the fields of `Shared`, in their order, with their types");
 
     let mut tasks = sources("crates/rc10-robot/src");
     for no_task in ["lib", "mixed", "robot", "table"] {
@@ -159,7 +159,7 @@ fn the_table_is_that_of_the_robot() {
         let [field, kind, written, read, _] = row[..] else { panic!("other columns: {row:?}") };
         let field = field.trim_matches('`');
         let mentions = |code: &str, what: &str| {
-            let what = format!("io.{what}");
+            let what = format!("shared.{what}");
             code.match_indices(&what).any(|(at, _)| {
                 let next = code[at + what.len()..].chars().next();
                 next.is_none_or(|next| !next.is_alphanumeric() && next != '_')

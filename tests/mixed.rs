@@ -8,10 +8,10 @@ use rc10_cli::{mixed, simulate::simulate};
 use rc10_motor::{DriveMode, Link};
 
 fn run(seed: u64) -> Recording {
-    let io = rc10_robot::mixed::Io::new();
+    let shared = rc10_robot::mixed::Shared::new();
     let mut motors = rc10_robot::mixed::Motors::new().unwrap();
-    let (buses, line) = motors.start(&io).unwrap();
-    let robot = mixed::robot(&io, buses, line).unwrap();
+    let (buses, line) = motors.start(&shared).unwrap();
+    let robot = mixed::robot(&shared, buses, line).unwrap();
     simulate(robot, seed, Micros::from_millis(10_000)).unwrap()
 }
 

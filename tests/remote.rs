@@ -2,8 +2,8 @@
 //! the wheel, and what happens when the radio link breaks.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-#[path = "remote/lamp.rs"]
-mod lamp;
+#[path = "remote/status_led.rs"]
+mod status_led;
 #[path = "remote/world_axes.rs"]
 mod world_axes;
 
@@ -14,7 +14,7 @@ use rc10_cli::remote::{Receiver, ReceiverWire};
 use rc10_cli::team;
 use rc10_motor::{ArmState, DriveMode, Link, Target};
 use rc10_robot::table::{FULL_STICK, LIFT, Name, WHEELS};
-use rc10_robot::{Io, Motion, Motors};
+use rc10_robot::{BaseCommand, Motors, Shared};
 use rc10_sim::remote::{Controls, Failsafe, Sbus, Stick, Switch};
 use rc10_sim::{Nanos, SerialCounters, Tasks, TraceEntry, UartFault};
 
@@ -24,7 +24,7 @@ const fn millis(millis: u64) -> Micros {
 
 /// The robot in its world, its remote in the test's hands.
 struct Scene<'r> {
-    io: &'r Io<'r>,
+    shared: &'r Shared<'r>,
     around: Environment,
     tasks: Tasks<'r>,
     /// What the chip's end sent since the last look, bus by bus.
@@ -44,16 +44,16 @@ fn scene_with<T>(
     play: impl FnOnce(Scene<'_>) -> T,
 ) -> T {
     let ports = rc10_robot::ports();
-    let io = &Io::new(ports.each_ref());
+    let shared = &Shared::new(ports.each_ref());
     let mut motors = Motors::new();
-    let buses = motors.start(io).unwrap();
-    let mut robot = team::robot(io, buses);
+    let buses = motors.start(shared).unwrap();
+    let mut robot = team::robot(shared, buses);
     robot.set_remote(receiver).unwrap();
     let mut around = Environment::new(robot.description(), seed).unwrap();
     around.operator = None;
     change(&mut around);
     let tasks = robot.tasks(&around).unwrap();
-    play(Scene { io, around, tasks, commands: Default::default() })
+    play(Scene { shared, around, tasks, commands: Default::default() })
 }
 
 /// Armed, the left stick forward.
@@ -87,7 +87,7 @@ impl Scene<'_> {
     }
 
     fn arm(&self) -> ArmState {
-        self.io.switch.state()
+        self.shared.switch.state()
     }
 
     fn arm_by_hand(&mut self) {
@@ -108,7 +108,7 @@ impl Scene<'_> {
     }
 
     fn drive(&self, name: Name) -> DriveMode {
-        self.io.motor(name).status().drive
+        self.shared.motor(name).status().drive
     }
 
     /// When the last command that is not zero ended on the wires of the motors that coast, since the
@@ -197,7 +197,7 @@ fn back_within_a_second_it_goes_on_without_a_jump() {
                 for _ in 0..80 {
                     scene.run(millis(10));
                     let now = WHEELS.map(|name| {
-                        let status = scene.io.motor(name).status();
+                        let status = scene.shared.motor(name).status();
                         let target = match (status.drive, status.target) {
                             (DriveMode::Run, Target::Speed(speed)) => f64::from(speed.get()),
                             // What it would have to begin with.
@@ -328,7 +328,7 @@ fn after_every_fault_of_the_line_the_next_frame_arrives() {
                 scene.run(millis(30));
                 let SerialCounters { overrun, injected, .. } = wire.counters();
                 assert_eq!((overrun, injected), (0, faults));
-                scene.io.remote_reception.read()
+                scene.shared.remote_reception.read()
             })
         };
         let (without, with) = (heard(0), heard(100));
@@ -347,9 +347,9 @@ fn every_receiver_drives_the_script() {
     for receiver in Receiver::ALL {
         let run = |seed| {
             let ports = rc10_robot::ports();
-            let io = &Io::new(ports.each_ref());
+            let shared = &Shared::new(ports.each_ref());
             let mut motors = Motors::new();
-            let mut robot = team::robot(io, motors.start(io).unwrap());
+            let mut robot = team::robot(shared, motors.start(shared).unwrap());
             robot.set_remote(receiver).unwrap();
             simulate(robot, seed, millis(4_400)).unwrap()
         };
@@ -391,7 +391,7 @@ fn a_lift_that_is_powered_while_armed_gets_no_current_before_its_zero() {
         for _ in 0..60 {
             scene.run(millis(1));
             for (name, waited) in LIFT.into_iter().zip(&mut waited) {
-                let status = scene.io.motor(name).status();
+                let status = scene.shared.motor(name).status();
                 // Its encoder stands somewhere within a turn of the rotor until then.
                 let has_zero = status.feedback.total_angle.degrees().get().abs() < 0.5;
                 if status.link == Link::Online && !has_zero {
@@ -414,20 +414,20 @@ fn wheels_begin_at_rest_whatever_was_wished_for_while_disarmed() {
         let wish = |scene: &mut Scene<'_>, ms: u32| {
             for _ in 0..ms {
                 let twist = Twist::new(1.0, 0.0, 0.0);
-                let motion = Motion { twist, ..Motion::default() };
-                scene.io.motion.set(motion, scene.now());
+                let motion = BaseCommand { twist, ..BaseCommand::default() };
+                scene.shared.motion.set(motion, scene.now());
                 scene.run(millis(1));
             }
         };
         wish(&mut scene, 1000);
         assert_eq!(scene.arm(), ArmState::Disarmed);
-        scene.io.switch.arm().unwrap();
+        scene.shared.switch.arm().unwrap();
         wish(&mut scene, 8);
-        let target = scene.io.motor(Name::FrontLeft).status().target;
+        let target = scene.shared.motor(Name::FrontLeft).status().target;
         let Target::Speed(first) = target else { panic!("{target:?}") };
         assert!(first.get() < 20.0, "{first}");
         wish(&mut scene, 1000);
-        let target = scene.io.motor(Name::FrontLeft).status().target;
+        let target = scene.shared.motor(Name::FrontLeft).status().target;
         let Target::Speed(last) = target else { panic!("{target:?}") };
         assert!(last.get() > 100.0, "{last}");
     });

@@ -59,7 +59,7 @@ fn the_robot_does_what_its_script_says() {
     use rc10_motor::DriveMode;
     use rc10_robot::table::Name;
     let ports = rc10_robot::ports();
-    let io = &rc10_robot::Io::new(ports.each_ref());
+    let io = &rc10_robot::Shared::new(ports.each_ref());
     let mut motors = rc10_robot::Motors::new();
     let buses = motors.start(io).unwrap();
     let length = rc10_can::Micros::from_millis(10_000);

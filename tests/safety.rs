@@ -11,7 +11,7 @@ use rc10_cli::team;
 use rc10_motor::dji::{self, FeedbackRate, Model};
 use rc10_motor::{ArmSwitch, DriveMode, Link, Safety, Target};
 use rc10_robot::table::{LIFT, Name};
-use rc10_robot::{Io, Motors};
+use rc10_robot::{Motors, Shared};
 
 const MODELS: [&Model; 4] = [&dji::M3508, &dji::M2006, &dji::GM6020_CURRENT, &dji::GM6020_VOLTAGE];
 
@@ -173,10 +173,10 @@ fn nothing_moves_before_the_robot_is_armed() {
 #[test]
 fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     let ports = rc10_robot::ports();
-    let io = &Io::new(ports.each_ref());
+    let shared = &Shared::new(ports.each_ref());
     let mut motors = Motors::new();
-    let buses = motors.start(io).unwrap();
-    let robot = team::robot(io, buses);
+    let buses = motors.start(shared).unwrap();
+    let robot = team::robot(shared, buses);
     let mut around = Environment::new(robot.description(), 4).unwrap();
     let mut tasks = robot.tasks(&around).unwrap();
     let stop = Micros::new(7_400_300);
@@ -188,7 +188,7 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
         |around: &Environment| LIFT.map(|name| around.motors[name as usize].state().output_degrees);
     let rising = around.motors[Name::LiftFrontLeft as usize].state().output_rpm;
     assert!(rising > 20.0, "the lift moves: {rising}");
-    io.switch.emergency_stop();
+    shared.switch.emergency_stop();
     // The next tick starts 0.7 ms from now; its frames are through 0.6 ms later at the latest.
     around.run(&mut tasks, stop + Micros::new(1_300));
     let _ = traces(&around);
@@ -203,19 +203,19 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     }
     assert!(count > 1000, "{count} frames");
     // Nobody can arm it, and the lift hangs where it stopped.
-    assert!(io.switch.arm().is_err());
+    assert!(shared.switch.arm().is_err());
     around.run(&mut tasks, stop + Micros::from_millis(900));
     for (now, before) in lift(&around).into_iter().zip(still) {
         assert!((now - before).abs() < 1.5, "{before} to {now}");
     }
     for name in [Name::FrontLeft, Name::Yaw, Name::LiftRearRight] {
-        let drive = io.motor(name).status().drive;
+        let drive = shared.motor(name).status().drive;
         assert_eq!(drive, name.entry().safety.state.drive());
     }
-    io.switch.reset();
-    io.switch.arm().unwrap();
+    shared.switch.reset();
+    shared.switch.arm().unwrap();
     around.run(&mut tasks, stop + Micros::from_millis(950));
-    assert_eq!(io.motor(Name::FrontLeft).status().drive, DriveMode::Run);
+    assert_eq!(shared.motor(Name::FrontLeft).status().drive, DriveMode::Run);
 }
 
 /// A gripper pushes against its end stop; then somebody stops it. It must let go.

@@ -29,7 +29,7 @@ use rc10_module::remote::{self, SerialSettings};
 use rc10_motor::Unfit;
 use rc10_motor::embassy::BusPort;
 use rc10_robot::table::{BUSES, LEDS, RECEIVER};
-use rc10_robot::{Io, Motors};
+use rc10_robot::{Shared, Motors};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::tasks::Unstartable;
@@ -66,7 +66,7 @@ const PULSES: usize = LEDS * BITS + 2;
 
 // What is large is made where it stays: moved, it would go over the stack.
 static PORTS: [StaticCell<BusPort>; BUSES] = [const { StaticCell::new() }; BUSES];
-static IO: StaticCell<Io<'static>> = StaticCell::new();
+static IO: StaticCell<Shared<'static>> = StaticCell::new();
 static MOTORS: ConstStaticCell<Motors> = ConstStaticCell::new(Motors::new());
 static MOTOR_BUSES: [StaticCell<rc10_robot::Bus<'static>>; BUSES] =
     [const { StaticCell::new() }; BUSES];
@@ -101,48 +101,48 @@ async fn main(spawner: Spawner) {
 #[inline(never)]
 fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     let ports = PORTS.each_ref().map(|place| &*place.init_with(|| const { BusPort::new() }));
-    let io = IO.init_with(|| Io::new(ports));
-    io.bus_cycles = Some(&TICKS);
-    let io = &*io;
+    let shared = IO.init_with(|| Shared::new(ports));
+    shared.bus_cycles = Some(&TICKS);
+    let shared = &*shared;
     if !rc10_bsp::has_crystal() {
         defmt::error!("the crystal does not start: the robot cannot be armed");
-        io.switch.forbid(Unfit::Clock);
+        shared.switch.forbid(Unfit::Clock);
     }
     let places = MOTOR_BUSES.each_ref();
-    let buses = places.map(|place| place.init_with(|| rc10_robot::Bus::new(&io.switch)));
+    let buses = places.map(|place| place.init_with(|| rc10_robot::Bus::new(&shared.switch)));
     let motors = MOTORS.take().attach(buses)?;
 
     interrupt::UART9.set_priority(Priority::P6);
     let control = CONTROL.start(interrupt::UART9);
     let ports = [Bus::start(board.bus_1), Bus::start(board.bus_2), Bus::start(board.bus_3)];
     let started = Instant::now();
-    control.spawn(tasks::buses(ports, motors, io.buses)?);
+    control.spawn(tasks::buses(ports, motors, shared.buses)?);
     supervisor::start(board.supervisor, Irqs, Priority::P3);
 
-    spawner.spawn(tasks::ten_milliseconds(io, board.watchdog)?);
-    spawner.spawn(tasks::chassis(io)?);
+    spawner.spawn(tasks::ten_milliseconds(shared, board.watchdog)?);
+    spawner.spawn(tasks::chassis(shared)?);
     let (StripParts { timer, pin, stream }, buffer) = (board.strip, dma_buffer!(u32; PULSES));
     let period = tasks::STRIP.period;
     let strip = PulseOutput::start(timer, pin, stream, Irqs, period, buffer, PERIPHERALS);
-    spawner.spawn(tasks::tenth_of_a_second(io, strip)?);
+    spawner.spawn(tasks::tenth_of_a_second(shared, strip)?);
 
     // Rings hold what comes in 5 ms twice over, at the highest rate of what may be there.
     let (ring, buffer) = (dma_buffer!(u8; 64), dma_buffer!(u8; 256));
     let text = Serial::start(board.text, Irqs, &TEXT, ring, buffer, PERIPHERALS)?;
-    spawner.spawn(tasks::log(io, text, started + BETWEEN)?);
+    spawner.spawn(tasks::log(shared, text, started + BETWEEN)?);
     let (ring, buffer) = (dma_buffer!(u8; 128), dma_buffer!(u8; 32));
     let imu = Serial::start(board.imu, Irqs, &IMU, ring, buffer, PERIPHERALS)?;
-    spawner.spawn(tasks::imu(io, imu)?);
+    spawner.spawn(tasks::imu(shared, imu)?);
     match RECEIVER.serial() {
         Some(settings) => {
             let (config, ring) = (line(settings), dma_buffer!(u8; 1024));
             let port = SerialReceiver::start(board.remote, Irqs, &config, ring, PERIPHERALS)?;
-            spawner.spawn(tasks::remote(io, port)?);
+            spawner.spawn(tasks::remote(shared, port)?);
         }
         None => {
             let PulseParts { timer, pin } = board.pulses;
             let input = PulseInput::start(timer, pin, Irqs, PERIPHERALS);
-            spawner.spawn(tasks::pulses(io, input)?);
+            spawner.spawn(tasks::pulses(shared, input)?);
         }
     }
     // One of the buses wakes every third of a millisecond from then on. All else wakes between: woken

@@ -19,7 +19,7 @@ use rc10_module::led::ws2812::{PulseTiming, Pulses, Strip};
 use rc10_motor::TxBatch;
 use rc10_motor::embassy::{BusPort, Runner, run_buses};
 use rc10_robot::table::{BUSES, LED_BRIGHTNESS, LEDS, RECEIVER};
-use rc10_robot::{Io, SetupError, chassis, driver, imu, lamp, mechanisms, remote, status};
+use rc10_robot::{Shared, SetupError, chassis, driver, imu, status_led, mechanisms, remote, status};
 
 /// The chip restarts within 100 ms if a bus does not tick, or if the tasks in thread mode do not
 /// run: up to 10 ms go by before that shows, and the watchdog's own clock may be 9 % slow.
@@ -66,8 +66,8 @@ fn runner(
 
 /// The base.
 #[embassy_executor::task]
-pub async fn chassis(io: &'static Io<'static>) -> ! {
-    chassis::run(io).await
+pub async fn chassis(shared: &'static Shared<'static>) -> ! {
+    chassis::run(shared).await
 }
 
 /// Gimbal, feeder, lift; who decides; and who feeds the watchdog. One task for all that happens every
@@ -75,19 +75,19 @@ pub async fn chassis(io: &'static Io<'static>) -> ! {
 /// last, so that motors start in another tick than the one in which the robot is armed: in one tick
 /// that would be a lot.
 #[embassy_executor::task]
-pub async fn ten_milliseconds(io: &'static Io<'static>, watchdog: Peri<'static, IWDG1>) -> ! {
-    join3(mechanisms::run(io), watch(watchdog, io), driver::run(io)).await.0
+pub async fn ten_milliseconds(shared: &'static Shared<'static>, watchdog: Peri<'static, IWDG1>) -> ! {
+    join3(mechanisms::run(shared), watch(watchdog, shared), driver::run(shared)).await.0
 }
 
 /// Publishes the status, and shows it on the LED strip.
 #[embassy_executor::task]
-pub async fn tenth_of_a_second(io: &'static Io<'static>, strip: PulseOutput) -> ! {
-    join(status::run(io), show(io, strip)).await.0
+pub async fn tenth_of_a_second(shared: &'static Shared<'static>, strip: PulseOutput) -> ! {
+    join(status::run(shared), show(shared, strip)).await.0
 }
 
-async fn show(io: &Io<'_>, mut output: PulseOutput) -> ! {
+async fn show(shared: &Shared<'_>, mut output: PulseOutput) -> ! {
     let pulses = Pulses::new(STRIP, async |widths: &[u16]| output.send(widths).await);
-    lamp::run(io, Strip::<_, LEDS>::new(pulses).with_brightness(LED_BRIGHTNESS)).await
+    status_led::run(shared, Strip::<_, LEDS>::new(pulses).with_brightness(LED_BRIGHTNESS)).await
 }
 
 /// Writes the status, ten times a second, as a line of text: to the UART, and into
@@ -95,8 +95,8 @@ async fn show(io: &Io<'_>, mut output: PulseOutput) -> ! {
 /// made before, so that they wait for a copy of it only, and written whole milliseconds after `quiet`,
 /// when no bus is about to send.
 #[embassy_executor::task]
-pub async fn log(io: &'static Io<'static>, mut port: Serial, quiet: Instant) {
-    let Ok(mut messages) = io.status.subscribe() else {
+pub async fn log(shared: &'static Shared<'static>, mut port: Serial, quiet: Instant) {
+    let Ok(mut messages) = shared.status.subscribe() else {
         defmt::error!("no room for the log to subscribe to the status");
         return;
     };
@@ -122,30 +122,30 @@ pub async fn log(io: &'static Io<'static>, mut port: Serial, quiet: Instant) {
 
 /// Listens to the remote control's receiver.
 #[embassy_executor::task]
-pub async fn remote(io: &'static Io<'static>, port: SerialReceiver) -> ! {
-    remote::listen(io, RECEIVER, port).await
+pub async fn remote(shared: &'static Shared<'static>, port: SerialReceiver) -> ! {
+    remote::listen(shared, RECEIVER, port).await
 }
 
 /// Listens to a receiver that speaks in pulses.
 #[embassy_executor::task]
-pub async fn pulses(io: &'static Io<'static>, mut input: PulseInput) -> ! {
-    remote::listen_pulses(io, async || input.rising_edge().await).await
+pub async fn pulses(shared: &'static Shared<'static>, mut input: PulseInput) -> ! {
+    remote::listen_pulses(shared, async || input.rising_edge().await).await
 }
 
 /// Listens to the IMU.
 #[embassy_executor::task]
-pub async fn imu(io: &'static Io<'static>, port: Serial) -> ! {
-    imu::run(io, port).await
+pub async fn imu(shared: &'static Shared<'static>, port: Serial) -> ! {
+    imu::run(shared, port).await
 }
 
 /// Feeds the watchdog while every bus ticks.
-async fn watch(watchdog: Peri<'static, IWDG1>, io: &Io<'_>) -> ! {
+async fn watch(watchdog: Peri<'static, IWDG1>, shared: &Shared<'_>) -> ! {
     let mut watchdog = Watchdog::start(watchdog, WATCHDOG);
     if !watchdog.is_set() {
         defmt::warn!("the watchdog does not take its timeout: a hung robot may not restart");
     }
     let mut ticker = Ticker::every(FEED);
-    let ticks = || io.buses.map(|bus| bus.ticks());
+    let ticks = || shared.buses.map(|bus| bus.ticks());
     let mut before = ticks();
     loop {
         ticker.next().await;

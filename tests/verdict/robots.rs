@@ -37,21 +37,21 @@ pub fn run(which: Which, seed: u64, length: Micros, change: Option<Change<'_>>) 
     match which {
         Which::Team => {
             let ports = rc10_robot::ports();
-            let io = &rc10_robot::Io::new(ports.each_ref());
+            let shared = &rc10_robot::Shared::new(ports.each_ref());
             let mut motors = MOTORS.map(|entry| {
                 let motor = Dji::new(entry.model, entry.id).unwrap();
                 let motor = motor.with_direction(entry.direction).with_feedback_rate(entry.rate);
                 let cascade = entry.gains.unwrap_or(entry.model.cascade);
                 motor.with_cascade(changed(entry.label, cascade)).unwrap()
             });
-            let mut buses = [(); 3].map(|()| MotorBus::new(&io.switch));
+            let mut buses = [(); 3].map(|()| MotorBus::new(&shared.switch));
             for (motor, entry) in motors.iter_mut().zip(&MOTORS) {
                 buses[usize::from(entry.bus - 1)].attach(motor, entry.safety).unwrap();
             }
-            run(team::robot(io, buses))
+            run(team::robot(shared, buses))
         }
         Which::Mixed => {
-            let io = &table::Io::new();
+            let shared = &table::Shared::new();
             let mit = damiao::Control::Mit(changed("arm", table::ARM));
             let (id, master) = table::ARM_IDS;
             let mut arm = Damiao::new(damiao::models::J4310, id, master, mit).unwrap();
@@ -70,11 +70,11 @@ pub fn run(which: Which, seed: u64, length: Micros, change: Option<Change<'_>>) 
             let legs = std::array::from_fn(|id| u8::try_from(id).unwrap());
             let legs: [u8; table::LEGS] = legs;
             let mut legs = legs.map(|id| rc10_motor::unitree::GoM8010::new(id).unwrap());
-            let mut line = Rs485Bus::new(&io.switch);
+            let mut line = Rs485Bus::new(&shared.switch);
             for leg in &mut legs {
                 line.attach(leg, Safety::HOLD).unwrap();
             }
-            let mut buses = [(); 2].map(|()| MotorBus::new(&io.switch));
+            let mut buses = [(); 2].map(|()| MotorBus::new(&shared.switch));
             let on_buses: [(usize, &mut dyn CanMotor, Safety); 6] = [
                 (0, &mut wheel, Safety::BRAKE),
                 (0, &mut arm, Safety::HOLD),
@@ -86,7 +86,7 @@ pub fn run(which: Which, seed: u64, length: Micros, change: Option<Change<'_>>) 
             for (bus, motor, safety) in on_buses {
                 buses[bus].attach(motor, safety).unwrap();
             }
-            run(mixed::robot(io, buses, line).unwrap())
+            run(mixed::robot(shared, buses, line).unwrap())
         }
     }
 }

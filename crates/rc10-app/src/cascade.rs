@@ -246,7 +246,7 @@ impl CascadeState {
     /// One step towards an angle that is `way` degrees away. `measured` in rpm. `count` counts ticks:
     /// the angle loop runs where it is a multiple of the divider, so that cascades with other
     /// counts take other ticks.
-    #[inline(never)]
+    #[inline]
     pub fn seek_angle(
         &mut self,
         config: &Cascade,

@@ -491,7 +491,7 @@ mod tests {
         err: &mut dyn Write,
     ) -> anyhow::Result<bool> {
         let ports = rc10_robot::ports();
-        let io = rc10_robot::Io::new(ports.each_ref());
+        let io = rc10_robot::Shared::new(ports.each_ref());
         let mut motors = rc10_robot::Motors::new();
         let buses = motors.start(&io)?;
         decode_log(log, args, crate::team::robot(&io, buses), out, err)

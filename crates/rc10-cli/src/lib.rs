@@ -231,14 +231,14 @@ pub fn main() -> ExitCode {
         match robot {
             Which::Team => {
                 let ports = rc10_robot::ports();
-                let io = rc10_robot::Io::new(ports.each_ref());
+                let io = rc10_robot::Shared::new(ports.each_ref());
                 let mut motors = rc10_robot::Motors::new();
                 let buses =
                     motors.start(&io).map_err(|error| team::description().label(error.into()))?;
                 command.run(team::robot(&io, buses))
             }
             Which::Mixed => {
-                let io = rc10_robot::mixed::Io::new();
+                let io = rc10_robot::mixed::Shared::new();
                 let description = mixed::description()?;
                 let label = |error: rc10_robot::mixed::SetupError| description.label(error.into());
                 let mut motors = rc10_robot::mixed::Motors::new().map_err(label)?;

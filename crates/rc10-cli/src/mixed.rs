@@ -11,8 +11,8 @@ use rc10_motor::{
     CanMotor as _, MotorBus, MotorName, cybergear, damiao, lk, odrive, unitree, vesc,
 };
 use rc10_robot::mixed::{
-    ARM_IDS, ARMED_AT, BUSES, FLYWHEEL, FLYWHEEL_NODE, HIP, Io, LEGS, SCRIPT, TURRET, TURRET_ID,
-    WRIST, arm, run, wheel,
+    ARM_IDS, ARMED_AT, BUSES, FLYWHEEL, FLYWHEEL_NODE, HIP, LEGS, SCRIPT, Shared, TURRET,
+    TURRET_ID, WRIST, arm, run, wheel,
 };
 use rc10_sim::lk::Drive;
 use rc10_sim::odrive::Axis;
@@ -193,7 +193,7 @@ fn leg_twin<const ID: u8>(line: &Line, inertia: f64) -> Result<LineMotor> {
 /// # Errors
 /// If the robot's numbers cannot be.
 pub fn robot<'r>(
-    io: &'r Io,
+    io: &'r Shared,
     buses: [MotorBus<'r>; BUSES],
     line: Rs485Bus<'r>,
 ) -> Result<Robot<'r>> {

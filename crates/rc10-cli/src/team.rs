@@ -5,7 +5,7 @@ mod operator;
 use anyhow::{Context, Result};
 use rc10_motor::SafeState;
 use rc10_robot::table::{BASE, BUSES, Entry, LIFT, LIFT_TOP, MOTORS, Name, RECEIVER, WHEELS};
-use rc10_robot::{Bus, Io, chassis, driver, imu, mechanisms, remote, status};
+use rc10_robot::{Bus, Shared, chassis, driver, imu, mechanisms, remote, status};
 use rc10_sim::imu::Hwt101;
 use rc10_sim::{Chassis, Nanos, Serial, World};
 
@@ -81,7 +81,7 @@ fn imu_twin(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial> 
 
 /// The robot with all its tasks, before it runs.
 #[must_use]
-pub fn robot<'r>(io: &'r Io<'_>, buses: [Bus<'r>; BUSES]) -> Robot<'r> {
+pub fn robot<'r>(io: &'r Shared<'_>, buses: [Bus<'r>; BUSES]) -> Robot<'r> {
     let robot = Robot::new(description()).switch(&io.switch);
     let robot =
         buses.into_iter().zip(io.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));

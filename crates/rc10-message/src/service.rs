@@ -49,37 +49,37 @@ use rc10_can::Micros;
 /// A request or response is copied in and out under a critical section: keep them small.
 pub struct Service<Request, Response, const CALLERS: usize = 4> {
     /// Whether a request may be there to be taken: to look costs one load while there is none.
-    /// Written only where the desk is locked; a hint, and what follows from it happens there, too.
-    asked: AtomicBool,
-    desk: Mutex<CriticalSectionRawMutex, RefCell<Desk<Request, Response, CALLERS>>>,
+    /// Written only where the state is locked; a hint, and what follows from it happens there, too.
+    pending: AtomicBool,
+    state: Mutex<CriticalSectionRawMutex, RefCell<State<Request, Response, CALLERS>>>,
 }
 
 /// Microseconds, about twelve days: embassy's sums with it do not overflow, whatever its tick.
 const LONGEST_TIMEOUT: u64 = 1 << 40;
 
-struct Desk<Request, Response, const CALLERS: usize> {
-    places: [Option<Place<Request, Response>>; CALLERS],
+struct State<Request, Response, const CALLERS: usize> {
+    slots: [Option<Slot<Request, Response>>; CALLERS],
     /// Whether there is a [`Server`], and what wakes it.
     served: bool,
     server: WakerRegistration,
     /// Of the newest call, and so how many there were.
-    ticket: u32,
+    sequence: u32,
     timed_out: u32,
     cancelled: u32,
     unserved: u32,
     late: u32,
 }
 
-/// The place of a waiting caller.
-struct Place<Request, Response> {
+/// The slot of a waiting caller.
+struct Slot<Request, Response> {
     /// Tells one call from the next, so that no caller takes another's response; counts upwards.
-    ticket: u32,
+    sequence: u32,
     stage: Stage<Request, Response>,
     caller: WakerRegistration,
 }
 
 enum Stage<Request, Response> {
-    Asked(Request),
+    Waiting(Request),
     Taken,
     Answered(Response),
     NotServed,
@@ -96,7 +96,7 @@ pub enum CallError {
     },
     /// The request was not taken in time, and was taken back: does the server run?
     NotTaken,
-    /// The server has taken the request but did not answer in time. Whether it does what was asked
+    /// The server has taken the request but did not answer in time. Whether it carries it out
     /// is not known.
     TimedOut,
     /// The server has taken the request and dropped it.
@@ -142,12 +142,12 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
     pub const fn new() -> Self {
         const { assert!(CALLERS > 0, "a service needs room for a caller") };
         Self {
-            asked: AtomicBool::new(false),
-            desk: Mutex::new(RefCell::new(Desk {
-                places: [const { None }; CALLERS],
+            pending: AtomicBool::new(false),
+            state: Mutex::new(RefCell::new(State {
+                slots: [const { None }; CALLERS],
                 served: false,
                 server: WakerRegistration::new(),
-                ticket: 0,
+                sequence: 0,
                 timed_out: 0,
                 cancelled: 0,
                 unserved: 0,
@@ -185,15 +185,15 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
     }
 
     fn ask(&self, request: Request) -> Result<Waiting<'_, Request, Response, CALLERS>, CallError> {
-        self.with(|desk| {
-            let free = desk.places.iter_mut().find(|place| place.is_none());
+        self.with(|state| {
+            let free = state.slots.iter_mut().find(|slot| slot.is_none());
             let free = free.ok_or(CallError::Full { most: CALLERS })?;
-            desk.ticket = desk.ticket.wrapping_add(1);
-            let (ticket, stage) = (desk.ticket, Stage::Asked(request));
-            *free = Some(Place { ticket, stage, caller: WakerRegistration::new() });
-            self.asked.store(true, Ordering::Release);
-            desk.server.wake();
-            Ok(Waiting { service: self, ticket })
+            state.sequence = state.sequence.wrapping_add(1);
+            let (sequence, stage) = (state.sequence, Stage::Waiting(request));
+            *free = Some(Slot { sequence, stage, caller: WakerRegistration::new() });
+            self.pending.store(true, Ordering::Release);
+            state.server.wake();
+            Ok(Waiting { service: self, sequence })
         })
     }
 
@@ -233,7 +233,7 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
     /// ```
     #[inline]
     pub fn try_next(&self) -> Option<(Request, Caller<'_, Request, Response, CALLERS>)> {
-        if self.asked.load(Ordering::Acquire) { self.with(|desk| self.take(desk)) } else { None }
+        if self.pending.load(Ordering::Acquire) { self.with(|state| self.take(state)) } else { None }
     }
 
     /// The right to wait for requests. Dropping it makes room for another server; requests that
@@ -242,45 +242,45 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
     /// # Errors
     /// [`AlreadyServed`] while there is one: two that wait would wake each other for ever.
     pub fn server(&self) -> Result<Server<'_, Request, Response, CALLERS>, AlreadyServed> {
-        let served = self.with(|desk| core::mem::replace(&mut desk.served, true));
+        let served = self.with(|state| core::mem::replace(&mut state.served, true));
         if served { Err(AlreadyServed) } else { Ok(Server { service: self }) }
     }
 
     /// Counters of the calls so far. They start over after 2³².
     #[must_use]
     pub fn calls(&self) -> Calls {
-        self.with(|desk| {
-            let &mut Desk { ticket, timed_out, cancelled, unserved, late, .. } = desk;
+        self.with(|state| {
+            let &mut State { sequence, timed_out, cancelled, unserved, late, .. } = state;
             #[expect(clippy::cast_possible_truncation, reason = "a service has a few callers")]
-            let waiting = desk.places.iter().flatten().count() as u32;
+            let waiting = state.slots.iter().flatten().count() as u32;
             let others = [timed_out, cancelled, unserved, waiting];
-            let answered = others.into_iter().fold(ticket, u32::wrapping_sub);
-            Calls { calls: ticket, answered, timed_out, cancelled, unserved, waiting, late }
+            let answered = others.into_iter().fold(sequence, u32::wrapping_sub);
+            Calls { calls: sequence, answered, timed_out, cancelled, unserved, waiting, late }
         })
     }
 
     fn take(
         &self,
-        desk: &mut Desk<Request, Response, CALLERS>,
+        state: &mut State<Request, Response, CALLERS>,
     ) -> Option<(Request, Caller<'_, Request, Response, CALLERS>)> {
-        let newest = desk.ticket;
-        let mut asked = 0;
-        let waiting = desk.places.iter_mut().flatten();
+        let newest = state.sequence;
+        let mut pending = 0;
+        let waiting = state.slots.iter_mut().flatten();
         let oldest = waiting
-            .filter(|place| matches!(place.stage, Stage::Asked(_)))
-            .inspect(|_| asked += 1)
-            .max_by_key(|place| newest.wrapping_sub(place.ticket));
+            .filter(|slot| matches!(slot.stage, Stage::Waiting(_)))
+            .inspect(|_| pending += 1)
+            .max_by_key(|slot| newest.wrapping_sub(slot.sequence));
         let taken =
-            oldest.and_then(|place| match core::mem::replace(&mut place.stage, Stage::Taken) {
-                Stage::Asked(request) => Some((request, place.ticket)),
+            oldest.and_then(|slot| match core::mem::replace(&mut slot.stage, Stage::Taken) {
+                Stage::Waiting(request) => Some((request, slot.sequence)),
                 _ => None,
             });
-        self.asked.store(asked > 1, Ordering::Release);
-        taken.map(|(request, ticket)| (request, Caller { service: self, ticket }))
+        self.pending.store(pending > 1, Ordering::Release);
+        taken.map(|(request, sequence)| (request, Caller { service: self, sequence }))
     }
 
-    fn with<R>(&self, f: impl FnOnce(&mut Desk<Request, Response, CALLERS>) -> R) -> R {
-        self.desk.lock(|desk| f(&mut desk.borrow_mut()))
+    fn with<R>(&self, f: impl FnOnce(&mut State<Request, Response, CALLERS>) -> R) -> R {
+        self.state.lock(|state| f(&mut state.borrow_mut()))
     }
 }
 
@@ -296,29 +296,29 @@ impl<Request, Response, const CALLERS: usize> fmt::Debug for Service<Request, Re
     }
 }
 
-impl<Request, Response, const CALLERS: usize> Desk<Request, Response, CALLERS> {
-    /// Where the caller with this ticket waits, if it still does.
-    fn place(&mut self, ticket: u32) -> Option<&mut Option<Place<Request, Response>>> {
-        let of_caller = |place: &&mut Option<Place<_, _>>| {
-            place.as_ref().is_some_and(|place| place.ticket == ticket)
+impl<Request, Response, const CALLERS: usize> State<Request, Response, CALLERS> {
+    /// Where the caller with this sequence waits, if it still does.
+    fn slot(&mut self, sequence: u32) -> Option<&mut Option<Slot<Request, Response>>> {
+        let of_caller = |slot: &&mut Option<Slot<_, _>>| {
+            slot.as_ref().is_some_and(|slot| slot.sequence == sequence)
         };
-        self.places.iter_mut().find(of_caller)
+        self.slots.iter_mut().find(of_caller)
     }
 
     /// The caller leaves: what its call had come to.
-    fn leave(&mut self, ticket: u32) -> Option<Stage<Request, Response>> {
-        self.place(ticket)?.take().map(|place| place.stage)
+    fn leave(&mut self, sequence: u32) -> Option<Stage<Request, Response>> {
+        self.slot(sequence)?.take().map(|slot| slot.stage)
     }
 
     /// What came of a call that its server is done with; its caller has left then.
-    fn outcome(&mut self, ticket: u32, context: &Context<'_>) -> Poll<Result<Response, CallError>> {
-        if let Some(Some(place)) = self.place(ticket)
-            && let Stage::Asked(_) | Stage::Taken = place.stage
+    fn outcome(&mut self, sequence: u32, context: &Context<'_>) -> Poll<Result<Response, CallError>> {
+        if let Some(Some(slot)) = self.slot(sequence)
+            && let Stage::Waiting(_) | Stage::Taken = slot.stage
         {
-            place.caller.register(context.waker());
+            slot.caller.register(context.waker());
             return Poll::Pending;
         }
-        match self.leave(ticket) {
+        match self.leave(sequence) {
             Some(Stage::Answered(response)) => Poll::Ready(Ok(response)),
             Some(_) => {
                 self.unserved = self.unserved.wrapping_add(1);
@@ -330,12 +330,12 @@ impl<Request, Response, const CALLERS: usize> Desk<Request, Response, CALLERS> {
     }
 
     /// Ends a call that was taken, if its caller still waits.
-    fn finish(&mut self, ticket: u32, stage: Stage<Request, Response>) -> bool {
-        let Some(Some(place)) = self.place(ticket) else {
+    fn finish(&mut self, sequence: u32, stage: Stage<Request, Response>) -> bool {
+        let Some(Some(slot)) = self.slot(sequence) else {
             return false;
         };
-        place.stage = stage;
-        place.caller.wake();
+        slot.stage = stage;
+        slot.caller.wake();
         true
     }
 }
@@ -353,10 +353,10 @@ impl<'s, Request, Response, const CALLERS: usize> Server<'s, Request, Response, 
     pub async fn next(&mut self) -> (Request, Caller<'s, Request, Response, CALLERS>) {
         let service = self.service;
         poll_fn(|context| {
-            service.with(|desk| match service.take(desk) {
+            service.with(|state| match service.take(state) {
                 Some(request) => Poll::Ready(request),
                 None => {
-                    desk.server.register(context.waker());
+                    state.server.register(context.waker());
                     Poll::Pending
                 }
             })
@@ -379,7 +379,7 @@ impl<'s, Request, Response, const CALLERS: usize> Server<'s, Request, Response, 
 
 impl<Request, Response, const CALLERS: usize> Drop for Server<'_, Request, Response, CALLERS> {
     fn drop(&mut self) {
-        self.service.with(|desk| desk.served = false);
+        self.service.with(|state| state.served = false);
     }
 }
 
@@ -404,27 +404,27 @@ impl fmt::Display for AlreadyServed {
 
 impl core::error::Error for AlreadyServed {}
 
-/// A caller's place in the queue; left on drop.
+/// A caller's slot in the queue; left on drop.
 struct Waiting<'s, Request, Response, const CALLERS: usize> {
     service: &'s Service<Request, Response, CALLERS>,
-    ticket: u32,
+    sequence: u32,
 }
 
 impl<Request, Response, const CALLERS: usize> Waiting<'_, Request, Response, CALLERS> {
     /// The time is over.
     fn give_up(self) -> Result<Response, CallError> {
-        self.service.with(|desk| {
-            let error = match desk.leave(self.ticket) {
+        self.service.with(|state| {
+            let error = match state.leave(self.sequence) {
                 // In the last moment.
                 Some(Stage::Answered(response)) => return Ok(response),
                 Some(Stage::NotServed) => {
-                    desk.unserved = desk.unserved.wrapping_add(1);
+                    state.unserved = state.unserved.wrapping_add(1);
                     return Err(CallError::NotServed);
                 }
-                Some(Stage::Asked(_)) => CallError::NotTaken,
+                Some(Stage::Waiting(_)) => CallError::NotTaken,
                 Some(Stage::Taken) | None => CallError::TimedOut,
             };
-            desk.timed_out = desk.timed_out.wrapping_add(1);
+            state.timed_out = state.timed_out.wrapping_add(1);
             Err(error)
         })
     }
@@ -434,18 +434,18 @@ impl<Request, Response, const CALLERS: usize> Future for Waiting<'_, Request, Re
     type Output = Result<Response, CallError>;
 
     fn poll(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
-        self.service.with(|desk| desk.outcome(self.ticket, context))
+        self.service.with(|state| state.outcome(self.sequence, context))
     }
 }
 
 impl<Request, Response, const CALLERS: usize> Drop for Waiting<'_, Request, Response, CALLERS> {
     fn drop(&mut self) {
-        self.service.with(|desk| {
-            let Some(stage) = desk.leave(self.ticket) else { return };
+        self.service.with(|state| {
+            let Some(stage) = state.leave(self.sequence) else { return };
             if let Stage::Answered(_) = stage {
-                desk.late = desk.late.wrapping_add(1);
+                state.late = state.late.wrapping_add(1);
             }
-            desk.cancelled = desk.cancelled.wrapping_add(1);
+            state.cancelled = state.cancelled.wrapping_add(1);
         });
     }
 }
@@ -455,15 +455,15 @@ impl<Request, Response, const CALLERS: usize> Drop for Waiting<'_, Request, Resp
 #[must_use = "dropped, it tells the caller that its request is not served"]
 pub struct Caller<'s, Request, Response, const CALLERS: usize = 4> {
     service: &'s Service<Request, Response, CALLERS>,
-    ticket: u32,
+    sequence: u32,
 }
 
 impl<Request, Response, const CALLERS: usize> Caller<'_, Request, Response, CALLERS> {
     /// Answers. If the caller has gone the response is dropped, and counted as late.
     pub fn reply(self, response: Response) {
-        self.service.with(|desk| {
-            if !desk.finish(self.ticket, Stage::Answered(response)) {
-                desk.late = desk.late.wrapping_add(1);
+        self.service.with(|state| {
+            if !state.finish(self.sequence, Stage::Answered(response)) {
+                state.late = state.late.wrapping_add(1);
             }
         });
         core::mem::forget(self);
@@ -472,13 +472,13 @@ impl<Request, Response, const CALLERS: usize> Caller<'_, Request, Response, CALL
     /// Whether it still waits: who has gone wants a long job stopped.
     #[must_use]
     pub fn is_waiting(&self) -> bool {
-        self.service.with(|desk| desk.place(self.ticket).is_some())
+        self.service.with(|state| state.slot(self.sequence).is_some())
     }
 }
 
 impl<Request, Response, const CALLERS: usize> Drop for Caller<'_, Request, Response, CALLERS> {
     fn drop(&mut self) {
-        self.service.with(|desk| desk.finish(self.ticket, Stage::NotServed));
+        self.service.with(|state| state.finish(self.sequence, Stage::NotServed));
     }
 }
 
@@ -486,6 +486,6 @@ impl<Request, Response, const CALLERS: usize> fmt::Debug
     for Caller<'_, Request, Response, CALLERS>
 {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Caller").field("ticket", &self.ticket).finish_non_exhaustive()
+        f.debug_struct("Caller").field("sequence", &self.sequence).finish_non_exhaustive()
     }
 }

@@ -196,15 +196,21 @@ impl Servo {
             Goal::Speed(rpm) if goes_on => {
                 state.seek_speed(cascade, *rpm, shaft.speed().get(), *limit, tick.dt);
             }
-            goal @ (Goal::Angle(_) | Goal::Total(_)) if goes_on => {
-                let speed = shaft.speed().get();
-                if !state.keep_seeking_angle(cascade, speed, tick.dt) {
-                    let way = way(goal, shaft);
-                    state.seek_angle(cascade, way, speed, *limit, tick.dt, tick.count);
+            Goal::Angle(_) | Goal::Total(_) if goes_on => {
+                if !state.keep_seeking_angle(cascade, shaft.speed().get(), tick.dt) {
+                    self.seek_angle(tick, shaft);
                 }
             }
             _ => self.pursue(tick, shaft),
         }
+    }
+
+    /// One step with the angle loop.
+    #[inline(never)]
+    fn seek_angle(&mut self, tick: &Tick, shaft: &Shaft) {
+        let Self { goals, state, cascade, limit, .. } = self;
+        let way = way(goals.goal(), shaft);
+        state.seek_angle(cascade, way, shaft.speed().get(), *limit, tick.dt, tick.count);
     }
 
     /// One step, whatever is sought.

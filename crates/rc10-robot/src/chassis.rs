@@ -5,7 +5,7 @@ use rc10_bsp::{Overrun, periodic};
 use rc10_can::Micros;
 use rc10_motor::{ArmState, Target};
 
-use crate::robot::{Axes, Io, Motion};
+use crate::robot::{Axes, BaseCommand, Shared};
 use crate::table::{BASE, BASE_LIMITS, WHEELS};
 
 /// Period of the chassis task.
@@ -14,14 +14,14 @@ pub const PERIOD: Micros = Micros::from_millis(5);
 const OLDEST_MOTION: Micros = Micros::from_millis(100);
 
 /// The chassis task.
-pub async fn run(io: &Io<'_>) -> ! {
+pub async fn run(shared: &Shared<'_>) -> ! {
     let mut limiter = TwistLimiter::new();
     // In whose axes the limiter is, while the base is driven.
     let mut driven = None;
-    periodic(PERIOD, Overrun::Skip, &io.chassis_timing, async |tick| {
+    periodic(PERIOD, Overrun::Skip, &shared.chassis_timing, async |tick| {
         // Without a fresh wish the wheels get no commands: their bus makes them safe.
-        let armed = io.switch.state() == ArmState::Armed;
-        let wish = io.motion.newer_than(OLDEST_MOTION, tick.now).filter(|_| armed);
+        let armed = shared.switch.state() == ArmState::Armed;
+        let wish = shared.motion.newer_than(OLDEST_MOTION, tick.now).filter(|_| armed);
         let Some(mut wish) = wish else {
             driven = None;
             return;
@@ -29,11 +29,11 @@ pub async fn run(io: &Io<'_>) -> ! {
         let heading = match wish.axes {
             Axes::Robot => Radians::ZERO,
             Axes::World => {
-                match io.heading.read().and_then(|heard| heard.value.direction(tick.now)) {
+                match shared.heading.read().and_then(|heard| heard.value.direction(tick.now)) {
                     Some(heading) => heading,
                     // Without a heading "forward" is not known: the base stops.
                     None => {
-                        wish = Motion::default();
+                        wish = BaseCommand::default();
                         Radians::ZERO
                     }
                 }
@@ -41,7 +41,7 @@ pub async fn run(io: &Io<'_>) -> ! {
         };
         if driven != Some(wish.axes) {
             // It may be rolling: the wheels begin with the speeds that they have.
-            limiter.reset(measured(io).out_of_frame(heading));
+            limiter.reset(measured(shared).out_of_frame(heading));
             driven = Some(wish.axes);
         }
         let dt = Seconds::from_micros(tick.since_last.get());
@@ -50,13 +50,13 @@ pub async fn run(io: &Io<'_>) -> ! {
         // Without a result there is no speed either: the wheels refuse it, and that is counted.
         let speeds = wheels.map_or([Rpm::new(f32::NAN); WHEELS.len()], |wheels| wheels.speeds);
         for (name, speed) in WHEELS.into_iter().zip(speeds) {
-            io.command(name, Target::Speed(speed));
+            shared.command(name, Target::Speed(speed));
         }
     })
     .await
 }
 
 /// Measured motion of the base, by its wheels.
-fn measured(io: &Io<'_>) -> Twist {
-    BASE.forward(WHEELS.map(|name| io.motor(name).status().feedback.speed))
+fn measured(shared: &Shared<'_>) -> Twist {
+    BASE.forward(WHEELS.map(|name| shared.motor(name).status().feedback.speed))
 }

@@ -24,37 +24,38 @@ use embassy_time::{Duration, Ticker};
 use rc10_app::{Degrees, Rpm, TotalAngle, Twist};
 use rc10_bsp::Stamped;
 use rc10_can::Micros;
-use rc10_module::remote::{Freshness, Remote, Switch, Watch};
+use rc10_module::remote::{Remote, RemoteLink, Switch, Watch};
 use rc10_motor::{ArmState, ArmSwitch};
 
-use crate::robot::{Axes, Io, Motion, Posture};
+use crate::robot::{Axes, BaseCommand, MechanismCommand, Shared};
 use crate::table::{FEEDER, FULL_STICK, GIMBAL_AHEAD, GIMBAL_RATES, LIFT, LIFT_RATE, LIFT_TOP};
 
 /// Period of the driver task.
 pub const PERIOD: Micros = Micros::from_millis(10);
 
 /// The driver's task.
-pub async fn run(io: &Io<'_>) -> ! {
+pub async fn run(shared: &Shared<'_>) -> ! {
     let mut driver = Driver::new();
     let mut ticker = Ticker::every(Duration::from_micros(PERIOD.get()));
     loop {
         ticker.next().await;
         let now = rc10_bsp::now();
-        let before = io.switch.state();
-        let wish = driver.step(io.remote.read(), &io.switch, now);
-        io.freshness.set(driver.freshness(), now);
+        let before = shared.switch.state();
+        let wish = driver.step(shared.remote.read(), &shared.switch, now);
+        shared.remote_link.set(driver.remote_link(), now);
         let Some(motion) = wish else { continue };
         if before == ArmState::Disarmed {
-            driver.begin(lift_height(io));
+            driver.begin(lift_height(shared));
         }
-        io.motion.set(motion, now);
-        io.posture.set(driver.posture, now);
+        shared.motion.set(motion, now);
+        shared.mechanisms.set(driver.mechanisms, now);
     }
 }
 
 /// Height of the lift, which stays until the stick moves it.
-fn lift_height(io: &Io<'_>) -> TotalAngle {
-    let heights = LIFT.map(|motor| io.motor(motor).status().feedback.total_angle.microdegrees());
+fn lift_height(shared: &Shared<'_>) -> TotalAngle {
+    let heights =
+        LIFT.map(|motor| shared.motor(motor).status().feedback.total_angle.microdegrees());
     TotalAngle::from_microdegrees(heights.iter().sum::<i64>() / heights.len() as i64)
 }
 
@@ -62,12 +63,12 @@ fn lift_height(io: &Io<'_>) -> TotalAngle {
 #[derive(Debug)]
 pub struct Driver {
     watch: Watch,
-    freshness: Freshness,
+    remote_link: RemoteLink,
     /// The newest frame that was looked at.
     heard: Option<Micros>,
     /// The right switch was down since the robot was last stopped: it may be armed.
     may_arm: bool,
-    posture: Posture,
+    mechanisms: MechanismCommand,
 }
 
 impl Driver {
@@ -76,28 +77,28 @@ impl Driver {
     pub const fn new() -> Self {
         Self {
             watch: Watch::new(),
-            freshness: Freshness::Lost,
+            remote_link: RemoteLink::Lost,
             heard: None,
             may_arm: false,
-            posture: HOME,
+            mechanisms: HOME,
         }
     }
 
     /// Whether the remote is heard, as of the last step.
     #[must_use]
-    pub const fn freshness(&self) -> Freshness {
-        self.freshness
+    pub const fn remote_link(&self) -> RemoteLink {
+        self.remote_link
     }
 
-    /// Posture of the mechanisms, as of the last step.
+    /// Command of the mechanisms, as of the last step.
     #[must_use]
-    pub const fn posture(&self) -> &Posture {
-        &self.posture
+    pub const fn mechanisms(&self) -> &MechanismCommand {
+        &self.mechanisms
     }
 
     /// The robot has just been armed: the gimbal looks ahead, the lift stays where it is.
     pub const fn begin(&mut self, lift: TotalAngle) {
-        self.posture = Posture { lift, ..HOME };
+        self.mechanisms = MechanismCommand { lift, ..HOME };
     }
 
     /// Decides every [`PERIOD`], from the newest that the remote said; how the base shall move, if
@@ -107,17 +108,17 @@ impl Driver {
         remote: Option<Stamped<Remote>>,
         switch: &ArmSwitch,
         now: Micros,
-    ) -> Option<Motion> {
+    ) -> Option<BaseCommand> {
         if let Some(Stamped { value, at }) = &remote
             && self.heard != Some(*at)
         {
             self.watch.heard(value, *at);
             self.heard = Some(*at);
         }
-        self.freshness = self.watch.freshness(now);
-        let remote = match (self.freshness, remote) {
-            (Freshness::Fresh, Some(remote)) => remote.value,
-            (Freshness::Missing, _) => {
+        self.remote_link = self.watch.link(now);
+        let remote = match (self.remote_link, remote) {
+            (RemoteLink::Online, Some(remote)) => remote.value,
+            (RemoteLink::Interrupted, _) => {
                 switch.suspend();
                 return None;
             }
@@ -129,7 +130,7 @@ impl Driver {
         };
         self.follow_switches(&remote, switch);
         if switch.state() != ArmState::Armed {
-            self.posture.feeder = Rpm::ZERO;
+            self.mechanisms.feeder = Rpm::ZERO;
             return None;
         }
         Some(self.follow_sticks(&remote))
@@ -152,10 +153,10 @@ impl Driver {
         }
     }
 
-    fn follow_sticks(&mut self, remote: &Remote) -> Motion {
+    fn follow_sticks(&mut self, remote: &Remote) -> BaseCommand {
         let axes = if remote.right_switch == Switch::Up { Axes::World } else { Axes::Robot };
         if remote.left_switch != Switch::Up {
-            self.posture.feeder = Rpm::ZERO;
+            self.mechanisms.feeder = Rpm::ZERO;
             let full = FULL_STICK;
             // Sticks count to the right, the robot to the left.
             let twist = Twist::new(
@@ -163,7 +164,7 @@ impl Driver {
                 -remote.left.x * full.vy,
                 -remote.right.x * full.wz,
             );
-            return Motion { twist, axes };
+            return BaseCommand { twist, axes };
         }
         let seconds = PERIOD.get() as f32 * 1e-6;
         let turned = |angle: Degrees, stick: f32, rate: f32| {
@@ -172,15 +173,15 @@ impl Driver {
             Degrees::new(angle + 360.0 * turns)
         };
         let [yaw, pitch] = GIMBAL_RATES;
-        self.posture.yaw = turned(self.posture.yaw, -remote.right.x, yaw);
-        self.posture.pitch = turned(self.posture.pitch, remote.right.y, pitch);
-        self.posture.feeder = Rpm::new(remote.left.y * FEEDER.get());
+        self.mechanisms.yaw = turned(self.mechanisms.yaw, -remote.right.x, yaw);
+        self.mechanisms.pitch = turned(self.mechanisms.pitch, remote.right.y, pitch);
+        self.mechanisms.feeder = Rpm::new(remote.left.y * FEEDER.get());
         #[expect(clippy::cast_possible_truncation, reason = "a few degrees")]
         let step = (remote.left.x * LIFT_RATE * PERIOD.get() as f32) as i64;
         let (bottom, top) = (0, TotalAngle::from_degrees(LIFT_TOP).microdegrees());
-        let lift = (self.posture.lift.microdegrees() + step).clamp(bottom, top);
-        self.posture.lift = TotalAngle::from_microdegrees(lift);
-        Motion { twist: Twist::STOP, axes }
+        let lift = (self.mechanisms.lift.microdegrees() + step).clamp(bottom, top);
+        self.mechanisms.lift = TotalAngle::from_microdegrees(lift);
+        BaseCommand { twist: Twist::STOP, axes }
     }
 }
 
@@ -191,8 +192,12 @@ impl Default for Driver {
 }
 
 /// Before anybody has moved anything.
-const HOME: Posture =
-    Posture { yaw: GIMBAL_AHEAD, pitch: GIMBAL_AHEAD, feeder: Rpm::ZERO, lift: TotalAngle::ZERO };
+const HOME: MechanismCommand = MechanismCommand {
+    yaw: GIMBAL_AHEAD,
+    pitch: GIMBAL_AHEAD,
+    feeder: Rpm::ZERO,
+    lift: TotalAngle::ZERO,
+};
 
 #[cfg(test)]
 mod tests {
@@ -232,7 +237,7 @@ mod tests {
             scene
         }
 
-        fn step(&mut self, times: u32) -> Option<Motion> {
+        fn step(&mut self, times: u32) -> Option<BaseCommand> {
             let mut wish = None;
             for _ in 0..times {
                 self.now += PERIOD;
@@ -302,7 +307,7 @@ mod tests {
         scene.is_cut = true;
         assert_eq!(scene.step(200), None);
         assert_eq!(scene.switch.state(), ArmState::Disarmed);
-        assert_eq!(scene.driver.freshness(), Freshness::Lost);
+        assert_eq!(scene.driver.remote_link(), RemoteLink::Lost);
     }
 
     #[test]
@@ -377,31 +382,31 @@ mod tests {
         scene.remote.left = Stick { x: 0.5, y: 1.0 };
         scene.remote.right = Stick { x: -1.0, y: 0.0 };
         let twist = Twist::new(FULL_STICK.vx, -0.5 * FULL_STICK.vy, FULL_STICK.wz);
-        assert_eq!(scene.step(1), Some(Motion { twist, axes: Axes::Robot }));
+        assert_eq!(scene.step(1), Some(BaseCommand { twist, axes: Axes::Robot }));
         scene.remote.right_switch = Switch::Up;
-        assert_eq!(scene.step(1), Some(Motion { twist, axes: Axes::World }));
+        assert_eq!(scene.step(1), Some(BaseCommand { twist, axes: Axes::World }));
 
         scene.remote.left_switch = Switch::Up;
         scene.remote.right.y = -1.0;
         assert_eq!(scene.step(100).unwrap().twist, Twist::STOP);
-        let posture = scene.driver.posture();
+        let command = scene.driver.mechanisms();
         let [yaw, pitch] = GIMBAL_RATES;
         let ahead = GIMBAL_AHEAD.get();
-        assert!((posture.yaw.get() - (ahead + yaw) % 360.0).abs() < 0.1, "{posture:?}");
-        assert!((posture.pitch.get() - (ahead - pitch)).abs() < 0.1, "{posture:?}");
-        assert_eq!(posture.feeder, FEEDER);
-        assert!((posture.lift.degrees().get() - 0.5 * LIFT_RATE).abs() < 0.1, "{posture:?}");
+        assert!((command.yaw.get() - (ahead + yaw) % 360.0).abs() < 0.1, "{command:?}");
+        assert!((command.pitch.get() - (ahead - pitch)).abs() < 0.1, "{command:?}");
+        assert_eq!(command.feeder, FEEDER);
+        assert!((command.lift.degrees().get() - 0.5 * LIFT_RATE).abs() < 0.1, "{command:?}");
         scene.remote.left.x = 1.0;
         scene.step(1000);
-        assert_eq!(scene.driver.posture().lift, TotalAngle::from_degrees(LIFT_TOP));
+        assert_eq!(scene.driver.mechanisms().lift, TotalAngle::from_degrees(LIFT_TOP));
         scene.remote.left.x = -1.0;
         scene.step(1000);
-        assert_eq!(scene.driver.posture().lift, TotalAngle::ZERO);
-        let yaw = scene.driver.posture().yaw.get();
+        assert_eq!(scene.driver.mechanisms().lift, TotalAngle::ZERO);
+        let yaw = scene.driver.mechanisms().yaw.get();
         assert!((0.0..360.0).contains(&yaw), "{yaw}");
         // The feeder stands still while driving.
         scene.remote.left_switch = Switch::Middle;
         scene.step(1);
-        assert_eq!(scene.driver.posture().feeder, Rpm::ZERO);
+        assert_eq!(scene.driver.mechanisms().feeder, Rpm::ZERO);
     }
 }

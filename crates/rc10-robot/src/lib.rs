@@ -2,15 +2,15 @@
 //! Copy this crate to make your own; nothing else has to be edited.
 //!
 //! * [`table`]: **which motor, on which bus, with which id, gains and safe state.** Start here.
-//! * [`Io`]: what its tasks share. [`Motors`]: where its motors stand. No statics: on the chip both
+//! * [`Shared`]: what its tasks share. [`Motors`]: where its motors stand. No statics: on the chip both
 //!   live in a `StaticCell`, on a PC there is one of each per simulated world.
 //! * [`chassis`], [`mechanisms`]: from what the robot shall do to motor targets.
 //! * [`driver`]: turns the remote control into motion and posture, and handles its loss.
 //! * [`remote`], [`imu`]: what the parts on its serial ports say.
-//! * [`status`]: ten times a second, how it is; [`lamp`] shows it on an LED strip.
+//! * [`status`]: ten times a second, how it is; [`status_led`] shows it on an LED strip.
 //! * [`mixed`]: another robot, of motors of many vendors.
 //!
-//! Each task is an `async fn run(io: &Io<'_>) -> !`. The chip's executor or a simulated world polls
+//! Each task is an `async fn run(shared: &Shared<'_>) -> !`. The chip's executor or a simulated world polls
 //! it.
 #![no_std]
 #![forbid(unsafe_code)]
@@ -18,13 +18,13 @@
 pub mod chassis;
 pub mod driver;
 pub mod imu;
-pub mod lamp;
 pub mod mechanisms;
 pub mod mixed;
 pub mod remote;
 mod robot;
 pub mod status;
+pub mod status_led;
 pub mod table;
 
-pub use robot::{Axes, Bus, Io, Motion, Motors, Posture, SetupError, ports};
+pub use robot::{Axes, BaseCommand, Bus, MechanismCommand, Motors, SetupError, Shared, ports};
 pub use table::Name;

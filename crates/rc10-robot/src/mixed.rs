@@ -53,7 +53,7 @@ pub struct Motors {
 }
 
 /// Everything that the tasks share.
-pub struct Io {
+pub struct Shared {
     /// Arms and stops all motors.
     pub switch: ArmSwitch,
     /// One port per bus; bus 1 is the first.
@@ -157,18 +157,18 @@ impl Motors {
     /// [`SetupError`], naming both motors of a clash.
     pub fn start<'r>(
         &'r mut self,
-        io: &'r Io,
+        shared: &'r Shared,
     ) -> Result<([MotorBus<'r>; BUSES], Rs485Bus<'r>), SetupError> {
         let Self { wheel, arm, hip, wrist, turret, flywheel, legs } = self;
-        let mut one = MotorBus::new(&io.switch);
+        let mut one = MotorBus::new(&shared.switch);
         one.attach(wheel, Safety::BRAKE)?;
         one.attach(arm, Safety::HOLD)?;
         one.attach(hip, Safety::HOLD)?;
-        let mut two = MotorBus::new(&io.switch);
+        let mut two = MotorBus::new(&shared.switch);
         two.attach(wrist, Safety::COAST)?;
         two.attach(turret, Safety::HOLD)?;
         two.attach(flywheel, Safety::COAST)?;
-        let mut line = Rs485Bus::new(&io.switch);
+        let mut line = Rs485Bus::new(&shared.switch);
         for leg in legs {
             line.attach(leg, Safety::HOLD).map_err(SetupError::Line)?;
         }
@@ -214,7 +214,7 @@ impl From<AttachError> for SetupError {
     }
 }
 
-impl Io {
+impl Shared {
     /// What the tasks of a robot share that has not begun.
     #[must_use]
     pub const fn new() -> Self {
@@ -240,7 +240,7 @@ impl Io {
     }
 }
 
-impl Default for Io {
+impl Default for Shared {
     fn default() -> Self {
         Self::new()
     }
@@ -324,10 +324,10 @@ const MOTORS: [Name; 6 + LEGS] = [
 ];
 
 /// The task: arms the robot, and repeats every 10 ms what the script said last to each motor.
-pub async fn run(io: &Io) -> ! {
+pub async fn run(shared: &Shared) -> ! {
     Timer::at(Instant::from_millis(ARMED_AT)).await;
     // Refused after an emergency stop, and if its buses do not fit: it stays disarmed then.
-    let _ = io.switch.arm();
+    let _ = shared.switch.arm();
     let mut ticker = Ticker::every(Duration::from_millis(10));
     loop {
         let now = Instant::now().as_millis();
@@ -335,10 +335,10 @@ pub async fn run(io: &Io) -> ! {
         for name in MOTORS {
             let mut said = begun.clone().flat_map(|(_, _, targets)| targets.iter());
             let Some((_, target)) = said.rfind(|(whose, _)| *whose == name) else { continue };
-            if io.motor(name).command(*target).is_err() {
+            if shared.motor(name).command(*target).is_err() {
                 // A mistake in this program: rather none drives than all others. The motor's status
                 // counts it by reason.
-                io.switch.emergency_stop();
+                shared.switch.emergency_stop();
             }
         }
         ticker.next().await;

@@ -6,7 +6,7 @@ use rc10_app::{ConfigError, Degrees, Rpm, TotalAngle, Twist};
 use rc10_bsp::{Cycles, Latest, Statistics, Topic};
 use rc10_module::Reception;
 use rc10_module::imu::Heading;
-use rc10_module::remote::{Freshness, Remote};
+use rc10_module::remote::{Remote, RemoteLink};
 use rc10_motor::dji::{Dji, IdOutOfRange};
 use rc10_motor::embassy::{BusPort, MotorPort};
 use rc10_motor::{ArmSwitch, AttachError, MotorBus, MotorId, Target, TargetError};
@@ -22,7 +22,7 @@ pub type Bus<'r> = MotorBus<'r>;
 pub struct Motors(Vec<Dji, { MOTORS.len() }>);
 
 /// Everything that the tasks share: ports, topics and the switch of the robot.
-pub struct Io<'p> {
+pub struct Shared<'p> {
     /// Arms and stops all motors.
     pub switch: ArmSwitch,
     /// One port per bus; bus 1 is the first.
@@ -31,17 +31,17 @@ pub struct Io<'p> {
     pub remote: Latest<Remote, 1>,
     /// Counters of its receiver's bytes and frames.
     pub remote_reception: Reception,
-    /// Freshness of the remote control.
-    pub freshness: Latest<Freshness, 1>,
+    /// RemoteLink of the remote control.
+    pub remote_link: Latest<RemoteLink, 1>,
     /// Which way the robot looks in the world, by its IMU: [`imu::run`](crate::imu::run) says from
     /// where that counts.
     pub heading: Latest<Heading, 1>,
     /// Counters of the IMU's bytes and frames.
     pub imu_reception: Reception,
     /// Commanded motion of the base.
-    pub motion: Latest<Motion, 1>,
+    pub motion: Latest<BaseCommand, 1>,
     /// Where the gimbal shall point, how fast the feeder shall turn, how high the lift shall be.
-    pub posture: Latest<Posture, 1>,
+    pub mechanisms: Latest<MechanismCommand, 1>,
     /// The newest target that a motor refused: which motor, and why.
     pub refused: Latest<(Name, TargetError), 1>,
     /// Status of the robot, ten times a second.
@@ -54,7 +54,7 @@ pub struct Io<'p> {
 
 /// A motion command for the base.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Motion {
+pub struct BaseCommand {
     /// Forward, to the left, and turning.
     pub twist: Twist,
     /// Whose forward that is.
@@ -73,7 +73,7 @@ pub enum Axes {
 
 /// Setpoints of the mechanisms on the base.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Posture {
+pub struct MechanismCommand {
     /// Gimbal yaw, 0 ..< 360 degrees.
     pub yaw: Degrees,
     /// Gimbal pitch, 0 ..< 360 degrees.
@@ -118,8 +118,8 @@ impl Motors {
     ///
     /// # Errors
     /// [`SetupError`], naming the line of the table, and both motors of a clash.
-    pub fn start<'r>(&'r mut self, io: &'r Io<'_>) -> Result<[Bus<'r>; BUSES], SetupError> {
-        self.attach(core::array::from_fn(|_| Bus::new(&io.switch)))
+    pub fn start<'r>(&'r mut self, shared: &'r Shared<'_>) -> Result<[Bus<'r>; BUSES], SetupError> {
+        self.attach(core::array::from_fn(|_| Bus::new(&shared.switch)))
     }
 
     /// The same on buses that stand elsewhere, as `&mut Bus`: a chip's stack is too small to make
@@ -166,7 +166,7 @@ fn motor(entry: &Entry) -> Result<Dji, SetupError> {
     }
 }
 
-impl<'p> Io<'p> {
+impl<'p> Shared<'p> {
     /// What the tasks of a robot share that has not begun, with a port per bus: [`ports`] makes
     /// some.
     // Always inlined, so that it is made where it stays and does not pass over the stack.
@@ -178,11 +178,11 @@ impl<'p> Io<'p> {
             buses,
             remote: Latest::new(),
             remote_reception: Reception::new(),
-            freshness: Latest::new(),
+            remote_link: Latest::new(),
             heading: Latest::new(),
             imu_reception: Reception::new(),
             motion: Latest::new(),
-            posture: Latest::new(),
+            mechanisms: Latest::new(),
             refused: Latest::new(),
             status: Topic::new(),
             chassis_timing: Statistics::new(),

@@ -1,4 +1,4 @@
-//! The status of the robot, in one small message that a log, a lamp or a display can use.
+//! The status of the robot, in one small message that a log, a status_led or a display can use.
 
 use core::fmt;
 
@@ -6,10 +6,10 @@ use embassy_time::{Duration, Ticker};
 use rc10_bsp::{CycleCount, Cycles};
 use rc10_can::{ErrorState, Micros};
 use rc10_module::Counters;
-use rc10_module::remote::Freshness;
+use rc10_module::remote::RemoteLink;
 use rc10_motor::{ArmState, Link, TargetError, Unfit};
 
-use crate::robot::Io;
+use crate::robot::Shared;
 use crate::table::{BUSES, MOTORS, Name};
 
 /// Ticks a second, of all buses: one after the other, at equal distance.
@@ -32,7 +32,7 @@ pub struct RobotStatus {
     /// The newest of those that came from a task of the robot: which motor, and why.
     pub last_refused: Option<(Name, TargetError)>,
     /// Whether the remote control is heard.
-    pub remote: Freshness,
+    pub remote: RemoteLink,
     /// Counters of its receiver's bytes and frames.
     pub remote_reception: Counters,
     /// Counters of the IMU's bytes and frames.
@@ -87,9 +87,9 @@ impl fmt::Display for RobotStatus {
             write!(f, " ({}: {why})", motor.entry().label)?;
         }
         match self.remote {
-            Freshness::Fresh => {}
-            Freshness::Missing => write!(f, ", remote missing")?,
-            Freshness::Lost => write!(f, ", no remote")?,
+            RemoteLink::Online => {}
+            RemoteLink::Interrupted => write!(f, ", remote missing")?,
+            RemoteLink::Lost => write!(f, ", no remote")?,
         }
         for (name, counters) in [("remote", self.remote_reception), ("IMU", self.imu_reception)] {
             let Counters { damaged, skipped, port_errors, .. } = counters;
@@ -138,25 +138,25 @@ impl fmt::Display for BusSummary {
 }
 
 /// The status task.
-pub async fn run(io: &Io<'_>) -> ! {
+pub async fn run(shared: &Shared<'_>) -> ! {
     let mut ticker = Ticker::every(Duration::from_millis(100));
     loop {
         ticker.next().await;
-        io.status.publish(now(io));
+        shared.status.publish(now(shared));
     }
 }
 
 /// The status of the robot now.
 #[must_use]
-pub fn now(io: &Io<'_>) -> RobotStatus {
+pub fn now(shared: &Shared<'_>) -> RobotStatus {
     let (mut online, mut refused) = (0, 0_u32);
     for motor in &MOTORS {
-        let status = io.motor(motor.name).status();
+        let status = shared.motor(motor.name).status();
         online += u8::from(status.link == Link::Online);
         refused = refused.saturating_add(status.counters.refused.total());
     }
     let summary = |bus: usize| {
-        let status = io.buses[bus].status();
+        let status = shared.buses[bus].status();
         BusSummary {
             ticks: status.ticks,
             overruns: status.overruns,
@@ -174,16 +174,16 @@ pub fn now(io: &Io<'_>) -> RobotStatus {
     };
     RobotStatus {
         at: rc10_bsp::now(),
-        arm: io.switch.state(),
-        unfit: io.switch.unfit(),
+        arm: shared.switch.state(),
+        unfit: shared.switch.unfit(),
         online,
         refused,
-        last_refused: io.refused.read().map(|refused| refused.value),
-        remote: io.freshness.read().map_or(Freshness::Lost, |freshness| freshness.value),
-        remote_reception: io.remote_reception.read(),
-        imu_reception: io.imu_reception.read(),
+        last_refused: shared.refused.read().map(|refused| refused.value),
+        remote: shared.remote_link.read().map_or(RemoteLink::Lost, |freshness| freshness.value),
+        remote_reception: shared.remote_reception.read(),
+        imu_reception: shared.imu_reception.read(),
         buses: core::array::from_fn(summary),
-        bus_cycles: io.bus_cycles.and_then(Cycles::read),
+        bus_cycles: shared.bus_cycles.and_then(Cycles::read),
     }
 }
 
@@ -206,7 +206,7 @@ mod tests {
             online: 11,
             refused: 9800,
             last_refused: Some((Name::FrontLeft, TargetError::NotFinite(TargetKind::Speed))),
-            remote: Freshness::Fresh,
+            remote: RemoteLink::Online,
             remote_reception: Counters::default(),
             imu_reception: Counters::default(),
             buses: [BusSummary::default(); BUSES],

@@ -22,12 +22,12 @@ pub const SCRIPT: [(Micros, &str, [f32; WHEELS.len()]); 4] = [
 
 /// The whole robot.
 pub struct TwoWheels {
-    io: Io,
+    io: Shared,
     wheels: Vec<Dji>,
 }
 
 /// What its tasks share.
-pub struct Io {
+pub struct Shared {
     /// Arms and stops both motors.
     pub switch: ArmSwitch,
     /// The bus both are on.
@@ -41,12 +41,12 @@ impl TwoWheels {
     pub fn new() -> Result<Self, IdOutOfRange> {
         let wheel = |(_, id, direction)| Ok(Dji::new(&M3508, id)?.with_direction(direction));
         let wheels = WHEELS.into_iter().map(wheel).collect::<Result<_, _>>()?;
-        let io = Io { switch: ArmSwitch::new(), bus: BusPort::new(), timing: Statistics::new() };
+        let io = Shared { switch: ArmSwitch::new(), bus: BusPort::new(), timing: Statistics::new() };
         Ok(Self { io, wheels })
     }
 
     /// What its tasks share, and the bus with both motors, for whoever runs it.
-    pub fn start(&mut self) -> Result<(&Io, MotorBus<'_>), AttachError> {
+    pub fn start(&mut self) -> Result<(&Shared, MotorBus<'_>), AttachError> {
         let mut bus = MotorBus::new(&self.io.switch);
         for wheel in &mut self.wheels {
             bus.attach(wheel, Safety::COAST)?;
@@ -56,7 +56,7 @@ impl TwoWheels {
 }
 
 /// The task: arms the robot, and tells its wheels every 10 ms what the script says.
-pub async fn drive(io: &Io) -> ! {
+pub async fn drive(io: &Shared) -> ! {
     // Refused after an emergency stop, and if the bus does not fit: it stays disarmed then.
     let _ = io.switch.arm();
     periodic(Micros::from_millis(10), Overrun::Skip, &io.timing, async |tick| {

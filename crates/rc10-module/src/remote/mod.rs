@@ -140,20 +140,20 @@ impl fmt::Display for Receiver {
     }
 }
 
-/// How fresh what a remote says is.
+/// State of the link to a remote.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Freshness {
-    /// A good frame came less than [`MISSING_AFTER`] ago, and it was no failsafe frame.
-    Fresh,
+pub enum RemoteLink {
+    /// A good frame came less than [`INTERRUPTED_AFTER`] ago, and it was no failsafe frame.
+    Online,
     /// None since then: the robot lets go, and may go on when the next one comes.
-    Missing,
+    Interrupted,
     /// None for [`LOST_AFTER`], or none yet: the robot is disarmed.
     #[default]
     Lost,
 }
 
 /// Time without a good frame after which the robot is suspended.
-pub const MISSING_AFTER: Micros = Micros::from_millis(100);
+pub const INTERRUPTED_AFTER: Micros = Micros::from_millis(100);
 /// Time without a good frame after which the robot is disarmed.
 pub const LOST_AFTER: Micros = Micros::from_millis(1000);

@@ -1,18 +1,18 @@
 use rc10_can::Micros;
 
-use super::{Freshness, LOST_AFTER, MISSING_AFTER, Remote};
+use super::{INTERRUPTED_AFTER, LOST_AFTER, Remote, RemoteLink};
 
-/// Tells how fresh what a remote says is: the failsafe, in two steps.
+/// Tells the state of the link to a remote: the failsafe, in two steps.
 ///
 /// ```
 /// use rc10_can::Micros;
-/// use rc10_module::remote::{Freshness, Remote, Watch};
+/// use rc10_module::remote::{RemoteLink, Remote, Watch};
 ///
 /// let mut watch = Watch::new();
 /// watch.heard(&Remote::default(), Micros::from_millis(10));
-/// assert_eq!(watch.freshness(Micros::from_millis(109)), Freshness::Fresh);
-/// assert_eq!(watch.freshness(Micros::from_millis(110)), Freshness::Missing);
-/// assert_eq!(watch.freshness(Micros::from_millis(1010)), Freshness::Lost);
+/// assert_eq!(watch.link(Micros::from_millis(109)), RemoteLink::Online);
+/// assert_eq!(watch.link(Micros::from_millis(110)), RemoteLink::Interrupted);
+/// assert_eq!(watch.link(Micros::from_millis(1010)), RemoteLink::Lost);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Watch {
@@ -37,18 +37,18 @@ impl Watch {
         }
     }
 
-    /// How fresh the newest frame is. A frame that came after `now`, by clocks that were not read
+    /// The state of the link. A frame that came after `now`, by clocks that were not read
     /// in order, is as old as one that comes just now.
     #[must_use]
-    pub fn freshness(&self, now: Micros) -> Freshness {
-        let Some(good) = self.good else { return Freshness::Lost };
+    pub fn link(&self, now: Micros) -> RemoteLink {
+        let Some(good) = self.good else { return RemoteLink::Lost };
         let age = now.since(good);
         if age >= LOST_AFTER {
-            Freshness::Lost
-        } else if age >= MISSING_AFTER || self.failsafe {
-            Freshness::Missing
+            RemoteLink::Lost
+        } else if age >= INTERRUPTED_AFTER || self.failsafe {
+            RemoteLink::Interrupted
         } else {
-            Freshness::Fresh
+            RemoteLink::Online
         }
     }
 }
@@ -56,7 +56,7 @@ impl Watch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use Freshness::{Fresh, Lost, Missing};
+    use RemoteLink::{Interrupted, Lost, Online};
 
     const GOOD: Remote = Remote {
         failsafe: false,
@@ -79,12 +79,12 @@ mod tests {
 
     #[test]
     fn nothing_heard_is_lost() {
-        assert_eq!(Watch::new().freshness(Micros::ZERO), Lost);
+        assert_eq!(Watch::new().link(Micros::ZERO), Lost);
         let mut watch = Watch::new();
         watch.heard(&FAILSAFE, after(0));
-        assert_eq!(watch.freshness(after(0)), Lost);
+        assert_eq!(watch.link(after(0)), Lost);
         watch.heard(&GOOD, after(1));
-        assert_eq!(watch.freshness(after(1)), Fresh);
+        assert_eq!(watch.link(after(1)), Online);
     }
 
     #[test]
@@ -92,18 +92,18 @@ mod tests {
         let mut watch = Watch::new();
         watch.heard(&GOOD, after(0));
         for (age, freshness) in [
-            (0, Fresh),
-            (99_999, Fresh),
-            (100_000, Missing),
-            (999_999, Missing),
+            (0, Online),
+            (99_999, Online),
+            (100_000, Interrupted),
+            (999_999, Interrupted),
             (1_000_000, Lost),
             (3_600_000_000, Lost),
         ] {
-            assert_eq!(watch.freshness(after(age)), freshness, "{age}");
+            assert_eq!(watch.link(after(age)), freshness, "{age}");
         }
         watch.heard(&GOOD, after(5_000_000));
-        assert_eq!(watch.freshness(after(5_099_999)), Fresh);
-        assert_eq!(watch.freshness(after(5_100_000)), Missing);
+        assert_eq!(watch.link(after(5_099_999)), Online);
+        assert_eq!(watch.link(after(5_100_000)), Interrupted);
     }
 
     #[test]
@@ -112,26 +112,26 @@ mod tests {
         watch.heard(&GOOD, after(0));
         for time in (10_000..=990_000).step_by(10_000) {
             watch.heard(&FAILSAFE, after(time));
-            assert_eq!(watch.freshness(after(time)), Missing, "{time}");
+            assert_eq!(watch.link(after(time)), Interrupted, "{time}");
         }
-        assert_eq!(watch.freshness(after(999_999)), Missing);
-        assert_eq!(watch.freshness(after(1_000_000)), Lost);
+        assert_eq!(watch.link(after(999_999)), Interrupted);
+        assert_eq!(watch.link(after(1_000_000)), Lost);
         watch.heard(&GOOD, after(1_500_000));
-        assert_eq!(watch.freshness(after(1_500_000)), Fresh);
+        assert_eq!(watch.link(after(1_500_000)), Online);
         watch.heard(&FAILSAFE, after(1_500_001));
-        assert_eq!(watch.freshness(after(1_500_001)), Missing);
+        assert_eq!(watch.link(after(1_500_001)), Interrupted);
         watch.heard(&GOOD, after(1_500_002));
-        assert_eq!(watch.freshness(after(1_600_001)), Fresh);
+        assert_eq!(watch.link(after(1_600_001)), Online);
     }
 
     #[test]
     fn times_out_of_order_do_not_matter() {
         let mut watch = Watch::new();
         watch.heard(&GOOD, after(50));
-        assert_eq!(watch.freshness(after(0)), Fresh);
+        assert_eq!(watch.link(after(0)), Online);
         // An older frame that is told of later makes nothing older.
         watch.heard(&GOOD, after(20));
-        assert_eq!(watch.freshness(after(100_049)), Fresh);
-        assert_eq!(watch.freshness(after(100_050)), Missing);
+        assert_eq!(watch.link(after(100_049)), Online);
+        assert_eq!(watch.link(after(100_050)), Interrupted);
     }
 }

@@ -4,7 +4,7 @@ use embassy_time::{Instant, Timer};
 use embedded_io_async::ErrorKind;
 use rc10_can::Micros;
 use rc10_module::remote::{
-    Freshness, NotSerial, Parity, Receiver, Remote, Switch, Watch, listen, listen_pulses,
+    NotSerial, Parity, Receiver, Remote, RemoteLink, Switch, Watch, listen, listen_pulses,
 };
 use rc10_module::{Counters, Reception};
 
@@ -151,9 +151,9 @@ fn a_receiver_that_lost_its_remote_is_no_news() {
     let mut watch = Watch::new();
     let freshness = frames.iter().map(|(remote, at)| {
         watch.heard(remote, Micros::new(*at));
-        watch.freshness(Micros::new(*at))
+        watch.link(Micros::new(*at))
     });
-    assert!(freshness.eq([Freshness::Fresh, Freshness::Missing, Freshness::Fresh]));
+    assert!(freshness.eq([RemoteLink::Online, RemoteLink::Interrupted, RemoteLink::Online]));
 
     let lost = [0xC8, 12, 0x14, 130, 130, 0, 0, 0, 0, 0, 0, 0, 0, 0x8E];
     let found = [0xC8, 12, 0x14, 70, 70, 99, 0, 0, 0, 0, 0, 0, 0, 0x3F];

@@ -6,7 +6,7 @@ use std::rc::Rc;
 use rc10_cli::remote::Receiver;
 use rc10_module::led::pattern::{State, colour};
 use rc10_motor::ArmState;
-use rc10_robot::lamp;
+use rc10_robot::status_led;
 use rc10_robot::table::{LEDS, Name};
 use rc10_sim::remote::{Controls, Switch};
 use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
@@ -16,8 +16,8 @@ use super::{DOWN, Scene, millis, scene};
 const STOP: Controls = Controls { left_switch: Switch::Down, ..Controls::REST };
 
 impl Scene<'_> {
-    fn lamp(&self) -> State {
-        lamp::state(self.io)
+    fn status_led(&self) -> State {
+        status_led::state(self.shared)
     }
 
     fn power(&self, name: Name, powered: bool) {
@@ -30,43 +30,43 @@ fn what_matters_most_is_shown() {
     scene(Receiver::Dr16, 4, |mut scene| {
         scene.transmitter(false);
         scene.run(millis(50));
-        assert_eq!(scene.lamp(), State::LinkLost, "nothing heard yet");
+        assert_eq!(scene.status_led(), State::LinkLost, "nothing heard yet");
         scene.transmitter(true);
         scene.hands(DOWN);
         scene.run(millis(200));
-        assert_eq!(scene.lamp(), State::Disarmed);
+        assert_eq!(scene.status_led(), State::Disarmed);
         scene.transmitter(false);
         scene.run(millis(200));
-        assert_eq!((scene.lamp(), scene.arm()), (State::Suspended, ArmState::Disarmed));
+        assert_eq!((scene.status_led(), scene.arm()), (State::Suspended, ArmState::Disarmed));
         scene.transmitter(true);
         scene.arm_by_hand();
-        assert_eq!(scene.lamp(), State::Armed);
+        assert_eq!(scene.status_led(), State::Armed);
 
         // A motor without power is a fault, armed or not; a remote that is missing is more.
         scene.power(Name::Pitch, false);
         scene.run(millis(300));
-        assert_eq!((scene.lamp(), scene.arm()), (State::Fault, ArmState::Armed));
+        assert_eq!((scene.status_led(), scene.arm()), (State::Fault, ArmState::Armed));
         scene.transmitter(false);
         scene.run(millis(200));
-        assert_eq!((scene.lamp(), scene.arm()), (State::Suspended, ArmState::Suspended));
+        assert_eq!((scene.status_led(), scene.arm()), (State::Suspended, ArmState::Suspended));
         scene.run(millis(1000));
-        assert_eq!((scene.lamp(), scene.arm()), (State::LinkLost, ArmState::Disarmed));
+        assert_eq!((scene.status_led(), scene.arm()), (State::LinkLost, ArmState::Disarmed));
         scene.transmitter(true);
         scene.hands(DOWN);
         scene.run(millis(200));
-        assert_eq!((scene.lamp(), scene.arm()), (State::Fault, ArmState::Disarmed));
+        assert_eq!((scene.status_led(), scene.arm()), (State::Fault, ArmState::Disarmed));
 
         // A stop is more than anything else, and stays when the remote is lost.
         scene.hands(STOP);
         scene.run(millis(100));
-        assert_eq!((scene.lamp(), scene.arm()), (State::Stopped, ArmState::EStopped));
+        assert_eq!((scene.status_led(), scene.arm()), (State::Stopped, ArmState::EStopped));
         scene.power(Name::Pitch, true);
         scene.transmitter(false);
         scene.run(millis(2000));
-        assert_eq!((scene.lamp(), scene.arm()), (State::Stopped, ArmState::EStopped));
+        assert_eq!((scene.status_led(), scene.arm()), (State::Stopped, ArmState::EStopped));
         scene.transmitter(true);
         scene.arm_by_hand();
-        assert_eq!(scene.lamp(), State::Armed);
+        assert_eq!(scene.status_led(), State::Armed);
     });
 }
 
@@ -98,10 +98,10 @@ struct Refused;
 #[test]
 fn the_strip_is_written_ten_times_a_second_whatever_it_says() {
     scene(Receiver::Dr16, 4, |mut scene| {
-        let (io, strip) = (scene.io, Strip::default());
-        let lamp = lamp::run(io, strip.clone());
+        let (shared, strip) = (scene.shared, Strip::default());
+        let status_led = status_led::run(shared, strip.clone());
         scene.tasks.add(async {
-            lamp.await;
+            status_led.await;
         });
         scene.arm_by_hand();
         scene.hands(STOP);
