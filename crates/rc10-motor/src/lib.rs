@@ -68,14 +68,16 @@ pub mod dji;
 pub mod embassy;
 mod feedback;
 mod goal;
-//OFF pub mod lk;
+pub mod lk;
 mod load;
 pub mod mit;
 mod motor;
 mod motors;
 mod not_a_number;
-//OFF pub mod odrive;
+pub mod odrive;
 pub mod pending;
+#[allow(dead_code)]
+mod pending;
 mod request;
 pub mod servo;
 pub mod shaft;
@@ -84,7 +86,7 @@ mod supervision;
 mod table;
 mod target;
 pub mod unitree;
-//OFF pub mod vesc;
+pub mod vesc;
 
 pub use arm::{ArmError, ArmState, ArmSwitch, Unfit};
 pub use batch::{TxBatch, TxFull};
