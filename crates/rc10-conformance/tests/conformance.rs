@@ -5,11 +5,11 @@ mod conformance_of {
     pub mod cybergear;
     pub mod damiao;
     pub mod dji;
-    //OFF     pub mod lk;
-    //OFF     pub mod odrive;
+    pub mod lk;
+    pub mod odrive;
     pub mod unitree_line;
     pub mod unitree_module;
-    //OFF     pub mod vesc;
+    pub mod vesc;
 }
 
 use rc10_conformance::check_line;
@@ -29,13 +29,14 @@ const MOTORS: &[Entry] = &[
     ("Damiao J4310, position-velocity", conformance_of::damiao::j4310_position_velocity),
     ("Damiao J4310, force-position", conformance_of::damiao::j4310_force_position),
     ("GO-M8010-6 behind a module", conformance_of::unitree_module::go_m8010),
-    //OFF     ("VESC", conformance_of::vesc::vesc),
-    //OFF     ("VESC with angle loops", conformance_of::vesc::vesc_with_servo),
-    //OFF     ("MG4010E-i10", conformance_of::lk::mg4010e),
-    //OFF     ("MF9025 in the multi-motor frame", conformance_of::lk::mf9025_multi_motor),
-    //OFF     ("ODrive, torque", conformance_of::odrive::torque),
-    //OFF     ("ODrive, velocity", conformance_of::odrive::velocity),
-    //OFF     ("ODrive, position", conformance_of::odrive::position),
+    ("VESC", conformance_of::vesc::vesc),
+    ("VESC, relative currents", conformance_of::vesc::vesc_relative),
+    ("VESC with angle loops", conformance_of::vesc::vesc_with_servo),
+    ("MG4010E-i10", conformance_of::lk::mg4010e),
+    ("MF9025 in the multi-motor frame", conformance_of::lk::mf9025_multi_motor),
+    ("ODrive, torque", conformance_of::odrive::torque),
+    ("ODrive, velocity", conformance_of::odrive::velocity),
+    ("ODrive, position", conformance_of::odrive::position),
     ("CyberGear", conformance_of::cybergear::cybergear),
     ("RobStride RS04", conformance_of::cybergear::rs04),
     ("GO-M8010-6 on RS-485", conformance_of::unitree_line::go_m8010),

@@ -76,8 +76,6 @@ mod motors;
 mod not_a_number;
 pub mod odrive;
 pub mod pending;
-#[allow(dead_code)]
-mod pending;
 mod request;
 pub mod servo;
 pub mod shaft;
