@@ -159,7 +159,7 @@ proptest! {
         let agrees = |raw: i64, asked: f32| raw == 0 || (raw > 0) == (asked > 0.0);
         prop_assert!(agrees(raw.torque.into(), motion.torque.get()), "{:?}", raw);
         prop_assert!(agrees(raw.speed.into(), motion.speed.get()), "{:?}", raw);
-        prop_assert!(i64::from(raw.angle.signum()) * motion.angle.counts().signum() >= 0);
+        prop_assert!(i64::from(raw.angle.signum()) * motion.angle.microdegrees().signum() >= 0);
         let gains = shaft.raw_impedance(&impedance);
         prop_assert!(gains.stiffness <= 32767 && gains.damping <= 32767);
         prop_assert!(gains.stiffness == 0 || impedance.stiffness > 0.0);

@@ -13,7 +13,7 @@ use crate::watch::{Arm, Watch, World};
 
 /// How long a story is, ms.
 const LENGTH: u32 = 2500;
-/// Something happens in one millisecond of so many.
+/// Mean time between two events, ms.
 const SELDOM: u32 = 40;
 /// A device answers within, ms.
 const LONGEST_ANSWER: u32 = 1000;
@@ -108,7 +108,7 @@ impl<S: Scene> Player<'_, S> {
             }
         }
         self.scene.tick();
-        // A load that nobody drives against would turn it faster than it can turn itself.
+        // Without a motor driving against it, a load would turn it faster than it can turn itself.
         if self.scene.state().output_rpm.abs() > 2.0 * f64::from(self.declared.cruise.get()) {
             self.set(Trouble::Load, false, 0.0);
         }

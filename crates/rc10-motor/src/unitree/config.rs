@@ -48,7 +48,7 @@ pub(super) fn servo(cascade: Cascade) -> Result<Servo, ConfigError> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct IdOutOfRange {
-    /// The id asked for.
+    /// The id.
     pub id: u8,
 }
 

@@ -73,7 +73,7 @@ fn a_command_expires_into_the_safe_state() {
         }
         // And back, without a jump.
         device.set_load(0.0);
-        bench.hold(id, SPEED, 500);
+        bench.hold(id, SPEED, 1000);
         assert!((device.state().output_rpm - 100.0).abs() < 0.5);
     }
 }

@@ -188,7 +188,8 @@ fn an_impedance_obeys_the_torque_limit_and_starts_softly() {
     assert!((last - 23.7).abs() < 0.2, "{last}");
     let limit = Request::TorqueLimit(NewtonMetres::new(3.0));
     one.bench.bus.request(one.motor, limit).unwrap();
-    for (asked, made) in [(0.0, 3.0), (50.0, 3.0), (-50.0, -3.0)] {
+    // The spring alone asks for 5,000 N m: nothing on top turns that round.
+    for (asked, made) in [(0.0, 3.0), (50.0, 3.0), (-50.0, 3.0)] {
         one.hold(Target::Impedance(far(asked)), 100);
         assert!((one.torque() - made).abs() < 0.2, "{asked}: {}", one.torque());
     }
