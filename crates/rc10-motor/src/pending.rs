@@ -142,6 +142,12 @@ impl<Q: Copy> Pending<Q> {
     }
 }
 
+impl<Q: Copy> Default for Pending<Q> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     extern crate std;
