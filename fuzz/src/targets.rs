@@ -204,7 +204,7 @@ pub fn dji(bytes: &[u8]) {
 
 /// VESC, with all status frames.
 pub fn vesc(bytes: &[u8]) {
-    let shaft = vesc::Shaft::new(NonZeroU8::new(7).unwrap(), Gear::new(3, 1).unwrap());
+    let scale = vesc::ElectricalScale::new(NonZeroU8::new(7).unwrap(), Gear::new(3, 1).unwrap());
     let amps = Amps::new(20.0);
     let currents = vesc::Currents { limit: amps, brake: amps, handbrake: amps };
     let status = vesc::StatusRates {
@@ -215,7 +215,7 @@ pub fn vesc(bytes: &[u8]) {
         status_5: 200,
         status_6: 10,
     };
-    let config = vesc::Config::new(vesc::VescId::new(7).unwrap(), shaft, currents);
+    let config = vesc::Config::new(vesc::VescId::new(7).unwrap(), scale, currents);
     motor(vesc::Vesc::new(vesc::Config { status, ..config }).unwrap(), bytes);
 }
 

@@ -69,8 +69,8 @@ pub enum Claim {
 /// | `Angle`, `TotalAngle`, `Impedance` | the feedback says this angle ± `tolerance` degrees |
 /// | `Current` | the winding carries this current ± `tolerance` A |
 /// | `Torque` | the shaft gets this torque ± `tolerance` N m |
-/// | `Duty`, `CurrentShare` | the shaft turns that way, faster than `tolerance` rpm |
-/// | `Brake`, `Handbrake` and their shares | after cruising, it turns slower than `tolerance` rpm |
+/// | `Duty` | the shaft turns that way, faster than `tolerance` rpm |
+/// | `Brake`, `Handbrake` | after cruising, it turns slower than `tolerance` rpm |
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trial {
     /// The target, commanded every millisecond.

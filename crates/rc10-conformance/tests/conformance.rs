@@ -9,7 +9,7 @@ mod conformance_of {
     //OFF     pub mod odrive;
     pub mod unitree_line;
     pub mod unitree_module;
-    //OFF     pub mod vesc;
+    pub mod vesc;
 }
 
 use rc10_conformance::check_line;
@@ -29,8 +29,9 @@ const MOTORS: &[Entry] = &[
     ("Damiao J4310, position-velocity", conformance_of::damiao::j4310_position_velocity),
     ("Damiao J4310, force-position", conformance_of::damiao::j4310_force_position),
     ("GO-M8010-6 behind a module", conformance_of::unitree_module::go_m8010),
-    //OFF     ("VESC", conformance_of::vesc::vesc),
-    //OFF     ("VESC with angle loops", conformance_of::vesc::vesc_with_servo),
+    ("VESC", conformance_of::vesc::vesc),
+    ("VESC, relative currents", conformance_of::vesc::vesc_relative),
+    ("VESC with angle loops", conformance_of::vesc::vesc_with_servo),
     //OFF     ("MG4010E-i10", conformance_of::lk::mg4010e),
     //OFF     ("MF9025 in the multi-motor frame", conformance_of::lk::mf9025_multi_motor),
     //OFF     ("ODrive, torque", conformance_of::odrive::torque),

@@ -84,7 +84,7 @@ mod supervision;
 mod table;
 mod target;
 pub mod unitree;
-//OFF pub mod vesc;
+pub mod vesc;
 
 pub use arm::{ArmError, ArmState, ArmSwitch, Unfit};
 pub use batch::{TxBatch, TxFull};

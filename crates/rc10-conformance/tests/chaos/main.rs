@@ -23,8 +23,8 @@ mod story;
 mod unitree_line;
 #[path = "../conformance_of/unitree_module.rs"]
 mod unitree_module;
-//OFF #[path = "../conformance_of/vesc.rs"]
-//OFF mod vesc;
+#[path = "../conformance_of/vesc.rs"]
+mod vesc;
 mod watch;
 
 use rc10_conformance::Declaration;
@@ -120,10 +120,14 @@ fn unitree_motors() {
     ]);
 }
 
-//OFF #[test]
-//OFF fn vescs() {
-//OFF     all(&[("VESC", vesc::vesc), ("VESC with angle loops", vesc::vesc_with_servo)]);
-//OFF }
+#[test]
+fn vescs() {
+    all(&[
+        ("VESC", vesc::vesc),
+        ("VESC, relative currents", vesc::vesc_relative),
+        ("VESC with angle loops", vesc::vesc_with_servo),
+    ]);
+}
 
 //OFF #[test]
 //OFF fn lk_drives() {

@@ -250,13 +250,7 @@ impl<'d> Watch<'d> {
         }
         self.soft -= 1;
         let brakes = status.drive != DriveMode::Run
-            || matches!(
-                status.target.kind(),
-                TargetKind::Brake
-                    | TargetKind::BrakeShare
-                    | TargetKind::Handbrake
-                    | TargetKind::HandbrakeShare
-            );
+            || matches!(status.target.kind(), TargetKind::Brake | TargetKind::Handbrake);
         if !goes_with && (brakes || self.declared.coasts_freely != Claim::Does) {
             return Ok(());
         }

@@ -12,5 +12,5 @@ mod dji;
 //OFF mod odrive;
 mod unitree_line;
 mod unitree_module;
-//OFF mod vesc;
-//OFF mod vesc_values;
+mod vesc;
+mod vesc_values;
