@@ -9,7 +9,7 @@ use rc10_app::{Amps, Degrees, RotorRpm, TotalAngle};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_motor::lk::{
-    CENTIDEGREES, Command, Direction, DriveId, EncoderBits, Model, Reply, ReplyError,
+    CENTIDEGREES, Command, DriveId, EncoderBits, Model, Reply, ReplyError, SpinDirection,
     pack_multi_motor,
 };
 
@@ -36,7 +36,7 @@ fn angle() -> impl Strategy<Value = TotalAngle> {
     prop_oneof![
         any::<i64>().prop_map(TotalAngle::from_microdegrees),
         any::<i32>().prop_map(TotalAngle::from_degrees),
-        any::<i64>().prop_map(|counts| TotalAngle::new(counts, CENTIDEGREES)),
+        any::<i64>().prop_map(|counts| TotalAngle::from_counts(counts, CENTIDEGREES)),
     ]
 }
 
@@ -132,7 +132,7 @@ proptest! {
         id in drive(), model in model(), degrees in number(),
         limit in proptest::option::of(number()), counter in any::<bool>(),
     ) {
-        let ways = [Direction::Clockwise, Direction::CounterClockwise];
+        let ways = [SpinDirection::Clockwise, SpinDirection::CounterClockwise];
         let command = Command::TurnWithin {
             angle: Degrees::new(degrees),
             direction: ways[usize::from(counter)],
@@ -223,13 +223,13 @@ proptest! {
                 }
             }
             (Ok(Reply::MultiTurn(angle)), 0x92) => {
-                prop_assert_eq!(angle.counts(), signed(&bytes[1..]));
-                prop_assert_eq!(angle.scale(), CENTIDEGREES);
+                // It saturates beyond 2.5 · 10¹⁰ turns.
+                let wanted = signed(&bytes[1..]).saturating_mul(10_000);
+                prop_assert_eq!(angle.microdegrees(), wanted);
                 prop_assert!(angle.degrees().is_finite());
             }
             (Ok(Reply::SingleTurn(angle)), 0x94) => {
-                prop_assert_eq!(angle.counts(), unsigned(&bytes[4..]));
-                prop_assert_eq!(angle.scale(), CENTIDEGREES);
+                prop_assert_eq!(angle.microdegrees(), unsigned(&bytes[4..]) * 10_000);
             }
             (Err(error), _) => {
                 prop_assert_eq!(error, ReplyError::Command(command));

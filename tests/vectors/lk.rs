@@ -3,8 +3,8 @@
 use rc10_app::{Amps, Degrees, RotorRpm, TotalAngle};
 use rc10_can::CanFrame;
 use rc10_motor::lk::{
-    Command, Direction, DriveId, EncoderBits, MULTI_MOTOR_ID, Model, Motion, Reply,
-    pack_multi_motor,
+    CENTIDEGREES, Command, DriveId, EncoderBits, MULTI_MOTOR_ID, Model, Motion, Reply,
+    SpinDirection, pack_multi_motor,
 };
 use serde_json::Value;
 
@@ -51,7 +51,7 @@ struct Order {
     /// Whether they are steps.
     raw: bool,
     limit: Option<f64>,
-    direction: Option<Direction>,
+    direction: Option<SpinDirection>,
 }
 
 impl Order {
@@ -218,10 +218,10 @@ fn total(degrees: f64) -> Check<TotalAngle> {
     Ok(TotalAngle::from_microdegrees((degrees * 1e6).round() as i64))
 }
 
-fn direction(word: &str) -> Option<Direction> {
+fn direction(word: &str) -> Option<SpinDirection> {
     match word {
-        "cw" | "clockwise" => Some(Direction::Clockwise),
-        "ccw" | "counterclockwise" => Some(Direction::CounterClockwise),
+        "cw" | "clockwise" => Some(SpinDirection::Clockwise),
+        "ccw" | "counterclockwise" => Some(SpinDirection::CounterClockwise),
         _ => None,
     }
 }
@@ -381,7 +381,7 @@ fn value(
         (Reply::MultiTurn(angle), "multi_turn_deg") => float(0.01, angle.degrees().get()),
         (Reply::SingleTurn(angle), "single_turn_deg") => float(0.01, angle.degrees().get()),
         (Reply::MultiTurn(angle) | Reply::SingleTurn(angle), "angle_raw") => {
-            tolerance.raw(field, expected, angle.counts())
+            tolerance.raw(field, expected, angle.counts_at(CENTIDEGREES))
         }
         (_, other) => Err(unknown(other)),
     }

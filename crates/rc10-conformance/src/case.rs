@@ -171,7 +171,7 @@ pub(crate) struct Life {
     pub(crate) log: Log,
     /// When it took other targets than a fresh one, and in which drive.
     pub(crate) other_targets: Option<(Micros, DriveMode)>,
-    /// So many calls in it was turning under load.
+    /// The number of calls after which it was turning under load.
     going: usize,
 }
 
@@ -262,7 +262,7 @@ impl<'a> Case<'a> {
     }
 }
 
-/// Everything that can happen to a motor, one after the other.
+/// Every event that a motor can meet, one after the other.
 fn live(rig: &mut Rig<'_>) {
     let cruise = Some(rig.cruise());
     let coast = Some(Target::Coast);

@@ -43,7 +43,7 @@ impl Subject {
         Micros::new(1_000_000 / u64::from(slowest))
     }
 
-    /// It says what it would send, and nobody listens.
+    /// Its frames of one tick, which are not sent.
     pub(crate) fn pack(&mut self) {
         match self {
             // What does not fit is a matter of other rules.
@@ -139,7 +139,7 @@ pub(crate) trait Harness<'m> {
     fn status(&self, motor: MotorId) -> MotorStatus;
     /// A millisecond, with a tick at its end; the motors are told that `dt` has passed.
     fn tick(&mut self, dt: Seconds);
-    /// A tick of a motor that is not attached, so that nobody watches over it, and a millisecond.
+    /// A tick of a motor that is not attached, so that no bus supervises it, and a millisecond.
     fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: DriveMode);
     /// The program panics: what is for a panic handler is sent, and what waited is not. No tick may
     /// follow.

@@ -34,7 +34,6 @@ impl Mirror {
                     kd,
                 })
             }
-            Target::CurrentShare(share) => Target::CurrentShare(-share),
             // What brakes has no sign.
             other => other,
         }

@@ -2,14 +2,14 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod conformance_of {
-    //OFF     pub mod cybergear;
-    //OFF     pub mod damiao;
+    pub mod cybergear;
+    pub mod damiao;
     pub mod dji;
-    //OFF     pub mod lk;
-    //OFF     pub mod odrive;
+    pub mod lk;
+    pub mod odrive;
     pub mod unitree_line;
     pub mod unitree_module;
-    //OFF     pub mod vesc;
+    pub mod vesc;
 }
 
 use rc10_conformance::check_line;
@@ -24,20 +24,21 @@ const MOTORS: &[Entry] = &[
     ("M2006", conformance_of::dji::m2006),
     ("GM6020, current mode", conformance_of::dji::gm6020_current),
     ("GM6020, voltage mode", conformance_of::dji::gm6020_voltage),
-    //OFF     ("Damiao J4310, MIT", conformance_of::damiao::j4310_mit),
-    //OFF     ("Damiao J4310, velocity", conformance_of::damiao::j4310_velocity),
-    //OFF     ("Damiao J4310, position-velocity", conformance_of::damiao::j4310_position_velocity),
-    //OFF     ("Damiao J4310, force-position", conformance_of::damiao::j4310_force_position),
+    ("Damiao J4310, MIT", conformance_of::damiao::j4310_mit),
+    ("Damiao J4310, velocity", conformance_of::damiao::j4310_velocity),
+    ("Damiao J4310, position-velocity", conformance_of::damiao::j4310_position_velocity),
+    ("Damiao J4310, force-position", conformance_of::damiao::j4310_force_position),
     ("GO-M8010-6 behind a module", conformance_of::unitree_module::go_m8010),
-    //OFF     ("VESC", conformance_of::vesc::vesc),
-    //OFF     ("VESC with angle loops", conformance_of::vesc::vesc_with_servo),
-    //OFF     ("MG4010E-i10", conformance_of::lk::mg4010e),
-    //OFF     ("MF9025 in the multi-motor frame", conformance_of::lk::mf9025_multi_motor),
-    //OFF     ("ODrive, torque", conformance_of::odrive::torque),
-    //OFF     ("ODrive, velocity", conformance_of::odrive::velocity),
-    //OFF     ("ODrive, position", conformance_of::odrive::position),
-    //OFF     ("CyberGear", conformance_of::cybergear::cybergear),
-    //OFF     ("RobStride RS04", conformance_of::cybergear::rs04),
+    ("VESC", conformance_of::vesc::vesc),
+    ("VESC, relative currents", conformance_of::vesc::vesc_relative),
+    ("VESC with angle loops", conformance_of::vesc::vesc_with_servo),
+    ("MG4010E-i10", conformance_of::lk::mg4010e),
+    ("MF9025 in the multi-motor frame", conformance_of::lk::mf9025_multi_motor),
+    ("ODrive, torque", conformance_of::odrive::torque),
+    ("ODrive, velocity", conformance_of::odrive::velocity),
+    ("ODrive, position", conformance_of::odrive::position),
+    ("CyberGear", conformance_of::cybergear::cybergear),
+    ("RobStride RS04", conformance_of::cybergear::rs04),
     ("GO-M8010-6 on RS-485", conformance_of::unitree_line::go_m8010),
     // One line for each further model, one file for each vendor in `conformance_of/`.
 ];

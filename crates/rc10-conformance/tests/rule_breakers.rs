@@ -14,8 +14,8 @@ mod motor;
 mod spoil;
 #[path = "rule_breakers/spoiled.rs"]
 mod spoiled;
-//OFF #[path = "rule_breakers/sprung.rs"]
-//OFF mod sprung;
+#[path = "rule_breakers/sprung.rs"]
+mod sprung;
 
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Claim, Declaration, RULES, Report, Trial, check, check_line};
@@ -29,7 +29,7 @@ use device::plug_in;
 use motor::Finch;
 use spoil::Spoil;
 use spoiled::Spoiled;
-//OFF use sprung::{Slip, check_sprung};
+use sprung::{Slip, check_sprung};
 
 fn check_spoiled(declared: &Declaration, spoil: Spoil) -> Result<(), Report> {
     check(declared, |id| Spoiled::new(Finch::new(id).unwrap(), spoil), plug_in)
@@ -47,7 +47,7 @@ fn each_rule_has_a_motor_that_breaks_it() {
     let mut wrong = Vec::new();
     for rule in RULES {
         let is_broken = Spoil::ALL.iter().any(|(name, _)| *name == rule.name)
-            || ["impedance-law", "soft-impedance"].contains(&rule.name); //OFF || Slip::ALL.iter().any(|(name, _)| *name == rule.name);
+            || Slip::ALL.iter().any(|(name, _)| *name == rule.name);
         if !is_broken && !DECLARED.contains(&rule.name) {
             wrong.push(format!("no motor breaks {}", rule.name));
         }
@@ -80,13 +80,13 @@ fn each_further_motor_is_caught_by_the_rule_it_breaks() {
     are_caught(&Spoil::ALL[Spoil::ALL.len() / 2..]);
 }
 
-//OFF #[test]
-//OFF fn an_impedance_that_slips_is_caught() {
-//OFF     for (rule, slip) in Slip::ALL {
-//OFF         let report = check_sprung(slip).unwrap_err();
-//OFF         assert_eq!(report.broken().collect::<Vec<_>>(), [rule], "{slip:?}: {report}");
-//OFF     }
-//OFF }
+#[test]
+fn an_impedance_that_slips_is_caught() {
+    for (rule, slip) in Slip::ALL {
+        let report = check_sprung(slip).unwrap_err();
+        assert_eq!(report.broken().collect::<Vec<_>>(), [rule], "{slip:?}: {report}");
+    }
+}
 
 #[test]
 fn a_motor_that_turns_the_wrong_way_in_the_mirror_is_caught() {

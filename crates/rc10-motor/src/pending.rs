@@ -129,6 +129,13 @@ impl<Q: Copy> Pending<Q> {
         }
     }
 
+    /// The robot is armed in the middle of a request that must not go on then: whether a device that
+    /// has been asked carried it out is not known.
+    pub(crate) fn interrupt(&mut self) {
+        let asked = self.sent().is_some();
+        self.end(Err(if asked { RequestError::Timeout } else { RequestError::NotWhileArmed }));
+    }
+
     /// The outcome, once it is known; told once.
     pub const fn take_outcome(&mut self) -> Option<Outcome> {
         self.outcome.take()
@@ -179,6 +186,20 @@ mod tests {
         assert!(pending.is_busy() && pending.question().is_none());
         assert_eq!(pending.take_outcome(), Some(Ok(Response::Register(3))));
         assert_eq!(pending.take_outcome(), None);
+    }
+
+    #[test]
+    fn an_interrupted_request_says_whether_the_device_was_asked() {
+        for (ticks, error) in [(0, RequestError::NotWhileArmed), (1, RequestError::Timeout)] {
+            let mut pending = Pending::new();
+            let _ = pending.ask((), RETRY);
+            for _ in 0..ticks {
+                pending.update(MS);
+                assert_eq!(pending.take_due(), Some(()));
+            }
+            pending.interrupt();
+            assert_eq!(pending.take_outcome(), Some(Err(error)));
+        }
     }
 
     #[test]

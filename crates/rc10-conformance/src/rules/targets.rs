@@ -95,13 +95,7 @@ pub(super) fn follows(case: &Case<'_>, found: &mut Findings) {
 const KEPT: u32 = 10;
 
 fn reaches(rig: &mut Rig<'_>, trial: &Trial) -> Outcome {
-    let slows = matches!(
-        trial.target.kind(),
-        TargetKind::Brake
-            | TargetKind::BrakeShare
-            | TargetKind::Handbrake
-            | TargetKind::HandbrakeShare
-    );
+    let slows = matches!(trial.target.kind(), TargetKind::Brake | TargetKind::Handbrake);
     if slows {
         rig.get_going()?;
         rig.esc.set_load(0.0);
@@ -179,7 +173,7 @@ fn off_by(rig: &Rig<'_>, trial: &Trial) -> f64 {
         Target::Impedance(impedance) => {
             TotalAngle::try_from_degrees(impedance.angle).map_or(f64::INFINITY, way)
         }
-        Target::Duty(share) | Target::CurrentShare(share) => turns(share),
+        Target::Duty(share) => turns(share),
         Target::Coast => state.torque.abs(),
         _ => state.output_rpm.abs(),
     }

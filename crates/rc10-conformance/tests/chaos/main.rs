@@ -5,17 +5,17 @@
 //! only number 7.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-//OFF #[path = "../conformance_of/cybergear.rs"]
-//OFF mod cybergear;
-//OFF #[path = "../conformance_of/damiao.rs"]
-//OFF mod damiao;
+#[path = "../conformance_of/cybergear.rs"]
+mod cybergear;
+#[path = "../conformance_of/damiao.rs"]
+mod damiao;
 #[path = "../conformance_of/dji.rs"]
 mod dji;
 mod line;
-//OFF #[path = "../conformance_of/lk.rs"]
-//OFF mod lk;
-//OFF #[path = "../conformance_of/odrive.rs"]
-//OFF mod odrive;
+#[path = "../conformance_of/lk.rs"]
+mod lk;
+#[path = "../conformance_of/odrive.rs"]
+mod odrive;
 mod random;
 mod scene;
 mod story;
@@ -23,8 +23,8 @@ mod story;
 mod unitree_line;
 #[path = "../conformance_of/unitree_module.rs"]
 mod unitree_module;
-//OFF #[path = "../conformance_of/vesc.rs"]
-//OFF mod vesc;
+#[path = "../conformance_of/vesc.rs"]
+mod vesc;
 mod watch;
 
 use rc10_conformance::Declaration;
@@ -40,7 +40,7 @@ use scene::CanScene;
 /// What broke, and in which story.
 pub type Report = String;
 
-/// Stories of a motor, if nobody asks for more.
+/// Stories of a motor, unless `RC10_STORIES` asks for more.
 const STORIES: u64 = 60;
 
 /// The numbers of the stories to tell.
@@ -98,20 +98,20 @@ fn dji_motors() {
     ]);
 }
 
-//OFF #[test]
-//OFF fn damiao_motors() {
-//OFF     all(&[
-//OFF         ("J4310, MIT", damiao::j4310_mit),
-//OFF         ("J4310, velocity", damiao::j4310_velocity),
-//OFF         ("J4310, position-velocity", damiao::j4310_position_velocity),
-//OFF         ("J4310, force-position", damiao::j4310_force_position),
-//OFF     ]);
-//OFF }
+#[test]
+fn damiao_motors() {
+    all(&[
+        ("J4310, MIT", damiao::j4310_mit),
+        ("J4310, velocity", damiao::j4310_velocity),
+        ("J4310, position-velocity", damiao::j4310_position_velocity),
+        ("J4310, force-position", damiao::j4310_force_position),
+    ]);
+}
 
-//OFF #[test]
-//OFF fn cybergears_and_robstrides() {
-//OFF     all(&[("CyberGear", cybergear::cybergear), ("RobStride RS04", cybergear::rs04)]);
-//OFF }
+#[test]
+fn cybergears_and_robstrides() {
+    all(&[("CyberGear", cybergear::cybergear), ("RobStride RS04", cybergear::rs04)]);
+}
 
 #[test]
 fn unitree_motors() {
@@ -121,24 +121,28 @@ fn unitree_motors() {
     ]);
 }
 
-//OFF #[test]
-//OFF fn vescs() {
-//OFF     all(&[("VESC", vesc::vesc), ("VESC with angle loops", vesc::vesc_with_servo)]);
-//OFF }
+#[test]
+fn vescs() {
+    all(&[
+        ("VESC", vesc::vesc),
+        ("VESC, relative currents", vesc::vesc_relative),
+        ("VESC with angle loops", vesc::vesc_with_servo),
+    ]);
+}
 
-//OFF #[test]
-//OFF fn lk_drives() {
-//OFF     all(&[
-//OFF         ("MG4010E-i10", lk::mg4010e),
-//OFF         ("MF9025 in the multi-motor frame", lk::mf9025_multi_motor),
-//OFF     ]);
-//OFF }
+#[test]
+fn lk_drives() {
+    all(&[
+        ("MG4010E-i10", lk::mg4010e),
+        ("MF9025 in the multi-motor frame", lk::mf9025_multi_motor),
+    ]);
+}
 
-//OFF #[test]
-//OFF fn odrive_axes() {
-//OFF     all(&[
-//OFF         ("ODrive, torque", odrive::torque),
-//OFF         ("ODrive, velocity", odrive::velocity),
-//OFF         ("ODrive, position", odrive::position),
-//OFF     ]);
-//OFF }
+#[test]
+fn odrive_axes() {
+    all(&[
+        ("ODrive, torque", odrive::torque),
+        ("ODrive, velocity", odrive::velocity),
+        ("ODrive, position", odrive::position),
+    ]);
+}

@@ -177,7 +177,8 @@ fn speed_swapped(frame: CanFrame) -> CanFrame {
 
 impl Motor for Spoiled {
     fn name(&self) -> MotorName {
-        self.good.name()
+        let is_other = self.is(Spoil::OtherName) && self.report.is_some();
+        MotorName { model: if is_other { "Falcon" } else { "Finch F10" }, id: self.id }
     }
 
     fn supports(&self) -> TargetSet {

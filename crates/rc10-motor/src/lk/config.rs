@@ -1,10 +1,155 @@
-use rc10_app::ConfigError;
+//! What tells one drive from another, and how one is set up.
 
-use super::models::Model;
-use super::wire::DriveId;
-use rc10_app::Cascade;
+use rc10_app::maths::within;
+use rc10_app::{Amps, Cascade, ConfigError, Degrees, Direction, Gear};
 
-/// By which frames a drive is commanded. What is right is set in the drive, with the vendor's tool.
+use super::wire::{DriveId, FULL_SCALE, Motion, OPEN_LOOP};
+use crate::motor::FrameError;
+
+/// Width of the encoder value in answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum EncoderBits {
+    /// 14 bit devices: 0 ..= 16383.
+    Fourteen = 14,
+    /// 15 bit devices: 0 ..= 32767.
+    Fifteen = 15,
+    /// 16 bit devices, and 18 bit devices, which report their upper 16: 0 ..= 65535.
+    Sixteen = 16,
+}
+
+impl EncoderBits {
+    /// Steps in a turn of the rotor.
+    #[inline]
+    #[must_use]
+    pub const fn counts(self) -> u32 {
+        1 << self as u32
+    }
+}
+
+/// What tells one drive from another on the wire.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Model {
+    /// As the vendor writes it.
+    pub name: &'static str,
+    /// Amperes in a step of iq, in commands and answers alike.
+    pub amps_per_count: f32,
+    /// Width of the encoder.
+    pub encoder: EncoderBits,
+    /// The gearbox behind the rotor; the encoder sits in front of it.
+    pub gear: Gear,
+    /// Torque at the output shaft, N m per ampere of iq, where a source gives one.
+    pub torque_constant: Option<f32>,
+}
+
+impl Model {
+    const fn bare(name: &'static str, amps_per_count: f32, encoder: EncoderBits) -> Self {
+        Self { name, amps_per_count, encoder, gear: Gear::DIRECT, torque_constant: None }
+    }
+
+    /// The same under another name, with `turns` rotor turns for one of the output shaft.
+    const fn with(self, name: &'static str, turns: u32, torque_constant: Option<f32>) -> Self {
+        let gear = match Gear::new(turns, 1) {
+            Some(gear) => gear,
+            None => Gear::DIRECT,
+        };
+        Self { name, gear, torque_constant, ..self }
+    }
+
+    /// MG drives: 2048 steps are 33 A (manual V2.3). Without a gearbox, until one is given.
+    #[must_use]
+    pub const fn mg(encoder: EncoderBits) -> Self {
+        Self::bare("MG", 33.0 / 2048.0, encoder)
+    }
+
+    /// MF drives: 2048 steps are 16.5 A (librm).
+    #[must_use]
+    pub const fn mf(encoder: EncoderBits) -> Self {
+        Self::bare("MF", 16.5 / 2048.0, encoder)
+    }
+
+    /// MS drives, which have no current loop and so no step of iq: only
+    /// [`Command::OpenLoop`](super::Command::OpenLoop), [`Command::Speed`](super::Command::Speed)
+    /// and angles.
+    #[must_use]
+    pub const fn ms(encoder: EncoderBits) -> Self {
+        Self::bare("MS", 0.0, encoder)
+    }
+
+    /// The raw iq for a current, within ±2048; 0 for NaN. Cut off towards zero, as librm does: the
+    /// drive never gets more than was asked for, and what [`Motion`] reported comes out unchanged.
+    #[inline]
+    #[must_use]
+    pub fn raw_current(&self, current: Amps) -> i16 {
+        let full = self.full_scale().get();
+        // Divided, not multiplied by the inverse: whole steps must stay whole.
+        #[expect(clippy::cast_possible_truncation, reason = "within ±2048, or NaN, which is 0")]
+        return (within(current.get(), full) / self.amps_per_count) as i16;
+    }
+
+    /// The largest torque current, A.
+    #[inline]
+    #[must_use]
+    pub const fn full_scale(&self) -> Amps {
+        Amps::new(FULL_SCALE as f32 * self.amps_per_count)
+    }
+
+    /// The torque current of an answer; `None` where there is none, see [`Motion::effort`].
+    #[inline]
+    #[must_use]
+    pub fn current(&self, motion: &Motion) -> Option<Amps> {
+        let current = Amps::new(f32::from(motion.effort) * self.amps_per_count);
+        (motion.command != OPEN_LOOP && self.amps_per_count > 0.0).then_some(current)
+    }
+
+    /// The rotor's angle of an answer, 0 ..< 360 degrees.
+    ///
+    /// # Errors
+    /// [`FrameError::Encoder`] if the encoder is not as wide as that.
+    #[inline]
+    pub fn angle(&self, motion: &Motion) -> Result<Degrees, FrameError> {
+        let counts = self.encoder.counts();
+        if u32::from(motion.encoder) >= counts {
+            return Err(FrameError::Encoder);
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a power of two")]
+        return Ok(Degrees::new(f32::from(motion.encoder) * (360.0 / counts as f32)));
+    }
+}
+
+/// Models by name.
+///
+/// Gear and rated torque by rated current are from the vendor's data sheets, as its resellers print
+/// them (SMC, shop pages of the MG series; MF9025 V2: code of several teams, from its data sheet).
+/// Where the printed torque constant and the rated figures do not agree, there is none. Encoders:
+/// SCUT librmcs, whose drives of all these series report 16 bits; check yours.
+pub mod models {
+    use super::{EncoderBits, Model};
+
+    const MG: Model = Model::mg(EncoderBits::Sixteen);
+    const MF: Model = Model::mf(EncoderBits::Sixteen);
+
+    /// MF9025 V2: direct drive, 0.32 N m/A.
+    pub const MF9025: Model = MF.with("MF9025", 1, Some(0.32));
+    /// MG4010E-i10: 10 : 1, 2.5 N m at 3.5 A.
+    pub const MG4010E_I10: Model = MG.with("MG4010E-i10", 10, Some(0.7));
+    /// MG4010E-i36: 36 : 1, 9 N m at 3.5 A.
+    pub const MG4010E_I36: Model = MG.with("MG4010E-i36", 36, Some(2.58));
+    /// MG5010E-i10: 10 : 1, 4 N m at 4.4 A.
+    pub const MG5010E_I10: Model = MG.with("MG5010E-i10", 10, Some(0.91));
+    /// MG6012E-i36: 36 : 1, 15 N m at 3.8 A.
+    pub const MG6012E_I36: Model = MG.with("MG6012E-i36", 36, Some(3.94));
+    /// MG8008E-i9: 9 : 1, 10 N m at 4.9 A.
+    pub const MG8008E_I9: Model = MG.with("MG8008E-i9", 9, Some(2.07));
+    /// MG8016E-i6: 6 : 1. Printed as 3.3 N m/A, and as 13 N m at 6.5 A: no constant.
+    pub const MG8016E_I6: Model = MG.with("MG8016E-i6", 6, None);
+
+    /// All models that are known by name.
+    pub const ALL: &[Model] =
+        &[MF9025, MG4010E_I10, MG4010E_I36, MG5010E_I10, MG6012E_I36, MG8008E_I9, MG8016E_I6];
+}
+
+/// The frames that command a drive: a setting of the drive, made with the vendor's tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Commands {
     /// By frames of its own, as it is sold.
@@ -15,7 +160,7 @@ pub enum Commands {
     MultiMotor,
 }
 
-/// How a drive is set up, and how it shall be controlled.
+/// The setup of a drive, and how it is controlled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config {
     /// Current step, encoder, gearbox, torque constant.
@@ -26,14 +171,14 @@ pub struct Config {
     /// By which frames it is commanded.
     pub commands: Commands,
     /// Which way the output shaft counts.
-    pub direction: rc10_app::Direction,
+    pub direction: Direction,
 }
 
 impl Config {
     /// A drive as it is sold: commands of its own, counting as the drive does.
     #[must_use]
     pub const fn new(model: Model, cascade: Cascade) -> Self {
-        Self { model, cascade, commands: Commands::Single, direction: rc10_app::Direction::Forward }
+        Self { model, cascade, commands: Commands::Single, direction: Direction::Forward }
     }
 
     /// Commanded by these frames.
@@ -44,7 +189,7 @@ impl Config {
 
     /// Counting this way.
     #[must_use]
-    pub const fn with_direction(self, direction: rc10_app::Direction) -> Self {
+    pub const fn with_direction(self, direction: Direction) -> Self {
         Self { direction, ..self }
     }
 

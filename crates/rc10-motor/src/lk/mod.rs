@@ -22,13 +22,12 @@
 //! * A drive may act one frame late (XDU librm): off and run are to be sent until they are echoed.
 //! * The encoder of an 18 bit device is reported by its upper 16 bits.
 //!
-//! *Motor.* [`Lk`] commands torque currents and runs all loops here. It keeps a drive off (`80`) unless
-//! it may drive, switches it on (`88`) until that is echoed, and asks for errors (`9A`) every 100
-//! ticks.
+//! *Motor.* [`Lk`] commands torque currents and runs all loops here. It keeps a drive off (`80`)
+//! unless it may drive, repeats "run" (`88`) until that is echoed, and asks for errors (`9A`) every
+//! 100 ticks.
 //!
 //! ```
-//! use rc10_app::{PidConfig, Rpm, RpmPerSecond};
-//! use rc10_motor::rc10_app::Cascade;
+//! use rc10_app::{Cascade, PidConfig, Rpm, RpmPerSecond};
 //! use rc10_motor::lk::{Config, Lk, models};
 //! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target};
 //! use rc10_can::Micros;
@@ -53,17 +52,14 @@
 //! names all eight error bits of newer firmware; the manual knows two).
 
 mod config;
-pub mod models;
 mod motor;
-mod shaft;
 pub mod signals;
 pub mod wire;
 
 pub use crate::not_a_number::NotANumber;
-pub use config::{Commands, Config};
-pub use models::{EncoderBits, Model};
+pub use config::{Commands, Config, EncoderBits, Model, models};
 pub use motor::Lk;
 pub use wire::{
-    CENTIDEGREES, Command, Direction, DriveId, Errors, Health, MULTI_MOTOR_ID, Motion,
-    PhaseCurrents, Reply, ReplyError, pack_multi_motor,
+    CENTIDEGREES, Command, DriveId, Errors, Health, MULTI_MOTOR_ID, Motion, PhaseCurrents, Reply,
+    ReplyError, SpinDirection, pack_multi_motor,
 };

@@ -4,8 +4,7 @@ use embedded_can::Id;
 use heapless::Vec;
 use rc10_app::ConfigError;
 
-use super::config::{Commands, Config};
-use super::models::{EncoderBits, Model};
+use super::config::{Commands, Config, EncoderBits, Model};
 use super::wire::{
     CLEAR_ERRORS, CURRENT, ERROR_TEXTS, HEALTH, MOTION, MULTI_MOTOR_ID, MULTI_TURN, OFF, OPEN_LOOP,
     PHASE_CURRENTS, RUN, SINGLE_TURN, SPEED, STOP, TURN_BY, TURN_BY_LIMITED, TURN_TO,

@@ -7,8 +7,8 @@ use rc10_app::maths::round_to_i32;
 use rc10_app::{Amps, Celsius, CountsPerTurn, Degrees, RotorRpm, TotalAngle};
 use rc10_can::CanFrame;
 
-use super::models::Model;
-use crate::motor::Fault;
+use super::config::Model;
+use crate::feedback::Fault;
 use crate::not_a_number::NotANumber;
 
 // Command bytes: LK CAN manual V2.3, table of commands.
@@ -61,7 +61,7 @@ const fn standard(raw: u16) -> StandardId {
     }
 }
 
-/// What a drive is set to: 1 ..= 32.
+/// The identifier set on a drive: 1 ..= 32.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriveId {
     number: u8,
@@ -99,18 +99,18 @@ impl DriveId {
     }
 }
 
-/// Which way round to an angle within a turn (byte 1 of `A5` and `A6`).
+/// The way round to an angle within a turn: the manual's `spinDirection`, byte 1 of `A5` and `A6`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Direction {
+pub enum SpinDirection {
     /// The way angles count up.
     Clockwise = 0,
     /// The other way.
     CounterClockwise = 1,
 }
 
-/// What a drive can be told. Angles and speeds are the rotor's. What is out of range is limited to
-/// the range. An angle on the scale [`CENTIDEGREES`] is packed without a division.
+/// A command to a drive. Angles and speeds are the rotor's. What is out of range is limited to the
+/// range.
 #[derive(Clone, Copy, Debug)]
 pub enum Command {
     /// `80`: no torque, and what it was doing is forgotten. Echoed.
@@ -137,7 +137,7 @@ pub enum Command {
         /// Where to, 0 ..= 359.99 degrees.
         angle: Degrees,
         /// Which way round.
-        direction: Direction,
+        direction: SpinDirection,
         /// As in [`TurnTo`](Self::TurnTo).
         speed_limit: Option<RotorRpm>,
     },
@@ -169,17 +169,20 @@ impl Command {
     /// [`NotANumber`]; neutral is current or speed zero. No angle is neutral: in place of one stands
     /// [`Command::ReadMotion`], which moves nothing.
     pub fn pack(&self, id: DriveId, model: &Model) -> Result<CanFrame, NotANumber> {
-        let frame = |bytes| CanFrame::eight_bytes(id.can, bytes);
-        let plain = |command| Ok(frame([command, 0, 0, 0, 0, 0, 0, 0]));
-        let nan = |field, neutral| Err(NotANumber { field, neutral: frame(neutral) });
-        let read_motion = [MOTION, 0, 0, 0, 0, 0, 0, 0];
-        let limited = |[one, with_limit]: [u8; 2], direction, [e, f, g, h]: [u8; 4], limit| {
-            let Some(RawLimit([c, d])) = limit else {
-                return Ok(frame([one, direction, 0, 0, e, f, g, h]));
-            };
-            Ok(frame([with_limit, direction, c, d, e, f, g, h]))
+        const READ_MOTION: [u8; 8] = [MOTION, 0, 0, 0, 0, 0, 0, 0];
+        let plain = |command| Ok([command, 0, 0, 0, 0, 0, 0, 0]);
+        let number = |field, value: f32, bytes| {
+            if value.is_nan() { Err((field, bytes)) } else { Ok(bytes) }
         };
-        match *self {
+        let turn = |[free, limited]: [u8; 2], direction, angle: i32, limit: Option<RotorRpm>| {
+            let [e, f, g, h] = angle.to_le_bytes();
+            let Some(limit) = limit else { return Ok([free, direction, 0, 0, e, f, g, h]) };
+            let steps = round_to_i32(limit.get() * DEGREES_PER_SECOND_PER_RPM);
+            let [c, d, ..] = steps.clamp(0, 0xFFFF).to_le_bytes();
+            number("speed limit", limit.get(), READ_MOTION)?;
+            Ok([limited, direction, c, d, e, f, g, h])
+        };
+        let packed = match *self {
             Self::Off => plain(OFF),
             Self::Stop => plain(STOP),
             Self::Run => plain(RUN),
@@ -191,68 +194,53 @@ impl Command {
             Self::ReadSingleTurn => plain(SINGLE_TURN),
             Self::OpenLoop(power) => {
                 let [e, f] = power.clamp(-OPEN_LOOP_FULL_SCALE, OPEN_LOOP_FULL_SCALE).to_le_bytes();
-                Ok(frame([OPEN_LOOP, 0, 0, 0, e, f, 0, 0]))
+                Ok([OPEN_LOOP, 0, 0, 0, e, f, 0, 0])
             }
             Self::Current(current) => {
                 let [e, f] = model.raw_current(current).to_le_bytes();
-                let bytes = [CURRENT, 0, 0, 0, e, f, 0, 0];
-                if current.get().is_nan() { nan("current", bytes) } else { Ok(frame(bytes)) }
+                number("current", current.get(), [CURRENT, 0, 0, 0, e, f, 0, 0])
             }
             Self::Speed(speed) => {
                 let [e, f, g, h] = round_to_i32(speed.get() * SPEED_STEPS_PER_RPM).to_le_bytes();
-                let bytes = [SPEED, 0, 0, 0, e, f, g, h];
-                if speed.get().is_nan() { nan("speed", bytes) } else { Ok(frame(bytes)) }
+                number("speed", speed.get(), [SPEED, 0, 0, 0, e, f, g, h])
             }
-            Self::TurnTo { angle, speed_limit } => match raw_limit(speed_limit) {
-                Ok(limit) => limited([TURN_TO, TURN_TO_LIMITED], 0, raw_angle(angle), limit),
-                Err(field) => nan(field, read_motion),
-            },
-            Self::TurnBy { angle, speed_limit } => match raw_limit(speed_limit) {
-                Ok(limit) => limited([TURN_BY, TURN_BY_LIMITED], 0, raw_angle(angle), limit),
-                Err(field) => nan(field, read_motion),
-            },
-            Self::TurnWithin { angle, .. } if angle.get().is_nan() => nan("angle", read_motion),
-            Self::TurnWithin { angle, direction, speed_limit } => match raw_limit(speed_limit) {
-                Ok(limit) => {
-                    let angle = round_to_i32(angle.get() * 100.0).clamp(0, 35_999);
-                    let commands = [TURN_WITHIN, TURN_WITHIN_LIMITED];
-                    limited(commands, direction as u8, angle.to_le_bytes(), limit)
-                }
-                Err(field) => nan(field, read_motion),
-            },
-        }
+            Self::TurnTo { angle, speed_limit } => {
+                turn([TURN_TO, TURN_TO_LIMITED], 0, steps(angle), speed_limit)
+            }
+            Self::TurnBy { angle, speed_limit } => {
+                turn([TURN_BY, TURN_BY_LIMITED], 0, steps(angle), speed_limit)
+            }
+            Self::TurnWithin { angle, direction, speed_limit } => {
+                let steps = round_to_i32(angle.get() * 100.0).clamp(0, 35_999);
+                let commands = [TURN_WITHIN, TURN_WITHIN_LIMITED];
+                number("angle", angle.get(), READ_MOTION)
+                    .and_then(|_| turn(commands, direction as u8, steps, speed_limit))
+            }
+        };
+        let frame = |bytes| CanFrame::eight_bytes(id.can, bytes);
+        packed.map(frame).map_err(|(field, bytes)| NotANumber { field, neutral: frame(bytes) })
     }
 }
 
-/// Bytes 2 and 3 of a command with a speed limit.
-struct RawLimit([u8; 2]);
-
-/// `Err` names the field that is not a number.
-fn raw_limit(limit: Option<RotorRpm>) -> Result<Option<RawLimit>, &'static str> {
-    let Some(limit) = limit else { return Ok(None) };
-    if limit.get().is_nan() {
-        return Err("speed limit");
-    }
-    let degrees_per_second = round_to_i32(limit.get() * DEGREES_PER_SECOND_PER_RPM);
-    let [low, high, ..] = degrees_per_second.clamp(0, 0xFFFF).to_le_bytes();
-    Ok(Some(RawLimit([low, high])))
-}
-
-fn raw_angle(angle: TotalAngle) -> [u8; 4] {
+fn steps(angle: TotalAngle) -> i32 {
     let steps = angle.counts_at(CENTIDEGREES).clamp(i32::MIN.into(), i32::MAX.into());
     #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-    return (steps as i32).to_le_bytes();
+    return steps as i32;
 }
 
-/// The frame with the raw iq of drives 1 ..= 4 ([`Model::raw_current`]), at [`MULTI_MOTOR_ID`].
-/// Nobody limits these: a lane is sent as it is.
+fn angle(steps: i64) -> TotalAngle {
+    TotalAngle::from_microdegrees(steps.saturating_mul(10_000))
+}
+
+/// The frame with the raw iq of drives 1 ..= 4 ([`Model::raw_current`]), at [`MULTI_MOTOR_ID`]. The
+/// values are not limited.
 #[must_use]
 pub fn pack_multi_motor(raw: [i16; 4]) -> CanFrame {
     let [[a, b], [c, d], [e, f], [g, h]] = raw.map(i16::to_le_bytes);
     CanFrame::eight_bytes(MULTI_MOTOR_ID, [a, b, c, d, e, f, g, h])
 }
 
-/// Measured with every command that moves, and on [`Command::ReadMotion`].
+/// The measurement in the answer to every command that moves, and to [`Command::ReadMotion`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Motion {
     /// The command that this answers: `9C`, `A0` ..= `A8`.
@@ -367,7 +355,7 @@ pub struct PhaseCurrents {
     pub phases: [Amps; 3],
 }
 
-/// What a drive says.
+/// An answer of a drive.
 #[derive(Clone, Copy, Debug)]
 pub enum Reply {
     /// Echo of [`Command::Off`].
@@ -382,9 +370,9 @@ pub enum Reply {
     Health(Health),
     /// To [`Command::ReadPhaseCurrents`].
     PhaseCurrents(PhaseCurrents),
-    /// To [`Command::ReadMultiTurn`], on the scale [`CENTIDEGREES`].
+    /// To [`Command::ReadMultiTurn`], in steps of 0.01 degrees.
     MultiTurn(TotalAngle),
-    /// To [`Command::ReadSingleTurn`], never negative, on the scale [`CENTIDEGREES`].
+    /// To [`Command::ReadSingleTurn`], never negative, in steps of 0.01 degrees.
     SingleTurn(TotalAngle),
 }
 
@@ -396,7 +384,7 @@ pub enum ReplyError {
     NotMine,
     /// Not eight bytes.
     Length,
-    /// The answer to a command that nobody here sends.
+    /// The answer to a command that this crate does not know.
     Command(u8),
 }
 
@@ -452,12 +440,9 @@ impl Reply {
             }
             MULTI_TURN => {
                 // Seven bytes behind the command: shifting the command out extends the sign.
-                Self::MultiTurn(TotalAngle::new(i64::from_le_bytes(*bytes) >> 8, CENTIDEGREES))
+                Self::MultiTurn(angle(i64::from_le_bytes(*bytes) >> 8))
             }
-            SINGLE_TURN => {
-                let steps = u32::from_le_bytes([e, f, g, h]);
-                Self::SingleTurn(TotalAngle::new(steps.into(), CENTIDEGREES))
-            }
+            SINGLE_TURN => Self::SingleTurn(angle(u32::from_le_bytes([e, f, g, h]).into())),
             other => return Err(ReplyError::Command(other)),
         })
     }

@@ -1,26 +1,27 @@
-use rc10_app::{Amps, ConfigError, Gear, Rpm};
+//! How an axis is set up and controlled, and what the bits of its error word mean.
 
-use super::firmware::Firmware;
+use rc10_app::{Amps, Cascade, ConfigError, Direction, Gear, Rpm};
+
 use super::wire::{ControlMode, InputMode, Node};
-use rc10_app::Cascade;
+use crate::feedback::Fault;
 
-/// How an axis is set up, and how it shall be controlled.
+/// The setup of an axis, and how it is controlled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config {
     /// Its firmware: what its errors mean.
     pub firmware: Firmware,
-    /// Turns of the shaft that the encoder sits on for turns of the output shaft. Torques on the
-    /// wire are that shaft's, too.
+    /// Turns of the encoder's shaft for turns of the output shaft. Torques on the wire are those of
+    /// the encoder's shaft, too.
     pub gear: Gear,
     /// Which way the output shaft counts.
-    pub direction: rc10_app::Direction,
+    pub direction: Direction,
     /// Where the loops run.
     pub control: Control,
     /// How often it reports.
     pub rates: Rates,
-    /// What it is told never to exceed, before it is switched on; nothing is told if there are
-    /// none. [`Request::CurrentLimit`](crate::Request::CurrentLimit) needs them, and so does an axis
-    /// that closes its own loops: by them it starts softly.
+    /// The limits that it gets before it is switched on, if any.
+    /// [`Request::CurrentLimit`](crate::Request::CurrentLimit) needs them, and so does an axis that
+    /// closes its own loops: by them it starts softly.
     pub limits: Option<Limits>,
     /// Torque per ampere at the encoder's shaft, N m/A (`motor.config.torque_constant`): for the
     /// torque in the feedback alone.
@@ -41,7 +42,7 @@ pub enum Control {
 }
 
 impl Control {
-    /// What the axis is told it is.
+    /// The modes that the axis is set to.
     pub(super) const fn modes(&self) -> (ControlMode, InputMode) {
         match *self {
             Self::Torque(_) => (ControlMode::Torque, InputMode::Passthrough),
@@ -56,8 +57,8 @@ impl Control {
 pub struct Rates {
     /// `09`: 1 ..= 1000, at least 200 to control by.
     pub estimates: u16,
-    /// `01`: 1 ..= 1000. As long as one period takes, nobody knows that an axis was switched on,
-    /// or has an error.
+    /// `01`: 1 ..= 1000; not above the estimates. Up to one period passes before it is known that
+    /// an axis was switched on, or has an error.
     pub heartbeat: u16,
     /// `14`; not above the estimates.
     pub currents: u16,
@@ -75,7 +76,7 @@ impl Rates {
     }
 }
 
-/// What an axis never exceeds.
+/// The limits of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Of the output shaft.
@@ -91,7 +92,7 @@ impl Config {
         Self {
             firmware,
             gear: Gear::DIRECT,
-            direction: rc10_app::Direction::Forward,
+            direction: Direction::Forward,
             control,
             rates,
             limits: None,
@@ -107,7 +108,7 @@ impl Config {
 
     /// Counting this way.
     #[must_use]
-    pub const fn with_direction(self, direction: rc10_app::Direction) -> Self {
+    pub const fn with_direction(self, direction: Direction) -> Self {
         Self { direction, ..self }
     }
 
@@ -122,9 +123,9 @@ impl Config {
         let check = |good: bool, field, value: f32, must_be| {
             if good { Ok(()) } else { Err(ConfigError::new(field, value, must_be)) }
         };
-        let nobody =
+        let reserved =
             ConfigError::new("node", node.into(), "0 to 62: an axis without a number has 63");
-        let node = Node::new(node).filter(|node| node.number() < 63).ok_or(nobody)?;
+        let node = Node::new(node).filter(|node| node.number() < 63).ok_or(reserved)?;
         let ratio = self.gear.ratio();
         check(ratio >= 1.0, "gear", ratio, "one turn or more for a turn of the output")?;
         self.check_control()?;
@@ -132,9 +133,13 @@ impl Config {
         for (field, rate) in [("estimates", estimates), ("heartbeat", heartbeat)] {
             check((1..=1000).contains(&rate), field, rate.into(), "1 to 1000 Hz")?;
         }
-        for (field, rate) in
-            [("currents", currents), ("temperatures", temperatures), ("supply", supply)]
-        {
+        // The link time-out follows from the most frequent message.
+        for (field, rate) in [
+            ("heartbeat", heartbeat),
+            ("currents", currents),
+            ("temperatures", temperatures),
+            ("supply", supply),
+        ] {
             check(rate <= estimates, field, rate.into(), "not above the rate of the estimates")?;
         }
         let tells = self.firmware.has_temperatures || temperatures == 0;
@@ -169,5 +174,91 @@ impl Config {
         }
         let value = f32::from(input as u8);
         Err(ConfigError::new("input mode", value, must_be))
+    }
+}
+
+/// A family of firmware, by what its error word means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Firmware {
+    /// As the vendor counts.
+    pub version: &'static str,
+    /// Bits of the error word and their texts, the gravest first.
+    pub errors: &'static [(u8, &'static str)],
+    /// Bits that are set while an axis starts: no fault.
+    pub starting: u32,
+    /// Whether message `15` is temperatures.
+    pub has_temperatures: bool,
+}
+
+impl Firmware {
+    /// `ODrive` v3 (`odrive-interface.yaml`, `ODrive.Axis.error`; bits 1 to 5, 10, 15 and 16 only
+    /// in older ones).
+    pub const V0_5: Self = Self {
+        version: "0.5",
+        errors: &[
+            (14, "emergency stop requested"),
+            (6, "motor failed"),
+            (8, "encoder failed"),
+            (9, "controller failed"),
+            (7, "sensorless estimator failed"),
+            (18, "too hot"),
+            (2, "supply voltage too high"),
+            (1, "supply voltage too low"),
+            (16, "supply current too high"),
+            (15, "too much current fed back"),
+            (3, "current measurement timed out"),
+            (4, "brake resistor disarmed"),
+            (5, "motor disarmed"),
+            (11, "watchdog expired"),
+            (12, "lower end stop pressed"),
+            (13, "upper end stop pressed"),
+            (17, "homing without end stop"),
+            (19, "position unknown"),
+            (10, "position control while sensorless"),
+            (0, "state not possible now"),
+        ],
+        starting: 0,
+        has_temperatures: false,
+    };
+
+    /// `ODrive` Pro, S1 and Micro (`odrive` 0.6.7, `ODriveError`).
+    pub const V0_6: Self = Self {
+        version: "0.6",
+        errors: &[
+            (25, "emergency stop requested"),
+            (5, "gate driver failed"),
+            (1, "system failed"),
+            (2, "timing failed"),
+            (12, "current limit violated"),
+            (13, "motor too hot"),
+            (14, "controller too hot"),
+            (8, "supply voltage too high"),
+            (9, "supply voltage too low"),
+            (10, "supply current too high"),
+            (11, "too much current fed back"),
+            (15, "velocity limit violated"),
+            (16, "position limit violated"),
+            (26, "motor does not follow its field"),
+            (27, "brake resistor disarmed"),
+            (28, "thermistor disconnected"),
+            (24, "watchdog expired"),
+            (3, "encoder estimate missing"),
+            (6, "input missing"),
+            (4, "configuration invalid"),
+            (30, "calibration failed"),
+            (0, "still starting"),
+        ],
+        starting: 1,
+        has_temperatures: true,
+    };
+
+    /// The whole error word, with the text of its gravest error; `None` without an error.
+    #[must_use]
+    pub fn fault(&self, errors: u32) -> Option<Fault> {
+        if errors == 0 {
+            return None;
+        }
+        let gravest = self.errors.iter().find(|(bit, _)| errors >> bit & 1 == 1);
+        Some(Fault::new(errors, gravest.map_or("an undocumented error", |(_, text)| text)))
     }
 }

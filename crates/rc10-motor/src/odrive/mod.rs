@@ -7,8 +7,9 @@
 //! *Identifiers.* Standard, `node << 5 | message`. Little endian, f32 as in IEEE 754.
 //!
 //! *From the axis:* `01` heartbeat (error word, state), `09` estimates (turns, turns/s), `14` Iq
-//! (wanted, measured), `15` temperatures (°C, firmware 0.6), `17` supply (V, A). How often is set on the device, heartbeat and estimates
-//! on all of them; the others are sent by old firmware (0.5) only on request, a remote frame.
+//! (wanted, measured), `15` temperatures (°C, firmware 0.6), `17` supply (V, A). How often is set on
+//! the device; old firmware (0.5) sends all but heartbeat and estimates only on request, a remote
+//! frame.
 //!
 //! *To the axis,* not answered: `07` state, `0B` modes, `0C` position, `0D` velocity, `0E` torque,
 //! `0F` limits, `18` clear errors.
@@ -22,14 +23,12 @@
 //!   and 0.6: [`Firmware`].
 //!
 //! *Motor.* [`ODrive`] keeps an axis idle unless it may drive; then tells it its modes, an input that
-//! moves nothing, and to follow inputs, over and over until the heartbeat says that it does. By
-//! default all loops run here and the axis gets torques; it can close them itself instead
-//! ([`Control`]).
+//! moves nothing, and to follow inputs, over and over until the heartbeat says that it does. All
+//! loops run here and the axis gets torques, or it closes them itself ([`Control`]).
 //!
 //! ```
-//! use rc10_app::{Gear, PidConfig, Rpm, RpmPerSecond};
+//! use rc10_app::{Cascade, Gear, PidConfig, Rpm, RpmPerSecond};
 //! use rc10_can::Micros;
-//! use rc10_motor::rc10_app::Cascade;
 //! use rc10_motor::odrive::{Config, Control, Firmware, ODrive, Rates};
 //! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target};
 //!
@@ -56,16 +55,12 @@
 //! the DBC of 0.5.6 and 0.6.10.
 
 mod config;
-mod firmware;
-mod loops;
 mod motor;
-mod shaft;
 pub mod signals;
 pub mod wire;
 
 pub use crate::not_a_number::NotANumber;
-pub use config::{Config, Control, Limits, Rates};
-pub use firmware::Firmware;
+pub use config::{Config, Control, Firmware, Limits, Rates};
 pub use motor::ODrive;
 pub use wire::{
     AxisState, Command, ControlMode, Currents, Estimates, Heartbeat, InputMode, Message,

@@ -1,31 +1,38 @@
-use rc10_app::{
-    Amps, Celsius, ConfigError, Degrees, NewtonMetres, Rpm, Seconds, TotalAngle, Volts,
-};
+//! The motor: its shaft, its loops or the axis's, its frames.
+
+use rc10_app::angle::shortest_way;
+use rc10_app::{Amps, Celsius, ConfigError, NewtonMetres, Seconds, Volts};
 use rc10_can::{CanFrame, IdPattern, Micros};
 
-use super::config::{Config, Limits, Rates};
-use super::firmware::Firmware;
-use super::loops::Loops;
-use super::shaft::{MOST_TURNS, Shaft};
+use super::config::{Config, Control, Firmware, Limits, Rates};
 use super::wire::{
     AxisState, CLEAR_ERRORS, CURRENTS, Command, ControlMode, Currents, ESTIMATES, Estimates,
     HEARTBEAT, Heartbeat, InputMode, Message, MessageError, Node, POSITION, SUPPLY, TEMPERATURES,
     TORQUE, Temperatures, VELOCITY,
 };
 use crate::batch::{TxBatch, TxFull};
-use crate::motor::{
-    self, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Motor, Request,
-    RequestError, Response, Target, TargetError, TargetSet,
-};
-use crate::servo::Measured;
-use crate::wiring::{CanIds, Ownership, Rate, RxFrames, TxFrames};
+use crate::can_ids::{CanIds, MotorName, Rate, RxFrames, TxFrames};
+use crate::feedback::{Condition, Fault, Feedback};
+use crate::goal::{Goal, Goals};
+use crate::motor::{self, CanMotor, DriveMode, FrameError, FrameKind, Motor, Tick};
+use crate::pending::{Pending, Retry};
+use crate::request::{Request, RequestError, Response};
+use crate::servo::Servo;
+use crate::shaft::Shaft;
+use crate::supervision::Link;
+use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
-/// What nobody else may send or be sent: the five bits of the message.
+/// The bits of an identifier that tell the node; the other five are the message.
 const NODE_MASK: u16 = 0x7E0;
+/// From here on an f32 does not tell one turn from the next.
+const MAX_TURNS: f32 = 16_777_216.0;
 /// No encoder turns so fast, turns a second.
-const MOST_SPEED: f32 = 10_000.0;
-/// No axis has so many volts or amperes.
-const MOST_ELECTRICAL: f32 = 10_000.0;
+const MAX_SPEED: f32 = 10_000.0;
+/// No axis has this many volts or amperes.
+const MAX_ELECTRICAL: f32 = 10_000.0;
+/// Turns that an axis may be away from where its speed takes it, and twice that after a silence: one
+/// further away was restarted.
+const MAX_ASIDE: f32 = 0.25;
 /// Below this, estimates are too seldom for loops that run here.
 const CONTROL_RATE: u16 = 200;
 /// Once the axis is idle it is told so in every tenth tick only.
@@ -34,15 +41,19 @@ const REMIND_EVERY: u8 = 10;
 const START_STEPS: u8 = 4;
 /// A multiple of both.
 const BEATS: u8 = 20;
-/// New limits are not answered, so they are sent so many times.
+/// New limits are not answered, so they are sent three times.
 const LIMIT_FRAMES: u8 = 3;
-/// An axis that closes its own loops gets its current in so many ticks: else it would come back
+/// An axis that closes its own loops gets its current in this many ticks: else it would come back
 /// with all it has.
 const SOFT_TICKS: u8 = 20;
+/// Tries to clear errors until the heartbeats have to say that they are gone.
+const CLEAR_TRIES: u8 = 4;
 
-/// Turns that an axis may be away from where its speed takes it, and twice that after a silence: one
-/// further away was restarted.
-const MOST_ASIDE: f32 = 0.25;
+/// Microdegrees in a turn: the steps in which the encoder's shaft is counted. A [`TotalAngle`] has
+/// no finer ones.
+///
+/// [`TotalAngle`]: rc10_app::TotalAngle
+const TURN: i32 = 360_000_000;
 
 /// How far an axis is on its way to obeying.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +66,15 @@ enum Step {
     Running,
 }
 
+/// Who closes the loops.
+#[derive(Clone, Copy, Debug)]
+enum Loops {
+    /// This crate: the axis gets torques.
+    Here(Servo),
+    /// The axis: `input` is its velocity (turns a second) or its position (turns).
+    Axis { goals: Goals, input: f32 },
+}
+
 /// One axis of an `ODrive`.
 #[derive(Clone, Debug)]
 pub struct ODrive {
@@ -63,55 +83,35 @@ pub struct ODrive {
     rates: Rates,
     modes: (ControlMode, InputMode),
     limits: Option<Limits>,
-    /// What it came with: no request goes beyond.
-    most_current: Amps,
+    /// The current limit of the configuration: no request goes beyond.
+    max_current: Amps,
     /// Ticks in which limits have to be sent yet.
     limits_due: u8,
     torque_constant: f32,
-    /// Turns of the encoder's shaft per turn of the output, with the sign.
+    /// Turns of the encoder's shaft per turn of the output, with the direction.
     ratio: f32,
     shaft: Shaft,
     loops: Loops,
-    seen: Option<Seen>,
-    told: Told,
+    /// The newest estimates.
+    estimates: Estimates,
+    /// Amperes, volts and degrees Celsius; NaN until the axis has sent them.
+    current: f32,
+    supply: f32,
+    controller_temperature: f32,
+    temperature: f32,
     step: Step,
     /// Whether it may drive, as of the last tick.
     wanted: bool,
+    /// What the last heartbeat said it does.
     state: AxisState,
     fault: Option<Fault>,
-    /// Since the last estimate and the last heartbeat, s.
-    silence: f32,
+    /// Time since the last heartbeat, and how long it may be, s.
     heartbeat_age: f32,
-    /// How long either may be, s.
-    link_timeout: f32,
     heartbeat_timeout: f32,
-    clearing: Option<Clearing>,
-    answer: Option<Result<Response, RequestError>>,
+    /// Clearing errors, the only request that waits for the axis.
+    pending: Pending<()>,
+    /// Counts ticks, 0 ..< [`BEATS`].
     beat: u8,
-}
-
-/// The newest estimate.
-#[derive(Clone, Copy, Debug)]
-struct Seen {
-    at: Micros,
-    estimates: Estimates,
-}
-
-/// What comes beside the estimates; NaN as long as it did not.
-#[derive(Clone, Copy, Debug)]
-struct Told {
-    current: f32,
-    supply: f32,
-    controller: f32,
-    motor: f32,
-}
-
-/// Errors are being cleared.
-#[derive(Clone, Copy, Debug)]
-struct Clearing {
-    waited: f32,
-    /// What the heartbeats since then said.
-    errors: Option<u32>,
 }
 
 impl ODrive {
@@ -122,59 +122,46 @@ impl ODrive {
     /// than the encoder, an input mode that is none of its control mode's, rates, limits, and what
     /// [`Cascade::validate`](rc10_app::Cascade::validate) finds.
     pub fn new(node: u8, config: Config) -> Result<Self, ConfigError> {
-        Self::build(node, config).map_err(|error| error.of_device("ODrive", node.into()))
-    }
-
-    fn build(node: u8, config: Config) -> Result<Self, ConfigError> {
-        let node = config.checked(node)?;
-        let sign = config.direction.sign();
-        let Rates { estimates, heartbeat, .. } = config.rates;
+        use TargetKind::{Angle, Coast, Speed, TotalAngle};
+        let named = |error: ConfigError| error.of_device("ODrive", node.into());
+        let node = config.checked(node).map_err(named)?;
+        let in_axis = |kinds| Loops::Axis { goals: Goals::new(TargetSet::of(kinds)), input: 0.0 };
         Ok(Self {
             node,
             firmware: config.firmware,
             rates: config.rates,
             modes: config.control.modes(),
             limits: config.limits,
-            most_current: config.limits.map_or(Amps::ZERO, |limits| limits.current),
+            max_current: config.limits.map_or(Amps::ZERO, |limits| limits.current),
             limits_due: 0,
             torque_constant: config.torque_constant.unwrap_or(f32::NAN),
-            ratio: config.gear.ratio() * f32::from(sign),
-            shaft: Shaft::new(config.gear, sign.into()),
-            loops: Loops::new(config.control)?,
-            seen: None,
-            told: Told {
-                current: f32::NAN,
-                supply: f32::NAN,
-                controller: f32::NAN,
-                motor: f32::NAN,
+            ratio: config.gear.ratio() * f32::from(config.direction.sign()),
+            shaft: Shaft::new(TURN.unsigned_abs(), config.gear, config.direction),
+            loops: match config.control {
+                Control::Torque(cascade) => Loops::Here(Servo::of(TargetKind::Torque, cascade)),
+                Control::Velocity(_) => in_axis(&[Coast, Speed]),
+                Control::Position(_) => in_axis(&[Coast, Angle, TotalAngle]),
             },
+            estimates: Estimates { position: 0.0, velocity: 0.0 },
+            current: f32::NAN,
+            supply: f32::NAN,
+            controller_temperature: f32::NAN,
+            temperature: f32::NAN,
             step: Step::Off,
             wanted: false,
             state: AxisState::default(),
             fault: None,
-            silence: f32::INFINITY,
             heartbeat_age: f32::INFINITY,
-            link_timeout: (3.0 / f32::from(estimates)).max(0.01),
-            heartbeat_timeout: (3.0 / f32::from(heartbeat)).max(0.01) * 1.2,
-            clearing: None,
-            answer: None,
+            heartbeat_timeout: (3.0 / f32::from(config.rates.heartbeat)).max(0.01) * 1.2,
+            pending: Pending::new(),
             beat: 0,
         })
     }
 
-    /// What the axis says it does.
+    /// The state that the axis reports.
     #[must_use]
     pub const fn state(&self) -> AxisState {
         self.state
-    }
-
-    fn speed(&self, estimates: &Estimates) -> f32 {
-        estimates.velocity * 60.0 / self.ratio
-    }
-
-    fn measured(&self) -> Option<Measured> {
-        let seen = self.seen.as_ref()?;
-        Some(Measured { rpm: self.speed(&seen.estimates), microdegrees: self.shaft.total() })
     }
 
     #[inline]
@@ -182,37 +169,48 @@ impl ODrive {
         &mut self,
         estimates: Estimates,
         at: Micros,
+        link: Link,
     ) -> Result<FrameKind, FrameError> {
         let Estimates { position, velocity } = estimates;
-        if position.abs() > MOST_TURNS || velocity.abs() > MOST_SPEED {
+        if position.abs() > MAX_TURNS || velocity.abs() > MAX_SPEED {
             return Err(FrameError::Encoder);
         }
-        match self.seen.replace(Seen { at, estimates }) {
-            Some(last) => {
-                let silence = Seconds::from_micros(at.since(last.at).get());
-                self.follow(&last, estimates, silence);
+        let before = core::mem::replace(&mut self.estimates, estimates);
+        if self.shaft.is_known() {
+            let silence = Seconds::from_micros(at.since(self.shaft.at()).get()).get();
+            let turned = before.velocity.abs().max(velocity.abs()) * silence;
+            let aside = (position - before.position).abs() - turned;
+            if link != Link::Online || aside > MAX_ASIDE {
+                self.returned(before.position, aside, link);
+            } else {
+                self.follow(before.position);
             }
-            None => self.shaft.follow(position),
+        } else {
+            self.shaft.start(microdegrees(position));
         }
-        self.silence = 0.0;
+        self.shaft.measure(velocity * 60.0, at);
         Ok(FrameKind::Feedback)
     }
 
+    /// The encoder's shaft was there at the estimate before.
     #[inline]
-    fn follow(&mut self, last: &Seen, now: Estimates, silence: Seconds) {
-        let before = last.estimates;
-        let fastest = before.velocity.abs().max(now.velocity.abs());
-        let mut most = MOST_ASIDE + fastest * silence.get();
-        if silence.get() <= self.link_timeout {
-            // What was restarted in a blink counts from elsewhere, too.
-            if (now.position - before.position).abs() <= most {
-                return self.shaft.follow(now.position);
-            }
-        } else {
-            most += MOST_ASIDE;
+    fn follow(&mut self, before: f32) {
+        let steps = microdegrees(self.estimates.position) - microdegrees(before);
+        match i32::try_from(steps) {
+            Ok(steps) => self.shaft.move_by(steps),
+            Err(_) => self.shaft.jump_by(steps),
         }
-        self.shaft.follow_after_silence(before.position, now.position, most);
-        // It may be another axis than the one that was switched on.
+    }
+
+    /// After a silence, or restarted in a blink: it may be another axis than the one that was
+    /// switched on. One that was restarted counts from anywhere, and its angle goes on from where
+    /// it was.
+    #[cold]
+    fn returned(&mut self, before: f32, aside: f32, link: Link) {
+        self.shaft.count_gap();
+        if link != Link::Online && aside <= 2.0 * MAX_ASIDE {
+            self.follow(before);
+        }
         self.leave();
     }
 
@@ -227,7 +225,7 @@ impl ODrive {
         let closed = heartbeat.state == AxisState::CLOSED_LOOP;
         self.step = match self.step {
             Step::Starting if closed => {
-                if self.loops.are_in_axis() {
+                if self.is_in_axis() {
                     self.limits_due = SOFT_TICKS + LIMIT_FRAMES;
                 }
                 Step::Running
@@ -236,36 +234,34 @@ impl ODrive {
             step => step,
         };
         let errors = heartbeat.errors & !self.firmware.starting;
-        if let Some(clearing) = &mut self.clearing {
-            clearing.errors = Some(errors);
-        }
         if let Some(fault) = self.firmware.fault(errors) {
             self.fault = Some(fault);
+            self.pending.fail_with(RequestError::Refused(errors));
             return FrameKind::Fault;
         }
-        if self.clearing.take().is_some() {
-            (self.fault, self.answer) = (None, Some(Ok(Response::Done)));
+        if self.pending.question().is_some() {
+            self.fault = None;
+            self.pending.end(Ok(Response::Done));
         }
         FrameKind::Other
     }
 
-    /// Whether it is a message that the axis is set to send.
-    fn hears(&self, frame: &CanFrame) -> bool {
-        let number = frame.key() & !u32::from(NODE_MASK);
-        self.messages().any(|(message, rate)| u32::from(message) == number && rate > 0)
+    /// Whether the axis closes any of its loops.
+    const fn is_in_axis(&self) -> bool {
+        matches!(self.loops, Loops::Axis { .. })
     }
 
     /// What an axis may send, and how often.
     fn messages(&self) -> impl Iterator<Item = (u8, u16)> {
         let Rates { estimates, heartbeat, currents, temperatures, supply } = self.rates;
-        [
+        let all = [
             (ESTIMATES, estimates),
             (HEARTBEAT, heartbeat),
             (CURRENTS, currents),
             (TEMPERATURES, temperatures),
             (SUPPLY, supply),
-        ]
-        .into_iter()
+        ];
+        all.into_iter().filter(|(_, rate)| *rate > 0)
     }
 
     #[cold]
@@ -274,34 +270,26 @@ impl ODrive {
         frame: &CanFrame,
         error: MessageError,
     ) -> Result<FrameKind, FrameError> {
+        let number = frame.key() & !u32::from(NODE_MASK);
+        let is_declared = self.messages().any(|(message, _)| u32::from(message) == number);
         match error {
             MessageError::NotMine => Err(FrameError::NotMine),
-            _ if !self.hears(frame) => Err(FrameError::NotMine),
+            _ if !is_declared => Err(FrameError::NotMine),
             MessageError::Length => Err(FrameError::Length),
             MessageError::Message(TEMPERATURES) if self.firmware.has_temperatures => {
-                let told = Temperatures::from_frame(frame, self.node)
+                let Temperatures { controller, motor } = Temperatures::from_frame(frame, self.node)
                     .map_err(|_| FrameError::Unexpected)?;
-                (self.told.controller, self.told.motor) = (told.controller.get(), told.motor.get());
+                (self.controller_temperature, self.temperature) = (controller.get(), motor.get());
                 Ok(FrameKind::Other)
             }
             MessageError::Message(_) | MessageError::NotFinite => Err(FrameError::Unexpected),
         }
     }
 
-    /// Waits until the heartbeat says that the errors are gone, but not for ever.
-    fn wait(&mut self, dt: Seconds) {
-        let Some(clearing) = &mut self.clearing else { return };
-        clearing.waited += dt.get();
-        if clearing.waited >= self.heartbeat_timeout {
-            let error = clearing.errors.map_or(RequestError::Timeout, RequestError::Refused);
-            (self.clearing, self.answer) = (None, Some(Err(error)));
-        }
-    }
-
     fn limit_command(&self) -> Option<Command> {
         let Limits { speed, current } = self.limits?;
         let ticks_left = match self.step {
-            _ if !self.loops.are_in_axis() => 0,
+            _ if !self.is_in_axis() => 0,
             Step::Starting => SOFT_TICKS,
             Step::Off | Step::Running => self.limits_due.saturating_sub(LIMIT_FRAMES),
         };
@@ -310,14 +298,13 @@ impl ODrive {
         Some(Command::Limits { velocity, current: current * share })
     }
 
-    /// What is to be sent in this tick, if anything is to be said.
-    fn command(&self) -> Option<Command> {
+    /// What is to be sent in this tick, if anything.
+    fn command(&mut self) -> Option<Command> {
         let (control, input) = self.modes;
-        let here = self.seen.map_or(Estimates::NONE, |seen| seen.estimates);
         match (self.step, self.beat % START_STEPS) {
-            (Step::Off, 3) if self.clearing.is_some() => Some(Command::ClearErrors),
+            (Step::Off, _) if self.pending.take_due().is_some() => Some(Command::ClearErrors),
             (Step::Off, _) => {
-                let is_idle = self.state == AxisState::IDLE && self.clearing.is_none();
+                let is_idle = self.state == AxisState::IDLE && self.pending.question().is_none();
                 let silent = is_idle && !self.beat.is_multiple_of(REMIND_EVERY);
                 (!silent).then_some(Command::State(AxisState::IDLE))
             }
@@ -326,24 +313,27 @@ impl ODrive {
                 Some(self.limit_command().unwrap_or(Command::Modes(control, input)))
             }
             (Step::Starting, 1) => Some(Command::Modes(control, input)),
-            (Step::Starting, 2) => Some(self.loops.input_at_rest(&here)),
-            (Step::Starting, _) => Some(Command::State(AxisState::CLOSED_LOOP)),
-            (Step::Running, _) => Some(self.loops.input(self.ratio)),
+            (Step::Starting, 3) => Some(Command::State(AxisState::CLOSED_LOOP)),
+            (Step::Starting | Step::Running, _) => Some(self.input()),
+        }
+    }
+
+    /// The input that was decided in this tick.
+    fn input(&self) -> Command {
+        let torque = NewtonMetres::ZERO;
+        match (&self.loops, self.modes.0) {
+            (Loops::Here(servo), _) => {
+                Command::Torque(NewtonMetres::new(servo.effort() / self.ratio))
+            }
+            (&Loops::Axis { input, .. }, ControlMode::Position) => {
+                Command::Position { position: input, velocity: 0.0, torque }
+            }
+            (&Loops::Axis { input, .. }, _) => Command::Velocity { velocity: input, torque },
         }
     }
 
     fn push(&self, command: Command, tx: &mut TxBatch) -> Result<(), TxFull> {
         tx.push(command.pack(self.node).unwrap_or_else(|nan| nan.neutral))
-    }
-
-    fn set_zero(&mut self) -> Result<Response, RequestError> {
-        if self.seen.is_none() {
-            return Err(RequestError::NoFeedback);
-        }
-        let zero = self.shaft.total();
-        self.shaft.set_zero();
-        self.loops.set_zero(zero);
-        Ok(Response::Done)
     }
 
     fn limit_current(&mut self, limit: Amps) -> Result<Response, RequestError> {
@@ -353,60 +343,85 @@ impl ODrive {
             let must_be = "finite and zero or more";
             return Err(ConfigError::new("current limit", value, must_be).into());
         }
-        limits.current = Amps::new(value.min(self.most_current.get()));
+        limits.current = Amps::new(value.min(self.max_current.get()));
         self.limits_due = self.limits_due.max(LIMIT_FRAMES);
         Ok(Response::Done)
     }
+
+    /// Whether this is the way to coast: an axis that closes its own loops has to be idle for it.
+    fn coasts_idle(&self, mode: DriveMode) -> bool {
+        match (&self.loops, mode) {
+            (Loops::Here(_), _) => false,
+            (Loops::Axis { .. }, DriveMode::Off | DriveMode::Coast) => true,
+            (Loops::Axis { goals, .. }, DriveMode::Run) => *goals.goal() == Goal::Rest,
+            (Loops::Axis { .. }, DriveMode::Brake | DriveMode::Hold) => false,
+        }
+    }
+}
+
+/// Microdegrees of the encoder's shaft from the axis's own zero, cut off towards it: of turns within
+/// ± [`MAX_TURNS`].
+#[inline]
+fn microdegrees(turns: f32) -> i64 {
+    const PARTS: i64 = 1 << 31;
+    // Both are exact, and so is the difference.
+    #[expect(clippy::cast_possible_truncation, reason = "at most 2^24; less than a turn")]
+    #[expect(clippy::cast_precision_loss, reason = "at most 2^24; a power of two")]
+    let (whole, part) = (turns as i32, ((turns - turns as i32 as f32) * PARTS as f32) as i32);
+    i64::from(whole) * i64::from(TURN) + i64::from(part) * i64::from(TURN) / PARTS
 }
 
 impl Motor for ODrive {
+    fn name(&self) -> MotorName {
+        MotorName { model: "ODrive", id: self.node.number().into() }
+    }
+
     fn supports(&self) -> TargetSet {
-        self.loops.supports()
+        match &self.loops {
+            Loops::Here(servo) => servo.supports(),
+            Loops::Axis { goals, .. } => goals.supports(),
+        }
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        self.loops.set_target(target)
+        match &mut self.loops {
+            Loops::Here(servo) => servo.set_target(target),
+            Loops::Axis { goals, .. } => goals.set_target(target),
+        }
     }
 
     fn target(&self) -> Target {
-        self.loops.target()
+        match &self.loops {
+            Loops::Here(servo) => servo.target(),
+            Loops::Axis { goals, .. } => goals.target(),
+        }
     }
 
     fn feedback(&self) -> Feedback {
-        let Some(Seen { at, estimates }) = &self.seen else { return Feedback::NEW };
-        #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of a turn")]
-        let angle = self.shaft.phase() as f32 * 1e-6;
-        let mut feedback = Feedback::new(
-            *at,
-            Rpm::new(self.speed(estimates)),
-            // The last steps before a full turn may round up to it.
-            Degrees::new(if angle < 360.0 { angle } else { 0.0 }),
-            TotalAngle::from_microdegrees(self.shaft.total()),
-        );
-        feedback.turn_gaps = self.shaft.gaps();
-        let Told { current, supply, controller, motor } = self.told;
+        let feedback = self.shaft.feedback();
+        if !self.shaft.is_known() {
+            return feedback;
+        }
         feedback
-            .with_current(Amps::new(current.copysign(current * self.ratio)))
-            .with_torque(NewtonMetres::new(current * self.torque_constant * self.ratio))
-            .with_temperature(Celsius::new(motor))
-            .with_controller_temperature(Celsius::new(controller))
-            .with_supply(Volts::new(supply))
+            .with_current(Amps::new(self.current * self.shaft.sign()))
+            .with_torque(NewtonMetres::new(self.current * self.torque_constant * self.ratio))
+            .with_temperature(Celsius::new(self.temperature))
+            .with_controller_temperature(Celsius::new(self.controller_temperature))
+            .with_supply(Volts::new(self.supply))
     }
 
     fn fault(&self) -> Option<Fault> {
         self.fault
     }
 
-    fn update(&mut self, dt: Seconds, drive: DriveMode) {
-        self.silence += dt.get();
-        self.heartbeat_age += dt.get();
-        self.wait(dt);
-        let heard = self.silence <= self.link_timeout;
+    fn update(&mut self, tick: &Tick) {
+        self.heartbeat_age += tick.dt.get();
+        self.pending.update(tick.dt);
         if self.heartbeat_age > self.heartbeat_timeout {
             self.leave();
         }
-        let may = drive != DriveMode::Off && self.fault.is_none() && self.clearing.is_none();
-        self.wanted = may && heard && !self.loops.coasts_idle(drive);
+        let may = tick.mode != DriveMode::Off && tick.link == Link::Online && self.fault.is_none();
+        self.wanted = may && !self.coasts_idle(tick.mode);
         match (self.wanted, self.step) {
             (false, Step::Starting | Step::Running) => self.leave(),
             // With its first step first: modes come before the state they are for.
@@ -415,102 +430,129 @@ impl Motor for ODrive {
             }
             _ => (),
         }
-        if self.step == Step::Running {
-            let measured = self.measured();
-            self.loops.update(dt, drive, measured, &self.shaft, self.ratio);
-        } else {
-            self.loops.rest();
+        let runs = self.step == Step::Running;
+        let Estimates { position, velocity } = self.estimates;
+        let shaft = &self.shaft;
+        match (&mut self.loops, self.modes.0) {
+            (Loops::Here(servo), _) if runs => servo.update(tick, shaft),
+            (Loops::Here(servo), _) => servo.rest(),
+            (Loops::Axis { goals, input }, ControlMode::Position) if runs => {
+                // To stand still is to hold.
+                let mode = if tick.mode == DriveMode::Run { tick.mode } else { DriveMode::Hold };
+                let error = match goals.update(mode, || Some(shaft.angle())) {
+                    Goal::Total(angle) => angle.minus(shaft.angle()).microdegrees(),
+                    Goal::Angle(phase) => shortest_way(shaft.phase(), phase, TURN).into(),
+                    _ => 0,
+                };
+                #[expect(clippy::cast_precision_loss, reason = "exact once it is short")]
+                let turns = error as f32 * (self.ratio / TURN as f32);
+                *input = position + turns;
+            }
+            (Loops::Axis { goals, input }, _) if runs => {
+                // A velocity loop holds no angle.
+                *input = match goals.update(tick.mode, || None) {
+                    Goal::Speed(rpm) => rpm * self.ratio / 60.0,
+                    _ => 0.0,
+                };
+            }
+            // While it starts: what changes nothing in how the shaft moves now.
+            (Loops::Axis { goals, input }, control) => {
+                goals.rest();
+                *input = if control == ControlMode::Position { position } else { velocity };
+            }
         }
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
-        if self.clearing.is_some() || self.answer.is_some() {
+        if self.pending.is_busy() {
             return Err(RequestError::Busy);
         }
-        match request {
-            Request::ClearFault if self.fault.is_none() => Ok(Response::Done),
-            Request::ClearFault => {
-                self.clearing = Some(Clearing { waited: 0.0, errors: None });
-                Ok(Response::Pending)
+        match (request, &mut self.loops) {
+            (Request::ClearFault, _) if self.fault.is_none() => Ok(Response::Done),
+            (Request::ClearFault, _) => {
+                let every = self.heartbeat_timeout / f32::from(CLEAR_TRIES);
+                self.pending.ask((), Retry { every, tries: CLEAR_TRIES })
             }
-            Request::SetZero => self.set_zero(),
-            Request::CurrentLimit(limit) => self.limit_current(limit),
-            _ => {
-                let measured = self.measured();
-                match &mut self.loops {
-                    Loops::Here(servo) => servo.request(request, measured),
-                    Loops::Velocity(_) | Loops::Position(_) => Err(RequestError::Unsupported),
+            (Request::SetZero, _) if !self.shaft.is_known() => Err(RequestError::NoFeedback),
+            (Request::SetZero, loops) => {
+                let zero = self.shaft.set_zero();
+                match loops {
+                    Loops::Here(servo) => servo.set_zero(zero),
+                    Loops::Axis { goals, .. } => goals.set_zero(zero),
                 }
+                Ok(Response::Done)
             }
+            (Request::CurrentLimit(limit), _) => self.limit_current(limit),
+            (_, Loops::Here(servo)) => servo.request(request, &self.shaft),
+            (_, Loops::Axis { .. }) => Err(RequestError::Unsupported),
         }
     }
 
-    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
-        self.answer.take()
+    fn response(&mut self) -> Option<Result<Response, RequestError>> {
+        self.pending.take_outcome()
     }
 
     fn loops(&self) -> Option<motor::Loops> {
-        self.loops.here()
+        match &self.loops {
+            Loops::Here(servo) => Some(servo.loops()),
+            Loops::Axis { .. } => None,
+        }
     }
 
     fn condition(&self) -> Condition {
-        let slow = self.rates.estimates < CONTROL_RATE && matches!(self.loops, Loops::Here(_));
         match self.step {
             Step::Off | Step::Starting if self.wanted => Condition::Starting,
-            _ if slow => Condition::SlowFeedback,
+            _ if self.rates.estimates < CONTROL_RATE && !self.is_in_axis() => {
+                Condition::SlowFeedback
+            }
             _ => Condition::Ready,
         }
     }
 }
 
-/// Takes over what an axis said of itself.
-fn tell(place: &mut f32, value: f32) -> Result<FrameKind, FrameError> {
-    if value.abs() > MOST_ELECTRICAL {
+/// Takes over what an axis measured beside its estimates.
+fn store(field: &mut f32, value: f32) -> Result<FrameKind, FrameError> {
+    if value.abs() > MAX_ELECTRICAL {
         return Err(FrameError::Unexpected);
     }
-    *place = value;
+    *field = value;
     Ok(FrameKind::Other)
 }
 
 impl CanMotor for ODrive {
-    fn wiring(&self) -> CanIds {
-        let all = IdPattern::masked(self.node.can_id(0), NODE_MASK.into());
+    fn can_ids(&self) -> CanIds {
         let input = match self.modes.0 {
             ControlMode::Velocity => VELOCITY,
             ControlMode::Position => POSITION,
             ControlMode::Torque | ControlMode::Voltage => TORQUE,
         };
-        let bare = || CanIds::new("ODrive", self.node.number().into());
-        let whole = |pattern, len, rate| TxFrames { pattern, len, rate, share: Ownership::Whole };
         let exact = |message| IdPattern::exact(self.node.can_id(message));
-        let build = || {
-            let mut wiring = bare()
-                .transmits(whole(exact(input), 8, Rate::EveryTick))?
-                .transmits(whole(all, 8, Rate::Rare))?
-                .transmits(whole(exact(CLEAR_ERRORS), 0, Rate::Rare))?;
-            for (message, rate) in self.messages() {
-                if rate > 0 {
-                    let (pattern, rate) = (exact(message), Rate::Hz(rate));
-                    wiring = wiring.receives(RxFrames { pattern, len: 8, rate, guard: None })?;
-                }
-            }
-            Ok::<_, crate::wiring::CanIdsFull>(wiring)
-        };
-        // Five and three always fit.
-        build().unwrap_or_else(|_| bare())
+        let all = IdPattern::masked(self.node.can_id(0), NODE_MASK.into());
+        let sent = CanIds::new()
+            .transmits(TxFrames::new(exact(input), 8, Rate::EveryTick))
+            .transmits(TxFrames::new(all, 8, Rate::Rare))
+            .transmits(TxFrames::new(exact(CLEAR_ERRORS), 0, Rate::Rare));
+        self.messages().fold(sent, |ids, (message, rate)| {
+            ids.receives(RxFrames::new(exact(message), 8, Rate::Hz(rate)))
+        })
     }
 
     #[inline]
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(
+        &mut self,
+        frame: &CanFrame,
+        at: Micros,
+        link: Link,
+    ) -> Result<FrameKind, FrameError> {
         match Message::from_frame(frame, self.node) {
-            Ok(Message::Estimates(estimates)) => self.heard_estimates(estimates, at),
+            Ok(Message::Estimates(estimates)) => self.heard_estimates(estimates, at, link),
             Ok(Message::Heartbeat(heartbeat)) => Ok(self.heard_heartbeat(heartbeat)),
             Ok(Message::Currents(_)) if self.rates.currents == 0 => Err(FrameError::NotMine),
             Ok(Message::Supply(_)) if self.rates.supply == 0 => Err(FrameError::NotMine),
             Ok(Message::Currents(Currents { measured, .. })) => {
-                tell(&mut self.told.current, measured.get())
+                store(&mut self.current, measured.get())
             }
-            Ok(Message::Supply(supply)) => tell(&mut self.told.supply, supply.voltage),
+            Ok(Message::Supply(supply)) => store(&mut self.supply, supply.voltage),
             Err(error) => self.heard_other(frame, error),
         }
     }

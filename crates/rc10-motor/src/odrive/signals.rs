@@ -4,8 +4,7 @@ use embedded_can::Id;
 use heapless::Vec;
 use rc10_app::ConfigError;
 
-use super::config::{Config, Rates};
-use super::firmware::Firmware;
+use super::config::{Config, Firmware, Rates};
 use super::wire::{
     AXIS_STATES, CLEAR_ERRORS, CURRENTS, ControlMode, ESTIMATES, HEARTBEAT, LIMITS, MODES,
     POSITION, STATE, SUPPLY, TEMPERATURES, TORQUE, VELOCITY,

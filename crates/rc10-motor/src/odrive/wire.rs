@@ -72,7 +72,7 @@ impl Node {
     }
 }
 
-/// What an axis does.
+/// The state of an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AxisState(u8);
@@ -162,7 +162,7 @@ pub enum InputMode {
     Tuning = 8,
 }
 
-/// What an axis can be told. Positions are in turns, velocities in turns a second, of the shaft the
+/// A command to an axis. Positions are in turns, velocities in turns a second, of the shaft the
 /// encoder sits on: the units of the wire, so that every value arrives as it was given. What is
 /// infinite becomes the largest f32.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -227,7 +227,7 @@ impl Command {
         let floats = |message, low: f32, high: f32| {
             frame(message, finite(low).to_le_bytes(), finite(high).to_le_bytes())
         };
-        // Of a command with up to two numbers: who is not one.
+        // Of a command with up to two numbers: the one that is NaN.
         let checked = |frame, numbers: [(f32, &'static str); 2]| match numbers
             .iter()
             .find(|(number, _)| number.is_nan())
@@ -319,10 +319,6 @@ pub struct Estimates {
     pub velocity: f32,
 }
 
-impl Estimates {
-    pub(super) const NONE: Self = Self { position: 0.0, velocity: 0.0 };
-}
-
 /// Message `14`: torque current.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -374,7 +370,7 @@ impl Temperatures {
     }
 }
 
-/// What an axis says.
+/// A message of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Message {

@@ -6,7 +6,7 @@ use proptest::test_runner::RngSeed;
 use rc10_app::{Amps, Degrees, RotorRpm, TotalAngle};
 use rc10_can::CanFrame;
 use rc10_motor::lk::{
-    CENTIDEGREES, Command, Direction, DriveId, EncoderBits, Model, Reply, pack_multi_motor,
+    CENTIDEGREES, Command, DriveId, EncoderBits, Model, Reply, SpinDirection, pack_multi_motor,
 };
 use rc10_sim::lk::{Order, State, decode, encode_echo, encode_health, encode_state};
 
@@ -79,9 +79,10 @@ proptest! {
         kind in 0..3,
         is_backwards: bool,
     ) {
-        let angle = TotalAngle::new(centidegrees, CENTIDEGREES);
+        let angle = TotalAngle::from_counts(centidegrees, CENTIDEGREES);
         let speed_limit = limit.map(RotorRpm::new);
-        let direction = [Direction::Clockwise, Direction::CounterClockwise][usize::from(is_backwards)];
+        use SpinDirection::{Clockwise, CounterClockwise};
+        let direction = if is_backwards { CounterClockwise } else { Clockwise };
         let degrees = Degrees::new(centidegrees as f32 / 100.0);
         let command = match kind {
             0 => Command::TurnTo { angle, speed_limit },
@@ -191,7 +192,8 @@ fn answers_to_questions_of_others_are_understood() {
     };
     let Reply::MultiTurn(many) = ask(Command::ReadMultiTurn) else { panic!() };
     let Reply::SingleTurn(one) = ask(Command::ReadSingleTurn) else { panic!() };
-    assert!((many.counts() - one.counts()).abs() <= 1);
+    let apart = many.minus(one).counts_at(CENTIDEGREES);
+    assert!(apart.abs() <= 1, "{apart}");
     let Reply::PhaseCurrents(currents) = ask(Command::ReadPhaseCurrents) else { panic!() };
     assert!(currents.phases.iter().all(|phase| phase.get().abs() < 0.1));
     // The drive's own loops: 45 degrees/s, then ten degrees on.

@@ -6,7 +6,7 @@ use rc10_conformance::Bench;
 use rc10_motor::lk::{Commands, DriveId, Lk};
 use rc10_motor::{
     ArmSwitch, CanMotor, DriveMode, FrameError, FrameKind, Link, Motor, MotorId, Request,
-    RequestError, Response, Safety, Target,
+    RequestError, Response, Safety, Target, Tick,
 };
 use rc10_sim::lk::{Drive, Settings, State, encode_echo, encode_health, encode_state};
 use rc10_sim::{Esc, EscFault};
@@ -245,7 +245,7 @@ fn what_is_no_answer_changes_nothing() {
     let own = DriveId::new(1).unwrap().can_id();
     let at = Micros::from_millis(1);
     let state = State { temperature: 30, current: 5, speed: 60, encoder: 1000 };
-    let mut heard = |frame: &CanFrame| motor.unpack_feedback(frame, at);
+    let mut heard = |frame: &CanFrame| motor.unpack_feedback(frame, at, Link::Online);
     let eight = |bytes| CanFrame::eight_bytes(own, bytes);
     let good = encode_state(0x9C, state);
     for (frame, error) in [
@@ -271,15 +271,15 @@ fn what_is_no_answer_changes_nothing() {
     config.model.encoder = rc10_motor::lk::EncoderBits::Fourteen;
     let mut small = Lk::new(1, config).unwrap();
     let far = eight(encode_state(0x9C, State { encoder: 16_384, ..state }));
-    assert_eq!(small.unpack_feedback(&far, at), Err(FrameError::Encoder));
+    assert_eq!(small.unpack_feedback(&far, at, Link::NeverSeen), Err(FrameError::Encoder));
     assert_eq!(small.feedback(), rc10_motor::Feedback::NEW);
 
     // In the multi-motor frame nothing but measurements comes.
     let mut multi = Lk::new(1, joint().with_commands(Commands::MultiMotor)).unwrap();
     let health = eight(encode_health(0x9A, 20, 24.0, 8));
-    assert_eq!(multi.unpack_feedback(&health, at), Err(FrameError::Unasked));
+    assert_eq!(multi.unpack_feedback(&health, at, Link::Online), Err(FrameError::Unasked));
     assert_eq!(
-        multi.unpack_feedback(&eight(encode_state(0xA1, state)), at),
+        multi.unpack_feedback(&eight(encode_state(0xA1, state)), at, Link::Online),
         Ok(FrameKind::Feedback)
     );
 }
@@ -289,24 +289,23 @@ fn what_is_no_answer_changes_nothing() {
 fn one_echo_is_not_enough() {
     let mut motor = Lk::new(1, joint()).unwrap();
     let own = DriveId::new(1).unwrap().can_id();
-    let dt = rc10_app::Seconds::new(0.001);
     let state = State { temperature: 30, current: 0, speed: 0, encoder: 1000 };
-    let feed = |motor: &mut Lk, bytes, millis| {
+    let feed = |motor: &mut Lk, bytes, millis, link| {
         let frame = CanFrame::eight_bytes(own, bytes);
-        motor.unpack_feedback(&frame, Micros::from_millis(millis)).unwrap();
-        motor.update(dt, DriveMode::Run);
+        motor.unpack_feedback(&frame, Micros::from_millis(millis), link).unwrap();
+        motor.update(&Tick::new(DriveMode::Run));
         let mut tx = rc10_motor::TxBatch::new();
         motor.pack_command(&mut tx).unwrap();
         tx.frames()[0].bytes()[0]
     };
     motor.set_target(Target::Current(Amps::new(1.0))).unwrap();
     let measurement = encode_state(0x9C, state);
-    assert_ne!(feed(&mut motor, measurement, 1), 0xA1);
-    assert_ne!(feed(&mut motor, encode_echo(0x88), 2), 0xA1);
-    assert_ne!(feed(&mut motor, measurement, 3), 0xA1);
-    assert_eq!(feed(&mut motor, encode_echo(0x88), 4), 0xA1);
+    assert_ne!(feed(&mut motor, measurement, 1, Link::NeverSeen), 0xA1);
+    assert_ne!(feed(&mut motor, encode_echo(0x88), 2, Link::Online), 0xA1);
+    assert_ne!(feed(&mut motor, measurement, 3, Link::Online), 0xA1);
+    assert_eq!(feed(&mut motor, encode_echo(0x88), 4, Link::Online), 0xA1);
     // A measurement after a silence is a new drive's.
-    assert_ne!(feed(&mut motor, measurement, 20), 0xA1);
+    assert_ne!(feed(&mut motor, measurement, 20, Link::Lost), 0xA1);
 }
 
 /// What the drive was asked before does not tell that its errors are cleared.
@@ -315,7 +314,7 @@ fn only_the_answer_to_clearing_clears() {
     let mut motor = Lk::new(1, joint()).unwrap();
     let hear = |motor: &mut Lk, bytes| {
         let frame = CanFrame::eight_bytes(DriveId::new(1).unwrap().can_id(), bytes);
-        motor.unpack_feedback(&frame, Micros::from_millis(1)).unwrap()
+        motor.unpack_feedback(&frame, Micros::from_millis(1), Link::Online).unwrap()
     };
     assert_eq!(hear(&mut motor, encode_health(0x9A, 20, 24.0, 16)), FrameKind::Fault);
     assert_eq!(motor.request(Request::ClearFault), Ok(Response::Pending));

@@ -35,6 +35,7 @@ fn what_cannot_be_is_named() {
     assert_eq!(error(1, rates(Rates::new(0, 10))), "estimates");
     assert_eq!(error(1, rates(Rates::new(1001, 10))), "estimates");
     assert_eq!(error(1, rates(Rates::new(100, 0))), "heartbeat");
+    assert_eq!(error(1, rates(Rates::new(100, 101))), "heartbeat");
     assert_eq!(error(1, rates(Rates { currents: 101, ..Rates::new(100, 10) })), "currents");
     assert_eq!(error(1, rates(Rates { supply: 101, ..Rates::new(100, 10) })), "supply");
     let warm = Rates { temperatures: 1, ..Rates::new(100, 10) };

@@ -6,11 +6,11 @@ use rc10_conformance::Bench;
 use rc10_motor::odrive::{AxisState, Config, Control, InputMode, Limits, ODrive, Rates};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
-    ArmSwitch, Condition, DriveMode, Motor, MotorId, Request, RequestError, Response, Safety,
-    Target, TargetError, TargetKind,
+    ArmSwitch, CanMotor, Condition, DriveMode, Link, Motor, MotorId, Request, RequestError,
+    Response, Safety, Target, TargetError, TargetKind,
 };
 use rc10_sim::Esc;
-use rc10_sim::odrive::{Axis, Settings};
+use rc10_sim::odrive::{Axis, Settings, encode_estimates};
 
 use super::{NODE, bench, is_on, wheel, with};
 
@@ -174,6 +174,41 @@ fn an_axis_with_position_loops_of_its_own_gets_positions() {
         esc.set_load(2.0);
         bench.wait(1000);
         assert!((esc.state().output_degrees - 250.0).abs() < 3.0, "{:?}", esc.state());
+    }
+}
+
+/// Every f32 of turns is the nearest microdegree of the encoder's shaft towards zero, however the
+/// shaft came there; and a position is sent from there.
+#[test]
+fn turns_become_angles_and_angles_turns() {
+    const TURNS: [f32; 7] = [0.0, 0.25, -0.25, 0.1, 1000.5, -12_345.125, 16_000_000.0];
+    for (direction, sign) in [(Direction::Forward, 1), (Direction::Reversed, -1)] {
+        for (rotor, output) in [(8, 1), (1, 1), (96, 5)] {
+            let gear = Gear::new(rotor, output).unwrap();
+            let config = with(Control::Position(InputMode::Passthrough)).with_gear(gear);
+            let mut motor = ODrive::new(NODE, config.with_direction(direction)).unwrap();
+            let mut heard = |motor: &mut ODrive, turns: f32, millis| {
+                let frame = encode_estimates(NODE, turns.into(), 0.0);
+                let at = Micros::from_millis(millis);
+                motor.unpack_feedback(&frame, at, Link::Lost).unwrap();
+            };
+            for (millis, turns) in (1..).zip(TURNS.into_iter().chain(TURNS)) {
+                // Each is a restart, which moves nothing, unless it starts from here.
+                let mut fresh = ODrive::new(NODE, config.with_direction(direction)).unwrap();
+                heard(&mut fresh, turns, millis);
+                let exact = (f64::from(turns) * 360e6) as i64 * sign * i64::from(output);
+                let told = fresh.feedback().total_angle.microdegrees();
+                assert!((told - exact / i64::from(rotor)).abs() <= 1, "{told} {exact}");
+            }
+            // Back and forth in steps leaves nothing behind.
+            heard(&mut motor, 0.0, 1);
+            for step in 0..10_000_u32 {
+                let turns = (step % 100) as f32 * 0.0037;
+                heard(&mut motor, turns, u64::from(step) + 2);
+            }
+            heard(&mut motor, 0.0, 10_002);
+            assert_eq!(motor.feedback().total_angle, TotalAngle::ZERO);
+        }
     }
 }
 

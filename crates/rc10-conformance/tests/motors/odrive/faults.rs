@@ -6,7 +6,7 @@ use rc10_conformance::Bench;
 use rc10_motor::odrive::{Config, Control, Firmware, InputMode, Node, ODrive, Rates};
 use rc10_motor::{
     ArmSwitch, CanMotor, Condition, DriveMode, FrameError, FrameKind, Link, Motor, MotorId,
-    Request, RequestError, Response, Safety, Target,
+    Request, RequestError, Response, Safety, Target, Tick,
 };
 use rc10_sim::odrive::{
     Axis, Settings, Version, encode_estimates, encode_heartbeat, encode_temperatures,
@@ -219,21 +219,23 @@ fn an_axis_that_does_not_answer_is_given_up_on() {
 #[test]
 fn without_heartbeats_nothing_is_known_and_nothing_driven() {
     let mut motor = ODrive::new(NODE, Config { rates: Rates::new(1000, 100), ..wheel() }).unwrap();
-    let dt = rc10_app::Seconds::new(0.001);
     let mut sent = Vec::new();
     motor.set_target(Target::Torque(NewtonMetres::new(1.0))).unwrap();
     for millis in 1..=200 {
         let at = Micros::from_millis(millis);
         let estimates = encode_estimates(NODE, 0.0, 0.0);
-        assert_eq!(motor.unpack_feedback(&estimates, at), Ok(FrameKind::Feedback));
+        assert_eq!(motor.unpack_feedback(&estimates, at, Link::Online), Ok(FrameKind::Feedback));
         // Idle, then switched on, then silence.
         for (when, state) in [(10, 1), (20, 8), (30, 8)] {
             if millis == when {
                 let heartbeat = encode_heartbeat(NODE, 0, state, [0; 3]);
-                assert_eq!(motor.unpack_feedback(&heartbeat, at), Ok(FrameKind::Other));
+                assert_eq!(
+                    motor.unpack_feedback(&heartbeat, at, Link::Online),
+                    Ok(FrameKind::Other)
+                );
             }
         }
-        motor.update(dt, DriveMode::Run);
+        motor.update(&Tick::new(DriveMode::Run));
         let mut tx = rc10_motor::TxBatch::new();
         motor.pack_command(&mut tx).unwrap();
         sent.push(tx.frames().first().map_or(0, |frame| frame.raw_id() & 31));
@@ -304,7 +306,7 @@ fn what_is_no_message_changes_nothing() {
     let mut motor = ODrive::new(NODE, Config { rates, ..wheel() }).unwrap();
     let at = Micros::from_millis(1);
     let id = |message| Node::new(NODE).unwrap().can_id(message);
-    let mut heard = |frame: &CanFrame| motor.unpack_feedback(frame, at);
+    let mut heard = |frame: &CanFrame| motor.unpack_feedback(frame, at, Link::Online);
     for (frame, error) in [
         (CanFrame::data_frame(id(0x09), &[0; 7]).unwrap(), FrameError::Length),
         (encode_estimates(NODE + 1, 0.0, 0.0), FrameError::NotMine),
@@ -331,26 +333,26 @@ fn what_is_no_message_changes_nothing() {
     let mut old = ODrive::new(NODE, Config { firmware: Firmware::V0_5, ..wheel() }).unwrap();
     let warm = encode_temperatures(NODE, 30.0, 30.0);
     for unasked in [warm, rc10_sim::odrive::encode_currents(NODE, 0.0, 0.0)] {
-        assert_eq!(old.unpack_feedback(&unasked, at), Err(FrameError::NotMine));
+        assert_eq!(old.unpack_feedback(&unasked, at, Link::Online), Err(FrameError::NotMine));
     }
     let refused = encode_heartbeat(NODE, 1, 1, [0; 3]);
-    assert_eq!(old.unpack_feedback(&refused, at), Ok(FrameKind::Fault));
+    assert_eq!(old.unpack_feedback(&refused, at, Link::Online), Ok(FrameKind::Fault));
 }
 
 /// It was idle by its last heartbeat, but has been told to follow inputs since.
 #[test]
 fn stopped_while_it_starts_it_is_told_so_until_a_heartbeat_says_idle() {
     let mut motor = ODrive::new(NODE, wheel()).unwrap();
-    let dt = rc10_app::Seconds::new(0.001);
     motor.set_target(Target::Torque(NewtonMetres::new(1.0))).unwrap();
     let tick = |motor: &mut ODrive, millis, drive| {
         let at = Micros::from_millis(millis);
-        motor.unpack_feedback(&encode_estimates(NODE, 0.0, 0.0), at).unwrap();
+        let estimates = encode_estimates(NODE, 0.0, 0.0);
+        motor.unpack_feedback(&estimates, at, Link::Online).unwrap();
         if millis == 1 || millis == 20 {
             let heartbeat = encode_heartbeat(NODE, 0, 1, [0; 3]);
-            motor.unpack_feedback(&heartbeat, at).unwrap();
+            motor.unpack_feedback(&heartbeat, at, Link::Online).unwrap();
         }
-        motor.update(dt, drive);
+        motor.update(&Tick::new(drive));
         let mut tx = rc10_motor::TxBatch::new();
         motor.pack_command(&mut tx).unwrap();
         tx.frames().first().map(ToString::to_string)

@@ -1,4 +1,4 @@
-use super::super::models::EncoderBits;
+use super::super::config::EncoderBits;
 use super::*;
 use crate::motor::FrameError;
 extern crate std;
@@ -51,7 +51,7 @@ fn commands_have_the_bytes_of_the_manual() {
         assert_eq!(sent(command, 7, &MG), std::format!("147#{bytes}00000000000000"));
     }
     let limit = Some(rpm(500.0));
-    let (counter, free) = (Direction::CounterClockwise, None);
+    let (counter, free) = (SpinDirection::CounterClockwise, None);
     for (command, frame) in [
         (Command::OpenLoop(-3), "141#A0000000FDFF0000"),
         (Command::OpenLoop(2000), "141#A000000052030000"),
@@ -79,7 +79,7 @@ fn commands_have_the_bytes_of_the_manual() {
         (
             Command::TurnWithin {
                 angle: Degrees::new(400.0),
-                direction: Direction::Clockwise,
+                direction: SpinDirection::Clockwise,
                 speed_limit: Some(rpm(1e9)),
             },
             "141#A600FFFF9F8C0000",
@@ -98,7 +98,7 @@ fn commands_have_the_bytes_of_the_manual() {
 fn what_is_not_a_number_is_reported_and_moves_nothing() {
     let nan = f32::NAN;
     let limit = Some(RotorRpm::new(nan));
-    let direction = Direction::Clockwise;
+    let direction = SpinDirection::Clockwise;
     for (command, field, neutral) in [
         (Command::Current(Amps::new(nan)), "current", "A1"),
         (Command::Speed(RotorRpm::new(nan)), "speed", "A2"),
@@ -177,11 +177,11 @@ fn the_other_answers_are_unpacked() {
     let Reply::MultiTurn(angle) = unpack([0x92, 0xA6, 0xDC, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF]) else {
         panic!("no angle over many turns")
     };
-    assert_eq!((angle.counts(), angle.scale()), (-9050, CENTIDEGREES));
+    assert_eq!(angle.microdegrees(), -90_500_000);
     let Reply::SingleTurn(angle) = unpack([0x94, 0, 0, 0, 0x9F, 0x8C, 0, 0]) else {
         panic!("no angle within a turn")
     };
-    assert_eq!((angle.counts(), angle.scale()), (35_999, CENTIDEGREES));
+    assert_eq!(angle.microdegrees(), 359_990_000);
 }
 
 #[test]
