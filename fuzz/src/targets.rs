@@ -15,8 +15,8 @@ use rc10_motor::rc10_app::Cascade;
 use rc10_motor::unitree::wire::line::{Command, Parser, Reply};
 use rc10_motor::unitree::{GoM8010, GoModule, Rs485Bus, Step};
 use rc10_motor::{
-    ArmSwitch, CanMotor, DriveMode, Feedback, FrameKind, Impedance, Request, Safety, Target,
-    TxBatch, cybergear, damiao, lk, odrive, vesc,
+    ArmSwitch, CanMotor, DriveMode, Feedback, FrameKind, Impedance, Link, Request, Safety, Target,
+    Tick, TxBatch, cybergear, damiao, lk, odrive, vesc,
 };
 
 pub use crate::streams::{action, crsf, dbus, jrt, ppm, rc9, sbus, stp23l, tfmini, vt03, wit};
@@ -129,7 +129,7 @@ fn motor(mut motor: impl CanMotor, bytes: &[u8]) {
             0..=9 => {
                 let frame = source.frame(&patterns);
                 let before = motor.feedback();
-                match motor.unpack_feedback(&frame, now) {
+                match motor.unpack_feedback(&frame, now, Link::Online) {
                     Ok(FrameKind::Feedback) => {
                         let at = motor.feedback().at;
                         assert!(at == now, "heard at {now}, told {at}");
@@ -148,7 +148,7 @@ fn motor(mut motor: impl CanMotor, bytes: &[u8]) {
                     DriveMode::Run,
                 ];
                 let drive = drives[usize::from(source.byte()) % drives.len()];
-                motor.update(Seconds::new(0.001), drive);
+                motor.update(&Tick::new(drive));
                 let mut tx = TxBatch::new();
                 motor.pack_command(&mut tx).unwrap();
                 for frame in tx.frames() {

@@ -5,8 +5,8 @@ mod conformance_of {
     pub mod cybergear;
     pub mod damiao;
     pub mod dji;
-    //OFF     pub mod lk;
-    //OFF     pub mod odrive;
+    pub mod lk;
+    pub mod odrive;
     pub mod unitree_line;
     pub mod unitree_module;
     pub mod vesc;
@@ -32,11 +32,19 @@ const MOTORS: &[Entry] = &[
     ("VESC", conformance_of::vesc::vesc),
     ("VESC, relative currents", conformance_of::vesc::vesc_relative),
     ("VESC with angle loops", conformance_of::vesc::vesc_with_servo),
+<<<<<<< HEAD
     //OFF     ("MG4010E-i10", conformance_of::lk::mg4010e),
     //OFF     ("MF9025 in the multi-motor frame", conformance_of::lk::mf9025_multi_motor),
     //OFF     ("ODrive, torque", conformance_of::odrive::torque),
     //OFF     ("ODrive, velocity", conformance_of::odrive::velocity),
     //OFF     ("ODrive, position", conformance_of::odrive::position),
+=======
+    ("MG4010E-i10", conformance_of::lk::mg4010e),
+    ("MF9025 in the multi-motor frame", conformance_of::lk::mf9025_multi_motor),
+    ("ODrive, torque", conformance_of::odrive::torque),
+    ("ODrive, velocity", conformance_of::odrive::velocity),
+    ("ODrive, position", conformance_of::odrive::position),
+>>>>>>> vuni
     ("CyberGear", conformance_of::cybergear::cybergear),
     ("RobStride RS04", conformance_of::cybergear::rs04),
     ("GO-M8010-6 on RS-485", conformance_of::unitree_line::go_m8010),

@@ -189,15 +189,16 @@ impl Servo {
     /// One step. A shaft that was never measured gets no effort.
     #[inline]
     pub fn update(&mut self, tick: &Tick, shaft: &Shaft) {
-        let Self { goals, state, cascade, limit, .. } = self;
-        let goes_on = tick.mode == DriveMode::Run && self.ran;
+        if tick.mode != DriveMode::Run || !self.ran {
+            return self.pursue(tick, shaft);
+        }
         // The usual cases, in few instructions.
+        let Self { goals, state, cascade, limit, .. } = self;
+        let speed = shaft.speed().get();
         match goals.goal() {
-            Goal::Speed(rpm) if goes_on => {
-                state.seek_speed(cascade, *rpm, shaft.speed().get(), *limit, tick.dt);
-            }
-            Goal::Angle(_) | Goal::Total(_) if goes_on => {
-                if !state.keep_seeking_angle(cascade, shaft.speed().get(), tick.dt) {
+            Goal::Speed(rpm) => state.seek_speed(cascade, *rpm, speed, *limit, tick.dt),
+            Goal::Angle(_) | Goal::Total(_) => {
+                if !state.keep_seeking_angle(cascade, speed, tick.dt) {
                     self.seek_angle(tick, shaft);
                 }
             }

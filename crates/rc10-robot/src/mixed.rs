@@ -170,7 +170,7 @@ impl Motors {
         two.attach(flywheel, Safety::COAST)?;
         let mut line = Rs485Bus::new(&shared.switch);
         for leg in legs {
-            line.attach(leg, Safety::HOLD).map_err(SetupError::Line)?;
+            line.attach(leg, Safety::HOLD).map_err(SetupError::Attach)?;
         }
         Ok(([one, two], line))
     }
@@ -183,10 +183,8 @@ pub enum SetupError {
     Config(ConfigError),
     /// An id that no leg can have.
     Leg(unitree::IdOutOfRange),
-    /// Motors that cannot share a bus.
+    /// A motor that cannot be attached.
     Attach(AttachError),
-    /// Motors that cannot share a line.
-    Line(unitree::AttachError),
 }
 
 impl core::fmt::Display for SetupError {
@@ -195,7 +193,6 @@ impl core::fmt::Display for SetupError {
             Self::Config(error) => error.fmt(f),
             Self::Leg(error) => error.fmt(f),
             Self::Attach(error) => error.fmt(f),
-            Self::Line(error) => error.fmt(f),
         }
     }
 }

@@ -12,10 +12,10 @@ mod damiao;
 #[path = "../conformance_of/dji.rs"]
 mod dji;
 mod line;
-//OFF #[path = "../conformance_of/lk.rs"]
-//OFF mod lk;
-//OFF #[path = "../conformance_of/odrive.rs"]
-//OFF mod odrive;
+#[path = "../conformance_of/lk.rs"]
+mod lk;
+#[path = "../conformance_of/odrive.rs"]
+mod odrive;
 mod random;
 mod scene;
 mod story;
@@ -129,19 +129,19 @@ fn vescs() {
     ]);
 }
 
-//OFF #[test]
-//OFF fn lk_drives() {
-//OFF     all(&[
-//OFF         ("MG4010E-i10", lk::mg4010e),
-//OFF         ("MF9025 in the multi-motor frame", lk::mf9025_multi_motor),
-//OFF     ]);
-//OFF }
+#[test]
+fn lk_drives() {
+    all(&[
+        ("MG4010E-i10", lk::mg4010e),
+        ("MF9025 in the multi-motor frame", lk::mf9025_multi_motor),
+    ]);
+}
 
-//OFF #[test]
-//OFF fn odrive_axes() {
-//OFF     all(&[
-//OFF         ("ODrive, torque", odrive::torque),
-//OFF         ("ODrive, velocity", odrive::velocity),
-//OFF         ("ODrive, position", odrive::position),
-//OFF     ]);
-//OFF }
+#[test]
+fn odrive_axes() {
+    all(&[
+        ("ODrive, torque", odrive::torque),
+        ("ODrive, velocity", odrive::velocity),
+        ("ODrive, position", odrive::position),
+    ]);
+}

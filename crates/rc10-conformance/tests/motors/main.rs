@@ -3,13 +3,13 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::float_cmp, reason = "exact is meant")]
 
-//OFF mod cybergear;
-//OFF mod damiao;
-//OFF mod damiao_values;
+mod cybergear;
+mod damiao;
+mod damiao_values;
 mod dji;
-//OFF mod index;
-//OFF mod lk;
-//OFF mod odrive;
+mod index;
+mod lk;
+mod odrive;
 mod unitree_line;
 mod unitree_module;
 mod vesc;

@@ -38,10 +38,21 @@ const CALLERS: usize = 4;
 type Requests = Service<(MotorId, Request), Outcome, CALLERS>;
 /// What became of a request.
 type Outcome = Result<Response, RequestError>;
-/// Who waits for it.
+/// The task that waits for it.
 type Asker<'p> = Caller<'p, (MotorId, Request), Outcome, CALLERS>;
 
 impl MotorCell {
+    /// The newest command that the bus has not taken yet.
+    #[inline]
+    fn take_command(&self) -> Option<Target> {
+        // Before the mail is looked at: what comes now is seen now or next time.
+        if !self.commanded.load(Ordering::Acquire) {
+            return None;
+        }
+        self.commanded.store(false, Ordering::Release);
+        self.command.lock(Cell::take)
+    }
+
     #[cold]
     fn refuse(&self, error: TargetError) {
         self.refused.lock(|place| {
@@ -98,18 +109,6 @@ impl<S: Copy, const N: usize> MotorPorts<S, N> {
     pub(super) fn publish(&self, write: impl FnOnce(&mut S)) {
         self.status.lock(|status| write(&mut status.borrow_mut()));
     }
-
-    /// The newest command that the bus has not taken yet.
-    #[inline]
-    fn take_command(&self, motor: MotorId) -> Option<Target> {
-        let cell = self.cells.get(motor.index())?;
-        // Before the mail is looked at: what comes now is seen now or next time.
-        if !cell.commanded.load(Ordering::Acquire) {
-            return None;
-        }
-        cell.commanded.store(false, Ordering::Release);
-        cell.command.lock(Cell::take)
-    }
 }
 
 /// What a runner does for its motors in every tick, whatever their wire: commands and requests in,
@@ -134,8 +133,8 @@ impl<'p, S: Copy, const N: usize> Server<'p, S, N> {
     /// Gives the motors what tasks want of them, and passes on what they say. Never waits.
     #[inline]
     pub(super) fn take<M: Motor + ?Sized>(&mut self, motors: &mut Motors<'_, M, N>, now: Micros) {
-        for motor in motors.ids() {
-            if let Some(target) = self.ports.take_command(motor) {
+        for (motor, cell) in motors.ids().zip(&self.ports.cells) {
+            if let Some(target) = cell.take_command() {
                 // The port has checked it; what the motor refuses all the same is counted.
                 let _ = motors.command(motor, target, now);
             }
@@ -219,8 +218,8 @@ impl MotorPort<'_> {
     /// its bus, or when the device has answered. Never [`Response::Pending`].
     ///
     /// It is a call of a [`Service`] that the motors of a bus share: requests are carried out in the
-    /// order in which they came, and nobody gets the answer to another's. There is no timeout,
-    /// because every motor gives up by itself on a device that does not answer.
+    /// order in which they came, and each task gets its own response. There is no timeout, because
+    /// every motor gives up by itself on a device that does not reply.
     ///
     /// # Errors
     /// [`RequestError`]; nothing changed, unless it is [`RequestError::Timeout`].
@@ -230,10 +229,10 @@ impl MotorPort<'_> {
     ///
     /// # Cancel safety
     /// The future may be dropped at any time. A request that the bus has not taken yet is taken
-    /// back; another is carried out, and nobody hears what came of it.
+    /// back; another is carried out, and its response is dropped.
     pub async fn request(&self, request: Request) -> Result<Response, RequestError> {
         if self.supports() == TargetSet::NONE {
-            // Nobody would ever answer.
+            // No bus would ever take it.
             return Err(RequestError::NoSuchMotor);
         }
         match self.requests.call_without_timeout((self.motor, request)).await {

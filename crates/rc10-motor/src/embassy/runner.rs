@@ -127,7 +127,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
             took: Micros::ZERO,
             last_start: None,
             tx: TxBatch::new(),
-            traffic: Traffic::NONE,
+            traffic: Traffic::default(),
             recovery: Recovery::new(BusOffPolicy::default()),
             subscriptions: 0,
             listening: false,
@@ -203,7 +203,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         let dt = Seconds::from_micros(elapsed.get());
         if self.bus.borrow_mut().tick(now, dt, &mut self.tx).is_err() {
             // The batch was full; the frame that found no room counts as refused.
-            self.traffic.refused += 1;
+            count(&mut self.traffic.refused);
         }
         self.server.publish(self.bus.borrow(), now);
     }
@@ -218,16 +218,16 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self.prepared = false;
         self.clock.tick(now);
         self.due = self.clock.next() - LEAD;
-        let traffic = core::mem::replace(&mut self.traffic, Traffic::NONE);
         let bus = self.bus.borrow();
         let (received, arm) = (bus.counters(), bus.switch().state());
-        let Self { clock, health, .. } = self;
+        let Self { clock, traffic, health, .. } = self;
         let execution = self.took + time().since(now);
         self.shared.publish(|status| {
             (status.ticks, status.overruns) = (clock.ticks, clock.overruns);
             status.period = clock.period;
             status.execution.add(execution);
-            traffic.add_to(status);
+            (status.submitted, status.replaced) = (traffic.submitted, traffic.replaced);
+            status.refused = traffic.refused;
             (status.received, status.health, status.arm) = (received, *health, arm);
         });
     }
@@ -303,7 +303,8 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     }
 }
 
-/// What became of the frames of one tick.
+/// What became of the frames so far.
+#[derive(Default)]
 struct Traffic {
     submitted: u32,
     replaced: u32,
@@ -311,23 +312,18 @@ struct Traffic {
 }
 
 impl Traffic {
-    const NONE: Self = Self { submitted: 0, replaced: 0, refused: 0 };
-
     fn count(&mut self, submitted: Submitted) {
-        // A tick has few frames.
         match submitted {
-            Submitted::Queued => self.submitted += 1,
+            Submitted::Queued => count(&mut self.submitted),
             Submitted::Replaced => {
-                self.submitted += 1;
-                self.replaced += 1;
+                count(&mut self.submitted);
+                count(&mut self.replaced);
             }
-            Submitted::Refused => self.refused += 1,
+            Submitted::Refused => count(&mut self.refused),
         }
     }
+}
 
-    fn add_to(&self, status: &mut BusStatus) {
-        status.submitted = status.submitted.saturating_add(self.submitted);
-        status.replaced = status.replaced.saturating_add(self.replaced);
-        status.refused = status.refused.saturating_add(self.refused);
-    }
+const fn count(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
 }

@@ -54,8 +54,8 @@ pub struct Rs485Bus<'m> {
     polls: Vec<Poll, CAPACITY>,
     reply_timeout: Micros,
     parser: Parser,
-    asked: Option<Asked>,
-    /// The motor whose turn it is among those that are heard.
+    polled: Option<Polled>,
+    /// Where the turn goes on among the motors that are heard.
     turn: usize,
     /// How many of those are to be polled before a motor that may not reply.
     owed: usize,
@@ -76,7 +76,7 @@ struct Poll {
 }
 
 /// A command on its way whose reply has not come.
-struct Asked {
+struct Polled {
     motor: MotorId,
     at: Micros,
 }
@@ -148,7 +148,7 @@ impl<'m> Rs485Bus<'m> {
     /// A motor is lost after so long without a reply: within it, fifteen motors of which fourteen do
     /// not reply have all been polled.
     pub const LINK_TIMEOUT: Micros = Micros::from_millis(20);
-    /// The time-out of a bus that is not told another one.
+    /// The reply time-out without [`with_reply_timeout`](Self::with_reply_timeout).
     pub const REPLY_TIMEOUT: Micros = Micros::from_millis(1);
 
     /// A bus without motors, armed and stopped by `switch`.
@@ -159,7 +159,7 @@ impl<'m> Rs485Bus<'m> {
             polls: Vec::new(),
             reply_timeout: Self::REPLY_TIMEOUT,
             parser: Parser::new(),
-            asked: None,
+            polled: None,
             turn: 0,
             owed: 0,
             counters: Rs485Counters::NEW,
@@ -208,12 +208,12 @@ impl<'m> Rs485Bus<'m> {
     /// What to do now. After [`Step::Send`] ask again at once: it says how long to wait for the
     /// reply.
     pub fn poll(&mut self, now: Micros) -> Step {
-        if let Some(Asked { at, .. }) = self.asked {
+        if let Some(Polled { at, .. }) = self.polled {
             let until = at + self.reply_timeout;
             if now < until {
                 return Step::Wait(until);
             }
-            self.asked = None;
+            self.polled = None;
             count(&mut self.counters.timeouts);
             self.owed = self.polls.len();
         }
@@ -224,7 +224,7 @@ impl<'m> Rs485Bus<'m> {
         };
         (poll.is_due, poll.polled_at) = (false, Some(now));
         poll.urgent = poll.urgent.saturating_sub(1);
-        self.asked = Some(Asked { motor, at: now });
+        self.polled = Some(Polled { motor, at: now });
         // What came before the command is no part of its reply.
         self.parser.clear();
         Step::Send(command)
@@ -266,12 +266,12 @@ impl<'m> Rs485Bus<'m> {
     }
 
     fn hear(&mut self, reply: &Reply, now: Micros) {
-        let Self { asked, motors, counters, .. } = self;
-        let polled = asked.as_ref().and_then(|asked| motors.get(asked.motor));
-        if polled.is_none_or(|motor| motor.address() != reply.address) {
+        let Self { polled, motors, counters, .. } = self;
+        let expected = polled.as_ref().and_then(|polled| motors.get(polled.motor));
+        if expected.is_none_or(|motor| motor.address() != reply.address) {
             return count(&mut counters.unexpected);
         }
-        if let Some(Asked { motor, at }) = asked.take() {
+        if let Some(Polled { motor, at }) = polled.take() {
             count(&mut counters.exchanges);
             counters.exchange.add(now.since(at));
             // Nothing can be wrong with a reply of this motor.

@@ -1,16 +1,16 @@
 //! A GO-M8010-6 behind Unitree's CAN-to-485 module, as a motor on a CAN bus.
 //!
-//! **Who controls.** The module keeps stiffness and damping ("gains") for each of its motors, and
-//! forgets them without power. Speeds, angles and torques are controlled here, by a [`Servo`], with
-//! both zero in the module: each frame then says all there is to say. For [`Target::Impedance`] the
-//! module gets the target's `kp` and `kd`, and the motor runs the law itself, at its own rate.
+//! **Control.** The module keeps stiffness and damping ("gains") for each of its motors, and forgets
+//! them without power. Speeds, angles and torques are controlled here, by a
+//! [`Servo`](crate::servo::Servo), with both zero in the module. For [`Target::Impedance`] the module
+//! gets the target's `kp` and `kd`, and the motor runs the law itself, at its own rate.
 //!
-//! **Set-up.** Disarmed, the motor is asked how it is with status 0 (lock). Armed, the module is
-//! given the gains, then asked for them; once it answers with what it was given, the motor is put
-//! into field-oriented control; once it says so, it is driven, softly: from the fourth tick on at
-//! best. Until then its condition is [`Condition::Starting`] and it has no torque. The same happens
-//! when the gains change, when the motor was silent for 10 ms, when it is found locked, and when
-//! the module is found without its gains (asked 20 times a second during an impedance).
+//! **Enabling.** Disarmed, the motor is polled with status 0 (lock). Armed, the gains are written to
+//! the module and read back; once they are the same, the motor is put into field-oriented control;
+//! once it reports that, it is driven, softly: from the fourth tick on at best. Until then its
+//! condition is [`Condition::Starting`] and it has no torque. The same happens when the gains change,
+//! when the link was lost, when the motor reports that it is locked, and when the module has other
+//! gains (read 20 times a second during an impedance).
 //!
 //! **One frame a tick.** A module puts gains on its line after the motion of the same tick,
 //! because identifiers go out in order. All frames of a motor are one stream: a newer one takes
@@ -55,9 +55,9 @@ use crate::servo::Spring;
 use crate::supervision::Link;
 use crate::target::{Impedance, Target, TargetError, TargetSet};
 
-/// The bits of an identifier that say whose it is, in either direction: module, direction, motor.
+/// Bits of an identifier with module, direction and motor.
 const OWNER: u32 = 0x1C00_0F00;
-/// What is sent to a motor also leaves bits 25 and 24 zero, and the lowest byte.
+/// The same, bits 25 and 24 and the lowest byte: zero in what is sent to a motor.
 const TO_MOTOR: u32 = 0x1F00_0FFF;
 
 /// By the module's number.
@@ -134,7 +134,7 @@ impl GoModule {
         self.address
     }
 
-    /// The impedance that the module shall have for the motor.
+    /// The impedance that the motor shall make itself.
     fn impedance(&self) -> Option<Impedance> {
         match self.actuator.servo.target() {
             Target::Impedance(impedance) if self.mode == DriveMode::Run => Some(impedance),
@@ -142,15 +142,13 @@ impl GoModule {
         }
     }
 
-    /// The motion for a spring whose gains the module keeps as they were `asked` for: what the servo
-    /// takes back of them is taken from the way and from the damper's speed.
-    fn pull(&self, spring: &Spring, asked: &Impedance) -> RawMotion {
-        let share = if asked.kp > 0.0 {
-            spring.kp / asked.kp
-        } else if asked.kd > 0.0 {
-            spring.kd / asked.kd
-        } else {
-            1.0
+    /// The motion for a spring while the module has the gains of `target`: the share of them that
+    /// the servo allows is a share of the way and of the damper's speed.
+    fn pull(&self, spring: &Spring, target: &Impedance) -> RawMotion {
+        let share = match target {
+            Impedance { kp, .. } if *kp > 0.0 => spring.kp / kp,
+            Impedance { kd, .. } if *kd > 0.0 => spring.kd / kd,
+            _ => 1.0,
         };
         let measured = self.actuator.shaft.speed().get();
         let speed = measured + (spring.speed.get() - measured) * share;
@@ -221,7 +219,7 @@ impl Motor for GoModule {
         }
         let servo = &self.actuator.servo;
         self.command = match (servo.spring(), &impedance) {
-            (Some(spring), Some(asked)) => self.pull(spring, asked),
+            (Some(spring), Some(target)) => self.pull(spring, target),
             _ => self.actuator.push(servo.effort()),
         };
     }
@@ -303,6 +301,7 @@ impl CanMotor for GoModule {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::unitree::wire::Status;
 
     /// What a tick sends.
     fn tick(motor: &mut GoModule, drive: DriveMode) -> u32 {
@@ -317,7 +316,7 @@ mod tests {
         CanFrame::key_of(motor.can_ids().transmitted()[0].pattern.id())
     }
 
-    fn answer(motor: &mut GoModule, id: u32, link: Link) -> Result<FrameKind, FrameError> {
+    fn reply(motor: &mut GoModule, id: u32, link: Link) -> Result<FrameKind, FrameError> {
         let frame = CanFrame::eight_bytes(ExtendedId::new(id).unwrap(), [0; 8]);
         motor.unpack_feedback(&frame, Micros::from_millis(1), link)
     }
@@ -325,18 +324,48 @@ mod tests {
     #[test]
     fn a_motor_heard_again_after_a_gap_is_a_new_one_even_if_no_tick_counted_it() {
         let mut motor = GoModule::new(3, 0).unwrap();
-        assert_eq!(answer(&mut motor, 0x1D00_0023, Link::NeverSeen), Ok(FrameKind::Feedback));
+        assert_eq!(reply(&mut motor, 0x1D00_0023, Link::NeverSeen), Ok(FrameKind::Feedback));
         assert_eq!(tick(&mut motor, DriveMode::Coast), 0x180B_0000);
         assert_eq!(tick(&mut motor, DriveMode::Coast), 0x180C_0000);
-        assert_eq!(answer(&mut motor, 0x1E02_0000, Link::Online), Ok(FrameKind::Other));
+        assert_eq!(reply(&mut motor, 0x1E02_0000, Link::Online), Ok(FrameKind::Other));
         assert_eq!(tick(&mut motor, DriveMode::Coast), 0x180A_1000);
-        assert_eq!(answer(&mut motor, 0x1D00_1023, Link::Online), Ok(FrameKind::Feedback));
+        assert_eq!(reply(&mut motor, 0x1D00_1023, Link::Online), Ok(FrameKind::Feedback));
         assert_eq!(motor.condition(), Condition::Ready);
-        assert_eq!(answer(&mut motor, 0x1D00_1023, Link::Online), Ok(FrameKind::Feedback));
+        assert_eq!(reply(&mut motor, 0x1D00_1023, Link::Online), Ok(FrameKind::Feedback));
         assert_eq!(tick(&mut motor, DriveMode::Coast), 0x180A_1000);
-        assert_eq!(answer(&mut motor, 0x1D00_1023, Link::Lost), Ok(FrameKind::Feedback));
+        assert_eq!(reply(&mut motor, 0x1D00_1023, Link::Lost), Ok(FrameKind::Feedback));
         assert_eq!(motor.condition(), Condition::Starting);
         assert_eq!(tick(&mut motor, DriveMode::Coast), 0x180B_0000);
+    }
+
+    /// The torque that the motor makes by its own law of stiffness, damping and a motion.
+    fn law(motor: &GoModule, gains: &Impedance, command: RawMotion) -> f32 {
+        let shaft = &motor.actuator.shaft;
+        let command = RotorScale::OUTPUT.motion(command);
+        let way = command.angle.minus(shaft.angle()).degrees().get().to_radians();
+        let slip = (command.speed.get() - shaft.speed().get()) * core::f32::consts::TAU / 60.0;
+        gains.kp * way + gains.kd * slip + command.torque.get()
+    }
+
+    #[test]
+    fn what_the_servo_takes_back_of_a_spring_the_module_takes_back_too() {
+        let mut motor = GoModule::new(3, 0).unwrap();
+        let frame = Question::Control(Status::FOC, RawMotion { torque: 0, speed: 500, angle: 700 });
+        let data = *frame.pack(motor.module, motor.address).all_eight().unwrap();
+        let frame = CanFrame::eight_bytes(ExtendedId::new(0x1D00_1023).unwrap(), data);
+        motor.unpack_feedback(&frame, Micros::ZERO, Link::NeverSeen).unwrap();
+        for (kp, kd) in [(40.0, 0.0), (0.0, 2.0), (40.0, 2.0), (0.0, 0.0)] {
+            let target = Impedance { kp, kd, ..Impedance::default() };
+            for share in [0.0, 0.3, 1.0] {
+                let (way, speed) = (Degrees::new(20.0), Rpm::new(90.0));
+                let torque = 3.0 * share;
+                let spring = Spring { way, speed, torque, kp: kp * share, kd: kd * share };
+                let slip = (90.0 - motor.feedback().speed.get()) * core::f32::consts::TAU / 60.0;
+                let asked = share * (kp * 20_f32.to_radians() + kd * slip + 3.0);
+                let made = law(&motor, &target, motor.pull(&spring, &target));
+                assert!((made - asked).abs() < 0.03, "{kp} {kd} {share}: {made} {asked}");
+            }
+        }
     }
 
     #[test]

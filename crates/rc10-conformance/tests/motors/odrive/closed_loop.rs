@@ -6,8 +6,8 @@ use rc10_conformance::Bench;
 use rc10_motor::odrive::{AxisState, Config, Control, InputMode, Limits, ODrive, Rates};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
-    ArmSwitch, CanMotor, Condition, DriveMode, Link, Motor, MotorId, Request, RequestError, Response, Safety,
-    Target, TargetError, TargetKind,
+    ArmSwitch, CanMotor, Condition, DriveMode, Link, Motor, MotorId, Request, RequestError,
+    Response, Safety, Target, TargetError, TargetKind,
 };
 use rc10_sim::Esc;
 use rc10_sim::odrive::{Axis, Settings, encode_estimates};

@@ -113,7 +113,7 @@ impl fmt::Display for NotANumber {
 
 impl core::error::Error for NotANumber {}
 
-/// τ, ω and θ of the rotor as they stand in commands and answers of both links.
+/// τ, ω and θ of the rotor as they stand in commands and replies of both links.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RawMotion {
@@ -158,12 +158,9 @@ impl RawImpedance {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RotorScale {
     torque_steps: f32,
-    torque_step: f32,
     speed_steps: f32,
-    speed_step: f32,
     angle_steps: f32,
     gain_steps: f32,
-    gain_step: f32,
     counts_per_turn: CountsPerTurn,
 }
 
@@ -175,19 +172,15 @@ impl RotorScale {
     #[must_use]
     pub const fn new(gear: Gear) -> Self {
         let ratio = gear.rotor_turns() as f64 / gear.output_turns() as f64;
-        let torque = TORQUE_STEPS / ratio;
-        let speed = SPEED_STEPS * ratio / 60.0;
-        let gain = GAIN_STEPS / (ratio * ratio);
-        let counts = ANGLE_STEPS * gear.rotor_turns();
         Self {
-            torque_steps: single(torque),
-            torque_step: single(1.0 / torque),
-            speed_steps: single(speed),
-            speed_step: single(1.0 / speed),
+            torque_steps: single(TORQUE_STEPS / ratio),
+            speed_steps: single(SPEED_STEPS * ratio / 60.0),
             angle_steps: single(ANGLE_STEPS as f64 * ratio / 360.0),
-            gain_steps: single(gain),
-            gain_step: single(1.0 / gain),
-            counts_per_turn: CountsPerTurn::new(counts, gear.output_turns()),
+            gain_steps: single(GAIN_STEPS / (ratio * ratio)),
+            counts_per_turn: CountsPerTurn::new(
+                ANGLE_STEPS * gear.rotor_turns(),
+                gear.output_turns(),
+            ),
         }
     }
 
@@ -215,7 +208,7 @@ impl RotorScale {
     pub fn motion(&self, raw: RawMotion) -> Motion {
         Motion {
             torque: self.torque(raw.torque),
-            speed: Rpm::new(f32::from(raw.speed) * self.speed_step),
+            speed: Rpm::new(f32::from(raw.speed) / self.speed_steps),
             angle: TotalAngle::from_counts(raw.angle.into(), self.counts_per_turn),
         }
     }
@@ -224,7 +217,7 @@ impl RotorScale {
     #[inline]
     #[must_use]
     pub fn torque(&self, raw: i16) -> NewtonMetres {
-        NewtonMetres::new(f32::from(raw) * self.torque_step)
+        NewtonMetres::new(f32::from(raw) / self.torque_steps)
     }
 
     /// A torque, as [`raw`](Self::raw) has it.
@@ -264,8 +257,8 @@ impl RotorScale {
     #[must_use]
     pub fn impedance(&self, raw: RawImpedance) -> Impedance {
         Impedance {
-            stiffness: f32::from(raw.stiffness) * self.gain_step,
-            damping: f32::from(raw.damping) * self.gain_step,
+            stiffness: f32::from(raw.stiffness) / self.gain_steps,
+            damping: f32::from(raw.damping) / self.gain_steps,
         }
     }
 }
