@@ -186,7 +186,7 @@ pub(crate) struct RangedPosition {
     end: i64,
     /// The largest movement between two readings of a device that was not restarted.
     fastest: i64,
-    /// Slower is standing still, rpm.
+    /// Slower is standing still, rpm: a step of a field of 12 bits.
     standstill: f32,
     /// The newest reading; `None` before the first.
     reading: Option<i64>,
@@ -213,7 +213,7 @@ impl RangedPosition {
             half_step: (limits.position * (PER_RADIAN * 65_536.0 / full(16) as f32)) as i64,
             end: 0,
             fastest: fastest as i64,
-            standstill: limits.velocity * (RPM_PER_RADIAN_PER_SECOND * 0.002),
+            standstill: limits.velocity * (RPM_PER_RADIAN_PER_SECOND * 0.0005),
             reading: None,
             ranges: 0,
             beyond: 0,

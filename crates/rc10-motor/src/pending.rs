@@ -131,6 +131,11 @@ impl<Q: Copy> Pending<Q> {
         self.end(Err(if asked { RequestError::Timeout } else { RequestError::NotWhileArmed }));
     }
 
+    /// The question in flight is forgotten, and has no outcome.
+    pub(crate) const fn cancel(&mut self) {
+        self.asked = None;
+    }
+
     /// The outcome, once it is known; told once.
     pub(crate) const fn take_outcome(&mut self) -> Option<Outcome> {
         self.outcome.take()
@@ -181,6 +186,15 @@ mod tests {
         assert!(pending.is_busy() && pending.question().is_none());
         assert_eq!(pending.take_outcome(), Some(Ok(Response::Register(3))));
         assert_eq!(pending.take_outcome(), None);
+    }
+
+    #[test]
+    fn a_cancelled_question_has_no_outcome() {
+        let mut pending = Pending::new();
+        let _ = pending.ask((), RETRY);
+        pending.cancel();
+        pending.update(MS);
+        assert!(!pending.is_busy() && pending.take_due().is_none());
     }
 
     #[test]

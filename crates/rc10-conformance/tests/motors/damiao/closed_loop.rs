@@ -218,7 +218,7 @@ fn holding_and_braking_stop_it_where_it_is() {
             rig.bench.wait(50 + 900);
             let status = rig.status();
             assert_eq!(status.counters.expired, expired + 1);
-            assert_eq!(status.drive, safety.state.drive());
+            assert_eq!(status.drive, safety.state.mode());
             let (rpm, stands) = (rig.esc.state().output_rpm, rig.esc.state().output_degrees);
             assert!(rpm.abs() < 2.0, "{control:?} {safety:?}: {rpm}");
             rig.esc.set_load(-1.0);
