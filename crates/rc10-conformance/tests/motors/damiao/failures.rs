@@ -361,7 +361,8 @@ fn frames_that_are_none_of_its_own_change_nothing() {
     let id = StandardId::new(MASTER_ID).unwrap();
     let good = [0x11, 0x80, 0x00, 0x80, 0x07, 0xFF, 30, 40];
     let at = Micros::from_millis(5);
-    let hear = |motor: &mut Damiao, frame: CanFrame| motor.unpack_feedback(&frame, at, Link::Online);
+    let hear =
+        |motor: &mut Damiao, frame: CanFrame| motor.unpack_feedback(&frame, at, Link::Online);
     assert_eq!(hear(&mut motor, CanFrame::eight_bytes(id, good)), Ok(FrameKind::Feedback));
     let before = motor.feedback();
     let wrong_id = StandardId::new(MASTER_ID + 1).unwrap();
