@@ -5,10 +5,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use rc10_can::Micros;
 use rc10_motor::unitree::GoM8010;
 use rc10_motor::{ArmSwitch, CanMotor, DriveMode, Request, SafeState, Safety, Target};
-use rc10_sim::{Bus, Esc, EscFault, Line, LineMotor};
+use rc10_sim::{Bus, Esc, EscFault};
+use rc10_sim::{Line, LineMotor};
 
+use crate::by_bus::ByBus;
+use crate::by_line::ByLine;
 use crate::declaration::Declaration;
-use crate::harness::{ByBus, ByLine, Connection, Harness, Subject};
+use crate::harness::{Connection, Harness, Subject};
 use crate::mirror::Mirror;
 use crate::recorder::{Call, Log, Moment, recorded};
 use crate::report::{Breach, Report};

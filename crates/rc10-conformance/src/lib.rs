@@ -34,6 +34,8 @@
 #![forbid(unsafe_code)]
 
 mod bench;
+mod by_bus;
+mod by_line;
 mod case;
 mod declaration;
 mod harness;
@@ -45,7 +47,8 @@ mod rig;
 mod rules;
 
 pub use bench::Bench;
-pub use case::{check, check_line};
+pub use case::check;
+pub use case::check_line;
 pub use declaration::{Claim, Declaration, Trial};
 pub use line_bench::LineBench;
 pub use report::{Breach, Report};

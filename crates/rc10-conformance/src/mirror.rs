@@ -52,7 +52,7 @@ impl Mirror {
 }
 
 const fn negated(angle: TotalAngle) -> TotalAngle {
-    TotalAngle::new(-angle.counts(), angle.scale())
+    TotalAngle::ZERO.minus(angle)
 }
 
 fn feedback(told: Feedback) -> Feedback {

@@ -75,7 +75,7 @@ mod motor;
 mod motors;
 mod not_a_number;
 //OFF pub mod odrive;
-mod pending;
+pub mod pending;
 mod request;
 pub mod servo;
 pub mod shaft;
@@ -83,7 +83,7 @@ pub mod signals;
 mod supervision;
 mod table;
 mod target;
-//OFF pub mod unitree;
+pub mod unitree;
 //OFF pub mod vesc;
 
 pub use arm::{ArmError, ArmState, ArmSwitch, Unfit};

@@ -1,6 +1,6 @@
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
-use rc10_motor::{CanIds, CanMotor, FrameError, RxFrames, TxBatch};
+use rc10_motor::{CanIds, CanMotor, DriveMode, FrameError, Link, RxFrames, Tick, TxBatch};
 
 use crate::case::{Findings, FrameCase, Outcome, broken};
 use crate::recorder::{Call, Told, not_finite, replay};
@@ -74,7 +74,7 @@ fn change_nothing(
     let told = Told::of(&*motor);
     let at = told.feedback.at + Micros::from_millis(1);
     for frame in frames {
-        match motor.unpack_feedback(&frame, at) {
+        match motor.unpack_feedback(&frame, at, Link::Online) {
             Err(error) if is_right(&frame, error) => (),
             answer => return broken(at, format!("{frame} ({} bytes): {answer:?}", frame.len())),
         }
@@ -194,7 +194,7 @@ fn content(case: &FrameCase<'_>, receive: &RxFrames) -> Outcome {
         }
         let frame = frame(id, &bytes[..receive.len.min(8).into()]);
         let told = Told::of(&*motor);
-        let heard = motor.unpack_feedback(&frame, at);
+        let heard = motor.unpack_feedback(&frame, at, Link::Online);
         let now = Told::of(&*motor);
         if heard.is_err() && now != told {
             return broken(at, format!("{frame} was refused and changed something"));
@@ -212,14 +212,14 @@ fn content(case: &FrameCase<'_>, receive: &RxFrames) -> Outcome {
 /// A frame that the motor really got.
 fn frame_of(call: &Call, receive: &RxFrames) -> Option<CanFrame> {
     match call {
-        Call::Frame(frame, _) if receive.pattern.matches(frame) => Some(*frame),
+        Call::Frame(frame, ..) if receive.pattern.matches(frame) => Some(*frame),
         _ => None,
     }
 }
 
 /// A tick of a motor that has just heard nonsense.
 fn drive_on(motor: &mut dyn CanMotor) {
-    motor.update(rc10_app::Seconds::new(0.001), rc10_motor::DriveMode::Run);
+    motor.update(&Tick::new(DriveMode::Run));
     let _ = motor.pack_command(&mut TxBatch::new());
 }
 

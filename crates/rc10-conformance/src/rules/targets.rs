@@ -1,5 +1,5 @@
 use rc10_app::{Seconds, TotalAngle};
-use rc10_motor::{Condition, DriveMode, SafeState, Target, TargetError, TargetKind};
+use rc10_motor::{Condition, DriveMode, SafeState, Target, TargetError, TargetKind, Tick};
 
 use super::declared::every_kind;
 use crate::case::{Case, Findings, Halt, Outcome, broken};
@@ -260,7 +260,7 @@ pub(super) fn strange_steps(case: &Case<'_>, found: &mut Findings) {
         for drive in
             [DriveMode::Run, DriveMode::Hold, DriveMode::Brake, DriveMode::Coast, DriveMode::Off]
         {
-            motor.update(dt, drive);
+            motor.update(&Tick { dt, ..Tick::new(drive) });
             motor.pack();
             if let Some(name) = not_finite(&motor.feedback()) {
                 found.add(None, format!("after {dt:?} its {name} is not finite"));

@@ -8,7 +8,7 @@ use crate::rig::Rig;
 
 pub(super) fn wiring_is_valid(case: &FrameCase<'_>, found: &mut Findings) {
     let wiring = case.motor().can_ids();
-    if wiring.name().model.is_empty() {
+    if case.motor().name().model.is_empty() {
         found.add(None, "its model has no name".to_owned());
     }
     if !wiring.received().iter().any(|receive| receive.rate.per_second() > 0) {
@@ -46,8 +46,8 @@ pub(super) fn wiring_is_constant(case: &FrameCase<'_>, found: &mut Findings) {
 
 /// Whether a wiring says that this is sent.
 fn declares(transmit: &TxFrames, frame: &CanFrame) -> bool {
-    let TxFrames { pattern, len, share, .. } = transmit;
-    let is_own = match share {
+    let TxFrames { pattern, len, ownership, .. } = transmit;
+    let is_own = match ownership {
         Ownership::Whole => true,
         Ownership::Guard(guard) => guard.passes(frame),
         Ownership::Bytes(bytes) => {

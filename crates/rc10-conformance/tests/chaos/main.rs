@@ -12,10 +12,10 @@ mod damiao;
 #[path = "../conformance_of/dji.rs"]
 mod dji;
 mod line;
-#[path = "../conformance_of/lk.rs"]
-mod lk;
-#[path = "../conformance_of/odrive.rs"]
-mod odrive;
+//OFF #[path = "../conformance_of/lk.rs"]
+//OFF mod lk;
+//OFF #[path = "../conformance_of/odrive.rs"]
+//OFF mod odrive;
 mod random;
 mod scene;
 mod story;
@@ -23,15 +23,16 @@ mod story;
 mod unitree_line;
 #[path = "../conformance_of/unitree_module.rs"]
 mod unitree_module;
-#[path = "../conformance_of/vesc.rs"]
-mod vesc;
+//OFF #[path = "../conformance_of/vesc.rs"]
+//OFF mod vesc;
 mod watch;
 
 use rc10_conformance::Declaration;
 use rc10_motor::CanMotor;
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::unitree::GoM8010;
-use rc10_sim::{Bus, Esc, Line, LineMotor};
+use rc10_sim::{Bus, Esc};
+use rc10_sim::{Line, LineMotor};
 
 use line::LineScene;
 use scene::CanScene;
@@ -120,24 +121,24 @@ fn unitree_motors() {
     ]);
 }
 
-#[test]
-fn vescs() {
-    all(&[("VESC", vesc::vesc), ("VESC with angle loops", vesc::vesc_with_servo)]);
-}
+//OFF #[test]
+//OFF fn vescs() {
+//OFF     all(&[("VESC", vesc::vesc), ("VESC with angle loops", vesc::vesc_with_servo)]);
+//OFF }
 
-#[test]
-fn lk_drives() {
-    all(&[
-        ("MG4010E-i10", lk::mg4010e),
-        ("MF9025 in the multi-motor frame", lk::mf9025_multi_motor),
-    ]);
-}
+//OFF #[test]
+//OFF fn lk_drives() {
+//OFF     all(&[
+//OFF         ("MG4010E-i10", lk::mg4010e),
+//OFF         ("MF9025 in the multi-motor frame", lk::mf9025_multi_motor),
+//OFF     ]);
+//OFF }
 
-#[test]
-fn odrive_axes() {
-    all(&[
-        ("ODrive, torque", odrive::torque),
-        ("ODrive, velocity", odrive::velocity),
-        ("ODrive, position", odrive::position),
-    ]);
-}
+//OFF #[test]
+//OFF fn odrive_axes() {
+//OFF     all(&[
+//OFF         ("ODrive, torque", odrive::torque),
+//OFF         ("ODrive, velocity", odrive::velocity),
+//OFF         ("ODrive, position", odrive::position),
+//OFF     ]);
+//OFF }

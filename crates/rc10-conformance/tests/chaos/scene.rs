@@ -19,7 +19,7 @@ pub trait Scene {
     fn supports(&self) -> TargetSet;
     fn command(&mut self, target: Target) -> Result<(), CommandError>;
     fn request(&mut self, request: Request) -> Result<Response, RequestError>;
-    fn answer(&mut self) -> Option<Result<Response, RequestError>>;
+    fn response(&mut self) -> Option<Result<Response, RequestError>>;
     fn status(&self) -> MotorStatus;
     fn link_timeout(&self) -> Micros;
     /// After a cut it takes so many ms until it is told again what to do.
@@ -68,11 +68,10 @@ impl CanScene<'_> {
         let safety = random.pick(&[Safety::COAST, Safety::BRAKE, Safety::HOLD]);
         let mut bench = Bench::new(seed, &switch);
         let esc = device(&bench.wire, declared.ids[0]);
-        let wiring = motor.can_ids();
+        let (wiring, model) = (motor.can_ids(), motor.name().model);
         let motor = bench.attach(motor, safety).unwrap();
         let port = bench.wire.port();
         // A VESC, and a GO-M8010-6, obey whatever the next command says.
-        let model = wiring.name().model;
         let obeys_anyone = model == "VESC" || model.starts_with("GO-M8010");
         let tells_restarts = declared.disables == Claim::Does && !obeys_anyone;
         let mut scene = CanScene {
@@ -126,7 +125,7 @@ impl Scene for CanScene<'_> {
         self.bench.bus.request(self.motor, request)
     }
 
-    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
+    fn response(&mut self) -> Option<Result<Response, RequestError>> {
         self.bench.bus.response(self.motor)
     }
 

@@ -121,7 +121,7 @@ impl<S: Scene> Player<'_, S> {
         if let Some(waited) = &mut self.waited {
             *waited += 1;
             let waited = *waited;
-            if let Some(answer) = self.scene.answer() {
+            if let Some(answer) = self.scene.response() {
                 self.waited = None;
                 self.watch.zeroed = true;
                 self.note(format!("it answers {answer:?}"));

@@ -11,7 +11,7 @@ pub enum Spoil {
     /// Its codec sends a tenth of each torque: many rules follow.
     TenthOfTorque,
     NineBytes,
-    OtherName,
+    OtherRate,
     UndeclaredFrame,
     ForeignStream,
     ThreeFrames,
@@ -71,7 +71,7 @@ impl Spoil {
     /// The rule that each breaks; some rules have more than one way.
     pub const ALL: &[(&str, Self)] = &[
         ("wiring-is-valid", Self::NineBytes),
-        ("wiring-is-constant", Self::OtherName),
+        ("wiring-is-constant", Self::OtherRate),
         ("frames-are-declared", Self::UndeclaredFrame),
         ("streams-are-own", Self::ForeignStream),
         ("few-frames-a-tick", Self::ThreeFrames),

@@ -2,8 +2,8 @@
 //! CAN-to-485 module.
 //!
 //! **Terms.** The *rotor* turns 6.33 times while the *output shaft* turns once. The wire speaks of
-//! the rotor, this crate of the output shaft; [`wire::Shaft`] is the only place where one becomes
-//! the other. The controller runs one law: torque = τ + `k_pos` (θ − θ measured) + `k_spd` (ω − ω
+//! the rotor, this crate of the output shaft; [`wire::RotorScale`] is the only place where one
+//! becomes the other. The controller runs one law: torque = τ + `k_pos` (θ − θ measured) + `k_spd` (ω − ω
 //! measured), with all five numbers from the command. `k_pos` is a *stiffness*, `k_spd` a *damping*:
 //! together an [`Impedance`](wire::Impedance). A θ of many turns is counted on, not wrapped.
 //!
@@ -29,14 +29,15 @@
 //! Sources: GO-M8010-6 user manual v1.2 and data manual, CAN-to-485 module manual V1.0,
 //! `unitree_actuator_sdk`.
 
-mod go;
-mod line;
+mod bus;
+mod config;
 pub mod module;
-mod seen;
+mod motor;
+mod rs485;
 pub mod signals;
-mod spring;
 pub mod wire;
 
-pub use go::{GoM8010, IdOutOfRange};
-pub use line::{AttachError, Rs485Bus, Rs485Counters, Step};
+pub use bus::{Rs485Bus, Rs485Counters, Step};
+pub use config::{CASCADE, IdOutOfRange, LARGEST_TORQUE};
 pub use module::GoModule;
+pub use rs485::GoM8010;

@@ -239,7 +239,7 @@ fn what_cannot_be_is_refused_and_changes_nothing() {
     let out = TargetError::OutOfRange(TargetKind::Impedance).to_string();
     assert_eq!(refused(Target::Impedance(spring(-1.0, 0.0))), out);
     assert_eq!(refused(Target::Impedance(spring(0.0, 1026.0))), out);
-    let far = Impedance { angle: Degrees::new(4e6), ..spring(1.0, 0.0) };
+    let far = Impedance { angle: Degrees::new(1e13), ..spring(1.0, 0.0) };
     assert_eq!(refused(Target::Impedance(far)), out);
     let nan = TargetError::NotFinite(TargetKind::Impedance).to_string();
     assert_eq!(refused(Target::Impedance(spring(f32::NAN, 0.0))), nan);

@@ -36,11 +36,7 @@ const CHECK_EVERY: u8 = 50;
 
 impl Sequence {
     pub(super) const fn new() -> Self {
-        Self {
-            step: Step::Polling { answered: false },
-            given: RawImpedance { stiffness: 0, damping: 0 },
-            asked: false,
-        }
+        Self { step: Step::Polling { answered: false }, given: RawImpedance::NONE, asked: false }
     }
 
     /// From the start.
@@ -117,7 +113,9 @@ impl Sequence {
     #[inline]
     pub(super) fn request(&self, command: RawMotion) -> Request {
         match self.step {
-            Step::Following { tick } if tick + 1 < CHECK_EVERY || self.given == NONE => {
+            Step::Following { tick }
+                if tick + 1 < CHECK_EVERY || self.given == RawImpedance::NONE =>
+            {
                 Request::Control(Status::FOC, command)
             }
             Step::Following { .. } | Step::Setting { tick: READ, .. } => Request::ReadImpedance,
@@ -129,13 +127,11 @@ impl Sequence {
     }
 }
 
-/// The motor does what it is told, and nothing of its own.
-pub(super) const NONE: RawImpedance = RawImpedance { stiffness: 0, damping: 0 };
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const NONE: RawImpedance = RawImpedance::NONE;
     const SPRING: RawImpedance = RawImpedance { stiffness: 300, damping: 20 };
     const TURNING: RawMotion = RawMotion { torque: 1, speed: 2, angle: 3 };
 

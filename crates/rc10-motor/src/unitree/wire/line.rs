@@ -15,7 +15,7 @@
 use rc10_app::Celsius;
 
 use super::{Address, RawImpedance, RawMotion, ReplyError, Status, fault, mode, split_mode};
-use crate::motor::Fault;
+use crate::feedback::Fault;
 
 /// Bytes of a command.
 pub const COMMAND_LEN: usize = 17;

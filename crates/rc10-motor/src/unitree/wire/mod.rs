@@ -9,11 +9,12 @@ pub mod line;
 pub mod module;
 mod scale;
 
-pub use scale::{GEAR, Impedance, Motion, NotANumber, RawImpedance, RawMotion, Shaft};
+pub(super) use scale::{ANGLE_STEPS, GAIN_LIMIT, SPEED_LIMIT, SPEED_STEPS};
+pub use scale::{GEAR, Impedance, Motion, NotANumber, RawImpedance, RawMotion, RotorScale};
 
 use core::fmt;
 
-use crate::motor::Fault;
+use crate::feedback::Fault;
 
 /// A motor on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

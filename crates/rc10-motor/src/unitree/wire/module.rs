@@ -20,7 +20,7 @@ use rc10_app::Celsius;
 use rc10_can::CanFrame;
 
 use super::{Address, RawImpedance, RawMotion, ReplyError, Status, fault, mode, split_mode};
-use crate::motor::Fault;
+use crate::feedback::Fault;
 
 /// Bit 26: set in what a module says.
 pub(in crate::unitree) const FROM_MODULE: u32 = 1 << 26;
