@@ -131,13 +131,13 @@ impl<Q: Copy> Pending<Q> {
 
     /// The robot is armed in the middle of a request that must not go on then: whether a device that
     /// has been asked carried it out is not known.
-    pub(crate) fn interrupt(&mut self) {
+    pub fn interrupt(&mut self) {
         let asked = self.sent().is_some();
         self.end(Err(if asked { RequestError::Timeout } else { RequestError::NotWhileArmed }));
     }
 
     /// The question in flight is forgotten, and has no outcome.
-    pub(crate) const fn cancel(&mut self) {
+    pub const fn cancel(&mut self) {
         self.asked = None;
     }
 

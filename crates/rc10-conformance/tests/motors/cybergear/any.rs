@@ -9,7 +9,9 @@ use rc10_can::embedded_can::ExtendedId;
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::cybergear::CyberGear;
 use rc10_motor::cybergear::models::ALL;
-use rc10_motor::{CanMotor, DriveMode, Gains, Impedance, Link, Motor, Request, Target, Tick, TxBatch};
+use rc10_motor::{
+    CanMotor, DriveMode, Gains, Impedance, Link, Motor, Request, Target, Tick, TxBatch,
+};
 
 use super::ADDRESS;
 
