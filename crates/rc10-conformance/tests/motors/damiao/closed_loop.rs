@@ -280,6 +280,31 @@ fn what_lies_beyond_its_range_is_refused() {
     assert_eq!(single.set_target(Target::Angle(Degrees::new(190.0))), Ok(()));
 }
 
+/// From 690 degrees the shorter way to 10 leads to 730, and PMAX is 716.
+#[test]
+fn an_angle_is_sought_within_the_range() {
+    for (control, direction) in controls()
+        .into_iter()
+        .filter(|control| *control != Control::Velocity)
+        .flat_map(|control| [(control, Direction::Forward), (control, Direction::Reversed)])
+    {
+        for sign in [1, -1] {
+            let switch = ArmSwitch::new();
+            let mut motor = motor(control).with_direction(direction);
+            let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+            rig.bench.hold(rig.motor, angle(sign * 690), 2500).unwrap();
+            for (target, total) in [(10, 370), (350, 350), (340, 340), (-10, 350)] {
+                #[expect(clippy::cast_precision_loss, reason = "small")]
+                let target = Target::Angle(Degrees::new((sign * target) as f32));
+                rig.bench.hold(rig.motor, target, 2000).unwrap();
+                let told = f64::from(rig.status().feedback.total_angle.degrees().get());
+                let off = told - f64::from(sign * total);
+                assert!(off.abs() < 1.0, "{control:?} {direction:?} {target:?}: {told}");
+            }
+        }
+    }
+}
+
 /// Sources do not say what is told beyond PMAX; turning on and coming back is right for both.
 #[test]
 fn turning_beyond_the_range_and_back_is_survived() {
