@@ -38,6 +38,7 @@ const MOTORS: &[Entry] = &[
     //OFF     ("ODrive, torque", conformance_of::odrive::torque),
     //OFF     ("ODrive, velocity", conformance_of::odrive::velocity),
     //OFF     ("ODrive, position", conformance_of::odrive::position),
+<<<<<<< HEAD
 =======
     ("MG4010E-i10", conformance_of::lk::mg4010e),
     ("MF9025 in the multi-motor frame", conformance_of::lk::mf9025_multi_motor),
@@ -45,6 +46,8 @@ const MOTORS: &[Entry] = &[
     ("ODrive, velocity", conformance_of::odrive::velocity),
     ("ODrive, position", conformance_of::odrive::position),
 >>>>>>> vuni
+=======
+>>>>>>> vdam
     ("CyberGear", conformance_of::cybergear::cybergear),
     ("RobStride RS04", conformance_of::cybergear::rs04),
     ("GO-M8010-6 on RS-485", conformance_of::unitree_line::go_m8010),
