@@ -102,15 +102,9 @@ impl Built {
                 Change::Gear(ratio) => {
                     // The others count at their output shaft, by a gear of their own.
                     let counts_rotor = matches!(motor.device, Device::Dji { .. })
-<<<<<<< HEAD
                         || twin.with(|_: &mut Vesc| ()).is_some()
                         || twin.with(|_: &mut Axis| ()).is_some()
                         || twin.with(|_: &mut Drive| ()).is_some();
-=======
-                        || esc.with(|_: &mut Vesc| ()).is_some()
-                        || esc.with(|_: &mut Axis| ()).is_some()
-                        || esc.with(|_: &mut Drive| ()).is_some();
->>>>>>> vuni
                     ensure!(counts_rotor, "no gear of a {model} stands in a robot's table");
                     twin.set_gear(*ratio);
                 }

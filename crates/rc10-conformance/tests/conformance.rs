@@ -12,8 +12,7 @@ mod conformance_of {
     pub mod vesc;
 }
 
-use rc10_conformance::check_line;
-use rc10_conformance::{Report, check};
+use rc10_conformance::{Report, check, check_line};
 use rc10_motor::rc10_app::Direction;
 
 /// A model, and what its check says of one made to turn that way.
@@ -32,22 +31,11 @@ const MOTORS: &[Entry] = &[
     ("VESC", conformance_of::vesc::vesc),
     ("VESC, relative currents", conformance_of::vesc::vesc_relative),
     ("VESC with angle loops", conformance_of::vesc::vesc_with_servo),
-<<<<<<< HEAD
-    //OFF     ("MG4010E-i10", conformance_of::lk::mg4010e),
-    //OFF     ("MF9025 in the multi-motor frame", conformance_of::lk::mf9025_multi_motor),
-    //OFF     ("ODrive, torque", conformance_of::odrive::torque),
-    //OFF     ("ODrive, velocity", conformance_of::odrive::velocity),
-    //OFF     ("ODrive, position", conformance_of::odrive::position),
-<<<<<<< HEAD
-=======
     ("MG4010E-i10", conformance_of::lk::mg4010e),
     ("MF9025 in the multi-motor frame", conformance_of::lk::mf9025_multi_motor),
     ("ODrive, torque", conformance_of::odrive::torque),
     ("ODrive, velocity", conformance_of::odrive::velocity),
     ("ODrive, position", conformance_of::odrive::position),
->>>>>>> vuni
-=======
->>>>>>> vdam
     ("CyberGear", conformance_of::cybergear::cybergear),
     ("RobStride RS04", conformance_of::cybergear::rs04),
     ("GO-M8010-6 on RS-485", conformance_of::unitree_line::go_m8010),
