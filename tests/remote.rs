@@ -378,7 +378,7 @@ fn every_receiver_drives_the_script() {
 fn a_lift_that_is_powered_while_armed_gets_no_current_before_its_zero() {
     let power = |around: &Environment, on: bool| {
         for name in LIFT {
-            around.motors[name as usize].esc().unwrap().set_power(on);
+            around.motors[name as usize].set_power(on);
         }
     };
     let unpowered = |around: &mut Environment| power(around, false);

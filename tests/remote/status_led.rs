@@ -21,7 +21,7 @@ impl Scene<'_> {
     }
 
     fn power(&self, name: Name, powered: bool) {
-        self.around.motors[name as usize].esc().unwrap().set_power(powered);
+        self.around.motors[name as usize].set_power(powered);
     }
 }
 

@@ -2,14 +2,14 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use rc10_motor::rc10_app::Direction;
-use rc10_sim::Chassis;
 use rc10_sim::lk::Drive;
 use rc10_sim::odrive::Axis;
 use rc10_sim::vesc::Vesc;
+use rc10_sim::{Chassis, Esc};
 
 use crate::description::Description;
 use crate::mistake::Mistake;
-use crate::motor::{Device, Motor, Twin};
+use crate::motor::{Device, Motor};
 
 /// The robot as it is really built: the description's motors and base, but for the mistakes.
 pub struct Built {
@@ -94,36 +94,27 @@ impl Built {
     ///
     /// # Errors
     /// If its device has no such number.
-    pub fn finish(&self, index: usize, twin: &Twin) -> Result<()> {
+    pub fn finish(&self, index: usize, twin: &Esc) -> Result<()> {
         let motor = &self.motors[index];
         let model = motor.name().model;
         for (_, change) in self.changes.iter().filter(|(at, _)| *at == index) {
-            match (change, twin) {
-                (Change::Gear(ratio), Twin::Esc(esc)) => {
+            match change {
+                Change::Gear(ratio) => {
                     // The others count at their output shaft, by a gear of their own.
                     let counts_rotor = matches!(motor.device, Device::Dji { .. })
-                        || esc.with(|_: &mut Vesc| ()).is_some()
-                        || esc.with(|_: &mut Axis| ()).is_some()
-                        || esc.with(|_: &mut Drive| ()).is_some();
+                        || twin.with(|_: &mut Vesc| ()).is_some()
+                        || twin.with(|_: &mut Axis| ()).is_some()
+                        || twin.with(|_: &mut Drive| ()).is_some();
                     ensure!(counts_rotor, "no gear of a {model} stands in a robot's table");
-                    esc.set_gear(*ratio);
+                    twin.set_gear(*ratio);
                 }
-                (Change::Gear(_), Twin::Line(_)) => {
-                    bail!("no gear of a {model} stands in a robot's table")
-                }
-                (Change::PolePairs(pairs), Twin::Esc(esc)) => esc
+                Change::PolePairs(pairs) => twin
                     .with(|vesc: &mut Vesc| vesc.set_pole_pairs(*pairs))
                     .with_context(|| format!("no pole pairs of a {model} stand in the table"))?,
-                (Change::PolePairs(_), Twin::Line(_)) => {
-                    bail!("no pole pairs of a {model} stand in a robot's table")
-                }
-                (Change::Id(id), twin) => {
-                    let can_be = match twin {
-                        Twin::Esc(esc) => esc.set_id(*id),
-                        Twin::Line(motor) => motor.set_id(*id),
-                    };
-                    ensure!(can_be, "a simulated {model} cannot be set to the identifier {id}");
-                }
+                Change::Id(id) => ensure!(
+                    twin.set_id(*id),
+                    "a simulated {model} cannot be set to the identifier {id}"
+                ),
             }
         }
         Ok(())

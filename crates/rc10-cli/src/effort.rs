@@ -6,9 +6,10 @@
 
 use rc10_can::Micros;
 use rc10_motor::{Loops, TargetKind, dji};
+use rc10_sim::Esc;
 
 use crate::margin::Margins;
-use crate::motor::{Device, Motor, Twin};
+use crate::motor::{Device, Motor};
 
 /// Looks in a window: 200 ms.
 pub const WINDOW: usize = 200;
@@ -159,7 +160,7 @@ fn reversals(values: &[f64], swing: f64) -> u32 {
 
 /// The effort that a device obeys, in the unit of the loops that command it.
 #[must_use]
-pub fn effort_of(motor: &Motor, twin: &Twin, loops: Loops) -> f64 {
+pub fn effort_of(motor: &Motor, twin: &Esc, loops: Loops) -> f64 {
     let state = twin.state();
     match (motor.device, loops.effort) {
         (Device::Dji { model, .. }, _) => {

@@ -19,7 +19,7 @@ use rc10_motor::dji::FeedbackRate;
 use rc10_motor::embassy::BusStatus;
 use rc10_motor::{Loops, MotorBus, MotorStatus};
 use rc10_sim::fault::{self, Fault, Kind};
-use rc10_sim::{Nanos, TraceEntry};
+use rc10_sim::{Esc, Nanos, TraceEntry};
 use sha2::{Digest, Sha256};
 
 use self::output::Outcome;
@@ -27,7 +27,7 @@ use crate::description::Description;
 use crate::environment::{Environment, RemoteLink, operate};
 use crate::figures::{Figures, verdict};
 use crate::mistake::{self, Mistake};
-use crate::motor::{Device, Place, Twin};
+use crate::motor::{Device, Place};
 use crate::recorder::Recorder;
 use crate::recording::{Recording, hex_digits};
 use crate::remote::{Operator, ReceiverWire, Sight, Watch};
@@ -91,7 +91,7 @@ pub struct Emulation<'r> {
     /// The scenario.
     pub rig: Rig,
     /// The motors, in the order of the description.
-    pub motors: Vec<Twin>,
+    pub motors: Vec<Esc>,
     /// The remote and its receiver, if the robot has one.
     pub remote: Option<RemoteLink>,
     description: Description,
@@ -148,7 +148,7 @@ impl<'r> Emulation<'r> {
         }
         let on_buses = description.motors.iter().zip(&motors);
         let on_buses = on_buses.filter_map(|(motor, esc)| match motor.on {
-            Place::Bus(bus) => Some((usize::from(bus) - 1, esc.esc()?.clone())),
+            Place::Bus(bus) => Some((usize::from(bus) - 1, esc.clone())),
             Place::Line(_) => None,
         });
         let heard = vec![0; wires.len()];

@@ -7,11 +7,10 @@ use anyhow::{Context, Result};
 use rc10_can::Micros;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
-use rc10_sim::{Base, BusConfig, LineConfig, Mounting, Serial, Tasks, Wheels, World};
+use rc10_sim::{Base, BusConfig, Esc, LineConfig, Mounting, Serial, Tasks, Wheels, World};
 
 use crate::built::Built;
 use crate::description::Description;
-use crate::motor::Twin;
 use crate::remote::{Operator, Receiver, ReceiverWire};
 
 /// The environment of a robot: a simulated world.
@@ -23,7 +22,7 @@ pub struct Environment {
     /// The RS-485 lines; line 1 is the first.
     pub lines: Vec<rc10_sim::Line>,
     /// The motors' twins, in the order of [`Description::motors`].
-    pub motors: Vec<Twin>,
+    pub motors: Vec<Esc>,
     /// The base on its wheels, if the robot has one.
     pub base: Option<Base>,
     /// The parts on its UARTs, in the order of [`Description::serials`].
@@ -75,7 +74,6 @@ impl Environment {
                     Direction::Forward => Mounting::Normal,
                     Direction::Reversed => Mounting::Mirrored,
                 };
-                let esc = esc.esc().context("base: a wheel's motor must be on a bus")?;
                 anyhow::Ok((esc, mounting))
             };
             let [front_left, front_right, rear_left, rear_right] = under.wheels;

@@ -12,10 +12,9 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use rc10_motor::{Loops, TargetKind};
-use rc10_sim::Plant;
+use rc10_sim::{Esc, Plant};
 
 use crate::description::Description;
-use crate::motor::Twin;
 
 /// From a measurement to the effort that it causes: half a feedback period, half a tick of holding,
 /// and up to a tick on the bus and in the ESC.
@@ -68,7 +67,7 @@ impl Margins {
     /// Of the motor in a line of the table, with what its wheel carries of a base; `None` if what it
     /// moves is not described.
     #[must_use]
-    pub fn of_motor(loops: Loops, line: usize, twin: &Twin, robot: &Description) -> Option<Self> {
+    pub fn of_motor(loops: Loops, line: usize, twin: &Esc, robot: &Description) -> Option<Self> {
         let mut plant = twin.plant();
         if plant.load_inertia <= 0.0 {
             return None;

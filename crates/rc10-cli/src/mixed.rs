@@ -16,7 +16,7 @@ use rc10_sim::lk::Drive;
 use rc10_sim::odrive::Axis;
 use rc10_sim::unitree_module::UnitreeModule;
 use rc10_sim::vesc::VescConfig;
-use rc10_sim::{Bus, Esc, Line, LineMotor};
+use rc10_sim::{Bus, Esc, Line};
 
 use crate::description::Description;
 use crate::motor::{Device, Motor, Place};
@@ -172,7 +172,7 @@ fn flywheel_messages() -> Vec<Message> {
     odrive::signals::messages(FLYWHEEL_NODE, &FLYWHEEL).map(|all| all.to_vec()).unwrap_or_default()
 }
 
-type LegTwin = fn(&Line, f64) -> Result<LineMotor>;
+type LegTwin = fn(&Line, f64) -> Result<Esc>;
 
 const LEG_TWINS: [(&str, LegTwin); LEGS] = [
     ("leg 0", leg_twin::<0>),
@@ -181,7 +181,7 @@ const LEG_TWINS: [(&str, LegTwin); LEGS] = [
     ("leg 3", leg_twin::<3>),
 ];
 
-fn leg_twin<const ID: u8>(line: &Line, inertia: f64) -> Result<LineMotor> {
+fn leg_twin<const ID: u8>(line: &Line, inertia: f64) -> Result<Esc> {
     let plant = rc10_sim::unitree_line::plant().with_load_inertia(inertia);
     Ok(line.add(rc10_sim::unitree_line::GoM8010::new(ID), plant))
 }

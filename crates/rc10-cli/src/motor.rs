@@ -8,7 +8,7 @@ use rc10_motor::MotorName;
 use rc10_motor::dji::{self, FeedbackRate, Model};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::signals::Message;
-use rc10_sim::{Esc, EscConfig, EscState, LineMotor, Plant};
+use rc10_sim::{Esc, EscConfig};
 
 /// One motor of a robot, and what is on its shaft.
 #[derive(Clone, Copy, Debug)]
@@ -109,7 +109,7 @@ pub enum Device {
         /// Its name on the line.
         name: MotorName,
         /// Puts its simulated twin on a line, with so much inertia (kg m²) on its shaft.
-        twin: fn(line: &rc10_sim::Line, inertia: f64) -> Result<LineMotor>,
+        twin: fn(line: &rc10_sim::Line, inertia: f64) -> Result<Esc>,
     },
 }
 
@@ -170,7 +170,7 @@ impl Motor {
     }
 
     /// Whether its twin obeys another command than to coast.
-    pub(crate) fn is_driven(&self, twin: &Twin) -> bool {
+    pub(crate) fn is_driven(&self, twin: &Esc) -> bool {
         let state = twin.state();
         // Those of DJI are told a current, or a voltage; the others what to do.
         if self.dji().is_some() { state.command != 0 } else { !state.open }
@@ -186,81 +186,35 @@ impl Motor {
     /// # Errors
     /// If there is no such bus or line, the device is not made for it, there is no simulated ESC
     /// for its model, or its identifier is none.
-    pub fn plug_in(&self, wires: &[rc10_sim::Bus], lines: &[rc10_sim::Line]) -> Result<Twin> {
+    pub fn plug_in(&self, wires: &[rc10_sim::Bus], lines: &[rc10_sim::Line]) -> Result<Esc> {
         let index = |number: u8| usize::from(number).checked_sub(1);
         let nowhere = || format!("there is no {}", self.on);
         let twin = match self.on {
             Place::Bus(number) => {
                 let wire = index(number).and_then(|at| wires.get(at)).with_context(nowhere)?;
-                Twin::Esc(match self.device {
+                match self.device {
                     Device::Dji { model, id, rate } => {
                         wire.add_esc(dji_twin(model, id, rate, self.inertia)?)?
                     }
                     Device::Can { twin, .. } => twin(wire, self.inertia)?,
                     Device::Line { .. } => bail!("it has no CAN: {} is nothing for it", self.on),
-                })
+                }
             }
             Place::Line(number) => {
                 let line = index(number).and_then(|at| lines.get(at)).with_context(nowhere)?;
                 match self.device {
-                    Device::Line { twin, .. } => Twin::Line(twin(line, self.inertia)?),
+                    Device::Line { twin, .. } => twin(line, self.inertia)?,
                     _ => bail!("it has only CAN: {} is nothing for it", self.on),
                 }
             }
         };
         twin.set_load(self.sign() * self.load);
-        if let (Some(esc), Some(mut travel)) = (twin.esc(), self.travel) {
+        if let Some(mut travel) = self.travel {
             travel = travel.map(|end| self.sign() * end);
             travel.sort_by(f64::total_cmp);
-            esc.set_travel(Some(travel));
+            twin.set_travel(Some(travel));
         }
         Ok(twin)
-    }
-}
-
-/// The simulated twin of a motor.
-#[derive(Clone)]
-pub enum Twin {
-    /// On a CAN bus.
-    Esc(Esc),
-    /// On an RS-485 line.
-    Line(LineMotor),
-}
-
-impl Twin {
-    /// Its true state now (of the mechanics: at the last physics step).
-    #[must_use]
-    pub fn state(&self) -> EscState {
-        match self {
-            Self::Esc(esc) => esc.state(),
-            Self::Line(motor) => motor.state(),
-        }
-    }
-
-    /// Its motor, gearbox and load; a wheel of a base with its wheel, without the base.
-    #[must_use]
-    pub fn plant(&self) -> Plant {
-        match self {
-            Self::Esc(esc) => esc.plant(),
-            Self::Line(motor) => motor.plant(),
-        }
-    }
-
-    /// A constant torque on the output shaft from outside, N m, the way the device counts.
-    pub fn set_load(&self, torque: f64) {
-        match self {
-            Self::Esc(esc) => esc.set_load(torque),
-            Self::Line(motor) => motor.set_load(torque),
-        }
-    }
-
-    /// The ESC, if it is on a bus.
-    #[must_use]
-    pub const fn esc(&self) -> Option<&Esc> {
-        match self {
-            Self::Esc(esc) => Some(esc),
-            Self::Line(_) => None,
-        }
     }
 }
 

@@ -5,14 +5,14 @@ use rc10_app::angle::shortest_way_degrees;
 use rc10_can::Micros;
 use rc10_motor::embassy::{BusStatus, Rs485Status};
 use rc10_motor::{ArmState, DriveMode, Link, Loops, MotorStatus, Target, TargetKind};
-use rc10_sim::{Base, TraceEntry};
+use rc10_sim::{Base, Esc, TraceEntry};
 use sha2::{Digest, Sha256};
 
 use crate::candump;
 use crate::description::Description;
 use crate::effort::{EffortWatch, effort_of};
 use crate::margin::Margins;
-use crate::motor::{Motor, Twin};
+use crate::motor::Motor;
 use crate::recording::{
     BaseHeard, BaseTrack, BusSample, BusTrack, Cell, LOOK_PERIOD, MotorSample, MotorTrack,
     PathPoint, Recording, SAMPLE_PERIOD, Tracking, WheelHeard, hex_digits,
@@ -49,10 +49,10 @@ impl<'d> Recorder<'d> {
         description: &'d Description,
         seed: u64,
         loops: &[Option<Loops>],
-        twins: &[Twin],
+        twins: &[Esc],
         is_emulated: bool,
     ) -> Self {
-        let watch = |(line, (loops, twin)): (usize, (&Option<Loops>, &Twin))| {
+        let watch = |(line, (loops, twin)): (usize, (&Option<Loops>, &Esc))| {
             let loops = (*loops)?;
             Some(EffortWatch::new(loops, Margins::of_motor(loops, line, twin, description)))
         };
@@ -98,7 +98,7 @@ impl<'d> Recorder<'d> {
     pub fn look(
         &mut self,
         (now, end): (Micros, Micros),
-        motors: &[Twin],
+        motors: &[Esc],
         status: impl Fn(usize) -> MotorStatus,
     ) -> bool {
         let motors = self.description.motors.iter().zip(motors);
@@ -137,7 +137,7 @@ impl<'d> Recorder<'d> {
     /// and by its IMU `yaw`, degrees.
     pub fn base(
         &mut self,
-        motors: &[Twin],
+        motors: &[Esc],
         status: impl Fn(usize) -> MotorStatus,
         yaw: Option<f64>,
     ) {
@@ -164,7 +164,7 @@ impl<'d> Recorder<'d> {
         self,
         length: Micros,
         wires: &[rc10_sim::Bus],
-        escs: &[Twin],
+        escs: &[Esc],
         motor: impl Fn(usize) -> MotorStatus,
         bus: impl Fn(u8) -> BusStatus,
         lines: Vec<Rs485Status>,
@@ -239,7 +239,7 @@ impl MotorRecorder {
         }
     }
 
-    fn look(&mut self, now: Micros, motor: &Motor, status: &MotorStatus, twin: &Twin) {
+    fn look(&mut self, now: Micros, motor: &Motor, status: &MotorStatus, twin: &Esc) {
         let seen = sample(motor, status, twin);
         if let (Some(target), DriveMode::Run) = (seen.target, seen.drive) {
             self.track(seen.kind, target - seen.measured);
@@ -314,7 +314,7 @@ impl Sum {
     }
 }
 
-fn sample(motor: &Motor, status: &MotorStatus, esc: &Twin) -> MotorSample {
+fn sample(motor: &Motor, status: &MotorStatus, esc: &Esc) -> MotorSample {
     let feedback = status.feedback;
     let (wanted, measured) = match status.target {
         Target::Angle(wanted) => {

@@ -9,7 +9,7 @@ use rc10_motor::{
 use rc10_sim::{Bus, Esc};
 
 use crate::Bench;
-use crate::harness::{Connection, Device, Harness, Sent, Subject, Traffic};
+use crate::harness::{Connection, Harness, Sent, Subject, Traffic};
 use crate::mirror::Mirror;
 
 /// Motors on a CAN bus.
@@ -59,8 +59,8 @@ impl<'m> Harness<'m> for OnBus<'m> {
         }
     }
 
-    fn device(&self, id: u8) -> Box<dyn Device> {
-        Box::new((self.device)(&self.bench.wire, id))
+    fn device(&self, id: u8) -> Esc {
+        (self.device)(&self.bench.wire, id)
     }
 
     fn now(&self) -> Micros {

@@ -7,16 +7,16 @@ use rc10_motor::{
     ArmSwitch, CommandError, DriveMode, MotorId, MotorStatus, Request, RequestError, Response,
     Safety, Target, TargetSet, Tick,
 };
-use rc10_sim::{Line, LineMotor};
+use rc10_sim::{Esc, Line};
 
 use crate::LineBench;
-use crate::harness::{Connection, Device, Harness, Sent, Subject, Traffic};
+use crate::harness::{Connection, Harness, Sent, Subject, Traffic};
 use crate::mirror::Mirror;
 
 /// Motors on an RS-485 line.
 pub(crate) struct ByLine<'a> {
     pub(crate) motor: &'a dyn Fn(u8) -> GoM8010,
-    pub(crate) device: &'a dyn Fn(&Line, u8) -> LineMotor,
+    pub(crate) device: &'a dyn Fn(&Line, u8) -> Esc,
 }
 
 impl Connection for ByLine<'_> {
@@ -37,7 +37,7 @@ impl Connection for ByLine<'_> {
 struct OnLine<'m> {
     bench: LineBench<'m>,
     mirror: Mirror,
-    device: &'m dyn Fn(&Line, u8) -> LineMotor,
+    device: &'m dyn Fn(&Line, u8) -> Esc,
 }
 
 impl<'m> Harness<'m> for OnLine<'m> {
@@ -50,8 +50,8 @@ impl<'m> Harness<'m> for OnLine<'m> {
         }
     }
 
-    fn device(&self, id: u8) -> Box<dyn Device> {
-        Box::new((self.device)(&self.bench.wire, id))
+    fn device(&self, id: u8) -> Esc {
+        (self.device)(&self.bench.wire, id)
     }
 
     fn now(&self) -> Micros {

@@ -5,8 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use rc10_can::Micros;
 use rc10_motor::unitree::GoM8010;
 use rc10_motor::{ArmSwitch, CanMotor, DriveMode, Request, SafeState, Safety, Target};
-use rc10_sim::{Bus, Esc, EscFault};
-use rc10_sim::{Line, LineMotor};
+use rc10_sim::{Bus, Esc, EscFault, Line};
 
 use crate::by_bus::ByBus;
 use crate::by_line::ByLine;
@@ -49,7 +48,7 @@ pub fn check<M: CanMotor + 'static>(
 pub fn check_line(
     declared: &Declaration,
     motor: impl Fn(u8) -> GoM8010,
-    device: impl Fn(&Line, u8) -> LineMotor,
+    device: impl Fn(&Line, u8) -> Esc,
 ) -> Result<(), Report> {
     let connection = ByLine { motor: &motor, device: &device };
     let case = Case::new(declared, &connection);

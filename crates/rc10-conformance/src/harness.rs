@@ -9,7 +9,7 @@ use rc10_motor::{
     ArmSwitch, CanMotor, CommandError, DriveMode, Motor, MotorId, MotorName, MotorStatus, Request,
     RequestError, Response, Safety, Target, TargetSet, TxBatch,
 };
-use rc10_sim::{Esc, EscFault, EscState, LineMotor};
+use rc10_sim::Esc;
 
 use crate::mirror::Mirror;
 
@@ -73,44 +73,6 @@ impl DerefMut for Subject {
     }
 }
 
-/// A simulated device with its motor, wherever it is plugged in.
-pub(crate) trait Device {
-    fn state(&self) -> EscState;
-    fn set_power(&self, powered: bool);
-    fn set_feedback(&self, enabled: bool);
-    fn set_load(&self, torque: f64);
-    fn inject(&self, fault: EscFault) -> bool;
-}
-
-macro_rules! is_device {
-    ($handle:ty) => {
-        impl Device for $handle {
-            fn state(&self) -> EscState {
-                self.state()
-            }
-
-            fn set_power(&self, powered: bool) {
-                self.set_power(powered);
-            }
-
-            fn set_feedback(&self, enabled: bool) {
-                self.set_feedback(enabled);
-            }
-
-            fn set_load(&self, torque: f64) {
-                self.set_load(torque);
-            }
-
-            fn inject(&self, fault: EscFault) -> bool {
-                self.inject(fault)
-            }
-        }
-    };
-}
-
-is_device!(Esc);
-is_device!(LineMotor);
-
 /// What went over a wire, and when it was over.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Traffic {
@@ -130,7 +92,7 @@ pub(crate) trait Harness<'m> {
     /// Puts a motor of ours on the wire; the text says why it does not go.
     fn attach(&mut self, motor: &'m mut Subject, safety: Safety) -> Result<MotorId, String>;
     /// Puts a device with this identifier on the wire.
-    fn device(&self, id: u8) -> Box<dyn Device>;
+    fn device(&self, id: u8) -> Esc;
     fn now(&self) -> Micros;
     fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError>;
     fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError>;

@@ -1,18 +1,19 @@
 use crate::case::{Halt, Outcome, broken};
 use crate::declaration::{Claim, Declaration};
-use crate::harness::{Device, Harness};
+use crate::harness::Harness;
 use rc10_app::Seconds;
 use rc10_can::Micros;
 use rc10_motor::{
     ArmSwitch, Condition, DriveMode, Link, MotorId, MotorStatus, Request, RequestError, Response,
     Target, TargetSet,
 };
+use rc10_sim::Esc;
 
 /// A motor on a bus and its device on the wire, and what can be seen of both.
 pub(crate) struct Rig<'m> {
     pub(crate) declared: &'m Declaration,
     pub(crate) bench: Box<dyn Harness<'m> + 'm>,
-    pub(crate) esc: Box<dyn Device>,
+    pub(crate) esc: Esc,
     pub(crate) motor: MotorId,
     pub(crate) switch: &'m ArmSwitch,
     last_torque: f64,
@@ -34,7 +35,7 @@ impl<'m> Rig<'m> {
     pub(crate) fn new(
         declared: &'m Declaration,
         bench: Box<dyn Harness<'m> + 'm>,
-        esc: Box<dyn Device>,
+        esc: Esc,
         motor: MotorId,
         switch: &'m ArmSwitch,
     ) -> Self {

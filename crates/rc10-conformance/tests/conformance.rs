@@ -12,8 +12,7 @@ mod conformance_of {
     pub mod vesc;
 }
 
-use rc10_conformance::check_line;
-use rc10_conformance::{Report, check};
+use rc10_conformance::{Report, check, check_line};
 use rc10_motor::rc10_app::Direction;
 
 /// A model, and what its check says of one made to turn that way.

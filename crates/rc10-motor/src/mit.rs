@@ -186,7 +186,7 @@ pub(crate) struct RangedPosition {
     end: i64,
     /// The largest movement between two readings of a device that was not restarted.
     fastest: i64,
-    /// Slower is standing still, rpm.
+    /// Slower is standing still, rpm: a step of a field of 12 bits.
     standstill: f32,
     /// The newest reading; `None` before the first.
     reading: Option<i64>,
@@ -213,7 +213,7 @@ impl RangedPosition {
             half_step: (limits.position * (PER_RADIAN * 65_536.0 / full(16) as f32)) as i64,
             end: 0,
             fastest: fastest as i64,
-            standstill: limits.velocity * (RPM_PER_RADIAN_PER_SECOND * 0.002),
+            standstill: limits.velocity * (RPM_PER_RADIAN_PER_SECOND * 0.0005),
             reading: None,
             ranges: 0,
             beyond: 0,
@@ -568,6 +568,29 @@ mod tests {
     }
 
     #[test]
+    fn back_within_the_range_the_position_is_exact_again() {
+        for sign in [1.0, -1.0] {
+            let mut bench = Bench::new(Direction::Forward);
+            let inside = field(f64::from(12.4 * sign), false);
+            let end = field(f64::from(12.5 * sign), false);
+            bench.hear(inside, 0.0, 1);
+            for _ in 0..100 {
+                bench.hear(end, 20.0 * sign, 1);
+            }
+            let out = f64::from(sign) * bench.degrees();
+            assert!((out - 716.2 - 113.4).abs() < 1.0, "{out}");
+            // It turns back more slowly than it turned out, by what is told.
+            for _ in 0..300 {
+                bench.hear(end, -10.0 * sign, 1);
+                assert!(f64::from(sign) * bench.degrees() > 716.1, "it is not within the range");
+            }
+            bench.hear(inside, -10.0 * sign, 1);
+            assert!((f64::from(sign) * bench.degrees() - 710.47).abs() < 0.03);
+            assert_eq!(bench.gaps(), 1);
+        }
+    }
+
+    #[test]
     fn a_restart_is_told_and_moves_nothing() {
         for (pause, gaps) in [(1, 0), (300, 0)] {
             let mut bench = Bench::new(Direction::Forward);
@@ -611,6 +634,8 @@ mod tests {
             let is_reached = [658, 660, -773, -774]
                 .map(|degrees| bench.position.reaches(&bench.shaft, angle(degrees)));
             assert_eq!(is_reached, [true, false, true, false], "{direction:?}");
+            let furthest = bench.position.radians_of(&bench.shaft, angle(2000));
+            assert!((furthest - 12.5).abs() < 1e-5, "{furthest}");
             bench.hear(field(12.45, false), 0.0, 100);
             let far = Spring { way: Degrees::new(sign * 3.0), ..spring };
             assert_eq!(bench.position.setpoint(&far, sign), Setpoint::COAST);

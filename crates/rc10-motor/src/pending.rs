@@ -131,14 +131,25 @@ impl<Q: Copy> Pending<Q> {
 
     /// The robot is armed in the middle of a request that must not go on then: whether a device that
     /// has been asked carried it out is not known.
-    pub(crate) fn interrupt(&mut self) {
+    pub fn interrupt(&mut self) {
         let asked = self.sent().is_some();
         self.end(Err(if asked { RequestError::Timeout } else { RequestError::NotWhileArmed }));
+    }
+
+    /// The question in flight is forgotten, and has no outcome.
+    pub const fn cancel(&mut self) {
+        self.asked = None;
     }
 
     /// The outcome, once it is known; told once.
     pub const fn take_outcome(&mut self) -> Option<Outcome> {
         self.outcome.take()
+    }
+}
+
+impl<Q: Copy> Default for Pending<Q> {
+    fn default() -> Self {
+        Self::new()
     }
 }
 
@@ -186,6 +197,15 @@ mod tests {
         assert!(pending.is_busy() && pending.question().is_none());
         assert_eq!(pending.take_outcome(), Some(Ok(Response::Register(3))));
         assert_eq!(pending.take_outcome(), None);
+    }
+
+    #[test]
+    fn a_cancelled_question_has_no_outcome() {
+        let mut pending = Pending::new();
+        let _ = pending.ask((), RETRY);
+        pending.cancel();
+        pending.update(MS);
+        assert!(!pending.is_busy() && pending.take_due().is_none());
     }
 
     #[test]

@@ -4,7 +4,10 @@ use std::any::Any;
 
 use rc10_can::{CanFrame, Micros};
 
+use crate::Nanos;
+use crate::line::{Heard, LineDevice};
 use crate::motor::{Motor, Plant};
+use crate::random::Random;
 
 /// An ESC's electronics and firmware, from the device's side: what it takes from the bus, what it
 /// puts on it, what it does to the winding. The world gives it power, frames, time and a shaft.
@@ -180,16 +183,29 @@ impl<'m> Shaft<'m> {
     }
 }
 
+/// A device's electronics, by the kind of its wire.
+pub(crate) enum Electronics {
+    Can(Box<dyn Device>),
+    Line(Box<dyn LineDevice>),
+}
+
+/// Where a device is plugged in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Place {
+    Bus { bus: usize, node: usize },
+    Line { line: usize, station: usize },
+}
+
 /// An ESC with its motor, at its place.
 pub(crate) struct Unit {
-    device: Box<dyn Device>,
+    electronics: Electronics,
     pub(crate) motor: Motor,
-    /// Where it is plugged in.
-    pub(crate) bus: usize,
-    pub(crate) node: usize,
+    pub(crate) place: Place,
     /// Carries a wheel of a base.
     pub(crate) is_wheel: bool,
     powered: bool,
+    /// Its data lines are unplugged.
+    cut: bool,
     /// What it did to the winding in the last step.
     winding: Winding,
     muted: bool,
@@ -200,45 +216,49 @@ pub(crate) struct Unit {
 }
 
 impl Unit {
-    /// Powered from now on.
-    pub(crate) fn new(
-        device: Box<dyn Device>,
-        motor: Motor,
-        (bus, node): (usize, usize),
-        now: Micros,
-        phase: Micros,
-    ) -> Self {
-        let mut unit = Self {
-            device,
+    /// Without power.
+    pub(crate) fn new(electronics: Electronics, motor: Motor, place: Place) -> Self {
+        Self {
+            electronics,
             motor,
-            bus,
-            node,
+            place,
             is_wheel: false,
             powered: false,
+            cut: false,
             winding: Winding::Open,
             muted: false,
             commands: 0,
             last_command_at: None,
             malformed: 0,
             out: Outbox::default(),
-        };
-        unit.power(true, now, phase);
-        unit
-    }
-
-    pub(crate) fn period(&self) -> Micros {
-        self.device.period()
-    }
-
-    pub(crate) fn power(&mut self, powered: bool, now: Micros, phase: Micros) {
-        self.powered = powered;
-        if powered {
-            self.device.power_on(now, phase);
         }
     }
 
-    pub(crate) const fn is_powered(&self) -> bool {
-        self.powered
+    /// Switches its power; a device that reports by itself does so at a random time in its period.
+    /// Whether that changed anything.
+    pub(crate) fn power(&mut self, powered: bool, now: Nanos, random: &mut Random) -> bool {
+        if self.powered == powered {
+            return false;
+        }
+        self.powered = powered;
+        match &mut self.electronics {
+            Electronics::Can(device) => {
+                let phase = Micros::new(random.below(device.period().get()));
+                if powered {
+                    device.power_on(now.micros(), phase);
+                }
+            }
+            Electronics::Line(device) if powered => {
+                device.power_on(&Shaft::new(&self.motor), now);
+            }
+            Electronics::Line(_) => (),
+        }
+        true
+    }
+
+    /// Whether it has power and is plugged in.
+    pub(crate) const fn is_present(&self) -> bool {
+        self.powered && !self.cut
     }
 
     /// Muted or not: it goes on driving.
@@ -246,67 +266,115 @@ impl Unit {
         self.muted = muted;
     }
 
+    /// Whether that changed anything.
+    pub(crate) const fn set_cut(&mut self, cut: bool) -> bool {
+        core::mem::replace(&mut self.cut, cut) != cut
+    }
+
     pub(crate) fn inject(&mut self, fault: EscFault) -> bool {
-        self.device.inject(fault)
+        match &mut self.electronics {
+            Electronics::Can(device) => device.inject(fault),
+            Electronics::Line(device) => device.inject(fault),
+        }
     }
 
     pub(crate) fn set_id(&mut self, id: u8) -> bool {
-        self.device.set_id(id)
+        match &mut self.electronics {
+            Electronics::Can(device) => device.set_id(id),
+            Electronics::Line(device) => device.set_id(id),
+        }
     }
 
     pub(crate) fn device(&mut self) -> &mut dyn Any {
-        &mut *self.device
+        match &mut self.electronics {
+            Electronics::Can(device) => &mut **device,
+            Electronics::Line(device) => &mut **device,
+        }
     }
 
     pub(crate) fn next_event(&self) -> Option<Micros> {
-        if self.powered { self.device.next_event() } else { None }
+        match &self.electronics {
+            Electronics::Can(device) if self.powered => device.next_event(),
+            _ => None,
+        }
     }
 
+    /// Takes a frame from its bus.
     pub(crate) fn receive(&mut self, frame: &CanFrame, now: Micros) {
+        let Electronics::Can(device) = &mut self.electronics else { return };
         if !self.powered {
             return;
         }
-        match self.device.receive(frame, &Shaft::new(&self.motor), now, &mut self.out) {
-            Taken::Yes => {
-                self.commands += 1;
-                self.last_command_at = Some(now);
-            }
+        match device.receive(frame, &Shaft::new(&self.motor), now, &mut self.out) {
+            Taken::Yes => self.count_command(now),
             Taken::Malformed => self.malformed += 1,
             Taken::NotMine => (),
         }
     }
 
+    /// Takes a byte from its line; what it answers, and how much later.
+    pub(crate) fn hear(&mut self, byte: u8, now: Nanos) -> Option<(Vec<u8>, Nanos)> {
+        let Electronics::Line(device) = &mut self.electronics else { return None };
+        let heard = device.receive(byte, &Shaft::new(&self.motor), now);
+        match heard {
+            Heard::Nothing => return None,
+            Heard::Malformed => self.malformed += 1,
+            Heard::Command | Heard::Question(..) => self.count_command(now.micros()),
+        }
+        match heard {
+            Heard::Question(answer, after) if !self.muted => Some((answer, after)),
+            _ => None,
+        }
+    }
+
+    const fn count_command(&mut self, now: Micros) {
+        self.commands += 1;
+        self.last_command_at = Some(now);
+    }
+
     /// What it does by itself now.
     pub(crate) fn advance(&mut self, now: Micros) {
-        if self.powered {
-            self.device.advance(&Shaft::new(&self.motor), now, &mut self.out);
+        if let (Electronics::Can(device), true) = (&mut self.electronics, self.powered) {
+            device.advance(&Shaft::new(&self.motor), now, &mut self.out);
         }
     }
 
     /// What it has to send.
     pub(crate) fn take_frames(&mut self) -> impl Iterator<Item = CanFrame> {
-        let is_heard = !self.muted;
+        let is_heard = !self.muted && !self.cut;
         self.out.drain().filter(move |_| is_heard)
     }
 
-    pub(crate) fn step(&mut self, now: Micros) {
-        self.winding = if self.powered {
-            self.device.drive(&Shaft::new(&self.motor), now)
-        } else {
-            Winding::Open
+    pub(crate) fn step(&mut self, now: Nanos) {
+        let shaft = Shaft::new(&self.motor);
+        self.winding = match &mut self.electronics {
+            _ if !self.powered => Winding::Open,
+            Electronics::Can(device) => device.drive(&shaft, now.micros()),
+            Electronics::Line(device) => device.drive(&shaft, now),
         };
         self.motor.step(self.winding);
     }
 
     pub(crate) fn state(&self, feedback_overwritten: u64) -> EscState {
+        let command = match &self.electronics {
+            Electronics::Can(device) if self.powered => device.command(),
+            _ => 0,
+        };
         EscState {
+            rotor_rpm: self.motor.rotor_rpm(),
+            output_rpm: self.motor.output_rpm(),
+            output_degrees: self.motor.output_degrees(),
+            current: self.motor.current,
+            torque: self.motor.plant().torque_constant * self.motor.current,
+            temperature: self.motor.temperature,
             powered: self.powered,
-            command: if self.powered { self.device.command() } else { 0 },
+            open: self.winding == Winding::Open,
+            shorted: self.winding == Winding::Voltage(0.0),
+            command,
             commands: self.commands,
             last_command_at: self.last_command_at,
             malformed: self.malformed,
             feedback_overwritten,
-            ..EscState::of(&self.motor, self.winding)
         }
     }
 }
@@ -344,26 +412,4 @@ pub struct EscState {
     pub malformed: u64,
     /// Feedback frames a newer one overwrote before the bus was free.
     pub feedback_overwritten: u64,
-}
-
-impl EscState {
-    /// Of a motor whose electronics do this to it, and have heard nothing.
-    pub(crate) fn of(motor: &Motor, winding: Winding) -> Self {
-        Self {
-            rotor_rpm: motor.rotor_rpm(),
-            output_rpm: motor.output_rpm(),
-            output_degrees: motor.output_degrees(),
-            current: motor.current,
-            torque: motor.plant().torque_constant * motor.current,
-            temperature: motor.temperature,
-            powered: false,
-            open: winding == Winding::Open,
-            shorted: winding == Winding::Voltage(0.0),
-            command: 0,
-            commands: 0,
-            last_command_at: None,
-            malformed: 0,
-            feedback_overwritten: 0,
-        }
-    }
 }

@@ -1,13 +1,14 @@
-//! What a test holds of the things in a world. Handles are cheap to clone, and may be used inside
-//! of a future that the world runs: a fault at a given time is a line of a test's script.
+//! Handles of the things in a world. They are cheap to clone, and may be used inside of a future
+//! that the world runs: a fault at a given time is a line of a test's script.
 
+use std::any::Any;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
 use rc10_can::{CanFrame, CanPort, Health, Micros, Queued, Submitted};
 
 use crate::base::{Motion, Pose, Twist};
-use crate::device::{Device, EscFault, EscState, Unit};
+use crate::device::{Device, Electronics, EscFault, EscState, Place, Unit};
 use crate::dji::{Dji, EscConfig, IdOutOfRange};
 use crate::host::Host;
 use crate::motor::{Motor, Plant};
@@ -38,13 +39,10 @@ impl Bus {
     /// Puts any device with its motor on the bus, powered, at rest: DJI's own
     /// [`add_esc`](Self::add_esc) does it with one of DJI.
     pub fn add(&self, device: impl Device, plant: Plant) -> Esc {
-        let mut inner = self.inner.borrow_mut();
-        let motor = Motor::new(plant, inner.random.unit());
-        let phase = Micros::new(inner.random.below(device.period().get()));
-        let (now, now_ns) = (inner.clock.now(), inner.clock.now_ns());
-        let place = (self.index, inner.wires[self.index].join(now_ns));
-        inner.units.push(Unit::new(Box::new(device), motor, place, now, phase));
-        Esc { inner: Rc::clone(&self.inner), index: inner.units.len() - 1 }
+        let bus = self.index;
+        Esc::plug_in(&self.inner, Electronics::Can(Box::new(device)), plant, |inner, now| {
+            Place::Bus { bus, node: inner.wires[bus].join(now) }
+        })
     }
 
     /// The port of the bus's own controller: all its ports share it.
@@ -80,7 +78,7 @@ impl Bus {
 
     /// Cuts the controller off the bus, or connects it again.
     ///
-    /// Cut off it hears nothing, and nobody acknowledges what it sends: it repeats it until it is
+    /// Cut off it hears nothing, and its frames are not acknowledged: it repeats them until it is
     /// connected again. Faults of the wire do not reach it there.
     pub fn set_cut(&self, cut: bool) {
         self.with_wire(|wire, now| wire.set_cut(cut, now));
@@ -97,7 +95,7 @@ impl Bus {
 
     /// Holds the bus dominant, as a node does that is stuck, or lets it go.
     ///
-    /// Held it is never idle: nobody can send, and nobody comes back from bus-off. A frame that is
+    /// Held it is never idle: no node can send or come back from bus-off. A frame that is
     /// on the wire is destroyed. The bus is idle 11 bit times after it was let go.
     pub fn set_held_dominant(&self, held: bool) {
         self.with_wire(|wire, now| wire.set_held_dominant(held, now));
@@ -106,12 +104,8 @@ impl Bus {
     /// Switches the power of all ESCs on the bus, in the order in which they were added: as
     /// [`Esc::set_power`] each.
     pub fn set_power(&self, powered: bool) {
-        let count = self.inner.borrow().units.len();
-        for index in 0..count {
-            if self.inner.borrow().units[index].bus == self.index {
-                Esc { inner: Rc::clone(&self.inner), index }.set_power(powered);
-            }
-        }
+        let is_here = |place| matches!(place, Place::Bus { bus, .. } if bus == self.index);
+        Esc::set_power_of(&self.inner, is_here, powered);
     }
 
     /// The next frames on the bus, one that is on it now included, are destroyed by noise just
@@ -129,7 +123,7 @@ impl Bus {
     }
 
     /// How busy the bus was since time zero, in per cent. A frame counts when it has ended, and
-    /// counts also if nobody acknowledged it.
+    /// counts also if it was not acknowledged.
     #[must_use]
     pub fn load(&self) -> f64 {
         self.with_wire(|wire, now| wire.occupancy.load(now))
@@ -191,7 +185,7 @@ impl CanPort for SimPort {
     }
 }
 
-/// An ESC with its motor.
+/// A device with its motor, on a [`Bus`] or a [`Line`](crate::Line).
 #[derive(Clone)]
 pub struct Esc {
     pub(crate) inner: Rc<RefCell<Inner>>,
@@ -199,12 +193,45 @@ pub struct Esc {
 }
 
 impl Esc {
+    /// Plugs a device in where `join` finds a place for it, powered, at rest.
+    pub(crate) fn plug_in(
+        world: &Rc<RefCell<Inner>>,
+        electronics: Electronics,
+        plant: Plant,
+        join: impl FnOnce(&mut Inner, Nanos) -> Place,
+    ) -> Self {
+        let inner = &mut *world.borrow_mut();
+        let motor = Motor::new(plant, inner.random.unit());
+        let now = inner.clock.now_ns();
+        let mut unit = Unit::new(electronics, motor, join(inner, now));
+        unit.power(true, now, &mut inner.random);
+        inner.units.push(unit);
+        Self { inner: Rc::clone(world), index: inner.units.len() - 1 }
+    }
+
+    /// Switches the power of all that are plugged in there, in the order in which they were added.
+    pub(crate) fn set_power_of(
+        world: &Rc<RefCell<Inner>>,
+        is_there: impl Fn(Place) -> bool,
+        powered: bool,
+    ) {
+        let count = world.borrow().units.len();
+        for index in 0..count {
+            if is_there(world.borrow().units[index].place) {
+                Self { inner: Rc::clone(world), index }.set_power(powered);
+            }
+        }
+    }
+
     /// What is true now (of the mechanics: at the last physics step).
     #[must_use]
     pub fn state(&self) -> EscState {
         let inner = self.inner.borrow();
         let unit = &inner.units[self.index];
-        unit.state(inner.wires[unit.bus].overwritten(unit.node))
+        unit.state(match unit.place {
+            Place::Bus { bus, node } => inner.wires[bus].overwritten(node),
+            Place::Line { .. } => 0,
+        })
     }
 
     /// Its motor, gearbox and load; a wheel of a base with its wheel, without the base.
@@ -213,18 +240,30 @@ impl Esc {
         *self.inner.borrow().units[self.index].motor.plant()
     }
 
-    /// Switches the ESC's power. Without it there is no current, no feedback, no acknowledge; the
-    /// rotor coasts. With it again, the ESC starts afresh, a DJI at command 0 and sending at a new
+    /// Switches its power. Without it there is no current, no feedback, no acknowledge; the rotor
+    /// coasts. With it again, the device starts afresh, a DJI at command 0 and sending at a new
     /// phase, at once (a real one takes a second or two to start).
     pub fn set_power(&self, powered: bool) {
         let inner = &mut *self.inner.borrow_mut();
-        let unit = &mut inner.units[self.index];
-        if unit.is_powered() != powered {
-            let phase = Micros::new(inner.random.below(unit.period().get()));
-            let now = inner.clock.now();
-            unit.power(powered, now, phase);
-            let now = inner.clock.now_ns();
-            inner.wires[unit.bus].power(unit.node, powered, now);
+        let (unit, now) = (&mut inner.units[self.index], inner.clock.now_ns());
+        if unit.power(powered, now, &mut inner.random) {
+            let is_present = unit.is_present();
+            match unit.place {
+                Place::Bus { bus, node } => inner.wires[bus].power(node, is_present, now),
+                Place::Line { line, station } => inner.lines[line].silence(station),
+            }
+        }
+    }
+
+    /// Unplugs its data lines, or plugs them in again; it keeps its power.
+    pub fn set_cut(&self, cut: bool) {
+        let inner = &mut *self.inner.borrow_mut();
+        let (unit, now) = (&mut inner.units[self.index], inner.clock.now_ns());
+        let (changed, is_present) = (unit.set_cut(cut), unit.is_present());
+        match unit.place {
+            Place::Bus { bus, node } if changed => inner.wires[bus].power(node, is_present, now),
+            Place::Bus { .. } => (),
+            Place::Line { line, station } => inner.lines[line].set_station_cut(station, cut),
         }
     }
 
@@ -252,7 +291,7 @@ impl Esc {
     }
 
     /// A look into its electronics, or a hand: `None` if it is not a `D`.
-    pub fn with<D: Device, T>(&self, look: impl FnOnce(&mut D) -> T) -> Option<T> {
+    pub fn with<D: Any, T>(&self, look: impl FnOnce(&mut D) -> T) -> Option<T> {
         self.inner.borrow_mut().units[self.index].device().downcast_mut().map(look)
     }
 

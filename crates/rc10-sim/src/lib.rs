@@ -6,10 +6,9 @@
 //! * [`Bus`] and its [`SimPort`]: one wire, and its faults. The port implements
 //!   [`rc10_can::CanPort`].
 //! * [`Controller`]: what takes the port's place on a wire, an emulated chip for example.
-//! * [`Esc`]: an ESC with its motor on a wire: what it really does, power, and faults. Its
-//!   electronics are a [`Device`], its motor is a [`Plant`].
-//! * [`Line`] and its [`SerialPort`]: an RS-485 line, and on it [`LineMotor`]s with a
-//!   [`LineDevice`] each.
+//! * [`Esc`]: a device with its motor on a wire: its true state, power, and faults. Its electronics
+//!   are a [`Device`], on a line a [`LineDevice`]; its motor is a [`Plant`].
+//! * [`Line`] and its [`SerialPort`]: an RS-485 line.
 //! * [`Serial`] and its [`UartPort`]: a serial link in full duplex to one [`SerialDevice`].
 //!   [`Pulses`] and its [`PulsePort`]: a line on which one [`PulseDevice`] sends pulses.
 //! * [`fault`]: what goes wrong, as a user writes it; [`Faults`] does it to buses and lines.
@@ -105,7 +104,7 @@ pub use fault::Fault;
 pub use faults::Faults;
 pub use handles::{Base, Bus, Esc, SimPort};
 pub use line::{Heard, LineConfig, LineCounters, LineDevice};
-pub use line_handles::{Line, LineMotor, SerialPort};
+pub use line_handles::{Line, SerialPort};
 pub use motor::{Plant, Scale};
 pub use pulses::{PulseDevice, PulseEnd, PulsePort, Pulses};
 pub use serial::{SerialConfig, SerialCounters, SerialDevice, SerialEnd, UartFault};

@@ -8,8 +8,7 @@ use std::rc::Rc;
 use std::task::Waker;
 
 use crate::Nanos;
-use crate::device::{EscFault, EscState, Shaft, Winding};
-use crate::motor::{Motor, Plant};
+use crate::device::{EscFault, Shaft, Unit, Winding};
 use crate::random::Random;
 use crate::serial::{SerialEnd, UartFault};
 
@@ -123,18 +122,11 @@ impl Sender {
     }
 }
 
-/// A device with its motor, at its place.
-struct Place {
-    device: Box<dyn LineDevice>,
-    motor: Motor,
+/// A device's place on the line.
+struct Station {
+    /// Which of the world's units.
+    unit: usize,
     sender: Sender,
-    powered: bool,
-    /// What it did to the winding in the last step.
-    winding: Winding,
-    muted: bool,
-    commands: u64,
-    last_command_at: Option<Nanos>,
-    malformed: u64,
 }
 
 /// The host's end: what it received and has not taken.
@@ -168,7 +160,7 @@ pub(crate) struct Line {
     pub(crate) host: HostEnd,
     /// Somebody who is no device.
     noise: Sender,
-    places: Vec<Place>,
+    stations: Vec<Station>,
     /// Frames that are to be damaged yet: the host's, and the devices'.
     damage: [u32; 2],
     pub(crate) counters: LineCounters,
@@ -185,77 +177,29 @@ impl Line {
             byte_ns,
             host: HostEnd::default(),
             noise: Sender::default(),
-            places: Vec::new(),
+            stations: Vec::new(),
             damage: [0; 2],
             counters: LineCounters::default(),
         }
     }
 
-    pub(crate) fn add(
-        &mut self,
-        device: Box<dyn LineDevice>,
-        plant: Plant,
-        phase: f64,
-        now: Nanos,
-    ) -> usize {
-        self.places.push(Place {
-            device,
-            motor: Motor::new(plant, phase),
-            sender: Sender::default(),
-            powered: false,
-            winding: Winding::Open,
-            muted: false,
-            commands: 0,
-            last_command_at: None,
-            malformed: 0,
-        });
-        let index = self.places.len() - 1;
-        self.set_power(index, true, now);
-        index
+    /// Gives a unit a place on the line; its number.
+    pub(crate) fn join(&mut self, unit: usize) -> usize {
+        self.stations.push(Station { unit, sender: Sender::default() });
+        self.stations.len() - 1
     }
 
-    pub(crate) fn set_power(&mut self, index: usize, powered: bool, now: Nanos) {
-        let place = &mut self.places[index];
-        if place.powered != powered {
-            place.powered = powered;
-            // What it was about to say it says no more.
-            place.sender.waiting.clear();
-            if powered {
-                place.device.power_on(&Shaft::new(&place.motor), now);
-            }
-        }
+    /// What a device was about to say it says no more.
+    pub(crate) fn silence(&mut self, station: usize) {
+        self.stations[station].sender.waiting.clear();
     }
 
-    pub(crate) fn set_power_of_all(&mut self, powered: bool, now: Nanos) {
-        (0..self.places.len()).for_each(|index| self.set_power(index, powered, now));
-    }
-
-    pub(crate) fn set_muted(&mut self, index: usize, muted: bool) {
-        self.places[index].muted = muted;
-    }
-
-    pub(crate) fn set_motor_cut(&mut self, index: usize, cut: bool) {
-        self.places[index].sender.cut = cut;
+    pub(crate) fn set_station_cut(&mut self, station: usize, cut: bool) {
+        self.stations[station].sender.cut = cut;
     }
 
     pub(crate) const fn set_cut(&mut self, cut: bool) {
         self.host.sender.cut = cut;
-    }
-
-    pub(crate) fn set_load(&mut self, index: usize, torque: f64) {
-        self.places[index].motor.load = torque;
-    }
-
-    pub(crate) fn inject_fault(&mut self, index: usize, fault: EscFault) -> bool {
-        self.places[index].device.inject(fault)
-    }
-
-    pub(crate) fn set_id(&mut self, index: usize, id: u8) -> bool {
-        self.places[index].device.set_id(id)
-    }
-
-    pub(crate) fn device(&mut self, index: usize) -> &mut dyn Any {
-        &mut *self.places[index].device
     }
 
     pub(crate) fn inject(&mut self, bytes: &[u8], now: Nanos) {
@@ -273,21 +217,6 @@ impl Line {
         self.damage[1] = frames;
     }
 
-    pub(crate) fn plant(&self, index: usize) -> Plant {
-        *self.places[index].motor.plant()
-    }
-
-    pub(crate) fn state(&self, index: usize) -> EscState {
-        let place = &self.places[index];
-        EscState {
-            powered: place.powered,
-            commands: place.commands,
-            last_command_at: place.last_command_at.map(Nanos::micros),
-            malformed: place.malformed,
-            ..EscState::of(&place.motor, place.winding)
-        }
-    }
-
     pub(crate) fn next_event(&self, now: Nanos) -> Option<Nanos> {
         self.senders().filter_map(|sender| sender.next_event(now)).min()
     }
@@ -295,33 +224,37 @@ impl Line {
     fn senders(&self) -> impl Iterator<Item = &Sender> {
         [&self.host.sender, &self.noise]
             .into_iter()
-            .chain(self.places.iter().map(|place| &place.sender))
+            .chain(self.stations.iter().map(|station| &station.sender))
     }
 
     fn sender(&mut self, who: Who) -> &mut Sender {
         match who {
             Who::Host => &mut self.host.sender,
             Who::Noise => &mut self.noise,
-            Who::Device(index) => &mut self.places[index].sender,
+            Who::Device(index) => &mut self.stations[index].sender,
         }
     }
 
     fn everybody(&self) -> impl Iterator<Item = Who> + use<> {
-        [Who::Host, Who::Noise].into_iter().chain((0..self.places.len()).map(Who::Device))
+        [Who::Host, Who::Noise].into_iter().chain((0..self.stations.len()).map(Who::Device))
     }
 
     /// Bytes that end now are heard.
-    pub(crate) fn process(&mut self, now: Nanos, random: &mut Random) {
+    pub(crate) fn process(&mut self, now: Nanos, random: &mut Random, units: &mut [Unit]) {
         for who in self.everybody() {
             let sender = self.sender(who);
             if let Some(flight) = sender.flight.take_if(|flight| flight.end <= now) {
                 let cut = sender.cut;
-                self.end(who, flight, cut, now, random);
+                let byte = self.end(who, &flight, cut, random);
+                if !cut {
+                    self.tell(who, byte, now, units);
+                }
             }
         }
     }
 
-    fn end(&mut self, who: Who, flight: Flight, cut: bool, now: Nanos, random: &mut Random) {
+    /// A byte has ended: what it came out as.
+    fn end(&mut self, who: Who, flight: &Flight, cut: bool, random: &mut Random) -> u8 {
         self.counters.busy_ns += self.byte_ns;
         match who {
             Who::Host => self.counters.from_host += 1,
@@ -345,12 +278,18 @@ impl Line {
                 self.counters.overrun += 1;
             }
         }
-        if cut {
-            return;
-        }
-        for (index, place) in self.places.iter_mut().enumerate() {
-            if who != Who::Device(index) && place.powered && !place.sender.cut {
-                place.hear(byte, now);
+        byte
+    }
+
+    /// The devices hear a byte.
+    fn tell(&mut self, who: Who, byte: u8, now: Nanos, units: &mut [Unit]) {
+        for (index, Station { unit, sender }) in self.stations.iter_mut().enumerate() {
+            let unit = &mut units[*unit];
+            if who == Who::Device(index) || !unit.is_present() {
+                continue;
+            }
+            if let Some((answer, after)) = unit.hear(byte, now) {
+                (sender.waiting, sender.from) = (answer.into(), now + after);
             }
         }
     }
@@ -413,18 +352,6 @@ impl Line {
         }
     }
 
-    /// One step of physics.
-    pub(crate) fn step(&mut self, now: Nanos) {
-        for place in &mut self.places {
-            place.winding = if place.powered {
-                place.device.drive(&Shaft::new(&place.motor), now)
-            } else {
-                Winding::Open
-            };
-            place.motor.step(place.winding);
-        }
-    }
-
     /// Who waits for what is there now.
     pub(crate) fn take_wakers(&mut self) -> [Option<Waker>; 2] {
         let host = &mut self.host;
@@ -439,25 +366,4 @@ enum Who {
     Host,
     Noise,
     Device(usize),
-}
-
-impl Place {
-    fn hear(&mut self, byte: u8, now: Nanos) {
-        match self.device.receive(byte, &Shaft::new(&self.motor), now) {
-            Heard::Nothing => return,
-            Heard::Malformed => {
-                self.malformed += 1;
-                return;
-            }
-            Heard::Command => (),
-            Heard::Question(answer, after) => {
-                if !self.muted {
-                    self.sender.waiting = answer.into();
-                    self.sender.from = now + after;
-                }
-            }
-        }
-        self.commands += 1;
-        self.last_command_at = Some(now);
-    }
 }

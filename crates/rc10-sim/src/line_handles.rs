@@ -1,4 +1,4 @@
-//! What a test holds of a serial line.
+//! Handles of a serial line.
 
 use std::cell::RefCell;
 use std::convert::Infallible;
@@ -9,7 +9,8 @@ use std::task::Poll;
 use embedded_io_async::{ErrorType, Read, Write};
 
 use crate::Nanos;
-use crate::device::{EscFault, EscState};
+use crate::device::{Electronics, Place};
+use crate::handles::Esc;
 use crate::line::{self, LineCounters, LineDevice};
 use crate::motor::Plant;
 use crate::serial::SerialEnd;
@@ -24,11 +25,11 @@ pub struct Line {
 
 impl Line {
     /// Puts a device with its motor on the line, powered, at rest.
-    pub fn add(&self, device: impl LineDevice, plant: Plant) -> LineMotor {
-        let inner = &mut *self.inner.borrow_mut();
-        let (phase, now) = (inner.random.unit(), inner.clock.now_ns());
-        let motor = inner.lines[self.index].add(Box::new(device), plant, phase, now);
-        LineMotor { line: self.clone(), motor }
+    pub fn add(&self, device: impl LineDevice, plant: Plant) -> Esc {
+        let line = self.index;
+        Esc::plug_in(&self.inner, Electronics::Line(Box::new(device)), plant, |inner, _| {
+            Place::Line { line, station: inner.lines[line].join(inner.units.len()) }
+        })
     }
 
     /// The host's serial port; all of them share one buffer.
@@ -57,23 +58,24 @@ impl Line {
         self.with(|line, _| line.host.send(&[byte], start));
     }
 
-    /// Unplugs the host, or plugs it in again: what it sends nobody hears, and it hears nothing.
+    /// Unplugs the host, or plugs it in again. Unplugged it is not heard, and hears nothing.
     pub fn set_cut(&self, cut: bool) {
         self.with(|line, _| line.set_cut(cut));
     }
 
-    /// Switches the power of all devices on the line: as [`LineMotor::set_power`] each.
+    /// Switches the power of all devices on the line: as [`Esc::set_power`] each.
     pub fn set_power(&self, powered: bool) {
-        self.with(|line, now| line.set_power_of_all(powered, now));
+        let is_here = |place| matches!(place, Place::Line { line, .. } if line == self.index);
+        Esc::set_power_of(&self.inner, is_here, powered);
     }
 
-    /// Somebody who is no device sends bytes, from now on and after those he was given before.
-    /// Whoever sends at the same time collides with him.
+    /// A foreign node sends bytes, from now on and after those it was given before. A device that
+    /// sends at the same time collides with it.
     pub fn inject(&self, bytes: &[u8]) {
         self.with(|line, now| line.inject(bytes, now));
     }
 
-    /// In each of the host's next frames one bit is wrong. A frame is what somebody sends without a
+    /// In each of the host's next frames one bit is wrong. A frame is what a node sends without a
     /// pause. Replaces the number given before.
     pub fn damage_commands(&self, frames: u32) {
         self.with(|line, _| line.damage_commands(frames));
@@ -94,65 +96,6 @@ impl Line {
         let mut inner = self.inner.borrow_mut();
         let now = inner.clock.now_ns();
         f(&mut inner.lines[self.index], now)
-    }
-}
-
-/// A device on a [`Line`], with its motor: as [`Esc`](crate::Esc).
-#[derive(Clone)]
-pub struct LineMotor {
-    line: Line,
-    motor: usize,
-}
-
-impl LineMotor {
-    /// What is true now (of the mechanics: at the last physics step).
-    #[must_use]
-    pub fn state(&self) -> EscState {
-        self.line.with(|line, _| line.state(self.motor))
-    }
-
-    /// Its motor, gearbox and load.
-    #[must_use]
-    pub fn plant(&self) -> Plant {
-        self.line.with(|line, _| line.plant(self.motor))
-    }
-
-    /// Switches its power. Without it there is no current and no answer; the rotor coasts.
-    pub fn set_power(&self, powered: bool) {
-        self.line.with(|line, now| line.set_power(self.motor, powered, now));
-    }
-
-    /// Silences its answers, or lets it speak again; it goes on obeying.
-    pub fn set_feedback(&self, enabled: bool) {
-        self.line.with(|line, _| line.set_muted(self.motor, !enabled));
-    }
-
-    /// Unplugs its data lines, or plugs them in again; it keeps its power.
-    pub fn set_cut(&self, cut: bool) {
-        self.line.with(|line, _| line.set_motor_cut(self.motor, cut));
-    }
-
-    /// Has it find something wrong with itself, until power-off. `false`: such a device knows no
-    /// such fault, and nothing happened.
-    pub fn inject(&self, fault: EscFault) -> bool {
-        self.line.with(|line, _| line.inject_fault(self.motor, fault))
-    }
-
-    /// Sets another identifier on it, as before power-on. `false`: it can have no such one, and
-    /// nothing happened.
-    pub fn set_id(&self, id: u8) -> bool {
-        self.line.with(|line, _| line.set_id(self.motor, id))
-    }
-
-    /// A look into its electronics, or a hand: `None` if it is not a `D`.
-    pub fn with<D: LineDevice, T>(&self, look: impl FnOnce(&mut D) -> T) -> Option<T> {
-        self.line.with(|line, _| line.device(self.motor).downcast_mut().map(look))
-    }
-
-    /// A constant torque on the output shaft from outside, N·m, positive in the motor's positive
-    /// direction.
-    pub fn set_load(&self, torque: f64) {
-        self.line.with(|line, _| line.set_load(self.motor, torque));
     }
 }
 

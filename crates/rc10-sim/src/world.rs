@@ -9,7 +9,7 @@ use rc10_can::Micros;
 
 use crate::Nanos;
 use crate::base::{Body, Chassis, Mounting, WheelError, Wheels};
-use crate::device::Unit;
+use crate::device::{Place, Unit};
 use crate::handles::{Base, Bus, Esc};
 use crate::line::{self, LineConfig};
 use crate::line_handles::Line;
@@ -62,25 +62,30 @@ impl Inner {
             for body in &mut self.bodies {
                 body.step(&mut self.units);
             }
-            self.units.iter_mut().for_each(|unit| unit.step(micros));
-            self.lines.iter_mut().for_each(|line| line.step(now));
+            self.units.iter_mut().for_each(|unit| unit.step(now));
         }
-        self.lines.iter_mut().for_each(|line| line.process(now, &mut self.random));
+        for line in &mut self.lines {
+            line.process(now, &mut self.random, &mut self.units);
+        }
         self.serials.iter_mut().for_each(|link| link.process(now));
         self.pulses.iter_mut().for_each(|line| line.process(now));
         for (bus, wire) in self.wires.iter_mut().enumerate() {
             let Some(heard) = wire.process(now) else {
                 continue;
             };
-            let on_bus = self.units.iter_mut().filter(|unit| unit.bus == bus);
-            for unit in on_bus.filter(|unit| wire.hears(unit.node, &heard)) {
-                unit.receive(&heard.frame, micros);
+            for unit in &mut self.units {
+                let is_told = |node| wire.hears(node, &heard);
+                if matches!(unit.place, Place::Bus { bus: its, node } if its == bus && is_told(node))
+                {
+                    unit.receive(&heard.frame, micros);
+                }
             }
         }
         for unit in &mut self.units {
             unit.advance(micros);
-            let (wire, node) = (&mut self.wires[unit.bus], unit.node);
-            unit.take_frames().for_each(|frame| wire.send(node, frame));
+            if let Place::Bus { bus, node } = unit.place {
+                unit.take_frames().for_each(|frame| self.wires[bus].send(node, frame));
+            }
         }
     }
 
@@ -229,7 +234,7 @@ impl World {
     }
 
     /// Lets time pass up to and including `until`; timers that fall due wake their tasks, which
-    /// nobody polls. Frames that are submitted before or between calls compete for the bus when
+    /// are not polled. Frames that are submitted before or between calls compete for the bus when
     /// the next call begins.
     pub fn advance(&mut self, until: Micros) {
         self.advance_to(until.into());

@@ -221,6 +221,26 @@ fn power_lost_within_a_frame_destroys_it() {
 }
 
 #[test]
+fn unplugged_it_drives_on_unheard_and_without_acknowledging() {
+    let (mut world, bus, esc) = one(Model::C620, 1);
+    send(&bus, 0x200, [0x20, 0, 0, 0, 0, 0, 0, 0]);
+    world.advance(Micros::from_millis(10));
+    esc.set_cut(true);
+    let before = esc.state();
+    let _ = bus.take_trace();
+    send(&bus, 0x200, [0; 8]);
+    world.advance(Micros::from_millis(60));
+    let after = esc.state();
+    assert_eq!((bus.take_trace(), after.commands, after.command), (Vec::new(), 1, 0x2000));
+    assert!(after.rotor_rpm > before.rotor_rpm + 100.0);
+    // Plugged in again it hears the frame that has been repeated since.
+    esc.set_cut(false);
+    world.advance(Micros::from_millis(65));
+    assert_eq!((esc.state().commands, esc.state().command), (2, 0));
+    assert!(bus.take_trace().iter().any(|entry| !entry.from_controller));
+}
+
+#[test]
 fn a_muted_esc_still_drives() {
     let (mut world, bus, esc) = one(Model::C610, 6);
     esc.set_feedback(false);

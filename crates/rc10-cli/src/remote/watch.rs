@@ -4,11 +4,11 @@
 use rc10_can::Micros;
 use rc10_module::Counters;
 use rc10_motor::ArmState;
-use rc10_sim::Nanos;
 use rc10_sim::remote::Sent;
+use rc10_sim::{Esc, Nanos};
 
 use super::{Lost, Receiver, RemoteControl};
-use crate::motor::{Motor, Twin};
+use crate::motor::Motor;
 
 /// Whatever a remote that is back brings about has come by then.
 const LONG: Micros = Micros::from_millis(500);
@@ -90,7 +90,7 @@ pub struct Sight<'a> {
     /// Its motors, as described.
     pub motors: &'a [Motor],
     /// Their twins.
-    pub twins: &'a [Twin],
+    pub twins: &'a [Esc],
     /// Whether it is armed, if it says so.
     pub arm: Option<ArmState>,
 }

@@ -5,7 +5,7 @@ use rc10_motor::{
     ArmSwitch, CommandError, MotorId, MotorStatus, Request, RequestError, Response, Safety, Target,
     TargetSet,
 };
-use rc10_sim::{EscFault, EscState, Line, LineMotor};
+use rc10_sim::{Esc, EscFault, EscState, Line};
 
 use crate::random::Random;
 use crate::scene::Scene;
@@ -13,7 +13,7 @@ use crate::story;
 
 pub struct LineScene<'m> {
     bench: LineBench<'m>,
-    device: LineMotor,
+    device: Esc,
     motor: MotorId,
 }
 
@@ -21,7 +21,7 @@ impl LineScene<'_> {
     pub fn play(
         declared: &Declaration,
         motor: &mut GoM8010,
-        device: impl Fn(&Line, u8) -> LineMotor,
+        device: impl Fn(&Line, u8) -> Esc,
         seed: u64,
     ) -> Result<(), String> {
         let switch = ArmSwitch::new();

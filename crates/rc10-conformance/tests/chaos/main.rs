@@ -31,8 +31,7 @@ use rc10_conformance::Declaration;
 use rc10_motor::CanMotor;
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::unitree::GoM8010;
-use rc10_sim::{Bus, Esc};
-use rc10_sim::{Line, LineMotor};
+use rc10_sim::{Bus, Esc, Line};
 
 use line::LineScene;
 use scene::CanScene;
@@ -67,7 +66,7 @@ pub fn check<M: CanMotor + 'static>(
 pub fn check_line(
     declared: &Declaration,
     motor: impl Fn(u8) -> GoM8010,
-    device: impl Fn(&Line, u8) -> LineMotor,
+    device: impl Fn(&Line, u8) -> Esc,
 ) -> Result<(), Report> {
     seeds().try_for_each(|seed| {
         LineScene::play(declared, &mut motor(declared.ids[0]), &device, seed)

@@ -6,7 +6,7 @@ use rc10_app::{ConfigError, Direction, Gear, NewtonMetres, TotalAngle};
 use rc10_can::{CanFrame, IdPattern, Micros};
 
 use super::config::{Control, Controller, Model, ids};
-use super::registers::{Access, Checks, RETRY, Register, Reply, reply_to};
+use super::registers::{Access, CHECKED, NO_ANSWER, Register, Reply, check, reply_to};
 use super::wire::{self, DeviceId, Mode, Operation, REGISTERS, State, operate, standard};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, Guard, MotorName, Ownership, Rate, RxFrames, TxFrames};
@@ -29,7 +29,9 @@ pub struct Damiao {
     controller: Controller,
     shaft: Shaft,
     position: RangedPosition,
-    checks: Checks,
+    /// Whether the [`CHECKED`] registers are, and the next of them.
+    verify: bool,
+    next_check: usize,
     pending: Pending<Question>,
     reported: Option<wire::Feedback>,
     fault: Option<Fault>,
@@ -54,6 +56,8 @@ enum Command {
 /// What only the device can do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Question {
+    /// Whether the next of the [`CHECKED`] registers is as configured; no request of the robot's.
+    Check,
     Access(Access),
     Operate(Operation),
 }
@@ -71,7 +75,7 @@ impl Question {
         match self {
             // Up to 30 ms deaf, and memory that lasts for ten thousand times.
             Self::Access(Access::Save) => Retry { every: 0.060, tries: 2 },
-            _ => RETRY,
+            _ => Retry { every: 0.010, tries: 10 },
         }
     }
 }
@@ -105,10 +109,11 @@ impl Damiao {
             model,
             id,
             master,
-            checks: Checks::new(controller.mode(), limits),
             controller,
             shaft: Shaft::new(STEPS_PER_TURN, Gear::DIRECT, Direction::Forward),
             position: RangedPosition::new(&limits),
+            verify: true,
+            next_check: 0,
             pending: Pending::new(),
             reported: None,
             fault: None,
@@ -131,7 +136,7 @@ impl Damiao {
     /// knows no registers.
     #[must_use]
     pub const fn verify_limits(mut self, verify: bool) -> Self {
-        self.checks.set_wanted(verify);
+        self.verify = verify;
         self
     }
 
@@ -237,6 +242,51 @@ impl Damiao {
         Command::Operate(operation)
     }
 
+    /// Whether the device is known to be set up as configured.
+    const fn is_checked(&self) -> bool {
+        !self.verify || self.next_check >= CHECKED.len()
+    }
+
+    /// Nothing is known of the device any more.
+    fn check_again(&mut self) {
+        self.next_check = 0;
+        self.cancel_check();
+    }
+
+    fn cancel_check(&mut self) {
+        if self.pending.question() == Some(Question::Check) {
+            self.pending.cancel();
+        }
+    }
+
+    /// One tick of the question in flight; the next check, if there is none.
+    fn update_pending(&mut self, tick: &Tick) {
+        let question = self.pending.question();
+        if tick.link != Link::Online {
+            self.cancel_check();
+        } else if question.is_none() && self.fault.is_none() && !self.is_checked() {
+            self.pending.replace(Question::Check, Question::Check.retry());
+        }
+        if tick.mode != DriveMode::Off && question.is_some_and(Question::only_while_off) {
+            self.pending.interrupt();
+        }
+        self.pending.update(tick.dt);
+        if question == Some(Question::Check) && self.pending.question() != question {
+            self.fault = self.fault.or(self.pending.take_outcome().map(|_| NO_ANSWER));
+        }
+    }
+
+    /// The register that is asked for or written.
+    fn access(&self) -> Option<Access> {
+        match self.pending.question()? {
+            Question::Check => {
+                CHECKED.get(self.next_check).map(|&(register, _)| Access::Read(register))
+            }
+            Question::Access(access) => Some(access),
+            Question::Operate(_) => None,
+        }
+    }
+
     fn ask(&mut self, question: Question) -> Result<Response, RequestError> {
         let is_still = self.drive == DriveMode::Off && self.state() != Some(State::Enabled);
         if question.only_while_off() && !is_still {
@@ -264,15 +314,18 @@ impl Damiao {
     }
 
     fn take_reply(&mut self, reply: &Reply) -> Result<FrameKind, FrameError> {
-        let access = match self.pending.question() {
-            Some(Question::Access(access)) if reply.answers(self.id, &access) => access,
-            _ => {
-                let fault = self.checks.take(self.id, reply)?;
-                self.fault = self.fault.or(fault);
-                return Ok(fault.map_or(FrameKind::Other, |_| FrameKind::Fault));
-            }
-        };
+        let access = self.access().filter(|access| reply.answers(self.id, access));
+        let access = access.ok_or(FrameError::Unasked)?;
         let held = reply.content.value();
+        if let (Some(Question::Check), Some(checked)) =
+            (self.pending.question(), CHECKED.get(self.next_check))
+        {
+            let fault = check(checked, held, self.mode(), &self.model.limits);
+            self.pending.cancel();
+            self.next_check += usize::from(fault.is_none());
+            self.fault = self.fault.or(fault);
+            return Ok(fault.map_or(FrameKind::Other, |_| FrameKind::Fault));
+        }
         self.pending.end(match (access, held) {
             (Access::Write(_, wanted), Some(held)) if wanted.bits() != held.bits() => {
                 Err(RequestError::Refused(held.bits()))
@@ -281,14 +334,14 @@ impl Damiao {
             _ => Ok(Response::Done),
         });
         if matches!(access, Access::Write(..)) {
-            self.checks.start_over();
+            self.check_again();
         }
         Ok(FrameKind::Other)
     }
 
-    const fn forget_fault(&mut self) {
+    fn forget_fault(&mut self) {
         self.fault = None;
-        self.checks.start_over();
+        self.check_again();
     }
 
     /// All angles count from here: those that are sought or held stay where they are.
@@ -407,16 +460,8 @@ impl Motor for Damiao {
 
     fn update(&mut self, tick: &Tick) {
         self.drive = tick.mode;
-        let question = self.pending.question();
-        if tick.mode != DriveMode::Off && question.is_some_and(Question::only_while_off) {
-            self.pending.interrupt();
-        }
-        self.pending.update(tick.dt);
-        let may_check = tick.link == Link::Online && self.fault.is_none() && question.is_none();
-        if may_check && !self.checks.is_done() {
-            self.fault = self.checks.update(tick.dt);
-        }
-        let is_driven = self.is_driven(tick.mode) && self.fault.is_none() && self.checks.is_done();
+        self.update_pending(tick);
+        let is_driven = self.is_driven(tick.mode) && self.fault.is_none() && self.is_checked();
         if is_driven && self.state() == Some(State::Enabled) {
             self.is_bare = false;
             self.command = self.drive(tick);
@@ -432,6 +477,7 @@ impl Motor for Damiao {
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
+        self.cancel_check();
         if self.pending.is_busy() {
             return Err(RequestError::Busy);
         }
@@ -485,7 +531,7 @@ impl Motor for Damiao {
 
     fn condition(&self) -> Condition {
         let is_enabled = self.state() == Some(State::Enabled);
-        let is_starting = !self.checks.is_done() || (self.is_driven(self.drive) && !is_enabled);
+        let is_starting = !self.is_checked() || (self.is_driven(self.drive) && !is_enabled);
         if is_starting { Condition::Starting } else { Condition::Ready }
     }
 }
@@ -550,7 +596,7 @@ impl CanMotor for Damiao {
             self.shaft.bridge(jump, before);
         }
         if has_restarted || jump.is_some() || link != Link::Online {
-            self.checks.start_over();
+            self.check_again();
             self.controller.rest();
         }
         self.reported = Some(reported);
@@ -560,10 +606,7 @@ impl CanMotor for Damiao {
 
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
         tx.push_as(self.command_frame(), self.command_stream())?;
-        let access = match self.pending.question() {
-            Some(Question::Access(access)) => self.pending.take_due().map(|_| access),
-            _ => self.checks.take_due(),
-        };
+        let access = self.access().filter(|_| self.pending.take_due().is_some());
         match access.and_then(|access| access.pack(self.id).ok()) {
             Some(frame) => tx.push_as(frame, self.register_stream()),
             None => Ok(()),

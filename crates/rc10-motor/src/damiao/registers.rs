@@ -4,14 +4,12 @@
 
 use core::fmt;
 
-use rc10_app::Seconds;
 use rc10_can::CanFrame;
 
 use super::wire::{DeviceId, Mode, REGISTERS, standard};
 use crate::feedback::Fault;
 use crate::mit::Limits;
 use crate::motor::FrameError;
-use crate::pending::{Pending, Retry};
 
 /// A register, by its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -300,88 +298,36 @@ pub(super) fn reply_to(id: DeviceId, frame: &CanFrame) -> Option<Result<Reply, F
 }
 
 /// The registers that are compared with the configuration before a motor is enabled, and what is
-/// wrong if they differ: a fault whose code is [`NOT_AS_CONFIGURED`] and the register's number.
-const CHECKED: [(Register, &str); 4] = [
+/// wrong if they differ.
+pub(super) const CHECKED: [(Register, &str); 4] = [
     (Register::MODE, "register 10 (CTRL_MODE) is not the control mode configured"),
     (Register::POSITION_LIMIT, "register 21 (PMAX) is not the limit configured"),
     (Register::VELOCITY_LIMIT, "register 22 (VMAX) is not the limit configured"),
     (Register::TORQUE_LIMIT, "register 23 (TMAX) is not the limit configured"),
 ];
+/// The code of such a fault, less the register's number.
 const NOT_AS_CONFIGURED: u32 = 0x100;
-const NO_ANSWER: Fault = Fault::new(0x1FF, "it answers, but not when asked for its registers");
+pub(super) const NO_ANSWER: Fault =
+    Fault::new(0x1FF, "it answers, but not when asked for its registers");
 /// Two limits that differ by this share are one: 12.566 and 4π.
 const SAME: f32 = 1e-3;
-/// How often a register is asked for.
-pub(super) const RETRY: Retry = Retry { every: 0.010, tries: 10 };
 
-/// Whether a device is set up as its configuration says.
-#[derive(Clone, Debug)]
-pub(super) struct Checks {
+/// What is wrong with a register that holds `held`; `None` if it is as configured.
+pub(super) fn check(
+    &(register, text): &(Register, &'static str),
+    held: Option<Value>,
     mode: Mode,
-    limits: Limits,
-    is_wanted: bool,
-    /// The next of [`CHECKED`].
-    next: usize,
-    pending: Pending<Access>,
-}
-
-impl Checks {
-    pub(super) const fn new(mode: Mode, limits: Limits) -> Self {
-        Self { mode, limits, is_wanted: true, next: 0, pending: Pending::new() }
-    }
-
-    pub(super) const fn set_wanted(&mut self, is_wanted: bool) {
-        self.is_wanted = is_wanted;
-    }
-
-    pub(super) const fn is_done(&self) -> bool {
-        !self.is_wanted || self.next >= CHECKED.len()
-    }
-
-    /// Nothing is known of the device any more.
-    pub(super) const fn start_over(&mut self) {
-        (self.next, self.pending) = (0, Pending::new());
-    }
-
-    /// One tick of a device that answers; what is wrong with it.
-    pub(super) fn update(&mut self, dt: Seconds) -> Option<Fault> {
-        if let (None, Some(&(register, _))) = (self.pending.question(), CHECKED.get(self.next)) {
-            self.pending.replace(Access::Read(register), RETRY);
-        }
-        self.pending.update(dt);
-        self.pending.take_outcome().map(|_| NO_ANSWER)
-    }
-
-    /// The question that is to be sent in this tick.
-    pub(super) fn take_due(&mut self) -> Option<Access> {
-        self.pending.take_due()
-    }
-
-    /// Takes a reply; what it shows to be wrong.
-    pub(super) fn take(
-        &mut self,
-        id: DeviceId,
-        reply: &Reply,
-    ) -> Result<Option<Fault>, FrameError> {
-        let asked = self.pending.question().filter(|access| reply.answers(id, access));
-        let (Some(_), Some(&(register, text))) = (asked, CHECKED.get(self.next)) else {
-            return Err(FrameError::Unasked);
-        };
-        let same = |held: f32, wanted: f32| (held - wanted).abs() <= wanted * SAME;
-        let holds = match (register, reply.content.value()) {
-            (Register::MODE, Some(Value::Whole(mode))) => mode == self.mode.register_value(),
-            (Register::POSITION_LIMIT, Some(Value::Real(x))) => same(x, self.limits.position()),
-            (Register::VELOCITY_LIMIT, Some(Value::Real(x))) => same(x, self.limits.velocity()),
-            (Register::TORQUE_LIMIT, Some(Value::Real(x))) => same(x, self.limits.torque()),
-            _ => false,
-        };
-        self.pending = Pending::new();
-        if holds {
-            self.next += 1;
-            return Ok(None);
-        }
-        Ok(Some(Fault::new(NOT_AS_CONFIGURED + u32::from(register.0), text)))
-    }
+    limits: &Limits,
+) -> Option<Fault> {
+    let same = |held: f32, wanted: f32| (held - wanted).abs() <= wanted * SAME;
+    let is_good = match (register, held) {
+        (Register::MODE, Some(Value::Whole(held))) => held == mode.register_value(),
+        (Register::POSITION_LIMIT, Some(Value::Real(held))) => same(held, limits.position()),
+        (Register::VELOCITY_LIMIT, Some(Value::Real(held))) => same(held, limits.velocity()),
+        (Register::TORQUE_LIMIT, Some(Value::Real(held))) => same(held, limits.torque()),
+        _ => false,
+    };
+    (!is_good).then(|| Fault::new(NOT_AS_CONFIGURED + u32::from(register.0), text))
 }
 
 #[cfg(test)]

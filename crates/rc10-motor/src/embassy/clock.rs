@@ -43,3 +43,20 @@ impl Clock {
 pub(super) fn now() -> Micros {
     Micros::new(embassy_time::Instant::now().as_micros())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_that_are_late_and_ticks_that_are_missed_are_counted() {
+        let mut clock = Clock::new(Micros::from_millis(1));
+        assert_eq!(clock.tick(Micros::from_millis(1)), None);
+        assert_eq!(clock.tick(Micros::new(2_300)), Some(Micros::new(1_300)));
+        // Three periods after the last plan: two of its ticks did not happen.
+        assert_eq!(clock.tick(Micros::new(5_100)), Some(Micros::new(2_800)));
+        assert_eq!((clock.ticks, clock.overruns), (3, 2));
+        assert_eq!((clock.period.min(), clock.period.max()), (Some(1_300), Some(2_800)));
+        assert_eq!(clock.next(), Micros::from_millis(6));
+    }
+}

@@ -16,7 +16,7 @@ pub const LARGEST_TORQUE: NewtonMetres = NewtonMetres::new(23.7);
 /// give or take 30 %. Our choice, tuned in simulation only.
 pub const CASCADE: Cascade = Cascade {
     speed: PidConfig::new(0.12, 0.8, 0.0, LARGEST_TORQUE.get()),
-    angle: PidConfig::new(1.0, 0.0, 0.0, 200.0),
+    angle: PidConfig::new(1.1, 0.0, 0.0, 200.0),
     outer_divider: 1,
     acceleration: RpmPerSecond::new(800.0),
     feed_forward: 0.0,

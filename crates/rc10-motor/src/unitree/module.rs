@@ -301,6 +301,7 @@ impl CanMotor for GoModule {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::unitree::wire::Status;
 
     /// What a tick sends.
     fn tick(motor: &mut GoModule, drive: DriveMode) -> u32 {
@@ -335,6 +336,36 @@ mod tests {
         assert_eq!(reply(&mut motor, 0x1D00_1023, Link::Lost), Ok(FrameKind::Feedback));
         assert_eq!(motor.condition(), Condition::Starting);
         assert_eq!(tick(&mut motor, DriveMode::Coast), 0x180B_0000);
+    }
+
+    /// The torque that the motor makes by its own law of stiffness, damping and a motion.
+    fn law(motor: &GoModule, gains: &Impedance, command: RawMotion) -> f32 {
+        let shaft = &motor.actuator.shaft;
+        let command = RotorScale::OUTPUT.motion(command);
+        let way = command.angle.minus(shaft.angle()).degrees().get().to_radians();
+        let slip = (command.speed.get() - shaft.speed().get()) * core::f32::consts::TAU / 60.0;
+        gains.kp * way + gains.kd * slip + command.torque.get()
+    }
+
+    #[test]
+    fn what_the_servo_takes_back_of_a_spring_the_module_takes_back_too() {
+        let mut motor = GoModule::new(3, 0).unwrap();
+        let frame = Question::Control(Status::FOC, RawMotion { torque: 0, speed: 500, angle: 700 });
+        let data = *frame.pack(motor.module, motor.address).all_eight().unwrap();
+        let frame = CanFrame::eight_bytes(ExtendedId::new(0x1D00_1023).unwrap(), data);
+        motor.unpack_feedback(&frame, Micros::ZERO, Link::NeverSeen).unwrap();
+        for (kp, kd) in [(40.0, 0.0), (0.0, 2.0), (40.0, 2.0), (0.0, 0.0)] {
+            let target = Impedance { kp, kd, ..Impedance::default() };
+            for share in [0.0, 0.3, 1.0] {
+                let (way, speed) = (Degrees::new(20.0), Rpm::new(90.0));
+                let torque = 3.0 * share;
+                let spring = Spring { way, speed, torque, kp: kp * share, kd: kd * share };
+                let slip = (90.0 - motor.feedback().speed.get()) * core::f32::consts::TAU / 60.0;
+                let asked = share * (kp * 20_f32.to_radians() + kd * slip + 3.0);
+                let made = law(&motor, &target, motor.pull(&spring, &target));
+                assert!((made - asked).abs() < 0.03, "{kp} {kd} {share}: {made} {asked}");
+            }
+        }
     }
 
     #[test]

@@ -4,12 +4,14 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
-use rc10_app::{Degrees, NewtonMetres, Rpm, Seconds, TotalAngle};
+use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_can::embedded_can::ExtendedId;
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::cybergear::CyberGear;
 use rc10_motor::cybergear::models::ALL;
-use rc10_motor::{CanMotor, DriveMode, Gains, Impedance, Motor, Request, Target, TxBatch};
+use rc10_motor::{
+    CanMotor, DriveMode, Gains, Impedance, Link, Motor, Request, Target, Tick, TxBatch,
+};
 
 use super::ADDRESS;
 
@@ -93,20 +95,27 @@ proptest! {
     fn nothing_upsets_it(which in 0..8_usize, events in vec(event(), 1..120)) {
         let mut motor = CyberGear::new(ALL[which], ADDRESS).unwrap();
         let mut now = Micros::from_millis(1);
+        let mut silent = 11_u32;
         let low = u32::from(ADDRESS.motor) << 8 | u32::from(ADDRESS.host);
         for event in events {
             match event {
                 Event::Frame(kind, upper, data) => {
                     let id = u32::from(kind) << 24 | u32::from(upper) << 16 | low;
                     let id = ExtendedId::new(id).unwrap();
-                    let _ = motor.unpack_feedback(&CanFrame::eight_bytes(id, data), now);
+                    let link = if silent > 10 { Link::Lost } else { Link::Online };
+                    let _ = motor.unpack_feedback(&CanFrame::eight_bytes(id, data), now, link);
+                    silent = 0;
                 }
                 Event::Target(target) => drop(motor.set_target(target)),
                 Event::Request(request) => drop(motor.request(request)),
-                Event::Pause(millis) => now += Micros::from_millis(millis.into()),
+                Event::Pause(millis) => {
+                    now += Micros::from_millis(millis.into());
+                    silent += u32::from(millis);
+                }
                 Event::Tick(drive) => {
                     now += Micros::from_millis(1);
-                    motor.update(Seconds::new(0.001), drive);
+                    motor.update(&Tick::new(drive));
+                    silent += 1;
                     let mut tx = TxBatch::new();
                     motor.pack_command(&mut tx).unwrap();
                     let may_move = drive != DriveMode::Off && motor.fault().is_none();

@@ -109,7 +109,7 @@ fn impedance(angle: f32, kp: f32, kd: f32) -> Impedance {
 fn an_impedance_is_the_devices_own_loop() {
     for direction in [Direction::Forward, Direction::Reversed] {
         let sign = if direction == Direction::Forward { 1.0 } else { -1.0 };
-        let motor = cybergear().with_direction(direction).unwrap();
+        let motor = cybergear().with_direction(direction);
         let device = sim::CyberGear::new(&sim::CYBERGEAR, 1);
         let plant = sim::CYBERGEAR.plant().with_load_inertia(0.01);
         with_pair(motor, (device, plant), Safety::COAST, |mut pair| {
@@ -246,7 +246,7 @@ fn another_range_of_position_scales_the_angle() {
 
 #[test]
 fn a_reversed_motor_turns_the_other_way() {
-    let motor = cybergear().with_direction(Direction::Reversed).unwrap();
+    let motor = cybergear().with_direction(Direction::Reversed);
     let device = sim::CyberGear::new(&sim::CYBERGEAR, 1);
     let plant = sim::CYBERGEAR.plant().with_load_inertia(0.01);
     with_pair(motor, (device, plant), Safety::HOLD, |mut pair| {

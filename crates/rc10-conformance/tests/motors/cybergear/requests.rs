@@ -89,12 +89,12 @@ fn an_armed_robot_is_not_changed() {
         assert_eq!(answer, Some(Ok(Response::Register(90.0_f32.to_bits()))));
         assert!((pair.rpm() - 30.0).abs() < 0.5);
         assert_eq!(pair.device(|device| device.saves()), 0);
-        // Armed in the middle of it: what became of it nobody knows.
+        // Armed before it is sent.
         pair.switch.disarm();
         pair.bench.wait(5);
         pair.bench.bus.request(pair.motor, Request::SaveRegisters).unwrap();
         pair.switch.arm().unwrap();
-        assert_eq!(ask_again(&mut pair), Err(RequestError::Timeout));
+        assert_eq!(ask_again(&mut pair), Err(RequestError::NotWhileArmed));
         assert_eq!(pair.device(|device| device.saves()), 0);
     });
 }

@@ -161,8 +161,8 @@ fn an_impedance_begins_softly() {
         for _ in 0..2 {
             pair.switch.arm().unwrap();
             let (torques, _) = comes_back(&mut pair, target, 10);
-            // 10.5 N m, of which a hundredth more in each millisecond.
-            let most = |tick: usize| 0.105 * (f64::from(u32::try_from(tick).unwrap()) + 2.0);
+            // A limit of 12 N m, of which a twentieth more in each millisecond.
+            let most = |tick: usize| 0.6 * (f64::from(u32::try_from(tick).unwrap()) + 1.0);
             assert!(
                 torques.iter().enumerate().all(|(tick, torque)| *torque < most(tick)),
                 "{torques:?}"

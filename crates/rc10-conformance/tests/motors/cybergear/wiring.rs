@@ -1,6 +1,6 @@
 //! What stands on the bus: configuration, clashes, load, frames of others.
 
-use rc10_app::{NewtonMetres, Seconds};
+use rc10_app::NewtonMetres;
 use rc10_can::IdPattern;
 use rc10_can::embedded_can::ExtendedId;
 use rc10_can::{CanFrame, Micros};
@@ -8,7 +8,7 @@ use rc10_motor::cybergear::{Address, CyberGear, models, wire};
 use rc10_motor::dji::{Dji, M3508};
 use rc10_motor::{
     ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Impedance,
-    Motor, MotorBus, Rate, RxFrames, Safety, Target, TxBatch, Verdict,
+    Link, Motor, MotorBus, Rate, RxFrames, Safety, Target, Tick, TxBatch, Verdict,
 };
 
 use super::{ADDRESS, HOST, cybergear};
@@ -78,9 +78,8 @@ fn who_cannot_share_a_bus_with_it_is_told() {
     // A VESC's status 3 with the same low byte is a command to it: 0xF01 asks who it is.
     let wiring = at(1, HOST).can_ids();
     let id = ExtendedId::new(0x0F01).unwrap();
-    let receive =
-        RxFrames { pattern: IdPattern::exact(id), len: 8, rate: Rate::Hz(50), guard: None };
-    let vesc = CanIds::new("VESC", 1).receives(receive).unwrap();
+    let receive = RxFrames::new(IdPattern::exact(id), 8, Rate::Hz(50));
+    let vesc = CanIds::new().receives(receive);
     assert_eq!(wiring.clash(&vesc), Some(Clash::Confuses(id.into())));
 }
 
@@ -98,15 +97,15 @@ fn frames_of_others_and_of_wrong_length_change_nothing() {
         // A parameter that was not asked for here.
         (frame(0x1100_01FD, &[0x19, 0x70, 0, 0, 0, 0, 0, 0]), FrameError::Unasked),
     ] {
-        assert_eq!(motor.unpack_feedback(&frame, now), Err(error), "{frame}");
+        assert_eq!(motor.unpack_feedback(&frame, now, Link::NeverSeen), Err(error), "{frame}");
         assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);
     }
     // The mode is asked for until the answer is there: the second one is late, not wrong.
     let late = frame(0x1100_01FD, &[0x05, 0x70, 0, 0, 0, 0, 0, 0]);
-    assert_eq!(motor.unpack_feedback(&late, now), Ok(FrameKind::Other));
+    assert_eq!(motor.unpack_feedback(&late, now, Link::NeverSeen), Ok(FrameKind::Other));
     assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);
     let good = frame(0x0280_01FD, &[0xFF, 0xFF, 0x80, 0, 0x80, 0, 0, 250]);
-    assert_eq!(motor.unpack_feedback(&good, now), Ok(FrameKind::Feedback));
+    assert_eq!(motor.unpack_feedback(&good, now, Link::NeverSeen), Ok(FrameKind::Feedback));
     assert!((motor.feedback().total_angle.degrees().get() - 716.197).abs() < 0.01);
 }
 
@@ -150,7 +149,8 @@ fn a_panic_stops_it_and_nothing_is_sent_that_is_no_number() {
         assert!(motor.set_target(Target::Impedance(impedance)).is_err());
     }
     assert_eq!(motor.target(), Target::Coast);
-    motor.update(Seconds::new(0.001), DriveMode::Run);
+    // Never heard.
+    motor.update(&Tick { link: Link::NeverSeen, ..Tick::new(DriveMode::Run) });
     tx.clear();
     motor.pack_command(&mut tx).unwrap();
     assert_eq!(tx.frames(), [wire::stop(ADDRESS)]);

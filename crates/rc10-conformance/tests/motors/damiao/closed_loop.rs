@@ -218,7 +218,7 @@ fn holding_and_braking_stop_it_where_it_is() {
             rig.bench.wait(50 + 900);
             let status = rig.status();
             assert_eq!(status.counters.expired, expired + 1);
-            assert_eq!(status.drive, safety.state.drive());
+            assert_eq!(status.drive, safety.state.mode());
             let (rpm, stands) = (rig.esc.state().output_rpm, rig.esc.state().output_degrees);
             assert!(rpm.abs() < 2.0, "{control:?} {safety:?}: {rpm}");
             rig.esc.set_load(-1.0);
@@ -278,6 +278,31 @@ fn what_lies_beyond_its_range_is_refused() {
     let refused = single.set_target(target);
     assert_eq!(refused, Err(TargetError::OutOfRange(TargetKind::Angle)));
     assert_eq!(single.set_target(Target::Angle(Degrees::new(190.0))), Ok(()));
+}
+
+/// From 690 degrees the shorter way to 10 leads to 730, and PMAX is 716.
+#[test]
+fn an_angle_is_sought_within_the_range() {
+    for (control, direction) in controls()
+        .into_iter()
+        .filter(|control| *control != Control::Velocity)
+        .flat_map(|control| [(control, Direction::Forward), (control, Direction::Reversed)])
+    {
+        for sign in [1, -1] {
+            let switch = ArmSwitch::new();
+            let mut motor = motor(control).with_direction(direction);
+            let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+            rig.bench.hold(rig.motor, angle(sign * 690), 2500).unwrap();
+            for (target, total) in [(10, 370), (350, 350), (340, 340), (-10, 350)] {
+                #[expect(clippy::cast_precision_loss, reason = "small")]
+                let target = Target::Angle(Degrees::new((sign * target) as f32));
+                rig.bench.hold(rig.motor, target, 2000).unwrap();
+                let told = f64::from(rig.status().feedback.total_angle.degrees().get());
+                let off = told - f64::from(sign * total);
+                assert!(off.abs() < 1.0, "{control:?} {direction:?} {target:?}: {told}");
+            }
+        }
+    }
 }
 
 /// Sources do not say what is told beyond PMAX; turning on and coming back is right for both.

@@ -1,13 +1,13 @@
 //! Cut wires, restarts, faults, strange frames.
 
-use super::{CAN_ID, MASTER_ID, MOST, Rig, TICK, cascade, controls, device, motor};
+use super::{CAN_ID, MASTER_ID, MOST, Rig, cascade, controls, device, motor};
 use rc10_app::{Rpm, TotalAngle};
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::damiao::{Control, Damiao, models};
 use rc10_motor::{
     ArmSwitch, CanMotor, Condition, DriveMode, FrameError, FrameKind, Impedance, Link, Motor,
-    Request, RequestError, Response, Safety, Target, TxBatch,
+    Request, RequestError, Response, Safety, Target, Tick, TxBatch,
 };
 use rc10_sim::EscFault;
 use rc10_sim::damiao::{DamiaoConfig, Mode};
@@ -294,7 +294,7 @@ fn firmware_without_registers_is_told_apart() {
         let mut enabled_at = None;
         for millis in 1..=200 {
             motor.set_target(Target::Speed(Rpm::new(10.0))).unwrap();
-            motor.update(TICK, if millis < 3 { DriveMode::Off } else { DriveMode::Run });
+            motor.update(&Tick::new(if millis < 3 { DriveMode::Off } else { DriveMode::Run }));
             let mut tx = TxBatch::new();
             motor.pack_command(&mut tx).unwrap();
             let enables = tx.frames()[0].bytes().ends_with(&[0xFF, 0xFC]);
@@ -302,12 +302,14 @@ fn firmware_without_registers_is_told_apart() {
                 enabled_at = enabled_at.or(Some(millis));
             }
             let code = u8::from(enabled_at.is_some());
-            let _ = motor.unpack_feedback(&answer(code), Micros::from_millis(millis)).unwrap();
+            let _ = motor
+                .unpack_feedback(&answer(code), Micros::from_millis(millis), Link::Online)
+                .unwrap();
         }
         if verify {
             assert_eq!(enabled_at, None);
             assert_eq!(motor.fault().unwrap().code, 0x1FF);
-            let heard = motor.unpack_feedback(&answer(0), Micros::from_millis(201));
+            let heard = motor.unpack_feedback(&answer(0), Micros::from_millis(201), Link::Online);
             assert_eq!(heard, Ok(FrameKind::Fault));
         } else {
             assert_eq!((enabled_at, motor.fault()), (Some(3), None));
@@ -359,7 +361,8 @@ fn frames_that_are_none_of_its_own_change_nothing() {
     let id = StandardId::new(MASTER_ID).unwrap();
     let good = [0x11, 0x80, 0x00, 0x80, 0x07, 0xFF, 30, 40];
     let at = Micros::from_millis(5);
-    let hear = |motor: &mut Damiao, frame: CanFrame| motor.unpack_feedback(&frame, at);
+    let hear =
+        |motor: &mut Damiao, frame: CanFrame| motor.unpack_feedback(&frame, at, Link::Online);
     assert_eq!(hear(&mut motor, CanFrame::eight_bytes(id, good)), Ok(FrameKind::Feedback));
     let before = motor.feedback();
     let wrong_id = StandardId::new(MASTER_ID + 1).unwrap();
@@ -400,8 +403,9 @@ fn random_frames_do_no_harm() {
             }
             let at = Micros::from_millis(millis + u64::from(data[7] % 13));
             let frame = CanFrame::data_frame(id, &data[..usize::from(data[1] % 9)]).unwrap();
-            let _ = motor.unpack_feedback(&frame, at);
-            let _ = motor.unpack_feedback(&CanFrame::eight_bytes(id, data), at);
+            let link = if data[7] % 13 > 10 { Link::Lost } else { Link::Online };
+            let _ = motor.unpack_feedback(&frame, at, link);
+            let _ = motor.unpack_feedback(&CanFrame::eight_bytes(id, data), at, Link::Online);
             let drives = [
                 DriveMode::Off,
                 DriveMode::Coast,
@@ -412,7 +416,7 @@ fn random_frames_do_no_harm() {
             let _ = motor.set_target(target_of(&control));
             let _ = motor.request(Request::ClearFault);
             let _ = motor.response();
-            motor.update(TICK, drives[usize::from(data[2]) % 5]);
+            motor.update(&Tick::new(drives[usize::from(data[2]) % 5]));
             let told = motor.feedback();
             assert!(told.speed.is_finite() && told.angle.is_finite());
             assert!((0.0..360.0).contains(&told.angle.get()), "{}", told.angle);

@@ -7,7 +7,7 @@ mod failures;
 mod registers;
 mod table;
 
-use rc10_app::{PidConfig, Rpm, RpmPerSecond, Seconds};
+use rc10_app::{PidConfig, Rpm, RpmPerSecond};
 use rc10_conformance::Bench;
 use rc10_motor::damiao::{Control, Damiao, models};
 use rc10_motor::rc10_app::Cascade;
@@ -17,7 +17,6 @@ use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
 
 pub const CAN_ID: u16 = 0x11;
 pub const MASTER_ID: u16 = 0x31;
-pub const TICK: Seconds = Seconds::new(0.001);
 /// On the shaft, kg m².
 pub const LOAD: f64 = 0.02;
 /// The largest torque of [`cascade`].

@@ -5,7 +5,7 @@ use rc10_conformance::LineBench;
 use rc10_motor::unitree::GoM8010;
 use rc10_motor::{ArmSwitch, MotorId, Target};
 use rc10_sim::unitree_line::{self, GoM8010 as Device, plant};
-use rc10_sim::{LineMotor, Plant};
+use rc10_sim::{Esc, Plant};
 
 /// The kit's bench, and what our motors were told on it.
 pub struct Bench<'m> {
@@ -42,11 +42,11 @@ impl<'m> Bench<'m> {
     }
 
     /// A simulated motor of this id.
-    pub fn device(&self, id: u8) -> LineMotor {
+    pub fn device(&self, id: u8) -> Esc {
         self.device_with(id, plant())
     }
 
-    pub fn device_with(&self, id: u8, plant: Plant) -> LineMotor {
+    pub fn device_with(&self, id: u8, plant: Plant) -> Esc {
         self.wire.add(Device::new(id), plant)
     }
 
@@ -87,6 +87,6 @@ impl<'m> Bench<'m> {
 }
 
 /// What the device obeys.
-pub fn obeys(device: &LineMotor) -> unitree_line::Command {
+pub fn obeys(device: &Esc) -> unitree_line::Command {
     device.with(|device: &mut Device| device.command()).unwrap()
 }

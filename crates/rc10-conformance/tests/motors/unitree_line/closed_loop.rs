@@ -6,7 +6,7 @@ use rc10_motor::{
     TargetError, TargetKind,
 };
 use rc10_sim::unitree_line::plant;
-use rc10_sim::{LineMotor, Plant, Scale};
+use rc10_sim::{Esc, Plant, Scale};
 
 use super::bench::{Bench, obeys};
 
@@ -15,7 +15,7 @@ fn blocked() -> Plant {
     Plant { static_friction: 1e6, coulomb_friction: 1e6, ..plant() }
 }
 
-fn torque(device: &LineMotor) -> f64 {
+fn torque(device: &Esc) -> f64 {
     device.state().torque
 }
 

@@ -10,7 +10,7 @@ use rc10_motor::{
     TargetError, TargetKind,
 };
 use rc10_sim::unitree_line::{GoM8010 as Device, plant};
-use rc10_sim::{EscFault, LineConfig, LineMotor, Tasks, World};
+use rc10_sim::{Esc, EscFault, LineConfig, Tasks, World};
 
 use super::bench::motors;
 
@@ -20,8 +20,8 @@ const SPEED: Target = Target::Speed(Rpm::new(60.0));
 /// in two seconds.
 fn run<F: Future<Output = ()>>(
     config: LineConfig,
-    robot: impl FnOnce(&'static Rs485Port, &'static ArmSwitch, Vec<LineMotor>) -> F,
-) -> (&'static Rs485Port, Vec<LineMotor>, rc10_sim::Line) {
+    robot: impl FnOnce(&'static Rs485Port, &'static ArmSwitch, Vec<Esc>) -> F,
+) -> (&'static Rs485Port, Vec<Esc>, rc10_sim::Line) {
     let switch: &'static ArmSwitch = Box::leak(Box::default());
     let port: &'static Rs485Port = Box::leak(Box::default());
     let ours: &'static mut [GoM8010] = Box::leak(motors(8).into_boxed_slice());

@@ -16,7 +16,7 @@ fn turning<'m>(
     switch: &'m ArmSwitch,
     motor: &'m mut GoM8010,
     state: SafeState,
-) -> (Bench<'m>, rc10_sim::LineMotor, MotorId) {
+) -> (Bench<'m>, rc10_sim::Esc, MotorId) {
     let mut bench = Bench::new(20, switch);
     let device = bench.device(0);
     let id = bench.line.attach(motor, Safety::new(state)).unwrap();

@@ -5,7 +5,7 @@ use rc10_motor::{
     ArmSwitch, AttachError, Clash, Link, MotorId, MotorName, SafeState, Safety, Target,
 };
 use rc10_sim::unitree_line::{Answer, GoM8010 as Device, plant};
-use rc10_sim::{LineMotor, Nanos};
+use rc10_sim::{Esc, Nanos};
 
 use super::bench::{Bench, motors};
 
@@ -14,7 +14,7 @@ fn eight<'m>(
     bench: &mut Bench<'m>,
     ours: &'m mut [GoM8010],
     silent: bool,
-) -> (Vec<MotorId>, Vec<LineMotor>) {
+) -> (Vec<MotorId>, Vec<Esc>) {
     let devices: Vec<_> = (0..8).map(|id| bench.device(id)).collect();
     devices[3].set_power(!silent);
     let ids: Vec<_> =
