@@ -206,9 +206,8 @@ impl Servo {
         }
     }
 
-    /// The target in numbers.
-    pub(crate) const fn goal(&self) -> &Goal {
-        self.goals.goal()
+    pub(crate) const fn goals(&self) -> &Goals {
+        &self.goals
     }
 
     /// One step in [`DriveMode::Run`] towards an angle that stands for the one of the target: for a
