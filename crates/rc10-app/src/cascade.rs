@@ -54,6 +54,9 @@ impl Cascade {
     }
 }
 
+/// 1 rpm in degrees a second.
+const DEGREES_PER_SECOND: f32 = 6.0;
+
 /// How far a measurement moved since this was asked last.
 const fn change(last: &mut f32, measured: f32) -> f32 {
     measured - core::mem::replace(last, measured)
@@ -89,8 +92,6 @@ pub struct CascadeState {
     reference: f32,
     /// For the derivative alone, and only kept up if there is one.
     last_speed: f32,
-    /// As `last_speed`: the way left, taken as a position.
-    last_way: f32,
     /// Seconds for which the effort may only change slowly yet, because driving has just begun.
     soft_time_left: f32,
     /// What drove last; [`Active::Nothing`] also during a soft start, so that the usual case has
@@ -123,7 +124,6 @@ impl CascadeState {
             asked: 0.0,
             reference: 0.0,
             last_speed: 0.0,
-            last_way: 0.0,
             soft_time_left: 0.0,
             active: Active::Nothing,
             starting: Active::Nothing,
@@ -172,9 +172,9 @@ impl CascadeState {
     }
 
     /// The gains have changed: no derivative reaches back before that, and no integral stays that
-    /// nothing can move. `way` is the way left to an angle.
-    pub fn change_gains(&mut self, config: &Cascade, measured: f32, way: f32) {
-        (self.last_speed, self.last_way) = (measured, -way);
+    /// nothing can move.
+    pub fn change_gains(&mut self, config: &Cascade, measured: f32) {
+        self.last_speed = measured;
         if config.speed.ki <= 0.0 {
             self.speed.drop_integral();
         }
@@ -259,7 +259,7 @@ impl CascadeState {
         if self.active != Active::Angle {
             return self.start_angle(config, way, measured, full, dt, count);
         }
-        self.angle_loop(config, way, config.ticks_to_next(count), dt);
+        self.angle_loop(config, way, measured, config.ticks_to_next(count), dt);
         self.speed_loop(config, self.asked, measured, dt);
     }
 
@@ -274,28 +274,26 @@ impl CascadeState {
         dt: Seconds,
         count: u32,
     ) {
-        if self.starting != Active::Angle {
-            self.last_way = -way;
-        }
         let last = self.effort();
         let goes_on = self.enter(Active::Angle, measured);
         // During a soft start it runs in every tick.
         let ticks = if goes_on { config.ticks_to_next(count) } else { 1 };
-        self.angle_loop(config, way, ticks, dt);
+        self.angle_loop(config, way, measured, ticks, dt);
         self.speed_loop(config, self.asked, measured, dt);
         if !goes_on {
             self.soften(last, full, dt);
         }
     }
 
-    /// The angle loop, which runs every `ticks` ticks of `dt`.
+    /// The angle loop, which runs every `ticks` ticks of `dt`. The derivative of an angle is the
+    /// speed: a new angle to seek is none.
     #[inline(always)]
-    fn angle_loop(&mut self, config: &Cascade, way: f32, ticks: u8, dt: Seconds) {
+    fn angle_loop(&mut self, config: &Cascade, way: f32, measured: f32, ticks: u8, dt: Seconds) {
         self.ticks_left = ticks - 1;
-        let Self { angle, last_way, .. } = self;
         let input = PidInput { error: way, feed_forward: 0.0, integrate: true };
         let dt = dt * f32::from(ticks);
-        let asked = angle.update_error(&config.angle, input, || change(last_way, -way), dt);
+        let turned = || measured * DEGREES_PER_SECOND * dt.get();
+        let asked = self.angle.update_error(&config.angle, input, turned, dt);
         self.asked = if asked.abs() * 6.0 * config.angle.kp <= config.acceleration.get() {
             asked
         } else {

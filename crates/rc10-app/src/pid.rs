@@ -336,6 +336,16 @@ mod tests {
     }
 
     #[test]
+    fn an_output_that_stays_as_it_was_obeys_a_lowered_limit() {
+        let config = PidConfig::new(1.0, 0.0, 0.0, 10.0);
+        let mut state = PidState::new();
+        state.update(&config, 8.0, 0.0, 0.0, MS);
+        let lowered = PidConfig::new(1.0, 0.0, 0.0, 2.0);
+        assert!((state.update(&lowered, f32::NAN, 0.0, 0.0, MS) - 2.0).abs() < 1e-6);
+        assert!((state.output() - 2.0).abs() < 1e-6);
+    }
+
+    #[test]
     fn a_deadband_keeps_small_errors_quiet() {
         let config = PidConfig { deadband: 0.5, ..PidConfig::new(1.0, 10.0, 0.0, 10.0) };
         let mut state = PidState::new();

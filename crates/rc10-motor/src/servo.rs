@@ -324,8 +324,7 @@ impl Servo {
             }
             _ => return Err(RequestError::Unsupported),
         }
-        let way = way(self.goals.goal(), shaft);
-        self.state.change_gains(&self.cascade, shaft.speed().get(), way);
+        self.state.change_gains(&self.cascade, shaft.speed().get());
         Ok(Response::Done)
     }
 
