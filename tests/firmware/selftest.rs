@@ -4,7 +4,10 @@ use rc10_emu::peripherals::{Edge, Width};
 use rc10_emu::{Injection, Machine};
 use rc10_sim::remote::{Ppm, Remote};
 use rc10_sim::unitree_line::{GoM8010, plant};
-use rc10_sim::{Bus, BusConfig, Esc, EscConfig, Line, LineConfig, Model, Nanos, Pulses, Serial, SerialConfig, UartFault, World};
+use rc10_sim::{
+    Bus, BusConfig, Esc, EscConfig, Line, LineConfig, Model, Nanos, Pulses, Serial, SerialConfig,
+    UartFault, World,
+};
 
 use super::wires::{Bmi088, Echo, Listener, Registers, Sleeper, pictures};
 use super::{millis, priorities, program};
