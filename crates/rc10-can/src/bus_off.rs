@@ -1,7 +1,7 @@
-/// What happens when a controller has left its bus: its transmit error counter went above 255,
-/// because the wire is cut, shorted, or nobody speaks its bit rate.
+/// Policy for a controller that has left its bus: its transmit error counter went above 255,
+/// because the wire is cut, shorted, or no other node has its bit rate.
 ///
-/// Whatever the policy, nothing that was unsent then leaves later.
+/// With every policy, unsent frames are dropped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BusOffPolicy {
@@ -9,7 +9,7 @@ pub enum BusOffPolicy {
     /// while that keeps failing.
     #[default]
     Automatic,
-    /// It stays off until somebody asks for it.
+    /// It stays off until it is asked to come back.
     Manual,
     /// As [`Automatic`](Self::Automatic), but the whole robot is in emergency stop then, until that
     /// is reset: for a bus whose motors must never go on as if nothing had been.

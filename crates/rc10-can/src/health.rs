@@ -7,7 +7,7 @@ pub enum ErrorState {
     /// Both error counters below 96.
     #[default]
     Active,
-    /// An error counter at 96 or more: the bus is heavily disturbed, or nobody acknowledges.
+    /// An error counter at 96 or more: the bus is disturbed, or frames are not acknowledged.
     Warning,
     /// An error counter above 127: the controller may no longer destroy others' frames.
     Passive,
@@ -23,7 +23,7 @@ pub enum BusError {
     Stuff,
     /// A fixed-form field had the wrong value.
     Form,
-    /// Nobody acknowledged: no other node is alive on the bus.
+    /// No acknowledge: no other node is alive on the bus.
     Acknowledge,
     /// A bit read back differs from the bit sent.
     Bit,
@@ -33,7 +33,7 @@ pub enum BusError {
     Overrun,
 }
 
-/// How a bus and its controller are, and what was lost so far.
+/// State of a bus and its controller, and counters of what was lost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Health {
@@ -45,13 +45,13 @@ pub struct Health {
     pub receive_errors: u8,
     /// The last bus error seen, if any was.
     pub last_error: Option<BusError>,
-    /// Received frames lost because nobody read them in time. A controller that only says that
+    /// Received frames lost because they were not read in time. A controller that only says that
     /// it lost some is counted as having lost one.
     pub receive_lost: u32,
     /// Frames accepted for sending that never left, and were not replaced by a newer one: the
     /// driver refused them in the end, or they were too old when the bus came back.
     pub transmit_lost: u32,
-    /// Received frames that nobody had asked for ([`CanPort::accept`](crate::CanPort::accept)),
+    /// Received frames that were not asked for ([`CanPort::accept`](crate::CanPort::accept)),
     /// dropped without a look at them.
     pub ignored: u32,
     /// How often the controller went bus-off.
@@ -59,8 +59,8 @@ pub struct Health {
     /// How often the controller was found in restricted operation, in which it sends nothing: its
     /// message memory was too slow, or its clock is being calibrated. It was sent back each time.
     pub restrictions: u32,
-    /// How often a supervisor made the motors of the bus safe because nobody had asked the port
-    /// for frames for too long.
+    /// How often a supervisor made the motors of the bus safe because the port had not
+    /// been asked for frames for too long.
     pub stalls: u32,
 }
 
@@ -79,7 +79,7 @@ impl Health {
         stalls: 0,
     };
 
-    /// Whether nobody else is on the bus, as it seems: frames are sent, and nobody acknowledges.
+    /// Whether the controller seems to be alone on the bus: its frames are not acknowledged.
     #[must_use]
     pub fn is_alone(&self) -> bool {
         self.state != ErrorState::Active && self.last_error == Some(BusError::Acknowledge)
@@ -103,7 +103,7 @@ impl fmt::Display for BusError {
         f.write_str(match self {
             Self::Stuff => "six equal bits in a row",
             Self::Form => "a malformed frame",
-            Self::Acknowledge => "nobody acknowledges",
+            Self::Acknowledge => "no acknowledge",
             Self::Bit => "a bit was not read back as sent",
             Self::Crc => "a wrong checksum",
             Self::Overrun => "frames were read too slowly",
@@ -154,7 +154,7 @@ mod tests {
         };
         assert_eq!(
             alone.to_string(),
-            "error passive, transmit errors 128: nobody acknowledges, alone on the bus?"
+            "error passive, transmit errors 128: no acknowledge, alone on the bus?"
         );
         // An error of long ago.
         let healed = Health { state: ErrorState::Active, transmit_errors: 0, bus_offs: 2, ..alone };

@@ -1,6 +1,6 @@
 use crate::CanFrame;
 
-/// How long one frame occupies the bus, in bit times, interframe space included.
+/// Duration of a frame on the bus, in bit times, interframe space included.
 ///
 /// The bits from start-of-frame to the end of the CRC are stuffed: after five equal bits the
 /// sender inserts one of the other value (ISO 11898-1, section "Bit stuffing").
@@ -55,7 +55,7 @@ impl LengthBounds {
         Self { min, max: min + (stuffed - 1) / 4 }
     }
 
-    /// What planning calls "typical": 30 % of the worst case's stuff bits, which is what motor
+    /// "Typical" length for planning: 30 % of the worst case's stuff bits, which is what motor
     /// feedback in motion shows (118 of 111 ..= 135 bits for a standard 8-byte frame).
     #[must_use]
     pub const fn typical(self) -> u32 {

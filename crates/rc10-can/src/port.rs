@@ -20,7 +20,7 @@ pub trait CanPort {
     /// frame of the same `stream`, and of no other.
     ///
     /// A stream is a [key](CanFrame::key) of the sender's own: that of an identifier on which
-    /// nobody else sends. It is needed where the identifier says what is commanded, and not only
+    /// no other node sends. It is needed where the identifier says what is commanded, and not only
     /// to whom.
     fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted;
 
@@ -69,7 +69,7 @@ impl<P: CanPort + ?Sized> CanPort for &mut P {
     }
 }
 
-/// What became of a submitted frame.
+/// Outcome of submitting a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use = "a refused frame is lost unless the caller counts or repeats it"]
 pub enum Submitted {
@@ -143,7 +143,7 @@ impl<const N: usize> Mailboxes<N> {
         u8::try_from(count).unwrap_or(u8::MAX)
     }
 
-    /// How many frames wait.
+    /// Number of frames that wait.
     #[must_use]
     pub fn len(&self) -> usize {
         self.frames.len()

@@ -1,7 +1,7 @@
 use core::fmt;
 use core::ops::{Add, AddAssign, Sub};
 
-/// Time, or a length of time, in whole microseconds since some start that everybody shares.
+/// Time, or a length of time, in whole microseconds since a start that all share.
 ///
 /// 64 bits last 584,000 years: nothing wraps, and a difference is exact after any uptime.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -32,7 +32,7 @@ impl Micros {
         self.0
     }
 
-    /// How much later than `earlier` this is; zero if it is not later.
+    /// Time since `earlier`; zero if that is not earlier.
     #[inline]
     #[must_use]
     pub const fn since(self, earlier: Self) -> Self {
@@ -95,7 +95,7 @@ pub struct Schedule {
     period: Micros,
 }
 
-/// What [`Schedule::start`] found.
+/// Result of [`Schedule::start`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Start {
     /// How long after its planned time the work starts.
@@ -111,7 +111,7 @@ impl Schedule {
         Self { next: first, period: period.max(Micros::new(1)) }
     }
 
-    /// When the next start is planned.
+    /// Time of the next planned start.
     #[inline]
     #[must_use]
     pub const fn next(&self) -> Micros {
@@ -172,7 +172,7 @@ impl Timing {
         self.sum = self.sum.saturating_add(u64::from(micros));
     }
 
-    /// How many were measured.
+    /// Number of measurements.
     #[must_use]
     pub const fn count(&self) -> u32 {
         self.count

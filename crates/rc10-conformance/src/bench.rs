@@ -86,7 +86,7 @@ impl<'m> Bench<'m> {
         Ok(())
     }
 
-    /// How a motor is; of a motor that was never heard if there is no such motor.
+    /// Status of a motor; that of a motor never heard if there is no such motor.
     #[must_use]
     pub fn status(&self, motor: MotorId) -> MotorStatus {
         self.bus.status(motor, self.world.now()).unwrap_or(MotorStatus::NEW)

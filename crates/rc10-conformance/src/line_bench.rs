@@ -83,7 +83,7 @@ impl<'m> LineBench<'m> {
         Ok(())
     }
 
-    /// How a motor is; of a motor that was never heard if there is no such motor.
+    /// Status of a motor; that of a motor never heard if there is no such motor.
     #[must_use]
     pub fn status(&self, motor: MotorId) -> MotorStatus {
         self.line.status(motor, self.world.now()).unwrap_or(MotorStatus::NEW)

@@ -9,9 +9,9 @@ use rc10_motor::rc10_app::Direction;
 pub struct Breach {
     /// The rule's name.
     pub rule: &'static str,
-    /// What happened.
+    /// Description of what happened.
     pub what: String,
-    /// When, in virtual time since the motor was plugged in; `None` if time does not come into it.
+    /// Virtual time since the motor was plugged in; `None` if time does not come into it.
     pub at: Option<Micros>,
 }
 

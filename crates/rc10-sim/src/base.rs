@@ -51,7 +51,7 @@ impl Default for Chassis {
     }
 }
 
-/// Which way a wheel turns when its motor turns in its positive direction.
+/// Direction of a wheel when its motor turns in its positive direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mounting {
     /// Positive rolls the base forward.
@@ -109,7 +109,7 @@ impl fmt::Display for WheelError {
 
 impl std::error::Error for WheelError {}
 
-/// Where a base is, seen from where it started.
+/// Position and heading of a base, from where it started.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pose {
     /// m, forward at the start.
@@ -120,7 +120,7 @@ pub struct Pose {
     pub yaw: f64,
 }
 
-/// How a base moves, in its own frame.
+/// Velocity of a base, in its own frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Twist {
     /// m/s forward.

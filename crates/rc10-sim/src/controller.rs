@@ -25,7 +25,7 @@ impl Nanos {
         self.0
     }
 
-    /// How much later than `earlier` this is; zero if it is not later.
+    /// Time since `earlier`; zero if that is not earlier.
     #[must_use]
     pub const fn since(self, earlier: Self) -> Self {
         Self(self.0.saturating_sub(earlier.0))
@@ -57,18 +57,18 @@ impl fmt::Display for Nanos {
     }
 }
 
-/// How a transmission ended.
+/// Outcome of a transmission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Somebody heard it whole.
+    /// Another node heard it whole.
     Acknowledged,
-    /// Nobody did.
+    /// No other node heard it.
     Unacknowledged,
     /// It was destroyed on the wire: by noise, by a short, by nodes of another bit rate.
     Destroyed(BusError),
 }
 
-/// What a wire carries.
+/// Activity on a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Activity {
     /// Recessive, the interframe space of the last frame included: from now on nodes may start.
@@ -82,16 +82,16 @@ pub enum Activity {
 ///
 /// The wire calls, in the order of time; a controller never calls back.
 ///
-/// Error frames are always those of error-active nodes (6 + 8 bits), and a frame that nobody
-/// acknowledges ends as if somebody had.
+/// Error frames are always those of error-active nodes (6 + 8 bits), and a frame that is not
+/// acknowledged ends as if it had been.
 pub trait Controller {
     /// Whether the controller takes part: it sends, hears frames whole and acknowledges them. Not
     /// while it is being configured, and not in bus-off. If it leaves within its own frame, that
     /// frame is destroyed.
     fn is_on_bus(&self) -> bool;
 
-    /// Whether it is wired up at all. If not, it is alone on a wire of its own: nobody acknowledges
-    /// what it sends.
+    /// Whether it is wired up at all. If not, it is alone on a wire of its own: what it sends is
+    /// not acknowledged.
     fn is_connected(&self) -> bool {
         true
     }

@@ -123,7 +123,7 @@ impl Damiao {
         matches!(self.state, State::Enabled(_))
     }
 
-    /// What it reports about itself: 0 disabled, 1 enabled, else an error.
+    /// Status code in its reports: 0 disabled, 1 enabled, else an error.
     #[must_use]
     pub const fn code(&self) -> u8 {
         match self.state {
@@ -142,25 +142,25 @@ impl Damiao {
         }
     }
 
-    /// How it is controlled now.
+    /// Its control mode.
     #[must_use]
     pub fn mode(&self) -> Mode {
         Mode::from_register(self.registers.whole(number::MODE)).unwrap_or(Mode::Mit)
     }
 
-    /// What stands in a register, as bits; `None` if there is none of that number.
+    /// Bits of a register; `None` if there is none of that number.
     #[must_use]
     pub fn register(&self, register: u8) -> Option<u32> {
         self.registers.read(register).map(u32::from_le_bytes)
     }
 
-    /// How often it has saved its registers.
+    /// Number of times that it has saved its registers.
     #[must_use]
     pub const fn saves(&self) -> u32 {
         self.saves
     }
 
-    /// What was broken is whole again; the error stays until it is cleared.
+    /// Removes the cause of its error, which stays until it is cleared.
     pub const fn repair(&mut self) {
         self.broken = None;
     }
@@ -410,7 +410,7 @@ impl Device for Damiao {
 
     fn inject(&mut self, fault: EscFault) -> bool {
         let code = match fault {
-            // Over as soon as somebody speaks again.
+            // Over with the next command.
             EscFault::CommunicationLost => {
                 self.fail(error::COMMUNICATION);
                 return true;

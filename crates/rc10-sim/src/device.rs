@@ -1,4 +1,4 @@
-//! What every simulated ESC is: electronics of some vendor, between a wire and a winding.
+//! Simulated ESCs: electronics of some vendor, between a wire and a winding.
 
 use std::any::Any;
 
@@ -42,7 +42,7 @@ pub trait Device: Any {
     /// Lets that happen. Asked at every event in the world; whether it is time is its own business.
     fn advance(&mut self, _shaft: &Shaft<'_>, _now: Micros, _out: &mut Outbox) {}
 
-    /// What it does to the winding for the next 100 µs. Its control loops and time-outs run here.
+    /// Its effect on the winding for the next 100 µs. Its control loops and time-outs run here.
     fn drive(&mut self, shaft: &Shaft<'_>, now: Micros) -> Winding;
 
     /// The raw command it obeys, where that is a single number.
@@ -61,18 +61,18 @@ pub trait Device: Any {
     }
 }
 
-/// What became of a frame at a device.
+/// Whether a device took a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Taken {
     /// It was a command or a question for it.
     Yes,
-    /// It was for somebody else.
+    /// It was for another device.
     NotMine,
     /// It has the device's identifier, but not the length or content that it takes.
     Malformed,
 }
 
-/// What an ESC can find wrong with itself.
+/// Faults that an ESC can find in itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum EscFault {
@@ -90,7 +90,7 @@ pub enum EscFault {
     Encoder,
 }
 
-/// What an ESC does to the winding.
+/// Effect of an ESC on the winding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Winding {
     /// Bridge open.
@@ -128,7 +128,7 @@ impl<'m> Shaft<'m> {
         Self(motor)
     }
 
-    /// Where in its turn the rotor is, 0 .. 1.
+    /// Angle of the rotor within its turn, 0 .. 1.
     #[must_use]
     pub fn rotor_angle(&self) -> f64 {
         self.0.rotor_angle()
@@ -379,7 +379,7 @@ impl Unit {
     }
 }
 
-/// What is true of an ESC and its motor, whatever its feedback says.
+/// True state of an ESC and its motor, independent of its feedback.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EscState {
     /// Speed of the rotor, rpm.

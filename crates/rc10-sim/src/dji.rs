@@ -11,7 +11,7 @@ use rc10_can::{CanFrame, Micros};
 use crate::device::{Device, Outbox, Shaft, Taken, Winding};
 use crate::motor::Plant;
 
-/// Which ESC, in which mode.
+/// ESC and mode.
 ///
 /// | model | commands, ids 1 – 4 / 5 – 8 | full scale | feedback |
 /// |---|---|---|---|
@@ -101,7 +101,7 @@ impl Model {
     }
 }
 
-/// How often an ESC sends feedback (RoboMaster Assistant; factory setting 1 kHz). The GM6020 knows
+/// Feedback rate of an ESC (RoboMaster Assistant; factory setting 1 kHz). The GM6020 knows
 /// only 1 kHz.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FeedbackRate {
@@ -132,7 +132,7 @@ impl FeedbackRate {
 /// An ESC with its motor, to be put on a bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EscConfig {
-    /// Which one.
+    /// ESC and mode.
     pub model: Model,
     /// Its id, 1 ..= [`Model::last_id`].
     pub id: u8,

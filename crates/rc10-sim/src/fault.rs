@@ -7,7 +7,7 @@ use std::str::FromStr;
 
 use crate::Nanos;
 
-/// What a fault is on; the first of each sort is 0.
+/// Place of a fault; the first of each sort is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wire {
     /// A CAN bus: `1` is the first.
@@ -26,13 +26,13 @@ impl fmt::Display for Wire {
     }
 }
 
-/// What goes wrong.
+/// Kinds of fault.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// `cut:BUS`, `cut:LINE`: the plug is out of the board. On a bus nothing acknowledges what the
     /// chip sends; on a line both ends hear nothing.
     Cut(Wire),
-    /// `short:BUS`: CANH touches CANL. Whoever sends fails with its first bit.
+    /// `short:BUS`: CANH touches CANL. Every sender fails with its first bit.
     Short(usize),
     /// `dominant:BUS`: something holds the bus dominant.
     Dominant(usize),
@@ -54,7 +54,7 @@ pub enum Kind {
     /// `remote-lost`: the remote's transmitter is off, or out of reach. Its receiver says of that what
     /// such receivers say.
     RemoteLost,
-    /// `mask`: somebody's critical section, with all interrupts masked, takes so long.
+    /// `mask`: a critical section, with all interrupts masked, takes this long.
     Mask,
     /// `crystal-dead`: the board's crystal never swings. Has no time: from power-on on.
     CrystalDead,
@@ -131,7 +131,7 @@ impl fmt::Display for Kind {
 /// A fault and its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// What goes wrong.
+    /// Kinds of fault.
     pub kind: Kind,
     /// When it begins, counted from power-on.
     pub from: Nanos,
@@ -154,7 +154,7 @@ impl std::error::Error for NoFault {}
 const KINDS: &str = "cut:BUS short:BUS dominant:BUS noise:BUS power:BUS load:BUS panic hardfault \
                      hang[:HANDLER] remote-lost mask crystal-dead crystal-stops; cut, noise and power also of a LINE";
 
-/// What a command line says of its argument.
+/// Help text of a command line's argument.
 pub const HELP: &str = "\
 Something goes wrong, KIND@TIME or KIND@TIME..TIME: cut:2@0.3s..0.5s short:2@.. dominant:2@.. \
 noise:2@0.3s power:2@.. load:2@.. remote-lost@0.5s..0.7s; cut:L1, noise:L1 and power:L1 for an RS-485 \

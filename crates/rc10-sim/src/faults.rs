@@ -72,7 +72,7 @@ impl Faults {
         Ok(())
     }
 
-    /// When to act next, later than now.
+    /// Time of the next action, later than now.
     #[must_use]
     pub fn next(&self, now: Nanos) -> Option<Nanos> {
         let entry = self.timeline.last().map(|entry| entry.0);
@@ -80,7 +80,7 @@ impl Faults {
         entry.into_iter().chain(self.buses.iter().any(|bus| bus.on).then_some(step)).min()
     }
 
-    /// What went over a bus since the last time, 0 for the first: its least urgent feedback is what
+    /// Takes the traffic of a bus, 0 for the first, since the last time: its least urgent feedback
     /// fills it.
     pub fn heard(&mut self, bus: usize, entries: &[TraceEntry]) {
         let Some(Filled { filler, .. }) = self.buses.get_mut(bus) else { return };

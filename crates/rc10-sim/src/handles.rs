@@ -70,7 +70,7 @@ impl Bus {
         self.with_wire(|wire, _| wire.inject(*frame));
     }
 
-    /// How many of those it still has to send; one that is on the wire does not count.
+    /// Number of those that it still has to send; one that is on the wire does not count.
     #[must_use]
     pub fn foreign_waiting(&self) -> usize {
         self.with_wire(|wire, _| wire.foreign_waiting())
@@ -122,20 +122,20 @@ impl Bus {
         self.with_wire(|wire, _| wire.take_trace())
     }
 
-    /// How busy the bus was since time zero, in per cent. A frame counts when it has ended, and
+    /// Load of the bus since time zero, in per cent. A frame counts when it has ended, and
     /// counts also if it was not acknowledged.
     #[must_use]
     pub fn load(&self) -> f64 {
         self.with_wire(|wire, now| wire.occupancy.load(now))
     }
 
-    /// How busy the bus was in each 100 ms that is over, in per cent.
+    /// Load of the bus in each 100 ms that is over, in per cent.
     #[must_use]
     pub fn load_windows(&self) -> Vec<f64> {
         self.with_wire(|wire, now| wire.occupancy.windows(now))
     }
 
-    /// What happened so far.
+    /// Counters since the world began.
     #[must_use]
     pub fn counters(&self) -> BusCounters {
         self.with_wire(|wire, _| wire.counters)
@@ -223,7 +223,7 @@ impl Esc {
         }
     }
 
-    /// What is true now (of the mechanics: at the last physics step).
+    /// Its true state (of the mechanics: at the last physics step).
     #[must_use]
     pub fn state(&self) -> EscState {
         let inner = self.inner.borrow();
@@ -315,13 +315,13 @@ pub struct Base {
 }
 
 impl Base {
-    /// Where it is.
+    /// Its position and heading.
     #[must_use]
     pub fn pose(&self) -> Pose {
         self.motion.get().pose
     }
 
-    /// How it moves.
+    /// Its velocity.
     #[must_use]
     pub fn twist(&self) -> Twist {
         self.motion.get().twist()

@@ -1,5 +1,5 @@
-//! A serial line in half duplex: bytes that take their time, collide, and are heard by everybody
-//! else.
+//! A serial line in half duplex: bytes that take their time, collide, and are heard by all
+//! others.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -12,7 +12,7 @@ use crate::device::{EscFault, Shaft, Unit, Winding};
 use crate::random::Random;
 use crate::serial::{SerialEnd, UartFault};
 
-/// How a line is set up.
+/// Configuration of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineConfig {
     /// Bits a second. A byte is ten of them: start, eight, stop; it lasts whole nanoseconds, rounded
@@ -31,7 +31,7 @@ impl Default for LineConfig {
     }
 }
 
-/// What happened on a line so far.
+/// Counters of a line since the world began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct LineCounters {
@@ -43,7 +43,7 @@ pub struct LineCounters {
     pub collided: u64,
     /// Bytes that found the host's receive buffer full.
     pub overrun: u64,
-    /// How long anybody was sending, ns; bytes that collide count each.
+    /// Time with a byte on the line, ns; bytes that collide count each.
     pub busy_ns: u64,
 }
 
@@ -59,7 +59,7 @@ pub trait LineDevice: Any {
     /// A byte has just ended on the line.
     fn receive(&mut self, byte: u8, shaft: &Shaft<'_>, now: Nanos) -> Heard;
 
-    /// What it does to the winding for the next 100 µs. Its control loops and time-outs run here.
+    /// Its effect on the winding for the next 100 µs. Its control loops and time-outs run here.
     fn drive(&mut self, shaft: &Shaft<'_>, now: Nanos) -> Winding;
 
     /// Has it find something wrong with itself, until power-off. Whether it knows such a fault.
@@ -73,20 +73,20 @@ pub trait LineDevice: Any {
     }
 }
 
-/// What a byte amounted to at a device.
+/// Effect of a byte on a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Heard {
     /// Nothing for it, or nothing yet.
     Nothing,
-    /// It ended a command for everybody.
+    /// It ended a command for all devices.
     Command,
-    /// It ended a command, and these bytes answer it, the first of them so much later.
+    /// It ended a command that these bytes answer, the first of them after this delay.
     Question(Vec<u8>, Nanos),
     /// It ended something that has the device's address but is no command.
     Malformed,
 }
 
-/// Somebody who can send.
+/// A node's transmitter.
 #[derive(Debug, Default)]
 struct Sender {
     waiting: VecDeque<u8>,
@@ -158,7 +158,7 @@ pub(crate) struct Line {
     pub(crate) config: LineConfig,
     byte_ns: u64,
     pub(crate) host: HostEnd,
-    /// Somebody who is no device.
+    /// A foreign node.
     noise: Sender,
     stations: Vec<Station>,
     /// Frames that are to be damaged yet: the host's, and the devices'.
@@ -294,7 +294,7 @@ impl Line {
         }
     }
 
-    /// Who has something to say starts, whatever others do.
+    /// Starts the nodes that have something to send, whatever others do.
     pub(crate) fn start(&mut self, now: Nanos) {
         for who in self.everybody() {
             let sender = self.sender(who);
@@ -335,7 +335,7 @@ impl Line {
         Some(NOISE_AT)
     }
 
-    /// Whoever else is sending, and is plugged in, spoils the byte, and his own.
+    /// Others that are sending, and are plugged in, spoil the byte and their own.
     fn collide(&mut self, who: Who, now: Nanos) {
         let mut met = false;
         for other in self.everybody().filter(|other| *other != who) {
@@ -360,7 +360,7 @@ impl Line {
     }
 }
 
-/// Somebody on the line.
+/// A node of the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Who {
     Host,

@@ -86,7 +86,7 @@ impl Line {
         self.with(|line, _| line.damage_answers(frames));
     }
 
-    /// What happened so far.
+    /// Counters since the world began.
     #[must_use]
     pub fn counters(&self) -> LineCounters {
         self.with(|line, _| line.counters)
@@ -112,7 +112,7 @@ impl SerialPort {
         self.line.with(|line, now| line.host.send(bytes, now));
     }
 
-    /// What has been received since the last time. Never waits.
+    /// Takes the bytes received since the last time. Never waits.
     pub fn take_received(&mut self) -> Vec<u8> {
         self.line.with(|line, _| line.host.received.drain(..).collect())
     }

@@ -38,7 +38,7 @@ pub mod error {
     pub const COMMANDS_STOPPED: u8 = 1 << 7;
 }
 
-/// What is set in a drive.
+/// Settings of a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// 1 ..= 32.
@@ -79,7 +79,7 @@ impl Settings {
     }
 }
 
-/// Where a drive steers to.
+/// Setpoint of a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
     /// No torque.
@@ -130,7 +130,7 @@ impl Drive {
         self.is_on
     }
 
-    /// Where it steers to.
+    /// Its setpoint.
     #[must_use]
     pub const fn goal(&self) -> Goal {
         self.goal

@@ -22,7 +22,7 @@ pub use codec::{
 };
 pub use controller::Controller;
 
-/// Which family of firmware runs on it: error bits and messages differ.
+/// Family of firmware: error bits and messages differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Version {
     /// `ODrive` v3.
@@ -40,7 +40,7 @@ pub enum State {
     ClosedLoop = 8,
 }
 
-/// What is set in an axis.
+/// Settings of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// `can.node_id`, 0 ..= 63.
@@ -157,7 +157,7 @@ impl Axis {
         })
     }
 
-    /// What it does.
+    /// Its state.
     #[must_use]
     pub const fn state(&self) -> State {
         self.state
@@ -180,7 +180,7 @@ impl Axis {
         self.causes = 0;
     }
 
-    /// Falls idle by itself, without an error: as if somebody had asked for it.
+    /// Falls idle by itself, without an error: as if it had been asked for.
     pub const fn fall_idle(&mut self) {
         self.state = State::Idle;
     }

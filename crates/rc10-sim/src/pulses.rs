@@ -148,7 +148,7 @@ impl Pulses {
         })
     }
 
-    /// Edges that nobody took in time.
+    /// Edges that were not taken in time.
     #[must_use]
     pub fn lost(&self) -> u64 {
         self.line(|line, _| line.lost)

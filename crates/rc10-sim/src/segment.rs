@@ -40,7 +40,7 @@ pub(crate) enum Segment {
     Idle,
     /// A frame, or the error frame that destroys it.
     Frame(Transmission),
-    /// Recessive, but nobody may start yet: after a frame that began at `since`.
+    /// Recessive, but no node may start yet: after a frame that began at `since`.
     Gap { since: Nanos, until: Nanos },
     /// Held dominant by a fault.
     Held { since: Nanos },

@@ -10,7 +10,7 @@ use std::task::Waker;
 
 use crate::Nanos;
 
-/// How a serial link is set up, at both ends.
+/// Configuration of a serial link, at both ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SerialConfig {
     /// Bits a second.
@@ -29,7 +29,7 @@ impl Default for SerialConfig {
 }
 
 impl SerialConfig {
-    /// How long a character takes.
+    /// Duration of a character.
     #[must_use]
     pub const fn character(&self) -> Nanos {
         let baud = if self.baud == 0 { 1 } else { self.baud };
@@ -67,10 +67,10 @@ pub trait SerialEnd {
     fn disturb(&mut self, _fault: UartFault, _at: Nanos) {}
 }
 
-/// What a UART says of a character that it did not receive.
+/// Errors that a UART tells of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum UartFault {
-    /// Nobody had taken the ones before.
+    /// It found the receive register full.
     Overrun,
     /// No stop bit.
     Framing,
@@ -111,7 +111,7 @@ impl embedded_io_async::Error for UartFault {
     }
 }
 
-/// What happened on a serial link so far.
+/// Counters of a serial link since the world began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SerialCounters {
@@ -123,7 +123,7 @@ pub struct SerialCounters {
     pub overrun: u64,
     /// Faults that were injected.
     pub injected: u64,
-    /// Bytes in either direction that nobody heard, because the link was cut or there was no power.
+    /// Bytes in either direction that were lost, because the link was cut or there was no power.
     pub unheard: u64,
 }
 

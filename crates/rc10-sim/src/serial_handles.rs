@@ -25,7 +25,7 @@ impl Serial {
         UartPort { link: self.clone() }
     }
 
-    /// How it is set up.
+    /// Its configuration.
     #[must_use]
     pub fn config(&self) -> SerialConfig {
         self.link(|link, _| link.config)
@@ -66,7 +66,7 @@ impl Serial {
         self.link(|link, _| link.device().downcast_mut().map(look))
     }
 
-    /// What happened so far.
+    /// Counters since the world began.
     #[must_use]
     pub fn counters(&self) -> SerialCounters {
         self.link(|link, _| link.counters)

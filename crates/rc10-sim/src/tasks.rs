@@ -56,7 +56,7 @@ struct Task<'a> {
     signal: Arc<Signal>,
 }
 
-/// One task's waker: marks the task, and wakes whoever runs the tasks.
+/// One task's waker: marks the task, and wakes the future that runs the tasks.
 #[derive(Default)]
 struct Signal {
     awake: Awake,

@@ -32,7 +32,7 @@ impl Clock {
         self.now.set(now);
     }
 
-    /// One entry per waker is enough, the earliest: whoever is woken polls, and each of its timers
+    /// One entry per waker is enough, the earliest: a woken task polls, and each of its timers
     /// that still waits then registers again (what `embassy-time`'s own queues rely on, too).
     fn schedule(&self, at: Micros, waker: &Waker) {
         let mut timers = self.timers.borrow_mut();
@@ -47,7 +47,7 @@ impl Clock {
         self.timers.borrow().iter().map(|&(at, _)| at).min()
     }
 
-    /// Wakes everybody whose time has come; says whether there was anybody.
+    /// Wakes the tasks whose time has come; says whether there were any.
     pub(crate) fn wake_due(&self) -> bool {
         let now = self.now();
         let due: Vec<_> =
@@ -65,7 +65,7 @@ thread_local! {
 
 /// From now on `embassy-time` shows this clock on this thread.
 pub(crate) fn make_current(clock: &Rc<Clock>) {
-    // While the thread ends there is nobody left to show the time to.
+    // While the thread ends nothing reads the time any more.
     let _ = CURRENT.try_with(|current| current.replace(Rc::clone(clock)));
 }
 

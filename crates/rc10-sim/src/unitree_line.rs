@@ -24,7 +24,7 @@ const TOO_HOT: f64 = 90.0;
 /// It turns by itself for so long when told to calibrate (user manual), and hears nothing.
 const CALIBRATION: Nanos = Nanos::new(5_000_000_000);
 
-/// What a command says, as the numbers of the table: at the rotor.
+/// Content of a command, as the numbers of the table: at the rotor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Command {
     /// Whom it is for, 0 ..= 15.
@@ -43,7 +43,7 @@ pub struct Command {
     pub damping: f64,
 }
 
-/// What an answer says, as the numbers of the table: at the rotor.
+/// Content of an answer, as the numbers of the table: at the rotor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Answer {
     /// Who answers, 0 ..= 14.

@@ -136,14 +136,14 @@ impl UnitreeModule {
         self.set_power(true);
     }
 
-    /// What it has for a motor.
+    /// Gains that it has for a motor.
     #[must_use]
     pub fn gains(&self, motor: u8) -> Gains {
         self.inner.borrow().gains.get(usize::from(motor)).copied().unwrap_or_default()
     }
 }
 
-/// What a motor does, by its own word.
+/// Mode of a motor, as it reports it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
     /// As after power-up: it brakes (assumed).
@@ -208,7 +208,7 @@ impl UnitreeMotor {
         }
     }
 
-    /// What it does.
+    /// Its mode.
     #[must_use]
     pub const fn mode(&self) -> Mode {
         self.mode
@@ -232,7 +232,7 @@ impl UnitreeMotor {
         self.error
     }
 
-    /// How often it was told to calibrate itself.
+    /// Number of times that it was told to calibrate itself.
     #[must_use]
     pub const fn calibrations(&self) -> u32 {
         self.calibrations
@@ -323,7 +323,7 @@ impl Device for UnitreeMotor {
             }
             Asked::ReadGains => Some(Answer::Gains(self.module.gains(self.number))),
         };
-        // Nobody answers to everybody.
+        // A command to all motors is not answered.
         if let (Some(answer), true) = (answer, command.motor == self.number) {
             self.due.push_back((now + EXCHANGE, answer));
         }

@@ -13,7 +13,7 @@ use crate::occupancy::Occupancy;
 use crate::segment::{Segment, Sender, Transmission};
 use crate::{Activity, Controller, Nanos, Outcome};
 
-/// How a bus is set up.
+/// Configuration of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusConfig {
     /// Length of one bit in nanoseconds; 1000 (1 Mbit/s, the fastest classic CAN goes) or more.
@@ -39,10 +39,10 @@ const FASTEST_BIT_NS: u32 = 1000;
 const ERROR_FRAME: u32 = 14;
 /// Interframe space without a suspended transmission.
 const INTERFRAME: u32 = 3;
-/// After so many recessive bits a wire is idle, whatever was before.
+/// Recessive bits after which a wire is idle.
 const IDLE: u32 = 11;
 
-/// Whoever is more than one part in this many off the wire's bit time understands nothing. Bosch,
+/// A node whose bit time is off by more than one part in this many understands nothing. Bosch,
 /// CAN 2.0, oscillator tolerance: at most a twentieth of the synchronization jump width, which is
 /// a tenth of a bit here.
 const CLOCK_TOLERANCE: u64 = 200;
@@ -62,12 +62,12 @@ pub struct TraceEntry {
     pub from_controller: bool,
 }
 
-/// What happened on a wire so far.
+/// Counters of a wire since the world began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BusCounters {
     /// Frames sent and acknowledged.
     pub frames: u64,
-    /// Attempts that nobody acknowledged; each is repeated.
+    /// Attempts that were not acknowledged; each is repeated.
     pub unacknowledged: u64,
     /// Attempts that were destroyed: by a fault of the wire, by a sender that fell silent half-way,
     /// by another bit rate. Each is repeated by a sender that is still there.
@@ -108,7 +108,7 @@ pub(crate) struct Wire {
     nodes: Vec<Node>,
     foreign: VecDeque<CanFrame>,
     bus: Segment,
-    /// What is left of the wire at a controller that is cut off: it sends there to nobody.
+    /// The wire's end at a controller that is cut off: no other node is there.
     stub: Segment,
     cut: bool,
     shorted: bool,
@@ -286,7 +286,7 @@ impl Wire {
         air.sender != Sender::Node(node) && self.nodes[node].was_there_for(air)
     }
 
-    /// An idle wire: everybody who has a frame competes now.
+    /// Arbitration on an idle wire: all nodes that have a frame compete now.
     pub(crate) fn arbitrate(&mut self, now: Nanos) {
         self.look_at_controller(now);
         let offer = self.offer(now);
@@ -331,7 +331,7 @@ impl Wire {
         if let Some(offer) = offer
             && self.shorted
         {
-            // Everybody fails at the first bit, the controller with them: only it counts.
+            // All nodes fail at the first bit, the controller too: only it counts.
             (frame, sender) = (offer, Sender::Controller);
         }
         self.counters.id_clashes += u64::from(clash && !self.shorted);
@@ -428,7 +428,7 @@ impl Wire {
         }
     }
 
-    /// Tells everybody but the ESCs how a frame ended; returns it if they hear it.
+    /// Tells all nodes but the ESCs how a frame ended; returns it if they hear it.
     fn finish(&mut self, air: Transmission) -> Option<Transmission> {
         let understands = !self.is_off_clock(&*self.controller.borrow());
         let outcome = match air.failed {

@@ -308,7 +308,7 @@ impl World {
         self.awake.take()
     }
 
-    /// Lets time pass until a timer or a serial port has woken somebody (`true`), or up to `limit`.
+    /// Lets time pass until a timer or a serial port has woken a task (`true`), or up to `limit`.
     fn pass(&mut self, limit: Nanos) -> bool {
         while self.now_ns() < limit {
             let now = self.now_ns();

@@ -39,7 +39,7 @@ fn bytes(world: &mut World, mut port: UartPort, until_ms: u64) -> Vec<(u8, u64)>
     heard.take()
 }
 
-/// When frames of so many bytes ended, in us.
+/// When frames of `length` bytes ended, in us.
 fn ends(bytes: &[(u8, u64)], length: usize) -> Vec<u64> {
     assert_eq!(bytes.len() % length, 0, "whole frames");
     bytes.chunks(length).map(|frame| frame[length - 1].1).collect()

@@ -9,7 +9,7 @@ fn standard(id: u16, data: [u8; 8]) -> CanFrame {
     CanFrame::eight_bytes(StandardId::new(id).unwrap(), data)
 }
 
-/// A bus with one silent ESC: somebody who acknowledges.
+/// A bus with one silent ESC, which acknowledges.
 fn quiet_bus(world: &mut World) -> (Bus, SimPort) {
     let bus = world.add_bus(BusConfig::default());
     let esc = bus.add_esc(EscConfig::new(Model::C620, 8)).unwrap();
@@ -149,7 +149,7 @@ fn eight_motors_at_1_khz_overload_the_bus_and_at_500_hz_do_not() {
     assert!(lost.iter().sum::<u64>() > 500, "{lost:?}");
     let full = |load: &f64| (99.0..=100.0).contains(load);
     assert!(bus.load_windows().iter().all(full), "{:?}", bus.load_windows());
-    // Whoever has the highest identifier loses.
+    // The highest identifier loses.
     assert_eq!(lost[0], 0, "{lost:?}");
     assert!(lost[7] > 500, "{lost:?}");
 
@@ -256,8 +256,8 @@ fn a_frame_cut_off_on_the_wire_is_not_heard_and_what_failed_alone_goes_first() {
     let _ = port.submit(&standard(0x200, [0; 8])); // 126 µs
     world.advance(Micros::new(50));
     bus.set_cut(true);
-    // Connected again in the middle of the third attempt, the first one that nobody could hear
-    // because the controller was alone.
+    // Connected again in the middle of the third attempt, the first one that could not be
+    // heard, because the controller was alone.
     world.advance(Micros::new(126 * 2 + 50));
     assert_eq!(bus.counters().frames, 0);
     bus.set_cut(false);

@@ -20,9 +20,9 @@ use crate::case::{Case, Findings, FrameCase};
 
 /// A rule that every motor keeps.
 pub struct Rule {
-    /// What it is called in a report.
+    /// Name in a report.
     pub name: &'static str,
-    /// What it says.
+    /// Text of the rule.
     pub text: &'static str,
     pub(crate) check: Check,
 }

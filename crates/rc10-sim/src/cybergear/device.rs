@@ -15,7 +15,7 @@ pub enum Mode {
     Run,
 }
 
-/// What feedback shows of a shaft beyond the range of its field. No source says; real devices are
+/// Feedback of a shaft beyond the range of its field. No source says; real devices are
 /// one or the other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AtEnd {
@@ -117,13 +117,13 @@ impl CyberGear {
         self.id
     }
 
-    /// What types 17 and 18 reach, now.
+    /// The parameters that types 17 and 18 reach.
     #[must_use]
     pub const fn parameters(&self) -> &Parameters {
         &self.parameters
     }
 
-    /// The same, to set up a device as somebody else has left it.
+    /// The same, to set up a device as another program has left it.
     pub const fn parameters_mut(&mut self) -> &mut Parameters {
         &mut self.parameters
     }
@@ -140,18 +140,18 @@ impl CyberGear {
         (self.faults, self.details)
     }
 
-    /// How often its flash was written.
+    /// Number of times that its flash was written.
     #[must_use]
     pub const fn saves(&self) -> u32 {
         self.saves
     }
 
-    /// Whether faults stay whoever clears them: their cause is still there.
+    /// Whether faults stay when they are cleared, because their cause is still there.
     pub const fn set_lasting(&mut self, lasting: bool) {
         self.lasting = lasting;
     }
 
-    /// Where it takes its shaft to be, rad, all turns counted.
+    /// Position of its shaft as it counts it, rad, all turns included.
     #[must_use]
     pub fn position(&self, shaft: &Shaft<'_>) -> f64 {
         shaft.radians() - self.zero

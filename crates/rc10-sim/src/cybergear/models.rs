@@ -1,6 +1,6 @@
 use crate::motor::Plant;
 
-/// What tells one model from another.
+/// Differences between the models.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
     /// As the vendor writes it.

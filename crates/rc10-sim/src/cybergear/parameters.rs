@@ -4,7 +4,7 @@ use super::Model;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Unknown;
 
-/// What a device holds for types 17 and 18, from index 0x7005 on.
+/// Parameters of types 17 and 18, from index 0x7005 on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {
     /// 0x7005: 0 motion, 1 position, 2 velocity, 3 current; RobStride also 5, position at a set

@@ -5,7 +5,7 @@ use rc10_can::embedded_can::ExtendedId;
 
 use super::Model;
 
-/// What a host wants.
+/// A command of a host.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {
     /// Type 0: who are you.
@@ -117,7 +117,7 @@ fn eight(kind: u8, upper: u8, id: u32, data: [u8; 8], model: &Model) -> Result<C
     })
 }
 
-/// What feedback tells.
+/// Content of a feedback frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
     /// 0 reset, 1 calibration, 2 run.
@@ -140,7 +140,7 @@ fn frame(kind: u32, middle: u16, to: u8, data: [u8; 8]) -> CanFrame {
     CanFrame::eight_bytes(ExtendedId::new(id).unwrap_or(ExtendedId::MAX), data)
 }
 
-/// Type 2, or 24 when nobody asked.
+/// Type 2, or 24 when it was not asked for.
 #[must_use]
 pub fn feedback(unasked: bool, motor: u8, host: u8, report: &Report, model: &Model) -> CanFrame {
     let state = report.mode << 6 | report.faults & 0x3F;
@@ -167,7 +167,7 @@ fn tenths(celsius: f64) -> u16 {
     (celsius * 10.0).round() as u16
 }
 
-/// Type 0: the motor's identifier and the number of its chip, to everybody.
+/// Type 0: the motor's identifier and the number of its chip, to all nodes.
 #[must_use]
 pub fn identity(motor: u8, chip: [u8; 8]) -> CanFrame {
     frame(0, motor.into(), 0xFE, chip)

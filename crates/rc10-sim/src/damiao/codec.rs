@@ -1,7 +1,7 @@
 //! The frames, as the device reads and writes them. Angles in rad, speeds in rad/s, torques in N·m,
 //! at the output shaft.
 
-/// What the ends of the range-mapped fields stand for: registers 21 to 23.
+/// Ranges of the mapped fields: registers 21 to 23.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// `PMAX`, rad.
@@ -16,7 +16,7 @@ pub struct Limits {
 const STIFFNESS: f64 = 500.0;
 const DAMPING: f64 = 5.0;
 
-/// How it is controlled: register 10.
+/// Control mode: register 10.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// Spring, damper and torque.
@@ -30,7 +30,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// What register 10 stands for; `None` if it is none of the four.
+    /// The mode of a value of register 10; `None` if it is none of the four.
     #[must_use]
     pub const fn from_register(value: u32) -> Option<Self> {
         Some(match value {
@@ -42,7 +42,7 @@ impl Mode {
         })
     }
 
-    /// What its commands' identifiers have on top of the motor's own.
+    /// Offset of its commands' identifiers from the motor's own.
     #[must_use]
     pub const fn offset(self) -> u32 {
         match self {
@@ -68,7 +68,7 @@ pub enum Operation {
 }
 
 impl Operation {
-    /// What a payload orders; `None` if it is no operation.
+    /// The operation in a payload; `None` if there is none.
     #[must_use]
     pub fn decode(payload: &[u8]) -> Option<Self> {
         let (last, ones) = payload.split_last()?;
@@ -85,7 +85,7 @@ impl Operation {
     }
 }
 
-/// What it is told to do.
+/// A setpoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Setpoint {
     /// Torque = `kp` (`position` - measured) + `kd` (`velocity` - measured) + `torque`.
@@ -122,7 +122,7 @@ pub enum Setpoint {
 }
 
 impl Setpoint {
-    /// What a payload means in a mode; `None` for a length or a number that means nothing.
+    /// The setpoint in a payload; `None` for a length or number that the mode does not have.
     ///
     /// A velocity is four bytes, and eight are taken too: the vendor's Python code sends so.
     #[must_use]
@@ -170,7 +170,7 @@ impl Setpoint {
     }
 }
 
-/// What it answers to nearly everything.
+/// Feedback frame, the answer to nearly every command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Report {
     /// Its identifier; four bits of it are sent.
@@ -210,7 +210,7 @@ impl Report {
     }
 }
 
-/// What is done to a register, on 0x7FF.
+/// Access to a register, on 0x7FF.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// 0x33.
@@ -224,7 +224,7 @@ pub enum Access {
 }
 
 impl Access {
-    /// Which motor is asked what; `None` for what is no such question. Four bytes or eight.
+    /// The motor's identifier and the access; `None` for any other payload. Four bytes or eight.
     #[must_use]
     pub fn decode(payload: &[u8]) -> Option<(u16, Self)> {
         let (head, rest) = payload.split_first_chunk::<4>()?;

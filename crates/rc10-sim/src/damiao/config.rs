@@ -3,7 +3,7 @@
 use super::codec::{Limits, Mode};
 use crate::motor::Plant;
 
-/// What it reports beyond ±PMAX: no source says.
+/// Reports beyond ±PMAX: no source tells of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Beyond {
     /// The end of the range.
@@ -20,7 +20,7 @@ pub struct DamiaoConfig {
     pub can_id: u16,
     /// What it answers with, 0 ..= 0x7FF.
     pub master_id: u16,
-    /// How it is controlled.
+    /// Control mode.
     pub mode: Mode,
     /// Its ranges.
     pub limits: Limits,

@@ -1,6 +1,6 @@
 //! The drive's side of the protocol: commands in, answers out.
 
-/// What a drive is told. Angles 0.01°, speeds of a command 0.01°/s, limits 1°/s, of the rotor.
+/// A command to a drive. Angles 0.01°, speeds of a command 0.01°/s, limits 1°/s, of the rotor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// `80`.
@@ -35,7 +35,7 @@ pub enum Order {
     ReadOneTurn,
 }
 
-/// What a command says; `None` if there is no such.
+/// The command in a payload; `None` if there is no such.
 #[must_use]
 pub const fn decode(bytes: &[u8; 8]) -> Option<Order> {
     let word = i32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]]);
@@ -66,7 +66,7 @@ pub const fn decode(bytes: &[u8; 8]) -> Option<Order> {
     })
 }
 
-/// What a drive measures, in its own steps.
+/// Measurements of a drive, in its own steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct State {
     /// °C.

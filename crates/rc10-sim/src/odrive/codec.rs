@@ -3,7 +3,7 @@
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
 
-/// What an axis is told. Turns, turns/s, N·m, A.
+/// A command to an axis. Turns, turns/s, N·m, A.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Order {
     /// `02`.
@@ -37,7 +37,7 @@ fn short(bytes: &[u8], first: usize) -> Option<i16> {
     Some(i16::from_le_bytes([*bytes.get(first)?, *bytes.get(first + 1)?]))
 }
 
-/// What the data of a command say; `None` if there is no such, or it is too short.
+/// The command in a message; `None` if there is no such, or it is too short.
 #[must_use]
 pub fn decode(message: u8, bytes: &[u8]) -> Option<Order> {
     Some(match message {

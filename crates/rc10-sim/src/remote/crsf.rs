@@ -8,7 +8,7 @@ use crate::serial::{SerialConfig, SerialDevice};
 
 /// 150 packets a second.
 const PERIOD: Nanos = Nanos::new(6_666_667);
-/// Statistics come with every so many-th packet.
+/// Packets from one with statistics to the next.
 const STATISTICS_EVERY: u32 = 15;
 /// To a flight controller.
 const ADDRESS: u8 = 0xC8;
@@ -70,7 +70,7 @@ impl SerialDevice for Crsf {
         self.packets = self.packets.wrapping_add(1);
     }
 
-    /// Telemetry, which nobody reads.
+    /// Telemetry, which is not read.
     fn receive(&mut self, _byte: u8, _now: Nanos) {}
 }
 

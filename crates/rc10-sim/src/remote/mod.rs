@@ -45,7 +45,7 @@ pub use ppm::Ppm;
 pub use sbus::{Failsafe, Sbus};
 pub use vt03::Vt03;
 
-/// Where somebody's hands have put everything on a remote.
+/// Positions of all sticks and switches of a remote.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Controls {
     /// The left stick.
@@ -66,7 +66,7 @@ pub struct Controls {
 }
 
 impl Controls {
-    /// Nobody touches it: sticks and switches in the middle.
+    /// An untouched remote: sticks and switches in the middle.
     pub const REST: Self = Self {
         left: Stick::MIDDLE,
         right: Stick::MIDDLE,
@@ -104,7 +104,7 @@ pub enum Switch {
     Down,
 }
 
-/// What a receiver has sent so far.
+/// Counters of what a receiver has sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sent {
     /// Frames, whatever they say.
@@ -118,7 +118,7 @@ pub struct Sent {
     pub last_live: Option<Nanos>,
 }
 
-/// A remote control in somebody's hands, as its receiver and a test's script see it. Cheap to
+/// A remote control, as its receiver and a test's script see it. Cheap to
 /// clone.
 #[derive(Clone, Debug, Default)]
 pub struct Remote(Rc<State>);
@@ -141,7 +141,7 @@ impl Default for State {
 }
 
 impl Remote {
-    /// A remote that is switched on, and that nobody touches.
+    /// A remote that is switched on and untouched.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -152,18 +152,18 @@ impl Remote {
         self.0.controls.set(controls);
     }
 
-    /// Where the hands are.
+    /// Positions of its sticks and switches.
     #[must_use]
     pub fn controls(&self) -> Controls {
         self.0.controls.get()
     }
 
-    /// Switches the transmitter off, or on again: or it is out of reach, or somebody jams it.
+    /// Switches the transmitter off, or on again: or it is out of reach, or jammed.
     pub fn set_transmitter(&self, on: bool) {
         self.0.transmitter.set(on);
     }
 
-    /// What its receiver has sent so far.
+    /// Counters of what its receiver has sent.
     #[must_use]
     pub fn sent(&self) -> Sent {
         self.0.sent.get()
@@ -201,7 +201,7 @@ impl Remote {
     }
 }
 
-/// So many characters, as they take on a link.
+/// How long a number of characters takes on a link.
 const fn characters(count: usize, character: Nanos) -> Nanos {
     Nanos::new(count as u64 * character.get())
 }

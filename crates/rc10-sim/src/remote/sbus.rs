@@ -10,7 +10,7 @@ const LENGTH: usize = 25;
 const FRAME_LOST: u8 = 1 << 2;
 const FAILSAFE: u8 = 1 << 3;
 
-/// What a receiver does when it hears nothing for long, as it was told when it was bound.
+/// Reaction of a receiver to a long silence, as set when it was bound.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Failsafe {
     /// The channels stay as they were heard last: the sticks are stuck, but for the flags.
@@ -66,7 +66,7 @@ impl Sbus {
         self
     }
 
-    /// The same with another failsafe, after so many lost frames: 0 says it with the first.
+    /// The same with another failsafe, told after `after` lost frames: 0 tells it with the first.
     #[must_use]
     pub const fn with_failsafe(mut self, failsafe: Failsafe, after: u32) -> Self {
         (self.failsafe, self.failsafe_after) = (failsafe, after);

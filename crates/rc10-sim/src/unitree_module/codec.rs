@@ -32,7 +32,7 @@ pub struct Gains {
 /// A frame to a module.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
-    /// Which module, 0 ..= 3.
+    /// Number of the module, 0 ..= 3.
     pub module: u8,
     /// Which of its motors, 0 ..= 15; 15 is all of them.
     pub motor: u8,
@@ -61,7 +61,7 @@ pub enum Asked {
 /// A frame to a module whose length or operation it does not take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Malformed {
-    /// Which module.
+    /// Number of the module.
     pub module: u8,
     /// Which of its motors.
     pub motor: u8,
@@ -116,7 +116,7 @@ fn gains([d0, d1, s0, s1, ..]: [u8; 8]) -> Gains {
 /// A frame from a module.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Report {
-    /// Which module, 0 ..= 3.
+    /// Number of the module, 0 ..= 3.
     pub module: u8,
     /// About which of its motors, 0 ..= 14.
     pub motor: u8,

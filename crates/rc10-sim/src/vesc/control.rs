@@ -6,7 +6,7 @@ use super::{Order, VescConfig};
 use crate::device::{Shaft, Winding};
 use crate::motor::STEP;
 
-/// What a VESC does to its motor.
+/// Control mode of a VESC.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mode {
     /// Nothing: the bridge is open.

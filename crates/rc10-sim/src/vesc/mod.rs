@@ -22,7 +22,7 @@ use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
 use crate::motor::{Plant, STEP};
 use control::Control;
 
-/// How a VESC is set up.
+/// Configuration of a VESC.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VescConfig {
     /// 0 ..= 254.
@@ -103,7 +103,7 @@ impl fmt::Display for VescError {
 
 impl std::error::Error for VescError {}
 
-/// What a VESC can find wrong with itself, with the numbers of bldc's `mc_fault_code`. No CAN frame
+/// Faults of a VESC, with the numbers of bldc's `mc_fault_code`. No CAN frame
 /// tells them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
@@ -203,13 +203,13 @@ impl Vesc {
         self.config.pole_pairs = pole_pairs.max(1);
     }
 
-    /// What it does to the motor now.
+    /// Its control mode.
     #[must_use]
     pub const fn mode(&self) -> Mode {
         self.control.mode()
     }
 
-    /// What is wrong with it.
+    /// Its fault.
     #[must_use]
     pub const fn fault(&self) -> Option<VescFault> {
         self.fault

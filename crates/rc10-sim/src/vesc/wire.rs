@@ -3,7 +3,7 @@
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id};
 
-/// What somebody tells a VESC.
+/// A command to a VESC.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Order {
     /// Packet 0: share of the supply voltage, -1 ..= 1.
@@ -51,7 +51,7 @@ pub enum NoOrder {
 }
 
 impl Order {
-    /// What a frame tells the VESC of this id.
+    /// The command in a frame to the VESC of this id.
     ///
     /// The firmware from 6.00 on takes a current of six or more bytes for one with a delay, which
     /// it reads first: so does this. All other packets are taken only at their exact lengths; the
@@ -92,7 +92,7 @@ impl Order {
     }
 }
 
-/// What a VESC tells by itself, or asked.
+/// A report of a VESC, unasked or asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Report {
     /// Packet 9: electrical rpm, A (negative while the motor generates), share of the voltage.
