@@ -37,6 +37,8 @@ struct Dummy {
     /// How many frames it sends in a tick.
     frames: u16,
     ticks: Seen<Vec<Tick>>,
+    /// What was known of its link as its frames came.
+    links: Seen<Vec<Link>>,
     /// What it will say of a request that waits for the device.
     response: Seen<Option<Result<Response, RequestError>>>,
 }
@@ -46,8 +48,8 @@ impl Dummy {
         let ids = CanIds::new()
             .receives(RxFrames::new(exact(number), 1, Rate::EveryTick))
             .transmits(TxFrames::new(exact(0x100 + 16 * number), 8, Rate::EveryTick));
-        let (ticks, response) = (Seen::default(), Seen::default());
-        Self { number, ids, frames: 1, ticks, response }
+        let (ticks, links, response) = Default::default();
+        Self { number, ids, frames: 1, ticks, links, response }
     }
 }
 
@@ -89,8 +91,9 @@ impl CanMotor for Dummy {
         &mut self,
         frame: &CanFrame,
         _: Micros,
-        _: Link,
+        link: Link,
     ) -> Result<FrameKind, FrameError> {
+        self.links.lock().expect("no panic").push(link);
         Ok(if frame.bytes() == [1] { FrameKind::Fault } else { FrameKind::Feedback })
     }
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
@@ -171,6 +174,25 @@ fn a_clear_that_is_refused_or_not_answered_does_not_end_a_fault() {
         tick(&mut bus, Micros::from_millis(2), &mut TxBatch::new()).unwrap();
         assert_eq!(drives(&bus), [DriveMode::Run]);
     }
+}
+
+#[test]
+fn a_motor_is_told_what_the_bus_knows_of_its_link() {
+    let switch = ArmSwitch::new();
+    let mut dummy = Dummy::new(1);
+    let (ticks, links) = (dummy.ticks.clone(), dummy.links.clone());
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(&mut dummy, Safety::COAST).unwrap();
+    for (millis, is_heard) in [(1, false), (2, true), (12, true), (25, false), (26, true)] {
+        if is_heard {
+            bus.on_frame(&feedback(1, 0), Micros::from_millis(millis));
+        }
+        bus.tick(Micros::from_millis(millis), MS, &mut TxBatch::new()).unwrap();
+    }
+    let (never, online, lost) = (Link::NeverSeen, Link::Online, Link::Lost);
+    assert_eq!(*links.lock().unwrap(), [never, online, lost]);
+    let ticks: Vec<_> = ticks.lock().unwrap().iter().map(|tick| tick.link).collect();
+    assert_eq!(ticks, [never, online, online, lost, online]);
 }
 
 /// The bus keeps the low 32 bits of times: they are the same again after 71.6 minutes.
