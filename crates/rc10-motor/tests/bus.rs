@@ -195,6 +195,43 @@ fn a_motor_is_told_what_the_bus_knows_of_its_link() {
     assert_eq!(ticks, [never, online, online, lost, online]);
 }
 
+#[test]
+fn a_command_holds_until_it_expires_and_a_link_until_it_is_lost_to_the_microsecond() {
+    let switch = ArmSwitch::new();
+    let mut dummy = Dummy::new(1);
+    let mut bus = MotorBus::new(&switch);
+    let safety = Safety { command_expiry: Micros::from_millis(5), ..Safety::BRAKE };
+    bus.attach(&mut dummy, safety).unwrap();
+    switch.arm().unwrap();
+    let expired = |bus: &MotorBus<'_>| bus.status(FIRST, Micros::ZERO).unwrap().counters.expired;
+    let (run, brake) = (DriveMode::Run, DriveMode::Brake);
+    let start = Micros::from_millis(100);
+    tick(&mut bus, start, &mut TxBatch::new()).unwrap();
+    for (after, drive) in
+        [(4_999, run), (5_000, brake), (10_000, brake), (10_001, DriveMode::Coast)]
+    {
+        bus.tick(start + Micros::new(after), MS, &mut TxBatch::new()).unwrap();
+        assert_eq!((drives(&bus), expired(&bus)), (vec![drive], u32::from(after >= 5_000)));
+    }
+    // A robot that is disarmed as a command expires has not missed it.
+    let start = Micros::from_millis(200);
+    tick(&mut bus, start, &mut TxBatch::new()).unwrap();
+    assert_eq!(drives(&bus), [run]);
+    switch.disarm();
+    bus.tick(start + Micros::new(6_000), MS, &mut TxBatch::new()).unwrap();
+    assert_eq!((drives(&bus), expired(&bus)), (vec![DriveMode::Off], 1));
+    // A link that outlasts a command: the same for a command that is given again.
+    switch.arm().unwrap();
+    let start = Micros::from_millis(300);
+    tick(&mut bus, start, &mut TxBatch::new()).unwrap();
+    for (after, drive) in [(9_999, run), (10_000, run), (10_001, DriveMode::Coast)] {
+        let now = start + Micros::new(after);
+        bus.command(FIRST, Target::Coast, now).unwrap();
+        bus.tick(now, MS, &mut TxBatch::new()).unwrap();
+        assert_eq!(drives(&bus), [drive], "{after}");
+    }
+}
+
 /// The bus keeps the low 32 bits of times: they are the same again after 71.6 minutes.
 #[test]
 fn a_pause_in_which_the_clocks_low_half_comes_round_revives_no_command() {

@@ -132,6 +132,11 @@ fn nothing_overflows() {
 
 #[test]
 fn movements_are_certain_up_to_half_a_turn_of_the_sensor() {
+    let mut half = shaft(8192, 36, 1, Direction::Forward);
+    half.follow(0, 0.0, Micros::from_millis(1));
+    half.follow(4096, 0.0, Micros::from_millis(2));
+    // Ambiguous, and taken as backwards everywhere in the workspace.
+    assert_eq!(half.steps_to(TotalAngle::ZERO), 4096);
     // rpm, milliseconds between two readings, steps, and whether that is an estimate.
     for (rpm, millis, steps, gaps) in [
         // 0.3 turns, 0.55 of them, and one: the shorter way round is certain only for the first.
