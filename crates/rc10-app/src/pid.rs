@@ -82,7 +82,7 @@ fn derivative(kd: f32, change: f32, dt: f32) -> f32 {
     kd * change / dt
 }
 
-/// Out of line: seldom is a moving thing within its deadband.
+/// Out of line: a moving thing is seldom within its deadband.
 #[cold]
 const fn no_error() -> f32 {
     0.0
@@ -168,7 +168,7 @@ impl PidState {
                 to - from
             }
         };
-        if !(dt.get() > 0.0 && dt.is_finite()) {
+        if !dt.is_step() {
             return self.output;
         }
         let change = self.last_measured.map_or(0.0, |last| way(last, measured));
