@@ -120,7 +120,7 @@ impl Controller {
         self.is(cccr::INIT) != (self.now < self.init_told)
     }
 
-    /// How long a scan for the most urgent buffer takes.
+    /// Duration of a scan for the most urgent buffer.
     fn scan(&self) -> Nanos {
         if self.kernel_hz == 0 {
             return Nanos::ZERO;

@@ -7,7 +7,7 @@
 //! received when it ends, not at the last bit of its end-of-frame but one; a sender's broken frame
 //! is always a bit error ([`BusError::Bit`] reads as `Bit0Error`). Further:
 //! * Loop-back: a controller in it is not on the bus.
-//! * Bus monitoring sends nothing, but a wire takes whoever hears for one that acknowledges.
+//! * Bus monitoring sends nothing, but a wire takes every listener for one that acknowledges.
 //! * The timeout counter, the RAM watchdog, the external timestamp counter (reads as 0) and
 //!   transmit pause hold what is written and do nothing. The time-triggered registers do not exist.
 //! * The clock calibration unit does not calibrate: bypassed, or without a valid clock.
@@ -109,7 +109,7 @@ impl Fdcans {
         self.ram.word_mut(word).map(|slot| *slot = value).is_some()
     }
 
-    /// How often a controller went beyond the message RAM's end, where a register had sent it.
+    /// Times a controller went beyond the message RAM's end, where a register had sent it.
     #[must_use]
     pub const fn ram_misses(&self) -> u64 {
         self.ram.misses
@@ -146,7 +146,7 @@ impl Fdcans {
         self.controllers.each_ref().map(|one| [one.interrupt_line(0), one.interrupt_line(1)])
     }
 
-    /// What one controller saw.
+    /// Counters of one controller.
     #[must_use]
     pub fn counters(&self, index: usize) -> &Counters {
         self.controllers.get(index).map_or(&Counters::NONE, |one| &one.counters)

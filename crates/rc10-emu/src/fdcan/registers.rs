@@ -1,4 +1,4 @@
-//! Where the registers are, which bits of them exist, and which are writable when.
+//! The registers: offsets, existing bits, and when they are writable.
 //!
 //! Source: RM0468, FDCAN register map; addresses and bits as in `stm32-metapac` (`can_fdcan_h7`).
 
@@ -176,7 +176,7 @@ static MAP: [Register; 46] = [
     active(at::TXEFA),
 ];
 
-/// What is at an offset, if anything.
+/// Register at an offset, if there is one.
 pub(super) fn find(offset: u32) -> Option<&'static Register> {
     MAP.iter().find(|register| register.offset == offset)
 }

@@ -18,7 +18,7 @@ use super::access::{Refusal, Write};
 use super::clocks::{self, CSI_HZ, Clocks, HSE_HZ, HSI_HZ, LSE_HZ, Pll, Settings, Sources, field};
 use super::registers::{Register, Registers, masked, plain};
 
-/// Why the chip starts anew.
+/// Cause of a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResetCause {
     /// Power came.
@@ -104,7 +104,7 @@ const TABLE: &[Register] = &[
     plain(0x114, 0x0300_0136), plain(0x118, 0x31D7_3033), plain(0x11C, 0x0421_FEAA),
 ];
 
-/// What has to start before it can be used: its bit in CR, and how long that takes. The flag that
+/// A clock source that has to start: its bit in CR, and its start-up time. The flag that
 /// says it is ready is the next bit, two further for HSI. Source: STM32H723 data sheet, maximum or
 /// typical times of the oscillator tables.
 #[rustfmt::skip]
@@ -138,7 +138,7 @@ const LSE: usize = 33;
 #[derive(Debug)]
 pub(super) struct Rcc {
     registers: Registers,
-    /// When each starter becomes ready, by its bit in CR.
+    /// Time at which each source becomes ready, by its bit in CR.
     ready: [Option<Nanos>; 34],
     /// Whether the crystal swings when it is asked to.
     crystal: bool,
@@ -228,7 +228,7 @@ impl Rcc {
         self.registers.value(CIFR) & SECURITY_FLAG != 0
     }
 
-    /// When the system clock was switched to PLL1.
+    /// Time at which the system clock was switched to PLL1.
     pub(super) const fn system_ready_at(&self) -> Option<Nanos> {
         self.system_ready_at
     }
@@ -298,7 +298,7 @@ impl Rcc {
         let off = |pll, mask| if self.pll_is_on(pll) { 0 } else { mask };
         match write.offset {
             CR => {
-                // What drives the system clock cannot be switched off.
+                // The source of the system clock cannot be switched off.
                 let before = self.registers.value(CR);
                 self.registers.write(write)?;
                 // Clock security is only ever switched on.
@@ -427,7 +427,7 @@ impl Rcc {
         }
     }
 
-    /// When something becomes ready.
+    /// Time at which the next source becomes ready.
     pub(super) fn next_event(&self) -> Option<Nanos> {
         self.ready.iter().flatten().copied().filter(|&at| at > self.settled).min()
     }

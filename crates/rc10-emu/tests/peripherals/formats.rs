@@ -223,7 +223,7 @@ fn an_overrun_deafens_until_it_is_cleared() {
         hear(&mut chip, coming);
     }
     assert_eq!((chip.read(ISR) & ORE, chip.read(RDR)), (0, 2));
-    // One that is injected comes as if nobody had taken the byte before.
+    // An injected one comes as if the byte before had not been taken.
     let mut chip = uart(0, 0, 0);
     let coming =
         Character { fault: Some(UartFault::Overrun), ..character(&chip, 1, Format::EIGHT_N_1) };

@@ -31,7 +31,7 @@ const FILTERS: [(u64, u64); 16] = [
 pub(super) struct Input {
     raw: bool,
     filtered: bool,
-    /// When the filter lets the raw level through.
+    /// Time at which the filter lets the raw level through.
     passes_at: Option<Nanos>,
     /// Edges that the prescaler has swallowed.
     swallowed: u32,
@@ -84,7 +84,7 @@ impl Timer {
         Nanos::new((divider * samples * 1_000_000_000).div_ceil(self.hz))
     }
 
-    /// When a filter lets something through.
+    /// Time at which a filter lets a level through.
     pub(super) fn next_pass(&self) -> Option<Nanos> {
         self.inputs.iter().filter_map(|input| input.passes_at).min()
     }
@@ -142,7 +142,7 @@ impl Timer {
         self.compare[channel].written = self.counter;
         self.compare[channel].in_force = self.counter;
         if self.flags & 2 << channel != 0 {
-            // CCxOF: nobody has taken the one before.
+            // CCxOF: the capture before was not read.
             self.flags |= 0x200 << channel;
         }
         self.raise(2 << channel);
