@@ -1,4 +1,4 @@
-//! What the strip shows while the robot's state changes: what matters most.
+//! The pattern of the strip while the robot's state changes: the most important state wins.
 
 use std::cell::RefCell;
 use std::rc::Rc;

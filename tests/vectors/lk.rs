@@ -39,10 +39,10 @@ pub fn words(sentence: &str) -> Check<Vec<String>> {
     Ok(bare.split_whitespace().map(Into::into).collect())
 }
 
-/// What is asked of a drive.
+/// A command to a drive.
 #[derive(Default)]
 struct Order {
-    /// What it is called, without the rest.
+    /// Its name, without the rest.
     name: String,
     model: Option<String>,
     id: Option<i64>,
@@ -306,7 +306,7 @@ fn encoder_bits(inputs: &mut Fields) -> Check<EncoderBits> {
     }
 }
 
-/// Which drive a decoder is set up for; by default an MG with the identifier of the frame.
+/// The drive that a decoder is set up for; by default an MG with the identifier of the frame.
 fn set_up(vector: &mut Fields, frame: &CanFrame) -> Check<(DriveId, Model)> {
     let mut inputs = match vector.optional("inputs") {
         Some(inputs) => Fields::of("inputs", inputs)?,

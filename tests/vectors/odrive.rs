@@ -22,7 +22,7 @@ pub fn run(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check 
     }
 }
 
-/// What is asked of an axis: `set_input_vel 2.5 rev/s, torque_ff -0.25`, or the same in fields.
+/// A command to an axis: `set_input_vel 2.5 rev/s, torque_ff -0.25`, or the same in fields.
 struct Order {
     name: String,
     node: i64,

@@ -56,7 +56,7 @@ pub fn received<P: Protocol<Message: std::fmt::Debug> + Copy>(
     Ok(true)
 }
 
-/// What a stream makes of bytes in pieces, and of silence behind them; and how many of them were in
+/// Messages of a stream from bytes in pieces, and silence behind them; and the number of bytes in
 /// no frame.
 pub fn heard<P: Protocol>(protocol: P, bytes: &[u8], pieces: usize) -> (Vec<P::Message>, u32) {
     let (mut stream, mut heard) = (Stream::new(protocol), Vec::new());
@@ -84,7 +84,7 @@ pub fn expectations(expected: &Value) -> Check<Map<String, Value>> {
     Fields::of("expect", expected.clone())?.into_expectations()
 }
 
-/// Whether anybody here knows the kind of a vector.
+/// Refuses a vector of an unknown kind.
 pub fn understood(known: bool, kind: &str) -> Check {
     if known { Ok(()) } else { Err(format!("this runner does not know the kind `{kind}`")) }
 }

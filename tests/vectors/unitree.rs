@@ -159,7 +159,7 @@ impl Rotor {
         ))
     }
 
-    /// What goes to the wire: asked for at the rotor, and at the output shaft.
+    /// The values on the wire: asked for at the rotor, and at the output shaft.
     fn raw(self) -> Check<[(RawMotion, RawImpedance); 2]> {
         let raw = |gear: Gear, ratio| {
             let (motion, impedance) = self.behind(ratio)?;
@@ -358,7 +358,7 @@ fn operation(inputs: &mut Fields) -> Check<String> {
     Ok(number.into())
 }
 
-/// What a vector asks of a module, at the rotor and at the output shaft.
+/// A vector's request to a module, at the rotor and at the output shaft.
 fn requests(inputs: &mut Fields, operation: &str) -> Check<Vec<Request>> {
     let mut rotor = Rotor::default();
     let mut asked = None;
@@ -423,7 +423,7 @@ fn encode_module(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     Ok(())
 }
 
-/// Where every number is the vector's, every byte is.
+/// Bytes are the vector's where every number is.
 fn same_module_bytes(
     fields: &[(&str, &[u8])],
     motion: RawMotion,

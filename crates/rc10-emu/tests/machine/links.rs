@@ -31,7 +31,7 @@ impl Bench {
     fn new() -> Self {
         let machine = Machine::new(&program(LOAD, FLASH, HANDLER)).unwrap();
         let bench = Self { machine, world: World::new(1) };
-        // What no byte has reached is zero.
+        // Memory that no byte has reached is zero.
         bench.machine.memory().write(BUFFER, &[0; 0x200]).unwrap();
         // Ports A to F, DMA1, UART5 and USART2, TIM13.
         bench.write(0x5802_44E0, 0x3F);

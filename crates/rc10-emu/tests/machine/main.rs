@@ -191,7 +191,7 @@ fn no_fault_is_forgotten() {
     assert!(reports(&machine)[0].contains("locked up"), "{:?}", reports(&machine));
 }
 
-/// Who masks interrupts itself is not unmasked by a fault's end.
+/// A program that masks interrupts itself is not unmasked by a fault's end.
 #[test]
 fn a_mask_ends_as_it_began() {
     let mut world = World::new(1);
