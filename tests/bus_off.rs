@@ -19,7 +19,7 @@ use rc10_sim::{BusConfig, Tasks, World};
 
 const FIRST: MotorId = MotorId::new(0);
 
-/// A port in whatever state the test wants, which writes down what it is asked to do.
+/// A port in any state that the test wants, which writes down its calls.
 #[derive(Default)]
 struct Patient {
     state: Cell<ErrorState>,

@@ -148,8 +148,8 @@ fn what_cannot_be_done_is_said_and_ends_with_2() {
     }
 }
 
-/// Frames that are neither setpoint nor measurement, by hand from the vendors' documents; whose they
-/// are in the mixed robot; and what is said of them.
+/// Frames that are neither setpoint nor measurement, by hand from the vendors' documents; their
+/// motors in the mixed robot; and their text.
 const SPECIAL: &[(&str, &str, &str)] = &[
     // Manuals of J4310, J10010L and S3519.
     ("can0 011#FFFFFFFFFFFFFFFC", "arm", "DAMIAO_ENABLE"),

@@ -151,7 +151,7 @@ fn boots_and_keeps_its_period() {
     });
 }
 
-/// At more than 99 % load nothing is lost, whatever slows the core down.
+/// At more than 99 % load nothing is lost, also by a slow core.
 fn loses_nothing(speed: Option<u64>, faults: &[&str]) {
     let load = ["load:1@0.2s..1.2s", "load:2@0.2s..1.2s", "load:3@0.2s..1.2s"];
     let setup = Setup { speed, ..setup(&[&load[..], faults].concat()) };
@@ -479,7 +479,7 @@ fn a_crystal_that_stops_makes_every_bus_safe() {
     crashes_safely("crystal-stops@0.4s", millis(2), ResetCause::Software, &words);
 }
 
-/// The firmware runs all the same, at the same frequencies, and says what is wrong; no motor gets
+/// The firmware runs all the same, at the same frequencies, and reports the cause; no motor gets
 /// torque.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]

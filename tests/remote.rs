@@ -36,7 +36,7 @@ fn scene<T>(receiver: Receiver, seed: u64, play: impl FnOnce(Scene<'_>) -> T) ->
     scene_with(receiver, seed, |_| (), play)
 }
 
-/// The same; `change` is what is different about its environment.
+/// The same; `change` is the difference of its environment.
 fn scene_with<T>(
     receiver: Receiver,
     seed: u64,

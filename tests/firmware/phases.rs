@@ -163,7 +163,7 @@ fn of_a_lost_motor() {
 fn of_an_emergency_stop() {
     let name = ["emergency stop: wheels coast after the remote's last byte by"];
     at_every_phase("", name, [(0.0, 15.0)], |emulation, phase| {
-        // Not while a frame is on its way: it would carry what was before.
+        // Not while a frame is on its way: it would carry older values.
         let sent = |emulation: &Emulation<'_>| emulation.remote.as_ref().unwrap().remote.sent();
         let next_frame = |emulation: &mut Emulation<'_>| {
             let before = sent(emulation).frames;

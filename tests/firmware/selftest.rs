@@ -117,7 +117,7 @@ impl Bench {
         assert!(self.machine.now() < LIMIT && !self.log.contains("FAILED"), "{}", self.log);
     }
 
-    /// Whether the program has said this after what was asked for last.
+    /// Whether the program has said this since the last request.
     fn has_said(&mut self, what: &str) -> bool {
         let said = self.log[self.read..].find(what);
         self.read += said.map_or(0, |at| at + what.len());

@@ -1,4 +1,4 @@
-//! A bus of motors, whatever happens to it.
+//! A bus of motors, under every sequence of events.
 
 use proptest::array::uniform8;
 use proptest::collection::vec;

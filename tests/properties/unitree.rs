@@ -1,4 +1,5 @@
-//! Unitree's codec, for every input: what is packed comes back, what is not a frame never gets in.
+//! Unitree's codec, for every input: packed values come back, and bytes that are no frame are
+//! refused.
 
 use proptest::array::uniform8;
 use proptest::collection::vec;

@@ -70,7 +70,7 @@ fn what_matters_most_is_shown() {
     });
 }
 
-/// A strip that keeps what was written last, and refuses every third time.
+/// A strip that keeps its last colours, and refuses every third write.
 #[derive(Clone, Default)]
 struct Strip(Rc<RefCell<(u32, Vec<RGB8>)>>);
 

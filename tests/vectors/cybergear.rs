@@ -205,7 +205,7 @@ fn whole(reply: &Reply, field: &str) -> Check<i64> {
     }
 }
 
-/// No reply; where the vector names who is listening, one of another motor counts as rejected.
+/// No reply; where the vector names a listener, a reply of another motor counts as rejected.
 fn reject(vector: &mut Fields, limits: LimitsOf) -> Check {
     let mut inputs = match vector.optional("inputs") {
         Some(inputs) => Fields::of("inputs", inputs)?,

@@ -4,10 +4,10 @@ use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use serde_json::{Map, Value};
 
-/// `Err` says what is wrong, for people.
+/// `Err` is a message for people.
 pub type Check<T = ()> = Result<T, String>;
 
-/// An object that is taken apart field by field: what is left over in the end is an error, so no
+/// An object that is taken apart field by field: fields left over in the end are an error, so no
 /// condition of a vector is ignored because the runner does not know it.
 pub struct Fields {
     name: &'static str,

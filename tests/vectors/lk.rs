@@ -22,7 +22,7 @@ pub fn run(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check 
     }
 }
 
-/// A text such as `mg iq id=1 3.3 A (why)`, word by word; what is in parentheses only explains.
+/// A text such as `mg iq id=1 3.3 A (why)`, word by word; text in parentheses only explains.
 pub fn words(sentence: &str) -> Check<Vec<String>> {
     let mut depth = 0_u32;
     let mut bare = String::new();
@@ -137,7 +137,7 @@ impl Order {
         }
     }
 
-    /// The command; whatever of the order it does not need must not be there.
+    /// The command; fields that its order does not need must not be there.
     fn command(&mut self) -> Check<Command> {
         let name = self.name.clone();
         let model = self.model()?;
@@ -249,7 +249,7 @@ fn encode(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
         None => {
             let model = order.model()?;
             let id = drive(order.id.ok_or("no `id`")?)?;
-            // The neutral frame stands in for what is not a number.
+            // The neutral frame stands in for a value that is not a number.
             order.command()?.pack(id, &model).unwrap_or_else(|error| error.neutral)
         }
     };

@@ -1,4 +1,4 @@
-//! Vectors that are about bytes on a serial line: what a stream makes of them, whatever the protocol.
+//! Vectors of bytes on a serial line: the messages that a stream finds in them, for all protocols.
 
 use rc10_can::Micros;
 use rc10_module::{Protocol, Stream};
@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 use crate::fields::{Check, Fields, Tolerance, same};
 use crate::unitree::{bytes, uart};
 
-/// Compares the fields of a message with what is expected of it.
+/// Compares the fields of a message with the expected ones.
 pub type Compare<M> = fn(&M, &Value, &mut Tolerance) -> Check;
 
 /// The kinds that all protocols have; the others are `Ok(false)`. All bytes come as a whole, one by

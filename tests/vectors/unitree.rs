@@ -266,7 +266,7 @@ fn encode_line(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     Ok(())
 }
 
-/// The values of an answer on the line, whatever of them the vector lists.
+/// The values of a reply on the line: those that the vector lists.
 fn line_values(
     reply: &line::Reply,
     expected: Map<String, Value>,
@@ -438,7 +438,7 @@ fn same_module_bytes(
     same("bytes", !exact || ours == expected, expected, ours)
 }
 
-/// The values of a module's answer, whatever of them the vector lists.
+/// The values of a module's reply: those that the vector lists.
 fn module_values(
     reply: &module::Reply,
     expected: Map<String, Value>,

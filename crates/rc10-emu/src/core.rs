@@ -46,7 +46,7 @@ pub enum Step {
 
 /// A Cortex-M7 that executes from the chip's memories and peripherals.
 pub trait Core {
-    /// Starts anew, as after a reset of the chip; memories keep what is in them.
+    /// Starts anew, as after a reset of the chip; memories keep their contents.
     fn reset(&mut self);
     /// Enters an exception, or executes one instruction; says what it was, and about how many
     /// clocks it took.
@@ -145,7 +145,7 @@ impl MemOps for Wiring {
         let width = width_of(to.len())?;
         let address = address_of(offset)?;
         self.touched.store(true, Ordering::Relaxed);
-        // Instructions do not come from peripherals, whatever stands there.
+        // Instructions do not come from peripherals, at any address.
         let value = if attributes.purpose == AccessPurpose::FETCH {
             Err(self.soc().refuse(address, false))
         } else {
@@ -299,7 +299,7 @@ impl Interpreter {
 
     /// Puts the state of an IT block into the frame of the exception that has just been taken in it.
     /// The interpreter (0.0.7) stacks xPSR without it, and would execute the rest of the block
-    /// whatever its condition was (Armv7-M ARM B1.5.6: the whole xPSR is stacked).
+    /// independent of its condition (Armv7-M ARM B1.5.6: the whole xPSR is stacked).
     fn keep_it_state(&mut self, state: u32, interrupted: u32) {
         let registers = self.core.regs();
         let on_process_stack = registers.r[14] & 4 != 0;

@@ -24,7 +24,7 @@ const FULL_CLOCK_HZ: u64 = 480_000_000;
 const LOG_PERIOD: Nanos = Nanos::new(1_000_000);
 /// Code for injected faults, in the otherwise unused ITCM: an undefined instruction, ..
 const UNDEFINED: u32 = 0x0000_0000;
-/// .. a loop for who masks interrupts, ..
+/// .. a loop for a fault that masks interrupts, ..
 const MASKED: u32 = 0x0000_0010;
 /// .. a panic's location and the name of its file, ..
 const LOCATION: u32 = 0x0000_0020;
@@ -441,7 +441,7 @@ impl Machine {
         Ok(())
     }
 
-    /// Chip and world tell each other what is on their lines, in the order of time, up to now.
+    /// Chip and world exchange the levels of their lines, in the order of time, up to now.
     fn talk(&mut self, world: &mut World, mut next_of_world: Nanos, now: Nanos) {
         let mut soc = self.wiring.soc();
         loop {

@@ -51,7 +51,7 @@ pub async fn spi(parts: SpiParts) -> Outcome {
     want!(bytes[2] == ACCELEROMETER_ID, "the accelerometer says {:#04x}", bytes[2]);
     let mut read = [0; 20];
     gyroscope.set_low();
-    // Longer than the buffer, and longer than what is written.
+    // Longer than the buffer, and longer than the written text.
     let transferred = bus.transfer(&mut read, &[CHIP_ID]).await;
     gyroscope.set_high();
     want!(transferred.is_ok(), "the second transfer failed");

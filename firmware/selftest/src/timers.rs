@@ -171,7 +171,7 @@ pub async fn pulses(parts: PulseParts) -> Outcome {
     let age = rc10_message::now().since(last).get();
     want!(age < 1000, "an edge {age} us old");
     want!(shortest >= 700 && longest <= 20_000, "{shortest} .. {longest} us apart");
-    // Without reads for a while: what is lost is counted.
+    // Without reads for a while: lost pulses are counted.
     Timer::after_millis(200).await;
     let lost = input.lost();
     want!(lost > 0, "no edge was lost though nobody read");

@@ -101,9 +101,9 @@ pub(super) const TEST_LBCK: u32 = 1 << 4;
 pub(super) enum Access {
     /// A constant.
     Constant,
-    /// Holds what was written; writable only while CCCR.INIT and CCCR.CCE are set.
+    /// Holds a written value; writable only while CCCR.INIT and CCCR.CCE are set.
     Protected,
-    /// Holds what was written.
+    /// Holds a written value.
     Open,
     /// Reading or writing it does something.
     Active,
@@ -181,7 +181,7 @@ pub(super) fn find(offset: u32) -> Option<&'static Register> {
     MAP.iter().find(|register| register.offset == offset)
 }
 
-/// The registers that hold what was written to them.
+/// The registers that hold a written value.
 pub(super) struct Registers([u32; 64]);
 
 impl Registers {

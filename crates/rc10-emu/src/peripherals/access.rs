@@ -42,7 +42,7 @@ pub enum AccessKind {
     Gated,
     /// The chip has it, this model does not: reads 0, ignores writes.
     Unmodelled,
-    /// The register is locked, or what was written is not allowed: ignored.
+    /// The register is locked, or the value is not allowed: ignored.
     Protected,
     /// The flash has too few wait states for the clock it now has at its voltage.
     WaitStates,

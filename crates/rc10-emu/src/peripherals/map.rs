@@ -251,7 +251,7 @@ pub struct Way {
     pub apb: u64,
 }
 
-/// First address behind each bus, and the way to what is on it. Our estimates, of the order that is
+/// First address behind each bus, and the way to its devices. Our estimates, of the order that is
 /// told of this family: reads of a timer or an FDCAN in 40 to 50 clocks of a core at 480 MHz with buses
 /// of 240 and 120 MHz, of a GPIO port in half of that, because they lie behind two bridges between
 /// power domains, or one. No board was measured.

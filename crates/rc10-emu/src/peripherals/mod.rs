@@ -21,7 +21,7 @@
 //! | `spi`, `i2c` | SPI1-5, I2C1-3 and 5 as masters, with devices |
 //! | `dma` | DMA1, DMA2 and DMAMUX1 |
 //! | `watchdog` | IWDG1 |
-//! | `outside` | what is at the pins: levels, characters, devices, injected faults |
+//! | `outside` | the world at the pins: levels, characters, devices, injected faults |
 //! | `registers` | a block's registers as a table; blocks that only store |
 //!
 //! To add a peripheral: give it a file with `read`, `write`, `advance` and `next_event`, a variant

@@ -202,7 +202,7 @@ impl Soc {
     }
 
     /// Bytes come in at a UART's receive pin (1 for USART1 ..= 10), one right after the other, the
-    /// first start bit at `start`, which must be after what was fed before. `bits` is a frame's
+    /// first start bit at `start`, which must be after the bits fed before. `bits` is a frame's
     /// length with start, parity and stop bits: 10 for 8N1, 11 for 8E1, 12 for 8E2. `false`: no such
     /// UART, no such length, or no such baud rate.
     pub fn feed_serial(

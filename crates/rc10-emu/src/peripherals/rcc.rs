@@ -46,7 +46,7 @@ impl ResetCause {
     }
 }
 
-/// The address of `RCC_CR`: what is told of clocks that change without an access.
+/// The address of `RCC_CR`, used in reports of clocks that change without an access.
 pub(super) const CONTROL: u32 = 0x5802_4400;
 const CR: u32 = 0x00;
 const CFGR: u32 = 0x10;
@@ -361,7 +361,7 @@ impl Rcc {
         }
     }
 
-    /// Notes when what was switched on is ready, and what was switched off.
+    /// Notes when sources that were switched on are ready, and which were switched off.
     fn start(&mut self, now: Nanos) {
         let control = self.registers.value(CR);
         let mut note = |index: usize, on: bool, at: Option<Nanos>| {
@@ -432,7 +432,7 @@ impl Rcc {
         self.ready.iter().flatten().copied().filter(|&at| at > self.settled).min()
     }
 
-    /// Lets what is due become ready; the system clock is switched when its new source is.
+    /// Sources that are due become ready; the system clock is switched when its new source is.
     pub(super) fn advance(&mut self, now: Nanos) {
         self.settled = now.max(self.settled);
         let wanted = field(self.registers.value(CFGR), 0, 3);

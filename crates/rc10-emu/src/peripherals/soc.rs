@@ -125,7 +125,7 @@ impl Soc {
     }
 
     /// Starts anew. What a reset of this kind leaves alone stays: flags of earlier resets, backup
-    /// domain, supply, debug unit; what is outside: levels and bytes at the pins.
+    /// domain, supply, debug unit; the outside: levels and bytes at the pins.
     pub fn reset(&mut self, cause: ResetCause, now: Nanos) {
         self.rcc.reset(cause, now);
         if cause == ResetCause::PowerOn {
@@ -195,7 +195,7 @@ impl Soc {
         Ok(())
     }
 
-    /// Reports an access without an answer, whatever is at the address: instructions are not
+    /// Reports an access without an answer, also where there is a device: instructions are not
     /// fetched from peripherals.
     pub fn refuse(&mut self, address: u32, write: bool) -> BusFault {
         self.report(address, write, AccessKind::Unowned);

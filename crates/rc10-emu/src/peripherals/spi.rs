@@ -52,7 +52,7 @@ pub trait SpiDevice: Send {
     fn deselect(&mut self, _now: Nanos) {}
 
     /// A frame has been exchanged, most significant bit first: what the chip sent, and what the
-    /// device had on its output meanwhile. That cannot depend on what was sent.
+    /// device had on its output meanwhile. That cannot depend on the byte sent.
     fn exchange(&mut self, sent: u16, now: Nanos) -> u16;
 }
 

@@ -2,7 +2,7 @@
 //!
 //! New values of `PR`, `RLR` and `WINR` come into force after five periods of the LSI oscillator,
 //! whose flag is set until then: the data sheet's and our estimate. The counter starts at 0xFFF,
-//! whatever `RLR` says: the first feeding loads it.
+//! independent of `RLR`: the first feeding loads it.
 
 use rc10_sim::Nanos;
 

@@ -89,7 +89,7 @@ impl Timer {
         self.inputs.iter().filter_map(|input| input.passes_at).min()
     }
 
-    /// Filters let through what is due at this time.
+    /// Filters let through the levels that are due at this time.
     pub(super) fn pass_due(&mut self, at: Nanos) {
         for input in 0..CHANNELS {
             if self.inputs[input].passes_at.is_some_and(|due| due <= at) {

@@ -147,7 +147,7 @@ pub(super) struct Usart {
     latest: u16,
     pins: Pins,
     sent: Vec<SentByte>,
-    /// For who is linked to the transmit pin.
+    /// For the far end of the transmit pin.
     outgoing: Vec<Outgoing>,
 }
 
@@ -156,7 +156,7 @@ pub(super) struct Usart {
 pub(super) struct Pins {
     pub receive: bool,
     pub transmit: bool,
-    /// The pins called RX and TX, for who swaps them.
+    /// The pins called RX and TX, also when they are swapped.
     pub swapped_receive: bool,
     pub swapped_transmit: bool,
 }

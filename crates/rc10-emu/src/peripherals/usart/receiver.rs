@@ -43,7 +43,7 @@ impl Receiver {
         }
     }
 
-    /// A reset of the chip: what is outside stays.
+    /// A reset of the chip: the line stays.
     pub fn reset(&mut self, now: Nanos) {
         self.listen(None, now);
         (self.late, self.armed) = (false, false);
@@ -76,7 +76,7 @@ impl Receiver {
         self.look();
     }
 
-    /// Something damages what is on the wire; if nothing is, `otherwise` comes, damaged.
+    /// A disturbance damages the character on the wire; without one, `otherwise` comes, damaged.
     pub fn disturb(&mut self, fault: UartFault, at: Nanos, otherwise: Character) {
         self.late |= fault == UartFault::Overrun;
         self.wire.disturb(fault, at, otherwise);

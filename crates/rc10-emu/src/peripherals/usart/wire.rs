@@ -202,7 +202,7 @@ impl Wire {
         self.level = high;
     }
 
-    /// A character begins: now, or after all the others. It cuts short what is there longer.
+    /// A character begins: now, or after all the others. It cuts short a level that lasts longer.
     pub fn draw(&mut self, character: Character) {
         while self.edges.back().is_some_and(|&(edge, _)| edge > character.start) {
             self.edges.pop_back();
@@ -213,7 +213,7 @@ impl Wire {
         self.last = Some(character);
     }
 
-    /// Something damages what is on the wire, or looks like a character that is damaged.
+    /// A disturbance damages the character on the wire, or looks like a damaged one.
     pub fn disturb(&mut self, fault: UartFault, at: Nanos, otherwise: Character) {
         let last = self.last.filter(|last| at >= last.start && at < last.at(stop_sample(last)));
         let damaged = last.unwrap_or(Character { start: at, ..otherwise });
