@@ -211,3 +211,29 @@ fn every_word_stands_once_and_is_in_the_code() {
     }
     assert!(terms.len() >= 100, "{}", terms.len());
 }
+
+/// Every vendor's folder has the same files, and none uses another's.
+#[test]
+fn vendors_folders_are_alike_and_apart() {
+    let motors = root().join("crates/rc10-motor/src");
+    let table: BTreeSet<_> =
+        rows(HOUSE, "A further file is for").iter().map(|row| row[0].trim_matches('`')).collect();
+    let folders = fs::read_dir(&motors).unwrap().map(|entry| entry.unwrap().path());
+    let folders: Vec<_> = folders.filter(|path| path.join("signals.rs").exists()).collect();
+    let names = || folders.iter().map(|path| path.file_name().unwrap().to_str().unwrap());
+    assert_eq!(names().collect::<BTreeSet<_>>(), table, "the folders of the table");
+    for (name, folder) in names().zip(&folders) {
+        for file in ["mod.rs", "config.rs", "motor.rs"] {
+            assert!(folder.join(file).exists(), "{name} has no {file}");
+        }
+        let wire = ["wire.rs", "wire/mod.rs"];
+        assert!(wire.iter().any(|file| folder.join(file).exists()), "{name} has no wire.rs");
+        for (path, text) in sources(folder) {
+            let code = code(&text);
+            for other in names().filter(|other| *other != name) {
+                let uses = [format!("crate::{other}::"), format!("crate::{other};")];
+                assert!(!uses.iter().any(|used| code.contains(used)), "{path:?} uses {other}");
+            }
+        }
+    }
+}
