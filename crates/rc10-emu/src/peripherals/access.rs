@@ -1,4 +1,4 @@
-//! Accesses, and what the chip does not like about them.
+//! Accesses to the bus, and the reasons for which some are reported.
 
 use std::fmt;
 
@@ -57,7 +57,7 @@ pub enum AccessKind {
     TooFast(TooFast),
 }
 
-/// An access that the chip does not like.
+/// A reported access.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Access {
     /// Address.
