@@ -23,14 +23,14 @@ use rc10_bsp::pulse_input::{self, PulseInput};
 use rc10_bsp::pulse_output::{self, PulseOutput};
 use rc10_bsp::serial::{self, Parity, Serial, SerialConfig, SerialReceiver, StopBits};
 use rc10_bsp::{CORE_CLOCK, crash, cycle_count, dma_buffer, supervisor};
-use rc10_message::{Cycles};
 use rc10_firmware::board::{Board, PulseParts, REMOTE_HAS_INVERTER, StripParts};
+use rc10_message::Cycles;
 use rc10_module::led::ws2812::BITS;
 use rc10_module::remote::{self, SerialSettings};
 use rc10_motor::Unfit;
 use rc10_motor::embassy::BusPort;
 use rc10_robot::table::{BUSES, LEDS, RECEIVER};
-use rc10_robot::{Shared, Motors};
+use rc10_robot::{Motors, Shared};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::tasks::Unstartable;
@@ -67,7 +67,7 @@ const PULSES: usize = LEDS * BITS + 2;
 
 // Large values are made where they stay: moved, they would go over the stack.
 static PORTS: [StaticCell<BusPort>; BUSES] = [const { StaticCell::new() }; BUSES];
-static IO: StaticCell<Shared<'static>> = StaticCell::new();
+static SHARED: StaticCell<Shared<'static>> = StaticCell::new();
 static MOTORS: ConstStaticCell<Motors> = ConstStaticCell::new(Motors::new());
 static MOTOR_BUSES: [StaticCell<rc10_robot::Bus<'static>>; BUSES] =
     [const { StaticCell::new() }; BUSES];
@@ -102,7 +102,7 @@ async fn main(spawner: Spawner) {
 #[inline(never)]
 fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     let ports = PORTS.each_ref().map(|place| &*place.init_with(|| const { BusPort::new() }));
-    let shared = IO.init_with(|| Shared::new(ports));
+    let shared = SHARED.init_with(|| Shared::new(ports));
     shared.bus_cycles = Some(&TICKS);
     let shared = &*shared;
     if !rc10_bsp::has_crystal() {

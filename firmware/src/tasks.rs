@@ -19,7 +19,9 @@ use rc10_module::led::ws2812::{PulseTiming, Pulses, Strip};
 use rc10_motor::TxBatch;
 use rc10_motor::embassy::{BusPort, Runner, run_buses};
 use rc10_robot::table::{BUSES, LED_BRIGHTNESS, LEDS, RECEIVER};
-use rc10_robot::{Shared, SetupError, chassis, driver, imu, status_led, mechanisms, remote, status};
+use rc10_robot::{
+    SetupError, Shared, chassis, driver, imu, mechanisms, remote, status, status_led,
+};
 
 /// The chip restarts within 100 ms if a bus does not tick, or if the tasks in thread mode do not
 /// run: up to 10 ms go by before that shows, and the watchdog's own clock may be 9 % slow.
@@ -75,7 +77,10 @@ pub async fn chassis(shared: &'static Shared<'static>) -> ! {
 /// comes last, so that motors start in another tick than the one in which the robot is armed: in one
 /// tick that would be a lot.
 #[embassy_executor::task]
-pub async fn ten_milliseconds(shared: &'static Shared<'static>, watchdog: Peri<'static, IWDG1>) -> ! {
+pub async fn ten_milliseconds(
+    shared: &'static Shared<'static>,
+    watchdog: Peri<'static, IWDG1>,
+) -> ! {
     join3(mechanisms::run(shared), watch(watchdog, shared), driver::run(shared)).await.0
 }
 

@@ -21,8 +21,8 @@ fn main() -> ExitCode {
 }
 
 fn ready(robot: &mut TwoWheels) -> Result<Robot<'_>, AttachError> {
-    let (io, bus) = robot.start()?;
-    Ok(Robot::new(description()).bus(bus, &io.bus).task(drive(io)))
+    let (shared, bus) = robot.start()?;
+    Ok(Robot::new(description()).bus(bus, &shared.bus).task(drive(shared)))
 }
 
 fn description() -> Description {

@@ -2,8 +2,8 @@
 
 use rc10_message::{Overrun, Statistics, periodic};
 use rc10_motor::dji::{Dji, IdOutOfRange, M3508};
-use rc10_motor::rc10_app::Direction;
 use rc10_motor::embassy::BusPort;
+use rc10_motor::rc10_app::Direction;
 use rc10_motor::rc10_app::Rpm;
 use rc10_motor::rc10_can::Micros;
 use rc10_motor::{ArmSwitch, AttachError, MotorBus, MotorId, Safety, Target};
@@ -22,7 +22,7 @@ pub const SCRIPT: [(Micros, &str, [f32; WHEELS.len()]); 4] = [
 
 /// The whole robot.
 pub struct TwoWheels {
-    io: Shared,
+    shared: Shared,
     wheels: Vec<Dji>,
 }
 
@@ -41,33 +41,34 @@ impl TwoWheels {
     pub fn new() -> Result<Self, IdOutOfRange> {
         let wheel = |(_, id, direction)| Ok(Dji::new(&M3508, id)?.with_direction(direction));
         let wheels = WHEELS.into_iter().map(wheel).collect::<Result<_, _>>()?;
-        let io = Shared { switch: ArmSwitch::new(), bus: BusPort::new(), timing: Statistics::new() };
-        Ok(Self { io, wheels })
+        let shared =
+            Shared { switch: ArmSwitch::new(), bus: BusPort::new(), timing: Statistics::new() };
+        Ok(Self { shared, wheels })
     }
 
     /// Starts the robot: returns what its tasks share, and the bus with both motors.
     pub fn start(&mut self) -> Result<(&Shared, MotorBus<'_>), AttachError> {
-        let mut bus = MotorBus::new(&self.io.switch);
+        let mut bus = MotorBus::new(&self.shared.switch);
         for wheel in &mut self.wheels {
             bus.attach(wheel, Safety::COAST)?;
         }
-        Ok((&self.io, bus))
+        Ok((&self.shared, bus))
     }
 }
 
 /// The task: arms the robot, and tells its wheels every 10 ms what the script says.
-pub async fn drive(io: &Shared) -> ! {
+pub async fn drive(shared: &Shared) -> ! {
     // Refused after an emergency stop, and if the bus does not fit: it stays disarmed then.
-    let _ = io.switch.arm();
-    periodic(Micros::from_millis(10), Overrun::Skip, &io.timing, async |tick| {
+    let _ = shared.switch.arm();
+    periodic(Micros::from_millis(10), Overrun::Skip, &shared.timing, async |tick| {
         let line = SCRIPT.iter().rev().find(|(from, ..)| *from <= tick.now);
         let Some((_, _, speeds)) = line else { return };
         for (wheel, rpm) in (0..).zip(speeds) {
             let target = Target::Speed(Rpm::new(*rpm));
-            if io.bus.motor(MotorId::new(wheel)).command(target).is_err() {
+            if shared.bus.motor(MotorId::new(wheel)).command(target).is_err() {
                 // A mistake in this program: rather none drives than one alone. The motor's status
                 // counts it by reason.
-                io.switch.emergency_stop();
+                shared.switch.emergency_stop();
             }
         }
     })
