@@ -19,13 +19,13 @@ use rc10_sim::{BusConfig, Tasks, World};
 
 const FIRST: MotorId = MotorId::new(0);
 
-/// A port in whatever state the test wants, which writes down what it is asked to do.
+/// A port in any state that the test wants, which writes down its calls.
 #[derive(Default)]
 struct Patient {
     state: Cell<ErrorState>,
     bus_offs: Cell<u32>,
     now: Cell<u64>,
-    /// When it was asked to go back, in milliseconds.
+    /// Times at which it was asked to go back, in milliseconds.
     attempts: RefCell<Vec<u64>>,
     accepted: RefCell<Vec<Vec<IdPattern>>>,
     incoming: RefCell<VecDeque<CanFrame>>,
@@ -80,8 +80,8 @@ fn a_bus_that_does_not_heal_is_tried_less_and_less_often() {
     assert_eq!(switch.state(), ArmState::Armed);
     assert_eq!(shared.status().health.state, ErrorState::BusOff);
 
-    // Back for less than a second, then for more: only then is it a new bus. (After so long it is
-    // tried at once either way.)
+    // Back for less than a second, then for more: only then is it a new bus. (It has been off for
+    // long enough to be tried at once either way.)
     for (well, tries) in [(900, &[1][..]), (1100, &[1, 3, 7])] {
         patient.state.set(ErrorState::Passive);
         patient.ticks(&mut runner, 2000);
@@ -115,7 +115,7 @@ fn a_manual_bus_stays_off_until_somebody_wants_it_back() {
 #[test]
 fn a_latched_bus_comes_back_but_the_robot_stays_stopped() {
     let (patient, switch, shared) = (Patient::default(), ArmSwitch::new(), BusPort::new());
-    // What happened before the bus ran stops nobody.
+    // Events before the bus ran stop no motor.
     patient.bus_offs.set(7);
     let mut runner = Runner::new(&patient, MotorBus::new(&switch), &shared, Micros::ZERO)
         .with_bus_off(BusOffPolicy::Latched);

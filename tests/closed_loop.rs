@@ -9,7 +9,7 @@ use rc10_motor::dji::{self, Dji, Model};
 use rc10_motor::{ArmSwitch, Safety, Target};
 use rc10_sim::{EscConfig, Scale};
 
-/// What a step of the target led to.
+/// Response to a step of the target.
 #[derive(Debug)]
 struct Response {
     /// Beyond the target, in parts of the step.
@@ -46,7 +46,7 @@ fn respond(
     Response { overshoot, settled }
 }
 
-/// What a motor usually carries: kg m² at its output shaft.
+/// Usual load of a motor: kg m² at its output shaft.
 fn load(model: &Model) -> f64 {
     if let Ok(x) = std::env::var("LOAD") {
         return x.parse().unwrap();
@@ -171,7 +171,7 @@ fn from_350_to_10_degrees_goes_20_forward() {
     }
 }
 
-/// What our side believes against what the simulated device says: `Err` where they differ by more
+/// Compares our side's feedback with the simulated device: `Err` where they differ by more
 /// than the sampling of a moving motor explains. The device decodes and encodes with code of its
 /// own.
 fn agrees(model: &'static Model, gear_of: &'static Model) -> Result<(), String> {

@@ -1,5 +1,5 @@
-//! What fuzzing once found worth keeping, thrown at every decoder again. `cargo xtask fuzz` finds
-//! more.
+//! Inputs that fuzzing once found worth keeping, given to every decoder again. `cargo xtask fuzz`
+//! finds more.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 #![expect(clippy::cast_possible_truncation, reason = "streams of a test are short")]
 

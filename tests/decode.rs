@@ -1,4 +1,4 @@
-//! `rc10 decode` as somebody with a capture uses it: the command itself, on whole logs.
+//! `rc10 decode` with a capture: the command itself, on whole logs.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 #[path = "common/scratch.rs"]
@@ -78,7 +78,7 @@ fn a_capture_of_python_can_is_one_json_object() {
     assert!(frames.windows(2).all(|pair| pair[0]["line"].as_u64() < pair[1]["line"].as_u64()));
 }
 
-/// What the capture shows over two seconds: each rotor's speed, summed up, is the way it turned.
+/// The capture over two seconds: each rotor's speed, summed up, is the way it turned.
 /// Speeds are whole rpm and angles come late by at most one frame, hence the half per cent.
 #[test]
 fn the_angle_over_a_whole_capture_is_the_integral_of_the_speed() {
@@ -148,8 +148,8 @@ fn what_cannot_be_done_is_said_and_ends_with_2() {
     }
 }
 
-/// Frames that are neither setpoint nor measurement, by hand from the vendors' documents; whose they
-/// are in the mixed robot; and what is said of them.
+/// Frames that are neither setpoint nor measurement, by hand from the vendors' documents; their
+/// motors in the mixed robot; and their text.
 const SPECIAL: &[(&str, &str, &str)] = &[
     // Manuals of J4310, J10010L and S3519.
     ("can0 011#FFFFFFFFFFFFFFFC", "arm", "DAMIAO_ENABLE"),

@@ -33,7 +33,7 @@ fn frame(id: u16, data: [u8; 8]) -> CanFrame {
     CanFrame::eight_bytes(StandardId::new(id).unwrap(), data)
 }
 
-/// A port that has frames to give, and room for so many.
+/// A port that has frames to give, and room for some.
 #[derive(Default)]
 struct FakePort {
     incoming: VecDeque<CanFrame>,

@@ -9,7 +9,7 @@ use std::process::Command;
 
 use scratch::Scratch;
 
-/// What it says before it ends with exit code 2.
+/// Its output before it ends with exit code 2.
 fn complaint(arguments: &[&str]) -> String {
     let output =
         Command::new(env!("CARGO_BIN_EXE_rc10")).arg("emu").args(arguments).output().unwrap();
@@ -88,7 +88,7 @@ fn a_program_that_does_nothing_has_problems() {
     let text = String::from_utf8(output.stdout).unwrap();
     assert_eq!(output.status.code(), Some(3), "{text}");
     assert!(text.contains("chip: a bus has seen no frame from it"), "{text}");
-    // What run leaves, and nothing that the chip alone knows.
+    // The files that run leaves, and no values that the chip alone knows.
     let report = fs::read_to_string(out.join("report.html")).unwrap();
     assert!(report.contains("<h1>RC10 run on an emulated chip</h1>"));
     assert!(report.contains("chip: a bus has seen no frame from it"));

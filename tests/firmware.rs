@@ -151,7 +151,7 @@ fn boots_and_keeps_its_period() {
     });
 }
 
-/// At more than 99 % load nothing is lost, whatever slows the core down.
+/// At more than 99 % load nothing is lost, also by a slow core.
 fn loses_nothing(speed: Option<u64>, faults: &[&str]) {
     let load = ["load:1@0.2s..1.2s", "load:2@0.2s..1.2s", "load:3@0.2s..1.2s"];
     let setup = Setup { speed, ..setup(&[&load[..], faults].concat()) };
@@ -172,11 +172,11 @@ fn loses_nothing(speed: Option<u64>, faults: &[&str]) {
         let log = log(emulation);
         let last = log.lines().last().unwrap();
         assert!(last.contains("11 of 11 motors online"), "{last}");
-        // What the firmware itself says: of each bus, and of its motors.
+        // The firmware's own words: of each bus, and of its motors.
         for loss in [" lost", "malformed", "bus-off"] {
             assert!(!last.contains(loss), "{last}");
         }
-        // The supervisor looks every 4 ms: it may well see that nobody ticks for 5 ms.
+        // The supervisor looks every 4 ms: it may well see that no bus ticks for 5 ms.
         assert!(!last.contains("stalled") || !faults.is_empty(), "{last}");
         assert_eq!(last.matches(" received").count(), 3, "{last}");
     });
@@ -200,7 +200,7 @@ fn loses_nothing_while_interrupts_are_masked() {
     loses_nothing(None, &["mask@0.7s..0.705s"]);
 }
 
-/// What one more received frame costs, all in; what a whole second costs.
+/// Cost of one more received frame, all in; cost of a whole second.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn instructions_stay_within_their_budgets() {
@@ -225,7 +225,7 @@ fn instructions_stay_within_their_budgets() {
     budgets::judge(firmware(), &figures, many, per_tick, per_frame);
 }
 
-/// What the firmware's log says of its ticks, by the chip's cycle counter, is what they took.
+/// The cycles of a tick in the firmware's log, by the chip's cycle counter, are those it took.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn ticks_take_the_cycles_that_the_log_says() {
@@ -272,13 +272,13 @@ fn ticks_take_the_cycles_that_the_log_says() {
     });
 }
 
-/// When the first of bus 2's motors is heard after a time.
+/// Time at which the first of bus 2's motors is heard again.
 fn online_again(rig: &Rig, healed: Nanos) -> Nanos {
     let mut frames = rig.logs()[1].frames.iter();
     frames.find(|entry| !entry.from_controller && entry.end > healed).unwrap().end
 }
 
-/// Without anybody on it a bus does not go off: what waited is not sent when somebody comes back.
+/// An unplugged bus does not go off: frames that waited are not sent when it is plugged in again.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn an_unplugged_bus_sends_nothing_old() {
@@ -302,7 +302,7 @@ fn an_unplugged_bus_sends_nothing_old() {
     }
 }
 
-/// What comes in after a silence costs more than what comes in always.
+/// A frame after a silence costs more than one that comes always.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn ticks_keep_their_period_while_motors_come_back() {
@@ -317,7 +317,7 @@ fn ticks_keep_their_period_while_motors_come_back() {
     }
 }
 
-/// Bus 2 has nobody on it, then is shorted until it is off, then is healed.
+/// Bus 2 is unplugged, then shorted until it is off, then healed.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn a_broken_bus_leaves_the_others_alone_and_comes_back() {
@@ -437,7 +437,7 @@ fn crashes_safely(fault: &str, within: Nanos, cause: ResetCause, words: &[&str])
     run(&setup(&[fault]), |emulation| {
         emulation.run(millis(700)).unwrap();
         let rig = &emulation.rig;
-        // What the program does not have to execute strikes when it is due: see the callers.
+        // A fault that needs no instruction to be executed strikes when it is due: see the callers.
         let struck = rig.machine.struck().unwrap_or(millis(400));
         let restarts = rig.machine.restarts();
         assert_eq!(restarts.len(), 1, "{restarts:?}");
@@ -479,7 +479,7 @@ fn a_crystal_that_stops_makes_every_bus_safe() {
     crashes_safely("crystal-stops@0.4s", millis(2), ResetCause::Software, &words);
 }
 
-/// The firmware runs all the same, at the same frequencies, and says what is wrong; no motor gets
+/// The firmware runs all the same, at the same frequencies, and reports the cause; no motor gets
 /// torque.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
@@ -617,7 +617,7 @@ fn the_command_tells_what_happened() {
     assert!(hash.len() == 64 && text.contains(hash), "{json}");
 }
 
-/// How a motor follows: root of the mean square of its distance from the reference, and how long
+/// Response of a motor: root of the mean square of its distance from the reference, and how long
 /// it needs after a moment to stay within a band around where it ends up.
 struct Response {
     error: f64,
@@ -644,7 +644,7 @@ fn onset(rpm: &[f64]) -> usize {
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn the_chip_drives_as_the_simulator_does() {
-    // Whoever holds the remote: forward from 200 ms on, to the left from 1100 ms on.
+    // The operator: forward from 200 ms on, to the left from 1100 ms on.
     let end = 1050_u64;
     let wheel = Name::FrontLeft as usize;
     let simulated: Vec<(f64, f64)> = {
@@ -678,7 +678,7 @@ fn the_chip_drives_as_the_simulator_does() {
     let wanted: Vec<f64> = simulated.iter().map(|sample| sample.1).collect();
     let simulated: Vec<f64> = simulated.iter().map(|sample| sample.0).collect();
     assert!(wanted.iter().any(|&rpm| rpm > 100.0), "{wanted:?}");
-    // When a stick's movement reaches the wheel depends on how the receiver's 14 ms, the driver's 10
+    // The time at which the wheel begins depends on how the receiver's 14 ms, the driver's 10
     // and the chassis's 5 lie to each other, and the chip boots some milliseconds after the world
     // begins; how the wheel moves then does not.
     let onsets = [&simulated, &emulated].map(|rpm| onset(rpm));

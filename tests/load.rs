@@ -1,4 +1,4 @@
-//! What fits on a bus: said before the start, and true on the simulated wire.
+//! The load of a bus: said before the start, and true on the simulated wire.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod common;

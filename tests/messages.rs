@@ -19,11 +19,11 @@ use rc10_robot::{Motors, Name, Shared};
 const PAGE: &str = include_str!("../docs/messages.md");
 const ROBOT: &str = include_str!("../crates/rc10-robot/src/robot.rs");
 
-/// How hard, in g. Four wait for the slowest of two readers.
+/// Strength of each bump, in g. Four wait for the slowest of two readers.
 static BUMPS: Topic<f32, 4, 2> = Topic::new();
-/// How far the wall is.
+/// Distance of the wall.
 static WALL: Latest<Range, 1> = Latest::new();
-/// Turn to so many degrees; the answer is where it ended.
+/// Turn to an angle in degrees; the response is the angle reached.
 static TURN: Service<u16, Result<u16, &'static str>> = Service::new();
 
 async fn write() {
@@ -60,7 +60,7 @@ async fn call() {
     match TURN.call(90, Micros::from_millis(500)).await {
         Ok(Ok(angle)) => println!("at {angle} degrees"),
         Ok(Err(why)) => println!("refused: {why}"),
-        // Nobody serves, the server was too slow, or it dropped the request: the error says which.
+        // There is no server, it was too slow, or it dropped the request: the error says which.
         Err(error) => println!("{error}"),
     }
 }

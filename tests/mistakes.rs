@@ -60,7 +60,7 @@ fn a_mistake_that_sensors_know_is_named() {
     }
 }
 
-/// What no sensor knows is no problem, and the run says what would show it.
+/// A difference that no sensor knows is no problem, and the run says which sensor would show it.
 #[test]
 fn a_mistake_that_no_sensor_knows_comes_with_what_would_show_it() {
     for (mistake, length, what) in [
@@ -153,7 +153,7 @@ fn the_path_is_that_of_the_world() {
         let run = run(mistake, millis);
         let base = run.base.unwrap();
         let wheels = base.heard.last().unwrap().wheels.map(|wheel| wheel.angle);
-        // What the robot believes of the same.
+        // The robot's own measurement of the same.
         let believed = base.by_wheels().last().copied().unwrap();
         assert_eq!(base.path.len(), base.heard.len());
         assert!((believed.x - 0.84).abs() < 0.1 && believed.y.abs() < 0.05, "{believed:?}");

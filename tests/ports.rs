@@ -1,4 +1,4 @@
-//! What tasks share with a bus: commands, requests, the outbox, subscriptions, statistics.
+//! The port of a bus: commands, requests, the outbox, subscriptions, statistics.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod common;
@@ -181,7 +181,7 @@ fn subscribers_get_what_they_asked_for_and_know_what_they_lost() {
     });
 }
 
-/// Nobody acknowledges: the newest command waits alone, and what it replaced is counted.
+/// Without acknowledgement: the newest command waits alone, and those it replaced are counted.
 #[test]
 fn after_an_outage_only_the_newest_command_leaves() {
     let mut world = World::new(2);
@@ -282,7 +282,7 @@ fn frames_leave_on_the_grid() {
     assert!(commands.len() >= 2 && commands.iter().all(|(_, zero)| !zero), "{commands:?}");
 }
 
-/// What was computed before the stop does not leave after it.
+/// Frames computed before the stop do not leave after it.
 #[test]
 fn a_stop_between_the_halves_of_a_tick_counts() {
     for stop in [ArmSwitch::emergency_stop, ArmSwitch::disarm] {

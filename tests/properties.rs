@@ -1,4 +1,4 @@
-//! What must hold for every input, tried with thousands of them: the same ones in each run.
+//! Properties of every input, tried with thousands of them: the same ones in each run.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 #[path = "properties/any.rs"]

@@ -27,7 +27,7 @@ struct Scene<'r> {
     shared: &'r Shared<'r>,
     around: Environment,
     tasks: Tasks<'r>,
-    /// What the chip's end sent since the last look, bus by bus.
+    /// Frames of the chip's end since the last look, bus by bus.
     commands: [Vec<TraceEntry>; 3],
 }
 
@@ -36,7 +36,7 @@ fn scene<T>(receiver: Receiver, seed: u64, play: impl FnOnce(Scene<'_>) -> T) ->
     scene_with(receiver, seed, |_| (), play)
 }
 
-/// The same; `change` is what is different about its environment.
+/// The same; `change` is the difference of its environment.
 fn scene_with<T>(
     receiver: Receiver,
     seed: u64,
@@ -81,7 +81,7 @@ impl Scene<'_> {
         self.around.remote.as_ref().unwrap().remote.set_transmitter(on);
     }
 
-    /// When the last good frame ended on the receiver's wire.
+    /// Time at which the last good frame ended on the receiver's wire.
     fn last_frame(&self) -> Micros {
         self.around.remote.as_ref().unwrap().remote.sent().last_live.unwrap().micros()
     }
@@ -111,8 +111,8 @@ impl Scene<'_> {
         self.shared.motor(name).status().drive
     }
 
-    /// When the last command that is not zero ended on the wires of the motors that coast, since the
-    /// last call.
+    /// Time at which the last command that is not zero ended on the wires of the motors that coast,
+    /// since the last call.
     fn last_current(&mut self) -> Option<Micros> {
         let [base, gimbal, lift] = &mut self.commands;
         lift.clear();
@@ -122,7 +122,7 @@ impl Scene<'_> {
     }
 }
 
-/// Drives with a stick that nobody lets go, and loses the remote at some moment within a frame.
+/// Drives with a stick that is held, and loses the remote at some moment within a frame.
 fn lose_while_driving<'r>(mut scene: Scene<'r>, moment: Micros) -> Scene<'r> {
     scene.arm_by_hand();
     scene.hands(DRIVE);
@@ -200,7 +200,7 @@ fn back_within_a_second_it_goes_on_without_a_jump() {
                         let status = scene.shared.motor(name).status();
                         let target = match (status.drive, status.target) {
                             (DriveMode::Run, Target::Speed(speed)) => f64::from(speed.get()),
-                            // What it would have to begin with.
+                            // The byte with which it would have to begin.
                             _ => f64::from(status.feedback.speed.get()),
                         };
                         (target, f64::from(status.feedback.speed.get()))

@@ -1,4 +1,4 @@
-//! What stops the robot, and how fast: measured on simulated buses.
+//! Stopping the robot, and the time it takes: measured on simulated buses.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod common;
@@ -169,7 +169,7 @@ fn nothing_moves_before_the_robot_is_armed() {
     }
 }
 
-/// The whole robot at full activity; somebody hits the stop.
+/// The whole robot at full activity, and an emergency stop.
 #[test]
 fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     let ports = rc10_robot::ports();
@@ -202,7 +202,7 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
         count += 1;
     }
     assert!(count > 1000, "{count} frames");
-    // Nobody can arm it, and the lift hangs where it stopped.
+    // It cannot be armed, and the lift hangs where it stopped.
     assert!(shared.switch.arm().is_err());
     around.run(&mut tasks, stop + Micros::from_millis(900));
     for (now, before) in lift(&around).into_iter().zip(still) {
@@ -218,7 +218,7 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     assert_eq!(shared.motor(Name::FrontLeft).status().drive, DriveMode::Run);
 }
 
-/// A gripper pushes against its end stop; then somebody stops it. It must let go.
+/// A gripper pushes against its end stop; then it is stopped. It must let go.
 #[test]
 fn a_stalled_motor_that_is_stopped_does_not_go_on_pushing() {
     for target in [Target::Current(Amps::new(15.0)), Target::Speed(Rpm::new(20.0))] {

@@ -45,7 +45,7 @@ use serde_json::Value;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Ran {
     Yes,
-    /// Nobody speaks its protocol yet.
+    /// There is no code for its protocol yet.
     No,
 }
 
@@ -152,7 +152,7 @@ const TESTS: [Test; 5] = [
     ("self_test::a_useless_file_fails", self_test::a_useless_file_fails),
 ];
 
-/// What is understood of the usual test arguments: names, `--exact`, `--skip`, `--ignored`,
+/// The usual test arguments that are understood: names, `--exact`, `--skip`, `--ignored`,
 /// `--list`. The rest changes nothing here.
 #[derive(Default)]
 struct Arguments {

@@ -1,4 +1,4 @@
-//! What a run says of itself: what is refused, problems and their sentences, exit codes, and how far
+//! The verdict of a run: refusals, problems and their sentences, exit codes, and how far
 //! the shipped robots are from the thresholds of `docs/verdict.md`.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 

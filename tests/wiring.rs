@@ -1,5 +1,5 @@
 //! `docs/wiring.md` against `firmware/src/board.rs`: the same pins, peripherals and DMA streams, and
-//! who uses them.
+//! the programs that use them.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -9,7 +9,7 @@ const BOARD: &str = include_str!("../firmware/src/board.rs");
 const ROBOT: &str = include_str!("../firmware/src/main.rs");
 const SELF_TEST: &str = include_str!("../firmware/selftest/src/main.rs");
 const USB: &str = include_str!("../firmware/usb/src/main.rs");
-/// Which pin of the emulated chip has which signal, by which alternate function.
+/// The signals of each pin of the emulated chip, by alternate function.
 const PINS: &str = include_str!("../crates/rc10-emu/src/peripherals/pins.rs");
 
 /// A line of the table, or what `board.rs` says of a pin.
@@ -19,7 +19,7 @@ struct Pin<'t> {
     peripheral: &'t str,
 }
 
-/// What the page says of each pin: part, signal, alternate function, streams, source, users.
+/// The page's table, by pin: part, signal, alternate function, streams, source, users.
 fn table() -> BTreeMap<&'static str, [&'static str; 6]> {
     let mut table = BTreeMap::new();
     let (_, lines) = PAGE.split_once("| part | pin |").unwrap();
@@ -35,7 +35,7 @@ fn table() -> BTreeMap<&'static str, [&'static str; 6]> {
     table
 }
 
-/// What `Board::new` hands out: each part and the names behind `p.` in it, in their order.
+/// The parts of `Board::new`: each part and the names behind `p.` in it, in their order.
 fn board() -> Vec<(&'static str, Vec<&'static str>)> {
     let code = BOARD.split_once("pub fn new(p: Peripherals)").unwrap().1;
     let mut parts: Vec<(&str, Vec<&str>)> = Vec::new();

@@ -1,9 +1,9 @@
-//! Which pin is what. Every pin is checked against its peripheral when this is compiled; so is every
-//! DMA stream, and that nothing is used twice. `docs/wiring.md` says the same for people.
+//! The pins of the board. Every pin is checked against its peripheral when this is compiled; so is
+//! every DMA stream, and that nothing is used twice. `docs/wiring.md` says the same for people.
 //!
 //! Sources: the team's `CubeMX` project for the STM32H723ZGT6 board has the CAN buses, USART1, the
 //! PPM input, the LED strip, USB, the crystal and the debug port. The rest is a proposal of ours: no
-//! pin of those, what belongs together side by side.
+//! pin of those, parts that belong together side by side.
 
 use embassy_stm32::peripherals::{
     DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, DMA1_CH7, DMA2_CH0,

@@ -1,4 +1,4 @@
-//! What the chip's binaries share: the [`board`].
+//! The part that the chip's binaries share: the [`board`].
 #![no_std]
 
 pub mod board;

@@ -65,7 +65,7 @@ const BETWEEN: Duration = Duration::from_micros(2_166);
 /// Of all LEDs, and two without a pulse.
 const PULSES: usize = LEDS * BITS + 2;
 
-// What is large is made where it stays: moved, it would go over the stack.
+// Large values are made where they stay: moved, they would go over the stack.
 static PORTS: [StaticCell<BusPort>; BUSES] = [const { StaticCell::new() }; BUSES];
 static IO: StaticCell<Shared<'static>> = StaticCell::new();
 static MOTORS: ConstStaticCell<Motors> = ConstStaticCell::new(Motors::new());
@@ -74,7 +74,7 @@ static MOTOR_BUSES: [StaticCell<rc10_robot::Bus<'static>>; BUSES] =
 
 /// Runs the buses. It borrows the interrupt of a peripheral that the board does not use.
 static CONTROL: InterruptExecutor = InterruptExecutor::new();
-/// What they take at each wake: one bus sends, and the next one computes. Not in it: entering and
+/// Cycles of each wake: one bus sends, and the next one computes. Not in it: entering and
 /// leaving the interrupt.
 static TICKS: Cycles = Cycles::new(CORE_CLOCK.0);
 
@@ -152,7 +152,7 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     Ok(())
 }
 
-/// What a receiver needs, at the board's pin.
+/// Settings of the UART for a receiver at the board's pin.
 const fn line(settings: SerialSettings) -> SerialConfig {
     SerialConfig {
         baud: settings.baud,

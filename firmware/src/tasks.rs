@@ -24,7 +24,7 @@ use rc10_robot::{Shared, SetupError, chassis, driver, imu, status_led, mechanism
 /// The chip restarts within 100 ms if a bus does not tick, or if the tasks in thread mode do not
 /// run: up to 10 ms go by before that shows, and the watchdog's own clock may be 9 % slow.
 const WATCHDOG: Duration = Duration::from_millis(80);
-/// How often it is fed.
+/// Period of feeding it.
 const FEED: Duration = Duration::from_millis(10);
 
 /// The longest line of text, its end included.
@@ -70,10 +70,10 @@ pub async fn chassis(shared: &'static Shared<'static>) -> ! {
     chassis::run(shared).await
 }
 
-/// Gimbal, feeder, lift; who decides; and who feeds the watchdog. One task for all that happens every
-/// ten milliseconds, because setting a timer walks past those of all tasks. Who decides comes
-/// last, so that motors start in another tick than the one in which the robot is armed: in one tick
-/// that would be a lot.
+/// Gimbal, feeder and lift, the driver, and the watchdog's feeding. One task for everything that
+/// happens every ten milliseconds, because setting a timer walks past those of all tasks. The driver
+/// comes last, so that motors start in another tick than the one in which the robot is armed: in one
+/// tick that would be a lot.
 #[embassy_executor::task]
 pub async fn ten_milliseconds(shared: &'static Shared<'static>, watchdog: Peri<'static, IWDG1>) -> ! {
     join3(mechanisms::run(shared), watch(watchdog, shared), driver::run(shared)).await.0
@@ -107,7 +107,7 @@ pub async fn log(shared: &'static Shared<'static>, mut port: Serial, quiet: Inst
             defmt::warn!("the log was too slow for {} lines", message.missed);
         }
         line.clear();
-        // What does not fit is cut off; the line still ends.
+        // The part that does not fit is cut off; the line still ends.
         let _ = write!(line, "{}", message.value);
         // Interrupts wait for up to 20 us.
         let since = quiet.elapsed().as_micros() % 1000;
@@ -155,7 +155,7 @@ async fn watch(watchdog: Peri<'static, IWDG1>, shared: &Shared<'_>) -> ! {
     }
 }
 
-/// Why the robot cannot start: something in it is wrong, not on the board.
+/// Reasons why the robot cannot start: mistakes in the program, not on the board.
 pub enum Unstartable {
     /// Its table of motors.
     Robot(SetupError),

@@ -88,10 +88,10 @@ pub fn ppm(bytes: &[u8]) {
     assert_eq!(ppm.counters().frames, frames);
 }
 
-/// Silence for so long is enough for every protocol, ms.
+/// Silence that is long enough for every protocol, ms.
 const SILENCE: u64 = 10;
 
-/// What bytes of a fuzzer stand for: raw bytes that come at once, silence, a good frame made of the
+/// Meaning of a fuzzer's bytes: raw bytes that come at once, silence, a good frame made of the
 /// bytes that follow, a fault of the port.
 fn pieces<W: Wire>(wire: W, mut bytes: &[u8]) -> (Vec<Piece>, Micros) {
     let (mut pieces, mut ns) = (Vec::new(), 0);
@@ -188,11 +188,11 @@ fn together(pieces: &[Piece]) -> Vec<Piece> {
     joined
 }
 
-/// What came between two faults or silences that end frames.
+/// Bytes between two faults or silences that end frames.
 #[derive(Default)]
 struct Segment {
     bytes: Vec<u8>,
-    /// How many bytes came before it.
+    /// Number of bytes before it.
     start: usize,
     /// It begins with a fault, and no silence behind it.
     after_fault: bool,
@@ -259,7 +259,7 @@ impl Segment {
     }
 }
 
-/// What a robot may be driven with.
+/// Checks the ranges of a remote.
 fn sane(remote: &Remote) {
     let Remote { left, right, dial, .. } = *remote;
     let axes = [left.x, left.y, right.x, right.y, dial];

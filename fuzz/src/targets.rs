@@ -1,4 +1,4 @@
-//! Every decoder and stream parser, given bytes that anybody may have sent. A target panics if a
+//! Every decoder and stream parser, given arbitrary bytes. A target panics if a
 //! rule is broken: no panic, no value that is not finite, bounded work, a wrong checksum yields
 //! nothing, and the next good frame is found.
 
@@ -21,7 +21,7 @@ use rc10_motor::{
 
 pub use crate::streams::{action, crsf, dbus, jrt, ppm, rc9, sbus, stp23l, tfmini, vt03, wit};
 
-/// What takes bytes.
+/// A target: a function of bytes.
 pub type Feed = fn(&[u8]);
 
 /// All targets, by name.
@@ -272,7 +272,7 @@ fn assert_good(reply: &Reply, seen: &[u8]) {
     let crc = crc_ccitt(&answer[..14]).to_le_bytes();
     assert_eq!(crc, answer[14..], "an answer with a wrong CRC was taken");
     assert!(reply.temperature.get().is_finite());
-    // What it says goes back onto the wire.
+    // Its answer goes back onto the wire.
     let back = Command {
         address: reply.address,
         status: reply.status,

@@ -1,4 +1,4 @@
-//! What the firmware may take, and what it took when it was last looked at.
+//! Budgets of the firmware, and its cost when it was last measured.
 
 use std::fs;
 use std::path::Path;
@@ -13,8 +13,8 @@ const FLASH: u32 = 128 * 1024;
 pub const SECOND: u64 = 12_000_000;
 /// Instructions of one more received frame.
 const FRAME: u64 = 300;
-/// So many more instructions in a tick than it took with this compiler are too many, and so many
-/// fewer are to be written down.
+/// A tick that takes this many more instructions than it took with this compiler is too long; one
+/// that takes this many fewer is to be written down.
 const TICK_TOLERANCE: u64 = 100;
 /// The same for a received frame.
 const FRAME_TOLERANCE: u64 = 20;

@@ -1,4 +1,5 @@
-//! What a DMA reads or writes lies where a DMA reaches: by the symbols of the chip's programs.
+//! All memory that a DMA reads or writes lies where a DMA reaches: by the symbols of the chip's
+//! programs.
 //!
 //! That no transfer goes elsewhere is looked at while they run: the emulated DMA refuses what it does
 //! not reach and reports it, and every scenario wants no report.
@@ -11,10 +12,10 @@ use super::program;
 
 /// SRAM1, as memory.x has it.
 const SRAM1: Range<u32> = 0x3000_0000..0x3000_4000;
-/// What `rc10_bsp::dma_buffer!` calls its memory.
+/// The name that `rc10_bsp::dma_buffer!` gives its memory.
 const BUFFER: &str = "::DMA_BUFFER";
 
-/// How many buffers a program has, and their bytes.
+/// Number of buffers of a program, and their bytes.
 fn judge(program: &[u8]) -> Result<(usize, u32), String> {
     let image = Image::parse(program).unwrap();
     let buffers: Vec<_> =

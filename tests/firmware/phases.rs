@@ -1,6 +1,6 @@
-//! What a fault costs, wherever it strikes: the same scenario at fifty phases of the ticks (1 ms),
+//! Cost of a fault, wherever it strikes: the same scenario at fifty phases of the ticks (1 ms),
 //! the supervisor (4 ms), the watchdog's feeding (10 ms), the motors and the remote, and the least
-//! and the most of what it took. `cargo xtask phases` runs nothing else.
+//! and largest of its times. `cargo xtask phases` runs nothing else.
 
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
@@ -15,12 +15,13 @@ const PHASES: u64 = 50;
 /// The robot drives by then.
 const STRIKES: Nanos = millis(240);
 
-/// When the fault of a phase strikes. The steps hit every part of a tick, and of 20 ms.
+/// Time at which the fault of a phase strikes. The steps hit every part of a tick, and of 20 ms.
 fn strikes(phase: u64) -> Nanos {
     STRIKES + Nanos::new(phase * 401_300)
 }
 
-/// When one ends that ends: later and later, since pauses between two attempts grow up to 50 ms.
+/// Time at which it ends, if it ends: later and later, since pauses between two attempts grow up to
+/// 50 ms.
 fn heals(phase: u64) -> Nanos {
     strikes(phase) + Nanos::new(60_000_000 + phase * 1_013_000)
 }
@@ -57,7 +58,7 @@ fn since(later: Nanos, earlier: Nanos) -> f64 {
     micros(later.since(earlier)) * 1e-3
 }
 
-/// When the last identifier of these buses has got a command without torque after a moment.
+/// Time at which the last identifier of these buses has got a command without torque.
 fn coast(rig: &Rig, buses: &[usize], struck: Nanos) -> Nanos {
     let mut latest = Nanos::ZERO;
     for &bus in buses {
@@ -82,7 +83,7 @@ fn crash(emulation: &mut Emulation<'_>, phase: u64, length: u64) -> [f64; 2] {
     let until = emulation.rig.machine.now().max(STRIKES) + millis(length);
     emulation.run(until).unwrap();
     let rig = &emulation.rig;
-    // What the program does not have to execute strikes when it is due.
+    // A fault that needs no instruction to be executed strikes when it is due.
     let struck = rig.machine.struck().unwrap_or(strikes(phase));
     let reset = rig.machine.restarts().first().expect("a restart").at;
     [since(coast(rig, &[0, 1, 2], struck), struck), since(reset, struck)]
@@ -162,7 +163,7 @@ fn of_a_lost_motor() {
 fn of_an_emergency_stop() {
     let name = ["emergency stop: wheels coast after the remote's last byte by"];
     at_every_phase("", name, [(0.0, 15.0)], |emulation, phase| {
-        // Not while a frame is on its way: it would carry what was before.
+        // Not while a frame is on its way: it would carry older values.
         let sent = |emulation: &Emulation<'_>| emulation.remote.as_ref().unwrap().remote.sent();
         let next_frame = |emulation: &mut Emulation<'_>| {
             let before = sent(emulation).frames;

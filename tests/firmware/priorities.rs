@@ -1,5 +1,5 @@
-//! Nothing but what is named here may interrupt the buses: embassy-stm32 leaves interrupts at the most
-//! urgent priority, and who forgets one of them finds out when a motor stutters.
+//! Interrupts that may interrupt the buses, and no others: embassy-stm32 leaves them at the most
+//! urgent priority, and a forgotten one shows when a motor stutters.
 
 use rc10_emu::Machine;
 use rc10_emu::memory::FLASH;

@@ -1,4 +1,4 @@
-//! A remote control in somebody's hands: its receiver's bytes reach the emulated pin, a DMA takes
+//! A remote control and its radio link: its receiver's bytes reach the emulated pin, a DMA takes
 //! them, and the robot does what the sticks say. Then the radio link breaks, or the wire is
 //! disturbed.
 
@@ -13,7 +13,7 @@ use rc10_sim::{Nanos, UartFault};
 use crate::wires::pictures;
 use crate::{give, is_clean, keeps_its_period, log, millis, run, setup};
 
-/// Drives forward, loses the remote for a time, and goes on for so many milliseconds in all.
+/// Drives forward, loses the remote for a time, and goes on until `length`, in milliseconds.
 fn lose(fault: &str, length: u64, judge: impl FnOnce(Loss, Recording, String)) {
     give(&setup(&[fault]), |emulation| {
         let (mut emulation, recording) = emulation.record(Micros::from_millis(length)).unwrap();
@@ -59,7 +59,7 @@ fn a_remote_that_comes_back_is_followed_again_without_a_jump() {
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn a_remote_that_stays_away_disarms() {
-    // It comes back after all: nobody has moved the switch, and so nobody has armed.
+    // It comes back after all: the switch has not been moved, and so nothing has armed.
     lose("remote-lost@0.6s..1.8s", 2100, |loss, recording, log| {
         let disarmed = loss.disarmed.unwrap().since(loss.last_frame.unwrap());
         assert!(disarmed >= Micros::from_millis(1000), "{disarmed}");
@@ -106,7 +106,7 @@ fn a_disturbed_wire_costs_frames_and_not_the_remote() {
     });
 }
 
-/// What the LEDs at pin PF9 show of all that.
+/// The LEDs at pin PF9 meanwhile.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn the_strip_shows_how_the_robot_is() {
@@ -121,7 +121,7 @@ fn the_strip_shows_how_the_robot_is() {
         }
         is_clean(&emulation.rig, &Figures::of(&emulation.rig));
         assert!(seen.iter().all(|picture| picture.len() == LEDS));
-        // What is lit, and at how many places: none of it brighter than the table says.
+        // The lit LEDs and their number: none of them brighter than the table says.
         let lit = |picture: &Vec<[u8; 3]>| {
             let on = picture.iter().filter(|led| **led != [0; 3]);
             let most = picture.iter().flatten().max().copied().unwrap();

@@ -1,17 +1,20 @@
-//! The self-test program on the emulated chip, with somebody at the other end of every wire.
+//! The self-test program on the emulated chip, with a device at the other end of every wire.
 
 use rc10_emu::peripherals::{Edge, Width};
 use rc10_emu::{Injection, Machine};
 use rc10_sim::remote::{Ppm, Remote};
 use rc10_sim::unitree_line::{GoM8010, plant};
-use rc10_sim::{Bus, BusConfig, Esc, EscConfig, Line, LineConfig, Model, Nanos, Pulses, Serial, SerialConfig, UartFault, World};
+use rc10_sim::{
+    Bus, BusConfig, Esc, EscConfig, Line, LineConfig, Model, Nanos, Pulses, Serial, SerialConfig,
+    UartFault, World,
+};
 
 use super::wires::{Bmi088, Echo, Listener, Registers, Sleeper, pictures};
 use super::{millis, priorities, program};
 
 /// The self-test takes less than 2 s.
 const LIMIT: Nanos = millis(3_000);
-/// How often the environment looks at what the chip does, ns.
+/// Period in which the environment looks at the chip's pins, ns.
 const STEP: u64 = 20_000;
 
 type Pin = (char, usize);
@@ -29,7 +32,7 @@ const PULSES: Pin = ('F', 8);
 /// TIM13's counter, in microseconds.
 const PULSE_COUNTER: u32 = 0x4000_1C24;
 
-/// What is tested, in order.
+/// The tests, in order.
 const TESTS: [&str; 12] = [
     "CAN",
     "serial",
@@ -55,11 +58,11 @@ struct Bench {
     line: Line,
     motors: [Esc; 2],
     pulses: Pulses,
-    /// Where the encoders are.
+    /// Position of the encoders.
     position: i64,
-    /// What the program has said to the probe.
+    /// The program's log at the probe.
     log: String,
-    /// How far [`has_said`](Self::has_said) has read that.
+    /// Bytes of it that [`has_said`](Self::has_said) has read.
     read: usize,
 }
 
@@ -114,7 +117,7 @@ impl Bench {
         assert!(self.machine.now() < LIMIT && !self.log.contains("FAILED"), "{}", self.log);
     }
 
-    /// Whether the program has said this after what was asked for last.
+    /// Whether the program has said this since the last request.
     fn has_said(&mut self, what: &str) -> bool {
         let said = self.log[self.read..].find(what);
         self.read += said.map_or(0, |at| at + what.len());
@@ -203,7 +206,7 @@ impl Bench {
         turns
     }
 
-    /// Turns both encoders, a count every so many ns, now and then one back.
+    /// Turns both encoders, a count every `step` ns, now and then one back.
     fn turn(&mut self, target: i64, step: u64) {
         let from = self.position;
         while self.position != target {
@@ -273,7 +276,7 @@ impl Bench {
         spoke.is_some_and(|spoke| self.machine.now() < spoke + character)
     }
 
-    /// What it has said on the line of text.
+    /// The lines on the UART of the status text.
     fn text(&self) -> Vec<String> {
         let text = self.text.with(|listener: &mut Listener| listener.0.clone()).unwrap();
         let text = String::from_utf8(text).unwrap();
@@ -281,7 +284,7 @@ impl Bench {
         text.lines().map(str::to_owned).collect()
     }
 
-    /// Nothing was touched that must not be; nobody met a byte that he could not read.
+    /// No access was refused, and no device met a byte that it could not read.
     fn is_clean(&self) {
         let reports = self.machine.reports();
         assert!(reports.is_empty(), "{reports:?}");
@@ -294,14 +297,14 @@ impl Bench {
     }
 }
 
-/// What was injected, and when; no kind is an error of the DMA.
+/// Injected faults and their times; no kind is an error of the DMA.
 struct Faults {
     injected: Vec<(Nanos, Option<UartFault>)>,
     ended: Nanos,
 }
 
 impl Faults {
-    /// How many of these kinds there were, without one so late that the program may not have seen
+    /// Number of faults of these kinds, without one so late that the program may not have seen
     /// it: at least, at most.
     fn count(&self, kinds: &[Option<UartFault>]) -> (u64, u64) {
         let mut counts = (0, 0);

@@ -1,4 +1,4 @@
-//! Who is at the other ends of the chip's wires.
+//! Devices at the other ends of the chip's wires.
 
 use std::collections::VecDeque;
 
@@ -27,7 +27,7 @@ impl SerialDevice for Listener {
 #[derive(Default)]
 pub struct Echo {
     waiting: VecDeque<u8>,
-    /// When it has begun to send its last byte.
+    /// Time at which its last byte began.
     pub spoke: Option<Nanos>,
 }
 
@@ -49,7 +49,7 @@ impl SerialDevice for Echo {
     }
 }
 
-/// One half of a BMI088, as far as it says who it is. Source: its data sheet, SPI interface.
+/// One half of a BMI088, with its identity register. Source: its data sheet, SPI interface.
 pub struct Bmi088 {
     identity: u8,
     /// Bytes of no meaning before a register's contents.
@@ -176,7 +176,7 @@ pub fn pictures(edges: &[Edge]) -> Vec<Vec<[u8; 3]>> {
         assert!(rise.high && !fall.high);
         let pause = last_rise.replace(rise.at).map(|last| rise.at.since(last).get());
         match pause {
-            // What waits for others to end begins some microseconds later.
+            // A byte that waits for others to end begins some microseconds later.
             Some(1200..=1350 | 2_400..=30_000) => {}
             None | Some(280_000..) => bits.push(Vec::new()),
             Some(other) => panic!("a pulse {other} ns behind the last one"),

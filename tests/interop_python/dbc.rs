@@ -77,8 +77,8 @@ fn nothing_of_the_robot_is_left_out() {
     }
 }
 
-/// What DJI's motors do not have: floats, both orders at odd places, offsets, extended identifiers,
-/// switches, names of values, feedback of two devices with one identifier, long names, 64 bits.
+/// Shapes that DJI's frames do not have: floats, both orders at odd places, offsets, extended
+/// identifiers, switches, names of values, feedback of two devices with one identifier, long names, 64 bits.
 fn every_shape() -> [Node; 3] {
     const FAULTS: &[(u32, &str)] =
         &[(0, "none"), (1, "\"too\" hot\\cold"), (0xD, "no connection, °C")];
@@ -146,7 +146,7 @@ fn every_shape() -> [Node; 3] {
     ]
 }
 
-/// What the file must say of a message.
+/// Expected text of a message in the file.
 fn message(bus: &str, dbc: &Dbc, frame: &Frame) -> Value {
     let nodes = |places: &[usize]| {
         let mut names: Vec<_> =

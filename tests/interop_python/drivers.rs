@@ -13,7 +13,7 @@ use crate::others::{CYBERGEAR_ID, DAMIAO_ID, DAMIAO_MASTER, bus};
 use crate::scratch::Scratch;
 use crate::{must_succeed, python, script};
 
-/// What a script of tests/python reads from the motors, and what `rc10 pty` says in the end.
+/// Readings of a script of tests/python from the motors, and the last words of `rc10 pty`.
 fn drive(name: &str) -> Option<(Value, String)> {
     let python = python()?;
     let folder = Scratch::new(name);
@@ -39,7 +39,7 @@ fn drive(name: &str) -> Option<(Value, String)> {
             thread::yield_now();
         }
         let run = || must_succeed(Command::new(python).arg(script(name)).arg(&link));
-        // Also if the script fails: else nobody would ever stop the other side.
+        // Also if the script fails: else the other side would never stop.
         let printed = std::panic::catch_unwind(run);
         stop.store(true, Ordering::Relaxed);
         let said = server.join().unwrap();

@@ -21,7 +21,7 @@ use rc10_motor::{
 use rc10_sim::{BusConfig, SimPort, World};
 
 std::thread_local! {
-    /// What happens in the middle of a tick, while a motor is asked.
+    /// An event in the middle of a tick, while a motor is asked.
     static INTERRUPT: RefCell<Option<Rc<dyn Fn()>>> = const { RefCell::new(None) };
 }
 
@@ -52,13 +52,13 @@ impl Random {
         (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33) % end
     }
 
-    /// An index of something so long.
+    /// An index into something of this length.
     fn index(&mut self, len: usize) -> usize {
         usize::try_from(self.below(len as u64)).unwrap()
     }
 }
 
-/// What reached the device of a motor.
+/// Requests that reached the device of a motor.
 #[derive(Default)]
 struct Log {
     asked: Vec<u16>,
@@ -233,7 +233,7 @@ fn an_answer_never_goes_to_who_asked_while_it_was_made() {
     });
 }
 
-/// A bus that ends tells who waits; its successor is not held up by what it has left behind.
+/// A bus that ends tells the waiting callers; its successor is not held up by requests left behind.
 #[test]
 fn a_bus_that_starts_anew_answers() {
     // A seed with which the first request waits for its device.
@@ -279,7 +279,7 @@ struct Story {
     restarts: RefCell<u64>,
 }
 
-/// A device takes 6 ticks, and everybody is asked within two.
+/// A device takes 6 ticks, and every motor is asked within two.
 const LONGEST: u64 = 10;
 
 impl Story {
@@ -385,7 +385,7 @@ fn whatever_callers_and_devices_do_every_request_ends_with_its_own_answer() {
             let order: Vec<_> = log.asked.iter().map(place).collect();
             assert!(order.is_sorted_by(|a, b| a <= b), "{seed}: not in turn: {order:?}");
             for (number, end) in ends.iter() {
-                // What was not answered by its motor was not answered at all.
+                // A request that its motor did not answer was not answered at all.
                 assert!(end.is_none() || log.asked.contains(number), "{seed}: {number} {end:?}");
                 if *end == Some(Err(RequestError::Busy)) {
                     assert!(log.busy.contains(number), "{seed}: {number} was not busy");

@@ -12,7 +12,7 @@ use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{Gains, Request, Target};
 
-/// So many cases, from the same seed in every run.
+/// A number of cases, from the same seed in every run.
 pub fn cases(cases: u32) -> ProptestConfig {
     let rng_seed = RngSeed::Fixed(10);
     ProptestConfig { cases, rng_seed, failure_persistence: None, ..ProptestConfig::default() }

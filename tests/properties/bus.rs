@@ -1,4 +1,4 @@
-//! A bus of motors, whatever happens to it.
+//! A bus of motors, under every sequence of events.
 
 use proptest::array::uniform8;
 use proptest::collection::vec;
@@ -30,7 +30,7 @@ enum Event {
     Stop,
     Reset,
     Tick(f32),
-    /// So many microseconds pass; below zero, the clock is set back.
+    /// Microseconds that pass; below zero, the clock is set back.
     Time(i64),
 }
 
@@ -73,7 +73,7 @@ fn event() -> impl Strategy<Value = Event> {
     ]
 }
 
-/// What the test knows of a motor on the bus.
+/// The test's model of a motor on the bus.
 struct Known {
     id: MotorId,
     feedback_id: Id,
@@ -216,7 +216,7 @@ impl<'m> Bench<'m> {
         Ok(())
     }
 
-    /// What is not finite, or not for this motor, is refused, and the old target stays.
+    /// A target that is not finite, or not for this motor, is refused, and the old one stays.
     fn command(&mut self, which: usize, target: Target) -> TestCaseResult {
         let now = self.now();
         let Known { id, voltage, .. } = *self.some(which);
@@ -299,7 +299,7 @@ impl<'m> Bench<'m> {
                 prop_assert!(matches!(drive, DriveMode::Off | DriveMode::Coast));
             }
         }
-        // Lanes that belong to nobody are zero.
+        // Lanes without a motor are zero.
         prop_assert!(unclaimed.into_iter().all(|lane| raw(lane) == Some(0)));
         Ok(tx.frames().to_vec())
     }

@@ -44,7 +44,7 @@ fn share(bits: u64, shift: u32, width: u32) -> f64 {
     ((bits >> shift & full) as f64) / full as f64
 }
 
-/// What a value should come out as: limited, the neutral one for NaN.
+/// Expected value after packing: limited, the neutral one for NaN.
 pub fn limited(x: f32, low: f64, high: f64) -> f64 {
     if x.is_nan() { 0.0 } else { f64::from(x).clamp(low, high) }
 }

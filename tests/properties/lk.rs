@@ -59,7 +59,7 @@ fn near(actual: i64, wanted: f64, range: std::ops::RangeInclusive<i64>, slack: f
     (low..=high).contains(&actual) && (actual - wanted).abs() <= slack + wanted.abs() * 2e-7
 }
 
-/// What stands in the place of a command that is not a number.
+/// The value in place of a command that is not a number.
 fn packed(command: Command, id: DriveId, model: &Model, bad: bool) -> Option<[u8; 8]> {
     match command.pack(id, model) {
         Ok(frame) if !bad => Some(*frame.all_eight().unwrap()),

@@ -1,4 +1,5 @@
-//! Unitree's codec, for every input: what is packed comes back, what is not a frame never gets in.
+//! Unitree's codec, for every input: packed values come back, and bytes that are no frame are
+//! refused.
 
 use proptest::array::uniform8;
 use proptest::collection::vec;
@@ -26,7 +27,7 @@ fn status() -> impl Strategy<Value = Status> {
     prop_oneof![Just(Status::LOCK), Just(Status::FOC), Just(Status::CALIBRATE)]
 }
 
-/// What a command may hold.
+/// Any command.
 fn raw_motion() -> impl Strategy<Value = RawMotion> {
     let angle = -2_147_479_307..=2_147_479_307_i32;
     (-32765..=32765_i16, -32758..=32758_i16, angle).prop_map(|(torque, speed, angle)| RawMotion {
@@ -76,7 +77,8 @@ fn bitwise_crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0, |crc, byte| (0..8).fold(crc ^ u16::from(*byte), bit))
 }
 
-/// What a parser without memory limits finds: at each place an answer or a byte to be skipped.
+/// The frames that a parser without memory limits finds: at each place a reply or a byte to be
+/// skipped.
 fn searched(stream: &[u8]) -> Vec<line::Reply> {
     let (mut found, mut at) = (Vec::new(), 0);
     while let Some(window) = stream.get(at..at + REPLY_LEN) {
@@ -267,7 +269,7 @@ proptest! {
             prop_assert!(frame.is_extended_id());
             prop_assert_eq!(frame.raw_id(), id);
             let data = *frame.all_eight().unwrap();
-            // What goes out is laid out like what comes in, and is itself no answer.
+            // A command is laid out like a reply, and is itself none.
             prop_assert_eq!(module::Reply::unpack(&frame).unwrap_err(), ReplyError::Command);
             let content = |bits: u32| {
                 let id = ExtendedId::new(id | 1 << 26 | bits << 24).unwrap();

@@ -1,4 +1,4 @@
-//! What must hold for every VESC frame, tried with thousands of them: the same ones in each run.
+//! Properties of every VESC frame, tried with thousands of them: the same ones in each run.
 
 use std::num::NonZeroU8;
 
@@ -39,7 +39,7 @@ fn command(value: f32) -> [(Command, f64, f64); 9] {
     ]
 }
 
-/// To the nearest step, with so many steps of allowance for computing in f32.
+/// To the nearest step, with an allowance in steps for computing in f32.
 fn assert_sent(raw: i32, value: f64, steps: f64, allowance: f64) {
     let wanted = (value * steps).clamp(i32::MIN.into(), i32::MAX.into());
     let off = (f64::from(raw) - wanted).abs();

@@ -1,4 +1,4 @@
-//! Motors that occupy any identifiers: who clashes, who is heard, how full the bus is.
+//! Motors that occupy any identifiers: clashes, dispatch, load of the bus.
 
 use proptest::collection::vec;
 use proptest::prelude::*;

@@ -1,4 +1,4 @@
-//! What the strip shows while the robot's state changes: what matters most.
+//! The pattern of the strip while the robot's state changes: the most important state wins.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -70,7 +70,7 @@ fn what_matters_most_is_shown() {
     });
 }
 
-/// A strip that keeps what was written last, and refuses every third time.
+/// A strip that keeps its last colours, and refuses every third write.
 #[derive(Clone, Default)]
 struct Strip(Rc<RefCell<(u32, Vec<RGB8>)>>);
 

@@ -1,5 +1,5 @@
-//! Driving by the world's axes: forward stays where the robot looked when it was armed, and where
-//! nobody knows that the robot stands still.
+//! Driving by the world's axes: forward stays where the robot looked when it was armed. Without a
+//! heading the robot stands still.
 
 use rc10_cli::remote::Receiver;
 use rc10_motor::ArmState;

@@ -40,7 +40,7 @@ fn position(limits: Limits, position: f32) -> Check<Limits> {
     limits.with_position(position).map_err(|error| error.to_string())
 }
 
-/// What the vector says of the motor.
+/// The motor as the vector describes it.
 type LimitsOf = fn(&mut Fields) -> Check<Limits>;
 
 fn run(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance, limits: LimitsOf) -> Check {
@@ -205,7 +205,7 @@ fn whole(reply: &Reply, field: &str) -> Check<i64> {
     }
 }
 
-/// No reply; where the vector names who is listening, one of another motor counts as rejected.
+/// No reply; where the vector names a listener, a reply of another motor counts as rejected.
 fn reject(vector: &mut Fields, limits: LimitsOf) -> Check {
     let mut inputs = match vector.optional("inputs") {
         Some(inputs) => Fields::of("inputs", inputs)?,
@@ -213,7 +213,7 @@ fn reject(vector: &mut Fields, limits: LimitsOf) -> Check {
     };
     let motor: Option<i64> = inputs.optional("motor_id").map(|id| narrow(&id)).transpose()?;
     let host: Option<i64> = inputs.optional("host").map(|id| narrow(&id)).transpose()?;
-    // What decides whether a frame is a reply is the same for all models.
+    // The test whether a frame is a reply is the same for all models.
     let limits = limits(&mut inputs).unwrap_or(CYBERGEAR.limits);
     inputs.finish()?;
     let Some(frame) = frame(vector.object("frame")?)? else {

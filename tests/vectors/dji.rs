@@ -112,7 +112,7 @@ fn raw_field(raw: &RawFeedback, field: &str) -> Check<i64> {
     }
 }
 
-/// What motors of these models must make of the frame.
+/// Expected outcome of the frame at motors of these models.
 fn physical(
     models: &[&'static Model],
     frame: &CanFrame,
@@ -163,7 +163,7 @@ fn value(
     }
 }
 
-/// What a motor says after it received the frame from its bus. Where no device of the model has
+/// The feedback of a motor that received the frame from its bus. Where no device of the model has
 /// the frame's identifier, the payload comes with one that it has.
 fn received(model: &'static Model, frame: &CanFrame, gear: Gear) -> Check<Feedback> {
     let has = |id: &u8| model.feedback_id(*id).is_ok_and(|own| Id::Standard(own) == frame.id());
@@ -298,7 +298,7 @@ fn sequence(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     Ok(())
 }
 
-/// What a motor's total angle is after each frame, times `sign`, from the first.
+/// A motor's total angle after each frame, times `sign`, from the first.
 fn motor_totals(mut motor: Dji, sign: i64, angles: &[Value]) -> Check<Vec<i64>> {
     let id = motor.model().feedback_id(1).map_err(|error| error.to_string())?;
     let mut first = None;
@@ -338,7 +338,7 @@ fn config(vector: &mut Fields) -> Check {
     let accepted = expect.flag("accepted")?;
     expect.finish()?;
     same("accepted", attachable(&wanted) == accepted, &accepted, &!accepted)?;
-    // Whoever comes second is in the way: the order must not matter.
+    // The second one is in the way: the order must not matter.
     wanted.reverse();
     same("accepted in reverse order", attachable(&wanted) == accepted, &accepted, &!accepted)
 }

@@ -4,10 +4,10 @@ use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use serde_json::{Map, Value};
 
-/// `Err` says what is wrong, for people.
+/// `Err` is a message for people.
 pub type Check<T = ()> = Result<T, String>;
 
-/// An object that is taken apart field by field: what is left over in the end is an error, so no
+/// An object that is taken apart field by field: fields left over in the end are an error, so no
 /// condition of a vector is ignored because the runner does not know it.
 pub struct Fields {
     name: &'static str,
@@ -188,7 +188,7 @@ impl PerField {
     }
 }
 
-/// How far off a value may be.
+/// Largest allowed difference of a value.
 pub struct Tolerance {
     lsb: PerField,
     relative: PerField,
@@ -196,7 +196,7 @@ pub struct Tolerance {
     absolute_lsb: PerField,
 }
 
-/// What floats are held to when the vector does not say.
+/// Tolerance of floats unless the vector has one.
 const RELATIVE: f64 = 1e-5;
 
 impl Tolerance {
@@ -209,7 +209,7 @@ impl Tolerance {
         })
     }
 
-    /// How many steps a raw field may be off.
+    /// Largest allowed difference of a raw field, in steps.
     pub fn steps(&mut self, field: &str) -> u32 {
         #[expect(clippy::cast_possible_truncation, reason = "it saturates")]
         return self.lsb.field(field).unwrap_or(0.0) as u32;

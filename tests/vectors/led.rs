@@ -10,7 +10,7 @@ pub fn ws2812(kind: &str, vector: &mut Fields, _: &mut Tolerance) -> Check {
         return Err(format!("this runner does not know the kind `{kind}`"));
     }
     let mut inputs = vector.object("inputs")?;
-    // Whoever sends other codes for a bit sends the same bits: ours become the vector's.
+    // A sender with other codes for a bit sends the same bits: ours become the vector's.
     let codes: [u8; 2] = [narrow(&inputs.take("code0")?)?, narrow(&inputs.take("code1")?)?];
     let rgb: Vec<u8> = inputs.list("rgb")?.iter().map(narrow).collect::<Check<_>>()?;
     let rgb: [u8; 3] = rgb.try_into().map_err(|rgb| format!("no colour: {rgb:?}"))?;

@@ -22,7 +22,7 @@ pub fn run(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check 
     }
 }
 
-/// A text such as `mg iq id=1 3.3 A (why)`, word by word; what is in parentheses only explains.
+/// A text such as `mg iq id=1 3.3 A (why)`, word by word; text in parentheses only explains.
 pub fn words(sentence: &str) -> Check<Vec<String>> {
     let mut depth = 0_u32;
     let mut bare = String::new();
@@ -39,10 +39,10 @@ pub fn words(sentence: &str) -> Check<Vec<String>> {
     Ok(bare.split_whitespace().map(Into::into).collect())
 }
 
-/// What is asked of a drive.
+/// A command to a drive.
 #[derive(Default)]
 struct Order {
-    /// What it is called, without the rest.
+    /// Its name, without the rest.
     name: String,
     model: Option<String>,
     id: Option<i64>,
@@ -137,7 +137,7 @@ impl Order {
         }
     }
 
-    /// The command; whatever of the order it does not need must not be there.
+    /// The command; fields that its order does not need must not be there.
     fn command(&mut self) -> Check<Command> {
         let name = self.name.clone();
         let model = self.model()?;
@@ -249,7 +249,7 @@ fn encode(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
         None => {
             let model = order.model()?;
             let id = drive(order.id.ok_or("no `id`")?)?;
-            // The neutral frame stands in for what is not a number.
+            // The neutral frame stands in for a value that is not a number.
             order.command()?.pack(id, &model).unwrap_or_else(|error| error.neutral)
         }
     };
@@ -306,7 +306,7 @@ fn encoder_bits(inputs: &mut Fields) -> Check<EncoderBits> {
     }
 }
 
-/// Which drive a decoder is set up for; by default an MG with the identifier of the frame.
+/// The drive that a decoder is set up for; by default an MG with the identifier of the frame.
 fn set_up(vector: &mut Fields, frame: &CanFrame) -> Check<(DriveId, Model)> {
     let mut inputs = match vector.optional("inputs") {
         Some(inputs) => Fields::of("inputs", inputs)?,

@@ -185,7 +185,7 @@ pub fn wit(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check 
 fn wit_command(operation: &str) -> Check<wit::Command> {
     use wit::{Baud, Rate};
     let unknown = || format!("this runner does not know the operation `{operation}`");
-    // What stands in brackets explains, except a rate.
+    // Text in brackets explains, except a rate.
     let words = operation.split([' ', '(', ')']);
     let words: Vec<_> =
         words.filter(|word| !matches!(*word, "" | "set" | "output" | "return")).collect();

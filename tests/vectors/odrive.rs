@@ -22,7 +22,7 @@ pub fn run(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Check 
     }
 }
 
-/// What is asked of an axis: `set_input_vel 2.5 rev/s, torque_ff -0.25`, or the same in fields.
+/// A command to an axis: `set_input_vel 2.5 rev/s, torque_ff -0.25`, or the same in fields.
 struct Order {
     name: String,
     node: i64,
@@ -115,7 +115,7 @@ impl Order {
             "get_bus_voltage_current" => return self.last(Query::Supply.pack(node)),
             other => return Err(format!("this runner does not know the command `{other}`")),
         };
-        // The neutral frame stands in for what is not a number.
+        // The neutral frame stands in for a value that is not a number.
         self.last(command.pack(node).unwrap_or_else(|error| error.neutral))
     }
 

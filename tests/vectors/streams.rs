@@ -1,4 +1,4 @@
-//! Vectors that are about bytes on a serial line: what a stream makes of them, whatever the protocol.
+//! Vectors of bytes on a serial line: the messages that a stream finds in them, for all protocols.
 
 use rc10_can::Micros;
 use rc10_module::{Protocol, Stream};
@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 use crate::fields::{Check, Fields, Tolerance, same};
 use crate::unitree::{bytes, uart};
 
-/// Compares the fields of a message with what is expected of it.
+/// Compares the fields of a message with the expected ones.
 pub type Compare<M> = fn(&M, &Value, &mut Tolerance) -> Check;
 
 /// The kinds that all protocols have; the others are `Ok(false)`. All bytes come as a whole, one by
@@ -56,7 +56,7 @@ pub fn received<P: Protocol<Message: std::fmt::Debug> + Copy>(
     Ok(true)
 }
 
-/// What a stream makes of bytes in pieces, and of silence behind them; and how many of them were in
+/// Messages of a stream from bytes in pieces, and silence behind them; and the number of bytes in
 /// no frame.
 pub fn heard<P: Protocol>(protocol: P, bytes: &[u8], pieces: usize) -> (Vec<P::Message>, u32) {
     let (mut stream, mut heard) = (Stream::new(protocol), Vec::new());
@@ -84,7 +84,7 @@ pub fn expectations(expected: &Value) -> Check<Map<String, Value>> {
     Fields::of("expect", expected.clone())?.into_expectations()
 }
 
-/// Whether anybody here knows the kind of a vector.
+/// Refuses a vector of an unknown kind.
 pub fn understood(known: bool, kind: &str) -> Check {
     if known { Ok(()) } else { Err(format!("this runner does not know the kind `{kind}`")) }
 }

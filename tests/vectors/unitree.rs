@@ -159,7 +159,7 @@ impl Rotor {
         ))
     }
 
-    /// What goes to the wire: asked for at the rotor, and at the output shaft.
+    /// The values on the wire: asked for at the rotor, and at the output shaft.
     fn raw(self) -> Check<[(RawMotion, RawImpedance); 2]> {
         let raw = |gear: Gear, ratio| {
             let (motion, impedance) = self.behind(ratio)?;
@@ -266,7 +266,7 @@ fn encode_line(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     Ok(())
 }
 
-/// The values of an answer on the line, whatever of them the vector lists.
+/// The values of a reply on the line: those that the vector lists.
 fn line_values(
     reply: &line::Reply,
     expected: Map<String, Value>,
@@ -358,7 +358,7 @@ fn operation(inputs: &mut Fields) -> Check<String> {
     Ok(number.into())
 }
 
-/// What a vector asks of a module, at the rotor and at the output shaft.
+/// A vector's request to a module, at the rotor and at the output shaft.
 fn requests(inputs: &mut Fields, operation: &str) -> Check<Vec<Request>> {
     let mut rotor = Rotor::default();
     let mut asked = None;
@@ -423,7 +423,7 @@ fn encode_module(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     Ok(())
 }
 
-/// Where every number is the vector's, every byte is.
+/// Bytes are the vector's where every number is.
 fn same_module_bytes(
     fields: &[(&str, &[u8])],
     motion: RawMotion,
@@ -438,7 +438,7 @@ fn same_module_bytes(
     same("bytes", !exact || ours == expected, expected, ours)
 }
 
-/// The values of a module's answer, whatever of them the vector lists.
+/// The values of a module's reply: those that the vector lists.
 fn module_values(
     reply: &module::Reply,
     expected: Map<String, Value>,

@@ -93,7 +93,7 @@ fn encoded(name: &str, inputs: &mut Fields) -> Check<(CanFrame, Option<&'static 
     }
     if let Some((_, field, command)) = COMMANDS.iter().find(|(known, ..)| *known == name) {
         let command = command(number(inputs, field)?);
-        // What is not a number must leave the motor free, whatever was wanted.
+        // A value that is not a number must leave the motor free, whatever was wanted.
         return Ok((command.pack(to).unwrap_or_else(|_| coast(to)), Some(field)));
     }
     let (stem, store) = name.strip_suffix("_store").map_or((name, false), |stem| (stem, true));
@@ -218,7 +218,7 @@ fn turns(scale: &ElectricalScale, steps: i32) -> f32 {
     TotalAngle::from_counts(steps.into(), scale.steps_per_turn()).degrees().get() / 360.0
 }
 
-/// What commands become, or what speeds and angles are on the other side of the gearbox.
+/// Conversions of commands, or of speeds and angles to the other side of the gearbox.
 fn convert(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     let mut inputs = vector.object("inputs")?;
     let expected = vector.object("expect")?.into_expectations()?;
@@ -286,7 +286,7 @@ fn all_inputs(value: f64) -> Check<Fields> {
     Fields::of("inputs", all)
 }
 
-/// Whole turns of the rotor for one of the output, or for so many.
+/// Whole turns of the rotor for one or more of the output.
 fn gear(inputs: &mut Fields) -> Check<Gear> {
     let Some(teeth) = inputs.optional("gear") else { return Ok(Gear::DIRECT) };
     let gear = match teeth.as_array().map(Vec::as_slice) {
@@ -320,7 +320,7 @@ fn config(vector: &mut Fields) -> Check {
     same("accepted", vesc(&id).is_ok() == accepted, &accepted, &!accepted)
 }
 
-/// Nobody, or only another VESC than that of the inputs, may have said this.
+/// A frame that no VESC, or only another than that of the inputs, may have sent.
 fn reject(vector: &mut Fields) -> Check {
     let id = match vector.optional("inputs") {
         None => None,

@@ -1,4 +1,4 @@
-//! What an injected fault must do is no problem; that it does not happen is one.
+//! The expected effect of an injected fault is no problem; its absence is one.
 
 use rc10_cli::remote::{Loss, Lost};
 use rc10_motor::Link;

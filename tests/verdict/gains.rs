@@ -40,7 +40,7 @@ fn a_kp_ten_times_too_high_is_red_for_every_motor_whose_loops_are_ours() {
     }
 }
 
-/// What the margin says is true: below it the loop is calm, above it the effort bangs.
+/// The margin is true: below it the loop is calm, above it the effort bangs.
 #[test]
 fn a_kp_beyond_its_gain_margin_shakes() {
     for (which, label, calm, shaking) in [

@@ -85,7 +85,7 @@ impl Report {
 /// If a step failed, or was skipped on a CI machine.
 pub fn run() -> Result<()> {
     let mut report = Report::default();
-    // What the chip's steps build with: the compiler, or why there is none.
+    // The compiler of the chip's steps, or why there is none.
     let mut rustc: Result<Option<PathBuf>, String> = Err("not set up".to_owned());
     report.step("setup", || match chip_toolchain() {
         Ok(found) => {

@@ -1,4 +1,4 @@
-//! Counts the instructions of what runs every millisecond, on an interpreter of the chip's core.
+//! Counts the instructions of code that runs every millisecond, on an interpreter of the core.
 //!
 //! firmware/count is a bare program. Every function in it whose symbol is `count_<units>_<name>` is
 //! a measurement: from each call to its return the instructions are counted, and reported per
@@ -15,7 +15,7 @@ use anyhow::{Context, Result, bail, ensure};
 use rc10_emu::core::{Core as _, Step, bare};
 use rc10_emu::{Image, Memory};
 
-/// What the name of a measurement begins with, and how many instructions a unit of it may cost at
+/// Budgets: the beginning of a measurement's name, the instructions that a unit of it may cost at
 /// most, and whether that goes for the mean of all calls or for the worst one.
 const BUDGETS: [(&str, u64, Of); 6] = [
     // One motor in one tick: a received frame, a cascade, its share of a group frame.
@@ -33,7 +33,7 @@ const BUDGETS: [(&str, u64, Of); 6] = [
     ("garbage", 750, Of::Worst),
 ];
 
-/// What a budget is for.
+/// The value that a budget bounds.
 #[derive(Clone, Copy)]
 enum Of {
     Mean,
@@ -43,7 +43,7 @@ enum Of {
 /// A program that takes longer than this has lost its way.
 const INSTRUCTION_LIMIT: u64 = 50_000_000;
 
-/// What the calls of one function cost, in instructions.
+/// Cost of the calls of one function, in instructions.
 #[derive(Clone, Debug, Default)]
 struct Measurement {
     name: String,
@@ -127,7 +127,7 @@ impl Program {
     fn run(&self) -> Result<Vec<Measurement>> {
         let mut core = bare(&Memory::with(&self.image, 1)?)?;
         let mut results: BTreeMap<u32, Measurement> = BTreeMap::new();
-        // The call being measured: its entry, where it returns to, and what it took so far.
+        // The call being measured: its entry, its return address, and its instructions so far.
         let mut call: Option<(u32, u32, u64)> = None;
         for _ in 0..INSTRUCTION_LIMIT {
             let at = core.program_counter();

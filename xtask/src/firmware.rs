@@ -25,7 +25,7 @@ pub fn build_selftest() -> Result<()> {
 
 /// Builds the serial port on USB, beside it.
 pub fn build_usb_with(rustc: Option<&Path>) -> Result<()> {
-    // By itself: features unify over what is built together.
+    // By itself: features unify over packages that are built together.
     run(&mut chip("build --release --package usb", rustc))
 }
 
@@ -40,7 +40,7 @@ pub fn build_with(rustc: Option<&Path>) -> Result<PathBuf> {
 }
 
 pub fn build_count_with(rustc: Option<&Path>) -> Result<PathBuf> {
-    // By itself: features unify over what is built together.
+    // By itself: features unify over packages that are built together.
     run(&mut chip("build --release --package count", rustc))?;
     Ok(elf("count"))
 }
@@ -50,7 +50,7 @@ pub fn build_interop_with(rustc: Option<&Path>) -> Result<()> {
 }
 
 pub fn build_selftest_with(rustc: Option<&Path>) -> Result<()> {
-    // By itself: features unify over what is built together.
+    // By itself: features unify over packages that are built together.
     run(&mut chip("build --release --package selftest", rustc))
 }
 

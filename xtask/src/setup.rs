@@ -68,13 +68,13 @@ pub fn python() -> Result<()> {
 /// 0.28.0): major and minor version.
 const PROBE_RS: [u32; 2] = [0, 28];
 
-/// Says whether a board can be flashed from here. Never fails: not everybody has a board.
+/// Says whether a board can be flashed from here. Never fails: a board is not required.
 pub fn probe() {
     let version = answer(Command::new("probe-rs").arg("--version"));
     println!("setup: {}", judge_probe_rs(version.as_deref()));
 }
 
-/// What to say about an answer to `probe-rs --version`.
+/// The message for an answer to `probe-rs --version`.
 fn judge_probe_rs(version: Option<&str>) -> String {
     let [major, minor] = PROBE_RS;
     let wanted = format!("to flash a board, install probe-rs {major}.{minor} or newer");
@@ -150,7 +150,7 @@ fn from_debian(rustc: &Path) -> Result<()> {
         .args(build)
         .current_dir(&work)
         .env("RUSTC", rustc)
-        // -Z is for nightly compilers, or for who says this.
+        // -Z needs a nightly compiler, or this.
         .env("RUSTC_BOOTSTRAP", "1")
         // Without bitcode in the libraries, link-time optimisation over them fails.
         .env("RUSTFLAGS", "-Cembed-bitcode=yes")

@@ -1,4 +1,4 @@
-//! How much of the chip a firmware takes.
+//! Flash and RAM of a firmware.
 
 use std::fs;
 use std::path::Path;
@@ -6,9 +6,9 @@ use std::path::Path;
 use anyhow::{Context, Result, ensure};
 use rc10_emu::Image;
 
-/// What the firmware may take of 1024 KiB flash.
+/// Budget of flash, of 1024 KiB.
 const FLASH_BUDGET: u32 = 128 * 1024;
-/// What statics may take of 96 KiB RAM and 16 KiB for DMA buffers. The stack has 32 KiB of its own:
+/// Budget of statics, of 96 KiB RAM and 16 KiB for DMA buffers. The stack has 32 KiB of its own:
 /// memory.x.
 const RAM_BUDGET: u32 = 48 * 1024;
 

@@ -5,9 +5,10 @@
 //! * The speed reference moves at a limited acceleration and starts at the measured speed.
 //! * Switching between kinds of target, and coming back after a pause, gives no kick.
 //!
-//! The **effort** that comes out is in whatever the actuator takes: amperes, or a share of the
+//! The **effort** that comes out is in the unit that the actuator takes: amperes, or a share of the
 //! full voltage.
 
+use crate::config::{finite, positive};
 use crate::maths::{fast_sqrt, within};
 use crate::{ConfigError, PidConfig, PidInput, PidState, RpmPerSecond, Seconds};
 
@@ -18,7 +19,7 @@ pub struct Cascade {
     pub speed: PidConfig,
     /// Angle loop: rpm per degree of error; its output limit is the largest speed it asks for.
     pub angle: PidConfig,
-    /// The angle loop runs in every so many ticks (0 counts as 1).
+    /// Ticks from one step of the angle loop to the next (0 counts as 1).
     pub outer_divider: u8,
     /// How fast the speed reference may change. Also what the angle loop brakes with.
     pub acceleration: RpmPerSecond,
@@ -34,18 +35,10 @@ impl Cascade {
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.speed.validate().map_err(|error| error.in_part("speed"))?;
         self.angle.validate().map_err(|error| error.in_part("angle"))?;
-        let check = |field, value: f32, good: bool, must_be| {
-            if good { Ok(()) } else { Err(ConfigError::new(field, value, must_be)) }
-        };
-        let acceleration = self.acceleration.get();
-        let good = acceleration.is_finite() && acceleration > 0.0;
-        check("acceleration", acceleration, good, "finite and positive")?;
-        let forward = self.feed_forward;
-        check("feed_forward", forward, forward.is_finite(), "finite")
+        positive("acceleration", self.acceleration.get())?;
+        finite("feed_forward", self.feed_forward)
     }
-}
 
-impl Cascade {
     /// From the tick `count` to the next one in which the angle loop runs: 1 ..= divider.
     const fn ticks_to_next(&self, count: u32) -> u8 {
         let divider = if self.outer_divider == 0 { 1 } else { self.outer_divider };
@@ -54,9 +47,13 @@ impl Cascade {
     }
 }
 
-/// How far a measurement moved since this was asked last.
-const fn change(last: &mut f32, measured: f32) -> f32 {
-    measured - core::mem::replace(last, measured)
+/// 1 rpm in degrees a second.
+const DEGREES_PER_SECOND: f32 = 6.0;
+
+/// Out of line: most ticks come after a reference has arrived.
+#[cold]
+const fn nearer(reference: f32, gap: f32, step: f32) -> f32 {
+    reference + step.copysign(gap)
 }
 
 /// The speed from which the acceleration limit just brakes until there is no way left to go, if
@@ -69,13 +66,13 @@ fn brake_in_time(config: &Cascade, way: f32, asked: f32) -> f32 {
     }
     // v² = 2 a s, in rpm and degrees: 1 rpm = 6 degrees a second. It meets the proportional law
     // where that needs the same deceleration, without a corner.
-    let knee = steepest / (6.0 * kp);
+    let knee = steepest / (DEGREES_PER_SECOND * kp);
     within(asked, fast_sqrt(steepest * (way.abs() - 0.5 * knee / kp) * (1.0 / 3.0)))
 }
 
-/// After driving starts, the effort may change by this share of full scale per second …
+/// Share of full scale by which the effort may change per second during a soft start.
 const SOFT_SLOPE: f32 = 100.0;
-/// … for so long. (10 % per millisecond for 20 ms; half a tick more, for rounding.)
+/// Length of a soft start in seconds: 20 ms, and half a tick more for rounding.
 const SOFT_TIME: f32 = 0.0205;
 
 /// What a cascade remembers.
@@ -89,8 +86,6 @@ pub struct CascadeState {
     reference: f32,
     /// For the derivative alone, and only kept up if there is one.
     last_speed: f32,
-    /// As `last_speed`: the way left, taken as a position.
-    last_way: f32,
     /// Seconds for which the effort may only change slowly yet, because driving has just begun.
     soft_time_left: f32,
     /// What drove last; [`Active::Nothing`] also during a soft start, so that the usual case has
@@ -123,7 +118,6 @@ impl CascadeState {
             asked: 0.0,
             reference: 0.0,
             last_speed: 0.0,
-            last_way: 0.0,
             soft_time_left: 0.0,
             active: Active::Nothing,
             starting: Active::Nothing,
@@ -144,10 +138,10 @@ impl CascadeState {
         self.reference
     }
 
-    /// No effort; whatever drives next starts afresh.
+    /// No effort; what drives next starts afresh.
     #[inline]
     pub fn rest(&mut self) {
-        // Nobody may be left pushing: the effort itself is looked at, not only who gave it.
+        // No effort may be left: it is looked at itself, not only what gave it.
         let drives = self.active != Active::Nothing || self.starting != Active::Nothing;
         if drives || self.effort().to_bits() != 0 {
             self.reset();
@@ -172,9 +166,9 @@ impl CascadeState {
     }
 
     /// The gains have changed: no derivative reaches back before that, and no integral stays that
-    /// nothing can move. `way` is the way left to an angle.
-    pub fn change_gains(&mut self, config: &Cascade, measured: f32, way: f32) {
-        (self.last_speed, self.last_way) = (measured, -way);
+    /// nothing can move.
+    pub fn change_gains(&mut self, config: &Cascade, measured: f32) {
+        self.last_speed = measured;
         if config.speed.ki <= 0.0 {
             self.speed.drop_integral();
         }
@@ -187,11 +181,11 @@ impl CascadeState {
     /// output limit must not be above it.
     #[inline(never)]
     pub fn give(&mut self, effort: f32, full: f32, dt: Seconds) {
-        let last = self.effort();
-        let goes_on = self.active == Active::Effort || self.enter(Active::Effort, 0.0);
-        self.speed.preset(within(effort, full));
-        if !goes_on {
-            self.soften(last, full, dt);
+        let effort = within(effort, full);
+        if self.active == Active::Effort {
+            self.speed.preset(effort);
+        } else {
+            self.start(Active::Effort, 0.0, full, dt, |state, _| state.speed.preset(effort));
         }
     }
 
@@ -208,25 +202,9 @@ impl CascadeState {
         if self.active == Active::Speed {
             self.speed_loop(config, target, measured, dt);
         } else {
-            self.start_speed(config, target, measured, full, dt);
-        }
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn start_speed(
-        &mut self,
-        config: &Cascade,
-        target: f32,
-        measured: f32,
-        full: f32,
-        dt: Seconds,
-    ) {
-        let last = self.effort();
-        let goes_on = self.enter(Active::Speed, measured);
-        self.speed_loop(config, target, measured, dt);
-        if !goes_on {
-            self.soften(last, full, dt);
+            self.start(Active::Speed, measured, full, dt, |state, _| {
+                state.speed_loop(config, target, measured, dt);
+            });
         }
     }
 
@@ -256,78 +234,70 @@ impl CascadeState {
         dt: Seconds,
         count: u32,
     ) {
-        if self.active != Active::Angle {
-            return self.start_angle(config, way, measured, full, dt, count);
+        let ticks = config.ticks_to_next(count);
+        if self.active == Active::Angle {
+            self.angle_loop(config, way, measured, ticks, dt);
+        } else {
+            self.start(Active::Angle, measured, full, dt, |state, goes_on| {
+                // During a soft start it runs in every tick.
+                state.angle_loop(config, way, measured, if goes_on { ticks } else { 1 }, dt);
+            });
         }
-        self.angle_loop(config, way, config.ticks_to_next(count), dt);
-        self.speed_loop(config, self.asked, measured, dt);
     }
 
+    /// One step of a loop that did not run before: softly, if nothing drove. `step` is told whether
+    /// driving simply goes on.
     #[cold]
     #[inline(never)]
-    fn start_angle(
+    fn start(
         &mut self,
-        config: &Cascade,
-        way: f32,
+        next: Active,
         measured: f32,
         full: f32,
         dt: Seconds,
-        count: u32,
+        step: impl FnOnce(&mut Self, bool),
     ) {
-        if self.starting != Active::Angle {
-            self.last_way = -way;
-        }
         let last = self.effort();
-        let goes_on = self.enter(Active::Angle, measured);
-        // During a soft start it runs in every tick.
-        let ticks = if goes_on { config.ticks_to_next(count) } else { 1 };
-        self.angle_loop(config, way, ticks, dt);
-        self.speed_loop(config, self.asked, measured, dt);
+        let goes_on = self.enter(next, measured);
+        step(self, goes_on);
         if !goes_on {
             self.soften(last, full, dt);
         }
     }
 
-    /// The angle loop, which runs every `ticks` ticks of `dt`.
-    #[inline(always)]
-    fn angle_loop(&mut self, config: &Cascade, way: f32, ticks: u8, dt: Seconds) {
+    /// Both loops, the angle loop every `ticks` ticks of `dt`. The derivative of an angle is the
+    /// speed: a new angle to seek is none.
+    #[inline]
+    fn angle_loop(&mut self, config: &Cascade, way: f32, measured: f32, ticks: u8, dt: Seconds) {
         self.ticks_left = ticks - 1;
-        let Self { angle, last_way, .. } = self;
         let input = PidInput { error: way, feed_forward: 0.0, integrate: true };
-        let dt = dt * f32::from(ticks);
-        let asked = angle.update_error(&config.angle, input, || change(last_way, -way), dt);
-        self.asked = if asked.abs() * 6.0 * config.angle.kp <= config.acceleration.get() {
-            asked
-        } else {
-            brake_in_time(config, way, asked)
-        };
+        let since = dt * f32::from(ticks);
+        let turned = || measured * DEGREES_PER_SECOND * since.get();
+        let asked = self.angle.update_error(&config.angle, input, turned, since);
+        self.asked =
+            if asked.abs() * DEGREES_PER_SECOND * config.angle.kp <= config.acceleration.get() {
+                asked
+            } else {
+                brake_in_time(config, way, asked)
+            };
+        self.speed_loop(config, self.asked, measured, dt);
     }
 
     #[inline(always)]
     fn speed_loop(&mut self, config: &Cascade, target: f32, measured: f32, dt: Seconds) {
         let step = config.acceleration.get() * dt.get();
         let gap = target - self.reference;
-        if gap.abs() > step {
-            return self.ramp(config, step.copysign(gap), measured, dt);
-        }
-        self.reference = target;
-        let error = target - measured;
-        let feed_forward = config.feed_forward * target;
-        let input = PidInput { error, feed_forward, integrate: true };
-        let Self { speed, last_speed, .. } = self;
-        speed.update_error(&config.speed, input, || change(last_speed, measured), dt);
-    }
-
-    /// The speed loop while its reference is on the way to the target.
-    #[inline(never)]
-    fn ramp(&mut self, config: &Cascade, step: f32, measured: f32, dt: Seconds) {
-        self.reference += step;
-        let error = self.reference - measured;
-        let feed_forward = config.feed_forward * self.reference;
-        // The lag behind a moving reference is no load: integrating it would overshoot.
-        let input = PidInput { error, feed_forward, integrate: false };
-        let Self { speed, last_speed, .. } = self;
-        speed.update_error(&config.speed, input, || change(last_speed, measured), dt);
+        let is_on_the_way = gap.abs() > step;
+        self.reference = if is_on_the_way { nearer(self.reference, gap, step) } else { target };
+        let Self { speed, last_speed, reference, .. } = self;
+        let input = PidInput {
+            error: *reference - measured,
+            feed_forward: config.feed_forward * *reference,
+            // The lag behind a moving reference is no load: integrating it would overshoot.
+            integrate: !is_on_the_way,
+        };
+        let change = || measured - core::mem::replace(last_speed, measured);
+        speed.update_error(&config.speed, input, change, dt);
     }
 
     /// Driving has just begun: the effort may not move far from what it was.

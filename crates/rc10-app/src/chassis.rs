@@ -284,10 +284,9 @@ impl TwistLimiter {
         if !(change.is_finite() && distance.is_finite()) {
             return Err(TwistNotFinite(target));
         }
-        let dt = dt.get();
-        if dt > 0.0 && dt.is_finite() {
-            let linear = step_share(distance, limits.linear_acceleration * dt);
-            let angular = step_share(change.wz.abs(), limits.angular_acceleration * dt);
+        if dt.is_step() {
+            let linear = step_share(distance, limits.linear_acceleration * dt.get());
+            let angular = step_share(change.wz.abs(), limits.angular_acceleration * dt.get());
             self.twist = Twist {
                 vx: towards(self.twist.vx, target.vx, linear),
                 vy: towards(self.twist.vy, target.vy, linear),

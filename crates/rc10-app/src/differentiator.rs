@@ -92,10 +92,10 @@ impl Differentiator {
     /// A target that is not finite, or a `dt` that is not finite and positive, leaves the state
     /// unchanged and returns the last value.
     pub fn update(&mut self, config: &DifferentiatorConfig, target: f32, dt: Seconds) -> f32 {
-        let h = dt.get();
-        if !(target.is_finite() && h.is_finite() && h > 0.0) {
+        if !(target.is_finite() && dt.is_step()) {
             return self.value;
         }
+        let h = dt.get();
         let smoothing = config.smoothing.get().max(h);
         let acceleration =
             time_optimal(self.value - target, self.rate, config.acceleration, smoothing);

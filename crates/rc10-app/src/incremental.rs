@@ -96,8 +96,8 @@ impl IncrementalPidState {
         Self { output: 0.0, past: Past::Rest, setpoint: Differentiator::at(0.0) }
     }
 
-    /// Takes over from whatever drove the actuator with `output`: the next step starts there, and
-    /// of its error only the integral counts (no bump). An output that is not finite is ignored.
+    /// Takes over from another controller at `output`: the next step starts there, and of its error
+    /// only the integral counts (no bump). An output that is not finite is ignored.
     pub const fn preset(&mut self, output: f32) {
         if output.is_finite() {
             *self = Self { output, past: Past::Preset, setpoint: Differentiator::at(0.0) };
@@ -132,16 +132,11 @@ impl IncrementalPidState {
         measured: f32,
         dt: Seconds,
     ) -> f32 {
-        let seconds = dt.get();
-        let usable = setpoint.is_finite()
-            && measured.is_finite()
-            && seconds.is_finite()
-            && seconds > 0.0
-            && config.output_min <= config.output_max;
-        if !usable {
+        let in_order = config.output_min <= config.output_max;
+        if !(setpoint.is_finite() && measured.is_finite() && dt.is_step() && in_order) {
             return self.output;
         }
-
+        let seconds = dt.get();
         let mut follower = self.setpoint;
         if let Some(smoothing) = &config.setpoint {
             if !matches!(self.past, Past::Step { .. }) {

@@ -3,10 +3,10 @@
 //! Every block is a **configuration** (a `Copy` struct you can write down, check and swap while
 //! running) and a **state** that it works on. Time comes in as an argument.
 //!
-//! | module | what is in it |
+//! | module | contents |
 //! |---|---|
 //! | [`units`] | [`Rpm`], [`RotorRpm`], [`Degrees`], [`Amps`], [`Seconds`] …: units are types, and the two sides of a gearbox are two types |
-//! | [`angle`] | [`TotalAngle`]: a multi-turn angle that stays exact for ever; shortest way round a circle |
+//! | [`angle`] | [`TotalAngle`]: an exact angle of many turns; shortest way round a circle |
 //! | [`encoder`] | [`Encoder`]: unwraps a single-turn counter |
 //! | [`pid`] | positional PID |
 //! | [`incremental`] | incremental PID |

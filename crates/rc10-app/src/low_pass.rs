@@ -78,7 +78,7 @@ impl LowPass {
     pub fn update(&mut self, config: &LowPassConfig, sample: f32, dt: Seconds) -> f32 {
         let next = match self.value {
             None => sample,
-            Some(value) if dt.get() > 0.0 && dt.get().is_finite() => {
+            Some(value) if dt.is_step() => {
                 let share = -crate::maths::exp_m1(-dt.get() / config.time_constant.get());
                 value + share * (sample - value)
             }

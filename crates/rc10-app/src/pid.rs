@@ -82,7 +82,7 @@ fn derivative(kd: f32, change: f32, dt: f32) -> f32 {
     kd * change / dt
 }
 
-/// Out of line: seldom is a moving thing within its deadband.
+/// Out of line: a moving thing is seldom within its deadband.
 #[cold]
 const fn no_error() -> f32 {
     0.0
@@ -168,7 +168,7 @@ impl PidState {
                 to - from
             }
         };
-        if !(dt.get() > 0.0 && dt.is_finite()) {
+        if !dt.is_step() {
             return self.output;
         }
         let change = self.last_measured.map_or(0.0, |last| way(last, measured));
@@ -333,6 +333,16 @@ mod tests {
         state.update(&config, 5.0, 1.0, 0.0, Seconds::ZERO);
         state.update(&config, 5.0, 1.0, 0.0, Seconds::new(-1.0));
         assert_eq!(state, before);
+    }
+
+    #[test]
+    fn an_output_that_stays_as_it_was_obeys_a_lowered_limit() {
+        let config = PidConfig::new(1.0, 0.0, 0.0, 10.0);
+        let mut state = PidState::new();
+        state.update(&config, 8.0, 0.0, 0.0, MS);
+        let lowered = PidConfig::new(1.0, 0.0, 0.0, 2.0);
+        assert!((state.update(&lowered, f32::NAN, 0.0, 0.0, MS) - 2.0).abs() < 1e-6);
+        assert!((state.output() - 2.0).abs() < 1e-6);
     }
 
     #[test]

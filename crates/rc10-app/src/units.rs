@@ -147,6 +147,11 @@ unit!(
 );
 
 impl Seconds {
+    /// Whether it is a step of a control loop: finite and above zero.
+    pub(crate) const fn is_step(self) -> bool {
+        self.0 > 0.0 && self.0.is_finite()
+    }
+
     /// From whole microseconds; more than 71 minutes are 71 minutes.
     #[inline]
     #[must_use]

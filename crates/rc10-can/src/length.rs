@@ -160,6 +160,32 @@ mod tests {
         assert_eq!((length.unstuffed, length.stuff_bits, length.crc15), (111, 15, 0x55BD));
     }
 
+    /// Every shape once by hand: runs of exactly five, a run that goes on after its stuff bit, and
+    /// one that the stuff bit itself begins.
+    #[test]
+    fn a_stuff_bit_follows_five_equal_bits_and_begins_the_next_run() {
+        let stuffed = |bits: &str| {
+            let mut wire = Wire { crc: 0, count: 0, stuff_bits: 0, run: 0, last: true };
+            bits.bytes().for_each(|bit| wire.bit(bit == b'1'));
+            wire.stuff_bits
+        };
+        for (bits, expected) in [
+            ("1111", 0),
+            ("11110", 0),
+            ("11111", 1),
+            ("0111110", 1),
+            // Nine equal bits: one after the fifth, and none again before the tenth.
+            ("111111111", 1),
+            ("1111111111", 2),
+            // The stuff bit and four more like it.
+            ("000001111", 2),
+            ("00000111", 1),
+            ("0101010101", 0),
+        ] {
+            assert_eq!(stuffed(bits), expected, "{bits}");
+        }
+    }
+
     #[test]
     fn bounds_hold_for_every_shape() {
         for len in 0..=8 {

@@ -28,10 +28,10 @@ const PAGE_BITS: u32 = 16;
 /// Memories that AHB2ENR gives a clock, in the order of their addresses.
 const GATED: [&str; 2] = ["SRAM1", "SRAM2"];
 
-/// Where a core that locked up stands (Armv7-M Architecture Reference Manual, B1.5.15).
+/// Program counter of a core that locked up (Armv7-M Architecture Reference Manual, B1.5.15).
 const LOCKED_UP: u32 = 0xFFFF_FFFE;
 
-/// What one step of a core was.
+/// Result of one step of a core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// An instruction was executed.
@@ -46,7 +46,7 @@ pub enum Step {
 
 /// A Cortex-M7 that executes from the chip's memories and peripherals.
 pub trait Core {
-    /// Starts anew, as after a reset of the chip; memories keep what is in them.
+    /// Starts anew, as after a reset of the chip; memories keep their contents.
     fn reset(&mut self);
     /// Enters an exception, or executes one instruction; says what it was, and about how many
     /// clocks it took.
@@ -73,12 +73,12 @@ pub trait Core {
     fn program_counter(&self) -> u32;
     /// The stack pointer.
     fn stack_pointer(&self) -> u32;
-    /// Where the function that is executed returns to, at its first instruction.
+    /// Return address of the executed function, at its first instruction.
     fn link_register(&self) -> u32;
     /// Goes on at an address, with the first registers set to `arguments`: for injected faults.
     fn call(&mut self, address: u32, arguments: [u32; 3]);
     /// Goes on at an address, which is to be an endless loop, with all interrupts masked (PRIMASK),
-    /// as in somebody's long critical section: for injected faults. `false`: they are masked
+    /// as in a long critical section: for injected faults. `false`: they are masked
     /// already, by the program itself.
     fn hold(&mut self, address: u32) -> bool;
     /// Ends that loop, if it is still in it: everything is again as it was.
@@ -93,7 +93,7 @@ pub fn bare(memory: &Memory) -> Result<impl Core + use<>> {
     Interpreter::new(memory, None)
 }
 
-/// What core and peripherals share.
+/// State that core and peripherals share.
 #[derive(Clone)]
 pub(crate) struct Wiring {
     pub(crate) soc: Arc<Mutex<Soc>>,
@@ -107,7 +107,7 @@ pub(crate) struct Wiring {
 
 impl Wiring {
     pub(crate) fn soc(&self) -> std::sync::MutexGuard<'_, Soc> {
-        // What a panic left behind is as good as any state of a chip.
+        // The state that a panic left behind is as good as any state of a chip.
         self.soc.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -145,7 +145,7 @@ impl MemOps for Wiring {
         let width = width_of(to.len())?;
         let address = address_of(offset)?;
         self.touched.store(true, Ordering::Relaxed);
-        // Instructions do not come from peripherals, whatever stands there.
+        // Instructions do not come from peripherals, at any address.
         let value = if attributes.purpose == AccessPurpose::FETCH {
             Err(self.soc().refuse(address, false))
         } else {
@@ -192,7 +192,7 @@ pub(crate) struct Interpreter {
     stack_pointer: u32,
     /// xPSR's bits for the IT block that the next instruction is in.
     it_state: u32,
-    /// Where it was held, and what was in its registers before.
+    /// Address at which it was held, and its registers before.
     held: Option<(u32, Regs)>,
     /// The memories that have a clock only if the program gives them one.
     gated: Vec<Gated>,
@@ -252,7 +252,7 @@ impl Interpreter {
         Ok(interpreter)
     }
 
-    /// Which of SRAM1 and SRAM2 have a clock now. An access to one that has none is a peripheral's,
+    /// The clocks of SRAM1 and SRAM2 now. An access to one that has none is a peripheral's,
     /// and is told there.
     ///
     /// # Errors
@@ -299,7 +299,7 @@ impl Interpreter {
 
     /// Puts the state of an IT block into the frame of the exception that has just been taken in it.
     /// The interpreter (0.0.7) stacks xPSR without it, and would execute the rest of the block
-    /// whatever its condition was (Armv7-M ARM B1.5.6: the whole xPSR is stacked).
+    /// independent of its condition (Armv7-M ARM B1.5.6: the whole xPSR is stacked).
     fn keep_it_state(&mut self, state: u32, interrupted: u32) {
         let registers = self.core.regs();
         let on_process_stack = registers.r[14] & 4 != 0;

@@ -1,4 +1,4 @@
-//! What a scenario amounts to.
+//! Figures of a scenario.
 
 use rc10_sim::Nanos;
 
@@ -7,7 +7,7 @@ use crate::rig::Rig;
 /// The figures of a scenario so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figures {
-    /// How long it ran, since power-on.
+    /// Duration of the run since power-on.
     pub length: Nanos,
     /// From the moment the chip ran on its final clock to the start of the chip's first frame on
     /// the last of its buses; `None` if one has seen none.
@@ -18,7 +18,7 @@ pub struct Figures {
     pub instructions: u64,
     /// The deepest that the stack ever was, in bytes.
     pub stack_bytes: u32,
-    /// Accesses to addresses that nobody owns.
+    /// Accesses to addresses without a device.
     pub unowned_accesses: u64,
     /// Accesses to peripherals without a clock.
     pub gated_accesses: u64,
@@ -29,28 +29,28 @@ pub struct Figures {
 pub struct BusFigures {
     /// Frames on the wire.
     pub frames: u64,
-    /// Of these, how many the chip sent.
+    /// Frames that the chip sent.
     pub sent: u64,
-    /// Of the others', how many the chip's filters let into FIFO 0.
+    /// Frames of others that the chip's filters let into FIFO 0.
     pub received: u64,
-    /// How many found FIFO 0 full.
+    /// Frames that found FIFO 0 full.
     pub lost: u64,
-    /// How many were let into FIFO 1 or nowhere: no motor's, no subscriber's.
+    /// Frames let into FIFO 1 or nowhere: no motor's, no subscriber's.
     pub foreign: u64,
-    /// Transmissions that nobody acknowledged, or that were destroyed.
+    /// Transmissions that were not acknowledged, or that were destroyed.
     pub failed: u64,
-    /// How often the controller went bus-off.
+    /// Times the controller went bus-off.
     pub bus_offs: u64,
-    /// How busy the wire was, per cent.
+    /// Load of the wire, per cent.
     pub load: f64,
     /// Time from one tick to the next: from request to request for a first frame after a pause.
     pub tick_period: Option<Spread>,
 }
 
-/// Least, mean and most of a time.
+/// Least, mean and largest of a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Spread {
-    /// How many there were.
+    /// Number of measurements.
     pub count: u64,
     /// The shortest.
     pub min: Nanos,
@@ -61,7 +61,7 @@ pub struct Spread {
 }
 
 impl Figures {
-    /// What a scenario amounts to so far.
+    /// Figures of a scenario so far.
     #[must_use]
     pub fn of(rig: &Rig) -> Self {
         let machine = &rig.machine;

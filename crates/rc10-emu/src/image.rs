@@ -1,4 +1,4 @@
-//! What an ELF file says about a program: its bytes, its functions, how much of the chip it takes.
+//! A program's ELF file: its bytes, its functions, its room on the chip.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -15,9 +15,9 @@ use object::{Endianness, elf};
 pub struct Static {
     /// Its demangled name, with its path.
     pub name: String,
-    /// Where it is.
+    /// Address.
     pub address: u32,
-    /// How long it is.
+    /// Length in bytes.
     pub bytes: u32,
 }
 
@@ -32,7 +32,7 @@ pub struct Image {
     pub symbols: BTreeMap<String, u32>,
     /// Every static that has a place and a length.
     pub statics: Vec<Static>,
-    /// Where each section is that the chip holds, by its name.
+    /// Address range of each section that the chip holds, by its name.
     pub sections: BTreeMap<String, Range<u32>>,
     /// Bytes of flash: code, constants, the initial values of statics.
     pub flash: u32,

@@ -10,7 +10,7 @@ use crate::peripherals::{Character, Format, Outgoing, Sampling, Soc, Wire};
 
 const FEMTOS_OF_SECOND: u64 = 1_000_000_000_000_000;
 
-/// What comes from the world, until the chip has caught up with it.
+/// Data from the world, until the chip has caught up with it.
 #[derive(Clone, Copy, Debug)]
 enum Coming {
     Character { byte: u8, start: Nanos },
@@ -30,7 +30,7 @@ impl SerialEnd for Ear {
     }
 }
 
-/// What a UART's pins lead to.
+/// Far end of a UART's pins.
 enum Far {
     Serial(Serial),
     Line(Line),
@@ -41,7 +41,7 @@ struct SerialLink {
     uart: u8,
     far: Far,
     ear: Rc<RefCell<Ear>>,
-    /// How the far end sends and listens.
+    /// Settings of the far end.
     format: Format,
     bit_fs: u64,
     inverted: bool,
@@ -49,7 +49,7 @@ struct SerialLink {
 }
 
 impl SerialLink {
-    /// What the world has said goes into the UART.
+    /// Moves characters of the world into the UART.
     fn hear(&self, soc: &mut Soc) {
         let Self { uart, format, bit_fs, inverted, .. } = *self;
         let mut ear = self.ear.borrow_mut();
@@ -73,7 +73,7 @@ impl SerialLink {
         }
     }
 
-    /// What the UART has sent goes into the world.
+    /// Moves characters of the UART into the world.
     fn speak(&mut self, soc: &mut Soc) {
         for outgoing in soc.take_outgoing(self.uart) {
             let Outgoing { character, end, has_ended } = outgoing;
@@ -83,7 +83,7 @@ impl SerialLink {
             }
             let is_driven = !begins_on_line || soc.driver_enable(self.uart) == Some(true);
             match self.understood(character) {
-                // Nobody drives the line.
+                // No node drives the line.
                 _ if !is_driven => {}
                 None => self.garbled += 1,
                 Some(byte) => match &self.far {
@@ -94,7 +94,7 @@ impl SerialLink {
         }
     }
 
-    /// What the far end makes of a character; `None` if it finds no character there.
+    /// A character as the far end samples it; `None` if it finds no character there.
     fn understood(&self, character: Character) -> Option<u8> {
         if character.inverted != self.inverted {
             return None;
@@ -141,7 +141,7 @@ impl Links {
         self.serials.is_empty() && self.pulses.is_empty()
     }
 
-    /// Puts a UART on a serial link. `false`: there is no such UART, or nobody knows characters of
+    /// Puts a UART on a serial link. `false`: there is no such UART, or it knows no characters of
     /// the link's length.
     pub fn connect_serial(
         &mut self,
@@ -206,7 +206,7 @@ impl Links {
         true
     }
 
-    /// What the world has said comes to the chip, which stands at an earlier time or at this.
+    /// Moves data of the world to the chip, which stands at an earlier time or at this.
     pub fn hear(&self, soc: &mut Soc) {
         self.serials.iter().for_each(|link| link.hear(soc));
         for PulseLink { pin: (port, pin), ear } in &self.pulses {
@@ -216,7 +216,7 @@ impl Links {
         }
     }
 
-    /// What the chip has sent goes into the world.
+    /// Moves data of the chip into the world.
     pub fn speak(&mut self, soc: &mut Soc) {
         self.serials.iter_mut().for_each(|link| link.speak(soc));
     }

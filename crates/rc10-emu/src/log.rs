@@ -17,10 +17,10 @@ const READ: u32 = WRITE + 4;
 /// A ring longer than this is none: the control block is not set up yet.
 const LONGEST_RING: u32 = 1 << 16;
 
-/// What the control block begins with.
+/// First bytes of the control block.
 const ID: &[u8; 10] = b"SEGGER RTT";
 
-/// What decodes the log of one program.
+/// Decoder for the log of one program.
 pub(crate) struct Log {
     table: Option<Table>,
     control_block: Option<u32>,
@@ -82,7 +82,7 @@ impl Log {
         }
         let mut decoder = table.new_stream_decoder();
         decoder.received(&self.bytes);
-        // What belongs to a frame that is not complete yet waits for the next call.
+        // Bytes of an incomplete frame wait for the next call.
         let complete = self.bytes.iter().rposition(|&byte| byte == 0).map_or(0, |last| last + 1);
         let mut messages = Vec::new();
         loop {

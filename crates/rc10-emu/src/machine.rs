@@ -20,11 +20,11 @@ use crate::profile::Profile;
 
 /// Core clock at which [`Machine::set_speed`]'s figure holds: what RC10's firmware runs at.
 const FULL_CLOCK_HZ: u64 = 480_000_000;
-/// How often a debug probe looks for log messages.
+/// Period in which a debug probe reads log messages.
 const LOG_PERIOD: Nanos = Nanos::new(1_000_000);
-/// What injected faults need, in the otherwise unused ITCM: an undefined instruction, ..
+/// Code for injected faults, in the otherwise unused ITCM: an undefined instruction, ..
 const UNDEFINED: u32 = 0x0000_0000;
-/// .. a loop for who masks interrupts, ..
+/// .. a loop for a fault that masks interrupts, ..
 const MASKED: u32 = 0x0000_0010;
 /// .. a panic's location and the name of its file, ..
 const LOCATION: u32 = 0x0000_0020;
@@ -37,7 +37,7 @@ const UDF: [u8; 2] = [0x00, 0xDE];
 const BRANCH_TO_SELF: [u8; 2] = [0xFE, 0xE7];
 /// `LDR.W PC, [PC]`: goes on at the address in the next word.
 const JUMP: [u8; 4] = [0xDF, 0xF8, 0x00, 0xF0];
-/// Where an injected panic says it happened.
+/// Source location of an injected panic.
 const PANIC_FILE: &str = "injected.rs";
 const PANIC_LINE: u32 = 2300;
 
@@ -46,7 +46,7 @@ const PANIC_LINE: u32 = 2300;
 pub enum Injection {
     /// A panic, in file `injected.rs`, line 2300.
     Panic,
-    /// An undefined instruction, which is a `HardFault` where nobody handles usage faults.
+    /// An undefined instruction, which is a `HardFault` unless usage faults have a handler.
     HardFault,
     /// The handler of this exception hangs before its first instruction when it is called next.
     Hang {
@@ -67,9 +67,9 @@ pub enum Injection {
 /// An access to something that does not exist, or has no clock; or a core that locked up.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Report {
-    /// When.
+    /// Time since power-on.
     pub at: Nanos,
-    /// What, in words.
+    /// Description.
     pub text: String,
 }
 
@@ -79,22 +79,22 @@ const REPORTS: usize = 32;
 /// A restart of the chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Restart {
-    /// When.
+    /// Time since power-on.
     pub at: Nanos,
-    /// Why.
+    /// Cause of the reset.
     pub cause: ResetCause,
 }
 
 /// One line of the firmware's log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LogLine {
-    /// When a debug probe would have read it.
+    /// Time at which a debug probe would have read it.
     pub at: Nanos,
     /// Level and message.
     pub text: String,
 }
 
-/// What differs from chip to chip, and how the chip is where its manual can be read in two ways.
+/// Differences between chips, and choices where the manual can be read in two ways.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
     /// Whether the FDCANs' clock calibration unit has to be bypassed before a controller may send.
@@ -133,7 +133,7 @@ pub struct Machine {
     next_log: Nanos,
     profile: Profile,
     now: u64,
-    /// What the instructions so far took beyond `now`, in 1/rate of a nanosecond.
+    /// Time of the instructions so far beyond `now`, in 1/rate of a nanosecond.
     fraction: u64,
     /// Instructions per second at the full clock, if not as many as the clocks allow.
     speed: Option<u64>,
@@ -141,7 +141,7 @@ pub struct Machine {
     part: u64,
     /// Rate that `fraction` is of.
     rate: u64,
-    /// Where the program is to go on, with which arguments, as soon as it executes anything: a core
+    /// Address and arguments at which the program goes on as soon as it executes anything: a core
     /// that sleeps cannot fail.
     jumps: VecDeque<(u32, [u32; 3])>,
     /// The exceptions whose handlers are to hang when they are called next.
@@ -237,7 +237,7 @@ impl Machine {
     }
 
     /// Puts a UART on an RS-485 line, behind a transceiver whose driver it enables itself (`DEM`,
-    /// and a pin for it): without that nobody hears it, and while it is enabled it hears nobody.
+    /// and a pin for it): without that no node hears it, and while it is enabled it hears none.
     ///
     /// # Errors
     /// If the chip has no such UART.
@@ -272,7 +272,7 @@ impl Machine {
         self.core.priority(16 + interrupt) >> 4
     }
 
-    /// How many instructions a second the core executes when its clock is 480 MHz; in proportion
+    /// Instructions a second of the core when its clock is 480 MHz; in proportion
     /// less while it is slower. If never said, each takes the clocks that the interpreter reckons:
     /// those of a Cortex-M4, which waits for one instruction to end before the next begins. What buses
     /// take on the way to a peripheral comes on top of either.
@@ -298,7 +298,7 @@ impl Machine {
         &self.memory
     }
 
-    /// Where the instructions went.
+    /// Profile of the instructions.
     #[must_use]
     pub const fn profile(&self) -> &Profile {
         &self.profile
@@ -324,13 +324,13 @@ impl Machine {
         std::mem::take(&mut self.lines)
     }
 
-    /// When the chip ran on its final clock for the first time.
+    /// Time at which the chip ran on its final clock for the first time.
     #[must_use]
     pub const fn ready(&self) -> Option<Nanos> {
         self.ready
     }
 
-    /// When the last injected fault struck: the program has to execute something first.
+    /// Time at which the last injected fault struck: the program has to execute something first.
     #[must_use]
     pub const fn struck(&self) -> Option<Nanos> {
         self.struck
@@ -441,7 +441,7 @@ impl Machine {
         Ok(())
     }
 
-    /// Chip and world tell each other what is on their lines, in the order of time, up to now.
+    /// Chip and world exchange the levels of their lines, in the order of time, up to now.
     fn talk(&mut self, world: &mut World, mut next_of_world: Nanos, now: Nanos) {
         let mut soc = self.wiring.soc();
         loop {
@@ -544,13 +544,13 @@ impl Machine {
         self.wiring.now.store(self.now, Ordering::Relaxed);
     }
 
-    /// What is not the core's: resets, reports, the log.
+    /// Everything outside the core: resets, reports, the log.
     fn after(&mut self, now: Nanos) -> Result<()> {
         let reported = self.collect_reports();
         let cause = self.wiring.soc().take_reset();
         let cause =
             cause.or_else(|| self.core.take_reset_request().then_some(ResetCause::Software));
-        // What the program said before comes before.
+        // Earlier messages of the program come first.
         if now >= self.next_log || cause.is_some() || reported {
             self.next_log = now + LOG_PERIOD;
             let messages = self.log.messages(&self.memory)?;
@@ -586,7 +586,7 @@ impl Machine {
     }
 }
 
-/// Where the code is that stands in for the handler of an exception.
+/// Address of the code that stands in for the handler of an exception.
 fn stand_in(exception: u16) -> u32 {
     STAND_INS + 8 * u32::from(exception)
 }

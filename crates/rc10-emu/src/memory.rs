@@ -7,12 +7,12 @@ use rsemu::core::space::RamStore;
 
 use crate::image::Image;
 
-/// Where peripherals are: base and length.
+/// Base and length of the peripherals' address range.
 pub const PERIPHERALS: (u32, u32) = (0x4000_0000, 0x2000_0000);
 
 /// One memory.
 pub struct Bank {
-    /// What the manual calls it.
+    /// Name in the manual.
     pub name: &'static str,
     /// Its first address.
     pub base: u32,
@@ -37,10 +37,10 @@ const BANKS: [(&str, u32, u64); 8] = [
     ("backup SRAM", 0x3880_0000, 4 << 10),
 ];
 
-/// Where the processor's first instruction comes from.
+/// Address of the processor's first instruction.
 pub const FLASH: u32 = BANKS[1].1;
 
-/// What a RAM holds when power comes: anything, and the same for the same seed.
+/// Contents of a RAM at power-on: random, and the same for the same seed.
 pub(crate) fn noise(seed: u64) -> impl Iterator<Item = u64> {
     // SplitMix64 (Steele, Lea, Flood: Fast Splittable Pseudorandom Number Generators).
     (1_u64..).map(move |count| {

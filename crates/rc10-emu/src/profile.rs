@@ -1,4 +1,4 @@
-//! Where the instructions went.
+//! Profile of a run: instructions per function and exception.
 
 use std::collections::BTreeMap;
 
@@ -23,12 +23,12 @@ pub struct Profile {
     lowest_stack: u32,
 }
 
-/// What the handler of one exception cost.
+/// Cost of one exception's handler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExceptionCost {
     /// Its number; 0 is thread mode, external interrupts start at 16.
     pub exception: u16,
-    /// How often it was entered.
+    /// Number of entries.
     pub entries: u64,
     /// Instructions in its handler, those of handlers that interrupted it not included.
     pub instructions: u64,
@@ -94,7 +94,7 @@ impl Profile {
         (self.lowest_stack != u32::MAX).then_some(self.lowest_stack)
     }
 
-    /// What was spent in each exception that occurred, and in thread mode.
+    /// Instructions in each exception that occurred, and in thread mode.
     #[must_use]
     pub fn by_exception(&self) -> Vec<ExceptionCost> {
         (0..)
@@ -109,7 +109,7 @@ impl Profile {
             .collect()
     }
 
-    /// How often each executed address of flash was executed, in the order of the addresses.
+    /// Number of executions of each executed address of flash, in the order of the addresses.
     fn by_address(&self) -> impl Iterator<Item = (u32, u64)> {
         let places = (FLASH..).step_by(2).zip(self.places.iter().copied());
         places.filter(|&(_, count)| count > 0)

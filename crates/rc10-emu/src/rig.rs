@@ -11,7 +11,7 @@ use crate::memory::FLASH;
 /// steps.
 const STEP: Nanos = Nanos::new(1_000_000);
 
-/// What happened on one bus.
+/// Log of one bus.
 #[derive(Default)]
 pub struct BusLog {
     /// Its frames, in the order of the wire.
@@ -22,7 +22,7 @@ pub struct BusLog {
 pub struct Rig {
     /// The chip.
     pub machine: Machine,
-    /// What is around it.
+    /// The world around the chip.
     pub world: World,
     buses: Vec<Bus>,
     motors: Vec<(usize, Esc)>,
@@ -79,7 +79,7 @@ impl Rig {
         &self.motors
     }
 
-    /// What happened on each bus so far.
+    /// The logs of the buses so far.
     #[must_use]
     pub fn logs(&self) -> &[BusLog] {
         &self.logs

@@ -270,6 +270,23 @@ mod tests {
         assert_eq!(switch.for_motors(), ArmState::EStopped);
     }
 
+    /// A robot that was disarmed while stopped, or before, gets no torque by another stop.
+    #[test]
+    fn a_second_stop_gives_a_disarmed_robot_no_torque() {
+        for disarms_first in [false, true] {
+            let switch = ArmSwitch::new();
+            switch.arm().unwrap();
+            if !disarms_first {
+                switch.emergency_stop();
+            }
+            switch.disarm();
+            switch.emergency_stop();
+            switch.emergency_stop();
+            let both = (switch.state(), switch.for_motors());
+            assert_eq!(both, (ArmState::EStopped, ArmState::Disarmed));
+        }
+    }
+
     #[test]
     fn only_an_armed_robot_is_suspended_and_only_that_one_resumes() {
         let switch = ArmSwitch::new();

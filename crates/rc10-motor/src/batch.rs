@@ -168,5 +168,7 @@ mod tests {
         assert_eq!(tx.lane(id(3), 7, [5, 5]), Err(TxFull));
         assert_eq!(tx.refused(), Some(id(3).into()));
         assert_eq!(tx.frames()[3].bytes(), [1, 1, 5, 5, 0, 0, 0, 0]);
+        tx.clear();
+        assert_eq!((tx.frames().len(), tx.refused()), (0, None));
     }
 }

@@ -394,6 +394,34 @@ mod tests {
     }
 
     #[test]
+    fn guards_exclude_each_other_only_by_a_bit_that_counts_for_both() {
+        let guard = |byte, mask, value| Guard { byte, mask, value };
+        for (ours, theirs, is_excluded) in [
+            (guard(0, 0x0F, 1), guard(0, 0x0F, 2), true),
+            (guard(0, 0x0F, 1), guard(1, 0x0F, 2), false),
+            (guard(0, 0x0F, 0x01), guard(0, 0xF0, 0x10), false),
+            (guard(0, 0x0F, 0x01), guard(0, 0x0F, 0x11), false),
+        ] {
+            assert_eq!(ours.excludes(theirs), is_excluded, "{ours:?} {theirs:?}");
+        }
+        let frame = CanFrame::data_frame(StandardId::ZERO, &[0x31]).unwrap();
+        assert!(guard(0, 0x0F, 0xF1).passes(&frame) && !guard(0, 0x0F, 2).passes(&frame));
+        assert!(!guard(1, 0, 0).passes(&frame));
+    }
+
+    #[test]
+    fn a_command_that_a_device_takes_for_its_own_is_a_clash_both_ways() {
+        let obeys = CanIds::new().listens_to(exact(0x300));
+        let commanded = CanIds::new().transmits(command(0x300, Ownership::Whole));
+        let heard = CanIds::new().receives(feedback(0x300, None));
+        let id = StandardId::new(0x300).unwrap().into();
+        for (ours, theirs) in [(&obeys, &commanded), (&obeys, &heard), (&commanded, &heard)] {
+            assert_eq!(ours.clash(theirs), Some(Clash::Confuses(id)));
+            assert_eq!(theirs.clash(ours), Some(Clash::Confuses(id)));
+        }
+    }
+
+    #[test]
     fn lanes_share_a_frame_unless_their_bytes_overlap() {
         let wired = |ownership| CanIds::new().transmits(command(0x200, ownership));
         let lane = |bytes| wired(Ownership::Bytes(bytes));

@@ -343,6 +343,22 @@ impl RangedPosition {
         self.of_angle(shaft, angle).unsigned_abs() <= self.end.unsigned_abs()
     }
 
+    /// The angle nearest to one of the shaft, whole turns from it, to which the device can be told to
+    /// go.
+    pub(crate) fn within_reach(&self, shaft: &Shaft, angle: TotalAngle) -> Option<TotalAngle> {
+        let position = self.of_angle(shaft, angle);
+        let out = position.saturating_sub(position.clamp(-self.end, self.end));
+        if out == 0 {
+            return Some(angle);
+        }
+        let turn = TotalAngle::TURN.microdegrees();
+        let turns = (out.saturating_abs() / turn).saturating_add(i64::from(out % turn != 0));
+        let way =
+            turns.saturating_mul(if (out < 0) == (shaft.sign() < 0.0) { -turn } else { turn });
+        let angle = angle.plus(TotalAngle::from_microdegrees(way));
+        self.reaches(shaft, angle).then_some(angle)
+    }
+
     /// What to tell the device for an angle of the shaft, in rad: at most the end of its range.
     pub(crate) fn radians_of(&self, shaft: &Shaft, angle: TotalAngle) -> f32 {
         radians(self.of_angle(shaft, angle).clamp(-self.end, self.end))

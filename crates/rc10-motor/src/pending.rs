@@ -185,6 +185,24 @@ mod tests {
     }
 
     #[test]
+    fn a_question_is_sent_once_it_is_taken_and_due_again_after_just_its_time() {
+        let mut pending = Pending::new();
+        let _ = pending.ask((), Retry { every: 0.002, tries: 2 });
+        pending.update(MS);
+        assert_eq!(pending.sent(), None);
+        assert_eq!(pending.take_due(), Some(()));
+        assert_eq!(pending.sent(), Some(()));
+        pending.update(MS);
+        assert_eq!(pending.take_due(), None);
+        pending.update(MS);
+        assert_eq!(pending.sent(), Some(()));
+        assert_eq!(pending.take_due(), Some(()));
+        // Another question of the same request starts over.
+        pending.replace((), RETRY);
+        assert_eq!((pending.sent(), pending.question()), (None, Some(())));
+    }
+
+    #[test]
     fn an_answer_ends_it_and_is_told_once() {
         let mut pending = Pending::new();
         pending.end(Ok(Response::Done));

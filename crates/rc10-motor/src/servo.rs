@@ -206,9 +206,8 @@ impl Servo {
         }
     }
 
-    /// The target in numbers.
-    pub(crate) const fn goal(&self) -> &Goal {
-        self.goals.goal()
+    pub(crate) const fn goals(&self) -> &Goals {
+        &self.goals
     }
 
     /// One step in [`DriveMode::Run`] towards an angle that stands for the one of the target: for a
@@ -325,8 +324,7 @@ impl Servo {
             }
             _ => return Err(RequestError::Unsupported),
         }
-        let way = way(self.goals.goal(), shaft);
-        self.state.change_gains(&self.cascade, shaft.speed().get(), way);
+        self.state.change_gains(&self.cascade, shaft.speed().get());
         Ok(Response::Done)
     }
 

@@ -56,7 +56,7 @@ mod tests {
         let run = simulate(ready(&mut robot).unwrap(), 1, Micros::from_millis(2000)).unwrap();
         for (millis, speeds) in [(950, [200.0, 200.0]), (1450, [-60.0, 60.0]), (2000, [120.0; 2])] {
             for (wheel, rpm) in run.motors.iter().zip(speeds) {
-                // What the simulated shaft does, not what the robot believes.
+                // The motion of the simulated shaft, not the robot's feedback.
                 let real = wheel.samples[millis / 10 - 1].rpm;
                 assert!((real - rpm).abs() < 4.0, "{} at {millis} ms: {real}", wheel.motor.label);
             }

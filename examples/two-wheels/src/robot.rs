@@ -8,11 +8,11 @@ use rc10_motor::rc10_app::Rpm;
 use rc10_motor::rc10_can::Micros;
 use rc10_motor::{ArmSwitch, AttachError, MotorBus, MotorId, Safety, Target};
 
-/// What it calls its wheels, the identifiers set on them, and which way they count.
+/// The wheels: their names, the identifiers set on them, and the directions in which they count.
 pub const WHEELS: [(&str, u8, Direction); 2] =
     [("wheel left", 1, Direction::Forward), ("wheel right", 2, Direction::Reversed)];
 
-/// What it does: from when on, what that is called, and the speeds of the wheels in rpm.
+/// The script: from when on, the name of the motion, and the speeds of the wheels in rpm.
 pub const SCRIPT: [(Micros, &str, [f32; WHEELS.len()]); 4] = [
     (Micros::from_millis(100), "forward", [200.0, 200.0]),
     (Micros::from_millis(1000), "turn left", [-60.0, 60.0]),
@@ -26,13 +26,13 @@ pub struct TwoWheels {
     wheels: Vec<Dji>,
 }
 
-/// What its tasks share.
+/// Everything that its tasks share.
 pub struct Shared {
     /// Arms and stops both motors.
     pub switch: ArmSwitch,
     /// The bus both are on.
     pub bus: BusPort,
-    /// How punctual the task is.
+    /// Timing of the task.
     pub timing: Statistics,
 }
 
@@ -45,7 +45,7 @@ impl TwoWheels {
         Ok(Self { io, wheels })
     }
 
-    /// What its tasks share, and the bus with both motors, for whoever runs it.
+    /// Starts the robot: returns what its tasks share, and the bus with both motors.
     pub fn start(&mut self) -> Result<(&Shared, MotorBus<'_>), AttachError> {
         let mut bus = MotorBus::new(&self.io.switch);
         for wheel in &mut self.wheels {

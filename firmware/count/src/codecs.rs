@@ -28,7 +28,7 @@ fn each<T, O: Default>(inputs: &[T], codec: fn(&T, &mut O)) {
     }
 }
 
-/// What a measured function leaves behind, so that nothing is computed in vain.
+/// Result of a measured function, kept so that it is not optimised away.
 struct Out<T>(Option<T>);
 
 impl<T> Default for Out<T> {

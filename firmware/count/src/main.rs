@@ -1,4 +1,4 @@
-//! What `cargo xtask count` runs and counts: the part of a bus that runs every millisecond, without
+//! The program of `cargo xtask count`: the part of a bus that runs every millisecond, without
 //! executor, interrupts and peripherals.
 //!
 //! Every function whose symbol is `count_<units>_<name>` is a measurement: the instructions from
@@ -86,7 +86,7 @@ fn measure(
     }
 }
 
-/// What one millisecond brings.
+/// Input of one millisecond.
 struct Input {
     now: Micros,
     frames: [CanFrame; IDS.len()],

@@ -24,7 +24,7 @@ pub fn measure() {
     wit();
 }
 
-/// What arrived, and when.
+/// Bytes and the time of their arrival.
 type Piece<'b> = (&'b [u8], Micros);
 
 /// Each good frame is a piece: the line is idle behind it.

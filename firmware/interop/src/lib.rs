@@ -29,7 +29,7 @@ pub struct Heartbeat(SYST);
 /// Milliseconds since the start; 49 days long.
 static MILLIS: AtomicU32 = AtomicU32::new(0);
 
-/// What time it is, to a millisecond.
+/// The time, to a millisecond.
 pub fn now() -> Micros {
     Micros::from_millis(MILLIS.load(Ordering::Relaxed).into())
 }

@@ -19,7 +19,7 @@ const CHIP_ID: u8 = 0x80;
 const ACCELEROMETER_ID: u8 = 0x1E;
 const GYROSCOPE_ID: u8 = 0x0F;
 
-/// Both halves of a BMI088 say who they are.
+/// Both halves of a BMI088 identify themselves.
 pub async fn spi(parts: SpiParts) -> Outcome {
     let mut config = spi::Config::default();
     // 80 MHz / 16. embassy-stm32 takes the nearest divider, also one that is faster than asked for.
@@ -51,7 +51,7 @@ pub async fn spi(parts: SpiParts) -> Outcome {
     want!(bytes[2] == ACCELEROMETER_ID, "the accelerometer says {:#04x}", bytes[2]);
     let mut read = [0; 20];
     gyroscope.set_low();
-    // Longer than the buffer, and longer than what is written.
+    // Longer than the buffer, and longer than the written text.
     let transferred = bus.transfer(&mut read, &[CHIP_ID]).await;
     gyroscope.set_high();
     want!(transferred.is_ok(), "the second transfer failed");

@@ -1,4 +1,4 @@
-//! What must not be reached: external memories, which the board does not have.
+//! Test that external memories, which the board does not have, cannot be reached.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -8,7 +8,7 @@ use cortex_m::peripheral::scb::Exception;
 use crate::report::Outcome;
 use crate::{say, want};
 
-/// How many accesses were refused.
+/// Number of refused accesses.
 static REFUSED: AtomicU32 = AtomicU32::new(0);
 
 // SAFETY: the name is what cortex-m-rt's vector table asks for. It goes on behind the refused

@@ -1,4 +1,4 @@
-//! What came of the tests.
+//! Results of the tests.
 
 use core::fmt::{self, Write as _};
 
@@ -7,9 +7,9 @@ use embedded_io_async::Write as _;
 use heapless::String;
 use rc10_bsp::serial::Serial;
 
-/// What a test says, good or bad.
+/// A test's message, good or bad.
 pub type Text = String<96>;
-/// What came of a test.
+/// Result of a test.
 pub type Outcome = Result<Text, Text>;
 
 /// A test that does not end fails.

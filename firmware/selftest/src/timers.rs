@@ -1,4 +1,4 @@
-//! What is made of timers, and pins that interrupt.
+//! Tests of timers, and of pins that interrupt.
 
 use embassy_futures::join::join;
 use embassy_futures::select::{Either, select};
@@ -74,7 +74,7 @@ pub async fn servo(servos: ServoParts, capture: CaptureParts) -> Outcome {
     Ok(say!("measured {last} us"))
 }
 
-/// Where the encoders are turned to: first forward, then back beyond zero, then to here.
+/// Turning points of the encoders: first forward, then back beyond zero, then to the end.
 const FORTH: i64 = 1000;
 const BACK: i64 = -2000;
 const END: i64 = 500;
@@ -110,7 +110,7 @@ pub async fn encoders(parts: EncoderParts) -> Outcome {
     Err(say!("ended at {totals:?}, were at {extremes:?}"))
 }
 
-/// What the switches do: which one, and where it is then. However they bounce, it happens once.
+/// The switches' events: which one, and its position then. However they bounce, it happens once.
 const POSITIONS: [(usize, Position); 6] = [
     (0, Position::Released),
     (1, Position::Released),
@@ -171,19 +171,19 @@ pub async fn pulses(parts: PulseParts) -> Outcome {
     let age = rc10_message::now().since(last).get();
     want!(age < 1000, "an edge {age} us old");
     want!(shortest >= 700 && longest <= 20_000, "{shortest} .. {longest} us apart");
-    // Without reads for a while: what is lost is counted.
+    // Without reads for a while: lost pulses are counted.
     Timer::after_millis(200).await;
     let lost = input.lost();
     want!(lost > 0, "no edge was lost though nobody read");
     Ok(say!("{shortest} .. {longest} us apart, {lost} lost on purpose"))
 }
 
-/// How wide the pulses of the strip's timer are.
+/// Pulse widths of the strip's timer.
 const TIMING: PulseTiming = match PulseTiming::new(rc10_bsp::TIMER_CLOCK.0) {
     Ok(timing) => timing,
     Err(_) => panic!("the timer is too slow"),
 };
-/// What is shown on two LEDs.
+/// Colours of two LEDs.
 const PICTURE: [RGB8; 2] = [RGB8::new(0x12, 0x34, 0x56), RGB8::new(0xA5, 0x5A, 0xC3)];
 /// Pulses of that.
 const PULSES: usize = PICTURE.len() * BITS;

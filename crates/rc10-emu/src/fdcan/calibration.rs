@@ -48,7 +48,7 @@ impl Calibration {
         self.configuration & BYPASS != 0 || !self.is_needed
     }
 
-    /// What the kernel clock is divided by: CDIV 0 is 1, 1 is 2, 2 is 4, .. 15 is 30.
+    /// Divider of the kernel clock: CDIV 0 is 1, 1 is 2, 2 is 4, .. 15 is 30.
     pub const fn divider(&self) -> u64 {
         match self.configuration >> 16 & 0xF {
             0 => 1,

@@ -19,7 +19,7 @@ const TO_RECOVER: u64 = 129;
 /// Recessive bits an error-passive sender adds to the interframe space (ISO 11898-1, suspend
 /// transmission).
 const SUSPEND_BITS: u64 = 8;
-/// Periods of the kernel clock, the slower one, until what was written to INIT or TXBCR can be read
+/// Periods of the kernel clock, the slower one, until a write to INIT or TXBCR can be read
 /// back ("due to the synchronization mechanism between the two clock domains, there may be a delay"):
 /// our estimate, two synchronizers and some. A driver has to ask, not to count.
 const CROSSING: u64 = 16;
@@ -75,7 +75,7 @@ impl Controller {
         }
     }
 
-    /// The block's reset: what is outside of it (clock, pins, wire) stays.
+    /// The block's reset: everything outside of it (clock, pins, wire) stays.
     pub fn reset(&mut self) {
         self.registers = Registers::new();
         self.flags = 0;
@@ -120,7 +120,7 @@ impl Controller {
         self.is(cccr::INIT) != (self.now < self.init_told)
     }
 
-    /// How long a scan for the most urgent buffer takes.
+    /// Duration of a scan for the most urgent buffer.
     fn scan(&self) -> Nanos {
         if self.kernel_hz == 0 {
             return Nanos::ZERO;

@@ -1,4 +1,4 @@
-//! What the model saw, for whoever judges a driver: nothing the chip could tell of itself.
+//! Counters of the model, to judge a driver by: nothing that the chip could report itself.
 
 use rc10_sim::Nanos;
 
@@ -33,7 +33,7 @@ impl TickPeriod {
     }
 }
 
-/// What happened in one controller since the model was made; a reset of the block clears nothing.
+/// Events of one controller since the model was made; a reset of the block clears nothing.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Frames stored in FIFO 0 and in FIFO 1.
@@ -69,7 +69,7 @@ pub struct Counters {
     pub bus_offs: u64,
     /// Writes that would have changed a protected bit while it was protected: ignored.
     pub protected_writes: u64,
-    /// When a transmit was last requested.
+    /// Time of the last transmit request.
     pub last_request: Option<Nanos>,
     /// From tick to tick.
     pub tick_period: TickPeriod,

@@ -142,7 +142,7 @@ impl Errors {
         self.receive = 0;
     }
 
-    /// So many more sequences of recessive bits were seen during recovery.
+    /// Counts sequences of recessive bits that were seen during recovery.
     pub fn recovering(&mut self, sequences: u64) {
         self.last = BIT0_ERROR;
         let seen = u64::from(self.receive).saturating_add(sequences).min(127);

@@ -5,7 +5,7 @@ use rc10_can::CanFrame;
 use super::ram::MessageRam;
 use super::registers::{Registers, at, field};
 
-/// Where a frame goes.
+/// Destination of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Destination {
     Fifo(u32),
@@ -13,7 +13,7 @@ pub(super) enum Destination {
     Nowhere,
 }
 
-/// What the filters make of a frame.
+/// Result of the filters for a frame.
 pub(super) struct Verdict {
     pub destination: Destination,
     /// The index of the element that matched.

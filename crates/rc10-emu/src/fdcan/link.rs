@@ -4,7 +4,7 @@ use rc10_sim::{Activity, Nanos};
 
 use super::timing::Period;
 
-/// So many recessive bits in a row mean that the bus is idle (ISO 11898-1, bus integration), and
+/// This many recessive bits in a row mean that the bus is idle (ISO 11898-1, bus integration), and
 /// make one step of the recovery from bus-off.
 const SEQUENCE_BITS: u64 = 11;
 
@@ -21,7 +21,7 @@ enum State {
     Joined,
 }
 
-/// What a controller knows of the wire, and whether it takes part.
+/// A controller's view of the wire, and whether it takes part.
 pub(super) struct Link {
     state: State,
     busy: bool,
@@ -33,7 +33,7 @@ impl Link {
         Self { state: State::Stopped, busy: false, busy_since: Nanos::ZERO }
     }
 
-    /// Joins after so many sequences.
+    /// Joins the bus after a number of sequences.
     pub const fn start(&mut self, sequences: u64, now: Nanos) {
         self.state = State::Waiting { sequences, counted_to: now };
     }
@@ -86,7 +86,7 @@ impl Link {
         seen
     }
 
-    /// When it joins if the wire stays recessive.
+    /// Time at which it joins if the wire stays recessive.
     pub fn next_event(&self, bit: Period) -> Option<Nanos> {
         match self.state {
             State::Waiting { sequences, counted_to } if !self.busy => {

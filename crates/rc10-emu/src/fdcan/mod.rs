@@ -7,9 +7,9 @@
 //! received when it ends, not at the last bit of its end-of-frame but one; a sender's broken frame
 //! is always a bit error ([`BusError::Bit`] reads as `Bit0Error`). Further:
 //! * Loop-back: a controller in it is not on the bus.
-//! * Bus monitoring sends nothing, but a wire takes whoever hears for one that acknowledges.
+//! * Bus monitoring sends nothing, but a wire takes every listener for one that acknowledges.
 //! * The timeout counter, the RAM watchdog, the external timestamp counter (reads as 0) and
-//!   transmit pause hold what is written and do nothing. The time-triggered registers do not exist.
+//!   transmit pause hold a written value and do nothing. The time-triggered registers do not exist.
 //! * The clock calibration unit does not calibrate: bypassed, or without a valid clock.
 //! * Remote frames and length codes above 8 are those of [`CanFrame`]: 8 at most.
 //! * While in bus-off, TEC keeps its last value, which the manual leaves open.
@@ -69,8 +69,8 @@ impl Fdcans {
         self.controllers.get_mut(index)?.read(offset, now)
     }
 
-    /// Writes a register; what is read-only or protected at the time ignores it. `false`: there is
-    /// no such register.
+    /// Writes a register; bits that are read-only or protected at the time ignore it. `false`: there
+    /// is no such register.
     pub fn write(&mut self, index: usize, offset: u32, value: u32, now: Nanos) -> bool {
         self.controllers.get_mut(index).is_some_and(|one| one.write(offset, value, now))
     }
@@ -109,7 +109,7 @@ impl Fdcans {
         self.ram.word_mut(word).map(|slot| *slot = value).is_some()
     }
 
-    /// How often a controller went beyond the message RAM's end, where a register had sent it.
+    /// Times a controller went beyond the message RAM's end, where a register had sent it.
     #[must_use]
     pub const fn ram_misses(&self) -> u64 {
         self.ram.misses
@@ -146,7 +146,7 @@ impl Fdcans {
         self.controllers.each_ref().map(|one| [one.interrupt_line(0), one.interrupt_line(1)])
     }
 
-    /// What one controller saw.
+    /// Counters of one controller.
     #[must_use]
     pub fn counters(&self, index: usize) -> &Counters {
         self.controllers.get(index).map_or(&Counters::NONE, |one| &one.counters)

@@ -1,4 +1,4 @@
-//! What becomes of a good frame: FIFOs, dedicated buffers, priority.
+//! Storage of a good frame: FIFOs, dedicated buffers, priority.
 
 use rc10_can::CanFrame;
 

@@ -1,4 +1,4 @@
-//! Where the registers are, which bits of them exist, and which are writable when.
+//! The registers: offsets, existing bits, and when they are writable.
 //!
 //! Source: RM0468, FDCAN register map; addresses and bits as in `stm32-metapac` (`can_fdcan_h7`).
 
@@ -101,9 +101,9 @@ pub(super) const TEST_LBCK: u32 = 1 << 4;
 pub(super) enum Access {
     /// A constant.
     Constant,
-    /// Holds what was written; writable only while CCCR.INIT and CCCR.CCE are set.
+    /// Holds a written value; writable only while CCCR.INIT and CCCR.CCE are set.
     Protected,
-    /// Holds what was written.
+    /// Holds a written value.
     Open,
     /// Reading or writing it does something.
     Active,
@@ -176,12 +176,12 @@ static MAP: [Register; 46] = [
     active(at::TXEFA),
 ];
 
-/// What is at an offset, if anything.
+/// Register at an offset, if there is one.
 pub(super) fn find(offset: u32) -> Option<&'static Register> {
     MAP.iter().find(|register| register.offset == offset)
 }
 
-/// The registers that hold what was written to them.
+/// The registers that hold a written value.
 pub(super) struct Registers([u32; 64]);
 
 impl Registers {

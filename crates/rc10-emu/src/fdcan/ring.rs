@@ -2,7 +2,7 @@
 
 use super::registers::field;
 
-/// How a FIFO is configured; RXF0C, RXF1C and TXEFC share this layout.
+/// Configuration of a FIFO; RXF0C, RXF1C and TXEFC share this layout.
 #[derive(Clone, Copy)]
 pub(super) struct Shape {
     /// Elements; 0: none are kept.
@@ -24,7 +24,7 @@ impl Shape {
     }
 }
 
-/// What became of a new element, and the index it is written to.
+/// Outcome of a new element, and the index it is written to.
 pub(super) enum Put {
     Kept(u32),
     KeptForOldest(u32),

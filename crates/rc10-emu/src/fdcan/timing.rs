@@ -38,14 +38,14 @@ impl Period {
         u32::try_from(nanos).unwrap_or(u32::MAX)
     }
 
-    /// After how long so many periods are over, in whole nanoseconds.
+    /// Time until this number of periods is over, in whole nanoseconds.
     pub fn many(self, count: u64) -> Nanos {
         let cycles = u128::from(count) * u128::from(self.cycles);
         let nanos = (cycles * NANOS_PER_SECOND).div_ceil(u128::from(self.hz));
         Nanos::new(u64::try_from(nanos).unwrap_or(u64::MAX))
     }
 
-    /// How many periods are over after so long.
+    /// Number of periods that are over after this time.
     pub fn count_in(self, time: Nanos) -> u64 {
         let cycles = u128::from(time.get()) * u128::from(self.hz) / NANOS_PER_SECOND;
         u64::try_from(cycles / u128::from(self.cycles)).unwrap_or(u64::MAX)
@@ -56,7 +56,7 @@ impl Period {
 pub(super) struct Timestamp {
     /// `None`: it stands.
     tick: Option<Period>,
-    /// When it had the value `base`; wrap-arounds included.
+    /// Time at which it had the value `base`; wrap-arounds included.
     from: Nanos,
     base: u64,
     wraps_told: u64,
@@ -97,7 +97,7 @@ impl Timestamp {
         std::mem::replace(&mut self.wraps_told, wraps) != wraps
     }
 
-    /// When it wraps around after `has_wrapped` was asked last.
+    /// Time of its next wrap-around after `has_wrapped` was asked last.
     pub fn next_wrap(&self) -> Option<Nanos> {
         let ticks = ((self.wraps_told + 1) << 16) - self.base;
         Some(self.from + self.tick?.many(ticks))

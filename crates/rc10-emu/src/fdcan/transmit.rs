@@ -1,4 +1,4 @@
-//! Which buffer is sent next, and what becomes of it (RM0468, "Tx handling").
+//! Selection of the next transmit buffer, and its outcome (RM0468, "Tx handling").
 //!
 //! What is asked for happens at once; the registers tell it later. While the controller scans for its
 //! most urgent buffer, further requests stay in TXBAR ("the bits remain set until the Tx scan process
@@ -25,7 +25,7 @@ const FD_FORMAT: u32 = 1 << 21;
 /// Second word of a buffer: its transmission is an event.
 const EVENT: u32 = 1 << 23;
 
-/// How TXBC divides the buffers: dedicated ones first, then FIFO or queue.
+/// Division of the buffers by TXBC: dedicated ones first, then FIFO or queue.
 #[derive(Clone, Copy)]
 struct Layout {
     dedicated: u32,
@@ -52,7 +52,7 @@ impl Layout {
         Self::below(self.dedicated + self.shared)
     }
 
-    /// Buffer number of the FIFO's element so many places behind `head`.
+    /// Buffer number of the FIFO's element at this offset from `head`.
     const fn element(self, head: u32, offset: u32) -> u32 {
         self.dedicated + (head + offset) % self.shared
     }
@@ -66,7 +66,7 @@ struct Candidate {
     control: u32,
     /// Timestamp counter at its start of frame.
     timestamp: u32,
-    /// How long it had been asked for then.
+    /// Age of its request then.
     age: Nanos,
     /// Not to be repeated if it fails.
     cancelled: bool,
@@ -84,7 +84,7 @@ pub(super) struct Transmit {
     /// Cancellations on their way, and when they are done.
     cancelling: u32,
     cancel_ends: Nanos,
-    /// When each buffer was asked for last.
+    /// Time of each buffer's last request.
     requested: [Nanos; BUFFERS as usize],
     /// The FIFO's get index, counted from its first buffer, and its elements in use.
     head: u32,
@@ -112,7 +112,7 @@ impl Transmit {
         self.on_wire.is_some()
     }
 
-    /// What has been done by now, at a controller whose scan takes so long; flags of IR.
+    /// Does everything that is due by now; `scan` is the time of a scan. Returns flags of IR.
     pub fn settle(&mut self, now: Nanos, scan: Nanos, registers: &Registers) -> u32 {
         if self.adding != 0 && now >= self.scan_ends {
             self.adding = 0;
@@ -126,7 +126,7 @@ impl Transmit {
         self.finish_cancellation(done, registers)
     }
 
-    /// When a cancellation is done.
+    /// Time at which a cancellation is done.
     pub fn next_event(&self) -> Option<Nanos> {
         (self.cancelling != 0).then_some(self.cancel_ends)
     }
@@ -136,12 +136,12 @@ impl Transmit {
         self.pending & !self.adding | self.cancelling
     }
 
-    /// How many buffers there are to scan.
+    /// Number of buffers to scan.
     pub fn buffers(registers: &Registers) -> u64 {
         u64::from(Layout::new(registers).all().count_ones())
     }
 
-    /// TXBAR, at a controller whose scan takes so long; the number of requests without effect.
+    /// TXBAR; `scan` is the time of a scan. Returns the number of requests without effect.
     pub fn request(&mut self, bits: u32, now: Nanos, scan: Nanos, registers: &Registers) -> u64 {
         let layout = Layout::new(registers);
         let new = bits & layout.all() & !self.pending & !self.cancelling;
@@ -281,7 +281,7 @@ impl Transmit {
         }
     }
 
-    /// What was offered is on the wire since now.
+    /// The offered frame is on the wire since now.
     pub fn start(&mut self, timestamp: u32, now: Nanos) {
         self.on_wire = self.offered.take().map(|offered| {
             let age = now.since(self.requested[offered.buffer as usize % self.requested.len()]);
@@ -289,7 +289,7 @@ impl Transmit {
         });
     }
 
-    /// What was offered lost arbitration.
+    /// The offered frame lost arbitration.
     pub fn lost_arbitration(&mut self, registers: &Registers, counters: &mut Counters) -> u32 {
         match self.offered.take() {
             Some(offered) if registers.has(at::CCCR, cccr::DAR) => {
@@ -314,7 +314,7 @@ impl Transmit {
         self.finish_cancellation(1 << buffer, registers) | self.release(Layout::new(registers))
     }
 
-    /// What was on the wire failed.
+    /// The frame on the wire failed.
     pub fn failed(&mut self, registers: &Registers, counters: &mut Counters) -> u32 {
         let Some(sending) = self.on_wire.take() else { return 0 };
         counters.failed += 1;
@@ -325,7 +325,7 @@ impl Transmit {
         }
     }
 
-    /// What was on the wire was acknowledged.
+    /// The frame on the wire was acknowledged.
     pub fn succeeded(
         &mut self,
         registers: &Registers,

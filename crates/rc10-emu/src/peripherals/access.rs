@@ -1,10 +1,10 @@
-//! Accesses, and what the chip does not like about them.
+//! Accesses to the bus, and the reasons for which some are reported.
 
 use std::fmt;
 
 use super::clocks::TooFast;
 
-/// How much an access reads or writes.
+/// Width of an access.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
     /// 8 bit.
@@ -33,16 +33,16 @@ impl Width {
     }
 }
 
-/// What is wrong with an access.
+/// Reason for which an access is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AccessKind {
-    /// Nobody is at that address, or the access is not aligned: a bus fault.
+    /// There is no device at that address, or the access is not aligned: a bus fault.
     Unowned,
     /// The peripheral has no clock, or is held in reset: reads 0, ignores writes.
     Gated,
     /// The chip has it, this model does not: reads 0, ignores writes.
     Unmodelled,
-    /// The register is locked, or what was written is not allowed: ignored.
+    /// The register is locked, or the value is not allowed: ignored.
     Protected,
     /// The flash has too few wait states for the clock it now has at its voltage.
     WaitStates,
@@ -53,18 +53,18 @@ pub enum AccessKind {
     /// RAM, before the supply is configured (`PWR_CSR1.ACTVOSRDY`): "write accesses to the RAMs are not
     /// permitted". Reported only if [`Options`](crate::Options) ask for it, and once.
     BeforeSupply,
-    /// What was written makes a clock faster than what it drives can be.
+    /// The written value makes a clock faster than its consumers can be.
     TooFast(TooFast),
 }
 
-/// An access that the chip does not like.
+/// A reported access.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Access {
-    /// Where.
+    /// Address.
     pub address: u32,
     /// Whether it was a write.
     pub write: bool,
-    /// What is wrong with it.
+    /// Reason.
     pub kind: AccessKind,
 }
 
@@ -100,7 +100,7 @@ impl fmt::Display for Access {
     }
 }
 
-/// How many accesses of each [`AccessKind`] there were.
+/// Number of accesses of each [`AccessKind`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// [`AccessKind::Unowned`].
@@ -152,7 +152,7 @@ impl fmt::Display for BusFault {
 
 impl std::error::Error for BusFault {}
 
-/// Why a block does not do what an access asks for. The access itself is harmless.
+/// Reason for which a block does not do what an access asks for. The access itself is harmless.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Refusal {
     Unmodelled,
@@ -203,7 +203,7 @@ impl Write {
         Self { value, lanes: u32::MAX, ..self }
     }
 
-    /// How much is written.
+    /// Width of the write.
     pub(super) const fn width(self) -> Width {
         match self.lanes.count_ones() {
             8 => Width::Byte,

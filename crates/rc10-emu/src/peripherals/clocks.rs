@@ -172,18 +172,18 @@ pub(super) fn pll(input: u64, settings: &Pll) -> Option<[u64; 3]> {
 /// A clock that is too fast for what it drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TooFast {
-    /// Which clock.
+    /// Name of the clock.
     pub clock: &'static str,
     /// Its frequency, hertz.
     pub hz: u64,
-    /// What it must not reach, or not exceed.
+    /// Bound that it must not reach, or not exceed.
     pub limit: Limit,
 }
 
-/// How fast a clock may be, hertz.
+/// Upper bound of a clock, hertz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Limit {
-    /// So fast at most, at this voltage.
+    /// At most this, at this voltage.
     AtMost(u64),
     /// Slower than APB1, which has this frequency.
     BelowApb1(u64),
@@ -268,7 +268,7 @@ pub(super) fn too_fast(
     at_most.chain((!apart).then_some(quantum))
 }
 
-/// How one PLL is set.
+/// Settings of one PLL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Pll {
     /// DIVM; 0: no clock.

@@ -26,7 +26,7 @@ use super::access::{Refusal, Width, Write};
 /// Streams of one controller.
 pub(super) const STREAMS: usize = 8;
 
-/// What a DMA1 or DMA2 cannot reach: the core's own memories (RM0468, bus matrix).
+/// Memories that DMA1 and DMA2 cannot reach: the core's own (RM0468, bus matrix).
 pub(super) const UNREACHABLE: [Range<u32>; 2] =
     [0x0000_0000..0x0001_0000, 0x2000_0000..0x2002_0000];
 
@@ -51,14 +51,14 @@ const FIFO_MODE: u32 = 1 << 2;
 /// Bytes of a FIFO, and items in it at most.
 const FIFO_BYTES: u32 = 16;
 const FIFO_ITEMS: usize = 16;
-/// How near in time two transfers are "concurrent": about what one takes on the buses.
+/// Distance in time at which two transfers are "concurrent": about that of one on the buses.
 const CONCURRENT: Nanos = Nanos::new(100);
 
 /// Interrupts of DMA1's and DMA2's streams. Source: stm32-metapac.
 const INTERRUPTS: [[usize; STREAMS]; 2] =
     [[11, 12, 13, 14, 15, 16, 17, 47], [56, 57, 58, 59, 60, 68, 69, 70]];
 
-/// Where data goes.
+/// Direction of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Direction {
     FromPeripheral,
@@ -82,7 +82,7 @@ struct Stream {
     done: u32,
     /// The next item is to fail.
     fails: bool,
-    /// What its FIFO holds: values, with where they go if that is memory.
+    /// Contents of its FIFO: values, with their destination if that is memory.
     held: [(u32, u32); FIFO_ITEMS],
     level: usize,
     moved_at: Option<Nanos>,
@@ -338,7 +338,7 @@ impl Dma {
         }
     }
 
-    /// What an enabled stream moves next; `None` if it waits for a request that is not there.
+    /// Item that an enabled stream moves next; `None` if it waits for a request that is not there.
     pub(super) fn next(&self, stream: usize, requested: bool) -> Option<Transfer> {
         let stream =
             self.streams.get(stream).filter(|stream| stream.is(ENABLE) && !stream.locked)?;
@@ -352,7 +352,7 @@ impl Dma {
         self.streams[stream].moved(worked);
     }
 
-    /// Where a stream is to read ahead into its FIFO.
+    /// Address at which a stream reads ahead into its FIFO.
     pub(super) fn ahead(&self, stream: usize) -> Option<u32> {
         self.streams[stream].ahead()
     }
@@ -367,7 +367,7 @@ impl Dma {
         self.streams[stream].give()
     }
 
-    /// What goes to memory now: where, the value, its width.
+    /// The writes to memory that are due: address, value, width.
     pub(super) fn give_due(&mut self, stream: usize) -> Vec<(u32, u32, Width)> {
         let stream = &mut self.streams[stream];
         let width = stream.width();

@@ -6,7 +6,7 @@ const OUTPUT: u32 = 1;
 const ALTERNATE: u32 = 2;
 const ANALOG: u32 = 3;
 
-/// How many pins a port has.
+/// Number of pins of a port.
 pub(super) const PINS: usize = 16;
 
 /// Mode, speed and pull registers after a reset: port A's and B's debug pins work, all others are

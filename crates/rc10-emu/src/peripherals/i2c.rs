@@ -2,7 +2,7 @@
 //! bytes: nine clocks each, a start and a stop condition one.
 //!
 //! Modelled: 7-bit addresses, reload, automatic and software stop, repeated start, refused addresses
-//! and bytes, clock stretching, a bus that somebody holds, DMA requests, interrupts.
+//! and bytes, clock stretching, a bus held low, DMA requests, interrupts.
 //! Not modelled, and reported when asked for: 10-bit addresses, slaves, `SMBus`, time-outs in
 //! hardware. Filters and the delays of the edges take no time; there is no other master.
 
@@ -10,7 +10,7 @@ use rc10_sim::Nanos;
 
 use super::access::{Refusal, Write};
 
-/// What one I2C is called, and how it is wired inside the chip.
+/// Name of one I2C, and its connections inside the chip.
 pub(super) struct Facts {
     /// The number in its name.
     pub number: u8,
@@ -45,7 +45,7 @@ pub trait I2cDevice: Send {
     /// The transaction has ended: by a stop, or by the chip's leaving the bus.
     fn stop(&mut self, _now: Nanos) {}
 
-    /// How long it holds the clock low behind each byte; [`Nanos`] of all ones: for ever.
+    /// Time for which it holds the clock low behind each byte; [`Nanos`] of all ones: for ever.
     fn stretch(&self) -> Nanos {
         Nanos::ZERO
     }
@@ -78,7 +78,7 @@ const BUS_ERROR: u32 = 1 << 8;
 const ARBITRATION_LOST: u32 = 1 << 9;
 const OVERRUN: u32 = 1 << 10;
 const BUSY: u32 = 1 << 15;
-/// What ICR clears: ADDR, NACK, STOP, BERR, ARLO, OVR, PECERR, TIMEOUT, ALERT.
+/// Bits that ICR clears: ADDR, NACK, STOP, BERR, ARLO, OVR, PECERR, TIMEOUT, ALERT.
 const CLEARED: u32 = 0x3F38;
 
 const CLOCKS_OF_BYTE: u64 = 9;
@@ -112,15 +112,15 @@ pub(super) struct I2c {
     transmit: Option<u8>,
     receive: Option<u8>,
     state: State,
-    /// When what is on the wires has passed.
+    /// End of the present transfer on the wires.
     due: Option<Nanos>,
     reads: bool,
     /// Of the NBYTES of this part of the transfer: put into TXDR; done.
     submitted: u32,
     done: u32,
-    /// Somebody holds the data line low: nothing can start.
+    /// Another node holds the data line low: nothing can start.
     held: bool,
-    /// A start condition was seen that nobody has ended.
+    /// A start condition was seen, and no stop condition since.
     held_busy: bool,
     /// Bytes to come in which BERR is raised for nothing.
     disturbed: u32,
@@ -155,7 +155,7 @@ impl I2c {
         }
     }
 
-    /// What is outside stays.
+    /// Devices outside stay.
     pub(super) fn reset(&mut self, now: Nanos) {
         self.leave(now);
         let old = std::mem::replace(self, Self::new(self.facts));
@@ -177,7 +177,7 @@ impl I2c {
         self.devices.push(device);
     }
 
-    /// Somebody holds the data line low, or lets go of it.
+    /// Another node holds the data line low, or lets go of it.
     pub(super) fn hold(&mut self, held: bool, now: Nanos) {
         self.held = held;
         if held && !matches!(self.state, State::Idle | State::Stopping) {
@@ -216,7 +216,7 @@ impl I2c {
         self.control[1] >> 16 & 0xFF
     }
 
-    /// How long so many clocks take: SCLL and SCLH in periods of the prescaled kernel clock.
+    /// Duration of a number of clocks: SCLL and SCLH in periods of the prescaled kernel clock.
     fn clocks(&self, clocks: u64) -> Nanos {
         let field = |shift: u32, mask: u32| u64::from(self.timing >> shift & mask) + 1;
         let periods = clocks * (field(0, 0xFF) + field(8, 0xFF)) * field(28, 0xF);
@@ -367,7 +367,7 @@ impl I2c {
     }
 
     /// Whether it, or the device that it speaks with, holds clock and data low now. While a byte is
-    /// on the wires both change faster than anybody looks: low.
+    /// on the wires both change faster than they are sampled: low.
     pub(super) const fn holds_low(&self) -> [bool; 2] {
         match self.state {
             State::Idle => [false; 2],

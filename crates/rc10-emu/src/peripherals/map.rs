@@ -1,4 +1,4 @@
-//! Who is at which address. Source: stm32-metapac 21.0.0, STM32H723ZG; sizes from RM0468's memory
+//! The address map. Source: stm32-metapac 21.0.0, STM32H723ZG; sizes from RM0468's memory
 //! map, where a block ends with its last register or its bus slot.
 
 /// A clock gate and its reset, in RCC: the same bit of two registers.
@@ -12,7 +12,7 @@ pub struct Switch {
     pub reset: Option<u32>,
 }
 
-/// Which part of the model answers.
+/// Part of the model that answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Block {
     /// Reset and clock control.
@@ -56,15 +56,15 @@ pub enum Block {
 /// A peripheral.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Row {
-    /// What the manual calls it.
+    /// Name in the manual.
     pub name: &'static str,
     /// Its first address.
     pub base: u32,
-    /// How many bytes it owns.
+    /// Size in bytes.
     pub size: u32,
     /// Its clock gate; `None` if it always has a clock.
     pub switch: Option<Switch>,
-    /// Which part of the model answers.
+    /// Part of the model that answers.
     pub block: Block,
 }
 
@@ -241,7 +241,7 @@ pub const MAP: &[Row] = &[
     row("DBGMCU", 0x5C00_1000, 0x400, NO_GATE, Block::Debug),
 ];
 
-/// What an access of the core takes on its way through the buses: clocks of AXI and AHB, and of the
+/// Cost of an access of the core on its way through the buses: clocks of AXI and AHB, and of the
 /// APB behind them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Way {
@@ -251,7 +251,7 @@ pub struct Way {
     pub apb: u64,
 }
 
-/// First address behind each bus, and the way to what is on it. Our estimates, of the order that is
+/// First address behind each bus, and the way to its devices. Our estimates, of the order that is
 /// told of this family: reads of a timer or an FDCAN in 40 to 50 clocks of a core at 480 MHz with buses
 /// of 240 and 120 MHz, of a GPIO port in half of that, because they lie behind two bridges between
 /// power domains, or one. No board was measured.

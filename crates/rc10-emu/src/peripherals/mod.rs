@@ -1,16 +1,16 @@
 //! The STM32H723's peripherals, from the reference manual's rules (RM0468).
 //!
 //! [`Soc`] answers register accesses at a time in nanoseconds, says when it next does something by
-//! itself, and drives the interrupt lines. [`map::MAP`] declares who is at which address, with
+//! itself, and drives the interrupt lines. [`map::MAP`] declares which device is at which address, with
 //! which clock gate and which reset bit; everything else follows from it.
 //!
-//! The chip refuses much, and so does the model. What it refuses is kept as an [`Access`]:
-//! a peripheral without clock, an address nobody owns, a register that is locked. Addresses, bits
-//! and interrupt numbers are those of stm32-metapac 21.0.0 for the STM32H723ZG.
+//! The chip refuses much, and so does the model. A refused access is kept as an [`Access`]:
+//! a peripheral without clock, an address without a device, a register that is locked. Addresses,
+//! bits and interrupt numbers are those of stm32-metapac 21.0.0 for the STM32H723ZG.
 //!
-//! | file | what |
+//! | file | contents |
 //! |---|---|
-//! | `map` | who is where |
+//! | `map` | the address map |
 //! | `soc` | routes accesses, keeps gates, resets and interrupt lines |
 //! | `rcc`, `clocks` | oscillators, PLLs and their ready times; the clock tree |
 //! | `power` | PWR: supply and voltage scaling; wait states of the flash |
@@ -21,7 +21,7 @@
 //! | `spi`, `i2c` | SPI1-5, I2C1-3 and 5 as masters, with devices |
 //! | `dma` | DMA1, DMA2 and DMAMUX1 |
 //! | `watchdog` | IWDG1 |
-//! | `outside` | what is at the pins: levels, characters, devices, injected faults |
+//! | `outside` | the world at the pins: levels, characters, devices, injected faults |
 //! | `registers` | a block's registers as a table; blocks that only store |
 //!
 //! To add a peripheral: give it a file with `read`, `write`, `advance` and `next_event`, a variant

@@ -1,4 +1,4 @@
-//! What is at the chip's pins: levels, characters, devices; and faults that come from there.
+//! The world at the chip's pins: levels, characters, devices; and faults that come from there.
 
 use rc10_sim::{Nanos, UartFault};
 
@@ -13,13 +13,13 @@ use super::usart::{Character, Format, Outgoing, SentByte, USARTS};
 /// A change of a pin's level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Edge {
-    /// When.
+    /// Time of the change.
     pub at: Nanos,
     /// The level from then on.
     pub high: bool,
 }
 
-/// Who writes down what the chip does to a pin.
+/// Recorder of the edges at a pin.
 pub(super) struct Recorder {
     pin: (usize, usize),
     high: bool,
@@ -33,7 +33,7 @@ pub(super) struct Jumper {
     level: Option<bool>,
 }
 
-/// Who holds an I2C's data line low until enough clocks have passed.
+/// Node that holds an I2C's data line low until enough clocks have passed.
 pub(super) struct Holder {
     i2c: usize,
     clock: (usize, usize),
@@ -150,7 +150,7 @@ impl Soc {
         changed
     }
 
-    /// Tells the timers at which of their channels somebody looks.
+    /// Tells the timers which of their channels are observed.
     fn watch(&mut self) {
         let mut watched = [0_u32; TIMERS.len()];
         let looked_at = self.recorders.iter().map(|recorder| recorder.pin);
@@ -164,7 +164,7 @@ impl Soc {
         }
     }
 
-    /// A level may have changed, or who looks at it.
+    /// A level, or its observers, may have changed.
     pub(super) fn look_at_pins(&mut self, now: Nanos) {
         for timer in 0..self.timers.len() {
             if self.timers[timer].listens() {
@@ -202,7 +202,7 @@ impl Soc {
     }
 
     /// Bytes come in at a UART's receive pin (1 for USART1 ..= 10), one right after the other, the
-    /// first start bit at `start`, which must be after what was fed before. `bits` is a frame's
+    /// first start bit at `start`, which must be after the bits fed before. `bits` is a frame's
     /// length with start, parity and stop bits: 10 for 8N1, 11 for 8E1, 12 for 8E2. `false`: no such
     /// UART, no such length, or no such baud rate.
     pub fn feed_serial(
@@ -247,7 +247,7 @@ impl Soc {
         true
     }
 
-    /// The level of a UART's receive pin while nobody sends: high, unless the line is inverted.
+    /// The level of a UART's receive pin while its line is idle: high, unless it is inverted.
     /// `false`: there is no such UART.
     pub fn set_serial_idle(&mut self, uart: u8, high: bool) -> bool {
         let Some(usart) = usart_of(uart) else { return false };

@@ -1,4 +1,4 @@
-//! Which pin carries which signal with which alternate function. A pin with another one is not
+//! The signals of each pin, by alternate function. A pin with another one is not
 //! connected. Source: stm32-metapac 21.0.0, STM32H723ZG.
 
 use super::gpio::Port;

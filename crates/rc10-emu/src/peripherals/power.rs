@@ -26,7 +26,7 @@ const TABLE: &[Register] = &[
     plain(0x28, 0),
 ];
 
-/// How long a change of the core voltage takes. Our estimate.
+/// Duration of a change of the core voltage. Our estimate.
 const SCALING: Nanos = Nanos::new(20_000);
 /// Bits of CR3 that are written once after power-on.
 const SUPPLY: u32 = 0x3F;

@@ -18,7 +18,7 @@ use super::access::{Refusal, Write};
 use super::clocks::{self, CSI_HZ, Clocks, HSE_HZ, HSI_HZ, LSE_HZ, Pll, Settings, Sources, field};
 use super::registers::{Register, Registers, masked, plain};
 
-/// Why the chip starts anew.
+/// Cause of a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResetCause {
     /// Power came.
@@ -46,7 +46,7 @@ impl ResetCause {
     }
 }
 
-/// The address of `RCC_CR`: what is told of clocks that change without an access.
+/// The address of `RCC_CR`, used in reports of clocks that change without an access.
 pub(super) const CONTROL: u32 = 0x5802_4400;
 const CR: u32 = 0x00;
 const CFGR: u32 = 0x10;
@@ -104,7 +104,7 @@ const TABLE: &[Register] = &[
     plain(0x114, 0x0300_0136), plain(0x118, 0x31D7_3033), plain(0x11C, 0x0421_FEAA),
 ];
 
-/// What has to start before it can be used: its bit in CR, and how long that takes. The flag that
+/// A clock source that has to start: its bit in CR, and its start-up time. The flag that
 /// says it is ready is the next bit, two further for HSI. Source: STM32H723 data sheet, maximum or
 /// typical times of the oscillator tables.
 #[rustfmt::skip]
@@ -138,7 +138,7 @@ const LSE: usize = 33;
 #[derive(Debug)]
 pub(super) struct Rcc {
     registers: Registers,
-    /// When each starter becomes ready, by its bit in CR.
+    /// Time at which each source becomes ready, by its bit in CR.
     ready: [Option<Nanos>; 34],
     /// Whether the crystal swings when it is asked to.
     crystal: bool,
@@ -228,7 +228,7 @@ impl Rcc {
         self.registers.value(CIFR) & SECURITY_FLAG != 0
     }
 
-    /// When the system clock was switched to PLL1.
+    /// Time at which the system clock was switched to PLL1.
     pub(super) const fn system_ready_at(&self) -> Option<Nanos> {
         self.system_ready_at
     }
@@ -298,7 +298,7 @@ impl Rcc {
         let off = |pll, mask| if self.pll_is_on(pll) { 0 } else { mask };
         match write.offset {
             CR => {
-                // What drives the system clock cannot be switched off.
+                // The source of the system clock cannot be switched off.
                 let before = self.registers.value(CR);
                 self.registers.write(write)?;
                 // Clock security is only ever switched on.
@@ -361,7 +361,7 @@ impl Rcc {
         }
     }
 
-    /// Notes when what was switched on is ready, and what was switched off.
+    /// Notes when sources that were switched on are ready, and which were switched off.
     fn start(&mut self, now: Nanos) {
         let control = self.registers.value(CR);
         let mut note = |index: usize, on: bool, at: Option<Nanos>| {
@@ -427,12 +427,12 @@ impl Rcc {
         }
     }
 
-    /// When something becomes ready.
+    /// Time at which the next source becomes ready.
     pub(super) fn next_event(&self) -> Option<Nanos> {
         self.ready.iter().flatten().copied().filter(|&at| at > self.settled).min()
     }
 
-    /// Lets what is due become ready; the system clock is switched when its new source is.
+    /// Sources that are due become ready; the system clock is switched when its new source is.
     pub(super) fn advance(&mut self, now: Nanos) {
         self.settled = now.max(self.settled);
         let wanted = field(self.registers.value(CFGR), 0, 3);

@@ -2,7 +2,7 @@
 
 use super::access::{Refusal, Write};
 
-/// A register: where, its value after a reset, and the bits that keep what is written. All other
+/// A register: offset, its value after a reset, and the bits that keep a written value. All other
 /// bits do not change by writing.
 #[derive(Debug)]
 pub(super) struct Register {
@@ -11,12 +11,12 @@ pub(super) struct Register {
     pub writable: u32,
 }
 
-/// A register whose bits all keep what is written.
+/// A register whose bits all keep a written value.
 pub(super) const fn plain(offset: u32, reset: u32) -> Register {
     Register { offset, reset, writable: u32::MAX }
 }
 
-/// A register of which some bits keep what is written.
+/// A register of which some bits keep a written value.
 pub(super) const fn masked(offset: u32, reset: u32, writable: u32) -> Register {
     Register { offset, reset, writable }
 }
@@ -26,7 +26,7 @@ pub(super) const fn fixed(offset: u32, value: u32) -> Register {
     Register { offset, reset: value, writable: 0 }
 }
 
-/// The registers of one block, and what is in them. What the table lacks is not modelled.
+/// The registers of one block, and their values. Registers that the table lacks are not modelled.
 #[derive(Debug)]
 pub(super) struct Registers {
     table: &'static [Register],

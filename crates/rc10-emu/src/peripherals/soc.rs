@@ -1,4 +1,4 @@
-//! All peripherals together: who answers an access, who has a clock, whose interrupt is asked for.
+//! All peripherals together: dispatch of accesses, clocks, interrupts.
 
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -30,7 +30,7 @@ const INTERRUPT_WORDS: usize = 6;
 const PORTS: usize = 11;
 /// Line 0 and line 1 of FDCAN1, FDCAN2, FDCAN3. Source: stm32-metapac.
 const FDCAN_INTERRUPTS: [[usize; 2]; 3] = [[19, 21], [20, 22], [159, 160]];
-/// Refused accesses kept until somebody takes them; more are only counted.
+/// Refused accesses kept until they are taken; more are only counted.
 const REPORTS: usize = 256;
 
 /// The STM32H723's peripherals.
@@ -55,9 +55,9 @@ pub struct Soc {
     pub(super) dmas: [Dma; 2],
     mux: DmaMux,
     watchdog: Watchdog,
-    /// Which rows of the map have a clock and are not held in reset.
+    /// Rows of the map that have a clock and are not held in reset.
     running: Vec<bool>,
-    /// A level at a pin, or who looks at it, may have changed.
+    /// A level at a pin, or its observers, may have changed.
     pub(super) pins_changed: bool,
     pub(super) recorders: Vec<Recorder>,
     pub(super) jumpers: Vec<Jumper>,
@@ -125,7 +125,7 @@ impl Soc {
     }
 
     /// Starts anew. What a reset of this kind leaves alone stays: flags of earlier resets, backup
-    /// domain, supply, debug unit; what is outside: levels and bytes at the pins.
+    /// domain, supply, debug unit; the outside: levels and bytes at the pins.
     pub fn reset(&mut self, cause: ResetCause, now: Nanos) {
         self.rcc.reset(cause, now);
         if cause == ResetCause::PowerOn {
@@ -151,7 +151,7 @@ impl Soc {
     /// Reads a register. Sub-word reads give their part of the word.
     ///
     /// # Errors
-    /// If nobody is there, or the access is not aligned.
+    /// If there is no device at the address, or the access is not aligned.
     pub fn read(&mut self, address: u32, width: Width, now: Nanos) -> Result<u32, BusFault> {
         self.advance(now);
         if self.is_gated_memory(address) {
@@ -174,7 +174,7 @@ impl Soc {
     /// Writes a register. Sub-word writes change their part of the word.
     ///
     /// # Errors
-    /// If nobody is there, or the access is not aligned.
+    /// If there is no device at the address, or the access is not aligned.
     pub fn write(
         &mut self,
         address: u32,
@@ -188,22 +188,22 @@ impl Soc {
             return Ok(());
         }
         let block = self.access_write(address, width, value, now)?;
-        // What the FDCANs' interrupt lines do is asked for anew each time.
+        // The FDCANs' interrupt lines are read anew each time.
         if !matches!(block, Block::Fdcan(_) | Block::FdcanRam) {
             self.settle(now);
         }
         Ok(())
     }
 
-    /// Reports an access that nobody answers, whatever is at the address: instructions are not
+    /// Reports an access without an answer, also where there is a device: instructions are not
     /// fetched from peripherals.
     pub fn refuse(&mut self, address: u32, write: bool) -> BusFault {
         self.report(address, write, AccessKind::Unowned);
         BusFault
     }
 
-    /// When something happens without an access: the earliest time to call [`advance`](Self::advance)
-    /// at. The FDCANs' own events are their wires'.
+    /// Time of the next event without an access: the earliest time to call
+    /// [`advance`](Self::advance) at. The FDCANs' own events are their wires'.
     #[must_use]
     pub const fn next_event(&self) -> Option<Nanos> {
         self.next
@@ -279,7 +279,7 @@ impl Soc {
         self.clocks
     }
 
-    /// When the system clock was switched to PLL1; `None` if not yet since the last reset.
+    /// Time at which the system clock was switched to PLL1; `None` if not yet since the last reset.
     #[must_use]
     pub const fn system_ready_at(&self) -> Option<Nanos> {
         self.rcc.system_ready_at()
@@ -290,12 +290,12 @@ impl Soc {
         std::mem::take(&mut self.wants_reset).then_some(ResetCause::Watchdog)
     }
 
-    /// What the chip did not like since the last call; the first 256 of it.
+    /// Refused accesses since the last call; the first 256 of them.
     pub fn take_reports(&mut self) -> Vec<Access> {
         std::mem::take(&mut self.reports)
     }
 
-    /// How much the chip did not like since it exists.
+    /// Number of refused accesses since the chip exists.
     #[must_use]
     pub const fn counts(&self) -> Counts {
         self.counts
@@ -363,7 +363,7 @@ impl Soc {
     }
 
     fn fdcans(&self) -> MutexGuard<'_, Fdcans> {
-        // What a panic left behind is as good as any state of a chip.
+        // The state that a panic left behind is as good as any state of a chip.
         self.fdcan.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -578,7 +578,7 @@ impl Soc {
         }
     }
 
-    /// Gates and resets: who has a clock.
+    /// Gates and resets: which peripherals have a clock.
     fn apply_switches(&mut self) {
         self.memories_run = self.rcc.memories_run();
         for (running, row) in self.running.iter_mut().zip(MAP) {
@@ -586,7 +586,7 @@ impl Soc {
         }
     }
 
-    /// Tells everybody the clock they have now.
+    /// Gives each peripheral its present clock.
     fn apply_clocks(&mut self, now: Nanos) {
         let clocks = self.rcc.clocks();
         if clocks.fdcan != self.clocks.fdcan {

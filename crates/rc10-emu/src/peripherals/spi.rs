@@ -12,7 +12,7 @@ use rc10_sim::Nanos;
 
 use super::access::{Refusal, Width, Write};
 
-/// What one SPI has.
+/// Constants of one SPI.
 pub(super) struct Facts {
     /// 0: of SPI1 to 3, 1: of SPI4 and 5: which kernel clock it has.
     pub clock: usize,
@@ -52,7 +52,7 @@ pub trait SpiDevice: Send {
     fn deselect(&mut self, _now: Nanos) {}
 
     /// A frame has been exchanged, most significant bit first: what the chip sent, and what the
-    /// device had on its output meanwhile. That cannot depend on what was sent.
+    /// device had on its output meanwhile. That cannot depend on the byte sent.
     fn exchange(&mut self, sent: u16, now: Nanos) -> u16;
 }
 
@@ -63,7 +63,7 @@ struct Attached {
     device: Box<dyn SpiDevice>,
 }
 
-/// Which of its signals lead outside.
+/// Signals that are connected to pins.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Pins {
     pub clock: bool,
@@ -98,7 +98,7 @@ const OVERRUN: u32 = 1 << 6;
 const SUSPENDED: u32 = 1 << 11;
 const COMPLETE: u32 = 1 << 12;
 const WORD: u32 = 1 << 15;
-/// What IFCR clears: EOT, TXTF, UDR, OVR, CRCE, TIFRE, MODF, TSERF, SUSP.
+/// Bits that IFCR clears: EOT, TXTF, UDR, OVR, CRCE, TIFRE, MODF, TSERF, SUSP.
 const CLEARED: u32 = 0x0FF8;
 
 /// CFG2.COMM.
@@ -123,7 +123,7 @@ pub(super) struct Spi {
     flags: u32,
     to_send: VecDeque<u16>,
     received: VecDeque<u16>,
-    /// What is on the wires, and when it ends.
+    /// The frame on the wires, and its end.
     frame: Option<(u16, Nanos)>,
     /// Frames of a transfer with a size that were put into the FIFO, and that are done.
     submitted: u32,
@@ -153,7 +153,7 @@ impl Spi {
         }
     }
 
-    /// What is outside stays.
+    /// Devices outside stay.
     pub(super) fn reset(&mut self) {
         let old = std::mem::replace(self, Self::new(self.facts));
         (self.hz, self.pins, self.devices) = (old.hz, old.pins, old.devices);
@@ -252,7 +252,7 @@ impl Spi {
         self.frame = Some((value, now + Nanos::new(nanos.div_ceil(self.clock_hz()))));
     }
 
-    /// What comes back for a frame.
+    /// The received frame.
     fn exchange(&mut self, value: u16, at: Nanos) -> u16 {
         let mode = u8::try_from((self.config[1] >> 24 & 1) | (self.config[1] >> 25 & 1) << 1);
         let (mode, clock_hz) = (mode.unwrap_or(0), self.clock_hz());
@@ -273,10 +273,10 @@ impl Spi {
                 // It takes the bits at the wrong edges.
                 0xA5A5 & mask
             };
-            // Who drives low wins.
+            // A device that drives low wins.
             answer = Some(answer.map_or(one, |others: u16| others & one));
         }
-        // Nobody drives the line: it reads low. Our choice.
+        // No device drives the line: it reads low. Our choice.
         if self.pins.input { turned(answer.unwrap_or(0)) } else { 0 }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! New values of `PR`, `RLR` and `WINR` come into force after five periods of the LSI oscillator,
 //! whose flag is set until then: the data sheet's and our estimate. The counter starts at 0xFFF,
-//! whatever `RLR` says: the first feeding loads it.
+//! independent of `RLR`: the first feeding loads it.
 
 use rc10_sim::Nanos;
 
@@ -43,7 +43,7 @@ impl Late {
     }
 }
 
-/// The time of so many periods, rounded up to a nanosecond.
+/// The time of a number of LSI periods, rounded up to a nanosecond.
 const fn lsi_periods(periods: u64) -> Nanos {
     Nanos::new((periods * 1_000_000_000).div_ceil(LSI_HZ))
 }
@@ -55,7 +55,7 @@ pub(super) struct Watchdog {
     prescaler: Late,
     reload: Late,
     window: Late,
-    /// When it was running last at `counter`; `None` if it was never started.
+    /// Time at which it was running last at `counter`; `None` if it was never started.
     counting_from: Option<Nanos>,
     counter: u32,
     bites: bool,
@@ -78,7 +78,7 @@ impl Watchdog {
         4 << self.prescaler.in_force.min(6)
     }
 
-    /// When the counter has passed zero.
+    /// Time at which the counter passes zero.
     fn bite_at(&self) -> Option<Nanos> {
         let periods = (u64::from(self.counter) + 1) * self.period();
         self.counting_from.map(|start| start + lsi_periods(periods))

@@ -60,7 +60,7 @@ pub const FDOE: u32 = 1 << 8;
 /// 120 MHz / 3 / (1 + 29 + 10): 1 Mbit/s.
 pub const ONE_MEGABIT: u32 = 9 << 25 | 2 << 16 | 28 << 8 | 9;
 
-/// Where the elements lie, in words.
+/// Places of the elements, in words.
 pub const STANDARD_FILTERS: usize = 0;
 pub const EXTENDED_FILTERS: usize = 128;
 pub const FIFO_0: usize = 256;

@@ -98,7 +98,7 @@ fn its_divider_stretches_the_bits() {
     }
 }
 
-/// What ST's HAL relies on.
+/// The behaviour that ST's HAL relies on.
 #[test]
 fn the_other_reading_needs_no_bypass() {
     let mut bench = after_reset();

@@ -170,7 +170,7 @@ fn recovery_takes_129_times_eleven_recessive_bits() {
     assert!(bench.node.is_on_bus());
     assert_eq!((bench.take_flags() & STATES, psr(&bench)), (STATES, (5, "")));
     assert_eq!(counters(&bench), (0, 0, 0, false));
-    // What was pending goes out: cancelling it is the driver's affair.
+    // Pending frames go out: cancelling them is the driver's affair.
     assert_eq!(bench.carry_all(), ["200#0000000000000000"]);
 }
 

@@ -92,7 +92,7 @@ fn a_fifo_of_size_zero_loses_everything() {
 #[test]
 fn fifo_1_has_its_own_flags_size_and_element_size() {
     let mut bench = Bench::configuring();
-    // What matches nothing goes to FIFO 1, whose elements have 64 data bytes: 18 words.
+    // Frames that match nothing go to FIFO 1, whose elements have 64 data bytes: 18 words.
     bench.write(GFC, 0b01 << 4);
     bench.write(RXF1C, 64 << 16 | start_address(FIFO_1));
     bench.write(RXESC, 0b111 << 4);
@@ -115,7 +115,7 @@ fn an_element_holds_identifier_length_and_data() {
     let mut bench = Bench::configuring();
     bench.join();
     bench.hear(&standard(0x205, &[1, 2, 3, 4, 5, 6, 7, 8]));
-    // What no byte needs is not written.
+    // Words that no byte needs are not written.
     let rest = bench.ram(FIFO_0 + 2 * ELEMENT - 1);
     assert_ne!(rest, 0, "the message RAM holds noise after power-on");
     bench.hear(&extended(0x1FFF_FFFF, &[9, 8, 7]));

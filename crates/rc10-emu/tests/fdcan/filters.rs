@@ -18,7 +18,7 @@ const PRIORITY_FIFO0: u32 = 5;
 const PRIORITY_FIFO1: u32 = 6;
 const BUFFER: u32 = 7;
 
-/// What matches nothing is rejected.
+/// Frames that match nothing are rejected.
 const GFC_REJECT: u32 = 0b10 << 4 | 0b10 << 2;
 const HPM: u32 = 1 << 8;
 const DRX: u32 = 1 << 19;
@@ -51,7 +51,7 @@ fn configured(standard: &[(u32, u32, u32, u32)], extended: &[(u32, u32, u32, u32
     bench
 }
 
-/// How many frames went to FIFO 0, to FIFO 1, and nowhere.
+/// Number of frames that went to FIFO 0, to FIFO 1, and nowhere.
 fn went(bench: &mut Bench, frame: &CanFrame) -> [u64; 3] {
     let before = bench.counters();
     bench.hear(frame);
@@ -142,7 +142,7 @@ fn xidam_masks_the_identifier_except_for_the_unmasked_range() {
     assert_eq!(went(&mut bench, &extended(0x5510, &[])), [0, 1, 0]);
     assert_eq!(went(&mut bench, &extended(0x6610, &[])), [1, 0, 0]);
     assert_eq!(went(&mut bench, &extended(0x6630, &[])), [0, 0, 1]);
-    // What is stored is the identifier as received.
+    // The identifier is stored as received.
     assert_eq!(bench.ram(FIFO_0), 1 << 30 | 0x6610);
 }
 

@@ -76,7 +76,7 @@ fn configuration_needs_init_and_cce() {
         assert_ne!(bench.read(offset), value, "{offset:#x}");
     }
     assert_eq!(bench.counters().protected_writes, before);
-    // Writing what is there already is no attempt to change it.
+    // Writing the same value is no attempt to change it.
     bench.set_cccr(0);
     bench.write(NBTP, bench.read(NBTP));
     assert_eq!(bench.counters().protected_writes, before);

@@ -31,7 +31,7 @@ impl Bench {
     fn new() -> Self {
         let machine = Machine::new(&program(LOAD, FLASH, HANDLER)).unwrap();
         let bench = Self { machine, world: World::new(1) };
-        // What no byte has reached is zero.
+        // Memory that no byte has reached is zero.
         bench.machine.memory().write(BUFFER, &[0; 0x200]).unwrap();
         // Ports A to F, DMA1, UART5 and USART2, TIM13.
         bench.write(0x5802_44E0, 0x3F);
@@ -234,7 +234,7 @@ fn faults_of_the_link_are_the_chips() {
             "{fault:?}"
         );
     }
-    // Cut it is silent, and whoever sends is not heard.
+    // Cut it is silent, and no sender is heard.
     let mut bench = Bench::new();
     let serial = link(&mut bench, DBUS, &[(1_000_000, &[0x11])], false);
     serial.set_cut(true);
@@ -305,10 +305,10 @@ fn who_talks_into_an_answer_is_noticed() {
     let _motor = line.add(GoM8010::new(0), plant());
     bench.alternate(3, 6, 7);
     bench.write(USART2 + 0x0C, HZ / 4_000_000);
-    // OVRDIS: nobody reads what comes.
+    // OVRDIS: the received bytes are not read.
     bench.write(USART2 + 0x08, 1 << 12);
     bench.write(USART2, 0b101);
-    // Somebody else asks, and a third one talks into the motor's answer.
+    // Another master polls, and a third node talks into the motor's reply.
     line.inject(&[0xFE, 0xEE, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x65, 0x23]);
     bench.run_to(70_000);
     assert_eq!(bench.read(USART2 + ISR) & 2, 0);
@@ -365,7 +365,7 @@ fn pulses_are_captured() {
     assert_eq!(edges, [700, 1_400, 2_100, 2_800]);
 }
 
-/// The rig knows nobody who holds a remote: who does takes such faults for himself.
+/// The rig has no remote: such faults are for the owner of one.
 #[test]
 fn a_rig_without_a_remote_refuses_to_lose_it() {
     let machine = Machine::new(&program(LOAD, FLASH, HANDLER)).unwrap();

@@ -155,7 +155,7 @@ fn counts_cycles(address: u32) -> Vec<u8> {
 /// In DTCM.
 const COUNT: u32 = 0x2000_0000;
 
-/// Cycles are time times clock, whatever a program does meanwhile: 64 MHz after a reset.
+/// Cycles are time times clock, independent of the program: 64 MHz after a reset.
 #[test]
 fn the_cycle_counter_counts_the_clocks_that_go_by() {
     // Flash; RCC_CR, which is behind two buses.
@@ -191,7 +191,7 @@ fn no_fault_is_forgotten() {
     assert!(reports(&machine)[0].contains("locked up"), "{:?}", reports(&machine));
 }
 
-/// Who masks interrupts itself is not unmasked by a fault's end.
+/// A program that masks interrupts itself is not unmasked by a fault's end.
 #[test]
 fn a_mask_ends_as_it_began() {
     let mut world = World::new(1);
@@ -234,7 +234,7 @@ fn a_memory_without_clock_is_told() {
     machine.run(&mut World::new(1), Nanos::new(1)).unwrap();
     machine.run(&mut World::new(1), micros(10)).unwrap();
     assert_eq!((machine.soc().gated(), reports(&machine).len()), (0, 0));
-    // A reset takes it away again, and the memory keeps what is in it.
+    // A reset takes it away again, and the memory keeps its contents.
     machine.soc().reset(ResetCause::Software, micros(10));
     assert_eq!(machine.soc().memories_run(), [false; 2]);
     assert_eq!(machine.memory().word(SRAM1).unwrap(), 0x0403_0201);
@@ -338,7 +338,7 @@ fn ram_that_was_never_written_is_noise() {
     }
 }
 
-/// Every RAM has its own noise, and a reset keeps what is in it.
+/// Every RAM has its own noise, and a reset keeps its contents.
 #[test]
 fn power_comes_with_noise_in_every_ram() {
     let machine = run(&program(LOAD, FLASH, HANDLER));

@@ -44,7 +44,7 @@ impl Chip {
         chip
     }
 
-    /// What embassy-stm32 0.6.0 writes for `rc10_bsp::clocks()`, with its waiting loops.
+    /// The writes of embassy-stm32 0.6.0 for `rc10_bsp::clocks()`, with its waiting loops.
     pub fn start_clocks(&mut self, divider: u32) {
         self.set(PWR + 0x0C, 0b111, 0b010);
         self.wait(PWR + 0x04, 1 << 13);

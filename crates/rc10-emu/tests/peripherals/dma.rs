@@ -187,7 +187,7 @@ fn with_its_fifo_ndtr_runs_ahead_of_memory() {
     feed(&mut chip, &[4]);
     assert_eq!((chip.read(NDTR), memory(&chip)), (4, 0x0403_0201));
     assert_eq!(chip.read(FCR) >> 3 & 7, 4, "empty");
-    // What is left goes to memory when the stream is switched off.
+    // The rest goes to memory when the stream is switched off.
     feed(&mut chip, &[5]);
     let second = |chip: &Chip| chip.memory.word(0x2400_0004).unwrap() & 0xFF;
     assert_ne!(second(&chip), 5);

@@ -223,7 +223,7 @@ fn an_overrun_deafens_until_it_is_cleared() {
         hear(&mut chip, coming);
     }
     assert_eq!((chip.read(ISR) & ORE, chip.read(RDR)), (0, 2));
-    // One that is injected comes as if nobody had taken the byte before.
+    // An injected one comes as if the byte before had not been taken.
     let mut chip = uart(0, 0, 0);
     let coming =
         Character { fault: Some(UartFault::Overrun), ..character(&chip, 1, Format::EIGHT_N_1) };
@@ -371,7 +371,7 @@ fn what_is_sent_is_inverted_and_locked_as_set_up() {
         assert_eq!(chip.read(register) & !0xF, before & !0xF, "{register:#x}");
     }
     assert_eq!(chip.kinds(), [AccessKind::Protected; 4]);
-    // What is not locked changes.
+    // Bits that are not locked change.
     chip.set(CR1, 1 << 4, 1 << 4);
     chip.set(CR3, 1, 1);
     assert_eq!((chip.read(CR1) >> 4 & 1, chip.read(CR3) & 1, chip.kinds()), (1, 1, vec![]));

@@ -209,7 +209,7 @@ fn the_programs_stop_and_reload() {
     chip.write(CR2, STOP);
     chip.run_to(chip.now + 100 * BIT);
     assert_eq!((flags(&mut chip), chip.read(CR2)), (STOPF, 0));
-    // No byte at all: is there anybody?
+    // No byte at all: does a device answer?
     chip.write(CR2, ADDRESS | AUTOEND | START);
     chip.run_to(chip.now + 20 * BIT);
     assert_eq!((flags(&mut chip), log(&device)), (STOPF, "W P".into()));

@@ -59,7 +59,7 @@ fn pulses(chip: &mut Chip) -> Vec<(u64, u64, u64)> {
         .collect()
 }
 
-/// What a WS2812 makes of pulses: 24 bits a colour, green first.
+/// A WS2812's reading of pulses: 24 bits a colour, green first.
 fn colours(pulses: &[(u64, u64, u64)]) -> Vec<u32> {
     let bits = pulses.iter().map(|&(_, high, low)| {
         // Data sheet: 0.3 us and 0.8 us high, each +- 0.15 us.

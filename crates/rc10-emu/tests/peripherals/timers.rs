@@ -179,7 +179,7 @@ fn a_slower_bus_slows_it() {
     assert_eq!(chip.read(TIM2 + CNT), 10);
 }
 
-/// What is narrower than a register comes over the bridge repeated: in a counter of 32 bits that is
+/// A value narrower than a register comes over the bridge repeated: in a counter of 32 bits that is
 /// another value, in one of 16 the same.
 #[test]
 fn a_half_word_is_written_twice_over() {

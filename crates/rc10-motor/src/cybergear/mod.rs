@@ -1,6 +1,6 @@
 //! Xiaomi CyberGear and RobStride RS00 to RS06: one protocol, and a [table](models) of ranges.
 //!
-//! Terms: the **host** is whoever commands, with an identifier of its own; the **type** of a frame
+//! Terms: the **host** sends commands, with an identifier of its own; the **type** of a frame
 //! stands in bits 28 to 24 of its identifier. Extended identifiers, eight bytes, 1 Mbit/s.
 //!
 //! | identifier bits | 28–24 | 23–8 | 7–0 |

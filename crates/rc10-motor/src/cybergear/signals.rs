@@ -47,7 +47,7 @@ pub fn messages(model: &Model, address: Address) -> Vec<Message, MOST> {
         with_id(kind, mode << 6, motor, host, name, true, signals)
     };
     let to = |frame: CanFrame, name, signals| Message::new(name, frame.id(), 8, false, signals);
-    let feedback = feedback_of(model);
+    let Table { feedback, state, motion, .. } = table_of(model);
     let faults: &[_] = if robstride { &ROBSTRIDE_FAULTS } else { &CYBERGEAR_FAULTS };
     let parameter = Parameter::RUN_MODE;
     let mut all = Vec::new();
@@ -76,8 +76,6 @@ pub fn messages(model: &Model, address: Address) -> Vec<Message, MOST> {
         let _ = all.push(to(save, "CYBERGEAR_SET_BIT_RATE", &BIT_RATE));
     }
     const UPPER: u32 = 0x00FF_0000;
-    let state = state_of(model);
-    let motion = motion_of(model);
     let special = [
         with_id(kind::MOTION, 0, 0, motor, name!("MOTION"), false, motion).varying(0x00FF_FF00),
         from(kind::FEEDBACK, 0, name!("FEEDBACK"), state).varying(UPPER),
@@ -105,32 +103,17 @@ const fn feedback(limits: &Limits) -> [Signal; 4] {
     ]
 }
 
-/// Of each model, and for those that are not ours: raw.
-fn feedback_of(model: &Model) -> &'static [Signal] {
-    FEEDBACK.iter().find(|(name, _)| *name == model.name).map_or(&RAW, |(_, signals)| signals)
-}
-
-/// The same with what stands in the identifier.
-fn state_of(model: &Model) -> &'static [Signal] {
-    let known = STATE.iter().find(|(name, _)| *name == model.name);
-    known.map_or(&RAW_STATE[usize::from(model.saves)], |(_, signals)| signals)
-}
-
-/// What the setpoint of a model says.
-fn motion_of(model: &Model) -> &'static [Signal] {
-    MOTION.iter().find(|(name, _)| *name == model.name).map_or(&RAW_MOTION, |(_, signals)| signals)
-}
-
 /// Mode and faults in the identifier, then what stands in the data of a feedback.
 const STATE_SIGNALS: usize = 1 + 6 + 4;
 
-const fn state(
-    data: [Signal; 4],
-    faults: &[(u8, &str); 6],
-    texts: &'static [[(u32, &'static str); 1]; 6],
-) -> [Signal; STATE_SIGNALS] {
+const fn state(data: [Signal; 4], robstride: bool) -> [Signal; STATE_SIGNALS] {
     const MODES: &[(u32, &str)] = &[(0, "stopped"), (1, "calibrates"), (2, "runs")];
     const NAMES: [&str; 6] = ["FAULT_0", "FAULT_1", "FAULT_2", "FAULT_3", "FAULT_4", "FAULT_5"];
+    let (faults, texts) = if robstride {
+        (&config::ROBSTRIDE_FAULTS, &ROBSTRIDE_TEXTS)
+    } else {
+        (&config::CYBERGEAR_FAULTS, &CYBERGEAR_TEXTS)
+    };
     let mut signals = [Signal::in_id("MODE", 22, 2).named(MODES); STATE_SIGNALS];
     let mut index = 0;
     while index < 6 {
@@ -161,14 +144,6 @@ const fn texts(faults: &[(u8, &'static str); 6]) -> [[(u32, &'static str); 1]; 6
 static CYBERGEAR_TEXTS: [[(u32, &str); 1]; 6] = texts(&config::CYBERGEAR_FAULTS);
 static ROBSTRIDE_TEXTS: [[(u32, &str); 1]; 6] = texts(&config::ROBSTRIDE_FAULTS);
 
-const fn state_with(data: [Signal; 4], robstride: bool) -> [Signal; STATE_SIGNALS] {
-    if robstride {
-        state(data, &config::ROBSTRIDE_FAULTS, &ROBSTRIDE_TEXTS)
-    } else {
-        state(data, &config::CYBERGEAR_FAULTS, &CYBERGEAR_TEXTS)
-    }
-}
-
 const fn motion(limits: &Limits) -> [Signal; 5] {
     let torque = limits.torque() as f64;
     [
@@ -180,35 +155,53 @@ const fn motion(limits: &Limits) -> [Signal; 5] {
     ]
 }
 
-static RAW_STATE: [[Signal; STATE_SIGNALS]; 2] = [state_with(RAW, false), state_with(RAW, true)];
-const RAW_MOTION: [Signal; 5] = [
-    Signal::big("POSITION", 0, 2),
-    Signal::big("VELOCITY", 2, 2),
-    Signal::big("KP", 4, 2),
-    Signal::big("KD", 6, 2),
-    Signal::in_id("TORQUE", 8, 16),
-];
+/// What the frames of a model hold whose scales follow from its limits.
+#[derive(Clone, Copy)]
+struct Table {
+    name: &'static str,
+    feedback: [Signal; 4],
+    /// The same with what stands in the identifier.
+    state: [Signal; STATE_SIGNALS],
+    motion: [Signal; 5],
+}
 
-static STATE: [(&str, [Signal; STATE_SIGNALS]); models::ALL.len()] = {
-    let mut all = [("", state_with(RAW, false)); models::ALL.len()];
+/// Without scales.
+const fn raw_table(robstride: bool) -> Table {
+    const FEEDBACK: [Signal; 4] = [
+        Signal::big("POSITION", 0, 2),
+        Signal::big("VELOCITY", 2, 2),
+        Signal::big("TORQUE", 4, 2),
+        Signal::big("TEMPERATURE", 6, 2).scaled(0.1, "degC"),
+    ];
+    let motion = [
+        Signal::big("POSITION", 0, 2),
+        Signal::big("VELOCITY", 2, 2),
+        Signal::big("KP", 4, 2),
+        Signal::big("KD", 6, 2),
+        Signal::in_id("TORQUE", 8, 16),
+    ];
+    Table { name: "", feedback: FEEDBACK, state: state(FEEDBACK, robstride), motion }
+}
+
+static RAW: [Table; 2] = [raw_table(false), raw_table(true)];
+static TABLES: [Table; models::ALL.len()] = {
+    let mut all = [raw_table(false); models::ALL.len()];
     let mut index = 0;
     while index < all.len() {
-        let model = &models::ALL[index];
-        all[index] = (model.name, state_with(feedback(&model.limits), model.saves));
+        let Model { name, limits, saves, .. } = models::ALL[index];
+        let feedback = feedback(limits);
+        let state = state(feedback, *saves);
+        all[index] = Table { name, feedback, state, motion: motion(limits) };
         index += 1;
     }
     all
 };
 
-static MOTION: [(&str, [Signal; 5]); models::ALL.len()] = {
-    let mut all = [("", RAW_MOTION); models::ALL.len()];
-    let mut index = 0;
-    while index < all.len() {
-        all[index] = (models::ALL[index].name, motion(&models::ALL[index].limits));
-        index += 1;
-    }
-    all
-};
+/// Of one of our models; of another, raw.
+fn table_of(model: &Model) -> &'static Table {
+    let known = TABLES.iter().find(|table| table.name == model.name);
+    known.unwrap_or(&RAW[usize::from(model.saves)])
+}
 
 /// Number of the chip, eight bytes as they came.
 static IDENTITY: [Signal; 1] = [Signal::big("CHIP", 0, 8)];
@@ -222,23 +215,6 @@ static BIT_RATE: [Signal; 1] = [Signal::little("BIT_RATE", 0, 1).named(&[
     (3, "250 kbit/s"),
     (4, "125 kbit/s"),
 ])];
-
-static FEEDBACK: [(&str, [Signal; 4]); models::ALL.len()] = {
-    let mut all = [("", RAW); models::ALL.len()];
-    let mut index = 0;
-    while index < all.len() {
-        all[index] = (models::ALL[index].name, feedback(&models::ALL[index].limits));
-        index += 1;
-    }
-    all
-};
-
-const RAW: [Signal; 4] = [
-    Signal::big("POSITION", 0, 2),
-    Signal::big("VELOCITY", 2, 2),
-    Signal::big("TORQUE", 4, 2),
-    Signal::big("TEMPERATURE", 6, 2).scaled(0.1, "degC"),
-];
 
 static STOP: [Signal; 1] = [Signal::little("CLEARS_FAULTS", 0, 1).named(&[(0, "no"), (1, "yes")])];
 

@@ -1,8 +1,8 @@
 //! Commands as frames, frames as replies. Positions in rad, velocities in rad/s, torques in N m,
 //! all at the output shaft.
 //!
-//! Packing never fails: it limits first, then converts. NaN becomes zero, so whoever takes targets
-//! refuses it before ([`Setpoint::validate`]).
+//! Packing never fails: it limits first, then converts. NaN becomes zero: check a setpoint before
+//! ([`Setpoint::validate`]).
 
 use embedded_can::ExtendedId;
 use rc10_app::Celsius;

@@ -1,10 +1,10 @@
 //! Models, identifiers, and how a motor is controlled.
 
 use embedded_can::StandardId;
-use rc10_app::{Cascade, ConfigError, Rpm};
+use rc10_app::{Cascade, ConfigError, Rpm, TotalAngle};
 
 use super::wire::{DeviceId, Mode, REGISTERS, standard};
-use crate::goal::{Goal, Goals};
+use crate::goal::Goals;
 use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND};
 use crate::motor::Loops;
 use crate::servo::{Servo, SpringRange};
@@ -169,10 +169,10 @@ impl Controller {
         }
     }
 
-    pub(super) const fn supports(&self) -> TargetSet {
+    pub(super) const fn goals(&self) -> &Goals {
         match self {
-            Self::Mit(servo) => servo.supports(),
-            Self::Own { goals, .. } => goals.supports(),
+            Self::Mit(servo) => servo.goals(),
+            Self::Own { goals, .. } => goals,
         }
     }
 
@@ -183,21 +183,7 @@ impl Controller {
         }
     }
 
-    pub(super) const fn target(&self) -> Target {
-        match self {
-            Self::Mit(servo) => servo.target(),
-            Self::Own { goals, .. } => goals.target(),
-        }
-    }
-
-    pub(super) const fn goal(&self) -> &Goal {
-        match self {
-            Self::Mit(servo) => servo.goal(),
-            Self::Own { goals, .. } => goals.goal(),
-        }
-    }
-
-    pub(super) fn set_zero(&mut self, zero: rc10_app::TotalAngle) {
+    pub(super) fn set_zero(&mut self, zero: TotalAngle) {
         match self {
             Self::Mit(servo) => servo.set_zero(zero),
             Self::Own { goals, .. } => goals.set_zero(zero),

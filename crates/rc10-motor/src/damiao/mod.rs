@@ -2,9 +2,9 @@
 //!
 //! Terms: **`CAN_ID`** is what a motor listens to, **`MST_ID`** the identifier it answers with; both
 //! are settings. A **mode** is a way of control, chosen in register 10. **Limits** (PMAX, VMAX,
-//! TMAX) are what the ends of range-mapped fields stand for, registers 21 to 23; who scales with
-//! others than the motor gets wrong values and no error, so they are always given, from a
-//! [`Model`] or by hand.
+//! TMAX) are what the ends of range-mapped fields stand for, registers 21 to 23. Other limits
+//! than the motor's give wrong values and no error, so they are always given, from a [`Model`] or by
+//! hand.
 //!
 //! Standard identifiers, 1 Mbit/s unless set otherwise. A motor speaks only when spoken to.
 //! Positions are in rad, velocities in rad/s, torques in N m, at the output shaft.
@@ -32,8 +32,8 @@
 //! fault with text (code 0x100 + register). An error of the device (codes 5 to 14) keeps it
 //! disabled until [`Request::ClearFault`](crate::Request::ClearFault).
 //!
-//! * An angle is sought within ±PMAX only: what a motor does beyond is not documented.
-//!   A target there is [`OutOfRange`](crate::TargetError::OutOfRange).
+//! * An angle is sought within ±PMAX only, by the longer way round if need be: what a motor does
+//!   beyond is not documented. A target there is [`OutOfRange`](crate::TargetError::OutOfRange).
 //! * Holding and braking are the same in the position modes; in velocity mode a motor told to hold
 //!   stands still, and gives way slowly.
 //! * [`StoreZero`](crate::Request::StoreZero), writing and saving registers: only while disarmed.

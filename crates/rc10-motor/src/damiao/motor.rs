@@ -175,7 +175,9 @@ impl Damiao {
             DriveMode::Off | DriveMode::Coast => false,
             DriveMode::Brake | DriveMode::Hold => true,
             // Only in MIT mode can an enabled motor be told to give no torque.
-            DriveMode::Run => self.mode() == Mode::Mit || *self.controller.goal() != Goal::Rest,
+            DriveMode::Run => {
+                self.mode() == Mode::Mit || *self.controller.goals().goal() != Goal::Rest
+            }
         }
     }
 
@@ -186,7 +188,7 @@ impl Damiao {
         let runs = tick.mode == DriveMode::Run;
         match controller {
             Controller::Mit(servo) => {
-                let near = match *servo.goal() {
+                let near = match *servo.goals().goal() {
                     Goal::Angle(phase) if runs => nearest(position, shaft, phase),
                     _ => None,
                 };
@@ -392,24 +394,7 @@ const STEPS_PER_TURN: u32 = 360_000_000;
 fn nearest(position: &RangedPosition, shaft: &Shaft, phase: i32) -> Option<TotalAngle> {
     let way = shortest_way(shaft.phase(), phase, STEPS_PER_TURN.cast_signed());
     let near = shaft.angle().plus(TotalAngle::from_microdegrees(way.into()));
-    if position.reaches(shaft, near) { Some(near) } else { other_way_round(position, shaft, near) }
-}
-
-#[cold]
-fn other_way_round(
-    position: &RangedPosition,
-    shaft: &Shaft,
-    near: TotalAngle,
-) -> Option<TotalAngle> {
-    let turn = TotalAngle::TURN.microdegrees();
-    // The longer way; and, of a shaft that is itself out of the range, to about its middle.
-    let out = position.of_angle(shaft, near).div_euclid(turn);
-    let out = if shaft.sign() < 0.0 { out } else { -out };
-    let inwards = if shaft.sign() < 0.0 { out + 1 } else { out - 1 };
-    let angle = |turns: i64| near.plus(TotalAngle::from_microdegrees(turns.saturating_mul(turn)));
-    let others = [-1, 1, out, inwards].map(angle).into_iter();
-    let reached = others.filter(|&angle| position.reaches(shaft, angle));
-    reached.min_by_key(|angle| angle.minus(shaft.angle()).microdegrees().unsigned_abs())
+    position.within_reach(shaft, near)
 }
 
 impl Motor for Damiao {
@@ -418,12 +403,12 @@ impl Motor for Damiao {
     }
 
     fn supports(&self) -> TargetSet {
-        self.controller.supports()
+        self.controller.goals().supports()
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
         // The usual case is the same target again.
-        if target == self.controller.target() {
+        if target == self.controller.goals().target() {
             return Ok(());
         }
         self.supports().accepts(&target)?;
@@ -442,7 +427,7 @@ impl Motor for Damiao {
     }
 
     fn target(&self) -> Target {
-        self.controller.target()
+        self.controller.goals().target()
     }
 
     fn feedback(&self) -> Feedback {

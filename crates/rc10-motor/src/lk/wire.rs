@@ -49,6 +49,8 @@ const SPEED_STEPS_PER_RPM: f32 = 600.0;
 const DEGREES_PER_SECOND_PER_RPM: f32 = 6.0;
 /// Angles: 0.01 degrees a step (manual V2.3, `A3` and `92`), so 36,000 make a turn.
 pub const CENTIDEGREES: CountsPerTurn = CountsPerTurn::new(36_000, 1);
+/// The same step in microdegrees.
+const STEP: i64 = 10_000;
 /// Supply voltage: 0.1 V a step (manual V2.3, answer to `9A`).
 const VOLTS_PER_STEP: f32 = 0.1;
 /// Phase current: 64 steps an ampere (manual V2.3, answer to `9D`).
@@ -222,14 +224,17 @@ impl Command {
     }
 }
 
+/// The nearest step of an angle, halves away from zero.
 fn steps(angle: TotalAngle) -> i32 {
-    let steps = angle.counts_at(CENTIDEGREES).clamp(i32::MIN.into(), i32::MAX.into());
+    let microdegrees = angle.microdegrees();
+    let half = if microdegrees < 0 { -STEP / 2 } else { STEP / 2 };
+    let steps = microdegrees.saturating_add(half) / STEP;
     #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-    return steps as i32;
+    return steps.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
 }
 
 fn angle(steps: i64) -> TotalAngle {
-    TotalAngle::from_microdegrees(steps.saturating_mul(10_000))
+    TotalAngle::from_microdegrees(steps.saturating_mul(STEP))
 }
 
 /// The frame with the raw iq of drives 1 ..= 4 ([`Model::raw_current`]), at [`MULTI_MOTOR_ID`]. The

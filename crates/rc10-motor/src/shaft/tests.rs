@@ -129,3 +129,85 @@ fn nothing_overflows() {
         }
     }
 }
+
+#[test]
+fn movements_are_certain_up_to_half_a_turn_of_the_sensor() {
+    let mut half = shaft(8192, 36, 1, Direction::Forward);
+    half.follow(0, 0.0, Micros::from_millis(1));
+    half.follow(4096, 0.0, Micros::from_millis(2));
+    // Ambiguous, and taken as backwards everywhere in the workspace.
+    assert_eq!(half.steps_to(TotalAngle::ZERO), 4096);
+    // rpm, milliseconds between two readings, steps, and whether that is an estimate.
+    for (rpm, millis, steps, gaps) in [
+        // 0.3 turns, 0.55 of them, and one: the shorter way round is certain only for the first.
+        (3000.0, 6, 2458_i32, 0),
+        (3300.0, 10, 4506, 1),
+        (20_000.0, 3, 8192, 1),
+        // At full speed with 1 ms feedback.
+        (20_000.0, 1, 2731, 0),
+    ] {
+        for sign in [1_i32, -1] {
+            let mut shaft = shaft(8192, 36, 1, Direction::Forward);
+            let rpm = rpm * f32::from(i8::try_from(sign).unwrap());
+            shaft.follow(0, rpm, Micros::from_millis(1));
+            shaft.follow((sign * steps).rem_euclid(8192), rpm, Micros::from_millis(1 + millis));
+            let steps_left = shaft.steps_to(TotalAngle::ZERO);
+            assert_eq!(
+                (steps_left, shaft.gaps),
+                (i64::from(-sign * steps), gaps),
+                "{rpm} {millis}"
+            );
+        }
+    }
+}
+
+#[test]
+fn nothing_is_left_of_what_was_counted_before_a_start_or_a_zero() {
+    let fresh = || {
+        let mut shaft = shaft(8192, 3591, 187, Direction::Forward);
+        shaft.start(0);
+        shaft
+    };
+    let (mut moved, mut started, mut zeroed) = (fresh(), fresh(), fresh());
+    for shaft in [&mut started, &mut zeroed] {
+        shaft.move_by(4001);
+    }
+    started.start(0);
+    let _ = zeroed.set_zero();
+    for _ in 0..10_000 {
+        for shaft in [&mut moved, &mut started, &mut zeroed] {
+            shaft.move_by(1);
+        }
+        assert_eq!((moved.angle(), moved.rest), (started.angle(), started.rest));
+        assert_eq!((moved.angle(), moved.rest), (zeroed.angle(), zeroed.rest));
+    }
+}
+
+#[test]
+fn any_number_of_steps_is_counted_alike_at_once_or_by_the_short_way() {
+    for (steps, rotor, output) in [(8192, 3591, 187), (8192, 1, 1), (42, 65_521, 1), (6, 1, 7)] {
+        for direction in [Direction::Forward, Direction::Reversed] {
+            let (mut quick, mut exact) =
+                (shaft(steps, rotor, output, direction), shaft(steps, rotor, output, direction));
+            for power in 0..31 {
+                for moved in [1_i32 << power, -(3 << power.min(29))] {
+                    quick.move_by(moved);
+                    exact.jump_by(moved.into());
+                    assert_eq!((quick.angle(), quick.rest), (exact.angle(), exact.rest), "{moved}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_sensors_side_is_told_with_gear_and_direction() {
+    for (direction, sign) in [(Direction::Forward, 1.0), (Direction::Reversed, -1.0)] {
+        let shaft = shaft(8192, 36, 1, direction);
+        assert!((shaft.sign() - sign).abs() < 1e-6);
+        assert!((shaft.to_sensor(10.0) - 360.0 * sign).abs() < 1e-3);
+    }
+    let fine = shaft(i32::MAX.unsigned_abs(), 65_535, 1, Direction::Forward);
+    assert_eq!(fine.steps_to(TotalAngle::from_microdegrees(i64::MAX)), i64::MAX);
+    assert_eq!(fine.steps_to(TotalAngle::from_microdegrees(i64::MIN)), i64::MIN);
+}

@@ -1,7 +1,7 @@
 //! On embassy-stm32's own CAN driver with its queues, polled: interrupts fill and empty them.
 //!
-//! What it cannot do, and `rc10-bsp` can: more than three frames in the controller, take a frame
-//! back, notice lost frames.
+//! Unlike `rc10-bsp` it has room for three frames in the controller only, cannot take a frame back,
+//! and does not notice lost frames.
 #![no_std]
 #![no_main]
 
@@ -26,7 +26,7 @@ bind_interrupts!(struct Irqs {
     FDCAN1_IT1 => IT1InterruptHandler<FDCAN1>;
 });
 
-/// What two motors send in 8 ms at 1 kHz.
+/// Room for the frames of two motors in 8 ms at 1 kHz.
 static RECEIVE: ConstStaticCell<RxBuf<16>> = ConstStaticCell::new(RxBuf::new());
 /// The commands of one tick.
 static TRANSMIT: ConstStaticCell<TxBuf<4>> = ConstStaticCell::new(TxBuf::new());

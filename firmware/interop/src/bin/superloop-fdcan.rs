@@ -1,8 +1,8 @@
 //! On the `fdcan` crate, polled. It knows the H7's registers but not its message RAM, which this
 //! program lays out; clocks and pins are embassy-stm32's.
 //!
-//! What it cannot do, and `rc10-bsp` can: more than three frames in each direction, come back from
-//! bus-off, send a data frame of no bytes.
+//! Unlike `rc10-bsp` it has room for three frames in each direction only, no way back from bus-off,
+//! and no data frame of no bytes.
 #![no_std]
 #![no_main]
 
@@ -77,7 +77,8 @@ fn lay_out_message_ram() {
     can.txesc().write(|w| w.set_tbds(LARGEST));
 }
 
-/// What the crate can send: it turns data frames of no bytes into remote ones, and has no others.
+/// Frames that the crate can send: it turns data frames of no bytes into remote ones, and has no
+/// others.
 #[derive(Clone)]
 struct Sendable(CanFrame);
 

@@ -1,10 +1,14 @@
 //! Registers, zero, gains, limits.
 
 use rc10_app::{Amps, NewtonMetres, Rpm, TotalAngle};
-use rc10_motor::{Gains, Request, RequestError, Response, Safety, Target};
+use rc10_motor::cybergear::{CyberGear, models};
+use rc10_motor::{
+    CanMotor, DriveMode, Gains, Motor, Request, RequestError, Response, Safety, Target, Tick,
+    TxBatch,
+};
 use rc10_sim::cybergear::Mode;
 
-use super::{Pair, with_cybergear, with_rs04};
+use super::{ADDRESS, Pair, with_cybergear, with_rs04};
 
 const COAST: Target = Target::Coast;
 
@@ -132,6 +136,24 @@ fn a_robstride_keeps_its_registers_and_its_zero() {
         assert!(degrees(&pair).abs() < 0.1, "{}", degrees(&pair));
         assert_eq!(pair.device(|device| device.parameters().current_limit), 40.0);
     });
+}
+
+/// Its answer is plain feedback: what comes after a save must have that one cause.
+#[test]
+fn nothing_else_is_sent_around_a_save() {
+    let mut motor = CyberGear::new(&models::RS04, ADDRESS).unwrap();
+    assert_eq!(motor.request(Request::SaveRegisters), Ok(Response::Pending));
+    let sent: Vec<_> = (0..400)
+        .map(|_| {
+            motor.update(&Tick::new(DriveMode::Off));
+            let mut tx = TxBatch::new();
+            motor.pack_command(&mut tx).unwrap();
+            tx.frames().iter().map(|frame| frame.raw_id() >> 24).collect::<Vec<_>>()
+        })
+        .collect();
+    assert!(sent[..2].iter().all(Vec::is_empty), "{sent:?}");
+    assert_eq!(sent[2], [22]);
+    assert!(sent[3..].iter().all(Vec::is_empty), "{sent:?}");
 }
 
 /// It forgets its zero, and type 22 would change its bit rate.

@@ -1,8 +1,12 @@
 //! Unplugged, switched off and on, muted, disarmed: never an old torque, and no kick.
 
 use rc10_app::{NewtonMetres, Rpm, TotalAngle};
+use rc10_can::embedded_can::ExtendedId;
+use rc10_can::{CanFrame, Micros};
 use rc10_motor::cybergear::{CyberGear, models};
-use rc10_motor::{Condition, DriveMode, Impedance, Link, Safety, Target};
+use rc10_motor::{
+    CanMotor, Condition, DriveMode, Impedance, Link, Motor, Safety, Target, Tick, TxBatch,
+};
 use rc10_sim::cybergear::{self as sim, Mode};
 
 use super::{ADDRESS, Pair, with_cybergear, with_rs04};
@@ -190,6 +194,34 @@ fn a_short_break_of_power_starts_it_over_too() {
         assert!(is_soft(&torques), "{torques:?}");
         assert!((pair.rpm() - 50.0).abs() < 2.0);
     });
+}
+
+/// A device that says that it no longer runs, or that was not heard, is enabled step by step again,
+/// even if it stands where it stood.
+#[test]
+fn a_device_that_stopped_or_was_silent_gets_no_setpoint() {
+    let frame = |id: u32, data| CanFrame::eight_bytes(ExtendedId::new(id).unwrap(), data);
+    let feedback = |mode: u32| frame(0x0200_01FD | mode << 22, [0x80, 0, 0x80, 0, 0x80, 0, 0, 250]);
+    let run_mode = frame(0x1100_01FD, [0x05, 0x70, 0, 0, 0, 0, 0, 0]);
+    // Mode 0 is reset, mode 2 runs.
+    for (mode, link) in [(0, Link::Online), (2, Link::Lost)] {
+        let mut motor = CyberGear::new(&models::CYBERGEAR, ADDRESS).unwrap();
+        motor.set_target(Target::Speed(Rpm::new(10.0))).unwrap();
+        let mut millis = 0;
+        let mut sent_after = |frame: &CanFrame, link| {
+            millis += 1;
+            motor.unpack_feedback(frame, Micros::from_millis(millis), link).unwrap();
+            motor.update(&Tick::new(DriveMode::Run));
+            let mut tx = TxBatch::new();
+            motor.pack_command(&mut tx).unwrap();
+            tx.frames().last().unwrap().raw_id() >> 24
+        };
+        assert_eq!(sent_after(&feedback(0), Link::NeverSeen), 4, "stop");
+        assert_eq!(sent_after(&run_mode, Link::Online), 3, "enable");
+        assert_eq!(sent_after(&feedback(2), Link::Online), 1, "setpoint");
+        assert_eq!(sent_after(&feedback(2), Link::Online), 1, "setpoint");
+        assert_eq!(sent_after(&feedback(mode), link), 4, "stop");
+    }
 }
 
 #[test]

@@ -317,6 +317,9 @@ fn only_the_answer_to_clearing_clears() {
         motor.unpack_feedback(&frame, Micros::from_millis(1), Link::Online).unwrap()
     };
     assert_eq!(hear(&mut motor, encode_health(0x9A, 20, 24.0, 16)), FrameKind::Fault);
+    // Another program clears.
+    assert_eq!(hear(&mut motor, encode_health(0x9B, 20, 24.0, 0)), FrameKind::Other);
+    assert!(motor.fault().is_some() && motor.response().is_none());
     assert_eq!(motor.request(Request::ClearFault), Ok(Response::Pending));
     assert_eq!(hear(&mut motor, encode_health(0x9A, 20, 24.0, 0)), FrameKind::Other);
     assert_eq!(motor.response(), None);

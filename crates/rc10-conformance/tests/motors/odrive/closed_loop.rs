@@ -7,10 +7,10 @@ use rc10_motor::odrive::{AxisState, Config, Control, InputMode, Limits, ODrive, 
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
     ArmSwitch, CanMotor, Condition, DriveMode, Link, Motor, MotorId, Request, RequestError,
-    Response, Safety, Target, TargetError, TargetKind,
+    Response, Safety, Target, TargetError, TargetKind, Tick, TxBatch,
 };
 use rc10_sim::Esc;
-use rc10_sim::odrive::{Axis, Settings, encode_estimates};
+use rc10_sim::odrive::{Axis, Settings, encode_estimates, encode_heartbeat};
 
 use super::{NODE, bench, is_on, wheel, with};
 
@@ -177,38 +177,68 @@ fn an_axis_with_position_loops_of_its_own_gets_positions() {
     }
 }
 
-/// Every f32 of turns is the nearest microdegree of the encoder's shaft towards zero, however the
-/// shaft came there; and a position is sent from there.
+/// The angle of a fresh axis is its reading, cut off at a microdegree; and readings that come back
+/// to where they were leave nothing behind.
 #[test]
-fn turns_become_angles_and_angles_turns() {
-    const TURNS: [f32; 7] = [0.0, 0.25, -0.25, 0.1, 1000.5, -12_345.125, 16_000_000.0];
+fn turns_become_angles_and_nothing_is_lost() {
+    const TURNS: [f32; 6] = [0.25, -0.25, 0.1, 1000.5, -12_345.125, 16_000_000.0];
+    let heard = |motor: &mut ODrive, turns: f32, millis| {
+        let frame = encode_estimates(NODE, turns.into(), 0.0);
+        motor.unpack_feedback(&frame, Micros::from_millis(millis), Link::Online).unwrap();
+        motor.feedback().total_angle.microdegrees()
+    };
     for (direction, sign) in [(Direction::Forward, 1), (Direction::Reversed, -1)] {
         for (rotor, output) in [(8, 1), (1, 1), (96, 5)] {
             let gear = Gear::new(rotor, output).unwrap();
-            let config = with(Control::Position(InputMode::Passthrough)).with_gear(gear);
-            let mut motor = ODrive::new(NODE, config.with_direction(direction)).unwrap();
-            let mut heard = |motor: &mut ODrive, turns: f32, millis| {
-                let frame = encode_estimates(NODE, turns.into(), 0.0);
-                let at = Micros::from_millis(millis);
-                motor.unpack_feedback(&frame, at, Link::Lost).unwrap();
-            };
-            for (millis, turns) in (1..).zip(TURNS.into_iter().chain(TURNS)) {
-                // Each is a restart, which moves nothing, unless it starts from here.
-                let mut fresh = ODrive::new(NODE, config.with_direction(direction)).unwrap();
-                heard(&mut fresh, turns, millis);
+            let config = wheel().with_gear(gear).with_direction(direction);
+            for turns in TURNS {
+                let told = heard(&mut ODrive::new(NODE, config).unwrap(), turns, 1);
                 let exact = (f64::from(turns) * 360e6) as i64 * sign * i64::from(output);
-                let told = fresh.feedback().total_angle.microdegrees();
-                assert!((told - exact / i64::from(rotor)).abs() <= 1, "{told} {exact}");
+                assert!((told - exact / i64::from(rotor)).abs() <= 1, "{turns}: {told}");
             }
-            // Back and forth in steps leaves nothing behind.
-            heard(&mut motor, 0.0, 1);
+            let mut motor = ODrive::new(NODE, config).unwrap();
+            let first = heard(&mut motor, 1000.3, 1);
             for step in 0..10_000_u32 {
-                let turns = (step % 100) as f32 * 0.0037;
-                heard(&mut motor, turns, u64::from(step) + 2);
+                heard(&mut motor, 1000.3 + (step % 50) as f32 * 0.0037, u64::from(step) + 2);
             }
-            heard(&mut motor, 0.0, 10_002);
-            assert_eq!(motor.feedback().total_angle, TotalAngle::ZERO);
+            // What a step leaves over has the sign of the step.
+            assert!((heard(&mut motor, 1000.3, 10_002) - first).abs() <= 1);
+            assert_eq!(motor.feedback().turn_gaps, 0);
         }
+    }
+}
+
+/// What the axis is sent is its own reading and the way left, wherever it counts from.
+#[test]
+fn a_position_is_sent_as_the_axis_counts() {
+    let config = with(Control::Position(InputMode::Passthrough));
+    for (direction, sign) in [(Direction::Forward, 1.0), (Direction::Reversed, -1.0)] {
+        let mut motor = ODrive::new(NODE, config.with_direction(direction)).unwrap();
+        let mut sent = |target, millis, reading: f32| {
+            let at = Micros::from_millis(millis);
+            motor.set_target(target).unwrap();
+            let frame = encode_estimates(NODE, reading.into(), 0.0);
+            motor.unpack_feedback(&frame, at, Link::Online).unwrap();
+            for state in [1, 8] {
+                motor
+                    .unpack_feedback(&encode_heartbeat(NODE, 0, state, [0; 3]), at, Link::Online)
+                    .unwrap();
+                motor.update(&Tick::new(DriveMode::Run));
+            }
+            let mut tx = TxBatch::new();
+            motor.pack_command(&mut tx).unwrap();
+            let frame = *tx.frames().last().unwrap();
+            assert_eq!(frame.raw_id() & 31, 0x0C, "{frame}");
+            let [a, b, c, d, ..] = *frame.all_eight().unwrap();
+            (motor.feedback().total_angle, f32::from_le_bytes([a, b, c, d]))
+        };
+        // 8 turns of the axis are one of the output.
+        let total = |degrees| Target::TotalAngle(TotalAngle::from_degrees(degrees));
+        assert_eq!(sent(total(3600), 1, 0.0).1, 80.0 * sign);
+        assert_eq!(sent(total(3600), 2, 0.125).1, 80.0 * sign);
+        assert_eq!(sent(Target::Angle(Degrees::new(315.0)), 3, 0.125).1, -sign);
+        // Restarted, it counts from elsewhere, and the way left is the same.
+        assert_eq!(sent(total(3600), 4, 500.125).1, 500.0 + 80.0 * sign);
     }
 }
 

@@ -1,4 +1,4 @@
-//! The counter: exact to the nanosecond, and cheap however long nobody looks.
+//! The counter: exact to the nanosecond, and cheap however seldom it is read.
 
 use rc10_sim::Nanos;
 
@@ -31,7 +31,7 @@ impl Timer {
         u64::try_from(clocks).unwrap_or(u64::MAX).saturating_add(self.phase)
     }
 
-    /// When the counter makes a tick, counted from the anchor.
+    /// Time of the counter's next tick, counted from the anchor.
     fn time_of(&self, tick: u64) -> Nanos {
         let clocks = u128::from(tick) * u128::from(self.divider());
         let clocks = clocks.saturating_sub(u128::from(self.phase));
@@ -175,8 +175,8 @@ impl Timer {
         }
     }
 
-    /// When a flag rises whose interrupt or transfer is wanted, a waiting value comes into force, a
-    /// level passes a filter, or an output changes that somebody looks at.
+    /// Time at which a flag rises whose interrupt or transfer is wanted, a waiting value comes into
+    /// force, a level passes a filter, or an observed output changes.
     pub(in super::super) fn next_event(&self) -> Option<Nanos> {
         let passes = self.next_pass();
         if !self.runs() {

@@ -31,7 +31,7 @@ const FILTERS: [(u64, u64); 16] = [
 pub(super) struct Input {
     raw: bool,
     filtered: bool,
-    /// When the filter lets the raw level through.
+    /// Time at which the filter lets the raw level through.
     passes_at: Option<Nanos>,
     /// Edges that the prescaler has swallowed.
     swallowed: u32,
@@ -84,12 +84,12 @@ impl Timer {
         Nanos::new((divider * samples * 1_000_000_000).div_ceil(self.hz))
     }
 
-    /// When a filter lets something through.
+    /// Time at which a filter lets a level through.
     pub(super) fn next_pass(&self) -> Option<Nanos> {
         self.inputs.iter().filter_map(|input| input.passes_at).min()
     }
 
-    /// Filters let through what is due at this time.
+    /// Filters let through the levels that are due at this time.
     pub(super) fn pass_due(&mut self, at: Nanos) {
         for input in 0..CHANNELS {
             if self.inputs[input].passes_at.is_some_and(|due| due <= at) {
@@ -142,7 +142,7 @@ impl Timer {
         self.compare[channel].written = self.counter;
         self.compare[channel].in_force = self.counter;
         if self.flags & 2 << channel != 0 {
-            // CCxOF: nobody has taken the one before.
+            // CCxOF: the capture before was not read.
             self.flags |= 0x200 << channel;
         }
         self.raise(2 << channel);

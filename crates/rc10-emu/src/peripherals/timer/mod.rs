@@ -21,7 +21,7 @@ use rc10_sim::Nanos;
 use super::access::{Refusal, Write};
 use input::Input;
 
-/// What one timer has.
+/// Constants of one timer.
 #[derive(Debug)]
 pub(super) struct Facts {
     /// Bits of the counter.
@@ -108,12 +108,12 @@ pub(super) struct Timer {
     prescaler: Preloaded,
     reload: Preloaded,
     compare: [Preloaded; CHANNELS],
-    /// What matches have made of the outputs.
+    /// Levels of the outputs after their last match.
     references: [bool; CHANNELS],
     inputs: [Input; CHANNELS],
     /// The last edge of an encoder was backwards.
     counts_down: bool,
-    /// Channels whose pins somebody looks at, a bit each.
+    /// Channels whose pins are observed, a bit each.
     watched: u32,
     counter: u32,
     hz: u64,
@@ -175,7 +175,7 @@ impl Timer {
         (self.flags & self.interrupts & 0xFF != 0).then_some(self.facts.interrupt)
     }
 
-    /// Which of its requests has this number in DMAMUX1.
+    /// Its request with this number in DMAMUX1.
     fn request_bit(&self, request: u32) -> Option<u32> {
         let position = self.facts.requests.iter().position(|&own| own == request && own != 0)?;
         Some(1 << position)

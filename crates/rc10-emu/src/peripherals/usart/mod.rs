@@ -26,7 +26,7 @@ use transmitter::{Sending, Transmitter};
 pub use wire::{Character, Format, Parity};
 pub(crate) use wire::{Sampling, Wire};
 
-/// What one UART is called, and how it is wired inside the chip.
+/// Name of one UART, and its connections inside the chip.
 #[derive(Debug)]
 pub(super) struct Facts {
     /// The number in its name.
@@ -143,20 +143,20 @@ pub(super) struct Usart {
     transmitter: Transmitter,
     receiver: Receiver,
     received: VecDeque<u16>,
-    /// What was received last, good or not: it stays in RDR until the next one.
+    /// The character received last, good or not: it stays in RDR until the next one.
     latest: u16,
     pins: Pins,
     sent: Vec<SentByte>,
-    /// For who is linked to the transmit pin.
+    /// For the far end of the transmit pin.
     outgoing: Vec<Outgoing>,
 }
 
-/// Which of its signals lead outside.
+/// Signals that are connected to pins.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Pins {
     pub receive: bool,
     pub transmit: bool,
-    /// The pins called RX and TX, for who swaps them.
+    /// The pins called RX and TX, also when they are swapped.
     pub swapped_receive: bool,
     pub swapped_transmit: bool,
 }
@@ -181,7 +181,7 @@ impl Usart {
         }
     }
 
-    /// What is outside stays: its pins, bytes on their way in, bytes that have left.
+    /// Everything outside stays: its pins, bytes on their way in, bytes that have left.
     pub(super) fn reset(&mut self, now: Nanos) {
         let fresh = Self::new(self.facts);
         let old = std::mem::replace(self, fresh);
@@ -214,7 +214,7 @@ impl Usart {
         std::mem::take(&mut self.sent)
     }
 
-    /// Somebody outside is linked: beginnings and ends of characters are kept from now on.
+    /// A far end is linked: beginnings and ends of characters are kept from now on.
     pub(super) fn link(&mut self) {
         self.transmitter.tells = true;
     }
@@ -255,7 +255,7 @@ impl Usart {
         (divider >= 16 && self.hz != 0).then_some(divider * prescaler * twice)
     }
 
-    /// How long a bit is, femtoseconds.
+    /// Length of a bit, femtoseconds.
     fn bit_fs(&self) -> Option<u64> {
         let femtos = u128::from(self.clocks_of_two_bits()?) * 1_000_000_000_000_000;
         u64::try_from(femtos / u128::from(2 * self.hz)).ok()
@@ -278,7 +278,7 @@ impl Usart {
         Format { data_bits: self.word() - u32::from(parity.is_some()), parity, half_stops }
     }
 
-    /// How it sends as it is set up; `None` if it does not.
+    /// Settings of its transmitter; `None` if it does not send.
     fn sending(&self) -> Option<Sending> {
         if !self.is(1, ENABLE | TRANSMITTER) {
             return None;

@@ -4,10 +4,10 @@ use rc10_sim::{Nanos, UartFault};
 
 use super::wire::{Character, Sampled, Sampling, Wire, after, stop_sixteenths};
 
-/// What happens at a receiver.
+/// Event at a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Heard {
-    /// A character's stop bit has been sampled. `late`: nobody is to have taken the one before.
+    /// A character's stop bit has been sampled. `late`: the one before counts as not taken.
     Character { sampled: Sampled, late: bool },
     /// The line was idle for a whole frame.
     Idle,
@@ -16,7 +16,7 @@ pub(super) enum Heard {
 #[derive(Debug)]
 pub(super) struct Receiver {
     wire: Wire,
-    /// How it listens; `None`: not at all.
+    /// Settings of sampling; `None`: it does not receive.
     sampling: Option<Sampling>,
     /// From here on it looks for a start bit.
     from: Nanos,
@@ -26,7 +26,7 @@ pub(super) struct Receiver {
     late: bool,
     /// Something was received since the line was found idle the last time.
     armed: bool,
-    /// When the line will have been idle for a whole frame.
+    /// Time at which the line will have been idle for a whole frame.
     idle_at: Option<Nanos>,
 }
 
@@ -43,7 +43,7 @@ impl Receiver {
         }
     }
 
-    /// A reset of the chip: what is outside stays.
+    /// A reset of the chip: the line stays.
     pub fn reset(&mut self, now: Nanos) {
         self.listen(None, now);
         (self.late, self.armed) = (false, false);
@@ -61,7 +61,7 @@ impl Receiver {
         self.look();
     }
 
-    /// The wire's level while nobody sends.
+    /// The level of the idle wire.
     pub fn set_idle(&mut self, high: bool) {
         self.wire.set_idle(high);
         self.look();
@@ -76,7 +76,7 @@ impl Receiver {
         self.look();
     }
 
-    /// Something damages what is on the wire; if nothing is, `otherwise` comes, damaged.
+    /// A disturbance damages the character on the wire; without one, `otherwise` comes, damaged.
     pub fn disturb(&mut self, fault: UartFault, at: Nanos, otherwise: Character) {
         self.late |= fault == UartFault::Overrun;
         self.wire.disturb(fault, at, otherwise);
@@ -99,7 +99,7 @@ impl Receiver {
         [sampled, self.idle_at].into_iter().flatten().min()
     }
 
-    /// What happens at this time, which is that of the next event.
+    /// The event at this time, which is that of the next event.
     pub fn happens(&mut self, at: Nanos) -> Option<Heard> {
         let how = self.sampling?;
         if let Some((start, sampled_at)) = self.coming

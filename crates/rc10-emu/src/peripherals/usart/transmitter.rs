@@ -6,7 +6,7 @@ use rc10_sim::Nanos;
 
 use super::wire::{Character, Format, after};
 
-/// How a transmitter sends.
+/// Settings of a transmitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Sending {
     pub format: Format,
@@ -36,9 +36,9 @@ pub(super) struct Transmitter {
     /// Whether the driver is asserted, and when it will be released.
     driver: bool,
     released_at: Option<Nanos>,
-    /// When what is sent begins, if that is to be told and was not yet.
+    /// Beginning of the character in transmission, while it has not been reported.
     begins_at: Option<Nanos>,
-    /// Whether somebody listens to beginnings.
+    /// Whether beginnings of characters are reported.
     pub tells: bool,
 }
 
@@ -94,7 +94,7 @@ impl Transmitter {
         [end, self.begins_at, self.released_at].into_iter().flatten().min()
     }
 
-    /// What happens at this time, if it is that of the next event.
+    /// The event at this time, if there is one.
     pub fn happens(&mut self, at: Nanos, how: Option<&Sending>) -> Option<Outgoing> {
         if self.released_at.take_if(|released| *released == at).is_some() {
             self.driver = false;

@@ -16,7 +16,7 @@ pub enum Parity {
     Odd,
 }
 
-/// What a character consists of, besides its start bit.
+/// Format of a character, besides its start bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Format {
     /// Data bits, 5 to 9, least significant first.
@@ -35,7 +35,7 @@ impl Format {
     /// Eight bits, even parity, two stop bits: SBUS.
     pub const EIGHT_E_2: Self = Self { half_stops: 4, ..Self::EIGHT_E_1 };
 
-    /// The usual format of characters that are so many bits long, start and stop included.
+    /// The usual format of characters of this length in bits, start and stop included.
     #[must_use]
     pub const fn of_length(bits: u32) -> Option<Self> {
         match bits {
@@ -71,16 +71,16 @@ impl Format {
 pub struct Character {
     /// Its data bits.
     pub value: u16,
-    /// How they are framed.
+    /// Their format.
     pub format: Format,
     /// The first edge of its start bit.
     pub start: Nanos,
-    /// How long a bit is, femtoseconds.
+    /// Length of a bit, femtoseconds.
     pub bit_fs: u64,
-    /// Whether the wire idles low, and everything is the other way round.
+    /// Whether the line idles low and all levels are inverted.
     pub inverted: bool,
-    /// What is wrong with it. An overrun is nothing that a wire shows: the receiver is made to find
-    /// that nobody had taken the character before.
+    /// Its fault. An overrun does not show on a wire: the receiver is made to find
+    /// that the character before was not taken.
     pub fault: Option<UartFault>,
 }
 
@@ -92,7 +92,7 @@ impl Character {
         Self { value, format, start, bit_fs, inverted: false, fault: None }
     }
 
-    /// The time so many sixteenths of a bit after its start.
+    /// The time of a number of sixteenths of a bit after its start.
     pub(crate) fn at(&self, sixteenths: u64) -> Nanos {
         self.start + Nanos::new(self.bit_fs * sixteenths / 16 / FEMTOS)
     }
@@ -117,7 +117,7 @@ impl Character {
         let mut word =
             u32::from(self.value & self.format.mask()) | u32::from(parity) << self.format.data_bits;
         if self.fault == Some(UartFault::Parity) {
-            // Without a parity bit nobody notices.
+            // Without a parity bit it makes no difference.
             word ^= 1 << (self.format.word() - 1);
         }
         for bit in 0..self.format.word() {
@@ -139,7 +139,7 @@ impl Character {
     }
 }
 
-/// How a receiver takes samples.
+/// Sampling of a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Sampling {
     pub format: Format,
@@ -151,7 +151,7 @@ pub(crate) struct Sampling {
     pub one_sample: bool,
 }
 
-/// What a receiver has made of a character.
+/// A character as sampled by a receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Sampled {
     /// Data bits, and the parity bit above them.
@@ -167,8 +167,8 @@ impl Sampled {
     }
 }
 
-/// Levels over time: what is known of the past as far as anybody may still look there, and of the
-/// future as far as it is under way.
+/// Levels over time: of the past as far as a receiver may still sample it, and of the future as far
+/// as it is under way.
 #[derive(Debug)]
 pub(crate) struct Wire {
     /// The level before the first edge.
@@ -196,13 +196,13 @@ impl Wire {
         }
     }
 
-    /// The level while nobody sends, from now on.
+    /// The level of the idle line, from now on.
     pub fn set_idle(&mut self, high: bool) {
         self.edges.clear();
         self.level = high;
     }
 
-    /// A character begins: now, or after all the others. It cuts short what is there longer.
+    /// A character begins: now, or after all the others. It cuts short a level that lasts longer.
     pub fn draw(&mut self, character: Character) {
         while self.edges.back().is_some_and(|&(edge, _)| edge > character.start) {
             self.edges.pop_back();
@@ -213,7 +213,7 @@ impl Wire {
         self.last = Some(character);
     }
 
-    /// Something damages what is on the wire, or looks like a character that is damaged.
+    /// A disturbance damages the character on the wire, or looks like a damaged one.
     pub fn disturb(&mut self, fault: UartFault, at: Nanos, otherwise: Character) {
         let last = self.last.filter(|last| at >= last.start && at < last.at(stop_sample(last)));
         let damaged = last.unwrap_or(Character { start: at, ..otherwise });
@@ -234,7 +234,7 @@ impl Wire {
         edges.find(|&&(at, new)| at >= from && new == level).map(|&(at, _)| at)
     }
 
-    /// Nobody will ask for what was before.
+    /// Forgets levels that no receiver will sample any more.
     pub fn forget(&mut self, before: Nanos) {
         while let Some(&(_, level)) = self.edges.front().filter(|(at, _)| *at < before) {
             self.level = level;
@@ -272,7 +272,7 @@ impl Wire {
     }
 }
 
-/// When a receiver has sampled the stop bit of a character, in sixteenths of a bit.
+/// Time at which a receiver has sampled the stop bit of a character, in sixteenths of a bit.
 const fn stop_sample(character: &Character) -> u64 {
     stop_sixteenths(character.format, false)
 }
@@ -290,7 +290,7 @@ pub(crate) const fn stop_sixteenths(format: Format, by_8: bool) -> u64 {
     }
 }
 
-/// The time so many sixteenths of a bit after another.
+/// The time of a number of sixteenths of a bit after another.
 pub(crate) fn after(start: Nanos, bit_fs: u64, sixteenths: u64) -> Nanos {
     start + Nanos::new((bit_fs * sixteenths).div_ceil(16 * FEMTOS))
 }

@@ -1,0 +1,153 @@
+//! The loops of a cascade with every gain that the stock ones leave at zero.
+
+use rc10_app::{Cascade, CascadeState, PidConfig, RpmPerSecond, Seconds};
+
+const MS: Seconds = Seconds::new(0.001);
+const FULL: f32 = 20.0;
+const NO_GAINS: PidConfig = PidConfig::new(0.0, 0.0, 0.0, 400.0);
+
+/// Its speed reference follows at once.
+fn cascade(speed: PidConfig, angle: PidConfig) -> Cascade {
+    let acceleration = RpmPerSecond::new(1e6);
+    Cascade { speed, angle, outer_divider: 10, acceleration, feed_forward: 0.0 }
+}
+
+fn near(measured: f32, expected: f32) {
+    assert!((measured - expected).abs() <= 1e-3 * expected.abs().max(1.0), "{measured} {expected}");
+}
+
+/// One tick towards an angle; whether the angle loop ran.
+fn seek(state: &mut CascadeState, config: &Cascade, way: f32, rpm: f32, count: u32) -> bool {
+    let runs = !state.keep_seeking_angle(config, rpm, MS);
+    if runs {
+        state.seek_angle(config, way, rpm, FULL, MS, count);
+    }
+    runs
+}
+
+#[test]
+fn the_speed_loops_derivative_acts_on_the_measured_speed_alone() {
+    let damped = cascade(PidConfig::new(0.0, 0.0, 0.02, FULL), NO_GAINS);
+    // A reference that follows at once, and one on the way.
+    for acceleration in [1e6, 1000.0] {
+        let config = Cascade { acceleration: RpmPerSecond::new(acceleration), ..damped };
+        let mut state = CascadeState::new();
+        let mut seek = |target, rpm| {
+            state.seek_speed(&config, target, rpm, FULL, MS);
+            state.effort()
+        };
+        // Neither the first step nor a new setpoint is a change of the measurement.
+        (0..40).for_each(|_| near(seek(0.0, 100.0), 0.0));
+        (0..40).for_each(|_| near(seek(300.0, 100.0), 0.0));
+        near(seek(300.0, 100.1), -0.02 * 0.1 / 0.001);
+        near(seek(300.0, 100.1), 0.0);
+    }
+}
+
+#[test]
+fn a_speed_loop_with_a_derivative_takes_over_from_an_effort_without_a_kick() {
+    let config = cascade(PidConfig::new(0.0, 0.0, 0.02, FULL), NO_GAINS);
+    let mut state = CascadeState::new();
+    (0..40).for_each(|_| state.give(5.0, FULL, MS));
+    state.seek_speed(&config, 100.0, 100.0, FULL, MS);
+    near(state.effort(), 5.0);
+}
+
+#[test]
+fn new_gains_neither_reach_back_nor_leave_an_integral_behind() {
+    let carried = cascade(PidConfig::new(0.0, 10.0, 0.0, FULL), NO_GAINS);
+    let mut state = CascadeState::new();
+    (0..100).for_each(|_| state.seek_speed(&carried, 10.0, 0.0, FULL, MS));
+    assert!(state.effort() > 9.0);
+    let damped = cascade(PidConfig::new(0.0, 0.0, 0.02, FULL), NO_GAINS);
+    state.change_gains(&damped, 200.0);
+    state.seek_speed(&damped, 10.0, 200.0, FULL, MS);
+    near(state.effort(), 0.0);
+
+    // The same for the angle loop: no speed is asked for by an integral that is off.
+    let carried = cascade(NO_GAINS, PidConfig::new(0.0, 10.0, 0.0, 400.0));
+    let mut state = CascadeState::new();
+    (0..200).for_each(|count| _ = seek(&mut state, &carried, 10.0, 0.0, count));
+    assert!(state.reference() > 15.0);
+    let off = cascade(NO_GAINS, NO_GAINS);
+    state.change_gains(&off, 0.0);
+    (0..20).for_each(|count| _ = seek(&mut state, &off, 10.0, 0.0, count));
+    near(state.reference(), 0.0);
+    // One that is still on stays.
+    let mut state = CascadeState::new();
+    (0..200).for_each(|count| _ = seek(&mut state, &carried, 10.0, 0.0, count));
+    let before = state.reference();
+    state.change_gains(&carried, 0.0);
+    (0..20).for_each(|count| _ = seek(&mut state, &carried, 0.0, 0.0, count));
+    assert!(state.reference() >= before);
+}
+
+#[test]
+fn the_angle_loop_integrates_over_all_the_ticks_between_its_steps() {
+    for outer_divider in [1, 10, 50] {
+        let angle = PidConfig::new(0.0, 2.0, 0.0, 400.0);
+        let config = Cascade { outer_divider, ..cascade(NO_GAINS, angle) };
+        let mut state = CascadeState::new();
+        (0..2000).for_each(|count| _ = seek(&mut state, &config, 10.0, 0.0, count));
+        // 10 degrees for 2 s, twice a second; give or take the last step.
+        let error = (state.reference() - 40.0).abs();
+        assert!(error <= 0.02 * f32::from(outer_divider) + 0.1, "{outer_divider}: {error}");
+    }
+}
+
+#[test]
+fn the_angle_loops_derivative_is_the_measured_speed_alone() {
+    let config = cascade(NO_GAINS, PidConfig::new(0.0, 0.0, 0.1, 400.0));
+    let mut state = CascadeState::new();
+    // 10 rpm are 60 degrees a second, whatever way is left, and however the angle sought moves.
+    for (count, way) in (0..300).zip([5.0, 5.0, 90.0, -90.0].into_iter().cycle()) {
+        let _ = seek(&mut state, &config, way, 10.0, count);
+        near(state.reference(), -6.0);
+    }
+}
+
+#[test]
+fn cascades_with_different_counts_run_their_angle_loops_in_different_ticks() {
+    let config = cascade(NO_GAINS, NO_GAINS);
+    for offset in 0..10_u32 {
+        let mut state = CascadeState::new();
+        // Its soft start, in which the angle loop runs in every tick.
+        assert!((0..20).all(|tick| seek(&mut state, &config, 1.0, 0.0, tick + offset)));
+        let ran = (21..200).filter(|tick| seek(&mut state, &config, 1.0, 0.0, tick + offset));
+        // From the first whole period on, where the count is a multiple of the divider.
+        let ran: Vec<u32> = ran.filter(|tick| *tick >= 32).collect();
+        assert!(ran.iter().all(|tick| (tick + offset) % 10 == 0), "{offset}: {ran:?}");
+        assert!(ran.len() >= 16, "{offset}: {ran:?}");
+    }
+}
+
+#[test]
+fn a_stop_keeps_what_carries_a_load_only_if_it_is_asked_to() {
+    let config = cascade(PidConfig::new(0.1, 10.0, 0.0, FULL), NO_GAINS);
+    for keep_load in [false, true] {
+        let mut state = CascadeState::new();
+        // An obstacle: the integral pushes with all it has.
+        (0..500).for_each(|_| state.seek_speed(&config, 50.0, 0.0, FULL, MS));
+        near(state.effort(), FULL);
+        state.start_over(keep_load);
+        (0..40).for_each(|_| state.seek_speed(&config, 0.0, 0.0, FULL, MS));
+        let left = state.effort();
+        assert!(if keep_load { left > 5.0 } else { left.abs() < 0.1 }, "{keep_load}: {left}");
+    }
+}
+
+#[test]
+fn a_limit_that_is_lowered_during_a_soft_start_holds_at_once() {
+    let mut state = CascadeState::new();
+    (0..5).for_each(|_| state.give(FULL, FULL, MS));
+    near(state.effort(), 10.0);
+    state.give(FULL, 1.0, MS);
+    near(state.effort(), 1.0);
+
+    let config = cascade(PidConfig::new(0.1, 0.0, 0.0, 1.0), NO_GAINS);
+    let mut state = CascadeState::new();
+    (0..5).for_each(|_| state.give(FULL, FULL, MS));
+    near(state.effort(), 10.0);
+    state.seek_speed(&config, 400.0, 0.0, 1.0, MS);
+    near(state.effort(), 1.0);
+}

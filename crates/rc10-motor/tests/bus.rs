@@ -1,0 +1,367 @@
+//! A bus and its runner, with a motor that does as it is told.
+
+use std::sync::{Arc, Mutex};
+
+use rc10_motor::rc10_app::{Rpm, Seconds};
+use rc10_motor::rc10_can::embedded_can::StandardId;
+use rc10_motor::rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_motor::{
+    ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, Fault, Feedback, FrameError,
+    FrameKind, Link, Motor, MotorBus, MotorId, MotorName, Ownership, Rate, Request, RequestError,
+    Response, RxFrames, Safety, Target, TargetError, TargetKind, TargetSet, Tick, TxBatch,
+    TxFrames, TxFull,
+};
+
+const MS: Seconds = Seconds::new(0.001);
+const FIRST: MotorId = MotorId::new(0);
+
+fn id(raw: u16) -> StandardId {
+    StandardId::new(raw).expect("a standard identifier")
+}
+
+fn exact(raw: u16) -> IdPattern {
+    IdPattern::exact(id(raw))
+}
+
+/// Feedback of the dummy with this number; 1 is a fault.
+fn feedback(number: u16, byte: u8) -> CanFrame {
+    CanFrame::data_frame(id(number), &[byte]).expect("a short frame")
+}
+
+type Seen<T> = Arc<Mutex<T>>;
+
+/// Heard with its number as identifier, commanded from 0x100 + 16 x its number on.
+struct Dummy {
+    number: u16,
+    ids: CanIds,
+    /// How many frames it sends in a tick.
+    frames: u16,
+    ticks: Seen<Vec<Tick>>,
+    /// What was known of its link as its frames came.
+    links: Seen<Vec<Link>>,
+    /// What it will say of a request that waits for the device.
+    response: Seen<Option<Result<Response, RequestError>>>,
+}
+
+impl Dummy {
+    fn new(number: u16) -> Self {
+        let ids = CanIds::new()
+            .receives(RxFrames::new(exact(number), 1, Rate::EveryTick))
+            .transmits(TxFrames::new(exact(0x100 + 16 * number), 8, Rate::EveryTick));
+        let (ticks, links, response) = Default::default();
+        Self { number, ids, frames: 1, ticks, links, response }
+    }
+}
+
+impl Motor for Dummy {
+    fn name(&self) -> MotorName {
+        MotorName { model: "dummy", id: self.number }
+    }
+    fn supports(&self) -> TargetSet {
+        TargetSet::of(&[TargetKind::Coast, TargetKind::Speed])
+    }
+    fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
+        self.supports().accepts(&target)
+    }
+    fn target(&self) -> Target {
+        Target::Coast
+    }
+    fn feedback(&self) -> Feedback {
+        Feedback::NEW
+    }
+    fn fault(&self) -> Option<Fault> {
+        None
+    }
+    fn update(&mut self, tick: &Tick) {
+        self.ticks.lock().expect("no panic").push(*tick);
+    }
+    fn request(&mut self, _: Request) -> Result<Response, RequestError> {
+        Ok(Response::Pending)
+    }
+    fn response(&mut self) -> Option<Result<Response, RequestError>> {
+        self.response.lock().expect("no panic").take()
+    }
+}
+
+impl CanMotor for Dummy {
+    fn can_ids(&self) -> CanIds {
+        self.ids
+    }
+    fn unpack_feedback(
+        &mut self,
+        frame: &CanFrame,
+        _: Micros,
+        link: Link,
+    ) -> Result<FrameKind, FrameError> {
+        self.links.lock().expect("no panic").push(link);
+        Ok(if frame.bytes() == [1] { FrameKind::Fault } else { FrameKind::Feedback })
+    }
+    fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        let mut frames = 0..self.frames;
+        frames.try_for_each(|frame| tx.lane(id(0x100 + 16 * self.number + frame), 0, [1, 1]))
+    }
+    fn coast_frames(&self, _: &mut TxBatch) -> Result<(), TxFull> {
+        Ok(())
+    }
+}
+
+/// One tick of a bus whose motors are all heard and commanded.
+fn tick(bus: &mut MotorBus<'_>, now: Micros, tx: &mut TxBatch) -> Result<(), TxFull> {
+    let motors: Vec<_> = bus.motors().collect();
+    for (motor, name) in motors {
+        bus.on_frame(&feedback(name.id, 0), now);
+        bus.command(motor, Target::Speed(Rpm::new(1.0)), now).expect("a speed");
+    }
+    bus.tick(now, MS, tx)
+}
+
+fn drives(bus: &MotorBus<'_>) -> Vec<DriveMode> {
+    bus.ids().map(|motor| bus.status(motor, Micros::ZERO).expect("a motor").drive).collect()
+}
+
+#[test]
+fn behind_a_motor_that_fills_the_batch_the_others_are_still_decided_and_updated() {
+    let switch = ArmSwitch::new();
+    let (mut first, mut greedy, mut last) = (Dummy::new(1), Dummy::new(2), Dummy::new(3));
+    greedy.frames = 16;
+    let ticks = last.ticks.clone();
+    let mut bus = MotorBus::new(&switch);
+    for motor in [&mut first, &mut greedy, &mut last] {
+        bus.attach(motor, Safety::COAST).unwrap();
+    }
+    switch.arm().unwrap();
+    let mut tx = TxBatch::new();
+    assert_eq!(tick(&mut bus, Micros::from_millis(1), &mut tx), Err(TxFull));
+    assert_eq!(drives(&bus), [DriveMode::Run; 3]);
+    // Those that found room are in it.
+    assert_eq!(tx.frames().len(), TxBatch::CAPACITY);
+    assert_eq!((tx.frames()[0].raw_id(), tx.refused()), (0x110, Some(id(0x130).into())));
+    switch.disarm();
+    tx.clear();
+    assert_eq!(tick(&mut bus, Micros::from_millis(2), &mut tx), Err(TxFull));
+    assert_eq!(drives(&bus), [DriveMode::Off; 3]);
+    let modes: Vec<_> = ticks.lock().unwrap().iter().map(|tick| tick.mode).collect();
+    assert_eq!(modes, [DriveMode::Run, DriveMode::Off]);
+}
+
+#[test]
+fn a_clear_that_is_refused_or_not_answered_does_not_end_a_fault() {
+    for error in [RequestError::Refused(7), RequestError::Timeout] {
+        let switch = ArmSwitch::new();
+        let mut dummy = Dummy::new(1);
+        let response = dummy.response.clone();
+        let mut bus = MotorBus::new(&switch);
+        bus.attach(&mut dummy, Safety::BRAKE).unwrap();
+        switch.arm().unwrap();
+        bus.on_frame(&feedback(1, 1), Micros::ZERO);
+        for (answer, drive) in [
+            (None, DriveMode::Brake),
+            (Some(Err(error)), DriveMode::Brake),
+            // An answer to something else than a clear says nothing of the fault.
+            (Some(Ok(Response::Done)), DriveMode::Brake),
+        ] {
+            if answer == Some(Err(error)) {
+                assert_eq!(bus.request(FIRST, Request::ClearFault), Ok(Response::Pending));
+            }
+            *response.lock().unwrap() = answer;
+            assert_eq!(bus.response(FIRST), answer);
+            tick(&mut bus, Micros::from_millis(1), &mut TxBatch::new()).unwrap();
+            assert_eq!(drives(&bus), [drive], "{answer:?}");
+        }
+        bus.request(FIRST, Request::ClearFault).unwrap();
+        *response.lock().unwrap() = Some(Ok(Response::Done));
+        assert_eq!(bus.response(FIRST), Some(Ok(Response::Done)));
+        tick(&mut bus, Micros::from_millis(2), &mut TxBatch::new()).unwrap();
+        assert_eq!(drives(&bus), [DriveMode::Run]);
+    }
+}
+
+#[test]
+fn a_motor_is_told_what_the_bus_knows_of_its_link() {
+    let switch = ArmSwitch::new();
+    let mut dummy = Dummy::new(1);
+    let (ticks, links) = (dummy.ticks.clone(), dummy.links.clone());
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(&mut dummy, Safety::COAST).unwrap();
+    for (millis, is_heard) in [(1, false), (2, true), (12, true), (25, false), (26, true)] {
+        if is_heard {
+            bus.on_frame(&feedback(1, 0), Micros::from_millis(millis));
+        }
+        bus.tick(Micros::from_millis(millis), MS, &mut TxBatch::new()).unwrap();
+    }
+    let (never, online, lost) = (Link::NeverSeen, Link::Online, Link::Lost);
+    assert_eq!(*links.lock().unwrap(), [never, online, lost]);
+    let ticks: Vec<_> = ticks.lock().unwrap().iter().map(|tick| tick.link).collect();
+    assert_eq!(ticks, [never, online, online, lost, online]);
+}
+
+#[test]
+fn a_command_holds_until_it_expires_and_a_link_until_it_is_lost_to_the_microsecond() {
+    let switch = ArmSwitch::new();
+    let mut dummy = Dummy::new(1);
+    let mut bus = MotorBus::new(&switch);
+    let safety = Safety { command_expiry: Micros::from_millis(5), ..Safety::BRAKE };
+    bus.attach(&mut dummy, safety).unwrap();
+    switch.arm().unwrap();
+    let expired = |bus: &MotorBus<'_>| bus.status(FIRST, Micros::ZERO).unwrap().counters.expired;
+    let (run, brake) = (DriveMode::Run, DriveMode::Brake);
+    let start = Micros::from_millis(100);
+    tick(&mut bus, start, &mut TxBatch::new()).unwrap();
+    for (after, drive) in
+        [(4_999, run), (5_000, brake), (10_000, brake), (10_001, DriveMode::Coast)]
+    {
+        bus.tick(start + Micros::new(after), MS, &mut TxBatch::new()).unwrap();
+        assert_eq!((drives(&bus), expired(&bus)), (vec![drive], u32::from(after >= 5_000)));
+    }
+    // A robot that is disarmed as a command expires has not missed it.
+    let start = Micros::from_millis(200);
+    tick(&mut bus, start, &mut TxBatch::new()).unwrap();
+    assert_eq!(drives(&bus), [run]);
+    switch.disarm();
+    bus.tick(start + Micros::new(6_000), MS, &mut TxBatch::new()).unwrap();
+    assert_eq!((drives(&bus), expired(&bus)), (vec![DriveMode::Off], 1));
+    // A link that outlasts a command: the same for a command that is given again.
+    switch.arm().unwrap();
+    let start = Micros::from_millis(300);
+    tick(&mut bus, start, &mut TxBatch::new()).unwrap();
+    for (after, drive) in [(9_999, run), (10_000, run), (10_001, DriveMode::Coast)] {
+        let now = start + Micros::new(after);
+        bus.command(FIRST, Target::Coast, now).unwrap();
+        bus.tick(now, MS, &mut TxBatch::new()).unwrap();
+        assert_eq!(drives(&bus), [drive], "{after}");
+    }
+}
+
+/// The bus keeps the low 32 bits of times: they are the same again after 71.6 minutes.
+#[test]
+fn a_pause_in_which_the_clocks_low_half_comes_round_revives_no_command() {
+    let switch = ArmSwitch::new();
+    let mut dummy = Dummy::new(1);
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(&mut dummy, Safety::HOLD).unwrap();
+    switch.arm().unwrap();
+    let start = Micros::from_millis(5);
+    tick(&mut bus, start, &mut TxBatch::new()).unwrap();
+    assert_eq!(drives(&bus), [DriveMode::Run]);
+    let mut now = Micros::new(start.get() + (1 << 32));
+    // Nor is it heard, until it is.
+    for drive in [DriveMode::Coast, DriveMode::Hold, DriveMode::Hold] {
+        bus.tick(now, MS, &mut TxBatch::new()).unwrap();
+        assert_eq!(drives(&bus), [drive]);
+        bus.on_frame(&feedback(1, 0), now);
+        now += Micros::from_millis(1);
+    }
+    assert_eq!(bus.status(FIRST, now).unwrap().counters.lost, 1);
+    tick(&mut bus, now, &mut TxBatch::new()).unwrap();
+    assert_eq!(drives(&bus), [DriveMode::Run]);
+}
+
+#[test]
+fn lanes_of_frames_of_unequal_length_clash() {
+    let lane = |number, len, bytes| {
+        let frames = TxFrames::new(exact(0x200), len, Rate::EveryTick);
+        let ids = CanIds::new().transmits(frames.owned(Ownership::Bytes(bytes)));
+        Dummy { ids, ..Dummy::new(number) }
+    };
+    let switch = ArmSwitch::new();
+    let (mut first, mut second, mut shorter) = (lane(1, 8, 3), lane(2, 8, 12), lane(3, 6, 48));
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(&mut first, Safety::COAST).unwrap();
+    bus.attach(&mut second, Safety::COAST).unwrap();
+    let name = |id| MotorName { model: "dummy", id };
+    let clash = Clash::TxFrames(id(0x200).into());
+    let refused = bus.attach(&mut shorter, Safety::COAST);
+    assert_eq!(refused, Err(AttachError::Clash { motor: name(3), with: name(1), clash }));
+}
+
+#[test]
+fn a_motor_that_the_bus_has_no_room_for_is_refused_by_name() {
+    let receives = |number: u16, count: u16| {
+        let frames = |raw| RxFrames::new(exact(raw), 8, Rate::Rare);
+        let all = (0..count).map(|index| frames(0x400 + 16 * number + index));
+        Dummy { ids: all.fold(CanIds::new(), CanIds::receives), ..Dummy::new(number) }
+    };
+    let switch = ArmSwitch::new();
+    let mut greedy = receives(9, 9);
+    let mut all: Vec<_> = (0..9).map(Dummy::new).collect();
+    let mut bus = MotorBus::new(&switch);
+    let motor = MotorName { model: "dummy", id: 9 };
+    let refused = bus.attach(&mut greedy, Safety::COAST).unwrap_err();
+    assert_eq!(refused, AttachError::TooManyIds { motor });
+    assert!(refused.to_string().starts_with("dummy id 9 declares more than 8 received"));
+    let attached: Vec<_> = all.iter_mut().map(|dummy| bus.attach(dummy, Safety::COAST)).collect();
+    let motor = MotorName { model: "dummy", id: 8 };
+    for (index, attached) in (0..).zip(attached) {
+        let full = Err(AttachError::Full { motor, capacity: 8 });
+        assert_eq!(attached, if index < 8 { Ok(MotorId::new(index)) } else { full });
+    }
+}
+
+#[test]
+fn each_motor_of_a_bus_counts_ticks_from_another_number_and_time_steps_are_bounded() {
+    let switch = ArmSwitch::new();
+    let (mut first, mut second) = (Dummy::new(1), Dummy::new(2));
+    let (ours, theirs) = (first.ticks.clone(), second.ticks.clone());
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(&mut first, Safety::COAST).unwrap();
+    bus.attach(&mut second, Safety::COAST).unwrap();
+    for (dt, given) in [(0.001, 0.001), (0.5, 0.01), (0.0, 0.001), (-1.0, 0.001), (f32::NAN, 0.001)]
+    {
+        bus.tick(Micros::ZERO, Seconds::new(dt), &mut TxBatch::new()).unwrap();
+        let last = |ticks: &Seen<Vec<Tick>>| *ticks.lock().unwrap().last().unwrap();
+        assert!((last(&ours).dt.get() - given).abs() < 1e-9, "{dt}");
+        assert_eq!(last(&theirs).count, last(&ours).count + 1);
+    }
+    let counts: Vec<_> = ours.lock().unwrap().iter().map(|tick| tick.count).collect();
+    assert!(counts.windows(2).all(|two| two[1] == two[0] + 1), "{counts:?}");
+}
+
+#[cfg(feature = "embassy")]
+mod runner {
+    // The lock of a PC.
+    use critical_section as _;
+    use rc10_motor::embassy::{BusPort, Runner};
+    use rc10_motor::rc10_can::{CanPort, Health, Submitted};
+
+    use super::*;
+
+    /// Takes everything.
+    struct Port(Seen<Vec<CanFrame>>);
+
+    impl CanPort for Port {
+        fn receive(&mut self) -> Option<(CanFrame, Micros)> {
+            None
+        }
+        fn submit_as(&mut self, frame: &CanFrame, _: u32) -> Submitted {
+            self.0.lock().expect("no panic").push(*frame);
+            Submitted::Queued
+        }
+        fn cancel_pending(&mut self) -> u8 {
+            0
+        }
+        fn health(&self) -> Health {
+            Health::NEW
+        }
+    }
+
+    #[test]
+    fn a_frame_that_waits_before_the_bus_runs_cannot_speak_in_a_motors_name() {
+        let (switch, shared, sent) = (ArmSwitch::new(), BusPort::new(), Seen::default());
+        let command = CanFrame::eight_bytes(id(0x110), [0x7F; 8]);
+        let other = CanFrame::eight_bytes(id(0x300), [0x7F; 8]);
+        // The port does not know its motors yet.
+        shared.send(&command).unwrap();
+        shared.send(&other).unwrap();
+        let mut dummy = Dummy::new(1);
+        let mut bus = MotorBus::new(&switch);
+        bus.attach(&mut dummy, Safety::COAST).unwrap();
+        let mut runner = Runner::new(Port(sent.clone()), bus, &shared, Micros::ZERO);
+        for millis in 1..=3 {
+            runner.tick(|| Micros::from_millis(millis));
+        }
+        let sent = sent.lock().unwrap();
+        assert!(sent.contains(&other) && !sent.contains(&command));
+        assert_eq!(shared.status().refused, 1);
+        assert!(shared.send(&command).is_err());
+    }
+}
