@@ -16,15 +16,15 @@ use rc10_app::{
     Amps, Encoder, IncrementalPidConfig, IncrementalPidState, Mecanum, PidConfig, PidState, Rpm,
     Seconds, Twist,
 };
-use rc10_bsp::{Overrun, Statistics, periodic};
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, CanPort, Health, Micros, Submitted};
+use rc10_message::{Overrun, Statistics, periodic};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::{
-    ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, Fault, Feedback, FrameError,
-    FrameKind, Link, Motor, MotorBus, Request, RequestError, Response, Safety, Target, TargetError,
-    TargetKind, TargetSet, TxBatch, TxFull,
+    ArmSwitch, AttachError, CanIds, CanMotor, Clash, Fault, Feedback, FrameError, FrameKind, Link,
+    Motor, MotorBus, MotorName, Request, RequestError, Response, Safety, Target, TargetError,
+    TargetKind, TargetSet, Tick, TxBatch, TxFull,
 };
 
 const MS: Seconds = Seconds::new(0.001);
@@ -65,6 +65,9 @@ impl CanPort for FakePort {
 struct Witness<'a>(&'a Mutex<Vec<f32>>);
 
 impl Motor for Witness<'_> {
+    fn name(&self) -> MotorName {
+        MotorName { model: "witness", id: 1 }
+    }
     fn supports(&self) -> TargetSet {
         TargetSet::of(&[TargetKind::Coast])
     }
@@ -80,8 +83,8 @@ impl Motor for Witness<'_> {
     fn fault(&self) -> Option<Fault> {
         None
     }
-    fn update(&mut self, dt: Seconds, _: DriveMode) {
-        self.0.lock().unwrap().push(dt.get());
+    fn update(&mut self, tick: &Tick) {
+        self.0.lock().unwrap().push(tick.dt.get());
     }
     fn request(&mut self, _: Request) -> Result<Response, RequestError> {
         Err(RequestError::Unsupported)
@@ -90,9 +93,14 @@ impl Motor for Witness<'_> {
 
 impl CanMotor for Witness<'_> {
     fn can_ids(&self) -> CanIds {
-        CanIds::new("witness", 1)
+        CanIds::new()
     }
-    fn unpack_feedback(&mut self, _: &CanFrame, _: Micros) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(
+        &mut self,
+        _: &CanFrame,
+        _: Micros,
+        _: Link,
+    ) -> Result<FrameKind, FrameError> {
         Err(FrameError::NotMine)
     }
     fn pack_command(&mut self, _: &mut TxBatch) -> Result<(), TxFull> {
@@ -236,7 +244,9 @@ fn r11_currents_are_limited_before_they_become_integers_and_reported_in_amperes(
         let refused = wheel.set_target(Target::Current(Amps::new(bad)));
         assert_eq!(refused, Err(TargetError::NotFinite(TargetKind::Current)));
     }
-    wheel.unpack_feedback(&frame(0x201, [0, 0, 0, 0, 0x40, 0, 0, 0]), Micros::ZERO).unwrap();
+    wheel
+        .unpack_feedback(&frame(0x201, [0, 0, 0, 0, 0x40, 0, 0, 0]), Micros::ZERO, Link::Online)
+        .unwrap();
     assert_eq!(wheel.feedback().current(), Some(Amps::new(20.0)));
 }
 

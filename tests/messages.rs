@@ -8,10 +8,10 @@ use std::path::Path;
 
 use embassy_time::Timer;
 use rc10_app::Rpm;
-use rc10_bsp::{Latest, Service, Topic, now};
 use rc10_can::Micros;
 use rc10_cli::environment::Environment;
 use rc10_cli::team;
+use rc10_message::{Latest, Service, Topic, now};
 use rc10_module::ranging::Range;
 use rc10_motor::{Request, Target};
 use rc10_robot::{Motors, Name, Shared};
@@ -31,7 +31,7 @@ async fn write() {
     WALL.set(Range::Distance(1230), now());
 }
 
-async fn listen() -> Result<(), rc10_bsp::SubscribersFull> {
+async fn listen() -> Result<(), rc10_message::SubscribersFull> {
     let mut bumps = BUMPS.subscribe()?;
     bumps
         .for_each(async |bump| {
@@ -51,7 +51,7 @@ async fn look() {
     }
 }
 
-async fn serve() -> Result<(), rc10_bsp::AlreadyServed> {
+async fn serve() -> Result<(), rc10_message::AlreadyServed> {
     let mut server = TURN.server()?;
     server.serve(async |angle| if angle < 360 { Ok(angle) } else { Err("more than a turn") }).await;
 }

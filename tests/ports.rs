@@ -91,7 +91,7 @@ fn a_request_is_answered_after_the_next_tick() {
         let port = shared.motor(FIRST);
         assert_eq!(port.request(Request::ClearFault).await, Err(RequestError::Unsupported));
         assert_eq!(port.request(Request::SetZero).await, Ok(Response::Done));
-        assert_eq!(port.status().feedback.total_angle.counts(), 0);
+        assert_eq!(port.status().feedback.total_angle.microdegrees(), 0);
     });
 }
 

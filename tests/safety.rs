@@ -210,7 +210,7 @@ fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
     }
     for name in [Name::FrontLeft, Name::Yaw, Name::LiftRearRight] {
         let drive = shared.motor(name).status().drive;
-        assert_eq!(drive, name.entry().safety.state.drive());
+        assert_eq!(drive, name.entry().safety.state.mode());
     }
     shared.switch.reset();
     shared.switch.arm().unwrap();

@@ -61,7 +61,7 @@ fn runner(
         // Not defmt's: with that one, the crash record would name a line of defmt.
         panic!("a bus has more motors than its coast image holds");
     }
-    Runner::new(can, motors, shared, rc10_bsp::now())
+    Runner::new(can, motors, shared, rc10_message::now())
 }
 
 /// The base.

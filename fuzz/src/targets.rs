@@ -15,8 +15,8 @@ use rc10_motor::rc10_app::Cascade;
 use rc10_motor::unitree::wire::line::{Command, Parser, Reply};
 use rc10_motor::unitree::{GoM8010, GoModule, Rs485Bus, Step};
 use rc10_motor::{
-    ArmSwitch, CanMotor, DriveMode, Feedback, FrameKind, Impedance, Request, Safety, Target,
-    TxBatch, cybergear, damiao, lk, odrive, vesc,
+    ArmSwitch, CanMotor, DriveMode, Feedback, FrameKind, Impedance, Link, Request, Safety, Target,
+    Tick, TxBatch, cybergear, damiao, lk, odrive, vesc,
 };
 
 pub use crate::streams::{action, crsf, dbus, jrt, ppm, rc9, sbus, stp23l, tfmini, vt03, wit};
@@ -129,7 +129,7 @@ fn motor(mut motor: impl CanMotor, bytes: &[u8]) {
             0..=9 => {
                 let frame = source.frame(&patterns);
                 let before = motor.feedback();
-                match motor.unpack_feedback(&frame, now) {
+                match motor.unpack_feedback(&frame, now, Link::Online) {
                     Ok(FrameKind::Feedback) => {
                         let at = motor.feedback().at;
                         assert!(at == now, "heard at {now}, told {at}");
@@ -148,7 +148,7 @@ fn motor(mut motor: impl CanMotor, bytes: &[u8]) {
                     DriveMode::Run,
                 ];
                 let drive = drives[usize::from(source.byte()) % drives.len()];
-                motor.update(Seconds::new(0.001), drive);
+                motor.update(&Tick::new(drive));
                 let mut tx = TxBatch::new();
                 motor.pack_command(&mut tx).unwrap();
                 for frame in tx.frames() {
@@ -204,7 +204,7 @@ pub fn dji(bytes: &[u8]) {
 
 /// VESC, with all status frames.
 pub fn vesc(bytes: &[u8]) {
-    let shaft = vesc::Shaft::new(NonZeroU8::new(7).unwrap(), Gear::new(3, 1).unwrap());
+    let scale = vesc::ElectricalScale::new(NonZeroU8::new(7).unwrap(), Gear::new(3, 1).unwrap());
     let amps = Amps::new(20.0);
     let currents = vesc::Currents { limit: amps, brake: amps, handbrake: amps };
     let status = vesc::StatusRates {
@@ -215,7 +215,7 @@ pub fn vesc(bytes: &[u8]) {
         status_5: 200,
         status_6: 10,
     };
-    let config = vesc::Config::new(vesc::VescId::new(7).unwrap(), shaft, currents);
+    let config = vesc::Config::new(vesc::VescId::new(7).unwrap(), scale, currents);
     motor(vesc::Vesc::new(vesc::Config { status, ..config }).unwrap(), bytes);
 }
 

@@ -12,7 +12,7 @@ use rc10_motor::damiao::signals::Scaled;
 use rc10_motor::damiao::{self, Control, models::J4310};
 use rc10_motor::signals::Message;
 use rc10_motor::unitree::{self, wire::module::Module};
-use rc10_motor::vesc::{self, Currents, Shaft, StatusRates, VescId};
+use rc10_motor::vesc::{self, Currents, ElectricalScale, StatusRates, VescId};
 use rc10_sim::cybergear::{CYBERGEAR, CyberGear};
 use rc10_sim::damiao::{Damiao, DamiaoConfig};
 
@@ -37,10 +37,10 @@ pub fn nodes() -> Vec<Node> {
         status_6: 5,
     };
     let vesc = |id| {
-        let shaft = Shaft::new(NonZeroU8::new(7).unwrap(), Gear::DIRECT);
+        let scale = ElectricalScale::new(NonZeroU8::new(7).unwrap(), Gear::DIRECT);
         let (limit, brake, handbrake) = (Amps::new(40.0), Amps::new(15.0), Amps::new(20.0));
         let currents = Currents { limit, brake, handbrake };
-        let config = vesc::Config::new(VescId::new(id).unwrap(), shaft, currents);
+        let config = vesc::Config::new(VescId::new(id).unwrap(), scale, currents);
         vesc::signals::messages(&vesc::Config { status, ..config }).into_iter().collect()
     };
     let node = |label: &str, messages, not_in_dbc| Node {

@@ -10,14 +10,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::task::{Context, Poll, Wake, Waker};
 
-use rc10_app::Seconds;
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::{
-    ArmSwitch, CanIds, CanMotor, DriveMode, Fault, Feedback, FrameError, FrameKind, Motor,
-    MotorBus, MotorId, Rate, Request, RequestError, Response, RxFrames, Safety, Target,
-    TargetError, TargetKind, TargetSet, TxBatch, TxFull,
+    ArmSwitch, CanIds, CanMotor, Fault, Feedback, FrameError, FrameKind, Link, Motor, MotorBus,
+    MotorId, MotorName, Rate, Request, RequestError, Response, RxFrames, Safety, Target,
+    TargetError, TargetKind, TargetSet, Tick, TxBatch, TxFull,
 };
 use rc10_sim::{BusConfig, SimPort, World};
 
@@ -86,6 +85,9 @@ impl Registers {
 }
 
 impl Motor for Registers {
+    fn name(&self) -> MotorName {
+        MotorName { model: "registers", id: self.number.into() }
+    }
     fn supports(&self) -> TargetSet {
         TargetSet::of(&[TargetKind::Coast])
     }
@@ -101,7 +103,7 @@ impl Motor for Registers {
     fn fault(&self) -> Option<Fault> {
         None
     }
-    fn update(&mut self, _: Seconds, _: DriveMode) {}
+    fn update(&mut self, _: &Tick) {}
 
     fn request(&mut self, request: Request) -> Outcome {
         let Request::ReadRegister(register) = request else {
@@ -122,7 +124,7 @@ impl Motor for Registers {
         outcome
     }
 
-    fn answer(&mut self) -> Option<Outcome> {
+    fn response(&mut self) -> Option<Outcome> {
         interrupt();
         let (register, ticks) = self.pending?;
         self.pending = (ticks > 0).then(|| (register, ticks - 1));
@@ -133,10 +135,14 @@ impl Motor for Registers {
 impl CanMotor for Registers {
     fn can_ids(&self) -> CanIds {
         let pattern = IdPattern::exact(StandardId::new(0x10 + u16::from(self.number)).unwrap());
-        let receive = RxFrames { pattern, len: 1, rate: Rate::EveryTick, guard: None };
-        CanIds::new("registers", self.number.into()).receives(receive).unwrap()
+        CanIds::new().receives(RxFrames::new(pattern, 1, Rate::EveryTick))
     }
-    fn unpack_feedback(&mut self, _: &CanFrame, _: Micros) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(
+        &mut self,
+        _: &CanFrame,
+        _: Micros,
+        _: Link,
+    ) -> Result<FrameKind, FrameError> {
         Ok(FrameKind::Feedback)
     }
     fn pack_command(&mut self, _: &mut TxBatch) -> Result<(), TxFull> {

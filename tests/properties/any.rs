@@ -137,8 +137,9 @@ pub fn motor() -> impl Strategy<Value = Dji> {
 }
 
 pub fn total_angle() -> impl Strategy<Value = TotalAngle> {
-    let counted = (any::<i64>(), any::<u32>(), any::<u32>())
-        .prop_map(|(counts, per, turns)| TotalAngle::new(counts, CountsPerTurn::new(per, turns)));
+    let counted = (any::<i64>(), any::<u32>(), any::<u32>()).prop_map(|(counts, per, turns)| {
+        TotalAngle::from_counts(counts, CountsPerTurn::new(per, turns))
+    });
     prop_oneof![any::<i32>().prop_map(TotalAngle::from_degrees), counted]
 }
 

@@ -10,8 +10,8 @@ use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::{Dji, Effort};
 use rc10_motor::{
-    ArmState, ArmSwitch, CanMotor, Dispatch, DriveMode, Feedback, FrameError, Gains, Motor,
-    MotorBus, MotorId, Ownership, Request, SafeState, Safety, Target, TargetError, TxBatch,
+    ArmState, ArmSwitch, CanMotor, Dispatch, DriveMode, Feedback, FrameError, Gains, Link, Motor,
+    MotorBus, MotorId, Ownership, Request, SafeState, Safety, Target, TargetError, Tick, TxBatch,
 };
 
 use crate::any;
@@ -88,7 +88,7 @@ struct Known {
 
 fn known(motor: &Dji, id: MotorId, safety: Safety) -> Known {
     let wiring = motor.can_ids();
-    let Ownership::Bytes(lane) = wiring.transmitted()[0].share else { panic!("a lane") };
+    let Ownership::Bytes(lane) = wiring.transmitted()[0].ownership else { panic!("a lane") };
     let lane = lane.trailing_zeros();
     Known {
         id,
@@ -407,10 +407,10 @@ proptest! {
         for ((dt, target, request, mut bytes, drive), time) in steps.into_iter().zip(times) {
             bytes[0] &= 0x1F;
             let at = Micros::new(time);
-            prop_assert!(motor.unpack_feedback(&CanFrame::eight_bytes(id, bytes), at).is_ok());
+            prop_assert!(motor.unpack_feedback(&CanFrame::eight_bytes(id, bytes), at, Link::Online).is_ok());
             let _ = motor.set_target(target);
             let _ = motor.request(request);
-            motor.update(Seconds::new(dt), drives[drive]);
+            motor.update(&Tick { dt: Seconds::new(dt), ..Tick::new(drives[drive]) });
             let full = motor.model().full_scale;
             prop_assert!((-full..=full).contains(&motor.raw_command()));
             prop_assert!(drive < 3 || motor.raw_command() == 0);

@@ -3,7 +3,7 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 use rc10_app::angle::{shortest_way, shortest_way_degrees, shortest_way_in_bits};
-use rc10_app::{Degrees, Encoder, Mecanum, Radians, Rpm, TotalAngle, Twist};
+use rc10_app::{CountsPerTurn, Degrees, Encoder, Mecanum, Radians, Rpm, TotalAngle, Twist};
 
 use crate::any;
 
@@ -91,7 +91,7 @@ proptest! {
         prop_assert!((0.0..360.0).contains(&one.within_turn().get()));
         prop_assert_eq!(one, one);
         prop_assert_eq!(one == other, other == one);
-        let _ = (one.plus(other), one.minus(other), one.counts_at(other.scale()));
+        let _ = (one.plus(other), one.minus(other), one.counts_at(CountsPerTurn::new(8192, 3)));
         let angle = TotalAngle::try_from_degrees(Degrees::new(degrees));
         prop_assert_eq!(angle.is_some(), degrees.abs() <= 9e12);
         if let Some(angle) = angle {

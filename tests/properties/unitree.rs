@@ -9,13 +9,13 @@ use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_motor::unitree::wire::line::{self, COMMAND_LEN, Command, Parser, REPLY_LEN};
 use rc10_motor::unitree::wire::module::{self, Content, Module, Request};
 use rc10_motor::unitree::wire::{
-    Address, Impedance, Motion, RawImpedance, RawMotion, ReplyError, Shaft, Status,
+    Address, Impedance, Motion, RawImpedance, RawMotion, ReplyError, RotorScale, Status,
 };
 
 use crate::any;
 
-fn shaft() -> impl Strategy<Value = Shaft> {
-    prop_oneof![Just(Shaft::OUTPUT), Just(Shaft::new(Gear::DIRECT))]
+fn shaft() -> impl Strategy<Value = RotorScale> {
+    prop_oneof![Just(RotorScale::OUTPUT), Just(RotorScale::new(Gear::DIRECT))]
 }
 
 fn address() -> impl Strategy<Value = Address> {
@@ -136,14 +136,14 @@ proptest! {
             speed: Rpm::new(speed),
             angle: TotalAngle::from_microdegrees(angle),
         };
-        let back = Shaft::OUTPUT.motion(Shaft::OUTPUT.raw(&motion));
+        let back = RotorScale::OUTPUT.motion(RotorScale::OUTPUT.raw(&motion));
         let near = |a: f32, b: f32, step: f32| (a - b).abs() <= 0.505 * step;
         prop_assert!(near(back.torque.get(), torque, 6.33 / 256.0), "{:?}", back);
         prop_assert!(near(back.speed.get(), speed, 60.0 / 256.0 / 6.33), "{:?}", back);
         // A step is 1735.6 microdegrees.
         prop_assert!((back.angle.microdegrees() - angle).abs() <= 869, "{:?}", back);
         let impedance = Impedance { stiffness, damping };
-        let back = Shaft::OUTPUT.impedance(Shaft::OUTPUT.raw_impedance(&impedance));
+        let back = RotorScale::OUTPUT.impedance(RotorScale::OUTPUT.raw_impedance(&impedance));
         let step = 6.33 * 6.33 / 1280.0;
         prop_assert!(near(back.stiffness, stiffness, step), "{:?}", back);
         prop_assert!(near(back.damping, damping, step), "{:?}", back);
@@ -159,7 +159,7 @@ proptest! {
         let agrees = |raw: i64, asked: f32| raw == 0 || (raw > 0) == (asked > 0.0);
         prop_assert!(agrees(raw.torque.into(), motion.torque.get()), "{:?}", raw);
         prop_assert!(agrees(raw.speed.into(), motion.speed.get()), "{:?}", raw);
-        prop_assert!(i64::from(raw.angle.signum()) * motion.angle.counts().signum() >= 0);
+        prop_assert!(i64::from(raw.angle.signum()) * motion.angle.microdegrees().signum() >= 0);
         let gains = shaft.raw_impedance(&impedance);
         prop_assert!(gains.stiffness <= 32767 && gains.damping <= 32767);
         prop_assert!(gains.stiffness == 0 || impedance.stiffness > 0.0);

@@ -5,11 +5,11 @@ use std::num::NonZeroU8;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
-use rc10_app::{Amps, Degrees, Gear, Rpm};
+use rc10_app::{Amps, Degrees, Gear, Rpm, TotalAngle};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_motor::vesc::{
-    Command, ElectricalRpm, Packet, Reply, Setting, Shaft, Status, UnpackError, VescId,
+    Command, ElectricalRpm, ElectricalScale, Packet, Reply, Setting, Status, UnpackError, VescId,
 };
 
 use crate::any;
@@ -216,13 +216,13 @@ proptest! {
         steps in any::<i32>(),
     ) {
         let gear = Gear::new(teeth.0, teeth.1).unwrap();
-        let shaft = Shaft::new(NonZeroU8::new(pairs).unwrap(), gear);
+        let scale = ElectricalScale::new(NonZeroU8::new(pairs).unwrap(), gear);
         let ratio = f64::from(teeth.0) / f64::from(teeth.1) * f64::from(pairs);
-        let electrical = shaft.to_electrical(Rpm::new(rpm));
+        let electrical = scale.to_electrical(Rpm::new(rpm));
         prop_assert!(near(electrical.get(), f64::from(rpm) * ratio));
-        prop_assert!(near(shaft.to_output(electrical).get(), rpm.into()));
-        let angle = shaft.total_angle(steps.into());
-        prop_assert_eq!(angle.counts_at(shaft.steps_per_turn()), i64::from(steps));
+        prop_assert!(near(scale.to_output(electrical).get(), rpm.into()));
+        let angle = TotalAngle::from_counts(steps.into(), scale.steps_per_turn());
+        prop_assert_eq!(angle.counts_at(scale.steps_per_turn()), i64::from(steps));
         // 60 degrees of the field a step; kept as whole millionths of a degree of the output.
         let degrees = f64::from(steps) * 60.0 / ratio;
         let off = f64::from(angle.degrees().get()) - degrees;

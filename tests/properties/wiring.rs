@@ -2,13 +2,12 @@
 
 use proptest::collection::vec;
 use proptest::prelude::*;
-use rc10_app::Seconds;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::{
-    ArmSwitch, AttachError, CanIds, CanMotor, Dispatch, DriveMode, Fault, Feedback, FrameError,
-    FrameKind, Guard, Motor, MotorBus, Ownership, Rate, Request, RequestError, Response, RxFrames,
-    Safety, Target, TargetError, TargetKind, TargetSet, TxBatch, TxFrames, TxFull,
+    ArmSwitch, AttachError, CanIds, CanMotor, Dispatch, Fault, Feedback, FrameError, FrameKind,
+    Guard, Link, Motor, MotorBus, MotorName, Ownership, Rate, Request, RequestError, Response,
+    RxFrames, Safety, Target, TargetError, TargetKind, TargetSet, Tick, TxBatch, TxFrames, TxFull,
 };
 
 use crate::any;
@@ -18,6 +17,9 @@ use crate::any;
 struct Wired(CanIds);
 
 impl Motor for Wired {
+    fn name(&self) -> MotorName {
+        MotorName { model: "any", id: 1 }
+    }
     fn supports(&self) -> TargetSet {
         TargetSet::NONE
     }
@@ -33,7 +35,7 @@ impl Motor for Wired {
     fn fault(&self) -> Option<Fault> {
         None
     }
-    fn update(&mut self, _: Seconds, _: DriveMode) {}
+    fn update(&mut self, _: &Tick) {}
     fn request(&mut self, _: Request) -> Result<Response, RequestError> {
         Err(RequestError::Unsupported)
     }
@@ -41,9 +43,14 @@ impl Motor for Wired {
 
 impl CanMotor for Wired {
     fn can_ids(&self) -> CanIds {
-        self.0.clone()
+        self.0
     }
-    fn unpack_feedback(&mut self, _: &CanFrame, _: Micros) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(
+        &mut self,
+        _: &CanFrame,
+        _: Micros,
+        _: Link,
+    ) -> Result<FrameKind, FrameError> {
         Ok(FrameKind::Feedback)
     }
     fn pack_command(&mut self, _: &mut TxBatch) -> Result<(), TxFull> {
@@ -87,31 +94,27 @@ fn receive() -> impl Strategy<Value = RxFrames> {
 }
 
 fn transmit() -> impl Strategy<Value = TxFrames> {
-    let share = prop_oneof![
+    let ownership = prop_oneof![
         Just(Ownership::Whole),
         any::<u8>().prop_map(Ownership::Bytes),
         guard().prop_map(Ownership::Guard),
     ];
-    (pattern(), any::<u8>(), rate(), share).prop_map(|(pattern, len, rate, share)| TxFrames {
-        pattern,
-        len,
-        rate,
-        share,
-    })
+    (pattern(), any::<u8>(), rate(), ownership)
+        .prop_map(|(pattern, len, rate, ownership)| TxFrames { pattern, len, rate, ownership })
 }
 
 fn wired() -> impl Strategy<Value = Wired> {
     (vec(receive(), 0..=4), vec(transmit(), 0..=1), vec(pattern(), 0..=1)).prop_map(
         |(receives, transmits, listens)| {
-            let mut wiring = CanIds::new("any", 1);
+            let mut wiring = CanIds::new();
             for receive in receives {
-                wiring = wiring.receives(receive).unwrap();
+                wiring = wiring.receives(receive);
             }
             for transmit in transmits {
-                wiring = wiring.transmits(transmit).unwrap();
+                wiring = wiring.transmits(transmit);
             }
             for pattern in listens {
-                wiring = wiring.listens_to(pattern).unwrap();
+                wiring = wiring.listens_to(pattern);
             }
             Wired(wiring)
         },
@@ -134,7 +137,7 @@ proptest! {
         frames in vec((few_ids(), vec(any::<u8>(), 0..=8)), 40),
         bits_per_second in any::<u32>(),
     ) {
-        let wirings: Vec<_> = motors.iter().map(CanMotor::wiring).collect();
+        let wirings: Vec<_> = motors.iter().map(CanMotor::can_ids).collect();
         let switch = ArmSwitch::new();
         let mut bus = MotorBus::new(&switch);
         let mut attached: Vec<(_, &CanIds)> = Vec::new();

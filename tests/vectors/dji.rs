@@ -8,7 +8,7 @@ use rc10_motor::dji::{
 };
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
-    ArmSwitch, CanMotor, Dispatch, Feedback, Motor, MotorBus, Safety, Target, TxBatch,
+    ArmSwitch, CanMotor, Dispatch, Feedback, Link, Motor, MotorBus, Safety, Target, TxBatch,
 };
 use serde_json::{Map, Value};
 
@@ -180,7 +180,7 @@ fn received(model: &'static Model, frame: &CanFrame, gear: Gear) -> Check<Feedba
     if bus.on_frame(&frame, at) != Dispatch::Motor(id) {
         return Err(format!("the bus does not give {frame} to its motor"));
     }
-    alone.unpack_feedback(&frame, at).map_err(|error| error.to_string())?;
+    alone.unpack_feedback(&frame, at, Link::Online).map_err(|error| error.to_string())?;
     let status = bus.status(id, at).ok_or("the motor is gone")?;
     if status.feedback != alone.feedback() {
         return Err("a motor decodes differently on a bus".into());
@@ -305,7 +305,7 @@ fn motor_totals(mut motor: Dji, sign: i64, angles: &[Value]) -> Check<Vec<i64>> 
     let total = |(at, angle): (Micros, &Value)| {
         let [high, low] = narrow::<u16>(angle)?.to_be_bytes();
         let frame = CanFrame::eight_bytes(id, [high, low, 0, 0, 0, 0, 0, 0]);
-        motor.unpack_feedback(&frame, at).map_err(|error| error.to_string())?;
+        motor.unpack_feedback(&frame, at, Link::Online).map_err(|error| error.to_string())?;
         let total = motor.feedback().total_angle.counts_at(motor.counts_per_turn());
         Ok(sign * (total - *first.get_or_insert(total)))
     };
@@ -349,7 +349,7 @@ fn attachable(devices: &[(&'static Model, Option<u8>)]) -> bool {
     let motors = devices.iter().map(|&(model, id)| Dji::new(model, id?).ok());
     let Some(mut motors) = motors.collect::<Option<Vec<_>>>() else { return false };
     if motors.len() > MotorBus::CAPACITY {
-        let wirings: Vec<_> = motors.iter().map(CanMotor::wiring).collect();
+        let wirings: Vec<_> = motors.iter().map(CanMotor::can_ids).collect();
         return (1..wirings.len()).all(|index| {
             wirings[..index].iter().all(|other| wirings[index].clash(other).is_none())
         });
@@ -467,7 +467,7 @@ fn reject(vector: &mut Fields) -> Check {
         let at = Micros::from_millis(1);
         let taken = matches!(bus.on_frame(&frame, at), Dispatch::Motor(_))
             || bus.status(id, at).is_none_or(|status| status.feedback != Feedback::default())
-            || alone.unpack_feedback(&frame, at).is_ok()
+            || alone.unpack_feedback(&frame, at, Link::Online).is_ok()
             || alone.feedback() != Feedback::default();
         same("rejected", !taken, &"an error", &format!("{name} takes {frame}"))?;
     }

@@ -8,7 +8,7 @@ use rc10_can::CanFrame;
 use rc10_motor::unitree::wire::line::{self, Command, Parser};
 use rc10_motor::unitree::wire::module::{self, Content, Module, Request};
 use rc10_motor::unitree::wire::{
-    Address, GEAR, Impedance, Motion, RawImpedance, RawMotion, Shaft, Status,
+    Address, GEAR, Impedance, Motion, RawImpedance, RawMotion, RotorScale, Status,
 };
 use serde_json::{Map, Value};
 
@@ -163,7 +163,7 @@ impl Rotor {
     fn raw(self) -> Check<[(RawMotion, RawImpedance); 2]> {
         let raw = |gear: Gear, ratio| {
             let (motion, impedance) = self.behind(ratio)?;
-            let shaft = Shaft::new(gear);
+            let shaft = RotorScale::new(gear);
             let numbers = ![self.tau, self.omega].iter().any(|x| x.is_nan());
             same("a number", motion.check().is_ok() == numbers, &numbers, &!numbers)?;
             let numbers = ![self.kp, self.kd].iter().any(|x| x.is_nan());
@@ -307,7 +307,7 @@ fn value(
         return tolerance.raw(field, expected, raw_field(name, motion, gains)?);
     }
     for (gear, ratio) in [(Gear::DIRECT, 1.0), (GEAR, 6.33_f32)] {
-        let shaft = Shaft::new(gear);
+        let shaft = RotorScale::new(gear);
         let (moved, impedance) = (shaft.motion(motion), shaft.impedance(gains));
         let (lsb, actual) = match field {
             "tau_Nm" => (1.0 / 256.0, moved.torque.get() / ratio),

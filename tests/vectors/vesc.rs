@@ -2,11 +2,11 @@
 
 use std::num::NonZeroU8;
 
-use rc10_app::{Amps, Degrees, Gear, Rpm};
+use rc10_app::{Amps, Degrees, Gear, Rpm, TotalAngle};
 use rc10_can::CanFrame;
 use rc10_motor::vesc::{
-    Address, Command, ElectricalRpm, Packet, Reply, Setting, Shaft, Status, VescId, coast, ping,
-    shutdown,
+    Address, Command, ElectricalRpm, ElectricalScale, Packet, Reply, Setting, Status, VescId,
+    coast, ping, shutdown,
 };
 use serde_json::{Value, json};
 
@@ -187,7 +187,7 @@ fn value(status: Status, field: &str, expected: &Value, tolerance: &mut Toleranc
             return tolerance.raw(field, expected, steps.into());
         }
         ("electrical_revs", Status::Tachometer { steps, .. }) => {
-            (1.0 / 6.0, turns(&shaft(1, Gear::DIRECT)?, steps))
+            (1.0 / 6.0, turns(&scale(1, Gear::DIRECT)?, steps))
         }
         ("current_A", Status::Motion { current, .. }) => (0.1, current.get()),
         ("duty", Status::Motion { duty, .. }) => (1e-3, duty),
@@ -209,13 +209,13 @@ fn value(status: Status, field: &str, expected: &Value, tolerance: &mut Toleranc
     tolerance.float(field, lsb, expected, actual)
 }
 
-fn shaft(pole_pairs: u8, gear: Gear) -> Check<Shaft> {
-    Ok(Shaft::new(NonZeroU8::new(pole_pairs).ok_or("a motor without poles")?, gear))
+fn scale(pole_pairs: u8, gear: Gear) -> Check<ElectricalScale> {
+    Ok(ElectricalScale::new(NonZeroU8::new(pole_pairs).ok_or("a motor without poles")?, gear))
 }
 
 /// Turns of the output shaft.
-fn turns(shaft: &Shaft, steps: i32) -> f32 {
-    shaft.total_angle(steps.into()).degrees().get() / 360.0
+fn turns(scale: &ElectricalScale, steps: i32) -> f32 {
+    TotalAngle::from_counts(steps.into(), scale.steps_per_turn()).degrees().get() / 360.0
 }
 
 /// What commands become, or what speeds and angles are on the other side of the gearbox.
@@ -246,9 +246,9 @@ fn convert(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
         }
         return Ok(());
     }
-    let mut shaft = shaft(narrow(&inputs.take("pole_pairs")?)?, gear(&mut inputs)?)?;
+    let mut scale = scale(narrow(&inputs.take("pole_pairs")?)?, gear(&mut inputs)?)?;
     if let Some(minimum) = optional_number(&mut inputs, "min_erpm")? {
-        shaft = shaft.with_minimum(ElectricalRpm::new(minimum));
+        scale = scale.with_minimum(ElectricalRpm::new(minimum));
     }
     let rpm = optional_number(&mut inputs, "mech_rpm")?.map(Rpm::new);
     let erpm = optional_number(&mut inputs, "erpm")?.map(ElectricalRpm::new);
@@ -256,18 +256,18 @@ fn convert(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     inputs.finish()?;
     for (field, expected) in &expected {
         let (lsb, actual) = match (field.as_str(), rpm, erpm, steps) {
-            ("erpm", Some(rpm), None, None) => (1.0, shaft.to_electrical(rpm).get()),
+            ("erpm", Some(rpm), None, None) => (1.0, scale.to_electrical(rpm).get()),
             ("regulated", Some(rpm), None, None) => {
-                let actual = shaft.regulates(rpm);
+                let actual = scale.regulates(rpm);
                 same(field, *expected == Value::Bool(actual), expected, &actual)?;
                 continue;
             }
             ("mech_rpm", None, Some(erpm), None) => {
-                (shaft.to_output(ElectricalRpm::new(1.0)).get(), shaft.to_output(erpm).get())
+                (scale.to_output(ElectricalRpm::new(1.0)).get(), scale.to_output(erpm).get())
             }
-            ("mech_turns", None, None, Some(steps)) => (turns(&shaft, 1), turns(&shaft, steps)),
+            ("mech_turns", None, None, Some(steps)) => (turns(&scale, 1), turns(&scale, steps)),
             ("mech_deg", None, None, Some(steps)) => {
-                (360.0 * turns(&shaft, 1), 360.0 * turns(&shaft, steps))
+                (360.0 * turns(&scale, 1), 360.0 * turns(&scale, steps))
             }
             (other, ..) => return Err(unknown(other)),
         };

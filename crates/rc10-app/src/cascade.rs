@@ -303,7 +303,7 @@ impl CascadeState {
         };
     }
 
-    #[inline(never)]
+    #[inline(always)]
     fn speed_loop(&mut self, config: &Cascade, target: f32, measured: f32, dt: Seconds) {
         let step = config.acceleration.get() * dt.get();
         let gap = target - self.reference;

@@ -104,7 +104,7 @@ impl Built {
                     let counts_rotor = matches!(motor.device, Device::Dji { .. })
                         || esc.with(|_: &mut Vesc| ()).is_some()
                         || esc.with(|_: &mut Axis| ()).is_some()
-                        || esc.with(|_: &mut DriveMode| ()).is_some();
+                        || esc.with(|_: &mut Drive| ()).is_some();
                     ensure!(counts_rotor, "no gear of a {model} stands in a robot's table");
                     esc.set_gear(*ratio);
                 }

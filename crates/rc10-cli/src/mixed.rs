@@ -7,9 +7,7 @@ use rc10_motor::signals::Message;
 use rc10_motor::unitree::wire::Address;
 use rc10_motor::unitree::wire::module::Module;
 use rc10_motor::unitree::{GoModule, Rs485Bus};
-use rc10_motor::{
-    CanMotor as _, MotorBus, MotorName, cybergear, damiao, lk, odrive, unitree, vesc,
-};
+use rc10_motor::{Motor as _, MotorBus, MotorName, cybergear, damiao, lk, odrive, unitree, vesc};
 use rc10_robot::mixed::{
     ARM_IDS, ARMED_AT, BUSES, FLYWHEEL, FLYWHEEL_NODE, HIP, LEGS, SCRIPT, Shared, TURRET,
     TURRET_ID, WRIST, arm, run, wheel,

@@ -3,7 +3,7 @@
 use rc10_app::TotalAngle;
 use rc10_app::angle::shortest_way_degrees;
 use rc10_can::Micros;
-use rc10_motor::embassy::{BusStatus, LineStatus};
+use rc10_motor::embassy::{BusStatus, Rs485Status};
 use rc10_motor::{ArmState, DriveMode, Link, Loops, MotorStatus, Target, TargetKind};
 use rc10_sim::{Base, TraceEntry};
 use sha2::{Digest, Sha256};
@@ -167,7 +167,7 @@ impl<'d> Recorder<'d> {
         escs: &[Twin],
         motor: impl Fn(usize) -> MotorStatus,
         bus: impl Fn(u8) -> BusStatus,
-        lines: Vec<LineStatus>,
+        lines: Vec<Rs485Status>,
     ) -> Recording {
         let motors = self.description.motors.iter().zip(escs).zip(self.motors);
         let motors = motors.enumerate().map(|(line, ((described, esc), recorder))| MotorTrack {

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use rc10_can::Micros;
-use rc10_motor::embassy::{BusStatus, LineStatus};
+use rc10_motor::embassy::{BusStatus, Rs485Status};
 use rc10_motor::{ArmState, DriveMode, Link, MotorCounters, MotorStatus, TargetKind};
 use rc10_sim::{Chassis, Fault};
 use sha2::{Digest, Sha256};
@@ -30,7 +30,7 @@ pub struct Recording {
     /// One per bus.
     pub buses: Vec<BusTrack>,
     /// How each RS-485 line was at the end.
-    pub lines: Vec<LineStatus>,
+    pub lines: Vec<Rs485Status>,
     /// The track of its base, if it has one.
     pub base: Option<BaseTrack>,
     /// The events of the run, in order: of the robot's script, and of its remote's operator.

@@ -317,10 +317,11 @@ fn overload(number: u8, bus: &MotorBus<'_>, description: &Description) -> String
     let load = bus.load(BITS_PER_SECOND);
     let mut rates: Vec<(u32, Vec<String>)> = Vec::new();
     let mut described = description.on_bus(number);
-    bus.for_each_can_ids(|wiring| {
-        let rate: u32 = wiring.received().iter().map(|receive| receive.rate.per_second()).sum();
+    let mut motors = bus.motors();
+    bus.for_each_can_ids(|ids| {
+        let rate: u32 = ids.received().iter().map(|frames| frames.rate.per_second()).sum();
         let label = described.next().map_or_else(String::new, |motor| format!("{} ", motor.label));
-        let name = format!("{label}({})", wiring.name());
+        let name = motors.next().map_or_else(String::new, |(_, name)| format!("{label}({name})"));
         match rates.iter_mut().find(|(known, _)| *known == rate) {
             Some((_, names)) => names.push(name),
             None => rates.push((rate, vec![name])),

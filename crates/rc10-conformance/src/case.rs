@@ -5,10 +5,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use rc10_can::Micros;
 use rc10_motor::unitree::GoM8010;
 use rc10_motor::{ArmSwitch, CanMotor, DriveMode, Request, SafeState, Safety, Target};
-use rc10_sim::{Bus, Esc, EscFault, Line, LineMotor};
+use rc10_sim::{Bus, Esc, EscFault};
+use rc10_sim::{Line, LineMotor};
 
+use crate::by_bus::ByBus;
+use crate::by_line::ByLine;
 use crate::declaration::Declaration;
-use crate::harness::{ByBus, ByLine, Connection, Harness, Subject};
+use crate::harness::{Connection, Harness, Subject};
 use crate::mirror::Mirror;
 use crate::recorder::{Call, Log, Moment, recorded};
 use crate::report::{Breach, Report};
@@ -168,7 +171,7 @@ pub(crate) struct Life {
     pub(crate) log: Log,
     /// When it took other targets than a fresh one, and in which drive.
     pub(crate) other_targets: Option<(Micros, DriveMode)>,
-    /// So many calls in it was turning under load.
+    /// The number of calls after which it was turning under load.
     going: usize,
 }
 
@@ -259,7 +262,7 @@ impl<'a> Case<'a> {
     }
 }
 
-/// Everything that can happen to a motor, one after the other.
+/// Every event that a motor can meet, one after the other.
 fn live(rig: &mut Rig<'_>) {
     let cruise = Some(rig.cruise());
     let coast = Some(Target::Coast);

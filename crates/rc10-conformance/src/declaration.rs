@@ -3,8 +3,8 @@ use rc10_motor::Target;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::{EscFault, EscState};
 
-/// What a motor can do, as far as the rules have to know it. How often it reports, and after what
-/// silence it is lost, they read in its wiring.
+/// The abilities of a motor, as far as the rules have to know them. Its report rate and its link
+/// timeout they read in its [identifiers](rc10_motor::CanIds).
 #[derive(Clone, Debug)]
 pub struct Declaration {
     /// Two identifiers that can be set on devices of one bus. The first is used when one will do.
@@ -23,14 +23,14 @@ pub struct Declaration {
     pub full_torque: NewtonMetres,
     /// A torque it can easily work against, well above its own friction.
     pub load: NewtonMetres,
-    /// What counts as no torque: what noise and rounding leave of it.
+    /// Largest torque that counts as none: noise and rounding.
     pub no_torque: NewtonMetres,
-    /// From the first tick in which it may run until it can be driven: at most so many ms.
+    /// Longest time from the first tick in which it may run until it can be driven, ms.
     pub enables_within: u32,
-    /// From the tick in which it has to stop until its winding is without torque: at most so many
-    /// ms.
+    /// Longest time from the tick in which it has to stop until its winding is without torque, ms.
     pub stops_within: u32,
-    /// Coming back, its torque may grow by this share of `full_torque` in a millisecond.
+    /// Largest growth of its torque in a millisecond when it comes back, as a share of
+    /// `full_torque`.
     pub softness: f64,
     /// How far a shaft that is held may give under the `load`, in degrees.
     pub hold_gives: f64,
@@ -51,12 +51,12 @@ pub struct Declaration {
     pub untold_faults: Vec<(EscFault, &'static str)>,
 }
 
-/// Whether a motor does something that not every one can.
+/// Whether a motor has an ability that not every motor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Claim {
-    /// It does.
+    /// It has.
     Does,
-    /// It cannot, and this is why.
+    /// It has not, for this reason.
     Cannot(&'static str),
 }
 
@@ -69,15 +69,15 @@ pub enum Claim {
 /// | `Angle`, `TotalAngle`, `Impedance` | the feedback says this angle ± `tolerance` degrees |
 /// | `Current` | the winding carries this current ± `tolerance` A |
 /// | `Torque` | the shaft gets this torque ± `tolerance` N m |
-/// | `Duty`, `CurrentShare` | the shaft turns that way, faster than `tolerance` rpm |
-/// | `Brake`, `Handbrake` and their shares | after cruising, it turns slower than `tolerance` rpm |
+/// | `Duty` | the shaft turns that way, faster than `tolerance` rpm |
+/// | `Brake`, `Handbrake` | after cruising, it turns slower than `tolerance` rpm |
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trial {
-    /// What is asked for, every millisecond.
+    /// The target, commanded every millisecond.
     pub target: Target,
-    /// See above.
+    /// Largest distance from the target, in the unit of the table above.
     pub tolerance: f64,
-    /// In so many ms after enabling, for 10 ms on end.
+    /// Longest time from enabling until it is reached, for 10 ms on end; ms.
     pub within: u32,
 }
 

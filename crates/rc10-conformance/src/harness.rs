@@ -3,16 +3,15 @@
 use std::ops::{Deref, DerefMut};
 
 use rc10_app::Seconds;
-use rc10_can::{CanFrame, CanPort, Micros};
-use rc10_motor::unitree::GoM8010;
+use rc10_can::{CanFrame, Micros};
+use rc10_motor::unitree::{GoM8010, Rs485Bus};
 use rc10_motor::{
     ArmSwitch, CanMotor, CommandError, DriveMode, Motor, MotorId, MotorName, MotorStatus, Request,
-    RequestError, Response, Safety, Target, TargetSet, Tick, TxBatch,
+    RequestError, Response, Safety, Target, TargetSet, TxBatch,
 };
-use rc10_sim::{Bus, Esc, EscFault, EscState, Line, LineMotor};
+use rc10_sim::{Esc, EscFault, EscState, LineMotor};
 
 use crate::mirror::Mirror;
-use crate::{Bench, LineBench};
 
 /// A motor to be tried.
 pub(crate) enum Subject {
@@ -29,7 +28,7 @@ impl Subject {
     pub(crate) fn link_timeout(&self) -> Micros {
         match self {
             Self::OnBus(motor) => motor.can_ids().link_timeout(),
-            Self::OnLine(_) => GoM8010::LINK_TIMEOUT,
+            Self::OnLine(_) => Rs485Bus::LINK_TIMEOUT,
         }
     }
 
@@ -44,7 +43,7 @@ impl Subject {
         Micros::new(1_000_000 / u64::from(slowest))
     }
 
-    /// It says what it would send, and nobody listens.
+    /// Its frames of one tick, which are not sent.
     pub(crate) fn pack(&mut self) {
         match self {
             // What does not fit is a matter of other rules.
@@ -140,7 +139,7 @@ pub(crate) trait Harness<'m> {
     fn status(&self, motor: MotorId) -> MotorStatus;
     /// A millisecond, with a tick at its end; the motors are told that `dt` has passed.
     fn tick(&mut self, dt: Seconds);
-    /// A tick of a motor that is not attached, so that nobody watches over it, and a millisecond.
+    /// A tick of a motor that is not attached, so that no bus supervises it, and a millisecond.
     fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: DriveMode);
     /// The program panics: what is for a panic handler is sent, and what waited is not. No tick may
     /// follow.
@@ -163,224 +162,4 @@ pub(crate) trait Connection {
         mirror: Mirror,
         switch: &'m ArmSwitch,
     ) -> Box<dyn Harness<'m> + 'm>;
-}
-
-/// Motors on a CAN bus.
-pub(crate) struct ByBus<'a> {
-    pub(crate) motor: &'a dyn Fn(u8) -> Box<dyn CanMotor>,
-    pub(crate) device: &'a dyn Fn(&Bus, u8) -> Esc,
-}
-
-impl Connection for ByBus<'_> {
-    fn motor(&self, id: u8) -> Subject {
-        Subject::OnBus((self.motor)(id))
-    }
-
-    fn bench<'m>(
-        &'m self,
-        seed: u64,
-        mirror: Mirror,
-        switch: &'m ArmSwitch,
-    ) -> Box<dyn Harness<'m> + 'm> {
-        Box::new(OnBus { bench: Bench::new(seed, switch), mirror, device: self.device })
-    }
-}
-
-struct OnBus<'m> {
-    bench: Bench<'m>,
-    mirror: Mirror,
-    device: &'m dyn Fn(&Bus, u8) -> Esc,
-}
-
-impl OnBus<'_> {
-    fn submit(&self, batch: &TxBatch) {
-        let mut port = self.bench.wire.port();
-        for (frame, stream) in batch.entries() {
-            // A full controller is a slow wire, not a fault of the motor.
-            let _ = port.submit_as(frame, stream);
-        }
-    }
-}
-
-impl<'m> Harness<'m> for OnBus<'m> {
-    fn attach(&mut self, motor: &'m mut Subject, safety: Safety) -> Result<MotorId, String> {
-        match motor {
-            Subject::OnBus(motor) => {
-                self.bench.attach(&mut **motor, safety).map_err(|error| error.to_string())
-            }
-            Subject::OnLine(_) => Err("it belongs on a line".to_owned()),
-        }
-    }
-
-    fn device(&self, id: u8) -> Box<dyn Device> {
-        Box::new((self.device)(&self.bench.wire, id))
-    }
-
-    fn now(&self) -> Micros {
-        self.bench.world.now()
-    }
-
-    fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError> {
-        let now = self.now();
-        self.bench.bus.command(motor, self.mirror.target(target), now)
-    }
-
-    fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
-        self.bench.bus.request(motor, request)
-    }
-
-    fn response(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
-        self.bench.bus.response(motor)
-    }
-
-    fn supports(&self, motor: MotorId) -> TargetSet {
-        self.bench.bus.supports(motor)
-    }
-
-    fn status(&self, motor: MotorId) -> MotorStatus {
-        self.mirror.status(self.bench.status(motor))
-    }
-
-    fn tick(&mut self, dt: Seconds) {
-        self.bench.tick_with(dt);
-    }
-
-    fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: DriveMode) {
-        motor.update(&Tick { dt, ..Tick::new(drive) });
-        if let Subject::OnBus(motor) = motor {
-            let mut batch = TxBatch::new();
-            let _ = motor.pack_command(&mut batch);
-            self.submit(&batch);
-        }
-        self.pass();
-    }
-
-    fn panic(&mut self) {
-        let mut image = TxBatch::new();
-        let _ = self.bench.bus.coast_image(&mut image);
-        self.bench.wire.port().cancel_pending();
-        self.submit(&image);
-    }
-
-    fn pass(&mut self) {
-        let next = self.now() + Micros::from_millis(1);
-        self.bench.world.advance(next);
-    }
-
-    fn set_cut(&mut self, cut: bool) {
-        self.bench.wire.set_cut(cut);
-    }
-
-    fn take_traffic(&mut self) -> Vec<Traffic> {
-        let entries = self.bench.wire.take_trace().into_iter();
-        let traffic = entries.map(|entry| Traffic {
-            at: entry.at,
-            is_ours: entry.from_controller,
-            what: Sent::Frame(entry.frame),
-        });
-        traffic.collect()
-    }
-}
-
-/// Motors on an RS-485 line.
-pub(crate) struct ByLine<'a> {
-    pub(crate) motor: &'a dyn Fn(u8) -> GoM8010,
-    pub(crate) device: &'a dyn Fn(&Line, u8) -> LineMotor,
-}
-
-impl Connection for ByLine<'_> {
-    fn motor(&self, id: u8) -> Subject {
-        Subject::OnLine(Box::new((self.motor)(id)))
-    }
-
-    fn bench<'m>(
-        &'m self,
-        seed: u64,
-        mirror: Mirror,
-        switch: &'m ArmSwitch,
-    ) -> Box<dyn Harness<'m> + 'm> {
-        Box::new(OnLine { bench: LineBench::new(seed, switch), mirror, device: self.device })
-    }
-}
-
-struct OnLine<'m> {
-    bench: LineBench<'m>,
-    mirror: Mirror,
-    device: &'m dyn Fn(&Line, u8) -> LineMotor,
-}
-
-impl<'m> Harness<'m> for OnLine<'m> {
-    fn attach(&mut self, motor: &'m mut Subject, safety: Safety) -> Result<MotorId, String> {
-        match motor {
-            Subject::OnLine(motor) => {
-                self.bench.line.attach(motor, safety).map_err(|error| error.to_string())
-            }
-            Subject::OnBus(_) => Err("it belongs on a bus".to_owned()),
-        }
-    }
-
-    fn device(&self, id: u8) -> Box<dyn Device> {
-        Box::new((self.device)(&self.bench.wire, id))
-    }
-
-    fn now(&self) -> Micros {
-        self.bench.world.now()
-    }
-
-    fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError> {
-        let now = self.now();
-        self.bench.line.command(motor, self.mirror.target(target), now)
-    }
-
-    fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
-        self.bench.line.request(motor, request)
-    }
-
-    fn response(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
-        self.bench.line.response(motor)
-    }
-
-    fn supports(&self, motor: MotorId) -> TargetSet {
-        self.bench.line.supports(motor)
-    }
-
-    fn status(&self, motor: MotorId) -> MotorStatus {
-        self.mirror.status(self.bench.status(motor))
-    }
-
-    fn tick(&mut self, dt: Seconds) {
-        self.bench.tick_with(dt);
-    }
-
-    fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: DriveMode) {
-        motor.update(&Tick { dt, ..Tick::new(drive) });
-        if let Subject::OnLine(motor) = motor {
-            self.bench.wire.port().send(&motor.pack_command());
-        }
-        self.pass();
-    }
-
-    fn panic(&mut self) {
-        let image = rc10_motor::unitree::Rs485Bus::coast_image();
-        // The first may meet an answer.
-        for _ in 0..2 {
-            self.bench.wire.port().send(&image);
-        }
-    }
-
-    fn pass(&mut self) {
-        let next = self.now() + Micros::from_millis(1);
-        self.bench.world.advance(next);
-    }
-
-    fn set_cut(&mut self, cut: bool) {
-        self.bench.wire.set_cut(cut);
-    }
-
-    fn take_traffic(&mut self) -> Vec<Traffic> {
-        let heard = std::mem::take(&mut self.bench.traffic).into_iter();
-        let traffic =
-            heard.map(|(at, is_ours, bytes)| Traffic { at, is_ours, what: Sent::Bytes(bytes) });
-        traffic.collect()
-    }
 }

@@ -1,5 +1,4 @@
-//! The rules that every motor of [`rc10_motor`] keeps, and a way to try them on a motor of your
-//! own: [`check`] puts it and its simulated device on a wire and runs all of them, and [`check_line`]
+//! Rules that every motor of [`rc10_motor`] keeps, as tests for a motor of your own: [`check`] puts it and its simulated device on a wire and runs all of them, and [`check_line`]
 //! those that do not speak of CAN frames on a motor of an RS-485 line. [`Bench`] and [`LineBench`]
 //! are for tests of what only your motor does.
 //!
@@ -27,13 +26,15 @@
 //!     |wire, id| wire.add_esc(EscConfig::new(Model::C620, id)).unwrap(),
 //! )
 //! .unwrap_err();
-//! // It takes currents and angles too, and nobody has tried them.
+//! // It takes currents and angles too, which the declaration does not try.
 //! assert_eq!(report.broken().next(), Some("every-target-is-tried"));
 //! assert!(RULES.iter().any(|rule| rule.name == "every-target-is-tried"));
 //! ```
 #![forbid(unsafe_code)]
 
 mod bench;
+mod by_bus;
+mod by_line;
 mod case;
 mod declaration;
 mod harness;
@@ -45,7 +46,8 @@ mod rig;
 mod rules;
 
 pub use bench::Bench;
-pub use case::{check, check_line};
+pub use case::check;
+pub use case::check_line;
 pub use declaration::{Claim, Declaration, Trial};
 pub use line_bench::LineBench;
 pub use report::{Breach, Report};

@@ -34,7 +34,6 @@ impl Mirror {
                     kd,
                 })
             }
-            Target::CurrentShare(share) => Target::CurrentShare(-share),
             // What brakes has no sign.
             other => other,
         }
@@ -52,7 +51,7 @@ impl Mirror {
 }
 
 const fn negated(angle: TotalAngle) -> TotalAngle {
-    TotalAngle::new(-angle.counts(), angle.scale())
+    TotalAngle::ZERO.minus(angle)
 }
 
 fn feedback(told: Feedback) -> Feedback {

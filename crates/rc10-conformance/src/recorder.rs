@@ -20,6 +20,11 @@ pub(crate) enum Call {
     Pack,
 }
 
+/// Name and identifiers of a motor, written out.
+pub(crate) fn name_and_ids(motor: &dyn CanMotor) -> String {
+    format!("{}: {:?}", motor.name(), motor.can_ids())
+}
+
 /// What a motor said after each tick.
 #[derive(Clone, Debug)]
 pub(crate) struct Moment {
@@ -28,8 +33,8 @@ pub(crate) struct Moment {
     pub(crate) frames: Vec<(CanFrame, u32)>,
     pub(crate) coast: Vec<CanFrame>,
     pub(crate) feedback: Feedback,
-    /// Written out, every tenth tick.
-    pub(crate) wiring: Option<String>,
+    /// [`name_and_ids`], every tenth tick.
+    pub(crate) ids: Option<String>,
 }
 
 #[derive(Debug, Default)]
@@ -144,14 +149,14 @@ impl CanMotor for Recorded {
         self.motor.pack_command(&mut own)?;
         let mut coast = TxBatch::new();
         self.motor.coast_frames(&mut coast)?;
-        let wiring = self.ticks.is_multiple_of(10).then(|| format!("{:?}", self.motor.can_ids()));
+        let ids = self.ticks.is_multiple_of(10).then(|| name_and_ids(&*self.motor));
         self.shared.log().moments.push(Moment {
             at: Micros::from_millis(self.ticks),
             drive: self.drive,
             frames: own.entries().map(|(frame, stream)| (*frame, stream)).collect(),
             coast: coast.frames().to_vec(),
             feedback: self.motor.feedback(),
-            wiring,
+            ids,
         });
         own.entries().try_for_each(|(frame, stream)| tx.push_as(*frame, stream))
     }

@@ -20,7 +20,7 @@ mod sprung;
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Claim, Declaration, RULES, Report, Trial, check, check_line};
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::unitree::GoM8010;
+use rc10_motor::unitree::{GoM8010, LARGEST_TORQUE};
 use rc10_motor::{Impedance, Target};
 use rc10_sim::unitree_line::{GoM8010 as Device, plant};
 
@@ -49,7 +49,7 @@ fn each_rule_has_a_motor_that_breaks_it() {
         let is_broken = Spoil::ALL.iter().any(|(name, _)| *name == rule.name)
             || Slip::ALL.iter().any(|(name, _)| *name == rule.name);
         if !is_broken && !DECLARED.contains(&rule.name) {
-            wrong.push(format!("nobody breaks {}", rule.name));
+            wrong.push(format!("no motor breaks {}", rule.name));
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
@@ -80,17 +80,11 @@ fn each_further_motor_is_caught_by_the_rule_it_breaks() {
     are_caught(&Spoil::ALL[Spoil::ALL.len() / 2..]);
 }
 
-/// The rule that its own motor does not keep yet: see `EXCEPTIONS` in `tests/conformance.rs`.
-const UNMENDED: &str = "target-on-new-scale";
-
 #[test]
 fn an_impedance_that_slips_is_caught() {
     for (rule, slip) in Slip::ALL {
         let report = check_sprung(slip).unwrap_err();
-        let broken: Vec<&str> = report.broken().collect();
-        assert!(broken.contains(&rule), "{slip:?}: {report}");
-        let only = [rule, UNMENDED];
-        assert!(broken.iter().all(|broken| only.contains(broken)), "{slip:?}: {report}");
+        assert_eq!(report.broken().collect::<Vec<_>>(), [rule], "{slip:?}: {report}");
     }
 }
 
@@ -130,7 +124,7 @@ fn check_on_line(hold_gives: f64, softness: f64, other: u8) -> Report {
         coasts_freely: locks,
         hold_gives,
         softness,
-        ..Declaration::new([0, 1], Rpm::new(100.0), GoM8010::LARGEST_TORQUE)
+        ..Declaration::new([0, 1], Rpm::new(100.0), LARGEST_TORQUE)
     }
     .with_trials(&[
         Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),
@@ -148,8 +142,7 @@ fn check_on_line(hold_gives: f64, softness: f64, other: u8) -> Report {
 #[test]
 fn a_motor_of_a_line_is_caught_too() {
     let gives = check_on_line(5.0, 0.12, 0);
-    let broken = gives.broken().filter(|rule| *rule != UNMENDED);
-    assert_eq!(broken.collect::<Vec<_>>(), ["holds"], "{gives}");
+    assert_eq!(gives.broken().collect::<Vec<_>>(), ["holds"], "{gives}");
     let kicks = check_on_line(14.0, 0.03, 0);
     assert!(kicks.broken().any(|rule| rule == "restart"), "{kicks}");
     let deaf = check_on_line(14.0, 0.12, 5);

@@ -1,7 +1,9 @@
-//! Messages between tasks, executors and interrupts: what a robot's tasks say to each other.
+//! What the tasks of a robot are made of: messages between them, and work on a grid of time.
 //!
 //! * [`Topic`]: a stream of messages to several subscribers; who is slow learns what it missed.
 //! * [`Latest`]: the newest value of something, and how old it is.
+//! * [`periodic`]: work on a grid of time, without drift, with [`Statistics`].
+//! * [`Cycles`]: the cost of work, in cycles of the core's clock.
 //! * [`Service`]: a request and its response, with a timeout; no response goes to another caller.
 //!
 //! All of them may be statics, have no heap, and may be shared between executors and interrupts of
@@ -15,12 +17,22 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod cycles;
 mod latest;
+mod periodic;
 mod service;
 mod topic;
 
+pub use cycles::{CycleCount, Cycles};
 pub use latest::{Changes, Latest, Stamped};
+pub use periodic::{Load, Overrun, Statistics, Tick, periodic};
 pub use service::{AlreadyServed, CallError, Caller, Calls, Server, Service};
 pub use topic::{Message, SubscribersFull, Subscription, Topic};
 // Whose `Micros` are in all of them.
 pub use rc10_can;
+
+/// The time, by embassy's clock.
+#[must_use]
+pub fn now() -> rc10_can::Micros {
+    rc10_can::Micros::new(embassy_time::Instant::now().as_micros())
+}

@@ -233,7 +233,11 @@ impl<Request, Response, const CALLERS: usize> Service<Request, Response, CALLERS
     /// ```
     #[inline]
     pub fn try_next(&self) -> Option<(Request, Caller<'_, Request, Response, CALLERS>)> {
-        if self.pending.load(Ordering::Acquire) { self.with(|state| self.take(state)) } else { None }
+        if self.pending.load(Ordering::Acquire) {
+            self.with(|state| self.take(state))
+        } else {
+            None
+        }
     }
 
     /// The right to wait for requests. Dropping it makes room for another server; requests that
@@ -311,7 +315,11 @@ impl<Request, Response, const CALLERS: usize> State<Request, Response, CALLERS> 
     }
 
     /// What came of a call that its server is done with; its caller has left then.
-    fn outcome(&mut self, sequence: u32, context: &Context<'_>) -> Poll<Result<Response, CallError>> {
+    fn outcome(
+        &mut self,
+        sequence: u32,
+        context: &Context<'_>,
+    ) -> Poll<Result<Response, CallError>> {
         if let Some(Some(slot)) = self.slot(sequence)
             && let Stage::Waiting(_) | Stage::Taken = slot.stage
         {

@@ -212,16 +212,18 @@ pub enum Clash {
     TxFrames(Id),
     /// A frame with this identifier, meant for or sent by one, is taken for a command by the other.
     Confuses(Id),
+    /// Both have this address on their RS-485 bus.
+    Address(u8),
 }
 
 impl fmt::Display for Clash {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Self::RxFrames(id) | Self::TxFrames(id) | Self::Confuses(id)) = *self;
-        let id = IdPattern::exact(id);
-        match self {
-            Self::RxFrames(_) => write!(f, "both send feedback with identifier {id}"),
-            Self::TxFrames(_) => write!(f, "both are commanded by the same bytes of {id}"),
-            Self::Confuses(_) => write!(f, "one takes the other's frame {id} for a command"),
+        let id = |id| IdPattern::exact(id);
+        match *self {
+            Self::RxFrames(of) => write!(f, "both send feedback with identifier {}", id(of)),
+            Self::TxFrames(of) => write!(f, "both are commanded by the same bytes of {}", id(of)),
+            Self::Confuses(of) => write!(f, "one takes the other's frame {} for a command", id(of)),
+            Self::Address(address) => write!(f, "both have address {address}"),
         }
     }
 }

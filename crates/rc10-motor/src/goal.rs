@@ -22,7 +22,7 @@ pub(crate) enum Goal {
 }
 
 impl Goal {
-    fn of(target: Target) -> Result<Self, TargetError> {
+    pub(crate) fn of(target: Target) -> Result<Self, TargetError> {
         Ok(match target {
             Target::Current(amps) => Self::Effort(amps.get()),
             Target::Torque(torque) => Self::Effort(torque.get()),

@@ -61,8 +61,8 @@ mod arm;
 mod batch;
 mod bus;
 mod can_ids;
-//OFF pub mod cybergear;
-//OFF pub mod damiao;
+pub mod cybergear;
+pub mod damiao;
 pub mod dji;
 #[cfg(feature = "embassy")]
 pub mod embassy;
@@ -75,8 +75,7 @@ mod motor;
 mod motors;
 mod not_a_number;
 pub mod odrive;
-#[allow(dead_code)]
-mod pending;
+pub mod pending;
 mod request;
 pub mod servo;
 pub mod shaft;
@@ -84,8 +83,8 @@ pub mod signals;
 mod supervision;
 mod table;
 mod target;
-//OFF pub mod unitree;
-//OFF pub mod vesc;
+pub mod unitree;
+pub mod vesc;
 
 pub use arm::{ArmError, ArmState, ArmSwitch, Unfit};
 pub use batch::{TxBatch, TxFull};

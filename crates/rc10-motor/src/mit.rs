@@ -1,11 +1,17 @@
-//! Range-mapped setpoints: what Damiao's MIT mode and CyberGear's motion control have in common.
+//! Range-mapped fields: what Damiao's MIT mode and CyberGear's motion control have in common.
 //!
 //! A quantity within ±limit (or 0 ..= limit) is spread over all values of an unsigned field. The
 //! vendors' code truncates, so that zero lies at 0x7FFF of 16 bits and 0x7FF of 12. It divides by
 //! the width of the range; multiplying by a reciprocal instead would put round numbers such as a
 //! gain of 100 one step lower than the vendor does.
 
-use rc10_app::ConfigError;
+use rc10_app::{ConfigError, TotalAngle};
+use rc10_can::Micros;
+
+use crate::servo::Spring;
+use crate::shaft::Shaft;
+use crate::supervision::Link;
+use crate::target::{Target, TargetError};
 
 /// What the drive's own loop shall do, at the output shaft:
 /// torque = `kp` (`position` - measured) + `kd` (`velocity` - measured) + `torque`.
@@ -153,6 +159,244 @@ impl Limits {
     }
 }
 
+/// rpm per rad/s.
+pub(crate) const RPM_PER_RADIAN_PER_SECOND: f32 = 30.0 / core::f32::consts::PI;
+/// Microdegrees per rad.
+const PER_RADIAN: f32 = 180e6 / core::f32::consts::PI;
+/// Microdegrees per rpm and microsecond.
+const PER_RPM_MICRO: f32 = 6.0;
+
+/// A position that a device tells in 16 bits, within ±[`Limits::position`]; for a [`Shaft`] that
+/// counts in steps of a microdegree.
+///
+/// No source says what such a device tells beyond its range. So this takes both possibilities:
+///
+/// * A reading that moves by more than half the range has started over from the other end.
+/// * While a reading stands at the end of the range, the position beyond it is estimated from the
+///   speed, so that a loop that turns the shaft out there sees it turn. Back within the range it is
+///   exact again.
+///
+/// Without power such a device forgets the number of its turns: a jump of the reading, or a reading
+/// that does not fit the speed after a silence, means that it counts from elsewhere.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RangedPosition {
+    /// Microdegrees in half a step of the field, times 2^16.
+    half_step: i64,
+    /// The end of the range, in microdegrees.
+    end: i64,
+    /// The largest movement between two readings of a device that was not restarted.
+    fastest: i64,
+    /// Slower is standing still, rpm.
+    standstill: f32,
+    /// The newest reading; `None` before the first.
+    reading: Option<i64>,
+    /// Whole ranges by which the field has started over.
+    ranges: i64,
+    /// The estimated way from the end of the range.
+    beyond: i64,
+}
+
+/// Seconds in which a device at its largest speed makes [`RangedPosition::fastest`]: twice the link
+/// timeout of one that answers in every tick, because a load may turn it faster than it can.
+const LONGEST_STEP: f32 = 0.020;
+/// A device whose reading after a silence is this near to where its speed took it, and half that
+/// way, has counted all the time. The count of a restarted one that differs by less does little
+/// harm.
+#[expect(clippy::cast_possible_truncation, reason = "half a radian")]
+const NEAR: i64 = (0.5 * PER_RADIAN) as i64;
+
+impl RangedPosition {
+    pub(crate) const fn new(limits: &Limits) -> Self {
+        let fastest = limits.velocity * PER_RADIAN * LONGEST_STEP;
+        #[expect(clippy::cast_possible_truncation, reason = "up to a million rad and rad/s")]
+        let mut position = Self {
+            half_step: (limits.position * (PER_RADIAN * 65_536.0 / full(16) as f32)) as i64,
+            end: 0,
+            fastest: fastest as i64,
+            standstill: limits.velocity * (RPM_PER_RADIAN_PER_SECOND * 0.002),
+            reading: None,
+            ranges: 0,
+            beyond: 0,
+        };
+        position.end = position.microdegrees(u16::MAX);
+        position
+    }
+
+    /// A reading, from the middle of the range.
+    #[inline]
+    const fn microdegrees(&self, field: u16) -> i64 {
+        (2 * field as i64 - full(16) as i64) * self.half_step / 65_536
+    }
+
+    /// Moves the shaft to a reading that came at `at`, before its speed (`rpm`, in the direction of
+    /// the device) is [taken](Shaft::measure). If the device counts from elsewhere, the shaft stays,
+    /// and what the reading moved by is returned.
+    #[inline]
+    pub(crate) fn follow(
+        &mut self,
+        shaft: &mut Shaft,
+        field: u16,
+        rpm: f32,
+        at: Micros,
+        link: Link,
+    ) -> Option<i64> {
+        let reading = self.microdegrees(field);
+        let Some(last) = self.reading.replace(reading) else {
+            shaft.start(reading);
+            return None;
+        };
+        let moved = reading - last;
+        let ranges = if link == Link::Online && moved.abs() <= self.fastest.min(self.end) {
+            Some(0)
+        } else {
+            self.ranges_passed(shaft, moved, rpm, at, link)
+        };
+        let Some(ranges) = ranges else {
+            let jump = moved - self.ranges - self.beyond;
+            (self.ranges, self.beyond) = (0, 0);
+            return Some(jump);
+        };
+        self.ranges += ranges;
+        let mut moved = moved + ranges;
+        if reading.abs() == self.end || self.beyond != 0 {
+            moved += self.estimate(shaft, reading, reading == last, rpm, at);
+        }
+        match i32::try_from(moved) {
+            Ok(moved) => shaft.move_by(moved),
+            Err(_) => shaft.jump_by(moved),
+        }
+        None
+    }
+
+    /// What to add to a movement of the reading because the field started over; `None` after a
+    /// restart. A silence counts as a gap.
+    #[cold]
+    fn ranges_passed(
+        &self,
+        shaft: &mut Shaft,
+        moved: i64,
+        rpm: f32,
+        at: Micros,
+        link: Link,
+    ) -> Option<i64> {
+        let range = 2 * self.end;
+        if link == Link::Online {
+            return match moved.abs() {
+                moved if moved > self.fastest && moved < range - self.fastest => None,
+                moved if moved <= self.end => Some(0),
+                _ => Some(-moved.signum() * range),
+            };
+        }
+        let before = shaft.to_sensor(shaft.speed().get());
+        let expected = travelled(0.5 * (before + rpm), shaft, at);
+        let near = NEAR + expected.saturating_abs() / 2;
+        let is_near =
+            |ranges: &i64| expected.saturating_sub(moved + ranges).saturating_abs() <= near;
+        let ranges = [0, range, -range].into_iter().find(is_near)?;
+        shaft.count_gap();
+        Some(ranges)
+    }
+
+    /// How the estimated part of the position changes. Each time that it begins is a gap.
+    #[cold]
+    fn estimate(
+        &mut self,
+        shaft: &mut Shaft,
+        reading: i64,
+        stands: bool,
+        rpm: f32,
+        at: Micros,
+    ) -> i64 {
+        let last = self.beyond;
+        if reading.abs() != self.end {
+            self.beyond = 0;
+        } else if stands && rpm.abs() > self.standstill {
+            let outwards = reading.signum();
+            let beyond = last.saturating_add(travelled(rpm, shaft, at));
+            self.beyond = outwards * outwards.saturating_mul(beyond).max(0);
+        }
+        if last == 0 && self.beyond != 0 {
+            shaft.count_gap();
+        }
+        self.beyond.saturating_sub(last)
+    }
+
+    /// The next reading is the first: the device counts from a new zero.
+    pub(crate) const fn start_over(&mut self) {
+        (self.reading, self.ranges, self.beyond) = (None, 0, 0);
+    }
+
+    /// Whether the shaft is where the field has no number for.
+    const fn is_beyond(&self) -> bool {
+        self.ranges != 0 || self.beyond != 0
+    }
+
+    /// An angle of the shaft as the device counts it, in microdegrees.
+    pub(crate) fn of_angle(&self, shaft: &Shaft, angle: TotalAngle) -> i64 {
+        let way = angle.minus(shaft.angle()).microdegrees();
+        let way = if shaft.sign() < 0.0 { way.saturating_neg() } else { way };
+        (self.reading.unwrap_or(0) + self.ranges + self.beyond).saturating_add(way)
+    }
+
+    /// Whether the device can be told to go to an angle of the shaft.
+    pub(crate) fn reaches(&self, shaft: &Shaft, angle: TotalAngle) -> bool {
+        self.of_angle(shaft, angle).unsigned_abs() <= self.end.unsigned_abs()
+    }
+
+    /// What to tell the device for an angle of the shaft, in rad: at most the end of its range.
+    pub(crate) fn radians_of(&self, shaft: &Shaft, angle: TotalAngle) -> f32 {
+        radians(self.of_angle(shaft, angle).clamp(-self.end, self.end))
+    }
+
+    /// `Ok` unless a target's angle of many turns lies out of the device's range.
+    ///
+    /// # Errors
+    /// [`TargetError::OutOfRange`].
+    pub(crate) fn check(&self, shaft: &Shaft, target: &Target) -> Result<(), TargetError> {
+        let angle = match target {
+            Target::TotalAngle(angle) => Some(*angle),
+            Target::Impedance(_) if self.is_beyond() => None,
+            Target::Impedance(impedance) => TotalAngle::try_from_degrees(impedance.angle),
+            _ => return Ok(()),
+        };
+        let is_good = angle.is_some_and(|angle| self.reaches(shaft, angle));
+        if is_good { Ok(()) } else { Err(TargetError::OutOfRange(target.kind())) }
+    }
+
+    /// The setpoint that makes a spring of the output shaft; coasting where the device has no number
+    /// for where the spring pulls to. `sign` is that of the shaft's direction.
+    pub(crate) fn setpoint(&self, spring: &Spring, sign: f32) -> Setpoint {
+        let now = radians(self.reading.unwrap_or(0));
+        let position = now + (sign * spring.way.get()).to_radians();
+        if self.is_beyond() || position.abs() > radians(self.end) {
+            return Setpoint::COAST;
+        }
+        Setpoint {
+            position,
+            velocity: sign * spring.speed.get() / RPM_PER_RADIAN_PER_SECOND,
+            kp: spring.kp,
+            kd: spring.kd,
+            torque: sign * spring.torque,
+        }
+    }
+}
+
+/// Microdegrees in rad.
+const fn radians(microdegrees: i64) -> f32 {
+    #[expect(clippy::cast_precision_loss, reason = "finer than the field")]
+    return microdegrees as f32 / PER_RADIAN;
+}
+
+/// Microdegrees at a speed since the shaft was measured last.
+fn travelled(rpm: f32, shaft: &Shaft, at: Micros) -> i64 {
+    #[expect(
+        clippy::cast_precision_loss,
+        clippy::cast_possible_truncation,
+        reason = "an estimate"
+    )]
+    return (rpm * PER_RPM_MICRO * at.since(shaft.at()).get() as f32) as i64;
+}
+
 /// The largest value of a field.
 pub(crate) const fn full(bits: u32) -> u32 {
     (1 << bits) - 1
@@ -208,6 +452,7 @@ pub(crate) fn sendable(x: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rc10_app::{Degrees, Direction, Gear, Rpm};
 
     #[test]
     fn fields_end_where_their_ranges_end() {
@@ -262,5 +507,132 @@ mod tests {
         assert_eq!(Setpoint::COAST.validate(), Ok(()));
         let bad = Setpoint { kd: f32::NAN, ..Setpoint::COAST };
         assert_eq!(bad.validate().unwrap_err().field, "kd");
+    }
+
+    /// As a field shows rad: stopping at its end, or starting over.
+    fn field(rad: f64, starts_over: bool) -> u16 {
+        let rad = if starts_over { (rad + 12.5).rem_euclid(25.0) - 12.5 } else { rad };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        return ((rad + 12.5) * (65_535.0 / 25.0)).round() as u16;
+    }
+
+    struct Bench {
+        position: RangedPosition,
+        shaft: Shaft,
+        now: u64,
+    }
+
+    impl Bench {
+        fn new(direction: Direction) -> Self {
+            let position = RangedPosition::new(&Limits::of(12.5, 30.0, 10.0));
+            Self { position, shaft: Shaft::new(360_000_000, Gear::DIRECT, direction), now: 1 }
+        }
+
+        fn hear(&mut self, field: u16, rad_s: f32, pause: u64) -> Option<i64> {
+            self.now += pause;
+            let (at, rpm) = (Micros::from_millis(self.now), rad_s * RPM_PER_RADIAN_PER_SECOND);
+            let link = if pause > 10 { Link::Lost } else { Link::Online };
+            let jump = self.position.follow(&mut self.shaft, field, rpm, at, link);
+            self.shaft.measure(rpm, at);
+            jump
+        }
+
+        fn degrees(&self) -> f64 {
+            self.shaft.angle().microdegrees() as f64 * 1e-6
+        }
+
+        fn gaps(&self) -> u32 {
+            self.shaft.feedback().turn_gaps
+        }
+    }
+
+    #[test]
+    fn turns_are_counted_whatever_the_field_does_at_its_end() {
+        for (direction, mirrored) in [(Direction::Forward, 1.0), (Direction::Reversed, -1.0)] {
+            for (starts_over, sign) in [(true, 1.0), (true, -1.0), (false, 1.0), (false, -1.0)] {
+                let mut bench = Bench::new(direction);
+                let mut rad = 0.0;
+                bench.hear(field(rad, starts_over), 0.0, 1);
+                for tick in 0..8000 {
+                    // Out to 80 rad, and back.
+                    let speed: f32 = if tick < 4000 { 20.0 } else { -20.0 } * sign;
+                    rad += f64::from(speed) * 1e-3;
+                    assert_eq!(bench.hear(field(rad, starts_over), speed, 1), None);
+                    let off = mirrored * bench.degrees() - rad.to_degrees();
+                    assert!(off.abs() < 2.0, "{starts_over} {rad}: off by {off}");
+                }
+                assert!(bench.degrees().abs() < 0.03, "{starts_over}: {}", bench.degrees());
+                assert_eq!(bench.gaps(), u32::from(!starts_over));
+            }
+        }
+    }
+
+    #[test]
+    fn a_restart_is_told_and_moves_nothing() {
+        for (pause, gaps) in [(1, 0), (300, 0)] {
+            let mut bench = Bench::new(Direction::Forward);
+            bench.hear(field(9.0, false), 0.0, 1);
+            let jump = bench.hear(field(9.0 - core::f64::consts::TAU, false), 0.0, pause);
+            assert!(jump.is_some_and(|jump| (jump + 360_000_000).abs() < 30_000), "{jump:?}");
+            assert!((bench.degrees() - 515.66).abs() < 0.03, "{}", bench.degrees());
+            assert_eq!(bench.gaps(), gaps, "the motor's to count");
+            assert_eq!(bench.hear(field(2.8, false), 0.0, 1), None);
+            assert!((bench.degrees() - 520.43).abs() < 0.03, "{}", bench.degrees());
+        }
+    }
+
+    #[test]
+    fn after_a_silence_a_reading_that_fits_the_speed_is_believed() {
+        let mut bench = Bench::new(Direction::Reversed);
+        bench.hear(field(11.0, true), 10.0, 1);
+        // 3 rad, round the end of the field.
+        assert_eq!(bench.hear(field(14.1, true), 10.0, 300), None);
+        assert!((bench.degrees() + 807.87).abs() < 0.03, "{}", bench.degrees());
+        assert_eq!(bench.gaps(), 1);
+        assert!(bench.hear(field(9.0, true), 0.0, 300).is_some());
+    }
+
+    #[test]
+    fn the_device_is_told_where_to_go_from_its_own_reading() {
+        let spring = Spring { way: Degrees::new(10.0), speed: Rpm::new(9.55), ..Spring::default() };
+        for (direction, sign) in [(Direction::Forward, 1.0), (Direction::Reversed, -1.0)] {
+            let mut bench = Bench::new(direction);
+            bench.hear(field(1.0, false), 0.0, 1);
+            bench.shaft.set_zero();
+            let setpoint = bench.position.setpoint(&spring, sign);
+            assert!((setpoint.position - (1.0 + sign * 0.174_533)).abs() < 3e-4);
+            assert!((setpoint.velocity - sign).abs() < 1e-3);
+            let angle = |degrees: i32| {
+                TotalAngle::from_degrees(if sign > 0.0 { degrees } else { -degrees })
+            };
+            let quarter = bench.position.radians_of(&bench.shaft, angle(90));
+            assert!((quarter - (1.0 + core::f32::consts::FRAC_PI_2)).abs() < 3e-4);
+            // 1 rad is 57 degrees, the end at 716.
+            let is_reached = [658, 660, -773, -774]
+                .map(|degrees| bench.position.reaches(&bench.shaft, angle(degrees)));
+            assert_eq!(is_reached, [true, false, true, false], "{direction:?}");
+            bench.hear(field(12.45, false), 0.0, 100);
+            let far = Spring { way: Degrees::new(sign * 3.0), ..spring };
+            assert_eq!(bench.position.setpoint(&far, sign), Setpoint::COAST);
+        }
+    }
+
+    #[test]
+    fn nothing_overflows() {
+        for limits in [Limits::of(1e6, 1e6, 1.0), Limits::of(1e-6, 1e-6, 1.0)] {
+            let mut position = RangedPosition::new(&limits);
+            let mut shaft = Shaft::new(360_000_000, Gear::DIRECT, Direction::Reversed);
+            for at in [0, 1, u64::MAX / 2, u64::MAX, 7] {
+                for field in [0, u16::MAX, u16::MAX, 0, 0, 1, 0x8000] {
+                    for (rpm, link) in [(f32::MAX, Link::Online), (f32::MIN, Link::Lost)] {
+                        let at = Micros::new(at);
+                        position.follow(&mut shaft, field, rpm, at, link);
+                        shaft.measure(rpm, at);
+                        let far = TotalAngle::from_microdegrees(i64::MIN);
+                        assert!(position.radians_of(&shaft, far).is_finite());
+                    }
+                }
+            }
+        }
     }
 }

@@ -220,9 +220,14 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         }
     }
 
+    /// A motor; `None` if it does not exist.
+    pub(crate) fn get(&self, motor: MotorId) -> Option<&M> {
+        self.slot(motor).map(|slot| &*slot.motor)
+    }
+
     /// Whether a motor is heard.
-    pub(crate) fn is_online(&self, index: usize, now: Micros) -> bool {
-        self.slots.get(index).is_some_and(|slot| slot.supervision.link(now) == Link::Online)
+    pub(crate) fn is_online(&self, motor: MotorId, now: Micros) -> bool {
+        self.slot(motor).is_some_and(|slot| slot.supervision.link(now) == Link::Online)
     }
 
     /// Gives a motor a new target, which holds from `now` until it expires.

@@ -5,11 +5,11 @@ use rc10_app::Seconds;
 use crate::request::{RequestError, Response};
 
 /// What became of a request.
-pub(crate) type Outcome = Result<Response, RequestError>;
+pub type Outcome = Result<Response, RequestError>;
 
 /// How often a question is put to a device, and for how long.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Retry {
+pub struct Retry {
     /// Seconds from one try to the next.
     pub every: f32,
     /// Tries; after the last one the device has `every` seconds to answer.
@@ -18,7 +18,7 @@ pub(crate) struct Retry {
 
 /// At most one request in flight: the question, its tries, and its outcome, told once.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Pending<Q> {
+pub struct Pending<Q> {
     asked: Option<Asked<Q>>,
     outcome: Option<Outcome>,
 }
@@ -38,12 +38,15 @@ struct Asked<Q> {
 }
 
 impl<Q: Copy> Pending<Q> {
-    pub(crate) const fn new() -> Self {
+    /// Nothing in flight.
+    #[must_use]
+    pub const fn new() -> Self {
         Self { asked: None, outcome: None }
     }
 
     /// Whether a request waits for its device, or its outcome to be taken.
-    pub(crate) const fn is_busy(&self) -> bool {
+    #[must_use]
+    pub const fn is_busy(&self) -> bool {
         self.asked.is_some() || self.outcome.is_some()
     }
 
@@ -51,7 +54,7 @@ impl<Q: Copy> Pending<Q> {
     ///
     /// # Errors
     /// [`RequestError::Busy`] while another is in flight.
-    pub(crate) fn ask(&mut self, question: Q, retry: Retry) -> Outcome {
+    pub fn ask(&mut self, question: Q, retry: Retry) -> Outcome {
         if self.is_busy() {
             return Err(RequestError::Busy);
         }
@@ -60,7 +63,7 @@ impl<Q: Copy> Pending<Q> {
     }
 
     /// Goes on with another question of the same request.
-    pub(crate) const fn replace(&mut self, question: Q, retry: Retry) {
+    pub const fn replace(&mut self, question: Q, retry: Retry) {
         self.asked = Some(Asked {
             question,
             retry,
@@ -72,7 +75,8 @@ impl<Q: Copy> Pending<Q> {
     }
 
     /// The question in flight.
-    pub(crate) const fn question(&self) -> Option<Q> {
+    #[must_use]
+    pub const fn question(&self) -> Option<Q> {
         match &self.asked {
             Some(asked) => Some(asked.question),
             None => None,
@@ -80,7 +84,8 @@ impl<Q: Copy> Pending<Q> {
     }
 
     /// The question, if the device has been asked.
-    pub(crate) const fn sent(&self) -> Option<Q> {
+    #[must_use]
+    pub const fn sent(&self) -> Option<Q> {
         match &self.asked {
             Some(asked) if asked.tries > 1 || asked.tries == 1 && !asked.is_due => {
                 Some(asked.question)
@@ -90,7 +95,7 @@ impl<Q: Copy> Pending<Q> {
     }
 
     /// One tick later. A question that was asked often enough is over.
-    pub(crate) fn update(&mut self, dt: Seconds) {
+    pub fn update(&mut self, dt: Seconds) {
         let Some(asked) = &mut self.asked else { return };
         asked.waited += dt.get();
         if asked.waited < asked.retry.every {
@@ -105,27 +110,34 @@ impl<Q: Copy> Pending<Q> {
     }
 
     /// The question that is to be sent in this tick; asked once.
-    pub(crate) fn take_due(&mut self) -> Option<Q> {
+    pub fn take_due(&mut self) -> Option<Q> {
         let asked = self.asked.as_mut()?;
         core::mem::take(&mut asked.is_due).then_some(asked.question)
     }
 
     /// What the device said that does not end the request: the outcome if time runs out.
-    pub(crate) fn fail_with(&mut self, failure: RequestError) {
+    pub fn fail_with(&mut self, failure: RequestError) {
         if let Some(asked) = &mut self.asked {
             asked.failure = failure;
         }
     }
 
     /// The request is over.
-    pub(crate) fn end(&mut self, outcome: Outcome) {
+    pub fn end(&mut self, outcome: Outcome) {
         if self.asked.take().is_some() {
             self.outcome = Some(outcome);
         }
     }
 
+    /// The robot is armed in the middle of a request that must not go on then: whether a device that
+    /// has been asked carried it out is not known.
+    pub(crate) fn interrupt(&mut self) {
+        let asked = self.sent().is_some();
+        self.end(Err(if asked { RequestError::Timeout } else { RequestError::NotWhileArmed }));
+    }
+
     /// The outcome, once it is known; told once.
-    pub(crate) const fn take_outcome(&mut self) -> Option<Outcome> {
+    pub const fn take_outcome(&mut self) -> Option<Outcome> {
         self.outcome.take()
     }
 }
@@ -174,6 +186,20 @@ mod tests {
         assert!(pending.is_busy() && pending.question().is_none());
         assert_eq!(pending.take_outcome(), Some(Ok(Response::Register(3))));
         assert_eq!(pending.take_outcome(), None);
+    }
+
+    #[test]
+    fn an_interrupted_request_says_whether_the_device_was_asked() {
+        for (ticks, error) in [(0, RequestError::NotWhileArmed), (1, RequestError::Timeout)] {
+            let mut pending = Pending::new();
+            let _ = pending.ask((), RETRY);
+            for _ in 0..ticks {
+                pending.update(MS);
+                assert_eq!(pending.take_due(), Some(()));
+            }
+            pending.interrupt();
+            assert_eq!(pending.take_outcome(), Some(Err(error)));
+        }
     }
 
     #[test]

@@ -189,19 +189,38 @@ impl Servo {
     /// One step. A shaft that was never measured gets no effort.
     #[inline]
     pub fn update(&mut self, tick: &Tick, shaft: &Shaft) {
-        let Self { goals, state, cascade, limit, .. } = self;
-        let goes_on = tick.mode == DriveMode::Run && self.ran;
+        if tick.mode != DriveMode::Run || !self.ran {
+            return self.pursue(tick, shaft);
+        }
         // The usual cases, in few instructions.
+        let Self { goals, state, cascade, limit, .. } = self;
+        let speed = shaft.speed().get();
         match goals.goal() {
-            Goal::Speed(rpm) if goes_on => {
-                state.seek_speed(cascade, *rpm, shaft.speed().get(), *limit, tick.dt);
-            }
-            Goal::Angle(_) | Goal::Total(_) if goes_on => {
-                if !state.keep_seeking_angle(cascade, shaft.speed().get(), tick.dt) {
+            Goal::Speed(rpm) => state.seek_speed(cascade, *rpm, speed, *limit, tick.dt),
+            Goal::Angle(_) | Goal::Total(_) => {
+                if !state.keep_seeking_angle(cascade, speed, tick.dt) {
                     self.seek_angle(tick, shaft);
                 }
             }
             _ => self.pursue(tick, shaft),
+        }
+    }
+
+    /// The target in numbers.
+    pub(crate) const fn goal(&self) -> &Goal {
+        self.goals.goal()
+    }
+
+    /// One step in [`DriveMode::Run`] towards an angle that stands for the one of the target: for a
+    /// device that may have to go the longer way round. The shaft has been measured.
+    pub(crate) fn update_towards(&mut self, tick: &Tick, shaft: &Shaft, angle: TotalAngle) {
+        self.ran = true;
+        self.goals.rest();
+        let Self { state, cascade, limit, .. } = self;
+        let speed = shaft.speed().get();
+        if !state.keep_seeking_angle(cascade, speed, tick.dt) {
+            let way = way(&Goal::Total(angle), shaft);
+            state.seek_angle(cascade, way, speed, *limit, tick.dt, tick.count);
         }
     }
 

@@ -50,6 +50,8 @@ pub struct Shaft {
     /// The most steps at once for which 32 bits are enough, and that move the output by less than a
     /// turn.
     most: u32,
+    /// Twice as many.
+    most_twice: u32,
     /// Steps in a turn of the sensor, and in half of one.
     steps_per_turn: i32,
     half_turn: i32,
@@ -104,6 +106,7 @@ impl Shaft {
             part: part as i32 * sign as i32,
             divisor: divisor as i32,
             most: most as u32,
+            most_twice: 2 * most as u32,
             steps_per_turn: steps,
             half_turn: steps / 2,
             ratio: sign as f32 / gear.ratio(),
@@ -209,8 +212,8 @@ impl Shaft {
     /// The sensor moved by so many steps.
     #[inline]
     pub fn move_by(&mut self, steps: i32) {
-        let Self { whole, part, divisor, most, .. } = *self;
-        if steps.unsigned_abs() > most || divisor <= 0 {
+        let Self { whole, part, divisor, most, most_twice, .. } = *self;
+        if steps.cast_unsigned().wrapping_add(most) > most_twice || divisor <= 0 {
             return self.jump_by(steps.into());
         }
         let over = steps.wrapping_mul(part).wrapping_add(self.rest);

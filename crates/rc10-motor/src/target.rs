@@ -2,7 +2,7 @@ use core::fmt;
 
 use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
 
-/// What a motor shall do. All values are at the output shaft.
+/// A setpoint for one motor. All values are at the output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -30,12 +30,6 @@ pub enum Target {
     Brake(Amps),
     /// A current that holds the rotor where it stands, 0 or more: it locks a field, and heats.
     Handbrake(Amps),
-    /// As [`Current`](Self::Current), as a share of the limit set in the drive, -1 ..= 1.
-    CurrentShare(f32),
-    /// As [`Brake`](Self::Brake), as a share of the limit set in the drive, 0 ..= 1.
-    BrakeShare(f32),
-    /// As [`Handbrake`](Self::Handbrake), as a share of the limit set in the drive, 0 ..= 1.
-    HandbrakeShare(f32),
 }
 
 /// What [`Target::Impedance`] asks for: torque = `kp` · (`angle` - measured) + `kd` · (`speed` -
@@ -97,12 +91,6 @@ pub enum TargetKind {
     Brake,
     /// [`Target::Handbrake`].
     Handbrake,
-    /// [`Target::CurrentShare`].
-    CurrentShare,
-    /// [`Target::BrakeShare`].
-    BrakeShare,
-    /// [`Target::HandbrakeShare`].
-    HandbrakeShare,
 }
 
 impl Target {
@@ -120,9 +108,6 @@ impl Target {
             Self::Impedance(_) => TargetKind::Impedance,
             Self::Brake(_) => TargetKind::Brake,
             Self::Handbrake(_) => TargetKind::Handbrake,
-            Self::CurrentShare(_) => TargetKind::CurrentShare,
-            Self::BrakeShare(_) => TargetKind::BrakeShare,
-            Self::HandbrakeShare(_) => TargetKind::HandbrakeShare,
         }
     }
 
@@ -132,10 +117,7 @@ impl Target {
         match self {
             Self::Coast | Self::TotalAngle(_) => true,
             Self::Current(amps) | Self::Brake(amps) | Self::Handbrake(amps) => amps.is_finite(),
-            Self::Duty(share)
-            | Self::CurrentShare(share)
-            | Self::BrakeShare(share)
-            | Self::HandbrakeShare(share) => share.is_finite(),
+            Self::Duty(share) => share.is_finite(),
             Self::Torque(torque) => torque.is_finite(),
             Self::Impedance(impedance) => impedance.is_finite(),
             Self::Speed(rpm) => rpm.is_finite(),

@@ -1,8 +1,8 @@
 //! The chassis task: from the motion of the base to the speeds of its wheels.
 
 use rc10_app::{Radians, Rpm, Seconds, Twist, TwistLimiter};
-use rc10_bsp::{Overrun, periodic};
 use rc10_can::Micros;
+use rc10_message::{Overrun, periodic};
 use rc10_motor::{ArmState, Target};
 
 use crate::robot::{Axes, BaseCommand, Shared};

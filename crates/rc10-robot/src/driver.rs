@@ -22,8 +22,8 @@
 
 use embassy_time::{Duration, Ticker};
 use rc10_app::{Degrees, Rpm, TotalAngle, Twist};
-use rc10_bsp::Stamped;
 use rc10_can::Micros;
+use rc10_message::Stamped;
 use rc10_module::remote::{Remote, RemoteLink, Switch, Watch};
 use rc10_motor::{ArmState, ArmSwitch};
 
@@ -39,7 +39,7 @@ pub async fn run(shared: &Shared<'_>) -> ! {
     let mut ticker = Ticker::every(Duration::from_micros(PERIOD.get()));
     loop {
         ticker.next().await;
-        let now = rc10_bsp::now();
+        let now = rc10_message::now();
         let before = shared.switch.state();
         let wish = driver.step(shared.remote.read(), &shared.switch, now);
         shared.remote_link.set(driver.remote_link(), now);

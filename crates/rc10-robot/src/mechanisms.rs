@@ -26,7 +26,7 @@ pub async fn run(shared: &Shared<'_>) -> ! {
             let is_online = port.status().link == Link::Online;
             *zeroed = is_online && port.request(Request::SetZero).await.is_ok();
         }
-        let Some(wish) = shared.mechanisms.newer_than(OLDEST_COMMAND, rc10_bsp::now()) else {
+        let Some(wish) = shared.mechanisms.newer_than(OLDEST_COMMAND, rc10_message::now()) else {
             continue;
         };
         shared.command(Name::Yaw, Target::Angle(wish.yaw));

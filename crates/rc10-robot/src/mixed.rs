@@ -14,7 +14,7 @@ use rc10_motor::lk::{self, Lk};
 use rc10_motor::odrive::{self, ODrive};
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::unitree::{self, GoM8010, GoModule, Rs485Bus};
-use rc10_motor::vesc::{self, Currents, Shaft, Vesc, VescId};
+use rc10_motor::vesc::{self, Currents, ElectricalScale, Vesc, VescId};
 use rc10_motor::{ArmSwitch, AttachError, Impedance, MotorBus, MotorId, Safety, Target};
 
 /// Its CAN buses.
@@ -67,10 +67,10 @@ pub struct Shared {
 pub const fn wheel() -> vesc::Config {
     const SEVEN: NonZeroU8 = NonZeroU8::new(7).unwrap();
     const ONE: VescId = VescId::new(1).unwrap();
-    let shaft = Shaft::new(SEVEN, Gear::DIRECT);
+    let scale = ElectricalScale::new(SEVEN, Gear::DIRECT);
     let currents =
         Currents { limit: Amps::new(40.0), brake: Amps::new(15.0), handbrake: Amps::new(10.0) };
-    vesc::Config::new(ONE, shaft, currents)
+    vesc::Config::new(ONE, scale, currents)
 }
 
 /// What the arm listens to and answers with. Its low byte is beyond those of DJI's feedback.
@@ -170,7 +170,7 @@ impl Motors {
         two.attach(flywheel, Safety::COAST)?;
         let mut line = Rs485Bus::new(&shared.switch);
         for leg in legs {
-            line.attach(leg, Safety::HOLD).map_err(SetupError::Line)?;
+            line.attach(leg, Safety::HOLD).map_err(SetupError::Attach)?;
         }
         Ok(([one, two], line))
     }
@@ -183,10 +183,8 @@ pub enum SetupError {
     Config(ConfigError),
     /// An id that no leg can have.
     Leg(unitree::IdOutOfRange),
-    /// Motors that cannot share a bus.
+    /// A motor that cannot be attached.
     Attach(AttachError),
-    /// Motors that cannot share a line.
-    Line(unitree::AttachError),
 }
 
 impl core::fmt::Display for SetupError {
@@ -195,7 +193,6 @@ impl core::fmt::Display for SetupError {
             Self::Config(error) => error.fmt(f),
             Self::Leg(error) => error.fmt(f),
             Self::Attach(error) => error.fmt(f),
-            Self::Line(error) => error.fmt(f),
         }
     }
 }

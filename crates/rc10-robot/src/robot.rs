@@ -3,7 +3,7 @@ use core::fmt;
 
 use heapless::Vec;
 use rc10_app::{ConfigError, Degrees, Rpm, TotalAngle, Twist};
-use rc10_bsp::{Cycles, Latest, Statistics, Topic};
+use rc10_message::{Cycles, Latest, Statistics, Topic};
 use rc10_module::Reception;
 use rc10_module::imu::Heading;
 use rc10_module::remote::{Remote, RemoteLink};
@@ -203,7 +203,7 @@ impl<'p> Shared<'p> {
     /// one until that expires, and then is safe. The status names the motor and the reason.
     pub fn command(&self, name: Name, target: Target) {
         if let Err(why) = self.motor(name).command(target) {
-            self.refused.set((name, why), rc10_bsp::now());
+            self.refused.set((name, why), rc10_message::now());
         }
     }
 }

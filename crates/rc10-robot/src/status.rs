@@ -3,8 +3,8 @@
 use core::fmt;
 
 use embassy_time::{Duration, Ticker};
-use rc10_bsp::{CycleCount, Cycles};
 use rc10_can::{ErrorState, Micros};
+use rc10_message::{CycleCount, Cycles};
 use rc10_module::Counters;
 use rc10_module::remote::RemoteLink;
 use rc10_motor::{ArmState, Link, TargetError, Unfit};
@@ -173,7 +173,7 @@ pub fn now(shared: &Shared<'_>) -> RobotStatus {
         }
     };
     RobotStatus {
-        at: rc10_bsp::now(),
+        at: rc10_message::now(),
         arm: shared.switch.state(),
         unfit: shared.switch.unfit(),
         online,

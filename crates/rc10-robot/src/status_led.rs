@@ -19,7 +19,7 @@ where
 {
     let mut ticker = Ticker::every(PERIOD);
     loop {
-        let (state, now) = (state(shared), rc10_bsp::now());
+        let (state, now) = (state(shared), rc10_message::now());
         // A strip that cannot be written shows that by itself; the robot goes on.
         let _ = strip.write((0..LEDS).map(|led| colour(state, now, led))).await;
         ticker.next().await;

@@ -1,6 +1,6 @@
 //! The robot: its table, what its tasks share, and its task.
 
-use rc10_bsp::{Overrun, Statistics, periodic};
+use rc10_message::{Overrun, Statistics, periodic};
 use rc10_motor::dji::{Dji, IdOutOfRange, M3508};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::embassy::BusPort;

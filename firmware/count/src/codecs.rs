@@ -122,12 +122,12 @@ codec!("count_1_codec_unitree_module_unpack", module_unpack, |frame: CanFrame| -
 codec!(
     "count_1_codec_unitree_scale_pack",
     scale_pack,
-    |motion: unitree::Motion| -> unitree::RawMotion { unitree::Shaft::OUTPUT.raw(motion) }
+    |motion: unitree::Motion| -> unitree::RawMotion { unitree::RotorScale::OUTPUT.raw(motion) }
 );
 codec!(
     "count_1_codec_unitree_scale_unpack",
     scale_unpack,
-    |raw: unitree::RawMotion| -> unitree::Motion { unitree::Shaft::OUTPUT.motion(*raw) }
+    |raw: unitree::RawMotion| -> unitree::Motion { unitree::RotorScale::OUTPUT.motion(*raw) }
 );
 
 fn unitrees() {
@@ -152,11 +152,11 @@ fn unitrees() {
     let data = [1, 2, 3, 4, 5, 6, 7, 8];
     let replies = [0x140A_131E_u32, 0x140B_1300, 0x160A_1380];
     each(&replies.map(|id| extended(id, data)), module_unpack);
-    let scale = unitree::Shaft::OUTPUT.scale();
+    let counts_per_turn = unitree::RotorScale::OUTPUT.counts_per_turn();
     let motion = Motion {
         torque: NewtonMetres::new(3.2),
         speed: Rpm::new(-91.0),
-        angle: TotalAngle::new(123_456, scale),
+        angle: TotalAngle::from_counts(123_456, counts_per_turn),
     };
     each(&[motion], scale_pack);
     each(&[RawMotion { torque: 192, speed: -812, angle: 123_456 }], scale_unpack);

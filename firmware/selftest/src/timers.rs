@@ -168,7 +168,7 @@ pub async fn pulses(parts: PulseParts) -> Outcome {
         (shortest, longest) = (shortest.min(gap), longest.max(gap));
         last = edge;
     }
-    let age = rc10_bsp::now().since(last).get();
+    let age = rc10_message::now().since(last).get();
     want!(age < 1000, "an edge {age} us old");
     want!(shortest >= 700 && longest <= 20_000, "{shortest} .. {longest} us apart");
     // Without reads for a while: what is lost is counted.

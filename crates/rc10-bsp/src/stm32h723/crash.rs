@@ -166,9 +166,9 @@ fn crash(kind: u32, values: [u32; 4], file: &str) -> ! {
 /// The clock needs no interrupt for half of its counter's period, 32 ms; it runs if there is an
 /// image, which only a started bus has.
 fn wait_for_coast_images() {
-    let until = crate::now() + Micros::from_millis(20);
+    let until = rc10_message::now() + Micros::from_millis(20);
     while !can::ALL.iter().all(|controller| controller.coast_image_sent()) {
-        if crate::now() >= until {
+        if rc10_message::now() >= until {
             return;
         }
     }

@@ -102,7 +102,7 @@ impl PulseInput {
         // Takes the prescaler over; that shows as an update, which is none.
         timer.egr().write(|w| w.set_ug(true));
         timer.sr().write_value(regs::Sr1ch(0));
-        STATE.lock(|state| state.set(State { round_began: crate::now(), lost: 0 }));
+        STATE.lock(|state| state.set(State { round_began: rc10_message::now(), lost: 0 }));
         timer.cr1().modify(|w| w.set_cen(true));
         timer.dier().modify(|w| {
             w.set_ccie(0, true);

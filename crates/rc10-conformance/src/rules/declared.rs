@@ -5,7 +5,7 @@ use crate::case::{Case, Findings};
 use crate::declaration::Claim;
 
 /// A target of every kind, with `number` wherever one stands.
-pub(super) fn every_kind(number: f32) -> [Target; 13] {
+pub(super) fn every_kind(number: f32) -> [Target; 10] {
     let impedance = Impedance {
         angle: Degrees::new(number),
         speed: Rpm::new(number),
@@ -24,9 +24,6 @@ pub(super) fn every_kind(number: f32) -> [Target; 13] {
         Target::Impedance(impedance),
         Target::Brake(Amps::new(number)),
         Target::Handbrake(Amps::new(number)),
-        Target::CurrentShare(number),
-        Target::BrakeShare(number),
-        Target::HandbrakeShare(number),
     ]
 }
 

@@ -13,7 +13,7 @@ const FAULTS: [EscFault; 6] = [
     EscFault::Encoder,
 ];
 
-/// A fault is told within so many ms.
+/// Longest time until a fault is told, ms.
 const TOLD_WITHIN: u32 = 500;
 
 /// Those faults that the device knows and its protocol tells.

@@ -1,6 +1,6 @@
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
-use rc10_motor::{CanIds, CanMotor, FrameError, RxFrames, TxBatch};
+use rc10_motor::{CanIds, CanMotor, DriveMode, FrameError, Link, RxFrames, Tick, TxBatch};
 
 use crate::case::{Findings, FrameCase, Outcome, broken};
 use crate::recorder::{Call, Told, not_finite, replay};
@@ -56,8 +56,8 @@ fn frame(id: Id, bytes: &[u8]) -> CanFrame {
 }
 
 /// Whether the motor is expected to look at such an identifier at all.
-fn is_own(wiring: &CanIds, id: Id) -> bool {
-    wiring.received().iter().any(|receive| receive.pattern.contains(id))
+fn is_own(ids: &CanIds, id: Id) -> bool {
+    ids.received().iter().any(|receive| receive.pattern.contains(id))
 }
 
 /// Gives frames that are refused to a motor that runs; then it must go on as its twin does that
@@ -74,7 +74,7 @@ fn change_nothing(
     let told = Told::of(&*motor);
     let at = told.feedback.at + Micros::from_millis(1);
     for frame in frames {
-        match motor.unpack_feedback(&frame, at) {
+        match motor.unpack_feedback(&frame, at, Link::Online) {
             Err(error) if is_right(&frame, error) => (),
             answer => return broken(at, format!("{frame} ({} bytes): {answer:?}", frame.len())),
         }
@@ -90,10 +90,10 @@ fn change_nothing(
 }
 
 pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
-    let wiring = case.motor().can_ids();
+    let ids = case.motor().can_ids();
     let mut random = Random(1);
     // Neighbours first: the identifiers that differ from its own by a bit.
-    let near: Vec<Id> = wiring
+    let near: Vec<Id> = ids
         .received()
         .iter()
         .flat_map(|RxFrames { pattern, .. }| match pattern.id() {
@@ -108,33 +108,33 @@ pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
             }
         })
         .collect();
-    let commands = wiring.transmitted().iter().map(|transmit| transmit.pattern.id());
-    let ids: Vec<Id> = near
+    let commands = ids.transmitted().iter().map(|transmit| transmit.pattern.id());
+    let others: Vec<Id> = near
         .into_iter()
         .chain(commands)
         .chain((0..5000).map(|_| random.id()))
-        .filter(|id| !is_own(&wiring, *id))
+        .filter(|id| !is_own(&ids, *id))
         .collect();
-    let foreign = ids.into_iter().map(|id| {
+    let foreign = others.into_iter().map(|id| {
         let len = random.next() % 9;
         let bytes = random.bytes();
         frame(id, bytes.get(..usize::try_from(len).unwrap_or(8)).unwrap_or(&bytes))
     });
-    let remote = wiring.received().iter().filter_map(|receive| {
+    let remote = ids.received().iter().filter_map(|receive| {
         CanFrame::remote_frame(receive.pattern.id(), receive.len.into()).ok()
     });
     let is_right = |_: &CanFrame, error| error == FrameError::NotMine;
     found.note(change_nothing(case, foreign.chain(remote), is_right));
     // Where devices share an identifier, a byte says whose a frame is.
     let mut random = Random(4);
-    let guarded = wiring.received().iter().filter(|receive| receive.guard.is_some());
+    let guarded = ids.received().iter().filter(|receive| receive.guard.is_some());
     let others = guarded.flat_map(|receive| {
         let made = (0..500).map(|_| {
             let id = random.id_of(&receive.pattern);
             frame(id, &random.bytes()[..receive.len.min(8).into()])
         });
         let is_other = |frame: &CanFrame| {
-            let mut own = wiring.received().iter().filter(|own| own.pattern.matches(frame));
+            let mut own = ids.received().iter().filter(|own| own.pattern.matches(frame));
             own.all(|own| own.guard.is_some_and(|guard| !guard.passes(frame)))
         };
         made.filter(is_other).collect::<Vec<_>>()
@@ -144,14 +144,14 @@ pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
 }
 
 pub(super) fn wrong_lengths(case: &FrameCase<'_>, found: &mut Findings) {
-    let wiring = case.motor().can_ids();
+    let ids = case.motor().can_ids();
     let mut random = Random(2);
     let mut wrong = Vec::new();
-    for receive in wiring.received() {
+    for receive in ids.received() {
         for len in 0..=8_u8 {
             for _ in 0..50 {
                 let id = random.id_of(&receive.pattern);
-                let mut others = wiring.received().iter();
+                let mut others = ids.received().iter();
                 if others.any(|other| other.len == len && other.pattern.contains(id)) {
                     continue;
                 }
@@ -194,7 +194,7 @@ fn content(case: &FrameCase<'_>, receive: &RxFrames) -> Outcome {
         }
         let frame = frame(id, &bytes[..receive.len.min(8).into()]);
         let told = Told::of(&*motor);
-        let heard = motor.unpack_feedback(&frame, at);
+        let heard = motor.unpack_feedback(&frame, at, Link::Online);
         let now = Told::of(&*motor);
         if heard.is_err() && now != told {
             return broken(at, format!("{frame} was refused and changed something"));
@@ -212,14 +212,14 @@ fn content(case: &FrameCase<'_>, receive: &RxFrames) -> Outcome {
 /// A frame that the motor really got.
 fn frame_of(call: &Call, receive: &RxFrames) -> Option<CanFrame> {
     match call {
-        Call::Frame(frame, _) if receive.pattern.matches(frame) => Some(*frame),
+        Call::Frame(frame, ..) if receive.pattern.matches(frame) => Some(*frame),
         _ => None,
     }
 }
 
 /// A tick of a motor that has just heard nonsense.
 fn drive_on(motor: &mut dyn CanMotor) {
-    motor.update(rc10_app::Seconds::new(0.001), rc10_motor::DriveMode::Run);
+    motor.update(&Tick::new(DriveMode::Run));
     let _ = motor.pack_command(&mut TxBatch::new());
 }
 

@@ -66,7 +66,7 @@ fn rests(rig: &mut Rig<'_>) -> Outcome {
 
 /// So far from its law a torque may be, as a share of the largest: for delays and rounding.
 const NEAR: f64 = 0.06;
-/// After so many ms from rest a law is in force: the soft start, and a command on its way.
+/// Time from rest until a law is in force, ms: the soft start, and a command on its way.
 const SOFT_TIME: u32 = 20;
 const ON_ITS_WAY: u32 = 5;
 

@@ -2,6 +2,7 @@
 //! where the motor does not, the rule says that it could not be tried. What others follow from comes
 //! before them.
 
+mod can_ids;
 mod declared;
 mod faults;
 mod frames;
@@ -13,7 +14,6 @@ mod returning;
 mod sharing;
 mod stopping;
 mod targets;
-mod wiring;
 mod zero;
 
 use crate::case::{Case, Findings, FrameCase};
@@ -56,36 +56,36 @@ pub const RULES: &[Rule] = &[
         declared::every_target_is_tried,
     ),
     frame_rule(
-        "wiring-is-valid",
-        "The wiring has feedback that comes regularly and a command; no frame is longer than \
-         8 bytes, and lanes and guards lie within their frames.",
-        wiring::wiring_is_valid,
+        "ids-are-valid",
+        "Its identifiers include feedback that comes regularly and a command; no frame is longer \
+         than 8 bytes, and owned bytes and guards lie within their frames.",
+        can_ids::ids_are_valid,
     ),
     frame_rule(
-        "wiring-is-constant",
-        "The wiring is the same whatever happened to the motor.",
-        wiring::wiring_is_constant,
+        "ids-are-constant",
+        "Its name and its identifiers are the same whatever happened to the motor.",
+        can_ids::ids_are_constant,
     ),
     frame_rule(
         "frames-are-declared",
-        "Every frame it sends is in its wiring: identifier, length, its own bytes or guard.",
-        wiring::frames_are_declared,
+        "Every frame it sends is declared: identifier, length, its own bytes or guard.",
+        can_ids::frames_are_declared,
     ),
     frame_rule(
         "streams-are-own",
-        "The stream that a frame names is an identifier of the motor's own wiring.",
-        wiring::streams_are_own,
+        "The stream that a frame names is one of the motor's own identifiers.",
+        can_ids::streams_are_own,
     ),
     frame_rule(
         "few-frames-a-tick",
         "It sends at most two frames in a tick.",
-        wiring::few_frames_a_tick,
+        can_ids::few_frames_a_tick,
     ),
     frame_rule(
         "load-is-as-declared",
-        "While it runs, frames come and go as often as the wiring says, and none comes that is \
-         not in it.",
-        wiring::load_is_as_declared,
+        "While it runs, frames come and go as often as declared, and none comes that is not \
+         declared.",
+        can_ids::load_is_as_declared,
     ),
     rule(
         "supports-is-constant",
@@ -137,14 +137,14 @@ pub const RULES: &[Rule] = &[
     ),
     frame_rule(
         "any-content",
-        "Whatever stands in a frame of its own, its feedback stays finite, and what is refused \
+        "Any content of a frame of its own leaves its feedback finite, and a refused frame \
          changes nothing.",
         frames::any_content,
     ),
     frame_rule("feedback-at", "`Feedback::at` is when the frame arrived.", frames::feedback_at),
     rule(
         "silent-before-feedback",
-        "Before it was heard for the first time it drives nothing, whatever it is told.",
+        "Before its first feedback it drives nothing, for any target.",
         stopping::silent_before_feedback,
     ),
     rule(
@@ -168,11 +168,7 @@ pub const RULES: &[Rule] = &[
         "When commands stop coming it goes to its safe state, and coasting it has no torque.",
         stopping::expiry,
     ),
-    rule(
-        "lost",
-        "When its feedback stops coming it coasts, whatever it is commanded.",
-        stopping::lost,
-    ),
+    rule("lost", "When its feedback stops coming it coasts, for any target.", stopping::lost),
     rule(
         "link-timeout",
         "Silent for less than its time-out it runs on as before; for longer it is lost, coasts, and \
@@ -186,7 +182,7 @@ pub const RULES: &[Rule] = &[
     ),
     rule(
         "coast-frames-stop",
-        "These frames, sent once, leave the device without torque, whatever it was doing.",
+        "These frames, sent once, leave the device without torque in any state.",
         stopping::coast_frames_stop,
     ),
     rule("brakes", "Braking, it slows down, also against a load that drives it.", stopping::brakes),

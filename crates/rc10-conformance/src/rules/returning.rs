@@ -10,8 +10,7 @@ fn for_each_effort(
     found: &mut Findings,
     scenario: impl Fn(&mut Rig<'_>, Target) -> Outcome,
 ) {
-    let efforts =
-        [TargetKind::Torque, TargetKind::Current, TargetKind::Duty, TargetKind::CurrentShare];
+    let efforts = [TargetKind::Torque, TargetKind::Current, TargetKind::Duty];
     for trial in &case.declared.trials {
         if efforts.contains(&trial.target.kind()) {
             found.note(case.alone(SafeState::Coast, |rig| {

@@ -1,5 +1,5 @@
 use rc10_app::{Seconds, TotalAngle};
-use rc10_motor::{Condition, DriveMode, SafeState, Target, TargetError, TargetKind};
+use rc10_motor::{Condition, DriveMode, SafeState, Target, TargetError, TargetKind, Tick};
 
 use super::declared::every_kind;
 use crate::case::{Case, Findings, Halt, Outcome, broken};
@@ -95,13 +95,7 @@ pub(super) fn follows(case: &Case<'_>, found: &mut Findings) {
 const KEPT: u32 = 10;
 
 fn reaches(rig: &mut Rig<'_>, trial: &Trial) -> Outcome {
-    let slows = matches!(
-        trial.target.kind(),
-        TargetKind::Brake
-            | TargetKind::BrakeShare
-            | TargetKind::Handbrake
-            | TargetKind::HandbrakeShare
-    );
+    let slows = matches!(trial.target.kind(), TargetKind::Brake | TargetKind::Handbrake);
     if slows {
         rig.get_going()?;
         rig.esc.set_load(0.0);
@@ -179,7 +173,7 @@ fn off_by(rig: &Rig<'_>, trial: &Trial) -> f64 {
         Target::Impedance(impedance) => {
             TotalAngle::try_from_degrees(impedance.angle).map_or(f64::INFINITY, way)
         }
-        Target::Duty(share) | Target::CurrentShare(share) => turns(share),
+        Target::Duty(share) => turns(share),
         Target::Coast => state.torque.abs(),
         _ => state.output_rpm.abs(),
     }
@@ -260,7 +254,7 @@ pub(super) fn strange_steps(case: &Case<'_>, found: &mut Findings) {
         for drive in
             [DriveMode::Run, DriveMode::Hold, DriveMode::Brake, DriveMode::Coast, DriveMode::Off]
         {
-            motor.update(dt, drive);
+            motor.update(&Tick { dt, ..Tick::new(drive) });
             motor.pack();
             if let Some(name) = not_finite(&motor.feedback()) {
                 found.add(None, format!("after {dt:?} its {name} is not finite"));

@@ -2,17 +2,17 @@
 
 use rc10_app::maths::round_to_i16;
 use rc10_app::{
-    Amps, ConfigError, CountsPerTurn, Encoder, NewtonMetres, PidConfig, Rpm, RpmPerSecond, Seconds,
-    TotalAngle,
+    Amps, Cascade, ConfigError, Direction, Gear, NewtonMetres, PidConfig, RpmPerSecond,
 };
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, IdPattern, Micros};
-use rc10_motor::rc10_app::Cascade;
-use rc10_motor::servo::{Measured, Servo};
+use rc10_motor::pending::{Outcome, Pending, Retry};
+use rc10_motor::servo::Servo;
+use rc10_motor::shaft::Shaft;
 use rc10_motor::{
-    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Motor,
-    Ownership, Rate, Request, RequestError, Response, RxFrames, Target, TargetError, TargetKind,
-    TargetSet, TxBatch, TxFrames, TxFull,
+    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Link, Motor,
+    MotorName, Rate, Request, RequestError, Response, RxFrames, Target, TargetError, TargetKind,
+    TargetSet, Tick, TxBatch, TxFrames, TxFull,
 };
 
 /// What the motor is told.
@@ -93,10 +93,8 @@ const FULL_TORQUE: f32 = 5.0;
 const TORQUE_CONSTANT: f32 = 0.5;
 /// Identifiers go from 1 to this.
 const LAST_ID: u8 = 63;
-/// A motor heard again after a longer silence may have been restarted.
-const SILENCE: Micros = Micros::from_millis(10);
-/// An error that is not gone by then will not go, s.
-const PATIENCE: f32 = 0.1;
+/// An error is cleared in every tick; one that is not gone after 0.1 s will not go.
+const CLEARING: Retry = Retry { every: 0.1, tries: 1 };
 
 /// Efforts are torques at the shaft, N m.
 const CASCADE: Cascade = Cascade {
@@ -114,16 +112,13 @@ pub struct Finch {
     command_id: StandardId,
     report_id: StandardId,
     servo: Servo,
-    encoder: Encoder,
-    /// Where the encoder stood when the angle was set to zero.
-    zero: i64,
-    heard: Option<(Report, Micros)>,
-    drive: DriveMode,
-    /// Kept until somebody clears it.
+    shaft: Shaft,
+    /// The newest one.
+    report: Option<Report>,
+    mode: DriveMode,
+    /// Kept until it is cleared.
     fault: Option<Fault>,
-    /// An error is being cleared: how long it may take yet, s.
-    clearing: Option<f32>,
-    answer: Option<Result<Response, RequestError>>,
+    clearing: Pending<()>,
 }
 
 impl Finch {
@@ -142,59 +137,37 @@ impl Finch {
             command_id,
             report_id,
             servo: Servo::new(TargetKind::Torque, CASCADE)?,
-            encoder: Encoder::new(1 << 16),
-            zero: 0,
-            heard: None,
-            drive: DriveMode::Off,
+            shaft: Shaft::new(1 << 16, Gear::DIRECT, Direction::Forward),
+            report: None,
+            mode: DriveMode::Off,
             fault: None,
-            clearing: None,
-            answer: None,
+            clearing: Pending::new(),
         })
-    }
-
-    /// What the shaft does; `None` before the first report.
-    fn measured(&self) -> Option<Measured> {
-        let (report, _) = self.heard?;
-        let counts = self.encoder.total().saturating_sub(self.zero);
-        // 360,000,000 millionths of a degree are 65536 counts.
-        Some(Measured { rpm: report.rpm, microdegrees: counts.saturating_mul(703_125) / 128 })
     }
 
     /// Whether it can be driven, by its own account.
     fn is_enabled(&self) -> bool {
-        self.fault.is_none() && self.heard.is_some_and(|(report, _)| report.enabled)
+        self.fault.is_none() && self.report.is_some_and(|report| report.enabled)
     }
 
     /// What to tell it in this tick.
     fn command(&self) -> Command {
-        match self.drive {
-            _ if self.clearing.is_some() => Command::ClearError,
-            _ if self.fault.is_some() || self.heard.is_none() => Command::Disable,
+        match self.mode {
+            _ if self.clearing.question().is_some() => Command::ClearError,
+            _ if self.fault.is_some() || self.report.is_none() => Command::Disable,
             DriveMode::Off => Command::Disable,
             _ if self.is_enabled() => Command::Torque(self.servo.effort()),
             DriveMode::Coast => Command::Disable,
             DriveMode::Brake | DriveMode::Hold | DriveMode::Run => Command::Enable,
         }
     }
-
-    /// Follows the angle of a report. After a silence the shaft may have gone round.
-    fn count(&mut self, report: &Report, at: Micros) {
-        let angle = u32::from(report.angle);
-        // Every 16-bit number is an angle, so neither can fail.
-        let _ = match self.heard {
-            Some((last, then)) if at.since(then) > SILENCE => {
-                self.servo.rest();
-                #[expect(clippy::cast_precision_loss, reason = "an estimate")]
-                let turns = (last.rpm + report.rpm) * 0.5 * at.since(then).get() as f32 / 60e6;
-                let expected = rc10_app::maths::round_to_i32(turns * 65536.0);
-                self.encoder.update_after_gap(angle, expected.into())
-            }
-            _ => self.encoder.update(angle),
-        };
-    }
 }
 
 impl Motor for Finch {
+    fn name(&self) -> MotorName {
+        MotorName { model: "Finch F10", id: self.id.into() }
+    }
+
     fn supports(&self) -> TargetSet {
         self.servo.supports()
     }
@@ -208,100 +181,74 @@ impl Motor for Finch {
     }
 
     fn feedback(&self) -> Feedback {
-        let (Some((report, at)), Some(measured)) = (self.heard, self.measured()) else {
-            return Feedback::NEW;
-        };
-        let total = TotalAngle::new(measured.microdegrees, CountsPerTurn::MICRODEGREES);
-        let mut told = Feedback::new(at, Rpm::new(report.rpm), total.within_turn(), total);
-        told.turn_gaps = self.encoder.gaps();
-        told.with_current(Amps::new(report.amps))
-            .with_torque(NewtonMetres::new(report.amps * TORQUE_CONSTANT))
+        let Some(Report { amps, .. }) = self.report else { return Feedback::NEW };
+        let torque = NewtonMetres::new(amps * TORQUE_CONSTANT);
+        self.shaft.feedback().with_current(Amps::new(amps)).with_torque(torque)
     }
 
     fn fault(&self) -> Option<Fault> {
         self.fault
     }
 
-    fn update(&mut self, dt: Seconds, drive: DriveMode) {
-        self.drive = drive;
-        let measured = if self.is_enabled() { self.measured() } else { None };
-        self.servo.update(dt, drive, measured);
-        if let Some(left) = self.clearing {
-            self.clearing = Some(left - dt.get().max(0.0)).filter(|left| *left > 0.0);
-            if self.clearing.is_none() {
-                self.answer = Some(Err(RequestError::Timeout));
-            }
+    fn update(&mut self, tick: &Tick) {
+        self.mode = tick.mode;
+        self.clearing.update(tick.dt);
+        if self.is_enabled() {
+            self.servo.update(tick, &self.shaft);
+        } else {
+            self.servo.rest();
         }
     }
 
-    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
-        if self.clearing.is_some() || self.answer.is_some() {
-            return Err(RequestError::Busy);
-        }
+    fn request(&mut self, request: Request) -> Outcome {
         match request {
+            _ if self.clearing.is_busy() => Err(RequestError::Busy),
+            Request::SetZero if self.report.is_none() => Err(RequestError::NoFeedback),
             Request::SetZero => {
-                let measured = self.measured().ok_or(RequestError::NoFeedback)?;
-                self.zero = self.encoder.total();
-                let sought = self.servo.target();
-                self.servo.set_zero(measured.microdegrees);
-                if let Target::TotalAngle(angle) = sought {
-                    // The same place, told on the new scale.
-                    let zero = TotalAngle::from_microdegrees(measured.microdegrees);
-                    let _ = self.servo.set_target(Target::TotalAngle(angle.minus(zero)));
-                }
+                self.servo.set_zero(self.shaft.set_zero());
                 Ok(Response::Done)
             }
             Request::ClearFault if self.fault.is_none() => Ok(Response::Done),
-            Request::ClearFault => {
-                self.clearing = Some(PATIENCE);
-                Ok(Response::Pending)
-            }
-            _ => self.servo.request(request, self.measured()),
+            Request::ClearFault => self.clearing.ask((), CLEARING),
+            _ => self.servo.request(request, &self.shaft),
         }
     }
 
-    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
-        self.answer.take()
+    fn response(&mut self) -> Option<Outcome> {
+        self.clearing.take_outcome()
     }
 
     fn condition(&self) -> Condition {
-        let wanted = matches!(self.drive, DriveMode::Brake | DriveMode::Hold | DriveMode::Run);
+        let wanted = matches!(self.mode, DriveMode::Brake | DriveMode::Hold | DriveMode::Run);
         if wanted && !self.is_enabled() { Condition::Starting } else { Condition::Ready }
     }
 }
 
 impl CanMotor for Finch {
     fn can_ids(&self) -> CanIds {
-        let report = RxFrames {
-            pattern: IdPattern::exact(self.report_id),
-            len: 8,
-            rate: Rate::Hz(1000),
-            guard: None,
-        };
-        let command = TxFrames {
-            pattern: IdPattern::exact(self.command_id),
-            len: 3,
-            rate: Rate::EveryTick,
-            share: Ownership::Whole,
-        };
-        let empty = CanIds::new("Finch F10", self.id.into());
-        let wired = empty.clone().receives(report).and_then(|wiring| wiring.transmits(command));
-        wired.unwrap_or(empty)
+        let report = RxFrames::new(IdPattern::exact(self.report_id), 8, Rate::Hz(1000));
+        let command = TxFrames::new(IdPattern::exact(self.command_id), 3, Rate::EveryTick);
+        CanIds::new().receives(report).transmits(command)
     }
 
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(
+        &mut self,
+        frame: &CanFrame,
+        at: Micros,
+        _: Link,
+    ) -> Result<FrameKind, FrameError> {
         if frame.key() != CanFrame::key_of(self.report_id) {
             return Err(FrameError::NotMine);
         }
         let bytes = frame.all_eight().ok_or(FrameError::Length)?;
         let report = Report::unpack(bytes).ok_or(FrameError::Unexpected)?;
-        self.count(&report, at);
-        self.heard = Some((report, at));
+        self.shaft.follow(report.angle.into(), report.rpm, at);
+        self.report = Some(report);
         if report.error != 0 {
             self.fault = Some(Fault::new(report.error.into(), error_text(report.error)));
-        } else if self.clearing.take().is_some() {
+        } else if self.clearing.question().is_some() {
             self.fault = None;
-            self.answer = Some(Ok(Response::Done));
+            self.clearing.end(Ok(Response::Done));
         }
         Ok(if self.fault.is_some() { FrameKind::Fault } else { FrameKind::Feedback })
     }

@@ -1,6 +1,6 @@
 use rc10_can::Micros;
 use rc10_conformance::{Declaration, LineBench};
-use rc10_motor::unitree::GoM8010;
+use rc10_motor::unitree::{GoM8010, Rs485Bus};
 use rc10_motor::{
     ArmSwitch, CommandError, MotorId, MotorStatus, Request, RequestError, Response, Safety, Target,
     TargetSet,
@@ -62,7 +62,7 @@ impl Scene for LineScene<'_> {
         self.bench.line.request(self.motor, request)
     }
 
-    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
+    fn response(&mut self) -> Option<Result<Response, RequestError>> {
         self.bench.line.response(self.motor)
     }
 
@@ -71,7 +71,7 @@ impl Scene for LineScene<'_> {
     }
 
     fn link_timeout(&self) -> Micros {
-        GoM8010::LINK_TIMEOUT
+        Rs485Bus::LINK_TIMEOUT
     }
 
     /// A motor that is lost is asked seldom.

@@ -31,7 +31,8 @@ use rc10_conformance::Declaration;
 use rc10_motor::CanMotor;
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::unitree::GoM8010;
-use rc10_sim::{Bus, Esc, Line, LineMotor};
+use rc10_sim::{Bus, Esc};
+use rc10_sim::{Line, LineMotor};
 
 use line::LineScene;
 use scene::CanScene;
@@ -39,7 +40,7 @@ use scene::CanScene;
 /// What broke, and in which story.
 pub type Report = String;
 
-/// Stories of a motor, if nobody asks for more.
+/// Stories of a motor, unless `RC10_STORIES` asks for more.
 const STORIES: u64 = 60;
 
 /// The numbers of the stories to tell.
@@ -122,7 +123,11 @@ fn unitree_motors() {
 
 #[test]
 fn vescs() {
-    all(&[("VESC", vesc::vesc), ("VESC with angle loops", vesc::vesc_with_servo)]);
+    all(&[
+        ("VESC", vesc::vesc),
+        ("VESC, relative currents", vesc::vesc_relative),
+        ("VESC with angle loops", vesc::vesc_with_servo),
+    ]);
 }
 
 #[test]

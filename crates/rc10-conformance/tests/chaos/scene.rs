@@ -19,10 +19,10 @@ pub trait Scene {
     fn supports(&self) -> TargetSet;
     fn command(&mut self, target: Target) -> Result<(), CommandError>;
     fn request(&mut self, request: Request) -> Result<Response, RequestError>;
-    fn answer(&mut self) -> Option<Result<Response, RequestError>>;
+    fn response(&mut self) -> Option<Result<Response, RequestError>>;
     fn status(&self) -> MotorStatus;
     fn link_timeout(&self) -> Micros;
-    /// After a cut it takes so many ms until it is told again what to do.
+    /// Milliseconds from the end of a cut to its next command.
     fn heals_within(&self) -> u32;
     /// Whether its device is enabled step by step, so that one restarted in a blink is found out.
     fn tells_restarts(&self) -> bool;
@@ -32,11 +32,11 @@ pub trait Scene {
     fn set_load(&self, torque: f64);
     fn inject(&self, fault: EscFault) -> bool;
     fn set_cut(&self, cut: bool);
-    /// Nobody can send any more, so that a controller leaves its bus.
+    /// Shorts the wires: nothing can be sent, and a controller leaves its bus.
     fn set_shorted(&self, shorted: bool);
     /// Noise on the next frames.
     fn damage(&self, frames: u32);
-    /// Somebody sends what only the device should.
+    /// Another node sends what only the device should.
     fn impersonate(&self, random: &mut Random);
     /// What is wrong with what was sent in the last tick.
     fn wrong_frames(&self) -> Option<String>;
@@ -48,7 +48,7 @@ pub struct CanScene<'m> {
     port: SimPort,
     esc: Esc,
     motor: MotorId,
-    wiring: CanIds,
+    ids: CanIds,
     off_since: Option<Micros>,
     tells_restarts: bool,
 }
@@ -68,11 +68,10 @@ impl CanScene<'_> {
         let safety = random.pick(&[Safety::COAST, Safety::BRAKE, Safety::HOLD]);
         let mut bench = Bench::new(seed, &switch);
         let esc = device(&bench.wire, declared.ids[0]);
-        let wiring = motor.can_ids();
+        let (ids, model) = (motor.can_ids(), motor.name().model);
         let motor = bench.attach(motor, safety).unwrap();
         let port = bench.wire.port();
         // A VESC, and a GO-M8010-6, obey whatever the next command says.
-        let model = wiring.name().model;
         let obeys_anyone = model == "VESC" || model.starts_with("GO-M8010");
         let tells_restarts = declared.disables == Claim::Does && !obeys_anyone;
         let mut scene = CanScene {
@@ -81,7 +80,7 @@ impl CanScene<'_> {
             port,
             esc,
             motor,
-            wiring,
+            ids,
             off_since: None,
             tells_restarts,
         };
@@ -126,7 +125,7 @@ impl Scene for CanScene<'_> {
         self.bench.bus.request(self.motor, request)
     }
 
-    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
+    fn response(&mut self) -> Option<Result<Response, RequestError>> {
         self.bench.bus.response(self.motor)
     }
 
@@ -135,7 +134,7 @@ impl Scene for CanScene<'_> {
     }
 
     fn link_timeout(&self) -> Micros {
-        self.wiring.link_timeout()
+        self.ids.link_timeout()
     }
 
     fn heals_within(&self) -> u32 {
@@ -179,7 +178,7 @@ impl Scene for CanScene<'_> {
     }
 
     fn impersonate(&self, random: &mut Random) {
-        let received = self.wiring.received();
+        let received = self.ids.received();
         let any = random.pick(received);
         let receive = random.pick(&[received[0], any]);
         let id = any_of(&receive.pattern, random);
@@ -198,11 +197,11 @@ impl Scene for CanScene<'_> {
             return Some(format!("{} frames in a tick", frames.len()));
         }
         let declared = |frame: &CanFrame| {
-            let mut transmits = self.wiring.transmitted().iter();
+            let mut transmits = self.ids.transmitted().iter();
             transmits.any(|own| own.pattern.matches(frame))
         };
         let stray = frames.iter().find(|frame| !declared(frame))?;
-        Some(format!("it sent {stray:?}, which its wiring does not have"))
+        Some(format!("it sent {stray:?}, which it does not declare"))
     }
 }
 

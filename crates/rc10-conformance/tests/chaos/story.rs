@@ -13,7 +13,7 @@ use crate::watch::{Arm, Watch, World};
 
 /// How long a story is, ms.
 const LENGTH: u32 = 2500;
-/// Something happens in one millisecond of so many.
+/// Mean time between two events, ms.
 const SELDOM: u32 = 40;
 /// A device answers within, ms.
 const LONGEST_ANSWER: u32 = 1000;
@@ -108,7 +108,7 @@ impl<S: Scene> Player<'_, S> {
             }
         }
         self.scene.tick();
-        // A load that nobody drives against would turn it faster than it can turn itself.
+        // Without a motor driving against it, a load would turn it faster than it can turn itself.
         if self.scene.state().output_rpm.abs() > 2.0 * f64::from(self.declared.cruise.get()) {
             self.set(Trouble::Load, false, 0.0);
         }
@@ -121,7 +121,7 @@ impl<S: Scene> Player<'_, S> {
         if let Some(waited) = &mut self.waited {
             *waited += 1;
             let waited = *waited;
-            if let Some(answer) = self.scene.answer() {
+            if let Some(answer) = self.scene.response() {
                 self.waited = None;
                 self.watch.zeroed = true;
                 self.note(format!("it answers {answer:?}"));
@@ -413,7 +413,7 @@ fn any_number(random: &mut Random, usual: f32) -> f32 {
 
 fn any_target(random: &mut Random, declared: &Declaration) -> Target {
     let full = declared.full_torque.get();
-    match random.below(13) {
+    match random.below(10) {
         0 => Target::Coast,
         1 => Target::Current(Amps::new(any_number(random, 10.0))),
         2 => Target::Duty(any_number(random, 1.0)),
@@ -432,10 +432,7 @@ fn any_target(random: &mut Random, declared: &Declaration) -> Target {
             kd: any_number(random, 2.0).abs(),
         }),
         8 => Target::Brake(Amps::new(any_number(random, 20.0))),
-        9 => Target::Handbrake(Amps::new(any_number(random, 20.0))),
-        10 => Target::CurrentShare(any_number(random, 1.0)),
-        11 => Target::BrakeShare(any_number(random, 1.0)),
-        _ => Target::HandbrakeShare(any_number(random, 1.0)),
+        _ => Target::Handbrake(Amps::new(any_number(random, 20.0))),
     }
 }
 

@@ -32,7 +32,7 @@ pub struct World {
     pub spoiled: bool,
     /// Milliseconds for which noise may still be on the wire.
     pub noisy: u32,
-    /// Somebody else has spoken in the device's name.
+    /// Another node has spoken in the device's name.
     pub impersonated: bool,
     /// Milliseconds since the last command that was taken.
     pub command_age: u32,
@@ -70,11 +70,11 @@ pub struct Watch<'d> {
     fastest: f64,
 }
 
-/// After driving starts, its torque grows slowly for so many ms.
+/// Length of the soft start, ms.
 const SOFT: u32 = 15;
-/// An angle may be off by so many degrees at rest.
+/// Largest error of an angle at rest, degrees.
 const ANGLE: f64 = 10.0;
-/// Hears again within this, ms: for some, that is a matter of tenths of a second.
+/// Longest time until it is heard again, ms: for some motors tenths of a second.
 const HEARD_WITHIN: u32 = 400;
 
 impl<'d> Watch<'d> {
@@ -142,7 +142,7 @@ impl<'d> Watch<'d> {
         Ok(())
     }
 
-    /// Online is who is heard, and nobody else.
+    /// Online while it is heard, and only then.
     fn link(&mut self, status: &MotorStatus, world: &World) -> Result<(), String> {
         let deaf = world.cut || world.shorted || world.unpowered || world.muted;
         // What waited while the wires were shorted comes afterwards.
@@ -250,13 +250,7 @@ impl<'d> Watch<'d> {
         }
         self.soft -= 1;
         let brakes = status.drive != DriveMode::Run
-            || matches!(
-                status.target.kind(),
-                TargetKind::Brake
-                    | TargetKind::BrakeShare
-                    | TargetKind::Handbrake
-                    | TargetKind::HandbrakeShare
-            );
+            || matches!(status.target.kind(), TargetKind::Brake | TargetKind::Handbrake);
         if !goes_with && (brakes || self.declared.coasts_freely != Claim::Does) {
             return Ok(());
         }

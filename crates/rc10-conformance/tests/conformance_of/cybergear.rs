@@ -34,10 +34,7 @@ fn motor(
     check(
         &declared,
         |motor| {
-            CyberGear::new(model, Address { motor, host: 0xFD })
-                .unwrap()
-                .with_direction(direction)
-                .unwrap()
+            CyberGear::new(model, Address { motor, host: 0xFD }).unwrap().with_direction(direction)
         },
         |wire, motor| {
             wire.add(sim::CyberGear::new(device, motor), device.plant().with_load_inertia(inertia))

@@ -1,7 +1,7 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::unitree::GoM8010;
+use rc10_motor::unitree::{GoM8010, LARGEST_TORQUE};
 use rc10_motor::{Impedance, Target};
 use rc10_sim::unitree_line::{GoM8010 as Device, plant};
 
@@ -17,7 +17,7 @@ pub fn go_m8010(direction: Direction) -> Result<(), Report> {
         ),
         // For a moment, when the load changes its way: until the speed loop's integral carries it.
         hold_gives: 14.0,
-        ..Declaration::new([0, 1], Rpm::new(100.0), GoM8010::LARGEST_TORQUE)
+        ..Declaration::new([0, 1], Rpm::new(100.0), LARGEST_TORQUE)
     }
     .with_trials(&[
         Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),

@@ -1,7 +1,7 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::unitree::GoModule;
+use rc10_motor::unitree::{GoModule, LARGEST_TORQUE};
 use rc10_motor::{Impedance, Target};
 use rc10_sim::EscFault;
 use rc10_sim::unitree_module::{UnitreeModule, plant};
@@ -22,7 +22,7 @@ pub fn go_m8010(direction: Direction) -> Result<(), Report> {
             EscFault::CommunicationLost,
             "its cable to the module is off: the module is silent about it, and the motor is lost",
         )],
-        ..Declaration::new([0, 1], Rpm::new(100.0), NewtonMetres::new(23.7))
+        ..Declaration::new([0, 1], Rpm::new(100.0), LARGEST_TORQUE)
     }
     .with_trials(&[
         Trial::new(Target::Speed(Rpm::new(100.0)), 2.0, 1500),

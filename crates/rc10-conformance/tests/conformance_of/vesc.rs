@@ -6,7 +6,7 @@ use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::vesc::{Config, Currents, Shaft, Vesc, VescId};
+use rc10_motor::vesc::{Config, Currents, ElectricalScale, Vesc, VescId};
 use rc10_sim::vesc::{VescConfig, outrunner_270_kv};
 use rc10_sim::{EscFault, Plant};
 
@@ -17,10 +17,10 @@ const LIMIT: f32 = 40.0;
 
 /// Our side.
 fn ours(id: u8, gear: Gear, direction: Direction) -> Vesc {
-    let shaft = Shaft::new(NonZeroU8::new(POLE_PAIRS).unwrap(), gear);
+    let scale = ElectricalScale::new(NonZeroU8::new(POLE_PAIRS).unwrap(), gear);
     let currents =
         Currents { limit: Amps::new(LIMIT), brake: Amps::new(15.0), handbrake: Amps::new(20.0) };
-    let config = Config::new(VescId::new(id).unwrap(), shaft, currents);
+    let config = Config::new(VescId::new(id).unwrap(), scale, currents);
     Vesc::new(Config { direction, ..config }).unwrap()
 }
 
@@ -55,20 +55,26 @@ fn untold(declared: Declaration, direction: Direction) -> Declaration {
     Declaration { direction, untold_faults, ..declared }
 }
 
-const ALIKE: [Trial; 8] = [
+const ALIKE: [Trial; 5] = [
     Trial::new(Target::Coast, 0.01, 50),
     Trial::new(Target::Current(Amps::new(-5.0)), 0.1, 100),
-    Trial::new(Target::CurrentShare(0.2), 20.0, 500),
     Trial::new(Target::Duty(-0.2), 20.0, 500),
     Trial::new(Target::Brake(Amps::new(15.0)), 5.0, 3000),
-    Trial::new(Target::BrakeShare(0.5), 5.0, 3000),
     // It does not brake: it catches what friction has slowed down, and lets it swing.
     Trial::new(Target::Handbrake(Amps::new(20.0)), 300.0, 8000),
-    Trial::new(Target::HandbrakeShare(0.5), 300.0, 8000),
 ];
 
-/// A wheel of 0.5 kg without gearbox.
 pub fn vesc(direction: Direction) -> Result<(), Report> {
+    wheel(direction, None)
+}
+
+/// Its currents are sent as shares of the device's limit.
+pub fn vesc_relative(direction: Direction) -> Result<(), Report> {
+    wheel(direction, Some(Amps::new(LIMIT)))
+}
+
+/// A wheel of 0.5 kg without gearbox.
+fn wheel(direction: Direction, relative_to: Option<Amps>) -> Result<(), Report> {
     let plant = outrunner_270_kv().with_load_inertia(6e-4);
     let declared = Declaration {
         holds: Claim::Cannot("a still field holds to half its turn: 26 degrees of this shaft"),
@@ -76,7 +82,10 @@ pub fn vesc(direction: Direction) -> Result<(), Report> {
     }
     .with_trials(&ALIKE)
     .with_trials(&[Trial::new(Target::Speed(Rpm::new(1000.0)), 60.0, 3000)]);
-    run(&untold(declared, direction), plant, |id| ours(id, Gear::DIRECT, direction))
+    run(&untold(declared, direction), plant, |id| {
+        let config = Config { relative_to, ..*ours(id, Gear::DIRECT, direction).config() };
+        Vesc::new(config).unwrap()
+    })
 }
 
 /// A lift's drum behind a gearbox of 19 : 1.

@@ -7,7 +7,7 @@ use rc10_motor::dji::{
     Dji, Effort, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model, RawFeedback,
 };
 use rc10_motor::signals::Signal;
-use rc10_motor::{CanMotor, Motor, TxBatch};
+use rc10_motor::{CanMotor, Link, Motor, TxBatch};
 
 const MODELS: [&Model; 4] = [&M3508, &M2006, &GM6020_CURRENT, &GM6020_VOLTAGE];
 
@@ -62,7 +62,7 @@ proptest! {
         let mut known = data;
         known[0] &= 0x1F;
         let frame = CanFrame::eight_bytes(model.feedback_id(id).unwrap(), known);
-        motor.unpack_feedback(&frame, Micros::ZERO).unwrap();
+        motor.unpack_feedback(&frame, Micros::ZERO, Link::NeverSeen).unwrap();
         let told = f64::from(motor.feedback().current().unwrap().get());
         prop_assert!((physical("CURRENT") - told).abs() <= told.abs() * 1e-6, "{}", told);
     }

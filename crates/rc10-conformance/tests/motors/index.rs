@@ -29,10 +29,10 @@ fn dji(model: &'static dji::Model, id: u8) -> Dji {
 }
 
 fn vesc(id: u8) -> Vesc {
-    let shaft = vesc::Shaft::new(NonZeroU8::new(7).unwrap(), Gear::DIRECT);
+    let scale = vesc::ElectricalScale::new(NonZeroU8::new(7).unwrap(), Gear::DIRECT);
     let amps = Amps::new(10.0);
     let currents = Currents { limit: amps, brake: amps, handbrake: amps };
-    Vesc::new(vesc::Config::new(VescId::new(id).unwrap(), shaft, currents)).unwrap()
+    Vesc::new(vesc::Config::new(VescId::new(id).unwrap(), scale, currents)).unwrap()
 }
 
 fn module(module: u8, motor: u8) -> GoModule {
@@ -60,10 +60,9 @@ fn odrive(node: u8, control: odrive::Control) -> ODrive {
 }
 
 /// As the page calls them.
-const KINDS: [(TargetKind, &str); 13] = [
+const KINDS: [(TargetKind, &str); 10] = [
     (TargetKind::Coast, "coast"),
     (TargetKind::Current, "current"),
-    (TargetKind::CurrentShare, "current share"),
     (TargetKind::Duty, "duty"),
     (TargetKind::Torque, "torque"),
     (TargetKind::Speed, "speed"),
@@ -71,9 +70,7 @@ const KINDS: [(TargetKind, &str); 13] = [
     (TargetKind::TotalAngle, "total angle"),
     (TargetKind::Impedance, "impedance"),
     (TargetKind::Brake, "brake"),
-    (TargetKind::BrakeShare, "brake share"),
     (TargetKind::Handbrake, "handbrake"),
-    (TargetKind::HandbrakeShare, "handbrake share"),
 ];
 
 /// The cell of a motor's row; the first column is 0.

@@ -2,7 +2,7 @@
 
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id};
-use rc10_motor::unitree::wire::Shaft;
+use rc10_motor::unitree::wire::RotorScale;
 use rc10_motor::unitree::wire::module::{Content, Reply};
 
 /// The named values of a frame of this message. Commands have no decoder of ours; their data are
@@ -18,16 +18,16 @@ pub fn values(message: &str, frame: &CanFrame) -> Vec<(&'static str, f64)> {
     let reply = Reply::unpack(&CanFrame::eight_bytes(Id::Extended(id), data)).unwrap();
     match reply.content {
         Content::State { motion, .. } => {
-            let motion = Shaft::OUTPUT.motion(motion);
+            let motion = RotorScale::OUTPUT.motion(motion);
             vec![
-                // Counts are exact; degrees as an f32 are not.
-                ("Angle", motion.angle.counts() as f64 * 360.0 / (32768.0 * 6.33)),
+                // Microdegrees are exact; degrees as an f32 are not.
+                ("Angle", motion.angle.microdegrees() as f64 * 1e-6),
                 ("Speed", motion.speed.get().into()),
                 ("Torque", motion.torque.get().into()),
             ]
         }
         Content::Impedance(raw) => {
-            let impedance = Shaft::OUTPUT.impedance(raw);
+            let impedance = RotorScale::OUTPUT.impedance(raw);
             vec![("Damping", impedance.damping.into()), ("Stiffness", impedance.stiffness.into())]
         }
         Content::Fault { .. } => Vec::new(),

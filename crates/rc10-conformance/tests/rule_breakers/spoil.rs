@@ -12,6 +12,7 @@ pub enum Spoil {
     TenthOfTorque,
     NineBytes,
     OtherName,
+    OtherRate,
     UndeclaredFrame,
     ForeignStream,
     ThreeFrames,
@@ -70,8 +71,9 @@ pub enum Spoil {
 impl Spoil {
     /// The rule that each breaks; some rules have more than one way.
     pub const ALL: &[(&str, Self)] = &[
-        ("wiring-is-valid", Self::NineBytes),
-        ("wiring-is-constant", Self::OtherName),
+        ("ids-are-valid", Self::NineBytes),
+        ("ids-are-constant", Self::OtherRate),
+        ("ids-are-constant", Self::OtherName),
         ("frames-are-declared", Self::UndeclaredFrame),
         ("streams-are-own", Self::ForeignStream),
         ("few-frames-a-tick", Self::ThreeFrames),

@@ -2,13 +2,13 @@
 
 use std::cell::{Cell, RefCell};
 
-use rc10_app::{Degrees, Rpm, Seconds, TotalAngle};
+use rc10_app::{Degrees, Rpm, TotalAngle};
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::{
-    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Guard, Motor,
-    Rate, Request, RequestError, Response, RxFrames, Target, TargetError, TargetKind, TargetSet,
-    TxBatch, TxFull,
+    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Guard, Link,
+    Motor, MotorName, Rate, Request, RequestError, Response, RxFrames, Target, TargetError,
+    TargetKind, TargetSet, Tick, TxBatch, TxFull,
 };
 
 use crate::motor::{Command, Finch};
@@ -46,7 +46,7 @@ pub struct Spoiled {
     turned: f32,
     /// The time step was a long one.
     long_step: bool,
-    answer: Option<Result<Response, RequestError>>,
+    response: Option<Result<Response, RequestError>>,
     /// The last target that it took.
     asked: Target,
     /// A torque limit was set.
@@ -78,7 +78,7 @@ impl Spoiled {
             wrong_for: 0,
             turned: 1.0,
             long_step: false,
-            answer: None,
+            response: None,
             asked: Target::Coast,
             is_limited: false,
             lost: TotalAngle::ZERO,
@@ -176,6 +176,11 @@ fn speed_swapped(frame: CanFrame) -> CanFrame {
 }
 
 impl Motor for Spoiled {
+    fn name(&self) -> MotorName {
+        let is_other = self.is(Spoil::OtherName) && self.report.is_some();
+        MotorName { model: if is_other { "Falcon" } else { "Finch F10" }, id: self.id }
+    }
+
     fn supports(&self) -> TargetSet {
         use TargetKind::{Angle, Coast, Duty, Speed, Torque, TotalAngle};
         if self.is(Spoil::TakesMore) && self.report.is_some() {
@@ -222,7 +227,8 @@ impl Motor for Spoiled {
         Some(if self.is(Spoil::FaultWithoutWords) { Fault::new(fault.code, "") } else { fault })
     }
 
-    fn update(&mut self, dt: Seconds, drive: DriveMode) {
+    fn update(&mut self, tick: &Tick) {
+        let drive = tick.mode;
         self.ticks += 1;
         self.wrong_for = self.wrong_for.saturating_sub(1);
         if drive == self.drive {
@@ -234,13 +240,13 @@ impl Motor for Spoiled {
             self.turned = self.good.feedback().speed.get().signum();
         }
         self.was_armed |= drive != DriveMode::Off;
-        self.long_step = dt.get() > 0.005;
+        self.long_step = tick.dt.get() > 0.005;
         if self.is(Spoil::HoldsBehind) && drive == DriveMode::Hold && self.since == 0 {
             let behind = TotalAngle::from_degrees(if self.turned > 0.0 { -20 } else { 20 });
             let behind = self.good.feedback().total_angle.plus(behind);
             let _ = self.good.set_target(Target::TotalAngle(behind));
         }
-        self.good.update(dt, self.heeds(drive));
+        self.good.update(&Tick { mode: self.heeds(drive), ..*tick });
         self.commanded = false;
         self.silent_for += 1;
     }
@@ -269,16 +275,16 @@ impl Motor for Spoiled {
         self.good.request(request)
     }
 
-    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
-        let again = self.answer.take();
-        let answer = self.good.answer();
+    fn response(&mut self) -> Option<Result<Response, RequestError>> {
+        let again = self.response.take();
+        let response = self.good.response();
         if self.is(Spoil::AnswersTwice) {
-            self.answer = answer;
+            self.response = response;
         }
-        if self.is(Spoil::NeverRecovers) && answer == Some(Ok(Response::Done)) {
+        if self.is(Spoil::NeverRecovers) && response == Some(Ok(Response::Done)) {
             self.wrong_for = 5000;
         }
-        answer.or(again)
+        response.or(again)
     }
 
     fn condition(&self) -> Condition {
@@ -290,15 +296,12 @@ impl CanMotor for Spoiled {
     fn can_ids(&self) -> CanIds {
         let good = self.good.can_ids();
         let (mut received, mut sent) = (good.received().to_vec(), good.transmitted().to_vec());
-        let mut name = good.name().model;
         match self.spoil {
-            Spoil::NineBytes => received.push(RxFrames {
-                pattern: IdPattern::exact(standard(0x700 + self.id)),
-                len: 9,
-                rate: Rate::Rare,
-                guard: None,
-            }),
-            Spoil::OtherName if self.report.is_some() => name = "Falcon",
+            Spoil::NineBytes => {
+                let pattern = IdPattern::exact(standard(0x700 + self.id));
+                received.push(RxFrames::new(pattern, 9, Rate::Rare));
+            }
+            Spoil::OtherRate if self.report.is_some() => sent[0].rate = Rate::Hz(100),
             Spoil::IgnoresGuard => {
                 received[0].guard = Some(Guard { byte: 6, mask: 0xFE, value: 0 });
             }
@@ -313,14 +316,18 @@ impl CanMotor for Spoiled {
             }
             _ => (),
         }
-        let empty = CanIds::new(name, self.id);
-        let wiring = received.into_iter().try_fold(empty, CanIds::receives).unwrap();
-        sent.into_iter().try_fold(wiring, CanIds::transmits).unwrap()
+        let ids = received.into_iter().fold(CanIds::new(), CanIds::receives);
+        sent.into_iter().fold(ids, CanIds::transmits)
     }
 
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(
+        &mut self,
+        frame: &CanFrame,
+        at: Micros,
+        link: Link,
+    ) -> Result<FrameKind, FrameError> {
         let read = if self.is(Spoil::SwapsSpeed) { speed_swapped(*frame) } else { *frame };
-        let heard = self.good.unpack_feedback(&read, at);
+        let heard = self.good.unpack_feedback(&read, at, link);
         let is_own = frame.key() == CanFrame::key_of(standard(0x380 + self.id));
         if heard.is_err() {
             let takes = match self.spoil {

@@ -1,13 +1,13 @@
 //! A motor that obeys impedances, but for one thing.
 
-use rc10_app::{Degrees, NewtonMetres, PidConfig, Rpm, RpmPerSecond, Seconds, TotalAngle};
+use rc10_app::{Cascade, Degrees, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle};
 use rc10_can::{CanFrame, Micros};
 use rc10_conformance::{Declaration, Report, Trial, check};
 use rc10_motor::damiao::{Control, Damiao, models};
-use rc10_motor::rc10_app::Cascade;
 use rc10_motor::{
     CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Impedance,
-    Motor, Request, RequestError, Response, Target, TargetError, TargetSet, TxBatch, TxFull,
+    Link, Motor, MotorName, Request, RequestError, Response, Target, TargetError, TargetSet, Tick,
+    TxBatch, TxFull,
 };
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
 
@@ -58,6 +58,10 @@ impl Sprung {
 }
 
 impl Motor for Sprung {
+    fn name(&self) -> MotorName {
+        self.good.name()
+    }
+
     fn supports(&self) -> TargetSet {
         self.good.supports()
     }
@@ -83,17 +87,17 @@ impl Motor for Sprung {
         self.good.fault()
     }
 
-    fn update(&mut self, dt: Seconds, drive: DriveMode) {
-        let runs = drive == DriveMode::Run && self.asked.is_some();
+    fn update(&mut self, tick: &Tick) {
+        let runs = tick.mode == DriveMode::Run && self.asked.is_some();
         self.driven = if runs { self.driven.saturating_add(1) } else { 0 };
         let wrong = self.asked.filter(|_| runs).map(|asked| (asked, self.slipped(asked)));
         match wrong {
             Some((asked, slipped)) if asked != slipped => {
                 let _ = self.good.set_target(Target::Impedance(slipped));
-                self.good.update(dt, drive);
+                self.good.update(tick);
                 let _ = self.good.set_target(Target::Impedance(asked));
             }
-            _ => self.good.update(dt, drive),
+            _ => self.good.update(tick),
         }
     }
 
@@ -104,8 +108,8 @@ impl Motor for Sprung {
         self.good.request(request)
     }
 
-    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
-        self.good.answer()
+    fn response(&mut self) -> Option<Result<Response, RequestError>> {
+        self.good.response()
     }
 
     fn condition(&self) -> Condition {
@@ -118,8 +122,13 @@ impl CanMotor for Sprung {
         self.good.can_ids()
     }
 
-    fn unpack_feedback(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
-        self.good.unpack_feedback(frame, at)
+    fn unpack_feedback(
+        &mut self,
+        frame: &CanFrame,
+        at: Micros,
+        link: Link,
+    ) -> Result<FrameKind, FrameError> {
+        self.good.unpack_feedback(frame, at, link)
     }
 
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {

@@ -48,6 +48,23 @@ pub fn interrupt_with(interrupt: Option<Rc<dyn Fn()>>) {
     INTERRUPT.with_borrow_mut(|place| *place = interrupt);
 }
 
+/// Lets time pass while code runs.
+#[allow(dead_code, reason = "not every test has work that takes time")]
+pub fn spend(time: Micros) {
+    NOW.set(NOW.get() + time.get());
+}
+
+/// Runs one task until the clock would pass `end`.
+#[allow(dead_code, reason = "for tests of one task")]
+pub fn run_until<T>(end: Micros, task: impl Future<Output = T>) {
+    let mut tasks = Tasks::new();
+    tasks.add(async move {
+        let _ = task.await;
+    });
+    tasks.run(Micros::new(end.get().saturating_sub(NOW.get())));
+}
+
+#[allow(dead_code, reason = "not every test asks")]
 pub fn now() -> Micros {
     Micros::new(NOW.get())
 }

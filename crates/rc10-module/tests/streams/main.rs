@@ -4,7 +4,7 @@
 #![allow(clippy::float_cmp, reason = "numbers that are exact")]
 
 mod checks;
-#[path = "../../../rc10-bsp/tests/clock/mod.rs"]
+#[path = "../../../rc10-message/tests/clock/mod.rs"]
 mod clock;
 mod example;
 mod faults;

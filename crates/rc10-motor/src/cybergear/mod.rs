@@ -45,14 +45,12 @@
 //! Sources: CyberGear manual and its samples, `CyberGearDriver` 0.2.0 (Python); RobStride manuals
 //! RS00 to RS06 (260428).
 
-mod exchange;
-pub mod models;
+mod config;
 mod motor;
-mod position;
 pub mod signals;
 pub mod wire;
 
 pub use crate::mit::{Limits, Setpoint};
-pub use models::{Faults, Model};
+pub use config::{Faults, Model, models};
 pub use motor::CyberGear;
 pub use wire::{Address, Reply};

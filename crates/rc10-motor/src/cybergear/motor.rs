@@ -1,24 +1,22 @@
-//! A [`CyberGear`]: any model of [`models`](super::models), as a motor on a bus.
+//! The motor: when the device may move, and what it is told.
 
-mod frames;
+use embedded_can::ExtendedId;
+use rc10_app::{Cascade, ConfigError, Direction, Gear, NewtonMetres, Rpm};
+use rc10_can::{CanFrame, IdPattern, Micros};
 
-use core::f32::consts::PI;
-
-use rc10_app::{Celsius, ConfigError, CountsPerTurn, NewtonMetres, Rpm, Seconds, TotalAngle};
-use rc10_can::Micros;
-
-use super::exchange::{Ask, Exchange, Outcome};
-use super::models::Model;
-use super::position::Position;
-use super::wire::{Address, Parameter};
-use crate::mit::{Limits, Setpoint};
-use crate::motor::{
-    Condition, DriveMode, Fault, Feedback, Impedance, Loops, Motor, Request, RequestError,
-    Response, Target, TargetError, TargetKind, TargetSet,
-};
-use crate::servo::{Measured, Servo};
-use rc10_app::Cascade;
-use rc10_app::Direction;
+use super::config::{Model, check_address, checked};
+use super::wire::{self, Address, Mode, Parameter, ParameterValue, Reply};
+use crate::batch::{TxBatch, TxFull};
+use crate::can_ids::{CanIds, MotorName, Rate, RxFrames, TxFrames};
+use crate::feedback::{Condition, Fault, Feedback};
+use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND, RangedPosition, Setpoint};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::pending::{Pending, Retry};
+use crate::request::{Request, RequestError, Response};
+use crate::servo::{Servo, SpringRange};
+use crate::shaft::Shaft;
+use crate::supervision::Link;
+use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
 /// One CyberGear or RobStride.
 ///
@@ -29,21 +27,20 @@ pub struct CyberGear {
     model: &'static Model,
     limits: Limits,
     address: Address,
-    direction: Direction,
     servo: Servo,
-    impedance: Option<Impedance>,
-    /// How much of an impedance is given: from 0 to 1 after it begins.
-    share: f32,
-    setpoint: Setpoint,
-    drive: DriveMode,
+    shaft: Shaft,
+    position: RangedPosition,
     step: Step,
-    /// Seconds since its last feedback; meaningless before the first.
-    silence: f32,
-    position: Position,
-    seen: Seen,
+    pending: Pending<Question>,
+    /// A parameter that was written in the last tick, to be read back in this one.
+    read_back: Option<Parameter>,
+    /// Ticks without a frame to go before a save.
+    quiet: u8,
+    reported: Option<wire::Feedback>,
     fault: Option<Fault>,
-    exchange: Option<Exchange>,
-    answer: Option<Outcome>,
+    /// As the bus said in the last tick.
+    drive: DriveMode,
+    setpoint: Setpoint,
 }
 
 /// How far it is with enabling: the device's answers lead from one to the next.
@@ -61,31 +58,45 @@ enum Step {
     Running,
 }
 
-/// The newest feedback, in the device's direction.
-#[derive(Clone, Copy, Debug)]
-struct Seen {
-    at: Micros,
-    /// rad/s.
-    speed: f32,
-    /// N m.
-    torque: f32,
-    temperature: Celsius,
+/// What only the device can do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Question {
+    /// Forget its faults: the frame for it takes the place of its stop.
+    ClearFaults,
+    Read(Parameter),
+    /// Take a value, and say what it holds then: the answer to writing is plain feedback.
+    Write(Parameter, [u8; 4]),
+    /// Be at zero here.
+    Zero,
+    /// Keep its parameters.
+    Save,
 }
 
-/// As the bus has it for feedback in every tick, in both units of time it is needed in.
-const LINK_TIMEOUT: f32 = 0.010;
-const LINK_TIMEOUT_MICROS: Micros = Micros::from_millis(10);
-/// After a silence of so long the number of turns is an estimate.
-const LONG_SILENCE: Micros = Micros::from_millis(100);
-/// A shaft that after a silence is within so many rad of where its speed takes it, and half that
-/// way, was counted all the time. A device that was off counts from somewhere else; one whose count
-/// differs by less does little harm.
-const NEAR: f32 = 0.5;
-/// An impedance is given in full after so many seconds.
-const SOFT_TIME: f32 = 0.1;
-const RPM: f32 = 30.0 / PI;
-/// What no host is called: the address for everybody.
-const EVERYBODY: u8 = 0xFE;
+impl Question {
+    /// Whether the robot must be disarmed meanwhile.
+    const fn only_while_off(self) -> bool {
+        matches!(self, Self::Write(..) | Self::Zero | Self::Save)
+    }
+
+    const fn retry(self) -> Retry {
+        match self {
+            // Never twice: flash wears, and takes its time.
+            Self::Save => Retry { every: 0.5, tries: 1 },
+            _ => Retry { every: 0.016, tries: 6 },
+        }
+    }
+}
+
+/// Ticks without a frame before a save: its answer is plain feedback, so what comes afterwards must
+/// have one cause only.
+const QUIET: u8 = 2;
+/// The device's shaft is free while it is zeroed, and may move a little meanwhile; rad.
+const AT_ZERO: f32 = 0.1;
+/// What a device answers for a parameter that it does not have (RobStride manuals, type 17).
+const UNKNOWN_PARAMETER: u32 = 1;
+/// Steps of a microdegree.
+const STEPS_PER_TURN: u32 = 360_000_000;
+const MOTION: u32 = 1 << 24;
 
 impl CyberGear {
     /// The targets it takes.
@@ -105,48 +116,32 @@ impl CyberGear {
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn new(model: &'static Model, address: Address) -> Result<Self, ConfigError> {
-        Self::build(model, address)
-            .map_err(|error| error.of_device(model.name, address.motor.into()))
-    }
-
-    fn build(model: &'static Model, address: Address) -> Result<Self, ConfigError> {
-        let Address { motor, host } = address;
-        if !(1..=127).contains(&motor) {
-            return Err(ConfigError::new("motor", motor.into(), "1 to 127"));
-        }
-        if host == motor || host >= EVERYBODY {
-            let must_be = "below 254, and not the motor's own identifier";
-            return Err(ConfigError::new("host", host.into(), must_be));
-        }
-        let limits = model.limits.checked()?;
+        let (limits, servo) = check_address(address)
+            .and_then(|()| Ok((checked(model.limits)?, servo(model, model.cascade)?)))
+            .map_err(|error| error.of_device(model.name, address.motor.into()))?;
         Ok(Self {
             model,
             limits,
             address,
-            direction: Direction::Forward,
-            servo: Servo::new(TargetKind::Torque, model.cascade)?,
-            impedance: None,
-            share: 0.0,
-            setpoint: Setpoint::COAST,
-            drive: DriveMode::Off,
+            servo,
+            shaft: Shaft::new(STEPS_PER_TURN, Gear::DIRECT, Direction::Forward),
+            position: RangedPosition::new(&limits),
             step: Step::Stopped,
-            silence: 0.0,
-            position: Position::new(position_range(limits)?, Direction::Forward),
-            seen: Seen { at: Micros::ZERO, speed: 0.0, torque: 0.0, temperature: Celsius::ZERO },
+            pending: Pending::new(),
+            read_back: None,
+            quiet: 0,
+            reported: None,
             fault: None,
-            exchange: None,
-            answer: None,
+            drive: DriveMode::Off,
+            setpoint: Setpoint::COAST,
         })
     }
 
     /// Turning the given way.
-    ///
-    /// # Errors
-    /// [`ConfigError`], if the model's range of position cannot be used.
-    pub fn with_direction(mut self, direction: Direction) -> Result<Self, ConfigError> {
-        self.direction = direction;
-        self.position = Position::new(position_range(self.limits)?, direction);
-        Ok(self)
+    #[must_use]
+    pub const fn with_direction(mut self, direction: Direction) -> Self {
+        self.shaft = Shaft::new(STEPS_PER_TURN, Gear::DIRECT, direction);
+        self
     }
 
     /// With another range of position, rad, above 0 and at most 15: sources give a CyberGear 12.5 or
@@ -155,8 +150,8 @@ impl CyberGear {
     /// # Errors
     /// [`ConfigError`], if it cannot be used.
     pub fn with_position_range(mut self, range: f32) -> Result<Self, ConfigError> {
-        self.limits = self.limits.with_position(range)?;
-        self.position = Position::new(position_range(self.limits)?, self.direction);
+        self.limits = self.limits.with_position(range).and_then(checked)?;
+        self.position = RangedPosition::new(&self.limits);
         Ok(self)
     }
 
@@ -166,13 +161,8 @@ impl CyberGear {
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
         let id = self.address.motor.into();
-        let named = |error: ConfigError| error.of_device(self.model.name, id);
-        let (torque, most) = (cascade.speed.output_limit, self.limits.torque());
-        if torque > most {
-            let error = ConfigError::new("output_limit", torque, "at most the model's torque");
-            return Err(named(error.in_part("speed")));
-        }
-        self.servo = Servo::new(TargetKind::Torque, cascade).map_err(named)?;
+        self.servo =
+            servo(self.model, cascade).map_err(|error| error.of_device(self.model.name, id))?;
         Ok(self)
     }
 
@@ -194,84 +184,159 @@ impl CyberGear {
         self.address
     }
 
-    fn sign(&self) -> f32 {
-        self.direction.sign().into()
-    }
-
-    fn measured(&self) -> Option<Measured> {
-        let rpm = self.seen.speed * RPM * self.sign();
-        self.position.is_known().then(|| Measured { rpm, microdegrees: self.position.counted() })
-    }
-
-    fn is_heard(&self) -> bool {
-        self.position.is_known() && self.silence <= LINK_TIMEOUT
-    }
-
-    /// Where the device's own loop pulls to; `None` where it has no number for.
-    fn place(&self, impedance: &Impedance) -> Option<f32> {
-        #[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
-        let counted = (impedance.angle.get() * 1e6) as i64;
-        self.position.in_device(counted)
-    }
-
-    fn accepts_impedance(&self, impedance: &Impedance) -> Result<(), TargetError> {
-        Self::TARGETS.accepts(&Target::Impedance(*impedance))?;
-        let Impedance { kp, kd, .. } = *impedance;
-        let good = (0.0..=self.limits.kp()).contains(&kp)
-            && (0.0..=self.limits.kd()).contains(&kd)
-            && !self.position.is_beyond()
-            && self.place(impedance).is_some();
-        if good { Ok(()) } else { Err(TargetError::OutOfRange(TargetKind::Impedance)) }
-    }
-
-    /// The device's own loop, with as much of it as the torque limit and the soft start allow.
-    fn impede(&mut self, impedance: &Impedance, dt: Seconds) -> Setpoint {
-        let Some(position) = self.place(impedance) else {
-            return Setpoint::COAST;
-        };
-        let Some(now) = self.position.in_device(self.position.counted()) else {
-            return Setpoint::COAST;
-        };
-        self.share = (self.share + dt.get() * (1.0 / SOFT_TIME)).min(1.0);
-        let sign = self.sign();
-        let velocity = impedance.speed.get() * (sign / RPM);
-        let (kp, kd) = (impedance.kp, impedance.kd);
-        let torque = impedance.torque.get() * sign;
-        let whole = kp * (position - now) + kd * (velocity - self.seen.speed) + torque;
-        let limit = self.servo.cascade().speed.output_limit;
-        let share = if whole.abs() > limit { self.share * limit / whole.abs() } else { self.share };
-        Setpoint { position, velocity, kp: kp * share, kd: kd * share, torque: torque * share }
+    /// The low two bytes of the identifier of what it hears.
+    fn replies(&self) -> u32 {
+        u32::from(self.address.motor) << 8 | u32::from(self.address.host)
     }
 
     /// One step of what leads to [`Step::Running`] or back.
-    fn advance(&mut self, drive: DriveMode) {
-        let may_run = self.is_heard() && self.fault.is_none();
-        let wanted = match drive {
+    fn advance(&mut self, tick: &Tick) {
+        let may_run = tick.link == Link::Online && self.fault.is_none();
+        let is_wanted = match tick.mode {
             DriveMode::Off => false,
             // Nothing needs to be enabled for that.
             DriveMode::Coast => self.step == Step::Running,
             DriveMode::Brake | DriveMode::Hold | DriveMode::Run => true,
         };
-        if !(may_run && wanted) {
+        if !(may_run && is_wanted) {
             self.step = Step::Stopped;
         } else if self.step == Step::Stopped {
             self.step = Step::Checking;
         }
     }
-}
 
-fn position_range(limits: Limits) -> Result<f32, ConfigError> {
-    let value = limits.position();
-    if value <= 15.0 {
-        Ok(value)
-    } else {
-        Err(ConfigError::new("position", value, "at most 15 rad"))
+    fn ask(&mut self, question: Question) -> Result<Response, RequestError> {
+        if question.only_while_off() && self.drive != DriveMode::Off {
+            return Err(RequestError::NotWhileArmed);
+        }
+        self.quiet = QUIET;
+        self.pending.ask(question, question.retry())
+    }
+
+    /// What a feedback says about what was asked.
+    #[cold]
+    fn answer(&mut self, reported: &wire::Feedback) {
+        let is_at_zero = reported.position.abs() < AT_ZERO && reported.mode != Mode::Run;
+        match self.pending.sent() {
+            Some(Question::Zero) if is_at_zero => {
+                self.set_zero();
+                self.position.start_over();
+                // A zero that is not saved is gone with the power.
+                self.quiet = QUIET;
+                self.pending.replace(Question::Save, Question::Save.retry());
+            }
+            Some(Question::Save) => self.pending.end(Ok(Response::Done)),
+            Some(Question::ClearFaults) => match reported.faults.bits() {
+                0 => {
+                    self.fault = None;
+                    self.pending.end(Ok(Response::Done));
+                }
+                bits => self.pending.fail_with(RequestError::Refused(bits.into())),
+            },
+            _ => {}
+        }
+    }
+
+    fn hear(&mut self, reported: &wire::Feedback, at: Micros, link: Link) -> FrameKind {
+        if self.pending.is_busy() {
+            self.answer(reported);
+        }
+        let rpm = reported.velocity * RPM_PER_RADIAN_PER_SECOND;
+        let jump = self.position.follow(&mut self.shaft, reported.steps, rpm, at, link);
+        if jump.is_some() {
+            // Of its turns and of its angle in them it knows nothing more: the shaft stays.
+            self.shaft.count_gap();
+        }
+        self.shaft.measure(rpm, at);
+        let runs = reported.mode == Mode::Run;
+        self.step = match self.step {
+            _ if jump.is_some() || link != Link::Online => Step::Stopped,
+            // It has stopped itself.
+            Step::Running if !runs => Step::Stopped,
+            Step::Setting => Step::Checking,
+            Step::Enabling if runs => Step::Running,
+            step => step,
+        };
+        self.reported = Some(*reported);
+        let fault = reported.faults.gravest(self.model);
+        self.fault = self.fault.or(fault);
+        fault.map_or(FrameKind::Feedback, |_| FrameKind::Fault)
+    }
+
+    fn hear_parameter(&mut self, value: &ParameterValue) -> Result<FrameKind, FrameError> {
+        let held = u32::from_le_bytes(value.bytes);
+        let is_run_mode = value.parameter == Parameter::RUN_MODE;
+        match self.pending.question() {
+            _ if self.step == Step::Checking && is_run_mode && !value.refused => {
+                self.step = if value.byte() == 0 { Step::Enabling } else { Step::Setting };
+            }
+            Some(Question::Read(asked) | Question::Write(asked, _))
+                if asked == value.parameter && value.refused =>
+            {
+                self.pending.end(Err(RequestError::Refused(UNKNOWN_PARAMETER)));
+            }
+            Some(Question::Read(asked)) if asked == value.parameter => {
+                self.pending.end(Ok(Response::Register(held)));
+            }
+            Some(Question::Write(asked, bytes)) if asked == value.parameter => {
+                if value.bytes == bytes {
+                    self.pending.end(Ok(Response::Done));
+                } else {
+                    self.pending.fail_with(RequestError::Refused(held));
+                }
+            }
+            // On a busy bus it is asked for once more before the answer is there.
+            _ if is_run_mode => {}
+            _ => return Err(FrameError::Unasked),
+        }
+        Ok(FrameKind::Other)
+    }
+
+    /// All angles count from here: those that are sought or held stay where they are.
+    fn set_zero(&mut self) {
+        self.servo.set_zero(self.shaft.set_zero());
+    }
+
+    /// The question of this tick: one of a request, or about the run mode.
+    fn question_frame(&mut self) -> Option<CanFrame> {
+        let to = self.address;
+        let is_writing = matches!(self.pending.question(), Some(Question::Write(..)));
+        if let Some(parameter) = self.read_back.take().filter(|_| is_writing) {
+            return Some(wire::read(to, parameter));
+        }
+        match self.pending.take_due() {
+            Some(Question::Read(parameter)) => return Some(wire::read(to, parameter)),
+            Some(Question::Write(parameter, bytes)) => {
+                self.read_back = Some(parameter);
+                return Some(wire::write(to, parameter, bytes));
+            }
+            Some(Question::Zero) => return Some(wire::set_zero(to)),
+            Some(Question::Save) => return Some(wire::save(to)),
+            Some(Question::ClearFaults) | None => {}
+        }
+        match self.step {
+            Step::Checking => Some(wire::read(to, Parameter::RUN_MODE)),
+            Step::Setting => Some(wire::write_byte(to, Parameter::RUN_MODE, 0)),
+            Step::Stopped | Step::Enabling | Step::Running => None,
+        }
     }
 }
 
+/// Our loops, and the device's spring.
+fn servo(model: &Model, cascade: Cascade) -> Result<Servo, ConfigError> {
+    let (torque, limits) = (cascade.speed.output_limit, model.limits);
+    if torque > limits.torque() {
+        let error = ConfigError::new("output_limit", torque, "at most the model's torque");
+        return Err(error.in_part("speed"));
+    }
+    let speed = Rpm::new(limits.velocity() * RPM_PER_RADIAN_PER_SECOND);
+    let springs = SpringRange { kp: limits.kp(), kd: limits.kd(), speed };
+    Ok(Servo::new(TargetKind::Torque, cascade)?.with_springs(springs))
+}
+
 impl Motor for CyberGear {
-    fn loops(&self) -> Option<Loops> {
-        Some(self.servo.loops())
+    fn name(&self) -> MotorName {
+        MotorName { model: self.model.name, id: self.address.motor.into() }
     }
 
     fn supports(&self) -> TargetSet {
@@ -279,120 +344,151 @@ impl Motor for CyberGear {
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        match target {
-            Target::Impedance(impedance) => {
-                self.accepts_impedance(&impedance)?;
-                self.impedance = Some(impedance);
-                return Ok(());
-            }
-            Target::TotalAngle(angle) => {
-                let counted = angle.counts_at(CountsPerTurn::MICRODEGREES);
-                let place = self.position.in_device(counted);
-                place.ok_or(TargetError::OutOfRange(TargetKind::TotalAngle))?;
-            }
-            _ => (),
+        // The usual case is the same target again.
+        if target == self.servo.target() {
+            return Ok(());
         }
-        self.servo.set_target(target)?;
-        if self.impedance.take().is_some() {
-            self.share = 0.0;
-        }
-        Ok(())
+        self.supports().accepts(&target)?;
+        self.position.check(&self.shaft, &target)?;
+        self.servo.set_target(target)
     }
 
     fn target(&self) -> Target {
-        self.impedance.map_or_else(|| self.servo.target(), Target::Impedance)
+        self.servo.target()
     }
 
     fn feedback(&self) -> Feedback {
-        if !self.position.is_known() {
-            return Feedback::NEW;
-        }
-        let Seen { at, speed, torque, temperature, .. } = self.seen;
-        let total = TotalAngle::from_microdegrees(self.position.counted());
-        let rpm = Rpm::new(speed * RPM * self.sign());
-        let mut feedback = Feedback::new(at, rpm, self.position.within_turn(), total)
-            .with_torque(NewtonMetres::new(torque * self.sign()))
-            .with_temperature(temperature);
-        feedback.turn_gaps = self.position.gaps();
+        let feedback = self.shaft.feedback();
+        let Some(reported) = &self.reported else { return feedback };
         feedback
+            .with_torque(NewtonMetres::new(reported.torque * self.shaft.sign()))
+            .with_temperature(reported.temperature)
     }
 
     fn fault(&self) -> Option<Fault> {
         self.fault
     }
 
-    fn update(&mut self, dt: Seconds, drive: DriveMode) {
-        self.silence += dt.get();
-        self.drive = drive;
-        self.advance(drive);
-        let runs = self.step == Step::Running;
-        self.setpoint = match self.impedance {
-            Some(impedance) if runs && drive == DriveMode::Run => {
-                self.servo.rest();
-                self.impede(&impedance, dt)
-            }
-            _ => {
-                self.share = 0.0;
-                // Without a measurement the servo rests.
-                let measured = if runs { self.measured() } else { None };
-                let torque = self.servo.update(dt, drive, measured);
-                Setpoint { torque: torque * self.sign(), ..Setpoint::COAST }
-            }
+    fn update(&mut self, tick: &Tick) {
+        self.drive = tick.mode;
+        self.advance(tick);
+        if self.step == Step::Running {
+            self.servo.update(tick, &self.shaft);
+        } else {
+            self.servo.rest();
+        }
+        let sign = self.shaft.sign();
+        self.setpoint = match self.servo.spring() {
+            Some(spring) => self.position.setpoint(spring, sign),
+            None => Setpoint { torque: self.servo.effort() * sign, ..Setpoint::COAST },
         };
-        if let Some(exchange) = &mut self.exchange {
-            let late = exchange.tick(dt);
-            let outcome = if exchange.needs_disarmed() && drive != DriveMode::Off {
-                Some(Err(RequestError::Timeout))
-            } else {
-                late
-            };
-            if let Some(outcome) = outcome {
-                self.finish(outcome);
-            }
+        let question = self.pending.question();
+        if tick.mode != DriveMode::Off && question.is_some_and(Question::only_while_off) {
+            self.pending.interrupt();
+        }
+        if question == Some(Question::Save) && self.quiet > 0 {
+            self.quiet -= 1;
+        } else {
+            self.pending.update(tick.dt);
         }
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
-        if self.exchange.is_some() || self.answer.is_some() {
+        if self.pending.is_busy() {
             return Err(RequestError::Busy);
         }
-        let ask = match request {
+        self.ask(match request {
+            Request::SetZero if !self.shaft.is_known() => return Err(RequestError::NoFeedback),
             Request::SetZero => {
-                let _ = self.measured().ok_or(RequestError::NoFeedback)?;
-                let here = self.position.set_zero();
-                self.servo.set_zero(here);
-                if let Some(impedance) = &mut self.impedance {
-                    #[expect(clippy::cast_precision_loss, reason = "finer than the field")]
-                    let degrees = here as f32 * 1e-6;
-                    impedance.angle = impedance.angle - rc10_app::Degrees::new(degrees);
-                }
+                self.set_zero();
                 return Ok(Response::Done);
             }
             Request::ClearFault if self.fault.is_none() => return Ok(Response::Done),
-            Request::ClearFault => Ask::Clear,
-            Request::ReadRegister(index) => Ask::Read(Parameter(index)),
+            Request::ClearFault => Question::ClearFaults,
+            Request::ReadRegister(index) => Question::Read(Parameter(index)),
             Request::WriteRegister(index, value) => {
-                Ask::Write(Parameter(index), value.to_le_bytes())
+                Question::Write(Parameter(index), value.to_le_bytes())
             }
             // A CyberGear forgets its zero and knows no saving: its type 22 is another command.
-            Request::StoreZero if self.model.saves => Ask::Zero,
-            Request::SaveRegisters if self.model.saves => Ask::Save,
-            request => return self.servo.request(request, self.measured()),
-        };
-        let exchange = Exchange::new(ask);
-        if exchange.needs_disarmed() && self.drive != DriveMode::Off {
-            return Err(RequestError::NotWhileArmed);
-        }
-        self.exchange = Some(exchange);
-        Ok(Response::Pending)
+            Request::StoreZero if self.model.saves => Question::Zero,
+            Request::SaveRegisters if self.model.saves => Question::Save,
+            request => return self.servo.request(request, &self.shaft),
+        })
     }
 
-    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
-        self.answer.take()
+    fn response(&mut self) -> Option<Result<Response, RequestError>> {
+        self.pending.take_outcome()
+    }
+
+    fn loops(&self) -> Option<Loops> {
+        Some(self.servo.loops())
     }
 
     fn condition(&self) -> Condition {
-        let wanted = matches!(self.drive, DriveMode::Brake | DriveMode::Hold | DriveMode::Run);
-        if wanted && self.step != Step::Running { Condition::Starting } else { Condition::Ready }
+        let is_wanted = matches!(self.drive, DriveMode::Brake | DriveMode::Hold | DriveMode::Run);
+        if is_wanted && self.step != Step::Running { Condition::Starting } else { Condition::Ready }
+    }
+}
+
+/// An identifier of 29 bits.
+fn extended(raw: u32) -> ExtendedId {
+    ExtendedId::new(raw).unwrap_or(ExtendedId::MAX)
+}
+
+impl CanMotor for CyberGear {
+    fn can_ids(&self) -> CanIds {
+        let motor = u32::from(self.address.motor);
+        let pattern = |raw, mask| IdPattern::masked(extended(raw), mask);
+        let motion = pattern(MOTION | motor, 0x1F00_00FF);
+        CanIds::new()
+            .receives(RxFrames::new(pattern(self.replies(), 0xFFFF), 8, Rate::EveryTick))
+            .transmits(TxFrames::new(motion, 8, Rate::EveryTick))
+            .transmits(TxFrames::new(pattern(motor, 0xFF), 8, Rate::Rare))
+    }
+
+    #[inline]
+    fn unpack_feedback(
+        &mut self,
+        frame: &CanFrame,
+        at: Micros,
+        link: Link,
+    ) -> Result<FrameKind, FrameError> {
+        // First of all: the length of another's frames says nothing here.
+        if frame.raw_id() & 0xFFFF != self.replies() {
+            return Err(FrameError::NotMine);
+        }
+        match Reply::unpack(frame, &self.limits)? {
+            Reply::Feedback(reported) => Ok(self.hear(&reported, at, link)),
+            Reply::Parameter(value) => self.hear_parameter(&value),
+            Reply::Faults(report) => {
+                let detail = self.model.detail(report.faults);
+                self.fault = detail.or(self.fault);
+                Ok(detail.map_or(FrameKind::Other, |_| FrameKind::Fault))
+            }
+            Reply::Identity { .. } => Err(FrameError::NotMine),
+        }
+    }
+
+    fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        if let Some(frame) = self.question_frame() {
+            tx.push(frame)?;
+        }
+        let question = self.pending.question();
+        if question == Some(Question::Save) {
+            return Ok(());
+        }
+        let to = self.address;
+        let frame = match self.step {
+            Step::Running => wire::motion(to.motor, &self.setpoint, &self.limits),
+            Step::Enabling => wire::enable(to),
+            _ if question == Some(Question::ClearFaults) => wire::clear_faults(to),
+            _ => wire::stop(to),
+        };
+        // The torque is part of the identifier: of all of them only the newest counts.
+        tx.push_as(frame, CanFrame::key_of(extended(MOTION | u32::from(to.motor))))
+    }
+
+    fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        tx.push(wire::stop(self.address))
     }
 }

@@ -4,7 +4,7 @@ use embedded_can::ExtendedId;
 use heapless::Vec;
 use rc10_can::CanFrame;
 
-use super::models::{self, CYBERGEAR_DETAILS, Model, ROBSTRIDE_DETAILS};
+use super::config::{self, CYBERGEAR_DETAILS, Model, ROBSTRIDE_DETAILS, models};
 use super::wire::{self, Address, Parameter, kind};
 use crate::mit::Limits;
 use crate::signals::{ByteOrder, Message, Presence, Signal};
@@ -158,14 +158,14 @@ const fn texts(faults: &[(u8, &'static str); 6]) -> [[(u32, &'static str); 1]; 6
     texts
 }
 
-static CYBERGEAR_TEXTS: [[(u32, &str); 1]; 6] = texts(&models::CYBERGEAR_FAULTS);
-static ROBSTRIDE_TEXTS: [[(u32, &str); 1]; 6] = texts(&models::ROBSTRIDE_FAULTS);
+static CYBERGEAR_TEXTS: [[(u32, &str); 1]; 6] = texts(&config::CYBERGEAR_FAULTS);
+static ROBSTRIDE_TEXTS: [[(u32, &str); 1]; 6] = texts(&config::ROBSTRIDE_FAULTS);
 
 const fn state_with(data: [Signal; 4], robstride: bool) -> [Signal; STATE_SIGNALS] {
     if robstride {
-        state(data, &models::ROBSTRIDE_FAULTS, &ROBSTRIDE_TEXTS)
+        state(data, &config::ROBSTRIDE_FAULTS, &ROBSTRIDE_TEXTS)
     } else {
-        state(data, &models::CYBERGEAR_FAULTS, &CYBERGEAR_TEXTS)
+        state(data, &config::CYBERGEAR_FAULTS, &CYBERGEAR_TEXTS)
     }
 }
 

@@ -8,7 +8,7 @@ use embedded_can::ExtendedId;
 use rc10_app::Celsius;
 use rc10_can::CanFrame;
 
-use super::models::Faults;
+use super::config::Faults;
 use crate::mit::{Limits, Setpoint, full, pack_positive, pack_signed, sendable, unpack_signed};
 use crate::motor::FrameError;
 

@@ -64,19 +64,13 @@
 //! (one vendor table swaps it with 0xFE); a write is acknowledged with 0x55 or 0x33; a velocity has
 //! four bytes.
 
-mod can;
-mod control;
-mod dialogue;
-mod goal;
-pub mod models;
+mod config;
 mod motor;
 pub mod registers;
-mod shaft;
 pub mod signals;
 pub mod wire;
 
 pub use crate::mit::{Limits, Setpoint};
-pub use control::Control;
-pub use models::Model;
+pub use config::{Control, Model, models};
 pub use motor::Damiao;
 pub use wire::{DeviceId, Feedback, Mode, Operation, State};

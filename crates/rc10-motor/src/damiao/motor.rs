@@ -1,21 +1,24 @@
-//! The motor: what a target becomes, and when the device may move.
+//! The motor: when the device may move, and what it is told.
 
-use embedded_can::StandardId;
-use rc10_app::{ConfigError, Seconds, TotalAngle};
-use rc10_can::{CanFrame, Micros};
+use embedded_can::{Id, StandardId};
+use rc10_app::angle::shortest_way;
+use rc10_app::{ConfigError, Direction, Gear, NewtonMetres, TotalAngle};
+use rc10_can::{CanFrame, IdPattern, Micros};
 
-use super::control::{Control, Steering};
-use super::dialogue::{Dialogue, News, Situation};
-use super::goal::Goal;
-use super::models::Model;
-use super::shaft::{LONGEST_SILENCE, RPM_PER_RADIAN_PER_SECOND, Shaft};
+use super::config::{Control, Controller, Model, ids};
+use super::registers::{Access, Checks, RETRY, Register, Reply, reply_to};
 use super::wire::{self, DeviceId, Mode, Operation, REGISTERS, State, operate, standard};
-use crate::mit::Setpoint;
-use crate::motor::{
-    Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Loops, Motor, Request,
-    RequestError, Response, Target, TargetError, TargetSet,
-};
-use rc10_app::Direction;
+use crate::batch::{TxBatch, TxFull};
+use crate::can_ids::{CanIds, Guard, MotorName, Ownership, Rate, RxFrames, TxFrames};
+use crate::feedback::{Condition, Fault, Feedback};
+use crate::goal::Goal;
+use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition, Setpoint};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::pending::{Pending, Retry};
+use crate::request::{Request, RequestError, Response};
+use crate::shaft::Shaft;
+use crate::supervision::Link;
+use crate::target::{Target, TargetError, TargetSet};
 
 /// One Damiao motor. What it does is told in the [module's documentation](super).
 #[derive(Clone, Debug)]
@@ -23,22 +26,15 @@ pub struct Damiao {
     model: Model,
     id: DeviceId,
     master: StandardId,
-    direction: Direction,
-    steering: Steering,
-    dialogue: Dialogue,
+    controller: Controller,
     shaft: Shaft,
-    target: Target,
-    goal: Goal,
-    /// What the servo was last told to seek for [`Goal::Angle`].
-    sought: Option<i64>,
-    /// Where to stay while the bus says hold.
-    held: Option<i64>,
-    /// 0 ..= 1: how much of the largest torque an impedance may ask for, while it begins.
-    softness: f32,
+    position: RangedPosition,
+    checks: Checks,
+    pending: Pending<Question>,
+    reported: Option<wire::Feedback>,
     fault: Option<Fault>,
+    /// As the bus said in the last tick.
     drive: DriveMode,
-    /// Seconds since the last feedback.
-    silence: f32,
     command: Command,
     /// The operation goes to the bare identifier, not to the mode's.
     is_bare: bool,
@@ -55,11 +51,37 @@ enum Command {
     Velocity(f32),
 }
 
-/// Ownership of the largest torque by which that of an impedance may grow in a second: all of it in
-/// 20 ms.
-const SOFT_SLOPE: f32 = 50.0;
+/// What only the device can do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Question {
+    Access(Access),
+    Operate(Operation),
+}
+
+impl Question {
+    /// Whether the device must not be enabled meanwhile.
+    const fn only_while_off(self) -> bool {
+        matches!(
+            self,
+            Self::Operate(Operation::StoreZero) | Self::Access(Access::Save | Access::Write(..))
+        )
+    }
+
+    const fn retry(self) -> Retry {
+        match self {
+            // Up to 30 ms deaf, and memory that lasts for ten thousand times.
+            Self::Access(Access::Save) => Retry { every: 0.060, tries: 2 },
+            _ => RETRY,
+        }
+    }
+}
+
 /// Slower than this share of `VMAX` is standing still.
 const STANDSTILL: f32 = 0.005;
+/// How near to zero an angle is that has just been made zero, rad.
+const ZERO: f32 = 2e-3;
+/// It reacts to every standard identifier with its own low byte.
+const LOW_BYTE: u32 = 0xFF;
 
 impl Damiao {
     /// The motor that listens to `can_id` and answers with `master_id`, controlled as `control`
@@ -75,42 +97,22 @@ impl Damiao {
         master_id: u16,
         control: Control,
     ) -> Result<Self, ConfigError> {
-        Self::build(model, can_id, master_id, control)
-            .map_err(|error| error.of_device(model.name, can_id))
-    }
-
-    fn build(
-        model: Model,
-        can_id: u16,
-        master_id: u16,
-        control: Control,
-    ) -> Result<Self, ConfigError> {
-        let error = |field, value: u16, must_be| ConfigError::new(field, value.into(), must_be);
-        let id = DeviceId::new(can_id)
-            .filter(|id| id.raw() & 0xFF != REGISTERS & 0xFF)
-            .ok_or(error("CAN_ID", can_id, "at most 0x4FE, its low byte not 0xFF"))?;
-        if master_id >= REGISTERS || (master_id ^ can_id) & 0xFF == 0 {
-            let must_be = "at most 0x7FE, its low byte not that of CAN_ID";
-            return Err(error("MST_ID", master_id, must_be));
-        }
-        let limits = model.limits.checked()?;
-        let steering = Steering::new(control, &limits)?;
+        let limits = model.limits;
+        let ((id, master), controller) = ids(can_id, master_id)
+            .and_then(|ids| Ok((ids, Controller::new(control, &limits.checked()?)?)))
+            .map_err(|error| error.of_device(model.name, can_id))?;
         Ok(Self {
             model,
             id,
-            master: standard(master_id),
-            direction: Direction::Forward,
-            dialogue: Dialogue::new(id, steering.mode(), limits),
-            steering,
-            shaft: Shaft::new(&limits, Direction::Forward),
-            target: Target::Coast,
-            goal: Goal::Rest,
-            sought: None,
-            held: None,
-            softness: 0.0,
+            master,
+            checks: Checks::new(controller.mode(), limits),
+            controller,
+            shaft: Shaft::new(STEPS_PER_TURN, Gear::DIRECT, Direction::Forward),
+            position: RangedPosition::new(&limits),
+            pending: Pending::new(),
+            reported: None,
             fault: None,
             drive: DriveMode::Off,
-            silence: f32::MAX,
             command: Command::Operate(Operation::Disable),
             is_bare: false,
         })
@@ -118,9 +120,8 @@ impl Damiao {
 
     /// Turning the given way.
     #[must_use]
-    pub fn with_direction(mut self, direction: Direction) -> Self {
-        self.direction = direction;
-        self.shaft = Shaft::new(&self.model.limits, direction);
+    pub const fn with_direction(mut self, direction: Direction) -> Self {
+        self.shaft = Shaft::new(STEPS_PER_TURN, Gear::DIRECT, direction);
         self
     }
 
@@ -130,7 +131,7 @@ impl Damiao {
     /// knows no registers.
     #[must_use]
     pub const fn verify_limits(mut self, verify: bool) -> Self {
-        self.dialogue.set_verify(verify);
+        self.checks.set_wanted(verify);
         self
     }
 
@@ -155,7 +156,12 @@ impl Damiao {
     /// How it is controlled.
     #[must_use]
     pub const fn mode(&self) -> Mode {
-        self.steering.mode()
+        self.controller.mode()
+    }
+
+    /// Whether the device is enabled, or what is wrong; `None` before it was heard.
+    fn state(&self) -> Option<State> {
+        self.reported.map(|reported| reported.state)
     }
 
     /// Whether it has to be enabled for what the bus lets it do.
@@ -164,281 +170,411 @@ impl Damiao {
             DriveMode::Off | DriveMode::Coast => false,
             DriveMode::Brake | DriveMode::Hold => true,
             // Only in MIT mode can an enabled motor be told to give no torque.
-            DriveMode::Run => self.steering.mode() == Mode::Mit || self.goal != Goal::Rest,
+            DriveMode::Run => self.mode() == Mode::Mit || *self.controller.goal() != Goal::Rest,
         }
-    }
-
-    fn situation(&self) -> Situation {
-        Situation {
-            alive: self.silence <= longest_silence(),
-            off: self.drive == DriveMode::Off,
-            faulted: self.fault.is_some(),
-            state: self.shaft.state(),
-        }
-    }
-
-    /// Whatever drives next starts softly.
-    fn rest(&mut self) {
-        if let Steering::Mit(servo) = &mut self.steering {
-            servo.rest();
-        }
-        (self.softness, self.held) = (0.0, None);
     }
 
     /// One step of an enabled motor.
-    fn steer(&mut self, dt: Seconds, drive: DriveMode) -> Command {
-        let runs = drive == DriveMode::Run;
-        match &mut self.steering {
-            Steering::Mit(servo) => {
-                let most = servo.cascade().speed.output_limit;
-                if let (true, Goal::Impedance(wanted)) = (runs, self.goal) {
-                    servo.rest();
-                    self.softness = (self.softness + SOFT_SLOPE * dt.get()).min(1.0);
-                    // All of it is taken back by one factor: the equilibrium stays.
-                    let torque = wanted.torque.clamp(-most, most);
-                    let law = self.shaft.torque_of(&Setpoint { torque, ..wanted }).abs();
-                    let limit = most * self.softness;
-                    let share = if law > limit { limit / law } else { 1.0 };
-                    return Command::Mit(Setpoint {
-                        kp: wanted.kp * share,
-                        kd: wanted.kd * share,
-                        torque: torque * share,
-                        ..wanted
-                    });
-                }
-                self.softness = 0.0;
-                if let (true, Goal::Angle(phase)) = (runs, self.goal) {
-                    let near = self.shaft.nearest(phase);
-                    if let (Some(total), true) = (near, near != self.sought) {
-                        let angle = TotalAngle::from_microdegrees(total);
-                        self.sought = servo.set_target(Target::TotalAngle(angle)).ok().and(near);
-                    }
-                }
-                let torque = servo.update(dt, drive, self.shaft.measured()) * self.shaft.sign();
-                Command::Mit(Setpoint { torque, ..Setpoint::COAST })
-            }
-            Steering::Velocity => Command::Velocity(match self.goal {
-                Goal::Velocity(velocity) if runs => velocity,
-                _ => 0.0,
-            }),
-            Steering::PositionVelocity { .. } | Steering::ForcePosition { .. } => {
-                let total = match self.goal {
-                    // Since a restart it may lie where the device has no number for.
-                    Goal::Total(total) if runs && self.shaft.reaches(total) => Some(total),
-                    Goal::Angle(phase) if runs => self.shaft.nearest(phase),
+    fn drive(&mut self, tick: &Tick) -> Command {
+        let Self { controller, shaft, position, .. } = self;
+        let sign = shaft.sign();
+        let runs = tick.mode == DriveMode::Run;
+        match controller {
+            Controller::Mit(servo) => {
+                let near = match *servo.goal() {
+                    Goal::Angle(phase) if runs => nearest(position, shaft, phase),
                     _ => None,
                 };
-                let total = if let Some(total) = total {
-                    self.held = None;
-                    total
-                } else {
-                    self.standstill()
+                match near {
+                    Some(angle) => servo.update_towards(tick, shaft, angle),
+                    None => servo.update(tick, shaft),
+                }
+                let torque = servo.effort() * sign;
+                let effort = Setpoint { torque, ..Setpoint::COAST };
+                Command::Mit(
+                    servo.spring().map_or(effort, |spring| position.setpoint(spring, sign)),
+                )
+            }
+            Controller::Own { mode: Mode::Velocity, goals, .. } => {
+                Command::Velocity(match *goals.goal() {
+                    Goal::Speed(rpm) if runs => sign * rpm / RPM_PER_RADIAN_PER_SECOND,
+                    _ => 0.0,
+                })
+            }
+            Controller::Own { goals, .. } => {
+                let sought = match *goals.goal() {
+                    // Since a restart it may lie where the device has no number for.
+                    Goal::Total(angle) if runs && position.reaches(shaft, angle) => Some(angle),
+                    Goal::Angle(phase) if runs => nearest(position, shaft, phase),
+                    _ => None,
                 };
-                Command::Position(self.shaft.device_radians(total))
+                let angle = if let Some(angle) = sought {
+                    goals.rest();
+                    angle
+                } else {
+                    // Where it is now until it has slowed down, then there.
+                    let slow =
+                        self.model.limits.velocity() * RPM_PER_RADIAN_PER_SECOND * STANDSTILL;
+                    let stands = shaft.speed().get().abs() <= slow;
+                    match goals.update(DriveMode::Hold, || stands.then(|| shaft.angle())) {
+                        Goal::Total(angle) => angle,
+                        _ => shaft.angle(),
+                    }
+                };
+                Command::Position(position.radians_of(shaft, angle))
             }
         }
-    }
-
-    /// Where to stay: where it is now until it has slowed down, then there.
-    fn standstill(&mut self) -> i64 {
-        let now = self.shaft.total();
-        let slow = self.model.limits.velocity() * RPM_PER_RADIAN_PER_SECOND * STANDSTILL;
-        let stands = self.shaft.measured().is_some_and(|measured| measured.rpm.abs() <= slow);
-        if self.held.is_none() && stands {
-            self.held = Some(now);
-        }
-        self.held.unwrap_or(now)
     }
 
     /// An operation, alternating between both identifiers until the device does it: old firmware
     /// takes it only with the offset of the mode it is in, and that may be another than ours.
-    fn operate(&mut self, operation: Operation) -> Command {
-        let state = self.shaft.state();
-        let obeyed = match operation {
-            Operation::Disable => self.situation().alive && state != Some(State::Enabled),
-            Operation::Enable | Operation::ClearError | Operation::StoreZero => false,
-        };
-        let repeated = matches!(self.command, Command::Operate(_));
-        self.is_bare = repeated && !obeyed && !self.is_bare;
+    fn operate(&mut self, operation: Operation, link: Link) -> Command {
+        let is_obeyed = operation == Operation::Disable
+            && link == Link::Online
+            && self.state() != Some(State::Enabled);
+        let is_repeated = matches!(self.command, Command::Operate(_));
+        self.is_bare = is_repeated && !is_obeyed && !self.is_bare;
         Command::Operate(operation)
     }
 
-    /// Where a change of the zero by `zero` leaves what is sought: the same number commanded again
-    /// lies elsewhere.
-    fn shift(&mut self, zero: i64) {
-        if let Steering::Mit(servo) = &mut self.steering {
-            servo.set_zero(zero);
+    fn ask(&mut self, question: Question) -> Result<Response, RequestError> {
+        let is_still = self.drive == DriveMode::Off && self.state() != Some(State::Enabled);
+        if question.only_while_off() && !is_still {
+            return Err(RequestError::NotWhileArmed);
         }
-        self.held = self.held.map(|held| held.saturating_sub(zero));
-        if let Goal::Total(total) = self.goal {
-            self.goal = Goal::Total(total.saturating_sub(zero));
-        }
-        if matches!(self.target, Target::TotalAngle(_) | Target::Impedance(_)) {
-            self.target = Target::Coast;
-        }
-        self.sought = None;
+        self.pending.ask(question, question.retry())
     }
 
-    /// Takes a frame that came with its `MST_ID`.
-    pub(super) fn hear(&mut self, frame: &CanFrame, at: Micros) -> Result<FrameKind, FrameError> {
-        if let Some(reply) = self.dialogue.hear(frame) {
-            let (heard, fault) = reply?;
-            self.fault = self.fault.or(fault);
-            return Ok(heard);
+    /// What a feedback says about what was asked. Whether the device has a new zero.
+    #[cold]
+    fn answer(&mut self, reported: &wire::Feedback) -> bool {
+        let question = self.pending.sent();
+        match (question, reported.state) {
+            (Some(Question::Operate(Operation::ClearError)), State::Error(code)) => {
+                self.pending.fail_with(RequestError::Refused(code.into()));
+                return false;
+            }
+            (Some(Question::Operate(Operation::ClearError)), _) => self.forget_fault(),
+            (Some(Question::Operate(Operation::StoreZero)), State::Disabled)
+                if reported.position.abs() <= ZERO => {}
+            _ => return false,
         }
-        let told = wire::Feedback::unpack(frame, &self.model.limits)?;
-        if !self.id.answers_as(told.id) {
-            return Err(FrameError::NotMine);
-        }
-        self.silence = 0.0;
-        let before = self.shaft.state();
-        let is_new = self.shaft.hear(told, at);
-        // Nobody disabled it: it has started anew.
-        let has_restarted = before == Some(State::Enabled)
-            && told.state == State::Disabled
-            && !matches!(self.command, Command::Operate(_));
-        if is_new || has_restarted {
-            self.dialogue.start_over();
-            self.rest();
-        }
-        match self.dialogue.feedback(&told) {
-            News::Cleared => self.forget_fault(),
-            News::Zeroed => self.shaft.device_zeroed(),
-            News::Nothing => (),
-        }
-        self.fault = told.state.fault().or(self.fault);
-        Ok(if self.fault.is_some() { FrameKind::Fault } else { FrameKind::Feedback })
+        self.pending.end(Ok(Response::Done));
+        question == Some(Question::Operate(Operation::StoreZero))
     }
 
-    fn forget_fault(&mut self) {
+    fn take_reply(&mut self, reply: &Reply) -> Result<FrameKind, FrameError> {
+        let access = match self.pending.question() {
+            Some(Question::Access(access)) if reply.answers(self.id, &access) => access,
+            _ => {
+                let fault = self.checks.take(self.id, reply)?;
+                self.fault = self.fault.or(fault);
+                return Ok(fault.map_or(FrameKind::Other, |_| FrameKind::Fault));
+            }
+        };
+        let held = reply.content.value();
+        self.pending.end(match (access, held) {
+            (Access::Write(_, wanted), Some(held)) if wanted.bits() != held.bits() => {
+                Err(RequestError::Refused(held.bits()))
+            }
+            (Access::Read(_), Some(held)) => Ok(Response::Register(held.bits())),
+            _ => Ok(Response::Done),
+        });
+        if matches!(access, Access::Write(..)) {
+            self.checks.start_over();
+        }
+        Ok(FrameKind::Other)
+    }
+
+    const fn forget_fault(&mut self) {
         self.fault = None;
-        self.dialogue.start_over();
+        self.checks.start_over();
+    }
+
+    /// All angles count from here: those that are sought or held stay where they are.
+    fn set_zero(&mut self) {
+        let zero = self.shaft.set_zero();
+        self.controller.set_zero(zero);
     }
 
     /// What it sends in this tick to its own identifier.
-    pub(super) fn command_frame(&self) -> CanFrame {
-        match (self.command, &self.steering) {
-            (Command::Operate(operation), steering) => {
-                let mode = if self.is_bare { Mode::Mit } else { steering.mode() };
-                operate(self.id, mode, operation)
+    fn command_frame(&self) -> CanFrame {
+        let (velocity, share) = match self.controller {
+            Controller::Own { velocity, torque_share, .. } => (velocity, torque_share),
+            Controller::Mit(_) => (0.0, 0.0),
+        };
+        match self.command {
+            Command::Operate(operation) => {
+                operate(self.id, if self.is_bare { Mode::Mit } else { self.mode() }, operation)
             }
-            (Command::Mit(setpoint), _) => wire::mit(self.id, &setpoint, &self.model.limits),
-            (Command::Velocity(velocity), _) => wire::velocity(self.id, velocity),
-            (Command::Position(position), &Steering::ForcePosition { velocity, share }) => {
+            Command::Mit(setpoint) => wire::mit(self.id, &setpoint, &self.model.limits),
+            Command::Velocity(velocity) => wire::velocity(self.id, velocity),
+            Command::Position(position) if self.mode() == Mode::ForcePosition => {
                 wire::force_position(self.id, position, velocity, share)
             }
-            (Command::Position(position), steering) => {
-                wire::position_velocity(self.id, position, steering.velocity())
-            }
+            Command::Position(position) => wire::position_velocity(self.id, position, velocity),
         }
     }
 
-    /// What it sends in this tick about registers.
-    pub(super) fn register_frame(&mut self) -> Option<CanFrame> {
-        self.dialogue.frame()
+    /// The stream of its commands: all of them, to each identifier, take each other's place.
+    fn command_stream(&self) -> u32 {
+        CanFrame::key_of(self.id.command_id(self.mode()))
+    }
+
+    /// The stream of its register frames, whose identifier all motors share: an identifier with its
+    /// low byte that it never uses.
+    fn register_stream(&self) -> u32 {
+        let unused = match self.mode() {
+            Mode::ForcePosition => Mode::Velocity,
+            Mode::Mit | Mode::PositionVelocity | Mode::Velocity => Mode::ForcePosition,
+        };
+        CanFrame::key_of(self.id.command_id(unused))
     }
 }
 
+/// Steps of a microdegree.
+const STEPS_PER_TURN: u32 = 360_000_000;
+
+/// The nearest angle at a phase within the turn that lies in the device's range.
+fn nearest(position: &RangedPosition, shaft: &Shaft, phase: i32) -> Option<TotalAngle> {
+    let way = shortest_way(shaft.phase(), phase, STEPS_PER_TURN.cast_signed());
+    let near = shaft.angle().plus(TotalAngle::from_microdegrees(way.into()));
+    if position.reaches(shaft, near) { Some(near) } else { other_way_round(position, shaft, near) }
+}
+
+#[cold]
+fn other_way_round(
+    position: &RangedPosition,
+    shaft: &Shaft,
+    near: TotalAngle,
+) -> Option<TotalAngle> {
+    let turn = TotalAngle::TURN.microdegrees();
+    // The longer way; and, of a shaft that is itself out of the range, to about its middle.
+    let out = position.of_angle(shaft, near).div_euclid(turn);
+    let out = if shaft.sign() < 0.0 { out } else { -out };
+    let inwards = if shaft.sign() < 0.0 { out + 1 } else { out - 1 };
+    let angle = |turns: i64| near.plus(TotalAngle::from_microdegrees(turns.saturating_mul(turn)));
+    let others = [-1, 1, out, inwards].map(angle).into_iter();
+    let reached = others.filter(|&angle| position.reaches(shaft, angle));
+    reached.min_by_key(|angle| angle.minus(shaft.angle()).microdegrees().unsigned_abs())
+}
+
 impl Motor for Damiao {
+    fn name(&self) -> MotorName {
+        MotorName { model: self.model.name, id: self.id.raw() }
+    }
+
     fn supports(&self) -> TargetSet {
-        self.steering.supports()
+        self.controller.supports()
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        // The usual case is the same target again; but coasting is also what a target becomes
-        // whose numbers lie elsewhere since a new zero.
-        let is_same = target == self.target && (target != Target::Coast || self.goal == Goal::Rest);
-        if is_same {
+        // The usual case is the same target again.
+        if target == self.controller.target() {
             return Ok(());
         }
         self.supports().accepts(&target)?;
-        let goal = Goal::of(target, &self.steering, &self.shaft, &self.model.limits)?;
-        if let (Steering::Mit(servo), Goal::Servo | Goal::Rest) = (&mut self.steering, goal) {
-            servo.set_target(target)?;
+        let is_in_range = match Goal::of(target)? {
+            // The device cannot tell of a higher speed either.
+            Goal::Speed(rpm) => {
+                rpm.abs() <= self.model.limits.velocity() * RPM_PER_RADIAN_PER_SECOND
+            }
+            Goal::Angle(phase) => nearest(&self.position, &self.shaft, phase).is_some(),
+            _ => self.position.check(&self.shaft, &target).is_ok(),
+        };
+        if !is_in_range {
+            return Err(TargetError::OutOfRange(target.kind()));
         }
-        (self.goal, self.target, self.sought) = (goal, target, None);
-        Ok(())
+        self.controller.set_target(target)
     }
 
     fn target(&self) -> Target {
-        self.target
+        self.controller.target()
     }
 
     fn feedback(&self) -> Feedback {
-        self.shaft.feedback()
+        let feedback = self.shaft.feedback();
+        let Some(reported) = &self.reported else { return feedback };
+        feedback
+            .with_torque(NewtonMetres::new(reported.torque * self.shaft.sign()))
+            .with_temperature(reported.motor_temperature)
+            .with_controller_temperature(reported.driver_temperature)
     }
 
     fn fault(&self) -> Option<Fault> {
         self.fault
     }
 
-    fn update(&mut self, dt: Seconds, drive: DriveMode) {
-        self.silence += dt.get();
-        self.drive = drive;
-        let situation = self.situation();
-        if let Some(fault) = self.dialogue.update(dt, situation) {
-            self.fault = Some(fault);
+    fn update(&mut self, tick: &Tick) {
+        self.drive = tick.mode;
+        let question = self.pending.question();
+        if tick.mode != DriveMode::Off && question.is_some_and(Question::only_while_off) {
+            self.pending.interrupt();
         }
-        let is_driven =
-            self.is_driven(drive) && self.fault.is_none() && self.dialogue.is_verified();
-        if is_driven && situation.state == Some(State::Enabled) {
+        self.pending.update(tick.dt);
+        let may_check = tick.link == Link::Online && self.fault.is_none() && question.is_none();
+        if may_check && !self.checks.is_done() {
+            self.fault = self.checks.update(tick.dt);
+        }
+        let is_driven = self.is_driven(tick.mode) && self.fault.is_none() && self.checks.is_done();
+        if is_driven && self.state() == Some(State::Enabled) {
             self.is_bare = false;
-            self.command = self.steer(dt, drive);
+            self.command = self.drive(tick);
             return;
         }
-        self.rest();
+        self.controller.rest();
         let usual = if is_driven { Operation::Enable } else { Operation::Disable };
-        let operation = self.dialogue.operation().unwrap_or(usual);
-        self.command = self.operate(operation);
+        let operation = match self.pending.question() {
+            Some(Question::Operate(asked)) => self.pending.take_due().map_or(usual, |_| asked),
+            _ => usual,
+        };
+        self.command = self.operate(operation, tick.link);
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
-        if self.dialogue.is_busy() {
+        if self.pending.is_busy() {
             return Err(RequestError::Busy);
         }
-        let measured = self.shaft.measured();
+        let register = |number: u16| {
+            let error = ConfigError::new("register", number.into(), "255 or less");
+            u8::try_from(number).map(Register).map_err(|_| error)
+        };
         match request {
+            Request::SetZero | Request::ClearFault if !self.shaft.is_known() => {
+                Err(RequestError::NoFeedback)
+            }
             Request::SetZero => {
-                measured.ok_or(RequestError::NoFeedback)?;
-                let zero = self.shaft.set_zero();
-                self.shift(zero);
+                self.set_zero();
                 Ok(Response::Done)
             }
-            Request::SpeedGains(_) | Request::AngleGains(_) | Request::TorqueLimit(_) => {
-                match &mut self.steering {
-                    Steering::Mit(servo) => servo.request(request, measured),
-                    _ => Err(RequestError::Unsupported),
-                }
+            Request::ClearFault if matches!(self.state(), Some(State::Error(_))) => {
+                self.ask(Question::Operate(Operation::ClearError))
             }
             Request::ClearFault => {
-                measured.ok_or(RequestError::NoFeedback)?;
-                if matches!(self.shaft.state(), Some(State::Error(_))) {
-                    return self.dialogue.request(request, self.situation());
-                }
                 self.forget_fault();
                 Ok(Response::Done)
             }
-            _ => self.dialogue.request(request, self.situation()),
+            Request::StoreZero => self.ask(Question::Operate(Operation::StoreZero)),
+            Request::ReadRegister(number) => {
+                self.ask(Question::Access(Access::Read(register(number)?)))
+            }
+            Request::WriteRegister(number, bits) => {
+                let register = register(number)?;
+                let access = Access::Write(register, register.value_of(bits));
+                if access.pack(self.id).is_err() {
+                    let (field, value) = ("register value", f32::from_bits(bits));
+                    return Err(ConfigError::new(field, value, "finite").into());
+                }
+                self.ask(Question::Access(access))
+            }
+            Request::SaveRegisters => self.ask(Question::Access(Access::Save)),
+            _ => match &mut self.controller {
+                Controller::Mit(servo) => servo.request(request, &self.shaft),
+                Controller::Own { .. } => Err(RequestError::Unsupported),
+            },
         }
     }
 
-    fn answer(&mut self) -> Option<Result<Response, RequestError>> {
-        self.dialogue.take_answer()
+    fn response(&mut self) -> Option<Result<Response, RequestError>> {
+        self.pending.take_outcome()
     }
 
     fn loops(&self) -> Option<Loops> {
-        self.steering.loops()
+        self.controller.loops()
     }
 
     fn condition(&self) -> Condition {
-        let is_enabled = self.shaft.state() == Some(State::Enabled);
-        let is_starting =
-            !self.dialogue.is_verified() || (self.is_driven(self.drive) && !is_enabled);
+        let is_enabled = self.state() == Some(State::Enabled);
+        let is_starting = !self.checks.is_done() || (self.is_driven(self.drive) && !is_enabled);
         if is_starting { Condition::Starting } else { Condition::Ready }
     }
 }
 
-const fn longest_silence() -> f32 {
-    #[expect(clippy::cast_precision_loss, reason = "ten milliseconds")]
-    return LONGEST_SILENCE.get() as f32 * 1e-6;
+impl CanMotor for Damiao {
+    fn can_ids(&self) -> CanIds {
+        let [low, _] = self.id.raw().to_le_bytes();
+        let exact = |id| IdPattern::exact(Id::Standard(id));
+        let command = |mode, len, rate| TxFrames::new(exact(self.id.command_id(mode)), len, rate);
+        let guard = |mask| Guard { byte: 0, mask, value: low & mask };
+        let register = |len| {
+            TxFrames::new(exact(standard(REGISTERS)), len, Rate::Rare)
+                .owned(Ownership::Guard(guard(0xFF)))
+        };
+        // Register replies have the whole identifier there, so the same four bits.
+        let feedback = RxFrames::new(exact(self.master), 8, Rate::EveryTick).guarded(guard(0x0F));
+        let mut ids = CanIds::new()
+            .receives(feedback)
+            .transmits(command(self.mode(), 8, Rate::EveryTick))
+            .transmits(register(4))
+            .transmits(register(8))
+            .listens_to(IdPattern::masked(self.id.command_id(Mode::Mit), LOW_BYTE));
+        if self.mode() != Mode::Mit {
+            ids = ids.transmits(command(Mode::Mit, 8, Rate::Rare));
+        }
+        if self.mode() == Mode::Velocity {
+            // Shorter than the operations, which the load counts on.
+            ids = ids.transmits(command(Mode::Velocity, 4, Rate::Rare));
+        }
+        ids
+    }
+
+    fn unpack_feedback(
+        &mut self,
+        frame: &CanFrame,
+        at: Micros,
+        link: Link,
+    ) -> Result<FrameKind, FrameError> {
+        if frame.key() != CanFrame::key_of(self.master) {
+            return Err(FrameError::NotMine);
+        }
+        if let Some(reply) = reply_to(self.id, frame) {
+            return self.take_reply(&reply?);
+        }
+        let reported = wire::Feedback::unpack(frame, &self.model.limits)?;
+        if !self.id.answers_as(reported.id) {
+            return Err(FrameError::NotMine);
+        }
+        // Disabled, but not by us: it has started anew.
+        let has_restarted = self.state() == Some(State::Enabled)
+            && reported.state == State::Disabled
+            && !matches!(self.command, Command::Operate(_));
+        if self.pending.is_busy() && self.answer(&reported) {
+            self.set_zero();
+            self.position.start_over();
+        }
+        let (rpm, before) = (reported.velocity * RPM_PER_RADIAN_PER_SECOND, self.shaft.before());
+        let jump = self.position.follow(&mut self.shaft, reported.steps, rpm, at, link);
+        self.shaft.measure(rpm, at);
+        if let Some(jump) = jump {
+            // It still knows its angle within the turn.
+            self.shaft.bridge(jump, before);
+        }
+        if has_restarted || jump.is_some() || link != Link::Online {
+            self.checks.start_over();
+            self.controller.rest();
+        }
+        self.reported = Some(reported);
+        self.fault = reported.state.fault().or(self.fault);
+        Ok(if self.fault.is_some() { FrameKind::Fault } else { FrameKind::Feedback })
+    }
+
+    fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        tx.push_as(self.command_frame(), self.command_stream())?;
+        let access = match self.pending.question() {
+            Some(Question::Access(access)) => self.pending.take_due().map(|_| access),
+            _ => self.checks.take_due(),
+        };
+        match access.and_then(|access| access.pack(self.id).ok()) {
+            Some(frame) => tx.push_as(frame, self.register_stream()),
+            None => Ok(()),
+        }
+    }
+
+    fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        tx.push(operate(self.id, self.mode(), Operation::Disable))?;
+        if self.mode() == Mode::Mit {
+            return Ok(());
+        }
+        tx.push(operate(self.id, Mode::Mit, Operation::Disable))
+    }
 }

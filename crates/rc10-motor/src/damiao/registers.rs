@@ -4,9 +4,14 @@
 
 use core::fmt;
 
+use rc10_app::Seconds;
 use rc10_can::CanFrame;
 
-use super::wire::{DeviceId, REGISTERS, standard};
+use super::wire::{DeviceId, Mode, REGISTERS, standard};
+use crate::feedback::Fault;
+use crate::mit::Limits;
+use crate::motor::FrameError;
+use crate::pending::{Pending, Retry};
 
 /// A register, by its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +43,11 @@ impl Register {
     #[must_use]
     pub const fn is_whole(self) -> bool {
         matches!(self.0, 7..=10 | 13..=16 | 35 | 36)
+    }
+
+    /// Four bytes, little endian, as what this register holds.
+    pub(super) const fn value_of(self, bits: u32) -> Value {
+        if self.is_whole() { Value::Whole(bits) } else { Value::Real(f32::from_bits(bits)) }
     }
 }
 
@@ -100,6 +110,16 @@ pub enum Value {
     Real(f32),
     /// A whole number.
     Whole(u32),
+}
+
+impl Value {
+    /// As on the wire, little endian.
+    pub(super) const fn bits(self) -> u32 {
+        match self {
+            Self::Real(real) => real.to_bits(),
+            Self::Whole(whole) => whole,
+        }
+    }
 }
 
 /// What is done to a register.
@@ -173,6 +193,16 @@ pub enum Content {
     Written(Register, Value),
     /// Everything is saved.
     Saved,
+}
+
+impl Content {
+    /// What the register holds.
+    pub(super) const fn value(&self) -> Option<Value> {
+        match *self {
+            Self::Holds(_, value) | Self::Written(_, value) => Some(value),
+            Self::Saved => None,
+        }
+    }
 }
 
 impl Reply {
@@ -250,6 +280,109 @@ impl fmt::Display for RegisterError {
 }
 
 impl core::error::Error for RegisterError {}
+
+/// The highest register there is.
+const LAST_REGISTER: u8 = 81;
+
+/// A reply, or why the frame that looks like one is none; `None` for a frame that can be feedback.
+///
+/// As a feedback, a reply would be of a shaft at the very end of its range that turns out of it at
+/// more than a third of its largest speed.
+pub(super) fn reply_to(id: DeviceId, frame: &CanFrame) -> Option<Result<Reply, FrameError>> {
+    let &[low, high, operation, register, ..] = frame.bytes() else { return None };
+    let is_reply = u16::from_le_bytes([low, high]) == id.raw()
+        && match operation {
+            READ | WRITE => register <= LAST_REGISTER,
+            SAVE => register == 1,
+            _ => false,
+        };
+    is_reply.then(|| Reply::unpack(frame).map_err(|_| FrameError::Unexpected))
+}
+
+/// The registers that are compared with the configuration before a motor is enabled, and what is
+/// wrong if they differ: a fault whose code is [`NOT_AS_CONFIGURED`] and the register's number.
+const CHECKED: [(Register, &str); 4] = [
+    (Register::MODE, "register 10 (CTRL_MODE) is not the control mode configured"),
+    (Register::POSITION_LIMIT, "register 21 (PMAX) is not the limit configured"),
+    (Register::VELOCITY_LIMIT, "register 22 (VMAX) is not the limit configured"),
+    (Register::TORQUE_LIMIT, "register 23 (TMAX) is not the limit configured"),
+];
+const NOT_AS_CONFIGURED: u32 = 0x100;
+const NO_ANSWER: Fault = Fault::new(0x1FF, "it answers, but not when asked for its registers");
+/// Two limits that differ by this share are one: 12.566 and 4π.
+const SAME: f32 = 1e-3;
+/// How often a register is asked for.
+pub(super) const RETRY: Retry = Retry { every: 0.010, tries: 10 };
+
+/// Whether a device is set up as its configuration says.
+#[derive(Clone, Debug)]
+pub(super) struct Checks {
+    mode: Mode,
+    limits: Limits,
+    is_wanted: bool,
+    /// The next of [`CHECKED`].
+    next: usize,
+    pending: Pending<Access>,
+}
+
+impl Checks {
+    pub(super) const fn new(mode: Mode, limits: Limits) -> Self {
+        Self { mode, limits, is_wanted: true, next: 0, pending: Pending::new() }
+    }
+
+    pub(super) const fn set_wanted(&mut self, is_wanted: bool) {
+        self.is_wanted = is_wanted;
+    }
+
+    pub(super) const fn is_done(&self) -> bool {
+        !self.is_wanted || self.next >= CHECKED.len()
+    }
+
+    /// Nothing is known of the device any more.
+    pub(super) const fn start_over(&mut self) {
+        (self.next, self.pending) = (0, Pending::new());
+    }
+
+    /// One tick of a device that answers; what is wrong with it.
+    pub(super) fn update(&mut self, dt: Seconds) -> Option<Fault> {
+        if let (None, Some(&(register, _))) = (self.pending.question(), CHECKED.get(self.next)) {
+            self.pending.replace(Access::Read(register), RETRY);
+        }
+        self.pending.update(dt);
+        self.pending.take_outcome().map(|_| NO_ANSWER)
+    }
+
+    /// The question that is to be sent in this tick.
+    pub(super) fn take_due(&mut self) -> Option<Access> {
+        self.pending.take_due()
+    }
+
+    /// Takes a reply; what it shows to be wrong.
+    pub(super) fn take(
+        &mut self,
+        id: DeviceId,
+        reply: &Reply,
+    ) -> Result<Option<Fault>, FrameError> {
+        let asked = self.pending.question().filter(|access| reply.answers(id, access));
+        let (Some(_), Some(&(register, text))) = (asked, CHECKED.get(self.next)) else {
+            return Err(FrameError::Unasked);
+        };
+        let same = |held: f32, wanted: f32| (held - wanted).abs() <= wanted * SAME;
+        let holds = match (register, reply.content.value()) {
+            (Register::MODE, Some(Value::Whole(mode))) => mode == self.mode.register_value(),
+            (Register::POSITION_LIMIT, Some(Value::Real(x))) => same(x, self.limits.position()),
+            (Register::VELOCITY_LIMIT, Some(Value::Real(x))) => same(x, self.limits.velocity()),
+            (Register::TORQUE_LIMIT, Some(Value::Real(x))) => same(x, self.limits.torque()),
+            _ => false,
+        };
+        self.pending = Pending::new();
+        if holds {
+            self.next += 1;
+            return Ok(None);
+        }
+        Ok(Some(Fault::new(NOT_AS_CONFIGURED + u32::from(register.0), text)))
+    }
+}
 
 #[cfg(test)]
 mod tests {

@@ -8,8 +8,9 @@ use embedded_can::StandardId;
 use rc10_app::Celsius;
 use rc10_can::CanFrame;
 
+use crate::feedback::Fault;
 use crate::mit::{Limits, Setpoint, full, pack_positive, pack_signed, sendable, unpack_signed};
-use crate::motor::{Fault, FrameError};
+use crate::motor::FrameError;
 
 /// `CAN_ID`, register 8: what a motor listens to. It compares the low byte only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -253,6 +254,8 @@ pub struct Feedback {
     pub id: u8,
     /// Whether it is enabled, or what is wrong.
     pub state: State,
+    /// Position as its field, 0 ..= 65535.
+    pub steps: u16,
     /// In rad.
     pub position: f32,
     /// In rad/s.
@@ -278,12 +281,13 @@ impl Feedback {
             return Err(FrameError::NotMine);
         }
         let [head, a, b, c, d, e, driver, motor] = *frame.all_eight().ok_or(FrameError::Length)?;
-        let position = u32::from(u16::from_be_bytes([a, b]));
+        let steps = u16::from_be_bytes([a, b]);
         let rest = u32::from_be_bytes([0, c, d, e]);
         Ok(Self {
             id: head & 0xF,
             state: State::from_code(head >> 4),
-            position: unpack_signed::<16>(position, limits.position()),
+            steps,
+            position: unpack_signed::<16>(steps.into(), limits.position()),
             velocity: unpack_signed::<12>(rest >> 12, limits.velocity()),
             torque: unpack_signed::<12>(rest & full(12), limits.torque()),
             driver_temperature: Celsius::new(driver.into()),

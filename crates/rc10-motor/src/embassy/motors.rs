@@ -4,18 +4,22 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use heapless::Vec;
-use rc10_message::{CallError, Caller, Service};
+use rc10_can::Micros;
+use rc10_message::{CallError, Caller, Calls, Service};
 
-use crate::motors::MotorId;
+use crate::motor::Motor;
+use crate::motors::{MotorId, Motors};
 use crate::request::{Request, RequestError, Response};
 use crate::supervision::{MotorStatus, Refusals};
 use crate::target::{Target, TargetError, TargetSet};
 
-/// A mailbox and a status for each of `N` motors, and one service for the requests to all of them:
-/// what their bus or line shares with all other tasks.
-pub(super) struct MotorPorts<const N: usize> {
+/// The port of a bus with up to `N` motors, whatever its wire: a mailbox and a status per motor,
+/// and a status of type `S`. One per bus; every method works from any task or interrupt.
+pub struct MotorPorts<S, const N: usize> {
     cells: [MotorCell; N],
+    /// To all of its motors.
     requests: Requests,
+    status: Mutex<CriticalSectionRawMutex, RefCell<S>>,
 }
 
 struct MotorCell {
@@ -28,16 +32,27 @@ struct MotorCell {
     refused: Mutex<CriticalSectionRawMutex, Cell<Refusals>>,
 }
 
-/// How many requests to the motors of a bus or line may wait at once.
+/// Requests to the motors of a bus that may wait at once.
 const CALLERS: usize = 4;
 
 type Requests = Service<(MotorId, Request), Outcome, CALLERS>;
 /// What became of a request.
 type Outcome = Result<Response, RequestError>;
-/// Who waits for it.
+/// The task that waits for it.
 type Asker<'p> = Caller<'p, (MotorId, Request), Outcome, CALLERS>;
 
 impl MotorCell {
+    /// The newest command that the bus has not taken yet.
+    #[inline]
+    fn take_command(&self) -> Option<Target> {
+        // Before the mail is looked at: what comes now is seen now or next time.
+        if !self.commanded.load(Ordering::Acquire) {
+            return None;
+        }
+        self.commanded.store(false, Ordering::Release);
+        self.command.lock(Cell::take)
+    }
+
     #[cold]
     fn refuse(&self, error: TargetError) {
         self.refused.lock(|place| {
@@ -48,9 +63,9 @@ impl MotorCell {
     }
 }
 
-impl<const N: usize> MotorPorts<N> {
-    /// They refuse all targets until they are [opened](Self::open).
-    pub(super) const fn new() -> Self {
+impl<S: Copy, const N: usize> MotorPorts<S, N> {
+    /// They refuse all targets until their bus runs.
+    pub(super) const fn with_status(status: S) -> Self {
         Self {
             cells: [const {
                 MotorCell {
@@ -62,73 +77,90 @@ impl<const N: usize> MotorPorts<N> {
                 }
             }; N],
             requests: Service::new(),
+            status: Mutex::new(RefCell::new(status)),
         }
     }
 
-    /// The port of one motor; without a motor it refuses everything.
-    pub(super) fn motor(&self, motor: MotorId) -> MotorPort<'_> {
+    /// The port of one motor. A motor the bus does not have refuses everything.
+    #[must_use]
+    pub fn motor(&self, motor: MotorId) -> MotorPort<'_> {
         MotorPort { cell: self.cells.get(motor.index()), requests: &self.requests, motor }
     }
 
-    /// From now on targets are checked against what the motor takes.
-    pub(super) fn open(&self, motor: MotorId, supports: TargetSet) {
-        if let Some(cell) = self.cells.get(motor.index()) {
-            cell.supports.lock(|place| place.set(supports));
-        }
+    /// How the bus is doing, as of its last tick.
+    #[must_use]
+    pub fn status(&self) -> S {
+        self.look(|status| *status)
     }
 
-    /// The newest command that the bus has not taken yet.
-    #[inline]
-    pub(super) fn take_command(&self, motor: MotorId) -> Option<Target> {
-        let cell = self.cells.get(motor.index())?;
-        // Before the mail is looked at: what comes now is seen now or next time.
-        if !cell.commanded.load(Ordering::Acquire) {
-            return None;
-        }
-        cell.commanded.store(false, Ordering::Release);
-        cell.command.lock(Cell::take)
+    /// What became of the requests to its motors.
+    #[must_use]
+    pub fn requests(&self) -> Calls {
+        self.requests.calls()
     }
 
-    /// What was asked of motors, and what became of it.
-    #[inline]
-    pub(super) const fn requests(&self) -> &Requests {
-        &self.requests
+    /// A part of the bus's status.
+    pub(super) fn look<R>(&self, look: impl FnOnce(&S) -> R) -> R {
+        self.status.lock(|status| look(&status.borrow()))
     }
 
-    /// Has a motor's status written where its port reads it.
+    /// Has the bus's status written.
     #[inline]
-    pub(super) fn publish(&self, motor: MotorId, write: impl FnOnce(&mut MotorStatus)) {
-        if let Some(cell) = self.cells.get(motor.index()) {
-            cell.status.lock(|status| write(&mut status.borrow_mut()));
-        }
+    pub(super) fn publish(&self, write: impl FnOnce(&mut S)) {
+        self.status.lock(|status| write(&mut status.borrow_mut()));
     }
 }
 
-/// Serves the requests to the `N` motors of a bus or line, and keeps those that wait for what their
-/// devices say. Dropped, it tells who waits for them.
-pub(super) struct Server<'p, const N: usize> {
-    requests: &'p Requests,
+/// What a runner does for its motors in every tick, whatever their wire: commands and requests in,
+/// status out. Dropped, it tells the tasks that wait for a motor's response.
+pub(super) struct Server<'p, S, const N: usize> {
+    ports: &'p MotorPorts<S, N>,
     pending: Vec<(MotorId, Asker<'p>), N>,
 }
 
-impl<'p, const N: usize> Server<'p, N> {
-    pub(super) const fn new(ports: &'p MotorPorts<N>) -> Self {
-        Self { requests: &ports.requests, pending: Vec::new() }
+impl<'p, S: Copy, const N: usize> Server<'p, S, N> {
+    /// From now on targets are checked against what the motors take.
+    pub(super) fn new<M: Motor + ?Sized>(
+        ports: &'p MotorPorts<S, N>,
+        motors: &Motors<'_, M, N>,
+    ) -> Self {
+        for (motor, cell) in motors.ids().zip(&ports.cells) {
+            cell.supports.lock(|place| place.set(motors.supports(motor)));
+        }
+        Self { ports, pending: Vec::new() }
     }
 
-    /// Asks the motors what tasks ask of them, and passes on what they say. Never waits.
-    ///
-    /// `ask` gives a request to a motor, or without one asks for the outcome of a pending one.
+    /// Gives the motors what tasks want of them, and passes on what they say. Never waits.
     #[inline]
-    pub(super) fn tick(
-        &mut self,
-        mut ask: impl FnMut(MotorId, Option<Request>) -> Option<Outcome>,
-    ) {
-        // Not more: who asks again and again at a higher priority must not keep the tick.
+    pub(super) fn take<M: Motor + ?Sized>(&mut self, motors: &mut Motors<'_, M, N>, now: Micros) {
+        for (motor, cell) in motors.ids().zip(&self.ports.cells) {
+            if let Some(target) = cell.take_command() {
+                // The port has checked it; what the motor refuses all the same is counted.
+                let _ = motors.command(motor, target, now);
+            }
+        }
+        self.serve(|motor, request| match request {
+            Some(request) => Some(motors.request(motor, request)),
+            None => motors.response(motor),
+        });
+    }
+
+    /// Shows the tasks how the motors are.
+    #[inline]
+    pub(super) fn publish<M: Motor + ?Sized>(&self, motors: &Motors<'_, M, N>, now: Micros) {
+        for (motor, cell) in motors.ids().zip(&self.ports.cells) {
+            cell.status.lock(|status| motors.write_status(motor, now, &mut status.borrow_mut()));
+        }
+    }
+
+    /// `ask` makes a request to a motor, or without one asks for the outcome of a pending one.
+    #[inline]
+    fn serve(&mut self, mut ask: impl FnMut(MotorId, Option<Request>) -> Option<Outcome>) {
+        // Not more: a task that asks again and again at a higher priority must not keep the tick.
         for _ in 0..CALLERS {
-            let Some(((motor, request), asker)) = self.requests.try_next() else { break };
+            let Some(((motor, request), asker)) = self.ports.requests.try_next() else { break };
             let mut outcome = ask(motor, Some(request));
-            // Busy with what was asked before this bus began: nobody but us will hear the answer.
+            // Busy with a request from before this bus began: no task waits for that any more.
             if outcome == Some(Err(RequestError::Busy))
                 && self.pending.iter().all(|(busy, _)| *busy != motor)
                 && ask(motor, None).is_some()
@@ -186,8 +218,8 @@ impl MotorPort<'_> {
     /// its bus, or when the device has answered. Never [`Response::Pending`].
     ///
     /// It is a call of a [`Service`] that the motors of a bus share: requests are carried out in the
-    /// order in which they came, and nobody gets the answer to another's. There is no timeout,
-    /// because every motor gives up by itself on a device that does not answer.
+    /// order in which they came, and each task gets its own response. There is no timeout, because
+    /// every motor gives up by itself on a device that does not reply.
     ///
     /// # Errors
     /// [`RequestError`]; nothing changed, unless it is [`RequestError::Timeout`].
@@ -197,10 +229,10 @@ impl MotorPort<'_> {
     ///
     /// # Cancel safety
     /// The future may be dropped at any time. A request that the bus has not taken yet is taken
-    /// back; another is carried out, and nobody hears what came of it.
+    /// back; another is carried out, and its response is dropped.
     pub async fn request(&self, request: Request) -> Result<Response, RequestError> {
         if self.supports() == TargetSet::NONE {
-            // Nobody would ever answer.
+            // No bus would ever take it.
             return Err(RequestError::NoSuchMotor);
         }
         match self.requests.call_without_timeout((self.motor, request)).await {

@@ -1,5 +1,6 @@
 use core::cell::RefCell;
 use core::fmt;
+use core::ops::Deref;
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_sync::blocking_mutex::Mutex;
@@ -8,25 +9,21 @@ use embassy_sync::channel::Channel;
 use embedded_can::Id;
 use heapless::Vec;
 use rc10_can::{CanFrame, Health, IdPattern, Timing};
-use rc10_message::Calls;
 
-use super::motors::{MotorPort, MotorPorts};
+use super::motors::MotorPorts;
 use super::subscription::{Filter, NoFreeSubscription, Subscription, Subscriptions};
 use crate::arm::ArmState;
 use crate::bus::{BusCounters, MotorBus};
 use crate::load::BusLoad;
-use crate::motors::MotorId;
 
-/// What a bus and all other tasks share: a mailbox and a status per motor, an outbox, and
-/// subscriptions. One per bus; every method works from any task or interrupt.
+/// What a CAN bus and all other tasks share: the ports of its motors, an outbox, and subscriptions.
 pub struct BusPort {
-    motors: MotorPorts<{ MotorBus::CAPACITY }>,
-    status: Mutex<CriticalSectionRawMutex, RefCell<BusStatus>>,
+    motors: MotorPorts<BusStatus, { MotorBus::CAPACITY }>,
     outbox: Channel<CriticalSectionRawMutex, CanFrame, OUTBOX>,
     /// Identifiers that motors are commanded with: not for the outbox.
     claimed: Mutex<CriticalSectionRawMutex, RefCell<Claimed>>,
     subscriptions: Subscriptions,
-    /// Somebody wants the bus back.
+    /// The bus is to be brought back.
     recover: AtomicBool,
 }
 
@@ -95,8 +92,7 @@ impl BusPort {
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            motors: MotorPorts::new(),
-            status: Mutex::new(RefCell::new(BusStatus::NEW)),
+            motors: MotorPorts::with_status(BusStatus::NEW),
             outbox: Channel::new(),
             claimed: Mutex::new(RefCell::new(Claimed { patterns: Vec::new(), all: false })),
             subscriptions: Subscriptions::new(),
@@ -104,28 +100,10 @@ impl BusPort {
         }
     }
 
-    /// The port of one motor. A motor the bus does not have refuses everything.
-    #[must_use]
-    pub fn motor(&self, motor: MotorId) -> MotorPort<'_> {
-        self.motors.motor(motor)
-    }
-
-    /// How the bus is doing, as of its last tick.
-    #[must_use]
-    pub fn status(&self) -> BusStatus {
-        self.status.lock(|status| *status.borrow())
-    }
-
     /// How many ticks there were so far, as of its last one: [`BusStatus::ticks`] alone.
     #[must_use]
     pub fn ticks(&self) -> u32 {
-        self.status.lock(|status| status.borrow().ticks)
-    }
-
-    /// What became of the requests to its motors.
-    #[must_use]
-    pub fn requests(&self) -> Calls {
-        self.motors.requests().calls()
+        self.look(|status| status.ticks)
     }
 
     /// Sends a frame after the motors' frames of the next tick.
@@ -162,16 +140,13 @@ impl BusPort {
         self.recover.store(true, Ordering::Release);
     }
 
-    /// Whether somebody wants the bus back; asked once.
+    /// Whether the bus is to be brought back; asked once.
     pub(super) fn take_recover(&self) -> bool {
         self.recover.load(Ordering::Acquire) && self.recover.swap(false, Ordering::AcqRel)
     }
 
-    /// The bus starts: from now on targets are checked against its motors.
-    pub(super) fn open(&self, bus: &MotorBus<'_>) {
-        for motor in bus.ids() {
-            self.motors.open(motor, bus.supports(motor));
-        }
+    /// The bus starts: from now on its motors' identifiers are theirs.
+    pub(super) fn claim(&self, bus: &MotorBus<'_>) {
         self.claimed.lock(|claimed| {
             let mut claimed = claimed.borrow_mut();
             let Claimed { patterns, all } = &mut *claimed;
@@ -187,24 +162,21 @@ impl BusPort {
         });
     }
 
-    /// The ports of its motors.
-    #[inline]
-    pub(super) const fn motors(&self) -> &MotorPorts<{ MotorBus::CAPACITY }> {
-        &self.motors
-    }
-
-    /// Has the bus's status written.
-    #[inline]
-    pub(super) fn publish_bus(&self, write: impl FnOnce(&mut BusStatus)) {
-        self.status.lock(|status| write(&mut status.borrow_mut()));
-    }
-
     pub(super) fn take_outgoing(&self) -> Option<CanFrame> {
         self.outbox.try_receive().ok()
     }
 
     pub(super) const fn subscriptions(&self) -> &Subscriptions {
         &self.subscriptions
+    }
+}
+
+impl Deref for BusPort {
+    type Target = MotorPorts<BusStatus, { MotorBus::CAPACITY }>;
+
+    #[inline]
+    fn deref(&self) -> &Self::Target {
+        &self.motors
     }
 }
 

@@ -36,7 +36,7 @@ impl Recovery {
         }
     }
 
-    /// What the bus's health asks for; `asked` is whether somebody wants it back now.
+    /// What the bus's health asks for; `asked` is whether it is to come back now.
     pub(super) fn step(&mut self, health: &Health, asked: bool, now: Micros) -> Steps {
         // A driver that goes back by itself may be back before anybody looks.
         let fell = self.bus_offs.replace(health.bus_offs).is_some_and(|n| n != health.bus_offs);

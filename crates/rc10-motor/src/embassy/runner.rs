@@ -4,8 +4,9 @@ use core::marker::PhantomData;
 use embassy_time::{Instant, Timer};
 use heapless::Vec;
 use rc10_app::Seconds;
-use rc10_can::{BusOffPolicy, CanPort, Health, IdPattern, Micros, Schedule, Submitted};
+use rc10_can::{BusOffPolicy, CanPort, Health, IdPattern, Micros, Submitted};
 
+use super::clock::{Clock, PERIOD, now};
 use super::motors::Server;
 use super::port::{BusPort, BusStatus};
 use super::recovery::Recovery;
@@ -14,8 +15,6 @@ use crate::arm::ArmState;
 use crate::batch::TxBatch;
 use crate::bus::{Dispatch, MotorBus};
 
-/// Length of a tick.
-pub(super) const PERIOD: Micros = Micros::from_millis(1);
 /// How long before its frames leave a tick begins: more than the work takes on a full bus, and a
 /// third of a tick, so that of three buses each is woken for as the one before sends.
 const LEAD: Micros = Micros::new(333);
@@ -75,10 +74,6 @@ pub fn run_buses<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>, const N: usize>(
     }
 }
 
-fn now() -> Micros {
-    Micros::new(Instant::now().as_micros())
-}
-
 /// What [`run_bus`] runs, for loops of your own: a bus, its CAN port, and the port it shares with
 /// other tasks.
 ///
@@ -90,7 +85,7 @@ pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
     motors: PhantomData<MotorBus<'m>>,
     shared: &'p BusPort,
     /// When frames leave.
-    schedule: Schedule,
+    clock: Clock,
     /// When the next half of a tick is due.
     due: Micros,
     /// Whether the first half is done, and waits for its time to send.
@@ -101,7 +96,6 @@ pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
     /// How long it took.
     took: Micros,
     last_start: Option<Micros>,
-    last_sent: Option<Micros>,
     tx: TxBatch,
     traffic: Traffic,
     recovery: Recovery,
@@ -109,35 +103,35 @@ pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
     subscriptions: u32,
     /// Whether there are any.
     listening: bool,
-    requests: Server<'p, { MotorBus::CAPACITY }>,
+    server: Server<'p, BusStatus, { MotorBus::CAPACITY }>,
 }
 
 impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     /// The first frames leave one period after `now`. If the motors do not fit on a bus of 1 Mbit/s,
     /// the robot cannot be armed: [`Unfit::Overload`](crate::Unfit::Overload).
     pub fn new(port: P, bus: B, shared: &'p BusPort, now: Micros) -> Self {
-        shared.open(bus.borrow());
+        shared.claim(bus.borrow());
+        let server = Server::new(shared, bus.borrow());
         let load = bus.borrow().check_load(BITS_PER_SECOND);
-        shared.publish_bus(|status| *status = BusStatus { load, ..BusStatus::NEW });
+        shared.publish(|status| *status = BusStatus { load, ..BusStatus::NEW });
         let mut runner = Self {
             port,
             bus,
             motors: PhantomData,
             shared,
-            schedule: Schedule::new(now + PERIOD, PERIOD),
+            clock: Clock::new(now + PERIOD),
             due: now + (PERIOD - LEAD),
             prepared: false,
             health: Health::NEW,
             arm: ArmState::Disarmed,
             took: Micros::ZERO,
             last_start: None,
-            last_sent: None,
             tx: TxBatch::new(),
-            traffic: Traffic::NONE,
+            traffic: Traffic::default(),
             recovery: Recovery::new(BusOffPolicy::default()),
             subscriptions: 0,
             listening: false,
-            requests: Server::new(shared.motors()),
+            server,
         };
         runner.accept(shared.subscriptions().changes());
         runner
@@ -151,7 +145,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     }
 
     fn start_at(&mut self, first: Micros) {
-        self.schedule = Schedule::new(first, PERIOD);
+        self.clock = Clock::new(first);
         self.due = first - LEAD;
     }
 
@@ -169,7 +163,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     /// read at the start and at the end.
     pub fn tick(&mut self, clock: impl Fn() -> Micros) {
         let now = clock();
-        let leave = self.schedule.next();
+        let leave = self.clock.next();
         if !self.prepared || !self.holds(now) {
             self.prepare(now);
             if now < leave {
@@ -191,7 +185,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
                 self.bus.borrow().switch().state(),
                 ArmState::EStopped | ArmState::Disarmed
             );
-        !is_stopped && now.since(self.schedule.next()) < PERIOD - LEAD
+        !is_stopped && now.since(self.clock.next()) < PERIOD - LEAD
     }
 
     /// The first half of a tick.
@@ -203,42 +197,37 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         }
         self.receive();
         self.look_after_bus(now);
-        self.take_commands(now);
+        self.server.take(self.bus.borrow_mut(), now);
         self.tx.clear();
         self.arm = self.bus.borrow().switch().for_motors();
         let dt = Seconds::from_micros(elapsed.get());
         if self.bus.borrow_mut().tick(now, dt, &mut self.tx).is_err() {
             // The batch was full; the frame that found no room counts as refused.
-            self.traffic.refused += 1;
+            count(&mut self.traffic.refused);
         }
-        self.publish_motors(now);
+        self.server.publish(self.bus.borrow(), now);
     }
 
     /// The second half.
-    fn send(&mut self, now: Micros, clock: impl Fn() -> Micros) {
+    fn send(&mut self, now: Micros, time: impl Fn() -> Micros) {
         for (frame, stream) in self.tx.entries() {
             self.traffic.count(self.port.submit_as(frame, stream));
         }
         self.send_outbox();
 
         self.prepared = false;
-        let start = self.schedule.start(now);
-        self.due = self.schedule.next() - LEAD;
-        let elapsed = self.last_sent.replace(now).map(|last| now.since(last));
-        let traffic = core::mem::replace(&mut self.traffic, Traffic::NONE);
+        self.clock.tick(now);
+        self.due = self.clock.next() - LEAD;
         let bus = self.bus.borrow();
         let (received, arm) = (bus.counters(), bus.switch().state());
-        let health = &self.health;
-        let execution = self.took + clock().since(now);
-        self.shared.publish_bus(|status| {
-            // It tells a watchdog that the bus ticks: it must not stand still at the largest value.
-            status.ticks = status.ticks.wrapping_add(1);
-            status.overruns = status.overruns.saturating_add(start.missed);
-            if let Some(elapsed) = elapsed {
-                status.period.add(elapsed);
-            }
+        let Self { clock, traffic, health, .. } = self;
+        let execution = self.took + time().since(now);
+        self.shared.publish(|status| {
+            (status.ticks, status.overruns) = (clock.ticks, clock.overruns);
+            status.period = clock.period;
             status.execution.add(execution);
-            traffic.add_to(status);
+            (status.submitted, status.replaced) = (traffic.submitted, traffic.replaced);
+            status.refused = traffic.refused;
             (status.received, status.health, status.arm) = (received, *health, arm);
         });
     }
@@ -301,21 +290,6 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         }
     }
 
-    fn take_commands(&mut self, now: Micros) {
-        let motors = self.shared.motors();
-        for motor in self.bus.borrow().ids() {
-            if let Some(target) = motors.take_command(motor) {
-                // The port has checked it; what the motor refuses all the same is counted.
-                let _ = self.bus.borrow_mut().command(motor, target, now);
-            }
-        }
-        let bus = self.bus.borrow_mut();
-        self.requests.tick(|motor, request| match request {
-            Some(request) => Some(bus.request(motor, request)),
-            None => bus.response(motor),
-        });
-    }
-
     fn send_outbox(&mut self) {
         while let Some(frame) = self.shared.take_outgoing() {
             // It may have been put in before the bus ran, and knew its motors.
@@ -327,16 +301,10 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
             self.traffic.count(submitted);
         }
     }
-
-    fn publish_motors(&self, now: Micros) {
-        let bus = self.bus.borrow();
-        for motor in bus.ids() {
-            self.shared.motors().publish(motor, |status| bus.write_status(motor, now, status));
-        }
-    }
 }
 
-/// What became of the frames of one tick.
+/// What became of the frames so far.
+#[derive(Default)]
 struct Traffic {
     submitted: u32,
     replaced: u32,
@@ -344,23 +312,18 @@ struct Traffic {
 }
 
 impl Traffic {
-    const NONE: Self = Self { submitted: 0, replaced: 0, refused: 0 };
-
     fn count(&mut self, submitted: Submitted) {
-        // A tick has few frames.
         match submitted {
-            Submitted::Queued => self.submitted += 1,
+            Submitted::Queued => count(&mut self.submitted),
             Submitted::Replaced => {
-                self.submitted += 1;
-                self.replaced += 1;
+                count(&mut self.submitted);
+                count(&mut self.replaced);
             }
-            Submitted::Refused => self.refused += 1,
+            Submitted::Refused => count(&mut self.refused),
         }
     }
+}
 
-    fn add_to(&self, status: &mut BusStatus) {
-        status.submitted = status.submitted.saturating_add(self.submitted);
-        status.replaced = status.replaced.saturating_add(self.replaced);
-        status.refused = status.refused.saturating_add(self.refused);
-    }
+const fn count(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
 }

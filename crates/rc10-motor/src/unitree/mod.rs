@@ -2,22 +2,22 @@
 //! CAN-to-485 module.
 //!
 //! **Terms.** The *rotor* turns 6.33 times while the *output shaft* turns once. The wire speaks of
-//! the rotor, this crate of the output shaft; [`wire::Shaft`] is the only place where one becomes
-//! the other. The controller runs one law: torque = τ + `k_pos` (θ − θ measured) + `k_spd` (ω − ω
+//! the rotor, this crate of the output shaft; [`wire::RotorScale`] is the only place where one
+//! becomes the other. The controller runs one law: torque = τ + `k_pos` (θ − θ measured) + `k_spd` (ω − ω
 //! measured), with all five numbers from the command. `k_pos` is a *stiffness*, `k_spd` a *damping*:
-//! together an [`Impedance`](wire::Impedance). A θ of many turns is counted on, not wrapped.
+//! together an [`Impedance`](wire::Impedance). θ counts on over many turns.
 //!
 //! [`GoM8010`] is such a motor on RS-485, and [`Rs485Bus`] what a bus is to motors on CAN.
 //!
 //! **Identifiers.** Up to 15 motors share a line, 0 ..= 14; 15 addresses all of them, and none
-//! answers. Up to four modules share a CAN bus, 0 ..= 3, as set by switches 1 and 2 (3 from the
+//! replies. Up to four modules share a CAN bus, 0 ..= 3, as set by switches 1 and 2 (3 from the
 //! factory).
 //!
 //! **RS-485** ([`wire::line`]): 4 Mbit/s, 8N1, half duplex. The master sends 17 bytes, the motor
-//! they are for answers with 16; no motor speaks unasked. Both end in a CRC-16/KERMIT.
+//! they are for replies with 16; no motor speaks unasked. Both end in a CRC-16/KERMIT.
 //!
 //! **CAN** ([`wire::module`]): extended identifiers, eight bytes, 1 Mbit/s (500 kbit/s with switch
-//! 4 on), little endian. The identifier holds module, direction, motor and, in answers,
+//! 4 on), little endian. The identifier holds module, direction, motor and, in replies,
 //! temperature and faults. Stiffness and damping go in a frame of their own and stay in the
 //! module until it loses power: send them first, and again after the module has restarted.
 //! [`GoModule`] is a motor behind one.
@@ -29,14 +29,15 @@
 //! Sources: GO-M8010-6 user manual v1.2 and data manual, CAN-to-485 module manual V1.0,
 //! `unitree_actuator_sdk`.
 
-mod go;
-mod line;
+mod bus;
+mod config;
 pub mod module;
-mod seen;
+mod motor;
+mod rs485;
 pub mod signals;
-mod spring;
 pub mod wire;
 
-pub use go::{GoM8010, IdOutOfRange};
-pub use line::{AttachError, Rs485Bus, Rs485Counters, Step};
+pub use bus::{Rs485Bus, Rs485Counters, Step};
+pub use config::{CASCADE, IdOutOfRange, LARGEST_TORQUE};
 pub use module::GoModule;
+pub use rs485::GoM8010;

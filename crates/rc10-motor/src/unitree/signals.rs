@@ -10,12 +10,12 @@ use crate::signals::{Message, Signal};
 
 /// What a DBC file cannot say.
 pub const NOT_IN_DBC: &[&str] = &[
-    "UNITREE_GO_STATE: a module's answer has the motor's temperature, status and air pressure in \
+    "UNITREE_GO_STATE: a module's reply has the motor's temperature, status and air pressure in \
      its identifier, so its identifier changes from frame to frame; its data are those of \
      UNITREE_GO_CONTROL.",
     "UNITREE_GO_FAULT: the error (1 over-temperature, 2 over-current, 3 over-voltage, 4 encoder) \
      stands in bits 23 to 16 of the identifier, and the lowest byte is 0x80.",
-    "UNITREE_GO_GAINS: bits 23 to 16 of the identifier of a module's answer to \
+    "UNITREE_GO_GAINS: bits 23 to 16 of the identifier of a module's reply to \
      UNITREE_GO_READ_GAINS are not documented; its data are those of UNITREE_GO_SET_GAINS.",
 ];
 
@@ -33,7 +33,7 @@ const GAINS: &[Signal] = &[
     Signal::little("Stiffness", 2, 2).scaled(GEAR * GEAR / 1280.0, "Nm/rad"),
 ];
 
-/// Everything that is sent to a motor, then what comes back, which is [not in a DBC
+/// Everything that is sent to a motor, then its replies, which is [not in a DBC
 /// file](NOT_IN_DBC).
 #[must_use]
 pub fn messages(module: Module, motor: Address) -> Vec<Message, MOST> {
@@ -44,8 +44,8 @@ pub fn messages(module: Module, motor: Address) -> Vec<Message, MOST> {
     let request = |name, request: Request, signals| {
         with_id(name, request.pack(module, motor).raw_id(), false, signals)
     };
-    // The identifier of an answer: the module's, what it is, the motor's, and its lowest byte.
-    let answer = |name, content: u8, low: u8, signals, varies| {
+    // The identifier of a reply: module, content, motor, and its lowest byte.
+    let reply = |name, content: u8, low: u8, signals, varies| {
         let top = module.get() << 3 | FROM_MODULE_BYTE | content;
         let raw = u32::from_be_bytes([top, 0, motor.get(), low]);
         with_id(name, raw, true, signals).varying(varies)
@@ -70,9 +70,9 @@ pub fn messages(module: Module, motor: Address) -> Vec<Message, MOST> {
             Request::ControlUnanswered(Status::FOC, motion),
             MOTION,
         ),
-        answer("UNITREE_GO_STATE", STATE, 0, STATES, fault | 0xFF),
-        answer("UNITREE_GO_FAULT", STATE, NO_TEMPERATURE.cast_unsigned(), FAULTS, fault),
-        answer("UNITREE_GO_GAINS", IMPEDANCE, 0, GAINS, fault | 0xFF),
+        reply("UNITREE_GO_STATE", STATE, 0, STATES, fault | 0xFF),
+        reply("UNITREE_GO_FAULT", STATE, NO_TEMPERATURE.cast_unsigned(), FAULTS, fault),
+        reply("UNITREE_GO_GAINS", IMPEDANCE, 0, GAINS, fault | 0xFF),
     ]
     .into_iter()
     .collect()

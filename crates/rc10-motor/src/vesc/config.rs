@@ -1,10 +1,173 @@
-//! What is set in a VESC, and what its motor on our side has to know of it.
+//! Identifier, scale and limits of a VESC, as they are set in it.
 
-use rc10_app::{Amps, ConfigError};
+use core::fmt;
+use core::num::NonZeroU8;
+
+use rc10_app::{Amps, ConfigError, CountsPerTurn, Direction, Gear, Rpm};
 use rc10_can::Micros;
 
-use super::{Shaft, Status, VescId};
-use rc10_app::Direction;
+use super::wire::Status;
+
+/// The number a VESC is set to: 0 ..= 254.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct VescId(u8);
+
+/// The id that every VESC listens to.
+pub(super) const EVERY: u8 = 255;
+
+impl VescId {
+    /// The highest number: 254.
+    pub const LAST: Self = Self(EVERY - 1);
+
+    /// `None` for 255, which means all of them.
+    #[must_use]
+    pub const fn new(id: u8) -> Option<Self> {
+        if id == EVERY { None } else { Some(Self(id)) }
+    }
+
+    /// The number.
+    #[inline]
+    #[must_use]
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+}
+
+impl fmt::Display for VescId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// Electrical revolutions per minute: rotor rpm times pole pairs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ElectricalRpm(f32);
+
+impl ElectricalRpm {
+    /// A number of electrical rpm.
+    #[inline]
+    #[must_use]
+    pub const fn new(value: f32) -> Self {
+        Self(value)
+    }
+
+    /// The number of electrical rpm.
+    #[inline]
+    #[must_use]
+    pub const fn get(self) -> f32 {
+        self.0
+    }
+}
+
+impl fmt::Display for ElectricalRpm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self.0, f)?;
+        f.write_str(" erpm")
+    }
+}
+
+/// Below this a VESC does not regulate speed, unless it is set otherwise: `s_pid_min_erpm` in
+/// bldc's `mcconf_default.h`.
+pub const DEFAULT_MINIMUM: ElectricalRpm = ElectricalRpm::new(900.0);
+
+/// Tachometer steps per electrical turn: one per commutation step (`comm_can.md`, `STATUS_5`).
+const STEPS_PER_ELECTRICAL_TURN: u32 = 6;
+
+/// Pole pairs and gear between electrical turns and the output shaft, and the slowest speed that is
+/// regulated.
+///
+/// ```
+/// use core::num::NonZeroU8;
+/// use rc10_app::{Gear, Rpm};
+/// use rc10_motor::vesc::{ElectricalRpm, ElectricalScale};
+/// let scale = ElectricalScale::new(NonZeroU8::new(7).unwrap(), Gear::DIRECT);
+/// assert_eq!(scale.to_electrical(Rpm::new(3000.0)), ElectricalRpm::new(21_000.0));
+/// assert!(!scale.regulates(Rpm::new(128.0)));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ElectricalScale {
+    pole_pairs: NonZeroU8,
+    gear: Gear,
+    minimum: ElectricalRpm,
+}
+
+impl ElectricalScale {
+    /// Of a motor with these pole pairs (half its magnet poles) behind a gearbox, with the
+    /// firmware's own minimum speed.
+    #[must_use]
+    pub const fn new(pole_pairs: NonZeroU8, gear: Gear) -> Self {
+        Self { pole_pairs, gear, minimum: DEFAULT_MINIMUM }
+    }
+
+    /// With the minimum that is set in the VESC ("Minimum ERPM" of its speed controller).
+    #[must_use]
+    pub const fn with_minimum(mut self, minimum: ElectricalRpm) -> Self {
+        self.minimum = minimum;
+        self
+    }
+
+    /// The minimum that is set in the VESC.
+    #[must_use]
+    pub const fn minimum(&self) -> ElectricalRpm {
+        self.minimum
+    }
+
+    /// The gearbox.
+    #[must_use]
+    pub const fn gear(&self) -> Gear {
+        self.gear
+    }
+
+    /// Electrical turns per turn of the rotor.
+    pub(super) fn pole_pairs(&self) -> f32 {
+        self.pole_pairs.get().into()
+    }
+
+    /// Tachometer steps per turn of the rotor.
+    pub(super) fn steps_per_rotor_turn(&self) -> u32 {
+        STEPS_PER_ELECTRICAL_TURN * u32::from(self.pole_pairs.get())
+    }
+
+    /// The electrical speed at a speed of the output shaft.
+    #[inline]
+    #[must_use]
+    pub fn to_electrical(&self, output: Rpm) -> ElectricalRpm {
+        ElectricalRpm::new(output.get() * (self.gear.ratio() * self.pole_pairs()))
+    }
+
+    /// The output shaft's speed at an electrical speed.
+    #[must_use]
+    pub fn to_output(&self, electrical: ElectricalRpm) -> Rpm {
+        Rpm::new(electrical.get() / (self.gear.ratio() * self.pole_pairs()))
+    }
+
+    /// Whether the VESC regulates this speed of the output shaft. Slower ones it does not, standing
+    /// still among them: the motor is left free or drags, and holds nothing.
+    #[inline]
+    #[must_use]
+    pub fn regulates(&self, output: Rpm) -> bool {
+        // False for NaN.
+        self.to_electrical(output).get().abs() >= self.minimum.get()
+    }
+
+    /// The slowest speed of the output shaft that is regulated.
+    #[must_use]
+    pub fn slowest(&self) -> Rpm {
+        self.to_output(self.minimum)
+    }
+
+    /// Tachometer steps per turn of the output shaft. The tachometer itself goes round after 2³²
+    /// of them.
+    #[must_use]
+    pub fn steps_per_turn(&self) -> CountsPerTurn {
+        // At most 6 · 255 · 65,535: fits.
+        let steps = self.steps_per_rotor_turn() * self.gear.rotor_turns();
+        CountsPerTurn::new(steps, self.gear.output_turns())
+    }
+}
 
 /// Below this rate of `STATUS`, in Hz, a motor is not controlled well: its
 /// [`Condition`](crate::Condition) is `SlowFeedback`.
@@ -82,7 +245,7 @@ pub struct Config {
     /// The id set in it.
     pub id: VescId,
     /// Pole pairs, gear, slowest regulated speed.
-    pub shaft: Shaft,
+    pub scale: ElectricalScale,
     /// Which way the output shaft counts.
     pub direction: Direction,
     /// How often its status frames come.
@@ -98,24 +261,31 @@ pub struct Config {
     /// there: only then is a [`Target::Angle`](crate::Target::Angle) left to it (`SET_POS`).
     /// `STATUS_4` is needed to see that angle.
     pub encoder_on_shaft: bool,
-    /// Our own number: who asks, in a PING. No VESC of the bus may have it.
+    /// Motor Current Max, as set in it, to send currents as shares of that (`SET_CURRENT_REL`,
+    /// `SET_CURRENT_BRAKE_REL`, `SET_CURRENT_HANDBRAKE_REL`); at least `currents.limit`. The VESC
+    /// gives that share of what it allows at the time: less when it is hot, when its battery is
+    /// low, and after a [`Request::CurrentLimit`](crate::Request::CurrentLimit). Only
+    /// [targets](crate::Target) are sent so: safe states and angle loops of ours need amperes.
+    pub relative_to: Option<Amps>,
+    /// Our own number, from which a PING comes. No VESC of the bus may have it.
     pub asker: VescId,
 }
 
 impl Config {
     /// Turning forward, [`StatusRates::CONTROL`], commands at 200 Hz, a timeout of 200 ms, no
-    /// encoder on the output shaft, asked by number 254.
+    /// encoder on the output shaft, currents in amperes, asked by number 254.
     #[must_use]
-    pub const fn new(id: VescId, shaft: Shaft, currents: Currents) -> Self {
+    pub const fn new(id: VescId, scale: ElectricalScale, currents: Currents) -> Self {
         Self {
             id,
-            shaft,
+            scale,
             direction: Direction::Forward,
             status: StatusRates::CONTROL,
             command_hz: 200,
             timeout: Micros::from_millis(200),
             currents,
             encoder_on_shaft: false,
+            relative_to: None,
             asker: VescId::LAST,
         }
     }
@@ -145,10 +315,12 @@ impl Config {
         for (name, amps) in [("brake", brake.get()), ("handbrake", handbrake.get())] {
             check(name, amps, (0.0..=limit).contains(&amps), "0 to `limit`")?;
         }
-        let minimum = self.shaft.minimum().get();
+        let minimum = self.scale.minimum().get();
         check("minimum", minimum, minimum >= 0.0 && minimum.is_finite(), "finite, not negative")?;
         let seen = !self.encoder_on_shaft || status.status_4 > 0;
         check("status_4", status.status_4.into(), seen, "above 0 with `encoder_on_shaft`")?;
+        let full = self.relative_to.map_or(limit, Amps::get);
+        check("relative_to", full, full >= limit && full.is_finite(), "finite, `limit` or more")?;
         let own = f32::from(self.asker.get());
         check("asker", own, self.asker != self.id, "another number than `id`")
     }
@@ -161,4 +333,51 @@ pub(super) fn check(
     must_be: &'static str,
 ) -> Result<(), ConfigError> {
     if good { Ok(()) } else { Err(ConfigError::new(field, value, must_be)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scale(pole_pairs: u8, gear: Gear) -> ElectricalScale {
+        ElectricalScale::new(NonZeroU8::new(pole_pairs).unwrap(), gear)
+    }
+
+    #[test]
+    fn electrical_speed_is_speed_times_pole_pairs_times_gear() {
+        let planetary = Gear::new(3591, 187).unwrap();
+        for (pole_pairs, gear, output, electrical) in [
+            (7, Gear::DIRECT, 3000.0, 21_000.0),
+            (14, Gear::DIRECT, -1500.0, -21_000.0),
+            (4, Gear::DIRECT, 12_345.0, 49_380.0),
+            (7, planetary, 187.0, 25_137.0),
+        ] {
+            let scale = scale(pole_pairs, gear);
+            let there = scale.to_electrical(Rpm::new(output)).get();
+            assert!((there - electrical).abs() <= 1e-6 * electrical.abs(), "{there}");
+            let back = scale.to_output(ElectricalRpm::new(electrical)).get();
+            assert!((back - output).abs() <= 1e-6 * output.abs(), "{back}");
+        }
+    }
+
+    #[test]
+    fn slow_speeds_are_known_to_be_unregulated() {
+        let wheel = scale(7, Gear::DIRECT);
+        for (rpm, regulated) in
+            [(0.0, false), (128.5, false), (-128.5, false), (129.0, true), (-129.0, true)]
+        {
+            assert_eq!(wheel.regulates(Rpm::new(rpm)), regulated, "{rpm}");
+        }
+        assert!(!wheel.regulates(Rpm::new(f32::NAN)));
+        assert!((wheel.slowest().get() - 128.571_4).abs() < 1e-3);
+        let set = wheel.with_minimum(ElectricalRpm::new(70.0));
+        assert!(set.regulates(Rpm::new(10.0)) && !set.regulates(Rpm::new(9.9)));
+    }
+
+    #[test]
+    fn six_steps_of_the_tachometer_are_an_electrical_turn() {
+        assert_eq!(scale(7, Gear::DIRECT).steps_per_turn(), CountsPerTurn::new(42, 1));
+        let geared = scale(7, Gear::new(3591, 187).unwrap());
+        assert_eq!(geared.steps_per_turn(), CountsPerTurn::new(42 * 3591, 187));
+    }
 }

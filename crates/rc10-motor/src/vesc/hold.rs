@@ -1,4 +1,4 @@
-//! How a turning shaft is brought to a stand and kept there.
+//! How a turning shaft is brought to a stand and kept there without angle loops.
 
 use rc10_app::Seconds;
 
@@ -10,10 +10,10 @@ const CATCHABLE: f32 = 300.0;
 /// this many runs past it.
 const SLIP: f32 = 1.5;
 
-/// A still field holds a rotor that nearly stands; one that runs past it is neither held nor
-/// braked. So the shaft is braked first, and again if it slips. Where the brake, which fades at low
-/// speed, does not slow it down far enough, because a weight pulls, it is left to sink on the
-/// brake: a field that does not catch it would let it fall.
+/// Brake or handbrake: a still field holds a rotor that nearly stands; one that runs past it is
+/// neither held nor braked. So the shaft is braked first, and again if it slips. Where the brake,
+/// which fades at low speed, does not slow it down far enough, because a weight pulls, it is left
+/// to sink on the brake: a field that does not catch it would let it fall.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Hold {
     /// The field stands; else the shaft is braked.
@@ -30,10 +30,5 @@ impl Hold {
         self.turns = if nearly_stands { 0.0 } else { covered };
         self.locks = nearly_stands || self.locks && self.turns.abs() < SLIP;
         self.locks
-    }
-
-    /// Whatever is held next begins afresh.
-    pub(super) fn start_over(&mut self) {
-        *self = Self::default();
     }
 }

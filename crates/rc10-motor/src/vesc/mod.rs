@@ -7,8 +7,8 @@
 //! standing shaft where it is.
 //!
 //! **Identifiers.** All frames are extended: `packet << 8 | id`, with the upper 13 bits zero. VESCs
-//! are numbered 0 to 254; what is sent to 255 is for all of them. Commands carry the receiver's id,
-//! status frames the sender's, a PONG the id of whoever asked. Factory bit rate: 500 kbit/s, to be
+//! are numbered 0 to 254; a frame to 255 is for all of them. Commands carry the receiver's id, status
+//! frames the sender's, a PONG the id of the sender of the PING. Factory bit rate: 500 kbit/s, to be
 //! set to 1 Mbit/s on a bus with others. Status frames are off until switched on in VESC Tool.
 //!
 //! **Frames.** Signed, big endian, scaled integers. A command that drives is one `i32`:
@@ -21,7 +21,7 @@
 //!   bytes for one with a delay, and reads the current from elsewhere: 10 A in eight bytes become
 //!   655,360 A.
 //! * `SET_RPM` 0 holds nothing. Below a minimum (900 eRPM unless set otherwise) the speed is not
-//!   regulated: [`Shaft::regulates`]. Free is `SET_CURRENT` 0, slowing down is `SET_CURRENT_BRAKE`,
+//!   regulated: [`ElectricalScale::regulates`]. Free is `SET_CURRENT` 0, slowing down is `SET_CURRENT_BRAKE`,
 //!   standing is `SET_CURRENT_HANDBRAKE` or `SET_POS`; none is ever sent in place of another.
 //! * `SET_POS` is an angle within one turn of the encoder the VESC is set up with.
 //! * A VESC lets go when commands stop: after 1 s by the firmware's default, 0.5 s by its
@@ -30,19 +30,22 @@
 //!   for an encoder's state.
 //!
 //! **As a motor.** A [`Vesc`] sends one command frame, repeated at the rate of its [`Config`] and at
-//! once when it is to drive in another way; whatever it says takes the place of what has not left
-//! yet. Each target is a packet of its own:
+//! once when it is to drive in another way; a new one takes the place of one that has not left yet.
+//! Each target is a packet of its own:
 //!
 //! | target | sent |
 //! |---|---|
 //! | `Coast`, and disarmed | `SET_CURRENT` 0 |
-//! | `Current`, `CurrentShare` | `SET_CURRENT`, `SET_CURRENT_REL`, rising within 20 ms |
+//! | `Current` | `SET_CURRENT`, or `SET_CURRENT_REL`; rising within 20 ms |
 //! | `Duty` | `SET_DUTY`, rising by 2 a second when it begins |
 //! | `Speed` | `SET_RPM`, also below the minimum: then [`Condition::Unregulated`] |
-//! | `Brake`, `BrakeShare` | `SET_CURRENT_BRAKE`, `SET_CURRENT_BRAKE_REL` |
-//! | `Handbrake`, `HandbrakeShare` | `SET_CURRENT_HANDBRAKE`, `SET_CURRENT_HANDBRAKE_REL` |
+//! | `Brake` | `SET_CURRENT_BRAKE`, or `SET_CURRENT_BRAKE_REL` |
+//! | `Handbrake` | `SET_CURRENT_HANDBRAKE`, or `SET_CURRENT_HANDBRAKE_REL`; rising within 20 ms |
 //! | `Angle` | `SET_POS`, only with an encoder on the output shaft |
 //! | `TotalAngle`, and `Angle` without such an encoder | `SET_CURRENT` of our own angle loops ([`Vesc::with_servo`]): `SET_RPM` cannot be regulated near standstill |
+//!
+//! The currents of the first three are shares of the VESC's own limit (`_REL`) with
+//! [`Config::relative_to`], else amperes.
 //!
 //! The safe states: coast; the brake of its [`Currents`]; to hold, our angle loops if there are
 //! any, else the brake until a still field can catch the rotor, then the handbrake.
@@ -56,14 +59,14 @@
 //! ```
 //! use core::num::NonZeroU8;
 //! use rc10_app::{Amps, Gear};
-//! use rc10_motor::vesc::{Config, Currents, Shaft, Vesc, VescId};
+//! use rc10_motor::vesc::{Config, Currents, ElectricalScale, Vesc, VescId};
 //! use rc10_motor::{ArmSwitch, MotorBus, Safety};
 //!
 //! let seven = NonZeroU8::new(7).unwrap();
-//! let shaft = Shaft::new(seven, Gear::new(3, 1).unwrap());
+//! let scale = ElectricalScale::new(seven, Gear::new(3, 1).unwrap());
 //! let currents =
 //!     Currents { limit: Amps::new(40.0), brake: Amps::new(15.0), handbrake: Amps::new(10.0) };
-//! let mut wheel = Vesc::new(Config::new(VescId::new(1).unwrap(), shaft, currents))?;
+//! let mut wheel = Vesc::new(Config::new(VescId::new(1).unwrap(), scale, currents))?;
 //! let switch = ArmSwitch::new();
 //! let mut bus = MotorBus::new(&switch);
 //! bus.attach(&mut wheel, Safety::BRAKE)?;
@@ -77,19 +80,19 @@
 //! Sources: vedderb/bldc, `comm/comm_can.c`, `datatypes.h`, `motor/mcconf_default.h` (firmware 5.03
 //! to 7.01) and `documentation/comm_can.md`.
 
-mod can;
 mod config;
 mod hold;
 mod motor;
-mod packet;
-mod shaft;
 pub mod signals;
-mod tachometer;
 mod watch;
 pub mod wire;
 
-pub use config::{CONTROL_HZ, Config, Currents, StatusRates};
+pub use config::{
+    CONTROL_HZ, Config, Currents, DEFAULT_MINIMUM, ElectricalRpm, ElectricalScale, StatusRates,
+    VescId,
+};
 pub use motor::Vesc;
-pub use packet::{Address, Packet, VescId};
-pub use shaft::{DEFAULT_MINIMUM, ElectricalRpm, Shaft};
-pub use wire::{Command, NotANumber, Reply, Setting, Status, UnpackError, coast, ping, shutdown};
+pub use wire::{
+    Address, Command, NotANumber, Packet, Reply, Setting, Status, UnpackError, coast, ping,
+    shutdown,
+};

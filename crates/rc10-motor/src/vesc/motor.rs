@@ -1,20 +1,25 @@
-//! A VESC as a motor: what it is told when, and what is made of what it tells.
+//! A VESC as a motor: its commands, and what is made of its reports.
 
-use rc10_app::maths::within;
-use rc10_app::{Amps, Celsius, ConfigError, Degrees, Rpm, Seconds, Volts};
-use rc10_can::{CanFrame, Micros};
+use embedded_can::{ExtendedId, Id};
+use rc10_app::angle::shortest_way;
+use rc10_app::maths::{round_to_i32, within};
+use rc10_app::{Amps, Cascade, Celsius, ConfigError, Degrees, Gear, Volts};
+use rc10_can::{CanFrame, IdPattern, Micros};
 
-use super::config::check;
+use super::config::{CONTROL_HZ, Config, ElectricalRpm, check};
 use super::hold::Hold;
-use super::tachometer::Tachometer;
 use super::watch::Watch;
-use super::{CONTROL_HZ, Command, Config, ElectricalRpm, Packet, Status, coast};
-use crate::motor::{
-    Condition, DriveMode, Fault, Feedback, FrameKind, Motor, Request, RequestError, Response,
-    Target, TargetError, TargetKind, TargetSet,
-};
-use crate::servo::{Measured, Servo};
-use rc10_app::Cascade;
+use super::wire::{Command, Packet, Reply, STATUSES, Setting, Status, UnpackError, coast, ping};
+use crate::batch::{TxBatch, TxFull};
+use crate::can_ids::{CanIds, Guard, MotorName, Rate, RxFrames, TxFrames};
+use crate::feedback::{Condition, Fault, Feedback};
+use crate::goal::{Goal, Goals};
+use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Motor, Tick};
+use crate::request::{Request, RequestError, Response};
+use crate::servo::Servo;
+use crate::shaft::Shaft;
+use crate::supervision::Link;
+use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
 /// After driving starts, a current rises to what was asked for within this time, s …
 const SOFT_TIME: f32 = 0.020;
@@ -25,69 +30,67 @@ const SOFT_DUTY: f32 = 2.0;
 const MOST_ASIDE: f32 = 12.0;
 /// A tachometer value older than this, s, is nothing to seek an angle by.
 const OLD: f32 = 0.025;
+/// How often a changed current limit is told again, s: no VESC says that it has taken it.
+const LIMIT_PERIOD: f32 = 1.0;
+/// Steps of the position in `STATUS_4` in a turn: 50 a degree.
+const POSITION_STEPS: i32 = 18_000;
+/// Microdegrees in a turn.
+const TURN: i32 = 360_000_000;
+
+/// No torque, no braking.
+const COAST: Command = Command::Current(Amps::ZERO);
 
 /// A VESC. See the [module's documentation](super) for what each target becomes.
 #[derive(Clone, Copy, Debug)]
 pub struct Vesc {
-    pub(super) config: Config,
-    /// 1 or -1.
-    sign: f32,
+    config: Config,
     /// The command frames' stream.
-    pub(super) stream: u32,
+    stream: u32,
     /// Largest current now, A.
-    pub(super) limit: f32,
-    target: Target,
-    goal: Goal,
+    limit: f32,
+    goals: Goals,
+    /// Angle loops on our side, if there are any.
     servo: Option<Servo>,
-    drive: DriveMode,
+    /// Counted by the tachometer.
+    shaft: Shaft,
+    /// Counted by the position controller's encoder, where that sits on the shaft.
+    encoder: Shaft,
+    /// The newest value of the tachometer, in the VESC's own steps.
+    tachometer: Option<i32>,
+    /// Seconds since the tachometer was heard.
+    tachometer_age: f32,
+    /// The next tachometer value comes after a silence.
+    after_silence: bool,
+    reported: Reported,
+    mode: DriveMode,
     hold: Hold,
     /// How far a soft start has come, 0 ..= 1.
     risen: f32,
     /// Duty from which it comes.
     from: f32,
+    /// Seconds for which our angle loops have driven.
+    sought: f32,
     command: Command,
-    pub(super) is_due: bool,
+    is_due: bool,
     /// Seconds until the command is repeated.
     until_next: f32,
     /// The VESC was told another limit than it is set to; seconds until it is told again.
-    pub(super) told_limit: Option<f32>,
-    seen: Seen,
-    tachometer: Tachometer,
-    /// Seconds since the tachometer was heard.
-    tachometer_age: f32,
-    /// The next tachometer value comes after a silence.
-    after_silence: bool,
-    pub(super) watch: Watch,
+    until_limit: Option<f32>,
+    watch: Watch,
 }
 
-/// The target in the VESC's own terms.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Goal {
-    /// For the VESC to follow; whether it regulates that.
-    Command(Command, bool),
-    /// For our servo, which asks for a current.
-    Servo,
-}
-
-/// What the newest frames told, as the VESC counts it.
-#[derive(Clone, Copy, Debug, Default)]
-struct Seen {
-    at: Micros,
-    heard: bool,
-    speed: ElectricalRpm,
-    /// Positive for positive torque.
-    current: f32,
-    duty: f32,
-    motor: Option<Celsius>,
-    transistors: Option<Celsius>,
-    /// Of the position controller, degrees; and where it counts from.
-    position: Option<f32>,
-    position_zero: f32,
-    volts: Option<f32>,
-}
-
-fn named(config: &Config, error: ConfigError) -> ConfigError {
-    error.of_device("VESC", config.id.get().into())
+/// The newest measurement, as the VESC counts it; NaN where it was not told.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reported {
+    pub(super) speed: ElectricalRpm,
+    /// Positive for positive torque, A.
+    pub(super) current: f32,
+    pub(super) duty: f32,
+    motor: Celsius,
+    transistors: Celsius,
+    supply: Volts,
+    /// Of the position controller, in microdegrees.
+    position: i32,
 }
 
 impl Vesc {
@@ -96,27 +99,43 @@ impl Vesc {
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
-        config.validate().map_err(|error| named(&config, error))?;
+        use TargetKind::{Angle, Brake, Coast, Current, Duty, Handbrake, Speed};
+        config.validate().map_err(|error| error.of_device("VESC", config.id.get().into()))?;
+        let supports = TargetSet::of(&[Coast, Current, Duty, Speed, Brake, Handbrake]);
+        let Config { scale, direction, .. } = config;
         Ok(Self {
             config,
-            sign: config.direction.sign().into(),
             stream: CanFrame::key_of(Packet::SetDuty.id(config.id)),
             limit: config.currents.limit.get(),
-            target: Target::Coast,
-            goal: Goal::Command(COAST, true),
+            goals: Goals::new(if config.encoder_on_shaft {
+                supports.with(Angle)
+            } else {
+                supports
+            }),
             servo: None,
-            drive: DriveMode::Off,
+            shaft: Shaft::new(scale.steps_per_rotor_turn(), scale.gear(), direction),
+            encoder: Shaft::new(POSITION_STEPS.unsigned_abs(), Gear::DIRECT, direction),
+            tachometer: None,
+            tachometer_age: 0.0,
+            after_silence: false,
+            reported: Reported {
+                speed: ElectricalRpm::new(0.0),
+                current: 0.0,
+                duty: 0.0,
+                motor: Celsius::new(f32::NAN),
+                transistors: Celsius::new(f32::NAN),
+                supply: Volts::new(f32::NAN),
+                position: 0,
+            },
+            mode: DriveMode::Off,
             hold: Hold::default(),
             risen: 0.0,
             from: 0.0,
+            sought: 0.0,
             command: COAST,
             is_due: true,
             until_next: 0.0,
-            told_limit: None,
-            seen: Seen::default(),
-            tachometer: Tachometer::new(&config.shaft, config.direction),
-            tachometer_age: f32::INFINITY,
-            after_silence: false,
+            until_limit: None,
             watch: Watch::new(config.status.status_1),
         })
     }
@@ -132,14 +151,14 @@ impl Vesc {
     /// has to come at [`CONTROL_HZ`] or more.
     pub fn with_servo(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
         let rate = self.config.status.status_5;
-        let servo = || {
-            let must_be = "200 Hz or more, to seek angles by";
-            check("status_5", rate.into(), rate >= CONTROL_HZ, must_be)?;
-            let mut servo = Servo::new(TargetKind::Current, cascade)?;
-            servo.set_limit("limit", self.limit)?;
-            Ok(servo)
-        };
-        self.servo = Some(servo().map_err(|error| named(&self.config, error))?);
+        let must_be = "200 Hz or more, to seek angles by";
+        let servo = check("status_5", rate.into(), rate >= CONTROL_HZ, must_be)
+            .and_then(|()| Servo::new(TargetKind::Current, cascade))
+            .and_then(|mut servo| servo.set_limit("limit", self.limit).map(|()| servo));
+        let id = self.config.id.get().into();
+        self.servo = Some(servo.map_err(|error| error.of_device("VESC", id))?);
+        let supports = self.goals.supports();
+        self.goals = Goals::new(supports.with(TargetKind::Angle).with(TargetKind::TotalAngle));
         Ok(self)
     }
 
@@ -149,180 +168,213 @@ impl Vesc {
         &self.config
     }
 
-    /// How it comes to follow a target that it takes.
-    fn goal_of(&self, target: Target) -> Result<Goal, TargetError> {
-        let sign = self.sign;
-        // What only has a size goes from zero on.
-        let size = |value: f32| match value {
-            value if value < 0.0 => Err(TargetError::OutOfRange(target.kind())),
-            value => Ok(value),
-        };
-        let command = match target {
-            Target::Current(amps) => Command::Current(Amps::new(sign * amps.get())),
-            Target::CurrentShare(share) => Command::RelativeCurrent(sign * within(share, 1.0)),
-            Target::Duty(duty) => Command::Duty(sign * within(duty, 1.0)),
-            Target::Speed(rpm) => {
-                let electrical = self.config.shaft.to_electrical(rpm).get();
-                let command = Command::Speed(ElectricalRpm::new(sign * electrical));
-                return Ok(Goal::Command(command, self.config.shaft.regulates(rpm)));
-            }
-            Target::Brake(amps) => Command::Brake(Amps::new(size(amps.get())?)),
-            Target::BrakeShare(share) => Command::RelativeBrake(within(size(share)?, 1.0)),
-            Target::Handbrake(amps) => Command::Handbrake(Amps::new(size(amps.get())?)),
-            Target::HandbrakeShare(share) => Command::RelativeHandbrake(within(size(share)?, 1.0)),
-            Target::Angle(angle) if self.config.encoder_on_shaft => {
-                let angle = sign * (angle.get() % 360.0) + self.seen.position_zero;
-                Command::Position(Degrees::new(within_turn(angle)))
-            }
-            Target::Angle(_) | Target::TotalAngle(_) => return Ok(Goal::Servo),
-            // What is not supported was refused before.
-            _ => COAST,
-        };
-        Ok(Goal::Command(command, true))
-    }
-
-    /// What to tell the VESC now.
-    fn decide(&mut self, dt: Seconds, drive: DriveMode) -> Command {
-        let currents = self.config.currents;
+    /// The next command.
+    fn decide(&mut self, tick: &Tick) -> Command {
         // Nothing is done to a shaft that was never seen.
-        let drive = if self.seen.heard { drive } else { DriveMode::Off };
-        let seeks = match drive {
-            DriveMode::Run => self.goal == Goal::Servo,
-            // Angle loops hold better than a still field, as long as they see the shaft.
-            DriveMode::Hold => self.servo.is_some() && !self.is_blind(),
-            DriveMode::Off | DriveMode::Coast | DriveMode::Brake => false,
-        };
-        if drive != DriveMode::Hold || seeks {
-            self.hold.start_over();
+        let mode = if self.shaft.is_known() { tick.mode } else { DriveMode::Off };
+        let runs = mode == DriveMode::Run;
+        // Angle loops hold better than a still field, as long as they see the shaft.
+        let holds = mode == DriveMode::Hold && self.servo.is_some() && !self.is_blind();
+        let seeks = runs && self.is_servos() || holds;
+        if mode != DriveMode::Hold || seeks {
+            self.hold = Hold::default();
         }
         if seeks {
-            return self.seek(dt, drive);
+            return self.seek(tick);
         }
+        self.sought = 0.0;
         if let Some(servo) = &mut self.servo {
             servo.rest();
         }
-        let command = match drive {
+        let currents = self.config.currents;
+        let command = match mode {
             DriveMode::Off | DriveMode::Coast => COAST,
-            DriveMode::Hold if self.hold.update(dt, self.seen.speed) => {
+            DriveMode::Hold if self.hold.update(tick.dt, self.reported.speed) => {
                 Command::Handbrake(currents.handbrake)
             }
             DriveMode::Brake | DriveMode::Hold => Command::Brake(currents.brake),
-            DriveMode::Run => match self.goal {
-                Goal::Command(command, _) => command,
-                Goal::Servo => COAST,
-            },
+            DriveMode::Run => self.followed(),
         };
-        // Whoever begins to push begins softly.
-        let way = |command| match command {
-            Command::Duty(_) => 1,
-            Command::Handbrake(_) | Command::RelativeHandbrake(_) => 2,
+        let drives = runs && self.goals.target() != Target::Coast;
+        let command = self.soften(self.limited(command), drives, tick.dt.get());
+        if drives { self.relative(command) } else { command }
+    }
+
+    /// One step of our own angle loops, which start softly and keep to the limit by themselves.
+    fn seek(&mut self, tick: &Tick) -> Command {
+        self.risen = 0.0;
+        let is_blind = self.is_blind();
+        let Some(servo) = &mut self.servo else { return COAST };
+        if is_blind {
+            self.sought = 0.0;
+            servo.rest();
+        } else {
+            self.sought += tick.dt.get();
+            servo.update(tick, &self.shaft);
+        }
+        Command::Current(Amps::new(self.shaft.sign() * servo.effort()))
+    }
+
+    /// The command by which the VESC follows the target.
+    fn followed(&self) -> Command {
+        let sign = self.shaft.sign();
+        match self.goals.target() {
+            Target::Current(amps) => Command::Current(amps * sign),
+            Target::Duty(duty) => Command::Duty(sign * within(duty, 1.0)),
+            Target::Speed(rpm) => Command::Speed(self.config.scale.to_electrical(rpm * sign)),
+            Target::Brake(amps) => Command::Brake(amps),
+            Target::Handbrake(amps) => Command::Handbrake(amps),
+            Target::Angle(_) => Command::Position(self.position()),
+            // What is not supported was refused before.
+            _ => COAST,
+        }
+    }
+
+    /// The angle sought, for the position controller: its newest reading and the way left.
+    fn position(&self) -> Degrees {
+        let way = match *self.goals.goal() {
+            Goal::Angle(phase) => shortest_way(self.encoder.phase(), phase, TURN),
             _ => 0,
         };
-        if way(command) != way(self.command) {
-            (self.risen, self.from) = (0.0, self.seen.duty);
-        }
-        let begins = drive == DriveMode::Run && self.target != Target::Coast;
-        let rise = match command {
-            Command::Current(_) | Command::RelativeCurrent(_) if begins => dt.get() / SOFT_TIME,
-            // A field that locks pulls the rotor up to half its turn.
-            Command::Handbrake(_) | Command::RelativeHandbrake(_) => dt.get() / SOFT_TIME,
-            Command::Duty(duty) if begins => {
-                dt.get() * SOFT_DUTY / (duty - self.from).abs().max(f32::EPSILON)
-            }
-            _ => -1.0,
-        };
-        self.risen = (self.risen + rise).clamp(0.0, 1.0);
+        let way = if self.shaft.sign() < 0.0 { -way } else { way };
+        #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of a turn")]
+        let degrees = (self.reported.position + way).rem_euclid(TURN) as f32 * 1e-6;
+        Degrees::new(degrees)
+    }
+
+    /// A command with no more than the largest current.
+    fn limited(&self, command: Command) -> Command {
         let limited = |amps: Amps| Amps::new(within(amps.get(), self.limit));
         match command {
-            Command::Current(amps) => Command::Current(Amps::new(limited(amps).get() * self.risen)),
-            Command::RelativeCurrent(share) => Command::RelativeCurrent(share * self.risen),
-            Command::Duty(duty) if self.risen < 1.0 => {
-                Command::Duty(self.from + (duty - self.from) * self.risen)
-            }
+            Command::Current(amps) => Command::Current(limited(amps)),
             Command::Brake(amps) => Command::Brake(limited(amps)),
-            Command::Handbrake(amps) => {
-                Command::Handbrake(Amps::new(limited(amps).get() * self.risen))
-            }
-            Command::RelativeHandbrake(share) => Command::RelativeHandbrake(share * self.risen),
+            Command::Handbrake(amps) => Command::Handbrake(limited(amps)),
             other => other,
         }
     }
 
-    /// One step of our own angle loops, which start softly and keep to the limit by themselves.
-    fn seek(&mut self, dt: Seconds, drive: DriveMode) -> Command {
-        self.risen = 0.0;
-        let measured = (!self.is_blind()).then(|| self.measured());
-        let amps = match &mut self.servo {
-            Some(servo) => servo.update(dt, drive, measured),
-            None => 0.0,
+    /// A command as far as a soft start lets it come.
+    fn soften(&mut self, command: Command, drives: bool, dt: f32) -> Command {
+        let kind = |command: &Command| match command {
+            Command::Duty(_) => 1,
+            Command::Handbrake(_) | Command::RelativeHandbrake(_) => 2,
+            _ => 0,
         };
-        Command::Current(Amps::new(self.sign * amps))
+        if kind(&command) != kind(&self.command) {
+            (self.risen, self.from) = (0.0, self.reported.duty);
+        }
+        let rise = match command {
+            Command::Current(_) if drives => dt / SOFT_TIME,
+            // A field that locks pulls the rotor up to half its turn.
+            Command::Handbrake(_) => dt / SOFT_TIME,
+            Command::Duty(duty) => dt * SOFT_DUTY / (duty - self.from).abs().max(f32::EPSILON),
+            _ => -1.0,
+        };
+        self.risen = (self.risen + rise).clamp(0.0, 1.0);
+        match command {
+            Command::Current(amps) => Command::Current(amps * self.risen),
+            Command::Handbrake(amps) => Command::Handbrake(amps * self.risen),
+            Command::Duty(duty) if self.risen < 1.0 => {
+                Command::Duty(self.from + (duty - self.from) * self.risen)
+            }
+            other => other,
+        }
+    }
+
+    /// A current as a share of what the VESC allows, if that is how it is to be sent.
+    fn relative(&self, command: Command) -> Command {
+        let Some(full) = self.config.relative_to else { return command };
+        match command {
+            Command::Current(amps) => Command::RelativeCurrent(amps.get() / full.get()),
+            Command::Brake(amps) => Command::RelativeBrake(amps.get() / full.get()),
+            Command::Handbrake(amps) => Command::RelativeHandbrake(amps.get() / full.get()),
+            other => other,
+        }
+    }
+
+    /// Whether the target is for our own angle loops.
+    fn is_servos(&self) -> bool {
+        match self.goals.target().kind() {
+            TargetKind::TotalAngle => true,
+            TargetKind::Angle => !self.config.encoder_on_shaft,
+            _ => false,
+        }
     }
 
     /// Whether nothing is known of where the shaft is now.
     fn is_blind(&self) -> bool {
-        !self.seen.heard || self.tachometer_age >= OLD
+        !self.shaft.is_known() || self.tachometer.is_none() || self.tachometer_age >= OLD
     }
 
     /// Takes a status frame; whether it is the one that tells how the motor moves.
-    pub(super) fn take(&mut self, status: Status, at: Micros) -> FrameKind {
-        let seen = &mut self.seen;
-        match status {
+    fn take(&mut self, status: &Status, at: Micros, link: Link) -> FrameKind {
+        let reported = &mut self.reported;
+        match *status {
             Status::Motion { speed, current, duty } => {
-                let gap = at.since(seen.at);
-                if !seen.heard || gap > self.watch.link_timeout() {
-                    self.after_silence = true;
+                if link != Link::Online {
+                    self.after_silence = link == Link::Lost;
                     // It may have started anew, with the limits that are set in it.
-                    self.told_limit = self.told_limit.map(|_| 0.0);
+                    self.until_limit = self.until_limit.map(|_| 0.0);
                 }
-                let torque = torque_current(current.get(), duty, speed);
-                (seen.at, seen.heard) = (at, true);
-                (seen.speed, seen.current, seen.duty) = (speed, torque, duty);
-                self.watch.hear(current.get(), duty);
+                (reported.speed, reported.duty) = (speed, duty);
+                reported.current = torque_current(current.get(), duty, speed);
+                self.shaft.measure(speed.get() / self.config.scale.pole_pairs(), at);
+                self.watch.hear(link);
                 return FrameKind::Feedback;
             }
             Status::Temperatures { transistors, motor, position, .. } => {
-                (seen.transistors, seen.motor) = (Some(transistors), Some(motor));
-                seen.position = Some(position.get());
+                (reported.transistors, reported.motor) = (transistors, motor);
+                if self.config.encoder_on_shaft {
+                    let steps = round_to_i32(position.get() * 50.0).rem_euclid(POSITION_STEPS);
+                    reported.position = steps * (TURN / POSITION_STEPS);
+                    self.encoder.follow(steps, 0.0, at);
+                }
             }
             Status::Tachometer { steps, volts } => {
-                seen.volts = Some(volts);
-                // So many steps it may have made: one a sixth of the field's turn. Who has made more
-                // was restarted in a blink.
-                let most = MOST_ASIDE + 0.2 * seen.speed.get().abs() * self.tachometer_age;
-                let jumps = self.tachometer.way_to(steps) > most;
-                let after_silence = core::mem::take(&mut self.after_silence) || jumps;
-                self.tachometer.update(steps, after_silence);
-                self.tachometer_age = 0.0;
+                reported.supply = Volts::new(volts);
+                self.count(steps);
             }
-            // Whole-match figures, and inputs of its own: for who reads the bus.
+            // Whole-match figures, and inputs of its own: for other readers of the bus.
             Status::AmpHours { .. } | Status::WattHours { .. } | Status::Inputs { .. } => (),
         }
         FrameKind::Other
     }
 
+    /// Takes a value of the tachometer, which goes round after 2³² steps.
+    fn count(&mut self, steps: i32) {
+        // One step is a sixth of the field's turn. A VESC that has made more was restarted in a
+        // blink.
+        let most = MOST_ASIDE + 0.2 * self.reported.speed.get().abs() * self.tachometer_age;
+        self.tachometer_age = 0.0;
+        let after_silence = core::mem::take(&mut self.after_silence);
+        let Some(last) = self.tachometer.replace(steps) else {
+            return self.shaft.start(steps.into());
+        };
+        let moved = steps.wrapping_sub(last);
+        #[expect(clippy::cast_precision_loss, reason = "many are many")]
+        let jumps = moved.unsigned_abs() as f32 > most;
+        if !(after_silence || jumps) {
+            return self.shaft.move_by(moved);
+        }
+        self.shaft.count_gap();
+        // One that was without power has begun again at zero.
+        let restarted = steps.unsigned_abs() < moved.unsigned_abs();
+        self.shaft.jump_by(if restarted { steps } else { moved }.into());
+    }
+
     fn set_zero(&mut self) -> Result<Response, RequestError> {
-        let counts = self.config.status.status_5 > 0;
-        let sees = self.config.encoder_on_shaft;
-        if !counts && !sees {
+        let Config { encoder_on_shaft, status, .. } = self.config;
+        let counts = status.status_5 > 0;
+        if !counts && !encoder_on_shaft {
             return Err(RequestError::Unsupported);
         }
-        let position = match (sees, self.seen.position) {
-            (true, None) => return Err(RequestError::NoFeedback),
-            (true, Some(position)) => position,
-            (false, _) => 0.0,
-        };
-        if counts && !self.tachometer.is_heard() {
+        if counts && self.tachometer.is_none() || encoder_on_shaft && !self.encoder.is_known() {
             return Err(RequestError::NoFeedback);
         }
-        self.seen.position_zero = position;
-        let zero = self.tachometer.set_zero();
+        let (zero, encoder_zero) = (self.shaft.set_zero(), self.encoder.set_zero());
+        self.goals.set_zero(if self.is_servos() { zero } else { encoder_zero });
         if let Some(servo) = &mut self.servo {
             servo.set_zero(zero);
-        }
-        if matches!(self.target, Target::Angle(_) | Target::TotalAngle(_)) {
-            // What is sought stays where it is; the same number commanded again lies elsewhere.
-            self.target = Target::Coast;
         }
         Ok(Response::Done)
     }
@@ -334,22 +386,16 @@ impl Vesc {
         if let Some(servo) = &mut self.servo {
             servo.set_limit("current limit", self.limit)?;
         }
-        self.told_limit = Some(0.0);
+        self.until_limit = Some(0.0);
         Ok(Response::Done)
     }
 
-    /// Of the output shaft.
-    fn speed(&self) -> Rpm {
-        Rpm::new(self.sign * self.config.shaft.to_output(self.seen.speed).get())
-    }
-
-    fn measured(&self) -> Measured {
-        Measured { rpm: self.speed().get(), microdegrees: self.tachometer.microdegrees() }
-    }
-
-    /// The frame of the command. A number that is none is never sent: then it goes free.
-    pub(super) fn frame(&self) -> CanFrame {
-        self.command.pack(self.config.id).unwrap_or_else(|_| coast(self.config.id))
+    /// Whether a frame has an identifier, and a payload that its guard lets pass, of its own.
+    #[cold]
+    fn receives(&self, frame: &CanFrame) -> bool {
+        self.can_ids().received().iter().any(|receive| {
+            receive.pattern.matches(frame) && receive.guard.is_none_or(|own| own.passes(frame))
+        })
     }
 }
 
@@ -368,78 +414,48 @@ fn torque_current(current: f32, duty: f32, speed: ElectricalRpm) -> f32 {
     }
 }
 
-/// No torque, no braking.
-const COAST: Command = Command::Current(Amps::ZERO);
-
-/// 0 ..= 360, of what is within two turns of it.
-fn within_turn(degrees: f32) -> f32 {
-    let degrees = degrees % 360.0;
-    if degrees < 0.0 { degrees + 360.0 } else { degrees }
-}
-
 impl Motor for Vesc {
+    fn name(&self) -> MotorName {
+        MotorName { model: "VESC", id: self.config.id.get().into() }
+    }
+
     fn supports(&self) -> TargetSet {
-        use TargetKind::{
-            Angle, Brake, BrakeShare, Coast, Current, CurrentShare, Duty, Handbrake,
-            HandbrakeShare, Speed, TotalAngle,
-        };
-        #[rustfmt::skip]
-        const ALL: [TargetKind; 11] = [
-            Coast, Current, Duty, Speed, Brake, Handbrake, CurrentShare, BrakeShare, HandbrakeShare,
-            Angle, TotalAngle,
-        ];
-        let without = match (&self.servo, self.config.encoder_on_shaft) {
-            (Some(_), _) => 0,
-            (None, true) => 1,
-            (None, false) => 2,
-        };
-        TargetSet::of(&ALL[..ALL.len() - without])
+        self.goals.supports()
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        // The usual case is the same target again. But coasting is also what an angle becomes whose
-        // number lies elsewhere since a new zero.
-        if target != self.target || target == Target::Coast {
-            self.supports().accepts(&target)?;
-            let goal = self.goal_of(target)?;
-            if let (Goal::Servo, Some(servo)) = (goal, &mut self.servo) {
-                servo.set_target(target)?;
+        if let Target::Brake(amps) | Target::Handbrake(amps) = target {
+            // What only has a size goes from zero on.
+            if amps.get() < 0.0 && amps.is_finite() {
+                return Err(TargetError::OutOfRange(target.kind()));
             }
-            (self.goal, self.target) = (goal, target);
         }
-        Ok(())
+        self.goals.set_target(target)?;
+        let is_servos = self.is_servos();
+        match &mut self.servo {
+            Some(servo) if is_servos => servo.set_target(target),
+            _ => Ok(()),
+        }
     }
 
     fn target(&self) -> Target {
-        self.target
+        self.goals.target()
     }
 
     fn feedback(&self) -> Feedback {
-        let seen = &self.seen;
-        if !seen.heard {
-            return Feedback::NEW;
+        let mut feedback = self.shaft.feedback();
+        if !self.shaft.is_known() {
+            return feedback;
         }
-        let angle = match seen.position {
-            Some(position) if self.config.encoder_on_shaft => {
-                let degrees = within_turn(self.sign * (position - seen.position_zero));
-                Degrees::new(if degrees < 360.0 { degrees } else { 0.0 })
-            }
-            _ => self.tachometer.angle(),
-        };
-        let total = self.tachometer.total_angle();
-        let mut told = Feedback::new(seen.at, self.speed(), angle, total)
-            .with_current(Amps::new(self.sign * seen.current));
-        told.turn_gaps = self.tachometer.gaps();
-        if let Some(motor) = seen.motor {
-            told = told.with_temperature(motor);
+        if self.encoder.is_known() {
+            feedback.angle = self.encoder.feedback().angle;
         }
-        if let Some(transistors) = seen.transistors {
-            told = told.with_controller_temperature(transistors);
-        }
-        match seen.volts {
-            Some(volts) => told.with_supply(Volts::new(volts)),
-            None => told,
-        }
+        let Reported { current, motor, transistors, supply, .. } = self.reported;
+        feedback
+            .with_current(Amps::new(self.shaft.sign() * current))
+            .with_temperature(motor)
+            .with_controller_temperature(transistors)
+            .with_supply(supply)
     }
 
     /// Never one: no frame of a VESC tells its faults. [`Condition::NotFollowing`] is what is seen
@@ -448,22 +464,25 @@ impl Motor for Vesc {
         None
     }
 
-    fn update(&mut self, dt: Seconds, drive: DriveMode) {
-        self.tachometer_age += dt.get();
-        let command = self.decide(dt, drive);
-        self.watch.tick(dt, drive, &command, self.seen.speed);
-        self.told_limit = self.told_limit.map(|left| left - dt.get());
-        self.until_next -= dt.get();
+    fn update(&mut self, tick: &Tick) {
+        let dt = tick.dt.get();
+        self.tachometer_age += dt;
+        let command = self.decide(tick);
+        self.watch.update(tick, &command, &self.reported);
+        self.until_limit = self.until_limit.map(|left| left - dt);
+        self.until_next -= dt;
         let period = 1.0 / f32::from(self.config.command_hz);
-        if drive != self.drive || command.packet() != self.command.packet() {
+        if tick.mode != self.mode || command.packet() != self.command.packet() {
             // Another way to drive does not wait for its turn.
             self.is_due = true;
             self.until_next = period;
-        } else if self.until_next < 0.5 * dt.get() {
+        } else if self.until_next < 0.5 * dt {
             self.is_due = true;
             self.until_next = (self.until_next + period).max(0.0);
         }
-        (self.drive, self.command) = (drive, command);
+        // The steps of a soft start are those of a tick, not of a command's period.
+        self.is_due |= self.sought > 0.0 && self.sought <= SOFT_TIME;
+        (self.mode, self.command) = (tick.mode, command);
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
@@ -473,17 +492,89 @@ impl Motor for Vesc {
             // A VESC forgets its faults by itself, and never tells them: there is nothing to clear.
             Request::ClearFault => Ok(Response::Done),
             Request::SpeedGains(_) | Request::AngleGains(_) => {
-                let measured = self.seen.heard.then(|| self.measured());
                 let servo = self.servo.as_mut().ok_or(RequestError::Unsupported)?;
-                servo.request(request, measured)
+                servo.request(request, &self.shaft)
             }
             _ => Err(RequestError::Unsupported),
         }
     }
 
     fn condition(&self) -> Condition {
-        let regulated = !matches!(self.goal, Goal::Command(_, false));
-        let blind = self.goal == Goal::Servo && self.is_blind();
-        self.watch.condition(self.drive, regulated, blind)
+        let is_regulated = match self.goals.target() {
+            Target::Speed(rpm) => self.config.scale.regulates(rpm),
+            _ => true,
+        };
+        self.watch.condition(self.mode, is_regulated, self.is_servos() && self.is_blind())
+    }
+}
+
+impl CanMotor for Vesc {
+    fn can_ids(&self) -> CanIds {
+        let Config { id, status, asker, command_hz, .. } = self.config;
+        let exact = |packet: Packet, id| IdPattern::exact(Id::Extended(packet.id(id)));
+        // All commands to one VESC, or to all.
+        let to = |id: u32| {
+            IdPattern::masked(ExtendedId::new(id).unwrap_or(ExtendedId::ZERO), 0x1FFF_00FF)
+        };
+        let mut ids = CanIds::new();
+        for (packet, rate) in STATUSES.into_iter().zip(status.all()).filter(|(_, rate)| *rate > 0) {
+            ids = ids.receives(RxFrames::new(exact(packet, id), 8, Rate::Hz(rate)));
+        }
+        let from = Guard { byte: 0, mask: 0xFF, value: id.get() };
+        ids.receives(RxFrames::new(exact(Packet::Pong, asker), 2, Rate::Rare).guarded(from))
+            .transmits(TxFrames::new(to(id.get().into()), 4, Rate::Hz(command_hz)))
+            .transmits(TxFrames::new(exact(Packet::Ping, id), 1, Rate::Rare))
+            .transmits(TxFrames::new(exact(Packet::ConfCurrentLimits, id), 8, Rate::Rare))
+            .listens_to(to(0xFF))
+    }
+
+    fn unpack_feedback(
+        &mut self,
+        frame: &CanFrame,
+        at: Micros,
+        link: Link,
+    ) -> Result<FrameKind, FrameError> {
+        let Config { id, asker, status: rates, .. } = &self.config;
+        match Reply::unpack(frame) {
+            Ok(Reply::Status { from, status }) if from == *id && rates.of(&status) > 0 => {
+                Ok(self.take(&status, at, link))
+            }
+            Ok(Reply::Pong { from, to, hardware }) if from == *id && to == *asker => {
+                // Other hardware than a VESC answers with another number.
+                if hardware != 0 {
+                    return Err(FrameError::Unexpected);
+                }
+                self.watch.hear_answer();
+                Ok(FrameKind::Other)
+            }
+            Err(UnpackError::Length(..)) if self.receives(frame) => Err(FrameError::Length),
+            Ok(_) | Err(_) => Err(FrameError::NotMine),
+        }
+    }
+
+    fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        let id = self.config.id;
+        if self.is_due {
+            // A number that is none is never sent: then it goes free.
+            tx.push_as(self.command.pack(id).unwrap_or_else(|_| coast(id)), self.stream)?;
+            self.is_due = false;
+        }
+        if self.until_limit.is_some_and(|left| left <= 0.0) {
+            let (min, max) = (Amps::new(-self.limit), Amps::new(self.limit));
+            // A limit that is not a number was refused.
+            if let Ok(frame) = (Setting::MotorCurrent { min, max }).pack(id) {
+                tx.push(frame)?;
+            }
+            self.until_limit = Some(LIMIT_PERIOD);
+        }
+        if self.watch.asks() {
+            tx.push(ping(id, self.config.asker))?;
+            self.watch.asked();
+        }
+        Ok(())
+    }
+
+    fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        tx.push_as(coast(self.config.id), self.stream)
     }
 }

@@ -5,8 +5,8 @@
 use embedded_can::Id;
 use heapless::Vec;
 
-use super::can::STATUSES;
-use super::{Address, Config, Packet};
+use super::config::Config;
+use super::wire::{Address, Packet, STATUSES};
 use crate::signals::{Marks, Message, Signal};
 
 /// What a DBC file cannot say of these frames.

@@ -5,11 +5,148 @@
 
 use core::fmt;
 
+use embedded_can::ExtendedId;
 use rc10_app::maths::{round_to_i32, within};
 use rc10_app::{Amps, Celsius, Degrees};
 use rc10_can::CanFrame;
 
-use super::{Address, ElectricalRpm, Packet, VescId};
+use super::config::{EVERY, ElectricalRpm, VescId};
+
+/// The receiver of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Address {
+    /// This VESC.
+    One(VescId),
+    /// All VESCs on the bus (id 255).
+    Every,
+}
+
+impl From<VescId> for Address {
+    fn from(id: VescId) -> Self {
+        Self::One(id)
+    }
+}
+
+impl Address {
+    /// The lowest byte of the identifier.
+    #[inline]
+    #[must_use]
+    pub const fn byte(self) -> u8 {
+        match self {
+            Self::One(id) => id.get(),
+            Self::Every => EVERY,
+        }
+    }
+}
+
+macro_rules! packets {
+    ($($variant:ident = $number:literal $name:literal,)*) => {
+        /// The kind of a frame: bits 15 to 8 of its identifier, as named and numbered in bldc's
+        /// `datatypes.h` (`CAN_PACKET_ID`).
+        ///
+        /// Also those that are not for robots, so that a frame on the bus can be named: packets 5
+        /// to 8 carry the VESC's serial protocol, 28, 55, 56 and 63 set up encoders and bit rates.
+        /// Nothing in this crate sends them.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        #[repr(u8)]
+        pub enum Packet {
+            $(#[doc = concat!("`", $name, "`")] $variant = $number,)*
+        }
+
+        impl Packet {
+            /// The packet of a number; `None` if it is none of these.
+            #[must_use]
+            pub const fn from_number(number: u8) -> Option<Self> {
+                match number {
+                    $($number => Some(Self::$variant),)*
+                    _ => None,
+                }
+            }
+
+            /// As the firmware's source names it, without `CAN_PACKET_`.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $name,)*
+                }
+            }
+        }
+    };
+}
+
+packets! {
+    SetDuty = 0 "SET_DUTY",
+    SetCurrent = 1 "SET_CURRENT",
+    SetCurrentBrake = 2 "SET_CURRENT_BRAKE",
+    SetRpm = 3 "SET_RPM",
+    SetPos = 4 "SET_POS",
+    FillRxBuffer = 5 "FILL_RX_BUFFER",
+    FillRxBufferLong = 6 "FILL_RX_BUFFER_LONG",
+    ProcessRxBuffer = 7 "PROCESS_RX_BUFFER",
+    ProcessShortBuffer = 8 "PROCESS_SHORT_BUFFER",
+    Status = 9 "STATUS",
+    SetCurrentRel = 10 "SET_CURRENT_REL",
+    SetCurrentBrakeRel = 11 "SET_CURRENT_BRAKE_REL",
+    SetCurrentHandbrake = 12 "SET_CURRENT_HANDBRAKE",
+    SetCurrentHandbrakeRel = 13 "SET_CURRENT_HANDBRAKE_REL",
+    Status2 = 14 "STATUS_2",
+    Status3 = 15 "STATUS_3",
+    Status4 = 16 "STATUS_4",
+    Ping = 17 "PING",
+    Pong = 18 "PONG",
+    ConfCurrentLimits = 21 "CONF_CURRENT_LIMITS",
+    ConfStoreCurrentLimits = 22 "CONF_STORE_CURRENT_LIMITS",
+    ConfCurrentLimitsIn = 23 "CONF_CURRENT_LIMITS_IN",
+    ConfStoreCurrentLimitsIn = 24 "CONF_STORE_CURRENT_LIMITS_IN",
+    ConfFocErpms = 25 "CONF_FOC_ERPMS",
+    ConfStoreFocErpms = 26 "CONF_STORE_FOC_ERPMS",
+    Status5 = 27 "STATUS_5",
+    PollTs5700n8501 = 28 "POLL_TS5700N8501_STATUS",
+    ConfBatteryCut = 29 "CONF_BATTERY_CUT",
+    ConfStoreBatteryCut = 30 "CONF_STORE_BATTERY_CUT",
+    Shutdown = 31 "SHUTDOWN",
+    UpdatePidPosOffset = 55 "UPDATE_PID_POS_OFFSET",
+    PollRotorPos = 56 "POLL_ROTOR_POS",
+    Status6 = 58 "STATUS_6",
+    UpdateBaud = 63 "UPDATE_BAUD",
+}
+
+impl Packet {
+    /// Its number.
+    #[inline]
+    #[must_use]
+    pub const fn number(self) -> u8 {
+        self as u8
+    }
+
+    /// The identifier of this packet with an address: the receiver's if it is a command, the
+    /// sender's if it is a status.
+    #[inline]
+    #[must_use]
+    pub fn id(self, address: impl Into<Address>) -> ExtendedId {
+        let raw = u32::from(u16::from_be_bytes([self.number(), address.into().byte()]));
+        // Sixteen bits always fit; the compiler knows.
+        ExtendedId::new(raw).unwrap_or(ExtendedId::ZERO)
+    }
+}
+
+impl fmt::Display for Packet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// The status frames, in the order of their numbers.
+pub(super) const STATUSES: [Packet; 6] = [
+    Packet::Status,
+    Packet::Status2,
+    Packet::Status3,
+    Packet::Status4,
+    Packet::Status5,
+    Packet::Status6,
+];
 
 // Raw units of a command per unit (bldc `comm_can.c`, `comm_can_set_*` and `comm_can_conf_*`).
 
@@ -34,19 +171,19 @@ const SUPPLY_VOLTS_PER_STEP: f32 = 1.0 / 10.0;
 /// Volts of an analogue input, or share of the PPM input.
 const INPUT_PER_STEP: f32 = 1.0 / 1e3;
 
-/// What a motor is told to do; each lasts until the next one, or until the VESC's timeout.
+/// A command to a VESC; it lasts until the next one, or until the VESC's timeout.
 ///
 /// A VESC holds values beyond its own limits to them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command {
-    /// Ownership of the supply voltage, -1 ..= 1. 0 shorts the motor: it brakes.
+    /// Share of the supply voltage, -1 ..= 1. 0 shorts the motor: it brakes.
     Duty(f32),
     /// Torque current. 0 leaves the motor free.
     Current(Amps),
     /// Current against the movement, whichever way it goes; no torque at rest.
     Brake(Amps),
-    /// Speed. Not regulated below the VESC's minimum: see [`Shaft`](super::Shaft).
+    /// Speed. Not regulated below the VESC's minimum: see [`ElectricalScale`](super::ElectricalScale).
     Speed(ElectricalRpm),
     /// Angle of the VESC's position controller, 0 ..= 360 degrees: one turn, not many.
     Position(Degrees),
@@ -166,7 +303,7 @@ pub fn shutdown(to: impl Into<Address>) -> CanFrame {
     frame(Packet::Shutdown, to.into(), [])
 }
 
-/// What a VESC keeps to, in pairs of numbers.
+/// A setting of a VESC: a pair of numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Setting {
@@ -252,7 +389,7 @@ fn frame<const LEN: usize>(packet: Packet, to: Address, data: [u8; LEN]) -> CanF
     CanFrame::exact(packet.id(to), data)
 }
 
-/// What a VESC tells, by itself or asked.
+/// A frame of a VESC.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Reply {
@@ -269,12 +406,12 @@ pub enum Reply {
         from: VescId,
         /// Who asked.
         to: VescId,
-        /// 0: a VESC.
+        /// Kind of hardware; 0 is a VESC.
         hardware: u8,
     },
 }
 
-/// What a status frame says; positive is forward, as the VESC counts it.
+/// The content of a status frame; positive is forward, as the VESC counts it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Status {
@@ -284,7 +421,7 @@ pub enum Status {
         speed: ElectricalRpm,
         /// Current of the motor, 0.1 A a step.
         current: Amps,
-        /// Ownership of the supply voltage, -1 ..= 1.
+        /// Share of the supply voltage, -1 ..= 1.
         duty: f32,
     },
     /// `STATUS_2`
@@ -328,7 +465,7 @@ pub enum Status {
     },
 }
 
-/// Why a frame tells nothing.
+/// Why a frame is no frame of a VESC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum UnpackError {
@@ -340,11 +477,11 @@ pub enum UnpackError {
     UpperBits(u32),
     /// A packet with this number is not known.
     UnknownPacket(u8),
-    /// No VESC says this: it is said to a VESC.
+    /// A packet that is sent to a VESC, never by one.
     NotAReply(Packet),
     /// Not the length that this packet always has.
     Length(Packet, usize),
-    /// Id 255 as sender, or as who asked.
+    /// Id 255 as the sender, or as the receiver of a PONG.
     Broadcast(Packet),
 }
 
@@ -460,190 +597,4 @@ fn halves(&[a, b, c, d, e, f, g, h]: &[u8; 8]) -> [f32; 4] {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use rc10_can::embedded_can::{ExtendedId, StandardId};
-    extern crate std;
-    use std::string::ToString;
-
-    fn id(raw: u8) -> VescId {
-        VescId::new(raw).unwrap()
-    }
-
-    fn received(raw: u32, data: &[u8]) -> Result<Reply, UnpackError> {
-        Reply::unpack(&CanFrame::data_frame(ExtendedId::new(raw).unwrap(), data).unwrap())
-    }
-
-    fn status(raw: u32, data: [u8; 8]) -> Status {
-        match received(raw, &data) {
-            Ok(Reply::Status { status, .. }) => status,
-            other => panic!("{other:?}"),
-        }
-    }
-
-    /// Frames of bldc's own sender (firmware 7.01).
-    #[test]
-    fn commands_are_those_of_the_firmware() {
-        for (command, to, frame) in [
-            (Command::Duty(0.25), 1, "00000001#000061A8"),
-            (Command::Current(Amps::new(51.0)), 23, "00000117#0000C738"),
-            (Command::Current(Amps::new(-0.001)), 42, "0000012A#FFFFFFFF"),
-            (Command::Brake(Amps::new(12.25)), 33, "00000221#00002FDA"),
-            (Command::Speed(ElectricalRpm::new(-100_000.0)), 6, "00000306#FFFE7960"),
-            (Command::Position(Degrees::new(180.0)), 1, "00000401#0ABA9500"),
-            (Command::Position(Degrees::new(-45.25)), 11, "0000040B#FD4D8A30"),
-            (Command::RelativeCurrent(0.0625), 77, "00000A4D#0000186A"),
-            (Command::RelativeBrake(0.75), 2, "00000B02#000124F8"),
-            (Command::Handbrake(Amps::new(5.5)), 2, "00000C02#0000157C"),
-            (Command::RelativeHandbrake(0.25), 2, "00000D02#000061A8"),
-        ] {
-            assert_eq!(command.pack(id(to)).unwrap().to_string(), frame);
-        }
-        assert_eq!(coast(Address::Every).to_string(), "000001FF#00000000");
-        assert_eq!(ping(id(23), id(200)).to_string(), "00001117#C8");
-        assert_eq!(shutdown(id(5)).to_string(), "00001F05#");
-    }
-
-    #[test]
-    fn settings_are_those_of_the_firmware() {
-        let limits = |min, max| (Amps::new(min), Amps::new(max));
-        let (min, max) = limits(-60.0, 60.0);
-        let setting = Setting::MotorCurrent { min, max };
-        assert_eq!(setting.pack(id(1)).unwrap().to_string(), "00001501#FFFF15A00000EA60");
-        let (min, max) = limits(-25.5, 40.25);
-        let setting = Setting::MotorCurrent { min, max };
-        assert_eq!(setting.pack_store(id(21)).unwrap().to_string(), "00001615#FFFF9C6400009D3A");
-        let (min, max) = limits(-10.0, 30.0);
-        let setting = Setting::InputCurrent { min, max };
-        assert_eq!(setting.pack(id(1)).unwrap().to_string(), "00001701#FFFFD8F000007530");
-        let (min, max) = limits(-5.0, 12.5);
-        let setting = Setting::InputCurrent { min, max };
-        assert_eq!(setting.pack_store(id(8)).unwrap().to_string(), "00001808#FFFFEC78000030D4");
-        let setting = Setting::FieldOriented {
-            openloop: ElectricalRpm::new(700.0),
-            sensorless: ElectricalRpm::new(2500.0),
-        };
-        assert_eq!(setting.pack(id(1)).unwrap().to_string(), "00001901#000AAE60002625A0");
-        assert_eq!(setting.pack_store(id(1)).unwrap().raw_id(), 0x1A01);
-        let setting = Setting::BatteryCut { start: 20.0, end: 18.5 };
-        assert_eq!(setting.pack(id(1)).unwrap().to_string(), "00001D01#00004E2000004844");
-        assert_eq!(setting.pack_store(id(1)).unwrap().raw_id(), 0x1E01);
-    }
-
-    #[test]
-    fn beyond_the_ends_is_at_the_ends() {
-        let raw = |command: Command| {
-            i32::from_be_bytes(command.pack(id(0)).unwrap().bytes().try_into().unwrap())
-        };
-        for huge in [f32::INFINITY, f32::MAX, 3e9] {
-            assert_eq!(raw(Command::Duty(huge)), 100_000);
-            assert_eq!(raw(Command::RelativeCurrent(-huge)), -100_000);
-            assert_eq!(raw(Command::RelativeBrake(huge)), 100_000);
-            assert_eq!(raw(Command::RelativeHandbrake(-huge)), -100_000);
-            assert_eq!(raw(Command::Current(Amps::new(-huge))), i32::MIN);
-            assert_eq!(raw(Command::Brake(Amps::new(huge))), i32::MAX);
-            assert_eq!(raw(Command::Handbrake(Amps::new(huge))), i32::MAX);
-            assert_eq!(raw(Command::Speed(ElectricalRpm::new(-huge))), i32::MIN);
-            assert_eq!(raw(Command::Position(Degrees::new(huge))), i32::MAX);
-            assert_eq!(raw(Command::Position(Degrees::new(-huge))), i32::MIN);
-        }
-        // To the last step: an f32 times a million alone would be 7 steps off.
-        assert_eq!(raw(Command::Position(Degrees::new(359.9))), 359_899_994);
-    }
-
-    #[test]
-    fn what_is_not_a_number_is_not_sent() {
-        let nan = f32::NAN;
-        for command in [
-            Command::Duty(nan),
-            Command::Current(Amps::new(nan)),
-            Command::Brake(Amps::new(nan)),
-            Command::Speed(ElectricalRpm::new(nan)),
-            Command::Position(Degrees::new(nan)),
-            Command::RelativeCurrent(nan),
-            Command::RelativeBrake(nan),
-            Command::Handbrake(Amps::new(nan)),
-            Command::RelativeHandbrake(nan),
-        ] {
-            assert_eq!(command.pack(id(1)), Err(NotANumber { packet: command.packet() }));
-        }
-        let setting = Setting::BatteryCut { start: 20.0, end: nan };
-        let packet = Packet::ConfStoreBatteryCut;
-        assert_eq!(setting.pack_store(id(1)), Err(NotANumber { packet }));
-        let setting = Setting::MotorCurrent { min: Amps::new(nan), max: Amps::ZERO };
-        assert_eq!(setting.pack(id(1)), Err(NotANumber { packet: Packet::ConfCurrentLimits }));
-    }
-
-    fn near(actual: f32, expected: f32) {
-        assert!((actual - expected).abs() <= 1e-6 * expected.abs(), "{actual} {expected}");
-    }
-
-    /// Frames of bldc's own broadcast (firmware 7.01).
-    #[test]
-    fn statuses_are_those_of_the_firmware() {
-        let bytes = [0x00, 0x01, 0x86, 0xA0, 0x01, 0xC9, 0xFF, 0x06];
-        let Status::Motion { speed, current, duty } = status(0x917, bytes) else { panic!() };
-        near(speed.get(), 100_000.0);
-        near(current.get(), 45.7);
-        near(duty, -0.25);
-        let bytes = [0x00, 0x00, 0x30, 0xD4, 0x00, 0x00, 0x13, 0x88];
-        let Status::AmpHours { used, charged } = status(0xE01, bytes) else { panic!() };
-        near(used, 1.25);
-        near(charged, 0.5);
-        let bytes = [0x00, 0x03, 0xBD, 0x08, 0x00, 0x00, 0x57, 0xE4];
-        let Status::WattHours { used, charged } = status(0xF01, bytes) else { panic!() };
-        near(used, 24.5);
-        near(charged, 2.25);
-        let bytes = [0x01, 0x6D, 0x01, 0x9C, 0x00, 0x37, 0x18, 0x1F];
-        let Status::Temperatures { transistors, motor, input_current, position } =
-            status(0x1001, bytes)
-        else {
-            panic!()
-        };
-        near(transistors.get(), 36.5);
-        near(motor.get(), 41.2);
-        near(input_current.get(), 5.5);
-        near(position.get(), 123.5);
-        let bytes = [0xFF, 0xFF, 0xFF, 0xFB, 0x00, 0xF5, 0x12, 0x34];
-        let Status::Tachometer { steps, volts } = status(0x1B01, bytes) else { panic!() };
-        assert_eq!(steps, -5);
-        near(volts, 24.5);
-        let bytes = [0x04, 0xE2, 0x09, 0xC4, 0x02, 0xEE, 0x01, 0xF4];
-        let Status::Inputs { analogue: [first, second, third], ppm } = status(0x3A01, bytes) else {
-            panic!()
-        };
-        near(first, 1.25);
-        near(second, 2.5);
-        near(third, 0.75);
-        near(ppm, 0.5);
-        let pong = Reply::Pong { from: id(23), to: id(200), hardware: 0 };
-        assert_eq!(received(0x12C8, &[0x17, 0x00]), Ok(pong));
-    }
-
-    #[test]
-    fn what_is_no_status_says_why() {
-        use UnpackError::{Broadcast, Length, NotAReply, UnknownPacket, UpperBits};
-        for (raw, len, error) in [
-            (0x901, 7, Length(Packet::Status, 7)),
-            (0x1B05, 5, Length(Packet::Status5, 5)),
-            (0x3A05, 0, Length(Packet::Status6, 0)),
-            (0x12C8, 1, Length(Packet::Pong, 1)),
-            (0x12C8, 8, Length(Packet::Pong, 8)),
-            (0x1C64, 8, NotAReply(Packet::PollTs5700n8501)),
-            (0x301, 4, NotAReply(Packet::SetRpm)),
-            (0x1117, 1, NotAReply(Packet::Ping)),
-            (0xFF01, 8, UnknownPacket(0xFF)),
-            (0x1_0901, 8, UpperBits(0x1_0901)),
-            (0x1000_0901, 8, UpperBits(0x1000_0901)),
-            (0x9FF, 8, Broadcast(Packet::Status)),
-            (0x12FF, 2, Broadcast(Packet::Pong)),
-        ] {
-            assert_eq!(received(raw, &[0; 8][..len]), Err(error), "{raw:X} {len}");
-        }
-        assert_eq!(received(0x12C8, &[0xFF, 0]), Err(Broadcast(Packet::Pong)));
-        let short = CanFrame::eight_bytes(StandardId::new(0x101).unwrap(), [0; 8]);
-        assert_eq!(Reply::unpack(&short), Err(UnpackError::Standard));
-        let remote = CanFrame::remote_frame(Packet::Status.id(id(1)), 8).unwrap();
-        assert_eq!(Reply::unpack(&remote), Err(UnpackError::Remote));
-    }
-}
+mod tests;

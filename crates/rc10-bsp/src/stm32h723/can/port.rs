@@ -67,7 +67,7 @@ impl FdcanPort {
             controller,
             held: 0,
             oldest: 0,
-            clock: Clock::new(crate::now()),
+            clock: Clock::new(rc10_message::now()),
             foreign_taken: false,
             streams: [0; COMMANDS],
             last_error: Cell::new(None),
@@ -100,7 +100,7 @@ impl FdcanPort {
         self.stalls = self.controller.attend();
         (self.held, self.oldest) = self.controller.held(Fifo::Wanted);
         // After the FIFO: no frame in it can be younger.
-        self.clock.read(crate::now(), self.controller.registers.tscv().read().tsc());
+        self.clock.read(rc10_message::now(), self.controller.registers.tscv().read().tsc());
     }
 
     /// FIFO 0 is empty: how is the controller, and is there a frame that was not asked for?

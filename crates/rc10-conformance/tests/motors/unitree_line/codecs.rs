@@ -3,7 +3,7 @@ use std::f64::consts::TAU;
 use proptest::prelude::*;
 use rc10_app::{Celsius, Gear, NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::unitree::wire::line::{Command, Reply};
-use rc10_motor::unitree::wire::{Address, Impedance, Motion, Shaft, Status};
+use rc10_motor::unitree::wire::{Address, Impedance, Motion, RotorScale, Status};
 use rc10_sim::unitree_line as device;
 
 /// Steps of torque, speed, angle and gains at the rotor.
@@ -35,7 +35,7 @@ proptest! {
         (stiffness, damping) in (number(1100.0), number(1100.0)),
     ) {
         let (shaft, ratio) =
-            if geared { (Shaft::OUTPUT, 6.33) } else { (Shaft::new(Gear::DIRECT), 1.0) };
+            if geared { (RotorScale::OUTPUT, 6.33) } else { (RotorScale::new(Gear::DIRECT), 1.0) };
         let motion = Motion {
             torque: NewtonMetres::new(torque),
             speed: Rpm::new(speed),
@@ -83,7 +83,7 @@ proptest! {
         prop_assert_eq!((reply.error, reply.foot_force), (error, foot_force));
         prop_assert_eq!(reply.fault().is_some(), error != 0);
         prop_assert_eq!(reply.temperature, Celsius::new(temperature.into()));
-        let motion = Shaft::new(Gear::DIRECT).motion(reply.motion);
+        let motion = RotorScale::new(Gear::DIRECT).motion(reply.motion);
         let near = |ours: f64, meant: f64, step: f64| {
             (ours - meant).abs() <= 0.5 * step + meant.abs() * 2e-7 + 1e-9
         };

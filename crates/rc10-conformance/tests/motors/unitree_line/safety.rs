@@ -51,7 +51,7 @@ fn a_command_expires_into_the_safe_state() {
         bench.wait(48);
         assert_eq!(bench.status(id).drive, DriveMode::Run);
         bench.wait(2);
-        assert_eq!((bench.status(id).drive, bench.status(id).counters.expired), (state.drive(), 1));
+        assert_eq!((bench.status(id).drive, bench.status(id).counters.expired), (state.mode(), 1));
         bench.wait(300);
         let rpm = device.state().output_rpm;
         match state {
@@ -73,7 +73,7 @@ fn a_command_expires_into_the_safe_state() {
         }
         // And back, without a jump.
         device.set_load(0.0);
-        bench.hold(id, SPEED, 500);
+        bench.hold(id, SPEED, 1000);
         assert!((device.state().output_rpm - 100.0).abs() < 0.5);
     }
 }

@@ -1,7 +1,9 @@
 use rc10_app::Rpm;
 use rc10_can::Micros;
-use rc10_motor::unitree::{AttachError, GoM8010, Rs485Bus, Step};
-use rc10_motor::{ArmSwitch, Link, MotorId, MotorName, SafeState, Safety, Target};
+use rc10_motor::unitree::{GoM8010, Rs485Bus, Step};
+use rc10_motor::{
+    ArmSwitch, AttachError, Clash, Link, MotorId, MotorName, SafeState, Safety, Target,
+};
 use rc10_sim::unitree_line::{Answer, GoM8010 as Device, plant};
 use rc10_sim::{LineMotor, Nanos};
 
@@ -247,8 +249,9 @@ fn what_cannot_be_attached_is_refused_by_name() {
         assert_eq!(line.attach(motor, Safety::COAST).unwrap().index(), index);
     }
     let error = line.attach(&mut twin, Safety::COAST).unwrap_err();
-    assert_eq!(error, AttachError::Duplicate { motor: name(4) });
-    let text = "GO-M8010-6 id 4 cannot share a line with another of its id";
+    let clash = Clash::Address(4);
+    assert_eq!(error, AttachError::Clash { motor: name(4), with: name(4), clash });
+    let text = "GO-M8010-6 id 4 cannot share a bus with GO-M8010-6 id 4: both have address 4";
     assert_eq!(error.to_string(), text);
     assert_eq!(line.motors().count(), 15);
     let text = GoM8010::new(15).unwrap_err().to_string();

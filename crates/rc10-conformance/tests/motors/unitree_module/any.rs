@@ -7,7 +7,9 @@ use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::rc10_app::{Degrees, NewtonMetres, Rpm, Seconds, TotalAngle};
 use rc10_motor::unitree::GoModule;
-use rc10_motor::{CanMotor, DriveMode, Gains, Impedance, Motor, Request, Target, TxBatch};
+use rc10_motor::{
+    CanMotor, DriveMode, Gains, Impedance, Link, Motor, Request, Target, Tick, TxBatch,
+};
 use rc10_sim::unitree_module::{Asked, Command};
 
 use super::codecs::number;
@@ -91,12 +93,13 @@ proptest! {
                 Event::Hear(id, data, after) => {
                     at += Micros::new(after);
                     let id = Id::Extended(ExtendedId::new(id).unwrap());
-                    let _ = motor.unpack_feedback(&CanFrame::eight_bytes(id, data), at);
+                    let link = if after > 10_000 { Link::Lost } else { Link::Online };
+                    let _ = motor.unpack_feedback(&CanFrame::eight_bytes(id, data), at, link);
                 }
                 Event::Aim(target) => drop(motor.set_target(target)),
                 Event::Ask(request) => drop(motor.request(request)),
                 Event::Tick(drive, dt) => {
-                    motor.update(Seconds::new(dt), drive);
+                    motor.update(&Tick { dt: Seconds::new(dt), ..Tick::new(drive) });
                     let mut tx = TxBatch::new();
                     motor.pack_command(&mut tx).unwrap();
                     prop_assert_eq!(tx.frames().len(), 1);

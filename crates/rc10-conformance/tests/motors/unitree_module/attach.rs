@@ -3,18 +3,21 @@
 use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::dji::{Dji, M3508};
-use rc10_motor::rc10_app::{ConfigError, Seconds};
+use rc10_motor::rc10_app::ConfigError;
 use rc10_motor::unitree::GoModule;
 use rc10_motor::{
-    ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, Fault, Feedback, FrameError,
-    FrameKind, Motor, MotorBus, Ownership, Rate, Request, RequestError, Response, RxFrames, Safety,
-    Target, TargetError, TargetSet, TxBatch, TxFrames, TxFull,
+    ArmSwitch, AttachError, CanIds, CanMotor, Clash, Fault, Feedback, FrameError, FrameKind, Link,
+    Motor, MotorBus, MotorName, Rate, Request, RequestError, Response, RxFrames, Safety, Target,
+    TargetError, TargetSet, Tick, TxBatch, TxFrames, TxFull,
 };
 
-/// A motor that is nothing but its wiring.
-struct Wired(CanIds);
+/// A motor that is nothing but its identifiers.
+struct Declared(MotorName, CanIds);
 
-impl Motor for Wired {
+impl Motor for Declared {
+    fn name(&self) -> MotorName {
+        self.0
+    }
     fn supports(&self) -> TargetSet {
         TargetSet::NONE
     }
@@ -30,17 +33,22 @@ impl Motor for Wired {
     fn fault(&self) -> Option<Fault> {
         None
     }
-    fn update(&mut self, _dt: Seconds, _drive: DriveMode) {}
+    fn update(&mut self, _tick: &Tick) {}
     fn request(&mut self, _request: Request) -> Result<Response, RequestError> {
         Err(RequestError::Unsupported)
     }
 }
 
-impl CanMotor for Wired {
+impl CanMotor for Declared {
     fn can_ids(&self) -> CanIds {
-        self.0.clone()
+        self.1
     }
-    fn unpack_feedback(&mut self, _frame: &CanFrame, _at: Micros) -> Result<FrameKind, FrameError> {
+    fn unpack_feedback(
+        &mut self,
+        _frame: &CanFrame,
+        _at: Micros,
+        _link: Link,
+    ) -> Result<FrameKind, FrameError> {
         Err(FrameError::NotMine)
     }
     fn pack_command(&mut self, _tx: &mut TxBatch) -> Result<(), TxFull> {
@@ -56,31 +64,30 @@ fn extended(id: u32, mask: u32) -> IdPattern {
 }
 
 fn receive(id: u32, mask: u32) -> RxFrames {
-    RxFrames { pattern: extended(id, mask), len: 8, rate: Rate::EveryTick, guard: None }
+    RxFrames::new(extended(id, mask), 8, Rate::EveryTick)
 }
 
 fn transmit(id: u32, mask: u32) -> TxFrames {
-    let pattern = extended(id, mask);
-    TxFrames { pattern, len: 8, rate: Rate::EveryTick, share: Ownership::Whole }
+    TxFrames::new(extended(id, mask), 8, Rate::EveryTick)
 }
 
-/// STATUS and STATUS 3, commands: a wiring by hand.
-fn vesc(id: u16) -> Wired {
-    let wiring = CanIds::new("VESC", id)
+/// STATUS and STATUS 3, commands: declared by hand.
+fn vesc(id: u16) -> Declared {
+    let ids = CanIds::new()
         .receives(receive(0x09 << 8 | u32::from(id), 0x1FFF_FFFF))
-        .and_then(|wiring| wiring.receives(receive(0x0F << 8 | u32::from(id), 0x1FFF_FFFF)))
-        .and_then(|wiring| wiring.transmits(transmit(id.into(), 0x1FFF_00FF)));
-    Wired(wiring.unwrap())
+        .receives(receive(0x0F << 8 | u32::from(id), 0x1FFF_FFFF))
+        .transmits(transmit(id.into(), 0x1FFF_00FF));
+    Declared(MotorName { model: "VESC", id }, ids)
 }
 
 /// Feedback, motion control, and everything else.
-fn cybergear(motor: u16) -> Wired {
+fn cybergear(motor: u16) -> Declared {
     let id = u32::from(motor);
-    let wiring = CanIds::new("CyberGear", motor)
+    let ids = CanIds::new()
         .receives(receive(id << 8 | 0xFD, 0xFFFF))
-        .and_then(|wiring| wiring.transmits(transmit(1 << 24 | id, 0x1F00_00FF)))
-        .and_then(|wiring| wiring.transmits(transmit(id, 0xFF)));
-    Wired(wiring.unwrap())
+        .transmits(transmit(1 << 24 | id, 0x1F00_00FF))
+        .transmits(transmit(id, 0xFF));
+    Declared(MotorName { model: "CyberGear", id: motor }, ids)
 }
 
 #[test]
@@ -95,7 +102,7 @@ fn only_numbers_that_exist_are_taken() {
     assert_eq!(error(0, 15), "motor must be 0 to 14 (15 is every motor)");
     assert!(GoModule::new(0, 0).is_ok() && GoModule::new(3, 14).is_ok());
     let motor = GoModule::new(3, 14).unwrap();
-    let mut cascade = rc10_motor::unitree::module::CASCADE;
+    let mut cascade = rc10_motor::unitree::CASCADE;
     cascade.speed.output_limit = 30.0;
     let refused = motor.clone().with_cascade(cascade).unwrap_err();
     assert_eq!(refused.field, "output_limit");
@@ -126,7 +133,7 @@ fn motors_of_a_module_and_modules_of_a_bus_live_together() {
 
 #[test]
 fn what_a_module_would_misunderstand_is_refused() {
-    let clash = |module, mut other: Wired| {
+    let clash = |module, mut other: Declared| {
         let switch = ArmSwitch::new();
         let mut motor = GoModule::new(module, 0).unwrap();
         let mut bus = MotorBus::new(&switch);

@@ -9,8 +9,8 @@ use rc10_can::{CanFrame, Micros};
 use rc10_motor::rc10_app::{NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::unitree::GoModule;
 use rc10_motor::unitree::wire::module::{Content, Module, Reply, Request};
-use rc10_motor::unitree::wire::{Address, Impedance, Motion, Shaft, Status};
-use rc10_motor::{CanMotor, FrameError, FrameKind, Motor};
+use rc10_motor::unitree::wire::{Address, Impedance, Motion, RotorScale, Status};
+use rc10_motor::{CanMotor, FrameError, FrameKind, Link, Motor};
 use rc10_sim::unitree_module::{self as device, Asked, Command, Report, Told};
 
 const GEAR: f64 = 6.33;
@@ -65,7 +65,7 @@ proptest! {
         let to = Module::new(module).unwrap();
         let address = Address::new(motor).unwrap_or(Address::BROADCAST);
         let status = if follow { Status::FOC } else { Status::LOCK };
-        let raw = Shaft::OUTPUT.raw(&Motion {
+        let raw = RotorScale::OUTPUT.raw(&Motion {
             torque: NewtonMetres::new(torque),
             speed: Rpm::new(rpm),
             angle: TotalAngle::from_microdegrees(degrees),
@@ -87,7 +87,7 @@ proptest! {
         let wanted = (degrees as f64 * 1e-6).to_radians() * GEAR;
         prop_assert!(near(motion.angle, wanted, TAU / 32768.0), "{degrees} {motion:?}");
 
-        let raw = Shaft::OUTPUT.raw_impedance(&Impedance { stiffness, damping });
+        let raw = RotorScale::OUTPUT.raw_impedance(&Impedance { stiffness, damping });
         let command = Command::unpack(&Request::SetImpedance(raw).pack(to, address)).unwrap();
         let Asked::SetGains(gains) = command.unwrap().asked else {
             return Err(TestCaseError::fail(format!("{command:?}")));
@@ -117,7 +117,7 @@ proptest! {
         };
         prop_assert_eq!((read.get(), air), (status, air_pressure));
         prop_assert!(near(degrees.get().into(), temperature.clamp(-127.0, 127.0), 0.5));
-        let motion = Shaft::OUTPUT.motion(motion);
+        let motion = RotorScale::OUTPUT.motion(motion);
         prop_assert!(near(motion.torque.get().into(), torque * GEAR, GEAR / 256.0));
         let step = 60.0 / 256.0 / GEAR;
         prop_assert!(near(motion.speed.get().into(), speed / GEAR * 60.0 / TAU, step));
@@ -132,7 +132,7 @@ proptest! {
         let Content::Impedance(raw) = gains else {
             return Err(TestCaseError::fail(format!("{gains:?}")));
         };
-        let read = Shaft::OUTPUT.impedance(raw);
+        let read = RotorScale::OUTPUT.impedance(raw);
         let step = GEAR * GEAR / 1280.0;
         prop_assert!(near(read.stiffness.into(), stiffness * GEAR * GEAR, step));
         prop_assert!(near(read.damping.into(), damping * GEAR * GEAR, step));
@@ -148,7 +148,7 @@ proptest! {
         let id = if force { id & !0x1C00_0F00 | 0x1C00_0200 } else { id };
         let frame =
             CanFrame::data_frame(Id::Extended(ExtendedId::new(id).unwrap()), &data[..len]).unwrap();
-        let heard = motor.unpack_feedback(&frame, Micros::ZERO);
+        let heard = motor.unpack_feedback(&frame, Micros::ZERO, Link::Online);
         let expected = match id >> 24 & 3 {
             _ if id & 0x1C00_0F00 != 0x1C00_0200 => Err(FrameError::NotMine),
             _ if len < 8 => Err(FrameError::Length),

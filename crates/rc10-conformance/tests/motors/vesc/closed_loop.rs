@@ -40,17 +40,40 @@ fn a_current_is_reached_softly_and_measured_with_its_sign() {
             near(esc.state().current, amps.into(), 0.05);
             assert_told(bench, motor, esc, 20.0, 0.2);
         }
-        hold(bench, motor, Target::Coast, 50);
-        let share = Target::CurrentShare(-0.25);
-        hold(bench, motor, share, 5);
-        assert!(esc.state().current > -5.0, "a kick of {} A", esc.state().current);
-        hold(bench, motor, share, 45);
-        near(esc.state().current, -10.0, 0.05);
-        // More than the limit is limited on our side, and a share on the device's.
+        // More than the limit is limited on our side.
         hold(bench, motor, Target::Current(Amps::new(90.0)), 30);
         assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Current(40.0));
-        hold(bench, motor, Target::CurrentShare(7.0), 30);
-        assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Current(40.0));
+    });
+}
+
+/// Its limits are set to half of what our side was told: a share of them is half of the current.
+#[test]
+fn relative_currents_are_shares_of_what_the_device_allows() {
+    let ours = Config { relative_to: Some(Amps::new(80.0)), ..config(1) };
+    on_bench(Vesc::new(ours).unwrap(), device(1), Safety::BRAKE, |bench, motor, esc, switch| {
+        switch.arm().unwrap();
+        bench.wait(50);
+        let mode = |esc: &Esc| inside(esc, |vesc| vesc.mode());
+        let target = Target::Current(Amps::new(-20.0));
+        hold(bench, motor, target, 5);
+        assert!(esc.state().current > -5.0, "a kick of {} A", esc.state().current);
+        hold(bench, motor, target, 45);
+        near(esc.state().current, -10.0, 0.05);
+        // More than the limit is limited on our side.
+        hold(bench, motor, Target::Current(Amps::new(90.0)), 30);
+        assert_eq!(mode(esc), Mode::Current(20.0));
+        hold(bench, motor, Target::Brake(Amps::new(20.0)), 10);
+        assert_eq!(mode(esc), Mode::Brake(10.0));
+        hold(bench, motor, Target::Handbrake(Amps::new(20.0)), 5);
+        assert!(matches!(mode(esc), Mode::Handbrake(amps) if amps < 5.0));
+        hold(bench, motor, Target::Handbrake(Amps::new(20.0)), 30);
+        assert_eq!(mode(esc), Mode::Handbrake(10.0));
+        hold(bench, motor, Target::Coast, 10);
+        assert_eq!(mode(esc), Mode::Released);
+        // A safe state is in amperes.
+        hold(bench, motor, Target::Duty(0.1), 200);
+        bench.wait(100);
+        assert_eq!(mode(esc), Mode::Brake(15.0));
     });
 }
 
@@ -125,7 +148,7 @@ fn brake_and_handbrake_are_what_they_say() {
         hold(bench, motor, Target::Brake(Amps::new(10.0)), 100);
         near(esc.state().current, -10.0, 0.1);
         assert!(esc.state().output_rpm < before - 100.0);
-        hold(bench, motor, Target::BrakeShare(0.5), 1000);
+        hold(bench, motor, Target::Brake(Amps::new(20.0)), 1000);
         near(esc.state().output_rpm, 0.0, 1.0);
         near(esc.state().current, 0.0, 0.2);
         // A brake does not hold; a handbrake does.
@@ -144,16 +167,9 @@ fn brake_and_handbrake_are_what_they_say() {
             hold(bench, motor, Target::Handbrake(Amps::new(20.0)), 1);
             near(esc.state().output_degrees, stood, 360.0 / 7.0);
         }
-        hold(bench, motor, Target::HandbrakeShare(0.25), 20);
-        assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Handbrake(10.0));
         hold(bench, motor, Target::Coast, 20);
         assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Released);
-        for negative in [
-            Target::Brake(Amps::new(-1.0)),
-            Target::BrakeShare(-0.1),
-            Target::Handbrake(Amps::new(-1.0)),
-            Target::HandbrakeShare(-0.1),
-        ] {
+        for negative in [Target::Brake(Amps::new(-1.0)), Target::Handbrake(Amps::new(-1.0))] {
             let error = bench.bus.command(motor, negative, Micros::ZERO).unwrap_err();
             let range = TargetError::OutOfRange(negative.kind());
             assert_eq!(error, rc10_motor::CommandError::Target(range));
@@ -202,7 +218,7 @@ fn supports(config: &Config) -> rc10_motor::TargetSet {
 fn lift() -> (Vesc, VescConfig) {
     let mut ours = config(1);
     let gear = Gear::new(19, 1).unwrap();
-    ours.shaft = Shaft::new(NonZeroU8::new(POLE_PAIRS).unwrap(), gear);
+    ours.scale = ElectricalScale::new(NonZeroU8::new(POLE_PAIRS).unwrap(), gear);
     ours.command_hz = 500;
     let cascade = Cascade {
         speed: PidConfig::new(0.9, 5.0, 0.0, 40.0),
@@ -299,6 +315,34 @@ fn a_servo_keeps_to_the_limits() {
         hold(bench, motor, far, 100);
         near(esc.state().current, 2.0, 0.1);
         assert_eq!(inside(esc, |vesc| vesc.mode()), Mode::Current(2.0));
+    });
+}
+
+/// Also where a command is repeated every 5 ms.
+#[test]
+fn a_servo_starts_softly() {
+    let (ours, theirs) = lift();
+    let config = Config { command_hz: 200, ..*ours.config() };
+    let cascade = Cascade {
+        speed: PidConfig::new(50.0, 0.0, 0.0, 40.0),
+        angle: PidConfig::new(2.0, 0.0, 0.0, 120.0),
+        outer_divider: 5,
+        acceleration: RpmPerSecond::new(4000.0),
+        feed_forward: 0.0,
+    };
+    let ours = Vesc::new(config).unwrap().with_servo(cascade).unwrap();
+    on_bench(ours, theirs, Safety::COAST, |bench, motor, esc, switch| {
+        switch.arm().unwrap();
+        bench.wait(50);
+        let mut strongest = 0.0_f64;
+        for _ in 0..15 {
+            let before = esc.state().current;
+            hold(bench, motor, Target::TotalAngle(TotalAngle::from_degrees(7200)), 1);
+            let grown = esc.state().current - before;
+            assert!(grown < 0.15 * 40.0, "{grown} A in a millisecond");
+            strongest = strongest.max(esc.state().current);
+        }
+        assert!(strongest > 30.0, "{strongest}");
     });
 }
 
@@ -401,12 +445,9 @@ fn angle_speed_and_current_keep_their_sign_when_reversed() {
     on_bench(Vesc::new(ours).unwrap(), device(1), Safety::COAST, |bench, motor, esc, switch| {
         switch.arm().unwrap();
         bench.wait(50);
-        for target in [
-            Target::Current(Amps::new(5.0)),
-            Target::CurrentShare(0.1),
-            Target::Duty(0.3),
-            Target::Speed(Rpm::new(1500.0)),
-        ] {
+        for target in
+            [Target::Current(Amps::new(5.0)), Target::Duty(0.3), Target::Speed(Rpm::new(1500.0))]
+        {
             // From rest each time.
             hold(bench, motor, Target::Brake(Amps::new(40.0)), 1500);
             hold(bench, motor, target, 400);

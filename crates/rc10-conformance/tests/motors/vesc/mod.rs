@@ -10,7 +10,7 @@ use std::num::NonZeroU8;
 use rc10_app::{Amps, Gear};
 use rc10_can::Micros;
 use rc10_conformance::Bench;
-use rc10_motor::vesc::{Config, Currents, Shaft, Vesc, VescId};
+use rc10_motor::vesc::{Config, Currents, ElectricalScale, Vesc, VescId};
 use rc10_motor::{ArmSwitch, MotorId, Safety};
 use rc10_sim::Esc;
 use rc10_sim::vesc::{VescConfig, outrunner_270_kv};
@@ -29,8 +29,8 @@ fn amps(limit: f32, brake: f32, handbrake: f32) -> Currents {
 
 /// Our side: an outrunner without gearbox.
 fn config(number: u8) -> Config {
-    let shaft = Shaft::new(NonZeroU8::new(POLE_PAIRS).unwrap(), Gear::DIRECT);
-    Config::new(id(number), shaft, amps(40.0, 15.0, 20.0))
+    let scale = ElectricalScale::new(NonZeroU8::new(POLE_PAIRS).unwrap(), Gear::DIRECT);
+    Config::new(id(number), scale, amps(40.0, 15.0, 20.0))
 }
 
 /// Its side, set up as the page says: rates and timeout; a wheel of 1 kg, radius 5 cm.

@@ -45,10 +45,13 @@ fn a_cut_wire_lets_both_sides_go() {
 /// A field that locks at once pulls the rotor up to half its turn with all its current.
 #[test]
 fn a_field_locks_softly() {
-    for target in [Target::Handbrake(Amps::new(20.0)), Target::HandbrakeShare(0.5)] {
+    let target = Target::Handbrake(Amps::new(20.0));
+    for relative_to in [None, Some(Amps::new(40.0))] {
         for before in [Target::Coast, Target::Current(Amps::new(2.0))] {
-            armed(|bench, motor, esc, _| {
-                bench.hold(motor, before, 200).unwrap();
+            let ours = Vesc::new(Config { relative_to, ..config(1) }).unwrap();
+            on_bench(ours, device(1), Safety::COAST, |bench, motor, esc, switch| {
+                switch.arm().unwrap();
+                bench.hold(motor, before, 250).unwrap();
                 let (mut last, mut steepest) = (0.0, 0.0_f64);
                 for _ in 0..40 {
                     bench.hold(motor, target, 1).unwrap();
@@ -58,7 +61,7 @@ fn a_field_locks_softly() {
                     }
                 }
                 assert_eq!(last, 20.0);
-                assert!(steepest <= 0.3 * 20.0, "{target:?}: {steepest} A in a millisecond");
+                assert!(steepest <= 0.3 * 20.0, "{relative_to:?}: {steepest} A in a millisecond");
             });
         }
     }
@@ -191,7 +194,6 @@ fn a_faulted_vesc_is_seen_not_to_follow() {
     ] {
         for target in [
             PUSH,
-            Target::CurrentShare(0.5),
             Target::Duty(0.3),
             Target::Speed(Rpm::new(1500.0)),
             Target::Handbrake(Amps::new(5.0)),
@@ -234,7 +236,7 @@ fn a_motor_that_follows_is_never_said_not_to() {
             Target::Brake(Amps::new(20.0)),
             Target::Coast,
             Target::Current(Amps::ZERO),
-            Target::CurrentShare(0.1),
+            Target::Current(Amps::new(4.0)),
         ] {
             for _ in 0..3000 {
                 bench.hold(motor, target, 1).unwrap();

@@ -1,19 +1,17 @@
 //! What a VESC occupies, sends and refuses.
 
-use rc10_app::{Amps, ConfigError, PidConfig, Rpm, RpmPerSecond, Seconds};
+use rc10_app::{Amps, ConfigError, PidConfig, Rpm, RpmPerSecond};
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, IdPattern};
 use rc10_motor::dji::{Dji, FeedbackRate, M3508};
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::vesc::{ElectricalRpm, StatusRates};
 use rc10_motor::{
-    AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Motor, MotorBus,
-    Ownership, Rate, Target, TxBatch, TxFrames, Verdict,
+    AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Link, Motor, MotorBus,
+    Rate, Target, Tick, TxBatch, TxFrames, Verdict,
 };
 
 use super::*;
-
-const MS: Seconds = Seconds::new(0.001);
 
 fn vesc(number: u8) -> Vesc {
     Vesc::new(config(number)).unwrap()
@@ -48,7 +46,7 @@ fn a_configuration_that_cannot_be_is_refused_by_name() {
     assert_eq!(refused(|config| config.currents.brake = Amps::new(40.5)), "brake");
     assert_eq!(refused(|config| config.currents.handbrake = Amps::new(f32::NAN)), "handbrake");
     assert_eq!(
-        refused(|c| c.shaft = c.shaft.with_minimum(ElectricalRpm::new(f32::NAN))),
+        refused(|c| c.scale = c.scale.with_minimum(ElectricalRpm::new(f32::NAN))),
         "minimum"
     );
     assert_eq!(
@@ -58,6 +56,11 @@ fn a_configuration_that_cannot_be_is_refused_by_name() {
         }),
         "status_4"
     );
+    for bad in [39.9, f32::NAN, f32::INFINITY] {
+        let relative_to = Some(Amps::new(bad));
+        let error = Vesc::new(Config { relative_to, ..good }).unwrap_err();
+        assert_eq!(error.field, "relative_to");
+    }
     assert_eq!(refused(|config| config.asker = config.id), "asker");
     let cascade = Cascade {
         speed: PidConfig::new(1.0, 0.0, 0.0, 40.0),
@@ -100,15 +103,10 @@ fn vescs_share_a_bus_with_others_unless_they_would_be_mistaken() {
 
 /// What is sent to id 255 every VESC obeys.
 #[test]
-fn nobody_else_may_send_what_every_vesc_obeys() {
+fn no_other_motor_may_send_what_every_vesc_obeys() {
     let id = ExtendedId::new(0x3FF).unwrap();
-    let stranger = TxFrames {
-        pattern: IdPattern::exact(id),
-        len: 4,
-        rate: Rate::EveryTick,
-        share: Ownership::Whole,
-    };
-    let stranger = CanIds::new("stranger", 1).transmits(stranger).unwrap();
+    let stranger = TxFrames::new(IdPattern::exact(id), 4, Rate::EveryTick);
+    let stranger = CanIds::new().transmits(stranger);
     assert_eq!(vesc(1).can_ids().clash(&stranger), Some(Clash::Confuses(id.into())));
 }
 
@@ -181,11 +179,11 @@ fn with_every_status_six_fit_and_the_seventh_is_refused_by_name() {
 fn a_frame_is_sent_when_there_is_something_to_say() {
     let mut motor = vesc(5);
     let mut sent = Vec::new();
-    let mut tick = |motor: &mut Vesc, drive, millis: u32| {
+    let mut tick = |motor: &mut Vesc, link, mode, millis: u32| {
         sent.clear();
         for _ in 0..millis {
             let mut tx = TxBatch::new();
-            motor.update(MS, drive);
+            motor.update(&Tick { link, ..Tick::new(mode) });
             motor.pack_command(&mut tx).unwrap();
             let key = CanFrame::key_of(ExtendedId::new(5).unwrap());
             for (frame, stream) in tx.entries() {
@@ -196,24 +194,24 @@ fn a_frame_is_sent_when_there_is_something_to_say() {
         sent.clone()
     };
     // Repeated at 200 Hz; after half a second it is asked whether it is there.
-    assert_eq!(tick(&mut motor, DriveMode::Off, 1), ["00000105#00000000"]);
-    let sent = tick(&mut motor, DriveMode::Off, 510);
+    assert_eq!(tick(&mut motor, Link::NeverSeen, DriveMode::Off, 1), ["00000105#00000000"]);
+    let sent = tick(&mut motor, Link::NeverSeen, DriveMode::Off, 510);
     assert_eq!(sent.iter().filter(|frame| *frame == "00000105#00000000").count(), 102);
     assert_eq!(sent.iter().filter(|frame| *frame == "00001105#FE").count(), 1);
     assert_eq!(sent.len(), 103);
     // Nothing is done before it was heard.
     motor.set_target(Target::Duty(0.5)).unwrap();
-    assert_eq!(tick(&mut motor, DriveMode::Run, 1), ["00000105#00000000"]);
-    motor.unpack_feedback(&frame(0x905, &[0; 8]), Micros::ZERO).unwrap();
+    assert_eq!(tick(&mut motor, Link::NeverSeen, DriveMode::Run, 1), ["00000105#00000000"]);
+    motor.unpack_feedback(&frame(0x905, &[0; 8]), Micros::ZERO, Link::NeverSeen).unwrap();
     // Another way to drive does not wait, and the same one does.
     motor.set_target(Target::Speed(Rpm::new(100.0))).unwrap();
-    let _ = tick(&mut motor, DriveMode::Off, 2);
-    assert_eq!(tick(&mut motor, DriveMode::Run, 1), ["00000305#000002BC"]);
+    let _ = tick(&mut motor, Link::Online, DriveMode::Off, 2);
+    assert_eq!(tick(&mut motor, Link::Online, DriveMode::Run, 1), ["00000305#000002BC"]);
     motor.set_target(Target::Speed(Rpm::new(200.0))).unwrap();
-    assert_eq!(tick(&mut motor, DriveMode::Run, 5), ["00000305#00000578"]);
+    assert_eq!(tick(&mut motor, Link::Online, DriveMode::Run, 5), ["00000305#00000578"]);
     motor.set_target(Target::Brake(Amps::new(3.0))).unwrap();
-    assert_eq!(tick(&mut motor, DriveMode::Run, 1), ["00000205#00000BB8"]);
-    assert_eq!(tick(&mut motor, DriveMode::Coast, 1), ["00000105#00000000"]);
+    assert_eq!(tick(&mut motor, Link::Online, DriveMode::Run, 1), ["00000205#00000BB8"]);
+    assert_eq!(tick(&mut motor, Link::Online, DriveMode::Coast, 1), ["00000105#00000000"]);
     let mut image = TxBatch::new();
     motor.coast_frames(&mut image).unwrap();
     assert_eq!(image.frames()[0].to_string(), "00000105#00000000");
@@ -222,13 +220,13 @@ fn a_frame_is_sent_when_there_is_something_to_say() {
 #[test]
 fn a_frame_that_finds_no_room_is_sent_in_the_next_tick() {
     let mut motor = vesc(5);
-    motor.unpack_feedback(&frame(0x905, &[0; 8]), Micros::ZERO).unwrap();
+    motor.unpack_feedback(&frame(0x905, &[0; 8]), Micros::ZERO, Link::NeverSeen).unwrap();
     motor.set_target(Target::Brake(Amps::new(3.0))).unwrap();
-    motor.update(MS, DriveMode::Run);
+    motor.update(&Tick::new(DriveMode::Run));
     let mut full = TxBatch::new();
     while full.push(frame(1, &[])).is_ok() {}
     assert!(motor.pack_command(&mut full).is_err());
-    motor.update(MS, DriveMode::Run);
+    motor.update(&Tick::new(DriveMode::Run));
     let mut tx = TxBatch::new();
     motor.pack_command(&mut tx).unwrap();
     assert_eq!(tx.frames()[0].to_string(), "00000205#00000BB8");
@@ -260,12 +258,21 @@ fn frames_of_others_and_of_other_lengths_change_nothing() {
         (frame(0x12FE, &[6, 0, 0]), FrameError::NotMine),
         (frame(0xE05, &eight[..7]), FrameError::NotMine),
     ] {
-        assert_eq!(motor.unpack_feedback(&frame, at), Err(error), "{frame}");
+        assert_eq!(motor.unpack_feedback(&frame, at, Link::Online), Err(error), "{frame}");
         assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);
     }
-    assert_eq!(motor.unpack_feedback(&frame(0x905, &eight), at), Ok(FrameKind::Feedback));
-    assert_eq!(motor.unpack_feedback(&frame(0x1B05, &eight), at), Ok(FrameKind::Other));
-    assert_eq!(motor.unpack_feedback(&frame(0x12FE, &[5, 0]), at), Ok(FrameKind::Other));
+    assert_eq!(
+        motor.unpack_feedback(&frame(0x905, &eight), at, Link::Online),
+        Ok(FrameKind::Feedback)
+    );
+    assert_eq!(
+        motor.unpack_feedback(&frame(0x1B05, &eight), at, Link::Online),
+        Ok(FrameKind::Other)
+    );
+    assert_eq!(
+        motor.unpack_feedback(&frame(0x12FE, &[5, 0]), at, Link::Online),
+        Ok(FrameKind::Other)
+    );
     let told = motor.feedback();
     assert_eq!((told.at, told.speed), (at, Rpm::new(4096.0 / 7.0)));
     assert_eq!(told.current(), Some(Amps::new(1.0)));

@@ -1,49 +1,45 @@
 use crate::unitree::wire::module::Request;
 use crate::unitree::wire::{RawImpedance, RawMotion, Status};
 
-/// From a motor that is only asked how it is to one that follows: one frame a tick, each step
-/// taken on an answer, repeated until that comes.
+/// The enabling sequence of a motor: one frame a tick, each step taken on a reply, repeated until
+/// that comes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sequence {
     step: Step,
-    /// What the module was given last.
+    /// The gains written to the module last.
     given: RawImpedance,
-    /// Whether it was asked what it has, and has not answered.
+    /// Whether they are being read back.
     asked: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Step {
-    /// Locked. Whether it has said so, or anything, since.
+    /// Locked; whether the motor has reported anything since.
     Polling { answered: bool },
-    /// The module gets what it shall have, and is asked for it; the motor keeps `status` meanwhile.
+    /// The gains are written to the module and read back; the motor keeps `status` meanwhile.
     Setting { tick: u8, status: Status },
-    /// The module has it; the motor does not follow yet.
+    /// The module has them; the motor does not follow yet.
     Enabling,
     /// It follows.
     Following { tick: u8 },
 }
 
-// The ticks of `Setting`. The module answers neither to `SET` nor, if it is slow, before the next
-// tick; in the others the motor is asked how it is, so that its link stays alive.
+// The ticks of `Setting`. The module replies neither to `SET` nor, if it is slow, before the next
+// tick; in the others the motor is polled, so that its link stays alive.
 const REST: u8 = 0;
 const SET: u8 = 1;
 const READ: u8 = 2;
 const LAST: u8 = 5;
-/// In every so many ticks of a motor that follows by the module's own impedance, the module is
-/// asked whether it still has it: it may have restarted faster than its silence is noticed.
+/// Ticks between two reads of the gains while the motor makes an impedance itself: the module may
+/// have restarted faster than its silence is noticed.
 const CHECK_EVERY: u8 = 50;
 
 impl Sequence {
     pub(super) const fn new() -> Self {
-        Self {
-            step: Step::Polling { answered: false },
-            given: RawImpedance { stiffness: 0, damping: 0 },
-            asked: false,
-        }
+        Self { step: Step::Polling { answered: false }, given: RawImpedance::NONE, asked: false }
     }
 
-    /// From the start.
+    /// Starts over.
     pub(super) const fn stop(&mut self) {
         self.step = Step::Polling { answered: false };
     }
@@ -52,7 +48,7 @@ impl Sequence {
         matches!(self.step, Step::Following { .. })
     }
 
-    /// One tick of a motor that shall follow with this impedance in its module.
+    /// One tick of a motor that shall follow with these gains in its module.
     pub(super) fn advance(&mut self, wanted: RawImpedance) {
         self.step = match self.step {
             Step::Polling { answered: false } => return,
@@ -75,7 +71,7 @@ impl Sequence {
         }
     }
 
-    /// The motor said what it does.
+    /// The motor reported its status.
     #[inline]
     pub(super) fn on_state(&mut self, status: Status) {
         match self.step {
@@ -92,7 +88,7 @@ impl Sequence {
         }
     }
 
-    /// The module said what it has. Whether it was asked.
+    /// The module reported its gains. Returns whether they were being read.
     pub(super) fn on_impedance(&mut self, has: RawImpedance) -> bool {
         if !core::mem::take(&mut self.asked) {
             return false;
@@ -113,11 +109,13 @@ impl Sequence {
         true
     }
 
-    /// What is sent in this tick; `command` where it is a motion.
+    /// The frame of this tick; `command` where it is a motion.
     #[inline]
     pub(super) fn request(&self, command: RawMotion) -> Request {
         match self.step {
-            Step::Following { tick } if tick + 1 < CHECK_EVERY || self.given == NONE => {
+            Step::Following { tick }
+                if tick + 1 < CHECK_EVERY || self.given == RawImpedance::NONE =>
+            {
                 Request::Control(Status::FOC, command)
             }
             Step::Following { .. } | Step::Setting { tick: READ, .. } => Request::ReadImpedance,
@@ -129,13 +127,11 @@ impl Sequence {
     }
 }
 
-/// The motor does what it is told, and nothing of its own.
-pub(super) const NONE: RawImpedance = RawImpedance { stiffness: 0, damping: 0 };
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const NONE: RawImpedance = RawImpedance::NONE;
     const SPRING: RawImpedance = RawImpedance { stiffness: 300, damping: 20 };
     const TURNING: RawMotion = RawMotion { torque: 1, speed: 2, angle: 3 };
 

@@ -1,7 +1,7 @@
-//! RS-485: the 17 bytes of a command, the 16 of its answer, and finding the latter in a stream.
+//! RS-485: the 17 bytes of a command, the 16 of its reply, and finding replies in a stream.
 //! Little endian.
 //!
-//! | command | | answer | |
+//! | command | | reply | |
 //! |---|---|---|---|
 //! | 0, 1 | `FE EE` | 0, 1 | `FD EE` |
 //! | 2 | address, status | 2 | address, status |
@@ -15,11 +15,11 @@
 use rc10_app::Celsius;
 
 use super::{Address, RawImpedance, RawMotion, ReplyError, Status, fault, mode, split_mode};
-use crate::motor::Fault;
+use crate::feedback::Fault;
 
 /// Bytes of a command.
 pub const COMMAND_LEN: usize = 17;
-/// Bytes of an answer.
+/// Bytes of a reply.
 pub const REPLY_LEN: usize = 16;
 
 const COMMAND_HEAD: [u8; 2] = [0xFE, 0xEE];
@@ -40,11 +40,11 @@ pub fn crc(bytes: &[u8]) -> u16 {
     })
 }
 
-/// What one motor is asked, or with [`Address::BROADCAST`] all of them.
+/// A command to one motor, or with [`Address::BROADCAST`] to all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Command {
-    /// Whom it is for.
+    /// The motor it is for.
     pub address: Address,
     /// What the motor is to do.
     pub status: Status,
@@ -85,11 +85,11 @@ impl Command {
     }
 }
 
-/// What a motor answers.
+/// A reply of a motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reply {
-    /// Who answers.
+    /// The motor.
     pub address: Address,
     /// What it does.
     pub status: Status,
@@ -104,7 +104,7 @@ pub struct Reply {
 }
 
 impl Reply {
-    /// Takes an answer apart.
+    /// Decodes a reply.
     ///
     /// # Errors
     /// [`ReplyError`]: another length, another head, another CRC.
@@ -141,10 +141,10 @@ impl Reply {
     }
 }
 
-/// Finds answers in a stream of bytes: garbage is skipped, an answer whose CRC is wrong never
+/// Finds replies in a stream of bytes: garbage is skipped, a reply whose CRC is wrong never
 /// comes out, and one that begins within what looked like another is not lost.
 ///
-/// Each byte costs one comparison, or, where sixteen that look like an answer are together, one
+/// Each byte costs one comparison, or, where sixteen that look like a reply are together, one
 /// CRC and at most one move of the other fifteen.
 ///
 /// ```
@@ -157,7 +157,7 @@ impl Reply {
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Parser {
-    /// The first `len` of them begin like an answer; fewer than sixteen between calls.
+    /// The first `len` of them begin like a reply; fewer than sixteen between calls.
     bytes: [u8; REPLY_LEN],
     len: usize,
     skipped: u32,
@@ -171,7 +171,7 @@ impl Parser {
         Self { bytes: [0; REPLY_LEN], len: 0, skipped: 0, crc_errors: 0 }
     }
 
-    /// Takes the next byte, and returns the answer that ends with it.
+    /// Takes the next byte, and returns the reply that ends with it.
     #[inline]
     pub fn push(&mut self, byte: u8) -> Option<Reply> {
         if let Some(next) = self.bytes.get_mut(self.len) {
@@ -199,25 +199,25 @@ impl Parser {
         self.len = 0;
     }
 
-    /// Bytes that were not part of an answer, those of answers with a wrong CRC included.
+    /// Bytes that were not part of a reply, those of replies with a wrong CRC included.
     #[must_use]
     pub const fn skipped(&self) -> u32 {
         self.skipped
     }
 
-    /// Sixteen bytes that began like an answer, but whose CRC was wrong.
+    /// Sixteen bytes that began like a reply, but whose CRC was wrong.
     #[must_use]
     pub const fn crc_errors(&self) -> u32 {
         self.crc_errors
     }
 
-    /// Whether an answer may begin with this byte of those held.
+    /// Whether a reply may begin with this byte of those held.
     fn begins_at(&self, at: usize) -> bool {
         let held = self.bytes.get(at..self.len).unwrap_or_default();
         held.iter().zip(REPLY_HEAD).all(|(byte, head)| *byte == head)
     }
 
-    /// Skips the first byte, and all up to the next with which an answer may begin.
+    /// Skips the first byte, and all up to the next with which a reply may begin.
     #[cold]
     fn skip(&mut self) {
         let next = (1..self.len).find(|&at| self.begins_at(at)).unwrap_or(self.len);

@@ -9,11 +9,12 @@ pub mod line;
 pub mod module;
 mod scale;
 
-pub use scale::{GEAR, Impedance, Motion, NotANumber, RawImpedance, RawMotion, Shaft};
+pub(super) use scale::{ANGLE_STEPS, GAIN_LIMIT, SPEED_LIMIT, SPEED_STEPS};
+pub use scale::{GEAR, Impedance, Motion, NotANumber, RawImpedance, RawMotion, RotorScale};
 
 use core::fmt;
 
-use crate::motor::Fault;
+use crate::feedback::Fault;
 
 /// A motor on a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -21,7 +22,7 @@ use crate::motor::Fault;
 pub struct Address(u8);
 
 impl Address {
-    /// Every motor; none answers.
+    /// Every motor; none replies.
     pub const BROADCAST: Self = Self(15);
 
     /// One motor, 0 ..= 14, else `None`.
@@ -37,9 +38,9 @@ impl Address {
     }
 }
 
-/// What a motor is to do, or does: three bits.
+/// The state a motor is commanded into, or reports: three bits.
 ///
-/// Motors may answer with one of the five values that have no name.
+/// Motors may report one of the five values that have no name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Status(u8);
@@ -83,12 +84,12 @@ pub fn fault(error: u8) -> Option<Fault> {
     Some(Fault::new(error.into(), text))
 }
 
-/// Why bytes or a frame are no answer of a motor.
+/// Why bytes or a frame are no reply of a motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ReplyError {
-    /// Not the length that an answer always has.
+    /// Not the length that a reply always has.
     Length,
     /// Another head than `FD EE`.
     Head,
@@ -103,21 +104,21 @@ pub enum ReplyError {
     NotAModule,
     /// A command to a module.
     Command,
-    /// A kind of answer that nobody has documented.
+    /// A kind of reply that is not documented.
     Content(u8),
 }
 
 impl fmt::Display for ReplyError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Length => f.write_str("not the length of a Unitree motor's answer"),
-            Self::Head => f.write_str("an answer begins with FD EE"),
+            Self::Length => f.write_str("not the length of a Unitree motor's reply"),
+            Self::Head => f.write_str("a reply begins with FD EE"),
             Self::Crc { received, computed } => {
                 write!(f, "CRC {received:04X} received, {computed:04X} computed")
             }
             Self::NotAModule => f.write_str("no frame of a Unitree module"),
-            Self::Command => f.write_str("a command to a Unitree module, no answer"),
-            Self::Content(content) => write!(f, "an answer of unknown content {content}"),
+            Self::Command => f.write_str("a command to a Unitree module, no reply"),
+            Self::Content(content) => write!(f, "a reply of unknown content {content}"),
         }
     }
 }

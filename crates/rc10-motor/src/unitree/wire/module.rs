@@ -20,7 +20,7 @@ use rc10_app::Celsius;
 use rc10_can::CanFrame;
 
 use super::{Address, RawImpedance, RawMotion, ReplyError, Status, fault, mode, split_mode};
-use crate::motor::Fault;
+use crate::feedback::Fault;
 
 /// Bit 26: set in what a module says.
 pub(in crate::unitree) const FROM_MODULE: u32 = 1 << 26;
@@ -53,7 +53,7 @@ impl Module {
     }
 }
 
-/// What a module is asked to do with a motor.
+/// A request to a module about one motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Request {
@@ -111,9 +111,9 @@ fn impedance_data(impedance: RawImpedance) -> [u8; 8] {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reply {
-    /// Who says it.
+    /// The module.
     pub module: Module,
-    /// About whom.
+    /// The motor.
     pub address: Address,
     /// What.
     pub content: Content,
@@ -140,11 +140,11 @@ pub enum Content {
         status: Status,
         /// What is wrong: the vendor's `MError`.
         error: u8,
-        /// The whole identifier. Another driver looks for the error in bits 15 to 8: whoever
-        /// sees a fault should see these bits too.
+        /// The whole identifier. Another driver looks for the error in bits 15 to 8, so these
+        /// are shown too.
         raw_id: u32,
     },
-    /// What the module has for the motor: the answer to [`Request::ReadImpedance`].
+    /// What the module has for the motor: the reply to [`Request::ReadImpedance`].
     Impedance(RawImpedance),
 }
 

@@ -3,8 +3,8 @@
 use core::f64::consts::TAU;
 use core::fmt;
 
-use rc10_app::maths::{round_to_i16, within};
-use rc10_app::{CountsPerTurn, Gear, NewtonMetres, Rpm, TotalAngle};
+use rc10_app::maths::{round_to_i16, round_to_i32, within};
+use rc10_app::{CountsPerTurn, Degrees, Gear, NewtonMetres, Rpm, TotalAngle};
 
 /// The gearbox of a GO-M8010-6, 6.33 : 1 (user manual; the SDK's `queryGearRatio`). The 9.1 that
 /// is found in places belongs to another motor, the A1.
@@ -21,17 +21,17 @@ const TORQUE_STEPS: f64 = 256.0;
 /// Largest |τ| in N m.
 const TORQUE_LIMIT: f64 = 127.99;
 /// Steps per revolution per second of ω.
-const SPEED_STEPS: f64 = 256.0;
+pub(in crate::unitree) const SPEED_STEPS: f64 = 256.0;
 /// Largest |ω| in rad/s.
-const SPEED_LIMIT: f64 = 804.0;
+pub(in crate::unitree) const SPEED_LIMIT: f64 = 804.0;
 /// Steps per turn of θ.
-const ANGLE_STEPS: u32 = 32768;
+pub(in crate::unitree) const ANGLE_STEPS: u32 = 32768;
 /// Largest |θ| in rad.
 const ANGLE_LIMIT: f64 = 411_774.0;
 /// Steps per N m / rad of `k_pos` and per N m s / rad of `k_spd`.
 const GAIN_STEPS: f64 = 1280.0;
 /// Largest `k_pos` in N m / rad, largest `k_spd` in N m s / rad.
-const GAIN_LIMIT: f64 = 25.599;
+pub(in crate::unitree) const GAIN_LIMIT: f64 = 25.599;
 
 // The ranges in steps, so that clamping does not depend on the gear.
 const TORQUE_LIMIT_STEPS: f32 = single(TORQUE_LIMIT * TORQUE_STEPS);
@@ -54,8 +54,7 @@ pub struct Motion {
     pub torque: NewtonMetres,
     /// Speed.
     pub speed: Rpm,
-    /// Angle over many turns, from where the device has its zero. On [`Shaft::scale`] it goes to
-    /// the wire as it is; from another scale it takes a wide division.
+    /// Angle over many turns, from where the device has its zero.
     pub angle: TotalAngle,
 }
 
@@ -114,7 +113,7 @@ impl fmt::Display for NotANumber {
 
 impl core::error::Error for NotANumber {}
 
-/// τ, ω and θ of the rotor as they stand in commands and answers of both links.
+/// τ, ω and θ of the rotor as they stand in commands and replies of both links.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RawMotion {
@@ -136,33 +135,36 @@ pub struct RawImpedance {
     pub damping: u16,
 }
 
+impl RawImpedance {
+    /// Torque alone moves the motor.
+    pub const NONE: Self = Self { stiffness: 0, damping: 0 };
+}
+
 /// Converts between a shaft and the rotor.
 ///
 /// Through a gearbox of ratio r: torque / r, speed and angle · r, stiffness and damping / r².
 ///
 /// ```
 /// use rc10_app::{NewtonMetres, Rpm, TotalAngle};
-/// use rc10_motor::unitree::wire::{Motion, Shaft};
+/// use rc10_motor::unitree::wire::{Motion, RotorScale};
 /// let quarter_turn = Motion {
 ///     torque: NewtonMetres::new(6.33),
 ///     speed: Rpm::new(60.0),
 ///     angle: TotalAngle::from_degrees(90),
 /// };
-/// let raw = Shaft::OUTPUT.raw(&quarter_turn);
+/// let raw = RotorScale::OUTPUT.raw(&quarter_turn);
 /// assert_eq!((raw.torque, raw.speed, raw.angle), (256, 1620, 51855)); // 1 N m, 6.33 turns/s
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shaft {
+pub struct RotorScale {
     torque_steps: f32,
-    torque_step: f32,
     speed_steps: f32,
-    speed_step: f32,
+    angle_steps: f32,
     gain_steps: f32,
-    gain_step: f32,
-    scale: CountsPerTurn,
+    counts_per_turn: CountsPerTurn,
 }
 
-impl Shaft {
+impl RotorScale {
     /// The output shaft of a GO-M8010-6.
     pub const OUTPUT: Self = Self::new(GEAR);
 
@@ -170,24 +172,22 @@ impl Shaft {
     #[must_use]
     pub const fn new(gear: Gear) -> Self {
         let ratio = gear.rotor_turns() as f64 / gear.output_turns() as f64;
-        let torque = TORQUE_STEPS / ratio;
-        let speed = SPEED_STEPS * ratio / 60.0;
-        let gain = GAIN_STEPS / (ratio * ratio);
         Self {
-            torque_steps: single(torque),
-            torque_step: single(1.0 / torque),
-            speed_steps: single(speed),
-            speed_step: single(1.0 / speed),
-            gain_steps: single(gain),
-            gain_step: single(1.0 / gain),
-            scale: CountsPerTurn::new(ANGLE_STEPS * gear.rotor_turns(), gear.output_turns()),
+            torque_steps: single(TORQUE_STEPS / ratio),
+            speed_steps: single(SPEED_STEPS * ratio / 60.0),
+            angle_steps: single(ANGLE_STEPS as f64 * ratio / 360.0),
+            gain_steps: single(GAIN_STEPS / (ratio * ratio)),
+            counts_per_turn: CountsPerTurn::new(
+                ANGLE_STEPS * gear.rotor_turns(),
+                gear.output_turns(),
+            ),
         }
     }
 
-    /// What angles of this shaft are counted in.
+    /// Counts of the rotor per turn of this shaft.
     #[must_use]
-    pub const fn scale(&self) -> CountsPerTurn {
-        self.scale
+    pub const fn counts_per_turn(&self) -> CountsPerTurn {
+        self.counts_per_turn
     }
 
     /// To the wire: clamped to what the protocol can carry, nearest step; zero for what is not a
@@ -195,12 +195,10 @@ impl Shaft {
     #[inline]
     #[must_use]
     pub fn raw(&self, motion: &Motion) -> RawMotion {
-        let torque = within(motion.torque.get() * self.torque_steps, TORQUE_LIMIT_STEPS);
-        let speed = within(motion.speed.get() * self.speed_steps, SPEED_LIMIT_STEPS);
         RawMotion {
-            torque: round_to_i16(torque),
-            speed: round_to_i16(speed),
-            angle: angle(motion.angle.counts_at(self.scale)),
+            torque: self.raw_torque(motion.torque),
+            speed: self.raw_speed(motion.speed),
+            angle: angle(motion.angle.counts_at(self.counts_per_turn)),
         }
     }
 
@@ -209,10 +207,39 @@ impl Shaft {
     #[must_use]
     pub fn motion(&self, raw: RawMotion) -> Motion {
         Motion {
-            torque: NewtonMetres::new(f32::from(raw.torque) * self.torque_step),
-            speed: Rpm::new(f32::from(raw.speed) * self.speed_step),
-            angle: TotalAngle::new(raw.angle.into(), self.scale),
+            torque: self.torque(raw.torque),
+            speed: Rpm::new(f32::from(raw.speed) / self.speed_steps),
+            angle: TotalAngle::from_counts(raw.angle.into(), self.counts_per_turn),
         }
+    }
+
+    /// A torque from the wire.
+    #[inline]
+    #[must_use]
+    pub fn torque(&self, raw: i16) -> NewtonMetres {
+        NewtonMetres::new(f32::from(raw) / self.torque_steps)
+    }
+
+    /// A torque, as [`raw`](Self::raw) has it.
+    #[inline]
+    #[must_use]
+    pub fn raw_torque(&self, torque: NewtonMetres) -> i16 {
+        round_to_i16(within(torque.get() * self.torque_steps, TORQUE_LIMIT_STEPS))
+    }
+
+    /// A speed, as [`raw`](Self::raw) has it.
+    #[inline]
+    #[must_use]
+    pub fn raw_speed(&self, speed: Rpm) -> i16 {
+        round_to_i16(within(speed.get() * self.speed_steps, SPEED_LIMIT_STEPS))
+    }
+
+    /// The angle that lies so far from another: cheaper than an angle of many turns.
+    #[inline]
+    #[must_use]
+    pub fn raw_angle_from(&self, from: i32, way: Degrees) -> i32 {
+        let steps = from.saturating_add(round_to_i32(way.get() * self.angle_steps));
+        steps.clamp(-ANGLE_LIMIT_STEPS, ANGLE_LIMIT_STEPS)
     }
 
     /// To the wire, as [`raw`](Self::raw).
@@ -230,13 +257,12 @@ impl Shaft {
     #[must_use]
     pub fn impedance(&self, raw: RawImpedance) -> Impedance {
         Impedance {
-            stiffness: f32::from(raw.stiffness) * self.gain_step,
-            damping: f32::from(raw.damping) * self.gain_step,
+            stiffness: f32::from(raw.stiffness) / self.gain_steps,
+            damping: f32::from(raw.damping) / self.gain_steps,
         }
     }
 }
 
-#[inline]
 fn angle(steps: i64) -> i32 {
     let limit = i64::from(ANGLE_LIMIT_STEPS);
     #[expect(clippy::cast_possible_truncation, reason = "the limit has 31 bits")]
@@ -252,7 +278,7 @@ fn gain(steps: f32) -> u16 {
 mod tests {
     use super::*;
 
-    const ROTOR: Shaft = Shaft::new(Gear::DIRECT);
+    const ROTOR: RotorScale = RotorScale::new(Gear::DIRECT);
 
     fn motion(torque: f32, rad_per_s: f32, radians: f64) -> Motion {
         #[expect(clippy::cast_possible_truncation, reason = "a test's own numbers")]
@@ -278,16 +304,16 @@ mod tests {
     #[test]
     fn the_gearbox_scales_each_quantity_its_way() {
         let raw = RawMotion { torque: 256, speed: 256, angle: 32768 };
-        let output = Shaft::OUTPUT.motion(raw);
+        let output = RotorScale::OUTPUT.motion(raw);
         assert!((output.torque.get() - 6.33).abs() < 1e-6);
         assert!((output.speed.get() - 60.0 / 6.33).abs() < 1e-5);
         assert!((output.angle.degrees().get() - 360.0 / 6.33).abs() < 1e-4);
-        assert_eq!(Shaft::OUTPUT.raw(&output), raw);
+        assert_eq!(RotorScale::OUTPUT.raw(&output), raw);
         let gains = RawImpedance { stiffness: 1280, damping: 640 };
-        let output = Shaft::OUTPUT.impedance(gains);
+        let output = RotorScale::OUTPUT.impedance(gains);
         assert!((output.stiffness - 6.33 * 6.33).abs() < 1e-4);
         assert!((output.damping - 0.5 * 6.33 * 6.33).abs() < 1e-4);
-        assert_eq!(Shaft::OUTPUT.raw_impedance(&output), gains);
+        assert_eq!(RotorScale::OUTPUT.raw_impedance(&output), gains);
     }
 
     #[test]

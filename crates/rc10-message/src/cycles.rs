@@ -6,7 +6,7 @@ const NEWEST: u32 = 1024;
 /// Clock cycles that work takes which is done again and again. One place measures, any may read.
 ///
 /// ```
-/// use rc10_bsp::Cycles;
+/// use rc10_message::Cycles;
 ///
 /// // Of a clock of 480 MHz.
 /// static WORK: Cycles = Cycles::new(480_000_000);

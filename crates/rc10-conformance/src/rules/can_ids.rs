@@ -4,21 +4,22 @@ use rc10_motor::{CanIds, Guard, Ownership, SafeState, TxFrames};
 
 use crate::case::{Findings, FrameCase, Outcome, broken};
 use crate::harness::Sent;
+use crate::recorder::name_and_ids;
 use crate::rig::Rig;
 
-pub(super) fn wiring_is_valid(case: &FrameCase<'_>, found: &mut Findings) {
-    let wiring = case.motor().can_ids();
-    if wiring.name().model.is_empty() {
+pub(super) fn ids_are_valid(case: &FrameCase<'_>, found: &mut Findings) {
+    let ids = case.motor().can_ids();
+    if case.motor().name().model.is_empty() {
         found.add(None, "its model has no name".to_owned());
     }
-    if !wiring.received().iter().any(|receive| receive.rate.per_second() > 0) {
+    if !ids.received().iter().any(|receive| receive.rate.per_second() > 0) {
         found.add(None, "no feedback comes regularly: it would always be lost".to_owned());
     }
-    if wiring.transmitted().is_empty() {
+    if ids.transmitted().is_empty() {
         found.add(None, "nothing is sent to it".to_owned());
     }
-    let received = wiring.received().iter().map(|r| (r.pattern, r.len, r.guard, 0));
-    let sent = wiring.transmitted().iter().map(|t| match t.ownership {
+    let received = ids.received().iter().map(|r| (r.pattern, r.len, r.guard, 0));
+    let sent = ids.transmitted().iter().map(|t| match t.ownership {
         Ownership::Guard(guard) => (t.pattern, t.len, Some(guard), 0),
         Ownership::Bytes(bytes) => (t.pattern, t.len, None, bytes),
         Ownership::Whole => (t.pattern, t.len, None, 0),
@@ -34,20 +35,20 @@ pub(super) fn wiring_is_valid(case: &FrameCase<'_>, found: &mut Findings) {
     }
 }
 
-pub(super) fn wiring_is_constant(case: &FrameCase<'_>, found: &mut Findings) {
-    let fresh = format!("{:?}", case.motor().can_ids());
+pub(super) fn ids_are_constant(case: &FrameCase<'_>, found: &mut Findings) {
+    let fresh = name_and_ids(&*case.motor());
     for moment in case.life().moments() {
-        if moment.wiring.as_ref().is_some_and(|now| *now != fresh) {
-            let what = format!("in {:?} it differs from that of a fresh motor", moment.drive);
+        if moment.ids.as_ref().is_some_and(|now| *now != fresh) {
+            let what = format!("in {:?} they differ from those of a fresh motor", moment.drive);
             return found.add(Some(moment.at), what);
         }
     }
 }
 
-/// Whether a wiring says that this is sent.
+/// Whether such a frame is declared.
 fn declares(transmit: &TxFrames, frame: &CanFrame) -> bool {
-    let TxFrames { pattern, len, share, .. } = transmit;
-    let is_own = match share {
+    let TxFrames { pattern, len, ownership, .. } = transmit;
+    let is_own = match ownership {
         Ownership::Whole => true,
         Ownership::Guard(guard) => guard.passes(frame),
         Ownership::Bytes(bytes) => {
@@ -59,8 +60,8 @@ fn declares(transmit: &TxFrames, frame: &CanFrame) -> bool {
 }
 
 pub(super) fn frames_are_declared(case: &FrameCase<'_>, found: &mut Findings) {
-    let wiring = case.motor().can_ids();
-    let is_declared = |frame: &CanFrame| wiring.transmitted().iter().any(|t| declares(t, frame));
+    let ids = case.motor().can_ids();
+    let is_declared = |frame: &CanFrame| ids.transmitted().iter().any(|t| declares(t, frame));
     for moment in case.life().moments() {
         if let Some((frame, _)) = moment.frames.iter().find(|(frame, _)| !is_declared(frame)) {
             found.add(Some(moment.at), format!("{frame}, sent in {:?}", moment.drive));
@@ -73,10 +74,10 @@ pub(super) fn frames_are_declared(case: &FrameCase<'_>, found: &mut Findings) {
 }
 
 /// Whether a key is that of an identifier which the motor occupies.
-fn occupies(wiring: &CanIds, key: u32) -> bool {
-    let sent = wiring.transmitted().iter().map(|transmit| transmit.pattern);
-    let received = wiring.received().iter().map(|receive| receive.pattern);
-    let listens = wiring.listened_to().iter().copied();
+fn occupies(ids: &CanIds, key: u32) -> bool {
+    let sent = ids.transmitted().iter().map(|transmit| transmit.pattern);
+    let received = ids.received().iter().map(|receive| receive.pattern);
+    let listens = ids.listened_to().iter().copied();
     sent.chain(received).chain(listens).any(|pattern| {
         // An identifier of the pattern that has this key, if there is one.
         let id = match pattern.id() {
@@ -93,12 +94,11 @@ fn occupies(wiring: &CanIds, key: u32) -> bool {
 }
 
 pub(super) fn streams_are_own(case: &FrameCase<'_>, found: &mut Findings) {
-    let wiring = case.motor().can_ids();
+    let ids = case.motor().can_ids();
     for moment in case.life().moments() {
         // A frame without a stream of its own is declared, or another rule says so.
-        let foreign = |(frame, stream): &&(CanFrame, u32)| {
-            *stream != frame.key() && !occupies(&wiring, *stream)
-        };
+        let foreign =
+            |(frame, stream): &&(CanFrame, u32)| *stream != frame.key() && !occupies(&ids, *stream);
         if let Some((frame, stream)) = moment.frames.iter().find(foreign) {
             found.add(Some(moment.at), format!("{frame} is of stream {stream:#X}"));
         }
@@ -116,16 +116,16 @@ pub(super) fn few_frames_a_tick(case: &FrameCase<'_>, found: &mut Findings) {
 }
 
 pub(super) fn load_is_as_declared(case: &FrameCase<'_>, found: &mut Findings) {
-    let wiring = case.motor().can_ids();
+    let ids = case.motor().can_ids();
     found.note(case.alone(SafeState::Coast, |rig| {
         rig.get_going()?;
         let _ = rig.bench.take_traffic();
-        count(rig, &wiring)
+        count(rig, &ids)
     }));
 }
 
 /// Counts frames for a second.
-fn count(rig: &mut Rig<'_>, wiring: &CanIds) -> Outcome {
+fn count(rig: &mut Rig<'_>, ids: &CanIds) -> Outcome {
     let cruise = rig.cruise();
     rig.wait(Some(cruise), 1000);
     let at = rig.now();
@@ -139,7 +139,7 @@ fn count(rig: &mut Rig<'_>, wiring: &CanIds) -> Outcome {
             continue;
         }
         received += 1;
-        let is_declared = wiring.received().iter().any(|receive| {
+        let is_declared = ids.received().iter().any(|receive| {
             receive.pattern.matches(frame)
                 && frame.len() == usize::from(receive.len)
                 && receive.guard.is_none_or(|guard| guard.passes(frame))
@@ -148,10 +148,10 @@ fn count(rig: &mut Rig<'_>, wiring: &CanIds) -> Outcome {
             return broken(traffic.at, format!("{frame} comes from the device"));
         }
     }
-    let rates = || wiring.received().iter().map(|receive| receive.rate.per_second());
+    let rates = || ids.received().iter().map(|receive| receive.rate.per_second());
     let most: u32 = rates().sum();
     let fastest = rates().max().unwrap_or(0);
-    let commands: u32 = wiring.transmitted().iter().map(|t| t.rate.per_second()).sum();
+    let commands: u32 = ids.transmitted().iter().map(|t| t.rate.per_second()).sum();
     // A tenth for what is rare.
     if received > most + most / 10 || received < fastest - fastest / 5 {
         return broken(at, format!("{received} frames came in a second, {most} are declared"));

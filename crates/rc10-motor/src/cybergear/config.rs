@@ -1,10 +1,10 @@
-//! What tells one model from another: ranges, and what the fault bits mean.
+//! Models and addresses: ranges, and what the fault bits mean.
 
-use rc10_app::{PidConfig, RpmPerSecond};
+use rc10_app::{Cascade, ConfigError, PidConfig, RpmPerSecond};
 
-use crate::mit::Limits;
-use crate::motor::Fault;
-use rc10_app::Cascade;
+use super::wire::Address;
+use crate::feedback::Fault;
+use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND};
 
 /// A model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,30 +73,19 @@ pub(super) const ROBSTRIDE_DETAILS: [(u32, &str); 11] = [
     (1 << 7, "encoder not calibrated"),
 ];
 
-/// Gains in proportion to the torque, because inertia grows about as it does. Nobody seeks angles
-/// at more than two thirds of the largest speed: what is left is for a supply that is low.
+/// Gains in proportion to the torque, because inertia grows about as it does. Angles are sought at
+/// two thirds of the largest speed: what is left is for a supply that is low.
 const fn cascade(limits: &Limits) -> Cascade {
-    const RPM_PER_RAD_S: f32 = 30.0 / core::f32::consts::PI;
+    let fastest = limits.velocity() * RPM_PER_RADIAN_PER_SECOND;
     let kp = limits.torque() / 200.0;
     Cascade {
         speed: PidConfig::new(kp, 10.0 * kp, 0.0, limits.torque()),
-        angle: PidConfig::new(1.3, 0.0, 0.0, limits.velocity() * RPM_PER_RAD_S * (2.0 / 3.0)),
+        angle: PidConfig::new(1.3, 0.0, 0.0, fastest * (2.0 / 3.0)),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
         feed_forward: 0.0,
     }
 }
-
-/// Xiaomi CyberGear: ±12.5 rad, ±30 rad/s, ±12 N m. The manual's table says ±4π rad, its own sample
-/// and every driver 12.5; [`Limits::with_position`] makes it the other.
-pub const CYBERGEAR: Model = Model {
-    name: "CyberGear",
-    limits: Limits::of(12.5, 30.0, 12.0),
-    faults: &CYBERGEAR_FAULTS,
-    details: &CYBERGEAR_DETAILS,
-    saves: false,
-    cascade: cascade(&Limits::of(12.5, 30.0, 12.0)),
-};
 
 const fn robstride(name: &'static str, limits: Limits) -> Model {
     Model {
@@ -109,26 +98,42 @@ const fn robstride(name: &'static str, limits: Limits) -> Model {
     }
 }
 
-// RobStride manuals RS00 to RS06, 260428.
+/// The models.
+pub mod models {
+    use super::{Limits, Model, cascade, robstride};
 
-/// RobStride RS00: ±12.57 rad, ±33 rad/s, ±14 N m. Firmware before 0.0.2.6 has ±12.5 rad:
-/// [`Limits::with_position`].
-pub const RS00: Model = robstride("RS00", Limits::of(12.57, 33.0, 14.0));
-/// RobStride RS01: ±12.57 rad, ±44 rad/s, ±17 N m.
-pub const RS01: Model = robstride("RS01", Limits::of(12.57, 44.0, 17.0));
-/// RobStride RS02: as RS01.
-pub const RS02: Model = robstride("RS02", Limits::of(12.57, 44.0, 17.0));
-/// RobStride RS03: ±12.57 rad, ±20 rad/s, ±60 N m; gains up to 5000 and 100.
-pub const RS03: Model = robstride("RS03", Limits::of(12.57, 20.0, 60.0).gains(5000.0, 100.0));
-/// RobStride RS04: ±12.57 rad, ±15 rad/s, ±120 N m; gains up to 5000 and 100.
-pub const RS04: Model = robstride("RS04", Limits::of(12.57, 15.0, 120.0).gains(5000.0, 100.0));
-/// RobStride RS05: ±12.57 rad, ±50 rad/s, ±5.5 N m.
-pub const RS05: Model = robstride("RS05", Limits::of(12.57, 50.0, 5.5));
-/// RobStride RS06: ±12.57 rad, ±50 rad/s, ±36 N m; gains up to 5000 and 100.
-pub const RS06: Model = robstride("RS06", Limits::of(12.57, 50.0, 36.0).gains(5000.0, 100.0));
+    /// Xiaomi CyberGear: ±12.5 rad, ±30 rad/s, ±12 N m. The manual's table says ±4π rad, its own sample
+    /// and every driver 12.5; [`Limits::with_position`] makes it the other.
+    pub const CYBERGEAR: Model = Model {
+        name: "CyberGear",
+        limits: Limits::of(12.5, 30.0, 12.0),
+        faults: &super::CYBERGEAR_FAULTS,
+        details: &super::CYBERGEAR_DETAILS,
+        saves: false,
+        cascade: cascade(&Limits::of(12.5, 30.0, 12.0)),
+    };
 
-/// All of them.
-pub const ALL: [&Model; 8] = [&CYBERGEAR, &RS00, &RS01, &RS02, &RS03, &RS04, &RS05, &RS06];
+    // RobStride manuals RS00 to RS06, 260428.
+
+    /// RobStride RS00: ±12.57 rad, ±33 rad/s, ±14 N m. Firmware before 0.0.2.6 has ±12.5 rad:
+    /// [`Limits::with_position`].
+    pub const RS00: Model = robstride("RS00", Limits::of(12.57, 33.0, 14.0));
+    /// RobStride RS01: ±12.57 rad, ±44 rad/s, ±17 N m.
+    pub const RS01: Model = robstride("RS01", Limits::of(12.57, 44.0, 17.0));
+    /// RobStride RS02: as RS01.
+    pub const RS02: Model = robstride("RS02", Limits::of(12.57, 44.0, 17.0));
+    /// RobStride RS03: ±12.57 rad, ±20 rad/s, ±60 N m; gains up to 5000 and 100.
+    pub const RS03: Model = robstride("RS03", Limits::of(12.57, 20.0, 60.0).gains(5000.0, 100.0));
+    /// RobStride RS04: ±12.57 rad, ±15 rad/s, ±120 N m; gains up to 5000 and 100.
+    pub const RS04: Model = robstride("RS04", Limits::of(12.57, 15.0, 120.0).gains(5000.0, 100.0));
+    /// RobStride RS05: ±12.57 rad, ±50 rad/s, ±5.5 N m.
+    pub const RS05: Model = robstride("RS05", Limits::of(12.57, 50.0, 5.5));
+    /// RobStride RS06: ±12.57 rad, ±50 rad/s, ±36 N m; gains up to 5000 and 100.
+    pub const RS06: Model = robstride("RS06", Limits::of(12.57, 50.0, 36.0).gains(5000.0, 100.0));
+
+    /// All of them.
+    pub const ALL: [&Model; 8] = [&CYBERGEAR, &RS00, &RS01, &RS02, &RS03, &RS04, &RS05, &RS06];
+}
 
 impl Model {
     /// What a fault frame means: its bits as the code, the gravest as the text; `None` if nothing is
@@ -167,8 +172,37 @@ impl Faults {
     }
 }
 
+/// The identifier that addresses every device on a bus: no host's own.
+const EVERY_DEVICE: u8 = 0xFE;
+/// The largest range of position that can be set, rad.
+const LARGEST_RANGE: f32 = 15.0;
+
+/// `Ok` for a motor of 1 ..= 127 and a host that is no other's.
+pub(super) fn check_address(address: Address) -> Result<(), ConfigError> {
+    let Address { motor, host } = address;
+    if !(1..=127).contains(&motor) {
+        return Err(ConfigError::new("motor", motor.into(), "1 to 127"));
+    }
+    if host == motor || host >= EVERY_DEVICE {
+        let must_be = "below 254, and not the motor's own identifier";
+        return Err(ConfigError::new("host", host.into(), must_be));
+    }
+    Ok(())
+}
+
+/// Limits that can be used.
+pub(super) fn checked(limits: Limits) -> Result<Limits, ConfigError> {
+    match limits.position() {
+        position if position > LARGEST_RANGE => {
+            Err(ConfigError::new("position", position, "at most 15 rad"))
+        }
+        _ => limits.checked(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use super::models::{ALL, CYBERGEAR, RS04};
     use super::*;
 
     #[test]

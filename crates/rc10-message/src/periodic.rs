@@ -79,7 +79,7 @@ impl fmt::Debug for Statistics {
 ///
 /// ```
 /// # mod clock { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/clock/mod.rs")); }
-/// use rc10_bsp::{Overrun, Statistics, periodic};
+/// use rc10_message::{Overrun, Statistics, periodic};
 /// use rc10_can::Micros;
 ///
 /// static BLINK: Statistics = Statistics::new();

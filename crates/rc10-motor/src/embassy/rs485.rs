@@ -1,0 +1,142 @@
+use core::borrow::BorrowMut;
+
+use embassy_time::{Duration, Instant, Timer, with_deadline, with_timeout};
+use embedded_io_async::{Read, Write};
+use rc10_app::Seconds;
+use rc10_can::{Micros, Timing};
+
+use super::clock::{Clock, PERIOD, now};
+use super::motors::{MotorPorts, Server};
+use crate::arm::ArmState;
+use crate::unitree::{Rs485Bus, Rs485Counters, Step};
+
+/// What an RS-485 bus and all other tasks share.
+pub type Rs485Port = MotorPorts<Rs485Status, { Rs485Bus::CAPACITY }>;
+
+/// The state of an RS-485 bus.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Rs485Status {
+    /// Ticks so far; starts over after 2³² (49 days).
+    pub ticks: u32,
+    /// Ticks that did not happen because the one before ended too late, or the processor was busy.
+    pub overruns: u32,
+    /// Time from one tick's start to the next one's.
+    pub period: Timing,
+    /// Exchanges and errors.
+    pub traffic: Rs485Counters,
+    /// Times the serial port said that it could not read or write.
+    pub port_errors: u32,
+    /// Whether the robot is armed.
+    pub arm: ArmState,
+}
+
+impl Rs485Status {
+    const NEW: Self = Self {
+        ticks: 0,
+        overruns: 0,
+        period: Timing::new(),
+        traffic: Rs485Counters::NEW,
+        port_errors: 0,
+        arm: ArmState::Disarmed,
+    };
+}
+
+impl Rs485Port {
+    /// The port of a bus that does not run yet: it refuses all targets until it does.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self::with_status(Rs485Status::NEW)
+    }
+}
+
+impl Default for Rs485Port {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Runs an RS-485 bus; the future never ends. One tick every millisecond, on the grid, without
+/// drift; between ticks one motor after the other is polled.
+///
+/// `io` is the serial port: 4 Mbit/s, 8N1, with a transceiver whose direction the hardware sets
+/// (driver enable). It must read as soon as there are bytes, not only when its buffer is full, and
+/// keep what it received when a read is dropped: `BufferedUart` and `RingBufferedUartRx` of
+/// `embassy-stm32` do. A transceiver that hears its own commands is no harm, but each counts as 17
+/// bytes of garbage. Errors of the port are counted, and the bus goes on.
+pub async fn run_rs485<'m, P: Read + Write, B: BorrowMut<Rs485Bus<'m>>>(
+    mut io: P,
+    mut bus: B,
+    shared: &Rs485Port,
+) {
+    let mut runner = Runner::new(bus.borrow_mut(), shared, now());
+    let mut received = [0; RECEIVE];
+    loop {
+        if now() >= runner.clock.next() {
+            runner.tick(now());
+        }
+        let until = match runner.bus.poll(now()) {
+            Step::Send(command) => {
+                let sent =
+                    async { (io.write_all(&command).await.is_ok(), io.flush().await.is_ok()) };
+                // A port that takes longer for 17 bytes does not send them.
+                if with_timeout(WRITE_LIMIT, sent).await != Ok((true, true)) {
+                    runner.port_errors = runner.port_errors.saturating_add(1);
+                }
+                continue;
+            }
+            Step::Wait(until) => until.min(runner.clock.next()),
+        };
+        let until = Instant::from_micros(until.get());
+        match with_deadline(until, io.read(&mut received)).await {
+            Ok(Ok(len)) if len > 0 => {
+                runner.bus.on_bytes(received.get(..len).unwrap_or_default(), now());
+            }
+            // The end of something that has none is an error, too.
+            Ok(_) => {
+                runner.port_errors = runner.port_errors.saturating_add(1);
+                Timer::after(ERROR_PAUSE).await;
+            }
+            Err(_) => (),
+        }
+    }
+}
+
+/// Bytes taken from the port at once: more than two replies.
+const RECEIVE: usize = 64;
+/// A write may take so long: many times the 42.5 µs of a command.
+const WRITE_LIMIT: Duration = Duration::from_millis(1);
+/// A port that always fails at once must not keep the processor busy.
+const ERROR_PAUSE: Duration = Duration::from_micros(100);
+
+/// A bus and its clock.
+struct Runner<'r, 'm> {
+    bus: &'r mut Rs485Bus<'m>,
+    shared: &'r Rs485Port,
+    clock: Clock,
+    port_errors: u32,
+    server: Server<'r, Rs485Status, { Rs485Bus::CAPACITY }>,
+}
+
+impl<'r, 'm> Runner<'r, 'm> {
+    /// The first tick is due one period after `now`.
+    fn new(bus: &'r mut Rs485Bus<'m>, shared: &'r Rs485Port, now: Micros) -> Self {
+        let server = Server::new(shared, bus);
+        shared.publish(|status| *status = Rs485Status::NEW);
+        Self { bus, shared, clock: Clock::new(now + PERIOD), port_errors: 0, server }
+    }
+
+    /// Commands in, motors, status out. Never waits.
+    fn tick(&mut self, now: Micros) {
+        let elapsed = self.clock.tick(now).unwrap_or(PERIOD);
+        self.server.take(self.bus, now);
+        self.bus.tick(now, Seconds::from_micros(elapsed.get()));
+        self.server.publish(self.bus, now);
+        let Self { bus, clock, .. } = self;
+        self.shared.publish(|status| {
+            (status.ticks, status.overruns) = (clock.ticks, clock.overruns);
+            (status.period, status.traffic) = (clock.period, bus.counters());
+            (status.port_errors, status.arm) = (self.port_errors, bus.switch().state());
+        });
+    }
+}

@@ -1,0 +1,315 @@
+use core::ops::{Deref, DerefMut};
+
+use heapless::Vec;
+use rc10_app::{ConfigError, Seconds};
+use rc10_can::{Micros, Timing};
+
+use super::rs485::{GoM8010, idle};
+use super::wire::line::{COMMAND_LEN, Parser, Reply};
+use super::wire::{Address, Status};
+use crate::arm::ArmSwitch;
+use crate::can_ids::Clash;
+use crate::motor::{DriveMode, Motor};
+use crate::motors::{AttachError, MotorId, Motors};
+use crate::supervision::Safety;
+
+/// The motors of one RS-485 bus, and what keeps them safe: what a [`MotorBus`](crate::MotorBus) is
+/// to motors on CAN. What both have in common is that of its [`Motors`].
+///
+/// Plain synchronous functions; bytes and time come in as arguments. [`tick`](Self::tick) it every
+/// millisecond, after the newest targets ([`command`](Motors::command)). In between do what
+/// [`poll`](Self::poll) says, and hand in what is received ([`on_bytes`](Self::on_bytes)):
+///
+/// ```
+/// use rc10_motor::rc10_app::{Rpm, Seconds};
+/// use rc10_motor::rc10_can::Micros;
+/// use rc10_motor::unitree::{GoM8010, Rs485Bus, Step};
+/// use rc10_motor::{ArmSwitch, Safety, Target};
+///
+/// let switch = ArmSwitch::new();
+/// let mut knee = GoM8010::new(0)?;
+/// let mut bus = Rs485Bus::new(&switch);
+/// let knee = bus.attach(&mut knee, Safety::COAST)?;
+///
+/// let now = Micros::from_millis(1);
+/// bus.command(knee, Target::Speed(Rpm::new(60.0)), now)?;
+/// bus.tick(now, Seconds::new(0.001));
+/// let Step::Send(bytes) = bus.poll(now) else { panic!() };
+/// assert_eq!(bytes[..3], [0xFE, 0xEE, 0x00]); // not armed: status 0
+/// assert_eq!(bus.poll(now), Step::Wait(Micros::from_millis(2))); // for its reply
+/// # let reply = [0_u8; 16];
+/// bus.on_bytes(&reply, Micros::new(1_100));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// **Order of polls.** One motor at a time. Each is polled once a tick, in turn; where a tick is
+/// too short for all of them, the turn goes on in the next. A motor that does not reply costs the
+/// [reply time-out](Self::with_reply_timeout), so one that is lost, or was never heard, is polled
+/// every 100 ms only, and after each time that was in vain all others have their turn before the
+/// next such motor. When what it may do changes (it is lost, the robot is disarmed), it is polled
+/// three times without that pause: perhaps it hears its safe command though it is not heard.
+pub struct Rs485Bus<'m> {
+    motors: Motors<'m, GoM8010, CAPACITY>,
+    /// One for each motor, in the same order.
+    polls: Vec<Poll, CAPACITY>,
+    reply_timeout: Micros,
+    parser: Parser,
+    polled: Option<Polled>,
+    /// Where the turn goes on among the motors that are heard.
+    turn: usize,
+    /// How many of those are to be polled before a motor that may not reply.
+    owed: usize,
+    /// All but what the parser counts.
+    counters: Rs485Counters,
+}
+
+/// When a motor is polled.
+#[derive(Clone, Copy, Debug)]
+struct Poll {
+    /// Not polled since the last tick.
+    is_due: bool,
+    polled_at: Option<Micros>,
+    /// What the motor may do, since the last tick.
+    mode: DriveMode,
+    /// How often it is polled yet without a pause even if it does not reply.
+    urgent: u8,
+}
+
+/// A command on its way whose reply has not come.
+struct Polled {
+    motor: MotorId,
+    at: Micros,
+}
+
+/// See [`Rs485Bus::CAPACITY`].
+const CAPACITY: usize = 15;
+/// How often a motor is polled at least when what it may do has changed.
+const URGENT: u8 = 3;
+/// Time between two polls of a motor that is not heard.
+const SELDOM: Micros = Micros::from_millis(100);
+/// Longest time without a poll: a motor that is not heard may be due.
+const IDLE: Micros = Micros::from_millis(1);
+
+/// What is to be done next on a bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// Send these bytes, all at once and now.
+    Send([u8; COMMAND_LEN]),
+    /// Nothing until then, or until bytes come in, or the next tick.
+    Wait(Micros),
+}
+
+/// The exchanges and errors of a bus. Counters stay at their largest value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Rs485Counters {
+    /// Commands with a reply.
+    pub exchanges: u32,
+    /// Commands without a whole reply in time.
+    pub timeouts: u32,
+    /// Replies with a wrong CRC.
+    pub crc_errors: u32,
+    /// Bytes that were not part of a reply, those of replies with a wrong CRC included.
+    pub garbage: u32,
+    /// Good replies of a motor that was not polled, or not any more. They are not taken.
+    pub unexpected: u32,
+    /// Time from handing out a command to having its reply.
+    pub exchange: Timing,
+}
+
+impl Rs485Counters {
+    pub(crate) const NEW: Self = Self {
+        exchanges: 0,
+        timeouts: 0,
+        crc_errors: 0,
+        garbage: 0,
+        unexpected: 0,
+        exchange: Timing::new(),
+    };
+}
+
+impl<'m> Deref for Rs485Bus<'m> {
+    type Target = Motors<'m, GoM8010, CAPACITY>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.motors
+    }
+}
+
+impl DerefMut for Rs485Bus<'_> {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.motors
+    }
+}
+
+impl<'m> Rs485Bus<'m> {
+    /// Motors that a bus holds: as many as there are ids.
+    pub const CAPACITY: usize = CAPACITY;
+    /// A motor is lost after so long without a reply: within it, fifteen motors of which fourteen do
+    /// not reply have all been polled.
+    pub const LINK_TIMEOUT: Micros = Micros::from_millis(20);
+    /// The reply time-out without [`with_reply_timeout`](Self::with_reply_timeout).
+    pub const REPLY_TIMEOUT: Micros = Micros::from_millis(1);
+
+    /// A bus without motors, armed and stopped by `switch`.
+    #[must_use]
+    pub const fn new(switch: &'m ArmSwitch) -> Self {
+        Self {
+            motors: Motors::new(switch),
+            polls: Vec::new(),
+            reply_timeout: Self::REPLY_TIMEOUT,
+            parser: Parser::new(),
+            polled: None,
+            turn: 0,
+            owed: 0,
+            counters: Rs485Counters::NEW,
+        }
+    }
+
+    /// With another time-out, from when [`poll`](Self::poll) hands out a command to the end of its
+    /// reply: 100 µs ..= 1 ms. At 4 Mbit/s the bytes take 82.5 µs; how long a motor thinks in
+    /// between is not documented. [`Rs485Counters::exchange`] measures it.
+    ///
+    /// # Errors
+    /// [`ConfigError`] for another time.
+    pub fn with_reply_timeout(mut self, timeout: Micros) -> Result<Self, ConfigError> {
+        let allowed = Micros::new(100)..=Micros::from_millis(1);
+        if !allowed.contains(&timeout) {
+            let value = Seconds::from_micros(timeout.get()).get() * 1e6;
+            let must_be = "100 to 1000 us";
+            return Err(ConfigError::new("reply_timeout", value, must_be));
+        }
+        self.reply_timeout = timeout;
+        Ok(self)
+    }
+
+    /// Adds a motor.
+    ///
+    /// # Errors
+    /// [`AttachError`], naming both motors if they have the same address; the bus is as it was.
+    pub fn attach(
+        &mut self,
+        motor: &'m mut GoM8010,
+        safety: Safety,
+    ) -> Result<MotorId, AttachError> {
+        let address = motor.address();
+        if let Some(other) = self.motors.iter().find(|other| other.address() == address) {
+            let (name, with) = (motor.name(), other.name());
+            let clash = Clash::Address(address.get());
+            return Err(AttachError::Clash { motor: name, with, clash });
+        }
+        let motor = self.motors.attach(motor, safety, Self::LINK_TIMEOUT)?;
+        // As much room as for motors.
+        let poll = Poll { is_due: false, polled_at: None, mode: DriveMode::Off, urgent: 0 };
+        let _ = self.polls.push(poll);
+        Ok(motor)
+    }
+
+    /// What to do now. After [`Step::Send`] ask again at once: it says how long to wait for the
+    /// reply.
+    pub fn poll(&mut self, now: Micros) -> Step {
+        if let Some(Polled { at, .. }) = self.polled {
+            let until = at + self.reply_timeout;
+            if now < until {
+                return Step::Wait(until);
+            }
+            self.polled = None;
+            count(&mut self.counters.timeouts);
+            self.owed = self.polls.len();
+        }
+        let Some(motor) = self.next(now) else { return Step::Wait(now + IDLE) };
+        let command = self.motors.get(motor).map(GoM8010::pack_command);
+        let (Some(command), Some(poll)) = (command, self.polls.get_mut(motor.index())) else {
+            return Step::Wait(now + IDLE);
+        };
+        (poll.is_due, poll.polled_at) = (false, Some(now));
+        poll.urgent = poll.urgent.saturating_sub(1);
+        self.polled = Some(Polled { motor, at: now });
+        // What came before the command is no part of its reply.
+        self.parser.clear();
+        Step::Send(command)
+    }
+
+    /// The motor to poll now.
+    fn next(&mut self, now: Micros) -> Option<MotorId> {
+        let is_online = |motor: MotorId| self.motors.is_online(motor, now);
+        let polls = || self.motors.ids().zip(&self.polls);
+        self.owed = self.owed.min(polls().filter(|(motor, _)| is_online(*motor)).count());
+        if self.owed == 0 {
+            let absent = polls().filter(|(motor, poll)| {
+                let is_time =
+                    poll.urgent > 0 || poll.polled_at.is_none_or(|at| now.since(at) >= SELDOM);
+                is_time && !is_online(*motor)
+            });
+            let first = absent.min_by_key(|(_, poll)| (poll.urgent == 0, poll.polled_at));
+            if let Some((motor, _)) = first {
+                return Some(motor);
+            }
+        }
+        let due = polls().filter(|(motor, poll)| poll.is_due && is_online(*motor));
+        let motor = due.map(|(motor, _)| motor).min_by_key(|motor| {
+            let index = motor.index();
+            (index < self.turn, index)
+        })?;
+        self.turn = motor.index() + 1;
+        self.owed = self.owed.saturating_sub(1);
+        Some(motor)
+    }
+
+    /// Takes bytes that have arrived by `now`, in any portions.
+    pub fn on_bytes(&mut self, bytes: &[u8], now: Micros) {
+        for &byte in bytes {
+            if let Some(reply) = self.parser.push(byte) {
+                self.hear(&reply, now);
+            }
+        }
+    }
+
+    fn hear(&mut self, reply: &Reply, now: Micros) {
+        let Self { polled, motors, counters, .. } = self;
+        let expected = polled.as_ref().and_then(|polled| motors.get(polled.motor));
+        if expected.is_none_or(|motor| motor.address() != reply.address) {
+            return count(&mut counters.unexpected);
+        }
+        if let Some(Polled { motor, at }) = polled.take() {
+            count(&mut counters.exchanges);
+            counters.exchange.add(now.since(at));
+            // Nothing can be wrong with a reply of this motor.
+            let _ = motors.hear(motor, now, |motor, link| motor.unpack_reply(reply, now, link));
+        }
+    }
+
+    /// One tick: decides what each motor may do, lets it compute, and makes its turn come. `dt` is
+    /// the time since the last tick: more than 10 ms counts as 10 ms; what is not above zero counts
+    /// as 1 ms.
+    pub fn tick(&mut self, now: Micros, dt: Seconds) {
+        let Self { motors, polls, .. } = self;
+        motors.tick(now, dt, |index, _, mode| {
+            if let Some(poll) = polls.get_mut(index) {
+                poll.is_due = true;
+                if core::mem::replace(&mut poll.mode, mode) != mode {
+                    poll.urgent = URGENT;
+                }
+            }
+        });
+    }
+
+    /// The command that leaves every motor without torque, whatever state it is in: for a panic
+    /// handler. It is for all of them and none replies, so it can be repeated without a pause. Send
+    /// it twice: the first may meet a reply that is on the bus.
+    #[must_use]
+    pub fn coast_image() -> [u8; COMMAND_LEN] {
+        idle(Address::BROADCAST, Status::FOC).pack()
+    }
+
+    /// The exchanges and errors of this bus.
+    #[must_use]
+    pub const fn counters(&self) -> Rs485Counters {
+        let (crc_errors, garbage) = (self.parser.crc_errors(), self.parser.skipped());
+        Rs485Counters { crc_errors, garbage, ..self.counters }
+    }
+}
+
+const fn count(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
+}

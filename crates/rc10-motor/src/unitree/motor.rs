@@ -1,0 +1,197 @@
+use rc10_app::{Celsius, Degrees, Direction, NewtonMetres, Rpm};
+use rc10_can::Micros;
+
+use super::config::STOCK_SERVO;
+use super::wire::{ANGLE_STEPS, GEAR, RawMotion, RotorScale, SPEED_STEPS};
+use crate::feedback::{Fault, Feedback};
+use crate::motor::Tick;
+use crate::request::{Request, RequestError, Response};
+use crate::servo::{Servo, Spring};
+use crate::shaft::Shaft;
+use crate::supervision::Link;
+
+/// A motor with its gearbox and its controller, whatever links them to us: from what it reports to
+/// feedback, and from a target to the motion that its controller shall follow.
+#[derive(Clone, Debug)]
+pub(super) struct Actuator {
+    pub(super) shaft: Shaft,
+    pub(super) servo: Servo,
+    /// The newest motion of the rotor, as it stood on the wire.
+    reported: RawMotion,
+    temperature: Celsius,
+    pub(super) fault: Option<Fault>,
+}
+
+/// Steps in half a turn of the rotor.
+const HALF_TURN: u32 = ANGLE_STEPS / 2;
+/// Speed of the rotor in rpm per step.
+#[expect(clippy::cast_possible_truncation, reason = "exact")]
+const RPM_PER_STEP: f32 = (60.0 / SPEED_STEPS) as f32;
+
+const OUTPUT: RotorScale = RotorScale::OUTPUT;
+
+impl Actuator {
+    pub(super) const fn new() -> Self {
+        Self {
+            shaft: Shaft::new(ANGLE_STEPS, GEAR, Direction::Forward),
+            servo: STOCK_SERVO,
+            reported: RawMotion { torque: 0, speed: 0, angle: 0 },
+            temperature: Celsius::ZERO,
+            fault: None,
+        }
+    }
+
+    pub(super) const fn turn(&mut self, direction: Direction) {
+        self.shaft = Shaft::new(ANGLE_STEPS, GEAR, direction);
+    }
+
+    /// What the motor reported at `at`.
+    #[inline]
+    pub(super) fn report(
+        &mut self,
+        motion: RawMotion,
+        temperature: Celsius,
+        at: Micros,
+        link: Link,
+    ) {
+        let rpm = f32::from(motion.speed) * RPM_PER_STEP;
+        let last = self.reported.angle;
+        // Further than half a turn in a moment moves nothing but a motor that has restarted.
+        if link == Link::Online && motion.angle.abs_diff(last) <= HALF_TURN {
+            self.shaft.move_by(motion.angle.wrapping_sub(last));
+            self.shaft.measure(rpm, at);
+        } else {
+            self.resume(motion.angle, rpm, at);
+        }
+        (self.reported, self.temperature) = (motion, temperature);
+    }
+
+    /// The first report of all, or after a silence in which the motor may have lost its power: it
+    /// then counts from its rotor's angle again.
+    #[cold]
+    fn resume(&mut self, angle: i32, rpm: f32, at: Micros) {
+        let step = i64::from(angle) - i64::from(self.reported.angle);
+        let (was_known, before) = (self.shaft.is_known(), self.shaft.before());
+        self.servo.rest();
+        self.shaft.measure(rpm, at);
+        if !was_known {
+            self.shaft.start(angle.into());
+        } else if angle.unsigned_abs() > ANGLE_STEPS {
+            // Just switched on it is within its first turn: this one has counted on.
+            self.shaft.jump_by(step);
+        } else {
+            self.shaft.bridge(step, before);
+        }
+    }
+
+    pub(super) fn feedback(&self) -> Feedback {
+        let feedback = self.shaft.feedback();
+        if !self.shaft.is_known() {
+            return feedback;
+        }
+        let torque = OUTPUT.torque(self.reported.torque).get() * self.shaft.sign();
+        feedback.with_torque(NewtonMetres::new(torque)).with_temperature(self.temperature)
+    }
+
+    pub(super) fn update(&mut self, tick: &Tick) {
+        self.servo.update(tick, &self.shaft);
+    }
+
+    /// Its zero, its gains and its [`TorqueLimit`](Request::TorqueLimit).
+    pub(super) fn request(&mut self, request: Request) -> Result<Response, RequestError> {
+        match request {
+            Request::SetZero if !self.shaft.is_known() => Err(RequestError::NoFeedback),
+            Request::SetZero => {
+                self.servo.set_zero(self.shaft.set_zero());
+                Ok(Response::Done)
+            }
+            _ => self.servo.request(request, &self.shaft),
+        }
+    }
+
+    /// The motion for a torque (N m). It has the angle and the speed reported last, so that
+    /// stiffness and damping, whatever they are, add nothing.
+    #[inline]
+    pub(super) fn push(&self, torque: f32) -> RawMotion {
+        let torque = NewtonMetres::new(torque * self.shaft.sign());
+        RawMotion { torque: OUTPUT.raw_torque(torque), ..self.reported }
+    }
+
+    /// The motion for a spring, to go with its stiffness and its damping.
+    #[inline]
+    pub(super) fn pull(&self, spring: &Spring) -> RawMotion {
+        let sign = self.shaft.sign();
+        let way = Degrees::new(spring.way.get() * sign);
+        RawMotion {
+            angle: OUTPUT.raw_angle_from(self.reported.angle, way),
+            speed: OUTPUT.raw_speed(Rpm::new(spring.speed.get() * sign)),
+            ..self.push(spring.torque)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STEPS: i32 = ANGLE_STEPS.cast_signed();
+
+    fn report(actuator: &mut Actuator, angle: i32, speed: i16, millis: u64, link: Link) {
+        let motion = RawMotion { torque: 0, speed, angle };
+        actuator.report(motion, Celsius::ZERO, Micros::from_millis(millis), link);
+    }
+
+    /// Where it is, in steps of the rotor, and how often that was estimated.
+    fn place(actuator: &Actuator) -> (i64, u32) {
+        let feedback = actuator.feedback();
+        (feedback.total_angle.counts_at(OUTPUT.counts_per_turn()), feedback.turn_gaps)
+    }
+
+    #[test]
+    fn turns_go_on_after_a_silence() {
+        for (direction, sign) in [(Direction::Forward, 1), (Direction::Reversed, -1)] {
+            let mut motor = Actuator::new();
+            motor.turn(direction);
+            report(&mut motor, 100 * STEPS + 100, 0, 1, Link::NeverSeen);
+            assert_eq!(place(&motor), (sign * (100 * 32_768 + 100), 0));
+            // The cable was out; it has counted on.
+            report(&mut motor, 150 * STEPS, 0, 500, Link::Lost);
+            assert_eq!(place(&motor), (sign * 150 * 32_768, 0));
+            // The power was off: it knows where its rotor is, no more.
+            report(&mut motor, 32_000, 0, 900, Link::Lost);
+            assert_eq!(place(&motor), (sign * (150 * 32_768 - 768), 1));
+            // It turns at two turns a second throughout.
+            report(&mut motor, 32_100, 512, 901, Link::Online);
+            report(&mut motor, 31_700, 512, 1401, Link::Lost);
+            assert_eq!(place(&motor), (sign * (151 * 32_768 - 1068), 2));
+        }
+    }
+
+    #[test]
+    fn a_motor_that_restarts_in_a_blink_counts_on() {
+        let mut motor = Actuator::new();
+        report(&mut motor, 20 * STEPS, 0, 1, Link::NeverSeen);
+        report(&mut motor, 100, 0, 4, Link::Online);
+        assert_eq!(place(&motor), (20 * 32_768 + 100, 1));
+    }
+
+    #[test]
+    fn a_spring_pulls_from_where_the_motor_counts_itself() {
+        for (direction, sign) in [(Direction::Forward, 1), (Direction::Reversed, -1)] {
+            let mut motor = Actuator::new();
+            motor.turn(direction);
+            report(&mut motor, 5000, 0, 1, Link::NeverSeen);
+            let spring = Spring {
+                way: Degrees::new(90.0),
+                speed: Rpm::new(60.0),
+                torque: 6.33,
+                kp: 1.0,
+                kd: 1.0,
+            };
+            let pull = motor.pull(&spring);
+            assert_eq!(pull.angle, 5000 + sign * 51_855);
+            assert_eq!((i32::from(pull.speed), i32::from(pull.torque)), (sign * 1620, sign * 256));
+            assert_eq!(motor.push(0.0), motor.reported);
+        }
+    }
+}

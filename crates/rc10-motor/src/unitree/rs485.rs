@@ -1,0 +1,260 @@
+use rc10_app::{Cascade, ConfigError, CountsPerTurn, Direction};
+use rc10_can::Micros;
+
+use super::config::{IdOutOfRange, servo};
+use super::motor::Actuator;
+use super::wire::line::{COMMAND_LEN, Command, Reply};
+use super::wire::{Address, Impedance, RawImpedance, RawMotion, RotorScale, Status};
+use crate::can_ids::MotorName;
+use crate::feedback::{Condition, Fault, Feedback};
+use crate::motor::{DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
+use crate::pending::{Pending, Retry};
+use crate::request::{Request, RequestError, Response};
+use crate::supervision::Link;
+use crate::target::{Target, TargetError, TargetSet};
+
+/// A GO-M8010-6 on RS-485. It belongs to a [`Rs485Bus`](super::Rs485Bus), which polls it.
+///
+/// * **Speed, angle, torque**: loops of ours ([`Servo`](crate::servo::Servo)), and one torque in
+///   each command.
+/// * **Impedance**: the controller's own law; stiffness and damping travel in each command too. Both
+///   are taken back where torque at the measured angle and speed would exceed the limit, and for
+///   the first 20 ms.
+/// * **No torque** ([`DriveMode::Coast`]): field-oriented control without torque, stiffness and
+///   damping. **Off**, and while it has a fault: status 0, the vendor's "lock"; what the shaft feels
+///   then is not documented, expect a brake.
+///
+/// A motor that is heard again after its link was lost starts softly. Where it may have been
+/// without power meanwhile, the turns it made are estimated ([`Feedback::turn_gaps`]): after
+/// power-on it only knows its rotor's angle.
+#[derive(Clone, Debug)]
+pub struct GoM8010 {
+    address: Address,
+    actuator: Actuator,
+    mode: DriveMode,
+    /// What it reported last.
+    status: Status,
+    /// What is sent when it is polled next.
+    command: Command,
+    /// A fault that is to be cleared: the next reply tells.
+    pending: Pending<()>,
+}
+
+/// A motor that has not replied so long (s) after [`Request::ClearFault`] does not.
+const CLEARING: Retry = Retry { every: 0.25, tries: 1 };
+
+impl GoM8010 {
+    /// The motor set to `id`, turning forward, with the gains of [`CASCADE`](super::CASCADE).
+    ///
+    /// # Errors
+    /// [`IdOutOfRange`].
+    pub const fn new(id: u8) -> Result<Self, IdOutOfRange> {
+        let Some(address) = Address::new(id) else { return Err(IdOutOfRange { id }) };
+        Ok(Self {
+            address,
+            actuator: Actuator::new(),
+            mode: DriveMode::Off,
+            status: Status::LOCK,
+            command: idle(address, Status::LOCK),
+            pending: Pending::new(),
+        })
+    }
+
+    /// Turning the given way.
+    #[must_use]
+    pub const fn with_direction(mut self, direction: Direction) -> Self {
+        self.actuator.turn(direction);
+        self
+    }
+
+    /// With gains of your own. The speed loop's output limit is the largest torque.
+    ///
+    /// # Errors
+    /// [`ConfigError`], naming the field that cannot be used.
+    pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
+        let MotorName { model, id } = self.name();
+        self.actuator.servo = servo(cascade).map_err(|error| error.of_device(model, id))?;
+        Ok(self)
+    }
+
+    /// The address of its commands.
+    #[must_use]
+    pub const fn address(&self) -> Address {
+        self.address
+    }
+
+    /// Counts of the rotor per turn of the output.
+    #[must_use]
+    pub const fn counts_per_turn(&self) -> CountsPerTurn {
+        RotorScale::OUTPUT.counts_per_turn()
+    }
+
+    /// The command to send now.
+    #[inline]
+    #[must_use]
+    pub fn pack_command(&self) -> [u8; COMMAND_LEN] {
+        self.command.pack()
+    }
+
+    /// Takes its reply, which ended at `at`. `link` is what the bus knew of the motor until then.
+    ///
+    /// # Errors
+    /// [`FrameError::NotMine`] if another motor replied; nothing changed.
+    pub fn unpack_reply(
+        &mut self,
+        reply: &Reply,
+        at: Micros,
+        link: Link,
+    ) -> Result<FrameKind, FrameError> {
+        if reply.address != self.address {
+            return Err(FrameError::NotMine);
+        }
+        self.actuator.report(reply.motion, reply.temperature, at, link);
+        self.status = reply.status;
+        let fault = reply.fault();
+        if self.pending.question().is_some() {
+            self.actuator.fault = None;
+            let refused = fault.map(|fault| RequestError::Refused(fault.code));
+            self.pending.end(refused.map_or(Ok(Response::Done), Err));
+        }
+        if fault.is_none() {
+            return Ok(FrameKind::Feedback);
+        }
+        self.actuator.fault = fault;
+        Ok(FrameKind::Fault)
+    }
+}
+
+/// All five numbers zero.
+pub(super) const fn idle(address: Address, status: Status) -> Command {
+    let motion = RawMotion { torque: 0, speed: 0, angle: 0 };
+    Command { address, status, motion, impedance: RawImpedance::NONE }
+}
+
+impl Motor for GoM8010 {
+    fn name(&self) -> MotorName {
+        MotorName { model: "GO-M8010-6", id: self.address.get().into() }
+    }
+
+    fn supports(&self) -> TargetSet {
+        self.actuator.servo.supports()
+    }
+
+    fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
+        self.actuator.servo.set_target(target)
+    }
+
+    fn target(&self) -> Target {
+        self.actuator.servo.target()
+    }
+
+    fn feedback(&self) -> Feedback {
+        self.actuator.feedback()
+    }
+
+    fn fault(&self) -> Option<Fault> {
+        self.actuator.fault
+    }
+
+    fn update(&mut self, tick: &Tick) {
+        self.mode = tick.mode;
+        self.pending.update(tick.dt);
+        let Self { actuator, address, .. } = self;
+        self.command = if tick.mode == DriveMode::Off || actuator.fault.is_some() {
+            actuator.servo.rest();
+            idle(*address, Status::LOCK)
+        } else {
+            actuator.update(tick);
+            let command = idle(*address, Status::FOC);
+            match actuator.servo.spring() {
+                None => Command { motion: actuator.push(actuator.servo.effort()), ..command },
+                Some(spring) => {
+                    let gains = Impedance { stiffness: spring.kp, damping: spring.kd };
+                    let impedance = RotorScale::OUTPUT.raw_impedance(&gains);
+                    Command { motion: actuator.pull(spring), impedance, ..command }
+                }
+            }
+        };
+    }
+
+    /// Its zero, its gains, its [`TorqueLimit`](Request::TorqueLimit), and
+    /// [`ClearFault`](Request::ClearFault): the device has no such command, so what its next reply
+    /// says decides, and a fault that is still there refuses with its code. Over-temperature ends
+    /// only with the supply.
+    fn request(&mut self, request: Request) -> Result<Response, RequestError> {
+        match request {
+            Request::ClearFault => self.pending.ask((), CLEARING),
+            _ if self.pending.is_busy() => Err(RequestError::Busy),
+            _ => self.actuator.request(request),
+        }
+    }
+
+    fn response(&mut self) -> Option<Result<Response, RequestError>> {
+        self.pending.take_outcome()
+    }
+
+    fn condition(&self) -> Condition {
+        let follows = self.mode != DriveMode::Run || self.status == Status::FOC;
+        if follows || !self.actuator.shaft.is_known() {
+            Condition::Ready
+        } else {
+            Condition::Starting
+        }
+    }
+
+    fn loops(&self) -> Option<Loops> {
+        Some(self.actuator.servo.loops())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rc10_app::{Celsius, Degrees, Rpm};
+
+    #[test]
+    fn ids_are_those_of_one_motor() {
+        for id in 0..=14 {
+            assert_eq!(GoM8010::new(id).unwrap().address().get(), id);
+        }
+        for id in [15, 16, 255] {
+            assert_eq!(GoM8010::new(id).err(), Some(IdOutOfRange { id }));
+        }
+    }
+
+    fn reply(angle: i32, speed: i16) -> Reply {
+        Reply {
+            address: Address::new(0).unwrap(),
+            status: Status::FOC,
+            motion: RawMotion { torque: 0, speed, angle },
+            temperature: Celsius::new(30.0),
+            error: 0,
+            foot_force: 0,
+        }
+    }
+
+    #[test]
+    fn heard_again_after_a_silence_it_starts_softly() {
+        let angle = Degrees::new(90.0);
+        let pull = crate::Impedance { angle, kp: 20.0, ..Default::default() };
+        for target in [Target::Speed(Rpm::new(200.0)), Target::Impedance(pull)] {
+            let mut motor = GoM8010::new(0).unwrap();
+            motor.set_target(target).unwrap();
+            let mut force = |from: u64, ticks: u64, mut link| {
+                for at in from..from + ticks {
+                    motor.unpack_reply(&reply(0, 0), Micros::from_millis(at), link).unwrap();
+                    link = Link::Online;
+                    motor.update(&Tick::new(DriveMode::Run));
+                }
+                let Command { motion, impedance, .. } = motor.command;
+                i32::from(motion.torque) + i32::from(impedance.stiffness)
+            };
+            let full = force(0, 100, Link::NeverSeen);
+            assert!(full > 300, "{target:?} {full}");
+            assert!(force(100, 1, Link::Online) >= full);
+            // No tick saw the silence, and no new command came.
+            let soft = force(130, 1, Link::Lost);
+            assert!(soft < full / 5, "{target:?} {soft} of {full}");
+        }
+    }
+}
