@@ -18,13 +18,13 @@ use rc10_app::{
 };
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, CanPort, Health, Micros, Submitted};
+use rc10_conformance::{Acts, Dummy};
 use rc10_message::{Overrun, Statistics, periodic};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::{
-    ArmSwitch, AttachError, CanIds, CanMotor, Clash, Fault, Feedback, FrameError, FrameKind, Link,
-    Motor, MotorBus, MotorName, Request, RequestError, Response, Safety, Target, TargetError,
-    TargetKind, TargetSet, Tick, TxBatch, TxFull,
+    ArmSwitch, AttachError, CanIds, CanMotor, Clash, Link, Motor, MotorBus, Safety, Target,
+    TargetError, TargetKind, Tick, TxBatch,
 };
 
 const MS: Seconds = Seconds::new(0.001);
@@ -61,53 +61,12 @@ impl CanPort for FakePort {
     }
 }
 
-/// A motor that only writes down the time steps it was given.
+/// Writes down the time steps that a motor is given.
 struct Witness<'a>(&'a Mutex<Vec<f32>>);
 
-impl Motor for Witness<'_> {
-    fn name(&self) -> MotorName {
-        MotorName { model: "witness", id: 1 }
-    }
-    fn supports(&self) -> TargetSet {
-        TargetSet::of(&[TargetKind::Coast])
-    }
-    fn set_target(&mut self, _: Target) -> Result<(), TargetError> {
-        Ok(())
-    }
-    fn target(&self) -> Target {
-        Target::Coast
-    }
-    fn feedback(&self) -> Feedback {
-        Feedback::NEW
-    }
-    fn fault(&self) -> Option<Fault> {
-        None
-    }
+impl Acts for Witness<'_> {
     fn update(&mut self, tick: &Tick) {
         self.0.lock().unwrap().push(tick.dt.get());
-    }
-    fn request(&mut self, _: Request) -> Result<Response, RequestError> {
-        Err(RequestError::Unsupported)
-    }
-}
-
-impl CanMotor for Witness<'_> {
-    fn can_ids(&self) -> CanIds {
-        CanIds::new()
-    }
-    fn unpack_feedback(
-        &mut self,
-        _: &CanFrame,
-        _: Micros,
-        _: Link,
-    ) -> Result<FrameKind, FrameError> {
-        Err(FrameError::NotMine)
-    }
-    fn pack_command(&mut self, _: &mut TxBatch) -> Result<(), TxFull> {
-        Ok(())
-    }
-    fn coast_frames(&self, _: &mut TxBatch) -> Result<(), TxFull> {
-        Ok(())
     }
 }
 
@@ -127,7 +86,7 @@ fn r3_a_millisecond_is_a_millisecond_after_any_uptime() {
         let start = Micros::from_millis(hours * 3_600_000);
         let switch = ArmSwitch::new();
         let shared = BusPort::new();
-        let mut witness = Witness(&seen);
+        let mut witness = Dummy::new("witness", 1, CanIds::new()).with(Witness(&seen));
         let mut bus = MotorBus::new(&switch);
         bus.attach(&mut witness, Safety::COAST).unwrap();
         let mut runner = Runner::new(FakePort::default(), bus, &shared, start);

@@ -11,16 +11,14 @@ use std::sync::{Arc, Mutex};
 use std::task::{Context, Poll, Wake, Waker};
 
 use rc10_can::embedded_can::StandardId;
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_can::{IdPattern, Micros};
+use rc10_conformance::{Acts, Dummy};
 use rc10_motor::embassy::{BusPort, Runner};
+use rc10_motor::pending::Outcome;
 use rc10_motor::{
-    ArmSwitch, CanIds, CanMotor, Fault, Feedback, FrameError, FrameKind, Link, Motor, MotorBus,
-    MotorId, MotorName, Rate, Request, RequestError, Response, RxFrames, Safety, Target,
-    TargetError, TargetKind, TargetSet, Tick, TxBatch, TxFull,
+    ArmSwitch, CanIds, MotorBus, MotorId, Rate, Request, RequestError, Response, RxFrames, Safety,
 };
 use rc10_sim::{BusConfig, SimPort, World};
-
-type Outcome = Result<Response, RequestError>;
 
 std::thread_local! {
     /// An event in the middle of a tick, while a motor is asked.
@@ -69,7 +67,6 @@ struct Log {
 
 /// A motor whose registers hold their own numbers: so an answer says which request it belongs to.
 struct Registers {
-    number: u8,
     log: Arc<Mutex<Log>>,
     random: Random,
     /// Answers at once; otherwise at times after some ticks.
@@ -78,33 +75,16 @@ struct Registers {
 }
 
 impl Registers {
-    fn new(number: u8, seed: u64, quick: bool, log: &Arc<Mutex<Log>>) -> Self {
+    fn motor(number: u8, seed: u64, quick: bool, log: &Arc<Mutex<Log>>) -> Dummy<Self> {
         let random = Random::new(seed + u64::from(number));
-        Self { number, log: Arc::clone(log), random, quick, pending: None }
+        let pattern = IdPattern::exact(StandardId::new(0x10 + u16::from(number)).unwrap());
+        let ids = CanIds::new().receives(RxFrames::new(pattern, 1, Rate::EveryTick));
+        let registers = Self { log: Arc::clone(log), random, quick, pending: None };
+        Dummy::new("registers", number.into(), ids).with(registers)
     }
 }
 
-impl Motor for Registers {
-    fn name(&self) -> MotorName {
-        MotorName { model: "registers", id: self.number.into() }
-    }
-    fn supports(&self) -> TargetSet {
-        TargetSet::of(&[TargetKind::Coast])
-    }
-    fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        self.supports().accepts(&target)
-    }
-    fn target(&self) -> Target {
-        Target::Coast
-    }
-    fn feedback(&self) -> Feedback {
-        Feedback::NEW
-    }
-    fn fault(&self) -> Option<Fault> {
-        None
-    }
-    fn update(&mut self, _: &Tick) {}
-
+impl Acts for Registers {
     fn request(&mut self, request: Request) -> Outcome {
         let Request::ReadRegister(register) = request else {
             return Err(RequestError::Unsupported);
@@ -129,27 +109,6 @@ impl Motor for Registers {
         let (register, ticks) = self.pending?;
         self.pending = (ticks > 0).then(|| (register, ticks - 1));
         (ticks == 0).then_some(Ok(Response::Register(register.into())))
-    }
-}
-
-impl CanMotor for Registers {
-    fn can_ids(&self) -> CanIds {
-        let pattern = IdPattern::exact(StandardId::new(0x10 + u16::from(self.number)).unwrap());
-        CanIds::new().receives(RxFrames::new(pattern, 1, Rate::EveryTick))
-    }
-    fn unpack_feedback(
-        &mut self,
-        _: &CanFrame,
-        _: Micros,
-        _: Link,
-    ) -> Result<FrameKind, FrameError> {
-        Ok(FrameKind::Feedback)
-    }
-    fn pack_command(&mut self, _: &mut TxBatch) -> Result<(), TxFull> {
-        Ok(())
-    }
-    fn coast_frames(&self, _: &mut TxBatch) -> Result<(), TxFull> {
-        Ok(())
     }
 }
 
@@ -212,7 +171,7 @@ fn with_bus(
     let _told = Told(seed);
     let wire = World::new(seed).add_bus(BusConfig::default());
     let (switch, log) = (ArmSwitch::new(), Arc::default());
-    let mut motors = [0, 1].map(|number| Registers::new(number, seed, quick, &log));
+    let mut motors = [0, 1].map(|number| Registers::motor(number, seed, quick, &log));
     let mut bus = MotorBus::new(&switch);
     for motor in &mut motors {
         bus.attach(motor, Safety::COAST).unwrap();

@@ -4,62 +4,13 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_conformance::Dummy;
 use rc10_motor::{
-    ArmSwitch, AttachError, CanIds, CanMotor, Dispatch, Fault, Feedback, FrameError, FrameKind,
-    Guard, Link, Motor, MotorBus, MotorName, Ownership, Rate, Request, RequestError, Response,
-    RxFrames, Safety, Target, TargetError, TargetKind, TargetSet, Tick, TxBatch, TxFrames, TxFull,
+    ArmSwitch, AttachError, CanIds, CanMotor, Dispatch, Guard, MotorBus, Ownership, Rate, RxFrames,
+    Safety, TargetKind, TargetSet, TxFrames,
 };
 
 use crate::any;
-
-/// A motor that is nothing but its wiring.
-#[derive(Debug)]
-struct Wired(CanIds);
-
-impl Motor for Wired {
-    fn name(&self) -> MotorName {
-        MotorName { model: "any", id: 1 }
-    }
-    fn supports(&self) -> TargetSet {
-        TargetSet::NONE
-    }
-    fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        Err(TargetError::Unsupported(target.kind()))
-    }
-    fn target(&self) -> Target {
-        Target::Coast
-    }
-    fn feedback(&self) -> Feedback {
-        Feedback::NEW
-    }
-    fn fault(&self) -> Option<Fault> {
-        None
-    }
-    fn update(&mut self, _: &Tick) {}
-    fn request(&mut self, _: Request) -> Result<Response, RequestError> {
-        Err(RequestError::Unsupported)
-    }
-}
-
-impl CanMotor for Wired {
-    fn can_ids(&self) -> CanIds {
-        self.0
-    }
-    fn unpack_feedback(
-        &mut self,
-        _: &CanFrame,
-        _: Micros,
-        _: Link,
-    ) -> Result<FrameKind, FrameError> {
-        Ok(FrameKind::Feedback)
-    }
-    fn pack_command(&mut self, _: &mut TxBatch) -> Result<(), TxFull> {
-        Ok(())
-    }
-    fn coast_frames(&self, _: &mut TxBatch) -> Result<(), TxFull> {
-        Ok(())
-    }
-}
 
 /// Few identifiers, so that they meet.
 fn few_ids() -> impl Strategy<Value = Id> {
@@ -103,7 +54,7 @@ fn transmit() -> impl Strategy<Value = TxFrames> {
         .prop_map(|(pattern, len, rate, ownership)| TxFrames { pattern, len, rate, ownership })
 }
 
-fn wired() -> impl Strategy<Value = Wired> {
+fn wired() -> impl Strategy<Value = Dummy> {
     (vec(receive(), 0..=4), vec(transmit(), 0..=1), vec(pattern(), 0..=1)).prop_map(
         |(receives, transmits, listens)| {
             let mut wiring = CanIds::new();
@@ -116,7 +67,7 @@ fn wired() -> impl Strategy<Value = Wired> {
             for pattern in listens {
                 wiring = wiring.listens_to(pattern);
             }
-            Wired(wiring)
+            Dummy::new("any", 1, wiring)
         },
     )
 }

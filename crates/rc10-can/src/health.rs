@@ -111,8 +111,8 @@ impl fmt::Display for BusError {
     }
 }
 
-/// One line: the state, and whatever is not zero. `error passive, transmit errors 128: nobody
-/// acknowledges, alone on the bus?`
+/// One line: the state, and whatever is not zero. `error passive, transmit errors 128: no
+/// acknowledge, alone on the bus?`
 impl fmt::Display for Health {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.state.fmt(f)?;

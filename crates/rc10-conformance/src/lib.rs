@@ -1,6 +1,6 @@
 //! Rules that every motor of [`rc10_motor`] keeps, as tests for a motor of your own: [`check`] puts it and its simulated device on a wire and runs all of them, and [`check_line`]
 //! those that do not speak of CAN frames on a motor of an RS-485 line. [`Bench`] and [`LineBench`]
-//! are for tests of what only your motor does.
+//! are for tests of what only your motor does. A [`Dummy`] is a motor without a device.
 //!
 //! * [`RULES`]: the list. The documentation and what is run are the same table.
 //! * [`Declaration`]: what your motor says it can do, with a [`Trial`] for each kind of target, and a
@@ -37,6 +37,7 @@ mod by_bus;
 mod by_line;
 mod case;
 mod declaration;
+mod dummy;
 mod harness;
 mod line_bench;
 mod mirror;
@@ -49,6 +50,7 @@ pub use bench::Bench;
 pub use case::check;
 pub use case::check_line;
 pub use declaration::{Claim, Declaration, Trial};
+pub use dummy::{Acts, Dummy};
 pub use line_bench::LineBench;
 pub use report::{Breach, Report};
 pub use rules::{RULES, Rule};

@@ -179,7 +179,7 @@ fn a_fault_is_told_once_by_itself_and_enabling_is_refused() {
     assert_eq!(answers[0].raw_id() >> 16 & 0xFF, 2 << 6);
 }
 
-/// It protects itself when its winding gets hot, whoever commands it.
+/// It protects itself when its winding gets hot, in spite of any command.
 #[test]
 fn it_stops_itself_when_it_is_too_hot() {
     let mut driver = Driver::new(&sim::CYBERGEAR);
@@ -197,7 +197,7 @@ fn it_stops_itself_when_it_is_too_hot() {
     assert_eq!(driver.esc.with(|device: &mut sim::CyberGear| device.faults()), Some((4, 1)));
 }
 
-/// Type 22 to a CyberGear is a new bit rate: after power-on nobody understands it any more.
+/// Type 22 to a CyberGear is a new bit rate: after power-on no node understands it any more.
 #[test]
 fn a_changed_bit_rate_makes_it_deaf() {
     let mut driver = Driver::new(&sim::CYBERGEAR);

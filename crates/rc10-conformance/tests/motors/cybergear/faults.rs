@@ -97,7 +97,7 @@ fn a_robstride_has_texts_of_its_own() {
     });
 }
 
-/// Nobody hears the fault frame: the bits of the feedback have their own text.
+/// The fault frame is not taken: the bits of the feedback have their own text.
 #[test]
 fn feedback_alone_tells_a_fault() {
     with_cybergear(Safety::COAST, |pair| {

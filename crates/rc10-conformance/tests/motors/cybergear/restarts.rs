@@ -112,7 +112,7 @@ fn unplugged_it_is_lost_and_comes_back_softly() {
         assert!(is_soft(&torques), "{torques:?}");
         assert!((pair.rpm() - 60.0).abs() < 3.0);
         assert_eq!(pair.bench.status(pair.motor).counters.lost, 1);
-        // It turned on while nobody heard it, and that is known.
+        // It turned on while it was not heard, and that is known.
         assert!((pair.degrees() - start - told(&pair)).abs() < 1.0);
         assert_eq!(pair.bench.status(pair.motor).feedback.turn_gaps, 1);
     });
@@ -263,7 +263,7 @@ fn commands_expire_and_an_emergency_stop_holds() {
     });
 }
 
-/// A RobStride stops by itself when nobody speaks any more.
+/// A RobStride stops by itself when commands stop coming.
 #[test]
 fn a_robstrides_time_out_is_a_restart() {
     with_rs04(|pair| {

@@ -124,7 +124,7 @@ fn only_the_newest_command_waits() {
     switch.arm().unwrap();
     let torque = |torque| Target::Torque(NewtonMetres::new(torque));
     bench.hold(id, torque(1.0), 20).unwrap();
-    // Nobody can send for 8 ms: torques gather, unless they replace each other.
+    // The bus is blocked for 8 ms: torques gather, unless they replace each other.
     bench.wire.set_held_dominant(true);
     for step in 0..8_u8 {
         bench.hold(id, torque(1.0 + f32::from(step) * 0.1), 1).unwrap();

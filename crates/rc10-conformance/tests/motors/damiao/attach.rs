@@ -153,7 +153,7 @@ fn register_frames_of_two_motors_keep_apart() {
         let (frame, stream) = entries.next().unwrap();
         assert_eq!(frame.to_string(), "7FF#11003350");
         assert_ne!(commands, stream);
-        // An identifier of its own wiring, so nobody else's stream.
+        // One of its own identifiers, so no other motor's stream.
         assert_eq!((command.raw_id() & 0xFF, stream & 0xFF), (0x11, 0x11));
         streams.push(stream);
     }

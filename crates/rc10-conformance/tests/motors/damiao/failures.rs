@@ -211,7 +211,7 @@ fn a_restarted_device_is_looked_at_again() {
     }
 }
 
-/// Register 9: the device stops by itself when nobody speaks to it.
+/// Register 9: the device stops by itself when commands stop coming.
 #[test]
 fn the_devices_own_time_out_is_a_fault() {
     let switch = ArmSwitch::new();

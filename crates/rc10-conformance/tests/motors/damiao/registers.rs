@@ -33,7 +33,7 @@ fn registers_are_read_also_while_it_turns() {
         assert!(rig.is_enabled());
         assert_eq!(rig.status().counters.malformed, 0);
         assert_eq!(rig.status().link, Link::Online);
-        // There is none of that number: nobody answers.
+        // There is none of that number: no answer comes.
         assert_eq!(rig.ask(Request::ReadRegister(49)), Err(RequestError::Timeout));
         let error = rig.ask(Request::ReadRegister(256));
         assert!(matches!(error, Err(RequestError::Config(error)) if error.field == "register"));
@@ -151,7 +151,7 @@ fn a_device_that_is_not_there_answers_nothing() {
     assert_eq!(rig.ask(Request::SaveRegisters), Err(RequestError::Timeout));
     assert_eq!(rig.status().fault, None);
     rig.esc.set_power(true);
-    // What nobody acknowledged still waits: it saves first.
+    // The frame without an acknowledge still waits: it saves first.
     rig.bench.wait(60);
     assert_eq!(rig.status().link, Link::Online);
     assert_eq!(rig.status().condition, Condition::Ready);

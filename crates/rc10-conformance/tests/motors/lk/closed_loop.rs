@@ -184,7 +184,7 @@ fn a_drive_is_switched_on_and_off_by_frames_that_are_repeated() {
     switch.disarm();
     bench.wait(5);
     assert!(!is_on(&esc) && esc.state().current == 0.0);
-    // And it stays on the bus, and off, for as long as nobody arms.
+    // And it stays on the bus, and off, until it is armed.
     for _ in 0..300 {
         bench.tick();
         assert!(!is_on(&esc));
@@ -222,7 +222,7 @@ fn four_drives_are_driven_by_one_frame() {
         assert!((rpm(esc) - f64::from(wanted)).abs() < 2.0, "{}", rpm(esc));
     }
     assert_eq!(bench.bus.request(ids[0], Request::ClearFault), Err(RequestError::Unsupported));
-    // Nobody else's bytes are touched when one stops.
+    // Other motors' bytes are not touched when one stops.
     switch.disarm();
     bench.tick();
     assert_eq!(bench.sent().frames()[0].to_string(), "280#0000000000000000");

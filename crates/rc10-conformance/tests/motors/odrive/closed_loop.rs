@@ -193,6 +193,7 @@ fn turns_become_angles_and_nothing_is_lost() {
             let config = wheel().with_gear(gear).with_direction(direction);
             for turns in TURNS {
                 let told = heard(&mut ODrive::new(NODE, config).unwrap(), turns, 1);
+                #[expect(clippy::cast_possible_truncation, reason = "a few turns")]
                 let exact = (f64::from(turns) * 360e6) as i64 * sign * i64::from(output);
                 assert!((told - exact / i64::from(rotor)).abs() <= 1, "{turns}: {told}");
             }

@@ -67,7 +67,7 @@ fn each_fault_is_named_stops_the_motor_and_stays_until_it_is_cleared() {
         assert_eq!(bench.line.response(id), Some(Err(RequestError::Refused(code))));
         bench.hold(id, SPEED, 50);
         assert_eq!(bench.status(id).drive, DriveMode::Brake);
-        // Gone with the power, but nobody has cleared it.
+        // Gone with the power, but it has not been cleared.
         device.set_power(false);
         bench.hold(id, SPEED, 50);
         device.set_power(true);

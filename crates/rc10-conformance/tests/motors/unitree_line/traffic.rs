@@ -181,7 +181,7 @@ fn an_answer_that_nobody_asked_for_is_not_taken() {
     }
     let now = Micros::from_millis(1);
     let answer = |id| Answer { id, status: 1, ..Answer::default() }.write();
-    // Nobody was asked.
+    // No device was asked.
     line.on_bytes(&answer(0), now);
     assert_eq!((line.counters().unexpected, line.counters().exchanges), (1, 0));
     // Motor 0 is asked, another answers; then motor 0, in two portions, with garbage before it.

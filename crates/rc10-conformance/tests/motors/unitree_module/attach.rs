@@ -1,63 +1,14 @@
 //! What may share a bus, and how full it gets.
 
+use rc10_can::IdPattern;
 use rc10_can::embedded_can::{ExtendedId, Id};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_conformance::Dummy;
 use rc10_motor::dji::{Dji, M3508};
 use rc10_motor::rc10_app::ConfigError;
 use rc10_motor::unitree::GoModule;
 use rc10_motor::{
-    ArmSwitch, AttachError, CanIds, CanMotor, Clash, Fault, Feedback, FrameError, FrameKind, Link,
-    Motor, MotorBus, MotorName, Rate, Request, RequestError, Response, RxFrames, Safety, Target,
-    TargetError, TargetSet, Tick, TxBatch, TxFrames, TxFull,
+    ArmSwitch, AttachError, CanIds, Clash, MotorBus, Rate, RxFrames, Safety, TxFrames,
 };
-
-/// A motor that is nothing but its identifiers.
-struct Declared(MotorName, CanIds);
-
-impl Motor for Declared {
-    fn name(&self) -> MotorName {
-        self.0
-    }
-    fn supports(&self) -> TargetSet {
-        TargetSet::NONE
-    }
-    fn set_target(&mut self, _target: Target) -> Result<(), TargetError> {
-        Ok(())
-    }
-    fn target(&self) -> Target {
-        Target::Coast
-    }
-    fn feedback(&self) -> Feedback {
-        Feedback::NEW
-    }
-    fn fault(&self) -> Option<Fault> {
-        None
-    }
-    fn update(&mut self, _tick: &Tick) {}
-    fn request(&mut self, _request: Request) -> Result<Response, RequestError> {
-        Err(RequestError::Unsupported)
-    }
-}
-
-impl CanMotor for Declared {
-    fn can_ids(&self) -> CanIds {
-        self.1
-    }
-    fn unpack_feedback(
-        &mut self,
-        _frame: &CanFrame,
-        _at: Micros,
-        _link: Link,
-    ) -> Result<FrameKind, FrameError> {
-        Err(FrameError::NotMine)
-    }
-    fn pack_command(&mut self, _tx: &mut TxBatch) -> Result<(), TxFull> {
-        Ok(())
-    }
-    fn coast_frames(&self, _tx: &mut TxBatch) -> Result<(), TxFull> {
-        Ok(())
-    }
-}
 
 fn extended(id: u32, mask: u32) -> IdPattern {
     IdPattern::masked(ExtendedId::new(id).unwrap(), mask)
@@ -72,22 +23,22 @@ fn transmit(id: u32, mask: u32) -> TxFrames {
 }
 
 /// STATUS and STATUS 3, commands: declared by hand.
-fn vesc(id: u16) -> Declared {
+fn vesc(id: u16) -> Dummy {
     let ids = CanIds::new()
         .receives(receive(0x09 << 8 | u32::from(id), 0x1FFF_FFFF))
         .receives(receive(0x0F << 8 | u32::from(id), 0x1FFF_FFFF))
         .transmits(transmit(id.into(), 0x1FFF_00FF));
-    Declared(MotorName { model: "VESC", id }, ids)
+    Dummy::new("VESC", id, ids)
 }
 
 /// Feedback, motion control, and everything else.
-fn cybergear(motor: u16) -> Declared {
+fn cybergear(motor: u16) -> Dummy {
     let id = u32::from(motor);
     let ids = CanIds::new()
         .receives(receive(id << 8 | 0xFD, 0xFFFF))
         .transmits(transmit(1 << 24 | id, 0x1F00_00FF))
         .transmits(transmit(id, 0xFF));
-    Declared(MotorName { model: "CyberGear", id: motor }, ids)
+    Dummy::new("CyberGear", motor, ids)
 }
 
 #[test]
@@ -133,7 +84,7 @@ fn motors_of_a_module_and_modules_of_a_bus_live_together() {
 
 #[test]
 fn what_a_module_would_misunderstand_is_refused() {
-    let clash = |module, mut other: Declared| {
+    let clash = |module, mut other: Dummy| {
         let switch = ArmSwitch::new();
         let mut motor = GoModule::new(module, 0).unwrap();
         let mut bus = MotorBus::new(&switch);

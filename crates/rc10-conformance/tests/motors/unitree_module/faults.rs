@@ -121,7 +121,7 @@ fn a_motor_that_is_not_heard_is_stopped() {
     one.esc.set_feedback(true);
     assert_soft(&mut one, speed(100.0), 500);
     assert!((one.rpm() - 100.0).abs() < 1.0);
-    // Counting on while nobody heard it, it has not lost a turn.
+    // Counting on while it was not heard, it has not lost a turn.
     assert_eq!(one.bench.status(one.motor).feedback.turn_gaps, 0);
 }
 

@@ -270,7 +270,7 @@ fn a_servo_reaches_many_turns_under_load_and_holds() {
         near(esc.state().output_degrees, -70.0, 1.0);
         esc.set_load(-5.0);
         hold(bench, motor, Target::TotalAngle(TotalAngle::ZERO), 3000);
-        // Nobody commands it any more: it stays, also while it is pushed.
+        // Commands have stopped: it stays, also while it is pushed.
         bench.wait(500);
         assert_eq!(bench.status(motor).drive, DriveMode::Hold);
         near(esc.state().output_degrees, -70.0, 1.5);

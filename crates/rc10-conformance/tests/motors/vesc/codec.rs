@@ -93,7 +93,7 @@ proptest! {
             let same = std::mem::discriminant(&understood) == std::mem::discriminant(&order(0.0));
             prop_assert!(same, "{:?} as {:?}", command, understood);
             prop_assert!(near(told(&understood), wanted, 1.0 / steps), "{:?}", understood);
-            // Nobody else does.
+            // No other does.
             prop_assert!(Order::parse(&frame, to.wrapping_add(1) % 255).is_err());
         }
         prop_assert_eq!(Order::parse(&ping(id(to), id(9)), to), Ok(Order::Ping(9)));

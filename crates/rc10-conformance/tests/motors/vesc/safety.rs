@@ -21,11 +21,11 @@ fn a_cut_wire_lets_both_sides_go() {
         bench.hold(motor, PUSH, 20).unwrap();
         let status = bench.status(motor);
         assert_eq!((status.link, status.drive), (Link::Lost, DriveMode::Coast));
-        // The VESC goes on until its own timeout, which nobody can shorten from here.
+        // The VESC goes on until its own timeout, which cannot be shortened from here.
         assert_eq!(mode(esc), Mode::Current(30.0));
         bench.hold(motor, PUSH, 200).unwrap();
         assert_eq!(mode(esc), Mode::Released);
-        // Nobody answers the questions: it is not known to be there.
+        // The questions are not answered: it is not known to be there.
         bench.hold(motor, PUSH, 2000).unwrap();
         assert_eq!(bench.status(motor).condition, Condition::Ready);
         bench.wire.set_cut(false);
