@@ -5,7 +5,7 @@
 //! * [`Shared`]: what its tasks share. [`Motors`]: where its motors stand. No statics: on the chip both
 //!   live in a `StaticCell`, on a PC there is one of each per simulated world.
 //! * [`chassis`], [`mechanisms`]: from what the robot shall do to motor targets.
-//! * [`driver`]: turns the remote control into motion and posture, and handles its loss.
+//! * [`driver`]: turns the remote control into commands for base and mechanisms, and handles its loss.
 //! * [`remote`], [`imu`]: what the parts on its serial ports say.
 //! * [`status`]: ten times a second, how it is; [`status_led`] shows it on an LED strip.
 //! * [`mixed`]: another robot, of motors of many vendors.

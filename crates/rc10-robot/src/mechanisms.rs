@@ -7,7 +7,7 @@ use rc10_motor::{Link, Request, Target};
 use crate::robot::Shared;
 use crate::table::{LIFT, Name};
 
-/// Age up to which a posture is used.
+/// Longest age of a command that is followed.
 const OLDEST_COMMAND: Micros = Micros::from_millis(100);
 
 /// The mechanisms' task.

@@ -9,7 +9,7 @@ use crate::robot::Shared;
 /// Listens to a receiver on a serial port that is set as the receiver needs.
 pub async fn listen(shared: &Shared<'_>, receiver: Receiver, port: impl Read) -> ! {
     let _ = remote::listen(receiver, port, &shared.remote_reception, |remote, at| {
-        publish(shared, &remote, at)
+        publish(shared, &remote, at);
     })
     .await;
     core::future::pending().await
@@ -18,7 +18,7 @@ pub async fn listen(shared: &Shared<'_>, receiver: Receiver, port: impl Read) ->
 /// Listens to a receiver of pulses; `edges` waits for the next rising edge and says when it was.
 pub async fn listen_pulses(shared: &Shared<'_>, edges: impl AsyncFnMut() -> Micros) -> ! {
     remote::listen_pulses(edges, &shared.remote_reception, |remote, at| {
-        publish(shared, &remote, at)
+        publish(shared, &remote, at);
     })
     .await
 }

@@ -31,7 +31,7 @@ pub struct Shared<'p> {
     pub remote: Latest<Remote, 1>,
     /// Counters of its receiver's bytes and frames.
     pub remote_reception: Reception,
-    /// RemoteLink of the remote control.
+    /// State of the link to the remote control.
     pub remote_link: Latest<RemoteLink, 1>,
     /// Which way the robot looks in the world, by its IMU: [`imu::run`](crate::imu::run) says from
     /// where that counts.

@@ -1,4 +1,4 @@
-//! The status of the robot, in one small message that a log, a status_led or a display can use.
+//! The status of the robot, in one small message that a log, an LED or a display can use.
 
 use core::fmt;
 

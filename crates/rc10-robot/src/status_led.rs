@@ -12,7 +12,7 @@ use crate::table::{LEDS, MOTORS};
 /// Period in which the strip is written: a beat of its rhythms.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// The status_led's task.
+/// The status LED's task.
 pub async fn run<S>(shared: &Shared<'_>, mut strip: S) -> !
 where
     S: SmartLedsWriteAsync<Color = RGB8>,
