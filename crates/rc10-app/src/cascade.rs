@@ -287,16 +287,27 @@ impl CascadeState {
     fn speed_loop(&mut self, config: &Cascade, target: f32, measured: f32, dt: Seconds) {
         let step = config.acceleration.get() * dt.get();
         let gap = target - self.reference;
-        let is_on_the_way = gap.abs() > step;
-        self.reference = if is_on_the_way { nearer(self.reference, gap, step) } else { target };
+        if gap.abs() > step {
+            return self.ramp(config, gap, step, measured, dt);
+        }
+        self.reference = target;
+        self.follow(config, measured, true, dt);
+    }
+
+    /// The speed loop while its reference is on the way to the target.
+    #[inline(never)]
+    fn ramp(&mut self, config: &Cascade, gap: f32, step: f32, measured: f32, dt: Seconds) {
+        self.reference = nearer(self.reference, gap, step);
+        // The lag behind a moving reference is no load: integrating it would overshoot.
+        self.follow(config, measured, false, dt);
+    }
+
+    #[inline(always)]
+    fn follow(&mut self, config: &Cascade, measured: f32, integrate: bool, dt: Seconds) {
         let Self { speed, last_speed, reference, .. } = self;
-        let input = PidInput {
-            error: *reference - measured,
-            feed_forward: config.feed_forward * *reference,
-            // The lag behind a moving reference is no load: integrating it would overshoot.
-            integrate: !is_on_the_way,
-        };
+        let (error, feed_forward) = (*reference - measured, config.feed_forward * *reference);
         let change = || measured - core::mem::replace(last_speed, measured);
+        let input = PidInput { error, feed_forward, integrate };
         speed.update_error(&config.speed, input, change, dt);
     }
 
