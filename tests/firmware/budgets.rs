@@ -10,9 +10,9 @@ const RAM: u32 = 48 * 1024;
 /// Flash, bytes.
 const FLASH: u32 = 128 * 1024;
 /// Instructions of all in one second with eleven motors at 1 kHz.
-pub const SECOND: u64 = 12_000_000;
+pub const SECOND: u64 = 12_500_000;
 /// Instructions of one more received frame.
-const FRAME: u64 = 300;
+const FRAME: u64 = 160;
 /// A tick that takes this many more instructions than it took with this compiler is too long; one
 /// that takes this many fewer is to be written down.
 const TICK_TOLERANCE: u64 = 100;
@@ -71,7 +71,7 @@ pub fn judge(program: &[u8], figures: &Figures, second: u64, tick: u64, frame: u
         ram, image.ram, figures.stack_bytes
     );
     println!(
-        "a second            {:>8.2} of {:.0} million instructions",
+        "a second            {:>8.2} of {:.1} million instructions",
         million(second),
         million(SECOND)
     );

@@ -167,18 +167,19 @@ impl Shaft {
     }
 
     /// The same after a silence; `before` is when and how fast it was measured before.
-    #[cold]
+    #[inline(never)]
     fn follow_after_silence(&mut self, step: i32, before: (Micros, Rpm)) {
         let (last, speed) = before;
-        if last == NEVER {
-            return self.start(self.reading.into());
-        }
         let silence = self.at.since(last);
-        let fastest = self.speed.abs().get().max(speed.abs().get()) / self.ratio.abs();
+        let is_short = last != NEVER && silence <= LONG_SILENCE;
+        let fastest = self.speed.get().abs().max(speed.get().abs());
+        #[expect(clippy::cast_possible_truncation, reason = "asked for short ones only")]
         #[expect(clippy::cast_precision_loss, reason = "up to 100 ms")]
-        let turned = fastest * silence.get() as f32;
-        if silence <= LONG_SILENCE && turned <= CERTAIN_RPM_MICROS {
+        let turned = fastest * silence.get() as u32 as f32;
+        if is_short && turned <= CERTAIN_RPM_MICROS * self.ratio.abs() {
             self.move_by(step);
+        } else if last == NEVER {
+            self.start(self.reading.into());
         } else {
             self.bridge(step.into(), before);
         }
