@@ -42,17 +42,7 @@ impl Setpoint {
     /// [`ConfigError`] with the first field that is not finite.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let Self { position, velocity, kp, kd, torque } = *self;
-        let fields = [
-            ("position", position),
-            ("velocity", velocity),
-            ("kp", kp),
-            ("kd", kd),
-            ("torque", torque),
-        ];
-        match fields.into_iter().find(|(_, value)| !value.is_finite()) {
-            Some((field, value)) => Err(ConfigError::new(field, value, "finite")),
-            None => Ok(()),
-        }
+        check([position, velocity, torque, kp, kd], f32::is_finite, "finite")
     }
 }
 
@@ -61,101 +51,55 @@ impl Setpoint {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Limits {
-    position: f32,
-    velocity: f32,
-    torque: f32,
-    kp: f32,
-    kd: f32,
+    /// Largest position, rad.
+    pub position: f32,
+    /// Largest velocity, rad/s.
+    pub velocity: f32,
+    /// Largest torque, N m.
+    pub torque: f32,
+    /// Largest `kp`, N m / rad.
+    pub kp: f32,
+    /// Largest `kd`, N m s / rad.
+    pub kd: f32,
 }
 
-/// Largest `kp` of Damiao, CyberGear and RobStride's small models, N m / rad.
-const KP: f32 = 500.0;
-/// Largest `kd` of the same, N m s / rad.
-const KD: f32 = 5.0;
 /// No motor has a range beyond it, in any unit; sums and products of two ranges stay finite.
 const LARGEST: f32 = 1e6;
 
 impl Limits {
     /// Ranges ±`position` (rad), ±`velocity` (rad/s), ±`torque` (N m); gains up to 500 N m / rad
-    /// and 5 N m s / rad.
-    ///
-    /// # Errors
-    /// [`ConfigError`] with the first that is not above zero, or above a million.
-    pub fn new(position: f32, velocity: f32, torque: f32) -> Result<Self, ConfigError> {
-        Self::of(position, velocity, torque).checked()
+    /// and 5 N m s / rad, as Damiao, CyberGear and RobStride's small models have them.
+    #[must_use]
+    pub const fn new(position: f32, velocity: f32, torque: f32) -> Self {
+        Self { position, velocity, torque, kp: 500.0, kd: 5.0 }
     }
 
     /// With other largest gains: N m / rad, N m s / rad.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn with_gains(self, kp: f32, kd: f32) -> Result<Self, ConfigError> {
-        self.gains(kp, kd).checked()
-    }
-
-    /// With another range of position, ± rad.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn with_position(self, position: f32) -> Result<Self, ConfigError> {
-        Self { position, ..self }.checked()
-    }
-
-    /// For tables: unchecked, so only with numbers that a test checks.
-    pub(crate) const fn of(position: f32, velocity: f32, torque: f32) -> Self {
-        Self { position, velocity, torque, kp: KP, kd: KD }
-    }
-
-    /// For tables, as [`of`](Self::of).
-    pub(crate) const fn gains(self, kp: f32, kd: f32) -> Self {
+    #[must_use]
+    pub const fn with_gains(self, kp: f32, kd: f32) -> Self {
         Self { kp, kd, ..self }
     }
 
-    pub(crate) fn checked(self) -> Result<Self, ConfigError> {
-        let Self { position, velocity, torque, kp, kd } = self;
-        let fields = [
-            ("position", position),
-            ("velocity", velocity),
-            ("torque", torque),
-            ("kp", kp),
-            ("kd", kd),
-        ];
-        match fields.into_iter().find(|&(_, value)| !(value > 0.0 && value <= LARGEST)) {
-            Some((field, value)) => {
-                Err(ConfigError::new(field, value, "above 0, and at most a million"))
-            }
-            None => Ok(self),
-        }
+    /// `Ok` if they can be used. A motor checks its own.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with the first that is not above zero, or above a million.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let Self { position, velocity, torque, kp, kd } = *self;
+        let is_good = |value| value > 0.0 && value <= LARGEST;
+        check([position, velocity, torque, kp, kd], is_good, "above 0, and at most a million")
     }
+}
 
-    /// Largest position, rad.
-    #[must_use]
-    pub const fn position(&self) -> f32 {
-        self.position
-    }
-
-    /// Largest velocity, rad/s.
-    #[must_use]
-    pub const fn velocity(&self) -> f32 {
-        self.velocity
-    }
-
-    /// Largest torque, N m.
-    #[must_use]
-    pub const fn torque(&self) -> f32 {
-        self.torque
-    }
-
-    /// Largest `kp`, N m / rad.
-    #[must_use]
-    pub const fn kp(&self) -> f32 {
-        self.kp
-    }
-
-    /// Largest `kd`, N m s / rad.
-    #[must_use]
-    pub const fn kd(&self) -> f32 {
-        self.kd
+fn check(
+    values: [f32; 5],
+    is_good: impl Fn(f32) -> bool,
+    must_be: &'static str,
+) -> Result<(), ConfigError> {
+    let fields = ["position", "velocity", "torque", "kp", "kd"].into_iter().zip(values);
+    match fields.into_iter().find(|&(_, value)| !is_good(value)) {
+        Some((field, value)) => Err(ConfigError::new(field, value, must_be)),
+        None => Ok(()),
     }
 }
 
@@ -513,13 +457,15 @@ mod tests {
 
     #[test]
     fn what_is_no_range_and_no_number_is_named() {
-        assert!(Limits::new(12.5, 30.0, 10.0).is_ok());
+        assert_eq!(Limits::new(12.5, 30.0, 10.0).validate(), Ok(()));
         for bad in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e7] {
-            let error = Limits::new(12.5, bad, 10.0).unwrap_err();
+            let error = Limits::new(12.5, bad, 10.0).validate().unwrap_err();
             assert_eq!((error.field, error.value.to_bits()), ("velocity", bad.to_bits()));
         }
-        assert_eq!(Limits::of(1.0, 1.0, 1.0).with_gains(0.0, 1.0).unwrap_err().field, "kp");
-        assert!(Limits::of(1.0, 1.0, 1.0).with_position(f32::NAN).is_err());
+        let gains = Limits::new(1.0, 1.0, 1.0).with_gains(0.0, 1.0);
+        assert_eq!(gains.validate().unwrap_err().field, "kp");
+        let position = Limits { position: f32::NAN, ..Limits::new(1.0, 1.0, 1.0) };
+        assert_eq!(position.validate().unwrap_err().field, "position");
         assert_eq!(Setpoint::COAST.validate(), Ok(()));
         let bad = Setpoint { kd: f32::NAN, ..Setpoint::COAST };
         assert_eq!(bad.validate().unwrap_err().field, "kd");
@@ -540,7 +486,7 @@ mod tests {
 
     impl Bench {
         fn new(direction: Direction) -> Self {
-            let position = RangedPosition::new(&Limits::of(12.5, 30.0, 10.0));
+            let position = RangedPosition::new(&Limits::new(12.5, 30.0, 10.0));
             Self { position, shaft: Shaft::new(360_000_000, Gear::DIRECT, direction), now: 1 }
         }
 
@@ -660,7 +606,7 @@ mod tests {
 
     #[test]
     fn nothing_overflows() {
-        for limits in [Limits::of(1e6, 1e6, 1.0), Limits::of(1e-6, 1e-6, 1.0)] {
+        for limits in [Limits::new(1e6, 1e6, 1.0), Limits::new(1e-6, 1e-6, 1.0)] {
             let mut position = RangedPosition::new(&limits);
             let mut shaft = Shaft::new(360_000_000, Gear::DIRECT, Direction::Reversed);
             for at in [0, 1, u64::MAX / 2, u64::MAX, 7] {

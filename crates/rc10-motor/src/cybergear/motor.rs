@@ -4,7 +4,7 @@ use embedded_can::ExtendedId;
 use rc10_app::{Cascade, ConfigError, Direction, Gear, NewtonMetres, Rpm};
 use rc10_can::{CanFrame, IdPattern, Micros};
 
-use super::config::{Model, check_address, checked};
+use super::config::{Model, check_address, check_limits};
 use super::wire::{self, Address, Mode, Parameter, ParameterValue, Reply};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName, Rate, RxFrames, TxFrames};
@@ -116,8 +116,10 @@ impl CyberGear {
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn new(model: &'static Model, address: Address) -> Result<Self, ConfigError> {
-        let (limits, servo) = check_address(address)
-            .and_then(|()| Ok((checked(model.limits)?, servo(model, model.cascade)?)))
+        let limits = model.limits;
+        let servo = check_address(address)
+            .and_then(|()| check_limits(&limits))
+            .and_then(|()| servo(model, model.cascade))
             .map_err(|error| error.of_device(model.name, address.motor.into()))?;
         Ok(Self {
             model,
@@ -150,7 +152,8 @@ impl CyberGear {
     /// # Errors
     /// [`ConfigError`], if it cannot be used.
     pub fn with_position_range(mut self, range: f32) -> Result<Self, ConfigError> {
-        self.limits = self.limits.with_position(range).and_then(checked)?;
+        self.limits.position = range;
+        check_limits(&self.limits)?;
         self.position = RangedPosition::new(&self.limits);
         Ok(self)
     }
@@ -325,12 +328,12 @@ impl CyberGear {
 /// Our loops, and the device's spring.
 fn servo(model: &Model, cascade: Cascade) -> Result<Servo, ConfigError> {
     let (torque, limits) = (cascade.speed.output_limit, model.limits);
-    if torque > limits.torque() {
+    if torque > limits.torque {
         let error = ConfigError::new("output_limit", torque, "at most the model's torque");
         return Err(error.in_part("speed"));
     }
-    let speed = Rpm::new(limits.velocity() * RPM_PER_RADIAN_PER_SECOND);
-    let springs = SpringRange { kp: limits.kp(), kd: limits.kd(), speed };
+    let speed = Rpm::new(limits.velocity * RPM_PER_RADIAN_PER_SECOND);
+    let springs = SpringRange { kp: limits.kp, kd: limits.kd, speed };
     Ok(Servo::new(TargetKind::Torque, cascade)?.with_springs(springs))
 }
 

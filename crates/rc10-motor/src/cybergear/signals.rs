@@ -96,9 +96,9 @@ const fn ranged(name: &'static str, first: u8, limit: f32, unit: &'static str) -
 
 const fn feedback(limits: &Limits) -> [Signal; 4] {
     [
-        ranged("POSITION", 0, limits.position(), "rad"),
-        ranged("VELOCITY", 2, limits.velocity(), "rad/s"),
-        ranged("TORQUE", 4, limits.torque(), "N m"),
+        ranged("POSITION", 0, limits.position, "rad"),
+        ranged("VELOCITY", 2, limits.velocity, "rad/s"),
+        ranged("TORQUE", 4, limits.torque, "N m"),
         Signal::big("TEMPERATURE", 6, 2).scaled(0.1, "degC"),
     ]
 }
@@ -145,12 +145,12 @@ static CYBERGEAR_TEXTS: [[(u32, &str); 1]; 6] = texts(&config::CYBERGEAR_FAULTS)
 static ROBSTRIDE_TEXTS: [[(u32, &str); 1]; 6] = texts(&config::ROBSTRIDE_FAULTS);
 
 const fn motion(limits: &Limits) -> [Signal; 5] {
-    let torque = limits.torque() as f64;
+    let torque = limits.torque as f64;
     [
-        ranged("POSITION", 0, limits.position(), "rad"),
-        ranged("VELOCITY", 2, limits.velocity(), "rad/s"),
-        Signal::big("KP", 4, 2).scaled(limits.kp() as f64 / 65_535.0, "N m/rad"),
-        Signal::big("KD", 6, 2).scaled(limits.kd() as f64 / 65_535.0, "N m s/rad"),
+        ranged("POSITION", 0, limits.position, "rad"),
+        ranged("VELOCITY", 2, limits.velocity, "rad/s"),
+        Signal::big("KP", 4, 2).scaled(limits.kp as f64 / 65_535.0, "N m/rad"),
+        Signal::big("KD", 6, 2).scaled(limits.kd as f64 / 65_535.0, "N m s/rad"),
         Signal::in_id("TORQUE", 8, 16).scaled(2.0 * torque / 65_535.0, "N m").offset(-torque),
     ]
 }

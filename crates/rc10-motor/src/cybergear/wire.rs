@@ -81,11 +81,11 @@ pub fn clear_faults(to: Address) -> CanFrame {
 #[inline]
 #[must_use]
 pub fn motion(motor: u8, setpoint: &Setpoint, limits: &Limits) -> CanFrame {
-    let position = pack_signed::<16>(setpoint.position, limits.position());
-    let velocity = pack_signed::<16>(setpoint.velocity, limits.velocity());
-    let kp = pack_positive::<16>(setpoint.kp, limits.kp());
-    let kd = pack_positive::<16>(setpoint.kd, limits.kd());
-    let torque = pack_signed::<16>(setpoint.torque, limits.torque());
+    let position = pack_signed::<16>(setpoint.position, limits.position);
+    let velocity = pack_signed::<16>(setpoint.velocity, limits.velocity);
+    let kp = pack_positive::<16>(setpoint.kp, limits.kp);
+    let kd = pack_positive::<16>(setpoint.kd, limits.kd);
+    let torque = pack_signed::<16>(setpoint.torque, limits.torque);
     let [a, b, c, d] = (position << 16 | velocity).to_be_bytes();
     let [e, f, g, h] = (kp << 16 | kd).to_be_bytes();
     #[expect(clippy::cast_possible_truncation, reason = "a field of 16 bits")]
@@ -322,9 +322,9 @@ fn feedback(address: Address, upper: u8, bytes: &[u8; 8], limits: &Limits) -> Fe
         },
         faults: Faults::from_bits(upper),
         steps: u16::from_be_bytes([a, b]),
-        position: unpack_signed::<16>(motion >> 16, limits.position()),
-        velocity: unpack_signed::<16>(motion & full(16), limits.velocity()),
-        torque: unpack_signed::<16>(rest >> 16, limits.torque()),
+        position: unpack_signed::<16>(motion >> 16, limits.position),
+        velocity: unpack_signed::<16>(motion & full(16), limits.velocity),
+        torque: unpack_signed::<16>(rest >> 16, limits.torque),
         temperature: Celsius::new((rest & full(16)) as f32 * DEGREES_PER_STEP),
     }
 }

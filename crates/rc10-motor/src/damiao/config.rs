@@ -33,7 +33,7 @@ pub mod models {
                     stringify!($t), " N m."
                 )]
                 $(#[$note])*
-                pub const $model: Model = Model { name: $name, limits: Limits::of($p, $v, $t) };
+                pub const $model: Model = Model { name: $name, limits: Limits::new($p, $v, $t) };
             )*
 
             /// All of them.
@@ -110,7 +110,7 @@ pub(super) enum Controller {
 impl Controller {
     pub(super) fn new(control: Control, limits: &Limits) -> Result<Self, ConfigError> {
         use TargetKind::{Angle, Coast, Speed, TotalAngle};
-        let fastest = limits.velocity() * RPM_PER_RADIAN_PER_SECOND;
+        let fastest = limits.velocity * RPM_PER_RADIAN_PER_SECOND;
         let to_angles = |mode, speed: Rpm, torque_share| {
             let rpm = speed.get();
             let error = |must_be| Err(ConfigError::new("speed", rpm, must_be));
@@ -128,7 +128,7 @@ impl Controller {
             Control::Mit(cascade) => {
                 let servo = Servo::new(TargetKind::Torque, cascade)?;
                 let (torque, speed) = (cascade.speed.output_limit, cascade.angle.output_limit);
-                if torque > limits.torque() {
+                if torque > limits.torque {
                     let (field, must_be) = ("speed.output_limit", "at most TMAX, in N m");
                     return Err(ConfigError::new(field, torque, must_be));
                 }
@@ -136,7 +136,7 @@ impl Controller {
                     let (field, must_be) = ("angle.output_limit", "at most VMAX, in rpm");
                     return Err(ConfigError::new(field, speed, must_be));
                 }
-                let (kp, kd, speed) = (limits.kp(), limits.kd(), Rpm::new(fastest));
+                let (kp, kd, speed) = (limits.kp, limits.kd, Rpm::new(fastest));
                 Ok(Self::Mit(servo.with_springs(SpringRange { kp, kd, speed })))
             }
             Control::PositionVelocity { speed } => to_angles(Mode::PositionVelocity, speed, 1.0),
@@ -217,7 +217,7 @@ mod tests {
     #[test]
     fn all_limits_can_be_used() {
         for model in super::models::ALL {
-            assert_eq!(model.limits.checked(), Ok(model.limits), "{}", model.name);
+            assert_eq!(model.limits.validate(), Ok(()), "{}", model.name);
         }
     }
 }

@@ -103,7 +103,8 @@ impl Damiao {
     ) -> Result<Self, ConfigError> {
         let limits = model.limits;
         let ((id, master), controller) = ids(can_id, master_id)
-            .and_then(|ids| Ok((ids, Controller::new(control, &limits.checked()?)?)))
+            .and_then(|ids| limits.validate().map(|()| ids))
+            .and_then(|ids| Ok((ids, Controller::new(control, &limits)?)))
             .map_err(|error| error.of_device(model.name, can_id))?;
         Ok(Self {
             model,
@@ -220,8 +221,7 @@ impl Damiao {
                     angle
                 } else {
                     // Where it is now until it has slowed down, then there.
-                    let slow =
-                        self.model.limits.velocity() * RPM_PER_RADIAN_PER_SECOND * STANDSTILL;
+                    let slow = self.model.limits.velocity * RPM_PER_RADIAN_PER_SECOND * STANDSTILL;
                     let stands = shaft.speed().get().abs() <= slow;
                     match goals.update(DriveMode::Hold, || stands.then(|| shaft.angle())) {
                         Goal::Total(angle) => angle,
@@ -414,9 +414,7 @@ impl Motor for Damiao {
         self.supports().accepts(&target)?;
         let is_in_range = match Goal::of(target)? {
             // The device cannot tell of a higher speed either.
-            Goal::Speed(rpm) => {
-                rpm.abs() <= self.model.limits.velocity() * RPM_PER_RADIAN_PER_SECOND
-            }
+            Goal::Speed(rpm) => rpm.abs() <= self.model.limits.velocity * RPM_PER_RADIAN_PER_SECOND,
             Goal::Angle(phase) => nearest(&self.position, &self.shaft, phase).is_some(),
             _ => self.position.check(&self.shaft, &target).is_ok(),
         };

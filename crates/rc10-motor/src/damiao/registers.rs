@@ -322,9 +322,9 @@ pub(super) fn check(
     let same = |held: f32, wanted: f32| (held - wanted).abs() <= wanted * SAME;
     let is_good = match (register, held) {
         (Register::MODE, Some(Value::Whole(held))) => held == mode.register_value(),
-        (Register::POSITION_LIMIT, Some(Value::Real(held))) => same(held, limits.position()),
-        (Register::VELOCITY_LIMIT, Some(Value::Real(held))) => same(held, limits.velocity()),
-        (Register::TORQUE_LIMIT, Some(Value::Real(held))) => same(held, limits.torque()),
+        (Register::POSITION_LIMIT, Some(Value::Real(held))) => same(held, limits.position),
+        (Register::VELOCITY_LIMIT, Some(Value::Real(held))) => same(held, limits.velocity),
+        (Register::TORQUE_LIMIT, Some(Value::Real(held))) => same(held, limits.torque),
         _ => false,
     };
     (!is_good).then(|| Fault::new(NOT_AS_CONFIGURED + u32::from(register.0), text))

@@ -30,8 +30,8 @@ impl Scaled {
     /// For these limits.
     #[must_use]
     pub const fn of(limits: &Limits) -> Self {
-        let (position, velocity) = (limits.position() as f64, limits.velocity() as f64);
-        let torque = limits.torque() as f64;
+        let (position, velocity) = (limits.position as f64, limits.velocity as f64);
+        let torque = limits.torque as f64;
         Self {
             feedback: [
                 Signal::new("ID", ByteOrder::Little, 0, 4),
@@ -45,8 +45,8 @@ impl Scaled {
             setpoint: [
                 within(Signal::big("POSITION", 0, 2), position, "rad"),
                 within(twelve("VELOCITY", 23), velocity, "rad/s"),
-                twelve("KP", 27).scaled(limits.kp() as f64 / 4095.0, "N m/rad"),
-                twelve("KD", 47).scaled(limits.kd() as f64 / 4095.0, "N m s/rad"),
+                twelve("KP", 27).scaled(limits.kp as f64 / 4095.0, "N m/rad"),
+                twelve("KD", 47).scaled(limits.kd as f64 / 4095.0, "N m s/rad"),
                 within(twelve("TORQUE", 51), torque, "N m"),
             ],
         }

@@ -121,11 +121,11 @@ pub fn operate(id: DeviceId, mode: Mode, operation: Operation) -> CanFrame {
 #[inline]
 #[must_use]
 pub fn mit(id: DeviceId, setpoint: &Setpoint, limits: &Limits) -> CanFrame {
-    let position = pack_signed::<16>(setpoint.position, limits.position());
-    let velocity = pack_signed::<12>(setpoint.velocity, limits.velocity());
-    let kp = pack_positive::<12>(setpoint.kp, limits.kp());
-    let kd = pack_positive::<12>(setpoint.kd, limits.kd());
-    let torque = pack_signed::<12>(setpoint.torque, limits.torque());
+    let position = pack_signed::<16>(setpoint.position, limits.position);
+    let velocity = pack_signed::<12>(setpoint.velocity, limits.velocity);
+    let kp = pack_positive::<12>(setpoint.kp, limits.kp);
+    let kd = pack_positive::<12>(setpoint.kd, limits.kd);
+    let torque = pack_signed::<12>(setpoint.torque, limits.torque);
     let high = position << 16 | velocity << 4 | kp >> 8;
     let mut low = (kp & 0xFF) << 24 | kd << 12 | torque;
     if high == u32::MAX && (LOWEST_OPERATION..=HIGHEST_OPERATION).contains(&low) {
@@ -287,9 +287,9 @@ impl Feedback {
             id: head & 0xF,
             state: State::from_code(head >> 4),
             steps,
-            position: unpack_signed::<16>(steps.into(), limits.position()),
-            velocity: unpack_signed::<12>(rest >> 12, limits.velocity()),
-            torque: unpack_signed::<12>(rest & full(12), limits.torque()),
+            position: unpack_signed::<16>(steps.into(), limits.position),
+            velocity: unpack_signed::<12>(rest >> 12, limits.velocity),
+            torque: unpack_signed::<12>(rest & full(12), limits.torque),
             driver_temperature: Celsius::new(driver.into()),
             motor_temperature: Celsius::new(motor.into()),
         })

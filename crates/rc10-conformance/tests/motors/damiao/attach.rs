@@ -73,7 +73,9 @@ fn configurations_that_cannot_be_are_refused_by_name() {
     let fast = Control::ForcePosition { speed: Rpm::new(1000.0), torque_share: 1.0 };
     let error = Damiao::new(models::H3510, 1, 0, fast).unwrap_err();
     assert_eq!((error.field, error.must_be), ("speed", "at most 100 rad/s"));
-    assert!(Limits::new(12.5, f32::NAN, 10.0).is_err());
+    let limits = Limits::new(12.5, f32::NAN, 10.0);
+    let error = Damiao::new(Model { name: "own", limits }, 1, 0, Control::Velocity).unwrap_err();
+    assert_eq!(error.field, "velocity");
 }
 
 #[test]
@@ -162,7 +164,7 @@ fn register_frames_of_two_motors_keep_apart() {
 
 #[test]
 fn a_model_of_ones_own_is_a_name_and_limits() {
-    let limits = Limits::new(3.2, 40.0, 8.0).unwrap();
+    let limits = Limits::new(3.2, 40.0, 8.0);
     let mine = Model { name: "DM-mine", limits };
     let motor = Damiao::new(mine, 0x21, 0x41, Control::Velocity).unwrap();
     assert_eq!(motor.name().to_string(), "DM-mine id 33");
