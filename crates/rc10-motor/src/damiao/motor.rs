@@ -490,10 +490,7 @@ impl Motor for Damiao {
             Request::WriteRegister(number, bits) => {
                 let register = register(number)?;
                 let access = Access::Write(register, register.value_of(bits));
-                if access.pack(self.id).is_err() {
-                    let (field, value) = ("register value", f32::from_bits(bits));
-                    return Err(ConfigError::new(field, value, "finite").into());
-                }
+                access.pack(self.id)?;
                 self.ask(Question::Access(access))
             }
             Request::SaveRegisters => self.ask(Question::Access(Access::Save)),
