@@ -3,7 +3,7 @@
 use core::fmt;
 use core::num::NonZeroU8;
 
-use rc10_app::{Amps, ConfigError, CountsPerTurn, Direction, Gear, Rpm};
+use rc10_app::{Amps, ConfigError, CountsPerTurn, Direction, ElectricalRpm, Gear, Rpm};
 use rc10_can::Micros;
 
 use super::wire::Status;
@@ -38,34 +38,6 @@ impl VescId {
 impl fmt::Display for VescId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
-    }
-}
-
-/// Electrical revolutions per minute: rotor rpm times pole pairs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct ElectricalRpm(f32);
-
-impl ElectricalRpm {
-    /// A number of electrical rpm.
-    #[inline]
-    #[must_use]
-    pub const fn new(value: f32) -> Self {
-        Self(value)
-    }
-
-    /// The number of electrical rpm.
-    #[inline]
-    #[must_use]
-    pub const fn get(self) -> f32 {
-        self.0
-    }
-}
-
-impl fmt::Display for ElectricalRpm {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(&self.0, f)?;
-        f.write_str(" erpm")
     }
 }
 
