@@ -10,6 +10,7 @@ use rc10_can::Micros;
 
 use crate::servo::Spring;
 use crate::shaft::Shaft;
+use crate::signals::Signal;
 use crate::supervision::Link;
 use crate::target::{Target, TargetError};
 
@@ -355,6 +356,12 @@ fn travelled(rpm: f32, shaft: &Shaft, at: Micros) -> i64 {
         reason = "an estimate"
     )]
     return (rpm * PER_RPM_MICRO * at.since(shaft.at()).get() as f32) as i64;
+}
+
+/// The signal of a field for -`limit` ..= `limit`.
+pub(crate) const fn spread(signal: Signal, limit: f32, unit: &'static str) -> Signal {
+    let limit = limit as f64;
+    signal.scaled(2.0 * limit / full(signal.bits as u32) as f64, unit).offset(-limit)
 }
 
 /// The largest value of a field.
