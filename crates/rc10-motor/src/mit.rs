@@ -5,14 +5,14 @@
 //! the width of the range; multiplying by a reciprocal instead would put round numbers such as a
 //! gain of 100 one step lower than the vendor does.
 
-use rc10_app::{ConfigError, TotalAngle};
+use rc10_app::{Cascade, ConfigError, Direction, Gear, Rpm, TotalAngle};
 use rc10_can::Micros;
 
-use crate::servo::Spring;
+use crate::servo::{Servo, Spring, SpringRange};
 use crate::shaft::Shaft;
 use crate::signals::Signal;
 use crate::supervision::Link;
-use crate::target::{Target, TargetError};
+use crate::target::{Target, TargetError, TargetKind};
 
 /// What the drive's own loop shall do, at the output shaft:
 /// torque = `kp` (`position` - measured) + `kd` (`velocity` - measured) + `torque`.
@@ -90,6 +90,26 @@ impl Limits {
         let is_good = |value| value > 0.0 && value <= LARGEST;
         check([position, velocity, torque, kp, kd], is_good, "above 0, and at most a million")
     }
+
+    /// Largest speed, rpm.
+    pub(crate) const fn rpm(&self) -> f32 {
+        self.velocity * RPM_PER_RADIAN_PER_SECOND
+    }
+
+    /// Our loops, with efforts in N m, and the device's spring.
+    pub(crate) fn servo(&self, cascade: Cascade) -> Result<Servo, ConfigError> {
+        let (torque, rpm) = (cascade.speed.output_limit, cascade.angle.output_limit);
+        if torque > self.torque {
+            let must_be = "at most the model's largest torque, in N m";
+            return Err(ConfigError::new("output_limit", torque, must_be).in_part("speed"));
+        }
+        if rpm > self.rpm() {
+            let must_be = "at most the model's largest speed, in rpm";
+            return Err(ConfigError::new("output_limit", rpm, must_be).in_part("angle"));
+        }
+        let springs = SpringRange { kp: self.kp, kd: self.kd, speed: Rpm::new(self.rpm()) };
+        Ok(Servo::new(TargetKind::Torque, cascade)?.with_springs(springs))
+    }
 }
 
 fn check(
@@ -151,6 +171,11 @@ const LONGEST_STEP: f32 = 0.020;
 const NEAR: i64 = (0.5 * PER_RADIAN) as i64;
 
 impl RangedPosition {
+    /// The shaft of such a device.
+    pub(crate) const fn shaft(direction: Direction) -> Shaft {
+        Shaft::new(360_000_000, Gear::DIRECT, direction)
+    }
+
     pub(crate) const fn new(limits: &Limits) -> Self {
         let fastest = limits.velocity * PER_RADIAN * LONGEST_STEP;
         #[expect(clippy::cast_possible_truncation, reason = "up to a million rad and rad/s")]
@@ -324,9 +349,18 @@ impl RangedPosition {
         if is_good { Ok(()) } else { Err(TargetError::OutOfRange(target.kind())) }
     }
 
+    /// The setpoint that does what a servo has decided.
+    pub(crate) fn setpoint_of(&self, servo: &Servo, shaft: &Shaft) -> Setpoint {
+        let sign = shaft.sign();
+        match servo.spring() {
+            Some(spring) => self.setpoint(spring, sign),
+            None => Setpoint { torque: servo.effort() * sign, ..Setpoint::COAST },
+        }
+    }
+
     /// The setpoint that makes a spring of the output shaft; coasting where the device has no number
     /// for where the spring pulls to. `sign` is that of the shaft's direction.
-    pub(crate) fn setpoint(&self, spring: &Spring, sign: f32) -> Setpoint {
+    fn setpoint(&self, spring: &Spring, sign: f32) -> Setpoint {
         let now = radians(self.reading.unwrap_or(0));
         let position = now + (sign * spring.way.get()).to_radians();
         if self.is_beyond() || position.abs() > radians(self.end) {
@@ -419,7 +453,7 @@ pub(crate) fn sendable(x: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rc10_app::{Degrees, Direction, Gear, Rpm};
+    use rc10_app::Degrees;
 
     #[test]
     fn fields_end_where_their_ranges_end() {
@@ -494,7 +528,7 @@ mod tests {
     impl Bench {
         fn new(direction: Direction) -> Self {
             let position = RangedPosition::new(&Limits::new(12.5, 30.0, 10.0));
-            Self { position, shaft: Shaft::new(360_000_000, Gear::DIRECT, direction), now: 1 }
+            Self { position, shaft: RangedPosition::shaft(direction), now: 1 }
         }
 
         fn hear(&mut self, field: u16, rad_s: f32, pause: u64) -> Option<i64> {
@@ -615,7 +649,7 @@ mod tests {
     fn nothing_overflows() {
         for limits in [Limits::new(1e6, 1e6, 1.0), Limits::new(1e-6, 1e-6, 1.0)] {
             let mut position = RangedPosition::new(&limits);
-            let mut shaft = Shaft::new(360_000_000, Gear::DIRECT, Direction::Reversed);
+            let mut shaft = RangedPosition::shaft(Direction::Reversed);
             for at in [0, 1, u64::MAX / 2, u64::MAX, 7] {
                 for field in [0, u16::MAX, u16::MAX, 0, 0, 1, 0x8000] {
                     for (rpm, link) in [(f32::MAX, Link::Online), (f32::MIN, Link::Lost)] {

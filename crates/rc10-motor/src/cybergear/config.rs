@@ -4,7 +4,7 @@ use rc10_app::{Cascade, ConfigError, PidConfig, RpmPerSecond};
 
 use super::wire::Address;
 use crate::feedback::Fault;
-use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND};
+use crate::mit::Limits;
 
 /// A model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,11 +76,10 @@ pub(super) const ROBSTRIDE_DETAILS: [(u32, &str); 11] = [
 /// Gains in proportion to the torque, because inertia grows about as it does. Angles are sought at
 /// two thirds of the largest speed: what is left is for a supply that is low.
 const fn cascade(limits: &Limits) -> Cascade {
-    let fastest = limits.velocity * RPM_PER_RADIAN_PER_SECOND;
     let kp = limits.torque / 200.0;
     Cascade {
         speed: PidConfig::new(kp, 10.0 * kp, 0.0, limits.torque),
-        angle: PidConfig::new(1.3, 0.0, 0.0, fastest * (2.0 / 3.0)),
+        angle: PidConfig::new(1.3, 0.0, 0.0, limits.rpm() * (2.0 / 3.0)),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
         feed_forward: 0.0,

@@ -7,7 +7,7 @@ use super::wire::{DeviceId, Mode, REGISTERS, standard};
 use crate::goal::Goals;
 use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND};
 use crate::motor::Loops;
-use crate::servo::{Servo, SpringRange};
+use crate::servo::Servo;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
 /// A model and its factory limits. They are settings (registers 21 to 23), and what the vendor
@@ -110,11 +110,10 @@ pub(super) enum Controller {
 impl Controller {
     pub(super) fn new(control: Control, limits: &Limits) -> Result<Self, ConfigError> {
         use TargetKind::{Angle, Coast, Speed, TotalAngle};
-        let fastest = limits.velocity * RPM_PER_RADIAN_PER_SECOND;
         let to_angles = |mode, speed: Rpm, torque_share| {
             let rpm = speed.get();
             let error = |must_be| Err(ConfigError::new("speed", rpm, must_be));
-            if !(rpm > 0.0 && rpm <= fastest) {
+            if !(rpm > 0.0 && rpm <= limits.rpm()) {
                 return error("above zero, and at most VMAX");
             }
             let velocity = rpm / RPM_PER_RADIAN_PER_SECOND;
@@ -125,20 +124,7 @@ impl Controller {
             Ok(Self::Own { mode, goals, velocity, torque_share })
         };
         match control {
-            Control::Mit(cascade) => {
-                let servo = Servo::new(TargetKind::Torque, cascade)?;
-                let (torque, speed) = (cascade.speed.output_limit, cascade.angle.output_limit);
-                if torque > limits.torque {
-                    let (field, must_be) = ("speed.output_limit", "at most TMAX, in N m");
-                    return Err(ConfigError::new(field, torque, must_be));
-                }
-                if speed > fastest {
-                    let (field, must_be) = ("angle.output_limit", "at most VMAX, in rpm");
-                    return Err(ConfigError::new(field, speed, must_be));
-                }
-                let (kp, kd, speed) = (limits.kp, limits.kd, Rpm::new(fastest));
-                Ok(Self::Mit(servo.with_springs(SpringRange { kp, kd, speed })))
-            }
+            Control::Mit(cascade) => limits.servo(cascade).map(Self::Mit),
             Control::PositionVelocity { speed } => to_angles(Mode::PositionVelocity, speed, 1.0),
             Control::Velocity => {
                 let goals = Goals::new(TargetSet::of(&[Coast, Speed]));

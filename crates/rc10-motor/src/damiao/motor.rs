@@ -2,7 +2,7 @@
 
 use embedded_can::{Id, StandardId};
 use rc10_app::angle::shortest_way;
-use rc10_app::{ConfigError, Direction, Gear, NewtonMetres, TotalAngle};
+use rc10_app::{ConfigError, Direction, NewtonMetres, TotalAngle};
 use rc10_can::{CanFrame, IdPattern, Micros};
 
 use super::config::{Control, Controller, Model, ids};
@@ -80,6 +80,7 @@ impl Question {
     }
 }
 
+const TURN: i32 = 360_000_000;
 /// Slower than this share of `VMAX` is standing still.
 const STANDSTILL: f32 = 0.005;
 /// How near to zero an angle is that has just been made zero, rad.
@@ -111,7 +112,7 @@ impl Damiao {
             id,
             master,
             controller,
-            shaft: Shaft::new(STEPS_PER_TURN, Gear::DIRECT, Direction::Forward),
+            shaft: RangedPosition::shaft(Direction::Forward),
             position: RangedPosition::new(&limits),
             verify: true,
             next_check: 0,
@@ -127,7 +128,7 @@ impl Damiao {
     /// Turning the given way.
     #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.shaft = Shaft::new(STEPS_PER_TURN, Gear::DIRECT, direction);
+        self.shaft = RangedPosition::shaft(direction);
         self
     }
 
@@ -185,7 +186,6 @@ impl Damiao {
     /// One step of an enabled motor.
     fn drive(&mut self, tick: &Tick) -> Command {
         let Self { controller, shaft, position, .. } = self;
-        let sign = shaft.sign();
         let runs = tick.mode == DriveMode::Run;
         match controller {
             Controller::Mit(servo) => {
@@ -197,15 +197,11 @@ impl Damiao {
                     Some(angle) => servo.update_towards(tick, shaft, angle),
                     None => servo.update(tick, shaft),
                 }
-                let torque = servo.effort() * sign;
-                let effort = Setpoint { torque, ..Setpoint::COAST };
-                Command::Mit(
-                    servo.spring().map_or(effort, |spring| position.setpoint(spring, sign)),
-                )
+                Command::Mit(position.setpoint_of(servo, shaft))
             }
             Controller::Own { mode: Mode::Velocity, goals, .. } => {
                 Command::Velocity(match *goals.goal() {
-                    Goal::Speed(rpm) if runs => sign * rpm / RPM_PER_RADIAN_PER_SECOND,
+                    Goal::Speed(rpm) if runs => shaft.sign() * rpm / RPM_PER_RADIAN_PER_SECOND,
                     _ => 0.0,
                 })
             }
@@ -221,7 +217,7 @@ impl Damiao {
                     angle
                 } else {
                     // Where it is now until it has slowed down, then there.
-                    let slow = self.model.limits.velocity * RPM_PER_RADIAN_PER_SECOND * STANDSTILL;
+                    let slow = self.model.limits.rpm() * STANDSTILL;
                     let stands = shaft.speed().get().abs() <= slow;
                     match goals.update(DriveMode::Hold, || stands.then(|| shaft.angle())) {
                         Goal::Total(angle) => angle,
@@ -387,12 +383,9 @@ impl Damiao {
     }
 }
 
-/// Steps of a microdegree.
-const STEPS_PER_TURN: u32 = 360_000_000;
-
 /// The nearest angle at a phase within the turn that lies in the device's range.
 fn nearest(position: &RangedPosition, shaft: &Shaft, phase: i32) -> Option<TotalAngle> {
-    let way = shortest_way(shaft.phase(), phase, STEPS_PER_TURN.cast_signed());
+    let way = shortest_way(shaft.phase(), phase, TURN);
     let near = shaft.angle().plus(TotalAngle::from_microdegrees(way.into()));
     position.within_reach(shaft, near)
 }
@@ -414,7 +407,7 @@ impl Motor for Damiao {
         self.supports().accepts(&target)?;
         let is_in_range = match Goal::of(target)? {
             // The device cannot tell of a higher speed either.
-            Goal::Speed(rpm) => rpm.abs() <= self.model.limits.velocity * RPM_PER_RADIAN_PER_SECOND,
+            Goal::Speed(rpm) => rpm.abs() <= self.model.limits.rpm(),
             Goal::Angle(phase) => nearest(&self.position, &self.shaft, phase).is_some(),
             _ => self.position.check(&self.shaft, &target).is_ok(),
         };
