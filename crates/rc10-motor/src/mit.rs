@@ -99,14 +99,12 @@ impl Limits {
     /// Our loops, with efforts in N m, and the device's spring.
     pub(crate) fn servo(&self, cascade: Cascade) -> Result<Servo, ConfigError> {
         let (torque, rpm) = (cascade.speed.output_limit, cascade.angle.output_limit);
-        if torque > self.torque {
-            let must_be = "at most the model's largest torque, in N m";
-            return Err(ConfigError::new("output_limit", torque, must_be).in_part("speed"));
-        }
-        if rpm > self.rpm() {
-            let must_be = "at most the model's largest speed, in rpm";
-            return Err(ConfigError::new("output_limit", rpm, must_be).in_part("angle"));
-        }
+        let limit = |part, value, most: f32, must_be| {
+            ConfigError::check(value <= most, "output_limit", value, must_be)
+                .map_err(|error| error.in_part(part))
+        };
+        limit("speed", torque, self.torque, "at most the model's largest torque, in N m")?;
+        limit("angle", rpm, self.rpm(), "at most the model's largest speed, in rpm")?;
         let springs = SpringRange { kp: self.kp, kd: self.kd, speed: Rpm::new(self.rpm()) };
         Ok(Servo::new(TargetKind::Torque, cascade)?.with_springs(springs))
     }

@@ -99,17 +99,15 @@ const fn robstride(name: &'static str, limits: Limits) -> Model {
 
 /// The models.
 pub mod models {
-    use super::{Limits, Model, cascade, robstride};
+    use super::{Limits, Model, robstride};
 
     /// Xiaomi CyberGear: ±12.5 rad, ±30 rad/s, ±12 N m. The manual's table says ±4π rad, its own sample
     /// and every driver 12.5; [`CyberGear::with_position_range`](super::CyberGear::with_position_range) makes it the other.
     pub const CYBERGEAR: Model = Model {
-        name: "CyberGear",
-        limits: Limits::new(12.5, 30.0, 12.0),
         faults: &super::CYBERGEAR_FAULTS,
         details: &super::CYBERGEAR_DETAILS,
         saves: false,
-        cascade: cascade(&Limits::new(12.5, 30.0, 12.0)),
+        ..robstride("CyberGear", Limits::new(12.5, 30.0, 12.0))
     };
 
     // RobStride manuals RS00 to RS06, 260428.
@@ -182,21 +180,16 @@ const LARGEST_RANGE: f32 = 15.0;
 /// `Ok` for a motor of 1 ..= 127 and a host that is no other's.
 pub(super) fn check_address(address: Address) -> Result<(), ConfigError> {
     let Address { motor, host } = address;
-    if !(1..=127).contains(&motor) {
-        return Err(ConfigError::new("motor", motor.into(), "1 to 127"));
-    }
-    if host == motor || host >= EVERY_DEVICE {
-        let must_be = "below 254, and not the motor's own identifier";
-        return Err(ConfigError::new("host", host.into(), must_be));
-    }
-    Ok(())
+    ConfigError::check((1..=127).contains(&motor), "motor", motor.into(), "1 to 127")?;
+    let is_hosts = host != motor && host < EVERY_DEVICE;
+    let must_be = "below 254, and not the motor's own identifier";
+    ConfigError::check(is_hosts, "host", host.into(), must_be)
 }
 
 /// `Ok` for limits that can be used.
 pub(super) fn check_limits(limits: &Limits) -> Result<(), ConfigError> {
-    if limits.position > LARGEST_RANGE {
-        return Err(ConfigError::new("position", limits.position, "at most 15 rad"));
-    }
+    let position = limits.position;
+    ConfigError::check(position <= LARGEST_RANGE, "position", position, "at most 15 rad")?;
     limits.validate()
 }
 

@@ -6,7 +6,6 @@ use rc10_app::{Cascade, ConfigError, Rpm, TotalAngle};
 use super::wire::{DeviceId, Mode, REGISTERS, standard};
 use crate::goal::Goals;
 use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND};
-use crate::motor::Loops;
 use crate::servo::Servo;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
@@ -112,14 +111,11 @@ impl Controller {
         use TargetKind::{Angle, Coast, Speed, TotalAngle};
         let to_angles = |mode, speed: Rpm, torque_share| {
             let rpm = speed.get();
-            let error = |must_be| Err(ConfigError::new("speed", rpm, must_be));
-            if !(rpm > 0.0 && rpm <= limits.rpm()) {
-                return error("above zero, and at most VMAX");
-            }
+            let is_good = rpm > 0.0 && rpm <= limits.rpm();
+            ConfigError::check(is_good, "speed", rpm, "above zero, and at most VMAX")?;
             let velocity = rpm / RPM_PER_RADIAN_PER_SECOND;
-            if mode == Mode::ForcePosition && velocity > FASTEST_FORCE_POSITION {
-                return error("at most 100 rad/s");
-            }
+            let is_sent = mode != Mode::ForcePosition || velocity <= FASTEST_FORCE_POSITION;
+            ConfigError::check(is_sent, "speed", rpm, "at most 100 rad/s")?;
             let goals = Goals::new(TargetSet::of(&[Coast, Angle, TotalAngle]));
             Ok(Self::Own { mode, goals, velocity, torque_share })
         };
@@ -130,12 +126,10 @@ impl Controller {
                 let goals = Goals::new(TargetSet::of(&[Coast, Speed]));
                 Ok(Self::Own { mode: Mode::Velocity, goals, velocity: 0.0, torque_share: 1.0 })
             }
-            Control::ForcePosition { torque_share, .. }
-                if !(torque_share > 0.0 && torque_share <= 1.0) =>
-            {
-                Err(ConfigError::new("torque_share", torque_share, "above 0, and at most 1"))
-            }
             Control::ForcePosition { speed, torque_share } => {
+                let is_good = torque_share > 0.0 && torque_share <= 1.0;
+                let must_be = "above 0, and at most 1";
+                ConfigError::check(is_good, "torque_share", torque_share, must_be)?;
                 to_angles(Mode::ForcePosition, speed, torque_share)
             }
         }
@@ -145,13 +139,6 @@ impl Controller {
         match self {
             Self::Mit(_) => Mode::Mit,
             Self::Own { mode, .. } => *mode,
-        }
-    }
-
-    pub(super) const fn loops(&self) -> Option<Loops> {
-        match self {
-            Self::Mit(servo) => Some(servo.loops()),
-            Self::Own { .. } => None,
         }
     }
 
@@ -187,14 +174,12 @@ impl Controller {
 
 /// `CAN_ID` and `MST_ID`, if they can be used.
 pub(super) fn ids(can_id: u16, master_id: u16) -> Result<(DeviceId, StandardId), ConfigError> {
-    let error = |field, value: u16, must_be| ConfigError::new(field, value.into(), must_be);
-    let id = DeviceId::new(can_id)
-        .filter(|id| id.raw() & 0xFF != REGISTERS & 0xFF)
-        .ok_or(error("CAN_ID", can_id, "at most 0x4FE, its low byte not 0xFF"))?;
-    if master_id >= REGISTERS || (master_id ^ can_id) & 0xFF == 0 {
-        let must_be = "at most 0x7FE, its low byte not that of CAN_ID";
-        return Err(error("MST_ID", master_id, must_be));
-    }
+    let id = DeviceId::new(can_id).filter(|id| id.raw() & 0xFF != REGISTERS & 0xFF);
+    let must_be = "at most 0x4FE, its low byte not 0xFF";
+    let id = id.ok_or(ConfigError::new("CAN_ID", can_id.into(), must_be))?;
+    let is_good = master_id < REGISTERS && (master_id ^ can_id) & 0xFF != 0;
+    let must_be = "at most 0x7FE, its low byte not that of CAN_ID";
+    ConfigError::check(is_good, "MST_ID", master_id.into(), must_be)?;
     Ok((id, standard(master_id)))
 }
 

@@ -12,7 +12,7 @@ use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, Guard, MotorName, Ownership, Rate, RxFrames, TxFrames};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::Goal;
-use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition, Setpoint};
+use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
@@ -46,11 +46,7 @@ pub struct Damiao {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Command {
     Operate(Operation),
-    Mit(Setpoint),
-    /// rad
-    Position(f32),
-    /// rad/s
-    Velocity(f32),
+    Drive(CanFrame),
 }
 
 /// What only the device can do.
@@ -184,8 +180,8 @@ impl Damiao {
     }
 
     /// One step of an enabled motor.
-    fn drive(&mut self, tick: &Tick) -> Command {
-        let Self { controller, shaft, position, .. } = self;
+    fn drive(&mut self, tick: &Tick) -> CanFrame {
+        let Self { model: Model { limits, .. }, controller, shaft, position, .. } = self;
         let runs = tick.mode == DriveMode::Run;
         match controller {
             Controller::Mit(servo) => {
@@ -197,15 +193,16 @@ impl Damiao {
                     Some(angle) => servo.update_towards(tick, shaft, angle),
                     None => servo.update(tick, shaft),
                 }
-                Command::Mit(position.setpoint_of(servo, shaft))
+                wire::mit(self.id, &position.setpoint_of(servo, shaft), limits)
             }
             Controller::Own { mode: Mode::Velocity, goals, .. } => {
-                Command::Velocity(match *goals.goal() {
-                    Goal::Speed(rpm) if runs => shaft.sign() * rpm / RPM_PER_RADIAN_PER_SECOND,
+                let rpm = match *goals.goal() {
+                    Goal::Speed(rpm) if runs => shaft.sign() * rpm,
                     _ => 0.0,
-                })
+                };
+                wire::velocity(self.id, rpm / RPM_PER_RADIAN_PER_SECOND)
             }
-            Controller::Own { goals, .. } => {
+            Controller::Own { mode, goals, velocity, torque_share } => {
                 let sought = match *goals.goal() {
                     // Since a restart it may lie where the device has no number for.
                     Goal::Total(angle) if runs && position.reaches(shaft, angle) => Some(angle),
@@ -217,14 +214,19 @@ impl Damiao {
                     angle
                 } else {
                     // Where it is now until it has slowed down, then there.
-                    let slow = self.model.limits.rpm() * STANDSTILL;
+                    let slow = limits.rpm() * STANDSTILL;
                     let stands = shaft.speed().get().abs() <= slow;
                     match goals.update(DriveMode::Hold, || stands.then(|| shaft.angle())) {
                         Goal::Total(angle) => angle,
                         _ => shaft.angle(),
                     }
                 };
-                Command::Position(position.radians_of(shaft, angle))
+                let angle = position.radians_of(shaft, angle);
+                if *mode == Mode::ForcePosition {
+                    wire::force_position(self.id, angle, *velocity, *torque_share)
+                } else {
+                    wire::position_velocity(self.id, angle, *velocity)
+                }
             }
         }
     }
@@ -350,20 +352,11 @@ impl Damiao {
 
     /// What it sends in this tick to its own identifier.
     fn command_frame(&self) -> CanFrame {
-        let (velocity, share) = match self.controller {
-            Controller::Own { velocity, torque_share, .. } => (velocity, torque_share),
-            Controller::Mit(_) => (0.0, 0.0),
-        };
         match self.command {
             Command::Operate(operation) => {
                 operate(self.id, if self.is_bare { Mode::Mit } else { self.mode() }, operation)
             }
-            Command::Mit(setpoint) => wire::mit(self.id, &setpoint, &self.model.limits),
-            Command::Velocity(velocity) => wire::velocity(self.id, velocity),
-            Command::Position(position) if self.mode() == Mode::ForcePosition => {
-                wire::force_position(self.id, position, velocity, share)
-            }
-            Command::Position(position) => wire::position_velocity(self.id, position, velocity),
+            Command::Drive(frame) => frame,
         }
     }
 
@@ -440,7 +433,7 @@ impl Motor for Damiao {
         let is_driven = self.is_driven(tick.mode) && self.fault.is_none() && self.is_checked();
         if is_driven && self.state() == Some(State::Enabled) {
             self.is_bare = false;
-            self.command = self.drive(tick);
+            self.command = Command::Drive(self.drive(tick));
             return;
         }
         self.controller.rest();
@@ -499,7 +492,10 @@ impl Motor for Damiao {
     }
 
     fn loops(&self) -> Option<Loops> {
-        self.controller.loops()
+        match &self.controller {
+            Controller::Mit(servo) => Some(servo.loops()),
+            Controller::Own { .. } => None,
+        }
     }
 
     fn condition(&self) -> Condition {

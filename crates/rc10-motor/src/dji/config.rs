@@ -186,25 +186,20 @@ impl Model {
 pub enum FeedbackRate {
     /// 1000 Hz, the factory setting.
     #[default]
-    Hz1000,
+    Hz1000 = 1000,
     /// 500 Hz: needed from six motors a bus on.
-    Hz500,
+    Hz500 = 500,
     /// 250 Hz; above 6750 rpm the rotor's turns are estimated, see
     /// [`Feedback::turn_gaps`](crate::Feedback::turn_gaps).
-    Hz250,
+    Hz250 = 250,
     /// 125 Hz; above 3375 rpm the rotor's turns are estimated.
-    Hz125,
+    Hz125 = 125,
 }
 
 impl FeedbackRate {
     /// In frames a second.
     #[must_use]
     pub const fn hz(self) -> u16 {
-        match self {
-            Self::Hz1000 => 1000,
-            Self::Hz500 => 500,
-            Self::Hz250 => 250,
-            Self::Hz125 => 125,
-        }
+        self as u16
     }
 }

@@ -2,7 +2,7 @@
 
 use embedded_can::{Id, StandardId};
 use rc10_app::maths::round_to_i16;
-use rc10_app::{Amps, Cascade, Celsius, ConfigError, CountsPerTurn, Direction, Gear, NewtonMetres};
+use rc10_app::{Amps, Cascade, Celsius, ConfigError, Direction, Gear, NewtonMetres};
 use rc10_can::{CanFrame, IdPattern, Micros};
 
 use super::config::{Effort, FeedbackRate, IdOutOfRange, Model};
@@ -131,12 +131,6 @@ impl Dji {
     #[must_use]
     pub fn raw_command(&self) -> i16 {
         round_to_i16(self.servo.effort() * self.raw_per_effort)
-    }
-
-    /// Rotor encoder counts per turn of the output.
-    #[must_use]
-    pub const fn counts_per_turn(&self) -> CountsPerTurn {
-        CountsPerTurn::new(ENCODER_COUNTS * self.gear.rotor_turns(), self.gear.output_turns())
     }
 
     /// What is wrong with a frame.
