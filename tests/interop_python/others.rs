@@ -81,8 +81,11 @@ fn damiao() -> Motor {
 
 fn cybergear() -> Motor {
     fn messages() -> Vec<Message> {
+        static SCALED: cybergear::signals::Scaled =
+            cybergear::signals::Scaled::of(&cybergear::models::CYBERGEAR);
         let address = Address { motor: CYBERGEAR_ID, host: 0xFD };
-        cybergear::signals::messages(&cybergear::models::CYBERGEAR, address).into_iter().collect()
+        let model = &cybergear::models::CYBERGEAR;
+        cybergear::signals::messages(model, address, &SCALED).into_iter().collect()
     }
     let device = Device::Can {
         name: MotorName { model: "CyberGear", id: CYBERGEAR_ID.into() },

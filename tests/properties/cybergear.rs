@@ -15,7 +15,7 @@ fn limits() -> impl Strategy<Value = Limits> {
     let own = (1e-3..1e6_f32, 1e-3..1e6_f32, 1e-3..1e6_f32, 1e-3..1e6_f32, 1e-3..1e6_f32);
     prop_oneof![
         proptest::sample::select(&models::ALL[..]).prop_map(|model| model.limits),
-        own.prop_map(|(p, v, t, kp, kd)| Limits::new(p, v, t).unwrap().with_gains(kp, kd).unwrap()),
+        own.prop_map(|(p, v, t, kp, kd)| Limits::new(p, v, t).with_gains(kp, kd)),
     ]
 }
 
@@ -45,11 +45,11 @@ proptest! {
         let [kind, high, low, to] = frame.raw_id().to_be_bytes();
         prop_assert_eq!((kind, to), (1, motor));
         for (x, raw, limit, lowest) in [
-            (wanted.position, field(0), limits.position(), -1.0),
-            (wanted.velocity, field(2), limits.velocity(), -1.0),
-            (wanted.kp, field(4), limits.kp(), 0.0),
-            (wanted.kd, field(6), limits.kd(), 0.0),
-            (wanted.torque, u16::from_be_bytes([high, low]), limits.torque(), -1.0),
+            (wanted.position, field(0), limits.position, -1.0),
+            (wanted.velocity, field(2), limits.velocity, -1.0),
+            (wanted.kp, field(4), limits.kp, 0.0),
+            (wanted.kd, field(6), limits.kd, 0.0),
+            (wanted.torque, u16::from_be_bytes([high, low]), limits.torque, -1.0),
         ] {
             let (limit, low) = (f64::from(limit), lowest * f64::from(limit));
             let step = (limit - low) / 65535.0;
@@ -68,9 +68,9 @@ proptest! {
                 prop_assert!(kind == 2 || kind == 24);
                 prop_assert_eq!(heard.address, from);
                 prop_assert_eq!((heard.mode as u8) << 6 | heard.faults.bits(), upper);
-                prop_assert!(heard.position.abs() <= limits.position());
-                prop_assert!(heard.velocity.abs() <= limits.velocity());
-                prop_assert!(heard.torque.abs() <= limits.torque());
+                prop_assert!(heard.position.abs() <= limits.position);
+                prop_assert!(heard.velocity.abs() <= limits.velocity);
+                prop_assert!(heard.torque.abs() <= limits.torque);
                 prop_assert!((0.0..=6553.6).contains(&heard.temperature.get()));
                 // Sent again, as a setpoint, it is what it was, give or take a step.
                 let again = Setpoint {

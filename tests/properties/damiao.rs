@@ -25,7 +25,7 @@ fn limits() -> impl Strategy<Value = Limits> {
     let own = (1e-3..1e6_f32, 1e-3..1e6_f32, 1e-3..1e6_f32);
     prop_oneof![
         proptest::sample::select(models::ALL).prop_map(|model| model.limits),
-        own.prop_map(|(p, v, t)| Limits::new(p, v, t).unwrap()),
+        own.prop_map(|(p, v, t)| Limits::new(p, v, t)),
     ]
 }
 
@@ -58,9 +58,9 @@ proptest! {
         prop_assert_eq!(frame.id(), Id::Standard(StandardId::new(id.raw()).unwrap()));
         let bits = u64::from_be_bytes(*frame.all_eight().unwrap());
         for (x, limit, shift, width) in [
-            (wanted.position, limits.position(), 48, 16),
-            (wanted.velocity, limits.velocity(), 36, 12),
-            (wanted.torque, limits.torque(), 0, 12),
+            (wanted.position, limits.position, 48, 16),
+            (wanted.velocity, limits.velocity, 36, 12),
+            (wanted.torque, limits.torque, 0, 12),
         ] {
             let limit = f64::from(limit);
             let step = 2.0 * limit / ((1 << width) - 1) as f64;
@@ -69,7 +69,7 @@ proptest! {
             // Truncated: never above, but for the rounding of an f32.
             prop_assert!((-0.01 * step..=1.01 * step).contains(&off), "{} as {}", x, got);
         }
-        for (x, limit, shift) in [(wanted.kp, limits.kp(), 24), (wanted.kd, limits.kd(), 12)] {
+        for (x, limit, shift) in [(wanted.kp, limits.kp, 24), (wanted.kd, limits.kd, 12)] {
             let limit = f64::from(limit);
             let step = limit / 4095.0;
             let off = limited(x, 0.0, limit) - share(bits, shift, 12) * limit;
@@ -87,7 +87,7 @@ proptest! {
         };
         let brim = Setpoint {
             position: f32::MAX, velocity: f32::MAX, kp: f32::MAX, kd: f32::MAX,
-            torque: torque * limits.torque(),
+            torque: torque * limits.torque,
         };
         for setpoint in [wanted, brim] {
             prop_assert!(!operations(Mode::Mit).contains(&wire::mit(id, &setpoint, &limits)));
@@ -126,9 +126,9 @@ proptest! {
         let whole = !frame.is_extended_id() && frame.all_eight().is_some();
         prop_assert_eq!(heard.is_ok(), whole);
         let Ok(heard) = heard else { return Ok(()) };
-        prop_assert!(heard.position.abs() <= limits.position());
-        prop_assert!(heard.velocity.abs() <= limits.velocity());
-        prop_assert!(heard.torque.abs() <= limits.torque());
+        prop_assert!(heard.position.abs() <= limits.position);
+        prop_assert!(heard.velocity.abs() <= limits.velocity);
+        prop_assert!(heard.torque.abs() <= limits.torque);
         // Sent again, as the fields of a setpoint, it is what it was, give or take a step.
         let Feedback { position, velocity, torque, .. } = heard;
         let setpoint = Setpoint { position, velocity, torque, ..Setpoint::COAST };

@@ -8,8 +8,9 @@ use proptest::sample::select;
 use rc10_app::{Amps, Degrees, Gear, Rpm, TotalAngle};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id};
+use rc10_motor::FrameError;
 use rc10_motor::vesc::{
-    Command, ElectricalRpm, ElectricalScale, Packet, Reply, Setting, Status, UnpackError, VescId,
+    Command, ElectricalRpm, ElectricalScale, Packet, Reply, Setting, Status, VescId, coast,
 };
 
 use crate::any;
@@ -86,6 +87,15 @@ fn near(actual: f32, expected: f64) -> bool {
     (f64::from(actual) - expected).abs() <= 4e-7 * expected.abs()
 }
 
+/// Of a frame that can be an answer; `None` for all others.
+fn packet_of(frame: &CanFrame) -> Option<Packet> {
+    let is_data = frame.is_extended_id() && !frame.is_remote();
+    let number = u8::try_from(frame.raw_id() >> 8).ok().filter(|_| is_data)?;
+    let is_answer =
+        |packet: &Packet| *packet == Packet::Pong || packet.name().starts_with("STATUS");
+    Packet::from_number(number).filter(is_answer)
+}
+
 proptest! {
     #![proptest_config(any::cases(5000))]
 
@@ -107,7 +117,8 @@ proptest! {
                 }
                 Err(error) => {
                     prop_assert!(value.is_nan());
-                    prop_assert_eq!(error.packet, command.packet());
+                    prop_assert_eq!(error.field, command.packet().name());
+                    prop_assert_eq!(error.neutral, coast(to));
                 }
             }
         }
@@ -185,27 +196,15 @@ proptest! {
                 prop_assert_eq!(frame.len(), 2);
                 prop_assert_eq!(frame.raw_id(), 0x1200 | u32::from(to.get()));
             }
-            Err(UnpackError::Standard) => prop_assert!(!frame.is_extended_id()),
-            Err(UnpackError::Remote) => prop_assert!(frame.is_remote()),
-            Err(UnpackError::UpperBits(id)) => {
-                prop_assert_eq!(id, frame.raw_id());
-                prop_assert!(id > 0xFFFF);
+            Err(FrameError::Length) => {
+                let packet = packet_of(&frame).unwrap();
+                prop_assert_ne!(frame.len(), if packet == Packet::Pong { 2 } else { 8 });
             }
-            Err(UnpackError::UnknownPacket(number)) => {
-                prop_assert_eq!(u32::from(number), frame.raw_id() >> 8);
-                prop_assert_eq!(Packet::from_number(number), None);
-            }
-            Err(UnpackError::NotAReply(packet)) => {
-                prop_assert_eq!(u32::from(packet.number()), frame.raw_id() >> 8);
-                prop_assert!(!packet.name().starts_with("STATUS") && packet != Packet::Pong);
-            }
-            Err(UnpackError::Length(packet, len)) => {
-                prop_assert_eq!(len, frame.len());
-                prop_assert_ne!(len, if packet == Packet::Pong { 2 } else { 8 });
-            }
-            Err(UnpackError::Broadcast(packet)) => {
-                let sender = frame.bytes()[0] == 255 && packet == Packet::Pong;
-                prop_assert!(sender || frame.raw_id() & 0xFF == 255);
+            Err(error) => {
+                prop_assert_eq!(error, FrameError::NotMine);
+                let is_pong = packet_of(&frame) == Some(Packet::Pong);
+                let is_of_all = frame.raw_id() & 0xFF == 255 || is_pong && frame.bytes()[0] == 255;
+                prop_assert!(packet_of(&frame).is_none() || is_of_all);
             }
         }
     }

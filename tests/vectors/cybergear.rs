@@ -37,7 +37,8 @@ pub fn robstride(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> 
 }
 
 fn position(limits: Limits, position: f32) -> Check<Limits> {
-    limits.with_position(position).map_err(|error| error.to_string())
+    let limits = Limits { position, ..limits };
+    limits.validate().map(|()| limits).map_err(|error| error.to_string())
 }
 
 /// The motor as the vector describes it.
@@ -173,9 +174,9 @@ fn compare(
 ) -> Check {
     let step = |limit: f32| 2.0 * f64::from(limit) / 65535.0;
     let (lsb, actual) = match (reply, field) {
-        (Reply::Feedback(heard), "position") => (step(limits.position()), heard.position),
-        (Reply::Feedback(heard), "velocity") => (step(limits.velocity()), heard.velocity),
-        (Reply::Feedback(heard), "torque") => (step(limits.torque()), heard.torque),
+        (Reply::Feedback(heard), "position") => (step(limits.position), heard.position),
+        (Reply::Feedback(heard), "velocity") => (step(limits.velocity), heard.velocity),
+        (Reply::Feedback(heard), "torque") => (step(limits.torque), heard.torque),
         (Reply::Feedback(heard), "temperature") => (0.1, heard.temperature.get()),
         (Reply::Parameter(heard), "f32") => (0.0, heard.real().ok_or("infinite or NaN")?),
         _ => return tolerance.raw(field, expected, whole(reply, field)?),

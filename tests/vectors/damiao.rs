@@ -45,7 +45,8 @@ fn limits(inputs: &mut Fields) -> Check<Option<Limits>> {
     };
     let [p, v, t] = [real(&of.take("P")?)?, real(&of.take("V")?)?, real(&of.take("T")?)?];
     of.finish()?;
-    Limits::new(p, v, t).map(Some).map_err(|error| error.to_string())
+    let limits = Limits::new(p, v, t);
+    limits.validate().map(|()| Some(limits)).map_err(|error| error.to_string())
 }
 
 fn model(name: &str) -> Check<&'static Model> {
@@ -297,9 +298,9 @@ fn feedback(
     let step = |limit: f32, full: f64| 2.0 * f64::from(limit) / full;
     let mut near = |lsb, actual| tolerance.float(field, lsb, expected, actual);
     match field {
-        "p" => near(step(limits.position(), 65535.0), heard.position),
-        "v" => near(step(limits.velocity(), 4095.0), heard.velocity),
-        "t" => near(step(limits.torque(), 4095.0), heard.torque),
+        "p" => near(step(limits.position, 65535.0), heard.position),
+        "v" => near(step(limits.velocity, 4095.0), heard.velocity),
+        "t" => near(step(limits.torque, 4095.0), heard.torque),
         "t_mos_C" => near(1.0, heard.driver_temperature.get()),
         "t_rotor_C" => near(1.0, heard.motor_temperature.get()),
         "id" => tolerance.raw(field, expected, heard.id.into()),
@@ -374,7 +375,7 @@ fn rule(vector: &mut Fields) -> Check {
     let last = last.filter(|last| (0xFB..=0xFE).contains(last));
     let last = last.ok_or_else(|| format!("{never} is no operation"))?;
     let id = DeviceId::new(1).ok_or("no identifier")?;
-    let limits = Limits::new(1.0, 1.0, 1.0).map_err(|error| error.to_string())?;
+    let limits = Limits::new(1.0, 1.0, 1.0);
     for part in 0..100_u8 {
         let raw = 3840.0 + f32::from(last) + f32::from(part) / 100.0;
         let torque = raw / 4095.0 * 2.0 - 1.0;

@@ -1,6 +1,6 @@
 //! Vectors of protocol `dji`: through the codec, and through real motors on a real [`MotorBus`].
 
-use rc10_app::{Amps, Gear, Seconds};
+use rc10_app::{Amps, CountsPerTurn, Gear, Seconds};
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::{
@@ -301,12 +301,14 @@ fn sequence(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
 /// A motor's total angle after each frame, times `sign`, from the first.
 fn motor_totals(mut motor: Dji, sign: i64, angles: &[Value]) -> Check<Vec<i64>> {
     let id = motor.model().feedback_id(1).map_err(|error| error.to_string())?;
+    let gear = motor.model().gear;
+    let per_turn = CountsPerTurn::new(8192 * gear.rotor_turns(), gear.output_turns());
     let mut first = None;
     let total = |(at, angle): (Micros, &Value)| {
         let [high, low] = narrow::<u16>(angle)?.to_be_bytes();
         let frame = CanFrame::eight_bytes(id, [high, low, 0, 0, 0, 0, 0, 0]);
         motor.unpack_feedback(&frame, at, Link::Online).map_err(|error| error.to_string())?;
-        let total = motor.feedback().total_angle.counts_at(motor.counts_per_turn());
+        let total = motor.feedback().total_angle.counts_at(per_turn);
         Ok(sign * (total - *first.get_or_insert(total)))
     };
     (1..).map(Micros::from_millis).zip(angles).map(total).collect()

@@ -44,6 +44,6 @@ pub use pid::{PidConfig, PidInput, PidState};
 pub use ramp::{Ramp, RampConfig};
 pub use transform::Pose;
 pub use units::{
-    Amps, Celsius, Degrees, Direction, Gear, NewtonMetres, Radians, RotorRpm, Rpm, RpmPerSecond,
-    Seconds, Volts,
+    Amps, Celsius, Degrees, Direction, ElectricalRpm, Gear, NewtonMetres, Radians, RotorRpm, Rpm,
+    RpmPerSecond, Seconds, Volts,
 };

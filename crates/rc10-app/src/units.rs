@@ -105,6 +105,12 @@ unit!(
     "rotor rpm"
 );
 unit!(
+    /// Speed of a motor's magnetic field in electrical revolutions per minute: rotor rpm times pole
+    /// pairs.
+    ElectricalRpm,
+    "erpm"
+);
+unit!(
     /// Acceleration of an output shaft in revolutions per minute per second.
     RpmPerSecond,
     "rpm/s"

@@ -145,7 +145,9 @@ fn wrist_twin(wire: &Bus, inertia: f64) -> Result<Esc> {
 }
 
 fn wrist_messages() -> Vec<Message> {
-    cybergear::signals::messages(&cybergear::models::CYBERGEAR, WRIST).to_vec()
+    static SCALED: cybergear::signals::Scaled =
+        cybergear::signals::Scaled::of(&cybergear::models::CYBERGEAR);
+    cybergear::signals::messages(&cybergear::models::CYBERGEAR, WRIST, &SCALED).to_vec()
 }
 
 fn turret_twin(wire: &Bus, inertia: f64) -> Result<Esc> {

@@ -5,13 +5,14 @@
 //! the width of the range; multiplying by a reciprocal instead would put round numbers such as a
 //! gain of 100 one step lower than the vendor does.
 
-use rc10_app::{ConfigError, TotalAngle};
+use rc10_app::{Cascade, ConfigError, Direction, Gear, Rpm, TotalAngle};
 use rc10_can::Micros;
 
-use crate::servo::Spring;
+use crate::servo::{Servo, Spring, SpringRange};
 use crate::shaft::Shaft;
+use crate::signals::Signal;
 use crate::supervision::Link;
-use crate::target::{Target, TargetError};
+use crate::target::{Target, TargetError, TargetKind};
 
 /// What the drive's own loop shall do, at the output shaft:
 /// torque = `kp` (`position` - measured) + `kd` (`velocity` - measured) + `torque`.
@@ -42,17 +43,7 @@ impl Setpoint {
     /// [`ConfigError`] with the first field that is not finite.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let Self { position, velocity, kp, kd, torque } = *self;
-        let fields = [
-            ("position", position),
-            ("velocity", velocity),
-            ("kp", kp),
-            ("kd", kd),
-            ("torque", torque),
-        ];
-        match fields.into_iter().find(|(_, value)| !value.is_finite()) {
-            Some((field, value)) => Err(ConfigError::new(field, value, "finite")),
-            None => Ok(()),
-        }
+        check([position, velocity, torque, kp, kd], f32::is_finite, "finite")
     }
 }
 
@@ -61,101 +52,73 @@ impl Setpoint {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Limits {
-    position: f32,
-    velocity: f32,
-    torque: f32,
-    kp: f32,
-    kd: f32,
+    /// Largest position, rad.
+    pub position: f32,
+    /// Largest velocity, rad/s.
+    pub velocity: f32,
+    /// Largest torque, N m.
+    pub torque: f32,
+    /// Largest `kp`, N m / rad.
+    pub kp: f32,
+    /// Largest `kd`, N m s / rad.
+    pub kd: f32,
 }
 
-/// Largest `kp` of Damiao, CyberGear and RobStride's small models, N m / rad.
-const KP: f32 = 500.0;
-/// Largest `kd` of the same, N m s / rad.
-const KD: f32 = 5.0;
 /// No motor has a range beyond it, in any unit; sums and products of two ranges stay finite.
 const LARGEST: f32 = 1e6;
 
 impl Limits {
     /// Ranges ±`position` (rad), ±`velocity` (rad/s), ±`torque` (N m); gains up to 500 N m / rad
-    /// and 5 N m s / rad.
-    ///
-    /// # Errors
-    /// [`ConfigError`] with the first that is not above zero, or above a million.
-    pub fn new(position: f32, velocity: f32, torque: f32) -> Result<Self, ConfigError> {
-        Self::of(position, velocity, torque).checked()
+    /// and 5 N m s / rad, as Damiao, CyberGear and RobStride's small models have them.
+    #[must_use]
+    pub const fn new(position: f32, velocity: f32, torque: f32) -> Self {
+        Self { position, velocity, torque, kp: 500.0, kd: 5.0 }
     }
 
     /// With other largest gains: N m / rad, N m s / rad.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn with_gains(self, kp: f32, kd: f32) -> Result<Self, ConfigError> {
-        self.gains(kp, kd).checked()
-    }
-
-    /// With another range of position, ± rad.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn with_position(self, position: f32) -> Result<Self, ConfigError> {
-        Self { position, ..self }.checked()
-    }
-
-    /// For tables: unchecked, so only with numbers that a test checks.
-    pub(crate) const fn of(position: f32, velocity: f32, torque: f32) -> Self {
-        Self { position, velocity, torque, kp: KP, kd: KD }
-    }
-
-    /// For tables, as [`of`](Self::of).
-    pub(crate) const fn gains(self, kp: f32, kd: f32) -> Self {
+    #[must_use]
+    pub const fn with_gains(self, kp: f32, kd: f32) -> Self {
         Self { kp, kd, ..self }
     }
 
-    pub(crate) fn checked(self) -> Result<Self, ConfigError> {
-        let Self { position, velocity, torque, kp, kd } = self;
-        let fields = [
-            ("position", position),
-            ("velocity", velocity),
-            ("torque", torque),
-            ("kp", kp),
-            ("kd", kd),
-        ];
-        match fields.into_iter().find(|&(_, value)| !(value > 0.0 && value <= LARGEST)) {
-            Some((field, value)) => {
-                Err(ConfigError::new(field, value, "above 0, and at most a million"))
-            }
-            None => Ok(self),
-        }
+    /// `Ok` if they can be used. A motor checks its own.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with the first that is not above zero, or above a million.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let Self { position, velocity, torque, kp, kd } = *self;
+        let is_good = |value| value > 0.0 && value <= LARGEST;
+        check([position, velocity, torque, kp, kd], is_good, "above 0, and at most a million")
     }
 
-    /// Largest position, rad.
-    #[must_use]
-    pub const fn position(&self) -> f32 {
-        self.position
+    /// Largest speed, rpm.
+    pub(crate) const fn rpm(&self) -> f32 {
+        self.velocity * RPM_PER_RADIAN_PER_SECOND
     }
 
-    /// Largest velocity, rad/s.
-    #[must_use]
-    pub const fn velocity(&self) -> f32 {
-        self.velocity
+    /// Our loops, with efforts in N m, and the device's spring.
+    pub(crate) fn servo(&self, cascade: Cascade) -> Result<Servo, ConfigError> {
+        let (torque, rpm) = (cascade.speed.output_limit, cascade.angle.output_limit);
+        let limit = |part, value, most: f32, must_be| {
+            ConfigError::check(value <= most, "output_limit", value, must_be)
+                .map_err(|error| error.in_part(part))
+        };
+        limit("speed", torque, self.torque, "at most the model's largest torque, in N m")?;
+        limit("angle", rpm, self.rpm(), "at most the model's largest speed, in rpm")?;
+        let springs = SpringRange { kp: self.kp, kd: self.kd, speed: Rpm::new(self.rpm()) };
+        Ok(Servo::new(TargetKind::Torque, cascade)?.with_springs(springs))
     }
+}
 
-    /// Largest torque, N m.
-    #[must_use]
-    pub const fn torque(&self) -> f32 {
-        self.torque
-    }
-
-    /// Largest `kp`, N m / rad.
-    #[must_use]
-    pub const fn kp(&self) -> f32 {
-        self.kp
-    }
-
-    /// Largest `kd`, N m s / rad.
-    #[must_use]
-    pub const fn kd(&self) -> f32 {
-        self.kd
+fn check(
+    values: [f32; 5],
+    is_good: impl Fn(f32) -> bool,
+    must_be: &'static str,
+) -> Result<(), ConfigError> {
+    let fields = ["position", "velocity", "torque", "kp", "kd"].into_iter().zip(values);
+    match fields.into_iter().find(|&(_, value)| !is_good(value)) {
+        Some((field, value)) => Err(ConfigError::new(field, value, must_be)),
+        None => Ok(()),
     }
 }
 
@@ -206,6 +169,11 @@ const LONGEST_STEP: f32 = 0.020;
 const NEAR: i64 = (0.5 * PER_RADIAN) as i64;
 
 impl RangedPosition {
+    /// The shaft of such a device.
+    pub(crate) const fn shaft(direction: Direction) -> Shaft {
+        Shaft::new(360_000_000, Gear::DIRECT, direction)
+    }
+
     pub(crate) const fn new(limits: &Limits) -> Self {
         let fastest = limits.velocity * PER_RADIAN * LONGEST_STEP;
         #[expect(clippy::cast_possible_truncation, reason = "up to a million rad and rad/s")]
@@ -223,7 +191,6 @@ impl RangedPosition {
     }
 
     /// A reading, from the middle of the range.
-    #[inline]
     const fn microdegrees(&self, field: u16) -> i64 {
         (2 * field as i64 - full(16) as i64) * self.half_step / 65_536
     }
@@ -231,7 +198,6 @@ impl RangedPosition {
     /// Moves the shaft to a reading that came at `at`, before its speed (`rpm`, in the direction of
     /// the device) is [taken](Shaft::measure). If the device counts from elsewhere, the shaft stays,
     /// and what the reading moved by is returned.
-    #[inline]
     pub(crate) fn follow(
         &mut self,
         shaft: &mut Shaft,
@@ -379,9 +345,18 @@ impl RangedPosition {
         if is_good { Ok(()) } else { Err(TargetError::OutOfRange(target.kind())) }
     }
 
+    /// The setpoint that does what a servo has decided.
+    pub(crate) fn setpoint_of(&self, servo: &Servo, shaft: &Shaft) -> Setpoint {
+        let sign = shaft.sign();
+        match servo.spring() {
+            Some(spring) => self.setpoint(spring, sign),
+            None => Setpoint { torque: servo.effort() * sign, ..Setpoint::COAST },
+        }
+    }
+
     /// The setpoint that makes a spring of the output shaft; coasting where the device has no number
     /// for where the spring pulls to. `sign` is that of the shaft's direction.
-    pub(crate) fn setpoint(&self, spring: &Spring, sign: f32) -> Setpoint {
+    fn setpoint(&self, spring: &Spring, sign: f32) -> Setpoint {
         let now = radians(self.reading.unwrap_or(0));
         let position = now + (sign * spring.way.get()).to_radians();
         if self.is_beyond() || position.abs() > radians(self.end) {
@@ -413,13 +388,18 @@ fn travelled(rpm: f32, shaft: &Shaft, at: Micros) -> i64 {
     return (rpm * PER_RPM_MICRO * at.since(shaft.at()).get() as f32) as i64;
 }
 
+/// The signal of a field for -`limit` ..= `limit`.
+pub(crate) const fn spread(signal: Signal, limit: f32, unit: &'static str) -> Signal {
+    let limit = limit as f64;
+    signal.scaled(2.0 * limit / full(signal.bits as u32) as f64, unit).offset(-limit)
+}
+
 /// The largest value of a field.
 pub(crate) const fn full(bits: u32) -> u32 {
     (1 << bits) - 1
 }
 
 /// A field for -`limit` ..= `limit`; the middle for NaN.
-#[inline]
 pub(crate) fn pack_signed<const BITS: u32>(x: f32, limit: f32) -> u32 {
     if x.abs() < limit {
         #[expect(clippy::cast_possible_truncation, reason = "below the field's largest value")]
@@ -429,7 +409,6 @@ pub(crate) fn pack_signed<const BITS: u32>(x: f32, limit: f32) -> u32 {
 }
 
 /// A field for 0 ..= `limit`; zero for NaN.
-#[inline]
 pub(crate) fn pack_positive<const BITS: u32>(x: f32, limit: f32) -> u32 {
     if x >= 0.0 && x < limit {
         #[expect(clippy::cast_possible_truncation, reason = "below the field's largest value")]
@@ -453,14 +432,12 @@ fn beyond(x: f32, full: u32, neutral: u32) -> u32 {
 
 /// The value of a field for -`limit` ..= `limit`: symmetric, never beyond, and as exact around zero
 /// as elsewhere.
-#[inline]
 pub(crate) const fn unpack_signed<const BITS: u32>(raw: u32, limit: f32) -> f32 {
     let from_middle = (2 * raw).cast_signed() - full(BITS).cast_signed();
     from_middle as f32 / full(BITS) as f32 * limit
 }
 
 /// `x` as it may go onto a wire as f32: infinities become the largest number, NaN zero.
-#[inline]
 pub(crate) fn sendable(x: f32) -> f32 {
     if x.is_nan() { 0.0 } else { x.clamp(f32::MIN, f32::MAX) }
 }
@@ -468,7 +445,7 @@ pub(crate) fn sendable(x: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rc10_app::{Degrees, Direction, Gear, Rpm};
+    use rc10_app::Degrees;
 
     #[test]
     fn fields_end_where_their_ranges_end() {
@@ -513,13 +490,15 @@ mod tests {
 
     #[test]
     fn what_is_no_range_and_no_number_is_named() {
-        assert!(Limits::new(12.5, 30.0, 10.0).is_ok());
+        assert_eq!(Limits::new(12.5, 30.0, 10.0).validate(), Ok(()));
         for bad in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e7] {
-            let error = Limits::new(12.5, bad, 10.0).unwrap_err();
+            let error = Limits::new(12.5, bad, 10.0).validate().unwrap_err();
             assert_eq!((error.field, error.value.to_bits()), ("velocity", bad.to_bits()));
         }
-        assert_eq!(Limits::of(1.0, 1.0, 1.0).with_gains(0.0, 1.0).unwrap_err().field, "kp");
-        assert!(Limits::of(1.0, 1.0, 1.0).with_position(f32::NAN).is_err());
+        let gains = Limits::new(1.0, 1.0, 1.0).with_gains(0.0, 1.0);
+        assert_eq!(gains.validate().unwrap_err().field, "kp");
+        let position = Limits { position: f32::NAN, ..Limits::new(1.0, 1.0, 1.0) };
+        assert_eq!(position.validate().unwrap_err().field, "position");
         assert_eq!(Setpoint::COAST.validate(), Ok(()));
         let bad = Setpoint { kd: f32::NAN, ..Setpoint::COAST };
         assert_eq!(bad.validate().unwrap_err().field, "kd");
@@ -540,8 +519,8 @@ mod tests {
 
     impl Bench {
         fn new(direction: Direction) -> Self {
-            let position = RangedPosition::new(&Limits::of(12.5, 30.0, 10.0));
-            Self { position, shaft: Shaft::new(360_000_000, Gear::DIRECT, direction), now: 1 }
+            let position = RangedPosition::new(&Limits::new(12.5, 30.0, 10.0));
+            Self { position, shaft: RangedPosition::shaft(direction), now: 1 }
         }
 
         fn hear(&mut self, field: u16, rad_s: f32, pause: u64) -> Option<i64> {
@@ -660,9 +639,9 @@ mod tests {
 
     #[test]
     fn nothing_overflows() {
-        for limits in [Limits::of(1e6, 1e6, 1.0), Limits::of(1e-6, 1e-6, 1.0)] {
+        for limits in [Limits::new(1e6, 1e6, 1.0), Limits::new(1e-6, 1e-6, 1.0)] {
             let mut position = RangedPosition::new(&limits);
-            let mut shaft = Shaft::new(360_000_000, Gear::DIRECT, Direction::Reversed);
+            let mut shaft = RangedPosition::shaft(Direction::Reversed);
             for at in [0, 1, u64::MAX / 2, u64::MAX, 7] {
                 for field in [0, u16::MAX, u16::MAX, 0, 0, 1, 0x8000] {
                     for (rpm, link) in [(f32::MAX, Link::Online), (f32::MIN, Link::Lost)] {

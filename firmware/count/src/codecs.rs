@@ -75,7 +75,7 @@ codec!(
 codec!(
     "count_1_codec_vesc_unpack",
     vesc_unpack,
-    |frame: CanFrame| -> Result<vesc::Reply, vesc::UnpackError> { vesc::Reply::unpack(frame) }
+    |frame: CanFrame| -> Result<vesc::Reply, FrameError> { vesc::Reply::unpack(frame) }
 );
 
 fn vescs() {

@@ -14,7 +14,7 @@ fn motor(
     inertia: f64,
     direction: Direction,
 ) -> Result<(), Report> {
-    let full = model.limits.torque();
+    let full = model.limits.torque;
     let spring =
         Impedance { angle: Degrees::new(90.0), kp: full, kd: 0.1 * full, ..Impedance::default() };
     let declared = Declaration {

@@ -4,7 +4,7 @@ use rc10_app::{Cascade, ConfigError, PidConfig, RpmPerSecond};
 
 use super::wire::Address;
 use crate::feedback::Fault;
-use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND};
+use crate::mit::Limits;
 
 /// A model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,11 +76,10 @@ pub(super) const ROBSTRIDE_DETAILS: [(u32, &str); 11] = [
 /// Gains in proportion to the torque, because inertia grows about as it does. Angles are sought at
 /// two thirds of the largest speed: what is left is for a supply that is low.
 const fn cascade(limits: &Limits) -> Cascade {
-    let fastest = limits.velocity() * RPM_PER_RADIAN_PER_SECOND;
-    let kp = limits.torque() / 200.0;
+    let kp = limits.torque / 200.0;
     Cascade {
-        speed: PidConfig::new(kp, 10.0 * kp, 0.0, limits.torque()),
-        angle: PidConfig::new(1.3, 0.0, 0.0, fastest * (2.0 / 3.0)),
+        speed: PidConfig::new(kp, 10.0 * kp, 0.0, limits.torque),
+        angle: PidConfig::new(1.3, 0.0, 0.0, limits.rpm() * (2.0 / 3.0)),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
         feed_forward: 0.0,
@@ -100,36 +99,37 @@ const fn robstride(name: &'static str, limits: Limits) -> Model {
 
 /// The models.
 pub mod models {
-    use super::{Limits, Model, cascade, robstride};
+    use super::{Limits, Model, robstride};
 
     /// Xiaomi CyberGear: ±12.5 rad, ±30 rad/s, ±12 N m. The manual's table says ±4π rad, its own sample
-    /// and every driver 12.5; [`Limits::with_position`] makes it the other.
+    /// and every driver 12.5; [`CyberGear::with_position_range`](super::CyberGear::with_position_range) makes it the other.
     pub const CYBERGEAR: Model = Model {
-        name: "CyberGear",
-        limits: Limits::of(12.5, 30.0, 12.0),
         faults: &super::CYBERGEAR_FAULTS,
         details: &super::CYBERGEAR_DETAILS,
         saves: false,
-        cascade: cascade(&Limits::of(12.5, 30.0, 12.0)),
+        ..robstride("CyberGear", Limits::new(12.5, 30.0, 12.0))
     };
 
     // RobStride manuals RS00 to RS06, 260428.
 
     /// RobStride RS00: ±12.57 rad, ±33 rad/s, ±14 N m. Firmware before 0.0.2.6 has ±12.5 rad:
-    /// [`Limits::with_position`].
-    pub const RS00: Model = robstride("RS00", Limits::of(12.57, 33.0, 14.0));
+    /// [`CyberGear::with_position_range`](super::CyberGear::with_position_range).
+    pub const RS00: Model = robstride("RS00", Limits::new(12.57, 33.0, 14.0));
     /// RobStride RS01: ±12.57 rad, ±44 rad/s, ±17 N m.
-    pub const RS01: Model = robstride("RS01", Limits::of(12.57, 44.0, 17.0));
+    pub const RS01: Model = robstride("RS01", Limits::new(12.57, 44.0, 17.0));
     /// RobStride RS02: as RS01.
-    pub const RS02: Model = robstride("RS02", Limits::of(12.57, 44.0, 17.0));
+    pub const RS02: Model = robstride("RS02", Limits::new(12.57, 44.0, 17.0));
     /// RobStride RS03: ±12.57 rad, ±20 rad/s, ±60 N m; gains up to 5000 and 100.
-    pub const RS03: Model = robstride("RS03", Limits::of(12.57, 20.0, 60.0).gains(5000.0, 100.0));
+    pub const RS03: Model =
+        robstride("RS03", Limits::new(12.57, 20.0, 60.0).with_gains(5000.0, 100.0));
     /// RobStride RS04: ±12.57 rad, ±15 rad/s, ±120 N m; gains up to 5000 and 100.
-    pub const RS04: Model = robstride("RS04", Limits::of(12.57, 15.0, 120.0).gains(5000.0, 100.0));
+    pub const RS04: Model =
+        robstride("RS04", Limits::new(12.57, 15.0, 120.0).with_gains(5000.0, 100.0));
     /// RobStride RS05: ±12.57 rad, ±50 rad/s, ±5.5 N m.
-    pub const RS05: Model = robstride("RS05", Limits::of(12.57, 50.0, 5.5));
+    pub const RS05: Model = robstride("RS05", Limits::new(12.57, 50.0, 5.5));
     /// RobStride RS06: ±12.57 rad, ±50 rad/s, ±36 N m; gains up to 5000 and 100.
-    pub const RS06: Model = robstride("RS06", Limits::of(12.57, 50.0, 36.0).gains(5000.0, 100.0));
+    pub const RS06: Model =
+        robstride("RS06", Limits::new(12.57, 50.0, 36.0).with_gains(5000.0, 100.0));
 
     /// All of them.
     pub const ALL: [&Model; 8] = [&CYBERGEAR, &RS00, &RS01, &RS02, &RS03, &RS04, &RS05, &RS06];
@@ -180,24 +180,17 @@ const LARGEST_RANGE: f32 = 15.0;
 /// `Ok` for a motor of 1 ..= 127 and a host that is no other's.
 pub(super) fn check_address(address: Address) -> Result<(), ConfigError> {
     let Address { motor, host } = address;
-    if !(1..=127).contains(&motor) {
-        return Err(ConfigError::new("motor", motor.into(), "1 to 127"));
-    }
-    if host == motor || host >= EVERY_DEVICE {
-        let must_be = "below 254, and not the motor's own identifier";
-        return Err(ConfigError::new("host", host.into(), must_be));
-    }
-    Ok(())
+    ConfigError::check((1..=127).contains(&motor), "motor", motor.into(), "1 to 127")?;
+    let is_hosts = host != motor && host < EVERY_DEVICE;
+    let must_be = "below 254, and not the motor's own identifier";
+    ConfigError::check(is_hosts, "host", host.into(), must_be)
 }
 
-/// Limits that can be used.
-pub(super) fn checked(limits: Limits) -> Result<Limits, ConfigError> {
-    match limits.position() {
-        position if position > LARGEST_RANGE => {
-            Err(ConfigError::new("position", position, "at most 15 rad"))
-        }
-        _ => limits.checked(),
-    }
+/// `Ok` for limits that can be used.
+pub(super) fn check_limits(limits: &Limits) -> Result<(), ConfigError> {
+    let position = limits.position;
+    ConfigError::check(position <= LARGEST_RANGE, "position", position, "at most 15 rad")?;
+    limits.validate()
 }
 
 #[cfg(test)]
@@ -208,7 +201,7 @@ mod tests {
     #[test]
     fn all_limits_can_be_used_and_all_bits_have_a_text() {
         for model in ALL {
-            assert_eq!(model.limits.checked(), Ok(model.limits), "{}", model.name);
+            assert_eq!(check_limits(&model.limits), Ok(()), "{}", model.name);
             assert_eq!(model.cascade.validate(), Ok(()), "{}", model.name);
             for bit in 0..6 {
                 assert!(Faults::from_bits(1 << bit).gravest(model).is_some(), "{bit}");

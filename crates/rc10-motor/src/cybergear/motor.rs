@@ -1,22 +1,22 @@
 //! The motor: when the device may move, and what it is told.
 
 use embedded_can::ExtendedId;
-use rc10_app::{Cascade, ConfigError, Direction, Gear, NewtonMetres, Rpm};
+use rc10_app::{Cascade, ConfigError, Direction, NewtonMetres};
 use rc10_can::{CanFrame, IdPattern, Micros};
 
-use super::config::{Model, check_address, checked};
+use super::config::{Model, check_address, check_limits};
 use super::wire::{self, Address, Mode, Parameter, ParameterValue, Reply};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName, Rate, RxFrames, TxFrames};
 use crate::feedback::{Condition, Fault, Feedback};
-use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND, RangedPosition, Setpoint};
+use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition, Setpoint};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
-use crate::servo::{Servo, SpringRange};
+use crate::servo::Servo;
 use crate::shaft::Shaft;
 use crate::supervision::Link;
-use crate::target::{Target, TargetError, TargetKind, TargetSet};
+use crate::target::{Target, TargetError, TargetSet};
 
 /// One CyberGear or RobStride.
 ///
@@ -24,8 +24,7 @@ use crate::target::{Target, TargetError, TargetKind, TargetSet};
 /// own loop. Both are motion control, its run mode 0, which is checked before it is enabled.
 #[derive(Clone, Debug)]
 pub struct CyberGear {
-    model: &'static Model,
-    limits: Limits,
+    model: Model,
     address: Address,
     servo: Servo,
     shaft: Shaft,
@@ -94,21 +93,9 @@ const QUIET: u8 = 2;
 const AT_ZERO: f32 = 0.1;
 /// What a device answers for a parameter that it does not have (RobStride manuals, type 17).
 const UNKNOWN_PARAMETER: u32 = 1;
-/// Steps of a microdegree.
-const STEPS_PER_TURN: u32 = 360_000_000;
 const MOTION: u32 = 1 << 24;
 
 impl CyberGear {
-    /// The targets it takes.
-    pub const TARGETS: TargetSet = TargetSet::of(&[
-        TargetKind::Coast,
-        TargetKind::Torque,
-        TargetKind::Speed,
-        TargetKind::Angle,
-        TargetKind::TotalAngle,
-        TargetKind::Impedance,
-    ]);
-
     /// A motor of the model that is set to an identifier of 1 ..= 127, and a host, which is any
     /// number below 0xFE that no motor on the bus has (vendors' tools: 0xFD). Turning forward, with
     /// the gains that come with the model.
@@ -116,15 +103,16 @@ impl CyberGear {
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn new(model: &'static Model, address: Address) -> Result<Self, ConfigError> {
-        let (limits, servo) = check_address(address)
-            .and_then(|()| Ok((checked(model.limits)?, servo(model, model.cascade)?)))
+        let limits = model.limits;
+        let servo = check_address(address)
+            .and_then(|()| check_limits(&limits))
+            .and_then(|()| limits.servo(model.cascade))
             .map_err(|error| error.of_device(model.name, address.motor.into()))?;
         Ok(Self {
-            model,
-            limits,
+            model: *model,
             address,
             servo,
-            shaft: Shaft::new(STEPS_PER_TURN, Gear::DIRECT, Direction::Forward),
+            shaft: RangedPosition::shaft(Direction::Forward),
             position: RangedPosition::new(&limits),
             step: Step::Stopped,
             pending: Pending::new(),
@@ -140,7 +128,7 @@ impl CyberGear {
     /// Turning the given way.
     #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.shaft = Shaft::new(STEPS_PER_TURN, Gear::DIRECT, direction);
+        self.shaft = RangedPosition::shaft(direction);
         self
     }
 
@@ -150,8 +138,9 @@ impl CyberGear {
     /// # Errors
     /// [`ConfigError`], if it cannot be used.
     pub fn with_position_range(mut self, range: f32) -> Result<Self, ConfigError> {
-        self.limits = self.limits.with_position(range).and_then(checked)?;
-        self.position = RangedPosition::new(&self.limits);
+        self.model.limits.position = range;
+        check_limits(&self.model.limits)?;
+        self.position = RangedPosition::new(&self.model.limits);
         Ok(self)
     }
 
@@ -161,21 +150,15 @@ impl CyberGear {
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
         let id = self.address.motor.into();
-        self.servo =
-            servo(self.model, cascade).map_err(|error| error.of_device(self.model.name, id))?;
+        let servo = self.model.limits.servo(cascade);
+        self.servo = servo.map_err(|error| error.of_device(self.model.name, id))?;
         Ok(self)
     }
 
-    /// The model.
+    /// The model, with the range of position that is set.
     #[must_use]
-    pub const fn model(&self) -> &'static Model {
-        self.model
-    }
-
-    /// What the ends of its fields stand for.
-    #[must_use]
-    pub const fn limits(&self) -> &Limits {
-        &self.limits
+    pub const fn model(&self) -> &Model {
+        &self.model
     }
 
     /// Who speaks to whom.
@@ -258,7 +241,7 @@ impl CyberGear {
             step => step,
         };
         self.reported = Some(*reported);
-        let fault = reported.faults.gravest(self.model);
+        let fault = reported.faults.gravest(&self.model);
         self.fault = self.fault.or(fault);
         fault.map_or(FrameKind::Feedback, |_| FrameKind::Fault)
     }
@@ -322,25 +305,13 @@ impl CyberGear {
     }
 }
 
-/// Our loops, and the device's spring.
-fn servo(model: &Model, cascade: Cascade) -> Result<Servo, ConfigError> {
-    let (torque, limits) = (cascade.speed.output_limit, model.limits);
-    if torque > limits.torque() {
-        let error = ConfigError::new("output_limit", torque, "at most the model's torque");
-        return Err(error.in_part("speed"));
-    }
-    let speed = Rpm::new(limits.velocity() * RPM_PER_RADIAN_PER_SECOND);
-    let springs = SpringRange { kp: limits.kp(), kd: limits.kd(), speed };
-    Ok(Servo::new(TargetKind::Torque, cascade)?.with_springs(springs))
-}
-
 impl Motor for CyberGear {
     fn name(&self) -> MotorName {
         MotorName { model: self.model.name, id: self.address.motor.into() }
     }
 
     fn supports(&self) -> TargetSet {
-        Self::TARGETS
+        self.servo.supports()
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
@@ -377,11 +348,7 @@ impl Motor for CyberGear {
         } else {
             self.servo.rest();
         }
-        let sign = self.shaft.sign();
-        self.setpoint = match self.servo.spring() {
-            Some(spring) => self.position.setpoint(spring, sign),
-            None => Setpoint { torque: self.servo.effort() * sign, ..Setpoint::COAST },
-        };
+        self.setpoint = self.position.setpoint_of(&self.servo, &self.shaft);
         let question = self.pending.question();
         if tick.mode != DriveMode::Off && question.is_some_and(Question::only_while_off) {
             self.pending.interrupt();
@@ -446,7 +413,6 @@ impl CanMotor for CyberGear {
             .transmits(TxFrames::new(pattern(motor, 0xFF), 8, Rate::Rare))
     }
 
-    #[inline]
     fn unpack_feedback(
         &mut self,
         frame: &CanFrame,
@@ -457,7 +423,7 @@ impl CanMotor for CyberGear {
         if frame.raw_id() & 0xFFFF != self.replies() {
             return Err(FrameError::NotMine);
         }
-        match Reply::unpack(frame, &self.limits)? {
+        match Reply::unpack(frame, &self.model.limits)? {
             Reply::Feedback(reported) => Ok(self.hear(&reported, at, link)),
             Reply::Parameter(value) => self.hear_parameter(&value),
             Reply::Faults(report) => {
@@ -479,7 +445,7 @@ impl CanMotor for CyberGear {
         }
         let to = self.address;
         let frame = match self.step {
-            Step::Running => wire::motion(to.motor, &self.setpoint, &self.limits),
+            Step::Running => wire::motion(to.motor, &self.setpoint, &self.model.limits),
             Step::Enabling => wire::enable(to),
             _ if question == Some(Question::ClearFaults) => wire::clear_faults(to),
             _ => wire::stop(to),

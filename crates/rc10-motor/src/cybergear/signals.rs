@@ -4,9 +4,9 @@ use embedded_can::ExtendedId;
 use heapless::Vec;
 use rc10_can::CanFrame;
 
-use super::config::{self, CYBERGEAR_DETAILS, Model, ROBSTRIDE_DETAILS, models};
+use super::config::{self, CYBERGEAR_DETAILS, Model, ROBSTRIDE_DETAILS};
 use super::wire::{self, Address, Parameter, kind};
-use crate::mit::Limits;
+use crate::mit::spread;
 use crate::signals::{ByteOrder, Message, Presence, Signal};
 
 /// What a DBC file cannot say of these motors.
@@ -23,13 +23,71 @@ pub const NOT_IN_DBC: &[&str] = &[
      to 16 of its own, and has no message here.",
 ];
 
+/// Signals whose scales follow from a model's limits. They have to outlive the messages: a
+/// `static`, or a leaked box on a PC.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scaled {
+    feedback: [Signal; 4],
+    /// Mode and faults in the identifier, then the same.
+    state: [Signal; 1 + 6 + 4],
+    motion: [Signal; 5],
+}
+
+impl Scaled {
+    /// For a model with these limits.
+    #[must_use]
+    pub const fn of(model: &Model) -> Self {
+        const MODES: &[(u32, &str)] = &[(0, "stopped"), (1, "calibrates"), (2, "runs")];
+        let Model { limits, saves, .. } = *model;
+        let position = spread(Signal::big("POSITION", 0, 2), limits.position, "rad");
+        let velocity = spread(Signal::big("VELOCITY", 2, 2), limits.velocity, "rad/s");
+        let torque = spread(Signal::big("TORQUE", 4, 2), limits.torque, "N m");
+        let temperature = Signal::big("TEMPERATURE", 6, 2).scaled(0.1, "degC");
+        Self {
+            feedback: [position, velocity, torque, temperature],
+            state: [
+                Signal::in_id("MODE", 22, 2).named(MODES),
+                fault(saves, 0),
+                fault(saves, 1),
+                fault(saves, 2),
+                fault(saves, 3),
+                fault(saves, 4),
+                fault(saves, 5),
+                position,
+                velocity,
+                torque,
+                temperature,
+            ],
+            motion: [
+                position,
+                velocity,
+                Signal::big("KP", 4, 2).scaled(limits.kp as f64 / 65_535.0, "N m/rad"),
+                Signal::big("KD", 6, 2).scaled(limits.kd as f64 / 65_535.0, "N m s/rad"),
+                spread(Signal::in_id("TORQUE", 8, 16), limits.torque, "N m"),
+            ],
+        }
+    }
+}
+
+/// A fault bit in the identifier of a feedback, with the text that the codec has for it.
+const fn fault(robstride: bool, index: usize) -> Signal {
+    const NAMES: [&str; 6] = ["FAULT_0", "FAULT_1", "FAULT_2", "FAULT_3", "FAULT_4", "FAULT_5"];
+    let (faults, texts) = if robstride {
+        (&config::ROBSTRIDE_FAULTS, &ROBSTRIDE_TEXTS)
+    } else {
+        (&config::CYBERGEAR_FAULTS, &CYBERGEAR_TEXTS)
+    };
+    let bit = faults[index].0;
+    Signal::in_id(NAMES[bit as usize], 16 + bit, 1).named(&texts[index])
+}
+
 /// The most messages of a motor.
 pub const MOST: usize = 18;
 
 /// The frames that a motor of the model sends and takes; first those that are not in
 /// [`NOT_IN_DBC`].
 #[must_use]
-pub fn messages(model: &Model, address: Address) -> Vec<Message, MOST> {
+pub fn messages(model: &Model, address: Address, scaled: &'static Scaled) -> Vec<Message, MOST> {
     let robstride = model.saves;
     // A prefix for each vendor.
     macro_rules! name {
@@ -47,7 +105,7 @@ pub fn messages(model: &Model, address: Address) -> Vec<Message, MOST> {
         with_id(kind, mode << 6, motor, host, name, true, signals)
     };
     let to = |frame: CanFrame, name, signals| Message::new(name, frame.id(), 8, false, signals);
-    let Table { feedback, state, motion, .. } = table_of(model);
+    let Scaled { feedback, state, motion } = scaled;
     let faults: &[_] = if robstride { &ROBSTRIDE_FAULTS } else { &CYBERGEAR_FAULTS };
     let parameter = Parameter::RUN_MODE;
     let mut all = Vec::new();
@@ -88,48 +146,6 @@ pub fn messages(model: &Model, address: Address) -> Vec<Message, MOST> {
     all
 }
 
-/// A field that is spread over ±`limit`.
-const fn ranged(name: &'static str, first: u8, limit: f32, unit: &'static str) -> Signal {
-    let limit = limit as f64;
-    Signal::big(name, first, 2).scaled(2.0 * limit / 65_535.0, unit).offset(-limit)
-}
-
-const fn feedback(limits: &Limits) -> [Signal; 4] {
-    [
-        ranged("POSITION", 0, limits.position(), "rad"),
-        ranged("VELOCITY", 2, limits.velocity(), "rad/s"),
-        ranged("TORQUE", 4, limits.torque(), "N m"),
-        Signal::big("TEMPERATURE", 6, 2).scaled(0.1, "degC"),
-    ]
-}
-
-/// Mode and faults in the identifier, then what stands in the data of a feedback.
-const STATE_SIGNALS: usize = 1 + 6 + 4;
-
-const fn state(data: [Signal; 4], robstride: bool) -> [Signal; STATE_SIGNALS] {
-    const MODES: &[(u32, &str)] = &[(0, "stopped"), (1, "calibrates"), (2, "runs")];
-    const NAMES: [&str; 6] = ["FAULT_0", "FAULT_1", "FAULT_2", "FAULT_3", "FAULT_4", "FAULT_5"];
-    let (faults, texts) = if robstride {
-        (&config::ROBSTRIDE_FAULTS, &ROBSTRIDE_TEXTS)
-    } else {
-        (&config::CYBERGEAR_FAULTS, &CYBERGEAR_TEXTS)
-    };
-    let mut signals = [Signal::in_id("MODE", 22, 2).named(MODES); STATE_SIGNALS];
-    let mut index = 0;
-    while index < 6 {
-        let bit = faults[index].0;
-        let signal = Signal::in_id(NAMES[bit as usize], 16 + bit, 1);
-        signals[1 + index] = signal.named(&texts[index]);
-        index += 1;
-    }
-    index = 0;
-    while index < 4 {
-        signals[7 + index] = data[index];
-        index += 1;
-    }
-    signals
-}
-
 /// A fault bit that is set, in the words of the codec.
 const fn texts(faults: &[(u8, &'static str); 6]) -> [[(u32, &'static str); 1]; 6] {
     let mut texts = [[(1, "")]; 6];
@@ -143,65 +159,6 @@ const fn texts(faults: &[(u8, &'static str); 6]) -> [[(u32, &'static str); 1]; 6
 
 static CYBERGEAR_TEXTS: [[(u32, &str); 1]; 6] = texts(&config::CYBERGEAR_FAULTS);
 static ROBSTRIDE_TEXTS: [[(u32, &str); 1]; 6] = texts(&config::ROBSTRIDE_FAULTS);
-
-const fn motion(limits: &Limits) -> [Signal; 5] {
-    let torque = limits.torque() as f64;
-    [
-        ranged("POSITION", 0, limits.position(), "rad"),
-        ranged("VELOCITY", 2, limits.velocity(), "rad/s"),
-        Signal::big("KP", 4, 2).scaled(limits.kp() as f64 / 65_535.0, "N m/rad"),
-        Signal::big("KD", 6, 2).scaled(limits.kd() as f64 / 65_535.0, "N m s/rad"),
-        Signal::in_id("TORQUE", 8, 16).scaled(2.0 * torque / 65_535.0, "N m").offset(-torque),
-    ]
-}
-
-/// What the frames of a model hold whose scales follow from its limits.
-#[derive(Clone, Copy)]
-struct Table {
-    name: &'static str,
-    feedback: [Signal; 4],
-    /// The same with what stands in the identifier.
-    state: [Signal; STATE_SIGNALS],
-    motion: [Signal; 5],
-}
-
-/// Without scales.
-const fn raw_table(robstride: bool) -> Table {
-    const FEEDBACK: [Signal; 4] = [
-        Signal::big("POSITION", 0, 2),
-        Signal::big("VELOCITY", 2, 2),
-        Signal::big("TORQUE", 4, 2),
-        Signal::big("TEMPERATURE", 6, 2).scaled(0.1, "degC"),
-    ];
-    let motion = [
-        Signal::big("POSITION", 0, 2),
-        Signal::big("VELOCITY", 2, 2),
-        Signal::big("KP", 4, 2),
-        Signal::big("KD", 6, 2),
-        Signal::in_id("TORQUE", 8, 16),
-    ];
-    Table { name: "", feedback: FEEDBACK, state: state(FEEDBACK, robstride), motion }
-}
-
-static RAW: [Table; 2] = [raw_table(false), raw_table(true)];
-static TABLES: [Table; models::ALL.len()] = {
-    let mut all = [raw_table(false); models::ALL.len()];
-    let mut index = 0;
-    while index < all.len() {
-        let Model { name, limits, saves, .. } = models::ALL[index];
-        let feedback = feedback(limits);
-        let state = state(feedback, *saves);
-        all[index] = Table { name, feedback, state, motion: motion(limits) };
-        index += 1;
-    }
-    all
-};
-
-/// Of one of our models; of another, raw.
-fn table_of(model: &Model) -> &'static Table {
-    let known = TABLES.iter().find(|table| table.name == model.name);
-    known.unwrap_or(&RAW[usize::from(model.saves)])
-}
 
 /// Number of the chip, eight bytes as they came.
 static IDENTITY: [Signal; 1] = [Signal::big("CHIP", 0, 8)];
@@ -267,8 +224,8 @@ static ROBSTRIDE_FAULTS: [Signal; 12] = [
 const INDEX: Signal = Signal::little("INDEX", 0, 2).named(&PARAMETER_NAMES);
 
 /// Names of the parameters, for what tells which one is meant.
-static PARAMETER_NAMES: [(u32, &str); PARAMETER_SIGNALS.len()] = {
-    let mut names = [(0, ""); PARAMETER_SIGNALS.len()];
+static PARAMETER_NAMES: [(u32, &str); 10] = {
+    let mut names = [(0, ""); 10];
     let mut index = 0;
     while index < names.len() {
         let signal = &PARAMETER_SIGNALS[index];
@@ -302,12 +259,7 @@ const PARAMETER_SIGNALS: [Signal; 10] = [
     real("SUPPLY", Parameter::SUPPLY, "V"),
 ];
 
-static PARAMETERS: [Signal; 1 + PARAMETER_SIGNALS.len()] = {
-    let mut signals = [INDEX.when(Presence::Switch); 1 + PARAMETER_SIGNALS.len()];
-    let mut index = 0;
-    while index < PARAMETER_SIGNALS.len() {
-        signals[1 + index] = PARAMETER_SIGNALS[index];
-        index += 1;
-    }
-    signals
+static PARAMETERS: [Signal; 11] = {
+    let [a, b, c, d, e, f, g, h, i, j] = PARAMETER_SIGNALS;
+    [INDEX.when(Presence::Switch), a, b, c, d, e, f, g, h, i, j]
 };

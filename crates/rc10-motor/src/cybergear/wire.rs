@@ -41,7 +41,6 @@ pub(super) mod kind {
 }
 
 /// `middle` fills bits 23 to 8.
-#[inline]
 fn frame(kind: u8, middle: u16, motor: u8, data: [u8; 8]) -> CanFrame {
     let raw = u32::from(kind) << 24 | u32::from(middle) << 8 | u32::from(motor);
     CanFrame::eight_bytes(ExtendedId::new(raw).unwrap_or(ExtendedId::MAX), data)
@@ -78,14 +77,13 @@ pub fn clear_faults(to: Address) -> CanFrame {
 
 /// A setpoint: position, velocity, kp and kd in 16 bits each, big endian, and the torque **in the
 /// identifier**, bits 23 to 8, so that no two of these frames need have the same one.
-#[inline]
 #[must_use]
 pub fn motion(motor: u8, setpoint: &Setpoint, limits: &Limits) -> CanFrame {
-    let position = pack_signed::<16>(setpoint.position, limits.position());
-    let velocity = pack_signed::<16>(setpoint.velocity, limits.velocity());
-    let kp = pack_positive::<16>(setpoint.kp, limits.kp());
-    let kd = pack_positive::<16>(setpoint.kd, limits.kd());
-    let torque = pack_signed::<16>(setpoint.torque, limits.torque());
+    let position = pack_signed::<16>(setpoint.position, limits.position);
+    let velocity = pack_signed::<16>(setpoint.velocity, limits.velocity);
+    let kp = pack_positive::<16>(setpoint.kp, limits.kp);
+    let kd = pack_positive::<16>(setpoint.kd, limits.kd);
+    let torque = pack_signed::<16>(setpoint.torque, limits.torque);
     let [a, b, c, d] = (position << 16 | velocity).to_be_bytes();
     let [e, f, g, h] = (kp << 16 | kd).to_be_bytes();
     #[expect(clippy::cast_possible_truncation, reason = "a field of 16 bits")]
@@ -273,7 +271,6 @@ impl Reply {
     /// # Errors
     /// [`FrameError::NotMine`] for a standard or remote frame, or one that only a host sends;
     /// [`FrameError::Length`] unless there are eight bytes.
-    #[inline]
     pub fn unpack(frame: &CanFrame, limits: &Limits) -> Result<Self, FrameError> {
         if !frame.is_extended_id() || frame.is_remote() {
             return Err(FrameError::NotMine);
@@ -307,7 +304,6 @@ impl Reply {
     }
 }
 
-#[inline]
 fn feedback(address: Address, upper: u8, bytes: &[u8; 8], limits: &Limits) -> Feedback {
     let [a, b, c, d, e, f, g, h] = *bytes;
     let motion = u32::from_be_bytes([a, b, c, d]);
@@ -322,9 +318,9 @@ fn feedback(address: Address, upper: u8, bytes: &[u8; 8], limits: &Limits) -> Fe
         },
         faults: Faults::from_bits(upper),
         steps: u16::from_be_bytes([a, b]),
-        position: unpack_signed::<16>(motion >> 16, limits.position()),
-        velocity: unpack_signed::<16>(motion & full(16), limits.velocity()),
-        torque: unpack_signed::<16>(rest >> 16, limits.torque()),
+        position: unpack_signed::<16>(motion >> 16, limits.position),
+        velocity: unpack_signed::<16>(motion & full(16), limits.velocity),
+        torque: unpack_signed::<16>(rest >> 16, limits.torque),
         temperature: Celsius::new((rest & full(16)) as f32 * DEGREES_PER_STEP),
     }
 }

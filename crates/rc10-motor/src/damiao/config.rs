@@ -6,8 +6,7 @@ use rc10_app::{Cascade, ConfigError, Rpm, TotalAngle};
 use super::wire::{DeviceId, Mode, REGISTERS, standard};
 use crate::goal::Goals;
 use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND};
-use crate::motor::Loops;
-use crate::servo::{Servo, SpringRange};
+use crate::servo::Servo;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
 /// A model and its factory limits. They are settings (registers 21 to 23), and what the vendor
@@ -33,7 +32,7 @@ pub mod models {
                     stringify!($t), " N m."
                 )]
                 $(#[$note])*
-                pub const $model: Model = Model { name: $name, limits: Limits::of($p, $v, $t) };
+                pub const $model: Model = Model { name: $name, limits: Limits::new($p, $v, $t) };
             )*
 
             /// All of them.
@@ -110,46 +109,27 @@ pub(super) enum Controller {
 impl Controller {
     pub(super) fn new(control: Control, limits: &Limits) -> Result<Self, ConfigError> {
         use TargetKind::{Angle, Coast, Speed, TotalAngle};
-        let fastest = limits.velocity() * RPM_PER_RADIAN_PER_SECOND;
         let to_angles = |mode, speed: Rpm, torque_share| {
             let rpm = speed.get();
-            let error = |must_be| Err(ConfigError::new("speed", rpm, must_be));
-            if !(rpm > 0.0 && rpm <= fastest) {
-                return error("above zero, and at most VMAX");
-            }
+            let is_good = rpm > 0.0 && rpm <= limits.rpm();
+            ConfigError::check(is_good, "speed", rpm, "above zero, and at most VMAX")?;
             let velocity = rpm / RPM_PER_RADIAN_PER_SECOND;
-            if mode == Mode::ForcePosition && velocity > FASTEST_FORCE_POSITION {
-                return error("at most 100 rad/s");
-            }
+            let is_sent = mode != Mode::ForcePosition || velocity <= FASTEST_FORCE_POSITION;
+            ConfigError::check(is_sent, "speed", rpm, "at most 100 rad/s")?;
             let goals = Goals::new(TargetSet::of(&[Coast, Angle, TotalAngle]));
             Ok(Self::Own { mode, goals, velocity, torque_share })
         };
         match control {
-            Control::Mit(cascade) => {
-                let servo = Servo::new(TargetKind::Torque, cascade)?;
-                let (torque, speed) = (cascade.speed.output_limit, cascade.angle.output_limit);
-                if torque > limits.torque() {
-                    let (field, must_be) = ("speed.output_limit", "at most TMAX, in N m");
-                    return Err(ConfigError::new(field, torque, must_be));
-                }
-                if speed > fastest {
-                    let (field, must_be) = ("angle.output_limit", "at most VMAX, in rpm");
-                    return Err(ConfigError::new(field, speed, must_be));
-                }
-                let (kp, kd, speed) = (limits.kp(), limits.kd(), Rpm::new(fastest));
-                Ok(Self::Mit(servo.with_springs(SpringRange { kp, kd, speed })))
-            }
+            Control::Mit(cascade) => limits.servo(cascade).map(Self::Mit),
             Control::PositionVelocity { speed } => to_angles(Mode::PositionVelocity, speed, 1.0),
             Control::Velocity => {
                 let goals = Goals::new(TargetSet::of(&[Coast, Speed]));
                 Ok(Self::Own { mode: Mode::Velocity, goals, velocity: 0.0, torque_share: 1.0 })
             }
-            Control::ForcePosition { torque_share, .. }
-                if !(torque_share > 0.0 && torque_share <= 1.0) =>
-            {
-                Err(ConfigError::new("torque_share", torque_share, "above 0, and at most 1"))
-            }
             Control::ForcePosition { speed, torque_share } => {
+                let is_good = torque_share > 0.0 && torque_share <= 1.0;
+                let must_be = "above 0, and at most 1";
+                ConfigError::check(is_good, "torque_share", torque_share, must_be)?;
                 to_angles(Mode::ForcePosition, speed, torque_share)
             }
         }
@@ -159,13 +139,6 @@ impl Controller {
         match self {
             Self::Mit(_) => Mode::Mit,
             Self::Own { mode, .. } => *mode,
-        }
-    }
-
-    pub(super) const fn loops(&self) -> Option<Loops> {
-        match self {
-            Self::Mit(servo) => Some(servo.loops()),
-            Self::Own { .. } => None,
         }
     }
 
@@ -201,14 +174,12 @@ impl Controller {
 
 /// `CAN_ID` and `MST_ID`, if they can be used.
 pub(super) fn ids(can_id: u16, master_id: u16) -> Result<(DeviceId, StandardId), ConfigError> {
-    let error = |field, value: u16, must_be| ConfigError::new(field, value.into(), must_be);
-    let id = DeviceId::new(can_id)
-        .filter(|id| id.raw() & 0xFF != REGISTERS & 0xFF)
-        .ok_or(error("CAN_ID", can_id, "at most 0x4FE, its low byte not 0xFF"))?;
-    if master_id >= REGISTERS || (master_id ^ can_id) & 0xFF == 0 {
-        let must_be = "at most 0x7FE, its low byte not that of CAN_ID";
-        return Err(error("MST_ID", master_id, must_be));
-    }
+    let id = DeviceId::new(can_id).filter(|id| id.raw() & 0xFF != REGISTERS & 0xFF);
+    let must_be = "at most 0x4FE, its low byte not 0xFF";
+    let id = id.ok_or(ConfigError::new("CAN_ID", can_id.into(), must_be))?;
+    let is_good = master_id < REGISTERS && (master_id ^ can_id) & 0xFF != 0;
+    let must_be = "at most 0x7FE, its low byte not that of CAN_ID";
+    ConfigError::check(is_good, "MST_ID", master_id.into(), must_be)?;
     Ok((id, standard(master_id)))
 }
 
@@ -217,7 +188,7 @@ mod tests {
     #[test]
     fn all_limits_can_be_used() {
         for model in super::models::ALL {
-            assert_eq!(model.limits.checked(), Ok(model.limits), "{}", model.name);
+            assert_eq!(model.limits.validate(), Ok(()), "{}", model.name);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use embedded_can::{Id, StandardId};
 use rc10_app::angle::shortest_way;
-use rc10_app::{ConfigError, Direction, Gear, NewtonMetres, TotalAngle};
+use rc10_app::{ConfigError, Direction, NewtonMetres, TotalAngle};
 use rc10_can::{CanFrame, IdPattern, Micros};
 
 use super::config::{Control, Controller, Model, ids};
@@ -12,7 +12,7 @@ use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, Guard, MotorName, Ownership, Rate, RxFrames, TxFrames};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::Goal;
-use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition, Setpoint};
+use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
@@ -46,11 +46,7 @@ pub struct Damiao {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Command {
     Operate(Operation),
-    Mit(Setpoint),
-    /// rad
-    Position(f32),
-    /// rad/s
-    Velocity(f32),
+    Drive(CanFrame),
 }
 
 /// What only the device can do.
@@ -80,6 +76,7 @@ impl Question {
     }
 }
 
+const TURN: i32 = 360_000_000;
 /// Slower than this share of `VMAX` is standing still.
 const STANDSTILL: f32 = 0.005;
 /// How near to zero an angle is that has just been made zero, rad.
@@ -103,14 +100,15 @@ impl Damiao {
     ) -> Result<Self, ConfigError> {
         let limits = model.limits;
         let ((id, master), controller) = ids(can_id, master_id)
-            .and_then(|ids| Ok((ids, Controller::new(control, &limits.checked()?)?)))
+            .and_then(|ids| limits.validate().map(|()| ids))
+            .and_then(|ids| Ok((ids, Controller::new(control, &limits)?)))
             .map_err(|error| error.of_device(model.name, can_id))?;
         Ok(Self {
             model,
             id,
             master,
             controller,
-            shaft: Shaft::new(STEPS_PER_TURN, Gear::DIRECT, Direction::Forward),
+            shaft: RangedPosition::shaft(Direction::Forward),
             position: RangedPosition::new(&limits),
             verify: true,
             next_check: 0,
@@ -126,7 +124,7 @@ impl Damiao {
     /// Turning the given way.
     #[must_use]
     pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.shaft = Shaft::new(STEPS_PER_TURN, Gear::DIRECT, direction);
+        self.shaft = RangedPosition::shaft(direction);
         self
     }
 
@@ -182,9 +180,8 @@ impl Damiao {
     }
 
     /// One step of an enabled motor.
-    fn drive(&mut self, tick: &Tick) -> Command {
-        let Self { controller, shaft, position, .. } = self;
-        let sign = shaft.sign();
+    fn drive(&mut self, tick: &Tick) -> CanFrame {
+        let Self { model: Model { limits, .. }, controller, shaft, position, .. } = self;
         let runs = tick.mode == DriveMode::Run;
         match controller {
             Controller::Mit(servo) => {
@@ -196,19 +193,16 @@ impl Damiao {
                     Some(angle) => servo.update_towards(tick, shaft, angle),
                     None => servo.update(tick, shaft),
                 }
-                let torque = servo.effort() * sign;
-                let effort = Setpoint { torque, ..Setpoint::COAST };
-                Command::Mit(
-                    servo.spring().map_or(effort, |spring| position.setpoint(spring, sign)),
-                )
+                wire::mit(self.id, &position.setpoint_of(servo, shaft), limits)
             }
             Controller::Own { mode: Mode::Velocity, goals, .. } => {
-                Command::Velocity(match *goals.goal() {
-                    Goal::Speed(rpm) if runs => sign * rpm / RPM_PER_RADIAN_PER_SECOND,
+                let rpm = match *goals.goal() {
+                    Goal::Speed(rpm) if runs => shaft.sign() * rpm,
                     _ => 0.0,
-                })
+                };
+                wire::velocity(self.id, rpm / RPM_PER_RADIAN_PER_SECOND)
             }
-            Controller::Own { goals, .. } => {
+            Controller::Own { mode, goals, velocity, torque_share } => {
                 let sought = match *goals.goal() {
                     // Since a restart it may lie where the device has no number for.
                     Goal::Total(angle) if runs && position.reaches(shaft, angle) => Some(angle),
@@ -220,15 +214,19 @@ impl Damiao {
                     angle
                 } else {
                     // Where it is now until it has slowed down, then there.
-                    let slow =
-                        self.model.limits.velocity() * RPM_PER_RADIAN_PER_SECOND * STANDSTILL;
+                    let slow = limits.rpm() * STANDSTILL;
                     let stands = shaft.speed().get().abs() <= slow;
                     match goals.update(DriveMode::Hold, || stands.then(|| shaft.angle())) {
                         Goal::Total(angle) => angle,
                         _ => shaft.angle(),
                     }
                 };
-                Command::Position(position.radians_of(shaft, angle))
+                let angle = position.radians_of(shaft, angle);
+                if *mode == Mode::ForcePosition {
+                    wire::force_position(self.id, angle, *velocity, *torque_share)
+                } else {
+                    wire::position_velocity(self.id, angle, *velocity)
+                }
             }
         }
     }
@@ -354,20 +352,11 @@ impl Damiao {
 
     /// What it sends in this tick to its own identifier.
     fn command_frame(&self) -> CanFrame {
-        let (velocity, share) = match self.controller {
-            Controller::Own { velocity, torque_share, .. } => (velocity, torque_share),
-            Controller::Mit(_) => (0.0, 0.0),
-        };
         match self.command {
             Command::Operate(operation) => {
                 operate(self.id, if self.is_bare { Mode::Mit } else { self.mode() }, operation)
             }
-            Command::Mit(setpoint) => wire::mit(self.id, &setpoint, &self.model.limits),
-            Command::Velocity(velocity) => wire::velocity(self.id, velocity),
-            Command::Position(position) if self.mode() == Mode::ForcePosition => {
-                wire::force_position(self.id, position, velocity, share)
-            }
-            Command::Position(position) => wire::position_velocity(self.id, position, velocity),
+            Command::Drive(frame) => frame,
         }
     }
 
@@ -387,12 +376,9 @@ impl Damiao {
     }
 }
 
-/// Steps of a microdegree.
-const STEPS_PER_TURN: u32 = 360_000_000;
-
 /// The nearest angle at a phase within the turn that lies in the device's range.
 fn nearest(position: &RangedPosition, shaft: &Shaft, phase: i32) -> Option<TotalAngle> {
-    let way = shortest_way(shaft.phase(), phase, STEPS_PER_TURN.cast_signed());
+    let way = shortest_way(shaft.phase(), phase, TURN);
     let near = shaft.angle().plus(TotalAngle::from_microdegrees(way.into()));
     position.within_reach(shaft, near)
 }
@@ -414,9 +400,7 @@ impl Motor for Damiao {
         self.supports().accepts(&target)?;
         let is_in_range = match Goal::of(target)? {
             // The device cannot tell of a higher speed either.
-            Goal::Speed(rpm) => {
-                rpm.abs() <= self.model.limits.velocity() * RPM_PER_RADIAN_PER_SECOND
-            }
+            Goal::Speed(rpm) => rpm.abs() <= self.model.limits.rpm(),
             Goal::Angle(phase) => nearest(&self.position, &self.shaft, phase).is_some(),
             _ => self.position.check(&self.shaft, &target).is_ok(),
         };
@@ -449,7 +433,7 @@ impl Motor for Damiao {
         let is_driven = self.is_driven(tick.mode) && self.fault.is_none() && self.is_checked();
         if is_driven && self.state() == Some(State::Enabled) {
             self.is_bare = false;
-            self.command = self.drive(tick);
+            self.command = Command::Drive(self.drive(tick));
             return;
         }
         self.controller.rest();
@@ -492,10 +476,7 @@ impl Motor for Damiao {
             Request::WriteRegister(number, bits) => {
                 let register = register(number)?;
                 let access = Access::Write(register, register.value_of(bits));
-                if access.pack(self.id).is_err() {
-                    let (field, value) = ("register value", f32::from_bits(bits));
-                    return Err(ConfigError::new(field, value, "finite").into());
-                }
+                access.pack(self.id)?;
                 self.ask(Question::Access(access))
             }
             Request::SaveRegisters => self.ask(Question::Access(Access::Save)),
@@ -511,7 +492,10 @@ impl Motor for Damiao {
     }
 
     fn loops(&self) -> Option<Loops> {
-        self.controller.loops()
+        match &self.controller {
+            Controller::Mit(servo) => Some(servo.loops()),
+            Controller::Own { .. } => None,
+        }
     }
 
     fn condition(&self) -> Condition {

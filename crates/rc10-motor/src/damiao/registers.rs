@@ -2,8 +2,7 @@
 //! their first two bytes; it answers on its `MST_ID`, where feedback arrives as well. So a frame is
 //! a [`Reply`] only while one is awaited, and only if it [answers](Reply::answers) what was asked.
 
-use core::fmt;
-
+use rc10_app::ConfigError;
 use rc10_can::CanFrame;
 
 use super::wire::{DeviceId, Mode, REGISTERS, standard};
@@ -145,9 +144,9 @@ impl Access {
     /// The frame that asks for it: eight bytes for a write, else four.
     ///
     /// # Errors
-    /// [`RegisterError::WrongType`] for a whole number in a register that holds none, or the
-    /// reverse; [`RegisterError::NotFinite`].
-    pub fn pack(&self, id: DeviceId) -> Result<CanFrame, RegisterError> {
+    /// [`ConfigError`] for a number that is not finite, for a whole number in a register that holds
+    /// none, or the reverse.
+    pub fn pack(&self, id: DeviceId) -> Result<CanFrame, ConfigError> {
         let [low, high] = id.raw().to_le_bytes();
         let short =
             |operation, last| CanFrame::exact(standard(REGISTERS), [low, high, operation, last]);
@@ -156,13 +155,17 @@ impl Access {
             Self::Save => short(SAVE, 1),
             Self::Refresh => short(REFRESH, 0),
             Self::Write(register, value) => {
-                let bytes = match value {
-                    Value::Real(real) if !real.is_finite() => return Err(RegisterError::NotFinite),
-                    Value::Real(real) if !register.is_whole() => real.to_le_bytes(),
-                    Value::Whole(whole) if register.is_whole() => whole.to_le_bytes(),
-                    Value::Real(_) | Value::Whole(_) => return Err(RegisterError::WrongType),
+                let real = f32::from_bits(value.bits());
+                let must_be = match value {
+                    Value::Real(real) if !real.is_finite() => Some("finite"),
+                    Value::Real(_) if register.is_whole() => Some("a whole number"),
+                    Value::Whole(_) if !register.is_whole() => Some("an f32"),
+                    Value::Real(_) | Value::Whole(_) => None,
                 };
-                let [a, b, c, d] = bytes;
+                if let Some(must_be) = must_be {
+                    return Err(ConfigError::new("register value", real, must_be));
+                }
+                let [a, b, c, d] = value.bits().to_le_bytes();
                 let data = [low, high, WRITE, register.0, a, b, c, d];
                 CanFrame::eight_bytes(standard(REGISTERS), data)
             }
@@ -207,20 +210,21 @@ impl Reply {
     /// From a frame that came with the motor's `MST_ID` while a reply was awaited.
     ///
     /// # Errors
-    /// [`RegisterError`]; nothing in the frame is to be believed.
-    pub fn unpack(frame: &CanFrame) -> Result<Self, RegisterError> {
+    /// [`FrameError`]: [`NotMine`](FrameError::NotMine) by its identifier or its third byte,
+    /// [`Unexpected`](FrameError::Unexpected) for a value that is infinite or NaN.
+    pub fn unpack(frame: &CanFrame) -> Result<Self, FrameError> {
         if frame.is_extended_id() || frame.is_remote() {
-            return Err(RegisterError::NotMine);
+            return Err(FrameError::NotMine);
         }
         let &[low, high, operation, last, ref value @ ..] = frame.bytes() else {
-            return Err(RegisterError::Length);
+            return Err(FrameError::Length);
         };
         let register = Register(last);
         let content = match operation {
             READ => Content::Holds(register, held(register, value)?),
             WRITE => Content::Written(register, held(register, value)?),
             SAVE if last == 1 => Content::Saved,
-            _ => return Err(RegisterError::NotMine),
+            _ => return Err(FrameError::NotMine),
         };
         Ok(Self { id: u16::from_le_bytes([low, high]), content })
     }
@@ -242,42 +246,14 @@ impl Reply {
     }
 }
 
-fn held(register: Register, bytes: &[u8]) -> Result<Value, RegisterError> {
-    let bytes = bytes.try_into().map_err(|_| RegisterError::Length)?;
+fn held(register: Register, bytes: &[u8]) -> Result<Value, FrameError> {
+    let bytes = bytes.try_into().map_err(|_| FrameError::Length)?;
     if register.is_whole() {
         return Ok(Value::Whole(u32::from_le_bytes(bytes)));
     }
     let real = f32::from_le_bytes(bytes);
-    if real.is_finite() { Ok(Value::Real(real)) } else { Err(RegisterError::NotFinite) }
+    if real.is_finite() { Ok(Value::Real(real)) } else { Err(FrameError::Unexpected) }
 }
-
-/// Why a register access cannot be sent, or a frame is no reply.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub enum RegisterError {
-    /// No reply to a register access, by its identifier or its third byte.
-    NotMine,
-    /// Not the length that such a reply has.
-    Length,
-    /// The value is infinite or NaN.
-    NotFinite,
-    /// A whole number for a register that holds none, or the reverse.
-    WrongType,
-}
-
-impl fmt::Display for RegisterError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::NotMine => "not a reply to a register access",
-            Self::Length => "not the length that a register reply has",
-            Self::NotFinite => "the register's value is infinite or NaN",
-            Self::WrongType => "the register does not hold this type of value",
-        })
-    }
-}
-
-impl core::error::Error for RegisterError {}
 
 /// The highest register there is.
 const LAST_REGISTER: u8 = 81;
@@ -294,7 +270,7 @@ pub(super) fn reply_to(id: DeviceId, frame: &CanFrame) -> Option<Result<Reply, F
             SAVE => register == 1,
             _ => false,
         };
-    is_reply.then(|| Reply::unpack(frame).map_err(|_| FrameError::Unexpected))
+    is_reply.then(|| Reply::unpack(frame))
 }
 
 /// The registers that are compared with the configuration before a motor is enabled, and what is
@@ -322,9 +298,9 @@ pub(super) fn check(
     let same = |held: f32, wanted: f32| (held - wanted).abs() <= wanted * SAME;
     let is_good = match (register, held) {
         (Register::MODE, Some(Value::Whole(held))) => held == mode.register_value(),
-        (Register::POSITION_LIMIT, Some(Value::Real(held))) => same(held, limits.position()),
-        (Register::VELOCITY_LIMIT, Some(Value::Real(held))) => same(held, limits.velocity()),
-        (Register::TORQUE_LIMIT, Some(Value::Real(held))) => same(held, limits.torque()),
+        (Register::POSITION_LIMIT, Some(Value::Real(held))) => same(held, limits.position),
+        (Register::VELOCITY_LIMIT, Some(Value::Real(held))) => same(held, limits.velocity),
+        (Register::TORQUE_LIMIT, Some(Value::Real(held))) => same(held, limits.torque),
         _ => false,
     };
     (!is_good).then(|| Fault::new(NOT_AS_CONFIGURED + u32::from(register.0), text))
@@ -336,11 +312,11 @@ mod tests {
     extern crate std;
     use std::string::ToString;
 
-    fn packed(id: u16, access: Access) -> Result<std::string::String, RegisterError> {
+    fn packed(id: u16, access: Access) -> Result<std::string::String, ConfigError> {
         access.pack(DeviceId::new(id).unwrap()).map(|frame| frame.to_string())
     }
 
-    fn reply(data: &[u8]) -> Result<Reply, RegisterError> {
+    fn reply(data: &[u8]) -> Result<Reply, FrameError> {
         Reply::unpack(&CanFrame::data_frame(standard(0x11), data).unwrap())
     }
 
@@ -361,11 +337,11 @@ mod tests {
     #[test]
     fn a_value_of_the_wrong_type_is_not_sent() {
         for (register, value, error) in [
-            (Register::MODE, Value::Real(1.0), RegisterError::WrongType),
-            (Register::POSITION_LIMIT, Value::Whole(12), RegisterError::WrongType),
-            (Register::POSITION_LIMIT, Value::Real(f32::NAN), RegisterError::NotFinite),
+            (Register::MODE, Value::Real(1.0), "a whole number"),
+            (Register::POSITION_LIMIT, Value::Whole(12), "an f32"),
+            (Register::POSITION_LIMIT, Value::Real(f32::NAN), "finite"),
         ] {
-            assert_eq!(packed(1, Access::Write(register, value)), Err(error));
+            assert_eq!(packed(1, Access::Write(register, value)).unwrap_err().must_be, error);
         }
     }
 
@@ -395,13 +371,13 @@ mod tests {
 
     #[test]
     fn what_is_no_reply_says_why() {
-        assert_eq!(reply(&[1, 0, 0x33]), Err(RegisterError::Length));
-        assert_eq!(reply(&[1, 0, 0x33, 21, 0, 0, 0]), Err(RegisterError::Length));
-        assert_eq!(reply(&[1, 0, 0x34, 21, 0, 0, 0, 0]), Err(RegisterError::NotMine));
-        assert_eq!(reply(&[1, 0, 0xAA, 2, 0, 0, 0, 0]), Err(RegisterError::NotMine));
+        assert_eq!(reply(&[1, 0, 0x33]), Err(FrameError::Length));
+        assert_eq!(reply(&[1, 0, 0x33, 21, 0, 0, 0]), Err(FrameError::Length));
+        assert_eq!(reply(&[1, 0, 0x34, 21, 0, 0, 0, 0]), Err(FrameError::NotMine));
+        assert_eq!(reply(&[1, 0, 0xAA, 2, 0, 0, 0, 0]), Err(FrameError::NotMine));
         let infinite = reply(&[1, 0, 0x33, 21, 0, 0, 0x80, 0x7F]);
-        assert_eq!(infinite, Err(RegisterError::NotFinite));
+        assert_eq!(infinite, Err(FrameError::Unexpected));
         let remote = CanFrame::remote_frame(standard(0x11), 8).unwrap();
-        assert_eq!(Reply::unpack(&remote), Err(RegisterError::NotMine));
+        assert_eq!(Reply::unpack(&remote), Err(FrameError::NotMine));
     }
 }

@@ -6,7 +6,7 @@ use heapless::Vec;
 use super::motor::Damiao;
 use super::registers::{NAMES, READ, REFRESH, Register, SAVE, WRITE};
 use super::wire::{ERRORS, Mode, Operation, REGISTERS, operate, standard};
-use crate::mit::Limits;
+use crate::mit::{Limits, spread};
 use crate::signals::{ByteOrder, Marks, Message, Presence, Signal};
 
 /// What a DBC file cannot say of these motors.
@@ -30,24 +30,23 @@ impl Scaled {
     /// For these limits.
     #[must_use]
     pub const fn of(limits: &Limits) -> Self {
-        let (position, velocity) = (limits.position() as f64, limits.velocity() as f64);
-        let torque = limits.torque() as f64;
+        let Limits { position, velocity, torque, kp, kd } = *limits;
         Self {
             feedback: [
                 Signal::new("ID", ByteOrder::Little, 0, 4),
                 Signal::new("ERR", ByteOrder::Little, 4, 4).named(&ERRORS),
-                within(Signal::big("POSITION", 1, 2), position, "rad"),
-                within(twelve("VELOCITY", 31), velocity, "rad/s"),
-                within(twelve("TORQUE", 35), torque, "N m"),
+                spread(Signal::big("POSITION", 1, 2), position, "rad"),
+                spread(twelve("VELOCITY", 31), velocity, "rad/s"),
+                spread(twelve("TORQUE", 35), torque, "N m"),
                 Signal::big("T_MOS", 6, 1).scaled(1.0, "degC"),
                 Signal::big("T_ROTOR", 7, 1).scaled(1.0, "degC"),
             ],
             setpoint: [
-                within(Signal::big("POSITION", 0, 2), position, "rad"),
-                within(twelve("VELOCITY", 23), velocity, "rad/s"),
-                twelve("KP", 27).scaled(limits.kp() as f64 / 4095.0, "N m/rad"),
-                twelve("KD", 47).scaled(limits.kd() as f64 / 4095.0, "N m s/rad"),
-                within(twelve("TORQUE", 51), torque, "N m"),
+                spread(Signal::big("POSITION", 0, 2), position, "rad"),
+                spread(twelve("VELOCITY", 23), velocity, "rad/s"),
+                twelve("KP", 27).scaled(kp as f64 / 4095.0, "N m/rad"),
+                twelve("KD", 47).scaled(kd as f64 / 4095.0, "N m s/rad"),
+                spread(twelve("TORQUE", 51), torque, "N m"),
             ],
         }
     }
@@ -56,12 +55,6 @@ impl Scaled {
 /// Twelve bits, of which the highest is `start`.
 const fn twelve(name: &'static str, start: u8) -> Signal {
     Signal::new(name, ByteOrder::Big, start, 12)
-}
-
-/// All values of its bits spread over ±`limit`.
-const fn within(signal: Signal, limit: f64, unit: &'static str) -> Signal {
-    let most = ((1_u32 << signal.bits) - 1) as f64;
-    signal.scaled(2.0 * limit / most, unit).offset(-limit)
 }
 
 static POSITION_VELOCITY: [Signal; 2] = [

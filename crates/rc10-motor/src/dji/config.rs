@@ -61,13 +61,16 @@ const fn gear(rotor: u32, output: u32) -> Gear {
     }
 }
 
-const fn cascade(speed: PidConfig, angle: PidConfig, acceleration: f32, forward: f32) -> Cascade {
+/// `speed` is kp, ki and the largest effort; `angle` is kp and the largest speed, rpm;
+/// `acceleration` is in rpm/s.
+const fn cascade(speed: [f32; 3], angle: [f32; 2], acceleration: f32) -> Cascade {
+    let ([kp, ki, effort], [angle_kp, rpm]) = (speed, angle);
     Cascade {
-        speed,
-        angle,
+        speed: PidConfig::new(kp, ki, 0.0, effort),
+        angle: PidConfig::new(angle_kp, 0.0, 0.0, rpm),
         outer_divider: 10,
         acceleration: RpmPerSecond::new(acceleration),
-        feed_forward: forward,
+        feed_forward: 0.0,
     }
 }
 
@@ -83,32 +86,20 @@ pub const M3508: Model = Model {
     has_temperature: true,
     gear: gear(3591, 187),
     rotor_torque_constant: 0.015_622,
-    cascade: cascade(
-        PidConfig::new(0.40, 2.0, 0.0, 20.0),
-        PidConfig::new(1.3, 0.0, 0.0, 400.0),
-        1000.0,
-        0.0,
-    ),
+    cascade: cascade([0.40, 2.0, 20.0], [1.3, 400.0], 1000.0),
 };
 
 /// M2006 with its C610: ±10 A, gear 36 : 1. It has no temperature sensor.
 pub const M2006: Model = Model {
     name: "M2006",
-    last_id: 8,
-    feedback_base: 0x200,
-    command_ids: [0x200, 0x1FF],
     effort: Effort::Current(10.0),
     full_scale: 10000,
     amps_per_count: 10.0 / 10000.0,
     has_temperature: false,
     gear: gear(36, 1),
     rotor_torque_constant: 0.005,
-    cascade: cascade(
-        PidConfig::new(0.10, 0.75, 0.0, 10.0),
-        PidConfig::new(1.3, 0.0, 0.0, 400.0),
-        2000.0,
-        0.0,
-    ),
+    cascade: cascade([0.10, 0.75, 10.0], [1.3, 400.0], 2000.0),
+    ..M3508
 };
 
 /// GM6020 set to current mode: ±3 A, no gearbox. The mode is set in RoboMaster Assistant (firmware
@@ -124,12 +115,7 @@ pub const GM6020_CURRENT: Model = Model {
     has_temperature: true,
     gear: Gear::DIRECT,
     rotor_torque_constant: 0.741,
-    cascade: cascade(
-        PidConfig::new(0.04, 0.1, 0.0, 3.0),
-        PidConfig::new(0.8, 0.0, 0.0, 250.0),
-        500.0,
-        0.0,
-    ),
+    cascade: cascade([0.04, 0.1, 3.0], [0.8, 250.0], 500.0),
 };
 
 /// GM6020 set to voltage mode, as it is sold. ±25000 is what every firmware takes (the first manual
@@ -139,13 +125,11 @@ pub const GM6020_VOLTAGE: Model = Model {
     command_ids: [0x1FF, 0x2FF],
     effort: Effort::Voltage,
     full_scale: 25000,
-    cascade: cascade(
-        PidConfig::new(0.003, 0.06, 0.0, 1.0),
-        PidConfig::new(0.8, 0.0, 0.0, 250.0),
-        500.0,
+    cascade: Cascade {
         // 320 rpm at full voltage without load; less, so that a weak motor is not overdriven.
-        0.7 / 320.0,
-    ),
+        feed_forward: 0.7 / 320.0,
+        ..cascade([0.003, 0.06, 1.0], [0.8, 250.0], 500.0)
+    },
     ..GM6020_CURRENT
 };
 
@@ -202,25 +186,20 @@ impl Model {
 pub enum FeedbackRate {
     /// 1000 Hz, the factory setting.
     #[default]
-    Hz1000,
+    Hz1000 = 1000,
     /// 500 Hz: needed from six motors a bus on.
-    Hz500,
+    Hz500 = 500,
     /// 250 Hz; above 6750 rpm the rotor's turns are estimated, see
     /// [`Feedback::turn_gaps`](crate::Feedback::turn_gaps).
-    Hz250,
+    Hz250 = 250,
     /// 125 Hz; above 3375 rpm the rotor's turns are estimated.
-    Hz125,
+    Hz125 = 125,
 }
 
 impl FeedbackRate {
     /// In frames a second.
     #[must_use]
     pub const fn hz(self) -> u16 {
-        match self {
-            Self::Hz1000 => 1000,
-            Self::Hz500 => 500,
-            Self::Hz250 => 250,
-            Self::Hz125 => 125,
-        }
+        self as u16
     }
 }

@@ -2,7 +2,7 @@
 
 use embedded_can::{Id, StandardId};
 use rc10_app::maths::round_to_i16;
-use rc10_app::{Amps, Cascade, Celsius, ConfigError, CountsPerTurn, Direction, Gear, NewtonMetres};
+use rc10_app::{Amps, Cascade, Celsius, ConfigError, Direction, Gear, NewtonMetres};
 use rc10_can::{CanFrame, IdPattern, Micros};
 
 use super::config::{Effort, FeedbackRate, IdOutOfRange, Model};
@@ -127,16 +127,9 @@ impl Dji {
     }
 
     /// The command it sends now: raw, as on the wire.
-    #[inline]
     #[must_use]
     pub fn raw_command(&self) -> i16 {
         round_to_i16(self.servo.effort() * self.raw_per_effort)
-    }
-
-    /// Rotor encoder counts per turn of the output.
-    #[must_use]
-    pub const fn counts_per_turn(&self) -> CountsPerTurn {
-        CountsPerTurn::new(ENCODER_COUNTS * self.gear.rotor_turns(), self.gear.output_turns())
     }
 
     /// What is wrong with a frame.
@@ -246,7 +239,6 @@ impl CanMotor for Dji {
         Ok(FrameKind::Feedback)
     }
 
-    #[inline]
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
         // The lane is one of 0, 2, 4, 6; said in a way that the compiler understands too.
         tx.lane(self.command_id, self.lane & 6, self.raw_command().to_be_bytes())

@@ -3,7 +3,7 @@
 use core::fmt;
 use core::num::NonZeroU8;
 
-use rc10_app::{Amps, ConfigError, CountsPerTurn, Direction, Gear, Rpm};
+use rc10_app::{Amps, ConfigError, CountsPerTurn, Direction, ElectricalRpm, Gear, Rpm};
 use rc10_can::Micros;
 
 use super::wire::Status;
@@ -28,7 +28,6 @@ impl VescId {
     }
 
     /// The number.
-    #[inline]
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
@@ -38,34 +37,6 @@ impl VescId {
 impl fmt::Display for VescId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
-    }
-}
-
-/// Electrical revolutions per minute: rotor rpm times pole pairs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct ElectricalRpm(f32);
-
-impl ElectricalRpm {
-    /// A number of electrical rpm.
-    #[inline]
-    #[must_use]
-    pub const fn new(value: f32) -> Self {
-        Self(value)
-    }
-
-    /// The number of electrical rpm.
-    #[inline]
-    #[must_use]
-    pub const fn get(self) -> f32 {
-        self.0
-    }
-}
-
-impl fmt::Display for ElectricalRpm {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(&self.0, f)?;
-        f.write_str(" erpm")
     }
 }
 
@@ -110,12 +81,6 @@ impl ElectricalScale {
         self
     }
 
-    /// The minimum that is set in the VESC.
-    #[must_use]
-    pub const fn minimum(&self) -> ElectricalRpm {
-        self.minimum
-    }
-
     /// Electrical turns per turn of the rotor.
     pub(super) fn pole_pairs(&self) -> f32 {
         self.pole_pairs.get().into()
@@ -128,7 +93,6 @@ impl ElectricalScale {
     }
 
     /// The electrical speed at a speed of the output shaft.
-    #[inline]
     #[must_use]
     pub fn to_electrical(&self, output: Rpm) -> ElectricalRpm {
         ElectricalRpm::new(output.get() * (self.gear.ratio() * self.pole_pairs()))
@@ -142,7 +106,6 @@ impl ElectricalScale {
 
     /// Whether the VESC regulates this speed of the output shaft. Slower ones it does not, standing
     /// still among them: the motor is left free or drags, and holds nothing.
-    #[inline]
     #[must_use]
     pub fn regulates(&self, output: Rpm) -> bool {
         // False for NaN.
@@ -196,7 +159,6 @@ impl StatusRates {
     };
 
     /// Of the frame that says this.
-    #[inline]
     pub(super) const fn of(&self, status: &Status) -> u16 {
         match status {
             Status::Motion { .. } => self.status_1,
@@ -286,44 +248,36 @@ impl Config {
     /// # Errors
     /// The first field that cannot, and what it must be.
     pub fn validate(&self) -> Result<(), ConfigError> {
+        let check = ConfigError::check;
         let status = self.status;
         let fastest = status.status_1;
-        check("status_1", fastest.into(), (1..=1000).contains(&fastest), "1 to 1000 Hz")?;
+        check((1..=1000).contains(&fastest), "status_1", fastest.into(), "1 to 1000 Hz")?;
         let [_, others @ ..] = status.all();
         let names = ["status_2", "status_3", "status_4", "status_5", "status_6"];
         for (name, rate) in names.into_iter().zip(others) {
-            check(name, rate.into(), rate <= fastest, "at most as often as `status_1`")?;
+            check(rate <= fastest, name, rate.into(), "at most as often as `status_1`")?;
         }
         let commands = self.command_hz;
-        check("command_hz", commands.into(), (1..=1000).contains(&commands), "1 to 1000 Hz")?;
+        check((1..=1000).contains(&commands), "command_hz", commands.into(), "1 to 1000 Hz")?;
         #[expect(clippy::cast_precision_loss, reason = "for a message")]
         let timeout = self.timeout.get() as f32 * 1e-6;
         let repeated = self.timeout.get().saturating_mul(commands.into()) >= 3_000_000;
-        check("timeout", timeout, repeated, "three periods of `command_hz` or more (seconds)")?;
+        check(repeated, "timeout", timeout, "three periods of `command_hz` or more (seconds)")?;
         let Currents { limit, brake, handbrake } = self.currents;
         let limit = limit.get();
-        check("limit", limit, limit > 0.0 && limit.is_finite(), "finite and positive")?;
+        check(limit > 0.0 && limit.is_finite(), "limit", limit, "finite and positive")?;
         for (name, amps) in [("brake", brake.get()), ("handbrake", handbrake.get())] {
-            check(name, amps, (0.0..=limit).contains(&amps), "0 to `limit`")?;
+            check((0.0..=limit).contains(&amps), name, amps, "0 to `limit`")?;
         }
-        let minimum = self.scale.minimum().get();
-        check("minimum", minimum, minimum >= 0.0 && minimum.is_finite(), "finite, not negative")?;
+        let minimum = self.scale.minimum.get();
+        check(minimum >= 0.0 && minimum.is_finite(), "minimum", minimum, "finite, not negative")?;
         let seen = !self.encoder_on_shaft || status.status_4 > 0;
-        check("status_4", status.status_4.into(), seen, "above 0 with `encoder_on_shaft`")?;
+        check(seen, "status_4", status.status_4.into(), "above 0 with `encoder_on_shaft`")?;
         let full = self.relative_to.map_or(limit, Amps::get);
-        check("relative_to", full, full >= limit && full.is_finite(), "finite, `limit` or more")?;
+        check(full >= limit && full.is_finite(), "relative_to", full, "finite, `limit` or more")?;
         let own = f32::from(self.asker.get());
-        check("asker", own, self.asker != self.id, "another number than `id`")
+        check(self.asker != self.id, "asker", own, "another number than `id`")
     }
-}
-
-pub(super) fn check(
-    field: &'static str,
-    value: f32,
-    good: bool,
-    must_be: &'static str,
-) -> Result<(), ConfigError> {
-    if good { Ok(()) } else { Err(ConfigError::new(field, value, must_be)) }
 }
 
 #[cfg(test)]

@@ -1,8 +1,6 @@
 //! How a turning shaft is brought to a stand and kept there without angle loops.
 
-use rc10_app::Seconds;
-
-use super::ElectricalRpm;
+use rc10_app::{ElectricalRpm, Seconds};
 
 /// Slower than this a still field catches the rotor (estimate): five turns of the field a second.
 const CATCHABLE: f32 = 300.0;

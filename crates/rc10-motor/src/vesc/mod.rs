@@ -87,12 +87,10 @@ pub mod signals;
 mod watch;
 pub mod wire;
 
+pub use crate::not_a_number::NotANumber;
 pub use config::{
-    CONTROL_HZ, Config, Currents, DEFAULT_MINIMUM, ElectricalRpm, ElectricalScale, StatusRates,
-    VescId,
+    CONTROL_HZ, Config, Currents, DEFAULT_MINIMUM, ElectricalScale, StatusRates, VescId,
 };
 pub use motor::Vesc;
-pub use wire::{
-    Address, Command, NotANumber, Packet, Reply, Setting, Status, UnpackError, coast, ping,
-    shutdown,
-};
+pub use rc10_app::ElectricalRpm;
+pub use wire::{Address, Command, Packet, Reply, Setting, Status, coast, ping, shutdown};

@@ -3,13 +3,13 @@
 use embedded_can::{ExtendedId, Id};
 use rc10_app::angle::shortest_way;
 use rc10_app::maths::{round_to_i32, within};
-use rc10_app::{Amps, Cascade, Celsius, ConfigError, Degrees, Gear, Volts};
+use rc10_app::{Amps, Cascade, Celsius, ConfigError, Degrees, ElectricalRpm, Gear, Volts};
 use rc10_can::{CanFrame, IdPattern, Micros};
 
-use super::config::{CONTROL_HZ, Config, ElectricalRpm, check};
+use super::config::{CONTROL_HZ, Config};
 use super::hold::Hold;
 use super::watch::Watch;
-use super::wire::{Command, Packet, Reply, STATUSES, Setting, Status, UnpackError, coast, ping};
+use super::wire::{Command, Packet, Reply, STATUSES, Setting, Status, coast, ping};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, Guard, MotorName, Rate, RxFrames, TxFrames};
 use crate::feedback::{Condition, Fault, Feedback};
@@ -152,7 +152,7 @@ impl Vesc {
     pub fn with_servo(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
         let rate = self.config.status.status_5;
         let must_be = "200 Hz or more, to seek angles by";
-        let servo = check("status_5", rate.into(), rate >= CONTROL_HZ, must_be)
+        let servo = ConfigError::check(rate >= CONTROL_HZ, "status_5", rate.into(), must_be)
             .and_then(|()| Servo::new(TargetKind::Current, cascade))
             .and_then(|mut servo| servo.set_limit("limit", self.limit).map(|()| servo));
         let id = self.config.id.get().into();
@@ -372,7 +372,7 @@ impl Vesc {
 
     fn set_limit(&mut self, limit: Amps) -> Result<Response, RequestError> {
         let asked = limit.get();
-        check("current limit", asked, asked >= 0.0, "zero or more")?;
+        ConfigError::check(asked >= 0.0, "current limit", asked, "zero or more")?;
         self.limit = asked.min(self.config.currents.limit.get());
         if let Some(servo) = &mut self.servo {
             servo.set_limit("current limit", self.limit)?;
@@ -538,7 +538,7 @@ impl CanMotor for Vesc {
                 self.watch.hear_answer();
                 Ok(FrameKind::Other)
             }
-            Err(UnpackError::Length(..)) if self.receives(frame) => Err(FrameError::Length),
+            Err(FrameError::Length) if self.receives(frame) => Err(FrameError::Length),
             Ok(_) | Err(_) => Err(FrameError::NotMine),
         }
     }
@@ -547,7 +547,7 @@ impl CanMotor for Vesc {
         let id = self.config.id;
         if self.is_due {
             // A number that is none is never sent: then it goes free.
-            tx.push_as(self.command.pack(id).unwrap_or_else(|_| coast(id)), self.stream)?;
+            tx.push_as(self.command.pack(id).unwrap_or_else(|error| error.neutral), self.stream)?;
             self.is_due = false;
         }
         if self.until_limit.is_some_and(|left| left <= 0.0) {

@@ -28,9 +28,10 @@ pub fn messages(config: &Config) -> Vec<Message, MOST> {
         Message::new(name, Id::Extended(packet.id(id)), len, from_device, signals)
     };
     let reports = |wanted: bool| {
-        let statuses = STATUSES.into_iter().zip(REPORTS).zip(config.status.all());
+        let statuses = STATUSES.into_iter().zip(REPORT_NAMES).zip(REPORTS);
+        let statuses = statuses.zip(config.status.all());
         let statuses = statuses.filter(move |(_, rate)| (*rate > 0) == wanted);
-        statuses.map(move |((packet, (name, signals)), _)| {
+        statuses.map(move |(((packet, name), signals), _)| {
             message(packet, config.id, name, 8, true, signals)
         })
     };
@@ -48,55 +49,46 @@ pub fn messages(config: &Config) -> Vec<Message, MOST> {
     own.chain(reports(false)).chain(to_all).take(MOST).collect()
 }
 
+const REPORT_NAMES: [&str; 6] = [
+    "VESC_STATUS_1",
+    "VESC_STATUS_2",
+    "VESC_STATUS_3",
+    "VESC_STATUS_4",
+    "VESC_STATUS_5",
+    "VESC_STATUS_6",
+];
+
 /// In the order of their numbers (bldc `comm_can.c`, `comm_can_send_status1` to `status6`).
-const REPORTS: [(&str, &[Signal]); 6] = [
-    (
-        "VESC_STATUS_1",
-        &[
-            Signal::big("VESC_SPEED", 0, 4).signed().scaled(1.0, "erpm"),
-            Signal::big("VESC_CURRENT", 4, 2).signed().scaled(0.1, "A"),
-            Signal::big("VESC_DUTY", 6, 2).signed().scaled(0.001, ""),
-        ],
-    ),
-    (
-        "VESC_STATUS_2",
-        &[
-            Signal::big("VESC_CHARGE_USED", 0, 4).signed().scaled(1e-4, "Ah"),
-            Signal::big("VESC_CHARGE_FED_BACK", 4, 4).signed().scaled(1e-4, "Ah"),
-        ],
-    ),
-    (
-        "VESC_STATUS_3",
-        &[
-            Signal::big("VESC_ENERGY_USED", 0, 4).signed().scaled(1e-4, "Wh"),
-            Signal::big("VESC_ENERGY_FED_BACK", 4, 4).signed().scaled(1e-4, "Wh"),
-        ],
-    ),
-    (
-        "VESC_STATUS_4",
-        &[
-            Signal::big("VESC_TRANSISTOR_TEMPERATURE", 0, 2).signed().scaled(0.1, "degC"),
-            Signal::big("VESC_MOTOR_TEMPERATURE", 2, 2).signed().scaled(0.1, "degC"),
-            Signal::big("VESC_INPUT_CURRENT", 4, 2).signed().scaled(0.1, "A"),
-            Signal::big("VESC_POSITION", 6, 2).signed().scaled(0.02, "deg"),
-        ],
-    ),
-    (
-        "VESC_STATUS_5",
-        &[
-            Signal::big("VESC_TACHOMETER", 0, 4).signed().scaled(1.0, "steps"),
-            Signal::big("VESC_SUPPLY", 4, 2).signed().scaled(0.1, "V"),
-        ],
-    ),
-    (
-        "VESC_STATUS_6",
-        &[
-            Signal::big("VESC_INPUT_1", 0, 2).signed().scaled(0.001, "V"),
-            Signal::big("VESC_INPUT_2", 2, 2).signed().scaled(0.001, "V"),
-            Signal::big("VESC_INPUT_3", 4, 2).signed().scaled(0.001, "V"),
-            Signal::big("VESC_PPM", 6, 2).signed().scaled(0.001, ""),
-        ],
-    ),
+const REPORTS: [&[Signal]; 6] = [
+    &[
+        Signal::big("VESC_SPEED", 0, 4).signed().scaled(1.0, "erpm"),
+        Signal::big("VESC_CURRENT", 4, 2).signed().scaled(0.1, "A"),
+        Signal::big("VESC_DUTY", 6, 2).signed().scaled(0.001, ""),
+    ],
+    &[
+        Signal::big("VESC_CHARGE_USED", 0, 4).signed().scaled(1e-4, "Ah"),
+        Signal::big("VESC_CHARGE_FED_BACK", 4, 4).signed().scaled(1e-4, "Ah"),
+    ],
+    &[
+        Signal::big("VESC_ENERGY_USED", 0, 4).signed().scaled(1e-4, "Wh"),
+        Signal::big("VESC_ENERGY_FED_BACK", 4, 4).signed().scaled(1e-4, "Wh"),
+    ],
+    &[
+        Signal::big("VESC_TRANSISTOR_TEMPERATURE", 0, 2).signed().scaled(0.1, "degC"),
+        Signal::big("VESC_MOTOR_TEMPERATURE", 2, 2).signed().scaled(0.1, "degC"),
+        Signal::big("VESC_INPUT_CURRENT", 4, 2).signed().scaled(0.1, "A"),
+        Signal::big("VESC_POSITION", 6, 2).signed().scaled(0.02, "deg"),
+    ],
+    &[
+        Signal::big("VESC_TACHOMETER", 0, 4).signed().scaled(1.0, "steps"),
+        Signal::big("VESC_SUPPLY", 4, 2).signed().scaled(0.1, "V"),
+    ],
+    &[
+        Signal::big("VESC_INPUT_1", 0, 2).signed().scaled(0.001, "V"),
+        Signal::big("VESC_INPUT_2", 2, 2).signed().scaled(0.001, "V"),
+        Signal::big("VESC_INPUT_3", 4, 2).signed().scaled(0.001, "V"),
+        Signal::big("VESC_PPM", 6, 2).signed().scaled(0.001, ""),
+    ],
 ];
 
 const PONG: &[Signal] = &[
@@ -104,36 +96,24 @@ const PONG: &[Signal] = &[
     Signal::big("VESC_PONG_HARDWARE", 1, 1).named(&[(0, "VESC")]),
 ];
 
-const fn order(name: &'static str, factor: f64, unit: &'static str) -> [Signal; 1] {
-    [Signal::big(name, 0, 4).signed().scaled(factor, unit)]
+/// What is one number.
+macro_rules! order {
+    ($packet:ident, $name:literal, $factor:literal, $unit:literal) => {
+        (Packet::$packet, $name, 4, &[Signal::big($name, 0, 4).signed().scaled($factor, $unit)])
+    };
 }
 
 /// What can be sent to it (bldc `comm_can.c`, `comm_can_set_*`); the motor sends the first eleven.
 const ORDERS: &[(Packet, &str, u8, &[Signal])] = &[
-    (Packet::SetDuty, "VESC_SET_DUTY", 4, &order("VESC_SET_DUTY", 1e-5, "")),
-    (Packet::SetCurrent, "VESC_SET_CURRENT", 4, &order("VESC_SET_CURRENT", 1e-3, "A")),
-    (Packet::SetCurrentBrake, "VESC_SET_BRAKE", 4, &order("VESC_SET_BRAKE", 1e-3, "A")),
-    (Packet::SetRpm, "VESC_SET_SPEED", 4, &order("VESC_SET_SPEED", 1.0, "erpm")),
-    (Packet::SetPos, "VESC_SET_POSITION", 4, &order("VESC_SET_POSITION", 1e-6, "deg")),
-    (
-        Packet::SetCurrentRel,
-        "VESC_SET_CURRENT_SHARE",
-        4,
-        &order("VESC_SET_CURRENT_SHARE", 1e-5, ""),
-    ),
-    (
-        Packet::SetCurrentBrakeRel,
-        "VESC_SET_BRAKE_SHARE",
-        4,
-        &order("VESC_SET_BRAKE_SHARE", 1e-5, ""),
-    ),
-    (Packet::SetCurrentHandbrake, "VESC_SET_HANDBRAKE", 4, &order("VESC_SET_HANDBRAKE", 1e-3, "A")),
-    (
-        Packet::SetCurrentHandbrakeRel,
-        "VESC_SET_HANDBRAKE_SHARE",
-        4,
-        &order("VESC_SET_HANDBRAKE_SHARE", 1e-5, ""),
-    ),
+    order!(SetDuty, "VESC_SET_DUTY", 1e-5, ""),
+    order!(SetCurrent, "VESC_SET_CURRENT", 1e-3, "A"),
+    order!(SetCurrentBrake, "VESC_SET_BRAKE", 1e-3, "A"),
+    order!(SetRpm, "VESC_SET_SPEED", 1.0, "erpm"),
+    order!(SetPos, "VESC_SET_POSITION", 1e-6, "deg"),
+    order!(SetCurrentRel, "VESC_SET_CURRENT_SHARE", 1e-5, ""),
+    order!(SetCurrentBrakeRel, "VESC_SET_BRAKE_SHARE", 1e-5, ""),
+    order!(SetCurrentHandbrake, "VESC_SET_HANDBRAKE", 1e-3, "A"),
+    order!(SetCurrentHandbrakeRel, "VESC_SET_HANDBRAKE_SHARE", 1e-5, ""),
     (Packet::Ping, "VESC_PING", 1, &[Signal::big("VESC_PING_FROM", 0, 1)]),
     (Packet::ConfCurrentLimits, "VESC_CURRENT_LIMITS", 8, &CURRENT_LIMITS),
     (Packet::ConfStoreCurrentLimits, "VESC_STORE_CURRENT_LIMITS", 8, &CURRENT_LIMITS),

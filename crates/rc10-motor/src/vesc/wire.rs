@@ -7,10 +7,12 @@ use core::fmt;
 
 use embedded_can::ExtendedId;
 use rc10_app::maths::{round_to_i32, within};
-use rc10_app::{Amps, Celsius, Degrees};
+use rc10_app::{Amps, Celsius, Degrees, ElectricalRpm};
 use rc10_can::CanFrame;
 
-use super::config::{EVERY, ElectricalRpm, VescId};
+use super::config::{EVERY, VescId};
+use crate::motor::FrameError;
+use crate::not_a_number::NotANumber;
 
 /// The receiver of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +32,6 @@ impl From<VescId> for Address {
 
 impl Address {
     /// The lowest byte of the identifier.
-    #[inline]
     #[must_use]
     pub const fn byte(self) -> u8 {
         match self {
@@ -115,7 +116,6 @@ packets! {
 
 impl Packet {
     /// Its number.
-    #[inline]
     #[must_use]
     pub const fn number(self) -> u8 {
         self as u8
@@ -123,7 +123,6 @@ impl Packet {
 
     /// The identifier of this packet with an address: the receiver's if it is a command, the
     /// sender's if it is a status.
-    #[inline]
     #[must_use]
     pub fn id(self, address: impl Into<Address>) -> ExtendedId {
         let raw = u32::from(u16::from_be_bytes([self.number(), address.into().byte()]));
@@ -197,25 +196,8 @@ pub enum Command {
     RelativeHandbrake(f32),
 }
 
-/// A value to be sent was not a number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct NotANumber {
-    /// The packet that could not be made.
-    pub packet: Packet,
-}
-
-impl fmt::Display for NotANumber {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} of what is not a number", self.packet)
-    }
-}
-
-impl core::error::Error for NotANumber {}
-
 impl Command {
     /// The packet it is sent as.
-    #[inline]
     #[must_use]
     pub const fn packet(&self) -> Packet {
         match self {
@@ -234,8 +216,8 @@ impl Command {
     /// The frame, of exactly four bytes.
     ///
     /// # Errors
-    /// [`NotANumber`]. The neutral command to send then is [`coast`], whatever was wanted: duty 0
-    /// would brake, and position 0 would move.
+    /// [`NotANumber`]; neutral is [`coast`], whatever was wanted: duty 0 would brake, and position 0
+    /// would move.
     ///
     /// ```
     /// use rc10_motor::vesc::{Command, ElectricalRpm, VescId};
@@ -244,9 +226,8 @@ impl Command {
     /// assert_eq!(frame.to_string(), "00000301#00005208");
     /// # Ok::<(), rc10_motor::vesc::NotANumber>(())
     /// ```
-    #[inline]
     pub fn pack(&self, to: impl Into<Address>) -> Result<CanFrame, NotANumber> {
-        let packet = self.packet();
+        let (packet, to) = (self.packet(), to.into());
         let (value, per_unit) = match *self {
             Self::Duty(share)
             | Self::RelativeCurrent(share)
@@ -259,19 +240,18 @@ impl Command {
             Self::Position(angle) => (angle.get(), 0.0),
         };
         if value.is_nan() {
-            return Err(NotANumber { packet });
+            return Err(not_a_number(packet, to));
         }
         let raw = match self {
             Self::Position(_) => position_steps(value),
             _ => round_to_i32(value * per_unit),
         };
-        Ok(frame(packet, to.into(), raw.to_be_bytes()))
+        Ok(frame(packet, to, raw.to_be_bytes()))
     }
 }
 
 /// A millionth of a degree is less than the last place of an f32 times a million: whole degrees
 /// and the rest are scaled by themselves.
-#[inline]
 fn position_steps(degrees: f32) -> i32 {
     #[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
     let whole = degrees as i32;
@@ -282,8 +262,12 @@ fn position_steps(degrees: f32) -> i32 {
     whole.saturating_mul(STEPS_PER_DEGREE).saturating_add(rest)
 }
 
+#[cold]
+fn not_a_number(packet: Packet, to: Address) -> NotANumber {
+    NotANumber { field: packet.name(), neutral: coast(to) }
+}
+
 /// `SET_CURRENT` 0: no torque, no braking.
-#[inline]
 #[must_use]
 pub fn coast(to: impl Into<Address>) -> CanFrame {
     frame(Packet::SetCurrent, to.into(), [0; 4])
@@ -341,7 +325,7 @@ impl Setting {
     /// The frame, of exactly eight bytes, that holds until the VESC restarts.
     ///
     /// # Errors
-    /// [`NotANumber`]: there is no neutral setting, so send nothing.
+    /// [`NotANumber`]; neutral is [`coast`]: no setting is.
     pub fn pack(&self, to: impl Into<Address>) -> Result<CanFrame, NotANumber> {
         self.pack_as(self.packets().0, to.into())
     }
@@ -377,7 +361,7 @@ impl Setting {
             Self::BatteryCut { start, end } => (start, end),
         };
         if first.is_nan() || second.is_nan() {
-            return Err(NotANumber { packet });
+            return Err(not_a_number(packet, to));
         }
         let [a, b, c, d] = round_to_i32(first * STEPS_PER_SETTING).to_be_bytes();
         let [e, f, g, h] = round_to_i32(second * STEPS_PER_SETTING).to_be_bytes();
@@ -386,7 +370,6 @@ impl Setting {
 }
 
 /// A frame of exactly this length.
-#[inline]
 fn frame<const LEN: usize>(packet: Packet, to: Address, data: [u8; LEN]) -> CanFrame {
     CanFrame::exact(packet.id(to), data)
 }
@@ -467,76 +450,34 @@ pub enum Status {
     },
 }
 
-/// Why a frame is no frame of a VESC.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum UnpackError {
-    /// A standard identifier.
-    Standard,
-    /// A remote request.
-    Remote,
-    /// An identifier above 0xFFFF: of another protocol.
-    UpperBits(u32),
-    /// A packet with this number is not known.
-    UnknownPacket(u8),
-    /// A packet that is sent to a VESC, never by one.
-    NotAReply(Packet),
-    /// Not the length that this packet always has.
-    Length(Packet, usize),
-    /// Id 255 as the sender, or as the receiver of a PONG.
-    Broadcast(Packet),
-}
-
-impl fmt::Display for UnpackError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Standard => f.write_str("a standard identifier; VESCs have extended ones"),
-            Self::Remote => f.write_str("a remote request"),
-            Self::UpperBits(id) => write!(f, "identifier {id:08X} is above FFFF: not of a VESC"),
-            Self::UnknownPacket(number) => write!(f, "packet {number} is not known"),
-            Self::NotAReply(packet) => write!(f, "{packet} is nothing a VESC tells"),
-            Self::Length(packet, len) => write!(f, "{packet} of {len} bytes"),
-            Self::Broadcast(packet) => write!(f, "{packet} of id 255, which no VESC has"),
-        }
-    }
-}
-
-impl core::error::Error for UnpackError {}
-
 impl Reply {
     /// From a frame.
     ///
     /// # Errors
-    /// [`UnpackError`] for everything but PONG and STATUS to `STATUS_6` in their exact lengths.
+    /// [`FrameError::NotMine`] for everything but PONG and STATUS to `STATUS_6` of an id below 255,
+    /// [`FrameError::Length`] for these in another length than they always have.
     ///
     /// ```
     /// use rc10_can::{CanFrame, embedded_can::ExtendedId};
-    /// use rc10_motor::vesc::{Packet, Reply, Status, UnpackError, VescId};
+    /// use rc10_motor::vesc::{Packet, Reply, Status, VescId};
     /// let wheel = VescId::new(1).unwrap();
     /// let bytes = [0, 0, 0x03, 0xE8, 0, 0xF5, 0, 0];
     /// let told = Reply::unpack(&CanFrame::eight_bytes(Packet::Status5.id(wheel), bytes))?;
     /// let status = Status::Tachometer { steps: 1000, volts: 24.5 };
     /// assert_eq!(told, Reply::Status { from: wheel, status });
-    /// # Ok::<(), UnpackError>(())
+    /// # Ok::<(), rc10_motor::FrameError>(())
     /// ```
-    #[inline]
-    pub fn unpack(frame: &CanFrame) -> Result<Self, UnpackError> {
-        let raw = frame.raw_id();
-        if !frame.is_extended_id() {
-            return Err(UnpackError::Standard);
+    pub fn unpack(frame: &CanFrame) -> Result<Self, FrameError> {
+        if !frame.is_extended_id() || frame.is_remote() {
+            return Err(FrameError::NotMine);
         }
-        if frame.is_remote() {
-            return Err(UnpackError::Remote);
-        }
-        let [0, 0, number, id] = raw.to_be_bytes() else {
-            return Err(UnpackError::UpperBits(raw));
+        let [0, 0, number, id] = frame.raw_id().to_be_bytes() else {
+            return Err(FrameError::NotMine);
         };
-        let packet = Packet::from_number(number).ok_or(UnpackError::UnknownPacket(number))?;
-        let vesc = |id| VescId::new(id).ok_or(UnpackError::Broadcast(packet));
+        let packet = Packet::from_number(number).ok_or(FrameError::NotMine)?;
+        let vesc = |id| VescId::new(id).ok_or(FrameError::NotMine);
         if packet == Packet::Pong {
-            let &[from, hardware] = frame.bytes() else {
-                return Err(UnpackError::Length(packet, frame.len()));
-            };
+            let &[from, hardware] = frame.bytes() else { return Err(FrameError::Length) };
             return Ok(Self::Pong { from: vesc(from)?, to: vesc(id)?, hardware });
         }
         let status = status(packet, frame)?;
@@ -545,9 +486,8 @@ impl Reply {
 }
 
 /// Of a data frame.
-#[inline]
-fn status(packet: Packet, frame: &CanFrame) -> Result<Status, UnpackError> {
-    let bytes = || frame.all_eight().ok_or(UnpackError::Length(packet, frame.len()));
+fn status(packet: Packet, frame: &CanFrame) -> Result<Status, FrameError> {
+    let bytes = || frame.all_eight().ok_or(FrameError::Length);
     Ok(match packet {
         Packet::Status => {
             let ([speed, _], [.., current, duty]) = (words(bytes()?), halves(bytes()?));
@@ -582,18 +522,16 @@ fn status(packet: Packet, frame: &CanFrame) -> Result<Status, UnpackError> {
             let [first, second, third, ppm] = halves(bytes()?).map(|raw| raw * INPUT_PER_STEP);
             Status::Inputs { analogue: [first, second, third], ppm }
         }
-        other => return Err(UnpackError::NotAReply(other)),
+        _ => return Err(FrameError::NotMine),
     })
 }
 
 /// As two numbers.
-#[inline]
 const fn words(&[a, b, c, d, e, f, g, h]: &[u8; 8]) -> [i32; 2] {
     [i32::from_be_bytes([a, b, c, d]), i32::from_be_bytes([e, f, g, h])]
 }
 
 /// As four numbers.
-#[inline]
 fn halves(&[a, b, c, d, e, f, g, h]: &[u8; 8]) -> [f32; 4] {
     [[a, b], [c, d], [e, f], [g, h]].map(|half| i16::from_be_bytes(half).into())
 }

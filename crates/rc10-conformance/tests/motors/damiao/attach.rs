@@ -27,7 +27,8 @@ fn clash(one: &mut Damiao, other: &mut dyn CanMotor) -> Option<Clash> {
 #[test]
 fn configurations_that_cannot_be_are_refused_by_name() {
     let field = |can_id, master_id, control| {
-        Damiao::new(models::J4310, can_id, master_id, control).map_err(|error| error.field).err()
+        let error = Damiao::new(models::J4310, can_id, master_id, control).err()?;
+        Some([error.part, error.field].join(".").trim_start_matches('.').to_string())
     };
     for (can_id, master_id, wrong) in [
         (0x11, 0x31, None),
@@ -43,7 +44,7 @@ fn configurations_that_cannot_be_are_refused_by_name() {
         (0x000, 0x000, Some("MST_ID")),
     ] {
         assert_eq!(
-            field(can_id, master_id, Control::Velocity),
+            field(can_id, master_id, Control::Velocity).as_deref(),
             wrong,
             "{can_id:#x} {master_id:#x}"
         );
@@ -67,13 +68,15 @@ fn configurations_that_cannot_be_are_refused_by_name() {
             "angle.output_limit",
         ),
     ] {
-        assert_eq!(field(0x11, 0x31, control), Some(wrong), "{control:?}");
+        assert_eq!(field(0x11, 0x31, control).as_deref(), Some(wrong), "{control:?}");
     }
     // The frame's own end, below this model's VMAX.
     let fast = Control::ForcePosition { speed: Rpm::new(1000.0), torque_share: 1.0 };
     let error = Damiao::new(models::H3510, 1, 0, fast).unwrap_err();
     assert_eq!((error.field, error.must_be), ("speed", "at most 100 rad/s"));
-    assert!(Limits::new(12.5, f32::NAN, 10.0).is_err());
+    let limits = Limits::new(12.5, f32::NAN, 10.0);
+    let error = Damiao::new(Model { name: "own", limits }, 1, 0, Control::Velocity).unwrap_err();
+    assert_eq!(error.field, "velocity");
 }
 
 #[test]
@@ -162,7 +165,7 @@ fn register_frames_of_two_motors_keep_apart() {
 
 #[test]
 fn a_model_of_ones_own_is_a_name_and_limits() {
-    let limits = Limits::new(3.2, 40.0, 8.0).unwrap();
+    let limits = Limits::new(3.2, 40.0, 8.0);
     let mine = Model { name: "DM-mine", limits };
     let motor = Damiao::new(mine, 0x21, 0x41, Control::Velocity).unwrap();
     assert_eq!(motor.name().to_string(), "DM-mine id 33");

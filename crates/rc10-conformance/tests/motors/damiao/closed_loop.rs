@@ -270,7 +270,7 @@ fn what_lies_beyond_its_range_is_refused() {
     assert_eq!(far(&mut rig, angle(-716)), Ok(()));
     assert_eq!(rig.status().counters.refused.total(), 10);
 
-    let narrow = rc10_motor::damiao::Limits::new(3.0, 30.0, 10.0).unwrap();
+    let narrow = rc10_motor::damiao::Limits::new(3.0, 30.0, 10.0);
     let model = rc10_motor::damiao::Model { limits: narrow, ..models::J4310 };
     let mut single = Damiao::new(model, 1, 0x21, mit()).unwrap();
     let target = Target::Angle(Degrees::new(180.0));

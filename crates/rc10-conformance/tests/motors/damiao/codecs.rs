@@ -26,9 +26,9 @@ fn model() -> impl Strategy<Value = Limits> {
 
 fn theirs(limits: &Limits) -> device::Limits {
     device::Limits {
-        position: limits.position().into(),
-        velocity: limits.velocity().into(),
-        torque: limits.torque().into(),
+        position: limits.position.into(),
+        velocity: limits.velocity.into(),
+        torque: limits.torque.into(),
     }
 }
 
@@ -68,7 +68,7 @@ proptest! {
         let read = device::Setpoint::decode(device::Mode::Mit, frame.bytes(), &theirs(&limits));
         let Some(device::Setpoint::Mit { position: p, velocity: v, kp: stiff, kd: damp, torque: t })
             = read else { panic!("{read:?}") };
-        let (pmax, vmax, tmax) = (limits.position(), limits.velocity(), limits.torque());
+        let (pmax, vmax, tmax) = (limits.position, limits.velocity, limits.torque);
         for (read, sent, low, high, bits) in [
             (p, position, -pmax, pmax, 16),
             (v, velocity, -vmax, vmax, 12),

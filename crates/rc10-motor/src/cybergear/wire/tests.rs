@@ -15,7 +15,7 @@ fn setpoint(position: f32, velocity: f32, torque: f32, kp: f32, kd: f32) -> Setp
 #[test]
 fn setpoints_have_the_bytes_of_other_drivers() {
     let cybergear = CYBERGEAR.limits;
-    let four_pi = cybergear.with_position(4.0 * core::f32::consts::PI).unwrap();
+    let four_pi = Limits { position: 4.0 * core::f32::consts::PI, ..cybergear };
     let full = setpoint(12.5, 30.0, 12.0, 500.0, 5.0);
     let some = setpoint(3.3, -7.7, 5.5, 77.0, 2.25);
     for (motor, setpoint, limits, bytes) in [

@@ -11,7 +11,7 @@ fn id(raw: u16) -> DeviceId {
 }
 
 fn limits(position: f32, velocity: f32, torque: f32) -> Limits {
-    Limits::new(position, velocity, torque).unwrap()
+    Limits::new(position, velocity, torque)
 }
 
 fn setpoint(position: f32, velocity: f32, kp: f32, kd: f32, torque: f32) -> Setpoint {

@@ -1,4 +1,4 @@
-use rc10_app::{Rpm, TotalAngle};
+use rc10_app::{CountsPerTurn, Rpm, TotalAngle};
 
 use super::super::{GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
 use super::*;
@@ -97,7 +97,7 @@ fn turns_in_a_gap_are_estimated_from_the_speed_and_counted() {
         .unwrap();
     let seen = wheel.feedback();
     assert_eq!(
-        (seen.total_angle.counts_at(wheel.counts_per_turn()), seen.turn_gaps),
+        (seen.total_angle.counts_at(CountsPerTurn::new(8192 * 36, 1)), seen.turn_gaps),
         (5 * 8192 + 100, 1)
     );
     // At rest a late frame is nothing special.

@@ -7,7 +7,7 @@ fn id(raw: u8) -> VescId {
     VescId::new(raw).unwrap()
 }
 
-fn received(raw: u32, data: &[u8]) -> Result<Reply, UnpackError> {
+fn received(raw: u32, data: &[u8]) -> Result<Reply, FrameError> {
     Reply::unpack(&CanFrame::data_frame(ExtendedId::new(raw).unwrap(), data).unwrap())
 }
 
@@ -102,13 +102,13 @@ fn what_is_not_a_number_is_not_sent() {
         Command::Handbrake(Amps::new(nan)),
         Command::RelativeHandbrake(nan),
     ] {
-        assert_eq!(command.pack(id(1)), Err(NotANumber { packet: command.packet() }));
+        let (field, neutral) = (command.packet().name(), coast(id(1)));
+        assert_eq!(command.pack(id(1)), Err(NotANumber { field, neutral }));
     }
     let setting = Setting::BatteryCut { start: 20.0, end: nan };
-    let packet = Packet::ConfStoreBatteryCut;
-    assert_eq!(setting.pack_store(id(1)), Err(NotANumber { packet }));
+    assert_eq!(setting.pack_store(id(1)).unwrap_err().field, "CONF_STORE_BATTERY_CUT");
     let setting = Setting::MotorCurrent { min: Amps::new(nan), max: Amps::ZERO };
-    assert_eq!(setting.pack(id(1)), Err(NotANumber { packet: Packet::ConfCurrentLimits }));
+    assert_eq!(setting.pack(id(1)).unwrap_err().field, "CONF_CURRENT_LIMITS");
 }
 
 fn near(actual: f32, expected: f32) {
@@ -159,29 +159,29 @@ fn statuses_are_those_of_the_firmware() {
 
 #[test]
 fn what_is_no_status_says_why() {
-    use UnpackError::{Broadcast, Length, NotAReply, UnknownPacket, UpperBits};
+    use FrameError::{Length, NotMine};
     for (raw, len, error) in [
-        (0x901, 7, Length(Packet::Status, 7)),
-        (0x1B05, 5, Length(Packet::Status5, 5)),
-        (0x3A05, 0, Length(Packet::Status6, 0)),
-        (0x12C8, 1, Length(Packet::Pong, 1)),
-        (0x12C8, 8, Length(Packet::Pong, 8)),
-        (0x1C64, 8, NotAReply(Packet::PollTs5700n8501)),
-        (0x301, 4, NotAReply(Packet::SetRpm)),
-        (0x1117, 1, NotAReply(Packet::Ping)),
-        (0xFF01, 8, UnknownPacket(0xFF)),
-        (0x1_0901, 8, UpperBits(0x1_0901)),
-        (0x1000_0901, 8, UpperBits(0x1000_0901)),
-        (0x9FF, 8, Broadcast(Packet::Status)),
-        (0x12FF, 2, Broadcast(Packet::Pong)),
+        (0x901, 7, Length),
+        (0x1B05, 5, Length),
+        (0x3A05, 0, Length),
+        (0x12C8, 1, Length),
+        (0x12C8, 8, Length),
+        (0x1C64, 8, NotMine),
+        (0x301, 4, NotMine),
+        (0x1117, 1, NotMine),
+        (0xFF01, 8, NotMine),
+        (0x1_0901, 8, NotMine),
+        (0x1000_0901, 8, NotMine),
+        (0x9FF, 8, NotMine),
+        (0x12FF, 2, NotMine),
     ] {
         assert_eq!(received(raw, &[0; 8][..len]), Err(error), "{raw:X} {len}");
     }
-    assert_eq!(received(0x12C8, &[0xFF, 0]), Err(Broadcast(Packet::Pong)));
+    assert_eq!(received(0x12C8, &[0xFF, 0]), Err(NotMine));
     let short = CanFrame::eight_bytes(StandardId::new(0x101).unwrap(), [0; 8]);
-    assert_eq!(Reply::unpack(&short), Err(UnpackError::Standard));
+    assert_eq!(Reply::unpack(&short), Err(NotMine));
     let remote = CanFrame::remote_frame(Packet::Status.id(id(1)), 8).unwrap();
-    assert_eq!(Reply::unpack(&remote), Err(UnpackError::Remote));
+    assert_eq!(Reply::unpack(&remote), Err(NotMine));
 }
 
 #[test]
