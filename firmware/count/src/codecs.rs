@@ -221,7 +221,7 @@ codec!("count_1_codec_lk_multi_pack", lk_multi_pack, |raw: [i16; 4]| -> CanFrame
 codec!(
     "count_1_codec_lk_unpack",
     lk_unpack,
-    |frame: (CanFrame, lk::DriveId)| -> Result<lk::Reply, lk::ReplyError> {
+    |frame: (CanFrame, lk::DriveId)| -> Result<lk::Reply, FrameError> {
         lk::Reply::from_frame(&frame.0, frame.1)
     }
 );
@@ -253,7 +253,7 @@ codec!(
 );
 codec!("count_1_codec_odrive_unpack", odrive_unpack, |frame: (CanFrame, odrive::Node)| -> Result<
     odrive::Message,
-    odrive::MessageError,
+    FrameError,
 > {
     odrive::Message::from_frame(&frame.0, frame.1)
 });

@@ -6,7 +6,6 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 use super::config::{Commands, Config, Model};
 use super::wire::{
     CLEAR_ERRORS, CURRENT, Command, DriveId, Health, MOTION, MULTI_MOTOR_ID, Motion, Reply,
-    ReplyError,
 };
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName, Ownership, Rate, RxFrames, TxFrames};
@@ -320,12 +319,9 @@ impl CanMotor for Lk {
         at: Micros,
         link: Link,
     ) -> Result<FrameKind, FrameError> {
-        match Reply::from_frame(frame, self.id) {
-            Ok(Reply::Motion(motion)) => self.heard_motion(motion, at, link),
-            Ok(reply) => self.heard_other(&reply),
-            Err(ReplyError::NotMine) => Err(FrameError::NotMine),
-            Err(ReplyError::Length) => Err(FrameError::Length),
-            Err(ReplyError::Command(_)) => Err(FrameError::Unexpected),
+        match Reply::from_frame(frame, self.id)? {
+            Reply::Motion(motion) => self.heard_motion(motion, at, link),
+            reply => self.heard_other(&reply),
         }
     }
 

@@ -1,7 +1,5 @@
 //! Bytes of the LK-TECH protocol as values, and back. Pure, without state.
 
-use core::fmt;
-
 use embedded_can::StandardId;
 use rc10_app::maths::round_to_i32;
 use rc10_app::{Amps, Celsius, CountsPerTurn, Degrees, RotorRpm, TotalAngle};
@@ -9,6 +7,7 @@ use rc10_can::CanFrame;
 
 use super::config::Model;
 use crate::feedback::Fault;
+use crate::motor::FrameError;
 use crate::not_a_number::NotANumber;
 
 // Command bytes: LK CAN manual V2.3, table of commands.
@@ -381,49 +380,26 @@ pub enum Reply {
     SingleTurn(TotalAngle),
 }
 
-/// Why a frame is no answer of a drive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum ReplyError {
-    /// Another identifier, or a remote request.
-    NotMine,
-    /// Not eight bytes.
-    Length,
-    /// The answer to a command that this crate does not know.
-    Command(u8),
-}
-
-impl fmt::Display for ReplyError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotMine => f.write_str("not an answer of this drive"),
-            Self::Length => f.write_str("an answer has eight bytes"),
-            Self::Command(byte) => write!(f, "the answer to an unknown command {byte:#04X}"),
-        }
-    }
-}
-
-impl core::error::Error for ReplyError {}
-
 impl Reply {
     /// From a frame of the drive `id`.
     ///
     /// # Errors
-    /// [`ReplyError`].
+    /// [`FrameError::NotMine`], [`FrameError::Length`] if it has not eight bytes, and as
+    /// [`unpack`](Self::unpack).
     #[inline]
-    pub fn from_frame(frame: &CanFrame, id: DriveId) -> Result<Self, ReplyError> {
+    pub fn from_frame(frame: &CanFrame, id: DriveId) -> Result<Self, FrameError> {
         if frame.key() != CanFrame::key_of(id.can) {
-            return Err(ReplyError::NotMine);
+            return Err(FrameError::NotMine);
         }
-        Self::unpack(frame.all_eight().ok_or(ReplyError::Length)?)
+        Self::unpack(frame.all_eight().ok_or(FrameError::Length)?)
     }
 
     /// From the eight bytes of an answer.
     ///
     /// # Errors
-    /// [`ReplyError::Command`].
+    /// [`FrameError::Unexpected`] if byte 0 is no command that this crate knows.
     #[inline]
-    pub fn unpack(bytes: &[u8; 8]) -> Result<Self, ReplyError> {
+    pub fn unpack(bytes: &[u8; 8]) -> Result<Self, FrameError> {
         let [command, b, c, d, e, f, g, h] = *bytes;
         let temperature = || Celsius::new(i8::from_le_bytes([b]).into());
         Ok(match command {
@@ -448,7 +424,7 @@ impl Reply {
                 Self::MultiTurn(angle(i64::from_le_bytes(*bytes) >> 8))
             }
             SINGLE_TURN => Self::SingleTurn(angle(u32::from_le_bytes([e, f, g, h]).into())),
-            other => return Err(ReplyError::Command(other)),
+            _ => return Err(FrameError::Unexpected),
         })
     }
 }

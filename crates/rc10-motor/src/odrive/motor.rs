@@ -7,8 +7,8 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 use super::config::{Config, Control, Firmware, Limits, Rates};
 use super::wire::{
     AxisState, CLEAR_ERRORS, CURRENTS, Command, ControlMode, Currents, ESTIMATES, Estimates,
-    HEARTBEAT, Heartbeat, InputMode, Message, MessageError, Node, POSITION, SUPPLY, TEMPERATURES,
-    TORQUE, Temperatures, VELOCITY,
+    HEARTBEAT, Heartbeat, InputMode, Message, Node, POSITION, SUPPLY, TEMPERATURES, TORQUE,
+    Temperatures, VELOCITY,
 };
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName, Rate, RxFrames, TxFrames};
@@ -268,22 +268,19 @@ impl ODrive {
     fn heard_other(
         &mut self,
         frame: &CanFrame,
-        error: MessageError,
+        error: FrameError,
     ) -> Result<FrameKind, FrameError> {
         let number = frame.key() & !u32::from(NODE_MASK);
         let is_declared = self.messages().any(|(message, _)| u32::from(message) == number);
-        match error {
-            MessageError::NotMine => Err(FrameError::NotMine),
-            _ if !is_declared => Err(FrameError::NotMine),
-            MessageError::Length => Err(FrameError::Length),
-            MessageError::Message(TEMPERATURES) if self.firmware.has_temperatures => {
-                let Temperatures { controller, motor } = Temperatures::from_frame(frame, self.node)
-                    .map_err(|_| FrameError::Unexpected)?;
-                (self.controller_temperature, self.temperature) = (controller.get(), motor.get());
-                Ok(FrameKind::Other)
-            }
-            MessageError::Message(_) | MessageError::NotFinite => Err(FrameError::Unexpected),
+        if !is_declared || error == FrameError::NotMine {
+            return Err(FrameError::NotMine);
         }
+        if self.firmware.has_temperatures && number == u32::from(TEMPERATURES) {
+            let Temperatures { controller, motor } = Temperatures::from_frame(frame, self.node)?;
+            (self.controller_temperature, self.temperature) = (controller.get(), motor.get());
+            return Ok(FrameKind::Other);
+        }
+        Err(error)
     }
 
     fn limit_command(&self) -> Option<Command> {
