@@ -4,10 +4,10 @@ use embedded_can::Id;
 use heapless::Vec;
 use rc10_app::ConfigError;
 
-use super::config::{Config, Firmware, Rates};
+use super::config::{Config, Firmware};
 use super::wire::{
-    AXIS_STATES, CLEAR_ERRORS, CURRENTS, ControlMode, ESTIMATES, HEARTBEAT, LIMITS, MODES,
-    POSITION, STATE, SUPPLY, TEMPERATURES, TORQUE, VELOCITY,
+    AXIS_STATES, CLEAR_ERRORS, CURRENTS, ESTIMATES, HEARTBEAT, LIMITS, MODES, POSITION, STATE,
+    SUPPLY, TEMPERATURES, TORQUE, VELOCITY,
 };
 use crate::signals::{ByteOrder, Marks, Message, Signal};
 
@@ -18,62 +18,28 @@ pub const NOT_IN_DBC: &[&str] = &[
     "ODrive: questions are remote frames, which a DBC does not describe.",
 ];
 
-/// Every frame of an axis's wiring, those it sends first; then what other programs send, and the
-/// remote requests. Positions, speeds and torques are those of
+/// Every frame that an axis sends or is sent, by us or by other programs, then the remote requests;
+/// of frames with one identifier the one in a DBC first. Positions, speeds and torques are those of
 /// the encoder's shaft.
 ///
 /// # Errors
 /// [`ConfigError`] as for [`ODrive::new`](super::ODrive::new).
 pub fn messages(node: u8, config: &Config) -> Result<Vec<Message, MOST>, ConfigError> {
     let node = config.checked(node)?;
-    let mut messages = Vec::new();
-    let mut add = |name, number, len, from_device, signals| {
-        let id = node.can_id(number).into();
-        // As many as MOST fit.
-        let _ = messages.push(Message::new(name, id, len, from_device, signals));
-    };
-    let Rates { currents, temperatures, supply, .. } = config.rates;
-    add("ODRIVE_HEARTBEAT", HEARTBEAT, 8, true, heartbeat(&config.firmware));
-    add("ODRIVE_ESTIMATES", ESTIMATES, 8, true, &ESTIMATE_SIGNALS);
-    for (rate, name, number, signals) in [
-        (currents, "ODRIVE_CURRENTS", CURRENTS, &CURRENT_SIGNALS),
-        (temperatures, "ODRIVE_TEMPERATURES", TEMPERATURES, &TEMPERATURE_SIGNALS),
-        (supply, "ODRIVE_SUPPLY", SUPPLY, &SUPPLY_SIGNALS),
-    ] {
-        if rate > 0 {
-            add(name, number, 8, true, signals.as_slice());
-        }
-    }
-    add("ODRIVE_SET_STATE", STATE, 8, false, &STATE_SIGNALS);
-    add("ODRIVE_SET_MODES", MODES, 8, false, &MODE_SIGNALS);
-    match config.control.modes().0 {
-        ControlMode::Velocity => {
-            add("ODRIVE_SET_VELOCITY", VELOCITY, 8, false, &VELOCITY_SIGNALS);
-        }
-        ControlMode::Position => {
-            add("ODRIVE_SET_POSITION", POSITION, 8, false, &POSITION_SIGNALS);
-        }
-        ControlMode::Torque | ControlMode::Voltage => {
-            add("ODRIVE_SET_TORQUE", TORQUE, 8, false, &TORQUE_SIGNALS);
-        }
-    }
-    if config.limits.is_some() {
-        add("ODRIVE_SET_LIMITS", LIMITS, 8, false, &LIMIT_SIGNALS);
-    }
-    add("ODRIVE_CLEAR_ERRORS", CLEAR_ERRORS, 0, false, &[]);
-    let others = if config.firmware.has_temperatures { OTHERS_0_6 } else { OTHERS_0_5 };
-    for &(name, number, len, from_device, signals) in OTHERS.iter().chain(others) {
+    let firmware = &config.firmware;
+    let (frames, asks) =
+        if firmware.has_temperatures { (FRAMES_0_6, ASKS_0_6) } else { (FRAMES_0_5, ASKS_0_5) };
+    let mut messages: Vec<_, MOST> = Vec::new();
+    let heartbeat: [Row; 1] = [("ODRIVE_HEARTBEAT", HEARTBEAT, 8, true, heartbeat(firmware))];
+    for &(name, number, len, from_device, signals) in heartbeat.iter().chain(FRAMES).chain(frames) {
         let id = Id::from(node.can_id(number));
         let message = Message::new(name, id, len, from_device, signals);
-        let known = |all: &Vec<Message, MOST>| all.iter().find(|known| known.id == id).copied();
-        let _ = match known(&messages) {
-            None => messages.push(message),
-            Some(known) if known.len == len => Ok(()),
-            // A DBC has one length for an identifier.
-            Some(_) => messages.push(message.marked(Marks::behind(len))),
-        };
+        // A DBC has one length for an identifier.
+        let is_other = messages.iter().any(|known: &Message| known.id == id);
+        let message = if is_other { message.marked(Marks::behind(len)) } else { message };
+        // As many as MOST fit.
+        let _ = messages.push(message);
     }
-    let asks = if config.firmware.has_temperatures { ASKS_0_6 } else { ASKS_0_5 };
     for &(name, number) in ASKS.iter().chain(asks) {
         let id = Id::from(node.can_id(number));
         let _ = messages.push(Message::new(name, id, 8, false, &[]).requested());
@@ -84,16 +50,19 @@ pub fn messages(node: u8, config: &Config) -> Result<Vec<Message, MOST>, ConfigE
 /// Name, number, data bytes, whether the axis sends it, and what stands in it.
 type Row = (&'static str, u8, u8, bool, &'static [Signal]);
 
-/// What other programs send and ask for, whatever the firmware and the configuration.
-const OTHERS: &[Row] = &[
+/// The frames of both firmwares, but for the heartbeat.
+const FRAMES: &[Row] = &[
+    ("ODRIVE_ESTIMATES", ESTIMATES, 8, true, &ESTIMATE_SIGNALS),
     ("ODRIVE_CURRENTS", CURRENTS, 8, true, &CURRENT_SIGNALS),
     ("ODRIVE_SUPPLY", SUPPLY, 8, true, &SUPPLY_SIGNALS),
     ("ODRIVE_EMERGENCY_STOP", 0x02, 0, false, &[]),
+    ("ODRIVE_SET_STATE", STATE, 8, false, &STATE_SIGNALS),
+    ("ODRIVE_SET_STATE", STATE, 4, false, &STATE_SIGNALS),
+    ("ODRIVE_SET_MODES", MODES, 8, false, &MODE_SIGNALS),
     ("ODRIVE_SET_POSITION", POSITION, 8, false, &POSITION_SIGNALS),
     ("ODRIVE_SET_VELOCITY", VELOCITY, 8, false, &VELOCITY_SIGNALS),
     ("ODRIVE_SET_TORQUE", TORQUE, 8, false, &TORQUE_SIGNALS),
     ("ODRIVE_SET_TORQUE", TORQUE, 4, false, &TORQUE_SIGNALS),
-    ("ODRIVE_SET_STATE", STATE, 4, false, &STATE_SIGNALS),
     ("ODRIVE_SET_LIMITS", LIMITS, 8, false, &LIMIT_SIGNALS),
     ("ODRIVE_SET_TRAJECTORY_VELOCITY", 0x11, 8, false, &[float("VELOCITY_LIMIT", 0, "rev/s")]),
     ("ODRIVE_SET_TRAJECTORY_VELOCITY", 0x11, 4, false, &[float("VELOCITY_LIMIT", 0, "rev/s")]),
@@ -101,12 +70,13 @@ const OTHERS: &[Row] = &[
     ("ODRIVE_SET_INERTIA", 0x13, 8, false, &[float("INERTIA", 0, "")]),
     ("ODRIVE_SET_INERTIA", 0x13, 4, false, &[float("INERTIA", 0, "")]),
     ("ODRIVE_REBOOT", 0x16, 0, false, &[]),
+    ("ODRIVE_CLEAR_ERRORS", CLEAR_ERRORS, 0, false, &[]),
     ("ODRIVE_SET_POSITION_GAIN", 0x1A, 8, false, &[float("POSITION_GAIN", 0, "")]),
     ("ODRIVE_SET_POSITION_GAIN", 0x1A, 4, false, &[float("POSITION_GAIN", 0, "")]),
     ("ODRIVE_SET_VELOCITY_GAINS", 0x1B, 8, false, &GAIN_SIGNALS),
 ];
 /// Firmware 0.5.6, `can_simple.hpp` and `can_simple.cpp`.
-const OTHERS_0_5: &[Row] = &[
+const FRAMES_0_5: &[Row] = &[
     ("ODRIVE_MOTOR_ERROR", 0x03, 8, true, &[Signal::little("MOTOR_ERROR_BITS", 0, 8)]),
     ("ODRIVE_ENCODER_ERROR", 0x04, 8, true, &[Signal::little("ENCODER_ERROR_BITS", 0, 4)]),
     ("ODRIVE_SENSORLESS_ERROR", 0x05, 8, true, &[Signal::little("SENSORLESS_ERROR_BITS", 0, 4)]),
@@ -119,7 +89,7 @@ const OTHERS_0_5: &[Row] = &[
 ];
 /// Firmware 0.6: the vendor's CAN protocol page, and its DBC file. An endpoint's value has the size
 /// of its type: nothing in the frame tells whether it is a float.
-const OTHERS_0_6: &[Row] = &[
+const FRAMES_0_6: &[Row] = &[
     ("ODRIVE_TEMPERATURES", TEMPERATURES, 8, true, &TEMPERATURE_SIGNALS),
     ("ODRIVE_VERSION", 0x00, 8, true, &VERSION_SIGNALS),
     ("ODRIVE_ERRORS", 0x03, 8, true, &ERROR_SIGNALS),
@@ -163,8 +133,8 @@ const ASKS_0_6: &[(&str, u8)] = &[
     ("ODRIVE_ASK_POWERS", 0x1D),
 ];
 
-/// The most messages of an axis: its own, the others, and the requests.
-pub const MOST: usize = 10 + OTHERS.len() + OTHERS_0_6.len() + ASKS.len() + ASKS_0_6.len();
+/// The most messages of an axis: the heartbeat, the other frames, and the requests.
+pub const MOST: usize = 1 + FRAMES.len() + FRAMES_0_6.len() + ASKS.len() + ASKS_0_6.len();
 
 static ACCELERATION_SIGNALS: [Signal; 2] =
     [float("ACCELERATION_LIMIT", 0, "rev/s2"), float("DECELERATION_LIMIT", 4, "rev/s2")];
