@@ -10,7 +10,7 @@ pub mod module;
 mod scale;
 
 pub(super) use scale::{ANGLE_STEPS, GAIN_LIMIT, SPEED_LIMIT, SPEED_STEPS};
-pub use scale::{GEAR, Impedance, Motion, NotANumber, RawImpedance, RawMotion, RotorScale};
+pub use scale::{GEAR, Impedance, Motion, RawImpedance, RawMotion, RotorScale};
 
 use core::fmt;
 

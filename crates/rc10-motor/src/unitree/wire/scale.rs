@@ -1,7 +1,6 @@
 //! Physical values at a shaft, raw numbers at the rotor.
 
 use core::f64::consts::TAU;
-use core::fmt;
 
 use rc10_app::maths::{round_to_i16, round_to_i32, within};
 use rc10_app::{CountsPerTurn, Degrees, Gear, NewtonMetres, Rpm, TotalAngle};
@@ -59,14 +58,14 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// What may be sent.
+    /// Whether all values are numbers.
     ///
     /// # Errors
-    /// [`NotANumber`]; such a value is sent as zero.
-    pub const fn check(&self) -> Result<(), NotANumber> {
+    /// The name of the first that is not: it is sent as zero.
+    pub const fn check(&self) -> Result<(), &'static str> {
         match () {
-            () if self.torque.get().is_nan() => Err(NotANumber { value: "torque" }),
-            () if self.speed.get().is_nan() => Err(NotANumber { value: "speed" }),
+            () if self.torque.get().is_nan() => Err("torque"),
+            () if self.speed.get().is_nan() => Err("speed"),
             () => Ok(()),
         }
     }
@@ -84,34 +83,18 @@ pub struct Impedance {
 }
 
 impl Impedance {
-    /// What may be sent.
+    /// Whether all values are numbers.
     ///
     /// # Errors
-    /// [`NotANumber`]; such a value is sent as zero.
-    pub const fn check(&self) -> Result<(), NotANumber> {
+    /// The name of the first that is not: it is sent as zero.
+    pub const fn check(&self) -> Result<(), &'static str> {
         match () {
-            () if self.stiffness.is_nan() => Err(NotANumber { value: "stiffness" }),
-            () if self.damping.is_nan() => Err(NotANumber { value: "damping" }),
+            () if self.stiffness.is_nan() => Err("stiffness"),
+            () if self.damping.is_nan() => Err("damping"),
             () => Ok(()),
         }
     }
 }
-
-/// A value of a command that is not a number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct NotANumber {
-    /// Which one.
-    pub value: &'static str,
-}
-
-impl fmt::Display for NotANumber {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} is not a number", self.value)
-    }
-}
-
-impl core::error::Error for NotANumber {}
 
 /// τ, ω and θ of the rotor as they stand in commands and replies of both links.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -336,13 +319,13 @@ mod tests {
         let nan = f32::NAN;
         let strange = motion(nan, nan, 1.0);
         assert_eq!((ROTOR.raw(&strange).torque, ROTOR.raw(&strange).speed), (0, 0));
-        assert_eq!(strange.check(), Err(NotANumber { value: "torque" }));
-        assert_eq!(motion(0.0, nan, 1.0).check(), Err(NotANumber { value: "speed" }));
+        assert_eq!(strange.check(), Err("torque"));
+        assert_eq!(motion(0.0, nan, 1.0).check(), Err("speed"));
         assert_eq!(motion(f32::INFINITY, 0.0, 1.0).check(), Ok(()));
         let strange = Impedance { stiffness: nan, damping: nan };
         assert_eq!(ROTOR.raw_impedance(&strange), RawImpedance::default());
-        assert_eq!(strange.check(), Err(NotANumber { value: "stiffness" }));
+        assert_eq!(strange.check(), Err("stiffness"));
         let strange = Impedance { stiffness: 1.0, ..strange };
-        assert_eq!(strange.check(), Err(NotANumber { value: "damping" }));
+        assert_eq!(strange.check(), Err("damping"));
     }
 }
