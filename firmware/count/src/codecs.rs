@@ -228,7 +228,7 @@ codec!(
 
 fn lks() {
     let Some(id) = lk::DriveId::new(3) else { cortex_m::asm::udf() };
-    let angle = TotalAngle::new(123_456, lk::CENTIDEGREES);
+    let angle = TotalAngle::from_counts(123_456, lk::CENTIDEGREES);
     let speed_limit = Some(RotorRpm::new(100.0));
     let commands = [
         lk::Command::Off,
