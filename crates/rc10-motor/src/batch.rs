@@ -6,7 +6,7 @@ use rc10_can::CanFrame;
 
 /// The frames of one tick. Motors that share a frame each write their own bytes of it (their
 /// lane): the batch finds the frame of that identifier, or opens it with all other bytes zero.
-/// So there is one frame per identifier on a bus, whoever contributes; of frames that a motor
+/// So there is one frame per identifier on a bus, however many motors contribute; of frames that a motor
 /// [names a stream](Self::push_as) for, one per stream.
 #[derive(Clone, Debug, Default)]
 pub struct TxBatch {

@@ -297,7 +297,7 @@ impl CanIds {
         self.listens.items()
     }
 
-    /// After so long without a frame the motor is lost: three periods of its most frequent
+    /// Longest time without a frame before the motor is lost: three periods of its most frequent
     /// feedback, but at least 10 ms.
     #[must_use]
     pub fn link_timeout(&self) -> Micros {

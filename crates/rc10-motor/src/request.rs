@@ -53,8 +53,8 @@ pub enum Request {
 pub enum Response {
     /// It is done.
     Done,
-    /// The device was asked; [`Motor::answer`] has what it says. Who waits at a motor's port never
-    /// sees this.
+    /// The device was asked; [`Motor::response`](crate::Motor::response) tells its answer. A task that
+    /// waits at a motor's port never sees this.
     Pending,
     /// What stands in the register.
     Register(u32),
