@@ -23,6 +23,19 @@ impl ConfigError {
         Self { device: None, part: "", field, value, must_be }
     }
 
+    /// `Ok` if `good`, else [`new`](Self::new).
+    ///
+    /// # Errors
+    /// If not `good`.
+    pub const fn check(
+        good: bool,
+        field: &'static str,
+        value: f32,
+        must_be: &'static str,
+    ) -> Result<(), Self> {
+        if good { Ok(()) } else { Err(Self::new(field, value, must_be)) }
+    }
+
     /// The same, in a part of a configuration.
     #[must_use]
     pub const fn in_part(self, part: &'static str) -> Self {
@@ -52,29 +65,20 @@ impl core::error::Error for ConfigError {}
 
 /// `Ok` for a finite number.
 pub(crate) fn finite(field: &'static str, value: f32) -> Result<(), ConfigError> {
-    check(value.is_finite(), field, value, "finite")
+    ConfigError::check(value.is_finite(), field, value, "finite")
 }
 
 /// `Ok` for a finite number of zero or more.
 pub(crate) fn not_negative(field: &'static str, value: f32) -> Result<(), ConfigError> {
-    check(value.is_finite() && value >= 0.0, field, value, "finite and not negative")
+    ConfigError::check(value.is_finite() && value >= 0.0, field, value, "finite and not negative")
 }
 
 /// `Ok` for a finite number above zero.
 pub(crate) fn positive(field: &'static str, value: f32) -> Result<(), ConfigError> {
-    check(value.is_finite() && value > 0.0, field, value, "finite and positive")
+    ConfigError::check(value.is_finite() && value > 0.0, field, value, "finite and positive")
 }
 
 /// `Ok` for a number above zero, or for infinity, which stands for "no limit".
 pub(crate) fn positive_or_unlimited(field: &'static str, value: f32) -> Result<(), ConfigError> {
-    check(value > 0.0, field, value, "positive (infinite: no limit)")
-}
-
-fn check(
-    good: bool,
-    field: &'static str,
-    value: f32,
-    must_be: &'static str,
-) -> Result<(), ConfigError> {
-    if good { Ok(()) } else { Err(ConfigError::new(field, value, must_be)) }
+    ConfigError::check(value > 0.0, field, value, "positive (infinite: no limit)")
 }

@@ -20,7 +20,7 @@ pub struct Safety {
 }
 
 impl Safety {
-    /// Nobody needs a motor that runs on for longer than this without a word.
+    /// Longest allowed command timeout.
     pub const LONGEST_EXPIRY: Micros = Micros::from_millis(1000);
     /// Coast when no command came for 50 ms.
     pub const COAST: Self = Self::new(SafeState::Coast);
@@ -197,7 +197,7 @@ pub(crate) struct Supervision {
     drive: DriveMode,
     link: Link,
     fresh: bool,
-    /// The motor has told of a fault that nobody has cleared.
+    /// The motor has told of a fault that has not been cleared.
     faulted: bool,
     /// Clearing it has been asked for, and the device has not answered yet.
     clearing: bool,
@@ -392,7 +392,8 @@ fn micros(time: Micros) -> u32 {
     u32::try_from(time.get()).unwrap_or(u32::MAX).min(u32::MAX / 2).saturating_add(SKEW)
 }
 
+/// One more; stays at the largest value.
 #[inline]
-const fn count(counter: &mut u32) {
+pub(crate) const fn count(counter: &mut u32) {
     *counter = counter.saturating_add(1);
 }

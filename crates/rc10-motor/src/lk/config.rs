@@ -195,9 +195,7 @@ impl Config {
 
     /// Whether a drive set to `id` can be like that; its identifier and its lane.
     pub(super) fn checked(&self, id: u8) -> Result<(DriveId, usize), ConfigError> {
-        let check = |good: bool, field, value, must_be| {
-            if good { Ok(()) } else { Err(ConfigError::new(field, value, must_be)) }
-        };
+        let check = ConfigError::check;
         let number = DriveId::new(id);
         let error = |must_be| ConfigError::new("id", id.into(), must_be);
         let drive = number.ok_or_else(|| error("1 to 32"))?;

@@ -336,10 +336,8 @@ impl ODrive {
     fn limit_current(&mut self, limit: Amps) -> Result<Response, RequestError> {
         let Some(limits) = &mut self.limits else { return Err(RequestError::Unsupported) };
         let value = limit.get();
-        if !value.is_finite() || value < 0.0 {
-            let must_be = "finite and zero or more";
-            return Err(ConfigError::new("current limit", value, must_be).into());
-        }
+        let good = value.is_finite() && value >= 0.0;
+        ConfigError::check(good, "current limit", value, "finite and zero or more")?;
         limits.current = Amps::new(value.min(self.max_current.get()));
         self.limits_due = self.limits_due.max(LIMIT_FRAMES);
         Ok(Response::Done)
