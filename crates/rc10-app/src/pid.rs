@@ -138,7 +138,6 @@ impl PidState {
     }
 
     /// The newest output.
-    #[inline]
     #[must_use]
     pub const fn output(&self) -> f32 {
         self.output
@@ -185,7 +184,6 @@ impl PidState {
     /// an integer encoder. `change` tells how far the measurement moved since the last step, and is
     /// asked only if there is a derivative. As [`update`](Self::update) otherwise, but [`PidConfig::turn`] is not
     /// used, and that `dt` is positive and finite is the caller's business.
-    #[inline]
     pub fn update_error(
         &mut self,
         config: &PidConfig,

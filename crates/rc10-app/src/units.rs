@@ -118,7 +118,6 @@ impl Seconds {
     }
 
     /// From whole microseconds; more than 71 minutes are 71 minutes.
-    #[inline]
     #[must_use]
     pub const fn from_micros(micros: u64) -> Self {
         // Through 32 bits: a Cortex-M7 converts those in one instruction.
@@ -217,7 +216,6 @@ pub enum Direction {
 
 impl Direction {
     /// 1 for forward, -1 for reversed.
-    #[inline]
     #[must_use]
     pub const fn sign(self) -> i8 {
         match self {

@@ -36,7 +36,6 @@ struct Reading(f32);
 impl Reading {
     const NONE: Self = Self(f32::NAN);
 
-    #[inline]
     const fn get(self) -> Option<f32> {
         if self.0.is_nan() { None } else { Some(self.0) }
     }
@@ -76,7 +75,6 @@ impl Feedback {
     };
 
     /// What every device tells, and nothing else.
-    #[inline]
     #[must_use]
     pub const fn new(at: Micros, speed: Rpm, angle: Degrees, total_angle: TotalAngle) -> Self {
         Self { at, speed, angle, total_angle, ..Self::NEW }
@@ -113,7 +111,6 @@ impl Feedback {
     }
 
     /// The same with a current. What is NaN counts as not told, here and below.
-    #[inline]
     #[must_use]
     pub const fn with_current(mut self, current: Amps) -> Self {
         self.current = Reading(current.get());
@@ -121,7 +118,6 @@ impl Feedback {
     }
 
     /// The same with a torque.
-    #[inline]
     #[must_use]
     pub const fn with_torque(mut self, torque: NewtonMetres) -> Self {
         self.torque = Reading(torque.get());
@@ -129,7 +125,6 @@ impl Feedback {
     }
 
     /// The same with a temperature of the motor.
-    #[inline]
     #[must_use]
     pub const fn with_temperature(mut self, temperature: Celsius) -> Self {
         self.temperature = Reading(temperature.get());
@@ -137,7 +132,6 @@ impl Feedback {
     }
 
     /// The same with a temperature of what drives the motor.
-    #[inline]
     #[must_use]
     pub const fn with_controller_temperature(mut self, temperature: Celsius) -> Self {
         self.controller_temperature = Reading(temperature.get());
@@ -145,7 +139,6 @@ impl Feedback {
     }
 
     /// The same with the voltage it is supplied with.
-    #[inline]
     #[must_use]
     pub const fn with_supply(mut self, supply: Volts) -> Self {
         self.supply = Reading(supply.get());

@@ -312,7 +312,6 @@ impl CanMotor for Lk {
             .transmits(TxFrames::new(IdPattern::exact(id), 8, Rate::EveryTick).owned(ownership))
     }
 
-    #[inline]
     fn unpack_feedback(
         &mut self,
         frame: &CanFrame,

@@ -80,14 +80,12 @@ impl DriveId {
     }
 
     /// As set on the drive.
-    #[inline]
     #[must_use]
     pub const fn number(self) -> u8 {
         self.number
     }
 
     /// Where it takes single commands and where it answers: `0x140` plus the number.
-    #[inline]
     #[must_use]
     pub const fn can_id(self) -> StandardId {
         self.can
@@ -261,7 +259,6 @@ pub struct Motion {
 }
 
 impl Motion {
-    #[inline]
     const fn unpack(bytes: &[u8; 8]) -> Self {
         let [command, temperature, c, d, e, f, g, h] = *bytes;
         Self {
@@ -274,14 +271,12 @@ impl Motion {
     }
 
     /// The rotor's speed.
-    #[inline]
     #[must_use]
     pub fn speed(&self) -> RotorRpm {
         RotorRpm::new(f32::from(self.speed) * (1.0 / DEGREES_PER_SECOND_PER_RPM))
     }
 
     /// The motor's temperature.
-    #[inline]
     #[must_use]
     pub fn temperature(&self) -> Celsius {
         Celsius::new(self.temperature.into())
@@ -386,7 +381,6 @@ impl Reply {
     /// # Errors
     /// [`FrameError::NotMine`], [`FrameError::Length`] if it has not eight bytes, and as
     /// [`unpack`](Self::unpack).
-    #[inline]
     pub fn from_frame(frame: &CanFrame, id: DriveId) -> Result<Self, FrameError> {
         if frame.key() != CanFrame::key_of(id.can) {
             return Err(FrameError::NotMine);
@@ -398,7 +392,6 @@ impl Reply {
     ///
     /// # Errors
     /// [`FrameError::Unexpected`] if byte 0 is no command that this crate knows.
-    #[inline]
     pub fn unpack(bytes: &[u8; 8]) -> Result<Self, FrameError> {
         let [command, b, c, d, e, f, g, h] = *bytes;
         let temperature = || Celsius::new(i8::from_le_bytes([b]).into());

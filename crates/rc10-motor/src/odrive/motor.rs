@@ -164,7 +164,6 @@ impl ODrive {
         self.state
     }
 
-    #[inline]
     fn heard_estimates(
         &mut self,
         estimates: Estimates,
@@ -193,7 +192,6 @@ impl ODrive {
     }
 
     /// The encoder's shaft was there at the estimate before.
-    #[inline]
     fn follow(&mut self, before: f32) {
         let steps = microdegrees(self.estimates.position) - microdegrees(before);
         match i32::try_from(steps) {
@@ -356,7 +354,6 @@ impl ODrive {
 
 /// Microdegrees of the encoder's shaft from the axis's own zero, cut off towards it: of turns within
 /// ± [`MAX_TURNS`].
-#[inline]
 fn microdegrees(turns: f32) -> i64 {
     const PARTS: i64 = 1 << 31;
     // Both are exact, and so is the difference.
@@ -532,7 +529,6 @@ impl CanMotor for ODrive {
         })
     }
 
-    #[inline]
     fn unpack_feedback(
         &mut self,
         frame: &CanFrame,

@@ -44,14 +44,12 @@ impl Node {
     }
 
     /// As set on the device.
-    #[inline]
     #[must_use]
     pub const fn number(self) -> u8 {
         self.0
     }
 
     /// The identifier of one of its messages, of which the lower five bits count.
-    #[inline]
     #[must_use]
     pub const fn can_id(self, message: u8) -> StandardId {
         let raw = (self.0 as u16) << MESSAGE_BITS | message as u16 & MESSAGE_MASK;
@@ -62,7 +60,6 @@ impl Node {
     }
 
     /// Node and message number of an identifier: every standard one has both.
-    #[inline]
     #[must_use]
     pub fn of(id: StandardId) -> (Self, u8) {
         let [node, message] = [id.as_raw() >> MESSAGE_BITS, id.as_raw() & MESSAGE_MASK];
@@ -200,7 +197,6 @@ pub enum Command {
 }
 
 /// The number, the nearest finite one, or 0 for NaN.
-#[inline]
 fn finite(x: f32) -> f32 {
     if x.is_finite() {
         x
@@ -384,7 +380,6 @@ pub enum Message {
 /// # Errors
 /// [`FrameError::NotMine`] of another node, an extended identifier, or a remote request;
 /// [`FrameError::Length`] if it has not eight bytes.
-#[inline]
 fn parts(frame: &CanFrame, node: Node) -> Result<(u8, [u8; 8]), FrameError> {
     // The key of a standard data frame is its identifier, and larger for every other frame.
     if frame.key() >> MESSAGE_BITS != u32::from(node.0) {
@@ -402,7 +397,6 @@ impl Message {
     /// [`FrameError::NotMine`], [`FrameError::Length`] if it has not eight bytes, and
     /// [`FrameError::Unexpected`] for a message that is not read here, or with a number that is
     /// infinite or not one.
-    #[inline]
     pub fn from_frame(frame: &CanFrame, node: Node) -> Result<Self, FrameError> {
         let (message, [a, b, c, d, e, f, g, h]) = parts(frame, node)?;
         let floats = || {

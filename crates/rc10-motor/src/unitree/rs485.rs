@@ -90,7 +90,6 @@ impl GoM8010 {
     }
 
     /// The command to send now.
-    #[inline]
     #[must_use]
     pub fn pack_command(&self) -> [u8; COMMAND_LEN] {
         self.command.pack()

@@ -30,7 +30,6 @@ const REPLY_HEAD: [u8; 2] = [0xFD, 0xEE];
 ///
 /// A byte at a time and without a table: shifting a byte out meets the taps of x¹⁶ + x¹² + x⁵ + 1
 /// so that its low half also runs into its high half, and the result comes out at three places.
-#[inline]
 #[must_use]
 pub fn crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0, |crc: u16, byte| {
@@ -67,7 +66,6 @@ impl Command {
     /// };
     /// assert_eq!(calibrate.pack(), *b"\xFE\xEE\x23\0\0\0\0\0\0\0\0\0\0\0\0\x32\x98");
     /// ```
-    #[inline]
     #[must_use]
     pub fn pack(&self) -> [u8; COMMAND_LEN] {
         let [h0, h1] = COMMAND_HEAD;
@@ -108,7 +106,6 @@ impl Reply {
     ///
     /// # Errors
     /// [`ReplyError`]: another length, another head, another CRC.
-    #[inline]
     pub fn unpack(bytes: &[u8]) -> Result<Self, ReplyError> {
         let bytes: &[u8; REPLY_LEN] = bytes.try_into().map_err(|_| ReplyError::Length)?;
         let [h0, h1, mode, t0, t1, w0, w1, a0, a1, a2, a3, temperature, e0, e1, c0, c1] = *bytes;
@@ -172,7 +169,6 @@ impl Parser {
     }
 
     /// Takes the next byte, and returns the reply that ends with it.
-    #[inline]
     pub fn push(&mut self, byte: u8) -> Option<Reply> {
         if let Some(next) = self.bytes.get_mut(self.len) {
             *next = byte;

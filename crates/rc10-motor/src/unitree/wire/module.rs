@@ -78,7 +78,6 @@ impl Request {
     /// let frame = request.pack(Module::FACTORY, Address::new(0).unwrap());
     /// assert_eq!(frame.to_string(), "180A1000#000000000000C000");
     /// ```
-    #[inline]
     #[must_use]
     pub fn pack(&self, module: Module, address: Address) -> CanFrame {
         let (operation, status, data) = match *self {
@@ -153,7 +152,6 @@ impl Reply {
     ///
     /// # Errors
     /// [`ReplyError`]: not of a module, not eight bytes, a command, or of unknown content.
-    #[inline]
     pub fn unpack(frame: &CanFrame) -> Result<Self, ReplyError> {
         if !frame.is_extended_id() || frame.is_remote() {
             return Err(ReplyError::NotAModule);

@@ -175,7 +175,6 @@ impl RotorScale {
 
     /// To the wire: clamped to what the protocol can carry, nearest step; zero for what is not a
     /// number.
-    #[inline]
     #[must_use]
     pub fn raw(&self, motion: &Motion) -> RawMotion {
         RawMotion {
@@ -186,7 +185,6 @@ impl RotorScale {
     }
 
     /// From the wire.
-    #[inline]
     #[must_use]
     pub fn motion(&self, raw: RawMotion) -> Motion {
         Motion {
@@ -197,28 +195,24 @@ impl RotorScale {
     }
 
     /// A torque from the wire.
-    #[inline]
     #[must_use]
     pub fn torque(&self, raw: i16) -> NewtonMetres {
         NewtonMetres::new(f32::from(raw) / self.torque_steps)
     }
 
     /// A torque, as [`raw`](Self::raw) has it.
-    #[inline]
     #[must_use]
     pub fn raw_torque(&self, torque: NewtonMetres) -> i16 {
         round_to_i16(within(torque.get() * self.torque_steps, TORQUE_LIMIT_STEPS))
     }
 
     /// A speed, as [`raw`](Self::raw) has it.
-    #[inline]
     #[must_use]
     pub fn raw_speed(&self, speed: Rpm) -> i16 {
         round_to_i16(within(speed.get() * self.speed_steps, SPEED_LIMIT_STEPS))
     }
 
     /// The angle that lies so far from another: cheaper than an angle of many turns.
-    #[inline]
     #[must_use]
     pub fn raw_angle_from(&self, from: i32, way: Degrees) -> i32 {
         let steps = from.saturating_add(round_to_i32(way.get() * self.angle_steps));
@@ -226,7 +220,6 @@ impl RotorScale {
     }
 
     /// To the wire, as [`raw`](Self::raw).
-    #[inline]
     #[must_use]
     pub fn raw_impedance(&self, impedance: &Impedance) -> RawImpedance {
         RawImpedance {
@@ -236,7 +229,6 @@ impl RotorScale {
     }
 
     /// From the wire.
-    #[inline]
     #[must_use]
     pub fn impedance(&self, raw: RawImpedance) -> Impedance {
         Impedance {
@@ -252,7 +244,6 @@ fn angle(steps: i64) -> i32 {
     return steps.clamp(-limit, limit) as i32;
 }
 
-#[inline]
 fn gain(steps: f32) -> u16 {
     round_to_i16(steps.clamp(0.0, GAIN_LIMIT_STEPS)).unsigned_abs()
 }
