@@ -12,8 +12,6 @@ mod scale;
 pub(super) use scale::{ANGLE_STEPS, GAIN_LIMIT, SPEED_LIMIT, SPEED_STEPS};
 pub use scale::{GEAR, Impedance, Motion, RawImpedance, RawMotion, RotorScale};
 
-use core::fmt;
-
 use crate::feedback::Fault;
 
 /// A motor on a line.
@@ -83,47 +81,6 @@ pub fn fault(error: u8) -> Option<Fault> {
     let text = ERRORS.get(index).copied().unwrap_or("an error the vendor does not name");
     Some(Fault::new(error.into(), text))
 }
-
-/// Why bytes or a frame are no reply of a motor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub enum ReplyError {
-    /// Not the length that a reply always has.
-    Length,
-    /// Another head than `FD EE`.
-    Head,
-    /// The CRC does not match.
-    Crc {
-        /// The one that was received.
-        received: u16,
-        /// The one of the received bytes.
-        computed: u16,
-    },
-    /// A standard identifier or a remote request: not of a module at all.
-    NotAModule,
-    /// A command to a module.
-    Command,
-    /// A kind of reply that is not documented.
-    Content(u8),
-}
-
-impl fmt::Display for ReplyError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Length => f.write_str("not the length of a Unitree motor's reply"),
-            Self::Head => f.write_str("a reply begins with FD EE"),
-            Self::Crc { received, computed } => {
-                write!(f, "CRC {received:04X} received, {computed:04X} computed")
-            }
-            Self::NotAModule => f.write_str("no frame of a Unitree module"),
-            Self::Command => f.write_str("a command to a Unitree module, no reply"),
-            Self::Content(content) => write!(f, "a reply of unknown content {content}"),
-        }
-    }
-}
-
-impl core::error::Error for ReplyError {}
 
 #[cfg(test)]
 mod tests {

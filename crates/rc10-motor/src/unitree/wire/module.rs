@@ -19,8 +19,9 @@ use embedded_can::{ExtendedId, Id};
 use rc10_app::Celsius;
 use rc10_can::CanFrame;
 
-use super::{Address, RawImpedance, RawMotion, ReplyError, Status, fault, mode, split_mode};
+use super::{Address, RawImpedance, RawMotion, Status, fault, mode, split_mode};
 use crate::feedback::Fault;
+use crate::motor::FrameError;
 
 /// Bit 26: set in what a module says.
 pub(in crate::unitree) const FROM_MODULE: u32 = 1 << 26;
@@ -151,16 +152,15 @@ impl Reply {
     /// Takes a module's frame apart.
     ///
     /// # Errors
-    /// [`ReplyError`]: not of a module, not eight bytes, a command, or of unknown content.
-    pub fn unpack(frame: &CanFrame) -> Result<Self, ReplyError> {
-        if !frame.is_extended_id() || frame.is_remote() {
-            return Err(ReplyError::NotAModule);
-        }
+    /// [`FrameError::NotMine`] if it is no frame of a module, or a command to one;
+    /// [`FrameError::Length`] if it has not eight bytes; [`FrameError::Unexpected`] if its content is
+    /// not documented.
+    pub fn unpack(frame: &CanFrame) -> Result<Self, FrameError> {
         let raw_id = frame.raw_id();
-        if raw_id & FROM_MODULE == 0 {
-            return Err(ReplyError::Command);
+        if !frame.is_extended_id() || frame.is_remote() || raw_id & FROM_MODULE == 0 {
+            return Err(FrameError::NotMine);
         }
-        let data = frame.all_eight().ok_or(ReplyError::Length)?;
+        let data = frame.all_eight().ok_or(FrameError::Length)?;
         let [top, middle, mode, low] = raw_id.to_be_bytes();
         let (address, status) = split_mode(mode);
         let content = match (top & 3, low.cast_signed()) {
@@ -172,7 +172,7 @@ impl Reply {
                 air_pressure: middle,
             },
             (IMPEDANCE, _) => Content::Impedance(impedance(*data)),
-            (other, _) => return Err(ReplyError::Content(other)),
+            _ => return Err(FrameError::Unexpected),
         };
         Ok(Self { module: Module(top >> 3 & 3), address, content })
     }
@@ -265,12 +265,12 @@ mod tests {
         let remote = CanFrame::remote_frame(state, 8).unwrap();
         let standard = CanFrame::eight_bytes(StandardId::new(0x201).unwrap(), [0; 8]);
         for (frame, error) in [
-            (short, ReplyError::Length),
-            (remote, ReplyError::NotAModule),
-            (standard, ReplyError::NotAModule),
-            (from(0x1900_111E, [0; 8]), ReplyError::Command),
-            (from(0x1C80_1023, [0; 8]), ReplyError::Content(0)),
-            (from(0x1F80_1023, [0; 8]), ReplyError::Content(3)),
+            (short, FrameError::Length),
+            (remote, FrameError::NotMine),
+            (standard, FrameError::NotMine),
+            (from(0x1900_111E, [0; 8]), FrameError::NotMine),
+            (from(0x1C80_1023, [0; 8]), FrameError::Unexpected),
+            (from(0x1F80_1023, [0; 8]), FrameError::Unexpected),
         ] {
             assert_eq!(Reply::unpack(&frame), Err(error), "{frame}");
         }
