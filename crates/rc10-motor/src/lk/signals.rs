@@ -151,17 +151,6 @@ static COMMANDS: &[(u32, &str)] = &[
     (PHASE_CURRENTS as u32, "phase currents"),
 ];
 
-/// A bit that is set, in the words of the codec.
-static TEXTS: [[(u32, &str); 1]; 8] = {
-    let mut texts = [[(1, "")]; 8];
-    let mut bit = 0;
-    while bit < 8 {
-        texts[bit][0].1 = ERROR_TEXTS[bit];
-        bit += 1;
-    }
-    texts
-};
-
 /// Of the error bits, lowest first: in the answer to `9A`, and to `9B`.
 const ERROR_NAMES: [[&str; 2]; 8] = [
     ["SUPPLY_TOO_LOW", "CLEARED_SUPPLY_TOO_LOW"],
@@ -207,7 +196,7 @@ const fn answer_signals(amps_per_count: f64, bits: u32) -> [Signal; ANSWERS] {
         while bit < 8 {
             let name = ERROR_NAMES[bit as usize][kind];
             let signal = Signal::new(name, ByteOrder::Little, 56 + bit, 1);
-            signals[next] = signal.named(&TEXTS[bit as usize]).when(when);
+            signals[next] = signal.flag(&ERROR_TEXTS[bit as usize]).when(when);
             next += 1;
             bit += 1;
         }

@@ -303,7 +303,7 @@ pub struct Errors(u8);
 
 /// Text of each error bit, lowest first. Bits 0 and 3: manual V2.3 (bit 3: over-temperature); all:
 /// librm, for newer firmware.
-pub(super) const ERROR_TEXTS: [&str; 8] = [
+pub(super) static ERROR_TEXTS: [&str; 8] = [
     "supply voltage too low",
     "supply voltage too high",
     "controller too hot",

@@ -174,10 +174,11 @@ static TEMPERATURE_SIGNALS: [Signal; 2] =
     [float("CONTROLLER_TEMPERATURE", 0, "degC"), float("MOTOR_TEMPERATURE", 4, "degC")];
 static SUPPLY_SIGNALS: [Signal; 2] =
     [float("SUPPLY_VOLTAGE", 0, "V"), float("SUPPLY_CURRENT", 4, "A")];
-static STATE_SIGNALS: [Signal; 1] = [Signal::little("REQUESTED_STATE", 0, 4).named(&STATES)];
+static STATE_SIGNALS: [Signal; 1] =
+    [Signal::little("REQUESTED_STATE", 0, 4).listed(0, &AXIS_STATES)];
 static MODE_SIGNALS: [Signal; 2] = [
-    Signal::little("CONTROL_MODE", 0, 4).named(CONTROL_MODES),
-    Signal::little("INPUT_MODE", 4, 4).named(INPUT_MODES),
+    Signal::little("CONTROL_MODE", 0, 4).listed(0, CONTROL_MODES),
+    Signal::little("INPUT_MODE", 4, 4).listed(0, INPUT_MODES),
 ];
 static VELOCITY_SIGNALS: [Signal; 2] =
     [float("INPUT_VELOCITY", 0, "rev/s"), float("INPUT_TORQUE", 4, "Nm")];
@@ -190,48 +191,18 @@ static TORQUE_SIGNALS: [Signal; 1] = [float("INPUT_TORQUE", 0, "Nm")];
 static LIMIT_SIGNALS: [Signal; 2] =
     [float("VELOCITY_LIMIT", 0, "rev/s"), float("CURRENT_LIMIT", 4, "A")];
 
-/// The names of the states, in the words of the codec.
-static STATES: [(u32, &str); AXIS_STATES.len()] = {
-    let mut states = [(0, ""); AXIS_STATES.len()];
-    let mut state = 0;
-    while state < states.len() {
-        #[expect(clippy::cast_possible_truncation, reason = "fifteen")]
-        let number = state as u32;
-        states[state] = (number, AXIS_STATES[state]);
-        state += 1;
-    }
-    states
-};
-
-static CONTROL_MODES: &[(u32, &str)] =
-    &[(0, "voltage"), (1, "torque"), (2, "velocity"), (3, "position")];
-static INPUT_MODES: &[(u32, &str)] = &[
-    (0, "inactive"),
-    (1, "passthrough"),
-    (2, "velocity ramp"),
-    (3, "position filter"),
-    (4, "mix channels"),
-    (5, "trapezoid"),
-    (6, "torque ramp"),
-    (7, "mirror"),
-    (8, "tuning"),
+const CONTROL_MODES: &[&str] = &["voltage", "torque", "velocity", "position"];
+const INPUT_MODES: &[&str] = &[
+    "inactive",
+    "passthrough",
+    "velocity ramp",
+    "position filter",
+    "mix channels",
+    "trapezoid",
+    "torque ramp",
+    "mirror",
+    "tuning",
 ];
-
-/// A bit that is set, in the words of the codec.
-const fn texts<const N: usize>(firmware: &Firmware) -> [[(u32, &'static str); 1]; N] {
-    let mut texts = [[(1, "")]; N];
-    let mut index = 0;
-    while index < N {
-        texts[index][0].1 = firmware.errors[index].1;
-        index += 1;
-    }
-    texts
-}
-
-const ERRORS_0_5: usize = Firmware::V0_5.errors.len();
-const ERRORS_0_6: usize = Firmware::V0_6.errors.len();
-static TEXTS_0_5: [[(u32, &str); 1]; ERRORS_0_5] = texts(&Firmware::V0_5);
-static TEXTS_0_6: [[(u32, &str); 1]; ERRORS_0_6] = texts(&Firmware::V0_6);
 
 /// Of the error bits, by number.
 const ERROR_NAMES: [&str; 32] = [
@@ -245,7 +216,7 @@ const fn bit(name: &'static str, number: u8) -> Signal {
     Signal::new(name, ByteOrder::Little, number, 1)
 }
 
-const AXIS_STATE: Signal = Signal::little("AXIS_STATE", 4, 1).named(&STATES);
+const AXIS_STATE: Signal = Signal::little("AXIS_STATE", 4, 1).listed(0, &AXIS_STATES);
 
 /// Firmware 0.5: what has failed, and whether a trajectory is done.
 const DETAILS_0_5: [Signal; 5] = [
@@ -261,8 +232,7 @@ const DETAILS_0_6: [Signal; 3] =
 
 const fn with_errors<const ALL: usize>(
     details: &[Signal],
-    firmware: &Firmware,
-    texts: &'static [[(u32, &'static str); 1]],
+    errors: &'static [(u8, &'static str)],
 ) -> [Signal; ALL] {
     let mut signals = [AXIS_STATE; ALL];
     let mut next = 0;
@@ -272,18 +242,18 @@ const fn with_errors<const ALL: usize>(
     }
     let mut index = 0;
     while next < ALL {
-        let number = firmware.errors[index].0;
-        signals[next] = bit(ERROR_NAMES[number as usize], number).named(&texts[index]);
+        let (number, text) = &errors[index];
+        signals[next] = bit(ERROR_NAMES[*number as usize], *number).flag(text);
         next += 1;
         index += 1;
     }
     signals
 }
 
-static HEARTBEAT_0_5: [Signal; DETAILS_0_5.len() + ERRORS_0_5] =
-    with_errors(&DETAILS_0_5, &Firmware::V0_5, &TEXTS_0_5);
-static HEARTBEAT_0_6: [Signal; DETAILS_0_6.len() + ERRORS_0_6] =
-    with_errors(&DETAILS_0_6, &Firmware::V0_6, &TEXTS_0_6);
+static HEARTBEAT_0_5: [Signal; DETAILS_0_5.len() + Firmware::V0_5.errors.len()] =
+    with_errors(&DETAILS_0_5, Firmware::V0_5.errors);
+static HEARTBEAT_0_6: [Signal; DETAILS_0_6.len() + Firmware::V0_6.errors.len()] =
+    with_errors(&DETAILS_0_6, Firmware::V0_6.errors);
 static HEARTBEAT_OTHER: [Signal; 1] = [AXIS_STATE];
 
 fn heartbeat(firmware: &Firmware) -> &'static [Signal] {

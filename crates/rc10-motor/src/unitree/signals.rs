@@ -96,17 +96,4 @@ const STATES: &[Signal] = &[
     Signal::in_id("AirPressure", 16, 8),
 ];
 
-const FAULTS: &[Signal] = &[STATUS, Signal::in_id("Error", 16, 8).named(&ERROR_NAMES)];
-
-/// The texts of the codec, by their numbers.
-static ERROR_NAMES: [(u32, &str); 1 + ERRORS.len()] = {
-    let mut names = [(0, "none"); 1 + ERRORS.len()];
-    let mut index = 0;
-    while index < ERRORS.len() {
-        #[expect(clippy::cast_possible_truncation, reason = "four")]
-        let number = 1 + index as u32;
-        names[1 + index] = (number, ERRORS[index]);
-        index += 1;
-    }
-    names
-};
+const FAULTS: &[Signal] = &[STATUS, Signal::in_id("Error", 16, 8).listed(0, &ERRORS)];

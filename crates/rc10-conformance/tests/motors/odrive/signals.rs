@@ -116,17 +116,17 @@ fn set_bits_and_states_have_the_codecs_texts() {
         let mut bits = 0;
         for signal in heartbeat.signals.iter().filter(|signal| signal.start < 32) {
             let text = config.firmware.fault(1 << signal.start).unwrap().text;
-            assert_eq!(signal.values, [(1, text)]);
+            assert!(signal.values().eq([(1, text)]));
             assert_eq!(signal.name, format!("ERROR_{}", signal.start));
             bits += 1;
         }
         assert_eq!(bits, config.firmware.errors.len());
         let state = heartbeat.signals.iter().find(|signal| signal.name == "AXIS_STATE").unwrap();
-        for (number, name) in state.values {
-            let state = AxisState::new(u8::try_from(*number).unwrap());
-            assert_eq!(state.name(), Some(*name));
+        for (number, name) in state.values() {
+            let state = AxisState::new(u8::try_from(number).unwrap());
+            assert_eq!(state.name(), Some(name));
         }
-        assert_eq!(state.values.len(), 15);
+        assert_eq!(state.values().count(), 15);
     }
     let own = Firmware { version: "own", errors: &[], ..Firmware::V0_6 };
     let signals = messages(NODE, &Config { firmware: own, ..config() }).unwrap()[0].signals;

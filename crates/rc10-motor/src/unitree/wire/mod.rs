@@ -70,16 +70,16 @@ const fn split_mode(mode: u8) -> (Address, Status) {
     (Address(mode & 0xF), Status(mode >> 4 & 7))
 }
 
-/// Texts of the vendor's `MError`, from 1 (data manual, table of the reply).
-pub(super) const ERRORS: [&str; 4] =
-    ["over-temperature", "over-current", "over-voltage", "encoder"];
+/// Texts of the vendor's `MError` (data manual, table of the reply).
+pub(super) const ERRORS: [&str; 5] =
+    ["none", "over-temperature", "over-current", "over-voltage", "encoder"];
 
 /// What an `MError` says; `None` for 0, no error.
 #[must_use]
 pub fn fault(error: u8) -> Option<Fault> {
-    let index = usize::from(error.checked_sub(1)?);
-    let text = ERRORS.get(index).copied().unwrap_or("an error the vendor does not name");
-    Some(Fault::new(error.into(), text))
+    let text = ERRORS.get(usize::from(error)).copied();
+    let text = text.unwrap_or("an error the vendor does not name");
+    (error > 0).then_some(Fault::new(error.into(), text))
 }
 
 #[cfg(test)]
