@@ -96,12 +96,6 @@ impl Lk {
         })
     }
 
-    /// Its model.
-    #[must_use]
-    pub const fn model(&self) -> &Model {
-        &self.model
-    }
-
     /// The current to send: the drive counts it in its own direction.
     fn current(&self) -> Amps {
         Amps::new(self.servo.effort() * self.shaft.sign())
@@ -116,9 +110,7 @@ impl Lk {
         if motion.command != CURRENT && motion.command != MOTION {
             return Err(FrameError::Unasked);
         }
-        if u32::from(motion.encoder) >= self.model.encoder.counts() {
-            return Err(FrameError::Encoder);
-        }
+        self.model.angle(&motion)?;
         if link != Link::Online {
             // It may be another drive than the one that was switched on.
             self.step = Step::Off;

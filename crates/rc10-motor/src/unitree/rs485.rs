@@ -1,4 +1,4 @@
-use rc10_app::{Cascade, ConfigError, CountsPerTurn, Direction};
+use rc10_app::{Cascade, ConfigError, Direction};
 use rc10_can::Micros;
 
 use super::config::{IdOutOfRange, servo};
@@ -81,12 +81,6 @@ impl GoM8010 {
     #[must_use]
     pub const fn address(&self) -> Address {
         self.address
-    }
-
-    /// Counts of the rotor per turn of the output.
-    #[must_use]
-    pub const fn counts_per_turn(&self) -> CountsPerTurn {
-        RotorScale::OUTPUT.counts_per_turn()
     }
 
     /// The command to send now.
