@@ -137,7 +137,7 @@ pub struct Mecanum {
     pub max_wheel_speed: Rpm,
 }
 
-/// What [`Mecanum::inverse`] asks of the wheels.
+/// Wheel speeds from [`Mecanum::inverse`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WheelSpeeds {
     /// Front left, front right, rear left, rear right; within ± `max_wheel_speed`.

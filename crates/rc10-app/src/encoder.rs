@@ -29,11 +29,11 @@ pub struct Encoder {
     gaps: u32,
 }
 
-/// The counter showed a value it cannot have.
+/// A reading that the counter cannot have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct OutOfRange {
-    /// What it showed.
+    /// The reading.
     pub raw: u32,
     /// It must be below this.
     pub modulus: u64,

@@ -59,7 +59,7 @@ impl<T: Copy, const N: usize> List<T, N> {
     }
 }
 
-/// What a motor is called in errors and tables: its model and the identifier set on it.
+/// Name of a motor in errors and tables: its model and the identifier set on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MotorName {
@@ -129,11 +129,11 @@ impl RxFrames {
 /// A test on one byte of a payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Guard {
-    /// Which byte, 0 ..= 7.
+    /// Index of the byte, 0 ..= 7.
     pub byte: u8,
     /// The bits that count.
     pub mask: u8,
-    /// What they must be.
+    /// Value of those bits.
     pub value: u8,
 }
 
@@ -163,7 +163,7 @@ pub struct TxFrames {
     pub len: u8,
     /// How often.
     pub rate: Rate,
-    /// Whose the frame is.
+    /// Share of the frame that is the device's.
     pub ownership: Ownership,
 }
 
@@ -204,7 +204,7 @@ impl Ownership {
     }
 }
 
-/// Why two motors cannot share a bus.
+/// The reason why two motors cannot share a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clash {
     /// Both devices send frames with this identifier, and nothing tells them apart.
@@ -279,19 +279,19 @@ impl CanIds {
         self
     }
 
-    /// What the device sends.
+    /// Frames that the device sends.
     #[must_use]
     pub fn received(&self) -> &[RxFrames] {
         self.received.items()
     }
 
-    /// What is sent to the device.
+    /// Frames that are sent to the device.
     #[must_use]
     pub fn transmitted(&self) -> &[TxFrames] {
         self.transmitted.items()
     }
 
-    /// What the device obeys although it is never sent.
+    /// Identifiers that the device obeys although they are never sent.
     #[must_use]
     pub fn listened_to(&self) -> &[IdPattern] {
         self.listens.items()

@@ -3,7 +3,7 @@ use core::fmt;
 use rc10_app::{Amps, Celsius, Degrees, NewtonMetres, Rpm, TotalAngle, Volts};
 use rc10_can::Micros;
 
-/// What a motor measured, at the output shaft.
+/// Measurements of a motor, at the output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -74,7 +74,7 @@ impl Feedback {
         supply: Reading::NONE,
     };
 
-    /// What every device tells, and nothing else.
+    /// The measurements of every device, and no others.
     #[must_use]
     pub const fn new(at: Micros, speed: Rpm, angle: Degrees, total_angle: TotalAngle) -> Self {
         Self { at, speed, angle, total_angle, ..Self::NEW }
@@ -153,7 +153,7 @@ impl Feedback {
 pub struct Fault {
     /// The code the device sent.
     pub code: u32,
-    /// What it means.
+    /// Meaning of the code.
     pub text: &'static str,
 }
 

@@ -1,5 +1,5 @@
-//! What stands where in a vendor's frames, as data: for DBC files, for `rc10 decode`, and for who
-//! wants to read a bus without this crate's types. Each vendor's table stands beside its codec and
+//! The layout of a vendor's frames, as data: for DBC files, for `rc10 decode`, and for programs that
+//! read a bus without this crate's types. Each vendor's table stands beside its codec and
 //! is tested against it, bit for bit.
 //!
 //! A table has the plain messages first, which a DBC file can describe, then the special ones:
@@ -29,7 +29,7 @@ pub struct Message {
     pub from_device: bool,
     /// What its data must be: tells it from other frames with its identifier.
     pub marks: Marks,
-    /// What stands in it.
+    /// Its signals.
     pub signals: &'static [Signal],
 }
 
@@ -148,7 +148,7 @@ pub struct Signal {
     pub bits: u8,
     /// In which order its bytes come.
     pub order: ByteOrder,
-    /// What its bits are.
+    /// How its bits are read.
     pub kind: Kind,
     /// Physical value = raw value · `factor` + `offset`.
     pub factor: f64,
@@ -179,7 +179,7 @@ pub enum ByteOrder {
     Big,
 }
 
-/// What a signal's bits are.
+/// How a signal's bits are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A number from 0.

@@ -10,12 +10,12 @@ use crate::motor::{DriveMode, FrameError, FrameKind, Motor, SafeState};
 use crate::request::{Request, RequestError, Response};
 use crate::target::{Target, TargetError};
 
-/// When and how a motor leaves its target.
+/// The command timeout of a motor, and its safe state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Safety {
-    /// What it does then.
+    /// Its state once it may not follow its target.
     pub state: SafeState,
-    /// A command holds for so long: 1 µs ..= [`LONGEST_EXPIRY`](Self::LONGEST_EXPIRY).
+    /// Time for which a command holds: 1 µs ..= [`LONGEST_EXPIRY`](Self::LONGEST_EXPIRY).
     pub command_expiry: Micros,
 }
 
@@ -146,13 +146,13 @@ impl fmt::Display for Refusals {
 pub struct MotorStatus {
     /// Whether it is heard.
     pub link: Link,
-    /// What the bus let it do in the last tick.
+    /// Its drive mode in the last tick.
     pub drive: DriveMode,
     /// The target it has.
     pub target: Target,
-    /// What it measured last.
+    /// Its newest measurements.
     pub feedback: Feedback,
-    /// What is wrong with it, by its own account.
+    /// The fault that it reports.
     pub fault: Option<Fault>,
     /// Whether it does what its target says, given that it may run.
     pub condition: Condition,

@@ -11,7 +11,7 @@ use crate::arm::ArmState;
 use crate::supervision::count;
 use crate::unitree::{Rs485Bus, Rs485Counters, Step};
 
-/// What an RS-485 bus and all other tasks share.
+/// The shared side of an RS-485 bus, for all other tasks.
 pub type Rs485Port = MotorPorts<Rs485Status, { Rs485Bus::CAPACITY }>;
 
 /// The state of an RS-485 bus.

@@ -304,7 +304,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     }
 }
 
-/// What became of the frames so far.
+/// Frames handed to the port so far, by what it did with them.
 #[derive(Default)]
 struct Traffic {
     submitted: u32,

@@ -1,4 +1,4 @@
-//! What stands in an LK drive's frames.
+//! The layout of an LK drive's frames.
 
 use embedded_can::Id;
 use heapless::Vec;
@@ -12,7 +12,7 @@ use super::wire::{
 };
 use crate::signals::{ByteOrder, Marks, Message, Presence, Signal};
 
-/// What a DBC cannot say.
+/// Content of the frames that a DBC file cannot describe.
 pub const NOT_IN_DBC: &[&str] = &[
     "LK: commands to a drive have the identifier of its answers, and a DBC has room for one of \
      both: the answers are in it. Commands are byte 0 (80 off, 88 run, 9A, 9B, 9C questions, A1 \
@@ -23,8 +23,8 @@ pub const NOT_IN_DBC: &[&str] = &[
 
 /// The answers of a drive, and in multi-motor mode the frame that commands it, which is the same
 /// for all drives of a bus; then its single commands, which have the identifier of its answers, and
-/// the answers to those that this crate never sends. Angles and speeds are the rotor's. A model whose current step is neither
-/// that of MG nor that of MF has its current in steps.
+/// the answers to those that this crate never sends. Angles and speeds are the rotor's. A model
+/// whose current step is neither that of MG nor that of MF has its current in steps.
 ///
 /// # Errors
 /// [`ConfigError`] as for [`Lk::new`](super::Lk::new).

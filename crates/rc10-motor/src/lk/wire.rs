@@ -135,7 +135,7 @@ pub enum Command {
     TurnWithin {
         /// Where to, 0 ..= 359.99 degrees.
         angle: Degrees,
-        /// Which way round.
+        /// The way round.
         direction: SpinDirection,
         /// As in [`TurnTo`](Self::TurnTo).
         speed_limit: Option<RotorRpm>,
@@ -286,13 +286,13 @@ impl Motion {
 /// Response to `9A` and `9B`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Health {
-    /// To which of the two.
+    /// The command that was answered.
     pub command: u8,
     /// Of the motor.
     pub temperature: Celsius,
     /// Of the supply, in volts.
     pub supply: f32,
-    /// What is wrong.
+    /// Error bits.
     pub errors: Errors,
 }
 

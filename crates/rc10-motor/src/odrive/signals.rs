@@ -1,4 +1,4 @@
-//! What stands in an axis's frames.
+//! The layout of an axis's frames.
 
 use embedded_can::Id;
 use heapless::Vec;
@@ -11,7 +11,7 @@ use super::wire::{
 };
 use crate::signals::{ByteOrder, Marks, Message, Signal};
 
-/// What a DBC cannot say.
+/// Content of the frames that a DBC file cannot describe.
 pub const NOT_IN_DBC: &[&str] = &[
     "ODrive: the heartbeat's error bits that the firmware does not document are not in the DBC, and \
      none of a firmware that is neither 0.5 nor 0.6.",

@@ -296,7 +296,7 @@ impl Query {
 pub struct Heartbeat {
     /// Bits of [`Firmware::errors`](super::Firmware::errors); 0 if nothing is wrong.
     pub errors: u32,
-    /// What it does.
+    /// State of the axis.
     pub state: AxisState,
     /// Bytes 5 ..= 7. Firmware 0.5: an error of the motor, of the encoder, of the controller (bit 0
     /// each), and in bit 7 of the last that a trajectory is done. Firmware 0.6: result of the last
@@ -318,9 +318,9 @@ pub struct Estimates {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Currents {
-    /// What the loops ask for.
+    /// Setpoint of the current loop.
     pub setpoint: Amps,
-    /// What flows.
+    /// Measured current.
     pub measured: Amps,
 }
 

@@ -90,7 +90,7 @@ const SELDOM: Micros = Micros::from_millis(100);
 /// Longest time without a poll: a motor that is not heard may be due.
 const IDLE: Micros = Micros::from_millis(1);
 
-/// What is to be done next on a bus.
+/// The next step on a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// Send these bytes, all at once and now.

@@ -47,7 +47,7 @@ pub fn crc(bytes: &[u8]) -> u16 {
 pub struct Command {
     /// The motor it is for.
     pub address: Address,
-    /// What the motor is to do.
+    /// The status it is to have.
     pub status: Status,
     /// The motion it is to have, of the rotor.
     pub motion: RawMotion,
@@ -91,7 +91,7 @@ impl Command {
 pub struct Reply {
     /// The motor.
     pub address: Address,
-    /// What it does.
+    /// Its status.
     pub status: Status,
     /// The motion it has, of the rotor.
     pub motion: RawMotion,
@@ -133,7 +133,7 @@ impl Reply {
         })
     }
 
-    /// What is wrong with the motor, by its own account.
+    /// The fault that the motor reports.
     #[must_use]
     pub fn fault(&self) -> Option<Fault> {
         fault(self.error)

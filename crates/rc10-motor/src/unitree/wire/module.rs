@@ -105,7 +105,7 @@ fn impedance_data(impedance: RawImpedance) -> [u8; 8] {
     [d0, d1, p0, p1, 0, 0, 0, 0]
 }
 
-/// What a module says about a motor.
+/// A module's reply about a motor.
 ///
 /// A frame is a motor's only if module and address are both its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,17 +115,17 @@ pub struct Reply {
     pub module: Module,
     /// The motor.
     pub address: Address,
-    /// What.
+    /// Its content.
     pub content: Content,
 }
 
-/// See [`Reply`].
+/// The content of a [`Reply`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Content {
     /// The motor runs, or could.
     State {
-        /// What it does.
+        /// Its status.
         status: Status,
         /// The motion it has, of the rotor.
         motion: RawMotion,
@@ -134,11 +134,11 @@ pub enum Content {
         /// The upper eight bits of a pressure sensor, in units of its own.
         air_pressure: u8,
     },
-    /// Something is wrong.
+    /// The motor has a fault.
     Fault {
-        /// What the motor does.
+        /// Its status.
         status: Status,
-        /// What is wrong: the vendor's `MError`.
+        /// The vendor's `MError`.
         error: u8,
         /// The whole identifier. Another driver looks for the error in bits 15 to 8, so these
         /// are shown too.
@@ -177,7 +177,7 @@ impl Reply {
         Ok(Self { module: Module(top >> 3 & 3), address, content })
     }
 
-    /// What is wrong with the motor, by the module's account. The code is the whole identifier,
+    /// The fault that the module reports. The code is the whole identifier,
     /// because sources differ on where in it the error stands.
     #[must_use]
     pub fn fault(&self) -> Option<Fault> {
