@@ -40,7 +40,7 @@ pub enum Target {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Impedance {
     /// Where the spring pulls to, over many turns, counted from the zero as
-    /// [`Feedback::total_angle`] is.
+    /// [`Feedback::total_angle`](crate::Feedback::total_angle) is.
     pub angle: Degrees,
     /// The speed at which the damper does nothing.
     pub speed: Rpm,
