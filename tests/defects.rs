@@ -212,7 +212,12 @@ fn r11_currents_are_limited_before_they_become_integers_and_reported_in_amperes(
 /// The limited wheel speeds were computed and thrown away.
 #[test]
 fn r13_no_wheel_is_asked_for_more_than_its_limit() {
-    let base = Mecanum::new(0.076, 0.20, 0.22, Rpm::new(400.0));
+    let base = Mecanum {
+        wheel_radius: 0.076,
+        half_wheelbase: 0.20,
+        half_track: 0.22,
+        max_wheel_speed: Rpm::new(400.0),
+    };
     let wanted = Twist::new(3.0, 2.0, 5.0);
     let wheels = base.inverse(wanted).unwrap();
     assert!(wheels.speeds.iter().all(|speed| speed.get().abs() <= 400.0));

@@ -112,7 +112,7 @@ proptest! {
         width in 0.05..1.0_f32,
         most in 1.0..10_000.0_f32,
     ) {
-        let chassis = Mecanum::new(radius, length, width, Rpm::new(most));
+        let chassis = Mecanum { wheel_radius: radius, half_wheelbase: length, half_track: width, max_wheel_speed: Rpm::new(most) };
         prop_assert_eq!(chassis.validate(), Ok(()));
         let Ok(wheels) = chassis.inverse(Twist::new(vx, vy, wz)) else {
             // Only what cannot be computed with is refused.

@@ -7,10 +7,11 @@ use proptest::prelude::*;
 use rc10_app::{Gear, NewtonMetres, Rpm, TotalAngle};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id};
+use rc10_motor::FrameError;
 use rc10_motor::unitree::wire::line::{self, COMMAND_LEN, Command, Parser, REPLY_LEN};
 use rc10_motor::unitree::wire::module::{self, Content, Module, Request};
 use rc10_motor::unitree::wire::{
-    Address, Impedance, Motion, RawImpedance, RawMotion, ReplyError, RotorScale, Status,
+    Address, Impedance, Motion, RawImpedance, RawMotion, RotorScale, Status,
 };
 
 use crate::any;
@@ -270,7 +271,7 @@ proptest! {
             prop_assert_eq!(frame.raw_id(), id);
             let data = *frame.all_eight().unwrap();
             // A command is laid out like a reply, and is itself none.
-            prop_assert_eq!(module::Reply::unpack(&frame).unwrap_err(), ReplyError::Command);
+            prop_assert_eq!(module::Reply::unpack(&frame).unwrap_err(), FrameError::NotMine);
             let content = |bits: u32| {
                 let id = ExtendedId::new(id | 1 << 26 | bits << 24).unwrap();
                 module::Reply::unpack(&CanFrame::eight_bytes(Id::Extended(id), data)).unwrap()

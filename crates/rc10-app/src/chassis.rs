@@ -113,7 +113,12 @@ impl core::error::Error for TwistNotFinite {}
 /// ```
 /// use rc10_app::Rpm;
 /// use rc10_app::chassis::{Mecanum, Twist};
-/// let chassis = Mecanum::new(0.076, 0.20, 0.25, Rpm::new(450.0));
+/// let chassis = Mecanum {
+///     wheel_radius: 0.076,
+///     half_wheelbase: 0.20,
+///     half_track: 0.25,
+///     max_wheel_speed: Rpm::new(450.0),
+/// };
 /// assert_eq!(chassis.validate(), Ok(()));
 /// let wheels = chassis.inverse(Twist::new(5.0, 0.0, 0.0))?;
 /// assert_eq!(wheels.speeds, [Rpm::new(450.0); 4]); // 628 rpm would be needed
@@ -132,7 +137,7 @@ pub struct Mecanum {
     pub max_wheel_speed: Rpm,
 }
 
-/// What [`Mecanum::inverse`] asks of the wheels.
+/// Wheel speeds from [`Mecanum::inverse`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WheelSpeeds {
     /// Front left, front right, rear left, rear right; within ± `max_wheel_speed`.
@@ -143,17 +148,6 @@ pub struct WheelSpeeds {
 }
 
 impl Mecanum {
-    /// Wheel radius, half wheelbase and half track in metres, and the fastest a wheel may turn.
-    #[must_use]
-    pub const fn new(
-        wheel_radius: f32,
-        half_wheelbase: f32,
-        half_track: f32,
-        max_wheel_speed: Rpm,
-    ) -> Self {
-        Self { wheel_radius, half_wheelbase, half_track, max_wheel_speed }
-    }
-
     /// Checks the ranges.
     ///
     /// # Errors
@@ -219,12 +213,6 @@ pub struct TwistLimits {
 }
 
 impl TwistLimits {
-    /// Limits in m/s² and rad/s².
-    #[must_use]
-    pub const fn new(linear_acceleration: f32, angular_acceleration: f32) -> Self {
-        Self { linear_acceleration, angular_acceleration }
-    }
-
     /// Checks the ranges.
     ///
     /// # Errors
@@ -317,7 +305,12 @@ mod tests {
     use core::f32::consts::FRAC_PI_2;
     use std::string::ToString;
 
-    const CHASSIS: Mecanum = Mecanum::new(0.076, 0.20, 0.25, Rpm::new(450.0));
+    const CHASSIS: Mecanum = Mecanum {
+        wheel_radius: 0.076,
+        half_wheelbase: 0.20,
+        half_track: 0.25,
+        max_wheel_speed: Rpm::new(450.0),
+    };
     const DT: Seconds = Seconds::new(0.001);
 
     fn random_twist(random: &mut Random, size: f32) -> Twist {
@@ -435,10 +428,21 @@ mod tests {
             assert_eq!(field(Mecanum { half_track: bad, ..CHASSIS }), "half_track");
             let speed = Mecanum { max_wheel_speed: Rpm::new(bad), ..CHASSIS };
             assert_eq!(field(speed), "max_wheel_speed");
-            assert!(TwistLimits::new(bad, 1.0).validate().is_err());
-            assert!(TwistLimits::new(1.0, bad).validate().is_err());
+            assert!(
+                TwistLimits { linear_acceleration: bad, angular_acceleration: 1.0 }
+                    .validate()
+                    .is_err()
+            );
+            assert!(
+                TwistLimits { linear_acceleration: 1.0, angular_acceleration: bad }
+                    .validate()
+                    .is_err()
+            );
         }
-        assert_eq!(TwistLimits::new(3.0, 10.0).validate(), Ok(()));
+        assert_eq!(
+            TwistLimits { linear_acceleration: 3.0, angular_acceleration: 10.0 }.validate(),
+            Ok(())
+        );
     }
 
     #[test]
@@ -457,7 +461,7 @@ mod tests {
 
     #[test]
     fn the_acceleration_is_never_exceeded_and_the_change_is_straight() {
-        let limits = TwistLimits::new(3.0, 12.0);
+        let limits = TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
         let (mut random, mut limiter) = (Random(13), TwistLimiter::new());
         let mut target = Twist::STOP;
         for step in 0..20_000 {
@@ -478,7 +482,7 @@ mod tests {
 
     #[test]
     fn the_limiter_takes_the_shortest_time_and_arrives_exactly() {
-        let limits = TwistLimits::new(5.0, 10.0);
+        let limits = TwistLimits { linear_acceleration: 5.0, angular_acceleration: 10.0 };
         let mut limiter = TwistLimiter::new();
         let target = Twist::new(3.0, -4.0, 2.0);
         let mut step = 0;
@@ -495,7 +499,7 @@ mod tests {
 
     #[test]
     fn a_bad_target_or_time_leaves_the_limiter_unchanged() {
-        let limits = TwistLimits::new(5.0, 10.0);
+        let limits = TwistLimits { linear_acceleration: 5.0, angular_acceleration: 10.0 };
         let mut limiter = TwistLimiter::new();
         limiter.reset(Twist::new(1.0, 0.5, -1.0));
         let before = limiter;
@@ -508,7 +512,7 @@ mod tests {
         for dt in [0.0, -0.001, f32::NAN, f32::INFINITY] {
             assert_eq!(limiter.update(&limits, Twist::STOP, Seconds::new(dt)), Ok(before.twist()));
         }
-        let broken = TwistLimits::new(f32::NAN, -1.0);
+        let broken = TwistLimits { linear_acceleration: f32::NAN, angular_acceleration: -1.0 };
         assert_eq!(limiter.update(&broken, Twist::STOP, DT), Ok(before.twist()));
         assert_eq!(limiter, before);
     }

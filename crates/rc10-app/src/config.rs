@@ -10,9 +10,9 @@ pub struct ConfigError {
     pub part: &'static str,
     /// The field, as it is written in the source.
     pub field: &'static str,
-    /// What it holds.
+    /// Its value.
     pub value: f32,
-    /// What it must be.
+    /// The values allowed.
     pub must_be: &'static str,
 }
 

@@ -23,12 +23,6 @@ pub struct DifferentiatorConfig {
 }
 
 impl DifferentiatorConfig {
-    /// A limit on acceleration (units of the value per second squared) and a smoothing time.
-    #[must_use]
-    pub const fn new(acceleration: f32, smoothing: Seconds) -> Self {
-        Self { acceleration, smoothing }
-    }
-
     /// Checks the ranges.
     ///
     /// # Errors
@@ -47,7 +41,7 @@ impl DifferentiatorConfig {
 /// ```
 /// use rc10_app::differentiator::{Differentiator, DifferentiatorConfig};
 /// use rc10_app::Seconds;
-/// let config = DifferentiatorConfig::new(1000.0, Seconds::new(0.005));
+/// let config = DifferentiatorConfig { acceleration: 1000.0, smoothing: Seconds::new(0.005) };
 /// let mut setpoint = Differentiator::at(0.0);
 /// for _ in 0..500 {
 ///     assert!(setpoint.update(&config, 10.0, Seconds::new(0.001)) <= 10.0001);
@@ -132,7 +126,8 @@ fn time_optimal(error: f32, rate: f32, limit: f32, step: f32) -> f32 {
 mod tests {
     use super::*;
 
-    const CONFIG: DifferentiatorConfig = DifferentiatorConfig::new(200.0, Seconds::new(0.005));
+    const CONFIG: DifferentiatorConfig =
+        DifferentiatorConfig { acceleration: 200.0, smoothing: Seconds::new(0.005) };
     const MILLISECOND: Seconds = Seconds::new(0.001);
 
     #[test]
@@ -218,7 +213,11 @@ mod tests {
             follower.update(&CONFIG, target, Seconds::new(dt));
             assert_eq!(follower, before);
         }
-        follower.update(&DifferentiatorConfig::new(f32::NAN, MILLISECOND), 9.0, MILLISECOND);
+        follower.update(
+            &DifferentiatorConfig { acceleration: f32::NAN, smoothing: MILLISECOND },
+            9.0,
+            MILLISECOND,
+        );
         assert_eq!(follower, before);
         for target in [f32::MAX, f32::MIN, f32::MIN_POSITIVE, 1e30, -1e-30] {
             for dt in [1e-30, 1e-3, 1e6, 1e38] {
@@ -236,8 +235,16 @@ mod tests {
     fn the_configuration_is_checked() {
         assert_eq!(CONFIG.validate(), Ok(()));
         for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-            assert!(DifferentiatorConfig::new(bad, MILLISECOND).validate().is_err());
-            assert!(DifferentiatorConfig::new(1.0, Seconds::new(bad)).validate().is_err());
+            assert!(
+                DifferentiatorConfig { acceleration: bad, smoothing: MILLISECOND }
+                    .validate()
+                    .is_err()
+            );
+            assert!(
+                DifferentiatorConfig { acceleration: 1.0, smoothing: Seconds::new(bad) }
+                    .validate()
+                    .is_err()
+            );
         }
     }
 }

@@ -29,11 +29,11 @@ pub struct Encoder {
     gaps: u32,
 }
 
-/// The counter showed a value it cannot have.
+/// A reading that the counter cannot have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct OutOfRange {
-    /// What it showed.
+    /// The reading.
     pub raw: u32,
     /// It must be below this.
     pub modulus: u64,
@@ -65,7 +65,6 @@ impl Encoder {
     ///
     /// # Errors
     /// [`OutOfRange`] if `raw` is not below the modulus; the sample is ignored.
-    #[inline]
     pub fn update(&mut self, raw: u32) -> Result<i64, OutOfRange> {
         let step = self.step(raw)?;
         self.total = self.total.saturating_add(step);
@@ -92,7 +91,6 @@ impl Encoder {
     }
 
     /// Movement since the last sample; the first sample is the movement from zero.
-    #[inline]
     fn step(&mut self, raw: u32) -> Result<i64, OutOfRange> {
         if u64::from(raw) >= self.modulus {
             return Err(OutOfRange { raw, modulus: self.modulus });
@@ -113,7 +111,6 @@ impl Encoder {
     }
 
     /// All counts, from the encoder's own zero at the first sample.
-    #[inline]
     #[must_use]
     pub const fn total(&self) -> i64 {
         self.total

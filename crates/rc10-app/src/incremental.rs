@@ -268,7 +268,8 @@ mod tests {
 
     #[test]
     fn a_smoothed_setpoint_starts_at_the_measurement_and_arrives() {
-        let smoothing = DifferentiatorConfig::new(500.0, Seconds::new(0.005));
+        let smoothing =
+            DifferentiatorConfig { acceleration: 500.0, smoothing: Seconds::new(0.005) };
         let config = IncrementalPidConfig::new(1.0, 0.0, 0.02, 100.0).with_setpoint(smoothing);
         let mut pid = IncrementalPidState::new();
         let mut last = pid.update(&config, 110.0, 100.0, DT);
@@ -286,7 +287,8 @@ mod tests {
     #[test]
     fn smoothing_can_be_switched_on_while_running() {
         let config = IncrementalPidConfig::new(1.0, 0.0, 0.0, 100.0);
-        let smoothing = DifferentiatorConfig::new(500.0, Seconds::new(0.005));
+        let smoothing =
+            DifferentiatorConfig { acceleration: 500.0, smoothing: Seconds::new(0.005) };
         let mut pid = IncrementalPidState::new();
         pid.update(&config, 30.0, 20.0, DT);
         near(pid.update(&config.with_setpoint(smoothing), 30.0, 20.0, DT), 10.0);
@@ -327,7 +329,7 @@ mod tests {
     fn the_configuration_is_checked() {
         let good = IncrementalPidConfig::new(1.0, 0.0, 0.0, 20.0);
         assert_eq!(good.validate(), Ok(()));
-        let bad_setpoint = DifferentiatorConfig::new(0.0, DT);
+        let bad_setpoint = DifferentiatorConfig { acceleration: 0.0, smoothing: DT };
         for bad in [
             IncrementalPidConfig { kp: f32::NAN, ..good },
             IncrementalPidConfig { ki: f32::NEG_INFINITY, ..good },

@@ -16,16 +16,10 @@ pub struct LowPassConfig {
 }
 
 impl LowPassConfig {
-    /// A filter of this time constant.
-    #[must_use]
-    pub const fn new(time_constant: Seconds) -> Self {
-        Self { time_constant }
-    }
-
     /// A filter that halves the power of a sine of this frequency (its −3 dB point), in hertz, > 0.
     #[must_use]
     pub const fn from_cutoff(hertz: f32) -> Self {
-        Self::new(Seconds::new(1.0 / (core::f32::consts::TAU * hertz)))
+        Self { time_constant: Seconds::new(1.0 / (core::f32::consts::TAU * hertz)) }
     }
 
     /// Checks the ranges.
@@ -42,7 +36,7 @@ impl LowPassConfig {
 /// ```
 /// use rc10_app::low_pass::{LowPass, LowPassConfig};
 /// use rc10_app::Seconds;
-/// let config = LowPassConfig::new(Seconds::new(0.010));
+/// let config = LowPassConfig { time_constant: Seconds::new(0.010) };
 /// let mut current = LowPass::new();
 /// assert_eq!(current.update(&config, 4.0, Seconds::new(0.001)), 4.0);
 /// let next = current.update(&config, 5.0, Seconds::new(0.001));
@@ -95,7 +89,7 @@ impl LowPass {
 mod tests {
     use super::*;
 
-    const CONFIG: LowPassConfig = LowPassConfig::new(Seconds::new(0.02));
+    const CONFIG: LowPassConfig = LowPassConfig { time_constant: Seconds::new(0.02) };
 
     fn run(steps: u16, dt: f32) -> f32 {
         let mut filter = LowPass::new();
@@ -173,7 +167,7 @@ mod tests {
     fn the_configuration_is_checked() {
         assert_eq!(CONFIG.validate(), Ok(()));
         for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-            assert!(LowPassConfig::new(Seconds::new(bad)).validate().is_err());
+            assert!(LowPassConfig { time_constant: Seconds::new(bad) }.validate().is_err());
         }
     }
 }

@@ -88,7 +88,7 @@ const fn no_error() -> f32 {
     0.0
 }
 
-/// What goes into one step of a PID controller.
+/// The input of one step of a PID controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PidInput {
     /// Setpoint less measurement.
@@ -99,7 +99,7 @@ pub struct PidInput {
     pub integrate: bool,
 }
 
-/// What a PID controller remembers from call to call.
+/// State of a PID controller.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PidState {
     integral: f32,
@@ -138,7 +138,6 @@ impl PidState {
     }
 
     /// The newest output.
-    #[inline]
     #[must_use]
     pub const fn output(&self) -> f32 {
         self.output
@@ -183,9 +182,8 @@ impl PidState {
 
     /// One step for callers that know the error and the change of the measurement exactly, such as
     /// an integer encoder. `change` tells how far the measurement moved since the last step, and is
-    /// asked only if there is a derivative. As [`update`](Self::update) otherwise, but [`PidConfig::turn`] is not
-    /// used, and that `dt` is positive and finite is the caller's business.
-    #[inline]
+    /// asked only if there is a derivative. As [`update`](Self::update) otherwise, but
+    /// [`PidConfig::turn`] is not used, and the caller checks that `dt` is positive and finite.
     pub fn update_error(
         &mut self,
         config: &PidConfig,

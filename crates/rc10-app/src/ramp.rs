@@ -13,16 +13,10 @@ pub struct RampConfig {
 }
 
 impl RampConfig {
-    /// Different rates up and down, both in units of the value per second.
-    #[must_use]
-    pub const fn new(rising: f32, falling: f32) -> Self {
-        Self { rising, falling }
-    }
-
     /// The same rate up and down.
     #[must_use]
     pub const fn symmetric(rate: f32) -> Self {
-        Self::new(rate, rate)
+        Self { rising: rate, falling: rate }
     }
 
     /// Checks the ranges.
@@ -40,7 +34,7 @@ impl RampConfig {
 /// ```
 /// use rc10_app::ramp::{Ramp, RampConfig};
 /// use rc10_app::Seconds;
-/// let config = RampConfig::new(100.0, 400.0); // rpm per second
+/// let config = RampConfig { rising: 100.0, falling: 400.0 }; // rpm per second
 /// let mut speed = Ramp::at(30.0); // what the motor turns at now
 /// assert_eq!(speed.update(&config, 1000.0, Seconds::new(0.5)), 80.0);
 /// assert_eq!(speed.update(&config, 0.0, Seconds::new(0.5)), 0.0);
@@ -95,7 +89,7 @@ impl Ramp {
 mod tests {
     use super::*;
 
-    const CONFIG: RampConfig = RampConfig::new(10.0, 30.0);
+    const CONFIG: RampConfig = RampConfig { rising: 10.0, falling: 30.0 };
     const DT: Seconds = Seconds::new(0.01);
 
     /// Steps until `target` is reached exactly.
@@ -159,10 +153,10 @@ mod tests {
     #[test]
     fn the_configuration_is_checked() {
         assert_eq!(CONFIG.validate(), Ok(()));
-        assert_eq!(RampConfig::symmetric(2.0), RampConfig::new(2.0, 2.0));
+        assert_eq!(RampConfig::symmetric(2.0), RampConfig { rising: 2.0, falling: 2.0 });
         for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-            assert!(RampConfig::new(bad, 1.0).validate().is_err());
-            assert!(RampConfig::new(1.0, bad).validate().is_err());
+            assert!(RampConfig { rising: bad, falling: 1.0 }.validate().is_err());
+            assert!(RampConfig { rising: 1.0, falling: bad }.validate().is_err());
         }
     }
 }

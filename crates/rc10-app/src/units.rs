@@ -4,153 +4,115 @@
 use core::fmt;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-macro_rules! unit {
-    ($(#[$doc:meta])* $name:ident, $symbol:literal) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
-        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-        pub struct $name(f32);
+macro_rules! units {
+    ($($(#[$doc:meta])* $name:ident: $symbol:literal;)*) => {
+        $(
+            $(#[$doc])*
+            #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+            #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+            pub struct $name(f32);
 
-        impl $name {
-            /// Zero.
-            pub const ZERO: Self = Self(0.0);
+            impl $name {
+                /// Zero.
+                pub const ZERO: Self = Self(0.0);
 
-            #[doc = concat!("A number of ", $symbol, ".")]
-            #[inline]
-            #[must_use]
-            pub const fn new(value: f32) -> Self {
-                Self(value)
+                #[doc = concat!("A number of ", $symbol, ".")]
+                #[must_use]
+                pub const fn new(value: f32) -> Self {
+                    Self(value)
+                }
+
+                #[doc = concat!("The number of ", $symbol, ".")]
+                #[must_use]
+                pub const fn get(self) -> f32 {
+                    self.0
+                }
+
+                /// Without its sign.
+                #[must_use]
+                pub const fn abs(self) -> Self {
+                    Self(self.0.abs())
+                }
+
+                /// Neither infinite nor NaN.
+                #[must_use]
+                pub const fn is_finite(self) -> bool {
+                    self.0.is_finite()
+                }
             }
 
-            #[doc = concat!("The number of ", $symbol, ".")]
-            #[inline]
-            #[must_use]
-            pub const fn get(self) -> f32 {
-                self.0
+            impl Add for $name {
+                type Output = Self;
+                fn add(self, other: Self) -> Self {
+                    Self(self.0 + other.0)
+                }
             }
 
-            /// Without its sign.
-            #[inline]
-            #[must_use]
-            pub const fn abs(self) -> Self {
-                Self(self.0.abs())
+            impl Sub for $name {
+                type Output = Self;
+                fn sub(self, other: Self) -> Self {
+                    Self(self.0 - other.0)
+                }
             }
 
-            /// Neither infinite nor NaN.
-            #[inline]
-            #[must_use]
-            pub const fn is_finite(self) -> bool {
-                self.0.is_finite()
+            impl Neg for $name {
+                type Output = Self;
+                fn neg(self) -> Self {
+                    Self(-self.0)
+                }
             }
-        }
 
-        impl Add for $name {
-            type Output = Self;
-            #[inline]
-            fn add(self, other: Self) -> Self {
-                Self(self.0 + other.0)
+            impl Mul<f32> for $name {
+                type Output = Self;
+                fn mul(self, factor: f32) -> Self {
+                    Self(self.0 * factor)
+                }
             }
-        }
 
-        impl Sub for $name {
-            type Output = Self;
-            #[inline]
-            fn sub(self, other: Self) -> Self {
-                Self(self.0 - other.0)
+            impl Div<f32> for $name {
+                type Output = Self;
+                fn div(self, divisor: f32) -> Self {
+                    Self(self.0 / divisor)
+                }
             }
-        }
 
-        impl Neg for $name {
-            type Output = Self;
-            #[inline]
-            fn neg(self) -> Self {
-                Self(-self.0)
+            impl fmt::Display for $name {
+                fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                    fmt::Display::fmt(&self.0, f)?;
+                    f.write_str(concat!(" ", $symbol))
+                }
             }
-        }
-
-        impl Mul<f32> for $name {
-            type Output = Self;
-            #[inline]
-            fn mul(self, factor: f32) -> Self {
-                Self(self.0 * factor)
-            }
-        }
-
-        impl Div<f32> for $name {
-            type Output = Self;
-            #[inline]
-            fn div(self, divisor: f32) -> Self {
-                Self(self.0 / divisor)
-            }
-        }
-
-        impl fmt::Display for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                fmt::Display::fmt(&self.0, f)?;
-                f.write_str(concat!(" ", $symbol))
-            }
-        }
+        )*
     };
 }
 
-unit!(
+units! {
     /// Speed of an output shaft in revolutions per minute; counter-clockwise positive, looking at
     /// the shaft's end.
-    Rpm,
-    "rpm"
-);
-unit!(
+    Rpm: "rpm";
     /// Speed of a rotor, in front of the gearbox, in revolutions per minute.
-    RotorRpm,
-    "rotor rpm"
-);
-unit!(
+    RotorRpm: "rotor rpm";
     /// Speed of a motor's magnetic field in electrical revolutions per minute: rotor rpm times pole
     /// pairs.
-    ElectricalRpm,
-    "erpm"
-);
-unit!(
+    ElectricalRpm: "erpm";
     /// Acceleration of an output shaft in revolutions per minute per second.
-    RpmPerSecond,
-    "rpm/s"
-);
-unit!(
+    RpmPerSecond: "rpm/s";
     /// An angle of an output shaft in degrees. For angles of many turns use
     /// [`TotalAngle`](crate::TotalAngle), which stays exact.
-    Degrees,
-    "deg"
-);
-unit!(
+    Degrees: "deg";
     /// An angle in radians.
-    Radians,
-    "rad"
-);
-unit!(
+    Radians: "rad";
     /// Torque-producing current in amperes.
-    Amps,
-    "A"
-);
-unit!(
+    Amps: "A";
     /// A voltage in volts.
-    Volts,
-    "V"
-);
-unit!(
+    Volts: "V";
     /// Torque at an output shaft in newton metres.
-    NewtonMetres,
-    "N m"
-);
-unit!(
+    NewtonMetres: "N m";
     /// A length of time in seconds: a step of a control loop, never a time of day.
-    Seconds,
-    "s"
-);
-unit!(
+    Seconds: "s";
     /// A temperature in degrees Celsius.
-    Celsius,
-    "degC"
-);
+    Celsius: "degC";
+}
 
 impl Seconds {
     /// Whether it is a step of a control loop: finite and above zero.
@@ -159,7 +121,6 @@ impl Seconds {
     }
 
     /// From whole microseconds; more than 71 minutes are 71 minutes.
-    #[inline]
     #[must_use]
     pub const fn from_micros(micros: u64) -> Self {
         // Through 32 bits: a Cortex-M7 converts those in one instruction.
@@ -258,7 +219,6 @@ pub enum Direction {
 
 impl Direction {
     /// 1 for forward, -1 for reversed.
-    #[inline]
     #[must_use]
     pub const fn sign(self) -> i8 {
         match self {

@@ -10,7 +10,7 @@ pub enum ArmState {
     Disarmed,
     /// Motors follow their commands.
     Armed,
-    /// Armed, but whoever drives is not heard: every motor is in its safe state, until
+    /// Armed, but the operator is not heard: every motor is in its safe state, until
     /// [`ArmSwitch::resume`].
     Suspended,
     /// Every motor is in its safe state, until [`ArmSwitch::reset`].
@@ -31,7 +31,7 @@ impl fmt::Display for ArmState {
 /// The one switch that arms and stops a robot. All its buses look at it in every tick; anything
 /// may hold a reference to it and stop the robot, from any task or interrupt.
 ///
-/// An emergency stop latches: [`arm`](Self::arm) fails until somebody calls
+/// An emergency stop latches: [`arm`](Self::arm) fails until a call of
 /// [`reset`](Self::reset), and then the robot is disarmed, not armed.
 ///
 /// ```

@@ -6,7 +6,7 @@ use rc10_can::CanFrame;
 
 /// The frames of one tick. Motors that share a frame each write their own bytes of it (their
 /// lane): the batch finds the frame of that identifier, or opens it with all other bytes zero.
-/// So there is one frame per identifier on a bus, whoever contributes; of frames that a motor
+/// So there is one frame per identifier on a bus, however many motors contribute; of frames that a motor
 /// [names a stream](Self::push_as) for, one per stream.
 #[derive(Clone, Debug, Default)]
 pub struct TxBatch {
@@ -64,7 +64,6 @@ impl TxBatch {
     ///
     /// # Errors
     /// [`TxFull`] if the frame had to be opened and there is no room, or the lane lies outside it.
-    #[inline]
     pub fn lane(&mut self, id: StandardId, offset: usize, bytes: [u8; 2]) -> Result<(), TxFull> {
         let key = CanFrame::key_of(id);
         // Neighbours share a frame, so the newest one is nearly always the one.
@@ -103,7 +102,6 @@ impl TxBatch {
     }
 
     /// The frames, in the order they were opened.
-    #[inline]
     #[must_use]
     pub fn frames(&self) -> &[CanFrame] {
         &self.frames
@@ -111,13 +109,11 @@ impl TxBatch {
 
     /// The frames with their streams: what [`CanPort::submit_as`](rc10_can::CanPort::submit_as)
     /// takes.
-    #[inline]
     pub fn entries(&self) -> impl Iterator<Item = (&CanFrame, u32)> {
         self.frames.iter().zip(self.streams.iter().copied())
     }
 
     /// Forgets all frames.
-    #[inline]
     pub fn clear(&mut self) {
         self.frames.clear();
         self.streams.clear();
@@ -126,7 +122,6 @@ impl TxBatch {
 }
 
 /// Writes a lane; `false` where it does not fit.
-#[inline]
 fn write(frame: &mut CanFrame, offset: usize, bytes: [u8; 2]) -> bool {
     match frame.all_eight_mut() {
         Some(data) if offset <= 6 => {

@@ -13,7 +13,7 @@ use crate::load::BusLoad;
 use crate::load::Verdict;
 use crate::motor::{CanMotor, FrameError};
 use crate::motors::{AttachError, MotorId, Motors};
-use crate::supervision::Safety;
+use crate::supervision::{Safety, count};
 use crate::table::ReceiveTable;
 
 /// The motors of one CAN bus, and what keeps them safe.
@@ -56,12 +56,12 @@ pub struct BusCounters {
     pub received: u32,
     /// Those that had a motor's identifier but were no feedback.
     pub malformed: u32,
-    /// Those that no motor claims. Of frames that nobody asked for, a port with filters hands out
+    /// Those that no motor claims. Of unwanted frames, a port with filters hands out
     /// a sample only; [`Health::ignored`](rc10_can::Health::ignored) counts the others.
     pub unclaimed: u32,
     /// Key ([`CanFrame::key`]) of the newest frame no motor claims.
     pub last_unclaimed: Option<u32>,
-    /// Remote requests: nobody answers them.
+    /// Remote requests, which no motor answers.
     pub remote: u32,
 }
 
@@ -229,11 +229,6 @@ impl<'m> MotorBus<'m> {
     pub const fn counters(&self) -> BusCounters {
         self.counters
     }
-}
-
-#[inline]
-const fn count(counter: &mut u32) {
-    *counter = counter.saturating_add(1);
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 use core::fmt;
 
 use embedded_can::Id;
-use rc10_can::{CanFrame, IdPattern, LengthBounds, Micros};
+use rc10_can::{CanFrame, IdPattern, Micros};
 
 /// The identifiers that a motor occupies on its bus, declared once. The clash check, the receive
 /// table, the load figure and the link timeout all follow from it.
@@ -34,31 +34,32 @@ pub struct CanIds {
 #[derive(Clone, Copy, Debug)]
 struct List<T, const N: usize> {
     items: [T; N],
+    /// How many were added, those that found no room included.
     len: usize,
-    /// How many found no room.
-    lost: usize,
 }
 
 impl<T: Copy, const N: usize> List<T, N> {
     const fn new(filler: T) -> Self {
-        Self { items: [filler; N], len: 0, lost: 0 }
+        Self { items: [filler; N], len: 0 }
     }
 
     const fn push(&mut self, item: T) {
         if self.len < N {
             self.items[self.len] = item;
-            self.len += 1;
-        } else {
-            self.lost += 1;
         }
+        self.len += 1;
+    }
+
+    const fn is_complete(&self) -> bool {
+        self.len <= N
     }
 
     fn items(&self) -> &[T] {
-        self.items.get(..self.len).unwrap_or_default()
+        self.items.get(..self.len).unwrap_or(&self.items)
     }
 }
 
-/// What a motor is called in errors and tables: its model and the identifier set on it.
+/// Name of a motor in errors and tables: its model and the identifier set on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MotorName {
@@ -77,7 +78,7 @@ impl fmt::Display for MotorName {
 /// How often a frame comes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rate {
-    /// So many times a second, by the device's own clock.
+    /// This many times a second, by the device's own clock.
     Hz(u16),
     /// Once every tick of the bus (1 ms): commands, and the replies to them.
     EveryTick,
@@ -128,11 +129,11 @@ impl RxFrames {
 /// A test on one byte of a payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Guard {
-    /// Which byte, 0 ..= 7.
+    /// Index of the byte, 0 ..= 7.
     pub byte: u8,
     /// The bits that count.
     pub mask: u8,
-    /// What they must be.
+    /// Value of those bits.
     pub value: u8,
 }
 
@@ -162,7 +163,7 @@ pub struct TxFrames {
     pub len: u8,
     /// How often.
     pub rate: Rate,
-    /// Whose the frame is.
+    /// Share of the frame that is the device's.
     pub ownership: Ownership,
 }
 
@@ -203,7 +204,7 @@ impl Ownership {
     }
 }
 
-/// Why two motors cannot share a bus.
+/// The reason why two motors cannot share a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clash {
     /// Both devices send frames with this identifier, and nothing tells them apart.
@@ -265,7 +266,7 @@ impl CanIds {
     /// Whether all that was added found room.
     #[must_use]
     pub const fn is_complete(&self) -> bool {
-        self.received.lost == 0 && self.transmitted.lost == 0 && self.listens.lost == 0
+        self.received.is_complete() && self.transmitted.is_complete() && self.listens.is_complete()
     }
 
     /// The same, if all that was added found room: to be evaluated in a `const`.
@@ -278,25 +279,25 @@ impl CanIds {
         self
     }
 
-    /// What the device sends.
+    /// Frames that the device sends.
     #[must_use]
     pub fn received(&self) -> &[RxFrames] {
         self.received.items()
     }
 
-    /// What is sent to the device.
+    /// Frames that are sent to the device.
     #[must_use]
     pub fn transmitted(&self) -> &[TxFrames] {
         self.transmitted.items()
     }
 
-    /// What the device obeys although it is never sent.
+    /// Identifiers that the device obeys although they are never sent.
     #[must_use]
     pub fn listened_to(&self) -> &[IdPattern] {
         self.listens.items()
     }
 
-    /// After so long without a frame the motor is lost: three periods of its most frequent
+    /// Longest time without a frame before the motor is lost: three periods of its most frequent
     /// feedback, but at least 10 ms.
     #[must_use]
     pub fn link_timeout(&self) -> Micros {
@@ -343,24 +344,12 @@ impl CanIds {
             sent.chain(commands).find_map(|f| self.listened_to().iter().find_map(|l| l.overlap(&f)))
         })
     }
-
-    /// Bit times a second that this motor's feedback takes.
-    pub(crate) fn receive_bits(&self) -> impl Iterator<Item = (LengthBounds, u32)> + '_ {
-        self.received().iter().map(|receive| {
-            let bounds = LengthBounds::of(usize::from(receive.len), is_extended(&receive.pattern));
-            (bounds, receive.rate.per_second())
-        })
-    }
 }
 
 impl Default for CanIds {
     fn default() -> Self {
         Self::new()
     }
-}
-
-pub(crate) const fn is_extended(pattern: &IdPattern) -> bool {
-    matches!(pattern.id(), Id::Extended(_))
 }
 
 #[cfg(test)]

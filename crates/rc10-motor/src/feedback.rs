@@ -3,7 +3,7 @@ use core::fmt;
 use rc10_app::{Amps, Celsius, Degrees, NewtonMetres, Rpm, TotalAngle, Volts};
 use rc10_can::Micros;
 
-/// What a motor measured, at the output shaft.
+/// Measurements of a motor, at the output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -36,7 +36,6 @@ struct Reading(f32);
 impl Reading {
     const NONE: Self = Self(f32::NAN);
 
-    #[inline]
     const fn get(self) -> Option<f32> {
         if self.0.is_nan() { None } else { Some(self.0) }
     }
@@ -75,8 +74,7 @@ impl Feedback {
         supply: Reading::NONE,
     };
 
-    /// What every device tells, and nothing else.
-    #[inline]
+    /// The measurements of every device, and no others.
     #[must_use]
     pub const fn new(at: Micros, speed: Rpm, angle: Degrees, total_angle: TotalAngle) -> Self {
         Self { at, speed, angle, total_angle, ..Self::NEW }
@@ -113,7 +111,6 @@ impl Feedback {
     }
 
     /// The same with a current. What is NaN counts as not told, here and below.
-    #[inline]
     #[must_use]
     pub const fn with_current(mut self, current: Amps) -> Self {
         self.current = Reading(current.get());
@@ -121,7 +118,6 @@ impl Feedback {
     }
 
     /// The same with a torque.
-    #[inline]
     #[must_use]
     pub const fn with_torque(mut self, torque: NewtonMetres) -> Self {
         self.torque = Reading(torque.get());
@@ -129,7 +125,6 @@ impl Feedback {
     }
 
     /// The same with a temperature of the motor.
-    #[inline]
     #[must_use]
     pub const fn with_temperature(mut self, temperature: Celsius) -> Self {
         self.temperature = Reading(temperature.get());
@@ -137,7 +132,6 @@ impl Feedback {
     }
 
     /// The same with a temperature of what drives the motor.
-    #[inline]
     #[must_use]
     pub const fn with_controller_temperature(mut self, temperature: Celsius) -> Self {
         self.controller_temperature = Reading(temperature.get());
@@ -145,7 +139,6 @@ impl Feedback {
     }
 
     /// The same with the voltage it is supplied with.
-    #[inline]
     #[must_use]
     pub const fn with_supply(mut self, supply: Volts) -> Self {
         self.supply = Reading(supply.get());
@@ -160,7 +153,7 @@ impl Feedback {
 pub struct Fault {
     /// The code the device sent.
     pub code: u32,
-    /// What it means.
+    /// Meaning of the code.
     pub text: &'static str,
 }
 

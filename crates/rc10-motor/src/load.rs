@@ -1,9 +1,10 @@
 use core::fmt;
 
+use embedded_can::Id;
 use heapless::Vec;
-use rc10_can::LengthBounds;
+use rc10_can::{IdPattern, LengthBounds};
 
-use crate::can_ids::{CanIds, Ownership, is_extended};
+use crate::can_ids::{CanIds, Ownership};
 
 /// How much of a bus the motors attached to it need, known before power-on: from their
 /// identifiers alone.
@@ -55,56 +56,37 @@ impl BusLoad {
 
     /// The load of motors with these identifiers on a bus of `bits_per_second`.
     pub(crate) fn of(motors: impl Iterator<Item = CanIds>, bits_per_second: u32) -> Self {
-        let mut sum = Sum::default();
+        let mut load = Self::default();
+        #[expect(clippy::cast_precision_loss, reason = "a percentage for people")]
+        let mut add = |bounds: LengthBounds, rate: u32| {
+            let percent = rate as f32 * 100.0 / bits_per_second.max(1) as f32;
+            load.frames_per_second = load.frames_per_second.saturating_add(rate);
+            load.least += bounds.min as f32 * percent;
+            load.typical += bounds.typical() as f32 * percent;
+            load.worst += bounds.max as f32 * percent;
+        };
         // A frame that several motors share is sent once.
         let mut shared: Vec<_, 32> = Vec::new();
         for ids in motors {
-            for (bounds, rate) in ids.receive_bits() {
-                sum.add(bounds, rate);
+            for received in ids.received() {
+                add(bounds(received.len, &received.pattern), received.rate.per_second());
             }
-            for transmit in ids.transmitted() {
-                let key = transmit.pattern.id();
-                if matches!(transmit.ownership, Ownership::Bytes(_)) && shared.contains(&key) {
+            for sent in ids.transmitted() {
+                let key = sent.pattern.id();
+                if matches!(sent.ownership, Ownership::Bytes(_)) && shared.contains(&key) {
                     continue;
                 }
                 // If the list is full, a shared frame counts twice: the load is never too low.
                 let _ = shared.push(key);
-                let extended = is_extended(&transmit.pattern);
-                let bounds = LengthBounds::of(usize::from(transmit.len), extended);
-                sum.add(bounds, transmit.rate.per_second());
+                add(bounds(sent.len, &sent.pattern), sent.rate.per_second());
             }
         }
-        sum.share_of(bits_per_second)
+        load
     }
 }
 
-#[derive(Default)]
-struct Sum {
-    frames: u32,
-    least: u32,
-    typical: u32,
-    worst: u32,
-}
-
-impl Sum {
-    fn add(&mut self, bounds: LengthBounds, rate: u32) {
-        let add = |sum: &mut u32, bits: u32| *sum = sum.saturating_add(bits.saturating_mul(rate));
-        add(&mut self.frames, 1);
-        add(&mut self.least, bounds.min);
-        add(&mut self.typical, bounds.typical());
-        add(&mut self.worst, bounds.max);
-    }
-
-    fn share_of(&self, bits_per_second: u32) -> BusLoad {
-        #[expect(clippy::cast_precision_loss, reason = "a percentage for people")]
-        let percent = |bits: u32| bits as f32 * 100.0 / bits_per_second.max(1) as f32;
-        BusLoad {
-            frames_per_second: self.frames,
-            least: percent(self.least),
-            typical: percent(self.typical),
-            worst: percent(self.worst),
-        }
-    }
+fn bounds(len: u8, pattern: &IdPattern) -> LengthBounds {
+    LengthBounds::of(len.into(), matches!(pattern.id(), Id::Extended(_)))
 }
 
 impl fmt::Display for BusLoad {

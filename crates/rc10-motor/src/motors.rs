@@ -42,7 +42,7 @@ pub enum AttachError {
         motor: MotorName,
         /// The one that is in its way.
         with: MotorName,
-        /// What they would both use.
+        /// The identifier or address that both would use.
         clash: Clash,
     },
     /// The bus has as many motors as it can have.

@@ -6,9 +6,9 @@ use rc10_can::CanFrame;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct NotANumber {
-    /// What is not a number.
+    /// Name of the value that is not a number.
     pub field: &'static str,
-    /// What may be sent in its place: nothing in it makes the motor move. `pack` says what it is.
+    /// A frame that may be sent in its place and moves nothing; see the command's `pack`.
     pub neutral: CanFrame,
 }
 

@@ -14,7 +14,7 @@ pub struct Gains {
     pub kd: f32,
 }
 
-/// What can be asked of a motor beside targets.
+/// A request to a motor beside its targets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -53,10 +53,10 @@ pub enum Request {
 pub enum Response {
     /// It is done.
     Done,
-    /// The device was asked; [`Motor::answer`] has what it says. Who waits at a motor's port never
-    /// sees this.
+    /// The device was asked; [`Motor::response`](crate::Motor::response) tells its answer. A task that
+    /// waits at a motor's port never sees this.
     Pending,
-    /// What stands in the register.
+    /// Raw value of the register.
     Register(u32),
 }
 

@@ -210,7 +210,7 @@ impl Shaft {
         self.jump_by(steps);
     }
 
-    /// The sensor moved by so many steps.
+    /// The sensor moved by `steps`.
     #[inline]
     pub fn move_by(&mut self, steps: i32) {
         let Self { whole, part, divisor, most, most_twice, .. } = *self;

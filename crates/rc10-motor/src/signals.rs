@@ -1,5 +1,5 @@
-//! What stands where in a vendor's frames, as data: for DBC files, for `rc10 decode`, and for who
-//! wants to read a bus without this crate's types. Each vendor's table stands beside its codec and
+//! The layout of a vendor's frames, as data: for DBC files, for `rc10 decode`, and for programs that
+//! read a bus without this crate's types. Each vendor's table stands beside its codec and
 //! is tested against it, bit for bit.
 //!
 //! A table has the plain messages first, which a DBC file can describe, then the special ones:
@@ -29,7 +29,7 @@ pub struct Message {
     pub from_device: bool,
     /// What its data must be: tells it from other frames with its identifier.
     pub marks: Marks,
-    /// What stands in it.
+    /// Its signals.
     pub signals: &'static [Signal],
 }
 
@@ -148,7 +148,7 @@ pub struct Signal {
     pub bits: u8,
     /// In which order its bytes come.
     pub order: ByteOrder,
-    /// What its bits are.
+    /// How its bits are read.
     pub kind: Kind,
     /// Physical value = raw value · `factor` + `offset`.
     pub factor: f64,
@@ -156,10 +156,18 @@ pub struct Signal {
     pub offset: f64,
     /// Unit of the physical value; empty if it has none.
     pub unit: &'static str,
-    /// What raw values mean.
-    pub values: &'static [(u32, &'static str)],
+    names: Names,
     /// When it is there at all.
     pub presence: Presence,
+}
+
+/// Meanings of raw values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Names {
+    /// Of these values.
+    Of(&'static [(u32, &'static str)]),
+    /// Of this value and those that follow it.
+    From(u32, &'static [&'static str]),
 }
 
 /// In which order a signal's bytes come.
@@ -171,7 +179,7 @@ pub enum ByteOrder {
     Big,
 }
 
-/// What a signal's bits are.
+/// How a signal's bits are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A number from 0.
@@ -206,7 +214,7 @@ impl Signal {
             factor: 1.0,
             offset: 0.0,
             unit: "",
-            values: &[],
+            names: Names::Of(&[]),
             presence: Presence::Always,
         }
     }
@@ -260,8 +268,30 @@ impl Signal {
     /// The same with names for raw values.
     #[must_use]
     pub const fn named(mut self, values: &'static [(u32, &'static str)]) -> Self {
-        self.values = values;
+        self.names = Names::Of(values);
         self
+    }
+
+    /// The same with names for the raw values from `first` on.
+    #[must_use]
+    pub const fn listed(mut self, first: u32, names: &'static [&'static str]) -> Self {
+        self.names = Names::From(first, names);
+        self
+    }
+
+    /// The same as a bit that means this if it is set.
+    #[must_use]
+    pub const fn flag(self, name: &'static &'static str) -> Self {
+        self.listed(1, core::slice::from_ref(name))
+    }
+
+    /// The raw values that have names, and their names.
+    pub fn values(&self) -> impl Iterator<Item = (u32, &'static str)> + use<> {
+        let (named, first, listed): (&[_], _, &[_]) = match self.names {
+            Names::Of(named) => (named, 0, &[]),
+            Names::From(first, listed) => (&[], first, listed),
+        };
+        named.iter().copied().chain((first..).zip(listed.iter().copied()))
     }
 
     /// The same, there only when `presence` says so.

@@ -10,17 +10,17 @@ use crate::motor::{DriveMode, FrameError, FrameKind, Motor, SafeState};
 use crate::request::{Request, RequestError, Response};
 use crate::target::{Target, TargetError};
 
-/// When and how a motor leaves its target.
+/// The command timeout of a motor, and its safe state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Safety {
-    /// What it does then.
+    /// Its state once it may not follow its target.
     pub state: SafeState,
-    /// A command holds for so long: 1 µs ..= [`LONGEST_EXPIRY`](Self::LONGEST_EXPIRY).
+    /// Time for which a command holds: 1 µs ..= [`LONGEST_EXPIRY`](Self::LONGEST_EXPIRY).
     pub command_expiry: Micros,
 }
 
 impl Safety {
-    /// Nobody needs a motor that runs on for longer than this without a word.
+    /// Longest allowed command timeout.
     pub const LONGEST_EXPIRY: Micros = Micros::from_millis(1000);
     /// Coast when no command came for 50 ms.
     pub const COAST: Self = Self::new(SafeState::Coast);
@@ -146,13 +146,13 @@ impl fmt::Display for Refusals {
 pub struct MotorStatus {
     /// Whether it is heard.
     pub link: Link,
-    /// What the bus let it do in the last tick.
+    /// Its drive mode in the last tick.
     pub drive: DriveMode,
     /// The target it has.
     pub target: Target,
-    /// What it measured last.
+    /// Its newest measurements.
     pub feedback: Feedback,
-    /// What is wrong with it, by its own account.
+    /// The fault that it reports.
     pub fault: Option<Fault>,
     /// Whether it does what its target says, given that it may run.
     pub condition: Condition,
@@ -197,7 +197,7 @@ pub(crate) struct Supervision {
     drive: DriveMode,
     link: Link,
     fresh: bool,
-    /// The motor has told of a fault that nobody has cleared.
+    /// The motor has told of a fault that has not been cleared.
     faulted: bool,
     /// Clearing it has been asked for, and the device has not answered yet.
     clearing: bool,
@@ -392,7 +392,8 @@ fn micros(time: Micros) -> u32 {
     u32::try_from(time.get()).unwrap_or(u32::MAX).min(u32::MAX / 2).saturating_add(SKEW)
 }
 
+/// One more; stays at the largest value.
 #[inline]
-const fn count(counter: &mut u32) {
+pub(crate) const fn count(counter: &mut u32) {
     *counter = counter.saturating_add(1);
 }

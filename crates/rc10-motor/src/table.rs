@@ -40,7 +40,7 @@ impl ReceiveTable {
         }
     }
 
-    /// Room for so many more patterns of either sort?
+    /// Whether there is room for this many more patterns of either sort.
     pub(crate) fn has_room(&self, receives: &[RxFrames]) -> bool {
         let exact = receives.iter().filter(|receive| receive.pattern.is_exact()).count();
         let masked = receives.len() - exact;

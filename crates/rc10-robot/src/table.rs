@@ -98,7 +98,12 @@ pub const LIFT: [Name; 4] =
 
 /// The base: wheels of 76 mm radius, 400 mm by 440 mm apart. The wheels stay below the 480 rpm that
 /// an M3508 reaches unloaded.
-pub const BASE: Mecanum = Mecanum::new(0.076, 0.20, 0.22, Rpm::new(400.0));
+pub const BASE: Mecanum = Mecanum {
+    wheel_radius: 0.076,
+    half_wheelbase: 0.20,
+    half_track: 0.22,
+    max_wheel_speed: Rpm::new(400.0),
+};
 
 /// The receiver of the remote control that is plugged in.
 pub const RECEIVER: Receiver = Receiver::Dr16;
@@ -129,7 +134,8 @@ pub const LIFT_RATE: f32 = 800.0;
 pub const LIFT_TOP: i32 = 1080;
 
 /// Largest accelerations of the base at which its wheels do not slip: m/s² and rad/s².
-pub const BASE_LIMITS: TwistLimits = TwistLimits::new(3.0, 12.0);
+pub const BASE_LIMITS: TwistLimits =
+    TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
 
 impl Name {
     /// The motor's line in [`MOTORS`].

@@ -103,10 +103,11 @@ fn vescs() {
 codec!("count_1_crc_unitree_go_pack", line_pack, |command: line::Command| -> [u8; 17] {
     command.pack()
 });
-codec!("count_1_crc_unitree_go_unpack", line_unpack, |bytes: [u8; 16]| -> Result<
-    line::Reply,
-    unitree::ReplyError,
-> { line::Reply::unpack(bytes) });
+codec!(
+    "count_1_crc_unitree_go_unpack",
+    line_unpack,
+    |bytes: [u8; 16]| -> Result<line::Reply, line::ReplyError> { line::Reply::unpack(bytes) }
+);
 codec!("count_1_codec_unitree_module_pack", module_pack, |request: (
     module::Request,
     module::Module,
@@ -117,7 +118,7 @@ codec!("count_1_codec_unitree_module_pack", module_pack, |request: (
 });
 codec!("count_1_codec_unitree_module_unpack", module_unpack, |frame: CanFrame| -> Result<
     module::Reply,
-    unitree::ReplyError,
+    FrameError,
 > { module::Reply::unpack(frame) });
 codec!(
     "count_1_codec_unitree_scale_pack",
@@ -221,7 +222,7 @@ codec!("count_1_codec_lk_multi_pack", lk_multi_pack, |raw: [i16; 4]| -> CanFrame
 codec!(
     "count_1_codec_lk_unpack",
     lk_unpack,
-    |frame: (CanFrame, lk::DriveId)| -> Result<lk::Reply, lk::ReplyError> {
+    |frame: (CanFrame, lk::DriveId)| -> Result<lk::Reply, FrameError> {
         lk::Reply::from_frame(&frame.0, frame.1)
     }
 );
@@ -251,12 +252,13 @@ codec!(
         command.0.pack(command.1)
     }
 );
-codec!("count_1_codec_odrive_unpack", odrive_unpack, |frame: (CanFrame, odrive::Node)| -> Result<
-    odrive::Message,
-    odrive::MessageError,
-> {
-    odrive::Message::from_frame(&frame.0, frame.1)
-});
+codec!(
+    "count_1_codec_odrive_unpack",
+    odrive_unpack,
+    |frame: (CanFrame, odrive::Node)| -> Result<odrive::Message, FrameError> {
+        odrive::Message::from_frame(&frame.0, frame.1)
+    }
+);
 
 fn odrives() {
     let Some(node) = odrive::Node::new(5) else { cortex_m::asm::udf() };

@@ -38,9 +38,11 @@ impl Display for Dbc {
         }
         self.comments(f)?;
         self.long_names(f)?;
-        for (id, signal) in self.signals().filter(|(_, signal)| !signal.signal.values.is_empty()) {
+        for (id, signal) in
+            self.signals().filter(|(_, signal)| signal.signal.values().next().is_some())
+        {
             write!(f, "VAL_ {id} {}", signal.name.short)?;
-            for (raw, meaning) in signal.signal.values {
+            for (raw, meaning) in signal.signal.values() {
                 write!(f, " {raw} {}", Text(meaning))?;
             }
             writeln!(f, " ;")?;

@@ -137,8 +137,8 @@ fn signals<'m>(
             return None;
         }
         let raw = signal.raw_in(&frame)?;
-        let name = signal.values.iter().find(|(value, _)| u64::from(*value) == raw);
-        Some((signal, signal.physical_in(&frame)?, name.map(|(_, name)| *name)))
+        let name = signal.values().find(|(value, _)| u64::from(*value) == raw);
+        Some((signal, signal.physical_in(&frame)?, name.map(|(_, name)| name)))
     })
 }
 
@@ -148,7 +148,7 @@ fn signals_text(message: &Message, frame: &CanFrame) -> String {
     let all: Vec<_> = signals(message, frame).collect();
     let follows = |name: Option<&str>| all.iter().any(|(signal, ..)| name == Some(signal.name));
     let said = all.iter().filter(|(signal, _, name)| {
-        let is_unset = signal.bits == 1 && name.is_none() && !signal.values.is_empty();
+        let is_unset = signal.bits == 1 && name.is_none() && signal.values().next().is_some();
         let is_said_again = signal.presence == Presence::Switch && follows(*name);
         !is_unset && !is_said_again
     });

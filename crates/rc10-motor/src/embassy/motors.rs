@@ -36,7 +36,7 @@ struct MotorCell {
 const CALLERS: usize = 4;
 
 type Requests = Service<(MotorId, Request), Outcome, CALLERS>;
-/// What became of a request.
+/// The outcome of a request.
 type Outcome = Result<Response, RequestError>;
 /// The task that waits for it.
 type Asker<'p> = Caller<'p, (MotorId, Request), Outcome, CALLERS>;
@@ -93,7 +93,7 @@ impl<S: Copy, const N: usize> MotorPorts<S, N> {
         self.look(|status| *status)
     }
 
-    /// What became of the requests to its motors.
+    /// Counts of the requests to its motors, by outcome.
     #[must_use]
     pub fn requests(&self) -> Calls {
         self.requests.calls()
@@ -243,7 +243,7 @@ impl MotorPort<'_> {
         }
     }
 
-    /// All there is to know about the motor, as of its bus's last tick.
+    /// The status of the motor, as of its bus's last tick.
     #[must_use]
     pub fn status(&self) -> MotorStatus {
         self.cell.map_or(MotorStatus::NEW, |cell| {

@@ -16,7 +16,8 @@ use crate::arm::ArmState;
 use crate::bus::{BusCounters, MotorBus};
 use crate::load::BusLoad;
 
-/// What a CAN bus and all other tasks share: the ports of its motors, an outbox, and subscriptions.
+/// The shared side of a CAN bus, for all other tasks: the ports of its motors, an outbox, and
+/// subscriptions.
 pub struct BusPort {
     motors: MotorPorts<BusStatus, { MotorBus::CAPACITY }>,
     outbox: Channel<CriticalSectionRawMutex, CanFrame, OUTBOX>,
@@ -36,7 +37,7 @@ struct Claimed {
     all: bool,
 }
 
-/// How a bus is doing.
+/// The state of a CAN bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct BusStatus {
@@ -55,11 +56,11 @@ pub struct BusStatus {
     /// Frames that the port or the tick's batch had no room for, or that the port did not take
     /// because the bus was off.
     pub refused: u32,
-    /// What came in.
+    /// Frames received.
     pub received: BusCounters,
     /// Error state, error counters and losses of the controller.
     pub health: Health,
-    /// What the attached motors need of the bus at 1 Mbit/s.
+    /// Share of the bus that the attached motors need, at 1 Mbit/s.
     pub load: BusLoad,
     /// Whether the robot is armed.
     pub arm: ArmState,

@@ -8,9 +8,10 @@ use rc10_can::{Micros, Timing};
 use super::clock::{Clock, PERIOD, now};
 use super::motors::{MotorPorts, Server};
 use crate::arm::ArmState;
+use crate::supervision::count;
 use crate::unitree::{Rs485Bus, Rs485Counters, Step};
 
-/// What an RS-485 bus and all other tasks share.
+/// The shared side of an RS-485 bus, for all other tasks.
 pub type Rs485Port = MotorPorts<Rs485Status, { Rs485Bus::CAPACITY }>;
 
 /// The state of an RS-485 bus.
@@ -81,7 +82,7 @@ pub async fn run_rs485<'m, P: Read + Write, B: BorrowMut<Rs485Bus<'m>>>(
                     async { (io.write_all(&command).await.is_ok(), io.flush().await.is_ok()) };
                 // A port that takes longer for 17 bytes does not send them.
                 if with_timeout(WRITE_LIMIT, sent).await != Ok((true, true)) {
-                    runner.port_errors = runner.port_errors.saturating_add(1);
+                    count(&mut runner.port_errors);
                 }
                 continue;
             }
@@ -94,7 +95,7 @@ pub async fn run_rs485<'m, P: Read + Write, B: BorrowMut<Rs485Bus<'m>>>(
             }
             // The end of something that has none is an error, too.
             Ok(_) => {
-                runner.port_errors = runner.port_errors.saturating_add(1);
+                count(&mut runner.port_errors);
                 Timer::after(ERROR_PAUSE).await;
             }
             Err(_) => (),

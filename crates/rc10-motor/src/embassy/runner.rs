@@ -14,6 +14,7 @@ use super::subscription::{Filter, Received};
 use crate::arm::ArmState;
 use crate::batch::TxBatch;
 use crate::bus::{Dispatch, MotorBus};
+use crate::supervision::count;
 
 /// How long before its frames leave a tick begins: more than the work takes on a full bus, and a
 /// third of a tick, so that of three buses each is woken for as the one before sends.
@@ -303,7 +304,7 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     }
 }
 
-/// What became of the frames so far.
+/// Frames handed to the port so far, by what it did with them.
 #[derive(Default)]
 struct Traffic {
     submitted: u32,
@@ -322,8 +323,4 @@ impl Traffic {
             Submitted::Refused => count(&mut self.refused),
         }
     }
-}
-
-const fn count(counter: &mut u32) {
-    *counter = counter.saturating_add(1);
 }

@@ -20,7 +20,6 @@ pub enum EncoderBits {
 
 impl EncoderBits {
     /// Steps in a turn of the rotor.
-    #[inline]
     #[must_use]
     pub const fn counts(self) -> u32 {
         1 << self as u32
@@ -78,7 +77,6 @@ impl Model {
 
     /// The raw iq for a current, within ±2048; 0 for NaN. Cut off towards zero, as librm does: the
     /// drive never gets more than was asked for, and what [`Motion`] reported comes out unchanged.
-    #[inline]
     #[must_use]
     pub fn raw_current(&self, current: Amps) -> i16 {
         let full = self.full_scale().get();
@@ -88,14 +86,12 @@ impl Model {
     }
 
     /// The largest torque current, A.
-    #[inline]
     #[must_use]
     pub const fn full_scale(&self) -> Amps {
         Amps::new(FULL_SCALE as f32 * self.amps_per_count)
     }
 
     /// The torque current of an answer; `None` where there is none, see [`Motion::effort`].
-    #[inline]
     #[must_use]
     pub fn current(&self, motion: &Motion) -> Option<Amps> {
         let current = Amps::new(f32::from(motion.effort) * self.amps_per_count);
@@ -106,7 +102,6 @@ impl Model {
     ///
     /// # Errors
     /// [`FrameError::Encoder`] if the encoder is not as wide as that.
-    #[inline]
     pub fn angle(&self, motion: &Motion) -> Result<Degrees, FrameError> {
         let counts = self.encoder.counts();
         if u32::from(motion.encoder) >= counts {
@@ -195,9 +190,7 @@ impl Config {
 
     /// Whether a drive set to `id` can be like that; its identifier and its lane.
     pub(super) fn checked(&self, id: u8) -> Result<(DriveId, usize), ConfigError> {
-        let check = |good: bool, field, value, must_be| {
-            if good { Ok(()) } else { Err(ConfigError::new(field, value, must_be)) }
-        };
+        let check = ConfigError::check;
         let number = DriveId::new(id);
         let error = |must_be| ConfigError::new("id", id.into(), must_be);
         let drive = number.ok_or_else(|| error("1 to 32"))?;

@@ -61,5 +61,5 @@ pub use config::{Commands, Config, EncoderBits, Model, models};
 pub use motor::Lk;
 pub use wire::{
     CENTIDEGREES, Command, DriveId, Errors, Health, MULTI_MOTOR_ID, Motion, PhaseCurrents, Reply,
-    ReplyError, SpinDirection, pack_multi_motor,
+    SpinDirection, pack_multi_motor,
 };

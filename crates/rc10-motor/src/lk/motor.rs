@@ -6,7 +6,6 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 use super::config::{Commands, Config, Model};
 use super::wire::{
     CLEAR_ERRORS, CURRENT, Command, DriveId, Health, MOTION, MULTI_MOTOR_ID, Motion, Reply,
-    ReplyError,
 };
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName, Ownership, Rate, RxFrames, TxFrames};
@@ -97,12 +96,6 @@ impl Lk {
         })
     }
 
-    /// Its model.
-    #[must_use]
-    pub const fn model(&self) -> &Model {
-        &self.model
-    }
-
     /// The current to send: the drive counts it in its own direction.
     fn current(&self) -> Amps {
         Amps::new(self.servo.effort() * self.shaft.sign())
@@ -117,9 +110,7 @@ impl Lk {
         if motion.command != CURRENT && motion.command != MOTION {
             return Err(FrameError::Unasked);
         }
-        if u32::from(motion.encoder) >= self.model.encoder.counts() {
-            return Err(FrameError::Encoder);
-        }
+        self.model.angle(&motion)?;
         if link != Link::Online {
             // It may be another drive than the one that was switched on.
             self.step = Step::Off;
@@ -313,19 +304,15 @@ impl CanMotor for Lk {
             .transmits(TxFrames::new(IdPattern::exact(id), 8, Rate::EveryTick).owned(ownership))
     }
 
-    #[inline]
     fn unpack_feedback(
         &mut self,
         frame: &CanFrame,
         at: Micros,
         link: Link,
     ) -> Result<FrameKind, FrameError> {
-        match Reply::from_frame(frame, self.id) {
-            Ok(Reply::Motion(motion)) => self.heard_motion(motion, at, link),
-            Ok(reply) => self.heard_other(&reply),
-            Err(ReplyError::NotMine) => Err(FrameError::NotMine),
-            Err(ReplyError::Length) => Err(FrameError::Length),
-            Err(ReplyError::Command(_)) => Err(FrameError::Unexpected),
+        match Reply::from_frame(frame, self.id)? {
+            Reply::Motion(motion) => self.heard_motion(motion, at, link),
+            reply => self.heard_other(&reply),
         }
     }
 

@@ -1,4 +1,4 @@
-//! What stands in an LK drive's frames.
+//! The layout of an LK drive's frames.
 
 use embedded_can::Id;
 use heapless::Vec;
@@ -12,7 +12,7 @@ use super::wire::{
 };
 use crate::signals::{ByteOrder, Marks, Message, Presence, Signal};
 
-/// What a DBC cannot say.
+/// Content of the frames that a DBC file cannot describe.
 pub const NOT_IN_DBC: &[&str] = &[
     "LK: commands to a drive have the identifier of its answers, and a DBC has room for one of \
      both: the answers are in it. Commands are byte 0 (80 off, 88 run, 9A, 9B, 9C questions, A1 \
@@ -23,8 +23,8 @@ pub const NOT_IN_DBC: &[&str] = &[
 
 /// The answers of a drive, and in multi-motor mode the frame that commands it, which is the same
 /// for all drives of a bus; then its single commands, which have the identifier of its answers, and
-/// the answers to those that this crate never sends. Angles and speeds are the rotor's. A model whose current step is neither
-/// that of MG nor that of MF has its current in steps.
+/// the answers to those that this crate never sends. Angles and speeds are the rotor's. A model
+/// whose current step is neither that of MG nor that of MF has its current in steps.
 ///
 /// # Errors
 /// [`ConfigError`] as for [`Lk::new`](super::Lk::new).
@@ -151,17 +151,6 @@ static COMMANDS: &[(u32, &str)] = &[
     (PHASE_CURRENTS as u32, "phase currents"),
 ];
 
-/// A bit that is set, in the words of the codec.
-static TEXTS: [[(u32, &str); 1]; 8] = {
-    let mut texts = [[(1, "")]; 8];
-    let mut bit = 0;
-    while bit < 8 {
-        texts[bit][0].1 = ERROR_TEXTS[bit];
-        bit += 1;
-    }
-    texts
-};
-
 /// Of the error bits, lowest first: in the answer to `9A`, and to `9B`.
 const ERROR_NAMES: [[&str; 2]; 8] = [
     ["SUPPLY_TOO_LOW", "CLEARED_SUPPLY_TOO_LOW"],
@@ -207,7 +196,7 @@ const fn answer_signals(amps_per_count: f64, bits: u32) -> [Signal; ANSWERS] {
         while bit < 8 {
             let name = ERROR_NAMES[bit as usize][kind];
             let signal = Signal::new(name, ByteOrder::Little, 56 + bit, 1);
-            signals[next] = signal.named(&TEXTS[bit as usize]).when(when);
+            signals[next] = signal.flag(&ERROR_TEXTS[bit as usize]).when(when);
             next += 1;
             bit += 1;
         }

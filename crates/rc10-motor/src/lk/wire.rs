@@ -1,7 +1,5 @@
 //! Bytes of the LK-TECH protocol as values, and back. Pure, without state.
 
-use core::fmt;
-
 use embedded_can::StandardId;
 use rc10_app::maths::round_to_i32;
 use rc10_app::{Amps, Celsius, CountsPerTurn, Degrees, RotorRpm, TotalAngle};
@@ -9,6 +7,7 @@ use rc10_can::CanFrame;
 
 use super::config::Model;
 use crate::feedback::Fault;
+use crate::motor::FrameError;
 use crate::not_a_number::NotANumber;
 
 // Command bytes: LK CAN manual V2.3, table of commands.
@@ -81,14 +80,12 @@ impl DriveId {
     }
 
     /// As set on the drive.
-    #[inline]
     #[must_use]
     pub const fn number(self) -> u8 {
         self.number
     }
 
     /// Where it takes single commands and where it answers: `0x140` plus the number.
-    #[inline]
     #[must_use]
     pub const fn can_id(self) -> StandardId {
         self.can
@@ -138,7 +135,7 @@ pub enum Command {
     TurnWithin {
         /// Where to, 0 ..= 359.99 degrees.
         angle: Degrees,
-        /// Which way round.
+        /// The way round.
         direction: SpinDirection,
         /// As in [`TurnTo`](Self::TurnTo).
         speed_limit: Option<RotorRpm>,
@@ -262,7 +259,6 @@ pub struct Motion {
 }
 
 impl Motion {
-    #[inline]
     const fn unpack(bytes: &[u8; 8]) -> Self {
         let [command, temperature, c, d, e, f, g, h] = *bytes;
         Self {
@@ -275,14 +271,12 @@ impl Motion {
     }
 
     /// The rotor's speed.
-    #[inline]
     #[must_use]
     pub fn speed(&self) -> RotorRpm {
         RotorRpm::new(f32::from(self.speed) * (1.0 / DEGREES_PER_SECOND_PER_RPM))
     }
 
     /// The motor's temperature.
-    #[inline]
     #[must_use]
     pub fn temperature(&self) -> Celsius {
         Celsius::new(self.temperature.into())
@@ -292,13 +286,13 @@ impl Motion {
 /// Response to `9A` and `9B`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Health {
-    /// To which of the two.
+    /// The command that was answered.
     pub command: u8,
     /// Of the motor.
     pub temperature: Celsius,
     /// Of the supply, in volts.
     pub supply: f32,
-    /// What is wrong.
+    /// Error bits.
     pub errors: Errors,
 }
 
@@ -309,7 +303,7 @@ pub struct Errors(u8);
 
 /// Text of each error bit, lowest first. Bits 0 and 3: manual V2.3 (bit 3: over-temperature); all:
 /// librm, for newer firmware.
-pub(super) const ERROR_TEXTS: [&str; 8] = [
+pub(super) static ERROR_TEXTS: [&str; 8] = [
     "supply voltage too low",
     "supply voltage too high",
     "controller too hot",
@@ -381,49 +375,24 @@ pub enum Reply {
     SingleTurn(TotalAngle),
 }
 
-/// Why a frame is no answer of a drive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum ReplyError {
-    /// Another identifier, or a remote request.
-    NotMine,
-    /// Not eight bytes.
-    Length,
-    /// The answer to a command that this crate does not know.
-    Command(u8),
-}
-
-impl fmt::Display for ReplyError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotMine => f.write_str("not an answer of this drive"),
-            Self::Length => f.write_str("an answer has eight bytes"),
-            Self::Command(byte) => write!(f, "the answer to an unknown command {byte:#04X}"),
-        }
-    }
-}
-
-impl core::error::Error for ReplyError {}
-
 impl Reply {
     /// From a frame of the drive `id`.
     ///
     /// # Errors
-    /// [`ReplyError`].
-    #[inline]
-    pub fn from_frame(frame: &CanFrame, id: DriveId) -> Result<Self, ReplyError> {
+    /// [`FrameError::NotMine`], [`FrameError::Length`] if it has not eight bytes, and as
+    /// [`unpack`](Self::unpack).
+    pub fn from_frame(frame: &CanFrame, id: DriveId) -> Result<Self, FrameError> {
         if frame.key() != CanFrame::key_of(id.can) {
-            return Err(ReplyError::NotMine);
+            return Err(FrameError::NotMine);
         }
-        Self::unpack(frame.all_eight().ok_or(ReplyError::Length)?)
+        Self::unpack(frame.all_eight().ok_or(FrameError::Length)?)
     }
 
     /// From the eight bytes of an answer.
     ///
     /// # Errors
-    /// [`ReplyError::Command`].
-    #[inline]
-    pub fn unpack(bytes: &[u8; 8]) -> Result<Self, ReplyError> {
+    /// [`FrameError::Unexpected`] if byte 0 is no command that this crate knows.
+    pub fn unpack(bytes: &[u8; 8]) -> Result<Self, FrameError> {
         let [command, b, c, d, e, f, g, h] = *bytes;
         let temperature = || Celsius::new(i8::from_le_bytes([b]).into());
         Ok(match command {
@@ -448,7 +417,7 @@ impl Reply {
                 Self::MultiTurn(angle(i64::from_le_bytes(*bytes) >> 8))
             }
             SINGLE_TURN => Self::SingleTurn(angle(u32::from_le_bytes([e, f, g, h]).into())),
-            other => return Err(ReplyError::Command(other)),
+            _ => return Err(FrameError::Unexpected),
         })
     }
 }

@@ -120,9 +120,7 @@ impl Config {
 
     /// Whether a node can be like that.
     pub(super) fn checked(&self, node: u8) -> Result<Node, ConfigError> {
-        let check = |good: bool, field, value: f32, must_be| {
-            if good { Ok(()) } else { Err(ConfigError::new(field, value, must_be)) }
-        };
+        let check = ConfigError::check;
         let reserved =
             ConfigError::new("node", node.into(), "0 to 62: an axis without a number has 63");
         let node = Node::new(node).filter(|node| node.number() < 63).ok_or(reserved)?;
@@ -169,11 +167,7 @@ impl Config {
                 (input, good, "passthrough (1), filter (3) or trapezoid (5)")
             }
         };
-        if good {
-            return Ok(());
-        }
-        let value = f32::from(input as u8);
-        Err(ConfigError::new("input mode", value, must_be))
+        ConfigError::check(good, "input mode", f32::from(input as u8), must_be)
     }
 }
 

@@ -63,6 +63,6 @@ pub use crate::not_a_number::NotANumber;
 pub use config::{Config, Control, Firmware, Limits, Rates};
 pub use motor::ODrive;
 pub use wire::{
-    AxisState, Command, ControlMode, Currents, Estimates, Heartbeat, InputMode, Message,
-    MessageError, Node, Query, Supply, Temperatures,
+    AxisState, Command, ControlMode, Currents, Estimates, Heartbeat, InputMode, Message, Node,
+    Query, Supply, Temperatures,
 };

@@ -7,8 +7,8 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 use super::config::{Config, Control, Firmware, Limits, Rates};
 use super::wire::{
     AxisState, CLEAR_ERRORS, CURRENTS, Command, ControlMode, Currents, ESTIMATES, Estimates,
-    HEARTBEAT, Heartbeat, InputMode, Message, MessageError, Node, POSITION, SUPPLY, TEMPERATURES,
-    TORQUE, Temperatures, VELOCITY,
+    HEARTBEAT, Heartbeat, InputMode, Message, Node, POSITION, SUPPLY, TEMPERATURES, TORQUE,
+    Temperatures, VELOCITY,
 };
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName, Rate, RxFrames, TxFrames};
@@ -164,7 +164,6 @@ impl ODrive {
         self.state
     }
 
-    #[inline]
     fn heard_estimates(
         &mut self,
         estimates: Estimates,
@@ -193,7 +192,6 @@ impl ODrive {
     }
 
     /// The encoder's shaft was there at the estimate before.
-    #[inline]
     fn follow(&mut self, before: f32) {
         let steps = microdegrees(self.estimates.position) - microdegrees(before);
         match i32::try_from(steps) {
@@ -268,22 +266,19 @@ impl ODrive {
     fn heard_other(
         &mut self,
         frame: &CanFrame,
-        error: MessageError,
+        error: FrameError,
     ) -> Result<FrameKind, FrameError> {
         let number = frame.key() & !u32::from(NODE_MASK);
         let is_declared = self.messages().any(|(message, _)| u32::from(message) == number);
-        match error {
-            MessageError::NotMine => Err(FrameError::NotMine),
-            _ if !is_declared => Err(FrameError::NotMine),
-            MessageError::Length => Err(FrameError::Length),
-            MessageError::Message(TEMPERATURES) if self.firmware.has_temperatures => {
-                let Temperatures { controller, motor } = Temperatures::from_frame(frame, self.node)
-                    .map_err(|_| FrameError::Unexpected)?;
-                (self.controller_temperature, self.temperature) = (controller.get(), motor.get());
-                Ok(FrameKind::Other)
-            }
-            MessageError::Message(_) | MessageError::NotFinite => Err(FrameError::Unexpected),
+        if !is_declared || error == FrameError::NotMine {
+            return Err(FrameError::NotMine);
         }
+        if self.firmware.has_temperatures && number == u32::from(TEMPERATURES) {
+            let Temperatures { controller, motor } = Temperatures::from_frame(frame, self.node)?;
+            (self.controller_temperature, self.temperature) = (controller.get(), motor.get());
+            return Ok(FrameKind::Other);
+        }
+        Err(error)
     }
 
     fn limit_command(&self) -> Option<Command> {
@@ -339,10 +334,8 @@ impl ODrive {
     fn limit_current(&mut self, limit: Amps) -> Result<Response, RequestError> {
         let Some(limits) = &mut self.limits else { return Err(RequestError::Unsupported) };
         let value = limit.get();
-        if !value.is_finite() || value < 0.0 {
-            let must_be = "finite and zero or more";
-            return Err(ConfigError::new("current limit", value, must_be).into());
-        }
+        let good = value.is_finite() && value >= 0.0;
+        ConfigError::check(good, "current limit", value, "finite and zero or more")?;
         limits.current = Amps::new(value.min(self.max_current.get()));
         self.limits_due = self.limits_due.max(LIMIT_FRAMES);
         Ok(Response::Done)
@@ -361,7 +354,6 @@ impl ODrive {
 
 /// Microdegrees of the encoder's shaft from the axis's own zero, cut off towards it: of turns within
 /// ± [`MAX_TURNS`].
-#[inline]
 fn microdegrees(turns: f32) -> i64 {
     const PARTS: i64 = 1 << 31;
     // Both are exact, and so is the difference.
@@ -537,7 +529,6 @@ impl CanMotor for ODrive {
         })
     }
 
-    #[inline]
     fn unpack_feedback(
         &mut self,
         frame: &CanFrame,

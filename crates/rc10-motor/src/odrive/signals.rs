@@ -1,79 +1,45 @@
-//! What stands in an axis's frames.
+//! The layout of an axis's frames.
 
 use embedded_can::Id;
 use heapless::Vec;
 use rc10_app::ConfigError;
 
-use super::config::{Config, Firmware, Rates};
+use super::config::{Config, Firmware};
 use super::wire::{
-    AXIS_STATES, CLEAR_ERRORS, CURRENTS, ControlMode, ESTIMATES, HEARTBEAT, LIMITS, MODES,
-    POSITION, STATE, SUPPLY, TEMPERATURES, TORQUE, VELOCITY,
+    AXIS_STATES, CLEAR_ERRORS, CURRENTS, ESTIMATES, HEARTBEAT, LIMITS, MODES, POSITION, STATE,
+    SUPPLY, TEMPERATURES, TORQUE, VELOCITY,
 };
 use crate::signals::{ByteOrder, Marks, Message, Signal};
 
-/// What a DBC cannot say.
+/// Content of the frames that a DBC file cannot describe.
 pub const NOT_IN_DBC: &[&str] = &[
     "ODrive: the heartbeat's error bits that the firmware does not document are not in the DBC, and \
      none of a firmware that is neither 0.5 nor 0.6.",
     "ODrive: questions are remote frames, which a DBC does not describe.",
 ];
 
-/// Every frame of an axis's wiring, those it sends first; then what other programs send, and the
-/// remote requests. Positions, speeds and torques are those of
+/// Every frame that an axis sends or is sent, by us or by other programs, then the remote requests;
+/// of frames with one identifier the one in a DBC first. Positions, speeds and torques are those of
 /// the encoder's shaft.
 ///
 /// # Errors
 /// [`ConfigError`] as for [`ODrive::new`](super::ODrive::new).
 pub fn messages(node: u8, config: &Config) -> Result<Vec<Message, MOST>, ConfigError> {
     let node = config.checked(node)?;
-    let mut messages = Vec::new();
-    let mut add = |name, number, len, from_device, signals| {
-        let id = node.can_id(number).into();
-        // As many as MOST fit.
-        let _ = messages.push(Message::new(name, id, len, from_device, signals));
-    };
-    let Rates { currents, temperatures, supply, .. } = config.rates;
-    add("ODRIVE_HEARTBEAT", HEARTBEAT, 8, true, heartbeat(&config.firmware));
-    add("ODRIVE_ESTIMATES", ESTIMATES, 8, true, &ESTIMATE_SIGNALS);
-    for (rate, name, number, signals) in [
-        (currents, "ODRIVE_CURRENTS", CURRENTS, &CURRENT_SIGNALS),
-        (temperatures, "ODRIVE_TEMPERATURES", TEMPERATURES, &TEMPERATURE_SIGNALS),
-        (supply, "ODRIVE_SUPPLY", SUPPLY, &SUPPLY_SIGNALS),
-    ] {
-        if rate > 0 {
-            add(name, number, 8, true, signals.as_slice());
-        }
-    }
-    add("ODRIVE_SET_STATE", STATE, 8, false, &STATE_SIGNALS);
-    add("ODRIVE_SET_MODES", MODES, 8, false, &MODE_SIGNALS);
-    match config.control.modes().0 {
-        ControlMode::Velocity => {
-            add("ODRIVE_SET_VELOCITY", VELOCITY, 8, false, &VELOCITY_SIGNALS);
-        }
-        ControlMode::Position => {
-            add("ODRIVE_SET_POSITION", POSITION, 8, false, &POSITION_SIGNALS);
-        }
-        ControlMode::Torque | ControlMode::Voltage => {
-            add("ODRIVE_SET_TORQUE", TORQUE, 8, false, &TORQUE_SIGNALS);
-        }
-    }
-    if config.limits.is_some() {
-        add("ODRIVE_SET_LIMITS", LIMITS, 8, false, &LIMIT_SIGNALS);
-    }
-    add("ODRIVE_CLEAR_ERRORS", CLEAR_ERRORS, 0, false, &[]);
-    let others = if config.firmware.has_temperatures { OTHERS_0_6 } else { OTHERS_0_5 };
-    for &(name, number, len, from_device, signals) in OTHERS.iter().chain(others) {
+    let firmware = &config.firmware;
+    let (frames, asks) =
+        if firmware.has_temperatures { (FRAMES_0_6, ASKS_0_6) } else { (FRAMES_0_5, ASKS_0_5) };
+    let mut messages: Vec<_, MOST> = Vec::new();
+    let heartbeat: [Row; 1] = [("ODRIVE_HEARTBEAT", HEARTBEAT, 8, true, heartbeat(firmware))];
+    for &(name, number, len, from_device, signals) in heartbeat.iter().chain(FRAMES).chain(frames) {
         let id = Id::from(node.can_id(number));
         let message = Message::new(name, id, len, from_device, signals);
-        let known = |all: &Vec<Message, MOST>| all.iter().find(|known| known.id == id).copied();
-        let _ = match known(&messages) {
-            None => messages.push(message),
-            Some(known) if known.len == len => Ok(()),
-            // A DBC has one length for an identifier.
-            Some(_) => messages.push(message.marked(Marks::behind(len))),
-        };
+        // A DBC has one length for an identifier.
+        let is_other = messages.iter().any(|known: &Message| known.id == id);
+        let message = if is_other { message.marked(Marks::behind(len)) } else { message };
+        // As many as MOST fit.
+        let _ = messages.push(message);
     }
-    let asks = if config.firmware.has_temperatures { ASKS_0_6 } else { ASKS_0_5 };
     for &(name, number) in ASKS.iter().chain(asks) {
         let id = Id::from(node.can_id(number));
         let _ = messages.push(Message::new(name, id, 8, false, &[]).requested());
@@ -84,16 +50,19 @@ pub fn messages(node: u8, config: &Config) -> Result<Vec<Message, MOST>, ConfigE
 /// Name, number, data bytes, whether the axis sends it, and what stands in it.
 type Row = (&'static str, u8, u8, bool, &'static [Signal]);
 
-/// What other programs send and ask for, whatever the firmware and the configuration.
-const OTHERS: &[Row] = &[
+/// The frames of both firmwares, but for the heartbeat.
+const FRAMES: &[Row] = &[
+    ("ODRIVE_ESTIMATES", ESTIMATES, 8, true, &ESTIMATE_SIGNALS),
     ("ODRIVE_CURRENTS", CURRENTS, 8, true, &CURRENT_SIGNALS),
     ("ODRIVE_SUPPLY", SUPPLY, 8, true, &SUPPLY_SIGNALS),
     ("ODRIVE_EMERGENCY_STOP", 0x02, 0, false, &[]),
+    ("ODRIVE_SET_STATE", STATE, 8, false, &STATE_SIGNALS),
+    ("ODRIVE_SET_STATE", STATE, 4, false, &STATE_SIGNALS),
+    ("ODRIVE_SET_MODES", MODES, 8, false, &MODE_SIGNALS),
     ("ODRIVE_SET_POSITION", POSITION, 8, false, &POSITION_SIGNALS),
     ("ODRIVE_SET_VELOCITY", VELOCITY, 8, false, &VELOCITY_SIGNALS),
     ("ODRIVE_SET_TORQUE", TORQUE, 8, false, &TORQUE_SIGNALS),
     ("ODRIVE_SET_TORQUE", TORQUE, 4, false, &TORQUE_SIGNALS),
-    ("ODRIVE_SET_STATE", STATE, 4, false, &STATE_SIGNALS),
     ("ODRIVE_SET_LIMITS", LIMITS, 8, false, &LIMIT_SIGNALS),
     ("ODRIVE_SET_TRAJECTORY_VELOCITY", 0x11, 8, false, &[float("VELOCITY_LIMIT", 0, "rev/s")]),
     ("ODRIVE_SET_TRAJECTORY_VELOCITY", 0x11, 4, false, &[float("VELOCITY_LIMIT", 0, "rev/s")]),
@@ -101,12 +70,13 @@ const OTHERS: &[Row] = &[
     ("ODRIVE_SET_INERTIA", 0x13, 8, false, &[float("INERTIA", 0, "")]),
     ("ODRIVE_SET_INERTIA", 0x13, 4, false, &[float("INERTIA", 0, "")]),
     ("ODRIVE_REBOOT", 0x16, 0, false, &[]),
+    ("ODRIVE_CLEAR_ERRORS", CLEAR_ERRORS, 0, false, &[]),
     ("ODRIVE_SET_POSITION_GAIN", 0x1A, 8, false, &[float("POSITION_GAIN", 0, "")]),
     ("ODRIVE_SET_POSITION_GAIN", 0x1A, 4, false, &[float("POSITION_GAIN", 0, "")]),
     ("ODRIVE_SET_VELOCITY_GAINS", 0x1B, 8, false, &GAIN_SIGNALS),
 ];
 /// Firmware 0.5.6, `can_simple.hpp` and `can_simple.cpp`.
-const OTHERS_0_5: &[Row] = &[
+const FRAMES_0_5: &[Row] = &[
     ("ODRIVE_MOTOR_ERROR", 0x03, 8, true, &[Signal::little("MOTOR_ERROR_BITS", 0, 8)]),
     ("ODRIVE_ENCODER_ERROR", 0x04, 8, true, &[Signal::little("ENCODER_ERROR_BITS", 0, 4)]),
     ("ODRIVE_SENSORLESS_ERROR", 0x05, 8, true, &[Signal::little("SENSORLESS_ERROR_BITS", 0, 4)]),
@@ -119,7 +89,7 @@ const OTHERS_0_5: &[Row] = &[
 ];
 /// Firmware 0.6: the vendor's CAN protocol page, and its DBC file. An endpoint's value has the size
 /// of its type: nothing in the frame tells whether it is a float.
-const OTHERS_0_6: &[Row] = &[
+const FRAMES_0_6: &[Row] = &[
     ("ODRIVE_TEMPERATURES", TEMPERATURES, 8, true, &TEMPERATURE_SIGNALS),
     ("ODRIVE_VERSION", 0x00, 8, true, &VERSION_SIGNALS),
     ("ODRIVE_ERRORS", 0x03, 8, true, &ERROR_SIGNALS),
@@ -163,8 +133,8 @@ const ASKS_0_6: &[(&str, u8)] = &[
     ("ODRIVE_ASK_POWERS", 0x1D),
 ];
 
-/// The most messages of an axis: its own, the others, and the requests.
-pub const MOST: usize = 10 + OTHERS.len() + OTHERS_0_6.len() + ASKS.len() + ASKS_0_6.len();
+/// The most messages of an axis: the heartbeat, the other frames, and the requests.
+pub const MOST: usize = 1 + FRAMES.len() + FRAMES_0_6.len() + ASKS.len() + ASKS_0_6.len();
 
 static ACCELERATION_SIGNALS: [Signal; 2] =
     [float("ACCELERATION_LIMIT", 0, "rev/s2"), float("DECELERATION_LIMIT", 4, "rev/s2")];
@@ -204,10 +174,11 @@ static TEMPERATURE_SIGNALS: [Signal; 2] =
     [float("CONTROLLER_TEMPERATURE", 0, "degC"), float("MOTOR_TEMPERATURE", 4, "degC")];
 static SUPPLY_SIGNALS: [Signal; 2] =
     [float("SUPPLY_VOLTAGE", 0, "V"), float("SUPPLY_CURRENT", 4, "A")];
-static STATE_SIGNALS: [Signal; 1] = [Signal::little("REQUESTED_STATE", 0, 4).named(&STATES)];
+static STATE_SIGNALS: [Signal; 1] =
+    [Signal::little("REQUESTED_STATE", 0, 4).listed(0, &AXIS_STATES)];
 static MODE_SIGNALS: [Signal; 2] = [
-    Signal::little("CONTROL_MODE", 0, 4).named(CONTROL_MODES),
-    Signal::little("INPUT_MODE", 4, 4).named(INPUT_MODES),
+    Signal::little("CONTROL_MODE", 0, 4).listed(0, CONTROL_MODES),
+    Signal::little("INPUT_MODE", 4, 4).listed(0, INPUT_MODES),
 ];
 static VELOCITY_SIGNALS: [Signal; 2] =
     [float("INPUT_VELOCITY", 0, "rev/s"), float("INPUT_TORQUE", 4, "Nm")];
@@ -220,48 +191,18 @@ static TORQUE_SIGNALS: [Signal; 1] = [float("INPUT_TORQUE", 0, "Nm")];
 static LIMIT_SIGNALS: [Signal; 2] =
     [float("VELOCITY_LIMIT", 0, "rev/s"), float("CURRENT_LIMIT", 4, "A")];
 
-/// The names of the states, in the words of the codec.
-static STATES: [(u32, &str); AXIS_STATES.len()] = {
-    let mut states = [(0, ""); AXIS_STATES.len()];
-    let mut state = 0;
-    while state < states.len() {
-        #[expect(clippy::cast_possible_truncation, reason = "fifteen")]
-        let number = state as u32;
-        states[state] = (number, AXIS_STATES[state]);
-        state += 1;
-    }
-    states
-};
-
-static CONTROL_MODES: &[(u32, &str)] =
-    &[(0, "voltage"), (1, "torque"), (2, "velocity"), (3, "position")];
-static INPUT_MODES: &[(u32, &str)] = &[
-    (0, "inactive"),
-    (1, "passthrough"),
-    (2, "velocity ramp"),
-    (3, "position filter"),
-    (4, "mix channels"),
-    (5, "trapezoid"),
-    (6, "torque ramp"),
-    (7, "mirror"),
-    (8, "tuning"),
+const CONTROL_MODES: &[&str] = &["voltage", "torque", "velocity", "position"];
+const INPUT_MODES: &[&str] = &[
+    "inactive",
+    "passthrough",
+    "velocity ramp",
+    "position filter",
+    "mix channels",
+    "trapezoid",
+    "torque ramp",
+    "mirror",
+    "tuning",
 ];
-
-/// A bit that is set, in the words of the codec.
-const fn texts<const N: usize>(firmware: &Firmware) -> [[(u32, &'static str); 1]; N] {
-    let mut texts = [[(1, "")]; N];
-    let mut index = 0;
-    while index < N {
-        texts[index][0].1 = firmware.errors[index].1;
-        index += 1;
-    }
-    texts
-}
-
-const ERRORS_0_5: usize = Firmware::V0_5.errors.len();
-const ERRORS_0_6: usize = Firmware::V0_6.errors.len();
-static TEXTS_0_5: [[(u32, &str); 1]; ERRORS_0_5] = texts(&Firmware::V0_5);
-static TEXTS_0_6: [[(u32, &str); 1]; ERRORS_0_6] = texts(&Firmware::V0_6);
 
 /// Of the error bits, by number.
 const ERROR_NAMES: [&str; 32] = [
@@ -275,7 +216,7 @@ const fn bit(name: &'static str, number: u8) -> Signal {
     Signal::new(name, ByteOrder::Little, number, 1)
 }
 
-const AXIS_STATE: Signal = Signal::little("AXIS_STATE", 4, 1).named(&STATES);
+const AXIS_STATE: Signal = Signal::little("AXIS_STATE", 4, 1).listed(0, &AXIS_STATES);
 
 /// Firmware 0.5: what has failed, and whether a trajectory is done.
 const DETAILS_0_5: [Signal; 5] = [
@@ -291,8 +232,7 @@ const DETAILS_0_6: [Signal; 3] =
 
 const fn with_errors<const ALL: usize>(
     details: &[Signal],
-    firmware: &Firmware,
-    texts: &'static [[(u32, &'static str); 1]],
+    errors: &'static [(u8, &'static str)],
 ) -> [Signal; ALL] {
     let mut signals = [AXIS_STATE; ALL];
     let mut next = 0;
@@ -302,18 +242,18 @@ const fn with_errors<const ALL: usize>(
     }
     let mut index = 0;
     while next < ALL {
-        let number = firmware.errors[index].0;
-        signals[next] = bit(ERROR_NAMES[number as usize], number).named(&texts[index]);
+        let (number, text) = &errors[index];
+        signals[next] = bit(ERROR_NAMES[*number as usize], *number).flag(text);
         next += 1;
         index += 1;
     }
     signals
 }
 
-static HEARTBEAT_0_5: [Signal; DETAILS_0_5.len() + ERRORS_0_5] =
-    with_errors(&DETAILS_0_5, &Firmware::V0_5, &TEXTS_0_5);
-static HEARTBEAT_0_6: [Signal; DETAILS_0_6.len() + ERRORS_0_6] =
-    with_errors(&DETAILS_0_6, &Firmware::V0_6, &TEXTS_0_6);
+static HEARTBEAT_0_5: [Signal; DETAILS_0_5.len() + Firmware::V0_5.errors.len()] =
+    with_errors(&DETAILS_0_5, Firmware::V0_5.errors);
+static HEARTBEAT_0_6: [Signal; DETAILS_0_6.len() + Firmware::V0_6.errors.len()] =
+    with_errors(&DETAILS_0_6, Firmware::V0_6.errors);
 static HEARTBEAT_OTHER: [Signal; 1] = [AXIS_STATE];
 
 fn heartbeat(firmware: &Firmware) -> &'static [Signal] {

@@ -1,12 +1,11 @@
 //! Bytes of `ODrive`'s `CANSimple` as values, and back. Pure, without state.
 
-use core::fmt;
-
 use embedded_can::StandardId;
 use rc10_app::maths::round_to_i16;
 use rc10_app::{Amps, Celsius, NewtonMetres};
 use rc10_can::CanFrame;
 
+use crate::motor::FrameError;
 use crate::not_a_number::NotANumber;
 
 // Message numbers: ODrive firmware 0.5.6, `can_simple.hpp`; the same in 0.6.
@@ -45,14 +44,12 @@ impl Node {
     }
 
     /// As set on the device.
-    #[inline]
     #[must_use]
     pub const fn number(self) -> u8 {
         self.0
     }
 
     /// The identifier of one of its messages, of which the lower five bits count.
-    #[inline]
     #[must_use]
     pub const fn can_id(self, message: u8) -> StandardId {
         let raw = (self.0 as u16) << MESSAGE_BITS | message as u16 & MESSAGE_MASK;
@@ -63,7 +60,6 @@ impl Node {
     }
 
     /// Node and message number of an identifier: every standard one has both.
-    #[inline]
     #[must_use]
     pub fn of(id: StandardId) -> (Self, u8) {
         let [node, message] = [id.as_raw() >> MESSAGE_BITS, id.as_raw() & MESSAGE_MASK];
@@ -201,7 +197,6 @@ pub enum Command {
 }
 
 /// The number, the nearest finite one, or 0 for NaN.
-#[inline]
 fn finite(x: f32) -> f32 {
     if x.is_finite() {
         x
@@ -301,7 +296,7 @@ impl Query {
 pub struct Heartbeat {
     /// Bits of [`Firmware::errors`](super::Firmware::errors); 0 if nothing is wrong.
     pub errors: u32,
-    /// What it does.
+    /// State of the axis.
     pub state: AxisState,
     /// Bytes 5 ..= 7. Firmware 0.5: an error of the motor, of the encoder, of the controller (bit 0
     /// each), and in bit 7 of the last that a trajectory is done. Firmware 0.6: result of the last
@@ -323,9 +318,9 @@ pub struct Estimates {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Currents {
-    /// What the loops ask for.
+    /// Setpoint of the current loop.
     pub setpoint: Amps,
-    /// What flows.
+    /// Measured current.
     pub measured: Amps,
 }
 
@@ -352,16 +347,12 @@ impl Temperatures {
     /// From a frame of an axis with firmware 0.6. What is infinite counts as not measured, too.
     ///
     /// # Errors
-    /// [`MessageError`].
-    pub fn from_frame(frame: &CanFrame, node: Node) -> Result<Self, MessageError> {
-        match Message::from_frame(frame, node) {
-            Err(MessageError::Message(TEMPERATURES)) => (),
-            Err(error) => return Err(error),
-            Ok(message) => return Err(MessageError::Message(message.number())),
+    /// [`FrameError`] if it is no such message.
+    pub fn from_frame(frame: &CanFrame, node: Node) -> Result<Self, FrameError> {
+        let (message, [a, b, c, d, e, f, g, h]) = parts(frame, node)?;
+        if message != TEMPERATURES {
+            return Err(FrameError::Unexpected);
         }
-        let Some(&[a, b, c, d, e, f, g, h]) = frame.all_eight() else {
-            return Err(MessageError::Length);
-        };
         let celsius = |bytes| {
             let celsius = f32::from_le_bytes(bytes);
             Celsius::new(if celsius.is_finite() { celsius } else { f32::NAN })
@@ -384,65 +375,35 @@ pub enum Message {
     Supply(Supply),
 }
 
-/// Why a frame is no message of an axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum MessageError {
-    /// Another node, an extended identifier, or a remote request.
-    NotMine,
-    /// Not eight bytes.
-    Length,
-    /// A message that is not read here, or that an axis does not send.
-    Message(u8),
-    /// A number that is infinite or not one.
-    NotFinite,
-}
-
-impl fmt::Display for MessageError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotMine => f.write_str("not a message of this node"),
-            Self::Length => f.write_str("a message has eight bytes"),
-            Self::Message(number) => write!(f, "an unknown message {number:#04X}"),
-            Self::NotFinite => f.write_str("a number that is infinite or not one"),
-        }
+/// Number and bytes of a message.
+///
+/// # Errors
+/// [`FrameError::NotMine`] of another node, an extended identifier, or a remote request;
+/// [`FrameError::Length`] if it has not eight bytes.
+fn parts(frame: &CanFrame, node: Node) -> Result<(u8, [u8; 8]), FrameError> {
+    // The key of a standard data frame is its identifier, and larger for every other frame.
+    if frame.key() >> MESSAGE_BITS != u32::from(node.0) {
+        return Err(FrameError::NotMine);
     }
+    #[expect(clippy::cast_possible_truncation, reason = "five bits")]
+    let message = (frame.key() as u16 & MESSAGE_MASK) as u8;
+    frame.all_eight().map(|bytes| (message, *bytes)).ok_or(FrameError::Length)
 }
-
-impl core::error::Error for MessageError {}
 
 impl Message {
-    /// As on the wire.
-    #[must_use]
-    pub const fn number(&self) -> u8 {
-        match self {
-            Self::Heartbeat(_) => HEARTBEAT,
-            Self::Estimates(_) => ESTIMATES,
-            Self::Currents(_) => CURRENTS,
-            Self::Supply(_) => SUPPLY,
-        }
-    }
-
     /// From a frame of an axis.
     ///
     /// # Errors
-    /// [`MessageError`].
-    #[inline]
-    pub fn from_frame(frame: &CanFrame, node: Node) -> Result<Self, MessageError> {
-        // The key of a standard data frame is its identifier, and larger for every other frame.
-        if frame.key() >> MESSAGE_BITS != u32::from(node.0) {
-            return Err(MessageError::NotMine);
-        }
-        #[expect(clippy::cast_possible_truncation, reason = "five bits")]
-        let message = (frame.key() as u16 & MESSAGE_MASK) as u8;
-        let Some(&[a, b, c, d, e, f, g, h]) = frame.all_eight() else {
-            return Err(MessageError::Length);
-        };
+    /// [`FrameError::NotMine`], [`FrameError::Length`] if it has not eight bytes, and
+    /// [`FrameError::Unexpected`] for a message that is not read here, or with a number that is
+    /// infinite or not one.
+    pub fn from_frame(frame: &CanFrame, node: Node) -> Result<Self, FrameError> {
+        let (message, [a, b, c, d, e, f, g, h]) = parts(frame, node)?;
         let floats = || {
             let low = f32::from_le_bytes([a, b, c, d]);
             let high = f32::from_le_bytes([e, f, g, h]);
             let finite = low.is_finite() && high.is_finite();
-            if finite { Ok((low, high)) } else { Err(MessageError::NotFinite) }
+            if finite { Ok((low, high)) } else { Err(FrameError::Unexpected) }
         };
         match message {
             ESTIMATES => floats()
@@ -461,7 +422,7 @@ impl Message {
             SUPPLY => floats().map(|(voltage, current)| {
                 Self::Supply(Supply { voltage, current: Amps::new(current) })
             }),
-            other => Err(MessageError::Message(other)),
+            _ => Err(FrameError::Unexpected),
         }
     }
 }

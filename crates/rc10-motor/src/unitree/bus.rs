@@ -11,7 +11,7 @@ use crate::arm::ArmSwitch;
 use crate::can_ids::Clash;
 use crate::motor::{DriveMode, Motor};
 use crate::motors::{AttachError, MotorId, Motors};
-use crate::supervision::Safety;
+use crate::supervision::{Safety, count};
 
 /// The motors of one RS-485 bus, and what keeps them safe: what a [`MotorBus`](crate::MotorBus) is
 /// to motors on CAN. What both have in common is that of its [`Motors`].
@@ -90,7 +90,7 @@ const SELDOM: Micros = Micros::from_millis(100);
 /// Longest time without a poll: a motor that is not heard may be due.
 const IDLE: Micros = Micros::from_millis(1);
 
-/// What is to be done next on a bus.
+/// The next step on a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// Send these bytes, all at once and now.
@@ -174,11 +174,9 @@ impl<'m> Rs485Bus<'m> {
     /// [`ConfigError`] for another time.
     pub fn with_reply_timeout(mut self, timeout: Micros) -> Result<Self, ConfigError> {
         let allowed = Micros::new(100)..=Micros::from_millis(1);
-        if !allowed.contains(&timeout) {
-            let value = Seconds::from_micros(timeout.get()).get() * 1e6;
-            let must_be = "100 to 1000 us";
-            return Err(ConfigError::new("reply_timeout", value, must_be));
-        }
+        let value = Seconds::from_micros(timeout.get()).get() * 1e6;
+        let good = allowed.contains(&timeout);
+        ConfigError::check(good, "reply_timeout", value, "100 to 1000 us")?;
         self.reply_timeout = timeout;
         Ok(self)
     }
@@ -308,8 +306,4 @@ impl<'m> Rs485Bus<'m> {
         let (crc_errors, garbage) = (self.parser.crc_errors(), self.parser.skipped());
         Rs485Counters { crc_errors, garbage, ..self.counters }
     }
-}
-
-const fn count(counter: &mut u32) {
-    *counter = counter.saturating_add(1);
 }

@@ -36,11 +36,9 @@ pub(super) const STOCK_SERVO: Servo = Servo::of(TargetKind::Torque, CASCADE).wit
 
 /// The same with gains of your own.
 pub(super) fn servo(cascade: Cascade) -> Result<Servo, ConfigError> {
-    let (limit, largest) = (cascade.speed.output_limit, LARGEST_TORQUE.get());
-    if limit > largest {
-        let error = ConfigError::new("output_limit", limit, "at most 23.7 N m");
-        return Err(error.in_part("speed"));
-    }
+    let limit = cascade.speed.output_limit;
+    ConfigError::check(limit <= LARGEST_TORQUE.get(), "output_limit", limit, "at most 23.7 N m")
+        .map_err(|error| error.in_part("speed"))?;
     Ok(Servo::new(TargetKind::Torque, cascade)?.with_springs(SPRINGS))
 }
 

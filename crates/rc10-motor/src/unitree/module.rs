@@ -45,7 +45,7 @@ use self::sequence::Sequence;
 use super::config::servo;
 use super::motor::Actuator;
 use super::wire::module::{Content, FROM_MODULE, Module, Reply, Request as Question};
-use super::wire::{self, Address, RawImpedance, RawMotion, ReplyError, RotorScale};
+use super::wire::{self, Address, RawImpedance, RawMotion, RotorScale};
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName, Rate, RxFrames, TxFrames};
 use crate::feedback::{Condition, Fault, Feedback};
@@ -266,11 +266,7 @@ impl CanMotor for GoModule {
         if frame.raw_id() & OWNER != self.owner {
             return Err(FrameError::NotMine);
         }
-        let reply = Reply::unpack(frame).map_err(|error| match error {
-            ReplyError::Length => FrameError::Length,
-            ReplyError::Content(_) => FrameError::Unexpected,
-            _ => FrameError::NotMine,
-        })?;
+        let reply = Reply::unpack(frame)?;
         match reply.content {
             Content::State { status, motion, temperature, .. } => {
                 if link != Link::Online {

@@ -46,7 +46,6 @@ impl Actuator {
     }
 
     /// What the motor reported at `at`.
-    #[inline]
     pub(super) fn report(
         &mut self,
         motion: RawMotion,
@@ -111,14 +110,12 @@ impl Actuator {
 
     /// The motion for a torque (N m). It has the angle and the speed reported last, so that
     /// stiffness and damping, whatever they are, add nothing.
-    #[inline]
     pub(super) fn push(&self, torque: f32) -> RawMotion {
         let torque = NewtonMetres::new(torque * self.shaft.sign());
         RawMotion { torque: OUTPUT.raw_torque(torque), ..self.reported }
     }
 
     /// The motion for a spring, to go with its stiffness and its damping.
-    #[inline]
     pub(super) fn pull(&self, spring: &Spring) -> RawMotion {
         let sign = self.shaft.sign();
         let way = Degrees::new(spring.way.get() * sign);

@@ -1,4 +1,4 @@
-use rc10_app::{Cascade, ConfigError, CountsPerTurn, Direction};
+use rc10_app::{Cascade, ConfigError, Direction};
 use rc10_can::Micros;
 
 use super::config::{IdOutOfRange, servo};
@@ -83,14 +83,7 @@ impl GoM8010 {
         self.address
     }
 
-    /// Counts of the rotor per turn of the output.
-    #[must_use]
-    pub const fn counts_per_turn(&self) -> CountsPerTurn {
-        RotorScale::OUTPUT.counts_per_turn()
-    }
-
     /// The command to send now.
-    #[inline]
     #[must_use]
     pub fn pack_command(&self) -> [u8; COMMAND_LEN] {
         self.command.pack()

@@ -1,4 +1,4 @@
-//! What stands where in the frames to a GO-M8010-6 behind a CAN-to-485 module. Values are those of
+//! The layout of the frames to a GO-M8010-6 behind a CAN-to-485 module. Values are those of
 //! the output shaft.
 
 use embedded_can::{ExtendedId, Id};
@@ -8,7 +8,7 @@ use super::wire::module::{FROM_MODULE, IMPEDANCE, Module, NO_TEMPERATURE, Reques
 use super::wire::{Address, ERRORS, RawImpedance, RawMotion, Status};
 use crate::signals::{Message, Signal};
 
-/// What a DBC file cannot say.
+/// Content of the frames that a DBC file cannot describe.
 pub const NOT_IN_DBC: &[&str] = &[
     "UNITREE_GO_STATE: a module's reply has the motor's temperature, status and air pressure in \
      its identifier, so its identifier changes from frame to frame; its data are those of \
@@ -96,17 +96,4 @@ const STATES: &[Signal] = &[
     Signal::in_id("AirPressure", 16, 8),
 ];
 
-const FAULTS: &[Signal] = &[STATUS, Signal::in_id("Error", 16, 8).named(&ERROR_NAMES)];
-
-/// The texts of the codec, by their numbers.
-static ERROR_NAMES: [(u32, &str); 1 + ERRORS.len()] = {
-    let mut names = [(0, "none"); 1 + ERRORS.len()];
-    let mut index = 0;
-    while index < ERRORS.len() {
-        #[expect(clippy::cast_possible_truncation, reason = "four")]
-        let number = 1 + index as u32;
-        names[1 + index] = (number, ERRORS[index]);
-        index += 1;
-    }
-    names
-};
+const FAULTS: &[Signal] = &[STATUS, Signal::in_id("Error", 16, 8).listed(0, &ERRORS)];

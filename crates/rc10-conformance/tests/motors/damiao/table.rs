@@ -131,9 +131,9 @@ fn names_of_faults_are_those_of_the_codec() {
     let scaled = scaled();
     let messages = messages(&motor(controls()[0]), scaled);
     let feedback = messages.iter().find(|message| message.from_device).unwrap();
-    let named = signal(feedback, "ERR").values;
+    let named: Vec<_> = signal(feedback, "ERR").values().collect();
     assert_eq!(named.len(), 11);
-    for &(code, text) in named.iter().filter(|&&(code, _)| code > 1) {
+    for (code, text) in named.into_iter().filter(|(code, _)| *code > 1) {
         let fault = State::Error(code.try_into().unwrap()).fault().unwrap();
         assert_eq!((fault.code, fault.text), (code, text));
     }

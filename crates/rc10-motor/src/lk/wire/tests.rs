@@ -1,6 +1,5 @@
 use super::super::config::EncoderBits;
 use super::*;
-use crate::motor::FrameError;
 extern crate std;
 use std::string::{String, ToString};
 use std::vec::Vec;
@@ -195,12 +194,12 @@ fn what_is_no_answer_is_refused() {
         CanFrame::eight_bytes(extended, bytes),
         CanFrame::remote_frame(id(1).can_id(), 8).unwrap(),
     ] {
-        assert_eq!(of(&stranger), Err(ReplyError::NotMine));
+        assert_eq!(of(&stranger), Err(FrameError::NotMine));
     }
     let short = CanFrame::data_frame(id(1).can_id(), &bytes[..7]).unwrap();
-    assert_eq!(of(&short), Err(ReplyError::Length));
+    assert_eq!(of(&short), Err(FrameError::Length));
     for command in [0x00, 0x7F, 0x90, 0x93, 0x9E, 0x9F, 0xA9, 0xFF] {
         let frame = CanFrame::eight_bytes(id(1).can_id(), [command; 8]);
-        assert_eq!(of(&frame), Err(ReplyError::Command(command)));
+        assert_eq!(of(&frame), Err(FrameError::Unexpected));
     }
 }

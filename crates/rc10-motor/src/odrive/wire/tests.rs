@@ -91,7 +91,7 @@ fn what_is_not_a_number_is_reported_and_neutral() {
     }
 }
 
-fn heard(message: u8, bytes: [u8; 8]) -> Result<Message, MessageError> {
+fn heard(message: u8, bytes: [u8; 8]) -> Result<Message, FrameError> {
     Message::from_frame(&CanFrame::eight_bytes(node(5).can_id(message), bytes), node(5))
 }
 
@@ -116,26 +116,26 @@ fn messages_are_unpacked() {
 #[test]
 fn what_is_no_message_is_refused() {
     for message in [0x00, 0x02, 0x07, 0x0D, 0x18, 0x1F] {
-        assert_eq!(heard(message, [0; 8]), Err(MessageError::Message(message)));
+        assert_eq!(heard(message, [0; 8]), Err(FrameError::Unexpected));
     }
     for message in [0x09, 0x14, 0x17] {
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             let [a, b, c, d] = bad.to_le_bytes();
             for bytes in [[a, b, c, d, 0, 0, 0, 0], [0, 0, 0, 0, a, b, c, d]] {
-                assert_eq!(heard(message, bytes), Err(MessageError::NotFinite));
+                assert_eq!(heard(message, bytes), Err(FrameError::Unexpected));
             }
         }
     }
     let of = |frame| Message::from_frame(&frame, node(5));
     let id = node(5).can_id(ESTIMATES);
-    assert_eq!(of(CanFrame::data_frame(id, &[0; 7]).unwrap()), Err(MessageError::Length));
+    assert_eq!(of(CanFrame::data_frame(id, &[0; 7]).unwrap()), Err(FrameError::Length));
     let extended = embedded_can::ExtendedId::new(id.as_raw().into()).unwrap();
     for stranger in [
         CanFrame::remote_frame(id, 8).unwrap(),
         CanFrame::eight_bytes(extended, [0; 8]),
         CanFrame::eight_bytes(node(4).can_id(ESTIMATES), [0; 8]),
     ] {
-        assert_eq!(of(stranger), Err(MessageError::NotMine));
+        assert_eq!(of(stranger), Err(FrameError::NotMine));
     }
 }
 
@@ -168,6 +168,6 @@ fn temperatures_may_be_missing() {
         assert_eq!(told.controller, Celsius::new(31.5));
         assert!(told.motor.get().is_nan());
     }
-    assert_eq!(of(0x09, [0; 8]), Err(MessageError::Message(9)));
-    assert_eq!(of(0x16, [0; 8]), Err(MessageError::Message(0x16)));
+    assert_eq!(of(0x09, [0; 8]), Err(FrameError::Unexpected));
+    assert_eq!(of(0x16, [0; 8]), Err(FrameError::Unexpected));
 }

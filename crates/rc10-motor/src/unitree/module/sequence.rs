@@ -72,7 +72,6 @@ impl Sequence {
     }
 
     /// The motor reported its status.
-    #[inline]
     pub(super) fn on_state(&mut self, status: Status) {
         match self.step {
             Step::Following { .. } if status == Status::FOC => (),
@@ -110,7 +109,6 @@ impl Sequence {
     }
 
     /// The frame of this tick; `command` where it is a motion.
-    #[inline]
     pub(super) fn request(&self, command: RawMotion) -> Request {
         match self.step {
             Step::Following { tick }

@@ -12,9 +12,11 @@
 //! | 13 ..= 14 | `k_spd` u16 | 12 ..= 13 | error in bits 2 to 0, foot force in 14 to 3 |
 //! | 15 ..= 16 | CRC | 14 ..= 15 | CRC |
 
+use core::fmt;
+
 use rc10_app::Celsius;
 
-use super::{Address, RawImpedance, RawMotion, ReplyError, Status, fault, mode, split_mode};
+use super::{Address, RawImpedance, RawMotion, Status, fault, mode, split_mode};
 use crate::feedback::Fault;
 
 /// Bytes of a command.
@@ -30,7 +32,6 @@ const REPLY_HEAD: [u8; 2] = [0xFD, 0xEE];
 ///
 /// A byte at a time and without a table: shifting a byte out meets the taps of x¹⁶ + x¹² + x⁵ + 1
 /// so that its low half also runs into its high half, and the result comes out at three places.
-#[inline]
 #[must_use]
 pub fn crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0, |crc: u16, byte| {
@@ -46,7 +47,7 @@ pub fn crc(bytes: &[u8]) -> u16 {
 pub struct Command {
     /// The motor it is for.
     pub address: Address,
-    /// What the motor is to do.
+    /// The status it is to have.
     pub status: Status,
     /// The motion it is to have, of the rotor.
     pub motion: RawMotion,
@@ -67,7 +68,6 @@ impl Command {
     /// };
     /// assert_eq!(calibrate.pack(), *b"\xFE\xEE\x23\0\0\0\0\0\0\0\0\0\0\0\0\x32\x98");
     /// ```
-    #[inline]
     #[must_use]
     pub fn pack(&self) -> [u8; COMMAND_LEN] {
         let [h0, h1] = COMMAND_HEAD;
@@ -91,7 +91,7 @@ impl Command {
 pub struct Reply {
     /// The motor.
     pub address: Address,
-    /// What it does.
+    /// Its status.
     pub status: Status,
     /// The motion it has, of the rotor.
     pub motion: RawMotion,
@@ -108,7 +108,6 @@ impl Reply {
     ///
     /// # Errors
     /// [`ReplyError`]: another length, another head, another CRC.
-    #[inline]
     pub fn unpack(bytes: &[u8]) -> Result<Self, ReplyError> {
         let bytes: &[u8; REPLY_LEN] = bytes.try_into().map_err(|_| ReplyError::Length)?;
         let [h0, h1, mode, t0, t1, w0, w1, a0, a1, a2, a3, temperature, e0, e1, c0, c1] = *bytes;
@@ -134,12 +133,44 @@ impl Reply {
         })
     }
 
-    /// What is wrong with the motor, by its own account.
+    /// The fault that the motor reports.
     #[must_use]
     pub fn fault(&self) -> Option<Fault> {
         fault(self.error)
     }
 }
+
+/// Why bytes are no reply of a motor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum ReplyError {
+    /// Not sixteen bytes.
+    Length,
+    /// Another head than `FD EE`.
+    Head,
+    /// The CRC does not match.
+    Crc {
+        /// The one that was received.
+        received: u16,
+        /// The one of the received bytes.
+        computed: u16,
+    },
+}
+
+impl fmt::Display for ReplyError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Length => f.write_str("a reply has sixteen bytes"),
+            Self::Head => f.write_str("a reply begins with FD EE"),
+            Self::Crc { received, computed } => {
+                write!(f, "CRC {received:04X} received, {computed:04X} computed")
+            }
+        }
+    }
+}
+
+impl core::error::Error for ReplyError {}
 
 /// Finds replies in a stream of bytes: garbage is skipped, a reply whose CRC is wrong never
 /// comes out, and one that begins within what looked like another is not lost.
@@ -172,7 +203,6 @@ impl Parser {
     }
 
     /// Takes the next byte, and returns the reply that ends with it.
-    #[inline]
     pub fn push(&mut self, byte: u8) -> Option<Reply> {
         if let Some(next) = self.bytes.get_mut(self.len) {
             *next = byte;

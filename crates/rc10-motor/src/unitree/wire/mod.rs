@@ -10,9 +10,7 @@ pub mod module;
 mod scale;
 
 pub(super) use scale::{ANGLE_STEPS, GAIN_LIMIT, SPEED_LIMIT, SPEED_STEPS};
-pub use scale::{GEAR, Impedance, Motion, NotANumber, RawImpedance, RawMotion, RotorScale};
-
-use core::fmt;
+pub use scale::{GEAR, Impedance, Motion, RawImpedance, RawMotion, RotorScale};
 
 use crate::feedback::Fault;
 
@@ -72,58 +70,17 @@ const fn split_mode(mode: u8) -> (Address, Status) {
     (Address(mode & 0xF), Status(mode >> 4 & 7))
 }
 
-/// Texts of the vendor's `MError`, from 1 (data manual, table of the reply).
-pub(super) const ERRORS: [&str; 4] =
-    ["over-temperature", "over-current", "over-voltage", "encoder"];
+/// Texts of the vendor's `MError` (data manual, table of the reply).
+pub(super) const ERRORS: [&str; 5] =
+    ["none", "over-temperature", "over-current", "over-voltage", "encoder"];
 
 /// What an `MError` says; `None` for 0, no error.
 #[must_use]
 pub fn fault(error: u8) -> Option<Fault> {
-    let index = usize::from(error.checked_sub(1)?);
-    let text = ERRORS.get(index).copied().unwrap_or("an error the vendor does not name");
-    Some(Fault::new(error.into(), text))
+    let text = ERRORS.get(usize::from(error)).copied();
+    let text = text.unwrap_or("an error the vendor does not name");
+    (error > 0).then_some(Fault::new(error.into(), text))
 }
-
-/// Why bytes or a frame are no reply of a motor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub enum ReplyError {
-    /// Not the length that a reply always has.
-    Length,
-    /// Another head than `FD EE`.
-    Head,
-    /// The CRC does not match.
-    Crc {
-        /// The one that was received.
-        received: u16,
-        /// The one of the received bytes.
-        computed: u16,
-    },
-    /// A standard identifier or a remote request: not of a module at all.
-    NotAModule,
-    /// A command to a module.
-    Command,
-    /// A kind of reply that is not documented.
-    Content(u8),
-}
-
-impl fmt::Display for ReplyError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Length => f.write_str("not the length of a Unitree motor's reply"),
-            Self::Head => f.write_str("a reply begins with FD EE"),
-            Self::Crc { received, computed } => {
-                write!(f, "CRC {received:04X} received, {computed:04X} computed")
-            }
-            Self::NotAModule => f.write_str("no frame of a Unitree module"),
-            Self::Command => f.write_str("a command to a Unitree module, no reply"),
-            Self::Content(content) => write!(f, "a reply of unknown content {content}"),
-        }
-    }
-}
-
-impl core::error::Error for ReplyError {}
 
 #[cfg(test)]
 mod tests {

@@ -19,8 +19,9 @@ use embedded_can::{ExtendedId, Id};
 use rc10_app::Celsius;
 use rc10_can::CanFrame;
 
-use super::{Address, RawImpedance, RawMotion, ReplyError, Status, fault, mode, split_mode};
+use super::{Address, RawImpedance, RawMotion, Status, fault, mode, split_mode};
 use crate::feedback::Fault;
+use crate::motor::FrameError;
 
 /// Bit 26: set in what a module says.
 pub(in crate::unitree) const FROM_MODULE: u32 = 1 << 26;
@@ -78,7 +79,6 @@ impl Request {
     /// let frame = request.pack(Module::FACTORY, Address::new(0).unwrap());
     /// assert_eq!(frame.to_string(), "180A1000#000000000000C000");
     /// ```
-    #[inline]
     #[must_use]
     pub fn pack(&self, module: Module, address: Address) -> CanFrame {
         let (operation, status, data) = match *self {
@@ -105,7 +105,7 @@ fn impedance_data(impedance: RawImpedance) -> [u8; 8] {
     [d0, d1, p0, p1, 0, 0, 0, 0]
 }
 
-/// What a module says about a motor.
+/// A module's reply about a motor.
 ///
 /// A frame is a motor's only if module and address are both its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,17 +115,17 @@ pub struct Reply {
     pub module: Module,
     /// The motor.
     pub address: Address,
-    /// What.
+    /// Its content.
     pub content: Content,
 }
 
-/// See [`Reply`].
+/// The content of a [`Reply`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Content {
     /// The motor runs, or could.
     State {
-        /// What it does.
+        /// Its status.
         status: Status,
         /// The motion it has, of the rotor.
         motion: RawMotion,
@@ -134,11 +134,11 @@ pub enum Content {
         /// The upper eight bits of a pressure sensor, in units of its own.
         air_pressure: u8,
     },
-    /// Something is wrong.
+    /// The motor has a fault.
     Fault {
-        /// What the motor does.
+        /// Its status.
         status: Status,
-        /// What is wrong: the vendor's `MError`.
+        /// The vendor's `MError`.
         error: u8,
         /// The whole identifier. Another driver looks for the error in bits 15 to 8, so these
         /// are shown too.
@@ -152,17 +152,15 @@ impl Reply {
     /// Takes a module's frame apart.
     ///
     /// # Errors
-    /// [`ReplyError`]: not of a module, not eight bytes, a command, or of unknown content.
-    #[inline]
-    pub fn unpack(frame: &CanFrame) -> Result<Self, ReplyError> {
-        if !frame.is_extended_id() || frame.is_remote() {
-            return Err(ReplyError::NotAModule);
-        }
+    /// [`FrameError::NotMine`] if it is no frame of a module, or a command to one;
+    /// [`FrameError::Length`] if it has not eight bytes; [`FrameError::Unexpected`] if its content is
+    /// not documented.
+    pub fn unpack(frame: &CanFrame) -> Result<Self, FrameError> {
         let raw_id = frame.raw_id();
-        if raw_id & FROM_MODULE == 0 {
-            return Err(ReplyError::Command);
+        if !frame.is_extended_id() || frame.is_remote() || raw_id & FROM_MODULE == 0 {
+            return Err(FrameError::NotMine);
         }
-        let data = frame.all_eight().ok_or(ReplyError::Length)?;
+        let data = frame.all_eight().ok_or(FrameError::Length)?;
         let [top, middle, mode, low] = raw_id.to_be_bytes();
         let (address, status) = split_mode(mode);
         let content = match (top & 3, low.cast_signed()) {
@@ -174,12 +172,12 @@ impl Reply {
                 air_pressure: middle,
             },
             (IMPEDANCE, _) => Content::Impedance(impedance(*data)),
-            (other, _) => return Err(ReplyError::Content(other)),
+            _ => return Err(FrameError::Unexpected),
         };
         Ok(Self { module: Module(top >> 3 & 3), address, content })
     }
 
-    /// What is wrong with the motor, by the module's account. The code is the whole identifier,
+    /// The fault that the module reports. The code is the whole identifier,
     /// because sources differ on where in it the error stands.
     #[must_use]
     pub fn fault(&self) -> Option<Fault> {
@@ -267,12 +265,12 @@ mod tests {
         let remote = CanFrame::remote_frame(state, 8).unwrap();
         let standard = CanFrame::eight_bytes(StandardId::new(0x201).unwrap(), [0; 8]);
         for (frame, error) in [
-            (short, ReplyError::Length),
-            (remote, ReplyError::NotAModule),
-            (standard, ReplyError::NotAModule),
-            (from(0x1900_111E, [0; 8]), ReplyError::Command),
-            (from(0x1C80_1023, [0; 8]), ReplyError::Content(0)),
-            (from(0x1F80_1023, [0; 8]), ReplyError::Content(3)),
+            (short, FrameError::Length),
+            (remote, FrameError::NotMine),
+            (standard, FrameError::NotMine),
+            (from(0x1900_111E, [0; 8]), FrameError::NotMine),
+            (from(0x1C80_1023, [0; 8]), FrameError::Unexpected),
+            (from(0x1F80_1023, [0; 8]), FrameError::Unexpected),
         ] {
             assert_eq!(Reply::unpack(&frame), Err(error), "{frame}");
         }

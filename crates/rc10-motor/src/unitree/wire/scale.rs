@@ -1,7 +1,6 @@
 //! Physical values at a shaft, raw numbers at the rotor.
 
 use core::f64::consts::TAU;
-use core::fmt;
 
 use rc10_app::maths::{round_to_i16, round_to_i32, within};
 use rc10_app::{CountsPerTurn, Degrees, Gear, NewtonMetres, Rpm, TotalAngle};
@@ -59,14 +58,14 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// What may be sent.
+    /// Whether all values are numbers.
     ///
     /// # Errors
-    /// [`NotANumber`]; such a value is sent as zero.
-    pub const fn check(&self) -> Result<(), NotANumber> {
+    /// The name of the first that is not: it is sent as zero.
+    pub const fn check(&self) -> Result<(), &'static str> {
         match () {
-            () if self.torque.get().is_nan() => Err(NotANumber { value: "torque" }),
-            () if self.speed.get().is_nan() => Err(NotANumber { value: "speed" }),
+            () if self.torque.get().is_nan() => Err("torque"),
+            () if self.speed.get().is_nan() => Err("speed"),
             () => Ok(()),
         }
     }
@@ -84,34 +83,18 @@ pub struct Impedance {
 }
 
 impl Impedance {
-    /// What may be sent.
+    /// Whether all values are numbers.
     ///
     /// # Errors
-    /// [`NotANumber`]; such a value is sent as zero.
-    pub const fn check(&self) -> Result<(), NotANumber> {
+    /// The name of the first that is not: it is sent as zero.
+    pub const fn check(&self) -> Result<(), &'static str> {
         match () {
-            () if self.stiffness.is_nan() => Err(NotANumber { value: "stiffness" }),
-            () if self.damping.is_nan() => Err(NotANumber { value: "damping" }),
+            () if self.stiffness.is_nan() => Err("stiffness"),
+            () if self.damping.is_nan() => Err("damping"),
             () => Ok(()),
         }
     }
 }
-
-/// A value of a command that is not a number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct NotANumber {
-    /// Which one.
-    pub value: &'static str,
-}
-
-impl fmt::Display for NotANumber {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} is not a number", self.value)
-    }
-}
-
-impl core::error::Error for NotANumber {}
 
 /// τ, ω and θ of the rotor as they stand in commands and replies of both links.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -192,7 +175,6 @@ impl RotorScale {
 
     /// To the wire: clamped to what the protocol can carry, nearest step; zero for what is not a
     /// number.
-    #[inline]
     #[must_use]
     pub fn raw(&self, motion: &Motion) -> RawMotion {
         RawMotion {
@@ -203,7 +185,6 @@ impl RotorScale {
     }
 
     /// From the wire.
-    #[inline]
     #[must_use]
     pub fn motion(&self, raw: RawMotion) -> Motion {
         Motion {
@@ -214,28 +195,24 @@ impl RotorScale {
     }
 
     /// A torque from the wire.
-    #[inline]
     #[must_use]
     pub fn torque(&self, raw: i16) -> NewtonMetres {
         NewtonMetres::new(f32::from(raw) / self.torque_steps)
     }
 
     /// A torque, as [`raw`](Self::raw) has it.
-    #[inline]
     #[must_use]
     pub fn raw_torque(&self, torque: NewtonMetres) -> i16 {
         round_to_i16(within(torque.get() * self.torque_steps, TORQUE_LIMIT_STEPS))
     }
 
     /// A speed, as [`raw`](Self::raw) has it.
-    #[inline]
     #[must_use]
     pub fn raw_speed(&self, speed: Rpm) -> i16 {
         round_to_i16(within(speed.get() * self.speed_steps, SPEED_LIMIT_STEPS))
     }
 
     /// The angle that lies so far from another: cheaper than an angle of many turns.
-    #[inline]
     #[must_use]
     pub fn raw_angle_from(&self, from: i32, way: Degrees) -> i32 {
         let steps = from.saturating_add(round_to_i32(way.get() * self.angle_steps));
@@ -243,7 +220,6 @@ impl RotorScale {
     }
 
     /// To the wire, as [`raw`](Self::raw).
-    #[inline]
     #[must_use]
     pub fn raw_impedance(&self, impedance: &Impedance) -> RawImpedance {
         RawImpedance {
@@ -253,7 +229,6 @@ impl RotorScale {
     }
 
     /// From the wire.
-    #[inline]
     #[must_use]
     pub fn impedance(&self, raw: RawImpedance) -> Impedance {
         Impedance {
@@ -269,7 +244,6 @@ fn angle(steps: i64) -> i32 {
     return steps.clamp(-limit, limit) as i32;
 }
 
-#[inline]
 fn gain(steps: f32) -> u16 {
     round_to_i16(steps.clamp(0.0, GAIN_LIMIT_STEPS)).unsigned_abs()
 }
@@ -336,13 +310,13 @@ mod tests {
         let nan = f32::NAN;
         let strange = motion(nan, nan, 1.0);
         assert_eq!((ROTOR.raw(&strange).torque, ROTOR.raw(&strange).speed), (0, 0));
-        assert_eq!(strange.check(), Err(NotANumber { value: "torque" }));
-        assert_eq!(motion(0.0, nan, 1.0).check(), Err(NotANumber { value: "speed" }));
+        assert_eq!(strange.check(), Err("torque"));
+        assert_eq!(motion(0.0, nan, 1.0).check(), Err("speed"));
         assert_eq!(motion(f32::INFINITY, 0.0, 1.0).check(), Ok(()));
         let strange = Impedance { stiffness: nan, damping: nan };
         assert_eq!(ROTOR.raw_impedance(&strange), RawImpedance::default());
-        assert_eq!(strange.check(), Err(NotANumber { value: "stiffness" }));
+        assert_eq!(strange.check(), Err("stiffness"));
         let strange = Impedance { stiffness: 1.0, ..strange };
-        assert_eq!(strange.check(), Err(NotANumber { value: "damping" }));
+        assert_eq!(strange.check(), Err("damping"));
     }
 }
