@@ -100,6 +100,38 @@ pub fn round_to_i32(x: f32) -> i32 {
     return (x + half) as i32;
 }
 
+/// A ratio of whole numbers, by which others are multiplied without a division: for codecs, where
+/// the chip has none of 64 bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ratio {
+    multiplier: i64,
+    shift: u32,
+}
+
+impl Ratio {
+    /// `numerator / denominator`: above 0, below 2³¹, and accurate to 62 bits.
+    #[must_use]
+    pub const fn new(numerator: u64, denominator: u64) -> Self {
+        let (numerator, denominator) = (numerator as i128, denominator as i128);
+        let mut shift = 1;
+        while shift < 92 && (numerator << (shift + 1)) < denominator << 62 {
+            shift += 1;
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "below 2^62")]
+        let multiplier = (((numerator << shift) + denominator / 2) / denominator) as i64;
+        Self { multiplier, shift }
+    }
+
+    /// The nearest whole number to `value` times the ratio; saturates at the ends of i64.
+    #[inline]
+    #[must_use]
+    pub fn times(self, value: i64) -> i64 {
+        let product = i128::from(value) * i128::from(self.multiplier);
+        let nearest = (product + (1 << (self.shift - 1))) >> self.shift;
+        i64::try_from(nearest).unwrap_or(if nearest < 0 { i64::MIN } else { i64::MAX })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -154,5 +186,25 @@ mod tests {
         }
         assert_eq!(round_to_i32(16_777_215.0), 16_777_215);
         assert_eq!(round_to_i32(1e20), i32::MAX);
+    }
+
+    #[test]
+    fn ratios_give_the_nearest_whole_number() {
+        for (numerator, denominator) in
+            [(1, 10_000), (3376, 5_859_375), (5_859_375, 3376), (1 << 30, 1), (1, u64::MAX >> 1)]
+        {
+            let ratio = Ratio::new(numerator, denominator);
+            for value in (0..60).flat_map(|bits| [(1_i64 << bits) - 1, 1 << bits, 3 << bits >> 1]) {
+                for value in [value, -value] {
+                    let exact = i128::from(value) * i128::from(numerator);
+                    let got = i128::from(ratio.times(value));
+                    // A part in 2^60 beside the half that rounding takes.
+                    let off = 2 * (exact - got * i128::from(denominator)).abs();
+                    let allowed = i128::from(denominator) + (exact.abs() >> 58);
+                    let saturates = got == i64::MAX.into() || got == i64::MIN.into();
+                    assert!(off <= allowed || saturates, "{value} * {numerator} / {denominator}");
+                }
+            }
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! Bytes of the LK-TECH protocol as values, and back. Pure, without state.
 
 use embedded_can::StandardId;
+use rc10_app::maths::Ratio;
 use rc10_app::maths::round_to_i32;
 use rc10_app::{Amps, Celsius, CountsPerTurn, Degrees, RotorRpm, TotalAngle};
 use rc10_can::CanFrame;
@@ -50,6 +51,7 @@ const DEGREES_PER_SECOND_PER_RPM: f32 = 6.0;
 pub const CENTIDEGREES: CountsPerTurn = CountsPerTurn::new(36_000, 1);
 /// The same step in microdegrees.
 const STEP: i64 = 10_000;
+const STEPS: Ratio = Ratio::new(1, STEP.cast_unsigned());
 /// Supply voltage: 0.1 V a step (manual V2.3, answer to `9A`).
 const VOLTS_PER_STEP: f32 = 0.1;
 /// Phase current: 64 steps an ampere (manual V2.3, answer to `9D`).
@@ -224,8 +226,7 @@ impl Command {
 /// The nearest step of an angle, halves away from zero.
 fn steps(angle: TotalAngle) -> i32 {
     let microdegrees = angle.microdegrees();
-    let half = if microdegrees < 0 { -STEP / 2 } else { STEP / 2 };
-    let steps = microdegrees.saturating_add(half) / STEP;
+    let steps = STEPS.times(microdegrees);
     #[expect(clippy::cast_possible_truncation, reason = "clamped")]
     return steps.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
 }

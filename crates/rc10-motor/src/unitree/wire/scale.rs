@@ -2,7 +2,7 @@
 
 use core::f64::consts::TAU;
 
-use rc10_app::maths::{round_to_i16, round_to_i32, within};
+use rc10_app::maths::{Ratio, round_to_i16, round_to_i32, within};
 use rc10_app::{CountsPerTurn, Degrees, Gear, NewtonMetres, Rpm, TotalAngle};
 
 /// The gearbox of a GO-M8010-6, 6.33 : 1 (user manual; the SDK's `queryGearRatio`). The 9.1 that
@@ -144,6 +144,9 @@ pub struct RotorScale {
     speed_steps: f32,
     angle_steps: f32,
     gain_steps: f32,
+    /// Counts per microdegree, and microdegrees per count.
+    to_counts: Ratio,
+    to_microdegrees: Ratio,
     counts_per_turn: CountsPerTurn,
 }
 
@@ -155,11 +158,15 @@ impl RotorScale {
     #[must_use]
     pub const fn new(gear: Gear) -> Self {
         let ratio = gear.rotor_turns() as f64 / gear.output_turns() as f64;
+        let counts = ANGLE_STEPS as u64 * gear.rotor_turns() as u64;
+        let microdegrees = 360_000_000 * gear.output_turns() as u64;
         Self {
             torque_steps: single(TORQUE_STEPS / ratio),
             speed_steps: single(SPEED_STEPS * ratio / 60.0),
             angle_steps: single(ANGLE_STEPS as f64 * ratio / 360.0),
             gain_steps: single(GAIN_STEPS / (ratio * ratio)),
+            to_counts: Ratio::new(counts, microdegrees),
+            to_microdegrees: Ratio::new(microdegrees, counts),
             counts_per_turn: CountsPerTurn::new(
                 ANGLE_STEPS * gear.rotor_turns(),
                 gear.output_turns(),
@@ -180,7 +187,7 @@ impl RotorScale {
         RawMotion {
             torque: self.raw_torque(motion.torque),
             speed: self.raw_speed(motion.speed),
-            angle: angle(motion.angle.counts_at(self.counts_per_turn)),
+            angle: angle(self.to_counts.times(motion.angle.microdegrees())),
         }
     }
 
@@ -190,7 +197,7 @@ impl RotorScale {
         Motion {
             torque: self.torque(raw.torque),
             speed: Rpm::new(f32::from(raw.speed) / self.speed_steps),
-            angle: TotalAngle::from_counts(raw.angle.into(), self.counts_per_turn),
+            angle: TotalAngle::from_microdegrees(self.to_microdegrees.times(raw.angle.into())),
         }
     }
 
