@@ -191,7 +191,6 @@ impl RangedPosition {
     }
 
     /// A reading, from the middle of the range.
-    #[inline]
     const fn microdegrees(&self, field: u16) -> i64 {
         (2 * field as i64 - full(16) as i64) * self.half_step / 65_536
     }
@@ -199,7 +198,6 @@ impl RangedPosition {
     /// Moves the shaft to a reading that came at `at`, before its speed (`rpm`, in the direction of
     /// the device) is [taken](Shaft::measure). If the device counts from elsewhere, the shaft stays,
     /// and what the reading moved by is returned.
-    #[inline]
     pub(crate) fn follow(
         &mut self,
         shaft: &mut Shaft,
@@ -402,7 +400,6 @@ pub(crate) const fn full(bits: u32) -> u32 {
 }
 
 /// A field for -`limit` ..= `limit`; the middle for NaN.
-#[inline]
 pub(crate) fn pack_signed<const BITS: u32>(x: f32, limit: f32) -> u32 {
     if x.abs() < limit {
         #[expect(clippy::cast_possible_truncation, reason = "below the field's largest value")]
@@ -412,7 +409,6 @@ pub(crate) fn pack_signed<const BITS: u32>(x: f32, limit: f32) -> u32 {
 }
 
 /// A field for 0 ..= `limit`; zero for NaN.
-#[inline]
 pub(crate) fn pack_positive<const BITS: u32>(x: f32, limit: f32) -> u32 {
     if x >= 0.0 && x < limit {
         #[expect(clippy::cast_possible_truncation, reason = "below the field's largest value")]
@@ -436,14 +432,12 @@ fn beyond(x: f32, full: u32, neutral: u32) -> u32 {
 
 /// The value of a field for -`limit` ..= `limit`: symmetric, never beyond, and as exact around zero
 /// as elsewhere.
-#[inline]
 pub(crate) const fn unpack_signed<const BITS: u32>(raw: u32, limit: f32) -> f32 {
     let from_middle = (2 * raw).cast_signed() - full(BITS).cast_signed();
     from_middle as f32 / full(BITS) as f32 * limit
 }
 
 /// `x` as it may go onto a wire as f32: infinities become the largest number, NaN zero.
-#[inline]
 pub(crate) fn sendable(x: f32) -> f32 {
     if x.is_nan() { 0.0 } else { x.clamp(f32::MIN, f32::MAX) }
 }

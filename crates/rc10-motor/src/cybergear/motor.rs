@@ -413,7 +413,6 @@ impl CanMotor for CyberGear {
             .transmits(TxFrames::new(pattern(motor, 0xFF), 8, Rate::Rare))
     }
 
-    #[inline]
     fn unpack_feedback(
         &mut self,
         frame: &CanFrame,

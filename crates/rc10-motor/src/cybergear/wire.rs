@@ -41,7 +41,6 @@ pub(super) mod kind {
 }
 
 /// `middle` fills bits 23 to 8.
-#[inline]
 fn frame(kind: u8, middle: u16, motor: u8, data: [u8; 8]) -> CanFrame {
     let raw = u32::from(kind) << 24 | u32::from(middle) << 8 | u32::from(motor);
     CanFrame::eight_bytes(ExtendedId::new(raw).unwrap_or(ExtendedId::MAX), data)
@@ -78,7 +77,6 @@ pub fn clear_faults(to: Address) -> CanFrame {
 
 /// A setpoint: position, velocity, kp and kd in 16 bits each, big endian, and the torque **in the
 /// identifier**, bits 23 to 8, so that no two of these frames need have the same one.
-#[inline]
 #[must_use]
 pub fn motion(motor: u8, setpoint: &Setpoint, limits: &Limits) -> CanFrame {
     let position = pack_signed::<16>(setpoint.position, limits.position);
@@ -273,7 +271,6 @@ impl Reply {
     /// # Errors
     /// [`FrameError::NotMine`] for a standard or remote frame, or one that only a host sends;
     /// [`FrameError::Length`] unless there are eight bytes.
-    #[inline]
     pub fn unpack(frame: &CanFrame, limits: &Limits) -> Result<Self, FrameError> {
         if !frame.is_extended_id() || frame.is_remote() {
             return Err(FrameError::NotMine);
@@ -307,7 +304,6 @@ impl Reply {
     }
 }
 
-#[inline]
 fn feedback(address: Address, upper: u8, bytes: &[u8; 8], limits: &Limits) -> Feedback {
     let [a, b, c, d, e, f, g, h] = *bytes;
     let motion = u32::from_be_bytes([a, b, c, d]);

@@ -34,14 +34,12 @@ impl DeviceId {
     }
 
     /// The identifier of this motor's commands in a mode.
-    #[inline]
     #[must_use]
     pub fn command_id(self, mode: Mode) -> StandardId {
         standard(self.0 + mode.offset())
     }
 
     /// Whether a feedback with these four bits can be from this motor.
-    #[inline]
     #[must_use]
     pub const fn answers_as(self, id: u8) -> bool {
         self.0 & 0xF == id as u16
@@ -51,7 +49,6 @@ impl DeviceId {
 /// Identifier of all register frames.
 pub(super) const REGISTERS: u16 = 0x7FF;
 
-#[inline]
 pub(super) fn standard(raw: u16) -> StandardId {
     StandardId::new(raw).unwrap_or(StandardId::MAX)
 }
@@ -106,7 +103,6 @@ pub enum Operation {
 
 /// An operation. New firmware looks at the low byte of the identifier only, old firmware wants the
 /// offset of the mode it is in.
-#[inline]
 #[must_use]
 pub fn operate(id: DeviceId, mode: Mode, operation: Operation) -> CanFrame {
     let last = operation as u8;
@@ -118,7 +114,6 @@ pub fn operate(id: DeviceId, mode: Mode, operation: Operation) -> CanFrame {
 ///
 /// With every field at its end the bytes would be those of an [`Operation`]: `kd` is then sent one
 /// step lower.
-#[inline]
 #[must_use]
 pub fn mit(id: DeviceId, setpoint: &Setpoint, limits: &Limits) -> CanFrame {
     let position = pack_signed::<16>(setpoint.position, limits.position);
@@ -141,7 +136,6 @@ const LOWEST_OPERATION: u32 = 0xFFFF_FF00 | Operation::ClearError as u32;
 const HIGHEST_OPERATION: u32 = 0xFFFF_FF00 | Operation::StoreZero as u32;
 
 /// A position, approached with at most this velocity: two f32, little endian.
-#[inline]
 #[must_use]
 pub fn position_velocity(id: DeviceId, position: f32, velocity: f32) -> CanFrame {
     let [a, b, c, d] = sendable(position).to_le_bytes();
@@ -151,7 +145,6 @@ pub fn position_velocity(id: DeviceId, position: f32, velocity: f32) -> CanFrame
 
 /// A velocity: one f32, little endian. Four bytes, as in the manual and the vendor's C code; its
 /// Python code sends eight.
-#[inline]
 #[must_use]
 pub fn velocity(id: DeviceId, velocity: f32) -> CanFrame {
     CanFrame::exact(id.command_id(Mode::Velocity), sendable(velocity).to_le_bytes())
@@ -159,7 +152,6 @@ pub fn velocity(id: DeviceId, velocity: f32) -> CanFrame {
 
 /// A position, approached with at most this velocity (0 ..= 100 rad/s, in steps of 0.01) and this
 /// current (a share of the largest, 0 ..= 1, in steps of 0.0001).
-#[inline]
 #[must_use]
 pub fn force_position(id: DeviceId, position: f32, velocity: f32, current: f32) -> CanFrame {
     let [a, b, c, d] = sendable(position).to_le_bytes();
@@ -174,7 +166,6 @@ const VELOCITY_STEPS: f32 = 100.0;
 const CURRENT_STEPS: f32 = 10_000.0;
 
 /// The nearest number of steps, 0 ..= 10000; none for NaN.
-#[inline]
 fn steps(x: f32, per_unit: f32) -> u16 {
     const MOST: f32 = 10_000.0;
     // Selects the limit only for what is certainly above it: NaN goes on, and `as` makes it zero.
@@ -275,7 +266,6 @@ impl Feedback {
     /// # Errors
     /// [`FrameError::NotMine`] for an extended or a remote frame, [`FrameError::Length`] unless
     /// there are eight bytes.
-    #[inline]
     pub fn unpack(frame: &CanFrame, limits: &Limits) -> Result<Self, FrameError> {
         if frame.is_extended_id() || frame.is_remote() {
             return Err(FrameError::NotMine);

@@ -127,7 +127,6 @@ impl Dji {
     }
 
     /// The command it sends now: raw, as on the wire.
-    #[inline]
     #[must_use]
     pub fn raw_command(&self) -> i16 {
         round_to_i16(self.servo.effort() * self.raw_per_effort)
@@ -240,7 +239,6 @@ impl CanMotor for Dji {
         Ok(FrameKind::Feedback)
     }
 
-    #[inline]
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
         // The lane is one of 0, 2, 4, 6; said in a way that the compiler understands too.
         tx.lane(self.command_id, self.lane & 6, self.raw_command().to_be_bytes())

@@ -22,7 +22,6 @@ pub struct RawFeedback {
 
 impl RawFeedback {
     /// From the eight bytes of a frame; byte 7 means nothing.
-    #[inline]
     #[must_use]
     pub const fn unpack(bytes: &[u8; 8]) -> Self {
         // Two fields to a word: half the loads and byte swaps.
@@ -36,7 +35,6 @@ impl RawFeedback {
 
 impl Model {
     /// The raw command for an effort: rounded to the nearest, limited to full scale; 0 for NaN.
-    #[inline]
     #[must_use]
     pub fn raw_command(&self, effort: f32) -> i16 {
         let full = f32::from(self.full_scale);

@@ -28,7 +28,6 @@ impl VescId {
     }
 
     /// The number.
-    #[inline]
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
@@ -94,7 +93,6 @@ impl ElectricalScale {
     }
 
     /// The electrical speed at a speed of the output shaft.
-    #[inline]
     #[must_use]
     pub fn to_electrical(&self, output: Rpm) -> ElectricalRpm {
         ElectricalRpm::new(output.get() * (self.gear.ratio() * self.pole_pairs()))
@@ -108,7 +106,6 @@ impl ElectricalScale {
 
     /// Whether the VESC regulates this speed of the output shaft. Slower ones it does not, standing
     /// still among them: the motor is left free or drags, and holds nothing.
-    #[inline]
     #[must_use]
     pub fn regulates(&self, output: Rpm) -> bool {
         // False for NaN.
@@ -162,7 +159,6 @@ impl StatusRates {
     };
 
     /// Of the frame that says this.
-    #[inline]
     pub(super) const fn of(&self, status: &Status) -> u16 {
         match status {
             Status::Motion { .. } => self.status_1,

@@ -32,7 +32,6 @@ impl From<VescId> for Address {
 
 impl Address {
     /// The lowest byte of the identifier.
-    #[inline]
     #[must_use]
     pub const fn byte(self) -> u8 {
         match self {
@@ -117,7 +116,6 @@ packets! {
 
 impl Packet {
     /// Its number.
-    #[inline]
     #[must_use]
     pub const fn number(self) -> u8 {
         self as u8
@@ -125,7 +123,6 @@ impl Packet {
 
     /// The identifier of this packet with an address: the receiver's if it is a command, the
     /// sender's if it is a status.
-    #[inline]
     #[must_use]
     pub fn id(self, address: impl Into<Address>) -> ExtendedId {
         let raw = u32::from(u16::from_be_bytes([self.number(), address.into().byte()]));
@@ -201,7 +198,6 @@ pub enum Command {
 
 impl Command {
     /// The packet it is sent as.
-    #[inline]
     #[must_use]
     pub const fn packet(&self) -> Packet {
         match self {
@@ -230,7 +226,6 @@ impl Command {
     /// assert_eq!(frame.to_string(), "00000301#00005208");
     /// # Ok::<(), rc10_motor::vesc::NotANumber>(())
     /// ```
-    #[inline]
     pub fn pack(&self, to: impl Into<Address>) -> Result<CanFrame, NotANumber> {
         let (packet, to) = (self.packet(), to.into());
         let (value, per_unit) = match *self {
@@ -257,7 +252,6 @@ impl Command {
 
 /// A millionth of a degree is less than the last place of an f32 times a million: whole degrees
 /// and the rest are scaled by themselves.
-#[inline]
 fn position_steps(degrees: f32) -> i32 {
     #[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
     let whole = degrees as i32;
@@ -274,7 +268,6 @@ fn not_a_number(packet: Packet, to: Address) -> NotANumber {
 }
 
 /// `SET_CURRENT` 0: no torque, no braking.
-#[inline]
 #[must_use]
 pub fn coast(to: impl Into<Address>) -> CanFrame {
     frame(Packet::SetCurrent, to.into(), [0; 4])
@@ -377,7 +370,6 @@ impl Setting {
 }
 
 /// A frame of exactly this length.
-#[inline]
 fn frame<const LEN: usize>(packet: Packet, to: Address, data: [u8; LEN]) -> CanFrame {
     CanFrame::exact(packet.id(to), data)
 }
@@ -475,7 +467,6 @@ impl Reply {
     /// assert_eq!(told, Reply::Status { from: wheel, status });
     /// # Ok::<(), rc10_motor::FrameError>(())
     /// ```
-    #[inline]
     pub fn unpack(frame: &CanFrame) -> Result<Self, FrameError> {
         if !frame.is_extended_id() || frame.is_remote() {
             return Err(FrameError::NotMine);
@@ -495,7 +486,6 @@ impl Reply {
 }
 
 /// Of a data frame.
-#[inline]
 fn status(packet: Packet, frame: &CanFrame) -> Result<Status, FrameError> {
     let bytes = || frame.all_eight().ok_or(FrameError::Length);
     Ok(match packet {
@@ -537,13 +527,11 @@ fn status(packet: Packet, frame: &CanFrame) -> Result<Status, FrameError> {
 }
 
 /// As two numbers.
-#[inline]
 const fn words(&[a, b, c, d, e, f, g, h]: &[u8; 8]) -> [i32; 2] {
     [i32::from_be_bytes([a, b, c, d]), i32::from_be_bytes([e, f, g, h])]
 }
 
 /// As four numbers.
-#[inline]
 fn halves(&[a, b, c, d, e, f, g, h]: &[u8; 8]) -> [f32; 4] {
     [[a, b], [c, d], [e, f], [g, h]].map(|half| i16::from_be_bytes(half).into())
 }
