@@ -102,7 +102,9 @@ pub mod models {
     use super::{Limits, Model, robstride};
 
     /// Xiaomi CyberGear: ±12.5 rad, ±30 rad/s, ±12 N m. The manual's table says ±4π rad, its own sample
-    /// and every driver 12.5; [`CyberGear::with_position_range`](super::CyberGear::with_position_range) makes it the other.
+    /// and every driver 12.5; [`with_position_range`] makes it the other.
+    ///
+    /// [`with_position_range`]: crate::cybergear::CyberGear::with_position_range
     pub const CYBERGEAR: Model = Model {
         faults: &super::CYBERGEAR_FAULTS,
         details: &super::CYBERGEAR_DETAILS,
@@ -113,7 +115,7 @@ pub mod models {
     // RobStride manuals RS00 to RS06, 260428.
 
     /// RobStride RS00: ±12.57 rad, ±33 rad/s, ±14 N m. Firmware before 0.0.2.6 has ±12.5 rad:
-    /// [`CyberGear::with_position_range`](super::CyberGear::with_position_range).
+    /// [`with_position_range`](crate::cybergear::CyberGear::with_position_range).
     pub const RS00: Model = robstride("RS00", Limits::new(12.57, 33.0, 14.0));
     /// RobStride RS01: ±12.57 rad, ±44 rad/s, ±17 N m.
     pub const RS01: Model = robstride("RS01", Limits::new(12.57, 44.0, 17.0));

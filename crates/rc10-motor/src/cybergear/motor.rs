@@ -188,14 +188,6 @@ impl CyberGear {
         }
     }
 
-    fn ask(&mut self, question: Question) -> Result<Response, RequestError> {
-        if question.only_while_off() && self.drive != DriveMode::Off {
-            return Err(RequestError::NotWhileArmed);
-        }
-        self.quiet = QUIET;
-        self.pending.ask(question, question.retry())
-    }
-
     /// What a feedback says about what was asked.
     #[cold]
     fn answer(&mut self, reported: &wire::Feedback) {
@@ -364,7 +356,7 @@ impl Motor for CyberGear {
         if self.pending.is_busy() {
             return Err(RequestError::Busy);
         }
-        self.ask(match request {
+        let question = match request {
             Request::SetZero if !self.shaft.is_known() => return Err(RequestError::NoFeedback),
             Request::SetZero => {
                 self.set_zero();
@@ -380,7 +372,12 @@ impl Motor for CyberGear {
             Request::StoreZero if self.model.saves => Question::Zero,
             Request::SaveRegisters if self.model.saves => Question::Save,
             request => return self.servo.request(request, &self.shaft),
-        })
+        };
+        if question.only_while_off() && self.drive != DriveMode::Off {
+            return Err(RequestError::NotWhileArmed);
+        }
+        self.quiet = QUIET;
+        self.pending.ask(question, question.retry())
     }
 
     fn response(&mut self) -> Option<Result<Response, RequestError>> {

@@ -287,14 +287,6 @@ impl Damiao {
         }
     }
 
-    fn ask(&mut self, question: Question) -> Result<Response, RequestError> {
-        let is_still = self.drive == DriveMode::Off && self.state() != Some(State::Enabled);
-        if question.only_while_off() && !is_still {
-            return Err(RequestError::NotWhileArmed);
-        }
-        self.pending.ask(question, question.retry())
-    }
-
     /// What a feedback says about what was asked. Whether the device has a new zero.
     #[cold]
     fn answer(&mut self, reported: &wire::Feedback) -> bool {
@@ -454,37 +446,40 @@ impl Motor for Damiao {
             let error = ConfigError::new("register", number.into(), "255 or less");
             u8::try_from(number).map(Register).map_err(|_| error)
         };
-        match request {
+        let question = match request {
             Request::SetZero | Request::ClearFault if !self.shaft.is_known() => {
-                Err(RequestError::NoFeedback)
+                return Err(RequestError::NoFeedback);
             }
             Request::SetZero => {
                 self.set_zero();
-                Ok(Response::Done)
+                return Ok(Response::Done);
             }
             Request::ClearFault if matches!(self.state(), Some(State::Error(_))) => {
-                self.ask(Question::Operate(Operation::ClearError))
+                Question::Operate(Operation::ClearError)
             }
             Request::ClearFault => {
                 self.forget_fault();
-                Ok(Response::Done)
+                return Ok(Response::Done);
             }
-            Request::StoreZero => self.ask(Question::Operate(Operation::StoreZero)),
-            Request::ReadRegister(number) => {
-                self.ask(Question::Access(Access::Read(register(number)?)))
-            }
+            Request::StoreZero => Question::Operate(Operation::StoreZero),
+            Request::ReadRegister(number) => Question::Access(Access::Read(register(number)?)),
             Request::WriteRegister(number, bits) => {
                 let register = register(number)?;
                 let access = Access::Write(register, register.value_of(bits));
                 access.pack(self.id)?;
-                self.ask(Question::Access(access))
+                Question::Access(access)
             }
-            Request::SaveRegisters => self.ask(Question::Access(Access::Save)),
+            Request::SaveRegisters => Question::Access(Access::Save),
             _ => match &mut self.controller {
-                Controller::Mit(servo) => servo.request(request, &self.shaft),
-                Controller::Own { .. } => Err(RequestError::Unsupported),
+                Controller::Mit(servo) => return servo.request(request, &self.shaft),
+                Controller::Own { .. } => return Err(RequestError::Unsupported),
             },
+        };
+        let is_still = self.drive == DriveMode::Off && self.state() != Some(State::Enabled);
+        if question.only_while_off() && !is_still {
+            return Err(RequestError::NotWhileArmed);
         }
+        self.pending.ask(question, question.retry())
     }
 
     fn response(&mut self) -> Option<Result<Response, RequestError>> {

@@ -22,7 +22,7 @@ impl Register {
     pub const DEVICE_ID: Self = Self(8);
     /// Silence after which the motor stops, in steps of 50 µs (so the vendor's tool); whole.
     pub const TIMEOUT: Self = Self(9);
-    /// `CTRL_MODE`, see [`Mode::register_value`](super::Mode::register_value); whole.
+    /// `CTRL_MODE`, the number of a [`Mode`]; whole.
     pub const MODE: Self = Self(10);
     /// `PMAX`, rad.
     pub const POSITION_LIMIT: Self = Self(21);
@@ -248,11 +248,10 @@ impl Reply {
 
 fn held(register: Register, bytes: &[u8]) -> Result<Value, FrameError> {
     let bytes = bytes.try_into().map_err(|_| FrameError::Length)?;
-    if register.is_whole() {
-        return Ok(Value::Whole(u32::from_le_bytes(bytes)));
+    match register.value_of(u32::from_le_bytes(bytes)) {
+        Value::Real(real) if !real.is_finite() => Err(FrameError::Unexpected),
+        value => Ok(value),
     }
-    let real = f32::from_le_bytes(bytes);
-    if real.is_finite() { Ok(Value::Real(real)) } else { Err(FrameError::Unexpected) }
 }
 
 /// The highest register there is.
@@ -297,7 +296,7 @@ pub(super) fn check(
 ) -> Option<Fault> {
     let same = |held: f32, wanted: f32| (held - wanted).abs() <= wanted * SAME;
     let is_good = match (register, held) {
-        (Register::MODE, Some(Value::Whole(held))) => held == mode.register_value(),
+        (Register::MODE, Some(Value::Whole(held))) => held == mode as u32,
         (Register::POSITION_LIMIT, Some(Value::Real(held))) => same(held, limits.position),
         (Register::VELOCITY_LIMIT, Some(Value::Real(held))) => same(held, limits.velocity),
         (Register::TORQUE_LIMIT, Some(Value::Real(held))) => same(held, limits.torque),

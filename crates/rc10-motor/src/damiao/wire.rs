@@ -53,7 +53,7 @@ pub(super) fn standard(raw: u16) -> StandardId {
     StandardId::new(raw).unwrap_or(StandardId::MAX)
 }
 
-/// How a motor is controlled; register 10, `CTRL_MODE`. What another mode's frame does is not
+/// How a motor is controlled, by the number in register 10, `CTRL_MODE`. What another mode's frame does is not
 /// documented.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -73,12 +73,6 @@ impl Mode {
     /// All four.
     pub const ALL: [Self; 4] =
         [Self::Mit, Self::PositionVelocity, Self::Velocity, Self::ForcePosition];
-
-    /// What register 10 holds.
-    #[must_use]
-    pub const fn register_value(self) -> u32 {
-        self as u32
-    }
 
     /// What is added to `CAN_ID` in commands of this mode: 0, 0x100, 0x200, 0x300.
     #[must_use]
