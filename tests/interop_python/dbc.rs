@@ -160,7 +160,8 @@ fn message(bus: &str, dbc: &Dbc, frame: &Frame) -> Value {
         .signals
         .iter()
         .map(|NamedSignal { name, signal, receivers }| {
-            let choices: Map<_, _> = (signal.values().iter())
+            let choices: Map<_, _> = signal
+                .values()
                 .map(|(raw, meaning)| (raw.to_string(), text(meaning).into()))
                 .collect();
             let present_if = match signal.presence {
