@@ -17,7 +17,6 @@ pub struct CountsPerTurn {
 
 impl CountsPerTurn {
     /// `counts` counts in `turns` turns; zero counts as one.
-    #[must_use]
     pub const fn new(counts: u32, turns: u32) -> Self {
         Self {
             counts: if counts == 0 { 1 } else { counts },
@@ -59,21 +58,17 @@ impl TotalAngle {
     pub const TURN: Self = Self(360_000_000);
 
     /// Whole degrees.
-    #[must_use]
     pub const fn from_degrees(degrees: i32) -> Self {
         Self(degrees as i64 * 1_000_000)
     }
 
     /// Millionths of a degree.
-    #[inline]
-    #[must_use]
     pub const fn from_microdegrees(microdegrees: i64) -> Self {
         Self(microdegrees)
     }
 
     /// The nearest angle to an f32 of degrees, within ± 9 · 10¹² degrees; `None` if it is not
     /// finite or out of that range.
-    #[must_use]
     pub fn try_from_degrees(degrees: Degrees) -> Option<Self> {
         let degrees = degrees.get();
         if degrees.is_nan() || degrees.abs() > 9e12 {
@@ -88,7 +83,6 @@ impl TotalAngle {
     }
 
     /// The nearest angle to a count; saturates at the ends of the range.
-    #[must_use]
     pub fn from_counts(counts: i64, scale: CountsPerTurn) -> Self {
         Self(nearest(counts, Self::TURN.0 * i64::from(scale.turns), scale.counts.into()))
     }
@@ -100,7 +94,6 @@ impl TotalAngle {
     }
 
     /// Millionths of a degree.
-    #[inline]
     #[must_use]
     pub const fn microdegrees(self) -> i64 {
         self.0
@@ -121,21 +114,18 @@ impl TotalAngle {
     }
 
     /// This angle and another added; saturating.
-    #[inline]
     #[must_use]
     pub const fn plus(self, other: Self) -> Self {
         Self(self.0.saturating_add(other.0))
     }
 
     /// This angle less another; saturating.
-    #[inline]
     #[must_use]
     pub const fn minus(self, other: Self) -> Self {
         Self(self.0.saturating_sub(other.0))
     }
 
     /// The same angle the other way round; saturating.
-    #[inline]
     #[must_use]
     pub const fn reversed(self) -> Self {
         Self(self.0.saturating_neg())
@@ -143,8 +133,6 @@ impl TotalAngle {
 }
 
 /// 0 ..< 360 degrees, from microdegrees within a turn.
-#[inline]
-#[must_use]
 pub const fn degrees_within_turn(microdegrees: i32) -> Degrees {
     #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of a turn")]
     let degrees = microdegrees as f32 * 1e-6;
@@ -179,8 +167,6 @@ impl fmt::Display for TotalAngle {
 /// assert_eq!(shortest_way(350, 10, 360), 20);
 /// assert_eq!(shortest_way(10, 350, 360), -20);
 /// ```
-#[inline]
-#[must_use]
 pub const fn shortest_way(from: i32, to: i32, turn: i32) -> i32 {
     let way = to.wrapping_sub(from);
     if way >= turn - turn / 2 {
@@ -199,8 +185,6 @@ pub const fn shortest_way(from: i32, to: i32, turn: i32) -> i32 {
 /// use rc10_app::angle::shortest_way_in_bits;
 /// assert_eq!(shortest_way_in_bits::<13>(8190, 100), 102);
 /// ```
-#[inline]
-#[must_use]
 pub const fn shortest_way_in_bits<const BITS: u32>(from: i32, to: i32) -> i32 {
     // The sign bit of the difference, as BITS bits, becomes that of the result.
     (to.wrapping_sub(from) << (32 - BITS)) >> (32 - BITS)
@@ -208,7 +192,6 @@ pub const fn shortest_way_in_bits<const BITS: u32>(from: i32, to: i32) -> i32 {
 
 /// Of all movements that end where `step` ends on a circle of `turn` counts, the one nearest to
 /// `expected`: bridges a gap in which an unknown number of turns was made. Saturating.
-#[must_use]
 pub fn nearest_movement(step: i64, expected: i64, turn: i64) -> i64 {
     let turn = turn.max(1);
     let excess = expected.saturating_sub(step);
@@ -219,14 +202,11 @@ pub fn nearest_movement(step: i64, expected: i64, turn: i64) -> i64 {
 
 /// The shortest way from one angle to another, both any finite number of degrees:
 /// -180 ..= 180 degrees.
-#[must_use]
 pub fn shortest_way_degrees(from: Degrees, to: Degrees) -> Degrees {
     Degrees::new(shortest_way_f32(from.get(), to.get(), 360.0))
 }
 
 /// As [`shortest_way`], for f32 on a circle of any size.
-#[inline]
-#[must_use]
 pub(crate) fn shortest_way_f32(from: f32, to: f32, turn: f32) -> f32 {
     let way = to - from;
     if way.abs() <= turn * 0.5 { way } else { way - turn * crate::maths::round(way / turn) }

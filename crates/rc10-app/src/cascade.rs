@@ -110,7 +110,6 @@ enum Active {
 
 impl CascadeState {
     /// At rest.
-    #[must_use]
     pub const fn new() -> Self {
         Self {
             speed: PidState::new(),
@@ -127,13 +126,11 @@ impl CascadeState {
 
     /// The effort decided last.
     #[inline]
-    #[must_use]
     pub const fn effort(&self) -> f32 {
         self.speed.output()
     }
 
     /// The speed the speed loop works towards now, rpm.
-    #[must_use]
     pub const fn reference(&self) -> f32 {
         self.reference
     }

@@ -32,7 +32,6 @@ impl Twist {
     pub const STOP: Self = Self::new(0.0, 0.0, 0.0);
 
     /// m/s forward, m/s to the left, rad/s counter-clockwise.
-    #[must_use]
     pub const fn new(vx: f32, vy: f32, wz: f32) -> Self {
         Self { vx, vy, wz }
     }
@@ -189,7 +188,6 @@ impl Mecanum {
     /// How the robot moves (in its own axes) if its wheels turn like this: the least-squares
     /// answer, because four wheels overdetermine three components. A speed that is not finite
     /// gives a twist that is not finite.
-    #[must_use]
     pub fn forward(&self, speeds: [Rpm; 4]) -> Twist {
         let quarter = self.wheel_radius * RADIANS_PER_SECOND / 4.0;
         let [fl, fr, rl, rr] = speeds.map(|speed| speed.get() * quarter);
@@ -236,13 +234,11 @@ pub struct TwistLimiter {
 
 impl TwistLimiter {
     /// Standing still.
-    #[must_use]
     pub const fn new() -> Self {
         Self { twist: Twist::STOP }
     }
 
     /// The last twist it gave.
-    #[must_use]
     pub const fn twist(&self) -> Twist {
         self.twist
     }

@@ -18,7 +18,6 @@ pub struct ConfigError {
 
 impl ConfigError {
     /// A field that holds `value`, but must be something else.
-    #[must_use]
     pub const fn new(field: &'static str, value: f32, must_be: &'static str) -> Self {
         Self { device: None, part: "", field, value, must_be }
     }

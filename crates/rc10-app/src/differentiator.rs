@@ -57,19 +57,16 @@ pub struct Differentiator {
 impl Differentiator {
     /// At rest at a measured value, in the unit of the target. [`Differentiator::default`] rests
     /// at 0.
-    #[must_use]
     pub const fn at(value: f32) -> Self {
         Self { value, rate: 0.0 }
     }
 
     /// The followed value, in the unit of the target.
-    #[must_use]
     pub const fn value(&self) -> f32 {
         self.value
     }
 
     /// Its derivative, in units of the target per second.
-    #[must_use]
     pub const fn rate(&self) -> f32 {
         self.rate
     }

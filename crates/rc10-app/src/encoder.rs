@@ -50,7 +50,6 @@ impl core::error::Error for OutOfRange {}
 impl Encoder {
     /// A counter of `modulus` counts, 2 ..= 2³² (anything else is brought into that range). A timer
     /// of 32 bits has 2³².
-    #[must_use]
     pub const fn new(modulus: u64) -> Self {
         let modulus = match modulus {
             0 | 1 => 2,
@@ -111,19 +110,16 @@ impl Encoder {
     }
 
     /// All counts, from the encoder's own zero at the first sample.
-    #[must_use]
     pub const fn total(&self) -> i64 {
         self.total
     }
 
     /// The newest sample; `None` before the first.
-    #[must_use]
     pub const fn last(&self) -> Option<u32> {
         self.last
     }
 
     /// How many gaps were bridged: above zero, the number of turns is an estimate.
-    #[must_use]
     pub const fn gaps(&self) -> u32 {
         self.gaps
     }

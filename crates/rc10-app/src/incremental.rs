@@ -33,7 +33,6 @@ pub struct IncrementalPidConfig {
 
 impl IncrementalPidConfig {
     /// Gains, an output within ± `limit`, and a setpoint taken as it comes.
-    #[must_use]
     pub const fn new(kp: f32, ki: f32, kd: f32, limit: f32) -> Self {
         Self { kp, ki, kd, output_min: -limit, output_max: limit, setpoint: None }
     }
@@ -91,7 +90,6 @@ pub struct IncrementalPidState {
 
 impl IncrementalPidState {
     /// At rest, output 0. The first step has no derivative, because there is nothing before it.
-    #[must_use]
     pub const fn new() -> Self {
         Self { output: 0.0, past: Past::Rest, setpoint: Differentiator::at(0.0) }
     }
@@ -110,13 +108,11 @@ impl IncrementalPidState {
     }
 
     /// The last output.
-    #[must_use]
     pub const fn output(&self) -> f32 {
         self.output
     }
 
     /// The setpoint that the last step used, after smoothing if that is configured.
-    #[must_use]
     pub const fn setpoint(&self) -> f32 {
         self.setpoint.value()
     }

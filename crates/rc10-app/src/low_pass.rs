@@ -17,7 +17,6 @@ pub struct LowPassConfig {
 
 impl LowPassConfig {
     /// A filter that halves the power of a sine of this frequency (its −3 dB point), in hertz, > 0.
-    #[must_use]
     pub const fn from_cutoff(hertz: f32) -> Self {
         Self { time_constant: Seconds::new(1.0 / (core::f32::consts::TAU * hertz)) }
     }
@@ -49,13 +48,11 @@ pub struct LowPass {
 
 impl LowPass {
     /// A filter that has seen no sample.
-    #[must_use]
     pub const fn new() -> Self {
         Self { value: None }
     }
 
     /// The filtered value, in the unit of the samples; `None` before the first sample.
-    #[must_use]
     pub const fn value(&self) -> Option<f32> {
         self.value
     }

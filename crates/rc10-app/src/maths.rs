@@ -2,20 +2,17 @@
 //! the same bits, and cheap forms for the control tick.
 
 /// Sine and cosine of an angle in radians.
-#[must_use]
 pub fn sin_cos(radians: f32) -> (f32, f32) {
     libm::sincosf(radians)
 }
 
 /// Square root, correctly rounded; NaN below zero.
-#[must_use]
 pub fn sqrt(x: f32) -> f32 {
     libm::sqrtf(x)
 }
 
 /// Length of the vector (x, y) within two units in the last place, without overflow on the way.
 /// (`libm` computes it in f64, which a chip built for f32 does in software.)
-#[must_use]
 pub fn hypot(x: f32, y: f32) -> f32 {
     let (x, y) = (x.abs(), y.abs());
     let (long, short) = if x >= y { (x, y) } else { (y, x) };
@@ -29,21 +26,17 @@ pub fn hypot(x: f32, y: f32) -> f32 {
 }
 
 /// e to the power of x, less one: exact also where x is nearly zero.
-#[must_use]
 pub fn exp_m1(x: f32) -> f32 {
     libm::expm1f(x)
 }
 
 /// The nearest whole number; halves away from zero.
-#[must_use]
 pub fn round(x: f32) -> f32 {
     libm::roundf(x)
 }
 
 /// Square root to within 0.0005 % for normal positive numbers, 0 otherwise: about 15 instructions
 /// on a Cortex-M7, where a correctly rounded one without the hardware instruction takes 200.
-#[inline]
-#[must_use]
 pub fn fast_sqrt(x: f32) -> f32 {
     if x.is_nan() || x < f32::MIN_POSITIVE {
         return 0.0;
@@ -56,8 +49,6 @@ pub fn fast_sqrt(x: f32) -> f32 {
 }
 
 /// `x` held within ±`limit`. NaN stays NaN; unlike [`f32::clamp`] it never panics.
-#[inline]
-#[must_use]
 pub fn within(x: f32, limit: f32) -> f32 {
     if x.abs() <= limit { x } else { limited(x, limit) }
 }
@@ -70,8 +61,6 @@ fn limited(x: f32, limit: f32) -> f32 {
 
 /// The nearest integer (halves to the even one), saturating at i16's ends; 0 for NaN. This is how a
 /// scaled value goes onto a wire: it never wraps.
-#[inline]
-#[must_use]
 pub fn round_to_i16(x: f32) -> i16 {
     /// 1.5 times 2^23: the sum's last place is 1, and its low bits are the integer in two's
     /// complement.
@@ -91,8 +80,6 @@ fn saturated(x: f32) -> i16 {
 }
 
 /// The nearest integer (halves away from zero), saturating at i32's ends; 0 for NaN.
-#[inline]
-#[must_use]
 pub fn round_to_i32(x: f32) -> i32 {
     // From 2^23 on every f32 is a whole number, and adding a half could round up.
     let half = if x.abs() < 8_388_608.0 { 0.5_f32.copysign(x) } else { 0.0 };
@@ -110,7 +97,6 @@ pub struct Ratio {
 
 impl Ratio {
     /// `numerator / denominator`: above 0, below 2³¹, and accurate to 62 bits.
-    #[must_use]
     pub const fn new(numerator: u64, denominator: u64) -> Self {
         let (numerator, denominator) = (numerator as i128, denominator as i128);
         let mut shift = 1;
@@ -123,7 +109,6 @@ impl Ratio {
     }
 
     /// The nearest whole number to `value` times the ratio; saturates at the ends of i64.
-    #[inline]
     #[must_use]
     pub fn times(self, value: i64) -> i64 {
         let product = i128::from(value) * i128::from(self.multiplier);

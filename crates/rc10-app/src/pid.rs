@@ -45,7 +45,6 @@ pub struct PidConfig {
 
 impl PidConfig {
     /// Three gains and the output limit; the integral may use the whole output.
-    #[must_use]
     pub const fn new(kp: f32, ki: f32, kd: f32, output_limit: f32) -> Self {
         Self {
             kp,
@@ -110,7 +109,6 @@ pub struct PidState {
 
 impl PidState {
     /// Nothing integrated, nothing measured.
-    #[must_use]
     pub const fn new() -> Self {
         Self { integral: 0.0, last_error: 0.0, last_measured: None, output: 0.0 }
     }
@@ -138,13 +136,11 @@ impl PidState {
     }
 
     /// The newest output.
-    #[must_use]
     pub const fn output(&self) -> f32 {
         self.output
     }
 
     /// The integral's part of the output.
-    #[must_use]
     pub const fn integral(&self) -> f32 {
         self.integral
     }

@@ -14,7 +14,6 @@ pub struct RampConfig {
 
 impl RampConfig {
     /// The same rate up and down.
-    #[must_use]
     pub const fn symmetric(rate: f32) -> Self {
         Self { rising: rate, falling: rate }
     }
@@ -47,13 +46,11 @@ pub struct Ramp {
 impl Ramp {
     /// A ramp that starts at a measured value, in the unit of the target. [`Ramp::default`] starts
     /// at 0.
-    #[must_use]
     pub const fn at(value: f32) -> Self {
         Self { value }
     }
 
     /// Where the ramp is, in the unit of the target.
-    #[must_use]
     pub const fn value(&self) -> f32 {
         self.value
     }

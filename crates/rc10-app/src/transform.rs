@@ -32,7 +32,6 @@ impl Pose {
     pub const IDENTITY: Self = Self::new(0.0, 0.0, Radians::new(0.0));
 
     /// A position in metres and a heading.
-    #[must_use]
     pub const fn new(x: f32, y: f32, heading: Radians) -> Self {
         Self { x, y, heading }
     }
@@ -70,7 +69,6 @@ impl Pose {
 }
 
 /// Turns a vector (x, y) counter-clockwise.
-#[must_use]
 pub fn rotate((x, y): (f32, f32), by: Radians) -> (f32, f32) {
     let (sin, cos) = maths::sin_cos(by.get());
     (x * cos - y * sin, x * sin + y * cos)

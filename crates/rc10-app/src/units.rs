@@ -17,7 +17,6 @@ macro_rules! units {
                 pub const ZERO: Self = Self(0.0);
 
                 #[doc = concat!("A number of ", $symbol, ".")]
-                #[must_use]
                 pub const fn new(value: f32) -> Self {
                     Self(value)
                 }
@@ -121,7 +120,6 @@ impl Seconds {
     }
 
     /// From whole microseconds; more than 71 minutes are 71 minutes.
-    #[must_use]
     pub const fn from_micros(micros: u64) -> Self {
         // Through 32 bits: a Cortex-M7 converts those in one instruction.
         #[expect(clippy::cast_possible_truncation, reason = "checked")]
@@ -165,7 +163,6 @@ impl Gear {
     /// let m3508 = Gear::new(3591, 187).unwrap();
     /// assert!((m3508.to_output(RotorRpm::new(9000.0)).get() - 468.67).abs() < 0.01);
     /// ```
-    #[must_use]
     pub const fn new(rotor: u32, output: u32) -> Option<Self> {
         if rotor == 0 || output == 0 || rotor > 0xFFFF || output > 0xFFFF {
             None

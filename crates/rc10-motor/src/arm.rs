@@ -99,14 +99,12 @@ impl core::error::Error for ArmError {}
 
 impl ArmSwitch {
     /// A switch in state [`ArmState::Disarmed`].
-    #[must_use]
     pub const fn new() -> Self {
         Self(AtomicU8::new(DISARMED))
     }
 
     /// The state now.
     #[inline]
-    #[must_use]
     pub fn state(&self) -> ArmState {
         match self.0.load(Ordering::Acquire) {
             ARMED => ArmState::Armed,
@@ -141,7 +139,6 @@ impl ArmSwitch {
     }
 
     /// Why the robot cannot be armed, if it cannot.
-    #[must_use]
     pub fn unfit(&self) -> Option<Unfit> {
         match self.0.load(Ordering::Acquire) {
             OVERLOAD => Some(Unfit::Overload),

@@ -34,7 +34,6 @@ impl TxBatch {
     pub const CAPACITY: usize = 16;
 
     /// An empty batch.
-    #[must_use]
     pub const fn new() -> Self {
         Self { frames: Vec::new(), streams: Vec::new(), refused: None }
     }
@@ -96,13 +95,11 @@ impl TxBatch {
     }
 
     /// The identifier of the last frame that found no room since [`clear`](Self::clear).
-    #[must_use]
     pub const fn refused(&self) -> Option<Id> {
         self.refused
     }
 
     /// The frames, in the order they were opened.
-    #[must_use]
     pub fn frames(&self) -> &[CanFrame] {
         &self.frames
     }

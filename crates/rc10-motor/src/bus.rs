@@ -91,7 +91,6 @@ impl<'m> MotorBus<'m> {
     pub const CAPACITY: usize = CAPACITY;
 
     /// A bus without motors, armed and stopped by `switch`.
-    #[must_use]
     pub const fn new(switch: &'m ArmSwitch) -> Self {
         Self {
             motors: Motors::new(switch),
@@ -212,7 +211,6 @@ impl<'m> MotorBus<'m> {
     }
 
     /// How much of a bus of `bits_per_second` the attached motors need.
-    #[must_use]
     pub fn load(&self, bits_per_second: u32) -> BusLoad {
         BusLoad::of(self.motors.iter().map(CanMotor::can_ids), bits_per_second)
     }
@@ -225,7 +223,6 @@ impl<'m> MotorBus<'m> {
     }
 
     /// What the frames of this bus amounted to.
-    #[must_use]
     pub const fn counters(&self) -> BusCounters {
         self.counters
     }

@@ -113,7 +113,6 @@ pub struct RxFrames {
 
 impl RxFrames {
     /// Without a guard: the identifier alone says whose they are.
-    #[must_use]
     pub const fn new(pattern: IdPattern, len: u8, rate: Rate) -> Self {
         Self { pattern, len, rate, guard: None }
     }
@@ -169,7 +168,6 @@ pub struct TxFrames {
 
 impl TxFrames {
     /// Frames that are one device's as a whole.
-    #[must_use]
     pub const fn new(pattern: IdPattern, len: u8, rate: Rate) -> Self {
         Self { pattern, len, rate, ownership: Ownership::Whole }
     }
@@ -231,7 +229,6 @@ impl fmt::Display for Clash {
 
 impl CanIds {
     /// Of a motor that occupies nothing yet.
-    #[must_use]
     pub const fn new() -> Self {
         let nothing = IdPattern::any_standard();
         Self {
@@ -264,7 +261,6 @@ impl CanIds {
     }
 
     /// Whether all that was added found room.
-    #[must_use]
     pub const fn is_complete(&self) -> bool {
         self.received.is_complete() && self.transmitted.is_complete() && self.listens.is_complete()
     }
@@ -280,26 +276,22 @@ impl CanIds {
     }
 
     /// Frames that the device sends.
-    #[must_use]
     pub fn received(&self) -> &[RxFrames] {
         self.received.items()
     }
 
     /// Frames that are sent to the device.
-    #[must_use]
     pub fn transmitted(&self) -> &[TxFrames] {
         self.transmitted.items()
     }
 
     /// Identifiers that the device obeys although they are never sent.
-    #[must_use]
     pub fn listened_to(&self) -> &[IdPattern] {
         self.listens.items()
     }
 
     /// Longest time without a frame before the motor is lost: three periods of its most frequent
     /// feedback, but at least 10 ms.
-    #[must_use]
     pub fn link_timeout(&self) -> Micros {
         let rates = self.received().iter().map(|receive| receive.rate.per_second());
         let fastest = rates.max().unwrap_or(0).max(1);
@@ -307,7 +299,6 @@ impl CanIds {
     }
 
     /// Why this motor and another cannot share a bus, if so.
-    #[must_use]
     pub fn clash(&self, other: &Self) -> Option<Clash> {
         for ours in self.received() {
             for theirs in other.received() {

@@ -75,37 +75,31 @@ impl Feedback {
     };
 
     /// The measurements of every device, and no others.
-    #[must_use]
     pub const fn new(at: Micros, speed: Rpm, angle: Degrees, total_angle: TotalAngle) -> Self {
         Self { at, speed, angle, total_angle, ..Self::NEW }
     }
 
     /// Torque-producing current, positive for positive torque.
-    #[must_use]
     pub fn current(&self) -> Option<Amps> {
         self.current.get().map(Amps::new)
     }
 
     /// Torque, where the device tells it or its torque constant is known.
-    #[must_use]
     pub fn torque(&self) -> Option<NewtonMetres> {
         self.torque.get().map(NewtonMetres::new)
     }
 
     /// Temperature of the motor, where the device tells it.
-    #[must_use]
     pub fn temperature(&self) -> Option<Celsius> {
         self.temperature.get().map(Celsius::new)
     }
 
     /// Temperature of what drives the motor, where the device tells it.
-    #[must_use]
     pub fn controller_temperature(&self) -> Option<Celsius> {
         self.controller_temperature.get().map(Celsius::new)
     }
 
     /// Voltage it is supplied with, where the device tells it.
-    #[must_use]
     pub fn supply(&self) -> Option<Volts> {
         self.supply.get().map(Volts::new)
     }
@@ -159,7 +153,6 @@ pub struct Fault {
 
 impl Fault {
     /// A fault.
-    #[must_use]
     pub const fn new(code: u32, text: &'static str) -> Self {
         Self { code, text }
     }

@@ -78,7 +78,6 @@ impl Goals {
         self.target
     }
 
-    #[inline]
     pub(crate) const fn goal(&self) -> &Goal {
         &self.goal
     }
@@ -126,7 +125,6 @@ impl Goals {
     }
 
     /// Nothing is held: what comes next starts from where the shaft is.
-    #[inline]
     pub(crate) const fn rest(&mut self) {
         self.held = None;
     }

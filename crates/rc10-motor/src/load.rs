@@ -43,7 +43,6 @@ impl BusLoad {
         Self { frames_per_second: 0, least: 0.0, typical: 0.0, worst: 0.0 };
 
     /// Whether it fits.
-    #[must_use]
     pub fn verdict(&self) -> Verdict {
         if self.worst <= 100.0 {
             Verdict::Fits

@@ -70,7 +70,6 @@ const LARGEST: f32 = 1e6;
 impl Limits {
     /// Ranges ±`position` (rad), ±`velocity` (rad/s), ±`torque` (N m); gains up to 500 N m / rad
     /// and 5 N m s / rad, as Damiao, CyberGear and RobStride's small models have them.
-    #[must_use]
     pub const fn new(position: f32, velocity: f32, torque: f32) -> Self {
         Self { position, velocity, torque, kp: 500.0, kd: 5.0 }
     }
@@ -236,7 +235,6 @@ impl RangedPosition {
 
     /// What to add to a movement of the reading because the field started over; `None` after a
     /// restart. A silence counts as a gap.
-    #[cold]
     fn ranges_passed(
         &self,
         shaft: &mut Shaft,
@@ -264,7 +262,6 @@ impl RangedPosition {
     }
 
     /// How the estimated part of the position changes. Each time that it begins is a gap.
-    #[cold]
     fn estimate(
         &mut self,
         shaft: &mut Shaft,
@@ -419,7 +416,6 @@ pub(crate) fn pack_positive<const BITS: u32>(x: f32, limit: f32) -> u32 {
 
 /// Out of line: the usual case stays short. The limits themselves come here too, because rounding
 /// could put them one step inside.
-#[cold]
 fn beyond(x: f32, full: u32, neutral: u32) -> u32 {
     if x.is_nan() {
         neutral

@@ -124,7 +124,6 @@ pub struct Tick {
 
 impl Tick {
     /// One millisecond of a motor that is heard: for tests and loops without a bus.
-    #[must_use]
     pub const fn new(mode: DriveMode) -> Self {
         Self { dt: Seconds::new(0.001), mode, link: Link::Online, count: 0 }
     }

@@ -20,7 +20,6 @@ pub struct MotorId(u8);
 
 impl MotorId {
     /// The motor attached as number `index`, counted from 0.
-    #[must_use]
     pub const fn new(index: u8) -> Self {
         Self(index)
     }
@@ -177,7 +176,6 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
 
     /// Has a motor take a frame that arrived at `at`, with what is known of its link until then.
     /// `None` for a motor that does not exist.
-    #[inline]
     pub(crate) fn hear(
         &mut self,
         motor: MotorId,
@@ -195,7 +193,6 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
 
     /// One tick: decides what each motor may do, lets it compute, and has `send` take what it
     /// sends.
-    #[inline]
     pub(crate) fn tick(
         &mut self,
         now: Micros,
@@ -272,20 +269,17 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
     }
 
     /// The targets a motor takes; none for a motor that does not exist.
-    #[must_use]
     pub fn supports(&self, motor: MotorId) -> TargetSet {
         self.slot(motor).map_or(TargetSet::NONE, |slot| slot.motor.supports())
     }
 
     /// The control loops of a motor, where they run here; `None` also for a motor that does not
     /// exist.
-    #[must_use]
     pub fn loops(&self, motor: MotorId) -> Option<Loops> {
         self.slot(motor).and_then(|slot| slot.motor.loops())
     }
 
     /// The status of a motor; `None` for a motor that does not exist.
-    #[must_use]
     pub fn status(&self, motor: MotorId, now: Micros) -> Option<MotorStatus> {
         let mut status = MotorStatus::NEW;
         self.slot(motor)?;
@@ -295,7 +289,6 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
 
     /// The same, written where it is wanted: every tick for every motor. Nothing for a motor that
     /// does not exist.
-    #[inline]
     pub(crate) fn write_status(&self, motor: MotorId, now: Micros, status: &mut MotorStatus) {
         if let Some(slot) = self.slot(motor) {
             slot.supervision.write_status(&*slot.motor, now, status);
@@ -303,7 +296,6 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
     }
 
     /// The switch that arms this bus.
-    #[must_use]
     pub const fn switch(&self) -> &'m ArmSwitch {
         self.switch
     }

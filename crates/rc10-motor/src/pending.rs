@@ -39,13 +39,11 @@ struct Asked<Q> {
 
 impl<Q: Copy> Pending<Q> {
     /// Nothing in flight.
-    #[must_use]
     pub const fn new() -> Self {
         Self { asked: None, outcome: None }
     }
 
     /// Whether a request waits for its device, or its outcome to be taken.
-    #[must_use]
     pub const fn is_busy(&self) -> bool {
         self.asked.is_some() || self.outcome.is_some()
     }
@@ -75,7 +73,6 @@ impl<Q: Copy> Pending<Q> {
     }
 
     /// The question in flight.
-    #[must_use]
     pub const fn question(&self) -> Option<Q> {
         match &self.asked {
             Some(asked) => Some(asked.question),
@@ -84,7 +81,6 @@ impl<Q: Copy> Pending<Q> {
     }
 
     /// The question, if the device has been asked.
-    #[must_use]
     pub const fn sent(&self) -> Option<Q> {
         match &self.asked {
             Some(asked) if asked.tries > 1 || asked.tries == 1 && !asked.is_due => {

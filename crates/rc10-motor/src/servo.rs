@@ -144,7 +144,6 @@ impl Servo {
 
     /// Coasting, the effort itself, speeds and angles; impedances [if its device makes
     /// springs](Self::with_springs).
-    #[must_use]
     pub const fn supports(&self) -> TargetSet {
         self.goals.supports()
     }
@@ -167,27 +166,21 @@ impl Servo {
     }
 
     /// The target it has.
-    #[must_use]
     pub const fn target(&self) -> Target {
         self.goals.target()
     }
 
     /// The effort decided last.
-    #[inline]
-    #[must_use]
     pub const fn effort(&self) -> f32 {
         self.state.effort()
     }
 
     /// The spring decided last; `None` while it is an [`effort`](Self::effort).
-    #[inline]
-    #[must_use]
     pub const fn spring(&self) -> Option<&Spring> {
         self.spring.as_ref()
     }
 
     /// One step. A shaft that was never measured gets no effort.
-    #[inline]
     pub fn update(&mut self, tick: &Tick, shaft: &Shaft) {
         if tick.mode != DriveMode::Run || !self.ran {
             return self.pursue(tick, shaft);
@@ -263,7 +256,6 @@ impl Servo {
     }
 
     /// No effort, and whatever drives next starts softly: while the device cannot follow.
-    #[inline]
     pub fn rest(&mut self) {
         (self.ran, self.spring) = (false, None);
         self.goals.rest();
@@ -295,23 +287,30 @@ impl Servo {
     }
 
     /// Its gains and limits.
-    #[must_use]
     pub const fn cascade(&self) -> &Cascade {
         &self.cascade
     }
 
     /// What its effort is, its gains and limits.
-    #[must_use]
     pub const fn loops(&self) -> Loops {
         Loops { effort: self.effort, cascade: self.cascade }
     }
 
-    /// Carries out what a servo can: gains, and the limit of its own effort.
+    /// Carries out what a servo can: the zero of its shaft, gains, and the limit of its own effort.
     ///
     /// # Errors
     /// [`RequestError`]; nothing changed. [`RequestError::Unsupported`] for what the motor has to do.
-    pub fn request(&mut self, request: Request, shaft: &Shaft) -> Result<Response, RequestError> {
+    pub fn request(
+        &mut self,
+        request: Request,
+        shaft: &mut Shaft,
+    ) -> Result<Response, RequestError> {
         match request {
+            Request::SetZero if !shaft.is_known() => return Err(RequestError::NoFeedback),
+            Request::SetZero => {
+                self.goals.set_zero(shaft.set_zero());
+                return Ok(Response::Done);
+            }
             Request::SpeedGains(gains) => with_gains(&mut self.cascade.speed, gains)?,
             Request::AngleGains(gains) => with_gains(&mut self.cascade.angle, gains)?,
             Request::CurrentLimit(limit) if self.effort == TargetKind::Current => {
@@ -480,21 +479,21 @@ mod tests {
     fn limits_and_gains_are_checked_and_obeyed() {
         let mut servo = servo();
         let limit = |newton_metres| Request::TorqueLimit(NewtonMetres::new(newton_metres));
-        assert!(servo.request(limit(-1.0), &at(0, 0.0)).is_err());
-        assert!(servo.request(limit(f32::NAN), &at(0, 0.0)).is_err());
+        assert!(servo.request(limit(-1.0), &mut at(0, 0.0)).is_err());
+        assert!(servo.request(limit(f32::NAN), &mut at(0, 0.0)).is_err());
         assert_eq!(
-            servo.request(Request::CurrentLimit(Amps::new(1.0)), &at(0, 0.0)),
+            servo.request(Request::CurrentLimit(Amps::new(1.0)), &mut at(0, 0.0)),
             Err(RequestError::Unsupported)
         );
-        assert_eq!(servo.request(limit(2.0), &at(0, 0.0)), Ok(Response::Done));
+        assert_eq!(servo.request(limit(2.0), &mut at(0, 0.0)), Ok(Response::Done));
         servo.set_target(Target::Speed(Rpm::new(1000.0))).unwrap();
         assert!((settled(&mut servo, DriveMode::Run, at(0, 0.0)) - 2.0).abs() < 1e-3);
         servo.set_target(Target::Torque(NewtonMetres::new(9.0))).unwrap();
         assert!((settled(&mut servo, DriveMode::Run, at(0, 0.0)) - 2.0).abs() < 1e-3);
-        assert_eq!(servo.request(limit(9.0), &at(0, 0.0)), Ok(Response::Done));
+        assert_eq!(servo.request(limit(9.0), &mut at(0, 0.0)), Ok(Response::Done));
         assert!((settled(&mut servo, DriveMode::Run, at(0, 0.0)) - 5.0).abs() < 1e-3);
         let bad = Request::SpeedGains(Gains { kp: -1.0, ..Gains::default() });
-        assert!(servo.request(bad, &at(0, 0.0)).is_err());
+        assert!(servo.request(bad, &mut at(0, 0.0)).is_err());
         let wrong = servo.set_target(Target::Current(Amps::new(1.0)));
         assert_eq!(wrong, Err(TargetError::Unsupported(TargetKind::Current)));
     }

@@ -73,7 +73,6 @@ pub struct Shaft {
 impl Shaft {
     /// A sensor of `steps_per_turn` (1 ..= 2³¹ - 1) steps in front of a gearbox, and the direction
     /// in which the output counts. A sensor at the output shaft has [`Gear::DIRECT`].
-    #[must_use]
     pub const fn new(steps_per_turn: u32, gear: Gear, direction: Direction) -> Self {
         let steps = match steps_per_turn {
             0 => 1,
@@ -121,14 +120,11 @@ impl Shaft {
     }
 
     /// When and how fast it was measured last: for [`bridge`](Self::bridge).
-    #[must_use]
     pub const fn before(&self) -> (Micros, Rpm) {
         (self.at, self.speed)
     }
 
     /// Whether anything was measured.
-    #[inline]
-    #[must_use]
     pub const fn is_known(&self) -> bool {
         self.at.get() < NEVER.get()
     }
@@ -139,7 +135,6 @@ impl Shaft {
     /// The first reading is an absolute angle. After a silence in which the rotor may have gone
     /// round, its speed before and after says which number of turns is likeliest, and the gap is
     /// counted.
-    #[inline]
     pub fn follow(&mut self, reading: i32, sensor_rpm: f32, at: Micros) {
         let step = self.shorter_way(reading.wrapping_sub(self.reading));
         self.reading = reading;
@@ -154,7 +149,6 @@ impl Shaft {
     }
 
     /// A step from one reading to the next, the shorter way round.
-    #[inline]
     const fn shorter_way(&self, step: i32) -> i32 {
         let Self { steps_per_turn, half_turn, .. } = *self;
         if step.wrapping_add(half_turn).cast_unsigned() < steps_per_turn.cast_unsigned() {
@@ -188,7 +182,6 @@ impl Shaft {
     /// The sensor moved by `step`, give or take whole turns of it, between the measurement `before`
     /// (when, and how fast) and the one that has just been [taken](Self::measure): their mean speed
     /// says how many. Counts a gap.
-    #[cold]
     pub fn bridge(&mut self, step: i64, before: (Micros, Rpm)) {
         let (last, speed) = before;
         let mean = 0.5 * (speed.get() + self.speed.get()) / self.ratio;
@@ -203,7 +196,6 @@ impl Shaft {
     }
 
     /// The first position of a sensor that knows where it is: `steps` from its own zero.
-    #[cold]
     pub fn start(&mut self, steps: i64) {
         self.rest = 0;
         self.place(TotalAngle::ZERO);
@@ -211,7 +203,6 @@ impl Shaft {
     }
 
     /// The sensor moved by `steps`.
-    #[inline]
     pub fn move_by(&mut self, steps: i32) {
         let Self { whole, part, divisor, most, most_twice, .. } = *self;
         if steps.cast_unsigned().wrapping_add(most) > most_twice || divisor <= 0 {
@@ -248,7 +239,6 @@ impl Shaft {
     }
 
     /// The shaft is there, however it came there.
-    #[cold]
     pub fn place(&mut self, angle: TotalAngle) {
         let (microdegrees, turn) = (angle.microdegrees(), i64::from(TURN));
         let turns = microdegrees.div_euclid(turn).clamp(i32::MIN.into(), i32::MAX.into());
@@ -258,14 +248,12 @@ impl Shaft {
     }
 
     /// Its speed at `at`, from that of the sensor.
-    #[inline]
     pub fn measure(&mut self, sensor_rpm: f32, at: Micros) {
         self.speed = Rpm::new(sensor_rpm * self.ratio);
         self.at = at;
     }
 
     /// The number of turns is an estimate from now on.
-    #[cold]
     pub const fn count_gap(&mut self) {
         self.gaps = self.gaps.saturating_add(1);
     }
@@ -278,49 +266,38 @@ impl Shaft {
     }
 
     /// The angle of many turns from the zero.
-    #[inline]
-    #[must_use]
     pub const fn angle(&self) -> TotalAngle {
         let turns = self.turns as i64 * TURN as i64;
         TotalAngle::from_microdegrees(turns + self.phase as i64)
     }
 
     /// The angle within the turn: 0 ..< 360,000,000 microdegrees.
-    #[must_use]
     pub const fn phase(&self) -> i32 {
         self.phase
     }
 
     /// The speed of the output.
-    #[inline]
-    #[must_use]
     pub const fn speed(&self) -> Rpm {
         self.speed
     }
 
     /// When it was measured last.
-    #[must_use]
     pub const fn at(&self) -> Micros {
         self.at
     }
 
     /// 1, or -1 if the output counts the other way than the sensor.
-    #[inline]
-    #[must_use]
     pub const fn sign(&self) -> f32 {
         if self.ratio < 0.0 { -1.0 } else { 1.0 }
     }
 
     /// The sensor's speed (rpm) at a speed of the output, and its angle at one of the output.
-    #[inline]
-    #[must_use]
     pub const fn to_sensor(&self, output: f32) -> f32 {
         output / self.ratio
     }
 
     /// The nearest number of steps from here to another angle: what to add to the device's own
     /// reading for a device that is told where to go.
-    #[must_use]
     pub fn steps_to(&self, angle: TotalAngle) -> i64 {
         let way = i128::from(angle.minus(self.angle()).microdegrees());
         let (divisor, part) = (i128::from(self.divisor), i128::from(self.part));
@@ -332,8 +309,6 @@ impl Shaft {
     }
 
     /// Time, speed, angles and gaps; nothing before anything was measured.
-    #[inline]
-    #[must_use]
     pub const fn feedback(&self) -> Feedback {
         if !self.is_known() {
             return Feedback::NEW;

@@ -35,7 +35,6 @@ pub struct Message {
 
 impl Message {
     /// A data frame with an identifier and a length of its own.
-    #[must_use]
     pub const fn new(
         name: &'static str,
         id: Id,
@@ -69,14 +68,12 @@ impl Message {
     }
 
     /// Whether identifier and length alone tell it, as in a DBC file. All others are *special*.
-    #[must_use]
     pub fn is_plain(&self) -> bool {
         self.varies == 0 && !self.remote && self.marks == Marks::NONE
     }
 
     /// Whether a frame is one of these. Of several messages that a frame is, the last in a vendor's
     /// table is the most special.
-    #[must_use]
     pub fn matches(&self, frame: &CanFrame) -> bool {
         IdPattern::masked(self.id, !self.varies).contains(frame.id())
             && frame.is_remote() == self.remote
@@ -97,7 +94,6 @@ impl Marks {
     pub const NONE: Self = Self { mask: 0, value: 0 };
 
     /// These bytes, from the first on.
-    #[must_use]
     pub const fn bytes<const N: usize>(bytes: [u8; N]) -> Self {
         let (mut mask, mut value) = ([0; 8], [0; 8]);
         let mut index = 0;
@@ -109,7 +105,6 @@ impl Marks {
     }
 
     /// These bits, where `mask` has ones.
-    #[must_use]
     pub const fn masked(mask: [u8; 8], value: [u8; 8]) -> Self {
         let mask = u64::from_le_bytes(mask);
         Self { mask, value: u64::from_le_bytes(value) & mask }
@@ -117,7 +112,6 @@ impl Marks {
 
     /// Nothing behind `len` bytes, as every frame of that length has it: makes a message special that
     /// a DBC file has no room for.
-    #[must_use]
     pub const fn behind(len: u8) -> Self {
         let mut mask = [0; 8];
         let mut index = len as usize;
@@ -203,7 +197,6 @@ pub enum Presence {
 
 impl Signal {
     /// An unsigned signal of these bits, factor 1, without unit, always there.
-    #[must_use]
     pub const fn new(name: &'static str, order: ByteOrder, start: u8, bits: u8) -> Self {
         Self {
             name,
@@ -220,19 +213,16 @@ impl Signal {
     }
 
     /// Of `bytes` whole bytes from byte `first` on, highest first.
-    #[must_use]
     pub const fn big(name: &'static str, first: u8, bytes: u8) -> Self {
         Self::new(name, ByteOrder::Big, first * 8 + 7, bytes * 8)
     }
 
     /// Of `bytes` whole bytes from byte `first` on, lowest first.
-    #[must_use]
     pub const fn little(name: &'static str, first: u8, bytes: u8) -> Self {
         Self::new(name, ByteOrder::Little, first * 8, bytes * 8)
     }
 
     /// Of `bits` bits of the identifier from bit `first` on.
-    #[must_use]
     pub const fn in_id(name: &'static str, first: u8, bits: u8) -> Self {
         Self::new(name, ByteOrder::Little, IDENTIFIER + first, bits)
     }
@@ -302,7 +292,6 @@ impl Signal {
     }
 
     /// Its raw bits in a payload; `None` if the payload is too short.
-    #[must_use]
     pub fn raw(&self, payload: &[u8]) -> Option<u64> {
         let mut raw = 0_u64;
         // Big endian: highest bit first, downwards within a byte and on to the next one's highest.
@@ -325,7 +314,6 @@ impl Signal {
     }
 
     /// Its raw bits in a frame; `None` if the frame is too short.
-    #[must_use]
     pub fn raw_in(&self, frame: &CanFrame) -> Option<u64> {
         match self.start.checked_sub(IDENTIFIER) {
             Some(start) => Self { start, ..*self }.raw(&frame.raw_id().to_le_bytes()),
@@ -335,13 +323,11 @@ impl Signal {
 
     /// Its physical value in a payload; `None` if the payload is too short. Whether it is
     /// [present](Presence) is the caller's to know.
-    #[must_use]
     pub fn physical(&self, payload: &[u8]) -> Option<f64> {
         self.scale(self.raw(payload)?)
     }
 
     /// Its physical value in a frame, as [`physical`](Self::physical).
-    #[must_use]
     pub fn physical_in(&self, frame: &CanFrame) -> Option<f64> {
         self.scale(self.raw_in(frame)?)
     }

@@ -30,7 +30,6 @@ impl Safety {
     pub const HOLD: Self = Self::new(SafeState::Hold);
 
     /// A safe state, taken when no command came for 50 ms.
-    #[must_use]
     pub const fn new(state: SafeState) -> Self {
         Self { state, command_expiry: Micros::from_millis(50) }
     }
@@ -92,7 +91,6 @@ impl Refusals {
     pub(crate) const NONE: Self = Self { unsupported: 0, not_finite: 0, out_of_range: 0 };
 
     /// Of all reasons together.
-    #[must_use]
     pub const fn total(&self) -> u32 {
         self.unsupported.saturating_add(self.not_finite).saturating_add(self.out_of_range)
     }
@@ -108,7 +106,6 @@ impl Refusals {
     }
 
     /// Counts one.
-    #[cold]
     pub(crate) const fn add(&mut self, error: TargetError) {
         count(match error {
             TargetError::Unsupported(_) => &mut self.unsupported,

@@ -68,7 +68,6 @@ impl ReceiveTable {
     }
 
     /// Which motor a frame belongs to, if that is known at first sight.
-    #[inline]
     pub(crate) fn find_first(&self, frame: &CanFrame) -> Option<MotorId> {
         let entry = &self.entries[home(frame.key()) % SIZE];
         (entry.key == frame.key()).then_some(entry.slot)
@@ -97,7 +96,6 @@ impl ReceiveTable {
 }
 
 /// Fibonacci hashing: spreads identifiers that differ in any bit.
-#[inline]
 const fn home(key: u32) -> usize {
     (key.wrapping_mul(0x9E37_79B1) >> (32 - BITS)) as usize
 }

@@ -54,7 +54,6 @@ pub struct Impedance {
 
 impl Impedance {
     /// Whether every number in it is finite.
-    #[must_use]
     pub const fn is_finite(&self) -> bool {
         let Self { angle, speed, torque, kp, kd } = self;
         angle.is_finite()
@@ -95,7 +94,6 @@ pub enum TargetKind {
 
 impl Target {
     /// Its kind.
-    #[must_use]
     pub const fn kind(&self) -> TargetKind {
         match self {
             Self::Coast => TargetKind::Coast,
@@ -112,7 +110,6 @@ impl Target {
     }
 
     /// Whether every number in it is finite.
-    #[must_use]
     pub const fn is_finite(&self) -> bool {
         match self {
             Self::Coast | Self::TotalAngle(_) => true,
@@ -136,7 +133,6 @@ impl TargetSet {
     pub const NONE: Self = Self(0);
 
     /// The kinds listed.
-    #[must_use]
     pub const fn of(kinds: &[TargetKind]) -> Self {
         let mut bits = 0;
         let mut index = 0;

@@ -179,7 +179,7 @@ fn a_spring_starts_softly_with_one_factor_for_all_of_it() {
 fn a_lowered_limit_holds_for_what_drives_already() {
     let limit = |servo: &mut Servo, newton_metres| {
         let request = Request::TorqueLimit(NewtonMetres::new(newton_metres));
-        assert_eq!(servo.request(request, &at(0, 0.0)), Ok(Response::Done));
+        assert_eq!(servo.request(request, &mut at(0, 0.0)), Ok(Response::Done));
     };
     for target in [
         Target::Torque(NewtonMetres::new(4.0)),
@@ -257,9 +257,9 @@ fn a_stop_forgets_what_pushed_against_an_obstacle_and_a_hold_keeps_what_carries_
 fn gains_and_limits_reach_the_loop_they_are_meant_for() {
     let mut servo = Servo::new(TargetKind::Current, cascade()).unwrap().with_full_scale(8.0);
     let gains = |kp| Gains { kp, ki: 2.0, kd: 3.0 };
-    let shaft = at(0, 0.0);
-    assert_eq!(servo.request(Request::SpeedGains(gains(1.0)), &shaft), Ok(Response::Done));
-    assert_eq!(servo.request(Request::AngleGains(gains(4.0)), &shaft), Ok(Response::Done));
+    let mut shaft = at(0, 0.0);
+    assert_eq!(servo.request(Request::SpeedGains(gains(1.0)), &mut shaft), Ok(Response::Done));
+    assert_eq!(servo.request(Request::AngleGains(gains(4.0)), &mut shaft), Ok(Response::Done));
     let Cascade { speed, angle, .. } = *servo.cascade();
     assert_eq!((speed.kp, speed.ki, speed.kd, speed.output_limit), (1.0, 2.0, 3.0, 5.0));
     assert_eq!((angle.kp, angle.ki, angle.kd, angle.output_limit), (4.0, 2.0, 3.0, 100.0));
@@ -267,12 +267,12 @@ fn gains_and_limits_reach_the_loop_they_are_meant_for() {
     assert_eq!(servo.loops().effort, TargetKind::Current);
     for (limit, of_the_loop, of_all) in [(3.0, 3.0, 3.0), (6.0, 5.0, 6.0), (100.0, 5.0, 8.0)] {
         let request = Request::CurrentLimit(Amps::new(limit));
-        assert_eq!(servo.request(request, &shaft), Ok(Response::Done));
+        assert_eq!(servo.request(request, &mut shaft), Ok(Response::Done));
         near(servo.cascade().speed.output_limit, of_the_loop);
         servo.set_target(Target::Current(Amps::new(50.0))).unwrap();
         near(after(40, &mut servo, DriveMode::Run, &shaft), of_all);
     }
-    let wrong = servo.request(Request::TorqueLimit(NewtonMetres::new(1.0)), &shaft);
+    let wrong = servo.request(Request::TorqueLimit(NewtonMetres::new(1.0)), &mut shaft);
     assert!(wrong.is_err());
 }
 
@@ -283,7 +283,7 @@ fn a_new_derivative_does_not_reach_back() {
     after(100, &mut servo, DriveMode::Run, &at(0, 0.0));
     near(after(400, &mut servo, DriveMode::Run, &at(0, 100.0)), 0.0);
     let gains = Gains { kp: 0.1, ki: 0.0, kd: 0.02 };
-    servo.request(Request::SpeedGains(gains), &at(0, 100.0)).unwrap();
+    servo.request(Request::SpeedGains(gains), &mut at(0, 100.0)).unwrap();
     near(after(1, &mut servo, DriveMode::Run, &at(0, 100.0)), 0.0);
 }
 

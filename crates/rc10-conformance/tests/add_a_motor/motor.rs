@@ -203,14 +203,9 @@ impl Motor for Finch {
     fn request(&mut self, request: Request) -> Outcome {
         match request {
             _ if self.clearing.is_busy() => Err(RequestError::Busy),
-            Request::SetZero if self.report.is_none() => Err(RequestError::NoFeedback),
-            Request::SetZero => {
-                self.servo.set_zero(self.shaft.set_zero());
-                Ok(Response::Done)
-            }
             Request::ClearFault if self.fault.is_none() => Ok(Response::Done),
             Request::ClearFault => self.clearing.ask((), CLEARING),
-            _ => self.servo.request(request, &self.shaft),
+            _ => self.servo.request(request, &mut self.shaft),
         }
     }
 

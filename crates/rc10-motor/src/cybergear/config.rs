@@ -140,7 +140,6 @@ pub mod models {
 impl Model {
     /// What a fault frame means: its bits as the code, the gravest as the text; `None` if nothing is
     /// wrong.
-    #[must_use]
     pub fn detail(&self, faults: u32) -> Option<Fault> {
         if faults == 0 {
             return None;

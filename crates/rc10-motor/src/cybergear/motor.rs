@@ -156,13 +156,11 @@ impl CyberGear {
     }
 
     /// The model, with the range of position that is set.
-    #[must_use]
     pub const fn model(&self) -> &Model {
         &self.model
     }
 
     /// Who speaks to whom.
-    #[must_use]
     pub const fn address(&self) -> Address {
         self.address
     }
@@ -189,7 +187,6 @@ impl CyberGear {
     }
 
     /// What a feedback says about what was asked.
-    #[cold]
     fn answer(&mut self, reported: &wire::Feedback) {
         let is_at_zero = reported.position.abs() < AT_ZERO && reported.mode != Mode::Run;
         match self.pending.sent() {
@@ -371,7 +368,7 @@ impl Motor for CyberGear {
             // A CyberGear forgets its zero and knows no saving: its type 22 is another command.
             Request::StoreZero if self.model.saves => Question::Zero,
             Request::SaveRegisters if self.model.saves => Question::Save,
-            request => return self.servo.request(request, &self.shaft),
+            request => return self.servo.request(request, &mut self.shaft),
         };
         if question.only_while_off() && self.drive != DriveMode::Off {
             return Err(RequestError::NotWhileArmed);

@@ -35,7 +35,6 @@ pub struct Scaled {
 
 impl Scaled {
     /// For a model with these limits.
-    #[must_use]
     pub const fn of(model: &Model) -> Self {
         const MODES: &[(u32, &str)] = &[(0, "stopped"), (1, "calibrates"), (2, "runs")];
         let Model { limits, saves, .. } = *model;
@@ -86,7 +85,6 @@ pub const MOST: usize = 18;
 
 /// The frames that a motor of the model sends and takes; first those that are not in
 /// [`NOT_IN_DBC`].
-#[must_use]
 pub fn messages(model: &Model, address: Address, scaled: &'static Scaled) -> Vec<Message, MOST> {
     let robstride = model.saves;
     // A prefix for each vendor.

@@ -52,32 +52,27 @@ const fn first(byte: u8) -> [u8; 8] {
 }
 
 /// Asks which motor this is; answered with [`Reply::Identity`].
-#[must_use]
 pub fn identify(to: Address) -> CanFrame {
     frame(kind::IDENTITY, to.host.into(), to.motor, first(0))
 }
 
 /// Lets the motor move; answered with feedback, like all that follow up to [`set_zero`].
-#[must_use]
 pub fn enable(to: Address) -> CanFrame {
     frame(kind::ENABLE, to.host.into(), to.motor, first(0))
 }
 
 /// No torque.
-#[must_use]
 pub fn stop(to: Address) -> CanFrame {
     frame(kind::STOP, to.host.into(), to.motor, first(0))
 }
 
 /// No torque, and faults forgotten.
-#[must_use]
 pub fn clear_faults(to: Address) -> CanFrame {
     frame(kind::STOP, to.host.into(), to.motor, first(1))
 }
 
 /// A setpoint: position, velocity, kp and kd in 16 bits each, big endian, and the torque **in the
 /// identifier**, bits 23 to 8, so that no two of these frames need have the same one.
-#[must_use]
 pub fn motion(motor: u8, setpoint: &Setpoint, limits: &Limits) -> CanFrame {
     let position = pack_signed::<16>(setpoint.position, limits.position);
     let velocity = pack_signed::<16>(setpoint.velocity, limits.velocity);
@@ -92,13 +87,11 @@ pub fn motion(motor: u8, setpoint: &Setpoint, limits: &Limits) -> CanFrame {
 
 /// The shaft's position now is zero, at once, so never while it runs. A CyberGear forgets it when the
 /// power is cut.
-#[must_use]
 pub fn set_zero(to: Address) -> CanFrame {
     frame(kind::SET_ZERO, to.host.into(), to.motor, first(1))
 }
 
 /// Gives the motor another identifier, at once; answered with [`Reply::Identity`].
-#[must_use]
 pub fn set_id(to: Address, new: u8) -> CanFrame {
     frame(kind::SET_ID, u16::from_be_bytes([new, to.host]), to.motor, first(1))
 }
@@ -132,32 +125,27 @@ impl Parameter {
 }
 
 /// Asks for a parameter; answered with [`Reply::Parameter`].
-#[must_use]
 pub fn read(to: Address, parameter: Parameter) -> CanFrame {
     access(kind::READ, to, parameter, [0; 4])
 }
 
 /// Sets a parameter, little endian, until the power is cut; answered with feedback.
-#[must_use]
 pub fn write(to: Address, parameter: Parameter, bytes: [u8; 4]) -> CanFrame {
     access(kind::WRITE, to, parameter, bytes)
 }
 
 /// Sets a parameter of one byte, until the power is cut.
-#[must_use]
 pub fn write_byte(to: Address, parameter: Parameter, value: u8) -> CanFrame {
     access(kind::WRITE, to, parameter, [value, 0, 0, 0])
 }
 
 /// Sets an f32 parameter, until the power is cut.
-#[must_use]
 pub fn write_real(to: Address, parameter: Parameter, value: f32) -> CanFrame {
     access(kind::WRITE, to, parameter, sendable(value).to_le_bytes())
 }
 
 /// A RobStride keeps its parameters when the power is cut; answered with feedback. **Never to a
 /// CyberGear**: there the first byte is a new bit rate, 500 kbit/s for example.
-#[must_use]
 pub fn save(to: Address) -> CanFrame {
     frame(kind::SAVE, to.host.into(), to.motor, [1, 2, 3, 4, 5, 6, 7, 8])
 }
@@ -240,14 +228,12 @@ pub struct ParameterValue {
 
 impl ParameterValue {
     /// As an f32; `None` if it is infinite or NaN.
-    #[must_use]
     pub const fn real(&self) -> Option<f32> {
         let real = f32::from_le_bytes(self.bytes);
         if real.is_finite() { Some(real) } else { None }
     }
 
     /// As a single byte.
-    #[must_use]
     pub const fn byte(&self) -> u8 {
         self.bytes[0]
     }

@@ -139,25 +139,21 @@ impl Damiao {
     }
 
     /// The model.
-    #[must_use]
     pub const fn model(&self) -> &Model {
         &self.model
     }
 
     /// What it listens to.
-    #[must_use]
     pub const fn can_id(&self) -> DeviceId {
         self.id
     }
 
     /// What it answers with.
-    #[must_use]
     pub const fn master_id(&self) -> StandardId {
         self.master
     }
 
     /// How it is controlled.
-    #[must_use]
     pub const fn mode(&self) -> Mode {
         self.controller.mode()
     }
@@ -288,7 +284,6 @@ impl Damiao {
     }
 
     /// What a feedback says about what was asked. Whether the device has a new zero.
-    #[cold]
     fn answer(&mut self, reported: &wire::Feedback) -> bool {
         let question = self.pending.sent();
         match (question, reported.state) {
@@ -471,7 +466,7 @@ impl Motor for Damiao {
             }
             Request::SaveRegisters => Question::Access(Access::Save),
             _ => match &mut self.controller {
-                Controller::Mit(servo) => return servo.request(request, &self.shaft),
+                Controller::Mit(servo) => return servo.request(request, &mut self.shaft),
                 Controller::Own { .. } => return Err(RequestError::Unsupported),
             },
         };

@@ -231,7 +231,6 @@ impl Reply {
 
     /// Whether this is motor `id`'s answer to `access`. A write is answered with either of two
     /// codes, and, if refused, with another value than was written: compare it.
-    #[must_use]
     pub fn answers(&self, id: DeviceId, access: &Access) -> bool {
         let fits = match (access, &self.content) {
             (Access::Read(asked), Content::Holds(register, _))

@@ -28,7 +28,6 @@ pub struct Scaled {
 
 impl Scaled {
     /// For these limits.
-    #[must_use]
     pub const fn of(limits: &Limits) -> Self {
         let Limits { position, velocity, torque, kp, kd } = *limits;
         Self {
@@ -134,7 +133,6 @@ pub const MOST: usize = 22;
 /// The frames of a motor: its feedback, its commands, and the registers' frame, which all motors of
 /// a bus share and which is the same for each. Then the special ones: enable, disable, clear error
 /// and store zero, and what is asked and answered about registers.
-#[must_use]
 pub fn messages(motor: &Damiao, scaled: &'static Scaled) -> Vec<Message, MOST> {
     let (name, len, signals): (_, _, &'static [Signal]) = match motor.mode() {
         Mode::Mit => ("DAMIAO_MIT", 8, &scaled.setpoint),

@@ -22,7 +22,6 @@ impl DeviceId {
     const LAST: u16 = REGISTERS - Mode::ForcePosition.offset() - 1;
 
     /// `None` above 0x4FE: with the largest offset added, it would be 0x7FF or no identifier.
-    #[must_use]
     pub const fn new(raw: u16) -> Option<Self> {
         if raw <= Self::LAST { Some(Self(raw)) } else { None }
     }
@@ -97,7 +96,6 @@ pub enum Operation {
 
 /// An operation. New firmware looks at the low byte of the identifier only, old firmware wants the
 /// offset of the mode it is in.
-#[must_use]
 pub fn operate(id: DeviceId, mode: Mode, operation: Operation) -> CanFrame {
     let last = operation as u8;
     let bytes = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last];
@@ -108,7 +106,6 @@ pub fn operate(id: DeviceId, mode: Mode, operation: Operation) -> CanFrame {
 ///
 /// With every field at its end the bytes would be those of an [`Operation`]: `kd` is then sent one
 /// step lower.
-#[must_use]
 pub fn mit(id: DeviceId, setpoint: &Setpoint, limits: &Limits) -> CanFrame {
     let position = pack_signed::<16>(setpoint.position, limits.position);
     let velocity = pack_signed::<12>(setpoint.velocity, limits.velocity);
@@ -130,7 +127,6 @@ const LOWEST_OPERATION: u32 = 0xFFFF_FF00 | Operation::ClearError as u32;
 const HIGHEST_OPERATION: u32 = 0xFFFF_FF00 | Operation::StoreZero as u32;
 
 /// A position, approached with at most this velocity: two f32, little endian.
-#[must_use]
 pub fn position_velocity(id: DeviceId, position: f32, velocity: f32) -> CanFrame {
     let [a, b, c, d] = sendable(position).to_le_bytes();
     let [e, f, g, h] = sendable(velocity).to_le_bytes();
@@ -139,14 +135,12 @@ pub fn position_velocity(id: DeviceId, position: f32, velocity: f32) -> CanFrame
 
 /// A velocity: one f32, little endian. Four bytes, as in the manual and the vendor's C code; its
 /// Python code sends eight.
-#[must_use]
 pub fn velocity(id: DeviceId, velocity: f32) -> CanFrame {
     CanFrame::exact(id.command_id(Mode::Velocity), sendable(velocity).to_le_bytes())
 }
 
 /// A position, approached with at most this velocity (0 ..= 100 rad/s, in steps of 0.01) and this
 /// current (a share of the largest, 0 ..= 1, in steps of 0.0001).
-#[must_use]
 pub fn force_position(id: DeviceId, position: f32, velocity: f32, current: f32) -> CanFrame {
     let [a, b, c, d] = sendable(position).to_le_bytes();
     let [e, f] = steps(velocity, VELOCITY_STEPS).to_le_bytes();

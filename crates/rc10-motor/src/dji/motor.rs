@@ -121,13 +121,11 @@ impl Dji {
     }
 
     /// The model.
-    #[must_use]
     pub const fn model(&self) -> &'static Model {
         self.model
     }
 
     /// The command it sends now: raw, as on the wire.
-    #[must_use]
     pub fn raw_command(&self) -> i16 {
         round_to_i16(self.servo.effort() * self.raw_per_effort)
     }
@@ -198,14 +196,7 @@ impl Motor for Dji {
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
-        match request {
-            Request::SetZero if !self.shaft.is_known() => Err(RequestError::NoFeedback),
-            Request::SetZero => {
-                self.servo.set_zero(self.shaft.set_zero());
-                Ok(Response::Done)
-            }
-            _ => self.servo.request(request, &self.shaft),
-        }
+        self.servo.request(request, &mut self.shaft)
     }
 
     fn loops(&self) -> Option<Loops> {

@@ -24,7 +24,6 @@ pub const NOT_IN_DBC: &[&str] = &[
 /// // Bytes 2 and 3 of 0x200.
 /// assert_eq!((command.name, command.signals[0].start), ("DJI_COMMAND_200", 23));
 /// ```
-#[must_use]
 pub fn messages(model: &Model, id: u8) -> Option<Vec<Message, 3>> {
     let table = match model {
         model if *model == M3508 => &M3508_TABLE,

@@ -22,7 +22,6 @@ pub struct RawFeedback {
 
 impl RawFeedback {
     /// From the eight bytes of a frame; byte 7 means nothing.
-    #[must_use]
     pub const fn unpack(bytes: &[u8; 8]) -> Self {
         // Two fields to a word: half the loads and byte swaps.
         let [a, b, c, d, e, f, temperature, _] = *bytes;
@@ -35,7 +34,6 @@ impl RawFeedback {
 
 impl Model {
     /// The raw command for an effort: rounded to the nearest, limited to full scale; 0 for NaN.
-    #[must_use]
     pub fn raw_command(&self, effort: f32) -> i16 {
         let full = f32::from(self.full_scale);
         round_to_i16(within(effort * (full / self.effort.full()), full))

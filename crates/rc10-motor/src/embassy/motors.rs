@@ -52,8 +52,6 @@ impl MotorCell {
         self.commanded.store(false, Ordering::Release);
         self.command.lock(Cell::take)
     }
-
-    #[cold]
     fn refuse(&self, error: TargetError) {
         self.refused.lock(|place| {
             let mut refused = place.get();
@@ -82,19 +80,16 @@ impl<S: Copy, const N: usize> MotorPorts<S, N> {
     }
 
     /// The port of one motor. A motor the bus does not have refuses everything.
-    #[must_use]
     pub fn motor(&self, motor: MotorId) -> MotorPort<'_> {
         MotorPort { cell: self.cells.get(motor.index()), requests: &self.requests, motor }
     }
 
     /// How the bus is doing, as of its last tick.
-    #[must_use]
     pub fn status(&self) -> S {
         self.look(|status| *status)
     }
 
     /// Counts of the requests to its motors, by outcome.
-    #[must_use]
     pub fn requests(&self) -> Calls {
         self.requests.calls()
     }
@@ -175,8 +170,6 @@ impl<'p, S: Copy, const N: usize> Server<'p, S, N> {
             }
         }
     }
-
-    #[cold]
     fn settle(&mut self, motor: MotorId, asker: Asker<'p>, outcome: Option<Outcome>) {
         match outcome {
             // One per motor: while a request is pending the motor is busy for others.
@@ -244,7 +237,6 @@ impl MotorPort<'_> {
     }
 
     /// The status of the motor, as of its bus's last tick.
-    #[must_use]
     pub fn status(&self) -> MotorStatus {
         self.cell.map_or(MotorStatus::NEW, |cell| {
             let mut status = cell.status.lock(|status| *status.borrow());
@@ -255,7 +247,6 @@ impl MotorPort<'_> {
     }
 
     /// The targets it takes; none while its bus is not running yet.
-    #[must_use]
     pub fn supports(&self) -> TargetSet {
         self.cell.map_or(TargetSet::NONE, |cell| cell.supports.lock(Cell::get))
     }

@@ -90,7 +90,6 @@ impl core::error::Error for OutboxError {}
 
 impl BusPort {
     /// The port of a bus that does not run yet: it refuses all targets until it does.
-    #[must_use]
     pub const fn new() -> Self {
         Self {
             motors: MotorPorts::with_status(BusStatus::NEW),
@@ -102,7 +101,6 @@ impl BusPort {
     }
 
     /// How many ticks there were so far, as of its last one: [`BusStatus::ticks`] alone.
-    #[must_use]
     pub fn ticks(&self) -> u32 {
         self.look(|status| status.ticks)
     }

@@ -45,7 +45,6 @@ impl Rs485Status {
 
 impl Rs485Port {
     /// The port of a bus that does not run yet: it refuses all targets until it does.
-    #[must_use]
     pub const fn new() -> Self {
         Self::with_status(Rs485Status::NEW)
     }

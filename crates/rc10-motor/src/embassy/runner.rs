@@ -152,7 +152,6 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
 
     /// When [`tick`](Self::tick) is due: 333 µs before frames are to leave, and then when they
     /// are to.
-    #[must_use]
     #[inline]
     pub const fn next(&self) -> Micros {
         self.due
@@ -234,7 +233,6 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
     }
 
     /// Tells the port which frames the motors and the subscriptions want.
-    #[cold]
     fn accept(&mut self, subscriptions: u32) {
         self.subscriptions = subscriptions;
         let mut patterns: Vec<IdPattern, ACCEPTED> = Vec::new();

@@ -132,7 +132,6 @@ impl Subscription<'_> {
     }
 
     /// Frames lost so far because they came faster than they were taken.
-    #[must_use]
     pub fn lost(&self) -> u32 {
         self.place.state.lock(Cell::get).lost
     }

@@ -56,13 +56,11 @@ impl Model {
     }
 
     /// MG drives: 2048 steps are 33 A (manual V2.3). Without a gearbox, until one is given.
-    #[must_use]
     pub const fn mg(encoder: EncoderBits) -> Self {
         Self::bare("MG", 33.0 / 2048.0, encoder)
     }
 
     /// MF drives: 2048 steps are 16.5 A (librm).
-    #[must_use]
     pub const fn mf(encoder: EncoderBits) -> Self {
         Self::bare("MF", 16.5 / 2048.0, encoder)
     }
@@ -70,14 +68,12 @@ impl Model {
     /// MS drives, which have no current loop and so no step of iq: only
     /// [`Command::OpenLoop`](super::Command::OpenLoop), [`Command::Speed`](super::Command::Speed)
     /// and angles.
-    #[must_use]
     pub const fn ms(encoder: EncoderBits) -> Self {
         Self::bare("MS", 0.0, encoder)
     }
 
     /// The raw iq for a current, within ±2048; 0 for NaN. Cut off towards zero, as librm does: the
     /// drive never gets more than was asked for, and what [`Motion`] reported comes out unchanged.
-    #[must_use]
     pub fn raw_current(&self, current: Amps) -> i16 {
         let full = self.full_scale().get();
         // Divided, not multiplied by the inverse: whole steps must stay whole.
@@ -86,13 +82,11 @@ impl Model {
     }
 
     /// The largest torque current, A.
-    #[must_use]
     pub const fn full_scale(&self) -> Amps {
         Amps::new(FULL_SCALE as f32 * self.amps_per_count)
     }
 
     /// The torque current of an answer; `None` where there is none, see [`Motion::effort`].
-    #[must_use]
     pub fn current(&self, motion: &Motion) -> Option<Amps> {
         let current = Amps::new(f32::from(motion.effort) * self.amps_per_count);
         (motion.command != OPEN_LOOP && self.amps_per_count > 0.0).then_some(current)
@@ -171,7 +165,6 @@ pub struct Config {
 
 impl Config {
     /// A drive as it is sold: commands of its own, counting as the drive does.
-    #[must_use]
     pub const fn new(model: Model, cascade: Cascade) -> Self {
         Self { model, cascade, commands: Commands::Single, direction: Direction::Forward }
     }

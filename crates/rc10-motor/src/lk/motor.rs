@@ -119,8 +119,6 @@ impl Lk {
         self.shaft.follow(motion.encoder.into(), motion.speed().get(), at);
         Ok(FrameKind::Feedback)
     }
-
-    #[cold]
     fn heard_other(&mut self, reply: &Reply) -> Result<FrameKind, FrameError> {
         match (reply, self.commands) {
             (Reply::Health(health), Commands::Single) => return Ok(self.heard_health(health)),
@@ -261,18 +259,13 @@ impl Motor for Lk {
             }
             (Request::ClearFault, _) if self.fault.is_none() => Ok(Response::Done),
             (Request::ClearFault, _) => self.pending.ask((), CLEARING),
-            (Request::SetZero, _) if !self.shaft.is_known() => Err(RequestError::NoFeedback),
-            (Request::SetZero, _) => {
-                self.servo.set_zero(self.shaft.set_zero());
-                Ok(Response::Done)
-            }
             (Request::TorqueLimit(limit), Some(constant)) => {
                 let amps = limit.get() / constant;
                 let asked = |error| ConfigError { value: limit.get(), ..error };
                 self.servo.set_limit("torque limit", amps).map_err(asked)?;
                 Ok(Response::Done)
             }
-            _ => self.servo.request(request, &self.shaft),
+            _ => self.servo.request(request, &mut self.shaft),
         }
     }
 

@@ -73,7 +73,6 @@ pub struct DriveId {
 
 impl DriveId {
     /// `None` unless 1 ..= 32.
-    #[must_use]
     pub const fn new(number: u8) -> Option<Self> {
         if number == 0 || number > LAST_ID {
             return None;
@@ -237,7 +236,6 @@ fn angle(steps: i64) -> TotalAngle {
 
 /// The frame with the raw iq of drives 1 ..= 4 ([`Model::raw_current`]), at [`MULTI_MOTOR_ID`]. The
 /// values are not limited.
-#[must_use]
 pub fn pack_multi_motor(raw: [i16; 4]) -> CanFrame {
     let [[a, b], [c, d], [e, f], [g, h]] = raw.map(i16::to_le_bytes);
     CanFrame::eight_bytes(MULTI_MOTOR_ID, [a, b, c, d, e, f, g, h])
@@ -272,13 +270,11 @@ impl Motion {
     }
 
     /// The rotor's speed.
-    #[must_use]
     pub fn speed(&self) -> RotorRpm {
         RotorRpm::new(f32::from(self.speed) * (1.0 / DEGREES_PER_SECOND_PER_RPM))
     }
 
     /// The motor's temperature.
-    #[must_use]
     pub fn temperature(&self) -> Celsius {
         Celsius::new(self.temperature.into())
     }
@@ -320,7 +316,6 @@ const GRAVEST: [u8; 8] = [5, 4, 3, 2, 1, 0, 6, 7];
 
 impl Errors {
     /// From byte 7 of the answer.
-    #[must_use]
     pub const fn new(bits: u8) -> Self {
         Self(bits)
     }

@@ -70,7 +70,6 @@ pub struct Rates {
 
 impl Rates {
     /// Estimates and heartbeats, and nothing else.
-    #[must_use]
     pub const fn new(estimates: u16, heartbeat: u16) -> Self {
         Self { estimates, heartbeat, currents: 0, temperatures: 0, supply: 0 }
     }
@@ -87,7 +86,6 @@ pub struct Limits {
 
 impl Config {
     /// An axis that turns the output shaft directly and forward, and is told no limits.
-    #[must_use]
     pub const fn new(firmware: Firmware, control: Control, rates: Rates) -> Self {
         Self {
             firmware,
@@ -247,7 +245,6 @@ impl Firmware {
     };
 
     /// The whole error word, with the text of its gravest error; `None` without an error.
-    #[must_use]
     pub fn fault(&self, errors: u32) -> Option<Fault> {
         if errors == 0 {
             return None;

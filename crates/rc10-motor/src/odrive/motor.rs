@@ -159,7 +159,6 @@ impl ODrive {
     }
 
     /// The state that the axis reports.
-    #[must_use]
     pub const fn state(&self) -> AxisState {
         self.state
     }
@@ -203,7 +202,6 @@ impl ODrive {
     /// After a silence, or restarted in a blink: it may be another axis than the one that was
     /// switched on. One that was restarted counts from anywhere, and its angle goes on from where
     /// it was.
-    #[cold]
     fn returned(&mut self, before: f32, aside: f32, link: Link) {
         self.shaft.count_gap();
         if link != Link::Online && aside <= 2.0 * MAX_ASIDE {
@@ -261,8 +259,6 @@ impl ODrive {
         ];
         all.into_iter().filter(|(_, rate)| *rate > 0)
     }
-
-    #[cold]
     fn heard_other(
         &mut self,
         frame: &CanFrame,
@@ -465,17 +461,15 @@ impl Motor for ODrive {
                 let every = self.heartbeat_timeout / f32::from(CLEAR_TRIES);
                 self.pending.ask((), Retry { every, tries: CLEAR_TRIES })
             }
-            (Request::SetZero, _) if !self.shaft.is_known() => Err(RequestError::NoFeedback),
-            (Request::SetZero, loops) => {
-                let zero = self.shaft.set_zero();
-                match loops {
-                    Loops::Here(servo) => servo.set_zero(zero),
-                    Loops::Axis { goals, .. } => goals.set_zero(zero),
-                }
+            (Request::SetZero, Loops::Axis { .. }) if !self.shaft.is_known() => {
+                Err(RequestError::NoFeedback)
+            }
+            (Request::SetZero, Loops::Axis { goals, .. }) => {
+                goals.set_zero(self.shaft.set_zero());
                 Ok(Response::Done)
             }
             (Request::CurrentLimit(limit), _) => self.limit_current(limit),
-            (_, Loops::Here(servo)) => servo.request(request, &self.shaft),
+            (_, Loops::Here(servo)) => servo.request(request, &mut self.shaft),
             (_, Loops::Axis { .. }) => Err(RequestError::Unsupported),
         }
     }

@@ -38,7 +38,6 @@ pub struct Node(u8);
 
 impl Node {
     /// `None` above 63.
-    #[must_use]
     pub const fn new(number: u8) -> Option<Self> {
         if number <= LAST_NODE { Some(Self(number)) } else { None }
     }
@@ -60,7 +59,6 @@ impl Node {
     }
 
     /// Node and message number of an identifier: every standard one has both.
-    #[must_use]
     pub fn of(id: StandardId) -> (Self, u8) {
         let [node, message] = [id.as_raw() >> MESSAGE_BITS, id.as_raw() & MESSAGE_MASK];
         #[expect(clippy::cast_possible_truncation, reason = "six bits, five bits")]
@@ -102,7 +100,6 @@ impl AxisState {
     pub const CLOSED_LOOP: Self = Self(8);
 
     /// Any state, by its number.
-    #[must_use]
     pub const fn new(number: u8) -> Self {
         Self(number)
     }

@@ -152,7 +152,6 @@ impl<'m> Rs485Bus<'m> {
     pub const REPLY_TIMEOUT: Micros = Micros::from_millis(1);
 
     /// A bus without motors, armed and stopped by `switch`.
-    #[must_use]
     pub const fn new(switch: &'m ArmSwitch) -> Self {
         Self {
             motors: Motors::new(switch),
@@ -295,13 +294,11 @@ impl<'m> Rs485Bus<'m> {
     /// The command that leaves every motor without torque, whatever state it is in: for a panic
     /// handler. It is for all of them and none replies, so it can be repeated without a pause. Send
     /// it twice: the first may meet a reply that is on the bus.
-    #[must_use]
     pub fn coast_image() -> [u8; COMMAND_LEN] {
         idle(Address::BROADCAST, Status::FOC).pack()
     }
 
     /// The exchanges and errors of this bus.
-    #[must_use]
     pub const fn counters(&self) -> Rs485Counters {
         let (crc_errors, garbage) = (self.parser.crc_errors(), self.parser.skipped());
         Rs485Counters { crc_errors, garbage, ..self.counters }

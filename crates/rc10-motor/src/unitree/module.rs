@@ -123,13 +123,11 @@ impl GoModule {
     }
 
     /// The module it is behind.
-    #[must_use]
     pub const fn module(&self) -> Module {
         self.module
     }
 
     /// Its number on the module's line.
-    #[must_use]
     pub const fn address(&self) -> Address {
         self.address
     }

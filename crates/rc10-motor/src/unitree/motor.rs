@@ -67,7 +67,6 @@ impl Actuator {
 
     /// The first report of all, or after a silence in which the motor may have lost its power: it
     /// then counts from its rotor's angle again.
-    #[cold]
     fn resume(&mut self, angle: i32, rpm: f32, at: Micros) {
         let step = i64::from(angle) - i64::from(self.reported.angle);
         let (was_known, before) = (self.shaft.is_known(), self.shaft.before());
@@ -98,14 +97,7 @@ impl Actuator {
 
     /// Its zero, its gains and its [`TorqueLimit`](Request::TorqueLimit).
     pub(super) fn request(&mut self, request: Request) -> Result<Response, RequestError> {
-        match request {
-            Request::SetZero if !self.shaft.is_known() => Err(RequestError::NoFeedback),
-            Request::SetZero => {
-                self.servo.set_zero(self.shaft.set_zero());
-                Ok(Response::Done)
-            }
-            _ => self.servo.request(request, &self.shaft),
-        }
+        self.servo.request(request, &mut self.shaft)
     }
 
     /// The motion for a torque (N m). It has the angle and the speed reported last, so that

@@ -78,13 +78,11 @@ impl GoM8010 {
     }
 
     /// The address of its commands.
-    #[must_use]
     pub const fn address(&self) -> Address {
         self.address
     }
 
     /// The command to send now.
-    #[must_use]
     pub fn pack_command(&self) -> [u8; COMMAND_LEN] {
         self.command.pack()
     }

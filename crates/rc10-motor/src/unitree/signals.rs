@@ -35,7 +35,6 @@ const GAINS: &[Signal] = &[
 
 /// Everything that is sent to a motor, then its replies, which is [not in a DBC
 /// file](NOT_IN_DBC).
-#[must_use]
 pub fn messages(module: Module, motor: Address) -> Vec<Message, MOST> {
     let with_id = |name, raw, from_device, signals| {
         let id = ExtendedId::new(raw).unwrap_or(ExtendedId::ZERO);

@@ -22,7 +22,6 @@ impl VescId {
     pub const LAST: Self = Self(EVERY - 1);
 
     /// `None` for 255, which means all of them.
-    #[must_use]
     pub const fn new(id: u8) -> Option<Self> {
         if id == EVERY { None } else { Some(Self(id)) }
     }
@@ -69,7 +68,6 @@ pub struct ElectricalScale {
 impl ElectricalScale {
     /// Of a motor with these pole pairs (half its magnet poles) behind a gearbox, with the
     /// firmware's own minimum speed.
-    #[must_use]
     pub const fn new(pole_pairs: NonZeroU8, gear: Gear) -> Self {
         Self { pole_pairs, gear, minimum: DEFAULT_MINIMUM }
     }
@@ -93,20 +91,17 @@ impl ElectricalScale {
     }
 
     /// The electrical speed at a speed of the output shaft.
-    #[must_use]
     pub fn to_electrical(&self, output: Rpm) -> ElectricalRpm {
         ElectricalRpm::new(output.get() * (self.gear.ratio() * self.pole_pairs()))
     }
 
     /// The output shaft's speed at an electrical speed.
-    #[must_use]
     pub fn to_output(&self, electrical: ElectricalRpm) -> Rpm {
         Rpm::new(electrical.get() / (self.gear.ratio() * self.pole_pairs()))
     }
 
     /// Whether the VESC regulates this speed of the output shaft. Slower ones it does not, standing
     /// still among them: the motor is left free or drags, and holds nothing.
-    #[must_use]
     pub fn regulates(&self, output: Rpm) -> bool {
         // False for NaN.
         self.to_electrical(output).get().abs() >= self.minimum.get()
@@ -114,7 +109,6 @@ impl ElectricalScale {
 
     /// Tachometer steps per turn of the output shaft. The tachometer itself goes round after 2³²
     /// of them.
-    #[must_use]
     pub fn steps_per_turn(&self) -> CountsPerTurn {
         // At most 6 · 255 · 65,535: fits.
         let pairs = u32::from(self.pole_pairs.get());
@@ -171,7 +165,6 @@ impl StatusRates {
     }
 
     /// In the order of their numbers.
-    #[must_use]
     pub const fn all(&self) -> [u16; 6] {
         let &Self { status_1, status_2, status_3, status_4, status_5, status_6 } = self;
         [status_1, status_2, status_3, status_4, status_5, status_6]
@@ -227,7 +220,6 @@ pub struct Config {
 impl Config {
     /// Turning forward, [`StatusRates::CONTROL`], commands at 200 Hz, a timeout of 200 ms, no
     /// encoder on the output shaft, currents in amperes, asked by number 254.
-    #[must_use]
     pub const fn new(id: VescId, scale: ElectricalScale, currents: Currents) -> Self {
         Self {
             id,

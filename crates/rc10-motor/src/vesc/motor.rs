@@ -163,7 +163,6 @@ impl Vesc {
     }
 
     /// What it was made from.
-    #[must_use]
     pub const fn config(&self) -> &Config {
         &self.config
     }
@@ -382,7 +381,6 @@ impl Vesc {
     }
 
     /// Whether a frame has an identifier, and a payload that its guard lets pass, of its own.
-    #[cold]
     fn receives(&self, frame: &CanFrame) -> bool {
         self.can_ids().received().iter().any(|receive| {
             receive.pattern.matches(frame) && receive.guard.is_none_or(|own| own.passes(frame))
@@ -484,7 +482,7 @@ impl Motor for Vesc {
             Request::ClearFault => Ok(Response::Done),
             Request::SpeedGains(_) | Request::AngleGains(_) => {
                 let servo = self.servo.as_mut().ok_or(RequestError::Unsupported)?;
-                servo.request(request, &self.shaft)
+                servo.request(request, &mut self.shaft)
             }
             _ => Err(RequestError::Unsupported),
         }

@@ -22,7 +22,6 @@ pub const MOST: usize = 6 + 1 + 2 * ORDERS.len();
 
 /// The status frames that are switched on, the answer to a PING, all that can be sent to it, also by
 /// other programs, the status frames that are not expected, and what is sent to all VESCs.
-#[must_use]
 pub fn messages(config: &Config) -> Vec<Message, MOST> {
     let message = |packet: Packet, id, name, len, from_device, signals| {
         Message::new(name, Id::Extended(packet.id(id)), len, from_device, signals)

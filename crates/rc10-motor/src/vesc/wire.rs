@@ -58,7 +58,6 @@ macro_rules! packets {
 
         impl Packet {
             /// The packet of a number; `None` if it is none of these.
-            #[must_use]
             pub const fn from_number(number: u8) -> Option<Self> {
                 match number {
                     $($number => Some(Self::$variant),)*
@@ -198,7 +197,6 @@ pub enum Command {
 
 impl Command {
     /// The packet it is sent as.
-    #[must_use]
     pub const fn packet(&self) -> Packet {
         match self {
             Self::Duty(_) => Packet::SetDuty,
@@ -261,14 +259,11 @@ fn position_steps(degrees: f32) -> i32 {
     let rest = round_to_i32(rest * STEPS_PER_DEGREE as f32);
     whole.saturating_mul(STEPS_PER_DEGREE).saturating_add(rest)
 }
-
-#[cold]
 fn not_a_number(packet: Packet, to: Address) -> NotANumber {
     NotANumber { field: packet.name(), neutral: coast(to) }
 }
 
 /// `SET_CURRENT` 0: no torque, no braking.
-#[must_use]
 pub fn coast(to: impl Into<Address>) -> CanFrame {
     frame(Packet::SetCurrent, to.into(), [0; 4])
 }
@@ -276,13 +271,11 @@ pub fn coast(to: impl Into<Address>) -> CanFrame {
 /// Asks a VESC to answer with a [`Reply::Pong`] to `sender`, whether or not its status frames are
 /// switched on. It answers within 10 ms: the firmware's own search waits that long. Never to all at
 /// once: their answers would differ under one identifier.
-#[must_use]
 pub fn ping(to: VescId, sender: VescId) -> CanFrame {
     frame(Packet::Ping, to.into(), [sender.get()])
 }
 
 /// Switches the power off, on hardware that can.
-#[must_use]
 pub fn shutdown(to: impl Into<Address>) -> CanFrame {
     frame(Packet::Shutdown, to.into(), [])
 }

@@ -32,7 +32,6 @@ const REPLY_HEAD: [u8; 2] = [0xFD, 0xEE];
 ///
 /// A byte at a time and without a table: shifting a byte out meets the taps of x¹⁶ + x¹² + x⁵ + 1
 /// so that its low half also runs into its high half, and the result comes out at three places.
-#[must_use]
 pub fn crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0, |crc: u16, byte| {
         let mixed = (crc ^ u16::from(*byte)) & 0xFF;
@@ -68,7 +67,6 @@ impl Command {
     /// };
     /// assert_eq!(calibrate.pack(), *b"\xFE\xEE\x23\0\0\0\0\0\0\0\0\0\0\0\0\x32\x98");
     /// ```
-    #[must_use]
     pub fn pack(&self) -> [u8; COMMAND_LEN] {
         let [h0, h1] = COMMAND_HEAD;
         let [t0, t1] = self.motion.torque.to_le_bytes();
@@ -134,7 +132,6 @@ impl Reply {
     }
 
     /// The fault that the motor reports.
-    #[must_use]
     pub fn fault(&self) -> Option<Fault> {
         fault(self.error)
     }
@@ -197,7 +194,6 @@ pub struct Parser {
 
 impl Parser {
     /// Nothing received yet.
-    #[must_use]
     pub const fn new() -> Self {
         Self { bytes: [0; REPLY_LEN], len: 0, skipped: 0, crc_errors: 0 }
     }
@@ -230,13 +226,11 @@ impl Parser {
     }
 
     /// Bytes that were not part of a reply, those of replies with a wrong CRC included.
-    #[must_use]
     pub const fn skipped(&self) -> u32 {
         self.skipped
     }
 
     /// Sixteen bytes that began like a reply, but whose CRC was wrong.
-    #[must_use]
     pub const fn crc_errors(&self) -> u32 {
         self.crc_errors
     }
@@ -248,7 +242,6 @@ impl Parser {
     }
 
     /// Skips the first byte, and all up to the next with which a reply may begin.
-    #[cold]
     fn skip(&mut self) {
         let next = (1..self.len).find(|&at| self.begins_at(at)).unwrap_or(self.len);
         self.bytes.copy_within(next..self.len, 0);

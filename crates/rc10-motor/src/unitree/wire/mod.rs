@@ -24,7 +24,6 @@ impl Address {
     pub const BROADCAST: Self = Self(15);
 
     /// One motor, 0 ..= 14, else `None`.
-    #[must_use]
     pub const fn new(id: u8) -> Option<Self> {
         if id < Self::BROADCAST.0 { Some(Self(id)) } else { None }
     }
@@ -75,7 +74,6 @@ pub(super) const ERRORS: [&str; 5] =
     ["none", "over-temperature", "over-current", "over-voltage", "encoder"];
 
 /// What an `MError` says; `None` for 0, no error.
-#[must_use]
 pub fn fault(error: u8) -> Option<Fault> {
     let text = ERRORS.get(usize::from(error)).copied();
     let text = text.unwrap_or("an error the vendor does not name");

@@ -42,7 +42,6 @@ impl Module {
     pub const FACTORY: Self = Self(3);
 
     /// As switches 1 and 2 say, 0 ..= 3, else `None`.
-    #[must_use]
     pub const fn new(id: u8) -> Option<Self> {
         if id <= 3 { Some(Self(id)) } else { None }
     }
@@ -79,7 +78,6 @@ impl Request {
     /// let frame = request.pack(Module::FACTORY, Address::new(0).unwrap());
     /// assert_eq!(frame.to_string(), "180A1000#000000000000C000");
     /// ```
-    #[must_use]
     pub fn pack(&self, module: Module, address: Address) -> CanFrame {
         let (operation, status, data) = match *self {
             Self::Control(status, motion) => (10, status, motion_data(motion)),
@@ -179,7 +177,6 @@ impl Reply {
 
     /// The fault that the module reports. The code is the whole identifier,
     /// because sources differ on where in it the error stands.
-    #[must_use]
     pub fn fault(&self) -> Option<Fault> {
         let Content::Fault { error, raw_id, .. } = self.content else { return None };
         let text = fault(error).map_or("a fault without an error", |fault| fault.text);

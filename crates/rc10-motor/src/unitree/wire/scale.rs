@@ -155,7 +155,6 @@ impl RotorScale {
     pub const OUTPUT: Self = Self::new(GEAR);
 
     /// The shaft behind a gearbox; [`Gear::DIRECT`] is the rotor itself.
-    #[must_use]
     pub const fn new(gear: Gear) -> Self {
         let ratio = gear.rotor_turns() as f64 / gear.output_turns() as f64;
         let counts = ANGLE_STEPS as u64 * gear.rotor_turns() as u64;
@@ -175,14 +174,12 @@ impl RotorScale {
     }
 
     /// Counts of the rotor per turn of this shaft.
-    #[must_use]
     pub const fn counts_per_turn(&self) -> CountsPerTurn {
         self.counts_per_turn
     }
 
     /// To the wire: clamped to what the protocol can carry, nearest step; zero for what is not a
     /// number.
-    #[must_use]
     pub fn raw(&self, motion: &Motion) -> RawMotion {
         RawMotion {
             torque: self.raw_torque(motion.torque),
@@ -192,7 +189,6 @@ impl RotorScale {
     }
 
     /// From the wire.
-    #[must_use]
     pub fn motion(&self, raw: RawMotion) -> Motion {
         Motion {
             torque: self.torque(raw.torque),
@@ -202,32 +198,27 @@ impl RotorScale {
     }
 
     /// A torque from the wire.
-    #[must_use]
     pub fn torque(&self, raw: i16) -> NewtonMetres {
         NewtonMetres::new(f32::from(raw) / self.torque_steps)
     }
 
     /// A torque, as [`raw`](Self::raw) has it.
-    #[must_use]
     pub fn raw_torque(&self, torque: NewtonMetres) -> i16 {
         round_to_i16(within(torque.get() * self.torque_steps, TORQUE_LIMIT_STEPS))
     }
 
     /// A speed, as [`raw`](Self::raw) has it.
-    #[must_use]
     pub fn raw_speed(&self, speed: Rpm) -> i16 {
         round_to_i16(within(speed.get() * self.speed_steps, SPEED_LIMIT_STEPS))
     }
 
     /// The angle that lies so far from another: cheaper than an angle of many turns.
-    #[must_use]
     pub fn raw_angle_from(&self, from: i32, way: Degrees) -> i32 {
         let steps = from.saturating_add(round_to_i32(way.get() * self.angle_steps));
         steps.clamp(-ANGLE_LIMIT_STEPS, ANGLE_LIMIT_STEPS)
     }
 
     /// To the wire, as [`raw`](Self::raw).
-    #[must_use]
     pub fn raw_impedance(&self, impedance: &Impedance) -> RawImpedance {
         RawImpedance {
             stiffness: gain(impedance.stiffness * self.gain_steps),
@@ -236,7 +227,6 @@ impl RotorScale {
     }
 
     /// From the wire.
-    #[must_use]
     pub fn impedance(&self, raw: RawImpedance) -> Impedance {
         Impedance {
             stiffness: f32::from(raw.stiffness) / self.gain_steps,
