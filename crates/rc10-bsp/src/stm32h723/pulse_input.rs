@@ -113,7 +113,7 @@ impl PulseInput {
     }
 
     /// The time of the next rising edge, exact to a microsecond against every other edge, and to
-    /// some against [`now`](crate::now). A dropped future has taken none.
+    /// some against [`now`](rc10_message::now). A dropped future has taken none.
     pub async fn rising_edge(&mut self) -> Micros {
         EDGES.receive().await
     }
