@@ -177,7 +177,7 @@ impl MotorStatus {
     };
 }
 
-/// A frame may have arrived so long after the tick began that takes it, µs. What lies further in
+/// A frame may have arrived this long after the tick began that takes it, µs. What lies further in
 /// the future is not fresh, but another clock.
 const SKEW: u32 = 2_000;
 

@@ -33,7 +33,7 @@ fn at(degrees: i64, rpm: f32) -> Shaft {
     shaft
 }
 
-/// The effort after so many ticks.
+/// The effort after `ticks` ticks.
 fn after(ticks: u32, servo: &mut Servo, mode: DriveMode, shaft: &Shaft) -> f32 {
     (0..ticks).for_each(|_| servo.update(&Tick::new(mode), shaft));
     servo.effort()

@@ -38,7 +38,7 @@ pub struct Model {
 /// What a raw command stands for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Effort {
-    /// A torque-producing current; full scale is so many amperes.
+    /// A torque-producing current; the number is full scale in amperes.
     Current(f32),
     /// A voltage, as a share of full scale: the vendor documents no volts per count.
     Voltage,

@@ -15,7 +15,7 @@ pub(super) struct Recovery {
 
 const SHORTEST: Micros = Micros::from_millis(2);
 const LONGEST: Micros = Micros::from_millis(50);
-/// A bus that has been well for so long is a new one: its next bus-off is the first.
+/// A bus that has been well for this time is a new one: its next bus-off is the first.
 const WELL: Micros = Micros::from_millis(1000);
 
 /// What is to be done in a tick.

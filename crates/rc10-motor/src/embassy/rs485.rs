@@ -104,7 +104,7 @@ pub async fn run_rs485<'m, P: Read + Write, B: BorrowMut<Rs485Bus<'m>>>(
 
 /// Bytes taken from the port at once: more than two replies.
 const RECEIVE: usize = 64;
-/// A write may take so long: many times the 42.5 µs of a command.
+/// The longest time a write may take: many times the 42.5 µs of a command.
 const WRITE_LIMIT: Duration = Duration::from_millis(1);
 /// A port that always fails at once must not keep the processor busy.
 const ERROR_PAUSE: Duration = Duration::from_micros(100);

@@ -19,7 +19,7 @@ use crate::supervision::count;
 /// How long before its frames leave a tick begins: more than the work takes on a full bus, and a
 /// third of a tick, so that of three buses each is woken for as the one before sends.
 const LEAD: Micros = Micros::new(333);
-/// What is due within so long of each other is done at once: three times [`LEAD`] is no tick.
+/// What is due within this time of each other is done at once: three times [`LEAD`] is no tick.
 const TOGETHER: Micros = Micros::new(1);
 /// Bit rate that load figures refer to.
 const BITS_PER_SECOND: u32 = 1_000_000;

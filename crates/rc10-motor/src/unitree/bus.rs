@@ -145,8 +145,8 @@ impl DerefMut for Rs485Bus<'_> {
 impl<'m> Rs485Bus<'m> {
     /// Motors that a bus holds: as many as there are ids.
     pub const CAPACITY: usize = CAPACITY;
-    /// A motor is lost after so long without a reply: within it, fifteen motors of which fourteen do
-    /// not reply have all been polled.
+    /// A motor is lost after this time without a reply: within it, fifteen motors of which fourteen
+    /// do not reply have all been polled.
     pub const LINK_TIMEOUT: Micros = Micros::from_millis(20);
     /// The reply time-out without [`with_reply_timeout`](Self::with_reply_timeout).
     pub const REPLY_TIMEOUT: Micros = Micros::from_millis(1);

@@ -40,7 +40,7 @@ pub struct GoM8010 {
     pending: Pending<()>,
 }
 
-/// A motor that has not replied so long (s) after [`Request::ClearFault`] does not.
+/// How long a motor has to reply after [`Request::ClearFault`], s.
 const CLEARING: Retry = Retry { every: 0.25, tries: 1 };
 
 impl GoM8010 {
