@@ -16,7 +16,7 @@ use rc10_conformance::{Acts, Dummy};
 use rc10_motor::embassy::{BusPort, Runner};
 use rc10_motor::pending::Outcome;
 use rc10_motor::{
-    ArmSwitch, CanIds, MotorBus, MotorId, Rate, Request, RequestError, Response, RxFrames, Safety,
+    ArmSwitch, CanIds, Frames, MotorBus, MotorId, Rate, Request, RequestError, Response, Safety,
 };
 use rc10_sim::{BusConfig, SimPort, World};
 
@@ -78,7 +78,7 @@ impl Registers {
     fn motor(number: u8, seed: u64, quick: bool, log: &Arc<Mutex<Log>>) -> Dummy<Self> {
         let random = Random::new(seed + u64::from(number));
         let pattern = IdPattern::exact(StandardId::new(0x10 + u16::from(number)).unwrap());
-        let ids = CanIds::new().receives(RxFrames::new(pattern, 1, Rate::EveryTick));
+        let ids = CanIds::new().receives(Frames::new(pattern, 1, Rate::EveryTick));
         let registers = Self { log: Arc::clone(log), random, quick, pending: None };
         Dummy::new("registers", number.into(), ids).with(registers)
     }

@@ -6,8 +6,8 @@ use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_conformance::Dummy;
 use rc10_motor::{
-    ArmSwitch, AttachError, CanIds, CanMotor, Dispatch, Guard, MotorBus, Ownership, Rate, RxFrames,
-    Safety, TargetKind, TargetSet, TxFrames,
+    ArmSwitch, AttachError, CanIds, CanMotor, Dispatch, Frames, Guard, MotorBus, Ownership, Rate,
+    Safety, TargetKind, TargetSet,
 };
 
 use crate::any;
@@ -39,23 +39,22 @@ fn guard() -> impl Strategy<Value = Guard> {
     parts.prop_map(|(byte, mask, value)| Guard { byte, mask, value })
 }
 
-fn receive() -> impl Strategy<Value = RxFrames> {
-    (pattern(), any::<u8>(), rate(), prop::option::of(guard()))
-        .prop_map(|(pattern, len, rate, guard)| RxFrames { pattern, len, rate, guard })
-}
-
-fn transmit() -> impl Strategy<Value = TxFrames> {
+fn frames() -> impl Strategy<Value = Frames> {
     let ownership = prop_oneof![
         Just(Ownership::Whole),
         any::<u8>().prop_map(Ownership::Bytes),
         guard().prop_map(Ownership::Guard),
     ];
-    (pattern(), any::<u8>(), rate(), ownership)
-        .prop_map(|(pattern, len, rate, ownership)| TxFrames { pattern, len, rate, ownership })
+    (pattern(), any::<u8>(), rate(), ownership).prop_map(|(pattern, len, rate, ownership)| Frames {
+        pattern,
+        len,
+        rate,
+        ownership,
+    })
 }
 
 fn wired() -> impl Strategy<Value = Dummy> {
-    (vec(receive(), 0..=4), vec(transmit(), 0..=1), vec(pattern(), 0..=1)).prop_map(
+    (vec(frames(), 0..=4), vec(frames(), 0..=1), vec(pattern(), 0..=1)).prop_map(
         |(receives, transmits, listens)| {
             let mut wiring = CanIds::new();
             for receive in receives {
@@ -73,9 +72,7 @@ fn wired() -> impl Strategy<Value = Dummy> {
 }
 
 fn hears(wiring: &CanIds, frame: &CanFrame) -> bool {
-    wiring.received().iter().any(|receive| {
-        receive.pattern.matches(frame) && receive.guard.is_none_or(|guard| guard.passes(frame))
-    })
+    wiring.received().iter().any(|frames| frames.contains(frame))
 }
 
 proptest! {

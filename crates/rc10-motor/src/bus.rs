@@ -233,8 +233,8 @@ mod tests {
     use super::*;
     use crate::dji::{Dji, M3508};
     use crate::{
-        CommandError, DriveMode, Fault, Feedback, FrameKind, Link, Motor, MotorName, Rate, Request,
-        RequestError, Response, RxFrames, Target, TargetError, TargetKind, TargetSet, Tick,
+        CommandError, DriveMode, Fault, Feedback, FrameKind, Frames, Link, Motor, MotorName, Rate,
+        Request, RequestError, Response, Target, TargetError, TargetKind, TargetSet, Tick,
     };
     use embedded_can::StandardId;
     use rc10_app::Rpm;
@@ -287,7 +287,7 @@ mod tests {
     impl CanMotor for Talker {
         fn can_ids(&self) -> CanIds {
             let pattern = IdPattern::exact(StandardId::new(0x10).unwrap());
-            CanIds::new().receives(RxFrames::new(pattern, 1, Rate::EveryTick))
+            CanIds::new().receives(Frames::new(pattern, 1, Rate::EveryTick))
         }
         fn unpack_feedback(
             &mut self,

@@ -12,21 +12,21 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 /// ```
 /// use rc10_can::IdPattern;
 /// use rc10_can::embedded_can::{Id, StandardId};
-/// use rc10_motor::{CanIds, Ownership, Rate, RxFrames, TxFrames};
+/// use rc10_motor::{CanIds, Frames, Ownership, Rate};
 ///
 /// const fn id(raw: u16) -> IdPattern {
 ///     IdPattern::of(Id::Standard(StandardId::new(raw).unwrap()), 0x7FF)
 /// }
 /// const IDS: CanIds = CanIds::new()
-///     .receives(RxFrames::new(id(0x201), 8, Rate::Hz(1000)))
-///     .transmits(TxFrames::new(id(0x200), 8, Rate::EveryTick))
+///     .receives(Frames::new(id(0x201), 8, Rate::Hz(1000)))
+///     .transmits(Frames::new(id(0x200), 8, Rate::EveryTick))
 ///     .checked();
 /// assert_eq!(IDS.link_timeout().get(), 10_000);
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct CanIds {
-    received: List<RxFrames, 8>,
-    transmitted: List<TxFrames, 8>,
+    received: List<Frames, 8>,
+    transmitted: List<Frames, 8>,
     listens: List<IdPattern, 2>,
 }
 
@@ -98,33 +98,6 @@ impl Rate {
     }
 }
 
-/// Frames that a device sends to us.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RxFrames {
-    /// Their identifiers.
-    pub pattern: IdPattern,
-    /// Data bytes.
-    pub len: u8,
-    /// How often.
-    pub rate: Rate,
-    /// For devices that share an identifier: what the payload of this one's frames looks like.
-    pub guard: Option<Guard>,
-}
-
-impl RxFrames {
-    /// Without a guard: the identifier alone says whose they are.
-    pub const fn new(pattern: IdPattern, len: u8, rate: Rate) -> Self {
-        Self { pattern, len, rate, guard: None }
-    }
-
-    /// Of a device that shares the identifier: its frames pass this guard.
-    #[must_use]
-    pub const fn guarded(mut self, guard: Guard) -> Self {
-        self.guard = Some(guard);
-        self
-    }
-}
-
 /// A test on one byte of a payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Guard {
@@ -153,20 +126,20 @@ impl Guard {
     }
 }
 
-/// Frames that we send to a device.
+/// Frames between us and a device, in one direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TxFrames {
+pub struct Frames {
     /// Their identifiers.
     pub pattern: IdPattern,
     /// Data bytes.
     pub len: u8,
     /// How often.
     pub rate: Rate,
-    /// Share of the frame that is the device's.
+    /// Share of them that is the device's.
     pub ownership: Ownership,
 }
 
-impl TxFrames {
+impl Frames {
     /// Frames that are one device's as a whole.
     pub const fn new(pattern: IdPattern, len: u8, rate: Rate) -> Self {
         Self { pattern, len, rate, ownership: Ownership::Whole }
@@ -178,9 +151,37 @@ impl TxFrames {
         self.ownership = ownership;
         self
     }
+
+    /// The test that their payload passes, if the identifier alone does not tell whose they are.
+    #[must_use]
+    pub const fn guard(&self) -> Option<Guard> {
+        match self.ownership {
+            Ownership::Guard(guard) => Some(guard),
+            Ownership::Whole | Ownership::Bytes(_) => None,
+        }
+    }
+
+    /// Whether a frame is one of these.
+    #[must_use]
+    pub fn contains(&self, frame: &CanFrame) -> bool {
+        self.pattern.matches(frame) && self.guard().is_none_or(|guard| guard.passes(frame))
+    }
+
+    /// An identifier that two devices both use, with nothing that tells their frames apart.
+    fn clash(&self, other: &Self, is_sent_by_us: bool) -> Option<Id> {
+        let is_apart = match (self.ownership, other.ownership) {
+            (Ownership::Guard(ours), Ownership::Guard(theirs)) => ours.excludes(theirs),
+            // One frame of ours that carries commands to both.
+            (Ownership::Bytes(ours), Ownership::Bytes(theirs)) => {
+                is_sent_by_us && ours & theirs == 0 && self.len == other.len
+            }
+            _ => false,
+        };
+        if is_apart { None } else { self.pattern.overlap(&other.pattern) }
+    }
 }
 
-/// How much of a frame that we send is one device's.
+/// How much of a frame is one device's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ownership {
     /// All of it.
@@ -189,17 +190,6 @@ pub enum Ownership {
     Bytes(u8),
     /// All of it, if the payload says so: several devices are commanded with one identifier.
     Guard(Guard),
-}
-
-impl Ownership {
-    /// Whether two devices can have their shares of frames with one identifier.
-    const fn excludes(self, other: Self) -> bool {
-        match (self, other) {
-            (Self::Bytes(ours), Self::Bytes(theirs)) => ours & theirs == 0,
-            (Self::Guard(ours), Self::Guard(theirs)) => ours.excludes(theirs),
-            _ => false,
-        }
-    }
 }
 
 /// The reason why two motors cannot share a bus.
@@ -232,22 +222,22 @@ impl CanIds {
     pub const fn new() -> Self {
         let nothing = IdPattern::any_standard();
         Self {
-            received: List::new(RxFrames::new(nothing, 0, Rate::Rare)),
-            transmitted: List::new(TxFrames::new(nothing, 0, Rate::Rare)),
+            received: List::new(Frames::new(nothing, 0, Rate::Rare)),
+            transmitted: List::new(Frames::new(nothing, 0, Rate::Rare)),
             listens: List::new(nothing),
         }
     }
 
     /// Adds frames the device sends; eight at most.
     #[must_use]
-    pub const fn receives(mut self, frames: RxFrames) -> Self {
+    pub const fn receives(mut self, frames: Frames) -> Self {
         self.received.push(frames);
         self
     }
 
     /// Adds frames sent to the device; eight at most.
     #[must_use]
-    pub const fn transmits(mut self, frames: TxFrames) -> Self {
+    pub const fn transmits(mut self, frames: Frames) -> Self {
         self.transmitted.push(frames);
         self
     }
@@ -276,12 +266,12 @@ impl CanIds {
     }
 
     /// Frames that the device sends.
-    pub fn received(&self) -> &[RxFrames] {
+    pub fn received(&self) -> &[Frames] {
         self.received.items()
     }
 
     /// Frames that are sent to the device.
-    pub fn transmitted(&self) -> &[TxFrames] {
+    pub fn transmitted(&self) -> &[Frames] {
         self.transmitted.items()
     }
 
@@ -300,25 +290,15 @@ impl CanIds {
 
     /// Why this motor and another cannot share a bus, if so.
     pub fn clash(&self, other: &Self) -> Option<Clash> {
-        for ours in self.received() {
-            for theirs in other.received() {
-                let told_apart = match (ours.guard, theirs.guard) {
-                    (Some(ours), Some(theirs)) => ours.excludes(theirs),
-                    _ => false,
-                };
-                if let (Some(id), false) = (ours.pattern.overlap(&theirs.pattern), told_apart) {
-                    return Some(Clash::RxFrames(id));
-                }
-            }
+        let shared = |ours: &[Frames], theirs: &[Frames], is_sent_by_us| {
+            let mut pairs = ours.iter().flat_map(|one| theirs.iter().map(move |two| (one, two)));
+            pairs.find_map(|(one, two)| one.clash(two, is_sent_by_us))
+        };
+        if let Some(id) = shared(self.received(), other.received(), false) {
+            return Some(Clash::RxFrames(id));
         }
-        for ours in self.transmitted() {
-            for theirs in other.transmitted() {
-                let apart = ours.ownership.excludes(theirs.ownership)
-                    && (ours.len == theirs.len || matches!(ours.ownership, Ownership::Guard(_)));
-                if let (Some(id), false) = (ours.pattern.overlap(&theirs.pattern), apart) {
-                    return Some(Clash::TxFrames(id));
-                }
-            }
+        if let Some(id) = shared(self.transmitted(), other.transmitted(), true) {
+            return Some(Clash::TxFrames(id));
         }
         self.confused_by(other).or_else(|| other.confused_by(self)).map(Clash::Confuses)
     }
@@ -352,12 +332,12 @@ mod tests {
         IdPattern::exact(StandardId::new(raw).unwrap())
     }
 
-    fn feedback(raw: u16, guard: Option<Guard>) -> RxFrames {
-        RxFrames { guard, ..RxFrames::new(exact(raw), 8, Rate::EveryTick) }
+    fn feedback(raw: u16, guard: Option<Guard>) -> Frames {
+        command(raw, guard.map_or(Ownership::Whole, Ownership::Guard))
     }
 
-    fn command(raw: u16, ownership: Ownership) -> TxFrames {
-        TxFrames::new(exact(raw), 8, Rate::EveryTick).owned(ownership)
+    fn command(raw: u16, ownership: Ownership) -> Frames {
+        Frames::new(exact(raw), 8, Rate::EveryTick).owned(ownership)
     }
 
     /// As protocols of later motors need it: two Damiao motors on one master identifier.
@@ -416,8 +396,7 @@ mod tests {
     fn devices_that_are_commanded_by_payload_share_an_identifier() {
         let asked = |value| {
             let guard = Guard { byte: 0, mask: 0xFF, value };
-            let register =
-                TxFrames { len: 4 + value % 2, ..command(0x7FF, Ownership::Guard(guard)) };
+            let register = Frames { len: 4 + value % 2, ..command(0x7FF, Ownership::Guard(guard)) };
             CanIds::new().transmits(register)
         };
         assert_eq!(asked(0x11).clash(&asked(0x12)), None);
@@ -440,7 +419,7 @@ mod tests {
     #[test]
     fn the_link_timeout_is_three_periods_or_ten_milliseconds() {
         let at = |rate| {
-            let receive = RxFrames { rate, ..feedback(0x201, None) };
+            let receive = Frames { rate, ..feedback(0x201, None) };
             CanIds::new().receives(receive).link_timeout().get()
         };
         assert_eq!(at(Rate::EveryTick), 10_000);

@@ -89,7 +89,7 @@ pub mod vesc;
 pub use arm::{ArmError, ArmState, ArmSwitch, Unfit};
 pub use batch::{TxBatch, TxFull};
 pub use bus::{BusCounters, Dispatch, MotorBus};
-pub use can_ids::{CanIds, Clash, Guard, MotorName, Ownership, Rate, RxFrames, TxFrames};
+pub use can_ids::{CanIds, Clash, Frames, Guard, MotorName, Ownership, Rate};
 pub use feedback::{Condition, Fault, Feedback};
 pub use load::{BusLoad, Verdict};
 pub use motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, SafeState, Tick};

@@ -1,7 +1,6 @@
 //! A request that waits for its device: [`Pending`].
 
-use rc10_app::Seconds;
-
+use crate::motor::{DriveMode, Tick};
 use crate::request::{RequestError, Response};
 
 /// What became of a request.
@@ -14,6 +13,17 @@ pub struct Retry {
     pub every: f32,
     /// Tries; after the last one the device has `every` seconds to answer.
     pub tries: u8,
+    /// Seconds of silence before the first try.
+    pub delay: f32,
+    /// The device must not be driven meanwhile.
+    pub only_while_off: bool,
+}
+
+impl Retry {
+    /// At once, driven or not.
+    pub const fn new(every: f32, tries: u8) -> Self {
+        Self { every, tries, delay: 0.0, only_while_off: false }
+    }
 }
 
 /// At most one request in flight: the question, its tries, and its outcome, told once.
@@ -21,6 +31,8 @@ pub struct Retry {
 pub struct Pending<Q> {
     asked: Option<Asked<Q>>,
     outcome: Option<Outcome>,
+    /// As of the last tick.
+    is_off: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +52,7 @@ struct Asked<Q> {
 impl<Q: Copy> Pending<Q> {
     /// Nothing in flight.
     pub const fn new() -> Self {
-        Self { asked: None, outcome: None }
+        Self { asked: None, outcome: None, is_off: true }
     }
 
     /// Whether a request waits for its device, or its outcome to be taken.
@@ -51,10 +63,13 @@ impl<Q: Copy> Pending<Q> {
     /// Takes a question; its first try is due in the next tick.
     ///
     /// # Errors
-    /// [`RequestError::Busy`] while another is in flight.
+    /// [`RequestError::Busy`] while another is in flight; [`RequestError::NotWhileArmed`].
     pub fn ask(&mut self, question: Q, retry: Retry) -> Outcome {
         if self.is_busy() {
             return Err(RequestError::Busy);
+        }
+        if retry.only_while_off && !self.is_off {
+            return Err(RequestError::NotWhileArmed);
         }
         self.replace(question, retry);
         Ok(Response::Pending)
@@ -67,7 +82,7 @@ impl<Q: Copy> Pending<Q> {
             retry,
             tries: 0,
             is_due: false,
-            waited: f32::INFINITY,
+            waited: retry.every - retry.delay,
             failure: RequestError::Timeout,
         });
     }
@@ -90,10 +105,17 @@ impl<Q: Copy> Pending<Q> {
         }
     }
 
-    /// One tick later. A question that was asked often enough is over.
-    pub fn update(&mut self, dt: Seconds) {
+    /// One tick later. A question that was asked often enough is over, and so is one of a device
+    /// that is driven now and must not be: whether it did what it was asked for is not known.
+    pub fn update(&mut self, tick: &Tick) {
+        self.is_off = tick.mode == DriveMode::Off;
+        let is_sent = self.sent().is_some();
         let Some(asked) = &mut self.asked else { return };
-        asked.waited += dt.get();
+        if asked.retry.only_while_off && !self.is_off {
+            let error = if is_sent { RequestError::Timeout } else { RequestError::NotWhileArmed };
+            return self.end(Err(error));
+        }
+        asked.waited += tick.dt.get();
         if asked.waited < asked.retry.every {
             return;
         }
@@ -125,13 +147,6 @@ impl<Q: Copy> Pending<Q> {
         }
     }
 
-    /// The robot is armed in the middle of a request that must not go on then: whether a device that
-    /// has been asked carried it out is not known.
-    pub fn interrupt(&mut self) {
-        let asked = self.sent().is_some();
-        self.end(Err(if asked { RequestError::Timeout } else { RequestError::NotWhileArmed }));
-    }
-
     /// The question in flight is forgotten, and has no outcome.
     pub const fn cancel(&mut self) {
         self.asked = None;
@@ -156,8 +171,8 @@ mod tests {
 
     use super::*;
 
-    const MS: Seconds = Seconds::new(0.001);
-    const RETRY: Retry = Retry { every: 0.0045, tries: 3 };
+    const OFF: Tick = Tick::new(DriveMode::Off);
+    const RETRY: Retry = Retry::new(0.0045, 3);
 
     #[test]
     fn a_question_is_repeated_and_then_given_up() {
@@ -167,7 +182,7 @@ mod tests {
         let mut sent = Vec::new();
         for tick in 1..100 {
             assert_eq!(pending.sent().is_some(), !sent.is_empty());
-            pending.update(MS);
+            pending.update(&OFF);
             sent.extend(pending.take_due().map(|question| (tick, question)));
             assert_eq!(pending.take_due(), None);
             if let Some(outcome) = pending.take_outcome() {
@@ -183,14 +198,14 @@ mod tests {
     #[test]
     fn a_question_is_sent_once_it_is_taken_and_due_again_after_just_its_time() {
         let mut pending = Pending::new();
-        let _ = pending.ask((), Retry { every: 0.002, tries: 2 });
-        pending.update(MS);
+        let _ = pending.ask((), Retry::new(0.002, 2));
+        pending.update(&OFF);
         assert_eq!(pending.sent(), None);
         assert_eq!(pending.take_due(), Some(()));
         assert_eq!(pending.sent(), Some(()));
-        pending.update(MS);
+        pending.update(&OFF);
         assert_eq!(pending.take_due(), None);
-        pending.update(MS);
+        pending.update(&OFF);
         assert_eq!(pending.sent(), Some(()));
         assert_eq!(pending.take_due(), Some(()));
         // Another question of the same request starts over.
@@ -205,7 +220,7 @@ mod tests {
         assert_eq!(pending.take_outcome(), None);
         let _ = pending.ask(1, RETRY);
         pending.fail_with(RequestError::Refused(7));
-        pending.update(MS);
+        pending.update(&OFF);
         pending.end(Ok(Response::Register(3)));
         pending.end(Ok(Response::Done));
         assert!(pending.is_busy() && pending.question().is_none());
@@ -218,31 +233,40 @@ mod tests {
         let mut pending = Pending::new();
         let _ = pending.ask((), RETRY);
         pending.cancel();
-        pending.update(MS);
+        pending.update(&OFF);
         assert!(!pending.is_busy() && pending.take_due().is_none());
     }
 
     #[test]
-    fn an_interrupted_request_says_whether_the_device_was_asked() {
-        for (ticks, error) in [(0, RequestError::NotWhileArmed), (1, RequestError::Timeout)] {
+    fn a_request_interrupted_by_arming_says_whether_the_device_was_asked() {
+        let retry = Retry { delay: 0.0015, only_while_off: true, ..RETRY };
+        for (ticks, error) in [
+            (0, RequestError::NotWhileArmed),
+            (1, RequestError::NotWhileArmed),
+            (2, RequestError::Timeout),
+        ] {
             let mut pending = Pending::new();
-            let _ = pending.ask((), RETRY);
-            for _ in 0..ticks {
-                pending.update(MS);
-                assert_eq!(pending.take_due(), Some(()));
+            assert_eq!(pending.ask((), retry), Ok(Response::Pending));
+            for tick in 1..=ticks {
+                pending.update(&OFF);
+                assert_eq!(pending.take_due().is_some(), tick == 2);
             }
-            pending.interrupt();
+            pending.update(&Tick::new(DriveMode::Coast));
             assert_eq!(pending.take_outcome(), Some(Err(error)));
+            assert_eq!(pending.ask((), retry), Err(RequestError::NotWhileArmed));
+            assert_eq!(pending.ask((), RETRY), Ok(Response::Pending));
+            pending.update(&Tick::new(DriveMode::Run));
+            assert_eq!(pending.take_due(), Some(()));
         }
     }
 
     #[test]
     fn what_a_device_refuses_is_told_when_time_runs_out() {
         let mut pending = Pending::new();
-        let _ = pending.ask((), Retry { every: 0.01, tries: 1 });
+        let _ = pending.ask((), Retry::new(0.01, 1));
         pending.fail_with(RequestError::Refused(7));
         for _ in 0..12 {
-            pending.update(MS);
+            pending.update(&OFF);
         }
         assert_eq!(pending.take_outcome(), Some(Err(RequestError::Refused(7))));
     }

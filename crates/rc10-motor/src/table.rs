@@ -1,7 +1,7 @@
 use heapless::Vec;
 use rc10_can::CanFrame;
 
-use crate::can_ids::{Guard, RxFrames};
+use crate::can_ids::{Frames, Guard};
 use crate::motors::MotorId;
 
 /// From a frame to the motor it belongs to, in constant time: an open-addressed hash table for
@@ -9,7 +9,7 @@ use crate::motors::MotorId;
 pub(crate) struct ReceiveTable {
     entries: [Entry; SIZE],
     used: u8,
-    masked: Vec<(RxFrames, MotorId), 8>,
+    masked: Vec<(Frames, MotorId), 8>,
 }
 
 const BITS: u32 = 6;
@@ -41,7 +41,7 @@ impl ReceiveTable {
     }
 
     /// Whether there is room for this many more patterns of either sort.
-    pub(crate) fn has_room(&self, receives: &[RxFrames]) -> bool {
+    pub(crate) fn has_room(&self, receives: &[Frames]) -> bool {
         let exact = receives.iter().filter(|receive| receive.pattern.is_exact()).count();
         let masked = receives.len() - exact;
         usize::from(self.used) + exact <= usize::from(MOST)
@@ -49,7 +49,7 @@ impl ReceiveTable {
     }
 
     /// Adds a motor's patterns; the caller asked [`has_room`](Self::has_room).
-    pub(crate) fn insert(&mut self, receive: &RxFrames, slot: MotorId) {
+    pub(crate) fn insert(&mut self, receive: &Frames, slot: MotorId) {
         if !receive.pattern.is_exact() {
             let _ = self.masked.push((*receive, slot));
             return;
@@ -59,10 +59,7 @@ impl ReceiveTable {
         while self.entries[index].key != FREE {
             index = (index + 1) % SIZE;
         }
-        let (key, guard) = match receive.guard {
-            None => (key, NO_GUARD),
-            Some(guard) => (key | GUARDED, guard),
-        };
+        let (key, guard) = receive.guard().map_or((key, NO_GUARD), |guard| (key | GUARDED, guard));
         self.entries[index] = Entry { key, slot, guard };
         self.used += 1;
     }
@@ -88,10 +85,7 @@ impl ReceiveTable {
             }
             index += 1;
         }
-        let belongs = |receive: &RxFrames| {
-            receive.pattern.matches(frame) && receive.guard.is_none_or(|guard| guard.passes(frame))
-        };
-        self.masked.iter().find(|(receive, _)| belongs(receive)).map(|&(_, slot)| slot)
+        self.masked.iter().find(|(frames, _)| frames.contains(frame)).map(|&(_, slot)| slot)
     }
 }
 
@@ -103,7 +97,7 @@ const fn home(key: u32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::can_ids::Rate;
+    use crate::can_ids::{Ownership, Rate};
     use embedded_can::{ExtendedId, StandardId};
     use rc10_can::IdPattern;
 
@@ -111,8 +105,9 @@ mod tests {
         u16::try_from(motor.index()).unwrap()
     }
 
-    fn receive(pattern: IdPattern, guard: Option<Guard>) -> RxFrames {
-        RxFrames { pattern, len: 8, rate: Rate::EveryTick, guard }
+    fn receive(pattern: IdPattern, guard: Option<Guard>) -> Frames {
+        let ownership = guard.map_or(Ownership::Whole, Ownership::Guard);
+        Frames { pattern, len: 8, rate: Rate::EveryTick, ownership }
     }
 
     #[test]

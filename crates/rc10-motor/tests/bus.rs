@@ -7,9 +7,9 @@ use rc10_motor::rc10_can::embedded_can::StandardId;
 use rc10_motor::rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::{
     ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, Fault, Feedback, FrameError,
-    FrameKind, Link, Motor, MotorBus, MotorId, MotorName, Ownership, Rate, Request, RequestError,
-    Response, RxFrames, Safety, Target, TargetError, TargetKind, TargetSet, Tick, TxBatch,
-    TxFrames, TxFull,
+    FrameKind, Frames, Link, Motor, MotorBus, MotorId, MotorName, Ownership, Rate, Request,
+    RequestError, Response, Safety, Target, TargetError, TargetKind, TargetSet, Tick, TxBatch,
+    TxFull,
 };
 
 const MS: Seconds = Seconds::new(0.001);
@@ -46,8 +46,8 @@ struct Dummy {
 impl Dummy {
     fn new(number: u16) -> Self {
         let ids = CanIds::new()
-            .receives(RxFrames::new(exact(number), 1, Rate::EveryTick))
-            .transmits(TxFrames::new(exact(0x100 + 16 * number), 8, Rate::EveryTick));
+            .receives(Frames::new(exact(number), 1, Rate::EveryTick))
+            .transmits(Frames::new(exact(0x100 + 16 * number), 8, Rate::EveryTick));
         let (ticks, links, response) = Default::default();
         Self { number, ids, frames: 1, ticks, links, response }
     }
@@ -259,7 +259,7 @@ fn a_pause_in_which_the_clocks_low_half_comes_round_revives_no_command() {
 #[test]
 fn lanes_of_frames_of_unequal_length_clash() {
     let lane = |number, len, bytes| {
-        let frames = TxFrames::new(exact(0x200), len, Rate::EveryTick);
+        let frames = Frames::new(exact(0x200), len, Rate::EveryTick);
         let ids = CanIds::new().transmits(frames.owned(Ownership::Bytes(bytes)));
         Dummy { ids, ..Dummy::new(number) }
     };
@@ -277,7 +277,7 @@ fn lanes_of_frames_of_unequal_length_clash() {
 #[test]
 fn a_motor_that_the_bus_has_no_room_for_is_refused_by_name() {
     let receives = |number: u16, count: u16| {
-        let frames = |raw| RxFrames::new(exact(raw), 8, Rate::Rare);
+        let frames = |raw| Frames::new(exact(raw), 8, Rate::Rare);
         let all = (0..count).map(|index| frames(0x400 + 16 * number + index));
         Dummy { ids: all.fold(CanIds::new(), CanIds::receives), ..Dummy::new(number) }
     };

@@ -1,6 +1,6 @@
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::Id;
-use rc10_motor::{CanIds, Guard, Ownership, SafeState, TxFrames};
+use rc10_motor::{CanIds, Frames, Ownership, SafeState};
 
 use crate::case::{Findings, FrameCase, Outcome, broken};
 use crate::harness::Sent;
@@ -18,18 +18,16 @@ pub(super) fn ids_are_valid(case: &FrameCase<'_>, found: &mut Findings) {
     if ids.transmitted().is_empty() {
         found.add(None, "nothing is sent to it".to_owned());
     }
-    let received = ids.received().iter().map(|r| (r.pattern, r.len, r.guard, 0));
-    let sent = ids.transmitted().iter().map(|t| match t.ownership {
-        Ownership::Guard(guard) => (t.pattern, t.len, Some(guard), 0),
-        Ownership::Bytes(bytes) => (t.pattern, t.len, None, bytes),
-        Ownership::Whole => (t.pattern, t.len, None, 0),
-    });
-    for (pattern, len, guard, lane) in received.chain(sent) {
+    for &Frames { pattern, len, ownership, .. } in ids.received().iter().chain(ids.transmitted()) {
         if len > 8 {
             found.add(None, format!("{pattern} has {len} bytes; a frame has 8 at most"));
         }
-        let outside = |guard: Guard| guard.byte >= len;
-        if guard.is_some_and(outside) || u32::from(len) < 8 - lane.leading_zeros() {
+        let is_outside = match ownership {
+            Ownership::Guard(guard) => guard.byte >= len,
+            Ownership::Bytes(lane) => u32::from(len) < 8 - lane.leading_zeros(),
+            Ownership::Whole => false,
+        };
+        if is_outside {
             found.add(None, format!("guard or lane of {pattern} lies outside of its {len} bytes"));
         }
     }
@@ -46,8 +44,8 @@ pub(super) fn ids_are_constant(case: &FrameCase<'_>, found: &mut Findings) {
 }
 
 /// Whether such a frame is declared.
-fn declares(transmit: &TxFrames, frame: &CanFrame) -> bool {
-    let TxFrames { pattern, len, ownership, .. } = transmit;
+fn declares(transmit: &Frames, frame: &CanFrame) -> bool {
+    let Frames { pattern, len, ownership, .. } = transmit;
     let is_own = match ownership {
         Ownership::Whole => true,
         Ownership::Guard(guard) => guard.passes(frame),
@@ -139,11 +137,10 @@ fn count(rig: &mut Rig<'_>, ids: &CanIds) -> Outcome {
             continue;
         }
         received += 1;
-        let is_declared = ids.received().iter().any(|receive| {
-            receive.pattern.matches(frame)
-                && frame.len() == usize::from(receive.len)
-                && receive.guard.is_none_or(|guard| guard.passes(frame))
-        });
+        let is_declared = ids
+            .received()
+            .iter()
+            .any(|receive| receive.contains(frame) && frame.len() == usize::from(receive.len));
         if !is_declared {
             return broken(traffic.at, format!("{frame} comes from the device"));
         }

@@ -1,6 +1,6 @@
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
-use rc10_motor::{CanIds, CanMotor, DriveMode, FrameError, Link, RxFrames, Tick, TxBatch};
+use rc10_motor::{CanIds, CanMotor, DriveMode, FrameError, Frames, Link, Tick, TxBatch};
 
 use crate::case::{Findings, FrameCase, Outcome, broken};
 use crate::recorder::{Call, Told, not_finite, replay};
@@ -96,7 +96,7 @@ pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
     let near: Vec<Id> = ids
         .received()
         .iter()
-        .flat_map(|RxFrames { pattern, .. }| match pattern.id() {
+        .flat_map(|Frames { pattern, .. }| match pattern.id() {
             Id::Standard(id) => {
                 let raw = u64::from(id.as_raw());
                 (0..11).map(|bit| standard(raw ^ 1 << bit)).chain([extended(raw)]).collect()
@@ -127,16 +127,13 @@ pub(super) fn foreign_frames(case: &FrameCase<'_>, found: &mut Findings) {
     found.note(change_nothing(case, foreign.chain(remote), is_right));
     // Where devices share an identifier, a byte says whose a frame is.
     let mut random = Random(4);
-    let guarded = ids.received().iter().filter(|receive| receive.guard.is_some());
+    let guarded = ids.received().iter().filter(|receive| receive.guard().is_some());
     let others = guarded.flat_map(|receive| {
         let made = (0..500).map(|_| {
             let id = random.id_of(&receive.pattern);
             frame(id, &random.bytes()[..receive.len.min(8).into()])
         });
-        let is_other = |frame: &CanFrame| {
-            let mut own = ids.received().iter().filter(|own| own.pattern.matches(frame));
-            own.all(|own| own.guard.is_some_and(|guard| !guard.passes(frame)))
-        };
+        let is_other = |frame: &CanFrame| !ids.received().iter().any(|own| own.contains(frame));
         made.filter(is_other).collect::<Vec<_>>()
     });
     let others: Vec<CanFrame> = others.collect();
@@ -173,7 +170,7 @@ pub(super) fn any_content(case: &FrameCase<'_>, found: &mut Findings) {
     }
 }
 
-fn content(case: &FrameCase<'_>, receive: &RxFrames) -> Outcome {
+fn content(case: &FrameCase<'_>, receive: &Frames) -> Outcome {
     let mut random = Random(3);
     let (before, after) = case.life().calls();
     let mut motor = case.motor();
@@ -210,7 +207,7 @@ fn content(case: &FrameCase<'_>, receive: &RxFrames) -> Outcome {
 }
 
 /// A frame that the motor really got.
-fn frame_of(call: &Call, receive: &RxFrames) -> Option<CanFrame> {
+fn frame_of(call: &Call, receive: &Frames) -> Option<CanFrame> {
     match call {
         Call::Frame(frame, ..) if receive.pattern.matches(frame) => Some(*frame),
         _ => None,

@@ -10,9 +10,9 @@ use rc10_motor::pending::{Outcome, Pending, Retry};
 use rc10_motor::servo::Servo;
 use rc10_motor::shaft::Shaft;
 use rc10_motor::{
-    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Link, Motor,
-    MotorName, Rate, Request, RequestError, Response, RxFrames, Target, TargetError, TargetKind,
-    TargetSet, Tick, TxBatch, TxFrames, TxFull,
+    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Frames, Link,
+    Motor, MotorName, Rate, Request, RequestError, Response, Target, TargetError, TargetKind,
+    TargetSet, Tick, TxBatch, TxFull,
 };
 
 /// What the motor is told.
@@ -94,7 +94,7 @@ const TORQUE_CONSTANT: f32 = 0.5;
 /// Identifiers go from 1 to this.
 const LAST_ID: u8 = 63;
 /// An error is cleared in every tick; one that is not gone after 0.1 s will not go.
-const CLEARING: Retry = Retry { every: 0.1, tries: 1 };
+const CLEARING: Retry = Retry::new(0.1, 1);
 
 /// Efforts are torques at the shaft, N m.
 const CASCADE: Cascade = Cascade {
@@ -192,7 +192,7 @@ impl Motor for Finch {
 
     fn update(&mut self, tick: &Tick) {
         self.mode = tick.mode;
-        self.clearing.update(tick.dt);
+        self.clearing.update(tick);
         if self.is_enabled() {
             self.servo.update(tick, &self.shaft);
         } else {
@@ -221,8 +221,8 @@ impl Motor for Finch {
 
 impl CanMotor for Finch {
     fn can_ids(&self) -> CanIds {
-        let report = RxFrames::new(IdPattern::exact(self.report_id), 8, Rate::Hz(1000));
-        let command = TxFrames::new(IdPattern::exact(self.command_id), 3, Rate::EveryTick);
+        let report = Frames::new(IdPattern::exact(self.report_id), 8, Rate::Hz(1000));
+        let command = Frames::new(IdPattern::exact(self.command_id), 3, Rate::EveryTick);
         CanIds::new().receives(report).transmits(command)
     }
 

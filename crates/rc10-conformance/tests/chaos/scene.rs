@@ -183,7 +183,7 @@ impl Scene for CanScene<'_> {
         let receive = random.pick(&[received[0], any]);
         let id = any_of(&receive.pattern, random);
         let mut data = random.next().to_le_bytes();
-        if let Some(guard) = receive.guard {
+        if let Some(guard) = receive.guard() {
             let byte = &mut data[usize::from(guard.byte)];
             *byte = *byte & !guard.mask | guard.value & guard.mask;
         }

@@ -6,8 +6,8 @@ use rc10_app::{Degrees, Rpm, TotalAngle};
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::{
-    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Guard, Link,
-    Motor, MotorName, Rate, Request, RequestError, Response, RxFrames, Target, TargetError,
+    CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Frames, Guard,
+    Link, Motor, MotorName, Ownership, Rate, Request, RequestError, Response, Target, TargetError,
     TargetKind, TargetSet, Tick, TxBatch, TxFull,
 };
 
@@ -299,11 +299,11 @@ impl CanMotor for Spoiled {
         match self.spoil {
             Spoil::NineBytes => {
                 let pattern = IdPattern::exact(standard(0x700 + self.id));
-                received.push(RxFrames::new(pattern, 9, Rate::Rare));
+                received.push(Frames::new(pattern, 9, Rate::Rare));
             }
             Spoil::OtherRate if self.report.is_some() => sent[0].rate = Rate::Hz(100),
             Spoil::IgnoresGuard => {
-                received[0].guard = Some(Guard { byte: 6, mask: 0xFE, value: 0 });
+                received[0].ownership = Ownership::Guard(Guard { byte: 6, mask: 0xFE, value: 0 });
             }
             Spoil::RareCommands => sent[0].rate = Rate::Hz(100),
             Spoil::Unaware => {

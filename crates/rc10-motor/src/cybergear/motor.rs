@@ -7,7 +7,7 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 use super::config::{Model, check_address, check_limits};
 use super::wire::{self, Address, Mode, Parameter, ParameterValue, Reply};
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, MotorName, Rate, RxFrames, TxFrames};
+use crate::can_ids::{CanIds, Frames, MotorName, Rate};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition, Setpoint};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
@@ -33,8 +33,6 @@ pub struct CyberGear {
     pending: Pending<Question>,
     /// A parameter that was written in the last tick, to be read back in this one.
     read_back: Option<Parameter>,
-    /// Ticks without a frame to go before a save.
-    quiet: u8,
     reported: Option<wire::Feedback>,
     fault: Option<Fault>,
     /// As the bus said in the last tick.
@@ -72,23 +70,18 @@ enum Question {
 }
 
 impl Question {
-    /// Whether the robot must be disarmed meanwhile.
-    const fn only_while_off(self) -> bool {
-        matches!(self, Self::Write(..) | Self::Zero | Self::Save)
-    }
-
     const fn retry(self) -> Retry {
+        let (retry, only_while_off) = (Retry::new(0.016, 6), true);
         match self {
-            // Never twice: flash wears, and takes its time.
-            Self::Save => Retry { every: 0.5, tries: 1 },
-            _ => Retry { every: 0.016, tries: 6 },
+            // Never twice: flash wears, and takes its time. Its answer is plain feedback, so two
+            // ticks are silent before it: what comes afterwards has one cause only.
+            Self::Save => Retry { delay: 0.0025, only_while_off, ..Retry::new(0.5, 1) },
+            Self::Write(..) | Self::Zero => Retry { only_while_off, ..retry },
+            Self::Read(_) | Self::ClearFaults => retry,
         }
     }
 }
 
-/// Ticks without a frame before a save: its answer is plain feedback, so what comes afterwards must
-/// have one cause only.
-const QUIET: u8 = 2;
 /// The device's shaft is free while it is zeroed, and may move a little meanwhile; rad.
 const AT_ZERO: f32 = 0.1;
 /// What a device answers for a parameter that it does not have (RobStride manuals, type 17).
@@ -117,7 +110,6 @@ impl CyberGear {
             step: Step::Stopped,
             pending: Pending::new(),
             read_back: None,
-            quiet: 0,
             reported: None,
             fault: None,
             drive: DriveMode::Off,
@@ -191,10 +183,9 @@ impl CyberGear {
         let is_at_zero = reported.position.abs() < AT_ZERO && reported.mode != Mode::Run;
         match self.pending.sent() {
             Some(Question::Zero) if is_at_zero => {
-                self.set_zero();
+                self.servo.set_zero(self.shaft.set_zero());
                 self.position.start_over();
                 // A zero that is not saved is gone with the power.
-                self.quiet = QUIET;
                 self.pending.replace(Question::Save, Question::Save.retry());
             }
             Some(Question::Save) => self.pending.end(Ok(Response::Done)),
@@ -262,11 +253,6 @@ impl CyberGear {
             _ => return Err(FrameError::Unasked),
         }
         Ok(FrameKind::Other)
-    }
-
-    /// All angles count from here: those that are sought or held stay where they are.
-    fn set_zero(&mut self) {
-        self.servo.set_zero(self.shaft.set_zero());
     }
 
     /// The question of this tick: one of a request, or about the run mode.
@@ -338,15 +324,7 @@ impl Motor for CyberGear {
             self.servo.rest();
         }
         self.setpoint = self.position.setpoint_of(&self.servo, &self.shaft);
-        let question = self.pending.question();
-        if tick.mode != DriveMode::Off && question.is_some_and(Question::only_while_off) {
-            self.pending.interrupt();
-        }
-        if question == Some(Question::Save) && self.quiet > 0 {
-            self.quiet -= 1;
-        } else {
-            self.pending.update(tick.dt);
-        }
+        self.pending.update(tick);
     }
 
     fn request(&mut self, request: Request) -> Result<Response, RequestError> {
@@ -354,11 +332,6 @@ impl Motor for CyberGear {
             return Err(RequestError::Busy);
         }
         let question = match request {
-            Request::SetZero if !self.shaft.is_known() => return Err(RequestError::NoFeedback),
-            Request::SetZero => {
-                self.set_zero();
-                return Ok(Response::Done);
-            }
             Request::ClearFault if self.fault.is_none() => return Ok(Response::Done),
             Request::ClearFault => Question::ClearFaults,
             Request::ReadRegister(index) => Question::Read(Parameter(index)),
@@ -370,10 +343,6 @@ impl Motor for CyberGear {
             Request::SaveRegisters if self.model.saves => Question::Save,
             request => return self.servo.request(request, &mut self.shaft),
         };
-        if question.only_while_off() && self.drive != DriveMode::Off {
-            return Err(RequestError::NotWhileArmed);
-        }
-        self.quiet = QUIET;
         self.pending.ask(question, question.retry())
     }
 
@@ -402,9 +371,9 @@ impl CanMotor for CyberGear {
         let pattern = |raw, mask| IdPattern::masked(extended(raw), mask);
         let motion = pattern(MOTION | motor, 0x1F00_00FF);
         CanIds::new()
-            .receives(RxFrames::new(pattern(self.replies(), 0xFFFF), 8, Rate::EveryTick))
-            .transmits(TxFrames::new(motion, 8, Rate::EveryTick))
-            .transmits(TxFrames::new(pattern(motor, 0xFF), 8, Rate::Rare))
+            .receives(Frames::new(pattern(self.replies(), 0xFFFF), 8, Rate::EveryTick))
+            .transmits(Frames::new(motion, 8, Rate::EveryTick))
+            .transmits(Frames::new(pattern(motor, 0xFF), 8, Rate::Rare))
     }
 
     fn unpack_feedback(

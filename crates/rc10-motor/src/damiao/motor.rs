@@ -9,7 +9,7 @@ use super::config::{Control, Controller, Model, ids};
 use super::registers::{Access, CHECKED, NO_ANSWER, Register, Reply, check, reply_to};
 use super::wire::{self, DeviceId, Mode, Operation, REGISTERS, State, operate, standard};
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, Guard, MotorName, Ownership, Rate, RxFrames, TxFrames};
+use crate::can_ids::{CanIds, Frames, Guard, MotorName, Ownership, Rate};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::Goal;
 use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition};
@@ -59,19 +59,15 @@ enum Question {
 }
 
 impl Question {
-    /// Whether the device must not be enabled meanwhile.
-    const fn only_while_off(self) -> bool {
-        matches!(
-            self,
-            Self::Operate(Operation::StoreZero) | Self::Access(Access::Save | Access::Write(..))
-        )
-    }
-
     const fn retry(self) -> Retry {
+        let (retry, only_while_off) = (Retry::new(0.010, 10), true);
         match self {
             // Up to 30 ms deaf, and memory that lasts for ten thousand times.
-            Self::Access(Access::Save) => Retry { every: 0.060, tries: 2 },
-            _ => Retry { every: 0.010, tries: 10 },
+            Self::Access(Access::Save) => Retry { only_while_off, ..Retry::new(0.060, 2) },
+            Self::Access(Access::Write(..)) | Self::Operate(Operation::StoreZero) => {
+                Retry { only_while_off, ..retry }
+            }
+            _ => retry,
         }
     }
 }
@@ -263,10 +259,7 @@ impl Damiao {
         } else if question.is_none() && self.fault.is_none() && !self.is_checked() {
             self.pending.replace(Question::Check, Question::Check.retry());
         }
-        if tick.mode != DriveMode::Off && question.is_some_and(Question::only_while_off) {
-            self.pending.interrupt();
-        }
-        self.pending.update(tick.dt);
+        self.pending.update(tick);
         if question == Some(Question::Check) && self.pending.question() != question {
             self.fault = self.fault.or(self.pending.take_outcome().map(|_| NO_ANSWER));
         }
@@ -470,11 +463,11 @@ impl Motor for Damiao {
                 Controller::Own { .. } => return Err(RequestError::Unsupported),
             },
         };
-        let is_still = self.drive == DriveMode::Off && self.state() != Some(State::Enabled);
-        if question.only_while_off() && !is_still {
+        let retry = question.retry();
+        if retry.only_while_off && self.state() == Some(State::Enabled) {
             return Err(RequestError::NotWhileArmed);
         }
-        self.pending.ask(question, question.retry())
+        self.pending.ask(question, retry)
     }
 
     fn response(&mut self) -> Option<Result<Response, RequestError>> {
@@ -499,14 +492,15 @@ impl CanMotor for Damiao {
     fn can_ids(&self) -> CanIds {
         let [low, _] = self.id.raw().to_le_bytes();
         let exact = |id| IdPattern::exact(Id::Standard(id));
-        let command = |mode, len, rate| TxFrames::new(exact(self.id.command_id(mode)), len, rate);
+        let command = |mode, len, rate| Frames::new(exact(self.id.command_id(mode)), len, rate);
         let guard = |mask| Guard { byte: 0, mask, value: low & mask };
         let register = |len| {
-            TxFrames::new(exact(standard(REGISTERS)), len, Rate::Rare)
+            Frames::new(exact(standard(REGISTERS)), len, Rate::Rare)
                 .owned(Ownership::Guard(guard(0xFF)))
         };
         // Register replies have the whole identifier there, so the same four bits.
-        let feedback = RxFrames::new(exact(self.master), 8, Rate::EveryTick).guarded(guard(0x0F));
+        let feedback = Frames::new(exact(self.master), 8, Rate::EveryTick)
+            .owned(Ownership::Guard(guard(0x0F)));
         let mut ids = CanIds::new()
             .receives(feedback)
             .transmits(command(self.mode(), 8, Rate::EveryTick))

@@ -8,7 +8,7 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 use super::config::{Effort, FeedbackRate, IdOutOfRange, Model};
 use super::wire::{ENCODER_COUNTS, RawFeedback};
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, MotorName, Ownership, Rate, RxFrames, TxFrames};
+use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
 use crate::feedback::{Fault, Feedback};
 use crate::motor::{CanMotor, FrameError, FrameKind, Loops, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
@@ -209,8 +209,8 @@ impl CanMotor for Dji {
         let feedback = StandardId::new(self.model.feedback_base + u16::from(self.id));
         let feedback = IdPattern::exact(Id::Standard(feedback.unwrap_or(StandardId::ZERO)));
         let command = IdPattern::exact(Id::Standard(self.command_id));
-        CanIds::new().receives(RxFrames::new(feedback, 8, Rate::Hz(self.rate.hz()))).transmits(
-            TxFrames::new(command, 8, Rate::EveryTick).owned(Ownership::Bytes(0b11 << self.lane)),
+        CanIds::new().receives(Frames::new(feedback, 8, Rate::Hz(self.rate.hz()))).transmits(
+            Frames::new(command, 8, Rate::EveryTick).owned(Ownership::Bytes(0b11 << self.lane)),
         )
     }
 

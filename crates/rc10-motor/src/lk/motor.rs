@@ -8,7 +8,7 @@ use super::wire::{
     CLEAR_ERRORS, CURRENT, Command, DriveId, Health, MOTION, MULTI_MOTOR_ID, Motion, Reply,
 };
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, MotorName, Ownership, Rate, RxFrames, TxFrames};
+use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
@@ -40,7 +40,7 @@ const ASKED_STEPS: f32 = 16.0;
 const NOTHING_FLOWS: f32 = 0.125;
 const IDLE_TICKS: u8 = 20;
 /// Clearing errors is tried for 0.1 s.
-const CLEARING: Retry = Retry { every: 0.0095, tries: 10 };
+const CLEARING: Retry = Retry::new(0.0095, 10);
 
 /// One LK drive, commanded by torque current: all loops run here.
 #[derive(Clone, Debug)]
@@ -230,7 +230,7 @@ impl Motor for Lk {
     }
 
     fn update(&mut self, tick: &Tick) {
-        self.pending.update(tick.dt);
+        self.pending.update(tick);
         let may = tick.mode != DriveMode::Off && tick.link == Link::Online && self.fault.is_none();
         self.step = match (may, self.commands, self.step) {
             (false, ..) => Step::Off,
@@ -293,8 +293,8 @@ impl CanMotor for Lk {
             Commands::MultiMotor => (MULTI_MOTOR_ID, Ownership::Bytes(0b11 << self.lane)),
         };
         CanIds::new()
-            .receives(RxFrames::new(IdPattern::exact(own), 8, Rate::EveryTick))
-            .transmits(TxFrames::new(IdPattern::exact(id), 8, Rate::EveryTick).owned(ownership))
+            .receives(Frames::new(IdPattern::exact(own), 8, Rate::EveryTick))
+            .transmits(Frames::new(IdPattern::exact(id), 8, Rate::EveryTick).owned(ownership))
     }
 
     fn unpack_feedback(

@@ -11,7 +11,7 @@ use super::wire::{
     Temperatures, VELOCITY,
 };
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, MotorName, Rate, RxFrames, TxFrames};
+use crate::can_ids::{CanIds, Frames, MotorName, Rate};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::{Goal, Goals};
 use crate::motor::{self, CanMotor, DriveMode, FrameError, FrameKind, Motor, Tick};
@@ -404,7 +404,7 @@ impl Motor for ODrive {
 
     fn update(&mut self, tick: &Tick) {
         self.heartbeat_age += tick.dt.get();
-        self.pending.update(tick.dt);
+        self.pending.update(tick);
         if self.heartbeat_age > self.heartbeat_timeout {
             self.leave();
         }
@@ -459,7 +459,7 @@ impl Motor for ODrive {
             (Request::ClearFault, _) if self.fault.is_none() => Ok(Response::Done),
             (Request::ClearFault, _) => {
                 let every = self.heartbeat_timeout / f32::from(CLEAR_TRIES);
-                self.pending.ask((), Retry { every, tries: CLEAR_TRIES })
+                self.pending.ask((), Retry::new(every, CLEAR_TRIES))
             }
             (Request::SetZero, Loops::Axis { .. }) if !self.shaft.is_known() => {
                 Err(RequestError::NoFeedback)
@@ -515,11 +515,11 @@ impl CanMotor for ODrive {
         let exact = |message| IdPattern::exact(self.node.can_id(message));
         let all = IdPattern::masked(self.node.can_id(0), NODE_MASK.into());
         let sent = CanIds::new()
-            .transmits(TxFrames::new(exact(input), 8, Rate::EveryTick))
-            .transmits(TxFrames::new(all, 8, Rate::Rare))
-            .transmits(TxFrames::new(exact(CLEAR_ERRORS), 0, Rate::Rare));
+            .transmits(Frames::new(exact(input), 8, Rate::EveryTick))
+            .transmits(Frames::new(all, 8, Rate::Rare))
+            .transmits(Frames::new(exact(CLEAR_ERRORS), 0, Rate::Rare));
         self.messages().fold(sent, |ids, (message, rate)| {
-            ids.receives(RxFrames::new(exact(message), 8, Rate::Hz(rate)))
+            ids.receives(Frames::new(exact(message), 8, Rate::Hz(rate)))
         })
     }
 

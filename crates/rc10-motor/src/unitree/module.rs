@@ -47,7 +47,7 @@ use super::motor::Actuator;
 use super::wire::module::{Content, FROM_MODULE, Module, Reply, Request as Question};
 use super::wire::{self, Address, RawImpedance, RawMotion, RotorScale};
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, MotorName, Rate, RxFrames, TxFrames};
+use crate::can_ids::{CanIds, Frames, MotorName, Rate};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
@@ -249,8 +249,8 @@ impl CanMotor for GoModule {
         let to_all = u32::from(self.module.get()) << 27 | u32::from(Address::BROADCAST.get()) << 8;
         // One pattern for state, fault and gains: a bus has room for eight that are masked.
         CanIds::new()
-            .receives(RxFrames::new(Self::pattern(replies, OWNER), 8, Rate::EveryTick))
-            .transmits(TxFrames::new(Self::pattern(commands, TO_MOTOR), 8, Rate::EveryTick))
+            .receives(Frames::new(Self::pattern(replies, OWNER), 8, Rate::EveryTick))
+            .transmits(Frames::new(Self::pattern(commands, TO_MOTOR), 8, Rate::EveryTick))
             .listens_to(Self::pattern(commands, OWNER))
             .listens_to(Self::pattern(to_all, OWNER))
     }

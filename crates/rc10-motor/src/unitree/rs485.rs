@@ -41,7 +41,7 @@ pub struct GoM8010 {
 }
 
 /// How long a motor has to reply after [`Request::ClearFault`], s.
-const CLEARING: Retry = Retry { every: 0.25, tries: 1 };
+const CLEARING: Retry = Retry::new(0.25, 1);
 
 impl GoM8010 {
     /// The motor set to `id`, turning forward, with the gains of [`CASCADE`](super::CASCADE).
@@ -149,7 +149,7 @@ impl Motor for GoM8010 {
 
     fn update(&mut self, tick: &Tick) {
         self.mode = tick.mode;
-        self.pending.update(tick.dt);
+        self.pending.update(tick);
         let Self { actuator, address, .. } = self;
         self.command = if tick.mode == DriveMode::Off || actuator.fault.is_some() {
             actuator.servo.rest();

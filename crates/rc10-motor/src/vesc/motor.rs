@@ -11,7 +11,7 @@ use super::hold::Hold;
 use super::watch::Watch;
 use super::wire::{Command, Packet, Reply, STATUSES, Setting, Status, coast, ping};
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, Guard, MotorName, Rate, RxFrames, TxFrames};
+use crate::can_ids::{CanIds, Frames, Guard, MotorName, Ownership, Rate};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::{Goal, Goals};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Motor, Tick};
@@ -382,9 +382,7 @@ impl Vesc {
 
     /// Whether a frame has an identifier, and a payload that its guard lets pass, of its own.
     fn receives(&self, frame: &CanFrame) -> bool {
-        self.can_ids().received().iter().any(|receive| {
-            receive.pattern.matches(frame) && receive.guard.is_none_or(|own| own.passes(frame))
-        })
+        self.can_ids().received().iter().any(|frames| frames.contains(frame))
     }
 }
 
@@ -507,14 +505,16 @@ impl CanMotor for Vesc {
         };
         let mut ids = CanIds::new();
         for (packet, rate) in STATUSES.into_iter().zip(status.all()).filter(|(_, rate)| *rate > 0) {
-            ids = ids.receives(RxFrames::new(exact(packet, id), 8, Rate::Hz(rate)));
+            ids = ids.receives(Frames::new(exact(packet, id), 8, Rate::Hz(rate)));
         }
         let from = Guard { byte: 0, mask: 0xFF, value: id.get() };
-        ids.receives(RxFrames::new(exact(Packet::Pong, asker), 2, Rate::Rare).guarded(from))
-            .transmits(TxFrames::new(to(id.get().into()), 4, Rate::Hz(command_hz)))
-            .transmits(TxFrames::new(exact(Packet::Ping, id), 1, Rate::Rare))
-            .transmits(TxFrames::new(exact(Packet::ConfCurrentLimits, id), 8, Rate::Rare))
-            .listens_to(to(0xFF))
+        ids.receives(
+            Frames::new(exact(Packet::Pong, asker), 2, Rate::Rare).owned(Ownership::Guard(from)),
+        )
+        .transmits(Frames::new(to(id.get().into()), 4, Rate::Hz(command_hz)))
+        .transmits(Frames::new(exact(Packet::Ping, id), 1, Rate::Rare))
+        .transmits(Frames::new(exact(Packet::ConfCurrentLimits, id), 8, Rate::Rare))
+        .listens_to(to(0xFF))
     }
 
     fn unpack_feedback(

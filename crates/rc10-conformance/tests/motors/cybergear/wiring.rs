@@ -7,8 +7,8 @@ use rc10_can::{CanFrame, Micros};
 use rc10_motor::cybergear::{Address, CyberGear, models, wire};
 use rc10_motor::dji::{Dji, M3508};
 use rc10_motor::{
-    ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Impedance,
-    Link, Motor, MotorBus, Rate, RxFrames, Safety, Target, Tick, TxBatch, Verdict,
+    ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Frames,
+    Impedance, Link, Motor, MotorBus, Rate, Safety, Target, Tick, TxBatch, Verdict,
 };
 
 use super::{ADDRESS, HOST, cybergear};
@@ -78,7 +78,7 @@ fn who_cannot_share_a_bus_with_it_is_told() {
     // A VESC's status 3 with the same low byte is a command to it: 0xF01 asks who it is.
     let wiring = at(1, HOST).can_ids();
     let id = ExtendedId::new(0x0F01).unwrap();
-    let receive = RxFrames::new(IdPattern::exact(id), 8, Rate::Hz(50));
+    let receive = Frames::new(IdPattern::exact(id), 8, Rate::Hz(50));
     let vesc = CanIds::new().receives(receive);
     assert_eq!(wiring.clash(&vesc), Some(Clash::Confuses(id.into())));
 }

@@ -6,28 +6,22 @@ use rc10_conformance::Dummy;
 use rc10_motor::dji::{Dji, M3508};
 use rc10_motor::rc10_app::ConfigError;
 use rc10_motor::unitree::GoModule;
-use rc10_motor::{
-    ArmSwitch, AttachError, CanIds, Clash, MotorBus, Rate, RxFrames, Safety, TxFrames,
-};
+use rc10_motor::{ArmSwitch, AttachError, CanIds, Clash, Frames, MotorBus, Rate, Safety};
 
 fn extended(id: u32, mask: u32) -> IdPattern {
     IdPattern::masked(ExtendedId::new(id).unwrap(), mask)
 }
 
-fn receive(id: u32, mask: u32) -> RxFrames {
-    RxFrames::new(extended(id, mask), 8, Rate::EveryTick)
-}
-
-fn transmit(id: u32, mask: u32) -> TxFrames {
-    TxFrames::new(extended(id, mask), 8, Rate::EveryTick)
+fn frames(id: u32, mask: u32) -> Frames {
+    Frames::new(extended(id, mask), 8, Rate::EveryTick)
 }
 
 /// STATUS and STATUS 3, commands: declared by hand.
 fn vesc(id: u16) -> Dummy {
     let ids = CanIds::new()
-        .receives(receive(0x09 << 8 | u32::from(id), 0x1FFF_FFFF))
-        .receives(receive(0x0F << 8 | u32::from(id), 0x1FFF_FFFF))
-        .transmits(transmit(id.into(), 0x1FFF_00FF));
+        .receives(frames(0x09 << 8 | u32::from(id), 0x1FFF_FFFF))
+        .receives(frames(0x0F << 8 | u32::from(id), 0x1FFF_FFFF))
+        .transmits(frames(id.into(), 0x1FFF_00FF));
     Dummy::new("VESC", id, ids)
 }
 
@@ -35,9 +29,9 @@ fn vesc(id: u16) -> Dummy {
 fn cybergear(motor: u16) -> Dummy {
     let id = u32::from(motor);
     let ids = CanIds::new()
-        .receives(receive(id << 8 | 0xFD, 0xFFFF))
-        .transmits(transmit(1 << 24 | id, 0x1F00_00FF))
-        .transmits(transmit(id, 0xFF));
+        .receives(frames(id << 8 | 0xFD, 0xFFFF))
+        .transmits(frames(1 << 24 | id, 0x1F00_00FF))
+        .transmits(frames(id, 0xFF));
     Dummy::new("CyberGear", motor, ids)
 }
 

@@ -7,8 +7,8 @@ use rc10_motor::dji::{Dji, FeedbackRate, M3508};
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::vesc::{ElectricalRpm, StatusRates};
 use rc10_motor::{
-    AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Link, Motor, MotorBus,
-    Rate, Request, RequestError, Response, Target, Tick, TxBatch, TxFrames, Verdict,
+    AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Frames, Link, Motor,
+    MotorBus, Rate, Request, RequestError, Response, Target, Tick, TxBatch, Verdict,
 };
 
 use super::*;
@@ -105,7 +105,7 @@ fn vescs_share_a_bus_with_others_unless_they_would_be_mistaken() {
 #[test]
 fn no_other_motor_may_send_what_every_vesc_obeys() {
     let id = ExtendedId::new(0x3FF).unwrap();
-    let stranger = TxFrames::new(IdPattern::exact(id), 4, Rate::EveryTick);
+    let stranger = Frames::new(IdPattern::exact(id), 4, Rate::EveryTick);
     let stranger = CanIds::new().transmits(stranger);
     assert_eq!(vesc(1).can_ids().clash(&stranger), Some(Clash::Confuses(id.into())));
 }
