@@ -2,7 +2,7 @@ use rc10_app::maths::round_to_i32;
 use rc10_app::{Degrees, TotalAngle};
 
 use crate::motor::DriveMode;
-use crate::target::{Impedance, Target, TargetError, TargetSet};
+use crate::target::{Target, TargetError, TargetSet};
 
 const TURN: i32 = 360_000_000;
 
@@ -17,8 +17,8 @@ pub(crate) enum Goal {
     /// Within the turn, 0 ..< 360,000,000 microdegrees.
     Angle(i32),
     Total(TotalAngle),
-    /// Its angle is the first one, which is exact.
-    Impedance(TotalAngle, Impedance),
+    /// Exactly there; the rest stands in the target.
+    Impedance(TotalAngle),
 }
 
 impl Goal {
@@ -33,7 +33,7 @@ impl Goal {
             Target::Impedance(impedance) => {
                 let out_of_range = TargetError::OutOfRange(target.kind());
                 let angle = TotalAngle::try_from_degrees(impedance.angle).ok_or(out_of_range)?;
-                Self::Impedance(angle, impedance)
+                Self::Impedance(angle)
             }
             // The others are the motor's own.
             _ => Self::Rest,
@@ -95,11 +95,12 @@ impl Goals {
                 let angle = TotalAngle::from_microdegrees(phase.into()).minus(zero).within_turn();
                 (self.goal, self.target) = (Goal::Angle(within_turn(angle)), Target::Angle(angle));
             }
-            Goal::Impedance(angle, impedance) => {
-                let angle = angle.minus(zero);
-                let impedance = Impedance { angle: angle.degrees(), ..impedance };
-                self.goal = Goal::Impedance(angle, impedance);
-                self.target = Target::Impedance(impedance);
+            Goal::Impedance(angle) => {
+                let moved = angle.minus(zero);
+                self.goal = Goal::Impedance(moved);
+                if let Target::Impedance(impedance) = &mut self.target {
+                    impedance.angle = moved.degrees();
+                }
             }
             Goal::Rest | Goal::Effort(_) | Goal::Speed(_) => (),
         }

@@ -251,7 +251,7 @@ impl Servo {
                     state.seek_angle(cascade, way, speed, *limit, dt, tick.count);
                 }
             }
-            Goal::Impedance(_, impedance) => self.impede(way(&goal, shaft), impedance, speed, dt),
+            Goal::Impedance(_) => self.impede(way(&goal, shaft), speed, dt),
         }
     }
 
@@ -329,8 +329,10 @@ impl Servo {
 
     /// Where the law would ask for more torque than the limit, all of it is taken back by one
     /// factor: the equilibrium stays.
-    fn impede(&mut self, way: f32, impedance: Impedance, measured: f32, dt: Seconds) {
-        let Impedance { speed, torque, kp, kd, .. } = impedance;
+    fn impede(&mut self, way: f32, measured: f32, dt: Seconds) {
+        let Target::Impedance(Impedance { speed, torque, kp, kd, .. }) = self.target() else {
+            return;
+        };
         let slip = (speed.get() - measured) * (TAU / 60.0);
         self.state.rest();
         let softness = if self.spring.is_some() { self.softness } else { 0.0 };
@@ -371,7 +373,7 @@ fn stand(shaft: &Shaft, acceleration: f32) -> TotalAngle {
 /// How far it is to an angle, in degrees; 0 where none is sought.
 fn way(goal: &Goal, shaft: &Shaft) -> f32 {
     let way = match *goal {
-        Goal::Total(angle) | Goal::Impedance(angle, _) => {
+        Goal::Total(angle) | Goal::Impedance(angle) => {
             let way = angle.minus(shaft.angle()).microdegrees();
             // Six turns away, some more or less do not matter.
             i32::try_from(way).unwrap_or(if way < 0 { i32::MIN } else { i32::MAX })
