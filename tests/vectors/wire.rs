@@ -1,7 +1,7 @@
 //! Vectors of protocols `can_bits` (frame lengths) and `encoder` (unwrapping a counter).
 
-use rc10_app::Encoder;
 use rc10_can::{CanFrame, LengthBounds};
+use rc10_module::encoder::Counter;
 use serde_json::{Map, Value};
 
 use crate::fields::{Check, Fields, Tolerance, frame, narrow, unknown};
@@ -71,11 +71,11 @@ pub fn encoder(kind: &str, vector: &mut Fields, tolerance: &mut Tolerance) -> Ch
 
 /// The total after each count, from the first.
 pub fn totals(modulus: u64, counts: &[Value]) -> Check<Vec<i64>> {
-    let mut encoder = Encoder::new(modulus);
+    let mut counter = Counter::new(modulus);
     let mut first = None;
     let total = |count| {
-        encoder.update(narrow(count)?).map_err(|error| error.to_string())?;
-        Ok(encoder.total() - *first.get_or_insert(encoder.total()))
+        counter.update(narrow(count)?).map_err(|error| error.to_string())?;
+        Ok(counter.total() - *first.get_or_insert(counter.total()))
     };
     counts.iter().map(total).collect()
 }

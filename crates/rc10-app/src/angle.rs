@@ -178,18 +178,6 @@ pub const fn shortest_way(from: i32, to: i32, turn: i32) -> i32 {
     }
 }
 
-/// As [`shortest_way`] on a circle of 2^`BITS` counts (1 ..= 31), in three instructions. Of both
-/// positions only the low `BITS` bits count.
-///
-/// ```
-/// use rc10_app::angle::shortest_way_in_bits;
-/// assert_eq!(shortest_way_in_bits::<13>(8190, 100), 102);
-/// ```
-pub const fn shortest_way_in_bits<const BITS: u32>(from: i32, to: i32) -> i32 {
-    // The sign bit of the difference, as BITS bits, becomes that of the result.
-    (to.wrapping_sub(from) << (32 - BITS)) >> (32 - BITS)
-}
-
 /// Of all movements that end where `step` ends on a circle of `turn` counts, the one nearest to
 /// `expected`: bridges a gap in which an unknown number of turns was made. Saturating.
 pub fn nearest_movement(step: i64, expected: i64, turn: i64) -> i64 {
@@ -256,12 +244,12 @@ mod tests {
     }
 
     #[test]
-    fn an_odd_circle_has_no_ambiguous_pair() {
-        for from in 0..7 {
-            for to in 0..7 {
-                let way = shortest_way(from, to, 7);
-                assert!((-3..=3).contains(&way));
-                assert_eq!((from + way).rem_euclid(7), to);
+    fn the_way_is_never_longer_than_half_the_circle_and_half_of_it_is_backward() {
+        for turn in [7, 8, 360, 1024] {
+            for (from, to) in (0..turn).flat_map(|from| (0..turn).map(move |to| (from, to))) {
+                let way = shortest_way(from, to, turn);
+                assert!((-(turn / 2)..=(turn - 1) / 2).contains(&way));
+                assert_eq!((from + way).rem_euclid(turn), to);
             }
         }
     }

@@ -7,7 +7,6 @@
 //! |---|---|
 //! | [`units`] | [`Rpm`], [`RotorRpm`], [`Degrees`], [`Amps`], [`Seconds`] …: units are types, and the two sides of a gearbox are two types |
 //! | [`angle`] | [`TotalAngle`]: an exact angle of many turns; shortest way round a circle |
-//! | [`encoder`] | [`Encoder`]: unwraps a single-turn counter |
 //! | [`pid`] | positional PID |
 //! | [`incremental`] | incremental PID |
 //! | [`differentiator`] | second-order tracking differentiator |
@@ -21,7 +20,6 @@ pub mod angle;
 pub mod cascade;
 pub mod chassis;
 pub mod differentiator;
-pub mod encoder;
 pub mod incremental;
 pub mod low_pass;
 pub mod maths;
@@ -37,7 +35,6 @@ pub use cascade::{Cascade, CascadeState};
 pub use chassis::{Mecanum, Twist, TwistLimiter, TwistLimits, TwistNotFinite, WheelSpeeds};
 pub use config::ConfigError;
 pub use differentiator::{Differentiator, DifferentiatorConfig};
-pub use encoder::Encoder;
 pub use incremental::{IncrementalPidConfig, IncrementalPidState};
 pub use low_pass::{LowPass, LowPassConfig};
 pub use pid::{PidConfig, PidInput, PidState};

@@ -1,7 +1,7 @@
 //! Incremental encoders: a timer counts the edges of two tracks, and starts over after 2¹⁶ or 2³².
 //!
-//! The count is unwrapped by [`rc10_app::Encoder`], in integers: exact for ever. What a counter
-//! cannot tell is said instead of guessed at:
+//! The count is unwrapped by a [`Counter`], in integers: exact for ever. What a counter cannot tell
+//! is said instead of guessed at:
 //!
 //! * it moved further than the shaft can have turned: [`Fault::Jump`]. The timer was written to,
 //!   or it counts noise. The angle stays; the counter's new value is where it goes on from.
@@ -11,10 +11,89 @@
 
 use core::fmt;
 
-use rc10_app::encoder::OutOfRange;
+use rc10_app::angle::nearest_movement;
 use rc10_app::maths::within;
-use rc10_app::{ConfigError, CountsPerTurn, Encoder, Rpm, Seconds, TotalAngle};
+use rc10_app::{ConfigError, CountsPerTurn, Rpm, Seconds, TotalAngle};
 use rc10_can::Micros;
+
+/// Unwraps a counter of 0 ..< modulus into an exact total. Integers only: no drift, and no overflow
+/// before 9 · 10¹⁸ counts.
+///
+/// The first sample sets the total to itself. Between two samples the counter must move less than
+/// half-way round.
+///
+/// ```
+/// use rc10_module::encoder::Counter;
+/// let mut counter = Counter::new(8192);
+/// for raw in [8000, 8190, 100] {
+///     counter.update(raw)?;
+/// }
+/// assert_eq!(counter.total() - 8000, 292);
+/// # Ok::<(), rc10_module::encoder::OutOfRange>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Counter {
+    modulus: u64,
+    last: Option<u32>,
+    total: i64,
+}
+
+/// A reading that the counter cannot have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct OutOfRange {
+    /// The reading.
+    pub raw: u32,
+    /// It must be below this.
+    pub modulus: u64,
+}
+
+impl fmt::Display for OutOfRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "a counter of {} counts showed {}", self.modulus, self.raw)
+    }
+}
+
+impl core::error::Error for OutOfRange {}
+
+impl Counter {
+    /// A counter of `modulus` counts, 2 ..= 2³² (anything else is brought into that range). A timer
+    /// of 32 bits has 2³².
+    pub const fn new(modulus: u64) -> Self {
+        let modulus = match modulus {
+            0 | 1 => 2,
+            too_large if too_large > 1 << 32 => 1 << 32,
+            fine => fine,
+        };
+        Self { modulus, last: None, total: 0 }
+    }
+
+    /// Takes a sample; returns how far the counter moved since the last one, the shorter way
+    /// round: -modulus/2 ..< modulus/2. The first sample moves it from 0 to itself.
+    ///
+    /// # Errors
+    /// [`OutOfRange`] if `raw` is not below the modulus; the sample is ignored.
+    pub fn update(&mut self, raw: u32) -> Result<i64, OutOfRange> {
+        if u64::from(raw) >= self.modulus {
+            return Err(OutOfRange { raw, modulus: self.modulus });
+        }
+        let turn = self.modulus.cast_signed();
+        let moved = match self.last.replace(raw) {
+            None => raw.into(),
+            Some(last) => {
+                let moved = i64::from(raw) - i64::from(last);
+                (moved + turn / 2).rem_euclid(turn) - turn / 2
+            }
+        };
+        self.total = self.total.saturating_add(moved);
+        Ok(moved)
+    }
+
+    /// All counts, from the counter's own zero at the first sample.
+    pub const fn total(&self) -> i64 {
+        self.total
+    }
+}
 
 /// What an encoder and its counter are.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,7 +167,7 @@ const STANDS: u64 = 500_000;
 #[derive(Clone, Copy, Debug)]
 pub struct IncrementalEncoder {
     config: Config,
-    counter: Encoder,
+    counter: Counter,
     /// The counter's total where the angle is zero.
     zero: i64,
     /// Where the index pulse came first, on the counter's total.
@@ -98,6 +177,7 @@ pub struct IncrementalEncoder {
     /// Total and time where the speed's window begins.
     window: (i64, Micros),
     speed: Rpm,
+    gaps: u32,
     jumps: u32,
 }
 
@@ -121,12 +201,13 @@ impl IncrementalEncoder {
         }
         Ok(Self {
             config,
-            counter: Encoder::new(config.modulus),
+            counter: Counter::new(config.modulus),
             zero: 0,
             index: None,
             read: Micros::ZERO,
             window: (0, Micros::ZERO),
             speed: Rpm::ZERO,
+            gaps: 0,
             jumps: 0,
         })
     }
@@ -136,15 +217,18 @@ impl IncrementalEncoder {
     /// # Errors
     /// [`Fault`]; the next good sample goes on.
     pub fn update(&mut self, raw: u32, now: Micros) -> Result<(), Fault> {
-        let is_first = self.counter.last().is_none();
+        let is_first = self.counter.last.is_none();
         let since = now.since(self.read);
         let possible = self.counts_within(since);
-        let moved = if !is_first && possible >= self.half_turn() {
-            self.counter.update_after_gap(raw, self.expected(since))
-        } else {
-            self.counter.update(raw)
-        };
-        let moved = moved.map_err(Fault::OutOfRange)?;
+        let mut moved = self.counter.update(raw).map_err(Fault::OutOfRange)?;
+        let turn = self.config.modulus.cast_signed();
+        if !is_first && possible >= turn / 2 {
+            // Of all ways that fit the sample, the one nearest to what the speed tells.
+            let nearest = nearest_movement(moved, self.expected(since), turn);
+            self.counter.total = self.counter.total.saturating_add(nearest - moved);
+            self.gaps = self.gaps.saturating_add(1);
+            moved = nearest;
+        }
         self.read = now;
         if is_first {
             self.zero = self.counter.total();
@@ -170,7 +254,7 @@ impl IncrementalEncoder {
     /// # Errors
     /// [`Fault::OutOfRange`]
     pub fn index(&mut self, raw: u32) -> Result<Option<i64>, Fault> {
-        if self.counter.last().is_none() || self.config.scale.turns() != 1 {
+        if self.counter.last.is_none() || self.config.scale.turns() != 1 {
             return Ok(None);
         }
         let mut captured = self.counter;
@@ -217,17 +301,13 @@ impl IncrementalEncoder {
     /// How often the counter was not read for too long: above zero, the turns are an estimate.
     #[must_use]
     pub const fn gaps(&self) -> u32 {
-        self.counter.gaps()
+        self.gaps
     }
 
     /// How often it jumped: above zero, the angle may be off by what was lost with it.
     #[must_use]
     pub const fn jumps(&self) -> u32 {
         self.jumps
-    }
-
-    const fn half_turn(&self) -> i64 {
-        (self.config.modulus / 2).cast_signed()
     }
 
     /// Counts in a time at a constant speed.
@@ -277,6 +357,41 @@ impl IncrementalEncoder {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// `RC10_LIB` overflowed after 262,144 rotor turns, 28 minutes at full speed.
+    #[test]
+    fn a_day_at_full_speed_is_exact() {
+        let mut counter = Counter::new(8192);
+        counter.update(0).unwrap();
+        let step = 2731; // 20,000 rpm at 1 kHz
+        let samples = 3_000_000_i64;
+        let mut raw = 0;
+        for _ in 0..samples {
+            raw = (raw + step) & 8191;
+            counter.update(raw).unwrap();
+        }
+        assert_eq!(counter.total(), samples * i64::from(step));
+        assert!(counter.total() > i64::from(i32::MAX));
+    }
+
+    #[test]
+    fn a_timer_of_32_bits_goes_round_too() {
+        let mut timer = Counter::new(1 << 32);
+        timer.update(u32::MAX - 5).unwrap();
+        assert_eq!(timer.update(10), Ok(16));
+        assert_eq!(timer.update(u32::MAX), Ok(-11));
+    }
+
+    #[test]
+    fn half_the_way_round_is_backward_also_where_the_modulus_is_odd() {
+        for (modulus, from, to, moved) in
+            [(10, 0, 5, -5), (10, 5, 0, -5), (11, 0, 5, 5), (11, 0, 6, -5), (2, 0, 1, -1)]
+        {
+            let mut counter = Counter::new(modulus);
+            counter.update(from).unwrap();
+            assert_eq!(counter.update(to), Ok(moved), "{modulus}");
+        }
+    }
 
     fn config(modulus: u64) -> Config {
         Config {

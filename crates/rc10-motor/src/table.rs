@@ -139,6 +139,9 @@ mod tests {
         }
         let module = IdPattern::masked(ExtendedId::new(0x1D00_1000).unwrap(), 0x1F00_FF00);
         table.insert(&receive(module, None), MotorId::new(7));
+        // Eight patterns that are masked, however much room there is for others.
+        assert!(table.has_room(&[receive(module, None); 7]));
+        assert!(!table.has_room(&[receive(module, None); 8]));
         let frame = |byte| CanFrame::eight_bytes(StandardId::ZERO, [byte, 0, 0, 0, 0, 0, 0, 0]);
         assert_eq!(table.find(&frame(0x12)), Some(MotorId::new(1)));
         assert_eq!(table.find_first(&frame(0x12)), None);

@@ -12,7 +12,6 @@ use embassy_stm32::timer::simple_pwm::{PwmPin, SimplePwm};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_time::{Duration, Ticker, Timer, with_timeout};
-use rc10_app::Encoder;
 use rc10_bsp::dma_buffer;
 use rc10_bsp::pulse_input::PulseInput;
 use rc10_bsp::pulse_output::{PulseError, PulseOutput};
@@ -20,6 +19,7 @@ use rc10_bsp::quadrature::{QuadratureCounter, QuadratureTimer};
 use rc10_firmware::board::{
     CaptureParts, EncoderParts, PulseParts, ServoParts, StripParts, SwitchParts,
 };
+use rc10_module::encoder::Counter;
 use rc10_module::led::ws2812::{BITS, PulseTiming, Pulses, Strip};
 use rc10_module::limit_switch::{Active, Config, Position, watch};
 use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
@@ -86,8 +86,8 @@ pub async fn encoders(parts: EncoderParts) -> Outcome {
     let (a, b) = parts.long_tracks;
     let long = QuadratureCounter::start(parts.long, a, b, Pull::Up);
     let counters = [
-        (short, Encoder::new(embassy_stm32::peripherals::TIM3::MODULUS)),
-        (long, Encoder::new(embassy_stm32::peripherals::TIM5::MODULUS)),
+        (short, Counter::new(embassy_stm32::peripherals::TIM3::MODULUS)),
+        (long, Counter::new(embassy_stm32::peripherals::TIM5::MODULUS)),
     ];
     let mut totals = [0; 2];
     let mut extremes = [(0, 0); 2];

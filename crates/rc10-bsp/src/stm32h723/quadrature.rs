@@ -1,8 +1,8 @@
 //! Incremental encoders on timers: the counter, whole. (embassy-stm32's driver reads the 16 lower
 //! bits of every timer, and filters nothing.)
 //!
-//! A counter starts over at [`QuadratureTimer::MODULUS`]; an `rc10_app::Encoder` of that modulus
-//! makes exact totals of it.
+//! A counter starts over at [`QuadratureTimer::MODULUS`]; an `rc10_module::encoder::Counter` of that
+//! modulus makes exact totals of it.
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AfType, Flex, Pull};

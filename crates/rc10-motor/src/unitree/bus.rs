@@ -214,9 +214,10 @@ impl<'m> Rs485Bus<'m> {
             count(&mut self.counters.timeouts);
             self.owed = self.polls.len();
         }
-        let Some(motor) = self.next(now) else { return Step::Wait(now + IDLE) };
-        let command = self.motors.get(motor).map(GoM8010::pack_command);
-        let (Some(command), Some(poll)) = (command, self.polls.get_mut(motor.index())) else {
+        let next = self.next(now);
+        let command = next.and_then(|motor| self.motors.get(motor)).map(GoM8010::pack_command);
+        let poll = next.and_then(|motor| self.polls.get_mut(motor.index()));
+        let (Some(motor), Some(command), Some(poll)) = (next, command, poll) else {
             return Step::Wait(now + IDLE);
         };
         (poll.is_due, poll.polled_at) = (false, Some(now));

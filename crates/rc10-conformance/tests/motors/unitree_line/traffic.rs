@@ -172,7 +172,26 @@ fn garbage_and_wrong_bits_are_counted_and_never_taken() {
 }
 
 #[test]
-fn an_answer_that_nobody_asked_for_is_not_taken() {
+fn a_line_with_nothing_to_poll_is_looked_at_again_within_a_millisecond() {
+    let switch = ArmSwitch::new();
+    let mut motor = GoM8010::new(0).unwrap();
+    let mut line = Rs485Bus::new(&switch);
+    let again = |now| Step::Wait(now + Micros::from_millis(1));
+    assert_eq!(line.poll(Micros::ZERO), again(Micros::ZERO));
+    line.attach(&mut motor, Safety::COAST).unwrap();
+    // It does not answer, and is polled seldom.
+    let mut polled = Vec::new();
+    for now in (0..250).map(Micros::from_millis) {
+        match line.poll(now) {
+            Step::Send(_) => polled.push(now.get() / 1000),
+            step => assert_eq!(step, again(now)),
+        }
+    }
+    assert_eq!(polled, [0, 100, 200]);
+}
+
+#[test]
+fn an_answer_that_was_not_asked_for_is_not_taken() {
     let switch = ArmSwitch::new();
     let mut ours = motors(2);
     let mut line = Rs485Bus::new(&switch);
