@@ -13,8 +13,8 @@ use std::sync::Mutex;
 
 use common::{Bench, motor, twin};
 use rc10_app::{
-    Amps, Encoder, IncrementalPidConfig, IncrementalPidState, Mecanum, PidConfig, PidState, Rpm,
-    Seconds, Twist,
+    Amps, CountsPerTurn, Direction, Gear, IncrementalPidConfig, IncrementalPidState, Mecanum,
+    PidConfig, PidState, Rpm, Seconds, Twist,
 };
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, CanPort, Health, Micros, Submitted};
@@ -22,6 +22,7 @@ use rc10_conformance::{Acts, Dummy};
 use rc10_message::{Overrun, Statistics, periodic};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Runner};
+use rc10_motor::shaft::Shaft;
 use rc10_motor::{
     ArmSwitch, AttachError, CanIds, CanMotor, Clash, Link, Motor, MotorBus, Safety, Target,
     TargetError, TargetKind, Tick, TxBatch,
@@ -102,13 +103,13 @@ fn r3_a_millisecond_is_a_millisecond_after_any_uptime() {
 /// The angle was off by 8.9 degrees after 256,000 rotor turns, and by 10^8 degrees after 262,144.
 #[test]
 fn r4_a_million_rotor_turns_are_counted_exactly() {
-    let mut encoder = Encoder::new(8192);
+    let mut shaft = Shaft::new(8192, Gear::DIRECT, Direction::Forward);
     let turns = 1_000_000_i64;
     for quarter in 0..turns * 4 {
-        encoder.update(u32::try_from(quarter % 4 * 2048).unwrap()).unwrap();
+        shaft.follow(i32::try_from(quarter % 4 * 2048).unwrap(), 0.0, Micros::ZERO);
     }
-    encoder.update(1).unwrap();
-    assert_eq!(encoder.total(), turns * 8192 + 1);
+    shaft.follow(1, 0.0, Micros::ZERO);
+    assert_eq!(shaft.angle().counts_at(CountsPerTurn::new(8192, 1)), turns * 8192 + 1);
 }
 
 #[test]
