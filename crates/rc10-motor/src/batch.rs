@@ -78,7 +78,7 @@ impl TxBatch {
         }
     }
 
-    #[cold]
+    #[cold] // One motor in four: inlined, every lane pays for it.
     fn open(&mut self, id: StandardId, offset: usize, bytes: [u8; 2]) -> Result<(), TxFull> {
         let mut data = [0; 8];
         match data.get_mut(offset..).and_then(|rest| rest.first_chunk_mut()) {
@@ -88,7 +88,7 @@ impl TxBatch {
         self.push(CanFrame::eight_bytes(id, data))
     }
 
-    #[cold]
+    #[cold] // An error: kept out of the way of the lanes.
     fn refuse(&mut self, id: Id) -> TxFull {
         self.refused = Some(id);
         TxFull

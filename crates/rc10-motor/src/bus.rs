@@ -146,7 +146,7 @@ impl<'m> MotorBus<'m> {
         }
     }
 
-    #[cold]
+    #[cold] // Not one of the usual frames, which have a straight way.
     fn on_other_frame(&mut self, frame: &CanFrame, at: Micros) -> Dispatch {
         if frame.is_remote() {
             count(&mut self.counters.remote);

@@ -161,7 +161,7 @@ impl Shaft {
     }
 
     /// The same after a silence; `before` is when and how fast it was measured before.
-    #[inline(never)]
+    #[inline(never)] // A division of 64 bits that the usual reading does not need.
     fn follow_after_silence(&mut self, step: i32, before: (Micros, Rpm)) {
         let (last, speed) = before;
         let silence = self.at.since(last);
@@ -219,7 +219,7 @@ impl Shaft {
     }
 
     /// Once in a turn of the output.
-    #[cold]
+    #[cold] // In one of many ticks.
     const fn wrap(&mut self) {
         let turn = if self.phase < 0 { -1 } else { 1 };
         self.turns = self.turns.wrapping_add(turn);
@@ -227,7 +227,7 @@ impl Shaft {
     }
 
     /// The same for any number of steps.
-    #[cold]
+    #[cold] // Arithmetic of 128 bits that only jumps need.
     pub fn jump_by(&mut self, steps: i64) {
         let over = i128::from(steps) * i128::from(self.part) + i128::from(self.rest);
         let carry = over / i128::from(self.divisor);

@@ -270,7 +270,7 @@ impl Supervision {
     }
 
     /// A frame of the motor was something else than its plain feedback.
-    #[cold]
+    #[cold] // The usual feedback does not come here.
     pub(crate) fn heard(
         &mut self,
         heard: Result<FrameKind, FrameError>,
@@ -349,7 +349,7 @@ impl Supervision {
     }
 
     /// What the motor may do when it does not simply go on running.
-    #[cold]
+    #[cold] // A motor that simply goes on running does not come here.
     fn change(&mut self, arm: ArmState, now: Micros) -> DriveMode {
         let online = self.link(now) == Link::Online;
         let fresh = self.fresh && since(self.commanded_at, now) < self.command_expiry;

@@ -4,7 +4,7 @@ use embedded_can::ExtendedId;
 use heapless::Vec;
 use rc10_can::CanFrame;
 
-use super::config::{self, CYBERGEAR_DETAILS, Model, ROBSTRIDE_DETAILS};
+use super::config::{CYBERGEAR_DETAILS, Model, ROBSTRIDE_DETAILS};
 use super::wire::{self, Address, Parameter, kind};
 use crate::mit::spread;
 use crate::signals::{ByteOrder, Message, Presence, Signal};
@@ -37,7 +37,7 @@ impl Scaled {
     /// For a model with these limits.
     pub const fn of(model: &Model) -> Self {
         const MODES: &[(u32, &str)] = &[(0, "stopped"), (1, "calibrates"), (2, "runs")];
-        let Model { limits, saves, .. } = *model;
+        let Model { limits, faults, .. } = *model;
         let position = spread(Signal::big("POSITION", 0, 2), limits.position, "rad");
         let velocity = spread(Signal::big("VELOCITY", 2, 2), limits.velocity, "rad/s");
         let torque = spread(Signal::big("TORQUE", 4, 2), limits.torque, "N m");
@@ -46,12 +46,12 @@ impl Scaled {
             feedback: [position, velocity, torque, temperature],
             state: [
                 Signal::in_id("MODE", 22, 2).named(MODES),
-                fault(saves, 0),
-                fault(saves, 1),
-                fault(saves, 2),
-                fault(saves, 3),
-                fault(saves, 4),
-                fault(saves, 5),
+                fault(faults, 0),
+                fault(faults, 1),
+                fault(faults, 2),
+                fault(faults, 3),
+                fault(faults, 4),
+                fault(faults, 5),
                 position,
                 velocity,
                 torque,
@@ -69,15 +69,10 @@ impl Scaled {
 }
 
 /// A fault bit in the identifier of a feedback, with the text that the codec has for it.
-const fn fault(robstride: bool, index: usize) -> Signal {
+const fn fault(faults: &'static [(u8, &'static str); 6], index: usize) -> Signal {
     const NAMES: [&str; 6] = ["FAULT_0", "FAULT_1", "FAULT_2", "FAULT_3", "FAULT_4", "FAULT_5"];
-    let (faults, texts) = if robstride {
-        (&config::ROBSTRIDE_FAULTS, &ROBSTRIDE_TEXTS)
-    } else {
-        (&config::CYBERGEAR_FAULTS, &CYBERGEAR_TEXTS)
-    };
-    let bit = faults[index].0;
-    Signal::in_id(NAMES[bit as usize], 16 + bit, 1).named(&texts[index])
+    let (bit, text) = &faults[index];
+    Signal::in_id(NAMES[*bit as usize], 16 + *bit, 1).flag(text)
 }
 
 /// The most messages of a motor.
@@ -143,20 +138,6 @@ pub fn messages(model: &Model, address: Address, scaled: &'static Scaled) -> Vec
     let _ = all.extend_from_slice(if robstride { &special } else { &special[..3] });
     all
 }
-
-/// A fault bit that is set, in the words of the codec.
-const fn texts(faults: &[(u8, &'static str); 6]) -> [[(u32, &'static str); 1]; 6] {
-    let mut texts = [[(1, "")]; 6];
-    let mut index = 0;
-    while index < 6 {
-        texts[index][0].1 = faults[index].1;
-        index += 1;
-    }
-    texts
-}
-
-static CYBERGEAR_TEXTS: [[(u32, &str); 1]; 6] = texts(&config::CYBERGEAR_FAULTS);
-static ROBSTRIDE_TEXTS: [[(u32, &str); 1]; 6] = texts(&config::ROBSTRIDE_FAULTS);
 
 /// Number of the chip, eight bytes as they came.
 static IDENTITY: [Signal; 1] = [Signal::big("CHIP", 0, 8)];

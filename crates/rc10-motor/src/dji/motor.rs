@@ -131,7 +131,7 @@ impl Dji {
     }
 
     /// What is wrong with a frame.
-    #[cold]
+    #[cold] // An error: the good frame goes straight on.
     fn reject(&self, frame: &CanFrame) -> Result<FrameKind, FrameError> {
         Err(if frame.key() != self.feedback_key {
             FrameError::NotMine
