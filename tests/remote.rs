@@ -2,6 +2,8 @@
 //! the wheel, and what happens when the radio link breaks.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+#[path = "remote/arming.rs"]
+mod arming;
 #[path = "remote/status_led.rs"]
 mod status_led;
 #[path = "remote/world_axes.rs"]

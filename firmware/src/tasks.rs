@@ -22,6 +22,7 @@ use rc10_robot::table::{BUSES, LED_BRIGHTNESS, LEDS, RECEIVER};
 use rc10_robot::{
     SetupError, Shared, chassis, driver, imu, mechanisms, remote, status, status_led,
 };
+use rc10_tasks::TickWatch;
 
 /// The chip restarts within 100 ms if a bus does not tick, or if the tasks in thread mode do not
 /// run: up to 10 ms go by before that shows, and the watchdog's own clock may be 9 % slow.
@@ -150,13 +151,10 @@ async fn watch(watchdog: Peri<'static, IWDG1>, shared: &Shared<'_>) -> ! {
         defmt::warn!("the watchdog does not take its timeout: a hung robot may not restart");
     }
     let mut ticker = Ticker::every(FEED);
-    let ticks = || shared.buses.map(|bus| bus.ticks());
-    let mut before = ticks();
+    let mut ticks = TickWatch::new(shared.buses);
     loop {
         ticker.next().await;
-        let now = ticks();
-        watchdog.feed_if(|| now.iter().zip(before).all(|(now, before)| *now != before));
-        before = now;
+        watchdog.feed_if(|| ticks.have_all_ticked(shared.buses));
     }
 }
 

@@ -3,11 +3,12 @@
 use core::fmt;
 
 use embassy_time::{Duration, Ticker};
-use rc10_can::{ErrorState, Micros};
+use rc10_can::Micros;
 use rc10_message::{CycleCount, Cycles};
 use rc10_module::Counters;
 use rc10_module::remote::RemoteLink;
 use rc10_motor::{ArmState, Link, TargetError, Unfit};
+use rc10_tasks::BusSummary;
 
 use crate::robot::Shared;
 use crate::table::{BUSES, MOTORS, Name};
@@ -41,35 +42,6 @@ pub struct RobotStatus {
     pub buses: [BusSummary; BUSES],
     /// What a tick takes of the core, if it is a chip's: any bus's.
     pub bus_cycles: Option<CycleCount>,
-}
-
-/// Status of a bus.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct BusSummary {
-    /// Ticks so far.
-    pub ticks: u32,
-    /// Ticks that did not happen in time.
-    pub overruns: u32,
-    /// Longest time from tick to tick, in microseconds.
-    pub longest_period: u32,
-    /// Longest tick, in microseconds.
-    pub longest_tick: u32,
-    /// Frames that its motors understood.
-    pub received: u32,
-    /// Frames that had a motor's identifier and were no feedback.
-    pub malformed: u32,
-    /// Received frames that were lost.
-    pub lost: u32,
-    /// Error state of the controller.
-    pub state: ErrorState,
-    /// No other node acknowledges its frames: it seems to be alone on the bus.
-    pub alone: bool,
-    /// How often the controller went bus-off.
-    pub bus_offs: u32,
-    /// How often the controller was found unable to send (restricted operation).
-    pub restrictions: u32,
-    /// How often the bus stood still and was made safe.
-    pub stalls: u32,
 }
 
 /// For people: what is as it should be takes few words.
@@ -112,31 +84,6 @@ impl fmt::Display for RobotStatus {
     }
 }
 
-impl fmt::Display for BusSummary {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.state)?;
-        if self.alone {
-            write!(f, ", alone on the bus")?;
-        }
-        let Self { ticks, longest_tick, longest_period, received, .. } = self;
-        write!(f, ": {ticks} ticks of {longest_tick} us, {longest_period} us apart")?;
-        write!(f, ", {received} received")?;
-        for (count, what) in [
-            (self.overruns, "ticks missed"),
-            (self.malformed, "malformed"),
-            (self.lost, "lost"),
-            (self.bus_offs, "times bus-off"),
-            (self.restrictions, "times restricted"),
-            (self.stalls, "times stalled"),
-        ] {
-            if count > 0 {
-                write!(f, ", {count} {what}")?;
-            }
-        }
-        Ok(())
-    }
-}
-
 /// The status task.
 pub async fn run(shared: &Shared<'_>) -> ! {
     let mut ticker = Ticker::every(Duration::from_millis(100));
@@ -155,23 +102,6 @@ pub fn now(shared: &Shared<'_>) -> RobotStatus {
         online += u8::from(status.link == Link::Online);
         refused = refused.saturating_add(status.counters.refused.total());
     }
-    let summary = |bus: usize| {
-        let status = shared.buses[bus].status();
-        BusSummary {
-            ticks: status.ticks,
-            overruns: status.overruns,
-            longest_period: status.period.max().unwrap_or(0),
-            longest_tick: status.execution.max().unwrap_or(0),
-            received: status.received.received,
-            malformed: status.received.malformed,
-            lost: status.health.receive_lost,
-            state: status.health.state,
-            alone: status.health.is_alone(),
-            bus_offs: status.health.bus_offs,
-            restrictions: status.health.restrictions,
-            stalls: status.health.stalls,
-        }
-    };
     RobotStatus {
         at: rc10_message::now(),
         arm: shared.switch.state(),
@@ -182,7 +112,7 @@ pub fn now(shared: &Shared<'_>) -> RobotStatus {
         remote: shared.remote_link.read().map_or(RemoteLink::Lost, |freshness| freshness.value),
         remote_reception: shared.remote_reception.read(),
         imu_reception: shared.imu_reception.read(),
-        buses: core::array::from_fn(summary),
+        buses: shared.buses.map(|bus| bus.status().into()),
         bus_cycles: shared.bus_cycles.and_then(Cycles::read),
     }
 }

@@ -6,6 +6,7 @@ use rc10_motor::Safety;
 use rc10_motor::dji::{self, FeedbackRate, Model};
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
+use rc10_tasks::ArmingConfig;
 
 /// Names of the motors, in the order of [`MOTORS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,6 +108,9 @@ pub const BASE: Mecanum = Mecanum {
 
 /// The receiver of the remote control that is plugged in.
 pub const RECEIVER: Receiver = Receiver::Dr16;
+
+/// The switches that arm, disarm and stop: as [`driver`](crate::driver) says.
+pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);
 
 /// LEDs of the strip that shows how the robot is.
 pub const LEDS: usize = 8;

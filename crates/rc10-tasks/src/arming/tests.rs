@@ -1,0 +1,289 @@
+use rc10_motor::Unfit;
+
+use super::*;
+use SwitchName::{Fourth, Left, Right, Third};
+
+/// How often a robot looks.
+const PERIOD: Micros = Micros::from_millis(10);
+
+/// Two switches; one for everything; one, and no stop.
+const CONFIGS: [ArmingConfig; 3] = [
+    ArmingConfig::DEFAULT,
+    ArmingConfig {
+        disarm: SwitchAt::new(Third, Switch::Middle),
+        stop: Some(SwitchAt::new(Third, Switch::Down)),
+    },
+    ArmingConfig { disarm: SwitchAt::new(Left, Switch::Up), stop: None },
+];
+
+/// Arming, and a remote whose frames come with every step until it is cut.
+struct Scene {
+    arming: Arming,
+    switch: ArmSwitch,
+    now: Micros,
+    remote: Remote,
+    newest: Option<Stamped<Remote>>,
+    is_cut: bool,
+}
+
+impl Scene {
+    /// The remote's switches arm and do not stop.
+    fn new(config: ArmingConfig) -> Self {
+        let mut scene = Self {
+            arming: Arming::new(config),
+            switch: ArmSwitch::new(),
+            now: Micros::from_millis(1000),
+            remote: Remote::default(),
+            newest: None,
+            is_cut: false,
+        };
+        let ArmingConfig { disarm, stop } = config;
+        if let Some(stop) = stop {
+            scene.turn(stop.switch, Switch::Up);
+        }
+        scene.turn(disarm.switch, scene.arms());
+        scene
+    }
+
+    fn armed(config: ArmingConfig) -> Self {
+        let mut scene = Self::new(config);
+        scene.disarm();
+        scene.step(2);
+        scene.arm();
+        scene.step(1);
+        assert_eq!(scene.switch.state(), ArmState::Armed);
+        scene
+    }
+
+    fn turn(&mut self, switch: SwitchName, to: Switch) {
+        *match switch {
+            Left => &mut self.remote.left_switch,
+            Right => &mut self.remote.right_switch,
+            Third => &mut self.remote.more_switches[0],
+            Fourth => &mut self.remote.more_switches[1],
+        } = to;
+    }
+
+    /// A position that arms.
+    fn arms(&self) -> Switch {
+        let ArmingConfig { disarm, stop } = self.arming.config;
+        let is_free = |position: &Switch| {
+            let at = SwitchAt::new(disarm.switch, *position);
+            at != disarm && Some(at) != stop
+        };
+        [Switch::Middle, Switch::Up, Switch::Down].into_iter().find(is_free).unwrap()
+    }
+
+    fn arm(&mut self) {
+        self.turn(self.arming.config.disarm.switch, self.arms());
+    }
+
+    fn disarm(&mut self) {
+        let SwitchAt { switch, position } = self.arming.config.disarm;
+        self.turn(switch, position);
+    }
+
+    /// The remote, if the robot does what it says.
+    fn step(&mut self, times: u32) -> Option<Remote> {
+        let mut obeyed = None;
+        for _ in 0..times {
+            self.now += PERIOD;
+            if !self.is_cut {
+                self.newest = Some(Stamped { value: self.remote, at: self.now });
+            }
+            obeyed = self.arming.step(self.newest, &self.switch, self.now);
+        }
+        obeyed
+    }
+}
+
+#[test]
+fn a_switch_that_was_left_in_a_position_that_arms_arms_nothing() {
+    for config in CONFIGS {
+        let mut scene = Scene::new(config);
+        assert_eq!(scene.step(500), None);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed);
+        scene.disarm();
+        scene.step(1);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed);
+        scene.arm();
+        assert_eq!(scene.step(1), Some(scene.remote));
+        assert_eq!(scene.switch.state(), ArmState::Armed);
+        scene.disarm();
+        assert_eq!(scene.step(1), None);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed);
+    }
+}
+
+#[test]
+fn every_position_but_the_two_that_are_named_arms() {
+    for config in CONFIGS {
+        for position in [Switch::Up, Switch::Middle, Switch::Down] {
+            let at = SwitchAt::new(config.disarm.switch, position);
+            let mut scene = Scene::new(config);
+            scene.disarm();
+            scene.step(1);
+            scene.turn(at.switch, position);
+            scene.step(1);
+            let expected = match at {
+                at if at == config.disarm => ArmState::Disarmed,
+                at if Some(at) == config.stop => ArmState::EStopped,
+                _ => ArmState::Armed,
+            };
+            assert_eq!(scene.switch.state(), expected, "{at:?} of {config:?}");
+        }
+    }
+}
+
+/// It disarmed before the remote was lost, or before a stop: that counts no more.
+#[test]
+fn a_switch_that_disarmed_before_arms_nothing_after() {
+    for config in CONFIGS {
+        let mut scene = Scene::new(config);
+        scene.disarm();
+        scene.step(2);
+        scene.is_cut = true;
+        scene.step(100);
+        scene.arm();
+        scene.is_cut = false;
+        assert_eq!(scene.step(100), None);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed, "lost");
+
+        let Some(stop) = config.stop else { continue };
+        let mut scene = Scene::new(config);
+        scene.disarm();
+        scene.step(2);
+        scene.arm();
+        scene.turn(stop.switch, stop.position);
+        scene.step(1);
+        assert_eq!(scene.switch.state(), ArmState::EStopped);
+        // The stop is ended elsewhere.
+        scene.turn(stop.switch, Switch::Up);
+        scene.arm();
+        scene.switch.reset();
+        assert_eq!(scene.step(100), None);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed, "stopped");
+    }
+}
+
+#[test]
+fn an_unfit_robot_is_not_armed_by_its_switches() {
+    for config in CONFIGS {
+        let mut scene = Scene::new(config);
+        scene.switch.forbid(Unfit::Clock);
+        scene.disarm();
+        scene.step(2);
+        scene.arm();
+        assert_eq!(scene.step(100), None);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed);
+    }
+}
+
+#[test]
+fn nothing_arms_without_a_remote() {
+    for config in CONFIGS {
+        let mut scene = Scene::new(config);
+        scene.is_cut = true;
+        assert_eq!(scene.step(200), None);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed);
+        assert_eq!(scene.arming.link(), RemoteLink::Lost);
+    }
+}
+
+#[test]
+fn an_emergency_stop_ends_by_hand_and_then_is_armed_anew() {
+    for config in CONFIGS {
+        let Some(stop) = config.stop else { continue };
+        let mut scene = Scene::armed(config);
+        scene.turn(stop.switch, stop.position);
+        assert_eq!(scene.step(1), None);
+        assert_eq!(scene.switch.state(), ArmState::EStopped);
+        scene.turn(stop.switch, Switch::Up);
+        scene.arm();
+        scene.step(10);
+        assert_eq!(scene.switch.state(), ArmState::EStopped, "the other switch arms yet");
+        scene.disarm();
+        scene.turn(stop.switch, stop.position);
+        scene.step(10);
+        assert_eq!(scene.switch.state(), ArmState::EStopped, "the switch stops yet");
+        scene.turn(stop.switch, Switch::Up);
+        scene.disarm();
+        scene.step(1);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed);
+        scene.arm();
+        assert!(scene.step(1).is_some());
+    }
+}
+
+#[test]
+fn a_stop_from_elsewhere_is_not_undone_by_an_armed_remote() {
+    for config in CONFIGS {
+        let mut scene = Scene::armed(config);
+        scene.switch.emergency_stop();
+        assert_eq!(scene.step(100), None);
+        assert_eq!(scene.switch.state(), ArmState::EStopped);
+        let mut scene = Scene::armed(config);
+        scene.switch.disarm();
+        assert_eq!(scene.step(100), None);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed);
+    }
+}
+
+#[test]
+fn a_remote_that_is_lost_for_a_moment_suspends_and_for_longer_disarms() {
+    for config in CONFIGS {
+        let mut scene = Scene::armed(config);
+        scene.is_cut = true;
+        assert!(scene.step(9).is_some(), "90 ms");
+        assert_eq!(scene.step(1), None, "100 ms");
+        assert_eq!(scene.switch.state(), ArmState::Suspended);
+        scene.step(89);
+        assert_eq!(scene.switch.state(), ArmState::Suspended, "990 ms");
+        scene.is_cut = false;
+        assert!(scene.step(1).is_some());
+        assert_eq!(scene.switch.state(), ArmState::Armed);
+        scene.is_cut = true;
+        scene.step(100);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed, "1000 ms");
+        scene.is_cut = false;
+        assert_eq!(scene.step(100), None, "armed only by hand");
+        scene.disarm();
+        scene.step(1);
+        scene.arm();
+        assert!(scene.step(1).is_some());
+    }
+}
+
+#[test]
+fn the_receivers_own_failsafe_suspends_at_once_whatever_the_frame_says() {
+    for config in CONFIGS {
+        let mut scene = Scene::armed(config);
+        scene.remote.left.y = 1.0;
+        scene.remote.failsafe = true;
+        assert_eq!(scene.step(1), None);
+        assert_eq!(scene.switch.state(), ArmState::Suspended);
+        scene.step(99);
+        assert_eq!(scene.switch.state(), ArmState::Disarmed);
+    }
+}
+
+#[test]
+fn a_configuration_that_cannot_work_is_refused() {
+    let down = |switch| SwitchAt::new(switch, Switch::Down);
+    let config = |disarm, stop| ArmingConfig { disarm: down(disarm), stop: Some(down(stop)) };
+    for receiver in Receiver::ALL {
+        let has_four = matches!(receiver, Receiver::Sbus | Receiver::Crsf | Receiver::Ppm);
+        let missing = |name| if has_four { Ok(()) } else { Err(name) };
+        let refused =
+            |name| missing(name).map_err(|name| ArmingError::NoSuchSwitch(name, receiver));
+        assert_eq!(config(Right, Left).validate(receiver), Ok(()));
+        assert_eq!(config(Third, Left).validate(receiver), refused(Third));
+        assert_eq!(config(Right, Fourth).validate(receiver), refused(Fourth));
+        assert_eq!(config(Left, Left).validate(receiver), Err(ArmingError::SamePosition));
+    }
+    let error = config(Third, Left).validate(Receiver::Vt03).unwrap_err();
+    extern crate std;
+    let text = "Third with vt03: the receiver's remote has no such switch: it would be in its middle \
+                for ever";
+    assert_eq!(std::string::ToString::to_string(&error), text);
+}

@@ -1,0 +1,149 @@
+//! Arming by any switches, with every receiver: its real bytes and pulses, from the hand to the
+//! `ArmSwitch`.
+
+use std::cell::{Cell, RefCell};
+use std::pin::Pin;
+
+use rc10_can::Micros;
+use rc10_cli::remote::{Receiver, ReceiverPort, ReceiverWire};
+use rc10_message::{Latest, Overrun, Statistics, now, periodic};
+use rc10_module::Reception;
+use rc10_module::remote::{self, Remote, RemoteLink, Switch};
+use rc10_motor::{ArmState, ArmSwitch};
+use rc10_sim::remote::{Controls, Switch as Position};
+use rc10_sim::{Tasks, World};
+use rc10_tasks::{Arming, ArmingConfig, SwitchAt, SwitchName};
+
+use super::millis;
+
+/// Two switches; one that arms and stops; one that arms, and no stop.
+const CONFIGS: [ArmingConfig; 3] = [
+    ArmingConfig::DEFAULT,
+    ArmingConfig {
+        disarm: SwitchAt::new(SwitchName::Right, Switch::Middle),
+        stop: Some(SwitchAt::new(SwitchName::Right, Switch::Down)),
+    },
+    ArmingConfig { disarm: SwitchAt::new(SwitchName::Left, Switch::Up), stop: None },
+];
+
+/// The same with the switches that a DR16 and a VT03 have not.
+fn on_other_switches(config: ArmingConfig) -> ArmingConfig {
+    let other = |at: SwitchAt| {
+        let switch =
+            if at.switch == SwitchName::Left { SwitchName::Fourth } else { SwitchName::Third };
+        SwitchAt { switch, ..at }
+    };
+    ArmingConfig { disarm: other(config.disarm), stop: config.stop.map(other) }
+}
+
+/// The hand puts a switch into a position.
+fn turn(controls: &mut Controls, at: SwitchAt) {
+    *match at.switch {
+        SwitchName::Left => &mut controls.left_switch,
+        SwitchName::Right => &mut controls.right_switch,
+        SwitchName::Third => &mut controls.more_switches[0],
+        SwitchName::Fourth => &mut controls.more_switches[1],
+    } = match at.position {
+        Switch::Up => Position::Up,
+        Switch::Middle => Position::Middle,
+        Switch::Down => Position::Down,
+    };
+}
+
+/// A robot that does nothing but to be armed: a receiver, and a task that looks every 10 ms.
+fn play(receiver: Receiver, config: ArmingConfig, seed: u64) {
+    config.validate(receiver).unwrap();
+    let what = format!("{receiver} {config:?}");
+    let hand = rc10_sim::remote::Remote::new();
+    let mut world = World::new(seed);
+    let port = ReceiverWire::new(receiver, &mut world, &hand).port();
+    let (switch, reception, timing) = (ArmSwitch::new(), Reception::new(), Statistics::new());
+    let newest = Latest::<Remote, 1>::new();
+    let arming = RefCell::new(Arming::new(config));
+    let mut tasks = Tasks::new();
+    tasks.add(async {
+        let hear = |remote, at| newest.set(remote, at);
+        match port {
+            ReceiverPort::Serial(port) => {
+                let _ = remote::listen(receiver, port, &reception, hear).await;
+            }
+            ReceiverPort::Pulses(mut port) => {
+                remote::listen_pulses(async || port.rising_edge().await, &reception, hear).await;
+            }
+        }
+    });
+    tasks.add(async {
+        periodic(millis(10), Overrun::Skip, &timing, async |_| {
+            arming.borrow_mut().step(newest.read(), &switch, now());
+        })
+        .await;
+    });
+    let clock = Cell::new(Micros::ZERO);
+    let mut run = |time: u64| {
+        clock.set(clock.get() + millis(time));
+        let _ = world.run(Pin::new(&mut tasks), clock.get());
+        switch.state()
+    };
+
+    // A position that arms, and one of the stop switch that does not stop.
+    let ArmingConfig { disarm, stop } = config;
+    let is_free = |at: &SwitchAt| *at != disarm && Some(*at) != stop;
+    let position =
+        |switch| [Switch::Middle, Switch::Up, Switch::Down].map(|to| SwitchAt::new(switch, to));
+    let arm = position(disarm.switch).into_iter().find(is_free).unwrap();
+    let mut controls = Controls::REST;
+    let mut put = |at: SwitchAt| {
+        turn(&mut controls, at);
+        hand.set(controls);
+    };
+
+    put(arm);
+    assert_eq!(run(500), ArmState::Disarmed, "{what}: left there, it arms nothing");
+    put(disarm);
+    assert_eq!(run(100), ArmState::Disarmed, "{what}");
+    put(arm);
+    assert_eq!(run(100), ArmState::Armed, "{what}");
+    if let Some(stop) = stop {
+        put(stop);
+        assert_eq!(run(100), ArmState::EStopped, "{what}");
+        put(position(stop.switch).into_iter().find(is_free).unwrap());
+        put(arm);
+        assert_eq!(run(100), ArmState::EStopped, "{what}: the other switch arms yet");
+        put(disarm);
+        assert_eq!(run(100), ArmState::Disarmed, "{what}");
+        put(arm);
+        assert_eq!(run(100), ArmState::Armed, "{what}");
+    }
+
+    // The failsafe in two steps: back in time it goes on, later only a hand arms it.
+    hand.set_transmitter(false);
+    assert_eq!(run(500), ArmState::Suspended, "{what}");
+    hand.set_transmitter(true);
+    assert_eq!(run(100), ArmState::Armed, "{what}");
+    hand.set_transmitter(false);
+    for (state, after) in [(ArmState::Armed, 100), (ArmState::Suspended, 1000)] {
+        while run(1) == state {}
+        // A step of 10 ms, and one of this loop. The time of a frame is its begin: PPM's last 22 ms.
+        let silent = clock.get().since(hand.sent().last_live.unwrap().micros());
+        assert!((millis(after - 22)..millis(after + 12)).contains(&silent), "{what}: {silent}");
+    }
+    hand.set_transmitter(true);
+    assert_eq!(run(500), ArmState::Disarmed, "{what}");
+    assert_eq!(arming.borrow().link(), RemoteLink::Online, "{what}");
+    put(disarm);
+    run(100);
+    put(arm);
+    assert_eq!(run(100), ArmState::Armed, "{what}");
+}
+
+#[test]
+fn any_switches_arm_disarm_and_stop_with_every_receiver() {
+    for receiver in Receiver::ALL {
+        for (seed, config) in (1..).zip(CONFIGS) {
+            play(receiver, config, seed);
+            if SwitchName::Third.is_at(receiver) {
+                play(receiver, on_other_switches(config), seed);
+            }
+        }
+    }
+}
