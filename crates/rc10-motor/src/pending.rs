@@ -60,7 +60,7 @@ impl<Q: Copy> Pending<Q> {
         self.asked.is_some() || self.outcome.is_some()
     }
 
-    /// Takes a question; its first try is due in the next tick.
+    /// Takes a question; its first try is due in the next tick after its delay.
     ///
     /// # Errors
     /// [`RequestError::Busy`] while another is in flight; [`RequestError::NotWhileArmed`].

@@ -53,7 +53,7 @@ pub struct Settings {
     pub is_late: bool,
     /// Is on after power-on.
     pub starts_on: bool,
-    /// Switches itself off when no command came for so long.
+    /// Longest time without a command; then it switches itself off.
     pub command_timeout: Option<Micros>,
 }
 

@@ -58,7 +58,7 @@ pub struct Settings {
     pub is_absolute: bool,
     /// Expires without frames; `None`: off.
     pub watchdog: Option<Micros>,
-    /// It starts for so long before it can be switched on (firmware 0.6 says so in its errors).
+    /// How long it starts before it can be switched on (firmware 0.6 says so in its errors).
     pub starts_for: Micros,
 }
 

@@ -21,7 +21,7 @@ const GEAR: f64 = 6.33;
 const EVERYBODY: u8 = 15;
 /// Its own protection (user manual): at this temperature, until power-off.
 const TOO_HOT: f64 = 90.0;
-/// It turns by itself for so long when told to calibrate (user manual), and hears nothing.
+/// How long it turns by itself when told to calibrate (user manual), and hears nothing.
 const CALIBRATION: Nanos = Nanos::new(5_000_000_000);
 
 /// Content of a command, as the numbers of the table: at the rotor.

@@ -9,7 +9,7 @@ use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
 /// Period in which the strip is written: a beat of its rhythms.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// The status LED's task: shows what `state` says on a strip of so many LEDs, for ever.
+/// The status LED's task: shows what `state` says on a strip with this number of LEDs, for ever.
 pub async fn run<S>(mut strip: S, leds: usize, mut state: impl FnMut() -> State) -> !
 where
     S: SmartLedsWriteAsync<Color = RGB8>,

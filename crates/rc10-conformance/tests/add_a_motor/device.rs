@@ -4,7 +4,7 @@ use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, Micros};
 use rc10_sim::{Bus, Device, Esc, EscFault, Outbox, Plant, Shaft, Taken, Winding};
 
-/// Without a command for so long it opens its bridge.
+/// Longest time without a command; then it opens its bridge.
 const PATIENCE: Micros = Micros::from_millis(100);
 const PERIOD: Micros = Micros::from_millis(1);
 

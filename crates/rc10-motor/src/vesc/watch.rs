@@ -10,7 +10,7 @@ use crate::supervision::Link;
 
 /// A VESC that does not report is asked this often, s.
 const ASK_PERIOD: f32 = 0.5;
-/// Its answer counts for so long, s: two questions may go unanswered.
+/// How long its answer counts, s: two questions may go unanswered.
 const ANSWER_HOLDS: f32 = 1.3;
 /// Reports are counted over this time, s …
 const WINDOW: f32 = 0.1;

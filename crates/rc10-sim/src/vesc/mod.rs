@@ -33,7 +33,7 @@ pub struct VescConfig {
     pub status_hz: [u16; 6],
     /// Slower than this speed is not regulated, electrical rpm.
     pub minimum_erpm: f64,
-    /// Commands hold for so long.
+    /// How long a command holds.
     pub timeout: Micros,
     /// What it brakes with after that, A.
     pub timeout_brake: f64,
