@@ -38,6 +38,11 @@ fn a_configuration_that_cannot_be_is_refused_by_name() {
     assert_eq!(refused(|config| config.command_hz = 1001), "command_hz");
     assert_eq!(refused(|config| config.timeout = Micros::new(14_999)), "timeout");
     assert_eq!(refused(|config| config.timeout = Micros::ZERO), "timeout");
+    let timeout = Micros::from_millis(10);
+    assert_eq!(
+        Vesc::new(Config { timeout, ..good }).unwrap_err().to_string(),
+        "VESC id 1: `timeout` is 0.01, but must be three periods of `command_hz` or more (seconds)"
+    );
     for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
         let mut config = config(1);
         config.currents.limit = Amps::new(bad);
