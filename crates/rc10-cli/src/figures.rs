@@ -8,8 +8,9 @@ use rc10_motor::{DriveMode, Link, TargetKind, Verdict};
 use serde_json::{Value, json};
 
 use crate::problems::{Problem, Severity, any, problems, seconds};
-use crate::recording::{MotorTrack, Recording, Tracking};
+use crate::recording::{MotorTrack, PartTrack, Recording, Tracking};
 use crate::remote::{Loss, RemoteTrack};
+use crate::signal::signals_json;
 
 /// The figures of a run: computed once, and printed as text, JSON and HTML.
 pub struct Figures {
@@ -126,7 +127,7 @@ pub struct Entry {
     pub bad: bool,
 }
 
-fn words(text: impl ToString) -> Entry {
+pub(crate) fn words(text: impl ToString) -> Entry {
     Entry { text: text.to_string(), bad: false }
 }
 
@@ -140,7 +141,7 @@ fn count(count: impl Into<u64>) -> Entry {
     words(grouped(count.into()))
 }
 
-fn number(value: Option<f64>, digits: usize, unit: &str) -> Entry {
+pub(crate) fn number(value: Option<f64>, digits: usize, unit: &str) -> Entry {
     words(optional(value, digits, unit))
 }
 
@@ -488,20 +489,52 @@ pub fn remote_json(recording: &Recording) -> Value {
             "resumed_us": micros(loss.resumed),
         })
     });
-    let heard = track.heard.map(|heard| {
-        json!({
-            "frames": heard.frames,
-            "damaged": heard.damaged,
-            "bytes_skipped": heard.skipped,
-            "port_errors": heard.port_errors,
-        })
-    });
+    let heard = track.heard.as_ref().map(heard_json);
     json!({
         "receiver": track.receiver.to_string(),
         "frames_sent": track.sent.frames,
         "live_frames_sent": track.sent.live,
         "heard": heard,
         "losses": losses.collect::<Vec<_>>(),
+    })
+}
+
+/// A line per part on a UART beside the remote's receiver; `None` if there is none.
+#[must_use]
+pub fn part_table(recording: &Recording) -> Option<Table> {
+    let row = |part: &PartTrack| {
+        let Counters { frames, damaged, skipped, port_errors, .. } = part.heard;
+        vec![
+            words(part.label),
+            words(format!("UART {}", part.uart)),
+            count(frames),
+            loss(damaged),
+            loss(skipped),
+            loss(port_errors),
+        ]
+    };
+    let rows: Vec<Vec<Entry>> = recording.parts.iter().map(row).collect();
+    let head = vec!["part", "at", "frames", "damaged", "bytes skipped", "port errors"];
+    (!rows.is_empty()).then_some(Table { head, words: 2, rows })
+}
+
+/// The parts on UARTs as JSON.
+#[must_use]
+pub fn parts_json(recording: &Recording) -> Value {
+    let part = |part: &PartTrack| {
+        let mut json = heard_json(&part.heard);
+        (json["part"], json["uart"]) = (part.label.into(), part.uart.into());
+        json
+    };
+    recording.parts.iter().map(part).collect()
+}
+
+fn heard_json(heard: &Counters) -> Value {
+    json!({
+        "frames": heard.frames,
+        "damaged": heard.damaged,
+        "bytes_skipped": heard.skipped,
+        "port_errors": heard.port_errors,
     })
 }
 
@@ -591,6 +624,8 @@ pub fn to_json(recording: &Recording, figures: &Figures, wall: f64) -> Value {
         "buses": buses.collect::<Vec<_>>(),
         "lines": lines.collect::<Vec<_>>(),
         "remote": remote_json(recording),
+        "parts": parts_json(recording),
+        "signals": signals_json(recording),
         "problems": problems_json(figures),
     })
 }

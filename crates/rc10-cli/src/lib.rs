@@ -47,6 +47,7 @@ pub mod report;
 pub mod robot;
 pub mod run;
 pub mod script;
+pub mod signal;
 pub mod simulate;
 pub mod slcan;
 pub mod team;

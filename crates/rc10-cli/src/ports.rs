@@ -9,6 +9,7 @@ use rc10_motor::embassy::{BusPort, MotorPort, Rs485Port};
 
 use crate::description::Description;
 use crate::motor::Place;
+use crate::signal::Signal;
 
 /// Ports of a running robot's buses and lines; the first of each is number 1.
 #[derive(Clone, Default)]
@@ -21,6 +22,10 @@ pub struct Ports<'r> {
     pub switch: Option<&'r ArmSwitch>,
     /// Counters of its remote's receiver.
     pub reception: Option<&'r Reception>,
+    /// Counters of the parts on its UARTs, in the order of [`Description::serials`].
+    pub parts: Vec<&'r Reception>,
+    /// Signals of its own.
+    pub signals: Vec<Signal<'r>>,
     /// Which way it looks by its IMU at this time: degrees counter-clockwise, all turns counted.
     pub yaw: Option<Yaw<'r>>,
 }

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use crate::effort::{self, EffortTrack, IN_A_ROW, WINDOW};
 use crate::margin;
 use crate::motor::Place;
-use crate::recording::{BusTrack, MotorSample, MotorTrack, Recording, SAMPLE_PERIOD};
+use crate::recording::{BusTrack, MotorSample, MotorTrack, PartTrack, Recording, SAMPLE_PERIOD};
 use crate::remote::{Loss, Receiver, RemoteTrack};
 
 /// How bad it is.
@@ -39,6 +39,8 @@ pub enum About {
     Line(u8),
     /// The remote control.
     Remote,
+    /// The part on a UART with this label.
+    Part(&'static str),
     /// The emulated chip, and the program on it.
     Chip,
 }
@@ -47,7 +49,7 @@ impl fmt::Display for About {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Robot => f.write_str("robot"),
-            Self::Motor(label) => f.write_str(label),
+            Self::Motor(label) | Self::Part(label) => f.write_str(label),
             Self::Bus(number) => write!(f, "bus {number}"),
             Self::Line(number) => write!(f, "line {number}"),
             Self::Remote => f.write_str("remote"),
@@ -107,8 +109,8 @@ impl fmt::Display for Problem {
 pub type Search = fn(&Recording, &mut Vec<Problem>);
 
 /// All of them, in the order in which their findings are told.
-const SEARCHES: [Search; 7] =
-    [robot, motors, efforts, buses, lines, remote, crate::consistency::consistency];
+const SEARCHES: [Search; 8] =
+    [robot, motors, efforts, buses, lines, remote, parts, crate::consistency::consistency];
 
 /// Everything that was found in a run.
 #[must_use]
@@ -138,6 +140,8 @@ pub const RESTART_WITHIN: Micros = Micros::from_millis(1500);
 pub const ARMED_FOR: Micros = Micros::from_millis(500);
 /// A robot that is not armed in a run of this length is a problem.
 pub const UNARMED_FOR: Micros = Micros::from_millis(1000);
+/// A part on a UART is heard within this time of a run.
+pub const PART_WITHIN: Micros = Micros::from_millis(500);
 
 // ---- injected faults ---------------------------------------------------------------------------
 
@@ -482,6 +486,23 @@ fn lines(recording: &Recording, found: &mut Vec<Problem>) {
             if count > 0 {
                 found.push(Problem::new(about, kind, format!("{count} {what}")));
             }
+        }
+    }
+}
+
+/// Parts on UARTs beside the remote's receiver.
+fn parts(recording: &Recording, found: &mut Vec<Problem>) {
+    for PartTrack { label, uart, heard } in &recording.parts {
+        let about = About::Part(label);
+        if heard.frames == 0 && recording.length > PART_WITHIN {
+            let text = format!("never heard at UART {uart}");
+            found.push(Problem::new(about, "never-heard", text));
+        }
+        let (damaged, all) = (heard.damaged.into(), heard.frames.into());
+        found.extend(share(about, "damaged", damaged, all, "damaged frames"));
+        if heard.port_errors > 0 {
+            let text = format!("{} port errors", heard.port_errors);
+            found.push(Problem::new(about, "port-error", text));
         }
     }
 }

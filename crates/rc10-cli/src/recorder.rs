@@ -15,8 +15,9 @@ use crate::margin::Margins;
 use crate::motor::Motor;
 use crate::recording::{
     BaseHeard, BaseTrack, BusSample, BusTrack, Cell, LOOK_PERIOD, MotorSample, MotorTrack,
-    PathPoint, Recording, SAMPLE_PERIOD, Tracking, WheelHeard, hex_digits,
+    PathPoint, Recording, SAMPLE_PERIOD, Sum, Tracking, WheelHeard, hex_digits,
 };
+use crate::signal::{Signal, SignalRecorder};
 
 /// Recorder of what a robot does. It sees the wires and the shafts for itself; what the robot
 /// believes of its motors and buses it must be told.
@@ -29,6 +30,7 @@ pub struct Recorder<'d> {
     arm: Vec<ArmState>,
     path: Vec<PathPoint>,
     heard: Vec<BaseHeard>,
+    signals: Vec<SignalRecorder>,
 }
 
 #[derive(Default)]
@@ -66,7 +68,20 @@ impl<'d> Recorder<'d> {
             arm: Vec::new(),
             path: Vec::new(),
             heard: Vec::new(),
+            signals: Vec::new(),
         }
+    }
+
+    /// The same, with the robot's own signals.
+    #[must_use]
+    pub fn with_signals(mut self, signals: &[Signal<'_>]) -> Self {
+        self.signals = signals.iter().map(SignalRecorder::new).collect();
+        self
+    }
+
+    /// Takes the values of the robot's own signals, in their order: every [`LOOK_PERIOD`].
+    pub fn signals(&mut self, values: impl Iterator<Item = Option<f64>>) {
+        self.signals.iter_mut().zip(values).for_each(|(signal, value)| signal.look(value));
     }
 
     /// When to look next, if the run is to end at `end`.
@@ -123,6 +138,7 @@ impl<'d> Recorder<'d> {
         arm: Option<ArmState>,
     ) {
         self.motors.iter_mut().for_each(MotorRecorder::sample);
+        self.signals.iter_mut().for_each(SignalRecorder::sample);
         for (number, recorder) in (1..=u8::MAX).zip(&mut self.buses) {
             recorder.samples.push(BusSample::of(&bus(number)));
         }
@@ -205,6 +221,7 @@ impl<'d> Recorder<'d> {
             }),
             events: self.description.events(length),
             arm: self.arm,
+            signals: self.signals.into_iter().map(SignalRecorder::finish).collect(),
             no_logs: self.description.no_logs,
             is_emulated: self.is_emulated,
             ..Recording::default()
@@ -279,38 +296,13 @@ impl MotorRecorder {
 
     fn sample(&mut self) {
         let Some(newest) = self.newest.take() else { return };
-        let cell = |sum: &mut Sum| std::mem::take(sum).cell();
+        let cell = |sum: &mut Sum| std::mem::take(sum).cell().unwrap_or_default();
         self.samples.push(MotorSample {
             measured_cell: cell(&mut self.measured),
             current_cell: cell(&mut self.current),
             rpm_cell: cell(&mut self.rpm),
             ..newest
         });
-    }
-}
-
-/// Values on their way to a [`Cell`].
-#[derive(Default)]
-struct Sum {
-    count: u32,
-    sum: f64,
-    min: f64,
-    max: f64,
-}
-
-impl Sum {
-    fn add(&mut self, value: f64) {
-        if self.count == 0 {
-            (self.min, self.max) = (value, value);
-        }
-        (self.min, self.max) = (self.min.min(value), self.max.max(value));
-        self.sum += value;
-        self.count += 1;
-    }
-
-    fn cell(self) -> Cell {
-        let mean = self.sum / f64::from(self.count);
-        Cell { min: self.min as f32, mean: mean as f32, max: self.max as f32 }
     }
 }
 

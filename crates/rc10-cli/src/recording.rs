@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use rc10_can::Micros;
+use rc10_module::Counters;
 use rc10_motor::embassy::{BusStatus, Rs485Status};
 use rc10_motor::{ArmState, DriveMode, Link, MotorCounters, MotorStatus, TargetKind};
 use rc10_sim::{Chassis, Fault};
@@ -12,6 +13,7 @@ use crate::effort::EffortTrack;
 use crate::motor::Motor;
 use crate::remote::RemoteTrack;
 use crate::script::Event;
+use crate::signal::SignalTrack;
 
 /// Samples are taken this far apart.
 pub const SAMPLE_PERIOD: Micros = Micros::from_millis(10);
@@ -37,6 +39,10 @@ pub struct Recording {
     pub events: Vec<Event>,
     /// The track of its remote, if it has one.
     pub remote: Option<RemoteTrack>,
+    /// The counters of each part on a UART beside the remote's receiver, at the end.
+    pub parts: Vec<PartTrack>,
+    /// One per signal of the robot's own; none of an emulated chip, whose memory is not looked into.
+    pub signals: Vec<SignalTrack>,
     /// Whether the robot was armed, per sample; empty if that is not known.
     pub arm: Vec<ArmState>,
     /// Injected faults.
@@ -66,6 +72,17 @@ pub(crate) fn hex_digits(hash: Sha256) -> String {
         let _ = write!(text, "{byte:02x}");
         text
     })
+}
+
+/// The bytes and frames that a task received of a part on a UART.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PartTrack {
+    /// Label of the part.
+    pub label: &'static str,
+    /// The chip's UART: 1 for USART1.
+    pub uart: u8,
+    /// Counters of its bytes and frames.
+    pub heard: Counters,
 }
 
 /// The track of one motor.
@@ -131,6 +148,36 @@ impl Cell {
     pub const fn of(value: f64) -> Self {
         let value = value as f32;
         Self { min: value, mean: value, max: value }
+    }
+}
+
+/// Values on their way to a [`Cell`].
+#[derive(Default)]
+pub(crate) struct Sum {
+    count: u32,
+    sum: f64,
+    min: f64,
+    max: f64,
+}
+
+impl Sum {
+    pub(crate) fn add(&mut self, value: f64) {
+        if self.count == 0 {
+            (self.min, self.max) = (value, value);
+        }
+        (self.min, self.max) = (self.min.min(value), self.max.max(value));
+        self.sum += value;
+        self.count += 1;
+    }
+
+    /// Lowest, mean and highest; `None` of no values.
+    pub(crate) fn range(&self) -> Option<[f64; 3]> {
+        (self.count > 0).then(|| [self.min, self.sum / f64::from(self.count), self.max])
+    }
+
+    pub(crate) fn cell(&self) -> Option<Cell> {
+        let [min, mean, max] = self.range()?.map(|value| value as f32);
+        Some(Cell { min, mean, max })
     }
 }
 

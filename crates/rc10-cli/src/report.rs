@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use crate::figures::{
     Entry, Figures, Table, bus_table, grouped, headline, line_table, motor_table, optional,
-    sentence,
+    part_table, sentence,
 };
 use crate::motor::Place;
 use crate::problems::{Problem, Severity, seconds};
@@ -19,6 +19,7 @@ use crate::recording::{
     BaseTrack, BusTrack, Cell, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD,
 };
 use crate::remote::{RemoteSample, RemoteTrack};
+use crate::signal::{SignalTrack, signal_table};
 
 /// Width of the windows of [`BusTrack::load_windows`].
 const LOAD_WINDOW: Micros = Micros::from_millis(100);
@@ -32,9 +33,10 @@ const LISTED: usize = 60;
 /// ...) samples are drawn as one; lowest and highest values are those of all.
 #[must_use]
 pub fn report(recording: &Recording, figures: &Figures) -> String {
-    let (motion, currents, loads) =
-        (motion_charts(recording), current_charts(recording), load_charts(recording));
-    let mut charts = motion.iter().chain(&currents).chain(&loads).enumerate();
+    let (motion, signals) = (motion_charts(recording), signal_charts(recording));
+    let (currents, loads) = (current_charts(recording), load_charts(recording));
+    let all = || motion.iter().chain(&signals).chain(&currents).chain(&loads);
+    let mut charts = all().enumerate();
     let mut next = |count: usize| -> String {
         charts.by_ref().take(count).map(|(number, chart)| figure(number, chart)).collect()
     };
@@ -64,13 +66,17 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
         main_motion = next(main),
         path = if recording.base.is_some() { PATH } else { "" },
         motion = next(motion.len() - main),
+        signals = signal_section(recording, &next(signals.len())),
         currents = next(currents.len()),
         loads = next(loads.len()),
         motor_table = table(&motor_table(recording, figures)),
         bus_table = table(&bus_table(recording)),
         line_table = line_table(recording).as_ref().map_or_else(String::new, table),
         remote = remote_section(recording),
-        data = data(recording, motion.iter().chain(&currents).chain(&loads)),
+        parts = part_table(recording).map_or_else(String::new, |parts| {
+            format!("<section>\n<h2>Parts on UARTs</h2>\n{}</section>\n", table(&parts))
+        }),
+        data = data(recording, all()),
     )
 }
 
@@ -205,6 +211,16 @@ fn remote_section(recording: &Recording) -> String {
     html
 }
 
+/// The robot's own signals: their plots and their table; nothing for a robot without any.
+fn signal_section(recording: &Recording, figures: &str) -> String {
+    signal_table(recording).map_or_else(String::new, |signals| {
+        format!(
+            "<section>\n<h2>Signals</h2>\n<div class=\"grid\">\n{figures}</div>\n{}</section>\n",
+            table(&signals)
+        )
+    })
+}
+
 fn table(table: &Table) -> String {
     let row = |row: &Vec<Entry>| {
         let cells = row.iter().enumerate().map(|(column, entry)| {
@@ -310,10 +326,13 @@ fn number(value: f64, digits: i32) -> Value {
     json!((value * power).round() / power + 0.0)
 }
 
-/// Means, and how far the lowest and highest values are from them, in hundredths. `stride` samples
-/// are one.
+/// Means of a motor's samples with their ranges. `stride` samples are one.
 fn cells(samples: &[MotorSample], stride: usize, of: impl Fn(&MotorSample) -> Cell) -> Value {
-    let merged: Vec<Cell> = samples.chunks(stride).map(|chunk| merge(chunk, &of)).collect();
+    ranges(&samples.chunks(stride).map(|chunk| merge(chunk, &of)).collect::<Vec<_>>())
+}
+
+/// Means, and how far the lowest and highest values are from them, in hundredths.
+fn ranges(merged: &[Cell]) -> Value {
     let hundredths = |span: f32| {
         let span = (span * 100.0).round();
         // Whole numbers are short.
@@ -416,6 +435,47 @@ fn motion_charts(recording: &Recording) -> Vec<Chart> {
             "series": series.collect::<Value>(),
         });
         Chart { title: format!("{} {}", capital(word), scale.noun), note: "", body }
+    };
+    groups.into_iter().map(chart).collect()
+}
+
+/// The robot's own signals. Those of one unit whose labels start with the same word share a plot.
+fn signal_charts(recording: &Recording) -> Vec<Chart> {
+    let mut groups: Vec<(&str, &str, Vec<&SignalTrack>)> = Vec::new();
+    for track in &recording.signals {
+        let word = split(track.label).0;
+        match groups.iter_mut().find(|group| (group.0, group.1) == (word, track.unit)) {
+            Some((_, _, tracks)) => tracks.push(track),
+            None => groups.push((word, track.unit, vec![track])),
+        }
+    }
+    let stride = stride(recording);
+    // Several samples as one; no number where there was no value.
+    let merged = |chunk: &[Option<Cell>]| {
+        let known = || chunk.iter().flatten();
+        let count = known().count() as f32;
+        Cell {
+            min: known().map(|cell| cell.min).fold(f32::NAN, f32::min),
+            mean: known().map(|cell| cell.mean).sum::<f32>() / count,
+            max: known().map(|cell| cell.max).fold(f32::NAN, f32::max),
+        }
+    };
+    let chart = |(word, unit, tracks): (&str, &str, Vec<&SignalTrack>)| {
+        let series = tracks.iter().map(|track| {
+            let mut series = ranges(&track.samples.chunks(stride).map(merged).collect::<Vec<_>>());
+            series["name"] = split(track.label).1.into();
+            series
+        });
+        let title = if let [track] = tracks.as_slice() { track.label } else { word };
+        let body = json!({
+            "unit": unit,
+            "from": periods(1),
+            "step": periods(stride),
+            "places": 2,
+            "least": 0.1,
+            "series": series.collect::<Value>(),
+        });
+        Chart { title: capital(title), note: "", body }
     };
     groups.into_iter().map(chart).collect()
 }
@@ -613,7 +673,7 @@ mod tests {
     use rc10_sim::remote::Sent;
 
     use super::*;
-    use crate::recording::Tracking;
+    use crate::recording::{PartTrack, Tracking};
     use crate::remote::{Loss, Lost, Receiver};
     use crate::script::Event;
     use crate::team;
@@ -901,6 +961,54 @@ mod tests {
         let page = page_of(&recording);
         assert!(page.contains("<li>remote: lost: the motors coasted after 121.0 ms only</li>"));
         assert_eq!(embedded(&page)["lanes"].as_array().unwrap().len(), 12);
+    }
+
+    #[test]
+    fn signals_of_its_own_have_plots_and_a_table() {
+        let mut recording = two_seconds();
+        assert!(!page_of(&recording).contains("<h2>Signals</h2>"));
+        let track = |label, unit| SignalTrack {
+            label,
+            unit,
+            samples: (0..200).map(|at: u8| (at >= 50).then(|| Cell::of(at.into()))).collect(),
+            last: Some(199.0),
+            range: Some([50.0, 124.5, 199.0]),
+            absent: Micros::from_millis(500),
+        };
+        recording.signals =
+            vec![track("wall left", "mm"), track("wall right", "mm"), track("heading <x>", "deg")];
+        let page = page_of(&recording);
+        for text in
+            ["<h2>Signals</h2>", "<h3>Wall <small>", "<h3>Heading &lt;x&gt; <small>", "199.00 mm"]
+        {
+            assert!(page.contains(text), "{text}");
+        }
+        let data = embedded(&page);
+        let charts = data["charts"].as_array().unwrap();
+        assert_eq!(charts.len(), 4 + 2 + 3 + 3);
+        assert_eq!(page.matches("data-plot=").count(), charts.len() + 2);
+        let wall = &charts[4];
+        assert_eq!((&wall["unit"], &wall["series"][1]["name"]), (&json!("mm"), &json!("right")));
+        let measured = &wall["series"][0]["measured"];
+        assert!(measured[49].is_null() && measured[50] == 50.0 && measured[199] == 199.0);
+        assert_eq!(charts[5]["series"].as_array().unwrap().len(), 1);
+    }
+
+    #[test]
+    fn parts_on_uarts_have_a_table() {
+        let mut recording = two_seconds();
+        assert!(!page_of(&recording).contains("Parts on UARTs"));
+        let mut heard = Counters::default();
+        (heard.frames, heard.damaged) = (1234, 5);
+        recording.parts = vec![PartTrack { label: "IMU", uart: 7, heard }];
+        let page = page_of(&recording);
+        for text in
+            ["Parts on UARTs", "<td class=\"words\">UART 7</td>", "<li>IMU: 5 damaged frames"]
+        {
+            assert!(page.contains(text), "{text}");
+        }
+        recording.parts[0].heard = Counters::default();
+        assert!(page_of(&recording).contains("<li>IMU: never heard at UART 7</li>"));
     }
 
     #[test]

@@ -19,6 +19,7 @@ use crate::mistake::Mistake;
 use crate::motor::{Motor, Place};
 use crate::ports::Ports;
 use crate::remote::{Receiver, ReceiverPort};
+use crate::signal::Signal;
 
 /// Bytes that a frame of eight bytes takes in a log, between those of a standard and an extended
 /// one.
@@ -55,6 +56,8 @@ impl<'r> Robot<'r> {
             lines: Vec::new(),
             switch: None,
             reception: None,
+            parts: Vec::new(),
+            signals: Vec::new(),
             yaw: None,
         };
         Self {
@@ -119,9 +122,27 @@ impl<'r> Robot<'r> {
         self
     }
 
-    /// Adds the task that speaks with its next part on a UART.
+    /// Adds a signal of its own: a value of its tasks that a run records, with its unit; `None`
+    /// while there is none.
     #[must_use]
-    pub fn serial<F: Future + 'r>(mut self, speak: impl FnOnce(UartPort) -> F + 'r) -> Self {
+    pub fn signal(
+        mut self,
+        label: &'static str,
+        unit: &'static str,
+        read: impl Fn(Micros) -> Option<f64> + 'r,
+    ) -> Self {
+        self.ports.signals.push(Signal { label, unit, read: Rc::new(read) });
+        self
+    }
+
+    /// Adds the task that speaks with its next part on a UART, and where its bytes are counted.
+    #[must_use]
+    pub fn serial<F: Future + 'r>(
+        mut self,
+        reception: &'r Reception,
+        speak: impl FnOnce(UartPort) -> F + 'r,
+    ) -> Self {
+        self.ports.parts.push(reception);
         self.serials.push(Box::new(|port| boxed(speak(port))));
         self
     }
@@ -276,6 +297,12 @@ impl<'r> Robot<'r> {
         }
         let (serials, described) = (self.serials.len(), self.description.serials.len());
         ensure!(serials == described, "{serials} parts on UARTs, but {described} described");
+        let labels = || self.ports.signals.iter().map(|signal| signal.label);
+        if let Some(twice) = (0..).zip(labels()).find_map(|(index, label)| {
+            labels().take(index).any(|other| other == label).then_some(label)
+        }) {
+            bail!("two signals are called `{twice}`");
+        }
         for (number, bus) in (1..=u8::MAX).zip(&self.buses) {
             let fits = bus.load(BITS_PER_SECOND).verdict() != Verdict::DoesNotFit;
             ensure!(
@@ -367,5 +394,11 @@ mod tests {
         let turned = "bus 1 has the motors [M3508 id 1, M3508 id 2], \
                       but described are [M3508 id 2, M3508 id 1]";
         assert_eq!(complaint(described(1, [right, left])).as_deref(), Some(turned));
+        let robot = Robot::new(Description::default());
+        let robot = ["wall", "speed", "wall"]
+            .into_iter()
+            .fold(robot, |robot, label| robot.signal(label, "", |_| None));
+        let error = robot.into_buses().err().map(|error| error.to_string());
+        assert_eq!(error.as_deref(), Some("two signals are called `wall`"));
     }
 }

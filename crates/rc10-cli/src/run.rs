@@ -11,13 +11,14 @@ use rc10_can::Micros;
 use rc10_sim::fault::{self, Fault};
 
 use crate::figures::{
-    Figures, Table, bus_table, line_table, motor_table, remote_lines, to_json, verdict,
+    Figures, Table, bus_table, line_table, motor_table, part_table, remote_lines, to_json, verdict,
 };
 use crate::mistake::{self, Mistake};
 use crate::recording::Recording;
 use crate::remote::{self, Receiver};
 use crate::report::report;
 use crate::robot::Robot;
+use crate::signal::signal_table;
 use crate::simulate::simulate;
 
 /// Arguments of `rc10 run`.
@@ -164,6 +165,9 @@ fn print(
     let lines = line_table(recording).as_ref().map_or_else(String::new, Table::text);
     let lines = if lines.is_empty() { lines } else { format!("\n{lines}") };
     writeln!(out, "{}\n{}{lines}{}", motors.text(), buses.text(), remote_lines(recording))?;
+    for table in [part_table(recording), signal_table(recording)].iter().flatten() {
+        writeln!(out, "{}", table.text())?;
+    }
     writeln!(
         out,
         "A tick takes 0 us here: virtual time stands still while code runs. Instructions per tick\n\

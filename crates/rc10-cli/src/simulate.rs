@@ -9,7 +9,7 @@ use rc10_sim::{Faults, Nanos};
 
 use crate::environment::Environment;
 use crate::recorder::Recorder;
-use crate::recording::Recording;
+use crate::recording::{PartTrack, Recording};
 use crate::remote::{Sight, Watch};
 use crate::robot::Robot;
 
@@ -24,7 +24,8 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
     let mut tasks = robot.tasks(&around)?;
     let motor =
         |entry| ports.motor(&description, entry).map_or(MotorStatus::NEW, |port| port.status());
-    let mut recorder = Recorder::new(&description, seed, &loops, &around.motors, false);
+    let mut recorder = Recorder::new(&description, seed, &loops, &around.motors, false)
+        .with_signals(&ports.signals);
     let mut watch = Watch::new(description.remote.as_ref());
     let mut faults = Faults::new(&around.wires, &around.lines, &description.faults)?;
     let bus = |number: u8| {
@@ -63,6 +64,7 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
             continue;
         }
         next_look = Recorder::next_look(now, length);
+        recorder.signals(ports.signals.iter().map(|signal| (signal.read)(now)));
         if !recorder.look((now, length), &around.motors, motor) {
             continue;
         }
@@ -78,7 +80,12 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
     let remote = remote.map(|link| watch.finish(link.receiver, link.remote.sent(), heard));
     let recording =
         recorder.finish(around.world.now(), &around.wires, &around.motors, motor, bus, lines);
-    Ok(Recording { remote, ..recording })
+    let parts = description.serials.iter().zip(&ports.parts).map(|(part, reception)| PartTrack {
+        label: part.label,
+        uart: part.uart,
+        heard: reception.read(),
+    });
+    Ok(Recording { remote, parts: parts.collect(), ..recording })
 }
 
 /// The first whole microsecond that is not before it: tasks know no finer time.

@@ -3,7 +3,7 @@
 mod operator;
 
 use anyhow::{Context, Result};
-use rc10_motor::SafeState;
+use rc10_motor::{ArmState, SafeState};
 use rc10_robot::table::{BASE, BUSES, Entry, LIFT, LIFT_TOP, MOTORS, Name, RECEIVER, WHEELS};
 use rc10_robot::{Bus, Shared, chassis, driver, imu, mechanisms, remote, status};
 use rc10_sim::imu::Hwt101;
@@ -96,7 +96,16 @@ pub fn robot<'r>(io: &'r Shared<'_>, buses: [Bus<'r>; BUSES]) -> Robot<'r> {
                 remote::listen_pulses(io, async || port.rising_edge().await).await
             }
         })
-        .serial(async |port| imu::run(io, port).await)
+        .serial(&io.imu_reception, async |port| imu::run(io, port).await)
+        .signal("lift tilt", "deg", |_| {
+            // Its motors have their zero from then on.
+            if io.switch.state() == ArmState::Disarmed {
+                return None;
+            }
+            let angles = LIFT.map(|name| io.motor(name).status().feedback.total_angle);
+            let [lowest, highest] = [angles.iter().min()?, angles.iter().max()?];
+            Some(highest.minus(*lowest).microdegrees() as f64 * 1e-6)
+        })
         .yaw(|now| {
             let heading = io.heading.read()?.value.total(now)?;
             Some(heading.microdegrees() as f64 * 1e-6)

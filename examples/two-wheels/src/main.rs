@@ -22,7 +22,9 @@ fn main() -> ExitCode {
 
 fn ready(robot: &mut TwoWheels) -> Result<Robot<'_>, AttachError> {
     let (shared, bus) = robot.start()?;
-    Ok(Robot::new(description()).bus(bus, &shared.bus).task(drive(shared)))
+    let robot = Robot::new(description()).bus(bus, &shared.bus).task(drive(shared));
+    // A value of the robot's own: a plot and a line in the tables.
+    Ok(robot.signal("distance by its wheels", "m", |_| shared.distance()))
 }
 
 fn description() -> Description {
@@ -61,6 +63,9 @@ mod tests {
                 assert!((real - rpm).abs() < 4.0, "{} at {millis} ms: {real}", wheel.motor.label);
             }
         }
+        // 0.9 s forward at 200 rpm, half a second turning, half a second at 120 rpm.
+        let metres = run.signals[0].last.unwrap();
+        assert!((1.3..2.0).contains(&metres), "{metres} m");
         let lost = run.buses[0].last.refused + run.buses[0].last.replaced;
         assert_eq!((run.buses[0].last.ticks, lost), (2000, 0));
     }

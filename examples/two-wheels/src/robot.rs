@@ -6,7 +6,7 @@ use rc10_motor::embassy::BusPort;
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::rc10_app::Rpm;
 use rc10_motor::rc10_can::Micros;
-use rc10_motor::{ArmSwitch, AttachError, MotorBus, MotorId, Safety, Target};
+use rc10_motor::{ArmSwitch, AttachError, Link, MotorBus, MotorId, Safety, Target};
 
 /// The wheels: their names, the identifiers set on them, and the directions in which they count.
 pub const WHEELS: [(&str, u8, Direction); 2] =
@@ -53,6 +53,23 @@ impl TwoWheels {
             bus.attach(wheel, Safety::COAST)?;
         }
         Ok((&self.shared, bus))
+    }
+}
+
+impl Shared {
+    /// How far the middle of the robot went, in metres, by its wheels of 76 mm; `None` before both
+    /// are heard.
+    pub fn distance(&self) -> Option<f64> {
+        let mut metres = 0.0;
+        for wheel in (0..).take(WHEELS.len()) {
+            let status = self.bus.motor(MotorId::new(wheel)).status();
+            if status.link == Link::NeverSeen {
+                return None;
+            }
+            let degrees = status.feedback.total_angle.microdegrees() as f64 * 1e-6;
+            metres += degrees.to_radians() * 0.076 / WHEELS.len() as f64;
+        }
+        Some(metres)
     }
 }
 
