@@ -62,7 +62,7 @@ impl SignalRecorder {
                 self.newest.add(value);
                 self.whole.add(value);
             }
-            None => self.track.absent = self.track.absent + LOOK_PERIOD,
+            None => self.track.absent += LOOK_PERIOD,
         }
     }
 
