@@ -7,8 +7,6 @@ use rc10_motor::unitree::GoM8010;
 use rc10_motor::{ArmSwitch, CanMotor, DriveMode, Request, SafeState, Safety, Target};
 use rc10_sim::{Bus, Esc, EscFault, Line};
 
-use crate::by_bus::ByBus;
-use crate::by_line::ByLine;
 use crate::declaration::Declaration;
 use crate::harness::{Connection, Harness, Subject};
 use crate::mirror::Mirror;
@@ -32,8 +30,8 @@ pub fn check<M: CanMotor + 'static>(
     device: impl Fn(&Bus, u8) -> Esc,
 ) -> Result<(), Report> {
     let motor = |id| Box::new(motor(id)) as Box<dyn CanMotor>;
-    let connection = ByBus { motor: &motor, device: &device };
-    let case = Case::new(declared, &connection);
+    let connection = Connection::ByBus { motor: &motor, device: &device };
+    let case = Case::new(declared, connection);
     let with_frames = FrameCase { case: &case, motor: &motor };
     run(&case, |rule, found| match rule.check {
         Check::Any(check) => check(&case, found),
@@ -50,8 +48,8 @@ pub fn check_line(
     motor: impl Fn(u8) -> GoM8010,
     device: impl Fn(&Line, u8) -> Esc,
 ) -> Result<(), Report> {
-    let connection = ByLine { motor: &motor, device: &device };
-    let case = Case::new(declared, &connection);
+    let connection = Connection::ByLine { motor: &motor, device: &device };
+    let case = Case::new(declared, connection);
     run(&case, |rule, found| match rule.check {
         Check::Any(check) => check(&case, found),
         Check::Frames(_) => (),
@@ -139,7 +137,7 @@ impl Findings {
 /// A motor to be tried.
 pub(crate) struct Case<'a> {
     pub(crate) declared: &'a Declaration,
-    connection: &'a dyn Connection,
+    connection: Connection<'a>,
     life: OnceCell<Life>,
 }
 
@@ -186,7 +184,7 @@ impl Life {
 }
 
 impl<'a> Case<'a> {
-    const fn new(declared: &'a Declaration, connection: &'a dyn Connection) -> Self {
+    const fn new(declared: &'a Declaration, connection: Connection<'a>) -> Self {
         Self { declared, connection, life: OnceCell::new() }
     }
 
@@ -209,7 +207,7 @@ impl<'a> Case<'a> {
     }
 
     /// An empty wire.
-    pub(crate) fn bench<'m>(&'m self, switch: &'m ArmSwitch) -> Box<dyn Harness<'m> + 'm> {
+    pub(crate) fn bench<'m>(&'m self, switch: &'m ArmSwitch) -> Harness<'m> {
         self.connection.bench(SEED, Mirror(self.declared.direction), switch)
     }
 

@@ -5,17 +5,23 @@ use rc10_motor::{
     RequestError, Target, TargetError, TargetKind, TargetSet, Tick, TxBatch, TxFull,
 };
 
-/// A motor without a device, for tests of a bus: it occupies identifiers, takes every frame for
-/// feedback, only coasts and sends nothing.
+/// A motor without a device, for tests of a bus: it occupies identifiers and takes speeds, of which
+/// nothing comes. Without a behaviour it takes every frame for feedback and sends nothing.
 #[derive(Clone, Copy, Debug)]
 pub struct Dummy<A = ()> {
     name: MotorName,
     ids: CanIds,
-    acts: A,
+    /// Its behaviour.
+    pub acts: A,
 }
 
 /// Behaviour of a [`Dummy`]: none by default.
 pub trait Acts: Send {
+    /// As [`Motor::feedback`].
+    fn feedback(&self) -> Feedback {
+        Feedback::NEW
+    }
+
     /// As [`Motor::update`].
     fn update(&mut self, _tick: &Tick) {}
 
@@ -30,6 +36,22 @@ pub trait Acts: Send {
     /// As [`Motor::response`].
     fn response(&mut self) -> Option<Outcome> {
         None
+    }
+
+    /// As [`CanMotor::unpack_feedback`].
+    ///
+    /// # Errors
+    /// [`FrameError`].
+    fn unpack(&mut self, _frame: &CanFrame, _link: Link) -> Result<FrameKind, FrameError> {
+        Ok(FrameKind::Feedback)
+    }
+
+    /// As [`CanMotor::pack_command`].
+    ///
+    /// # Errors
+    /// [`TxFull`].
+    fn pack(&mut self, _tx: &mut TxBatch) -> Result<(), TxFull> {
+        Ok(())
     }
 }
 
@@ -54,7 +76,7 @@ impl<A: Acts> Motor for Dummy<A> {
     }
 
     fn supports(&self) -> TargetSet {
-        TargetSet::of(&[TargetKind::Coast])
+        TargetSet::of(&[TargetKind::Coast, TargetKind::Speed])
     }
 
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
@@ -66,7 +88,7 @@ impl<A: Acts> Motor for Dummy<A> {
     }
 
     fn feedback(&self) -> Feedback {
-        Feedback::NEW
+        self.acts.feedback()
     }
 
     fn fault(&self) -> Option<Fault> {
@@ -93,15 +115,15 @@ impl<A: Acts> CanMotor for Dummy<A> {
 
     fn unpack_feedback(
         &mut self,
-        _: &CanFrame,
+        frame: &CanFrame,
         _: Micros,
-        _: Link,
+        link: Link,
     ) -> Result<FrameKind, FrameError> {
-        Ok(FrameKind::Feedback)
+        self.acts.unpack(frame, link)
     }
 
-    fn pack_command(&mut self, _: &mut TxBatch) -> Result<(), TxFull> {
-        Ok(())
+    fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
+        self.acts.pack(tx)
     }
 
     fn coast_frames(&self, _: &mut TxBatch) -> Result<(), TxFull> {

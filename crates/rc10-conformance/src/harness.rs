@@ -3,15 +3,16 @@
 use std::ops::{Deref, DerefMut};
 
 use rc10_app::Seconds;
-use rc10_can::{CanFrame, Micros};
+use rc10_can::{CanFrame, CanPort, Micros};
 use rc10_motor::unitree::{GoM8010, Rs485Bus};
 use rc10_motor::{
     ArmSwitch, CanMotor, CommandError, DriveMode, Motor, MotorId, MotorName, MotorStatus, Request,
-    RequestError, Response, Safety, Target, TargetSet, TxBatch,
+    RequestError, Response, Safety, Target, TargetSet, Tick, TxBatch,
 };
-use rc10_sim::Esc;
+use rc10_sim::{Bus, Esc, Line};
 
 use crate::mirror::Mirror;
+use crate::{Bench, LineBench};
 
 /// A motor to be tried.
 pub(crate) enum Subject {
@@ -87,41 +88,201 @@ pub(crate) enum Sent {
     Bytes(Vec<u8>),
 }
 
-/// Motors of ours and what watches over them, on a wire with their devices.
-pub(crate) trait Harness<'m> {
-    /// Puts a motor of ours on the wire; the text says why it does not go.
-    fn attach(&mut self, motor: &'m mut Subject, safety: Safety) -> Result<MotorId, String>;
-    /// Puts a device with this identifier on the wire.
-    fn device(&self, id: u8) -> Esc;
-    fn now(&self) -> Micros;
-    fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError>;
-    fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError>;
-    fn response(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>>;
-    fn supports(&self, motor: MotorId) -> TargetSet;
-    fn status(&self, motor: MotorId) -> MotorStatus;
-    /// A millisecond, with a tick at its end; the motors are told that `dt` has passed.
-    fn tick(&mut self, dt: Seconds);
-    /// A tick of a motor that is not attached, so that no bus supervises it, and a millisecond.
-    fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: DriveMode);
-    /// The program panics: what is for a panic handler is sent, and what waited is not. No tick may
-    /// follow.
-    fn panic(&mut self);
-    /// A millisecond without a tick.
-    fn pass(&mut self);
-    /// Cuts our side off the wire, or connects it again.
-    fn set_cut(&mut self, cut: bool);
-    /// What went over the wire since the last time.
-    fn take_traffic(&mut self) -> Vec<Traffic>;
+/// Makes motors, and benches for them.
+#[derive(Clone, Copy)]
+pub(crate) enum Connection<'a> {
+    ByBus { motor: &'a dyn Fn(u8) -> Box<dyn CanMotor>, device: &'a dyn Fn(&Bus, u8) -> Esc },
+    ByLine { motor: &'a dyn Fn(u8) -> GoM8010, device: &'a dyn Fn(&Line, u8) -> Esc },
 }
 
-/// Makes motors, and benches for them.
-pub(crate) trait Connection {
-    fn motor(&self, id: u8) -> Subject;
+impl<'a> Connection<'a> {
+    pub(crate) fn motor(self, id: u8) -> Subject {
+        match self {
+            Self::ByBus { motor, .. } => Subject::OnBus(motor(id)),
+            Self::ByLine { motor, .. } => Subject::OnLine(Box::new(motor(id))),
+        }
+    }
+
     /// An empty wire; `mirror` is that of the motors on it.
-    fn bench<'m>(
-        &'m self,
-        seed: u64,
-        mirror: Mirror,
-        switch: &'m ArmSwitch,
-    ) -> Box<dyn Harness<'m> + 'm>;
+    pub(crate) fn bench(self, seed: u64, mirror: Mirror, switch: &'a ArmSwitch) -> Harness<'a> {
+        let wired = match self {
+            Self::ByBus { device, .. } => Wired::Bus(Bench::new(seed, switch), device),
+            Self::ByLine { device, .. } => Wired::Line(LineBench::new(seed, switch), device),
+        };
+        Harness { wired, mirror }
+    }
+}
+
+/// Motors of ours and what watches over them, on a wire with their devices.
+pub(crate) struct Harness<'m> {
+    wired: Wired<'m>,
+    mirror: Mirror,
+}
+
+/// A bench, and what puts a device with an identifier on its wire.
+enum Wired<'m> {
+    Bus(Bench<'m>, &'m dyn Fn(&Bus, u8) -> Esc),
+    Line(LineBench<'m>, &'m dyn Fn(&Line, u8) -> Esc),
+}
+
+impl<'m> Harness<'m> {
+    /// Puts a motor of ours on the wire; the text says why it does not go.
+    pub(crate) fn attach(
+        &mut self,
+        motor: &'m mut Subject,
+        safety: Safety,
+    ) -> Result<MotorId, String> {
+        let attached = match (&mut self.wired, motor) {
+            (Wired::Bus(bench, _), Subject::OnBus(motor)) => bench.attach(&mut **motor, safety),
+            (Wired::Line(bench, _), Subject::OnLine(motor)) => bench.line.attach(motor, safety),
+            _ => return Err("it belongs on another wire".to_owned()),
+        };
+        attached.map_err(|error| error.to_string())
+    }
+
+    /// Puts a device with this identifier on the wire.
+    pub(crate) fn device(&self, id: u8) -> Esc {
+        match &self.wired {
+            Wired::Bus(bench, device) => device(&bench.wire, id),
+            Wired::Line(bench, device) => device(&bench.wire, id),
+        }
+    }
+
+    pub(crate) fn now(&self) -> Micros {
+        match &self.wired {
+            Wired::Bus(bench, _) => bench.world.now(),
+            Wired::Line(bench, _) => bench.world.now(),
+        }
+    }
+
+    pub(crate) fn command(&mut self, motor: MotorId, target: Target) -> Result<(), CommandError> {
+        let (target, now) = (self.mirror.target(target), self.now());
+        match &mut self.wired {
+            Wired::Bus(bench, _) => bench.bus.command(motor, target, now),
+            Wired::Line(bench, _) => bench.line.command(motor, target, now),
+        }
+    }
+
+    pub(crate) fn request(
+        &mut self,
+        motor: MotorId,
+        request: Request,
+    ) -> Result<Response, RequestError> {
+        match &mut self.wired {
+            Wired::Bus(bench, _) => bench.bus.request(motor, request),
+            Wired::Line(bench, _) => bench.line.request(motor, request),
+        }
+    }
+
+    pub(crate) fn response(&mut self, motor: MotorId) -> Option<Result<Response, RequestError>> {
+        match &mut self.wired {
+            Wired::Bus(bench, _) => bench.bus.response(motor),
+            Wired::Line(bench, _) => bench.line.response(motor),
+        }
+    }
+
+    pub(crate) fn supports(&self, motor: MotorId) -> TargetSet {
+        match &self.wired {
+            Wired::Bus(bench, _) => bench.bus.supports(motor),
+            Wired::Line(bench, _) => bench.line.supports(motor),
+        }
+    }
+
+    pub(crate) fn status(&self, motor: MotorId) -> MotorStatus {
+        self.mirror.status(match &self.wired {
+            Wired::Bus(bench, _) => bench.status(motor),
+            Wired::Line(bench, _) => bench.status(motor),
+        })
+    }
+
+    /// A millisecond, with a tick at its end; the motors are told that `dt` has passed.
+    pub(crate) fn tick(&mut self, dt: Seconds) {
+        match &mut self.wired {
+            Wired::Bus(bench, _) => bench.tick_with(dt),
+            Wired::Line(bench, _) => bench.tick_with(dt),
+        }
+    }
+
+    /// A tick of a motor that is not attached, so that no bus supervises it, and a millisecond.
+    pub(crate) fn tick_unwatched(&mut self, motor: &mut Subject, dt: Seconds, drive: DriveMode) {
+        motor.update(&Tick { dt, ..Tick::new(drive) });
+        match (&self.wired, motor) {
+            (Wired::Bus(bench, _), Subject::OnBus(motor)) => {
+                let mut batch = TxBatch::new();
+                let _ = motor.pack_command(&mut batch);
+                submit(&bench.wire, &batch);
+            }
+            (Wired::Line(bench, _), Subject::OnLine(motor)) => {
+                bench.wire.port().send(&motor.pack_command());
+            }
+            _ => (),
+        }
+        self.pass();
+    }
+
+    /// The program panics: what is for a panic handler is sent, and what waited is not. No tick may
+    /// follow.
+    pub(crate) fn panic(&mut self) {
+        match &self.wired {
+            Wired::Bus(bench, _) => {
+                let mut image = TxBatch::new();
+                let _ = bench.bus.coast_image(&mut image);
+                bench.wire.port().cancel_pending();
+                submit(&bench.wire, &image);
+            }
+            Wired::Line(bench, _) => {
+                let image = Rs485Bus::coast_image();
+                // The first may meet an answer.
+                (0..2).for_each(|_| bench.wire.port().send(&image));
+            }
+        }
+    }
+
+    /// A millisecond without a tick.
+    pub(crate) fn pass(&mut self) {
+        let next = self.now() + Micros::from_millis(1);
+        match &mut self.wired {
+            Wired::Bus(bench, _) => bench.world.advance(next),
+            Wired::Line(bench, _) => bench.world.advance(next),
+        }
+    }
+
+    /// Cuts our side off the wire, or connects it again.
+    pub(crate) fn set_cut(&mut self, cut: bool) {
+        match &self.wired {
+            Wired::Bus(bench, _) => bench.wire.set_cut(cut),
+            Wired::Line(bench, _) => bench.wire.set_cut(cut),
+        }
+    }
+
+    /// What went over the wire since the last time.
+    pub(crate) fn take_traffic(&mut self) -> Vec<Traffic> {
+        match &mut self.wired {
+            Wired::Bus(bench, _) => {
+                let entries = bench.wire.take_trace().into_iter();
+                let traffic = entries.map(|entry| Traffic {
+                    at: entry.at,
+                    is_ours: entry.from_controller,
+                    what: Sent::Frame(entry.frame),
+                });
+                traffic.collect()
+            }
+            Wired::Line(bench, _) => {
+                let heard = std::mem::take(&mut bench.traffic).into_iter();
+                let traffic = heard.map(|(at, is_ours, bytes)| {
+                    let what = Sent::Bytes(bytes);
+                    Traffic { at, is_ours, what }
+                });
+                traffic.collect()
+            }
+        }
+    }
+}
+
+fn submit(wire: &Bus, batch: &TxBatch) {
+    let mut port = wire.port();
+    for (frame, stream) in batch.entries() {
+        // A full controller is a slow wire, not a fault of the motor.
+        let _ = port.submit_as(frame, stream);
+    }
 }

@@ -33,8 +33,6 @@
 #![forbid(unsafe_code)]
 
 mod bench;
-mod by_bus;
-mod by_line;
 mod case;
 mod declaration;
 mod dummy;

@@ -12,7 +12,7 @@ use rc10_sim::Esc;
 /// A motor on a bus and its device on the wire, and what can be seen of both.
 pub(crate) struct Rig<'m> {
     pub(crate) declared: &'m Declaration,
-    pub(crate) bench: Box<dyn Harness<'m> + 'm>,
+    pub(crate) bench: Harness<'m>,
     pub(crate) esc: Esc,
     pub(crate) motor: MotorId,
     pub(crate) switch: &'m ArmSwitch,
@@ -34,7 +34,7 @@ const LONGEST_ANSWER: u32 = 3_000;
 impl<'m> Rig<'m> {
     pub(crate) fn new(
         declared: &'m Declaration,
-        bench: Box<dyn Harness<'m> + 'm>,
+        bench: Harness<'m>,
         esc: Esc,
         motor: MotorId,
         switch: &'m ArmSwitch,

@@ -1,130 +1,134 @@
 //! A bus and its runner, with a motor that does as it is told.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 use std::sync::{Arc, Mutex};
 
+// The lock of a PC.
+use critical_section as _;
+use rc10_conformance::{Acts, Dummy};
+use rc10_motor::embassy::{BusPort, Runner};
+use rc10_motor::pending::Outcome;
 use rc10_motor::rc10_app::{Rpm, Seconds};
 use rc10_motor::rc10_can::embedded_can::StandardId;
-use rc10_motor::rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_motor::rc10_can::{CanFrame, CanPort, Health, IdPattern, Micros, Submitted};
 use rc10_motor::{
-    ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, Fault, Feedback, FrameError,
-    FrameKind, Frames, Link, Motor, MotorBus, MotorId, MotorName, Ownership, Rate, Request,
-    RequestError, Response, Safety, Target, TargetError, TargetKind, TargetSet, Tick, TxBatch,
-    TxFull,
+    ArmSwitch, AttachError, CanIds, Clash, CommandError, Dispatch, DriveMode, Feedback, FrameError,
+    FrameKind, Frames, Link, MotorBus, MotorId, MotorName, Ownership, Rate, Request, RequestError,
+    Response, Safety, Target, Tick, TxBatch, TxFull,
 };
 
 const MS: Seconds = Seconds::new(0.001);
 const FIRST: MotorId = MotorId::new(0);
 
 fn id(raw: u16) -> StandardId {
-    StandardId::new(raw).expect("a standard identifier")
+    StandardId::new(raw).unwrap()
 }
 
 fn exact(raw: u16) -> IdPattern {
     IdPattern::exact(id(raw))
 }
 
-/// Feedback of the dummy with this number; 1 is a fault.
-fn feedback(number: u16, byte: u8) -> CanFrame {
-    CanFrame::data_frame(id(number), &[byte]).expect("a short frame")
+/// What the dummy with this number says of itself: [`Told`] has the bytes.
+fn says(number: u16, byte: u8) -> CanFrame {
+    CanFrame::data_frame(id(number), &[byte]).unwrap()
 }
 
 type Seen<T> = Arc<Mutex<T>>;
 
-/// Heard with its number as identifier, commanded from 0x100 + 16 x its number on.
-struct Dummy {
+/// Writes down what it is told, and says what it is told to say.
+#[derive(Default)]
+struct Told {
     number: u16,
-    ids: CanIds,
     /// How many frames it sends in a tick.
     frames: u16,
+    /// Whether it does what is requested without asking its device.
+    at_once: bool,
     ticks: Seen<Vec<Tick>>,
     /// What was known of its link as its frames came.
     links: Seen<Vec<Link>>,
     /// What it will say of a request that waits for the device.
-    response: Seen<Option<Result<Response, RequestError>>>,
+    response: Seen<Option<Outcome>>,
 }
 
-impl Dummy {
-    fn new(number: u16) -> Self {
-        let ids = CanIds::new()
-            .receives(Frames::new(exact(number), 1, Rate::EveryTick))
-            .transmits(Frames::new(exact(0x100 + 16 * number), 8, Rate::EveryTick));
-        let (ticks, links, response) = Default::default();
-        Self { number, ids, frames: 1, ticks, links, response }
-    }
-}
-
-impl Motor for Dummy {
-    fn name(&self) -> MotorName {
-        MotorName { model: "dummy", id: self.number }
-    }
-    fn supports(&self) -> TargetSet {
-        TargetSet::of(&[TargetKind::Coast, TargetKind::Speed])
-    }
-    fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        self.supports().accepts(&target)
-    }
-    fn target(&self) -> Target {
-        Target::Coast
-    }
+impl Acts for Told {
+    /// Tells as its speed what it was allowed to do.
     fn feedback(&self) -> Feedback {
-        Feedback::NEW
-    }
-    fn fault(&self) -> Option<Fault> {
-        None
+        let drive = self.ticks.lock().unwrap().last().map_or(DriveMode::Off, |tick| tick.mode);
+        let mut told = Feedback::NEW;
+        told.speed = Rpm::new(f32::from(drive as u8));
+        told
     }
     fn update(&mut self, tick: &Tick) {
-        self.ticks.lock().expect("no panic").push(*tick);
+        self.ticks.lock().unwrap().push(*tick);
     }
-    fn request(&mut self, _: Request) -> Result<Response, RequestError> {
-        Ok(Response::Pending)
+    fn request(&mut self, _: Request) -> Outcome {
+        Ok(if self.at_once { Response::Done } else { Response::Pending })
     }
-    fn response(&mut self) -> Option<Result<Response, RequestError>> {
-        self.response.lock().expect("no panic").take()
+    fn response(&mut self) -> Option<Outcome> {
+        self.response.lock().unwrap().take()
     }
-}
-
-impl CanMotor for Dummy {
-    fn can_ids(&self) -> CanIds {
-        self.ids
+    fn unpack(&mut self, frame: &CanFrame, link: Link) -> Result<FrameKind, FrameError> {
+        self.links.lock().unwrap().push(link);
+        match frame.bytes() {
+            [0] => Ok(FrameKind::Feedback),
+            [1] => Ok(FrameKind::Fault),
+            [2] => Ok(FrameKind::Other),
+            [3] => {
+                *self.response.lock().unwrap() = Some(Ok(Response::Done));
+                Ok(FrameKind::Feedback)
+            }
+            _ => Err(FrameError::Length),
+        }
     }
-    fn unpack_feedback(
-        &mut self,
-        frame: &CanFrame,
-        _: Micros,
-        link: Link,
-    ) -> Result<FrameKind, FrameError> {
-        self.links.lock().expect("no panic").push(link);
-        Ok(if frame.bytes() == [1] { FrameKind::Fault } else { FrameKind::Feedback })
-    }
-    fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
+    fn pack(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
         let mut frames = 0..self.frames;
         frames.try_for_each(|frame| tx.lane(id(0x100 + 16 * self.number + frame), 0, [1, 1]))
     }
-    fn coast_frames(&self, _: &mut TxBatch) -> Result<(), TxFull> {
-        Ok(())
-    }
+}
+
+/// Heard with its number as identifier, commanded from 0x100 + 16 x its number on.
+fn dummy(number: u16) -> Dummy<Told> {
+    let ids = CanIds::new()
+        .receives(Frames::new(exact(number), 1, Rate::EveryTick))
+        .transmits(Frames::new(exact(0x100 + 16 * number), 8, Rate::EveryTick));
+    Dummy::new("dummy", number, ids).with(Told { number, frames: 1, ..Told::default() })
 }
 
 /// One tick of a bus whose motors are all heard and commanded.
 fn tick(bus: &mut MotorBus<'_>, now: Micros, tx: &mut TxBatch) -> Result<(), TxFull> {
     let motors: Vec<_> = bus.motors().collect();
     for (motor, name) in motors {
-        bus.on_frame(&feedback(name.id, 0), now);
-        bus.command(motor, Target::Speed(Rpm::new(1.0)), now).expect("a speed");
+        bus.on_frame(&says(name.id, 0), now);
+        bus.command(motor, Target::Speed(Rpm::new(1.0)), now).unwrap();
     }
     bus.tick(now, MS, tx)
 }
 
+/// One tick with a frame and a fresh command; what the motor was allowed.
+fn tick_with(bus: &mut MotorBus<'_>, now: u64, byte: Option<u8>) -> (DriveMode, Link) {
+    let now = Micros::from_millis(now);
+    if let Some(byte) = byte {
+        bus.on_frame(&says(1, byte), now);
+    }
+    bus.command(FIRST, Target::Speed(Rpm::new(1.0)), now).unwrap();
+    bus.tick(now, MS, &mut TxBatch::new()).unwrap();
+    let status = bus.status(FIRST, now).unwrap();
+    let told = status.feedback.speed;
+    assert_eq!(told, Rpm::new(f32::from(status.drive as u8)), "the motor was told otherwise");
+    (status.drive, status.link)
+}
+
 fn drives(bus: &MotorBus<'_>) -> Vec<DriveMode> {
-    bus.ids().map(|motor| bus.status(motor, Micros::ZERO).expect("a motor").drive).collect()
+    bus.ids().map(|motor| bus.status(motor, Micros::ZERO).unwrap().drive).collect()
 }
 
 #[test]
 fn behind_a_motor_that_fills_the_batch_the_others_are_still_decided_and_updated() {
     let switch = ArmSwitch::new();
-    let (mut first, mut greedy, mut last) = (Dummy::new(1), Dummy::new(2), Dummy::new(3));
-    greedy.frames = 16;
-    let ticks = last.ticks.clone();
+    let (mut first, mut greedy, mut last) = (dummy(1), dummy(2), dummy(3));
+    greedy.acts.frames = 16;
+    let ticks = last.acts.ticks.clone();
     let mut bus = MotorBus::new(&switch);
     for motor in [&mut first, &mut greedy, &mut last] {
         bus.attach(motor, Safety::COAST).unwrap();
@@ -148,12 +152,12 @@ fn behind_a_motor_that_fills_the_batch_the_others_are_still_decided_and_updated(
 fn a_clear_that_is_refused_or_not_answered_does_not_end_a_fault() {
     for error in [RequestError::Refused(7), RequestError::Timeout] {
         let switch = ArmSwitch::new();
-        let mut dummy = Dummy::new(1);
-        let response = dummy.response.clone();
+        let mut motor = dummy(1);
+        let response = motor.acts.response.clone();
         let mut bus = MotorBus::new(&switch);
-        bus.attach(&mut dummy, Safety::BRAKE).unwrap();
+        bus.attach(&mut motor, Safety::BRAKE).unwrap();
         switch.arm().unwrap();
-        bus.on_frame(&feedback(1, 1), Micros::ZERO);
+        bus.on_frame(&says(1, 1), Micros::ZERO);
         for (answer, drive) in [
             (None, DriveMode::Brake),
             (Some(Err(error)), DriveMode::Brake),
@@ -179,13 +183,13 @@ fn a_clear_that_is_refused_or_not_answered_does_not_end_a_fault() {
 #[test]
 fn a_motor_is_told_what_the_bus_knows_of_its_link() {
     let switch = ArmSwitch::new();
-    let mut dummy = Dummy::new(1);
-    let (ticks, links) = (dummy.ticks.clone(), dummy.links.clone());
+    let mut motor = dummy(1);
+    let (ticks, links) = (motor.acts.ticks.clone(), motor.acts.links.clone());
     let mut bus = MotorBus::new(&switch);
-    bus.attach(&mut dummy, Safety::COAST).unwrap();
+    bus.attach(&mut motor, Safety::COAST).unwrap();
     for (millis, is_heard) in [(1, false), (2, true), (12, true), (25, false), (26, true)] {
         if is_heard {
-            bus.on_frame(&feedback(1, 0), Micros::from_millis(millis));
+            bus.on_frame(&says(1, 0), Micros::from_millis(millis));
         }
         bus.tick(Micros::from_millis(millis), MS, &mut TxBatch::new()).unwrap();
     }
@@ -198,10 +202,10 @@ fn a_motor_is_told_what_the_bus_knows_of_its_link() {
 #[test]
 fn a_command_holds_until_it_expires_and_a_link_until_it_is_lost_to_the_microsecond() {
     let switch = ArmSwitch::new();
-    let mut dummy = Dummy::new(1);
+    let mut motor = dummy(1);
     let mut bus = MotorBus::new(&switch);
     let safety = Safety { command_expiry: Micros::from_millis(5), ..Safety::BRAKE };
-    bus.attach(&mut dummy, safety).unwrap();
+    bus.attach(&mut motor, safety).unwrap();
     switch.arm().unwrap();
     let expired = |bus: &MotorBus<'_>| bus.status(FIRST, Micros::ZERO).unwrap().counters.expired;
     let (run, brake) = (DriveMode::Run, DriveMode::Brake);
@@ -236,9 +240,9 @@ fn a_command_holds_until_it_expires_and_a_link_until_it_is_lost_to_the_microseco
 #[test]
 fn a_pause_in_which_the_clocks_low_half_comes_round_revives_no_command() {
     let switch = ArmSwitch::new();
-    let mut dummy = Dummy::new(1);
+    let mut motor = dummy(1);
     let mut bus = MotorBus::new(&switch);
-    bus.attach(&mut dummy, Safety::HOLD).unwrap();
+    bus.attach(&mut motor, Safety::HOLD).unwrap();
     switch.arm().unwrap();
     let start = Micros::from_millis(5);
     tick(&mut bus, start, &mut TxBatch::new()).unwrap();
@@ -248,7 +252,7 @@ fn a_pause_in_which_the_clocks_low_half_comes_round_revives_no_command() {
     for drive in [DriveMode::Coast, DriveMode::Hold, DriveMode::Hold] {
         bus.tick(now, MS, &mut TxBatch::new()).unwrap();
         assert_eq!(drives(&bus), [drive]);
-        bus.on_frame(&feedback(1, 0), now);
+        bus.on_frame(&says(1, 0), now);
         now += Micros::from_millis(1);
     }
     assert_eq!(bus.status(FIRST, now).unwrap().counters.lost, 1);
@@ -261,7 +265,7 @@ fn lanes_of_frames_of_unequal_length_clash() {
     let lane = |number, len, bytes| {
         let frames = Frames::new(exact(0x200), len, Rate::EveryTick);
         let ids = CanIds::new().transmits(frames.owned(Ownership::Bytes(bytes)));
-        Dummy { ids, ..Dummy::new(number) }
+        Dummy::new("dummy", number, ids)
     };
     let switch = ArmSwitch::new();
     let (mut first, mut second, mut shorter) = (lane(1, 8, 3), lane(2, 8, 12), lane(3, 6, 48));
@@ -279,17 +283,17 @@ fn a_motor_that_the_bus_has_no_room_for_is_refused_by_name() {
     let receives = |number: u16, count: u16| {
         let frames = |raw| Frames::new(exact(raw), 8, Rate::Rare);
         let all = (0..count).map(|index| frames(0x400 + 16 * number + index));
-        Dummy { ids: all.fold(CanIds::new(), CanIds::receives), ..Dummy::new(number) }
+        Dummy::new("dummy", number, all.fold(CanIds::new(), CanIds::receives))
     };
     let switch = ArmSwitch::new();
     let mut greedy = receives(9, 9);
-    let mut all: Vec<_> = (0..9).map(Dummy::new).collect();
+    let mut all: Vec<_> = (0..9).map(dummy).collect();
     let mut bus = MotorBus::new(&switch);
     let motor = MotorName { model: "dummy", id: 9 };
     let refused = bus.attach(&mut greedy, Safety::COAST).unwrap_err();
     assert_eq!(refused, AttachError::TooManyIds { motor });
     assert!(refused.to_string().starts_with("dummy id 9 declares more than 8 received"));
-    let attached: Vec<_> = all.iter_mut().map(|dummy| bus.attach(dummy, Safety::COAST)).collect();
+    let attached: Vec<_> = all.iter_mut().map(|motor| bus.attach(motor, Safety::COAST)).collect();
     let motor = MotorName { model: "dummy", id: 8 };
     for (index, attached) in (0..).zip(attached) {
         let full = Err(AttachError::Full { motor, capacity: 8 });
@@ -300,8 +304,8 @@ fn a_motor_that_the_bus_has_no_room_for_is_refused_by_name() {
 #[test]
 fn each_motor_of_a_bus_counts_ticks_from_another_number_and_time_steps_are_bounded() {
     let switch = ArmSwitch::new();
-    let (mut first, mut second) = (Dummy::new(1), Dummy::new(2));
-    let (ours, theirs) = (first.ticks.clone(), second.ticks.clone());
+    let (mut first, mut second) = (dummy(1), dummy(2));
+    let (ours, theirs) = (first.acts.ticks.clone(), second.acts.ticks.clone());
     let mut bus = MotorBus::new(&switch);
     bus.attach(&mut first, Safety::COAST).unwrap();
     bus.attach(&mut second, Safety::COAST).unwrap();
@@ -316,52 +320,143 @@ fn each_motor_of_a_bus_counts_ticks_from_another_number_and_time_steps_are_bound
     assert!(counts.windows(2).all(|two| two[1] == two[0] + 1), "{counts:?}");
 }
 
-#[cfg(feature = "embassy")]
-mod runner {
-    // The lock of a PC.
-    use critical_section as _;
-    use rc10_motor::embassy::{BusPort, Runner};
-    use rc10_motor::rc10_can::{CanPort, Health, Submitted};
+#[test]
+fn a_fault_stops_the_motor_until_it_is_cleared() {
+    let switch = ArmSwitch::new();
+    let mut motor = dummy(1);
+    motor.acts.at_once = true;
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(&mut motor, Safety::BRAKE).unwrap();
+    switch.arm().unwrap();
+    assert_eq!(tick_with(&mut bus, 1, Some(0)), (DriveMode::Run, Link::Online));
+    assert_eq!(tick_with(&mut bus, 2, Some(1)), (DriveMode::Brake, Link::Online));
+    // That the fault goes by itself is not enough.
+    assert_eq!(tick_with(&mut bus, 3, Some(0)), (DriveMode::Brake, Link::Online));
+    bus.request(FIRST, Request::ClearFault).unwrap();
+    assert_eq!(tick_with(&mut bus, 4, Some(0)), (DriveMode::Run, Link::Online));
+    assert_eq!(bus.status(FIRST, Micros::ZERO).unwrap().counters.expired, 0);
+}
 
-    use super::*;
+#[test]
+fn a_fault_is_cleared_when_the_device_says_so_and_not_before() {
+    let switch = ArmSwitch::new();
+    let mut motor = dummy(1);
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(&mut motor, Safety::COAST).unwrap();
+    switch.arm().unwrap();
+    assert_eq!(tick_with(&mut bus, 1, Some(1)), (DriveMode::Coast, Link::Online));
+    assert_eq!(bus.request(FIRST, Request::ClearFault), Ok(Response::Pending));
+    assert_eq!(bus.response(FIRST), None);
+    // A frame that was on its way still tells of the fault, and it is gone with the answer.
+    assert_eq!(tick_with(&mut bus, 2, Some(1)), (DriveMode::Coast, Link::Online));
+    assert_eq!(tick_with(&mut bus, 3, Some(3)), (DriveMode::Coast, Link::Online));
+    assert_eq!(bus.response(FIRST), Some(Ok(Response::Done)));
+    assert_eq!(bus.response(FIRST), None);
+    assert_eq!(tick_with(&mut bus, 4, Some(0)), (DriveMode::Run, Link::Online));
+}
 
-    /// Takes everything.
-    struct Port(Seen<Vec<CanFrame>>);
-
-    impl CanPort for Port {
-        fn receive(&mut self) -> Option<(CanFrame, Micros)> {
-            None
-        }
-        fn submit_as(&mut self, frame: &CanFrame, _: u32) -> Submitted {
-            self.0.lock().expect("no panic").push(*frame);
-            Submitted::Queued
-        }
-        fn cancel_pending(&mut self) -> u8 {
-            0
-        }
-        fn health(&self) -> Health {
-            Health::NEW
-        }
+#[test]
+fn a_reply_that_is_no_feedback_does_not_keep_the_link_alive() {
+    let switch = ArmSwitch::new();
+    let mut motor = dummy(1);
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(&mut motor, Safety::HOLD).unwrap();
+    switch.arm().unwrap();
+    assert_eq!(tick_with(&mut bus, 1, Some(2)), (DriveMode::Coast, Link::NeverSeen));
+    assert_eq!(tick_with(&mut bus, 2, Some(0)), (DriveMode::Run, Link::Online));
+    for now in 3..=12 {
+        assert_eq!(tick_with(&mut bus, now, Some(2)).1, Link::Online);
     }
+    assert_eq!(tick_with(&mut bus, 13, Some(2)), (DriveMode::Coast, Link::Lost));
+    // A motor once lost stays lost, also when the low half of the time has gone round.
+    for millis in [4_294_967_u64, 4_294_972, 4_294_980] {
+        assert_eq!(tick_with(&mut bus, millis, None), (DriveMode::Coast, Link::Lost));
+    }
+    let counters = bus.status(FIRST, Micros::ZERO).unwrap().counters;
+    assert_eq!((counters.lost, counters.received), (1, 13));
+}
 
-    #[test]
-    fn a_frame_that_waits_before_the_bus_runs_cannot_speak_in_a_motors_name() {
-        let (switch, shared, sent) = (ArmSwitch::new(), BusPort::new(), Seen::default());
-        let command = CanFrame::eight_bytes(id(0x110), [0x7F; 8]);
-        let other = CanFrame::eight_bytes(id(0x300), [0x7F; 8]);
-        // The port does not know its motors yet.
-        shared.send(&command).unwrap();
-        shared.send(&other).unwrap();
-        let mut dummy = Dummy::new(1);
+#[test]
+fn a_frame_that_arrives_during_the_tick_is_not_old() {
+    let switch = ArmSwitch::new();
+    let mut motor = dummy(1);
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(&mut motor, Safety::COAST).unwrap();
+    switch.arm().unwrap();
+    let now = Micros::from_millis(5);
+    bus.on_frame(&says(1, 0), now + Micros::new(40));
+    bus.command(FIRST, Target::Coast, now).unwrap();
+    bus.tick(now, MS, &mut TxBatch::new()).unwrap();
+    assert_eq!(bus.status(FIRST, now).unwrap().drive, DriveMode::Run);
+}
+
+#[test]
+fn refusals_and_strangers_are_counted() {
+    let switch = ArmSwitch::new();
+    let mut motor = dummy(1);
+    let mut bus = MotorBus::new(&switch);
+    let motor = bus.attach(&mut motor, Safety::COAST).unwrap();
+    assert!(bus.command(motor, Target::Duty(0.5), Micros::ZERO).is_err());
+    let nobody = bus.command(MotorId::new(5), Target::Coast, Micros::ZERO);
+    assert_eq!(nobody, Err(CommandError::NoSuchMotor));
+    let stranger = CanFrame::data_frame(id(0x55), &[]).unwrap();
+    assert_eq!(bus.on_frame(&stranger, Micros::ZERO), Dispatch::Unclaimed);
+    let wrong = Dispatch::Malformed(motor, FrameError::Length);
+    assert_eq!(bus.on_frame(&says(1, 9), Micros::ZERO), wrong);
+    let counters = bus.counters();
+    assert_eq!((counters.received, counters.malformed, counters.unclaimed), (2, 1, 1));
+    assert_eq!(counters.last_unclaimed, Some(0x55));
+    assert_eq!(bus.status(motor, Micros::ZERO).unwrap().counters.refused.total(), 1);
+}
+
+#[test]
+fn an_expiry_that_is_none_is_refused() {
+    let switch = ArmSwitch::new();
+    for micros in [0, 1_000_001] {
+        let mut motor = dummy(1);
         let mut bus = MotorBus::new(&switch);
-        bus.attach(&mut dummy, Safety::COAST).unwrap();
-        let mut runner = Runner::new(Port(sent.clone()), bus, &shared, Micros::ZERO);
-        for millis in 1..=3 {
-            runner.tick(|| Micros::from_millis(millis));
-        }
-        let sent = sent.lock().unwrap();
-        assert!(sent.contains(&other) && !sent.contains(&command));
-        assert_eq!(shared.status().refused, 1);
-        assert!(shared.send(&command).is_err());
+        let safety = Safety { command_expiry: Micros::new(micros), ..Safety::COAST };
+        let refused = bus.attach(&mut motor, safety);
+        assert!(matches!(refused, Err(AttachError::Expiry { .. })));
     }
+}
+
+/// Takes everything.
+struct Port(Seen<Vec<CanFrame>>);
+
+impl CanPort for Port {
+    fn receive(&mut self) -> Option<(CanFrame, Micros)> {
+        None
+    }
+    fn submit_as(&mut self, frame: &CanFrame, _: u32) -> Submitted {
+        self.0.lock().unwrap().push(*frame);
+        Submitted::Queued
+    }
+    fn cancel_pending(&mut self) -> u8 {
+        0
+    }
+    fn health(&self) -> Health {
+        Health::NEW
+    }
+}
+
+#[test]
+fn a_frame_that_waits_before_the_bus_runs_cannot_speak_in_a_motors_name() {
+    let (switch, shared, sent) = (ArmSwitch::new(), BusPort::new(), Seen::default());
+    let command = CanFrame::eight_bytes(id(0x110), [0x7F; 8]);
+    let other = CanFrame::eight_bytes(id(0x300), [0x7F; 8]);
+    // The port does not know its motors yet.
+    shared.send(&command).unwrap();
+    shared.send(&other).unwrap();
+    let mut motor = dummy(1);
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(&mut motor, Safety::COAST).unwrap();
+    let mut runner = Runner::new(Port(sent.clone()), bus, &shared, Micros::ZERO);
+    for millis in 1..=3 {
+        runner.tick(|| Micros::from_millis(millis));
+    }
+    let sent = sent.lock().unwrap();
+    assert!(sent.contains(&other) && !sent.contains(&command));
+    assert_eq!(shared.status().refused, 1);
+    assert!(shared.send(&command).is_err());
 }

@@ -3,8 +3,8 @@ use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::damiao::{Control, Damiao, models};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
-    ArmSwitch, CommandError, Condition, DriveMode, Impedance, Request, Response, Safety, Target,
-    TargetError, TargetKind,
+    CommandError, Condition, DriveMode, Impedance, Request, Response, Safety, Target, TargetError,
+    TargetKind,
 };
 use rc10_sim::damiao::{Beyond, DamiaoConfig};
 
@@ -22,28 +22,26 @@ fn mit() -> Control {
 #[test]
 fn it_is_enabled_by_a_command_and_disabled_with_the_robot() {
     for control in controls() {
-        let switch = ArmSwitch::new();
-        let mut motor = motor(control);
-        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST);
+        let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST);
         rig.bench.tick();
         assert_eq!(rig.status().condition, Condition::Starting);
         let target = if control == Control::Velocity { FORWARD } else { angle(90) };
         rig.bench.hold(rig.motor, target, 50).unwrap();
         assert!(!rig.is_enabled(), "{control:?}");
         assert_eq!(rig.status().condition, Condition::Ready);
-        switch.arm().unwrap();
+        rig.switch.arm().unwrap();
         rig.bench.hold(rig.motor, target, 3).unwrap();
         assert!(rig.is_enabled(), "{control:?}");
         rig.bench.hold(rig.motor, target, 100).unwrap();
         assert!(rig.esc.state().output_rpm > 20.0, "{control:?}");
-        switch.disarm();
+        rig.switch.disarm();
         rig.bench.wait(2);
         assert!(!rig.is_enabled(), "{control:?}");
         assert_eq!(rig.esc.state().current, 0.0);
-        switch.arm().unwrap();
+        rig.switch.arm().unwrap();
         rig.bench.hold(rig.motor, target, 3).unwrap();
         assert!(rig.is_enabled(), "{control:?}");
-        switch.emergency_stop();
+        rig.switch.emergency_stop();
         rig.bench.wait(2);
         assert!(!rig.is_enabled(), "{control:?}");
         assert_eq!(rig.esc.state().malformed, 0);
@@ -53,9 +51,7 @@ fn it_is_enabled_by_a_command_and_disabled_with_the_robot() {
 
 #[test]
 fn mit_mode_reaches_speeds_angles_and_torques() {
-    let switch = ArmSwitch::new();
-    let mut motor = motor(mit());
-    let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST).armed();
+    let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST).armed();
     rig.bench.hold(rig.motor, FORWARD, 400).unwrap();
     let rpm = rig.esc.state().output_rpm;
     assert!((rpm - 100.0).abs() < 2.0, "{rpm} rpm");
@@ -87,9 +83,8 @@ fn mit_mode_reaches_speeds_angles_and_torques() {
 #[test]
 fn an_impedance_is_the_devices_own() {
     for direction in [Direction::Forward, Direction::Reversed] {
-        let switch = ArmSwitch::new();
-        let mut motor = motor(mit()).with_direction(direction);
-        let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST).armed();
+        let motor = motor(mit()).with_direction(direction);
+        let mut rig = Rig::new(motor, &device(&mit()), Safety::COAST).armed();
         let spring =
             Impedance { angle: Degrees::new(60.0), kp: 20.0, kd: 1.5, ..Impedance::default() };
         rig.bench.hold(rig.motor, Target::Impedance(spring), 1000).unwrap();
@@ -111,9 +106,7 @@ fn an_impedance_is_the_devices_own() {
 
 #[test]
 fn an_impedance_begins_softly() {
-    let switch = ArmSwitch::new();
-    let mut motor = motor(mit());
-    let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST).armed();
+    let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST).armed();
     let torque = NewtonMetres::new(5.0);
     let target = Target::Impedance(Impedance { torque, ..Impedance::default() });
     let mut last = 0.0;
@@ -131,9 +124,7 @@ fn an_impedance_begins_softly() {
 #[test]
 fn an_impedance_keeps_to_the_torque_limit() {
     for limit in [MOST, 2.0] {
-        let switch = ArmSwitch::new();
-        let mut motor = motor(mit());
-        let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST).armed();
+        let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST).armed();
         let request = Request::TorqueLimit(NewtonMetres::new(limit));
         assert_eq!(rig.bench.bus.request(rig.motor, request), Ok(Response::Done));
         let spring =
@@ -161,9 +152,7 @@ fn the_devices_own_loops_reach_their_targets() {
             Control::Velocity => (FORWARD, false),
             _ => (angle(-200), true),
         };
-        let switch = ArmSwitch::new();
-        let mut motor = motor(control);
-        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+        let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST).armed();
         let mut fastest: f64 = 0.0;
         for _ in 0..900 {
             rig.bench.hold(rig.motor, target, 1).unwrap();
@@ -190,9 +179,7 @@ fn the_devices_own_loops_reach_their_targets() {
 #[test]
 fn force_position_pushes_no_harder_than_its_share() {
     let control = Control::ForcePosition { speed: Rpm::new(100.0), torque_share: 0.2 };
-    let switch = ArmSwitch::new();
-    let mut motor = motor(control);
-    let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+    let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST).armed();
     // 0.2 of 10 N m cannot lift 3 N m.
     rig.esc.set_load(-3.0);
     let mut hardest: f64 = 0.0;
@@ -207,9 +194,7 @@ fn force_position_pushes_no_harder_than_its_share() {
 fn holding_and_braking_stop_it_where_it_is() {
     for control in controls() {
         for safety in [Safety::HOLD, Safety::BRAKE] {
-            let switch = ArmSwitch::new();
-            let mut motor = motor(control);
-            let mut rig = Rig::new(&switch, &mut motor, &device(&control), safety).armed();
+            let mut rig = Rig::new(motor(control), &device(&control), safety).armed();
             let target = if control == Control::Velocity { FORWARD } else { angle(500) };
             rig.bench.hold(rig.motor, target, 150).unwrap();
             assert!(rig.esc.state().output_rpm > 60.0, "{control:?}");
@@ -236,11 +221,9 @@ fn holding_and_braking_stop_it_where_it_is() {
 
 #[test]
 fn what_lies_beyond_its_range_is_refused() {
-    let switch = ArmSwitch::new();
-    let mut motor = motor(mit());
-    let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST).armed();
+    let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST).armed();
     let id = rig.motor;
-    let far = |rig: &mut Rig<'_>, target| {
+    let far = |rig: &mut Rig, target| {
         let now = rig.bench.world.now();
         rig.bench.bus.command(id, target, now)
     };
@@ -289,9 +272,8 @@ fn an_angle_is_sought_within_the_range() {
         .flat_map(|control| [(control, Direction::Forward), (control, Direction::Reversed)])
     {
         for sign in [1, -1] {
-            let switch = ArmSwitch::new();
-            let mut motor = motor(control).with_direction(direction);
-            let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+            let motor = motor(control).with_direction(direction);
+            let mut rig = Rig::new(motor, &device(&control), Safety::COAST).armed();
             rig.bench.hold(rig.motor, angle(sign * 690), 2500).unwrap();
             for (target, total) in [(10, 370), (350, 350), (340, 340), (-10, 350)] {
                 #[expect(clippy::cast_precision_loss, reason = "small")]
@@ -309,10 +291,8 @@ fn an_angle_is_sought_within_the_range() {
 #[test]
 fn turning_beyond_the_range_and_back_is_survived() {
     for beyond in [Beyond::Saturates, Beyond::Wraps] {
-        let switch = ArmSwitch::new();
-        let mut motor = motor(mit());
         let config = DamiaoConfig { beyond, ..device(&mit()) };
-        let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST).armed();
+        let mut rig = Rig::new(motor(mit()), &config, Safety::COAST).armed();
         let start = rig.esc.state().output_degrees;
         rig.bench.hold(rig.motor, Target::Speed(Rpm::new(150.0)), 1200).unwrap();
         let went = rig.esc.state().output_degrees - start;
@@ -333,9 +313,8 @@ fn turning_beyond_the_range_and_back_is_survived() {
 #[test]
 fn a_reversed_motor_turns_the_other_way() {
     for control in controls() {
-        let switch = ArmSwitch::new();
-        let mut motor = motor(control).with_direction(Direction::Reversed);
-        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+        let motor = motor(control).with_direction(Direction::Reversed);
+        let mut rig = Rig::new(motor, &device(&control), Safety::COAST).armed();
         let start = rig.esc.state().output_degrees;
         if control == Control::Velocity {
             rig.bench.hold(rig.motor, FORWARD, 500).unwrap();
@@ -357,9 +336,7 @@ fn a_new_zero_moves_nothing_and_coasting_still_coasts() {
         if control == Control::Velocity {
             continue;
         }
-        let switch = ArmSwitch::new();
-        let mut motor = motor(control);
-        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+        let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST).armed();
         rig.bench.hold(rig.motor, angle(120), 1500).unwrap();
         let stands = rig.esc.state().output_degrees;
         assert_eq!(rig.ask(Request::SetZero), Ok(rc10_motor::Response::Done));

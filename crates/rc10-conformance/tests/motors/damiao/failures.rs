@@ -6,8 +6,8 @@ use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::damiao::{Control, Damiao, models};
 use rc10_motor::{
-    ArmSwitch, CanMotor, Condition, DriveMode, FrameError, FrameKind, Impedance, Link, Motor,
-    Request, RequestError, Response, Safety, Target, Tick, TxBatch,
+    CanMotor, Condition, DriveMode, FrameError, FrameKind, Impedance, Link, Motor, Request,
+    RequestError, Response, Safety, Target, Tick, TxBatch,
 };
 use rc10_sim::EscFault;
 use rc10_sim::damiao::{DamiaoConfig, Mode};
@@ -27,9 +27,7 @@ fn target_of(control: &Control) -> Target {
 #[test]
 fn a_cut_wire_is_survived() {
     for control in controls() {
-        let switch = ArmSwitch::new();
-        let mut motor = motor(control);
-        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+        let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST).armed();
         let target = target_of(&control);
         rig.bench.hold(rig.motor, target, 100).unwrap();
         rig.bench.wire.set_cut(true);
@@ -67,9 +65,7 @@ fn a_restart_gives_no_kick() {
     for (control, target) in cases {
         // Shorter than the link timeout, and longer.
         for pause in [3, 300] {
-            let switch = ArmSwitch::new();
-            let mut motor = motor(control);
-            let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+            let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST).armed();
             rig.bench.hold(rig.motor, target, 200).unwrap();
             rig.esc.set_power(false);
             rig.bench.hold(rig.motor, target, pause).unwrap();
@@ -101,9 +97,7 @@ fn a_restart_gives_no_kick() {
 
 #[test]
 fn a_silent_device_is_lost_and_disabled() {
-    let switch = ArmSwitch::new();
-    let mut motor = motor(mit());
-    let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::HOLD).armed();
+    let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::HOLD).armed();
     rig.bench.hold(rig.motor, target_of(&mit()), 100).unwrap();
     rig.esc.set_feedback(false);
     rig.bench.hold(rig.motor, target_of(&mit()), 15).unwrap();
@@ -127,10 +121,8 @@ fn every_fault_stops_it_and_only_clearing_it_helps() {
     ];
     for control in controls() {
         for (wrong, code, text) in faults {
-            let switch = ArmSwitch::new();
-            let mut motor = motor(control);
             // Even a motor that is to hold: it cannot.
-            let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::HOLD).armed();
+            let mut rig = Rig::new(motor(control), &device(&control), Safety::HOLD).armed();
             let target = target_of(&control);
             rig.bench.hold(rig.motor, target, 50).unwrap();
             assert!(rig.esc.inject(wrong));
@@ -163,9 +155,8 @@ fn every_fault_stops_it_and_only_clearing_it_helps() {
 #[test]
 fn a_restart_clears_no_fault() {
     for verify in [true, false] {
-        let switch = ArmSwitch::new();
-        let mut motor = motor(mit()).verify_limits(verify);
-        let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::HOLD).armed();
+        let motor = motor(mit()).verify_limits(verify);
+        let mut rig = Rig::new(motor, &device(&mit()), Safety::HOLD).armed();
         let target = target_of(&mit());
         rig.bench.hold(rig.motor, target, 50).unwrap();
         assert!(rig.esc.inject(EscFault::OverCurrent));
@@ -187,10 +178,8 @@ fn a_restarted_device_is_looked_at_again() {
     // Shorter than the link timeout, and longer.
     for pause in [3, 300] {
         let wrong = rc10_sim::damiao::Limits { position: 3.2, velocity: 30.0, torque: 10.0 };
-        let switch = ArmSwitch::new();
-        let mut motor = motor(mit());
         let config = DamiaoConfig { limits: wrong, ..device(&mit()) };
-        let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST);
+        let mut rig = Rig::new(motor(mit()), &config, Safety::COAST);
         rig.bench.wait(20);
         // Set right, and not saved.
         let position = 12.5_f32.to_bits();
@@ -214,11 +203,9 @@ fn a_restarted_device_is_looked_at_again() {
 /// Register 9: the device stops by itself when commands stop coming.
 #[test]
 fn the_devices_own_time_out_is_a_fault() {
-    let switch = ArmSwitch::new();
-    let mut motor = motor(mit());
     // 20 ms.
     let config = DamiaoConfig { timeout: 400, ..device(&mit()) };
-    let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST).armed();
+    let mut rig = Rig::new(motor(mit()), &config, Safety::COAST).armed();
     let target = target_of(&mit());
     rig.bench.hold(rig.motor, target, 100).unwrap();
     rig.bench.wire.set_cut(true);
@@ -246,14 +233,12 @@ fn settings_that_differ_are_faults_with_text() {
         (with(rc10_sim::damiao::Limits { velocity: 45.0, ..limits }), 0x116, "VMAX"),
         (with(rc10_sim::damiao::Limits { torque: 9.9, ..limits }), 0x117, "TMAX"),
     ] {
-        let switch = ArmSwitch::new();
-        let mut motor = motor(mit());
-        let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST);
+        let mut rig = Rig::new(motor(mit()), &config, Safety::COAST);
         rig.bench.wait(20);
         let fault = rig.status().fault.unwrap();
         assert_eq!(fault.code, code);
         assert!(fault.text.contains(named), "{}", fault.text);
-        switch.arm().unwrap();
+        rig.switch.arm().unwrap();
         for _ in 0..100 {
             rig.bench.hold(rig.motor, target_of(&mit()), 1).unwrap();
             assert!(!rig.is_enabled());
@@ -263,7 +248,7 @@ fn settings_that_differ_are_faults_with_text() {
         rig.bench.hold(rig.motor, target_of(&mit()), 20).unwrap();
         assert_eq!(rig.status().fault, Some(fault));
         // Set right.
-        switch.disarm();
+        rig.switch.disarm();
         rig.bench.wait(2);
         let register = u16::try_from(code - 0x100).unwrap();
         let value = match register {
@@ -274,20 +259,19 @@ fn settings_that_differ_are_faults_with_text() {
         };
         assert_eq!(rig.ask(Request::WriteRegister(register, value)), Ok(Response::Done));
         assert_eq!(rig.ask(Request::ClearFault), Ok(Response::Done));
-        switch.arm().unwrap();
+        rig.switch.arm().unwrap();
         rig.bench.hold(rig.motor, target_of(&mit()), 20).unwrap();
         assert!(rig.is_enabled(), "{named}");
     }
     // 4π for 12.566.
-    let mut motor = Damiao::new(models::J3507, CAN_ID, MASTER_ID, Control::Velocity).unwrap();
+    let motor = Damiao::new(models::J3507, CAN_ID, MASTER_ID, Control::Velocity).unwrap();
     let limits = rc10_sim::damiao::Limits {
         position: 4.0 * std::f64::consts::PI,
         velocity: 50.0,
         torque: 5.0,
     };
     let config = DamiaoConfig { limits, mode: Mode::Velocity, ..right };
-    let switch = ArmSwitch::new();
-    let _ = Rig::new(&switch, &mut motor, &config, Safety::COAST).armed();
+    let _ = Rig::new(motor, &config, Safety::COAST).armed();
 }
 
 /// A device that answers, but whose registers cannot be read, says so; told not to look, it runs.
@@ -329,20 +313,16 @@ fn firmware_without_registers_is_told_apart() {
 #[test]
 fn old_firmware_in_another_mode_is_disabled() {
     let control = Control::Velocity;
-    let switch = ArmSwitch::new();
-    let mut motor = motor(control);
     let config = DamiaoConfig { mode: Mode::Mit, old_firmware: true, ..device(&control) };
-    let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST);
+    let mut rig = Rig::new(motor(control), &config, Safety::COAST);
     let enable = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFC];
     rig.bench.wire.inject(&CanFrame::eight_bytes(StandardId::new(CAN_ID).unwrap(), enable));
     rig.bench.wait(20);
     assert!(!rig.is_enabled());
     assert_eq!(rig.status().fault.unwrap().code, 0x10A);
 
-    let switch = ArmSwitch::new();
-    let mut motor = super::motor(control);
     let config = DamiaoConfig { old_firmware: true, ..device(&control) };
-    let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST).armed();
+    let mut rig = Rig::new(motor(control), &config, Safety::COAST).armed();
     rig.bench.hold(rig.motor, target_of(&control), 20).unwrap();
     assert!(rig.is_enabled());
 }
@@ -350,9 +330,7 @@ fn old_firmware_in_another_mode_is_disabled() {
 #[test]
 fn an_enabled_device_is_disabled_before_all_else() {
     for control in controls() {
-        let switch = ArmSwitch::new();
-        let mut motor = motor(control);
-        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST);
+        let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST);
         let enable = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFC];
         rig.bench.wire.inject(&CanFrame::eight_bytes(StandardId::new(CAN_ID).unwrap(), enable));
         rig.bench.world.advance(Micros::new(500));

@@ -15,6 +15,8 @@ use rc10_motor::{ArmSwitch, Link, MotorId, MotorStatus, Safety};
 use rc10_sim::Esc;
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
 
+use crate::leak;
+
 pub const CAN_ID: u16 = 0x11;
 pub const MASTER_ID: u16 = 0x31;
 /// On the shaft, kg m².
@@ -62,23 +64,19 @@ pub fn device(control: &Control) -> DamiaoConfig {
 }
 
 /// A bench with one motor and one device.
-pub struct Rig<'m> {
-    pub bench: Bench<'m>,
-    pub switch: &'m ArmSwitch,
+pub struct Rig {
+    pub bench: Bench<'static>,
+    pub switch: &'static ArmSwitch,
     pub motor: MotorId,
     pub esc: Esc,
 }
 
-impl<'m> Rig<'m> {
-    pub fn new(
-        switch: &'m ArmSwitch,
-        motor: &'m mut Damiao,
-        config: &DamiaoConfig,
-        safety: Safety,
-    ) -> Self {
+impl Rig {
+    pub fn new(motor: Damiao, config: &DamiaoConfig, safety: Safety) -> Self {
+        let switch = &*leak(ArmSwitch::new());
         let mut bench = Bench::new(7, switch);
         let esc = bench.wire.add(Device::new(config), config.plant);
-        let motor = bench.attach(motor, safety).unwrap();
+        let motor = bench.attach(leak(motor), safety).unwrap();
         Self { bench, switch, motor, esc }
     }
 

@@ -21,9 +21,7 @@ fn bits(answer: Result<Response, RequestError>) -> u32 {
 #[test]
 fn registers_are_read_also_while_it_turns() {
     for control in controls() {
-        let switch = ArmSwitch::new();
-        let mut motor = motor(control);
-        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::HOLD).armed();
+        let mut rig = Rig::new(motor(control), &device(&control), Safety::HOLD).armed();
         rig.bench.wait(20);
         assert!(rig.is_enabled());
         let ratio = f32::from_bits(bits(rig.ask(Request::ReadRegister(20))));
@@ -43,10 +41,8 @@ fn registers_are_read_also_while_it_turns() {
 #[test]
 fn registers_are_written_and_saved_only_while_disarmed() {
     for acknowledges_with in [0x55, 0x33] {
-        let switch = ArmSwitch::new();
-        let mut motor = motor(mit());
         let config = DamiaoConfig { acknowledges_with, ..device(&mit()) };
-        let mut rig = Rig::new(&switch, &mut motor, &config, Safety::COAST);
+        let mut rig = Rig::new(motor(mit()), &config, Safety::COAST);
         rig.bench.wait(20);
         assert_eq!(rig.ask(Request::WriteRegister(9, 2000)), Ok(Response::Done));
         assert_eq!(rig.device(|device| device.register(9)), Some(2000));
@@ -80,7 +76,7 @@ fn registers_are_written_and_saved_only_while_disarmed() {
         rig.bench.wait(20);
         assert_eq!(bits(rig.ask(Request::ReadRegister(9))), 2000);
 
-        switch.arm().unwrap();
+        rig.switch.arm().unwrap();
         rig.bench.wait(2);
         for request in [Request::WriteRegister(9, 0), Request::SaveRegisters, Request::StoreZero] {
             let refused = rig.bench.bus.request(rig.motor, request);
@@ -88,19 +84,19 @@ fn registers_are_written_and_saved_only_while_disarmed() {
         }
         // Disarmed, but still enabled.
         rig.bench.hold(rig.motor, Target::Speed(Rpm::new(10.0)), 5).unwrap();
-        switch.disarm();
+        rig.switch.disarm();
         let refused = rig.bench.bus.request(rig.motor, Request::StoreZero);
         assert_eq!((refused, rig.is_enabled()), (Err(RequestError::NotWhileArmed), true));
         rig.bench.tick();
         let refused = rig.bench.bus.request(rig.motor, Request::StoreZero);
         assert_eq!(refused, Err(RequestError::NotWhileArmed));
         // Armed before it goes out.
-        switch.disarm();
+        rig.switch.disarm();
         rig.bench.wait(2);
         assert_eq!(rig.bench.bus.request(rig.motor, Request::StoreZero), Ok(Response::Pending));
         let busy = rig.bench.bus.request(rig.motor, Request::ReadRegister(1));
         assert_eq!(busy, Err(RequestError::Busy));
-        switch.arm().unwrap();
+        rig.switch.arm().unwrap();
         rig.bench.tick();
         let answer = rig.bench.bus.response(rig.motor);
         assert_eq!(answer, Some(Err(RequestError::NotWhileArmed)));
@@ -112,21 +108,19 @@ fn registers_are_written_and_saved_only_while_disarmed() {
 #[test]
 fn a_zero_in_flash_is_kept_without_power() {
     for control in controls() {
-        let switch = ArmSwitch::new();
-        let mut motor = motor(control);
-        let mut rig = Rig::new(&switch, &mut motor, &device(&control), Safety::COAST).armed();
+        let mut rig = Rig::new(motor(control), &device(&control), Safety::COAST).armed();
         let target = match control {
             Control::Velocity => Target::Speed(Rpm::new(60.0)),
             _ => Target::TotalAngle(TotalAngle::from_degrees(70)),
         };
         rig.bench.hold(rig.motor, target, 300).unwrap();
-        switch.disarm();
+        rig.switch.disarm();
         // Until friction has stopped it.
         rig.bench.wait(4000);
         // Ours first, so that it is seen to go.
         assert_eq!(rig.ask(Request::SetZero), Ok(Response::Done));
         assert_eq!(rig.ask(Request::StoreZero), Ok(Response::Done));
-        let degrees = |rig: &Rig<'_>| rig.status().feedback.total_angle.degrees().get();
+        let degrees = |rig: &Rig| rig.status().feedback.total_angle.degrees().get();
         assert!(degrees(&rig).abs() < 0.1, "{}", degrees(&rig));
         rig.esc.set_power(false);
         rig.bench.wait(20);
@@ -139,9 +133,7 @@ fn a_zero_in_flash_is_kept_without_power() {
 
 #[test]
 fn a_device_that_is_not_there_answers_nothing() {
-    let switch = ArmSwitch::new();
-    let mut motor = motor(mit());
-    let mut rig = Rig::new(&switch, &mut motor, &device(&mit()), Safety::COAST);
+    let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST);
     rig.esc.set_power(false);
     rig.bench.wait(5);
     assert_eq!(rig.ask(Request::SetZero), Err(RequestError::NoFeedback));

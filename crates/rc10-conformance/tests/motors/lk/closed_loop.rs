@@ -5,45 +5,19 @@ use rc10_conformance::Bench;
 use rc10_motor::lk::{Commands, Lk, Model};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
-    ArmSwitch, Condition, Motor, MotorId, Request, RequestError, Response, Safety, Target,
-    TargetError, TargetKind,
+    ArmSwitch, Condition, Motor, Request, RequestError, Response, Safety, Target, TargetError,
+    TargetKind,
 };
-use rc10_sim::Esc;
 use rc10_sim::lk::{Drive, Goal, Settings};
+
+use crate::{rpm, settles};
 
 use super::{bench, is_on, joint, joint_plant, wheel, wheel_plant};
 
-/// Milliseconds until what is measured stays within `band` of the goal for 200 ms.
-fn settles(
-    bench: &mut Bench<'_>,
-    motor: MotorId,
-    target: Target,
-    off: impl Fn() -> f64,
-    band: f64,
-) -> u32 {
-    let mut inside_since = 0;
-    for millis in 1..3000 {
-        bench.hold(motor, target, 1).unwrap();
-        if off().abs() > band {
-            inside_since = millis;
-        }
-        if millis - inside_since > 200 {
-            return inside_since;
-        }
-    }
-    panic!("does not settle: off by {}", off());
-}
-
-fn rpm(esc: &Esc) -> f64 {
-    esc.state().output_rpm
-}
-
 #[test]
 fn a_joint_reaches_its_speed_and_its_angle() {
-    let switch = ArmSwitch::new();
-    let mut motor = Lk::new(1, joint()).unwrap();
     let (mut bench, esc, id) =
-        bench(&switch, &mut motor, Settings::mg(1), joint_plant(), Safety::COAST);
+        bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::COAST);
     let target = Target::Speed(Rpm::new(100.0));
     // 100 rpm at 1000 rpm/s are 100 ms.
     let took = settles(&mut bench, id, target, || rpm(&esc) - 100.0, 3.0);
@@ -76,11 +50,9 @@ fn a_joint_reaches_its_speed_and_its_angle() {
 
 #[test]
 fn a_reversed_wheel_turns_the_other_way() {
-    let switch = ArmSwitch::new();
     let config = wheel().with_direction(Direction::Reversed);
-    let mut motor = Lk::new(2, config).unwrap();
-    let (mut bench, esc, id) =
-        bench(&switch, &mut motor, Settings::mf(2), wheel_plant(), Safety::COAST);
+    let motor = Lk::new(2, config).unwrap();
+    let (mut bench, esc, id) = bench(motor, Settings::mf(2), wheel_plant(), Safety::COAST);
     let target = Target::Speed(Rpm::new(200.0));
     let took = settles(&mut bench, id, target, || rpm(&esc) + 200.0, 4.0);
     assert!(took < 600, "{took} ms");
@@ -95,10 +67,8 @@ fn a_reversed_wheel_turns_the_other_way() {
 
 #[test]
 fn currents_and_torques_are_given_as_asked() {
-    let switch = ArmSwitch::new();
-    let mut motor = Lk::new(1, joint()).unwrap();
     let (mut bench, esc, id) =
-        bench(&switch, &mut motor, Settings::mg(1), joint_plant(), Safety::COAST);
+        bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::COAST);
     let step = 33.0 / 2048.0;
     bench.hold(id, Target::Current(Amps::new(1.0)), 60).unwrap();
     assert!((esc.state().current - 1.0).abs() < step, "{}", esc.state().current);
@@ -151,10 +121,8 @@ fn without_a_torque_constant_there_is_no_torque() {
 
 #[test]
 fn zero_is_where_it_is_set() {
-    let switch = ArmSwitch::new();
-    let mut motor = Lk::new(1, joint()).unwrap();
     let (mut bench, esc, id) =
-        bench(&switch, &mut motor, Settings::mg(1), joint_plant(), Safety::HOLD);
+        bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::HOLD);
     let quarter = Target::TotalAngle(TotalAngle::from_degrees(90));
     bench.hold(id, quarter, 1500).unwrap();
     assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Response::Done));
@@ -168,10 +136,9 @@ fn zero_is_where_it_is_set() {
 
 #[test]
 fn a_drive_is_switched_on_and_off_by_frames_that_are_repeated() {
-    let switch = ArmSwitch::new();
-    let mut motor = Lk::new(1, joint()).unwrap();
     let settings = Settings { is_late: true, ..Settings::mg(1) };
-    let (mut bench, esc, id) = bench(&switch, &mut motor, settings, joint_plant(), Safety::COAST);
+    let (mut bench, esc, id) =
+        bench(Lk::new(1, joint()).unwrap(), settings, joint_plant(), Safety::COAST);
     assert!(!is_on(&esc));
     let mut starting = 0;
     while !is_on(&esc) || bench.status(id).condition == Condition::Starting {
@@ -181,7 +148,7 @@ fn a_drive_is_switched_on_and_off_by_frames_that_are_repeated() {
     }
     bench.hold(id, Target::Current(Amps::new(1.0)), 30).unwrap();
     assert_eq!(esc.with(|drive: &mut Drive| drive.goal()), Some(Goal::Current(62)));
-    switch.disarm();
+    bench.bus.switch().disarm();
     bench.wait(5);
     assert!(!is_on(&esc) && esc.state().current == 0.0);
     // And it stays on the bus, and off, until it is armed.

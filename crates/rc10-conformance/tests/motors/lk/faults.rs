@@ -5,8 +5,8 @@ use rc10_can::{CanFrame, Micros};
 use rc10_conformance::Bench;
 use rc10_motor::lk::{Commands, DriveId, Lk};
 use rc10_motor::{
-    ArmSwitch, CanMotor, DriveMode, FrameError, FrameKind, Link, Motor, MotorId, Request,
-    RequestError, Response, Safety, Target, Tick,
+    CanMotor, DriveMode, FrameError, FrameKind, Link, Motor, MotorId, Request, RequestError,
+    Response, Safety, Target, Tick,
 };
 use rc10_sim::lk::{Drive, Settings, State, encode_echo, encode_health, encode_state};
 use rc10_sim::{Esc, EscFault};
@@ -35,10 +35,8 @@ fn assert_returns_softly(bench: &mut Bench<'_>, motor: MotorId, esc: &Esc, full:
 
 #[test]
 fn unplugged_it_is_lost_and_comes_back_softly() {
-    let switch = ArmSwitch::new();
-    let mut motor = Lk::new(1, joint()).unwrap();
     let (mut bench, esc, id) =
-        bench(&switch, &mut motor, Settings::mg(1), joint_plant(), Safety::HOLD);
+        bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::HOLD);
     bench.hold(id, SPEED, 500).unwrap();
     bench.wire.set_cut(true);
     bench.hold(id, SPEED, 15).unwrap();
@@ -57,11 +55,9 @@ fn unplugged_it_is_lost_and_comes_back_softly() {
 #[test]
 fn powered_off_and_on_it_is_switched_on_again_softly() {
     for (pause, starts_on) in [(300, false), (30, false), (300, true)] {
-        let switch = ArmSwitch::new();
-        let mut motor = Lk::new(1, joint()).unwrap();
         let settings = Settings { starts_on, ..Settings::mg(1) };
         let (mut bench, esc, id) =
-            bench(&switch, &mut motor, settings, joint_plant(), Safety::COAST);
+            bench(Lk::new(1, joint()).unwrap(), settings, joint_plant(), Safety::COAST);
         bench.hold(id, SPEED, 500).unwrap();
         esc.set_power(false);
         bench.hold(id, SPEED, pause).unwrap();
@@ -76,10 +72,8 @@ fn powered_off_and_on_it_is_switched_on_again_softly() {
 
 #[test]
 fn muted_it_coasts_although_it_hears() {
-    let switch = ArmSwitch::new();
-    let mut motor = Lk::new(1, joint()).unwrap();
     let (mut bench, esc, id) =
-        bench(&switch, &mut motor, Settings::mg(1), joint_plant(), Safety::HOLD);
+        bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::HOLD);
     bench.hold(id, SPEED, 500).unwrap();
     esc.set_feedback(false);
     bench.hold(id, SPEED, 20).unwrap();
@@ -98,10 +92,8 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
         (EscFault::OverVoltage, "supply voltage too high"),
         (EscFault::UnderVoltage, "supply voltage too low"),
     ] {
-        let switch = ArmSwitch::new();
-        let mut motor = Lk::new(1, joint()).unwrap();
         let (mut bench, esc, id) =
-            bench(&switch, &mut motor, Settings::mg(1), joint_plant(), Safety::BRAKE);
+            bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::BRAKE);
         bench.hold(id, SPEED, 300).unwrap();
         assert!(esc.inject(fault));
         bench.hold(id, SPEED, 102).unwrap();
@@ -138,11 +130,10 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
 
 #[test]
 fn a_drive_knows_no_encoder_fault_and_protects_itself_from_heat() {
-    let switch = ArmSwitch::new();
-    let mut motor = Lk::new(1, joint()).unwrap();
     let mut plant = joint_plant();
     plant.ambient = 101.0;
-    let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::mg(1), plant, Safety::COAST);
+    let (mut bench, esc, id) =
+        bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), plant, Safety::COAST);
     assert!(!esc.inject(EscFault::Encoder));
     bench.hold(id, SPEED, 200).unwrap();
     assert_eq!(bench.status(id).fault.unwrap().text, "motor too hot");
@@ -151,10 +142,8 @@ fn a_drive_knows_no_encoder_fault_and_protects_itself_from_heat() {
 
 #[test]
 fn a_drive_that_does_not_answer_is_given_up_on() {
-    let switch = ArmSwitch::new();
-    let mut motor = Lk::new(1, joint()).unwrap();
     let (mut bench, esc, id) =
-        bench(&switch, &mut motor, Settings::mg(1), joint_plant(), Safety::COAST);
+        bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::COAST);
     esc.inject(EscFault::OverCurrent);
     bench.hold(id, SPEED, 150).unwrap();
     esc.set_power(false);
@@ -177,10 +166,8 @@ fn a_drive_that_does_not_answer_is_given_up_on() {
 #[test]
 fn commands_expire_and_stops_stop() {
     for (safety, state) in [(Safety::COAST, DriveMode::Coast), (Safety::HOLD, DriveMode::Hold)] {
-        let switch = ArmSwitch::new();
-        let mut motor = Lk::new(1, joint()).unwrap();
         let (mut bench, esc, id) =
-            bench(&switch, &mut motor, Settings::mg(1), joint_plant(), safety);
+            bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), safety);
         bench.hold(id, SPEED, 500).unwrap();
         bench.wait(60);
         assert_eq!(bench.status(id).drive, state);
@@ -198,24 +185,23 @@ fn commands_expire_and_stops_stop() {
             esc.set_load(0.0);
         }
         bench.hold(id, SPEED, 500).unwrap();
-        switch.emergency_stop();
+        bench.bus.switch().emergency_stop();
         bench.hold(id, SPEED, 5).unwrap();
         assert_eq!(bench.status(id).drive, state);
-        switch.reset();
+        bench.bus.switch().reset();
         bench.hold(id, SPEED, 5).unwrap();
         assert!(!is_on(&esc) && bench.status(id).drive == DriveMode::Off);
-        switch.arm().unwrap();
+        bench.bus.switch().arm().unwrap();
         assert_returns_softly(&mut bench, id, &esc, 5.0);
     }
 }
 
 #[test]
 fn a_command_timeout_of_the_drive_does_not_bite_while_disarmed() {
-    let switch = ArmSwitch::new();
-    let mut motor = Lk::new(1, joint()).unwrap();
     let settings = Settings { command_timeout: Some(Micros::from_millis(50)), ..Settings::mg(1) };
-    let (mut bench, esc, id) = bench(&switch, &mut motor, settings, joint_plant(), Safety::COAST);
-    switch.disarm();
+    let (mut bench, esc, id) =
+        bench(Lk::new(1, joint()).unwrap(), settings, joint_plant(), Safety::COAST);
+    bench.bus.switch().disarm();
     bench.wait(1000);
     assert_eq!(esc.with(|drive: &mut Drive| drive.errors()), Some(0));
     bench.wire.set_cut(true);
@@ -227,10 +213,9 @@ fn a_command_timeout_of_the_drive_does_not_bite_while_disarmed() {
 
 #[test]
 fn a_drive_in_the_multi_motor_frame_returns_softly_too() {
-    let switch = ArmSwitch::new();
-    let mut motor = Lk::new(3, wheel().with_commands(Commands::MultiMotor)).unwrap();
+    let motor = Lk::new(3, wheel().with_commands(Commands::MultiMotor)).unwrap();
     let settings = Settings { multi_motor: true, ..Settings::mf(3) };
-    let (mut bench, esc, id) = bench(&switch, &mut motor, settings, wheel_plant(), Safety::COAST);
+    let (mut bench, esc, id) = bench(motor, settings, wheel_plant(), Safety::COAST);
     bench.hold(id, SPEED, 500).unwrap();
     esc.set_power(false);
     bench.hold(id, SPEED, 30).unwrap();

@@ -17,6 +17,8 @@ use rc10_motor::{ArmSwitch, MotorId, Safety};
 use rc10_sim::lk::{Drive, Settings, mf9025, mg4010e_i10};
 use rc10_sim::{Esc, Plant};
 
+use crate::leak;
+
 /// For an MG4010E-i10 with a joint of 0.02 kg m².
 pub const JOINT: Cascade = Cascade {
     speed: PidConfig::new(0.2, 2.0, 0.0, 5.0),
@@ -52,18 +54,17 @@ pub fn wheel_plant() -> Plant {
 }
 
 /// A bench with one drive, the motor armed and heard of.
-pub fn bench<'m>(
-    switch: &'m ArmSwitch,
-    motor: &'m mut Lk,
+pub fn bench(
+    motor: Lk,
     settings: Settings,
     plant: Plant,
     safety: Safety,
-) -> (Bench<'m>, Esc, MotorId) {
-    let mut bench = Bench::new(7, switch);
+) -> (Bench<'static>, Esc, MotorId) {
+    let mut bench = Bench::new(7, leak(ArmSwitch::new()));
     let esc = bench.wire.add(Drive::new(settings).unwrap(), plant);
-    let id = bench.attach(motor, safety).unwrap();
+    let id = bench.attach(leak(motor), safety).unwrap();
     bench.wait(20);
-    switch.arm().unwrap();
+    bench.bus.switch().arm().unwrap();
     (bench, esc, id)
 }
 

@@ -6,50 +6,26 @@ use rc10_conformance::Bench;
 use rc10_motor::odrive::{AxisState, Config, Control, InputMode, Limits, ODrive, Rates};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
-    ArmSwitch, CanMotor, Condition, DriveMode, Link, Motor, MotorId, Request, RequestError,
-    Response, Safety, Target, TargetError, TargetKind, Tick, TxBatch,
+    CanMotor, Condition, DriveMode, Link, Motor, Request, RequestError, Response, Safety, Target,
+    TargetError, TargetKind, Tick, TxBatch,
 };
 use rc10_sim::Esc;
 use rc10_sim::odrive::{Axis, Settings, encode_estimates, encode_heartbeat};
 
+use crate::{rpm, settles};
+
 use super::{NODE, bench, is_on, wheel, with};
-
-fn rpm(esc: &Esc) -> f64 {
-    esc.state().output_rpm
-}
-
-/// Milliseconds until what is measured stays within `band` of the goal for 200 ms.
-fn settles(
-    bench: &mut Bench<'_>,
-    motor: MotorId,
-    target: Target,
-    off: impl Fn() -> f64,
-    band: f64,
-) -> u32 {
-    let mut inside_since = 0;
-    for millis in 1..4000 {
-        bench.hold(motor, target, 1).unwrap();
-        if off().abs() > band {
-            inside_since = millis;
-        }
-        if millis - inside_since > 200 {
-            return inside_since;
-        }
-    }
-    panic!("does not settle: off by {}", off());
-}
 
 #[test]
 fn torques_speeds_and_angles_are_reached_by_torque() {
-    let switch = ArmSwitch::new();
     let config = Config {
         torque_constant: Some(8.27 / 150.0),
         rates: Rates { currents: 100, temperatures: 100, supply: 100, ..Rates::new(1000, 50) },
         ..wheel()
     };
-    let mut motor = ODrive::new(NODE, config).unwrap();
+    let motor = ODrive::new(NODE, config).unwrap();
     let settings = Settings { others_every: Some(Micros::from_millis(10)), ..Settings::new(NODE) };
-    let (mut bench, esc, id) = bench(&switch, &mut motor, settings, Safety::COAST);
+    let (mut bench, esc, id) = bench(motor, settings, Safety::COAST);
     let constant = 8.0 * 8.27 / 150.0;
     bench.hold(id, Target::Torque(NewtonMetres::new(2.0)), 120).unwrap();
     assert!((esc.state().current * constant - 2.0).abs() < 0.01, "{}", esc.state().current);
@@ -88,11 +64,10 @@ fn torques_speeds_and_angles_are_reached_by_torque() {
 
 #[test]
 fn a_reversed_axis_turns_the_other_way() {
-    let switch = ArmSwitch::new();
     for control in [wheel().control, Control::Velocity(InputMode::VelocityRamp)] {
         let config = with(control).with_direction(Direction::Reversed);
-        let mut motor = ODrive::new(NODE, config).unwrap();
-        let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), Safety::COAST);
+        let motor = ODrive::new(NODE, config).unwrap();
+        let (mut bench, esc, id) = bench(motor, Settings::new(NODE), Safety::COAST);
         let target = Target::Speed(Rpm::new(100.0));
         settles(&mut bench, id, target, || rpm(&esc) + 100.0, 3.0);
         let told = bench.status(id).feedback;
@@ -108,12 +83,11 @@ fn a_reversed_axis_turns_the_other_way() {
 #[test]
 fn an_axis_with_velocity_loops_of_its_own_gets_velocities() {
     for input in [InputMode::Passthrough, InputMode::VelocityRamp] {
-        let switch = ArmSwitch::new();
         let mut motor = ODrive::new(NODE, with(Control::Velocity(input))).unwrap();
         assert!(!motor.supports().contains(TargetKind::Angle));
         let error = motor.set_target(Target::Torque(NewtonMetres::ZERO));
         assert_eq!(error, Err(TargetError::Unsupported(TargetKind::Torque)));
-        let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), Safety::BRAKE);
+        let (mut bench, esc, id) = bench(motor, Settings::new(NODE), Safety::BRAKE);
         let target = Target::Speed(Rpm::new(120.0));
         let took = settles(&mut bench, id, target, || rpm(&esc) - 120.0, 3.0);
         assert!(took < 700, "{took} ms");
@@ -137,9 +111,8 @@ fn an_axis_with_velocity_loops_of_its_own_gets_velocities() {
 #[test]
 fn an_axis_with_position_loops_of_its_own_gets_positions() {
     for input in [InputMode::PositionFilter, InputMode::Trapezoid, InputMode::Passthrough] {
-        let switch = ArmSwitch::new();
-        let mut motor = ODrive::new(NODE, with(Control::Position(input))).unwrap();
-        let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), Safety::HOLD);
+        let motor = ODrive::new(NODE, with(Control::Position(input))).unwrap();
+        let (mut bench, esc, id) = bench(motor, Settings::new(NODE), Safety::HOLD);
         bench.hold(id, Target::Coast, 30).unwrap();
         let goal = TotalAngle::from_degrees(400);
         let off = || esc.state().output_degrees - 400.0;
@@ -254,10 +227,9 @@ fn an_angle_waits_until_it_is_known_where_the_shaft_is() {
 
 #[test]
 fn limits_are_told_before_it_is_switched_on() {
-    let switch = ArmSwitch::new();
     let limits = Limits { speed: Rpm::new(300.0), current: Amps::new(20.0) };
-    let mut motor = ODrive::new(NODE, wheel().with_limits(limits)).unwrap();
-    let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), Safety::COAST);
+    let motor = ODrive::new(NODE, wheel().with_limits(limits)).unwrap();
+    let (mut bench, esc, id) = bench(motor, Settings::new(NODE), Safety::COAST);
     let told = |esc: &Esc| {
         let limits =
             |axis: &mut Axis| (axis.controller().velocity_limit, axis.controller().current_limit);
@@ -291,10 +263,8 @@ fn limits_are_told_before_it_is_switched_on() {
 
 #[test]
 fn an_axis_is_switched_on_by_heartbeat_and_kept_idle() {
-    let switch = ArmSwitch::new();
-    let mut motor = ODrive::new(NODE, wheel()).unwrap();
     let settings = Settings { heartbeat_every: Micros::from_millis(20), ..Settings::new(NODE) };
-    let (mut bench, esc, id) = bench(&switch, &mut motor, settings, Safety::COAST);
+    let (mut bench, esc, id) = bench(ODrive::new(NODE, wheel()).unwrap(), settings, Safety::COAST);
     assert!(!is_on(&esc));
     let torque = Target::Torque(NewtonMetres::new(1.0));
     let mut starting = 0;
@@ -307,10 +277,10 @@ fn an_axis_is_switched_on_by_heartbeat_and_kept_idle() {
     }
     assert!(starting >= 4, "{starting}");
     // Disarmed and armed again before a heartbeat: it starts from the beginning all the same.
-    switch.disarm();
+    bench.bus.switch().disarm();
     bench.wait(3);
     assert!(!is_on(&esc));
-    switch.arm().unwrap();
+    bench.bus.switch().arm().unwrap();
     bench.hold(id, torque, 2).unwrap();
     assert_eq!(bench.status(id).condition, Condition::Starting);
     bench.hold(id, torque, 100).unwrap();
@@ -319,7 +289,7 @@ fn an_axis_is_switched_on_by_heartbeat_and_kept_idle() {
     esc.with(Axis::fall_idle).unwrap();
     bench.hold(id, torque, 200).unwrap();
     assert!(is_on(&esc) && esc.state().current > 1.0);
-    switch.disarm();
+    bench.bus.switch().disarm();
     bench.wait(40);
     let mut reminders = 0;
     for _ in 0..100 {
@@ -335,12 +305,11 @@ fn an_axis_is_switched_on_by_heartbeat_and_kept_idle() {
 #[test]
 fn slow_estimates_are_said_to_be_slow() {
     for (hz, condition) in [(100, Condition::SlowFeedback), (200, Condition::Ready)] {
-        let switch = ArmSwitch::new();
         let config = Config { rates: Rates::new(hz, 50), ..wheel() };
-        let mut motor = ODrive::new(NODE, config.with_gear(Gear::new(8, 1).unwrap())).unwrap();
+        let motor = ODrive::new(NODE, config.with_gear(Gear::new(8, 1).unwrap())).unwrap();
         let every = Micros::new(1_000_000 / u64::from(hz));
         let settings = Settings { estimates_every: every, ..Settings::new(NODE) };
-        let (mut bench, _, id) = bench(&switch, &mut motor, settings, Safety::COAST);
+        let (mut bench, _, id) = bench(motor, settings, Safety::COAST);
         bench.hold(id, Target::Torque(NewtonMetres::new(0.5)), 200).unwrap();
         assert_eq!(bench.status(id).condition, condition);
     }

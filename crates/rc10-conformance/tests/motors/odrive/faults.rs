@@ -38,9 +38,8 @@ fn assert_returns_softly(bench: &mut Bench<'_>, motor: MotorId, esc: &Esc) {
 
 #[test]
 fn unplugged_it_is_lost_and_comes_back_softly() {
-    let switch = ArmSwitch::new();
-    let mut motor = ODrive::new(NODE, wheel()).unwrap();
-    let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), Safety::HOLD);
+    let (mut bench, esc, id) =
+        bench(ODrive::new(NODE, wheel()).unwrap(), Settings::new(NODE), Safety::HOLD);
     bench.hold(id, SPEED, 500).unwrap();
     let before =
         (bench.status(id).feedback.total_angle.degrees().get(), esc.state().output_degrees);
@@ -94,9 +93,8 @@ fn powered_off_and_on_it_is_switched_on_again_softly() {
 #[test]
 fn a_restarted_position_axis_does_not_jump() {
     for input in [InputMode::Trapezoid, InputMode::Passthrough] {
-        let switch = ArmSwitch::new();
-        let mut motor = ODrive::new(NODE, with(Control::Position(input))).unwrap();
-        let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), Safety::HOLD);
+        let motor = ODrive::new(NODE, with(Control::Position(input))).unwrap();
+        let (mut bench, esc, id) = bench(motor, Settings::new(NODE), Safety::HOLD);
         let target = Target::TotalAngle(TotalAngle::from_degrees(400));
         bench.hold(id, target, 2000).unwrap();
         let before = esc.state().output_degrees;
@@ -117,9 +115,8 @@ fn a_restarted_position_axis_does_not_jump() {
 
 #[test]
 fn muted_it_is_made_idle_although_nobody_hears_it() {
-    let switch = ArmSwitch::new();
-    let mut motor = ODrive::new(NODE, wheel()).unwrap();
-    let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), Safety::HOLD);
+    let (mut bench, esc, id) =
+        bench(ODrive::new(NODE, wheel()).unwrap(), Settings::new(NODE), Safety::HOLD);
     bench.hold(id, SPEED, 500).unwrap();
     esc.set_feedback(false);
     bench.hold(id, SPEED, 20).unwrap();
@@ -145,10 +142,9 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
         (Version::V0_5, Firmware::V0_5, OverVoltage, "supply voltage too high"),
         (Version::V0_5, Firmware::V0_5, EscFault::UnderVoltage, "supply voltage too low"),
     ] {
-        let switch = ArmSwitch::new();
-        let mut motor = ODrive::new(NODE, Config { firmware, ..wheel() }).unwrap();
+        let motor = ODrive::new(NODE, Config { firmware, ..wheel() }).unwrap();
         let settings = Settings { version, ..Settings::new(NODE) };
-        let (mut bench, esc, id) = bench(&switch, &mut motor, settings, Safety::BRAKE);
+        let (mut bench, esc, id) = bench(motor, settings, Safety::BRAKE);
         bench.hold(id, SPEED, 300).unwrap();
         assert!(esc.inject(fault));
         bench.hold(id, SPEED, 25).unwrap();
@@ -195,9 +191,8 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
 
 #[test]
 fn an_axis_that_does_not_answer_is_given_up_on() {
-    let switch = ArmSwitch::new();
-    let mut motor = ODrive::new(NODE, wheel()).unwrap();
-    let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), Safety::COAST);
+    let (mut bench, esc, id) =
+        bench(ODrive::new(NODE, wheel()).unwrap(), Settings::new(NODE), Safety::COAST);
     esc.inject(EscFault::OverCurrent);
     bench.hold(id, SPEED, 50).unwrap();
     esc.set_power(false);
@@ -250,9 +245,8 @@ fn without_heartbeats_nothing_is_known_and_nothing_driven() {
 #[test]
 fn commands_expire_and_stops_stop() {
     for (safety, state) in [(Safety::COAST, DriveMode::Coast), (Safety::HOLD, DriveMode::Hold)] {
-        let switch = ArmSwitch::new();
-        let mut motor = ODrive::new(NODE, wheel()).unwrap();
-        let (mut bench, esc, id) = bench(&switch, &mut motor, Settings::new(NODE), safety);
+        let (mut bench, esc, id) =
+            bench(ODrive::new(NODE, wheel()).unwrap(), Settings::new(NODE), safety);
         bench.hold(id, SPEED, 500).unwrap();
         bench.wait(60);
         assert_eq!(bench.status(id).drive, state);
@@ -270,27 +264,25 @@ fn commands_expire_and_stops_stop() {
             esc.set_load(0.0);
         }
         bench.hold(id, SPEED, 500).unwrap();
-        switch.emergency_stop();
+        bench.bus.switch().emergency_stop();
         bench.hold(id, SPEED, 5).unwrap();
         assert_eq!(bench.status(id).drive, state);
-        switch.reset();
+        bench.bus.switch().reset();
         bench.hold(id, SPEED, 5).unwrap();
         assert!(!is_on(&esc) && bench.status(id).drive == DriveMode::Off);
-        switch.arm().unwrap();
+        bench.bus.switch().arm().unwrap();
         assert_returns_softly(&mut bench, id, &esc);
     }
 }
 
 #[test]
 fn a_watchdog_of_the_axis_does_not_bite_while_disarmed() {
-    let switch = ArmSwitch::new();
-    let mut motor = ODrive::new(NODE, wheel()).unwrap();
     let settings = Settings { watchdog: Some(Micros::from_millis(50)), ..Settings::new(NODE) };
-    let (mut bench, esc, id) = bench(&switch, &mut motor, settings, Safety::COAST);
-    switch.disarm();
+    let (mut bench, esc, id) = bench(ODrive::new(NODE, wheel()).unwrap(), settings, Safety::COAST);
+    bench.bus.switch().disarm();
     bench.wait(1000);
     assert_eq!(esc.with(|axis: &mut Axis| axis.errors()), Some(0));
-    switch.arm().unwrap();
+    bench.bus.switch().arm().unwrap();
     bench.hold(id, SPEED, 300).unwrap();
     bench.wire.set_cut(true);
     bench.hold(id, SPEED, 100).unwrap();

@@ -16,6 +16,8 @@ use rc10_motor::{ArmSwitch, MotorId, Safety};
 use rc10_sim::odrive::{Axis, Settings, State, d6374_8to1};
 use rc10_sim::{Esc, Plant};
 
+use crate::leak;
+
 /// For a D6374 behind an 8 : 1 belt with a wheel of 0.03 kg m².
 pub const WHEEL: Cascade = Cascade {
     speed: PidConfig::new(0.1, 1.0, 0.0, 8.0),
@@ -43,17 +45,12 @@ pub fn plant() -> Plant {
 }
 
 /// A bench with one axis, the motor armed and heard of.
-pub fn bench<'m>(
-    switch: &'m ArmSwitch,
-    motor: &'m mut ODrive,
-    settings: Settings,
-    safety: Safety,
-) -> (Bench<'m>, Esc, MotorId) {
-    let mut bench = Bench::new(11, switch);
+pub fn bench(motor: ODrive, settings: Settings, safety: Safety) -> (Bench<'static>, Esc, MotorId) {
+    let mut bench = Bench::new(11, leak(ArmSwitch::new()));
     let esc = bench.wire.add(Axis::new(settings).unwrap(), plant());
-    let id = bench.attach(motor, safety).unwrap();
+    let id = bench.attach(leak(motor), safety).unwrap();
     bench.wait(150);
-    switch.arm().unwrap();
+    bench.bus.switch().arm().unwrap();
     (bench, esc, id)
 }
 

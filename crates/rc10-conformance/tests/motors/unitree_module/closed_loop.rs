@@ -4,7 +4,7 @@ use rc10_motor::rc10_app::Direction;
 use rc10_motor::rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::unitree::GoModule;
 use rc10_motor::{
-    ArmSwitch, Condition, Impedance, Request, RequestError, Safety, Target, TargetError, TargetKind,
+    Condition, Impedance, Request, RequestError, Safety, Target, TargetError, TargetKind,
 };
 use rc10_sim::unitree_module::{Mode, plant};
 use rc10_sim::{Plant, Scale};
@@ -28,11 +28,11 @@ fn plants() -> Vec<Plant> {
 /// Follows a target from rest: the largest overshoot, and the millisecond from which it stays
 /// within the band.
 fn respond(
-    one: &mut One<'_>,
+    one: &mut One,
     target: Target,
     goal: f64,
     (millis, band): (usize, f64),
-    measure: impl Fn(&One<'_>) -> f64,
+    measure: impl Fn(&One) -> f64,
 ) -> (f64, usize) {
     let track: Vec<f64> = (0..millis)
         .map(|_| {
@@ -48,10 +48,7 @@ fn respond(
 #[test]
 fn a_speed_is_reached_and_kept() {
     for plant in plants() {
-        let switch = ArmSwitch::new();
-        let mut motor = GoModule::new(3, 0).unwrap();
-        let mut one = One::with(&switch, &mut motor, Safety::COAST, plant);
-        switch.arm().unwrap();
+        let mut one = One::with(GoModule::new(3, 0).unwrap(), Safety::COAST, plant).armed();
         let (over, settled) = respond(&mut one, speed(150.0), 150.0, (1000, 3.0), |one| one.rpm());
         assert!(over < 3.5 && settled < 300, "{over} rpm over, {settled} ms: {plant:?}");
         assert!((one.rpm() - 150.0).abs() < 1.5, "{}", one.rpm());
@@ -63,11 +60,9 @@ fn a_speed_is_reached_and_kept() {
 #[test]
 fn an_angle_is_reached_and_kept() {
     for plant in plants() {
-        let switch = ArmSwitch::new();
-        let mut motor = GoModule::new(2, 14).unwrap();
-        let mut one = One::with(&switch, &mut motor, Safety::COAST, plant);
+        let mut one = One::with(GoModule::new(2, 14).unwrap(), Safety::COAST, plant);
         one.bench.bus.request(one.motor, Request::SetZero).unwrap();
-        switch.arm().unwrap();
+        one.switch.arm().unwrap();
         let target = Target::TotalAngle(TotalAngle::from_degrees(720));
         let (over, settled) = respond(&mut one, target, 720.0, (2500, 1.0), |one| one.degrees());
         assert!(over < 0.5 && settled < 1600, "{over} degrees over, {settled} ms: {plant:?}");
@@ -81,12 +76,10 @@ fn an_angle_is_reached_and_kept() {
 #[test]
 fn a_torque_is_the_torque_of_the_output() {
     for direction in [Direction::Forward, Direction::Reversed] {
-        let switch = ArmSwitch::new();
-        let mut motor = GoModule::new(3, 0).unwrap().with_direction(direction);
+        let motor = GoModule::new(3, 0).unwrap().with_direction(direction);
         // So heavy that it hardly turns.
         let heavy = plant().with_load_inertia(50.0);
-        let mut one = One::with(&switch, &mut motor, Safety::COAST, heavy);
-        switch.arm().unwrap();
+        let mut one = One::with(motor, Safety::COAST, heavy).armed();
         one.hold(Target::Torque(NewtonMetres::new(-7.5)), 100);
         let sign = if direction == Direction::Forward { 1.0 } else { -1.0 };
         assert!((one.torque() * sign + 7.5).abs() < 0.03, "{}", one.torque());
@@ -106,10 +99,8 @@ fn a_torque_is_the_torque_of_the_output() {
 
 #[test]
 fn a_mirrored_motor_counts_and_turns_the_other_way() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap().with_direction(Direction::Reversed);
-    let mut one = One::new(&switch, &mut motor, Safety::COAST);
-    switch.arm().unwrap();
+    let motor = GoModule::new(3, 0).unwrap().with_direction(Direction::Reversed);
+    let mut one = One::new(motor, Safety::COAST).armed();
     let before = (one.degrees(), one.esc.state().output_degrees);
     one.hold(speed(60.0), 1000);
     assert!((one.rpm() + 60.0).abs() < 0.5, "{}", one.rpm());
@@ -130,11 +121,10 @@ fn spring(kp: f32, kd: f32) -> Impedance {
 #[test]
 fn an_impedance_is_a_spring_and_a_damper() {
     for direction in [Direction::Forward, Direction::Reversed] {
-        let switch = ArmSwitch::new();
-        let mut motor = GoModule::new(1, 5).unwrap().with_direction(direction);
-        let mut one = One::new(&switch, &mut motor, Safety::COAST);
+        let motor = GoModule::new(1, 5).unwrap().with_direction(direction);
+        let mut one = One::new(motor, Safety::COAST);
         one.bench.bus.request(one.motor, Request::SetZero).unwrap();
-        switch.arm().unwrap();
+        one.switch.arm().unwrap();
         let sign = if direction == Direction::Forward { 1.0 } else { -1.0 };
         // A weight of 5 N m bends 30 N m / rad by 9.55 degrees, give or take 0.13 N m of friction.
         one.esc.set_load(-5.0 * sign);
@@ -166,12 +156,10 @@ fn an_impedance_is_a_spring_and_a_damper() {
 
 #[test]
 fn an_impedance_obeys_the_torque_limit_and_starts_softly() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap();
     let heavy = plant().with_load_inertia(50.0);
-    let mut one = One::with(&switch, &mut motor, Safety::COAST, heavy);
+    let mut one = One::with(GoModule::new(3, 0).unwrap(), Safety::COAST, heavy);
     one.bench.bus.request(one.motor, Request::SetZero).unwrap();
-    switch.arm().unwrap();
+    one.switch.arm().unwrap();
     let far = |torque| Impedance {
         angle: Degrees::new(3000.0),
         torque: NewtonMetres::new(torque),
@@ -204,11 +192,8 @@ fn whatever_takes_over_starts_softly() {
     for [first, second] in
         [[Target::Torque(torque), given], [given, Target::Torque(torque)], [far(50.0), far(80.0)]]
     {
-        let switch = ArmSwitch::new();
-        let mut motor = GoModule::new(3, 0).unwrap();
         let heavy = plant().with_load_inertia(50.0);
-        let mut one = One::with(&switch, &mut motor, Safety::COAST, heavy);
-        switch.arm().unwrap();
+        let mut one = One::with(GoModule::new(3, 0).unwrap(), Safety::COAST, heavy).armed();
         for target in [second, first] {
             one.hold(target, 100);
             assert!(one.torque() > 19.0, "{target:?}");
@@ -228,9 +213,7 @@ fn whatever_takes_over_starts_softly() {
 
 #[test]
 fn what_cannot_be_is_refused_and_changes_nothing() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap();
-    let mut one = One::new(&switch, &mut motor, Safety::COAST);
+    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST);
     let now = one.bench.world.now();
     let mut refused = |target| {
         let error = one.bench.bus.command(one.motor, target, now).unwrap_err();
@@ -254,14 +237,12 @@ fn what_cannot_be_is_refused_and_changes_nothing() {
 
 #[test]
 fn zero_is_where_it_was_set() {
-    let switch = ArmSwitch::new();
     let mut motor = GoModule::new(3, 0).unwrap();
     assert_eq!(
         rc10_motor::Motor::request(&mut motor, Request::SetZero),
         Err(RequestError::NoFeedback)
     );
-    let mut one = One::new(&switch, &mut motor, Safety::COAST);
-    switch.arm().unwrap();
+    let mut one = One::new(motor, Safety::COAST).armed();
     let at = |degrees| Impedance { angle: Degrees::new(degrees), ..spring(40.0, 1.0) };
     one.hold(Target::Impedance(at(100.0)), 1500);
     assert!((one.degrees() - 100.0).abs() < 0.4);
@@ -279,10 +260,7 @@ fn zero_is_where_it_was_set() {
 
 #[test]
 fn told_to_coast_after_a_new_zero_it_coasts() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap();
-    let mut one = One::new(&switch, &mut motor, Safety::COAST);
-    switch.arm().unwrap();
+    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST).armed();
     one.esc.set_load(1.0);
     one.hold(Target::TotalAngle(TotalAngle::from_degrees(30)), 500);
     one.bench.bus.request(one.motor, Request::SetZero).unwrap();

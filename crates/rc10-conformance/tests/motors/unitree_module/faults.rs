@@ -2,9 +2,7 @@
 
 use rc10_motor::rc10_app::{Degrees, NewtonMetres, TotalAngle};
 use rc10_motor::unitree::GoModule;
-use rc10_motor::{
-    ArmSwitch, Condition, DriveMode, Impedance, Link, Request, SafeState, Safety, Target,
-};
+use rc10_motor::{Condition, DriveMode, Impedance, Link, Request, SafeState, Safety, Target};
 use rc10_sim::EscFault;
 use rc10_sim::unitree_module::{Mode, plant};
 
@@ -12,7 +10,7 @@ use super::{One, speed};
 
 /// The torque may rise no faster than a soft start allows: 10 % of 23.7 N m a millisecond, seen
 /// through a tick and the current loop.
-fn assert_soft(one: &mut One<'_>, target: Target, millis: u32) {
+fn assert_soft(one: &mut One, target: Target, millis: u32) {
     let mut last = one.torque();
     for milli in 0..millis {
         one.hold(target, 1);
@@ -31,11 +29,8 @@ fn a_cut_wire_is_noticed_and_the_motor_comes_back_without_a_kick() {
         ..Impedance::default()
     });
     for target in [speed(150.0), Target::Torque(NewtonMetres::new(20.0)), far] {
-        let switch = ArmSwitch::new();
-        let mut motor = GoModule::new(3, 0).unwrap();
         let heavy = plant().with_load_inertia(1.0);
-        let mut one = One::with(&switch, &mut motor, Safety::COAST, heavy);
-        switch.arm().unwrap();
+        let mut one = One::with(GoModule::new(3, 0).unwrap(), Safety::COAST, heavy).armed();
         one.hold(target, 100);
         one.bench.wire.set_cut(true);
         one.hold(target, 9);
@@ -63,10 +58,7 @@ fn a_cut_wire_is_noticed_and_the_motor_comes_back_without_a_kick() {
 
 #[test]
 fn a_motor_that_had_no_power_comes_back_without_a_kick() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap();
-    let mut one = One::new(&switch, &mut motor, Safety::COAST);
-    switch.arm().unwrap();
+    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST).armed();
     one.hold(Target::TotalAngle(TotalAngle::from_degrees(90)), 1000);
     let before = one.degrees();
     one.esc.set_power(false);
@@ -83,12 +75,11 @@ fn a_motor_that_had_no_power_comes_back_without_a_kick() {
 
 #[test]
 fn a_motor_that_somebody_else_locked_is_set_up_anew() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap();
-    let mut one = One::with(&switch, &mut motor, Safety::COAST, plant().with_load_inertia(50.0));
+    let mut one =
+        One::with(GoModule::new(3, 0).unwrap(), Safety::COAST, plant().with_load_inertia(50.0));
     let mut lock = rc10_motor::TxBatch::new();
     one.bench.bus.coast_image(&mut lock).unwrap();
-    switch.arm().unwrap();
+    one.switch.arm().unwrap();
     let target = Target::Torque(NewtonMetres::new(20.0));
     one.hold(target, 200);
     one.bench.wire.inject(&lock.frames()[0]);
@@ -107,10 +98,7 @@ fn a_motor_that_somebody_else_locked_is_set_up_anew() {
 
 #[test]
 fn a_motor_that_is_not_heard_is_stopped() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap();
-    let mut one = One::new(&switch, &mut motor, Safety::HOLD);
-    switch.arm().unwrap();
+    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::HOLD).armed();
     one.hold(speed(100.0), 500);
     one.esc.set_feedback(false);
     one.hold(speed(100.0), 30);
@@ -133,10 +121,7 @@ fn each_fault_has_a_text_and_ends_with_clear_fault_only() {
         (EscFault::OverVoltage, "over-voltage", 3),
         (EscFault::Encoder, "encoder", 4),
     ] {
-        let switch = ArmSwitch::new();
-        let mut motor = GoModule::new(3, 0).unwrap();
-        let mut one = One::new(&switch, &mut motor, Safety::BRAKE);
-        switch.arm().unwrap();
+        let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::BRAKE).armed();
         one.hold(speed(100.0), 300);
         assert!(one.esc.inject(fault));
         one.hold(speed(100.0), 5);
@@ -166,10 +151,7 @@ fn each_fault_has_a_text_and_ends_with_clear_fault_only() {
 
 #[test]
 fn a_cable_off_behind_the_module_is_a_lost_motor() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap();
-    let mut one = One::new(&switch, &mut motor, Safety::COAST);
-    switch.arm().unwrap();
+    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST).armed();
     one.hold(speed(60.0), 300);
     assert!(one.esc.inject(EscFault::CommunicationLost));
     one.hold(speed(60.0), 30);
@@ -180,10 +162,7 @@ fn a_cable_off_behind_the_module_is_a_lost_motor() {
 #[test]
 fn commands_expire_into_the_safe_state() {
     for state in [SafeState::Coast, SafeState::Brake, SafeState::Hold] {
-        let switch = ArmSwitch::new();
-        let mut motor = GoModule::new(3, 0).unwrap();
-        let mut one = One::new(&switch, &mut motor, Safety::new(state));
-        switch.arm().unwrap();
+        let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::new(state)).armed();
         one.hold(speed(100.0), 500);
         one.bench.wait(55);
         assert_eq!(one.bench.status(one.motor).counters.expired, 1);
@@ -208,13 +187,10 @@ fn commands_expire_into_the_safe_state() {
 #[test]
 fn an_impedance_ends_in_the_safe_state_too() {
     for state in [SafeState::Coast, SafeState::Brake, SafeState::Hold] {
-        let switch = ArmSwitch::new();
-        let mut motor = GoModule::new(3, 0).unwrap();
-        let mut one = One::new(&switch, &mut motor, Safety::new(state));
-        switch.arm().unwrap();
+        let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::new(state)).armed();
         let spring = Impedance { kp: 20.0, kd: 0.5, ..Impedance::default() };
         one.hold(Target::Impedance(spring), 300);
-        switch.emergency_stop();
+        one.switch.emergency_stop();
         one.bench.wait(10);
         assert_eq!(one.gains().stiffness, 0.0, "{state:?}");
         assert_eq!(one.bench.status(one.motor).condition, Condition::Ready);
@@ -230,14 +206,12 @@ fn an_impedance_ends_in_the_safe_state_too() {
 
 #[test]
 fn disarmed_it_is_locked_and_armed_it_starts_softly() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap();
-    let mut one = One::new(&switch, &mut motor, Safety::COAST);
+    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST);
     for _ in 0..3 {
-        switch.arm().unwrap();
+        one.switch.arm().unwrap();
         assert_soft(&mut one, speed(150.0), 500);
         assert!((one.rpm() - 150.0).abs() < 1.0);
-        switch.disarm();
+        one.switch.disarm();
         one.hold(speed(150.0), 2);
         assert_eq!(one.mode(), Mode::Locked);
         one.hold(speed(150.0), 200);
@@ -246,12 +220,10 @@ fn disarmed_it_is_locked_and_armed_it_starts_softly() {
 
 #[test]
 fn the_panic_image_locks_whatever_it_did_before() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap();
-    let mut one = One::new(&switch, &mut motor, Safety::COAST);
+    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST);
     let mut image = rc10_motor::TxBatch::new();
     one.bench.bus.coast_image(&mut image).unwrap();
-    switch.arm().unwrap();
+    one.switch.arm().unwrap();
     let spring = Impedance { angle: Degrees::new(90.0), kp: 20.0, ..Impedance::default() };
     one.hold(Target::Impedance(spring), 50);
     assert_eq!(image.frames().len(), 1);

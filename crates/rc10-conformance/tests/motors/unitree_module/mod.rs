@@ -17,26 +17,35 @@ use rc10_motor::{ArmSwitch, MotorId, Safety, Target};
 use rc10_sim::unitree_module::{Gains, Mode, UnitreeModule, UnitreeMotor, plant};
 use rc10_sim::{Esc, Plant};
 
+use crate::leak;
+
 /// One motor behind the factory's module, heard and disarmed.
-struct One<'m> {
-    bench: Bench<'m>,
+struct One {
+    bench: Bench<'static>,
+    switch: &'static ArmSwitch,
     motor: MotorId,
     esc: Esc,
     module: UnitreeModule,
 }
 
-impl<'m> One<'m> {
-    fn new(switch: &'m ArmSwitch, motor: &'m mut GoModule, safety: Safety) -> Self {
-        Self::with(switch, motor, safety, plant())
+impl One {
+    fn new(motor: GoModule, safety: Safety) -> Self {
+        Self::with(motor, safety, plant())
     }
 
-    fn with(switch: &'m ArmSwitch, motor: &'m mut GoModule, safety: Safety, plant: Plant) -> Self {
+    fn with(motor: GoModule, safety: Safety, plant: Plant) -> Self {
+        let switch = &*leak(ArmSwitch::new());
         let mut bench = Bench::new(7, switch);
         let module = UnitreeModule::new(motor.module().get()).unwrap();
         let esc = bench.wire.add(module.motor(motor.address().get()).unwrap(), plant);
-        let motor = bench.attach(motor, safety).unwrap();
+        let motor = bench.attach(leak(motor), safety).unwrap();
         bench.wait(20);
-        Self { bench, motor, esc, module }
+        Self { bench, switch, motor, esc, module }
+    }
+
+    fn armed(self) -> Self {
+        self.switch.arm().unwrap();
+        self
     }
 
     fn hold(&mut self, target: Target, millis: u32) {

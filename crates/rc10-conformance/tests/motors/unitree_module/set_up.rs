@@ -8,7 +8,7 @@ use rc10_sim::unitree_module::{Asked, Command, Mode, UnitreeModule, plant};
 use super::{One, speed};
 
 /// What the last tick sent, by the device's codec.
-fn sent(one: &One<'_>) -> Vec<Asked> {
+fn sent(one: &One) -> Vec<Asked> {
     let read = |frame| Command::unpack(frame).unwrap().unwrap().asked;
     one.bench.sent().frames().iter().map(read).collect()
 }
@@ -24,7 +24,7 @@ fn name(asked: &Asked) -> &'static str {
 }
 
 /// Ticks with a target, until it follows or the ticks are over: what was sent in each.
-fn ticks(one: &mut One<'_>, target: Target, count: u32) -> Vec<&'static str> {
+fn ticks(one: &mut One, target: Target, count: u32) -> Vec<&'static str> {
     let mut names = Vec::new();
     for _ in 0..count {
         one.hold(target, 1);
@@ -45,17 +45,15 @@ const SPRING: Impedance = Impedance {
 
 #[test]
 fn disarmed_it_is_polled_and_armed_it_is_set_up_in_four_ticks() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap();
-    let mut one = One::new(&switch, &mut motor, Safety::COAST);
+    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST);
     assert_eq!(one.bench.status(one.motor).link, Link::Online);
     assert_eq!(ticks(&mut one, speed(60.0), 3), ["lock"; 3]);
     assert_eq!(one.mode(), Mode::Locked);
-    switch.arm().unwrap();
+    one.switch.arm().unwrap();
     let names = ticks(&mut one, speed(60.0), 5);
     assert_eq!(names, ["set", "read", "follow", "follow", "follow"]);
     assert_eq!(one.bench.status(one.motor).condition, Condition::Ready);
-    switch.disarm();
+    one.switch.disarm();
     assert_eq!(ticks(&mut one, speed(60.0), 2), ["lock"; 2]);
     one.bench.wait(2);
     assert_eq!((one.mode(), one.device(|device| device.calibrations())), (Mode::Locked, 0));
@@ -63,10 +61,7 @@ fn disarmed_it_is_polled_and_armed_it_is_set_up_in_four_ticks() {
 
 #[test]
 fn an_impedance_counts_once_the_module_has_confirmed_it() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap();
-    let mut one = One::new(&switch, &mut motor, Safety::COAST);
-    switch.arm().unwrap();
+    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST).armed();
     one.hold(speed(100.0), 500);
     assert!(one.gains().stiffness == 0.0 && one.gains().damping == 0.0);
     let target = Target::Impedance(SPRING);
@@ -95,10 +90,7 @@ fn an_impedance_counts_once_the_module_has_confirmed_it() {
 
 #[test]
 fn a_module_that_does_not_keep_its_gains_never_drives() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap();
-    let mut one = One::new(&switch, &mut motor, Safety::COAST);
-    switch.arm().unwrap();
+    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST).armed();
     for _ in 0..200 {
         // It restarts in every millisecond: what it tells is never what it was told.
         one.module.restart();
@@ -113,10 +105,7 @@ fn a_module_that_does_not_keep_its_gains_never_drives() {
 
 #[test]
 fn a_module_that_restarts_unnoticed_is_found_without_its_gains() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap();
-    let mut one = One::new(&switch, &mut motor, Safety::COAST);
-    switch.arm().unwrap();
+    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST).armed();
     one.hold(Target::Impedance(SPRING), 500);
     let held = one.degrees();
     one.module.restart();
@@ -132,10 +121,7 @@ fn a_module_that_restarts_unnoticed_is_found_without_its_gains() {
 
 #[test]
 fn a_module_without_power_is_set_up_again_when_it_is_back() {
-    let switch = ArmSwitch::new();
-    let mut motor = GoModule::new(3, 0).unwrap();
-    let mut one = One::new(&switch, &mut motor, Safety::COAST);
-    switch.arm().unwrap();
+    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST).armed();
     one.hold(Target::Impedance(SPRING), 500);
     one.module.set_power(false);
     one.hold(Target::Impedance(SPRING), 30);

@@ -25,7 +25,7 @@ fn assert_told(bench: &Bench<'_>, motor: MotorId, esc: &Esc, rpm: f64, amps: f64
 
 #[test]
 fn a_current_is_reached_softly_and_measured_with_its_sign() {
-    armed(|bench, motor, esc, _| {
+    armed(|bench, motor, esc| {
         let target = Target::Current(Amps::new(10.0));
         hold(bench, motor, target, 5);
         assert!(esc.state().current < 5.0, "a kick of {} A", esc.state().current);
@@ -50,9 +50,7 @@ fn a_current_is_reached_softly_and_measured_with_its_sign() {
 #[test]
 fn relative_currents_are_shares_of_what_the_device_allows() {
     let ours = Config { relative_to: Some(Amps::new(80.0)), ..config(1) };
-    on_bench(Vesc::new(ours).unwrap(), device(1), Safety::BRAKE, |bench, motor, esc, switch| {
-        switch.arm().unwrap();
-        bench.wait(50);
+    on_armed_bench(Vesc::new(ours).unwrap(), device(1), Safety::BRAKE, |bench, motor, esc| {
         let mode = |esc: &Esc| inside(esc, |vesc| vesc.mode());
         let target = Target::Current(Amps::new(-20.0));
         hold(bench, motor, target, 5);
@@ -79,7 +77,7 @@ fn relative_currents_are_shares_of_what_the_device_allows() {
 
 #[test]
 fn a_speed_is_reached_and_kept() {
-    armed(|bench, motor, esc, _| {
+    armed(|bench, motor, esc| {
         for rpm in [1500.0, -1500.0, 2500.0_f32] {
             hold(bench, motor, Target::Speed(Rpm::new(rpm)), 1500);
             // The firmware's own gains: an integral that takes its time.
@@ -94,7 +92,7 @@ fn a_speed_is_reached_and_kept() {
 
 #[test]
 fn a_slow_speed_is_sent_as_it_is_and_said_not_to_be_regulated() {
-    armed(|bench, motor, esc, _| {
+    armed(|bench, motor, esc| {
         hold(bench, motor, Target::Speed(Rpm::new(1000.0)), 800);
         for rpm in [100.0, 0.0_f32] {
             hold(bench, motor, Target::Speed(Rpm::new(rpm)), 20);
@@ -117,7 +115,7 @@ fn a_slow_speed_is_sent_as_it_is_and_said_not_to_be_regulated() {
 
 #[test]
 fn a_duty_turns_the_motor_in_proportion() {
-    armed(|bench, motor, esc, _| {
+    armed(|bench, motor, esc| {
         // It begins gently, from rest and from what the motor turns at.
         for duty in [0.3, -0.3] {
             for _ in 0..200 {
@@ -142,7 +140,7 @@ fn a_duty_turns_the_motor_in_proportion() {
 
 #[test]
 fn brake_and_handbrake_are_what_they_say() {
-    armed(|bench, motor, esc, _| {
+    armed(|bench, motor, esc| {
         hold(bench, motor, Target::Duty(0.3), 800);
         let before = esc.state().output_rpm;
         hold(bench, motor, Target::Brake(Amps::new(10.0)), 100);
@@ -189,9 +187,7 @@ fn an_angle_is_reached_by_the_device_only_where_its_encoder_sits_on_the_shaft() 
         ours.direction = direction;
         assert!(supports(&ours).contains(TargetKind::Angle));
         assert!(!supports(&ours).contains(TargetKind::TotalAngle));
-        on_bench(Vesc::new(ours).unwrap(), theirs, Safety::COAST, |bench, motor, esc, switch| {
-            switch.arm().unwrap();
-            bench.wait(50);
+        on_armed_bench(Vesc::new(ours).unwrap(), theirs, Safety::COAST, |bench, motor, esc| {
             let sign = if direction == Direction::Forward { 1.0 } else { -1.0 };
             // The shorter way round, told in degrees of any number.
             for (wanted, stands) in [(90.0, 90.0), (350.0, -10.0), (720.0 + 100.0, 100.0)] {
@@ -240,9 +236,7 @@ fn lift() -> (Vesc, VescConfig) {
 #[test]
 fn a_servo_reaches_many_turns_under_load_and_holds() {
     let (ours, theirs) = lift();
-    on_bench(ours, theirs, Safety::HOLD, |bench, motor, esc, switch| {
-        switch.arm().unwrap();
-        bench.wait(50);
+    on_armed_bench(ours, theirs, Safety::HOLD, |bench, motor, esc| {
         let total = |degrees| Target::TotalAngle(TotalAngle::from_degrees(degrees));
         hold(bench, motor, total(720), 3000);
         // A step of the tachometer is 0.45 degrees here.
@@ -291,11 +285,8 @@ fn a_servo_reaches_many_turns_under_load_and_holds() {
     });
 }
 
-#[test]
-fn a_servo_keeps_to_the_limits() {
-    let (ours, theirs) = lift();
-    let mut config = *ours.config();
-    config.currents = amps(4.0, 0.0, 0.0);
+/// With loops that ask for all of its current at once.
+fn hasty(config: Config) -> Vesc {
     let cascade = Cascade {
         speed: PidConfig::new(50.0, 0.0, 0.0, 40.0),
         angle: PidConfig::new(2.0, 0.0, 0.0, 120.0),
@@ -303,10 +294,16 @@ fn a_servo_keeps_to_the_limits() {
         acceleration: RpmPerSecond::new(4000.0),
         feed_forward: 0.0,
     };
-    let ours = Vesc::new(config).unwrap().with_servo(cascade).unwrap();
-    on_bench(ours, theirs, Safety::COAST, |bench, motor, esc, switch| {
-        switch.arm().unwrap();
-        bench.wait(50);
+    Vesc::new(config).unwrap().with_servo(cascade).unwrap()
+}
+
+#[test]
+fn a_servo_keeps_to_the_limits() {
+    let (ours, theirs) = lift();
+    let mut config = *ours.config();
+    config.currents = amps(4.0, 0.0, 0.0);
+    let ours = hasty(config);
+    on_armed_bench(ours, theirs, Safety::COAST, |bench, motor, esc| {
         let far = Target::TotalAngle(TotalAngle::from_degrees(7200));
         hold(bench, motor, far, 100);
         near(esc.state().current, 4.0, 0.1);
@@ -323,17 +320,8 @@ fn a_servo_keeps_to_the_limits() {
 fn a_servo_starts_softly() {
     let (ours, theirs) = lift();
     let config = Config { command_hz: 200, ..*ours.config() };
-    let cascade = Cascade {
-        speed: PidConfig::new(50.0, 0.0, 0.0, 40.0),
-        angle: PidConfig::new(2.0, 0.0, 0.0, 120.0),
-        outer_divider: 5,
-        acceleration: RpmPerSecond::new(4000.0),
-        feed_forward: 0.0,
-    };
-    let ours = Vesc::new(config).unwrap().with_servo(cascade).unwrap();
-    on_bench(ours, theirs, Safety::COAST, |bench, motor, esc, switch| {
-        switch.arm().unwrap();
-        bench.wait(50);
+    let ours = hasty(config);
+    on_armed_bench(ours, theirs, Safety::COAST, |bench, motor, esc| {
         let mut strongest = 0.0_f64;
         for _ in 0..15 {
             let before = esc.state().current;
@@ -349,9 +337,7 @@ fn a_servo_starts_softly() {
 #[test]
 fn a_servo_seeks_nothing_by_a_tachometer_that_has_stopped() {
     let (ours, theirs) = lift();
-    on_bench(ours, theirs, Safety::COAST, |bench, motor, esc, switch| {
-        switch.arm().unwrap();
-        bench.wait(50);
+    on_armed_bench(ours, theirs, Safety::COAST, |bench, motor, esc| {
         let far = Target::TotalAngle(TotalAngle::from_degrees(7200));
         hold(bench, motor, far, 300);
         assert!(esc.state().current > 1.0);
@@ -370,9 +356,7 @@ fn a_servo_seeks_nothing_by_a_tachometer_that_has_stopped() {
 #[test]
 fn hold_slows_down_before_it_locks() {
     let motor = Vesc::new(config(1)).unwrap();
-    on_bench(motor, device(1), Safety::HOLD, |bench, motor, esc, switch| {
-        switch.arm().unwrap();
-        bench.wait(50);
+    on_armed_bench(motor, device(1), Safety::HOLD, |bench, motor, esc| {
         hold(bench, motor, Target::Speed(Rpm::new(1000.0)), 1000);
         bench.wait(100);
         assert_eq!(bench.status(motor).drive, DriveMode::Hold);
@@ -399,9 +383,7 @@ fn hold_lets_a_weight_sink_rather_than_fall() {
         let mut theirs = device(1);
         theirs.plant.load_inertia = 0.0;
         (theirs.plant.coulomb_friction, theirs.plant.static_friction) = (0.05, 0.06);
-        on_bench(motor, theirs, Safety::HOLD, |bench, motor, esc, switch| {
-            switch.arm().unwrap();
-            bench.wait(50);
+        on_armed_bench(motor, theirs, Safety::HOLD, |bench, motor, esc| {
             hold(bench, motor, Target::Speed(Rpm::new(-1000.0)), 500);
             esc.set_load(load);
             bench.wait(500);
@@ -442,9 +424,7 @@ fn hold_brakes_again_what_was_torn_loose() {
 fn angle_speed_and_current_keep_their_sign_when_reversed() {
     let mut ours = config(1);
     ours.direction = Direction::Reversed;
-    on_bench(Vesc::new(ours).unwrap(), device(1), Safety::COAST, |bench, motor, esc, switch| {
-        switch.arm().unwrap();
-        bench.wait(50);
+    on_armed_bench(Vesc::new(ours).unwrap(), device(1), Safety::COAST, |bench, motor, esc| {
         for target in
             [Target::Current(Amps::new(5.0)), Target::Duty(0.3), Target::Speed(Rpm::new(1500.0))]
         {
@@ -463,7 +443,7 @@ fn angle_speed_and_current_keep_their_sign_when_reversed() {
 
 #[test]
 fn limits_are_kept_here_and_told_to_the_device_again_after_a_restart() {
-    armed(|bench, motor, esc, _| {
+    armed(|bench, motor, esc| {
         assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-40.0, 40.0));
         let limit = |amps| Request::CurrentLimit(Amps::new(amps));
         assert!(bench.bus.request(motor, limit(12.5)).is_ok());

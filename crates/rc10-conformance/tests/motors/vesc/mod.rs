@@ -62,14 +62,23 @@ fn on_bench(
     assert_eq!(esc.state().malformed, 0);
 }
 
-/// The usual motor, device and safety, armed.
-fn armed(test: impl FnOnce(&mut Bench<'_>, MotorId, &Esc, &ArmSwitch)) {
-    let motor = Vesc::new(config(1)).unwrap();
-    on_bench(motor, device(1), Safety::COAST, |bench, motor, esc, switch| {
+/// The same, armed.
+fn on_armed_bench(
+    motor: Vesc,
+    device: VescConfig,
+    safety: Safety,
+    test: impl FnOnce(&mut Bench<'_>, MotorId, &Esc),
+) {
+    on_bench(motor, device, safety, |bench, motor, esc, switch| {
         switch.arm().unwrap();
         bench.wait(50);
-        test(bench, motor, esc, switch);
+        test(bench, motor, esc);
     });
+}
+
+/// The usual motor, device and safety, armed.
+fn armed(test: impl FnOnce(&mut Bench<'_>, MotorId, &Esc)) {
+    on_armed_bench(Vesc::new(config(1)).unwrap(), device(1), Safety::COAST, test);
 }
 
 /// The device's electronics.

@@ -15,7 +15,7 @@ fn mode(esc: &Esc) -> Mode {
 
 #[test]
 fn a_cut_wire_lets_both_sides_go() {
-    armed(|bench, motor, esc, _| {
+    armed(|bench, motor, esc| {
         bench.hold(motor, PUSH, 100).unwrap();
         bench.wire.set_cut(true);
         bench.hold(motor, PUSH, 20).unwrap();
@@ -70,7 +70,7 @@ fn a_field_locks_softly() {
 /// No frame is missing then: only its tachometer shows it.
 #[test]
 fn a_vesc_that_restarts_in_a_blink_counts_on() {
-    armed(|bench, motor, esc, _| {
+    armed(|bench, motor, esc| {
         bench.hold(motor, Target::Speed(Rpm::new(1000.0)), 1000).unwrap();
         bench.hold(motor, Target::Coast, 5).unwrap();
         let before = bench.status(motor).feedback.total_angle.degrees().get();
@@ -87,7 +87,7 @@ fn a_vesc_that_restarts_in_a_blink_counts_on() {
 
 #[test]
 fn a_vesc_that_restarts_is_driven_softly_and_counts_on() {
-    armed(|bench, motor, esc, _| {
+    armed(|bench, motor, esc| {
         bench.hold(motor, Target::Speed(Rpm::new(2000.0)), 1000).unwrap();
         bench.hold(motor, PUSH, 100).unwrap();
         let before = bench.status(motor).feedback.total_angle.degrees().get();
@@ -112,7 +112,7 @@ fn a_vesc_that_restarts_is_driven_softly_and_counts_on() {
 
 #[test]
 fn a_vesc_that_only_fell_silent_lost_no_count() {
-    armed(|bench, motor, esc, _| {
+    armed(|bench, motor, esc| {
         let turn = Target::Speed(Rpm::new(2000.0));
         bench.hold(motor, turn, 1500).unwrap();
         esc.set_feedback(false);
@@ -200,7 +200,7 @@ fn a_faulted_vesc_is_seen_not_to_follow() {
             Target::Speed(Rpm::new(1500.0)),
             Target::Handbrake(Amps::new(5.0)),
         ] {
-            armed(|bench, motor, esc, _| {
+            armed(|bench, motor, esc| {
                 bench.hold(motor, target, 700).unwrap();
                 assert_eq!(bench.status(motor).condition, Condition::Ready, "{target:?}");
                 assert!(esc.inject(fault));
@@ -222,12 +222,12 @@ fn a_faulted_vesc_is_seen_not_to_follow() {
             });
         }
     }
-    armed(|_, _, esc, _| assert!(!esc.inject(EscFault::CommunicationLost)));
+    armed(|_, _, esc| assert!(!esc.inject(EscFault::CommunicationLost)));
 }
 
 #[test]
 fn a_motor_that_follows_is_never_said_not_to() {
-    armed(|bench, motor, _, _| {
+    armed(|bench, motor, _| {
         for target in [
             Target::Duty(0.9),
             Target::Duty(-0.9),
@@ -251,7 +251,7 @@ fn a_motor_that_follows_is_never_said_not_to() {
 /// Somebody else may turn the shaft just as fast: then it needs no current.
 #[test]
 fn a_motor_that_needs_no_current_is_not_said_to_miss_its_target() {
-    armed(|bench, motor, esc, _| {
+    armed(|bench, motor, esc| {
         let (duty, speed) = (Target::Duty(0.5), Target::Speed(Rpm::new(3000.0)));
         for (target, radians) in [(duty, 339.0), (speed, 314.0)] {
             bench.hold(motor, target, 6000).unwrap();
