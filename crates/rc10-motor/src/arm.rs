@@ -181,8 +181,8 @@ impl ArmSwitch {
         self.always(|state| if matches!(state, STOPPED | STOPPED_OFF) { DISARMED } else { state });
     }
 
-    /// What the motors have to know: disarmed also while stopped without torque, stopped also while
-    /// suspended.
+    /// The arm state as the motors see it: disarmed also while stopped without torque, stopped also
+    /// while suspended.
     #[inline]
     pub(crate) fn for_motors(&self) -> ArmState {
         let state = self.0.load(Ordering::Acquire);

@@ -35,7 +35,7 @@ type CanMotors<'m> = Motors<'m, dyn CanMotor + 'm, CAPACITY>;
 /// See [`MotorBus::CAPACITY`].
 const CAPACITY: usize = 8;
 
-/// What became of a received frame.
+/// The result of a received frame: the motor that it belongs to, or none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dispatch {
     /// It was this motor's feedback.
@@ -48,7 +48,7 @@ pub enum Dispatch {
     Unclaimed,
 }
 
-/// What the frames of a bus amounted to.
+/// Counters of the frames that a bus received, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BusCounters {
@@ -175,7 +175,7 @@ impl<'m> MotorBus<'m> {
         }
     }
 
-    /// What its motors need of a bus of `bits_per_second`. If that does not fit, the robot is not
+    /// The load of its motors on a bus of `bits_per_second`. If that does not fit, the robot is not
     /// armed until the next start.
     #[cfg(feature = "embassy")]
     pub(crate) fn check_load(&self, bits_per_second: u32) -> BusLoad {
@@ -210,7 +210,7 @@ impl<'m> MotorBus<'m> {
         self.motors.iter().try_for_each(|motor| motor.coast_frames(tx))
     }
 
-    /// How much of a bus of `bits_per_second` the attached motors need.
+    /// The share of a bus of `bits_per_second` that the attached motors need.
     pub fn load(&self, bits_per_second: u32) -> BusLoad {
         BusLoad::of(self.motors.iter().map(CanMotor::can_ids), bits_per_second)
     }
@@ -222,7 +222,7 @@ impl<'m> MotorBus<'m> {
         self.motors.iter().for_each(|motor| f(&motor.can_ids()));
     }
 
-    /// What the frames of this bus amounted to.
+    /// Counters of the frames that this bus received.
     pub const fn counters(&self) -> BusCounters {
         self.counters
     }

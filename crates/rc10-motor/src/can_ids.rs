@@ -34,7 +34,7 @@ pub struct CanIds {
 #[derive(Clone, Copy, Debug)]
 struct List<T, const N: usize> {
     items: [T; N],
-    /// How many were added, those that found no room included.
+    /// Number of things that were added, those that found no room included.
     len: usize,
 }
 
@@ -75,7 +75,7 @@ impl fmt::Display for MotorName {
     }
 }
 
-/// How often a frame comes.
+/// The rate at which a frame is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rate {
     /// This many times a second, by the device's own clock.
@@ -133,7 +133,7 @@ pub struct Frames {
     pub pattern: IdPattern,
     /// Data bytes.
     pub len: u8,
-    /// How often.
+    /// The rate at which they are sent.
     pub rate: Rate,
     /// Share of them that is the device's.
     pub ownership: Ownership,
@@ -181,7 +181,7 @@ impl Frames {
     }
 }
 
-/// How much of a frame is one device's.
+/// The share of a frame that belongs to one device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ownership {
     /// All of it.

@@ -8,7 +8,7 @@ use rc10_can::Micros;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Feedback {
-    /// When it arrived.
+    /// The time at which it arrived.
     pub at: Micros,
     /// Speed.
     pub speed: Rpm,
@@ -17,7 +17,7 @@ pub struct Feedback {
     pub angle: Degrees,
     /// Angle of many turns, exact.
     pub total_angle: TotalAngle,
-    /// How often the number of turns had to be estimated, because feedback was missing at speed or
+    /// Number of times that the turns had to be estimated, because feedback was missing at speed or
     /// for more than 100 ms. A motor that has lost count runs on: watch this where it matters.
     pub turn_gaps: u32,
     current: Reading,
@@ -27,8 +27,8 @@ pub struct Feedback {
     supply: Reading,
 }
 
-/// What not every device tells: absent as NaN, because an `Option<f32>` takes twice the room, and
-/// every task that looks at a motor gets a copy.
+/// A measurement that not every device sends: absent as NaN, because an `Option<f32>` takes twice
+/// the room, and every task that looks at a motor gets a copy.
 #[derive(Clone, Copy)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 struct Reading(f32);
@@ -140,7 +140,7 @@ impl Feedback {
     }
 }
 
-/// What is wrong with a motor, by its own account.
+/// An error that the device of a motor reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]

@@ -47,7 +47,7 @@ pub(crate) struct Goals {
     supports: TargetSet,
     target: Target,
     goal: Goal,
-    /// Where to stay while the bus says hold.
+    /// The angle to keep while the bus says hold.
     held: Option<TotalAngle>,
 }
 
@@ -106,7 +106,8 @@ impl Goals {
         }
     }
 
-    /// What is sought in a tick; `stand` is where the shaft comes to a stand, if that is known.
+    /// The goal of a tick; `stand` is the angle at which the shaft comes to a stand, if that is
+    /// known.
     pub(crate) fn update(
         &mut self,
         mode: DriveMode,

@@ -6,7 +6,7 @@ use rc10_can::{IdPattern, LengthBounds};
 
 use crate::can_ids::{CanIds, Ownership};
 
-/// How much of a bus the motors attached to it need, known before power-on: from their
+/// The share of a bus that the motors attached to it need, known before power-on: from their
 /// identifiers alone.
 ///
 /// Percent of the bit rate. Every figure counts exact frame lengths with interframe space;

@@ -14,8 +14,8 @@ use crate::signals::Signal;
 use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetKind};
 
-/// What the drive's own loop shall do, at the output shaft:
-/// torque = `kp` (`position` - measured) + `kd` (`velocity` - measured) + `torque`.
+/// A setpoint for the drive's own loop, at the output shaft: torque = `kp` (`position` -
+/// measured) + `kd` (`velocity` - measured) + `torque`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Setpoint {
@@ -47,8 +47,8 @@ impl Setpoint {
     }
 }
 
-/// What the ends of each field stand for. They are settings of the device: wrong ones scale every
-/// value, and nothing tells.
+/// Physical values at the ends of the number fields of a frame. They are settings of the device:
+/// wrong ones scale every value, and nothing tells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Limits {
@@ -233,7 +233,7 @@ impl RangedPosition {
         None
     }
 
-    /// What to add to a movement of the reading because the field started over; `None` after a
+    /// The steps to add to a movement of the reading because the field started over; `None` after a
     /// restart. A silence counts as a gap.
     fn ranges_passed(
         &self,
@@ -261,7 +261,7 @@ impl RangedPosition {
         Some(ranges)
     }
 
-    /// How the estimated part of the position changes. Each time that it begins is a gap.
+    /// The change of the estimated part of the position. Each time that it begins is a gap.
     fn estimate(
         &mut self,
         shaft: &mut Shaft,
@@ -322,7 +322,8 @@ impl RangedPosition {
         self.reaches(shaft, angle).then_some(angle)
     }
 
-    /// What to tell the device for an angle of the shaft, in rad: at most the end of its range.
+    /// The value to send to the device for an angle of the shaft, in rad: at most the end of its
+    /// range.
     pub(crate) fn radians_of(&self, shaft: &Shaft, angle: TotalAngle) -> f32 {
         radians(self.of_angle(shaft, angle).clamp(-self.end, self.end))
     }

@@ -10,7 +10,7 @@ use crate::request::{Request, RequestError, Response};
 use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
-/// What a motor may do in a tick, as its bus decides.
+/// A drive mode: what a motor may do in a tick, as its bus decides.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum DriveMode {
@@ -27,7 +27,7 @@ pub enum DriveMode {
     Run,
 }
 
-/// What a motor does when it may not follow its target: its command expired, or the emergency
+/// The behaviour of a motor that may not follow its target: its command expired, or the emergency
 /// stop is latched. (A motor whose feedback is lost always coasts: nothing can be held blindly.)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -53,7 +53,7 @@ impl SafeState {
     }
 }
 
-/// How a motor understood a frame of its own.
+/// The kind of a frame that a motor understood as its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameKind {
     /// Feedback: it keeps the link alive.
@@ -100,19 +100,19 @@ impl core::error::Error for FrameError {}
 /// The control loops that follow speeds and angles, where they run here and not in the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loops {
-    /// What their effort is: [`TargetKind::Current`] in A, [`TargetKind::Torque`] in N m, or
-    /// [`TargetKind::Duty`] as a share of the full voltage.
+    /// The quantity of their effort: [`TargetKind::Current`] in A, [`TargetKind::Torque`] in N m,
+    /// or [`TargetKind::Duty`] as a share of the full voltage.
     pub effort: TargetKind,
     /// Their gains and limits. The speed loop's output limit is the largest effort.
     pub cascade: Cascade,
 }
 
-/// What a bus tells a motor in every tick.
+/// Data that a bus gives to a motor in every tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tick {
     /// Time since the last tick, above 0 and at most 10 ms.
     pub dt: Seconds,
-    /// What the motor may do.
+    /// The drive mode of the motor in this tick.
     pub mode: DriveMode,
     /// Whether it is heard. A motor whose link is lost may come back as another one: restarted,
     /// disabled, its turns counted from elsewhere.
@@ -146,7 +146,7 @@ pub trait Motor: Send {
     /// The target it has. After [`Request::SetZero`] it is told from the new zero.
     fn target(&self) -> Target;
 
-    /// What it measured last; all zero before the first feedback.
+    /// The newest measurements; all zero before the first feedback.
     fn feedback(&self) -> Feedback;
 
     /// The fault that the device reports.

@@ -48,7 +48,7 @@ pub enum AttachError {
     Full {
         /// The motor that was to be attached.
         motor: MotorName,
-        /// How many motors the bus holds.
+        /// Largest number of motors on the bus.
         capacity: usize,
     },
     /// The receive table has no room for its identifiers.

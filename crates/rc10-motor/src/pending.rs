@@ -3,10 +3,10 @@
 use crate::motor::{DriveMode, Tick};
 use crate::request::{RequestError, Response};
 
-/// What became of a request.
+/// The outcome of a request: a response or an error.
 pub type Outcome = Result<Response, RequestError>;
 
-/// How often a question is put to a device, and for how long.
+/// The tries by which a question is put to a device: their number and their times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Retry {
     /// Seconds from one try to the next.
@@ -133,7 +133,8 @@ impl<Q: Copy> Pending<Q> {
         core::mem::take(&mut asked.is_due).then_some(asked.question)
     }
 
-    /// What the device said that does not end the request: the outcome if time runs out.
+    /// Keeps a failure that the device told, but that does not end the request: the outcome if time
+    /// runs out.
     pub fn fail_with(&mut self, failure: RequestError) {
         if let Some(asked) = &mut self.asked {
             asked.failure = failure;

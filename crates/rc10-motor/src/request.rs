@@ -35,8 +35,7 @@ pub enum Request {
     /// The shaft's angle now is zero from now on, also after power-off: the device stores it. Only
     /// while the robot is disarmed.
     StoreZero,
-    /// What stands in a register of the device: four bytes, little endian
-    /// ([`Response::Register`]).
+    /// Reads a register of the device: four bytes, little endian ([`Response::Register`]).
     ReadRegister(u16),
     /// Writes four bytes, little endian, into a register of the device, until power-off. Only while
     /// the robot is disarmed.
@@ -46,7 +45,7 @@ pub enum Request {
     SaveRegisters,
 }
 
-/// What became of a request that was not refused.
+/// The outcome of a request that was not refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]

@@ -1,5 +1,6 @@
-//! What lies between a [`Target`] and an effort or a spring, for motors whose device takes one: the
-//! loops of a [`Cascade`], soft starts, and the ways to stop. A motor adds its frames to it.
+//! The servo: it makes an effort or a spring from a [`Target`], for motors whose device takes one,
+//! with the loops of a [`Cascade`], soft starts, and the ways to stop. A motor adds its frames to
+//! it.
 //!
 //! ```
 //! use rc10_app::{Cascade, Direction, Gear, PidConfig, Rpm, RpmPerSecond};
@@ -57,11 +58,11 @@ pub struct Servo {
     /// Whether it followed its target in the last tick.
     ran: bool,
     state: CascadeState,
-    /// What the device can be told of a spring, if it can make one.
+    /// The springs that the device can make, if it can make any.
     springs: Option<SpringRange>,
     /// The spring decided last; `None` while an effort drives.
     spring: Option<Spring>,
-    /// How much of the limit a spring may use yet, 0 ..= 1: it starts softly.
+    /// The share of the limit that a spring may use, 0 ..= 1: it rises in a soft start.
     softness: f32,
 }
 
@@ -291,7 +292,7 @@ impl Servo {
         &self.cascade
     }
 
-    /// What its effort is, its gains and limits.
+    /// The quantity of its effort, its gains and limits.
     pub const fn loops(&self) -> Loops {
         Loops { effort: self.effort, cascade: self.cascade }
     }
@@ -327,8 +328,8 @@ impl Servo {
         Ok(Response::Done)
     }
 
-    /// Where the law would ask for more torque than the limit, all of it is taken back by one
-    /// factor: the equilibrium stays.
+    /// Decides the spring of a tick. Where the law would ask for more torque than the limit, all of
+    /// it is taken back by one factor: the equilibrium stays.
     fn impede(&mut self, way: f32, measured: f32, dt: Seconds) {
         let Target::Impedance(Impedance { speed, torque, kp, kd, .. }) = self.target() else {
             return;
@@ -361,8 +362,8 @@ impl SpringRange {
     }
 }
 
-/// Where a shaft comes to a stand: holding the angle at which it still turns would throw it back
-/// there. `acceleration` in rpm/s.
+/// The angle at which a turning shaft comes to a stand: holding the angle at which it still turns
+/// would throw it back there. `acceleration` in rpm/s.
 fn stand(shaft: &Shaft, acceleration: f32) -> TotalAngle {
     // s = v² / 2 a, in degrees and rpm: 1 rpm = 6 degrees a second.
     let rpm = shaft.speed().get();
@@ -370,7 +371,7 @@ fn stand(shaft: &Shaft, acceleration: f32) -> TotalAngle {
     shaft.angle().plus(TotalAngle::from_microdegrees(microdegrees.into()))
 }
 
-/// How far it is to an angle, in degrees; 0 where none is sought.
+/// The distance to the angle of a goal, in degrees; 0 for a goal without an angle.
 fn way(goal: &Goal, shaft: &Shaft) -> f32 {
     let way = match *goal {
         Goal::Total(angle) | Goal::Impedance(angle) => {

@@ -1,4 +1,4 @@
-//! Where the output shaft is: [`Shaft`] counts its turns exactly, for every motor.
+//! The angle of the output shaft: [`Shaft`] counts its turns exactly, for every motor.
 //!
 //! A device tells by how many steps its sensor moved, or a reading that starts over every turn;
 //! the shaft makes millionths of a degree of the output of them, through the gearbox and in the
@@ -35,7 +35,7 @@ const CERTAIN_RPM_MICROS: f32 = 27e6;
 /// Nor are they after such a silence, whatever the speed was before and after.
 const LONG_SILENCE: Micros = Micros::from_millis(100);
 
-/// When a shaft was measured that was not.
+/// The time of measurement of a shaft that was never measured.
 const NEVER: Micros = Micros::new(1 << 63);
 
 /// Counts the turns of an output shaft.
@@ -57,15 +57,15 @@ pub struct Shaft {
     half_turn: i32,
     /// Turns of the output per turn of the sensor, with the direction.
     ratio: f32,
-    /// What the encoder showed last, where it starts over every turn.
+    /// The last reading of the encoder, where it starts over every turn.
     reading: i32,
-    /// What the last steps left over, in shares of `divisor`.
+    /// The remainder of the last steps, in shares of `divisor`.
     rest: i32,
     speed: Rpm,
     /// The angle from the zero: whole turns, and 0 ..< 360,000,000 microdegrees.
     turns: i32,
     phase: i32,
-    /// When it was measured last; far away before the first time.
+    /// The time of the last measurement; far away before the first time.
     at: Micros,
     gaps: u32,
 }
@@ -119,7 +119,7 @@ impl Shaft {
         }
     }
 
-    /// When and how fast it was measured last: for [`bridge`](Self::bridge).
+    /// The time and the speed of the last measurement: for [`bridge`](Self::bridge).
     pub const fn before(&self) -> (Micros, Rpm) {
         (self.at, self.speed)
     }
@@ -281,7 +281,7 @@ impl Shaft {
         self.speed
     }
 
-    /// When it was measured last.
+    /// The time of the last measurement.
     pub const fn at(&self) -> Micros {
         self.at
     }

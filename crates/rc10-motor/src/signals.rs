@@ -9,7 +9,7 @@
 use embedded_can::Id;
 use rc10_can::{CanFrame, IdPattern};
 
-/// Where the bits of the identifier begin, for [`Signal::start`]: behind those of eight bytes.
+/// The first bit of the identifier, for [`Signal::start`]: behind those of eight bytes.
 const IDENTIFIER: u8 = 64;
 
 /// One sort of frame of one device.
@@ -27,7 +27,7 @@ pub struct Message {
     pub remote: bool,
     /// Whether the device sends it; else it is sent to the device.
     pub from_device: bool,
-    /// What its data must be: tells it from other frames with its identifier.
+    /// The values that its data must have: they tell it from other frames with its identifier.
     pub marks: Marks,
     /// Its signals.
     pub signals: &'static [Signal],
@@ -134,15 +134,15 @@ impl Marks {
 pub struct Signal {
     /// Its name: letters, digits and underscores.
     pub name: &'static str,
-    /// Where it begins, as a DBC file counts: bit 0 is the lowest of byte 0, bit 8 the lowest of
-    /// byte 1. Little endian: its lowest bit; big endian: its highest. From 64 on: bits of the
-    /// identifier, its lowest being 64.
+    /// The first bit of the signal, as a DBC file counts: bit 0 is the lowest of byte 0, bit 8 the
+    /// lowest of byte 1. Little endian: its lowest bit; big endian: its highest. From 64 on: bits
+    /// of the identifier, its lowest being 64.
     pub start: u8,
     /// Bits, 1 ..= 64.
     pub bits: u8,
     /// In which order its bytes come.
     pub order: ByteOrder,
-    /// How its bits are read.
+    /// The kind of number that its bits are.
     pub kind: Kind,
     /// Physical value = raw value · `factor` + `offset`.
     pub factor: f64,
@@ -151,7 +151,7 @@ pub struct Signal {
     /// Unit of the physical value; empty if it has none.
     pub unit: &'static str,
     names: Names,
-    /// When it is there at all.
+    /// The frames in which the signal is present.
     pub presence: Presence,
 }
 
@@ -173,7 +173,7 @@ pub enum ByteOrder {
     Big,
 }
 
-/// How a signal's bits are read.
+/// The kind of number that a signal's bits are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A number from 0.
@@ -184,7 +184,7 @@ pub enum Kind {
     Float,
 }
 
-/// When a signal is there (DBC: multiplexing).
+/// The frames in which a signal is present (DBC: multiplexing).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Presence {
     /// In every frame.

@@ -1,4 +1,4 @@
-//! What keeps one motor safe, whatever it is connected by.
+//! Supervision of one motor on any kind of bus: link, expiry, fault, and drive mode.
 
 use core::fmt;
 
@@ -54,8 +54,8 @@ pub enum Link {
     Lost,
 }
 
-/// What a motor's frames amounted to. `received` starts over after 2³² (49 days at 1 kHz); the
-/// others stay at their largest value.
+/// Counters of a motor's frames, commands and targets. `received` starts over after 2³² (49 days at
+/// 1 kHz); the others stay at their largest value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -74,7 +74,7 @@ pub struct MotorCounters {
     pub refused: Refusals,
 }
 
-/// How many targets of a motor were refused, by reason: see [`TargetError`].
+/// Counters of the refused targets of a motor, by reason: see [`TargetError`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -183,8 +183,8 @@ const SKEW: u32 = 2_000;
 
 /// Decides in every tick what a motor may do, from when it was heard and commanded last.
 pub(crate) struct Supervision {
-    /// When it was heard last and when it was commanded last: the low 32 bits of the time, which
-    /// is enough while `link` and `fresh` keep what was true before.
+    /// The times when it was heard last and when it was commanded last: the low 32 bits of the
+    /// time, which is enough while `link` and `fresh` keep what was true before.
     heard_at: u32,
     commanded_at: u32,
     /// In microseconds, with [`SKEW`].
@@ -334,8 +334,8 @@ impl Supervision {
         self.link
     }
 
-    /// What the motor may do now. This and [`change`](Self::change) are the one place where motors
-    /// are stopped.
+    /// Decides the drive mode of the motor now. This and [`change`](Self::change) are the one place
+    /// where motors are stopped.
     #[inline]
     pub(crate) fn decide(&mut self, arm: ArmState, now: Micros) -> DriveMode {
         if arm == ArmState::Armed
@@ -348,7 +348,7 @@ impl Supervision {
         self.change(arm, now)
     }
 
-    /// What the motor may do when it does not simply go on running.
+    /// Decides the drive mode of a motor that does not simply go on running.
     #[cold] // A motor that simply goes on running does not come here.
     fn change(&mut self, arm: ArmState, now: Micros) -> DriveMode {
         let online = self.link(now) == Link::Online;

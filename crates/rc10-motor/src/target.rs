@@ -32,14 +32,14 @@ pub enum Target {
     Handbrake(Amps),
 }
 
-/// What [`Target::Impedance`] asks for: torque = `kp` · (`angle` - measured) + `kd` · (`speed` -
+/// The values of a [`Target::Impedance`]: torque = `kp` · (`angle` - measured) + `kd` · (`speed` -
 /// measured) + `torque`.
 ///
 /// A single step of `angle` is a blow: a spring pulls with all it has. Move it, or keep `kp` low.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Impedance {
-    /// Where the spring pulls to, over many turns, counted from the zero as
+    /// The angle to which the spring pulls, over many turns, counted from the zero as
     /// [`Feedback::total_angle`](crate::Feedback::total_angle) is.
     pub angle: Degrees,
     /// The speed at which the damper does nothing.

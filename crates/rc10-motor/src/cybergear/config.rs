@@ -11,11 +11,11 @@ use crate::mit::Limits;
 pub struct Model {
     /// As the vendor writes it.
     pub name: &'static str,
-    /// What the ends of the fields stand for.
+    /// Physical values at the ends of the number fields of a frame.
     pub limits: Limits,
-    /// What bits 16 to 21 of a feedback's identifier mean, the gravest first.
+    /// Meanings of bits 16 to 21 of a feedback's identifier, the gravest first.
     pub faults: &'static [(u8, &'static str); 6],
-    /// What the bits of a [`FaultReport`](super::wire::FaultReport) mean: their mask and text, the
+    /// Meanings of the bits of a [`FaultReport`](super::wire::FaultReport): mask and text, the
     /// gravest first.
     pub details: &'static [(u32, &'static str)],
     /// Whether it can keep settings and its zero when the power is cut (type 22).
@@ -138,8 +138,8 @@ pub mod models {
 }
 
 impl Model {
-    /// What a fault frame means: its bits as the code, the gravest as the text; `None` if nothing is
-    /// wrong.
+    /// The fault that a fault frame reports: its bits as the code, the gravest as the text; `None`
+    /// if no bit is set.
     pub fn detail(&self, faults: u32) -> Option<Fault> {
         if faults == 0 {
             return None;

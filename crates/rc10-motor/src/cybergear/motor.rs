@@ -40,7 +40,7 @@ pub struct CyberGear {
     setpoint: Setpoint,
 }
 
-/// How far it is with enabling: the device's answers lead from one to the next.
+/// The step of enabling that a device has reached: its answers lead from one to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     /// Sends stops, which are answered.
@@ -55,7 +55,7 @@ enum Step {
     Running,
 }
 
-/// What only the device can do.
+/// A request that the device carries out itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Question {
     /// Forget its faults: the frame for it takes the place of its stop.
@@ -84,7 +84,7 @@ impl Question {
 
 /// The device's shaft is free while it is zeroed, and may move a little meanwhile; rad.
 const AT_ZERO: f32 = 0.1;
-/// What a device answers for a parameter that it does not have (RobStride manuals, type 17).
+/// The answer of a device to a parameter that it does not have (RobStride manuals, type 17).
 const UNKNOWN_PARAMETER: u32 = 1;
 const MOTION: u32 = 1 << 24;
 
@@ -152,7 +152,7 @@ impl CyberGear {
         &self.model
     }
 
-    /// Who speaks to whom.
+    /// The identifiers of the motor and of the host.
     pub const fn address(&self) -> Address {
         self.address
     }
@@ -178,7 +178,7 @@ impl CyberGear {
         }
     }
 
-    /// What a feedback says about what was asked.
+    /// Takes a feedback as the answer to the pending request, where it is one.
     fn answer(&mut self, reported: &wire::Feedback) {
         let is_at_zero = reported.position.abs() < AT_ZERO && reported.mode != Mode::Run;
         match self.pending.sent() {

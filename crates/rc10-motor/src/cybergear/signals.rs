@@ -1,4 +1,4 @@
-//! What stands where in the frames, as data; see [`crate::signals`].
+//! The layout of the frames, as data; see [`crate::signals`].
 
 use embedded_can::ExtendedId;
 use heapless::Vec;
@@ -9,7 +9,7 @@ use super::wire::{self, Address, Parameter, kind};
 use crate::mit::spread;
 use crate::signals::{ByteOrder, Message, Presence, Signal};
 
-/// What a DBC file cannot say of these motors.
+/// Properties of these motors' frames that a DBC file cannot describe.
 pub const NOT_IN_DBC: &[&str] = &[
     "CyberGear, RobStride: motion control (type 1) carries its torque in bits 23 to 8 of the \
      identifier, so there is no one identifier for it, and it is left out.",
@@ -154,7 +154,7 @@ static BIT_RATE: [Signal; 1] = [Signal::little("BIT_RATE", 0, 1).named(&[
 
 static STOP: [Signal; 1] = [Signal::little("CLEARS_FAULTS", 0, 1).named(&[(0, "no"), (1, "yes")])];
 
-/// Where the bits of a mask lie.
+/// A signal made of the bits of a mask.
 const fn masked(name: &'static str, mask: u32) -> Signal {
     #[expect(clippy::cast_possible_truncation, reason = "at most 32")]
     let (start, bits) = (mask.trailing_zeros() as u8, mask.count_ones() as u8);

@@ -12,7 +12,7 @@ use super::config::Faults;
 use crate::mit::{Limits, Setpoint, full, pack_positive, pack_signed, sendable, unpack_signed};
 use crate::motor::FrameError;
 
-/// Who speaks to whom.
+/// The identifiers of a motor and of the host that talks to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Address {
@@ -22,7 +22,7 @@ pub struct Address {
     pub host: u8,
 }
 
-/// What a frame is for: bits 28 to 24 of the identifier.
+/// Types of frames: bits 28 to 24 of the identifier.
 pub(super) mod kind {
     pub const IDENTITY: u8 = 0;
     pub const MOTION: u8 = 1;
@@ -156,18 +156,18 @@ fn access(kind: u8, to: Address, parameter: Parameter, value: [u8; 4]) -> CanFra
     frame(kind, to.host.into(), to.motor, [low, high, 0, 0, a, b, c, d])
 }
 
-/// What a motor says.
+/// A frame from a motor, decoded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Reply {
-    /// How it is: the answer to a command, or a RobStride's report of its own accord.
+    /// The state of the motor: the answer to a command, or a RobStride's report of its own accord.
     Feedback(Feedback),
-    /// What a parameter holds.
+    /// The value of a parameter.
     Parameter(ParameterValue),
-    /// What is wrong in detail.
+    /// All faults in detail.
     Faults(FaultReport),
-    /// Who it is: its identifier, and the number of its chip.
+    /// The identity of the motor: its identifier, and the number of its chip.
     Identity {
         /// Its identifier.
         motor: u8,
@@ -198,7 +198,7 @@ pub struct Feedback {
     pub address: Address,
     /// Whether it moves.
     pub mode: Mode,
-    /// What is wrong.
+    /// Fault bits of the motor.
     pub faults: Faults,
     /// Position as its field, 0 ..= 65535.
     pub steps: u16,

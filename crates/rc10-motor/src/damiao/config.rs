@@ -66,7 +66,8 @@ pub mod models {
     }
 }
 
-/// How a motor is controlled; its register 10 (`CTRL_MODE`) is to say the same.
+/// The control mode of a motor, with its settings; its register 10 (`CTRL_MODE`) is to say the
+/// same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Control {
     /// Our loops, or an impedance of the device's: takes torques, speeds, angles and impedances.

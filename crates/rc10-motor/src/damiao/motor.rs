@@ -42,14 +42,14 @@ pub struct Damiao {
     is_bare: bool,
 }
 
-/// What goes out in this tick.
+/// The command of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Command {
     Operate(Operation),
     Drive(CanFrame),
 }
 
-/// What only the device can do.
+/// A request that the device carries out itself, or a check of its registers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Question {
     /// Whether the next of the [`CHECKED`] registers is as configured; no request of the robot's.
@@ -75,7 +75,7 @@ impl Question {
 const TURN: i32 = 360_000_000;
 /// Slower than this share of `VMAX` is standing still.
 const STANDSTILL: f32 = 0.005;
-/// How near to zero an angle is that has just been made zero, rad.
+/// Largest angle that counts as zero just after the zero was set, rad.
 const ZERO: f32 = 2e-3;
 /// It reacts to every standard identifier with its own low byte.
 const LOW_BYTE: u32 = 0xFF;
@@ -139,17 +139,17 @@ impl Damiao {
         &self.model
     }
 
-    /// What it listens to.
+    /// Identifier of the frames that it takes.
     pub const fn can_id(&self) -> DeviceId {
         self.id
     }
 
-    /// What it answers with.
+    /// Identifier of the frames that it sends.
     pub const fn master_id(&self) -> StandardId {
         self.master
     }
 
-    /// How it is controlled.
+    /// The control mode of the device.
     pub const fn mode(&self) -> Mode {
         self.controller.mode()
     }
@@ -276,7 +276,8 @@ impl Damiao {
         }
     }
 
-    /// What a feedback says about what was asked. Whether the device has a new zero.
+    /// Takes a feedback as the answer to the pending request, where it is one. Returns whether the
+    /// device has a new zero.
     fn answer(&mut self, reported: &wire::Feedback) -> bool {
         let question = self.pending.sent();
         match (question, reported.state) {
@@ -330,7 +331,7 @@ impl Damiao {
         self.controller.set_zero(zero);
     }
 
-    /// What it sends in this tick to its own identifier.
+    /// The frame that is sent in this tick to the motor's own identifier.
     fn command_frame(&self) -> CanFrame {
         match self.command {
             Command::Operate(operation) => {

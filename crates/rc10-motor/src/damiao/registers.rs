@@ -18,7 +18,7 @@ pub struct Register(pub u8);
 impl Register {
     /// Identifier of the feedback, `MST_ID`; whole.
     pub const MASTER_ID: Self = Self(7);
-    /// What the motor listens to, `ESC_ID`; whole.
+    /// Identifier of the frames that the motor takes, `ESC_ID`; whole.
     pub const DEVICE_ID: Self = Self(8);
     /// Silence after which the motor stops, in steps of 50 µs (so the vendor's tool); whole.
     pub const TIMEOUT: Self = Self(9);
@@ -99,7 +99,7 @@ pub(super) const NAMES: [(u8, &str, &str); 45] = [
     (81, "XOUT", "rad"),
 ];
 
-/// What a register holds.
+/// The value of a register.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Value {
@@ -119,12 +119,12 @@ impl Value {
     }
 }
 
-/// What is done to a register.
+/// A read or write of a register, or another command on the registers' identifier.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Access {
-    /// What does it hold?
+    /// Reads a register.
     Read(Register),
     /// Hold this, until the power is cut. Out of range, the old value stays and is answered.
     Write(Register, Value),
@@ -173,31 +173,31 @@ impl Access {
     }
 }
 
-/// What a motor answers to an [`Access`].
+/// The answer of a motor to an [`Access`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reply {
     /// The motor's `CAN_ID`.
     pub id: u16,
-    /// What it says.
+    /// The content of the answer.
     pub content: Content,
 }
 
-/// What a [`Reply`] says.
+/// The content of a [`Reply`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Content {
-    /// What a register holds (0x33). Some models answer a write so, too.
+    /// The value of a register (0x33). Some models answer a write so, too.
     Holds(Register, Value),
-    /// What a register holds, after a write (0x55).
+    /// The value of a register after a write (0x55).
     Written(Register, Value),
     /// Everything is saved.
     Saved,
 }
 
 impl Content {
-    /// What the register holds.
+    /// The value of the register; `None` in an answer without one.
     pub(super) const fn value(&self) -> Option<Value> {
         match *self {
             Self::Holds(_, value) | Self::Written(_, value) => Some(value),
@@ -286,7 +286,7 @@ pub(super) const NO_ANSWER: Fault =
 /// Two limits that differ by this share are one: 12.566 and 4π.
 const SAME: f32 = 1e-3;
 
-/// What is wrong with a register that holds `held`; `None` if it is as configured.
+/// The fault of a register that holds `held`; `None` if it is as configured.
 pub(super) fn check(
     &(register, text): &(Register, &'static str),
     held: Option<Value>,

@@ -1,4 +1,4 @@
-//! What stands where in the frames of a motor.
+//! The layout of the frames of a motor, as data.
 
 use embedded_can::Id;
 use heapless::Vec;
@@ -9,7 +9,7 @@ use super::wire::{ERRORS, Mode, Operation, REGISTERS, operate, standard};
 use crate::mit::{Limits, spread};
 use crate::signals::{ByteOrder, Marks, Message, Presence, Signal};
 
-/// What a DBC file cannot say of these motors.
+/// Properties of these motors' frames that a DBC file cannot describe.
 pub const NOT_IN_DBC: &[&str] = &[
     "Damiao: the answer to a register access has the identifier of feedback; only who has asked can tell.",
     "Damiao: seven bytes 0xFF and 0xFB to 0xFE, with a setpoint's identifier, are no setpoint but clear error, enable, disable and store zero.",
@@ -82,8 +82,8 @@ static REGISTER_NAMES: [(u32, &str); NAMES.len()] = {
 
 const WHICH: Signal = Signal::little("REGISTER", 3, 1).named(&REGISTER_NAMES);
 
-/// What stands in a frame about a register: `first` of other signals, which one it is, and a value
-/// for each.
+/// Signals of a frame about a register: `first` of other signals, the number of the register, and a
+/// value for each register.
 const fn with_registers<const FIRST: usize, const ALL: usize>(
     first: [Signal; FIRST],
 ) -> [Signal; ALL] {

@@ -52,8 +52,8 @@ pub(super) fn standard(raw: u16) -> StandardId {
     StandardId::new(raw).unwrap_or(StandardId::MAX)
 }
 
-/// How a motor is controlled, by the number in register 10, `CTRL_MODE`. What another mode's frame does is not
-/// documented.
+/// The control mode of a motor: the number in register 10, `CTRL_MODE`. What another mode's frame
+/// does is not documented.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mode {
@@ -73,7 +73,7 @@ impl Mode {
     pub const ALL: [Self; 4] =
         [Self::Mit, Self::PositionVelocity, Self::Velocity, Self::ForcePosition];
 
-    /// What is added to `CAN_ID` in commands of this mode: 0, 0x100, 0x200, 0x300.
+    /// Offset that is added to `CAN_ID` in commands of this mode: 0, 0x100, 0x200, 0x300.
     #[must_use]
     pub const fn offset(self) -> u16 {
         (self as u16 - 1) << 8
@@ -209,7 +209,7 @@ impl State {
         }
     }
 
-    /// What is wrong; `None` unless it is an error.
+    /// The fault that the state reports; `None` unless it is an error.
     #[must_use]
     pub const fn fault(self) -> Option<Fault> {
         let Self::Error(code) = self else { return None };
@@ -225,7 +225,7 @@ impl State {
     }
 }
 
-/// What a motor answers to every command.
+/// The answer of a motor to every command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Feedback {

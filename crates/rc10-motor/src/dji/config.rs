@@ -1,12 +1,12 @@
-//! What tells one model from another, and what is set on a controller.
+//! Models of DJI motors, and the settings of their controllers.
 
 use core::fmt;
 
 use embedded_can::StandardId;
 use rc10_app::{Cascade, Gear, PidConfig, RpmPerSecond};
 
-/// What tells one DJI model from another. Other controllers that speak the same protocol are one
-/// more constant of this type.
+/// Properties of one DJI model. Other controllers that speak the same protocol are one more
+/// constant of this type.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
     /// As the vendor writes it.
@@ -17,7 +17,7 @@ pub struct Model {
     pub feedback_base: u16,
     /// Command frame of identifiers 1 ..= 4, and of 5 ..= 8.
     pub command_ids: [u16; 2],
-    /// What the command means.
+    /// The quantity that a command sets: a current or a voltage.
     pub effort: Effort,
     /// Raw command at full scale.
     pub full_scale: i16,
@@ -35,7 +35,7 @@ pub struct Model {
     pub cascade: Cascade,
 }
 
-/// What a raw command stands for.
+/// The quantity that a raw command stands for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Effort {
     /// A torque-producing current; the number is full scale in amperes.
@@ -139,7 +139,7 @@ pub const GM6020_VOLTAGE: Model = Model {
 pub struct IdOutOfRange {
     /// The model.
     pub model: &'static str,
-    /// What was asked for.
+    /// The identifier that was asked for.
     pub id: u8,
     /// Identifiers go from 1 to this.
     pub last_id: u8,
@@ -180,7 +180,8 @@ impl Model {
     }
 }
 
-/// How often the controller sends feedback; set in RoboMaster Assistant (GM6020: 1 kHz only).
+/// The rate at which the controller sends feedback; set in RoboMaster Assistant (GM6020: 1 kHz
+/// only).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FeedbackRate {

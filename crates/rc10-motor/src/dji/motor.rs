@@ -130,7 +130,7 @@ impl Dji {
         round_to_i16(self.servo.effort() * self.raw_per_effort)
     }
 
-    /// What is wrong with a frame.
+    /// The error for a frame that is no feedback of this motor.
     #[cold] // An error: the good frame goes straight on.
     fn reject(&self, frame: &CanFrame) -> Result<FrameKind, FrameError> {
         Err(if frame.key() != self.feedback_key {

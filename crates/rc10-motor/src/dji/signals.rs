@@ -1,4 +1,4 @@
-//! What stands where in the frames of DJI's motors: see [`crate::signals`].
+//! The layout of the frames of DJI's motors, as data: see [`crate::signals`].
 //!
 //! Angle and speed are the rotor's, as they are on the wire.
 
@@ -8,7 +8,7 @@ use heapless::Vec;
 use super::{GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model};
 use crate::signals::{Message, Signal};
 
-/// What a DBC file cannot say.
+/// Properties of DJI's frames that a DBC file cannot describe.
 pub const NOT_IN_DBC: &[&str] = &[
     "DJI: angle and speed are the rotor's; gearbox and direction of the output shaft are the robot's",
     "DJI: an angle above 359.96 deg is no angle, its frame is refused",

@@ -20,7 +20,7 @@ impl Clock {
         Self { schedule, last: None, ticks: 0, overruns: 0, period: Timing::new() }
     }
 
-    /// When the next tick is due.
+    /// The time at which the next tick is due.
     #[inline]
     pub(super) const fn next(&self) -> Micros {
         self.schedule.next()

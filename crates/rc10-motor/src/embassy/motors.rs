@@ -84,7 +84,7 @@ impl<S: Copy, const N: usize> MotorPorts<S, N> {
         MotorPort { cell: self.cells.get(motor.index()), requests: &self.requests, motor }
     }
 
-    /// How the bus is doing, as of its last tick.
+    /// The status of the bus, as of its last tick.
     pub fn status(&self) -> S {
         self.look(|status| *status)
     }
@@ -106,8 +106,8 @@ impl<S: Copy, const N: usize> MotorPorts<S, N> {
     }
 }
 
-/// What a runner does for its motors in every tick, whatever their wire: commands and requests in,
-/// status out. Dropped, it tells the tasks that wait for a motor's response.
+/// The part of a runner that serves its motors in every tick, on a bus of any kind: commands and
+/// requests in, status out. Dropped, it tells the tasks that wait for a motor's response.
 pub(super) struct Server<'p, S, const N: usize> {
     ports: &'p MotorPorts<S, N>,
     pending: Vec<(MotorId, Asker<'p>), N>,

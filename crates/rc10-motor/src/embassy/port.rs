@@ -47,7 +47,7 @@ pub struct BusStatus {
     pub overruns: u32,
     /// Time from one tick's start to the next one's.
     pub period: Timing,
-    /// How long a tick takes.
+    /// Time that the work of a tick takes.
     pub execution: Timing,
     /// Frames handed to the port, the outbox's included.
     pub submitted: u32,
@@ -100,7 +100,7 @@ impl BusPort {
         }
     }
 
-    /// How many ticks there were so far, as of its last one: [`BusStatus::ticks`] alone.
+    /// Number of ticks so far, as of the bus's last one: [`BusStatus::ticks`] alone.
     pub fn ticks(&self) -> u32 {
         self.look(|status| status.ticks)
     }

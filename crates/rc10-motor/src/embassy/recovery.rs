@@ -18,7 +18,7 @@ const LONGEST: Micros = Micros::from_millis(50);
 /// A bus that has been well for this time is a new one: its next bus-off is the first.
 const WELL: Micros = Micros::from_millis(1000);
 
-/// What is to be done in a tick.
+/// The actions of one tick: bring the bus back, stop all motors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Steps {
     pub(super) recover: bool,
@@ -36,7 +36,7 @@ impl Recovery {
         }
     }
 
-    /// What the bus's health asks for; `asked` is whether it is to come back now.
+    /// Decides from the health of the bus; `asked` is whether it is to come back now.
     pub(super) fn step(&mut self, health: &Health, asked: bool, now: Micros) -> Steps {
         // A driver that goes back by itself may be back before anybody looks.
         let fell = self.bus_offs.replace(health.bus_offs).is_some_and(|n| n != health.bus_offs);

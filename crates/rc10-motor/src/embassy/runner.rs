@@ -16,10 +16,11 @@ use crate::batch::TxBatch;
 use crate::bus::{Dispatch, MotorBus};
 use crate::supervision::count;
 
-/// How long before its frames leave a tick begins: more than the work takes on a full bus, and a
-/// third of a tick, so that of three buses each is woken for as the one before sends.
+/// Time by which a tick begins before its frames leave: more than the work takes on a full bus, and
+/// a third of a tick, so that of three buses each is woken for as the one before sends.
 const LEAD: Micros = Micros::new(333);
-/// What is due within this time of each other is done at once: three times [`LEAD`] is no tick.
+/// Work that is due within this time of each other is done at once: three times [`LEAD`] is no
+/// tick.
 const TOGETHER: Micros = Micros::new(1);
 /// Bit rate that load figures refer to.
 const BITS_PER_SECOND: u32 = 1_000_000;
@@ -75,8 +76,8 @@ pub fn run_buses<'m, P: CanPort, B: BorrowMut<MotorBus<'m>>, const N: usize>(
     }
 }
 
-/// What [`run_bus`] runs, for loops of your own: a bus, its CAN port, and the port it shares with
-/// other tasks.
+/// A bus, its CAN port, and the port that it shares with other tasks: the state of [`run_bus`], for
+/// loops of your own.
 ///
 /// The bus is a [`MotorBus`] or a `&mut MotorBus`: on a chip a bus better stands where it was made,
 /// for it is large.
@@ -85,16 +86,16 @@ pub struct Runner<'m, 'p, P, B = MotorBus<'m>> {
     bus: B,
     motors: PhantomData<MotorBus<'m>>,
     shared: &'p BusPort,
-    /// When frames leave.
+    /// The clock of the ticks: the times at which frames leave.
     clock: Clock,
-    /// When the next half of a tick is due.
+    /// The time at which the next half of a tick is due.
     due: Micros,
     /// Whether the first half is done, and waits for its time to send.
     prepared: bool,
     health: Health,
-    /// What the motors were allowed in it.
+    /// The arm state that the motors had in the first half.
     arm: ArmState,
-    /// How long it took.
+    /// Time that the first half took; zero if both halves were done at once.
     took: Micros,
     last_start: Option<Micros>,
     tx: TxBatch,
@@ -150,17 +151,17 @@ impl<'m, 'p, P: CanPort, B: BorrowMut<MotorBus<'m>>> Runner<'m, 'p, P, B> {
         self.due = first - LEAD;
     }
 
-    /// When [`tick`](Self::tick) is due: 333 µs before frames are to leave, and then when they
-    /// are to.
+    /// The time at which [`tick`](Self::tick) is due: 333 µs before frames are to leave, and then
+    /// the moment when they are to.
     #[inline]
     pub const fn next(&self) -> Micros {
         self.due
     }
 
-    /// What is due: the first half of a tick (frames in, commands in, motors), and at its time the
-    /// second (frames out, status out), so that when frames leave does not depend on the work.
-    /// A loop that comes by once a millisecond, or late, has both done at once. Never waits. `clock` is
-    /// read at the start and at the end.
+    /// Does the work that is due: the first half of a tick (frames in, commands in, motors), and at
+    /// its time the second (frames out, status out), so that the time at which frames leave does
+    /// not depend on the work. A loop that comes by once a millisecond, or late, has both done at
+    /// once. Never waits. `clock` is read at the start and at the end.
     pub fn tick(&mut self, clock: impl Fn() -> Micros) {
         let now = clock();
         let leave = self.clock.next();

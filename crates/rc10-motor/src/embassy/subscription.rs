@@ -12,7 +12,7 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 pub struct Received {
     /// The frame.
     pub frame: CanFrame,
-    /// When it arrived.
+    /// The time at which it arrived.
     pub at: Micros,
 }
 
@@ -92,7 +92,7 @@ impl Subscriptions {
         self.changes.load(Ordering::Acquire)
     }
 
-    /// What is subscribed to.
+    /// The filters of all subscriptions.
     pub(super) fn filters(&self) -> impl Iterator<Item = Filter> {
         self.places.iter().filter_map(|place| place.state.lock(Cell::get).filter)
     }

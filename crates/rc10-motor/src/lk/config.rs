@@ -1,4 +1,4 @@
-//! What tells one drive from another, and how one is set up.
+//! Models of drives, and the setup of one drive.
 
 use rc10_app::maths::within;
 use rc10_app::{Amps, Cascade, ConfigError, Degrees, Direction, Gear};
@@ -26,7 +26,7 @@ impl EncoderBits {
     }
 }
 
-/// What tells one drive from another on the wire.
+/// Properties of one model of drive, as seen on the wire.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
     /// As the vendor writes it.
@@ -110,8 +110,8 @@ impl Model {
 ///
 /// Gear and rated torque by rated current are from the vendor's data sheets, as its resellers print
 /// them (SMC, shop pages of the MG series; MF9025 V2: code of several teams, from its data sheet).
-/// Where the printed torque constant and the rated figures do not agree, there is none. Encoders:
-/// SCUT librmcs, whose drives of all these series report 16 bits; check yours.
+/// `torque_constant` is `None` where the printed constant and the rated figures do not agree.
+/// Encoders: SCUT librmcs, whose drives of all these series report 16 bits; check yours.
 pub mod models {
     use super::{EncoderBits, Model};
 

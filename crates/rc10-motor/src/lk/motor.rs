@@ -18,7 +18,7 @@ use crate::shaft::Shaft;
 use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
-/// How far a drive is on its way to obeying.
+/// The step of switching on that a drive has reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     /// Kept off.
@@ -158,7 +158,7 @@ impl Lk {
         self.idle >= IDLE_TICKS
     }
 
-    /// What is to be sent in this tick, in frames of its own.
+    /// The command of this tick that goes out in a frame of its own.
     fn command(&mut self) -> Command {
         let second = self.beat % 2 == 1;
         match self.step {

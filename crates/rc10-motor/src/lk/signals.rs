@@ -129,7 +129,7 @@ static LANES: [Signal; 4] = [
     Signal::little("CURRENT_4", 6, 2).signed(),
 ];
 
-/// What byte 0 of an answer means.
+/// Meanings of byte 0 of an answer: the command that it answers.
 static COMMANDS: &[(u32, &str)] = &[
     (OFF as u32, "off"),
     (RUN as u32, "run"),
@@ -205,7 +205,7 @@ const fn answer_signals(amps_per_count: f64, bits: u32) -> [Signal; ANSWERS] {
     signals
 }
 
-/// What stands in the frames of a model.
+/// The signals in the frames of a model.
 struct Table {
     answers: [Signal; ANSWERS],
     /// In the answer to any command that moves.

@@ -86,7 +86,7 @@ impl DriveId {
         self.number
     }
 
-    /// Where it takes single commands and where it answers: `0x140` plus the number.
+    /// The identifier of single commands to the drive and of its answers: `0x140` plus the number.
     #[must_use]
     pub const fn can_id(self) -> StandardId {
         self.can
@@ -127,14 +127,14 @@ pub enum Command {
     Speed(RotorRpm),
     /// `A3`; `A4` if there is a limit: to an angle over many turns, ±59,652 turns.
     TurnTo {
-        /// Where to.
+        /// The angle to turn to.
         angle: TotalAngle,
-        /// How fast at most, 0 ..= 10,922 rpm, in steps of 1 degree/s.
+        /// Largest speed on the way, 0 ..= 10,922 rpm, in steps of 1 degree/s.
         speed_limit: Option<RotorRpm>,
     },
     /// `A5`; `A6` if there is a limit: to an angle within a turn.
     TurnWithin {
-        /// Where to, 0 ..= 359.99 degrees.
+        /// The angle to turn to, 0 ..= 359.99 degrees.
         angle: Degrees,
         /// The way round.
         direction: SpinDirection,
@@ -143,7 +143,7 @@ pub enum Command {
     },
     /// `A7`; `A8` if there is a limit: by an angle from here, ±59,652 turns.
     TurnBy {
-        /// How far.
+        /// The angle to turn by.
         angle: TotalAngle,
         /// As in [`TurnTo`](Self::TurnTo).
         speed_limit: Option<RotorRpm>,

@@ -1,4 +1,4 @@
-//! How an axis is set up and controlled, and what the bits of its error word mean.
+//! The setup and control of an axis, and the meaning of the bits of its error word.
 
 use rc10_app::{Amps, Cascade, ConfigError, Direction, Gear, Rpm};
 
@@ -15,9 +15,9 @@ pub struct Config {
     pub gear: Gear,
     /// Which way the output shaft counts.
     pub direction: Direction,
-    /// Where the loops run.
+    /// The place where the loops run: here or in the axis.
     pub control: Control,
-    /// How often it reports.
+    /// The rates of the axis's messages.
     pub rates: Rates,
     /// The limits that it gets before it is switched on, if any.
     /// [`Request::CurrentLimit`](crate::Request::CurrentLimit) needs them, and so does an axis that
@@ -28,7 +28,7 @@ pub struct Config {
     pub torque_constant: Option<f32>,
 }
 
-/// Where the loops run.
+/// The place where the loops run, and the setpoints that the axis gets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Control {
     /// Here: the axis gets torques, N m at the output shaft. The largest is the speed loop's
@@ -52,7 +52,7 @@ impl Control {
     }
 }
 
-/// How often an axis sends its messages, Hz, as set in it; 0 for those it does not send.
+/// Rates of the messages of an axis, Hz, as set in it; 0 for those it does not send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rates {
     /// `09`: 1 ..= 1000, at least 200 to control by.

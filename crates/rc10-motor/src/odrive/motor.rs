@@ -55,7 +55,7 @@ const CLEAR_TRIES: u8 = 4;
 /// [`TotalAngle`]: rc10_app::TotalAngle
 const TURN: i32 = 360_000_000;
 
-/// How far an axis is on its way to obeying.
+/// The step of switching on that an axis has reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     /// Told to be idle.
@@ -66,7 +66,7 @@ enum Step {
     Running,
 }
 
-/// Who closes the loops.
+/// The side that closes the loops: this crate or the axis.
 #[derive(Clone, Copy, Debug)]
 enum Loops {
     /// This crate: the axis gets torques.
@@ -102,7 +102,7 @@ pub struct ODrive {
     step: Step,
     /// Whether it may drive, as of the last tick.
     wanted: bool,
-    /// What the last heartbeat said it does.
+    /// The state of the axis in its last heartbeat.
     state: AxisState,
     fault: Option<Fault>,
     /// Time since the last heartbeat, and how long it may be, s.
@@ -247,7 +247,7 @@ impl ODrive {
         matches!(self.loops, Loops::Axis { .. })
     }
 
-    /// What an axis may send, and how often.
+    /// The messages that an axis may send, with their rates in Hz.
     fn messages(&self) -> impl Iterator<Item = (u8, u16)> {
         let Rates { estimates, heartbeat, currents, temperatures, supply } = self.rates;
         let all = [
@@ -289,7 +289,7 @@ impl ODrive {
         Some(Command::Limits { velocity, current: current * share })
     }
 
-    /// What is to be sent in this tick, if anything.
+    /// The command of this tick, if there is one.
     fn command(&mut self) -> Option<Command> {
         let (control, input) = self.modes;
         match (self.step, self.beat % START_STEPS) {

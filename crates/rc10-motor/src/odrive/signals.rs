@@ -109,7 +109,7 @@ const FRAMES_0_6: &[Row] = &[
     ("ODRIVE_ENTER_DFU", 0x1F, 0, false, &[]),
 ];
 
-/// What can be asked for with a remote request.
+/// Messages that can be asked for with a remote request.
 const ASKS: &[(&str, u8)] = &[
     ("ODRIVE_ASK_HEARTBEAT", HEARTBEAT),
     ("ODRIVE_ASK_ESTIMATES", ESTIMATES),

@@ -131,7 +131,7 @@ pub enum ControlMode {
     Position = 3,
 }
 
-/// What happens to an input before it reaches the loops (firmware 0.5.6 `InputMode`).
+/// The processing of an input before it reaches the loops (firmware 0.5.6 `InputMode`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum InputMode {

@@ -55,23 +55,23 @@ pub struct Rs485Bus<'m> {
     reply_timeout: Micros,
     parser: Parser,
     polled: Option<Polled>,
-    /// Where the turn goes on among the motors that are heard.
+    /// The next motor in turn among those that are heard.
     turn: usize,
-    /// How many of those are to be polled before a motor that may not reply.
+    /// Number of those that are to be polled before a motor that may not reply.
     owed: usize,
     /// All but what the parser counts.
     counters: Rs485Counters,
 }
 
-/// When a motor is polled.
+/// The state of the polls of one motor.
 #[derive(Clone, Copy, Debug)]
 struct Poll {
     /// Not polled since the last tick.
     is_due: bool,
     polled_at: Option<Micros>,
-    /// What the motor may do, since the last tick.
+    /// The drive mode of the motor, since the last tick.
     mode: DriveMode,
-    /// How often it is polled yet without a pause even if it does not reply.
+    /// Number of polls still to come without a pause, even if the motor does not reply.
     urgent: u8,
 }
 
@@ -83,7 +83,7 @@ struct Polled {
 
 /// See [`Rs485Bus::CAPACITY`].
 const CAPACITY: usize = 15;
-/// How often a motor is polled at least when what it may do has changed.
+/// Least number of polls of a motor after a change of its drive mode.
 const URGENT: u8 = 3;
 /// Time between two polls of a motor that is not heard.
 const SELDOM: Micros = Micros::from_millis(100);
@@ -202,8 +202,8 @@ impl<'m> Rs485Bus<'m> {
         Ok(motor)
     }
 
-    /// What to do now. After [`Step::Send`] ask again at once: it says how long to wait for the
-    /// reply.
+    /// The next step on the bus now. After [`Step::Send`] ask again at once: it says how long to
+    /// wait for the reply.
     pub fn poll(&mut self, now: Micros) -> Step {
         if let Some(Polled { at, .. }) = self.polled {
             let until = at + self.reply_timeout;

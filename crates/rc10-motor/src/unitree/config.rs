@@ -1,4 +1,4 @@
-//! What is known of the motor, and the gains it comes with.
+//! Properties of the motor, and its stock gains.
 
 use core::fmt;
 
@@ -31,7 +31,7 @@ const SPRINGS: SpringRange = {
     SpringRange { kp: gain, kd: gain, speed: Rpm::new(rpm as f32) }
 };
 
-/// What follows targets with the stock gains.
+/// The servo with the stock gains.
 pub(super) const STOCK_SERVO: Servo = Servo::of(TargetKind::Torque, CASCADE).with_springs(SPRINGS);
 
 /// The same with gains of your own.

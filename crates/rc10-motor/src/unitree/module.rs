@@ -78,7 +78,7 @@ pub struct GoModule {
     actuator: Actuator,
     mode: DriveMode,
     sequence: Sequence,
-    /// What is sent when a motion is.
+    /// The motion of the next command that carries one.
     command: RawMotion,
 }
 
@@ -159,7 +159,7 @@ impl GoModule {
         IdPattern::masked(ExtendedId::new(id).unwrap_or(ExtendedId::ZERO), mask)
     }
 
-    /// What all frames to the motor have in common.
+    /// The stream of all frames to the motor: the part of the identifier that they have in common.
     const fn stream(&self) -> u32 {
         self.owner ^ FROM_MODULE
     }

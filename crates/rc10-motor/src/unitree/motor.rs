@@ -45,7 +45,7 @@ impl Actuator {
         self.shaft = Shaft::new(ANGLE_STEPS, GEAR, direction);
     }
 
-    /// What the motor reported at `at`.
+    /// Takes a report of the motor, which came at `at`.
     pub(super) fn report(
         &mut self,
         motion: RawMotion,

@@ -32,15 +32,15 @@ pub struct GoM8010 {
     address: Address,
     actuator: Actuator,
     mode: DriveMode,
-    /// What it reported last.
+    /// The last status that the motor reported.
     status: Status,
-    /// What is sent when it is polled next.
+    /// The command of the next poll.
     command: Command,
     /// A fault that is to be cleared: the next reply tells.
     pending: Pending<()>,
 }
 
-/// How long a motor has to reply after [`Request::ClearFault`], s.
+/// The time that a motor has to reply after [`Request::ClearFault`], s.
 const CLEARING: Retry = Retry::new(0.25, 1);
 
 impl GoM8010 {

@@ -121,7 +121,7 @@ impl ElectricalScale {
 /// [`Condition`](crate::Condition) is `SlowFeedback`.
 pub const CONTROL_HZ: u16 = 200;
 
-/// How often each status frame comes, in Hz, as set in VESC Tool; 0: never.
+/// Rates of the status frames, in Hz, as set in VESC Tool; 0: never.
 ///
 /// VESC Tool knows two rates, and for each the frames that come with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -178,10 +178,10 @@ pub struct Currents {
     /// Never more than this, either way. At most what "Motor Current Max" and "Motor Current Max
     /// Brake" in VESC Tool both allow. Above 0.
     pub limit: Amps,
-    /// What [`DriveMode::Brake`](crate::DriveMode::Brake) brakes with, 0 ..= `limit`.
+    /// The current of [`DriveMode::Brake`](crate::DriveMode::Brake), 0 ..= `limit`.
     pub brake: Amps,
-    /// What [`DriveMode::Hold`](crate::DriveMode::Hold) holds with, 0 ..= `limit`. It flows as long as the
-    /// shaft is held, and heats.
+    /// The current of [`DriveMode::Hold`](crate::DriveMode::Hold), 0 ..= `limit`. It flows as long
+    /// as the shaft is held, and heats.
     pub handbrake: Amps,
 }
 
@@ -194,14 +194,15 @@ pub struct Config {
     pub scale: ElectricalScale,
     /// Which way the output shaft counts.
     pub direction: Direction,
-    /// How often its status frames come.
+    /// The rates of its status frames.
     pub status: StatusRates,
-    /// How often a command is repeated, in Hz: 1 ..= 1000, and three times within the timeout.
+    /// The rate at which a command is repeated, in Hz: 1 ..= 1000, and three times within the
+    /// timeout.
     pub command_hz: u16,
-    /// The timeout set in it ("Timeout" under App Settings): it lets go when commands stop for so
-    /// long.
+    /// The timeout set in it ("Timeout" under App Settings): it lets go when commands stop for this
+    /// time.
     pub timeout: Micros,
-    /// What the motor may be given.
+    /// The currents that the motor may be given.
     pub currents: Currents,
     /// Whether its position controller knows the angle of the output shaft, by an encoder that sits
     /// there: only then is a [`Target::Angle`](crate::Target::Angle) left to it (`SET_POS`).

@@ -1,4 +1,4 @@
-//! How a turning shaft is brought to a stand and kept there without angle loops.
+//! Braking of a turning shaft to a stand, and holding it there, without angle loops.
 
 use rc10_app::{ElectricalRpm, Seconds};
 

@@ -23,14 +23,14 @@ use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
 /// After driving starts, a current rises to what was asked for within this time, s …
 const SOFT_TIME: f32 = 0.020;
-/// … and a duty from what the motor's own voltage is by so much a second. The VESC's ramp of 2 % in
-/// a millisecond is a blow: its winding has no more than a few hundredths of an ohm.
+/// … and a duty from what the motor's own voltage is by this much a second. The VESC's ramp of 2 %
+/// in a millisecond is a blow: its winding has no more than a few hundredths of an ohm.
 const SOFT_DUTY: f32 = 2.0;
 /// Steps that the tachometer may be away from twice what its speed makes: two turns of the field.
 const MOST_ASIDE: f32 = 12.0;
 /// A tachometer value older than this, s, is nothing to seek an angle by.
 const OLD: f32 = 0.025;
-/// How often a changed current limit is told again, s: no VESC says that it has taken it.
+/// The period at which a changed current limit is sent again, s: no VESC says that it has taken it.
 const LIMIT_PERIOD: f32 = 1.0;
 /// Steps of the position in `STATUS_4` in a turn: 50 a degree.
 const POSITION_STEPS: i32 = 18_000;
@@ -64,7 +64,7 @@ pub struct Vesc {
     reported: Reported,
     mode: DriveMode,
     hold: Hold,
-    /// How far a soft start has come, 0 ..= 1.
+    /// The progress of a soft start, 0 ..= 1.
     risen: f32,
     /// Duty from which it comes.
     from: f32,
@@ -162,7 +162,7 @@ impl Vesc {
         Ok(self)
     }
 
-    /// What it was made from.
+    /// The configuration that it was made from.
     pub const fn config(&self) -> &Config {
         &self.config
     }

@@ -1,4 +1,4 @@
-//! What stands in the frames of a VESC, as data.
+//! The layout of the frames of a VESC, as data.
 //!
 //! Values are the VESC's own: electrical rpm, and its own direction.
 
@@ -9,7 +9,7 @@ use super::config::Config;
 use super::wire::{Address, Packet, STATUSES};
 use crate::signals::{Marks, Message, Signal};
 
-/// What a DBC file cannot say of these frames.
+/// Properties of a VESC's frames that a DBC file cannot describe.
 pub const NOT_IN_DBC: &[&str] = &[
     "VESC: all that is sent to id 255 is for every VESC; this software sends nothing to it",
     "VESC: PONG has the identifier of who asked; VESC_PONG_FROM tells who answered",
@@ -95,14 +95,15 @@ const PONG: &[Signal] = &[
     Signal::big("VESC_PONG_HARDWARE", 1, 1).named(&[(0, "VESC")]),
 ];
 
-/// What is one number.
+/// A command whose data is one number.
 macro_rules! order {
     ($packet:ident, $name:literal, $factor:literal, $unit:literal) => {
         (Packet::$packet, $name, 4, &[Signal::big($name, 0, 4).signed().scaled($factor, $unit)])
     };
 }
 
-/// What can be sent to it (bldc `comm_can.c`, `comm_can_set_*`); the motor sends the first eleven.
+/// Commands to a VESC (bldc `comm_can.c`, `comm_can_set_*`); [`Vesc`](super::Vesc) sends the first
+/// eleven.
 const ORDERS: &[(Packet, &str, u8, &[Signal])] = &[
     order!(SetDuty, "VESC_SET_DUTY", 1e-5, ""),
     order!(SetCurrent, "VESC_SET_CURRENT", 1e-3, "A"),

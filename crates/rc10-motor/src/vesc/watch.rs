@@ -1,5 +1,5 @@
-//! What is seen of a VESC beside its numbers: whether it reports at all, often enough, and does
-//! what it is told.
+//! Signs of trouble with a VESC beside its numbers: whether it reports at all, often enough, and
+//! does what it is told.
 
 use super::config::CONTROL_HZ;
 use super::motor::Reported;
@@ -10,13 +10,13 @@ use crate::supervision::Link;
 
 /// A VESC that does not report is asked this often, s.
 const ASK_PERIOD: f32 = 0.5;
-/// How long its answer counts, s: two questions may go unanswered.
+/// The time for which its answer counts, s: two questions may go unanswered.
 const ANSWER_HOLDS: f32 = 1.3;
 /// Reports are counted over this time, s …
 const WINDOW: f32 = 0.1;
 /// … and are too few below three quarters of [`CONTROL_HZ`].
 const FEWEST: u16 = CONTROL_HZ / 40 * 3;
-/// So long a VESC may draw nothing though it should, s. Ramps of its own take less.
+/// The time for which a VESC may draw nothing though it should, s. Ramps of its own take less.
 const IDLE_TIME: f32 = 0.5;
 /// Half a step of the current in STATUS, A.
 const NOTHING: f32 = 0.05;

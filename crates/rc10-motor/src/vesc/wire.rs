@@ -298,14 +298,14 @@ pub enum Setting {
         /// Most positive.
         max: Amps,
     },
-    /// Where field-oriented control changes its way of knowing the angle.
+    /// Speeds at which field-oriented control changes its way of knowing the angle.
     FieldOriented {
         /// Speed while started blindly.
         openloop: ElectricalRpm,
         /// From here on without sensor.
         sensorless: ElectricalRpm,
     },
-    /// Where power is reduced to save the battery, in volts.
+    /// Supply voltages at which power is reduced to save the battery, in volts.
     BatteryCut {
         /// Less power below this.
         start: f32,
@@ -375,7 +375,7 @@ pub enum Reply {
     Status {
         /// Its sender.
         from: VescId,
-        /// What it says.
+        /// The content of the frame.
         status: Status,
     },
     /// The answer to a [`ping`].

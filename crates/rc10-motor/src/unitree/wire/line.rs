@@ -50,7 +50,7 @@ pub struct Command {
     pub status: Status,
     /// The motion it is to have, of the rotor.
     pub motion: RawMotion,
-    /// How it is to follow that motion, of the rotor.
+    /// The stiffness and damping with which it is to follow that motion, of the rotor.
     pub impedance: RawImpedance,
 }
 

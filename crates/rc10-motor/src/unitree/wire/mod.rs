@@ -73,7 +73,7 @@ const fn split_mode(mode: u8) -> (Address, Status) {
 pub(super) const ERRORS: [&str; 5] =
     ["none", "over-temperature", "over-current", "over-voltage", "encoder"];
 
-/// What an `MError` says; `None` for 0, no error.
+/// The fault of an `MError`; `None` for 0, no error.
 pub fn fault(error: u8) -> Option<Fault> {
     let text = ERRORS.get(usize::from(error)).copied();
     let text = text.unwrap_or("an error the vendor does not name");

@@ -142,7 +142,7 @@ pub enum Content {
         /// are shown too.
         raw_id: u32,
     },
-    /// What the module has for the motor: the reply to [`Request::ReadImpedance`].
+    /// The gains that the module has for the motor: the reply to [`Request::ReadImpedance`].
     Impedance(RawImpedance),
 }
 

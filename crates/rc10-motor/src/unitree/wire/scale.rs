@@ -71,8 +71,8 @@ impl Motion {
     }
 }
 
-/// How a motor reacts to the difference between the motion it shall have and the one it has, at a
-/// shaft.
+/// Stiffness and damping of a motor, at a shaft: its reaction to the difference between the motion
+/// it shall have and the one it has.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Impedance {
