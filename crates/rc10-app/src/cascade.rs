@@ -21,7 +21,7 @@ pub struct Cascade {
     pub angle: PidConfig,
     /// Ticks from one step of the angle loop to the next (0 counts as 1).
     pub outer_divider: u8,
-    /// How fast the speed reference may change. Also what the angle loop brakes with.
+    /// The largest rate of change of the speed reference, and the deceleration of the angle loop.
     pub acceleration: RpmPerSecond,
     /// Effort added per rpm of speed reference: what viscous friction or the back-EMF takes.
     pub feed_forward: f32,
@@ -75,7 +75,7 @@ const SOFT_SLOPE: f32 = 100.0;
 /// Length of a soft start in seconds: 20 ms, and half a tick more for rounding.
 const SOFT_TIME: f32 = 0.0205;
 
-/// What a cascade remembers.
+/// The state of a cascade between two steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CascadeState {
     speed: PidState,
@@ -88,10 +88,10 @@ pub struct CascadeState {
     last_speed: f32,
     /// Seconds for which the effort may only change slowly yet, because driving has just begun.
     soft_time_left: f32,
-    /// What drove last; [`Active::Nothing`] also during a soft start, so that the usual case has
-    /// one thing to compare.
+    /// The active part in the last step; [`Active::Nothing`] also during a soft start, so that the
+    /// usual case has one thing to compare.
     active: Active,
-    /// What drives during a soft start.
+    /// The active part during a soft start.
     starting: Active,
     /// Ticks until the angle loop runs again; zero also if no angle is sought, and during a soft
     /// start.

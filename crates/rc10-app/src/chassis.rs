@@ -185,9 +185,9 @@ impl Mecanum {
         })
     }
 
-    /// How the robot moves (in its own axes) if its wheels turn like this: the least-squares
-    /// answer, because four wheels overdetermine three components. A speed that is not finite
-    /// gives a twist that is not finite.
+    /// The motion of the robot (in its own axes) for given speeds of its wheels: the least-squares
+    /// answer, because four wheels overdetermine three components. A speed that is not finite gives
+    /// a twist that is not finite.
     pub fn forward(&self, speeds: [Rpm; 4]) -> Twist {
         let quarter = self.wheel_radius * RADIANS_PER_SECOND / 4.0;
         let [fl, fr, rl, rr] = speeds.map(|speed| speed.get() * quarter);

@@ -11,7 +11,7 @@ use crate::config::{ConfigError, positive};
 use crate::maths;
 use crate::units::Seconds;
 
-/// How fast and how smoothly a [`Differentiator`] follows.
+/// Settings of a [`Differentiator`]: acceleration and smoothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DifferentiatorConfig {
     /// Largest acceleration of the followed value (Han's `r`), in units of the value per second

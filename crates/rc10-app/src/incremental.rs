@@ -27,7 +27,7 @@ pub struct IncrementalPidConfig {
     pub output_min: f32,
     /// Highest output; more than `output_min`.
     pub output_max: f32,
-    /// What smooths the setpoint, if anything; the path starts at the measured value.
+    /// Smoothing of the setpoint, if any; the path starts at the measured value.
     pub setpoint: Option<DifferentiatorConfig>,
 }
 
@@ -58,7 +58,7 @@ impl IncrementalPidConfig {
     }
 }
 
-/// What the next increment is counted from.
+/// The starting point of the next increment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Past {
     /// Fresh: the output is 0, as it would be with no error.

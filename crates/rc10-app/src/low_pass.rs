@@ -8,7 +8,7 @@
 use crate::config::{ConfigError, positive};
 use crate::units::Seconds;
 
-/// How strongly a [`LowPass`] smooths.
+/// The setting of a [`LowPass`]: its time constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LowPassConfig {
     /// Time after which 63 % of a step has come through; > 0.

@@ -3,7 +3,7 @@
 use crate::config::{ConfigError, positive};
 use crate::units::Seconds;
 
-/// How fast a [`Ramp`] moves.
+/// Limits of the rate of a [`Ramp`], up and down.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RampConfig {
     /// Fastest increase (towards +∞), in units of the value per second; > 0.
@@ -50,7 +50,7 @@ impl Ramp {
         Self { value }
     }
 
-    /// Where the ramp is, in the unit of the target.
+    /// The present value of the ramp, in the unit of the target.
     pub const fn value(&self) -> f32 {
         self.value
     }

@@ -51,8 +51,8 @@ impl Pose {
         Self::new(x, y, wrapped(-self.heading))
     }
 
-    /// Where `other` is as seen from here, both given in one common frame: `self.compose(result)`
-    /// is `other`.
+    /// The pose of `other` as seen from here, both given in one common frame:
+    /// `self.compose(result)` is `other`.
     #[must_use]
     pub fn between(self, other: Self) -> Self {
         // Not inverse().compose(): the difference first keeps the digits when both are far away.

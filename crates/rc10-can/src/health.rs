@@ -54,12 +54,13 @@ pub struct Health {
     /// Received frames that were not asked for ([`CanPort::accept`](crate::CanPort::accept)),
     /// dropped without a look at them.
     pub ignored: u32,
-    /// How often the controller went bus-off.
+    /// Number of times that the controller went bus-off.
     pub bus_offs: u32,
-    /// How often the controller was found in restricted operation, in which it sends nothing: its
-    /// message memory was too slow, or its clock is being calibrated. It was sent back each time.
+    /// Number of times that the controller was found in restricted operation, in which it sends
+    /// nothing: its message memory was too slow, or its clock is being calibrated. It was sent back
+    /// each time.
     pub restrictions: u32,
-    /// How often a supervisor made the motors of the bus safe because the port had not
+    /// Number of times that a supervisor made the motors of the bus safe because the port had not
     /// been asked for frames for too long.
     pub stalls: u32,
 }

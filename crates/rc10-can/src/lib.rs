@@ -1,5 +1,5 @@
-//! What everything that touches a CAN bus shares: the frame, its length on the wire, the port,
-//! and integer time.
+//! Parts for everything that touches a CAN bus: the frame, its length on the wire, the port, and
+//! integer time.
 //!
 //! * [`CanFrame`]: a classic CAN 2.0 frame; implements [`embedded_can::Frame`].
 //! * [`WireLength`]: how many bit times a frame takes, exactly (with its stuff bits) or at worst.

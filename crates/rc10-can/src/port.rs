@@ -33,7 +33,7 @@ pub trait CanPort {
     /// Takes back every frame that has not been sent yet; says how many.
     fn cancel_pending(&mut self) -> u8;
 
-    /// How the bus and the controller are.
+    /// The state of the bus and of the controller.
     fn health(&self) -> Health;
 
     /// Says which frames are wanted from now on, instead of all. A port that can drop the others
@@ -86,7 +86,8 @@ pub enum Submitted {
 pub struct Queued {
     /// The frame.
     pub frame: CanFrame,
-    /// What an unsent frame is replaced by: see [`CanPort::submit_as`].
+    /// The stream of the frame: a newer frame of the same stream replaces it while it is unsent;
+    /// see [`CanPort::submit_as`].
     pub stream: u32,
 }
 
@@ -180,7 +181,8 @@ pub struct NbPort<C, const N: usize = 16> {
     can: C,
     now: fn() -> Micros,
     waiting: Mailboxes<N>,
-    /// What the driver was given last, `N` at most: it may give a frame back without its stream.
+    /// The newest frames given to the driver, `N` at most: it may give a frame back without its
+    /// stream.
     handed: Deque<Queued, N>,
     health: Health,
 }

@@ -98,7 +98,7 @@ pub struct Schedule {
 /// Result of [`Schedule::start`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Start {
-    /// How long after its planned time the work starts.
+    /// Delay of the start of the work after its planned time.
     pub late: Micros,
     /// Planned starts that were skipped because their time had gone by too.
     pub missed: u32,

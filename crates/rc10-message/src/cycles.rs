@@ -1,6 +1,6 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// How many runs the mean is of. Of more than these, each counts for less, the older it is.
+/// Number of runs in the mean. Of more than these, each counts for less, the older it is.
 const NEWEST: u32 = 1024;
 
 /// Clock cycles that work takes which is done again and again. One place measures, any may read.
@@ -25,7 +25,7 @@ pub struct Cycles {
     most: AtomicU32,
 }
 
-/// What [`Cycles`] has measured, with everything that interrupted the work.
+/// The measurement of [`Cycles`], with everything that interrupted the work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CycleCount {
     /// Mean of a run: of all, up to 1024, then of about the newest 1024. One that took more than 4
@@ -65,7 +65,7 @@ impl Cycles {
         self.runs.store(runs, Ordering::Relaxed);
     }
 
-    /// What was measured so far, if anything was.
+    /// The measurement so far; `None` before the first run.
     #[must_use]
     pub fn read(&self) -> Option<CycleCount> {
         let is_measured = self.runs.load(Ordering::Relaxed) > 0;

@@ -1,4 +1,4 @@
-//! What the tasks of a robot are made of: messages between them, and work on a grid of time.
+//! Parts for the tasks of a robot: messages between them, and work on a grid of time.
 //!
 //! * [`Topic`]: a stream of messages to several subscribers; who is slow learns what it missed.
 //! * [`Latest`]: the newest value of something, and how old it is.

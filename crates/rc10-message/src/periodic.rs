@@ -8,7 +8,7 @@ use rc10_can::{Micros, Schedule, Timing};
 
 use crate::now;
 
-/// What to do about starts whose time has gone by.
+/// The policy for starts whose time has gone by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Overrun {
     /// Leave them out: for control, where only the newest matters.
@@ -20,13 +20,13 @@ pub enum Overrun {
 /// One start of periodic work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tick {
-    /// When it started.
+    /// The time at which it started.
     pub now: Micros,
     /// Time since the start before; the planned period at the first start.
     pub since_last: Micros,
 }
 
-/// How periodic work keeps its time.
+/// Times of periodic work: period, execution, and overruns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Load {
     /// From each start to the next one. The first start is not in it.
@@ -37,7 +37,7 @@ pub struct Load {
     pub overruns: u32,
 }
 
-/// Where [`periodic`] writes its [`Load`] for other tasks to read.
+/// A place for the [`Load`] that [`periodic`] writes, for other tasks to read.
 pub struct Statistics(Mutex<CriticalSectionRawMutex, Cell<Load>>);
 
 impl Statistics {
@@ -51,7 +51,7 @@ impl Statistics {
         })))
     }
 
-    /// What was measured so far.
+    /// The measurements so far.
     #[must_use]
     pub fn read(&self) -> Load {
         self.0.lock(Cell::get)

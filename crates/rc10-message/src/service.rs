@@ -91,7 +91,7 @@ enum Stage<Request, Response> {
 pub enum CallError {
     /// As many callers wait as the service has room for. The request was not given to the server.
     Full {
-        /// How many it has room for.
+        /// Largest number of callers that can wait.
         most: usize,
     },
     /// The request was not taken in time, and was taken back: does the server run?
@@ -301,7 +301,7 @@ impl<Request, Response, const CALLERS: usize> fmt::Debug for Service<Request, Re
 }
 
 impl<Request, Response, const CALLERS: usize> State<Request, Response, CALLERS> {
-    /// Where the caller with this sequence waits, if it still does.
+    /// The slot of the caller with this sequence, if it still waits.
     fn slot(&mut self, sequence: u32) -> Option<&mut Option<Slot<Request, Response>>> {
         let of_caller = |slot: &&mut Option<Slot<_, _>>| {
             slot.as_ref().is_some_and(|slot| slot.sequence == sequence)
@@ -314,7 +314,7 @@ impl<Request, Response, const CALLERS: usize> State<Request, Response, CALLERS> 
         self.slot(sequence)?.take().map(|slot| slot.stage)
     }
 
-    /// What came of a call that its server is done with; its caller has left then.
+    /// The outcome of a call that its server is done with; its caller has left then.
     fn outcome(
         &mut self,
         sequence: u32,

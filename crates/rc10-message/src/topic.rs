@@ -169,7 +169,7 @@ impl<T: Clone, const CAPACITY: usize, const SUBSCRIBERS: usize> fmt::Debug
 /// A [`Topic`] or a [`Latest`](crate::Latest) has as many subscribers as it has room for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SubscribersFull {
-    /// How many it has room for.
+    /// Largest number of subscribers.
     pub most: usize,
 }
 

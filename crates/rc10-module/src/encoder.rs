@@ -95,7 +95,7 @@ impl Counter {
     }
 }
 
-/// What an encoder and its counter are.
+/// Properties of an encoder and its counter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Config {
@@ -170,9 +170,9 @@ pub struct IncrementalEncoder {
     counter: Counter,
     /// The counter's total where the angle is zero.
     zero: i64,
-    /// Where the index pulse came first, on the counter's total.
+    /// The counter's total at the first index pulse.
     index: Option<i64>,
-    /// When the counter was read last.
+    /// The time at which the counter was read last.
     read: Micros,
     /// Total and time where the speed's window begins.
     window: (i64, Micros),
@@ -298,13 +298,14 @@ impl IncrementalEncoder {
         if self.config.is_reversed { -self.speed } else { self.speed }
     }
 
-    /// How often the counter was not read for too long: above zero, the turns are an estimate.
+    /// Number of times that the counter was not read for too long: above zero, the turns are an
+    /// estimate.
     #[must_use]
     pub const fn gaps(&self) -> u32 {
         self.gaps
     }
 
-    /// How often it jumped: above zero, the angle may be off by what was lost with it.
+    /// Number of jumps of the counter: above zero, the angle may be off by what was lost with them.
     #[must_use]
     pub const fn jumps(&self) -> u32 {
         self.jumps

@@ -12,7 +12,7 @@ pub mod wit;
 pub use heading::{FRESH_FOR, Heading};
 pub use wit::Wit;
 
-/// What an inertial sensor measures.
+/// One sample of an inertial sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Sample {

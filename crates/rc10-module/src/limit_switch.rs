@@ -24,16 +24,16 @@ pub enum Active {
     High,
 }
 
-/// How a switch is wired and how long it bounces.
+/// Settings of a limit switch: its wiring, and its times of bouncing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Config {
     /// The level of a pressed switch.
     pub active: Active,
-    /// How long it must be pressed without a break to count as pressed. Zero: at once, for an
-    /// axis that must not go a tenth of a millimetre on; then a spark's pulse stops it too.
+    /// The time for which it must be pressed without a break to count as pressed. Zero: at once,
+    /// for an axis that must not go a tenth of a millimetre on; then a spark's pulse stops it too.
     pub press: Micros,
-    /// How long it must be released without a break to count as released.
+    /// The time for which it must be released without a break to count as released.
     pub release: Micros,
 }
 
@@ -45,7 +45,7 @@ impl Config {
     }
 }
 
-/// Where a limit switch is.
+/// The position of a limit switch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Position {
@@ -79,9 +79,9 @@ pub const CHATTERS_AFTER: Micros = Micros::from_millis(250);
 #[derive(Clone, Copy, Debug)]
 pub struct LimitSwitch {
     config: Config,
-    /// What the pin showed last, and since when.
+    /// The last state of the contact (pressed or not), and the time of its last change.
     contact: Option<(bool, Micros)>,
-    /// When it last left its rest.
+    /// The time at which it last left its rest.
     disturbed: Micros,
     position: Position,
     changes: u32,
@@ -134,7 +134,7 @@ impl LimitSwitch {
         if is_pressed { self.config.press } else { self.config.release }
     }
 
-    /// Where it was when looked at last.
+    /// The position when it was looked at last.
     #[must_use]
     pub const fn position(&self) -> Position {
         self.position
@@ -150,23 +150,23 @@ impl LimitSwitch {
         }
     }
 
-    /// How often the pin's level changed, bounces and all; starts over after 2³². Many per press:
-    /// a worn contact, or noise.
+    /// Number of changes of the pin's level, bounces and all; starts over after 2³². Many per
+    /// press: a worn contact, or noise.
     #[must_use]
     pub const fn changes(&self) -> u32 {
         self.changes
     }
 }
 
-/// How often a switch is looked at that is not at rest; one edge in between is waited for. With a
-/// storm of edges on the pin does not take all of the processor.
+/// The period at which a switch that is not at rest is looked at; one edge in between is waited
+/// for. So a storm of edges on the pin does not take all of the processor.
 const LOOK: Duration = Duration::from_millis(1);
 
 /// Watches a switch for ever: `hear` gets the first position that is known, and each other one,
 /// with its time. At rest it waits for the pin, else it looks each millisecond.
 ///
 /// # Errors
-/// What the pin says; its position is unknown from then on.
+/// The error of the pin; its position is unknown from then on.
 pub async fn watch<P: InputPin + Wait>(
     mut pin: P,
     config: Config,

@@ -10,8 +10,8 @@ use rc10_can::Micros;
 
 use crate::{Counters, Pause, Protocol, Stream};
 
-/// What a driver loop ([`listen`], [`remote::listen_pulses`](crate::remote::listen_pulses))
-/// received so far, for other tasks to read.
+/// Counters of a driver loop ([`listen`], [`remote::listen_pulses`](crate::remote::listen_pulses)),
+/// for other tasks to read.
 pub struct Reception(Mutex<CriticalSectionRawMutex, Cell<Counters>>);
 
 impl Reception {
@@ -21,7 +21,7 @@ impl Reception {
         Self(Mutex::new(Cell::new(Counters { frames: 0, damaged: 0, skipped: 0, port_errors: 0 })))
     }
 
-    /// What was received so far.
+    /// The counters so far.
     #[must_use]
     pub fn read(&self) -> Counters {
         self.0.lock(Cell::get)

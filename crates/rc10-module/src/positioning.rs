@@ -1,4 +1,4 @@
-//! Where a robot is: positioning systems, and frames between boards.
+//! Positioning systems, which tell where a robot is, and frames between boards.
 
 pub mod action;
 pub mod rc9;

@@ -1,23 +1,24 @@
 use rc10_can::Micros;
 
-/// What a serial device says, and how its frames are told from garbage. A new device is this one
-/// function; [`Stream`] does the rest.
+/// The protocol of a serial device: its messages, and how its frames are told from garbage. A new
+/// device is this one function; [`Stream`] does the rest.
 pub trait Protocol {
-    /// What a frame says.
+    /// The content of a frame.
     type Message;
 
     /// Room for its longest frame: `heapless::Vec<u8, LONGEST>`.
     type Buffer: Buffer;
 
-    /// What silence on the line says about its frames, if anything.
+    /// The meaning of silence on the line, if it has one.
     const PAUSE: Option<Pause> = None;
 
-    /// What begins with the first of these bytes, of which there is one at least. More than the
-    /// buffer holds may not be asked for. Checks everything that can be checked.
+    /// Examines the frame that begins with the first of these bytes, of which there is one at
+    /// least. More than the buffer holds may not be asked for. Checks everything that can be
+    /// checked.
     fn examine(&self, bytes: &[u8]) -> Found<Self::Message>;
 }
 
-/// What some bytes begin with.
+/// The result of examining some bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Found<M> {
     /// Undecided until this number of bytes is there in all: more than there are now.
@@ -33,7 +34,7 @@ pub enum Found<M> {
     Other(usize),
 }
 
-/// What a pause of this length or longer means.
+/// The meaning of a pause of this length or longer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pause {
     /// No frame has such a gap: what was begun is none, and the next byte begins one.
@@ -45,7 +46,7 @@ pub enum Pause {
 }
 
 impl Pause {
-    /// How long the line is silent at least.
+    /// The least time for which the line is silent.
     #[must_use]
     pub const fn length(self) -> Micros {
         match self {
@@ -56,9 +57,9 @@ impl Pause {
 
 /// Room for a frame. Implemented by `heapless::Vec<u8, N>`.
 pub trait Buffer: Default {
-    /// How many bytes it holds.
+    /// Largest number of bytes that it holds.
     const CAPACITY: usize;
-    /// What is in it.
+    /// The bytes in it.
     fn bytes(&self) -> &[u8];
     /// Puts these at its end; there is room for them.
     fn extend(&mut self, bytes: &[u8]);
@@ -91,7 +92,7 @@ impl<const N: usize> Buffer for heapless::Vec<u8, N> {
     }
 }
 
-/// What came in so far. Each starts over after 2³².
+/// Counters of the received frames and bytes. Each starts over after 2³².
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -151,7 +152,7 @@ pub struct Stream<P: Protocol> {
     buffer: P::Buffer,
     /// Number of bytes from which on looking for a frame makes sense.
     needed: usize,
-    /// What comes is of no use until the line pauses.
+    /// Whether bytes are of no use until the line pauses.
     is_lost: bool,
     last: Option<Micros>,
     counters: Counters,
@@ -227,7 +228,7 @@ impl<P: Protocol> Stream<P> {
         self.is_lost = matches!(P::PAUSE, Some(Pause::Delimits(_)));
     }
 
-    /// What came in so far.
+    /// Counters of the frames and bytes so far.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         self.counters
@@ -247,7 +248,7 @@ impl<P: Protocol> Stream<P> {
         self.is_lost = false;
     }
 
-    /// What came between two pauses is over.
+    /// Judges the bytes between two pauses, and takes them out of the buffer.
     fn judge(&mut self, hear: &mut impl FnMut(P::Message)) {
         let bytes = self.buffer.bytes();
         let Some(frames) = whole_frames(&self.protocol, bytes, |_| {}) else {

@@ -7,15 +7,15 @@
 //! and drifts. What a gyroscope says at rest is its bias; it is learned whenever the robot has
 //! stood still for a second.
 //!
-//! What to expect of a BMI088 (`tests/attitude.rs` measures it, with the noise and bias of its data
-//! sheet): yaw after a minute of driving within half a degree, at rest within a tenth of a degree a
-//! minute; tilt within what the accelerometer's own offset makes, 1.2 degrees for 20 mg. Not in
-//! that: the scale of a real gyroscope is off by up to a percent, which is 3.6 degrees after a turn
-//! one way and none after a turn back.
+//! Accuracy to expect of a BMI088 (`tests/attitude.rs` measures it, with the noise and bias of its
+//! data sheet): yaw after a minute of driving within half a degree, at rest within a tenth of a
+//! degree a minute; tilt within what the accelerometer's own offset makes, 1.2 degrees for 20 mg.
+//! Not in that: the scale of a real gyroscope is off by up to a percent, which is 3.6 degrees after
+//! a turn one way and none after a turn back.
 //!
-//! What it cannot know: a turn slower than 0.6 °/s of a robot that nothing else shakes looks like
-//! bias. If the robot never stands still for a second after power-on,
-//! [`bias`](Attitude::bias) stays `None`, and yaw drifts by a degree a second.
+//! The limit of the method: a turn slower than 0.6 °/s of a robot that nothing else shakes looks
+//! like bias. If the robot never stands still for a second after power-on, [`bias`](Attitude::bias)
+//! stays `None`, and yaw drifts by a degree a second.
 //!
 //! # Why not `fusion-ahrs`
 //! It is `no_std`, `f32` and `libm` as this is, and a good port of a well-known filter. But one
@@ -40,7 +40,8 @@ pub const LONGEST_STEP: Seconds = Seconds::new(0.02);
 /// No sensor of ours turns faster, rad/s: ±2000 °/s is 34.9.
 const FASTEST: f32 = 50.0;
 
-/// How fast the estimate leans towards the accelerometer's up, 1/s, on the move and at rest.
+/// The rate at which the estimate leans towards the accelerometer's up, 1/s, on the move and at
+/// rest.
 const LEAN: f32 = 0.1;
 const LEAN_AT_REST: f32 = 2.0;
 /// On the move while the bias is unknown: 1 °/s of it then makes 2 degrees of tilt.
@@ -48,7 +49,7 @@ const LEAN_BEFORE: f32 = 0.5;
 /// Beyond this share more or less of gravity squared (a tenth of gravity) the accelerometer does
 /// not count.
 const OTHER_THAN_GRAVITY: f32 = 0.2;
-/// When it spins faster than this, rad/s, neither.
+/// Beyond this rotation, rad/s, the accelerometer does not count either.
 const SPINS: f32 = 2.0;
 
 /// Time constant of the means that rest is judged by, s.
@@ -60,9 +61,9 @@ const ACCELERATION_STILL: f32 = 0.5;
 const LARGEST_BIAS: f32 = 0.05;
 /// Once it is known it is no further off than this, rad/s: by temperature, 0.015 °/s per °C.
 const BIAS_CHANGE: f32 = 0.01;
-/// How long it must look like rest before it counts as rest, s.
+/// The time for which it must look like rest before it counts as rest, s.
 const REST: f32 = 1.0;
-/// A bias is the mean over up to so much rest, s: longer would not follow the temperature.
+/// A bias is the mean over at most this time of rest, s: longer would not follow the temperature.
 const BIAS_MEMORY: f32 = 20.0;
 
 /// A sample was not used: nothing has changed, but a rotation was missed.
@@ -115,9 +116,9 @@ pub struct Attitude {
     /// All steps together, s; stands still after some hours.
     seen: f32,
     bias: Vector,
-    /// How much rest the bias is the mean of, s: at most [`BIAS_MEMORY`].
+    /// The time of rest that the bias is the mean of, s: at most [`BIAS_MEMORY`].
     rested: f32,
-    /// How long it has looked like rest, s.
+    /// The time for which it has looked like rest, s.
     still: f32,
     mean_rotation: Vector,
     mean_acceleration: Vector,
@@ -208,7 +209,7 @@ impl Attitude {
         Radians::new(libm::atan2f(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)))
     }
 
-    /// How far it leans, whichever way: 0 ..= π.
+    /// The angle by which it leans, whichever way: 0 ..= π.
     #[must_use]
     pub fn tilt(&self) -> Radians {
         let [x, y, z] = self.up();
@@ -229,8 +230,8 @@ impl Attitude {
         }
     }
 
-    /// What the gyroscope says at rest about x, y, z, rad/s; `None` while the robot has not stood
-    /// still for a second since power-on.
+    /// The rotation that the gyroscope reports at rest about x, y, z, rad/s; `None` while the robot
+    /// has not stood still for a second since power-on.
     #[must_use]
     pub fn bias(&self) -> Option<[f32; 3]> {
         (self.rested > 0.0).then_some(self.bias)
@@ -242,8 +243,8 @@ impl Attitude {
         self.still >= REST
     }
 
-    /// How often a rotation was missed: too long without a sample, no number, or at the end of the
-    /// gyroscope's range. Above zero, yaw may be off by any angle.
+    /// Number of times that a rotation was missed: too long without a sample, no number, or at the
+    /// end of the gyroscope's range. Above zero, yaw may be off by any angle.
     #[must_use]
     pub const fn gaps(&self) -> u32 {
         self.gaps
@@ -321,7 +322,7 @@ impl Default for Attitude {
     }
 }
 
-/// How much an accelerometer counts, 0 ..= 1; its unit is gravity.
+/// The weight of an accelerometer, 0 ..= 1; its unit is gravity.
 #[inline]
 fn weight(acceleration: Vector, rotation: Vector) -> f32 {
     let other = (squared(acceleration) - 1.0).abs() / OTHER_THAN_GRAVITY;

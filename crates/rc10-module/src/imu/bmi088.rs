@@ -42,7 +42,7 @@ pub enum Part {
 }
 
 impl Part {
-    /// What it says that it is (5.3.1, 5.5.1).
+    /// The chip's identity, as its register has it (5.3.1, 5.5.1).
     #[must_use]
     pub const fn chip_id(self) -> u8 {
         match self {
@@ -69,28 +69,28 @@ pub enum Error<E> {
     Spi(Part, E),
     /// Something else answers, or nothing.
     WrongChip {
-        /// Who was asked.
+        /// The chip that was asked.
         part: Part,
-        /// What was read where [`Part::chip_id`] should be.
+        /// The value read where [`Part::chip_id`] should be.
         read: u8,
     },
     /// A setting is not what was written: not taken, or lost since.
     NotKept {
-        /// Whose.
+        /// The chip with the setting.
         part: Part,
         /// The register.
         register: u8,
-        /// What was written.
+        /// The value that was written.
         wrote: u8,
-        /// What stands there.
+        /// The value that the register has.
         read: u8,
     },
     /// The accelerometer says that it does not work: its `ACC_ERR_REG` (5.3.2).
     Broken {
-        /// What stands there.
+        /// The value of `ACC_ERR_REG`.
         errors: u8,
     },
-    /// What was read is what was read before: the chip stands still.
+    /// The chip stands still: each reading is the same as the one before.
     Stuck(Part),
 }
 
@@ -121,7 +121,7 @@ impl<E: fmt::Debug> fmt::Display for Error<E> {
 
 impl<E: fmt::Debug> core::error::Error for Error<E> {}
 
-/// What became of the readings. Each starts over after 2³².
+/// Counters of the readings, by outcome. Each starts over after 2³².
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -239,7 +239,7 @@ where
         result
     }
 
-    /// What became of the readings so far.
+    /// Counters of the readings so far.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         self.counters

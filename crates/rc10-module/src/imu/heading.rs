@@ -9,8 +9,8 @@ pub const FRESH_FOR: Micros = Micros::from_millis(90);
 /// Microdegrees.
 const TURN: i32 = 360_000_000;
 
-/// Where a robot looks, made of the yaw that a sensor tells: continuous over any number of turns,
-/// counter-clockwise positive, from a zero of ours. Whole microdegrees: nothing adds up.
+/// The heading of a robot, made of the yaw that a sensor tells: continuous over any number of
+/// turns, counter-clockwise positive, from a zero of ours. Whole microdegrees: nothing adds up.
 ///
 /// It is small and `Copy`, made to be published as a whole; its reader says what time it is,
 /// and gets nothing where the newest yaw is older than [`FRESH_FOR`].
@@ -47,13 +47,13 @@ impl Heading {
         self.heard = Some(at);
     }
 
-    /// Where it looks now becomes zero. The sensor does not know of it.
+    /// Makes the present heading zero. The sensor does not know of it.
     pub const fn zero(&mut self) {
         self.zero = self.yaw;
         self.zero_turns = self.turns;
     }
 
-    /// Where it looks, all turns counted; `None` if that is not known.
+    /// The heading with all turns counted; `None` if that is not known.
     #[must_use]
     pub fn total(&self, now: Micros) -> Option<TotalAngle> {
         let turns = i64::from(self.turns) - i64::from(self.zero_turns);
@@ -71,9 +71,9 @@ impl Heading {
         self.is_fresh(now).then(|| Radians::new(degrees.to_radians()))
     }
 
-    /// How often the sensor was silent for longer than [`FRESH_FOR`]. Each time turns may be
-    /// missing from [`total`](Self::total); and if it lost power it counts from another zero now,
-    /// so that [`direction`](Self::direction) is wrong until [`zero`](Self::zero) is called.
+    /// Number of times that the sensor was silent for longer than [`FRESH_FOR`]. Each time turns
+    /// may be missing from [`total`](Self::total); and if it lost power it counts from another zero
+    /// now, so that [`direction`](Self::direction) is wrong until [`zero`](Self::zero) is called.
     #[must_use]
     pub const fn gaps(&self) -> u32 {
         self.gaps

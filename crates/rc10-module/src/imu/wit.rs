@@ -42,8 +42,8 @@ const TYPES: core::ops::RangeInclusive<u8> = 0x50..=0x5F;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Wit;
 
-/// What a frame says. Axes are right-handed and the module's own, x y z; rotations are positive
-/// counter-clockwise, looking against the axis.
+/// The content of a frame. Axes are right-handed and the module's own, x y z; rotations are
+/// positive counter-clockwise, looking against the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Message {
@@ -112,9 +112,9 @@ impl Protocol for Wit {
 pub enum Command {
     /// Settings may be changed.
     Unlock,
-    /// How often it sends.
+    /// Sets the rate at which it sends.
     Rate(Rate),
-    /// How fast; it changes over at once.
+    /// Sets the baud rate; it changes over at once.
     Baud(Baud),
     /// HWT101: yaw is zero now. [`Heading::zero`](super::Heading::zero) does it without the device.
     ZeroYaw,
@@ -122,7 +122,7 @@ pub enum Command {
     Save,
 }
 
-/// How often a module sends, with the maker's code.
+/// The rate at which a module sends, with the maker's code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[expect(missing_docs, reason = "the names say it")]
@@ -139,7 +139,7 @@ pub enum Rate {
     Hz200 = 0x0B,
 }
 
-/// How fast a module sends, with the maker's code.
+/// The baud rate of a module, with the maker's code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[expect(missing_docs, reason = "the names say it")]

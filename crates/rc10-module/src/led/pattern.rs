@@ -17,7 +17,7 @@
 use rc10_can::Micros;
 use smart_leds_trait::RGB8;
 
-/// What a strip can say about a robot. Which of it matters most is the robot's to decide.
+/// A state of a robot that a strip can show. Which state matters most is the robot's to decide.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum State {
@@ -56,7 +56,7 @@ const BEAT: Micros = Micros::from_millis(100);
 /// Marks of a rhythm; then it starts over.
 const BEATS: u32 = 20;
 
-/// How a state looks.
+/// The look of a state: colour and rhythm.
 struct Look {
     colour: RGB8,
     /// A mark each, `#` is on.
@@ -79,7 +79,7 @@ const fn look(state: State) -> Look {
     Look { colour: RGB8 { r, g, b }, rhythm, runs: matches!(state, State::LinkLost) }
 }
 
-/// What LED `index` shows at `now` in this state, at full brightness.
+/// The colour of LED `index` at `now` in this state, at full brightness.
 ///
 /// ```
 /// use rc10_can::Micros;

@@ -25,7 +25,7 @@ use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
 /// Bits of one LED.
 pub const BITS: usize = 24;
 
-/// How long the line rests low after a picture: 280 µs of the slowest LEDs, and a margin.
+/// The time for which the line rests low after a picture: 280 µs of the slowest LEDs, and a margin.
 pub const SILENCE: Duration = Duration::from_micros(300);
 
 /// A bit that is 0, as a byte of SPI: two of eight high.
@@ -60,7 +60,7 @@ pub fn spi_bytes(colour: RGB8) -> [u8; BITS] {
     bits(colour).map(|one| if one { SPI_ONE } else { SPI_ZERO })
 }
 
-/// How wide the pulses of a timer are, in its clocks.
+/// The widths of a timer's pulses, in its clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PulseTiming {
@@ -231,7 +231,7 @@ pub enum Error<E> {
         /// The room.
         room: usize,
     },
-    /// What brings it there failed; LEDs may show a part of it.
+    /// The output to the strip failed; LEDs may show a part of the picture.
     Output(E),
 }
 

@@ -29,8 +29,8 @@ const PLAUSIBLE: f32 = 1e6;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Action;
 
-/// Where the system is. Axes and signs are the maker's, from where it was switched on; how they lie
-/// on your robot depends on how it is mounted.
+/// The pose of the system: its angles and its place. Axes and signs are the maker's, from where it
+/// was switched on; how they lie on your robot depends on how it is mounted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Pose {
@@ -77,7 +77,7 @@ impl Protocol for Action {
     }
 }
 
-/// What can be set.
+/// A coordinate that can be set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Coordinate {
@@ -95,7 +95,7 @@ pub enum Coordinate {
 pub struct Implausible {
     /// Which one.
     pub coordinate: Coordinate,
-    /// What it should have become.
+    /// The value that it was to have.
     pub value: f32,
 }
 

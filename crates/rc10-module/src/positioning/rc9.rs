@@ -105,7 +105,7 @@ impl Frame {
         Self::new(id, &bytes)
     }
 
-    /// Whose it is.
+    /// The identifier of the frame.
     #[must_use]
     pub const fn id(&self) -> u8 {
         self.id

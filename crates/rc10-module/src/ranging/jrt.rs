@@ -39,15 +39,15 @@ const HEADER: usize = 6;
 /// No reply of these modules has more words than a result.
 const MOST_WORDS: usize = 3;
 const LONGEST: usize = HEADER + 2 * MOST_WORDS + 1;
-/// Where modules of this family can measure, in mm: all are blind below 30 mm, the furthest reach
-/// 150 m. Yours may reach less far, and says so itself, by an error.
+/// The range of modules of this family, in mm: all are blind below 30 mm, the furthest reach 150 m.
+/// Yours may reach less far, and says so itself, by an error.
 const REACH: core::ops::RangeInclusive<u32> = 30..=150_000;
 
 /// The protocol of a JRT-type module.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Jrt;
 
-/// What a module says.
+/// The answer of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Answer {
@@ -57,7 +57,7 @@ pub enum Answer {
         address: u8,
         /// See [`range`](Self::range).
         millimetres: u32,
-        /// How good the signal was. The manual calls a small value good; users who measured found
+        /// The quality of the signal. The manual calls a small value good; users who measured found
         /// the contrary. Try it with yours before you rely on it.
         quality: u16,
     },
@@ -71,9 +71,9 @@ pub enum Answer {
 }
 
 impl Answer {
-    /// How far away something is. Codes that speak of the target are states; the others (1 supply
-    /// too low, 3 and 4 too cold and too hot, 10 and up hardware, 129 no such command) are a
-    /// [`Fault`](Range::Fault).
+    /// The distance of something, or why there is none. Codes that speak of the target are states;
+    /// the others (1 supply too low, 3 and 4 too cold and too hot, 10 and up hardware, 129 no such
+    /// command) are a [`Fault`](Range::Fault).
     #[must_use]
     pub fn range(&self) -> Range {
         match *self {
@@ -127,7 +127,7 @@ impl Protocol for Jrt {
     }
 }
 
-/// What a module of address 0, as sold, can be told.
+/// A command to a module of address 0, as sold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command {

@@ -41,13 +41,13 @@ const FURTHEST: u16 = 1200;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TfMini;
 
-/// What a frame says.
+/// The content of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Measurement {
     /// In centimetres, 0 ..= 1200. 0 if there is none. See [`range`](Self::range).
     pub centimetres: u16,
-    /// How much light came back: 100 ..= 65534 is reliable.
+    /// The amount of light that came back: 100 ..= 65534 is reliable.
     pub strength: u16,
     /// Of its chip.
     pub temperature: Celsius,
@@ -60,7 +60,7 @@ impl Measurement {
         self.strength >= WEAKEST && self.strength != SATURATED
     }
 
-    /// How far away something is.
+    /// The distance of something, or why there is none.
     #[must_use]
     pub fn range(&self) -> Range {
         match (self.strength, self.centimetres) {

@@ -152,7 +152,7 @@ impl<const CHANNELS: usize> ChannelMap<CHANNELS> {
         Ok(Self { order, travel })
     }
 
-    /// What the remote says with these values.
+    /// The state of the remote with these channel values.
     #[must_use]
     pub fn remote(&self, channels: &[u16; CHANNELS]) -> Remote {
         let raw = |channel: Channel| {
@@ -216,9 +216,9 @@ pub enum ChannelMapError {
     NoSuchChannel {
         /// Field of [`ChannelOrder`].
         role: &'static str,
-        /// What stands there.
+        /// The channel number in that field.
         number: u8,
-        /// How many channels there are, from 1 on.
+        /// Number of channels, from 1 on.
         channels: usize,
     },
     /// One channel cannot be two things.
@@ -227,7 +227,7 @@ pub enum ChannelMapError {
         first: &'static str,
         /// Field of [`ChannelOrder`].
         second: &'static str,
-        /// What stands in both.
+        /// The channel number in both.
         number: u8,
     },
     /// The middle is not between the ends.

@@ -23,13 +23,15 @@ pub enum CrsfFrame {
     Link(LinkStatistics),
 }
 
-/// How well receiver and transmitter hear each other. Uplink is what the receiver hears.
+/// Quality of the radio link between receiver and transmitter, in both directions. Uplink is what
+/// the receiver hears.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LinkStatistics {
     /// Signal strength at the receiver's two antennas, -255 ..= 0 dBm.
     pub uplink_rssi: [i16; 2],
-    /// How much of what is sent the receiver hears, 0 ..= 100 %; 0: it does not hear the remote.
+    /// The share of what is sent that the receiver hears, 0 ..= 100 %; 0: it does not hear the
+    /// remote.
     pub uplink_quality: u8,
     /// Signal to noise at the receiver, dB.
     pub uplink_snr: i8,
@@ -41,7 +43,7 @@ pub struct LinkStatistics {
     pub transmit_power: u8,
     /// Signal strength at the transmitter, dBm.
     pub downlink_rssi: i16,
-    /// How much of the telemetry the transmitter hears, %.
+    /// The share of the telemetry that the transmitter hears, %.
     pub downlink_quality: u8,
     /// Signal to noise at the transmitter, dB.
     pub downlink_snr: i8,
@@ -168,7 +170,7 @@ impl CrsfLink {
         Self { map, newest: Remote::default() }
     }
 
-    /// What a frame says about the remote: `None` from statistics of a link that stands.
+    /// The state of the remote after a frame: `None` from statistics of a link that stands.
     pub fn hear(&mut self, frame: &CrsfFrame) -> Option<Remote> {
         match frame {
             CrsfFrame::Channels(channels) => {

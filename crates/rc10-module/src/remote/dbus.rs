@@ -5,7 +5,7 @@ use super::channels::eleven_bits;
 use super::{Keys, Mouse, Remote, Stick, Switch, Travel};
 use crate::{Found, Pause, Protocol};
 
-/// What a DJI DR16 sends: 18 bytes about every 14 ms, 100 kbaud 8E1, inverted.
+/// The protocol of a DJI DR16: 18 bytes about every 14 ms, 100 kbaud 8E1, inverted.
 ///
 /// No header, no checksum, only pauses. A frame is taken when its four channels lie within 700 of
 /// 1024, both switches are in a position that exists, the mouse's buttons are 0 or 1 and the wheel
@@ -40,7 +40,8 @@ const BURST: usize = 4;
 /// A frame takes 2 ms; DR16s send every 14 ms, some every 7. Longer than a frame, so that a driver
 /// that hands over bytes only when the line is idle makes no pause within one.
 const PAUSE: Micros = Micros::from_millis(3);
-/// How far a channel may be off its middle (DJI's C-board examples, `RC_CHANNAL_ERROR_VALUE`).
+/// Largest distance of a channel from its middle (DJI's C-board examples,
+/// `RC_CHANNAL_ERROR_VALUE`).
 const FURTHEST: u16 = 700;
 const MIDDLE: u16 = 1024;
 /// The sticks' ends (DR16 manual).
@@ -87,7 +88,7 @@ impl DbusFrame {
         })
     }
 
-    /// What the remote says.
+    /// The state of the remote.
     #[must_use]
     pub fn remote(&self) -> Remote {
         let [right_x, right_y, left_x, left_y] = self.channels.map(|raw| TRAVEL.share(raw));

@@ -33,7 +33,7 @@ pub use travel::{DEAD_BAND, Travel};
 pub use vt03::{Mode, Vt03, Vt03Frame};
 pub use watch::Watch;
 
-/// What a remote control says: one frame of any receiver.
+/// The state of a remote control: one frame of any receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Remote {

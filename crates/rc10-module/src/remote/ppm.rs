@@ -16,7 +16,7 @@ use crate::Counters;
 pub struct Ppm {
     last: Option<Micros>,
     channels: [u16; 8],
-    /// How many of them are there; `None` until a frame begins.
+    /// Number of channels received so far; `None` until a frame begins.
     count: Option<usize>,
     counters: Counters,
 }
@@ -26,7 +26,7 @@ const CHANNEL: core::ops::RangeInclusive<u64> = 950..=2050;
 /// µs; the lower one `AirJoy`'s, which has no upper one.
 const END: core::ops::RangeInclusive<u64> = 2100..=100_000;
 
-/// How far channels go, µs.
+/// The travel of channels, µs.
 pub const PPM_TRAVEL: Travel = Travel { low: 1000, middle: 1500, high: 2000 };
 
 impl ChannelMap<8> {
@@ -65,7 +65,7 @@ impl Ppm {
         None
     }
 
-    /// What came in so far: frames, and frames that were begun and dropped.
+    /// Counters of the frames so far: good ones, and those that were begun and dropped.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         self.counters

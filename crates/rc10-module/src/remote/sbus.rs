@@ -34,8 +34,8 @@ const HEADER: u8 = 0x0F;
 /// that hands over bytes only when the line is idle makes no pause within one.
 const PAUSE: Micros = Micros::new(3500);
 
-/// How far channels go: 987.5 µs, 1500 µs, 2011.9 µs. Transmitters of `FrSky`, `RadioMaster` and others
-/// at 100 %. (Futaba's middle is 1024: it needs a [`Travel`] of its own.)
+/// The travel of channels: 987.5 µs, 1500 µs, 2011.9 µs. Transmitters of `FrSky`, `RadioMaster` and
+/// others at 100 %. (Futaba's middle is 1024: it needs a [`Travel`] of its own.)
 pub const SBUS_TRAVEL: Travel = Travel { low: 172, middle: 992, high: 1811 };
 
 /// The pulse that a channel of SBUS or CRSF stands for, µs: 5/8 a count, 992 is 1500 µs
@@ -81,7 +81,7 @@ impl ChannelMap<16> {
 }
 
 impl SbusFrame {
-    /// What the remote says. Channels 17 and 18 are keys 16 and 17.
+    /// The state of the remote. Channels 17 and 18 are keys 16 and 17.
     ///
     /// `None` if the receiver has missed a radio frame: this one says nothing new, and counted as
     /// a good one it would keep an old stick alive for as long as the receiver does not give up.

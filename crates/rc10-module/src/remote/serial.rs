@@ -1,6 +1,6 @@
 use super::Receiver;
 
-/// How a UART must be set to hear a receiver. Eight data bits, the lowest first.
+/// Settings of a UART to hear a receiver. Eight data bits, the lowest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SerialSettings {
@@ -38,7 +38,7 @@ impl SerialSettings {
 }
 
 impl Receiver {
-    /// How a UART must be set; `None` for pulses. DR16 manual; Futaba's SBUS as everybody has it;
+    /// Settings of the UART; `None` for pulses. DR16 manual; Futaba's SBUS as everybody has it;
     /// `ExpressLRS` (TBS's own receivers send at 416,666 baud, 0.8 % slower: both are heard); DJI's
     /// VT03 notes.
     #[must_use]

@@ -1,6 +1,6 @@
 use super::Switch;
 
-/// How far a channel goes, in its protocol's counts.
+/// The travel of a channel: its ends and its middle, in its protocol's counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Travel {
@@ -30,8 +30,8 @@ impl Travel {
         if beyond > 0.0 { beyond.min(1.0).copysign(share) } else { 0.0 }
     }
 
-    /// What a switch on this channel says: `Up` below the low half's middle, `Down` above the high
-    /// half's.
+    /// The position of a switch on this channel: `Up` below the low half's middle, `Down` above the
+    /// high half's.
     #[must_use]
     pub fn switch(self, raw: u16) -> Switch {
         let share = self.linear(raw);

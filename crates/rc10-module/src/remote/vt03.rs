@@ -4,7 +4,7 @@ use super::channels::eleven_bits;
 use super::{Keys, Mouse, Remote, Stick, Switch, dbus};
 use crate::{Found, Protocol};
 
-/// What a DJI VT03 or VT13 video link sends for its remote: 21 bytes, 921,600 baud 8N1.
+/// The remote's protocol of a DJI VT03 or VT13 video link: 21 bytes, 921,600 baud 8N1.
 ///
 /// A frame is taken when it begins with A9 53, its mode exists and its checksum is right. What else
 /// the link sends on the same wire (A5 frames of the referee system) is passed over.
@@ -119,7 +119,7 @@ impl Vt03Frame {
         })
     }
 
-    /// What the remote says. It has one switch, so buttons take the other's part:
+    /// The state of the remote. It has one switch, so buttons take the other's part:
     ///
     /// | here | is |
     /// |---|---|

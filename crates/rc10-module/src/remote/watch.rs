@@ -16,7 +16,7 @@ use super::{INTERRUPTED_AFTER, LOST_AFTER, Remote, RemoteLink};
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Watch {
-    /// When the newest good frame came.
+    /// The time at which the newest good frame came.
     good: Option<Micros>,
     /// The newest frame was none.
     failsafe: bool,

@@ -4,7 +4,7 @@ use super::{Error, Part};
 
 /// Set in the address of a register that is read (6.1).
 pub const READ: u8 = 0x80;
-/// Both: who it is.
+/// The identity of the chip; on both chips.
 pub const CHIP_ID: u8 = 0x00;
 /// Written to a chip's `SOFTRESET`.
 pub const RESET: u8 = 0xB6;
@@ -66,7 +66,7 @@ impl AccelerationRange {
     }
 }
 
-/// How often the accelerometer measures (5.3.9).
+/// The rate at which the accelerometer measures (5.3.9).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum AccelerationRate {
@@ -83,8 +83,8 @@ pub enum AccelerationRate {
     Hz1600 = 0xC,
 }
 
-/// How much the accelerometer smooths. What comes through depends on the rate too: at 1600 Hz 280,
-/// 234 and 145 Hz (4.4.1).
+/// Smoothing by the accelerometer. What comes through depends on the rate too: at 1600 Hz 280, 234
+/// and 145 Hz (4.4.1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum AccelerationFilter {
@@ -127,13 +127,13 @@ impl RotationRange {
         }
     }
 
-    /// What a raw 1 is, rad/s (5.5.2: the end of the range is 32,767).
+    /// The rotation of a raw 1, rad/s (5.5.2: the end of the range is 32,767).
     pub const fn rate_of_one(self) -> f32 {
         self.degrees().to_radians() / 32_767.0
     }
 }
 
-/// What comes through of the gyroscope's signal, and how often it measures (5.5.5).
+/// The bandwidth of the gyroscope, and the rate at which it measures (5.5.5).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum RotationBandwidth {
@@ -156,23 +156,23 @@ pub enum RotationBandwidth {
     Hz32At100 = 7,
 }
 
-/// How the chips shall measure. The default is right for a robot that is read at 1 kHz.
+/// Settings of both chips. The default is right for a robot that is read at 1 kHz.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Config {
     /// The accelerometer's range.
     pub acceleration_range: AccelerationRange,
-    /// How often it measures.
+    /// The rate at which the accelerometer measures.
     pub acceleration_rate: AccelerationRate,
-    /// How much it smooths.
+    /// The accelerometer's smoothing.
     pub acceleration_filter: AccelerationFilter,
     /// The gyroscope's range.
     pub rotation_range: RotationRange,
-    /// What comes through of it, and how often it measures.
+    /// The gyroscope's bandwidth, and the rate at which it measures.
     pub rotation_bandwidth: RotationBandwidth,
 }
 
-/// What shall stand in a register.
+/// The value that a register shall have.
 #[derive(Clone, Copy, Debug)]
 pub struct Setting {
     pub part: Part,
@@ -183,7 +183,7 @@ pub struct Setting {
 }
 
 impl Setting {
-    /// What was read from the register is what shall stand there.
+    /// `Ok` if the value that was read from the register is the one that it shall have.
     pub const fn check<E>(&self, read: u8) -> Result<(), Error<E>> {
         let Self { part, register, value: wrote, mask } = *self;
         if (read ^ wrote) & mask == 0 {

@@ -7,7 +7,7 @@ use rc10_can::Micros;
 use super::{Answer, Command, Jrt};
 use crate::{Reception, listen};
 
-/// How a module measures.
+/// The speed and precision with which a module measures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Speed {
