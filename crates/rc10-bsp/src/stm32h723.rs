@@ -54,7 +54,7 @@ const APB_CLOCK: Hertz = Hertz(120_000_000);
 pub const FDCAN_CLOCK: Hertz = Hertz(80_000_000);
 const _: () = assert!(FDCAN_CLOCK.0 < APB_CLOCK.0 && FDCAN_CLOCK.0 <= 125_000_000);
 
-/// What the timers count at, unless a prescaler divides it.
+/// The clock of the timers, unless a prescaler divides it.
 pub const TIMER_CLOCK: Hertz = Hertz(240_000_000);
 
 /// The board's clocks: 25 MHz crystal / 5 x 96 = 480 MHz for the core, half of it for AHB (limit

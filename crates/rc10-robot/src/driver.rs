@@ -140,7 +140,7 @@ impl Default for Driver {
     }
 }
 
-/// Before anybody has moved anything.
+/// The command before the first motion.
 const HOME: MechanismCommand = MechanismCommand {
     yaw: GIMBAL_AHEAD,
     pitch: GIMBAL_AHEAD,

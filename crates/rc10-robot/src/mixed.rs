@@ -73,7 +73,8 @@ pub const fn wheel() -> vesc::Config {
     vesc::Config::new(ONE, scale, currents)
 }
 
-/// What the arm listens to and answers with. Its low byte is beyond those of DJI's feedback.
+/// Identifiers of the arm's motor: of the frames that it takes, and of those that it sends. Its low
+/// byte is beyond those of DJI's feedback.
 pub const ARM_IDS: (u16, u16) = (0x11, 0x31);
 
 /// The arm's motor.
@@ -212,7 +213,7 @@ impl From<AttachError> for SetupError {
 }
 
 impl Shared {
-    /// What the tasks of a robot share that has not begun.
+    /// The shared state of a robot that has not begun.
     #[must_use]
     pub const fn new() -> Self {
         Self {

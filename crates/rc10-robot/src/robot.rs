@@ -40,7 +40,7 @@ pub struct Shared<'p> {
     pub imu_reception: Reception,
     /// Commanded motion of the base.
     pub motion: Latest<BaseCommand, 1>,
-    /// Where the gimbal shall point, how fast the feeder shall turn, how high the lift shall be.
+    /// Setpoints of the mechanisms: angles of the gimbal, speed of the feeder, height of the lift.
     pub mechanisms: Latest<MechanismCommand, 1>,
     /// The newest target that a motor refused: which motor, and why.
     pub refused: Latest<(Name, TargetError), 1>,
@@ -48,7 +48,8 @@ pub struct Shared<'p> {
     pub status: Topic<RobotStatus, 4, 2>,
     /// Timing of the chassis task.
     pub chassis_timing: Statistics,
-    /// What the buses take of the core, on a chip that counts its cycles: a run is a tick.
+    /// Cycles of the core that a tick of the buses takes, on a chip that counts its cycles: a run
+    /// is a tick.
     pub bus_cycles: Option<&'p Cycles>,
 }
 
@@ -57,7 +58,7 @@ pub struct Shared<'p> {
 pub struct BaseCommand {
     /// Forward, to the left, and turning.
     pub twist: Twist,
-    /// Whose forward that is.
+    /// The axes of the twist: the robot's or the world's.
     pub axes: Axes,
 }
 
@@ -167,8 +168,7 @@ fn motor(entry: &Entry) -> Result<Dji, SetupError> {
 }
 
 impl<'p> Shared<'p> {
-    /// What the tasks of a robot share that has not begun, with a port per bus: [`ports`] makes
-    /// some.
+    /// The shared state of a robot that has not begun, with a port per bus: [`ports`] makes some.
     // Always inlined, so that it is made where it stays and does not pass over the stack.
     #[inline(always)]
     #[must_use]

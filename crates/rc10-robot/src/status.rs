@@ -40,7 +40,7 @@ pub struct RobotStatus {
     pub imu_reception: Counters,
     /// Status of each bus.
     pub buses: [BusSummary; BUSES],
-    /// What a tick takes of the core, if it is a chip's: any bus's.
+    /// Cycles of the core that a tick of a bus takes, of any bus; `None` where no chip counts them.
     pub bus_cycles: Option<CycleCount>,
 }
 

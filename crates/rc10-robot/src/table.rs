@@ -148,7 +148,8 @@ impl Name {
         &MOTORS[self as usize]
     }
 
-    /// How many motors of its bus stand before it in [`MOTORS`]: its number on the bus.
+    /// The number of the motor on its bus: the number of motors of that bus that stand before it in
+    /// [`MOTORS`].
     pub(crate) const fn index_on_bus(self) -> u8 {
         INDICES[self as usize]
     }

@@ -87,7 +87,7 @@ pub enum ArmingError {
 }
 
 impl SwitchName {
-    /// Where a remote has this switch.
+    /// The position of this switch on a remote.
     #[must_use]
     pub const fn of(self, remote: &Remote) -> Switch {
         match self {

@@ -26,11 +26,11 @@ pub struct BusSummary {
     pub state: ErrorState,
     /// No other node acknowledges its frames: it seems to be alone on the bus.
     pub alone: bool,
-    /// How often the controller went bus-off.
+    /// Number of times that the controller went bus-off.
     pub bus_offs: u32,
-    /// How often the controller was found unable to send (restricted operation).
+    /// Number of times that the controller was found unable to send (restricted operation).
     pub restrictions: u32,
-    /// How often the bus stood still and was made safe.
+    /// Number of times that the bus stood still and was made safe.
     pub stalls: u32,
 }
 

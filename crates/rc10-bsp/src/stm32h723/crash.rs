@@ -1,4 +1,4 @@
-//! What happens after a panic, a fault, an interrupt without a handler, or a crystal that stops.
+//! Crash handling: after a panic, a fault, an interrupt without a handler, or a crystal that stops.
 //!
 //! Interrupts go off; on every bus what is unsent is cancelled and the stored coast image is sent
 //! by registers; the cause is written to memory that a reset keeps; when the images have left, the
@@ -32,7 +32,7 @@ pub enum LastCrash {
     Fault {
         /// Address of the instruction; 0 if the stack was no longer readable.
         program_counter: u32,
-        /// Where that function returns to; 0 likewise.
+        /// The address to which that function returns; 0 likewise.
         link: u32,
         /// Configurable Fault Status Register (ARMv7-M manual, B3.2.15).
         status: u32,
@@ -50,7 +50,7 @@ pub enum LastCrash {
     Watchdog,
 }
 
-/// How much of a file name is kept.
+/// Number of bytes of a file name that are kept.
 pub const FILE_LENGTH: usize = 48;
 
 const MAGIC: u32 = 0x5243_3130;

@@ -16,10 +16,11 @@ use embassy_stm32::{Config, Peripherals};
 const HSI_DIVIDER: PllPreDiv = PllPreDiv::DIV16;
 const HSI_MULTIPLIER: PllMul = PllMul::MUL120;
 
-/// How long the crystal may take, in milliseconds: what ST's HAL gives it (`HSE_STARTUP_TIMEOUT`). A
-/// good one takes about 2.
+/// The time that the crystal may take, in milliseconds: what ST's HAL gives it
+/// (`HSE_STARTUP_TIMEOUT`). A good one takes about 2.
 const START: u32 = 100;
-/// How long the PLL may take: 0.2 ms at most (data sheet, PLL characteristics).
+/// The time that the PLL may take, in milliseconds: 0.2 ms at most (data sheet, PLL
+/// characteristics).
 const SWITCH: u32 = 1;
 const HSI_CYCLES_A_MILLISECOND: u32 = 64_000;
 

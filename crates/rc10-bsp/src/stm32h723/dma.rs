@@ -1,8 +1,8 @@
 //! DMA1 and DMA2 by their registers (RM0468, DMA and DMAMUX chapters), and the memory they reach.
 //!
 //! **They do not reach DTCM**, where stack and statics lie: a transfer from there ends in an error.
-//! What a DMA reads or writes lies in SRAM1, and [`dma_buffer!`](crate::dma_buffer) is the only way
-//! to have a [`DmaBuffer`]. The data cache is off, so nothing has to be kept coherent.
+//! Memory that a DMA reads or writes lies in SRAM1, and [`dma_buffer!`](crate::dma_buffer) is the
+//! only way to have a [`DmaBuffer`]. The data cache is off, so nothing has to be kept coherent.
 //!
 //! embassy-stm32's own channels are for its own drivers (SPI, I2C): their interrupt panics on a
 //! transfer error, and their ring buffer stops at a line error. The types of its DMA channels and
@@ -18,7 +18,7 @@ use embassy_stm32::interrupt::typelevel::Interrupt;
 use embassy_stm32::pac::dma::{regs, vals};
 use embassy_stm32::{pac, peripherals};
 
-/// What a [`DmaBuffer`] can be made of.
+/// A type that the elements of a [`DmaBuffer`] can have.
 pub trait Element: Copy + 'static {
     #[doc(hidden)]
     const ZERO: Self;
@@ -151,7 +151,7 @@ pub struct Stream {
     router: usize,
 }
 
-/// What a stream is to do.
+/// The settings of a stream's transfer.
 pub(super) struct Transfer {
     /// DMAMUX1's number of what asks for the elements.
     pub request: u8,
@@ -164,7 +164,7 @@ pub(super) struct Transfer {
     pub is_serial: bool,
 }
 
-/// What happened to a stream.
+/// Events of a stream.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Events {
     pub half: bool,
@@ -240,7 +240,7 @@ impl Stream {
         self.controller.st(self.index).ndtr().read().ndt()
     }
 
-    /// What happened since the last call.
+    /// The events since the last call.
     #[inline]
     pub(super) fn take_events(self) -> Events {
         // Six bits a stream (RM0468, DMA_LISR): FIFO error, -, direct mode error, transfer error,

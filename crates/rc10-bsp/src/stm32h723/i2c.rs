@@ -10,7 +10,7 @@
 //! block tells of misplaced STARTs and STOPs that were not there. The transaction is tried once more
 //! before that is believed; a device may hear its first bytes twice.
 //!
-//! What is sent and received goes through SRAM1: the DMA reaches no stack.
+//! Bytes to send and received bytes go through SRAM1: the DMA reaches no stack.
 
 use core::fmt;
 
@@ -101,7 +101,7 @@ impl embedded_hal_async::i2c::Error for I2cError {
     }
 }
 
-/// What the driver said, if it said it in time.
+/// The result from the driver, if it came in time.
 type Attempt = Result<Result<(), i2c::Error>, TimeoutError>;
 
 /// A pin, and the alternate function that connects it to the peripheral.
@@ -190,14 +190,14 @@ impl I2cBus {
         }
     }
 
-    /// How often the bus had to be recovered.
+    /// Number of times that the bus had to be recovered.
     #[must_use]
     pub const fn recoveries(&self) -> u32 {
         self.recoveries
     }
 
-    /// How often a transaction was tried a second time, because of an error of the bus that was
-    /// perhaps none.
+    /// Number of transactions that were tried a second time, because of an error of the bus that
+    /// was perhaps none.
     #[must_use]
     pub const fn retries(&self) -> u32 {
         self.retries

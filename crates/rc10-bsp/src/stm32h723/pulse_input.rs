@@ -1,4 +1,4 @@
-//! When an input rises, to the microsecond: what a PPM receiver says.
+//! Times of the rising edges of an input, to the microsecond: for a PPM receiver.
 //!
 //! TIM13 notes the time of each rising edge at PF8 in hardware, so that no interrupt's delay is in
 //! it. Its 16 bits are extended by counting their rounds. The interrupt hands the times over through
@@ -38,7 +38,7 @@ static STATE: Mutex<CriticalSectionRawMutex, Cell<State>> =
 
 #[derive(Clone, Copy)]
 struct State {
-    /// When the timer was at zero last.
+    /// The time at which the timer was at zero last.
     round_began: Micros,
     lost: u32,
 }

@@ -48,9 +48,9 @@ impl<D: DmaStream> Handler<D::Interrupt> for Interrupt<D> {
 pub enum PulseError {
     /// There were more than the buffer holds; none was sent.
     TooMany {
-        /// How many there were.
+        /// Number of pulses that were to be sent.
         pulses: usize,
-        /// How many the buffer holds.
+        /// Number of pulses that the buffer holds.
         room: usize,
     },
     /// The DMA could not transfer; some were sent.

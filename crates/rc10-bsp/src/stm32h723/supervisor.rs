@@ -1,5 +1,5 @@
-//! What happens when the buses' executor hangs, or starves: within 10 ms the motors are made safe
-//! by registers, from an interrupt that comes before it.
+//! A supervisor for an executor of the buses that hangs, or starves: within 10 ms the motors are
+//! made safe by registers, from an interrupt that comes before it.
 //!
 //! Every 4 ms a timer looks at the buses that have a coast image. One whose port has not been asked
 //! for frames since the look before last, so for 4 to 8 ms, has its pending commands taken back and

@@ -40,7 +40,7 @@ type Controller = Driver<'static, USB_OTG_HS>;
 /// The interrupt handler, for `bind_interrupts!`: `OTG_HS => usb::Interrupt;`.
 pub type Interrupt = InterruptHandler<USB_OTG_HS>;
 
-/// What the port keeps its descriptors and its state in; to be put into a `StaticCell`.
+/// Memory for the port's descriptors and state; to be put into a `StaticCell`.
 pub struct UsbMemory {
     /// A packet for each of the endpoints out: control and data.
     received: [u8; 2 * PACKET as usize],
@@ -98,7 +98,7 @@ pub fn start(
     (UsbDevice(builder.build()), receiver, transmitter)
 }
 
-/// What the PC sends: an [`embedded_io_async::Read`]. A dropped `read` has read nothing.
+/// The bytes from the PC: an [`embedded_io_async::Read`]. A dropped `read` has read nothing.
 pub struct UsbReceiver {
     receiver: Receiver<'static, Controller>,
     packet: [u8; PACKET as usize],
@@ -131,8 +131,8 @@ impl Read for UsbReceiver {
     }
 }
 
-/// What the PC hears: an [`embedded_io_async::Write`] that waits 50 ms at most, once, for a PC that
-/// has opened the port and does not fetch; after that not at all until it does.
+/// The bytes to the PC: an [`embedded_io_async::Write`] that waits 50 ms at most, once, for a PC
+/// that has opened the port and does not fetch; after that not at all until it does.
 pub struct UsbTransmitter {
     sender: Sender<'static, Controller>,
     lost: u32,

@@ -5,10 +5,10 @@ use embassy_time::{Duration, block_for};
 
 use super::port::{BusPeripheral, FdcanPort};
 
-/// How long a transceiver takes from standby until it sends: data sheets say up to 50 µs.
+/// The time that a transceiver gets from standby until it sends: data sheets say up to 50 µs.
 const WAKE_UP: Duration = Duration::from_micros(100);
 
-/// What one bus is made of on the chip: a peripheral, its two pins, and the transceiver's third.
+/// The parts of one bus on the chip: a peripheral, its two pins, and the transceiver's third.
 pub struct BusParts<T: BusPeripheral> {
     /// Holding it is what makes this the only port on the controller.
     _peripheral: Peri<'static, T>,

@@ -31,7 +31,7 @@ impl Clock {
             if now.since(last) <= LONGEST_PAUSE { (now, u16::MAX) } else { (last, 0) };
     }
 
-    /// When the frame with this time stamp began.
+    /// The time at which the frame with this time stamp began.
     #[inline]
     pub fn time_of(&self, stamp: u16) -> Micros {
         let age = self.counter.wrapping_sub(stamp) & self.known;

@@ -51,13 +51,13 @@ pub struct Controller {
     pub(super) shared: &'static Shared,
 }
 
-/// What a bus's port, the supervisor and the crash handler know together.
+/// The state that a bus's port, the supervisor and the crash handler share.
 pub(super) struct Shared {
     /// Which transmit buffers hold coast frames.
     coast: AtomicU32,
     /// Whether the port is being asked for frames: [`POLLED`], [`SEEN`] or [`STALLED`].
     attendance: AtomicU8,
-    /// How often it was not.
+    /// Number of times that the port was not asked in time.
     stalls: AtomicU32,
 }
 
@@ -184,7 +184,7 @@ impl Controller {
         [read(0), read(1), read(2), read(3)]
     }
 
-    /// How many frames a FIFO holds, and where the oldest is.
+    /// The number of frames in a FIFO, and the place of the oldest.
     #[inline]
     pub(super) fn held(self, fifo: Fifo) -> (u8, u8) {
         let status = self.registers.rxfs(fifo as usize).read();
@@ -292,7 +292,7 @@ impl Controller {
         self.stalls()
     }
 
-    /// How often the port was not asked in time.
+    /// Number of times that the port was not asked in time.
     #[inline]
     pub(super) fn stalls(self) -> u32 {
         self.shared.stalls.load(Ordering::Acquire)

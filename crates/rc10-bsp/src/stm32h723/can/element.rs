@@ -86,7 +86,7 @@ const fn bytes(low: u32, high: u32) -> [u8; 8] {
     [a, b, c, d, e, f, g, h]
 }
 
-/// When the frame of a receive element began: the controller's time stamp counter at that moment,
+/// The time stamp of a receive element: the controller's time stamp counter when the frame began,
 /// which counts bit times modulo 2¹⁶.
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "the lower half of the word")]

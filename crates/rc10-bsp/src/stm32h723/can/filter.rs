@@ -43,7 +43,7 @@ pub fn words(patterns: &[IdPattern]) -> [u32; WORDS] {
     words
 }
 
-/// Where the next filter goes, and with which mask.
+/// The place and the mask of the next filter.
 const fn place(used: &mut usize, most: usize, mask: u32) -> (usize, u32) {
     if *used == most {
         // Every identifier equals the one that is there in no bit at all.

@@ -28,10 +28,10 @@ impl BusPeripheral for FDCAN3 {
 /// A [`CanPort`] on one FDCAN of the chip. There is no interrupt behind it: frames wait in the
 /// controller until [`receive`](CanPort::receive) takes them, so take them all, every millisecond.
 ///
-/// What the filters let in ([`accept`](CanPort::accept); all frames at first) comes first, oldest
-/// first. When there is no more of that, one frame that they did not let in follows, the newest,
-/// and only then `None`: so strangers can be seen, and cost nothing. The others of them are counted
-/// ([`Health::ignored`]); if more than 32 came since the last time, that count is too low.
+/// Frames that the filters let in ([`accept`](CanPort::accept); all frames at first) come first,
+/// oldest first. When there is no more of that, one frame that they did not let in follows, the
+/// newest, and only then `None`: so strangers can be seen, and cost nothing. The others of them are
+/// counted ([`Health::ignored`]); if more than 32 came since the last time, that count is too low.
 ///
 /// [`Health::receive_lost`] counts an overrun of the hardware FIFO and of its access to the message
 /// RAM as one frame each, because the hardware does not say how many it cost.
@@ -57,7 +57,7 @@ pub struct FdcanPort {
     restrictions: u32,
     /// The controller has left the bus, and has not been told to go back.
     off: bool,
-    /// How often the bus had stalled when the port was asked for frames last.
+    /// Number of stalls of the bus when the port was asked for frames last.
     stalls: u32,
 }
 
@@ -255,7 +255,7 @@ impl fmt::Debug for FdcanPort {
 /// A coast image of more frames than fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CoastImageFull {
-    /// How many there were.
+    /// Number of frames in the image.
     pub frames: usize,
 }
 

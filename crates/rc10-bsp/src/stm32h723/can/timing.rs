@@ -1,7 +1,7 @@
 //! The bit rate, as the registers want it. Knows no register, so that it can be tested on a PC.
 
-/// How one bit is divided: into one quantum of synchronisation, `before` quanta up to the sample
-/// point, and `after` quanta behind it. A quantum is `prescaler` cycles of the kernel clock.
+/// The parts of one bit: one quantum of synchronisation, `before` quanta up to the sample point,
+/// and `after` quanta behind it. A quantum is `prescaler` cycles of the kernel clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitTiming {
     /// 1 ..= 512.

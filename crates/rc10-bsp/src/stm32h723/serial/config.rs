@@ -1,4 +1,5 @@
-//! How bytes look on the wire. Knows no register, so that it can be tested on a PC.
+//! Settings of a serial port: how bytes look on the wire. Knows no register, so that it can be
+//! tested on a PC.
 
 use core::fmt;
 
@@ -24,7 +25,7 @@ pub enum StopBits {
     Two,
 }
 
-/// How bytes look on the wire: always eight data bits, the lowest first.
+/// Settings of a serial port: always eight data bits, the lowest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SerialConfig {
     /// Bits a second: 1832 ..= 7 500 000 from a kernel clock of 120 MHz, and within 1 % of that
@@ -33,7 +34,7 @@ pub struct SerialConfig {
     pub baud: u32,
     /// The parity bit, which comes after the data bits.
     pub parity: Parity,
-    /// What separates bytes at least.
+    /// The least pause between bytes: one stop bit or two.
     pub stop_bits: StopBits,
     /// The receive pin is low when the line rests: SBUS without an inverter.
     pub invert_receive: bool,
@@ -79,7 +80,7 @@ impl SerialConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BaudError {
-    /// What was asked for.
+    /// The baud rate that was asked for.
     pub baud: u32,
     /// The UART's kernel clock, Hz.
     pub clock: u32,

@@ -18,7 +18,7 @@ use crate::dma::{DmaBuffer, DmaMemory, DmaStream, Stream, Transfer, enable};
 /// A pin, and the alternate function that connects it.
 type Pin = (Flex<'static>, u8);
 
-/// What receives: a UART, its receive pin, and the DMA stream `D`.
+/// The parts of a receiver: a UART, its receive pin, and the DMA stream `D`.
 pub struct ReceiverParts<T: SerialPeripheral, D: DmaStream> {
     /// Holding it is what makes this the only port of the UART.
     _peripheral: Peri<'static, T>,
@@ -27,7 +27,7 @@ pub struct ReceiverParts<T: SerialPeripheral, D: DmaStream> {
     request: u8,
 }
 
-/// What receives and sends: the stream `D` in, the stream `E` out.
+/// The parts of a port that receives and sends: the stream `D` in, the stream `E` out.
 pub struct SerialParts<T: SerialPeripheral, D: DmaStream, E: DmaStream> {
     receiver: ReceiverParts<T, D>,
     pin: Pin,
@@ -196,14 +196,14 @@ impl SerialReceiver {
         self.stream.start(&transfer, &self.memory, self.memory.length());
     }
 
-    /// What was lost or damaged so far, in both directions.
+    /// Counters of lost or damaged bytes so far, in both directions.
     #[must_use]
     pub fn counters(&self) -> SerialCounters {
         self.uart.shared.line.lock(|line| line.borrow().ring.counters)
     }
 
-    /// What there is to read now. The bytes are copied while interrupts may come, and copied again
-    /// from elsewhere if the DMA overtook that.
+    /// Reads the bytes that are there now. The bytes are copied while interrupts may come, and
+    /// copied again from elsewhere if the DMA overtook that.
     fn try_read(&mut self, buffer: &mut [u8]) -> Option<Result<usize, SerialError>> {
         let room = u32::try_from(buffer.len()).unwrap_or(u32::MAX);
         let shared = self.uart.shared;
@@ -318,7 +318,7 @@ impl Serial {
         (self.receiver, self.transmitter)
     }
 
-    /// What was lost or damaged so far, in both directions.
+    /// Counters of lost or damaged bytes so far, in both directions.
     #[must_use]
     pub fn counters(&self) -> SerialCounters {
         self.receiver.counters()

@@ -1,5 +1,5 @@
-//! What a circular DMA has received, and what of it was read. Knows no register, so that it can be
-//! tested on a PC.
+//! Accounts of a ring buffer that a circular DMA fills: the bytes received, and those of them that
+//! were read. Knows no register, so that it can be tested on a PC.
 
 use core::fmt;
 
@@ -40,7 +40,7 @@ impl fmt::Display for SerialError {
 
 impl core::error::Error for SerialError {}
 
-/// How often what was wrong. Each starts over after 2³².
+/// Counters of the errors of a serial port, by kind. Each starts over after 2³².
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -86,7 +86,7 @@ pub struct LineFlags {
     pub noise: bool,
 }
 
-/// What the reader gets next.
+/// The next step of the reader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
     /// Nothing yet.
@@ -107,7 +107,8 @@ pub struct Ring {
     /// Up to here no byte was wrong: the reader gets none behind it.
     checked: u32,
     read: u32,
-    /// Where the reader gets an error, and which bytes it does not get; there may be none.
+    /// The place where the reader gets an error, and the bytes that it does not get; there may be
+    /// none.
     hole: Option<Hole>,
     pub counters: SerialCounters,
 }
@@ -224,7 +225,7 @@ impl Ring {
         self.hole = Some(Hole { from: self.read, to: self.read, why: SerialError::Dma });
     }
 
-    /// What the reader gets, at most `room` bytes; a hole is passed.
+    /// The next bytes or error for the reader, at most `room` bytes; a hole is passed.
     pub fn next(&mut self, room: u32) -> Next {
         let end = match self.hole {
             Some(hole) if hole.from == self.read => {

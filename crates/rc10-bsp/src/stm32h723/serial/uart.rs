@@ -28,12 +28,12 @@ pub struct Uart {
     pub(super) shared: &'static Shared,
 }
 
-/// What interrupt and owner share.
+/// The state that interrupt and owner share.
 pub(super) struct Shared {
     pub line: Mutex<CriticalSectionRawMutex, RefCell<Line>>,
-    /// Who waits for bytes.
+    /// The task that waits for bytes.
     pub reader: AtomicWaker,
-    /// Who waits until bytes have left.
+    /// The task that waits until bytes have left.
     pub writer: AtomicWaker,
 }
 
@@ -176,8 +176,8 @@ impl Uart {
         self.registers.cr1().modify(|w| w.set_tcie(true));
     }
 
-    /// What the UART says of the bytes until now, and whether it says anything. `line` has been
-    /// looked at before.
+    /// Takes the flags of the UART about the bytes until now; returns whether any was set. `line`
+    /// has been looked at before.
     fn hear(self, line: &mut Line) -> bool {
         let flags = self.registers.isr().read();
         let mut clear = regs::Icr(0);
@@ -272,7 +272,7 @@ impl Uart {
     }
 }
 
-/// What a UART is used for, besides receiving.
+/// The uses of a UART besides receiving.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Direction {
     pub transmits: bool,
