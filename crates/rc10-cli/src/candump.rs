@@ -30,7 +30,7 @@ pub struct Line<'t> {
     pub at: Option<Micros>,
     /// On which interface, such as `can0`.
     pub channel: &'t str,
-    /// What was on the wire.
+    /// The frame that was on the wire.
     pub frame: CanFrame,
     /// Which way it went, as the machine that wrote the log saw it, if the line says so.
     pub direction: Option<Direction>,
@@ -54,7 +54,7 @@ pub enum LineError {
     TooLong,
     /// It has neither form.
     NotAFrame,
-    /// What stands in parentheses is no time in seconds.
+    /// The text in parentheses is no time in seconds.
     Time,
     /// No interface stands before the frame.
     NoChannel,
@@ -70,9 +70,9 @@ pub enum LineError {
     TooManyBytes(usize),
     /// Another number of data bytes than the line announces.
     ByteCount {
-        /// What stands in brackets.
+        /// The number in brackets.
         announced: usize,
-        /// What stands behind them.
+        /// The number of bytes behind the brackets.
         found: usize,
     },
     /// The length of a remote request is not one digit, 0 to 8.
@@ -327,10 +327,10 @@ pub struct Reader<R> {
 pub struct Numbered<'t> {
     /// Which line it is, counted from 1.
     pub number: u64,
-    /// What stands there; the beginning of it, if it is too long. Bytes that are no text are
+    /// The text of the line; the beginning of it, if it is too long. Bytes that are no text are
     /// replaced.
     pub text: &'t str,
-    /// What it says, if anything.
+    /// The frame of the line, or the error in it; `None` for a line without a frame.
     pub line: Result<Option<Line<'t>>, LineError>,
 }
 

@@ -1,8 +1,9 @@
 //! Whether what a robot's own sensors say fits together: its wheels with one another, with its IMU
 //! and with what they push; its motors with their targets; its identifiers with the frames on the bus.
 //!
-//! What no sensor can know, a wheel's true radius for example, is said as information, with what
-//! would show it. The thresholds, and how far the shipped robots are from them: `docs/verdict.md`.
+//! A property that no sensor can know, a wheel's true radius for example, is said as information,
+//! with what would show it. The thresholds, and how far the shipped robots are from them:
+//! `docs/verdict.md`.
 
 use rc10_can::Micros;
 use rc10_motor::dji::Effort;
@@ -44,7 +45,7 @@ pub const TWICE: f64 = 1.5;
 /// Samples for which a motor that runs away goes away from its target: 200 ms.
 pub const AWAY: usize = 20;
 
-/// What would show what no sensor knows.
+/// A measurement that shows what no sensor knows.
 const MEASURE: &str =
     "drive 1 m forward, see which way it goes, and measure it on the floor (docs/bring-up.md)";
 
@@ -163,11 +164,11 @@ fn is_away(samples: &[MotorSample]) -> bool {
 /// 100 ms in which all four wheels followed their targets.
 struct Window {
     end: Micros,
-    /// How far each rim went by the robot's measures, m, forward positive.
+    /// Distance of each rim by the robot's measures, m, forward positive.
     rims: [f64; 4],
-    /// How far the base turned by its IMU, rad.
+    /// Turn of the base by its IMU, rad.
     imu: Option<f64>,
-    /// What the wheels pushed with, as a share of their largest current, on average.
+    /// Effort of the wheels on average, as a share of their largest current.
     push: Option<f64>,
     /// They rolled at a steady speed.
     is_steady: bool,
@@ -175,14 +176,14 @@ struct Window {
 
 /// Which way a wheel turns the base.
 const TURNS: [f64; 4] = [-1.0, 1.0, -1.0, 1.0];
-/// How four wheels turn where no motion of a rigid base turns them.
+/// Turns of four wheels that no motion of a rigid base makes.
 const SLIPS: [f64; 4] = [1.0, 1.0, -1.0, -1.0];
 
 fn dot(first: &[f64; 4], second: &[f64; 4]) -> f64 {
     first.iter().zip(second).map(|(a, b)| a * b).sum()
 }
 
-/// What may be wrong with a base, of what its sensors can tell apart.
+/// A cause of trouble with a base, of those that its sensors can tell apart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Cause {
     /// Nothing.
@@ -243,7 +244,7 @@ impl<'r> Judged<'r> {
         self.base.chassis.half_length + self.base.chassis.half_width
     }
 
-    /// How far the base turned by its wheels, rad.
+    /// The turn of the base by its wheels, rad.
     fn yaw(&self, rims: &[f64; 4]) -> f64 {
         dot(rims, &TURNS) / (4.0 * self.lever())
     }
@@ -252,7 +253,7 @@ impl<'r> Judged<'r> {
         wheels.map(|wheel| self.wheels[wheel].motor.label)
     }
 
-    /// What a wheel's rim really does if a cause is true.
+    /// The true motion of the wheels' rims if a cause is true.
     fn real(&self, cause: Cause, rims: &[f64; 4]) -> [f64; 4] {
         let sign = |wheel: usize| self.wheels[wheel].motor.sign();
         let mut real = *rims;
@@ -269,7 +270,7 @@ impl<'r> Judged<'r> {
         real
     }
 
-    /// How far the base turned by its IMU, if a cause is true.
+    /// The turn of the base by its IMU if a cause is true, rad.
     fn expected(&self, cause: Cause, rims: &[f64; 4]) -> f64 {
         let factor = if let Cause::Yaw(factor) = cause { factor } else { 1.0 };
         factor * self.yaw(&self.real(cause, rims))
@@ -286,7 +287,7 @@ impl<'r> Judged<'r> {
         steady.filter_map(|window| Some((window.push?, window)))
     }
 
-    /// How badly a cause explains what was seen: 0 well, 2 not at all.
+    /// The cost of a cause: how badly it explains the measurements, 0 well, 2 not at all.
     fn cost(&self, cause: Cause) -> f64 {
         let square = |cause: Cause| {
             let errors = self.turned().map(|(imu, it)| imu - self.expected(cause, &it.rims));
@@ -446,7 +447,7 @@ const EXPLAINED: f64 = 0.8;
 const ALIKE: f64 = 0.03;
 /// Fewer windows at a steady speed tell less.
 const ENOUGH: f64 = 10.0;
-/// What a cause with a fitted factor must explain more than one without.
+/// The cost that is added to a cause with a fitted factor: it must explain more than one without.
 const SIMPLER: f64 = 0.05;
 
 impl Judged<'_> {
@@ -474,7 +475,7 @@ impl Judged<'_> {
     }
 }
 
-/// What was checked of a base with which nothing is wrong, and what was not.
+/// The finding for a base with which nothing is wrong: what was checked, and what was not.
 fn agreement(judged: &Judged<'_>, turned: f64, by_wheels: f64, is_emulated: bool) -> Problem {
     let text = if judged.windows.is_empty() {
         format!("wheel radius: not checked, its wheels were never driven together: {MEASURE}")
@@ -493,7 +494,7 @@ fn agreement(judged: &Judged<'_>, turned: f64, by_wheels: f64, is_emulated: bool
     Problem::information(About::Robot, "wheel-radius", text)
 }
 
-/// What no sensor of the robot can know of its other motors.
+/// Adds what no sensor of the robot can know of its other motors.
 fn not_checked(recording: &Recording, found: &mut Vec<Problem>) {
     let is_wheel =
         |index: usize| recording.base.as_ref().is_some_and(|base| base.wheels.contains(&index));

@@ -164,7 +164,8 @@ fn excerpt(text: &str) -> String {
     format!("\"{}\"{more}", text.chars().take(LONGEST).collect::<String>().escape_debug())
 }
 
-/// What the tables of a bus's motors describe, in their order; what is sent to several motors once.
+/// The messages in the tables of a bus's motors, in their order; a message that is sent to several
+/// motors comes once.
 fn known_on(robot: &Description, bus: u8) -> Vec<Known<'_>> {
     let mut all: Vec<Known<'_>> = Vec::new();
     for motor in robot.on_bus(bus) {
@@ -184,7 +185,7 @@ type Known<'d> = (Option<&'d Motor>, Message);
 /// The robot's buses, which only listen here.
 struct Decoder<'d, 'm> {
     robot: &'d Description,
-    /// What the tables of the motors describe, bus by bus.
+    /// The messages in the tables of the motors, bus by bus.
     messages: Vec<Vec<Known<'d>>>,
     buses: Vec<MotorBus<'m>>,
     /// The newest time in the log: that of frames without one.
@@ -230,7 +231,7 @@ struct Lane<'d> {
 const MODELS: [&Model; 4] = [&dji::M3508, &dji::M2006, &dji::GM6020_CURRENT, &dji::GM6020_VOLTAGE];
 
 impl<'d> Decoder<'d, '_> {
-    /// What a frame on a bus of the robot (the first one is 1) says.
+    /// The meaning of a frame on a bus of the robot (the first one is 1).
     fn decode(&mut self, bus: u8, line: &Line<'_>) -> Meaning<'d> {
         let frame = &line.frame;
         let at = line.at.unwrap_or(self.newest);
@@ -298,7 +299,7 @@ impl<'d> Decoder<'d, '_> {
         Some(Meaning::Message { motor, message })
     }
 
-    /// How the motors of a bus are, in the order of the table.
+    /// The motors of a bus with their status, in the order of the table.
     fn motors(&self, bus: u8) -> impl Iterator<Item = (&'d Motor, MotorStatus)> {
         let motors = self.buses.get(usize::from(bus) - 1).into_iter();
         let status = |motors: &MotorBus<'_>, id| motors.status(id, self.newest);
@@ -333,7 +334,7 @@ fn command<'d>(robot: &'d Description, bus: u8, frame: &CanFrame) -> Meaning<'d>
 /// Counters of the lines of a log.
 #[derive(Default)]
 struct Summary {
-    /// How many buses the robot has.
+    /// Number of the robot's buses.
     buses: u8,
     told: Vec<BusOfChannel>,
     lines: u64,
@@ -413,7 +414,7 @@ impl Summary {
         ))
     }
 
-    /// What to say of the interfaces that were told, but never came.
+    /// Remarks on the interfaces that were told, but never came.
     fn silent(&self) -> impl Iterator<Item = String> {
         let came: Vec<&str> = self.channels.keys().map(String::as_str).collect();
         let came = if came.is_empty() { "no frames".to_owned() } else { came.join(", ") };

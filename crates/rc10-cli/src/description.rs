@@ -17,9 +17,9 @@ use crate::script::{Event, Script};
 pub struct Description {
     /// All motors; those of one bus in the order in which they are attached to it.
     pub motors: Vec<Motor>,
-    /// How many buses it has: their numbers are 1 to this.
+    /// Number of its buses: they are counted from 1 to this.
     pub buses: u8,
-    /// How many RS-485 lines it has: their numbers are 1 to this.
+    /// Number of its RS-485 lines: they are counted from 1 to this.
     pub lines: u8,
     /// The base on its wheels, if that is simulated.
     pub base: Option<Base>,
@@ -61,7 +61,7 @@ pub struct Base {
     pub chassis: rc10_sim::Chassis,
 }
 
-/// How often a text names a motor: `M3508 id 1` is not in `M3508 id 12`.
+/// The number of times that a text names a motor: `M3508 id 1` is not in `M3508 id 12`.
 fn mentions(text: &str, name: &str) -> usize {
     let ends = text.match_indices(name).map(|(at, name)| &text[at + name.len()..]);
     ends.filter(|rest| !rest.starts_with(|next: char| next.is_ascii_digit())).count()

@@ -29,7 +29,7 @@ pub const IN_A_ROW: u32 = 3;
 pub struct EffortTrack {
     /// Its loops.
     pub loops: Loops,
-    /// How far they are from shaking by themselves; `None` if what they move is not described.
+    /// Gain margins of the loops; `None` if the load that they move is not described.
     pub margins: Option<Margins>,
     /// Windows that were judged.
     pub windows: u32,
@@ -39,16 +39,16 @@ pub struct EffortTrack {
     pub at_limit: Worst,
 }
 
-/// How bad it was in windows one after another.
+/// The worst of some windows one after another.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Worst {
     /// The most that [`IN_A_ROW`] windows in a row have all reached.
     pub count: u32,
-    /// When the first of them began.
+    /// The time at which the first of them began.
     pub at: Micros,
     /// Windows that reached the threshold.
     pub windows: u32,
-    /// What the last windows had, the newest last.
+    /// The counts of the last windows, the newest last.
     last: [u32; IN_A_ROW as usize],
 }
 
@@ -140,14 +140,14 @@ impl EffortWatch {
         self.window.clear();
     }
 
-    /// What became of it.
+    /// The summary of all windows.
     #[must_use]
     pub fn finish(self) -> EffortTrack {
         self.track
     }
 }
 
-/// How often values go from `swing` above their mean to `swing` below it, or back.
+/// The number of times that values go from `swing` above their mean to `swing` below it, or back.
 fn reversals(values: &[f64], swing: f64) -> u32 {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     let (mut count, mut side) = (0, 0.0);

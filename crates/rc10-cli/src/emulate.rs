@@ -169,14 +169,14 @@ impl<'r> Emulation<'r> {
         rig.run(until)
     }
 
-    /// What can be seen of the remote and the motors.
+    /// A look at the remote and the motors from outside; `None` without a remote.
     fn sight(&self) -> Option<Sight<'_>> {
         let remote = self.remote.as_ref()?;
         let motors = &self.description.motors;
         Some(Sight { sent: remote.remote.sent(), motors, twins: &self.motors, arm: None })
     }
 
-    /// What is new on the wires since the last call, bus by bus; the listeners have heard it.
+    /// The new frames on the wires since the last call, bus by bus; the listeners have heard them.
     fn listen(&mut self) -> Vec<Vec<TraceEntry>> {
         let mut news = Vec::new();
         for ((log, heard), bus) in
@@ -243,7 +243,7 @@ impl<'r> Emulation<'r> {
         Ok((self, Recording { remote, ..recording }))
     }
 
-    /// What is heard of a bus.
+    /// The status of a bus, by the frames that are heard on it.
     fn bus_status(&self, number: u8) -> BusStatus {
         let mut status = BusStatus::default();
         if let Some(bus) = self.listeners.get(usize::from(number) - 1) {
@@ -253,7 +253,7 @@ impl<'r> Emulation<'r> {
         status
     }
 
-    /// What is heard of a motor.
+    /// The status of a motor, by the frames that are heard of it.
     fn status(&self, entry: usize, now: Micros) -> MotorStatus {
         let heard = || {
             let bus = self.description.motors.get(entry)?.on.bus()?;

@@ -28,7 +28,7 @@ pub struct MotorFigures {
     pub target: Option<f64>,
     /// Newest measurement.
     pub measured: Option<f64>,
-    /// How well it followed its targets, by kind; the kind that it followed longest first.
+    /// Tracking of its targets, by kind; the kind that it followed longest first.
     pub tracking: Vec<Tracking>,
     /// Largest current either way, A.
     pub peak_current: Option<f64>,
@@ -113,7 +113,7 @@ const fn noun(kind: TargetKind) -> &'static str {
 pub struct Table {
     /// The columns' titles.
     pub head: Vec<&'static str>,
-    /// How many columns are words.
+    /// Number of columns that are words.
     pub words: usize,
     /// The rows.
     pub rows: Vec<Vec<Entry>>,

@@ -9,7 +9,7 @@
 //!   [`Place`](motor::Place) on a bus or line, its [`Device`](motor::Device), and what its shaft
 //!   carries. [`script`]: what the robot does by itself. [`team`] and [`mixed`]: the two robots of
 //!   `rc10-robot`.
-//! * [`remote`]: its remote control, who holds it, and what happens when it is lost.
+//! * [`remote`]: its remote control, its operator, and what happens when it is lost.
 //! * [`environment`]: the simulated world around a robot, from its description alone. [`mistake`]:
 //!   what is not as described. [`built`]: the robot with its mistakes.
 //! * [`robot`]: a description with its buses and tasks, ready to run. [`ports`]: how a run watches
@@ -139,7 +139,7 @@ impl Arguments {
     }
 }
 
-/// What was asked for on the command line.
+/// The arguments of the command line.
 pub struct CommandLine(Command);
 
 impl CommandLine {

@@ -1,4 +1,4 @@
-//! How far the control loops of a motor are from shaking by themselves: their gain margins.
+//! Gain margins of a motor's control loops: how far they are from oscillation.
 //!
 //! A run shows how loops behave with the motions of its script, and with simulated motors that are
 //! better than real ones. The gain margin says how many times higher a gain may be until a loop

@@ -97,7 +97,7 @@ pub enum Device {
     Can {
         /// Its name on the bus.
         name: MotorName,
-        /// Puts its simulated twin on a wire, with so much inertia (kg m²) on its shaft.
+        /// Puts its simulated twin on a wire, with this inertia (kg m²) on its shaft.
         twin: fn(wire: &rc10_sim::Bus, inertia: f64) -> Result<Esc>,
         /// The messages in its frames.
         messages: fn() -> Vec<Message>,
@@ -108,7 +108,7 @@ pub enum Device {
     Line {
         /// Its name on the line.
         name: MotorName,
-        /// Puts its simulated twin on a line, with so much inertia (kg m²) on its shaft.
+        /// Puts its simulated twin on a line, with this inertia (kg m²) on its shaft.
         twin: fn(line: &rc10_sim::Line, inertia: f64) -> Result<Esc>,
     },
 }

@@ -1,8 +1,8 @@
 //! Problems of a run: data, made once. Console, JSON, report and exit code say
 //! the same.
 //!
-//! What an injected fault must do is no problem; that it does not happen is one. The thresholds, and
-//! how far the shipped robots are from them: `docs/verdict.md`.
+//! An effect that an injected fault must have is no problem; its absence is one. The thresholds,
+//! and how far the shipped robots are from them: `docs/verdict.md`.
 
 use std::fmt;
 
@@ -17,7 +17,7 @@ use crate::motor::Place;
 use crate::recording::{BusTrack, MotorSample, MotorTrack, PartTrack, Recording, SAMPLE_PERIOD};
 use crate::remote::{Loss, Receiver, RemoteTrack};
 
-/// How bad it is.
+/// The severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Severity {
     /// Something to mend: `--strict` ends with exit code 3.
@@ -61,7 +61,7 @@ impl fmt::Display for About {
 /// One finding.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// How bad it is.
+    /// Its severity.
     pub severity: Severity,
     /// The subject of a problem.
     pub about: About,
@@ -181,7 +181,7 @@ pub(crate) fn is_excused(recording: &Recording, on: Place, at: Micros) -> bool {
     })
 }
 
-/// What of a total was counted while no fault had its effects.
+/// The part of a total that was counted while no fault had its effects.
 fn unexcused<T>(
     recording: &Recording,
     on: Place,
@@ -204,7 +204,7 @@ fn unexcused<T>(
     total.saturating_sub(excused)
 }
 
-/// When a sample was taken.
+/// The time at which a sample was taken.
 pub(crate) fn time_of(index: usize) -> Micros {
     Micros::new((index as u64 + 1) * SAMPLE_PERIOD.get())
 }
@@ -225,7 +225,8 @@ const fn must_be_lost(recording: &Recording, kind: &FaultKind) -> bool {
     }
 }
 
-/// What a fault must do to a motor and does not.
+/// Finds the effects that a fault must have on a motor and does not have. Returns whether the motor
+/// was back after each fault.
 fn effects_on_motor(recording: &Recording, track: &MotorTrack, found: &mut Vec<Problem>) -> bool {
     let on = track.motor.on;
     let about = About::Motor(track.motor.label);

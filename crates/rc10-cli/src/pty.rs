@@ -34,7 +34,7 @@ use crate::run::{seconds, seed};
 #[cfg(unix)]
 pub use unix::serve;
 
-/// How far one frame of the client lets time go on in lockstep: 1 ms.
+/// The virtual time for one frame of the client in lockstep: 1 ms.
 pub const STEP: Micros = Micros::from_millis(1);
 
 /// Arguments of `rc10 pty`.

@@ -84,7 +84,7 @@ impl<'d> Recorder<'d> {
         self.signals.iter_mut().zip(values).for_each(|(signal, value)| signal.look(value));
     }
 
-    /// When to look next, if the run is to end at `end`.
+    /// The time of the next look, if the run is to end at `end`.
     #[must_use]
     pub fn next_look(now: Micros, end: Micros) -> Micros {
         (now + LOOK_PERIOD).min(end)
@@ -229,7 +229,7 @@ impl<'d> Recorder<'d> {
     }
 }
 
-/// What was seen of one motor.
+/// Samples of one motor in this run, and what the next one is made of.
 struct MotorRecorder {
     samples: Vec<MotorSample>,
     tracking: Vec<Tracking>,

@@ -25,13 +25,13 @@ pub const LOOK_PERIOD: Micros = Micros::from_millis(1);
 pub struct Recording {
     /// Seed of the world.
     pub seed: u64,
-    /// How long it ran, in virtual time.
+    /// Length of the run, in virtual time.
     pub length: Micros,
     /// One per motor, in the order of the robot's table.
     pub motors: Vec<MotorTrack>,
     /// One per bus.
     pub buses: Vec<BusTrack>,
-    /// How each RS-485 line was at the end.
+    /// Status of each RS-485 line at the end.
     pub lines: Vec<Rs485Status>,
     /// The track of its base, if it has one.
     pub base: Option<BaseTrack>,
@@ -95,21 +95,21 @@ pub struct MotorTrack {
     pub last: MotorStatus,
     /// Feedback frames that were overwritten in the ESC because the bus was busy.
     pub overwritten: u64,
-    /// How well it followed its targets: one per kind of target, in the order of their coming.
+    /// Tracking of its targets: one per kind of target, in the order of their coming.
     pub tracking: Vec<Tracking>,
     /// Largest current in the winding either way, A.
     pub peak_current: f64,
-    /// What became of the effort of its loops; `None` where they run in the device, or their effort
+    /// Summary of the effort of its loops; `None` where they run in the device, or their effort
     /// cannot be seen.
     pub effort: Option<EffortTrack>,
 }
 
-/// How well a motor followed targets of one kind: all looks in which it did.
+/// Tracking of the targets of one kind by a motor: all looks in which it followed one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tracking {
     /// Which kind.
     pub kind: TargetKind,
-    /// How many looks.
+    /// Number of looks.
     pub looks: u64,
     /// Sum of the squares of target minus measured.
     pub squares: f64,
@@ -190,7 +190,7 @@ pub struct MotorSample {
     pub measured: f64,
     /// `measured` since the sample before, as long as it was of this kind.
     pub measured_cell: Cell,
-    /// What the target is: it says what `target` and `measured` are.
+    /// Kind of the target: it says what `target` and `measured` are.
     pub kind: TargetKind,
     /// Current in the winding, A, as the simulated motor knows it.
     pub current: f64,
@@ -264,16 +264,17 @@ impl BusSample {
 pub struct BaseTrack {
     /// Its wheels: places in [`Recording::motors`].
     pub wheels: [usize; 4],
-    /// Where it was, per sample.
+    /// Path of the base, a point per sample.
     pub path: Vec<PathPoint>,
     /// Its measures, as the robot's table has them.
     pub chassis: Chassis,
-    /// What its sensors measured, per sample.
+    /// Measurements of its sensors, per sample.
     pub heard: Vec<BaseHeard>,
 }
 
 impl BaseTrack {
-    /// Where the robot's wheels say that it was, per sample: their turns, by the robot's measures.
+    /// Path of the base by the robot's wheels, a point per sample: their turns, by the robot's
+    /// measures.
     #[must_use]
     pub fn by_wheels(&self) -> Vec<PathPoint> {
         let Chassis { wheel_radius, half_length, half_width, .. } = self.chassis;

@@ -172,7 +172,7 @@ fn events(recording: &Recording) -> String {
 
 // ---- tables ------------------------------------------------------------------------------------
 
-/// What became of a lost remote; nothing for a robot without one.
+/// The section on the losses of a remote; nothing for a robot without one.
 fn remote_section(recording: &Recording) -> String {
     let Some(track) = &recording.remote else { return String::new() };
     let RemoteTrack { receiver, sent, heard, losses, .. } = track;
@@ -264,7 +264,7 @@ fn cell(text: &str) -> String {
 
 // ---- numbers -----------------------------------------------------------------------------------
 
-/// What the target and the measured value of a motor are.
+/// The quantity of the target and of the measured value of a motor.
 #[derive(Clone, Copy, PartialEq)]
 struct Scale {
     kind: TargetKind,
@@ -287,7 +287,7 @@ impl Scale {
         }
     }
 
-    /// What was measured since the sample before; nothing while the motor followed targets of
+    /// The measurements since the sample before; nothing while the motor followed targets of
     /// another kind.
     fn measured(self, sample: &MotorSample) -> Cell {
         match self.kind {
@@ -308,7 +308,7 @@ fn periods(count: usize) -> Value {
     number(seconds(Micros::new(count.saturating_mul(SAMPLE_PERIOD.get()))), 2)
 }
 
-/// Where the base was; nowhere, if there is none.
+/// The path of the base; empty, if there is none.
 fn path(recording: &Recording) -> &[PathPoint] {
     recording.base.as_ref().map_or(&[], |base| &base.path)
 }
@@ -382,7 +382,7 @@ fn escape(text: &str) -> String {
 struct Chart {
     title: String,
     note: &'static str,
-    /// What `report.js` draws.
+    /// The data that `report.js` draws.
     body: Value,
 }
 
@@ -536,7 +536,7 @@ fn capital(word: &str) -> String {
     rest.next().map_or_else(String::new, |first| first.to_uppercase().chain(rest).collect())
 }
 
-/// What the plots are drawn from, as JSON that can stand in a script element.
+/// The data of the plots, as JSON that can stand in a script element.
 fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> String {
     let events = merged_events(recording);
     let stride = stride(recording);
@@ -569,7 +569,7 @@ fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> S
     data.to_string().replace('<', "\\u003c")
 }
 
-/// What a motor can be seen to do, and a robot, and a remote; `report.css` has a colour for each.
+/// States that can be seen of a motor, a robot, and a remote; `report.css` has a colour for each.
 const STATES: [&str; 13] = [
     "run",
     "hold",
@@ -626,8 +626,8 @@ fn remote_lanes(recording: &Recording) -> Vec<Value> {
     lanes
 }
 
-/// When no wheel of the base, or without one no motor, follows its target: the robot is disarmed,
-/// or something stopped it.
+/// The times in which no wheel of the base, or without one no motor, follows its target: the robot
+/// is disarmed, or something stopped it.
 fn stops(recording: &Recording) -> Value {
     let wheel = |place: usize| match &recording.base {
         Some(base) => base.wheels.contains(&place),

@@ -338,8 +338,8 @@ impl<'r> Robot<'r> {
 /// The bit rate of all buses.
 const BITS_PER_SECOND: u32 = 1_000_000;
 
-/// What is to be said of a bus that is tight, or too small for its motors: how much they need,
-/// which they are, and what to change.
+/// The text on a bus that is tight, or too small for its motors: how much they need, which they
+/// are, and what to change.
 fn overload(number: u8, bus: &MotorBus<'_>, description: &Description) -> String {
     let load = bus.load(BITS_PER_SECOND);
     let mut rates: Vec<(u32, Vec<String>)> = Vec::new();

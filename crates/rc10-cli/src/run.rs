@@ -60,7 +60,7 @@ pub struct RunArgs {
 /// Logs of this many bytes are told of before they are written.
 const LARGE: u64 = 100_000_000;
 
-/// What `rc10` does without any argument.
+/// The settings of `rc10` without any argument.
 impl Default for RunArgs {
     fn default() -> Self {
         Self {

@@ -15,7 +15,7 @@ use crate::motor::{Device, Motor, Place};
 use crate::remote::{Receiver, ReceiverPort, RemoteControl};
 use crate::robot::Robot;
 
-/// Where its parts are plugged in: `firmware/src/board.rs`.
+/// The ports and pins of its parts: `firmware/src/board.rs`.
 const REMOTE_UART: u8 = 5;
 const PULSE_PIN: (char, usize) = ('F', 8);
 const IMU_UART: u8 = 7;

@@ -131,7 +131,7 @@ impl Image {
         Some((start, name))
     }
 
-    /// Where the stack may be: `_stack_end .. _stack_start`.
+    /// The addresses of the stack: `_stack_end .. _stack_start`.
     ///
     /// # Errors
     /// If the program does not say.

@@ -131,7 +131,7 @@ pub struct Twist {
     pub yaw: f64,
 }
 
-/// Where a base is, and how it moves.
+/// The pose of a base, and its motion.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Motion {
     pub(crate) pose: Pose,

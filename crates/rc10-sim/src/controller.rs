@@ -1,4 +1,4 @@
-//! What a wire and a CAN controller tell each other.
+//! The interface between a wire and a CAN controller.
 
 use std::fmt;
 use std::ops::Add;
@@ -107,14 +107,14 @@ pub trait Controller {
     /// is offered need not be offered again.
     fn offer(&mut self, now: Nanos) -> Option<CanFrame>;
 
-    /// What it just offered is on the wire since now.
+    /// The frame that it just offered is on the wire since now.
     fn sending(&mut self, start: Nanos);
 
-    /// What it just offered lost arbitration; it hears the winner now.
+    /// The frame that it just offered lost arbitration; it hears the winner now.
     fn lost_arbitration(&mut self, _start: Nanos) {}
 
-    /// What it sent has ended, before the interframe space; after an error, the error frame is over
-    /// too. Told also if it has left the bus meanwhile.
+    /// The frame that it sent has ended, before the interframe space; after an error, the error
+    /// frame is over too. Told also if it has left the bus meanwhile.
     fn sent(&mut self, outcome: Outcome, end: Nanos);
 
     /// Another node's frame: when its start-of-frame bit began, and when it had ended (before the
@@ -124,13 +124,13 @@ pub trait Controller {
     /// Another node's frame was destroyed while it listened; the error frame is over.
     fn disturbed(&mut self, _error: BusError, _at: Nanos) {}
 
-    /// What the wire carries from now on; told when it is attached and at every change, on the bus
-    /// or off it. Whenever the wire becomes idle, 11 recessive bits have just passed: a controller
-    /// on its way back from bus-off counts one for that, and one more for each 11 bits until the
-    /// wire is busy again.
+    /// The activity of the wire from now on; told when it is attached and at every change, on the
+    /// bus or off it. Whenever the wire becomes idle, 11 recessive bits have just passed: a
+    /// controller on its way back from bus-off counts one for that, and one more for each 11 bits
+    /// until the wire is busy again.
     fn wire_is(&mut self, _activity: Activity, _at: Nanos) {}
 
-    /// When something happens in it without the wire's doing. In the past means now.
+    /// The time of its next event without the wire's doing. In the past means now.
     fn next_event(&self) -> Option<Nanos> {
         None
     }

@@ -52,7 +52,7 @@ use registers::{Registers, number};
 
 /// Identifier of register frames.
 const REGISTERS: u32 = 0x7FF;
-/// How long saving takes.
+/// The time that saving takes.
 const SAVING: Micros = Micros::from_millis(20);
 /// Unit of `TIMEOUT`, µs.
 const TIMEOUT_STEP: u64 = 50;
@@ -68,7 +68,7 @@ mod error {
     pub const COMMUNICATION: u8 = 0xD;
 }
 
-/// What it is about.
+/// The state of the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum State {
     Disabled,
@@ -81,14 +81,14 @@ enum State {
 #[derive(Clone, Debug)]
 pub struct Damiao {
     config: DamiaoConfig,
-    /// What it keeps without power.
+    /// The registers that it keeps without power.
     flash: Registers,
     registers: Registers,
     state: State,
     loops: Loops,
-    /// What is wrong and stays wrong.
+    /// The error that stays, if it has one.
     broken: Option<u8>,
-    /// Where the shaft's zero is in the world, rad; kept without power.
+    /// The shaft's zero in the world, rad; kept without power.
     zero: f64,
     /// Whole turns forgotten at power-on, rad; `None` until it has looked.
     forgotten: Option<f64>,

@@ -34,7 +34,7 @@ pub trait Device: Any {
         out: &mut Outbox,
     ) -> Taken;
 
-    /// When it does something by itself next. In the past means now.
+    /// The time of the next event that it makes by itself. In the past means now.
     fn next_event(&self) -> Option<Micros> {
         None
     }
@@ -189,7 +189,7 @@ pub(crate) enum Electronics {
     Line(Box<dyn LineDevice>),
 }
 
-/// Where a device is plugged in.
+/// The place of a device: a node of a bus, or a station of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Place {
     Bus { bus: usize, node: usize },
@@ -206,7 +206,7 @@ pub(crate) struct Unit {
     powered: bool,
     /// Its data lines are unplugged.
     cut: bool,
-    /// What it did to the winding in the last step.
+    /// The state of the winding in the last step.
     winding: Winding,
     muted: bool,
     commands: u64,
@@ -332,14 +332,14 @@ impl Unit {
         self.last_command_at = Some(now);
     }
 
-    /// What it does by itself now.
+    /// Lets events happen that it makes by itself now.
     pub(crate) fn advance(&mut self, now: Micros) {
         if let (Electronics::Can(device), true) = (&mut self.electronics, self.powered) {
             device.advance(&Shaft::new(&self.motor), now, &mut self.out);
         }
     }
 
-    /// What it has to send.
+    /// The frames that it has to send.
     pub(crate) fn take_frames(&mut self) -> impl Iterator<Item = CanFrame> {
         let is_heard = !self.muted && !self.cut;
         self.out.drain().filter(move |_| is_heard)
@@ -406,7 +406,7 @@ pub struct EscState {
     pub command: i16,
     /// Command frames it took.
     pub commands: u64,
-    /// When the last of them arrived.
+    /// The time at which the last of them arrived.
     pub last_command_at: Option<Micros>,
     /// Frames with its identifier whose length or content it does not take.
     pub malformed: u64,

@@ -136,7 +136,7 @@ pub struct EscConfig {
     pub model: Model,
     /// Its id, 1 ..= [`Model::last_id`].
     pub id: u8,
-    /// How often it reports.
+    /// The rate at which it reports.
     pub rate: FeedbackRate,
     /// The motor and its load.
     pub plant: Plant,

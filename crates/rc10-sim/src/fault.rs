@@ -133,9 +133,9 @@ impl fmt::Display for Kind {
 pub struct Fault {
     /// Kinds of fault.
     pub kind: Kind,
-    /// When it begins, counted from power-on.
+    /// The time at which it begins, counted from power-on.
     pub from: Nanos,
-    /// When all is well again; `None`: never, or it has no end.
+    /// The time at which all is well again; `None`: never, or it has no end.
     pub until: Option<Nanos>,
 }
 

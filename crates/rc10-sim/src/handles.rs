@@ -86,7 +86,7 @@ impl Bus {
 
     /// Shorts the two wires of the bus (CANH to CANL), or takes the short away.
     ///
-    /// Shorted the bus is recessive whatever anybody sends: each attempt fails with a bit error at
+    /// Shorted the bus is recessive whatever its nodes send: each attempt fails with a bit error at
     /// its first bit and takes 18 bit times, error frame and interframe space included. A frame
     /// that is on the wire is destroyed.
     pub fn set_shorted(&self, shorted: bool) {

@@ -6,7 +6,8 @@ use std::f64::consts::PI;
 use crate::serial::{SerialConfig, SerialDevice};
 use crate::{Base, Nanos};
 
-/// What unlocks the registers, and for how long: WIT's manual, "standard communication protocol".
+/// The bytes that unlock the registers, and the time for which they do: WIT's manual, "standard
+/// communication protocol".
 const UNLOCK: [u8; 5] = [0xFF, 0xAA, 0x69, 0x88, 0xB5];
 const UNLOCKED_FOR: Nanos = Nanos::new(10_000_000_000);
 const RATE: u8 = 0x03;
@@ -33,7 +34,7 @@ impl Hwt101 {
     pub const SERIAL: SerialConfig =
         SerialConfig { baud: 115_200, bits: 10, receive_capacity: 256 };
 
-    /// An IMU that is set to 200 Hz and sends its first frames so long after power-on.
+    /// An IMU that is set to 200 Hz and sends its first frames at `phase` after power-on.
     #[must_use]
     pub fn new(base: &Base, phase: Nanos) -> Self {
         Self {

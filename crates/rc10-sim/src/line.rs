@@ -90,7 +90,7 @@ pub enum Heard {
 #[derive(Debug, Default)]
 struct Sender {
     waiting: VecDeque<u8>,
-    /// When the first of those may start.
+    /// The time at which the first of those may start.
     from: Nanos,
     flight: Option<Flight>,
     /// It has sent a byte, and not stopped since.
@@ -189,7 +189,7 @@ impl Line {
         self.stations.len() - 1
     }
 
-    /// What a device was about to say it says no more.
+    /// Drops the bytes that a device was about to send.
     pub(crate) fn silence(&mut self, station: usize) {
         self.stations[station].sender.waiting.clear();
     }
@@ -352,7 +352,7 @@ impl Line {
         }
     }
 
-    /// Who waits for what is there now.
+    /// Takes the tasks that wait for what is there now.
     pub(crate) fn take_wakers(&mut self) -> [Option<Waker>; 2] {
         let host = &mut self.host;
         let reader = if host.received.is_empty() { None } else { host.reader.take() };

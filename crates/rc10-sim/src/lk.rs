@@ -21,7 +21,7 @@ const MOST_STEPS: i16 = 2048;
 const TOO_HOT: f64 = 100.0;
 /// Below this too, V; our estimate.
 const TOO_LOW: f64 = 7.0;
-/// Where four drives are commanded at once.
+/// The identifier by which four drives are commanded at once.
 const SHARED: u16 = 0x280;
 
 /// Error bits of the answer to `9A` (manual V2.3: bits 0 and 3; newer firmware: all).

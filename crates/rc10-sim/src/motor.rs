@@ -207,7 +207,7 @@ impl Plant {
 /// A moving motor.
 pub(crate) struct Motor {
     plant: Plant,
-    /// What is left of a difference after one step: exact exponentials.
+    /// The share of a difference that is left after one step: exact exponentials.
     current_decay: f64,
     thermal_decay: f64,
     /// A.
@@ -217,7 +217,7 @@ pub(crate) struct Motor {
     /// Rotor turns since the start: whole ones, and the rest in 0 .. 1. Exact after any time.
     turns: i64,
     fraction: f64,
-    /// Where in its turn the rotor stood at the start, 0 .. 1.
+    /// The angle of the rotor in its turn at the start, 0 .. 1.
     offset: f64,
     /// °C.
     pub(crate) temperature: f64,
@@ -346,7 +346,7 @@ impl Motor {
         self.speed * 60.0 / TAU
     }
 
-    /// Where in its turn the rotor is, 0 .. 1.
+    /// The angle of the rotor in its turn, 0 .. 1.
     pub(crate) fn rotor_angle(&self) -> f64 {
         (self.fraction + self.offset).fract()
     }

@@ -1,4 +1,4 @@
-//! How busy a wire was.
+//! The share of time in which a wire was busy.
 
 use crate::Nanos;
 

@@ -58,7 +58,8 @@ pub struct Settings {
     pub is_absolute: bool,
     /// Expires without frames; `None`: off.
     pub watchdog: Option<Micros>,
-    /// How long it starts before it can be switched on (firmware 0.6 says so in its errors).
+    /// The time for which it starts before it can be switched on (firmware 0.6 says so in its
+    /// errors).
     pub starts_for: Micros,
 }
 
@@ -79,7 +80,7 @@ impl Settings {
     }
 }
 
-/// What an axis finds wrong, whatever its firmware calls it.
+/// A cause of an error of an axis, whatever its firmware calls it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cause {
     Starting,
@@ -133,7 +134,7 @@ pub struct Axis {
     origin: Option<f64>,
     started_at: Micros,
     fed_at: Micros,
-    /// When the next are due: heartbeat, estimates, others.
+    /// The times at which the next are due: heartbeat, estimates, others.
     due: [Micros; 3],
 }
 

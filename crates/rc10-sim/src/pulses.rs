@@ -20,7 +20,7 @@ pub trait PulseDevice: Any {
     /// Power has come: everything volatile starts afresh. Its output is low.
     fn power_on(&mut self, now: Nanos);
 
-    /// When its output may change. In the past means now.
+    /// The time at which its output may change. In the past means now.
     fn next_event(&self) -> Option<Nanos>;
 
     /// The level of its output from now on.
@@ -38,7 +38,7 @@ pub(crate) struct PulseLine {
     device: Box<dyn PulseDevice>,
     powered: bool,
     cut: bool,
-    /// What the device puts out, and what arrives.
+    /// The level at the device's output, and the level that arrives.
     output: bool,
     level: bool,
     edges: VecDeque<Micros>,
@@ -75,7 +75,7 @@ impl PulseLine {
         self.settle(now);
     }
 
-    /// What arrives follows what is put out.
+    /// Sets the level that arrives, by the level at the output.
     fn settle(&mut self, now: Nanos) {
         let level = self.output && self.powered && !self.cut;
         if std::mem::replace(&mut self.level, level) == level {
@@ -168,7 +168,7 @@ pub struct PulsePort {
 }
 
 impl PulsePort {
-    /// When the next rising edge came that was not taken yet; waits for one if there is none.
+    /// The time of the next rising edge that was not taken yet; waits for one if there is none.
     pub async fn rising_edge(&mut self) -> Micros {
         poll_fn(|context| {
             self.line.line(|line, _| match line.edges.pop_front() {

@@ -33,7 +33,7 @@ impl Transmission {
     }
 }
 
-/// What a piece of wire carries.
+/// The content of a piece of wire.
 #[derive(Default)]
 pub(crate) enum Segment {
     #[default]
@@ -51,7 +51,7 @@ impl Segment {
         matches!(self, Self::Idle)
     }
 
-    /// When this ends by itself.
+    /// The time at which this ends by itself.
     pub(crate) const fn next_event(&self) -> Option<Nanos> {
         match self {
             Self::Frame(air) => Some(air.end),

@@ -45,7 +45,7 @@ pub trait SerialDevice: Any {
     /// Power has come: everything volatile starts afresh.
     fn power_on(&mut self, now: Nanos);
 
-    /// When something happens in it without the link's doing. In the past means now.
+    /// The time of its next event without the link's doing. In the past means now.
     fn next_event(&self) -> Option<Nanos>;
 
     /// Lets that happen. What it puts into `send` goes over the link, without a pause, after what
@@ -185,7 +185,7 @@ pub(crate) struct Link {
     to_device: Option<Flight>,
     pub(crate) host: HostEnd,
     chip: Option<Rc<RefCell<dyn SerialEnd>>>,
-    /// What the chip has sent, and when each byte has ended.
+    /// The bytes that the chip has sent, and the time at which each has ended.
     delivered: VecDeque<(u8, Nanos)>,
     pub(crate) counters: SerialCounters,
 }
@@ -303,7 +303,7 @@ impl Link {
         }
     }
 
-    /// Who has something to say and says nothing begins.
+    /// Starts a byte on each side that is silent and has one to send.
     pub(crate) fn start(&mut self, now: Nanos) {
         let (end, cut) = (now + self.character, self.cut);
         let flight = |byte| Flight { byte, end, cut, fault: None };
@@ -320,7 +320,7 @@ impl Link {
         }
     }
 
-    /// Who waits for what is there now.
+    /// Takes the tasks that wait for what is there now.
     pub(crate) fn take_wakers(&mut self) -> [Option<Waker>; 2] {
         let has_sent_all = self.has_sent_all();
         let host = &mut self.host;

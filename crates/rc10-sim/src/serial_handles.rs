@@ -1,4 +1,4 @@
-//! What a test holds of a serial link.
+//! A test's handles of a serial link.
 
 use std::cell::RefCell;
 use std::future::poll_fn;

@@ -42,7 +42,7 @@ impl Clock {
         }
     }
 
-    /// When the next timer is due.
+    /// The time at which the next timer is due.
     pub(crate) fn next_timer(&self) -> Option<Micros> {
         self.timers.borrow().iter().map(|&(at, _)| at).min()
     }
@@ -84,7 +84,7 @@ impl Driver for VirtualTime {
     }
 
     fn schedule_wake(&self, at: u64, waker: &Waker) {
-        // Fails only while the thread ends: then no world runs on it that could wake anybody.
+        // Fails only while the thread ends: then no world runs on it that could wake a task.
         let _ = CURRENT.try_with(|current| current.borrow().schedule(Micros::new(at), waker));
     }
 }

@@ -17,11 +17,11 @@ const ANSWER: usize = 16;
 
 /// Rotor turns per turn of the output (user manual).
 const GEAR: f64 = 6.33;
-/// Address of all motors, who do not answer.
+/// Address of all motors; they do not answer to it.
 const EVERYBODY: u8 = 15;
 /// Its own protection (user manual): at this temperature, until power-off.
 const TOO_HOT: f64 = 90.0;
-/// How long it turns by itself when told to calibrate (user manual), and hears nothing.
+/// The time for which it turns by itself when told to calibrate (user manual), and hears nothing.
 const CALIBRATION: Nanos = Nanos::new(5_000_000_000);
 
 /// Content of a command, as the numbers of the table: at the rotor.
@@ -46,7 +46,7 @@ pub struct Command {
 /// Content of an answer, as the numbers of the table: at the rotor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Answer {
-    /// Who answers, 0 ..= 14.
+    /// The motor that answers, 0 ..= 14.
     pub id: u8,
     /// As in [`Command`].
     pub status: u8,

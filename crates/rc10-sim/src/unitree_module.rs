@@ -73,7 +73,7 @@ pub const fn plant() -> Plant {
 pub struct NoSuchNumber {
     /// "module" or "motor".
     pub of: &'static str,
-    /// What was asked for.
+    /// The number that was asked for.
     pub asked: u8,
     /// The largest there is; the smallest is 0.
     pub last: u8,

@@ -50,11 +50,11 @@ const CLOCK_TOLERANCE: u64 = 200;
 /// One frame that went over a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TraceEntry {
-    /// When the interframe space after it ended, in whole microseconds.
+    /// The time at which the interframe space after it ended, in whole microseconds.
     pub at: Micros,
-    /// When its start-of-frame bit began.
+    /// The time at which its start-of-frame bit began.
     pub start: Nanos,
-    /// When it ended, before the interframe space: when its receivers have it.
+    /// The time at which it ended, before the interframe space: then its receivers have it.
     pub end: Nanos,
     /// The frame.
     pub frame: CanFrame,
@@ -117,7 +117,7 @@ pub(crate) struct Wire {
     to_damage: u32,
     /// Whether the controller is connected, when that was looked at last.
     connected: bool,
-    /// What the controller was told last.
+    /// The activity that the controller was told last.
     told: Option<Activity>,
     trace: Option<Vec<TraceEntry>>,
     pub(crate) counters: BusCounters,
@@ -239,14 +239,14 @@ impl Wire {
         self.trace.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
-    /// When something happens here by itself.
+    /// The time of the next event that happens here by itself.
     pub(crate) fn next_event(&self) -> Option<Nanos> {
         let segments = self.bus.next_event().into_iter().chain(self.stub.next_event());
         segments.chain(self.controller.borrow().next_event()).min()
     }
 
-    /// What happens by itself now. An acknowledged frame is the caller's to hand to the ESCs that
-    /// [hear](Self::hears) it.
+    /// Carries out what happens by itself now. An acknowledged frame is the caller's to hand to the
+    /// ESCs that [hear](Self::hears) it.
     pub(crate) fn process(&mut self, now: Nanos) -> Option<Transmission> {
         if self.next_event().is_none_or(|at| at > now) {
             return None;

@@ -24,8 +24,8 @@ use crate::wire::{BusConfig, Wire};
 /// The physics step: [`STEP`](crate::motor::STEP).
 const STEP: Nanos = Nanos::new(100_000);
 
-/// How often a future is polled within one microsecond before time goes on. A computer that waits
-/// in a busy loop is not infinitely fast either: so such a loop ends.
+/// Number of polls of a future within one microsecond before time goes on. A computer that waits in
+/// a busy loop is not infinitely fast either: so such a loop ends.
 const POLLS_PER_INSTANT: u32 = 1000;
 
 /// Everything that exists in a world.
@@ -89,7 +89,8 @@ impl Inner {
         }
     }
 
-    /// Ends an instant: who wants an idle wire competes for it, who wants a line talks. When the next thing happens.
+    /// Ends an instant: nodes that want an idle wire compete for it, stations that want a line
+    /// talk. Returns the time of the next event.
     fn end_instant(&mut self, now: Nanos) -> Nanos {
         self.let_start(now);
         let next = self.next_event();
@@ -330,7 +331,8 @@ impl World {
         false
     }
 
-    /// Wakes who waits at a serial port for what is there now; says whether there was anybody.
+    /// Wakes the tasks that wait at a serial port for what is there now; says whether there were
+    /// any.
     fn wake_ports(&self) -> bool {
         let take = |inner: &mut Inner| -> Vec<Waker> {
             let lines = inner.lines.iter_mut().flat_map(line::Line::take_wakers);

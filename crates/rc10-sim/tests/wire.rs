@@ -304,7 +304,7 @@ fn two_nodes_of_one_identifier_are_counted() {
     let (bus, _) = quiet_bus(&mut world);
     bus.add_esc(EscConfig::new(Model::C620, 5)).unwrap();
     bus.add_esc(EscConfig::new(Model::Gm6020Voltage, 1)).unwrap();
-    // The wire is busy for so long that both wait for it.
+    // The wire is busy until both wait for it.
     for _ in 0..20 {
         bus.inject(&standard(0x001, [0; 8]));
     }

@@ -18,7 +18,7 @@ pub struct Dbc {
     pub nodes: Vec<(Name, String)>,
     /// In the order of their identifiers.
     pub frames: Vec<Frame>,
-    /// What it does not say: a sentence each.
+    /// Facts that the file cannot describe: a sentence each.
     pub left_out: Vec<String>,
 }
 
@@ -31,20 +31,20 @@ pub struct Frame {
     pub id: Id,
     /// Data bytes.
     pub len: u8,
-    /// Who sends it: places in [`Dbc::nodes`], each once.
+    /// Its senders: places in [`Dbc::nodes`], each once.
     pub senders: Vec<usize>,
-    /// What stands in it.
+    /// Its signals.
     pub signals: Vec<NamedSignal>,
 }
 
 /// A signal as a file names it.
 #[derive(Clone, Debug)]
 pub struct NamedSignal {
-    /// What it is called: in its message there is no other of this name.
+    /// Its name: in its message there is no other of this name.
     pub name: Name,
-    /// Where it stands and what it means.
+    /// Its place in the frame, and its meaning.
     pub signal: Signal,
-    /// Whom it concerns: places in [`Dbc::nodes`], each once.
+    /// Its receivers: places in [`Dbc::nodes`], each once.
     pub receivers: Vec<usize>,
 }
 

@@ -6,7 +6,7 @@ const LONGEST: usize = 32;
 /// A name as a DBC file takes it: letters, digits and underscores, at most 32, no digit first.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Name {
-    /// What stands in the file.
+    /// The name in the file.
     pub short: String,
     /// The same, uncut.
     pub long: String,

@@ -21,7 +21,7 @@ pub(super) struct Printer<'o> {
     out: &'o mut dyn Write,
     json: bool,
     columns: Columns,
-    /// What parts the next JSON value from the one before.
+    /// The text between one JSON value and the next.
     separator: &'static str,
 }
 
@@ -76,7 +76,7 @@ fn device(motor: &Motor) -> String {
     motor.name().to_string()
 }
 
-/// How wide the columns that name a motor are: as the longest text in them.
+/// Widths of the columns that name a motor: as the longest text in them.
 struct Columns {
     label: usize,
     device: usize,
@@ -104,8 +104,8 @@ impl Columns {
     }
 }
 
-/// What a raw command asks of a motor, the way the robot counts, and its unit: amperes, or per cent
-/// of the full voltage.
+/// The effort that a raw command asks of a motor, the way the robot counts, and its unit: amperes,
+/// or per cent of the full voltage.
 fn effort(motor: &Motor, model: &Model, raw: i16) -> (f64, &'static str) {
     let share = f64::from(raw) / f64::from(model.full_scale);
     let share = match motor.direction {
@@ -207,7 +207,7 @@ fn text(columns: &Columns, line: &Line<'_>, meaning: &Meaning<'_>) -> String {
     }
 }
 
-/// What is wrong with a frame, with the figures that a motor on the chip does not keep.
+/// The error of a frame, with the figures that a motor on the chip does not keep.
 fn reason(line: &Line<'_>, motor: Option<&Motor>, error: FrameError) -> String {
     match error {
         // All frames of DJI motors have eight.

@@ -14,7 +14,7 @@ use crate::figures::{
 };
 use crate::recording::Recording;
 
-/// How many functions are listed.
+/// Number of functions that are listed.
 const TOP_FUNCTIONS: usize = 12;
 
 /// A run that has ended.
@@ -233,7 +233,7 @@ impl<'a> Outcome<'a> {
         writeln!(text, "content        {}\n", content_hash(self.rig))
     }
 
-    /// How much of all instructions, per cent.
+    /// The share of all instructions, per cent.
     fn share(&self, instructions: u64) -> f64 {
         instructions as f64 * 100.0 / self.figures.instructions.max(1) as f64
     }

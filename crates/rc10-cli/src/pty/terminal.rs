@@ -49,7 +49,7 @@ impl Terminal {
         Ok(Self { ours, _theirs: theirs, path, link: link.map(Path::to_owned) })
     }
 
-    /// Where clients open it.
+    /// The path under which clients open it.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
@@ -68,7 +68,7 @@ impl Terminal {
         }
     }
 
-    /// What the client has written by now.
+    /// Reads the bytes that the client has written by now.
     pub(super) fn read<'b>(&self, buffer: &'b mut [u8]) -> io::Result<&'b [u8]> {
         match rustix::io::read(&self.ours, &mut *buffer) {
             Ok(count) => Ok(&buffer[..count]),

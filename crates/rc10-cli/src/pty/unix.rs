@@ -20,9 +20,9 @@ const ROOM: usize = 64 * 1024;
 const PACE: Duration = Duration::from_millis(1);
 /// A world that is further behind the clock stays so: it does not hurry after it.
 const FURTHEST_BEHIND: Micros = Micros::from_millis(100);
-/// How often a quiet client is looked at in lockstep.
+/// The period at which a quiet client is looked at in lockstep.
 const PATIENCE: Duration = Duration::from_millis(100);
-/// How long a client has at the end to read what is left.
+/// The time that a client has at the end to read what is left.
 const LAST_READ: Duration = Duration::from_secs(1);
 
 /// Runs until its time is over, or until `stop` is set: looked at every 100 ms. First it prints
@@ -76,7 +76,7 @@ struct Session<'r> {
 }
 
 impl Session<'_> {
-    /// How far the world is behind the clock at the end.
+    /// Runs the session in real time; returns the delay of the world behind the clock at the end.
     fn real_time(&mut self, end: Micros, stop: &AtomicBool) -> Result<Micros> {
         let mut buffer = [0; 4096];
         let mut behind = Micros::ZERO;

@@ -26,11 +26,11 @@ pub struct RemoteControl {
     pub uart: u8,
     /// The chip's pin for those that send pulses.
     pub pulse_pin: (char, usize),
-    /// What the operator does, in the order of time. Before that all sticks are at rest.
+    /// Script of the operator, in the order of time. Before that all sticks are at rest.
     pub script: Vec<Line>,
     /// After how long, counted from power-on, the script begins again, if it does.
     pub repeats_after: Option<Micros>,
-    /// When its transmitter is off, in the order of time.
+    /// Times without its transmitter, in the order of time.
     pub lost: Vec<Lost>,
 }
 
@@ -41,11 +41,11 @@ pub struct Line {
     pub at: Micros,
     /// Label for reports.
     pub label: &'static str,
-    /// Where they put everything.
+    /// Positions of all controls.
     pub controls: Controls,
 }
 
-/// When a transmitter is off.
+/// A time in which a transmitter is off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lost {
     /// From when on.
@@ -54,7 +54,7 @@ pub struct Lost {
     pub until: Option<Micros>,
 }
 
-/// What the command line says of a receiver.
+/// The text of the command line on a receiver.
 const fn help(receiver: Receiver) -> &'static str {
     match receiver {
         Receiver::Dr16 => "DJI's: 18 bytes every 14 ms",

@@ -12,7 +12,7 @@ pub struct Operator {
     /// The next line, and when its round began.
     line: usize,
     round: Micros,
-    /// When the transmitter goes off or on, the next first.
+    /// The times at which the transmitter goes off (`false`) or on (`true`), the next first.
     switching: Vec<(Micros, bool)>,
 }
 
@@ -33,7 +33,7 @@ impl Operator {
         }
     }
 
-    /// When the next thing is to be done, if there is one.
+    /// The time of the next action, if there is one.
     #[must_use]
     pub fn next(&self) -> Option<Micros> {
         let line = self.script.get(self.line).map(|line| self.round + line.at);

@@ -1,5 +1,5 @@
-//! What a robot does when its remote control is lost: seen on the wires and at the motors, not by
-//! what the robot says of itself.
+//! The reaction of a robot to the loss of its remote control: seen on the wires and at the motors,
+//! not by what the robot says of itself.
 
 use rc10_can::Micros;
 use rc10_module::Counters;
@@ -13,7 +13,7 @@ use crate::motor::Motor;
 /// Whatever a remote that is back brings about has come by then.
 const LONG: Micros = Micros::from_millis(500);
 
-/// How often is looked while something may happen: a step of the simulator's physics.
+/// The period of looks while something may happen: a step of the simulator's physics.
 const STEP: Micros = Micros::new(100);
 
 /// The track of a remote: what its receiver sent, and what the robot did while it was lost.
@@ -21,9 +21,9 @@ const STEP: Micros = Micros::new(100);
 pub struct RemoteTrack {
     /// Which receiver.
     pub receiver: Receiver,
-    /// What it sent.
+    /// Counters of the frames that the receiver sent.
     pub sent: Sent,
-    /// What the robot made of that, if it says so.
+    /// Counters of the frames that the robot heard, if it tells them.
     pub heard: Option<Counters>,
     /// Each time that the remote was lost.
     pub losses: Vec<Loss>,
@@ -34,7 +34,7 @@ pub struct RemoteTrack {
 /// A remote and its robot at one moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RemoteSample {
-    /// What the receiver sends comes from the remote.
+    /// Whether the receiver's frames come from the remote.
     pub is_live: bool,
     /// Whether the robot is armed, if it says so.
     pub arm: Option<ArmState>,
@@ -43,23 +43,26 @@ pub struct RemoteSample {
 /// One time that the remote was lost, and what followed. To 100 µs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Loss {
-    /// When its transmitter went off, and on again.
+    /// The time in which its transmitter was off.
     pub lost: Lost,
-    /// When the last good frame had ended on the receiver's wire; `None` if there had been none.
+    /// The time at which the last good frame had ended on the receiver's wire; `None` if there had
+    /// been none.
     pub last_frame: Option<Micros>,
-    /// Since when every motor that may not hold had obeyed commands of no current.
+    /// The time since when every motor that may not hold had obeyed commands of no current.
     pub coasting: Option<Micros>,
-    /// When the first good frame after it had ended on the wire.
+    /// The time at which the first good frame after it had ended on the wire.
     pub back: Option<Micros>,
-    /// When the motors were driven again without anybody arming them.
+    /// The time at which the motors were driven again without a new arming.
     pub resumed: Option<Micros>,
-    /// When the robot was disarmed or stopped, so that it must be armed anew: at once, if it was
-    /// that already. Of a robot that does not say so: when motors that hold let go, too.
+    /// The time at which the robot was disarmed or stopped, so that it must be armed anew: at once,
+    /// if it was that already. Of a robot that does not say so: the time at which motors that hold
+    /// let go, too.
     pub disarmed: Option<Micros>,
 }
 
 impl Loss {
-    /// How long after the last good frame the motors coasted, if any was driven when it was lost.
+    /// The time from the last good frame until the motors coasted, if any was driven when it was
+    /// lost.
     #[must_use]
     pub fn reaction(&self) -> Option<Micros> {
         let coasting = self.coasting.filter(|time| *time > self.lost.from)?;
@@ -85,7 +88,7 @@ pub struct Watch {
 /// A look at a robot from outside.
 #[derive(Clone, Copy)]
 pub struct Sight<'a> {
-    /// What its receiver has sent.
+    /// Counters of the frames that its receiver has sent.
     pub sent: Sent,
     /// Its motors, as described.
     pub motors: &'a [Motor],
@@ -127,7 +130,7 @@ impl Watch {
         Self { due, losses: Vec::new(), is_idle: true, samples: Vec::new() }
     }
 
-    /// When to look next.
+    /// The time of the next look.
     #[must_use]
     pub fn next(&self, now: Micros) -> Option<Micros> {
         let due = self.due.last().map(|lost| lost.from);
@@ -178,7 +181,7 @@ impl Watch {
         self.samples.push(RemoteSample { is_live, arm: sight.arm });
     }
 
-    /// What was seen of a receiver, which the robot says that it heard so much of.
+    /// The track of a receiver; `heard` has the robot's own counters of it.
     #[must_use]
     pub fn finish(self, receiver: Receiver, sent: Sent, heard: Option<Counters>) -> RemoteTrack {
         let Self { losses, samples, .. } = self;

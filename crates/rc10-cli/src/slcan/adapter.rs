@@ -47,7 +47,7 @@ pub struct Counts {
     pub not_sent: u64,
     /// Lines that were no command.
     pub malformed: u64,
-    /// How often the channel was to be opened at another bit rate than the bus's.
+    /// Number of times that the channel was to be opened at another bit rate than the bus's.
     pub wrong_bit_rate: u64,
 }
 
@@ -78,7 +78,7 @@ pub struct Adapter {
     status: u8,
     /// Given to the wire, and not seen there yet.
     waiting: VecDeque<CanFrame>,
-    /// What the client is to read.
+    /// Bytes for the client to read.
     out: Vec<u8>,
     counts: Counts,
 }
@@ -111,8 +111,9 @@ impl Adapter {
         self.lines.take(bytes)
     }
 
-    /// Does what a line says. `true` if the client has let time pass with it, for who counts time
-    /// by the client's traffic: it sent a frame, or an empty line while the channel was open.
+    /// Does what a line says. `true` if the client has let time pass with it, for a caller that
+    /// counts time by the client's traffic: it sent a frame, or an empty line while the channel was
+    /// open.
     pub fn answer(&mut self, command: Result<Command, Malformed>) -> bool {
         let Ok(command) = command else {
             self.counts.malformed += 1;
@@ -214,7 +215,7 @@ impl Adapter {
         &mut self.out
     }
 
-    /// What has gone through so far.
+    /// Counters of the traffic so far.
     #[must_use]
     pub fn counts(&self) -> Counts {
         Counts { not_sent: self.waiting.len() as u64, ..self.counts }

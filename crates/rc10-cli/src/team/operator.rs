@@ -1,5 +1,5 @@
-//! The script of the team's remote: ten seconds that show everything.
-//! What the controls mean stands in `rc10_robot::driver`.
+//! The script of the team's remote: ten seconds that show everything. The meaning of the controls
+//! stands in `rc10_robot::driver`.
 
 use rc10_can::Micros;
 use rc10_robot::table::{FEEDER, FULL_STICK, GIMBAL_RATES, LIFT_RATE};

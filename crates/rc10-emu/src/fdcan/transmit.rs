@@ -1,9 +1,9 @@
 //! Selection of the next transmit buffer, and its outcome (RM0468, "Tx handling").
 //!
-//! What is asked for happens at once; the registers tell it later. While the controller scans for its
-//! most urgent buffer, further requests stay in TXBAR ("the bits remain set until the Tx scan process
-//! has completed") and are not in TXBRP. A cancellation has to cross to the kernel clock: until it is
-//! done the buffer is in TXBCR and TXBRP, and a new request for it is lost.
+//! A request takes effect at once; the registers tell it later. While the controller scans for its
+//! most urgent buffer, further requests stay in TXBAR ("the bits remain set until the Tx scan
+//! process has completed") and are not in TXBRP. A cancellation has to cross to the kernel clock:
+//! until it is done the buffer is in TXBCR and TXBRP, and a new request for it is lost.
 
 use rc10_can::CanFrame;
 use rc10_sim::Nanos;

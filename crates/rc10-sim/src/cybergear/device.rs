@@ -37,7 +37,7 @@ pub struct CyberGear {
     at_end: AtEnd,
     id: u8,
     chip: [u8; 8],
-    /// Who spoke to it last.
+    /// The host that spoke to it last.
     host: u8,
     mode: Mode,
     motion: Motion,
@@ -47,7 +47,7 @@ pub struct CyberGear {
     faults: u8,
     /// Of a fault frame.
     details: u32,
-    /// What clearing does not help against.
+    /// Whether its faults stay when they are cleared.
     lasting: bool,
     /// A fault frame is due.
     tells: bool,
@@ -207,9 +207,9 @@ impl CyberGear {
         }
     }
 
-    /// Where the shaft is taken to be when power comes: nothing but the rotor's angle within its
-    /// turn is known to a CyberGear; a RobStride knows the output's, from its saved zero
-    /// (*assumed*, both).
+    /// Sets the angle of the shaft when power comes: nothing but the rotor's angle within its turn
+    /// is known to a CyberGear; a RobStride knows the output's, from its saved zero (*assumed*,
+    /// both).
     fn place(&mut self, shaft: &Shaft<'_>) {
         let (turn, zero) = if self.model.robstride {
             (std::f64::consts::TAU, self.saved_zero)

@@ -36,7 +36,7 @@ pub struct Parameters {
     pub timeout: u32,
 }
 
-/// What can only be read.
+/// Parameters that can only be read.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Measured {
     /// 0x7019, rad, all turns counted.
@@ -74,7 +74,7 @@ impl Parameters {
         }
     }
 
-    /// What stands at an index, little endian.
+    /// The value at an index, little endian.
     #[expect(clippy::cast_possible_truncation, reason = "as precise as the device tells it")]
     pub(super) fn read(
         &self,
@@ -149,7 +149,7 @@ impl Parameters {
         Ok(())
     }
 
-    /// Where a number stands that can be read and written.
+    /// The place of a number that can be read and written.
     const fn real(&mut self, index: u16) -> Option<&mut f32> {
         Some(match index {
             0x7006 => &mut self.current,

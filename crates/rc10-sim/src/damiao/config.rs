@@ -1,4 +1,4 @@
-//! How a motor is set up, and what its data sheet says.
+//! The setup of a motor, and the values of its data sheet.
 
 use super::codec::{Limits, Mode};
 use crate::motor::Plant;
@@ -16,9 +16,9 @@ pub enum Beyond {
 /// A motor, to be put on a bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DamiaoConfig {
-    /// What it listens to, 0 ..= 0x7FF.
+    /// Identifier of the frames that it takes, 0 ..= 0x7FF.
     pub can_id: u16,
-    /// What it answers with, 0 ..= 0x7FF.
+    /// Identifier of the frames that it sends, 0 ..= 0x7FF.
     pub master_id: u16,
     /// Control mode.
     pub mode: Mode,
@@ -26,9 +26,9 @@ pub struct DamiaoConfig {
     pub limits: Limits,
     /// Silence after which it stops, in 50 µs; 0 for never, as it is sold.
     pub timeout: u32,
-    /// How fast its own loops change the velocity, rad/s².
+    /// Acceleration by its own loops, rad/s².
     pub acceleration: f64,
-    /// What it acknowledges a written register with: 0x55 (J10010L) or 0x33 (S3519).
+    /// Code by which it acknowledges a written register: 0x55 (J10010L) or 0x33 (S3519).
     pub acknowledges_with: u8,
     /// Old firmware takes frames only with the offset of the mode it is in.
     pub old_firmware: bool,

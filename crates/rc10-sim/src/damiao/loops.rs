@@ -3,16 +3,16 @@
 
 use super::codec::{Limits, Setpoint};
 
-/// How fast the velocity loop follows, 1/s.
+/// Bandwidth of the velocity loop, 1/s.
 const VELOCITY_BANDWIDTH: f64 = 80.0;
-/// How fast its integral part does, 1/s.
+/// Rate of its integral part, 1/s.
 const VELOCITY_INTEGRAL: f64 = 6.0;
-/// How fast the position loop does, 1/s.
+/// Bandwidth of the position loop, 1/s.
 const POSITION_BANDWIDTH: f64 = 12.0;
 /// The device's own step, s: the winding is asked for in every physics step.
 const STEP: f64 = 100e-6;
 
-/// What the loops remember.
+/// State of the loops.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Loops {
     /// Velocity reference after the limit of acceleration, rad/s; `None` at rest.

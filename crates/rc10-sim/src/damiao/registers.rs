@@ -1,6 +1,5 @@
-//! What a device can be asked and told about itself: manual of J10010L, register table, and the
-//! table of damiao-motor 1.0.6. Ranges are the tables'; values of our own are marked in
-//! [`Registers::of`].
+//! The registers of a device: manual of J10010L, register table, and the table of damiao-motor
+//! 1.0.6. Ranges are the tables'; values of our own are marked in [`Registers::of`].
 
 use super::DamiaoConfig;
 use super::codec::Limits;
@@ -26,7 +25,7 @@ pub(super) mod number {
     pub const OUTPUT_POSITION: u8 = 81;
 }
 
-/// What a register takes.
+/// The values that a register takes.
 enum Takes {
     /// Nothing.
     Nothing,
@@ -128,7 +127,7 @@ impl Registers {
         self.0[usize::from(register)] = value.to_bits();
     }
 
-    /// What it answers when asked; `None` if there is no such register.
+    /// The value of a register, as it answers; `None` if there is no such register.
     pub(super) fn read(&self, register: u8) -> Option<[u8; 4]> {
         takes(register)?;
         Some(self.whole(register).to_le_bytes())

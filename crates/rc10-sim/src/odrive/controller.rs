@@ -29,7 +29,7 @@ pub struct Controller {
     pub velocity_limit: f64,
     /// A.
     pub current_limit: f64,
-    /// What the input has become so far.
+    /// The processed input so far: position and velocity.
     position: f64,
     velocity: f64,
     integral: f64,

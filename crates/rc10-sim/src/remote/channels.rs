@@ -6,8 +6,8 @@ use super::{Controls, Switch};
 const MIDDLE: f64 = 992.0;
 const REACH: f64 = 819.5;
 
-/// Where the controls are, as a transmitter that is set up for a robot sends them: the sticks in
-/// the order "AETR" of mode 2, then right and left switch, two more, and the dial.
+/// The positions of the controls, as a transmitter that is set up for a robot sends them: the
+/// sticks in the order "AETR" of mode 2, then right and left switch, two more, and the dial.
 pub(super) fn channels(controls: &Controls) -> [u16; 16] {
     let Controls { left, right, left_switch, right_switch, more_switches, dial, .. } = controls;
     let [third, fourth] = *more_switches;

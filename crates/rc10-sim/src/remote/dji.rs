@@ -1,4 +1,4 @@
-//! What DJI's receivers have in common.
+//! The common parts of DJI's receivers.
 
 use std::collections::VecDeque;
 

@@ -111,10 +111,11 @@ pub struct Sent {
     pub frames: u64,
     /// Those that say where the controls are now, and not that the remote is lost.
     pub live: u64,
-    /// When the first of those that were sent without a break ended on the wire: the last bit or
-    /// edge of it. A break is a frame that was not sent or not live.
+    /// The time at which the first of those that were sent without a break ended on the wire: the
+    /// last bit or edge of it. A break is a frame that was not sent or not live.
     pub back_since: Option<Nanos>,
-    /// When the newest of those ended on the wire, or will have ended: it may be on it yet.
+    /// The time at which the newest of those ended on the wire, or will have ended: it may be on it
+    /// yet.
     pub last_live: Option<Nanos>,
 }
 
@@ -169,7 +170,7 @@ impl Remote {
         self.0.sent.get()
     }
 
-    /// Where the controls are, if the receiver hears that now.
+    /// The positions of the controls, if the receiver hears the transmitter now.
     fn heard(&self) -> Option<Controls> {
         self.0.transmitter.get().then(|| self.0.controls.get())
     }
@@ -201,7 +202,7 @@ impl Remote {
     }
 }
 
-/// How long a number of characters takes on a link.
+/// The time that a number of characters takes on a link.
 const fn characters(count: usize, character: Nanos) -> Nanos {
     Nanos::new(count as u64 * character.get())
 }

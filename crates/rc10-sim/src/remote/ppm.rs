@@ -15,7 +15,7 @@ const CHANNELS: usize = 8;
 pub struct Ppm {
     remote: Remote,
     phase: Nanos,
-    /// When the frame began, and how many edges of it there were: odd is high.
+    /// The time at which the frame began, and the number of its edges so far: odd is high.
     began: Nanos,
     edges: usize,
     next: Nanos,
@@ -23,7 +23,7 @@ pub struct Ppm {
 }
 
 impl Ppm {
-    /// A receiver that sends its first frame so long after power-on.
+    /// A receiver that sends its first frame at `phase` after power-on.
     #[must_use]
     pub fn new(remote: &Remote, phase: Nanos) -> Self {
         Self {

@@ -22,8 +22,8 @@ pub enum Failsafe {
 
 /// An SBUS receiver: 25 bytes every 7 or 14 ms, whether it hears its remote or not.
 ///
-/// What it does not hear it replaces by what it heard last, and sets the flag "frame lost"; after a
-/// while it sets the flag "failsafe" too.
+/// A receiver that does not hear its remote repeats what it heard last, and sets the flag "frame
+/// lost"; after a while it sets the flag "failsafe" too.
 #[derive(Debug)]
 pub struct Sbus {
     remote: Remote,
@@ -32,7 +32,7 @@ pub struct Sbus {
     failsafe: Failsafe,
     failsafe_after: u32,
     next: Nanos,
-    /// What it heard last; nothing since power-on is failsafe from the start.
+    /// The controls that it heard last; nothing since power-on is failsafe from the start.
     last: Option<Controls>,
     missed: u32,
 }
@@ -42,7 +42,7 @@ impl Sbus {
     pub const SERIAL: SerialConfig =
         SerialConfig { baud: 100_000, bits: 12, receive_capacity: 256 };
 
-    /// A receiver that sends every 14 ms, its first frame so long after power-on. It holds the
+    /// A receiver that sends every 14 ms, its first frame at `phase` after power-on. It holds the
     /// sticks when it loses the remote, and says "failsafe" with the 15th frame in a row that is
     /// lost.
     #[must_use]

@@ -19,7 +19,7 @@ impl Vt03 {
     pub const SERIAL: SerialConfig =
         SerialConfig { baud: 921_600, bits: 10, receive_capacity: 256 };
 
-    /// A receiver that sends its first frame so long after power-on.
+    /// A receiver that sends its first frame at `phase` after power-on.
     #[must_use]
     pub fn new(remote: &Remote, phase: Nanos) -> Self {
         Self::with(remote, phase, Self::SERIAL, frame)

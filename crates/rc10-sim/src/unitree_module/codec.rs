@@ -36,7 +36,7 @@ pub struct Command {
     pub module: u8,
     /// Which of its motors, 0 ..= 15; 15 is all of them.
     pub motor: u8,
-    /// What is asked.
+    /// The question or the command.
     pub asked: Asked,
 }
 
@@ -120,14 +120,14 @@ pub struct Report {
     pub module: u8,
     /// About which of its motors, 0 ..= 14.
     pub motor: u8,
-    /// What it says.
+    /// The content of the report.
     pub told: Told,
 }
 
 /// See [`Report`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Told {
-    /// How the motor is.
+    /// The state of the motor.
     State {
         /// 0 locked, 1 following, 2 calibrating.
         status: u8,
@@ -138,14 +138,14 @@ pub enum Told {
         /// Upper eight bits of its sensor.
         air_pressure: u8,
     },
-    /// What is wrong.
+    /// A fault of the motor.
     Fault {
         /// As in a state.
         status: u8,
         /// 1 over-temperature, 2 over-current, 3 over-voltage, 4 encoder.
         error: u8,
     },
-    /// What the module has for the motor.
+    /// The gains that the module has for the motor.
     Gains(Gains),
 }
 

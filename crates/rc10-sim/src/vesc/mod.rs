@@ -29,13 +29,13 @@ pub struct VescConfig {
     pub id: u8,
     /// Pole pairs of the motor, 1 or more.
     pub pole_pairs: u8,
-    /// How often STATUS to `STATUS_6` come, in Hz; 0: never, as by factory default.
+    /// Rates of STATUS to `STATUS_6`, in Hz; 0: never, as by factory default.
     pub status_hz: [u16; 6],
     /// Slower than this speed is not regulated, electrical rpm.
     pub minimum_erpm: f64,
-    /// How long a command holds.
+    /// The time for which a command holds.
     pub timeout: Micros,
-    /// What it brakes with after that, A.
+    /// The braking current after that, A.
     pub timeout_brake: f64,
     /// Most current that drives, A.
     pub current_max: f64,
@@ -46,7 +46,7 @@ pub struct VescConfig {
     /// Gains of the speed controller, in shares of the current limit per 20 electrical rpm: `s_pid_kp`
     /// and, per second, `s_pid_ki`.
     pub speed_gains: [f64; 2],
-    /// How fast its speed may be changed, electrical rpm per second: `s_pid_ramp_erpms_s`.
+    /// The largest rate of change of its speed, electrical rpm per second: `s_pid_ramp_erpms_s`.
     pub speed_ramp: f64,
     /// Gains of the position controller, in shares of the current limit per degree, and times
     /// seconds: `p_pid_kp`, `p_pid_kd_proc`.
@@ -161,7 +161,7 @@ pub struct Vesc {
     /// Ampere hours and watt hours: drawn, fed back.
     charge: [f64; 2],
     energy: [f64; 2],
-    /// What the winding gets now: share of the supply voltage.
+    /// The voltage of the winding now, as a share of the supply voltage.
     duty: f64,
     input_current: f64,
 }
@@ -249,7 +249,7 @@ impl Vesc {
         }
     }
 
-    /// What the report of this index says.
+    /// The report of this index.
     fn report(&mut self, index: usize, shaft: &Shaft<'_>) -> Report {
         match index {
             0 => Report::Status1 {

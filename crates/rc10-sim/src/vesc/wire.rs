@@ -24,7 +24,7 @@ pub enum Order {
     Handbrake(f64),
     /// Packet 13: share of the braking limit.
     HandbrakeShare(f64),
-    /// Packet 17, with the id of who asks.
+    /// Packet 17, with the id of the asking node.
     Ping(u8),
     /// Packets 21 and 22 (which also writes the flash): most negative and most positive current, A.
     CurrentLimits(f64, f64, Stored),
