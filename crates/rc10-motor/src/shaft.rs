@@ -40,7 +40,7 @@ const NEVER: Micros = Micros::new(1 << 63);
 
 /// Counts the turns of an output shaft.
 ///
-/// What is counted stays exact: the part of a microdegree that a step leaves over is carried on.
+/// The count stays exact: the part of a microdegree that a step leaves over is carried on.
 #[derive(Clone, Copy, Debug)]
 pub struct Shaft {
     /// Microdegrees of the output per step, with the direction: whole ones, and `part / divisor`.

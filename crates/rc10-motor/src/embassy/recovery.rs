@@ -38,7 +38,7 @@ impl Recovery {
 
     /// Decides from the health of the bus; `asked` is whether it is to come back now.
     pub(super) fn step(&mut self, health: &Health, asked: bool, now: Micros) -> Steps {
-        // A driver that goes back by itself may be back before anybody looks.
+        // A driver that goes back by itself may be back before the next look.
         let fell = self.bus_offs.replace(health.bus_offs).is_some_and(|n| n != health.bus_offs);
         let off = health.state == ErrorState::BusOff;
         let due = self.policy != BusOffPolicy::Manual && now >= self.earliest;
