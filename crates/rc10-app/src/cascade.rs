@@ -98,7 +98,7 @@ pub struct CascadeState {
     ticks_left: u8,
 }
 
-/// Which loops ran last.
+/// The loops that ran last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Active {
     #[default]

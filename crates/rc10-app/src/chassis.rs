@@ -141,7 +141,7 @@ pub struct Mecanum {
 pub struct WheelSpeeds {
     /// Front left, front right, rear left, rear right; within ± `max_wheel_speed`.
     pub speeds: [Rpm; 4],
-    /// Which part of the twist this is: 1 unless a wheel had to be limited, then 0 .. 1. The
+    /// The share of the twist that this is: 1 unless a wheel had to be limited, then 0 .. 1. The
     /// direction and the radius of the path are those asked for in any case.
     pub scale: f32,
 }
@@ -281,8 +281,8 @@ impl TwistLimiter {
     }
 }
 
-/// Which part of `distance` one step may go, 0 ..= 1. A step that is negative or not a number is
-/// no step.
+/// The share of `distance` that one step may go, 0 ..= 1. A step that is negative or not a number
+/// is no step.
 fn step_share(distance: f32, step: f32) -> f32 {
     let step = step.max(0.0);
     if distance <= step { 1.0 } else { step / distance }

@@ -203,7 +203,7 @@ impl Gear {
     }
 }
 
-/// Which way the output shaft counts.
+/// The direction in which the output shaft counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Direction {

@@ -32,11 +32,11 @@ pub struct Line<'t> {
     pub channel: &'t str,
     /// The frame that was on the wire.
     pub frame: CanFrame,
-    /// Which way it went, as the machine that wrote the log saw it, if the line says so.
+    /// The way that it went, as the machine that wrote the log saw it, if the line says so.
     pub direction: Option<Direction>,
 }
 
-/// Which way a frame went.
+/// The way that a frame went.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// Into the machine that wrote the log.
@@ -325,7 +325,7 @@ pub struct Reader<R> {
 /// A line of a log, read or not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Numbered<'t> {
-    /// Which line it is, counted from 1.
+    /// The number of the line, counted from 1.
     pub number: u64,
     /// The text of the line; the beginning of it, if it is too long. Bytes that are no text are
     /// replaced.

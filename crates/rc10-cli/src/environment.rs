@@ -38,7 +38,7 @@ pub struct Environment {
 pub struct RemoteLink {
     /// The remote.
     pub remote: Remote,
-    /// Which receiver.
+    /// The kind of receiver.
     pub receiver: Receiver,
     /// Its wire.
     pub wire: ReceiverWire,

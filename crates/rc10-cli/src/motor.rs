@@ -86,7 +86,7 @@ impl fmt::Display for Place {
 pub enum Device {
     /// One of DJI's.
     Dji {
-        /// Which one.
+        /// The model.
         model: &'static Model,
         /// The identifier set on it.
         id: u8,

@@ -87,7 +87,7 @@ pub struct PartTrack {
 
 /// The track of one motor.
 pub struct MotorTrack {
-    /// Which motor it is.
+    /// The motor, as described.
     pub motor: Motor,
     /// One per sample.
     pub samples: Vec<MotorSample>,
@@ -107,7 +107,7 @@ pub struct MotorTrack {
 /// Tracking of the targets of one kind by a motor: all looks in which it followed one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tracking {
-    /// Which kind.
+    /// The kind of target.
     pub kind: TargetKind,
     /// Number of looks.
     pub looks: u64,
@@ -303,7 +303,7 @@ impl BaseTrack {
 pub struct BaseHeard {
     /// Its wheels, in the order of [`BaseTrack::wheels`].
     pub wheels: [WheelHeard; 4],
-    /// Which way it looks by its IMU, degrees counter-clockwise, all turns counted.
+    /// Heading by its IMU, degrees counter-clockwise, all turns counted.
     pub yaw: Option<f64>,
 }
 

@@ -14,7 +14,7 @@ use embedded_hal::digital::InputPin;
 use embedded_hal_async::digital::Wait;
 use rc10_can::Micros;
 
-/// Which level of the pin means that the switch is pressed.
+/// The level of the pin that means that the switch is pressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Active {

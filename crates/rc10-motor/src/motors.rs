@@ -13,7 +13,7 @@ use crate::request::{Request, RequestError, Response};
 use crate::supervision::{Link, MotorStatus, Safety, Supervision};
 use crate::target::{Target, TargetError, TargetSet};
 
-/// Which motor of a bus: as `attach` counted them.
+/// The number of a motor on its bus, as `attach` counted it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MotorId(u8);

@@ -164,7 +164,7 @@ enum Names {
     From(u32, &'static [&'static str]),
 }
 
-/// In which order a signal's bytes come.
+/// The order of a signal's bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ByteOrder {
     /// Lowest first (DBC: 1, "Intel").

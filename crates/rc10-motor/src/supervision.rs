@@ -136,7 +136,7 @@ impl fmt::Display for Refusals {
     }
 }
 
-/// All there is to know about one motor.
+/// The status of one motor: all there is to know about it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]

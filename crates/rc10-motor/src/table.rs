@@ -64,13 +64,13 @@ impl ReceiveTable {
         self.used += 1;
     }
 
-    /// Which motor a frame belongs to, if that is known at first sight.
+    /// The motor that a frame belongs to, if that is known at first sight.
     pub(crate) fn find_first(&self, frame: &CanFrame) -> Option<MotorId> {
         let entry = &self.entries[home(frame.key()) % SIZE];
         (entry.key == frame.key()).then_some(entry.slot)
     }
 
-    /// Which motor a frame belongs to.
+    /// The motor that a frame belongs to.
     pub(crate) fn find(&self, frame: &CanFrame) -> Option<MotorId> {
         let key = frame.key();
         let mut index = home(key);

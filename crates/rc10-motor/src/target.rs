@@ -123,7 +123,7 @@ impl Target {
     }
 }
 
-/// Which kinds of target a motor takes.
+/// The kinds of target that a motor takes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct TargetSet(u16);

@@ -17,12 +17,12 @@ use rc10_motor::unitree::{self, GoM8010, GoModule, Rs485Bus};
 use rc10_motor::vesc::{self, Currents, ElectricalScale, Vesc, VescId};
 use rc10_motor::{ArmSwitch, AttachError, Impedance, MotorBus, MotorId, Safety, Target};
 
-/// Its CAN buses.
+/// Number of CAN buses.
 pub const BUSES: usize = 2;
-/// Its legs: GO-M8010-6 on the line, with ids 0 to 3.
+/// Number of legs: GO-M8010-6 on the line, with ids 0 to 3.
 pub const LEGS: usize = 4;
 
-/// Names of its motors.
+/// Names of the motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Name {
     /// VESC 1, bus 1.
@@ -52,7 +52,7 @@ pub struct Motors {
     legs: [GoM8010; LEGS],
 }
 
-/// Everything that the tasks share.
+/// The state that the tasks share.
 pub struct Shared {
     /// Arms and stops all motors.
     pub switch: ArmSwitch,

@@ -33,7 +33,7 @@ pub struct Shared<'p> {
     pub remote_reception: Reception,
     /// State of the link to the remote control.
     pub remote_link: Latest<RemoteLink, 1>,
-    /// Which way the robot looks in the world, by its IMU: [`imu::run`](crate::imu::run) says from
+    /// The heading of the robot in the world, by its IMU: [`imu::run`](crate::imu::run) says from
     /// where that counts.
     pub heading: Latest<Heading, 1>,
     /// Counters of the IMU's bytes and frames.

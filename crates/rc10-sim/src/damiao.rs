@@ -77,7 +77,7 @@ enum State {
     Error(u8),
 }
 
-/// One of them.
+/// A simulated Damiao motor.
 #[derive(Clone, Debug)]
 pub struct Damiao {
     config: DamiaoConfig,

@@ -42,7 +42,7 @@ use rc10_message::Stamped;
 use rc10_module::remote::{Receiver, Remote, RemoteLink, Switch, Watch};
 use rc10_motor::{ArmState, ArmSwitch};
 
-/// Which switches arm, disarm and stop a robot.
+/// The switches that arm, disarm and stop a robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ArmingConfig {

@@ -1,4 +1,4 @@
-//! Which way the robot looks in the world, by its IMU.
+//! The heading of the robot in the world, by its IMU.
 
 use embedded_io_async::Read;
 use rc10_can::Micros;

@@ -19,7 +19,7 @@ const STEP: Micros = Micros::new(100);
 /// The track of a remote: what its receiver sent, and what the robot did while it was lost.
 #[derive(Clone, Debug)]
 pub struct RemoteTrack {
-    /// Which receiver.
+    /// The kind of receiver.
     pub receiver: Receiver,
     /// Counters of the frames that the receiver sent.
     pub sent: Sent,

@@ -1,4 +1,5 @@
-//! Which way up and which way round a robot is, from a gyroscope and an accelerometer.
+//! The attitude of a robot, from a gyroscope and an accelerometer: how it leans, and which way
+//! round it is.
 //!
 //! The rotation is integrated as a quaternion. Where the accelerometer feels gravity and nothing
 //! else, the estimate leans towards that: slowly while the robot moves, quickly while it rests, and

@@ -93,7 +93,7 @@ pub enum Coordinate {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Implausible {
-    /// Which one.
+    /// The coordinate.
     pub coordinate: Coordinate,
     /// The value that it was to have.
     pub value: f32,

@@ -53,7 +53,7 @@ pub struct Jrt;
 pub enum Answer {
     /// It measured.
     Result {
-        /// Which module: 0 as sold.
+        /// The address of the module: 0 as sold.
         address: u8,
         /// See [`range`](Self::range).
         millimetres: u32,
@@ -63,7 +63,7 @@ pub enum Answer {
     },
     /// It could not measure.
     Error {
-        /// Which module.
+        /// The address of the module.
         address: u8,
         /// Why. See [`range`](Self::range).
         code: u16,

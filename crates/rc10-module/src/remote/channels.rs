@@ -27,7 +27,7 @@ impl Channel {
     }
 }
 
-/// Which channel is what: the mixer page of the transmitter, as data.
+/// The channels of the sticks, switches and dial: the mixer page of the transmitter, as data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ChannelOrder {

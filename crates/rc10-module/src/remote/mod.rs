@@ -100,7 +100,7 @@ pub struct Mouse {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Keys(pub u32);
 
-/// Which receiver.
+/// The kind of receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Receiver {

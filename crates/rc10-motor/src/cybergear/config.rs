@@ -6,7 +6,7 @@ use super::wire::Address;
 use crate::feedback::Fault;
 use crate::mit::Limits;
 
-/// A model.
+/// A model of motor: its limits, faults and gains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
     /// As the vendor writes it.
@@ -97,7 +97,7 @@ const fn robstride(name: &'static str, limits: Limits) -> Model {
     }
 }
 
-/// The models.
+/// All models of CyberGear and RobStride.
 pub mod models {
     use super::{Limits, Model, robstride};
 

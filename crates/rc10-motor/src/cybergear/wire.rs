@@ -61,12 +61,12 @@ pub fn enable(to: Address) -> CanFrame {
     frame(kind::ENABLE, to.host.into(), to.motor, first(0))
 }
 
-/// No torque.
+/// Stops the motor: no torque.
 pub fn stop(to: Address) -> CanFrame {
     frame(kind::STOP, to.host.into(), to.motor, first(0))
 }
 
-/// No torque, and faults forgotten.
+/// Stops the motor, and makes it forget its faults.
 pub fn clear_faults(to: Address) -> CanFrame {
     frame(kind::STOP, to.host.into(), to.motor, first(1))
 }
@@ -190,7 +190,7 @@ pub enum Mode {
     Unknown = 3,
 }
 
-/// Types 2 and 24.
+/// The feedback of a motor: types 2 and 24.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Feedback {
@@ -212,13 +212,13 @@ pub struct Feedback {
     pub temperature: Celsius,
 }
 
-/// Type 17.
+/// The value of a parameter: type 17.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ParameterValue {
     /// From, and to.
     pub address: Address,
-    /// Which one.
+    /// The parameter.
     pub parameter: Parameter,
     /// There is no such one, and the bytes mean nothing (RobStride manuals, type 17: bits 23 to 16).
     pub refused: bool,
@@ -239,7 +239,8 @@ impl ParameterValue {
     }
 }
 
-/// Type 21. What the bits mean stands beside the models, as text.
+/// The faults and warnings of a motor: type 21. What the bits mean stands beside the models, as
+/// text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FaultReport {

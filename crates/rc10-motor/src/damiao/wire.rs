@@ -12,7 +12,8 @@ use crate::feedback::Fault;
 use crate::mit::{Limits, Setpoint, full, pack_positive, pack_signed, sendable, unpack_signed};
 use crate::motor::FrameError;
 
-/// `CAN_ID`, register 8: what a motor listens to. It compares the low byte only.
+/// The `CAN_ID` of a motor, register 8: identifier of the frames that it takes. The motor compares
+/// the low byte only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct DeviceId(u16);
@@ -80,7 +81,7 @@ impl Mode {
     }
 }
 
-/// Seven bytes of 0xFF and one of these.
+/// A special command: seven bytes of 0xFF and one of these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Operation {
@@ -94,8 +95,8 @@ pub enum Operation {
     StoreZero = 0xFE,
 }
 
-/// An operation. New firmware looks at the low byte of the identifier only, old firmware wants the
-/// offset of the mode it is in.
+/// The frame of an operation. New firmware looks at the low byte of the identifier only, old
+/// firmware wants the offset of the mode it is in.
 pub fn operate(id: DeviceId, mode: Mode, operation: Operation) -> CanFrame {
     let last = operation as u8;
     let bytes = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, last];

@@ -16,7 +16,7 @@ pub struct Received {
     pub at: Micros,
 }
 
-/// Which frames a [`Subscription`] gets.
+/// A selection of frames for a [`Subscription`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Filter {
     /// Those that no motor claims.

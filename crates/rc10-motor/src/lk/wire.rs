@@ -280,7 +280,7 @@ impl Motion {
     }
 }
 
-/// Response to `9A` and `9B`.
+/// Temperature, supply and errors of a drive: the response to `9A` and `9B`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Health {
     /// The command that was answered.
@@ -341,7 +341,7 @@ impl Errors {
     }
 }
 
-/// Response to `9D`.
+/// Phase currents of a drive: the response to `9D`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhaseCurrents {
     /// Of the motor.

@@ -117,7 +117,7 @@ impl AxisState {
     }
 }
 
-/// Which loops run (firmware 0.5.6 `ControlMode`).
+/// The control mode of an axis: the loops that run (firmware 0.5.6 `ControlMode`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ControlMode {
@@ -287,7 +287,7 @@ impl Query {
     }
 }
 
-/// Message `01`: sent every 100 ms from the factory.
+/// State and errors of an axis: message `01`, sent every 100 ms from the factory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Heartbeat {
@@ -301,7 +301,7 @@ pub struct Heartbeat {
     pub details: [u8; 3],
 }
 
-/// Message `09`.
+/// Position and velocity of an axis: message `09`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Estimates {
@@ -311,7 +311,7 @@ pub struct Estimates {
     pub velocity: f32,
 }
 
-/// Message `14`: torque current.
+/// Torque current of an axis: message `14`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Currents {
@@ -321,7 +321,7 @@ pub struct Currents {
     pub measured: Amps,
 }
 
-/// Message `17`.
+/// Supply of an axis: message `17`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Supply {
@@ -331,7 +331,8 @@ pub struct Supply {
     pub current: Amps,
 }
 
-/// Message `15` of firmware 0.6. In 0.5 that number is another message's, so it is no [`Message`].
+/// Temperatures of an axis: message `15` of firmware 0.6. In 0.5 that number is another message's,
+/// so it is no [`Message`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Temperatures {
     /// Of the power stage; NaN where there is no sensor.

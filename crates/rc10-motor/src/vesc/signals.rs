@@ -17,7 +17,7 @@ pub const NOT_IN_DBC: &[&str] = &[
     "VESC: the current in STATUS is negative when the motor generates, whichever way it turns",
 ];
 
-/// All messages of a VESC, and all that can be sent to it.
+/// Number of all messages of a VESC, and of all that can be sent to it.
 pub const MOST: usize = 6 + 1 + 2 * ORDERS.len();
 
 /// The status frames that are switched on, the answer to a PING, all that can be sent to it, also by

@@ -28,10 +28,10 @@ pub enum AtEnd {
 
 /// The number of a simulated chip; its last byte is the motor's first identifier.
 const CHIP: [u8; 7] = *b"RC10CYB";
-/// A device's own loops run so often in a physics step (*assumed*: 20 kHz).
+/// Number of steps of a device's own loops in a physics step (*assumed*: 20 kHz).
 const LOOPS: f64 = 2.0;
 
-/// One device.
+/// A simulated CyberGear or RobStride.
 pub struct CyberGear {
     model: Model,
     at_end: AtEnd,

@@ -63,8 +63,8 @@ fn to_field(value: f64, low: f64, high: f64) -> u16 {
     ((value - low) * 65_535.0 / (high - low)) as u16
 }
 
-/// To whom a frame goes and what it wants; `None` if it is none of theirs, `Some(Err)` if its
-/// length or content is none that the device takes.
+/// The addressee, the sender and the command of a frame; `None` if it is none of theirs,
+/// `Some(Err)` if its length or content is none that the device takes.
 #[must_use]
 pub fn read(frame: &CanFrame, model: &Model) -> Option<(u8, u8, Result<Command, Malformed>)> {
     if !frame.is_extended_id() || frame.is_remote() {

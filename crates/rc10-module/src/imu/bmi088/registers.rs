@@ -19,7 +19,7 @@ pub const ACCELERATION: u8 = 0x12;
 pub const TIME: u8 = 0x18;
 /// Accelerometer, two bytes of temperature (5.3.7).
 pub const TEMPERATURE: u8 = 0x22;
-/// From [`CHIP_ID`] to the temperature.
+/// Number of the accelerometer's registers from [`CHIP_ID`] to the temperature.
 pub const ACC_ALL: usize = 0x24;
 const ACC_CONF: u8 = 0x40;
 const ACC_RANGE: u8 = 0x41;
@@ -33,7 +33,7 @@ pub const RATE: u8 = 0x02;
 const GYRO_RANGE: u8 = 0x0F;
 const GYRO_BANDWIDTH: u8 = 0x10;
 const GYRO_LPM1: u8 = 0x11;
-/// From [`CHIP_ID`] to `GYRO_LPM1`.
+/// Number of the gyroscope's registers from [`CHIP_ID`] to `GYRO_LPM1`.
 pub const GYRO_ALL: usize = 0x12;
 /// Gyroscope (5.5.7).
 pub const GYRO_SOFTRESET: u8 = 0x14;
