@@ -35,7 +35,7 @@ pub struct SignalTrack {
     pub last: Option<f64>,
     /// Lowest, mean and highest value of the run; `None` if it never had one.
     pub range: Option<[f64; 3]>,
-    /// How long it had no value.
+    /// Time without a value.
     pub absent: Micros,
 }
 
