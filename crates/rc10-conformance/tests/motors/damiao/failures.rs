@@ -327,6 +327,38 @@ fn old_firmware_in_another_mode_is_disabled() {
     assert!(rig.is_enabled());
 }
 
+/// Until the device does it, each operation goes to both identifiers in turn; then to one.
+#[test]
+fn an_operation_that_is_not_obeyed_goes_to_both_identifiers_in_turn() {
+    let id = StandardId::new(MASTER_ID).unwrap();
+    let says = |state: u8| {
+        CanFrame::eight_bytes(id, [state << 4 | 1, 0x7F, 0xFF, 0x7F, 0xF7, 0xFF, 25, 25])
+    };
+    let (own, bare) = (0x200 + u32::from(CAN_ID), u32::from(CAN_ID));
+    for (mode, state, last, in_turn) in [
+        (DriveMode::Off, 1, 0xFD, true),
+        (DriveMode::Off, 0, 0xFD, false),
+        (DriveMode::Run, 0, 0xFC, true),
+    ] {
+        let mut motor = motor(Control::Velocity).verify_limits(false);
+        motor.set_target(Target::Speed(Rpm::new(10.0))).unwrap();
+        let mut sent = Vec::new();
+        for millis in 1..=6 {
+            motor.unpack_feedback(&says(state), Micros::from_millis(millis), Link::Online).unwrap();
+            motor.update(&Tick::new(mode));
+            let mut tx = TxBatch::new();
+            motor.pack_command(&mut tx).unwrap();
+            assert_eq!(tx.frames()[0].bytes().last(), Some(&last));
+            sent.push(tx.frames()[0].raw_id());
+        }
+        // The first one is to its own identifier or the bare one: as in the tick before.
+        let turns = sent[1..].windows(2).filter(|pair| pair[0] != pair[1]).count();
+        assert_eq!(turns, if in_turn { 4 } else { 0 }, "{mode:?} {state}: {sent:x?}");
+        assert!(in_turn || sent.iter().all(|sent| *sent == own), "{sent:x?}");
+        assert!(sent.iter().all(|sent| [own, bare].contains(sent)), "{sent:x?}");
+    }
+}
+
 #[test]
 fn an_enabled_device_is_disabled_before_all_else() {
     for control in controls() {

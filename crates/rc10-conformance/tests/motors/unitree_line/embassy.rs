@@ -93,6 +93,43 @@ fn a_line_under_embassy_drives_its_motors_and_answers_requests() {
     assert_eq!((wire.counters().collided, wire.counters().overrun), (0, 0));
 }
 
+/// A port whose reading ends at once, again and again.
+struct Ended;
+
+impl embedded_io_async::ErrorType for Ended {
+    type Error = core::convert::Infallible;
+}
+
+impl embedded_io_async::Read for Ended {
+    async fn read(&mut self, _: &mut [u8]) -> Result<usize, Self::Error> {
+        Ok(0)
+    }
+}
+
+impl embedded_io_async::Write for Ended {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Self::Error> {
+        Ok(bytes.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), Self::Error> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_port_that_has_ended_is_counted_and_stops_no_tick() {
+    let switch: &'static ArmSwitch = Box::leak(Box::default());
+    let port: &'static Rs485Port = Box::leak(Box::default());
+    let mut world = World::new(41);
+    let mut tasks = Tasks::new();
+    tasks.add(run_rs485(Ended, Rs485Bus::new(switch), port));
+    assert!(world.run(Pin::new(&mut tasks), Micros::from_millis(100)).is_pending());
+    let status = port.status();
+    assert_eq!((status.ticks, status.overruns), (100, 0));
+    // One every 100 us.
+    assert!((900..=1000).contains(&status.port_errors), "{}", status.port_errors);
+}
+
 #[test]
 fn hearing_its_own_commands_is_no_harm() {
     let echo = LineConfig { echo: true, ..LineConfig::default() };

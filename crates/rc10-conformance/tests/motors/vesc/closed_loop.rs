@@ -3,6 +3,7 @@
 use rc10_app::{Amps, Degrees, PidConfig, Rpm, RpmPerSecond, TotalAngle};
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
+use rc10_motor::vesc::Setting;
 use rc10_motor::{Condition, DriveMode, Request, RequestError, Target, TargetError, TargetKind};
 use rc10_sim::vesc::Mode;
 
@@ -459,6 +460,19 @@ fn limits_are_kept_here_and_told_to_the_device_again_after_a_restart() {
         assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-40.0, 40.0));
         bench.wait(30);
         assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-12.5, 12.5));
+        // Another program has told it another one; it is told ours again once a second.
+        let (low, high) = (Amps::new(-40.0), Amps::new(40.0));
+        let other = Setting::MotorCurrent { min: low, max: high }.pack(id(1)).unwrap();
+        let mut lowest = 0;
+        for _ in 0..2 {
+            bench.wire.inject(&other);
+            for _ in 0..1010 {
+                bench.wait(1);
+                lowest += u32::from(inside(esc, |vesc| vesc.current_limits()) == (-12.5, 12.5));
+            }
+            assert_eq!(inside(esc, |vesc| vesc.current_limits()), (-12.5, 12.5));
+        }
+        assert!(lowest < 1200, "told again {lowest} ms too early");
         // Never above what it was made with.
         assert!(bench.bus.request(motor, limit(1e9)).is_ok());
         bench.wait(10);
