@@ -111,6 +111,8 @@ pub fn run() -> Result<()> {
     report.step("lint", || {
         with_component("clippy", || {
             run_command(&mut host("clippy --workspace --all-targets -- -D warnings"))?;
+            // Alone, without its feature `embassy`, as other firmware uses it.
+            run_command(&mut host("clippy --package rc10-motor -- -D warnings"))?;
             run_command(&mut host(&format!("clippy {TWO_WHEELS} --all-targets -- -D warnings")))
         })
     });

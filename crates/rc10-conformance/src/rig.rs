@@ -206,6 +206,14 @@ impl<'m> Rig<'m> {
         broken(self.now(), format!("{when} it makes {rpm:.1} rpm, not {}", self.cruise_rpm()))
     }
 
+    /// Whether its link is lost.
+    pub(crate) fn is_lost(&self, when: &str) -> Outcome {
+        if self.status().link == Link::Lost {
+            return Ok(());
+        }
+        broken(self.now(), format!("{when} its link is {:?}", self.status().link))
+    }
+
     /// Waits until its device was heard: for some, that is a matter of tenths of a second.
     pub(crate) fn is_heard(&mut self) -> Outcome {
         self.wait(None, 20);

@@ -296,18 +296,6 @@ impl Shaft {
         output / self.ratio
     }
 
-    /// The nearest number of steps from here to another angle: what to add to the device's own
-    /// reading for a device that is told where to go.
-    pub fn steps_to(&self, angle: TotalAngle) -> i64 {
-        let way = i128::from(angle.minus(self.angle()).microdegrees());
-        let (divisor, part) = (i128::from(self.divisor), i128::from(self.part));
-        // A step is (whole · divisor + part) / divisor microdegrees.
-        let step = i128::from(self.whole) * divisor + part;
-        let doubled = 2 * way * divisor * step.signum();
-        let steps = (doubled + step.abs()).div_euclid(2 * step.abs());
-        i64::try_from(steps).unwrap_or(if steps < 0 { i64::MIN } else { i64::MAX })
-    }
-
     /// Time, speed, angles and gaps; nothing before anything was measured.
     pub const fn feedback(&self) -> Feedback {
         if !self.is_known() {

@@ -32,9 +32,10 @@ pub(super) fn back_on_the_wire(case: &Case<'_>, found: &mut Findings) {
             let back = rig.declared.backward();
             rig.bench.set_cut(true);
             rig.wait(Some(back), millis);
+            let when = format!("after a cut of {millis} ms");
+            rig.is_lost(&when)?;
             rig.bench.set_cut(false);
             rig.watch();
-            let when = format!("after a cut of {millis} ms");
             rig.goes_again(back, &when)?;
             rig.was_soft(&when)
         }));
@@ -42,10 +43,12 @@ pub(super) fn back_on_the_wire(case: &Case<'_>, found: &mut Findings) {
     for_each_effort(case, found, |rig, effort| {
         rig.bench.set_cut(true);
         rig.wait(Some(effort), 60);
+        let when = format!("after a cut, with {effort:?},");
+        rig.is_lost(&when)?;
         rig.bench.set_cut(false);
         rig.watch();
         rig.wait(Some(effort), rig.declared.enables_within + 100);
-        rig.was_soft(&format!("after a cut, with {effort:?},"))
+        rig.was_soft(&when)
     });
 }
 
