@@ -172,6 +172,22 @@ fn a_restart_clears_no_fault() {
     }
 }
 
+/// The registers of a device that cannot be heard are not at fault.
+#[test]
+fn a_check_that_is_cut_off_begins_again_when_the_device_is_back() {
+    let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST);
+    while !rig.bench.sent().frames().iter().any(|frame| frame.raw_id() == 0x7FF) {
+        rig.bench.tick();
+    }
+    rig.bench.wire.set_cut(true);
+    rig.bench.wait(300);
+    assert_eq!((rig.status().link, rig.status().fault), (Link::Lost, None));
+    rig.bench.wire.set_cut(false);
+    let mut rig = rig.armed();
+    rig.bench.hold(rig.motor, target_of(&mit()), 20).unwrap();
+    assert!(rig.is_enabled());
+}
+
 /// What came back may be set up otherwise: it is looked at again before it is enabled.
 #[test]
 fn a_restarted_device_is_looked_at_again() {

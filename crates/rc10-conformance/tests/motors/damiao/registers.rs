@@ -2,9 +2,14 @@
 
 use super::{CAN_ID, MASTER_ID, Rig, cascade, controls, device, motor};
 use rc10_app::{Rpm, TotalAngle};
+use rc10_can::embedded_can::StandardId;
+use rc10_can::{CanFrame, Micros};
 use rc10_conformance::Bench;
 use rc10_motor::damiao::{Control, Damiao, models};
-use rc10_motor::{ArmSwitch, Condition, Link, Request, RequestError, Response, Safety, Target};
+use rc10_motor::{
+    ArmSwitch, CanMotor, Condition, DriveMode, Link, Motor, Request, RequestError, Response,
+    Safety, Target, Tick, TxBatch,
+};
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig};
 
 fn mit() -> Control {
@@ -129,6 +134,44 @@ fn a_zero_in_flash_is_kept_without_power() {
         assert!(degrees(&rig).abs() < 0.1, "{}", degrees(&rig));
         assert!(!rig.is_enabled());
     }
+}
+
+/// Any disabled device answers: only one whose angle is zero has a new zero.
+#[test]
+fn a_stored_zero_is_believed_once_the_angle_is_zero() {
+    let id = StandardId::new(MASTER_ID).unwrap();
+    let says = |position: u16| {
+        let [high, low] = position.to_be_bytes();
+        CanFrame::eight_bytes(id, [1, high, low, 0x7F, 0xF7, 0xFF, 25, 25])
+    };
+    let mut motor = motor(mit()).verify_limits(false);
+    let mut now = Micros::ZERO;
+    let mut tick = |motor: &mut Damiao, position| {
+        now += Micros::from_millis(1);
+        motor.unpack_feedback(&says(position), now, Link::Online).unwrap();
+        motor.update(&Tick::new(DriveMode::Off));
+        motor.pack_command(&mut TxBatch::new()).unwrap();
+        motor.response()
+    };
+    assert_eq!(tick(&mut motor, 0x9000), None);
+    assert_eq!(motor.request(Request::StoreZero), Ok(Response::Pending));
+    for _ in 0..5 {
+        assert_eq!(tick(&mut motor, 0x9000), None);
+    }
+    assert!(motor.feedback().total_angle.degrees().get() > 30.0);
+    assert_eq!(tick(&mut motor, 0x7FFF), Some(Ok(Response::Done)));
+    assert!(motor.feedback().total_angle.degrees().get().abs() < 0.1);
+}
+
+#[test]
+fn what_is_written_into_a_register_that_is_checked_is_checked_again() {
+    let mut rig = Rig::new(motor(mit()), &device(&mit()), Safety::COAST);
+    rig.bench.wait(20);
+    assert_eq!(rig.status().fault, None);
+    let wrong = 3.2_f32.to_bits();
+    assert_eq!(rig.ask(Request::WriteRegister(21, wrong)), Ok(Response::Done));
+    rig.bench.wait(10);
+    assert_eq!(rig.status().fault.map(|fault| fault.code), Some(0x115));
 }
 
 #[test]
