@@ -158,9 +158,14 @@ fn a_stored_zero_is_believed_once_the_angle_is_zero() {
     for _ in 0..5 {
         assert_eq!(tick(&mut motor, 0x9000), None);
     }
-    assert!(motor.feedback().total_angle.degrees().get() > 30.0);
+    let before = motor.feedback().total_angle;
+    assert!(before.degrees().get() > 30.0);
+    let target = TotalAngle::from_degrees(200);
+    motor.set_target(Target::TotalAngle(target)).unwrap();
     assert_eq!(tick(&mut motor, 0x7FFF), Some(Ok(Response::Done)));
     assert!(motor.feedback().total_angle.degrees().get().abs() < 0.1);
+    // What is sought stays where it is.
+    assert_eq!(motor.target(), Target::TotalAngle(target.minus(before)));
 }
 
 #[test]
