@@ -8,7 +8,8 @@ use rc10_motor::cybergear::{Address, CyberGear, models, wire};
 use rc10_motor::dji::{Dji, M3508};
 use rc10_motor::{
     ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Frames,
-    Impedance, Link, Motor, MotorBus, Rate, Safety, Target, Tick, TxBatch, Verdict,
+    Impedance, Link, Motor, MotorBus, Rate, Request, Response, Safety, Target, Tick, TxBatch,
+    Verdict,
 };
 
 use super::{ADDRESS, HOST, cybergear};
@@ -81,6 +82,35 @@ fn who_cannot_share_a_bus_with_it_is_told() {
     let receive = Frames::new(IdPattern::exact(id), 8, Rate::Hz(50));
     let vesc = CanIds::new().receives(receive);
     assert_eq!(wiring.clash(&vesc), Some(Clash::Confuses(id.into())));
+}
+
+/// Only the parameter that was asked for is the answer, and only as it was written.
+#[test]
+fn an_answer_about_another_parameter_ends_no_request() {
+    let says = |parameter: u16, value: f32| {
+        let ([a, b], [c, d, e, f]) = (parameter.to_le_bytes(), value.to_le_bytes());
+        let id = ExtendedId::new(0x1100_01FD).unwrap();
+        CanFrame::data_frame(id, &[a, b, 0, 0, c, d, e, f]).unwrap()
+    };
+    let (limit, other, bits) = (0x700B, 0x7017, 9.0_f32.to_bits());
+    for (request, wrong, done) in [
+        (Request::ReadRegister(limit), None, Response::Register(bits)),
+        (Request::WriteRegister(limit, bits), Some(8.0), Response::Done),
+    ] {
+        let mut motor = cybergear();
+        assert_eq!(motor.request(request), Ok(Response::Pending));
+        let mut hear = |frame| {
+            motor.update(&Tick::new(DriveMode::Off));
+            motor.pack_command(&mut TxBatch::new()).unwrap();
+            let heard = motor.unpack_feedback(&frame, Micros::from_millis(1), Link::Online);
+            (heard, motor.response())
+        };
+        assert_eq!(hear(says(other, 9.0)), (Err(FrameError::Unasked), None), "{request:?}");
+        if let Some(wrong) = wrong {
+            assert_eq!(hear(says(limit, wrong)), (Ok(FrameKind::Other), None));
+        }
+        assert_eq!(hear(says(limit, 9.0)), (Ok(FrameKind::Other), Some(Ok(done))), "{request:?}");
+    }
 }
 
 #[test]
