@@ -39,7 +39,8 @@ pub struct Recording {
     pub events: Vec<Event>,
     /// The track of its remote, if it has one.
     pub remote: Option<RemoteTrack>,
-    /// The counters of each part on a UART beside the remote's receiver, at the end.
+    /// Counters of each part on a UART beside the remote's receiver, at the end; none of an emulated
+    /// chip, whose memory is not looked into.
     pub parts: Vec<PartTrack>,
     /// One per signal of the robot's own; none of an emulated chip, whose memory is not looked into.
     pub signals: Vec<SignalTrack>,

@@ -98,7 +98,7 @@ pub fn robot<'r>(io: &'r Shared<'_>, buses: [Bus<'r>; BUSES]) -> Robot<'r> {
         })
         .serial(&io.imu_reception, async |port| imu::run(io, port).await)
         .signal("lift tilt", "deg", |_| {
-            // Its motors have their zero from then on.
+            // They stand anywhere until each has been set to zero at the bottom.
             if io.switch.state() == ArmState::Disarmed {
                 return None;
             }

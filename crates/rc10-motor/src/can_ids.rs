@@ -161,7 +161,7 @@ impl Frames {
         }
     }
 
-    /// Whether a frame is one of these.
+    /// Whether a frame is one of these, by its identifier and guard; its length is not looked at.
     #[must_use]
     pub fn contains(&self, frame: &CanFrame) -> bool {
         self.pattern.matches(frame) && self.guard().is_none_or(|guard| guard.passes(frame))
@@ -186,9 +186,11 @@ impl Frames {
 pub enum Ownership {
     /// All of it.
     Whole,
-    /// Some of its bytes, bit n for byte n: several devices are commanded by one frame.
+    /// Some of its bytes, bit n for byte n: several devices are commanded by one frame. Of sent
+    /// frames only: a received frame comes from one device.
     Bytes(u8),
-    /// All of it, if the payload says so: several devices are commanded with one identifier.
+    /// All of it, if the payload says so: several devices share one identifier, for what they are
+    /// sent or for what they send.
     Guard(Guard),
 }
 

@@ -106,7 +106,8 @@ impl<Q: Copy> Pending<Q> {
     }
 
     /// One tick later. A question that was asked often enough is over, and so is one of a device
-    /// that is driven now and must not be: whether it did what it was asked for is not known.
+    /// that is driven now and must not be: by [`RequestError::Timeout`] if it was sent (what the
+    /// device did is not known), else by [`RequestError::NotWhileArmed`].
     pub fn update(&mut self, tick: &Tick) {
         self.is_off = tick.mode == DriveMode::Off;
         let is_sent = self.sent().is_some();

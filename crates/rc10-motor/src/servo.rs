@@ -332,7 +332,7 @@ impl Servo {
     /// it is taken back by one factor: the equilibrium stays.
     fn impede(&mut self, way: f32, measured: f32, dt: Seconds) {
         let Target::Impedance(Impedance { speed, torque, kp, kd, .. }) = self.target() else {
-            return;
+            return self.rest();
         };
         let slip = (speed.get() - measured) * (TAU / 60.0);
         self.state.rest();

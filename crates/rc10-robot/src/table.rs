@@ -109,7 +109,8 @@ pub const BASE: Mecanum = Mecanum {
 /// The receiver of the remote control that is plugged in.
 pub const RECEIVER: Receiver = Receiver::Dr16;
 
-/// The switches that arm, disarm and stop: as [`driver`](crate::driver) says.
+/// The switches that arm, disarm and stop. Other positions of both have a meaning of their own in
+/// [`driver`](crate::driver): change it together with this, and the simulated operator's script.
 pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);
 
 /// LEDs of the strip that shows how the robot is.

@@ -8,8 +8,8 @@
 //!
 //! **It arms only by hand**: the switch must have been seen in its disarming position since
 //! power-on, since a stop, and since the remote was lost. So a switch that was left in another position
-//! arms nothing by itself. An emergency stop ends when the stop switch has left its position and the
-//! other one disarms.
+//! arms nothing by itself. An emergency stop ends when no switch stops any more and the switch
+//! of `disarm` disarms.
 //!
 //! **It never believes in a lost remote.** Without a good frame for 100 ms, or when the receiver
 //! itself says that it hears nothing, every motor takes its safe state; if frames come back within a
@@ -84,6 +84,10 @@ pub enum ArmingError {
     SamePosition,
     /// The receiver's remote has no such switch: it would be in its middle for ever.
     NoSuchSwitch(SwitchName, Receiver),
+    /// The middle of the switch that disarms stops: on the way to where it arms it would stop.
+    StopOnTheWay,
+    /// On a VT03 the left switch is a button, which springs back: letting it go would arm.
+    Button,
 }
 
 impl SwitchName {
@@ -101,7 +105,7 @@ impl SwitchName {
     /// Whether the remotes of a receiver have this switch. Those of SBUS, CRSF and PPM have what
     /// their [`ChannelMap`](rc10_module::remote::ChannelMap) says: all four unless it is changed.
     #[must_use]
-    pub const fn is_at(self, receiver: Receiver) -> bool {
+    pub const fn exists_on(self, receiver: Receiver) -> bool {
         match receiver {
             Receiver::Dr16 | Receiver::Vt03 => matches!(self, Self::Left | Self::Right),
             Receiver::Sbus | Receiver::Crsf | Receiver::Ppm => true,
@@ -136,19 +140,27 @@ impl ArmingConfig {
     /// [`ArmingError`]
     pub const fn validate(&self, receiver: Receiver) -> Result<(), ArmingError> {
         let disarm = self.disarm;
-        if !disarm.switch.is_at(receiver) {
+        if !disarm.switch.exists_on(receiver) {
             return Err(ArmingError::NoSuchSwitch(disarm.switch, receiver));
         }
+        let is_button = matches!((receiver, disarm.switch), (Receiver::Vt03, SwitchName::Left));
+        if is_button && !matches!(disarm.position, Switch::Middle) {
+            return Err(ArmingError::Button);
+        }
         let Some(stop) = self.stop else { return Ok(()) };
-        if !stop.switch.is_at(receiver) {
+        if !stop.switch.exists_on(receiver) {
             return Err(ArmingError::NoSuchSwitch(stop.switch, receiver));
         }
         // Comparing by `==` is not for constants.
-        if stop.switch as u8 == disarm.switch as u8 && stop.position as u8 == disarm.position as u8
-        {
-            return Err(ArmingError::SamePosition);
+        if stop.switch as u8 != disarm.switch as u8 {
+            Ok(())
+        } else if stop.position as u8 == disarm.position as u8 {
+            Err(ArmingError::SamePosition)
+        } else if matches!(stop.position, Switch::Middle) {
+            Err(ArmingError::StopOnTheWay)
+        } else {
+            Ok(())
         }
-        Ok(())
     }
 
     /// The same, if it can be used with a receiver: to be evaluated in a `const`.
@@ -172,6 +184,12 @@ impl ArmingError {
             }
             Self::NoSuchSwitch(..) => {
                 "the receiver's remote has no such switch: it would be in its middle for ever"
+            }
+            Self::StopOnTheWay => {
+                "the middle of the switch that disarms stops: on the way to where it arms it would stop"
+            }
+            Self::Button => {
+                "the left switch of a VT03 is a button, which springs back: letting it go would arm"
             }
         }
     }

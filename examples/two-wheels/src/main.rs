@@ -28,7 +28,7 @@ fn ready(robot: &mut TwoWheels) -> Result<Robot<'_>, AttachError> {
 }
 
 fn description() -> Description {
-    // A robot of 10 kg on wheels of 76 mm: 0.029 kg m² for each.
+    // A robot of 10 kg on wheels of 76 mm radius: 0.029 kg m² for each.
     let wheel = |(label, id, direction)| Motor {
         direction,
         inertia: 0.029,

@@ -12,6 +12,9 @@ use rc10_motor::{ArmSwitch, AttachError, Link, MotorBus, MotorId, Safety, Target
 pub const WHEELS: [(&str, u8, Direction); 2] =
     [("wheel left", 1, Direction::Forward), ("wheel right", 2, Direction::Reversed)];
 
+/// Radius of the wheels, metres.
+pub const WHEEL_RADIUS: f64 = 0.076;
+
 /// The script: from when on, the name of the motion, and the speeds of the wheels in rpm.
 pub const SCRIPT: [(Micros, &str, [f32; WHEELS.len()]); 4] = [
     (Micros::from_millis(100), "forward", [200.0, 200.0]),
@@ -57,8 +60,8 @@ impl TwoWheels {
 }
 
 impl Shared {
-    /// How far the middle of the robot went, in metres, by its wheels of 76 mm; `None` before both
-    /// are heard.
+    /// Metres that the middle of the robot went, by its wheels, from where their motors count;
+    /// `None` before both are heard.
     pub fn distance(&self) -> Option<f64> {
         let mut metres = 0.0;
         for wheel in (0..).take(WHEELS.len()) {
@@ -67,7 +70,7 @@ impl Shared {
                 return None;
             }
             let degrees = status.feedback.total_angle.microdegrees() as f64 * 1e-6;
-            metres += degrees.to_radians() * 0.076 / WHEELS.len() as f64;
+            metres += degrees.to_radians() * WHEEL_RADIUS / WHEELS.len() as f64;
         }
         Some(metres)
     }

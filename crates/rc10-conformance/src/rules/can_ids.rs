@@ -45,16 +45,14 @@ pub(super) fn ids_are_constant(case: &FrameCase<'_>, found: &mut Findings) {
 
 /// Whether such a frame is declared.
 fn declares(transmit: &Frames, frame: &CanFrame) -> bool {
-    let Frames { pattern, len, ownership, .. } = transmit;
-    let is_own = match ownership {
-        Ownership::Whole => true,
-        Ownership::Guard(guard) => guard.passes(frame),
+    let is_own = match transmit.ownership {
+        Ownership::Whole | Ownership::Guard(_) => true,
         Ownership::Bytes(bytes) => {
             let mut rest = frame.bytes().iter().enumerate().filter(|(n, _)| bytes >> n & 1 == 0);
             rest.all(|(_, byte)| *byte == 0)
         }
     };
-    is_own && pattern.matches(frame) && frame.len() == usize::from(*len)
+    is_own && transmit.contains(frame) && frame.len() == usize::from(transmit.len)
 }
 
 pub(super) fn frames_are_declared(case: &FrameCase<'_>, found: &mut Findings) {

@@ -24,7 +24,10 @@ fn for_each_effort(
 }
 
 pub(super) fn back_on_the_wire(case: &Case<'_>, found: &mut Findings) {
-    for millis in [60, 400] {
+    // Longer than its link lasts.
+    let timeout = u32::try_from(case.motor().link_timeout().get() / 1000).unwrap_or(u32::MAX);
+    let short = timeout.saturating_add(3).max(60);
+    for millis in [short, short + 340] {
         found.note(case.alone(SafeState::Coast, |rig| {
             rig.get_going()?;
             rig.esc.set_load(0.0);
@@ -32,23 +35,22 @@ pub(super) fn back_on_the_wire(case: &Case<'_>, found: &mut Findings) {
             let back = rig.declared.backward();
             rig.bench.set_cut(true);
             rig.wait(Some(back), millis);
-            let when = format!("after a cut of {millis} ms");
-            rig.is_lost(&when)?;
+            rig.is_lost(&format!("in a cut of {millis} ms"))?;
             rig.bench.set_cut(false);
             rig.watch();
+            let when = format!("after a cut of {millis} ms");
             rig.goes_again(back, &when)?;
             rig.was_soft(&when)
         }));
     }
     for_each_effort(case, found, |rig, effort| {
         rig.bench.set_cut(true);
-        rig.wait(Some(effort), 60);
-        let when = format!("after a cut, with {effort:?},");
-        rig.is_lost(&when)?;
+        rig.wait(Some(effort), short);
+        rig.is_lost(&format!("in a cut, with {effort:?},"))?;
         rig.bench.set_cut(false);
         rig.watch();
         rig.wait(Some(effort), rig.declared.enables_within + 100);
-        rig.was_soft(&when)
+        rig.was_soft(&format!("after a cut, with {effort:?},"))
     });
 }
 

@@ -123,6 +123,12 @@ fn every_position_but_the_two_that_are_named_arms() {
             let mut scene = Scene::new(config);
             scene.disarm();
             scene.step(1);
+            let ends = [config.disarm.position, position];
+            if ends.contains(&Switch::Up) && ends.contains(&Switch::Down) {
+                // A switch passes its middle.
+                scene.turn(at.switch, Switch::Middle);
+                scene.step(3);
+            }
             scene.turn(at.switch, position);
             scene.step(1);
             let expected = match at {
@@ -279,7 +285,26 @@ fn a_configuration_that_cannot_work_is_refused() {
         assert_eq!(config(Right, Left).validate(receiver), Ok(()));
         assert_eq!(config(Third, Left).validate(receiver), refused(Third));
         assert_eq!(config(Right, Fourth).validate(receiver), refused(Fourth));
-        assert_eq!(config(Left, Left).validate(receiver), Err(ArmingError::SamePosition));
+        assert_eq!(config(Right, Right).validate(receiver), Err(ArmingError::SamePosition));
+    }
+    for (stop, position, refused) in [
+        (Switch::Middle, Switch::Down, Err(ArmingError::StopOnTheWay)),
+        (Switch::Middle, Switch::Up, Err(ArmingError::StopOnTheWay)),
+        (Switch::Up, Switch::Down, Ok(())),
+        (Switch::Up, Switch::Middle, Ok(())),
+    ] {
+        let at = |position| SwitchAt::new(Right, position);
+        let config = ArmingConfig { disarm: at(position), stop: Some(at(stop)) };
+        assert_eq!(config.validate(Receiver::Vt03), refused, "{config:?}");
+    }
+    for (position, refused) in [
+        (Switch::Up, Err(ArmingError::Button)),
+        (Switch::Middle, Ok(())),
+        (Switch::Down, Err(ArmingError::Button)),
+    ] {
+        let config = ArmingConfig { disarm: SwitchAt::new(Left, position), stop: None };
+        assert_eq!(config.validate(Receiver::Vt03), refused);
+        assert_eq!(config.validate(Receiver::Dr16), Ok(()));
     }
     let error = config(Third, Left).validate(Receiver::Vt03).unwrap_err();
     extern crate std;
