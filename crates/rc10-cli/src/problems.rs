@@ -7,6 +7,7 @@
 use std::fmt;
 
 use rc10_can::Micros;
+use rc10_module::Counters;
 use rc10_motor::{ArmState, Condition, DriveMode, Link, Verdict};
 use rc10_sim::fault::{Fault, Kind as FaultKind, Wire};
 use serde_json::{Value, json};
@@ -499,12 +500,18 @@ fn parts(recording: &Recording, found: &mut Vec<Problem>) {
             let text = format!("never heard at UART {uart}");
             found.push(Problem::new(about, "never-heard", text));
         }
-        let (damaged, all) = (heard.damaged.into(), heard.frames.into());
-        found.extend(share(about, "damaged", damaged, all, "damaged frames"));
-        if heard.port_errors > 0 {
-            let text = format!("{} port errors", heard.port_errors);
-            found.push(Problem::new(about, "port-error", text));
-        }
+        damage(about, heard, 0, found);
+    }
+}
+
+/// Frames of a serial device that came damaged, and errors of its port; `excused` of the frames have
+/// another cause.
+fn damage(about: About, heard: &Counters, excused: u32, found: &mut Vec<Problem>) {
+    let (damaged, all) = (heard.damaged.saturating_sub(excused).into(), heard.frames.into());
+    found.extend(share(about, "damaged", damaged, all, "damaged frames"));
+    if heard.port_errors > 0 {
+        let text = format!("{} port errors", heard.port_errors);
+        found.push(Problem::new(about, "port-error", text));
     }
 }
 
@@ -522,18 +529,7 @@ fn remote(recording: &Recording, found: &mut Vec<Problem>) {
             Receiver::Ppm => u32::try_from(losses.len()).unwrap_or(u32::MAX),
             Receiver::Dr16 | Receiver::Sbus | Receiver::Crsf | Receiver::Vt03 => 0,
         };
-        let damaged = heard.damaged.saturating_sub(cut_off);
-        found.extend(share(
-            about,
-            "damaged",
-            damaged.into(),
-            heard.frames.into(),
-            "damaged frames",
-        ));
-        if heard.port_errors > 0 {
-            let text = format!("{} port errors", heard.port_errors);
-            found.push(Problem::new(about, "port-error", text));
-        }
+        damage(about, heard, cut_off, found);
     }
     for loss in losses {
         if let Some(time) = loss.reaction().filter(|time| *time > REACTION) {

@@ -347,13 +347,21 @@ fn ranges(merged: &[Cell]) -> Value {
 
 /// Several cells as one. An angle that went round meanwhile has no range: the newest is taken.
 fn merge(chunk: &[MotorSample], of: impl Fn(&MotorSample) -> Cell) -> Cell {
-    let cells = || chunk.iter().map(&of);
-    let newest = cells().last().unwrap_or_default();
-    let min = cells().map(|cell| cell.min).fold(newest.min, f32::min);
-    let max = cells().map(|cell| cell.max).fold(newest.max, f32::max);
-    let mean = cells().map(|cell| cell.mean).sum::<f32>() / chunk.len().max(1) as f32;
+    let cells = chunk.iter().map(&of);
+    let newest = cells.clone().last().unwrap_or_default();
+    let whole = joined(cells);
     let is_angle = chunk.iter().all(|sample| sample.kind == TargetKind::Angle);
-    if is_angle && max - min > 180.0 { newest } else { Cell { min, mean, max } }
+    if is_angle && whole.max - whole.min > 180.0 { newest } else { whole }
+}
+
+/// Several cells as one; NaN of none.
+fn joined(cells: impl Iterator<Item = Cell> + Clone) -> Cell {
+    let count = cells.clone().count() as f32;
+    Cell {
+        min: cells.clone().map(|cell| cell.min).fold(f32::NAN, f32::min),
+        max: cells.clone().map(|cell| cell.max).fold(f32::NAN, f32::max),
+        mean: cells.map(|cell| cell.mean).sum::<f32>() / count,
+    }
 }
 
 fn numbers(values: impl Iterator<Item = f64>, digits: i32) -> Value {
@@ -406,16 +414,9 @@ const PATH: &str = "<figure>
 /// Measured values and targets. Motors whose labels start with the same word share a plot, if
 /// they have targets of the same kind: a new motor finds its place by itself.
 fn motion_charts(recording: &Recording) -> Vec<Chart> {
-    let mut groups: Vec<(&str, Scale, Vec<&MotorTrack>)> = Vec::new();
-    for track in &recording.motors {
-        let (word, scale) = (split(track.motor.label).0, Scale::of(track));
-        match groups.iter_mut().find(|group| (group.0, group.1) == (word, scale)) {
-            Some((_, _, tracks)) => tracks.push(track),
-            None => groups.push((word, scale, vec![track])),
-        }
-    }
+    let plot = |track: &MotorTrack| (split(track.motor.label).0, Scale::of(track));
     let stride = stride(recording);
-    let chart = |(word, scale, tracks): (&str, Scale, Vec<&MotorTrack>)| {
+    let chart = |((word, scale), tracks): ((&str, Scale), Vec<&MotorTrack>)| {
         let series = tracks.iter().map(|track| {
             let targets = track.samples.iter().step_by(stride);
             let mut series = cells(&track.samples, stride, |sample| scale.measured(sample));
@@ -425,59 +426,55 @@ fn motion_charts(recording: &Recording) -> Vec<Chart> {
             }
             series
         });
-        let body = json!({
-            "unit": scale.unit,
-            "from": periods(1),
-            "step": periods(stride),
-            "places": 1,
-            "least": 2,
-            "wraps": scale.wraps,
-            "series": series.collect::<Value>(),
-        });
+        let mut body = curves(stride, scale.unit, 1, 2.0, series.collect());
+        body["wraps"] = scale.wraps.into();
         Chart { title: format!("{} {}", capital(word), scale.noun), note: "", body }
     };
-    groups.into_iter().map(chart).collect()
+    by_plot(&recording.motors, plot).into_iter().map(chart).collect()
+}
+
+/// Tracks with the same key together, in the order of their coming.
+fn by_plot<T, K: PartialEq>(tracks: &[T], key: impl Fn(&T) -> K) -> Vec<(K, Vec<&T>)> {
+    let mut groups: Vec<(K, Vec<&T>)> = Vec::new();
+    for track in tracks {
+        let key = key(track);
+        match groups.iter_mut().find(|group| group.0 == key) {
+            Some((_, tracks)) => tracks.push(track),
+            None => groups.push((key, vec![track])),
+        }
+    }
+    groups
+}
+
+/// A plot of samples: `places` decimals, and an axis that spans at least `least`.
+fn curves(stride: usize, unit: &str, places: u8, least: f64, series: Value) -> Value {
+    json!({
+        "unit": unit,
+        "from": periods(1),
+        "step": periods(stride),
+        "places": places,
+        "least": least,
+        "series": series,
+    })
 }
 
 /// The robot's own signals. Those of one unit whose labels start with the same word share a plot.
 fn signal_charts(recording: &Recording) -> Vec<Chart> {
-    let mut groups: Vec<(&str, &str, Vec<&SignalTrack>)> = Vec::new();
-    for track in &recording.signals {
-        let word = split(track.label).0;
-        match groups.iter_mut().find(|group| (group.0, group.1) == (word, track.unit)) {
-            Some((_, _, tracks)) => tracks.push(track),
-            None => groups.push((word, track.unit, vec![track])),
-        }
-    }
+    let plot = |track: &SignalTrack| (split(track.label).0, track.unit);
     let stride = stride(recording);
-    // Several samples as one; no number where there was no value.
-    let merged = |chunk: &[Option<Cell>]| {
-        let known = || chunk.iter().flatten();
-        let count = known().count() as f32;
-        Cell {
-            min: known().map(|cell| cell.min).fold(f32::NAN, f32::min),
-            mean: known().map(|cell| cell.mean).sum::<f32>() / count,
-            max: known().map(|cell| cell.max).fold(f32::NAN, f32::max),
-        }
-    };
-    let chart = |(word, unit, tracks): (&str, &str, Vec<&SignalTrack>)| {
+    let chart = |((word, unit), tracks): ((&str, &str), Vec<&SignalTrack>)| {
         let series = tracks.iter().map(|track| {
-            let mut series = ranges(&track.samples.chunks(stride).map(merged).collect::<Vec<_>>());
+            let chunks = track.samples.chunks(stride);
+            let merged = chunks.map(|chunk| joined(chunk.iter().copied().flatten()));
+            let mut series = ranges(&merged.collect::<Vec<_>>());
             series["name"] = split(track.label).1.into();
             series
         });
         let title = if let [track] = tracks.as_slice() { track.label } else { word };
-        let body = json!({
-            "unit": unit,
-            "from": periods(1),
-            "step": periods(stride),
-            "places": 2,
-            "least": 0.1,
-            "series": series.collect::<Value>(),
-        });
+        let body = curves(stride, unit, 2, 0.1, series.collect());
         Chart { title: capital(title), note: "", body }
     };
-    groups.into_iter().map(chart).collect()
+    by_plot(&recording.signals, plot).into_iter().map(chart).collect()
 }
 
 fn current_charts(recording: &Recording) -> Vec<Chart> {
@@ -490,14 +487,7 @@ fn current_charts(recording: &Recording) -> Vec<Chart> {
             series["name"] = track.motor.label.into();
             series
         });
-        let body = json!({
-            "unit": "A",
-            "from": periods(1),
-            "step": periods(stride),
-            "places": 2,
-            "least": 0.2,
-            "series": series.collect::<Value>(),
-        });
+        let body = curves(stride, "A", 2, 0.2, series.collect());
         Chart { title: format!("Bus {}", bus.number), note: "current in the windings", body }
     };
     recording.buses.iter().map(chart).collect()

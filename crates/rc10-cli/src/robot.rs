@@ -297,11 +297,10 @@ impl<'r> Robot<'r> {
         }
         let (serials, described) = (self.serials.len(), self.description.serials.len());
         ensure!(serials == described, "{serials} parts on UARTs, but {described} described");
-        let labels = || self.ports.signals.iter().map(|signal| signal.label);
-        if let Some(twice) = (0..).zip(labels()).find_map(|(index, label)| {
-            labels().take(index).any(|other| other == label).then_some(label)
-        }) {
-            bail!("two signals are called `{twice}`");
+        let signals = &self.ports.signals;
+        for (index, Signal { label, .. }) in signals.iter().enumerate() {
+            let is_new = signals[..index].iter().all(|other| other.label != *label);
+            ensure!(is_new, "two signals are called `{label}`");
         }
         for (number, bus) in (1..=u8::MAX).zip(&self.buses) {
             let fits = bus.load(BITS_PER_SECOND).verdict() != Verdict::DoesNotFit;

@@ -24,6 +24,13 @@ impl Retry {
     pub const fn new(every: f32, tries: u8) -> Self {
         Self { every, tries, delay: 0.0, only_while_off: false }
     }
+
+    /// The same for a device that must not be driven meanwhile.
+    #[must_use]
+    pub const fn only_while_off(mut self) -> Self {
+        self.only_while_off = true;
+        self
+    }
 }
 
 /// At most one request in flight: the question, its tries, and its outcome, told once.
@@ -241,7 +248,7 @@ mod tests {
 
     #[test]
     fn a_request_interrupted_by_arming_says_whether_the_device_was_asked() {
-        let retry = Retry { delay: 0.0015, only_while_off: true, ..RETRY };
+        let retry = Retry { delay: 0.0015, ..RETRY }.only_while_off();
         for (ticks, error) in [
             (0, RequestError::NotWhileArmed),
             (1, RequestError::NotWhileArmed),

@@ -71,12 +71,12 @@ enum Question {
 
 impl Question {
     const fn retry(self) -> Retry {
-        let (retry, only_while_off) = (Retry::new(0.016, 6), true);
+        let retry = Retry::new(0.016, 6);
         match self {
             // Never twice: flash wears, and takes its time. Its answer is plain feedback, so two
             // ticks are silent before it: what comes afterwards has one cause only.
-            Self::Save => Retry { delay: 0.0025, only_while_off, ..Retry::new(0.5, 1) },
-            Self::Write(..) | Self::Zero => Retry { only_while_off, ..retry },
+            Self::Save => Retry { delay: 0.0025, ..Retry::new(0.5, 1) }.only_while_off(),
+            Self::Write(..) | Self::Zero => retry.only_while_off(),
             Self::Read(_) | Self::ClearFaults => retry,
         }
     }

@@ -60,12 +60,12 @@ enum Question {
 
 impl Question {
     const fn retry(self) -> Retry {
-        let (retry, only_while_off) = (Retry::new(0.010, 10), true);
+        let retry = Retry::new(0.010, 10);
         match self {
             // Up to 30 ms deaf, and memory that lasts for ten thousand times.
-            Self::Access(Access::Save) => Retry { only_while_off, ..Retry::new(0.060, 2) },
+            Self::Access(Access::Save) => Retry::new(0.060, 2).only_while_off(),
             Self::Access(Access::Write(..)) | Self::Operate(Operation::StoreZero) => {
-                Retry { only_while_off, ..retry }
+                retry.only_while_off()
             }
             _ => retry,
         }
