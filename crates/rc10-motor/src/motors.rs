@@ -197,7 +197,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
         &mut self,
         now: Micros,
         dt: Seconds,
-        mut send: impl FnMut(usize, &mut M, DriveMode),
+        mut send: impl FnMut(usize, &mut M, &Tick),
     ) {
         let dt = Seconds::new(if dt.get() > 0.0 { dt.get().min(0.010) } else { 0.001 });
         let last = self.last_tick.replace(now);
@@ -211,7 +211,7 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
             tick.mode = slot.supervision.decide(arm, now);
             tick.link = slot.supervision.link_in_tick();
             slot.motor.update(&tick);
-            send(index, slot.motor, tick.mode);
+            send(index, slot.motor, &tick);
             // Each has its own beat.
             tick.count = tick.count.wrapping_add(1);
         }

@@ -110,6 +110,8 @@ pub(super) struct DmaMemory<T> {
 
 // SAFETY: its memory is a static's; accesses are volatile and inside it.
 unsafe impl<T: Element> Send for DmaMemory<T> {}
+// SAFETY: who shares it reads only, and by volatile accesses.
+unsafe impl<T: Element> Sync for DmaMemory<T> {}
 
 impl<T: Element> DmaMemory<T> {
     pub const fn length(&self) -> usize {

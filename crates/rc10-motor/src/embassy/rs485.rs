@@ -61,8 +61,9 @@ impl Default for Rs485Port {
 ///
 /// `io` is the serial port: 4 Mbit/s, 8N1, with a transceiver whose direction the hardware sets
 /// (driver enable). It must read as soon as there are bytes, not only when its buffer is full, and
-/// keep what it received when a read is dropped: `BufferedUart` and `RingBufferedUartRx` of
-/// `embassy-stm32` do. A transceiver that hears its own commands is no harm, but each counts as 17
+/// keep what it received when a read is dropped; and it must send what is written without being
+/// flushed. `BufferedUart` and `RingBufferedUartRx` of `embassy-stm32` do, and `Serial` of
+/// `rc10-bsp`. A transceiver that hears its own commands is no harm, but each counts as 17
 /// bytes of garbage. Errors of the port are counted, and the bus goes on.
 pub async fn run_rs485<'m, P: Read + Write, B: BorrowMut<Rs485Bus<'m>>>(
     mut io: P,
@@ -77,10 +78,10 @@ pub async fn run_rs485<'m, P: Read + Write, B: BorrowMut<Rs485Bus<'m>>>(
         }
         let until = match runner.bus.poll(now()) {
             Step::Send(command) => {
-                let sent =
-                    async { (io.write_all(&command).await.is_ok(), io.flush().await.is_ok()) };
-                // A port that takes longer for 17 bytes does not send them.
-                if with_timeout(WRITE_LIMIT, sent).await != Ok((true, true)) {
+                // A port that takes longer for 17 bytes does not send them. Their end is not waited for:
+                // the reply tells, and each wake costs the next command's time.
+                let sent = with_timeout(WRITE_LIMIT, io.write_all(&command)).await;
+                if !matches!(sent, Ok(Ok(()))) {
                     count(&mut runner.port_errors);
                 }
                 continue;

@@ -5,13 +5,13 @@ use rc10_app::{ConfigError, Seconds};
 use rc10_can::{Micros, Timing};
 
 use super::rs485::{GoM8010, idle};
-use super::wire::line::{COMMAND_LEN, Parser, Reply};
+use super::wire::line::{COMMAND_LEN, Parser, Reply, destination};
 use super::wire::{Address, Status};
 use crate::arm::ArmSwitch;
 use crate::can_ids::Clash;
-use crate::motor::{DriveMode, Motor};
+use crate::motor::{DriveMode, Motor, Tick};
 use crate::motors::{AttachError, MotorId, Motors};
-use crate::supervision::{Safety, count};
+use crate::supervision::{Link, Safety, count};
 
 /// The motors of one RS-485 bus, and what keeps them safe: what a [`MotorBus`](crate::MotorBus) is
 /// to motors on CAN. What both have in common is that of its [`Motors`].
@@ -68,6 +68,8 @@ pub struct Rs485Bus<'m> {
 struct Poll {
     /// Not polled since the last tick.
     is_due: bool,
+    /// Its link is online, as of the last tick or its last reply.
+    is_heard: bool,
     polled_at: Option<Micros>,
     /// The drive mode of the motor, since the last tick.
     mode: DriveMode,
@@ -115,6 +117,8 @@ pub struct Rs485Counters {
     pub unexpected: u32,
     /// Time from handing out a command to having its reply.
     pub exchange: Timing,
+    /// Time from one command to the next one to the same motor, of all motors that are heard.
+    pub cycle: Timing,
 }
 
 impl Rs485Counters {
@@ -125,6 +129,7 @@ impl Rs485Counters {
         garbage: 0,
         unexpected: 0,
         exchange: Timing::new(),
+        cycle: Timing::new(),
     };
 }
 
@@ -197,7 +202,13 @@ impl<'m> Rs485Bus<'m> {
         }
         let motor = self.motors.attach(motor, safety, Self::LINK_TIMEOUT)?;
         // As much room as for motors.
-        let poll = Poll { is_due: false, polled_at: None, mode: DriveMode::Off, urgent: 0 };
+        let poll = Poll {
+            is_due: false,
+            is_heard: false,
+            polled_at: None,
+            mode: DriveMode::Off,
+            urgent: 0,
+        };
         let _ = self.polls.push(poll);
         Ok(motor)
     }
@@ -220,35 +231,70 @@ impl<'m> Rs485Bus<'m> {
         let (Some(motor), Some(command), Some(poll)) = (next, command, poll) else {
             return Step::Wait(now + IDLE);
         };
-        (poll.is_due, poll.polled_at) = (false, Some(now));
+        poll.is_due = false;
         poll.urgent = poll.urgent.saturating_sub(1);
-        self.polled = Some(Polled { motor, at: now });
-        // What came before the command is no part of its reply.
-        self.parser.clear();
+        self.begin(motor, now);
         Step::Send(command)
     }
 
-    /// The motor to poll now.
+    /// A command to a motor begins.
+    fn begin(&mut self, motor: MotorId, now: Micros) {
+        let Some(poll) = self.polls.get_mut(motor.index()) else { return };
+        let last = poll.polled_at.replace(now);
+        if let Some(last) = last.filter(|_| poll.is_heard) {
+            self.counters.cycle.add(now.since(last));
+        }
+        self.polled = Some(Polled { motor, at: now });
+        // What came before the command is no part of its reply.
+        self.parser.clear();
+    }
+
+    /// Takes a command that another host sends at `now` to a motor of this bus: for a program that
+    /// only listens, and neither ticks nor polls. A command before it that has no reply by then counts
+    /// as a [time-out](Rs485Counters::timeouts).
+    pub fn overhear(&mut self, command: &[u8; COMMAND_LEN], now: Micros) {
+        let Some(address) = destination(command) else { return };
+        if self.polled.take().is_some() {
+            count(&mut self.counters.timeouts);
+        }
+        let addressed = self.motors.iter().position(|motor| motor.address() == address);
+        if let Some(motor) = addressed.and_then(|index| self.motors.ids().nth(index)) {
+            // No tick has looked.
+            let is_heard = self.motors.is_online(motor, now);
+            if let Some(poll) = self.polls.get_mut(motor.index()) {
+                poll.is_heard = is_heard;
+            }
+            self.begin(motor, now);
+        }
+    }
+
+    /// The motor to poll now. One walk past all of them: it is on the way from a reply to the next
+    /// command.
     fn next(&mut self, now: Micros) -> Option<MotorId> {
-        let is_online = |motor: MotorId| self.motors.is_online(motor, now);
-        let polls = || self.motors.ids().zip(&self.polls);
-        self.owed = self.owed.min(polls().filter(|(motor, _)| is_online(*motor)).count());
-        if self.owed == 0 {
-            let absent = polls().filter(|(motor, poll)| {
-                let is_time =
-                    poll.urgent > 0 || poll.polled_at.is_none_or(|at| now.since(at) >= SELDOM);
-                is_time && !is_online(*motor)
-            });
-            let first = absent.min_by_key(|(_, poll)| (poll.urgent == 0, poll.polled_at));
-            if let Some((motor, _)) = first {
-                return Some(motor);
+        let (mut heard, mut due, mut first_due, mut absent) = (0, None, None, None);
+        for (motor, poll) in self.motors.ids().zip(&self.polls) {
+            if poll.is_heard {
+                heard += 1;
+                if poll.is_due {
+                    first_due = first_due.or(Some(motor));
+                    if motor.index() >= self.turn {
+                        due = due.or(Some(motor));
+                    }
+                }
+                continue;
+            }
+            let is_time =
+                poll.urgent > 0 || poll.polled_at.is_none_or(|at| now.since(at) >= SELDOM);
+            let key = (poll.urgent == 0, poll.polled_at);
+            if is_time && absent.is_none_or(|(_, least)| key < least) {
+                absent = Some((motor, key));
             }
         }
-        let due = polls().filter(|(motor, poll)| poll.is_due && is_online(*motor));
-        let motor = due.map(|(motor, _)| motor).min_by_key(|motor| {
-            let index = motor.index();
-            (index < self.turn, index)
-        })?;
+        self.owed = self.owed.min(heard);
+        if let Some((motor, _)) = absent.filter(|_| self.owed == 0) {
+            return Some(motor);
+        }
+        let motor = due.or(first_due)?;
         self.turn = motor.index() + 1;
         self.owed = self.owed.saturating_sub(1);
         Some(motor)
@@ -264,7 +310,7 @@ impl<'m> Rs485Bus<'m> {
     }
 
     fn hear(&mut self, reply: &Reply, now: Micros) {
-        let Self { polled, motors, counters, .. } = self;
+        let Self { polled, motors, polls, counters, .. } = self;
         let expected = polled.as_ref().and_then(|polled| motors.get(polled.motor));
         if expected.is_none_or(|motor| motor.address() != reply.address) {
             return count(&mut counters.unexpected);
@@ -274,6 +320,9 @@ impl<'m> Rs485Bus<'m> {
             counters.exchange.add(now.since(at));
             // Nothing can be wrong with a reply of this motor.
             let _ = motors.hear(motor, now, |motor, link| motor.unpack_reply(reply, now, link));
+            if let Some(poll) = polls.get_mut(motor.index()) {
+                poll.is_heard = true;
+            }
         }
     }
 
@@ -282,9 +331,10 @@ impl<'m> Rs485Bus<'m> {
     /// as 1 ms.
     pub fn tick(&mut self, now: Micros, dt: Seconds) {
         let Self { motors, polls, .. } = self;
-        motors.tick(now, dt, |index, _, mode| {
+        motors.tick(now, dt, |index, _, &Tick { mode, link, .. }| {
             if let Some(poll) = polls.get_mut(index) {
                 poll.is_due = true;
+                poll.is_heard = link == Link::Online;
                 if core::mem::replace(&mut poll.mode, mode) != mode {
                     poll.urgent = URGENT;
                 }

@@ -259,12 +259,17 @@ impl SerialTransmitter {
 
     /// Waits until nothing is left of what `write` took, in the buffer or on the wire.
     async fn sent(&mut self, is_over: impl Fn(&Self) -> bool) -> Result<(), SerialError> {
+        let outcome = || match self.broken() {
+            Some(error) => Some(Err(error)),
+            None => is_over(self).then_some(Ok(())),
+        };
         poll_fn(|context| {
-            self.uart.shared.writer.register(context.waker());
-            if let Some(error) = self.broken() {
-                return Poll::Ready(Err(error));
+            // A task that does not wait is not woken for it.
+            if let Some(outcome) = outcome() {
+                return Poll::Ready(outcome);
             }
-            if is_over(self) { Poll::Ready(Ok(())) } else { Poll::Pending }
+            self.uart.shared.writer.register(context.waker());
+            outcome().map_or(Poll::Pending, Poll::Ready)
         })
         .await
     }

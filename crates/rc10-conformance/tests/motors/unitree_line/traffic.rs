@@ -50,6 +50,40 @@ fn eight_motors_are_asked_every_millisecond() {
     assert_eq!((counters.timeouts, counters.garbage, counters.unexpected), (0, 0, 0));
     // 33 bytes of 2.5 µs, and the device's 20 µs.
     assert_eq!((counters.exchange.min(), counters.exchange.max()), (Some(102), Some(103)));
+    let cycle = counters.cycle;
+    assert!((cycle.mean().unwrap() - 1000.0).abs() < 5.0 && cycle.max() < Some(1100), "{cycle:?}");
+}
+
+#[test]
+fn a_listener_counts_what_it_overhears() {
+    let switch = ArmSwitch::new();
+    let mut ours = motors(3);
+    let mut listener = Rs485Bus::new(&switch);
+    let ids: Vec<_> =
+        ours.iter_mut().map(|motor| listener.attach(motor, Safety::COAST).unwrap()).collect();
+    let command = |id| GoM8010::new(id).unwrap().pack_command();
+    let answer = |id| Answer { id, angle: 1.0, ..Answer::default() }.write();
+    for round in 0..3 {
+        let at = |micros: u64| Micros::new(round * 1000 + micros);
+        listener.overhear(&command(0), at(0));
+        listener.on_bytes(&answer(0), at(110));
+        // A motor that does not answer, and one of another bus.
+        listener.overhear(&command(1), at(200));
+        listener.overhear(&command(14), at(400));
+        listener.on_bytes(&answer(14), at(510));
+    }
+    // A command that is damaged is for nobody.
+    let mut damaged = command(0);
+    damaged[5] ^= 1;
+    listener.overhear(&damaged, Micros::from_millis(3));
+    listener.on_bytes(&answer(0), Micros::new(3_100));
+    let counters = listener.counters();
+    assert_eq!((counters.exchanges, counters.timeouts, counters.unexpected), (3, 3, 4));
+    assert_eq!((counters.exchange.min(), counters.exchange.max()), (Some(110), Some(110)));
+    assert_eq!((counters.cycle.min(), counters.cycle.max()), (Some(1000), Some(1000)));
+    let link =
+        |millis, id: usize| listener.status(ids[id], Micros::from_millis(millis)).unwrap().link;
+    assert_eq!((link(3, 0), link(3, 1), link(30, 0)), (Link::Online, Link::NeverSeen, Link::Lost));
 }
 
 #[test]

@@ -83,6 +83,13 @@ impl Command {
     }
 }
 
+/// The motor that a command is for; `None` if it is no command.
+pub fn destination(command: &[u8; COMMAND_LEN]) -> Option<Address> {
+    let [body @ .., c0, c1] = command;
+    let is_whole = body.starts_with(&COMMAND_HEAD) && crc(body) == u16::from_le_bytes([*c0, *c1]);
+    is_whole.then(|| split_mode(body[2]).0)
+}
+
 /// A reply of a motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
