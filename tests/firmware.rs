@@ -710,7 +710,7 @@ fn interop_on(options: Options, name: &str, faults: &[&str]) -> Rig {
     let motors = models.map(|model| (0, bus.add_esc(EscConfig::new(model, 1)).unwrap()));
     let machine = Machine::with(&program(name), options).unwrap();
     let faults: Vec<_> = faults.iter().map(|fault| fault.parse().unwrap()).collect();
-    Rig::new(machine, world, vec![bus], motors.into(), &faults).unwrap()
+    Rig::new(machine, world, vec![bus], vec![], motors.into(), &faults).unwrap()
 }
 
 /// On the chip of the manual's stricter reading such a program hears its motors and says nothing.

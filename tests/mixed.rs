@@ -23,11 +23,11 @@ fn track<'r>(run: &'r Recording, label: &str) -> &'r MotorTrack {
 fn every_motor_follows_the_script() {
     let run = run(1);
     let sample = |label: &str, millis: usize| track(&run, label).samples[millis / 10 - 1];
-    let turns = |label, millis, rpm: f64| {
+    let turns = |label: &str, millis, rpm: f64| {
         let real = sample(label, millis).rpm;
         assert!((real - rpm).abs() < 0.02 * rpm.abs() + 3.0, "{label} at {millis} ms: {real} rpm");
     };
-    let is_at = |label, millis, degrees: f64| {
+    let is_at = |label: &str, millis, degrees: f64| {
         let measured = sample(label, millis).measured;
         let way = (measured - degrees + 180.0).rem_euclid(360.0) - 180.0;
         assert!(way.abs() < 1.5, "{label} at {millis} ms: {measured} degrees");
@@ -43,9 +43,10 @@ fn every_motor_follows_the_script() {
     }
     turns("hip", 8400, 60.0);
     turns("wrist", 8400, 30.0);
-    for leg in ["leg 0", "leg 1", "leg 2", "leg 3"] {
-        is_at(leg, 4900, 20.0);
-        is_at(leg, 9900, 0.0);
+    for leg in 0..8 {
+        let leg = format!("leg {leg}");
+        is_at(&leg, 4900, 20.0);
+        is_at(&leg, 9900, 0.0);
     }
     for motor in ["wheel", "hip", "wrist", "turret", "flywheel"] {
         let last = sample(motor, 10_000);
@@ -79,7 +80,7 @@ fn nothing_is_lost_and_one_seed_gives_one_trace() {
         let traffic = &line.traffic;
         let bad = (traffic.timeouts, traffic.crc_errors, traffic.garbage, traffic.unexpected);
         assert_eq!((bad, line.overruns), ((0, 0, 0, 0), 0));
-        assert!(traffic.exchanges > 39_900, "{} exchanges", traffic.exchanges);
+        assert!(traffic.exchanges > 79_800, "{} exchanges", traffic.exchanges);
     }
     assert_eq!(run_1.trace_hash(), run(1).trace_hash());
     assert_ne!(run_1.trace_hash(), run(2).trace_hash());

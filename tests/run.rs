@@ -269,8 +269,8 @@ fn run_does_the_faults_of_wires() {
         let figures = run("mixed", fault);
         let [now, before] = [&figures, &mixed].map(|run| number(&run["lines"][0][counter]));
         assert!(now >= before + 20.0, "{fault}: {now}, else {before}");
-        let lost: Vec<_> = (6..10).map(|leg| figures["motors"][leg]["lost"].clone()).collect();
-        assert_eq!(lost, [motors; 4], "{fault}");
+        let lost: Vec<_> = (6..14).map(|leg| figures["motors"][leg]["lost"].clone()).collect();
+        assert_eq!(lost, [motors; 8], "{fault}");
     }
     let figures = run("mixed", "noise:L1@0.4s");
     assert_eq!(figures["lines"][0]["crc_errors"], 1);
@@ -327,7 +327,10 @@ fn wrong_arguments_end_with_2_and_a_reason() {
         (&["run", "--out", &below], "cannot make the folder"),
         (&["fly"], "fly"),
         (&["run", "--robot", "tank"], "possible values: team, mixed"),
-        (&["emu", "--robot", "mixed"], "firmware"),
+        (
+            &["emu", file, "--robot", "mixed", "--fault", "cut:L2@0.1s"],
+            "cut:L2: there is no such line; the last is 1",
+        ),
         (&["pty", "--bus", "9", "--seconds", "1"], "buses 1 to 3"),
         (&["dbc", "--out", &below], "cannot make the folder"),
         (&["--nonsense"], "--nonsense"),

@@ -8,7 +8,6 @@ use rc10_motor::dji::Dji;
 use rc10_motor::lk::{self, Lk};
 use rc10_motor::odrive::{self, ODrive};
 use rc10_motor::rc10_app::Cascade;
-use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{CanMotor, MotorBus, Safety};
 use rc10_robot::mixed as table;
 use rc10_robot::table::MOTORS;
@@ -70,7 +69,7 @@ pub fn run(which: Which, seed: u64, length: Micros, change: Option<Change<'_>>) 
             let legs = std::array::from_fn(|id| u8::try_from(id).unwrap());
             let legs: [u8; table::LEGS] = legs;
             let mut legs = legs.map(|id| rc10_motor::unitree::GoM8010::new(id).unwrap());
-            let mut line = Rs485Bus::new(&shared.switch);
+            let mut line = table::line(&shared.switch).unwrap();
             for leg in &mut legs {
                 line.attach(leg, Safety::HOLD).unwrap();
             }

@@ -116,7 +116,7 @@ fn decode_log(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> anyhow::Result<bool> {
-    let (robot, buses) = robot.into_buses()?;
+    let (robot, buses, _) = robot.into_buses()?;
     let messages = (1..=robot.buses).map(|bus| known_on(&robot, bus)).collect();
     let mut decoder = Decoder { robot: &robot, messages, buses, newest: Micros::ZERO };
     let mut summary = Summary::new(&args.buses, robot.buses)?;

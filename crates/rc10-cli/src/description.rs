@@ -19,8 +19,8 @@ pub struct Description {
     pub motors: Vec<Motor>,
     /// Number of its buses: they are counted from 1 to this.
     pub buses: u8,
-    /// Number of its RS-485 lines: they are counted from 1 to this.
-    pub lines: u8,
+    /// Its RS-485 lines; the first one is line 1.
+    pub lines: Vec<LinePart>,
     /// The base on its wheels, if that is simulated.
     pub base: Option<Base>,
     /// Its remote control, if it has one, with the script of its operator.
@@ -38,6 +38,13 @@ pub struct Description {
     pub mistakes: Vec<Mistake>,
     /// The buses' logs are hashed, and not kept: [`Robot::set_no_logs`](crate::Robot::set_no_logs).
     pub no_logs: bool,
+}
+
+/// An RS-485 line of the robot.
+#[derive(Clone, Copy, Debug)]
+pub struct LinePart {
+    /// The chip's UART, with its driver enable: 2 for USART2.
+    pub uart: u8,
 }
 
 /// A part on a UART of the robot.

@@ -1,6 +1,7 @@
 //! `rc10 emu`: runs the firmware itself, on an emulated chip, in the robot's environment.
 
 mod foreign;
+mod line;
 mod output;
 mod problems;
 mod text;
@@ -22,6 +23,7 @@ use rc10_sim::fault::{self, Fault, Kind};
 use rc10_sim::{Esc, Nanos, TraceEntry};
 use sha2::{Digest, Sha256};
 
+use self::line::LineListener;
 use self::output::Outcome;
 use crate::description::Description;
 use crate::environment::{Environment, RemoteLink, operate};
@@ -99,6 +101,8 @@ pub struct Emulation<'r> {
     seed: u64,
     /// The robot's buses: they only listen.
     listeners: Vec<MotorBus<'r>>,
+    /// Its lines. The same.
+    lines: Vec<LineListener<'r>>,
     /// The control loops that its code has for each motor.
     loops: Vec<Option<Loops>>,
     heard: Vec<usize>,
@@ -116,7 +120,7 @@ impl<'r> Emulation<'r> {
         robot.set_faults(&setup.faults)?;
         robot.set_mistakes(&setup.mistakes)?;
         let loops = robot.loops();
-        let (mut description, listeners) = robot.into_buses()?;
+        let (mut description, listeners, lines) = robot.into_buses()?;
         if let Some(rate) = setup.rate {
             for motor in &mut description.motors {
                 if let Device::Dji { rate: set, .. } = &mut motor.device {
@@ -124,10 +128,10 @@ impl<'r> Emulation<'r> {
                 }
             }
         }
-        let Environment { world, wires, lines, motors, base, serials, remote, operator } =
+        let lines: Vec<_> = lines.into_iter().map(LineListener::new).collect();
+        let Environment { world, wires, lines: ends, motors, base, serials, remote, operator } =
             Environment::new(&description, setup.seed)?;
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
-        ensure!(lines.is_empty(), "the firmware has no RS-485 line yet, the robot {}", lines.len());
         let mut machine =
             Machine::with(program, Options { seed: setup.seed, ..Options::default() })?;
         if let Some(speed) = setup.speed {
@@ -154,9 +158,23 @@ impl<'r> Emulation<'r> {
         let heard = vec![0; wires.len()];
         let mut of_chip = setup.faults.clone();
         of_chip.retain(|fault| fault.kind != Kind::RemoteLost);
-        let rig = Rig::new(machine, world, wires, on_buses.collect(), &of_chip)?;
+        let uarts = description.lines.iter().map(|part| part.uart);
+        let ends = uarts.zip(ends).collect();
+        let rig = Rig::new(machine, world, wires, ends, on_buses.collect(), &of_chip)?;
         let seed = setup.seed;
-        Ok(Self { rig, motors, description, base, seed, listeners, loops, heard, remote, operator })
+        Ok(Self {
+            rig,
+            motors,
+            description,
+            base,
+            seed,
+            listeners,
+            lines,
+            loops,
+            heard,
+            remote,
+            operator,
+        })
     }
 
     /// Lets everything go on up to a time since power-on.
@@ -188,6 +206,9 @@ impl<'r> Emulation<'r> {
                 bus.on_frame(&entry.frame, entry.at);
             }
             news.push(new);
+        }
+        for (bytes, line) in self.rig.take_line_bytes().iter().zip(&mut self.lines) {
+            line.listen(bytes);
         }
         news
     }
@@ -236,7 +257,7 @@ impl<'r> Emulation<'r> {
             &self.motors,
             |line| self.status(line, now),
             |number| self.bus_status(number),
-            Vec::new(),
+            self.lines.iter().map(LineListener::status).collect(),
         );
         let remote = self.remote.as_ref();
         let remote = remote.map(|link| watch.finish(link.receiver, link.remote.sent(), None));
@@ -255,10 +276,13 @@ impl<'r> Emulation<'r> {
 
     /// The status of a motor, by the frames that are heard of it.
     fn status(&self, entry: usize, now: Micros) -> MotorStatus {
+        let index = |number: u8| usize::from(number).checked_sub(1);
         let heard = || {
-            let bus = self.description.motors.get(entry)?.on.bus()?;
-            let listener = self.listeners.get(usize::from(bus).checked_sub(1)?)?;
-            listener.status(self.description.number(entry)?, now)
+            let motor = self.description.number(entry)?;
+            match self.description.motors.get(entry)?.on {
+                Place::Bus(bus) => self.listeners.get(index(bus)?)?.status(motor, now),
+                Place::Line(line) => self.lines.get(index(line)?)?.motor(motor, now),
+            }
         };
         heard().unwrap_or(MotorStatus::NEW)
     }
@@ -293,7 +317,8 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     let took = started.elapsed();
     recording.faults.clone_from(&args.faults);
     let mut figures = Figures::of(&recording);
-    problems::search(&emulation.rig, &recording, &mut figures.problems);
+    let Emulation { rig, description, .. } = &emulation;
+    problems::search(rig, description, &recording, &mut figures.problems);
     write_files(&recording, &figures, &args.out)?;
     let sent = emulation.rig.machine.soc().take_sent();
     let texts = text::of(&sent);
@@ -320,6 +345,18 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
 /// # Errors
 /// If there is no checkout, or the firmware cannot be built.
 pub fn build_firmware() -> Result<PathBuf> {
+    build(&[])
+}
+
+/// Builds the mixed robot's firmware, `firmware/line` of this checkout; says where its ELF file is.
+///
+/// # Errors
+/// As [`build_firmware`].
+pub fn build_line() -> Result<PathBuf> {
+    build(&["line"])
+}
+
+fn build(program: &[&str]) -> Result<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     ensure!(
         root.join("firmware").is_dir(),
@@ -327,6 +364,7 @@ pub fn build_firmware() -> Result<PathBuf> {
     );
     let output = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
         .args(["xtask", "firmware"])
+        .args(program)
         .current_dir(&root)
         .stderr(Stdio::inherit())
         .output()

@@ -55,7 +55,7 @@ impl Environment {
         let wires: Vec<_> =
             (0..description.buses).map(|_| world.add_bus(BusConfig::default())).collect();
         let lines: Vec<_> =
-            (0..description.lines).map(|_| world.add_line(LineConfig::default())).collect();
+            description.lines.iter().map(|_| world.add_line(LineConfig::default())).collect();
         let mut motors = Vec::new();
         let built = Built::new(description)?;
         for (index, motor) in built.motors.iter().enumerate() {

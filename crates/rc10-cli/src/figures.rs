@@ -335,9 +335,12 @@ pub fn line_table(recording: &Recording) -> Option<Table> {
             micros(traffic.exchange.min().map(f64::from), 0),
             micros(traffic.exchange.mean().map(f64::from), 1),
             micros(traffic.exchange.max().map(f64::from), 0),
+            micros(traffic.cycle.min().map(f64::from), 0),
+            micros(traffic.cycle.mean().map(f64::from), 1),
+            micros(traffic.cycle.max().map(f64::from), 0),
         ]
     });
-    Some(Table {
+    let table = Table {
         head: vec![
             "line",
             "exchanges",
@@ -350,10 +353,16 @@ pub fn line_table(recording: &Recording) -> Option<Table> {
             "exchange: min",
             "mean",
             "max",
+            "cycle: min",
+            "mean",
+            "max",
         ],
         words: 1,
         rows: rows.collect(),
-    })
+    };
+    // What only the robot knows.
+    let hidden = ["port errors", "overruns"];
+    Some(if recording.is_emulated { table.without(&hidden) } else { table })
 }
 
 pub(crate) const fn link_name(link: Link) -> &'static str {
@@ -573,7 +582,6 @@ pub fn to_json(recording: &Recording, figures: &Figures, wall: f64) -> Value {
             "feedback_overwritten": track.overwritten,
         })
     });
-    let timing = |timing: &Timing| json!({ "min": timing.min(), "mean": timing.mean(), "max": timing.max() });
     let buses = recording.buses.iter().map(|bus| {
         json!({
             "bus": bus.number,
@@ -597,22 +605,6 @@ pub fn to_json(recording: &Recording, figures: &Figures, wall: f64) -> Value {
             "tick_execution_us": timing(&bus.last.execution),
         })
     });
-    let lines = (1..).zip(&recording.lines).map(|(number, line): (u8, _)| {
-        let traffic = &line.traffic;
-        json!({
-            "line": number,
-            "exchanges": traffic.exchanges,
-            "timeouts": traffic.timeouts,
-            "crc_errors": traffic.crc_errors,
-            "garbage_bytes": traffic.garbage,
-            "unexpected": traffic.unexpected,
-            "port_errors": line.port_errors,
-            "overruns": line.overruns,
-            "ticks": line.ticks,
-            "tick_period_us": timing(&line.period),
-            "exchange_us": timing(&traffic.exchange),
-        })
-    });
     let ticks: u64 = recording.buses.iter().map(|bus| u64::from(bus.last.ticks)).sum();
     json!({
         "seed": recording.seed,
@@ -622,12 +614,41 @@ pub fn to_json(recording: &Recording, figures: &Figures, wall: f64) -> Value {
         "trace_hash": recording.trace_hash(),
         "motors": motors.collect::<Vec<_>>(),
         "buses": buses.collect::<Vec<_>>(),
-        "lines": lines.collect::<Vec<_>>(),
+        "lines": lines_json(recording),
         "remote": remote_json(recording),
         "parts": parts_json(recording),
         "signals": signals_json(recording),
         "problems": problems_json(figures),
     })
+}
+
+fn timing(timing: &Timing) -> Value {
+    json!({ "min": timing.min(), "mean": timing.mean(), "max": timing.max() })
+}
+
+/// The RS-485 lines as JSON. Of an emulated chip's own ticks nothing is known.
+pub(crate) fn lines_json(recording: &Recording) -> Value {
+    let lines = (1..).zip(&recording.lines).map(|(number, line): (u8, _)| {
+        let traffic = &line.traffic;
+        let mut figures = json!({
+            "line": number,
+            "exchanges": traffic.exchanges,
+            "timeouts": traffic.timeouts,
+            "crc_errors": traffic.crc_errors,
+            "garbage_bytes": traffic.garbage,
+            "unexpected": traffic.unexpected,
+            "exchange_us": timing(&traffic.exchange),
+            "cycle_us": timing(&traffic.cycle),
+        });
+        if !recording.is_emulated {
+            figures["port_errors"] = line.port_errors.into();
+            figures["overruns"] = line.overruns.into();
+            figures["ticks"] = line.ticks.into();
+            figures["tick_period_us"] = timing(&line.period);
+        }
+        figures
+    });
+    lines.collect()
 }
 
 /// The problems and the information as JSON.

@@ -64,7 +64,7 @@ use emulate::EmuArgs;
 use pty::PtyArgs;
 use run::RunArgs;
 
-pub use description::{Base, Description, SerialPart};
+pub use description::{Base, Description, LinePart, SerialPart};
 pub use mistake::Mistake;
 pub use motor::Motor;
 pub use recording::Recording;
@@ -97,7 +97,7 @@ enum Which {
     /// The team's: mecanum base, gimbal, feeder and lift, eleven motors of DJI
     #[default]
     Team,
-    /// Motors of six vendors: two buses and an RS-485 line
+    /// Motors of six vendors: two buses and an RS-485 line of eight
     Mixed,
 }
 

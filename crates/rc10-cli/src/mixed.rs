@@ -18,7 +18,8 @@ use rc10_sim::unitree_module::UnitreeModule;
 use rc10_sim::vesc::VescConfig;
 use rc10_sim::{Bus, Esc, Line};
 
-use crate::description::Description;
+use crate::description::{Description, LinePart};
+use crate::emulate::build_line;
 use crate::motor::{Device, Motor, Place};
 use crate::robot::Robot;
 use crate::script::Event;
@@ -92,11 +93,12 @@ pub fn description() -> Result<Description> {
     Ok(Description {
         motors,
         buses: BUSES as u8,
-        lines: 1,
+        lines: vec![LinePart { uart: 2 }],
         script: Script {
             events: std::iter::once(armed).chain(SCRIPT.iter().map(event)).collect(),
             repeats_after: None,
         },
+        firmware: Some(build_line),
         ..Description::default()
     })
 }
@@ -181,6 +183,10 @@ const LEG_TWINS: [(&str, LegTwin); LEGS] = [
     ("leg 1", leg_twin::<1>),
     ("leg 2", leg_twin::<2>),
     ("leg 3", leg_twin::<3>),
+    ("leg 4", leg_twin::<4>),
+    ("leg 5", leg_twin::<5>),
+    ("leg 6", leg_twin::<6>),
+    ("leg 7", leg_twin::<7>),
 ];
 
 fn leg_twin<const ID: u8>(line: &Line, inertia: f64) -> Result<Esc> {

@@ -165,7 +165,7 @@ impl<'r> Robot<'r> {
     /// is lost that is lost already.
     pub fn set_faults(&mut self, faults: &[Fault]) -> Result<()> {
         let Description { buses, lines, remote, .. } = &mut self.description;
-        Faults::check(faults, usize::from(*buses), usize::from(*lines))?;
+        Faults::check(faults, usize::from(*buses), lines.len())?;
         match remote {
             Some(remote) => remote.lose(faults)?,
             None => ensure!(
@@ -274,13 +274,13 @@ impl<'r> Robot<'r> {
         Ok(tasks)
     }
 
-    /// Takes it apart: its description, and its buses, which do not run.
+    /// Takes it apart: its description, and its buses and lines, which do not run.
     ///
     /// # Errors
     /// If its buses are not as described.
-    pub fn into_buses(self) -> Result<(Description, Vec<MotorBus<'r>>)> {
+    pub fn into_buses(self) -> Result<(Description, Vec<MotorBus<'r>>, Vec<Rs485Bus<'r>>)> {
         self.check()?;
-        Ok((self.description, self.buses))
+        Ok((self.description, self.buses, self.lines))
     }
 
     /// Whether the motors on the buses and lines are those of the description: otherwise every
@@ -288,8 +288,8 @@ impl<'r> Robot<'r> {
     fn check(&self) -> Result<()> {
         let (buses, described) = (self.buses.len(), self.description.buses);
         ensure!(buses == usize::from(described), "{buses} buses, but {described} described");
-        let (lines, described) = (self.lines.len(), self.description.lines);
-        ensure!(lines == usize::from(described), "{lines} lines, but {described} described");
+        let (lines, described) = (self.lines.len(), self.description.lines.len());
+        ensure!(lines == described, "{lines} lines, but {described} described");
         match (&self.description.remote, &self.listen) {
             (None, Some(_)) => bail!("it listens to a remote, but none is described"),
             (Some(_), None) => bail!("a remote is described, but it listens to none"),

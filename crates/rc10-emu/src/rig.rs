@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 use rc10_sim::fault::{Fault, Kind};
-use rc10_sim::{Bus, Esc, Faults, Nanos, TraceEntry, World};
+use rc10_sim::{Bus, Esc, Faults, Line, LineEntry, Nanos, TraceEntry, World};
 
 use crate::machine::{Injection, Machine};
 use crate::memory::FLASH;
@@ -25,21 +25,26 @@ pub struct Rig {
     /// The world around the chip.
     pub world: World,
     buses: Vec<Bus>,
+    lines: Vec<Line>,
     motors: Vec<(usize, Esc)>,
     logs: Vec<BusLog>,
+    line_bytes: Vec<Vec<LineEntry>>,
     faults: Faults,
     next_step: Nanos,
 }
 
 impl Rig {
-    /// Puts a chip on buses; FDCAN1 is on the first. `motors` says on which bus each motor is.
+    /// Puts a chip on buses, FDCAN1 on the first, and on lines, each at a UART (1 for USART1).
+    /// `motors` says on which bus each motor is.
     ///
     /// # Errors
-    /// If a fault is on a bus that is not there, or in a handler that the program does not have.
+    /// If a fault is on a bus or line that is not there, or in a handler that the program does not
+    /// have; if there is no such UART.
     pub fn new(
         mut machine: Machine,
         world: World,
         buses: Vec<Bus>,
+        lines: Vec<(u8, Line)>,
         motors: Vec<(usize, Esc)>,
         faults: &[Fault],
     ) -> Result<Self> {
@@ -56,12 +61,19 @@ impl Rig {
         for (index, bus) in buses.iter().enumerate() {
             machine.connect(index, bus);
         }
+        for (uart, line) in &lines {
+            machine.connect_line(*uart, line)?;
+            line.keep_trace();
+        }
+        let lines: Vec<_> = lines.into_iter().map(|(_, line)| line).collect();
         Ok(Self {
             machine,
             world,
             logs: buses.iter().map(|_| BusLog::default()).collect(),
-            faults: Faults::new(&buses, &[], faults)?,
+            line_bytes: vec![Vec::new(); lines.len()],
+            faults: Faults::new(&buses, &lines, faults)?,
             buses,
+            lines,
             motors,
             next_step: STEP,
         })
@@ -83,6 +95,17 @@ impl Rig {
     #[must_use]
     pub fn logs(&self) -> &[BusLog] {
         &self.logs
+    }
+
+    /// The RS-485 lines.
+    #[must_use]
+    pub fn lines(&self) -> &[Line] {
+        &self.lines
+    }
+
+    /// The bytes on each line since the last call, in the order of their ends.
+    pub fn take_line_bytes(&mut self) -> Vec<Vec<LineEntry>> {
+        self.line_bytes.iter_mut().map(std::mem::take).collect()
     }
 
     /// Lets chip and world go on up to a time.
@@ -137,6 +160,9 @@ impl Rig {
             let new = bus.take_trace();
             self.faults.heard(index, &new);
             log.frames.extend(new);
+        }
+        for (line, bytes) in self.lines.iter().zip(&mut self.line_bytes) {
+            bytes.extend(line.take_trace());
         }
     }
 }

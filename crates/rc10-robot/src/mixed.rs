@@ -1,5 +1,6 @@
 //! A robot of motors of many vendors, to show how they live together: two CAN buses with standard
-//! and extended identifiers, and an RS-485 line. `rc10 run --robot mixed` drives it.
+//! and extended identifiers, and an RS-485 line. `rc10 run --robot mixed` drives it; `firmware/line` is it on
+//! the chip.
 
 use core::num::NonZeroU8;
 
@@ -7,6 +8,7 @@ use embassy_time::{Duration, Instant, Ticker, Timer};
 use rc10_app::{
     Amps, ConfigError, Degrees, Gear, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle,
 };
+use rc10_can::Micros;
 use rc10_motor::cybergear::{self, CyberGear};
 use rc10_motor::damiao::{self, Control, Damiao};
 use rc10_motor::embassy::{BusPort, MotorPort, Rs485Port};
@@ -19,8 +21,8 @@ use rc10_motor::{ArmSwitch, AttachError, Impedance, MotorBus, MotorId, Safety, T
 
 /// Number of CAN buses.
 pub const BUSES: usize = 2;
-/// Number of legs: GO-M8010-6 on the line, with ids 0 to 3.
-pub const LEGS: usize = 4;
+/// Number of legs: GO-M8010-6 on the line, with ids 0 to 7.
+pub const LEGS: usize = 8;
 
 /// Names of the motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -134,6 +136,18 @@ pub const FLYWHEEL: odrive::Config = odrive::Config::new(
 .with_gear(Gear::new(8, 1).unwrap())
 .with_limits(odrive::Limits { speed: Rpm::new(400.0), current: Amps::new(18.0) });
 
+/// The longest time from a command to a leg to the end of its reply: nearly twice what that takes if
+/// the leg thinks for 20 µs, so that one that is silent costs the others little.
+pub const REPLY: Micros = Micros::new(200);
+
+/// The line, without its legs.
+///
+/// # Errors
+/// [`ConfigError`], naming what cannot be.
+pub fn line(switch: &ArmSwitch) -> Result<Rs485Bus<'_>, ConfigError> {
+    Rs485Bus::new(switch).with_reply_timeout(REPLY)
+}
+
 impl Motors {
     /// As set up above.
     ///
@@ -148,7 +162,7 @@ impl Motors {
             wrist: CyberGear::new(&cybergear::models::CYBERGEAR, WRIST)?,
             turret: Lk::new(TURRET_ID, TURRET)?,
             flywheel: ODrive::new(FLYWHEEL_NODE, FLYWHEEL)?,
-            legs: [leg(0)?, leg(1)?, leg(2)?, leg(3)?],
+            legs: [leg(0)?, leg(1)?, leg(2)?, leg(3)?, leg(4)?, leg(5)?, leg(6)?, leg(7)?],
         })
     }
 
@@ -160,20 +174,33 @@ impl Motors {
         &'r mut self,
         shared: &'r Shared,
     ) -> Result<([MotorBus<'r>; BUSES], Rs485Bus<'r>), SetupError> {
+        let mut buses = [(); BUSES].map(|()| MotorBus::new(&shared.switch));
+        let mut line = line(&shared.switch)?;
+        self.attach(buses.each_mut(), &mut line)?;
+        Ok((buses, line))
+    }
+
+    /// The same, on buses and a line that stand where they stay: on a chip they are too large for the
+    /// stack.
+    ///
+    /// # Errors
+    /// [`SetupError`], naming both motors of a clash.
+    pub fn attach<'r>(
+        &'r mut self,
+        [one, two]: [&mut MotorBus<'r>; BUSES],
+        line: &mut Rs485Bus<'r>,
+    ) -> Result<(), SetupError> {
         let Self { wheel, arm, hip, wrist, turret, flywheel, legs } = self;
-        let mut one = MotorBus::new(&shared.switch);
         one.attach(wheel, Safety::BRAKE)?;
         one.attach(arm, Safety::HOLD)?;
         one.attach(hip, Safety::HOLD)?;
-        let mut two = MotorBus::new(&shared.switch);
         two.attach(wrist, Safety::COAST)?;
         two.attach(turret, Safety::HOLD)?;
         two.attach(flywheel, Safety::COAST)?;
-        let mut line = Rs485Bus::new(&shared.switch);
         for leg in legs {
             line.attach(leg, Safety::HOLD).map_err(SetupError::Attach)?;
         }
-        Ok(([one, two], line))
+        Ok(())
     }
 }
 
@@ -255,8 +282,13 @@ const fn legs(degrees: f32) -> [(Name, Target); LEGS] {
         kp: 20.0,
         kd: 1.0,
     };
-    let target = Target::Impedance(spring);
-    [(Name::Leg(0), target), (Name::Leg(1), target), (Name::Leg(2), target), (Name::Leg(3), target)]
+    let mut legs = [(Name::Leg(0), Target::Impedance(spring)); LEGS];
+    let (mut index, mut leg) = (1, 1);
+    while index < LEGS {
+        legs[index].0 = Name::Leg(leg);
+        (index, leg) = (index + 1, leg + 1);
+    }
+    legs
 }
 
 /// The script: speeds, angles, springs and torques, of every link.
@@ -319,6 +351,10 @@ const MOTORS: [Name; 6 + LEGS] = [
     Name::Leg(1),
     Name::Leg(2),
     Name::Leg(3),
+    Name::Leg(4),
+    Name::Leg(5),
+    Name::Leg(6),
+    Name::Leg(7),
 ];
 
 /// The task: arms the robot, and repeats every 10 ms what the script said last to each motor.

@@ -103,7 +103,7 @@ pub use dji::{EscConfig, FeedbackRate, IdOutOfRange, Model};
 pub use fault::Fault;
 pub use faults::Faults;
 pub use handles::{Base, Bus, Esc, SimPort};
-pub use line::{Heard, LineConfig, LineCounters, LineDevice};
+pub use line::{Heard, LineConfig, LineCounters, LineDevice, LineEntry};
 pub use line_handles::{Line, SerialPort};
 pub use motor::{Plant, Scale};
 pub use pulses::{PulseDevice, PulseEnd, PulsePort, Pulses};

@@ -31,6 +31,19 @@ impl Default for LineConfig {
     }
 }
 
+/// A byte that was on a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineEntry {
+    /// The first edge of its start bit.
+    pub start: Nanos,
+    /// The end of its stop bit.
+    pub end: Nanos,
+    /// The byte as it was heard: one that met another is something else.
+    pub byte: u8,
+    /// Whether the host sent it.
+    pub from_host: bool,
+}
+
 /// Counters of a line since the world began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -163,6 +176,7 @@ pub(crate) struct Line {
     stations: Vec<Station>,
     /// Frames that are to be damaged yet: the host's, and the devices'.
     damage: [u32; 2],
+    trace: Option<Vec<LineEntry>>,
     pub(crate) counters: LineCounters,
 }
 
@@ -179,6 +193,7 @@ impl Line {
             noise: Sender::default(),
             stations: Vec::new(),
             damage: [0; 2],
+            trace: None,
             counters: LineCounters::default(),
         }
     }
@@ -207,6 +222,14 @@ impl Line {
             self.noise.from = now;
         }
         self.noise.waiting.extend(bytes);
+    }
+
+    pub(crate) fn keep_trace(&mut self) {
+        self.trace.get_or_insert_default();
+    }
+
+    pub(crate) fn take_trace(&mut self) -> Vec<LineEntry> {
+        self.trace.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     pub(crate) const fn damage_commands(&mut self, frames: u32) {
@@ -267,6 +290,11 @@ impl Line {
         } else {
             flight.byte
         };
+        if let Some(trace) = self.trace.as_mut().filter(|_| !cut) {
+            let start = Nanos::new(flight.end.get() - self.byte_ns);
+            let from_host = who == Who::Host;
+            trace.push(LineEntry { start, end: flight.end, byte, from_host });
+        }
         let host_hears = match who {
             Who::Host => self.config.echo,
             _ => !cut && !self.host.sender.cut,

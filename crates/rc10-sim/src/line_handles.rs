@@ -11,7 +11,7 @@ use embedded_io_async::{ErrorType, Read, Write};
 use crate::Nanos;
 use crate::device::{Electronics, Place};
 use crate::handles::Esc;
-use crate::line::{self, LineCounters, LineDevice};
+use crate::line::{self, LineCounters, LineDevice, LineEntry};
 use crate::motor::Plant;
 use crate::serial::SerialEnd;
 use crate::world::Inner;
@@ -84,6 +84,18 @@ impl Line {
     /// The same with the devices' frames.
     pub fn damage_answers(&self, frames: u32) {
         self.with(|line, _| line.damage_answers(frames));
+    }
+
+    /// Keeps the bytes from now on for [`take_trace`](Self::take_trace).
+    pub fn keep_trace(&self) {
+        self.with(|line, _| line.keep_trace());
+    }
+
+    /// The bytes on the line since the last call, in the order of their ends: what a node in the
+    /// middle would hear. Those of an end that is unplugged are not on it.
+    #[must_use]
+    pub fn take_trace(&self) -> Vec<LineEntry> {
+        self.with(|line, _| line.take_trace())
     }
 
     /// Counters since the world began.

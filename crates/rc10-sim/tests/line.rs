@@ -43,6 +43,34 @@ fn an_exchange_takes_its_bytes_and_the_motor_s_thinking() {
 }
 
 #[test]
+fn a_trace_has_what_a_node_in_the_middle_hears() {
+    let (mut world, line, motor, mut port) = world(LineConfig::default());
+    port.send(&QUESTION);
+    world.advance_to(Nanos::new(200_000));
+    assert_eq!(line.take_trace(), [], "nobody asked for it");
+    line.keep_trace();
+    let mut exchange = || {
+        port.send(&QUESTION);
+        world.advance_to(world.now_ns() + Nanos::new(200_000));
+        line.take_trace()
+    };
+    let trace = exchange();
+    let (asked, answered) = trace.split_at(17);
+    assert!(asked.iter().map(|entry| entry.byte).eq(QUESTION));
+    assert!(asked.iter().all(|entry| entry.from_host));
+    assert!(answered.iter().all(|entry| !entry.from_host) && answered.len() == 16);
+    let [first, last] = [asked[0], answered[15]];
+    assert_eq!((first.start, first.end), (Nanos::new(200_000), Nanos::new(202_500)));
+    assert_eq!((answered[0].byte, last.end), (0xFD, Nanos::new(302_500)));
+    // An end that is unplugged is not on the line.
+    line.set_cut(true);
+    assert_eq!(exchange(), []);
+    line.set_cut(false);
+    motor.set_cut(true);
+    assert_eq!(exchange().len(), 17);
+}
+
+#[test]
 fn who_talks_at_the_same_time_spoils_both() {
     let (mut world, line, motor, mut port) = world(LineConfig::default());
     port.send(&QUESTION);

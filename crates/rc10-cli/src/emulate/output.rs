@@ -10,7 +10,8 @@ use serde_json::{Value, json};
 
 use super::content_hash;
 use crate::figures::{
-    Figures as RunFigures, motor_table, problems_json, remote_json, remote_lines,
+    Figures as RunFigures, line_table, lines_json, motor_table, problems_json, remote_json,
+    remote_lines,
 };
 use crate::recording::Recording;
 
@@ -127,6 +128,7 @@ impl<'a> Outcome<'a> {
                 "load_percent": bus.load,
                 "tick_period_us": bus.tick_period.map(spread),
             })).collect::<Vec<_>>(),
+            "lines": lines_json(recording),
             "motors": recording.motors.iter().map(|track| json!({
                 "motor": track.motor.label,
                 "bus": track.motor.on.bus(),
@@ -170,6 +172,9 @@ impl<'a> Outcome<'a> {
         )?;
         writeln!(text, "{}", motor_table(self.recording, self.run).text())?;
         self.write_buses(text)?;
+        if let Some(lines) = line_table(self.recording) {
+            writeln!(text, "\n{}", lines.text())?;
+        }
         writeln!(text, "{}", remote_lines(self.recording))?;
         self.write_figures(text)?;
         self.write_exceptions(text)?;

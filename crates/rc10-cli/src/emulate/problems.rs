@@ -3,12 +3,18 @@
 use rc10_emu::{Figures, Rig};
 use rc10_sim::fault::Kind;
 
+use crate::description::Description;
 use crate::motor::Place;
 use crate::problems::{About, Problem, is_excused};
 use crate::recording::Recording;
 
 /// Adds what is to be said of the chip. What its faults must do is no problem.
-pub(super) fn search(rig: &Rig, recording: &Recording, found: &mut Vec<Problem>) {
+pub(super) fn search(
+    rig: &Rig,
+    description: &Description,
+    recording: &Recording,
+    found: &mut Vec<Problem>,
+) {
     let figures = Figures::of(rig);
     let mut problem = |about, kind, text| found.push(Problem::new(about, kind, text));
     if figures.boot.is_none() {
@@ -39,6 +45,21 @@ pub(super) fn search(rig: &Rig, recording: &Recording, found: &mut Vec<Problem>)
     for restart in rig.machine.restarts().iter().skip(crashed) {
         let at = restart.at.get() as f64 * 1e-6;
         problem(About::Chip, "restart", format!("restarted at {at:.3} ms: {:?}", restart.cause));
+    }
+    for (number, part) in (1..).zip(&description.lines) {
+        let garbled = rig.machine.garbled(part.uart);
+        if garbled > 0 {
+            let text = format!("{garbled} bytes of another baud rate or format");
+            problem(About::Line(number), "garbled", text);
+        }
+        if recording
+            .lines
+            .get(usize::from(number) - 1)
+            .is_some_and(|line| line.traffic.exchanges + line.traffic.timeouts == 0)
+        {
+            let text = format!("no command from UART {}: is its driver enabled?", part.uart);
+            problem(About::Line(number), "silent", text);
+        }
     }
     for (number, bus) in (1..).zip(&figures.buses) {
         // Counted over the whole run: a fault on the bus excuses all of it.

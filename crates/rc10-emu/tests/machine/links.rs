@@ -297,6 +297,36 @@ fn a_line_needs_the_driver_enabled() {
     }
 }
 
+/// Neither end understands the other: half the rate is noise to both.
+#[test]
+fn another_rate_on_a_line_is_garbage_at_both_ends() {
+    const QUESTION: [u8; 17] = [0xFE, 0xEE, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x65, 0x23];
+    let mut bench = Bench::new();
+    let line = bench.world.add_line(LineConfig::default());
+    let motor = line.add(GoM8010::new(0), plant());
+    bench.machine.connect_line(2, &line).unwrap();
+    line.keep_trace();
+    [4, 5, 6].iter().for_each(|&pin| bench.alternate(3, pin, 7));
+    bench.write(USART2 + 0x0C, HZ / 2_000_000);
+    bench.write(USART2 + 0x08, 0b11 << 6 | 1 << 14);
+    bench.write(USART2, 0b1101);
+    bench.receive(USART2 + 0x24, 43, 64);
+    bench.run_to(100_000);
+    bench.send(USART2 + 0x28, 44, &QUESTION);
+    bench.run_to(500_000);
+    let heard = line.take_trace();
+    assert_eq!(heard.len() as u64 + bench.machine.garbled(2), 17);
+    assert!(bench.machine.garbled(2) > 0 && motor.state().commands == 0);
+    assert_eq!(bench.remaining(), 64, "nobody has answered");
+    // Another master polls at the right rate.
+    line.inject(&QUESTION);
+    bench.run_to(1_000_000);
+    assert_eq!(motor.state().commands, 1);
+    // Framing.
+    assert_ne!(bench.read(USART2 + ISR) & 2, 0);
+    assert_ne!(bench.received(2), [0xFD, 0xEE]);
+}
+
 #[test]
 fn who_talks_into_an_answer_is_noticed() {
     let mut bench = Bench::new();
@@ -370,6 +400,6 @@ fn pulses_are_captured() {
 fn a_rig_without_a_remote_refuses_to_lose_it() {
     let machine = Machine::new(&program(LOAD, FLASH, HANDLER)).unwrap();
     let fault: Fault = "remote-lost@1ms..2500us".parse().unwrap();
-    let refused = Rig::new(machine, World::new(1), vec![], vec![], &[fault]).err().unwrap();
+    let refused = Rig::new(machine, World::new(1), vec![], vec![], vec![], &[fault]).err().unwrap();
     assert!(refused.to_string().contains("remote"), "{refused}");
 }

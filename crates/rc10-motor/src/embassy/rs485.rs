@@ -65,6 +65,10 @@ impl Default for Rs485Port {
 /// flushed. `BufferedUart` and `RingBufferedUartRx` of `embassy-stm32` do, and `Serial` of
 /// `rc10-bsp`. A transceiver that hears its own commands is no harm, but each counts as 17
 /// bytes of garbage. Errors of the port are counted, and the bus goes on.
+///
+/// Each exchange waits for the one before, so the time from a reply to the next command decides how
+/// many motors a millisecond has room for. On a chip it runs on an executor of its own, below the
+/// buses', with the interrupts of its port at the same priority.
 pub async fn run_rs485<'m, P: Read + Write, B: BorrowMut<Rs485Bus<'m>>>(
     mut io: P,
     mut bus: B,
