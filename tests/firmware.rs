@@ -24,6 +24,8 @@ use serde_json::Value;
 mod budgets;
 #[path = "firmware/dma_memory.rs"]
 mod dma_memory;
+#[path = "firmware/line.rs"]
+mod line;
 #[path = "firmware/phases.rs"]
 mod phases;
 #[path = "firmware/priorities.rs"]

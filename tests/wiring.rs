@@ -8,6 +8,7 @@ const PAGE: &str = include_str!("../docs/wiring.md");
 const BOARD: &str = include_str!("../firmware/src/board.rs");
 const ROBOT: &str = include_str!("../firmware/src/main.rs");
 const SELF_TEST: &str = include_str!("../firmware/selftest/src/main.rs");
+const MIXED: &str = include_str!("../firmware/line/src/main.rs");
 const USB: &str = include_str!("../firmware/usb/src/main.rs");
 /// The signals of each pin of the emulated chip, by alternate function.
 const PINS: &str = include_str!("../crates/rc10-emu/src/peripherals/pins.rs");
@@ -142,7 +143,7 @@ fn who_uses_a_part_is_true() {
                 behind.is_some_and(|next| !next.is_alphanumeric() && next != '_')
             })
         };
-        let programs = [("R", ROBOT), ("S", SELF_TEST), ("U", USB)];
+        let programs = [("R", ROBOT), ("S", SELF_TEST), ("M", MIXED), ("U", USB)];
         let takers = programs.into_iter().filter(|(_, code)| takes(code)).map(|(letter, _)| letter);
         let expected = takers.collect::<Vec<_>>().join(" ");
         assert_eq!(users, expected, "who uses `{part}` ({pin})");

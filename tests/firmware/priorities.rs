@@ -14,7 +14,7 @@ const PERIPHERALS: u8 = 7;
 /// The interrupt of time, TIM2.
 pub const TIME: (u16, u8) = (28, 0);
 /// The supervisor, TIM7; the interrupt that is lent to the buses, UART9.
-const BUSES: [(u16, u8); 2] = [(55, 3), (155, 6)];
+pub const BUSES: [(u16, u8); 2] = [(55, 3), (155, 6)];
 /// Number of the buses' exception: 16 of the core's own come before.
 pub const BUSES_EXCEPTION: u16 = 16 + BUSES[1].0;
 /// TIM13, if the remote speaks serially: it is never started.

@@ -9,7 +9,8 @@ use anyhow::{Result, bail};
 
 use crate::cargo::{chip, host, run as run_command};
 use crate::firmware::{
-    build_count_with, build_interop_with, build_selftest_with, build_usb_with, build_with,
+    build_count_with, build_interop_with, build_line_with, build_selftest_with, build_usb_with,
+    build_with,
 };
 use crate::setup::{TARGET, chip_toolchain, component, python};
 use crate::{count, emulate, size};
@@ -145,6 +146,7 @@ pub fn run() -> Result<()> {
             program = Some(build_with(rustc)?);
             build_interop_with(rustc)?;
             build_usb_with(rustc)?;
+            build_line_with(rustc)?;
             build_selftest_with(rustc)
         })
     });

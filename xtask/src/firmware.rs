@@ -23,6 +23,11 @@ pub fn build_selftest() -> Result<()> {
     build_selftest_with(chip_toolchain()?.as_deref())
 }
 
+/// Builds the program of the mixed robot; says where its ELF file is.
+pub fn build_line() -> Result<PathBuf> {
+    build_line_with(chip_toolchain()?.as_deref())
+}
+
 /// Builds the serial port on USB, beside it.
 pub fn build_usb_with(rustc: Option<&Path>) -> Result<()> {
     // By itself: features unify over packages that are built together.
@@ -52,6 +57,12 @@ pub fn build_interop_with(rustc: Option<&Path>) -> Result<()> {
 pub fn build_selftest_with(rustc: Option<&Path>) -> Result<()> {
     // By itself: features unify over packages that are built together.
     run(&mut chip("build --release --package selftest", rustc))
+}
+
+pub fn build_line_with(rustc: Option<&Path>) -> Result<PathBuf> {
+    // By itself: features unify over packages that are built together.
+    run(&mut chip("build --release --package line", rustc))?;
+    Ok(elf("line"))
 }
 
 fn elf(name: &str) -> PathBuf {
