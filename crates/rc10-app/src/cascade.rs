@@ -10,6 +10,7 @@
 
 use crate::config::{finite, positive};
 use crate::maths::{fast_sqrt, within};
+use crate::ok;
 use crate::{ConfigError, PidConfig, PidInput, PidState, RpmPerSecond, Seconds};
 
 /// Gains and limits of both loops.
@@ -32,10 +33,10 @@ impl Cascade {
     ///
     /// # Errors
     /// The first field that cannot, and what it must be.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        self.speed.validate().map_err(|error| error.in_part("speed"))?;
-        self.angle.validate().map_err(|error| error.in_part("angle"))?;
-        positive("acceleration", self.acceleration.get())?;
+    pub const fn validate(&self) -> Result<(), ConfigError> {
+        ok!(self.speed.validate(), in "speed");
+        ok!(self.angle.validate(), in "angle");
+        ok!(positive("acceleration", self.acceleration.get()));
         finite("feed_forward", self.feed_forward)
     }
 

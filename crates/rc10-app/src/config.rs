@@ -1,5 +1,7 @@
 use core::fmt;
 
+use crate::text::Text;
+
 /// A number in a configuration that cannot be used, and where it stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -46,38 +48,67 @@ impl ConfigError {
     pub const fn of_device(self, model: &'static str, id: u16) -> Self {
         Self { device: Some((model, id)), ..self }
     }
+
+    /// What it says: for a `const`, which cannot use [`Display`](fmt::Display).
+    #[must_use]
+    pub const fn text(&self) -> Text {
+        let Self { device, part, field, value, must_be } = *self;
+        let mut text = Text::new();
+        if let Some((model, id)) = device {
+            text = text.push(model).push(" id ").push_number(id as u64).push(": ");
+        }
+        let dot = if part.is_empty() { "" } else { "." };
+        let text = text.push("`").push(part).push(dot).push(field).push("` is ");
+        text.push_float(value).push(", but must be ").push(must_be)
+    }
+}
+
+/// `?` for a `const fn`, which has none yet: the value of a `Result`, or back with its error. With
+/// `in "speed"` it is an error [of that part](ConfigError::in_part).
+#[macro_export]
+macro_rules! ok {
+    ($result:expr) => {
+        match $result {
+            Ok(value) => value,
+            Err(error) => return Err(error),
+        }
+    };
+    ($result:expr, in $part:literal) => {
+        match $result {
+            Ok(value) => value,
+            Err(error) => return Err(error.in_part($part)),
+        }
+    };
 }
 
 /// ``M3508 id 1: `speed.kp` is -0.063, but must be finite and not negative``
 impl fmt::Display for ConfigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { device, part, field, value, must_be } = self;
-        if let Some((model, id)) = device {
-            write!(f, "{model} id {id}: ")?;
-        }
-        let dot = if part.is_empty() { "" } else { "." };
-        write!(f, "`{part}{dot}{field}` is {value}, but must be {must_be}")
+        self.text().fmt(f)
     }
 }
 
 impl core::error::Error for ConfigError {}
 
 /// `Ok` for a finite number.
-pub(crate) fn finite(field: &'static str, value: f32) -> Result<(), ConfigError> {
+pub(crate) const fn finite(field: &'static str, value: f32) -> Result<(), ConfigError> {
     ConfigError::check(value.is_finite(), field, value, "finite")
 }
 
 /// `Ok` for a finite number of zero or more.
-pub(crate) fn not_negative(field: &'static str, value: f32) -> Result<(), ConfigError> {
+pub(crate) const fn not_negative(field: &'static str, value: f32) -> Result<(), ConfigError> {
     ConfigError::check(value.is_finite() && value >= 0.0, field, value, "finite and not negative")
 }
 
 /// `Ok` for a finite number above zero.
-pub(crate) fn positive(field: &'static str, value: f32) -> Result<(), ConfigError> {
+pub(crate) const fn positive(field: &'static str, value: f32) -> Result<(), ConfigError> {
     ConfigError::check(value.is_finite() && value > 0.0, field, value, "finite and positive")
 }
 
 /// `Ok` for a number above zero, or for infinity, which stands for "no limit".
-pub(crate) fn positive_or_unlimited(field: &'static str, value: f32) -> Result<(), ConfigError> {
+pub(crate) const fn positive_or_unlimited(
+    field: &'static str,
+    value: f32,
+) -> Result<(), ConfigError> {
     ConfigError::check(value > 0.0, field, value, "positive (infinite: no limit)")
 }

@@ -25,6 +25,7 @@ pub mod low_pass;
 pub mod maths;
 pub mod pid;
 pub mod ramp;
+mod text;
 pub mod transform;
 pub mod units;
 
@@ -39,6 +40,7 @@ pub use incremental::{IncrementalPidConfig, IncrementalPidState};
 pub use low_pass::{LowPass, LowPassConfig};
 pub use pid::{PidConfig, PidInput, PidState};
 pub use ramp::{Ramp, RampConfig};
+pub use text::Text;
 pub use transform::Pose;
 pub use units::{
     Amps, Celsius, Degrees, Direction, ElectricalRpm, Gear, NewtonMetres, Radians, RotorRpm, Rpm,

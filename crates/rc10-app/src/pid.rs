@@ -15,6 +15,7 @@
 use crate::angle::shortest_way_f32;
 use crate::config::{ConfigError, not_negative, positive, positive_or_unlimited};
 use crate::maths::within;
+use crate::ok;
 use crate::units::Seconds;
 
 /// Gains and limits. Units: those of the output per those of the measurement.
@@ -62,15 +63,15 @@ impl PidConfig {
     ///
     /// # Errors
     /// The first field that cannot, and what it must be.
-    pub fn validate(&self) -> Result<(), ConfigError> {
+    pub const fn validate(&self) -> Result<(), ConfigError> {
         // A negative gain runs away.
-        not_negative("kp", self.kp)?;
-        not_negative("ki", self.ki)?;
-        not_negative("kd", self.kd)?;
-        positive("output_limit", self.output_limit)?;
-        not_negative("integral_limit", self.integral_limit)?;
-        positive_or_unlimited("integral_separation", self.integral_separation)?;
-        not_negative("deadband", self.deadband)?;
+        ok!(not_negative("kp", self.kp));
+        ok!(not_negative("ki", self.ki));
+        ok!(not_negative("kd", self.kd));
+        ok!(positive("output_limit", self.output_limit));
+        ok!(not_negative("integral_limit", self.integral_limit));
+        ok!(positive_or_unlimited("integral_separation", self.integral_separation));
+        ok!(not_negative("deadband", self.deadband));
         positive_or_unlimited("turn", self.turn)
     }
 }

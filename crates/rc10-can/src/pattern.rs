@@ -6,9 +6,18 @@ use crate::CanFrame;
 
 /// The data frames of one identifier, or of a family of them: those whose bits under `mask` equal
 /// the pattern's. Standard and extended never match each other.
+///
+/// ```
+/// use rc10_can::IdPattern;
+/// // In a constant, too: every identifier of a VESC with number 5.
+/// const VESC: IdPattern = IdPattern::extended(0x005).under(0x0FF);
+/// assert_eq!(VESC.to_string(), "0x00000005/0xFF");
+/// ```
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct IdPattern {
-    id: Id,
+    // Not an `Id`: a constant cannot look into one.
+    raw: u32,
+    is_extended: bool,
     mask: u32,
 }
 
@@ -18,40 +27,76 @@ const EXACT: u32 = 0x1FFF_FFFF;
 const STANDARD: u32 = 0x7FF;
 
 impl IdPattern {
+    /// Just this standard identifier. Of a number, so that a constant can have it; what is above
+    /// its 11 bits is cut off.
+    #[must_use]
+    pub const fn standard(raw: u16) -> Self {
+        Self { raw: raw as u32 & STANDARD, is_extended: false, mask: EXACT }
+    }
+
+    /// Just this extended identifier. Of a number, so that a constant can have it; what is above
+    /// its 29 bits is cut off.
+    #[must_use]
+    pub const fn extended(raw: u32) -> Self {
+        Self { raw: raw & EXACT, is_extended: true, mask: EXACT }
+    }
+
     /// Just this identifier.
     #[must_use]
     pub fn exact(id: impl Into<Id>) -> Self {
-        Self::of(id.into(), EXACT)
-    }
-
-    /// As [`exact`](Self::exact) and [`masked`](Self::masked), for constants.
-    #[must_use]
-    pub const fn of(id: Id, mask: u32) -> Self {
-        Self { id, mask: mask & EXACT }
+        match id.into() {
+            Id::Standard(id) => Self::standard(id.as_raw()),
+            Id::Extended(id) => Self::extended(id.as_raw()),
+        }
     }
 
     /// Every identifier of the same size that equals `id` where `mask` has a one.
     #[must_use]
     pub fn masked(id: impl Into<Id>, mask: u32) -> Self {
-        Self::of(id.into(), mask)
+        Self::exact(id).under(mask)
+    }
+
+    /// With only the bits of the identifier that are ones in `mask` counting.
+    #[must_use]
+    pub const fn under(mut self, mask: u32) -> Self {
+        self.mask = mask & EXACT;
+        self
     }
 
     /// Every standard identifier.
     #[must_use]
     pub const fn any_standard() -> Self {
-        Self { id: Id::Standard(StandardId::ZERO), mask: 0 }
+        Self::standard(0).under(0)
     }
 
     /// Every extended identifier.
     #[must_use]
     pub const fn any_extended() -> Self {
-        Self { id: Id::Extended(ExtendedId::ZERO), mask: 0 }
+        Self::extended(0).under(0)
     }
 
     /// The identifier the pattern was made with.
     #[must_use]
     pub const fn id(&self) -> Id {
-        self.id
+        #[expect(clippy::cast_possible_truncation, reason = "11 bits")]
+        match (self.is_extended, StandardId::new(self.raw as u16), ExtendedId::new(self.raw)) {
+            (false, Some(id), _) => Id::Standard(id),
+            (true, _, Some(id)) => Id::Extended(id),
+            // They have as many bits as they may.
+            _ => Id::Standard(StandardId::ZERO),
+        }
+    }
+
+    /// The number of that identifier.
+    #[must_use]
+    pub const fn raw(&self) -> u32 {
+        self.raw
+    }
+
+    /// Whether it is of extended identifiers, with 29 bits.
+    #[must_use]
+    pub const fn is_extended(&self) -> bool {
+        self.is_extended
     }
 
     /// The bits of the identifier that count.
@@ -60,16 +105,9 @@ impl IdPattern {
         self.mask
     }
 
-    fn raw(&self) -> u32 {
-        raw(self.id)
-    }
-
     /// Bits that exist in an identifier of this size.
     const fn width(&self) -> u32 {
-        match self.id {
-            Id::Standard(_) => STANDARD,
-            Id::Extended(_) => EXACT,
-        }
+        if self.is_extended { EXACT } else { STANDARD }
     }
 
     /// Whether the pattern names one identifier only.
@@ -81,8 +119,18 @@ impl IdPattern {
     /// Whether the identifier belongs to the pattern.
     #[must_use]
     pub fn contains(&self, id: Id) -> bool {
-        matches!(self.id, Id::Standard(_)) == matches!(id, Id::Standard(_))
-            && (self.raw() ^ raw(id)) & self.mask & self.width() == 0
+        self.overlap(&Self::exact(id)).is_some()
+    }
+
+    /// An identifier that belongs to both patterns, if there is one.
+    #[must_use]
+    pub const fn overlap(&self, other: &Self) -> Option<Self> {
+        let common = self.mask & other.mask & self.width();
+        if self.is_extended != other.is_extended || (self.raw ^ other.raw) & common != 0 {
+            return None;
+        }
+        let raw = (self.raw & self.mask) | (other.raw & other.mask & !self.mask);
+        Some(Self { raw, is_extended: self.is_extended, mask: EXACT })
     }
 
     /// Whether a frame belongs to the pattern. A remote request never does.
@@ -90,40 +138,19 @@ impl IdPattern {
     pub fn matches(&self, frame: &CanFrame) -> bool {
         !frame.is_remote() && self.contains(frame.id())
     }
-
-    /// An identifier that belongs to both patterns, if there is one.
-    #[must_use]
-    pub fn overlap(&self, other: &Self) -> Option<Id> {
-        if matches!(self.id, Id::Standard(_)) != matches!(other.id, Id::Standard(_)) {
-            return None;
-        }
-        let common = self.mask & other.mask & self.width();
-        if (self.raw() ^ other.raw()) & common != 0 {
-            return None;
-        }
-        let both = (self.raw() & self.mask) | (other.raw() & other.mask & !self.mask);
-        Some(match self.id {
-            #[expect(clippy::cast_possible_truncation, reason = "masked to 11 bits")]
-            Id::Standard(_) => Id::Standard(StandardId::new((both & self.width()) as u16)?),
-            Id::Extended(_) => Id::Extended(ExtendedId::new(both & self.width())?),
-        })
-    }
-}
-
-fn raw(id: Id) -> u32 {
-    match id {
-        Id::Standard(id) => u32::from(id.as_raw()),
-        Id::Extended(id) => id.as_raw(),
-    }
 }
 
 impl fmt::Display for IdPattern {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.id {
-            Id::Standard(id) => write!(f, "0x{:03X}", id.as_raw())?,
-            Id::Extended(id) => write!(f, "0x{:08X}", id.as_raw())?,
-        }
+        let digits = if self.is_extended { 8 } else { 3 };
+        write!(f, "0x{:0digits$X}", self.raw)?;
         if self.is_exact() { Ok(()) } else { write!(f, "/0x{:X}", self.mask & self.width()) }
+    }
+}
+
+impl<I: Into<Id>> From<I> for IdPattern {
+    fn from(id: I) -> Self {
+        Self::exact(id)
     }
 }
 
@@ -153,7 +180,7 @@ mod tests {
         let group = IdPattern::masked(standard(0x200), 0x7F0);
         let one = IdPattern::exact(standard(0x205));
         let shared = group.overlap(&one).unwrap();
-        assert!(group.contains(shared) && one.contains(shared));
+        assert!(group.contains(shared.id()) && one.contains(shared.id()));
         assert_eq!(group.overlap(&IdPattern::exact(standard(0x210))), None);
     }
 

@@ -1,6 +1,5 @@
 use core::fmt;
 
-use embedded_can::Id;
 use rc10_can::{CanFrame, IdPattern, Micros};
 
 /// The identifiers that a motor occupies on its bus, declared once. The clash check, the receive
@@ -11,15 +10,11 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 ///
 /// ```
 /// use rc10_can::IdPattern;
-/// use rc10_can::embedded_can::{Id, StandardId};
 /// use rc10_motor::{CanIds, Frames, Ownership, Rate};
 ///
-/// const fn id(raw: u16) -> IdPattern {
-///     IdPattern::of(Id::Standard(StandardId::new(raw).unwrap()), 0x7FF)
-/// }
 /// const IDS: CanIds = CanIds::new()
-///     .receives(Frames::new(id(0x201), 8, Rate::Hz(1000)))
-///     .transmits(Frames::new(id(0x200), 8, Rate::EveryTick))
+///     .receives(Frames::new(IdPattern::standard(0x201), 8, Rate::Hz(1000)))
+///     .transmits(Frames::new(IdPattern::standard(0x200), 8, Rate::EveryTick))
 ///     .checked();
 /// assert_eq!(IDS.link_timeout().get(), 10_000);
 /// ```
@@ -54,8 +49,8 @@ impl<T: Copy, const N: usize> List<T, N> {
         self.len <= N
     }
 
-    fn items(&self) -> &[T] {
-        self.items.get(..self.len).unwrap_or(&self.items)
+    const fn items(&self) -> &[T] {
+        self.items.split_at(if self.is_complete() { self.len } else { N }).0
     }
 }
 
@@ -168,7 +163,7 @@ impl Frames {
     }
 
     /// An identifier that two devices both use, with nothing that tells their frames apart.
-    fn clash(&self, other: &Self, is_sent_by_us: bool) -> Option<Id> {
+    const fn clash(&self, other: &Self, is_sent_by_us: bool) -> Option<IdPattern> {
         let is_apart = match (self.ownership, other.ownership) {
             (Ownership::Guard(ours), Ownership::Guard(theirs)) => ours.excludes(theirs),
             // One frame of ours that carries commands to both.
@@ -198,22 +193,21 @@ pub enum Ownership {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clash {
     /// Both devices send frames with this identifier, and nothing tells them apart.
-    RxFrames(Id),
+    RxFrames(IdPattern),
     /// Both are commanded by the same bytes of the frame with this identifier.
-    TxFrames(Id),
+    TxFrames(IdPattern),
     /// A frame with this identifier, meant for or sent by one, is taken for a command by the other.
-    Confuses(Id),
+    Confuses(IdPattern),
     /// Both have this address on their RS-485 bus.
     Address(u8),
 }
 
 impl fmt::Display for Clash {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let id = |id| IdPattern::exact(id);
         match *self {
-            Self::RxFrames(of) => write!(f, "both send feedback with identifier {}", id(of)),
-            Self::TxFrames(of) => write!(f, "both are commanded by the same bytes of {}", id(of)),
-            Self::Confuses(of) => write!(f, "one takes the other's frame {} for a command", id(of)),
+            Self::RxFrames(of) => write!(f, "both send feedback with identifier {}", of),
+            Self::TxFrames(of) => write!(f, "both are commanded by the same bytes of {}", of),
+            Self::Confuses(of) => write!(f, "one takes the other's frame {} for a command", of),
             Self::Address(address) => write!(f, "both have address {address}"),
         }
     }
@@ -268,17 +262,17 @@ impl CanIds {
     }
 
     /// Frames that the device sends.
-    pub fn received(&self) -> &[Frames] {
+    pub const fn received(&self) -> &[Frames] {
         self.received.items()
     }
 
     /// Frames that are sent to the device.
-    pub fn transmitted(&self) -> &[Frames] {
+    pub const fn transmitted(&self) -> &[Frames] {
         self.transmitted.items()
     }
 
     /// Identifiers that the device obeys although they are never sent.
-    pub fn listened_to(&self) -> &[IdPattern] {
+    pub const fn listened_to(&self) -> &[IdPattern] {
         self.listens.items()
     }
 
@@ -291,32 +285,69 @@ impl CanIds {
     }
 
     /// Why this motor and another cannot share a bus, if so.
-    pub fn clash(&self, other: &Self) -> Option<Clash> {
-        let shared = |ours: &[Frames], theirs: &[Frames], is_sent_by_us| {
-            let mut pairs = ours.iter().flat_map(|one| theirs.iter().map(move |two| (one, two)));
-            pairs.find_map(|(one, two)| one.clash(two, is_sent_by_us))
-        };
+    pub const fn clash(&self, other: &Self) -> Option<Clash> {
         if let Some(id) = shared(self.received(), other.received(), false) {
             return Some(Clash::RxFrames(id));
         }
         if let Some(id) = shared(self.transmitted(), other.transmitted(), true) {
             return Some(Clash::TxFrames(id));
         }
-        self.confused_by(other).or_else(|| other.confused_by(self)).map(Clash::Confuses)
+        match (self.confused_by(other), other.confused_by(self)) {
+            (Some(id), _) | (None, Some(id)) => Some(Clash::Confuses(id)),
+            (None, None) => None,
+        }
     }
 
     /// A frame sent by or to `other` that this device takes for a command.
-    fn confused_by(&self, other: &Self) -> Option<Id> {
-        let sent = other.received().iter().map(|receive| receive.pattern);
-        let commands = other.transmitted().iter().map(|transmit| transmit.pattern);
-        let obeyed = self.transmitted().iter().map(|transmit| transmit.pattern);
+    const fn confused_by(&self, other: &Self) -> Option<IdPattern> {
         // Commands of both were compared before: they may share a frame.
-        let by_feedback =
-            sent.clone().find_map(|frame| obeyed.clone().find_map(|c| c.overlap(&frame)));
-        by_feedback.or_else(|| {
-            sent.chain(commands).find_map(|f| self.listened_to().iter().find_map(|l| l.overlap(&f)))
-        })
+        let (mut at, obeyed) = (0, self.transmitted());
+        while at < obeyed.len() {
+            if let Some(id) = first_overlap(&obeyed[at].pattern, other.received()) {
+                return Some(id);
+            }
+            at += 1;
+        }
+        let (mut at, listens) = (0, self.listened_to());
+        while at < listens.len() {
+            let sent = first_overlap(&listens[at], other.received());
+            match (sent, first_overlap(&listens[at], other.transmitted())) {
+                (Some(id), _) | (None, Some(id)) => return Some(id),
+                (None, None) => at += 1,
+            }
+        }
+        None
     }
+}
+
+// Loops in place of iterators: `clash` says it of constants too.
+
+/// An identifier of both that nothing tells apart.
+const fn shared(ours: &[Frames], theirs: &[Frames], is_sent_by_us: bool) -> Option<IdPattern> {
+    let mut one = 0;
+    while one < ours.len() {
+        let mut two = 0;
+        while two < theirs.len() {
+            if let Some(id) = ours[one].clash(&theirs[two], is_sent_by_us) {
+                return Some(id);
+            }
+            two += 1;
+        }
+        one += 1;
+    }
+    None
+}
+
+/// The first of the identifiers that are in a pattern.
+const fn first_overlap(pattern: &IdPattern, frames: &[Frames]) -> Option<IdPattern> {
+    let mut at = 0;
+    while at < frames.len() {
+        if let Some(id) = pattern.overlap(&frames[at].pattern) {
+            return Some(id);
+        }
+        at += 1;
+    }
+    None
 }
 
 impl Default for CanIds {
@@ -381,6 +412,17 @@ mod tests {
             assert_eq!(ours.clash(theirs), Some(Clash::Confuses(id)));
             assert_eq!(theirs.clash(ours), Some(Clash::Confuses(id)));
         }
+    }
+
+    /// Known when it is compiled.
+    #[test]
+    fn a_clash_of_constants_is_a_constant() {
+        const fn motor(raw: u16) -> CanIds {
+            CanIds::new().receives(Frames::new(IdPattern::standard(raw), 8, Rate::Hz(1000)))
+        }
+        const CLASH: Option<Clash> = motor(0x201).clash(&motor(0x201));
+        const _: () = assert!(motor(0x201).clash(&motor(0x202)).is_none());
+        assert_eq!(CLASH, Some(Clash::RxFrames(StandardId::new(0x201).unwrap().into())));
     }
 
     #[test]

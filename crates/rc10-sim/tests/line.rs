@@ -47,7 +47,7 @@ fn a_trace_has_what_a_node_in_the_middle_hears() {
     let (mut world, line, motor, mut port) = world(LineConfig::default());
     port.send(&QUESTION);
     world.advance_to(Nanos::new(200_000));
-    assert_eq!(line.take_trace(), [], "nobody asked for it");
+    assert_eq!(line.take_trace(), [], "it was not asked for");
     line.keep_trace();
     let mut exchange = || {
         port.send(&QUESTION);

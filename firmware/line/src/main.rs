@@ -1,5 +1,5 @@
 //! The robot of `rc10_robot::mixed` on the chip: eight motors on an RS-485 line, six more on two CAN
-//! buses. It is armed 100 ms after power-on, whoever stands beside it: a program for a bench.
+//! buses. It arms itself 100 ms after power-on: a program for a bench.
 //!
 //! Priorities, most urgent first: the interrupt of time (P0); the supervisor (P3); the buses, on an
 //! executor of their own (P6); the line, on an executor of its own with the interrupts of its UART
