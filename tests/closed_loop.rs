@@ -176,7 +176,7 @@ fn from_350_to_10_degrees_goes_20_forward() {
 /// own.
 fn agrees(model: &'static Model, gear_of: &'static Model) -> Result<(), String> {
     let switch = ArmSwitch::new();
-    let mut ours = Dji::new(model, 1).unwrap();
+    let mut ours = Dji::new(dji::Config::new(model, 1)).unwrap();
     let mut bench = Bench::new(5, &switch);
     let mut device = twin(gear_of, 1);
     device.plant = device.plant.with_load_inertia(load(gear_of));

@@ -240,7 +240,10 @@ fn r14_motors_with_one_feedback_id_are_refused_and_both_are_named() {
             let error = bus.attach(&mut gimbal, Safety::COAST).unwrap_err();
             let id = Id::Standard(StandardId::new(0x204 + u16::from(n)).unwrap());
             let AttachError::Clash { motor, with, clash } = error else { panic!("{error}") };
-            assert_eq!((motor.id, with.id, clash), (n.into(), (n + 4).into(), Clash::RxFrames(id)));
+            assert_eq!(
+                (motor.id, with.id, clash),
+                (n.into(), (n + 4).into(), Clash::RxFrames(id.into()))
+            );
             let text = error.to_string();
             assert!(text.contains("M3508") && text.contains("GM6020") && text.contains("0x20"));
         }
@@ -248,7 +251,7 @@ fn r14_motors_with_one_feedback_id_are_refused_and_both_are_named() {
     // The last GM6020 reports with 0x20B, not 0x211.
     let last = dji::GM6020_CURRENT.feedback_id(7).unwrap();
     assert_eq!(last.as_raw(), 0x20B);
-    assert!(Dji::new(&dji::GM6020_CURRENT, 8).is_err());
+    assert!(Dji::new(dji::Config::new(&dji::GM6020_CURRENT, 8)).is_err());
 }
 
 /// Periodic tasks drifted by the time their work took.

@@ -12,7 +12,8 @@ use rc10_motor::{ArmError, ArmSwitch, MotorBus, Safety, Target, Unfit, Verdict};
 use rc10_sim::{BusConfig, World};
 
 fn eight(rate: FeedbackRate) -> Vec<Dji> {
-    (1..=8).map(|id| motor(&dji::M3508, id).with_feedback_rate(rate)).collect()
+    let config = |id| dji::Config::new(&dji::M3508, id).with_feedback_rate(rate);
+    (1..=8).map(|id| Dji::new(config(id)).unwrap()).collect()
 }
 
 /// Drives the motors for ten seconds; returns planned and measured load, and lost feedback frames.

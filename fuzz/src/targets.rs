@@ -10,7 +10,7 @@ use rc10_app::{
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::damiao::Control;
-use rc10_motor::dji::{Dji, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
+use rc10_motor::dji::{self, Dji, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::unitree::wire::line::{Command, Parser, Reply};
 use rc10_motor::unitree::{GoM8010, GoModule, Rs485Bus, Step};
@@ -199,7 +199,7 @@ fn motor(mut motor: impl CanMotor, bytes: &[u8]) {
 pub fn dji(bytes: &[u8]) {
     let Some((first, bytes)) = bytes.split_first() else { return };
     let models = [&M3508, &M2006, &GM6020_CURRENT, &GM6020_VOLTAGE];
-    motor(Dji::new(models[usize::from(first & 3)], 3).unwrap(), bytes);
+    motor(Dji::new(dji::Config::new(models[usize::from(first & 3)], 3)).unwrap(), bytes);
 }
 
 /// VESC, with all status frames.

@@ -89,5 +89,5 @@ impl<'m> Bench<'m> {
 
 /// A motor with its stock gearbox and gains.
 pub fn motor(model: &'static Model, id: u8) -> Dji {
-    Dji::new(model, id).unwrap()
+    Dji::new(dji::Config::new(model, id)).unwrap()
 }

@@ -7,7 +7,9 @@ use proptest::test_runner::RngSeed;
 use rc10_app::{Amps, CountsPerTurn, Degrees, Gear, PidConfig, Rpm, RpmPerSecond, TotalAngle};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
-use rc10_motor::dji::{Dji, FeedbackRate, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model};
+use rc10_motor::dji::{
+    self, Dji, FeedbackRate, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model,
+};
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{Gains, Request, Target};
@@ -109,9 +111,14 @@ pub fn model() -> impl Strategy<Value = &'static Model> {
 }
 
 /// Any DJI motor as it comes out of its box.
-pub fn stock_motor() -> impl Strategy<Value = Dji> {
+fn stock() -> impl Strategy<Value = dji::Config> {
     (model(), 1..=8_u8)
-        .prop_map(|(model, id)| Dji::new(model, (id - 1) % model.last_id + 1).unwrap())
+        .prop_map(|(model, id)| dji::Config::new(model, (id - 1) % model.last_id + 1))
+}
+
+/// Any DJI motor as it comes out of its box.
+pub fn stock_motor() -> impl Strategy<Value = Dji> {
+    stock().prop_map(|config| Dji::new(config).unwrap())
 }
 
 /// Any DJI motor, however it is set up.
@@ -119,19 +126,16 @@ pub fn motor() -> impl Strategy<Value = Dji> {
     let rate = select(vec![FeedbackRate::Hz1000, FeedbackRate::Hz125]);
     let gear = prop::option::of(gear());
     let cascade = prop::option::weighted(0.2, cascade());
-    (stock_motor(), gear, any::<bool>(), rate, cascade).prop_map(
-        |(mut motor, gear, reversed, rate, cascade)| {
+    (stock(), gear, any::<bool>(), rate, cascade).prop_map(
+        |(mut config, gear, reversed, rate, cascade)| {
             if let Some(gear) = gear {
-                motor = motor.with_gear(gear);
+                config = config.with_gear(gear);
             }
             if reversed {
-                motor = motor.with_direction(Direction::Reversed);
+                config = config.with_direction(Direction::Reversed);
             }
-            motor = motor.with_feedback_rate(rate);
-            match cascade {
-                Some(cascade) => motor.with_cascade(cascade).unwrap(),
-                None => motor,
-            }
+            config.cascade = cascade.unwrap_or(config.cascade);
+            Dji::new(config.with_feedback_rate(rate)).unwrap()
         },
     )
 }

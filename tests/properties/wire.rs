@@ -99,7 +99,7 @@ proptest! {
         let thin = |mask: u32| if sparse { mask & mask >> 3 & mask >> 7 } else { mask };
         let one = IdPattern::masked(standard(ids.0), thin(masks.0));
         let other = IdPattern::masked(standard(ids.1), thin(masks.1));
-        let both = |id: Id| one.contains(id) && other.contains(id);
+        let both = |id: IdPattern| one.contains(id.id()) && other.contains(id.id());
         let shared = (0..=0x7FF).any(|raw| both(standard(raw).into()));
         let overlap = one.overlap(&other);
         prop_assert_eq!(overlap.is_some(), shared);
@@ -120,7 +120,7 @@ proptest! {
         let other = IdPattern::masked(extended(second), masks.1);
         let overlap = one.overlap(&other);
         prop_assert!(!related || overlap.is_some());
-        prop_assert!(overlap.is_none_or(|id| one.contains(id) && other.contains(id)));
+        prop_assert!(overlap.is_none_or(|id| one.contains(id.id()) && other.contains(id.id())));
         prop_assert_eq!(overlap.is_some(), (ids.0 ^ second) & masks.0 & masks.1 & 0x1FFF_FFFF == 0);
         prop_assert!(!one.contains(standard(0x123).into()));
     }

@@ -4,7 +4,7 @@ use rc10_app::{Amps, CountsPerTurn, Gear, Seconds};
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::{
-    Dji, Effort, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model, RawFeedback,
+    self, Dji, Effort, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model, RawFeedback,
 };
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
@@ -171,7 +171,8 @@ fn received(model: &'static Model, frame: &CanFrame, gear: Gear) -> Check<Feedba
     let own = model.feedback_id(id).map_err(|error| error.to_string())?;
     let bytes = frame.all_eight().ok_or("a feedback frame has eight bytes")?;
     let at = Micros::from_millis(1);
-    let mut motor = Dji::new(model, id).map_err(|error| error.to_string())?.with_gear(gear);
+    let mut motor =
+        Dji::new(dji::Config::new(model, id).with_gear(gear)).map_err(|error| error.to_string())?;
     let mut alone = motor.clone();
     let switch = ArmSwitch::new();
     let mut bus = MotorBus::new(&switch);
@@ -289,7 +290,7 @@ fn sequence(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     compare(field, &expected, &totals(TURN.into(), &angles)?, tolerance)?;
     for model in [&M3508, &M2006, &GM6020_CURRENT, &GM6020_VOLTAGE] {
         for (direction, sign) in [(Direction::Forward, 1), (Direction::Reversed, -1)] {
-            let motor = Dji::new(model, 1).map_err(|error| error.to_string())?;
+            let motor = Dji::new(dji::Config::new(model, 1)).map_err(|error| error.to_string())?;
             let totals = motor_totals(motor.with_direction(direction), sign, &angles)?;
             let compared = compare(field, &expected, &totals, tolerance);
             compared.map_err(|error| format!("{} {direction:?}: {error}", model.name))?;
@@ -348,7 +349,7 @@ fn config(vector: &mut Fields) -> Check {
 /// Whether these devices can share a bus, as far as their identifiers go: a bus has no more than
 /// [`MotorBus::CAPACITY`] motors.
 fn attachable(devices: &[(&'static Model, Option<u8>)]) -> bool {
-    let motors = devices.iter().map(|&(model, id)| Dji::new(model, id?).ok());
+    let motors = devices.iter().map(|&(model, id)| Dji::new(dji::Config::new(model, id?)).ok());
     let Some(mut motors) = motors.collect::<Option<Vec<_>>>() else { return false };
     if motors.len() > MotorBus::CAPACITY {
         let wirings: Vec<_> = motors.iter().map(CanMotor::can_ids).collect();
@@ -409,7 +410,7 @@ fn driven(devices: &[(&'static Model, u8, f32)]) -> Check<Vec<CanFrame>> {
     let mut motors = Vec::new();
     let mut feedback = Vec::new();
     for &(model, id, _) in devices {
-        motors.push(Dji::new(model, id).map_err(|error| error.to_string())?);
+        motors.push(Dji::new(dji::Config::new(model, id)).map_err(|error| error.to_string())?);
         let own = model.feedback_id(id).map_err(|error| error.to_string())?;
         feedback.push(CanFrame::eight_bytes(own, [0; 8]));
     }
@@ -460,7 +461,7 @@ fn reject(vector: &mut Fields) -> Check {
         }
     }
     for (model, id) in devices {
-        let mut motor = Dji::new(model, id).map_err(|error| error.to_string())?;
+        let mut motor = Dji::new(dji::Config::new(model, id)).map_err(|error| error.to_string())?;
         let mut alone = motor.clone();
         let name = alone.name();
         let switch = ArmSwitch::new();

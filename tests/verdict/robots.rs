@@ -4,7 +4,7 @@ use rc10_cli::robot::Robot;
 use rc10_cli::simulate::simulate;
 use rc10_cli::{mixed, team};
 use rc10_motor::damiao::{self, Damiao};
-use rc10_motor::dji::Dji;
+use rc10_motor::dji::{self, Dji};
 use rc10_motor::lk::{self, Lk};
 use rc10_motor::odrive::{self, ODrive};
 use rc10_motor::rc10_app::Cascade;
@@ -38,8 +38,10 @@ pub fn run(which: Which, seed: u64, length: Micros, change: Option<Change<'_>>) 
             let ports = rc10_robot::ports();
             let shared = &rc10_robot::Shared::new(ports.each_ref());
             let mut motors = MOTORS.map(|entry| {
-                let motor = Dji::new(entry.model, entry.id).unwrap();
-                let motor = motor.with_direction(entry.direction).with_feedback_rate(entry.rate);
+                let config = dji::Config::new(entry.model, entry.id)
+                    .with_direction(entry.direction)
+                    .with_feedback_rate(entry.rate);
+                let motor = Dji::new(config).unwrap();
                 let cascade = entry.gains.unwrap_or(entry.model.cascade);
                 motor.with_cascade(changed(entry.label, cascade)).unwrap()
             });

@@ -7,7 +7,7 @@ use std::process::Command;
 use embassy_time::Timer;
 use rc10_app::{NewtonMetres, Rpm};
 use rc10_cli::{CommandLine, Description, Motor, Robot};
-use rc10_motor::dji::{Dji, FeedbackRate, M3508};
+use rc10_motor::dji::{self, Dji, FeedbackRate, M3508};
 use rc10_motor::embassy::BusPort;
 use rc10_motor::{ArmSwitch, MotorBus, MotorId, Safety, Target};
 use serde_json::Value;
@@ -56,7 +56,7 @@ impl Own {
     fn command(&self, arguments: &[&str]) -> Result<(u8, String), String> {
         let (switch, port) = (ArmSwitch::new(), BusPort::new());
         let mut motors: Vec<Dji> = (1..=self.motors)
-            .map(|id| Dji::new(&M3508, id).unwrap().with_feedback_rate(self.rate))
+            .map(|id| Dji::new(dji::Config::new(&M3508, id).with_feedback_rate(self.rate)).unwrap())
             .collect();
         let mut bus = MotorBus::new(&switch);
         for motor in &mut motors {

@@ -186,7 +186,7 @@ mod tests {
         let description = Description { motors, buses: 2, ..<_>::default() };
         let labelled = |error: anyhow::Error| description.label(error).to_string();
         let switch = ArmSwitch::new();
-        let mut motors = [1, 1].map(|id| Dji::new(&dji::M3508, id).unwrap());
+        let mut motors = [1, 1].map(|id| Dji::new(dji::Config::new(&dji::M3508, id)).unwrap());
         let mut bus = MotorBus::new(&switch);
         let [left, right] = &mut motors;
         bus.attach(left, Safety::COAST).unwrap();
@@ -196,7 +196,7 @@ mod tests {
             "M3508 id 1 cannot share a bus with M3508 id 1: both send feedback with identifier \
              0x201\n      bus 1: wheel left is M3508 id 1\n      bus 1: wheel right is M3508 id 1"
         );
-        let id = Dji::new(&dji::GM6020_CURRENT, 11).unwrap_err();
+        let id = Dji::new(dji::Config::new(&dji::GM6020_CURRENT, 11)).unwrap_err();
         assert_eq!(
             labelled(id.into()),
             "GM6020 (current mode) id 11: its identifiers are 1 to 7\n      \
@@ -204,7 +204,7 @@ mod tests {
         );
         let mut gains = dji::M3508.cascade;
         gains.speed.kp = -0.063;
-        let gains = Dji::new(&dji::M3508, 1).unwrap().with_cascade(gains).unwrap_err();
+        let gains = Dji::new(dji::Config::new(&dji::M3508, 1).with_cascade(gains)).unwrap_err();
         assert!(labelled(gains.into()).starts_with(
             "M3508 id 1: `speed.kp` is -0.063, but must be finite and not negative\n      bus 1: "
         ));

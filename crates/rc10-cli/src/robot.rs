@@ -371,7 +371,7 @@ mod tests {
     #[test]
     fn buses_that_are_not_as_described_are_refused_in_words() {
         let (switch, port) = (ArmSwitch::new(), BusPort::new());
-        let mut motors = [1, 2].map(|id| Dji::new(&dji::M3508, id).unwrap());
+        let mut motors = [1, 2].map(|id| Dji::new(dji::Config::new(&dji::M3508, id)).unwrap());
         let mut complaint = |description: Description| {
             let mut bus = MotorBus::new(&switch);
             for motor in &mut motors {

@@ -14,7 +14,7 @@
 //! use rc10_app::{Amps, NewtonMetres, Rpm};
 //! use rc10_conformance::{Claim, Declaration, RULES, Trial, check};
 //! use rc10_motor::Target;
-//! use rc10_motor::dji::{Dji, M3508};
+//! use rc10_motor::dji::{self, Dji, M3508};
 //! use rc10_sim::{EscConfig, Model};
 //!
 //! let declared = Declaration::new([1, 2], Rpm::new(100.0), NewtonMetres::new(6.0))
@@ -22,7 +22,7 @@
 //! let declared = Declaration { disables: Claim::Cannot("it has no enable command"), ..declared };
 //! let report = check(
 //!     &declared,
-//!     |id| Dji::new(&M3508, id).unwrap(),
+//!     |id| Dji::new(dji::Config::new(&M3508, id)).unwrap(),
 //!     |wire, id| wire.add_esc(EscConfig::new(Model::C620, id)).unwrap(),
 //! )
 //! .unwrap_err();

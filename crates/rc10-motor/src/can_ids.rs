@@ -1,5 +1,6 @@
 use core::fmt;
 
+use rc10_app::ConfigError;
 use rc10_can::{CanFrame, IdPattern, Micros};
 
 /// The identifiers that a motor occupies on its bus, declared once. The clash check, the receive
@@ -62,6 +63,13 @@ pub struct MotorName {
     pub model: &'static str,
     /// The identifier set on the device.
     pub id: u16,
+}
+
+impl MotorName {
+    /// The error, in the configuration of this motor.
+    pub const fn blame(self, error: ConfigError) -> ConfigError {
+        error.of_device(self.model, self.id)
+    }
 }
 
 impl fmt::Display for MotorName {

@@ -32,12 +32,12 @@
 //!
 //! ```
 //! use rc10_can::{CanFrame, Micros};
-//! use rc10_motor::dji::{Dji, M3508};
+//! use rc10_motor::dji::{self, Dji, M3508};
 //! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target, TxBatch};
 //! use rc10_app::{Rpm, Seconds};
 //!
 //! let switch = ArmSwitch::new();
-//! let mut wheel = Dji::new(&M3508, 1)?;
+//! let mut wheel = Dji::new(dji::Config::new(&M3508, 1))?;
 //! let mut bus = MotorBus::new(&switch);
 //! let wheel = bus.attach(&mut wheel, Safety::COAST)?;
 //!

@@ -1,6 +1,6 @@
 //! A DJI motor through its public interface: turns, gears and zeros.
 
-use rc10_motor::dji::{Dji, M2006, M3508};
+use rc10_motor::dji::{self, Dji, M2006, M3508};
 use rc10_motor::rc10_app::{Direction, Gear, Rpm, TotalAngle};
 use rc10_motor::rc10_can::embedded_can::StandardId;
 use rc10_motor::rc10_can::{CanFrame, Micros};
@@ -23,7 +23,7 @@ fn after(ticks: u32, motor: &mut Dji, mode: DriveMode) -> i16 {
 fn turns_in_a_gap_are_those_of_the_mean_speed() {
     for (direction, sign) in [(Direction::Forward, 1), (Direction::Reversed, -1)] {
         // 8000 rpm to none in 30 ms, and back: two turns of the rotor each.
-        let mut motor = Dji::new(&M2006, 1).unwrap().with_direction(direction);
+        let mut motor = Dji::new(dji::Config::new(&M2006, 1).with_direction(direction)).unwrap();
         hear(&mut motor, 0, 8000, 0);
         hear(&mut motor, 0, 0, 30);
         let turns = |count: i32| TotalAngle::from_degrees(sign * 10 * count);
@@ -36,7 +36,7 @@ fn turns_in_a_gap_are_those_of_the_mean_speed() {
 
 #[test]
 fn with_another_gear_the_rotor_is_driven_as_before() {
-    let stock = Dji::new(&M3508, 1).unwrap();
+    let stock = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
     let direct = stock.clone().with_gear(Gear::DIRECT);
     let (before, after_gear) = (stock.loops().unwrap().cascade, direct.loops().unwrap().cascade);
     let near = |measured: f32, expected: f32| {
@@ -71,7 +71,7 @@ fn with_another_gear_the_rotor_is_driven_as_before() {
 fn a_new_zero_moves_nothing_and_the_target_is_told_from_it() {
     for direction in [Direction::Forward, Direction::Reversed] {
         for mode in [DriveMode::Run, DriveMode::Hold, DriveMode::Brake] {
-            let mut lift = Dji::new(&M3508, 1).unwrap().with_direction(direction);
+            let mut lift = Dji::new(dji::Config::new(&M3508, 1).with_direction(direction)).unwrap();
             hear(&mut lift, 0, 0, 0);
             // Two turns of the rotor from where it was.
             for (millis, quarter) in (1..=8_u16).enumerate() {

@@ -7,7 +7,7 @@ use rc10_message::{Cycles, Latest, Statistics, Topic};
 use rc10_module::Reception;
 use rc10_module::imu::Heading;
 use rc10_module::remote::{Remote, RemoteLink};
-use rc10_motor::dji::{Dji, IdOutOfRange};
+use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, MotorPort};
 use rc10_motor::{ArmSwitch, AttachError, MotorBus, MotorId, Target, TargetError};
 
@@ -88,10 +88,8 @@ pub struct MechanismCommand {
 /// Why a robot could not be set up: its table is wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SetupError {
-    /// An identifier that the model does not have.
-    Id(&'static str, IdOutOfRange),
-    /// Gains that cannot be used.
-    Gains(&'static str, ConfigError),
+    /// An identifier, gain or limit that cannot be used.
+    Config(&'static str, ConfigError),
     /// A motor that cannot be on its bus.
     Attach(&'static str, AttachError),
 }
@@ -99,8 +97,7 @@ pub enum SetupError {
 impl fmt::Display for SetupError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Id(motor, error) => write!(f, "motor table, {motor}: {error}"),
-            Self::Gains(motor, error) => write!(f, "motor table, {motor}: {error}"),
+            Self::Config(motor, error) => write!(f, "motor table, {motor}: {error}"),
             Self::Attach(motor, error) => write!(f, "motor table, {motor}: {error}"),
         }
     }
@@ -155,16 +152,13 @@ pub const fn ports() -> [BusPort; BUSES] {
 
 #[inline(never)]
 fn motor(entry: &Entry) -> Result<Dji, SetupError> {
-    let motor = Dji::new(entry.model, entry.id)
-        .map_err(|error| SetupError::Id(entry.label, error))?
+    let mut config = dji::Config::new(entry.model, entry.id)
         .with_direction(entry.direction)
         .with_feedback_rate(entry.rate);
-    match entry.gains {
-        None => Ok(motor),
-        Some(gains) => {
-            motor.with_cascade(gains).map_err(|error| SetupError::Gains(entry.label, error))
-        }
+    if let Some(gains) = entry.gains {
+        config = config.with_cascade(gains);
     }
+    Dji::new(config).map_err(|error| SetupError::Config(entry.label, error))
 }
 
 impl<'p> Shared<'p> {

@@ -1,9 +1,9 @@
 //! The robot: its table, what its tasks share, and its task.
 
 use rc10_message::{Overrun, Statistics, periodic};
-use rc10_motor::dji::{Dji, IdOutOfRange, M3508};
+use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::embassy::BusPort;
-use rc10_motor::rc10_app::Direction;
+use rc10_motor::rc10_app::{ConfigError, Direction};
 use rc10_motor::rc10_app::Rpm;
 use rc10_motor::rc10_can::Micros;
 use rc10_motor::{ArmSwitch, AttachError, Link, MotorBus, MotorId, Safety, Target};
@@ -41,8 +41,8 @@ pub struct Shared {
 
 impl TwoWheels {
     /// The robot of the table, at rest and disarmed.
-    pub fn new() -> Result<Self, IdOutOfRange> {
-        let wheel = |(_, id, direction)| Ok(Dji::new(&M3508, id)?.with_direction(direction));
+    pub fn new() -> Result<Self, ConfigError> {
+        let wheel = |(_, id, direction)| Ok(Dji::new(dji::Config::new(&M3508, id).with_direction(direction))?);
         let wheels = WHEELS.into_iter().map(wheel).collect::<Result<_, _>>()?;
         let shared =
             Shared { switch: ArmSwitch::new(), bus: BusPort::new(), timing: Statistics::new() };

@@ -17,7 +17,7 @@ use embassy_stm32 as _;
 use rc10_app::{Degrees, Rpm, Seconds};
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
-use rc10_motor::dji::{Dji, M2006, M3508};
+use rc10_motor::dji::{self, Dji, M2006, M3508};
 use rc10_motor::{ArmSwitch, CanMotor, MotorBus, MotorId, Safety, Target, TxBatch};
 
 /// The motors' identifiers: M3508 are 1 to 4, M2006 5 to 8.
@@ -52,7 +52,7 @@ fn measure(
     tick: extern "C" fn(&mut MotorBus<'_>, &Input, &mut TxBatch),
 ) {
     let switch = ArmSwitch::new();
-    let mut motors = IDS.map(|id| Dji::new(if id <= 4 { &M3508 } else { &M2006 }, id).ok());
+    let mut motors = IDS.map(|id| Dji::new(dji::Config::new(if id <= 4 { &M3508 } else { &M2006 }, id)).ok());
     let mut bus = MotorBus::new(&switch);
     for motor in motors.iter_mut().flatten() {
         let motor: &mut dyn CanMotor = motor;

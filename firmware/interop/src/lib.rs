@@ -20,7 +20,7 @@ use embedded_can::nb;
 use rc10_app::{Rpm, Seconds};
 use rc10_can::embedded_can;
 use rc10_can::{CanPort, Micros, NbPort};
-use rc10_motor::dji::{Dji, GM6020_VOLTAGE, M3508};
+use rc10_motor::dji::{self, Dji, GM6020_VOLTAGE, M3508};
 use rc10_motor::{ArmSwitch, MotorBus, Safety, Target, TxBatch};
 
 /// The 1 kHz heartbeat: the core's own timer, polled.
@@ -71,7 +71,7 @@ pub fn start() -> (Peripherals, Heartbeat) {
 /// Two motors on one bus, once a millisecond, for ever.
 pub fn superloop(can: impl nb::Can, mut heartbeat: Heartbeat) -> ! {
     let switch = ArmSwitch::new();
-    let (Ok(mut wheel), Ok(mut turret)) = (Dji::new(&M3508, 1), Dji::new(&GM6020_VOLTAGE, 1))
+    let (Ok(mut wheel), Ok(mut turret)) = (Dji::new(dji::Config::new(&M3508, 1)), Dji::new(dji::Config::new(&GM6020_VOLTAGE, 1)))
     else {
         unreachable!("both motors have an id 1");
     };

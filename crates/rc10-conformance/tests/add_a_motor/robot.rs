@@ -2,7 +2,7 @@
 
 use rc10_app::Rpm;
 use rc10_conformance::Bench;
-use rc10_motor::dji::{Dji, M3508};
+use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::{ArmSwitch, Link, Safety, Target};
 use rc10_sim::{EscConfig, Model};
 
@@ -13,7 +13,7 @@ use crate::motor::Finch;
 fn a_finch_drives_beside_an_m3508() {
     let switch = ArmSwitch::new();
     let mut arm = Finch::new(1).unwrap();
-    let mut wheel = Dji::new(&M3508, 1).unwrap();
+    let mut wheel = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
 
     let mut bench = Bench::new(7, &switch);
     let real_arm = plug_in(&bench.wire, 1);

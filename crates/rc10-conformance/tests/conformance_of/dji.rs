@@ -28,7 +28,7 @@ fn dji(
             disables: Claim::Cannot("it has no enable command"),
             ..declared.with_trials(&trials)
         },
-        |id| Dji::new(model, id).unwrap().with_direction(direction),
+        |id| Dji::new(dji::Config::new(model, id).with_direction(direction)).unwrap(),
         |wire, id| wire.add_esc(EscConfig { plant, ..EscConfig::new(esc, id) }).unwrap(),
     )
 }

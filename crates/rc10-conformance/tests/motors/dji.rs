@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::signals::messages;
 use rc10_motor::dji::{
-    Dji, Effort, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model, RawFeedback,
+    self, Dji, Effort, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model, RawFeedback,
 };
 use rc10_motor::signals::Signal;
 use rc10_motor::{CanMotor, Link, Motor, TxBatch};
@@ -57,7 +57,7 @@ proptest! {
             prop_assert_eq!(temperature.physical(&data), Some(raw.temperature.into()));
         }
         // The current as the motor itself tells it, in single precision.
-        let mut motor = Dji::new(model, id).unwrap();
+        let mut motor = Dji::new(dji::Config::new(model, id)).unwrap();
         // An angle that there is: another frame is refused.
         let mut known = data;
         known[0] &= 0x1F;

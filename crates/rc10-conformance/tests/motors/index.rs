@@ -25,7 +25,7 @@ const CASCADE: Cascade = Cascade {
 };
 
 fn dji(model: &'static dji::Model, id: u8) -> Dji {
-    Dji::new(model, id).unwrap()
+    Dji::new(dji::Config::new(model, id)).unwrap()
 }
 
 fn vesc(id: u8) -> Vesc {

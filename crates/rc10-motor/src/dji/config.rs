@@ -1,9 +1,10 @@
-//! Models of DJI motors, and the settings of their controllers.
-
-use core::fmt;
+//! Models of DJI motors, the settings of their controllers, and a motor as it is set up.
 
 use embedded_can::StandardId;
-use rc10_app::{Cascade, Gear, PidConfig, RpmPerSecond};
+use rc10_app::{Cascade, ConfigError, Direction, Gear, PidConfig, RpmPerSecond, ok};
+use rc10_can::IdPattern;
+
+use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
 
 /// Properties of one DJI model. Other controllers that speak the same protocol are one more
 /// constant of this type.
@@ -133,50 +134,141 @@ pub const GM6020_VOLTAGE: Model = Model {
     ..GM6020_CURRENT
 };
 
-/// An identifier that no device of the model can be set to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct IdOutOfRange {
-    /// The model.
-    pub model: &'static str,
-    /// The identifier that was asked for.
-    pub id: u8,
-    /// Identifiers go from 1 to this.
-    pub last_id: u8,
-}
-
-impl fmt::Display for IdOutOfRange {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { model, id, last_id } = self;
-        write!(f, "{model} id {id}: its identifiers are 1 to {last_id}")
-    }
-}
-
-impl core::error::Error for IdOutOfRange {}
-
 impl Model {
     /// The identifier of the feedback of device `id`.
     ///
     /// # Errors
-    /// [`IdOutOfRange`].
-    pub fn feedback_id(&self, id: u8) -> Result<StandardId, IdOutOfRange> {
-        let error = IdOutOfRange { model: self.name, id, last_id: self.last_id };
-        if id == 0 || id > self.last_id {
-            return Err(error);
-        }
-        StandardId::new(self.feedback_base + u16::from(id)).ok_or(error)
+    /// [`ConfigError`] for an `id` that no device of the model can be set to.
+    pub const fn feedback_id(&self, id: u8) -> Result<StandardId, ConfigError> {
+        Ok(ok!(self.ids(id)).0)
     }
 
     /// The identifier of the frame that commands device `id`, and the first of its two bytes in it.
     ///
     /// # Errors
-    /// [`IdOutOfRange`].
-    pub fn command_lane(&self, id: u8) -> Result<(StandardId, usize), IdOutOfRange> {
-        self.feedback_id(id)?;
-        let error = IdOutOfRange { model: self.name, id, last_id: self.last_id };
-        let group = usize::from(id - 1) / 4;
-        let frame = self.command_ids.get(group).copied().and_then(StandardId::new).ok_or(error)?;
-        Ok((frame, usize::from(id - 1) % 4 * 2))
+    /// [`ConfigError`] for an `id` that no device of the model can be set to.
+    pub const fn command_lane(&self, id: u8) -> Result<(StandardId, usize), ConfigError> {
+        let (_, command, lane) = ok!(self.ids(id));
+        Ok((command, lane))
+    }
+
+    /// Identifiers of feedback and command, and the place in the command.
+    pub(super) const fn ids(&self, id: u8) -> Result<(StandardId, StandardId, usize), ConfigError> {
+        let must_be = match self.last_id {
+            4 => "1 to 4",
+            7 => "1 to 7",
+            8 => "1 to 8",
+            _ => "1 to the `last_id` of its model",
+        };
+        let error = ConfigError::new("id", id as f32, must_be).of_device(self.name, id as u16);
+        if id == 0 || id > self.last_id || id > 8 {
+            return Err(error);
+        }
+        let (group, lane) = ((id as usize - 1) / 4, (id as usize - 1) % 4 * 2);
+        let feedback = StandardId::new(self.feedback_base + id as u16);
+        match (feedback, StandardId::new(self.command_ids[group])) {
+            (Some(feedback), Some(command)) => Ok((feedback, command, lane)),
+            _ => Err(error),
+        }
+    }
+}
+
+/// A DJI motor as it is set up.
+///
+/// ```
+/// use rc10_motor::dji::{Config, M3508};
+/// use rc10_motor::rc10_app::Direction;
+/// const WHEEL: Config = Config::new(&M3508, 1).with_direction(Direction::Reversed);
+/// const _: () = assert!(WHEEL.validate().is_ok());
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Config {
+    /// The model.
+    pub model: &'static Model,
+    /// The identifier set on it: 1 to the model's `last_id`.
+    pub id: u8,
+    /// Its gearbox.
+    pub gear: Gear,
+    /// Which way its output shaft counts.
+    pub direction: Direction,
+    /// The feedback rate set in its controller.
+    pub rate: FeedbackRate,
+    /// Its control loops.
+    pub cascade: Cascade,
+}
+
+impl Config {
+    /// The device set to identifier `id`, with its stock gearbox, turning forward, at 1 kHz
+    /// feedback and with the gains that come with the model.
+    pub const fn new(model: &'static Model, id: u8) -> Self {
+        let (gear, cascade) = (model.gear, model.cascade);
+        let (direction, rate) = (Direction::Forward, FeedbackRate::Hz1000);
+        Self { model, id, gear, direction, rate, cascade }
+    }
+
+    /// With another gearbox ([`Gear::DIRECT`] for none). The gains are scaled so that the rotor is
+    /// driven as before; an explicit [`with_cascade`](Self::with_cascade) comes after this.
+    #[must_use]
+    pub const fn with_gear(mut self, gear: Gear) -> Self {
+        let factor = gear.ratio() / self.gear.ratio();
+        self.cascade.speed.kp *= factor;
+        self.cascade.speed.ki *= factor;
+        self.cascade.speed.kd *= factor;
+        self.cascade.feed_forward *= factor;
+        self.cascade.angle.output_limit /= factor;
+        self.cascade.acceleration = RpmPerSecond::new(self.cascade.acceleration.get() / factor);
+        self.gear = gear;
+        self
+    }
+
+    /// Turning the given way.
+    #[must_use]
+    pub const fn with_direction(mut self, direction: Direction) -> Self {
+        self.direction = direction;
+        self
+    }
+
+    /// With the feedback rate that is set in the controller.
+    #[must_use]
+    pub const fn with_feedback_rate(mut self, rate: FeedbackRate) -> Self {
+        self.rate = rate;
+        self
+    }
+
+    /// With gains of your own.
+    #[must_use]
+    pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
+        self.cascade = cascade;
+        self
+    }
+
+    /// Model and identifier.
+    pub const fn name(&self) -> MotorName {
+        MotorName { model: self.model.name, id: self.id as u16 }
+    }
+
+    /// Whether every field can be used.
+    ///
+    /// # Errors
+    /// The first field that cannot, and what it must be.
+    pub const fn validate(&self) -> Result<(), ConfigError> {
+        ok!(self.model.ids(self.id));
+        match self.cascade.validate() {
+            Ok(()) => Ok(()),
+            Err(error) => Err(self.name().blame(error)),
+        }
+    }
+
+    /// The identifiers it occupies on its bus. Of a configuration that is [valid](Self::validate);
+    /// else none.
+    pub const fn can_ids(&self) -> CanIds {
+        let Ok((_, _, lane)) = self.model.ids(self.id) else { return CanIds::new() };
+        let Model { feedback_base, command_ids, .. } = self.model;
+        let feedback = IdPattern::standard(*feedback_base + self.id as u16);
+        let command = IdPattern::standard(command_ids[(self.id as usize - 1) / 4]);
+        let feedback = Frames::new(feedback, 8, Rate::Hz(self.rate.hz()));
+        let command = Frames::new(command, 8, Rate::EveryTick);
+        CanIds::new().receives(feedback).transmits(command.owned(Ownership::Bytes(0b11 << lane)))
     }
 }
 

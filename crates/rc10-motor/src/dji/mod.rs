@@ -14,7 +14,7 @@ pub mod signals;
 mod wire;
 
 pub use config::{
-    Effort, FeedbackRate, GM6020_CURRENT, GM6020_VOLTAGE, IdOutOfRange, M2006, M3508, Model,
+    Config, Effort, FeedbackRate, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508, Model,
 };
 pub use motor::Dji;
 pub use wire::RawFeedback;

@@ -1,14 +1,14 @@
 //! The motor: its shaft, its loops, its frames.
 
-use embedded_can::{Id, StandardId};
+use embedded_can::StandardId;
 use rc10_app::maths::round_to_i16;
-use rc10_app::{Amps, Cascade, Celsius, ConfigError, Direction, Gear, NewtonMetres};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_app::{Amps, Cascade, Celsius, ConfigError, NewtonMetres};
+use rc10_can::{CanFrame, Micros};
 
-use super::config::{Effort, FeedbackRate, IdOutOfRange, Model};
+use super::config::{Config, Effort, FeedbackRate, Model};
 use super::wire::{ENCODER_COUNTS, RawFeedback};
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
+use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Fault, Feedback};
 use crate::motor::{CanMotor, FrameError, FrameKind, Loops, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
@@ -22,12 +22,10 @@ use crate::target::{Target, TargetError, TargetKind, TargetSet};
 pub struct Dji {
     model: &'static Model,
     id: u8,
+    rate: FeedbackRate,
     feedback_key: u32,
     command_id: StandardId,
     lane: usize,
-    gear: Gear,
-    direction: Direction,
-    rate: FeedbackRate,
     servo: Servo,
     shaft: Shaft,
     /// Raw command per effort, with the direction.
@@ -41,83 +39,30 @@ pub struct Dji {
 }
 
 impl Dji {
-    /// The device set to identifier `id`, with its stock gearbox, turning forward, at 1 kHz
-    /// feedback and with the gains that come with the model.
-    ///
-    /// # Errors
-    /// [`IdOutOfRange`].
-    pub fn new(model: &'static Model, id: u8) -> Result<Self, IdOutOfRange> {
-        let feedback_id = model.feedback_id(id)?;
-        let (command_id, lane) = model.command_lane(id)?;
-        Ok(Self {
-            model,
-            id,
-            feedback_key: CanFrame::key_of(feedback_id),
-            command_id,
-            lane,
-            gear: model.gear,
-            direction: Direction::Forward,
-            rate: FeedbackRate::Hz1000,
-            servo: servo(model, model.cascade),
-            shaft: Shaft::new(ENCODER_COUNTS, model.gear, Direction::Forward),
-            raw_per_effort: 0.0,
-            amps_per_count: 0.0,
-            torque_per_amp: 0.0,
-            bytes: [0; 8],
-        }
-        .scaled())
-    }
-
-    /// With what follows from model, gear and direction.
-    fn scaled(mut self) -> Self {
-        let Model { full_scale, effort, amps_per_count, rotor_torque_constant, .. } = *self.model;
-        let sign = f32::from(self.direction.sign());
-        self.shaft = Shaft::new(ENCODER_COUNTS, self.gear, self.direction);
-        self.raw_per_effort = sign * f32::from(full_scale) / effort.full();
-        self.amps_per_count = sign * amps_per_count;
-        self.torque_per_amp = rotor_torque_constant * self.gear.ratio();
-        self
-    }
-
-    /// With another gearbox ([`Gear::DIRECT`] for none). The gains are scaled so that the rotor is
-    /// driven as before; an explicit [`with_cascade`](Self::with_cascade) comes after this.
-    #[must_use]
-    pub fn with_gear(mut self, gear: Gear) -> Self {
-        let factor = gear.ratio() / self.gear.ratio();
-        let mut cascade = *self.servo.cascade();
-        cascade.speed.kp *= factor;
-        cascade.speed.ki *= factor;
-        cascade.speed.kd *= factor;
-        cascade.feed_forward *= factor;
-        cascade.angle.output_limit /= factor;
-        cascade.acceleration = cascade.acceleration / factor;
-        (self.gear, self.servo) = (gear, servo(self.model, cascade));
-        self.scaled()
-    }
-
-    /// Turning the given way.
-    #[must_use]
-    pub fn with_direction(mut self, direction: Direction) -> Self {
-        self.direction = direction;
-        self.scaled()
-    }
-
-    /// With the feedback rate that is set in the controller.
-    #[must_use]
-    pub const fn with_feedback_rate(mut self, rate: FeedbackRate) -> Self {
-        self.rate = rate;
-        self
-    }
-
-    /// With gains of your own.
+    /// The motor that is set up like this.
     ///
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
-    pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
-        let named = |error: ConfigError| error.of_device(self.model.name, self.id.into());
-        cascade.validate().map_err(named)?;
-        self.servo = servo(self.model, cascade);
-        Ok(self)
+    pub fn new(config: Config) -> Result<Self, ConfigError> {
+        config.validate()?;
+        let Config { model, id, gear, direction, rate, cascade } = config;
+        let (feedback_id, command_id, lane) = model.ids(id)?;
+        let Model { full_scale, effort, amps_per_count, rotor_torque_constant, .. } = *model;
+        let sign = f32::from(direction.sign());
+        Ok(Self {
+            model,
+            id,
+            rate,
+            feedback_key: CanFrame::key_of(feedback_id),
+            command_id,
+            lane,
+            servo: servo(model, cascade),
+            shaft: Shaft::new(ENCODER_COUNTS, gear, direction),
+            raw_per_effort: sign * f32::from(full_scale) / effort.full(),
+            amps_per_count: sign * amps_per_count,
+            torque_per_amp: rotor_torque_constant * gear.ratio(),
+            bytes: [0; 8],
+        })
     }
 
     /// The model.
@@ -206,12 +151,7 @@ impl Motor for Dji {
 
 impl CanMotor for Dji {
     fn can_ids(&self) -> CanIds {
-        let feedback = StandardId::new(self.model.feedback_base + u16::from(self.id));
-        let feedback = IdPattern::exact(Id::Standard(feedback.unwrap_or(StandardId::ZERO)));
-        let command = IdPattern::exact(Id::Standard(self.command_id));
-        CanIds::new().receives(Frames::new(feedback, 8, Rate::Hz(self.rate.hz()))).transmits(
-            Frames::new(command, 8, Rate::EveryTick).owned(Ownership::Bytes(0b11 << self.lane)),
-        )
+        Config::new(self.model, self.id).with_feedback_rate(self.rate).can_ids()
     }
 
     fn unpack_feedback(

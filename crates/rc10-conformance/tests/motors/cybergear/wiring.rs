@@ -5,7 +5,7 @@ use rc10_can::IdPattern;
 use rc10_can::embedded_can::ExtendedId;
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::cybergear::{Address, CyberGear, models, wire};
-use rc10_motor::dji::{Dji, M3508};
+use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::{
     ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Frames,
     Impedance, Link, Motor, MotorBus, Rate, Request, Response, Safety, Target, Tick, TxBatch,
@@ -75,7 +75,7 @@ fn who_cannot_share_a_bus_with_it_is_told() {
     assert!(matches!(clash(at(1, 2), &mut at(2, 1)), Some(Clash::Confuses(_))));
     assert_eq!(clash(at(1, HOST), &mut at(2, HOST)), None);
     // Standard identifiers are another world.
-    assert_eq!(clash(at(1, HOST), &mut Dji::new(&M3508, 1).unwrap()), None);
+    assert_eq!(clash(at(1, HOST), &mut Dji::new(dji::Config::new(&M3508, 1)).unwrap()), None);
     // A VESC's status 3 with the same low byte is a command to it: 0xF01 asks who it is.
     let wiring = at(1, HOST).can_ids();
     let id = ExtendedId::new(0x0F01).unwrap();

@@ -3,7 +3,7 @@ use rc10_app::{PidConfig, Rpm};
 use rc10_can::Micros;
 use rc10_can::embedded_can::StandardId;
 use rc10_motor::damiao::{Control, Damiao, Limits, Model, models};
-use rc10_motor::dji::{Dji, M3508};
+use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::{
     ArmSwitch, AttachError, CanMotor, Clash, DriveMode, Motor, MotorBus, Request, Safety, Tick,
     TxBatch, Verdict,
@@ -83,7 +83,7 @@ fn configurations_that_cannot_be_are_refused_by_name() {
 fn neighbours_that_would_be_taken_for_commands_are_refused() {
     // DJI feedback 0x201 to 0x20B looks like a velocity command.
     for id in 1..=8_u16 {
-        let mut wheel = Dji::new(&M3508, id.try_into().unwrap()).unwrap();
+        let mut wheel = Dji::new(dji::Config::new(&M3508, id.try_into().unwrap())).unwrap();
         let taken = StandardId::new(0x200 + id).unwrap().into();
         assert_eq!(clash(&mut at(id, 0x31), &mut wheel), Some(Clash::Confuses(taken)));
         assert_eq!(clash(&mut at(0x10 + id, 0x31 + id), &mut wheel), None);

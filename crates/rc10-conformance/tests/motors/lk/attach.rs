@@ -50,7 +50,7 @@ fn drives_with_one_identifier_and_other_vendors_on_it_are_refused() {
     }
     // A DM-S3519 or DJI group at 0x280 does not exist; a model of one's own may.
     const OTHER: dji::Model = dji::Model { command_ids: [0x280, 0x1FF], ..M3508 };
-    let mut own = Dji::new(&OTHER, 1).unwrap();
+    let mut own = Dji::new(dji::Config::new(&OTHER, 1)).unwrap();
     let config = wheel().with_commands(Commands::MultiMotor);
     let mut multi = Lk::new(1, config).unwrap();
     let mut bus = MotorBus::new(&switch);
@@ -65,7 +65,7 @@ fn drives_with_one_identifier_and_other_vendors_on_it_are_refused() {
 #[test]
 fn three_drives_or_four_in_one_frame_fit_beside_a_wheel() {
     let switch = ArmSwitch::new();
-    let mut wheel_dji = Dji::new(&M3508, 1).unwrap();
+    let mut wheel_dji = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
     let mut motors = [1, 2, 3].map(|id| Lk::new(id, wheel()).unwrap());
     let mut bus = MotorBus::new(&switch);
     for motor in &mut motors {

@@ -1,7 +1,7 @@
 //! What an axis cannot be, and who it cannot share a bus with.
 
 use rc10_app::{Amps, Gear, PidConfig, Rpm};
-use rc10_motor::dji::{Dji, M3508};
+use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::lk::models::MG4010E_I10;
 use rc10_motor::lk::{self, Lk};
 use rc10_motor::odrive::{Config, Control, Firmware, InputMode, Limits, ODrive, Rates};
@@ -68,12 +68,12 @@ fn nodes_that_lie_on_other_vendors_identifiers_are_refused() {
             Ok(_) => None,
         }
     };
-    let mut dji = Dji::new(&M3508, 1).unwrap();
+    let mut dji = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
     for node in 0..63 {
         // 0x200 and 0x201 are node 16's.
         assert_eq!(refused(node, &mut dji).is_some(), node == 16, "{node}");
     }
-    let mut fifth = Dji::new(&M3508, 5).unwrap();
+    let mut fifth = Dji::new(dji::Config::new(&M3508, 5)).unwrap();
     assert!(refused(15, &mut fifth).is_some(), "0x1FF");
     // Its feedback alone lies there, and would be a command.
     assert!(matches!(refused(16, &mut fifth), Some(Clash::Confuses(_))), "0x205");
@@ -107,7 +107,7 @@ fn what_comes_is_declared() {
 #[test]
 fn three_axes_fit_beside_a_wheel() {
     let switch = ArmSwitch::new();
-    let mut dji = Dji::new(&M3508, 1).unwrap();
+    let mut dji = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
     let mut axes = [1, 2, 3].map(|node| ODrive::new(node, wheel()).unwrap());
     let mut bus = MotorBus::new(&switch);
     for (count, axis) in axes.iter_mut().enumerate() {

@@ -3,7 +3,7 @@
 use rc10_can::IdPattern;
 use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_conformance::Dummy;
-use rc10_motor::dji::{Dji, M3508};
+use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::rc10_app::ConfigError;
 use rc10_motor::unitree::GoModule;
 use rc10_motor::{ArmSwitch, AttachError, CanIds, Clash, Frames, MotorBus, Rate, Safety};
@@ -62,7 +62,7 @@ fn motors_of_a_module_and_modules_of_a_bus_live_together() {
         .map(|(module, motor)| GoModule::new(module, motor).unwrap())
         .into();
     let mut twin = GoModule::new(2, 14).unwrap();
-    let mut wheel = Dji::new(&M3508, 1).unwrap();
+    let mut wheel = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
     let mut bus = MotorBus::new(&switch);
     for motor in &mut motors {
         bus.attach(motor, Safety::COAST).unwrap();

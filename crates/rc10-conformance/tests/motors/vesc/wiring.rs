@@ -3,7 +3,7 @@
 use rc10_app::{Amps, ConfigError, Degrees, Direction, PidConfig, Rpm, RpmPerSecond};
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, IdPattern};
-use rc10_motor::dji::{Dji, FeedbackRate, M3508};
+use rc10_motor::dji::{self, Dji, FeedbackRate, M3508};
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::vesc::{ElectricalRpm, StatusRates};
 use rc10_motor::{
@@ -86,7 +86,7 @@ fn a_configuration_that_cannot_be_is_refused_by_name() {
 fn vescs_share_a_bus_with_others_unless_they_would_be_mistaken() {
     let switch = ArmSwitch::new();
     let (mut one, mut two, mut twin) = (vesc(1), vesc(2), vesc(1));
-    let mut wheel = Dji::new(&M3508, 1).unwrap();
+    let mut wheel = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
     let mut asked = vesc(254 - 1);
     let mut as_asker = {
         let mut config = config(254);
@@ -119,8 +119,9 @@ fn no_other_motor_may_send_what_every_vesc_obeys() {
 fn loads_are_as_said_and_as_measured() {
     let switch = ArmSwitch::new();
     let mut vescs = [1, 2, 3, 4].map(vesc);
-    let mut wheels =
-        [1, 2].map(|id| Dji::new(&M3508, id).unwrap().with_feedback_rate(FeedbackRate::Hz500));
+    let mut wheels = [1, 2].map(|id| {
+        Dji::new(dji::Config::new(&M3508, id).with_feedback_rate(FeedbackRate::Hz500)).unwrap()
+    });
     let mut bench = Bench::new(3, &switch);
     let mut motors = Vec::new();
     for (motor, number) in vescs.iter_mut().zip(1..) {

@@ -17,7 +17,7 @@ fn feedback(id: u16, angle: u16, rpm: i16) -> CanFrame {
 
 #[test]
 fn feedback_of_a_c620() {
-    let mut wheel = Dji::new(&M3508, 1).unwrap();
+    let mut wheel = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
     let bytes = [0x10, 0x00, 0x01, 0xF4, 0x40, 0x00, 35, 0];
     let heard = wheel.unpack_feedback(&frame(0x201, bytes), Micros::new(7), Link::Online);
     assert_eq!(heard, Ok(FrameKind::Feedback));
@@ -32,15 +32,16 @@ fn feedback_of_a_c620() {
 
 #[test]
 fn a_c610_has_no_temperature_and_a_gm6020_an_absolute_angle() {
-    let mut feeder = Dji::new(&M2006, 3).unwrap();
+    let mut feeder = Dji::new(dji::Config::new(&M2006, 3)).unwrap();
     feeder
         .unpack_feedback(&frame(0x203, [0, 0, 0, 0, 0, 0, 99, 0]), Micros::ZERO, Link::Online)
         .unwrap();
     assert_eq!(feeder.feedback().temperature(), None);
-    let mut yaw = Dji::new(&GM6020_VOLTAGE, 1).unwrap();
+    let mut yaw = Dji::new(dji::Config::new(&GM6020_VOLTAGE, 1)).unwrap();
     yaw.unpack_feedback(&feedback(0x205, 2048, 0), Micros::ZERO, Link::Online).unwrap();
     assert!((yaw.feedback().angle.get() - 90.0).abs() < 1e-4);
-    let mut mirrored = Dji::new(&GM6020_VOLTAGE, 1).unwrap().with_direction(Direction::Reversed);
+    let mut mirrored =
+        Dji::new(dji::Config::new(&GM6020_VOLTAGE, 1).with_direction(Direction::Reversed)).unwrap();
     mirrored.unpack_feedback(&feedback(0x205, 2048, 5), Micros::ZERO, Link::Online).unwrap();
     let seen = mirrored.feedback();
     assert!((seen.angle.get() - 270.0).abs() < 1e-4);
@@ -50,7 +51,7 @@ fn a_c610_has_no_temperature_and_a_gm6020_an_absolute_angle() {
 
 #[test]
 fn frames_that_are_no_feedback_change_nothing() {
-    let mut wheel = Dji::new(&M3508, 1).unwrap();
+    let mut wheel = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
     wheel.unpack_feedback(&feedback(0x201, 100, 5), Micros::ZERO, Link::Online).unwrap();
     let before = wheel.feedback();
     let id = StandardId::new(0x201).unwrap();
@@ -73,7 +74,7 @@ fn frames_that_are_no_feedback_change_nothing() {
 
 #[test]
 fn the_output_angle_stays_exact_through_the_gear() {
-    let mut wheel = Dji::new(&M3508, 1).unwrap();
+    let mut wheel = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
     let mut at = Micros::ZERO;
     // 3591 rotor turns are 187 of the output: it is back where it was.
     for quarter in 0..=3591 * 4_u32 {
@@ -89,7 +90,7 @@ fn the_output_angle_stays_exact_through_the_gear() {
 
 #[test]
 fn turns_in_a_gap_are_estimated_from_the_speed_and_counted() {
-    let mut wheel = Dji::new(&M2006, 1).unwrap();
+    let mut wheel = Dji::new(dji::Config::new(&M2006, 1)).unwrap();
     wheel.unpack_feedback(&feedback(0x201, 0, 6000), Micros::ZERO, Link::Online).unwrap();
     // 6000 rpm for 50 ms are five turns.
     wheel
@@ -113,7 +114,7 @@ fn a_current_target_leaves_in_the_right_lane_with_the_right_sign() {
         (4, Direction::Reversed, 0x200, 6, -1),
         (6, Direction::Forward, 0x1FF, 2, 1),
     ] {
-        let mut wheel = Dji::new(&M3508, id).unwrap().with_direction(direction);
+        let mut wheel = Dji::new(dji::Config::new(&M3508, id).with_direction(direction)).unwrap();
         wheel.set_target(Target::Current(Amps::new(5.0))).unwrap();
         wheel
             .unpack_feedback(&feedback(0x200 + u16::from(id), 0, 0), Micros::ZERO, Link::Online)
@@ -136,7 +137,7 @@ fn a_current_target_leaves_in_the_right_lane_with_the_right_sign() {
 
 #[test]
 fn nothing_is_driven_before_the_first_feedback() {
-    let mut wheel = Dji::new(&M3508, 1).unwrap();
+    let mut wheel = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
     wheel.set_target(Target::Speed(Rpm::new(300.0))).unwrap();
     for drive in
         [DriveMode::Run, DriveMode::Hold, DriveMode::Brake, DriveMode::Coast, DriveMode::Off]
@@ -148,7 +149,7 @@ fn nothing_is_driven_before_the_first_feedback() {
 
 #[test]
 fn a_motor_in_voltage_mode_takes_duty_and_no_current() {
-    let mut pitch = Dji::new(&GM6020_VOLTAGE, 2).unwrap();
+    let mut pitch = Dji::new(dji::Config::new(&GM6020_VOLTAGE, 2)).unwrap();
     let refused = pitch.set_target(Target::Current(Amps::new(1.0)));
     assert_eq!(refused, Err(TargetError::Unsupported(TargetKind::Current)));
     pitch.set_target(Target::Duty(2.0)).unwrap();
@@ -161,7 +162,7 @@ fn a_motor_in_voltage_mode_takes_duty_and_no_current() {
 
 #[test]
 fn requests_take_effect_or_say_why_not() {
-    let mut lift = Dji::new(&M3508, 1).unwrap();
+    let mut lift = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
     assert_eq!(lift.request(Request::SetZero), Err(RequestError::NoFeedback));
     assert_eq!(lift.request(Request::ClearFault), Err(RequestError::Unsupported));
     lift.unpack_feedback(&feedback(0x201, 5000, 0), Micros::ZERO, Link::Online).unwrap();
@@ -181,7 +182,7 @@ fn requests_take_effect_or_say_why_not() {
 
 #[test]
 fn told_to_coast_after_a_new_zero_it_coasts() {
-    let mut lift = Dji::new(&M3508, 1).unwrap();
+    let mut lift = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
     lift.unpack_feedback(&feedback(0x201, 5000, 0), Micros::ZERO, Link::Online).unwrap();
     lift.set_target(Target::TotalAngle(TotalAngle::from_degrees(90))).unwrap();
     lift.update(&Tick::new(DriveMode::Run));
@@ -197,7 +198,7 @@ fn told_to_coast_after_a_new_zero_it_coasts() {
 fn all_shipped_gains_can_be_used() {
     for model in [&M3508, &M2006, &GM6020_CURRENT, &GM6020_VOLTAGE] {
         model.cascade.validate().unwrap();
-        let motor = Dji::new(model, 1).unwrap();
+        let motor = Dji::new(dji::Config::new(model, 1)).unwrap();
         motor.clone().with_gear(Gear::DIRECT).servo.cascade().validate().unwrap();
         assert!(model.cascade.speed.output_limit <= model.effort.full());
     }
