@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Bench, motor, twin};
+use common::{Bench, twin};
 use rc10_app::Rpm;
 use rc10_can::Micros;
 use rc10_motor::dji::{self, Dji, FeedbackRate};

@@ -8,7 +8,7 @@ use rc10_app::{Amps, Rpm, TotalAngle};
 use rc10_can::Micros;
 use rc10_cli::environment::Environment;
 use rc10_cli::team;
-use rc10_motor::dji::{self, FeedbackRate, Model};
+use rc10_motor::dji::{self, Dji, FeedbackRate, Model};
 use rc10_motor::{ArmSwitch, DriveMode, Link, Safety, Target};
 use rc10_robot::table::{LIFT, Name};
 use rc10_robot::{Motors, Shared};
@@ -18,7 +18,8 @@ const MODELS: [&Model; 4] = [&dji::M3508, &dji::M2006, &dji::GM6020_CURRENT, &dj
 /// Runs a motor at speed, then silences it: after how many milliseconds is it lost, and is it safe?
 fn lost_after(model: &'static Model, rate: FeedbackRate, seed: u64) -> u32 {
     let switch = ArmSwitch::new();
-    let mut ours = motor(model, 1).with_feedback_rate(rate);
+    let config = dji::Config::new(model, 1).with_feedback_rate(rate);
+    let mut ours = Dji::new(config).unwrap();
     let mut device = twin(model, 1);
     device.rate = match rate {
         FeedbackRate::Hz125 => rc10_sim::FeedbackRate::Hz125,

@@ -190,8 +190,9 @@ impl defmt::Format for Unstartable {
     fn format(&self, f: defmt::Formatter<'_>) {
         match self {
             // Short: all about it is in `cargo test`, and float formatting takes 15 KiB of flash.
-            Self::Robot(SetupError::Id(motor, _)) => defmt::write!(f, "{}: no such id", motor),
-            Self::Robot(SetupError::Gains(motor, _)) => defmt::write!(f, "{}: bad gains", motor),
+            Self::Robot(SetupError::Config(motor, error)) => {
+                defmt::write!(f, "{}: `{}` must be {}", motor, error.field, error.must_be);
+            }
             Self::Robot(SetupError::Attach(motor, _)) => {
                 defmt::write!(f, "{}: cannot be on its bus", motor);
             }

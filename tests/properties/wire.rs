@@ -2,7 +2,7 @@
 
 use proptest::collection::vec;
 use proptest::prelude::*;
-use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
+use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, IdPattern};
 use rc10_motor::TxBatch;
 

@@ -290,8 +290,9 @@ fn sequence(vector: &mut Fields, tolerance: &mut Tolerance) -> Check {
     compare(field, &expected, &totals(TURN.into(), &angles)?, tolerance)?;
     for model in [&M3508, &M2006, &GM6020_CURRENT, &GM6020_VOLTAGE] {
         for (direction, sign) in [(Direction::Forward, 1), (Direction::Reversed, -1)] {
-            let motor = Dji::new(dji::Config::new(model, 1)).map_err(|error| error.to_string())?;
-            let totals = motor_totals(motor.with_direction(direction), sign, &angles)?;
+            let config = dji::Config::new(model, 1).with_direction(direction);
+            let motor = Dji::new(config).map_err(|error| error.to_string())?;
+            let totals = motor_totals(motor, sign, &angles)?;
             let compared = compare(field, &expected, &totals, tolerance);
             compared.map_err(|error| format!("{} {direction:?}: {error}", model.name))?;
         }

@@ -38,12 +38,12 @@ pub fn run(which: Which, seed: u64, length: Micros, change: Option<Change<'_>>) 
             let ports = rc10_robot::ports();
             let shared = &rc10_robot::Shared::new(ports.each_ref());
             let mut motors = MOTORS.map(|entry| {
+                let cascade = entry.gains.unwrap_or(entry.model.cascade);
                 let config = dji::Config::new(entry.model, entry.id)
                     .with_direction(entry.direction)
-                    .with_feedback_rate(entry.rate);
-                let motor = Dji::new(config).unwrap();
-                let cascade = entry.gains.unwrap_or(entry.model.cascade);
-                motor.with_cascade(changed(entry.label, cascade)).unwrap()
+                    .with_feedback_rate(entry.rate)
+                    .with_cascade(changed(entry.label, cascade));
+                Dji::new(config).unwrap()
             });
             let mut buses = [(); 3].map(|()| MotorBus::new(&shared.switch));
             for (motor, entry) in motors.iter_mut().zip(&MOTORS) {
