@@ -91,7 +91,7 @@ fn what_a_module_would_misunderstand_is_refused() {
     };
     // STATUS 3 of a VESC would address every motor of module 0.
     let status_3 = Id::Extended(ExtendedId::new(0x0F01).unwrap());
-    assert_eq!(clash(0, vesc(1)), Some(Clash::Confuses(status_3)));
+    assert_eq!(clash(0, vesc(1)), Some(Clash::Confuses(status_3.into())));
     assert_eq!(clash(3, vesc(1)), None);
     for module in 0..4 {
         assert!(clash(module, cybergear(1)).is_some(), "module {module}");
