@@ -36,8 +36,10 @@ fn turns_in_a_gap_are_those_of_the_mean_speed() {
 
 #[test]
 fn with_another_gear_the_rotor_is_driven_as_before() {
-    let stock = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
-    let direct = stock.clone().with_gear(Gear::DIRECT);
+    let config = dji::Config::new(&M3508, 1);
+    let (stock, direct) = (Dji::new(config).unwrap(), config.with_gear(Gear::DIRECT));
+    let back = Dji::new(direct.with_gear(Gear::new(3591, 187).unwrap())).unwrap();
+    let direct = Dji::new(direct).unwrap();
     let (before, after_gear) = (stock.loops().unwrap().cascade, direct.loops().unwrap().cascade);
     let near = |measured: f32, expected: f32| {
         assert!((measured / expected - 1.0).abs() < 1e-5, "{measured} {expected}");
@@ -50,7 +52,6 @@ fn with_another_gear_the_rotor_is_driven_as_before() {
     near(after_gear.speed.ki, before.speed.ki / ratio);
     near(after_gear.speed.output_limit, before.speed.output_limit);
     // There and back is the gear it comes with, and feedback is scaled with it.
-    let back = direct.clone().with_gear(Gear::new(3591, 187).unwrap());
     near(back.loops().unwrap().cascade.angle.output_limit, before.angle.output_limit);
     let mut direct = direct;
     hear(&mut direct, 4096, 600, 1);

@@ -1,4 +1,8 @@
-use rc10_app::{CountsPerTurn, Rpm, TotalAngle};
+extern crate std;
+
+use std::string::ToString;
+
+use rc10_app::{CountsPerTurn, Direction, Gear, Rpm, TotalAngle};
 
 use super::super::{GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
 use super::*;
@@ -17,7 +21,7 @@ fn feedback(id: u16, angle: u16, rpm: i16) -> CanFrame {
 
 #[test]
 fn feedback_of_a_c620() {
-    let mut wheel = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
+    let mut wheel = Dji::new(Config::new(&M3508, 1)).unwrap();
     let bytes = [0x10, 0x00, 0x01, 0xF4, 0x40, 0x00, 35, 0];
     let heard = wheel.unpack_feedback(&frame(0x201, bytes), Micros::new(7), Link::Online);
     assert_eq!(heard, Ok(FrameKind::Feedback));
@@ -32,16 +36,16 @@ fn feedback_of_a_c620() {
 
 #[test]
 fn a_c610_has_no_temperature_and_a_gm6020_an_absolute_angle() {
-    let mut feeder = Dji::new(dji::Config::new(&M2006, 3)).unwrap();
+    let mut feeder = Dji::new(Config::new(&M2006, 3)).unwrap();
     feeder
         .unpack_feedback(&frame(0x203, [0, 0, 0, 0, 0, 0, 99, 0]), Micros::ZERO, Link::Online)
         .unwrap();
     assert_eq!(feeder.feedback().temperature(), None);
-    let mut yaw = Dji::new(dji::Config::new(&GM6020_VOLTAGE, 1)).unwrap();
+    let mut yaw = Dji::new(Config::new(&GM6020_VOLTAGE, 1)).unwrap();
     yaw.unpack_feedback(&feedback(0x205, 2048, 0), Micros::ZERO, Link::Online).unwrap();
     assert!((yaw.feedback().angle.get() - 90.0).abs() < 1e-4);
     let mut mirrored =
-        Dji::new(dji::Config::new(&GM6020_VOLTAGE, 1).with_direction(Direction::Reversed)).unwrap();
+        Dji::new(Config::new(&GM6020_VOLTAGE, 1).with_direction(Direction::Reversed)).unwrap();
     mirrored.unpack_feedback(&feedback(0x205, 2048, 5), Micros::ZERO, Link::Online).unwrap();
     let seen = mirrored.feedback();
     assert!((seen.angle.get() - 270.0).abs() < 1e-4);
@@ -51,7 +55,7 @@ fn a_c610_has_no_temperature_and_a_gm6020_an_absolute_angle() {
 
 #[test]
 fn frames_that_are_no_feedback_change_nothing() {
-    let mut wheel = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
+    let mut wheel = Dji::new(Config::new(&M3508, 1)).unwrap();
     wheel.unpack_feedback(&feedback(0x201, 100, 5), Micros::ZERO, Link::Online).unwrap();
     let before = wheel.feedback();
     let id = StandardId::new(0x201).unwrap();
@@ -74,7 +78,7 @@ fn frames_that_are_no_feedback_change_nothing() {
 
 #[test]
 fn the_output_angle_stays_exact_through_the_gear() {
-    let mut wheel = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
+    let mut wheel = Dji::new(Config::new(&M3508, 1)).unwrap();
     let mut at = Micros::ZERO;
     // 3591 rotor turns are 187 of the output: it is back where it was.
     for quarter in 0..=3591 * 4_u32 {
@@ -90,7 +94,7 @@ fn the_output_angle_stays_exact_through_the_gear() {
 
 #[test]
 fn turns_in_a_gap_are_estimated_from_the_speed_and_counted() {
-    let mut wheel = Dji::new(dji::Config::new(&M2006, 1)).unwrap();
+    let mut wheel = Dji::new(Config::new(&M2006, 1)).unwrap();
     wheel.unpack_feedback(&feedback(0x201, 0, 6000), Micros::ZERO, Link::Online).unwrap();
     // 6000 rpm for 50 ms are five turns.
     wheel
@@ -114,7 +118,7 @@ fn a_current_target_leaves_in_the_right_lane_with_the_right_sign() {
         (4, Direction::Reversed, 0x200, 6, -1),
         (6, Direction::Forward, 0x1FF, 2, 1),
     ] {
-        let mut wheel = Dji::new(dji::Config::new(&M3508, id).with_direction(direction)).unwrap();
+        let mut wheel = Dji::new(Config::new(&M3508, id).with_direction(direction)).unwrap();
         wheel.set_target(Target::Current(Amps::new(5.0))).unwrap();
         wheel
             .unpack_feedback(&feedback(0x200 + u16::from(id), 0, 0), Micros::ZERO, Link::Online)
@@ -137,7 +141,7 @@ fn a_current_target_leaves_in_the_right_lane_with_the_right_sign() {
 
 #[test]
 fn nothing_is_driven_before_the_first_feedback() {
-    let mut wheel = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
+    let mut wheel = Dji::new(Config::new(&M3508, 1)).unwrap();
     wheel.set_target(Target::Speed(Rpm::new(300.0))).unwrap();
     for drive in
         [DriveMode::Run, DriveMode::Hold, DriveMode::Brake, DriveMode::Coast, DriveMode::Off]
@@ -149,7 +153,7 @@ fn nothing_is_driven_before_the_first_feedback() {
 
 #[test]
 fn a_motor_in_voltage_mode_takes_duty_and_no_current() {
-    let mut pitch = Dji::new(dji::Config::new(&GM6020_VOLTAGE, 2)).unwrap();
+    let mut pitch = Dji::new(Config::new(&GM6020_VOLTAGE, 2)).unwrap();
     let refused = pitch.set_target(Target::Current(Amps::new(1.0)));
     assert_eq!(refused, Err(TargetError::Unsupported(TargetKind::Current)));
     pitch.set_target(Target::Duty(2.0)).unwrap();
@@ -162,7 +166,7 @@ fn a_motor_in_voltage_mode_takes_duty_and_no_current() {
 
 #[test]
 fn requests_take_effect_or_say_why_not() {
-    let mut lift = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
+    let mut lift = Dji::new(Config::new(&M3508, 1)).unwrap();
     assert_eq!(lift.request(Request::SetZero), Err(RequestError::NoFeedback));
     assert_eq!(lift.request(Request::ClearFault), Err(RequestError::Unsupported));
     lift.unpack_feedback(&feedback(0x201, 5000, 0), Micros::ZERO, Link::Online).unwrap();
@@ -182,7 +186,7 @@ fn requests_take_effect_or_say_why_not() {
 
 #[test]
 fn told_to_coast_after_a_new_zero_it_coasts() {
-    let mut lift = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
+    let mut lift = Dji::new(Config::new(&M3508, 1)).unwrap();
     lift.unpack_feedback(&feedback(0x201, 5000, 0), Micros::ZERO, Link::Online).unwrap();
     lift.set_target(Target::TotalAngle(TotalAngle::from_degrees(90))).unwrap();
     lift.update(&Tick::new(DriveMode::Run));
@@ -197,9 +201,31 @@ fn told_to_coast_after_a_new_zero_it_coasts() {
 #[test]
 fn all_shipped_gains_can_be_used() {
     for model in [&M3508, &M2006, &GM6020_CURRENT, &GM6020_VOLTAGE] {
-        model.cascade.validate().unwrap();
-        let motor = Dji::new(dji::Config::new(model, 1)).unwrap();
-        motor.clone().with_gear(Gear::DIRECT).servo.cascade().validate().unwrap();
+        Config::new(model, 1).validate().unwrap();
+        Config::new(model, 1).with_gear(Gear::DIRECT).validate().unwrap();
         assert!(model.cascade.speed.output_limit <= model.effort.full());
     }
+}
+
+#[test]
+fn a_configuration_is_checked_in_a_constant_and_its_motor_occupies_what_it_says() {
+    const YAW: Config = Config::new(&GM6020_CURRENT, 7).with_feedback_rate(FeedbackRate::Hz125);
+    const _: () = assert!(YAW.validate().is_ok());
+    const IDS: CanIds = YAW.can_ids();
+    let motor = Dji::new(YAW).unwrap();
+    assert_eq!(motor.name(), YAW.name());
+    assert_eq!(motor.can_ids().received(), IDS.received());
+    assert_eq!(motor.can_ids().transmitted(), IDS.transmitted());
+    let refused = |config: Config| Dji::new(config).unwrap_err().to_string();
+    for (config, sentence) in [
+        (Config { id: 8, ..YAW }, "GM6020 (current mode) id 8: `id` is 8, but must be 1 to 7"),
+        (Config::new(&M3508, 9), "M3508 id 9: `id` is 9, but must be 1 to 8"),
+        (Config::new(&M3508, 0), "M3508 id 0: `id` is 0, but must be 1 to 8"),
+    ] {
+        assert_eq!(refused(config), sentence);
+    }
+    let mut cascade = M3508.cascade;
+    cascade.speed.kp = f32::NAN;
+    let sentence = "M3508 id 1: `speed.kp` is NaN, but must be finite and not negative";
+    assert_eq!(refused(Config::new(&M3508, 1).with_cascade(cascade)), sentence);
 }
