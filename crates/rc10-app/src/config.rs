@@ -52,8 +52,13 @@ impl ConfigError {
     /// What it says: for a `const`, which cannot use [`Display`](fmt::Display).
     #[must_use]
     pub const fn text(&self) -> Text {
+        self.add_to(Text::new())
+    }
+
+    /// A text with what it says at its end.
+    #[must_use]
+    pub const fn add_to(&self, mut text: Text) -> Text {
         let Self { device, part, field, value, must_be } = *self;
-        let mut text = Text::new();
         if let Some((model, id)) = device {
             text = text.push(model).push(" id ").push_number(id as u64).push(": ");
         }

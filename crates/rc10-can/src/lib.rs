@@ -27,6 +27,6 @@ pub use embedded_can;
 pub use frame::{CanFrame, FrameTooLong};
 pub use health::{BusError, ErrorState, Health};
 pub use length::{LengthBounds, WireLength};
-pub use pattern::IdPattern;
+pub use pattern::{EXTENDED_FILTERS, IdPattern, STANDARD_FILTERS};
 pub use port::{CanPort, Mailboxes, NbPort, Queued, Submitted};
 pub use time::{Micros, Schedule, Start, Timing};

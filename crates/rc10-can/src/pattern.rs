@@ -21,6 +21,12 @@ pub struct IdPattern {
     mask: u32,
 }
 
+/// Filters for standard identifiers of a bus's controller, as `rc10-bsp` sets it up: one for each
+/// pattern.
+pub const STANDARD_FILTERS: usize = 32;
+/// The same for extended identifiers.
+pub const EXTENDED_FILTERS: usize = 16;
+
 /// All bits count: an extended identifier has 29.
 const EXACT: u32 = 0x1FFF_FFFF;
 /// The bits of a standard identifier.

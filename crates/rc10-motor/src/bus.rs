@@ -120,9 +120,9 @@ impl<'m> MotorBus<'m> {
         if !ids.is_complete() {
             return Err(AttachError::TooManyIds { motor: name });
         }
-        for other in self.motors.iter() {
+        for (other, slot) in self.motors.iter().zip(self.motors.ids()) {
             if let Some(clash) = ids.clash(&other.can_ids()) {
-                return Err(AttachError::Clash { motor: name, with: other.name(), clash });
+                return Err(AttachError::Clash { motor: name, with: other.name(), slot, clash });
             }
         }
         if !self.table.has_room(ids.received()) {

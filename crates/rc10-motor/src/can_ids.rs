@@ -1,6 +1,6 @@
 use core::fmt;
 
-use rc10_app::ConfigError;
+use rc10_app::{ConfigError, Text};
 use rc10_can::{CanFrame, IdPattern, Micros};
 
 /// The identifiers that a motor occupies on its bus, declared once. The clash check, the receive
@@ -69,6 +69,11 @@ impl MotorName {
     /// The error, in the configuration of this motor.
     pub const fn blame(self, error: ConfigError) -> ConfigError {
         error.of_device(self.model, self.id)
+    }
+
+    /// A text with it at its end.
+    pub(crate) const fn add_to(self, text: Text) -> Text {
+        text.push(self.model).push(" id ").push_number(self.id as u64)
     }
 }
 
@@ -210,14 +215,28 @@ pub enum Clash {
     Address(u8),
 }
 
+impl Clash {
+    /// A text with it at its end.
+    pub(crate) const fn add_to(self, text: Text) -> Text {
+        match self {
+            Self::RxFrames(of) => id(text.push("both send feedback with identifier "), of),
+            Self::TxFrames(of) => id(text.push("both are commanded by the same bytes of "), of),
+            Self::Confuses(of) => {
+                id(text.push("one takes the other's frame "), of).push(" for a command")
+            }
+            Self::Address(address) => text.push("both have address ").push_number(address as u64),
+        }
+    }
+}
+
+/// A text with the one identifier of a pattern at its end.
+const fn id(text: Text, of: IdPattern) -> Text {
+    text.push_hex(of.raw(), if of.is_extended() { 8 } else { 3 })
+}
+
 impl fmt::Display for Clash {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::RxFrames(of) => write!(f, "both send feedback with identifier {}", of),
-            Self::TxFrames(of) => write!(f, "both are commanded by the same bytes of {}", of),
-            Self::Confuses(of) => write!(f, "one takes the other's frame {} for a command", of),
-            Self::Address(address) => write!(f, "both have address {address}"),
-        }
+        self.add_to(Text::new()).fmt(f)
     }
 }
 

@@ -63,6 +63,7 @@ mod bus;
 mod can_ids;
 pub mod cybergear;
 pub mod damiao;
+pub mod declaration;
 pub mod dji;
 #[cfg(feature = "embassy")]
 pub mod embassy;
@@ -90,6 +91,10 @@ pub use arm::{ArmError, ArmState, ArmSwitch, Unfit};
 pub use batch::{TxBatch, TxFull};
 pub use bus::{BusCounters, Dispatch, MotorBus};
 pub use can_ids::{CanIds, Clash, Frames, Guard, MotorName, Ownership, Rate};
+pub use declaration::{
+    Device, Entry, Held, Names, OtherDevice, Place, Placed, SetupError, Slot, Unsound, Wiring,
+    assert_sound, check, place, prepare, slots,
+};
 pub use feedback::{Condition, Fault, Feedback};
 pub use load::{BusLoad, Verdict};
 pub use motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, SafeState, Tick};

@@ -1,10 +1,8 @@
 use core::fmt;
 
-use embedded_can::Id;
-use heapless::Vec;
 use rc10_can::{IdPattern, LengthBounds};
 
-use crate::can_ids::{CanIds, Ownership};
+use crate::can_ids::{CanIds, Frames, Ownership};
 
 /// The share of a bus that the motors attached to it need, known before power-on: from their
 /// identifiers alone.
@@ -38,7 +36,6 @@ pub enum Verdict {
 
 impl BusLoad {
     /// A bus without motors.
-    #[cfg(feature = "embassy")]
     pub(crate) const NONE: Self =
         Self { frames_per_second: 0, least: 0.0, typical: 0.0, worst: 0.0 };
 
@@ -55,37 +52,75 @@ impl BusLoad {
 
     /// The load of motors with these identifiers on a bus of `bits_per_second`.
     pub(crate) fn of(motors: impl Iterator<Item = CanIds>, bits_per_second: u32) -> Self {
-        let mut load = Self::default();
-        #[expect(clippy::cast_precision_loss, reason = "a percentage for people")]
-        let mut add = |bounds: LengthBounds, rate: u32| {
-            let percent = rate as f32 * 100.0 / bits_per_second.max(1) as f32;
-            load.frames_per_second = load.frames_per_second.saturating_add(rate);
-            load.least += bounds.min as f32 * percent;
-            load.typical += bounds.typical() as f32 * percent;
-            load.worst += bounds.max as f32 * percent;
-        };
-        // A frame that several motors share is sent once.
-        let mut shared: Vec<_, 32> = Vec::new();
-        for ids in motors {
-            for received in ids.received() {
-                add(bounds(received.len, &received.pattern), received.rate.per_second());
-            }
-            for sent in ids.transmitted() {
-                let key = sent.pattern.id();
-                if matches!(sent.ownership, Ownership::Bytes(_)) && shared.contains(&key) {
-                    continue;
-                }
-                // If the list is full, a shared frame counts twice: the load is never too low.
-                let _ = shared.push(key);
-                add(bounds(sent.len, &sent.pattern), sent.rate.per_second());
-            }
-        }
-        load
+        let mut sum = LoadSum::new(bits_per_second);
+        motors.for_each(|ids| sum.add(&ids));
+        sum.load
     }
 }
 
-fn bounds(len: u8, pattern: &IdPattern) -> LengthBounds {
-    LengthBounds::of(len.into(), matches!(pattern.id(), Id::Extended(_)))
+/// Adds up what motors need, in a constant too.
+pub(crate) struct LoadSum {
+    pub(crate) load: BusLoad,
+    bits_per_second: u32,
+    /// Frames that several motors share, which are sent once. If the list is full, a shared frame
+    /// counts twice: the load is never too low.
+    shared: [IdPattern; 32],
+    /// Number of those.
+    len: usize,
+}
+
+impl LoadSum {
+    pub(crate) const fn new(bits_per_second: u32) -> Self {
+        let shared = [IdPattern::any_standard(); 32];
+        Self { load: BusLoad::NONE, bits_per_second, shared, len: 0 }
+    }
+
+    /// Adds a motor.
+    pub(crate) const fn add(&mut self, ids: &CanIds) {
+        let (mut at, received) = (0, ids.received());
+        while at < received.len() {
+            self.add_frames(&received[at]);
+            at += 1;
+        }
+        let (mut at, sent) = (0, ids.transmitted());
+        while at < sent.len() {
+            if !self.is_counted(&sent[at]) {
+                self.add_frames(&sent[at]);
+            }
+            at += 1;
+        }
+    }
+
+    /// Whether it is a frame that another motor shares, and counted with that. Else it is noted.
+    const fn is_counted(&mut self, sent: &Frames) -> bool {
+        let mut at = 0;
+        while at < self.len {
+            let known = &self.shared[at];
+            let is_known = known.raw() == sent.pattern.raw()
+                && known.is_extended() == sent.pattern.is_extended();
+            if is_known && matches!(sent.ownership, Ownership::Bytes(_)) {
+                return true;
+            }
+            at += 1;
+        }
+        if self.len < self.shared.len() {
+            self.shared[self.len] = sent.pattern;
+            self.len += 1;
+        }
+        false
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "a percentage for people")]
+    const fn add_frames(&mut self, frames: &Frames) {
+        let bounds = LengthBounds::of(frames.len as usize, frames.pattern.is_extended());
+        let rate = frames.rate.per_second();
+        let bits = if self.bits_per_second == 0 { 1 } else { self.bits_per_second };
+        let percent = rate as f32 * 100.0 / bits as f32;
+        self.load.frames_per_second = self.load.frames_per_second.saturating_add(rate);
+        self.load.least += bounds.min as f32 * percent;
+        self.load.typical += bounds.typical() as f32 * percent;
+        self.load.worst += bounds.max as f32 * percent;
+    }
 }
 
 impl fmt::Display for BusLoad {

@@ -3,7 +3,7 @@
 use core::fmt;
 
 use heapless::Vec;
-use rc10_app::Seconds;
+use rc10_app::{Seconds, Text};
 use rc10_can::Micros;
 
 use crate::arm::ArmSwitch;
@@ -41,6 +41,8 @@ pub enum AttachError {
         motor: MotorName,
         /// The one that is in its way.
         with: MotorName,
+        /// The number of that one on the bus.
+        slot: MotorId,
         /// The identifier or address that both would use.
         clash: Clash,
     },
@@ -70,28 +72,42 @@ pub enum AttachError {
     },
 }
 
+impl AttachError {
+    /// A text with what it says at its end; `with` is what the robot calls the motor in the way.
+    pub(crate) const fn add_to(&self, text: Text, label: Option<&str>) -> Text {
+        match *self {
+            Self::Clash { motor, with, clash, .. } => {
+                let text = with.add_to(motor.add_to(text).push(" cannot share a bus with "));
+                let text = match label {
+                    Some(label) => text.push(" (`").push(label).push("`)"),
+                    None => text,
+                };
+                clash.add_to(text.push(": ")).push("; set another on one, or plug it in elsewhere")
+            }
+            Self::Full { motor, capacity } => motor
+                .add_to(text)
+                .push(" finds no room: the bus holds ")
+                .push_number(capacity as u64)
+                .push(" motors"),
+            Self::TableFull { motor } => {
+                motor.add_to(text).push(" finds no room in the bus's receive table")
+            }
+            Self::TooManyIds { motor } => motor
+                .add_to(text)
+                .push(" declares more than 8 received, 8 transmitted or 2 listened-to patterns"),
+            Self::Expiry { motor, asked } => motor
+                .add_to(text)
+                .push(": a command must expire after 1 to ")
+                .push_number(Safety::LONGEST_EXPIRY.get())
+                .push(" us, not ")
+                .push_number(asked.get()),
+        }
+    }
+}
+
 impl fmt::Display for AttachError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Clash { motor, with, clash } => {
-                write!(f, "{motor} cannot share a bus with {with}: {clash}")
-            }
-            Self::Full { motor, capacity } => {
-                write!(f, "{motor} finds no room: the bus holds {capacity} motors")
-            }
-            Self::TableFull { motor } => {
-                write!(f, "{motor} finds no room in the bus's receive table")
-            }
-            Self::TooManyIds { motor } => write!(
-                f,
-                "{motor} declares more than 8 received, 8 transmitted or 2 listened-to patterns"
-            ),
-            Self::Expiry { motor, asked } => write!(
-                f,
-                "{motor}: a command must expire after 0 to {}, not {asked}",
-                Safety::LONGEST_EXPIRY
-            ),
-        }
+        self.add_to(Text::new(), None).fmt(f)
     }
 }
 

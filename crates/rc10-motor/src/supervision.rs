@@ -35,9 +35,9 @@ impl Safety {
     }
 
     /// Whether a command holds for some time, and not for too long.
-    pub(crate) fn is_valid(&self) -> bool {
-        let expiry = self.command_expiry;
-        expiry > Micros::ZERO && expiry <= Self::LONGEST_EXPIRY
+    pub(crate) const fn is_valid(&self) -> bool {
+        let expiry = self.command_expiry.get();
+        expiry > 0 && expiry <= Self::LONGEST_EXPIRY.get()
     }
 }
 

@@ -9,7 +9,41 @@ use crate::motors::MotorId;
 pub(crate) struct ReceiveTable {
     entries: [Entry; SIZE],
     used: u8,
-    masked: Vec<(Frames, MotorId), 8>,
+    masked: Vec<(Frames, MotorId), MASKED>,
+}
+
+/// Patterns that are not exact.
+const MASKED: usize = 8;
+
+/// The room that received frames need: in a bus's table, and of its controller's filters.
+#[derive(Clone, Copy)]
+pub(crate) struct Room {
+    exact: usize,
+    masked: usize,
+    /// For standard and for extended identifiers.
+    pub(crate) filters: [usize; 2],
+}
+
+impl Room {
+    pub(crate) const NONE: Self = Self { exact: 0, masked: 0, filters: [0; 2] };
+
+    /// With room for these too.
+    pub(crate) const fn with(mut self, receives: &[Frames]) -> Self {
+        let mut at = 0;
+        while at < receives.len() {
+            let pattern = &receives[at].pattern;
+            self.exact += pattern.is_exact() as usize;
+            self.masked += !pattern.is_exact() as usize;
+            self.filters[pattern.is_extended() as usize] += 1;
+            at += 1;
+        }
+        self
+    }
+
+    /// Whether a bus's table has it.
+    pub(crate) const fn is_enough_in_table(&self) -> bool {
+        self.exact <= MOST as usize && self.masked <= MASKED
+    }
 }
 
 const BITS: u32 = 6;
@@ -40,12 +74,10 @@ impl ReceiveTable {
         }
     }
 
-    /// Whether there is room for this many more patterns of either sort.
+    /// Whether there is room for these too.
     pub(crate) fn has_room(&self, receives: &[Frames]) -> bool {
-        let exact = receives.iter().filter(|receive| receive.pattern.is_exact()).count();
-        let masked = receives.len() - exact;
-        usize::from(self.used) + exact <= usize::from(MOST)
-            && self.masked.len() + masked <= self.masked.capacity()
+        let used = Room { exact: self.used.into(), masked: self.masked.len(), ..Room::NONE };
+        used.with(receives).is_enough_in_table()
     }
 
     /// Adds a motor's patterns; the caller asked [`has_room`](Self::has_room).

@@ -195,10 +195,12 @@ impl<'m> Rs485Bus<'m> {
         safety: Safety,
     ) -> Result<MotorId, AttachError> {
         let address = motor.address();
-        if let Some(other) = self.motors.iter().find(|other| other.address() == address) {
-            let (name, with) = (motor.name(), other.name());
-            let clash = Clash::Address(address.get());
-            return Err(AttachError::Clash { motor: name, with, clash });
+        for (other, slot) in self.motors.iter().zip(self.motors.ids()) {
+            if other.address() == address {
+                let (motor, with) = (motor.name(), other.name());
+                let clash = Clash::Address(address.get());
+                return Err(AttachError::Clash { motor, with, slot, clash });
+            }
         }
         let motor = self.motors.attach(motor, safety, Self::LINK_TIMEOUT)?;
         // As much room as for motors.

@@ -5,9 +5,9 @@ use embedded_can::Id;
 use rc10_can::{IdPattern, embedded_can};
 
 /// Filters for standard identifiers; one word each.
-pub const STANDARD: usize = 32;
+pub const STANDARD: usize = rc10_can::STANDARD_FILTERS;
 /// Filters for extended identifiers; two words each.
-pub const EXTENDED: usize = 16;
+pub const EXTENDED: usize = rc10_can::EXTENDED_FILTERS;
 /// Words of all filters.
 pub const WORDS: usize = STANDARD + 2 * EXTENDED;
 

@@ -1,0 +1,213 @@
+//! A robot's motors, declared once: from one table follow their names, where they stand, what they
+//! are plugged into, their ports, the check of the whole when it is compiled, and what tools need to
+//! know of them.
+//!
+//! ```
+//! use rc10_motor::Place::Bus;
+//! use rc10_motor::dji::{Config, Dji, GM6020_CURRENT, M3508};
+//! use rc10_motor::rc10_app::Direction;
+//! use rc10_motor::{ArmSwitch, Entry, MotorBus, Names, Safety, motors};
+//!
+//! motors! {
+//!     /// Names of the robot's motors.
+//!     pub enum Name;
+//!     /// Where they stand.
+//!     pub struct Motors;
+//!     buses: [100.0; 2];
+//!     lines: 0;
+//!     Left: Dji = Entry::new("wheel left", Bus(1), wheel(1)),
+//!     Right: Dji = Entry::new("wheel right", Bus(1), wheel(2).with_direction(Direction::Reversed)),
+//!     Turret: Dji = Entry::new("turret", Bus(2), Config::new(&GM6020_CURRENT, 1))
+//!         .with_safety(Safety::HOLD),
+//! }
+//!
+//! const fn wheel(id: u8) -> Config {
+//!     Config::new(&M3508, id)
+//! }
+//!
+//! let switch = ArmSwitch::new();
+//! let mut motors = Motors::new();
+//! let [mut one, mut two] = [(); 2].map(|()| MotorBus::new(&switch));
+//! motors.attach(&mut [&mut one, &mut two], &mut [])?;
+//! assert_eq!(one.motors().count(), 2);
+//! assert_eq!(Name::Turret.label(), "turret");
+//! # Ok::<(), rc10_motor::SetupError>(())
+//! ```
+//!
+//! A robot that cannot be does not compile, and the compiler says why:
+//!
+//! ```compile_fail
+//! # use rc10_motor::{Entry, Place::Bus, dji::{Config, Dji, M3508}, motors};
+//! motors! {
+//!     pub enum Name;
+//!     pub struct Motors;
+//!     buses: [100.0];
+//!     lines: 0;
+//!     Left: Dji = Entry::new("wheel left", Bus(1), Config::new(&M3508, 1)),
+//!     Right: Dji = Entry::new("wheel right", Bus(1), Config::new(&M3508, 1)),
+//! }
+//! // `wheel right` on bus 1: M3508 id 1 cannot share a bus with M3508 id 1 (`wheel left`): …
+//! ```
+
+mod check;
+mod device;
+mod slots;
+
+use core::fmt;
+
+pub use check::{SetupError, Unsound, assert_sound, check};
+pub use device::{Device, OtherDevice, Wiring};
+pub use slots::{Held, Place, Placed, Slot, place, prepare, slots};
+
+use crate::supervision::Safety;
+
+/// A line of a declaration: a motor, where it is plugged in, and how it is set up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Entry<C> {
+    /// Label of the motor, for people: in the status, in reports and errors. No other motor has it.
+    pub label: &'static str,
+    /// The bus or line that it is plugged into.
+    pub on: Place,
+    /// How it is set up: of its vendor's `Config`.
+    pub config: C,
+    /// Its safe state, and how long a command holds.
+    pub safety: Safety,
+}
+
+impl<C: Copy> Entry<C> {
+    /// A motor that coasts when it may not follow its target.
+    pub const fn new(label: &'static str, on: Place, config: C) -> Self {
+        Self { label, on, config, safety: Safety::COAST }
+    }
+
+    /// With another safe state.
+    #[must_use]
+    pub const fn with_safety(mut self, safety: Safety) -> Self {
+        self.safety = safety;
+        self
+    }
+
+    /// The same, of a configuration in another form.
+    pub const fn with_config<D: Copy>(self, config: D) -> Entry<D> {
+        let Self { label, on, safety, .. } = self;
+        Entry { label, on, config, safety }
+    }
+}
+
+/// The names of a robot's motors: [`motors!`](crate::motors) makes them from its declaration.
+pub trait Names: Copy + fmt::Debug + 'static {
+    /// All names, in the order of the declaration.
+    const ALL: &'static [Self];
+    /// The declaration, for checks and tools. A robot that does not use it has it not in its flash.
+    const ENTRIES: &'static [Entry<Device>];
+    /// Label and place of each motor.
+    const SLOTS: &'static [Slot];
+    /// For each bus, the largest share of it that its motors may need typically, percent.
+    const BUSES: &'static [f32];
+    /// Number of RS-485 lines.
+    const LINES: u8;
+
+    /// Its number in the declaration, counted from 0.
+    fn index(self) -> usize;
+
+    /// Label and place of the motor.
+    fn slot(self) -> &'static Slot {
+        &Self::SLOTS[self.index()]
+    }
+
+    /// Label of the motor.
+    fn label(self) -> &'static str {
+        self.slot().label
+    }
+
+    /// The whole declaration, [checked](check).
+    ///
+    /// # Errors
+    /// [`SetupError`]: a declaration that compiles has none.
+    fn check() -> Result<(), SetupError> {
+        check(Self::ENTRIES, Self::BUSES, Self::LINES)
+    }
+}
+
+/// Declares a robot's motors: see [`declaration`](crate::declaration).
+///
+/// `buses` says for each bus how much of it its motors may need typically, percent: 100.0 unless
+/// something else needs room there; above 100.0 a bus may be too small for its motors, and loses
+/// frames. `lines` is the number of RS-485 lines. Then a line for each motor: its name, its type, its
+/// [`Entry`](crate::Entry).
+///
+/// With `unchecked` in front the declaration compiles although it is wrong: to see what
+/// [`Names::check`](crate::Names::check) says of it at run time.
+#[macro_export]
+macro_rules! motors {
+    (unchecked $($declaration:tt)+) => {
+        $crate::motors! { @declare $($declaration)+ }
+    };
+    (@declare
+        $(#[$name_meta:meta])* $name_vis:vis enum $Name:ident;
+        $(#[$motors_meta:meta])* $motors_vis:vis struct $Motors:ident;
+        buses: $buses:expr;
+        lines: $lines:expr;
+        $($(#[$meta:meta])* $motor:ident : $Motor:ty = $entry:expr),+ $(,)?
+    ) => {
+        $(#[$name_meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[allow(missing_docs, reason = "the names and their labels say it")]
+        $name_vis enum $Name { $($(#[$meta])* $motor),+ }
+
+        $(#[$motors_meta])*
+        #[derive(Default)]
+        #[allow(non_snake_case, reason = "called as the motors are")]
+        $motors_vis struct $Motors { $($motor: $crate::Held<$Motor>),+ }
+
+        impl $crate::Names for $Name {
+            const ALL: &'static [Self] = &[$(Self::$motor),+];
+            const ENTRIES: &'static [$crate::Entry<$crate::Device>] =
+                &[$({ let entry = $entry; entry.with_config(entry.config.device()) }),+];
+            const SLOTS: &'static [$crate::Slot] =
+                &$crate::slots::<{ Self::ALL.len() }>(Self::ENTRIES);
+            const BUSES: &'static [f32] = &$buses;
+            const LINES: u8 = $lines;
+
+            fn index(self) -> usize {
+                self as usize
+            }
+        }
+
+        #[allow(dead_code, reason = "not every robot asks for all")]
+        impl $Motors {
+            /// Room for the motors.
+            #[must_use]
+            $motors_vis const fn new() -> Self {
+                Self { $($motor: $crate::Held::new()),+ }
+            }
+
+            /// Makes the motors and attaches them to the robot's buses and lines, which have none yet.
+            ///
+            /// # Errors
+            /// [`SetupError`](rc10_motor::SetupError), which a checked declaration has only if it is
+            /// given other buses and lines than its own.
+            #[inline(never)]
+            $motors_vis fn attach<'m>(
+                &'m mut self,
+                buses: &mut [&mut $crate::MotorBus<'m>],
+                lines: &mut [&mut $crate::unitree::Rs485Bus<'m>],
+            ) -> Result<(), $crate::SetupError> {
+                $crate::prepare::<$Name>(buses, lines)?;
+                $($crate::place::<$Name, _, _>(
+                    &mut self.$motor, $Name::$motor, const { &$entry }, <$Motor>::new, buses, lines,
+                )?;)+
+                Ok(())
+            }
+        }
+    };
+    ($(#[$meta:meta])* $vis:vis enum $Name:ident; $($rest:tt)+) => {
+        $crate::motors! { @declare $(#[$meta])* $vis enum $Name; $($rest)+ }
+
+        const _: () = $crate::assert_sound(
+            <$Name as $crate::Names>::ENTRIES,
+            <$Name as $crate::Names>::BUSES,
+            <$Name as $crate::Names>::LINES,
+        );
+    };
+}

@@ -1,0 +1,305 @@
+//! Whether a declaration can be: the same function when it is compiled and when it runs.
+
+use core::fmt;
+
+use rc10_app::{ConfigError, Text, ok};
+use rc10_can::{EXTENDED_FILTERS, STANDARD_FILTERS};
+
+use super::{Device, Entry, Place, Slot, Wiring};
+use crate::bus::MotorBus;
+use crate::can_ids::{CanIds, Clash, MotorName};
+use crate::load::LoadSum;
+use crate::motors::{AttachError, MotorId};
+use crate::table::Room;
+use crate::unitree::Rs485Bus;
+
+/// The bit rate of all buses.
+const BITS_PER_SECOND: u32 = 1_000_000;
+
+/// Why a robot cannot be as it is declared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SetupError {
+    /// Label of the motor.
+    pub label: &'static str,
+    /// Where it is plugged in.
+    pub on: Place,
+    /// Label of the motor that is in its way, if there is one.
+    pub with: Option<&'static str>,
+    /// What is wrong.
+    pub why: Unsound,
+}
+
+/// What is wrong with a motor of a declaration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Unsound {
+    /// A number in its configuration cannot be used.
+    Config(ConfigError),
+    /// It cannot be attached.
+    Attach(AttachError),
+    /// Another motor has its label.
+    SameLabel,
+    /// There is no such bus or line.
+    NoSuchPlace,
+    /// A motor on CAN cannot be on a line.
+    NotOnLine(MotorName),
+    /// A motor on RS-485 cannot be on a bus.
+    NotOnBus(MotorName),
+    /// With it the bus wants more identifiers than its controller's filters let in one by one.
+    Filters {
+        /// Filters that are needed, for standard or for extended identifiers.
+        needed: usize,
+        /// Filters that there are.
+        room: usize,
+    },
+    /// With it the motors of the bus need more of it than they may.
+    Overload {
+        /// Share that they need typically, percent.
+        typical: f32,
+        /// Share that they may need, percent.
+        most: f32,
+    },
+    /// The buses or lines that were handed over are not those that are declared, or have motors.
+    OtherPlaces,
+}
+
+impl SetupError {
+    pub(super) const fn new(slot: Option<&Slot>, why: Unsound) -> Self {
+        match slot {
+            Some(&Slot { label, on, .. }) => Self { label, on, with: None, why },
+            None => Self { label: "", on: Place::Bus(0), with: None, why },
+        }
+    }
+
+    /// What it says: for a `const`, which cannot use [`Display`](fmt::Display).
+    #[must_use]
+    pub const fn text(&self) -> Text {
+        let Self { label, on, with, ref why } = *self;
+        let text = Text::new().push("`").push(label).push("` on ");
+        let (sort, number) = sort_and_number(on);
+        let text = text.push(sort).push(" ").push_number(number as u64).push(": ");
+        match why {
+            Unsound::Config(error) => error.add_to(text),
+            Unsound::Attach(error) => error.add_to(text, with),
+            Unsound::SameLabel => text.push("another motor has this label: give it its own"),
+            Unsound::NoSuchPlace => text.push("the robot has no such ").push(sort),
+            Unsound::NotOnLine(name) => name.add_to(text).push(" has CAN only: plug it into a bus"),
+            Unsound::NotOnBus(name) => {
+                name.add_to(text).push(" has RS-485 only: plug it into a line")
+            }
+            Unsound::Filters { needed, room } => text
+                .push("with it the motors of the bus need ")
+                .push_number(*needed as u64)
+                .push(" receive filters of ")
+                .push_number(*room as u64)
+                .push(": have it send fewer kinds of frames, or plug it in elsewhere"),
+            Unsound::Overload { typical, most } => text
+                .push("with it the motors of the bus need ")
+                .push_number((*typical + 0.5) as u64)
+                .push(" % of it typically, more than ")
+                .push_number(*most as u64)
+                .push(" %: set some to send feedback less often, or plug some in elsewhere"),
+            Unsound::OtherPlaces => {
+                text.push("the buses and lines are not those of the declaration, or not empty")
+            }
+        }
+    }
+}
+
+const fn sort_and_number(on: Place) -> (&'static str, u8) {
+    match on {
+        Place::Bus(number) => ("bus", number),
+        Place::Line(number) => ("line", number),
+    }
+}
+
+/// ``​`wheel left` on bus 1: M3508 id 9: `id` is 9, but must be 1 to 8``
+impl fmt::Display for SetupError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.text().fmt(f)
+    }
+}
+
+impl core::error::Error for SetupError {}
+
+impl From<AttachError> for Unsound {
+    fn from(error: AttachError) -> Self {
+        Self::Attach(error)
+    }
+}
+
+/// Whether these motors can be a robot with so many buses and lines: labels, places, configurations,
+/// identifiers, receive tables, filters and load. `buses` says for each how much of it its motors may
+/// need typically, percent at 1 Mbit/s.
+///
+/// # Errors
+/// The first that is wrong, in the order of the declaration.
+pub const fn check(entries: &[Entry<Device>], buses: &[f32], lines: u8) -> Result<(), SetupError> {
+    let mut at = 0;
+    while at < entries.len() {
+        let (earlier, rest) = entries.split_at(at);
+        let &Entry { label, on, .. } = &rest[0];
+        if let Err((with, why)) = check_entry(&rest[0], earlier, buses, lines) {
+            return Err(SetupError { label, on, with, why });
+        }
+        at += 1;
+    }
+    Ok(())
+}
+
+/// Does not compile if the [`check`] has found something.
+///
+/// # Panics
+/// With the sentence of its error.
+#[track_caller]
+pub const fn assert_sound(entries: &[Entry<Device>], buses: &[f32], lines: u8) {
+    if let Err(error) = check(entries, buses, lines) {
+        panic!("{}", error.text().as_str());
+    }
+}
+
+/// What is wrong, with the label of the motor that is in the way.
+type Found = (Option<&'static str>, Unsound);
+
+/// A line of a declaration, after those that stand before it.
+const fn check_entry(
+    entry: &Entry<Device>,
+    earlier: &[Entry<Device>],
+    buses: &[f32],
+    lines: u8,
+) -> Result<(), Found> {
+    let mut at = 0;
+    while at < earlier.len() {
+        if is_same(entry.label, earlier[at].label) {
+            return Err((None, Unsound::SameLabel));
+        }
+        at += 1;
+    }
+    let (number, last) = match entry.on {
+        Place::Bus(number) => (number as usize, buses.len()),
+        Place::Line(number) => (number as usize, lines as usize),
+    };
+    if number == 0 || number > last {
+        return Err((None, Unsound::NoSuchPlace));
+    }
+    if let Err(error) = entry.config.validate() {
+        return Err((None, Unsound::Config(error)));
+    }
+    match (entry.on, entry.config.wiring()) {
+        (Place::Bus(_), Wiring::Can(ids)) => check_on_bus(entry, &ids, earlier, buses[number - 1]),
+        (Place::Line(_), Wiring::Line(address)) => check_on_line(entry, address, earlier),
+        (Place::Bus(_), Wiring::Line(_)) => Err((None, Unsound::NotOnBus(entry.config.name()))),
+        (Place::Line(_), Wiring::Can(_)) => Err((None, Unsound::NotOnLine(entry.config.name()))),
+    }
+}
+
+/// In the order in which [`MotorBus::attach`] checks it.
+const fn check_on_bus(
+    entry: &Entry<Device>,
+    ids: &CanIds,
+    earlier: &[Entry<Device>],
+    most: f32,
+) -> Result<(), Found> {
+    let motor = entry.config.name();
+    if !ids.is_complete() {
+        return attach_error(AttachError::TooManyIds { motor });
+    }
+    let (mut room, mut load, mut number) = (Room::NONE, LoadSum::new(BITS_PER_SECOND), 0);
+    let mut at = 0;
+    while at < earlier.len() {
+        let other = &earlier[at];
+        at += 1;
+        if !other.on.is(entry.on) {
+            continue;
+        }
+        let Wiring::Can(theirs) = other.config.wiring() else { continue };
+        if let Some(clash) = ids.clash(&theirs) {
+            return Err(in_the_way(entry, other, number, clash));
+        }
+        room = room.with(theirs.received());
+        load.add(&theirs);
+        number += 1;
+    }
+    room = room.with(ids.received());
+    load.add(ids);
+    if !room.is_enough_in_table() {
+        return attach_error(AttachError::TableFull { motor });
+    }
+    ok!(check_expiry(entry));
+    if number as usize >= MotorBus::CAPACITY {
+        return attach_error(AttachError::Full { motor, capacity: MotorBus::CAPACITY });
+    }
+    let [standard, extended] = room.filters;
+    if standard > STANDARD_FILTERS {
+        let (needed, room) = (standard, STANDARD_FILTERS);
+        return Err((None, Unsound::Filters { needed, room }));
+    }
+    if extended > EXTENDED_FILTERS {
+        let (needed, room) = (extended, EXTENDED_FILTERS);
+        return Err((None, Unsound::Filters { needed, room }));
+    }
+    let typical = load.load.typical;
+    if typical > most {
+        return Err((None, Unsound::Overload { typical, most }));
+    }
+    Ok(())
+}
+
+/// In the order in which [`Rs485Bus::attach`] checks it.
+const fn check_on_line(
+    entry: &Entry<Device>,
+    address: u8,
+    earlier: &[Entry<Device>],
+) -> Result<(), Found> {
+    let (mut at, mut number) = (0, 0);
+    while at < earlier.len() {
+        let other = &earlier[at];
+        at += 1;
+        if !other.on.is(entry.on) {
+            continue;
+        }
+        if let Wiring::Line(taken) = other.config.wiring()
+            && taken == address
+        {
+            return Err(in_the_way(entry, other, number, Clash::Address(address)));
+        }
+        number += 1;
+    }
+    ok!(check_expiry(entry));
+    if number as usize >= Rs485Bus::CAPACITY {
+        let motor = entry.config.name();
+        return attach_error(AttachError::Full { motor, capacity: Rs485Bus::CAPACITY });
+    }
+    Ok(())
+}
+
+const fn attach_error(error: AttachError) -> Result<(), Found> {
+    Err((None, Unsound::Attach(error)))
+}
+
+const fn check_expiry(entry: &Entry<Device>) -> Result<(), Found> {
+    if entry.safety.is_valid() {
+        return Ok(());
+    }
+    let (motor, asked) = (entry.config.name(), entry.safety.command_expiry);
+    attach_error(AttachError::Expiry { motor, asked })
+}
+
+const fn in_the_way(
+    entry: &Entry<Device>,
+    other: &Entry<Device>,
+    number: u8,
+    clash: Clash,
+) -> Found {
+    let (motor, with, slot) = (entry.config.name(), other.config.name(), MotorId::new(number));
+    (Some(other.label), Unsound::Attach(AttachError::Clash { motor, with, slot, clash }))
+}
+
+const fn is_same(one: &str, other: &str) -> bool {
+    let (one, other) = (one.as_bytes(), other.as_bytes());
+    let mut at = 0;
+    while at < one.len() && at < other.len() && one[at] == other[at] {
+        at += 1;
+    }
+    at == one.len() && at == other.len()
+}

@@ -1,0 +1,206 @@
+//! Where the motors of a declaration are plugged in, and how they get there.
+
+use core::fmt;
+
+use heapless::Vec;
+use rc10_app::ConfigError;
+
+use super::{Device, Entry, Names, SetupError, Unsound};
+use crate::bus::MotorBus;
+use crate::motor::{CanMotor, Motor};
+use crate::motors::{AttachError, MotorId};
+use crate::supervision::Safety;
+use crate::unitree::{GoM8010, Rs485Bus};
+
+/// The bus or line of a motor; the first of each sort is 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Place {
+    /// A CAN bus.
+    Bus(u8),
+    /// An RS-485 line.
+    Line(u8),
+}
+
+impl Place {
+    /// The number of the bus, if it is one.
+    #[must_use]
+    pub const fn bus(self) -> Option<u8> {
+        match self {
+            Self::Bus(number) => Some(number),
+            Self::Line(_) => None,
+        }
+    }
+
+    /// The number of the line, if it is one.
+    #[must_use]
+    pub const fn line(self) -> Option<u8> {
+        match self {
+            Self::Bus(_) => None,
+            Self::Line(number) => Some(number),
+        }
+    }
+
+    /// Whether it is the same place: `==`, for constants.
+    #[must_use]
+    pub const fn is(self, other: Self) -> bool {
+        match (self, other) {
+            (Self::Bus(one), Self::Bus(two)) | (Self::Line(one), Self::Line(two)) => one == two,
+            _ => false,
+        }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bus(number) => write!(f, "bus {number}"),
+            Self::Line(number) => write!(f, "line {number}"),
+        }
+    }
+}
+
+/// Label and place of a motor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Slot {
+    /// Its label.
+    pub label: &'static str,
+    /// The bus or line that it is plugged into.
+    pub on: Place,
+    /// Its number there: as many motors of that place stand before it in the declaration.
+    pub motor: MotorId,
+}
+
+/// Label and place of each motor of a declaration. Motors beyond the 256th of a place have the
+/// number of its last; none holds that many.
+#[must_use]
+pub const fn slots<const N: usize>(entries: &[Entry<Device>]) -> [Slot; N] {
+    let nowhere = Slot { label: "", on: Place::Bus(0), motor: MotorId::new(0) };
+    let mut slots = [nowhere; N];
+    let mut at = 0;
+    while at < N && at < entries.len() {
+        let Entry { label, on, .. } = entries[at];
+        let (mut before, mut number) = (0, 0_u8);
+        while before < at {
+            number = number.saturating_add(entries[before].on.is(on) as u8);
+            before += 1;
+        }
+        slots[at] = Slot { label, on, motor: MotorId::new(number) };
+        at += 1;
+    }
+    slots
+}
+
+/// The place where one motor of a robot stands; empty until it is attached.
+pub struct Held<M>(Vec<M, 1>);
+
+impl<M> Held<M> {
+    /// An empty one.
+    pub const fn new() -> Self {
+        // All zeros, so that robots that are statics cost no flash: an `Option` is not.
+        Self(Vec::new())
+    }
+}
+
+impl<M> Default for Held<M> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A motor that a declaration can name: one on a CAN bus, or a GO-M8010-6 on RS-485.
+pub trait Placed: Motor {
+    /// Attaches it where it belongs.
+    ///
+    /// # Errors
+    /// Why it cannot be there.
+    fn attach<'m>(
+        &'m mut self,
+        on: Place,
+        safety: Safety,
+        buses: &mut [&mut MotorBus<'m>],
+        lines: &mut [&mut Rs485Bus<'m>],
+    ) -> Result<MotorId, Unsound>;
+}
+
+impl<M: CanMotor> Placed for M {
+    fn attach<'m>(
+        &'m mut self,
+        on: Place,
+        safety: Safety,
+        buses: &mut [&mut MotorBus<'m>],
+        _: &mut [&mut Rs485Bus<'m>],
+    ) -> Result<MotorId, Unsound> {
+        let number = on.bus().ok_or(Unsound::NotOnLine(self.name()))?;
+        let bus = usize::from(number).checked_sub(1).and_then(|index| buses.get_mut(index));
+        Ok(bus.ok_or(Unsound::NoSuchPlace)?.attach(self, safety)?)
+    }
+}
+
+impl Placed for GoM8010 {
+    fn attach<'m>(
+        &'m mut self,
+        on: Place,
+        safety: Safety,
+        _: &mut [&mut MotorBus<'m>],
+        lines: &mut [&mut Rs485Bus<'m>],
+    ) -> Result<MotorId, Unsound> {
+        let number = on.line().ok_or(Unsound::NotOnBus(self.name()))?;
+        let line = usize::from(number).checked_sub(1).and_then(|index| lines.get_mut(index));
+        Ok(line.ok_or(Unsound::NoSuchPlace)?.attach(self, safety)?)
+    }
+}
+
+/// Makes buses and lines ready for the motors of a declaration: [`place`] comes next, for each.
+///
+/// # Errors
+/// [`SetupError`], if there are more or fewer than declared.
+pub fn prepare<N: Names>(
+    buses: &mut [&mut MotorBus<'_>],
+    lines: &mut [&mut Rs485Bus<'_>],
+) -> Result<(), SetupError> {
+    if buses.len() != N::BUSES.len() || lines.len() != usize::from(N::LINES) {
+        return Err(SetupError::new(N::SLOTS.first(), Unsound::OtherPlaces));
+    }
+    for (bus, most) in buses.iter_mut().zip(N::BUSES) {
+        if *most > 100.0 {
+            bus.allow_overload();
+        }
+    }
+    Ok(())
+}
+
+/// Makes a motor of a declaration and attaches it.
+///
+/// # Errors
+/// [`SetupError`], with the labels of those it concerns.
+#[inline(never)] // Once for each vendor, and not for each motor.
+pub fn place<'m, N: Names, C: Copy, M: Placed>(
+    held: &'m mut Held<M>,
+    name: N,
+    entry: &'static Entry<C>,
+    new: impl Fn(C) -> Result<M, ConfigError>,
+    buses: &mut [&mut MotorBus<'m>],
+    lines: &mut [&mut Rs485Bus<'m>],
+) -> Result<(), SetupError> {
+    let slot = name.slot();
+    let failed = |why| SetupError::new(Some(slot), why);
+    let motor = new(entry.config).map_err(|error| failed(Unsound::Config(error)))?;
+    held.0.clear();
+    // It has room for one.
+    let _ = held.0.push(motor);
+    let Some(motor) = held.0.first_mut() else { return Ok(()) };
+    match motor.attach(slot.on, entry.safety, buses, lines) {
+        Ok(number) if number == slot.motor => Ok(()),
+        Ok(_) => Err(failed(Unsound::OtherPlaces)),
+        Err(why) => {
+            let with = match why {
+                Unsound::Attach(AttachError::Clash { slot: other, .. }) => {
+                    N::SLOTS.iter().find(|it| it.on == slot.on && it.motor == other)
+                }
+                _ => None,
+            };
+            Err(SetupError { with: with.map(|slot| slot.label), ..failed(why) })
+        }
+    }
+}
