@@ -239,7 +239,7 @@ fn r14_motors_with_one_feedback_id_are_refused_and_both_are_named() {
             bus.attach(&mut wheel, Safety::COAST).unwrap();
             let error = bus.attach(&mut gimbal, Safety::COAST).unwrap_err();
             let id = Id::Standard(StandardId::new(0x204 + u16::from(n)).unwrap());
-            let AttachError::Clash { motor, with, clash } = error else { panic!("{error}") };
+            let AttachError::Clash { motor, with, clash, .. } = error else { panic!("{error}") };
             assert_eq!(
                 (motor.id, with.id, clash),
                 (n.into(), (n + 4).into(), Clash::RxFrames(id.into()))

@@ -65,10 +65,10 @@ fn run<R>(setup: &Setup, scenario: impl FnOnce(&mut Emulation<'_>) -> R) -> R {
 
 /// The same, for a scenario that needs it as a whole.
 fn give<R>(setup: &Setup, scenario: impl FnOnce(Emulation<'_>) -> R) -> R {
-    let ports = rc10_robot::ports();
-    let shared = Shared::new(ports.each_ref());
+    let ports = rc10_robot::Ports::new();
+    let shared = Shared::new(&ports);
     let mut motors = Motors::new();
-    let robot = team::robot(&shared, motors.start(&shared).unwrap());
+    let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
     scenario(Emulation::new(firmware(), robot, setup).unwrap())
 }
 
@@ -650,10 +650,10 @@ fn the_chip_drives_as_the_simulator_does() {
     let end = 1050_u64;
     let wheel = Name::FrontLeft as usize;
     let simulated: Vec<(f64, f64)> = {
-        let ports = rc10_robot::ports();
-        let shared = Shared::new(ports.each_ref());
+        let ports = rc10_robot::Ports::new();
+        let shared = Shared::new(&ports);
         let mut motors = Motors::new();
-        let robot = team::robot(&shared, motors.start(&shared).unwrap());
+        let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
         let description = robot.description().clone();
         let mut around = rc10_cli::environment::Environment::new(&description, 1).unwrap();
         let mut tasks = robot.tasks(&around).unwrap();

@@ -75,10 +75,10 @@ async fn turn_a_wheel(shared: &Shared<'_>) -> Result<(), rc10_motor::TargetError
 
 #[test]
 fn the_code_of_the_page_runs() {
-    let (ports, ended) = (rc10_robot::ports(), Cell::new(false));
-    let shared = &Shared::new(ports.each_ref());
+    let (ports, ended) = (rc10_robot::Ports::new(), Cell::new(false));
+    let shared = &Shared::new(&ports);
     let mut motors = Motors::new();
-    let robot = team::robot(shared, motors.start(shared).unwrap());
+    let robot = team::robot(shared, motors.start(&shared.switch).unwrap().buses);
     let mut around = Environment::new(robot.description(), 1).unwrap();
     let mut tasks = robot.tasks(&around).unwrap();
     tasks.add(async { listen().await.unwrap() });

@@ -135,10 +135,10 @@ fn a_wrong_mistake_ends_with_2_and_a_reason() {
 }
 
 fn run(mistake: &str, millis: u64) -> Recording {
-    let ports = rc10_robot::ports();
-    let shared = &rc10_robot::Shared::new(ports.each_ref());
+    let ports = rc10_robot::Ports::new();
+    let shared = &rc10_robot::Shared::new(&ports);
     let mut motors = rc10_robot::Motors::new();
-    let buses = motors.start(shared).unwrap();
+    let buses = motors.start(&shared.switch).unwrap().buses;
     let mut robot = team::robot(shared, buses);
     if !mistake.is_empty() {
         robot.set_mistakes(&[mistake.parse().unwrap()]).unwrap();
@@ -186,7 +186,7 @@ fn other_vendors_devices_can_have_another_identifier_too() {
     for label in ["wheel", "wrist", "turret", "flywheel", "leg 2"] {
         let shared = rc10_robot::mixed::Shared::new();
         let mut motors = rc10_robot::mixed::Motors::new().unwrap();
-        let (buses, line) = motors.start(&shared).unwrap();
+        let (buses, line) = motors.start(&shared.switch).unwrap().buses;
         let mut robot = mixed::robot(&shared, buses, line).unwrap();
         robot.set_mistakes(&[format!("id:{label}=9").parse().unwrap()]).unwrap();
         let run = simulate(robot, 1, Micros::from_millis(300)).unwrap();

@@ -45,10 +45,10 @@ fn scene_with<T>(
     change: impl FnOnce(&mut Environment),
     play: impl FnOnce(Scene<'_>) -> T,
 ) -> T {
-    let ports = rc10_robot::ports();
-    let shared = &Shared::new(ports.each_ref());
+    let ports = rc10_robot::Ports::new();
+    let shared = &Shared::new(&ports);
     let mut motors = Motors::new();
-    let buses = motors.start(shared).unwrap();
+    let buses = motors.start(&shared.switch).unwrap().buses;
     let mut robot = team::robot(shared, buses);
     robot.set_remote(receiver).unwrap();
     let mut around = Environment::new(robot.description(), seed).unwrap();
@@ -348,10 +348,10 @@ fn every_receiver_drives_the_script() {
     use rc10_cli::simulate::simulate;
     for receiver in Receiver::ALL {
         let run = |seed| {
-            let ports = rc10_robot::ports();
-            let shared = &Shared::new(ports.each_ref());
+            let ports = rc10_robot::Ports::new();
+            let shared = &Shared::new(&ports);
             let mut motors = Motors::new();
-            let mut robot = team::robot(shared, motors.start(shared).unwrap());
+            let mut robot = team::robot(shared, motors.start(&shared.switch).unwrap().buses);
             robot.set_remote(receiver).unwrap();
             simulate(robot, seed, millis(4_400)).unwrap()
         };

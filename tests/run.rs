@@ -58,10 +58,10 @@ fn the_robot_does_what_its_script_says() {
     use rc10_cli::{simulate::simulate, team};
     use rc10_motor::DriveMode;
     use rc10_robot::table::Name;
-    let ports = rc10_robot::ports();
-    let io = &rc10_robot::Shared::new(ports.each_ref());
+    let ports = rc10_robot::Ports::new();
+    let io = &rc10_robot::Shared::new(&ports);
     let mut motors = rc10_robot::Motors::new();
-    let buses = motors.start(io).unwrap();
+    let buses = motors.start(&io.switch).unwrap().buses;
     let length = rc10_can::Micros::from_millis(10_000);
     let recording = simulate(team::robot(io, buses), 3, length).unwrap();
     let path = recording.base.unwrap().path;

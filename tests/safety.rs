@@ -9,7 +9,7 @@ use rc10_can::Micros;
 use rc10_cli::environment::Environment;
 use rc10_cli::team;
 use rc10_motor::dji::{self, Dji, FeedbackRate, Model};
-use rc10_motor::{ArmSwitch, DriveMode, Link, Safety, Target};
+use rc10_motor::{ArmSwitch, DriveMode, Link, Names, Safety, Target};
 use rc10_robot::table::{LIFT, Name};
 use rc10_robot::{Motors, Shared};
 
@@ -173,10 +173,10 @@ fn nothing_moves_before_the_robot_is_armed() {
 /// The whole robot at full activity, and an emergency stop.
 #[test]
 fn an_emergency_stop_makes_every_frame_safe_in_the_next_tick_on_all_buses() {
-    let ports = rc10_robot::ports();
-    let shared = &Shared::new(ports.each_ref());
+    let ports = rc10_robot::Ports::new();
+    let shared = &Shared::new(&ports);
     let mut motors = Motors::new();
-    let buses = motors.start(shared).unwrap();
+    let buses = motors.start(&shared.switch).unwrap().buses;
     let robot = team::robot(shared, buses);
     let mut around = Environment::new(robot.description(), 4).unwrap();
     let mut tasks = robot.tasks(&around).unwrap();

@@ -27,10 +27,9 @@ use rc10_firmware::board::{Board, PulseParts, REMOTE_HAS_INVERTER, StripParts};
 use rc10_message::Cycles;
 use rc10_module::led::ws2812::BITS;
 use rc10_module::remote::{self, SerialSettings};
-use rc10_motor::Unfit;
-use rc10_motor::embassy::BusPort;
+use rc10_motor::{MotorBus, Unfit};
 use rc10_robot::table::{BUSES, LEDS, RECEIVER};
-use rc10_robot::{Motors, Shared};
+use rc10_robot::{Motors, Ports, Shared};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::tasks::Unstartable;
@@ -66,11 +65,10 @@ const BETWEEN: Duration = Duration::from_micros(2_166);
 const PULSES: usize = LEDS * BITS + 2;
 
 // Large values are made where they stay: moved, they would go over the stack.
-static PORTS: [StaticCell<BusPort>; BUSES] = [const { StaticCell::new() }; BUSES];
+static PORTS: StaticCell<Ports> = StaticCell::new();
 static SHARED: StaticCell<Shared<'static>> = StaticCell::new();
 static MOTORS: ConstStaticCell<Motors> = ConstStaticCell::new(Motors::new());
-static MOTOR_BUSES: [StaticCell<rc10_robot::Bus<'static>>; BUSES] =
-    [const { StaticCell::new() }; BUSES];
+static MOTOR_BUSES: [StaticCell<MotorBus<'static>>; BUSES] = [const { StaticCell::new() }; BUSES];
 
 /// Runs the buses. It borrows the interrupt of a peripheral that the board does not use.
 static CONTROL: InterruptExecutor = InterruptExecutor::new();
@@ -101,8 +99,7 @@ async fn main(spawner: Spawner) {
 // Not inlined, and so neither are the parts of it: one after another they use the same stack.
 #[inline(never)]
 fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
-    let ports = PORTS.each_ref().map(|place| &*place.init_with(|| const { BusPort::new() }));
-    let shared = SHARED.init_with(|| Shared::new(ports));
+    let shared = SHARED.init_with(|| Shared::new(PORTS.init_with(Ports::new)));
     shared.bus_cycles = Some(&TICKS);
     let shared = &*shared;
     if !rc10_bsp::has_crystal() {
@@ -110,14 +107,14 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
         shared.switch.forbid(Unfit::Clock);
     }
     let places = MOTOR_BUSES.each_ref();
-    let buses = places.map(|place| place.init_with(|| rc10_robot::Bus::new(&shared.switch)));
-    let motors = MOTORS.take().attach(buses)?;
+    let mut motors = places.map(|place| place.init_with(|| MotorBus::new(&shared.switch)));
+    MOTORS.take().attach(&mut motors.each_mut().map(|bus| &mut **bus), &mut [])?;
 
     interrupt::UART9.set_priority(Priority::P6);
     let control = CONTROL.start(interrupt::UART9);
     let ports = [Bus::start(board.bus_1), Bus::start(board.bus_2), Bus::start(board.bus_3)];
     let started = Instant::now();
-    control.spawn(tasks::buses(ports, motors, shared.buses)?);
+    control.spawn(tasks::buses(ports, motors, shared.ports.buses.each_ref())?);
     supervisor::start(board.supervisor, Irqs, Priority::P3);
 
     spawner.spawn(tasks::ten_milliseconds(shared, board.watchdog)?);

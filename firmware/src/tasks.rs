@@ -16,12 +16,10 @@ use rc10_bsp::pulse_output::PulseOutput;
 use rc10_bsp::serial::{BaudError, Serial, SerialReceiver};
 use rc10_bsp::watchdog::Watchdog;
 use rc10_module::led::ws2812::{PulseTiming, Pulses, Strip};
-use rc10_motor::TxBatch;
 use rc10_motor::embassy::{BusPort, Runner, run_buses};
+use rc10_motor::{MotorBus, SetupError, TxBatch};
 use rc10_robot::table::{BUSES, LED_BRIGHTNESS, LEDS, RECEIVER};
-use rc10_robot::{
-    SetupError, Shared, chassis, driver, imu, mechanisms, remote, status, status_led,
-};
+use rc10_robot::{Shared, chassis, driver, imu, mechanisms, remote, status, status_led};
 use rc10_tasks::TickWatch;
 
 /// The chip restarts within 100 ms if a bus does not tick, or if the tasks in thread mode do not
@@ -47,7 +45,7 @@ pub const STRIP: PulseTiming = match PulseTiming::new(TIMER_CLOCK.0) {
 #[embassy_executor::task]
 pub fn buses(
     ports: [FdcanPort; BUSES],
-    motors: [&'static mut rc10_robot::Bus<'static>; BUSES],
+    motors: [&'static mut MotorBus<'static>; BUSES],
     shared: [&'static BusPort; BUSES],
 ) -> impl Future<Output = ()> {
     let ([a, b, c], [d, e, f], [g, h, i]) = (ports, motors, shared);
@@ -56,9 +54,9 @@ pub fn buses(
 
 fn runner(
     mut can: FdcanPort,
-    motors: &'static mut rc10_robot::Bus<'static>,
+    motors: &'static mut MotorBus<'static>,
     shared: &'static BusPort,
-) -> Runner<'static, 'static, FdcanPort, &'static mut rc10_robot::Bus<'static>> {
+) -> Runner<'static, 'static, FdcanPort, &'static mut MotorBus<'static>> {
     let mut coast = TxBatch::new();
     if motors.coast_image(&mut coast).is_err() || can.keep_coast_image(coast.frames()).is_err() {
         // Not defmt's: with that one, the crash record would name a line of defmt.
@@ -151,10 +149,10 @@ async fn watch(watchdog: Peri<'static, IWDG1>, shared: &Shared<'_>) -> ! {
         defmt::warn!("the watchdog does not take its timeout: a hung robot may not restart");
     }
     let mut ticker = Ticker::every(FEED);
-    let mut ticks = TickWatch::new(shared.buses);
+    let mut ticks = TickWatch::new(&shared.ports.buses);
     loop {
         ticker.next().await;
-        watchdog.feed_if(|| ticks.have_all_ticked(shared.buses));
+        watchdog.feed_if(|| ticks.have_all_ticked(&shared.ports.buses));
     }
 }
 
@@ -190,11 +188,8 @@ impl defmt::Format for Unstartable {
     fn format(&self, f: defmt::Formatter<'_>) {
         match self {
             // Short: all about it is in `cargo test`, and float formatting takes 15 KiB of flash.
-            Self::Robot(SetupError::Config(motor, error)) => {
-                defmt::write!(f, "{}: `{}` must be {}", motor, error.field, error.must_be);
-            }
-            Self::Robot(SetupError::Attach(motor, _)) => {
-                defmt::write!(f, "{}: cannot be on its bus", motor);
+            Self::Robot(SetupError { label, .. }) => {
+                defmt::write!(f, "{=str}: cannot be as declared", label);
             }
             Self::Task(error) => defmt::write!(f, "a task does not start: {}", error),
             Self::Baud(error) => defmt::write!(f, "a UART does not start: {}", error),

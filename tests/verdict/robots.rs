@@ -4,13 +4,13 @@ use rc10_cli::robot::Robot;
 use rc10_cli::simulate::simulate;
 use rc10_cli::{mixed, team};
 use rc10_motor::damiao::{self, Damiao};
-use rc10_motor::dji::{self, Dji};
+use rc10_motor::dji::Dji;
 use rc10_motor::lk::{self, Lk};
 use rc10_motor::odrive::{self, ODrive};
 use rc10_motor::rc10_app::Cascade;
-use rc10_motor::{CanMotor, MotorBus, Safety};
+use rc10_motor::{CanMotor, Device, MotorBus, Names, Safety};
 use rc10_robot::mixed as table;
-use rc10_robot::table::MOTORS;
+use rc10_robot::table::Name;
 
 use super::*;
 
@@ -35,19 +35,17 @@ pub fn run(which: Which, seed: u64, length: Micros, change: Option<Change<'_>>) 
     let run = |robot: Robot<'_>| simulate(robot, seed, length).unwrap();
     match which {
         Which::Team => {
-            let ports = rc10_robot::ports();
-            let shared = &rc10_robot::Shared::new(ports.each_ref());
-            let mut motors = MOTORS.map(|entry| {
-                let cascade = entry.gains.unwrap_or(entry.model.cascade);
-                let config = dji::Config::new(entry.model, entry.id)
-                    .with_direction(entry.direction)
-                    .with_feedback_rate(entry.rate)
-                    .with_cascade(changed(entry.label, cascade));
-                Dji::new(config).unwrap()
-            });
+            let ports = rc10_robot::Ports::new();
+            let shared = &rc10_robot::Shared::new(&ports);
+            let mut motors = Vec::from_iter(Name::ALL.iter().map(|name| {
+                let entry = name.entry();
+                let Device::Dji(config) = entry.config else { panic!("{}", entry.label) };
+                Dji::new(config.with_cascade(changed(entry.label, config.cascade))).unwrap()
+            }));
             let mut buses = [(); 3].map(|()| MotorBus::new(&shared.switch));
-            for (motor, entry) in motors.iter_mut().zip(&MOTORS) {
-                buses[usize::from(entry.bus - 1)].attach(motor, entry.safety).unwrap();
+            for (motor, name) in motors.iter_mut().zip(Name::ALL) {
+                let bus = &mut buses[usize::from(name.slot().on.bus().unwrap()) - 1];
+                bus.attach(motor, name.entry().safety).unwrap();
             }
             run(team::robot(shared, buses))
         }

@@ -491,10 +491,10 @@ mod tests {
         out: &mut dyn Write,
         err: &mut dyn Write,
     ) -> anyhow::Result<bool> {
-        let ports = rc10_robot::ports();
-        let io = rc10_robot::Shared::new(ports.each_ref());
+        let ports = rc10_robot::Ports::new();
+        let io = rc10_robot::Shared::new(&ports);
         let mut motors = rc10_robot::Motors::new();
-        let buses = motors.start(&io)?;
+        let buses = motors.start(&io.switch)?.buses;
         decode_log(log, args, crate::team::robot(&io, buses), out, err)
     }
 

@@ -231,12 +231,10 @@ pub fn main() -> ExitCode {
         let command = arguments.command_line();
         match robot {
             Which::Team => {
-                let ports = rc10_robot::ports();
-                let io = rc10_robot::Shared::new(ports.each_ref());
+                let ports = rc10_robot::Ports::new();
+                let io = rc10_robot::Shared::new(&ports);
                 let mut motors = rc10_robot::Motors::new();
-                let buses =
-                    motors.start(&io).map_err(|error| team::description().label(error.into()))?;
-                command.run(team::robot(&io, buses))
+                command.run(team::robot(&io, motors.start(&io.switch)?.buses))
             }
             Which::Mixed => {
                 let io = rc10_robot::mixed::Shared::new();

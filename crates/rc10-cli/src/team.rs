@@ -3,9 +3,9 @@
 mod operator;
 
 use anyhow::{Context, Result};
-use rc10_motor::{ArmState, SafeState};
-use rc10_robot::table::{BASE, BUSES, Entry, LIFT, LIFT_TOP, MOTORS, Name, RECEIVER, WHEELS};
-use rc10_robot::{Bus, Shared, chassis, driver, imu, mechanisms, remote, status};
+use rc10_motor::{ArmState, MotorBus, Names, SafeState};
+use rc10_robot::table::{BASE, BUSES, LIFT, LIFT_TOP, Name, RECEIVER, WHEELS};
+use rc10_robot::{Shared, chassis, driver, imu, mechanisms, remote, status};
 use rc10_sim::imu::Hwt101;
 use rc10_sim::{Chassis, Nanos, Serial, World};
 
@@ -30,7 +30,7 @@ pub fn description() -> Description {
         ..Chassis::default()
     };
     Description {
-        motors: MOTORS.iter().map(motor).collect(),
+        motors: Name::ALL.iter().map(motor).collect(),
         buses: BUSES as u8,
         base: Some(Base { wheels: WHEELS.map(|name| name as usize), chassis }),
         remote: Some(RemoteControl {
@@ -48,29 +48,25 @@ pub fn description() -> Description {
     }
 }
 
-fn motor(entry: &Entry) -> Motor {
+fn motor(name: &Name) -> Motor {
     // kg m² and N m at the output shaft; our estimates. The wheels get theirs from the base, and
     // the weight of the lift pulls every one of its shafts down. It hangs a quarter of a turn above
     // its floor at power-on: so one can see whether it is held or let go.
-    let (inertia, load) = match entry.name {
+    let (inertia, load) = match *name {
         Name::Yaw => (0.02, 0.0),
         Name::Pitch => (0.01, 0.0),
         Name::Feeder => (0.002, 0.0),
         name if LIFT.contains(&name) => (0.01, -1.0),
         _ => (0.0, 0.0),
     };
-    let travel = LIFT.contains(&entry.name).then_some([-90.0, f64::from(LIFT_TOP) + 30.0]);
-    let &Entry { label, bus, model, id, direction, rate, safety, .. } = entry;
+    let travel = LIFT.contains(name).then_some([-90.0, f64::from(LIFT_TOP) + 30.0]);
+    let entry = name.entry();
+    let rc10_motor::Device::Dji(config) = entry.config else { unreachable!() };
+    let rc10_motor::dji::Config { model, id, direction, rate, .. } = config;
     let device = Device::Dji { model, id, rate };
-    let holds = safety.state != SafeState::Coast;
-    Motor {
-        direction,
-        inertia,
-        load,
-        travel,
-        holds,
-        ..Motor::with_device(label, Place::Bus(bus), device)
-    }
+    let holds = entry.safety.state != SafeState::Coast;
+    let on = Place::Bus(entry.on.bus().unwrap_or_default());
+    Motor { direction, inertia, load, travel, holds, ..Motor::with_device(entry.label, on, device) }
 }
 
 fn imu_twin(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial> {
@@ -81,10 +77,12 @@ fn imu_twin(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial> 
 
 /// The robot with all its tasks, before it runs.
 #[must_use]
-pub fn robot<'r>(io: &'r Shared<'_>, buses: [Bus<'r>; BUSES]) -> Robot<'r> {
+pub fn robot<'r>(io: &'r Shared<'_>, buses: [MotorBus<'r>; BUSES]) -> Robot<'r> {
     let robot = Robot::new(description()).switch(&io.switch);
-    let robot =
-        buses.into_iter().zip(io.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));
+    let robot = buses
+        .into_iter()
+        .zip(&io.ports.buses)
+        .fold(robot, |robot, (bus, port)| robot.bus(bus, port));
     robot
         .task(chassis::run(io))
         .task(mechanisms::run(io))

@@ -6,7 +6,7 @@
 //! use rc10_motor::Place::Bus;
 //! use rc10_motor::dji::{Config, Dji, GM6020_CURRENT, M3508};
 //! use rc10_motor::rc10_app::Direction;
-//! use rc10_motor::{ArmSwitch, Entry, MotorBus, Names, Safety, motors};
+//! use rc10_motor::{ArmSwitch, Entry, Names, Safety, motors};
 //!
 //! motors! {
 //!     /// Names of the robot's motors.
@@ -27,9 +27,8 @@
 //!
 //! let switch = ArmSwitch::new();
 //! let mut motors = Motors::new();
-//! let [mut one, mut two] = [(); 2].map(|()| MotorBus::new(&switch));
-//! motors.attach(&mut [&mut one, &mut two], &mut [])?;
-//! assert_eq!(one.motors().count(), 2);
+//! let [bus_1, bus_2] = motors.start(&switch)?.buses;
+//! assert_eq!((bus_1.motors().count(), bus_2.motors().count()), (2, 1));
 //! assert_eq!(Name::Turret.label(), "turret");
 //! # Ok::<(), rc10_motor::SetupError>(())
 //! ```
@@ -57,7 +56,7 @@ use core::fmt;
 
 pub use check::{SetupError, Unsound, assert_sound, check};
 pub use device::{Device, OtherDevice, Wiring};
-pub use slots::{Held, Place, Placed, Slot, place, prepare, slots};
+pub use slots::{Held, Place, Placed, Slot, Started, place, prepare, slots};
 
 use crate::supervision::Safety;
 
@@ -113,6 +112,11 @@ pub trait Names: Copy + fmt::Debug + 'static {
     /// Label and place of the motor.
     fn slot(self) -> &'static Slot {
         &Self::SLOTS[self.index()]
+    }
+
+    /// The motor's line in the declaration: for tools, as [`ENTRIES`](Self::ENTRIES).
+    fn entry(self) -> &'static Entry<Device> {
+        &Self::ENTRIES[self.index()]
     }
 
     /// Label of the motor.
@@ -198,6 +202,24 @@ macro_rules! motors {
                     &mut self.$motor, $Name::$motor, const { &$entry }, <$Motor>::new, buses, lines,
                 )?;)+
                 Ok(())
+            }
+
+            /// The same, with buses and lines of its own: on a chip they are too large for the stack.
+            ///
+            /// # Errors
+            /// [`SetupError`](rc10_motor::SetupError), of a declaration that is not checked.
+            $motors_vis fn start<'m>(
+                &'m mut self,
+                switch: &'m $crate::ArmSwitch,
+            ) -> Result<$crate::Started<
+                'm,
+                { <$Name as $crate::Names>::BUSES.len() },
+                { <$Name as $crate::Names>::LINES as usize },
+            >, $crate::SetupError> {
+                let mut started = $crate::Started::new(switch);
+                let $crate::Started { buses, lines } = &mut started;
+                self.attach(&mut buses.each_mut(), &mut lines.each_mut())?;
+                Ok(started)
             }
         }
     };

@@ -92,8 +92,8 @@ pub use batch::{TxBatch, TxFull};
 pub use bus::{BusCounters, Dispatch, MotorBus};
 pub use can_ids::{CanIds, Clash, Frames, Guard, MotorName, Ownership, Rate};
 pub use declaration::{
-    Device, Entry, Held, Names, OtherDevice, Place, Placed, SetupError, Slot, Unsound, Wiring,
-    assert_sound, check, place, prepare, slots,
+    Device, Entry, Held, Names, OtherDevice, Place, Placed, SetupError, Slot, Started, Unsound,
+    Wiring, assert_sound, check, place, prepare, slots,
 };
 pub use feedback::{Condition, Fault, Feedback};
 pub use load::{BusLoad, Verdict};

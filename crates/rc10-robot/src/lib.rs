@@ -2,7 +2,8 @@
 //! Copy this crate to make your own; nothing else has to be edited.
 //!
 //! * [`table`]: **which motor, on which bus, with which id, gains and safe state.** Start here.
-//! * [`Shared`]: what its tasks share. [`Motors`]: where its motors stand. No statics: on the chip both
+//! * [`Shared`]: what its tasks share. [`Motors`]: where its motors
+//!   stand. No statics: on the chip both
 //!   live in a `StaticCell`, on a PC there is one of each per simulated world.
 //! * [`chassis`], [`mechanisms`]: from what the robot shall do to motor targets.
 //! * [`driver`]: turns the remote control into commands for base and mechanisms, and handles its loss.
@@ -26,5 +27,5 @@ pub mod status;
 pub mod status_led;
 pub mod table;
 
-pub use robot::{Axes, BaseCommand, Bus, MechanismCommand, Motors, SetupError, Shared, ports};
-pub use table::Name;
+pub use robot::{Axes, BaseCommand, MechanismCommand, Ports, Shared};
+pub use table::{Motors, Name};

@@ -1,32 +1,23 @@
-use core::borrow::BorrowMut;
-use core::fmt;
-
-use heapless::Vec;
-use rc10_app::{ConfigError, Degrees, Rpm, TotalAngle, Twist};
+use rc10_app::{Degrees, Rpm, TotalAngle, Twist};
 use rc10_message::{Cycles, Latest, Statistics, Topic};
 use rc10_module::Reception;
 use rc10_module::imu::Heading;
 use rc10_module::remote::{Remote, RemoteLink};
-use rc10_motor::dji::{self, Dji};
-use rc10_motor::embassy::{BusPort, MotorPort};
-use rc10_motor::{ArmSwitch, AttachError, MotorBus, MotorId, Target, TargetError};
+use rc10_motor::embassy::MotorPort;
+use rc10_motor::{ArmSwitch, Target, TargetError};
 
 use crate::status::RobotStatus;
-use crate::table::{BUSES, Entry, MOTORS, Name};
+use crate::table::{BUSES, Name};
 
-/// A bus of this robot: up to eight motors.
-pub type Bus<'r> = MotorBus<'r>;
-
-/// The robot's motors: they stand here, and the buses borrow them.
-#[derive(Default)]
-pub struct Motors(Vec<Dji, { MOTORS.len() }>);
+/// The robot's buses as its tasks see them, and its motors by name.
+pub type Ports = rc10_motor::embassy::Ports<Name, BUSES>;
 
 /// Everything that the tasks share: ports, topics and the switch of the robot.
 pub struct Shared<'p> {
     /// Arms and stops all motors.
     pub switch: ArmSwitch,
-    /// One port per bus; bus 1 is the first.
-    pub buses: [&'p BusPort; BUSES],
+    /// The ports of its buses and motors.
+    pub ports: &'p Ports,
     /// Newest frame of the remote control.
     pub remote: Latest<Remote, 1>,
     /// Counters of its receiver's bytes and frames.
@@ -85,91 +76,15 @@ pub struct MechanismCommand {
     pub lift: TotalAngle,
 }
 
-/// Why a robot could not be set up: its table is wrong.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum SetupError {
-    /// An identifier, gain or limit that cannot be used.
-    Config(&'static str, ConfigError),
-    /// A motor that cannot be on its bus.
-    Attach(&'static str, AttachError),
-}
-
-impl fmt::Display for SetupError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Config(motor, error) => write!(f, "motor table, {motor}: {error}"),
-            Self::Attach(motor, error) => write!(f, "motor table, {motor}: {error}"),
-        }
-    }
-}
-
-impl core::error::Error for SetupError {}
-
-impl Motors {
-    /// Room for the motors of [`table`](crate::table).
-    #[must_use]
-    pub const fn new() -> Self {
-        Self(Vec::new())
-    }
-
-    /// The motors of the table on the buses of a robot: each goes to a runner.
-    ///
-    /// # Errors
-    /// [`SetupError`], naming the line of the table, and both motors of a clash.
-    pub fn start<'r>(&'r mut self, shared: &'r Shared<'_>) -> Result<[Bus<'r>; BUSES], SetupError> {
-        self.attach(core::array::from_fn(|_| Bus::new(&shared.switch)))
-    }
-
-    /// The same on buses that stand elsewhere, as `&mut Bus`: a chip's stack is too small to make
-    /// them there.
-    ///
-    /// # Errors
-    /// As [`start`](Self::start).
-    #[inline(never)]
-    pub fn attach<'r, B: BorrowMut<Bus<'r>>>(
-        &'r mut self,
-        mut buses: [B; BUSES],
-    ) -> Result<[B; BUSES], SetupError> {
-        self.0.clear();
-        for entry in &MOTORS {
-            // It has room for exactly these.
-            let _ = self.0.push(motor(entry)?);
-        }
-        for (motor, entry) in self.0.iter_mut().zip(&MOTORS) {
-            let bus = buses[usize::from(entry.bus - 1)].borrow_mut();
-            bus.attach(motor, entry.safety)
-                .map_err(|error| SetupError::Attach(entry.label, error))?;
-        }
-        Ok(buses)
-    }
-}
-
-/// A port for each bus.
-#[must_use]
-pub const fn ports() -> [BusPort; BUSES] {
-    [const { BusPort::new() }; BUSES]
-}
-
-#[inline(never)]
-fn motor(entry: &Entry) -> Result<Dji, SetupError> {
-    let mut config = dji::Config::new(entry.model, entry.id)
-        .with_direction(entry.direction)
-        .with_feedback_rate(entry.rate);
-    if let Some(gains) = entry.gains {
-        config = config.with_cascade(gains);
-    }
-    Dji::new(config).map_err(|error| SetupError::Config(entry.label, error))
-}
-
 impl<'p> Shared<'p> {
-    /// The shared state of a robot that has not begun, with a port per bus: [`ports`] makes some.
+    /// The shared state of a robot that has not begun, and its ports.
     // Always inlined, so that it is made where it stays and does not pass over the stack.
     #[inline(always)]
     #[must_use]
-    pub const fn new(buses: [&'p BusPort; BUSES]) -> Self {
+    pub const fn new(ports: &'p Ports) -> Self {
         Self {
             switch: ArmSwitch::new(),
-            buses,
+            ports,
             remote: Latest::new(),
             remote_reception: Reception::new(),
             remote_link: Latest::new(),
@@ -187,8 +102,7 @@ impl<'p> Shared<'p> {
     /// The port of a motor.
     #[must_use]
     pub fn motor(&self, name: Name) -> MotorPort<'_> {
-        let bus = usize::from(name.entry().bus - 1);
-        self.buses[bus].motor(MotorId::new(name.index_on_bus()))
+        self.ports.motor(name)
     }
 
     /// Gives a motor a target; repeat it, for it expires in 50 ms.

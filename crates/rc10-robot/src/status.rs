@@ -7,11 +7,11 @@ use rc10_can::Micros;
 use rc10_message::{CycleCount, Cycles};
 use rc10_module::Counters;
 use rc10_module::remote::RemoteLink;
-use rc10_motor::{ArmState, Link, TargetError, Unfit};
+use rc10_motor::{ArmState, Link, Names, TargetError, Unfit};
 use rc10_tasks::BusSummary;
 
 use crate::robot::Shared;
-use crate::table::{BUSES, MOTORS, Name};
+use crate::table::{BUSES, Name};
 
 /// Ticks a second, of all buses: one after the other, at equal distance.
 #[expect(clippy::cast_possible_truncation, reason = "three buses")]
@@ -51,12 +51,12 @@ impl fmt::Display for RobotStatus {
         if let Some(why) = self.unfit {
             write!(f, ", cannot be armed: {why}")?;
         }
-        write!(f, ", {} of {} motors online", self.online, MOTORS.len())?;
+        write!(f, ", {} of {} motors online", self.online, Name::ALL.len())?;
         if self.refused > 0 {
             write!(f, ", {} targets refused", self.refused)?;
         }
         if let Some((motor, why)) = self.last_refused {
-            write!(f, " ({}: {why})", motor.entry().label)?;
+            write!(f, " ({}: {why})", motor.label())?;
         }
         match self.remote {
             RemoteLink::Online => {}
@@ -97,8 +97,8 @@ pub async fn run(shared: &Shared<'_>) -> ! {
 #[must_use]
 pub fn now(shared: &Shared<'_>) -> RobotStatus {
     let (mut online, mut refused) = (0, 0_u32);
-    for motor in &MOTORS {
-        let status = shared.motor(motor.name).status();
+    for name in Name::ALL {
+        let status = shared.motor(*name).status();
         online += u8::from(status.link == Link::Online);
         refused = refused.saturating_add(status.counters.refused.total());
     }
@@ -112,7 +112,7 @@ pub fn now(shared: &Shared<'_>) -> RobotStatus {
         remote: shared.remote_link.read().map_or(RemoteLink::Lost, |freshness| freshness.value),
         remote_reception: shared.remote_reception.read(),
         imu_reception: shared.imu_reception.read(),
-        buses: shared.buses.map(|bus| bus.status().into()),
+        buses: shared.ports.buses.each_ref().map(|bus| bus.status().into()),
         bus_cycles: shared.bus_cycles.and_then(Cycles::read),
     }
 }

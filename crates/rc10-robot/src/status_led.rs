@@ -2,11 +2,12 @@
 
 use rc10_module::led::pattern::State;
 use rc10_module::remote::RemoteLink;
+use rc10_motor::Names;
 use rc10_tasks::status_led;
 use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
 
 use crate::robot::Shared;
-use crate::table::{LEDS, MOTORS};
+use crate::table::{LEDS, Name};
 
 /// The status LED's task.
 pub async fn run<S>(shared: &Shared<'_>, strip: S) -> !
@@ -20,6 +21,6 @@ where
 #[must_use]
 pub fn state(shared: &Shared<'_>) -> State {
     let remote = shared.remote_link.read().map_or(RemoteLink::Lost, |link| link.value);
-    let motors = MOTORS.iter().map(|motor| shared.motor(motor.name).status());
+    let motors = Name::ALL.iter().map(|name| shared.motor(*name).status());
     status_led::state(shared.switch.state(), remote, motors)
 }

@@ -2,90 +2,41 @@
 
 use rc10_app::{Degrees, Mecanum, Rpm, Twist, TwistLimits};
 use rc10_module::remote::Receiver;
-use rc10_motor::Safety;
-use rc10_motor::dji::{self, FeedbackRate, Model};
-use rc10_motor::rc10_app::Cascade;
+use rc10_motor::Place::Bus;
+use rc10_motor::dji::{Config, Dji, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
 use rc10_motor::rc10_app::Direction;
+use rc10_motor::{Entry, Safety};
 use rc10_tasks::ArmingConfig;
 
-/// Names of the motors, in the order of [`MOTORS`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(missing_docs, reason = "the names say it")]
-pub enum Name {
-    FrontLeft,
-    FrontRight,
-    RearLeft,
-    RearRight,
-    Yaw,
-    Pitch,
-    Feeder,
-    LiftFrontLeft,
-    LiftFrontRight,
-    LiftRearLeft,
-    LiftRearRight,
-}
-
-/// One motor of the robot.
-#[derive(Clone, Copy, Debug)]
-pub struct Entry {
-    /// Name of the motor.
-    pub name: Name,
-    /// The same, for people.
-    pub label: &'static str,
-    /// On which bus: 1, 2 or 3.
-    pub bus: u8,
-    /// Model of the motor.
-    pub model: &'static Model,
-    /// The identifier set on it.
-    pub id: u8,
-    /// Direction in which it counts.
-    pub direction: Direction,
-    /// The feedback rate set on it.
-    pub rate: FeedbackRate,
-    /// Gains of its own, in place of its model's.
-    pub gains: Option<Cascade>,
-    /// Its safe state, for when it may not follow its target.
-    pub safety: Safety,
-}
-
-const fn entry(name: Name, label: &'static str, bus: u8, model: &'static Model, id: u8) -> Entry {
-    Entry {
-        name,
-        label,
-        bus,
-        model,
-        id,
-        direction: Direction::Forward,
-        rate: FeedbackRate::Hz1000,
-        gains: None,
-        safety: Safety::COAST,
-    }
+rc10_motor::motors! {
+    /// Names of the motors.
+    pub enum Name;
+    /// The robot's motors: they stand here, and the buses borrow them.
+    pub struct Motors;
+    buses: [100.0; BUSES];
+    lines: 0;
+    FrontLeft: Dji = Entry::new("wheel front left", Bus(1), Config::new(&M3508, 1)),
+    FrontRight: Dji = Entry::new("wheel front right", Bus(1), mirrored(2)),
+    RearLeft: Dji = Entry::new("wheel rear left", Bus(1), Config::new(&M3508, 3)),
+    RearRight: Dji = Entry::new("wheel rear right", Bus(1), mirrored(4)),
+    Yaw: Dji = Entry::new("gimbal yaw", Bus(2), Config::new(&GM6020_CURRENT, 1)),
+    Pitch: Dji = Entry::new("gimbal pitch", Bus(2), Config::new(&GM6020_VOLTAGE, 2)),
+    Feeder: Dji = Entry::new("feeder", Bus(2), Config::new(&M2006, 3)),
+    LiftFrontLeft: Dji = lift("lift front left", Config::new(&M3508, 1)),
+    LiftFrontRight: Dji = lift("lift front right", mirrored(2)),
+    LiftRearLeft: Dji = lift("lift rear left", Config::new(&M3508, 3)),
+    LiftRearRight: Dji = lift("lift rear right", mirrored(4)),
 }
 
 /// Mounted the other way round.
-const fn mirrored(entry: Entry) -> Entry {
-    Entry { direction: Direction::Reversed, ..entry }
+const fn mirrored(id: u8) -> Config {
+    Config::new(&M3508, id).with_direction(Direction::Reversed)
 }
 
 /// A lift that coasts falls.
-const fn holding(entry: Entry) -> Entry {
-    Entry { safety: Safety::HOLD, ..entry }
+const fn lift(label: &'static str, config: Config) -> Entry<Config> {
+    Entry::new(label, Bus(3), config).with_safety(Safety::HOLD)
 }
-
-/// All motors of the robot.
-pub const MOTORS: [Entry; 11] = [
-    entry(Name::FrontLeft, "wheel front left", 1, &dji::M3508, 1),
-    mirrored(entry(Name::FrontRight, "wheel front right", 1, &dji::M3508, 2)),
-    entry(Name::RearLeft, "wheel rear left", 1, &dji::M3508, 3),
-    mirrored(entry(Name::RearRight, "wheel rear right", 1, &dji::M3508, 4)),
-    entry(Name::Yaw, "gimbal yaw", 2, &dji::GM6020_CURRENT, 1),
-    entry(Name::Pitch, "gimbal pitch", 2, &dji::GM6020_VOLTAGE, 2),
-    entry(Name::Feeder, "feeder", 2, &dji::M2006, 3),
-    holding(entry(Name::LiftFrontLeft, "lift front left", 3, &dji::M3508, 1)),
-    holding(mirrored(entry(Name::LiftFrontRight, "lift front right", 3, &dji::M3508, 2))),
-    holding(entry(Name::LiftRearLeft, "lift rear left", 3, &dji::M3508, 3)),
-    holding(mirrored(entry(Name::LiftRearRight, "lift rear right", 3, &dji::M3508, 4))),
-];
 
 /// The buses of the board.
 pub const BUSES: usize = 3;
@@ -141,42 +92,3 @@ pub const LIFT_TOP: i32 = 1080;
 /// Largest accelerations of the base at which its wheels do not slip: m/s² and rad/s².
 pub const BASE_LIMITS: TwistLimits =
     TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
-
-impl Name {
-    /// The motor's line in [`MOTORS`].
-    #[must_use]
-    pub const fn entry(self) -> &'static Entry {
-        &MOTORS[self as usize]
-    }
-
-    /// The number of the motor on its bus: the number of motors of that bus that stand before it in
-    /// [`MOTORS`].
-    pub(crate) const fn index_on_bus(self) -> u8 {
-        INDICES[self as usize]
-    }
-}
-
-/// [`Name::index_on_bus`] of every motor: counted when this is compiled.
-const INDICES: [u8; MOTORS.len()] = {
-    let mut indices = [0; MOTORS.len()];
-    let mut motor = 0;
-    while motor < MOTORS.len() {
-        let mut line = 0;
-        while line < motor {
-            indices[motor] += (MOTORS[line].bus == MOTORS[motor].bus) as u8;
-            line += 1;
-        }
-        motor += 1;
-    }
-    indices
-};
-
-/// Checked when this is compiled: the lines stand in the order of the names, on buses that exist.
-const _: () = {
-    let mut line = 0;
-    while line < MOTORS.len() {
-        assert!(MOTORS[line].name as usize == line, "MOTORS must be in the order of Name");
-        assert!(MOTORS[line].bus >= 1 && MOTORS[line].bus as usize <= BUSES, "no such bus");
-        line += 1;
-    }
-};

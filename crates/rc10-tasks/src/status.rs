@@ -88,13 +88,13 @@ pub struct TickWatch<const BUSES: usize> {
 impl<const BUSES: usize> TickWatch<BUSES> {
     /// From now on.
     #[must_use]
-    pub fn new(buses: [&BusPort; BUSES]) -> Self {
-        Self { ticks: buses.map(BusPort::ticks) }
+    pub fn new(buses: &[BusPort; BUSES]) -> Self {
+        Self { ticks: buses.each_ref().map(BusPort::ticks) }
     }
 
     /// Whether every bus has ticked since the last call. Ask less often than they tick.
-    pub fn have_all_ticked(&mut self, buses: [&BusPort; BUSES]) -> bool {
-        let before = core::mem::replace(&mut self.ticks, buses.map(BusPort::ticks));
+    pub fn have_all_ticked(&mut self, buses: &[BusPort; BUSES]) -> bool {
+        let before = core::mem::replace(&mut self.ticks, buses.each_ref().map(BusPort::ticks));
         self.ticks.iter().zip(before).all(|(now, before)| *now != before)
     }
 }

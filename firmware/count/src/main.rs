@@ -52,7 +52,8 @@ fn measure(
     tick: extern "C" fn(&mut MotorBus<'_>, &Input, &mut TxBatch),
 ) {
     let switch = ArmSwitch::new();
-    let mut motors = IDS.map(|id| Dji::new(dji::Config::new(if id <= 4 { &M3508 } else { &M2006 }, id)).ok());
+    let mut motors =
+        IDS.map(|id| Dji::new(dji::Config::new(if id <= 4 { &M3508 } else { &M2006 }, id)).ok());
     let mut bus = MotorBus::new(&switch);
     for motor in motors.iter_mut().flatten() {
         let motor: &mut dyn CanMotor = motor;

@@ -71,7 +71,8 @@ pub fn start() -> (Peripherals, Heartbeat) {
 /// Two motors on one bus, once a millisecond, for ever.
 pub fn superloop(can: impl nb::Can, mut heartbeat: Heartbeat) -> ! {
     let switch = ArmSwitch::new();
-    let (Ok(mut wheel), Ok(mut turret)) = (Dji::new(dji::Config::new(&M3508, 1)), Dji::new(dji::Config::new(&GM6020_VOLTAGE, 1)))
+    let (Ok(mut wheel), Ok(mut turret)) =
+        (Dji::new(dji::Config::new(&M3508, 1)), Dji::new(dji::Config::new(&GM6020_VOLTAGE, 1)))
     else {
         unreachable!("both motors have an id 1");
     };

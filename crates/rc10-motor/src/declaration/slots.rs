@@ -6,6 +6,7 @@ use heapless::Vec;
 use rc10_app::ConfigError;
 
 use super::{Device, Entry, Names, SetupError, Unsound};
+use crate::arm::ArmSwitch;
 use crate::bus::MotorBus;
 use crate::motor::{CanMotor, Motor};
 use crate::motors::{AttachError, MotorId};
@@ -105,6 +106,25 @@ impl<M> Held<M> {
 impl<M> Default for Held<M> {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+/// The buses and lines of a robot, with its motors: each goes to a runner.
+pub struct Started<'m, const BUSES: usize, const LINES: usize> {
+    /// Bus 1 is the first.
+    pub buses: [MotorBus<'m>; BUSES],
+    /// Line 1 is the first.
+    pub lines: [Rs485Bus<'m>; LINES],
+}
+
+impl<'m, const BUSES: usize, const LINES: usize> Started<'m, BUSES, LINES> {
+    /// Without motors, armed and stopped by `switch`.
+    #[must_use]
+    pub fn new(switch: &'m ArmSwitch) -> Self {
+        Self {
+            buses: [(); BUSES].map(|()| MotorBus::new(switch)),
+            lines: [(); LINES].map(|()| Rs485Bus::new(switch)),
+        }
     }
 }
 

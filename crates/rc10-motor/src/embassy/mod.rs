@@ -12,6 +12,7 @@
 mod clock;
 mod motors;
 mod port;
+mod ports;
 mod recovery;
 mod rs485;
 mod runner;
@@ -19,6 +20,7 @@ mod subscription;
 
 pub use motors::{MotorPort, MotorPorts};
 pub use port::{BusPort, BusStatus, OutboxError};
+pub use ports::Ports;
 pub use rs485::{Rs485Port, Rs485Status, run_rs485};
 pub use runner::{Runner, run_bus, run_buses};
 pub use subscription::{Filter, NoFreeSubscription, Received, Subscription};

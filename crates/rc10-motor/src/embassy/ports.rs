@@ -1,0 +1,52 @@
+use core::marker::PhantomData;
+
+use super::motors::MotorPort;
+use super::port::BusPort;
+use super::rs485::Rs485Port;
+use crate::declaration::{Names, Place};
+
+/// The shared side of a whole robot: a port for each bus and line of its declaration, and its motors
+/// by name.
+///
+/// Another number of buses or lines than is declared does not compile.
+pub struct Ports<N, const BUSES: usize, const LINES: usize = 0> {
+    /// One for each bus; bus 1 is the first.
+    pub buses: [BusPort; BUSES],
+    /// One for each line; line 1 is the first.
+    pub lines: [Rs485Port; LINES],
+    names: PhantomData<fn(N)>,
+}
+
+impl<N: Names, const BUSES: usize, const LINES: usize> Ports<N, BUSES, LINES> {
+    /// Ports of buses and lines that do not run yet: they refuse all targets until they do.
+    // Always inlined, so that it is made where it stays and does not pass over the stack.
+    #[inline(always)]
+    #[must_use]
+    pub const fn new() -> Self {
+        const {
+            let fits = BUSES == N::BUSES.len() && LINES == N::LINES as usize;
+            assert!(fits, "the declaration has other numbers of buses and lines than its `Ports`");
+        }
+        Self {
+            buses: [const { BusPort::new() }; BUSES],
+            lines: [const { Rs485Port::new() }; LINES],
+            names: PhantomData,
+        }
+    }
+
+    /// The port of a motor.
+    pub fn motor(&self, name: N) -> MotorPort<'_> {
+        let slot = name.slot();
+        // The buses are counted from 1, and there are as many as declared.
+        match slot.on {
+            Place::Bus(number) => self.buses[usize::from(number) - 1].motor(slot.motor),
+            Place::Line(number) => self.lines[usize::from(number) - 1].motor(slot.motor),
+        }
+    }
+}
+
+impl<N: Names, const BUSES: usize, const LINES: usize> Default for Ports<N, BUSES, LINES> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
