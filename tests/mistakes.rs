@@ -186,7 +186,7 @@ fn other_vendors_devices_can_have_another_identifier_too() {
     for label in ["wheel", "wrist", "turret", "flywheel", "leg 2"] {
         let shared = rc10_robot::mixed::Shared::new();
         let mut motors = rc10_robot::mixed::Motors::new().unwrap();
-        let (buses, line) = motors.start(&shared.switch).unwrap().buses;
+        let (buses, line) = motors.start(&shared).unwrap();
         let mut robot = mixed::robot(&shared, buses, line).unwrap();
         robot.set_mistakes(&[format!("id:{label}=9").parse().unwrap()]).unwrap();
         let run = simulate(robot, 1, Micros::from_millis(300)).unwrap();

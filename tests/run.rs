@@ -163,8 +163,8 @@ fn tables_name_every_motor_and_bus() {
     let output = rc10(&["run", "--seconds", "0.5", "--out", folder.to_str().unwrap()]);
     assert!(output.status.success());
     let text = String::from_utf8(output.stdout).unwrap();
-    for motor in &rc10_robot::table::MOTORS {
-        assert!(text.contains(motor.label), "{text}");
+    for name in <rc10_robot::Name as rc10_motor::Names>::ALL {
+        assert!(text.contains(rc10_motor::Names::label(*name)), "{text}");
     }
     assert!(text.contains("planned load") && text.contains("report.html"));
 }

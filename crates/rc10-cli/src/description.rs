@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(
             labelled(clash.into()),
             "M3508 id 1 cannot share a bus with M3508 id 1: both send feedback with identifier \
-             0x201\n      bus 1: wheel left is M3508 id 1\n      bus 1: wheel right is M3508 id 1"
+             0x201; set another on one, or plug it in elsewhere\n      bus 1: wheel left is M3508 id 1\n      bus 1: wheel right is M3508 id 1"
         );
         let id = Dji::new(dji::Config::new(&dji::GM6020_CURRENT, 11)).unwrap_err();
         assert_eq!(

@@ -270,12 +270,12 @@ fn lanes_of_frames_of_unequal_length_clash() {
     let switch = ArmSwitch::new();
     let (mut first, mut second, mut shorter) = (lane(1, 8, 3), lane(2, 8, 12), lane(3, 6, 48));
     let mut bus = MotorBus::new(&switch);
-    bus.attach(&mut first, Safety::COAST).unwrap();
+    let slot = bus.attach(&mut first, Safety::COAST).unwrap();
     bus.attach(&mut second, Safety::COAST).unwrap();
     let name = |id| MotorName { model: "dummy", id };
     let clash = Clash::TxFrames(id(0x200).into());
     let refused = bus.attach(&mut shorter, Safety::COAST);
-    assert_eq!(refused, Err(AttachError::Clash { motor: name(3), with: name(1), clash }));
+    assert_eq!(refused, Err(AttachError::Clash { motor: name(3), with: name(1), slot, clash }));
 }
 
 #[test]

@@ -42,7 +42,7 @@ fn drives_with_one_identifier_and_other_vendors_on_it_are_refused() {
     let mut bus = MotorBus::new(&switch);
     bus.attach(&mut one, Safety::COAST).unwrap();
     match bus.attach(&mut same, Safety::COAST) {
-        Err(AttachError::Clash { motor, with, clash }) => {
+        Err(AttachError::Clash { motor, with, clash, .. }) => {
             assert_eq!((motor.model, with.model), ("MF9025", "MG4010E-i10"));
             assert!(matches!(clash, Clash::RxFrames(_)), "{clash}");
         }

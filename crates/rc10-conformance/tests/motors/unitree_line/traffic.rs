@@ -302,9 +302,10 @@ fn what_cannot_be_attached_is_refused_by_name() {
         assert_eq!(line.attach(motor, Safety::COAST).unwrap().index(), index);
     }
     let error = line.attach(&mut twin, Safety::COAST).unwrap_err();
-    let clash = Clash::Address(4);
-    assert_eq!(error, AttachError::Clash { motor: name(4), with: name(4), clash });
-    let text = "GO-M8010-6 id 4 cannot share a bus with GO-M8010-6 id 4: both have address 4";
+    let AttachError::Clash { motor, with, slot, clash } = error else { panic!("{error}") };
+    assert_eq!((motor, with, slot.index(), clash), (name(4), name(4), 4, Clash::Address(4)));
+    let text = "GO-M8010-6 id 4 cannot share a bus with GO-M8010-6 id 4: both have address 4; \
+                set another on one, or plug it in elsewhere";
     assert_eq!(error.to_string(), text);
     assert_eq!(line.motors().count(), 15);
     let text = GoM8010::new(15).unwrap_err().to_string();
