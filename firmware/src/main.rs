@@ -100,7 +100,7 @@ async fn main(spawner: Spawner) {
 #[inline(never)]
 fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     let shared = SHARED.init_with(|| Shared::new(PORTS.init_with(Ports::new)));
-    shared.bus_cycles = Some(&TICKS);
+    shared.common.bus_cycles = Some(&TICKS);
     let shared = &*shared;
     if !rc10_bsp::has_crystal() {
         defmt::error!("the crystal does not start: the robot cannot be armed");

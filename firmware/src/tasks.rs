@@ -19,8 +19,8 @@ use rc10_module::led::ws2812::{PulseTiming, Pulses, Strip};
 use rc10_motor::embassy::{BusPort, Runner, run_buses};
 use rc10_motor::{MotorBus, SetupError, TxBatch};
 use rc10_robot::table::{BUSES, LED_BRIGHTNESS, LEDS, RECEIVER};
-use rc10_robot::{Shared, chassis, driver, imu, mechanisms, remote, status, status_led};
-use rc10_tasks::TickWatch;
+use rc10_robot::{Shared, chassis, driver, imu, mechanisms};
+use rc10_tasks::{TickWatch, remote, status, status_led};
 
 /// The chip restarts within 100 ms if a bus does not tick, or if the tasks in thread mode do not
 /// run: up to 10 ms go by before that shows, and the watchdog's own clock may be 9 % slow.
@@ -86,12 +86,13 @@ pub async fn ten_milliseconds(
 /// Publishes the status, and shows it on the LED strip.
 #[embassy_executor::task]
 pub async fn tenth_of_a_second(shared: &'static Shared<'static>, strip: PulseOutput) -> ! {
-    join(status::run(shared), show(shared, strip)).await.0
+    join(status::run(shared, [("IMU", &shared.imu_reception)]), show(shared, strip)).await.0
 }
 
 async fn show(shared: &Shared<'_>, mut output: PulseOutput) -> ! {
     let pulses = Pulses::new(STRIP, async |widths: &[u16]| output.send(widths).await);
-    status_led::run(shared, Strip::<_, LEDS>::new(pulses).with_brightness(LED_BRIGHTNESS)).await
+    let strip = Strip::<_, LEDS>::new(pulses).with_brightness(LED_BRIGHTNESS);
+    status_led::run(shared, strip, LEDS).await
 }
 
 /// Writes the status, ten times a second, as a line of text: to the UART, and into
@@ -149,10 +150,10 @@ async fn watch(watchdog: Peri<'static, IWDG1>, shared: &Shared<'_>) -> ! {
         defmt::warn!("the watchdog does not take its timeout: a hung robot may not restart");
     }
     let mut ticker = Ticker::every(FEED);
-    let mut ticks = TickWatch::new(&shared.ports.buses);
+    let mut ticks = TickWatch::new(shared.ports);
     loop {
         ticker.next().await;
-        watchdog.feed_if(|| ticks.have_all_ticked(&shared.ports.buses));
+        watchdog.feed_if(|| ticks.have_all_ticked(shared.ports));
     }
 }
 

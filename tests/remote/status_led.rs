@@ -6,9 +6,9 @@ use std::rc::Rc;
 use rc10_cli::remote::Receiver;
 use rc10_module::led::pattern::{State, colour};
 use rc10_motor::ArmState;
-use rc10_robot::status_led;
 use rc10_robot::table::{LEDS, Name};
 use rc10_sim::remote::{Controls, Switch};
+use rc10_tasks::status_led;
 use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
 
 use super::{DOWN, Scene, millis, scene};
@@ -99,7 +99,7 @@ struct Refused;
 fn the_strip_is_written_ten_times_a_second_whatever_it_says() {
     scene(Receiver::Dr16, 4, |mut scene| {
         let (shared, strip) = (scene.shared, Strip::default());
-        let status_led = status_led::run(shared, strip.clone());
+        let status_led = status_led::run(shared, strip.clone(), LEDS);
         scene.tasks.add(async {
             status_led.await;
         });

@@ -5,9 +5,10 @@ mod operator;
 use anyhow::{Context, Result};
 use rc10_motor::{ArmState, MotorBus, Names, SafeState};
 use rc10_robot::table::{BASE, BUSES, LIFT, LIFT_TOP, Name, RECEIVER, WHEELS};
-use rc10_robot::{Shared, chassis, driver, imu, mechanisms, remote, status};
+use rc10_robot::{Shared, chassis, driver, imu, mechanisms};
 use rc10_sim::imu::Hwt101;
 use rc10_sim::{Chassis, Nanos, Serial, World};
+use rc10_tasks::{remote, status};
 
 use crate::description::{Base, Description, SerialPart};
 use crate::emulate::build_firmware;
@@ -87,7 +88,7 @@ pub fn robot<'r>(io: &'r Shared<'_>, buses: [MotorBus<'r>; BUSES]) -> Robot<'r> 
         .task(chassis::run(io))
         .task(mechanisms::run(io))
         .task(driver::run(io))
-        .task(status::run(io))
+        .task(status::run(io, [("IMU", &io.imu_reception)]))
         .remote(&io.remote_reception, async |receiver, port| match port {
             ReceiverPort::Serial(port) => remote::listen(io, receiver, port).await,
             ReceiverPort::Pulses(mut port) => {

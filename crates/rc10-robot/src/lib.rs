@@ -7,8 +7,7 @@
 //!   live in a `StaticCell`, on a PC there is one of each per simulated world.
 //! * [`chassis`], [`mechanisms`]: from what the robot shall do to motor targets.
 //! * [`driver`]: turns the remote control into commands for base and mechanisms, and handles its loss.
-//! * [`remote`], [`imu`]: what the parts on its serial ports say.
-//! * [`status`]: ten times a second, how it is; [`status_led`] shows it on an LED strip.
+//! * [`imu`]: what the IMU on its serial port says.
 //! * [`mixed`]: another robot, of motors of many vendors.
 //!
 //! Each task is an `async fn run(shared: &Shared<'_>) -> !`. The chip's executor or a simulated world polls
@@ -21,10 +20,7 @@ pub mod driver;
 pub mod imu;
 pub mod mechanisms;
 pub mod mixed;
-pub mod remote;
 mod robot;
-pub mod status;
-pub mod status_led;
 pub mod table;
 
 pub use robot::{Axes, BaseCommand, MechanismCommand, Ports, Shared};

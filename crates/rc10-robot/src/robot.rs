@@ -1,29 +1,20 @@
+use core::ops::Deref;
+
 use rc10_app::{Degrees, Rpm, TotalAngle, Twist};
-use rc10_message::{Cycles, Latest, Statistics, Topic};
+use rc10_message::{Latest, Statistics};
 use rc10_module::Reception;
 use rc10_module::imu::Heading;
-use rc10_module::remote::{Remote, RemoteLink};
-use rc10_motor::embassy::MotorPort;
-use rc10_motor::{ArmSwitch, Target, TargetError};
+use rc10_tasks::Common;
 
-use crate::status::RobotStatus;
 use crate::table::{BUSES, Name};
 
 /// The robot's buses as its tasks see them, and its motors by name.
 pub type Ports = rc10_motor::embassy::Ports<Name, BUSES>;
 
-/// Everything that the tasks share: ports, topics and the switch of the robot.
+/// Everything that the tasks share: what every robot has, and topics of this one.
 pub struct Shared<'p> {
-    /// Arms and stops all motors.
-    pub switch: ArmSwitch,
-    /// The ports of its buses and motors.
-    pub ports: &'p Ports,
-    /// Newest frame of the remote control.
-    pub remote: Latest<Remote, 1>,
-    /// Counters of its receiver's bytes and frames.
-    pub remote_reception: Reception,
-    /// State of the link to the remote control.
-    pub remote_link: Latest<RemoteLink, 1>,
+    /// The switch, the ports, the remote and the status.
+    pub common: Common<'p, Name, BUSES>,
     /// The heading of the robot in the world, by its IMU: [`imu::run`](crate::imu::run) says from
     /// where that counts.
     pub heading: Latest<Heading, 1>,
@@ -33,15 +24,16 @@ pub struct Shared<'p> {
     pub motion: Latest<BaseCommand, 1>,
     /// Setpoints of the mechanisms: angles of the gimbal, speed of the feeder, height of the lift.
     pub mechanisms: Latest<MechanismCommand, 1>,
-    /// The newest target that a motor refused: which motor, and why.
-    pub refused: Latest<(Name, TargetError), 1>,
-    /// Status of the robot, ten times a second.
-    pub status: Topic<RobotStatus, 4, 2>,
     /// Timing of the chassis task.
     pub chassis_timing: Statistics,
-    /// Cycles of the core that a tick of the buses takes, on a chip that counts its cycles: a run
-    /// is a tick.
-    pub bus_cycles: Option<&'p Cycles>,
+}
+
+impl<'p> Deref for Shared<'p> {
+    type Target = Common<'p, Name, BUSES>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.common
+    }
 }
 
 /// A motion command for the base.
@@ -83,35 +75,12 @@ impl<'p> Shared<'p> {
     #[must_use]
     pub const fn new(ports: &'p Ports) -> Self {
         Self {
-            switch: ArmSwitch::new(),
-            ports,
-            remote: Latest::new(),
-            remote_reception: Reception::new(),
-            remote_link: Latest::new(),
+            common: Common::new(ports),
             heading: Latest::new(),
             imu_reception: Reception::new(),
             motion: Latest::new(),
             mechanisms: Latest::new(),
-            refused: Latest::new(),
-            status: Topic::new(),
             chassis_timing: Statistics::new(),
-            bus_cycles: None,
-        }
-    }
-
-    /// The port of a motor.
-    #[must_use]
-    pub fn motor(&self, name: Name) -> MotorPort<'_> {
-        self.ports.motor(name)
-    }
-
-    /// Gives a motor a target; repeat it, for it expires in 50 ms.
-    ///
-    /// A motor that refuses it (a number that is not finite, a kind it does not take) keeps the old
-    /// one until that expires, and then is safe. The status names the motor and the reason.
-    pub fn command(&self, name: Name, target: Target) {
-        if let Err(why) = self.motor(name).command(target) {
-            self.refused.set((name, why), rc10_message::now());
         }
     }
 }

@@ -1,17 +1,22 @@
 //! Tasks that every robot has, whatever its motors: they are tested here, and a team only says
 //! which switch does what.
 //!
+//! * [`Common`]: what they share.
 //! * [`arming`]: the switches of a remote control arm, disarm and stop; its failsafe in two steps.
 //! * [`heading`]: which way the robot looks, counted from where it was armed.
-//! * [`status`]: the state of a bus in a few numbers; whether every bus ticks, for a watchdog.
+//! * [`remote`]: what the remote's receiver says.
+//! * [`status`]: ten times a second, how the robot is; whether every bus ticks, for a watchdog.
 //! * [`status_led`]: the state of the robot on an LED strip.
 #![no_std]
 #![forbid(unsafe_code)]
 
 pub mod arming;
+mod common;
 pub mod heading;
+pub mod remote;
 pub mod status;
 pub mod status_led;
 
 pub use arming::{Arming, ArmingConfig, ArmingError, SwitchAt, SwitchName};
-pub use status::{BusSummary, TickWatch};
+pub use common::Common;
+pub use status::{BusSummary, LineSummary, RobotStatus, TickWatch};

@@ -1,9 +1,138 @@
-//! The state of buses in a few numbers, and whether they tick.
+//! The status of a robot, in one small message that a log, an LED or a display can use; and whether
+//! its buses and lines tick.
 
 use core::fmt;
 
-use rc10_can::ErrorState;
-use rc10_motor::embassy::{BusPort, BusStatus};
+use embassy_time::{Duration, Ticker};
+use heapless::Vec;
+use rc10_can::{ErrorState, Micros, Timing};
+use rc10_message::{CycleCount, Cycles};
+use rc10_module::remote::RemoteLink;
+use rc10_module::{Counters, Reception};
+use rc10_motor::embassy::{BusPort, BusStatus, Ports, Rs485Port, Rs485Status};
+use rc10_motor::{ArmState, Link, Names, TargetError, Unfit};
+
+use crate::common::Common;
+
+/// Status of a robot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RobotStatus<N, const BUSES: usize, const LINES: usize = 0> {
+    /// Time of this status.
+    pub at: Micros,
+    /// Whether it is armed.
+    pub arm: ArmState,
+    /// Why it cannot be armed, if it cannot.
+    pub unfit: Option<Unfit>,
+    /// Motors that are heard.
+    pub online: u8,
+    /// Targets that motors refused, of all of them.
+    pub refused: u32,
+    /// The newest of those that came from a task of the robot: which motor, and why.
+    pub last_refused: Option<(N, TargetError)>,
+    /// Whether the remote control is heard.
+    pub remote: RemoteLink,
+    /// Counters of the bytes and frames of its receiver, and of other parts.
+    pub receptions: Vec<(&'static str, Counters), PARTS>,
+    /// Status of each bus.
+    pub buses: [BusSummary; BUSES],
+    /// Status of each line.
+    pub lines: [LineSummary; LINES],
+    /// Cycles of the core that a tick of a bus takes, of any bus; `None` where no chip counts them.
+    pub bus_cycles: Option<CycleCount>,
+}
+
+/// Parts whose reception is told, the remote's receiver among them.
+pub const PARTS: usize = 4;
+
+/// For people: what is as it should be takes few words.
+impl<N: Names, const BUSES: usize, const LINES: usize> fmt::Display
+    for RobotStatus<N, BUSES, LINES>
+{
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.arm)?;
+        if let Some(why) = self.unfit {
+            write!(f, ", cannot be armed: {why}")?;
+        }
+        write!(f, ", {} of {} motors online", self.online, N::ALL.len())?;
+        if self.refused > 0 {
+            write!(f, ", {} targets refused", self.refused)?;
+        }
+        if let Some((motor, why)) = self.last_refused {
+            write!(f, " ({}: {why})", motor.label())?;
+        }
+        match self.remote {
+            RemoteLink::Online => {}
+            RemoteLink::Interrupted => write!(f, ", remote missing")?,
+            RemoteLink::Lost => write!(f, ", no remote")?,
+        }
+        for (name, counters) in &self.receptions {
+            let Counters { damaged, skipped, port_errors, .. } = counters;
+            if *damaged > 0 || *skipped > 0 || *port_errors > 0 {
+                write!(f, ", {name}: {damaged} damaged, {skipped} bytes skipped, ")?;
+                write!(f, "{port_errors} port errors")?;
+            }
+        }
+        for (number, bus) in (1_u8..).zip(&self.buses) {
+            write!(f, "; bus {number} {bus}")?;
+        }
+        for (number, line) in (1_u8..).zip(&self.lines) {
+            write!(f, "; line {number} {line}")?;
+        }
+        if let Some(CycleCount { mean, most, a_second }) = self.bus_cycles {
+            // Ticks of all buses come one after the other, at equal distance.
+            let ticks = self.buses.iter().fold(0_u32, |ticks, _| ticks.saturating_add(1000));
+            let apart = a_second / ticks.max(1);
+            let share = mean.saturating_mul(1000) / apart.max(1);
+            let (percent, tenths) = (share / 10, share % 10);
+            write!(f, "; ticks take {mean} of {apart} cycles ({percent}.{tenths} %)")?;
+            write!(f, ", at most {most}")?;
+        }
+        Ok(())
+    }
+}
+
+/// The status task: tells it ten times a second. `parts` are those whose reception is told beside the
+/// remote's, with their labels.
+pub async fn run<N: Names, const BUSES: usize, const LINES: usize, const MORE: usize>(
+    shared: &Common<'_, N, BUSES, LINES>,
+    parts: [(&'static str, &Reception); MORE],
+) -> ! {
+    const { assert!(MORE < PARTS, "the status has no room for so many parts") };
+    let mut ticker = Ticker::every(Duration::from_millis(100));
+    loop {
+        ticker.next().await;
+        shared.status.publish(now(shared, &parts));
+    }
+}
+
+/// The status of the robot now.
+#[must_use]
+pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
+    shared: &Common<'_, N, BUSES, LINES>,
+    parts: &[(&'static str, &Reception)],
+) -> RobotStatus<N, BUSES, LINES> {
+    let (mut online, mut refused) = (0, 0_u32);
+    for name in N::ALL {
+        let status = shared.motor(*name).status();
+        online += u8::from(status.link == Link::Online);
+        refused = refused.saturating_add(status.counters.refused.total());
+    }
+    let remote = ("remote", &shared.remote_reception);
+    let receptions = core::iter::once(&remote).chain(parts).take(PARTS);
+    RobotStatus {
+        at: rc10_message::now(),
+        arm: shared.switch.state(),
+        unfit: shared.switch.unfit(),
+        online,
+        refused,
+        last_refused: shared.refused.read().map(|refused| refused.value),
+        remote: shared.remote_link.read().map_or(RemoteLink::Lost, |freshness| freshness.value),
+        receptions: receptions.map(|(label, reception)| (*label, reception.read())).collect(),
+        buses: shared.ports.buses.each_ref().map(|bus| bus.status().into()),
+        lines: shared.ports.lines.each_ref().map(|line| line.status().into()),
+        bus_cycles: shared.bus_cycles.and_then(Cycles::read),
+    }
+}
 
 /// Status of a bus, for a log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -79,22 +208,124 @@ impl fmt::Display for BusSummary {
     }
 }
 
-/// Sees whether every bus ticks: a watchdog is fed only then.
-#[derive(Clone, Copy, Debug)]
-pub struct TickWatch<const BUSES: usize> {
-    ticks: [u32; BUSES],
+/// Status of an RS-485 line, for a log.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LineSummary {
+    /// Ticks that did not happen in time.
+    pub overruns: u32,
+    /// Commands with a reply.
+    pub exchanges: u32,
+    /// Commands without a whole reply in time.
+    pub timeouts: u32,
+    /// Replies with a wrong CRC.
+    pub crc_errors: u32,
+    /// Times the serial port could not read or write.
+    pub port_errors: u32,
+    /// Shortest and longest time from a command to the next one to the same motor, in microseconds.
+    pub cycle: [u32; 2],
+    /// The same from a command to the end of its reply.
+    pub exchange: [u32; 2],
 }
 
-impl<const BUSES: usize> TickWatch<BUSES> {
+impl From<Rs485Status> for LineSummary {
+    fn from(status: Rs485Status) -> Self {
+        let Rs485Status { overruns, traffic, port_errors, .. } = status;
+        let range = |timing: Timing| [timing.min().unwrap_or(0), timing.max().unwrap_or(0)];
+        Self {
+            overruns,
+            exchanges: traffic.exchanges,
+            timeouts: traffic.timeouts,
+            crc_errors: traffic.crc_errors,
+            port_errors,
+            cycle: range(traffic.cycle),
+            exchange: range(traffic.exchange),
+        }
+    }
+}
+
+impl fmt::Display for LineSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { exchanges, cycle: [least, most], exchange: [short, long], .. } = self;
+        write!(f, "{exchanges} exchanges of {short} to {long} us, {least} to {most} us apart")?;
+        for (count, what) in [
+            (self.overruns, "ticks missed"),
+            (self.timeouts, "timeouts"),
+            (self.crc_errors, "wrong CRCs"),
+            (self.port_errors, "port errors"),
+        ] {
+            if count > 0 {
+                write!(f, ", {count} {what}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Sees whether every bus and line ticks: a watchdog is fed only then.
+#[derive(Clone, Copy, Debug)]
+pub struct TickWatch<const BUSES: usize, const LINES: usize = 0> {
+    buses: [u32; BUSES],
+    lines: [u32; LINES],
+}
+
+impl<const BUSES: usize, const LINES: usize> TickWatch<BUSES, LINES> {
     /// From now on.
     #[must_use]
-    pub fn new(buses: &[BusPort; BUSES]) -> Self {
-        Self { ticks: buses.each_ref().map(BusPort::ticks) }
+    pub fn new<N>(ports: &Ports<N, BUSES, LINES>) -> Self {
+        Self {
+            buses: ports.buses.each_ref().map(BusPort::ticks),
+            lines: ports.lines.each_ref().map(Rs485Port::ticks),
+        }
     }
 
-    /// Whether every bus has ticked since the last call. Ask less often than they tick.
-    pub fn have_all_ticked(&mut self, buses: &[BusPort; BUSES]) -> bool {
-        let before = core::mem::replace(&mut self.ticks, buses.each_ref().map(BusPort::ticks));
-        self.ticks.iter().zip(before).all(|(now, before)| *now != before)
+    /// Whether every bus and line has ticked since the last call. Ask less often than they tick.
+    pub fn have_all_ticked<N>(&mut self, ports: &Ports<N, BUSES, LINES>) -> bool {
+        let before = core::mem::replace(self, Self::new(ports));
+        let buses = self.buses.iter().zip(before.buses);
+        buses.chain(self.lines.iter().zip(before.lines)).all(|(now, before)| *now != before)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::string::ToString;
+
+    use rc10_motor::Place::Bus;
+    use rc10_motor::dji::{Config, Dji, M3508};
+    use rc10_motor::{Entry, TargetKind};
+
+    use super::*;
+
+    rc10_motor::motors! {
+        enum Name;
+        struct Motors;
+        buses: [100.0; 3];
+        lines: 0;
+        FrontLeft: Dji = Entry::new("wheel front left", Bus(1), Config::new(&M3508, 1)),
+    }
+
+    #[test]
+    fn what_keeps_the_robot_from_driving_is_said_first() {
+        let status = RobotStatus {
+            at: Micros::ZERO,
+            arm: ArmState::Disarmed,
+            unfit: Some(Unfit::Overload),
+            online: 1,
+            refused: 9800,
+            last_refused: Some((Name::FrontLeft, TargetError::NotFinite(TargetKind::Speed))),
+            remote: RemoteLink::Online,
+            receptions: Vec::new(),
+            buses: [BusSummary::default(); 3],
+            lines: [],
+            bus_cycles: Some(CycleCount { mean: 7_740, most: 11_772, a_second: 480_000_000 }),
+        };
+        let expected = "disarmed, cannot be armed: the motors of a bus do not fit on it, 1 of 1 \
+                        motors online, 9800 targets refused (wheel front left: the Speed target is \
+                        infinite or NaN); bus 1 ";
+        assert!(status.to_string().starts_with(expected), "{status}");
+        let expected = "; ticks take 7740 of 160000 cycles (4.8 %), at most 11772";
+        assert!(status.to_string().ends_with(expected), "{status}");
     }
 }

@@ -48,6 +48,11 @@ impl Rs485Port {
     pub const fn new() -> Self {
         Self::with_status(Rs485Status::NEW)
     }
+
+    /// Number of ticks so far, as of the bus's last one: [`Rs485Status::ticks`] alone.
+    pub fn ticks(&self) -> u32 {
+        self.look(|status| status.ticks)
+    }
 }
 
 impl Default for Rs485Port {

@@ -1,0 +1,68 @@
+//! The state that tasks of every robot share.
+
+use rc10_message::{Cycles, Latest, Topic};
+use rc10_module::Reception;
+use rc10_module::remote::{Remote, RemoteLink};
+use rc10_motor::embassy::{MotorPort, Ports};
+use rc10_motor::{ArmSwitch, Names, Target, TargetError};
+
+use crate::status::RobotStatus;
+
+/// The state that tasks of every robot share: what a robot has beside it is fields of its own type,
+/// with this among them.
+///
+/// `N` are the names of its declaration, which has this many buses and lines.
+pub struct Common<'p, N: Names, const BUSES: usize, const LINES: usize = 0> {
+    /// Arms and stops all motors.
+    pub switch: ArmSwitch,
+    /// The ports of its buses, lines and motors.
+    pub ports: &'p Ports<N, BUSES, LINES>,
+    /// Newest frame of the remote control.
+    pub remote: Latest<Remote, 1>,
+    /// Counters of its receiver's bytes and frames.
+    pub remote_reception: Reception,
+    /// State of the link to the remote control.
+    pub remote_link: Latest<RemoteLink, 1>,
+    /// The newest target that a motor refused: which motor, and why.
+    pub refused: Latest<(N, TargetError), 1>,
+    /// Status of the robot, ten times a second.
+    pub status: Topic<RobotStatus<N, BUSES, LINES>, 4, 2>,
+    /// Cycles of the core that a tick of the buses takes, on a chip that counts its cycles: a run
+    /// is a tick.
+    pub bus_cycles: Option<&'p Cycles>,
+}
+
+impl<'p, N: Names, const BUSES: usize, const LINES: usize> Common<'p, N, BUSES, LINES> {
+    /// Of a robot that has not begun.
+    // Always inlined, so that it is made where it stays and does not pass over the stack.
+    #[inline(always)]
+    #[must_use]
+    pub const fn new(ports: &'p Ports<N, BUSES, LINES>) -> Self {
+        Self {
+            switch: ArmSwitch::new(),
+            ports,
+            remote: Latest::new(),
+            remote_reception: Reception::new(),
+            remote_link: Latest::new(),
+            refused: Latest::new(),
+            status: Topic::new(),
+            bus_cycles: None,
+        }
+    }
+
+    /// The port of a motor.
+    #[must_use]
+    pub fn motor(&self, name: N) -> MotorPort<'_> {
+        self.ports.motor(name)
+    }
+
+    /// Gives a motor a target; repeat it, for it expires in 50 ms.
+    ///
+    /// A motor that refuses it (a number that is not finite, a kind it does not take) keeps the old
+    /// one until that expires, and then is safe. The status names the motor and the reason.
+    pub fn command(&self, name: N, target: Target) {
+        if let Err(why) = self.motor(name).command(target) {
+            self.refused.set((name, why), rc10_message::now());
+        }
+    }
+}

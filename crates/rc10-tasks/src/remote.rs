@@ -1,0 +1,32 @@
+//! The remote control's task: its frames become a latest value.
+
+use embedded_io_async::Read;
+use rc10_can::Micros;
+use rc10_module::remote::{self, Receiver};
+use rc10_motor::Names;
+
+use crate::common::Common;
+
+/// Listens to a receiver on a serial port that is set as the receiver needs.
+pub async fn listen<N: Names, const BUSES: usize, const LINES: usize>(
+    shared: &Common<'_, N, BUSES, LINES>,
+    receiver: Receiver,
+    port: impl Read,
+) -> ! {
+    let _ = remote::listen(receiver, port, &shared.remote_reception, |remote, at| {
+        shared.remote.set(remote, at);
+    })
+    .await;
+    core::future::pending().await
+}
+
+/// Listens to a receiver of pulses; `edges` waits for the next rising edge and says when it was.
+pub async fn listen_pulses<N: Names, const BUSES: usize, const LINES: usize>(
+    shared: &Common<'_, N, BUSES, LINES>,
+    edges: impl AsyncFnMut() -> Micros,
+) -> ! {
+    remote::listen_pulses(edges, &shared.remote_reception, |remote, at| {
+        shared.remote.set(remote, at);
+    })
+    .await
+}
