@@ -71,6 +71,14 @@ impl MotorName {
         error.of_device(self.model, self.id)
     }
 
+    /// The same, if there is an error.
+    pub const fn blamed(self, checked: Result<(), ConfigError>) -> Result<(), ConfigError> {
+        match checked {
+            Ok(()) => Ok(()),
+            Err(error) => Err(self.blame(error)),
+        }
+    }
+
     /// A text with it at its end.
     pub(crate) const fn add_to(self, text: Text) -> Text {
         text.push(self.model).push(" id ").push_number(self.id as u64)

@@ -5,7 +5,7 @@
 //! the width of the range; multiplying by a reciprocal instead would put round numbers such as a
 //! gain of 100 one step lower than the vendor does.
 
-use rc10_app::{Cascade, ConfigError, Direction, Gear, Rpm, TotalAngle};
+use rc10_app::{Cascade, ConfigError, Direction, Gear, Rpm, TotalAngle, ok};
 use rc10_can::Micros;
 
 use crate::servo::{Servo, Spring, SpringRange};
@@ -41,9 +41,9 @@ impl Setpoint {
     ///
     /// # Errors
     /// [`ConfigError`] with the first field that is not finite.
-    pub fn validate(&self) -> Result<(), ConfigError> {
+    pub const fn validate(&self) -> Result<(), ConfigError> {
         let Self { position, velocity, kp, kd, torque } = *self;
-        check([position, velocity, torque, kp, kd], f32::is_finite, "finite")
+        check([position, velocity, torque, kp, kd], -f32::MAX, f32::MAX, "finite")
     }
 }
 
@@ -84,10 +84,10 @@ impl Limits {
     ///
     /// # Errors
     /// [`ConfigError`] with the first that is not above zero, or above a million.
-    pub fn validate(&self) -> Result<(), ConfigError> {
+    pub const fn validate(&self) -> Result<(), ConfigError> {
         let Self { position, velocity, torque, kp, kd } = *self;
-        let is_good = |value| value > 0.0 && value <= LARGEST;
-        check([position, velocity, torque, kp, kd], is_good, "above 0, and at most a million")
+        let must_be = "above 0, and at most a million";
+        check([position, velocity, torque, kp, kd], f32::MIN_POSITIVE, LARGEST, must_be)
     }
 
     /// Largest speed, rpm.
@@ -95,30 +95,40 @@ impl Limits {
         self.velocity * RPM_PER_RADIAN_PER_SECOND
     }
 
-    /// Our loops, with efforts in N m, and the device's spring.
-    pub(crate) fn servo(&self, cascade: Cascade) -> Result<Servo, ConfigError> {
+    /// Whether loops of ours stay within them.
+    pub(crate) const fn check(&self, cascade: &Cascade) -> Result<(), ConfigError> {
         let (torque, rpm) = (cascade.speed.output_limit, cascade.angle.output_limit);
-        let limit = |part, value, most: f32, must_be| {
-            ConfigError::check(value <= most, "output_limit", value, must_be)
-                .map_err(|error| error.in_part(part))
-        };
-        limit("speed", torque, self.torque, "at most the model's largest torque, in N m")?;
-        limit("angle", rpm, self.rpm(), "at most the model's largest speed, in rpm")?;
+        let must_be = "at most the model's largest torque, in N m";
+        let error = ConfigError::check(torque <= self.torque, "output_limit", torque, must_be);
+        ok!(error, in "speed");
+        let must_be = "at most the model's largest speed, in rpm";
+        let error = ConfigError::check(rpm <= self.rpm(), "output_limit", rpm, must_be);
+        ok!(error, in "angle");
+        cascade.validate()
+    }
+
+    /// Our loops, with efforts in N m, and the device's spring.
+    pub(crate) const fn servo(&self, cascade: Cascade) -> Servo {
         let springs = SpringRange { kp: self.kp, kd: self.kd, speed: Rpm::new(self.rpm()) };
-        Ok(Servo::new(TargetKind::Torque, cascade)?.with_springs(springs))
+        Servo::of(TargetKind::Torque, cascade).with_springs(springs)
     }
 }
 
-fn check(
+/// The first of the values that is not from `least` to `most`.
+const fn check(
     values: [f32; 5],
-    is_good: impl Fn(f32) -> bool,
+    least: f32,
+    most: f32,
     must_be: &'static str,
 ) -> Result<(), ConfigError> {
-    let fields = ["position", "velocity", "torque", "kp", "kd"].into_iter().zip(values);
-    match fields.into_iter().find(|&(_, value)| !is_good(value)) {
-        Some((field, value)) => Err(ConfigError::new(field, value, must_be)),
-        None => Ok(()),
+    const FIELDS: [&str; 5] = ["position", "velocity", "torque", "kp", "kd"];
+    let mut at = 0;
+    while at < FIELDS.len() {
+        let value = values[at];
+        ok!(ConfigError::check(value >= least && value <= most, FIELDS[at], value, must_be));
+        at += 1;
     }
+    Ok(())
 }
 
 /// rpm per rad/s.

@@ -1,8 +1,10 @@
 //! Models and addresses: ranges, and what the fault bits mean.
 
-use rc10_app::{Cascade, ConfigError, PidConfig, RpmPerSecond};
+use rc10_app::{Cascade, ConfigError, Direction, PidConfig, RpmPerSecond, ok};
+use rc10_can::IdPattern;
 
 use super::wire::Address;
+use crate::can_ids::{CanIds, Frames, MotorName, Rate};
 use crate::feedback::Fault;
 use crate::mit::Limits;
 
@@ -104,7 +106,7 @@ pub mod models {
     /// Xiaomi CyberGear: ±12.5 rad, ±30 rad/s, ±12 N m. The manual's table says ±4π rad, its own sample
     /// and every driver 12.5; [`with_position_range`] makes it the other.
     ///
-    /// [`with_position_range`]: crate::cybergear::CyberGear::with_position_range
+    /// [`with_position_range`]: crate::cybergear::Config::with_position_range
     pub const CYBERGEAR: Model = Model {
         faults: &super::CYBERGEAR_FAULTS,
         details: &super::CYBERGEAR_DETAILS,
@@ -115,7 +117,7 @@ pub mod models {
     // RobStride manuals RS00 to RS06, 260428.
 
     /// RobStride RS00: ±12.57 rad, ±33 rad/s, ±14 N m. Firmware before 0.0.2.6 has ±12.5 rad:
-    /// [`with_position_range`](crate::cybergear::CyberGear::with_position_range).
+    /// [`with_position_range`](crate::cybergear::Config::with_position_range).
     pub const RS00: Model = robstride("RS00", Limits::new(12.57, 33.0, 14.0));
     /// RobStride RS01: ±12.57 rad, ±44 rad/s, ±17 N m.
     pub const RS01: Model = robstride("RS01", Limits::new(12.57, 44.0, 17.0));
@@ -178,32 +180,137 @@ const EVERY_DEVICE: u8 = 0xFE;
 /// The largest range of position that can be set, rad.
 const LARGEST_RANGE: f32 = 15.0;
 
-/// `Ok` for a motor of 1 ..= 127 and a host that is no other's.
-pub(super) fn check_address(address: Address) -> Result<(), ConfigError> {
-    let Address { motor, host } = address;
-    ConfigError::check((1..=127).contains(&motor), "motor", motor.into(), "1 to 127")?;
-    let is_hosts = host != motor && host < EVERY_DEVICE;
-    let must_be = "below 254, and not the motor's own identifier";
-    ConfigError::check(is_hosts, "host", host.into(), must_be)
+/// A CyberGear or RobStride as it is set up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Config {
+    /// The model, with the range of position that is in the device.
+    pub model: Model,
+    /// The identifier set on it, 1 to 127, and that of the host: any number below 0xFE that no motor
+    /// on the bus has (vendors' tools: 0xFD).
+    pub address: Address,
+    /// Which way its output shaft counts.
+    pub direction: Direction,
+    /// Loops of ours, efforts in N m.
+    pub cascade: Cascade,
 }
 
-/// `Ok` for limits that can be used.
-pub(super) fn check_limits(limits: &Limits) -> Result<(), ConfigError> {
-    let position = limits.position;
-    ConfigError::check(position <= LARGEST_RANGE, "position", position, "at most 15 rad")?;
-    limits.validate()
+impl Config {
+    /// A motor of the model, turning forward, with the gains that come with the model.
+    pub const fn new(model: &Model, address: Address) -> Self {
+        let (direction, cascade) = (Direction::Forward, model.cascade);
+        Self { model: *model, address, direction, cascade }
+    }
+
+    /// Turning the given way.
+    #[must_use]
+    pub const fn with_direction(mut self, direction: Direction) -> Self {
+        self.direction = direction;
+        self
+    }
+
+    /// With another range of position, rad, above 0 and at most 15: sources give a CyberGear 12.5 or
+    /// 4π, an RS00 before firmware 0.0.2.6 has 12.5.
+    #[must_use]
+    pub const fn with_position_range(mut self, range: f32) -> Self {
+        self.model.limits.position = range;
+        self
+    }
+
+    /// With gains of your own, efforts in N m.
+    #[must_use]
+    pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
+        self.cascade = cascade;
+        self
+    }
+
+    /// Model and identifier.
+    pub const fn name(&self) -> MotorName {
+        MotorName { model: self.model.name, id: self.address.motor as u16 }
+    }
+
+    /// Whether every field can be used.
+    ///
+    /// # Errors
+    /// The first field that cannot, and what it must be.
+    pub const fn validate(&self) -> Result<(), ConfigError> {
+        self.name().blamed(self.check())
+    }
+
+    const fn check(&self) -> Result<(), ConfigError> {
+        let Address { motor, host } = self.address;
+        let is_good = motor >= 1 && motor <= 127;
+        ok!(ConfigError::check(is_good, "motor", motor as f32, "1 to 127"));
+        let is_good = host != motor && host < EVERY_DEVICE;
+        let must_be = "below 254, and not the motor's own identifier";
+        ok!(ConfigError::check(is_good, "host", host as f32, must_be));
+        let limits = &self.model.limits;
+        let is_good = limits.position <= LARGEST_RANGE;
+        ok!(ConfigError::check(is_good, "position", limits.position, "at most 15 rad"));
+        ok!(limits.validate());
+        limits.check(&self.cascade)
+    }
+
+    /// The identifiers it occupies on its bus.
+    pub const fn can_ids(&self) -> CanIds {
+        can_ids(self.address)
+    }
+}
+
+pub(super) const MOTION: u32 = 1 << 24;
+
+pub(super) const fn can_ids(address: Address) -> CanIds {
+    let motor = address.motor as u32;
+    let replies = IdPattern::extended(motor << 8 | address.host as u32).under(0xFFFF);
+    let motion = IdPattern::extended(MOTION | motor).under(0x1F00_00FF);
+    CanIds::new()
+        .receives(Frames::new(replies, 8, Rate::EveryTick))
+        .transmits(Frames::new(motion, 8, Rate::EveryTick))
+        .transmits(Frames::new(IdPattern::extended(motor).under(0xFF), 8, Rate::Rare))
 }
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use std::string::ToString;
+
     use super::models::{ALL, CYBERGEAR, RS04};
     use super::*;
+    use crate::cybergear::CyberGear;
+    use crate::motor::{CanMotor, Motor};
+
+    const ADDRESS: Address = Address { motor: 127, host: 0xFD };
+
+    #[test]
+    fn a_configuration_is_checked_in_a_constant_and_its_motor_occupies_what_it_says() {
+        const WRIST: Config = Config::new(&CYBERGEAR, ADDRESS).with_position_range(12.57);
+        const _: () = assert!(WRIST.validate().is_ok());
+        const IDS: CanIds = WRIST.can_ids();
+        let motor = CyberGear::new(WRIST).unwrap();
+        assert_eq!(motor.name(), WRIST.name());
+        assert_eq!(motor.can_ids().received(), IDS.received());
+        assert_eq!(motor.can_ids().transmitted(), IDS.transmitted());
+        let at = |motor, host| Config { address: Address { motor, host }, ..WRIST };
+        for (config, sentence) in [
+            (at(128, 0), "CyberGear id 128: `motor` is 128, but must be 1 to 127"),
+            (
+                at(7, 7),
+                "CyberGear id 7: `host` is 7, but must be below 254, and not the motor's own \
+                 identifier",
+            ),
+            (
+                WRIST.with_position_range(16.0),
+                "CyberGear id 127: `position` is 16, but must be at most 15 rad",
+            ),
+        ] {
+            assert_eq!(config.validate().unwrap_err().to_string(), sentence);
+        }
+    }
 
     #[test]
     fn all_limits_can_be_used_and_all_bits_have_a_text() {
         for model in ALL {
-            assert_eq!(check_limits(&model.limits), Ok(()), "{}", model.name);
-            assert_eq!(model.cascade.validate(), Ok(()), "{}", model.name);
+            assert_eq!(Config::new(model, ADDRESS).validate(), Ok(()), "{}", model.name);
             for bit in 0..6 {
                 assert!(Faults::from_bits(1 << bit).gravest(model).is_some(), "{bit}");
             }

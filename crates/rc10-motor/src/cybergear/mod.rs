@@ -26,13 +26,13 @@
 //!
 //! ```
 //! use rc10_can::Micros;
-//! use rc10_motor::cybergear::{Address, CyberGear, models};
+//! use rc10_motor::cybergear::{Config, Address, CyberGear, models};
 //! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target, TxBatch};
 //! use rc10_app::{Rpm, Seconds};
 //!
 //! let switch = ArmSwitch::new();
 //! // Set to identifier 1 with the vendor's tool; 0xFD is what such tools call themselves.
-//! let mut joint = CyberGear::new(&models::CYBERGEAR, Address { motor: 1, host: 0xFD })?;
+//! let mut joint = CyberGear::new(Config::new(&models::CYBERGEAR, Address { motor: 1, host: 0xFD }))?;
 //! let mut bus = MotorBus::new(&switch);
 //! let joint = bus.attach(&mut joint, Safety::HOLD)?;
 //! bus.command(joint, Target::Speed(Rpm::new(60.0)), Micros::ZERO)?;
@@ -51,6 +51,6 @@ pub mod signals;
 pub mod wire;
 
 pub use crate::mit::{Limits, Setpoint};
-pub use config::{Faults, Model, models};
+pub use config::{Config, Faults, Model, models};
 pub use motor::CyberGear;
 pub use wire::{Address, Reply};

@@ -1,13 +1,13 @@
 //! The motor: when the device may move, and what it is told.
 
 use embedded_can::ExtendedId;
-use rc10_app::{Cascade, ConfigError, Direction, NewtonMetres};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_app::{ConfigError, NewtonMetres};
+use rc10_can::{CanFrame, Micros};
 
-use super::config::{Model, check_address, check_limits};
+use super::config::{Config, MOTION, Model, can_ids};
 use super::wire::{self, Address, Mode, Parameter, ParameterValue, Reply};
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, Frames, MotorName, Rate};
+use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition, Setpoint};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
@@ -86,27 +86,21 @@ impl Question {
 const AT_ZERO: f32 = 0.1;
 /// The answer of a device to a parameter that it does not have (RobStride manuals, type 17).
 const UNKNOWN_PARAMETER: u32 = 1;
-const MOTION: u32 = 1 << 24;
 
 impl CyberGear {
-    /// A motor of the model that is set to an identifier of 1 ..= 127, and a host, which is any
-    /// number below 0xFE that no motor on the bus has (vendors' tools: 0xFD). Turning forward, with
-    /// the gains that come with the model.
+    /// The motor that is set up like this.
     ///
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
-    pub fn new(model: &'static Model, address: Address) -> Result<Self, ConfigError> {
-        let limits = model.limits;
-        let servo = check_address(address)
-            .and_then(|()| check_limits(&limits))
-            .and_then(|()| limits.servo(model.cascade))
-            .map_err(|error| error.of_device(model.name, address.motor.into()))?;
+    pub fn new(config: Config) -> Result<Self, ConfigError> {
+        config.validate()?;
+        let Config { model, address, direction, cascade } = config;
         Ok(Self {
-            model: *model,
+            model,
             address,
-            servo,
-            shaft: RangedPosition::shaft(Direction::Forward),
-            position: RangedPosition::new(&limits),
+            servo: model.limits.servo(cascade),
+            shaft: RangedPosition::shaft(direction),
+            position: RangedPosition::new(&model.limits),
             step: Step::Stopped,
             pending: Pending::new(),
             read_back: None,
@@ -115,36 +109,6 @@ impl CyberGear {
             drive: DriveMode::Off,
             setpoint: Setpoint::COAST,
         })
-    }
-
-    /// Turning the given way.
-    #[must_use]
-    pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.shaft = RangedPosition::shaft(direction);
-        self
-    }
-
-    /// With another range of position, rad, above 0 and at most 15: sources give a CyberGear 12.5 or
-    /// 4π, an RS00 before firmware 0.0.2.6 has 12.5.
-    ///
-    /// # Errors
-    /// [`ConfigError`], if it cannot be used.
-    pub fn with_position_range(mut self, range: f32) -> Result<Self, ConfigError> {
-        self.model.limits.position = range;
-        check_limits(&self.model.limits)?;
-        self.position = RangedPosition::new(&self.model.limits);
-        Ok(self)
-    }
-
-    /// With gains of your own, efforts in N m.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
-    pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
-        let id = self.address.motor.into();
-        let servo = self.model.limits.servo(cascade);
-        self.servo = servo.map_err(|error| error.of_device(self.model.name, id))?;
-        Ok(self)
     }
 
     /// The model, with the range of position that is set.
@@ -367,13 +331,7 @@ fn extended(raw: u32) -> ExtendedId {
 
 impl CanMotor for CyberGear {
     fn can_ids(&self) -> CanIds {
-        let motor = u32::from(self.address.motor);
-        let pattern = |raw, mask| IdPattern::masked(extended(raw), mask);
-        let motion = pattern(MOTION | motor, 0x1F00_00FF);
-        CanIds::new()
-            .receives(Frames::new(pattern(self.replies(), 0xFFFF), 8, Rate::EveryTick))
-            .transmits(Frames::new(motion, 8, Rate::EveryTick))
-            .transmits(Frames::new(pattern(motor, 0xFF), 8, Rate::Rare))
+        can_ids(self.address)
     }
 
     fn unpack_feedback(

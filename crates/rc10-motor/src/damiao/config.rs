@@ -1,9 +1,10 @@
 //! Models, identifiers, and how a motor is controlled.
 
-use embedded_can::StandardId;
-use rc10_app::{Cascade, ConfigError, Rpm, TotalAngle};
+use rc10_app::{Cascade, ConfigError, Direction, Rpm, TotalAngle, ok};
+use rc10_can::IdPattern;
 
-use super::wire::{DeviceId, Mode, REGISTERS, standard};
+use super::wire::{DeviceId, Mode, REGISTERS};
+use crate::can_ids::{CanIds, Frames, Guard, MotorName, Ownership, Rate};
 use crate::goal::Goals;
 use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND};
 use crate::servo::Servo;
@@ -89,10 +90,148 @@ pub enum Control {
     },
 }
 
+impl Control {
+    /// The control mode of the device.
+    #[must_use]
+    pub const fn mode(&self) -> Mode {
+        match self {
+            Self::Mit(_) => Mode::Mit,
+            Self::PositionVelocity { .. } => Mode::PositionVelocity,
+            Self::Velocity => Mode::Velocity,
+            Self::ForcePosition { .. } => Mode::ForcePosition,
+        }
+    }
+
+    const fn validate(&self, limits: &Limits) -> Result<(), ConfigError> {
+        let (speed, fastest, must_be) = match self {
+            Self::Mit(cascade) => return limits.check(cascade),
+            Self::Velocity => return Ok(()),
+            Self::PositionVelocity { speed } => (speed, f32::INFINITY, ""),
+            Self::ForcePosition { speed, torque_share } => {
+                let (share, must_be) = (*torque_share, "above 0, and at most 1");
+                let is_good = share > 0.0 && share <= 1.0;
+                ok!(ConfigError::check(is_good, "torque_share", share, must_be));
+                (speed, FASTEST_FORCE_POSITION * RPM_PER_RADIAN_PER_SECOND, "at most 100 rad/s")
+            }
+        };
+        let rpm = speed.get();
+        let is_good = rpm > 0.0 && rpm <= limits.rpm();
+        ok!(ConfigError::check(is_good, "speed", rpm, "above zero, and at most VMAX"));
+        ConfigError::check(rpm <= fastest, "speed", rpm, must_be)
+    }
+}
+
+/// A Damiao motor as it is set up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Config {
+    /// The model, with the limits that are in the device.
+    pub model: Model,
+    /// `CAN_ID`, the identifier of the frames that it takes: at most 0x4FE, its low byte not 0xFF
+    /// as that of register frames.
+    pub can_id: u16,
+    /// `MST_ID`, the identifier of the frames that it sends: at most 0x7FE, its low byte not that of
+    /// `CAN_ID`, or the motor would answer itself.
+    pub master_id: u16,
+    /// How it is controlled.
+    pub control: Control,
+    /// Which way its output shaft counts.
+    pub direction: Direction,
+    /// Whether registers 10 and 21 to 23 are read, and compared with mode and limits, before the
+    /// motor is ever enabled, and again when it comes back. Without, wrong limits scale every value
+    /// and nothing tells: only for firmware that knows no registers.
+    pub verify: bool,
+}
+
+impl Config {
+    /// The motor that listens to `can_id` and answers with `master_id`, controlled as `control`
+    /// says, turning forward, its registers verified.
+    pub const fn new(model: Model, can_id: u16, master_id: u16, control: Control) -> Self {
+        let (direction, verify) = (Direction::Forward, true);
+        Self { model, can_id, master_id, control, direction, verify }
+    }
+
+    /// Turning the given way.
+    #[must_use]
+    pub const fn with_direction(mut self, direction: Direction) -> Self {
+        self.direction = direction;
+        self
+    }
+
+    /// Whether its [registers are verified](Self::verify).
+    #[must_use]
+    pub const fn verify_limits(mut self, verify: bool) -> Self {
+        self.verify = verify;
+        self
+    }
+
+    /// Model and identifier.
+    pub const fn name(&self) -> MotorName {
+        MotorName { model: self.model.name, id: self.can_id }
+    }
+
+    /// Whether every field can be used.
+    ///
+    /// # Errors
+    /// The first field that cannot, and what it must be.
+    pub const fn validate(&self) -> Result<(), ConfigError> {
+        self.name().blamed(self.check())
+    }
+
+    const fn check(&self) -> Result<(), ConfigError> {
+        let Self { can_id, master_id, ref model, ref control, .. } = *self;
+        let is_good = DeviceId::new(can_id).is_some() && can_id & 0xFF != REGISTERS & 0xFF;
+        let must_be = "at most 0x4FE, its low byte not 0xFF";
+        ok!(ConfigError::check(is_good, "CAN_ID", can_id as f32, must_be));
+        let is_good = master_id < REGISTERS && (master_id ^ can_id) & 0xFF != 0;
+        let must_be = "at most 0x7FE, its low byte not that of CAN_ID";
+        ok!(ConfigError::check(is_good, "MST_ID", master_id as f32, must_be));
+        ok!(model.limits.validate());
+        control.validate(&model.limits)
+    }
+
+    /// The identifiers it occupies on its bus. Of a configuration that is [valid](Self::validate).
+    pub const fn can_ids(&self) -> CanIds {
+        can_ids(self.can_id, self.master_id, self.control.mode())
+    }
+}
+
+/// It reacts to every standard identifier with its own low byte.
+const LOW_BYTE: u32 = 0xFF;
+
+pub(super) const fn can_ids(can_id: u16, master_id: u16, mode: Mode) -> CanIds {
+    let low = (can_id & 0xFF) as u8;
+    // Register replies have the whole identifier there, so the same four bits.
+    let feedback = Frames::new(IdPattern::standard(master_id), 8, Rate::EveryTick)
+        .owned(Ownership::Guard(Guard { byte: 0, mask: 0x0F, value: low & 0x0F }));
+    let mut ids = CanIds::new()
+        .receives(feedback)
+        .transmits(command(can_id, mode, 8, Rate::EveryTick))
+        .transmits(register(low, 4))
+        .transmits(register(low, 8))
+        .listens_to(IdPattern::standard(can_id).under(LOW_BYTE));
+    if !matches!(mode, Mode::Mit) {
+        ids = ids.transmits(command(can_id, Mode::Mit, 8, Rate::Rare));
+    }
+    if matches!(mode, Mode::Velocity) {
+        // Shorter than the operations, which the load counts on.
+        ids = ids.transmits(command(can_id, Mode::Velocity, 4, Rate::Rare));
+    }
+    ids
+}
+
+const fn command(can_id: u16, mode: Mode, len: u8, rate: Rate) -> Frames {
+    Frames::new(IdPattern::standard(can_id + mode.offset()), len, rate)
+}
+
+const fn register(low: u8, len: u8) -> Frames {
+    let guard = Guard { byte: 0, mask: 0xFF, value: low };
+    Frames::new(IdPattern::standard(REGISTERS), len, Rate::Rare).owned(Ownership::Guard(guard))
+}
+
 /// Largest velocity that a force-position frame carries, rad/s.
 const FASTEST_FORCE_POSITION: f32 = 100.0;
 
-/// A [`Control`] that has been checked: what follows the targets.
+/// What follows the targets.
 #[derive(Clone, Debug)]
 pub(super) enum Controller {
     /// Our loops, and the device's spring.
@@ -108,30 +247,21 @@ pub(super) enum Controller {
 }
 
 impl Controller {
-    pub(super) fn new(control: Control, limits: &Limits) -> Result<Self, ConfigError> {
+    /// Of a control that can be used.
+    pub(super) fn new(control: Control, limits: &Limits) -> Self {
         use TargetKind::{Angle, Coast, Speed, TotalAngle};
-        let to_angles = |mode, speed: Rpm, torque_share| {
-            let rpm = speed.get();
-            let is_good = rpm > 0.0 && rpm <= limits.rpm();
-            ConfigError::check(is_good, "speed", rpm, "above zero, and at most VMAX")?;
-            let velocity = rpm / RPM_PER_RADIAN_PER_SECOND;
-            let is_sent = mode != Mode::ForcePosition || velocity <= FASTEST_FORCE_POSITION;
-            ConfigError::check(is_sent, "speed", rpm, "at most 100 rad/s")?;
-            let goals = Goals::new(TargetSet::of(&[Coast, Angle, TotalAngle]));
-            Ok(Self::Own { mode, goals, velocity, torque_share })
+        let own = |kinds: &[TargetKind], speed: Rpm, torque_share| Self::Own {
+            mode: control.mode(),
+            goals: Goals::new(TargetSet::of(kinds)),
+            velocity: speed.get() / RPM_PER_RADIAN_PER_SECOND,
+            torque_share,
         };
         match control {
-            Control::Mit(cascade) => limits.servo(cascade).map(Self::Mit),
-            Control::PositionVelocity { speed } => to_angles(Mode::PositionVelocity, speed, 1.0),
-            Control::Velocity => {
-                let goals = Goals::new(TargetSet::of(&[Coast, Speed]));
-                Ok(Self::Own { mode: Mode::Velocity, goals, velocity: 0.0, torque_share: 1.0 })
-            }
+            Control::Mit(cascade) => Self::Mit(limits.servo(cascade)),
+            Control::Velocity => own(&[Coast, Speed], Rpm::ZERO, 1.0),
+            Control::PositionVelocity { speed } => own(&[Coast, Angle, TotalAngle], speed, 1.0),
             Control::ForcePosition { speed, torque_share } => {
-                let is_good = torque_share > 0.0 && torque_share <= 1.0;
-                let must_be = "above 0, and at most 1";
-                ConfigError::check(is_good, "torque_share", torque_share, must_be)?;
-                to_angles(Mode::ForcePosition, speed, torque_share)
+                own(&[Coast, Angle, TotalAngle], speed, torque_share)
             }
         }
     }
@@ -173,23 +303,52 @@ impl Controller {
     }
 }
 
-/// `CAN_ID` and `MST_ID`, if they can be used.
-pub(super) fn ids(can_id: u16, master_id: u16) -> Result<(DeviceId, StandardId), ConfigError> {
-    let id = DeviceId::new(can_id).filter(|id| id.raw() & 0xFF != REGISTERS & 0xFF);
-    let must_be = "at most 0x4FE, its low byte not 0xFF";
-    let id = id.ok_or(ConfigError::new("CAN_ID", can_id.into(), must_be))?;
-    let is_good = master_id < REGISTERS && (master_id ^ can_id) & 0xFF != 0;
-    let must_be = "at most 0x7FE, its low byte not that of CAN_ID";
-    ConfigError::check(is_good, "MST_ID", master_id.into(), must_be)?;
-    Ok((id, standard(master_id)))
-}
-
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use std::string::ToString;
+
+    use super::*;
+    use crate::damiao::Damiao;
+    use crate::motor::{CanMotor, Motor};
+
     #[test]
     fn all_limits_can_be_used() {
-        for model in super::models::ALL {
+        for model in models::ALL {
             assert_eq!(model.limits.validate(), Ok(()), "{}", model.name);
+        }
+    }
+
+    #[test]
+    fn a_configuration_is_checked_in_a_constant_and_its_motor_occupies_what_it_says() {
+        const ARM: Config = Config::new(models::J4310, 0x11, 0x31, Control::Velocity);
+        const _: () = assert!(ARM.validate().is_ok());
+        const IDS: CanIds = ARM.can_ids();
+        let motor = Damiao::new(ARM).unwrap();
+        assert_eq!(motor.name(), ARM.name());
+        assert_eq!(motor.can_ids().received(), IDS.received());
+        assert_eq!(motor.can_ids().transmitted(), IDS.transmitted());
+        assert_eq!(motor.can_ids().listened_to(), IDS.listened_to());
+        let refused = |config: Config| config.validate().unwrap_err().to_string();
+        let speed = Rpm::new(1e4);
+        for (config, sentence) in [
+            (
+                Config { can_id: 0x4FF, ..ARM },
+                "DM-J4310 id 1279: `CAN_ID` is 1279, but must be at most 0x4FE, its low byte not \
+                 0xFF",
+            ),
+            (
+                Config { master_id: 0x111, ..ARM },
+                "DM-J4310 id 17: `MST_ID` is 273, but must be at most 0x7FE, its low byte not that \
+                 of CAN_ID",
+            ),
+            (
+                Config { control: Control::PositionVelocity { speed }, ..ARM },
+                "DM-J4310 id 17: `speed` is 10000, but must be above zero, and at most VMAX",
+            ),
+        ] {
+            assert_eq!(refused(config), sentence);
         }
     }
 }

@@ -41,7 +41,7 @@
 //!
 //! ```
 //! use rc10_motor::rc10_app::Cascade;
-//! use rc10_motor::damiao::{Control, Damiao, models};
+//! use rc10_motor::damiao::{Config, Control, Damiao, models};
 //! use rc10_motor::rc10_app::{PidConfig, RpmPerSecond};
 //!
 //! // A J4310 under an arm of 0.02 kg m², driven in MIT mode. 1 rpm is 0.105 rad/s: with
@@ -53,9 +53,9 @@
 //!     acceleration: RpmPerSecond::new(1000.0),
 //!     feed_forward: 0.0,
 //! };
-//! let arm = Damiao::new(models::J4310, 0x11, 0x31, Control::Mit(cascade))?;
+//! let arm = Damiao::new(Config::new(models::J4310, 0x11, 0x31, Control::Mit(cascade)))?;
 //! // The same low byte twice: it would answer itself.
-//! assert!(Damiao::new(models::J4310, 0x11, 0x111, Control::Velocity).is_err());
+//! assert!(Config::new(models::J4310, 0x11, 0x111, Control::Velocity).validate().is_err());
 //! # Ok::<(), rc10_motor::rc10_app::ConfigError>(())
 //! ```
 //!
@@ -71,6 +71,6 @@ pub mod signals;
 pub mod wire;
 
 pub use crate::mit::{Limits, Setpoint};
-pub use config::{Control, Model, models};
+pub use config::{Config, Control, Model, models};
 pub use motor::Damiao;
 pub use wire::{DeviceId, Feedback, Mode, Operation, State};

@@ -1,15 +1,15 @@
 //! The motor: when the device may move, and what it is told.
 
-use embedded_can::{Id, StandardId};
+use embedded_can::StandardId;
 use rc10_app::angle::shortest_way;
-use rc10_app::{ConfigError, Direction, NewtonMetres, TotalAngle};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_app::{ConfigError, NewtonMetres, TotalAngle};
+use rc10_can::{CanFrame, Micros};
 
-use super::config::{Control, Controller, Model, ids};
+use super::config::{Config, Controller, Model, can_ids};
 use super::registers::{Access, CHECKED, NO_ANSWER, Register, Reply, check, reply_to};
-use super::wire::{self, DeviceId, Mode, Operation, REGISTERS, State, operate, standard};
+use super::wire::{self, DeviceId, Mode, Operation, State, operate, standard};
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, Frames, Guard, MotorName, Ownership, Rate};
+use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::Goal;
 use crate::mit::{RPM_PER_RADIAN_PER_SECOND, RangedPosition};
@@ -77,36 +77,24 @@ const TURN: i32 = 360_000_000;
 const STANDSTILL: f32 = 0.005;
 /// Largest angle that counts as zero just after the zero was set, rad.
 const ZERO: f32 = 2e-3;
-/// It reacts to every standard identifier with its own low byte.
-const LOW_BYTE: u32 = 0xFF;
 
 impl Damiao {
-    /// The motor that listens to `can_id` and answers with `master_id`, controlled as `control`
-    /// says, turning forward. The limits of the `model` are to be those in the device.
+    /// The motor that is set up like this.
     ///
     /// # Errors
-    /// [`ConfigError`], naming what cannot be: `CAN_ID` above 0x4FE, or ending in 0xFF as register
-    /// frames do; `MST_ID` above 0x7FE, or with the low byte of `CAN_ID` (the motor would answer
-    /// itself); limits, gains or speeds that are not above zero, or beyond the model's.
-    pub fn new(
-        model: Model,
-        can_id: u16,
-        master_id: u16,
-        control: Control,
-    ) -> Result<Self, ConfigError> {
-        let limits = model.limits;
-        let ((id, master), controller) = ids(can_id, master_id)
-            .and_then(|ids| limits.validate().map(|()| ids))
-            .and_then(|ids| Ok((ids, Controller::new(control, &limits)?)))
-            .map_err(|error| error.of_device(model.name, can_id))?;
+    /// [`ConfigError`], naming the field that cannot be used.
+    pub fn new(config: Config) -> Result<Self, ConfigError> {
+        config.validate()?;
+        let Config { model, can_id, master_id, control, direction, verify } = config;
+        let id = DeviceId::new(can_id);
         Ok(Self {
             model,
-            id,
-            master,
-            controller,
-            shaft: RangedPosition::shaft(Direction::Forward),
-            position: RangedPosition::new(&limits),
-            verify: true,
+            id: id.ok_or(ConfigError::new("CAN_ID", can_id.into(), "at most 0x4FE"))?,
+            master: standard(master_id),
+            controller: Controller::new(control, &model.limits),
+            shaft: RangedPosition::shaft(direction),
+            position: RangedPosition::new(&model.limits),
+            verify,
             next_check: 0,
             pending: Pending::new(),
             reported: None,
@@ -115,23 +103,6 @@ impl Damiao {
             command: Command::Operate(Operation::Disable),
             is_bare: false,
         })
-    }
-
-    /// Turning the given way.
-    #[must_use]
-    pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.shaft = RangedPosition::shaft(direction);
-        self
-    }
-
-    /// Whether registers 10 and 21 to 23 are read, and compared with the mode and the limits given
-    /// here, before the motor is ever enabled, and again when it comes back: so it is unless told
-    /// otherwise. Without, wrong limits scale every value and nothing tells: only for firmware that
-    /// knows no registers.
-    #[must_use]
-    pub const fn verify_limits(mut self, verify: bool) -> Self {
-        self.verify = verify;
-        self
     }
 
     /// The model.
@@ -491,31 +462,7 @@ impl Motor for Damiao {
 
 impl CanMotor for Damiao {
     fn can_ids(&self) -> CanIds {
-        let [low, _] = self.id.raw().to_le_bytes();
-        let exact = |id| IdPattern::exact(Id::Standard(id));
-        let command = |mode, len, rate| Frames::new(exact(self.id.command_id(mode)), len, rate);
-        let guard = |mask| Guard { byte: 0, mask, value: low & mask };
-        let register = |len| {
-            Frames::new(exact(standard(REGISTERS)), len, Rate::Rare)
-                .owned(Ownership::Guard(guard(0xFF)))
-        };
-        // Register replies have the whole identifier there, so the same four bits.
-        let feedback = Frames::new(exact(self.master), 8, Rate::EveryTick)
-            .owned(Ownership::Guard(guard(0x0F)));
-        let mut ids = CanIds::new()
-            .receives(feedback)
-            .transmits(command(self.mode(), 8, Rate::EveryTick))
-            .transmits(register(4))
-            .transmits(register(8))
-            .listens_to(IdPattern::masked(self.id.command_id(Mode::Mit), LOW_BYTE));
-        if self.mode() != Mode::Mit {
-            ids = ids.transmits(command(Mode::Mit, 8, Rate::Rare));
-        }
-        if self.mode() == Mode::Velocity {
-            // Shorter than the operations, which the load counts on.
-            ids = ids.transmits(command(Mode::Velocity, 4, Rate::Rare));
-        }
-        ids
+        can_ids(self.id.raw(), self.master.as_raw(), self.mode())
     }
 
     fn unpack_feedback(

@@ -3,9 +3,9 @@
 use embedded_can::Id;
 use heapless::Vec;
 
-use super::motor::Damiao;
+use super::config::Config;
 use super::registers::{NAMES, READ, REFRESH, Register, SAVE, WRITE};
-use super::wire::{ERRORS, Mode, Operation, REGISTERS, operate, standard};
+use super::wire::{DeviceId, ERRORS, Mode, Operation, REGISTERS, operate, standard};
 use crate::mit::{Limits, spread};
 use crate::signals::{ByteOrder, Marks, Message, Presence, Signal};
 
@@ -132,25 +132,27 @@ pub const MOST: usize = 22;
 
 /// The frames of a motor: its feedback, its commands, and the registers' frame, which all motors of
 /// a bus share and which is the same for each. Then the special ones: enable, disable, clear error
-/// and store zero, and what is asked and answered about registers.
-pub fn messages(motor: &Damiao, scaled: &'static Scaled) -> Vec<Message, MOST> {
-    let (name, len, signals): (_, _, &'static [Signal]) = match motor.mode() {
+/// and store zero, and what is asked and answered about registers. None of a motor with a `CAN_ID`
+/// that cannot be.
+pub fn messages(motor: &Config, scaled: &'static Scaled) -> Vec<Message, MOST> {
+    let (mode, id) = (motor.control.mode(), DeviceId::new(motor.can_id));
+    let Some(id) = id else { return Vec::new() };
+    let (name, len, signals): (_, _, &'static [Signal]) = match mode {
         Mode::Mit => ("DAMIAO_MIT", 8, &scaled.setpoint),
         Mode::PositionVelocity => ("DAMIAO_POSITION_VELOCITY", 8, &POSITION_VELOCITY),
         Mode::Velocity => ("DAMIAO_VELOCITY", 4, &VELOCITY),
         Mode::ForcePosition => ("DAMIAO_FORCE_POSITION", 8, &FORCE_POSITION),
     };
-    let id = motor.can_id();
-    let feedback = Id::Standard(motor.master_id());
+    let feedback = Id::Standard(standard(motor.master_id));
     let register = Id::Standard(standard(REGISTERS));
     let plain = [
         Message::new("DAMIAO_FEEDBACK", feedback, 8, true, &scaled.feedback),
-        Message::new(name, id.command_id(motor.mode()).into(), len, false, signals),
+        Message::new(name, id.command_id(mode).into(), len, false, signals),
         Message::new("DAMIAO_REGISTER", register, 8, false, &REGISTER),
     ];
     // The motor's own mode, and the bare identifier.
-    let modes = [motor.mode(), Mode::Mit];
-    let modes = if motor.mode() == Mode::Mit { &modes[1..] } else { &modes };
+    let modes = [mode, Mode::Mit];
+    let modes = if mode == Mode::Mit { &modes[1..] } else { &modes };
     let operations = modes.iter().flat_map(|&mode| {
         OPERATIONS.into_iter().map(move |(name, operation)| {
             let frame = operate(id, mode, operation);

@@ -253,10 +253,7 @@ impl Config {
     /// The first field that cannot, and what it must be.
     pub const fn validate(&self) -> Result<(), ConfigError> {
         ok!(self.model.ids(self.id));
-        match self.cascade.validate() {
-            Ok(()) => Ok(()),
-            Err(error) => Err(self.name().blame(error)),
-        }
+        self.name().blamed(self.cascade.validate())
     }
 
     /// The identifiers it occupies on its bus. Of a configuration that is [valid](Self::validate);

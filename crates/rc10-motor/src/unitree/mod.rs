@@ -38,6 +38,6 @@ pub mod signals;
 pub mod wire;
 
 pub use bus::{Rs485Bus, Rs485Counters, Step};
-pub use config::{CASCADE, IdOutOfRange, LARGEST_TORQUE};
+pub use config::{CASCADE, LARGEST_TORQUE, LineConfig, ModuleConfig};
 pub use module::GoModule;
 pub use rs485::GoM8010;

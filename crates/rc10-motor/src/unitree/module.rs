@@ -17,7 +17,7 @@
 //! the place of one that still waits.
 //!
 //! ```
-//! use rc10_motor::unitree::GoModule;
+//! use rc10_motor::unitree::{GoModule, ModuleConfig};
 //! use rc10_motor::{ArmSwitch, Impedance, MotorBus, Safety, Target};
 //! use rc10_motor::rc10_app::Degrees;
 //! use rc10_motor::rc10_can::Micros;
@@ -38,35 +38,22 @@
 mod sequence;
 
 use embedded_can::{ExtendedId, Id};
-use rc10_app::{Cascade, ConfigError, Degrees, Direction, Rpm};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_app::{ConfigError, Degrees, Rpm};
+use rc10_can::{CanFrame, Micros};
 
 use self::sequence::Sequence;
-use super::config::servo;
+use super::config::{ModuleConfig, OWNER};
 use super::motor::Actuator;
 use super::wire::module::{Content, FROM_MODULE, Module, Reply, Request as Question};
 use super::wire::{self, Address, RawImpedance, RawMotion, RotorScale};
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, Frames, MotorName, Rate};
+use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Spring;
 use crate::supervision::Link;
 use crate::target::{Impedance, Target, TargetError, TargetSet};
-
-/// Bits of an identifier with module, direction and motor.
-const OWNER: u32 = 0x1C00_0F00;
-/// The same, bits 25 and 24 and the lowest byte: zero in what is sent to a motor.
-const TO_MOTOR: u32 = 0x1F00_0FFF;
-
-/// By the module's number.
-const NAMES: [&str; 4] = [
-    "GO-M8010-6 behind module 0,",
-    "GO-M8010-6 behind module 1,",
-    "GO-M8010-6 behind module 2,",
-    "GO-M8010-6 behind module 3,",
-];
 
 /// A GO-M8010-6 behind a CAN-to-485 module.
 #[derive(Clone, Debug)]
@@ -83,43 +70,23 @@ pub struct GoModule {
 }
 
 impl GoModule {
-    /// The motor with number `motor` (0 ..= 14) behind module `module` (0 ..= 3, by its switches 1
-    /// and 2; 3 as it is sold), turning forward, with [`CASCADE`](super::CASCADE).
+    /// The motor that is set up like this.
     ///
     /// # Errors
-    /// [`ConfigError`], naming the number that no device has.
-    pub fn new(module: u8, motor: u8) -> Result<Self, ConfigError> {
-        let refuse = |field, value: u8, must_be| ConfigError::new(field, value.into(), must_be);
-        let address =
-            Address::new(motor).ok_or(refuse("motor", motor, "0 to 14 (15 is every motor)"))?;
-        let module = Module::new(module).ok_or(refuse("module", module, "0 to 3"))?;
+    /// [`ConfigError`], naming the field that cannot be used.
+    pub fn new(config: ModuleConfig) -> Result<Self, ConfigError> {
+        config.validate()?;
+        let (module, address) = config.devices()?;
         let owner = u32::from(module.get()) << 27 | FROM_MODULE | u32::from(address.get()) << 8;
         Ok(Self {
             module,
             address,
             owner,
-            actuator: Actuator::new(),
+            actuator: Actuator::new(config.direction, config.cascade),
             mode: DriveMode::Off,
             sequence: Sequence::new(),
             command: RawMotion::default(),
         })
-    }
-
-    /// Turning the given way.
-    #[must_use]
-    pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.actuator.turn(direction);
-        self
-    }
-
-    /// With gains of your own; the speed loop's output limit is the largest torque, N m.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
-    pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
-        let MotorName { model, id } = self.name();
-        self.actuator.servo = servo(cascade).map_err(|error| error.of_device(model, id))?;
-        Ok(self)
     }
 
     /// The module it is behind.
@@ -154,11 +121,6 @@ impl GoModule {
         self.actuator.pull(&Spring { way, speed: Rpm::new(speed), ..*spring })
     }
 
-    /// The pattern of identifiers that agree with this one where the mask has ones.
-    fn pattern(id: u32, mask: u32) -> IdPattern {
-        IdPattern::masked(ExtendedId::new(id).unwrap_or(ExtendedId::ZERO), mask)
-    }
-
     /// The stream of all frames to the motor: the part of the identifier that they have in common.
     const fn stream(&self) -> u32 {
         self.owner ^ FROM_MODULE
@@ -173,8 +135,7 @@ impl GoModule {
 
 impl Motor for GoModule {
     fn name(&self) -> MotorName {
-        let model = NAMES.get(usize::from(self.module.get())).copied().unwrap_or("GO-M8010-6");
-        MotorName { model, id: self.address.get().into() }
+        ModuleConfig::new(self.module.get(), self.address.get()).name()
     }
 
     fn supports(&self) -> TargetSet {
@@ -245,14 +206,7 @@ impl Motor for GoModule {
 
 impl CanMotor for GoModule {
     fn can_ids(&self) -> CanIds {
-        let (replies, commands) = (self.owner, self.stream());
-        let to_all = u32::from(self.module.get()) << 27 | u32::from(Address::BROADCAST.get()) << 8;
-        // One pattern for state, fault and gains: a bus has room for eight that are masked.
-        CanIds::new()
-            .receives(Frames::new(Self::pattern(replies, OWNER), 8, Rate::EveryTick))
-            .transmits(Frames::new(Self::pattern(commands, TO_MOTOR), 8, Rate::EveryTick))
-            .listens_to(Self::pattern(commands, OWNER))
-            .listens_to(Self::pattern(to_all, OWNER))
+        ModuleConfig::new(self.module.get(), self.address.get()).can_ids()
     }
 
     fn unpack_feedback(

@@ -1,7 +1,7 @@
-use rc10_app::{Celsius, Degrees, Direction, NewtonMetres, Rpm};
+use rc10_app::{Cascade, Celsius, Degrees, Direction, NewtonMetres, Rpm};
 use rc10_can::Micros;
 
-use super::config::STOCK_SERVO;
+use super::config::servo;
 use super::wire::{ANGLE_STEPS, GEAR, RawMotion, RotorScale, SPEED_STEPS};
 use crate::feedback::{Fault, Feedback};
 use crate::motor::Tick;
@@ -31,18 +31,14 @@ const RPM_PER_STEP: f32 = (60.0 / SPEED_STEPS) as f32;
 const OUTPUT: RotorScale = RotorScale::OUTPUT;
 
 impl Actuator {
-    pub(super) const fn new() -> Self {
+    pub(super) const fn new(direction: Direction, cascade: Cascade) -> Self {
         Self {
-            shaft: Shaft::new(ANGLE_STEPS, GEAR, Direction::Forward),
-            servo: STOCK_SERVO,
+            shaft: Shaft::new(ANGLE_STEPS, GEAR, direction),
+            servo: servo(cascade),
             reported: RawMotion { torque: 0, speed: 0, angle: 0 },
             temperature: Celsius::ZERO,
             fault: None,
         }
-    }
-
-    pub(super) const fn turn(&mut self, direction: Direction) {
-        self.shaft = Shaft::new(ANGLE_STEPS, GEAR, direction);
     }
 
     /// Takes a report of the motor, which came at `at`.

@@ -1,7 +1,7 @@
-use rc10_app::{Cascade, ConfigError, Direction};
+use rc10_app::ConfigError;
 use rc10_can::Micros;
 
-use super::config::{IdOutOfRange, servo};
+use super::config::LineConfig;
 use super::motor::Actuator;
 use super::wire::line::{COMMAND_LEN, Command, Reply};
 use super::wire::{Address, Impedance, RawImpedance, RawMotion, RotorScale, Status};
@@ -44,37 +44,21 @@ pub struct GoM8010 {
 const CLEARING: Retry = Retry::new(0.25, 1);
 
 impl GoM8010 {
-    /// The motor set to `id`, turning forward, with the gains of [`CASCADE`](super::CASCADE).
+    /// The motor that is set up like this.
     ///
     /// # Errors
-    /// [`IdOutOfRange`].
-    pub const fn new(id: u8) -> Result<Self, IdOutOfRange> {
-        let Some(address) = Address::new(id) else { return Err(IdOutOfRange { id }) };
+    /// [`ConfigError`], naming the field that cannot be used.
+    pub fn new(config: LineConfig) -> Result<Self, ConfigError> {
+        config.validate()?;
+        let address = config.address()?;
         Ok(Self {
             address,
-            actuator: Actuator::new(),
+            actuator: Actuator::new(config.direction, config.cascade),
             mode: DriveMode::Off,
             status: Status::LOCK,
             command: idle(address, Status::LOCK),
             pending: Pending::new(),
         })
-    }
-
-    /// Turning the given way.
-    #[must_use]
-    pub const fn with_direction(mut self, direction: Direction) -> Self {
-        self.actuator.turn(direction);
-        self
-    }
-
-    /// With gains of your own. The speed loop's output limit is the largest torque.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used.
-    pub fn with_cascade(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
-        let MotorName { model, id } = self.name();
-        self.actuator.servo = servo(cascade).map_err(|error| error.of_device(model, id))?;
-        Ok(self)
     }
 
     /// The address of its commands.
