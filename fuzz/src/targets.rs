@@ -13,7 +13,7 @@ use rc10_motor::damiao::Control;
 use rc10_motor::dji::{self, Dji, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::unitree::wire::line::{Command, Parser, Reply};
-use rc10_motor::unitree::{GoM8010, GoModule, Rs485Bus, Step};
+use rc10_motor::unitree::{GoM8010, GoModule, LineConfig, ModuleConfig, Rs485Bus, Step};
 use rc10_motor::{
     ArmSwitch, CanMotor, DriveMode, Feedback, FrameKind, Impedance, Link, Request, Safety, Target,
     Tick, TxBatch, cybergear, damiao, lk, odrive, vesc,
@@ -244,7 +244,7 @@ pub fn unitree_line(bytes: &[u8]) {
 /// The master of a line that hears these bytes in pieces.
 fn line_master(bytes: &[u8]) {
     let switch = ArmSwitch::new();
-    let mut motors = [0, 3].map(|id| GoM8010::new(id).unwrap());
+    let mut motors = [0, 3].map(|id| GoM8010::new(LineConfig::new(id)).unwrap());
     let mut line = Rs485Bus::new(&switch);
     let ids = motors.each_mut().map(|motor| line.attach(motor, Safety::HOLD).unwrap());
     switch.arm().unwrap();
@@ -292,7 +292,7 @@ fn crc_ccitt(bytes: &[u8]) -> u16 {
 
 /// Unitree's CAN module.
 pub fn unitree_module(bytes: &[u8]) {
-    motor(GoModule::new(2, 3).unwrap(), bytes);
+    motor(GoModule::new(ModuleConfig::new(2, 3)).unwrap(), bytes);
 }
 
 /// Efforts in N m.
@@ -315,7 +315,11 @@ pub fn damiao(bytes: &[u8]) {
         Control::ForcePosition { speed, torque_share: 0.5 },
     ];
     let control = controls[usize::from(first & 3)];
-    motor(damiao::Damiao::new(damiao::models::J4310, 0x11, 0x31, control).unwrap(), bytes);
+    motor(
+        damiao::Damiao::new(damiao::Config::new(damiao::models::J4310, 0x11, 0x31, control))
+            .unwrap(),
+        bytes,
+    );
 }
 
 /// CyberGear and RobStride.
@@ -324,7 +328,7 @@ pub fn cybergear(bytes: &[u8]) {
     let models = cybergear::models::ALL;
     let model = models[usize::from(*first) % models.len()];
     let address = cybergear::Address { motor: 0x7F, host: 0xFD };
-    motor(cybergear::CyberGear::new(model, address).unwrap(), bytes);
+    motor(cybergear::CyberGear::new(cybergear::Config::new(model, address)).unwrap(), bytes);
 }
 
 /// LK, commanded alone or with others.

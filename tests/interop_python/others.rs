@@ -63,8 +63,13 @@ pub fn nodes() -> Vec<Node> {
 fn damiao() -> Motor {
     fn messages() -> Vec<Message> {
         static SCALED: Scaled = Scaled::of(&J4310.limits);
-        let motor =
-            damiao::Damiao::new(J4310, DAMIAO_ID.into(), DAMIAO_MASTER, Control::Velocity).unwrap();
+        let motor = damiao::Damiao::new(damiao::Config::new(
+            J4310,
+            DAMIAO_ID.into(),
+            DAMIAO_MASTER,
+            Control::Velocity,
+        ))
+        .unwrap();
         damiao::signals::messages(&motor, &SCALED).into_iter().collect()
     }
     let device = Device::Can {
@@ -91,7 +96,7 @@ fn cybergear() -> Motor {
         name: MotorName { model: "CyberGear", id: CYBERGEAR_ID.into() },
         twin: |wire, inertia| {
             let plant = CYBERGEAR.plant().with_load_inertia(inertia);
-            Ok(wire.add(CyberGear::new(&CYBERGEAR, CYBERGEAR_ID), plant))
+            Ok(wire.add(CyberGear::new(cybergear::Config::new(&CYBERGEAR, CYBERGEAR_ID)), plant))
         },
         messages,
         not_in_dbc: cybergear::signals::NOT_IN_DBC,

@@ -53,7 +53,8 @@ pub fn run(which: Which, seed: u64, length: Micros, change: Option<Change<'_>>) 
             let shared = &table::Shared::new();
             let mit = damiao::Control::Mit(changed("arm", table::ARM));
             let (id, master) = table::ARM_IDS;
-            let mut arm = Damiao::new(damiao::models::J4310, id, master, mit).unwrap();
+            let mut arm =
+                Damiao::new(damiao::Config::new(damiao::models::J4310, id, master, mit)).unwrap();
             let turret = table::TURRET.cascade;
             let turret = lk::Config { cascade: changed("turret", turret), ..table::TURRET };
             let mut turret = Lk::new(table::TURRET_ID, turret).unwrap();
@@ -63,12 +64,16 @@ pub fn run(which: Which, seed: u64, length: Micros, change: Option<Change<'_>>) 
             let mut flywheel = ODrive::new(table::FLYWHEEL_NODE, flywheel).unwrap();
             let mut wheel = rc10_motor::vesc::Vesc::new(table::wheel()).unwrap();
             let (module, motor) = table::HIP;
-            let mut hip = rc10_motor::unitree::GoModule::new(module, motor).unwrap();
+            let mut hip =
+                rc10_motor::unitree::GoModule::new(ModuleConfig::new(module, motor)).unwrap();
             let model = &rc10_motor::cybergear::models::CYBERGEAR;
-            let mut wrist = rc10_motor::cybergear::CyberGear::new(model, table::WRIST).unwrap();
+            let mut wrist =
+                rc10_motor::cybergear::CyberGear::new(cybergear::Config::new(model, table::WRIST))
+                    .unwrap();
             let legs = std::array::from_fn(|id| u8::try_from(id).unwrap());
             let legs: [u8; table::LEGS] = legs;
-            let mut legs = legs.map(|id| rc10_motor::unitree::GoM8010::new(id).unwrap());
+            let mut legs =
+                legs.map(|id| rc10_motor::unitree::GoM8010::new(LineConfig::new(id)).unwrap());
             let mut line = table::line(&shared.switch).unwrap();
             for leg in &mut legs {
                 line.attach(leg, Safety::HOLD).unwrap();

@@ -6,7 +6,7 @@ use rc10_motor::damiao::signals::Scaled;
 use rc10_motor::signals::Message;
 use rc10_motor::unitree::wire::Address;
 use rc10_motor::unitree::wire::module::Module;
-use rc10_motor::unitree::{GoModule, Rs485Bus};
+use rc10_motor::unitree::{GoModule, ModuleConfig, Rs485Bus};
 use rc10_motor::{Motor as _, MotorBus, MotorName, cybergear, damiao, lk, odrive, unitree, vesc};
 use rc10_robot::mixed::{
     ARM_IDS, ARMED_AT, BUSES, FLYWHEEL, FLYWHEEL_NODE, HIP, LEGS, SCRIPT, Shared, TURRET,
@@ -36,9 +36,9 @@ pub fn description() -> Result<Description> {
     };
     let vesc = vesc::Vesc::new(wheel())?.name();
     let damiao = arm()?.name();
-    let hip = GoModule::new(HIP.0, HIP.1)?.name();
+    let hip = GoModule::new(ModuleConfig::new(HIP.0, HIP.1))?.name();
     let model = &cybergear::models::CYBERGEAR;
-    let wrist = cybergear::CyberGear::new(model, WRIST)?.name();
+    let wrist = cybergear::CyberGear::new(cybergear::Config::new(model, WRIST))?.name();
     let turret = lk::Lk::new(TURRET_ID, TURRET)?.name();
     let axis = odrive::ODrive::new(FLYWHEEL_NODE, FLYWHEEL)?.name();
     // Inertias in kg m² at the output shaft; our estimates.

@@ -20,7 +20,7 @@ mod sprung;
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Claim, Declaration, RULES, Report, Trial, check, check_line};
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::unitree::{GoM8010, LARGEST_TORQUE};
+use rc10_motor::unitree::{GoM8010, LARGEST_TORQUE, LineConfig};
 use rc10_motor::{Impedance, Target};
 use rc10_sim::unitree_line::{GoM8010 as Device, plant};
 
@@ -136,7 +136,7 @@ fn check_on_line(hold_gives: f64, softness: f64, other: u8) -> Report {
     let device = |wire: &rc10_sim::Line, id: u8| {
         wire.add(Device::new(id + other), plant().with_load_inertia(0.01))
     };
-    check_line(&declared, |id| GoM8010::new(id).unwrap(), device).unwrap_err()
+    check_line(&declared, |id| GoM8010::new(LineConfig::new(id)).unwrap(), device).unwrap_err()
 }
 
 #[test]

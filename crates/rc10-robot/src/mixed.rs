@@ -15,7 +15,7 @@ use rc10_motor::embassy::{BusPort, MotorPort, Rs485Port};
 use rc10_motor::lk::{self, Lk};
 use rc10_motor::odrive::{self, ODrive};
 use rc10_motor::rc10_app::Cascade;
-use rc10_motor::unitree::{self, GoM8010, GoModule, Rs485Bus};
+use rc10_motor::unitree::{self, GoM8010, GoModule, LineConfig, ModuleConfig, Rs485Bus};
 use rc10_motor::vesc::{self, Currents, ElectricalScale, Vesc, VescId};
 use rc10_motor::{ArmSwitch, AttachError, Impedance, MotorBus, MotorId, Safety, Target};
 
@@ -84,7 +84,7 @@ pub const ARM_IDS: (u16, u16) = (0x11, 0x31);
 /// # Errors
 /// [`ConfigError`], naming what cannot be.
 pub fn arm() -> Result<Damiao, ConfigError> {
-    Damiao::new(damiao::models::J4310, ARM_IDS.0, ARM_IDS.1, Control::Mit(ARM))
+    Damiao::new(damiao::Config::new(damiao::models::J4310, ARM_IDS.0, ARM_IDS.1, Control::Mit(ARM)))
 }
 
 /// The arm's loops. Efforts in N m; for a light arm on the shaft.
@@ -154,12 +154,12 @@ impl Motors {
     /// # Errors
     /// [`ConfigError`], naming what cannot be.
     pub fn new() -> Result<Self, SetupError> {
-        let leg = |id| GoM8010::new(id).map_err(SetupError::Leg);
+        let leg = |id| GoM8010::new(LineConfig::new(id)).map_err(SetupError::Leg);
         Ok(Self {
             wheel: Vesc::new(wheel())?,
             arm: arm()?,
-            hip: GoModule::new(HIP.0, HIP.1)?,
-            wrist: CyberGear::new(&cybergear::models::CYBERGEAR, WRIST)?,
+            hip: GoModule::new(ModuleConfig::new(HIP.0, HIP.1))?,
+            wrist: CyberGear::new(cybergear::Config::new(&cybergear::models::CYBERGEAR, WRIST))?,
             turret: Lk::new(TURRET_ID, TURRET)?,
             flywheel: ODrive::new(FLYWHEEL_NODE, FLYWHEEL)?,
             legs: [leg(0)?, leg(1)?, leg(2)?, leg(3)?, leg(4)?, leg(5)?, leg(6)?, leg(7)?],

@@ -34,7 +34,11 @@ fn motor(
     check(
         &declared,
         |motor| {
-            CyberGear::new(model, Address { motor, host: 0xFD }).unwrap().with_direction(direction)
+            CyberGear::new(
+                cybergear::Config::new(model, Address { motor, host: 0xFD })
+                    .with_direction(direction),
+            )
+            .unwrap()
         },
         |wire, motor| {
             wire.add(sim::CyberGear::new(device, motor), device.plant().with_load_inertia(inertia))

@@ -23,7 +23,7 @@ fn j4310(
         &declared,
         |id| {
             let (can_id, master_id) = ids(id);
-            Damiao::new(models::J4310, can_id, master_id, control)
+            Damiao::new(damiao::Config::new(models::J4310, can_id, master_id, control))
                 .unwrap()
                 .with_direction(direction)
         },

@@ -1,7 +1,7 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::unitree::{GoM8010, LARGEST_TORQUE};
+use rc10_motor::unitree::{GoM8010, LARGEST_TORQUE, LineConfig};
 use rc10_motor::{Impedance, Target};
 use rc10_sim::unitree_line::{GoM8010 as Device, plant};
 
@@ -29,7 +29,7 @@ pub fn go_m8010(direction: Direction) -> Result<(), Report> {
     ]);
     check_line(
         &declared,
-        |id| GoM8010::new(id).unwrap().with_direction(direction),
+        |id| GoM8010::new(LineConfig::new(id).with_direction(direction)).unwrap(),
         |wire, id| wire.add(Device::new(id), plant().with_load_inertia(0.01)),
     )
 }

@@ -1,7 +1,7 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::unitree::{GoModule, LARGEST_TORQUE};
+use rc10_motor::unitree::{GoModule, LARGEST_TORQUE, ModuleConfig};
 use rc10_motor::{Impedance, Target};
 use rc10_sim::EscFault;
 use rc10_sim::unitree_module::{UnitreeModule, plant};
@@ -34,7 +34,7 @@ pub fn go_m8010(direction: Direction) -> Result<(), Report> {
     ]);
     check(
         &declared,
-        |motor| GoModule::new(3, motor).unwrap().with_direction(direction),
+        |motor| GoModule::new(ModuleConfig::new(3, motor).with_direction(direction)).unwrap(),
         |wire, motor| {
             let module = UnitreeModule::new(3).unwrap();
             wire.add(module.motor(motor).unwrap(), plant().with_load_inertia(0.01))

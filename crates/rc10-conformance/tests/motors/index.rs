@@ -10,7 +10,7 @@ use rc10_motor::dji::{self, Dji};
 use rc10_motor::lk::{self, Commands, Lk};
 use rc10_motor::odrive::{self, Firmware, InputMode, Limits, ODrive, Rates};
 use rc10_motor::rc10_app::Cascade;
-use rc10_motor::unitree::{GoM8010, GoModule};
+use rc10_motor::unitree::{GoM8010, GoModule, LineConfig, ModuleConfig};
 use rc10_motor::vesc::{self, Currents, Vesc, VescId};
 use rc10_motor::{ArmSwitch, CanMotor, Motor, MotorBus, Safety, TargetKind, TargetSet};
 
@@ -36,16 +36,16 @@ fn vesc(id: u8) -> Vesc {
 }
 
 fn module(module: u8, motor: u8) -> GoModule {
-    GoModule::new(module, motor).unwrap()
+    GoModule::new(ModuleConfig::new(module, motor)).unwrap()
 }
 
 /// `None` for identifiers that the constructor refuses.
 fn damiao(can_id: u16, master_id: u16, control: Control) -> Option<Damiao> {
-    Damiao::new(damiao::models::J4310, can_id, master_id, control).ok()
+    Damiao::new(damiao::Config::new(damiao::models::J4310, can_id, master_id, control)).ok()
 }
 
 fn robstride(model: &'static cybergear::Model, motor: u8, host: u8) -> CyberGear {
-    CyberGear::new(model, cybergear::Address { motor, host }).unwrap()
+    CyberGear::new(cybergear::Config::new(model, cybergear::Address { motor, host })).unwrap()
 }
 
 fn lk(id: u8, commands: Commands) -> Lk {
@@ -123,7 +123,7 @@ fn targets_and_loads_are_those_of_the_page() {
         let load = bus.load(1_000_000);
         assert_eq!(cell(row, 5), format!("{:.0} / {:.0}", load.typical, load.worst), "{row}");
     }
-    assert_targets("GO-M8010-6, RS-485", GoM8010::new(0).unwrap().supports());
+    assert_targets("GO-M8010-6, RS-485", GoM8010::new(LineConfig::new(0)).unwrap().supports());
 }
 
 /// Whether the bus refuses them.

@@ -169,7 +169,8 @@ pub fn check_sprung(slip: Slip) -> Result<(), Report> {
         |id| {
             let (can_id, master_id) = ids(id);
             let control = Control::Mit(cascade);
-            let good = Damiao::new(models::J4310, can_id, master_id, control).unwrap();
+            let good = Damiao::new(damiao::Config::new(models::J4310, can_id, master_id, control))
+                .unwrap();
             Sprung { good, slip, asked: None, driven: 0 }
         },
         |wire, id| {

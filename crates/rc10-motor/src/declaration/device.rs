@@ -1,7 +1,7 @@
 use rc10_app::{ConfigError, Direction};
 
 use crate::can_ids::{CanIds, MotorName};
-use crate::dji;
+use crate::{cybergear, damiao, dji, lk, odrive, unitree, vesc};
 
 /// The device of a motor with its configuration, whatever its vendor: for checks and tools.
 #[derive(Clone, Copy, Debug)]
@@ -9,6 +9,20 @@ use crate::dji;
 pub enum Device {
     /// A [`Dji`](dji::Dji).
     Dji(dji::Config),
+    /// A [`Vesc`](vesc::Vesc).
+    Vesc(vesc::Config),
+    /// A [`Damiao`](damiao::Damiao).
+    Damiao(damiao::Config),
+    /// A [`CyberGear`](cybergear::CyberGear).
+    CyberGear(cybergear::Config),
+    /// An [`Lk`](lk::Lk).
+    Lk(lk::Config),
+    /// An [`ODrive`](odrive::ODrive).
+    ODrive(odrive::Config),
+    /// A [`GoModule`](unitree::GoModule).
+    GoModule(unitree::ModuleConfig),
+    /// A [`GoM8010`](unitree::GoM8010).
+    GoM8010(unitree::LineConfig),
     /// A motor on CAN that this crate does not know.
     Other(OtherDevice),
 }
@@ -39,6 +53,13 @@ impl Device {
     pub const fn name(&self) -> MotorName {
         match self {
             Self::Dji(config) => config.name(),
+            Self::Vesc(config) => config.name(),
+            Self::Damiao(config) => config.name(),
+            Self::CyberGear(config) => config.name(),
+            Self::Lk(config) => config.name(),
+            Self::ODrive(config) => config.name(),
+            Self::GoModule(config) => config.name(),
+            Self::GoM8010(config) => config.name(),
             Self::Other(device) => device.name,
         }
     }
@@ -47,6 +68,13 @@ impl Device {
     pub const fn direction(&self) -> Direction {
         match self {
             Self::Dji(config) => config.direction,
+            Self::Vesc(config) => config.direction,
+            Self::Damiao(config) => config.direction,
+            Self::CyberGear(config) => config.direction,
+            Self::Lk(config) => config.direction,
+            Self::ODrive(config) => config.direction,
+            Self::GoModule(config) => config.direction,
+            Self::GoM8010(config) => config.direction,
             Self::Other(device) => device.direction,
         }
     }
@@ -58,6 +86,13 @@ impl Device {
     pub const fn validate(&self) -> Result<(), ConfigError> {
         match self {
             Self::Dji(config) => config.validate(),
+            Self::Vesc(config) => config.validate(),
+            Self::Damiao(config) => config.validate(),
+            Self::CyberGear(config) => config.validate(),
+            Self::Lk(config) => config.validate(),
+            Self::ODrive(config) => config.validate(),
+            Self::GoModule(config) => config.validate(),
+            Self::GoM8010(config) => config.validate(),
             Self::Other(_) => Ok(()),
         }
     }
@@ -66,21 +101,37 @@ impl Device {
     pub const fn wiring(&self) -> Wiring {
         Wiring::Can(match self {
             Self::Dji(config) => config.can_ids(),
+            Self::Vesc(config) => config.can_ids(),
+            Self::Damiao(config) => config.can_ids(),
+            Self::CyberGear(config) => config.can_ids(),
+            Self::Lk(config) => config.can_ids(),
+            Self::ODrive(config) => config.can_ids(),
+            Self::GoModule(config) => config.can_ids(),
+            Self::GoM8010(config) => return Wiring::Line(config.id),
             Self::Other(device) => device.ids,
         })
     }
 }
 
-impl dji::Config {
-    /// The same, as one of many vendors.
-    pub const fn device(self) -> Device {
-        Device::Dji(self)
-    }
+macro_rules! devices {
+    ($($device:ident: $config:ty),+ $(,)?) => {$(
+        impl $config {
+            /// The same, as one of many vendors.
+            pub const fn device(self) -> Device {
+                Device::$device(self)
+            }
+        }
+    )+};
 }
 
-impl OtherDevice {
-    /// The same, as one of many vendors.
-    pub const fn device(self) -> Device {
-        Device::Other(self)
-    }
+devices! {
+    Dji: dji::Config,
+    Vesc: vesc::Config,
+    Damiao: damiao::Config,
+    CyberGear: cybergear::Config,
+    Lk: lk::Config,
+    ODrive: odrive::Config,
+    GoModule: unitree::ModuleConfig,
+    GoM8010: unitree::LineConfig,
+    Other: OtherDevice,
 }

@@ -1,9 +1,11 @@
 //! Models of drives, and the setup of one drive.
 
 use rc10_app::maths::within;
-use rc10_app::{Amps, Cascade, ConfigError, Degrees, Direction, Gear};
+use rc10_app::{Amps, Cascade, ConfigError, Degrees, Direction, Gear, ok};
+use rc10_can::IdPattern;
 
-use super::wire::{DriveId, FULL_SCALE, Motion, OPEN_LOOP};
+use super::wire::{BASE_ID, DriveId, FULL_SCALE, MULTI_MOTOR, Motion, OPEN_LOOP};
+use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
 use crate::motor::FrameError;
 
 /// Width of the encoder value in answers.
@@ -154,6 +156,8 @@ pub enum Commands {
 pub struct Config {
     /// Current step, encoder, gearbox, torque constant.
     pub model: Model,
+    /// The identifier set on it: 1 to 32, 1 to 4 in the multi-motor frame.
+    pub id: u8,
     /// Loops and limits: amperes of iq, at the output shaft. The largest current is the speed
     /// loop's output limit.
     pub cascade: Cascade,
@@ -165,8 +169,8 @@ pub struct Config {
 
 impl Config {
     /// A drive as it is sold: commands of its own, counting as the drive does.
-    pub const fn new(model: Model, cascade: Cascade) -> Self {
-        Self { model, cascade, commands: Commands::Single, direction: Direction::Forward }
+    pub const fn new(model: Model, id: u8, cascade: Cascade) -> Self {
+        Self { model, id, cascade, commands: Commands::Single, direction: Direction::Forward }
     }
 
     /// Commanded by these frames.
@@ -181,34 +185,73 @@ impl Config {
         Self { direction, ..self }
     }
 
-    /// Whether a drive set to `id` can be like that; its identifier and its lane.
-    pub(super) fn checked(&self, id: u8) -> Result<(DriveId, usize), ConfigError> {
-        let check = ConfigError::check;
-        let number = DriveId::new(id);
-        let error = |must_be| ConfigError::new("id", id.into(), must_be);
-        let drive = number.ok_or_else(|| error("1 to 32"))?;
-        let lane = match self.commands {
-            Commands::Single => 0,
-            Commands::MultiMotor => {
-                drive.multi_motor_lane().ok_or_else(|| error("1 to 4 in the multi-motor frame"))?
-            }
-        };
+    /// Model and identifier.
+    pub const fn name(&self) -> MotorName {
+        MotorName { model: self.model.name, id: self.id as u16 }
+    }
+
+    /// Whether every field can be used.
+    ///
+    /// # Errors
+    /// The first field that cannot, and what it must be.
+    pub const fn validate(&self) -> Result<(), ConfigError> {
+        self.name().blamed(self.check())
+    }
+
+    const fn check(&self) -> Result<(), ConfigError> {
+        ok!(self.lane());
         let Model { amps_per_count, gear, torque_constant, .. } = self.model;
-        let usable = |value: f32| value.is_finite() && value > 0.0;
-        check(
-            usable(amps_per_count),
-            "amps_per_count",
-            amps_per_count,
-            "finite and above zero: an MS drive has no current loop",
-        )?;
-        let constant = torque_constant.unwrap_or(1.0);
-        check(usable(constant), "torque_constant", constant, "finite and above zero")?;
+        let must_be = "finite and above zero: an MS drive has no current loop";
+        let is_good = is_usable(amps_per_count);
+        ok!(ConfigError::check(is_good, "amps_per_count", amps_per_count, must_be));
+        if let Some(constant) = torque_constant {
+            let must_be = "finite and above zero";
+            ok!(ConfigError::check(is_usable(constant), "torque_constant", constant, must_be));
+        }
         let ratio = gear.ratio();
-        check(ratio >= 1.0, "gear", ratio, "one rotor turn or more for a turn of the output")?;
-        self.cascade.validate()?;
+        let must_be = "one rotor turn or more for a turn of the output";
+        ok!(ConfigError::check(ratio >= 1.0, "gear", ratio, must_be));
+        ok!(self.cascade.validate());
         let limit = self.cascade.speed.output_limit;
         let fits = limit <= self.model.full_scale().get();
-        check(fits, "output_limit", limit, "at most 2048 steps of the model's current")?;
-        Ok((drive, lane))
+        let must_be = "at most 2048 steps of the model's current";
+        ConfigError::check(fits, "output_limit", limit, must_be)
     }
+
+    /// Its identifier, and the first of its two bytes in the multi-motor frame.
+    pub(super) const fn lane(&self) -> Result<(DriveId, usize), ConfigError> {
+        let Some(drive) = DriveId::new(self.id) else {
+            return Err(ConfigError::new("id", self.id as f32, "1 to 32"));
+        };
+        match (self.commands, drive.multi_motor_lane()) {
+            (Commands::Single, _) => Ok((drive, 0)),
+            (Commands::MultiMotor, Some(lane)) => Ok((drive, lane)),
+            (Commands::MultiMotor, None) => {
+                Err(ConfigError::new("id", self.id as f32, "1 to 4 in the multi-motor frame"))
+            }
+        }
+    }
+
+    /// The identifiers it occupies on its bus. Of a configuration that is [valid](Self::validate);
+    /// else none.
+    pub const fn can_ids(&self) -> CanIds {
+        match self.lane() {
+            Ok((id, lane)) => can_ids(id, self.commands, lane),
+            Err(_) => CanIds::new(),
+        }
+    }
+}
+
+const fn is_usable(value: f32) -> bool {
+    value.is_finite() && value > 0.0
+}
+
+pub(super) const fn can_ids(id: DriveId, commands: Commands, lane: usize) -> CanIds {
+    let own = IdPattern::standard(BASE_ID + id.number() as u16);
+    let command = match commands {
+        Commands::Single => Frames::new(own, 8, Rate::EveryTick),
+        Commands::MultiMotor => Frames::new(IdPattern::standard(MULTI_MOTOR), 8, Rate::EveryTick)
+            .owned(Ownership::Bytes(0b11 << lane)),
+    };
+    CanIds::new().receives(Frames::new(own, 8, Rate::EveryTick)).transmits(command)
 }

@@ -1,14 +1,14 @@
 //! The motor: its shaft, its loops, its frames.
 
 use rc10_app::{Amps, Celsius, ConfigError, NewtonMetres, Volts};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_can::{CanFrame, Micros};
 
-use super::config::{Commands, Config, Model};
+use super::config::{Commands, Config, Model, can_ids};
 use super::wire::{
     CLEAR_ERRORS, CURRENT, Command, DriveId, Health, MOTION, MULTI_MOTOR_ID, Motion, Reply,
 };
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
+use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
 use crate::pending::{Pending, Retry};
@@ -68,16 +68,14 @@ pub struct Lk {
 }
 
 impl Lk {
-    /// The drive set to identifier `id`.
+    /// The drive that is set up like this.
     ///
     /// # Errors
-    /// [`ConfigError`], naming what cannot be: an identifier outside 1 ..= 32 (1 ..= 4 in the
-    /// multi-motor frame), a model without a current loop, a gearbox that is faster than the rotor,
-    /// or what [`Cascade::validate`](rc10_app::Cascade::validate) finds.
-    pub fn new(id: u8, config: Config) -> Result<Self, ConfigError> {
-        let Config { model, cascade, commands, direction } = config;
-        let named = |error: ConfigError| error.of_device(model.name, id.into());
-        let (id, lane) = config.checked(id).map_err(named)?;
+    /// [`ConfigError`], naming the field that cannot be used.
+    pub fn new(config: Config) -> Result<Self, ConfigError> {
+        config.validate()?;
+        let (id, lane) = config.lane()?;
+        let Config { model, cascade, commands, direction, .. } = config;
         Ok(Self {
             id,
             model,
@@ -287,14 +285,7 @@ impl Motor for Lk {
 
 impl CanMotor for Lk {
     fn can_ids(&self) -> CanIds {
-        let own = self.id.can_id();
-        let (id, ownership) = match self.commands {
-            Commands::Single => (own, Ownership::Whole),
-            Commands::MultiMotor => (MULTI_MOTOR_ID, Ownership::Bytes(0b11 << self.lane)),
-        };
-        CanIds::new()
-            .receives(Frames::new(IdPattern::exact(own), 8, Rate::EveryTick))
-            .transmits(Frames::new(IdPattern::exact(id), 8, Rate::EveryTick).owned(ownership))
+        can_ids(self.id, self.commands, self.lane)
     }
 
     fn unpack_feedback(

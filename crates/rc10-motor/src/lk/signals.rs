@@ -28,8 +28,8 @@ pub const NOT_IN_DBC: &[&str] = &[
 ///
 /// # Errors
 /// [`ConfigError`] as for [`Lk::new`](super::Lk::new).
-pub fn messages(id: u8, config: &Config) -> Result<Vec<Message, MOST>, ConfigError> {
-    let (id, _) = config.checked(id)?;
+pub fn messages(config: &Config) -> Result<Vec<Message, MOST>, ConfigError> {
+    let (id, _) = config.lane()?;
     let id = Id::from(id.can_id());
     let Table { answers, motion, current } = table(&config.model);
     let mut messages = Vec::new();

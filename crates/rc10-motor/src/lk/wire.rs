@@ -32,11 +32,12 @@ pub(super) const TURN_BY: u8 = 0xA7;
 pub(super) const TURN_BY_LIMITED: u8 = 0xA8;
 
 /// Commands and answers of a drive stand at this plus its identifier (manual V2.3).
-const BASE_ID: u16 = 0x140;
+pub(super) const BASE_ID: u16 = 0x140;
 const LAST_ID: u8 = 32;
 
 /// The frame that carries the current of drives 1 ..= 4 (manual V2.3, multi-motor command).
-pub const MULTI_MOTOR_ID: StandardId = standard(0x280);
+pub const MULTI_MOTOR_ID: StandardId = standard(MULTI_MOTOR);
+pub(super) const MULTI_MOTOR: u16 = 0x280;
 
 /// Raw iq at full scale, of every model (manual V2.3, answer to `9C`: ±2048; librm clamps commands
 /// to the same).

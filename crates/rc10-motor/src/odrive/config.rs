@@ -1,13 +1,20 @@
 //! The setup and control of an axis, and the meaning of the bits of its error word.
 
-use rc10_app::{Amps, Cascade, ConfigError, Direction, Gear, Rpm};
+use rc10_app::{Amps, Cascade, ConfigError, Direction, Gear, Rpm, ok};
+use rc10_can::IdPattern;
 
-use super::wire::{ControlMode, InputMode, Node};
+use super::wire::{
+    CLEAR_ERRORS, CURRENTS, ControlMode, ESTIMATES, HEARTBEAT, InputMode, MESSAGE_BITS, Node,
+    POSITION, SUPPLY, TEMPERATURES, TORQUE, VELOCITY,
+};
+use crate::can_ids::{CanIds, Frames, MotorName, Rate};
 use crate::feedback::Fault;
 
 /// The setup of an axis, and how it is controlled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config {
+    /// Its number, 0 to 62: an axis without a number has 63.
+    pub node: u8,
     /// Its firmware: what its errors mean.
     pub firmware: Firmware,
     /// Turns of the encoder's shaft for turns of the output shaft. Torques on the wire are those of
@@ -73,6 +80,39 @@ impl Rates {
     pub const fn new(estimates: u16, heartbeat: u16) -> Self {
         Self { estimates, heartbeat, currents: 0, temperatures: 0, supply: 0 }
     }
+
+    /// Each message with its rate.
+    pub(super) const fn all(&self) -> [(u8, u16); 5] {
+        [
+            (ESTIMATES, self.estimates),
+            (HEARTBEAT, self.heartbeat),
+            (CURRENTS, self.currents),
+            (TEMPERATURES, self.temperatures),
+            (SUPPLY, self.supply),
+        ]
+    }
+
+    const fn check(&self, firmware: &Firmware) -> Result<(), ConfigError> {
+        const FIELDS: [&str; 5] = ["estimates", "heartbeat", "currents", "temperatures", "supply"];
+        let (mut at, all) = (0, self.all());
+        while at < all.len() {
+            let (field, rate) = (FIELDS[at], all[at].1);
+            let is_sent = at >= 2 || rate >= 1 && rate <= 1000;
+            ok!(ConfigError::check(is_sent, field, rate as f32, "1 to 1000 Hz"));
+            at += 1;
+        }
+        at = 1;
+        // The link time-out follows from the most frequent message.
+        while at < all.len() {
+            let (field, rate) = (FIELDS[at], all[at].1);
+            let must_be = "not above the rate of the estimates";
+            ok!(ConfigError::check(rate <= self.estimates, field, rate as f32, must_be));
+            at += 1;
+        }
+        let tells = firmware.has_temperatures || self.temperatures == 0;
+        let must_be = "0: this firmware does not send them";
+        ConfigError::check(tells, "temperatures", self.temperatures as f32, must_be)
+    }
 }
 
 /// The limits of an axis.
@@ -86,8 +126,9 @@ pub struct Limits {
 
 impl Config {
     /// An axis that turns the output shaft directly and forward, and is told no limits.
-    pub const fn new(firmware: Firmware, control: Control, rates: Rates) -> Self {
+    pub const fn new(node: u8, firmware: Firmware, control: Control, rates: Rates) -> Self {
         Self {
+            node,
             firmware,
             gear: Gear::DIRECT,
             direction: Direction::Forward,
@@ -116,57 +157,102 @@ impl Config {
         Self { limits: Some(limits), ..self }
     }
 
-    /// Whether a node can be like that.
-    pub(super) fn checked(&self, node: u8) -> Result<Node, ConfigError> {
-        let check = ConfigError::check;
-        let reserved =
-            ConfigError::new("node", node.into(), "0 to 62: an axis without a number has 63");
-        let node = Node::new(node).filter(|node| node.number() < 63).ok_or(reserved)?;
+    /// Model and node.
+    pub const fn name(&self) -> MotorName {
+        MotorName { model: "ODrive", id: self.node as u16 }
+    }
+
+    /// Whether every field can be used.
+    ///
+    /// # Errors
+    /// The first field that cannot, and what it must be.
+    pub const fn validate(&self) -> Result<(), ConfigError> {
+        self.name().blamed(self.check())
+    }
+
+    const fn check(&self) -> Result<(), ConfigError> {
+        ok!(self.checked_node());
         let ratio = self.gear.ratio();
-        check(ratio >= 1.0, "gear", ratio, "one turn or more for a turn of the output")?;
-        self.check_control()?;
-        let Rates { estimates, heartbeat, currents, temperatures, supply } = self.rates;
-        for (field, rate) in [("estimates", estimates), ("heartbeat", heartbeat)] {
-            check((1..=1000).contains(&rate), field, rate.into(), "1 to 1000 Hz")?;
-        }
-        // The link time-out follows from the most frequent message.
-        for (field, rate) in [
-            ("heartbeat", heartbeat),
-            ("currents", currents),
-            ("temperatures", temperatures),
-            ("supply", supply),
-        ] {
-            check(rate <= estimates, field, rate.into(), "not above the rate of the estimates")?;
-        }
-        let tells = self.firmware.has_temperatures || temperatures == 0;
-        check(tells, "temperatures", temperatures.into(), "0: this firmware does not send them")?;
-        let usable = |value: f32| value.is_finite() && value > 0.0;
+        let must_be = "one turn or more for a turn of the output";
+        ok!(ConfigError::check(ratio >= 1.0, "gear", ratio, must_be));
+        ok!(self.check_control());
+        ok!(self.rates.check(&self.firmware));
         if let Some(Limits { speed, current }) = self.limits {
-            check(usable(speed.get()), "speed limit", speed.get(), "finite and above zero")?;
-            check(usable(current.get()), "current limit", current.get(), "finite and above zero")?;
+            ok!(check_usable("speed limit", speed.get()));
+            ok!(check_usable("current limit", current.get()));
         }
         let needed = !matches!(self.control, Control::Torque(_)) && self.limits.is_none();
         let must_be = "given to an axis that closes its own loops: by them it starts softly";
-        check(!needed, "limits", f32::NAN, must_be)?;
-        let constant = self.torque_constant.unwrap_or(1.0);
-        check(usable(constant), "torque_constant", constant, "finite and above zero")?;
-        Ok(node)
+        ok!(ConfigError::check(!needed, "limits", f32::NAN, must_be));
+        match self.torque_constant {
+            Some(constant) => check_usable("torque_constant", constant),
+            None => Ok(()),
+        }
     }
 
-    fn check_control(&self) -> Result<(), ConfigError> {
+    const fn check_control(&self) -> Result<(), ConfigError> {
         use InputMode::{Passthrough, PositionFilter, Trapezoid, VelocityRamp};
-        let (input, good, must_be) = match self.control {
+        let (input, good, must_be) = match &self.control {
             Control::Torque(cascade) => return cascade.validate(),
             Control::Velocity(input) => {
-                (input, matches!(input, Passthrough | VelocityRamp), "passthrough (1) or ramp (2)")
+                (*input, matches!(input, Passthrough | VelocityRamp), "passthrough (1) or ramp (2)")
             }
             Control::Position(input) => {
                 let good = matches!(input, Passthrough | PositionFilter | Trapezoid);
-                (input, good, "passthrough (1), filter (3) or trapezoid (5)")
+                (*input, good, "passthrough (1), filter (3) or trapezoid (5)")
             }
         };
-        ConfigError::check(good, "input mode", f32::from(input as u8), must_be)
+        ConfigError::check(good, "input mode", input as u8 as f32, must_be)
     }
+
+    /// Its node, if there is such a one.
+    pub(super) const fn checked_node(&self) -> Result<Node, ConfigError> {
+        match Node::new(self.node) {
+            Some(node) if self.node < 63 => Ok(node),
+            _ => {
+                let must_be = "0 to 62: an axis without a number has 63";
+                Err(ConfigError::new("node", self.node as f32, must_be))
+            }
+        }
+    }
+
+    /// The identifiers it occupies on its bus. Of a configuration that is [valid](Self::validate).
+    pub const fn can_ids(&self) -> CanIds {
+        can_ids(self.node, self.control.modes().0, &self.rates)
+    }
+}
+
+const fn check_usable(field: &'static str, value: f32) -> Result<(), ConfigError> {
+    let is_good = value.is_finite() && value > 0.0;
+    ConfigError::check(is_good, field, value, "finite and above zero")
+}
+
+/// The bits of an identifier that tell the node; the other five are the message.
+pub(super) const NODE_MASK: u16 = 0x7E0;
+
+pub(super) const fn can_ids(node: u8, mode: ControlMode, rates: &Rates) -> CanIds {
+    let input = match mode {
+        ControlMode::Velocity => VELOCITY,
+        ControlMode::Position => POSITION,
+        ControlMode::Torque | ControlMode::Voltage => TORQUE,
+    };
+    let mut ids = CanIds::new()
+        .transmits(Frames::new(message(node, input), 8, Rate::EveryTick))
+        .transmits(Frames::new(message(node, 0).under(NODE_MASK as u32), 8, Rate::Rare))
+        .transmits(Frames::new(message(node, CLEAR_ERRORS), 0, Rate::Rare));
+    let (mut at, all) = (0, rates.all());
+    while at < all.len() {
+        let (number, rate) = all[at];
+        if rate > 0 {
+            ids = ids.receives(Frames::new(message(node, number), 8, Rate::Hz(rate)));
+        }
+        at += 1;
+    }
+    ids
+}
+
+const fn message(node: u8, number: u8) -> IdPattern {
+    IdPattern::standard((node as u16) << MESSAGE_BITS | number as u16)
 }
 
 /// A family of firmware, by what its error word means.

@@ -2,16 +2,15 @@
 
 use rc10_app::angle::shortest_way;
 use rc10_app::{Amps, Celsius, ConfigError, NewtonMetres, Seconds, Volts};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_can::{CanFrame, Micros};
 
-use super::config::{Config, Control, Firmware, Limits, Rates};
+use super::config::{Config, Control, Firmware, Limits, NODE_MASK, Rates, can_ids};
 use super::wire::{
-    AxisState, CLEAR_ERRORS, CURRENTS, Command, ControlMode, Currents, ESTIMATES, Estimates,
-    HEARTBEAT, Heartbeat, InputMode, Message, Node, POSITION, SUPPLY, TEMPERATURES, TORQUE,
-    Temperatures, VELOCITY,
+    AxisState, Command, ControlMode, Currents, Estimates, Heartbeat, InputMode, Message, Node,
+    TEMPERATURES, Temperatures,
 };
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, Frames, MotorName, Rate};
+use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::{Goal, Goals};
 use crate::motor::{self, CanMotor, DriveMode, FrameError, FrameKind, Motor, Tick};
@@ -22,8 +21,6 @@ use crate::shaft::Shaft;
 use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
-/// The bits of an identifier that tell the node; the other five are the message.
-const NODE_MASK: u16 = 0x7E0;
 /// From here on an f32 does not tell one turn from the next.
 const MAX_TURNS: f32 = 16_777_216.0;
 /// No encoder turns so fast, turns a second.
@@ -115,16 +112,14 @@ pub struct ODrive {
 }
 
 impl ODrive {
-    /// The axis with this number.
+    /// The axis that is set up like this.
     ///
     /// # Errors
-    /// [`ConfigError`], naming what cannot be: a node that is not 0 ..= 62, a gearbox that is faster
-    /// than the encoder, an input mode that is none of its control mode's, rates, limits, and what
-    /// [`Cascade::validate`](rc10_app::Cascade::validate) finds.
-    pub fn new(node: u8, config: Config) -> Result<Self, ConfigError> {
+    /// [`ConfigError`], naming the field that cannot be used.
+    pub fn new(config: Config) -> Result<Self, ConfigError> {
         use TargetKind::{Angle, Coast, Speed, TotalAngle};
-        let named = |error: ConfigError| error.of_device("ODrive", node.into());
-        let node = config.checked(node).map_err(named)?;
+        config.validate()?;
+        let node = config.checked_node()?;
         let in_axis = |kinds| Loops::Axis { goals: Goals::new(TargetSet::of(kinds)), input: 0.0 };
         Ok(Self {
             node,
@@ -249,15 +244,7 @@ impl ODrive {
 
     /// The messages that an axis may send, with their rates in Hz.
     fn messages(&self) -> impl Iterator<Item = (u8, u16)> {
-        let Rates { estimates, heartbeat, currents, temperatures, supply } = self.rates;
-        let all = [
-            (ESTIMATES, estimates),
-            (HEARTBEAT, heartbeat),
-            (CURRENTS, currents),
-            (TEMPERATURES, temperatures),
-            (SUPPLY, supply),
-        ];
-        all.into_iter().filter(|(_, rate)| *rate > 0)
+        self.rates.all().into_iter().filter(|(_, rate)| *rate > 0)
     }
     fn heard_other(
         &mut self,
@@ -507,20 +494,7 @@ fn store(field: &mut f32, value: f32) -> Result<FrameKind, FrameError> {
 
 impl CanMotor for ODrive {
     fn can_ids(&self) -> CanIds {
-        let input = match self.modes.0 {
-            ControlMode::Velocity => VELOCITY,
-            ControlMode::Position => POSITION,
-            ControlMode::Torque | ControlMode::Voltage => TORQUE,
-        };
-        let exact = |message| IdPattern::exact(self.node.can_id(message));
-        let all = IdPattern::masked(self.node.can_id(0), NODE_MASK.into());
-        let sent = CanIds::new()
-            .transmits(Frames::new(exact(input), 8, Rate::EveryTick))
-            .transmits(Frames::new(all, 8, Rate::Rare))
-            .transmits(Frames::new(exact(CLEAR_ERRORS), 0, Rate::Rare));
-        self.messages().fold(sent, |ids, (message, rate)| {
-            ids.receives(Frames::new(exact(message), 8, Rate::Hz(rate)))
-        })
+        can_ids(self.node.number(), self.modes.0, &self.rates)
     }
 
     fn unpack_feedback(

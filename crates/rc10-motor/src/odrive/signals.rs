@@ -24,8 +24,8 @@ pub const NOT_IN_DBC: &[&str] = &[
 ///
 /// # Errors
 /// [`ConfigError`] as for [`ODrive::new`](super::ODrive::new).
-pub fn messages(node: u8, config: &Config) -> Result<Vec<Message, MOST>, ConfigError> {
-    let node = config.checked(node)?;
+pub fn messages(config: &Config) -> Result<Vec<Message, MOST>, ConfigError> {
+    let node = config.checked_node()?;
     let firmware = &config.firmware;
     let (frames, asks) =
         if firmware.has_temperatures { (FRAMES_0_6, ASKS_0_6) } else { (FRAMES_0_5, ASKS_0_5) };

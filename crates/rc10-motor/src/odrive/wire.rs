@@ -24,7 +24,7 @@ pub(super) const SUPPLY: u8 = 0x17;
 pub(super) const CLEAR_ERRORS: u8 = 0x18;
 
 const LAST_NODE: u8 = 63;
-const MESSAGE_BITS: u32 = 5;
+pub(super) const MESSAGE_BITS: u32 = 5;
 const MESSAGE_MASK: u16 = (1 << MESSAGE_BITS) - 1;
 
 /// The feed-forwards of a position: 0.001 turns/s and 0.001 N m a step (firmware 0.5.6,

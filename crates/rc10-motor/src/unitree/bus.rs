@@ -27,7 +27,7 @@ use crate::supervision::{Link, Safety, count};
 /// use rc10_motor::{ArmSwitch, Safety, Target};
 ///
 /// let switch = ArmSwitch::new();
-/// let mut knee = GoM8010::new(0)?;
+/// let mut knee = GoM8010::new(LineConfig::new(0))?;
 /// let mut bus = Rs485Bus::new(&switch);
 /// let knee = bus.attach(&mut knee, Safety::COAST)?;
 ///

@@ -24,8 +24,8 @@
 //!
 //! let switch = ArmSwitch::new();
 //! // Both behind the module with switches 1 and 2 on, as it is sold.
-//! let mut hip = GoModule::new(3, 0)?;
-//! let mut knee = GoModule::new(3, 1)?;
+//! let mut hip = GoModule::new(ModuleConfig::new(3, 0))?;
+//! let mut knee = GoModule::new(ModuleConfig::new(3, 1))?;
 //! let mut bus = MotorBus::new(&switch);
 //! let hip = bus.attach(&mut hip, Safety::HOLD)?;
 //! let knee = bus.attach(&mut knee, Safety::HOLD)?;
@@ -271,7 +271,7 @@ mod tests {
 
     #[test]
     fn a_motor_heard_again_after_a_gap_is_a_new_one_even_if_no_tick_counted_it() {
-        let mut motor = GoModule::new(3, 0).unwrap();
+        let mut motor = GoModule::new(ModuleConfig::new(3, 0)).unwrap();
         assert_eq!(reply(&mut motor, 0x1D00_0023, Link::NeverSeen), Ok(FrameKind::Feedback));
         assert_eq!(tick(&mut motor, DriveMode::Coast), 0x180B_0000);
         assert_eq!(tick(&mut motor, DriveMode::Coast), 0x180C_0000);
@@ -297,7 +297,7 @@ mod tests {
 
     #[test]
     fn what_the_servo_takes_back_of_a_spring_the_module_takes_back_too() {
-        let mut motor = GoModule::new(3, 0).unwrap();
+        let mut motor = GoModule::new(ModuleConfig::new(3, 0)).unwrap();
         let frame = Question::Control(Status::FOC, RawMotion { torque: 0, speed: 500, angle: 700 });
         let data = *frame.pack(motor.module, motor.address).all_eight().unwrap();
         let frame = CanFrame::eight_bytes(ExtendedId::new(0x1D00_1023).unwrap(), data);

@@ -117,6 +117,7 @@ impl Actuator {
 
 #[cfg(test)]
 mod tests {
+    use super::super::config::CASCADE;
     use super::*;
 
     const STEPS: i32 = ANGLE_STEPS.cast_signed();
@@ -135,8 +136,7 @@ mod tests {
     #[test]
     fn turns_go_on_after_a_silence() {
         for (direction, sign) in [(Direction::Forward, 1), (Direction::Reversed, -1)] {
-            let mut motor = Actuator::new();
-            motor.turn(direction);
+            let mut motor = Actuator::new(direction, CASCADE);
             report(&mut motor, 100 * STEPS + 100, 0, 1, Link::NeverSeen);
             assert_eq!(place(&motor), (sign * (100 * 32_768 + 100), 0));
             // The cable was out; it has counted on.
@@ -154,7 +154,7 @@ mod tests {
 
     #[test]
     fn a_motor_that_restarts_in_a_blink_counts_on() {
-        let mut motor = Actuator::new();
+        let mut motor = Actuator::new(Direction::Forward, CASCADE);
         report(&mut motor, 20 * STEPS, 0, 1, Link::NeverSeen);
         report(&mut motor, 100, 0, 4, Link::Online);
         assert_eq!(place(&motor), (20 * 32_768 + 100, 1));
@@ -163,8 +163,7 @@ mod tests {
     #[test]
     fn a_spring_pulls_from_where_the_motor_counts_itself() {
         for (direction, sign) in [(Direction::Forward, 1), (Direction::Reversed, -1)] {
-            let mut motor = Actuator::new();
-            motor.turn(direction);
+            let mut motor = Actuator::new(direction, CASCADE);
             report(&mut motor, 5000, 0, 1, Link::NeverSeen);
             let spring = Spring {
                 way: Degrees::new(90.0),

@@ -190,10 +190,10 @@ mod tests {
     #[test]
     fn ids_are_those_of_one_motor() {
         for id in 0..=14 {
-            assert_eq!(GoM8010::new(id).unwrap().address().get(), id);
+            assert_eq!(GoM8010::new(LineConfig::new(id)).unwrap().address().get(), id);
         }
         for id in [15, 16, 255] {
-            assert_eq!(GoM8010::new(id).err(), Some(IdOutOfRange { id }));
+            assert_eq!(GoM8010::new(LineConfig::new(id)).unwrap_err().field, "id");
         }
     }
 
@@ -213,7 +213,7 @@ mod tests {
         let angle = Degrees::new(90.0);
         let pull = crate::Impedance { angle, kp: 20.0, ..Default::default() };
         for target in [Target::Speed(Rpm::new(200.0)), Target::Impedance(pull)] {
-            let mut motor = GoM8010::new(0).unwrap();
+            let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
             motor.set_target(target).unwrap();
             let mut force = |from: u64, ticks: u64, mut link| {
                 for at in from..from + ticks {

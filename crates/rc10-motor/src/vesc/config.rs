@@ -3,10 +3,13 @@
 use core::fmt;
 use core::num::NonZeroU8;
 
-use rc10_app::{Amps, ConfigError, CountsPerTurn, Direction, ElectricalRpm, Gear, Rpm};
-use rc10_can::Micros;
+use rc10_app::{
+    Amps, Cascade, ConfigError, CountsPerTurn, Direction, ElectricalRpm, Gear, Rpm, ok,
+};
+use rc10_can::{IdPattern, Micros};
 
-use super::wire::Status;
+use super::wire::{Packet, STATUSES, Status};
+use crate::can_ids::{CanIds, Frames, Guard, MotorName, Ownership, Rate};
 use crate::shaft::Shaft;
 
 /// The number a VESC is set to: 0 ..= 254.
@@ -164,6 +167,24 @@ impl StatusRates {
         }
     }
 
+    const fn check(&self, encoder_on_shaft: bool) -> Result<(), ConfigError> {
+        const FIELDS: [&str; 6] =
+            ["status_1", "status_2", "status_3", "status_4", "status_5", "status_6"];
+        let (mut at, rates) = (1, self.all());
+        let fastest = rates[0];
+        let is_good = fastest >= 1 && fastest <= 1000;
+        ok!(ConfigError::check(is_good, FIELDS[0], fastest as f32, "1 to 1000 Hz"));
+        while at < rates.len() {
+            let must_be = "at most as often as `status_1`";
+            let is_good = rates[at] <= fastest;
+            ok!(ConfigError::check(is_good, FIELDS[at], rates[at] as f32, must_be));
+            at += 1;
+        }
+        let seen = !encoder_on_shaft || self.status_4 > 0;
+        let must_be = "above 0 with `encoder_on_shaft`";
+        ConfigError::check(seen, FIELDS[3], self.status_4 as f32, must_be)
+    }
+
     /// In the order of their numbers.
     pub const fn all(&self) -> [u16; 6] {
         let &Self { status_1, status_2, status_3, status_4, status_5, status_6 } = self;
@@ -188,8 +209,8 @@ pub struct Currents {
 /// A VESC as it is set up, to be checked by [`Vesc::new`](super::Vesc::new).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config {
-    /// The id set in it.
-    pub id: VescId,
+    /// The id set in it: 0 to 254.
+    pub id: u8,
     /// Pole pairs, gear, slowest regulated speed.
     pub scale: ElectricalScale,
     /// Which way the output shaft counts.
@@ -216,12 +237,18 @@ pub struct Config {
     pub relative_to: Option<Amps>,
     /// Our own number, from which a PING comes. No VESC of the bus may have it.
     pub asker: VescId,
+    /// Angle loops on our side, which ask the VESC for a current: it then takes
+    /// [`Target::TotalAngle`](crate::Target::TotalAngle), and [`Target::Angle`](crate::Target::Angle)
+    /// also without an encoder on its shaft. Efforts of the cascade are amperes. The motor needs hall
+    /// sensors or an encoder: sensorless it has no torque at rest. It stands as still as the tachometer
+    /// is fine: a step is 60 degrees of the field. `status_5` has to come at [`CONTROL_HZ`] or more.
+    pub angle_loops: Option<Cascade>,
 }
 
 impl Config {
     /// Turning forward, [`StatusRates::CONTROL`], commands at 200 Hz, a timeout of 200 ms, no
     /// encoder on the output shaft, currents in amperes, asked by number 254.
-    pub const fn new(id: VescId, scale: ElectricalScale, currents: Currents) -> Self {
+    pub const fn new(id: u8, scale: ElectricalScale, currents: Currents) -> Self {
         Self {
             id,
             scale,
@@ -233,44 +260,111 @@ impl Config {
             encoder_on_shaft: false,
             relative_to: None,
             asker: VescId::LAST,
+            angle_loops: None,
         }
+    }
+
+    /// Turning the given way.
+    #[must_use]
+    pub const fn with_direction(mut self, direction: Direction) -> Self {
+        self.direction = direction;
+        self
+    }
+
+    /// With [angle loops on our side](Self::angle_loops).
+    #[must_use]
+    pub const fn with_angle_loops(mut self, cascade: Cascade) -> Self {
+        self.angle_loops = Some(cascade);
+        self
+    }
+
+    /// Model and identifier.
+    pub const fn name(&self) -> MotorName {
+        MotorName { model: "VESC", id: self.id as u16 }
     }
 
     /// Whether every field can be used.
     ///
     /// # Errors
     /// The first field that cannot, and what it must be.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        let check = ConfigError::check;
-        let status = self.status;
-        let fastest = status.status_1;
-        check((1..=1000).contains(&fastest), "status_1", fastest.into(), "1 to 1000 Hz")?;
-        let [_, others @ ..] = status.all();
-        let names = ["status_2", "status_3", "status_4", "status_5", "status_6"];
-        for (name, rate) in names.into_iter().zip(others) {
-            check(rate <= fastest, name, rate.into(), "at most as often as `status_1`")?;
-        }
+    pub const fn validate(&self) -> Result<(), ConfigError> {
+        self.name().blamed(self.check())
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "for a message")]
+    const fn check(&self) -> Result<(), ConfigError> {
+        ok!(self.vesc_id());
+        ok!(self.status.check(self.encoder_on_shaft));
         let commands = self.command_hz;
-        check((1..=1000).contains(&commands), "command_hz", commands.into(), "1 to 1000 Hz")?;
-        #[expect(clippy::cast_precision_loss, reason = "for a message")]
-        let timeout = self.timeout.get() as f32 * 1e-6;
-        let repeated = self.timeout.get().saturating_mul(commands.into()) >= 3_000_000;
-        check(repeated, "timeout", timeout, "three periods of `command_hz` or more (seconds)")?;
+        let is_good = commands >= 1 && commands <= 1000;
+        ok!(ConfigError::check(is_good, "command_hz", commands as f32, "1 to 1000 Hz"));
+        let timeout = self.timeout.get();
+        let is_good = timeout.saturating_mul(commands as u64) >= 3_000_000;
+        let must_be = "three periods of `command_hz` or more (seconds)";
+        ok!(ConfigError::check(is_good, "timeout", timeout as f32 * 1e-6, must_be));
         let Currents { limit, brake, handbrake } = self.currents;
         let limit = limit.get();
-        check(limit > 0.0 && limit.is_finite(), "limit", limit, "finite and positive")?;
-        for (name, amps) in [("brake", brake.get()), ("handbrake", handbrake.get())] {
-            check((0.0..=limit).contains(&amps), name, amps, "0 to `limit`")?;
-        }
+        let is_good = limit > 0.0 && limit.is_finite();
+        ok!(ConfigError::check(is_good, "limit", limit, "finite and positive"));
+        let is_good = brake.get() >= 0.0 && brake.get() <= limit;
+        ok!(ConfigError::check(is_good, "brake", brake.get(), "0 to `limit`"));
+        let is_good = handbrake.get() >= 0.0 && handbrake.get() <= limit;
+        ok!(ConfigError::check(is_good, "handbrake", handbrake.get(), "0 to `limit`"));
         let minimum = self.scale.minimum.get();
-        check(minimum >= 0.0 && minimum.is_finite(), "minimum", minimum, "finite, not negative")?;
-        let seen = !self.encoder_on_shaft || status.status_4 > 0;
-        check(seen, "status_4", status.status_4.into(), "above 0 with `encoder_on_shaft`")?;
-        let full = self.relative_to.map_or(limit, Amps::get);
-        check(full >= limit && full.is_finite(), "relative_to", full, "finite, `limit` or more")?;
-        let own = f32::from(self.asker.get());
-        check(self.asker != self.id, "asker", own, "another number than `id`")
+        let is_good = minimum >= 0.0 && minimum.is_finite();
+        ok!(ConfigError::check(is_good, "minimum", minimum, "finite, not negative"));
+        if let Some(full) = self.relative_to {
+            let is_good = full.get() >= limit && full.get().is_finite();
+            let must_be = "finite, `limit` or more";
+            ok!(ConfigError::check(is_good, "relative_to", full.get(), must_be));
+        }
+        let asker = self.asker.get();
+        let must_be = "another number than `id`";
+        ok!(ConfigError::check(asker != self.id, "asker", asker as f32, must_be));
+        let Some(cascade) = &self.angle_loops else { return Ok(()) };
+        let rate = self.status.status_5;
+        let must_be = "200 Hz or more, to seek angles by";
+        ok!(ConfigError::check(rate >= CONTROL_HZ, "status_5", rate as f32, must_be));
+        cascade.validate()
     }
+
+    /// Its number, if there is such a one.
+    pub(super) const fn vesc_id(&self) -> Result<VescId, ConfigError> {
+        match VescId::new(self.id) {
+            Some(id) => Ok(id),
+            None => Err(ConfigError::new("id", self.id as f32, "0 to 254 (255 is every VESC)")),
+        }
+    }
+
+    /// The identifiers it occupies on its bus. Of a configuration that is [valid](Self::validate).
+    pub const fn can_ids(&self) -> CanIds {
+        let mut ids = CanIds::new();
+        let (mut at, rates) = (0, self.status.all());
+        while at < rates.len() {
+            if rates[at] > 0 {
+                let status = packet(STATUSES[at], self.id);
+                ids = ids.receives(Frames::new(status, 8, Rate::Hz(rates[at])));
+            }
+            at += 1;
+        }
+        let from = Guard { byte: 0, mask: 0xFF, value: self.id };
+        let pong = Frames::new(packet(Packet::Pong, self.asker.get()), 2, Rate::Rare);
+        let limits = packet(Packet::ConfCurrentLimits, self.id);
+        ids.receives(pong.owned(Ownership::Guard(from)))
+            .transmits(Frames::new(commands(self.id), 4, Rate::Hz(self.command_hz)))
+            .transmits(Frames::new(packet(Packet::Ping, self.id), 1, Rate::Rare))
+            .transmits(Frames::new(limits, 8, Rate::Rare))
+            .listens_to(commands(EVERY))
+    }
+}
+
+const fn packet(packet: Packet, id: u8) -> IdPattern {
+    IdPattern::extended((packet.number() as u32) << 8 | id as u32)
+}
+
+/// All commands to one VESC, or to all.
+const fn commands(id: u8) -> IdPattern {
+    IdPattern::extended(id as u32).under(0x1FFF_00FF)
 }
 
 #[cfg(test)]

@@ -1,17 +1,16 @@
 //! A VESC as a motor: its commands, and what is made of its reports.
 
-use embedded_can::{ExtendedId, Id};
 use rc10_app::angle::shortest_way;
 use rc10_app::maths::{round_to_i32, within};
-use rc10_app::{Amps, Cascade, Celsius, ConfigError, Degrees, ElectricalRpm, Gear, Volts};
-use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_app::{Amps, Celsius, ConfigError, Degrees, ElectricalRpm, Gear, Volts};
+use rc10_can::{CanFrame, Micros};
 
-use super::config::{CONTROL_HZ, Config};
+use super::config::{Config, VescId};
 use super::hold::Hold;
 use super::watch::Watch;
-use super::wire::{Command, Packet, Reply, STATUSES, Setting, Status, coast, ping};
+use super::wire::{Command, Packet, Reply, Setting, Status, coast, ping};
 use crate::batch::{TxBatch, TxFull};
-use crate::can_ids::{CanIds, Frames, Guard, MotorName, Ownership, Rate};
+use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
 use crate::goal::{Goal, Goals};
 use crate::motor::{CanMotor, DriveMode, FrameError, FrameKind, Motor, Tick};
@@ -44,6 +43,7 @@ const COAST: Command = Command::Current(Amps::ZERO);
 #[derive(Clone, Copy, Debug)]
 pub struct Vesc {
     config: Config,
+    id: VescId,
     /// The command frames' stream.
     stream: u32,
     /// Largest current now, A.
@@ -100,19 +100,29 @@ impl Vesc {
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         use TargetKind::{Angle, Brake, Coast, Current, Duty, Handbrake, Speed};
-        config.validate().map_err(|error| error.of_device("VESC", config.id.get().into()))?;
-        let supports = TargetSet::of(&[Coast, Current, Duty, Speed, Brake, Handbrake]);
+        config.validate()?;
+        let id = config.vesc_id()?;
+        let mut supports = TargetSet::of(&[Coast, Current, Duty, Speed, Brake, Handbrake]);
+        if config.encoder_on_shaft || config.angle_loops.is_some() {
+            supports = supports.with(Angle);
+        }
+        let limit = config.currents.limit.get();
+        let mut servo = None;
+        if let Some(cascade) = config.angle_loops {
+            supports = supports.with(TargetKind::TotalAngle);
+            servo = Some(Servo::new(Current, cascade)?);
+        }
+        if let Some(servo) = &mut servo {
+            servo.set_limit("limit", limit)?;
+        }
         let Config { scale, direction, .. } = config;
         Ok(Self {
             config,
-            stream: CanFrame::key_of(Packet::SetDuty.id(config.id)),
-            limit: config.currents.limit.get(),
-            goals: Goals::new(if config.encoder_on_shaft {
-                supports.with(Angle)
-            } else {
-                supports
-            }),
-            servo: None,
+            id,
+            stream: CanFrame::key_of(Packet::SetDuty.id(id)),
+            limit,
+            goals: Goals::new(supports),
+            servo,
             shaft: scale.shaft(direction),
             encoder: Shaft::new(POSITION_STEPS.unsigned_abs(), Gear::DIRECT, direction),
             tachometer: None,
@@ -138,28 +148,6 @@ impl Vesc {
             until_limit: None,
             watch: Watch::new(config.status.status_1),
         })
-    }
-
-    /// With angle loops on our side, which ask the VESC for a current: it then takes
-    /// [`Target::TotalAngle`], and [`Target::Angle`] also without an encoder on its shaft. Efforts
-    /// of the cascade are amperes. The motor needs hall sensors or an encoder: sensorless it has no
-    /// torque at rest. It stands as still as the tachometer is fine: a step is 60 degrees of the
-    /// field.
-    ///
-    /// # Errors
-    /// [`ConfigError`], naming the field that cannot be used: of the cascade, or `status_5`, which
-    /// has to come at [`CONTROL_HZ`] or more.
-    pub fn with_servo(mut self, cascade: Cascade) -> Result<Self, ConfigError> {
-        let rate = self.config.status.status_5;
-        let must_be = "200 Hz or more, to seek angles by";
-        let servo = ConfigError::check(rate >= CONTROL_HZ, "status_5", rate.into(), must_be)
-            .and_then(|()| Servo::new(TargetKind::Current, cascade))
-            .and_then(|mut servo| servo.set_limit("limit", self.limit).map(|()| servo));
-        let id = self.config.id.get().into();
-        self.servo = Some(servo.map_err(|error| error.of_device("VESC", id))?);
-        let supports = self.goals.supports();
-        self.goals = Goals::new(supports.with(TargetKind::Angle).with(TargetKind::TotalAngle));
-        Ok(self)
     }
 
     /// The configuration that it was made from.
@@ -403,7 +391,7 @@ fn torque_current(current: f32, duty: f32, speed: ElectricalRpm) -> f32 {
 
 impl Motor for Vesc {
     fn name(&self) -> MotorName {
-        MotorName { model: "VESC", id: self.config.id.get().into() }
+        self.config.name()
     }
 
     fn supports(&self) -> TargetSet {
@@ -497,24 +485,7 @@ impl Motor for Vesc {
 
 impl CanMotor for Vesc {
     fn can_ids(&self) -> CanIds {
-        let Config { id, status, asker, command_hz, .. } = self.config;
-        let exact = |packet: Packet, id| IdPattern::exact(Id::Extended(packet.id(id)));
-        // All commands to one VESC, or to all.
-        let to = |id: u32| {
-            IdPattern::masked(ExtendedId::new(id).unwrap_or(ExtendedId::ZERO), 0x1FFF_00FF)
-        };
-        let mut ids = CanIds::new();
-        for (packet, rate) in STATUSES.into_iter().zip(status.all()).filter(|(_, rate)| *rate > 0) {
-            ids = ids.receives(Frames::new(exact(packet, id), 8, Rate::Hz(rate)));
-        }
-        let from = Guard { byte: 0, mask: 0xFF, value: id.get() };
-        ids.receives(
-            Frames::new(exact(Packet::Pong, asker), 2, Rate::Rare).owned(Ownership::Guard(from)),
-        )
-        .transmits(Frames::new(to(id.get().into()), 4, Rate::Hz(command_hz)))
-        .transmits(Frames::new(exact(Packet::Ping, id), 1, Rate::Rare))
-        .transmits(Frames::new(exact(Packet::ConfCurrentLimits, id), 8, Rate::Rare))
-        .listens_to(to(0xFF))
+        self.config.can_ids()
     }
 
     fn unpack_feedback(
@@ -523,7 +494,8 @@ impl CanMotor for Vesc {
         at: Micros,
         link: Link,
     ) -> Result<FrameKind, FrameError> {
-        let Config { id, asker, status: rates, .. } = &self.config;
+        let Config { asker, status: rates, .. } = &self.config;
+        let id = &self.id;
         match Reply::unpack(frame) {
             Ok(Reply::Status { from, status }) if from == *id && rates.of(&status) > 0 => {
                 Ok(self.take(&status, at, link))
@@ -542,7 +514,7 @@ impl CanMotor for Vesc {
     }
 
     fn pack_command(&mut self, tx: &mut TxBatch) -> Result<(), TxFull> {
-        let id = self.config.id;
+        let id = self.id;
         if self.is_due {
             // A number that is none is never sent: then it goes free.
             tx.push_as(self.command.pack(id).unwrap_or_else(|error| error.neutral), self.stream)?;
@@ -564,6 +536,6 @@ impl CanMotor for Vesc {
     }
 
     fn coast_frames(&self, tx: &mut TxBatch) -> Result<(), TxFull> {
-        tx.push_as(coast(self.config.id), self.stream)
+        tx.push_as(coast(self.id), self.stream)
     }
 }

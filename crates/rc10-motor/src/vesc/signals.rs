@@ -23,6 +23,7 @@ pub const MOST: usize = 6 + 1 + 2 * ORDERS.len();
 /// The status frames that are switched on, the answer to a PING, all that can be sent to it, also by
 /// other programs, the status frames that are not expected, and what is sent to all VESCs.
 pub fn messages(config: &Config) -> Vec<Message, MOST> {
+    let Ok(own) = config.vesc_id() else { return Vec::new() };
     let message = |packet: Packet, id, name, len, from_device, signals| {
         Message::new(name, Id::Extended(packet.id(id)), len, from_device, signals)
     };
@@ -30,14 +31,13 @@ pub fn messages(config: &Config) -> Vec<Message, MOST> {
         let statuses = STATUSES.into_iter().zip(REPORT_NAMES).zip(REPORTS);
         let statuses = statuses.zip(config.status.all());
         let statuses = statuses.filter(move |(_, rate)| (*rate > 0) == wanted);
-        statuses.map(move |(((packet, name), signals), _)| {
-            message(packet, config.id, name, 8, true, signals)
-        })
+        statuses
+            .map(move |(((packet, name), signals), _)| message(packet, own, name, 8, true, signals))
     };
     let pong = message(Packet::Pong, config.asker, "VESC_PONG", 2, true, PONG);
     let orders = ORDERS
         .iter()
-        .map(|&(packet, name, len, signals)| message(packet, config.id, name, len, false, signals));
+        .map(|&(packet, name, len, signals)| message(packet, own, name, len, false, signals));
     // Of eight bytes are only settings, which belong to one.
     let to_all = ORDERS.iter().filter(|(_, _, len, _)| *len < 8);
     let to_all = to_all.map(|&(packet, name, len, signals)| {

@@ -93,7 +93,7 @@ proptest! {
 
     #[test]
     fn nothing_upsets_it(which in 0..8_usize, events in vec(event(), 1..120)) {
-        let mut motor = CyberGear::new(ALL[which], ADDRESS).unwrap();
+        let mut motor = CyberGear::new(cybergear::Config::new(ALL[which], ADDRESS)).unwrap();
         let mut now = Micros::from_millis(1);
         let mut silent = 11_u32;
         let low = u32::from(ADDRESS.motor) << 8 | u32::from(ADDRESS.host);

@@ -205,7 +205,8 @@ fn a_device_that_stopped_or_was_silent_gets_no_setpoint() {
     let run_mode = frame(0x1100_01FD, [0x05, 0x70, 0, 0, 0, 0, 0, 0]);
     // Mode 0 is reset, mode 2 runs.
     for (mode, link) in [(0, Link::Online), (2, Link::Lost)] {
-        let mut motor = CyberGear::new(&models::CYBERGEAR, ADDRESS).unwrap();
+        let mut motor =
+            CyberGear::new(cybergear::Config::new(&models::CYBERGEAR, ADDRESS)).unwrap();
         motor.set_target(Target::Speed(Rpm::new(10.0))).unwrap();
         let mut millis = 0;
         let mut sent_after = |frame: &CanFrame, link| {
@@ -286,7 +287,8 @@ fn a_robstrides_time_out_is_a_restart() {
 #[test]
 fn a_robstrides_own_reports_are_feedback() {
     with_rs04(|pair| {
-        let address = CyberGear::new(&models::RS04, ADDRESS).unwrap().address();
+        let address =
+            CyberGear::new(cybergear::Config::new(&models::RS04, ADDRESS)).unwrap().address();
         let id = 24 << 24 | u32::from(address.host) << 8 | u32::from(address.motor);
         let id = rc10_can::embedded_can::ExtendedId::new(id).unwrap();
         let report = rc10_can::CanFrame::eight_bytes(id, [1, 2, 3, 4, 5, 6, 1, 0]);

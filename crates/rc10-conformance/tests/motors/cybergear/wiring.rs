@@ -15,7 +15,7 @@ use rc10_motor::{
 use super::{ADDRESS, HOST, cybergear};
 
 fn at(motor: u8, host: u8) -> CyberGear {
-    CyberGear::new(&models::CYBERGEAR, Address { motor, host }).unwrap()
+    CyberGear::new(cybergear::Config::new(&models::CYBERGEAR, Address { motor, host })).unwrap()
 }
 
 #[test]
@@ -23,7 +23,8 @@ fn what_cannot_be_is_refused_by_name() {
     for (motor, host, field) in
         [(0, HOST, "motor"), (128, HOST, "motor"), (5, 5, "host"), (5, 254, "host")]
     {
-        let error = CyberGear::new(&models::RS00, Address { motor, host }).unwrap_err();
+        let error = CyberGear::new(cybergear::Config::new(&models::RS00, Address { motor, host }))
+            .unwrap_err();
         assert_eq!(error.field, field, "{motor} {host}");
         assert!(!error.must_be.is_empty());
     }

@@ -255,7 +255,7 @@ fn what_lies_beyond_its_range_is_refused() {
 
     let narrow = rc10_motor::damiao::Limits::new(3.0, 30.0, 10.0);
     let model = rc10_motor::damiao::Model { limits: narrow, ..models::J4310 };
-    let mut single = Damiao::new(model, 1, 0x21, mit()).unwrap();
+    let mut single = Damiao::new(damiao::Config::new(model, 1, 0x21, mit())).unwrap();
     let target = Target::Angle(Degrees::new(180.0));
     use rc10_motor::Motor;
     let refused = single.set_target(target);

@@ -282,7 +282,9 @@ fn settings_that_differ_are_faults_with_text() {
         assert!(rig.is_enabled(), "{named}");
     }
     // 4π for 12.566.
-    let motor = Damiao::new(models::J3507, CAN_ID, MASTER_ID, Control::Velocity).unwrap();
+    let motor =
+        Damiao::new(damiao::Config::new(models::J3507, CAN_ID, MASTER_ID, Control::Velocity))
+            .unwrap();
     let limits = rc10_sim::damiao::Limits {
         position: 4.0 * std::f64::consts::PI,
         velocity: 50.0,

@@ -45,7 +45,7 @@ pub fn controls() -> [Control; 4] {
 }
 
 pub fn motor(control: Control) -> Damiao {
-    Damiao::new(models::J4310, CAN_ID, MASTER_ID, control).unwrap()
+    Damiao::new(damiao::Config::new(models::J4310, CAN_ID, MASTER_ID, control)).unwrap()
 }
 
 /// As the control's register 10.

@@ -201,7 +201,8 @@ fn a_device_that_is_not_there_answers_nothing() {
 #[test]
 fn several_motors_share_one_master_id() {
     let switch = ArmSwitch::new();
-    let mut motors = [1, 2, 3].map(|id| Damiao::new(models::J4310, id, 0x00, mit()).unwrap());
+    let mut motors = [1, 2, 3]
+        .map(|id| Damiao::new(damiao::Config::new(models::J4310, id, 0x00, mit())).unwrap());
     let mut bench = Bench::new(3, &switch);
     let mut escs = Vec::new();
     let mut ids = Vec::new();

@@ -2,7 +2,7 @@ use std::ops::{Deref, DerefMut};
 
 use rc10_can::Micros;
 use rc10_conformance::LineBench;
-use rc10_motor::unitree::GoM8010;
+use rc10_motor::unitree::{GoM8010, LineConfig};
 use rc10_motor::{ArmSwitch, MotorId, Target};
 use rc10_sim::unitree_line::{self, GoM8010 as Device, plant};
 use rc10_sim::{Esc, Plant};
@@ -32,7 +32,7 @@ impl DerefMut for Bench<'_> {
 
 /// Our motors of ids 0 .. `count`.
 pub fn motors(count: u8) -> Vec<GoM8010> {
-    (0..count).map(|id| GoM8010::new(id).unwrap()).collect()
+    (0..count).map(|id| GoM8010::new(LineConfig::new(id)).unwrap()).collect()
 }
 
 impl<'m> Bench<'m> {

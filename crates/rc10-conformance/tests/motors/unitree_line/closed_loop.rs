@@ -1,6 +1,6 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::unitree::GoM8010;
+use rc10_motor::unitree::{GoM8010, LineConfig};
 use rc10_motor::{
     ArmSwitch, Condition, DriveMode, Impedance, Link, Request, Response, Safety, Target,
     TargetError, TargetKind,
@@ -23,7 +23,7 @@ fn torque(device: &Esc) -> f64 {
 fn a_speed_is_reached() {
     for scale in [0.7, 1.0, 1.3] {
         let switch = ArmSwitch::new();
-        let mut motor = GoM8010::new(3).unwrap();
+        let mut motor = GoM8010::new(LineConfig::new(3)).unwrap();
         let mut bench = Bench::new(1, &switch);
         let scale = Scale { inertia: scale, friction: scale, torque_constant: 1.0 };
         let device = bench.device_with(3, plant().scaled(scale));
@@ -49,7 +49,7 @@ fn a_speed_is_reached() {
 #[test]
 fn an_angle_is_reached_and_zero_is_ours() {
     let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(0).unwrap();
+    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let mut bench = Bench::new(2, &switch);
     let device = bench.device(0);
     let motor = bench.line.attach(&mut motor, Safety::HOLD).unwrap();
@@ -88,7 +88,7 @@ fn an_angle_is_reached_and_zero_is_ours() {
 fn a_torque_is_what_the_shaft_gets_whichever_way_it_counts() {
     for (direction, sign) in [(Direction::Forward, 1.0), (Direction::Reversed, -1.0)] {
         let switch = ArmSwitch::new();
-        let mut motor = GoM8010::new(14).unwrap().with_direction(direction);
+        let mut motor = GoM8010::new(LineConfig::new(14).with_direction(direction)).unwrap();
         let mut bench = Bench::new(3, &switch);
         let device = bench.device_with(14, blocked());
         let motor = bench.line.attach(&mut motor, Safety::COAST).unwrap();
@@ -112,7 +112,7 @@ fn a_torque_is_what_the_shaft_gets_whichever_way_it_counts() {
 fn an_impedance_is_the_device_s_own_law() {
     for (direction, sign) in [(Direction::Forward, 1.0), (Direction::Reversed, -1.0)] {
         let switch = ArmSwitch::new();
-        let mut motor = GoM8010::new(1).unwrap().with_direction(direction);
+        let mut motor = GoM8010::new(LineConfig::new(1).with_direction(direction)).unwrap();
         let mut bench = Bench::new(4, &switch);
         let device = bench.device_with(1, blocked());
         let motor = bench.line.attach(&mut motor, Safety::COAST).unwrap();
@@ -151,7 +151,7 @@ fn an_impedance_is_the_device_s_own_law() {
 #[test]
 fn an_impedance_moves_the_shaft_to_where_it_pulls() {
     let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(1).unwrap();
+    let mut motor = GoM8010::new(LineConfig::new(1)).unwrap();
     let mut bench = Bench::new(5, &switch);
     let device = bench.device(1);
     let motor = bench.line.attach(&mut motor, Safety::COAST).unwrap();

@@ -1,5 +1,5 @@
 use rc10_app::{NewtonMetres, Rpm};
-use rc10_motor::unitree::GoM8010;
+use rc10_motor::unitree::{GoM8010, LineConfig};
 use rc10_motor::{
     ArmSwitch, DriveMode, Impedance, Link, Request, RequestError, Response, Safety, Target,
 };
@@ -15,7 +15,7 @@ const SPEED: Target = Target::Speed(Rpm::new(60.0));
 #[test]
 fn a_motor_that_restarts_in_a_blink_counts_on() {
     let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(6).unwrap();
+    let mut motor = GoM8010::new(LineConfig::new(6)).unwrap();
     let mut bench = Bench::new(31, &switch);
     let device = bench.device(6);
     let id = bench.line.attach(&mut motor, Safety::COAST).unwrap();
@@ -45,7 +45,7 @@ fn each_fault_is_named_stops_the_motor_and_stays_until_it_is_cleared() {
         (EscFault::Encoder, 4, "encoder"),
     ] {
         let switch = ArmSwitch::new();
-        let mut motor = GoM8010::new(6).unwrap();
+        let mut motor = GoM8010::new(LineConfig::new(6)).unwrap();
         let mut bench = Bench::new(30, &switch);
         let device = bench.device(6);
         let id = bench.line.attach(&mut motor, Safety::BRAKE).unwrap();
@@ -88,7 +88,7 @@ fn each_fault_is_named_stops_the_motor_and_stays_until_it_is_cleared() {
 #[test]
 fn a_motor_that_gets_too_hot_protects_itself_and_says_so() {
     let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(0).unwrap();
+    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let mut bench = Bench::new(31, &switch);
     let plant = rc10_sim::Plant {
         ambient: 85.0,
@@ -136,7 +136,7 @@ fn strange(step: u32) -> Target {
 #[test]
 fn whatever_is_commanded_the_device_is_never_told_to_calibrate() {
     let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(0).unwrap();
+    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let mut bench = Bench::new(32, &switch);
     let device = bench.device(0);
     let id = bench.line.attach(&mut motor, Safety::HOLD).unwrap();

@@ -1,6 +1,6 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm};
 use rc10_can::Micros;
-use rc10_motor::unitree::{GoM8010, Rs485Bus};
+use rc10_motor::unitree::{GoM8010, LineConfig, Rs485Bus};
 use rc10_motor::{
     ArmSwitch, CommandError, DriveMode, Impedance, Link, MotorId, Request, RequestError, Response,
     SafeState, Safety, Target, TargetError, TargetKind,
@@ -30,7 +30,7 @@ fn turning<'m>(
 #[test]
 fn disarmed_it_is_locked_and_heard() {
     let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(0).unwrap();
+    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let mut bench = Bench::new(21, &switch);
     let device = bench.device(0);
     let id = bench.line.attach(&mut motor, Safety::COAST).unwrap();
@@ -46,7 +46,7 @@ fn disarmed_it_is_locked_and_heard() {
 fn a_command_expires_into_the_safe_state() {
     for state in [SafeState::Coast, SafeState::Brake, SafeState::Hold] {
         let switch = ArmSwitch::new();
-        let mut motor = GoM8010::new(0).unwrap();
+        let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
         let (mut bench, device, id) = turning(&switch, &mut motor, state);
         bench.wait(48);
         assert_eq!(bench.status(id).drive, DriveMode::Run);
@@ -81,7 +81,7 @@ fn a_command_expires_into_the_safe_state() {
 #[test]
 fn emergency_stop_and_disarming() {
     let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(0).unwrap();
+    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let (mut bench, device, id) = turning(&switch, &mut motor, SafeState::Brake);
     switch.emergency_stop();
     bench.hold(id, SPEED, 300);
@@ -101,7 +101,7 @@ fn emergency_stop_and_disarming() {
 #[test]
 fn a_lost_motor_hears_nothing_but_its_safe_word() {
     let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(0).unwrap();
+    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let (mut bench, device, id) = turning(&switch, &mut motor, SafeState::Hold);
     // It obeys, but is not heard.
     device.set_feedback(false);
@@ -133,7 +133,7 @@ fn a_lost_motor_hears_nothing_but_its_safe_word() {
 /// power while somebody turned its shaft comes back.
 fn comes_back(target: Target) -> (Vec<f64>, f64) {
     let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(0).unwrap();
+    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let mut bench = Bench::new(22, &switch);
     let device = bench.device(0);
     let id = bench.line.attach(&mut motor, Safety::HOLD).unwrap();
@@ -178,7 +178,7 @@ fn it_comes_back_from_power_off_without_a_kick() {
 #[test]
 fn requests_and_refusals() {
     let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(0).unwrap();
+    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let mut bench = Bench::new(23, &switch);
     let id = bench.line.attach(&mut motor, Safety::COAST).unwrap();
     let nobody = MotorId::new(1);
@@ -210,7 +210,7 @@ fn requests_and_refusals() {
 #[test]
 fn after_a_pause_nothing_old_holds() {
     let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(0).unwrap();
+    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let (mut bench, device, id) = turning(&switch, &mut motor, SafeState::Coast);
     // The processor stood still for two seconds: no ticks, no polls.
     let now = bench.world.now() + Micros::from_millis(2000);

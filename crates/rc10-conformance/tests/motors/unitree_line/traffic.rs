@@ -1,6 +1,6 @@
 use rc10_app::Rpm;
 use rc10_can::Micros;
-use rc10_motor::unitree::{GoM8010, Rs485Bus, Step};
+use rc10_motor::unitree::{GoM8010, LineConfig, Rs485Bus, Step};
 use rc10_motor::{
     ArmSwitch, AttachError, Clash, Link, MotorId, MotorName, SafeState, Safety, Target,
 };
@@ -61,7 +61,7 @@ fn a_listener_counts_what_it_overhears() {
     let mut listener = Rs485Bus::new(&switch);
     let ids: Vec<_> =
         ours.iter_mut().map(|motor| listener.attach(motor, Safety::COAST).unwrap()).collect();
-    let command = |id| GoM8010::new(id).unwrap().pack_command();
+    let command = |id| GoM8010::new(LineConfig::new(id)).unwrap().pack_command();
     let answer = |id| Answer { id, angle: 1.0, ..Answer::default() }.write();
     for round in 0..3 {
         let at = |micros: u64| Micros::new(round * 1000 + micros);
@@ -208,7 +208,7 @@ fn garbage_and_wrong_bits_are_counted_and_never_taken() {
 #[test]
 fn a_line_with_nothing_to_poll_is_looked_at_again_within_a_millisecond() {
     let switch = ArmSwitch::new();
-    let mut motor = GoM8010::new(0).unwrap();
+    let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let mut line = Rs485Bus::new(&switch);
     let again = |now| Step::Wait(now + Micros::from_millis(1));
     assert_eq!(line.poll(Micros::ZERO), again(Micros::ZERO));
@@ -291,8 +291,8 @@ fn slow_devices_are_waited_for_up_to_the_time_out() {
 fn what_cannot_be_attached_is_refused_by_name() {
     let switch = ArmSwitch::new();
     let mut ours = motors(15);
-    let mut twin = GoM8010::new(4).unwrap();
-    let mut hasty = GoM8010::new(5).unwrap();
+    let mut twin = GoM8010::new(LineConfig::new(4)).unwrap();
+    let mut hasty = GoM8010::new(LineConfig::new(5)).unwrap();
     let mut line = Rs485Bus::new(&switch);
     let expiry = Safety { command_expiry: Micros::ZERO, ..Safety::new(SafeState::Hold) };
     let name = |id| MotorName { model: "GO-M8010-6", id };
@@ -308,6 +308,6 @@ fn what_cannot_be_attached_is_refused_by_name() {
                 set another on one, or plug it in elsewhere";
     assert_eq!(error.to_string(), text);
     assert_eq!(line.motors().count(), 15);
-    let text = GoM8010::new(15).unwrap_err().to_string();
+    let text = GoM8010::new(LineConfig::new(15)).unwrap_err().to_string();
     assert_eq!(text, "GO-M8010-6 id 15: its ids are 0 to 14");
 }

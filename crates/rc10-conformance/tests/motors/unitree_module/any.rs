@@ -6,7 +6,7 @@ use proptest::test_runner::RngSeed;
 use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::rc10_app::{Degrees, NewtonMetres, Rpm, Seconds, TotalAngle};
-use rc10_motor::unitree::GoModule;
+use rc10_motor::unitree::{GoModule, ModuleConfig};
 use rc10_motor::{
     CanMotor, DriveMode, Gains, Impedance, Link, Motor, Request, Target, Tick, TxBatch,
 };
@@ -86,7 +86,7 @@ proptest! {
 
     #[test]
     fn every_tick_sends_one_good_frame_and_nothing_drives_while_off(events in vec(event(), 0..80)) {
-        let mut motor = GoModule::new(3, 2).unwrap();
+        let mut motor = GoModule::new(ModuleConfig::new(3, 2)).unwrap();
         let mut at = Micros::ZERO;
         for event in events {
             match event {

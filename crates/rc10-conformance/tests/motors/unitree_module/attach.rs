@@ -5,7 +5,7 @@ use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_conformance::Dummy;
 use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::rc10_app::ConfigError;
-use rc10_motor::unitree::GoModule;
+use rc10_motor::unitree::{GoModule, ModuleConfig};
 use rc10_motor::{ArmSwitch, AttachError, CanIds, Clash, Frames, MotorBus, Rate, Safety};
 
 fn extended(id: u32, mask: u32) -> IdPattern {
@@ -38,15 +38,20 @@ fn cybergear(motor: u16) -> Dummy {
 #[test]
 fn only_numbers_that_exist_are_taken() {
     let error = |module, motor| {
-        let Err(ConfigError { field, must_be, .. }) = GoModule::new(module, motor) else {
+        let Err(ConfigError { field, must_be, .. }) =
+            GoModule::new(ModuleConfig::new(module, motor))
+        else {
             panic!("taken")
         };
         format!("{field} must be {must_be}")
     };
     assert_eq!(error(4, 0), "module must be 0 to 3");
     assert_eq!(error(0, 15), "motor must be 0 to 14 (15 is every motor)");
-    assert!(GoModule::new(0, 0).is_ok() && GoModule::new(3, 14).is_ok());
-    let motor = GoModule::new(3, 14).unwrap();
+    assert!(
+        GoModule::new(ModuleConfig::new(0, 0)).is_ok()
+            && GoModule::new(ModuleConfig::new(3, 14)).is_ok()
+    );
+    let motor = GoModule::new(ModuleConfig::new(3, 14)).unwrap();
     let mut cascade = rc10_motor::unitree::CASCADE;
     cascade.speed.output_limit = 30.0;
     let refused = motor.clone().with_cascade(cascade).unwrap_err();
@@ -59,9 +64,9 @@ fn only_numbers_that_exist_are_taken() {
 fn motors_of_a_module_and_modules_of_a_bus_live_together() {
     let switch = ArmSwitch::new();
     let mut motors: Vec<_> = [(3, 0), (3, 1), (2, 0), (2, 14), (0, 0)]
-        .map(|(module, motor)| GoModule::new(module, motor).unwrap())
+        .map(|(module, motor)| GoModule::new(ModuleConfig::new(module, motor)).unwrap())
         .into();
-    let mut twin = GoModule::new(2, 14).unwrap();
+    let mut twin = GoModule::new(ModuleConfig::new(2, 14)).unwrap();
     let mut wheel = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
     let mut bus = MotorBus::new(&switch);
     for motor in &mut motors {
@@ -80,7 +85,7 @@ fn motors_of_a_module_and_modules_of_a_bus_live_together() {
 fn what_a_module_would_misunderstand_is_refused() {
     let clash = |module, mut other: Dummy| {
         let switch = ArmSwitch::new();
-        let mut motor = GoModule::new(module, 0).unwrap();
+        let mut motor = GoModule::new(ModuleConfig::new(module, 0)).unwrap();
         let mut bus = MotorBus::new(&switch);
         bus.attach(&mut motor, Safety::COAST).unwrap();
         match bus.attach(&mut other, Safety::COAST) {
@@ -102,7 +107,8 @@ fn what_a_module_would_misunderstand_is_refused() {
 fn three_motors_fill_a_bus() {
     let load = |count: u8| {
         let switch = ArmSwitch::new();
-        let mut motors: Vec<_> = (0..count).map(|id| GoModule::new(3, id).unwrap()).collect();
+        let mut motors: Vec<_> =
+            (0..count).map(|id| GoModule::new(ModuleConfig::new(3, id)).unwrap()).collect();
         let mut bus = MotorBus::new(&switch);
         for motor in &mut motors {
             bus.attach(motor, Safety::COAST).unwrap();

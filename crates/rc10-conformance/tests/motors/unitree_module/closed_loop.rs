@@ -2,7 +2,7 @@
 
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
-use rc10_motor::unitree::GoModule;
+use rc10_motor::unitree::{GoModule, ModuleConfig};
 use rc10_motor::{
     Condition, Impedance, Request, RequestError, Safety, Target, TargetError, TargetKind,
 };
@@ -48,7 +48,9 @@ fn respond(
 #[test]
 fn a_speed_is_reached_and_kept() {
     for plant in plants() {
-        let mut one = One::with(GoModule::new(3, 0).unwrap(), Safety::COAST, plant).armed();
+        let mut one =
+            One::with(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, plant)
+                .armed();
         let (over, settled) = respond(&mut one, speed(150.0), 150.0, (1000, 3.0), |one| one.rpm());
         assert!(over < 3.5 && settled < 300, "{over} rpm over, {settled} ms: {plant:?}");
         assert!((one.rpm() - 150.0).abs() < 1.5, "{}", one.rpm());
@@ -60,7 +62,8 @@ fn a_speed_is_reached_and_kept() {
 #[test]
 fn an_angle_is_reached_and_kept() {
     for plant in plants() {
-        let mut one = One::with(GoModule::new(2, 14).unwrap(), Safety::COAST, plant);
+        let mut one =
+            One::with(GoModule::new(ModuleConfig::new(2, 14)).unwrap(), Safety::COAST, plant);
         one.bench.bus.request(one.motor, Request::SetZero).unwrap();
         one.switch.arm().unwrap();
         let target = Target::TotalAngle(TotalAngle::from_degrees(720));
@@ -76,7 +79,7 @@ fn an_angle_is_reached_and_kept() {
 #[test]
 fn a_torque_is_the_torque_of_the_output() {
     for direction in [Direction::Forward, Direction::Reversed] {
-        let motor = GoModule::new(3, 0).unwrap().with_direction(direction);
+        let motor = GoModule::new(ModuleConfig::new(3, 0).with_direction(direction)).unwrap();
         // So heavy that it hardly turns.
         let heavy = plant().with_load_inertia(50.0);
         let mut one = One::with(motor, Safety::COAST, heavy).armed();
@@ -99,7 +102,7 @@ fn a_torque_is_the_torque_of_the_output() {
 
 #[test]
 fn a_mirrored_motor_counts_and_turns_the_other_way() {
-    let motor = GoModule::new(3, 0).unwrap().with_direction(Direction::Reversed);
+    let motor = GoModule::new(ModuleConfig::new(3, 0).with_direction(Direction::Reversed)).unwrap();
     let mut one = One::new(motor, Safety::COAST).armed();
     let before = (one.degrees(), one.esc.state().output_degrees);
     one.hold(speed(60.0), 1000);
@@ -121,7 +124,7 @@ fn spring(kp: f32, kd: f32) -> Impedance {
 #[test]
 fn an_impedance_is_a_spring_and_a_damper() {
     for direction in [Direction::Forward, Direction::Reversed] {
-        let motor = GoModule::new(1, 5).unwrap().with_direction(direction);
+        let motor = GoModule::new(ModuleConfig::new(1, 5).with_direction(direction)).unwrap();
         let mut one = One::new(motor, Safety::COAST);
         one.bench.bus.request(one.motor, Request::SetZero).unwrap();
         one.switch.arm().unwrap();
@@ -157,7 +160,7 @@ fn an_impedance_is_a_spring_and_a_damper() {
 #[test]
 fn an_impedance_obeys_the_torque_limit_and_starts_softly() {
     let heavy = plant().with_load_inertia(50.0);
-    let mut one = One::with(GoModule::new(3, 0).unwrap(), Safety::COAST, heavy);
+    let mut one = One::with(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy);
     one.bench.bus.request(one.motor, Request::SetZero).unwrap();
     one.switch.arm().unwrap();
     let far = |torque| Impedance {
@@ -193,7 +196,9 @@ fn whatever_takes_over_starts_softly() {
         [[Target::Torque(torque), given], [given, Target::Torque(torque)], [far(50.0), far(80.0)]]
     {
         let heavy = plant().with_load_inertia(50.0);
-        let mut one = One::with(GoModule::new(3, 0).unwrap(), Safety::COAST, heavy).armed();
+        let mut one =
+            One::with(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy)
+                .armed();
         for target in [second, first] {
             one.hold(target, 100);
             assert!(one.torque() > 19.0, "{target:?}");
@@ -213,7 +218,7 @@ fn whatever_takes_over_starts_softly() {
 
 #[test]
 fn what_cannot_be_is_refused_and_changes_nothing() {
-    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST);
+    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST);
     let now = one.bench.world.now();
     let mut refused = |target| {
         let error = one.bench.bus.command(one.motor, target, now).unwrap_err();
@@ -237,7 +242,7 @@ fn what_cannot_be_is_refused_and_changes_nothing() {
 
 #[test]
 fn zero_is_where_it_was_set() {
-    let mut motor = GoModule::new(3, 0).unwrap();
+    let mut motor = GoModule::new(ModuleConfig::new(3, 0)).unwrap();
     assert_eq!(
         rc10_motor::Motor::request(&mut motor, Request::SetZero),
         Err(RequestError::NoFeedback)
@@ -260,7 +265,7 @@ fn zero_is_where_it_was_set() {
 
 #[test]
 fn told_to_coast_after_a_new_zero_it_coasts() {
-    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST).armed();
+    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
     one.esc.set_load(1.0);
     one.hold(Target::TotalAngle(TotalAngle::from_degrees(30)), 500);
     one.bench.bus.request(one.motor, Request::SetZero).unwrap();

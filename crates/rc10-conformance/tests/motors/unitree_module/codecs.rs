@@ -7,9 +7,9 @@ use proptest::test_runner::RngSeed;
 use rc10_can::embedded_can::{ExtendedId, Id};
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::rc10_app::{NewtonMetres, Rpm, TotalAngle};
-use rc10_motor::unitree::GoModule;
 use rc10_motor::unitree::wire::module::{Content, Module, Reply, Request};
 use rc10_motor::unitree::wire::{Address, Impedance, Motion, RotorScale, Status};
+use rc10_motor::unitree::{GoModule, ModuleConfig};
 use rc10_motor::{CanMotor, FrameError, FrameKind, Link, Motor};
 use rc10_sim::unitree_module::{self as device, Asked, Command, Report, Told};
 
@@ -143,7 +143,7 @@ proptest! {
         id in 0..=0x1FFF_FFFF_u32, force in any::<bool>(), data in any::<[u8; 8]>(),
         len in prop_oneof![3 => Just(8_usize), 1 => 0..8_usize],
     ) {
-        let mut motor = GoModule::new(3, 2).unwrap();
+        let mut motor = GoModule::new(ModuleConfig::new(3, 2)).unwrap();
         // Half of them are its own by module, direction and motor.
         let id = if force { id & !0x1C00_0F00 | 0x1C00_0200 } else { id };
         let frame =

@@ -1,7 +1,7 @@
 //! Cut wires, lost power, silence, and what a motor finds wrong with itself.
 
 use rc10_motor::rc10_app::{Degrees, NewtonMetres, TotalAngle};
-use rc10_motor::unitree::GoModule;
+use rc10_motor::unitree::{GoModule, ModuleConfig};
 use rc10_motor::{Condition, DriveMode, Impedance, Link, Request, SafeState, Safety, Target};
 use rc10_sim::EscFault;
 use rc10_sim::unitree_module::{Mode, plant};
@@ -30,7 +30,9 @@ fn a_cut_wire_is_noticed_and_the_motor_comes_back_without_a_kick() {
     });
     for target in [speed(150.0), Target::Torque(NewtonMetres::new(20.0)), far] {
         let heavy = plant().with_load_inertia(1.0);
-        let mut one = One::with(GoModule::new(3, 0).unwrap(), Safety::COAST, heavy).armed();
+        let mut one =
+            One::with(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST, heavy)
+                .armed();
         one.hold(target, 100);
         one.bench.wire.set_cut(true);
         one.hold(target, 9);
@@ -58,7 +60,7 @@ fn a_cut_wire_is_noticed_and_the_motor_comes_back_without_a_kick() {
 
 #[test]
 fn a_motor_that_had_no_power_comes_back_without_a_kick() {
-    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST).armed();
+    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
     one.hold(Target::TotalAngle(TotalAngle::from_degrees(90)), 1000);
     let before = one.degrees();
     one.esc.set_power(false);
@@ -75,8 +77,11 @@ fn a_motor_that_had_no_power_comes_back_without_a_kick() {
 
 #[test]
 fn a_motor_that_somebody_else_locked_is_set_up_anew() {
-    let mut one =
-        One::with(GoModule::new(3, 0).unwrap(), Safety::COAST, plant().with_load_inertia(50.0));
+    let mut one = One::with(
+        GoModule::new(ModuleConfig::new(3, 0)).unwrap(),
+        Safety::COAST,
+        plant().with_load_inertia(50.0),
+    );
     let mut lock = rc10_motor::TxBatch::new();
     one.bench.bus.coast_image(&mut lock).unwrap();
     one.switch.arm().unwrap();
@@ -98,7 +103,7 @@ fn a_motor_that_somebody_else_locked_is_set_up_anew() {
 
 #[test]
 fn a_motor_that_is_not_heard_is_stopped() {
-    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::HOLD).armed();
+    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::HOLD).armed();
     one.hold(speed(100.0), 500);
     one.esc.set_feedback(false);
     one.hold(speed(100.0), 30);
@@ -121,7 +126,8 @@ fn each_fault_has_a_text_and_ends_with_clear_fault_only() {
         (EscFault::OverVoltage, "over-voltage", 3),
         (EscFault::Encoder, "encoder", 4),
     ] {
-        let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::BRAKE).armed();
+        let mut one =
+            One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::BRAKE).armed();
         one.hold(speed(100.0), 300);
         assert!(one.esc.inject(fault));
         one.hold(speed(100.0), 5);
@@ -151,7 +157,7 @@ fn each_fault_has_a_text_and_ends_with_clear_fault_only() {
 
 #[test]
 fn a_cable_off_behind_the_module_is_a_lost_motor() {
-    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST).armed();
+    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
     one.hold(speed(60.0), 300);
     assert!(one.esc.inject(EscFault::CommunicationLost));
     one.hold(speed(60.0), 30);
@@ -162,7 +168,8 @@ fn a_cable_off_behind_the_module_is_a_lost_motor() {
 #[test]
 fn commands_expire_into_the_safe_state() {
     for state in [SafeState::Coast, SafeState::Brake, SafeState::Hold] {
-        let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::new(state)).armed();
+        let mut one =
+            One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::new(state)).armed();
         one.hold(speed(100.0), 500);
         one.bench.wait(55);
         assert_eq!(one.bench.status(one.motor).counters.expired, 1);
@@ -187,7 +194,8 @@ fn commands_expire_into_the_safe_state() {
 #[test]
 fn an_impedance_ends_in_the_safe_state_too() {
     for state in [SafeState::Coast, SafeState::Brake, SafeState::Hold] {
-        let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::new(state)).armed();
+        let mut one =
+            One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::new(state)).armed();
         let spring = Impedance { kp: 20.0, kd: 0.5, ..Impedance::default() };
         one.hold(Target::Impedance(spring), 300);
         one.switch.emergency_stop();
@@ -206,7 +214,7 @@ fn an_impedance_ends_in_the_safe_state_too() {
 
 #[test]
 fn disarmed_it_is_locked_and_armed_it_starts_softly() {
-    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST);
+    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST);
     for _ in 0..3 {
         one.switch.arm().unwrap();
         assert_soft(&mut one, speed(150.0), 500);
@@ -220,7 +228,7 @@ fn disarmed_it_is_locked_and_armed_it_starts_softly() {
 
 #[test]
 fn the_panic_image_locks_whatever_it_did_before() {
-    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST);
+    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST);
     let mut image = rc10_motor::TxBatch::new();
     one.bench.bus.coast_image(&mut image).unwrap();
     one.switch.arm().unwrap();

@@ -1,7 +1,7 @@
 //! Nothing drives before the module has what it shall have and the motor says that it follows.
 
 use rc10_motor::rc10_app::{Degrees, NewtonMetres};
-use rc10_motor::unitree::GoModule;
+use rc10_motor::unitree::{GoModule, ModuleConfig};
 use rc10_motor::{ArmSwitch, Condition, Impedance, Link, Safety, Target};
 use rc10_sim::unitree_module::{Asked, Command, Mode, UnitreeModule, plant};
 
@@ -45,7 +45,7 @@ const SPRING: Impedance = Impedance {
 
 #[test]
 fn disarmed_it_is_polled_and_armed_it_is_set_up_in_four_ticks() {
-    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST);
+    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST);
     assert_eq!(one.bench.status(one.motor).link, Link::Online);
     assert_eq!(ticks(&mut one, speed(60.0), 3), ["lock"; 3]);
     assert_eq!(one.mode(), Mode::Locked);
@@ -61,7 +61,7 @@ fn disarmed_it_is_polled_and_armed_it_is_set_up_in_four_ticks() {
 
 #[test]
 fn an_impedance_counts_once_the_module_has_confirmed_it() {
-    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST).armed();
+    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
     one.hold(speed(100.0), 500);
     assert!(one.gains().stiffness == 0.0 && one.gains().damping == 0.0);
     let target = Target::Impedance(SPRING);
@@ -90,7 +90,7 @@ fn an_impedance_counts_once_the_module_has_confirmed_it() {
 
 #[test]
 fn a_module_that_does_not_keep_its_gains_never_drives() {
-    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST).armed();
+    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
     for _ in 0..200 {
         // It restarts in every millisecond: what it tells is never what it was told.
         one.module.restart();
@@ -105,7 +105,7 @@ fn a_module_that_does_not_keep_its_gains_never_drives() {
 
 #[test]
 fn a_module_that_restarts_unnoticed_is_found_without_its_gains() {
-    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST).armed();
+    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
     one.hold(Target::Impedance(SPRING), 500);
     let held = one.degrees();
     one.module.restart();
@@ -121,7 +121,7 @@ fn a_module_that_restarts_unnoticed_is_found_without_its_gains() {
 
 #[test]
 fn a_module_without_power_is_set_up_again_when_it_is_back() {
-    let mut one = One::new(GoModule::new(3, 0).unwrap(), Safety::COAST).armed();
+    let mut one = One::new(GoModule::new(ModuleConfig::new(3, 0)).unwrap(), Safety::COAST).armed();
     one.hold(Target::Impedance(SPRING), 500);
     one.module.set_power(false);
     one.hold(Target::Impedance(SPRING), 30);
@@ -138,7 +138,8 @@ fn a_module_without_power_is_set_up_again_when_it_is_back() {
 #[test]
 fn motors_of_one_module_have_gains_and_motions_of_their_own() {
     let switch = ArmSwitch::new();
-    let mut motors = [(3, 0), (3, 1), (2, 1)].map(|(m, id)| GoModule::new(m, id).unwrap());
+    let mut motors =
+        [(3, 0), (3, 1), (2, 1)].map(|(m, id)| GoModule::new(ModuleConfig::new(m, id)).unwrap());
     let mut bench = rc10_conformance::Bench::new(3, &switch);
     let (third, second) = (UnitreeModule::new(3).unwrap(), UnitreeModule::new(2).unwrap());
     let escs = [(&third, 0), (&third, 1), (&second, 1)]
