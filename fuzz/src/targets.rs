@@ -215,7 +215,7 @@ pub fn vesc(bytes: &[u8]) {
         status_5: 200,
         status_6: 10,
     };
-    let config = vesc::Config::new(vesc::VescId::new(7).unwrap(), scale, currents);
+    let config = vesc::Config::new(7, scale, currents);
     motor(vesc::Vesc::new(vesc::Config { status, ..config }).unwrap(), bytes);
 }
 
@@ -337,7 +337,7 @@ pub fn lk(bytes: &[u8]) {
     let commands = [lk::Commands::Single, lk::Commands::MultiMotor];
     let config = lk::Config::new(lk::models::MG4010E_I10, CASCADE);
     let config = config.with_commands(commands[usize::from(first & 1)]);
-    motor(lk::Lk::new(3, config).unwrap(), bytes);
+    motor(lk::Lk::new(lk::Config { id: 3, ..config }).unwrap(), bytes);
 }
 
 /// `ODrive`, in each of its modes.
@@ -352,5 +352,8 @@ pub fn odrive(bytes: &[u8]) {
     let rates = odrive::Rates { currents: 100, supply: 10, ..odrive::Rates::new(1000, 100) };
     let config = odrive::Config::new(odrive::Firmware::V0_6, control, rates);
     let limits = odrive::Limits { speed: Rpm::new(300.0), current: Amps::new(20.0) };
-    motor(odrive::ODrive::new(5, config.with_limits(limits)).unwrap(), bytes);
+    motor(
+        odrive::ODrive::new(odrive::Config { node: 5, ..config.with_limits(limits) }).unwrap(),
+        bytes,
+    );
 }

@@ -40,7 +40,7 @@ pub fn nodes() -> Vec<Node> {
         let scale = ElectricalScale::new(NonZeroU8::new(7).unwrap(), Gear::DIRECT);
         let (limit, brake, handbrake) = (Amps::new(40.0), Amps::new(15.0), Amps::new(20.0));
         let currents = Currents { limit, brake, handbrake };
-        let config = vesc::Config::new(VescId::new(id).unwrap(), scale, currents);
+        let config = vesc::Config::new(id, scale, currents);
         vesc::signals::messages(&vesc::Config { status, ..config }).into_iter().collect()
     };
     let node = |label: &str, messages, not_in_dbc| Node {

@@ -57,11 +57,12 @@ pub fn run(which: Which, seed: u64, length: Micros, change: Option<Change<'_>>) 
                 Damiao::new(damiao::Config::new(damiao::models::J4310, id, master, mit)).unwrap();
             let turret = table::TURRET.cascade;
             let turret = lk::Config { cascade: changed("turret", turret), ..table::TURRET };
-            let mut turret = Lk::new(table::TURRET_ID, turret).unwrap();
+            let mut turret = Lk::new(lk::Config { id: table::TURRET_ID, ..turret }).unwrap();
             let odrive::Control::Torque(cascade) = table::FLYWHEEL.control else { panic!() };
             let control = odrive::Control::Torque(changed("flywheel", cascade));
             let flywheel = odrive::Config { control, ..table::FLYWHEEL };
-            let mut flywheel = ODrive::new(table::FLYWHEEL_NODE, flywheel).unwrap();
+            let mut flywheel =
+                ODrive::new(odrive::Config { node: table::FLYWHEEL_NODE, ..flywheel }).unwrap();
             let mut wheel = rc10_motor::vesc::Vesc::new(table::wheel()).unwrap();
             let (module, motor) = table::HIP;
             let mut hip =

@@ -39,8 +39,8 @@ pub fn description() -> Result<Description> {
     let hip = GoModule::new(ModuleConfig::new(HIP.0, HIP.1))?.name();
     let model = &cybergear::models::CYBERGEAR;
     let wrist = cybergear::CyberGear::new(cybergear::Config::new(model, WRIST))?.name();
-    let turret = lk::Lk::new(TURRET_ID, TURRET)?.name();
-    let axis = odrive::ODrive::new(FLYWHEEL_NODE, FLYWHEEL)?.name();
+    let turret = lk::Lk::new(lk::Config { id: TURRET_ID, ..TURRET })?.name();
+    let axis = odrive::ODrive::new(odrive::Config { node: FLYWHEEL_NODE, ..FLYWHEEL })?.name();
     // Inertias in kg m² at the output shaft; our estimates.
     let mut motors = vec![
         Motor {

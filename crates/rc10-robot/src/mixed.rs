@@ -160,8 +160,8 @@ impl Motors {
             arm: arm()?,
             hip: GoModule::new(ModuleConfig::new(HIP.0, HIP.1))?,
             wrist: CyberGear::new(cybergear::Config::new(&cybergear::models::CYBERGEAR, WRIST))?,
-            turret: Lk::new(TURRET_ID, TURRET)?,
-            flywheel: ODrive::new(FLYWHEEL_NODE, FLYWHEEL)?,
+            turret: Lk::new(lk::Config { id: TURRET_ID, ..TURRET })?,
+            flywheel: ODrive::new(odrive::Config { node: FLYWHEEL_NODE, ..FLYWHEEL })?,
             legs: [leg(0)?, leg(1)?, leg(2)?, leg(3)?, leg(4)?, leg(5)?, leg(6)?, leg(7)?],
         })
     }

@@ -1,6 +1,6 @@
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::{Declaration, Trial};
-use rc10_motor::cybergear::{Address, CyberGear, Model, models};
+use rc10_motor::cybergear::{Address, Config, CyberGear, Model, models};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{Impedance, Target};
 use rc10_sim::cybergear as sim;
@@ -35,8 +35,7 @@ fn motor(
         &declared,
         |motor| {
             CyberGear::new(
-                cybergear::Config::new(model, Address { motor, host: 0xFD })
-                    .with_direction(direction),
+                Config::new(model, Address { motor, host: 0xFD }).with_direction(direction),
             )
             .unwrap()
         },

@@ -1,6 +1,6 @@
 use rc10_app::{Degrees, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle};
 use rc10_conformance::{Declaration, Trial};
-use rc10_motor::damiao::{Control, Damiao, models};
+use rc10_motor::damiao::{Config, Control, Damiao, models};
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{Impedance, Target};
@@ -23,9 +23,8 @@ fn j4310(
         &declared,
         |id| {
             let (can_id, master_id) = ids(id);
-            Damiao::new(damiao::Config::new(models::J4310, can_id, master_id, control))
-                .unwrap()
-                .with_direction(direction)
+            let config = Config::new(models::J4310, can_id, master_id, control);
+            Damiao::new(config.with_direction(direction)).unwrap()
         },
         |wire, id| {
             let (can_id, master_id) = ids(id);

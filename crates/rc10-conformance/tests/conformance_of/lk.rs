@@ -40,7 +40,7 @@ pub fn mg4010e(direction: Direction) -> Result<(), Report> {
             untold_faults: vec![(EscFault::Encoder, "no error bit says so")],
             ..declared
         },
-        |id| Lk::new(id, Config::new(MG4010E_I10, cascade).with_direction(direction)).unwrap(),
+        |id| Lk::new(Config::new(MG4010E_I10, id, cascade).with_direction(direction)).unwrap(),
         |wire, id| {
             let plant = mg4010e_i10().with_load_inertia(0.02);
             wire.add(Drive::new(Settings::mg(id)).unwrap(), plant)
@@ -80,10 +80,10 @@ pub fn mf9025_multi_motor(direction: Direction) -> Result<(), Report> {
             ..declared
         },
         |id| {
-            let config = Config::new(MF9025, cascade)
+            let config = Config::new(MF9025, id, cascade)
                 .with_commands(Commands::MultiMotor)
                 .with_direction(direction);
-            Lk::new(id, config).unwrap()
+            Lk::new(Config { id: id, ..config }).unwrap()
         },
         |wire, id| {
             let settings = Settings { multi_motor: true, ..Settings::mf(id) };

@@ -21,14 +21,14 @@ const ANGLES: [Trial; 2] = [
 ];
 
 fn odrive(control: Control, declared: Declaration, direction: Direction) -> Result<(), Report> {
-    let config = Config::new(Firmware::V0_6, control, Rates::new(1000, 100))
+    let config = Config::new(0, Firmware::V0_6, control, Rates::new(1000, 100))
         .with_direction(direction)
         .with_gear(Gear::new(8, 1).unwrap())
         // 8 N m.
         .with_limits(Limits { speed: Rpm::new(300.0), current: Amps::new(18.1) });
     check(
         &Declaration { direction, ..declared },
-        |node| ODrive::new(node, config).unwrap(),
+        |node| ODrive::new(Config { node: node, ..config }).unwrap(),
         |wire, node| {
             let settings = Settings {
                 heartbeat_every: rc10_can::Micros::from_millis(10),

@@ -6,7 +6,7 @@ use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::vesc::{Config, Currents, ElectricalScale, Vesc, VescId};
+use rc10_motor::vesc::{Config, Currents, ElectricalScale, Vesc};
 use rc10_sim::vesc::{VescConfig, outrunner_270_kv};
 use rc10_sim::{EscFault, Plant};
 
@@ -16,12 +16,11 @@ const POLE_PAIRS: u8 = 7;
 const LIMIT: f32 = 40.0;
 
 /// Our side.
-fn ours(id: u8, gear: Gear, direction: Direction) -> Vesc {
+fn ours(id: u8, gear: Gear, direction: Direction) -> Config {
     let scale = ElectricalScale::new(NonZeroU8::new(POLE_PAIRS).unwrap(), gear);
     let currents =
         Currents { limit: Amps::new(LIMIT), brake: Amps::new(15.0), handbrake: Amps::new(20.0) };
-    let config = Config::new(VescId::new(id).unwrap(), scale, currents);
-    Vesc::new(Config { direction, ..config }).unwrap()
+    Config::new(id, scale, currents).with_direction(direction)
 }
 
 /// Its side.
@@ -35,11 +34,15 @@ fn theirs(id: u8, plant: Plant) -> VescConfig {
     }
 }
 
-fn run(declared: &Declaration, plant: Plant, motor: impl Fn(u8) -> Vesc) -> Result<(), Report> {
-    check(declared, motor, |wire, id| {
-        let config = theirs(id, plant);
-        wire.add(rc10_sim::vesc::Vesc::new(config).unwrap(), config.plant)
-    })
+fn run(declared: &Declaration, plant: Plant, config: impl Fn(u8) -> Config) -> Result<(), Report> {
+    check(
+        declared,
+        |id| Vesc::new(config(id)).unwrap(),
+        |wire, id| {
+            let config = theirs(id, plant);
+            wire.add(rc10_sim::vesc::Vesc::new(config).unwrap(), config.plant)
+        },
+    )
 }
 
 /// No frame of a VESC tells them.
@@ -82,9 +85,9 @@ fn wheel(direction: Direction, relative_to: Option<Amps>) -> Result<(), Report> 
     }
     .with_trials(&ALIKE)
     .with_trials(&[Trial::new(Target::Speed(Rpm::new(1000.0)), 60.0, 3000)]);
-    run(&untold(declared, direction), plant, |id| {
-        let config = Config { relative_to, ..*ours(id, Gear::DIRECT, direction).config() };
-        Vesc::new(config).unwrap()
+    run(&untold(declared, direction), plant, |id| Config {
+        relative_to,
+        ..ours(id, Gear::DIRECT, direction)
     })
 }
 
@@ -116,6 +119,6 @@ pub fn vesc_with_servo(direction: Direction) -> Result<(), Report> {
         ]);
     let gear = Gear::new(19, 1).unwrap();
     run(&untold(declared, direction), plant, |id| {
-        ours(id, gear, direction).with_servo(cascade).unwrap()
+        ours(id, gear, direction).with_angle_loops(cascade)
     })
 }

@@ -13,7 +13,7 @@ mod values;
 mod wiring;
 
 use rc10_conformance::Bench;
-use rc10_motor::cybergear::{Address, CyberGear, Model, models};
+use rc10_motor::cybergear::{Address, Config, CyberGear, Model, models};
 use rc10_motor::{ArmSwitch, MotorId, Safety};
 use rc10_sim::{Esc, cybergear as sim};
 
@@ -25,8 +25,10 @@ fn models() -> impl Iterator<Item = (&'static Model, &'static sim::Model)> {
     models::ALL.into_iter().zip(sim::ALL)
 }
 
+const CONFIG: Config = Config::new(&models::CYBERGEAR, ADDRESS);
+
 fn cybergear() -> CyberGear {
-    CyberGear::new(cybergear::Config::new(&models::CYBERGEAR, ADDRESS)).unwrap()
+    CyberGear::new(CONFIG).unwrap()
 }
 
 /// A motor of ours and a device, alone on a bus, 20 ms after power-on, not armed.
@@ -75,7 +77,7 @@ fn with_cybergear(safety: Safety, test: impl FnOnce(Pair<'_, '_>)) {
 
 /// An RS04 with a load of 0.1 kg m².
 fn with_rs04(test: impl FnOnce(Pair<'_, '_>)) {
-    let motor = CyberGear::new(cybergear::Config::new(&models::RS04, ADDRESS)).unwrap();
+    let motor = CyberGear::new(Config::new(&models::RS04, ADDRESS)).unwrap();
     let device = sim::CyberGear::new(&sim::RS04, 1);
     let plant = sim::RS04.plant().with_load_inertia(0.1);
     with_pair(motor, (device, plant), Safety::COAST, test);

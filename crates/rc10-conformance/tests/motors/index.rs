@@ -11,7 +11,7 @@ use rc10_motor::lk::{self, Commands, Lk};
 use rc10_motor::odrive::{self, Firmware, InputMode, Limits, ODrive, Rates};
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::unitree::{GoM8010, GoModule, LineConfig, ModuleConfig};
-use rc10_motor::vesc::{self, Currents, Vesc, VescId};
+use rc10_motor::vesc::{self, Currents, Vesc};
 use rc10_motor::{ArmSwitch, CanMotor, Motor, MotorBus, Safety, TargetKind, TargetSet};
 
 const PAGE: &str = include_str!("../../../../docs/motors/README.md");
@@ -28,11 +28,15 @@ fn dji(model: &'static dji::Model, id: u8) -> Dji {
     Dji::new(dji::Config::new(model, id)).unwrap()
 }
 
-fn vesc(id: u8) -> Vesc {
+fn vesc_config(id: u8) -> vesc::Config {
     let scale = vesc::ElectricalScale::new(NonZeroU8::new(7).unwrap(), Gear::DIRECT);
     let amps = Amps::new(10.0);
     let currents = Currents { limit: amps, brake: amps, handbrake: amps };
-    Vesc::new(vesc::Config::new(VescId::new(id).unwrap(), scale, currents)).unwrap()
+    vesc::Config::new(id, scale, currents)
+}
+
+fn vesc(id: u8) -> Vesc {
+    Vesc::new(vesc_config(id)).unwrap()
 }
 
 fn module(module: u8, motor: u8) -> GoModule {
@@ -49,14 +53,14 @@ fn robstride(model: &'static cybergear::Model, motor: u8, host: u8) -> CyberGear
 }
 
 fn lk(id: u8, commands: Commands) -> Lk {
-    let config = lk::Config::new(lk::models::MG4010E_I10, CASCADE);
-    Lk::new(id, config.with_commands(commands)).unwrap()
+    let config = lk::Config::new(lk::models::MG4010E_I10, id, CASCADE);
+    Lk::new(config.with_commands(commands)).unwrap()
 }
 
 fn odrive(node: u8, control: odrive::Control) -> ODrive {
     let limits = Limits { speed: Rpm::new(300.0), current: Amps::new(30.0) };
-    let config = odrive::Config::new(Firmware::V0_6, control, Rates::new(500, 50));
-    ODrive::new(node, config.with_limits(limits)).unwrap()
+    let config = odrive::Config::new(node, Firmware::V0_6, control, Rates::new(500, 50));
+    ODrive::new(config.with_limits(limits)).unwrap()
 }
 
 /// As the page calls them.
@@ -101,7 +105,10 @@ fn targets_and_loads_are_those_of_the_page() {
         ("GM6020, current mode", Box::new(dji(&dji::GM6020_CURRENT, 1))),
         ("GM6020, voltage mode", Box::new(dji(&dji::GM6020_VOLTAGE, 1))),
         ("VESC", Box::new(vesc(1))),
-        ("VESC with our loops", Box::new(vesc(1).with_servo(CASCADE).unwrap())),
+        (
+            "VESC with our loops",
+            Box::new(Vesc::new(vesc_config(1).with_angle_loops(CASCADE)).unwrap()),
+        ),
         ("GO-M8010-6, CAN module", Box::new(module(3, 0))),
         ("Damiao, MIT", of_damiao(Control::Mit(CASCADE))),
         ("Damiao, position-velocity", of_damiao(Control::PositionVelocity { speed })),

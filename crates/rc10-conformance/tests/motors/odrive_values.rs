@@ -18,7 +18,7 @@ pub fn config() -> Config {
         feed_forward: 0.0,
     };
     let rates = Rates { currents: 100, temperatures: 10, supply: 10, ..Rates::new(500, 50) };
-    Config::new(Firmware::V0_6, Control::Torque(cascade), rates)
+    Config::new(NODE, Firmware::V0_6, Control::Torque(cascade), rates)
         .with_limits(Limits { speed: Rpm::new(300.0), current: Amps::new(30.0) })
 }
 

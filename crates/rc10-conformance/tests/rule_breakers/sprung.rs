@@ -3,7 +3,7 @@
 use rc10_app::{Cascade, Degrees, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle};
 use rc10_can::{CanFrame, Micros};
 use rc10_conformance::{Declaration, Report, Trial, check};
-use rc10_motor::damiao::{Control, Damiao, models};
+use rc10_motor::damiao::{Config, Control, Damiao, models};
 use rc10_motor::{
     CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Impedance,
     Link, Motor, MotorName, Request, RequestError, Response, Target, TargetError, TargetSet, Tick,
@@ -169,8 +169,7 @@ pub fn check_sprung(slip: Slip) -> Result<(), Report> {
         |id| {
             let (can_id, master_id) = ids(id);
             let control = Control::Mit(cascade);
-            let good = Damiao::new(damiao::Config::new(models::J4310, can_id, master_id, control))
-                .unwrap();
+            let good = Damiao::new(Config::new(models::J4310, can_id, master_id, control)).unwrap();
             Sprung { good, slip, asked: None, driven: 0 }
         },
         |wire, id| {

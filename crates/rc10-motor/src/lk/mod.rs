@@ -40,7 +40,7 @@
 //!     acceleration: RpmPerSecond::new(1000.0),
 //!     feed_forward: 0.0,
 //! };
-//! let mut joint = Lk::new(1, Config::new(models::MG4010E_I10, cascade))?;
+//! let mut joint = Lk::new(Config::new(models::MG4010E_I10, 1, cascade))?;
 //! let switch = ArmSwitch::new();
 //! let mut bus = MotorBus::new(&switch);
 //! let joint = bus.attach(&mut joint, Safety::HOLD)?;

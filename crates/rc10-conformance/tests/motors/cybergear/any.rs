@@ -7,8 +7,8 @@ use proptest::sample::select;
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_can::embedded_can::ExtendedId;
 use rc10_can::{CanFrame, Micros};
-use rc10_motor::cybergear::CyberGear;
 use rc10_motor::cybergear::models::ALL;
+use rc10_motor::cybergear::{Config, CyberGear};
 use rc10_motor::{
     CanMotor, DriveMode, Gains, Impedance, Link, Motor, Request, Target, Tick, TxBatch,
 };
@@ -93,7 +93,7 @@ proptest! {
 
     #[test]
     fn nothing_upsets_it(which in 0..8_usize, events in vec(event(), 1..120)) {
-        let mut motor = CyberGear::new(cybergear::Config::new(ALL[which], ADDRESS)).unwrap();
+        let mut motor = CyberGear::new(Config::new(ALL[which], ADDRESS)).unwrap();
         let mut now = Micros::from_millis(1);
         let mut silent = 11_u32;
         let low = u32::from(ADDRESS.motor) << 8 | u32::from(ADDRESS.host);

@@ -1,14 +1,14 @@
 //! Closed loops: each sort of target is reached.
 
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
-use rc10_motor::cybergear::CyberGear;
+use rc10_motor::cybergear::{Config, CyberGear};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
     CommandError, Condition, Impedance, Link, Safety, Target, TargetError, TargetKind,
 };
 use rc10_sim::cybergear::{self as sim, AtEnd};
 
-use super::{ADDRESS, Pair, cybergear, models, with_cybergear, with_pair};
+use super::{ADDRESS, CONFIG, Pair, cybergear, models, with_cybergear, with_pair};
 
 /// Ticks until `f` says so for 50 ticks on end; panics after `most`.
 fn settles(
@@ -32,7 +32,7 @@ fn settles(
 fn speeds_are_reached_by_every_model() {
     for (ours, theirs) in models() {
         for inertia in [0.0, 0.02 * theirs.torque / 12.0] {
-            let motor = CyberGear::new(cybergear::Config::new(ours, ADDRESS)).unwrap();
+            let motor = CyberGear::new(Config::new(ours, ADDRESS)).unwrap();
             let device = sim::CyberGear::new(theirs, 1);
             let plant = theirs.plant().with_load_inertia(inertia);
             with_pair(motor, (device, plant), Safety::COAST, |mut pair| {
@@ -56,7 +56,7 @@ fn speeds_are_reached_by_every_model() {
 #[test]
 fn angles_are_reached_by_every_model() {
     for (ours, theirs) in models() {
-        let motor = CyberGear::new(cybergear::Config::new(ours, ADDRESS)).unwrap();
+        let motor = CyberGear::new(Config::new(ours, ADDRESS)).unwrap();
         let device = sim::CyberGear::new(theirs, 1);
         let plant = theirs.plant().with_load_inertia(0.01 * theirs.torque / 12.0);
         with_pair(motor, (device, plant), Safety::COAST, |mut pair| {
@@ -109,7 +109,7 @@ fn impedance(angle: f32, kp: f32, kd: f32) -> Impedance {
 fn an_impedance_is_the_devices_own_loop() {
     for direction in [Direction::Forward, Direction::Reversed] {
         let sign = if direction == Direction::Forward { 1.0 } else { -1.0 };
-        let motor = cybergear().with_direction(direction);
+        let motor = CyberGear::new(CONFIG.with_direction(direction)).unwrap();
         let device = sim::CyberGear::new(&sim::CYBERGEAR, 1);
         let plant = sim::CYBERGEAR.plant().with_load_inertia(0.01);
         with_pair(motor, (device, plant), Safety::COAST, |mut pair| {
@@ -230,8 +230,7 @@ fn it_brakes_and_holds() {
 #[test]
 fn another_range_of_position_scales_the_angle() {
     let four_pi = 4.0 * std::f32::consts::PI;
-    let motor = cybergear();
-    let motor = motor.with_position_range(four_pi).unwrap();
+    let motor = CyberGear::new(CONFIG.with_position_range(four_pi)).unwrap();
     let mut model = sim::CYBERGEAR;
     model.position = four_pi.into();
     let plant = model.plant().with_load_inertia(0.01);
@@ -246,7 +245,7 @@ fn another_range_of_position_scales_the_angle() {
 
 #[test]
 fn a_reversed_motor_turns_the_other_way() {
-    let motor = cybergear().with_direction(Direction::Reversed);
+    let motor = CyberGear::new(CONFIG.with_direction(Direction::Reversed)).unwrap();
     let device = sim::CyberGear::new(&sim::CYBERGEAR, 1);
     let plant = sim::CYBERGEAR.plant().with_load_inertia(0.01);
     with_pair(motor, (device, plant), Safety::HOLD, |mut pair| {

@@ -1,7 +1,7 @@
 //! Registers, zero, gains, limits.
 
 use rc10_app::{Amps, NewtonMetres, Rpm, TotalAngle};
-use rc10_motor::cybergear::{CyberGear, models};
+use rc10_motor::cybergear::{Config, CyberGear, models};
 use rc10_motor::{
     CanMotor, DriveMode, Gains, Motor, Request, RequestError, Response, Safety, Target, Tick,
     TxBatch,
@@ -141,7 +141,7 @@ fn a_robstride_keeps_its_registers_and_its_zero() {
 /// Its answer is plain feedback: what comes after a save must have that one cause.
 #[test]
 fn nothing_else_is_sent_around_a_save() {
-    let mut motor = CyberGear::new(cybergear::Config::new(&models::RS04, ADDRESS)).unwrap();
+    let mut motor = CyberGear::new(Config::new(&models::RS04, ADDRESS)).unwrap();
     assert_eq!(motor.request(Request::SaveRegisters), Ok(Response::Pending));
     let sent: Vec<_> = (0..400)
         .map(|_| {

@@ -3,7 +3,7 @@
 use rc10_app::{NewtonMetres, Rpm, TotalAngle};
 use rc10_can::embedded_can::ExtendedId;
 use rc10_can::{CanFrame, Micros};
-use rc10_motor::cybergear::{CyberGear, models};
+use rc10_motor::cybergear::{Config, CyberGear, models};
 use rc10_motor::{
     CanMotor, Condition, DriveMode, Impedance, Link, Motor, Safety, Target, Tick, TxBatch,
 };
@@ -205,8 +205,7 @@ fn a_device_that_stopped_or_was_silent_gets_no_setpoint() {
     let run_mode = frame(0x1100_01FD, [0x05, 0x70, 0, 0, 0, 0, 0, 0]);
     // Mode 0 is reset, mode 2 runs.
     for (mode, link) in [(0, Link::Online), (2, Link::Lost)] {
-        let mut motor =
-            CyberGear::new(cybergear::Config::new(&models::CYBERGEAR, ADDRESS)).unwrap();
+        let mut motor = CyberGear::new(Config::new(&models::CYBERGEAR, ADDRESS)).unwrap();
         motor.set_target(Target::Speed(Rpm::new(10.0))).unwrap();
         let mut millis = 0;
         let mut sent_after = |frame: &CanFrame, link| {
@@ -287,8 +286,7 @@ fn a_robstrides_time_out_is_a_restart() {
 #[test]
 fn a_robstrides_own_reports_are_feedback() {
     with_rs04(|pair| {
-        let address =
-            CyberGear::new(cybergear::Config::new(&models::RS04, ADDRESS)).unwrap().address();
+        let address = CyberGear::new(Config::new(&models::RS04, ADDRESS)).unwrap().address();
         let id = 24 << 24 | u32::from(address.host) << 8 | u32::from(address.motor);
         let id = rc10_can::embedded_can::ExtendedId::new(id).unwrap();
         let report = rc10_can::CanFrame::eight_bytes(id, [1, 2, 3, 4, 5, 6, 1, 0]);

@@ -4,7 +4,7 @@ use rc10_app::NewtonMetres;
 use rc10_can::IdPattern;
 use rc10_can::embedded_can::ExtendedId;
 use rc10_can::{CanFrame, Micros};
-use rc10_motor::cybergear::{Address, CyberGear, models, wire};
+use rc10_motor::cybergear::{Address, Config, CyberGear, models, wire};
 use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::{
     ArmSwitch, AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Frames,
@@ -12,10 +12,10 @@ use rc10_motor::{
     Verdict,
 };
 
-use super::{ADDRESS, HOST, cybergear};
+use super::{ADDRESS, CONFIG, HOST, cybergear};
 
 fn at(motor: u8, host: u8) -> CyberGear {
-    CyberGear::new(cybergear::Config::new(&models::CYBERGEAR, Address { motor, host })).unwrap()
+    CyberGear::new(Config::new(&models::CYBERGEAR, Address { motor, host })).unwrap()
 }
 
 #[test]
@@ -23,19 +23,19 @@ fn what_cannot_be_is_refused_by_name() {
     for (motor, host, field) in
         [(0, HOST, "motor"), (128, HOST, "motor"), (5, 5, "host"), (5, 254, "host")]
     {
-        let error = CyberGear::new(cybergear::Config::new(&models::RS00, Address { motor, host }))
-            .unwrap_err();
+        let error =
+            CyberGear::new(Config::new(&models::RS00, Address { motor, host })).unwrap_err();
         assert_eq!(error.field, field, "{motor} {host}");
         assert!(!error.must_be.is_empty());
     }
     for range in [0.0, -1.0, 15.1, f32::NAN, f32::INFINITY] {
-        assert_eq!(cybergear().with_position_range(range).unwrap_err().field, "position");
+        assert_eq!(CONFIG.with_position_range(range).validate().unwrap_err().field, "position");
     }
     let mut cascade = models::CYBERGEAR.cascade;
     cascade.speed.output_limit = 13.0;
-    assert_eq!(cybergear().with_cascade(cascade).unwrap_err().field, "output_limit");
+    assert_eq!(CONFIG.with_cascade(cascade).validate().unwrap_err().field, "output_limit");
     cascade.speed.output_limit = f32::NAN;
-    assert!(cybergear().with_cascade(cascade).is_err());
+    assert!(CONFIG.with_cascade(cascade).validate().is_err());
 }
 
 /// As the page says: 28 / 32 % for one, 83 / 96 % for three.

@@ -1,8 +1,8 @@
-use super::{cascade, controls, motor};
+use super::{cascade, config, controls, motor};
 use rc10_app::{PidConfig, Rpm};
 use rc10_can::Micros;
 use rc10_can::embedded_can::StandardId;
-use rc10_motor::damiao::{Control, Damiao, Limits, Model, models};
+use rc10_motor::damiao::{Config, Control, Damiao, Limits, Model, models};
 use rc10_motor::dji::{self, Dji, M3508};
 use rc10_motor::{
     ArmSwitch, AttachError, CanMotor, Clash, DriveMode, Motor, MotorBus, Request, Safety, Tick,
@@ -10,7 +10,7 @@ use rc10_motor::{
 };
 
 fn at(can_id: u16, master_id: u16) -> Damiao {
-    Damiao::new(damiao::Config::new(models::J4310, can_id, master_id, Control::Velocity)).unwrap()
+    Damiao::new(Config::new(models::J4310, can_id, master_id, Control::Velocity)).unwrap()
 }
 
 fn clash(one: &mut Damiao, other: &mut dyn CanMotor) -> Option<Clash> {
@@ -27,8 +27,7 @@ fn clash(one: &mut Damiao, other: &mut dyn CanMotor) -> Option<Clash> {
 #[test]
 fn configurations_that_cannot_be_are_refused_by_name() {
     let field = |can_id, master_id, control| {
-        let error =
-            Damiao::new(damiao::Config::new(models::J4310, can_id, master_id, control)).err()?;
+        let error = Damiao::new(Config::new(models::J4310, can_id, master_id, control)).err()?;
         Some([error.part, error.field].join(".").trim_start_matches('.').to_string())
     };
     for (can_id, master_id, wrong) in [
@@ -73,12 +72,11 @@ fn configurations_that_cannot_be_are_refused_by_name() {
     }
     // The frame's own end, below this model's VMAX.
     let fast = Control::ForcePosition { speed: Rpm::new(1000.0), torque_share: 1.0 };
-    let error = Damiao::new(damiao::Config::new(models::H3510, 1, 0, fast)).unwrap_err();
+    let error = Damiao::new(Config::new(models::H3510, 1, 0, fast)).unwrap_err();
     assert_eq!((error.field, error.must_be), ("speed", "at most 100 rad/s"));
     let limits = Limits::new(12.5, f32::NAN, 10.0);
-    let error =
-        Damiao::new(damiao::Config::new(Model { name: "own", limits }, 1, 0, Control::Velocity))
-            .unwrap_err();
+    let error = Damiao::new(Config::new(Model { name: "own", limits }, 1, 0, Control::Velocity))
+        .unwrap_err();
     assert_eq!(error.field, "velocity");
 }
 
@@ -107,9 +105,8 @@ fn neighbours_that_would_be_taken_for_commands_are_refused() {
 #[test]
 fn three_fit_on_a_bus_and_four_are_tight() {
     for control in controls() {
-        let mut motors = [1, 2, 3, 4, 5].map(|id| {
-            Damiao::new(damiao::Config::new(models::J4310, id, 0x20 + id, control)).unwrap()
-        });
+        let mut motors = [1, 2, 3, 4, 5]
+            .map(|id| Damiao::new(Config::new(models::J4310, id, 0x20 + id, control)).unwrap());
         let switch = ArmSwitch::new();
         let mut bus = MotorBus::new(&switch);
         let mut verdicts = Vec::new();
@@ -150,7 +147,7 @@ fn the_coast_image_disables_it() {
 fn register_frames_of_two_motors_keep_apart() {
     let mut streams = Vec::new();
     for control in controls() {
-        let mut motor = motor(control).verify_limits(false);
+        let mut motor = Damiao::new(config(control).verify_limits(false)).unwrap();
         motor.request(Request::ReadRegister(80)).unwrap();
         motor.update(&Tick::new(DriveMode::Off));
         let mut tx = TxBatch::new();
@@ -171,7 +168,7 @@ fn register_frames_of_two_motors_keep_apart() {
 fn a_model_of_ones_own_is_a_name_and_limits() {
     let limits = Limits::new(3.2, 40.0, 8.0);
     let mine = Model { name: "DM-mine", limits };
-    let motor = Damiao::new(damiao::Config::new(mine, 0x21, 0x41, Control::Velocity)).unwrap();
+    let motor = Damiao::new(Config::new(mine, 0x21, 0x41, Control::Velocity)).unwrap();
     assert_eq!(motor.name().to_string(), "DM-mine id 33");
     assert_eq!(motor.can_ids().link_timeout(), Micros::from_millis(10));
     let bytes = size_of::<Damiao>();

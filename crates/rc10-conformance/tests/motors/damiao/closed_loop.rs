@@ -1,6 +1,6 @@
-use super::{LOAD, MOST, Rig, cascade, controls, device, motor};
+use super::{LOAD, MOST, Rig, cascade, config, controls, device, motor};
 use rc10_app::{Degrees, NewtonMetres, Rpm, TotalAngle};
-use rc10_motor::damiao::{Control, Damiao, models};
+use rc10_motor::damiao::{Config, Control, Damiao, models};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
     CommandError, Condition, DriveMode, Impedance, Request, Response, Safety, Target, TargetError,
@@ -83,7 +83,7 @@ fn mit_mode_reaches_speeds_angles_and_torques() {
 #[test]
 fn an_impedance_is_the_devices_own() {
     for direction in [Direction::Forward, Direction::Reversed] {
-        let motor = motor(mit()).with_direction(direction);
+        let motor = Damiao::new(config(mit()).with_direction(direction)).unwrap();
         let mut rig = Rig::new(motor, &device(&mit()), Safety::COAST).armed();
         let spring =
             Impedance { angle: Degrees::new(60.0), kp: 20.0, kd: 1.5, ..Impedance::default() };
@@ -255,7 +255,7 @@ fn what_lies_beyond_its_range_is_refused() {
 
     let narrow = rc10_motor::damiao::Limits::new(3.0, 30.0, 10.0);
     let model = rc10_motor::damiao::Model { limits: narrow, ..models::J4310 };
-    let mut single = Damiao::new(damiao::Config::new(model, 1, 0x21, mit())).unwrap();
+    let mut single = Damiao::new(Config::new(model, 1, 0x21, mit())).unwrap();
     let target = Target::Angle(Degrees::new(180.0));
     use rc10_motor::Motor;
     let refused = single.set_target(target);
@@ -272,7 +272,7 @@ fn an_angle_is_sought_within_the_range() {
         .flat_map(|control| [(control, Direction::Forward), (control, Direction::Reversed)])
     {
         for sign in [1, -1] {
-            let motor = motor(control).with_direction(direction);
+            let motor = Damiao::new(config(control).with_direction(direction)).unwrap();
             let mut rig = Rig::new(motor, &device(&control), Safety::COAST).armed();
             rig.bench.hold(rig.motor, angle(sign * 690), 2500).unwrap();
             for (target, total) in [(10, 370), (350, 350), (340, 340), (-10, 350)] {
@@ -313,7 +313,7 @@ fn turning_beyond_the_range_and_back_is_survived() {
 #[test]
 fn a_reversed_motor_turns_the_other_way() {
     for control in controls() {
-        let motor = motor(control).with_direction(Direction::Reversed);
+        let motor = Damiao::new(config(control).with_direction(Direction::Reversed)).unwrap();
         let mut rig = Rig::new(motor, &device(&control), Safety::COAST).armed();
         let start = rig.esc.state().output_degrees;
         if control == Control::Velocity {

@@ -1,10 +1,10 @@
 //! Cut wires, restarts, faults, strange frames.
 
-use super::{CAN_ID, MASTER_ID, MOST, Rig, cascade, controls, device, motor};
+use super::{CAN_ID, MASTER_ID, MOST, Rig, cascade, config, controls, device, motor};
 use rc10_app::{Rpm, TotalAngle};
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, Micros};
-use rc10_motor::damiao::{Control, Damiao, models};
+use rc10_motor::damiao::{Config, Control, Damiao, models};
 use rc10_motor::{
     CanMotor, Condition, DriveMode, FrameError, FrameKind, Impedance, Link, Motor, Request,
     RequestError, Response, Safety, Target, Tick, TxBatch,
@@ -155,7 +155,7 @@ fn every_fault_stops_it_and_only_clearing_it_helps() {
 #[test]
 fn a_restart_clears_no_fault() {
     for verify in [true, false] {
-        let motor = motor(mit()).verify_limits(verify);
+        let motor = Damiao::new(config(mit()).verify_limits(verify)).unwrap();
         let mut rig = Rig::new(motor, &device(&mit()), Safety::HOLD).armed();
         let target = target_of(&mit());
         rig.bench.hold(rig.motor, target, 50).unwrap();
@@ -283,8 +283,7 @@ fn settings_that_differ_are_faults_with_text() {
     }
     // 4π for 12.566.
     let motor =
-        Damiao::new(damiao::Config::new(models::J3507, CAN_ID, MASTER_ID, Control::Velocity))
-            .unwrap();
+        Damiao::new(Config::new(models::J3507, CAN_ID, MASTER_ID, Control::Velocity)).unwrap();
     let limits = rc10_sim::damiao::Limits {
         position: 4.0 * std::f64::consts::PI,
         velocity: 50.0,
@@ -301,7 +300,7 @@ fn firmware_without_registers_is_told_apart() {
     let answer =
         |code: u8| CanFrame::eight_bytes(id, [code << 4 | 1, 0x7F, 0xFF, 0x7F, 0xF7, 0xFF, 25, 25]);
     for verify in [true, false] {
-        let mut motor = motor(mit()).verify_limits(verify);
+        let mut motor = Damiao::new(config(mit()).verify_limits(verify)).unwrap();
         let mut enabled_at = None;
         for millis in 1..=200 {
             motor.set_target(Target::Speed(Rpm::new(10.0))).unwrap();
@@ -360,7 +359,7 @@ fn an_operation_that_is_not_obeyed_goes_to_both_identifiers_in_turn() {
         (DriveMode::Off, 0, 0xFD, false),
         (DriveMode::Run, 0, 0xFC, true),
     ] {
-        let mut motor = motor(Control::Velocity).verify_limits(false);
+        let mut motor = Damiao::new(config(Control::Velocity).verify_limits(false)).unwrap();
         motor.set_target(Target::Speed(Rpm::new(10.0))).unwrap();
         let mut sent = Vec::new();
         for millis in 1..=6 {
@@ -394,7 +393,7 @@ fn an_enabled_device_is_disabled_before_all_else() {
 
 #[test]
 fn frames_that_are_none_of_its_own_change_nothing() {
-    let mut motor = motor(mit()).verify_limits(false);
+    let mut motor = Damiao::new(config(mit()).verify_limits(false)).unwrap();
     let id = StandardId::new(MASTER_ID).unwrap();
     let good = [0x11, 0x80, 0x00, 0x80, 0x07, 0xFF, 30, 40];
     let at = Micros::from_millis(5);
@@ -427,7 +426,7 @@ fn frames_that_are_none_of_its_own_change_nothing() {
 fn a_restart_keeps_the_angle_within_the_turn() {
     let id = StandardId::new(MASTER_ID).unwrap();
     for (millis, link) in [(2, Link::Online), (60, Link::Lost)] {
-        let mut motor = motor(mit()).verify_limits(false);
+        let mut motor = Damiao::new(config(mit()).verify_limits(false)).unwrap();
         let mut hear = |field: u16, millis, link| {
             let [high, low] = field.to_be_bytes();
             let frame = CanFrame::eight_bytes(id, [0x01, high, low, 0x7F, 0xF7, 0xFF, 30, 40]);
@@ -452,7 +451,7 @@ fn random_frames_do_no_harm() {
     );
     let id = StandardId::new(MASTER_ID).unwrap();
     for control in controls() {
-        let mut motor = motor(control).verify_limits(false);
+        let mut motor = Damiao::new(config(control).verify_limits(false)).unwrap();
         for millis in 0..20_000_u64 {
             let mut data = [0; 8];
             random.fill_bytes(&mut data);

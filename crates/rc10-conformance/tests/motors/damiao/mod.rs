@@ -9,7 +9,7 @@ mod table;
 
 use rc10_app::{PidConfig, Rpm, RpmPerSecond};
 use rc10_conformance::Bench;
-use rc10_motor::damiao::{Control, Damiao, models};
+use rc10_motor::damiao::{Config, Control, Damiao, models};
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::{ArmSwitch, Link, MotorId, MotorStatus, Safety};
 use rc10_sim::Esc;
@@ -44,8 +44,12 @@ pub fn controls() -> [Control; 4] {
     ]
 }
 
+pub fn config(control: Control) -> Config {
+    Config::new(models::J4310, CAN_ID, MASTER_ID, control)
+}
+
 pub fn motor(control: Control) -> Damiao {
-    Damiao::new(damiao::Config::new(models::J4310, CAN_ID, MASTER_ID, control)).unwrap()
+    Damiao::new(config(control)).unwrap()
 }
 
 /// As the control's register 10.

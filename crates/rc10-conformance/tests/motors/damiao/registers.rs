@@ -1,11 +1,11 @@
 //! Registers, the zero in flash, and who may touch them when.
 
-use super::{CAN_ID, MASTER_ID, Rig, cascade, controls, device, motor};
+use super::{CAN_ID, MASTER_ID, Rig, cascade, config, controls, device, motor};
 use rc10_app::{Rpm, TotalAngle};
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 use rc10_conformance::Bench;
-use rc10_motor::damiao::{Control, Damiao, models};
+use rc10_motor::damiao::{Config, Control, Damiao, models};
 use rc10_motor::{
     ArmSwitch, CanMotor, Condition, DriveMode, Link, Motor, Request, RequestError, Response,
     Safety, Target, Tick, TxBatch,
@@ -144,7 +144,7 @@ fn a_stored_zero_is_believed_once_the_angle_is_zero() {
         let [high, low] = position.to_be_bytes();
         CanFrame::eight_bytes(id, [1, high, low, 0x7F, 0xF7, 0xFF, 25, 25])
     };
-    let mut motor = motor(mit()).verify_limits(false);
+    let mut motor = Damiao::new(config(mit()).verify_limits(false)).unwrap();
     let mut now = Micros::ZERO;
     let mut tick = |motor: &mut Damiao, position| {
         now += Micros::from_millis(1);
@@ -201,8 +201,8 @@ fn a_device_that_is_not_there_answers_nothing() {
 #[test]
 fn several_motors_share_one_master_id() {
     let switch = ArmSwitch::new();
-    let mut motors = [1, 2, 3]
-        .map(|id| Damiao::new(damiao::Config::new(models::J4310, id, 0x00, mit())).unwrap());
+    let mut motors =
+        [1, 2, 3].map(|id| Damiao::new(Config::new(models::J4310, id, 0x00, mit())).unwrap());
     let mut bench = Bench::new(3, &switch);
     let mut escs = Vec::new();
     let mut ids = Vec::new();

@@ -1,6 +1,6 @@
 //! The signal table says of every frame what the codec says.
 
-use super::{controls, motor};
+use super::{config, controls, motor};
 use crate::damiao_values::values;
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
@@ -31,7 +31,7 @@ fn close(a: f64, b: f64) -> bool {
 #[test]
 fn what_devices_send_has_the_values_that_the_decoder_reads() {
     let scaled = scaled();
-    let messages = messages(&motor(controls()[0]), scaled);
+    let messages = messages(&config(controls()[0]), scaled);
     let mut random = random();
     let mut compared = [0; 3];
     for (message, compared) in messages.iter().zip(&mut compared) {
@@ -58,7 +58,7 @@ fn what_devices_send_has_the_values_that_the_decoder_reads() {
 #[test]
 fn a_register_has_one_value() {
     let scaled = scaled();
-    let messages = messages(&motor(controls()[0]), scaled);
+    let messages = messages(&config(controls()[0]), scaled);
     let register = messages.iter().find(|message| message.name == "DAMIAO_REGISTER").unwrap();
     let mut switches = 0;
     for number in 0..=255 {
@@ -81,7 +81,7 @@ fn what_we_send_has_the_values_that_were_sent() {
     };
     for control in controls() {
         let motor = motor(control);
-        let messages = messages(&motor, scaled);
+        let messages = messages(&config(control), scaled);
         let id = motor.can_id();
         for _ in 0..FRAMES {
             let (p, v, kp) = (number(-12.5, 12.5), number(0.0, 30.0), number(0.0, 500.0));
@@ -129,7 +129,7 @@ fn what_we_send_has_the_values_that_were_sent() {
 #[test]
 fn names_of_faults_are_those_of_the_codec() {
     let scaled = scaled();
-    let messages = messages(&motor(controls()[0]), scaled);
+    let messages = messages(&config(controls()[0]), scaled);
     let feedback = messages.iter().find(|message| message.from_device).unwrap();
     let named: Vec<_> = signal(feedback, "ERR").values().collect();
     assert_eq!(named.len(), 11);

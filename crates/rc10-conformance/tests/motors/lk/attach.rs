@@ -9,7 +9,7 @@ use rc10_motor::{ArmSwitch, AttachError, CanMotor, Clash, MotorBus, Safety, TxBa
 use super::{JOINT, joint, wheel};
 
 fn error(id: u8, config: Config) -> (&'static str, &'static str) {
-    let error = Lk::new(id, config).err().unwrap();
+    let error = Lk::new(Config { id: id, ..config }).err().unwrap();
     (error.field, error.must_be)
 }
 
@@ -31,14 +31,18 @@ fn what_cannot_be_is_named() {
     assert_eq!(error(1, cascade(PidConfig::new(0.1, 0.0, 0.0, 33.1))).0, "output_limit");
     assert_eq!(error(1, cascade(PidConfig::new(f32::NAN, 0.0, 0.0, 1.0))).0, "kp");
     for model in ALL {
-        assert!(Lk::new(32, Config { model: *model, ..joint() }).is_ok(), "{}", model.name);
+        assert!(
+            Lk::new(Config { id: 32, ..Config { model: *model, ..joint() } }).is_ok(),
+            "{}",
+            model.name
+        );
     }
 }
 
 #[test]
 fn drives_with_one_identifier_and_other_vendors_on_it_are_refused() {
     let switch = ArmSwitch::new();
-    let (mut one, mut same) = (Lk::new(1, joint()).unwrap(), Lk::new(1, wheel()).unwrap());
+    let (mut one, mut same) = (Lk::new(joint()).unwrap(), Lk::new(wheel()).unwrap());
     let mut bus = MotorBus::new(&switch);
     bus.attach(&mut one, Safety::COAST).unwrap();
     match bus.attach(&mut same, Safety::COAST) {
@@ -52,7 +56,7 @@ fn drives_with_one_identifier_and_other_vendors_on_it_are_refused() {
     const OTHER: dji::Model = dji::Model { command_ids: [0x280, 0x1FF], ..M3508 };
     let mut own = Dji::new(dji::Config::new(&OTHER, 1)).unwrap();
     let config = wheel().with_commands(Commands::MultiMotor);
-    let mut multi = Lk::new(1, config).unwrap();
+    let mut multi = Lk::new(config).unwrap();
     let mut bus = MotorBus::new(&switch);
     bus.attach(&mut own, Safety::COAST).unwrap();
     match bus.attach(&mut multi, Safety::COAST) {
@@ -66,7 +70,7 @@ fn drives_with_one_identifier_and_other_vendors_on_it_are_refused() {
 fn three_drives_or_four_in_one_frame_fit_beside_a_wheel() {
     let switch = ArmSwitch::new();
     let mut wheel_dji = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
-    let mut motors = [1, 2, 3].map(|id| Lk::new(id, wheel()).unwrap());
+    let mut motors = [1, 2, 3].map(|id| Lk::new(Config { id: id, ..wheel() }).unwrap());
     let mut bus = MotorBus::new(&switch);
     for motor in &mut motors {
         bus.attach(motor, Safety::COAST).unwrap();
@@ -77,7 +81,7 @@ fn three_drives_or_four_in_one_frame_fit_beside_a_wheel() {
     assert_eq!(load.verdict(), Verdict::Tight);
 
     let config = wheel().with_commands(Commands::MultiMotor);
-    let mut motors = [1, 2, 3, 4].map(|id| Lk::new(id, config).unwrap());
+    let mut motors = [1, 2, 3, 4].map(|id| Lk::new(Config { id: id, ..config }).unwrap());
     let mut bus = MotorBus::new(&switch);
     for motor in &mut motors {
         bus.attach(motor, Safety::COAST).unwrap();
@@ -93,6 +97,6 @@ fn three_drives_or_four_in_one_frame_fit_beside_a_wheel() {
 #[test]
 fn the_coast_image_is_off() {
     let mut tx = TxBatch::new();
-    Lk::new(7, joint()).unwrap().coast_frames(&mut tx).unwrap();
+    Lk::new(Config { id: 7, ..joint() }).unwrap().coast_frames(&mut tx).unwrap();
     assert_eq!(tx.frames()[0].to_string(), "147#8000000000000000");
 }

@@ -2,7 +2,7 @@
 
 use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
 use rc10_conformance::Bench;
-use rc10_motor::lk::{Commands, Lk, Model};
+use rc10_motor::lk::{Commands, Config, Lk, Model};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{
     ArmSwitch, Condition, Motor, Request, RequestError, Response, Safety, Target, TargetError,
@@ -17,7 +17,7 @@ use super::{bench, is_on, joint, joint_plant, wheel, wheel_plant};
 #[test]
 fn a_joint_reaches_its_speed_and_its_angle() {
     let (mut bench, esc, id) =
-        bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::COAST);
+        bench(Lk::new(joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::COAST);
     let target = Target::Speed(Rpm::new(100.0));
     // 100 rpm at 1000 rpm/s are 100 ms.
     let took = settles(&mut bench, id, target, || rpm(&esc) - 100.0, 3.0);
@@ -51,7 +51,7 @@ fn a_joint_reaches_its_speed_and_its_angle() {
 #[test]
 fn a_reversed_wheel_turns_the_other_way() {
     let config = wheel().with_direction(Direction::Reversed);
-    let motor = Lk::new(2, config).unwrap();
+    let motor = Lk::new(Config { id: 2, ..config }).unwrap();
     let (mut bench, esc, id) = bench(motor, Settings::mf(2), wheel_plant(), Safety::COAST);
     let target = Target::Speed(Rpm::new(200.0));
     let took = settles(&mut bench, id, target, || rpm(&esc) + 200.0, 4.0);
@@ -68,7 +68,7 @@ fn a_reversed_wheel_turns_the_other_way() {
 #[test]
 fn currents_and_torques_are_given_as_asked() {
     let (mut bench, esc, id) =
-        bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::COAST);
+        bench(Lk::new(joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::COAST);
     let step = 33.0 / 2048.0;
     bench.hold(id, Target::Current(Amps::new(1.0)), 60).unwrap();
     assert!((esc.state().current - 1.0).abs() < step, "{}", esc.state().current);
@@ -102,14 +102,9 @@ fn currents_and_torques_are_given_as_asked() {
 
 #[test]
 fn without_a_torque_constant_there_is_no_torque() {
-    let mut motor = Lk::new(
-        1,
-        rc10_motor::lk::Config {
-            model: Model { torque_constant: None, ..joint().model },
-            ..joint()
-        },
-    )
-    .unwrap();
+    let mut motor =
+        Lk::new(Config { model: Model { torque_constant: None, ..joint().model }, ..joint() })
+            .unwrap();
     assert!(!motor.supports().contains(TargetKind::Torque));
     let torque = Target::Torque(NewtonMetres::new(1.0));
     assert_eq!(motor.set_target(torque), Err(TargetError::Unsupported(TargetKind::Torque)));
@@ -122,7 +117,7 @@ fn without_a_torque_constant_there_is_no_torque() {
 #[test]
 fn zero_is_where_it_is_set() {
     let (mut bench, esc, id) =
-        bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::HOLD);
+        bench(Lk::new(joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::HOLD);
     let quarter = Target::TotalAngle(TotalAngle::from_degrees(90));
     bench.hold(id, quarter, 1500).unwrap();
     assert_eq!(bench.bus.request(id, Request::SetZero), Ok(Response::Done));
@@ -138,7 +133,7 @@ fn zero_is_where_it_is_set() {
 fn a_drive_is_switched_on_and_off_by_frames_that_are_repeated() {
     let settings = Settings { is_late: true, ..Settings::mg(1) };
     let (mut bench, esc, id) =
-        bench(Lk::new(1, joint()).unwrap(), settings, joint_plant(), Safety::COAST);
+        bench(Lk::new(joint()).unwrap(), settings, joint_plant(), Safety::COAST);
     assert!(!is_on(&esc));
     let mut starting = 0;
     while !is_on(&esc) || bench.status(id).condition == Condition::Starting {
@@ -165,8 +160,8 @@ fn a_drive_is_switched_on_and_off_by_frames_that_are_repeated() {
 #[test]
 fn four_drives_are_driven_by_one_frame() {
     let switch = ArmSwitch::new();
-    let mut motors =
-        [1, 2, 3, 4].map(|id| Lk::new(id, wheel().with_commands(Commands::MultiMotor)).unwrap());
+    let mut motors = [1, 2, 3, 4]
+        .map(|id| Lk::new(Config { id, ..wheel().with_commands(Commands::MultiMotor) }).unwrap());
     let mut bench = Bench::new(3, &switch);
     let escs = [1, 2, 3, 4].map(|id| {
         let settings = Settings { multi_motor: true, ..Settings::mf(id) };

@@ -3,7 +3,7 @@
 use rc10_app::{Amps, Rpm};
 use rc10_can::{CanFrame, Micros};
 use rc10_conformance::Bench;
-use rc10_motor::lk::{Commands, DriveId, Lk};
+use rc10_motor::lk::{Commands, Config, DriveId, Lk};
 use rc10_motor::{
     CanMotor, DriveMode, FrameError, FrameKind, Link, Motor, MotorId, Request, RequestError,
     Response, Safety, Target, Tick,
@@ -36,7 +36,7 @@ fn assert_returns_softly(bench: &mut Bench<'_>, motor: MotorId, esc: &Esc, full:
 #[test]
 fn unplugged_it_is_lost_and_comes_back_softly() {
     let (mut bench, esc, id) =
-        bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::HOLD);
+        bench(Lk::new(joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::HOLD);
     bench.hold(id, SPEED, 500).unwrap();
     bench.wire.set_cut(true);
     bench.hold(id, SPEED, 15).unwrap();
@@ -57,7 +57,7 @@ fn powered_off_and_on_it_is_switched_on_again_softly() {
     for (pause, starts_on) in [(300, false), (30, false), (300, true)] {
         let settings = Settings { starts_on, ..Settings::mg(1) };
         let (mut bench, esc, id) =
-            bench(Lk::new(1, joint()).unwrap(), settings, joint_plant(), Safety::COAST);
+            bench(Lk::new(joint()).unwrap(), settings, joint_plant(), Safety::COAST);
         bench.hold(id, SPEED, 500).unwrap();
         esc.set_power(false);
         bench.hold(id, SPEED, pause).unwrap();
@@ -73,7 +73,7 @@ fn powered_off_and_on_it_is_switched_on_again_softly() {
 #[test]
 fn muted_it_coasts_although_it_hears() {
     let (mut bench, esc, id) =
-        bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::HOLD);
+        bench(Lk::new(joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::HOLD);
     bench.hold(id, SPEED, 500).unwrap();
     esc.set_feedback(false);
     bench.hold(id, SPEED, 20).unwrap();
@@ -93,7 +93,7 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
         (EscFault::UnderVoltage, "supply voltage too low"),
     ] {
         let (mut bench, esc, id) =
-            bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::BRAKE);
+            bench(Lk::new(joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::BRAKE);
         bench.hold(id, SPEED, 300).unwrap();
         assert!(esc.inject(fault));
         bench.hold(id, SPEED, 102).unwrap();
@@ -133,7 +133,7 @@ fn a_drive_knows_no_encoder_fault_and_protects_itself_from_heat() {
     let mut plant = joint_plant();
     plant.ambient = 101.0;
     let (mut bench, esc, id) =
-        bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), plant, Safety::COAST);
+        bench(Lk::new(joint()).unwrap(), Settings::mg(1), plant, Safety::COAST);
     assert!(!esc.inject(EscFault::Encoder));
     bench.hold(id, SPEED, 200).unwrap();
     assert_eq!(bench.status(id).fault.unwrap().text, "motor too hot");
@@ -143,7 +143,7 @@ fn a_drive_knows_no_encoder_fault_and_protects_itself_from_heat() {
 #[test]
 fn a_drive_that_does_not_answer_is_given_up_on() {
     let (mut bench, esc, id) =
-        bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::COAST);
+        bench(Lk::new(joint()).unwrap(), Settings::mg(1), joint_plant(), Safety::COAST);
     esc.inject(EscFault::OverCurrent);
     bench.hold(id, SPEED, 150).unwrap();
     esc.set_power(false);
@@ -167,7 +167,7 @@ fn a_drive_that_does_not_answer_is_given_up_on() {
 fn commands_expire_and_stops_stop() {
     for (safety, state) in [(Safety::COAST, DriveMode::Coast), (Safety::HOLD, DriveMode::Hold)] {
         let (mut bench, esc, id) =
-            bench(Lk::new(1, joint()).unwrap(), Settings::mg(1), joint_plant(), safety);
+            bench(Lk::new(joint()).unwrap(), Settings::mg(1), joint_plant(), safety);
         bench.hold(id, SPEED, 500).unwrap();
         bench.wait(60);
         assert_eq!(bench.status(id).drive, state);
@@ -200,7 +200,7 @@ fn commands_expire_and_stops_stop() {
 fn a_command_timeout_of_the_drive_does_not_bite_while_disarmed() {
     let settings = Settings { command_timeout: Some(Micros::from_millis(50)), ..Settings::mg(1) };
     let (mut bench, esc, id) =
-        bench(Lk::new(1, joint()).unwrap(), settings, joint_plant(), Safety::COAST);
+        bench(Lk::new(joint()).unwrap(), settings, joint_plant(), Safety::COAST);
     bench.bus.switch().disarm();
     bench.wait(1000);
     assert_eq!(esc.with(|drive: &mut Drive| drive.errors()), Some(0));
@@ -213,7 +213,7 @@ fn a_command_timeout_of_the_drive_does_not_bite_while_disarmed() {
 
 #[test]
 fn a_drive_in_the_multi_motor_frame_returns_softly_too() {
-    let motor = Lk::new(3, wheel().with_commands(Commands::MultiMotor)).unwrap();
+    let motor = Lk::new(Config { id: 3, ..wheel().with_commands(Commands::MultiMotor) }).unwrap();
     let settings = Settings { multi_motor: true, ..Settings::mf(3) };
     let (mut bench, esc, id) = bench(motor, settings, wheel_plant(), Safety::COAST);
     bench.hold(id, SPEED, 500).unwrap();
@@ -226,7 +226,7 @@ fn a_drive_in_the_multi_motor_frame_returns_softly_too() {
 
 #[test]
 fn what_is_no_answer_changes_nothing() {
-    let mut motor = Lk::new(1, joint()).unwrap();
+    let mut motor = Lk::new(joint()).unwrap();
     let own = DriveId::new(1).unwrap().can_id();
     let at = Micros::from_millis(1);
     let state = State { temperature: 30, current: 5, speed: 60, encoder: 1000 };
@@ -254,13 +254,13 @@ fn what_is_no_answer_changes_nothing() {
     // Fourteen bits cannot show this.
     let mut config = joint();
     config.model.encoder = rc10_motor::lk::EncoderBits::Fourteen;
-    let mut small = Lk::new(1, config).unwrap();
+    let mut small = Lk::new(config).unwrap();
     let far = eight(encode_state(0x9C, State { encoder: 16_384, ..state }));
     assert_eq!(small.unpack_feedback(&far, at, Link::NeverSeen), Err(FrameError::Encoder));
     assert_eq!(small.feedback(), rc10_motor::Feedback::NEW);
 
     // In the multi-motor frame nothing but measurements comes.
-    let mut multi = Lk::new(1, joint().with_commands(Commands::MultiMotor)).unwrap();
+    let mut multi = Lk::new(joint().with_commands(Commands::MultiMotor)).unwrap();
     let health = eight(encode_health(0x9A, 20, 24.0, 8));
     assert_eq!(multi.unpack_feedback(&health, at, Link::Online), Err(FrameError::Unasked));
     assert_eq!(
@@ -272,7 +272,7 @@ fn what_is_no_answer_changes_nothing() {
 /// An echo from before a restart is not taken for the new drive's.
 #[test]
 fn one_echo_is_not_enough() {
-    let mut motor = Lk::new(1, joint()).unwrap();
+    let mut motor = Lk::new(joint()).unwrap();
     let own = DriveId::new(1).unwrap().can_id();
     let state = State { temperature: 30, current: 0, speed: 0, encoder: 1000 };
     let feed = |motor: &mut Lk, bytes, millis, link| {
@@ -296,7 +296,7 @@ fn one_echo_is_not_enough() {
 /// What the drive was asked before does not tell that its errors are cleared.
 #[test]
 fn only_the_answer_to_clearing_clears() {
-    let mut motor = Lk::new(1, joint()).unwrap();
+    let mut motor = Lk::new(joint()).unwrap();
     let hear = |motor: &mut Lk, bytes| {
         let frame = CanFrame::eight_bytes(DriveId::new(1).unwrap().can_id(), bytes);
         motor.unpack_feedback(&frame, Micros::from_millis(1), Link::Online).unwrap()

@@ -38,11 +38,11 @@ pub const WHEEL: Cascade = Cascade {
 };
 
 pub fn joint() -> Config {
-    Config::new(MG4010E_I10, JOINT)
+    Config::new(MG4010E_I10, 1, JOINT)
 }
 
 pub fn wheel() -> Config {
-    Config::new(MF9025, WHEEL)
+    Config::new(MF9025, 1, WHEEL)
 }
 
 pub fn joint_plant() -> Plant {

@@ -41,7 +41,7 @@ proptest! {
         command in select(&[0x80_u8, 0x88, 0x9A, 0x9B, 0x9C, 0xA1][..]),
         which in 0..2_usize,
     ) {
-        let message = &messages(ID, &config()).unwrap()[which];
+        let message = &messages(&config()).unwrap()[which];
         if which == 0 {
             bytes[0] = command;
         }
@@ -62,8 +62,8 @@ proptest! {
 #[test]
 fn the_table_names_what_is_on_the_wire() {
     for config in [config(), Config { commands: Commands::Single, ..config() }] {
-        let wiring = Lk::new(ID, config).unwrap().can_ids();
-        let messages = messages(ID, &config).unwrap();
+        let wiring = Lk::new(Config { id: ID, ..config }).unwrap().can_ids();
+        let messages = messages(&config).unwrap();
         let received = wiring.received();
         assert_eq!(messages[0].id, received[0].pattern.id());
         assert_eq!(messages[0].len, received[0].len);
@@ -75,12 +75,12 @@ fn the_table_names_what_is_on_the_wire() {
         }
     }
     assert_eq!(NOT_IN_DBC.len(), 2);
-    assert!(messages(33, &config()).is_err());
+    assert!(messages(&Config { id: 33, ..config() }).is_err());
 }
 
 #[test]
 fn every_drive_has_one_and_the_same_shared_frame() {
-    let shared = |id| messages(id, &config()).unwrap()[1];
+    let shared = |id| messages(&Config { id, ..config() }).unwrap()[1];
     assert_eq!(shared(1), shared(4));
 }
 
@@ -88,7 +88,7 @@ fn every_drive_has_one_and_the_same_shared_frame() {
 fn the_scales_are_the_models() {
     let current = |model: Model| {
         let config = Config { model, ..config() };
-        let signals = messages(ID, &config).unwrap()[0].signals;
+        let signals = messages(&config).unwrap()[0].signals;
         let find = |name| *signals.iter().find(|signal| signal.name == name).unwrap();
         (find("CURRENT").factor, find("CURRENT").unit, find("ROTOR_ANGLE").factor)
     };
@@ -101,7 +101,7 @@ fn the_scales_are_the_models() {
 
 #[test]
 fn a_set_bit_has_the_codecs_text() {
-    let signals = messages(ID, &config()).unwrap()[0].signals;
+    let signals = messages(&config()).unwrap()[0].signals;
     let mut bits = 0;
     for signal in signals.iter().filter(|signal| signal.bits == 1) {
         let bit = signal.start - 56;

@@ -12,7 +12,7 @@ use rc10_motor::{
 use super::{NODE, WHEEL, wheel, with};
 
 fn error(node: u8, config: Config) -> &'static str {
-    ODrive::new(node, config).err().unwrap().field
+    ODrive::new(Config { node: node, ..config }).err().unwrap().field
 }
 
 #[test]
@@ -49,14 +49,14 @@ fn what_cannot_be_is_named() {
         assert_eq!(error(1, limits(1.0, bad)), "current limit");
         assert_eq!(error(1, Config { torque_constant: Some(bad), ..wheel() }), "torque_constant");
     }
-    assert!(ODrive::new(62, wheel()).is_ok());
+    assert!(ODrive::new(Config { node: 62, ..wheel() }).is_ok());
 }
 
 #[test]
 fn nodes_that_lie_on_other_vendors_identifiers_are_refused() {
     let switch = ArmSwitch::new();
     let refused = |node: u8, other: &mut dyn CanMotor| {
-        let mut odrive = ODrive::new(node, wheel()).unwrap();
+        let mut odrive = ODrive::new(Config { node: node, ..wheel() }).unwrap();
         let mut bus = MotorBus::new(&switch);
         bus.attach(other, Safety::COAST).unwrap();
         match bus.attach(&mut odrive, Safety::COAST) {
@@ -77,11 +77,11 @@ fn nodes_that_lie_on_other_vendors_identifiers_are_refused() {
     assert!(refused(15, &mut fifth).is_some(), "0x1FF");
     // Its feedback alone lies there, and would be a command.
     assert!(matches!(refused(16, &mut fifth), Some(Clash::Confuses(_))), "0x205");
-    let mut joint = Lk::new(1, lk::Config::new(MG4010E_I10, super::super::lk::JOINT)).unwrap();
+    let mut joint = Lk::new(lk::Config::new(MG4010E_I10, 1, super::super::lk::JOINT)).unwrap();
     assert!(refused(10, &mut joint).is_some(), "0x141");
-    let mut last = Lk::new(32, lk::Config::new(MG4010E_I10, super::super::lk::JOINT)).unwrap();
+    let mut last = Lk::new(lk::Config::new(MG4010E_I10, 32, super::super::lk::JOINT)).unwrap();
     assert!(refused(11, &mut last).is_some(), "0x160");
-    let mut same = ODrive::new(NODE, wheel()).unwrap();
+    let mut same = ODrive::new(wheel()).unwrap();
     assert!(matches!(refused(NODE, &mut same), Some(Clash::RxFrames(_) | Clash::TxFrames(_))));
     assert_eq!(refused(NODE + 1, &mut same), None);
 }
@@ -89,7 +89,7 @@ fn nodes_that_lie_on_other_vendors_identifiers_are_refused() {
 #[test]
 fn what_comes_is_declared() {
     let rates = Rates { currents: 100, temperatures: 10, supply: 20, ..Rates::new(500, 50) };
-    let wiring = ODrive::new(NODE, Config { rates, ..wheel() }).unwrap().can_ids();
+    let wiring = ODrive::new(Config { rates, ..wheel() }).unwrap().can_ids();
     let told: Vec<_> =
         wiring.received().iter().map(|it| (it.pattern.to_string(), it.rate)).collect();
     let wanted = [("069", 500), ("061", 50), ("074", 100), ("075", 10), ("077", 20)];
@@ -99,7 +99,7 @@ fn what_comes_is_declared() {
         assert_eq!(rate, Rate::Hz(hz));
     }
     assert_eq!(wiring.link_timeout().get(), 10_000);
-    let slow = ODrive::new(NODE, Config { rates: Rates::new(100, 10), ..wheel() }).unwrap();
+    let slow = ODrive::new(Config { rates: Rates::new(100, 10), ..wheel() }).unwrap();
     assert_eq!(slow.can_ids().link_timeout().get(), 30_000);
 }
 
@@ -108,7 +108,7 @@ fn what_comes_is_declared() {
 fn three_axes_fit_beside_a_wheel() {
     let switch = ArmSwitch::new();
     let mut dji = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
-    let mut axes = [1, 2, 3].map(|node| ODrive::new(node, wheel()).unwrap());
+    let mut axes = [1, 2, 3].map(|node| ODrive::new(Config { node: node, ..wheel() }).unwrap());
     let mut bus = MotorBus::new(&switch);
     for (count, axis) in axes.iter_mut().enumerate() {
         bus.attach(axis, Safety::COAST).unwrap();

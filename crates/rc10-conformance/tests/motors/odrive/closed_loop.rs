@@ -23,7 +23,7 @@ fn torques_speeds_and_angles_are_reached_by_torque() {
         rates: Rates { currents: 100, temperatures: 100, supply: 100, ..Rates::new(1000, 50) },
         ..wheel()
     };
-    let motor = ODrive::new(NODE, config).unwrap();
+    let motor = ODrive::new(config).unwrap();
     let settings = Settings { others_every: Some(Micros::from_millis(10)), ..Settings::new(NODE) };
     let (mut bench, esc, id) = bench(motor, settings, Safety::COAST);
     let constant = 8.0 * 8.27 / 150.0;
@@ -66,7 +66,7 @@ fn torques_speeds_and_angles_are_reached_by_torque() {
 fn a_reversed_axis_turns_the_other_way() {
     for control in [wheel().control, Control::Velocity(InputMode::VelocityRamp)] {
         let config = with(control).with_direction(Direction::Reversed);
-        let motor = ODrive::new(NODE, config).unwrap();
+        let motor = ODrive::new(config).unwrap();
         let (mut bench, esc, id) = bench(motor, Settings::new(NODE), Safety::COAST);
         let target = Target::Speed(Rpm::new(100.0));
         settles(&mut bench, id, target, || rpm(&esc) + 100.0, 3.0);
@@ -83,7 +83,7 @@ fn a_reversed_axis_turns_the_other_way() {
 #[test]
 fn an_axis_with_velocity_loops_of_its_own_gets_velocities() {
     for input in [InputMode::Passthrough, InputMode::VelocityRamp] {
-        let mut motor = ODrive::new(NODE, with(Control::Velocity(input))).unwrap();
+        let mut motor = ODrive::new(with(Control::Velocity(input))).unwrap();
         assert!(!motor.supports().contains(TargetKind::Angle));
         let error = motor.set_target(Target::Torque(NewtonMetres::ZERO));
         assert_eq!(error, Err(TargetError::Unsupported(TargetKind::Torque)));
@@ -111,7 +111,7 @@ fn an_axis_with_velocity_loops_of_its_own_gets_velocities() {
 #[test]
 fn an_axis_with_position_loops_of_its_own_gets_positions() {
     for input in [InputMode::PositionFilter, InputMode::Trapezoid, InputMode::Passthrough] {
-        let motor = ODrive::new(NODE, with(Control::Position(input))).unwrap();
+        let motor = ODrive::new(with(Control::Position(input))).unwrap();
         let (mut bench, esc, id) = bench(motor, Settings::new(NODE), Safety::HOLD);
         bench.hold(id, Target::Coast, 30).unwrap();
         let goal = TotalAngle::from_degrees(400);
@@ -165,12 +165,12 @@ fn turns_become_angles_and_nothing_is_lost() {
             let gear = Gear::new(rotor, output).unwrap();
             let config = wheel().with_gear(gear).with_direction(direction);
             for turns in TURNS {
-                let told = heard(&mut ODrive::new(NODE, config).unwrap(), turns, 1);
+                let told = heard(&mut ODrive::new(config).unwrap(), turns, 1);
                 #[expect(clippy::cast_possible_truncation, reason = "a few turns")]
                 let exact = (f64::from(turns) * 360e6) as i64 * sign * i64::from(output);
                 assert!((told - exact / i64::from(rotor)).abs() <= 1, "{turns}: {told}");
             }
-            let mut motor = ODrive::new(NODE, config).unwrap();
+            let mut motor = ODrive::new(config).unwrap();
             let first = heard(&mut motor, 1000.3, 1);
             for step in 0..10_000_u32 {
                 heard(&mut motor, 1000.3 + (step % 50) as f32 * 0.0037, u64::from(step) + 2);
@@ -187,7 +187,7 @@ fn turns_become_angles_and_nothing_is_lost() {
 fn a_position_is_sent_as_the_axis_counts() {
     let config = with(Control::Position(InputMode::Passthrough));
     for (direction, sign) in [(Direction::Forward, 1.0), (Direction::Reversed, -1.0)] {
-        let mut motor = ODrive::new(NODE, config.with_direction(direction)).unwrap();
+        let mut motor = ODrive::new(config.with_direction(direction)).unwrap();
         let mut sent = |target, millis, reading: f32| {
             let at = Micros::from_millis(millis);
             motor.set_target(target).unwrap();
@@ -219,7 +219,7 @@ fn a_position_is_sent_as_the_axis_counts() {
 /// A command that was given before the axis was heard of, and an angle the shorter way from there.
 #[test]
 fn an_angle_waits_until_it_is_known_where_the_shaft_is() {
-    let mut motor = ODrive::new(NODE, with(Control::Position(InputMode::Trapezoid))).unwrap();
+    let mut motor = ODrive::new(with(Control::Position(InputMode::Trapezoid))).unwrap();
     motor.set_target(Target::Angle(Degrees::new(90.0))).unwrap();
     assert_eq!(motor.target(), Target::Angle(Degrees::new(90.0)));
     assert_eq!(motor.request(Request::SetZero), Err(RequestError::NoFeedback));
@@ -228,7 +228,7 @@ fn an_angle_waits_until_it_is_known_where_the_shaft_is() {
 #[test]
 fn limits_are_told_before_it_is_switched_on() {
     let limits = Limits { speed: Rpm::new(300.0), current: Amps::new(20.0) };
-    let motor = ODrive::new(NODE, wheel().with_limits(limits)).unwrap();
+    let motor = ODrive::new(wheel().with_limits(limits)).unwrap();
     let (mut bench, esc, id) = bench(motor, Settings::new(NODE), Safety::COAST);
     let told = |esc: &Esc| {
         let limits =
@@ -256,7 +256,7 @@ fn limits_are_told_before_it_is_switched_on() {
     bench.hold(id, Target::Torque(NewtonMetres::new(8.0)), 30).unwrap();
     assert!((esc.state().current * 8.0 * 8.27 / 150.0 - 1.0).abs() < 0.01);
 
-    let mut without = ODrive::new(NODE, wheel()).unwrap();
+    let mut without = ODrive::new(wheel()).unwrap();
     let limit = Request::CurrentLimit(Amps::new(1.0));
     assert_eq!(without.request(limit), Err(RequestError::Unsupported));
 }
@@ -264,7 +264,7 @@ fn limits_are_told_before_it_is_switched_on() {
 #[test]
 fn an_axis_is_switched_on_by_heartbeat_and_kept_idle() {
     let settings = Settings { heartbeat_every: Micros::from_millis(20), ..Settings::new(NODE) };
-    let (mut bench, esc, id) = bench(ODrive::new(NODE, wheel()).unwrap(), settings, Safety::COAST);
+    let (mut bench, esc, id) = bench(ODrive::new(wheel()).unwrap(), settings, Safety::COAST);
     assert!(!is_on(&esc));
     let torque = Target::Torque(NewtonMetres::new(1.0));
     let mut starting = 0;
@@ -306,13 +306,13 @@ fn an_axis_is_switched_on_by_heartbeat_and_kept_idle() {
 fn slow_estimates_are_said_to_be_slow() {
     for (hz, condition) in [(100, Condition::SlowFeedback), (200, Condition::Ready)] {
         let config = Config { rates: Rates::new(hz, 50), ..wheel() };
-        let motor = ODrive::new(NODE, config.with_gear(Gear::new(8, 1).unwrap())).unwrap();
+        let motor = ODrive::new(config.with_gear(Gear::new(8, 1).unwrap())).unwrap();
         let every = Micros::new(1_000_000 / u64::from(hz));
         let settings = Settings { estimates_every: every, ..Settings::new(NODE) };
         let (mut bench, _, id) = bench(motor, settings, Safety::COAST);
         bench.hold(id, Target::Torque(NewtonMetres::new(0.5)), 200).unwrap();
         assert_eq!(bench.status(id).condition, condition);
     }
-    let motor = ODrive::new(NODE, wheel()).unwrap();
+    let motor = ODrive::new(wheel()).unwrap();
     assert_eq!(motor.state(), AxisState::default());
 }

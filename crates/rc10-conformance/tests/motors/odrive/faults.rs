@@ -39,7 +39,7 @@ fn assert_returns_softly(bench: &mut Bench<'_>, motor: MotorId, esc: &Esc) {
 #[test]
 fn unplugged_it_is_lost_and_comes_back_softly() {
     let (mut bench, esc, id) =
-        bench(ODrive::new(NODE, wheel()).unwrap(), Settings::new(NODE), Safety::HOLD);
+        bench(ODrive::new(wheel()).unwrap(), Settings::new(NODE), Safety::HOLD);
     bench.hold(id, SPEED, 500).unwrap();
     let before =
         (bench.status(id).feedback.total_angle.degrees().get(), esc.state().output_degrees);
@@ -64,7 +64,7 @@ fn unplugged_it_is_lost_and_comes_back_softly() {
 fn powered_off_and_on_it_is_switched_on_again_softly() {
     for (pause, starts_for) in [(300, 0), (30, 0), (300, 500)] {
         let switch = ArmSwitch::new();
-        let mut motor = ODrive::new(NODE, wheel()).unwrap();
+        let mut motor = ODrive::new(wheel()).unwrap();
         let settings =
             Settings { starts_for: Micros::from_millis(starts_for), ..Settings::new(NODE) };
         let mut bench = Bench::new(5, &switch);
@@ -93,7 +93,7 @@ fn powered_off_and_on_it_is_switched_on_again_softly() {
 #[test]
 fn a_restarted_position_axis_does_not_jump() {
     for input in [InputMode::Trapezoid, InputMode::Passthrough] {
-        let motor = ODrive::new(NODE, with(Control::Position(input))).unwrap();
+        let motor = ODrive::new(with(Control::Position(input))).unwrap();
         let (mut bench, esc, id) = bench(motor, Settings::new(NODE), Safety::HOLD);
         let target = Target::TotalAngle(TotalAngle::from_degrees(400));
         bench.hold(id, target, 2000).unwrap();
@@ -116,7 +116,7 @@ fn a_restarted_position_axis_does_not_jump() {
 #[test]
 fn muted_it_is_made_idle_although_nobody_hears_it() {
     let (mut bench, esc, id) =
-        bench(ODrive::new(NODE, wheel()).unwrap(), Settings::new(NODE), Safety::HOLD);
+        bench(ODrive::new(wheel()).unwrap(), Settings::new(NODE), Safety::HOLD);
     bench.hold(id, SPEED, 500).unwrap();
     esc.set_feedback(false);
     bench.hold(id, SPEED, 20).unwrap();
@@ -142,7 +142,7 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
         (Version::V0_5, Firmware::V0_5, OverVoltage, "supply voltage too high"),
         (Version::V0_5, Firmware::V0_5, EscFault::UnderVoltage, "supply voltage too low"),
     ] {
-        let motor = ODrive::new(NODE, Config { firmware, ..wheel() }).unwrap();
+        let motor = ODrive::new(Config { firmware, ..wheel() }).unwrap();
         let settings = Settings { version, ..Settings::new(NODE) };
         let (mut bench, esc, id) = bench(motor, settings, Safety::BRAKE);
         bench.hold(id, SPEED, 300).unwrap();
@@ -192,7 +192,7 @@ fn each_fault_has_its_text_and_is_cleared_only_on_request() {
 #[test]
 fn an_axis_that_does_not_answer_is_given_up_on() {
     let (mut bench, esc, id) =
-        bench(ODrive::new(NODE, wheel()).unwrap(), Settings::new(NODE), Safety::COAST);
+        bench(ODrive::new(wheel()).unwrap(), Settings::new(NODE), Safety::COAST);
     esc.inject(EscFault::OverCurrent);
     bench.hold(id, SPEED, 50).unwrap();
     esc.set_power(false);
@@ -213,7 +213,7 @@ fn an_axis_that_does_not_answer_is_given_up_on() {
 
 #[test]
 fn without_heartbeats_nothing_is_known_and_nothing_driven() {
-    let mut motor = ODrive::new(NODE, Config { rates: Rates::new(1000, 100), ..wheel() }).unwrap();
+    let mut motor = ODrive::new(Config { rates: Rates::new(1000, 100), ..wheel() }).unwrap();
     let mut sent = Vec::new();
     motor.set_target(Target::Torque(NewtonMetres::new(1.0))).unwrap();
     for millis in 1..=200 {
@@ -246,7 +246,7 @@ fn without_heartbeats_nothing_is_known_and_nothing_driven() {
 fn commands_expire_and_stops_stop() {
     for (safety, state) in [(Safety::COAST, DriveMode::Coast), (Safety::HOLD, DriveMode::Hold)] {
         let (mut bench, esc, id) =
-            bench(ODrive::new(NODE, wheel()).unwrap(), Settings::new(NODE), safety);
+            bench(ODrive::new(wheel()).unwrap(), Settings::new(NODE), safety);
         bench.hold(id, SPEED, 500).unwrap();
         bench.wait(60);
         assert_eq!(bench.status(id).drive, state);
@@ -278,7 +278,7 @@ fn commands_expire_and_stops_stop() {
 #[test]
 fn a_watchdog_of_the_axis_does_not_bite_while_disarmed() {
     let settings = Settings { watchdog: Some(Micros::from_millis(50)), ..Settings::new(NODE) };
-    let (mut bench, esc, id) = bench(ODrive::new(NODE, wheel()).unwrap(), settings, Safety::COAST);
+    let (mut bench, esc, id) = bench(ODrive::new(wheel()).unwrap(), settings, Safety::COAST);
     bench.bus.switch().disarm();
     bench.wait(1000);
     assert_eq!(esc.with(|axis: &mut Axis| axis.errors()), Some(0));
@@ -295,7 +295,7 @@ fn a_watchdog_of_the_axis_does_not_bite_while_disarmed() {
 #[test]
 fn what_is_no_message_changes_nothing() {
     let rates = Rates { currents: 10, temperatures: 10, supply: 10, ..Rates::new(1000, 50) };
-    let mut motor = ODrive::new(NODE, Config { rates, ..wheel() }).unwrap();
+    let mut motor = ODrive::new(Config { rates, ..wheel() }).unwrap();
     let at = Micros::from_millis(1);
     let id = |message| Node::new(NODE).unwrap().can_id(message);
     let mut heard = |frame: &CanFrame| motor.unpack_feedback(frame, at, Link::Online);
@@ -322,7 +322,7 @@ fn what_is_no_message_changes_nothing() {
     assert_eq!(heard(&encode_heartbeat(NODE, 3, 1, [0; 3])), Ok(FrameKind::Fault));
     assert_eq!(motor.fault().unwrap().text, "system failed");
     assert_eq!(motor.feedback(), rc10_motor::Feedback::NEW);
-    let mut old = ODrive::new(NODE, Config { firmware: Firmware::V0_5, ..wheel() }).unwrap();
+    let mut old = ODrive::new(Config { firmware: Firmware::V0_5, ..wheel() }).unwrap();
     let warm = encode_temperatures(NODE, 30.0, 30.0);
     for unasked in [warm, rc10_sim::odrive::encode_currents(NODE, 0.0, 0.0)] {
         assert_eq!(old.unpack_feedback(&unasked, at, Link::Online), Err(FrameError::NotMine));
@@ -334,7 +334,7 @@ fn what_is_no_message_changes_nothing() {
 /// It was idle by its last heartbeat, but has been told to follow inputs since.
 #[test]
 fn stopped_while_it_starts_it_is_told_so_until_a_heartbeat_says_idle() {
-    let mut motor = ODrive::new(NODE, wheel()).unwrap();
+    let mut motor = ODrive::new(wheel()).unwrap();
     motor.set_target(Target::Torque(NewtonMetres::new(1.0))).unwrap();
     let tick = |motor: &mut ODrive, millis, drive| {
         let at = Micros::from_millis(millis);

@@ -36,7 +36,7 @@ pub fn with(control: Control) -> Config {
 }
 
 pub fn wheel() -> Config {
-    Config::new(Firmware::V0_6, Control::Torque(WHEEL), Rates::new(1000, 50))
+    Config::new(NODE, Firmware::V0_6, Control::Torque(WHEEL), Rates::new(1000, 50))
         .with_gear(Gear::new(8, 1).unwrap())
 }
 

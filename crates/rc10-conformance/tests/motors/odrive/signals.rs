@@ -21,11 +21,11 @@ fn of_0_5() -> Config {
 
 /// The messages that the axis sends as it is set up.
 fn own(config: &Config) -> Vec<Message> {
-    let ids = ODrive::new(NODE, *config).unwrap().can_ids();
+    let ids = ODrive::new(*config).unwrap().can_ids();
     let sends = |message: &Message| {
         message.from_device && ids.received().iter().any(|it| it.pattern.id() == message.id)
     };
-    messages(NODE, config).unwrap().into_iter().filter(sends).collect()
+    messages(config).unwrap().into_iter().filter(sends).collect()
 }
 
 fn by_table(message: &Message, frame: &CanFrame) -> Vec<(&'static str, f64)> {
@@ -78,7 +78,7 @@ proptest! {
             (config(), "ODRIVE_SET_MODES", modes, vec![3.0, 5.0]),
             (config(), "ODRIVE_CLEAR_ERRORS", Command::ClearErrors, vec![]),
         ] {
-            let all = messages(NODE, &config).unwrap();
+            let all = messages(&config).unwrap();
             let message = all.iter().find(|message| message.name == name).unwrap();
             let frame = command.pack(Node::new(NODE).unwrap()).unwrap();
             prop_assert_eq!((frame.id(), frame.len()), (message.id, usize::from(message.len)));
@@ -94,8 +94,8 @@ proptest! {
 #[test]
 fn the_table_names_what_is_on_the_wire() {
     for config in [config(), of_0_5()] {
-        let wiring = ODrive::new(NODE, config).unwrap().can_ids();
-        let all = messages(NODE, &config).unwrap();
+        let wiring = ODrive::new(config).unwrap().can_ids();
+        let all = messages(&config).unwrap();
         let heard = own(&config);
         assert_eq!(heard.len(), wiring.received().len());
         assert!(heard.iter().all(Message::is_plain));
@@ -106,13 +106,13 @@ fn the_table_names_what_is_on_the_wire() {
         }
     }
     assert!(!NOT_IN_DBC.is_empty());
-    assert!(messages(63, &config()).is_err());
+    assert!(messages(&Config { node: 63, ..config() }).is_err());
 }
 
 #[test]
 fn set_bits_and_states_have_the_codecs_texts() {
     for config in [config(), of_0_5()] {
-        let heartbeat = messages(NODE, &config).unwrap()[0];
+        let heartbeat = messages(&config).unwrap()[0];
         let mut bits = 0;
         for signal in heartbeat.signals.iter().filter(|signal| signal.start < 32) {
             let text = config.firmware.fault(1 << signal.start).unwrap().text;
@@ -129,6 +129,6 @@ fn set_bits_and_states_have_the_codecs_texts() {
         assert_eq!(state.values().count(), 15);
     }
     let own = Firmware { version: "own", errors: &[], ..Firmware::V0_6 };
-    let signals = messages(NODE, &Config { firmware: own, ..config() }).unwrap()[0].signals;
+    let signals = messages(&Config { firmware: own, ..config() }).unwrap()[0].signals;
     assert_eq!(signals.len(), 1);
 }

@@ -51,13 +51,13 @@ fn only_numbers_that_exist_are_taken() {
         GoModule::new(ModuleConfig::new(0, 0)).is_ok()
             && GoModule::new(ModuleConfig::new(3, 14)).is_ok()
     );
-    let motor = GoModule::new(ModuleConfig::new(3, 14)).unwrap();
+    let config = ModuleConfig::new(3, 14);
     let mut cascade = rc10_motor::unitree::CASCADE;
     cascade.speed.output_limit = 30.0;
-    let refused = motor.clone().with_cascade(cascade).unwrap_err();
+    let refused = config.with_cascade(cascade).validate().unwrap_err();
     assert_eq!(refused.field, "output_limit");
     cascade.speed.output_limit = f32::NAN;
-    assert!(motor.with_cascade(cascade).is_err());
+    assert!(config.with_cascade(cascade).validate().is_err());
 }
 
 #[test]

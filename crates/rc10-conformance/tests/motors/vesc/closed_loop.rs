@@ -231,7 +231,7 @@ fn lift() -> (Vesc, VescConfig) {
     plant.back_emf *= 19.0;
     plant.load_inertia = 0.05;
     (plant.coulomb_friction, plant.static_friction) = (0.3, 0.4);
-    (Vesc::new(ours).unwrap().with_servo(cascade).unwrap(), theirs)
+    (Vesc::new(ours.with_angle_loops(cascade)).unwrap(), theirs)
 }
 
 #[test]
@@ -295,7 +295,7 @@ fn hasty(config: Config) -> Vesc {
         acceleration: RpmPerSecond::new(4000.0),
         feed_forward: 0.0,
     };
-    Vesc::new(config).unwrap().with_servo(cascade).unwrap()
+    Vesc::new(config.with_angle_loops(cascade)).unwrap()
 }
 
 #[test]

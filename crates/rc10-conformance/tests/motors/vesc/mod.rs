@@ -30,7 +30,7 @@ fn amps(limit: f32, brake: f32, handbrake: f32) -> Currents {
 /// Our side: an outrunner without gearbox.
 fn config(number: u8) -> Config {
     let scale = ElectricalScale::new(NonZeroU8::new(POLE_PAIRS).unwrap(), Gear::DIRECT);
-    Config::new(id(number), scale, amps(40.0, 15.0, 20.0))
+    Config::new(number, scale, amps(40.0, 15.0, 20.0))
 }
 
 /// Its side, set up as the page says: rates and timeout; a wheel of 1 kg, radius 5 cm.

@@ -66,7 +66,7 @@ fn a_configuration_that_cannot_be_is_refused_by_name() {
         let error = Vesc::new(Config { relative_to, ..good }).unwrap_err();
         assert_eq!(error.field, "relative_to");
     }
-    assert_eq!(refused(|config| config.asker = config.id), "asker");
+    assert_eq!(refused(|config| config.asker = id(config.id)), "asker");
     let cascade = Cascade {
         speed: PidConfig::new(1.0, 0.0, 0.0, 40.0),
         angle: PidConfig::new(1.0, 0.0, 0.0, 100.0),
@@ -76,10 +76,10 @@ fn a_configuration_that_cannot_be_is_refused_by_name() {
     };
     let mut slow = good;
     slow.status.status_5 = 100;
-    let error = Vesc::new(slow).unwrap().with_servo(cascade).unwrap_err();
+    let error = Vesc::new(slow.with_angle_loops(cascade)).unwrap_err();
     assert_eq!((error.field, error.value), ("status_5", 100.0));
     let wrong = Cascade { acceleration: RpmPerSecond::new(0.0), ..cascade };
-    assert_eq!(vesc(1).with_servo(wrong).unwrap_err().field, "acceleration");
+    assert_eq!(Vesc::new(good.with_angle_loops(wrong)).unwrap_err().field, "acceleration");
 }
 
 #[test]
