@@ -66,7 +66,7 @@ impl Built {
             Mistake::Swap(first, second) => {
                 let [first, second] = [find(first)?, find(second)?];
                 ensure!(first != second, "that is one motor");
-                let [one, other] = [self.motors[first], self.motors[second]];
+                let [one, other] = [&self.motors[first], &self.motors[second]];
                 let [model, its] = [one.name().model, other.name().model];
                 ensure!(
                     model == its,
@@ -74,8 +74,9 @@ impl Built {
                     one.label,
                     other.label
                 );
-                (self.motors[first].on, self.motors[first].device) = (other.on, other.device);
-                (self.motors[second].on, self.motors[second].device) = (one.on, one.device);
+                let [one, other] = [one, other].map(|motor| (motor.on, motor.device));
+                (self.motors[first].on, self.motors[first].device) = other;
+                (self.motors[second].on, self.motors[second].device) = one;
             }
             Mistake::Radius(factor) | Mistake::Track(factor) | Mistake::Wheelbase(factor) => {
                 let chassis =
@@ -101,7 +102,7 @@ impl Built {
             match change {
                 Change::Gear(ratio) => {
                     // The others count at their output shaft, by a gear of their own.
-                    let counts_rotor = matches!(motor.device, Device::Dji { .. })
+                    let counts_rotor = matches!(motor.device, Device::Dji(_))
                         || twin.with(|_: &mut Vesc| ()).is_some()
                         || twin.with(|_: &mut Axis| ()).is_some()
                         || twin.with(|_: &mut Drive| ()).is_some();
@@ -156,12 +157,12 @@ mod tests {
     use crate::description::Base;
 
     fn description(mistake: &str) -> Description {
-        let wheel = |label, id| Motor::new(label, 1, &dji::M3508, id);
+        let wheel = |label, id| Motor::dji_on(label, 1, &dji::M3508, id);
         Description {
             motors: vec![
                 wheel("wheel left", 1),
                 Motor { direction: Direction::Reversed, ..wheel("wheel right", 2) },
-                Motor::new("arm", 2, &dji::M2006, 1),
+                Motor::dji_on("arm", 2, &dji::M2006, 1),
             ],
             buses: 2,
             base: Some(Base { wheels: [0; 4], chassis: Chassis::default() }),

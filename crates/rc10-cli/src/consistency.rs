@@ -65,7 +65,7 @@ pub fn consistency(recording: &Recording, found: &mut Vec<Problem>) {
 fn identifiers(recording: &Recording, found: &mut Vec<Problem>) {
     for track in &recording.motors {
         let (motor, on) = (&track.motor, track.motor.on);
-        let Device::Dji { rate, .. } = motor.device else { continue };
+        let Device::Dji(rc10_motor::dji::Config { rate, .. }) = motor.device else { continue };
         // A bus is filled with repetitions of a motor's feedback.
         let is_filled = |fault: &Fault| matches!(fault.kind, Kind::Load(_)) && is_on(fault, on);
         let due = seconds(recording.length) * f64::from(rate.hz());
@@ -564,7 +564,7 @@ mod tests {
         amps: f64,
     ) -> Recording {
         let wheel = |(label, id)| MotorTrack {
-            motor: Motor::new(label, 1, &dji::M3508, id),
+            motor: Motor::dji_on(label, 1, &dji::M3508, id),
             samples: Vec::new(),
             last: Default::default(),
             overwritten: 0,

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use rc10_can::Micros;
-use rc10_motor::MotorId;
+use rc10_motor::{MotorId, Names};
 use rc10_sim::{Fault, Serial, World};
 
 use crate::mistake::Mistake;
-use crate::motor::{Motor, Place};
+use crate::motor::{Motor, Place, Plant};
 use crate::remote::{Line, Lost, RemoteControl};
 use crate::script::{Event, Script};
 
@@ -63,9 +63,17 @@ pub struct SerialPart {
 pub struct Base {
     /// Front left, front right, rear left, rear right: lines of [`Description::motors`]. A
     /// reversed motor is mounted mirrored.
-    pub wheels: [usize; 4],
+    pub(crate) wheels: [usize; 4],
     /// Its masses and measures.
     pub chassis: rc10_sim::Chassis,
+}
+
+impl Base {
+    /// Of wheels front left, front right, rear left, rear right.
+    #[must_use]
+    pub fn new<N: Names>(wheels: [N; 4], chassis: rc10_sim::Chassis) -> Self {
+        Self { wheels: wheels.map(Names::index), chassis }
+    }
 }
 
 /// The number of times that a text names a motor: `M3508 id 1` is not in `M3508 id 12`.
@@ -75,6 +83,35 @@ fn mentions(text: &str, name: &str) -> usize {
 }
 
 impl Description {
+    /// The robot of a declaration: its motors with what `plant` says is on their shafts, its buses and
+    /// its lines, which are on USART2 and on. What else there is stands beside it:
+    ///
+    /// ```
+    /// use rc10_cli::{Description, Plant};
+    /// # use rc10_motor::{Entry, Place::Bus, dji::{Config, Dji, M2006}, motors};
+    /// # motors! {
+    /// #     pub enum Name;
+    /// #     pub struct Motors;
+    /// #     buses: [100.0];
+    /// #     lines: 0;
+    /// #     Arm: Dji = Entry::new("arm", Bus(1), Config::new(&M2006, 1)),
+    /// # }
+    /// let robot = Description::of(|name| match name {
+    ///     Name::Arm => Plant::inertia(0.02),
+    /// });
+    /// assert_eq!((robot.buses, robot.motors[0].label), (1, "arm"));
+    /// ```
+    #[must_use]
+    pub fn of<N: Names>(plant: impl Fn(N) -> Plant) -> Self {
+        let motors = N::ALL.iter().map(|name| Motor::of(name.entry(), plant(*name)));
+        Self {
+            motors: motors.collect(),
+            buses: u8::try_from(N::BUSES.len()).unwrap_or(u8::MAX),
+            lines: (0..N::LINES).map(|line| LinePart { uart: 2 + line }).collect(),
+            ..Self::default()
+        }
+    }
+
     /// The motors of a bus, in the order in which they are attached.
     pub fn on_bus(&self, bus: u8) -> impl Iterator<Item = &Motor> {
         self.motors.iter().filter(move |motor| motor.on == Place::Bus(bus))
@@ -178,10 +215,10 @@ mod tests {
     #[test]
     fn errors_say_what_the_robot_calls_their_motors() {
         let motors = vec![
-            Motor::new("wheel left", 1, &dji::M3508, 1),
-            Motor::new("wheel right", 1, &dji::M3508, 1),
-            Motor::new("lift", 2, &dji::M3508, 1),
-            Motor::new("yaw", 2, &dji::GM6020_CURRENT, 11),
+            Motor::dji_on("wheel left", 1, &dji::M3508, 1),
+            Motor::dji_on("wheel right", 1, &dji::M3508, 1),
+            Motor::dji_on("lift", 2, &dji::M3508, 1),
+            Motor::dji_on("yaw", 2, &dji::GM6020_CURRENT, 11),
         ];
         let description = Description { motors, buses: 2, ..<_>::default() };
         let labelled = |error: anyhow::Error| description.label(error).to_string();
@@ -199,7 +236,7 @@ mod tests {
         let id = Dji::new(dji::Config::new(&dji::GM6020_CURRENT, 11)).unwrap_err();
         assert_eq!(
             labelled(id.into()),
-            "GM6020 (current mode) id 11: its identifiers are 1 to 7\n      \
+            "GM6020 (current mode) id 11: `id` is 11, but must be 1 to 7\n      \
              bus 2: yaw is GM6020 (current mode) id 11"
         );
         let mut gains = dji::M3508.cascade;

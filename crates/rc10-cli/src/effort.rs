@@ -163,7 +163,7 @@ fn reversals(values: &[f64], swing: f64) -> u32 {
 pub fn effort_of(motor: &Motor, twin: &Esc, loops: Loops) -> f64 {
     let state = twin.state();
     match (motor.device, loops.effort) {
-        (Device::Dji { model, .. }, _) => {
+        (Device::Dji(dji::Config { model, .. }), _) => {
             let full = match model.effort {
                 dji::Effort::Current(amps) => f64::from(amps),
                 dji::Effort::Voltage => 1.0,

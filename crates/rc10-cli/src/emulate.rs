@@ -123,8 +123,8 @@ impl<'r> Emulation<'r> {
         let (mut description, listeners, lines) = robot.into_buses()?;
         if let Some(rate) = setup.rate {
             for motor in &mut description.motors {
-                if let Device::Dji { rate: set, .. } = &mut motor.device {
-                    *set = rate;
+                if let Device::Dji(config) = &mut motor.device {
+                    config.rate = rate;
                 }
             }
         }
@@ -340,31 +340,27 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     Ok(figures.any_problems())
 }
 
-/// Builds the firmware of this checkout; says where its ELF file is.
+/// Builds the firmware of the team's robot; says where its ELF file is.
 ///
 /// # Errors
-/// If there is no checkout, or the firmware cannot be built.
+/// As [`build_firmware_of`].
 pub fn build_firmware() -> Result<PathBuf> {
-    build(&[])
+    build_firmware_of("rc10-firmware")
 }
 
-/// Builds the mixed robot's firmware, `firmware/line` of this checkout; says where its ELF file is.
+/// Builds a program of this checkout's `firmware/`, by the name of its package; says where its ELF file
+/// is.
 ///
 /// # Errors
-/// As [`build_firmware`].
-pub fn build_line() -> Result<PathBuf> {
-    build(&["line"])
-}
-
-fn build(program: &[&str]) -> Result<PathBuf> {
+/// If there is no checkout, or the program cannot be built.
+pub fn build_firmware_of(package: &str) -> Result<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     ensure!(
         root.join("firmware").is_dir(),
         "there is no firmware/ here to build: say which ELF file to run"
     );
     let output = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
-        .args(["xtask", "firmware"])
-        .args(program)
+        .args(["xtask", "firmware", package])
         .current_dir(&root)
         .stderr(Stdio::inherit())
         .output()

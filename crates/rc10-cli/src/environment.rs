@@ -152,21 +152,30 @@ mod tests {
                 Description { motors: vec![motor; 4], buses: 2, base, ..<_>::default() };
             Environment::new(&description, 1).err().map(|error| format!("{error:#}"))
         };
-        let arm = Motor::new("arm", 2, &dji::M2006, 1);
-        assert_eq!(complaint(arm, None), None);
+        let arm = Motor::dji_on("arm", 2, &dji::M2006, 1);
+        assert_eq!(complaint(arm.clone(), None), None);
         for (motor, wheels, words) in [
-            (Motor { on: Place::Bus(0), ..arm }, None, "motor table, arm: there is no bus 0"),
-            (Motor { on: Place::Bus(3), ..arm }, None, "motor table, arm: there is no bus 3"),
             (
-                Motor::new("arm", 2, &OTHER, 1),
+                Motor { on: Place::Bus(0), ..arm.clone() },
                 None,
-                "motor table, arm: no simulated ESC for a M3508 without gearbox",
+                "motor table, arm: there is no bus 0",
             ),
-            (arm, Some([0, 1, 2, 4]), "base: there is no motor in line 4"),
+            (
+                Motor { on: Place::Bus(3), ..arm.clone() },
+                None,
+                "motor table, arm: there is no bus 3",
+            ),
+            (
+                Motor::dji_on("arm", 2, &OTHER, 1),
+                None,
+                "motor table, arm: there is no simulated M3508 without gearbox: give the motor a \
+                 twin of its own, by `Plant::with_twin`",
+            ),
+            (arm.clone(), Some([0, 1, 2, 4]), "base: there is no motor in line 4"),
         ] {
             assert_eq!(complaint(motor, wheels).as_deref(), Some(words));
         }
-        assert!(complaint(Motor::new("arm", 2, &dji::M2006, 9), None).is_some());
+        assert!(complaint(Motor::dji_on("arm", 2, &dji::M2006, 9), None).is_some());
         assert!(complaint(arm, Some([0, 1, 2, 2])).is_some());
     }
 }

@@ -221,7 +221,7 @@ pub fn motor_table(recording: &Recording, figures: &Figures) -> Table {
         vec![
             words(motor.label),
             words(motor.name()),
-            words(motor.on.short()),
+            words(crate::motor::short(motor.on)),
             link,
             words(drive_name(last.drive)),
             Entry { bad: is_bad, ..words(figures.loops) },
@@ -694,7 +694,7 @@ mod tests {
             overwritten: 0,
         };
         MotorTrack {
-            motor: Motor::new(label, 1, &M3508, 1),
+            motor: Motor::dji_on(label, 1, &M3508, 1),
             samples: [(Some(30.0), 27.0), (None, -90.0), (Some(30.0), 26.0)].map(sample).into(),
             last: MotorStatus::NEW,
             overwritten: 0,

@@ -7,7 +7,7 @@
 //!
 //! * [`description`]: what the tools must know of a robot. [`motor`]: each [`Motor`] with its
 //!   [`Place`](motor::Place) on a bus or line, its [`Device`](motor::Device), and what its shaft
-//!   carries. [`script`]: what the robot does by itself. [`team`] and [`mixed`]: the two robots of
+//!   carries. [`script`]: what the robot does by itself. [`team`]: the robot of
 //!   `rc10-robot`.
 //! * [`remote`]: its remote control, its operator, and what happens when it is lost.
 //! * [`environment`]: the simulated world around a robot, from its description alone. [`mistake`]:
@@ -35,7 +35,6 @@ pub mod environment;
 pub mod figures;
 pub mod margin;
 pub mod mistake;
-pub mod mixed;
 pub mod motor;
 pub mod ports;
 pub mod problems;
@@ -56,7 +55,7 @@ use std::ffi::OsString;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{Parser, Subcommand};
 
 use dbc::DbcArgs;
 use decode::DecodeArgs;
@@ -66,7 +65,7 @@ use run::RunArgs;
 
 pub use description::{Base, Description, LinePart, SerialPart};
 pub use mistake::Mistake;
-pub use motor::Motor;
+pub use motor::{Device, Motor, Place, Plant};
 pub use recording::Recording;
 pub use remote::{Receiver, RemoteControl};
 pub use robot::Robot;
@@ -78,27 +77,6 @@ pub use script::{Event, Script};
 struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
-}
-
-/// RC10: a robot's motor buses, on a PC.
-#[derive(Parser)]
-#[command(name = "rc10", version, arg_required_else_help = false, after_help = EXAMPLES)]
-struct OwnArguments {
-    /// Which robot
-    #[arg(long, global = true, value_enum, default_value_t)]
-    robot: Which,
-    #[command(flatten)]
-    arguments: Arguments,
-}
-
-/// The robots that the `rc10` command knows.
-#[derive(Clone, Copy, Default, ValueEnum)]
-enum Which {
-    /// The team's: mecanum base, gimbal, feeder and lift, eleven motors of DJI
-    #[default]
-    Team,
-    /// Motors of six vendors: two buses and an RS-485 line of eight
-    Mixed,
 }
 
 #[derive(Subcommand)]
@@ -199,21 +177,14 @@ pub fn main_for(
     description: &Description,
     robot: impl FnOnce(CommandLine) -> anyhow::Result<ExitCode>,
 ) -> ExitCode {
-    main_with(|arguments: Arguments| {
-        robot(arguments.command_line()).map_err(|error| description.label(error))
-    })
-}
-
-/// Reads the command line and does what it says.
-fn main_with<A: Parser>(act: impl FnOnce(A) -> anyhow::Result<ExitCode>) -> ExitCode {
-    let arguments = match A::try_parse() {
+    let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(error) => {
             let _ = error.print();
             return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
         }
     };
-    match act(arguments) {
+    match robot(arguments.command_line()).map_err(|error| description.label(error)) {
         Ok(code) => code,
         // The reader of our output has read enough (`| head`).
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
@@ -227,24 +198,11 @@ fn main_with<A: Parser>(act: impl FnOnce(A) -> anyhow::Result<ExitCode>) -> Exit
 /// The `rc10` command: [`main_for`] the robot of `rc10-robot`.
 #[must_use]
 pub fn main() -> ExitCode {
-    main_with(|OwnArguments { robot, arguments }| {
-        let command = arguments.command_line();
-        match robot {
-            Which::Team => {
-                let ports = rc10_robot::Ports::new();
-                let io = rc10_robot::Shared::new(&ports);
-                let mut motors = rc10_robot::Motors::new();
-                command.run(team::robot(&io, motors.start(&io.switch)?.buses))
-            }
-            Which::Mixed => {
-                let io = rc10_robot::mixed::Shared::new();
-                let description = mixed::description()?;
-                let label = |error: rc10_robot::mixed::SetupError| description.label(error.into());
-                let mut motors = rc10_robot::mixed::Motors::new().map_err(label)?;
-                let (buses, line) = motors.start(&io).map_err(label)?;
-                command.run(mixed::robot(&io, buses, line)?)
-            }
-        }
+    main_for(&team::description(), |command| {
+        let ports = rc10_robot::Ports::new();
+        let io = rc10_robot::Shared::new(&ports);
+        let mut motors = rc10_robot::Motors::new();
+        command.run(team::robot(&io, motors.start(&io.switch)?.buses))
     })
 }
 

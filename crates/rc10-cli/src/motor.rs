@@ -1,17 +1,21 @@
 //! A robot's motors as the tools see them: what they are, what is on their shafts, and their
 //! simulated twins.
 
-use std::fmt;
+mod twin;
 
-use anyhow::{Context, Result, bail};
-use rc10_motor::MotorName;
-use rc10_motor::dji::{self, FeedbackRate, Model};
+use std::fmt;
+use std::rc::Rc;
+
+use anyhow::{Context, Result};
+use rc10_motor::dji::Model;
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::signals::Message;
-use rc10_sim::{Esc, EscConfig};
+pub use rc10_motor::{Device, Place};
+use rc10_motor::{Entry, MotorName, SafeState};
+use rc10_sim::Esc;
 
 /// One motor of a robot, and what is on its shaft.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Motor {
     /// Label of the motor. Motors whose labels begin with the same word share a plot.
     pub label: &'static str,
@@ -21,151 +25,130 @@ pub struct Motor {
     pub device: Device,
     /// Direction in which the robot counts.
     pub direction: Direction,
-    /// Inertia of what is on its output shaft, kg m². The wheels of a [`Base`](crate::Base) get
-    /// theirs from it.
-    pub inertia: f64,
-    /// Constant torque on its output shaft from outside, such as a weight, N m; positive the way
-    /// the robot counts.
-    pub load: f64,
-    /// Hard stops of a motor on a bus: the angles between which its output shaft turns, degrees since
-    /// power-on the way the robot counts. The floor under a lift, for example. `None`: for ever.
-    pub travel: Option<[f64; 2]>,
+    /// What is on its output shaft.
+    pub plant: Plant,
     /// Its safe state is to hold or to brake: it may be driven while the robot is stopped.
     pub holds: bool,
 }
 
-/// The bus or line of a motor; the first of each sort is 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
-    /// A CAN bus.
-    Bus(u8),
-    /// An RS-485 line.
-    Line(u8),
+/// What is on a motor's output shaft, and the device's simulated twin where that is not one of ours.
+///
+/// ```
+/// use rc10_cli::Plant;
+/// // An arm that stands in its own way, and weighs 2 N m.
+/// let arm = Plant { load: -2.0, travel: Some([-10.0, 95.0]), ..Plant::inertia(0.02) };
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Plant {
+    /// Inertia, kg m². The wheels of a [`Base`](crate::Base) get theirs from it.
+    pub inertia: f64,
+    /// Constant torque from outside, such as a weight, N m; positive the way the robot counts.
+    pub load: f64,
+    /// Hard stops of a motor on a bus: the angles between which the shaft turns, degrees since
+    /// power-on the way the robot counts. The floor under a lift, for example. `None`: for ever.
+    pub travel: Option<[f64; 2]>,
+    /// A twin of one's own, and its messages: for a device that this crate does not know.
+    pub own: Option<OwnTwin>,
 }
 
-impl Place {
-    /// For a narrow column: `2`, or `L1` for a line.
+/// A simulated twin of a device on CAN that this crate does not know, and the messages in its frames.
+#[derive(Clone)]
+pub struct OwnTwin {
+    twin: Rc<dyn Fn(&rc10_sim::Bus, f64) -> Result<Esc>>,
+    messages: Rc<[Message]>,
+    not_in_dbc: &'static [&'static str],
+}
+
+impl Plant {
+    /// Nothing but an inertia, kg m².
     #[must_use]
-    pub fn short(self) -> String {
-        match self {
-            Self::Bus(number) => number.to_string(),
-            Self::Line(number) => format!("L{number}"),
-        }
+    pub const fn inertia(inertia: f64) -> Self {
+        Self { inertia, load: 0.0, travel: None, own: None }
     }
 
-    /// The number of the bus, if it is one.
+    /// With a twin of one's own: `twin` puts it on a wire, with this inertia (kg m²) on its shaft.
     #[must_use]
-    pub const fn bus(self) -> Option<u8> {
-        match self {
-            Self::Bus(number) => Some(number),
-            Self::Line(_) => None,
-        }
+    pub fn with_twin(self, twin: impl Fn(&rc10_sim::Bus, f64) -> Result<Esc> + 'static) -> Self {
+        let own = OwnTwin { twin: Rc::new(twin), messages: Rc::new([]), not_in_dbc: &[] };
+        Self { own: Some(own), ..self }
     }
 
-    /// The number of the line, if it is one.
+    /// With the messages in the frames of that twin, and facts about them that no DBC file can say: a
+    /// sentence each.
     #[must_use]
-    pub const fn line(self) -> Option<u8> {
-        match self {
-            Self::Bus(_) => None,
-            Self::Line(number) => Some(number),
-        }
+    pub fn with_messages(self, messages: &[Message], not_in_dbc: &'static [&'static str]) -> Self {
+        let own = self.own.map(|own| OwnTwin { messages: messages.into(), not_in_dbc, ..own });
+        Self { own, ..self }
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Debug for OwnTwin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Bus(number) => write!(f, "bus {number}"),
-            Self::Line(number) => write!(f, "line {number}"),
-        }
+        f.debug_struct("OwnTwin").field("messages", &self.messages).finish_non_exhaustive()
     }
 }
 
-/// The device of a motor, for the simulator and for tables.
-#[derive(Clone, Copy, Debug)]
-pub enum Device {
-    /// One of DJI's.
-    Dji {
-        /// The model.
-        model: &'static Model,
-        /// The identifier set on it.
-        id: u8,
-        /// The feedback rate set on it.
-        rate: FeedbackRate,
-    },
-    /// Any other on a CAN bus.
-    Can {
-        /// Its name on the bus.
-        name: MotorName,
-        /// Puts its simulated twin on a wire, with this inertia (kg m²) on its shaft.
-        twin: fn(wire: &rc10_sim::Bus, inertia: f64) -> Result<Esc>,
-        /// The messages in its frames.
-        messages: fn() -> Vec<Message>,
-        /// Facts about them that no DBC file can say: a sentence each.
-        not_in_dbc: &'static [&'static str],
-    },
-    /// One on an RS-485 line.
-    Line {
-        /// Its name on the line.
-        name: MotorName,
-        /// Puts its simulated twin on a line, with this inertia (kg m²) on its shaft.
-        twin: fn(line: &rc10_sim::Line, inertia: f64) -> Result<Esc>,
-    },
+/// For a narrow column: `2`, or `L1` for a line.
+#[must_use]
+pub(crate) fn short(on: Place) -> String {
+    match on {
+        Place::Bus(number) => number.to_string(),
+        Place::Line(number) => format!("L{number}"),
+    }
 }
 
 impl Motor {
-    /// A motor of DJI on a bus (the first one is 1) that counts forward, speaks 1000 times a second,
-    /// and has a bare shaft.
+    /// A motor that coasts, with nothing on its shaft.
     #[must_use]
-    pub const fn new(label: &'static str, bus: u8, model: &'static Model, id: u8) -> Self {
-        let device = Device::Dji { model, id, rate: FeedbackRate::Hz1000 };
-        Self::with_device(label, Place::Bus(bus), device)
+    pub fn new(label: &'static str, on: Place, device: Device) -> Self {
+        let (direction, plant) = (device.direction(), Plant::default());
+        Self { label, on, device, direction, plant, holds: false }
     }
 
-    /// Any motor that counts forward and has a bare shaft.
+    /// One of DJI's on a bus.
+    #[cfg(test)]
+    pub(crate) fn dji_on(label: &'static str, bus: u8, model: &'static Model, id: u8) -> Self {
+        let config = rc10_motor::dji::Config::new(model, id);
+        Self::new(label, Place::Bus(bus), config.device())
+    }
+
+    /// The motor of a line of a declaration.
     #[must_use]
-    pub const fn with_device(label: &'static str, on: Place, device: Device) -> Self {
-        let direction = Direction::Forward;
-        Self { label, on, device, direction, inertia: 0.0, load: 0.0, travel: None, holds: false }
+    pub fn of(entry: &Entry<Device>, plant: Plant) -> Self {
+        let holds = entry.safety.state != SafeState::Coast;
+        Self { holds, plant, ..Self::new(entry.label, entry.on, entry.config) }
     }
 
     /// Its name on buses and in tables.
     #[must_use]
     pub const fn name(&self) -> MotorName {
-        match self.device {
-            Device::Dji { model, id, .. } => MotorName { model: model.name, id: id as u16 },
-            Device::Can { name, .. } | Device::Line { name, .. } => name,
-        }
+        self.device.name()
     }
 
     /// Model and identifier, if it is one of DJI's.
     #[must_use]
     pub const fn dji(&self) -> Option<(&'static Model, u8)> {
-        match self.device {
-            Device::Dji { model, id, .. } => Some((model, id)),
-            Device::Can { .. } | Device::Line { .. } => None,
+        match &self.device {
+            Device::Dji(config) => Some((config.model, config.id)),
+            _ => None,
         }
     }
 
     /// The messages in its frames.
     #[must_use]
     pub fn messages(&self) -> Vec<Message> {
-        match self.device {
-            Device::Dji { model, id, .. } => {
-                dji::signals::messages(model, id).into_iter().flatten().collect()
-            }
-            Device::Line { .. } => Vec::new(),
-            Device::Can { messages, .. } => messages(),
+        match &self.plant.own {
+            Some(own) => own.messages.to_vec(),
+            None => twin::messages(&self.device),
         }
     }
 
     /// Facts about its frames that no DBC file can say: a sentence each.
     #[must_use]
     pub const fn not_in_dbc(&self) -> &'static [&'static str] {
-        match self.device {
-            Device::Dji { .. } => dji::signals::NOT_IN_DBC,
-            Device::Can { not_in_dbc, .. } => not_in_dbc,
-            Device::Line { .. } => &[],
+        match &self.plant.own {
+            Some(own) => own.not_in_dbc,
+            None => twin::not_in_dbc(&self.device),
         }
     }
 
@@ -184,55 +167,31 @@ impl Motor {
     /// Puts its simulated twin where it belongs: on one of the wires or lines.
     ///
     /// # Errors
-    /// If there is no such bus or line, the device is not made for it, there is no simulated ESC
-    /// for its model, or its identifier is none.
+    /// If there is no such bus or line, the device is not made for it, there is no simulated twin
+    /// for it, or its identifier is none.
     pub fn plug_in(&self, wires: &[rc10_sim::Bus], lines: &[rc10_sim::Line]) -> Result<Esc> {
+        let Plant { inertia, load, travel, own } = &self.plant;
         let index = |number: u8| usize::from(number).checked_sub(1);
         let nowhere = || format!("there is no {}", self.on);
         let twin = match self.on {
             Place::Bus(number) => {
                 let wire = index(number).and_then(|at| wires.get(at)).with_context(nowhere)?;
-                match self.device {
-                    Device::Dji { model, id, rate } => {
-                        wire.add_esc(dji_twin(model, id, rate, self.inertia)?)?
-                    }
-                    Device::Can { twin, .. } => twin(wire, self.inertia)?,
-                    Device::Line { .. } => bail!("it has no CAN: {} is nothing for it", self.on),
+                match own {
+                    Some(own) => (own.twin)(wire, *inertia)?,
+                    None => twin::on_bus(&self.device, wire, *inertia)?,
                 }
             }
             Place::Line(number) => {
                 let line = index(number).and_then(|at| lines.get(at)).with_context(nowhere)?;
-                match self.device {
-                    Device::Line { twin, .. } => twin(line, self.inertia)?,
-                    _ => bail!("it has only CAN: {} is nothing for it", self.on),
-                }
+                twin::on_line(&self.device, line, *inertia)?
             }
         };
-        twin.set_load(self.sign() * self.load);
-        if let Some(mut travel) = self.travel {
-            travel = travel.map(|end| self.sign() * end);
+        twin.set_load(self.sign() * load);
+        if let Some(travel) = travel {
+            let mut travel = travel.map(|end| self.sign() * end);
             travel.sort_by(f64::total_cmp);
             twin.set_travel(Some(travel));
         }
         Ok(twin)
     }
-}
-
-fn dji_twin(model: &Model, id: u8, rate: FeedbackRate, inertia: f64) -> Result<EscConfig> {
-    let twin = match model {
-        model if *model == dji::M3508 => rc10_sim::Model::C620,
-        model if *model == dji::M2006 => rc10_sim::Model::C610,
-        model if *model == dji::GM6020_CURRENT => rc10_sim::Model::Gm6020Current,
-        model if *model == dji::GM6020_VOLTAGE => rc10_sim::Model::Gm6020Voltage,
-        model => bail!("no simulated ESC for a {}", model.name),
-    };
-    let mut config = EscConfig::new(twin, id);
-    config.plant = config.plant.with_load_inertia(inertia);
-    config.rate = match rate {
-        FeedbackRate::Hz1000 => rc10_sim::FeedbackRate::Hz1000,
-        FeedbackRate::Hz500 => rc10_sim::FeedbackRate::Hz500,
-        FeedbackRate::Hz250 => rc10_sim::FeedbackRate::Hz250,
-        FeedbackRate::Hz125 => rc10_sim::FeedbackRate::Hz125,
-    };
-    Ok(config)
 }

@@ -187,7 +187,7 @@ impl<'d> Recorder<'d> {
     ) -> Recording {
         let motors = self.description.motors.iter().zip(escs).zip(self.motors);
         let motors = motors.enumerate().map(|(line, ((described, esc), recorder))| MotorTrack {
-            motor: *described,
+            motor: described.clone(),
             samples: recorder.samples,
             last: motor(line),
             overwritten: esc.state().feedback_overwritten,
@@ -359,7 +359,7 @@ mod tests {
     /// there was no target to follow.
     #[test]
     fn looks_without_a_target_are_not_in_the_error() {
-        let motor = Motor::new("wheel", 1, &M3508, 1);
+        let motor = Motor::dji_on("wheel", 1, &M3508, 1);
         let wire = World::new(1).add_bus(BusConfig::default());
         let twin = motor.plug_in(&[wire], &[]).unwrap();
         let mut recorder = MotorRecorder::new(None);

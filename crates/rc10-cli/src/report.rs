@@ -698,9 +698,10 @@ mod tests {
             (last.link, last.drive) = (Link::Online, DriveMode::Run);
             let tracking =
                 vec![Tracking { kind, looks: samples as u64 * 10, squares: 0.0, peak: 0.0 }];
+            let samples = (0..samples).map(sample).collect();
             MotorTrack {
                 motor,
-                samples: (0..samples).map(sample).collect(),
+                samples,
                 last,
                 overwritten: 0,
                 tracking,

@@ -380,16 +380,16 @@ mod tests {
             let robot = Robot::new(description).bus(bus, &port);
             robot.into_buses().err().map(|error| error.to_string())
         };
-        let left = Motor::new("left", 1, &dji::M3508, 1);
-        let right = Motor::new("right", 1, &dji::M3508, 2);
+        let left = Motor::dji_on("left", 1, &dji::M3508, 1);
+        let right = Motor::dji_on("right", 1, &dji::M3508, 2);
         let described = |buses, motors: [Motor; 2]| Description {
             buses,
             motors: motors.into(),
             ..<_>::default()
         };
-        assert_eq!(complaint(described(1, [left, right])), None);
+        assert_eq!(complaint(described(1, [left.clone(), right.clone()])), None);
         let two = "1 buses, but 2 described";
-        assert_eq!(complaint(described(2, [left, right])).as_deref(), Some(two));
+        assert_eq!(complaint(described(2, [left.clone(), right.clone()])).as_deref(), Some(two));
         let turned = "bus 1 has the motors [M3508 id 1, M3508 id 2], \
                       but described are [M3508 id 2, M3508 id 1]";
         assert_eq!(complaint(described(1, [right, left])).as_deref(), Some(turned));

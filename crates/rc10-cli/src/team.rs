@@ -3,7 +3,7 @@
 mod operator;
 
 use anyhow::{Context, Result};
-use rc10_motor::{ArmState, MotorBus, Names, SafeState};
+use rc10_motor::{ArmState, MotorBus};
 use rc10_robot::table::{BASE, BUSES, LIFT, LIFT_TOP, Name, RECEIVER, WHEELS};
 use rc10_robot::{Shared, chassis, driver, imu, mechanisms};
 use rc10_sim::imu::Hwt101;
@@ -12,7 +12,7 @@ use rc10_tasks::{remote, status};
 
 use crate::description::{Base, Description, SerialPart};
 use crate::emulate::build_firmware;
-use crate::motor::{Device, Motor, Place};
+use crate::motor::Plant;
 use crate::remote::{Receiver, ReceiverPort, RemoteControl};
 use crate::robot::Robot;
 
@@ -31,9 +31,7 @@ pub fn description() -> Description {
         ..Chassis::default()
     };
     Description {
-        motors: Name::ALL.iter().map(motor).collect(),
-        buses: BUSES as u8,
-        base: Some(Base { wheels: WHEELS.map(|name| name as usize), chassis }),
+        base: Some(Base::new(WHEELS, chassis)),
         remote: Some(RemoteControl {
             receiver: RECEIVER,
             receivers: Receiver::ALL.into(),
@@ -45,29 +43,25 @@ pub fn description() -> Description {
         }),
         serials: vec![SerialPart { label: "IMU", uart: IMU_UART, twin: imu_twin }],
         firmware: Some(build_firmware),
-        ..Description::default()
+        ..Description::of(plant)
     }
 }
 
-fn motor(name: &Name) -> Motor {
-    // kg m² and N m at the output shaft; our estimates. The wheels get theirs from the base, and
-    // the weight of the lift pulls every one of its shafts down. It hangs a quarter of a turn above
-    // its floor at power-on: so one can see whether it is held or let go.
-    let (inertia, load) = match *name {
-        Name::Yaw => (0.02, 0.0),
-        Name::Pitch => (0.01, 0.0),
-        Name::Feeder => (0.002, 0.0),
-        name if LIFT.contains(&name) => (0.01, -1.0),
-        _ => (0.0, 0.0),
-    };
-    let travel = LIFT.contains(name).then_some([-90.0, f64::from(LIFT_TOP) + 30.0]);
-    let entry = name.entry();
-    let rc10_motor::Device::Dji(config) = entry.config else { unreachable!() };
-    let rc10_motor::dji::Config { model, id, direction, rate, .. } = config;
-    let device = Device::Dji { model, id, rate };
-    let holds = entry.safety.state != SafeState::Coast;
-    let on = Place::Bus(entry.on.bus().unwrap_or_default());
-    Motor { direction, inertia, load, travel, holds, ..Motor::with_device(entry.label, on, device) }
+/// kg m² and N m at the output shaft; our estimates. The wheels get theirs from the base, and the
+/// weight of the lift pulls every one of its shafts down. It hangs a quarter of a turn above its floor
+/// at power-on: so one can see whether it is held or let go.
+fn plant(name: Name) -> Plant {
+    match name {
+        Name::Yaw => Plant::inertia(0.02),
+        Name::Pitch => Plant::inertia(0.01),
+        Name::Feeder => Plant::inertia(0.002),
+        lift if LIFT.contains(&lift) => Plant {
+            load: -1.0,
+            travel: Some([-90.0, f64::from(LIFT_TOP) + 30.0]),
+            ..Plant::inertia(0.01)
+        },
+        _ => Plant::default(),
+    }
 }
 
 fn imu_twin(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial> {

@@ -8,7 +8,6 @@
 //! * [`chassis`], [`mechanisms`]: from what the robot shall do to motor targets.
 //! * [`driver`]: turns the remote control into commands for base and mechanisms, and handles its loss.
 //! * [`imu`]: what the IMU on its serial port says.
-//! * [`mixed`]: another robot, of motors of many vendors.
 //!
 //! Each task is an `async fn run(shared: &Shared<'_>) -> !`. The chip's executor or a simulated world polls
 //! it.
@@ -19,7 +18,6 @@ pub mod chassis;
 pub mod driver;
 pub mod imu;
 pub mod mechanisms;
-pub mod mixed;
 mod robot;
 pub mod table;
 

@@ -194,7 +194,7 @@ mod tests {
         let link = args.link.clone().unwrap();
         thread::scope(|scope| {
             let server = scope.spawn(|| {
-                let motors = vec![Motor::new("wheel", 1, &M3508, 1)];
+                let motors = vec![Motor::dji_on("wheel", 1, &M3508, 1)];
                 let robot = Robot::new(Description { motors, buses: 1, ..<_>::default() });
                 let mut out = Vec::new();
                 serve(args, robot, &mut out, &stop).unwrap();

@@ -4,8 +4,9 @@
 use embedded_can::{ExtendedId, Id};
 use heapless::Vec;
 
-use super::wire::module::{FROM_MODULE, IMPEDANCE, Module, NO_TEMPERATURE, Request, STATE};
-use super::wire::{Address, ERRORS, RawImpedance, RawMotion, Status};
+use super::config::ModuleConfig;
+use super::wire::module::{FROM_MODULE, IMPEDANCE, NO_TEMPERATURE, Request, STATE};
+use super::wire::{ERRORS, RawImpedance, RawMotion, Status};
 use crate::signals::{Message, Signal};
 
 /// Content of the frames that a DBC file cannot describe.
@@ -34,8 +35,9 @@ const GAINS: &[Signal] = &[
 ];
 
 /// Everything that is sent to a motor, then its replies, which is [not in a DBC
-/// file](NOT_IN_DBC).
-pub fn messages(module: Module, motor: Address) -> Vec<Message, MOST> {
+/// file](NOT_IN_DBC). None of a motor that cannot be.
+pub fn messages(config: &ModuleConfig) -> Vec<Message, MOST> {
+    let Ok((module, motor)) = config.devices() else { return Vec::new() };
     let with_id = |name, raw, from_device, signals| {
         let id = ExtendedId::new(raw).unwrap_or(ExtendedId::ZERO);
         Message::new(name, Id::Extended(id), 8, from_device, signals)

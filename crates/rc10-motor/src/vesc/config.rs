@@ -63,8 +63,10 @@ const STEPS_PER_ELECTRICAL_TURN: u32 = 6;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ElectricalScale {
-    pole_pairs: NonZeroU8,
-    gear: Gear,
+    /// Half the magnet poles.
+    pub pole_pairs: NonZeroU8,
+    /// From the motor to the output shaft.
+    pub gear: Gear,
     minimum: ElectricalRpm,
 }
 

@@ -1,0 +1,189 @@
+//! The simulated twin of each device, and the messages in its frames.
+
+use anyhow::{Context, Result, bail, ensure};
+use rc10_can::Micros;
+use rc10_motor::dji::FeedbackRate;
+use rc10_motor::signals::Message;
+use rc10_motor::{Device, cybergear, damiao, dji, lk, odrive, unitree, vesc};
+use rc10_sim::damiao::{DamiaoConfig, Mode};
+use rc10_sim::odrive::Version;
+use rc10_sim::{Bus, Esc, EscConfig, Line, Plant};
+
+/// Puts it on a wire, with an inertia (kg m²) on its shaft.
+pub(super) fn on_bus(device: &Device, wire: &Bus, inertia: f64) -> Result<Esc> {
+    match device {
+        Device::Dji(config) => dji(config, wire, inertia),
+        Device::Vesc(config) => vesc(config, wire, inertia),
+        Device::Damiao(config) => damiao(config, wire, inertia),
+        Device::CyberGear(config) => cybergear(config, wire, inertia),
+        Device::Lk(config) => lk(config, wire, inertia),
+        Device::ODrive(config) => odrive(config, wire, inertia),
+        Device::GoModule(unitree::ModuleConfig { module, motor, .. }) => {
+            let plant = rc10_sim::unitree_module::plant().with_load_inertia(inertia);
+            let module = rc10_sim::unitree_module::UnitreeModule::new(*module)?;
+            Ok(wire.add(module.motor(*motor)?, plant))
+        }
+        Device::GoM8010(_) => bail!("it has no CAN: it is plugged into a bus"),
+        _ => no_twin(device),
+    }
+}
+
+/// Puts it on a line, with an inertia (kg m²) on its shaft.
+pub(super) fn on_line(device: &Device, line: &Line, inertia: f64) -> Result<Esc> {
+    let Device::GoM8010(config) = device else {
+        bail!("it has only CAN: it is plugged into a line")
+    };
+    let plant = rc10_sim::unitree_line::plant().with_load_inertia(inertia);
+    Ok(line.add(rc10_sim::unitree_line::GoM8010::new(config.id), plant))
+}
+
+fn no_twin(device: &Device) -> Result<Esc> {
+    bail!(
+        "there is no simulated {}: give the motor a twin of its own, by `Plant::with_twin`",
+        device.name().model
+    )
+}
+
+fn dji(config: &dji::Config, wire: &Bus, inertia: f64) -> Result<Esc> {
+    let twin = match config.model {
+        model if *model == dji::M3508 => rc10_sim::Model::C620,
+        model if *model == dji::M2006 => rc10_sim::Model::C610,
+        model if *model == dji::GM6020_CURRENT => rc10_sim::Model::Gm6020Current,
+        model if *model == dji::GM6020_VOLTAGE => rc10_sim::Model::Gm6020Voltage,
+        _ => return no_twin(&config.device()),
+    };
+    let mut esc = EscConfig::new(twin, config.id);
+    esc.plant = esc.plant.with_load_inertia(inertia);
+    esc.rate = match config.rate {
+        FeedbackRate::Hz1000 => rc10_sim::FeedbackRate::Hz1000,
+        FeedbackRate::Hz500 => rc10_sim::FeedbackRate::Hz500,
+        FeedbackRate::Hz250 => rc10_sim::FeedbackRate::Hz250,
+        FeedbackRate::Hz125 => rc10_sim::FeedbackRate::Hz125,
+    };
+    let esc = wire.add_esc(esc)?;
+    if config.gear != config.model.gear {
+        esc.set_gear(config.gear.ratio().into());
+    }
+    Ok(esc)
+}
+
+fn vesc(config: &vesc::Config, wire: &Bus, inertia: f64) -> Result<Esc> {
+    let plant = rc10_sim::vesc::outrunner_270_kv().with_load_inertia(inertia);
+    let twin = rc10_sim::vesc::VescConfig {
+        status_hz: config.status.all(),
+        timeout: config.timeout,
+        pole_pairs: config.scale.pole_pairs.get(),
+        encoder_on_shaft: config.encoder_on_shaft,
+        ..rc10_sim::vesc::VescConfig::new(config.id, plant)
+    };
+    Ok(geared(wire.add(rc10_sim::vesc::Vesc::new(twin)?, plant), &plant, config.scale.gear.ratio()))
+}
+
+/// With the gearbox of the robot's table in place of the plant's.
+fn geared(esc: Esc, plant: &Plant, ratio: f32) -> Esc {
+    if (plant.gear_ratio - f64::from(ratio)).abs() > 1e-6 {
+        esc.set_gear(ratio.into());
+    }
+    esc
+}
+
+fn damiao(config: &damiao::Config, wire: &Bus, inertia: f64) -> Result<Esc> {
+    let &damiao::Config { model, can_id, master_id, ref control, .. } = config;
+    let mut twin = match model {
+        model if model.name == damiao::models::J4310.name => DamiaoConfig::j4310(can_id, master_id),
+        model if model.name == damiao::models::J8009.name => DamiaoConfig::j8009(can_id, master_id),
+        _ => return no_twin(&config.device()),
+    };
+    twin.mode = match control.mode() {
+        damiao::Mode::Mit => Mode::Mit,
+        damiao::Mode::PositionVelocity => Mode::PositionVelocity,
+        damiao::Mode::Velocity => Mode::Velocity,
+        damiao::Mode::ForcePosition => Mode::ForcePosition,
+    };
+    let plant = twin.plant.with_load_inertia(inertia);
+    Ok(wire.add(rc10_sim::damiao::Damiao::new(&twin), plant))
+}
+
+fn cybergear(config: &cybergear::Config, wire: &Bus, inertia: f64) -> Result<Esc> {
+    let known = rc10_sim::cybergear::ALL.into_iter().find(|it| it.name == config.model.name);
+    let Some(known) = known else { return no_twin(&config.device()) };
+    let mut model = *known;
+    model.position = config.model.limits.position.into();
+    let plant = model.plant().with_load_inertia(inertia);
+    let twin = rc10_sim::cybergear::CyberGear::new(&model, config.address.motor);
+    Ok(wire.add(twin, plant))
+}
+
+fn lk(config: &lk::Config, wire: &Bus, inertia: f64) -> Result<Esc> {
+    let (settings, plant) = match config.model {
+        model if model.name == lk::models::MG4010E_I10.name => {
+            (rc10_sim::lk::Settings::mg(config.id), rc10_sim::lk::mg4010e_i10())
+        }
+        model if model.name == lk::models::MF9025.name => {
+            (rc10_sim::lk::Settings::mf(config.id), rc10_sim::lk::mf9025())
+        }
+        _ => return no_twin(&config.device()),
+    };
+    let multi_motor = config.commands == lk::Commands::MultiMotor;
+    let settings = rc10_sim::lk::Settings { multi_motor, ..settings };
+    let drive = rc10_sim::lk::Drive::new(settings).context("no such LK drive")?;
+    Ok(wire.add(drive, plant.with_load_inertia(inertia)))
+}
+
+fn odrive(config: &odrive::Config, wire: &Bus, inertia: f64) -> Result<Esc> {
+    let period = |hz: u16| Micros::new(1_000_000 / u64::from(hz.max(1)));
+    let odrive::Rates { estimates, heartbeat, currents, temperatures, supply } = config.rates;
+    let others: Vec<u16> =
+        [currents, temperatures, supply].into_iter().filter(|rate| *rate > 0).collect();
+    ensure!(
+        others.iter().all(|rate| Some(rate) == others.first()),
+        "the simulated ODrive sends currents, temperatures and supply at one rate"
+    );
+    let settings = rc10_sim::odrive::Settings {
+        version: if config.firmware.has_temperatures { Version::V0_6 } else { Version::V0_5 },
+        estimates_every: period(estimates),
+        heartbeat_every: period(heartbeat),
+        others_every: others.first().map(|rate| period(*rate)),
+        ..rc10_sim::odrive::Settings::new(config.node)
+    };
+    let plant = rc10_sim::odrive::d6374_8to1().with_load_inertia(inertia);
+    let axis = rc10_sim::odrive::Axis::new(settings).context("no such ODrive")?;
+    Ok(geared(wire.add(axis, plant), &plant, config.gear.ratio()))
+}
+
+/// The messages in its frames; none of one that is not known.
+pub(super) fn messages(device: &Device) -> Vec<Message> {
+    // Scales follow from the model, and have to live as long as the messages: as long as the tool.
+    match device {
+        Device::Dji(config) => {
+            dji::signals::messages(config.model, config.id).into_iter().flatten().collect()
+        }
+        Device::Vesc(config) => vesc::signals::messages(config).to_vec(),
+        Device::Damiao(config) => {
+            let scaled = damiao::signals::Scaled::of(&config.model.limits);
+            damiao::signals::messages(config, Box::leak(Box::new(scaled))).to_vec()
+        }
+        Device::CyberGear(config) => {
+            let scaled = Box::leak(Box::new(cybergear::signals::Scaled::of(&config.model)));
+            cybergear::signals::messages(&config.model, config.address, scaled).to_vec()
+        }
+        Device::Lk(config) => lk::signals::messages(config).into_iter().flatten().collect(),
+        Device::ODrive(config) => odrive::signals::messages(config).into_iter().flatten().collect(),
+        Device::GoModule(config) => unitree::signals::messages(config).to_vec(),
+        _ => Vec::new(),
+    }
+}
+
+/// Facts about its frames that no DBC file can say: a sentence each.
+pub(super) const fn not_in_dbc(device: &Device) -> &'static [&'static str] {
+    match device {
+        Device::Dji(_) => dji::signals::NOT_IN_DBC,
+        Device::Vesc(_) => vesc::signals::NOT_IN_DBC,
+        Device::Damiao(_) => damiao::signals::NOT_IN_DBC,
+        Device::CyberGear(_) => cybergear::signals::NOT_IN_DBC,
+        Device::Lk(_) => lk::signals::NOT_IN_DBC,
+        Device::ODrive(_) => odrive::signals::NOT_IN_DBC,
+        Device::GoModule(_) => unitree::signals::NOT_IN_DBC,
+        _ => &[],
+    }
+}

@@ -1,0 +1,53 @@
+//! The robot as the tools see it, and with its tasks in a simulated world.
+
+use rc10_cli::emulate::build_firmware_of;
+use rc10_cli::{Description, Event, Plant, Robot, Script};
+use rc10_motor::Started;
+use rc10_motor::rc10_can::Micros;
+use rc10_tasks::status;
+
+use crate::table::{Name, REPLY};
+use crate::task::{self, ARMED_AT, SCRIPT};
+use crate::{Motors, Shared};
+
+/// Its description.
+#[must_use]
+pub fn description() -> Description {
+    let event = |&(at, label, _): &(u32, &'static str, _)| Event {
+        at: Micros::from_millis(at.into()),
+        label,
+    };
+    let armed = Event { at: Micros::from_millis(ARMED_AT), label: "arm" };
+    Description {
+        script: Script {
+            events: std::iter::once(armed).chain(SCRIPT.iter().map(event)).collect(),
+            repeats_after: None,
+        },
+        firmware: Some(|| build_firmware_of("mixed-firmware")),
+        ..Description::of(plant)
+    }
+}
+
+/// Inertias in kg m² at the output shaft; our estimates.
+fn plant(name: Name) -> Plant {
+    Plant::inertia(match name {
+        Name::Wheel => 0.003,
+        Name::Arm | Name::Hip | Name::Turret => 0.02,
+        Name::Wrist => 0.005,
+        Name::Flywheel => 0.03,
+        _ => 0.01,
+    })
+}
+
+/// The robot with its tasks, before it runs.
+///
+/// # Errors
+/// None that this declaration has.
+pub fn robot<'r>(shared: &'r Shared<'_>, motors: &'r mut Motors) -> anyhow::Result<Robot<'r>> {
+    let Started { buses, lines: [line] } = motors.start(&shared.switch)?;
+    let ports = shared.ports;
+    let robot = Robot::new(description()).line(line.with_reply_timeout(REPLY)?, &ports.lines[0]);
+    let robot =
+        std::iter::zip(buses, &ports.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));
+    Ok(robot.switch(&shared.switch).task(task::run(shared)).task(status::run(shared, [])))
+}

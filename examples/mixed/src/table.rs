@@ -1,0 +1,117 @@
+//! The motor table: the motors of six vendors on two buses and a line.
+
+use core::num::NonZeroU8;
+
+use rc10_motor::Place::{Bus, Line};
+use rc10_motor::cybergear::{self, CyberGear};
+use rc10_motor::damiao::{self, Damiao};
+use rc10_motor::lk::{self, Lk};
+use rc10_motor::odrive::{self, ODrive};
+use rc10_motor::rc10_app::{Amps, Cascade, Gear, PidConfig, Rpm, RpmPerSecond};
+use rc10_motor::rc10_can::Micros;
+use rc10_motor::unitree::{GoM8010, GoModule, LineConfig, ModuleConfig};
+use rc10_motor::vesc::{self, Currents, ElectricalScale, Vesc};
+use rc10_motor::{Entry, Safety};
+
+rc10_motor::motors! {
+    /// Names of the motors.
+    pub enum Name;
+    /// The robot's motors: they stand here, and the buses and the line borrow them.
+    pub struct Motors;
+    buses: [100.0; BUSES];
+    lines: 1;
+    Wheel: Vesc = Entry::new("wheel", Bus(1), WHEEL).with_safety(Safety::BRAKE),
+    Arm: Damiao = Entry::new("arm", Bus(1), ARM).with_safety(Safety::HOLD),
+    Hip: GoModule = Entry::new("hip", Bus(1), ModuleConfig::new(3, 0)).with_safety(Safety::HOLD),
+    Wrist: CyberGear = Entry::new("wrist", Bus(2), WRIST),
+    Turret: Lk = Entry::new("turret", Bus(2), TURRET).with_safety(Safety::HOLD),
+    Flywheel: ODrive = Entry::new("flywheel", Bus(2), FLYWHEEL),
+    Leg0: GoM8010 = leg("leg 0", 0),
+    Leg1: GoM8010 = leg("leg 1", 1),
+    Leg2: GoM8010 = leg("leg 2", 2),
+    Leg3: GoM8010 = leg("leg 3", 3),
+    Leg4: GoM8010 = leg("leg 4", 4),
+    Leg5: GoM8010 = leg("leg 5", 5),
+    Leg6: GoM8010 = leg("leg 6", 6),
+    Leg7: GoM8010 = leg("leg 7", 7),
+}
+
+/// Number of CAN buses.
+pub const BUSES: usize = 2;
+
+/// The legs.
+pub const LEGS: [Name; 8] = [
+    Name::Leg0,
+    Name::Leg1,
+    Name::Leg2,
+    Name::Leg3,
+    Name::Leg4,
+    Name::Leg5,
+    Name::Leg6,
+    Name::Leg7,
+];
+
+const fn leg(label: &'static str, id: u8) -> Entry<LineConfig> {
+    Entry::new(label, Line(1), LineConfig::new(id)).with_safety(Safety::HOLD)
+}
+
+/// Seven pole pairs, no gear, currents below what VESC Tool allows it.
+pub const WHEEL: vesc::Config = vesc::Config::new(
+    1,
+    ElectricalScale::new(NonZeroU8::new(7).unwrap(), Gear::DIRECT),
+    Currents { limit: Amps::new(40.0), brake: Amps::new(15.0), handbrake: Amps::new(10.0) },
+);
+
+/// In MIT mode; efforts in N m; for a light arm on the shaft. The low byte of its identifier is beyond
+/// those of DJI's feedback.
+pub const ARM: damiao::Config = damiao::Config::new(
+    damiao::models::J4310,
+    0x11,
+    0x31,
+    damiao::Control::Mit(Cascade {
+        speed: PidConfig::new(0.063, 0.5, 0.0, 7.0),
+        angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
+        outer_divider: 1,
+        acceleration: RpmPerSecond::new(1000.0),
+        feed_forward: 0.0,
+    }),
+);
+
+/// With our own identifier, as vendors' tools have it.
+pub const WRIST: cybergear::Config = cybergear::Config::new(
+    &cybergear::models::CYBERGEAR,
+    cybergear::Address { motor: 0x7F, host: 0xFD },
+);
+
+/// Efforts in A, 5 of its 33.
+pub const TURRET: lk::Config = lk::Config::new(
+    lk::models::MG4010E_I10,
+    1,
+    Cascade {
+        speed: PidConfig::new(0.2, 2.0, 0.0, 5.0),
+        angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
+        outer_divider: 5,
+        acceleration: RpmPerSecond::new(1000.0),
+        feed_forward: 0.0,
+    },
+);
+
+/// Efforts in N m behind its gearbox, estimates at 1 kHz, heartbeats at 100 Hz.
+pub const FLYWHEEL: odrive::Config = odrive::Config::new(
+    3,
+    odrive::Firmware::V0_6,
+    odrive::Control::Torque(Cascade {
+        speed: PidConfig::new(0.1, 1.0, 0.0, 8.0),
+        angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
+        outer_divider: 5,
+        acceleration: RpmPerSecond::new(1500.0),
+        feed_forward: 0.0,
+    }),
+    odrive::Rates::new(1000, 100),
+)
+.with_gear(Gear::new(8, 1).unwrap())
+.with_limits(odrive::Limits { speed: Rpm::new(400.0), current: Amps::new(18.0) });
+
+/// The longest time from a command to a leg to the end of its reply: nearly twice what that takes if
+/// the leg thinks for 20 µs, so that one that is silent costs the others little.
+pub const REPLY: Micros = Micros::new(200);
