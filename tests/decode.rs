@@ -1,6 +1,8 @@
 //! `rc10 decode` with a capture: the command itself, on whole logs.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
+#[path = "common/mixed.rs"]
+mod common_mixed;
 #[path = "common/scratch.rs"]
 mod scratch;
 
@@ -8,6 +10,7 @@ use std::io::{Read, Write};
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 
+use common_mixed::mixed;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, Micros};
 use rc10_cli::candump;
@@ -300,9 +303,11 @@ fn words(line: &str) -> String {
 #[test]
 fn every_special_frame_of_every_vendor_has_its_name() {
     let log: String = SPECIAL.iter().map(|(frame, ..)| format!("(1.0) {frame}\n")).collect();
-    let output = with_input(&["-", "--robot", "mixed"], log.as_bytes());
-    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), ""));
-    let printed = text(&output.stdout);
+    let folder = Scratch::new("special");
+    let file = folder.join("special.log");
+    std::fs::write(&file, log).unwrap();
+    let (code, printed) = mixed(&["decode", file.to_str().unwrap()]);
+    assert_eq!(code, Some(0), "{printed}");
     for (line, (frame, motor, said)) in printed.lines().zip(SPECIAL) {
         let (words, channel) = (words(line), frame.split(' ').next().unwrap());
         let whose = format!("0000000001.000000 {channel} {motor} ");
@@ -323,16 +328,22 @@ fn every_special_frame_of_every_vendor_has_its_name() {
 fn every_frame_of_a_healthy_robot_is_named_and_none_is_malformed() {
     for (robot, buses) in [("mixed", 2), ("team", 3)] {
         let folder = Scratch::new(&format!("decode-{robot}"));
-        let mut run = Command::new(env!("CARGO_BIN_EXE_rc10"));
-        run.args(["run", "--robot", robot, "--seconds", "3", "--out"]).arg(&*folder);
-        assert_eq!(run.output().unwrap().status.code(), Some(0), "{robot}");
+        let rc10 = |arguments: &[&str]| {
+            if robot == "mixed" {
+                return mixed(arguments);
+            }
+            let output = Command::new(env!("CARGO_BIN_EXE_rc10")).args(arguments).output().unwrap();
+            (output.status.code(), String::from_utf8(output.stdout).unwrap())
+        };
+        let (code, said) = rc10(&["run", "--seconds", "3", "--out", folder.to_str().unwrap()]);
+        assert_eq!(code, Some(0), "{robot}: {said}");
         let mut names = std::collections::BTreeSet::new();
         let mut unasked = 0;
         for bus in 1..=buses {
             let log = folder.join(format!("bus{bus}.log"));
             let lines = std::fs::read_to_string(&log).unwrap().lines().count();
-            let output = rc10(&[log.to_str().unwrap(), "--robot", robot, "--json"]).output();
-            let object = json(&output.unwrap());
+            let (_, printed) = rc10(&["decode", log.to_str().unwrap(), "--json"]);
+            let object: Value = serde_json::from_str(&printed).unwrap();
             let summary = &object["summary"];
             let frames = object["frames"].as_array().unwrap();
             assert_eq!((frames.len(), &summary["frames"]), (lines, &lines.into()), "{robot}");

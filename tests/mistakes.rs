@@ -1,6 +1,8 @@
 //! Robots that are built otherwise than their table says: how it looks, and what a run says of it.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+#[path = "common/mixed.rs"]
+mod common_mixed;
 #[path = "common/scratch.rs"]
 mod scratch;
 
@@ -8,7 +10,7 @@ use std::process::Command;
 
 use rc10_can::Micros;
 use rc10_cli::recording::Recording;
-use rc10_cli::{mixed, simulate::simulate, team};
+use rc10_cli::{simulate::simulate, team};
 use rc10_motor::Link;
 use rc10_robot::table::Name;
 use scratch::Scratch;
@@ -24,6 +26,13 @@ fn rc10(arguments: &[&str]) -> (Option<i32>, String) {
         .unwrap();
     let text = [output.stdout, output.stderr].concat();
     (output.status.code(), String::from_utf8(text).unwrap())
+}
+
+/// The same of the mixed robot.
+fn mixed(arguments: &[&str]) -> (Option<i32>, String) {
+    let folder = Scratch::new(&arguments.concat().replace([':', '=', ',', ' '], "_"));
+    let run = ["run", "--strict", "--out", folder.to_str().unwrap()];
+    common_mixed::mixed(&[&run[..], arguments].concat())
 }
 
 /// The robot's own sensors know each of these, and the run says what it is.
@@ -82,18 +91,17 @@ fn a_mistake_that_no_sensor_knows_comes_with_what_would_show_it() {
         assert_eq!(code, Some(0), "{mistake}: {text}");
         assert!(text.contains(what), "{mistake}: {text}");
     }
-    let (code, text) =
-        rc10(&["--robot", "mixed", "--seconds", "4", "--mistake", "pole-pairs:wheel=14"]);
+    let (code, text) = mixed(&["--seconds", "4", "--mistake", "pole-pairs:wheel=14"]);
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains("direction and gear not checked, no sensor knows: of wheel"), "{text}");
 }
 
 #[test]
 fn a_robot_as_its_table_says_gives_no_alarm() {
-    for robot in ["team", "mixed"] {
-        for seed in 1..=10 {
-            let (code, text) = rc10(&["--robot", robot, "--seed", &seed.to_string()]);
-            assert_eq!(code, Some(0), "{robot}, seed {seed}: {text}");
+    for seed in 1..=10 {
+        for robot in [rc10, mixed] {
+            let (code, text) = robot(&["--seed", &seed.to_string()]);
+            assert_eq!(code, Some(0), "seed {seed}: {text}");
         }
     }
     // A fault of a wire is none of the base's.
@@ -128,7 +136,7 @@ fn a_wrong_mistake_ends_with_2_and_a_reason() {
         ("gear:arm=5", "no gear of a DM-J4310 stands in a robot's table"),
         ("gear:leg-0=5", "no gear of a GO-M8010-6 stands in a robot's table"),
     ] {
-        let (code, text) = rc10(&["--robot", "mixed", "--mistake", mistake]);
+        let (code, text) = mixed(&["--mistake", mistake]);
         assert_eq!(code, Some(2), "{mistake}: {text}");
         assert!(text.contains(why), "{mistake}: {text}");
     }
@@ -184,10 +192,9 @@ fn the_path_is_that_of_the_world() {
 #[test]
 fn other_vendors_devices_can_have_another_identifier_too() {
     for label in ["wheel", "wrist", "turret", "flywheel", "leg 2"] {
-        let shared = rc10_robot::mixed::Shared::new();
-        let mut motors = rc10_robot::mixed::Motors::new().unwrap();
-        let (buses, line) = motors.start(&shared).unwrap();
-        let mut robot = mixed::robot(&shared, buses, line).unwrap();
+        let ports = ::mixed::Ports::new();
+        let (shared, mut motors) = (::mixed::Shared::new(&ports), ::mixed::Motors::new());
+        let mut robot = ::mixed::simulation::robot(&shared, &mut motors).unwrap();
         robot.set_mistakes(&[format!("id:{label}=9").parse().unwrap()]).unwrap();
         let run = simulate(robot, 1, Micros::from_millis(300)).unwrap();
         for track in &run.motors {

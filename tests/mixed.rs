@@ -2,16 +2,16 @@
 //! shafts really do.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+use mixed::{Motors, Ports, Shared, simulation};
 use rc10_can::Micros;
 use rc10_cli::recording::{MotorTrack, Recording};
-use rc10_cli::{mixed, simulate::simulate};
+use rc10_cli::simulate::simulate;
 use rc10_motor::{DriveMode, Link};
 
 fn run(seed: u64) -> Recording {
-    let shared = rc10_robot::mixed::Shared::new();
-    let mut motors = rc10_robot::mixed::Motors::new().unwrap();
-    let (buses, line) = motors.start(&shared).unwrap();
-    let robot = mixed::robot(&shared, buses, line).unwrap();
+    let ports = Ports::new();
+    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+    let robot = simulation::robot(&shared, &mut motors).unwrap();
     simulate(robot, seed, Micros::from_millis(10_000)).unwrap()
 }
 

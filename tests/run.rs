@@ -1,6 +1,8 @@
 //! The `rc10 run` command, as a user calls it.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+#[path = "common/mixed.rs"]
+mod common_mixed;
 #[path = "common/scratch.rs"]
 mod scratch;
 
@@ -8,6 +10,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use common_mixed::mixed;
 use scratch::Scratch;
 use serde_json::Value;
 
@@ -221,12 +224,20 @@ fn run_does_the_faults_of_wires() {
         let folder =
             Scratch::new(&format!("fault_{}_{robot}", fault.replace([':', '@', '.'], "_")));
         let out = folder.to_str().unwrap();
-        let arguments = ["run", "--robot", robot, "--seconds", "1", "--json", "--out", out];
-        let fault = ["--fault", fault];
-        let output =
-            rc10(&[&arguments[..], if fault[1].is_empty() { &[] } else { &fault }].concat());
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        serde_json::from_slice::<Value>(&output.stdout).unwrap()
+        let mut arguments = vec!["run", "--seconds", "1", "--json", "--out", out];
+        if !fault.is_empty() {
+            arguments.extend(["--fault", fault]);
+        }
+        let text = if robot == "mixed" {
+            let (code, text) = mixed(&arguments);
+            assert_eq!(code, Some(0), "{text}");
+            text
+        } else {
+            let output = rc10(&arguments);
+            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+            String::from_utf8(output.stdout).unwrap()
+        };
+        serde_json::from_str::<Value>(&text).unwrap()
     };
     let number = |value: &Value| value.as_f64().unwrap();
     // Received of the first motor on a place, how often it was lost, and what of the bus was not well.
@@ -236,7 +247,7 @@ fn run_does_the_faults_of_wires() {
         let unsent = number(&bus["replaced"]) + number(&bus["refused"]);
         (received, lost, unsent, number(&bus["load_percent"]))
     };
-    let (plain, mixed) = (run("team", ""), run("mixed", ""));
+    let (plain, other) = (run("team", ""), run("mixed", ""));
     let (received, _, _, load) = seen(&plain, 0, 0);
     for (fault, frames, lost, unsent, full) in [
         ("cut:1@0.4s..0.6s", -200.0, 1.0, true, false),
@@ -267,7 +278,7 @@ fn run_does_the_faults_of_wires() {
         [("cut:L1@0.4s..0.6s", "timeouts", 1), ("power:L1@0.4s..0.6s", "timeouts", 1)]
     {
         let figures = run("mixed", fault);
-        let [now, before] = [&figures, &mixed].map(|run| number(&run["lines"][0][counter]));
+        let [now, before] = [&figures, &other].map(|run| number(&run["lines"][0][counter]));
         assert!(now >= before + 20.0, "{fault}: {now}, else {before}");
         let lost: Vec<_> = (6..14).map(|leg| figures["motors"][leg]["lost"].clone()).collect();
         assert_eq!(lost, [motors; 8], "{fault}");
@@ -313,24 +324,10 @@ fn wrong_arguments_end_with_2_and_a_reason() {
         (&["run", "--fault", "mask@1s..2s"], "rc10 emu does it"),
         (&["run", "--fault", "cut:4@1s"], "`cut` needs a bus, 1 to 3"),
         (&["run", "--fault", "cut:L1@1s"], "cut:L1: there is no such line; it has no line"),
-        (
-            &["run", "--robot", "mixed", "--fault", "load:3@1s"],
-            "load:3: there is no such bus; the last is 2",
-        ),
-        (
-            &["run", "--robot", "mixed", "--fault", "power:L2@1s"],
-            "power:L2: there is no such line; the last is 1",
-        ),
-        (&["run", "--robot", "mixed", "--remote", "sbus"], "no remote control"),
-        (&["run", "--robot", "mixed", "--fault", "remote-lost@1s"], "no remote control"),
         (&["run", "--out", file], "cannot make the folder"),
         (&["run", "--out", &below], "cannot make the folder"),
         (&["fly"], "fly"),
-        (&["run", "--robot", "tank"], "possible values: team, mixed"),
-        (
-            &["emu", file, "--robot", "mixed", "--fault", "cut:L2@0.1s"],
-            "cut:L2: there is no such line; the last is 1",
-        ),
+        (&["run", "--robot", "tank"], "unexpected argument '--robot'"),
         (&["pty", "--bus", "9", "--seconds", "1"], "buses 1 to 3"),
         (&["dbc", "--out", &below], "cannot make the folder"),
         (&["--nonsense"], "--nonsense"),
@@ -341,6 +338,17 @@ fn wrong_arguments_end_with_2_and_a_reason() {
         assert!(error.contains(reason), "{arguments:?}: {error}");
         assert!(output.stdout.is_empty() && !error.contains("panicked"), "{arguments:?}: {error}");
     }
+    for (arguments, reason) in [
+        (&["run", "--fault", "load:3@1s"][..], "load:3: there is no such bus; the last is 2"),
+        (&["run", "--fault", "power:L2@1s"], "power:L2: there is no such line; the last is 1"),
+        (&["run", "--remote", "sbus"], "no remote control"),
+        (&["run", "--fault", "remote-lost@1s"], "no remote control"),
+        (&["emu", file, "--fault", "cut:L2@0.1s"], "cut:L2: there is no such line; the last is 1"),
+    ] {
+        let (code, error) = mixed(arguments);
+        assert_eq!(code, Some(2), "{arguments:?}: {error}");
+        assert!(error.contains(reason), "{arguments:?}: {error}");
+    }
 }
 
 #[test]
@@ -348,7 +356,7 @@ fn help_shows_examples() {
     let output = rc10(&["--help"]);
     assert!(output.status.success());
     let text = String::from_utf8(output.stdout).unwrap();
-    for example in ["Examples:", "rc10 decode", "--fault remote-lost@", "- mixed:"] {
+    for example in ["Examples:", "rc10 decode", "--fault remote-lost@"] {
         assert!(text.contains(example), "{example}: {text}");
     }
     let text = String::from_utf8(rc10(&["run", "--help"]).stdout).unwrap();

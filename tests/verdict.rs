@@ -2,6 +2,8 @@
 //! the shipped robots are from the thresholds of `docs/verdict.md`.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+#[path = "common/mixed.rs"]
+mod common_mixed;
 #[path = "common/scratch.rs"]
 mod scratch;
 

@@ -335,9 +335,9 @@ pub fn cybergear(bytes: &[u8]) {
 pub fn lk(bytes: &[u8]) {
     let Some((first, bytes)) = bytes.split_first() else { return };
     let commands = [lk::Commands::Single, lk::Commands::MultiMotor];
-    let config = lk::Config::new(lk::models::MG4010E_I10, CASCADE);
+    let config = lk::Config::new(lk::models::MG4010E_I10, 3, CASCADE);
     let config = config.with_commands(commands[usize::from(first & 1)]);
-    motor(lk::Lk::new(lk::Config { id: 3, ..config }).unwrap(), bytes);
+    motor(lk::Lk::new(config).unwrap(), bytes);
 }
 
 /// `ODrive`, in each of its modes.
@@ -350,10 +350,7 @@ pub fn odrive(bytes: &[u8]) {
     ];
     let control = controls[usize::from(*first) % controls.len()];
     let rates = odrive::Rates { currents: 100, supply: 10, ..odrive::Rates::new(1000, 100) };
-    let config = odrive::Config::new(odrive::Firmware::V0_6, control, rates);
+    let config = odrive::Config::new(5, odrive::Firmware::V0_6, control, rates);
     let limits = odrive::Limits { speed: Rpm::new(300.0), current: Amps::new(20.0) };
-    motor(
-        odrive::ODrive::new(odrive::Config { node: 5, ..config.with_limits(limits) }).unwrap(),
-        bytes,
-    );
+    motor(odrive::ODrive::new(config.with_limits(limits)).unwrap(), bytes);
 }

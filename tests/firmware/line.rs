@@ -1,14 +1,14 @@
-//! The program `firmware/line`: the mixed robot, with eight motors on an RS-485 line beside two CAN
+//! The firmware of `examples/mixed`: the mixed robot, with eight motors on an RS-485 line beside two CAN
 //! buses.
 
+use mixed::table::{LEGS as NAMES, REPLY};
+use mixed::{Motors, Ports, Shared, simulation};
 use rc10_can::Micros;
 use rc10_cli::emulate::{Emulation, Setup};
-use rc10_cli::mixed;
 use rc10_emu::peripherals::Width;
 use rc10_emu::{Figures, Machine};
 use rc10_motor::Link;
 use rc10_motor::unitree::wire::line::{COMMAND_LEN, REPLY_LEN};
-use rc10_robot::mixed::{LEGS, Motors, REPLY, Shared};
 use rc10_sim::unitree_line::GoM8010;
 use rc10_sim::{Nanos, World};
 
@@ -16,6 +16,8 @@ use super::{is_clean, keeps_its_period, log, micros, millis, priorities, program
 
 /// The legs are all motors behind these.
 const OTHERS: usize = 6;
+/// Number of legs.
+const LEGS: usize = NAMES.len();
 /// The script is past its start-up, and all motors are heard.
 const STEADY: Nanos = millis(150);
 /// The line's interrupts: USART2, its two streams, and the one that is lent to its executor (UART8).
@@ -30,11 +32,10 @@ fn run<R>(setup: &Setup, scenario: impl FnOnce(&mut Emulation<'_>) -> R) -> R {
 
 /// The same, for a scenario that needs it as a whole.
 fn give<R>(setup: &Setup, scenario: impl FnOnce(Emulation<'_>) -> R) -> R {
-    let shared = Shared::new();
-    let mut motors = Motors::new().unwrap();
-    let (buses, line) = motors.start(&shared).unwrap();
-    let robot = mixed::robot(&shared, buses, line).unwrap();
-    scenario(Emulation::new(&program("line"), robot, setup).unwrap())
+    let ports = Ports::new();
+    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    scenario(Emulation::new(&program("mixed-firmware"), robot, setup).unwrap())
 }
 
 /// A frame on the line.
@@ -89,7 +90,7 @@ fn frames(emulation: &mut Emulation<'_>) -> Vec<Frame> {
 /// Has each leg think for a time of its own, ns, before it replies.
 fn think(emulation: &Emulation<'_>, time: impl Fn(u64) -> u64) {
     for (id, esc) in (0..).zip(&emulation.motors[OTHERS..]) {
-        let device = GoM8010::new(LineConfig::new(id)).with_turnaround(Nanos::new(time(id.into())));
+        let device = GoM8010::new(id).with_turnaround(Nanos::new(time(id.into())));
         esc.with(|motor: &mut GoM8010| *motor = device).unwrap();
     }
 }

@@ -83,7 +83,7 @@ impl Bench {
         let faulty = world.add_serial(config, Echo::default());
         machine.connect_serial(3, &faulty, true).unwrap();
         let line = world.add_line(LineConfig::default());
-        let motors = [0, 1].map(|id| line.add(GoM8010::new(LineConfig::new(id)), plant()));
+        let motors = [0, 1].map(|id| line.add(GoM8010::new(id), plant()));
         machine.connect_line(2, &line).unwrap();
         let phase = world.chance(millis(22));
         let pulses = world.add_pulses(Ppm::new(&Remote::new(), phase));

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_cli::dbc::{Dbc, Frame, NamedSignal, Node, of_bus};
-use rc10_cli::{mixed, team};
+use rc10_cli::team;
 use rc10_motor::signals::{ByteOrder, Kind, Message, Presence, Signal};
 use serde_json::{Map, Value, json};
 
@@ -21,7 +21,7 @@ fn cantools_decodes_every_frame_to_our_values() {
     let folder = Scratch::new("dbc");
     let mut lines = String::new();
     let mut files = Vec::new();
-    let robots = [("team", team::description()), ("mixed", mixed::description().unwrap())];
+    let robots = [("team", team::description()), ("mixed", mixed::simulation::description())];
     for (robot, description) in &robots {
         for bus in 1..=description.buses {
             files.push((format!("{robot}{bus}"), of_bus(description, bus)));

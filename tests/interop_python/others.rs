@@ -5,16 +5,11 @@ use std::num::NonZeroU8;
 use rc10_app::{Amps, Gear};
 use rc10_cli::dbc::Node;
 use rc10_cli::description::Description;
-use rc10_cli::motor::{Device, Motor, Place};
-use rc10_motor::MotorName;
+use rc10_cli::motor::{Motor, Place};
 use rc10_motor::cybergear::{self, Address};
-use rc10_motor::damiao::signals::Scaled;
 use rc10_motor::damiao::{self, Control, models::J4310};
-use rc10_motor::signals::Message;
-use rc10_motor::unitree::{self, wire::module::Module};
-use rc10_motor::vesc::{self, Currents, ElectricalScale, StatusRates, VescId};
-use rc10_sim::cybergear::{CYBERGEAR, CyberGear};
-use rc10_sim::damiao::{Damiao, DamiaoConfig};
+use rc10_motor::unitree;
+use rc10_motor::vesc::{self, Currents, ElectricalScale, StatusRates};
 
 /// The identifiers that the scripts know.
 pub const DAMIAO_ID: u8 = 1;
@@ -49,8 +44,7 @@ pub fn nodes() -> Vec<Node> {
         messages,
         not_in_dbc,
     };
-    let unitree =
-        unitree::signals::messages(Module::FACTORY, unitree::wire::Address::new(2).unwrap());
+    let unitree = unitree::signals::messages(&unitree::ModuleConfig::new(3, 2));
     let mut nodes: Vec<_> = bus().motors.iter().map(Node::from).collect();
     nodes.extend([
         node("left wheel", vesc(3), vesc::signals::NOT_IN_DBC),
@@ -61,45 +55,12 @@ pub fn nodes() -> Vec<Node> {
 }
 
 fn damiao() -> Motor {
-    fn messages() -> Vec<Message> {
-        static SCALED: Scaled = Scaled::of(&J4310.limits);
-        let motor = damiao::Damiao::new(damiao::Config::new(
-            J4310,
-            DAMIAO_ID.into(),
-            DAMIAO_MASTER,
-            Control::Velocity,
-        ))
-        .unwrap();
-        damiao::signals::messages(&motor, &SCALED).into_iter().collect()
-    }
-    let device = Device::Can {
-        name: MotorName { model: "DM-J4310", id: DAMIAO_ID.into() },
-        twin: |wire, inertia| {
-            let config = DamiaoConfig::j4310(DAMIAO_ID.into(), DAMIAO_MASTER);
-            Ok(wire.add(Damiao::new(&config), config.plant.with_load_inertia(inertia)))
-        },
-        messages,
-        not_in_dbc: damiao::signals::NOT_IN_DBC,
-    };
-    Motor::with_device("joint", Place::Bus(1), device)
+    let config = damiao::Config::new(J4310, DAMIAO_ID.into(), DAMIAO_MASTER, Control::Velocity);
+    Motor::new("joint", Place::Bus(1), config.device())
 }
 
 fn cybergear() -> Motor {
-    fn messages() -> Vec<Message> {
-        static SCALED: cybergear::signals::Scaled =
-            cybergear::signals::Scaled::of(&cybergear::models::CYBERGEAR);
-        let address = Address { motor: CYBERGEAR_ID, host: 0xFD };
-        let model = &cybergear::models::CYBERGEAR;
-        cybergear::signals::messages(model, address, &SCALED).into_iter().collect()
-    }
-    let device = Device::Can {
-        name: MotorName { model: "CyberGear", id: CYBERGEAR_ID.into() },
-        twin: |wire, inertia| {
-            let plant = CYBERGEAR.plant().with_load_inertia(inertia);
-            Ok(wire.add(CyberGear::new(cybergear::Config::new(&CYBERGEAR, CYBERGEAR_ID)), plant))
-        },
-        messages,
-        not_in_dbc: cybergear::signals::NOT_IN_DBC,
-    };
-    Motor::with_device("wrist", Place::Bus(1), device)
+    let address = Address { motor: CYBERGEAR_ID, host: 0xFD };
+    let config = cybergear::Config::new(&cybergear::models::CYBERGEAR, address);
+    Motor::new("wrist", Place::Bus(1), config.device())
 }

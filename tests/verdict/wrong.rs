@@ -6,7 +6,7 @@ use std::process::Command;
 
 use embassy_time::Timer;
 use rc10_app::{NewtonMetres, Rpm};
-use rc10_cli::{CommandLine, Description, Motor, Robot};
+use rc10_cli::{CommandLine, Description, Motor, Place, Plant, Robot};
 use rc10_motor::dji::{self, Dji, FeedbackRate, M3508};
 use rc10_motor::embassy::BusPort;
 use rc10_motor::{ArmSwitch, MotorBus, MotorId, Safety, Target};
@@ -63,10 +63,9 @@ impl Own {
             bus.attach(motor, Safety::COAST).unwrap();
         }
         let described = (1..).zip(LABELS).take(self.motors.into()).map(|(id, label)| {
-            let mut motor = Motor { inertia: 0.029, ..Motor::new(label, 1, &M3508, id) };
-            let rc10_cli::motor::Device::Dji { rate, .. } = &mut motor.device else { panic!() };
-            *rate = self.rate;
-            motor
+            let config = dji::Config::new(&M3508, id).with_feedback_rate(self.rate);
+            let plant = Plant::inertia(0.029);
+            Motor { plant, ..Motor::new(label, Place::Bus(1), config.device()) }
         });
         let motors = described.collect();
         let task = async {
@@ -208,10 +207,14 @@ fn wrong_programs_end_with_3_and_the_cause() {
 fn the_shipped_robots_are_strictly_sound() {
     for robot in ["team", "mixed"] {
         let folder = Scratch::new(&format!("strict_{robot}"));
-        let arguments = ["run", "--strict", "--robot", robot, "--out", folder.to_str().unwrap()];
-        let output = Command::new(env!("CARGO_BIN_EXE_rc10")).args(arguments).output().unwrap();
-        let text = String::from_utf8(output.stdout).unwrap();
-        assert_eq!(output.status.code(), Some(0), "{text}");
+        let arguments = ["run", "--strict", "--out", folder.to_str().unwrap()];
+        let (code, text) = if robot == "mixed" {
+            crate::common_mixed::mixed(&arguments)
+        } else {
+            let output = Command::new(env!("CARGO_BIN_EXE_rc10")).args(arguments).output().unwrap();
+            (output.status.code(), String::from_utf8(output.stdout).unwrap())
+        };
+        assert_eq!(code, Some(0), "{text}");
         assert!(text.contains("motors online · no frame lost · no overruns"), "{text}");
     }
 }

@@ -6,7 +6,7 @@ use rc10_motor::Started;
 use rc10_motor::rc10_can::Micros;
 use rc10_tasks::status;
 
-use crate::table::{Name, REPLY};
+use crate::table::{BUSES, Name, REPLY};
 use crate::task::{self, ARMED_AT, SCRIPT};
 use crate::{Motors, Shared};
 
@@ -44,8 +44,18 @@ fn plant(name: Name) -> Plant {
 /// # Errors
 /// None that this declaration has.
 pub fn robot<'r>(shared: &'r Shared<'_>, motors: &'r mut Motors) -> anyhow::Result<Robot<'r>> {
-    let Started { buses, lines: [line] } = motors.start(&shared.switch)?;
-    let ports = shared.ports;
+    with(shared, motors.start(&shared.switch)?)
+}
+
+/// The same with buses and a line that have their motors.
+///
+/// # Errors
+/// As [`robot`].
+pub fn with<'r>(
+    shared: &'r Shared<'_>,
+    started: Started<'r, BUSES, 1>,
+) -> anyhow::Result<Robot<'r>> {
+    let (Started { buses, lines: [line] }, ports) = (started, shared.ports);
     let robot = Robot::new(description()).line(line.with_reply_timeout(REPLY)?, &ports.lines[0]);
     let robot =
         std::iter::zip(buses, &ports.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));

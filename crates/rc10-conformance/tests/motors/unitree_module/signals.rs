@@ -1,7 +1,6 @@
 use rc10_can::CanFrame;
+use rc10_motor::unitree::ModuleConfig;
 use rc10_motor::unitree::signals::{NOT_IN_DBC, messages};
-use rc10_motor::unitree::wire::Address;
-use rc10_motor::unitree::wire::module::Module;
 use rc10_sim::unitree_module::{Asked, Command};
 
 use super::values::values;
@@ -10,7 +9,7 @@ use crate::unitree_module::codecs::Random;
 #[test]
 fn the_table_reads_what_the_codec_reads() {
     let mut random = Random(1);
-    let table = messages(Module::FACTORY, Address::new(2).unwrap());
+    let table = messages(&ModuleConfig::new(3, 2));
     let mut compared = 0;
     for _ in 0..2_500 {
         for message in table.iter().filter(|message| message.is_plain() && !message.from_device) {
@@ -33,7 +32,7 @@ fn the_table_reads_what_the_codec_reads() {
 #[test]
 fn each_message_is_what_its_name_says_to_the_module() {
     let asked = |name: &str| {
-        let table = messages(Module::FACTORY, Address::new(2).unwrap());
+        let table = messages(&ModuleConfig::new(3, 2));
         let message = table.iter().find(|message| message.name == name).unwrap();
         let frame = CanFrame::eight_bytes(message.id, [0; 8]);
         let command = Command::unpack(&frame).unwrap().unwrap();
