@@ -21,18 +21,16 @@ use embassy_time::{Duration, Instant};
 use rc10_bsp::can::Bus;
 use rc10_bsp::pulse_input::{self, PulseInput};
 use rc10_bsp::pulse_output::{self, PulseOutput};
-use rc10_bsp::serial::{self, Parity, Serial, SerialConfig, SerialReceiver, StopBits};
-use rc10_bsp::{CORE_CLOCK, crash, cycle_count, dma_buffer, supervisor};
-use rc10_firmware::board::{Board, PulseParts, REMOTE_HAS_INVERTER, StripParts};
+use rc10_bsp::serial::{self, Serial, SerialConfig, SerialReceiver};
+use rc10_bsp::{CORE_CLOCK, cycle_count, dma_buffer, supervisor};
+use rc10_firmware::board::{Board, PulseParts, StripParts};
+use rc10_firmware::robot::{self, Unstartable};
 use rc10_message::Cycles;
 use rc10_module::led::ws2812::BITS;
-use rc10_module::remote::{self, SerialSettings};
-use rc10_motor::{MotorBus, Unfit};
+use rc10_motor::MotorBus;
 use rc10_robot::table::{BUSES, LEDS, RECEIVER};
 use rc10_robot::{Motors, Ports, Shared};
 use static_cell::{ConstStaticCell, StaticCell};
-
-use crate::tasks::Unstartable;
 
 rc10_bsp::crash_handlers!();
 
@@ -84,15 +82,8 @@ unsafe fn UART9() {
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    let board = Board::new(rc10_bsp::initialise());
-    match crash::take_last() {
-        Some(cause) => defmt::error!("the last run ended in a crash: {}", cause),
-        None => defmt::info!("start"),
-    }
-    if let Err(why) = start(spawner, board) {
-        // No crash: after a restart it would be the same, and a buffer that starts anew again and
-        // again is hard to read. The buses that run already get no commands: they coast.
-        defmt::error!("the robot does not start: {}", why);
+    if let Err(why) = start(spawner, robot::begin()) {
+        why.tell();
     }
 }
 
@@ -102,10 +93,7 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     let shared = SHARED.init_with(|| Shared::new(PORTS.init_with(Ports::new)));
     shared.common.bus_cycles = Some(&TICKS);
     let shared = &*shared;
-    if !rc10_bsp::has_crystal() {
-        defmt::error!("the crystal does not start: the robot cannot be armed");
-        shared.switch.forbid(Unfit::Clock);
-    }
+    robot::check_crystal(&shared.switch);
     let places = MOTOR_BUSES.each_ref();
     let mut motors = places.map(|place| place.init_with(|| MotorBus::new(&shared.switch)));
     MOTORS.take().attach(&mut motors.each_mut().map(|bus| &mut **bus), &mut [])?;
@@ -133,7 +121,7 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     spawner.spawn(tasks::imu(shared, imu)?);
     match RECEIVER.serial() {
         Some(settings) => {
-            let (config, ring) = (line(settings), dma_buffer!(u8; 1024));
+            let (config, ring) = (robot::receiver(settings), dma_buffer!(u8; 1024));
             let port = SerialReceiver::start(board.remote, Irqs, &config, ring, PERIPHERALS)?;
             spawner.spawn(tasks::remote(shared, port)?);
         }
@@ -147,18 +135,4 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     // with them, it would take from their punctuality.
     while started.elapsed() < BETWEEN {}
     Ok(())
-}
-
-/// Settings of the UART for a receiver at the board's pin.
-const fn line(settings: SerialSettings) -> SerialConfig {
-    SerialConfig {
-        baud: settings.baud,
-        parity: match settings.parity {
-            remote::Parity::None => Parity::None,
-            remote::Parity::Even => Parity::Even,
-        },
-        stop_bits: if settings.stop_bits == 1 { StopBits::One } else { StopBits::Two },
-        invert_receive: settings.inverted && !REMOTE_HAS_INVERTER,
-        invert_transmit: false,
-    }
 }

@@ -9,8 +9,8 @@ use anyhow::{Result, bail};
 
 use crate::cargo::{chip, host, run as run_command};
 use crate::firmware::{
-    build_count_with, build_interop_with, build_line_with, build_selftest_with, build_usb_with,
-    build_with,
+    EXAMPLES, build_count_with, build_interop_with, build_package_with, build_selftest_with,
+    build_usb_with, build_with,
 };
 use crate::setup::{TARGET, chip_toolchain, component, python};
 use crate::{count, emulate, size};
@@ -130,11 +130,11 @@ pub fn run() -> Result<()> {
     });
     report.step("test", || run_command(&mut host("test --workspace")).into());
     report.step("robots", || {
-        let run = |robot: &str| {
-            let out = format!("--out target/rc10-{robot}");
-            run_command(&mut host(&format!("run --release -- run --strict --robot {robot} {out}")))
+        let run = |package: &str| {
+            let arguments = format!("run --strict --out target/rc10-{package}");
+            run_command(&mut host(&format!("run --release --package {package} -- {arguments}")))
         };
-        run("team").and_then(|()| run("mixed")).into()
+        run("rc10").and_then(|()| run("mixed")).into()
     });
     report.step("two wheels", || two_wheels().into());
     report.step("docs", || {
@@ -146,7 +146,9 @@ pub fn run() -> Result<()> {
             program = Some(build_with(rustc)?);
             build_interop_with(rustc)?;
             build_usb_with(rustc)?;
-            build_line_with(rustc)?;
+            for package in EXAMPLES {
+                build_package_with(package, rustc)?;
+            }
             build_selftest_with(rustc)
         })
     });

@@ -23,9 +23,9 @@ pub fn build_selftest() -> Result<()> {
     build_selftest_with(chip_toolchain()?.as_deref())
 }
 
-/// Builds the program of the mixed robot; says where its ELF file is.
-pub fn build_line() -> Result<PathBuf> {
-    build_line_with(chip_toolchain()?.as_deref())
+/// Builds a program of the workspace `firmware/`; says where its ELF file is.
+pub fn build_package(package: &str) -> Result<PathBuf> {
+    build_package_with(package, chip_toolchain()?.as_deref())
 }
 
 /// Builds the serial port on USB, beside it.
@@ -59,11 +59,14 @@ pub fn build_selftest_with(rustc: Option<&Path>) -> Result<()> {
     run(&mut chip("build --release --package selftest", rustc))
 }
 
-pub fn build_line_with(rustc: Option<&Path>) -> Result<PathBuf> {
+pub fn build_package_with(package: &str, rustc: Option<&Path>) -> Result<PathBuf> {
     // By itself: features unify over packages that are built together.
-    run(&mut chip("build --release --package line", rustc))?;
-    Ok(elf("line"))
+    run(&mut chip(&format!("build --release --package {package}"), rustc))?;
+    Ok(elf(package))
 }
+
+/// The firmware of the examples.
+pub const EXAMPLES: [&str; 1] = ["mixed-firmware"];
 
 fn elf(name: &str) -> PathBuf {
     let target =

@@ -17,7 +17,7 @@ use anyhow::Result;
 const USAGE: &str = "\
 cargo xtask setup   make this machine able to build for the chip, and to test against Python
 cargo xtask check   everything that must hold before a commit
-cargo xtask firmware [line]   build the firmware, say where it is; the mixed robot's
+cargo xtask firmware [PACKAGE]   build the firmware, say where it is; an example's, such as mixed-firmware
 cargo xtask emulate   the firmware on an emulated chip: every scenario, against its budgets
 cargo xtask phases  the least and the most of what faults cost, over fifty phases
 cargo xtask size    flash and RAM of the firmware, against their budgets
@@ -34,8 +34,7 @@ fn main() -> ExitCode {
         Some("firmware") => || {
             let elf = match std::env::args().nth(2).as_deref() {
                 None => firmware::build()?,
-                Some("line") => firmware::build_line()?,
-                Some(other) => anyhow::bail!("there is no firmware `{other}`; there is `line`"),
+                Some(package) => firmware::build_package(package)?,
             };
             println!("{}", elf.display());
             Ok(())
@@ -44,7 +43,9 @@ fn main() -> ExitCode {
             let firmware = firmware::build()?;
             firmware::build_interop()?;
             firmware::build_selftest()?;
-            firmware::build_line()?;
+            for package in firmware::EXAMPLES {
+                firmware::build_package(package)?;
+            }
             emulate::run(&firmware, None)
         },
         Some("phases") => || emulate::run(&firmware::build()?, Some("phases::")),

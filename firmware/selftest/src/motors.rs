@@ -7,7 +7,7 @@ use rc10_app::Rpm;
 use rc10_bsp::dma_buffer;
 use rc10_bsp::serial::{Serial, SerialConfig, SerialParts};
 use rc10_motor::embassy::{Rs485Port, run_rs485};
-use rc10_motor::unitree::{LineConfig, GoM8010, Rs485Bus};
+use rc10_motor::unitree::{GoM8010, LineConfig, Rs485Bus};
 use rc10_motor::{ArmSwitch, Link, MotorId, Safety, Target};
 use static_cell::StaticCell;
 
@@ -29,7 +29,9 @@ pub async fn line(spawner: Spawner, parts: SerialParts<USART2, DMA2_CH2, DMA2_CH
     let config = SerialConfig::new(4_000_000);
     let port = Serial::start(parts, Irqs, &config, ring, buffer, PRIORITY);
     let Ok(port) = port else { return Err(say!("no such baud rate")) };
-    let (Ok(first), Ok(second)) = (GoM8010::new(LineConfig::new(0)), GoM8010::new(LineConfig::new(1))) else {
+    let (Ok(first), Ok(second)) =
+        (GoM8010::new(LineConfig::new(0)), GoM8010::new(LineConfig::new(1)))
+    else {
         return Err(say!("no such ids"));
     };
     let mut line = Rs485Bus::new(&SWITCH);

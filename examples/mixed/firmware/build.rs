@@ -5,8 +5,8 @@ use std::{env, fs};
 
 fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    fs::copy("../../memory.x", out.join("memory.x")).expect("../../memory.x is there");
+    fs::copy("../../../memory.x", out.join("memory.x")).expect("../../../memory.x is there");
     println!("cargo:rustc-link-search={}", out.display());
     println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
-    println!("cargo:rerun-if-changed=../../memory.x");
+    println!("cargo:rerun-if-changed=../../../memory.x");
 }
