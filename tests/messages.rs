@@ -18,6 +18,7 @@ use rc10_robot::{Motors, Name, Shared};
 
 const PAGE: &str = include_str!("../docs/messages.md");
 const ROBOT: &str = include_str!("../crates/rc10-robot/src/robot.rs");
+const COMMON: &str = include_str!("../crates/rc10-tasks/src/common.rs");
 
 /// Strength of each bump, in g. Four wait for the slowest of two readers.
 static BUMPS: Topic<f32, 4, 2> = Topic::new();
@@ -135,24 +136,33 @@ fn tasks_of(cell: &str, all: &BTreeMap<String, String>) -> BTreeSet<String> {
 #[test]
 fn the_table_is_that_of_the_robot() {
     let (_, table) = PAGE.split_once("## This robot").unwrap();
-    let (table, _) = table.split_once("Behind `buses`").unwrap();
+    let (table, _) = table.split_once("Behind `ports`").unwrap();
     let rows = table.lines().filter(|line| line.starts_with("| `"));
     let rows: Vec<Vec<&str>> =
         rows.map(|row| row.trim_matches('|').split('|').map(str::trim).collect()).collect();
 
-    let (_, fields) = ROBOT.split_once("pub struct Shared<'p> {").unwrap();
-    let (fields, _) = fields.split_once("\n}").unwrap();
-    let fields = fields.lines().filter_map(|line| line.trim().strip_prefix("pub "));
-    let fields: Vec<_> =
-        fields.map(|line| line.trim_end_matches(',').split_once(": ").unwrap()).collect();
+    let fields_of = |source: &'static str, name: &str| {
+        let (_, fields) = source.split_once(&format!("pub struct {name}<'p")).unwrap();
+        let (fields, _) = fields.split_once("\n}").unwrap();
+        fields.lines().filter_map(|line| line.trim().strip_prefix("pub "))
+    };
+    let own = fields_of(ROBOT, "Shared").filter(|line| !line.starts_with("common: "));
+    let fields: Vec<_> = fields_of(COMMON, "Common")
+        .chain(own)
+        .map(|line| line.trim_end_matches(',').split_once(": ").unwrap())
+        .collect();
     assert!(fields.len() >= 10, "{fields:?}");
 
     let told: Vec<_> =
         rows.iter().map(|row| (row[0].trim_matches('`'), row[1].trim_matches('`'))).collect();
-    assert_eq!(told, fields, "the fields of `Shared`, in their order, with their types");
+    assert_eq!(
+        told, fields,
+        "the fields of `Common` and `Shared`, in their order, with their types"
+    );
 
     let mut tasks = sources("crates/rc10-robot/src");
-    for no_task in ["lib", "mixed", "robot", "table"] {
+    tasks.extend(sources("crates/rc10-tasks/src"));
+    for no_task in ["lib", "robot", "table", "common"] {
         tasks.remove(no_task).unwrap();
     }
     for row in &rows {
@@ -166,7 +176,7 @@ fn the_table_is_that_of_the_robot() {
             })
         };
         let using = tasks.iter().filter(|(_, code)| {
-            mentions(code, field) || field == "buses" && mentions(code, "motor")
+            mentions(code, field) || field == "ports" && mentions(code, "motor")
         });
         let using: BTreeSet<_> = using.map(|(name, _)| name.clone()).collect();
         let writing = tasks_of(written, &tasks);
@@ -185,8 +195,12 @@ fn the_table_is_that_of_the_robot() {
 /// "100 ms (`OLDEST_MOTION`)" is what that constant says.
 #[test]
 fn ages_are_those_of_the_code() {
-    let folders =
-        ["crates/rc10-robot/src", "crates/rc10-module/src/remote", "crates/rc10-module/src/imu"];
+    let folders = [
+        "crates/rc10-robot/src",
+        "crates/rc10-tasks/src",
+        "crates/rc10-module/src/remote",
+        "crates/rc10-module/src/imu",
+    ];
     let code: String = folders.into_iter().flat_map(sources).map(|(_, code)| code).collect();
     let mut checked = 0;
     for (at, _) in PAGE.match_indices(" ms (`") {

@@ -8,7 +8,7 @@ const PAGE: &str = include_str!("../docs/wiring.md");
 const BOARD: &str = include_str!("../firmware/src/board.rs");
 const ROBOT: &str = include_str!("../firmware/src/main.rs");
 const SELF_TEST: &str = include_str!("../firmware/selftest/src/main.rs");
-const MIXED: &str = include_str!("../firmware/line/src/main.rs");
+const MIXED: &str = include_str!("../examples/mixed/firmware/src/main.rs");
 const USB: &str = include_str!("../firmware/usb/src/main.rs");
 /// The signals of each pin of the emulated chip, by alternate function.
 const PINS: &str = include_str!("../crates/rc10-emu/src/peripherals/pins.rs");

@@ -77,7 +77,7 @@ impl Text {
             }
             return self.push_decimals(rest, None).push("e").push_number(exponent);
         }
-        if rest == 0.0 || rest >= 1e-6 {
+        if rest == 0.0 || number.abs() >= 1e-6 {
             return self.push_decimals(rest, Some(number.abs()));
         }
         while rest < 1.0 {

@@ -343,15 +343,11 @@ impl CanIds {
             }
             at += 1;
         }
-        let (mut at, listens) = (0, self.listened_to());
-        while at < listens.len() {
-            let sent = first_overlap(&listens[at], other.received());
-            match (sent, first_overlap(&listens[at], other.transmitted())) {
-                (Some(id), _) | (None, Some(id)) => return Some(id),
-                (None, None) => at += 1,
-            }
+        let listens = self.listened_to();
+        match any_overlap(listens, other.received()) {
+            None => any_overlap(listens, other.transmitted()),
+            found => found,
         }
-        None
     }
 }
 
@@ -369,6 +365,18 @@ const fn shared(ours: &[Frames], theirs: &[Frames], is_sent_by_us: bool) -> Opti
             two += 1;
         }
         one += 1;
+    }
+    None
+}
+
+/// The first of the identifiers that are in one of the patterns.
+const fn any_overlap(patterns: &[IdPattern], frames: &[Frames]) -> Option<IdPattern> {
+    let mut at = 0;
+    while at < patterns.len() {
+        if let Some(id) = first_overlap(&patterns[at], frames) {
+            return Some(id);
+        }
+        at += 1;
     }
     None
 }

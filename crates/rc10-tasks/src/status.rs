@@ -29,8 +29,8 @@ pub struct RobotStatus<N, const BUSES: usize, const LINES: usize = 0> {
     pub refused: u32,
     /// The newest of those that came from a task of the robot: which motor, and why.
     pub last_refused: Option<(N, TargetError)>,
-    /// Whether the remote control is heard.
-    pub remote: RemoteLink,
+    /// Whether the remote control is heard; `None` of a robot that listens to none.
+    pub remote: Option<RemoteLink>,
     /// Counters of the bytes and frames of its receiver, and of other parts.
     pub receptions: Vec<(&'static str, Counters), PARTS>,
     /// Status of each bus.
@@ -61,9 +61,9 @@ impl<N: Names, const BUSES: usize, const LINES: usize> fmt::Display
             write!(f, " ({}: {why})", motor.label())?;
         }
         match self.remote {
-            RemoteLink::Online => {}
-            RemoteLink::Interrupted => write!(f, ", remote missing")?,
-            RemoteLink::Lost => write!(f, ", no remote")?,
+            None | Some(RemoteLink::Online) => {}
+            Some(RemoteLink::Interrupted) => write!(f, ", remote missing")?,
+            Some(RemoteLink::Lost) => write!(f, ", no remote")?,
         }
         for (name, counters) in &self.receptions {
             let Counters { damaged, skipped, port_errors, .. } = counters;
@@ -126,7 +126,7 @@ pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
         online,
         refused,
         last_refused: shared.refused.read().map(|refused| refused.value),
-        remote: shared.remote_link.read().map_or(RemoteLink::Lost, |freshness| freshness.value),
+        remote: shared.remote_link.read().map(|freshness| freshness.value),
         receptions: receptions.map(|(label, reception)| (*label, reception.read())).collect(),
         buses: shared.ports.buses.each_ref().map(|bus| bus.status().into()),
         lines: shared.ports.lines.each_ref().map(|line| line.status().into()),
@@ -315,7 +315,7 @@ mod tests {
             online: 1,
             refused: 9800,
             last_refused: Some((Name::FrontLeft, TargetError::NotFinite(TargetKind::Speed))),
-            remote: RemoteLink::Online,
+            remote: Some(RemoteLink::Online),
             receptions: Vec::new(),
             buses: [BusSummary::default(); 3],
             lines: [],

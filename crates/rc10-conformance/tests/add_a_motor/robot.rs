@@ -38,6 +38,6 @@ fn two_with_one_identifier_are_refused_by_name() {
     bench.attach(&mut one, Safety::HOLD).unwrap();
     let refused = bench.attach(&mut two, Safety::HOLD).unwrap_err();
     let text = "Finch F10 id 1 cannot share a bus with Finch F10 id 1: \
-                both send feedback with identifier 0x381";
+                both send feedback with identifier 0x381; set another on one, or plug it in elsewhere";
     assert_eq!(refused.to_string(), text);
 }

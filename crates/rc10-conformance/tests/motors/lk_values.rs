@@ -18,7 +18,7 @@ pub fn config() -> Config {
         acceleration: RpmPerSecond::new(1000.0),
         feed_forward: 0.0,
     };
-    Config::new(MG4010E_I10, 1, cascade).with_commands(Commands::MultiMotor)
+    Config::new(MG4010E_I10, 3, cascade).with_commands(Commands::MultiMotor)
 }
 
 /// The signals that are there in a frame; empty if the codec refuses it.

@@ -41,9 +41,9 @@
 //!     feed_forward: 0.0,
 //! };
 //! // Estimates at 500 Hz, heartbeats at 50 Hz, as set in the axis.
-//! let config = Config::new(Firmware::V0_6, Control::Torque(cascade), Rates::new(500, 50))
+//! let config = Config::new(3, Firmware::V0_6, Control::Torque(cascade), Rates::new(500, 50))
 //!     .with_gear(Gear::new(8, 1).ok_or("gear")?);
-//! let mut wheel = ODrive::new(Config { node: 3, ..config })?;
+//! let mut wheel = ODrive::new(config)?;
 //! let switch = ArmSwitch::new();
 //! let mut bus = MotorBus::new(&switch);
 //! let wheel = bus.attach(&mut wheel, Safety::COAST)?;

@@ -23,7 +23,7 @@ use crate::supervision::{Link, Safety, count};
 /// ```
 /// use rc10_motor::rc10_app::{Rpm, Seconds};
 /// use rc10_motor::rc10_can::Micros;
-/// use rc10_motor::unitree::{GoM8010, Rs485Bus, Step};
+/// use rc10_motor::unitree::{GoM8010, LineConfig, Rs485Bus, Step};
 /// use rc10_motor::{ArmSwitch, Safety, Target};
 ///
 /// let switch = ArmSwitch::new();

@@ -42,7 +42,7 @@
 //! | `Brake` | `SET_CURRENT_BRAKE`, or `SET_CURRENT_BRAKE_REL` |
 //! | `Handbrake` | `SET_CURRENT_HANDBRAKE`, or `SET_CURRENT_HANDBRAKE_REL`; rising within 20 ms |
 //! | `Angle` | `SET_POS`, only with an encoder on the output shaft |
-//! | `TotalAngle`, and `Angle` without such an encoder | `SET_CURRENT` of our own angle loops ([`Vesc::with_servo`]): `SET_RPM` cannot be regulated near standstill |
+//! | `TotalAngle`, and `Angle` without such an encoder | `SET_CURRENT` of our own angle loops ([`Config::angle_loops`]): `SET_RPM` cannot be regulated near standstill |
 //!
 //! The currents of the first three are shares of the VESC's own limit (`_REL`) with
 //! [`Config::relative_to`], else amperes.
@@ -59,14 +59,14 @@
 //! ```
 //! use core::num::NonZeroU8;
 //! use rc10_app::{Amps, Gear};
-//! use rc10_motor::vesc::{Config, Currents, ElectricalScale, Vesc, VescId};
+//! use rc10_motor::vesc::{Config, Currents, ElectricalScale, Vesc};
 //! use rc10_motor::{ArmSwitch, MotorBus, Safety};
 //!
 //! let seven = NonZeroU8::new(7).unwrap();
 //! let scale = ElectricalScale::new(seven, Gear::new(3, 1).unwrap());
 //! let currents =
 //!     Currents { limit: Amps::new(40.0), brake: Amps::new(15.0), handbrake: Amps::new(10.0) };
-//! let mut wheel = Vesc::new(Config::new(VescId::new(1).unwrap(), scale, currents))?;
+//! let mut wheel = Vesc::new(Config::new(1, scale, currents))?;
 //! let switch = ArmSwitch::new();
 //! let mut bus = MotorBus::new(&switch);
 //! bus.attach(&mut wheel, Safety::BRAKE)?;

@@ -309,5 +309,5 @@ fn what_cannot_be_attached_is_refused_by_name() {
     assert_eq!(error.to_string(), text);
     assert_eq!(line.motors().count(), 15);
     let text = GoM8010::new(LineConfig::new(15)).unwrap_err().to_string();
-    assert_eq!(text, "GO-M8010-6 id 15: its ids are 0 to 14");
+    assert_eq!(text, "GO-M8010-6 id 15: `id` is 15, but must be 0 to 14 (15 is every motor)");
 }

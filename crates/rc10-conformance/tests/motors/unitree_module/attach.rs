@@ -77,7 +77,7 @@ fn motors_of_a_module_and_modules_of_a_bus_live_together() {
     assert_eq!(
         error.to_string(),
         "GO-M8010-6 behind module 2, id 14 cannot share a bus with GO-M8010-6 behind module 2, \
-         id 14: both send feedback with identifier 0x14000E00"
+         id 14: both send feedback with identifier 0x14000E00; set another on one, or plug it in elsewhere"
     );
 }
 

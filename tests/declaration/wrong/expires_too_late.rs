@@ -1,0 +1,13 @@
+// says: `left` on bus 1: M3508 id 1: a command must expire after 1 to 1000000 us, not 2000000
+use wrong_robots::*;
+
+declare! {
+    enum Name;
+    struct Motors;
+    buses: [100.0; 2];
+    lines: 1;
+    A: Dji = Entry::new("left", Bus(1), dji::Config::new(&dji::M3508, 1))
+        .with_safety(Safety { command_expiry: Micros::from_millis(2000), ..Safety::COAST }),
+}
+
+fn main() {}

@@ -1,0 +1,12 @@
+// says: `knee` on bus 1: GO-M8010-6 id 3 has RS-485 only: plug it into a line
+use wrong_robots::*;
+
+declare! {
+    enum Name;
+    struct Motors;
+    buses: [100.0; 2];
+    lines: 1;
+    A: GoM8010 = Entry::new("knee", Bus(1), LineConfig::new(3)),
+}
+
+fn main() {}

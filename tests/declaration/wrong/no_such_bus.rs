@@ -1,0 +1,12 @@
+// says: `left` on bus 3: the robot has no such bus
+use wrong_robots::*;
+
+declare! {
+    enum Name;
+    struct Motors;
+    buses: [100.0; 2];
+    lines: 1;
+    A: Dji = Entry::new("left", Bus(3), dji::Config::new(&dji::M3508, 1)),
+}
+
+fn main() {}

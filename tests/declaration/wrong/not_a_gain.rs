@@ -1,0 +1,18 @@
+// says: `left` on bus 1: M3508 id 1: `speed.kp` is NaN, but must be finite and not negative
+use wrong_robots::*;
+
+declare! {
+    enum Name;
+    struct Motors;
+    buses: [100.0; 2];
+    lines: 1;
+    A: Dji = Entry::new("left", Bus(1), dji::Config::new(&dji::M3508, 1).with_cascade(GAINS)),
+}
+
+const GAINS: Cascade = {
+    let mut gains = dji::M3508.cascade;
+    gains.speed.kp = f32::NAN;
+    gains
+};
+
+fn main() {}

@@ -1,0 +1,13 @@
+// says: `shin` on line 1: GO-M8010-6 id 3 cannot share a bus with GO-M8010-6 id 3 (`knee`): both have address 3; set another on one, or plug it in elsewhere
+use wrong_robots::*;
+
+declare! {
+    enum Name;
+    struct Motors;
+    buses: [100.0; 2];
+    lines: 1;
+    A: GoM8010 = Entry::new("knee", Line(1), LineConfig::new(3)),
+    B: GoM8010 = Entry::new("shin", Line(1), LineConfig::new(3)),
+}
+
+fn main() {}
