@@ -14,10 +14,13 @@ use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{BusOffPolicy, CanFrame, CanPort, ErrorState, Health, IdPattern, Micros, Submitted};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Filter, Runner};
-use rc10_motor::{ArmState, ArmSwitch, Link, MotorBus, MotorId, Safety, Target};
+use rc10_motor::{ArmState, ArmSwitch, Link, MotorBus, MotorId, Place, Safety, Target, numbers};
 use rc10_sim::{BusConfig, Tasks, World};
 
-const FIRST: MotorId = MotorId::new(0);
+/// The number of a motor on its bus, as `attach` counts.
+fn nth(index: usize) -> MotorId {
+    numbers([Place::Bus(1); 16]).nth(index).unwrap()
+}
 
 /// A port in any state that the test wants, which writes down its calls.
 #[derive(Default)]
@@ -152,7 +155,7 @@ fn after_a_short_nothing_old_leaves_and_the_bus_is_back_within_100_ms() {
     tasks.add(rc10_motor::embassy::run_bus(wire.port(), bus, &shared));
     tasks.add(async {
         loop {
-            let _ = shared.motor(FIRST).command(Target::Current(Amps::new(3.0)));
+            let _ = shared.motor(nth(0)).command(Target::Current(Amps::new(3.0)));
             Timer::after_millis(5).await;
         }
     });
@@ -163,7 +166,7 @@ fn after_a_short_nothing_old_leaves_and_the_bus_is_back_within_100_ms() {
     let _ = world.run(Pin::new(&mut tasks), Micros::from_millis(400));
     let status = shared.status();
     assert_eq!(status.health.state, ErrorState::BusOff);
-    assert_eq!(shared.motor(FIRST).status().link, Link::Lost);
+    assert_eq!(shared.motor(nth(0)).status().link, Link::Lost);
     let _ = wire.take_trace();
     wire.set_shorted(false);
     let healed = world.now();
@@ -175,7 +178,7 @@ fn after_a_short_nothing_old_leaves_and_the_bus_is_back_within_100_ms() {
     let status = shared.status();
     assert_eq!(status.health.state, ErrorState::Active);
     assert!(status.health.bus_offs >= 1);
-    assert_eq!(shared.motor(FIRST).status().link, Link::Online);
+    assert_eq!(shared.motor(nth(0)).status().link, Link::Online);
     assert!(esc.state().command > 2000);
 }
 
@@ -226,5 +229,5 @@ fn a_pause_costs_no_frame_and_remote_requests_are_counted_apart() {
     let received = shared.status().received;
     assert_eq!((received.received, received.unclaimed, received.remote), (64, 1, 1));
     assert_eq!(received.malformed, 0);
-    assert_eq!(shared.motor(FIRST).status().counters.received, 62);
+    assert_eq!(shared.motor(nth(0)).status().counters.received, 62);
 }

@@ -16,12 +16,15 @@ use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::embassy::{BusPort, Filter, OutboxError, Runner, run_bus, run_buses};
 use rc10_motor::{
-    ArmSwitch, Link, MotorBus, MotorId, Request, RequestError, Response, Safety, Target,
-    TargetError, TargetKind,
+    ArmSwitch, Link, MotorBus, MotorId, Place, Request, RequestError, Response, Safety, Target,
+    TargetError, TargetKind, numbers,
 };
 use rc10_sim::{BusConfig, Tasks, World};
 
-const FIRST: MotorId = MotorId::new(0);
+/// The number of a motor on its bus, as `attach` counts.
+fn nth(index: usize) -> MotorId {
+    numbers([Place::Bus(1); 16]).nth(index).unwrap()
+}
 
 fn frame(id: u16, data: &[u8]) -> CanFrame {
     CanFrame::data_frame(StandardId::new(id).unwrap(), data).unwrap()
@@ -59,10 +62,10 @@ fn with_wheel<F>(
 #[test]
 fn a_port_refuses_what_the_motor_cannot_do_where_it_is_asked() {
     let closed = BusPort::new();
-    let coast = closed.motor(FIRST).command(Target::Coast);
+    let coast = closed.motor(nth(0)).command(Target::Coast);
     assert_eq!(coast, Err(TargetError::Unsupported(TargetKind::Coast)));
     with_wheel(100, async |shared, _, _| {
-        let port = shared.motor(FIRST);
+        let port = shared.motor(nth(0));
         assert_eq!(port.command(Target::Speed(Rpm::new(10.0))), Ok(()));
         let duty = port.command(Target::Duty(0.5));
         assert_eq!(duty, Err(TargetError::Unsupported(TargetKind::Duty)));
@@ -79,7 +82,7 @@ fn a_port_refuses_what_the_motor_cannot_do_where_it_is_asked() {
         let refused = port.status().counters.refused;
         assert_eq!((refused.unsupported, refused.not_finite, refused.out_of_range), (1, 6, 0));
         assert_eq!(refused.to_string(), "1 of a kind it does not take, 6 not finite");
-        let nobody = shared.motor(MotorId::new(3));
+        let nobody = shared.motor(nth(3));
         assert!(nobody.command(Target::Coast).is_err());
         assert_eq!(nobody.request(Request::SetZero).await, Err(RequestError::NoSuchMotor));
     });
@@ -88,7 +91,7 @@ fn a_port_refuses_what_the_motor_cannot_do_where_it_is_asked() {
 #[test]
 fn a_request_is_answered_after_the_next_tick() {
     with_wheel(100, async |shared, _, _| {
-        let port = shared.motor(FIRST);
+        let port = shared.motor(nth(0));
         assert_eq!(port.request(Request::ClearFault).await, Err(RequestError::Unsupported));
         assert_eq!(port.request(Request::SetZero).await, Ok(Response::Done));
         assert_eq!(port.status().feedback.total_angle.microdegrees(), 0);
@@ -100,7 +103,7 @@ fn a_request_is_answered_after_the_next_tick() {
 fn no_caller_gets_the_answer_of_another() {
     with_wheel(200, async |shared, _, _| {
         Timer::after_millis(5).await;
-        let port = shared.motor(FIRST);
+        let port = shared.motor(nth(0));
         let answers = RefCell::new(Vec::new());
         let ask = async |name: &str, request, pause| {
             Timer::after_micros(pause).await;
@@ -197,7 +200,7 @@ fn after_an_outage_only_the_newest_command_leaves() {
     switch.arm().unwrap();
     tasks.add(async {
         loop {
-            let _ = shared.motor(FIRST).command(Target::Current(Amps::new(3.0)));
+            let _ = shared.motor(nth(0)).command(Target::Current(Amps::new(3.0)));
             Timer::after_millis(5).await;
         }
     });
@@ -210,7 +213,7 @@ fn after_an_outage_only_the_newest_command_leaves() {
     assert!(status.replaced > 0, "{status:?}");
     assert_eq!(status.refused, 0);
     assert_ne!(status.health.transmit_errors, 0);
-    assert_eq!(shared.motor(FIRST).status().link, Link::Lost);
+    assert_eq!(shared.motor(nth(0)).status().link, Link::Lost);
     let _ = wire.take_trace();
     wire.set_cut(false);
     let _ = world.run(Pin::new(&mut tasks), Micros::from_millis(402));
@@ -257,7 +260,7 @@ fn after_half_a_tick(pause: u64, between: impl FnOnce(&ArmSwitch)) -> Vec<(Micro
     };
     let mut next = Micros::new(667);
     while next <= Micros::new(99_667) {
-        shared.motor(FIRST).command(Target::Current(Amps::new(3.0))).unwrap();
+        shared.motor(nth(0)).command(Target::Current(Amps::new(3.0))).unwrap();
         next = step(next);
     }
     assert_eq!(next, Micros::from_millis(100));

@@ -1,6 +1,7 @@
 //! Requests to motors while their callers give up, ask again and interrupt the tick, devices take
 //! their time, and the bus starts anew.
 
+use super::nth;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -149,7 +150,9 @@ impl Call {
     }
 }
 
-const MOTORS: [MotorId; 2] = [MotorId::new(0), MotorId::new(1)];
+fn motors() -> [MotorId; 2] {
+    [nth(0), nth(1)]
+}
 
 /// Names the story that fails.
 struct Told(u64);
@@ -197,10 +200,10 @@ fn a_request_whose_caller_has_gone_reaches_no_motor() {
     with_bus(1, true, |bus, port, log| {
         let ports = Arc::<BusPort>::default();
         let mut runner = Runner::new(port(), bus, &ports, Micros::ZERO);
-        let mut gone = Call::new(&ports, MOTORS[0], 1, 0);
+        let mut gone = Call::new(&ports, motors()[0], 1, 0);
         assert_eq!(gone.poll(), None);
         drop(gone);
-        let mut next = Call::new(&ports, MOTORS[0], 2, 0);
+        let mut next = Call::new(&ports, motors()[0], 2, 0);
         assert_eq!(next.poll(), None);
         tick(&mut runner);
         assert_eq!(next.poll(), Some(register(2)));
@@ -214,14 +217,14 @@ fn an_answer_never_goes_to_who_asked_while_it_was_made() {
     with_bus(1, true, |bus, port, _| {
         let ports = Arc::<BusPort>::default();
         let mut runner = Runner::new(port(), bus, &ports, Micros::ZERO);
-        let calls = Rc::new(RefCell::new(vec![Call::new(&ports, MOTORS[0], 1, 0)]));
+        let calls = Rc::new(RefCell::new(vec![Call::new(&ports, motors()[0], 1, 0)]));
         assert_eq!(calls.borrow_mut()[0].poll(), None);
         let (others, theirs) = (Rc::clone(&calls), Arc::clone(&ports));
         interrupt_with(Some(Rc::new(move || {
             let mut calls = others.borrow_mut();
             if calls[0].register == 1 {
                 calls.clear();
-                calls.push(Call::new(&theirs, MOTORS[0], 2, 0));
+                calls.push(Call::new(&theirs, motors()[0], 2, 0));
                 assert_eq!(calls[0].poll(), None, "it waits for its turn");
             }
         })));
@@ -241,7 +244,7 @@ fn a_bus_that_starts_anew_answers() {
         with_bus(seed, false, |bus, port, log| {
             let ports = Arc::<BusPort>::default();
             let mut runner = Runner::new(port(), &mut *bus, &ports, Micros::ZERO);
-            let mut first = Call::new(&ports, MOTORS[0], 1, 0);
+            let mut first = Call::new(&ports, motors()[0], 1, 0);
             assert_eq!(first.poll(), None);
             tick(&mut runner);
             drop(runner);
@@ -249,7 +252,7 @@ fn a_bus_that_starts_anew_answers() {
             assert!(outcome == Some(register(1)) || outcome == Some(Err(RequestError::Timeout)));
             let mut runner = Runner::new(port(), bus, &ports, Micros::ZERO);
             let answered = (2..12).any(|number| {
-                let mut call = Call::new(&ports, MOTORS[0], number, 0);
+                let mut call = Call::new(&ports, motors()[0], number, 0);
                 assert_eq!(call.poll(), None);
                 let outcome = (0..10).find_map(|_| {
                     tick(&mut runner);
@@ -291,7 +294,7 @@ impl Story {
             0 if calls.len() < 7 => {
                 let number = self.ends.borrow().len() + calls.len() + 1;
                 let number = u16::try_from(number).unwrap();
-                let motor = MOTORS[random.index(2)];
+                let motor = motors()[random.index(2)];
                 let mut call = Call::new(&self.ports, motor, number, *self.ticks.borrow());
                 let waiting = self.ports.requests().waiting;
                 match call.poll() {

@@ -122,8 +122,11 @@ impl<'m> Bench<'m> {
         let mut bench = Self { switch, bus: MotorBus::new(switch), known: Vec::new(), now: START };
         let safety = Safety::new(safe);
         for motor in motors {
-            let known =
-                known(motor, MotorId::new(u8::try_from(bench.known.len()).unwrap()), safety);
+            let known = known(
+                motor,
+                rc10_motor::numbers([rc10_motor::Place::Bus(1); 9]).nth(bench.known.len()).unwrap(),
+                safety,
+            );
             let free = bench.known.len() < 8
                 && bench.known.iter().all(|other| {
                     other.feedback_id != known.feedback_id && other.command != known.command

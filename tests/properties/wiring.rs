@@ -121,7 +121,7 @@ proptest! {
         let numbers = [0.0, load.least, load.typical, load.worst];
         prop_assert!(numbers.is_sorted() && load.worst.is_finite(), "{:?}", load);
         prop_assert!(!load.to_string().is_empty());
-        prop_assert!(bus.supports(rc10_motor::MotorId::new(200)) == TargetSet::NONE);
+        prop_assert!(bus.supports(rc10_motor::numbers([rc10_motor::Place::Bus(1); 201]).last().unwrap()) == TargetSet::NONE);
         prop_assert!(!TargetSet::NONE.contains(TargetKind::Coast));
     }
 }

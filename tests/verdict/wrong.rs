@@ -9,7 +9,7 @@ use rc10_app::{NewtonMetres, Rpm};
 use rc10_cli::{CommandLine, Description, Motor, Place, Plant, Robot};
 use rc10_motor::dji::{self, Dji, FeedbackRate, M3508};
 use rc10_motor::embassy::BusPort;
-use rc10_motor::{ArmSwitch, MotorBus, MotorId, Safety, Target};
+use rc10_motor::{ArmSwitch, MotorBus, Safety, Target};
 use serde_json::Value;
 
 use crate::scratch::Scratch;
@@ -75,9 +75,12 @@ impl Own {
                 let _ = switch.arm();
             }
             loop {
-                for motor in 0..self.motors {
-                    if let Some(target) = (self.target)(motor.into()) {
-                        let _ = port.motor(MotorId::new(motor)).command(target);
+                for (motor, id) in rc10_motor::numbers([rc10_motor::Place::Bus(1); 8])
+                    .take(self.motors.into())
+                    .enumerate()
+                {
+                    if let Some(target) = (self.target)(motor) {
+                        let _ = port.motor(id).command(target);
                     }
                 }
                 Timer::after_millis(10).await;

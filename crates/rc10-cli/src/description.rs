@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use rc10_can::Micros;
-use rc10_motor::{MotorId, Names};
+use rc10_motor::{MotorId, Names, numbers};
 use rc10_sim::{Fault, Serial, World};
 
 use crate::mistake::Mistake;
@@ -179,9 +179,7 @@ impl Description {
     /// [`Description::motors`] is.
     #[must_use]
     pub fn number(&self, entry: usize) -> Option<MotorId> {
-        let on = self.motors.get(entry)?.on;
-        let before = self.motors[..entry].iter().filter(|motor| motor.on == on).count();
-        Some(MotorId::new(u8::try_from(before).ok()?))
+        numbers(self.motors.iter().map(|motor| motor.on)).nth(entry)
     }
 }
 

@@ -56,7 +56,7 @@ use core::fmt;
 
 pub use check::{SetupError, Unsound, assert_sound, check};
 pub use device::{Device, OtherDevice, Wiring};
-pub use slots::{Held, Place, Placed, Slot, Started, place, prepare, slots};
+pub use slots::{Held, Place, Placed, Slot, Started, numbers, place, prepare, slots};
 
 use crate::supervision::Safety;
 

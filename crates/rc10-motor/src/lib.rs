@@ -93,7 +93,7 @@ pub use bus::{BusCounters, Dispatch, MotorBus};
 pub use can_ids::{CanIds, Clash, Frames, Guard, MotorName, Ownership, Rate};
 pub use declaration::{
     Device, Entry, Held, Names, OtherDevice, Place, Placed, SetupError, Slot, Started, Unsound,
-    Wiring, assert_sound, check, place, prepare, slots,
+    Wiring, assert_sound, check, numbers, place, prepare, slots,
 };
 pub use feedback::{Condition, Fault, Feedback};
 pub use load::{BusLoad, Verdict};

@@ -13,14 +13,19 @@ use crate::request::{Request, RequestError, Response};
 use crate::supervision::{Link, MotorStatus, Safety, Supervision};
 use crate::target::{Target, TargetError, TargetSet};
 
-/// The number of a motor on its bus, as `attach` counted it.
+/// The number of a motor on its bus: `attach` hands it out, and [`Names`](crate::Names) have it.
+/// There is no other way to one, so that motors are not counted by hand.
+///
+/// ```compile_fail
+/// let turret = rc10_motor::MotorId::new(1);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MotorId(u8);
 
 impl MotorId {
     /// The motor attached as number `index`, counted from 0.
-    pub const fn new(index: u8) -> Self {
+    pub(crate) const fn new(index: u8) -> Self {
         Self(index)
     }
 

@@ -14,12 +14,16 @@ use rc10_motor::rc10_can::embedded_can::StandardId;
 use rc10_motor::rc10_can::{CanFrame, CanPort, Health, IdPattern, Micros, Submitted};
 use rc10_motor::{
     ArmSwitch, AttachError, CanIds, Clash, CommandError, Dispatch, DriveMode, Feedback, FrameError,
-    FrameKind, Frames, Link, MotorBus, MotorId, MotorName, Ownership, Rate, Request, RequestError,
-    Response, Safety, Target, Tick, TxBatch, TxFull,
+    FrameKind, Frames, Link, MotorBus, MotorId, MotorName, Ownership, Place, Rate, Request,
+    RequestError, Response, Safety, Target, Tick, TxBatch, TxFull, numbers,
 };
 
 const MS: Seconds = Seconds::new(0.001);
-const FIRST: MotorId = MotorId::new(0);
+
+/// The number of a motor on its bus, as `attach` counts.
+fn nth(index: usize) -> MotorId {
+    numbers([Place::Bus(1); 16]).nth(index).unwrap()
+}
 
 fn id(raw: u16) -> StandardId {
     StandardId::new(raw).unwrap()
@@ -111,9 +115,9 @@ fn tick_with(bus: &mut MotorBus<'_>, now: u64, byte: Option<u8>) -> (DriveMode, 
     if let Some(byte) = byte {
         bus.on_frame(&says(1, byte), now);
     }
-    bus.command(FIRST, Target::Speed(Rpm::new(1.0)), now).unwrap();
+    bus.command(nth(0), Target::Speed(Rpm::new(1.0)), now).unwrap();
     bus.tick(now, MS, &mut TxBatch::new()).unwrap();
-    let status = bus.status(FIRST, now).unwrap();
+    let status = bus.status(nth(0), now).unwrap();
     let told = status.feedback.speed;
     assert_eq!(told, Rpm::new(f32::from(status.drive as u8)), "the motor was told otherwise");
     (status.drive, status.link)
@@ -165,16 +169,16 @@ fn a_clear_that_is_refused_or_not_answered_does_not_end_a_fault() {
             (Some(Ok(Response::Done)), DriveMode::Brake),
         ] {
             if answer == Some(Err(error)) {
-                assert_eq!(bus.request(FIRST, Request::ClearFault), Ok(Response::Pending));
+                assert_eq!(bus.request(nth(0), Request::ClearFault), Ok(Response::Pending));
             }
             *response.lock().unwrap() = answer;
-            assert_eq!(bus.response(FIRST), answer);
+            assert_eq!(bus.response(nth(0)), answer);
             tick(&mut bus, Micros::from_millis(1), &mut TxBatch::new()).unwrap();
             assert_eq!(drives(&bus), [drive], "{answer:?}");
         }
-        bus.request(FIRST, Request::ClearFault).unwrap();
+        bus.request(nth(0), Request::ClearFault).unwrap();
         *response.lock().unwrap() = Some(Ok(Response::Done));
-        assert_eq!(bus.response(FIRST), Some(Ok(Response::Done)));
+        assert_eq!(bus.response(nth(0)), Some(Ok(Response::Done)));
         tick(&mut bus, Micros::from_millis(2), &mut TxBatch::new()).unwrap();
         assert_eq!(drives(&bus), [DriveMode::Run]);
     }
@@ -207,7 +211,7 @@ fn a_command_holds_until_it_expires_and_a_link_until_it_is_lost_to_the_microseco
     let safety = Safety { command_expiry: Micros::from_millis(5), ..Safety::BRAKE };
     bus.attach(&mut motor, safety).unwrap();
     switch.arm().unwrap();
-    let expired = |bus: &MotorBus<'_>| bus.status(FIRST, Micros::ZERO).unwrap().counters.expired;
+    let expired = |bus: &MotorBus<'_>| bus.status(nth(0), Micros::ZERO).unwrap().counters.expired;
     let (run, brake) = (DriveMode::Run, DriveMode::Brake);
     let start = Micros::from_millis(100);
     tick(&mut bus, start, &mut TxBatch::new()).unwrap();
@@ -230,7 +234,7 @@ fn a_command_holds_until_it_expires_and_a_link_until_it_is_lost_to_the_microseco
     tick(&mut bus, start, &mut TxBatch::new()).unwrap();
     for (after, drive) in [(9_999, run), (10_000, run), (10_001, DriveMode::Coast)] {
         let now = start + Micros::new(after);
-        bus.command(FIRST, Target::Coast, now).unwrap();
+        bus.command(nth(0), Target::Coast, now).unwrap();
         bus.tick(now, MS, &mut TxBatch::new()).unwrap();
         assert_eq!(drives(&bus), [drive], "{after}");
     }
@@ -255,7 +259,7 @@ fn a_pause_in_which_the_clocks_low_half_comes_round_revives_no_command() {
         bus.on_frame(&says(1, 0), now);
         now += Micros::from_millis(1);
     }
-    assert_eq!(bus.status(FIRST, now).unwrap().counters.lost, 1);
+    assert_eq!(bus.status(nth(0), now).unwrap().counters.lost, 1);
     tick(&mut bus, now, &mut TxBatch::new()).unwrap();
     assert_eq!(drives(&bus), [DriveMode::Run]);
 }
@@ -295,9 +299,9 @@ fn a_motor_that_the_bus_has_no_room_for_is_refused_by_name() {
     assert!(refused.to_string().starts_with("dummy id 9 declares more than 8 received"));
     let attached: Vec<_> = all.iter_mut().map(|motor| bus.attach(motor, Safety::COAST)).collect();
     let motor = MotorName { model: "dummy", id: 8 };
-    for (index, attached) in (0..).zip(attached) {
+    for (index, attached) in attached.into_iter().enumerate() {
         let full = Err(AttachError::Full { motor, capacity: 8 });
-        assert_eq!(attached, if index < 8 { Ok(MotorId::new(index)) } else { full });
+        assert_eq!(attached, if index < 8 { Ok(nth(index)) } else { full });
     }
 }
 
@@ -332,9 +336,9 @@ fn a_fault_stops_the_motor_until_it_is_cleared() {
     assert_eq!(tick_with(&mut bus, 2, Some(1)), (DriveMode::Brake, Link::Online));
     // That the fault goes by itself is not enough.
     assert_eq!(tick_with(&mut bus, 3, Some(0)), (DriveMode::Brake, Link::Online));
-    bus.request(FIRST, Request::ClearFault).unwrap();
+    bus.request(nth(0), Request::ClearFault).unwrap();
     assert_eq!(tick_with(&mut bus, 4, Some(0)), (DriveMode::Run, Link::Online));
-    assert_eq!(bus.status(FIRST, Micros::ZERO).unwrap().counters.expired, 0);
+    assert_eq!(bus.status(nth(0), Micros::ZERO).unwrap().counters.expired, 0);
 }
 
 #[test]
@@ -345,13 +349,13 @@ fn a_fault_is_cleared_when_the_device_says_so_and_not_before() {
     bus.attach(&mut motor, Safety::COAST).unwrap();
     switch.arm().unwrap();
     assert_eq!(tick_with(&mut bus, 1, Some(1)), (DriveMode::Coast, Link::Online));
-    assert_eq!(bus.request(FIRST, Request::ClearFault), Ok(Response::Pending));
-    assert_eq!(bus.response(FIRST), None);
+    assert_eq!(bus.request(nth(0), Request::ClearFault), Ok(Response::Pending));
+    assert_eq!(bus.response(nth(0)), None);
     // A frame that was on its way still tells of the fault, and it is gone with the answer.
     assert_eq!(tick_with(&mut bus, 2, Some(1)), (DriveMode::Coast, Link::Online));
     assert_eq!(tick_with(&mut bus, 3, Some(3)), (DriveMode::Coast, Link::Online));
-    assert_eq!(bus.response(FIRST), Some(Ok(Response::Done)));
-    assert_eq!(bus.response(FIRST), None);
+    assert_eq!(bus.response(nth(0)), Some(Ok(Response::Done)));
+    assert_eq!(bus.response(nth(0)), None);
     assert_eq!(tick_with(&mut bus, 4, Some(0)), (DriveMode::Run, Link::Online));
 }
 
@@ -372,7 +376,7 @@ fn a_reply_that_is_no_feedback_does_not_keep_the_link_alive() {
     for millis in [4_294_967_u64, 4_294_972, 4_294_980] {
         assert_eq!(tick_with(&mut bus, millis, None), (DriveMode::Coast, Link::Lost));
     }
-    let counters = bus.status(FIRST, Micros::ZERO).unwrap().counters;
+    let counters = bus.status(nth(0), Micros::ZERO).unwrap().counters;
     assert_eq!((counters.lost, counters.received), (1, 13));
 }
 
@@ -385,9 +389,9 @@ fn a_frame_that_arrives_during_the_tick_is_not_old() {
     switch.arm().unwrap();
     let now = Micros::from_millis(5);
     bus.on_frame(&says(1, 0), now + Micros::new(40));
-    bus.command(FIRST, Target::Coast, now).unwrap();
+    bus.command(nth(0), Target::Coast, now).unwrap();
     bus.tick(now, MS, &mut TxBatch::new()).unwrap();
-    assert_eq!(bus.status(FIRST, now).unwrap().drive, DriveMode::Run);
+    assert_eq!(bus.status(nth(0), now).unwrap().drive, DriveMode::Run);
 }
 
 #[test]
@@ -397,7 +401,7 @@ fn refusals_and_strangers_are_counted() {
     let mut bus = MotorBus::new(&switch);
     let motor = bus.attach(&mut motor, Safety::COAST).unwrap();
     assert!(bus.command(motor, Target::Duty(0.5), Micros::ZERO).is_err());
-    let nobody = bus.command(MotorId::new(5), Target::Coast, Micros::ZERO);
+    let nobody = bus.command(nth(5), Target::Coast, Micros::ZERO);
     assert_eq!(nobody, Err(CommandError::NoSuchMotor));
     let stranger = CanFrame::data_frame(id(0x55), &[]).unwrap();
     assert_eq!(bus.on_frame(&stranger, Micros::ZERO), Dispatch::Unclaimed);

@@ -7,41 +7,33 @@ mod robot;
 
 use std::process::ExitCode;
 
-use rc10_cli::{Description, Event, Motor, Robot, Script};
-use rc10_motor::AttachError;
-use rc10_motor::dji::M3508;
+use rc10_cli::{Description, Event, Plant, Robot, Script};
+use rc10_motor::{SetupError, Started};
 
-use robot::{SCRIPT, TwoWheels, WHEELS, drive};
+use robot::{Motors, Name, SCRIPT, Shared, drive};
 
 fn main() -> ExitCode {
     rc10_cli::main_for(&description(), |command| {
-        let mut robot = TwoWheels::new()?;
-        command.run(ready(&mut robot)?)
+        let (shared, mut motors) = (Shared::new(), Motors::new());
+        command.run(ready(&shared, &mut motors)?)
     })
 }
 
-fn ready(robot: &mut TwoWheels) -> Result<Robot<'_>, AttachError> {
-    let (shared, bus) = robot.start()?;
-    let robot = Robot::new(description()).bus(bus, &shared.bus).task(drive(shared));
+fn ready<'r>(shared: &'r Shared, motors: &'r mut Motors) -> Result<Robot<'r>, SetupError> {
+    let Started { buses: [bus], .. } = motors.start(&shared.switch)?;
+    let robot = Robot::new(description()).bus(bus, &shared.ports.buses[0]).task(drive(shared));
     // A value of the robot's own: a plot and a line in the tables.
     Ok(robot.signal("distance by its wheels", "m", |_| shared.distance()))
 }
 
 fn description() -> Description {
-    // A robot of 10 kg on wheels of 76 mm radius: 0.029 kg m² for each.
-    let wheel = |(label, id, direction)| Motor {
-        direction,
-        inertia: 0.029,
-        ..Motor::new(label, 1, &M3508, id)
-    };
     Description {
-        motors: WHEELS.map(wheel).into(),
-        buses: 1,
         script: Script {
             events: SCRIPT.map(|(at, label, _)| Event { at, label }).into(),
             repeats_after: None,
         },
-        ..Description::default()
+        // A robot of 10 kg on wheels of 76 mm radius: 0.029 kg m² for each.
+        ..Description::of(|_: Name| Plant::inertia(0.029))
     }
 }
 
@@ -54,8 +46,9 @@ mod tests {
 
     #[test]
     fn both_wheels_reach_every_speed_of_the_script() {
-        let mut robot = TwoWheels::new().unwrap();
-        let run = simulate(ready(&mut robot).unwrap(), 1, Micros::from_millis(2000)).unwrap();
+        let (shared, mut motors) = (Shared::new(), Motors::new());
+        let run =
+            simulate(ready(&shared, &mut motors).unwrap(), 1, Micros::from_millis(2000)).unwrap();
         for (millis, speeds) in [(950, [200.0, 200.0]), (1450, [-60.0, 60.0]), (2000, [120.0; 2])] {
             for (wheel, rpm) in run.motors.iter().zip(speeds) {
                 // The motion of the simulated shaft, not the robot's feedback.

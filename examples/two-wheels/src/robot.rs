@@ -1,76 +1,66 @@
 //! The robot: its table, what its tasks share, and its task.
 
 use rc10_message::{Overrun, Statistics, periodic};
-use rc10_motor::dji::{self, Dji, M3508};
-use rc10_motor::embassy::BusPort;
-use rc10_motor::rc10_app::{ConfigError, Direction};
-use rc10_motor::rc10_app::Rpm;
+use rc10_motor::Place::Bus;
+use rc10_motor::dji::{Config, Dji, M3508};
+use rc10_motor::embassy::Ports;
+use rc10_motor::rc10_app::{Direction, Rpm};
 use rc10_motor::rc10_can::Micros;
-use rc10_motor::{ArmSwitch, AttachError, Link, MotorBus, MotorId, Safety, Target};
+use rc10_motor::{ArmSwitch, Entry, Link, Names, Target, motors};
 
-/// The wheels: their names, the identifiers set on them, and the directions in which they count.
-pub const WHEELS: [(&str, u8, Direction); 2] =
-    [("wheel left", 1, Direction::Forward), ("wheel right", 2, Direction::Reversed)];
+motors! {
+    /// Names of the wheels.
+    pub enum Name;
+    /// Where their motors stand.
+    pub struct Motors;
+    buses: [100.0];
+    lines: 0;
+    Left: Dji = Entry::new("wheel left", Bus(1), Config::new(&M3508, 1)),
+    Right: Dji = Entry::new(
+        "wheel right",
+        Bus(1),
+        Config::new(&M3508, 2).with_direction(Direction::Reversed),
+    ),
+}
 
 /// Radius of the wheels, metres.
 pub const WHEEL_RADIUS: f64 = 0.076;
 
 /// The script: from when on, the name of the motion, and the speeds of the wheels in rpm.
-pub const SCRIPT: [(Micros, &str, [f32; WHEELS.len()]); 4] = [
+pub const SCRIPT: [(Micros, &str, [f32; 2]); 4] = [
     (Micros::from_millis(100), "forward", [200.0, 200.0]),
     (Micros::from_millis(1000), "turn left", [-60.0, 60.0]),
     (Micros::from_millis(1500), "forward again", [120.0, 120.0]),
     (Micros::from_millis(5000), "stand", [0.0, 0.0]),
 ];
 
-/// The whole robot.
-pub struct TwoWheels {
-    shared: Shared,
-    wheels: Vec<Dji>,
-}
-
 /// Everything that its tasks share.
 pub struct Shared {
     /// Arms and stops both motors.
     pub switch: ArmSwitch,
-    /// The bus both are on.
-    pub bus: BusPort,
+    /// The bus both are on, and each motor by name.
+    pub ports: Ports<Name, 1>,
     /// Timing of the task.
     pub timing: Statistics,
 }
 
-impl TwoWheels {
-    /// The robot of the table, at rest and disarmed.
-    pub fn new() -> Result<Self, ConfigError> {
-        let wheel = |(_, id, direction)| Ok(Dji::new(dji::Config::new(&M3508, id).with_direction(direction))?);
-        let wheels = WHEELS.into_iter().map(wheel).collect::<Result<_, _>>()?;
-        let shared =
-            Shared { switch: ArmSwitch::new(), bus: BusPort::new(), timing: Statistics::new() };
-        Ok(Self { shared, wheels })
-    }
-
-    /// Starts the robot: returns what its tasks share, and the bus with both motors.
-    pub fn start(&mut self) -> Result<(&Shared, MotorBus<'_>), AttachError> {
-        let mut bus = MotorBus::new(&self.shared.switch);
-        for wheel in &mut self.wheels {
-            bus.attach(wheel, Safety::COAST)?;
-        }
-        Ok((&self.shared, bus))
-    }
-}
-
 impl Shared {
+    /// Of a robot at rest and disarmed.
+    pub const fn new() -> Self {
+        Self { switch: ArmSwitch::new(), ports: Ports::new(), timing: Statistics::new() }
+    }
+
     /// Metres that the middle of the robot went, by its wheels, from where their motors count;
     /// `None` before both are heard.
     pub fn distance(&self) -> Option<f64> {
         let mut metres = 0.0;
-        for wheel in (0..).take(WHEELS.len()) {
-            let status = self.bus.motor(MotorId::new(wheel)).status();
+        for wheel in Name::ALL {
+            let status = self.ports.motor(*wheel).status();
             if status.link == Link::NeverSeen {
                 return None;
             }
             let degrees = status.feedback.total_angle.microdegrees() as f64 * 1e-6;
-            metres += degrees.to_radians() * WHEEL_RADIUS / WHEELS.len() as f64;
+            metres += degrees.to_radians() * WHEEL_RADIUS / Name::ALL.len() as f64;
         }
         Some(metres)
     }
@@ -82,10 +72,10 @@ pub async fn drive(shared: &Shared) -> ! {
     let _ = shared.switch.arm();
     periodic(Micros::from_millis(10), Overrun::Skip, &shared.timing, async |tick| {
         let line = SCRIPT.iter().rev().find(|(from, ..)| *from <= tick.now);
-        let Some((_, _, speeds)) = line else { return };
-        for (wheel, rpm) in (0..).zip(speeds) {
+        let Some((_, _, [left, right])) = line else { return };
+        for (wheel, rpm) in [(Name::Left, left), (Name::Right, right)] {
             let target = Target::Speed(Rpm::new(*rpm));
-            if shared.bus.motor(MotorId::new(wheel)).command(target).is_err() {
+            if shared.ports.motor(wheel).command(target).is_err() {
                 // A mistake in this program: rather none drives than one alone. The motor's status
                 // counts it by reason.
                 shared.switch.emergency_stop();

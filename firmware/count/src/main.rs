@@ -18,7 +18,7 @@ use rc10_app::{Degrees, Rpm, Seconds};
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 use rc10_motor::dji::{self, Dji, M2006, M3508};
-use rc10_motor::{ArmSwitch, CanMotor, MotorBus, MotorId, Safety, Target, TxBatch};
+use rc10_motor::{ArmSwitch, CanMotor, MotorBus, Safety, Target, TxBatch};
 
 /// The motors' identifiers: M3508 are 1 to 4, M2006 5 to 8.
 const IDS: [u8; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
@@ -55,20 +55,19 @@ fn measure(
     let mut motors =
         IDS.map(|id| Dji::new(dji::Config::new(if id <= 4 { &M3508 } else { &M2006 }, id)).ok());
     let mut bus = MotorBus::new(&switch);
-    for motor in motors.iter_mut().flatten() {
+    let numbers = motors.each_mut().map(|motor| {
+        let Some(motor) = motor else { cortex_m::asm::udf() };
         let motor: &mut dyn CanMotor = motor;
-        if bus.attach(black_box(motor), Safety::COAST).is_err() {
-            cortex_m::asm::udf();
-        }
-    }
+        let attached = bus.attach(black_box(motor), Safety::COAST);
+        attached.unwrap_or_else(|_| cortex_m::asm::udf())
+    });
     if switch.arm().is_err() {
         cortex_m::asm::udf();
     }
     let mut tx = TxBatch::new();
     for round in 1..=ROUNDS {
         let input = black_box(Input::of(round));
-        for id in IDS {
-            let motor = MotorId::new(id - 1);
+        for motor in numbers {
             let Some(status) = bus.status(motor, input.now) else { cortex_m::asm::udf() };
             // As fast as it turns, and as far ahead as asks for that speed: no loop is at its
             // limit.

@@ -8,7 +8,7 @@ use rc10_bsp::dma_buffer;
 use rc10_bsp::serial::{Serial, SerialConfig, SerialParts};
 use rc10_motor::embassy::{Rs485Port, run_rs485};
 use rc10_motor::unitree::{GoM8010, LineConfig, Rs485Bus};
-use rc10_motor::{ArmSwitch, Link, MotorId, Safety, Target};
+use rc10_motor::{ArmSwitch, Link, Safety, Target};
 use static_cell::StaticCell;
 
 use crate::report::Outcome;
@@ -35,14 +35,14 @@ pub async fn line(spawner: Spawner, parts: SerialParts<USART2, DMA2_CH2, DMA2_CH
         return Err(say!("no such ids"));
     };
     let mut line = Rs485Bus::new(&SWITCH);
-    for motor in MOTORS.init([first, second]) {
-        want!(line.attach(motor, Safety::COAST).is_ok(), "cannot attach");
-    }
+    let [first, second] = MOTORS.init([first, second]).each_mut();
+    let attached = (line.attach(first, Safety::COAST), line.attach(second, Safety::COAST));
+    let (Ok(first), Ok(second)) = attached else { return Err(say!("cannot attach")) };
     let Ok(task) = drive(port, line) else { return Err(say!("cannot spawn")) };
     spawner.spawn(task);
     Timer::after_millis(10).await;
     want!(SWITCH.arm().is_ok(), "cannot arm");
-    let motors = [0, 1].map(|index| PORT.motor(MotorId::new(index)));
+    let motors = [first, second].map(|motor| PORT.motor(motor));
     for _ in 0..300 {
         for motor in &motors {
             want!(motor.command(Target::Speed(Rpm::new(60.0))).is_ok(), "refused");

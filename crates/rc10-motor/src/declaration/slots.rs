@@ -92,6 +92,22 @@ pub const fn slots<const N: usize>(entries: &[Entry<Device>]) -> [Slot; N] {
     slots
 }
 
+/// The number of each motor on its bus or line, of motors that are attached in this order: for tools
+/// that have no names.
+pub fn numbers(places: impl IntoIterator<Item = Place>) -> impl Iterator<Item = MotorId> {
+    let mut before = [[0_u8; 256]; 2];
+    places.into_iter().map(move |on| {
+        let [buses, lines] = &mut before;
+        let count = match on {
+            Place::Bus(number) => &mut buses[usize::from(number)],
+            Place::Line(number) => &mut lines[usize::from(number)],
+        };
+        let motor = MotorId::new(*count);
+        *count = count.saturating_add(1);
+        motor
+    })
+}
+
 /// The place where one motor of a robot stands; empty until it is attached.
 pub struct Held<M>(Vec<M, 1>);
 

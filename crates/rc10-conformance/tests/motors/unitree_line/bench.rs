@@ -90,3 +90,8 @@ impl<'m> Bench<'m> {
 pub fn obeys(device: &Esc) -> unitree_line::Command {
     device.with(|device: &mut Device| device.command()).unwrap()
 }
+
+/// The number of a motor on its line, as `attach` counts.
+pub fn nth(index: usize) -> rc10_motor::MotorId {
+    rc10_motor::numbers([rc10_motor::Place::Line(1); 16]).nth(index).unwrap()
+}

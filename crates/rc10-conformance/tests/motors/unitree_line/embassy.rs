@@ -6,13 +6,14 @@ use rc10_can::Micros;
 use rc10_motor::embassy::{Rs485Port, run_rs485};
 use rc10_motor::unitree::{GoM8010, Rs485Bus};
 use rc10_motor::{
-    ArmState, ArmSwitch, DriveMode, Link, MotorId, Request, RequestError, Response, Safety, Target,
+    ArmState, ArmSwitch, DriveMode, Link, Request, RequestError, Response, Safety, Target,
     TargetError, TargetKind,
 };
 use rc10_sim::unitree_line::{GoM8010 as Device, plant};
 use rc10_sim::{Esc, EscFault, LineConfig, Tasks, World};
 
 use super::bench::motors;
+use super::bench::nth;
 
 const SPEED: Target = Target::Speed(Rpm::new(60.0));
 
@@ -43,7 +44,7 @@ fn run<F: Future<Output = ()>>(
 async fn command_all(port: &Rs485Port, millis: u32) {
     for _ in 0..millis {
         for index in 0..8 {
-            port.motor(MotorId::new(index)).command(SPEED).unwrap();
+            port.motor(nth(index)).command(SPEED).unwrap();
         }
         Timer::after_millis(1).await;
     }
@@ -52,9 +53,9 @@ async fn command_all(port: &Rs485Port, millis: u32) {
 #[test]
 fn a_line_under_embassy_drives_its_motors_and_answers_requests() {
     let (port, devices, wire) = run(LineConfig::default(), |port, switch, devices| async move {
-        let first = port.motor(MotorId::new(0));
+        let first = port.motor(nth(0));
         let refused = TargetError::Unsupported(TargetKind::Speed);
-        assert_eq!(port.motor(MotorId::new(8)).command(SPEED), Err(refused));
+        assert_eq!(port.motor(nth(8)).command(SPEED), Err(refused));
         Timer::after_millis(5).await;
         assert_eq!(first.status().drive, DriveMode::Off);
         assert_eq!(first.request(Request::SetZero).await, Ok(Response::Done));
@@ -65,7 +66,7 @@ fn a_line_under_embassy_drives_its_motors_and_answers_requests() {
         assert_eq!(first.status().fault.map(|fault| fault.text), Some("over-current"));
         // Each waits for the device's own answer.
         assert_eq!(first.request(Request::ClearFault).await, Err(RequestError::Refused(2)));
-        let silent = port.motor(MotorId::new(3));
+        let silent = port.motor(nth(3));
         assert_eq!(silent.request(Request::ClearFault).await, Err(RequestError::Timeout));
         devices[0].set_power(false);
         devices[3].set_power(true);
@@ -76,7 +77,7 @@ fn a_line_under_embassy_drives_its_motors_and_answers_requests() {
         command_all(port, 2000).await;
     });
     for (index, device) in (0..8).zip(&devices) {
-        let status = port.motor(MotorId::new(index)).status();
+        let status = port.motor(nth(index)).status();
         assert_eq!((status.link, status.drive), (Link::Online, DriveMode::Run), "{index}");
         assert!((device.state().output_rpm - 60.0).abs() < 0.5, "{index} {:?}", device.state());
     }

@@ -2,12 +2,12 @@ use rc10_app::{Degrees, NewtonMetres, Rpm};
 use rc10_can::Micros;
 use rc10_motor::unitree::{GoM8010, LineConfig, Rs485Bus};
 use rc10_motor::{
-    ArmSwitch, CommandError, DriveMode, Impedance, Link, MotorId, Request, RequestError, Response,
+    ArmSwitch, CommandError, DriveMode, Impedance, Link, Request, RequestError, Response,
     SafeState, Safety, Target, TargetError, TargetKind,
 };
 use rc10_sim::Nanos;
 
-use super::bench::{Bench, obeys};
+use super::bench::{Bench, nth, obeys};
 
 const SPEED: Target = Target::Speed(Rpm::new(100.0));
 
@@ -16,7 +16,7 @@ fn turning<'m>(
     switch: &'m ArmSwitch,
     motor: &'m mut GoM8010,
     state: SafeState,
-) -> (Bench<'m>, rc10_sim::Esc, MotorId) {
+) -> (Bench<'m>, rc10_sim::Esc, rc10_motor::MotorId) {
     let mut bench = Bench::new(20, switch);
     let device = bench.device(0);
     let id = bench.line.attach(motor, Safety::new(state)).unwrap();
@@ -181,7 +181,7 @@ fn requests_and_refusals() {
     let mut motor = GoM8010::new(LineConfig::new(0)).unwrap();
     let mut bench = Bench::new(23, &switch);
     let id = bench.line.attach(&mut motor, Safety::COAST).unwrap();
-    let nobody = MotorId::new(1);
+    let nobody = nth(1);
     let now = bench.world.now();
     assert_eq!(bench.line.command(nobody, SPEED, now), Err(CommandError::NoSuchMotor));
     assert_eq!(bench.line.request(nobody, Request::SetZero), Err(RequestError::NoSuchMotor));

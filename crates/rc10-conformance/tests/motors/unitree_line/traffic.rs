@@ -1,20 +1,18 @@
 use rc10_app::Rpm;
 use rc10_can::Micros;
 use rc10_motor::unitree::{GoM8010, LineConfig, Rs485Bus, Step};
-use rc10_motor::{
-    ArmSwitch, AttachError, Clash, Link, MotorId, MotorName, SafeState, Safety, Target,
-};
+use rc10_motor::{ArmSwitch, AttachError, Clash, Link, MotorName, SafeState, Safety, Target};
 use rc10_sim::unitree_line::{Answer, GoM8010 as Device, plant};
 use rc10_sim::{Esc, Nanos};
 
-use super::bench::{Bench, motors};
+use super::bench::{Bench, motors, nth};
 
 /// Eight motors at a speed for a second, number 3 of them silent or not.
 fn eight<'m>(
     bench: &mut Bench<'m>,
     ours: &'m mut [GoM8010],
     silent: bool,
-) -> (Vec<MotorId>, Vec<Esc>) {
+) -> (Vec<rc10_motor::MotorId>, Vec<Esc>) {
     let devices: Vec<_> = (0..8).map(|id| bench.device(id)).collect();
     devices[3].set_power(!silent);
     let ids: Vec<_> =
@@ -242,12 +240,12 @@ fn an_answer_that_was_not_asked_for_is_not_taken() {
     assert_eq!(bytes[2], 0x00);
     line.on_bytes(&answer(1), now);
     assert_eq!((line.counters().unexpected, line.counters().exchanges), (2, 0));
-    assert_eq!(line.status(MotorId::new(1), now).unwrap().link, Link::NeverSeen);
+    assert_eq!(line.status(nth(1), now).unwrap().link, Link::NeverSeen);
     line.on_bytes(&[0xFD, 0x00, 0xFD], now);
     line.on_bytes(&answer(0)[..9], now);
     line.on_bytes(&answer(0)[9..], now);
     assert_eq!((line.counters().unexpected, line.counters().exchanges), (2, 1));
-    assert_eq!(line.status(MotorId::new(0), now).unwrap().link, Link::Online);
+    assert_eq!(line.status(nth(0), now).unwrap().link, Link::Online);
     // The same again comes too late: its question has been answered.
     line.on_bytes(&answer(0), now);
     assert_eq!((line.counters().unexpected, line.counters().exchanges), (3, 1));
@@ -263,7 +261,7 @@ fn an_answer_that_was_not_asked_for_is_not_taken() {
     line.on_bytes(&answer(1), late + Micros::new(10));
     assert_eq!(line.counters().timeouts, 1);
     assert_eq!((line.counters().unexpected, line.counters().exchanges), (4, 1));
-    assert_eq!(line.status(MotorId::new(1), late).unwrap().link, Link::NeverSeen);
+    assert_eq!(line.status(nth(1), late).unwrap().link, Link::NeverSeen);
 }
 
 #[test]
