@@ -4,6 +4,8 @@
 
 #[path = "common/mixed.rs"]
 mod common_mixed;
+#[path = "common/made.rs"]
+mod made;
 #[path = "common/scratch.rs"]
 mod scratch;
 

@@ -4,16 +4,10 @@ use mixed::simulation;
 use rc10_cli::robot::Robot;
 use rc10_cli::simulate::simulate;
 use rc10_cli::team;
-use rc10_motor::cybergear::CyberGear;
-use rc10_motor::damiao::{self, Damiao};
-use rc10_motor::dji::Dji;
-use rc10_motor::lk::Lk;
-use rc10_motor::odrive::{self, ODrive};
 use rc10_motor::rc10_app::Cascade;
-use rc10_motor::unitree::{GoM8010, GoModule, Rs485Bus};
-use rc10_motor::vesc::Vesc;
-use rc10_motor::{CanMotor, Device, MotorBus, Names, Place, Safety, Started};
+use rc10_motor::{MotorBus, Names, Started};
 
+use super::made::{Made, attach};
 use super::*;
 
 /// A shipped robot.
@@ -52,84 +46,14 @@ pub fn run(which: Which, seed: u64, length: Micros, change: Option<Change<'_>>) 
     }
 }
 
-/// A motor of a declaration, and where it is plugged in.
-struct Made {
-    motor: Either,
-    on: Place,
-    safety: Safety,
-}
-
-enum Either {
-    Can(Box<dyn CanMotor>),
-    Line(GoM8010),
-}
-
 /// The motors of a declaration, with the change.
 fn motors<N: Names>(change: Option<Change<'_>>) -> Vec<Made> {
     let made = |name: &N| {
         let entry = name.entry();
-        let change = |cascade: &mut Cascade| {
-            change
-                .into_iter()
-                .filter(|(label, _)| *label == entry.label)
-                .for_each(|(_, f)| f(cascade));
-        };
-        Made { motor: made(entry.config, change), on: entry.on, safety: entry.safety }
+        Made::new(entry, |cascade| {
+            let change = change.into_iter().filter(|(label, _)| *label == entry.label);
+            change.for_each(|(_, f)| f(cascade));
+        })
     };
     N::ALL.iter().map(made).collect()
-}
-
-fn made(device: Device, change: impl Fn(&mut Cascade)) -> Either {
-    Either::Can(match device {
-        Device::Dji(mut config) => {
-            change(&mut config.cascade);
-            Box::new(Dji::new(config).unwrap())
-        }
-        Device::Damiao(mut config) => {
-            let damiao::Control::Mit(cascade) = &mut config.control else { panic!() };
-            change(cascade);
-            Box::new(Damiao::new(config).unwrap())
-        }
-        Device::Lk(mut config) => {
-            change(&mut config.cascade);
-            Box::new(Lk::new(config).unwrap())
-        }
-        Device::ODrive(mut config) => {
-            let odrive::Control::Torque(cascade) = &mut config.control else { panic!() };
-            change(cascade);
-            Box::new(ODrive::new(config).unwrap())
-        }
-        Device::CyberGear(mut config) => {
-            change(&mut config.cascade);
-            Box::new(CyberGear::new(config).unwrap())
-        }
-        Device::Vesc(config) => Box::new(Vesc::new(config).unwrap()),
-        Device::GoModule(mut config) => {
-            change(&mut config.cascade);
-            Box::new(GoModule::new(config).unwrap())
-        }
-        Device::GoM8010(mut config) => {
-            change(&mut config.cascade);
-            return Either::Line(GoM8010::new(config).unwrap());
-        }
-        device => panic!("{device:?}"),
-    })
-}
-
-fn attach<'m>(
-    all: &'m mut [Made],
-    buses: &mut [&mut MotorBus<'m>],
-    lines: &mut [&mut Rs485Bus<'m>],
-) {
-    for Made { motor, on, safety } in all {
-        match (motor, *on) {
-            (Either::Can(motor), Place::Bus(bus)) => {
-                buses[usize::from(bus) - 1].attach(&mut **motor, *safety).unwrap();
-            }
-            (Either::Line(motor), Place::Line(line)) => {
-                lines[usize::from(line) - 1].attach(motor, *safety).unwrap();
-            }
-            _ => panic!("{on}"),
-        }
-    }
 }
