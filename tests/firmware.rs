@@ -26,6 +26,8 @@ mod budgets;
 mod dma_memory;
 #[path = "firmware/line.rs"]
 mod line;
+#[path = "firmware/omni.rs"]
+mod omni_robot;
 #[path = "firmware/phases.rs"]
 mod phases;
 #[path = "firmware/priorities.rs"]

@@ -363,3 +363,23 @@ fn the_line_has_a_priority_of_its_own() {
     let mode = machine.soc().read(0x5802_0C00, Width::Word, millis(20)).unwrap() >> 8 & 0b11;
     assert_eq!(mode, 0b10);
 }
+
+/// Every motor is without torque after a panic, those of the line when the watchdog's silence has
+/// begun; the restarted program arms itself and goes on.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_panic_and_a_cut_bus_are_survived() {
+    give(&setup(&["cut:1@0.3s..0.35s", "panic@0.5s"]), |emulation| {
+        let (mut emulation, recording) = emulation.record(Micros::from_millis(1500)).unwrap();
+        assert_eq!(emulation.rig.machine.restarts().len(), 1);
+        let log = log(&mut emulation);
+        assert!(log.contains("the last run ended in a crash: Panic"), "{log}");
+        assert!(log.lines().last().unwrap().contains("armed, 14 of 14 motors online"), "{log}");
+        for track in &recording.motors[..OTHERS] {
+            // From the panic until 100 ms after the restart.
+            let currents = track.samples[52..58].iter().map(|sample| sample.current.abs());
+            let most = currents.fold(0.0, f64::max);
+            assert!(most < 0.05, "{}: {most} A", track.motor.label);
+        }
+    });
+}

@@ -1,0 +1,110 @@
+//! The omni robot on the chip.
+//!
+//! Priorities, most urgent first: the interrupt of time (P0); the supervisor (P3); the buses, on an
+//! executor of their own (P6); the interrupts of UARTs (P7); everything else, in thread mode.
+#![no_std]
+#![no_main]
+
+use defmt_rtt as _;
+use embassy_executor::{InterruptExecutor, Spawner};
+use embassy_futures::join::join;
+use embassy_stm32::interrupt::{InterruptExt, Priority};
+use embassy_stm32::peripherals::{IWDG1, UART5, USART1};
+use embassy_stm32::{Peri, bind_interrupts, interrupt};
+use embassy_time::Instant;
+use omni_robot::table::{BUSES, RECEIVER};
+use omni_robot::{Motors, Ports, Shared, task};
+use rc10_bsp::can::{Bus, FdcanPort};
+use rc10_bsp::serial::{self, Serial, SerialConfig, SerialReceiver};
+use rc10_bsp::{dma_buffer, supervisor};
+use rc10_firmware::board::Board;
+use rc10_firmware::robot::{self, Unstartable, runner};
+use rc10_motor::MotorBus;
+use rc10_motor::embassy::run_buses;
+use rc10_tasks::{remote, status};
+use static_cell::{ConstStaticCell, StaticCell};
+
+rc10_bsp::crash_handlers!();
+
+bind_interrupts!(struct Irqs {
+    TIM7 => supervisor::Interrupt;
+    USART1 => serial::Interrupt<USART1>;
+    DMA1_STREAM0 => serial::Interrupt<USART1>;
+    DMA1_STREAM1 => serial::Interrupt<USART1>;
+    UART5 => serial::Interrupt<UART5>;
+    DMA1_STREAM2 => serial::Interrupt<UART5>;
+});
+
+// Large values are made where they stay: moved, they would go over the stack.
+static PORTS: StaticCell<Ports> = StaticCell::new();
+static SHARED: StaticCell<Shared<'static>> = StaticCell::new();
+static MOTORS: ConstStaticCell<Motors> = ConstStaticCell::new(Motors::new());
+static MOTOR_BUSES: [StaticCell<MotorBus<'static>>; BUSES] = [const { StaticCell::new() }; BUSES];
+
+/// Runs the buses. It borrows the interrupt of a peripheral that the board does not use.
+static CONTROL: InterruptExecutor = InterruptExecutor::new();
+
+#[interrupt]
+unsafe fn UART9() {
+    // SAFETY: this is the interrupt that `CONTROL` is started with, and its only caller.
+    unsafe { CONTROL.on_interrupt() }
+}
+
+#[embassy_executor::main]
+async fn main(spawner: Spawner) {
+    if let Err(why) = start(spawner, robot::begin()) {
+        why.tell();
+    }
+}
+
+// Not inlined, so that its stack is free again when the tasks run.
+#[inline(never)]
+fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
+    let shared = &*SHARED.init_with(|| Shared::new(PORTS.init_with(Ports::new)));
+    robot::check_crystal(&shared.switch);
+    let places = MOTOR_BUSES.each_ref();
+    let mut motors = places.map(|place| place.init_with(|| MotorBus::new(&shared.switch)));
+    MOTORS.take().attach(&mut motors.each_mut().map(|bus| &mut **bus), &mut [])?;
+
+    interrupt::UART9.set_priority(Priority::P6);
+    let ports = [Bus::start(board.bus_1), Bus::start(board.bus_2), Bus::start(board.bus_3)];
+    let started = Instant::now();
+    CONTROL.start(interrupt::UART9).spawn(buses(ports, motors, shared)?);
+    supervisor::start(board.supervisor, Irqs, Priority::P3);
+
+    let (ring, text) = (dma_buffer!(u8; 64), &SerialConfig::new(115_200));
+    let buffer = dma_buffer!(u8; 256);
+    let text = Serial::start(board.text, Irqs, text, ring, buffer, Priority::P7)?;
+    spawner.spawn(log(shared, text, started)?);
+    spawner.spawn(drive(shared, board.watchdog)?);
+    let Some(settings) = RECEIVER.serial() else { return Ok(()) };
+    let (config, ring) = (robot::receiver(settings), dma_buffer!(u8; 1024));
+    let port = SerialReceiver::start(board.remote, Irqs, &config, ring, Priority::P7)?;
+    spawner.spawn(listen(shared, port)?);
+    Ok(())
+}
+
+#[embassy_executor::task]
+fn buses(
+    ports: [FdcanPort; BUSES],
+    motors: [&'static mut MotorBus<'static>; BUSES],
+    shared: &'static Shared<'static>,
+) -> impl Future<Output = ()> {
+    let ([a, b, c], [d, e, f], [g, h, i]) = (ports, motors, shared.ports.buses.each_ref());
+    run_buses([runner(a, d, g), runner(b, e, h), runner(c, f, i)])
+}
+
+#[embassy_executor::task]
+async fn drive(shared: &'static Shared<'static>, watchdog: Peri<'static, IWDG1>) {
+    join(task::run(shared), robot::watch(watchdog, shared.ports)).await.0
+}
+
+#[embassy_executor::task]
+async fn log(shared: &'static Shared<'static>, port: Serial, quiet: Instant) {
+    join(status::run(shared, []), robot::log(shared, port, quiet)).await.0
+}
+
+#[embassy_executor::task]
+async fn listen(shared: &'static Shared<'static>, port: SerialReceiver) -> ! {
+    remote::listen(shared, RECEIVER, port).await
+}

@@ -1,0 +1,103 @@
+//! The firmware of `examples/omni`: motors of three vendors on three buses, and a remote control.
+
+use omni::{Motors, Name, Ports, Shared, simulation};
+use rc10_can::Micros;
+use rc10_cli::emulate::{Emulation, Setup};
+use rc10_cli::recording::Recording;
+use rc10_emu::Figures;
+use rc10_motor::{Link, Names};
+
+use super::{is_clean, keeps_its_period, log, program, setup};
+
+/// Runs it with faults for a time, in milliseconds.
+fn record(faults: &[&str], length: u64, judge: impl FnOnce(&mut Emulation<'_>, Recording)) {
+    let ports = Ports::new();
+    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    let setup: Setup = setup(faults);
+    let emulation = Emulation::new(&program("omni-firmware"), robot, &setup).unwrap();
+    let (mut emulation, recording) = emulation.record(Micros::from_millis(length)).unwrap();
+    judge(&mut emulation, recording);
+}
+
+/// The largest current of a motor in some milliseconds, A.
+fn current(recording: &Recording, name: Name, millis: std::ops::Range<usize>) -> f64 {
+    let samples = &recording.motors[name.index()].samples[millis.start / 10..millis.end / 10];
+    samples.iter().map(|sample| sample.current.abs()).fold(0.0, f64::max)
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn it_drives_by_its_remote_and_keeps_its_period() {
+    record(&[], 3600, |emulation, recording| {
+        let figures = Figures::of(&emulation.rig);
+        keeps_its_period(&figures);
+        is_clean(&emulation.rig, &figures);
+        let rpm =
+            |name: Name, millis: usize| recording.motors[name.index()].samples[millis / 10 - 1].rpm;
+        // 1 m/s forward: cos 45 degrees of that at each wheel of 76 mm.
+        for (name, way) in omni::table::WHEELS.into_iter().zip([-1.0, -1.0, 1.0, 1.0]) {
+            let speed = rpm(name, 950);
+            assert!((speed - way * 88.85).abs() < 4.0, "{name:?}: {speed}");
+        }
+        let arm = recording.motors[Name::Arm.index()].samples[259].measured;
+        assert!((arm - 72.0).abs() < 5.0, "0.8 s at 90 degrees per second: {arm}");
+        let flywheel = rpm(Name::Flywheel, 3550);
+        assert!((flywheel - 1500.0).abs() < 30.0, "{flywheel}");
+        let log = log(emulation);
+        assert!(log.lines().last().unwrap().contains("armed, 7 of 7 motors online;"), "{log}");
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_bus_that_is_cut_costs_its_motors_only_and_they_return() {
+    record(&["cut:1@0.5s..0.6s"], 1200, |emulation, recording| {
+        for name in Name::ALL {
+            let last = &recording.motors[name.index()].last;
+            let lost = u32::from(name.slot().on.bus() == Some(1));
+            assert_eq!((last.counters.lost, last.link), (lost, Link::Online), "{name:?}");
+        }
+        keeps_its_period(&Figures::of(&emulation.rig));
+        // Driven before, and again afterwards.
+        for millis in [400..500, 800..1000] {
+            assert!(current(&recording, Name::FrontLeft, millis) > 0.1);
+        }
+        assert!(log(emulation).lines().last().unwrap().contains("7 of 7 motors online"));
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_panic_leaves_every_motor_without_torque_until_it_is_armed_again() {
+    // While all turn.
+    record(&["panic@3s"], 3600, |emulation, recording| {
+        let restarts = emulation.rig.machine.restarts();
+        assert_eq!(restarts.len(), 1, "{restarts:?}");
+        for name in Name::ALL {
+            assert!(current(&recording, *name, 2700..3000) > 0.01, "{name:?} is driven before");
+            // The switch that arms has not been moved since: not before the end.
+            let after = current(&recording, *name, 3030..3600);
+            assert!(after < 0.05, "{name:?}: {after} A");
+        }
+        let log = log(emulation);
+        assert!(log.contains("the last run ended in a crash: Panic"), "{log}");
+        assert!(log.lines().last().unwrap().contains("disarmed, 7 of 7 motors online;"), "{log}");
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_lost_remote_stops_everything_and_disarms() {
+    record(&["remote-lost@0.6s..1.8s"], 2100, |emulation, recording| {
+        let [loss] = recording.remote.as_ref().unwrap().losses[..] else { panic!("one loss") };
+        let reaction = loss.reaction().unwrap();
+        println!("all coast {reaction} after the last good frame");
+        assert!(reaction <= Micros::from_millis(120), "{reaction}");
+        let disarmed = loss.disarmed.unwrap().since(loss.last_frame.unwrap());
+        assert!((1000..=1030).contains(&(disarmed.get() / 1000)), "{disarmed}");
+        let log = log(emulation);
+        assert!(log.contains("suspended, 7 of 7 motors online, remote missing"), "{log}");
+        assert!(log.lines().last().unwrap().contains("disarmed, 7 of 7 motors online"), "{log}");
+    });
+}
