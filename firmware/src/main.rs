@@ -90,19 +90,18 @@ async fn main(spawner: Spawner) {
 // Not inlined, and so neither are the parts of it: one after another they use the same stack.
 #[inline(never)]
 fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
-    let shared = SHARED.init_with(|| Shared::new(PORTS.init_with(Ports::new)));
+    let shared = SHARED.init_with(|| Shared::new(robot::ports(&PORTS)));
     shared.common.bus_cycles = Some(&TICKS);
     let shared = &*shared;
     robot::check_crystal(&shared.switch);
-    let places = MOTOR_BUSES.each_ref();
-    let mut motors = places.map(|place| place.init_with(|| MotorBus::new(&shared.switch)));
+    let mut motors = robot::buses(&MOTOR_BUSES, &shared.switch);
     MOTORS.take().attach(&mut motors.each_mut().map(|bus| &mut **bus), &mut [])?;
 
     interrupt::UART9.set_priority(Priority::P6);
     let control = CONTROL.start(interrupt::UART9);
     let ports = [Bus::start(board.bus_1), Bus::start(board.bus_2), Bus::start(board.bus_3)];
     let started = Instant::now();
-    control.spawn(tasks::buses(ports, motors, shared.ports.buses.each_ref())?);
+    control.spawn(robot::three_buses(ports, motors, &shared.ports.buses)?);
     supervisor::start(board.supervisor, Irqs, Priority::P3);
 
     spawner.spawn(tasks::ten_milliseconds(shared, board.watchdog)?);

@@ -15,10 +15,12 @@ use rc10_bsp::crash;
 use rc10_bsp::serial::{BaudError, Parity, Serial, SerialConfig, StopBits};
 use rc10_bsp::watchdog::Watchdog;
 use rc10_module::remote::{self, SerialSettings};
-use rc10_motor::embassy::{BusPort, Ports, Runner};
+use rc10_motor::embassy::{BusPort, Ports, Rs485Port, Runner, run_buses, run_rs485};
 use rc10_motor::rc10_app::ConfigError;
+use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, MotorBus, Names, SetupError, TxBatch, Unfit};
 use rc10_tasks::{Common, TickWatch};
+use static_cell::StaticCell;
 
 use crate::board::{Board, REMOTE_HAS_INVERTER};
 
@@ -32,7 +34,7 @@ const FEED: Duration = Duration::from_millis(10);
 const LINE: usize = 512;
 
 /// A bus that ticks every millisecond.
-pub type BusRunner = Runner<'static, 'static, FdcanPort, &'static mut MotorBus<'static>>;
+type BusRunner = Runner<'static, 'static, FdcanPort, &'static mut MotorBus<'static>>;
 
 /// The chip with its clocks, and its board; the log says how the last run ended.
 #[must_use]
@@ -53,12 +55,56 @@ pub fn check_crystal(switch: &ArmSwitch) {
     }
 }
 
+/// An executor on an interrupt, which is that of a peripheral that the board does not use.
+#[macro_export]
+macro_rules! executor {
+    ($(#[$meta:meta])* $EXECUTOR:ident on $INTERRUPT:ident) => {
+        $(#[$meta])*
+        static $EXECUTOR: embassy_executor::InterruptExecutor =
+            embassy_executor::InterruptExecutor::new();
+
+        #[embassy_stm32::interrupt]
+        unsafe fn $INTERRUPT() {
+            // SAFETY: this is the interrupt that the executor is started with, and its only caller.
+            unsafe { $EXECUTOR.on_interrupt() }
+        }
+    };
+}
+
+/// The ports of buses and lines, made where they stay: all at once they would take 10 KiB of stack on
+/// their way.
+pub fn ports<N: Names, const BUSES: usize, const LINES: usize>(
+    place: &'static StaticCell<Ports<N, BUSES, LINES>>,
+) -> &'static Ports<N, BUSES, LINES> {
+    // For the check of the numbers that this does.
+    let _: fn() -> Ports<N, BUSES, LINES> = Ports::new;
+    let place = place.uninit();
+    let ports = place.as_mut_ptr();
+    for bus in 0..BUSES {
+        // SAFETY: the place is there, nothing else refers to it, and each element is written once.
+        unsafe { (&raw mut (*ports).buses[bus]).write(const { BusPort::new() }) };
+    }
+    for line in 0..LINES {
+        // SAFETY: as above.
+        unsafe { (&raw mut (*ports).lines[line]).write(const { Rs485Port::new() }) };
+    }
+    // SAFETY: all buses and lines have been written, and there is nothing else in it.
+    unsafe { place.assume_init_ref() }
+}
+
+/// Buses without motors, where they stay.
+pub fn buses<const BUSES: usize>(
+    places: &'static [StaticCell<MotorBus<'static>>; BUSES],
+    switch: &'static ArmSwitch,
+) -> [&'static mut MotorBus<'static>; BUSES] {
+    places.each_ref().map(|place| place.init_with(|| MotorBus::new(switch)))
+}
+
 /// A bus with its motors. The frames that make them safe are stored before the first tick.
 ///
 /// # Panics
 /// If there are more of those than a crash can send.
-#[must_use]
-pub fn runner(
+fn runner(
     mut can: FdcanPort,
     motors: &'static mut MotorBus<'static>,
     shared: &'static BusPort,
@@ -69,6 +115,41 @@ pub fn runner(
         panic!("a bus has more motors than its coast image holds");
     }
     Runner::new(can, motors, shared, rc10_message::now())
+}
+
+/// Three buses: frames in, motors, frames out, every millisecond.
+///
+/// One task, because setting a timer walks past those of all tasks. Not an `async fn`: that
+/// keeps a second copy of its arguments, 2 KiB a bus.
+#[embassy_executor::task]
+pub fn three_buses(
+    ports: [FdcanPort; 3],
+    motors: [&'static mut MotorBus<'static>; 3],
+    shared: &'static [BusPort; 3],
+) -> impl Future<Output = ()> {
+    let ([a, b, c], [d, e, f], [g, h, i]) = (ports, motors, shared.each_ref());
+    run_buses([runner(a, d, g), runner(b, e, h), runner(c, f, i)])
+}
+
+/// The same of two.
+#[embassy_executor::task]
+pub fn two_buses(
+    ports: [FdcanPort; 2],
+    motors: [&'static mut MotorBus<'static>; 2],
+    shared: &'static [BusPort; 2],
+) -> impl Future<Output = ()> {
+    let ([a, b], [c, d], [e, f]) = (ports, motors, shared.each_ref());
+    run_buses([runner(a, c, e), runner(b, d, f)])
+}
+
+/// An RS-485 line.
+#[embassy_executor::task]
+pub fn line(
+    port: Serial,
+    motors: &'static mut Rs485Bus<'static>,
+    shared: &'static Rs485Port,
+) -> impl Future<Output = ()> {
+    run_rs485(port, motors, shared)
 }
 
 /// Settings of the UART for a receiver at the board's pin.

@@ -5,15 +5,12 @@ use embassy_stm32::Peri;
 use embassy_stm32::peripherals::IWDG1;
 use embassy_time::Instant;
 use rc10_bsp::TIMER_CLOCK;
-use rc10_bsp::can::FdcanPort;
 use rc10_bsp::pulse_input::PulseInput;
 use rc10_bsp::pulse_output::PulseOutput;
 use rc10_bsp::serial::{Serial, SerialReceiver};
-use rc10_firmware::robot::{self, runner};
+use rc10_firmware::robot;
 use rc10_module::led::ws2812::{PulseTiming, Pulses, Strip};
-use rc10_motor::MotorBus;
-use rc10_motor::embassy::{BusPort, run_buses};
-use rc10_robot::table::{BUSES, LED_BRIGHTNESS, LEDS, RECEIVER};
+use rc10_robot::table::{LED_BRIGHTNESS, LEDS, RECEIVER};
 use rc10_robot::{Shared, chassis, driver, imu, mechanisms};
 use rc10_tasks::{remote, status, status_led};
 
@@ -22,21 +19,6 @@ pub const STRIP: PulseTiming = match PulseTiming::new(TIMER_CLOCK.0) {
     Ok(timing) => timing,
     Err(_) => panic!("the timer's clock hits no pulse width of a WS2812"),
 };
-
-/// The buses: frames in, motors, frames out, every millisecond. The frames that make their motors
-/// safe are stored before the first tick.
-///
-/// One task, because setting a timer walks past those of all tasks. Not an `async fn`: that
-/// keeps a second copy of its arguments, 2 KiB a bus.
-#[embassy_executor::task]
-pub fn buses(
-    ports: [FdcanPort; BUSES],
-    motors: [&'static mut MotorBus<'static>; BUSES],
-    shared: [&'static BusPort; BUSES],
-) -> impl Future<Output = ()> {
-    let ([a, b, c], [d, e, f], [g, h, i]) = (ports, motors, shared);
-    run_buses([runner(a, d, g), runner(b, e, h), runner(c, f, i)])
-}
 
 /// The base.
 #[embassy_executor::task]

@@ -330,7 +330,7 @@ fn faults_of_the_line_are_counted_and_stay_there() {
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn a_listener_on_the_line_counts_as_the_chip_does() {
     give(&setup(&["noise:L1@0.25s", "power:L1@0.3s..0.31s"]), |emulation| {
-        let (mut emulation, recording) = emulation.record(Micros::new(504_500)).unwrap();
+        let (mut emulation, recording) = emulation.record(Micros::new(505_500)).unwrap();
         let log = log(&mut emulation);
         let traffic = recording.lines[0].traffic;
         // The log's line is of 0.5 ms before the end: half a round.

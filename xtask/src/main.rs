@@ -7,6 +7,7 @@ mod count;
 mod emulate;
 mod firmware;
 mod fuzz;
+mod scaffold;
 mod setup;
 mod size;
 
@@ -22,6 +23,7 @@ cargo xtask emulate   the firmware on an emulated chip: every scenario, against 
 cargo xtask phases  the least and the most of what faults cost, over fifty phases
 cargo xtask size    flash and RAM of the firmware, against their budgets
 cargo xtask count   instructions of the control loop and of every codec, against their budgets
+cargo xtask scaffold   lines that the examples cost beside table, kinematics and tasks
 cargo xtask fuzz [seconds] [target ..]   throws bytes at every decoder, 60 s each; needs nightly";
 
 fn main() -> ExitCode {
@@ -39,6 +41,7 @@ fn main() -> ExitCode {
             println!("{}", elf.display());
             Ok(())
         },
+        Some("scaffold") => scaffold::run,
         Some("emulate") => || {
             let firmware = firmware::build()?;
             firmware::build_interop()?;

@@ -2,6 +2,7 @@
 //! the [robot](mixed_robot) itself stands in [`simulation`].
 #![forbid(unsafe_code)]
 
+pub mod plant;
 pub mod simulation;
 
 pub use mixed_robot::{Motors, Name, Ports, Shared, table, task};

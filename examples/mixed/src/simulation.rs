@@ -1,12 +1,13 @@
 //! The robot as the tools see it, and with its tasks in a simulated world.
 
 use rc10_cli::emulate::build_firmware_of;
-use rc10_cli::{Description, Event, Plant, Robot, Script};
+use rc10_cli::{Description, Event, Robot, Script};
 use rc10_motor::Started;
 use rc10_motor::rc10_can::Micros;
 use rc10_tasks::status;
 
-use crate::table::{BUSES, Name, REPLY};
+use crate::plant::plant;
+use crate::table::{BUSES, REPLY};
 use crate::task::{self, ARMED_AT, SCRIPT};
 use crate::{Motors, Shared};
 
@@ -26,17 +27,6 @@ pub fn description() -> Description {
         firmware: Some(|| build_firmware_of("mixed-firmware")),
         ..Description::of(plant)
     }
-}
-
-/// Inertias in kg m² at the output shaft; our estimates.
-fn plant(name: Name) -> Plant {
-    Plant::inertia(match name {
-        Name::Wheel => 0.003,
-        Name::Arm | Name::Hip | Name::Turret => 0.02,
-        Name::Wrist => 0.005,
-        Name::Flywheel => 0.03,
-        _ => 0.01,
-    })
 }
 
 /// The robot with its tasks, before it runs.

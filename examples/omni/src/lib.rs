@@ -2,6 +2,7 @@
 //! [robot](omni_robot) itself stands in [`simulation`].
 #![forbid(unsafe_code)]
 
+pub mod plant;
 pub mod simulation;
 
 pub use omni_robot::{Motors, Name, Ports, Shared, base, table, task};

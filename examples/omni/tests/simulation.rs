@@ -35,7 +35,7 @@ fn it_does_what_the_sticks_say() {
     assert!((arm - 72.0).abs() < 3.0, "0.8 s at 90 degrees per second: {arm}");
     let turret = [3000, 3600].map(|millis| sample(Name::Turret, millis).measured);
     let turned = (turret[0] - turret[1]).rem_euclid(360.0);
-    assert!((turned - 54.0).abs() < 3.0, "0.6 s at half of 180 degrees per second: {turned}");
+    assert!((turned - 54.0).abs() < 5.0, "0.6 s at half of 180 degrees per second: {turned}");
     let flywheel = sample(Name::Flywheel, 3900).rpm;
     assert!((flywheel - 1500.0).abs() < 15.0, "{flywheel}");
     assert!(run.motors.iter().all(|track| track.last.link == Link::Online));

@@ -6,21 +6,20 @@
 #![no_main]
 
 use defmt_rtt as _;
-use embassy_executor::{InterruptExecutor, Spawner};
-use embassy_futures::join::join;
+use embassy_executor::Spawner;
+use embassy_futures::join::{join, join3};
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::peripherals::{IWDG1, UART5, USART1};
 use embassy_stm32::{Peri, bind_interrupts, interrupt};
 use embassy_time::Instant;
 use omni_robot::table::{BUSES, RECEIVER};
 use omni_robot::{Motors, Ports, Shared, task};
-use rc10_bsp::can::{Bus, FdcanPort};
+use rc10_bsp::can::Bus;
 use rc10_bsp::serial::{self, Serial, SerialConfig, SerialReceiver};
 use rc10_bsp::{dma_buffer, supervisor};
 use rc10_firmware::board::Board;
-use rc10_firmware::robot::{self, Unstartable, runner};
+use rc10_firmware::robot::{self, Unstartable};
 use rc10_motor::MotorBus;
-use rc10_motor::embassy::run_buses;
 use rc10_tasks::{remote, status};
 use static_cell::{ConstStaticCell, StaticCell};
 
@@ -41,13 +40,9 @@ static SHARED: StaticCell<Shared<'static>> = StaticCell::new();
 static MOTORS: ConstStaticCell<Motors> = ConstStaticCell::new(Motors::new());
 static MOTOR_BUSES: [StaticCell<MotorBus<'static>>; BUSES] = [const { StaticCell::new() }; BUSES];
 
-/// Runs the buses. It borrows the interrupt of a peripheral that the board does not use.
-static CONTROL: InterruptExecutor = InterruptExecutor::new();
-
-#[interrupt]
-unsafe fn UART9() {
-    // SAFETY: this is the interrupt that `CONTROL` is started with, and its only caller.
-    unsafe { CONTROL.on_interrupt() }
+rc10_firmware::executor! {
+    /// Runs the buses.
+    CONTROL on UART9
 }
 
 #[embassy_executor::main]
@@ -60,23 +55,21 @@ async fn main(spawner: Spawner) {
 // Not inlined, so that its stack is free again when the tasks run.
 #[inline(never)]
 fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
-    let shared = &*SHARED.init_with(|| Shared::new(PORTS.init_with(Ports::new)));
+    let shared = &*SHARED.init_with(|| Shared::new(robot::ports(&PORTS)));
     robot::check_crystal(&shared.switch);
-    let places = MOTOR_BUSES.each_ref();
-    let mut motors = places.map(|place| place.init_with(|| MotorBus::new(&shared.switch)));
+    let mut motors = robot::buses(&MOTOR_BUSES, &shared.switch);
     MOTORS.take().attach(&mut motors.each_mut().map(|bus| &mut **bus), &mut [])?;
 
     interrupt::UART9.set_priority(Priority::P6);
     let ports = [Bus::start(board.bus_1), Bus::start(board.bus_2), Bus::start(board.bus_3)];
     let started = Instant::now();
-    CONTROL.start(interrupt::UART9).spawn(buses(ports, motors, shared)?);
+    CONTROL.start(interrupt::UART9).spawn(robot::three_buses(ports, motors, &shared.ports.buses)?);
     supervisor::start(board.supervisor, Irqs, Priority::P3);
 
     let (ring, text) = (dma_buffer!(u8; 64), &SerialConfig::new(115_200));
     let buffer = dma_buffer!(u8; 256);
     let text = Serial::start(board.text, Irqs, text, ring, buffer, Priority::P7)?;
-    spawner.spawn(log(shared, text, started)?);
-    spawner.spawn(drive(shared, board.watchdog)?);
+    spawner.spawn(others(shared, board.watchdog, text, started)?);
     let Some(settings) = RECEIVER.serial() else { return Ok(()) };
     let (config, ring) = (robot::receiver(settings), dma_buffer!(u8; 1024));
     let port = SerialReceiver::start(board.remote, Irqs, &config, ring, Priority::P7)?;
@@ -85,23 +78,15 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
 }
 
 #[embassy_executor::task]
-fn buses(
-    ports: [FdcanPort; BUSES],
-    motors: [&'static mut MotorBus<'static>; BUSES],
+async fn others(
     shared: &'static Shared<'static>,
-) -> impl Future<Output = ()> {
-    let ([a, b, c], [d, e, f], [g, h, i]) = (ports, motors, shared.ports.buses.each_ref());
-    run_buses([runner(a, d, g), runner(b, e, h), runner(c, f, i)])
-}
-
-#[embassy_executor::task]
-async fn drive(shared: &'static Shared<'static>, watchdog: Peri<'static, IWDG1>) {
-    join(task::run(shared), robot::watch(watchdog, shared.ports)).await.0
-}
-
-#[embassy_executor::task]
-async fn log(shared: &'static Shared<'static>, port: Serial, quiet: Instant) {
-    join(status::run(shared, []), robot::log(shared, port, quiet)).await.0
+    watchdog: Peri<'static, IWDG1>,
+    text: Serial,
+    quiet: Instant,
+) {
+    let watch = robot::watch(watchdog, shared.ports);
+    let tell = join(status::run(shared, []), robot::log(shared, text, quiet));
+    join3(task::run(shared), watch, tell).await.0
 }
 
 #[embassy_executor::task]

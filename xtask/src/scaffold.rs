@@ -1,0 +1,38 @@
+//! Lines that a robot costs beside its table, its kinematics and its tasks.
+
+use std::fs;
+
+use anyhow::{Context, Result, ensure};
+
+use crate::cargo::root;
+
+/// Files that are not the robot's own matter, and what they hold.
+const FILES: [(&str, &str); 6] = [
+    ("robot/src/lib.rs", "types"),
+    ("src/lib.rs", "modules"),
+    ("src/main.rs", "command line"),
+    ("src/simulation.rs", "description, tasks in simulation"),
+    ("firmware/src/main.rs", "firmware"),
+    ("firmware/build.rs", "memory map"),
+];
+
+/// The most of them.
+const MOST: usize = 150;
+
+/// Counts the lines of each example that are neither empty nor comments; too many are an error.
+pub fn run() -> Result<()> {
+    for example in ["mixed", "omni"] {
+        let mut sum = 0;
+        for (file, what) in FILES {
+            let path = root().join("examples").join(example).join(file);
+            let text = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+            let lines = text.lines().map(str::trim);
+            let count = lines.filter(|line| !line.is_empty() && !line.starts_with("//")).count();
+            println!("{example:5}  {count:4}  {file} ({what})");
+            sum += count;
+        }
+        println!("{example:5}  {sum:4}  in all, at most {MOST}");
+        ensure!(sum <= MOST, "examples/{example} has more than {MOST} lines beside its own matter");
+    }
+    Ok(())
+}
