@@ -39,6 +39,8 @@ struct Known {
     motors: Vec<(&'static str, String, Place)>,
     /// Frames a second of each bus, and percent in tenths.
     loads: Vec<(u32, u32)>,
+    /// Identifiers that are received and sent on each bus.
+    ids: Vec<Vec<String>>,
 }
 
 fn known<N: Names, const MOTORS: usize>(one: usize, other: usize) -> Known {
@@ -71,7 +73,17 @@ fn known<N: Names, const MOTORS: usize>(one: usize, other: usize) -> Known {
         let load = bus.load(1_000_000);
         (load.frames_per_second, (load.typical * 10.0).round() as u32)
     };
-    Known { motors, loads: buses.iter().map(load).collect() }
+    let ids = |bus: &MotorBus<'_>| {
+        let mut all = Vec::new();
+        bus.for_each_can_ids(|ids| {
+            all.extend(ids.received().iter().map(|frames| format!("from {}", frames.pattern)));
+            all.extend(ids.transmitted().iter().map(|frames| format!("to {}", frames.pattern)));
+        });
+        all.sort();
+        all
+    };
+    let loads = buses.iter().map(load).collect();
+    Known { motors, loads, ids: buses.iter().map(ids).collect() }
 }
 
 fn nothing_else_changes<N: Names, const MOTORS: usize>() {

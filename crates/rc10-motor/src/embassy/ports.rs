@@ -8,7 +8,60 @@ use crate::declaration::{Names, Place};
 /// The shared side of a whole robot: a port for each bus and line of its declaration, and its motors
 /// by name.
 ///
-/// Another number of buses or lines than is declared does not compile.
+/// Another number of buses or lines than is declared does not compile; nor does the name of
+/// another robot's motor:
+///
+/// ```compile_fail,E0308
+/// # mod ours {
+/// #     use rc10_motor::dji::{Config, Dji, M3508};
+/// #     rc10_motor::motors! {
+/// #         pub enum Name;
+/// #         pub struct Motors;
+/// #         buses: [100.0];
+/// #         lines: 0;
+/// #         Wheel: Dji = rc10_motor::Entry::new("wheel", rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
+/// #     }
+/// # }
+/// # mod theirs {
+/// #     use rc10_motor::dji::{Config, Dji, M3508};
+/// #     rc10_motor::motors! {
+/// #         pub enum Name;
+/// #         pub struct Motors;
+/// #         buses: [100.0];
+/// #         lines: 0;
+/// #         Lift: Dji = rc10_motor::Entry::new("lift", rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
+/// #     }
+/// # }
+/// static PORTS: rc10_motor::embassy::Ports<ours::Name, 1> = rc10_motor::embassy::Ports::new();
+/// let wheel = PORTS.motor(theirs::Name::Lift);
+/// ```
+///
+/// Its own does:
+///
+/// ```
+/// # mod ours {
+/// #     use rc10_motor::dji::{Config, Dji, M3508};
+/// #     rc10_motor::motors! {
+/// #         pub enum Name;
+/// #         pub struct Motors;
+/// #         buses: [100.0];
+/// #         lines: 0;
+/// #         Wheel: Dji = rc10_motor::Entry::new("wheel", rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
+/// #     }
+/// # }
+/// # mod theirs {
+/// #     use rc10_motor::dji::{Config, Dji, M3508};
+/// #     rc10_motor::motors! {
+/// #         pub enum Name;
+/// #         pub struct Motors;
+/// #         buses: [100.0];
+/// #         lines: 0;
+/// #         Lift: Dji = rc10_motor::Entry::new("lift", rc10_motor::Place::Bus(1), Config::new(&M3508, 1)),
+/// #     }
+/// # }
+/// static PORTS: rc10_motor::embassy::Ports<ours::Name, 1> = rc10_motor::embassy::Ports::new();
+/// let wheel = PORTS.motor(ours::Name::Wheel);
+/// ```
 pub struct Ports<N, const BUSES: usize, const LINES: usize = 0> {
     /// One for each bus; bus 1 is the first.
     pub buses: [BusPort; BUSES],
