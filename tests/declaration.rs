@@ -107,7 +107,14 @@ fn a_wrong_robot_is_refused_when_it_runs() {
 fn a_wrong_robot_does_not_compile_and_the_compiler_says_the_same() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let output = Command::new(env!("CARGO"))
-        .args(["check", "--bins", "--keep-going", "--message-format=json", "--target-dir"])
+        .args([
+            "check",
+            "--locked",
+            "--bins",
+            "--keep-going",
+            "--message-format=json",
+            "--target-dir",
+        ])
         .arg(root.join("target/declaration"))
         .current_dir(root.join("tests/declaration"))
         .env_remove("CARGO_TARGET_DIR")

@@ -38,7 +38,7 @@ struct Known {
     /// Label, model and identifier of the motor that is behind the name's place.
     motors: Vec<(&'static str, String, Place)>,
     /// Frames a second of each bus, and percent in tenths.
-    loads: Vec<(u32, u32)>,
+    loads: Vec<(u32, String)>,
     /// Identifiers that are received and sent on each bus.
     ids: Vec<Vec<String>>,
 }
@@ -71,7 +71,7 @@ fn known<N: Names, const MOTORS: usize>(one: usize, other: usize) -> Known {
     motors.sort_by_key(|motor| motor.0);
     let load = |bus: &MotorBus<'_>| {
         let load = bus.load(1_000_000);
-        (load.frames_per_second, (load.typical * 10.0).round() as u32)
+        (load.frames_per_second, format!("{:.1}", load.typical))
     };
     let ids = |bus: &MotorBus<'_>| {
         let mut all = Vec::new();

@@ -17,6 +17,7 @@ pub struct Made {
     safety: Safety,
 }
 
+#[allow(clippy::large_enum_variant, reason = "a test's")]
 enum Either {
     Can(Box<dyn CanMotor>),
     Line(GoM8010),

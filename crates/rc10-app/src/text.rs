@@ -118,6 +118,7 @@ impl Text {
         }
         let mut text = self;
         while digits > 0 {
+            #[expect(clippy::cast_possible_truncation, reason = "below 16")]
             let digit = (number / scale % base) as usize;
             text = text.push(DIGITS.split_at(digit).1.split_at(1).0);
             (scale, digits) = (scale / base, digits - 1);
@@ -157,6 +158,7 @@ mod tests {
     use super::*;
 
     #[test]
+    #[expect(clippy::float_cmp, reason = "the very same number")]
     fn numbers_read_back_as_the_same_in_few_digits() {
         for (number, text) in [
             (0.0, "0"),

@@ -54,10 +54,13 @@ pub struct Plant {
 /// A simulated twin of a device on CAN that this crate does not know, and the messages in its frames.
 #[derive(Clone)]
 pub struct OwnTwin {
-    twin: Rc<dyn Fn(&rc10_sim::Bus, f64) -> Result<Esc>>,
+    twin: Rc<Twin>,
     messages: Rc<[Message]>,
     not_in_dbc: &'static [&'static str],
 }
+
+/// Puts a twin on a wire, with an inertia on its shaft.
+type Twin = dyn Fn(&rc10_sim::Bus, f64) -> Result<Esc>;
 
 impl Plant {
     /// Nothing but an inertia, kg m².

@@ -20,6 +20,7 @@ fn run(fault: Option<&str>, millis: u64) -> Recording {
 fn it_does_what_the_sticks_say() {
     let run = run(None, 4000);
     let sample = |name: Name, millis: usize| run.motors[name.index()].samples[millis / 10 - 1];
+    #[expect(clippy::cast_possible_truncation, reason = "a speed")]
     let motion = |millis| {
         let rpm = |name| rc10_motor::rc10_app::Rpm::new(sample(name, millis).rpm as f32);
         base::motion(omni::table::WHEELS.map(rpm))

@@ -83,7 +83,7 @@ pub fn mf9025_multi_motor(direction: Direction) -> Result<(), Report> {
             let config = Config::new(MF9025, id, cascade)
                 .with_commands(Commands::MultiMotor)
                 .with_direction(direction);
-            Lk::new(Config { id: id, ..config }).unwrap()
+            Lk::new(Config { id, ..config }).unwrap()
         },
         |wire, id| {
             let settings = Settings { multi_motor: true, ..Settings::mf(id) };

@@ -28,7 +28,7 @@ fn odrive(control: Control, declared: Declaration, direction: Direction) -> Resu
         .with_limits(Limits { speed: Rpm::new(300.0), current: Amps::new(18.1) });
     check(
         &Declaration { direction, ..declared },
-        |node| ODrive::new(Config { node: node, ..config }).unwrap(),
+        |node| ODrive::new(Config { node, ..config }).unwrap(),
         |wire, node| {
             let settings = Settings {
                 heartbeat_every: rc10_can::Micros::from_millis(10),

@@ -23,8 +23,6 @@ pub struct SetupError {
     pub label: &'static str,
     /// Where it is plugged in.
     pub on: Place,
-    /// Label of the motor that is in its way, if there is one.
-    pub with: Option<&'static str>,
     /// What is wrong.
     pub why: Unsound,
 }
@@ -36,7 +34,12 @@ pub enum Unsound {
     /// A number in its configuration cannot be used.
     Config(ConfigError),
     /// It cannot be attached.
-    Attach(AttachError),
+    Attach {
+        /// Why not.
+        error: AttachError,
+        /// Label of the motor that is in its way, if there is one.
+        with: Option<&'static str>,
+    },
     /// Another motor has its label.
     SameLabel,
     /// There is no such bus or line.
@@ -66,21 +69,21 @@ pub enum Unsound {
 impl SetupError {
     pub(super) const fn new(slot: Option<&Slot>, why: Unsound) -> Self {
         match slot {
-            Some(&Slot { label, on, .. }) => Self { label, on, with: None, why },
-            None => Self { label: "", on: Place::Bus(0), with: None, why },
+            Some(&Slot { label, on, .. }) => Self { label, on, why },
+            None => Self { label: "", on: Place::Bus(0), why },
         }
     }
 
     /// What it says: for a `const`, which cannot use [`Display`](fmt::Display).
     #[must_use]
     pub const fn text(&self) -> Text {
-        let Self { label, on, with, ref why } = *self;
+        let Self { label, on, ref why } = *self;
         let text = Text::new().push("`").push(label).push("` on ");
         let (sort, number) = sort_and_number(on);
         let text = text.push(sort).push(" ").push_number(number as u64).push(": ");
         match why {
             Unsound::Config(error) => error.add_to(text),
-            Unsound::Attach(error) => error.add_to(text, with),
+            Unsound::Attach { error, with } => error.add_to(text, *with),
             Unsound::SameLabel => text.push("another motor has this label: give it its own"),
             Unsound::NoSuchPlace => text.push("the robot has no such ").push(sort),
             Unsound::NotOnLine(name) => name.add_to(text).push(" has CAN only: plug it into a bus"),
@@ -95,15 +98,20 @@ impl SetupError {
                 .push(": have it send fewer kinds of frames, or plug it in elsewhere"),
             Unsound::Overload { typical, most } => text
                 .push("with it the motors of the bus need ")
-                .push_number((*typical + 0.5) as u64)
+                .push_number(whole(*typical + 0.5))
                 .push(" % of it typically, more than ")
-                .push_number(*most as u64)
+                .push_number(whole(*most))
                 .push(" %: set some to send feedback less often, or plug some in elsewhere"),
             Unsound::OtherPlaces => {
                 text.push("the buses and lines are not those of the declaration, or not empty")
             }
         }
     }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "percent, for people")]
+const fn whole(percent: f32) -> u64 {
+    percent as u64
 }
 
 const fn sort_and_number(on: Place) -> (&'static str, u8) {
@@ -124,7 +132,7 @@ impl core::error::Error for SetupError {}
 
 impl From<AttachError> for Unsound {
     fn from(error: AttachError) -> Self {
-        Self::Attach(error)
+        Self::Attach { error, with: None }
     }
 }
 
@@ -139,8 +147,8 @@ pub const fn check(entries: &[Entry<Device>], buses: &[f32], lines: u8) -> Resul
     while at < entries.len() {
         let (earlier, rest) = entries.split_at(at);
         let &Entry { label, on, .. } = &rest[0];
-        if let Err((with, why)) = check_entry(&rest[0], earlier, buses, lines) {
-            return Err(SetupError { label, on, with, why });
+        if let Err(why) = check_entry(&rest[0], earlier, buses, lines) {
+            return Err(SetupError { label, on, why });
         }
         at += 1;
     }
@@ -158,20 +166,17 @@ pub const fn assert_sound(entries: &[Entry<Device>], buses: &[f32], lines: u8) {
     }
 }
 
-/// What is wrong, with the label of the motor that is in the way.
-type Found = (Option<&'static str>, Unsound);
-
 /// A line of a declaration, after those that stand before it.
 const fn check_entry(
     entry: &Entry<Device>,
     earlier: &[Entry<Device>],
     buses: &[f32],
     lines: u8,
-) -> Result<(), Found> {
+) -> Result<(), Unsound> {
     let mut at = 0;
     while at < earlier.len() {
         if is_same(entry.label, earlier[at].label) {
-            return Err((None, Unsound::SameLabel));
+            return Err(Unsound::SameLabel);
         }
         at += 1;
     }
@@ -180,16 +185,16 @@ const fn check_entry(
         Place::Line(number) => (number as usize, lines as usize),
     };
     if number == 0 || number > last {
-        return Err((None, Unsound::NoSuchPlace));
+        return Err(Unsound::NoSuchPlace);
     }
     if let Err(error) = entry.config.validate() {
-        return Err((None, Unsound::Config(error)));
+        return Err(Unsound::Config(error));
     }
     match (entry.on, entry.config.wiring()) {
         (Place::Bus(_), Wiring::Can(ids)) => check_on_bus(entry, &ids, earlier, buses[number - 1]),
         (Place::Line(_), Wiring::Line(address)) => check_on_line(entry, address, earlier),
-        (Place::Bus(_), Wiring::Line(_)) => Err((None, Unsound::NotOnBus(entry.config.name()))),
-        (Place::Line(_), Wiring::Can(_)) => Err((None, Unsound::NotOnLine(entry.config.name()))),
+        (Place::Bus(_), Wiring::Line(_)) => Err(Unsound::NotOnBus(entry.config.name())),
+        (Place::Line(_), Wiring::Can(_)) => Err(Unsound::NotOnLine(entry.config.name())),
     }
 }
 
@@ -199,7 +204,7 @@ const fn check_on_bus(
     ids: &CanIds,
     earlier: &[Entry<Device>],
     most: f32,
-) -> Result<(), Found> {
+) -> Result<(), Unsound> {
     let motor = entry.config.name();
     if !ids.is_complete() {
         return attach_error(AttachError::TooManyIds { motor });
@@ -232,15 +237,15 @@ const fn check_on_bus(
     let [standard, extended] = room.filters;
     if standard > STANDARD_FILTERS {
         let (needed, room) = (standard, STANDARD_FILTERS);
-        return Err((None, Unsound::Filters { needed, room }));
+        return Err(Unsound::Filters { needed, room });
     }
     if extended > EXTENDED_FILTERS {
         let (needed, room) = (extended, EXTENDED_FILTERS);
-        return Err((None, Unsound::Filters { needed, room }));
+        return Err(Unsound::Filters { needed, room });
     }
     let typical = load.load.typical;
     if typical > most {
-        return Err((None, Unsound::Overload { typical, most }));
+        return Err(Unsound::Overload { typical, most });
     }
     Ok(())
 }
@@ -250,7 +255,7 @@ const fn check_on_line(
     entry: &Entry<Device>,
     address: u8,
     earlier: &[Entry<Device>],
-) -> Result<(), Found> {
+) -> Result<(), Unsound> {
     let (mut at, mut number) = (0, 0);
     while at < earlier.len() {
         let other = &earlier[at];
@@ -273,11 +278,11 @@ const fn check_on_line(
     Ok(())
 }
 
-const fn attach_error(error: AttachError) -> Result<(), Found> {
-    Err((None, Unsound::Attach(error)))
+const fn attach_error(error: AttachError) -> Result<(), Unsound> {
+    Err(Unsound::Attach { error, with: None })
 }
 
-const fn check_expiry(entry: &Entry<Device>) -> Result<(), Found> {
+const fn check_expiry(entry: &Entry<Device>) -> Result<(), Unsound> {
     if entry.safety.is_valid() {
         return Ok(());
     }
@@ -290,9 +295,10 @@ const fn in_the_way(
     other: &Entry<Device>,
     number: u8,
     clash: Clash,
-) -> Found {
+) -> Unsound {
     let (motor, with, slot) = (entry.config.name(), other.config.name(), MotorId::new(number));
-    (Some(other.label), Unsound::Attach(AttachError::Clash { motor, with, slot, clash }))
+    let error = AttachError::Clash { motor, with, slot, clash };
+    Unsound::Attach { error, with: Some(other.label) }
 }
 
 const fn is_same(one: &str, other: &str) -> bool {

@@ -229,14 +229,15 @@ pub fn place<'m, N: Names, C: Copy, M: Placed>(
     match motor.attach(slot.on, entry.safety, buses, lines) {
         Ok(number) if number == slot.motor => Ok(()),
         Ok(_) => Err(failed(Unsound::OtherPlaces)),
-        Err(why) => {
-            let with = match why {
-                Unsound::Attach(AttachError::Clash { slot: other, .. }) => {
-                    N::SLOTS.iter().find(|it| it.on == slot.on && it.motor == other)
-                }
-                _ => None,
-            };
-            Err(SetupError { with: with.map(|slot| slot.label), ..failed(why) })
+        Err(mut why) => {
+            if let Unsound::Attach { error: AttachError::Clash { slot: other, .. }, with } =
+                &mut why
+            {
+                let mut all = N::SLOTS.iter();
+                let taken = all.find(|it| it.on == slot.on && it.motor == *other);
+                *with = taken.map(|slot| slot.label);
+            }
+            Err(failed(why))
         }
     }
 }

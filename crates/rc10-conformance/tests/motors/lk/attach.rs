@@ -9,7 +9,7 @@ use rc10_motor::{ArmSwitch, AttachError, CanMotor, Clash, MotorBus, Safety, TxBa
 use super::{JOINT, joint, wheel};
 
 fn error(id: u8, config: Config) -> (&'static str, &'static str) {
-    let error = Lk::new(Config { id: id, ..config }).err().unwrap();
+    let error = Lk::new(Config { id, ..config }).err().unwrap();
     (error.field, error.must_be)
 }
 
@@ -70,7 +70,7 @@ fn drives_with_one_identifier_and_other_vendors_on_it_are_refused() {
 fn three_drives_or_four_in_one_frame_fit_beside_a_wheel() {
     let switch = ArmSwitch::new();
     let mut wheel_dji = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
-    let mut motors = [1, 2, 3].map(|id| Lk::new(Config { id: id, ..wheel() }).unwrap());
+    let mut motors = [1, 2, 3].map(|id| Lk::new(Config { id, ..wheel() }).unwrap());
     let mut bus = MotorBus::new(&switch);
     for motor in &mut motors {
         bus.attach(motor, Safety::COAST).unwrap();
@@ -81,7 +81,7 @@ fn three_drives_or_four_in_one_frame_fit_beside_a_wheel() {
     assert_eq!(load.verdict(), Verdict::Tight);
 
     let config = wheel().with_commands(Commands::MultiMotor);
-    let mut motors = [1, 2, 3, 4].map(|id| Lk::new(Config { id: id, ..config }).unwrap());
+    let mut motors = [1, 2, 3, 4].map(|id| Lk::new(Config { id, ..config }).unwrap());
     let mut bus = MotorBus::new(&switch);
     for motor in &mut motors {
         bus.attach(motor, Safety::COAST).unwrap();

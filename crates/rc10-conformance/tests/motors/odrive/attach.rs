@@ -12,7 +12,7 @@ use rc10_motor::{
 use super::{NODE, WHEEL, wheel, with};
 
 fn error(node: u8, config: Config) -> &'static str {
-    ODrive::new(Config { node: node, ..config }).err().unwrap().field
+    ODrive::new(Config { node, ..config }).err().unwrap().field
 }
 
 #[test]
@@ -56,7 +56,7 @@ fn what_cannot_be_is_named() {
 fn nodes_that_lie_on_other_vendors_identifiers_are_refused() {
     let switch = ArmSwitch::new();
     let refused = |node: u8, other: &mut dyn CanMotor| {
-        let mut odrive = ODrive::new(Config { node: node, ..wheel() }).unwrap();
+        let mut odrive = ODrive::new(Config { node, ..wheel() }).unwrap();
         let mut bus = MotorBus::new(&switch);
         bus.attach(other, Safety::COAST).unwrap();
         match bus.attach(&mut odrive, Safety::COAST) {
@@ -108,7 +108,7 @@ fn what_comes_is_declared() {
 fn three_axes_fit_beside_a_wheel() {
     let switch = ArmSwitch::new();
     let mut dji = Dji::new(dji::Config::new(&M3508, 1)).unwrap();
-    let mut axes = [1, 2, 3].map(|node| ODrive::new(Config { node: node, ..wheel() }).unwrap());
+    let mut axes = [1, 2, 3].map(|node| ODrive::new(Config { node, ..wheel() }).unwrap());
     let mut bus = MotorBus::new(&switch);
     for (count, axis) in axes.iter_mut().enumerate() {
         bus.attach(axis, Safety::COAST).unwrap();
