@@ -330,17 +330,17 @@ fn faults_of_the_line_are_counted_and_stay_there() {
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn a_listener_on_the_line_counts_as_the_chip_does() {
     give(&setup(&["noise:L1@0.25s", "power:L1@0.3s..0.31s"]), |emulation| {
-        let (mut emulation, recording) = emulation.record(Micros::new(505_500)).unwrap();
+        let (mut emulation, recording) = emulation.record(Micros::new(505_100)).unwrap();
         let log = log(&mut emulation);
         let traffic = recording.lines[0].traffic;
-        // The log's line is of 0.5 ms before the end: half a round.
+        // What the log's last line tells is 0.1 to 2.1 ms old: up to two rounds.
         let last = log.lines().last().unwrap();
         let number = |what: &str| -> u32 {
             let (before, _) = last.split_once(what).unwrap();
             before.rsplit(' ').next().unwrap().parse().unwrap()
         };
         println!("{} {} {}", traffic.exchanges, traffic.timeouts, traffic.crc_errors);
-        assert!(traffic.exchanges.abs_diff(number(" exchanges")) <= 9, "{last}");
+        assert!(traffic.exchanges.abs_diff(number(" exchanges")) <= 17, "{last}");
         assert_eq!((traffic.timeouts, traffic.crc_errors), (number(" timeouts"), 1), "{last}");
         assert!(traffic.timeouts > 8 && traffic.unexpected == 0);
         assert_eq!((traffic.exchange.min(), traffic.exchange.max()), (Some(102), Some(103)));

@@ -20,6 +20,13 @@ fn record(faults: &[&str], length: u64, judge: impl FnOnce(&mut Emulation<'_>, R
     judge(&mut emulation, recording);
 }
 
+/// The buses that send in every tick; the flywheel is told in every fifth.
+fn is_punctual(emulation: &Emulation<'_>) {
+    let mut figures = Figures::of(&emulation.rig);
+    figures.buses.truncate(2);
+    keeps_its_period(&figures);
+}
+
 /// The largest current of a motor in some milliseconds, A.
 fn current(recording: &Recording, name: Name, millis: std::ops::Range<usize>) -> f64 {
     let samples = &recording.motors[name.index()].samples[millis.start / 10..millis.end / 10];
@@ -30,9 +37,8 @@ fn current(recording: &Recording, name: Name, millis: std::ops::Range<usize>) ->
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn it_drives_by_its_remote_and_keeps_its_period() {
     record(&[], 3600, |emulation, recording| {
-        let figures = Figures::of(&emulation.rig);
-        keeps_its_period(&figures);
-        is_clean(&emulation.rig, &figures);
+        is_clean(&emulation.rig, &Figures::of(&emulation.rig));
+        is_punctual(emulation);
         let rpm =
             |name: Name, millis: usize| recording.motors[name.index()].samples[millis / 10 - 1].rpm;
         // 1 m/s forward: cos 45 degrees of that at each wheel of 76 mm.
@@ -40,8 +46,8 @@ fn it_drives_by_its_remote_and_keeps_its_period() {
             let speed = rpm(name, 950);
             assert!((speed - way * 88.85).abs() < 4.0, "{name:?}: {speed}");
         }
-        let arm = recording.motors[Name::Arm.index()].samples[259].measured;
-        assert!((arm - 72.0).abs() < 5.0, "0.8 s at 90 degrees per second: {arm}");
+        let arm = rpm(Name::Arm, 2400);
+        assert!((arm - 15.0).abs() < 1.0, "90 degrees per second: {arm} rpm");
         let flywheel = rpm(Name::Flywheel, 3550);
         assert!((flywheel - 1500.0).abs() < 30.0, "{flywheel}");
         let log = log(emulation);
@@ -52,18 +58,16 @@ fn it_drives_by_its_remote_and_keeps_its_period() {
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn a_bus_that_is_cut_costs_its_motors_only_and_they_return() {
-    record(&["cut:1@0.5s..0.6s"], 1200, |emulation, recording| {
-        for name in Name::ALL {
-            let last = &recording.motors[name.index()].last;
-            let lost = u32::from(name.slot().on.bus() == Some(1));
-            assert_eq!((last.counters.lost, last.link), (lost, Link::Online), "{name:?}");
-        }
-        keeps_its_period(&Figures::of(&emulation.rig));
+    record(&["cut:1@0.5s..0.65s"], 1200, |emulation, recording| {
+        is_punctual(emulation);
+        assert!(recording.motors.iter().all(|track| track.last.link == Link::Online));
         // Driven before, and again afterwards.
         for millis in [400..500, 800..1000] {
             assert!(current(&recording, Name::FrontLeft, millis) > 0.1);
         }
-        assert!(log(emulation).lines().last().unwrap().contains("7 of 7 motors online"));
+        let log = log(emulation);
+        assert!(log.contains("armed, 3 of 7 motors online;"), "{log}");
+        assert!(log.lines().last().unwrap().contains("armed, 7 of 7 motors online;"), "{log}");
     });
 }
 
@@ -76,8 +80,9 @@ fn a_panic_leaves_every_motor_without_torque_until_it_is_armed_again() {
         assert_eq!(restarts.len(), 1, "{restarts:?}");
         for name in Name::ALL {
             assert!(current(&recording, *name, 2700..3000) > 0.01, "{name:?} is driven before");
-            // The switch that arms has not been moved since: not before the end.
-            let after = current(&recording, *name, 3030..3600);
+            // The switch that arms has not been moved since: not before the end. At first a winding
+            // without voltage brakes a turret that turns.
+            let after = current(&recording, *name, 3200..3600);
             assert!(after < 0.05, "{name:?}: {after} A");
         }
         let log = log(emulation);
