@@ -12,6 +12,7 @@ use crate::firmware::{
     EXAMPLES, build_count_with, build_interop_with, build_package_with, build_selftest_with,
     build_usb_with, build_with,
 };
+use crate::scaffold;
 use crate::setup::{TARGET, chip_toolchain, component, python};
 use crate::{count, emulate, size};
 
@@ -137,6 +138,7 @@ pub fn run() -> Result<()> {
         ["rc10", "mixed", "omni"].into_iter().try_for_each(run).into()
     });
     report.step("two wheels", || two_wheels().into());
+    report.step("scaffold", || scaffold::run().into());
     report.step("docs", || {
         run_command(host("doc --workspace --no-deps").env("RUSTDOCFLAGS", "-Dwarnings")).into()
     });

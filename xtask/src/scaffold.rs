@@ -19,10 +19,12 @@ const FILES: [(&str, &str); 6] = [
 /// The most of them.
 const MOST: usize = 150;
 
-/// Counts the lines of each example that are neither empty nor comments; too many are an error.
+/// Counts the lines of each example that are neither empty nor comments; too many are an error, and so
+/// are others than the docs say.
 pub fn run() -> Result<()> {
+    let page = fs::read_to_string(root().join("docs/declaration.md"))?;
     for example in ["mixed", "omni"] {
-        let mut sum = 0;
+        let (mut sum, mut parts) = (0, [0; 3]);
         for (file, what) in FILES {
             let path = root().join("examples").join(example).join(file);
             let text = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
@@ -30,8 +32,16 @@ pub fn run() -> Result<()> {
             let count = lines.filter(|line| !line.is_empty() && !line.starts_with("//")).count();
             println!("{example:5}  {count:4}  {file} ({what})");
             sum += count;
+            let part = ["robot/", "src/", "firmware/"].iter().position(|it| file.starts_with(it));
+            parts[part.unwrap_or_default()] += count;
         }
         println!("{example:5}  {sum:4}  in all, at most {MOST}");
+        let [robot, simulation, firmware] = parts;
+        let row = format!("| {robot} | {simulation} | {firmware} | {sum} |");
+        ensure!(
+            page.contains(&row),
+            "docs/declaration.md does not say of examples/{example}: {row}"
+        );
         ensure!(sum <= MOST, "examples/{example} has more than {MOST} lines beside its own matter");
     }
     Ok(())
