@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU8;
 
-use rc10_app::{Amps, Gear};
+use rc10_app::{Amps, Cascade, Gear, PidConfig, RpmPerSecond};
 use rc10_cli::dbc::Node;
 use rc10_cli::description::Description;
 use rc10_cli::motor::{Motor, Place};
@@ -54,8 +54,16 @@ pub fn nodes() -> Vec<Node> {
     nodes
 }
 
+/// In MIT mode, as it is sold: the driver finds a motor in the mode of its configuration.
 fn damiao() -> Motor {
-    let config = damiao::Config::new(J4310, DAMIAO_ID.into(), DAMIAO_MASTER, Control::Velocity);
+    let control = Control::Mit(Cascade {
+        speed: PidConfig::new(0.063, 0.5, 0.0, 7.0),
+        angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
+        outer_divider: 1,
+        acceleration: RpmPerSecond::new(1000.0),
+        feed_forward: 0.0,
+    });
+    let config = damiao::Config::new(J4310, DAMIAO_ID.into(), DAMIAO_MASTER, control);
     Motor::new("joint", Place::Bus(1), config.device())
 }
 

@@ -12,9 +12,8 @@ use crate::firmware::{
     EXAMPLES, build_count_with, build_interop_with, build_package_with, build_selftest_with,
     build_usb_with, build_with,
 };
-use crate::scaffold;
 use crate::setup::{TARGET, chip_toolchain, component, python};
-use crate::{count, emulate, size};
+use crate::{count, emulate, scaffold, size};
 
 /// A robot outside the workspace, as a user has it. It shares the target directory.
 const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";

@@ -6,7 +6,7 @@
 //! buses and tasks, to [`main_for`] and has the same command line. `examples/two-wheels` does.
 //!
 //! * [`description`]: what the tools must know of a robot. [`motor`]: each [`Motor`] with its
-//!   [`Place`](motor::Place) on a bus or line, its [`Device`](motor::Device), and what its shaft
+//!   [`Place`] on a bus or line, its [`Device`], and what its shaft
 //!   carries. [`script`]: what the robot does by itself. [`team`]: the robot of
 //!   `rc10-robot`.
 //! * [`remote`]: its remote control, its operator, and what happens when it is lost.
