@@ -49,7 +49,7 @@ fn it_drives_by_its_remote_and_keeps_its_period() {
         let arm = rpm(Name::Arm, 2400);
         assert!((arm - 15.0).abs() < 1.0, "90 degrees per second: {arm} rpm");
         let flywheel = rpm(Name::Flywheel, 3550);
-        assert!((flywheel - 1500.0).abs() < 120.0, "{flywheel}");
+        assert!((flywheel - 1500.0).abs() < 45.0, "{flywheel}");
         let log = log(emulation);
         assert!(log.lines().last().unwrap().contains("armed, 7 of 7 motors online;"), "{log}");
     });

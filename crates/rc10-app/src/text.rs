@@ -14,10 +14,15 @@ pub struct Text {
     len: usize,
 }
 
-/// Decimals that are tried until a number reads back as the same.
-const DECIMALS: u32 = 9;
-/// From here on numbers are written with an exponent.
+/// Decimals that are tried until a number reads back as the same: nine digits of an `f32` are enough,
+/// so the smallest has twelve.
+const DECIMALS: u32 = 12;
+/// Below this and from [`LARGE`] on numbers are written with an exponent.
+const SMALL: f64 = 1e-3;
+/// See [`SMALL`].
 const LARGE: f64 = 1e9;
+/// Where a number with an exponent is as good as the next power of ten: an `f32` says it no better.
+const ROUNDED: f64 = 1.0 - 3e-8;
 
 impl Text {
     /// The longest text; what goes beyond is cut off.
@@ -72,15 +77,15 @@ impl Text {
         let mut rest = number.abs() as f64;
         let mut exponent = 0;
         if rest >= LARGE {
-            while rest >= 10.0 {
+            while rest >= 10.0 * ROUNDED {
                 (rest, exponent) = (rest / 10.0, exponent + 1);
             }
             return self.push_decimals(rest, None).push("e").push_number(exponent);
         }
-        if rest == 0.0 || number.abs() >= 1e-6 {
+        if rest == 0.0 || rest >= SMALL {
             return self.push_decimals(rest, Some(number.abs()));
         }
-        while rest < 1.0 {
+        while rest < ROUNDED {
             (rest, exponent) = (rest * 10.0, exponent + 1);
         }
         self.push_decimals(rest, None).push("e-").push_number(exponent)
@@ -90,14 +95,14 @@ impl Text {
     const fn push_decimals(mut self, number: f64, exactly: Option<f32>) -> Self {
         let (mut decimals, mut scale) = (0, 1);
         loop {
-            #[expect(clippy::cast_possible_truncation, reason = "below 10^9 * 10^9")]
+            #[expect(clippy::cast_possible_truncation, reason = "nine digits, rarely more")]
             let scaled = (number * scale as f64 + 0.5) as u64;
             #[expect(clippy::cast_possible_truncation, reason = "the nearest f32")]
             let read = (scaled as f64 / scale as f64) as f32;
             let is_same = match exactly {
                 #[expect(clippy::float_cmp, reason = "the very same number")]
                 Some(exactly) => read == exactly,
-                None => (scaled as f64 / scale as f64 / number - 1.0).abs() < 3e-8,
+                None => (scaled as f64 / scale as f64 / number - 1.0).abs() < 1.0 - ROUNDED,
             };
             if is_same || decimals == DECIMALS {
                 self = self.push_number(scaled / scale);
@@ -168,7 +173,8 @@ mod tests {
             (23.7, "23.7"),
             (0.1, "0.1"),
             (16_777_216.0, "16777216"),
-            (1e-6, "0.000001"),
+            (0.0015, "0.0015"),
+            (1e-6, "1e-6"),
             (2.5e-7, "2.5e-7"),
             (1e12, "1e12"),
             (f32::NAN, "NaN"),
@@ -181,7 +187,7 @@ mod tests {
             let text = Text::new().push_float(number).to_string();
             let read: f32 = text.parse().unwrap();
             assert!((read / number - 1.0).abs() <= f32::EPSILON, "{number} is not {text}");
-            assert!(read == number || !(1e-6..1e9).contains(&number), "{number} is not {text}");
+            assert!(read == number || !(1e-3..1e9).contains(&number), "{number} is not {text}");
             number *= 1.37;
         }
     }

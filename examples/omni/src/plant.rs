@@ -14,7 +14,7 @@ pub fn plant(name: Name) -> Plant {
         // It stands on a stop at zero, and its weight pulls it there.
         Name::Arm => Plant { load: -0.5, travel: Some([-5.0, 130.0]), ..Plant::inertia(0.02) },
         Name::Turret => Plant::inertia(0.02),
-        Name::Flywheel => Plant::inertia(0.003),
+        Name::Flywheel => Plant::inertia(0.001),
         _ => Plant::inertia(0.017),
     }
 }

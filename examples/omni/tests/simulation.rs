@@ -38,7 +38,8 @@ fn it_does_what_the_sticks_say() {
     let turned = (turret[0] - turret[1]).rem_euclid(360.0);
     assert!((turned - 54.0).abs() < 5.0, "0.6 s at half of 180 degrees per second: {turned}");
     let flywheel = sample(Name::Flywheel, 3900).rpm;
-    assert!((flywheel - 1500.0).abs() < 15.0, "{flywheel}");
+    // Its own speed controller overshoots, and takes seconds to settle: `s_pid_ki` as it is sold.
+    assert!((flywheel - 1500.0).abs() < 30.0, "{flywheel}");
     assert!(run.motors.iter().all(|track| track.last.link == Link::Online));
     assert!(run.buses.iter().all(|bus| bus.last.refused + bus.last.replaced == 0));
 }
