@@ -354,7 +354,7 @@ fn a_listener_on_the_line_counts_as_the_chip_does() {
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn the_line_has_a_priority_of_its_own() {
-    let mut machine = Machine::new(&program("line")).unwrap();
+    let mut machine = Machine::new(&program("mixed-firmware")).unwrap();
     machine.run(&mut World::new(1), millis(20)).unwrap();
     let found = priorities::of(&machine);
     assert!(INTERRUPTS.iter().all(|&interrupt| found.contains(&(interrupt, 7))), "{found:?}");
