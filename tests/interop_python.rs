@@ -1,5 +1,5 @@
-//! Programs of others against ours: `cantools` reads our DBC files, the drivers `damiao-motor` and
-//! `python-cybergear` drive our simulated motors.
+//! Programs of others against ours: `cantools` reads our DBC files, `mcap-ros2-support` our records, and
+//! the drivers `damiao-motor` and `python-cybergear` drive our simulated motors.
 //!
 //! They run in a virtual environment below the target directory, made once with the exact versions
 //! of `tests/python/requirements.txt`. Where there is no Python or no network, the tests say that
@@ -24,6 +24,8 @@ mod dbc;
 mod drivers;
 #[path = "interop_python/others.rs"]
 mod others;
+#[path = "interop_python/record.rs"]
+mod record;
 
 /// The interpreter of the virtual environment, or why there is none.
 fn python() -> Option<&'static Path> {

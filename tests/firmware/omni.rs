@@ -1,12 +1,17 @@
 //! The firmware of `examples/omni`: motors of three vendors on three buses, and a remote control.
 
+use std::fs;
+
 use omni::{Motors, Name, Ports, Shared, simulation};
 use rc10_can::Micros;
 use rc10_cli::emulate::{Emulation, Setup};
+use rc10_cli::figures::{self, to_json};
+use rc10_cli::record::{RecordWriter, replay};
 use rc10_cli::recording::Recording;
 use rc10_emu::Figures;
 use rc10_motor::{Link, Names};
 
+use super::scratch::Scratch;
 use super::{is_clean, keeps_its_period, log, program, setup};
 
 /// Runs it with faults for a time, in milliseconds.
@@ -105,4 +110,28 @@ fn a_lost_remote_stops_everything_and_disarms() {
         assert!(log.contains("suspended, 7 of 7 motors online, remote missing"), "{log}");
         assert!(log.lines().last().unwrap().contains("disarmed, 7 of 7 motors online"), "{log}");
     });
+}
+
+/// What is seen of an emulated chip from outside is kept in a record, and makes the same report again.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn its_record_makes_the_same_report() {
+    let folder = Scratch::new("omni-record");
+    let path = folder.join("run.mcap");
+    let ports = Ports::new();
+    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    let setup = setup(&["remote-lost@0.6s", "cut:2@0.3s..0.5s"]);
+    let emulation = Emulation::new(&program("omni-firmware"), robot, &setup).unwrap();
+    let record = RecordWriter::new(&path, &emulation.heading()).unwrap();
+    let (_, mut run) = emulation.record_into(Micros::from_millis(1200), Some(record)).unwrap();
+    run.faults = setup.faults;
+    let ports = Ports::new();
+    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    let (again, cut) = replay(&fs::read(&path).unwrap(), robot).unwrap();
+    assert_eq!(cut, None);
+    assert!(again.is_emulated && run.remote.as_ref().unwrap().losses.len() == 1);
+    let figures = |run| to_json(run, &figures::Figures::of(run), None);
+    assert_eq!(figures(&run), figures(&again));
 }

@@ -162,6 +162,19 @@ impl Timing {
         Self { count: 0, min: u32::MAX, max: 0, sum: 0 }
     }
 
+    /// Number, shortest, longest and sum of the measurements: what it consists of, to be kept elsewhere.
+    #[must_use]
+    pub fn parts(&self) -> [u64; 4] {
+        [self.count.into(), self.min.into(), self.max.into(), self.sum]
+    }
+
+    /// The same again, of its [`parts`](Self::parts).
+    #[must_use]
+    pub fn from_parts([count, min, max, sum]: [u64; 4]) -> Self {
+        let short = |part: u64| u32::try_from(part).unwrap_or(u32::MAX);
+        Self { count: short(count), min: short(min), max: short(max), sum }
+    }
+
     /// Adds one duration; more than 71 minutes counts as 71 minutes.
     #[inline]
     pub fn add(&mut self, duration: Micros) {

@@ -28,13 +28,16 @@ use self::output::Outcome;
 use crate::description::Description;
 use crate::environment::{Environment, RemoteLink, operate};
 use crate::figures::{Figures, verdict};
+use crate::look::{BusLook, Moment, RobotLook};
 use crate::mistake::{self, Mistake};
 use crate::motor::{Device, Place};
+use crate::record::{Heading, RecordWriter};
 use crate::recorder::Recorder;
 use crate::recording::{Recording, hex_digits};
 use crate::remote::{Operator, ReceiverWire, Sight, Watch};
 use crate::robot::Robot;
 use crate::run::{check_end, make_folder, print_files, seconds, seed, write_file, write_files};
+use crate::simulate::pose;
 
 /// Arguments of `rc10 emu`.
 #[derive(Args, Debug)]
@@ -61,6 +64,10 @@ pub struct EmuArgs {
     /// Folder for report.html, the bus logs and what the chip's UARTs said
     #[arg(long, value_name = "DIR", default_value = "target/rc10-emu")]
     pub out: PathBuf,
+    /// Write a record: every millisecond of every motor as it is seen from outside, for rc10 report,
+    /// rc10 csv and viewers of MCAP files
+    #[arg(long, value_name = "FILE.mcap")]
+    pub record: Option<PathBuf>,
     /// Print one JSON object instead of tables
     #[arg(long)]
     pub json: bool,
@@ -217,9 +224,22 @@ impl<'r> Emulation<'r> {
     ///
     /// # Errors
     /// As [`Rig::run`].
-    pub fn record(mut self, length: Micros) -> Result<(Self, Recording)> {
+    pub fn record(self, length: Micros) -> Result<(Self, Recording)> {
+        self.record_into(length, None)
+    }
+
+    /// The same, with every look written into a record.
+    ///
+    /// # Errors
+    /// As [`record`](Self::record), and if that cannot be written.
+    pub fn record_into(
+        mut self,
+        length: Micros,
+        record: Option<RecordWriter>,
+    ) -> Result<(Self, Recording)> {
         let description = self.description.clone();
-        let mut recorder = Recorder::new(&description, self.seed, &self.loops, &self.motors, true);
+        let mut recorder = Recorder::new(&description, self.seed, &self.loops, &self.motors, true)
+            .with_record(record);
         let mut watch = Watch::new(description.remote.as_ref());
         let mut now = Micros::ZERO;
         let mut next_look = Recorder::next_look(now, length);
@@ -241,27 +261,29 @@ impl<'r> Emulation<'r> {
             for (bus, entries) in news.iter().enumerate() {
                 recorder.frames(bus, entries);
             }
-            if !recorder.look((now, length), &self.motors, |line| self.status(line, now)) {
+            if !recorder.look((now, length), &self.motors, |line| self.status(line, now))? {
                 continue;
             }
-            recorder.sample(self.base.as_ref(), |number| self.bus_status(number), None);
-            // What the chip hears of its IMU is not seen from here.
-            recorder.base(&self.motors, |line| self.status(line, now), None);
-            if let Some(sight) = self.sight() {
-                watch.sample(sight);
-            }
+            let bus = |number| BusLook { status: self.bus_status(number), ..BusLook::default() };
+            let pose = self.base.as_ref().map_or(RobotLook::default().pose, pose);
+            let moment = Moment {
+                // What the chip hears of its IMU is not seen from here.
+                robot: RobotLook { pose, ..RobotLook::default() },
+                buses: (1..=description.buses).map(bus).collect(),
+                lines: self.lines.iter().map(LineListener::status).collect(),
+                parts: Vec::new(),
+                remote: self.sight().map(|sight| sight.remote(None)),
+            };
+            recorder.sample(now, self.rig.buses(), moment)?;
         }
-        let recording = recorder.finish(
-            length,
-            self.rig.buses(),
-            &self.motors,
-            |line| self.status(line, now),
-            |number| self.bus_status(number),
-            self.lines.iter().map(LineListener::status).collect(),
-        );
-        let remote = self.remote.as_ref();
-        let remote = remote.map(|link| watch.finish(link.receiver, link.remote.sent(), None));
-        Ok((self, Recording { remote, ..recording }))
+        let recording = recorder.finish(length, self.rig.buses(), watch.finish())?;
+        Ok((self, recording))
+    }
+
+    /// What a record of it begins with.
+    #[must_use]
+    pub fn heading(&self) -> Heading<'_> {
+        Heading { seed: self.seed, is_emulated: true, description: &self.description, signals: &[] }
     }
 
     /// The status of a bus, by the frames that are heard on it.
@@ -313,7 +335,12 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     let named = || path.display().to_string();
     let emulation = Emulation::new(&program, robot, &setup).with_context(named)?;
     make_folder(&args.out)?;
-    let (mut emulation, mut recording) = emulation.record(args.seconds).with_context(named)?;
+    let record = match &args.record {
+        Some(path) => Some(RecordWriter::new(path, &emulation.heading())?),
+        None => None,
+    };
+    let (mut emulation, mut recording) =
+        emulation.record_into(args.seconds, record).with_context(named)?;
     let took = started.elapsed();
     recording.faults.clone_from(&args.faults);
     let mut figures = Figures::of(&recording);

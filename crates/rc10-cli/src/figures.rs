@@ -547,9 +547,9 @@ fn heard_json(heard: &Counters) -> Value {
     })
 }
 
-/// All figures as one JSON object. `wall` is how many seconds of real time the run took.
+/// All figures as one JSON object. `wall` is how many seconds of real time the run took, if it is one.
 #[must_use]
-pub fn to_json(recording: &Recording, figures: &Figures, wall: f64) -> Value {
+pub fn to_json(recording: &Recording, figures: &Figures, wall: Option<f64>) -> Value {
     let motors = recording.motors.iter().zip(&figures.motors).map(|(track, figures)| {
         let MotorFigures { unit, target, measured, peak_current, loops, .. } = figures;
         let longest = figures.tracking.first();
@@ -722,7 +722,7 @@ mod tests {
         };
         let figures = Figures::of(&recording);
         let table = motor_table(&recording, &figures);
-        let json = to_json(&recording, &figures, 0.0);
+        let json = to_json(&recording, &figures, None);
         let column = |title| table.head.iter().position(|head| *head == title).unwrap();
         for (index, (unit, noun)) in
             [("rpm", "speed"), ("deg", "angle"), ("deg", "total angle"), ("deg", "impedance")]

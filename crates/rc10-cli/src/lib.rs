@@ -33,12 +33,14 @@ pub mod effort;
 pub mod emulate;
 pub mod environment;
 pub mod figures;
+pub mod look;
 pub mod margin;
 pub mod mistake;
 pub mod motor;
 pub mod ports;
 pub mod problems;
 pub mod pty;
+pub mod record;
 pub mod recorder;
 pub mod recording;
 pub mod remote;
@@ -61,6 +63,7 @@ use dbc::DbcArgs;
 use decode::DecodeArgs;
 use emulate::EmuArgs;
 use pty::PtyArgs;
+use record::{CsvArgs, ReportArgs};
 use run::RunArgs;
 
 pub use description::{Base, Description, LinePart, SerialPart};
@@ -85,6 +88,10 @@ enum Command {
     Run(RunArgs),
     /// Runs the firmware itself, on an emulated chip
     Emu(EmuArgs),
+    /// Makes the report of a record: what --record wrote
+    Report(ReportArgs),
+    /// Writes a record as CSV files
+    Csv(CsvArgs),
     /// Says in words what a candump log of the robot's buses contains
     Decode(DecodeArgs),
     /// Writes what stands in the frames of each bus as a DBC file
@@ -104,6 +111,9 @@ Examples:
   rc10 run --remote sbus --fault remote-lost@4s..4.5s
                                          another receiver, and its radio link breaks
   rc10 emu --fault cut:2@0.3s..0.5s      the firmware's ELF, with bus 2 unplugged for a while
+  rc10 run --record tonight.mcap         every millisecond, for PlotJuggler, Foxglove, and:
+  rc10 report tonight.mcap               its tables, and target/rc10-report/report.html
+  rc10 csv tonight.mcap                  its numbers as CSV files, in target/rc10-csv
   rc10 decode target/rc10/bus1.log       what was said on bus 1
   rc10 decode capture.log --bus can0=2   a capture whose can0 is the robot's bus 2
   rc10 dbc --out target/dbc              DBC files for SavvyCAN, cantools and the like
@@ -152,6 +162,8 @@ impl CommandLine {
         Ok(match self.0 {
             Command::Run(args) => strict(args.strict, run::run(&args, robot, out)?),
             Command::Emu(args) => strict(args.strict, emulate::emulate(&args, robot, out)?),
+            Command::Report(args) => strict(args.strict, record::report(&args, robot, out)?),
+            Command::Csv(args) => record::csv(&args, out).map(|()| 0)?,
             Command::Decode(args) => {
                 let broken = decode::decode(&args, robot, out, &mut io::stderr().lock())?;
                 u8::from(broken)

@@ -1,26 +1,26 @@
 //! Records what a robot does in its environment, simulated or emulated.
 
-use rc10_app::TotalAngle;
-use rc10_app::angle::shortest_way_degrees;
+use anyhow::Result;
 use rc10_can::Micros;
-use rc10_motor::embassy::{BusStatus, Rs485Status};
-use rc10_motor::{ArmState, DriveMode, Link, Loops, MotorStatus, Target, TargetKind};
-use rc10_sim::{Base, Esc, TraceEntry};
+use rc10_motor::{ArmState, DriveMode, Link, Loops, MotorStatus, TargetKind};
+use rc10_sim::{Esc, TraceEntry};
 use sha2::{Digest, Sha256};
 
 use crate::candump;
 use crate::description::Description;
-use crate::effort::{EffortWatch, effort_of};
+use crate::effort::EffortWatch;
+use crate::look::{Moment, MotorLook};
 use crate::margin::Margins;
-use crate::motor::Motor;
+use crate::record::RecordWriter;
 use crate::recording::{
-    BaseHeard, BaseTrack, BusSample, BusTrack, Cell, LOOK_PERIOD, MotorSample, MotorTrack,
+    BaseHeard, BaseTrack, BusSample, BusTrack, LOOK_PERIOD, MotorSample, MotorTrack, PartTrack,
     PathPoint, Recording, SAMPLE_PERIOD, Sum, Tracking, WheelHeard, hex_digits,
 };
+use crate::remote::{Loss, RemoteSample, RemoteTrack};
 use crate::signal::{Signal, SignalRecorder};
 
 /// Recorder of what a robot does. It sees the wires and the shafts for itself; what the robot
-/// believes of its motors and buses it must be told.
+/// believes of its motors and buses it must be told. Looks that were recorded before it takes as well.
 pub struct Recorder<'d> {
     description: &'d Description,
     seed: u64,
@@ -30,7 +30,12 @@ pub struct Recorder<'d> {
     arm: Vec<ArmState>,
     path: Vec<PathPoint>,
     heard: Vec<BaseHeard>,
+    remote: Vec<RemoteSample>,
     signals: Vec<SignalRecorder>,
+    /// The last one.
+    moment: Moment,
+    /// Where all looks are written, too.
+    record: Option<RecordWriter>,
 }
 
 #[derive(Default)]
@@ -40,6 +45,17 @@ struct BusRecorder {
     hash: Sha256,
     frames: u64,
     samples: Vec<BusSample>,
+}
+
+/// What is known of a bus's wire when all is over.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WireEnd {
+    /// Its load in each 100 ms, percent.
+    pub load_windows: Vec<f64>,
+    /// Its frames, as a candump log; empty if that was not kept.
+    pub log: String,
+    /// SHA-256 of that log in hex digits.
+    pub log_hash: String,
 }
 
 impl<'d> Recorder<'d> {
@@ -68,7 +84,10 @@ impl<'d> Recorder<'d> {
             arm: Vec::new(),
             path: Vec::new(),
             heard: Vec::new(),
+            remote: Vec::new(),
             signals: Vec::new(),
+            moment: Moment::default(),
+            record: None,
         }
     }
 
@@ -79,9 +98,19 @@ impl<'d> Recorder<'d> {
         self
     }
 
+    /// The same, and every look is written into a record.
+    #[must_use]
+    pub fn with_record(self, record: Option<RecordWriter>) -> Self {
+        Self { record, ..self }
+    }
+
     /// Takes the values of the robot's own signals, in their order: every [`LOOK_PERIOD`].
-    pub fn signals(&mut self, values: impl Iterator<Item = Option<f64>>) {
-        self.signals.iter_mut().zip(values).for_each(|(signal, value)| signal.look(value));
+    ///
+    /// # Errors
+    /// If the record cannot be written.
+    pub fn signals(&mut self, now: Micros, values: &[Option<f64>]) -> Result<()> {
+        self.signals.iter_mut().zip(values).for_each(|(signal, value)| signal.look(*value));
+        self.record.as_mut().map_or(Ok(()), |record| record.signals(now, values))
     }
 
     /// The time of the next look, if the run is to end at `end`.
@@ -110,104 +139,153 @@ impl<'d> Recorder<'d> {
 
     /// Looks at the motors: every [`LOOK_PERIOD`]. `status` is what is known of the motor in a line
     /// of the robot's table. Whether it is time for a [`sample`](Self::sample), too.
+    ///
+    /// # Errors
+    /// If the record cannot be written.
     pub fn look(
         &mut self,
         (now, end): (Micros, Micros),
         motors: &[Esc],
         status: impl Fn(usize) -> MotorStatus,
-    ) -> bool {
-        let motors = self.description.motors.iter().zip(motors);
-        for (line, (recorder, (motor, twin))) in self.motors.iter_mut().zip(motors).enumerate() {
+    ) -> Result<bool> {
+        let described = self.description.motors.iter().zip(&self.motors);
+        let looks = described.zip(motors).enumerate().map(|(line, ((motor, recorder), twin))| {
             let mut status = status(line);
             if self.is_emulated {
                 status.drive =
                     if motor.is_driven(twin) { DriveMode::Run } else { DriveMode::Coast };
             }
-            recorder.look(now, motor, &status, twin);
-        }
-        now >= end || now.get().is_multiple_of(SAMPLE_PERIOD.get())
+            MotorLook::at(motor, status, twin, recorder.loops())
+        });
+        let looks: Vec<_> = looks.collect();
+        self.take_look(now, &looks)?;
+        Ok(now >= end || now.get().is_multiple_of(SAMPLE_PERIOD.get()))
     }
 
-    /// Takes a sample of everything but the wires: of the motors what was seen since the last one.
-    /// `bus` is what is known of a bus with a number, `arm` whether the robot is armed, if that is
-    /// known.
+    /// Takes a look at each motor.
+    ///
+    /// # Errors
+    /// If the record cannot be written.
+    pub fn take_look(&mut self, now: Micros, looks: &[MotorLook]) -> Result<()> {
+        self.motors.iter_mut().zip(looks).for_each(|(recorder, look)| recorder.look(now, look));
+        self.record.as_mut().map_or(Ok(()), |record| record.motors(now, looks))
+    }
+
+    /// Takes a sample of everything: of the motors what was seen since the last one. What is known of
+    /// the wires is added to `moment`.
+    ///
+    /// # Errors
+    /// If the record cannot be written.
     pub fn sample(
         &mut self,
-        base: Option<&Base>,
-        bus: impl Fn(u8) -> BusStatus,
-        arm: Option<ArmState>,
-    ) {
+        now: Micros,
+        wires: &[rc10_sim::Bus],
+        mut moment: Moment,
+    ) -> Result<()> {
+        for (look, (recorder, wire)) in moment.buses.iter_mut().zip(self.buses.iter().zip(wires)) {
+            (look.frames, look.load) = (recorder.frames, wire.load());
+        }
+        self.take_sample(now, moment)
+    }
+
+    /// Takes a sample, as it was recorded before.
+    ///
+    /// # Errors
+    /// If the record cannot be written.
+    pub fn take_sample(&mut self, now: Micros, moment: Moment) -> Result<()> {
         self.motors.iter_mut().for_each(MotorRecorder::sample);
         self.signals.iter_mut().for_each(SignalRecorder::sample);
-        for (number, recorder) in (1..=u8::MAX).zip(&mut self.buses) {
-            recorder.samples.push(BusSample::of(&bus(number)));
+        for (recorder, look) in self.buses.iter_mut().zip(&moment.buses) {
+            recorder.samples.push(BusSample::of(&look.status));
         }
-        self.arm.extend(arm);
-        if let Some(base) = base {
-            let pose = base.pose();
-            self.path.push(PathPoint { x: pose.x, y: pose.y, yaw: pose.yaw });
+        self.arm.extend(moment.robot.arm);
+        self.remote.extend(moment.remote.map(|look| look.sample));
+        if let Some(base) = &self.description.base {
+            self.path.push(moment.robot.pose);
+            let wheels = base.wheels.map(|line| {
+                let MotorStatus { link, drive, feedback, .. } =
+                    self.motors.get(line).map_or(MotorStatus::NEW, |motor| motor.last.status);
+                WheelHeard {
+                    angle: feedback.total_angle.microdegrees() as f64 * 1e-6,
+                    current: feedback.current().map(|current| current.get().into()),
+                    follows: link == Link::Online && drive == DriveMode::Run,
+                }
+            });
+            self.heard.push(BaseHeard { wheels, yaw: moment.robot.yaw });
         }
+        if let Some(record) = &mut self.record {
+            let looks = self.motors.iter().map(|motor| motor.last);
+            record.sample(now, &looks.collect::<Vec<_>>(), &moment)?;
+        }
+        self.moment = moment;
+        Ok(())
     }
 
-    /// Takes a sample of what the robot hears of its base: `status` as for [`sample`](Self::sample),
-    /// and by its IMU `yaw`, degrees.
-    pub fn base(
-        &mut self,
-        motors: &[Esc],
-        status: impl Fn(usize) -> MotorStatus,
-        yaw: Option<f64>,
-    ) {
-        let Some(base) = &self.description.base else { return };
-        let wheels = base.wheels.map(|line| {
-            let MotorStatus { link, drive, feedback, .. } = status(line);
-            let is_driven = match self.description.motors.get(line).zip(motors.get(line)) {
-                Some((motor, twin)) if self.is_emulated => motor.is_driven(twin),
-                _ => drive == DriveMode::Run,
-            };
-            WheelHeard {
-                angle: feedback.total_angle.microdegrees() as f64 * 1e-6,
-                current: feedback.current().map(|current| current.get().into()),
-                follows: link == Link::Online && is_driven,
-            }
-        });
-        self.heard.push(BaseHeard { wheels, yaw });
-    }
-
-    /// The recording. `motor` is what the robot knows of the motor in a line of its table, `bus`
-    /// of its bus with a number, `lines` of its RS-485 lines, at the end.
-    #[must_use]
+    /// The recording. `losses` are those of the remote.
+    ///
+    /// # Errors
+    /// If the record cannot be written.
     pub fn finish(
-        self,
+        mut self,
         length: Micros,
         wires: &[rc10_sim::Bus],
-        escs: &[Esc],
-        motor: impl Fn(usize) -> MotorStatus,
-        bus: impl Fn(u8) -> BusStatus,
-        lines: Vec<Rs485Status>,
-    ) -> Recording {
-        let motors = self.description.motors.iter().zip(escs).zip(self.motors);
-        let motors = motors.enumerate().map(|(line, ((described, esc), recorder))| MotorTrack {
+        losses: Vec<Loss>,
+    ) -> Result<Recording> {
+        let ends = std::mem::take(&mut self.buses).into_iter().zip(wires);
+        let ends = ends.map(|(recorder, wire)| {
+            let end = WireEnd {
+                load_windows: wire.load_windows(),
+                log_hash: hex_digits(recorder.hash.chain_update(&recorder.log)),
+                log: recorder.log,
+            };
+            (end, recorder.samples)
+        });
+        let (ends, samples): (Vec<_>, Vec<_>) = ends.unzip();
+        self.buses =
+            samples.into_iter().map(|samples| BusRecorder { samples, ..<_>::default() }).collect();
+        self.finish_with(length, ends, losses)
+    }
+
+    /// The recording, with what is known of the wires.
+    ///
+    /// # Errors
+    /// If the record cannot be written.
+    pub fn finish_with(
+        mut self,
+        length: Micros,
+        wires: Vec<WireEnd>,
+        losses: Vec<Loss>,
+    ) -> Result<Recording> {
+        let events = self.description.events(length);
+        if let Some(record) = self.record.take() {
+            let faults = self.motors.iter().map(|motor| motor.last.status.fault);
+            record.finish(length, &wires, &losses, &events, &faults.collect::<Vec<_>>())?;
+        }
+        let motors = self.description.motors.iter().zip(self.motors);
+        let motors = motors.map(|(described, recorder)| MotorTrack {
             motor: described.clone(),
             samples: recorder.samples,
-            last: motor(line),
-            overwritten: esc.state().feedback_overwritten,
+            last: recorder.last.status,
+            overwritten: recorder.last.seen.overwritten,
             tracking: recorder.tracking,
             peak_current: recorder.peak_current,
             effort: recorder.effort.map(EffortWatch::finish),
         });
-        let buses = (1..=u8::MAX).zip(wires.iter().zip(self.buses));
-        let buses = buses.map(|(number, (wire, recorder))| BusTrack {
+        let Moment { buses, lines, parts, remote, .. } = self.moment;
+        let buses = (1..=u8::MAX).zip(buses.into_iter().zip(self.buses).zip(wires));
+        let buses = buses.map(|(number, ((look, recorder), wire))| BusTrack {
             number,
-            load: wire.load(),
-            load_windows: wire.load_windows(),
-            last: bus(number),
+            load: look.load,
+            load_windows: wire.load_windows,
+            last: look.status,
             samples: recorder.samples,
-            frames: recorder.frames,
-            log_hash: hex_digits(recorder.hash.chain_update(&recorder.log)),
-            log: recorder.log,
+            frames: look.frames,
+            log_hash: wire.log_hash,
+            log: wire.log,
         });
-        let base = self.description.base;
-        Recording {
+        let (base, control) = (self.description.base, self.description.remote.as_ref());
+        let parts = self.description.serials.iter().zip(parts);
+        Ok(Recording {
             seed: self.seed,
             length,
             motors: motors.collect(),
@@ -219,13 +297,23 @@ impl<'d> Recorder<'d> {
                 chassis: base.chassis,
                 heard: self.heard,
             }),
-            events: self.description.events(length),
+            events,
+            remote: remote.zip(control).map(|(look, control)| RemoteTrack {
+                receiver: control.receiver,
+                sent: look.sent,
+                heard: look.is_told.then_some(look.heard),
+                losses,
+                samples: self.remote,
+            }),
+            parts: parts
+                .map(|(part, heard)| PartTrack { label: part.label, uart: part.uart, heard })
+                .collect(),
             arm: self.arm,
             signals: self.signals.into_iter().map(SignalRecorder::finish).collect(),
             no_logs: self.description.no_logs,
             is_emulated: self.is_emulated,
-            ..Recording::default()
-        }
+            faults: Vec::new(),
+        })
     }
 }
 
@@ -235,8 +323,9 @@ struct MotorRecorder {
     tracking: Vec<Tracking>,
     peak_current: f64,
     effort: Option<EffortWatch>,
-    /// Since the last sample.
-    newest: Option<MotorSample>,
+    /// The last look, and whether it is newer than the last sample.
+    last: MotorLook,
+    is_new: bool,
     measured: Sum,
     current: Sum,
     rpm: Sum,
@@ -249,37 +338,35 @@ impl MotorRecorder {
             tracking: Vec::new(),
             peak_current: 0.0,
             effort,
-            newest: None,
+            last: MotorLook::NEW,
+            is_new: false,
             measured: Sum::default(),
             current: Sum::default(),
             rpm: Sum::default(),
         }
     }
 
-    fn look(&mut self, now: Micros, motor: &Motor, status: &MotorStatus, twin: &Esc) {
-        let seen = sample(motor, status, twin);
+    /// Its loops, if they are judged.
+    fn loops(&self) -> Option<Loops> {
+        self.effort.as_ref().map(EffortWatch::loops)
+    }
+
+    fn look(&mut self, now: Micros, look: &MotorLook) {
+        let seen = look.seen;
         if let (Some(target), DriveMode::Run) = (seen.target, seen.drive) {
             self.track(seen.kind, target - seen.measured);
         }
         self.peak_current = self.peak_current.max(seen.current.abs());
         if let Some(watch) = &mut self.effort {
-            let is_driven = !matches!(seen.drive, DriveMode::Off | DriveMode::Coast);
-            // An effort that was asked for is not judged: no loop has made it.
-            let asked = matches!(
-                status.target.kind(),
-                TargetKind::Current | TargetKind::Torque | TargetKind::Duty | TargetKind::Impedance
-            );
-            let is_judged = is_driven && seen.link == Link::Online && !asked;
-            let loops = watch.loops();
-            watch.look(now, is_judged.then(|| effort_of(motor, twin, loops)));
+            watch.look(now, look.effort);
         }
-        if self.newest.is_some_and(|newest| newest.kind != seen.kind) {
+        if self.is_new && self.last.seen.kind != seen.kind {
             self.measured = Sum::default();
         }
         self.measured.add(seen.measured);
         self.current.add(seen.current);
         self.rpm.add(seen.rpm);
-        self.newest = Some(seen);
+        (self.last, self.is_new) = (*look, true);
     }
 
     fn track(&mut self, kind: TargetKind, error: f64) {
@@ -295,65 +382,28 @@ impl MotorRecorder {
     }
 
     fn sample(&mut self) {
-        let Some(newest) = self.newest.take() else { return };
+        if !std::mem::take(&mut self.is_new) {
+            return;
+        }
         let cell = |sum: &mut Sum| std::mem::take(sum).cell().unwrap_or_default();
         self.samples.push(MotorSample {
             measured_cell: cell(&mut self.measured),
             current_cell: cell(&mut self.current),
             rpm_cell: cell(&mut self.rpm),
-            ..newest
+            ..self.last.seen
         });
-    }
-}
-
-fn sample(motor: &Motor, status: &MotorStatus, esc: &Esc) -> MotorSample {
-    let feedback = status.feedback;
-    let (wanted, measured) = match status.target {
-        Target::Angle(wanted) => {
-            let measured = feedback.angle.get();
-            // Shown next to its target, also across the end of the turn.
-            let way = shortest_way_degrees(wanted, feedback.angle).get();
-            (
-                Some(f64::from(wanted.get())),
-                f64::from(if way.is_finite() { wanted.get() + way } else { measured }),
-            )
-        }
-        Target::TotalAngle(wanted) => {
-            let degrees = |angle: TotalAngle| angle.microdegrees() as f64 * 1e-6;
-            (Some(degrees(wanted)), degrees(feedback.total_angle))
-        }
-        // What its spring pulls to.
-        Target::Impedance(wanted) => {
-            let measured = feedback.total_angle.degrees();
-            (Some(wanted.angle.get().into()), measured.get().into())
-        }
-        Target::Speed(wanted) => (Some(wanted.get().into()), feedback.speed.get().into()),
-        _ => (None, feedback.speed.get().into()),
-    };
-    let state = esc.state();
-    MotorSample {
-        target: wanted.filter(|_| status.drive == DriveMode::Run),
-        measured,
-        measured_cell: Cell::default(),
-        kind: status.target.kind(),
-        current: state.current * motor.sign(),
-        current_cell: Cell::default(),
-        rpm: state.output_rpm * motor.sign(),
-        rpm_cell: Cell::default(),
-        link: status.link,
-        drive: status.drive,
-        counters: status.counters,
-        overwritten: state.feedback_overwritten,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use rc10_app::Rpm;
+    use rc10_motor::Target;
     use rc10_motor::dji::M3508;
     use rc10_sim::{BusConfig, World};
 
     use super::*;
+    use crate::motor::Motor;
 
     /// Three looks at a motor that measured 97, 50 and 96 rpm. In the second it was not driven, so
     /// there was no target to follow.
@@ -370,7 +420,7 @@ mod tests {
             status.drive = drive;
             status.target = Target::Speed(Rpm::new(100.0));
             status.feedback.speed = Rpm::new(rpm);
-            recorder.look(Micros::ZERO, &motor, &status, &twin);
+            recorder.look(Micros::ZERO, &MotorLook::at(&motor, status, &twin, None));
             recorder.sample();
         }
         let targets: Vec<_> = recorder.samples.iter().map(|sample| sample.target).collect();

@@ -144,6 +144,9 @@ pub struct Cell {
 }
 
 impl Cell {
+    /// Of zero.
+    pub(crate) const ZERO: Self = Self { min: 0.0, mean: 0.0, max: 0.0 };
+
     /// Of a value that does not change.
     #[must_use]
     pub const fn of(value: f64) -> Self {

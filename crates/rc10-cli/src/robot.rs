@@ -209,6 +209,11 @@ impl<'r> Robot<'r> {
         &self.description
     }
 
+    /// Its own signals.
+    pub(crate) fn signals(&self) -> &[Signal<'r>] {
+        &self.ports.signals
+    }
+
     /// The ports of its buses and lines.
     #[must_use]
     pub fn ports(&self) -> Ports<'r> {

@@ -14,12 +14,13 @@ use crate::figures::{
     Figures, Table, bus_table, line_table, motor_table, part_table, remote_lines, to_json, verdict,
 };
 use crate::mistake::{self, Mistake};
+use crate::record::{Heading, RecordWriter};
 use crate::recording::Recording;
 use crate::remote::{self, Receiver};
 use crate::report::report;
 use crate::robot::Robot;
 use crate::signal::signal_table;
-use crate::simulate::simulate;
+use crate::simulate::simulate_into;
 
 /// Arguments of `rc10 run`.
 #[derive(Args, Debug)]
@@ -43,6 +44,10 @@ pub struct RunArgs {
     /// Folder for report.html and the bus logs
     #[arg(long, value_name = "DIR", default_value = "target/rc10")]
     pub out: PathBuf,
+    /// Write a record: every millisecond of every motor, for rc10 report, rc10 csv and viewers of
+    /// MCAP files; some 2 MB a second
+    #[arg(long, value_name = "FILE.mcap")]
+    pub record: Option<PathBuf>,
     /// Write no bus logs: those of an hour take some 2.5 GB
     #[arg(long)]
     pub no_logs: bool,
@@ -70,6 +75,7 @@ impl Default for RunArgs {
             faults: Vec::new(),
             mistakes: Vec::new(),
             out: "target/rc10".into(),
+            record: None,
             no_logs: false,
             json: false,
             strict: false,
@@ -127,15 +133,22 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
         eprintln!("rc10: the bus logs will take some {size} MB in {folder}; --no-logs writes none");
     }
     let started = Instant::now();
-    let mut recording = simulate(robot, args.seed, args.seconds)?;
+    let record = match &args.record {
+        Some(path) => Some(RecordWriter::new(path, &Heading::of(&robot, args.seed, false))?),
+        None => None,
+    };
+    let mut recording = simulate_into(robot, args.seed, args.seconds, record)?;
     recording.faults.clone_from(&args.faults);
     let wall = started.elapsed().as_secs_f64();
     let figures = Figures::of(&recording);
     write_files(&recording, &figures, &args.out)?;
     if args.json {
-        writeln!(out, "{}", to_json(&recording, &figures, wall))?;
+        writeln!(out, "{}", to_json(&recording, &figures, Some(wall)))?;
     } else {
-        print(&recording, &figures, wall, &args.out, out)?;
+        let length = recording.length.get() as f64 * 1e-6;
+        let headline =
+            format!("{length} s of virtual time in {wall:.2} s, seed {}", recording.seed);
+        print(&recording, &figures, &headline, &args.out, out)?;
     }
     Ok(figures.any_problems())
 }
@@ -152,15 +165,14 @@ pub(crate) fn check_end(faults: &[Fault], end: Micros) -> Result<()> {
     }
 }
 
-fn print(
+pub(crate) fn print(
     recording: &Recording,
     figures: &Figures,
-    wall: f64,
+    headline: &str,
     folder: &Path,
     out: &mut dyn Write,
 ) -> io::Result<()> {
-    let length = recording.length.get() as f64 * 1e-6;
-    writeln!(out, "{length} s of virtual time in {wall:.2} s, seed {}\n", recording.seed)?;
+    writeln!(out, "{headline}\n")?;
     let (motors, buses) = (motor_table(recording, figures), bus_table(recording));
     let lines = line_table(recording).as_ref().map_or_else(String::new, Table::text);
     let lines = if lines.is_empty() { lines } else { format!("\n{lines}") };

@@ -3,13 +3,15 @@
 use anyhow::Result;
 use rc10_can::Micros;
 use rc10_module::Reception;
-use rc10_motor::embassy::BusStatus;
+use rc10_motor::embassy::BusPort;
 use rc10_motor::{ArmSwitch, MotorStatus};
-use rc10_sim::{Faults, Nanos};
+use rc10_sim::{Base, Faults, Nanos};
 
 use crate::environment::Environment;
+use crate::look::{BusLook, Moment, RobotLook};
+use crate::record::RecordWriter;
 use crate::recorder::Recorder;
-use crate::recording::{PartTrack, Recording};
+use crate::recording::{PathPoint, Recording};
 use crate::remote::{Sight, Watch};
 use crate::robot::Robot;
 
@@ -18,6 +20,19 @@ use crate::robot::Robot;
 /// # Errors
 /// If the robot is not as described, or its environment cannot be built.
 pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording> {
+    simulate_into(robot, seed, length, None)
+}
+
+/// The same, with every look written into a record.
+///
+/// # Errors
+/// As [`simulate`], and if the record cannot be written.
+pub fn simulate_into(
+    robot: Robot<'_>,
+    seed: u64,
+    length: Micros,
+    record: Option<RecordWriter>,
+) -> Result<Recording> {
     let loops = robot.loops();
     let (description, ports) = (robot.description().clone(), robot.ports());
     let mut around = Environment::new(&description, seed)?;
@@ -25,13 +40,10 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
     let motor =
         |entry| ports.motor(&description, entry).map_or(MotorStatus::NEW, |port| port.status());
     let mut recorder = Recorder::new(&description, seed, &loops, &around.motors, false)
-        .with_signals(&ports.signals);
+        .with_signals(&ports.signals)
+        .with_record(record);
     let mut watch = Watch::new(description.remote.as_ref());
     let mut faults = Faults::new(&around.wires, &around.lines, &description.faults)?;
-    let bus = |number: u8| {
-        let port = usize::from(number).checked_sub(1).and_then(|index| ports.buses.get(index));
-        port.map_or_else(BusStatus::default, |port| port.status())
-    };
     // A robot need not say what arms it: its buses and lines know.
     let arm = || {
         let told = ports.switch.map(ArmSwitch::state);
@@ -64,28 +76,33 @@ pub fn simulate(robot: Robot<'_>, seed: u64, length: Micros) -> Result<Recording
             continue;
         }
         next_look = Recorder::next_look(now, length);
-        recorder.signals(ports.signals.iter().map(|signal| (signal.read)(now)));
-        if !recorder.look((now, length), &around.motors, motor) {
+        let values: Vec<_> = ports.signals.iter().map(|signal| (signal.read)(now)).collect();
+        recorder.signals(now, &values)?;
+        if !recorder.look((now, length), &around.motors, motor)? {
             continue;
         }
-        recorder.sample(around.base.as_ref(), bus, arm());
-        recorder.base(&around.motors, motor, ports.yaw.as_ref().and_then(|yaw| yaw(now)));
-        if let Some(sight) = sight {
-            watch.sample(sight);
-        }
+        let bus = |port: &&BusPort| BusLook { status: port.status(), ..BusLook::default() };
+        let robot = RobotLook {
+            arm: arm(),
+            pose: around.base.as_ref().map_or(RobotLook::default().pose, pose),
+            yaw: ports.yaw.as_ref().and_then(|yaw| yaw(now)),
+        };
+        let moment = Moment {
+            robot,
+            buses: ports.buses.iter().map(bus).collect(),
+            lines: ports.lines.iter().map(|port| port.status()).collect(),
+            parts: ports.parts.iter().map(|reception| reception.read()).collect(),
+            remote: sight.map(|sight| sight.remote(ports.reception.map(Reception::read))),
+        };
+        recorder.sample(now, &around.wires, moment)?;
     }
-    let lines = ports.lines.iter().map(|port| port.status()).collect();
-    let heard = ports.reception.map(Reception::read);
-    let remote = around.remote.as_ref();
-    let remote = remote.map(|link| watch.finish(link.receiver, link.remote.sent(), heard));
-    let recording =
-        recorder.finish(around.world.now(), &around.wires, &around.motors, motor, bus, lines);
-    let parts = description.serials.iter().zip(&ports.parts).map(|(part, reception)| PartTrack {
-        label: part.label,
-        uart: part.uart,
-        heard: reception.read(),
-    });
-    Ok(Recording { remote, parts: parts.collect(), ..recording })
+    recorder.finish(around.world.now(), &around.wires, watch.finish())
+}
+
+/// Where a base is.
+pub(crate) fn pose(base: &Base) -> PathPoint {
+    let pose = base.pose();
+    PathPoint { x: pose.x, y: pose.y, yaw: pose.yaw }
 }
 
 /// The first whole microsecond that is not before it: tasks know no finer time.

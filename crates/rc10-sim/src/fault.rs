@@ -139,6 +139,21 @@ pub struct Fault {
     pub until: Option<Nanos>,
 }
 
+/// As a user writes it.
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { kind, from, until } = self;
+        let time = |time: &Nanos| {
+            format!("{}.{:09}s", time.get() / 1_000_000_000, time.get() % 1_000_000_000)
+        };
+        match until {
+            _ if *kind == Kind::CrystalDead => write!(f, "{kind}"),
+            Some(until) => write!(f, "{kind}@{}..{}", time(from), time(until)),
+            None => write!(f, "{kind}@{}", time(from)),
+        }
+    }
+}
+
 /// Why a text is no fault.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NoFault(pub(crate) String);
@@ -293,6 +308,14 @@ mod tests {
                      crystal-dead crystal-stops";
         for kind in kinds.split(' ') {
             assert_eq!(kind_of(kind).unwrap().to_string(), kind);
+        }
+    }
+
+    #[test]
+    fn faults_are_shown_as_they_are_written() {
+        for text in ["cut:2@0.3s..500ms", "hang:TIM2@1.000001s", "noise:L1@20us", "crystal-dead"] {
+            let fault: Fault = text.parse().unwrap();
+            assert_eq!(fault.to_string().parse(), Ok(fault));
         }
     }
 

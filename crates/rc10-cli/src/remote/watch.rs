@@ -8,6 +8,7 @@ use rc10_sim::remote::Sent;
 use rc10_sim::{Esc, Nanos};
 
 use super::{Lost, Receiver, RemoteControl};
+use crate::look::RemoteLook;
 use crate::motor::Motor;
 
 /// Whatever a remote that is back brings about has come by then.
@@ -82,7 +83,6 @@ pub struct Watch {
     losses: Vec<Loss>,
     /// Nothing fine to be seen for the moment.
     is_idle: bool,
-    samples: Vec<RemoteSample>,
 }
 
 /// A look at a robot from outside.
@@ -99,6 +99,17 @@ pub struct Sight<'a> {
 }
 
 impl Sight<'_> {
+    /// The remote as it is seen; `heard` has the robot's own counters of it.
+    #[must_use]
+    pub fn remote(&self, heard: Option<Counters>) -> RemoteLook {
+        RemoteLook {
+            sample: RemoteSample { is_live: self.sent.back_since.is_some(), arm: self.arm },
+            sent: self.sent,
+            is_told: heard.is_some(),
+            heard: heard.unwrap_or_default(),
+        }
+    }
+
     /// Whether a motor obeys another command than to coast: one of those that may hold, or of the
     /// others.
     fn is_driven(&self, holding: bool) -> bool {
@@ -127,7 +138,7 @@ impl Watch {
     pub fn new(control: Option<&RemoteControl>) -> Self {
         let mut due = control.map_or_else(Vec::new, |control| control.lost.clone());
         due.reverse();
-        Self { due, losses: Vec::new(), is_idle: true, samples: Vec::new() }
+        Self { due, losses: Vec::new(), is_idle: true }
     }
 
     /// The time of the next look.
@@ -175,16 +186,9 @@ impl Watch {
         self.is_idle = loss.is_settled() || is_over;
     }
 
-    /// Takes a sample.
-    pub fn sample(&mut self, sight: Sight<'_>) {
-        let is_live = sight.sent.back_since.is_some();
-        self.samples.push(RemoteSample { is_live, arm: sight.arm });
-    }
-
-    /// The track of a receiver; `heard` has the robot's own counters of it.
+    /// Each time that the remote was lost.
     #[must_use]
-    pub fn finish(self, receiver: Receiver, sent: Sent, heard: Option<Counters>) -> RemoteTrack {
-        let Self { losses, samples, .. } = self;
-        RemoteTrack { receiver, sent, heard, losses, samples }
+    pub fn finish(self) -> Vec<Loss> {
+        self.losses
     }
 }

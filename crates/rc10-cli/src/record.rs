@@ -1,0 +1,365 @@
+//! A record: what was seen of a robot, look by look, in an [MCAP](https://mcap.dev) file that any viewer
+//! of such files opens.
+//!
+//! A topic for each motor (`/motors/LABEL` every millisecond, `/motors/LABEL/health` every 10 ms), and
+//! for each bus, line, part and signal; `/robot`, `/remote`, `/events`. Messages are what ROS 2 writes:
+//! `ros2msg` schemas and CDR, all fields `float64`, NaN where there is none. The times of a run count
+//! from power-on. [`fields`] has what stands where; [`replay()`] makes a recording of it again.
+
+pub mod fields;
+mod replay;
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{WriteOptions, Writer};
+use rc10_can::Micros;
+use rc10_motor::Fault;
+
+use self::fields::{BUS, Field, LINE, LOSS, MOTOR, MOTOR_HEALTH, PART, REMOTE, ROBOT, STATES};
+use crate::description::Description;
+use crate::look::{Moment, MotorLook};
+use crate::recorder::WireEnd;
+use crate::remote::Loss;
+use crate::robot::Robot;
+use crate::script::Event;
+use crate::signal::Signal;
+
+pub use replay::{CsvArgs, ReportArgs, csv, replay, report};
+
+/// What the layout of a record is called in its metadata, and its version: readers of another one
+/// refuse it. Fields may be added without a new one.
+pub(crate) const LAYOUT: &str = "rc10";
+pub(crate) const VERSION: &str = "1";
+
+/// Bytes before the fields of a message: CDR, little endian.
+pub(crate) const CDR: [u8; 4] = [0, 1, 0, 0];
+
+/// Writes a record. The file is there when it is finished, whole, and not before.
+pub struct RecordWriter {
+    path: PathBuf,
+    beside: PathBuf,
+    file: Option<Writer<BufWriter<File>>>,
+    topics: Topics,
+    count: u32,
+    bytes: Vec<u8>,
+}
+
+/// Numbers of the channels.
+#[derive(Default)]
+struct Topics {
+    motors: Vec<u16>,
+    health: Vec<u16>,
+    buses: Vec<u16>,
+    windows: Vec<u16>,
+    lines: Vec<u16>,
+    parts: Vec<u16>,
+    signals: Vec<u16>,
+    robot: u16,
+    remote: u16,
+    losses: u16,
+    events: u16,
+}
+
+/// What a record says of its run before the first look.
+pub struct Heading<'a> {
+    /// Seed of the world.
+    pub seed: u64,
+    /// Whether a chip was emulated.
+    pub is_emulated: bool,
+    /// The robot, with the faults and mistakes of the run.
+    pub description: &'a Description,
+    /// Its own signals.
+    pub signals: &'a [Signal<'a>],
+}
+
+impl<'a> Heading<'a> {
+    /// Of a robot that is about to run.
+    #[must_use]
+    pub fn of(robot: &'a Robot<'_>, seed: u64, is_emulated: bool) -> Self {
+        Self { seed, is_emulated, description: robot.description(), signals: robot.signals() }
+    }
+}
+
+/// The name of a topic: labels are words, topics are paths.
+pub(crate) fn topic(folder: &str, label: &str) -> String {
+    let word = |letter: char| if letter.is_alphanumeric() { letter } else { '_' };
+    format!("/{folder}/{}", label.chars().map(word).collect::<String>())
+}
+
+/// The schema of a table of fields.
+fn schema<T>(fields: &[&[Field<T>]]) -> String {
+    let line = |field: &Field<T>| format!("float64 {}  # {}\n", field.name, field.about);
+    let mut text: String = fields.iter().copied().flatten().map(line).collect();
+    for (state, names) in STATES {
+        let says = |field: &Field<T>| field.about.split([' ', ':', ',']).next() == Some(*state);
+        if fields.iter().copied().flatten().any(says) {
+            let names = names.iter().enumerate().map(|(number, name)| format!("{number} {name}"));
+            text += &format!("# {state}: {}\n", names.collect::<Vec<_>>().join(", "));
+        }
+    }
+    text
+}
+
+/// The bytes of a message.
+fn pack<T>(fields: &[&[Field<T>]], it: &T, bytes: &mut Vec<u8>) {
+    bytes.clear();
+    bytes.extend(CDR);
+    let values = fields.iter().copied().flatten().map(|field| (field.get)(it));
+    values.for_each(|value| bytes.extend(value.to_le_bytes()));
+}
+
+impl RecordWriter {
+    /// Begins a record that will be at `path`.
+    ///
+    /// # Errors
+    /// If no file can be written there.
+    pub fn new(path: &Path, heading: &Heading<'_>) -> Result<Self> {
+        let mut name = std::ffi::OsString::from(".");
+        name.push(path.file_name().with_context(|| format!("{} is no file", path.display()))?);
+        name.push(format!(".{}", std::process::id()));
+        let beside = path.with_file_name(name);
+        let cannot = || format!("cannot write {}", path.display());
+        let file = File::create(&beside).with_context(cannot)?;
+        // Whatever fails from here on, it is removed when this is dropped.
+        let mut this = Self {
+            path: path.into(),
+            beside,
+            file: None,
+            topics: Topics::default(),
+            count: 0,
+            bytes: Vec::new(),
+        };
+        let options = WriteOptions::new().compression(None).profile("ros2").library("rc10");
+        let mut file = options.create(BufWriter::new(file)).with_context(cannot)?;
+        file.write_metadata(&metadata(LAYOUT, heading_of(heading))).with_context(cannot)?;
+        this.topics = Topics::new(&mut file, heading).with_context(cannot)?;
+        this.file = Some(file);
+        Ok(this)
+    }
+
+    /// Writes the robot's own signals.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub(crate) fn signals(&mut self, now: Micros, values: &[Option<f64>]) -> Result<()> {
+        for (at, value) in values.iter().enumerate() {
+            let channel = self.topics.signals[at];
+            self.write(channel, now, VALUE, &value.unwrap_or(f64::NAN))?;
+        }
+        Ok(())
+    }
+
+    /// Writes a look at each motor.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub(crate) fn motors(&mut self, now: Micros, looks: &[MotorLook]) -> Result<()> {
+        for (at, look) in looks.iter().enumerate() {
+            self.write(self.topics.motors[at], now, MOTOR, look)?;
+        }
+        Ok(())
+    }
+
+    /// Writes a sample.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub(crate) fn sample(
+        &mut self,
+        now: Micros,
+        looks: &[MotorLook],
+        moment: &Moment,
+    ) -> Result<()> {
+        for (at, look) in looks.iter().enumerate() {
+            self.write(self.topics.health[at], now, MOTOR_HEALTH, look)?;
+        }
+        for (at, look) in moment.buses.iter().enumerate() {
+            self.write(self.topics.buses[at], now, BUS, look)?;
+        }
+        for (at, status) in moment.lines.iter().enumerate() {
+            self.write(self.topics.lines[at], now, LINE, status)?;
+        }
+        for (at, counters) in moment.parts.iter().enumerate() {
+            self.write(self.topics.parts[at], now, PART, counters)?;
+        }
+        if let Some(look) = &moment.remote {
+            self.write(self.topics.remote, now, REMOTE, look)?;
+        }
+        self.write(self.topics.robot, now, ROBOT, &moment.robot)
+    }
+
+    fn write<T>(
+        &mut self,
+        channel_id: u16,
+        now: Micros,
+        fields: &[&[Field<T>]],
+        it: &T,
+    ) -> Result<()> {
+        pack(fields, it, &mut self.bytes);
+        self.put(channel_id, now)
+    }
+
+    fn put(&mut self, channel_id: u16, now: Micros) -> Result<()> {
+        let Some(file) = &mut self.file else { return Ok(()) };
+        self.count = self.count.wrapping_add(1);
+        let time = now.get() * 1000;
+        let header =
+            MessageHeader { channel_id, sequence: self.count, log_time: time, publish_time: time };
+        let cannot = || format!("cannot write {}", self.path.display());
+        file.write_to_known_channel(&header, &self.bytes).with_context(cannot)
+    }
+
+    /// Ends the record, and puts the file in its place.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(crate) fn finish(
+        mut self,
+        length: Micros,
+        wires: &[WireEnd],
+        losses: &[Loss],
+        events: &[Event],
+        faults: &[Option<Fault>],
+    ) -> Result<()> {
+        for (at, wire) in wires.iter().enumerate() {
+            for (window, load) in (1..).zip(&wire.load_windows) {
+                let end = Micros::from_millis(100 * window);
+                self.write(self.topics.windows[at], end, VALUE, load)?;
+            }
+        }
+        for loss in losses {
+            self.write(self.topics.losses, loss.lost.from, LOSS, loss)?;
+        }
+        for event in events {
+            self.bytes.clear();
+            self.bytes.extend(CDR);
+            self.bytes.extend((event.label.len() as u32 + 1).to_le_bytes());
+            self.bytes.extend(event.label.bytes().chain([0]));
+            self.put(self.topics.events, event.at)?;
+        }
+        let mut end = BTreeMap::from([("length_us".to_owned(), length.get().to_string())]);
+        for (number, wire) in (1..).zip(wires) {
+            end.insert(format!("log_hash_{number}"), wire.log_hash.clone());
+        }
+        for (number, fault) in (1..).zip(faults) {
+            if let Some(fault) = fault {
+                end.insert(format!("fault_{number}"), fault.text.to_owned());
+            }
+        }
+        let cannot = || format!("cannot write {}", self.path.display());
+        let Some(mut file) = self.file.take() else { return Ok(()) };
+        file.write_metadata(&metadata("rc10-end", end)).with_context(cannot)?;
+        file.finish().with_context(cannot)?;
+        file.into_inner().into_inner().map_err(|error| error.into_error()).with_context(cannot)?;
+        fs::rename(&self.beside, &self.path).with_context(cannot)
+    }
+}
+
+/// What was not finished is no record.
+impl Drop for RecordWriter {
+    fn drop(&mut self) {
+        drop(self.file.take());
+        // Not there any more if it was finished.
+        let _ = fs::remove_file(&self.beside);
+    }
+}
+
+/// The field of a message that is one number.
+pub(crate) const VALUE: &[&[Field<f64>]] = &[&[Field {
+    name: "value",
+    about: "NaN while there is none",
+    get: |value| *value,
+    set: |value, number| *value = number,
+}]];
+
+fn metadata(name: &str, metadata: BTreeMap<String, String>) -> Metadata {
+    Metadata { name: name.to_owned(), metadata }
+}
+
+fn heading_of(heading: &Heading<'_>) -> BTreeMap<String, String> {
+    let Heading { seed, is_emulated, description, .. } = heading;
+    let lines = |texts: Vec<String>| texts.join("\n");
+    let mut map = BTreeMap::from([
+        ("version".to_owned(), VERSION.to_owned()),
+        ("seed".to_owned(), seed.to_string()),
+        ("emulated".to_owned(), is_emulated.to_string()),
+        ("faults".to_owned(), lines(description.faults.iter().map(ToString::to_string).collect())),
+        (
+            "mistakes".to_owned(),
+            lines(description.mistakes.iter().map(ToString::to_string).collect()),
+        ),
+    ]);
+    if let Some(remote) = &description.remote {
+        map.insert("receiver".to_owned(), remote.receiver.to_string());
+    }
+    map
+}
+
+impl Topics {
+    fn new<W: std::io::Write + std::io::Seek>(
+        file: &mut Writer<W>,
+        heading: &Heading<'_>,
+    ) -> Result<Self> {
+        let Heading { description, signals, .. } = heading;
+        let mut taken = BTreeMap::new();
+        let mut add = |name: &str,
+                       schema: &str,
+                       topics: Vec<(String, BTreeMap<String, String>)>|
+         -> Result<Vec<u16>> {
+            for (topic, map) in &topics {
+                let label = map.get("label").cloned().unwrap_or_default();
+                if let Some(other) = taken.insert(topic.clone(), label.clone()) {
+                    bail!("`{other}` and `{label}` are one topic, {topic}: rename one");
+                }
+            }
+            let id = file.add_schema(&format!("rc10/msg/{name}"), "ros2msg", schema.as_bytes())?;
+            let add = |(topic, map): &(String, _)| file.add_channel(id, topic, "cdr", map);
+            Ok(topics.iter().map(add).collect::<Result<Vec<u16>, _>>()?)
+        };
+        let named = |folder: &str, label: &str, extra: &[(&str, String)]| {
+            let own = [("label".to_owned(), label.to_owned())].into_iter();
+            let extra = extra.iter().map(|(key, value)| ((*key).to_owned(), value.clone()));
+            (topic(folder, label), own.chain(extra).collect::<BTreeMap<_, _>>())
+        };
+        let numbered = |folder: &str, count: usize| {
+            (1..=count).map(|number| named(folder, &number.to_string(), &[])).collect::<Vec<_>>()
+        };
+        let below = |topics: &[(String, BTreeMap<String, String>)], name: &str| {
+            let below = |(topic, map): &(String, _)| (format!("{topic}/{name}"), Clone::clone(map));
+            topics.iter().map(below).collect::<Vec<(String, BTreeMap<String, String>)>>()
+        };
+        let motor = |motor: &crate::Motor| {
+            let extra = [("model", motor.name().to_string()), ("on", motor.on.to_string())];
+            named("motors", motor.label, &extra)
+        };
+        let motors: Vec<_> = description.motors.iter().map(motor).collect();
+        let buses = numbered("buses", description.buses.into());
+        let parts = description.serials.iter().map(|part| named("parts", part.label, &[]));
+        let signals = signals
+            .iter()
+            .map(|signal| named("signals", signal.label, &[("unit", signal.unit.to_owned())]));
+        let mut values = below(&buses, "window_load");
+        let windows = values.len();
+        values.extend(signals);
+        let one = |topic: &str| vec![(topic.to_owned(), BTreeMap::new())];
+        let mut values = add("Value", &schema(VALUE), values)?;
+        Ok(Self {
+            signals: values.split_off(windows),
+            windows: values,
+            health: add("MotorHealth", &schema(MOTOR_HEALTH), below(&motors, "health"))?,
+            motors: add("Motor", &schema(MOTOR), motors)?,
+            buses: add("Bus", &schema(BUS), buses)?,
+            lines: add("Line", &schema(LINE), numbered("lines", description.lines.len()))?,
+            parts: add("Part", &schema(PART), parts.collect())?,
+            robot: add("Robot", &schema(ROBOT), one("/robot"))?[0],
+            remote: add("Remote", &schema(REMOTE), one("/remote"))?[0],
+            losses: add("Loss", &schema(LOSS), one("/remote/losses"))?[0],
+            events: add("Event", "string label\n", one("/events"))?[0],
+        })
+    }
+}

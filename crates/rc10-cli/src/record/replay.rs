@@ -1,0 +1,506 @@
+//! Reads a record: `rc10 report` and `rc10 csv`.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::Args;
+use mcap::read::{ChunkFlattener, Options};
+use mcap::records::Record;
+use rc10_can::Micros;
+use rc10_module::Counters;
+use rc10_motor::Fault as MotorFault;
+use rc10_motor::embassy::Rs485Status;
+use rc10_sim::remote::Sent;
+
+use super::fields::{BUS, Field, LINE, LOSS, MOTOR, MOTOR_HEALTH, PART, REMOTE, ROBOT};
+use super::{CDR, LAYOUT, VALUE, VERSION, topic};
+use crate::environment::Environment;
+use crate::figures::{Figures, to_json};
+use crate::look::{BusLook, Moment, MotorLook, RemoteLook};
+use crate::recorder::{Recorder, WireEnd};
+use crate::recording::Recording;
+use crate::remote::{Loss, Lost, Receiver, RemoteSample};
+use crate::robot::Robot;
+use crate::run::{make_folder, print, write_file, write_files};
+
+/// Arguments of `rc10 report`.
+#[derive(Args, Debug)]
+pub struct ReportArgs {
+    /// The record: what --record of `rc10 run` and `rc10 emu` wrote
+    pub record: PathBuf,
+    /// Folder for report.html
+    #[arg(long, value_name = "DIR", default_value = "target/rc10-report")]
+    pub out: PathBuf,
+    /// Print one JSON object instead of tables
+    #[arg(long)]
+    pub json: bool,
+    /// Exit code 3 if the run had problems
+    #[arg(long)]
+    pub strict: bool,
+}
+
+/// Arguments of `rc10 csv`.
+#[derive(Args, Debug)]
+pub struct CsvArgs {
+    /// The record: what --record of `rc10 run` and `rc10 emu` wrote, or another MCAP file of `ros2msg`
+    /// numbers
+    pub record: PathBuf,
+    /// Folder for the files, one for each topic
+    #[arg(long, value_name = "DIR", default_value = "target/rc10-csv")]
+    pub out: PathBuf,
+}
+
+/// Makes the report of a record. Whether the run had problems.
+///
+/// # Errors
+/// As [`replay`], and if the folder cannot be written.
+pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
+    let bytes = read(&args.record)?;
+    let named = || args.record.display().to_string();
+    let (recording, cut) = replay(&bytes, robot).with_context(named)?;
+    let figures = Figures::of(&recording);
+    make_folder(&args.out)?;
+    write_files(&recording, &figures, &args.out)?;
+    let length = recording.length.get() as f64 * 1e-6;
+    if let Some(why) = cut {
+        eprintln!("rc10: {}: cut off after {length} s: {why}", args.record.display());
+    }
+    if args.json {
+        writeln!(out, "{}", to_json(&recording, &figures, None))?;
+    } else {
+        let headline = format!("{length} s of {}, seed {}", args.record.display(), recording.seed);
+        print(&recording, &figures, &headline, &args.out, out)?;
+    }
+    Ok(figures.any_problems())
+}
+
+fn read(path: &Path) -> Result<Vec<u8>> {
+    fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
+/// One channel of a file.
+struct Channel {
+    topic: String,
+    map: BTreeMap<String, String>,
+    /// Names of its numbers; `None` if it has something else.
+    columns: Option<Vec<String>>,
+}
+
+/// What stands in a file, in its order.
+enum Item<'a> {
+    /// A number is given to a channel.
+    Channel(u16, Channel),
+    /// A message of it: the time in nanoseconds, and its bytes.
+    Message(u16, u64, &'a [u8]),
+    Metadata(String, BTreeMap<String, String>),
+}
+
+/// Goes through a file. `take` is told everything, and may end it with an error. Why the rest of the
+/// file cannot be read, if it cannot.
+fn walk(bytes: &[u8], mut take: impl FnMut(Item<'_>) -> Result<()>) -> Result<Option<String>> {
+    let mut schemas = BTreeMap::new();
+    let mut is_begun = false;
+    for record in ChunkFlattener::new_with_options(bytes, Options::ValidateChunkCrcs.into())? {
+        let record = match record {
+            Ok(record) => record,
+            Err(error) if is_begun => return Ok(Some(error.to_string())),
+            Err(error) => return Err(error).context("it is no MCAP file"),
+        };
+        is_begun = true;
+        match record {
+            Record::Schema { header, data } => {
+                let columns = (header.encoding == "ros2msg").then(|| columns(&data)).flatten();
+                schemas.insert(header.id, columns);
+            }
+            Record::Channel(channel) => {
+                let columns = schemas.get(&channel.schema_id).cloned().flatten();
+                let columns = columns.filter(|_| channel.message_encoding == "cdr");
+                let (topic, map) = (channel.topic, channel.metadata);
+                take(Item::Channel(channel.id, Channel { topic, map, columns }))?;
+            }
+            Record::Message { header, data } => {
+                take(Item::Message(header.channel_id, header.log_time, &data))?;
+            }
+            Record::Metadata(metadata) => {
+                take(Item::Metadata(metadata.name, metadata.metadata))?;
+            }
+            _ => {}
+        }
+    }
+    Ok(None)
+}
+
+/// The names of a schema's numbers; `None` if it has anything but numbers of eight bytes.
+fn columns(schema: &[u8]) -> Option<Vec<String>> {
+    let text = std::str::from_utf8(schema).ok()?;
+    let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
+    lines
+        .filter(|line| !line.is_empty())
+        .map(|line| line.strip_prefix("float64 ").map(|name| name.trim().to_owned()))
+        .collect()
+}
+
+/// The numbers of a message; fewer if it is too short.
+fn numbers(bytes: &[u8]) -> Result<impl Iterator<Item = f64>> {
+    let body = bytes.strip_prefix(&CDR).context("a message is not little-endian CDR")?;
+    ensure!(body.len().is_multiple_of(8), "a message of {} bytes", bytes.len());
+    let (words, _) = body.as_chunks::<8>();
+    Ok(words.iter().map(|word| f64::from_le_bytes(*word)))
+}
+
+/// Puts a message into what it is about.
+fn unpack<T>(fields: &[&[Field<T>]], columns: &[String], bytes: &[u8], it: &mut T) -> Result<()> {
+    for (name, value) in columns.iter().zip(numbers(bytes)?) {
+        // One that a newer writer has added says nothing here.
+        if let Some(field) = fields.iter().copied().flatten().find(|field| field.name == name) {
+            (field.set)(it, value);
+        }
+    }
+    Ok(())
+}
+
+/// What the messages of a channel are about.
+#[derive(Clone, Copy)]
+enum About {
+    Motor(usize),
+    Health(usize),
+    Bus(usize),
+    Window(usize),
+    Line(usize),
+    Part(usize),
+    Signal(usize),
+    Robot,
+    Remote,
+    Loss,
+    Other,
+}
+
+/// Makes the recording of a record, as its run did. `robot` is the one that was recorded. Why the file
+/// ends too early, if it does.
+///
+/// # Errors
+/// If the bytes are no record, one of another robot, or of a layout that is not known here.
+pub fn replay(bytes: &[u8], mut robot: Robot<'_>) -> Result<(Recording, Option<String>)> {
+    // The metadata come first, but for those of the end.
+    let mut heading = None;
+    let mut end = BTreeMap::new();
+    let mut found = BTreeMap::new();
+    walk(bytes, |item| {
+        match item {
+            Item::Metadata(name, map) if name == LAYOUT => heading = Some(map),
+            Item::Metadata(name, map) if name == "rc10-end" => end = map,
+            Item::Channel(_, channel) => drop(found.insert(channel.topic, channel.map)),
+            _ => {}
+        }
+        Ok(())
+    })?;
+    let heading = heading.context("it is no record of a robot: it has no `rc10` metadata")?;
+    let text = |key: &str| heading.get(key).map_or("", String::as_str);
+    let version = text("version");
+    ensure!(
+        version == VERSION,
+        "its layout has version {version}, and this rc10 reads version {VERSION}"
+    );
+    let seed = text("seed").parse().context("its seed is no number")?;
+    prepare(&mut robot, &text)?;
+    is_of(&robot, &found)?;
+
+    let (description, ports, loops) = (robot.description().clone(), robot.ports(), robot.loops());
+    let around = Environment::new(&description, seed)?;
+    let is_emulated = text("emulated") == "true";
+    // An emulated chip's memory is not looked into.
+    let own = if is_emulated { &[][..] } else { &ports.signals };
+    let mut state = Replay {
+        recorder: Recorder::new(&description, seed, &loops, &around.motors, is_emulated)
+            .with_signals(own),
+        channels: BTreeMap::new(),
+        at: Micros::ZERO,
+        looks: vec![MotorLook::NEW; description.motors.len()],
+        has_looks: false,
+        signals: vec![None; own.len()],
+        has_signals: false,
+        moment: Moment {
+            buses: vec![BusLook::default(); description.buses.into()],
+            lines: vec![Rs485Status::default(); description.lines.len()],
+            ..Moment::default()
+        },
+        has_moment: false,
+        wires: vec![WireEnd::default(); description.buses.into()],
+        losses: Vec::new(),
+        faults: vec![""; description.motors.len()],
+    };
+    for (number, wire) in (1..).zip(&mut state.wires) {
+        wire.log_hash = end.get(&format!("log_hash_{number}")).cloned().unwrap_or_default();
+    }
+    for (number, fault) in (1..).zip(&mut state.faults) {
+        if let Some(text) = end.get(&format!("fault_{number}")) {
+            // One for each motor in a fault: as long as the program runs.
+            *fault = String::leak(text.clone());
+        }
+    }
+    let names = description.motors.iter().map(|motor| topic("motors", motor.label));
+    let motors: Vec<_> = names.collect();
+    let parts = description.serials.iter().map(|part| topic("parts", part.label));
+    let parts: Vec<_> = parts.collect();
+    let signals: Vec<_> = own.iter().map(|signal| topic("signals", signal.label)).collect();
+    let about = |name: &str| about(name, &motors, &parts, &signals);
+    let cut = walk(bytes, |item| match item {
+        Item::Channel(id, channel) => {
+            let about = about(&channel.topic);
+            state.channels.insert(id, (about, channel.columns.unwrap_or_default()));
+            Ok(())
+        }
+        Item::Message(id, time, bytes) => state.take(id, Micros::new(time / 1000), bytes),
+        Item::Metadata(..) => Ok(()),
+    })?;
+    state.flush()?;
+    let Replay { recorder, at, wires, losses, .. } = state;
+    let length = match end.get("length_us") {
+        Some(text) => Micros::new(text.parse().context("its length is no number")?),
+        None => at,
+    };
+    let mut recording = recorder.finish_with(length, wires, losses)?;
+    recording.faults.clone_from(&description.faults);
+    recording.no_logs = true;
+    let cut = cut.or_else(|| end.is_empty().then(|| "its end is missing".into()));
+    Ok((recording, cut))
+}
+
+/// Sets a robot up as that of the record was.
+fn prepare<'t>(robot: &mut Robot<'_>, text: &impl Fn(&str) -> &'t str) -> Result<()> {
+    if let Some(receiver) = Receiver::ALL.into_iter().find(|one| one.name() == text("receiver")) {
+        robot.set_remote(receiver)?;
+    }
+    let faults: Result<Vec<_>, _> = text("faults").lines().map(str::parse).collect();
+    robot.set_faults(&faults.context("its faults")?)?;
+    let mistakes: Result<Vec<_>, _> = text("mistakes").lines().map(str::parse).collect();
+    robot.set_mistakes(&mistakes.context("its mistakes")?)
+}
+
+/// Whether these topics are of a robot.
+fn is_of(robot: &Robot<'_>, found: &BTreeMap<String, BTreeMap<String, String>>) -> Result<()> {
+    let own = &robot.description().motors;
+    for motor in own {
+        let Some(map) = found.get(&topic("motors", motor.label)) else {
+            bail!("it is of another robot: it has no motor `{}`", motor.label);
+        };
+        for (key, own) in [("model", motor.name().to_string()), ("on", motor.on.to_string())] {
+            let theirs = map.get(key).map_or("", String::as_str);
+            let label = motor.label;
+            ensure!(
+                theirs == own,
+                "it is of another robot: its `{label}` is {theirs}, and this robot's is {own}"
+            );
+        }
+    }
+    let is_motor =
+        |topic: &&String| topic.matches('/').count() == 2 && topic.starts_with("/motors/");
+    let known = |name: &String| own.iter().any(|motor| topic("motors", motor.label) == **name);
+    match found.keys().filter(is_motor).find(|name| !known(name)) {
+        Some(name) => bail!("it is of another robot: this one has no motor {name}"),
+        None => Ok(()),
+    }
+}
+
+/// What a topic is about.
+fn about(name: &str, motors: &[String], parts: &[String], signals: &[String]) -> About {
+    let place = |names: &[String], name: &str| names.iter().position(|one| one == name);
+    let number = |rest: &str| rest.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
+    let numbered = |folder: &str| name.strip_prefix(folder);
+    let found = match name {
+        "/robot" => Some(About::Robot),
+        "/remote" => Some(About::Remote),
+        "/remote/losses" => Some(About::Loss),
+        _ => None,
+    };
+    found
+        .or_else(|| place(motors, name).map(About::Motor))
+        .or_else(|| place(motors, name.strip_suffix("/health")?).map(About::Health))
+        .or_else(|| place(parts, name).map(About::Part))
+        .or_else(|| place(signals, name).map(About::Signal))
+        .or_else(|| number(numbered("/lines/")?).map(About::Line))
+        .or_else(|| number(numbered("/buses/")?).map(About::Bus))
+        .or_else(|| number(numbered("/buses/")?.strip_suffix("/window_load")?).map(About::Window))
+        .unwrap_or(About::Other)
+}
+
+/// A recording on its way.
+struct Replay<'d> {
+    recorder: Recorder<'d>,
+    channels: BTreeMap<u16, (About, Vec<String>)>,
+    /// The time of what follows.
+    at: Micros,
+    looks: Vec<MotorLook>,
+    has_looks: bool,
+    signals: Vec<Option<f64>>,
+    has_signals: bool,
+    moment: Moment,
+    has_moment: bool,
+    wires: Vec<WireEnd>,
+    losses: Vec<Loss>,
+    faults: Vec<&'static str>,
+}
+
+impl Replay<'_> {
+    fn take(&mut self, id: u16, now: Micros, bytes: &[u8]) -> Result<()> {
+        let Some((about, columns)) = self.channels.get(&id) else {
+            bail!("a message of a channel that is not declared");
+        };
+        let (about, columns) = (*about, std::mem::take(&mut columns.clone()));
+        // These were written when all was over.
+        match about {
+            About::Window(at) => {
+                let mut load = 0.0;
+                unpack(VALUE, &columns, bytes, &mut load)?;
+                if let Some(wire) = self.wires.get_mut(at) {
+                    wire.load_windows.push(load);
+                }
+                return Ok(());
+            }
+            About::Loss => {
+                let lost = Lost { from: Micros::ZERO, until: None };
+                let mut loss = Loss {
+                    lost,
+                    last_frame: None,
+                    coasting: None,
+                    back: None,
+                    resumed: None,
+                    disarmed: None,
+                };
+                unpack(LOSS, &columns, bytes, &mut loss)?;
+                self.losses.push(loss);
+                return Ok(());
+            }
+            About::Other => return Ok(()),
+            _ => {}
+        }
+        if now != self.at {
+            self.flush()?;
+            self.at = now;
+        }
+        match about {
+            About::Motor(at) => {
+                self.has_looks = true;
+                unpack(MOTOR, &columns, bytes, &mut self.looks[at])
+            }
+            About::Health(at) => {
+                self.has_moment = true;
+                let (look, text) = (&mut self.looks[at], self.faults[at]);
+                unpack(MOTOR_HEALTH, &columns, bytes, look)?;
+                let fault = look.status.fault.map(|fault| MotorFault::new(fault.code, text));
+                look.status.fault = fault;
+                Ok(())
+            }
+            About::Signal(at) => {
+                self.has_signals = true;
+                let mut value = f64::NAN;
+                unpack(VALUE, &columns, bytes, &mut value)?;
+                self.signals[at] = (!value.is_nan()).then_some(value);
+                Ok(())
+            }
+            About::Bus(at) => self.with_moment(|moment| {
+                moment.buses.get_mut(at).map_or(Ok(()), |bus| unpack(BUS, &columns, bytes, bus))
+            }),
+            About::Line(at) => self.with_moment(|moment| {
+                moment.lines.get_mut(at).map_or(Ok(()), |line| unpack(LINE, &columns, bytes, line))
+            }),
+            About::Part(at) => self.with_moment(|moment| {
+                let count = moment.parts.len().max(at + 1);
+                moment.parts.resize(count, Counters::default());
+                unpack(PART, &columns, bytes, &mut moment.parts[at])
+            }),
+            About::Robot => {
+                self.with_moment(|moment| unpack(ROBOT, &columns, bytes, &mut moment.robot))
+            }
+            About::Remote => self.with_moment(|moment| {
+                let look = moment.remote.get_or_insert(RemoteLook {
+                    sample: RemoteSample { is_live: false, arm: None },
+                    sent: Sent::default(),
+                    is_told: false,
+                    heard: Counters::default(),
+                });
+                unpack(REMOTE, &columns, bytes, look)
+            }),
+            About::Window(_) | About::Loss | About::Other => Ok(()),
+        }
+    }
+
+    fn with_moment(&mut self, put: impl FnOnce(&mut Moment) -> Result<()>) -> Result<()> {
+        self.has_moment = true;
+        put(&mut self.moment)
+    }
+
+    /// Gives the recorder what belongs to one moment.
+    fn flush(&mut self) -> Result<()> {
+        if std::mem::take(&mut self.has_signals) {
+            self.recorder.signals(self.at, &self.signals)?;
+        }
+        if std::mem::take(&mut self.has_looks) {
+            let looks: Vec<_> = self.looks.iter().map(|look| look.settled()).collect();
+            self.recorder.take_look(self.at, &looks)?;
+        }
+        if std::mem::take(&mut self.has_moment) {
+            self.recorder.take_sample(self.at, self.moment.clone())?;
+        }
+        Ok(())
+    }
+}
+
+/// Writes the numbers and events of a record as CSV files, one for each topic.
+///
+/// # Errors
+/// If the file is none, or the folder cannot be written.
+pub fn csv(args: &CsvArgs, out: &mut dyn Write) -> Result<()> {
+    let bytes = read(&args.record)?;
+    let named = || args.record.display().to_string();
+    let mut tables: BTreeMap<u16, (String, usize, String, Option<usize>)> = BTreeMap::new();
+    let cut = walk(&bytes, |item| {
+        match item {
+            Item::Channel(id, Channel { topic, columns, .. }) => {
+                let names = columns.as_ref().map_or_else(|| "label".into(), |all| all.join(","));
+                let width = columns.map(|columns| columns.len());
+                tables.entry(id).or_insert_with(|| (topic, 0, format!("time_s,{names}\n"), width));
+            }
+            Item::Message(id, time, bytes) => {
+                let Some((_, rows, text, width)) = tables.get_mut(&id) else {
+                    bail!("a message of a channel that is not declared");
+                };
+                *rows += 1;
+                write!(text, "{}.{:09}", time / 1_000_000_000, time % 1_000_000_000)?;
+                if width.is_some() {
+                    // An empty cell for what there is not.
+                    for value in numbers(bytes)? {
+                        let value = if value.is_nan() { String::new() } else { value.to_string() };
+                        write!(text, ",{value}")?;
+                    }
+                } else {
+                    write!(text, ",{}", label(bytes).replace([',', '\n', '"'], " "))?;
+                }
+                text.push('\n');
+            }
+            Item::Metadata(..) => {}
+        }
+        Ok(())
+    })
+    .with_context(named)?;
+    make_folder(&args.out)?;
+    for (topic, rows, text, _) in tables.into_values() {
+        let name = format!("{}.csv", topic.trim_start_matches('/').replace('/', "-"));
+        write_file(&args.out, &name, text.as_bytes())?;
+        writeln!(out, "{rows:>8} rows  {}", args.out.join(name).display())?;
+    }
+    if let Some(why) = cut {
+        eprintln!("rc10: {}: cut off: {why}", args.record.display());
+    }
+    Ok(())
+}
+
+/// The text of a message that is one string; nothing of others.
+fn label(bytes: &[u8]) -> String {
+    let text = bytes.get(8..bytes.len().saturating_sub(1)).unwrap_or_default();
+    String::from_utf8_lossy(text).into_owned()
+}

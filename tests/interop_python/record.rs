@@ -1,0 +1,85 @@
+//! The package `mcap-ros2-support` reads a record: its schemas say what stands in it, without our code.
+
+use std::process::Command;
+
+use rc10_can::Micros;
+use rc10_cli::record::{Heading, RecordWriter};
+use rc10_cli::recording::Recording;
+use rc10_cli::simulate::simulate_into;
+use rc10_cli::team;
+use rc10_robot::{Motors, Ports, Shared};
+use serde_json::Value;
+
+use crate::scratch::Scratch;
+use crate::{must_succeed, python, script};
+
+const LENGTH: Micros = Micros::from_millis(2000);
+
+#[test]
+fn mcap_ros2_reads_every_value_of_a_record() {
+    let Some(python) = python() else { return };
+    let folder = Scratch::new("record");
+    let path = folder.join("run.mcap");
+    let ports = Ports::new();
+    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+    let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
+    let record = RecordWriter::new(&path, &Heading::of(&robot, 4, false)).unwrap();
+    let run = simulate_into(robot, 4, LENGTH, Some(record)).unwrap();
+    let printed = must_succeed(Command::new(python).arg(script("read_record.py")).arg(&path));
+    let topics: Value = serde_json::from_str(&printed).unwrap();
+    compare(&run, &topics);
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+#[allow(clippy::float_cmp, reason = "the very same numbers")]
+fn compare(run: &Recording, topics: &Value) {
+    for track in &run.motors {
+        let topic = format!("/motors/{}", track.motor.label.replace(' ', "_"));
+        let (looks, health) = (&topics[&topic], &topics[format!("{topic}/health")]);
+        assert_eq!((&looks["count"], &health["count"]), (&2000.into(), &200.into()), "{topic}");
+        let (last, sample) = (&looks["last"], track.samples.last().unwrap());
+        assert_eq!(last["at"], LENGTH.get() * 1000);
+        assert_eq!(last["target"].as_f64(), sample.target);
+        let feedback = &track.last.feedback;
+        for (field, value) in [
+            ("measured", sample.measured),
+            ("shaft_speed", sample.rpm),
+            ("winding_current", sample.current),
+            ("link", 1.0),
+            ("speed", feedback.speed.get().into()),
+            ("total_angle", feedback.total_angle.microdegrees() as f64 * 1e-6),
+        ] {
+            assert_eq!(number(&last[field]), value, "{topic} {field}");
+        }
+        assert_eq!(last["current"].as_f64(), feedback.current().map(|amps| amps.get().into()));
+        let counters = &track.last.counters;
+        assert_eq!(number(&health["last"]["received"]), f64::from(counters.received));
+        assert_eq!(number(&health["last"]["lost"]), 0.0);
+        // All of them: the mean of the run is that of its samples.
+        let means = track.samples.iter().map(|sample| f64::from(sample.rpm_cell.mean));
+        let mean = means.sum::<f64>() / track.samples.len() as f64;
+        let read = number(&looks["sums"]["shaft_speed"]) / 2000.0;
+        assert!((read - mean).abs() < 1e-3 * mean.abs().max(1.0), "{topic}: {read}, {mean}");
+    }
+    for bus in &run.buses {
+        let found = &topics[format!("/buses/{}", bus.number)]["last"];
+        assert_eq!(number(&found["frames"]), bus.frames as f64);
+        assert_eq!(number(&found["load"]), bus.load);
+        assert_eq!(number(&found["period_max"]), f64::from(bus.last.period.max().unwrap()));
+        let windows = &topics[format!("/buses/{}/window_load", bus.number)];
+        assert_eq!(windows["count"], bus.load_windows.len());
+    }
+    for signal in &run.signals {
+        let found = &topics[format!("/signals/{}", signal.label.replace(' ', "_"))];
+        assert_eq!((&found["count"], found["last"]["value"].as_f64()), (&2000.into(), signal.last));
+    }
+    let (first, last) = (run.events.first().unwrap(), run.events.last().unwrap());
+    assert_eq!(topics["/events"]["count"], run.events.len());
+    assert_eq!(topics["/events"]["first"]["label"], first.label);
+    assert_eq!(topics["/events"]["last"]["label"], last.label);
+    assert_eq!(topics["/events"]["last"]["at"], last.at.get() * 1000);
+    assert_eq!(topics["/robot"]["last"]["arm"], 1.0);
+}

@@ -1,0 +1,234 @@
+//! Records: the report of a record is that of its run, in every figure; and what is no record is refused
+//! in words.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+#[path = "common/scratch.rs"]
+mod scratch;
+
+use std::fs;
+use std::path::Path;
+
+use rc10_can::Micros;
+use rc10_cli::figures::{Figures, to_json};
+use rc10_cli::record::{Heading, RecordWriter, replay};
+use rc10_cli::report::report;
+use rc10_cli::robot::Robot;
+use rc10_cli::simulate::simulate_into;
+use rc10_cli::{CommandLine, Motor, Place, Recording, team};
+use rc10_motor::dji::{Config, M3508};
+use scratch::Scratch;
+
+/// Hands the team's robot over.
+fn of_team<R>(take: impl FnOnce(Robot<'_>) -> R) -> R {
+    let ports = rc10_robot::Ports::new();
+    let (shared, mut motors) = (rc10_robot::Shared::new(&ports), rc10_robot::Motors::new());
+    let buses = motors.start(&shared.switch).unwrap().buses;
+    take(team::robot(&shared, buses))
+}
+
+/// Hands the mixed robot over.
+fn of_mixed<R>(take: impl FnOnce(Robot<'_>) -> R) -> R {
+    let ports = mixed::Ports::new();
+    let (shared, mut motors) = (mixed::Shared::new(&ports), mixed::Motors::new());
+    take(mixed::simulation::robot(&shared, &mut motors).unwrap())
+}
+
+/// Hands the robot of `examples/omni` over.
+fn of_omni<R>(take: impl FnOnce(Robot<'_>) -> R) -> R {
+    let ports = omni::Ports::new();
+    let (shared, mut motors) = (omni::Shared::new(&ports), omni::Motors::new());
+    take(omni::simulation::robot(&shared, &mut motors).unwrap())
+}
+
+/// A run, written to a record.
+fn run(
+    mut robot: Robot<'_>,
+    path: &Path,
+    faults: &[&str],
+    mistakes: &[&str],
+    length: Micros,
+) -> Recording {
+    let faults: Vec<_> = faults.iter().map(|fault| fault.parse().unwrap()).collect();
+    let mistakes: Vec<_> = mistakes.iter().map(|mistake| mistake.parse().unwrap()).collect();
+    robot.set_faults(&faults).unwrap();
+    robot.set_mistakes(&mistakes).unwrap();
+    robot.set_no_logs(true);
+    let record = RecordWriter::new(path, &Heading::of(&robot, 7, false)).unwrap();
+    let recording = simulate_into(robot, 7, length, Some(record)).unwrap();
+    Recording { faults, ..recording }
+}
+
+/// All that is shown of a recording.
+fn shown(recording: &Recording) -> [String; 2] {
+    let figures = Figures::of(recording);
+    let json = to_json(recording, &figures, None);
+    [serde_json::to_string_pretty(&json).unwrap(), report(recording, &figures)]
+}
+
+#[track_caller]
+fn assert_same(run: &Recording, (replayed, cut): &(Recording, Option<String>)) {
+    assert_eq!(*cut, None);
+    let ([json, page], [json_again, page_again]) = (shown(run), shown(replayed));
+    let different = json.lines().zip(json_again.lines()).find(|(one, other)| one != other);
+    assert!(json == json_again, "{different:?}");
+    let at = page.bytes().zip(page_again.bytes()).position(|(one, other)| one != other);
+    let around = |text: &str| {
+        at.map(|at| {
+            String::from_utf8_lossy(&text.as_bytes()[at.saturating_sub(300)..at + 50]).into_owned()
+        })
+    };
+    assert!(page == page_again, "{:?}\n{:?}", around(&page), around(&page_again));
+}
+
+#[test]
+fn the_report_of_a_record_is_that_of_its_run() {
+    let folder = Scratch::new("same");
+    let path = folder.join("run.mcap");
+    let seconds = |seconds: u64| Micros::from_millis(seconds * 1000);
+    for (faults, mistakes, length) in [
+        (vec![], vec![], seconds(10)),
+        (vec!["remote-lost@1s..1.4s", "remote-lost@2s", "power:1@0.5s..0.7s"], vec![], seconds(3)),
+        (vec!["cut:2@0.3s..0.9s"], vec!["direction:wheel-front-left"], Micros::from_millis(1503)),
+        (vec![], vec!["gear:lift-front-left=27", "radius:x1.1"], seconds(2)),
+    ] {
+        let run = of_team(|robot| run(robot, &path, &faults, &mistakes, length));
+        assert_eq!(run.length, length);
+        let bytes = fs::read(&path).unwrap();
+        assert_same(&run, &of_team(|robot| replay(&bytes, robot)).unwrap());
+    }
+    let run_2 = of_mixed(|robot| run(robot, &path, &["cut:L1@0.5s..0.6s"], &[], seconds(2)));
+    assert!(run_2.lines[0].traffic.timeouts > 0);
+    assert_same(&run_2, &of_mixed(|robot| replay(&fs::read(&path).unwrap(), robot)).unwrap());
+    let run_3 = of_omni(|robot| run(robot, &path, &["remote-lost@1s"], &[], seconds(3)));
+    assert_same(&run_3, &of_omni(|robot| replay(&fs::read(&path).unwrap(), robot)).unwrap());
+    // The file alone is there, and nothing beside it.
+    assert_eq!(fs::read_dir(&*folder).unwrap().count(), 1);
+}
+
+fn refused(bytes: &[u8]) -> String {
+    match of_team(|robot| replay(bytes, robot)) {
+        Ok((recording, cut)) => format!("{} us, {cut:?}", recording.length.get()),
+        Err(error) => format!("{error:#}"),
+    }
+}
+
+#[test]
+fn what_is_no_record_of_this_robot_is_refused_in_words() {
+    let folder = Scratch::new("refused");
+    let path = folder.join("run.mcap");
+    for bytes in [&b""[..], b"(0.0) can0 201#00\n", b"\x89MCAP0\r\n"] {
+        assert!(refused(bytes).starts_with("it is no MCAP file: "), "{}", refused(bytes));
+    }
+    let mut empty = mcap::Writer::new(std::io::Cursor::new(Vec::new())).unwrap();
+    empty.finish().unwrap();
+    let said = refused(&empty.into_inner().into_inner());
+    assert_eq!(said, "it is no record of a robot: it has no `rc10` metadata");
+    of_mixed(|robot| run(robot, &path, &[], &[], Micros::from_millis(20)));
+    let said = refused(&fs::read(&path).unwrap());
+    assert_eq!(said, "it is of another robot: it has no motor `wheel front left`");
+    of_team(|robot| run(robot, &path, &[], &[], Micros::from_millis(20)));
+    let mut newer = fs::read(&path).unwrap();
+    // The value follows its name and four bytes of length.
+    let at = newer.windows(7).position(|word| word == b"version").unwrap() + 11;
+    newer[at] = b'2';
+    assert_eq!(refused(&newer), "its layout has version 2, and this rc10 reads version 1");
+    of_team(|robot| {
+        let mut description = robot.description().clone();
+        description.motors[0] =
+            Motor::new("wheel front left", Place::Bus(1), Config::new(&M3508, 5).device());
+        let heading = Heading { description: &description, ..Heading::of(&robot, 1, false) };
+        let record = RecordWriter::new(&path, &heading).unwrap();
+        simulate_into(robot, 1, Micros::from_millis(5), Some(record)).unwrap();
+    });
+    let other = fs::read(&path).unwrap();
+    assert_eq!(
+        refused(&other),
+        "it is of another robot: its `wheel front left` is M3508 id 5, and this robot's is M3508 id 1"
+    );
+}
+
+/// What there is of it is told, and where it ends; nothing panics.
+#[test]
+fn a_record_that_is_cut_off_or_damaged_is_read_as_far_as_it_goes() {
+    let folder = Scratch::new("cut");
+    let path = folder.join("run.mcap");
+    of_team(|robot| run(robot, &path, &[], &[], Micros::from_millis(1000)));
+    let good = fs::read(&path).unwrap();
+    let (half, cut) = of_team(|robot| replay(&good[..good.len() / 2], robot)).unwrap();
+    assert!(cut.is_some());
+    assert!((Micros::from_millis(100)..Micros::from_millis(1000)).contains(&half.length));
+    assert!(half.motors.iter().all(|track| !track.samples.is_empty()));
+    // A byte in the middle of a chunk: its checksum tells.
+    let mut damaged = good.clone();
+    damaged[good.len() / 3] ^= 1;
+    let (_, cut) = of_team(|robot| replay(&damaged, robot)).unwrap();
+    assert!(cut.is_some_and(|why| why.to_lowercase().contains("crc")));
+    for part in 0..60 {
+        let _ = refused(&good[..good.len() * part / 60]);
+        let mut damaged = good.clone();
+        let at = (part * 7919 + 13) % 9000;
+        damaged[at] ^= 0x5A;
+        let _ = refused(&damaged);
+    }
+}
+
+#[test]
+fn a_record_that_cannot_be_written_leaves_nothing_behind() {
+    let folder = Scratch::new("nothing");
+    let nowhere = folder.join("missing").join("run.mcap");
+    let error = of_team(|robot| {
+        RecordWriter::new(&nowhere, &Heading::of(&robot, 1, false)).err().unwrap().to_string()
+    });
+    assert!(error.starts_with("cannot write ") && error.ends_with("run.mcap"), "{error}");
+    let path = folder.join("run.mcap");
+    let error = of_team(|robot| {
+        let mut description = robot.description().clone();
+        description.motors[1].label = "wheel_front left";
+        let heading = Heading { description: &description, ..Heading::of(&robot, 1, false) };
+        format!("{:#}", RecordWriter::new(&path, &heading).err().unwrap())
+    });
+    let why = "`wheel front left` and `wheel_front left` are one topic, /motors/wheel_front_left";
+    assert!(error.contains(why), "{error}");
+    fs::write(&path, b"older").unwrap();
+    of_team(|robot| drop(RecordWriter::new(&path, &Heading::of(&robot, 1, false)).unwrap()));
+    assert_eq!(fs::read(&path).unwrap(), b"older");
+    assert_eq!(fs::read_dir(&*folder).unwrap().count(), 1);
+}
+
+#[test]
+fn the_commands_say_what_they_did() {
+    let folder = Scratch::new("commands");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let command = |arguments: &[&str]| {
+        let mut out = Vec::new();
+        let arguments = ["rc10"].iter().chain(arguments);
+        let done = of_team(|robot| CommandLine::parse(arguments).unwrap().run_to(robot, &mut out));
+        let text = String::from_utf8(out).unwrap();
+        done.map(|code| (code, text)).map_err(|error| format!("{error:#}"))
+    };
+    let (record, out) = (path("a.mcap"), path("out"));
+    let ran = command(&["run", "--seconds", "0.5", "--record", &record, "--out", &out]).unwrap();
+    let (code, said) = command(&["report", &record, "--out", &path("report")]).unwrap();
+    let body = |text: &str| {
+        let lines = text.lines().skip(1).filter(|line| !line.starts_with("open"));
+        lines.filter(|line| !line.starts_with("logs")).collect::<Vec<_>>().join("\n")
+    };
+    assert_eq!((code, body(&said)), (0, body(&ran.1)));
+    assert!(said.starts_with(&format!("0.5 s of {record}, seed 1\n")), "{said}");
+    assert!(folder.join("report/report.html").is_file());
+    let (_, said) = command(&["csv", &record, "--out", &path("csv")]).unwrap();
+    assert!(said.contains("     500 rows  ") && said.contains("motors-wheel_front_left.csv"));
+    let table = fs::read_to_string(folder.join("csv/motors-wheel_front_left.csv")).unwrap();
+    let lines: Vec<_> = table.lines().collect();
+    assert!(lines[0].starts_with("time_s,target_kind,target,measured,link,"), "{}", lines[0]);
+    assert_eq!(lines.len(), 501);
+    assert!(lines.iter().all(|line| line.split(',').count() == 13));
+    assert!(lines[500].starts_with("0.500000000,"), "{}", lines[500]);
+    let events = fs::read_to_string(folder.join("csv/events.csv")).unwrap();
+    assert!(events.starts_with("time_s,label\n0.000000000,switches down\n"), "{events}");
+    let error = command(&["report", &path("none.mcap")]).unwrap_err();
+    assert!(error.starts_with("cannot read "), "{error}");
+    let log = path("out/bus1.log");
+    let error = command(&["report", &log]).unwrap_err();
+    assert!(error.contains("bus1.log: it is no MCAP file"), "{error}");
+}
