@@ -11,6 +11,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use common_mixed::mixed;
+use rc10_cli::{CommandLine, Description, Robot};
 use scratch::Scratch;
 use serde_json::Value;
 
@@ -341,13 +342,17 @@ fn wrong_arguments_end_with_2_and_a_reason() {
     for (arguments, reason) in [
         (&["run", "--fault", "load:3@1s"][..], "load:3: there is no such bus; the last is 2"),
         (&["run", "--fault", "power:L2@1s"], "power:L2: there is no such line; the last is 1"),
-        (&["run", "--remote", "sbus"], "no remote control"),
-        (&["run", "--fault", "remote-lost@1s"], "no remote control"),
         (&["emu", file, "--fault", "cut:L2@0.1s"], "cut:L2: there is no such line; the last is 1"),
     ] {
         let (code, error) = mixed(arguments);
         assert_eq!(code, Some(2), "{arguments:?}: {error}");
         assert!(error.contains(reason), "{arguments:?}: {error}");
+    }
+    for arguments in [["rc10", "run", "--remote=sbus"], ["rc10", "run", "--fault=remote-lost@1s"]] {
+        let deaf = Robot::new(Description::default());
+        let error = CommandLine::parse(arguments).unwrap().run_to(deaf, &mut Vec::new());
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains("this robot has no remote control"), "{arguments:?}: {error}");
     }
 }
 

@@ -21,7 +21,7 @@ use embassy_time::{Duration, Instant};
 use rc10_bsp::can::Bus;
 use rc10_bsp::pulse_input::{self, PulseInput};
 use rc10_bsp::pulse_output::{self, PulseOutput};
-use rc10_bsp::serial::{self, Serial, SerialConfig, SerialReceiver};
+use rc10_bsp::serial::{self, Serial, SerialConfig};
 use rc10_bsp::{CORE_CLOCK, cycle_count, dma_buffer, supervisor};
 use rc10_firmware::board::{Board, PulseParts, StripParts};
 use rc10_firmware::robot::{self, Unstartable};
@@ -50,8 +50,6 @@ bind_interrupts!(struct Irqs {
 
 /// Of all that is no motor: UARTs, timers, their DMA.
 const PERIPHERALS: Priority = Priority::P7;
-/// The line of text.
-const TEXT: SerialConfig = SerialConfig::new(115_200);
 /// The HWT101.
 const IMU: SerialConfig = SerialConfig::new(115_200);
 
@@ -111,17 +109,15 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     let strip = PulseOutput::start(timer, pin, stream, Irqs, period, buffer, PERIPHERALS);
     spawner.spawn(tasks::tenth_of_a_second(shared, strip)?);
 
-    // Rings hold what comes in 5 ms twice over, at the highest rate of what may be there.
-    let (ring, buffer) = (dma_buffer!(u8; 64), dma_buffer!(u8; 256));
-    let text = Serial::start(board.text, Irqs, &TEXT, ring, buffer, PERIPHERALS)?;
+    let text = robot::text(board.text, Irqs, PERIPHERALS)?;
     spawner.spawn(tasks::log(shared, text, started + BETWEEN)?);
+    // Rings hold what comes in 5 ms twice over, at the highest rate of what may be there.
     let (ring, buffer) = (dma_buffer!(u8; 128), dma_buffer!(u8; 32));
     let imu = Serial::start(board.imu, Irqs, &IMU, ring, buffer, PERIPHERALS)?;
     spawner.spawn(tasks::imu(shared, imu)?);
     match RECEIVER.serial() {
-        Some(settings) => {
-            let (config, ring) = (robot::receiver(settings), dma_buffer!(u8; 1024));
-            let port = SerialReceiver::start(board.remote, Irqs, &config, ring, PERIPHERALS)?;
+        Some(_) => {
+            let port = robot::remote(board.remote, Irqs, RECEIVER, PERIPHERALS)?;
             spawner.spawn(tasks::remote(shared, port)?);
         }
         None => {

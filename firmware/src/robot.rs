@@ -5,21 +5,28 @@
 use core::fmt::Write as _;
 
 use embassy_executor::SpawnError;
+use embassy_futures::join::join3;
 use embassy_stm32::Peri;
-use embassy_stm32::peripherals::IWDG1;
+use embassy_stm32::interrupt::Priority;
+use embassy_stm32::interrupt::typelevel::{self, Binding};
+use embassy_stm32::peripherals::{DMA1_CH0, DMA1_CH1, DMA1_CH2, IWDG1, UART5, USART1};
 use embassy_time::{Duration, Instant, Ticker, Timer};
 use embedded_io_async::Write as _;
 use heapless::String;
 use rc10_bsp::can::FdcanPort;
 use rc10_bsp::crash;
-use rc10_bsp::serial::{BaudError, Parity, Serial, SerialConfig, StopBits};
+use rc10_bsp::dma_buffer;
+use rc10_bsp::serial::{
+    self, BaudError, Parity, ReceiverParts, Serial, SerialConfig, SerialParts, SerialReceiver,
+    StopBits,
+};
 use rc10_bsp::watchdog::Watchdog;
-use rc10_module::remote::{self, SerialSettings};
+use rc10_module::remote::{self, Receiver, SerialSettings};
 use rc10_motor::embassy::{BusPort, Ports, Rs485Port, Runner, run_buses, run_rs485};
 use rc10_motor::rc10_app::ConfigError;
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, MotorBus, Names, SetupError, TxBatch, Unfit};
-use rc10_tasks::{Common, TickWatch};
+use rc10_tasks::{Common, TickWatch, status};
 use static_cell::StaticCell;
 
 use crate::board::{Board, REMOTE_HAS_INVERTER};
@@ -152,9 +159,40 @@ pub fn line(
     run_rs485(port, motors, shared)
 }
 
+/// The line of text: 115,200 baud.
+///
+/// # Errors
+/// If the UART cannot have its bit rate.
+pub fn text(
+    parts: SerialParts<USART1, DMA1_CH0, DMA1_CH1>,
+    interrupts: impl Binding<typelevel::USART1, serial::Interrupt<USART1>>
+    + Binding<typelevel::DMA1_STREAM0, serial::Interrupt<USART1>>
+    + Binding<typelevel::DMA1_STREAM1, serial::Interrupt<USART1>>,
+    priority: Priority,
+) -> Result<Serial, BaudError> {
+    let (ring, buffer) = (dma_buffer!(u8; 64), dma_buffer!(u8; 256));
+    Serial::start(parts, interrupts, &SerialConfig::new(115_200), ring, buffer, priority)
+}
+
+/// The receiver of a remote control, if it speaks serially.
+///
+/// # Errors
+/// If it speaks in pulses, or the UART cannot have its bit rate.
+pub fn remote(
+    parts: ReceiverParts<UART5, DMA1_CH2>,
+    interrupts: impl Binding<typelevel::UART5, serial::Interrupt<UART5>>
+    + Binding<typelevel::DMA1_STREAM2, serial::Interrupt<UART5>>,
+    receiver: Receiver,
+    priority: Priority,
+) -> Result<SerialReceiver, Unstartable> {
+    let settings = receiver.serial().ok_or(Unstartable::Pulses)?;
+    // What comes in 5 ms twice over, at the highest rate of what may be there.
+    let ring = dma_buffer!(u8; 1024);
+    Ok(SerialReceiver::start(parts, interrupts, &config(settings), ring, priority)?)
+}
+
 /// Settings of the UART for a receiver at the board's pin.
-#[must_use]
-pub const fn receiver(settings: SerialSettings) -> SerialConfig {
+const fn config(settings: SerialSettings) -> SerialConfig {
     SerialConfig {
         baud: settings.baud,
         parity: match settings.parity {
@@ -182,6 +220,18 @@ pub async fn watch<N: Names, const BUSES: usize, const LINES: usize>(
         ticker.next().await;
         watchdog.feed_if(|| ticks.have_all_ticked(ports));
     }
+}
+
+/// Everything that a robot does beside its own tasks: feeds the watchdog, tells its status, and writes
+/// that as text.
+pub async fn tend<N: Names, const BUSES: usize, const LINES: usize>(
+    shared: &Common<'_, N, BUSES, LINES>,
+    watchdog: Peri<'static, IWDG1>,
+    text: Serial,
+    quiet: Instant,
+) {
+    let (watch, tell) = (watch(watchdog, shared.ports), status::run(shared, []));
+    join3(watch, tell, log(shared, text, quiet)).await;
 }
 
 /// Writes the status, ten times a second, as a line of text: to the UART, and into
@@ -227,6 +277,8 @@ pub enum Unstartable {
     Task(SpawnError),
     /// A UART cannot have its bit rate.
     Baud(BaudError),
+    /// The receiver of the remote speaks in pulses, where bytes are listened to.
+    Pulses,
 }
 
 impl From<SetupError> for Unstartable {
@@ -267,6 +319,9 @@ impl Unstartable {
             }
             Self::Task(error) => defmt::error!("the robot does not start: a task: {}", error),
             Self::Baud(error) => defmt::error!("the robot does not start: a UART: {}", error),
+            Self::Pulses => {
+                defmt::error!("the robot does not start: its receiver speaks in pulses");
+            }
         }
     }
 }

@@ -5,6 +5,7 @@ use mixed::table::{LEGS as NAMES, REPLY};
 use mixed::{Motors, Ports, Shared, simulation};
 use rc10_can::Micros;
 use rc10_cli::emulate::{Emulation, Setup};
+use rc10_cli::recording::MotorTrack;
 use rc10_emu::peripherals::Width;
 use rc10_emu::{Figures, Machine};
 use rc10_motor::Link;
@@ -365,7 +366,7 @@ fn the_line_has_a_priority_of_its_own() {
 }
 
 /// Every motor is without torque after a panic, those of the line when the watchdog's silence has
-/// begun; the restarted program arms itself and goes on.
+/// begun; the restarted program waits for a hand that arms it.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn a_panic_and_a_cut_bus_are_survived() {
@@ -374,12 +375,42 @@ fn a_panic_and_a_cut_bus_are_survived() {
         assert_eq!(emulation.rig.machine.restarts().len(), 1);
         let log = log(&mut emulation);
         assert!(log.contains("the last run ended in a crash: Panic"), "{log}");
-        assert!(log.lines().last().unwrap().contains("armed, 14 of 14 motors online"), "{log}");
+        assert!(log.lines().last().unwrap().contains("disarmed, 14 of 14 motors online"), "{log}");
         for track in &recording.motors[..OTHERS] {
-            // From the panic until 100 ms after the restart.
-            let currents = track.samples[52..58].iter().map(|sample| sample.current.abs());
+            let currents = track.samples[52..].iter().map(|sample| sample.current.abs());
             let most = currents.fold(0.0, f64::max);
             assert!(most < 0.05, "{}: {most} A", track.motor.label);
         }
+        // Those of the line go on until they miss their commands.
+        for track in &recording.motors[OTHERS..] {
+            let currents = track.samples[70..].iter().map(|sample| sample.current.abs());
+            let most = currents.fold(0.0, f64::max);
+            assert!(most < 0.05, "{}: {most} A", track.motor.label);
+        }
+    });
+}
+
+/// On both buses and on the line.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_lost_remote_makes_every_motor_safe_and_disarms() {
+    give(&setup(&["remote-lost@0.6s"]), |emulation| {
+        let (mut emulation, recording) = emulation.record(Micros::from_millis(2000)).unwrap();
+        assert!(emulation.rig.machine.reports().is_empty());
+        assert!(emulation.rig.machine.restarts().is_empty());
+        let driven = |track: &MotorTrack, samples: std::ops::Range<usize>| {
+            track.samples[samples].iter().any(|sample| sample.current.abs() > 0.05)
+        };
+        assert!(recording.motors.iter().any(|track| driven(track, 50..60)));
+        for track in &recording.motors {
+            // The wheel brakes and the joints hold until the robot is disarmed, a second later.
+            let since = if track.motor.holds { 175 } else { 75 };
+            assert!(!driven(track, since..200), "{}", track.motor.label);
+        }
+        let [loss] = recording.remote.unwrap().losses.try_into().unwrap();
+        assert!(loss.reaction().is_some_and(|time| time < Micros::from_millis(115)), "{loss:?}");
+        let log = log(&mut emulation);
+        let last = log.lines().last().unwrap();
+        assert!(last.contains("disarmed, 14 of 14 motors online, no remote"), "{last}");
     });
 }

@@ -162,6 +162,12 @@ impl Motor {
         if self.dji().is_some() { state.command != 0 } else { !state.open }
     }
 
+    /// Whether its twin obeys a command that makes torque. Unlike [`is_driven`](Self::is_driven) this is
+    /// not so of a device whose loop is on and told to give none.
+    pub(crate) fn has_torque(&self, twin: &Esc) -> bool {
+        self.is_driven(twin) && (self.dji().is_some() || !twin.state().idle)
+    }
+
     /// 1 if it counts as the motor does, -1 if the other way.
     pub(crate) fn sign(&self) -> f64 {
         self.direction.sign().into()

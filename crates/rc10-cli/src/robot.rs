@@ -1,5 +1,6 @@
 //! A robot that is set up: its description with the running part that a robot crate hands over.
 
+use std::iter::zip;
 use std::pin::Pin;
 use std::rc::Rc;
 
@@ -8,9 +9,10 @@ use rc10_can::Micros;
 use rc10_module::Reception;
 use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
 use rc10_motor::unitree::Rs485Bus;
-use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Verdict};
+use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Started, Verdict};
 use rc10_sim::fault::Kind;
 use rc10_sim::{Fault, Faults, Tasks, UartPort};
+use rc10_tasks::{Common, remote};
 
 use crate::built::Built;
 use crate::description::Description;
@@ -70,6 +72,31 @@ impl<'r> Robot<'r> {
             serials: Vec::new(),
             is_forced: false,
         }
+    }
+
+    /// A robot with the buses and lines of its declaration, the switch that arms it, and, if a remote is
+    /// described, the task that listens to its receiver.
+    #[must_use]
+    pub fn of<N: Names, const BUSES: usize, const LINES: usize>(
+        description: Description,
+        started: Started<'r, BUSES, LINES>,
+        shared: &'r Common<'_, N, BUSES, LINES>,
+    ) -> Self {
+        let (Started { buses, lines }, ports) = (started, shared.ports);
+        let has_remote = description.remote.is_some();
+        let robot = Self::new(description).switch(&shared.switch);
+        let robot = zip(buses, &ports.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));
+        let robot =
+            zip(lines, &ports.lines).fold(robot, |robot, (line, port)| robot.line(line, port));
+        if !has_remote {
+            return robot;
+        }
+        robot.remote(&shared.remote_reception, async |receiver, port| match port {
+            ReceiverPort::Serial(port) => remote::listen(shared, receiver, port).await,
+            ReceiverPort::Pulses(mut port) => {
+                remote::listen_pulses(shared, async || port.rising_edge().await).await
+            }
+        })
     }
 
     /// Adds its next bus, and the port that its tasks know it by.

@@ -3,22 +3,20 @@
 mod operator;
 
 use anyhow::{Context, Result};
-use rc10_motor::{ArmState, MotorBus};
+use rc10_motor::{ArmState, MotorBus, Started};
 use rc10_robot::table::{BASE, BUSES, LIFT, LIFT_TOP, Name, RECEIVER, WHEELS};
 use rc10_robot::{Shared, chassis, driver, imu, mechanisms};
 use rc10_sim::imu::Hwt101;
 use rc10_sim::{Chassis, Nanos, Serial, World};
-use rc10_tasks::{remote, status};
+use rc10_tasks::status;
 
 use crate::description::{Base, Description, SerialPart};
 use crate::emulate::build_firmware;
 use crate::motor::Plant;
-use crate::remote::{Receiver, ReceiverPort, RemoteControl};
+use crate::remote::RemoteControl;
 use crate::robot::Robot;
 
-/// The ports and pins of its parts: `firmware/src/board.rs`.
-const REMOTE_UART: u8 = 5;
-const PULSE_PIN: (char, usize) = ('F', 8);
+/// Its IMU is there: `firmware/src/board.rs`.
 const IMU_UART: u8 = 7;
 
 /// The description of the team's robot.
@@ -32,15 +30,11 @@ pub fn description() -> Description {
     };
     Description {
         base: Some(Base::new(WHEELS, chassis)),
-        remote: Some(RemoteControl {
-            receiver: RECEIVER,
-            receivers: Receiver::ALL.into(),
-            uart: REMOTE_UART,
-            pulse_pin: PULSE_PIN,
-            script: operator::SCRIPT.into(),
-            repeats_after: Some(operator::SCRIPT_LENGTH),
-            lost: Vec::new(),
-        }),
+        remote: Some(RemoteControl::new(
+            RECEIVER,
+            &operator::SCRIPT,
+            Some(operator::SCRIPT_LENGTH),
+        )),
         serials: vec![SerialPart { label: "IMU", uart: IMU_UART, twin: imu_twin }],
         firmware: Some(build_firmware),
         ..Description::of(plant)
@@ -73,22 +67,11 @@ fn imu_twin(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial> 
 /// The robot with all its tasks, before it runs.
 #[must_use]
 pub fn robot<'r>(io: &'r Shared<'_>, buses: [MotorBus<'r>; BUSES]) -> Robot<'r> {
-    let robot = Robot::new(description()).switch(&io.switch);
-    let robot = buses
-        .into_iter()
-        .zip(&io.ports.buses)
-        .fold(robot, |robot, (bus, port)| robot.bus(bus, port));
-    robot
+    Robot::of(description(), Started { buses, lines: [] }, &io.common)
         .task(chassis::run(io))
         .task(mechanisms::run(io))
         .task(driver::run(io))
         .task(status::run(io, [("IMU", &io.imu_reception)]))
-        .remote(&io.remote_reception, async |receiver, port| match port {
-            ReceiverPort::Serial(port) => remote::listen(io, receiver, port).await,
-            ReceiverPort::Pulses(mut port) => {
-                remote::listen_pulses(io, async || port.rising_edge().await).await
-            }
-        })
         .serial(&io.imu_reception, async |port| imu::run(io, port).await)
         .signal("lift tilt", "deg", |_| {
             // They stand anywhere until each has been set to zero at the bottom.

@@ -101,6 +101,16 @@ pub enum Winding {
     Voltage(f64),
 }
 
+impl Winding {
+    fn is_idle(self) -> bool {
+        match self {
+            Self::Open => true,
+            Self::Current(amps) => amps.abs() < 0.02,
+            Self::Voltage(_) => false,
+        }
+    }
+}
+
 /// Frames that a device wants on the bus, in order.
 #[derive(Debug, Default)]
 pub struct Outbox {
@@ -369,6 +379,7 @@ impl Unit {
             temperature: self.motor.temperature,
             powered: self.powered,
             open: self.winding == Winding::Open,
+            idle: self.winding.is_idle(),
             shorted: self.winding == Winding::Voltage(0.0),
             command,
             commands: self.commands,
@@ -398,6 +409,9 @@ pub struct EscState {
     pub powered: bool,
     /// Whether its bridge is open: it has no power, or drives nothing, not even no current.
     pub open: bool,
+    /// Whether nothing drives the shaft: its bridge is open, or regulates no current but for what a
+    /// code of 12 bits makes of zero, 20 mA.
+    pub idle: bool,
     /// Whether its bridge shorts the winding: zero volts, which brake a shaft that turns, and do
     /// nothing to one that stands.
     pub shorted: bool,

@@ -1,6 +1,9 @@
-//! What is on the motors' shafts.
+//! What is on the motors' shafts, and what hands do with the remote.
 
+use rc10_can::Micros;
 use rc10_cli::Plant;
+use rc10_cli::remote::Line;
+use rc10_sim::remote::{Controls, Switch};
 
 use crate::table::Name;
 
@@ -15,3 +18,13 @@ pub fn plant(name: Name) -> Plant {
         _ => 0.01,
     })
 }
+
+/// What hands do: they arm it.
+pub const HANDS: [Line; 2] = [
+    Line {
+        at: Micros::ZERO,
+        label: "switches down",
+        controls: Controls { right_switch: Switch::Down, ..Controls::REST },
+    },
+    Line { at: Micros::from_millis(60), label: "arm", controls: Controls::REST },
+];

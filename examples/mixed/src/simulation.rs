@@ -1,14 +1,14 @@
 //! The robot as the tools see it, and with its tasks in a simulated world.
 
 use rc10_cli::emulate::build_firmware_of;
-use rc10_cli::{Description, Event, Robot, Script};
+use rc10_cli::{Description, Event, RemoteControl, Robot, Script};
 use rc10_motor::Started;
 use rc10_motor::rc10_can::Micros;
 use rc10_tasks::status;
 
-use crate::plant::plant;
-use crate::table::{BUSES, REPLY};
-use crate::task::{self, ARMED_AT, SCRIPT};
+use crate::plant::{HANDS, plant};
+use crate::table::{BUSES, RECEIVER, REPLY};
+use crate::task::{self, SCRIPT};
 use crate::{Motors, Shared};
 
 /// Its description.
@@ -18,12 +18,9 @@ pub fn description() -> Description {
         at: Micros::from_millis(at.into()),
         label,
     };
-    let armed = Event { at: Micros::from_millis(ARMED_AT), label: "arm" };
     Description {
-        script: Script {
-            events: std::iter::once(armed).chain(SCRIPT.iter().map(event)).collect(),
-            repeats_after: None,
-        },
+        script: Script { events: SCRIPT.iter().map(event).collect(), repeats_after: None },
+        remote: Some(RemoteControl::new(RECEIVER, &HANDS, None)),
         firmware: Some(|| build_firmware_of("mixed-firmware")),
         ..Description::of(plant)
     }
@@ -45,9 +42,8 @@ pub fn with<'r>(
     shared: &'r Shared<'_>,
     started: Started<'r, BUSES, 1>,
 ) -> anyhow::Result<Robot<'r>> {
-    let (Started { buses, lines: [line] }, ports) = (started, shared.ports);
-    let robot = Robot::new(description()).line(line.with_reply_timeout(REPLY)?, &ports.lines[0]);
-    let robot =
-        std::iter::zip(buses, &ports.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));
-    Ok(robot.switch(&shared.switch).task(task::run(shared)).task(status::run(shared, [])))
+    let Started { buses, lines: [line] } = started;
+    let started = Started { buses, lines: [line.with_reply_timeout(REPLY)?] };
+    let robot = Robot::of(description(), started, shared);
+    Ok(robot.task(task::run(shared)).task(status::run(shared, [])))
 }

@@ -115,6 +115,21 @@ pub enum ReceiverPort {
 }
 
 impl RemoteControl {
+    /// Of a robot that listens to any receiver, at UART5 and PF8 of the board, and an operator whose
+    /// script begins again after `repeats_after`, if it does.
+    #[must_use]
+    pub fn new(receiver: Receiver, script: &[Line], repeats_after: Option<Micros>) -> Self {
+        Self {
+            receiver,
+            receivers: Receiver::ALL.into(),
+            uart: 5,
+            pulse_pin: ('F', 8),
+            script: script.into(),
+            repeats_after,
+            lost: Vec::new(),
+        }
+    }
+
     /// The faults of a run that concern the remote: when its transmitter is off.
     ///
     /// # Errors

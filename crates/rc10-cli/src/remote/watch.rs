@@ -116,7 +116,7 @@ impl Sight<'_> {
         let motors = self.motors.iter().zip(self.twins);
         motors
             .filter(|(motor, _)| motor.holds == holding)
-            .any(|(motor, twin)| motor.is_driven(twin))
+            .any(|(motor, twin)| motor.has_torque(twin))
     }
 
     fn is_armed(&self) -> bool {

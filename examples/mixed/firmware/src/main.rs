@@ -1,5 +1,4 @@
-//! The mixed robot on the chip: eight motors on an RS-485 line, six more on two CAN buses. It arms
-//! itself 100 ms after power-on: a program for a bench.
+//! The mixed robot on the chip: eight motors on an RS-485 line, six more on two CAN buses.
 //!
 //! Priorities, most urgent first: the interrupt of time (P0); the supervisor (P3); the buses, on an
 //! executor of their own (P6); the line, on an executor of its own with the interrupts of its UART
@@ -10,21 +9,21 @@
 
 use defmt_rtt as _;
 use embassy_executor::Spawner;
-use embassy_futures::join::{join, join3};
+use embassy_futures::join::join3;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
-use embassy_stm32::peripherals::{IWDG1, USART1, USART2};
+use embassy_stm32::peripherals::{IWDG1, UART5, USART1, USART2};
 use embassy_stm32::{Peri, bind_interrupts, interrupt};
 use embassy_time::Instant;
-use mixed_robot::table::{BUSES, REPLY};
+use mixed_robot::table::{BUSES, RECEIVER, REPLY};
 use mixed_robot::{Motors, Ports, Shared, task};
 use rc10_bsp::can::Bus;
-use rc10_bsp::serial::{self, Serial, SerialConfig};
+use rc10_bsp::serial::{self, Serial, SerialConfig, SerialReceiver};
 use rc10_bsp::{dma_buffer, supervisor};
 use rc10_firmware::board::Board;
 use rc10_firmware::robot::{self, Unstartable};
 use rc10_motor::MotorBus;
 use rc10_motor::unitree::Rs485Bus;
-use rc10_tasks::status;
+use rc10_tasks::remote;
 use static_cell::{ConstStaticCell, StaticCell};
 
 rc10_bsp::crash_handlers!();
@@ -37,9 +36,11 @@ bind_interrupts!(struct Irqs {
     USART2 => serial::Interrupt<USART2>;
     DMA2_STREAM2 => serial::Interrupt<USART2>;
     DMA2_STREAM3 => serial::Interrupt<USART2>;
+    UART5 => serial::Interrupt<UART5>;
+    DMA1_STREAM2 => serial::Interrupt<UART5>;
 });
 
-/// Of the line's executor and its UART, and of the line of text.
+/// Of the line's executor and all UARTs.
 const LINE: Priority = Priority::P7;
 /// What the motors speak: 8N1.
 const BAUD: SerialConfig = SerialConfig::new(4_000_000);
@@ -87,10 +88,9 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     interrupt::UART8.set_priority(LINE);
     LINE_CONTROL.start(interrupt::UART8).spawn(robot::line(uart, line, &shared.ports.lines[0])?);
 
-    let (ring, buffer) = (dma_buffer!(u8; 64), dma_buffer!(u8; 256));
-    let text = &SerialConfig::new(115_200);
-    let text = Serial::start(board.text, Irqs, text, ring, buffer, LINE)?;
-    spawner.spawn(others(shared, board.watchdog, text, started)?);
+    let text = robot::text(board.text, Irqs, LINE)?;
+    let remote = robot::remote(board.remote, Irqs, RECEIVER, LINE)?;
+    spawner.spawn(others(shared, board.watchdog, text, started, remote)?);
     Ok(())
 }
 
@@ -100,8 +100,8 @@ async fn others(
     watchdog: Peri<'static, IWDG1>,
     text: Serial,
     quiet: Instant,
+    receiver: SerialReceiver,
 ) {
-    let watch = robot::watch(watchdog, shared.ports);
-    let tell = join(status::run(shared, []), robot::log(shared, text, quiet));
-    join3(task::run(shared), watch, tell).await.0
+    let tend = robot::tend(shared, watchdog, text, quiet);
+    join3(task::run(shared), remote::listen(shared, RECEIVER, receiver), tend).await;
 }

@@ -2,6 +2,7 @@
 
 use core::num::NonZeroU8;
 
+use rc10_module::remote::Receiver;
 use rc10_motor::Place::{Bus, Line};
 use rc10_motor::cybergear::{self, CyberGear};
 use rc10_motor::damiao::{self, Damiao};
@@ -12,6 +13,7 @@ use rc10_motor::rc10_can::Micros;
 use rc10_motor::unitree::{GoM8010, GoModule, LineConfig, ModuleConfig};
 use rc10_motor::vesc::{self, Currents, ElectricalScale, Vesc};
 use rc10_motor::{Entry, Safety};
+use rc10_tasks::ArmingConfig;
 
 rc10_motor::motors! {
     /// Names of the motors.
@@ -115,3 +117,9 @@ pub const FLYWHEEL: odrive::Config = odrive::Config::new(
 /// The longest time from a command to a leg to the end of its reply: nearly twice what that takes if
 /// the leg thinks for 20 µs, so that one that is silent costs the others little.
 pub const REPLY: Micros = Micros::new(200);
+
+/// The receiver of the remote control.
+pub const RECEIVER: Receiver = Receiver::Dr16;
+
+/// Right switch down disarms, left switch down stops.
+pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);

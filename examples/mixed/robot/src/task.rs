@@ -1,11 +1,13 @@
 //! The task: the robot follows a script.
 
-use embassy_time::{Duration, Instant, Ticker, Timer};
+use embassy_time::{Duration, Ticker};
 use rc10_motor::rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
+use rc10_motor::rc10_can::Micros;
 use rc10_motor::{Impedance, Names, Target};
+use rc10_tasks::Arming;
 
 use crate::Shared;
-use crate::table::{LEGS, Name};
+use crate::table::{ARMING, LEGS, Name};
 
 /// Script of the robot: milliseconds, a label, and new targets.
 pub type Step = (u32, &'static str, &'static [(Name, Target)]);
@@ -73,23 +75,24 @@ pub const SCRIPT: &[Step] = &[
     ),
 ];
 
-/// Time at which the robot is armed, in milliseconds: all motors have been heard by then.
-pub const ARMED_AT: u64 = 100;
-
-/// Arms the robot, and repeats every 10 ms what the script said last to each motor.
+/// Arms the robot by its remote, and repeats every 10 ms what the script said last to each motor. Without
+/// the remote no motor is commanded: 50 ms later each is safe.
 pub async fn run(shared: &Shared<'_>) -> ! {
-    Timer::at(Instant::from_millis(ARMED_AT)).await;
-    // Refused after an emergency stop, and if its buses do not fit: it stays disarmed then.
-    let _ = shared.switch.arm();
+    let mut arming = Arming::new(ARMING);
     let mut ticker = Ticker::every(Duration::from_millis(10));
     loop {
-        let now = Instant::now().as_millis();
-        let begun = SCRIPT.iter().filter(|(at, ..)| u64::from(*at) <= now);
+        ticker.next().await;
+        let now = rc10_message::now();
+        let obeyed = arming.step(shared.remote.read(), &shared.switch, now);
+        shared.remote_link.set(arming.link(), now);
+        if obeyed.is_none() {
+            continue;
+        }
+        let begun = SCRIPT.iter().filter(|(at, ..)| Micros::from_millis((*at).into()) <= now);
         for name in Name::ALL {
             let mut said = begun.clone().flat_map(|(_, _, targets)| targets.iter());
             let Some((_, target)) = said.rfind(|(whose, _)| whose == name) else { continue };
             shared.command(*name, *target);
         }
-        ticker.next().await;
     }
 }

@@ -7,7 +7,7 @@
 
 use defmt_rtt as _;
 use embassy_executor::Spawner;
-use embassy_futures::join::{join, join3};
+use embassy_futures::join::join3;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::peripherals::{IWDG1, UART5, USART1};
 use embassy_stm32::{Peri, bind_interrupts, interrupt};
@@ -15,12 +15,12 @@ use embassy_time::Instant;
 use omni_robot::table::{BUSES, RECEIVER};
 use omni_robot::{Motors, Ports, Shared, task};
 use rc10_bsp::can::Bus;
-use rc10_bsp::serial::{self, Serial, SerialConfig, SerialReceiver};
-use rc10_bsp::{dma_buffer, supervisor};
+use rc10_bsp::serial::{self, Serial, SerialReceiver};
+use rc10_bsp::supervisor;
 use rc10_firmware::board::Board;
 use rc10_firmware::robot::{self, Unstartable};
 use rc10_motor::MotorBus;
-use rc10_tasks::{remote, status};
+use rc10_tasks::remote;
 use static_cell::{ConstStaticCell, StaticCell};
 
 rc10_bsp::crash_handlers!();
@@ -66,14 +66,9 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     CONTROL.start(interrupt::UART9).spawn(robot::three_buses(ports, motors, &shared.ports.buses)?);
     supervisor::start(board.supervisor, Irqs, Priority::P3);
 
-    let (ring, text) = (dma_buffer!(u8; 64), &SerialConfig::new(115_200));
-    let buffer = dma_buffer!(u8; 256);
-    let text = Serial::start(board.text, Irqs, text, ring, buffer, Priority::P7)?;
-    spawner.spawn(others(shared, board.watchdog, text, started)?);
-    let Some(settings) = RECEIVER.serial() else { return Ok(()) };
-    let (config, ring) = (robot::receiver(settings), dma_buffer!(u8; 1024));
-    let port = SerialReceiver::start(board.remote, Irqs, &config, ring, Priority::P7)?;
-    spawner.spawn(listen(shared, port)?);
+    let text = robot::text(board.text, Irqs, Priority::P7)?;
+    let remote = robot::remote(board.remote, Irqs, RECEIVER, Priority::P7)?;
+    spawner.spawn(others(shared, board.watchdog, text, started, remote)?);
     Ok(())
 }
 
@@ -83,13 +78,8 @@ async fn others(
     watchdog: Peri<'static, IWDG1>,
     text: Serial,
     quiet: Instant,
+    receiver: SerialReceiver,
 ) {
-    let watch = robot::watch(watchdog, shared.ports);
-    let tell = join(status::run(shared, []), robot::log(shared, text, quiet));
-    join3(task::run(shared), watch, tell).await.0
-}
-
-#[embassy_executor::task]
-async fn listen(shared: &'static Shared<'static>, port: SerialReceiver) -> ! {
-    remote::listen(shared, RECEIVER, port).await
+    let tend = robot::tend(shared, watchdog, text, quiet);
+    join3(task::run(shared), remote::listen(shared, RECEIVER, receiver), tend).await;
 }
