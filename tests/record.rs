@@ -228,7 +228,99 @@ fn the_commands_say_what_they_did() {
     assert!(events.starts_with("time_s,label\n0.000000000,switches down\n"), "{events}");
     let error = command(&["report", &path("none.mcap")]).unwrap_err();
     assert!(error.starts_with("cannot read "), "{error}");
-    let log = path("out/bus1.log");
-    let error = command(&["report", &log]).unwrap_err();
+    let error = command(&["csv", &path("out/bus1.log")]).unwrap_err();
     assert!(error.contains("bus1.log: it is no MCAP file"), "{error}");
+}
+
+/// Of the logs of a run there is what its motors said: the same counters, speeds and loads.
+#[test]
+fn a_capture_makes_a_report_of_what_was_on_the_wires() {
+    let folder = Scratch::new("capture");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let command = |arguments: &[&str]| {
+        let mut out = Vec::new();
+        let arguments = ["rc10"].iter().chain(arguments);
+        let done = of_team(|robot| CommandLine::parse(arguments).unwrap().run_to(robot, &mut out));
+        done.map(|_| String::from_utf8(out).unwrap()).map_err(|error| format!("{error:#}"))
+    };
+    let json = |arguments: &[&str]| -> serde_json::Value {
+        serde_json::from_str(&command(arguments).unwrap()).unwrap()
+    };
+    let out = path("out");
+    let run = json(&["run", "--seconds", "3", "--json", "--out", &out]);
+    let logs = [1, 2, 3].map(|bus| path(&format!("out/bus{bus}.log")));
+    let report = path("report");
+    let [one, two, three] = logs.each_ref().map(String::as_str);
+    let heard = json(&["report", three, one, two, "--json", "--out", &report]);
+    for (motor, told) in
+        heard["motors"].as_array().unwrap().iter().zip(run["motors"].as_array().unwrap())
+    {
+        assert_eq!(motor["motor"], told["motor"]);
+        let received = [motor, told].map(|motor| motor["received"].as_i64().unwrap());
+        // A frame may be on its way when the run ends.
+        assert!((received[0] - received[1]).abs() <= 1, "{motor}");
+        assert_eq!(motor["link"], "Online");
+    }
+    assert_eq!(heard["motors"].as_array().unwrap().len(), 11);
+    for (bus, told) in
+        heard["buses"].as_array().unwrap().iter().zip(run["buses"].as_array().unwrap())
+    {
+        assert_eq!(bus["frames"], told["frames"]);
+        let load = [bus, told].map(|bus| bus["load_percent"].as_f64().unwrap());
+        assert!((load[0] - load[1]).abs() < 0.1, "{load:?}");
+    }
+    assert_eq!(
+        heard["problems"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter(|one| one["severity"] == "problem")
+            .count(),
+        0
+    );
+    // One bus alone, under another name, by the clock of a calendar: the others are not missed.
+    let log = fs::read_to_string(one).unwrap();
+    let later: String = log
+        .lines()
+        .map(|line| line.replace("can0", "slcan7").replace("(0000000000.", "(1732150000.") + "\n")
+        .filter(|line| line.starts_with("(1732150000."))
+        .collect();
+    let other = path("later.log");
+    fs::write(&other, later).unwrap();
+    let alone = json(&["report", &other, "--bus", "slcan7=1", "--json", "--out", &report]);
+    let labels: Vec<_> =
+        alone["motors"].as_array().unwrap().iter().map(|one| &one["motor"]).collect();
+    assert_eq!(
+        labels,
+        ["wheel front left", "wheel front right", "wheel rear left", "wheel rear right"]
+    );
+    assert_eq!(alone["buses"].as_array().unwrap().len(), 1);
+    assert!(alone["virtual_seconds"].as_f64().unwrap() <= 1.0);
+    let page = fs::read_to_string(folder.join("report/report.html")).unwrap();
+    assert!(page.contains("capture of its buses"));
+    // What no report can be made of.
+    let bad = |name: &str, text: &str| {
+        fs::write(folder.join(name), text).unwrap();
+        command(&["report", &path(name)]).unwrap_err()
+    };
+    let error = bad("timeless.log", "can0  201   [8]  00 01 00 08 0B B8 1E 00\n");
+    assert!(
+        error.contains("timeless.log: line 1 has no time: write the log with candump"),
+        "{error}"
+    );
+    let error = bad("strange.log", "(1.0) vcan9 201#00\nnonsense\n");
+    assert!(error.contains("strange.log: no frame of a bus of the robot is in it"), "{error}");
+    let error = bad("long.log", "(1.0) can0 201#00\n(4000.0) can0 201#00\n");
+    assert!(error.contains("are 4000 s, and a report is made of 3600 at most"), "{error}");
+    assert!(bad("empty.log", "").contains("no frame of a bus"));
+    let record = path("a.mcap");
+    of_team(|robot| run_short(robot, &record));
+    let error = command(&["report", &record, one]).unwrap_err();
+    assert!(error.ends_with("one record at a time"), "{error}");
+    let error = command(&["report", &record, "--bus", "can0=2"]).unwrap_err();
+    assert!(error.contains("--bus is for captures"), "{error}");
+}
+
+fn run_short(robot: Robot<'_>, path: &str) {
+    run(robot, Path::new(path), &[], &[], Micros::from_millis(10));
 }

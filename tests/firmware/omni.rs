@@ -7,7 +7,7 @@ use rc10_can::Micros;
 use rc10_cli::emulate::{Emulation, Setup};
 use rc10_cli::figures::{self, to_json};
 use rc10_cli::record::{RecordWriter, replay};
-use rc10_cli::recording::Recording;
+use rc10_cli::recording::{Recording, Source};
 use rc10_emu::Figures;
 use rc10_motor::{Link, Names};
 
@@ -131,7 +131,7 @@ fn its_record_makes_the_same_report() {
     let robot = simulation::robot(&shared, &mut motors).unwrap();
     let (again, cut) = replay(&fs::read(&path).unwrap(), robot).unwrap();
     assert_eq!(cut, None);
-    assert!(again.is_emulated && run.remote.as_ref().unwrap().losses.len() == 1);
+    assert!(again.source == Source::Emulation && run.remote.as_ref().unwrap().losses.len() == 1);
     let figures = |run| to_json(run, &figures::Figures::of(run), None);
     assert_eq!(figures(&run), figures(&again));
 }

@@ -415,7 +415,7 @@ fn base_and_wheels(recording: &Recording, base: &BaseTrack, found: &mut Vec<Prob
         ));
     }
     if seen.is_empty() {
-        found.push(agreement(&judged, turned, by_wheels, recording.is_emulated));
+        found.push(agreement(&judged, turned, by_wheels, !recording.source.is_told()));
         return;
     }
     // Whatever is wrong, one wheel's own factor explains some of it.

@@ -1,6 +1,7 @@
 //! `rc10 decode`: a candump log in words. Every frame goes through the robot's own buses and
 //! motors, so what is printed is what the robot would have understood.
 
+mod heard;
 mod print;
 
 use std::collections::BTreeMap;
@@ -20,6 +21,7 @@ use crate::candump::{Line, Numbered, Reader};
 use crate::description::Description;
 use crate::motor::Motor;
 use crate::robot::Robot;
+pub(crate) use heard::hear;
 use print::Printer;
 
 /// Arguments of `rc10 decode`.

@@ -8,7 +8,7 @@ use rc10_motor::{DriveMode, Link, TargetKind, Verdict};
 use serde_json::{Value, json};
 
 use crate::problems::{Problem, Severity, any, problems, seconds};
-use crate::recording::{MotorTrack, PartTrack, Recording, Tracking};
+use crate::recording::{MotorTrack, PartTrack, Recording, Source, Tracking};
 use crate::remote::{Loss, RemoteTrack};
 use crate::signal::signals_json;
 
@@ -260,9 +260,20 @@ pub fn motor_table(recording: &Recording, figures: &Figures) -> Table {
         words: 6,
         rows: rows.collect(),
     };
-    // The chip alone knows these.
-    let hidden = ["drive", "target", "RMS error", "refused"];
-    if recording.is_emulated { table.without(&hidden) } else { table }
+    match recording.source {
+        Source::Simulation => table,
+        // The chip alone knows these.
+        Source::Emulation => table.without(&["drive", "target", "RMS error", "refused"]),
+        Source::Capture => table.without(&[
+            "drive",
+            "loop",
+            "target",
+            "RMS error",
+            "lost",
+            "overwritten",
+            "refused",
+        ]),
+    }
 }
 
 /// A line per bus.
@@ -311,7 +322,7 @@ pub fn bus_table(recording: &Recording) -> Table {
         rows: rows.collect(),
     };
     let hidden = ["rx lost", "replaced", "refused", "overruns", "tick period: min", "mean", "max"];
-    if recording.is_emulated { table.without(&hidden) } else { table }
+    if recording.source.is_told() { table } else { table.without(&hidden) }
 }
 
 /// A line per RS-485 line; `None` for a robot without any.
@@ -362,7 +373,7 @@ pub fn line_table(recording: &Recording) -> Option<Table> {
     };
     // What only the robot knows.
     let hidden = ["port errors", "overruns"];
-    Some(if recording.is_emulated { table.without(&hidden) } else { table })
+    Some(if recording.source.is_told() { table } else { table.without(&hidden) })
 }
 
 pub(crate) const fn link_name(link: Link) -> &'static str {
@@ -415,7 +426,10 @@ pub fn headline(recording: &Recording, figures: &Figures) -> String {
     match figures.found(Severity::Problem).count() {
         0 if recording.faults.is_empty() => {
             let count = recording.motors.len();
-            format!("✓ All {count} motors online · no frame lost · no overruns")
+            match recording.source {
+                Source::Capture => format!("✓ All {count} motors of the captured buses online"),
+                _ => format!("✓ All {count} motors online · no frame lost · no overruns"),
+            }
         }
         0 => "✓ No problem but the faults that were asked for".into(),
         1 => "✗ 1 problem".into(),
@@ -640,7 +654,7 @@ pub(crate) fn lines_json(recording: &Recording) -> Value {
             "exchange_us": timing(&traffic.exchange),
             "cycle_us": timing(&traffic.cycle),
         });
-        if !recording.is_emulated {
+        if recording.source.is_told() {
             figures["port_errors"] = line.port_errors.into();
             figures["overruns"] = line.overruns.into();
             figures["ticks"] = line.ticks.into();

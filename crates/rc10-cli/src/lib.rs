@@ -88,7 +88,7 @@ enum Command {
     Run(RunArgs),
     /// Runs the firmware itself, on an emulated chip
     Emu(EmuArgs),
-    /// Makes the report of a record: what --record wrote
+    /// Makes the report of a record, or of captures of the robot's buses
     Report(ReportArgs),
     /// Writes a record as CSV files
     Csv(CsvArgs),
@@ -113,6 +113,7 @@ Examples:
   rc10 emu --fault cut:2@0.3s..0.5s      the firmware's ELF, with bus 2 unplugged for a while
   rc10 run --record tonight.mcap         every millisecond, for PlotJuggler, Foxglove, and:
   rc10 report tonight.mcap               its tables, and target/rc10-report/report.html
+  rc10 report can0.log --bus can0=2      what a capture of bus 2 tells, as such a report
   rc10 csv tonight.mcap                  its numbers as CSV files, in target/rc10-csv
   rc10 decode target/rc10/bus1.log       what was said on bus 1
   rc10 decode capture.log --bus can0=2   a capture whose can0 is the robot's bus 2

@@ -220,7 +220,7 @@ const fn must_be_lost(recording: &Recording, kind: &FaultKind) -> bool {
     match kind {
         FaultKind::Power(_) => true,
         // What is cut off, the chip alone knows: on the wire its motors still speak.
-        FaultKind::Cut(_) => !recording.is_emulated,
+        FaultKind::Cut(_) => recording.source.is_told(),
         FaultKind::Short(_) | FaultKind::Dominant(_) => true,
         _ => false,
     }

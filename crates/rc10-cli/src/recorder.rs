@@ -14,7 +14,7 @@ use crate::margin::Margins;
 use crate::record::RecordWriter;
 use crate::recording::{
     BaseHeard, BaseTrack, BusSample, BusTrack, LOOK_PERIOD, MotorSample, MotorTrack, PartTrack,
-    PathPoint, Recording, SAMPLE_PERIOD, Sum, Tracking, WheelHeard, hex_digits,
+    PathPoint, Recording, SAMPLE_PERIOD, Source, Sum, Tracking, WheelHeard, hex_digits,
 };
 use crate::remote::{Loss, RemoteSample, RemoteTrack};
 use crate::signal::{Signal, SignalRecorder};
@@ -75,11 +75,19 @@ impl<'d> Recorder<'d> {
             Some(EffortWatch::new(loops, Margins::of_motor(loops, line, twin, description)))
         };
         let watches = loops.iter().zip(twins).enumerate().map(watch);
+        let motors = watches.map(MotorRecorder::new).collect();
+        Self { seed, is_emulated, motors, ..Self::listening(description) }
+    }
+
+    /// One that takes what it is given: it has no world to look at, and judges no loops.
+    #[must_use]
+    pub fn listening(description: &'d Description) -> Self {
+        let motors = description.motors.iter().map(|_| MotorRecorder::new(None)).collect();
         Self {
             description,
-            seed,
-            is_emulated,
-            motors: watches.map(MotorRecorder::new).collect(),
+            seed: 0,
+            is_emulated: false,
+            motors,
             buses: (0..description.buses).map(|_| BusRecorder::default()).collect(),
             arm: Vec::new(),
             path: Vec::new(),
@@ -311,7 +319,7 @@ impl<'d> Recorder<'d> {
             arm: self.arm,
             signals: self.signals.into_iter().map(SignalRecorder::finish).collect(),
             no_logs: self.description.no_logs,
-            is_emulated: self.is_emulated,
+            source: if self.is_emulated { Source::Emulation } else { Source::Simulation },
             faults: Vec::new(),
         })
     }

@@ -50,9 +50,28 @@ pub struct Recording {
     pub faults: Vec<Fault>,
     /// The buses' logs were not kept.
     pub no_logs: bool,
-    /// It ran on an emulated chip: what it believed and was told is not known, only what was on the
-    /// wires and at the shafts.
-    pub is_emulated: bool,
+    /// Where it comes from.
+    pub source: Source,
+}
+
+/// Where a recording comes from: that decides what is known of the robot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Source {
+    /// A simulation, which knows all.
+    #[default]
+    Simulation,
+    /// An emulated chip: what was on the wires and at the shafts, and not what the robot believed.
+    Emulation,
+    /// A capture of a real robot's buses: what was on the wires.
+    Capture,
+}
+
+impl Source {
+    /// Whether it is known what the robot believed, and what its motors were told.
+    #[must_use]
+    pub const fn is_told(self) -> bool {
+        matches!(self, Self::Simulation)
+    }
 }
 
 impl Recording {

@@ -16,7 +16,7 @@ use crate::figures::{
 use crate::motor::Place;
 use crate::problems::{Problem, Severity, seconds};
 use crate::recording::{
-    BaseTrack, BusTrack, Cell, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD,
+    BaseTrack, BusTrack, Cell, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD, Source,
 };
 use crate::remote::{RemoteSample, RemoteTrack};
 use crate::signal::{SignalTrack, signal_table};
@@ -55,7 +55,11 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
             lines => format!(" and <b>{lines}</b> RS-485 lines"),
         },
         verdict = verdict(recording, figures),
-        ran = if recording.is_emulated { "run on an emulated chip" } else { "simulated run" },
+        ran = match recording.source {
+            Source::Simulation => "simulated run",
+            Source::Emulation => "run on an emulated chip",
+            Source::Capture => "capture of its buses",
+        },
         tiles = tiles(recording),
         losses = losses(recording),
         events = events(recording),
@@ -114,7 +118,7 @@ fn tiles(recording: &Recording) -> String {
         (optional(busiest, 1, " %"), "load of the busiest bus"),
         (optional(current, 1, " A"), "largest current"),
     ];
-    if let Some(longest) = longest.filter(|_| !recording.is_emulated) {
+    if let Some(longest) = longest.filter(|_| recording.source.is_told()) {
         let period = optional(Some(longest.into()), 0, " µs");
         tiles.push((period, "longest tick period, 1000 µs planned"));
     }
@@ -421,7 +425,7 @@ fn motion_charts(recording: &Recording) -> Vec<Chart> {
             let targets = track.samples.iter().step_by(stride);
             let mut series = cells(&track.samples, stride, |sample| scale.measured(sample));
             series["name"] = split(track.motor.label).1.into();
-            if !recording.is_emulated {
+            if recording.source.is_told() {
                 series["target"] = numbers(targets.map(|sample| scale.target(sample)), 2);
             }
             series
@@ -539,7 +543,7 @@ fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> S
         "period": periods(1),
         "events": events.iter().map(|(at, label)| json!([seconds(*at), label])).collect::<Value>(),
         "states": STATES,
-        "lanes": remote_lanes(recording).into_iter().chain(recording.motors.iter().map(|track| lane(track, recording.is_emulated)))
+        "lanes": remote_lanes(recording).into_iter().chain(recording.motors.iter().map(|track| lane(track, recording.source)))
             .collect::<Value>(),
         "stops": stops(recording),
         "charts": charts.map(|chart| &chart.body).collect::<Vec<_>>(),
@@ -588,11 +592,12 @@ const fn state(sample: &MotorSample) -> u8 {
     }
 }
 
-fn lane(track: &MotorTrack, is_emulated: bool) -> Value {
-    // On an emulated chip it is seen whether a motor is driven, not why.
-    let seen = |sample| match state(sample) {
-        0 if is_emulated => 12,
-        state => state,
+fn lane(track: &MotorTrack, source: Source) -> Value {
+    // On an emulated chip it is seen whether a motor is driven, not why; in a capture whether it is heard.
+    let seen = |sample| match (state(sample), source) {
+        (0, Source::Emulation) => 12,
+        (0..=4, Source::Capture) => 11,
+        (state, _) => state,
     };
     json!({ "name": track.motor.label, "runs": runs(track.samples.iter().map(seen)) })
 }

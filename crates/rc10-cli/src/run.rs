@@ -15,7 +15,7 @@ use crate::figures::{
 };
 use crate::mistake::{self, Mistake};
 use crate::record::{Heading, RecordWriter};
-use crate::recording::Recording;
+use crate::recording::{Recording, Source};
 use crate::remote::{self, Receiver};
 use crate::report::report;
 use crate::robot::Robot;
@@ -180,12 +180,16 @@ pub(crate) fn print(
     for table in [part_table(recording), signal_table(recording)].iter().flatten() {
         writeln!(out, "{}", table.text())?;
     }
-    writeln!(
-        out,
-        "A tick takes 0 us here: virtual time stands still while code runs. Instructions per tick\n\
-         on the chip: cargo xtask count.\n"
-    )?;
-    writeln!(out, "trace {}", recording.trace_hash())?;
+    if recording.source == Source::Simulation {
+        writeln!(
+            out,
+            "A tick takes 0 us here: virtual time stands still while code runs. Instructions per tick\n\
+             on the chip: cargo xtask count.\n"
+        )?;
+    }
+    if recording.source != Source::Capture {
+        writeln!(out, "trace {}", recording.trace_hash())?;
+    }
     print_files(recording, folder, out)?;
     write!(out, "\n{}", verdict(recording, figures))
 }

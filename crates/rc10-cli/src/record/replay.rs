@@ -3,11 +3,13 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Write;
+use std::fs::File;
+use std::io::{self, Read as _, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
+use mcap::MAGIC;
 use mcap::read::{ChunkFlattener, Options};
 use mcap::records::Record;
 use rc10_can::Micros;
@@ -18,11 +20,12 @@ use rc10_sim::remote::Sent;
 
 use super::fields::{BUS, Field, LINE, LOSS, MOTOR, MOTOR_HEALTH, PART, REMOTE, ROBOT};
 use super::{CDR, LAYOUT, VALUE, VERSION, topic};
+use crate::decode::{BusOfChannel, hear};
 use crate::environment::Environment;
 use crate::figures::{Figures, to_json};
 use crate::look::{BusLook, Moment, MotorLook, RemoteLook};
 use crate::recorder::{Recorder, WireEnd};
-use crate::recording::Recording;
+use crate::recording::{Recording, Source};
 use crate::remote::{Loss, Lost, Receiver, RemoteSample};
 use crate::robot::Robot;
 use crate::run::{make_folder, print, write_file, write_files};
@@ -30,8 +33,13 @@ use crate::run::{make_folder, print, write_file, write_files};
 /// Arguments of `rc10 report`.
 #[derive(Args, Debug)]
 pub struct ReportArgs {
-    /// The record: what --record of `rc10 run` and `rc10 emu` wrote
-    pub record: PathBuf,
+    /// A record, which --record of `rc10 run` or `rc10 emu` wrote; or captures of the robot's buses: logs
+    /// of candump or python-can
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// Which of the robot's buses an interface of a capture is; canN is bus N+1 unless told. Repeatable
+    #[arg(long = "bus", value_name = "CHANNEL=NUMBER")]
+    pub buses: Vec<BusOfChannel>,
     /// Folder for report.html
     #[arg(long, value_name = "DIR", default_value = "target/rc10-report")]
     pub out: PathBuf,
@@ -59,23 +67,45 @@ pub struct CsvArgs {
 /// # Errors
 /// As [`replay`], and if the folder cannot be written.
 pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
-    let bytes = read(&args.record)?;
-    let named = || args.record.display().to_string();
-    let (recording, cut) = replay(&bytes, robot).with_context(named)?;
+    let names = args.files.iter().map(|file| file.display().to_string());
+    let named = names.collect::<Vec<_>>().join(", ");
+    let (recording, cut) = if is_record(&args.files[0])? {
+        let [file] = args.files.as_slice() else {
+            bail!("{named}: one record at a time");
+        };
+        ensure!(args.buses.is_empty(), "--bus is for captures: a record has the robot's own buses");
+        replay(&read(file)?, robot).with_context(|| named.clone())?
+    } else {
+        let heard = hear(&args.files, &args.buses, robot, &mut io::stderr().lock());
+        (heard.with_context(|| named.clone())?, None)
+    };
     let figures = Figures::of(&recording);
     make_folder(&args.out)?;
     write_files(&recording, &figures, &args.out)?;
     let length = recording.length.get() as f64 * 1e-6;
     if let Some(why) = cut {
-        eprintln!("rc10: {}: cut off after {length} s: {why}", args.record.display());
+        eprintln!("rc10: {named}: cut off after {length} s: {why}");
     }
     if args.json {
         writeln!(out, "{}", to_json(&recording, &figures, None))?;
     } else {
-        let headline = format!("{length} s of {}, seed {}", args.record.display(), recording.seed);
+        let seed = match recording.source {
+            Source::Capture => String::new(),
+            _ => format!(", seed {}", recording.seed),
+        };
+        let headline = format!("{length} s of {named}{seed}");
         print(&recording, &figures, &headline, &args.out, out)?;
     }
     Ok(figures.any_problems())
+}
+
+/// Whether a file begins as a record does.
+fn is_record(path: &Path) -> Result<bool> {
+    let cannot = || format!("cannot read {}", path.display());
+    let mut begin = Vec::new();
+    let file = File::open(path).with_context(cannot)?;
+    file.take(MAGIC.len() as u64).read_to_end(&mut begin).with_context(cannot)?;
+    Ok(begin == MAGIC)
 }
 
 fn read(path: &Path) -> Result<Vec<u8>> {

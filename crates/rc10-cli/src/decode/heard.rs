@@ -1,0 +1,194 @@
+//! The recording of a capture: what the robot's own motors understand of the traffic of its buses.
+
+use std::fs::File;
+use std::io::{BufReader, Write};
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail, ensure};
+use rc10_can::{CanFrame, Micros};
+use rc10_motor::embassy::BusStatus;
+use rc10_motor::{DriveMode, MotorStatus, TargetKind};
+
+use super::{BusOfChannel, Decoder, Summary, excerpt, known_on, unreadable};
+use crate::candump::{Line, Numbered, Reader};
+use crate::description::Description;
+use crate::look::{BusLook, Moment, MotorLook};
+use crate::motor::Place;
+use crate::recorder::{Recorder, WireEnd};
+use crate::recording::{LOOK_PERIOD, MotorSample, Recording, SAMPLE_PERIOD, Source};
+use crate::robot::Robot;
+
+/// No capture is longer, in virtual time: a clock that jumped makes one of years.
+const LONGEST: Micros = Micros::from_millis(3_600_000);
+/// Times from here on are those of a calendar: they are counted from the first frame.
+const A_DAY: Micros = Micros::from_millis(86_400_000);
+/// The bit rate of all buses.
+const BITS_PER_SECOND: f64 = 1e6;
+/// The windows of a bus's load.
+const WINDOW: Micros = Micros::from_millis(100);
+
+/// A frame of a capture.
+struct Heard {
+    at: Micros,
+    bus: u8,
+    frame: CanFrame,
+}
+
+/// The recording of what candump logs have of a robot: motors and buses that occur in them. What cannot
+/// be read, and interfaces that are no bus, are said on `err`.
+///
+/// # Errors
+/// If a file cannot be read, none has a frame with a time on a bus of the robot, or they last more than
+/// an hour; if a bus or an interface is given twice; if the robot is not as described.
+pub(crate) fn hear(
+    files: &[PathBuf],
+    told: &[BusOfChannel],
+    robot: Robot<'_>,
+    err: &mut dyn Write,
+) -> Result<Recording> {
+    let (description, buses, _) = robot.into_buses()?;
+    let robot = Description { base: None, remote: None, serials: Vec::new(), ..description };
+    let mut summary = Summary::new(told, robot.buses)?;
+    let mut heard = Vec::new();
+    for file in files {
+        let source = BufReader::new(File::open(file).with_context(|| unreadable(file))?);
+        let mut log = Reader::new(source);
+        let named = file.display();
+        while let Some(Numbered { number, text, line }) =
+            log.next_line().with_context(|| unreadable(file))?
+        {
+            let line = match line {
+                Ok(Some(line)) => line,
+                Ok(None) => continue,
+                Err(error) => {
+                    writeln!(err, "{named}: line {number}: {error}: {}", excerpt(text))?;
+                    continue;
+                }
+            };
+            if let Some(hint) = summary.greet(line.channel) {
+                writeln!(err, "{hint}")?;
+            }
+            let Some(bus) = summary.bus_of(line.channel) else { continue };
+            let Some(at) = line.at else {
+                bail!("{named}: line {number} has no time: write the log with candump -l or -ta");
+            };
+            heard.push(Heard { at, bus, frame: line.frame });
+        }
+    }
+    for hint in summary.silent() {
+        writeln!(err, "{hint}")?;
+    }
+    heard.sort_by_key(|heard| heard.at);
+    let first = heard.first().context("no frame of a bus of the robot is in it")?.at;
+    let start = if first >= A_DAY { first } else { Micros::ZERO };
+    heard.iter_mut().for_each(|heard| heard.at = heard.at.since(start));
+    let last = heard.last().map_or(Micros::ZERO, |heard| heard.at);
+    ensure!(
+        last <= LONGEST,
+        "from the first to the last frame are {} s, and a report is made of 3600 at most",
+        last.get() / 1_000_000
+    );
+    let messages = (1..=robot.buses).map(|bus| known_on(&robot, bus)).collect();
+    let mut decoder = Decoder { robot: &robot, messages, buses, newest: Micros::ZERO };
+    record(&robot, &mut decoder, &heard, last)
+}
+
+fn record(
+    robot: &Description,
+    decoder: &mut Decoder<'_, '_>,
+    heard: &[Heard],
+    last: Micros,
+) -> Result<Recording> {
+    // Whole milliseconds, up to the last frame's effect.
+    let length = Micros::from_millis(last.get().div_ceil(1000).max(1));
+    let mut recorder = Recorder::listening(robot);
+    let mut traffic = vec![Traffic::default(); robot.buses.into()];
+    let mut rest = heard.iter().peekable();
+    let mut now = Micros::ZERO;
+    while now < length {
+        now += LOOK_PERIOD;
+        while let Some(Heard { at, bus, frame }) = rest.next_if(|heard| heard.at <= now) {
+            traffic[usize::from(*bus) - 1].add(*at, frame);
+            let line = Line { at: Some(*at), channel: "", frame: *frame, direction: None };
+            decoder.decode(*bus, &line);
+        }
+        let status = |entry: usize| {
+            let (motor, on) = (robot.number(entry)?, robot.motors.get(entry)?.on);
+            let Place::Bus(bus) = on else { return None };
+            decoder.buses.get(usize::from(bus) - 1)?.status(motor, now)
+        };
+        let looks = (0..robot.motors.len()).map(|entry| look(status(entry)));
+        recorder.take_look(now, &looks.collect::<Vec<_>>())?;
+        if now >= length || now.get().is_multiple_of(SAMPLE_PERIOD.get()) {
+            let seen = decoder.buses.iter().zip(&traffic).map(|(bus, traffic)| {
+                let mut status = BusStatus::default();
+                (status.received, status.load) = (bus.counters(), bus.load(1_000_000));
+                let load = 100.0 * traffic.bits as f64 / BITS_PER_SECOND / seconds(now);
+                BusLook { status, frames: traffic.frames, load }
+            });
+            recorder.take_sample(now, Moment { buses: seen.collect(), ..Moment::default() })?;
+        }
+    }
+    let wires = traffic
+        .iter()
+        .map(|traffic| WireEnd { load_windows: traffic.windows(length), ..WireEnd::default() });
+    let mut recording = recorder.finish_with(length, wires.collect(), Vec::new())?;
+    // Nothing is known of a bus that was not captured, nor of lines.
+    let is_captured = |bus: u8| traffic[usize::from(bus) - 1].frames > 0;
+    recording.motors.retain(|track| track.motor.on.bus().is_some_and(is_captured));
+    recording.buses.retain(|track| is_captured(track.number));
+    recording.events.clear();
+    (recording.no_logs, recording.source) = (true, Source::Capture);
+    Ok(recording)
+}
+
+fn seconds(time: Micros) -> f64 {
+    time.get() as f64 * 1e-6
+}
+
+/// A look at a motor of which nothing but its feedback is known.
+fn look(status: Option<MotorStatus>) -> MotorLook {
+    let mut status = status.unwrap_or(MotorStatus::NEW);
+    status.drive = DriveMode::Coast;
+    let speed = f64::from(status.feedback.speed.get());
+    let current = status.feedback.current().map_or(0.0, |current| current.get().into());
+    let seen = MotorSample {
+        kind: TargetKind::Speed,
+        measured: speed,
+        rpm: speed,
+        current,
+        link: status.link,
+        drive: status.drive,
+        counters: status.counters,
+        ..MotorLook::NEW.seen
+    };
+    MotorLook { status, seen, effort: None }
+}
+
+/// What was on a bus.
+#[derive(Clone, Default)]
+struct Traffic {
+    frames: u64,
+    bits: u64,
+    /// Bits of the frames in each 100 ms.
+    in_window: Vec<u64>,
+}
+
+impl Traffic {
+    fn add(&mut self, at: Micros, frame: &CanFrame) {
+        let bits = u64::from(frame.wire_length().total());
+        self.frames += 1;
+        self.bits += bits;
+        let window = (at.get() / WINDOW.get()) as usize;
+        self.in_window.resize(self.in_window.len().max(window + 1), 0);
+        self.in_window[window] += bits;
+    }
+
+    /// The load in each 100 ms that is over, percent.
+    fn windows(&self, length: Micros) -> Vec<f64> {
+        let count = (length.get() / WINDOW.get()) as usize;
+        let bits = |window: usize| self.in_window.get(window).copied().unwrap_or(0);
+        let load = |bits: u64| 100.0 * bits as f64 / BITS_PER_SECOND / seconds(WINDOW);
+        (0..count).map(|window| load(bits(window))).collect()
+    }
+}
