@@ -41,11 +41,14 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
         charts.by_ref().take(count).map(|(number, chart)| figure(number, chart)).collect()
     };
     let main = motion.len().min(1);
+    let (seed, is_capture) = (recording.seed, recording.source == Source::Capture);
     format!(
         include_str!("report.html"),
         style = include_str!("report.css"),
         script = include_str!("report.js"),
-        seed = recording.seed,
+        seed = if is_capture { String::new() } else { format!("seed <b>{seed}</b> · ") },
+        seed_in_title = if is_capture { String::new() } else { format!(", seed {seed}") },
+        virtual_time = if is_capture { "" } else { " of virtual time" },
         length = seconds(recording.length),
         motors = recording.motors.len(),
         buses = recording.buses.len(),
@@ -64,8 +67,10 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
         losses = losses(recording),
         events = events(recording),
         stopped = match recording.base {
-            Some(_) => "the wheels do not follow their targets",
-            None => "no motor follows its target",
+            // What the motors are told to do is not known.
+            _ if is_capture => "",
+            Some(_) => " · shaded: disarmed or stopped, the wheels do not follow their targets",
+            None => " · shaded: disarmed or stopped, no motor follows its target",
         },
         main_motion = next(main),
         path = if recording.base.is_some() { PATH } else { "" },
@@ -492,7 +497,11 @@ fn current_charts(recording: &Recording) -> Vec<Chart> {
             series
         });
         let body = curves(stride, "A", 2, 0.2, series.collect());
-        Chart { title: format!("Bus {}", bus.number), note: "current in the windings", body }
+        let note = match recording.source {
+            Source::Capture => "current by feedback, where it is told",
+            _ => "current in the windings",
+        };
+        Chart { title: format!("Bus {}", bus.number), note, body }
     };
     recording.buses.iter().map(chart).collect()
 }
@@ -624,6 +633,9 @@ fn remote_lanes(recording: &Recording) -> Vec<Value> {
 /// The times in which no wheel of the base, or without one no motor, follows its target: the robot
 /// is disarmed, or something stopped it.
 fn stops(recording: &Recording) -> Value {
+    if recording.source == Source::Capture {
+        return json!([]);
+    }
     let wheel = |place: usize| match &recording.base {
         Some(base) => base.wheels.contains(&place),
         None => true,
