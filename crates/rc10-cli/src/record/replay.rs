@@ -6,6 +6,7 @@ use std::fs;
 use std::fs::File;
 use std::io::{self, Read as _, Write};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
@@ -281,7 +282,7 @@ pub fn replay(bytes: &[u8], mut robot: Robot<'_>) -> Result<(Recording, Option<S
     let cut = walk(bytes, |item| match item {
         Item::Channel(id, channel) => {
             let about = about(&channel.topic);
-            state.channels.insert(id, (about, channel.columns.unwrap_or_default()));
+            state.channels.insert(id, (about, channel.columns.unwrap_or_default().into()));
             Ok(())
         }
         Item::Message(id, time, bytes) => state.take(id, Micros::new(time / 1000), bytes),
@@ -361,7 +362,7 @@ fn about(name: &str, motors: &[String], parts: &[String], signals: &[String]) ->
 /// A recording on its way.
 struct Replay<'d> {
     recorder: Recorder<'d>,
-    channels: BTreeMap<u16, (About, Vec<String>)>,
+    channels: BTreeMap<u16, (About, Rc<[String]>)>,
     /// The time of what follows.
     at: Micros,
     looks: Vec<MotorLook>,
@@ -380,7 +381,7 @@ impl Replay<'_> {
         let Some((about, columns)) = self.channels.get(&id) else {
             bail!("a message of a channel that is not declared");
         };
-        let (about, columns) = (*about, std::mem::take(&mut columns.clone()));
+        let (about, columns) = (*about, Rc::clone(columns));
         // These were written when all was over.
         match about {
             About::Window(at) => {
