@@ -180,6 +180,10 @@ fn a_record_that_cannot_be_written_leaves_nothing_behind() {
         RecordWriter::new(&nowhere, &Heading::of(&robot, 1, false)).err().unwrap().to_string()
     });
     assert!(error.starts_with("cannot write ") && error.ends_with("run.mcap"), "{error}");
+    let error = of_team(|robot| {
+        RecordWriter::new(&folder, &Heading::of(&robot, 1, false)).err().unwrap().to_string()
+    });
+    assert!(error.ends_with("it is a folder"), "{error}");
     let path = folder.join("run.mcap");
     let error = of_team(|robot| {
         let mut description = robot.description().clone();

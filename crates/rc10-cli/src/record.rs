@@ -14,7 +14,7 @@ use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{WriteOptions, Writer};
 use rc10_can::Micros;
@@ -119,6 +119,7 @@ impl RecordWriter {
     /// # Errors
     /// If no file can be written there.
     pub fn new(path: &Path, heading: &Heading<'_>) -> Result<Self> {
+        ensure!(!path.is_dir(), "cannot write {}: it is a folder", path.display());
         let mut name = std::ffi::OsString::from(".");
         name.push(path.file_name().with_context(|| format!("{} is no file", path.display()))?);
         name.push(format!(".{}", std::process::id()));

@@ -22,6 +22,8 @@ use crate::robot::Robot;
 const LONGEST: Micros = Micros::from_millis(3_600_000);
 /// Times from here on are those of a calendar: they are counted from the first frame.
 const A_DAY: Micros = Micros::from_millis(86_400_000);
+/// Lines that cannot be read are told one by one up to this number.
+const MOST_TOLD: u64 = 10;
 /// The bit rate of all buses.
 const BITS_PER_SECOND: f64 = 1e6;
 /// The windows of a bus's load.
@@ -49,7 +51,7 @@ pub(crate) fn hear(
     let (description, buses, _) = robot.into_buses()?;
     let robot = Description { base: None, remote: None, serials: Vec::new(), ..description };
     let mut summary = Summary::new(told, robot.buses)?;
-    let mut heard = Vec::new();
+    let (mut heard, mut broken) = (Vec::new(), 0_u64);
     for file in files {
         let source = BufReader::new(File::open(file).with_context(|| unreadable(file))?);
         let mut log = Reader::new(source);
@@ -61,7 +63,10 @@ pub(crate) fn hear(
                 Ok(Some(line)) => line,
                 Ok(None) => continue,
                 Err(error) => {
-                    writeln!(err, "{named}: line {number}: {error}: {}", excerpt(text))?;
+                    broken += 1;
+                    if broken <= MOST_TOLD {
+                        writeln!(err, "{named}: line {number}: {error}: {}", excerpt(text))?;
+                    }
                     continue;
                 }
             };
@@ -74,6 +79,9 @@ pub(crate) fn hear(
             };
             heard.push(Heard { at, bus, frame: line.frame });
         }
+    }
+    if broken > MOST_TOLD {
+        writeln!(err, "{} more lines cannot be read", broken - MOST_TOLD)?;
     }
     for hint in summary.silent() {
         writeln!(err, "{hint}")?;
