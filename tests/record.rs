@@ -53,7 +53,7 @@ fn run(
     robot.set_faults(&faults).unwrap();
     robot.set_mistakes(&mistakes).unwrap();
     robot.set_no_logs(true);
-    let record = RecordWriter::new(path, &Heading::of(&robot, 7, false)).unwrap();
+    let record = RecordWriter::new(path, &Heading::of(&robot, 7)).unwrap();
     let recording = simulate_into(robot, 7, length, Some(record)).unwrap();
     Recording { faults, ..recording }
 }
@@ -136,7 +136,7 @@ fn what_is_no_record_of_this_robot_is_refused_in_words() {
         let mut description = robot.description().clone();
         description.motors[0] =
             Motor::new("wheel front left", Place::Bus(1), Config::new(&M3508, 5).device());
-        let heading = Heading { description: &description, ..Heading::of(&robot, 1, false) };
+        let heading = Heading { description: &description, ..Heading::of(&robot, 1) };
         let record = RecordWriter::new(&path, &heading).unwrap();
         simulate_into(robot, 1, Micros::from_millis(5), Some(record)).unwrap();
     });
@@ -177,39 +177,41 @@ fn a_record_that_cannot_be_written_leaves_nothing_behind() {
     let folder = Scratch::new("nothing");
     let nowhere = folder.join("missing").join("run.mcap");
     let error = of_team(|robot| {
-        RecordWriter::new(&nowhere, &Heading::of(&robot, 1, false)).err().unwrap().to_string()
+        RecordWriter::new(&nowhere, &Heading::of(&robot, 1)).err().unwrap().to_string()
     });
     assert!(error.starts_with("cannot write ") && error.ends_with("run.mcap"), "{error}");
     let error = of_team(|robot| {
-        RecordWriter::new(&folder, &Heading::of(&robot, 1, false)).err().unwrap().to_string()
+        RecordWriter::new(&folder, &Heading::of(&robot, 1)).err().unwrap().to_string()
     });
     assert!(error.ends_with("it is a folder"), "{error}");
     let path = folder.join("run.mcap");
     let error = of_team(|robot| {
         let mut description = robot.description().clone();
         description.motors[1].label = "wheel_front left";
-        let heading = Heading { description: &description, ..Heading::of(&robot, 1, false) };
+        let heading = Heading { description: &description, ..Heading::of(&robot, 1) };
         format!("{:#}", RecordWriter::new(&path, &heading).err().unwrap())
     });
     let why = "`wheel front left` and `wheel_front left` are one topic, /motors/wheel_front_left";
     assert!(error.contains(why), "{error}");
     fs::write(&path, b"older").unwrap();
-    of_team(|robot| drop(RecordWriter::new(&path, &Heading::of(&robot, 1, false)).unwrap()));
+    of_team(|robot| drop(RecordWriter::new(&path, &Heading::of(&robot, 1)).unwrap()));
     assert_eq!(fs::read(&path).unwrap(), b"older");
     assert_eq!(fs::read_dir(&*folder).unwrap().count(), 1);
+}
+
+/// The command line of the team's robot: exit code, and what it says; or why not.
+fn command(arguments: &[&str]) -> Result<(u8, String), String> {
+    let mut out = Vec::new();
+    let arguments = ["rc10"].iter().chain(arguments);
+    let done = of_team(|robot| CommandLine::parse(arguments).unwrap().run_to(robot, &mut out));
+    let text = String::from_utf8(out).unwrap();
+    done.map(|code| (code, text)).map_err(|error| format!("{error:#}"))
 }
 
 #[test]
 fn the_commands_say_what_they_did() {
     let folder = Scratch::new("commands");
     let path = |name: &str| folder.join(name).display().to_string();
-    let command = |arguments: &[&str]| {
-        let mut out = Vec::new();
-        let arguments = ["rc10"].iter().chain(arguments);
-        let done = of_team(|robot| CommandLine::parse(arguments).unwrap().run_to(robot, &mut out));
-        let text = String::from_utf8(out).unwrap();
-        done.map(|code| (code, text)).map_err(|error| format!("{error:#}"))
-    };
     let (record, out) = (path("a.mcap"), path("out"));
     let ran = command(&["run", "--seconds", "0.5", "--record", &record, "--out", &out]).unwrap();
     let (code, said) = command(&["report", &record, "--out", &path("report")]).unwrap();
@@ -241,14 +243,8 @@ fn the_commands_say_what_they_did() {
 fn a_capture_makes_a_report_of_what_was_on_the_wires() {
     let folder = Scratch::new("capture");
     let path = |name: &str| folder.join(name).display().to_string();
-    let command = |arguments: &[&str]| {
-        let mut out = Vec::new();
-        let arguments = ["rc10"].iter().chain(arguments);
-        let done = of_team(|robot| CommandLine::parse(arguments).unwrap().run_to(robot, &mut out));
-        done.map(|_| String::from_utf8(out).unwrap()).map_err(|error| format!("{error:#}"))
-    };
     let json = |arguments: &[&str]| -> serde_json::Value {
-        serde_json::from_str(&command(arguments).unwrap()).unwrap()
+        serde_json::from_str(&command(arguments).unwrap().1).unwrap()
     };
     let out = path("out");
     let run = json(&["run", "--seconds", "3", "--json", "--out", &out]);

@@ -17,7 +17,6 @@ use clap::Args;
 use rc10_can::Micros;
 use rc10_emu::{Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
-use rc10_motor::embassy::BusStatus;
 use rc10_motor::{Loops, MotorBus, MotorStatus};
 use rc10_sim::fault::{self, Fault, Kind};
 use rc10_sim::{Esc, Nanos, TraceEntry};
@@ -33,11 +32,10 @@ use crate::mistake::{self, Mistake};
 use crate::motor::{Device, Place};
 use crate::record::{Heading, RecordWriter};
 use crate::recorder::Recorder;
-use crate::recording::{Recording, hex_digits};
+use crate::recording::{PathPoint, Recording, Source, hex_digits};
 use crate::remote::{Operator, ReceiverWire, Sight, Watch};
 use crate::robot::Robot;
 use crate::run::{check_end, make_folder, print_files, seconds, seed, write_file, write_files};
-use crate::simulate::pose;
 
 /// Arguments of `rc10 emu`.
 #[derive(Args, Debug)]
@@ -238,8 +236,9 @@ impl<'r> Emulation<'r> {
         record: Option<RecordWriter>,
     ) -> Result<(Self, Recording)> {
         let description = self.description.clone();
-        let mut recorder = Recorder::new(&description, self.seed, &self.loops, &self.motors, true)
-            .with_record(record);
+        let (loops, twins, source) = (&self.loops, &self.motors, Source::Emulation);
+        let mut recorder =
+            Recorder::new(&description, self.seed, loops, twins, source).with_record(record);
         let mut watch = Watch::new(description.remote.as_ref());
         let mut now = Micros::ZERO;
         let mut next_look = Recorder::next_look(now, length);
@@ -264,12 +263,11 @@ impl<'r> Emulation<'r> {
             if !recorder.look((now, length), &self.motors, |line| self.status(line, now))? {
                 continue;
             }
-            let bus = |number| BusLook { status: self.bus_status(number), ..BusLook::default() };
-            let pose = self.base.as_ref().map_or(RobotLook::default().pose, pose);
+            let pose = PathPoint::of(self.base.as_ref());
             let moment = Moment {
                 // What the chip hears of its IMU is not seen from here.
                 robot: RobotLook { pose, ..RobotLook::default() },
-                buses: (1..=description.buses).map(bus).collect(),
+                buses: self.listeners.iter().map(BusLook::heard).collect(),
                 lines: self.lines.iter().map(LineListener::status).collect(),
                 parts: Vec::new(),
                 remote: self.sight().map(|sight| sight.remote(None)),
@@ -283,17 +281,8 @@ impl<'r> Emulation<'r> {
     /// What a record of it begins with.
     #[must_use]
     pub fn heading(&self) -> Heading<'_> {
-        Heading { seed: self.seed, is_emulated: true, description: &self.description, signals: &[] }
-    }
-
-    /// The status of a bus, by the frames that are heard on it.
-    fn bus_status(&self, number: u8) -> BusStatus {
-        let mut status = BusStatus::default();
-        if let Some(bus) = self.listeners.get(usize::from(number) - 1) {
-            status.received = bus.counters();
-            status.load = bus.load(1_000_000);
-        }
-        status
+        let Self { seed, description, .. } = self;
+        Heading { seed: *seed, source: Source::Emulation, description, signals: &[] }
     }
 
     /// The status of a motor, by the frames that are heard of it.

@@ -14,8 +14,9 @@
 //!   what is not as described. [`built`]: the robot with its mistakes.
 //! * [`robot`]: a description with its buses and tasks, ready to run. [`ports`]: how a run watches
 //!   them.
-//! * [`recorder`]: records what happens there. [`simulate`] runs the robot's
-//!   own tasks, on this machine.
+//! * [`look`]: what is seen of a robot at one moment. [`recorder`]: takes looks down. [`record`]: looks
+//!   in a file, and a recording of them again.
+//! * [`simulate`]: runs the robot's own tasks, on this machine.
 //! * [`recording`]: what is left of a run. [`figures`] and [`report`] are made from it.
 //! * [`run`], [`emulate`], [`decode`], [`dbc`], [`pty`]: the commands. [`candump`]: logs, read and
 //!   written. [`slcan`]: what a pseudo-terminal speaks.

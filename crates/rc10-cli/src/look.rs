@@ -5,7 +5,9 @@ use rc10_app::TotalAngle;
 use rc10_app::angle::shortest_way_degrees;
 use rc10_module::Counters;
 use rc10_motor::embassy::{BusStatus, Rs485Status};
-use rc10_motor::{ArmState, DriveMode, Feedback, Link, Loops, MotorStatus, Target, TargetKind};
+use rc10_motor::{
+    ArmState, DriveMode, Feedback, Link, Loops, MotorBus, MotorStatus, Target, TargetKind,
+};
 use rc10_sim::Esc;
 use rc10_sim::remote::Sent;
 
@@ -13,6 +15,7 @@ use crate::effort::effort_of;
 use crate::motor::Motor;
 use crate::recording::{MotorSample, PathPoint};
 use crate::remote::RemoteSample;
+use crate::robot::BITS_PER_SECOND;
 
 /// One motor in one millisecond.
 #[derive(Clone, Copy, Debug)]
@@ -62,15 +65,24 @@ pub struct RobotLook {
     pub yaw: Option<f64>,
 }
 
+impl BusLook {
+    /// At a bus whose frames are all that is known of it: its motors have listened.
+    #[must_use]
+    pub fn heard(bus: &MotorBus<'_>) -> Self {
+        let mut status = BusStatus::default();
+        (status.received, status.load) = (bus.counters(), bus.load(BITS_PER_SECOND));
+        Self { status, ..Self::default() }
+    }
+}
+
 impl Default for RobotLook {
     fn default() -> Self {
-        let pose = PathPoint { x: f64::NAN, y: f64::NAN, yaw: f64::NAN };
-        Self { arm: None, pose, yaw: None }
+        Self { arm: None, pose: PathPoint::of(None), yaw: None }
     }
 }
 
 /// A remote and its receiver at one moment.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct RemoteLook {
     /// Whether it is live, and whether the robot is armed.
     pub sample: RemoteSample,

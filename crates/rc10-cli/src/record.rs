@@ -24,8 +24,10 @@ use self::fields::{BUS, Field, LINE, LOSS, MOTOR, MOTOR_HEALTH, PART, REMOTE, RO
 use crate::description::Description;
 use crate::look::{Moment, MotorLook};
 use crate::recorder::WireEnd;
+use crate::recording::Source;
 use crate::remote::Loss;
 use crate::robot::Robot;
+use crate::run::beside;
 use crate::script::Event;
 use crate::signal::Signal;
 
@@ -35,6 +37,8 @@ pub use replay::{CsvArgs, ReportArgs, csv, replay, report};
 /// refuse it. Fields may be added without a new one.
 pub(crate) const LAYOUT: &str = "rc10";
 pub(crate) const VERSION: &str = "1";
+/// What is known when all is over, in the metadata too.
+pub(crate) const END: &str = "rc10-end";
 
 /// Bytes before the fields of a message: CDR, little endian.
 pub(crate) const CDR: [u8; 4] = [0, 1, 0, 0];
@@ -42,15 +46,24 @@ pub(crate) const CDR: [u8; 4] = [0, 1, 0, 0];
 /// Writes a record. The file is there when it is finished, whole, and not before.
 pub struct RecordWriter {
     path: PathBuf,
-    beside: PathBuf,
-    file: Option<Writer<BufWriter<File>>>,
+    // Closed before it is removed.
+    file: Writer<BufWriter<File>>,
+    beside: Unfinished,
     topics: Topics,
     count: u32,
     bytes: Vec<u8>,
 }
 
+/// A file that is removed unless it was moved away.
+struct Unfinished(PathBuf);
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.0);
+    }
+}
+
 /// Numbers of the channels.
-#[derive(Default)]
 struct Topics {
     motors: Vec<u16>,
     health: Vec<u16>,
@@ -69,8 +82,8 @@ struct Topics {
 pub struct Heading<'a> {
     /// Seed of the world.
     pub seed: u64,
-    /// Whether a chip was emulated.
-    pub is_emulated: bool,
+    /// Where its looks come from.
+    pub source: Source,
     /// The robot, with the faults and mistakes of the run.
     pub description: &'a Description,
     /// Its own signals.
@@ -78,10 +91,11 @@ pub struct Heading<'a> {
 }
 
 impl<'a> Heading<'a> {
-    /// Of a robot that is about to run.
+    /// Of a robot that is about to run in a simulation.
     #[must_use]
-    pub fn of(robot: &'a Robot<'_>, seed: u64, is_emulated: bool) -> Self {
-        Self { seed, is_emulated, description: robot.description(), signals: robot.signals() }
+    pub fn of(robot: &'a Robot<'_>, seed: u64) -> Self {
+        let (description, signals) = (robot.description(), robot.signals());
+        Self { seed, source: Source::Simulation, description, signals }
     }
 }
 
@@ -120,27 +134,14 @@ impl RecordWriter {
     /// If no file can be written there.
     pub fn new(path: &Path, heading: &Heading<'_>) -> Result<Self> {
         ensure!(!path.is_dir(), "cannot write {}: it is a folder", path.display());
-        let mut name = std::ffi::OsString::from(".");
-        name.push(path.file_name().with_context(|| format!("{} is no file", path.display()))?);
-        name.push(format!(".{}", std::process::id()));
-        let beside = path.with_file_name(name);
         let cannot = || format!("cannot write {}", path.display());
-        let file = File::create(&beside).with_context(cannot)?;
-        // Whatever fails from here on, it is removed when this is dropped.
-        let mut this = Self {
-            path: path.into(),
-            beside,
-            file: None,
-            topics: Topics::default(),
-            count: 0,
-            bytes: Vec::new(),
-        };
+        let beside = Unfinished(beside(path));
+        let file = File::create(&beside.0).with_context(cannot)?;
         let options = WriteOptions::new().compression(None).profile("ros2").library("rc10");
         let mut file = options.create(BufWriter::new(file)).with_context(cannot)?;
         file.write_metadata(&metadata(LAYOUT, heading_of(heading))).with_context(cannot)?;
-        this.topics = Topics::new(&mut file, heading).with_context(cannot)?;
-        this.file = Some(file);
-        Ok(this)
+        let topics = Topics::new(&mut file, heading).with_context(cannot)?;
+        Ok(Self { path: path.into(), file, beside, topics, count: 0, bytes: Vec::new() })
     }
 
     /// Writes the robot's own signals.
@@ -170,13 +171,13 @@ impl RecordWriter {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub(crate) fn sample(
+    pub(crate) fn sample<'l>(
         &mut self,
         now: Micros,
-        looks: &[MotorLook],
+        looks: impl Iterator<Item = &'l MotorLook>,
         moment: &Moment,
     ) -> Result<()> {
-        for (at, look) in looks.iter().enumerate() {
+        for (at, look) in looks.enumerate() {
             self.write(self.topics.health[at], now, MOTOR_HEALTH, look)?;
         }
         for (at, look) in moment.buses.iter().enumerate() {
@@ -206,13 +207,12 @@ impl RecordWriter {
     }
 
     fn put(&mut self, channel_id: u16, now: Micros) -> Result<()> {
-        let Some(file) = &mut self.file else { return Ok(()) };
         self.count = self.count.wrapping_add(1);
         let time = now.get() * 1000;
         let header =
             MessageHeader { channel_id, sequence: self.count, log_time: time, publish_time: time };
         let cannot = || format!("cannot write {}", self.path.display());
-        file.write_to_known_channel(&header, &self.bytes).with_context(cannot)
+        self.file.write_to_known_channel(&header, &self.bytes).with_context(cannot)
     }
 
     /// Ends the record, and puts the file in its place.
@@ -225,7 +225,7 @@ impl RecordWriter {
         wires: &[WireEnd],
         losses: &[Loss],
         events: &[Event],
-        faults: &[Option<Fault>],
+        faults: impl Iterator<Item = Option<Fault>>,
     ) -> Result<()> {
         for (at, wire) in wires.iter().enumerate() {
             for (window, load) in (1..).zip(&wire.load_windows) {
@@ -252,21 +252,12 @@ impl RecordWriter {
                 end.insert(format!("fault_{number}"), fault.text.to_owned());
             }
         }
-        let cannot = || format!("cannot write {}", self.path.display());
-        let Some(mut file) = self.file.take() else { return Ok(()) };
-        file.write_metadata(&metadata("rc10-end", end)).with_context(cannot)?;
+        let Self { path, mut file, beside, .. } = self;
+        let cannot = || format!("cannot write {}", path.display());
+        file.write_metadata(&metadata(END, end)).with_context(cannot)?;
         file.finish().with_context(cannot)?;
         file.into_inner().into_inner().map_err(|error| error.into_error()).with_context(cannot)?;
-        fs::rename(&self.beside, &self.path).with_context(cannot)
-    }
-}
-
-/// What was not finished is no record.
-impl Drop for RecordWriter {
-    fn drop(&mut self) {
-        drop(self.file.take());
-        // Not there any more if it was finished.
-        let _ = fs::remove_file(&self.beside);
+        fs::rename(&beside.0, &path).with_context(cannot)
     }
 }
 
@@ -283,17 +274,15 @@ fn metadata(name: &str, metadata: BTreeMap<String, String>) -> Metadata {
 }
 
 fn heading_of(heading: &Heading<'_>) -> BTreeMap<String, String> {
-    let Heading { seed, is_emulated, description, .. } = heading;
-    let lines = |texts: Vec<String>| texts.join("\n");
+    let Heading { seed, source, description, .. } = heading;
+    let faults: Vec<_> = description.faults.iter().map(ToString::to_string).collect();
+    let mistakes: Vec<_> = description.mistakes.iter().map(ToString::to_string).collect();
     let mut map = BTreeMap::from([
         ("version".to_owned(), VERSION.to_owned()),
         ("seed".to_owned(), seed.to_string()),
-        ("emulated".to_owned(), is_emulated.to_string()),
-        ("faults".to_owned(), lines(description.faults.iter().map(ToString::to_string).collect())),
-        (
-            "mistakes".to_owned(),
-            lines(description.mistakes.iter().map(ToString::to_string).collect()),
-        ),
+        ("emulated".to_owned(), (*source == Source::Emulation).to_string()),
+        ("faults".to_owned(), faults.join("\n")),
+        ("mistakes".to_owned(), mistakes.join("\n")),
     ]);
     if let Some(remote) = &description.remote {
         map.insert("receiver".to_owned(), remote.receiver.to_string());

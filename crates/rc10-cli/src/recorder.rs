@@ -24,7 +24,7 @@ use crate::signal::{Signal, SignalRecorder};
 pub struct Recorder<'d> {
     description: &'d Description,
     seed: u64,
-    is_emulated: bool,
+    source: Source,
     motors: Vec<MotorRecorder>,
     buses: Vec<BusRecorder>,
     arm: Vec<ArmState>,
@@ -61,14 +61,14 @@ pub struct WireEnd {
 impl<'d> Recorder<'d> {
     /// A recorder before the start. `seed` is that of the world; `loops` and `twins` are those of
     /// the motors, in the order of the description. On an emulated chip it does not see what the
-    /// robot decides.
+    /// robot decides: `source`.
     #[must_use]
     pub fn new(
         description: &'d Description,
         seed: u64,
         loops: &[Option<Loops>],
         twins: &[Esc],
-        is_emulated: bool,
+        source: Source,
     ) -> Self {
         let watch = |(line, (loops, twin)): (usize, (&Option<Loops>, &Esc))| {
             let loops = (*loops)?;
@@ -76,17 +76,17 @@ impl<'d> Recorder<'d> {
         };
         let watches = loops.iter().zip(twins).enumerate().map(watch);
         let motors = watches.map(MotorRecorder::new).collect();
-        Self { seed, is_emulated, motors, ..Self::listening(description) }
+        Self { seed, source, motors, ..Self::of_capture(description) }
     }
 
-    /// One that takes what it is given: it has no world to look at, and judges no loops.
+    /// A recorder of what was captured of a robot: it has no world to look at, and judges no loops.
     #[must_use]
-    pub fn listening(description: &'d Description) -> Self {
+    pub fn of_capture(description: &'d Description) -> Self {
         let motors = description.motors.iter().map(|_| MotorRecorder::new(None)).collect();
         Self {
             description,
             seed: 0,
-            is_emulated: false,
+            source: Source::Capture,
             motors,
             buses: (0..description.buses).map(|_| BusRecorder::default()).collect(),
             arm: Vec::new(),
@@ -127,6 +127,11 @@ impl<'d> Recorder<'d> {
         (now + LOOK_PERIOD).min(end)
     }
 
+    /// Whether it is time for a sample after a look, if the run is to end at `end`.
+    pub(crate) fn is_sample_due(now: Micros, end: Micros) -> bool {
+        now >= end || now.get().is_multiple_of(SAMPLE_PERIOD.get())
+    }
+
     /// Takes frames of a bus down, 0 for the first, in the order of the wire.
     pub fn frames(&mut self, bus: usize, entries: &[TraceEntry]) {
         let Some(BusRecorder { log, hash, frames, .. }) = self.buses.get_mut(bus) else {
@@ -159,7 +164,7 @@ impl<'d> Recorder<'d> {
         let described = self.description.motors.iter().zip(&self.motors);
         let looks = described.zip(motors).enumerate().map(|(line, ((motor, recorder), twin))| {
             let mut status = status(line);
-            if self.is_emulated {
+            if self.source == Source::Emulation {
                 status.drive =
                     if motor.is_driven(twin) { DriveMode::Run } else { DriveMode::Coast };
             }
@@ -167,7 +172,7 @@ impl<'d> Recorder<'d> {
         });
         let looks: Vec<_> = looks.collect();
         self.take_look(now, &looks)?;
-        Ok(now >= end || now.get().is_multiple_of(SAMPLE_PERIOD.get()))
+        Ok(Self::is_sample_due(now, end))
     }
 
     /// Takes a look at each motor.
@@ -222,8 +227,7 @@ impl<'d> Recorder<'d> {
             self.heard.push(BaseHeard { wheels, yaw: moment.robot.yaw });
         }
         if let Some(record) = &mut self.record {
-            let looks = self.motors.iter().map(|motor| motor.last);
-            record.sample(now, &looks.collect::<Vec<_>>(), &moment)?;
+            record.sample(now, self.motors.iter().map(|motor| &motor.last), &moment)?;
         }
         self.moment = moment;
         Ok(())
@@ -239,18 +243,12 @@ impl<'d> Recorder<'d> {
         wires: &[rc10_sim::Bus],
         losses: Vec<Loss>,
     ) -> Result<Recording> {
-        let ends = std::mem::take(&mut self.buses).into_iter().zip(wires);
-        let ends = ends.map(|(recorder, wire)| {
-            let end = WireEnd {
-                load_windows: wire.load_windows(),
-                log_hash: hex_digits(recorder.hash.chain_update(&recorder.log)),
-                log: recorder.log,
-            };
-            (end, recorder.samples)
+        let ends = self.buses.iter_mut().zip(wires).map(|(recorder, wire)| {
+            let log = std::mem::take(&mut recorder.log);
+            let hash = std::mem::take(&mut recorder.hash).chain_update(&log);
+            WireEnd { load_windows: wire.load_windows(), log_hash: hex_digits(hash), log }
         });
-        let (ends, samples): (Vec<_>, Vec<_>) = ends.unzip();
-        self.buses =
-            samples.into_iter().map(|samples| BusRecorder { samples, ..<_>::default() }).collect();
+        let ends = ends.collect();
         self.finish_with(length, ends, losses)
     }
 
@@ -267,7 +265,7 @@ impl<'d> Recorder<'d> {
         let events = self.description.events(length);
         if let Some(record) = self.record.take() {
             let faults = self.motors.iter().map(|motor| motor.last.status.fault);
-            record.finish(length, &wires, &losses, &events, &faults.collect::<Vec<_>>())?;
+            record.finish(length, &wires, &losses, &events, faults)?;
         }
         let motors = self.description.motors.iter().zip(self.motors);
         let motors = motors.map(|(described, recorder)| MotorTrack {
@@ -319,7 +317,7 @@ impl<'d> Recorder<'d> {
             arm: self.arm,
             signals: self.signals.into_iter().map(SignalRecorder::finish).collect(),
             no_logs: self.description.no_logs,
-            source: if self.is_emulated { Source::Emulation } else { Source::Simulation },
+            source: self.source,
             faults: Vec::new(),
         })
     }

@@ -6,7 +6,7 @@ use rc10_can::Micros;
 use rc10_module::Counters;
 use rc10_motor::embassy::{BusStatus, Rs485Status};
 use rc10_motor::{ArmState, DriveMode, Link, MotorCounters, MotorStatus, TargetKind};
-use rc10_sim::{Chassis, Fault};
+use rc10_sim::{Base, Chassis, Fault};
 use sha2::{Digest, Sha256};
 
 use crate::effort::EffortTrack;
@@ -339,6 +339,14 @@ pub struct WheelHeard {
     pub current: Option<f64>,
     /// It is heard, and follows a target.
     pub follows: bool,
+}
+
+impl PathPoint {
+    /// Of a base; NaN without one.
+    pub(crate) fn of(base: Option<&Base>) -> Self {
+        let nowhere = Self { x: f64::NAN, y: f64::NAN, yaw: f64::NAN };
+        base.map(Base::pose).map_or(nowhere, |pose| Self { x: pose.x, y: pose.y, yaw: pose.yaw })
+    }
 }
 
 /// A position of the base.

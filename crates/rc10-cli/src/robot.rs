@@ -367,7 +367,7 @@ impl<'r> Robot<'r> {
 }
 
 /// The bit rate of all buses.
-const BITS_PER_SECOND: u32 = 1_000_000;
+pub(crate) const BITS_PER_SECOND: u32 = 1_000_000;
 
 /// The text on a bus that is tight, or too small for its motors: how much they need, which they
 /// are, and what to change.

@@ -134,7 +134,7 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
     }
     let started = Instant::now();
     let record = match &args.record {
-        Some(path) => Some(RecordWriter::new(path, &Heading::of(&robot, args.seed, false))?),
+        Some(path) => Some(RecordWriter::new(path, &Heading::of(&robot, args.seed))?),
         None => None,
     };
     let mut recording = simulate_into(robot, args.seed, args.seconds, record)?;
@@ -234,10 +234,16 @@ pub fn write_files(recording: &Recording, figures: &Figures, folder: &Path) -> R
     Ok(())
 }
 
+/// Where a file is written before it is put in its place, whole.
+pub(crate) fn beside(path: &Path) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!(".{name}.{}", std::process::id()))
+}
+
 /// Writes a whole file or none: first beside it, then in its place.
 pub(crate) fn write_file(folder: &Path, name: &str, content: &[u8]) -> Result<()> {
     let path = folder.join(name);
-    let beside = folder.join(format!(".{name}.{}", std::process::id()));
+    let beside = beside(&path);
     let write = || {
         fs::write(&beside, content)?;
         fs::rename(&beside, &path)

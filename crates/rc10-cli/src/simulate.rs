@@ -5,13 +5,13 @@ use rc10_can::Micros;
 use rc10_module::Reception;
 use rc10_motor::embassy::BusPort;
 use rc10_motor::{ArmSwitch, MotorStatus};
-use rc10_sim::{Base, Faults, Nanos};
+use rc10_sim::{Faults, Nanos};
 
 use crate::environment::Environment;
 use crate::look::{BusLook, Moment, RobotLook};
 use crate::record::RecordWriter;
 use crate::recorder::Recorder;
-use crate::recording::{PathPoint, Recording};
+use crate::recording::{PathPoint, Recording, Source};
 use crate::remote::{Sight, Watch};
 use crate::robot::Robot;
 
@@ -39,9 +39,10 @@ pub fn simulate_into(
     let mut tasks = robot.tasks(&around)?;
     let motor =
         |entry| ports.motor(&description, entry).map_or(MotorStatus::NEW, |port| port.status());
-    let mut recorder = Recorder::new(&description, seed, &loops, &around.motors, false)
-        .with_signals(&ports.signals)
-        .with_record(record);
+    let mut recorder =
+        Recorder::new(&description, seed, &loops, &around.motors, Source::Simulation)
+            .with_signals(&ports.signals)
+            .with_record(record);
     let mut watch = Watch::new(description.remote.as_ref());
     let mut faults = Faults::new(&around.wires, &around.lines, &description.faults)?;
     // A robot need not say what arms it: its buses and lines know.
@@ -84,7 +85,7 @@ pub fn simulate_into(
         let bus = |port: &&BusPort| BusLook { status: port.status(), ..BusLook::default() };
         let robot = RobotLook {
             arm: arm(),
-            pose: around.base.as_ref().map_or(RobotLook::default().pose, pose),
+            pose: PathPoint::of(around.base.as_ref()),
             yaw: ports.yaw.as_ref().and_then(|yaw| yaw(now)),
         };
         let moment = Moment {
@@ -97,12 +98,6 @@ pub fn simulate_into(
         recorder.sample(now, &around.wires, moment)?;
     }
     recorder.finish(around.world.now(), &around.wires, watch.finish())
-}
-
-/// Where a base is.
-pub(crate) fn pose(base: &Base) -> PathPoint {
-    let pose = base.pose();
-    PathPoint { x: pose.x, y: pose.y, yaw: pose.yaw }
 }
 
 /// The first whole microsecond that is not before it: tasks know no finer time.

@@ -6,7 +6,6 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail, ensure};
 use rc10_can::{CanFrame, Micros};
-use rc10_motor::embassy::BusStatus;
 use rc10_motor::{DriveMode, MotorStatus, TargetKind};
 
 use super::{BusOfChannel, Decoder, Summary, excerpt, known_on, unreadable};
@@ -15,8 +14,8 @@ use crate::description::Description;
 use crate::look::{BusLook, Moment, MotorLook};
 use crate::motor::Place;
 use crate::recorder::{Recorder, WireEnd};
-use crate::recording::{LOOK_PERIOD, MotorSample, Recording, SAMPLE_PERIOD, Source};
-use crate::robot::Robot;
+use crate::recording::{LOOK_PERIOD, MotorSample, Recording};
+use crate::robot::{BITS_PER_SECOND, Robot};
 
 /// No capture is longer, in virtual time: a clock that jumped makes one of years.
 const LONGEST: Micros = Micros::from_millis(3_600_000);
@@ -24,8 +23,6 @@ const LONGEST: Micros = Micros::from_millis(3_600_000);
 const A_DAY: Micros = Micros::from_millis(86_400_000);
 /// Lines that cannot be read are told one by one up to this number.
 const MOST_TOLD: u64 = 10;
-/// The bit rate of all buses.
-const BITS_PER_SECOND: f64 = 1e6;
 /// The windows of a bus's load.
 const WINDOW: Micros = Micros::from_millis(100);
 
@@ -109,7 +106,7 @@ fn record(
 ) -> Result<Recording> {
     // Whole milliseconds, up to the last frame's effect.
     let length = Micros::from_millis(last.get().div_ceil(1000).max(1));
-    let mut recorder = Recorder::listening(robot);
+    let mut recorder = Recorder::of_capture(robot);
     let mut traffic = vec![Traffic::default(); robot.buses.into()];
     let mut rest = heard.iter().peekable();
     let mut now = Micros::ZERO;
@@ -127,12 +124,10 @@ fn record(
         };
         let looks = (0..robot.motors.len()).map(|entry| look(status(entry)));
         recorder.take_look(now, &looks.collect::<Vec<_>>())?;
-        if now >= length || now.get().is_multiple_of(SAMPLE_PERIOD.get()) {
+        if Recorder::is_sample_due(now, length) {
             let seen = decoder.buses.iter().zip(&traffic).map(|(bus, traffic)| {
-                let mut status = BusStatus::default();
-                (status.received, status.load) = (bus.counters(), bus.load(1_000_000));
-                let load = 100.0 * traffic.bits as f64 / BITS_PER_SECOND / seconds(now);
-                BusLook { status, frames: traffic.frames, load }
+                let load = load(traffic.bits, now);
+                BusLook { frames: traffic.frames, load, ..BusLook::heard(bus) }
             });
             recorder.take_sample(now, Moment { buses: seen.collect(), ..Moment::default() })?;
         }
@@ -146,12 +141,13 @@ fn record(
     recording.motors.retain(|track| track.motor.on.bus().is_some_and(is_captured));
     recording.buses.retain(|track| is_captured(track.number));
     recording.events.clear();
-    (recording.no_logs, recording.source) = (true, Source::Capture);
+    recording.no_logs = true;
     Ok(recording)
 }
 
-fn seconds(time: Micros) -> f64 {
-    time.get() as f64 * 1e-6
+/// The share of a bus that these bits took in a time, percent.
+fn load(bits: u64, time: Micros) -> f64 {
+    100.0 * bits as f64 / (f64::from(BITS_PER_SECOND) * time.get() as f64 * 1e-6)
 }
 
 /// A look at a motor of which nothing but its feedback is known.
@@ -196,7 +192,6 @@ impl Traffic {
     fn windows(&self, length: Micros) -> Vec<f64> {
         let count = (length.get() / WINDOW.get()) as usize;
         let bits = |window: usize| self.in_window.get(window).copied().unwrap_or(0);
-        let load = |bits: u64| 100.0 * bits as f64 / BITS_PER_SECOND / seconds(WINDOW);
-        (0..count).map(|window| load(bits(window))).collect()
+        (0..count).map(|window| load(bits(window), WINDOW)).collect()
     }
 }

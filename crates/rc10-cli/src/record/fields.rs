@@ -317,10 +317,9 @@ fields!(ROBOT: RobotLook {
 #[cfg(test)]
 mod tests {
     use rc10_can::Micros;
-    use rc10_sim::remote::Sent;
 
     use super::*;
-    use crate::remote::{Lost, RemoteSample};
+    use crate::remote::Lost;
 
     /// Each field of a table is put back where it is taken from, and nowhere else.
     fn assert_sound<T>(table: &[&[Field<T>]], mut it: T) {
@@ -353,13 +352,8 @@ mod tests {
         assert_sound(BUS, BusLook::default());
         assert_sound(LINE, Rs485Status::default());
         assert_sound(PART, Counters::default());
-        let sample = RemoteSample { is_live: false, arm: None };
-        let (sent, heard) = (Sent::default(), Counters::default());
-        assert_sound(REMOTE, RemoteLook { sample, sent, is_told: false, heard });
-        let lost = Lost { from: Micros::ZERO, until: None };
-        let (back, coasting) = (None, None);
-        let loss = Loss { lost, last_frame: None, coasting, back, resumed: None, disarmed: None };
-        assert_sound(LOSS, loss);
+        assert_sound(REMOTE, RemoteLook::default());
+        assert_sound(LOSS, Loss::new(Lost { from: Micros::ZERO, until: None }));
         assert_sound(ROBOT, RobotLook::default());
     }
 

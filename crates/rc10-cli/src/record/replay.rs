@@ -17,17 +17,16 @@ use rc10_can::Micros;
 use rc10_module::Counters;
 use rc10_motor::Fault as MotorFault;
 use rc10_motor::embassy::Rs485Status;
-use rc10_sim::remote::Sent;
 
 use super::fields::{BUS, Field, LINE, LOSS, MOTOR, MOTOR_HEALTH, PART, REMOTE, ROBOT};
-use super::{CDR, LAYOUT, VALUE, VERSION, topic};
+use super::{CDR, END, LAYOUT, VALUE, VERSION, topic};
 use crate::decode::{BusOfChannel, hear};
 use crate::environment::Environment;
 use crate::figures::{Figures, to_json};
-use crate::look::{BusLook, Moment, MotorLook, RemoteLook};
+use crate::look::{BusLook, Moment, MotorLook};
 use crate::recorder::{Recorder, WireEnd};
 use crate::recording::{Recording, Source};
-use crate::remote::{Loss, Lost, Receiver, RemoteSample};
+use crate::remote::{Loss, Lost, Receiver};
 use crate::robot::Robot;
 use crate::run::{make_folder, print, write_file, write_files};
 
@@ -223,7 +222,7 @@ pub fn replay(bytes: &[u8], mut robot: Robot<'_>) -> Result<(Recording, Option<S
     walk(bytes, |item| {
         match item {
             Item::Metadata(name, map) if name == LAYOUT => heading = Some(map),
-            Item::Metadata(name, map) if name == "rc10-end" => end = map,
+            Item::Metadata(name, map) if name == END => end = map,
             Item::Channel(_, channel) => drop(found.insert(channel.topic, channel.map)),
             _ => {}
         }
@@ -242,11 +241,14 @@ pub fn replay(bytes: &[u8], mut robot: Robot<'_>) -> Result<(Recording, Option<S
 
     let (description, ports, loops) = (robot.description().clone(), robot.ports(), robot.loops());
     let around = Environment::new(&description, seed)?;
-    let is_emulated = text("emulated") == "true";
+    let source = match text("emulated") {
+        "true" => Source::Emulation,
+        _ => Source::Simulation,
+    };
     // An emulated chip's memory is not looked into.
-    let own = if is_emulated { &[][..] } else { &ports.signals };
+    let own = if source.is_told() { &ports.signals } else { &[][..] };
     let mut state = Replay {
-        recorder: Recorder::new(&description, seed, &loops, &around.motors, is_emulated)
+        recorder: Recorder::new(&description, seed, &loops, &around.motors, source)
             .with_signals(own),
         channels: BTreeMap::new(),
         at: Micros::ZERO,
@@ -382,7 +384,12 @@ impl Replay<'_> {
             bail!("a message of a channel that is not declared");
         };
         let (about, columns) = (*about, Rc::clone(columns));
-        // These were written when all was over.
+        // Those were written when all was over, and belong to no moment.
+        let is_late = matches!(about, About::Window(_) | About::Loss | About::Other);
+        if !is_late && now != self.at {
+            self.flush()?;
+            self.at = now;
+        }
         match about {
             About::Window(at) => {
                 let mut load = 0.0;
@@ -390,30 +397,14 @@ impl Replay<'_> {
                 if let Some(wire) = self.wires.get_mut(at) {
                     wire.load_windows.push(load);
                 }
-                return Ok(());
+                Ok(())
             }
             About::Loss => {
-                let lost = Lost { from: Micros::ZERO, until: None };
-                let mut loss = Loss {
-                    lost,
-                    last_frame: None,
-                    coasting: None,
-                    back: None,
-                    resumed: None,
-                    disarmed: None,
-                };
+                let mut loss = Loss::new(Lost { from: Micros::ZERO, until: None });
                 unpack(LOSS, &columns, bytes, &mut loss)?;
                 self.losses.push(loss);
-                return Ok(());
+                Ok(())
             }
-            About::Other => return Ok(()),
-            _ => {}
-        }
-        if now != self.at {
-            self.flush()?;
-            self.at = now;
-        }
-        match about {
             About::Motor(at) => {
                 self.has_looks = true;
                 unpack(MOTOR, &columns, bytes, &mut self.looks[at])
@@ -448,15 +439,9 @@ impl Replay<'_> {
                 self.with_moment(|moment| unpack(ROBOT, &columns, bytes, &mut moment.robot))
             }
             About::Remote => self.with_moment(|moment| {
-                let look = moment.remote.get_or_insert(RemoteLook {
-                    sample: RemoteSample { is_live: false, arm: None },
-                    sent: Sent::default(),
-                    is_told: false,
-                    heard: Counters::default(),
-                });
-                unpack(REMOTE, &columns, bytes, look)
+                unpack(REMOTE, &columns, bytes, moment.remote.get_or_insert_default())
             }),
-            About::Window(_) | About::Loss | About::Other => Ok(()),
+            About::Other => Ok(()),
         }
     }
 

@@ -33,7 +33,7 @@ pub struct RemoteTrack {
 }
 
 /// A remote and its robot at one moment.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RemoteSample {
     /// Whether the receiver's frames come from the remote.
     pub is_live: bool,
@@ -62,6 +62,11 @@ pub struct Loss {
 }
 
 impl Loss {
+    /// One that nothing has followed yet.
+    pub(crate) const fn new(lost: Lost) -> Self {
+        Self { lost, last_frame: None, coasting: None, back: None, resumed: None, disarmed: None }
+    }
+
     /// The time from the last good frame until the motors coasted, if any was driven when it was
     /// lost.
     #[must_use]
@@ -152,14 +157,8 @@ impl Watch {
     /// Looks. More often than needed does no harm.
     pub fn look(&mut self, now: Micros, sight: Sight<'_>) {
         if let Some(lost) = self.due.pop_if(|lost| lost.from <= now) {
-            self.losses.push(Loss {
-                lost,
-                last_frame: sight.sent.last_live.map(Nanos::micros),
-                coasting: None,
-                back: None,
-                resumed: None,
-                disarmed: None,
-            });
+            let last_frame = sight.sent.last_live.map(Nanos::micros);
+            self.losses.push(Loss { last_frame, ..Loss::new(lost) });
             self.is_idle = false;
         }
         let Some(loss) = self.losses.last_mut() else { return };
