@@ -130,11 +130,13 @@ pub fn run() -> Result<()> {
     });
     report.step("test", || run_command(&mut host("test --workspace")).into());
     report.step("robots", || {
-        let run = |package: &str| {
-            let arguments = format!("run --strict --out target/rc10-{package}");
-            run_command(&mut host(&format!("run --release --package {package} -- {arguments}")))
+        let run = |(package, robot): (&str, &str)| {
+            let arguments = format!("run --strict --out target/rc10-{robot}");
+            run_command(&mut host(&format!("run --release {package} -- {arguments}")))
         };
-        ["rc10", "mixed", "omni"].into_iter().try_for_each(run).into()
+        // A newcomer's first command names no package.
+        let robots = [("", "team"), ("--package mixed", "mixed"), ("--package omni", "omni")];
+        robots.into_iter().try_for_each(run).into()
     });
     report.step("two wheels", || two_wheels().into());
     report.step("scaffold", || scaffold::run().into());
