@@ -134,8 +134,9 @@ impl<'r> Emulation<'r> {
             }
         }
         let lines: Vec<_> = lines.into_iter().map(LineListener::new).collect();
-        let Environment { world, wires, lines: ends, motors, base, serials, remote, operator } =
-            Environment::new(&description, setup.seed)?;
+        let Environment {
+            world, wires, lines: ends, motors, base, serials, remote, operator, ..
+        } = Environment::new(&description, setup.seed)?;
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
         let mut machine =
             Machine::with(program, Options { seed: setup.seed, ..Options::default() })?;

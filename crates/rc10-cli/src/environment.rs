@@ -11,6 +11,7 @@ use rc10_sim::{Base, BusConfig, Esc, LineConfig, Mounting, Serial, Tasks, Wheels
 
 use crate::built::Built;
 use crate::description::Description;
+use crate::live::wire::Line;
 use crate::remote::{Operator, Receiver, ReceiverWire};
 
 /// The environment of a robot: a simulated world.
@@ -31,6 +32,8 @@ pub struct Environment {
     pub remote: Option<RemoteLink>,
     /// The operator of that remote.
     pub operator: Option<Operator>,
+    /// The line from its console to a PC, if there is one: [`with_console`](Self::with_console).
+    pub console: Option<Line>,
 }
 
 /// A remote, and its receiver at the end of a wire.
@@ -98,7 +101,15 @@ impl Environment {
             let wire = ReceiverWire::new(receiver, &mut world, &hands);
             remote = Some(RemoteLink { remote: hands, receiver, wire });
         }
-        Ok(Self { world, wires, lines, motors, base, serials, remote, operator })
+        let console = None;
+        Ok(Self { world, wires, lines, motors, base, serials, remote, operator, console })
+    }
+
+    /// With a PC at its console.
+    #[must_use]
+    pub fn with_console(mut self, baud: u32) -> Self {
+        self.console = Some(Line::new(&mut self.world, baud));
+        self
     }
 
     /// Runs the robot's tasks and its operator up to a time. A robot that has

@@ -34,6 +34,7 @@ pub mod effort;
 pub mod emulate;
 pub mod environment;
 pub mod figures;
+pub mod live;
 pub mod look;
 pub mod margin;
 pub mod mistake;

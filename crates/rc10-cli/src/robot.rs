@@ -5,6 +5,7 @@ use std::pin::Pin;
 use std::rc::Rc;
 
 use anyhow::{Result, bail, ensure};
+use embassy_time::Instant;
 use rc10_can::Micros;
 use rc10_module::Reception;
 use rc10_motor::embassy::{BusPort, Rs485Port, run_bus, run_rs485};
@@ -12,11 +13,13 @@ use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Started, Verdict};
 use rc10_sim::fault::Kind;
 use rc10_sim::{Fault, Faults, Tasks, UartPort};
+use rc10_tasks::live::{Link, Live};
 use rc10_tasks::{Common, remote};
 
 use crate::built::Built;
 use crate::description::Description;
 use crate::environment::Environment;
+use crate::live::wire::ConsolePort;
 use crate::mistake::Mistake;
 use crate::motor::{Motor, Place};
 use crate::ports::Ports;
@@ -37,6 +40,8 @@ pub struct Robot<'r> {
     tasks: Vec<Task<'r>>,
     listen: Option<Box<dyn FnOnce(Receiver, ReceiverPort) -> Task<'r> + 'r>>,
     serials: Vec<Box<dyn FnOnce(UartPort) -> Task<'r> + 'r>>,
+    /// Serves a PC at its console.
+    console: Option<Box<dyn FnOnce(ConsolePort) -> Task<'r> + 'r>>,
     /// It runs even if motors do not fit on a bus.
     is_forced: bool,
 }
@@ -70,12 +75,13 @@ impl<'r> Robot<'r> {
             tasks: Vec::new(),
             listen: None,
             serials: Vec::new(),
+            console: None,
             is_forced: false,
         }
     }
 
-    /// A robot with the buses and lines of its declaration, the switch that arms it, and, if a remote is
-    /// described, the task that listens to its receiver.
+    /// A robot with the buses and lines of its declaration, the switch that arms it, a console for a
+    /// PC, and, if a remote is described, the task that listens to its receiver.
     #[must_use]
     pub fn of<N: Names, const BUSES: usize, const LINES: usize>(
         description: Description,
@@ -84,7 +90,7 @@ impl<'r> Robot<'r> {
     ) -> Self {
         let (Started { buses, lines }, ports) = (started, shared.ports);
         let has_remote = description.remote.is_some();
-        let robot = Self::new(description).switch(&shared.switch);
+        let robot = Self::new(description).switch(&shared.switch).live(shared, &());
         let robot = zip(buses, &ports.buses).fold(robot, |robot, (bus, port)| robot.bus(bus, port));
         let robot =
             zip(lines, &ports.lines).fold(robot, |robot, (line, port)| robot.line(line, port));
@@ -160,6 +166,30 @@ impl<'r> Robot<'r> {
     ) -> Self {
         self.ports.signals.push(Signal { label, unit, read: Rc::new(read) });
         self
+    }
+
+    /// Shows a PC at its console `own` too, and lets it change that; a run records its signals.
+    #[must_use]
+    pub fn live<N: Names, const BUSES: usize, const LINES: usize>(
+        self,
+        shared: &'r Common<'_, N, BUSES, LINES>,
+        own: &'r impl Live,
+    ) -> Self {
+        let mut robot = own.signals().enumerate().fold(self, |robot, (at, signal)| {
+            robot.signal(signal.label, signal.unit, move |_| {
+                own.signals()
+                    .nth(at)
+                    .map(|signal| signal.get().into())
+                    .filter(|it: &f64| !it.is_nan())
+            })
+        });
+        robot.console = Some(Box::new(move |port| {
+            boxed(async move {
+                let link = Link::new(port.clone());
+                link.serve(shared, own, port, Instant::from_ticks(0)).await;
+            })
+        }));
+        robot
     }
 
     /// Adds the task that speaks with its next part on a UART, and where its bytes are counted.
@@ -299,6 +329,9 @@ impl<'r> Robot<'r> {
         self.tasks.into_iter().for_each(|task| tasks.add(task));
         if let (Some(listen), Some(remote)) = (self.listen, &around.remote) {
             tasks.add(listen(remote.receiver, remote.wire.port()));
+        }
+        if let (Some(serve), Some(line)) = (self.console, &around.console) {
+            tasks.add(serve(line.port()));
         }
         for (speak, link) in self.serials.into_iter().zip(&around.serials) {
             tasks.add(speak(link.port()));

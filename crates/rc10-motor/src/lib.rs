@@ -97,7 +97,9 @@ pub use declaration::{
 };
 pub use feedback::{Condition, Fault, Feedback};
 pub use load::{BusLoad, Verdict};
-pub use motor::{CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, SafeState, Tick};
+pub use motor::{
+    CanMotor, DriveMode, FrameError, FrameKind, Loops, Motor, SafeState, Tick, Tuning,
+};
 pub use motors::{AttachError, CommandError, MotorId, Motors};
 pub use request::{Gains, Request, RequestError, Response};
 pub use supervision::{Link, MotorCounters, MotorStatus, Refusals, Safety};

@@ -1,12 +1,12 @@
 use core::fmt;
 
-use rc10_app::{Cascade, Seconds};
+use rc10_app::{Cascade, PidConfig, Seconds};
 use rc10_can::{CanFrame, Micros};
 
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
-use crate::request::{Request, RequestError, Response};
+use crate::request::{Gains, Request, RequestError, Response};
 use crate::supervision::Link;
 use crate::target::{Target, TargetError, TargetKind, TargetSet};
 
@@ -105,6 +105,36 @@ pub struct Loops {
     pub effort: TargetKind,
     /// Their gains and limits. The speed loop's output limit is the largest effort.
     pub cascade: Cascade,
+}
+
+/// What [requests](Request) change in a motor's [`Loops`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tuning {
+    /// The quantity of the effort, as in [`Loops`].
+    pub effort: TargetKind,
+    /// Gains of the speed loop.
+    pub speed: Gains,
+    /// Gains of the angle loop.
+    pub angle: Gains,
+    /// The largest effort.
+    pub limit: f32,
+}
+
+impl Tuning {
+    /// That of some loops.
+    #[must_use]
+    pub const fn of(loops: &Loops) -> Self {
+        const fn gains(pid: &PidConfig) -> Gains {
+            Gains { kp: pid.kp, ki: pid.ki, kd: pid.kd }
+        }
+        let Loops { effort, cascade: Cascade { speed, angle, .. } } = loops;
+        Self {
+            effort: *effort,
+            speed: gains(speed),
+            angle: gains(angle),
+            limit: speed.output_limit,
+        }
+    }
 }
 
 /// Data that a bus gives to a motor in every tick.

@@ -1,5 +1,9 @@
 //! The state that tasks of every robot share.
 
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::mutex::Mutex;
 use rc10_message::{Cycles, Latest, Topic};
 use rc10_module::Reception;
 use rc10_module::remote::{Remote, RemoteLink};
@@ -30,6 +34,30 @@ pub struct Common<'p, N: Names, const BUSES: usize, const LINES: usize = 0> {
     /// Cycles of the core that a tick of the buses takes, on a chip that counts its cycles: a run
     /// is a tick.
     pub bus_cycles: Option<&'p Cycles>,
+    /// Changes of parameters by PCs.
+    pub changes: Changes,
+}
+
+/// Counts the changes of parameters, and keeps those of two PCs from mixing.
+pub struct Changes {
+    count: AtomicU32,
+    /// Held while a change is carried out.
+    pub(crate) turn: Mutex<CriticalSectionRawMutex, ()>,
+}
+
+impl Changes {
+    const fn new() -> Self {
+        Self { count: AtomicU32::new(0), turn: Mutex::new(()) }
+    }
+
+    /// How many there were.
+    pub fn read(&self) -> u32 {
+        self.count.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn add(&self) {
+        self.count.store(self.read().wrapping_add(1), Ordering::Relaxed);
+    }
 }
 
 impl<'p, N: Names, const BUSES: usize, const LINES: usize> Common<'p, N, BUSES, LINES> {
@@ -47,6 +75,7 @@ impl<'p, N: Names, const BUSES: usize, const LINES: usize> Common<'p, N, BUSES, 
             refused: Latest::new(),
             status: Topic::new(),
             bus_cycles: None,
+            changes: Changes::new(),
         }
     }
 

@@ -7,7 +7,7 @@ use heapless::Vec;
 use rc10_can::Micros;
 use rc10_message::{CallError, Caller, Calls, Service};
 
-use crate::motor::Motor;
+use crate::motor::{Motor, Tuning};
 use crate::motors::{MotorId, Motors};
 use crate::request::{Request, RequestError, Response};
 use crate::supervision::{MotorStatus, Refusals};
@@ -30,6 +30,8 @@ struct MotorCell {
     status: Mutex<CriticalSectionRawMutex, RefCell<MotorStatus>>,
     /// Targets that did not come as far as the mail.
     refused: Mutex<CriticalSectionRawMutex, Cell<Refusals>>,
+    /// As declared, and as of the last request.
+    tuning: Mutex<CriticalSectionRawMutex, Cell<Option<[Tuning; 2]>>>,
 }
 
 /// Requests to the motors of a bus that may wait at once.
@@ -72,6 +74,7 @@ impl<S: Copy, const N: usize> MotorPorts<S, N> {
                     supports: Mutex::new(Cell::new(TargetSet::NONE)),
                     status: Mutex::new(RefCell::new(MotorStatus::NEW)),
                     refused: Mutex::new(Cell::new(Refusals::NONE)),
+                    tuning: Mutex::new(Cell::new(None)),
                 }
             }; N],
             requests: Service::new(),
@@ -121,6 +124,8 @@ impl<'p, S: Copy, const N: usize> Server<'p, S, N> {
     ) -> Self {
         for (motor, cell) in motors.ids().zip(&ports.cells) {
             cell.supports.lock(|place| place.set(motors.supports(motor)));
+            let tuning = motors.loops(motor).map(|loops| [Tuning::of(&loops); 2]);
+            cell.tuning.lock(|place| place.set(tuning));
         }
         Self { ports, pending: Vec::new() }
     }
@@ -134,9 +139,20 @@ impl<'p, S: Copy, const N: usize> Server<'p, S, N> {
                 let _ = motors.command(motor, target, now);
             }
         }
-        self.serve(|motor, request| match request {
-            Some(request) => Some(motors.request(motor, request)),
-            None => motors.response(motor),
+        let cells = &self.ports.cells;
+        self.serve(|motor, request| {
+            let outcome = match request {
+                Some(request) => Some(motors.request(motor, request)),
+                None => motors.response(motor),
+            };
+            if let (Some(Ok(Response::Done)), Some(cell)) = (&outcome, cells.get(motor.index())) {
+                let now = motors.loops(motor).map(|loops| Tuning::of(&loops));
+                cell.tuning.lock(|place| {
+                    let declared = place.get().map(|[declared, _]| declared);
+                    place.set(declared.zip(now).map(<[_; 2]>::from));
+                });
+            }
+            outcome
         });
     }
 
@@ -244,6 +260,22 @@ impl MotorPort<'_> {
             *refused = refused.plus(cell.refused.lock(Cell::get));
             status
         })
+    }
+
+    /// A part of its status, without a copy of the whole. Targets that its port refused are not in
+    /// the counters here.
+    #[inline]
+    pub fn look<R>(&self, look: impl FnOnce(&MotorStatus) -> R) -> R {
+        match self.cell {
+            Some(cell) => cell.status.lock(|status| look(&status.borrow())),
+            None => look(&MotorStatus::NEW),
+        }
+    }
+
+    /// The gains and the limit of its loops, as they were when its bus began and as they are now;
+    /// `None` if they do not run here, or its bus does not run yet.
+    pub fn tuning(&self) -> Option<[Tuning; 2]> {
+        self.cell.and_then(|cell| cell.tuning.lock(Cell::get))
     }
 
     /// The targets it takes; none while its bus is not running yet.

@@ -1,0 +1,447 @@
+//! The PC's end of a link, without the port: bytes in, bytes out, and the time as an argument.
+
+use std::collections::BTreeMap;
+
+use rc10_can::Micros;
+use rc10_link::frame::{AROUND, ASK, FromRobot, Writer};
+use rc10_link::samples::{Head, VALUES};
+use rc10_link::{AT_ONCE, Action, Ask, Bits, Change, GROUPS, Outcome, SILENCE, Tell, VERSION};
+use rc10_module::Stream;
+
+/// A signal of the robot, as it describes it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Signal {
+    /// What it is about: "motors", and "lift left".
+    pub folder: String,
+    /// See [`folder`](Self::folder).
+    pub label: String,
+    /// Its name there.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// Names of its values, if it is a state.
+    pub states: Vec<String>,
+}
+
+/// A parameter of the robot, as it describes it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Parameter {
+    /// Its number.
+    pub index: u16,
+    /// What it is about.
+    pub folder: String,
+    /// See [`folder`](Self::folder).
+    pub label: String,
+    /// Its name there.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// The lowest and highest value.
+    pub range: [f32; 2],
+    /// Its value.
+    pub value: f32,
+    /// Its value at power-on.
+    pub initial: f32,
+}
+
+/// Values of a group at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// The group.
+    pub group: usize,
+    /// Time since the robot's power-on.
+    pub at: Micros,
+    /// The value of each of the group's signals, by number.
+    pub values: Vec<(u16, f32)>,
+}
+
+/// What became of a request.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// Done.
+    Done,
+    /// A register's value.
+    Register(u32),
+    /// Refused, for this reason.
+    Refused(String),
+}
+
+/// What was lost on the way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Losses {
+    /// Samples that the robot sent and that did not arrive.
+    pub samples: u64,
+    /// Samples that the robot did not take, because the line is too slow for them.
+    pub skipped: u64,
+    /// Damaged frames, here and at the robot.
+    pub damaged: u64,
+    /// Messages of a kind that this program does not know.
+    pub unknown: u64,
+}
+
+/// A group of signals.
+#[derive(Clone, Debug, Default)]
+struct Group {
+    period: u16,
+    signals: Bits,
+    order: Vec<u16>,
+    last: Option<Head>,
+    skipped: u64,
+}
+
+/// The PC's end of a link.
+pub struct Client {
+    stream: Stream<FromRobot>,
+    out: Vec<u8>,
+    greeted: Option<Micros>,
+    heard: Option<Micros>,
+    version: u16,
+    /// The robot's time when it said hello last, and when that was here.
+    at: Option<(Micros, Micros)>,
+    signals: Table<Signal>,
+    parameters: Table<Parameter>,
+    changes: Option<u32>,
+    groups: [Group; GROUPS],
+    answers: BTreeMap<u16, Answer>,
+    next_id: u16,
+    samples: Vec<Sample>,
+    losses: Losses,
+    damaged_there: u32,
+}
+
+/// Descriptions that come piece by piece.
+struct Table<T> {
+    rows: Vec<Option<T>>,
+    /// How many of them, from the first on, are as the robot says now.
+    fresh: usize,
+    asked: Option<Micros>,
+}
+
+impl<T: Clone> Table<T> {
+    const fn new() -> Self {
+        Self { rows: Vec::new(), fresh: 0, asked: None }
+    }
+
+    /// As many as the robot says.
+    fn size(&mut self, size: u16) {
+        self.rows.resize(size.into(), None);
+        self.fresh = self.fresh.min(self.rows.len());
+    }
+
+    /// All are to be asked again; they stand until then.
+    const fn renew(&mut self) {
+        (self.fresh, self.asked) = (0, None);
+    }
+
+    /// They come in order; one that comes out of it is asked for again.
+    fn put(&mut self, index: u16, row: T) {
+        let index = usize::from(index);
+        if index != self.fresh {
+            return;
+        }
+        if let Some(place) = self.rows.get_mut(index) {
+            *place = Some(row);
+            self.fresh += 1;
+            if self.fresh.is_multiple_of(AT_ONCE.into()) {
+                self.asked = None;
+            }
+        }
+    }
+
+    /// The first that is missing, if it is time to ask for it.
+    fn next(&mut self, now: Micros) -> Option<u16> {
+        let waits = self.asked.is_some_and(|asked| now.since(asked) < AGAIN);
+        if waits || self.is_whole() {
+            return None;
+        }
+        self.asked = Some(now);
+        // Always whole pages, so that the end of one is known.
+        u16::try_from(self.fresh - self.fresh % usize::from(AT_ONCE)).ok()
+    }
+
+    const fn is_whole(&self) -> bool {
+        self.fresh == self.rows.len()
+    }
+}
+
+/// From one hello to the next.
+const GREET: Micros = Micros::from_millis(200);
+/// Until what was not answered is asked again.
+const AGAIN: Micros = Micros::from_millis(150);
+
+impl Default for Client {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Client {
+    /// One that has heard nothing.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            stream: Stream::new(FromRobot),
+            out: Vec::new(),
+            greeted: None,
+            heard: None,
+            version: 0,
+            at: None,
+            signals: Table::new(),
+            parameters: Table::new(),
+            changes: None,
+            groups: Default::default(),
+            answers: BTreeMap::new(),
+            next_id: 0,
+            samples: Vec::new(),
+            losses: Losses::default(),
+            damaged_there: 0,
+        }
+    }
+
+    /// Whether the robot answers.
+    #[must_use]
+    pub fn is_up(&self, now: Micros) -> bool {
+        self.heard.is_some_and(|heard| now.since(heard).get() < SILENCE)
+    }
+
+    /// Whether everything that the robot has is known.
+    #[must_use]
+    pub fn is_described(&self) -> bool {
+        self.heard.is_some() && self.signals.is_whole() && self.parameters.is_whole()
+    }
+
+    /// Version of the robot's messages.
+    #[must_use]
+    pub const fn version(&self) -> u16 {
+        self.version
+    }
+
+    /// The robot's signals by number, as far as they are known.
+    pub fn signals(&self) -> impl Iterator<Item = (u16, &Signal)> {
+        (0..).zip(&self.signals.rows).filter_map(|(index, row)| Some((index, row.as_ref()?)))
+    }
+
+    /// The robot's parameters, as far as they are known.
+    pub fn parameters(&self) -> impl Iterator<Item = &Parameter> {
+        self.parameters.rows.iter().flatten().filter(|row| !row.name.is_empty())
+    }
+
+    /// It differs whenever a parameter has changed.
+    #[must_use]
+    pub const fn changes(&self) -> Option<u32> {
+        self.changes
+    }
+
+    /// What was lost so far.
+    #[must_use]
+    pub fn losses(&self) -> Losses {
+        let counters = self.stream.counters();
+        Losses {
+            skipped: self.groups.iter().map(|group| group.skipped).sum(),
+            damaged: u64::from(counters.damaged) + u64::from(self.damaged_there),
+            ..self.losses
+        }
+    }
+
+    /// Watches some signals from now on, in one group, every so many milliseconds. Those beyond a
+    /// frame's room are not watched; returns how many are.
+    pub fn watch(
+        &mut self,
+        group: usize,
+        period: u16,
+        signals: impl Iterator<Item = u16>,
+    ) -> usize {
+        let Some(place) = self.groups.get_mut(group) else { return 0 };
+        let mut order: Vec<u16> = signals.collect();
+        order.sort_unstable();
+        order.dedup();
+        order.truncate(VALUES);
+        let signals: Bits = order.iter().copied().collect();
+        if place.period != period || place.signals != signals {
+            *place = Group { period, signals, order, last: None, skipped: place.skipped };
+            self.greeted = None;
+        }
+        self.groups[group].order.len()
+    }
+
+    /// Changes parameters, all or none. The number by which [`answer`](Self::answer) knows it; `None` if
+    /// they are too many for one request.
+    pub fn set(&mut self, changes: &[(u16, f32)]) -> Option<u16> {
+        let mut all = heapless::Vec::new();
+        for &(parameter, value) in changes {
+            all.push(Change { parameter, value }).ok()?;
+        }
+        let id = self.id();
+        self.ask(&Ask::Set { id, changes: all });
+        Some(id)
+    }
+
+    /// Has the robot do something.
+    pub fn act(&mut self, action: Action) -> u16 {
+        let id = self.id();
+        self.ask(&Ask::Do { id, action });
+        id
+    }
+
+    /// What became of a request; told once.
+    pub fn answer(&mut self, id: u16) -> Option<Answer> {
+        self.answers.remove(&id)
+    }
+
+    /// The samples since the last call.
+    pub fn take_samples(&mut self) -> Vec<Sample> {
+        std::mem::take(&mut self.samples)
+    }
+
+    /// The bytes to be sent now.
+    pub fn take_out(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.out)
+    }
+
+    /// Asks what is to be asked now.
+    pub fn step(&mut self, now: Micros) {
+        if self.greeted.is_none_or(|greeted| now.since(greeted) >= GREET) {
+            self.greeted = Some(now);
+            self.ask(&Ask::Hello { version: VERSION });
+            // Again and again, in case the robot has not heard it or was restarted.
+            for group in 0..GROUPS {
+                let Group { period, signals, .. } = self.groups[group].clone();
+                let group = group as u8;
+                self.ask(&Ask::Watch { group, period, signals });
+            }
+        }
+        if !self.is_up(now) {
+            return;
+        }
+        if let Some(first) = self.signals.next(now) {
+            self.ask(&Ask::Signals { first });
+        }
+        if let Some(first) = self.parameters.next(now) {
+            self.ask(&Ask::Parameters { first });
+        }
+    }
+
+    /// Takes what came in.
+    pub fn hear(&mut self, bytes: &[u8], now: Micros) {
+        let mut bodies = Vec::new();
+        if !bytes.is_empty() {
+            self.stream.receive(bytes, now, |body| bodies.push(body));
+        }
+        for body in bodies {
+            if body.first() == Some(&0) {
+                self.sample(&body);
+            } else if let Ok((tell, _)) = postcard::take_from_bytes::<Tell<'_>>(&body) {
+                self.told(tell, now);
+            } else {
+                self.losses.unknown += 1;
+            }
+        }
+    }
+
+    fn sample(&mut self, body: &[u8]) {
+        let Some((head, words)) = Head::of(body) else {
+            self.losses.unknown += 1;
+            return;
+        };
+        let Some(group) = self.groups.get_mut(usize::from(head.group)) else { return };
+        if words.len() != group.order.len() {
+            // Of the signals that were watched before.
+            return;
+        }
+        if let Some(last) = group.last {
+            self.losses.samples += u64::from(head.count.wrapping_sub(last.count).wrapping_sub(1));
+            group.skipped += u64::from(head.skipped.wrapping_sub(last.skipped));
+        }
+        group.last = Some(head);
+        let values = words.iter().map(|word| f32::from_le_bytes(*word));
+        self.samples.push(Sample {
+            group: head.group.into(),
+            at: Micros::new(head.at),
+            values: group.order.iter().copied().zip(values).collect(),
+        });
+    }
+
+    fn told(&mut self, tell: Tell<'_>, now: Micros) {
+        match tell {
+            Tell::Welcome { version, signals, parameters, at, changes, damaged, .. } => {
+                let at = Micros::new(at);
+                if self.at.is_some_and(|(before, _)| at < before) || !self.is_up(now) {
+                    // It was restarted, or may be another one.
+                    self.signals.renew();
+                    self.parameters.renew();
+                    self.groups.iter_mut().for_each(|group| group.last = None);
+                }
+                self.at = Some((at, now));
+                (self.heard, self.version) = (Some(now), version);
+                self.damaged_there = damaged[0];
+                self.signals.size(signals);
+                self.parameters.size(parameters);
+                if self.changes.replace(changes).is_some_and(|before| before != changes) {
+                    // By this PC or another.
+                    self.parameters.renew();
+                }
+            }
+            Tell::Signal { index, topic, name, unit, states } => {
+                let states = states.split(',').filter(|name| !name.is_empty());
+                let signal = Signal {
+                    folder: topic.folder.into(),
+                    label: topic.label.into(),
+                    name: name.into(),
+                    unit: unit.into(),
+                    states: states.map(Into::into).collect(),
+                };
+                self.signals.put(index, signal);
+            }
+            Tell::Parameter { index, topic, name, unit, range, value, initial } => {
+                let parameter = Parameter {
+                    index,
+                    folder: topic.folder.into(),
+                    label: topic.label.into(),
+                    name: name.into(),
+                    unit: unit.into(),
+                    range,
+                    value,
+                    initial,
+                };
+                self.parameters.put(index, parameter);
+            }
+            Tell::Answer { id, outcome } => {
+                let answer = match outcome {
+                    Outcome::Done => Answer::Done,
+                    Outcome::Register(value) => Answer::Register(value),
+                    Outcome::Refused { parameter, why, detail } => {
+                        Answer::Refused(self.reason(parameter, why, detail))
+                    }
+                    _ => Answer::Refused("for a reason that this program does not know".into()),
+                };
+                self.answers.insert(id, answer);
+            }
+            _ => self.losses.unknown += 1,
+        }
+    }
+
+    /// A refusal in words, with the parameter's name.
+    fn reason(&self, parameter: Option<u16>, why: &str, detail: &str) -> String {
+        let row =
+            parameter.and_then(|index| self.parameters.rows.get(usize::from(index))?.as_ref());
+        let mut text = row.map_or_else(String::new, |row| {
+            let [least, most] = row.range;
+            format!("{} {} ({least} to {most}): ", row.label, row.name)
+        });
+        text += why;
+        if !detail.is_empty() {
+            text += &format!(" must be {detail}");
+        }
+        text
+    }
+
+    fn id(&mut self) -> u16 {
+        self.next_id = self.next_id.wrapping_add(1);
+        self.next_id
+    }
+
+    fn ask(&mut self, ask: &Ask) {
+        let mut frame = Writer::<{ ASK + AROUND }>::new();
+        self.out.extend(frame.message(ask));
+    }
+}

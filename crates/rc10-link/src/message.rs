@@ -1,0 +1,232 @@
+use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+/// Most signals of a robot.
+pub const SIGNALS: usize = 512;
+
+/// Groups of signals, each with a period of its own.
+pub const GROUPS: usize = 4;
+
+/// Most changes in one [`Ask::Set`].
+pub const CHANGES: usize = 8;
+
+/// What a PC asks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Ask {
+    /// It is there: at the beginning, and again and again. [`Tell::Welcome`] is the answer.
+    Hello {
+        /// The PC's [`VERSION`](crate::VERSION).
+        version: u16,
+    },
+    /// Which signals there are: some [`Tell::Signal`], from this one on.
+    Signals {
+        /// The first of them.
+        first: u16,
+    },
+    /// Which parameters there are: some [`Tell::Parameter`], from this one on.
+    Parameters {
+        /// The first of them.
+        first: u16,
+    },
+    /// Sends these signals from now on. No group sends before it has been asked for.
+    Watch {
+        /// Below [`GROUPS`].
+        group: u8,
+        /// Time from one sample to the next, ms: 1 to 1000; 0 switches the group off.
+        period: u16,
+        /// The signals in it.
+        signals: Bits,
+    },
+    /// Changes parameters, all of them or none. [`Tell::Answer`] is the answer.
+    Set {
+        /// Of this request, for its answer.
+        id: u16,
+        /// Each parameter at most once.
+        changes: Vec<Change, CHANGES>,
+    },
+    /// Does something. [`Tell::Answer`] is the answer.
+    Do {
+        /// Of this request, for its answer.
+        id: u16,
+        /// What.
+        action: Action,
+    },
+}
+
+/// A parameter, and its new value.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Change {
+    /// Number of the parameter.
+    pub parameter: u16,
+    /// Its value.
+    pub value: f32,
+}
+
+/// What a PC wants done. Motors are told by their numbers in the robot's declaration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Action {
+    /// Emergency stop of all motors. It stays until a hand ends it at the remote.
+    Stop,
+    /// Disarms the robot.
+    Disarm,
+    /// A motor's angle now is zero from now on.
+    Zero(u8),
+    /// A motor forgets its fault and goes on.
+    ClearFault(u8),
+    /// Reads a register of a motor's device: [`Outcome::Register`].
+    ReadRegister(u8, u16),
+}
+
+/// Some of a robot's signals.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Bits(Vec<u32, { SIGNALS / 32 }>);
+
+impl Bits {
+    /// None of them.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(Vec::new())
+    }
+
+    /// Adds a signal; whether there is room for its number.
+    pub fn insert(&mut self, signal: u16) -> bool {
+        let word = usize::from(signal) / 32;
+        if self.0.len() <= word && self.0.resize(word + 1, 0).is_err() {
+            return false;
+        }
+        self.0[word] |= 1 << (signal % 32);
+        true
+    }
+
+    /// Whether a signal is among them.
+    #[must_use]
+    pub fn contains(&self, signal: u16) -> bool {
+        self.word(signal & !31) & (1 << (signal % 32)) != 0
+    }
+
+    /// The 32 signals from this one on, the first in the lowest bit.
+    #[inline]
+    #[must_use]
+    pub fn word(&self, first: u16) -> u32 {
+        let (at, shift) = (usize::from(first) / 32, first % 32);
+        let word = |at: usize| u64::from(self.0.get(at).copied().unwrap_or_default());
+        #[expect(clippy::cast_possible_truncation, reason = "the lower half is asked for")]
+        return ((word(at) | word(at + 1) << 32) >> shift) as u32;
+    }
+
+    /// How many they are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.0.iter().map(|word| word.count_ones() as usize).sum()
+    }
+
+    /// Their numbers.
+    pub fn iter(&self) -> impl Iterator<Item = u16> {
+        (0..SIGNALS as u16).filter(|signal| self.contains(*signal))
+    }
+}
+
+impl FromIterator<u16> for Bits {
+    /// Numbers without room are left out.
+    fn from_iter<I: IntoIterator<Item = u16>>(signals: I) -> Self {
+        let mut bits = Self::new();
+        signals.into_iter().for_each(|signal| {
+            bits.insert(signal);
+        });
+        bits
+    }
+}
+
+/// What a signal or a parameter is about: a folder and a label in it, such as "motors" and "lift left".
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Topic<'a> {
+    /// "motors", "buses", "lines", "robot", "signals", "parameters".
+    pub folder: &'a str,
+    /// Which of them; empty if there is only one.
+    pub label: &'a str,
+}
+
+/// What a robot tells. A [sample](crate::samples) has number 0 and is not among them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Tell<'a> {
+    /// Number 0 on the wire belongs to samples.
+    #[doc(hidden)]
+    Sample,
+    /// The robot is there.
+    Welcome {
+        /// Its [`VERSION`](crate::VERSION).
+        version: u16,
+        /// Number of its signals.
+        signals: u16,
+        /// Number of its parameters.
+        parameters: u16,
+        /// Time since power-on, µs.
+        at: u64,
+        /// It differs when a parameter has changed, by this PC or another.
+        changes: u32,
+        /// Frames from the PC that were not sound, bytes that were no frame, and times that the port
+        /// lost bytes.
+        damaged: [u32; 3],
+        /// Samples that were not taken because those before were not sent yet.
+        skipped: u32,
+    },
+    /// A signal.
+    Signal {
+        /// Its number.
+        index: u16,
+        /// What it is about.
+        topic: Topic<'a>,
+        /// Its name there: small letters.
+        name: &'a str,
+        /// Its unit; empty if it has none.
+        unit: &'a str,
+        /// If it is a state: the names of its values from 0 on, with commas between.
+        states: &'a str,
+    },
+    /// A parameter.
+    Parameter {
+        /// Its number.
+        index: u16,
+        /// What it is about.
+        topic: Topic<'a>,
+        /// Its name there.
+        name: &'a str,
+        /// Its unit; empty if it has none.
+        unit: &'a str,
+        /// The lowest and the highest value that it takes.
+        range: [f32; 2],
+        /// Its value.
+        value: f32,
+        /// The value that it had at power-on.
+        initial: f32,
+    },
+    /// Answers a request.
+    Answer {
+        /// Of the request.
+        id: u16,
+        /// What became of it.
+        outcome: Outcome<'a>,
+    },
+}
+
+/// What became of a request.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Outcome<'a> {
+    /// It is done.
+    Done,
+    /// The register's value.
+    Register(u32),
+    /// It was refused, and nothing changed.
+    Refused {
+        /// The parameter, if one was the reason.
+        parameter: Option<u16>,
+        /// The reason.
+        why: &'a str,
+        /// More about it; may be empty.
+        detail: &'a str,
+    },
+}

@@ -1,0 +1,160 @@
+use core::sync::atomic::{AtomicU32, Ordering};
+
+/// A value of a robot's own that a PC may watch. Setting it is one store.
+#[derive(Debug)]
+pub struct Signal {
+    /// Its name.
+    pub label: &'static str,
+    /// Its unit; empty if it has none.
+    pub unit: &'static str,
+    value: AtomicU32,
+}
+
+impl Signal {
+    /// One without a value.
+    #[must_use]
+    pub const fn new(label: &'static str, unit: &'static str) -> Self {
+        Self { label, unit, value: AtomicU32::new(f32::NAN.to_bits()) }
+    }
+
+    /// Gives it a value; NaN takes it away.
+    #[inline]
+    pub fn set(&self, value: f32) {
+        self.value.store(value.to_bits(), Ordering::Relaxed);
+    }
+
+    /// Its value; NaN while it has none.
+    #[inline]
+    #[must_use]
+    pub fn get(&self) -> f32 {
+        f32::from_bits(self.value.load(Ordering::Relaxed))
+    }
+}
+
+/// A number of a robot's own that a PC may change, within a range. Reading it is one load.
+#[derive(Debug)]
+pub struct Parameter {
+    /// Its name.
+    pub label: &'static str,
+    /// Its unit; empty if it has none.
+    pub unit: &'static str,
+    /// The lowest and the highest value.
+    pub range: [f32; 2],
+    /// The value it has at power-on.
+    pub initial: f32,
+    value: AtomicU32,
+}
+
+impl Parameter {
+    /// One with this value.
+    ///
+    /// # Panics
+    /// If the value is not in the range, or one of them is not finite; in a `const` that is a compile
+    /// error.
+    #[must_use]
+    pub const fn new(
+        label: &'static str,
+        unit: &'static str,
+        initial: f32,
+        range: [f32; 2],
+    ) -> Self {
+        let [least, most] = range;
+        assert!(least.is_finite() && most.is_finite(), "the range of a parameter is not finite");
+        assert!(least <= initial && initial <= most, "a parameter is not within its range");
+        Self { label, unit, range, initial, value: AtomicU32::new(initial.to_bits()) }
+    }
+
+    /// Its value.
+    #[inline]
+    #[must_use]
+    pub fn get(&self) -> f32 {
+        f32::from_bits(self.value.load(Ordering::Relaxed))
+    }
+
+    /// Gives it a value that is in its range.
+    pub(super) fn set(&self, value: f32) {
+        self.value.store(value.to_bits(), Ordering::Relaxed);
+    }
+}
+
+/// The signals and parameters of a robot's own: [`live!`](crate::live!) makes them. `()` has none.
+pub trait Live {
+    /// The signals, always in the same order.
+    fn signals(&self) -> impl Iterator<Item = &Signal>;
+    /// The parameters. The same.
+    fn parameters(&self) -> impl Iterator<Item = &Parameter>;
+}
+
+impl Live for () {
+    fn signals(&self) -> impl Iterator<Item = &Signal> {
+        core::iter::empty()
+    }
+    fn parameters(&self) -> impl Iterator<Item = &Parameter> {
+        core::iter::empty()
+    }
+}
+
+/// Declares the signals and parameters of a robot's own: a field for each.
+///
+/// ```
+/// rc10_tasks::live! {
+///     /// What can be watched and tuned.
+///     pub struct Tuning {
+///         signals {
+///             tilt: "lift tilt", "deg";
+///         }
+///         parameters {
+///             shooting: "shooting speed", "rpm", 1500.0, [0.0, 6000.0];
+///         }
+///     }
+/// }
+///
+/// let tuning = Tuning::new();
+/// tuning.tilt.set(0.3);
+/// assert_eq!((tuning.tilt.get(), tuning.shooting.get()), (0.3, 1500.0));
+/// ```
+///
+/// A value that is not in its range does not compile where the struct is made in a `const` or `static`.
+#[macro_export]
+macro_rules! live {
+    (
+        $(#[$meta:meta])* $vis:vis struct $Name:ident {
+            signals { $($signal:ident: $signal_label:literal, $signal_unit:literal;)* }
+            parameters { $($parameter:ident: $label:literal, $unit:literal, $initial:expr, $range:expr;)* }
+        }
+    ) => {
+        $(#[$meta])*
+        $vis struct $Name {
+            $(#[doc = $signal_label] pub $signal: $crate::live::Signal,)*
+            $(#[doc = $label] pub $parameter: $crate::live::Parameter,)*
+        }
+
+        impl $Name {
+            /// Signals without a value, parameters with their first.
+            #[must_use]
+            pub const fn new() -> Self {
+                Self {
+                    $($signal: $crate::live::Signal::new($signal_label, $signal_unit),)*
+                    $($parameter: const { $crate::live::Parameter::new($label, $unit, $initial, $range) },)*
+                }
+            }
+        }
+
+        impl Default for $Name {
+            fn default() -> Self {
+                Self::new()
+            }
+        }
+
+        impl $crate::live::Live for $Name {
+            fn signals(&self) -> impl Iterator<Item = &$crate::live::Signal> {
+                let all: [&$crate::live::Signal; _] = [$(&self.$signal),*];
+                all.into_iter()
+            }
+            fn parameters(&self) -> impl Iterator<Item = &$crate::live::Parameter> {
+                let all: [&$crate::live::Parameter; _] = [$(&self.$parameter),*];
+                all.into_iter()
+            }
+        }
+    };
+}

@@ -1,0 +1,293 @@
+//! The parameters that every robot has: gains and the limit of each motor whose loops run here.
+
+use embassy_futures::join::join4;
+use heapless::Vec;
+use rc10_app::{Amps, ConfigError, NewtonMetres};
+use rc10_link::{Change as One, Tell, Topic};
+use rc10_motor::{Names, Request, RequestError, Response, TargetKind, Tuning};
+
+use super::Live;
+use crate::common::Common;
+
+/// Changes that are carried out together.
+pub(super) type Change = Vec<One, 8>;
+
+/// Why a request was refused.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Refusal {
+    pub parameter: Option<u16>,
+    pub why: &'static str,
+    pub detail: &'static str,
+}
+
+impl Refusal {
+    pub const UNKNOWN: Self = Self::because(None, "this robot does not know what is asked");
+    pub const BUSY: Self = Self::because(None, "too many requests at once");
+    pub const NO_MOTOR: Self = Self::because(None, "there is no motor with this number");
+
+    const fn because(parameter: Option<u16>, why: &'static str) -> Self {
+        Self { parameter, why, detail: "" }
+    }
+
+    /// Without numbers: formatting them takes 15 KiB of flash.
+    pub const fn of(parameter: Option<u16>, error: RequestError) -> Self {
+        let (why, detail) = match error {
+            RequestError::Unsupported => ("this motor cannot do that", ""),
+            RequestError::Config(ConfigError { field, must_be, .. }) => (field, must_be),
+            RequestError::NoFeedback => ("the motor has not been heard of yet", ""),
+            RequestError::Busy => ("the request before has not been carried out yet", ""),
+            RequestError::NoSuchMotor => ("its bus does not run", ""),
+            RequestError::NotWhileArmed => ("only while the robot is disarmed", ""),
+            RequestError::Timeout => ("the device did not answer in time", ""),
+            _ => ("the device refused", ""),
+        };
+        Self { parameter, why, detail }
+    }
+}
+
+/// A parameter of a motor.
+struct Field {
+    name: &'static str,
+    get: fn(&mut Tuning) -> &mut f32,
+    part: Part,
+    /// Its units where the effort is a current, a torque, and a share of the voltage.
+    units: [&'static str; 3],
+}
+
+/// What one request changes.
+#[derive(Clone, Copy, PartialEq)]
+enum Part {
+    Speed,
+    Angle,
+    Limit,
+}
+
+const fn speed(
+    name: &'static str,
+    units: [&'static str; 3],
+    get: fn(&mut Tuning) -> &mut f32,
+) -> Field {
+    Field { name, get, part: Part::Speed, units }
+}
+
+const fn angle(name: &'static str, unit: &'static str, get: fn(&mut Tuning) -> &mut f32) -> Field {
+    Field { name, get, part: Part::Angle, units: [unit; 3] }
+}
+
+const MOTOR: [Field; 7] = [
+    speed("speed_kp", ["A/rpm", "N m/rpm", "1/rpm"], |it| &mut it.speed.kp),
+    speed("speed_ki", ["A/rpm/s", "N m/rpm/s", "1/rpm/s"], |it| &mut it.speed.ki),
+    speed("speed_kd", ["A s/rpm", "N m s/rpm", "s/rpm"], |it| &mut it.speed.kd),
+    angle("angle_kp", "rpm/deg", |it| &mut it.angle.kp),
+    angle("angle_ki", "rpm/deg/s", |it| &mut it.angle.ki),
+    angle("angle_kd", "rpm s/deg", |it| &mut it.angle.kd),
+    Field {
+        name: "limit",
+        get: |it| &mut it.limit,
+        part: Part::Limit,
+        units: ["A", "N m", "of full voltage"],
+    },
+];
+const EACH: u16 = MOTOR.len() as u16;
+
+/// A gain that is meant is not larger.
+const MOST: f32 = 1e6;
+
+impl Part {
+    /// The request that makes this part of a motor's tuning be so.
+    const fn request(self, tuning: &Tuning) -> Request {
+        match (self, tuning.effort) {
+            (Self::Speed, _) => Request::SpeedGains(tuning.speed),
+            (Self::Angle, _) => Request::AngleGains(tuning.angle),
+            (Self::Limit, TargetKind::Torque) => {
+                Request::TorqueLimit(NewtonMetres::new(tuning.limit))
+            }
+            (Self::Limit, _) => Request::CurrentLimit(Amps::new(tuning.limit)),
+        }
+    }
+
+    fn is_same(self, a: &Tuning, b: &Tuning) -> bool {
+        match self {
+            Self::Speed => a.speed == b.speed,
+            Self::Angle => a.angle == b.angle,
+            Self::Limit => a.limit.to_bits() == b.limit.to_bits(),
+        }
+    }
+}
+
+/// The number of parameters, those included that a motor has not.
+pub(super) fn parameters<N: Names>(own: &impl Live) -> u16 {
+    N::ALL.len() as u16 * EACH + own.parameters().count() as u16
+}
+
+/// The motor's parameter with this number.
+fn of_motor<N: Names>(index: u16) -> Option<(N, &'static Field)> {
+    let name = N::ALL.get(usize::from(index / EACH))?;
+    Some((*name, MOTOR.get(usize::from(index % EACH))?))
+}
+
+const fn unit(field: &Field, effort: TargetKind) -> &'static str {
+    let [current, torque, duty] = field.units;
+    match effort {
+        TargetKind::Torque => torque,
+        TargetKind::Duty => duty,
+        _ => current,
+    }
+}
+
+/// Whether the motor can be asked for it: no request limits a share of the voltage.
+const fn has(part: Part, effort: TargetKind) -> bool {
+    !matches!((part, effort), (Part::Limit, TargetKind::Duty))
+}
+
+fn range(part: Part, declared: &Tuning) -> [f32; 2] {
+    match part {
+        Part::Speed | Part::Angle => [0.0, MOST],
+        // A PC never allows more than the declaration.
+        Part::Limit => [0.0, declared.limit],
+    }
+}
+
+/// A parameter in words; one without a name if the motor has none with this number, `None` behind the
+/// last.
+pub(super) fn parameter<N: Names, const BUSES: usize, const LINES: usize>(
+    index: u16,
+    shared: &Common<'_, N, BUSES, LINES>,
+    own: &impl Live,
+) -> Option<Tell<'static>> {
+    let nothing = Topic { folder: "", label: "" };
+    let none = Tell::Parameter {
+        index,
+        topic: nothing,
+        name: "",
+        unit: "",
+        range: [0.0; 2],
+        value: 0.0,
+        initial: 0.0,
+    };
+    if let Some((name, field)) = of_motor::<N>(index) {
+        let tuning = shared.motor(name).tuning();
+        let Some([mut declared, mut now]) = tuning.filter(|it| has(field.part, it[0].effort))
+        else {
+            return Some(none);
+        };
+        return Some(Tell::Parameter {
+            index,
+            topic: Topic { folder: "motors", label: name.label() },
+            name: field.name,
+            unit: unit(field, declared.effort),
+            range: range(field.part, &declared),
+            value: *(field.get)(&mut now),
+            initial: *(field.get)(&mut declared),
+        });
+    }
+    let first = N::ALL.len() as u16 * EACH;
+    let own = own.parameters().nth(usize::from(index.checked_sub(first)?))?;
+    Some(Tell::Parameter {
+        index,
+        topic: Topic { folder: "parameters", label: own.label },
+        name: "value",
+        unit: own.unit,
+        range: own.range,
+        value: own.get(),
+        initial: own.initial,
+    })
+}
+
+/// What a motor is asked, to change it and to change it back.
+struct Step<N> {
+    name: N,
+    parameter: u16,
+    to: Request,
+    back: Request,
+}
+
+/// Changes parameters: all of them or none. What concerns motors of one bus takes effect in one tick of
+/// it.
+pub(super) async fn set<N: Names, const BUSES: usize, const LINES: usize>(
+    change: &Change,
+    shared: &Common<'_, N, BUSES, LINES>,
+    own: &impl Live,
+) -> Result<(), Refusal> {
+    let _turn = shared.changes.turn.lock().await;
+    // The whole is checked before anything is done.
+    for (at, one) in change.iter().enumerate() {
+        check(one, shared, own)?;
+        if change.iter().take(at).any(|other| other.parameter == one.parameter) {
+            return Err(Refusal::because(Some(one.parameter), "it is changed twice at once"));
+        }
+    }
+    let mut steps = Vec::<Step<N>, { rc10_link::CHANGES }>::new();
+    for One { parameter, .. } in change {
+        let Some((name, field)) = of_motor::<N>(*parameter) else { continue };
+        let Some([_, now]) = shared.motor(name).tuning() else { continue };
+        let mut to = now;
+        for One { parameter, value } in change {
+            if let Some((other, field)) = of_motor::<N>(*parameter)
+                && other.index() == name.index()
+            {
+                *(field.get)(&mut to) = *value;
+            }
+        }
+        let part = field.part;
+        let is_new = |it: &Step<N>| it.name.index() != name.index() || it.to != part.request(&to);
+        if !part.is_same(&now, &to) && steps.iter().all(is_new) {
+            let (to, back) = (part.request(&to), part.request(&now));
+            let _ = steps.push(Step { name, parameter: *parameter, to, back });
+        }
+    }
+    // As many at once as a bus takes.
+    for (group, some) in steps.chunks(4).enumerate() {
+        let outcomes = ask(some, shared, |step| step.to).await;
+        let failed = some.iter().zip(outcomes).find_map(|(step, outcome)| {
+            outcome.err().map(|error| Refusal::of(Some(step.parameter), error))
+        });
+        if let Some(refusal) = failed {
+            for some in steps.chunks(4).take(group + 1) {
+                // One that did not change is told its own value.
+                let _ = ask(some, shared, |step| step.back).await;
+            }
+            return Err(refusal);
+        }
+    }
+    let first = N::ALL.len() as u16 * EACH;
+    for One { parameter, value } in change {
+        let own = parameter.checked_sub(first).and_then(|at| own.parameters().nth(at.into()));
+        own.into_iter().for_each(|own| own.set(*value));
+    }
+    shared.changes.add();
+    Ok(())
+}
+
+/// Asks up to four motors at once.
+async fn ask<N: Names, const BUSES: usize, const LINES: usize>(
+    steps: &[Step<N>],
+    shared: &Common<'_, N, BUSES, LINES>,
+    which: impl Fn(&Step<N>) -> Request,
+) -> [Result<Response, RequestError>; 4] {
+    let ask = async |at: usize| match steps.get(at) {
+        Some(step) => shared.motor(step.name).request(which(step)).await,
+        None => Ok(Response::Done),
+    };
+    join4(ask(0), ask(1), ask(2), ask(3)).await.into()
+}
+
+/// Whether a parameter may have a value.
+fn check<N: Names, const BUSES: usize, const LINES: usize>(
+    one: &One,
+    shared: &Common<'_, N, BUSES, LINES>,
+    own: &impl Live,
+) -> Result<(), Refusal> {
+    let refused = |why| Err(Refusal::because(Some(one.parameter), why));
+    match parameter(one.parameter, shared, own) {
+        Some(Tell::Parameter { name, range: [least, most], .. }) if !name.is_empty() => {
+            // Not a number is in no range.
+            if one.value >= least && one.value <= most {
+                Ok(())
+            } else {
+                refused("the value is out of its range")
+            }
+        }
+        _ => refused("there is no parameter with this number"),
+    }
+}
