@@ -29,6 +29,8 @@ mod budgets;
 mod dma_memory;
 #[path = "firmware/line.rs"]
 mod line;
+#[path = "firmware/live.rs"]
+mod live;
 #[path = "firmware/omni.rs"]
 mod omni_robot;
 #[path = "firmware/phases.rs"]

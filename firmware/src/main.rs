@@ -109,8 +109,8 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     let strip = PulseOutput::start(timer, pin, stream, Irqs, period, buffer, PERIPHERALS);
     spawner.spawn(tasks::tenth_of_a_second(shared, strip)?);
 
-    let text = robot::text(board.text, Irqs, PERIPHERALS)?;
-    spawner.spawn(tasks::log(shared, text, started + BETWEEN)?);
+    let text = robot::console_port(board.text, Irqs, PERIPHERALS, 2_000_000)?;
+    spawner.spawn(tasks::console(shared, text, started + BETWEEN)?);
     // Rings hold what comes in 5 ms twice over, at the highest rate of what may be there.
     let (ring, buffer) = (dma_buffer!(u8; 128), dma_buffer!(u8; 32));
     let imu = Serial::start(board.imu, Irqs, &IMU, ring, buffer, PERIPHERALS)?;

@@ -5,13 +5,13 @@
 use core::fmt::Write as _;
 
 use embassy_executor::SpawnError;
-use embassy_futures::join::join3;
+use embassy_futures::join::{join, join3};
 use embassy_stm32::Peri;
 use embassy_stm32::interrupt::Priority;
 use embassy_stm32::interrupt::typelevel::{self, Binding};
 use embassy_stm32::peripherals::{DMA1_CH0, DMA1_CH1, DMA1_CH2, IWDG1, UART5, USART1};
 use embassy_time::{Duration, Instant, Ticker, Timer};
-use embedded_io_async::Write as _;
+use embedded_io_async::Write;
 use heapless::String;
 use rc10_bsp::can::FdcanPort;
 use rc10_bsp::crash;
@@ -26,6 +26,7 @@ use rc10_motor::embassy::{BusPort, Ports, Rs485Port, Runner, run_buses, run_rs48
 use rc10_motor::rc10_app::ConfigError;
 use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, MotorBus, Names, SetupError, TxBatch, Unfit};
+use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, TickWatch, status};
 use static_cell::StaticCell;
 
@@ -159,19 +160,21 @@ pub fn line(
     run_rs485(port, motors, shared)
 }
 
-/// The line of text: 115,200 baud.
+/// The console, at so many bits a second: 921,600, which every USB adapter can, or 2,000,000.
 ///
 /// # Errors
 /// If the UART cannot have its bit rate.
-pub fn text(
+pub fn console_port(
     parts: SerialParts<USART1, DMA1_CH0, DMA1_CH1>,
     interrupts: impl Binding<typelevel::USART1, serial::Interrupt<USART1>>
     + Binding<typelevel::DMA1_STREAM0, serial::Interrupt<USART1>>
     + Binding<typelevel::DMA1_STREAM1, serial::Interrupt<USART1>>,
     priority: Priority,
+    baud: u32,
 ) -> Result<Serial, BaudError> {
-    let (ring, buffer) = (dma_buffer!(u8; 64), dma_buffer!(u8; 256));
-    Serial::start(parts, interrupts, &SerialConfig::new(115_200), ring, buffer, priority)
+    // What a PC asks in 5 ms, and the longest frame to it.
+    let (ring, buffer) = (dma_buffer!(u8; 1024), dma_buffer!(u8; 1056));
+    Serial::start(parts, interrupts, &SerialConfig::new(baud), ring, buffer, priority)
 }
 
 /// The receiver of a remote control, if it speaks serially.
@@ -222,25 +225,37 @@ pub async fn watch<N: Names, const BUSES: usize, const LINES: usize>(
     }
 }
 
-/// Everything that a robot does beside its own tasks: feeds the watchdog, tells its status, and writes
-/// that as text.
+/// Everything that a robot does beside its own tasks: feeds the watchdog, tells its status, and serves
+/// its console.
 pub async fn tend<N: Names, const BUSES: usize, const LINES: usize>(
     shared: &Common<'_, N, BUSES, LINES>,
+    own: &dyn Live,
     watchdog: Peri<'static, IWDG1>,
     text: Serial,
     quiet: Instant,
 ) {
     let (watch, tell) = (watch(watchdog, shared.ports), status::run(shared, []));
-    join3(watch, tell, log(shared, text, quiet)).await;
+    join3(watch, tell, console(shared, own, text, quiet)).await;
 }
 
-/// Writes the status, ten times a second, as a line of text: to the UART, and into
-/// the debug probe's buffer. Never faster, because writing there blocks interrupts; and the text is
-/// made before, so that they wait for a copy of it only, and written whole milliseconds after `quiet`,
-/// when no bus is about to send.
-pub async fn log<N: Names, const BUSES: usize, const LINES: usize>(
+/// Writes the status, ten times a second, as a line of text: to the console, unless a PC is there that
+/// speaks as [`rc10_link`](rc10_tasks::live) does, and into the debug probe's buffer. Never faster,
+/// because writing there blocks interrupts; and the text is made before, so that they wait for a copy of
+/// it only, and written whole milliseconds after `quiet`, when no bus is about to send.
+pub async fn console<N: Names, const BUSES: usize, const LINES: usize>(
     shared: &Common<'_, N, BUSES, LINES>,
-    mut port: Serial,
+    own: &dyn Live,
+    port: Serial,
+    quiet: Instant,
+) {
+    let (receiver, transmitter) = port.split();
+    let (link, robot) = (Link::new(transmitter), live::Robot::new(shared, own));
+    join(link.serve(&robot, receiver, quiet), lines(shared, &link, quiet)).await;
+}
+
+async fn lines<N: Names, const BUSES: usize, const LINES: usize>(
+    shared: &Common<'_, N, BUSES, LINES>,
+    link: &Link<impl Write>,
     quiet: Instant,
 ) {
     let Ok(mut messages) = shared.status.subscribe() else {
@@ -262,8 +277,7 @@ pub async fn log<N: Names, const BUSES: usize, const LINES: usize>(
         defmt::info!("{=str}", line);
         line.truncate(LINE - 2);
         let _ = line.push_str("\r\n");
-        // Counted by the port; the next line is a new chance.
-        let _ = port.write_all(line.as_bytes()).await;
+        link.say(line.as_bytes()).await;
     }
 }
 

@@ -52,10 +52,10 @@ async fn show(shared: &Shared<'_>, mut output: PulseOutput) -> ! {
     status_led::run(shared, strip, LEDS).await
 }
 
-/// The line of text.
+/// The console.
 #[embassy_executor::task]
-pub async fn log(shared: &'static Shared<'static>, port: Serial, quiet: Instant) {
-    robot::log(shared, port, quiet).await;
+pub async fn console(shared: &'static Shared<'static>, port: Serial, quiet: Instant) {
+    robot::console(shared, &(), port, quiet).await;
 }
 
 /// Listens to the remote control's receiver.

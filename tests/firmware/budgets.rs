@@ -6,9 +6,9 @@ use std::path::Path;
 use rc10_emu::{Figures, Image};
 
 /// Static RAM and the deepest stack together, bytes.
-const RAM: u32 = 48 * 1024;
+const RAM: u32 = 64 * 1024;
 /// Flash, bytes.
-const FLASH: u32 = 128 * 1024;
+const FLASH: u32 = 160 * 1024;
 /// Instructions of all in one second with eleven motors at 1 kHz.
 pub const SECOND: u64 = 12_500_000;
 /// Instructions of one more received frame.

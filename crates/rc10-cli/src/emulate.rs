@@ -27,6 +27,7 @@ use self::output::Outcome;
 use crate::description::Description;
 use crate::environment::{Environment, RemoteLink, operate};
 use crate::figures::{Figures, verdict};
+use crate::live::wire::{CONSOLE, Line};
 use crate::look::{BusLook, Moment, RobotLook};
 use crate::mistake::{self, Mistake};
 use crate::motor::{Device, Place};
@@ -90,6 +91,8 @@ pub struct Setup {
     pub faults: Vec<Fault>,
     /// Differences between the world and the robot's table.
     pub mistakes: Vec<Mistake>,
+    /// Bits a second of a PC at its console, if there is to be one.
+    pub console: Option<u32>,
 }
 
 /// A chip in a robot's environment, and what the robot's own code on this machine hears on the
@@ -101,6 +104,8 @@ pub struct Emulation<'r> {
     pub motors: Vec<Esc>,
     /// The remote and its receiver, if the robot has one.
     pub remote: Option<RemoteLink>,
+    /// The line from its console to a PC, if there is one.
+    pub console: Option<Line>,
     description: Description,
     base: Option<rc10_sim::Base>,
     seed: u64,
@@ -134,9 +139,12 @@ impl<'r> Emulation<'r> {
             }
         }
         let lines: Vec<_> = lines.into_iter().map(LineListener::new).collect();
-        let Environment {
-            world, wires, lines: ends, motors, base, serials, remote, operator, ..
-        } = Environment::new(&description, setup.seed)?;
+        let mut around = Environment::new(&description, setup.seed)?;
+        if let Some(baud) = setup.console {
+            around = around.with_console(baud);
+        }
+        let Environment { world, wires, lines: ends, motors, base, serials, .. } = around;
+        let (remote, operator, console) = (around.remote, around.operator, around.console);
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
         let mut machine =
             Machine::with(program, Options { seed: setup.seed, ..Options::default() })?;
@@ -145,6 +153,9 @@ impl<'r> Emulation<'r> {
         }
         for (part, link) in description.serials.iter().zip(&serials) {
             machine.connect_serial(part.uart, link, false).context(part.label)?;
+        }
+        if let Some(line) = &console {
+            machine.connect_serial(CONSOLE, line.serial(), false).context("console")?;
         }
         if let (Some(control), Some(link)) = (&description.remote, &remote) {
             match &link.wire {
@@ -179,6 +190,7 @@ impl<'r> Emulation<'r> {
             loops,
             heard,
             remote,
+            console,
             operator,
         })
     }
@@ -320,6 +332,7 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
         rate: None,
         faults: args.faults.clone(),
         mistakes: args.mistakes.clone(),
+        console: None,
     };
     let started = Instant::now();
     let named = || path.display().to_string();

@@ -13,7 +13,7 @@ use rc10_motor::unitree::Rs485Bus;
 use rc10_motor::{ArmSwitch, Loops, MotorBus, MotorName, Names, Started, Verdict};
 use rc10_sim::fault::Kind;
 use rc10_sim::{Fault, Faults, Tasks, UartPort};
-use rc10_tasks::live::{Link, Live};
+use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, remote};
 
 use crate::built::Built;
@@ -173,20 +173,18 @@ impl<'r> Robot<'r> {
     pub fn live<N: Names, const BUSES: usize, const LINES: usize>(
         self,
         shared: &'r Common<'_, N, BUSES, LINES>,
-        own: &'r impl Live,
+        own: &'r dyn Live,
     ) -> Self {
-        let mut robot = own.signals().enumerate().fold(self, |robot, (at, signal)| {
-            robot.signal(signal.label, signal.unit, move |_| {
-                own.signals()
-                    .nth(at)
-                    .map(|signal| signal.get().into())
-                    .filter(|it: &f64| !it.is_nan())
-            })
+        let mut robot = self;
+        own.signals(&mut |signal| {
+            let read = move |_| Some(f64::from(signal.get())).filter(|value| !value.is_nan());
+            let (label, unit) = (signal.label, signal.unit);
+            robot.ports.signals.push(Signal { label, unit, read: Rc::new(read) });
         });
         robot.console = Some(Box::new(move |port| {
             boxed(async move {
                 let link = Link::new(port.clone());
-                link.serve(shared, own, port, Instant::from_ticks(0)).await;
+                link.serve(&live::Robot::new(shared, own), port, Instant::from_ticks(0)).await;
             })
         }));
         robot

@@ -2,7 +2,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Most signals of a robot.
-pub const SIGNALS: usize = 512;
+pub const SIGNALS: usize = 1024;
 
 /// Groups of signals, each with a period of its own.
 pub const GROUPS: usize = 4;
@@ -103,17 +103,14 @@ impl Bits {
     /// Whether a signal is among them.
     #[must_use]
     pub fn contains(&self, signal: u16) -> bool {
-        self.word(signal & !31) & (1 << (signal % 32)) != 0
+        self.word(usize::from(signal) / 32) & (1 << (signal % 32)) != 0
     }
 
-    /// The 32 signals from this one on, the first in the lowest bit.
+    /// The 32 signals from 32 times this number on, the first in the lowest bit.
     #[inline]
     #[must_use]
-    pub fn word(&self, first: u16) -> u32 {
-        let (at, shift) = (usize::from(first) / 32, first % 32);
-        let word = |at: usize| u64::from(self.0.get(at).copied().unwrap_or_default());
-        #[expect(clippy::cast_possible_truncation, reason = "the lower half is asked for")]
-        return ((word(at) | word(at + 1) << 32) >> shift) as u32;
+    pub fn word(&self, at: usize) -> u32 {
+        self.0.get(at).copied().unwrap_or_default()
     }
 
     /// How many they are.

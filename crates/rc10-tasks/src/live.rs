@@ -23,36 +23,101 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::mutex::Mutex;
 use embassy_sync::signal::Signal as Wake;
-use embassy_time::{Instant, Timer};
+use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
+use heapless::Vec;
 use rc10_link::frame::{AROUND, BODY, FromPc, Writer};
 use rc10_link::samples::{HEAD, Head, VALUES};
-use rc10_link::{AT_ONCE, Action, Ask, Bits, GROUPS, Outcome, SILENCE, Tell, VERSION};
+use rc10_link::{AT_ONCE, Action, Ask, Bits, GROUPS, Outcome, SIGNALS, SILENCE, Tell, VERSION};
+use rc10_message::{Cycles, Latest};
+use rc10_module::remote::{Remote, RemoteLink};
 use rc10_module::{Reception, listen};
-use rc10_motor::{Names, Request, Response};
+use rc10_motor::embassy::{BusPort, MotorPort, Rs485Port};
+use rc10_motor::{ArmSwitch, Names, Request, Response, Slot};
 
-use crate::common::Common;
+use crate::common::{Changes, Common};
 
 pub use own::{Live, Parameter, Signal};
 use parameters::{Change, Refusal, parameter, parameters, set};
-use signals::{sample, signal, signals};
+use signals::{sample, signal, signals, signals_of};
+
+/// A frame to a PC.
+type Frame = Writer<{ BODY + AROUND }>;
+
+/// Motors that a PC can tell apart.
+const MOTORS: usize = SIGNALS / 32;
+
+/// A robot as a PC may see it, whatever its declaration.
+pub struct Robot<'r> {
+    slots: &'static [Slot],
+    motors: Vec<MotorPort<'r>, MOTORS>,
+    buses: &'r [BusPort],
+    lines: &'r [Rs485Port],
+    switch: &'r ArmSwitch,
+    remote: &'r Latest<Remote, 1>,
+    remote_reception: &'r Reception,
+    remote_link: &'r Latest<RemoteLink, 1>,
+    cycles: Option<&'r Cycles>,
+    changes: &'r Changes,
+    own: &'r dyn Live,
+}
+
+impl<'r> Robot<'r> {
+    /// With signals and parameters of its own; `&()` has none.
+    #[must_use]
+    pub fn new<N: Names, const BUSES: usize, const LINES: usize>(
+        shared: &'r Common<'_, N, BUSES, LINES>,
+        own: &'r dyn Live,
+    ) -> Self {
+        const {
+            let signals = signals_of(N::ALL.len(), BUSES, LINES);
+            assert!(signals <= SIGNALS, "the robot has more signals than a link can tell apart");
+            assert!(N::ALL.len() <= MOTORS);
+        }
+        Self {
+            slots: N::SLOTS,
+            motors: N::ALL.iter().map(|name| shared.motor(*name)).collect(),
+            buses: &shared.ports.buses,
+            lines: &shared.ports.lines,
+            switch: &shared.switch,
+            remote: &shared.remote,
+            remote_reception: &shared.remote_reception,
+            remote_link: &shared.remote_link,
+            cycles: shared.bus_cycles,
+            changes: &shared.changes,
+            own,
+        }
+    }
+
+    fn motor(&self, number: usize) -> Option<MotorPort<'r>> {
+        self.motors.get(number).copied()
+    }
+}
 
 /// A port to a PC.
 pub struct Link<W> {
     writer: Mutex<NoopRawMutex, W>,
+    state: State,
+}
+
+/// All of a link but its port: so it is compiled once, and for size.
+struct State {
     reception: Reception,
     /// When a PC said hello last.
     heard: Cell<Option<Instant>>,
     groups: RefCell<[Group; GROUPS]>,
     /// It was said hello to, and has not answered.
     is_greeted: Cell<bool>,
-    /// The next signal, and the next parameter, to be told of.
-    next_signal: Cell<Option<u16>>,
-    next_parameter: Cell<Option<u16>>,
+    /// The signals, and the parameters, that are still to be told of.
+    signals: Cell<Range>,
+    parameters: Cell<Range>,
     jobs: Channel<NoopRawMutex, (u16, Job), WAITING>,
     answers: Channel<NoopRawMutex, (u16, Answer), WAITING>,
     wake: Wake<NoopRawMutex, ()>,
 }
+
+/// From one number up to another.
+type Range = (u16, u16);
 
 /// Requests, and answers, that may wait.
 const WAITING: usize = 4;
@@ -93,57 +158,63 @@ impl<W: Write> Link<W> {
     /// One that has heard no PC.
     #[must_use]
     pub const fn new(writer: W) -> Self {
-        Self {
-            writer: Mutex::new(writer),
+        let state = State {
             reception: Reception::new(),
             heard: Cell::new(None),
             groups: RefCell::new([Group::OFF; GROUPS]),
             is_greeted: Cell::new(false),
-            next_signal: Cell::new(None),
-            next_parameter: Cell::new(None),
+            signals: Cell::new((0, 0)),
+            parameters: Cell::new((0, 0)),
             jobs: Channel::new(),
             answers: Channel::new(),
             wake: Wake::new(),
-        }
+        };
+        Self { writer: Mutex::new(writer), state }
     }
 
     /// Whether a PC is there.
     pub fn is_up(&self) -> bool {
-        self.heard.get().is_some_and(|heard| heard.elapsed().as_micros() < SILENCE)
+        self.state.is_up()
     }
 
     /// Writes a text, unless a PC is there. A port that fails loses it; the next text is a new chance.
     pub async fn say(&self, text: &[u8]) {
         if !self.is_up() {
-            let _ = self.writer.lock().await.write_all(text).await;
+            self.put(text).await;
         }
     }
 
     /// Serves the PC, for ever. Samples are taken on whole multiples of their period after `grid`: half
     /// way between two ticks of the buses none of these is delayed.
-    pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
-        &self,
-        shared: &Common<'_, N, BUSES, LINES>,
-        own: &impl Live,
-        reader: impl Read,
-        grid: Instant,
-    ) {
-        let hear = |ask, _| self.hear(ask, shared, grid);
-        join3(
-            listen(reader, FromPc, &self.reception, hear),
-            self.work(shared, own),
-            self.send(shared, own, grid),
-        )
-        .await;
+    pub async fn serve(&self, robot: &Robot<'_>, reader: impl Read, grid: Instant) {
+        let Self { state, .. } = self;
+        let send = async {
+            let mut frame = Frame::new();
+            loop {
+                state.wait(grid).await;
+                while state.next(&mut frame, robot, grid) {
+                    self.put(frame.bytes()).await;
+                }
+            }
+        };
+        let hear = |ask, _| state.hear(ask, robot, grid);
+        join3(listen(reader, FromPc, &state.reception, hear), state.work(robot), send).await;
+    }
+
+    async fn put(&self, bytes: &[u8]) {
+        // A port that fails loses a frame, and the PC sees that one is missing.
+        let _ = self.writer.lock().await.write_all(bytes).await;
+    }
+}
+
+impl State {
+    fn is_up(&self) -> bool {
+        self.heard.get().is_some_and(|heard| heard.elapsed().as_micros() < SILENCE)
     }
 
     /// Takes what the PC asks. Stopping and disarming is done before anything else is sent.
-    fn hear<N: Names, const BUSES: usize, const LINES: usize>(
-        &self,
-        ask: Ask,
-        shared: &Common<'_, N, BUSES, LINES>,
-        grid: Instant,
-    ) {
+    #[inline(never)]
+    fn hear(&self, ask: Ask, robot: &Robot<'_>, grid: Instant) {
         let was_up = self.is_up();
         if let Ask::Hello { .. } = ask {
             if !was_up {
@@ -155,19 +226,20 @@ impl<W: Write> Link<W> {
             return;
         }
         match ask {
-            Ask::Signals { first } => self.next_signal.set(Some(first)),
-            Ask::Parameters { first } => self.next_parameter.set(Some(first)),
+            Ask::Signals { first } => self.signals.set(page(first, signals(robot))),
+            Ask::Parameters { first } => self.parameters.set(page(first, parameters(robot))),
             Ask::Watch { group, period, signals } => {
-                self.watch(group, period, signals, Instant::now() - grid);
+                let now = Instant::now().saturating_duration_since(grid);
+                self.watch(group, period, signals, now.as_micros());
             }
             Ask::Set { id, changes } => self.queue(id, Job::Set(changes)),
             Ask::Do { id, action } => match action {
                 Action::Stop => {
-                    shared.switch.emergency_stop();
+                    robot.switch.emergency_stop();
                     self.answer(id, Answer::Done);
                 }
                 Action::Disarm => {
-                    shared.switch.disarm();
+                    robot.switch.disarm();
                     self.answer(id, Answer::Done);
                 }
                 Action::Zero(motor) => self.queue(id, Job::Ask(motor, Request::SetZero)),
@@ -182,7 +254,7 @@ impl<W: Write> Link<W> {
         self.wake.signal(());
     }
 
-    fn watch(&self, group: u8, period: u16, signals: Bits, now: embassy_time::Duration) {
+    fn watch(&self, group: u8, period: u16, signals: Bits, now: u64) {
         let mut groups = self.groups.borrow_mut();
         let Some(place) = groups.get_mut(usize::from(group)) else { return };
         let period = u64::from(period.min(1000)) * 1000;
@@ -190,7 +262,7 @@ impl<W: Write> Link<W> {
         if place.period == period && place.signals == signals {
             return;
         }
-        let next = now.as_micros().div_ceil(period.max(1)) * period;
+        let next = now.div_ceil(period.max(1)) * period;
         *place = Group { period, signals, next, head: Head { group, ..Head::default() } };
     }
 
@@ -206,18 +278,14 @@ impl<W: Write> Link<W> {
     }
 
     /// Does one after the other what takes its time.
-    async fn work<N: Names, const BUSES: usize, const LINES: usize>(
-        &self,
-        shared: &Common<'_, N, BUSES, LINES>,
-        own: &impl Live,
-    ) {
+    async fn work(&self, robot: &Robot<'_>) {
         loop {
             let (id, job) = self.jobs.receive().await;
             let outcome = match job {
-                Job::Set(change) => set(&change, shared, own).await.map(|()| Answer::Done),
-                Job::Ask(motor, request) => match N::ALL.get(usize::from(motor)) {
+                Job::Set(change) => set(&change, robot).await.map(|()| Answer::Done),
+                Job::Ask(motor, request) => match robot.motor(motor.into()) {
                     None => Err(Refusal::NO_MOTOR),
-                    Some(name) => match shared.motor(*name).request(request).await {
+                    Some(port) => match port.request(request).await {
                         Ok(Response::Register(value)) => Ok(Answer::Register(value)),
                         Ok(_) => Ok(Answer::Done),
                         Err(why) => Err(Refusal::of(None, why)),
@@ -229,86 +297,68 @@ impl<W: Write> Link<W> {
         }
     }
 
-    async fn send<N: Names, const BUSES: usize, const LINES: usize>(
-        &self,
-        shared: &Common<'_, N, BUSES, LINES>,
-        own: &impl Live,
-        grid: Instant,
-    ) {
-        let mut frame = Writer::<{ BODY + AROUND }>::new();
-        loop {
-            let groups =
-                self.groups.borrow().each_ref().map(|it| (it.period > 0).then_some(it.next));
-            match groups.into_iter().flatten().min().filter(|_| self.is_up()) {
-                Some(next) => {
-                    let due = grid + embassy_time::Duration::from_micros(next);
-                    select(self.wake.wait(), Timer::at(due)).await;
-                }
-                None => self.wake.wait().await,
+    /// Waits until there may be something to send.
+    async fn wait(&self, grid: Instant) {
+        let due = {
+            let groups = self.groups.borrow();
+            groups.iter().filter(|it| it.period > 0).map(|it| it.next).min()
+        };
+        match due.filter(|_| self.is_up()) {
+            Some(due) => {
+                let due = grid + Duration::from_micros(due);
+                select(self.wake.wait(), Timer::at(due)).await;
             }
-            if !self.is_up() {
-                continue;
-            }
-            self.tell(&mut frame, shared, own).await;
-            for group in 0..GROUPS {
-                if self.take(group, &mut frame, shared, own, grid) {
-                    self.put(frame.end()).await;
-                }
-            }
+            None => self.wake.wait().await,
         }
     }
 
-    /// Takes a sample of a group into a frame, if it is time.
-    fn take<N: Names, const BUSES: usize, const LINES: usize>(
-        &self,
-        group: usize,
-        frame: &mut Writer<{ BODY + AROUND }>,
-        shared: &Common<'_, N, BUSES, LINES>,
-        own: &impl Live,
-        grid: Instant,
-    ) -> bool {
+    /// The next frame that is to be sent now; whether there is one.
+    #[inline(never)]
+    fn next(&self, frame: &mut Frame, robot: &Robot<'_>, grid: Instant) -> bool {
+        if !self.is_up() {
+            return false;
+        }
+        if let Some(tell) = self.tell(robot) {
+            frame.message(&tell);
+            return true;
+        }
         let now = Instant::now();
         let since = now.saturating_duration_since(grid).as_micros();
         let mut groups = self.groups.borrow_mut();
-        let Some(group) = groups.get_mut(group).filter(|it| it.period > 0 && it.next <= since)
-        else {
+        let Some(group) = groups.iter_mut().find(|it| it.period > 0 && it.next <= since) else {
             return false;
         };
-        let late = (since - group.next) / group.period;
-        group.next += (late + 1) * group.period;
+        group.next += group.period;
         let head = &mut group.head;
-        head.skipped = head.skipped.wrapping_add(u32::try_from(late).unwrap_or(u32::MAX));
+        if group.next <= since {
+            let late = (since - group.next) / group.period + 1;
+            group.next += late * group.period;
+            head.skipped = head.skipped.wrapping_add(u32::try_from(late).unwrap_or(u32::MAX));
+        }
         head.count = head.count.wrapping_add(1);
         head.at = now.as_micros();
-        let body = frame.begin();
-        let _ = body.extend_from_slice(&head.bytes());
-        sample(&group.signals, shared, own, body);
+        let values = frame.sample(*head);
+        let count = sample(&group.signals, robot, values);
+        frame.end_sample(count);
         true
     }
 
-    /// Tells what was asked for.
-    async fn tell<N: Names, const BUSES: usize, const LINES: usize>(
-        &self,
-        frame: &mut Writer<{ BODY + AROUND }>,
-        shared: &Common<'_, N, BUSES, LINES>,
-        own: &impl Live,
-    ) {
+    /// The next thing that was asked for.
+    fn tell<'r>(&self, robot: &Robot<'r>) -> Option<Tell<'r>> {
         if self.is_greeted.take() {
             let counters = self.reception.read();
-            let skipped =
-                self.groups.borrow().iter().map(|it| it.head.skipped).fold(0, u32::wrapping_add);
-            let welcome = Tell::Welcome {
+            let groups = self.groups.borrow();
+            return Some(Tell::Welcome {
                 version: VERSION,
-                signals: signals::<N, BUSES, LINES>(own),
-                parameters: parameters::<N>(own),
+                signals: signals(robot),
+                parameters: parameters(robot),
                 at: Instant::now().as_micros(),
-                changes: shared.changes.read(),
+                changes: robot.changes.read(),
                 damaged: [counters.damaged, counters.skipped, counters.port_errors],
-                skipped,
-            };
-            self.put(frame.message(&welcome)).await;
+                skipped: groups.iter().fold(0, |sum, it| it.head.skipped.wrapping_add(sum)),
+            });
         }
-        while let Ok((id, answer)) = self.answers.try_receive() {
+        if let Ok((id, answer)) = self.answers.try_receive() {
             let outcome = match answer {
                 Answer::Done => Outcome::Done,
                 Answer::Register(value) => Outcome::Register(value),
@@ -316,31 +366,25 @@ impl<W: Write> Link<W> {
                     Outcome::Refused { parameter, why, detail }
                 }
             };
-            self.put(frame.message(&Tell::Answer { id, outcome })).await;
+            return Some(Tell::Answer { id, outcome });
         }
-        if let Some(first) = self.next_signal.take() {
-            for index in page(first) {
-                let Some(told) = signal::<N, BUSES, LINES>(index, own) else { break };
-                self.put(frame.message(&told)).await;
-            }
+        if let Some(index) = pop(&self.signals) {
+            return Some(signal(index, robot));
         }
-        if let Some(first) = self.next_parameter.take() {
-            for index in page(first) {
-                let Some(told) = parameter(index, shared, own) else { break };
-                self.put(frame.message(&told)).await;
-            }
-        }
-    }
-
-    async fn put(&self, bytes: &[u8]) {
-        // A port that fails loses a frame, and the PC sees that one is missing.
-        let _ = self.writer.lock().await.write_all(bytes).await;
+        pop(&self.parameters).and_then(|index| parameter(index, robot))
     }
 }
 
 /// Those that are told at once: then samples have their turn.
-const fn page(first: u16) -> core::ops::Range<u16> {
-    first..(first / AT_ONCE + 1).saturating_mul(AT_ONCE)
+fn page(first: u16, count: u16) -> Range {
+    (first, (first / AT_ONCE + 1).saturating_mul(AT_ONCE).min(count))
+}
+
+/// The next number of a range.
+fn pop(range: &Cell<Range>) -> Option<u16> {
+    let (next, end) = range.get();
+    range.set((next.saturating_add(1), end));
+    (next < end).then_some(next)
 }
 
 const _: () = assert!(HEAD + 4 * VALUES <= BODY);

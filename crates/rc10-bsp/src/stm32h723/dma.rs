@@ -145,6 +145,26 @@ impl<T: Element> DmaMemory<T> {
     }
 }
 
+impl DmaMemory<u8> {
+    /// Fills it from the front, many bytes at once; returns how many fitted. No stream may be working on
+    /// it.
+    pub fn copy(&mut self, bytes: &[u8]) -> usize {
+        let bytes = &bytes[..bytes.len().min(self.length)];
+        let (chunks, rest) = bytes.as_chunks::<32>();
+        for (at, chunk) in chunks.iter().enumerate() {
+            // SAFETY: inside the buffer, which nothing else accesses.
+            unsafe { self.start.add(32 * at).cast::<[u8; 32]>().write(*chunk) };
+        }
+        for (at, byte) in (32 * chunks.len()..).zip(rest) {
+            // SAFETY: the same.
+            unsafe { self.start.add(at).write(*byte) };
+        }
+        // They are there before a stream begins.
+        fence(Ordering::SeqCst);
+        bytes.len()
+    }
+}
+
 /// One stream of DMA1 or DMA2, and its input of DMAMUX1.
 #[derive(Clone, Copy)]
 pub struct Stream {

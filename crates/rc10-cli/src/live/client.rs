@@ -218,7 +218,9 @@ impl Client {
 
     /// The robot's signals by number, as far as they are known.
     pub fn signals(&self) -> impl Iterator<Item = (u16, &Signal)> {
-        (0..).zip(&self.signals.rows).filter_map(|(index, row)| Some((index, row.as_ref()?)))
+        let known = (0..).zip(&self.signals.rows);
+        let known = known.filter_map(|(index, row)| Some((index, row.as_ref()?)));
+        known.filter(|(_, row): &(u16, &Signal)| !row.name.is_empty())
     }
 
     /// The robot's parameters, as far as they are known.
@@ -442,6 +444,7 @@ impl Client {
 
     fn ask(&mut self, ask: &Ask) {
         let mut frame = Writer::<{ ASK + AROUND }>::new();
-        self.out.extend(frame.message(ask));
+        frame.message(ask);
+        self.out.extend(frame.bytes());
     }
 }

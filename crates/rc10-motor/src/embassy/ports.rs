@@ -3,7 +3,7 @@ use core::marker::PhantomData;
 use super::motors::MotorPort;
 use super::port::BusPort;
 use super::rs485::Rs485Port;
-use crate::declaration::{Names, Place};
+use crate::declaration::{Names, Place, Slot};
 
 /// The shared side of a whole robot: a port for each bus and line of its declaration, and its motors
 /// by name.
@@ -89,11 +89,21 @@ impl<N: Names, const BUSES: usize, const LINES: usize> Ports<N, BUSES, LINES> {
 
     /// The port of a motor.
     pub fn motor(&self, name: N) -> MotorPort<'_> {
-        let slot = name.slot();
-        // The buses are counted from 1, and there are as many as declared.
-        match slot.on {
-            Place::Bus(number) => self.buses[usize::from(number) - 1].motor(slot.motor),
-            Place::Line(number) => self.lines[usize::from(number) - 1].motor(slot.motor),
+        name.slot().port(&self.buses, &self.lines)
+    }
+}
+
+impl Slot {
+    /// The port of the motor, among those of its robot's buses and lines.
+    ///
+    /// # Panics
+    /// If they are fewer than declared.
+    #[must_use]
+    pub fn port<'p>(&self, buses: &'p [BusPort], lines: &'p [Rs485Port]) -> MotorPort<'p> {
+        // They are counted from 1.
+        match self.on {
+            Place::Bus(number) => buses[usize::from(number) - 1].motor(self.motor),
+            Place::Line(number) => lines[usize::from(number) - 1].motor(self.motor),
         }
     }
 }

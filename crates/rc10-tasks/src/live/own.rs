@@ -79,19 +79,34 @@ impl Parameter {
 
 /// The signals and parameters of a robot's own: [`live!`](crate::live!) makes them. `()` has none.
 pub trait Live {
-    /// The signals, always in the same order.
-    fn signals(&self) -> impl Iterator<Item = &Signal>;
-    /// The parameters. The same.
-    fn parameters(&self) -> impl Iterator<Item = &Parameter>;
+    /// Shows each signal, always in the same order.
+    fn signals<'l>(&'l self, see: &mut dyn FnMut(&'l Signal));
+    /// Shows each parameter. The same.
+    fn parameters<'l>(&'l self, see: &mut dyn FnMut(&'l Parameter));
 }
 
 impl Live for () {
-    fn signals(&self) -> impl Iterator<Item = &Signal> {
-        core::iter::empty()
-    }
-    fn parameters(&self) -> impl Iterator<Item = &Parameter> {
-        core::iter::empty()
-    }
+    fn signals<'l>(&'l self, _: &mut dyn FnMut(&'l Signal)) {}
+    fn parameters<'l>(&'l self, _: &mut dyn FnMut(&'l Parameter)) {}
+}
+
+/// How many things are shown.
+pub(super) fn count<T>(show: impl FnOnce(&mut dyn FnMut(T))) -> u16 {
+    let mut count = 0;
+    show(&mut |_| count += 1);
+    count
+}
+
+/// The thing with this number of those that are shown.
+pub(super) fn nth<T>(at: u16, show: impl FnOnce(&mut dyn FnMut(T))) -> Option<T> {
+    let (mut left, mut found) = (Some(at), None);
+    show(&mut |it| {
+        if left == Some(0) {
+            found = Some(it);
+        }
+        left = left.and_then(|left| left.checked_sub(1));
+    });
+    found
 }
 
 /// Declares the signals and parameters of a robot's own: a field for each.
@@ -147,13 +162,13 @@ macro_rules! live {
         }
 
         impl $crate::live::Live for $Name {
-            fn signals(&self) -> impl Iterator<Item = &$crate::live::Signal> {
-                let all: [&$crate::live::Signal; _] = [$(&self.$signal),*];
-                all.into_iter()
+            fn signals<'l>(&'l self, see: &mut dyn FnMut(&'l $crate::live::Signal)) {
+                $(see(&self.$signal);)*
+                let _ = see;
             }
-            fn parameters(&self) -> impl Iterator<Item = &$crate::live::Parameter> {
-                let all: [&$crate::live::Parameter; _] = [$(&self.$parameter),*];
-                all.into_iter()
+            fn parameters<'l>(&'l self, see: &mut dyn FnMut(&'l $crate::live::Parameter)) {
+                $(see(&self.$parameter);)*
+                let _ = see;
             }
         }
     };

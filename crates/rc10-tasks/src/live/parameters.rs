@@ -4,10 +4,10 @@ use embassy_futures::join::join4;
 use heapless::Vec;
 use rc10_app::{Amps, ConfigError, NewtonMetres};
 use rc10_link::{Change as One, Tell, Topic};
-use rc10_motor::{Names, Request, RequestError, Response, TargetKind, Tuning};
+use rc10_motor::{Request, RequestError, Response, TargetKind, Tuning};
 
-use super::Live;
-use crate::common::Common;
+use super::Robot;
+use super::own::{count, nth};
 
 /// Changes that are carried out together.
 pub(super) type Change = Vec<One, 8>;
@@ -116,14 +116,19 @@ impl Part {
 }
 
 /// The number of parameters, those included that a motor has not.
-pub(super) fn parameters<N: Names>(own: &impl Live) -> u16 {
-    N::ALL.len() as u16 * EACH + own.parameters().count() as u16
+pub(super) fn parameters(robot: &Robot<'_>) -> u16 {
+    robot.motors.len() as u16 * EACH + count(|see| robot.own.parameters(see))
 }
 
 /// The motor's parameter with this number.
-fn of_motor<N: Names>(index: u16) -> Option<(N, &'static Field)> {
-    let name = N::ALL.get(usize::from(index / EACH))?;
-    Some((*name, MOTOR.get(usize::from(index % EACH))?))
+fn of_motor(index: u16, robot: &Robot<'_>) -> Option<(usize, &'static Field)> {
+    let motor = usize::from(index / EACH);
+    (motor < robot.motors.len()).then_some((motor, MOTOR.get(usize::from(index % EACH))?))
+}
+
+/// The gains of a motor, as declared and now.
+fn tuning(motor: usize, robot: &Robot<'_>) -> Option<[Tuning; 2]> {
+    robot.motor(motor)?.tuning()
 }
 
 const fn unit(field: &Field, effort: TargetKind) -> &'static str {
@@ -150,11 +155,7 @@ fn range(part: Part, declared: &Tuning) -> [f32; 2] {
 
 /// A parameter in words; one without a name if the motor has none with this number, `None` behind the
 /// last.
-pub(super) fn parameter<N: Names, const BUSES: usize, const LINES: usize>(
-    index: u16,
-    shared: &Common<'_, N, BUSES, LINES>,
-    own: &impl Live,
-) -> Option<Tell<'static>> {
+pub(super) fn parameter<'r>(index: u16, robot: &Robot<'r>) -> Option<Tell<'r>> {
     let nothing = Topic { folder: "", label: "" };
     let none = Tell::Parameter {
         index,
@@ -165,15 +166,15 @@ pub(super) fn parameter<N: Names, const BUSES: usize, const LINES: usize>(
         value: 0.0,
         initial: 0.0,
     };
-    if let Some((name, field)) = of_motor::<N>(index) {
-        let tuning = shared.motor(name).tuning();
+    if let Some((motor, field)) = of_motor(index, robot) {
+        let tuning = tuning(motor, robot);
         let Some([mut declared, mut now]) = tuning.filter(|it| has(field.part, it[0].effort))
         else {
             return Some(none);
         };
         return Some(Tell::Parameter {
             index,
-            topic: Topic { folder: "motors", label: name.label() },
+            topic: Topic { folder: "motors", label: robot.slots[motor].label },
             name: field.name,
             unit: unit(field, declared.effort),
             range: range(field.part, &declared),
@@ -181,8 +182,8 @@ pub(super) fn parameter<N: Names, const BUSES: usize, const LINES: usize>(
             initial: *(field.get)(&mut declared),
         });
     }
-    let first = N::ALL.len() as u16 * EACH;
-    let own = own.parameters().nth(usize::from(index.checked_sub(first)?))?;
+    let first = robot.motors.len() as u16 * EACH;
+    let own = nth(index.checked_sub(first)?, |see| robot.own.parameters(see))?;
     Some(Tell::Parameter {
         index,
         topic: Topic { folder: "parameters", label: own.label },
@@ -195,8 +196,8 @@ pub(super) fn parameter<N: Names, const BUSES: usize, const LINES: usize>(
 }
 
 /// What a motor is asked, to change it and to change it back.
-struct Step<N> {
-    name: N,
+struct Step {
+    motor: usize,
     parameter: u16,
     to: Request,
     back: Request,
@@ -204,82 +205,78 @@ struct Step<N> {
 
 /// Changes parameters: all of them or none. What concerns motors of one bus takes effect in one tick of
 /// it.
-pub(super) async fn set<N: Names, const BUSES: usize, const LINES: usize>(
-    change: &Change,
-    shared: &Common<'_, N, BUSES, LINES>,
-    own: &impl Live,
-) -> Result<(), Refusal> {
-    let _turn = shared.changes.turn.lock().await;
+pub(super) async fn set(change: &Change, robot: &Robot<'_>) -> Result<(), Refusal> {
+    let _turn = robot.changes.turn.lock().await;
     // The whole is checked before anything is done.
     for (at, one) in change.iter().enumerate() {
-        check(one, shared, own)?;
+        check(one, robot)?;
         if change.iter().take(at).any(|other| other.parameter == one.parameter) {
             return Err(Refusal::because(Some(one.parameter), "it is changed twice at once"));
         }
     }
-    let mut steps = Vec::<Step<N>, { rc10_link::CHANGES }>::new();
+    let mut steps = Vec::<Step, { rc10_link::CHANGES }>::new();
     for One { parameter, .. } in change {
-        let Some((name, field)) = of_motor::<N>(*parameter) else { continue };
-        let Some([_, now]) = shared.motor(name).tuning() else { continue };
+        let Some((motor, field)) = of_motor(*parameter, robot) else { continue };
+        let Some([_, now]) = tuning(motor, robot) else { continue };
         let mut to = now;
         for One { parameter, value } in change {
-            if let Some((other, field)) = of_motor::<N>(*parameter)
-                && other.index() == name.index()
+            if let Some((_, field)) =
+                of_motor(*parameter, robot).filter(|(other, _)| *other == motor)
             {
                 *(field.get)(&mut to) = *value;
             }
         }
         let part = field.part;
-        let is_new = |it: &Step<N>| it.name.index() != name.index() || it.to != part.request(&to);
+        let is_new = |it: &Step| it.motor != motor || it.to != part.request(&to);
         if !part.is_same(&now, &to) && steps.iter().all(is_new) {
             let (to, back) = (part.request(&to), part.request(&now));
-            let _ = steps.push(Step { name, parameter: *parameter, to, back });
+            let _ = steps.push(Step { motor, parameter: *parameter, to, back });
         }
     }
     // As many at once as a bus takes.
     for (group, some) in steps.chunks(4).enumerate() {
-        let outcomes = ask(some, shared, |step| step.to).await;
+        let outcomes = ask(some, robot, |step| step.to).await;
         let failed = some.iter().zip(outcomes).find_map(|(step, outcome)| {
             outcome.err().map(|error| Refusal::of(Some(step.parameter), error))
         });
         if let Some(refusal) = failed {
             for some in steps.chunks(4).take(group + 1) {
                 // One that did not change is told its own value.
-                let _ = ask(some, shared, |step| step.back).await;
+                let _ = ask(some, robot, |step| step.back).await;
             }
             return Err(refusal);
         }
     }
-    let first = N::ALL.len() as u16 * EACH;
+    let first = robot.motors.len() as u16 * EACH;
     for One { parameter, value } in change {
-        let own = parameter.checked_sub(first).and_then(|at| own.parameters().nth(at.into()));
+        let own = parameter.checked_sub(first);
+        let own = own.and_then(|at| nth(at, |see| robot.own.parameters(see)));
         own.into_iter().for_each(|own| own.set(*value));
     }
-    shared.changes.add();
+    robot.changes.add();
     Ok(())
 }
 
 /// Asks up to four motors at once.
-async fn ask<N: Names, const BUSES: usize, const LINES: usize>(
-    steps: &[Step<N>],
-    shared: &Common<'_, N, BUSES, LINES>,
-    which: impl Fn(&Step<N>) -> Request,
+async fn ask(
+    steps: &[Step],
+    robot: &Robot<'_>,
+    which: impl Fn(&Step) -> Request,
 ) -> [Result<Response, RequestError>; 4] {
     let ask = async |at: usize| match steps.get(at) {
-        Some(step) => shared.motor(step.name).request(which(step)).await,
+        Some(step) => match robot.motor(step.motor) {
+            Some(port) => port.request(which(step)).await,
+            None => Err(RequestError::NoSuchMotor),
+        },
         None => Ok(Response::Done),
     };
     join4(ask(0), ask(1), ask(2), ask(3)).await.into()
 }
 
 /// Whether a parameter may have a value.
-fn check<N: Names, const BUSES: usize, const LINES: usize>(
-    one: &One,
-    shared: &Common<'_, N, BUSES, LINES>,
-    own: &impl Live,
-) -> Result<(), Refusal> {
+fn check(one: &One, robot: &Robot<'_>) -> Result<(), Refusal> {
     let refused = |why| Err(Refusal::because(Some(one.parameter), why));
-    match parameter(one.parameter, shared, own) {
+    match parameter(one.parameter, robot) {
         Some(Tell::Parameter { name, range: [least, most], .. }) if !name.is_empty() => {
             // Not a number is in no range.
             if one.value >= least && one.value <= most {

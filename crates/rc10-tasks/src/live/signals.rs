@@ -1,32 +1,50 @@
 //! The signals that every robot has, as tables: a line is a signal of each motor, bus or line.
 
-use heapless::Vec;
+use rc10_app::TotalAngle;
 use rc10_app::angle::shortest_way_degrees;
 use rc10_can::Timing;
-use rc10_link::frame::{AROUND, BODY};
-use rc10_link::{Bits, SIGNALS, Tell, Topic};
+use rc10_link::{Bits, Tell, Topic};
 use rc10_module::remote::{Remote, RemoteLink};
-use rc10_motor::embassy::{BusStatus, Rs485Status};
-use rc10_motor::{ArmState, Fault, MotorStatus, Names, Target};
+use rc10_motor::embassy::{BusStatus, MotorPort, Rs485Status};
+use rc10_motor::{ArmState, Fault, MotorStatus, Target};
 
-use super::Live;
-use crate::common::Common;
+use super::Robot;
+use super::own::{count as count_of, nth};
 
-/// A signal of a `T`.
-struct Field<T> {
+/// A signal of something: what it is called, and what it is told in.
+struct Field {
     name: &'static str,
     unit: &'static str,
     /// Names of its values, if it is a state.
     states: &'static str,
-    get: fn(&T) -> f32,
 }
 
-const fn number<T>(name: &'static str, unit: &'static str, get: fn(&T) -> f32) -> Field<T> {
-    Field { name, unit, states: "", get }
+/// The signals of a type, in a table of what they are called and a function of their values: by a jump
+/// to each, which takes half the instructions of a call.
+macro_rules! signals {
+    ($table:ident, $value:ident: $Of:ty {
+        $($name:ident: $unit:literal $(of $states:expr)? => |$it:ident| $get:expr;)*
+    }) => {
+        const $table: &[Field] = &[$(Field {
+            name: stringify!($name),
+            unit: $unit,
+            states: first([$($states,)? ""]),
+        }),*];
+
+        #[inline(never)] // Inlined, all values are computed, and one is taken.
+        fn $value(at: usize, it: &$Of) -> f32 {
+            #[allow(non_camel_case_types, reason = "called as the signals are")]
+            enum Number { $($name),* }
+            match at {
+                $(at if at == Number::$name as usize => { let $it = it; $get })*
+                _ => f32::NAN,
+            }
+        }
+    };
 }
 
-const fn state<T>(name: &'static str, states: &'static str, get: fn(&T) -> f32) -> Field<T> {
-    Field { name, unit: "", states, get }
+const fn first<const N: usize>(texts: [&'static str; N]) -> &'static str {
+    texts[0]
 }
 
 /// Whole numbers up to 2^24 are exact; counters begin again there, so that their steps stay whole.
@@ -57,36 +75,43 @@ const ARMS: &str = "Disarmed,Armed,Suspended,EStopped";
 const ERRORS: &str = "Active,Warning,Passive,BusOff";
 const REMOTES: &str = "Online,Interrupted,Lost";
 
-const MOTOR: &[Field<MotorStatus>] = &[
-    number("target", "", target),
-    number("measured", "", measured),
-    number("speed", "rpm", |it| it.feedback.speed.get()),
-    number("total_angle", "deg", |it| it.feedback.total_angle.degrees().get()),
-    number("current", "A", |it| known(it.feedback.current().map(|it| it.get()))),
-    number("torque", "N m", |it| known(it.feedback.torque().map(|it| it.get()))),
-    number("temperature", "°C", |it| known(it.feedback.temperature().map(|it| it.get()))),
-    number("controller_temperature", "°C", |it| {
-        known(it.feedback.controller_temperature().map(|it| it.get()))
-    }),
-    number("supply", "V", |it| known(it.feedback.supply().map(|it| it.get()))),
-    state("target_kind", TARGETS, |it| f32::from(it.target.kind() as u8)),
-    state("link", LINKS, |it| f32::from(it.link as u8)),
-    state("drive", DRIVES, |it| f32::from(it.drive as u8)),
-    state("condition", CONDITIONS, |it| f32::from(it.condition as u8)),
-    number("fault", "", |it| known(it.fault.map(|Fault { code, .. }| count(code)))),
-    number("received", "frames", |it| count(it.counters.received)),
-    number("malformed", "frames", |it| count(it.counters.malformed)),
-    number("lost", "times", |it| count(it.counters.lost)),
-    number("expired", "times", |it| count(it.counters.expired)),
-    number("turn_gaps", "times", |it| count(it.feedback.turn_gaps)),
-];
+signals!(MOTOR, of_motor: MotorStatus {
+    target: "" => |it| target(it);
+    measured: "" => |it| measured(it);
+    speed: "rpm" => |it| it.feedback.speed.get();
+    total_angle: "deg" => |it| degrees(it.feedback.total_angle);
+    current: "A" => |it| known(it.feedback.current().map(|it| it.get()));
+    torque: "N m" => |it| known(it.feedback.torque().map(|it| it.get()));
+    temperature: "°C" => |it| known(it.feedback.temperature().map(|it| it.get()));
+    controller_temperature: "°C" => |it| known(it.feedback.controller_temperature().map(|it| it.get()));
+    supply: "V" => |it| known(it.feedback.supply().map(|it| it.get()));
+    target_kind: "" of TARGETS => |it| f32::from(it.target.kind() as u8);
+    link: "" of LINKS => |it| f32::from(it.link as u8);
+    drive: "" of DRIVES => |it| f32::from(it.drive as u8);
+    condition: "" of CONDITIONS => |it| f32::from(it.condition as u8);
+    fault: "" => |it| known(it.fault.map(|Fault { code, .. }| count(code)));
+    received: "frames" => |it| count(it.counters.received);
+    malformed: "frames" => |it| count(it.counters.malformed);
+    lost: "times" => |it| count(it.counters.lost);
+    expired: "times" => |it| count(it.counters.expired);
+    turn_gaps: "times" => |it| count(it.feedback.turn_gaps);
+});
+
+/// An angle in degrees, to seven digits, by way of its halves: a conversion of 64 bits takes 60
+/// instructions.
+#[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "it is in halves")]
+fn degrees(angle: TotalAngle) -> f32 {
+    let microdegrees = angle.microdegrees();
+    let (high, low) = ((microdegrees >> 32) as i32, microdegrees as u32);
+    (high as f32 * 4_294_967_296.0 + low as f32) * 1e-6
+}
 
 /// What it is to do, in rpm or degrees, or as an effort.
 fn target(status: &MotorStatus) -> f32 {
     match status.target {
         Target::Speed(it) => it.get(),
         Target::Angle(it) => it.get(),
-        Target::TotalAngle(it) => it.degrees().get(),
+        Target::TotalAngle(it) => degrees(it),
         Target::Impedance(it) => it.angle.get(),
         Target::Current(it) | Target::Brake(it) | Target::Handbrake(it) => it.get(),
         Target::Duty(it) => it,
@@ -103,7 +128,7 @@ fn measured(status: &MotorStatus) -> f32 {
             let way = shortest_way_degrees(wanted, feedback.angle).get();
             if way.is_finite() { wanted.get() + way } else { feedback.angle.get() }
         }
-        Target::TotalAngle(_) | Target::Impedance(_) => feedback.total_angle.degrees().get(),
+        Target::TotalAngle(_) | Target::Impedance(_) => degrees(feedback.total_angle),
         Target::Current(_) | Target::Brake(_) | Target::Handbrake(_) => {
             known(feedback.current().map(|it| it.get()))
         }
@@ -112,36 +137,36 @@ fn measured(status: &MotorStatus) -> f32 {
     }
 }
 
-const BUS: &[Field<BusStatus>] = &[
-    state("state", ERRORS, |it| f32::from(it.health.state as u8)),
-    number("planned_typical", "%", |it| it.load.typical),
-    number("ticks", "ticks", |it| count(it.ticks)),
-    number("overruns", "ticks", |it| count(it.overruns)),
-    number("submitted", "frames", |it| count(it.submitted)),
-    number("replaced", "frames", |it| count(it.replaced)),
-    number("refused", "frames", |it| count(it.refused)),
-    number("received", "frames", |it| count(it.received.received)),
-    number("malformed", "frames", |it| count(it.received.malformed)),
-    number("unclaimed", "frames", |it| count(it.received.unclaimed)),
-    number("receive_lost", "frames", |it| count(it.health.receive_lost)),
-    number("transmit_lost", "frames", |it| count(it.health.transmit_lost)),
-    number("transmit_errors", "", |it| f32::from(it.health.transmit_errors)),
-    number("receive_errors", "", |it| f32::from(it.health.receive_errors)),
-    number("bus_offs", "times", |it| count(it.health.bus_offs)),
-    number("stalls", "times", |it| count(it.health.stalls)),
-    number("execution_max", "us", |it| longest(it.execution)),
-    number("period_max", "us", |it| longest(it.period)),
-];
+signals!(BUS, of_bus: BusStatus {
+    state: "" of ERRORS => |it| f32::from(it.health.state as u8);
+    planned_typical: "%" => |it| it.load.typical;
+    ticks: "ticks" => |it| count(it.ticks);
+    overruns: "ticks" => |it| count(it.overruns);
+    submitted: "frames" => |it| count(it.submitted);
+    replaced: "frames" => |it| count(it.replaced);
+    refused: "frames" => |it| count(it.refused);
+    received: "frames" => |it| count(it.received.received);
+    malformed: "frames" => |it| count(it.received.malformed);
+    unclaimed: "frames" => |it| count(it.received.unclaimed);
+    receive_lost: "frames" => |it| count(it.health.receive_lost);
+    transmit_lost: "frames" => |it| count(it.health.transmit_lost);
+    transmit_errors: "" => |it| f32::from(it.health.transmit_errors);
+    receive_errors: "" => |it| f32::from(it.health.receive_errors);
+    bus_offs: "times" => |it| count(it.health.bus_offs);
+    stalls: "times" => |it| count(it.health.stalls);
+    execution_max: "us" => |it| longest(it.execution);
+    period_max: "us" => |it| longest(it.period);
+});
 
-const LINE: &[Field<Rs485Status>] = &[
-    number("overruns", "ticks", |it| count(it.overruns)),
-    number("port_errors", "times", |it| count(it.port_errors)),
-    number("exchanges", "times", |it| count(it.traffic.exchanges)),
-    number("timeouts", "times", |it| count(it.traffic.timeouts)),
-    number("crc_errors", "replies", |it| count(it.traffic.crc_errors)),
-    number("exchange_max", "us", |it| longest(it.traffic.exchange)),
-    number("cycle_max", "us", |it| longest(it.traffic.cycle)),
-];
+signals!(LINE, of_line: Rs485Status {
+    overruns: "ticks" => |it| count(it.overruns);
+    port_errors: "times" => |it| count(it.port_errors);
+    exchanges: "times" => |it| count(it.traffic.exchanges);
+    timeouts: "times" => |it| count(it.traffic.timeouts);
+    crc_errors: "replies" => |it| count(it.traffic.crc_errors);
+    exchange_max: "us" => |it| longest(it.traffic.exchange);
+    cycle_max: "us" => |it| longest(it.traffic.cycle);
+});
 
 /// The robot as a whole, now.
 struct Whole {
@@ -154,171 +179,150 @@ struct Whole {
     refused: u32,
 }
 
-const ROBOT: &[Field<Whole>] = &[
-    state("arm", ARMS, |it| f32::from(it.arm as u8)),
-    state("remote", REMOTES, |it| known(it.link.map(|it| f32::from(it as u8)))),
-    number("remote_frames", "frames", |it| count(it.remote_frames)),
-    number("remote_damaged", "frames", |it| count(it.remote_damaged)),
-    number("left_x", "", |it| it.remote.left.x),
-    number("left_y", "", |it| it.remote.left.y),
-    number("right_x", "", |it| it.remote.right.x),
-    number("right_y", "", |it| it.remote.right.y),
-    number("dial", "", |it| it.remote.dial),
-    number("tick_cycles", "cycles", |it| known(it.cycles.map(count))),
-    number("refused", "targets", |it| count(it.refused)),
-];
+signals!(ROBOT, of_robot: Whole {
+    arm: "" of ARMS => |it| f32::from(it.arm as u8);
+    remote: "" of REMOTES => |it| known(it.link.map(|it| f32::from(it as u8)));
+    remote_frames: "frames" => |it| count(it.remote_frames);
+    remote_damaged: "frames" => |it| count(it.remote_damaged);
+    left_x: "" => |it| it.remote.left.x;
+    left_y: "" => |it| it.remote.left.y;
+    right_x: "" => |it| it.remote.right.x;
+    right_y: "" => |it| it.remote.right.y;
+    dial: "" => |it| it.remote.dial;
+    tick_cycles: "cycles" => |it| known(it.cycles.map(count));
+    refused: "targets" => |it| count(it.refused);
+});
 
 /// Buses and lines are counted from 1.
 const NUMBERS: [&str; 9] = ["1", "2", "3", "4", "5", "6", "7", "8", "9"];
 
-/// So many signals fit into a word of [`Bits`].
-const _: () =
-    assert!(MOTOR.len() <= 32 && BUS.len() <= 32 && LINE.len() <= 32 && ROBOT.len() <= 32);
+/// A motor, a bus, a line, the robot as a whole: each has so many numbers, not all of them in use. So its
+/// signals are those of one word of [`Bits`](rc10_link::Bits).
+const EACH: u16 = 32;
 
-const fn size<T>(fields: &[Field<T>]) -> u16 {
-    fields.len() as u16
-}
+const _: () = {
+    let most = EACH as usize;
+    assert!(MOTOR.len() <= most && BUS.len() <= most && LINE.len() <= most && ROBOT.len() <= most);
+};
 
-/// Numbers of the first signal of buses, lines, the robot, and its own; motors come first.
-const fn firsts<N: Names, const BUSES: usize, const LINES: usize>() -> [u16; 4] {
-    let buses = N::ALL.len() as u16 * size(MOTOR);
-    let lines = buses + BUSES as u16 * size(BUS);
-    let robot = lines + LINES as u16 * size(LINE);
-    let own = robot + size(ROBOT);
-    assert!(own as usize <= SIGNALS, "the robot has more signals than a link can tell apart");
-    assert!(BUSES <= NUMBERS.len() && LINES <= NUMBERS.len());
-    [buses, lines, robot, own]
-}
-
-/// The number of its signals.
-pub(super) fn signals<N: Names, const BUSES: usize, const LINES: usize>(own: &impl Live) -> u16 {
-    let [.., first] = const { firsts::<N, BUSES, LINES>() };
-    first + own.signals().count() as u16
-}
-
-/// A signal in words; `None` if there is none with this number.
-pub(super) fn signal<N: Names, const BUSES: usize, const LINES: usize>(
-    index: u16,
-    own: &impl Live,
-) -> Option<Tell<'static>> {
-    fn told<T>(
-        index: u16,
-        folder: &'static str,
-        label: &'static str,
-        field: &Field<T>,
-    ) -> Tell<'static> {
-        let &Field { name, unit, states, .. } = field;
-        Tell::Signal { index, topic: Topic { folder, label }, name, unit, states }
+impl Robot<'_> {
+    /// The number of the first signal of its own.
+    fn own_signals(&self) -> u16 {
+        EACH * (self.motors.len() + self.buses.len() + self.lines.len() + 1) as u16
     }
-    /// Of each thing in a folder the same.
-    fn of<T>(
-        index: u16,
-        first: u16,
-        fields: &'static [Field<T>],
-    ) -> Option<(usize, &'static Field<T>)> {
-        let at = index.checked_sub(first)?;
-        Some((usize::from(at / size(fields)), fields.get(usize::from(at % size(fields)))?))
-    }
-    let [buses, lines, robot, first] = const { firsts::<N, BUSES, LINES>() };
-    Some(if index < buses {
-        let (motor, field) = of(index, 0, MOTOR)?;
-        told(index, "motors", N::ALL.get(motor)?.label(), field)
-    } else if index < lines {
-        let (bus, field) = of(index, buses, BUS)?;
-        told(index, "buses", NUMBERS.get(bus)?, field)
-    } else if index < robot {
-        let (line, field) = of(index, lines, LINE)?;
-        told(index, "lines", NUMBERS.get(line)?, field)
-    } else if index < first {
-        told(index, "robot", "", of(index, robot, ROBOT)?.1)
-    } else {
-        let signal = own.signals().nth(usize::from(index - first))?;
-        let topic = Topic { folder: "signals", label: signal.label };
-        Tell::Signal { index, topic, name: "value", unit: signal.unit, states: "" }
-    })
 }
 
-/// A sample's body.
-type Body = Vec<u8, { BODY + AROUND }>;
+/// The number of signals of a robot without any of its own.
+pub(super) const fn signals_of(motors: usize, buses: usize, lines: usize) -> usize {
+    EACH as usize * (motors + buses + lines + 1)
+}
+
+/// The number of its signals, those included that are not there.
+pub(super) fn signals(robot: &Robot<'_>) -> u16 {
+    robot.own_signals() + count_of(|see| robot.own.signals(see))
+}
+
+/// A signal in words; one without a name if there is none with this number.
+pub(super) fn signal<'r>(index: u16, robot: &Robot<'r>) -> Tell<'r> {
+    let nothing = Topic { folder: "", label: "" };
+    let none = Tell::Signal { index, topic: nothing, name: "", unit: "", states: "" };
+    let told = |folder, label, table: &[Field]| match table.get(usize::from(index % EACH)) {
+        Some(&Field { name, unit, states }) => {
+            Tell::Signal { index, topic: Topic { folder, label }, name, unit, states }
+        }
+        None => none,
+    };
+    if let Some(own) = index.checked_sub(robot.own_signals()) {
+        return nth(own, |see| robot.own.signals(see)).map_or(none, |signal| {
+            let topic = Topic { folder: "signals", label: signal.label };
+            Tell::Signal { index, topic, name: "value", unit: signal.unit, states: "" }
+        });
+    }
+    let mut at = usize::from(index / EACH);
+    if let Some(slot) = robot.slots.get(at) {
+        return told("motors", slot.label, MOTOR);
+    }
+    at -= robot.slots.len();
+    if at < robot.buses.len() {
+        return told("buses", NUMBERS.get(at).unwrap_or(&""), BUS);
+    }
+    at -= robot.buses.len();
+    if at < robot.lines.len() {
+        return told("lines", NUMBERS.get(at).unwrap_or(&""), LINE);
+    }
+    told("robot", "", ROBOT)
+}
+
+/// Where values go.
+type Room<'b> = core::slice::IterMut<'b, [u8; 4]>;
 
 #[inline]
-fn put(body: &mut Body, value: f32) {
+fn put(value: f32, room: &mut Room<'_>) {
     // A PC that asks for more than a frame holds gets as many as fit.
-    if body.len() + 4 <= 4 + BODY {
-        let _ = body.extend_from_slice(&value.to_le_bytes());
+    if let Some(place) = room.next() {
+        *place = value.to_le_bytes();
     }
 }
 
+/// The values of those that are wanted.
 #[inline]
-fn take<T>(wanted: u32, fields: &[Field<T>], it: &T, body: &mut Body) {
+fn take(wanted: u32, room: &mut Room<'_>, value: impl Fn(usize) -> f32) {
     let mut left = wanted;
     while left != 0 {
         let at = left.trailing_zeros() as usize;
         left &= left - 1;
-        // The bits behind the last field are those of the next motor.
-        let Some(field) = fields.get(at) else { break };
-        put(body, (field.get)(it));
+        put(value(at), room);
     }
 }
 
-/// The values of these signals now.
-pub(super) fn sample<N: Names, const BUSES: usize, const LINES: usize>(
-    wanted: &Bits,
-    shared: &Common<'_, N, BUSES, LINES>,
-    own: &impl Live,
-    body: &mut Body,
-) {
-    let [buses, lines, robot, first] = const { firsts::<N, BUSES, LINES>() };
-    let has = |wanted: u32, size: u16| wanted & (u32::MAX >> (32 - size)) != 0;
-    let mut at = 0;
-    for name in N::ALL {
-        let word = wanted.word(at);
-        at += size(MOTOR);
-        if has(word, size(MOTOR)) {
-            shared.motor(*name).look(|status| take(word, MOTOR, status, body));
+/// Writes the values of these signals now; returns how many.
+pub(super) fn sample(wanted: &Bits, robot: &Robot<'_>, room: &mut [[u8; 4]]) -> usize {
+    let whole = room.len();
+    let room = &mut room.iter_mut();
+    let mut words = (0..).map(|at| wanted.word(at));
+    for (motor, word) in robot.motors.iter().zip(&mut words) {
+        if word != 0 {
+            motor.look(|status| take(word, room, |at| of_motor(at, status)));
         }
     }
-    at = buses;
-    for bus in &shared.ports.buses {
-        let word = wanted.word(at);
-        at += size(BUS);
-        if has(word, size(BUS)) {
-            take(word, BUS, &bus.status(), body);
+    for (bus, word) in robot.buses.iter().zip(&mut words) {
+        if word != 0 {
+            let status = bus.status();
+            take(word, room, |at| of_bus(at, &status));
         }
     }
-    at = lines;
-    for line in &shared.ports.lines {
-        let word = wanted.word(at);
-        at += size(LINE);
-        if has(word, size(LINE)) {
-            take(word, LINE, &line.status(), body);
+    for (line, word) in robot.lines.iter().zip(&mut words) {
+        if word != 0 {
+            let status = line.status();
+            take(word, room, |at| of_line(at, &status));
         }
     }
-    let word = wanted.word(robot);
-    if has(word, size(ROBOT)) {
-        take(word, ROBOT, &Whole::of(shared), body);
+    if let Some(word) = words.next().filter(|word| *word != 0) {
+        let now = Whole::of(robot);
+        take(word, room, |at| of_robot(at, &now));
     }
-    for (index, signal) in (first..).zip(own.signals()) {
+    let mut index = robot.own_signals();
+    robot.own.signals(&mut |signal| {
         if wanted.contains(index) {
-            put(body, signal.get());
+            put(signal.get(), room);
         }
-    }
+        index += 1;
+    });
+    whole - room.len()
 }
 
 impl Whole {
-    fn of<N: Names, const BUSES: usize, const LINES: usize>(
-        shared: &Common<'_, N, BUSES, LINES>,
-    ) -> Self {
-        let counters = shared.remote_reception.read();
-        let refused = |name: &N| shared.motor(*name).status().counters.refused.total();
+    fn of(robot: &Robot<'_>) -> Self {
+        let counters = robot.remote_reception.read();
+        let refused = |motor: &MotorPort<'_>| motor.status().counters.refused.total();
         Self {
-            arm: shared.switch.state(),
-            remote: shared.remote.read().map(|it| it.value).unwrap_or_default(),
-            link: shared.remote_link.read().map(|it| it.value),
+            arm: robot.switch.state(),
+            remote: robot.remote.read().map(|it| it.value).unwrap_or_default(),
+            link: robot.remote_link.read().map(|it| it.value),
             remote_frames: counters.frames,
             remote_damaged: counters.damaged,
-            cycles: shared.bus_cycles.and_then(|it| it.read()).map(|it| it.mean),
-            refused: N::ALL.iter().map(refused).fold(0, u32::wrapping_add),
+            cycles: robot.cycles.and_then(|it| it.read()).map(|it| it.mean),
+            refused: robot.motors.iter().map(refused).fold(0, u32::wrapping_add),
         }
     }
 }

@@ -88,7 +88,7 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     interrupt::UART8.set_priority(LINE);
     LINE_CONTROL.start(interrupt::UART8).spawn(robot::line(uart, line, &shared.ports.lines[0])?);
 
-    let text = robot::text(board.text, Irqs, LINE)?;
+    let text = robot::console_port(board.text, Irqs, LINE, 921_600)?;
     let remote = robot::remote(board.remote, Irqs, RECEIVER, LINE)?;
     spawner.spawn(others(shared, board.watchdog, text, started, remote)?);
     Ok(())
@@ -102,6 +102,6 @@ async fn others(
     quiet: Instant,
     receiver: SerialReceiver,
 ) {
-    let tend = robot::tend(shared, watchdog, text, quiet);
+    let tend = robot::tend(shared, &(), watchdog, text, quiet);
     join3(task::run(shared), remote::listen(shared, RECEIVER, receiver), tend).await;
 }

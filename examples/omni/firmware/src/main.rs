@@ -66,7 +66,7 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     CONTROL.start(interrupt::UART9).spawn(robot::three_buses(ports, motors, &shared.ports.buses)?);
     supervisor::start(board.supervisor, Irqs, Priority::P3);
 
-    let text = robot::text(board.text, Irqs, Priority::P7)?;
+    let text = robot::console_port(board.text, Irqs, Priority::P7, 921_600)?;
     let remote = robot::remote(board.remote, Irqs, RECEIVER, Priority::P7)?;
     spawner.spawn(others(shared, board.watchdog, text, started, remote)?);
     Ok(())
@@ -80,6 +80,6 @@ async fn others(
     quiet: Instant,
     receiver: SerialReceiver,
 ) {
-    let tend = robot::tend(shared, watchdog, text, quiet);
+    let tend = robot::tend(shared, &(), watchdog, text, quiet);
     join3(task::run(shared), remote::listen(shared, RECEIVER, receiver), tend).await;
 }

@@ -368,7 +368,7 @@ impl Write for SerialTransmitter {
             return Ok(0);
         }
         self.sent(|this| !this.stream.is_running()).await?;
-        let count = self.memory.fill(bytes.iter().copied());
+        let count = self.memory.copy(bytes);
         let transfer = Transfer {
             request: self.request,
             peripheral: self.uart.transmit_register(),
