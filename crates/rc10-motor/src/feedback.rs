@@ -74,6 +74,15 @@ impl Feedback {
         supply: Reading::NONE,
     };
 
+    /// What not every device sends, NaN where it does not: current in A, torque in N m, temperature of the
+    /// motor and of what drives it in degrees Celsius, supply in V.
+    #[inline]
+    #[must_use]
+    pub const fn readings(&self) -> [f32; 5] {
+        let Self { current, torque, temperature, controller_temperature, supply, .. } = self;
+        [current.0, torque.0, temperature.0, controller_temperature.0, supply.0]
+    }
+
     /// The measurements of every device, and no others.
     pub const fn new(at: Micros, speed: Rpm, angle: Degrees, total_angle: TotalAngle) -> Self {
         Self { at, speed, angle, total_angle, ..Self::NEW }

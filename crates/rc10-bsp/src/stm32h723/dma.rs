@@ -150,12 +150,12 @@ impl DmaMemory<u8> {
     /// it.
     pub fn copy(&mut self, bytes: &[u8]) -> usize {
         let bytes = &bytes[..bytes.len().min(self.length)];
-        let (chunks, rest) = bytes.as_chunks::<32>();
+        let (chunks, rest) = bytes.as_chunks::<16>();
         for (at, chunk) in chunks.iter().enumerate() {
             // SAFETY: inside the buffer, which nothing else accesses.
-            unsafe { self.start.add(32 * at).cast::<[u8; 32]>().write(*chunk) };
+            unsafe { self.start.add(16 * at).cast::<[u8; 16]>().write(*chunk) };
         }
-        for (at, byte) in (32 * chunks.len()..).zip(rest) {
+        for (at, byte) in (16 * chunks.len()..).zip(rest) {
             // SAFETY: the same.
             unsafe { self.start.add(at).write(*byte) };
         }

@@ -80,11 +80,11 @@ signals!(MOTOR, of_motor: MotorStatus {
     measured: "" => |it| measured(it);
     speed: "rpm" => |it| it.feedback.speed.get();
     total_angle: "deg" => |it| degrees(it.feedback.total_angle);
-    current: "A" => |it| known(it.feedback.current().map(|it| it.get()));
-    torque: "N m" => |it| known(it.feedback.torque().map(|it| it.get()));
-    temperature: "°C" => |it| known(it.feedback.temperature().map(|it| it.get()));
-    controller_temperature: "°C" => |it| known(it.feedback.controller_temperature().map(|it| it.get()));
-    supply: "V" => |it| known(it.feedback.supply().map(|it| it.get()));
+    current: "A" => |it| it.feedback.readings()[0];
+    torque: "N m" => |it| it.feedback.readings()[1];
+    temperature: "°C" => |it| it.feedback.readings()[2];
+    controller_temperature: "°C" => |it| it.feedback.readings()[3];
+    supply: "V" => |it| it.feedback.readings()[4];
     target_kind: "" of TARGETS => |it| f32::from(it.target.kind() as u8);
     link: "" of LINKS => |it| f32::from(it.link as u8);
     drive: "" of DRIVES => |it| f32::from(it.drive as u8);
