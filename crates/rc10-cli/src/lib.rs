@@ -64,6 +64,7 @@ use clap::{Parser, Subcommand};
 use dbc::DbcArgs;
 use decode::DecodeArgs;
 use emulate::EmuArgs;
+use live::{GetArgs, LiveArgs, ParamsArgs, RecordArgs, SetArgs};
 use pty::PtyArgs;
 use record::{CsvArgs, ReportArgs};
 use run::RunArgs;
@@ -90,6 +91,16 @@ enum Command {
     Run(RunArgs),
     /// Runs the firmware itself, on an emulated chip
     Emu(EmuArgs),
+    /// Shows the robot while it runs: plots, gains, stop and record, on a page in the browser
+    Live(LiveArgs),
+    /// Lists the gains, limits and parameters of the robot that runs
+    Params(ParamsArgs),
+    /// Prints parameters of the robot that runs
+    Get(GetArgs),
+    /// Changes parameters of the robot that runs, until power-off
+    Set(SetArgs),
+    /// Records the robot that runs
+    Record(RecordArgs),
     /// Makes the report of a record, or of captures of the robot's buses
     Report(ReportArgs),
     /// Writes a record as CSV files
@@ -165,6 +176,11 @@ impl CommandLine {
         Ok(match self.0 {
             Command::Run(args) => strict(args.strict, run::run(&args, robot, out)?),
             Command::Emu(args) => strict(args.strict, emulate::emulate(&args, robot, out)?),
+            Command::Live(args) => live::live(&args, robot, out).map(|()| 0)?,
+            Command::Params(args) => live::params(&args, robot, out).map(|()| 0)?,
+            Command::Get(args) => live::get(&args, robot, out).map(|()| 0)?,
+            Command::Set(args) => live::set(&args, robot, out).map(|()| 0)?,
+            Command::Record(args) => live::record(&args, robot, out).map(|()| 0)?,
             Command::Report(args) => strict(args.strict, record::report(&args, robot, out)?),
             Command::Csv(args) => record::csv(&args, out).map(|()| 0)?,
             Command::Decode(args) => {

@@ -1,7 +1,28 @@
-//! `rc10 live` and its like: a robot that runs, watched and tuned.
+//! `rc10 live` and its like: a robot that runs, watched, tuned and recorded.
+//!
+//! * [`Client`]: the PC's end of a link, without the port. [`Session`]: with it.
+//! * [`SourceArgs`]: where the robot is. [`wire`]: a simulated console.
+//! * [`plan`]: what is watched how often. [`LiveRecord`]: a record of it.
+//! * [`Pages`]: a web server for this PC alone; [`History`]: the values on its pages.
 
 mod client;
+mod commands;
+mod history;
+mod page;
+mod plan;
+mod record;
+mod server;
+mod session;
+mod source;
 pub mod wire;
 
 pub use client::{Answer, Client, Losses, Parameter, Sample, Signal};
+pub use commands::{GetArgs, ParamsArgs, RecordArgs, SetArgs, get, params, record, set};
+pub use history::History;
+pub use page::{LiveArgs, live};
+pub use plan::{Topic, plan, watch};
 pub use rc10_link::Action;
+pub use record::LiveRecord;
+pub use server::{Pages, Shown, Wish};
+pub use session::{Session, full_name};
+pub use source::{Source, SourceArgs, Way};

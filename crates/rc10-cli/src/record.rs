@@ -43,15 +43,85 @@ pub(crate) const END: &str = "rc10-end";
 /// Bytes before the fields of a message: CDR, little endian.
 pub(crate) const CDR: [u8; 4] = [0, 1, 0, 0];
 
-/// Writes a record. The file is there when it is finished, whole, and not before.
+/// Writes what was seen in a run as a record.
 pub struct RecordWriter {
+    file: RecordFile,
+    topics: Topics,
+}
+
+/// A record that is being written. The file is there when it is finished, whole, and not before.
+pub(crate) struct RecordFile {
     path: PathBuf,
     // Closed before it is removed.
     file: Writer<BufWriter<File>>,
     beside: Unfinished,
-    topics: Topics,
     count: u32,
     bytes: Vec<u8>,
+}
+
+impl RecordFile {
+    /// Begins a record that will be at `path`; `head` are its metadata, but for the version.
+    ///
+    /// # Errors
+    /// If no file can be written there.
+    pub(crate) fn new(path: &Path, mut head: BTreeMap<String, String>) -> Result<Self> {
+        ensure!(!path.is_dir(), "cannot write {}: it is a folder", path.display());
+        let cannot = || format!("cannot write {}", path.display());
+        let beside = Unfinished(beside(path));
+        let file = File::create(&beside.0).with_context(cannot)?;
+        let options = WriteOptions::new().compression(None).profile("ros2").library("rc10");
+        let mut file = options.create(BufWriter::new(file)).with_context(cannot)?;
+        head.insert("version".to_owned(), VERSION.to_owned());
+        file.write_metadata(&metadata(LAYOUT, head)).with_context(cannot)?;
+        Ok(Self { path: path.into(), file, beside, count: 0, bytes: Vec::new() })
+    }
+
+    /// Declares a channel of numbers, with a schema of its own.
+    pub(crate) fn channel(
+        &mut self,
+        name: &str,
+        schema: &str,
+        topic: &str,
+        map: &BTreeMap<String, String>,
+    ) -> Result<u16> {
+        let id = self.file.add_schema(name, "ros2msg", schema.as_bytes())?;
+        Ok(self.file.add_channel(id, topic, "cdr", map)?)
+    }
+
+    /// Writes a message of numbers.
+    pub(crate) fn put(
+        &mut self,
+        channel_id: u16,
+        now: Micros,
+        values: impl Iterator<Item = f64>,
+    ) -> Result<()> {
+        self.bytes.clear();
+        self.bytes.extend(CDR);
+        values.for_each(|value| self.bytes.extend(value.to_le_bytes()));
+        self.put_bytes(channel_id, now)
+    }
+
+    fn put_bytes(&mut self, channel_id: u16, now: Micros) -> Result<()> {
+        self.count = self.count.wrapping_add(1);
+        let time = now.get() * 1000;
+        let header =
+            MessageHeader { channel_id, sequence: self.count, log_time: time, publish_time: time };
+        let cannot = || format!("cannot write {}", self.path.display());
+        self.file.write_to_known_channel(&header, &self.bytes).with_context(cannot)
+    }
+
+    /// Ends it, and puts the file in its place; `end` are the metadata of its end.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(crate) fn finish(self, end: BTreeMap<String, String>) -> Result<()> {
+        let Self { path, mut file, beside, .. } = self;
+        let cannot = || format!("cannot write {}", path.display());
+        file.write_metadata(&metadata(END, end)).with_context(cannot)?;
+        file.finish().with_context(cannot)?;
+        file.into_inner().into_inner().map_err(|error| error.into_error()).with_context(cannot)?;
+        fs::rename(&beside.0, &path).with_context(cannot)
+    }
 }
 
 /// A file that is removed unless it was moved away.
@@ -119,29 +189,16 @@ fn schema<T>(fields: &[&[Field<T>]]) -> String {
     text
 }
 
-/// The bytes of a message.
-fn pack<T>(fields: &[&[Field<T>]], it: &T, bytes: &mut Vec<u8>) {
-    bytes.clear();
-    bytes.extend(CDR);
-    let values = fields.iter().copied().flatten().map(|field| (field.get)(it));
-    values.for_each(|value| bytes.extend(value.to_le_bytes()));
-}
-
 impl RecordWriter {
     /// Begins a record that will be at `path`.
     ///
     /// # Errors
     /// If no file can be written there.
     pub fn new(path: &Path, heading: &Heading<'_>) -> Result<Self> {
-        ensure!(!path.is_dir(), "cannot write {}: it is a folder", path.display());
+        let mut file = RecordFile::new(path, heading_of(heading))?;
         let cannot = || format!("cannot write {}", path.display());
-        let beside = Unfinished(beside(path));
-        let file = File::create(&beside.0).with_context(cannot)?;
-        let options = WriteOptions::new().compression(None).profile("ros2").library("rc10");
-        let mut file = options.create(BufWriter::new(file)).with_context(cannot)?;
-        file.write_metadata(&metadata(LAYOUT, heading_of(heading))).with_context(cannot)?;
-        let topics = Topics::new(&mut file, heading).with_context(cannot)?;
-        Ok(Self { path: path.into(), file, beside, topics, count: 0, bytes: Vec::new() })
+        let topics = Topics::new(&mut file.file, heading).with_context(cannot)?;
+        Ok(Self { file, topics })
     }
 
     /// Writes the robot's own signals.
@@ -202,17 +259,8 @@ impl RecordWriter {
         fields: &[&[Field<T>]],
         it: &T,
     ) -> Result<()> {
-        pack(fields, it, &mut self.bytes);
-        self.put(channel_id, now)
-    }
-
-    fn put(&mut self, channel_id: u16, now: Micros) -> Result<()> {
-        self.count = self.count.wrapping_add(1);
-        let time = now.get() * 1000;
-        let header =
-            MessageHeader { channel_id, sequence: self.count, log_time: time, publish_time: time };
-        let cannot = || format!("cannot write {}", self.path.display());
-        self.file.write_to_known_channel(&header, &self.bytes).with_context(cannot)
+        let values = fields.iter().copied().flatten().map(|field| (field.get)(it));
+        self.file.put(channel_id, now, values)
     }
 
     /// Ends the record, and puts the file in its place.
@@ -237,11 +285,12 @@ impl RecordWriter {
             self.write(self.topics.losses, loss.lost.from, LOSS, loss)?;
         }
         for event in events {
-            self.bytes.clear();
-            self.bytes.extend(CDR);
-            self.bytes.extend((event.label.len() as u32 + 1).to_le_bytes());
-            self.bytes.extend(event.label.bytes().chain([0]));
-            self.put(self.topics.events, event.at)?;
+            let bytes = &mut self.file.bytes;
+            bytes.clear();
+            bytes.extend(CDR);
+            bytes.extend((event.label.len() as u32 + 1).to_le_bytes());
+            bytes.extend(event.label.bytes().chain([0]));
+            self.file.put_bytes(self.topics.events, event.at)?;
         }
         let mut end = BTreeMap::from([("length_us".to_owned(), length.get().to_string())]);
         for (number, wire) in (1..).zip(wires) {
@@ -252,12 +301,7 @@ impl RecordWriter {
                 end.insert(format!("fault_{number}"), fault.text.to_owned());
             }
         }
-        let Self { path, mut file, beside, .. } = self;
-        let cannot = || format!("cannot write {}", path.display());
-        file.write_metadata(&metadata(END, end)).with_context(cannot)?;
-        file.finish().with_context(cannot)?;
-        file.into_inner().into_inner().map_err(|error| error.into_error()).with_context(cannot)?;
-        fs::rename(&beside.0, &path).with_context(cannot)
+        self.file.finish(end)
     }
 }
 
@@ -278,7 +322,6 @@ fn heading_of(heading: &Heading<'_>) -> BTreeMap<String, String> {
     let faults: Vec<_> = description.faults.iter().map(ToString::to_string).collect();
     let mistakes: Vec<_> = description.mistakes.iter().map(ToString::to_string).collect();
     let mut map = BTreeMap::from([
-        ("version".to_owned(), VERSION.to_owned()),
         ("seed".to_owned(), seed.to_string()),
         ("emulated".to_owned(), (*source == Source::Emulation).to_string()),
         ("faults".to_owned(), faults.join("\n")),

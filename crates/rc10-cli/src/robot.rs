@@ -258,6 +258,11 @@ impl<'r> Robot<'r> {
         a_second * LOG_LINE * length.get() / 1_000_000
     }
 
+    /// Whether it serves a PC.
+    pub(crate) const fn has_console(&self) -> bool {
+        self.console.is_some()
+    }
+
     /// Its description.
     #[must_use]
     pub const fn description(&self) -> &Description {

@@ -22,6 +22,13 @@ pub struct Field<T> {
     pub set: fn(&mut T, f64),
 }
 
+/// The names of a table's fields.
+pub(crate) fn names<T: 'static>(
+    table: &'static [&'static [Field<T>]],
+) -> impl Iterator<Item = &'static str> {
+    table.iter().copied().flatten().map(|field| field.name)
+}
+
 /// A value that stands in a field.
 pub trait Number: Copy {
     /// As a number; NaN if there is none.

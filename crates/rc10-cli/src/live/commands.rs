@@ -1,0 +1,204 @@
+//! `rc10 params`, `rc10 get`, `rc10 set` and `rc10 record`.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::Args;
+use rc10_can::Micros;
+
+use super::plan::{plan, watch};
+use super::record::LiveRecord;
+use super::session::{Session, full_name};
+use super::source::SourceArgs;
+use crate::robot::Robot;
+use crate::run::seconds;
+
+/// Arguments of `rc10 params`.
+#[derive(Args, Debug)]
+pub struct ParamsArgs {
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its fields say it")]
+    pub source: SourceArgs,
+    /// Only those that are not as they were at power-on, as lines for the robot's table
+    #[arg(long)]
+    pub rust: bool,
+}
+
+/// Arguments of `rc10 get`.
+#[derive(Args, Debug)]
+pub struct GetArgs {
+    /// Names of parameters, as rc10 params has them
+    #[arg(required = true, value_name = "NAME")]
+    pub names: Vec<String>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its fields say it")]
+    pub source: SourceArgs,
+}
+
+/// Arguments of `rc10 set`.
+#[derive(Args, Debug)]
+pub struct SetArgs {
+    /// Changes, made together or not at all
+    #[arg(required = true, value_name = "NAME=VALUE")]
+    pub changes: Vec<String>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its fields say it")]
+    pub source: SourceArgs,
+}
+
+/// Arguments of `rc10 record`.
+#[derive(Args, Debug)]
+pub struct RecordArgs {
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its fields say it")]
+    pub source: SourceArgs,
+    /// Seconds to record [default: until Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub seconds: Option<Micros>,
+    /// From one sample of the motors to the next, ms
+    #[arg(long, value_name = "MS", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub period: u16,
+    /// The file
+    #[arg(short, long, value_name = "FILE.mcap")]
+    pub output: PathBuf,
+}
+
+/// Lists the robot's parameters.
+///
+/// # Errors
+/// If there is no robot.
+pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let mut session = Session::new(args.source.open(robot, false)?);
+    session.meet()?;
+    if args.rust {
+        let changed =
+            session.client.parameters().filter(|it| it.value.to_bits() != it.initial.to_bits());
+        for it in changed {
+            writeln!(out, "// {}: {} at power-on", full_name(it), it.initial)?;
+            writeln!(out, "{}: {:?},", it.name.rsplit('_').next().unwrap_or(&it.name), it.value)?;
+        }
+        return Ok(());
+    }
+    for it in session.client.parameters() {
+        let [least, most] = it.range;
+        let initial = match it.value.to_bits() == it.initial.to_bits() {
+            true => String::new(),
+            false => format!(", {} at power-on", it.initial),
+        };
+        let unit = if it.unit.is_empty() { "" } else { &format!(" {}", it.unit) };
+        writeln!(out, "{} = {}{unit}  ({least} to {most}{initial})", full_name(it), it.value)?;
+    }
+    Ok(())
+}
+
+/// Prints the values of parameters, one a line.
+///
+/// # Errors
+/// If there is no robot, or no such parameter.
+pub fn get(args: &GetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let mut session = Session::new(args.source.open(robot, false)?);
+    session.meet()?;
+    for name in &args.names {
+        writeln!(out, "{}", session.parameter(name)?.value)?;
+    }
+    Ok(())
+}
+
+/// Changes parameters: all of them or none.
+///
+/// # Errors
+/// If there is no robot, no such parameter, or the robot refuses.
+pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let mut wanted = Vec::new();
+    for change in &args.changes {
+        let (name, value) = change
+            .split_once('=')
+            .with_context(|| format!("`{change}`: it is to be NAME=VALUE"))?;
+        let value: f32 =
+            value.parse().with_context(|| format!("`{change}`: `{value}` is no number"))?;
+        wanted.push((name, value));
+    }
+    let mut session = Session::new(args.source.open(robot, false)?);
+    session.meet()?;
+    let mut changes = Vec::new();
+    for (name, value) in wanted {
+        changes.push((session.parameter(name)?, value));
+    }
+    let numbers: Vec<_> = changes.iter().map(|(it, value)| (it.index, *value)).collect();
+    session.set(&numbers)?;
+    for (before, value) in changes {
+        writeln!(out, "{} = {value}, before {}", full_name(&before), before.value)?;
+    }
+    Ok(())
+}
+
+/// Records a robot.
+///
+/// # Errors
+/// If there is no robot, or the file cannot be written.
+pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let description = robot.description().clone();
+    let stop = stop()?;
+    let mut session = Session::new(args.source.open(robot, false)?);
+    session.meet()?;
+    let (topics, left) = plan(&session.client);
+    if let Some(first) = left.first() {
+        eprintln!(
+            "rc10: {} signals have no room and are not recorded, such as {}",
+            left.len(),
+            first.name
+        );
+    }
+    ensure!(!topics.is_empty(), "the robot has no signals");
+    let mut record = LiveRecord::new(&args.output, &topics, &description)?;
+    watch(&mut session.client, &topics, args.period);
+    let (mut was_up, begin) = (true, session.now());
+    while !stop.load(std::sync::atomic::Ordering::Relaxed) {
+        session.step()?;
+        for sample in session.client.take_samples() {
+            record.take(&sample)?;
+        }
+        let trouble = session.trouble();
+        if was_up != trouble.is_none() {
+            was_up = trouble.is_none();
+            eprintln!("rc10: {}", trouble.unwrap_or_else(|| "the robot is back".into()));
+        }
+        let length = record.length();
+        if args.seconds.is_some_and(|wanted| length >= wanted) {
+            break;
+        }
+        if length == Micros::ZERO && session.now().since(begin) > Micros::from_millis(5000) {
+            bail!("nothing to record came in 5 s");
+        }
+    }
+    let (length, samples) = (record.length().get() as f64 * 1e-6, record.samples);
+    record.finish()?;
+    let losses = session.client.losses();
+    writeln!(
+        out,
+        "{length} s, {samples} samples of {} topics: {}",
+        topics.len(),
+        args.output.display()
+    )?;
+    for (count, what) in [
+        (losses.samples, "samples were lost on the way"),
+        (losses.skipped, "samples the line was too slow for: try a longer --period"),
+        (losses.damaged, "frames were damaged"),
+    ] {
+        if count > 0 {
+            writeln!(out, "{count} {what}")?;
+        }
+    }
+    Ok(())
+}
+
+/// Set by Ctrl-C.
+pub(super) fn stop() -> Result<std::sync::Arc<std::sync::atomic::AtomicBool>> {
+    let stop = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
+    #[cfg(unix)]
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, std::sync::Arc::clone(&stop))?;
+    }
+    Ok(stop)
+}

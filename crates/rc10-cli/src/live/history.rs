@@ -1,0 +1,125 @@
+//! The values of signals over the last minutes, and fewer points of them that look the same.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use rc10_can::Micros;
+
+/// Values of one signal that are kept.
+const KEPT: usize = 200_000;
+/// Values of all signals that are kept: some 240 MB.
+const KEPT_IN_ALL: usize = 20_000_000;
+
+/// The values of signals, newest last.
+#[derive(Default)]
+pub struct History {
+    series: BTreeMap<u16, VecDeque<(Micros, f32)>>,
+    count: usize,
+}
+
+/// Points that stand for the values in one column of pixels, at most: where they begin, their lowest and
+/// highest, where they end.
+pub const POINTS: usize = 4;
+
+impl History {
+    /// Adds a value; one that is not newer than the newest is known already.
+    pub fn push(&mut self, signal: u16, at: Micros, value: f32) {
+        let series = self.series.entry(signal).or_default();
+        if series.back().is_some_and(|(newest, _)| *newest >= at) {
+            return;
+        }
+        series.push_back((at, value));
+        self.count += 1;
+        let limit = KEPT.min(KEPT_IN_ALL / self.series.len().max(1));
+        let series = self.series.entry(signal).or_default();
+        while series.len() > limit {
+            series.pop_front();
+            self.count -= 1;
+        }
+    }
+
+    /// Forgets everything: the robot was restarted, or is another one.
+    pub fn clear(&mut self) {
+        *self = Self::default();
+    }
+
+    /// The newest value.
+    #[must_use]
+    pub fn newest(&self, signal: u16) -> Option<(Micros, f32)> {
+        self.series.get(&signal)?.back().copied()
+    }
+
+    /// The points of a signal in a span of time that is so many columns wide: at most [`POINTS`] in each,
+    /// in the order of time. NaN is kept as a gap.
+    #[must_use]
+    pub fn points(&self, signal: u16, span: [Micros; 2], columns: u32) -> Vec<(Micros, f32)> {
+        let [from, to] = span;
+        let Some(series) = self.series.get(&signal) else { return Vec::new() };
+        // One before and one behind, so that lines reach the edges.
+        let first = series.partition_point(|(at, _)| *at < from).saturating_sub(1);
+        let last = (series.partition_point(|(at, _)| *at <= to) + 1).min(series.len());
+        let width = (to.since(from).get() / u64::from(columns.max(1))).max(1);
+        let column = |at: Micros| at.get() / width;
+        let mut points = Vec::new();
+        let mut some: Vec<(Micros, f32)> = Vec::new();
+        for &value in series.range(first..last) {
+            if some.first().is_some_and(|begin| column(begin.0) != column(value.0)) {
+                thin(&mut some, &mut points);
+            }
+            some.push(value);
+        }
+        thin(&mut some, &mut points);
+        points
+    }
+}
+
+/// Moves the points that stand for some values.
+fn thin(some: &mut Vec<(Micros, f32)>, points: &mut Vec<(Micros, f32)>) {
+    if some.len() <= POINTS {
+        points.append(some);
+        return;
+    }
+    let known = || some.iter().enumerate().filter(|(_, value)| !value.1.is_nan());
+    let lowest = known().min_by(|a, b| a.1.1.total_cmp(&b.1.1)).map(|(at, _)| at);
+    let highest = known().max_by(|a, b| a.1.1.total_cmp(&b.1.1)).map(|(at, _)| at);
+    let mut kept: Vec<_> =
+        [Some(0), lowest, highest, Some(some.len() - 1)].into_iter().flatten().collect();
+    kept.sort_unstable();
+    kept.dedup();
+    points.extend(kept.into_iter().map(|at| some[at]));
+    some.clear();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_points_keep_every_peak() {
+        let mut history = History::default();
+        for at in 0..100_000 {
+            let value = if at == 54_321 { 99.0 } else { (at % 7) as f32 };
+            history.push(3, Micros::new(1000 * at), value);
+        }
+        let span = [Micros::ZERO, Micros::from_millis(100_000)];
+        let points = history.points(3, span, 500);
+        assert!(points.len() <= POINTS * 501, "{}", points.len());
+        let peak = points.iter().map(|point| point.1).fold(f32::MIN, f32::max);
+        assert!((peak - 99.0).abs() < 1e-6, "{peak}");
+        assert!(points.windows(2).all(|two| two[0].0 < two[1].0));
+        // A column that is narrower than the values loses none.
+        let span = [Micros::from_millis(10), Micros::from_millis(20)];
+        assert_eq!(history.points(3, span, 500).len(), 13);
+        assert!(history.points(4, span, 500).is_empty());
+    }
+
+    #[test]
+    fn what_is_known_is_not_taken_twice_and_not_kept_for_ever() {
+        let mut history = History::default();
+        for at in 0..KEPT as u64 + 10 {
+            history.push(1, Micros::new(at), 1.0);
+            history.push(1, Micros::new(at), 2.0);
+        }
+        assert_eq!(history.newest(1), Some((Micros::new(KEPT as u64 + 9), 1.0)));
+        assert_eq!(history.count, KEPT);
+    }
+}

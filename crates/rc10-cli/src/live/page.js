@@ -1,0 +1,345 @@
+'use strict';
+const $ = (id) => document.getElementById(id);
+const COLOURS = ['#1565c0', '#e65100', '#2e7d32', '#6a1b9a', '#c62828', '#00838f', '#9e9d24', '#4e342e', '#ad1457', '#37474f'];
+const SHADES = ['#cfd8dc', '#a5d6a7', '#ffcc80', '#ef9a9a', '#90caf9', '#ce93d8', '#fff59d', '#bcaaa4'];
+let state = { signals: [], parameters: [], losses: {} };
+let chosen = new Set();
+let span = 10;          // seconds in the window
+let end = null;         // its end, µs; null: the newest
+let data = new Map();   // signal -> { times, values }, seconds from `from`
+let from = 0;
+let cursor = null;      // seconds from `from`
+let undo = [];
+let begun = false;
+
+const post = async (wish) => {
+  const response = await fetch('/wish', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(wish) });
+  const answer = await response.json();
+  if (answer.refused !== undefined) throw new Error(answer.refused);
+  return answer.ok;
+};
+const say = (id, text) => { $(id).textContent = text || ''; $(id).hidden = !text; };
+const attempt = (wish) => post(wish).then((it) => { say('refused', ''); return it; }, (error) => { say('refused', String(error.message || error)); throw error; });
+const number = (value) => value === null || value === undefined || Number.isNaN(value) ? '–'
+  : Math.abs(value) >= 1e5 || (value !== 0 && Math.abs(value) < 1e-3) ? value.toExponential(2) : String(+value.toFixed(3));
+const cell = (row, text, kind) => { const it = row.insertCell(); it.textContent = text; if (kind) it.className = kind; return it; };
+const value = (label, name) => { const it = state.signals.find((it) => it.label === label && it.name === name); return it ? it.value : null; };
+const named = (label, name) => { const it = state.signals.find((it) => it.label === label && it.name === name); return it && it.value !== null ? it.states[it.value] || '?' : '–'; };
+const labels = (folder) => [...new Set(state.signals.filter((it) => it.folder === folder).map((it) => it.label))];
+const keep = () => { try { localStorage.setItem('rc10', JSON.stringify({ chosen: [...chosen].map(key), span })); } catch { /* private window */ } };
+const key = (index) => { const it = state.signals.find((it) => it.index === index); return it ? it.folder + '/' + it.label + '/' + it.name : ''; };
+
+// The first look: what is remembered of the last time, or the first motor.
+function begin() {
+  begun = true;
+  let known = {};
+  try { known = JSON.parse(localStorage.getItem('rc10')) || {}; } catch { /* private window */ }
+  const wanted = new Set(known.chosen || []);
+  if (known.span) { span = known.span; $('window').value = String(span); }
+  for (const it of state.signals) if (wanted.has(key(it.index))) chosen.add(it.index);
+  const [motor] = labels('motors');
+  if (!chosen.size) for (const it of state.signals) {
+    const first = it.label === motor && ['target', 'measured', 'current'].includes(it.name);
+    if (first || (it.folder === 'motors' && it.name === 'drive') || it.name === 'arm') chosen.add(it.index);
+  }
+  tree(); watch();
+}
+
+function tree() {
+  const wanted = $('search').value.toLowerCase();
+  const open = new Set([...document.querySelectorAll('#tree details[open]')].map((it) => it.dataset.label));
+  const groups = new Map();
+  for (const it of state.signals) {
+    const label = it.label ? (it.folder === 'motors' || it.folder === 'signals' ? it.label : it.folder.replace(/e?s$/, '') + ' ' + it.label) : it.folder;
+    if (!(label + ' ' + it.name).toLowerCase().includes(wanted)) continue;
+    if (!groups.has(label)) groups.set(label, []);
+    groups.get(label).push(it);
+  }
+  $('tree').replaceChildren(...[...groups].map(([label, all]) => {
+    const details = document.createElement('details');
+    details.dataset.label = label;
+    details.open = wanted !== '' || open.has(label);
+    const summary = details.appendChild(document.createElement('summary'));
+    summary.textContent = label;
+    for (const it of all) {
+      const line = details.appendChild(document.createElement('label'));
+      const box = line.appendChild(document.createElement('input'));
+      box.type = 'checkbox'; box.checked = chosen.has(it.index); box.dataset.signal = it.index;
+      box.onchange = () => { box.checked ? chosen.add(it.index) : chosen.delete(it.index); watch(); keep(); };
+      line.append(' ' + it.name + (it.unit ? ', ' + it.unit : ''));
+    }
+    return details;
+  }));
+}
+
+const watch = () => post({ watch: [...chosen], period: +$('period').value }).catch(() => {});
+
+// Problems that can be seen at this moment.
+function problems() {
+  const found = [];
+  if (state.trouble) found.push(state.trouble);
+  for (const label of labels('motors')) {
+    const link = named(label, 'link'), fault = value(label, 'fault'), condition = named(label, 'condition');
+    if (link === 'Lost') found.push(label + ' is not heard any more');
+    if (link === 'NeverSeen') found.push(label + ' was never heard: power, cable, identifier?');
+    if (fault !== null) found.push(label + ' reports fault ' + fault);
+    if (link === 'Online' && !['Ready', 'Starting', '–'].includes(condition)) found.push(label + ': ' + condition);
+    if (value(label, 'turn_gaps') > 0) found.push(label + ': turns were estimated ' + value(label, 'turn_gaps') + ' times');
+  }
+  for (const label of labels('buses')) {
+    const errors = named(label, 'state');
+    if (errors !== 'Active' && errors !== '–') found.push('bus ' + label + ' is ' + errors);
+    for (const [name, what] of [['overruns', 'ticks missed'], ['receive_lost', 'frames lost'], ['bus_offs', 'times bus-off'], ['stalls', 'times stalled']])
+      if (value(label, name) > 0) found.push('bus ' + label + ': ' + value(label, name) + ' ' + what);
+  }
+  if (['Interrupted', 'Lost'].includes(named('', 'remote'))) found.push('the remote control is not heard');
+  return found;
+}
+
+function tables() {
+  const motors = $('motors'); motors.replaceChildren();
+  let row = motors.insertRow();
+  for (const head of ['motor', 'link', 'drive', 'target', 'measured', 'A', '°C', '']) { const th = document.createElement('th'); th.textContent = head; row.append(th); }
+  labels('motors').forEach((label, motor) => {
+    row = motors.insertRow(); row.dataset.motor = label;
+    cell(row, label);
+    const link = named(label, 'link'); cell(row, link, link === 'Online' ? '' : 'bad');
+    cell(row, named(label, 'drive'));
+    for (const name of ['target', 'measured', 'current', 'temperature']) cell(row, number(value(label, name)));
+    const buttons = cell(row, '');
+    for (const [text, action, title] of [['0', 'zero', 'The angle now is zero'], ['✓', 'clear', 'Clear the fault']]) {
+      const button = buttons.appendChild(document.createElement('button'));
+      button.textContent = text; button.title = title; button.style.padding = '0 6px';
+      button.onclick = () => attempt({ do: action, motor }).catch(() => {});
+    }
+  });
+  const buses = $('buses'); buses.replaceChildren();
+  row = buses.insertRow();
+  for (const head of ['bus', 'state', 'planned %', 'received', 'missed', 'lost', 'longest tick, µs']) { const th = document.createElement('th'); th.textContent = head; row.append(th); }
+  for (const label of labels('buses')) {
+    row = buses.insertRow();
+    cell(row, label);
+    const errors = named(label, 'state'); cell(row, errors, errors === 'Active' ? '' : 'bad');
+    for (const name of ['planned_typical', 'received', 'overruns', 'receive_lost', 'execution_max']) cell(row, number(value(label, name)));
+  }
+  const list = problems();
+  $('problems').replaceChildren(...(list.length ? list : ['none']).map((text) => {
+    const li = document.createElement('li'); li.textContent = text; if (!list.length) li.className = 'none'; return li;
+  }));
+}
+
+// Rows stay where they are, so that one may type while values change.
+function parameters() {
+  const table = $('parameters'), wanted = $('find').value.toLowerCase();
+  const rows = new Map([...table.rows].map((row) => [row.dataset.parameter, row]));
+  for (const it of state.parameters) {
+    let row = rows.get(it.full);
+    if (!row) {
+      row = table.insertRow(); row.dataset.parameter = it.full;
+      cell(row, it.label + (it.name === 'value' ? '' : ' ' + it.name));
+      const input = cell(row, '').appendChild(document.createElement('input'));
+      input.setAttribute('aria-label', it.full);
+      input.onkeydown = (event) => { if (event.key === 'Enter') input.blur(); if (event.key === 'Escape') { input.value = input.dataset.value; input.blur(); } };
+      input.onchange = () => change(it.full, input);
+      cell(row, it.unit, 'unit');
+    }
+    rows.delete(it.full);
+    row.hidden = !it.full.toLowerCase().includes(wanted);
+    row.className = it.value !== it.initial ? 'changed' : '';
+    row.title = it.range[0] + ' to ' + it.range[1] + ', ' + it.initial + ' at power-on';
+    const input = row.cells[1].firstChild;
+    input.dataset.value = String(+it.value.toPrecision(7));
+    if (document.activeElement !== input) input.value = input.dataset.value;
+  }
+  for (const row of rows.values()) row.remove();
+}
+
+async function change(full, input) {
+  const it = state.parameters.find((it) => it.full === full), wanted = Number(input.value);
+  if (!it || input.value.trim() === '' || Number.isNaN(wanted)) { say('refused', '“' + input.value + '” is no number'); input.value = input.dataset.value; return; }
+  try {
+    await attempt({ set: [[it.index, wanted]] });
+    undo.push([it.full, it.value]); $('undo').disabled = false;
+  } catch { input.value = input.dataset.value; }
+}
+$('undo').onclick = async () => {
+  const last = undo.pop(); $('undo').disabled = !undo.length;
+  const it = last && state.parameters.find((it) => it.full === last[0]);
+  if (it) await attempt({ set: [[it.index, last[1]]] }).catch(() => {});
+};
+
+async function refresh() {
+  try {
+    state = await (await fetch('/state')).json();
+    $('trouble').textContent = state.trouble || '';
+  } catch { $('trouble').textContent = 'rc10 live has ended'; setTimeout(refresh, 1000); return; }
+  $('name').textContent = state.name;
+  say('note', state.note);
+  const arm = named('', 'arm');
+  $('arm').textContent = arm; $('arm').className = 'pill ' + arm;
+  $('record').textContent = state.record ? '■ ' + state.record.seconds.toFixed(0) + ' s' : '● Record';
+  $('record').className = state.record ? 'on' : '';
+  const losses = [['samples', 'samples lost on the way'], ['skipped', 'samples the line was too slow for'], ['damaged', 'damaged frames'], ['unknown', 'messages not understood'], ['left', 'signals without room']];
+  $('losses').textContent = losses.filter(([name]) => state.losses[name] > 0).map(([name, what]) => state.losses[name] + ' ' + what).join(' · ');
+  if (state.whole && !begun) begin();
+  tables(); parameters();
+  setTimeout(refresh, 200);
+}
+
+async function fetchData() {
+  const paused = end !== null, to = paused ? end : state.now || 0;
+  from = Math.max(0, Math.round(to - span * 1e6));
+  const signals = [...chosen], columns = Math.max(100, $('plots').clientWidth - 80);
+  try {
+    const answer = await fetch('/data?signals=' + signals.join(',') + '&from=' + from + '&to=' + Math.round(to) + '&columns=' + columns);
+    const view = new DataView(await answer.arrayBuffer());
+    let at = 8; const news = new Map();
+    for (const signal of signals) {
+      const count = view.getUint32(at, true); at += 4;
+      const times = new Float32Array(count), values = new Float32Array(count);
+      for (let i = 0; i < count; i += 1, at += 8) { times[i] = view.getFloat32(at, true); values[i] = view.getFloat32(at + 4, true); }
+      news.set(signal, { times, values });
+    }
+    data = news;
+    draw();
+  } catch { /* The next one is a new chance. */ }
+  setTimeout(fetchData, 60);
+}
+
+// One plot for each unit, one lane for each state.
+function draw() {
+  const plots = new Map();
+  for (const it of state.signals) if (chosen.has(it.index)) {
+    const of = it.states.length ? 'states' : it.unit || 'number';
+    if (!plots.has(of)) plots.set(of, []);
+    plots.get(of).push(it);
+  }
+  const have = new Map([...$('plots').children].map((it) => [it.dataset.unit, it]));
+  for (const [unit, signals] of plots) {
+    let plot = have.get(unit);
+    if (!plot) {
+      plot = $('plots').appendChild(document.createElement('div'));
+      plot.className = 'plot'; plot.dataset.unit = unit;
+      plot.append(document.createElement('div'), document.createElement('canvas'));
+      plot.firstChild.className = 'legend';
+      listen(plot.lastChild);
+    }
+    have.delete(unit);
+    unit === 'states' ? lanes(plot, signals) : lines(plot, unit, signals);
+  }
+  for (const plot of have.values()) plot.remove();
+}
+
+const LEFT = 56, RIGHT = 8;
+function canvas(plot, height) {
+  const it = plot.lastChild, scale = window.devicePixelRatio || 1, width = it.clientWidth;
+  if (it.width !== Math.round(width * scale) || it.height !== Math.round(height * scale)) { it.width = Math.round(width * scale); it.height = Math.round(height * scale); it.style.height = height + 'px'; }
+  const g = it.getContext('2d');
+  g.setTransform(scale, 0, 0, scale, 0, 0); g.clearRect(0, 0, width, height); g.font = '11px system-ui';
+  return [g, width];
+}
+const at = (series, seconds) => {
+  if (!series || !series.times.length) return NaN;
+  let low = 0, high = series.times.length - 1;
+  while (low < high) { const middle = (low + high + 1) >> 1; if (series.times[middle] <= seconds) low = middle; else high = middle - 1; }
+  return series.values[low];
+};
+const step = (range) => { const raw = range / 5, power = 10 ** Math.floor(Math.log10(raw)), part = raw / power; return power * (part < 1.5 ? 1 : part < 3.5 ? 2 : part < 7.5 ? 5 : 10); };
+
+function legend(plot, title, entries) {
+  plot.firstChild.replaceChildren(Object.assign(document.createElement('span'), { textContent: title, className: 'unit' }), ...entries.map(([colour, name, text]) => {
+    const line = document.createElement('span'), i = document.createElement('i'), b = document.createElement('b');
+    i.style.background = colour; b.textContent = text; line.append(i, name + ' ', b); return line;
+  }));
+}
+
+function lines(plot, unit, signals) {
+  const height = 190, [g, width] = canvas(plot, height), bottom = height - 18;
+  let low = Infinity, high = -Infinity;
+  for (const it of signals) for (const value of (data.get(it.index) || { values: [] }).values) if (Number.isFinite(value)) { low = Math.min(low, value); high = Math.max(high, value); }
+  if (low > high) { low = -1; high = 1; }
+  const margin = (high - low) * 0.06 || Math.abs(high) * 0.1 || 1; low -= margin; high += margin;
+  const x = (seconds) => LEFT + seconds / span * (width - LEFT - RIGHT), y = (value) => bottom - (value - low) / (high - low) * (bottom - 6);
+  g.fillStyle = '#66717f'; g.strokeStyle = '#edf0f3'; g.lineWidth = 1;
+  const dy = step(high - low);
+  g.textAlign = 'right'; g.textBaseline = 'middle';
+  for (let value = Math.ceil(low / dy) * dy; value <= high; value += dy) { g.beginPath(); g.moveTo(LEFT, y(value)); g.lineTo(width - RIGHT, y(value)); g.stroke(); g.fillText(number(+value.toPrecision(6)), LEFT - 6, y(value)); }
+  axis(g, width, height, bottom, x);
+  signals.forEach((it, place) => {
+    const series = data.get(it.index); if (!series) return;
+    g.strokeStyle = COLOURS[place % COLOURS.length]; g.lineWidth = 1.5; g.setLineDash(it.name === 'target' ? [5, 4] : []); g.beginPath();
+    let pen = false;
+    for (let i = 0; i < series.times.length; i += 1) {
+      const value = series.values[i];
+      if (!Number.isFinite(value)) { pen = false; continue; }
+      pen ? g.lineTo(x(series.times[i]), y(value)) : g.moveTo(x(series.times[i]), y(value)); pen = true;
+    }
+    g.save(); g.beginPath; g.restore(); g.stroke(); g.setLineDash([]);
+  });
+  mark(g, x, 6, bottom);
+  legend(plot, unit, signals.map((it, place) => [COLOURS[place % COLOURS.length], (it.label + ' ' + it.name).trim(), number(at(data.get(it.index), cursor === null ? Infinity : cursor))]));
+}
+
+function lanes(plot, signals) {
+  const each = 16, height = signals.length * each + 22, [g, width] = canvas(plot, height), bottom = height - 18;
+  const wide = 130, x = (seconds) => wide + seconds / span * (width - wide - RIGHT);
+  signals.forEach((it, place) => {
+    const series = data.get(it.index), top = 2 + place * each;
+    g.fillStyle = '#1b2430'; g.textAlign = 'right'; g.textBaseline = 'middle';
+    g.fillText((it.label + ' ' + it.name).trim(), wide - 6, top + each / 2 - 1, wide - 10);
+    if (!series) return;
+    for (let i = 0; i < series.times.length; i += 1) {
+      const value = series.values[i]; if (!Number.isFinite(value)) continue;
+      let last = i; while (last + 1 < series.times.length && series.values[last + 1] === value) last += 1;
+      const begin = Math.max(wide, x(series.times[i])), stop = Math.min(width - RIGHT, x(last + 1 < series.times.length ? series.times[last + 1] : series.times[last]));
+      g.fillStyle = SHADES[value % SHADES.length]; g.fillRect(begin, top, Math.max(1, stop - begin), each - 3);
+      const name = it.states[value] || String(value);
+      if (stop - begin > 8 * name.length) { g.fillStyle = '#1b2430'; g.textAlign = 'left'; g.fillText(name, begin + 4, top + each / 2 - 1); }
+      i = last;
+    }
+  });
+  axis(g, width, height, bottom, x);
+  mark(g, x, 0, bottom);
+  legend(plot, 'states', cursor === null ? [] : signals.map((it) => ['transparent', (it.label + ' ' + it.name).trim(), it.states[at(data.get(it.index), cursor)] || '–']));
+}
+
+function axis(g, width, height, bottom, x) {
+  g.fillStyle = '#66717f'; g.strokeStyle = '#edf0f3'; g.textAlign = 'center'; g.textBaseline = 'alphabetic';
+  const dx = step(span), first = from * 1e-6;
+  for (let second = Math.ceil(first / dx) * dx; second <= first + span; second += dx) { const place = x(second - first); g.beginPath(); g.moveTo(place, 0); g.lineTo(place, bottom); g.stroke(); g.fillText(+second.toFixed(3) + ' s', place, height - 5); }
+}
+function mark(g, x, top, bottom) { if (cursor === null) return; g.strokeStyle = '#37474f'; g.lineWidth = 1; g.beginPath(); g.moveTo(x(cursor), top); g.lineTo(x(cursor), bottom); g.stroke(); }
+
+function listen(it) {
+  const left = () => it.parentNode.dataset.unit === 'states' ? 130 : LEFT, seconds = (event) => (event.offsetX - left()) / (it.clientWidth - left() - RIGHT) * span;
+  it.onmousemove = (event) => {
+    const now = seconds(event);
+    if (event.buttons & 1) { hold(); end -= event.movementX / (it.clientWidth - left() - RIGHT) * span * 1e6; } else cursor = now >= 0 && now <= span ? now : null;
+    draw();
+  };
+  it.onmouseleave = () => { cursor = null; draw(); };
+  it.onwheel = (event) => {
+    event.preventDefault();
+    const factor = event.deltaY > 0 ? 1.25 : 0.8, place = Math.min(1, Math.max(0, seconds(event) / span)), before = span;
+    span = Math.min(600, Math.max(0.02, span * factor));
+    if (end !== null) end += (span - before) * (1 - place) * 1e6;
+  };
+  it.ondblclick = go;
+}
+const hold = () => { if (end === null) { end = state.now; } $('pause').textContent = 'Newest'; };
+const go = () => { end = null; $('pause').textContent = 'Pause'; };
+$('pause').onclick = () => end === null ? hold() : go();
+
+for (const seconds of [1, 2, 5, 10, 30, 60, 120]) $('window').add(new Option(seconds + ' s', seconds, seconds === 10, seconds === 10));
+for (const period of [1, 2, 5, 10]) $('period').add(new Option(period + ' ms', period, period === 10, period === 10));
+$('window').onchange = () => { span = +$('window').value; keep(); };
+$('period').onchange = watch;
+$('search').oninput = tree; $('find').oninput = parameters;
+$('record').onclick = () => attempt({ record: !state.record }).catch(() => {});
+$('disarm').onclick = () => attempt({ do: 'disarm' }).catch(() => {});
+const stop = () => attempt({ do: 'stop' }).catch(() => {});
+$('stop').onclick = stop;
+// Before anything else on the page gets it: whatever has the focus, the space bar stops the robot.
+window.addEventListener('keydown', (event) => { if (event.code === 'Space') { event.preventDefault(); event.stopPropagation(); if (!event.repeat) stop(); } }, true);
+window.addEventListener('keyup', (event) => { if (event.code === 'Space') { event.preventDefault(); event.stopPropagation(); } }, true);
+refresh(); fetchData();

@@ -1,0 +1,268 @@
+//! `rc10 live`: a page in the browser that shows a robot while it runs.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+
+use anyhow::{Context, Result};
+use clap::Args;
+use rc10_can::Micros;
+use rc10_link::Action;
+use serde_json::{Value, json};
+
+use super::client::{Answer, Client};
+use super::commands::stop;
+use super::plan::{Topic, plan, watch};
+use super::record::LiveRecord;
+use super::server::{Asked, Pages, Wish, look};
+use super::session::{Session, full_name};
+use super::source::SourceArgs;
+use crate::description::Description;
+use crate::robot::Robot;
+use crate::run::seconds;
+
+/// Arguments of `rc10 live`.
+#[derive(Args, Debug)]
+pub struct LiveArgs {
+    /// The robot's serial port, or tcp:HOST:PORT; the same as --port
+    #[arg(value_name = "PORT", conflicts_with_all = ["port", "sim", "emu"])]
+    pub place: Option<String>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its fields say it")]
+    pub source: SourceArgs,
+    /// The page's port on this PC; 0 is any that is free
+    #[arg(long, value_name = "N", default_value_t = 8010)]
+    pub page: u16,
+    /// Folder for records
+    #[arg(long, value_name = "DIR", default_value = "target/rc10-live")]
+    pub out: PathBuf,
+    /// Ends after this many seconds of the robot's time [default: runs until Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub seconds: Option<Micros>,
+}
+
+/// From one sample of the motors to the next, ms, while a page asks for none faster.
+const OFTEN: u16 = 10;
+/// Wishes that wait for the robot's answer.
+type Waiting = (u16, std::sync::mpsc::Sender<Result<Value, String>>);
+
+/// Serves the page until Ctrl-C.
+///
+/// # Errors
+/// If there is no way to the robot, or the page cannot be served.
+pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
+    let description = robot.description().clone();
+    let mut source = args.source.clone();
+    source.port = source.port.or_else(|| args.place.clone());
+    let stop = stop()?;
+    let session = Session::new(source.open(robot, true)?);
+    let pages = Pages::serve(args.page)?;
+    writeln!(out, "live  {}\n{}; Ctrl-C ends it", pages.address, session.name())?;
+    out.flush()?;
+    let mut show = Show {
+        session,
+        pages,
+        folder: args.out.clone(),
+        description,
+        topics: Vec::new(),
+        left: 0,
+        record: None,
+        records: 0,
+        note: None,
+        waiting: Vec::new(),
+        chosen: (OFTEN, Vec::new()),
+        met: false,
+    };
+    while !stop.load(Ordering::Relaxed) {
+        show.step()?;
+        if args.seconds.is_some_and(|end| show.session.now() >= end) {
+            break;
+        }
+    }
+    if let Some((record, path)) = show.record.take() {
+        record.finish()?;
+        writeln!(out, "record  {}", path.display())?;
+    }
+    Ok(())
+}
+
+/// What is between the robot and the pages.
+struct Show<'r> {
+    session: Session<'r>,
+    pages: Pages,
+    folder: PathBuf,
+    description: Description,
+    topics: Vec<Topic>,
+    /// Signals for which there is no room.
+    left: usize,
+    record: Option<(LiveRecord, PathBuf)>,
+    records: u32,
+    /// What the page should say once.
+    note: Option<String>,
+    waiting: Vec<Waiting>,
+    /// The signals that a page shows, and how often.
+    chosen: (u16, Vec<u16>),
+    /// The robot has described itself, and is watched.
+    met: bool,
+}
+
+impl Show<'_> {
+    fn step(&mut self) -> Result<()> {
+        self.session.step()?;
+        let is_described = self.session.client.is_described();
+        if is_described && !self.met {
+            let (topics, left) = plan(&self.session.client);
+            if topics != self.topics {
+                (self.topics, self.left) = (topics, left.len());
+            }
+            watch(&mut self.session.client, &self.topics, OFTEN);
+            self.choose();
+        }
+        self.met = is_described;
+        let samples = self.session.client.take_samples();
+        if let Some((record, path)) = &mut self.record
+            && let Err(error) = samples.iter().try_for_each(|sample| record.take(sample))
+        {
+            self.note = Some(format!("the record {} has ended: {error:#}", path.display()));
+            self.record = None;
+        }
+        let state = self.state();
+        let mut shown = look(&self.pages.shown);
+        for sample in &samples {
+            if sample.at < shown.now && shown.now.since(sample.at) > Micros::from_millis(1000) {
+                // The robot was restarted.
+                shown.history.clear();
+                shown.now = Micros::ZERO;
+            }
+            shown.now = shown.now.max(sample.at);
+            for (signal, value) in &sample.values {
+                shown.history.push(*signal, sample.at, *value);
+            }
+        }
+        shown.state = state;
+        drop(shown);
+        while let Ok(asked) = self.pages.wishes.try_recv() {
+            self.grant(asked);
+        }
+        self.answer();
+        Ok(())
+    }
+
+    /// Tells pages what became of their wishes.
+    fn answer(&mut self) {
+        let client = &mut self.session.client;
+        self.waiting.retain(|(id, tell)| match client.answer(*id) {
+            None => true,
+            Some(answer) => {
+                // The page may have gone.
+                let _ = tell.send(match answer {
+                    Answer::Done => Ok(Value::Null),
+                    Answer::Register(value) => Ok(value.into()),
+                    Answer::Refused(why) => Err(why),
+                });
+                false
+            }
+        });
+        // Those whose pages have given up.
+        let most = self.waiting.len().saturating_sub(64);
+        self.waiting.drain(..most);
+    }
+
+    fn grant(&mut self, (wish, tell): Asked) {
+        let client = &mut self.session.client;
+        let id = match wish {
+            Wish::Watch(period, signals) => {
+                self.chosen = (period, signals);
+                let count = self.choose();
+                let _ = tell.send(Ok(count.into()));
+                return;
+            }
+            Wish::Record(on) => {
+                let _ = tell.send(self.switch_record(on).map_err(|error| format!("{error:#}")));
+                return;
+            }
+            Wish::Set(changes) => client.set(&changes),
+            Wish::Do(action, motor) => match action.as_str() {
+                "stop" => Some(client.act(Action::Stop)),
+                "disarm" => Some(client.act(Action::Disarm)),
+                "zero" => Some(client.act(Action::Zero(motor))),
+                "clear" => Some(client.act(Action::ClearFault(motor))),
+                _ => None,
+            },
+        };
+        match id {
+            Some(id) => self.waiting.push((id, tell)),
+            None => drop(tell.send(Err("that is not possible".into()))),
+        }
+    }
+
+    /// Watches what a page shows, if that is to be more often than everything is.
+    fn choose(&mut self) -> usize {
+        let (period, signals) = &self.chosen;
+        let period = (*period).max(1);
+        let signals: &[u16] = if period < OFTEN { signals } else { &[] };
+        self.session.client.watch(0, period, signals.iter().copied())
+    }
+
+    fn switch_record(&mut self, on: bool) -> Result<Value> {
+        if let Some((record, path)) = self.record.take() {
+            record.finish()?;
+            self.note = Some(format!("record: {}", path.display()));
+        }
+        if on {
+            std::fs::create_dir_all(&self.folder)
+                .with_context(|| format!("cannot make {}", self.folder.display()))?;
+            let path = loop {
+                self.records += 1;
+                let path = self.folder.join(format!("{:03}.mcap", self.records));
+                if !path.exists() {
+                    break path;
+                }
+            };
+            let record = LiveRecord::new(&path, &self.topics, &self.description)?;
+            self.record = Some((record, path));
+        }
+        Ok(Value::Null)
+    }
+
+    /// All that pages show but the plots.
+    fn state(&self) -> Value {
+        let Self { session, topics, .. } = self;
+        let client: &Client = &session.client;
+        let losses = client.losses();
+        let shown = look(&self.pages.shown);
+        let signal = |(index, it): (u16, &super::client::Signal)| {
+            let value = shown.history.newest(index).map(|(_, value)| value);
+            json!({
+                "index": index, "folder": it.folder, "label": it.label, "name": it.name,
+                "unit": it.unit, "states": it.states, "value": value.filter(|it| it.is_finite()),
+            })
+        };
+        let parameter = |it: &super::client::Parameter| {
+            json!({
+                "index": it.index, "full": full_name(it), "label": it.label, "name": it.name,
+                "unit": it.unit, "range": it.range, "value": it.value, "initial": it.initial,
+            })
+        };
+        let record = self.record.as_ref().map(|(record, path)| {
+            json!({ "path": path.display().to_string(), "seconds": record.length().get() as f64 * 1e-6 })
+        });
+        let is_whole = client.is_described();
+        json!({
+            "name": session.name(),
+            "trouble": session.trouble(),
+            "note": self.note,
+            "now": shown.now.get(),
+            "whole": is_whole,
+            "losses": {
+                "samples": losses.samples, "skipped": losses.skipped, "damaged": losses.damaged,
+                "unknown": losses.unknown, "left": self.left,
+            },
+            "record": record,
+            "often": OFTEN,
+            "topics": topics.len(),
+            "signals": client.signals().map(signal).collect::<Vec<_>>(),
+            "parameters": client.parameters().map(parameter).collect::<Vec<_>>(),
+        })
+    }
+}

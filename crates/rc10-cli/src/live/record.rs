@@ -1,0 +1,90 @@
+//! A record of a robot that runs: the file that `--record` writes of a simulated one, as far as the robot
+//! can tell it.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::Result;
+use rc10_can::Micros;
+
+use super::client::Sample;
+use super::plan::Topic;
+use crate::description::Description;
+use crate::record::RecordFile;
+
+/// A record that is being written. The file is there when it is finished.
+pub struct LiveRecord {
+    file: RecordFile,
+    /// The channel of each topic.
+    topics: Vec<(u16, Topic)>,
+    first: Option<Micros>,
+    last: Micros,
+    /// Samples that it holds.
+    pub samples: u64,
+}
+
+impl LiveRecord {
+    /// Begins a record that will be at `path`. Motors that `description` has too are told with their
+    /// model and place: so `rc10 report` knows the robot again.
+    ///
+    /// # Errors
+    /// If no file can be written there.
+    pub fn new(path: &Path, topics: &[Topic], description: &Description) -> Result<Self> {
+        let head = BTreeMap::from([
+            ("seed".to_owned(), "1".to_owned()),
+            ("source".to_owned(), "robot".to_owned()),
+        ]);
+        let mut file = RecordFile::new(path, head)?;
+        let mut channels = Vec::new();
+        for topic in topics {
+            let mut map = BTreeMap::from([("label".to_owned(), topic.label.clone())]);
+            let motor = description.motors.iter().find(|motor| motor.label == topic.label);
+            if let Some(motor) = motor.filter(|_| topic.folder == "motors") {
+                map.insert("model".to_owned(), motor.name().to_string());
+                map.insert("on".to_owned(), motor.on.to_string());
+            }
+            let lines = topic.signals.iter().map(|(_, signal)| {
+                let mut about = vec![signal.unit.clone(), signal.states.join(", ")];
+                about.retain(|text| !text.is_empty());
+                format!("float64 {}  # {}\n", signal.name, about.join(", "))
+            });
+            let schema = format!("rc10/msg{}", topic.name.replace('/', "_"));
+            let channel = file.channel(&schema, &lines.collect::<String>(), &topic.name, &map)?;
+            channels.push((channel, topic.clone()));
+        }
+        Ok(Self { file, topics: channels, first: None, last: Micros::ZERO, samples: 0 })
+    }
+
+    /// Writes a sample. Those of signals that belong to no topic are left out.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn take(&mut self, sample: &Sample) -> Result<()> {
+        let first = *self.first.get_or_insert(sample.at);
+        self.last = self.last.max(sample.at);
+        let known: BTreeMap<u16, f32> = sample.values.iter().copied().collect();
+        for (channel, topic) in self.topics.iter().filter(|(_, it)| it.group == sample.group) {
+            let value =
+                |(index, _): &(u16, _)| known.get(index).map_or(f64::NAN, |it| (*it).into());
+            // The record begins with its first sample.
+            self.file.put(*channel, sample.at.since(first), topic.signals.iter().map(value))?;
+            self.samples += 1;
+        }
+        Ok(())
+    }
+
+    /// The time that it covers.
+    #[must_use]
+    pub fn length(&self) -> Micros {
+        self.last.since(self.first.unwrap_or_default())
+    }
+
+    /// Puts the file in its place.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn finish(self) -> Result<()> {
+        let length = self.length().get().to_string();
+        self.file.finish(BTreeMap::from([("length_us".to_owned(), length)]))
+    }
+}

@@ -1,0 +1,140 @@
+//! A client at its line: what every command that speaks with a robot begins with.
+
+use anyhow::{Context, Result, bail, ensure};
+use rc10_can::Micros;
+use rc10_link::VERSION;
+
+use super::client::{Answer, Client, Parameter};
+use super::source::Way;
+
+/// A client, and the line it speaks on.
+pub struct Session<'r> {
+    way: Way<'r>,
+    /// The client.
+    pub client: Client,
+    now: Micros,
+    /// Bytes that came, whatever they were.
+    heard: u64,
+}
+
+/// How long a robot may take to answer.
+const PATIENCE: Micros = Micros::from_millis(3000);
+
+impl<'r> Session<'r> {
+    /// On a line that is open.
+    #[must_use]
+    pub fn new(way: Way<'r>) -> Self {
+        Self { way, client: Client::new(), now: Micros::ZERO, heard: 0 }
+    }
+
+    /// The line's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.way.name
+    }
+
+    /// The time on the line.
+    #[must_use]
+    pub const fn now(&self) -> Micros {
+        self.now
+    }
+
+    /// Sends and hears, for a few milliseconds.
+    ///
+    /// # Errors
+    /// If there is no way on.
+    pub fn step(&mut self) -> Result<()> {
+        self.client.step(self.now);
+        let (bytes, now) = self.way.source.exchange(&self.client.take_out())?;
+        self.heard += bytes.len() as u64;
+        self.now = now;
+        self.client.hear(&bytes, now);
+        Ok(())
+    }
+
+    /// Why the robot is not heard; `None` if it is.
+    #[must_use]
+    pub fn trouble(&self) -> Option<String> {
+        if let Some(trouble) = self.way.source.trouble() {
+            return Some(trouble.to_owned());
+        }
+        if self.client.is_up(self.now) {
+            return match self.client.version() {
+                VERSION => None,
+                newer if newer > VERSION => Some(format!(
+                    "the robot's messages have version {newer}, this program knows {VERSION}: some of \
+                     what it says may be missing here"
+                )),
+                older => Some(format!(
+                    "the robot's messages have version {older}, this program {VERSION}: flash it anew"
+                )),
+            };
+        }
+        Some(if self.heard == 0 {
+            "nothing is heard: is the robot on, and is this its port?".into()
+        } else {
+            "something is heard, but no robot: is the bit rate right (--baud), and is this its port?"
+                .into()
+        })
+    }
+
+    /// Goes on until the robot has described itself.
+    ///
+    /// # Errors
+    /// If it does not.
+    pub fn meet(&mut self) -> Result<()> {
+        self.until(|client| client.is_described().then_some(()))
+            .with_context(|| format!("{}: no robot", self.way.name))
+    }
+
+    /// Goes on until something is there.
+    fn until<T>(&mut self, mut look: impl FnMut(&mut Client) -> Option<T>) -> Result<T> {
+        let begin = self.now;
+        loop {
+            self.step()?;
+            if let Some(found) = look(&mut self.client) {
+                return Ok(found);
+            }
+            if self.now.since(begin) > PATIENCE {
+                bail!("{}", self.trouble().unwrap_or_else(|| "it does not answer".into()));
+            }
+        }
+    }
+
+    /// Changes parameters, all or none.
+    ///
+    /// # Errors
+    /// If the robot refuses, or does not answer.
+    pub fn set(&mut self, changes: &[(u16, f32)]) -> Result<()> {
+        let id = self.client.set(changes);
+        let id = id.with_context(|| format!("at most {} at once", rc10_link::CHANGES))?;
+        match self.until(|client| client.answer(id))? {
+            Answer::Refused(why) => bail!("refused: {why}"),
+            Answer::Done | Answer::Register(_) => Ok(()),
+        }
+    }
+
+    /// The parameter that is called so: `motor.name`, or the name of one of the robot's own. Letters, digits
+    /// and the rest of the name as it is, spaces as `_`.
+    ///
+    /// # Errors
+    /// If there is none, or several.
+    pub fn parameter(&self, name: &str) -> Result<Parameter> {
+        let all: Vec<_> = self.client.parameters().collect();
+        let found: Vec<_> = all.iter().filter(|it| full_name(it) == name).collect();
+        if let [one] = found.as_slice() {
+            return Ok((**one).clone());
+        }
+        let near: Vec<_> =
+            all.iter().map(|it| full_name(it)).filter(|it| it.contains(name)).collect();
+        ensure!(!near.is_empty(), "there is no parameter `{name}`: rc10 params lists them");
+        bail!("there is no parameter `{name}`; there are {}", near.join(", "))
+    }
+}
+
+/// A parameter's name on a command line.
+#[must_use]
+pub fn full_name(parameter: &Parameter) -> String {
+    let label = parameter.label.replace(' ', "_");
+    if parameter.folder == "parameters" { label } else { format!("{label}.{}", parameter.name) }
+}

@@ -1,0 +1,335 @@
+//! Where a robot is: at a port of this PC, behind a TCP connection, in the simulator, on the emulated
+//! chip.
+
+use std::fs;
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{TcpStream, ToSocketAddrs as _};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::Args;
+use rc10_can::Micros;
+use rc10_sim::Tasks;
+
+use super::wire::Line;
+use crate::emulate::{Emulation, Setup};
+use crate::environment::Environment;
+use crate::robot::Robot;
+use crate::run::seed;
+
+/// The console's bit rate, unless told otherwise.
+pub const BAUD: u32 = 921_600;
+
+/// Where the robot is.
+#[derive(Args, Clone, Debug, Default)]
+pub struct SourceArgs {
+    /// The robot's serial port, such as /dev/ttyUSB0 or COM3, or tcp:HOST:PORT of a serial server [default:
+    /// the only one that there is]
+    #[arg(long, value_name = "PORT", conflicts_with_all = ["sim", "emu"])]
+    pub port: Option<String>,
+    /// The robot in the simulator
+    #[arg(long, conflicts_with = "emu")]
+    pub sim: bool,
+    /// The robot's firmware on the emulated chip; without ELF it is built first
+    #[arg(long, value_name = "ELF", num_args = 0..=1)]
+    #[expect(clippy::option_option, reason = "as clap has it")]
+    pub emu: Option<Option<PathBuf>>,
+    /// Bits a second of the console: what the robot's firmware has
+    #[arg(long, value_name = "N", default_value_t = BAUD, value_parser = clap::value_parser!(u32).range(1200..=12_000_000))]
+    pub baud: u32,
+    /// Seed of everything random in the world
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed)]
+    pub seed: u64,
+}
+
+/// A line to a robot.
+pub trait Source {
+    /// Sends some bytes, lets a few milliseconds pass, and returns what came. The time is the robot's
+    /// where that is known, else this PC's.
+    ///
+    /// # Errors
+    /// If there is no way on: a port that is gone comes back, and is none.
+    fn exchange(&mut self, out: &[u8]) -> Result<(Vec<u8>, Micros)>;
+
+    /// Why nothing comes, if that is known.
+    fn trouble(&self) -> Option<&str> {
+        None
+    }
+}
+
+/// A way to a robot, and its name for people.
+pub struct Way<'r> {
+    /// The line.
+    pub source: Box<dyn Source + 'r>,
+    /// Its name.
+    pub name: String,
+}
+
+impl SourceArgs {
+    /// Opens it. In the simulator and on the emulated chip time goes as fast as it can, unless `paced`:
+    /// then not faster than here.
+    ///
+    /// # Errors
+    /// If it cannot be opened: why, and what helps.
+    pub fn open<'r>(&self, robot: Robot<'r>, paced: bool) -> Result<Way<'r>> {
+        if self.sim {
+            let source = Box::new(Paced::new(Simulated::new(robot, self)?, paced));
+            return Ok(Way { source, name: "the simulated robot".into() });
+        }
+        if let Some(elf) = &self.emu {
+            let (emulated, path) = Emulated::new(robot, elf.clone(), self)?;
+            let name = format!("{} on the emulated chip", path.display());
+            return Ok(Way { source: Box::new(Paced::new(emulated, paced)), name });
+        }
+        let name = match &self.port {
+            Some(name) => name.clone(),
+            None => only_port()?,
+        };
+        let (port, baud) = (name.clone(), self.baud);
+        let open = move || match port.strip_prefix("tcp:") {
+            Some(address) => tcp(address),
+            None => serial(&port, baud),
+        };
+        let source = Box::new(Wire::new(open)?);
+        Ok(Way { source, name })
+    }
+}
+
+/// The only serial port of this PC.
+fn only_port() -> Result<String> {
+    let ports = serialport::available_ports().unwrap_or_default();
+    let names: Vec<_> = ports.into_iter().map(|port| port.port_name).collect();
+    match names.as_slice() {
+        [one] => Ok(one.clone()),
+        [] => bail!("no serial port is there: plug the robot in, or try --sim"),
+        many => bail!("which of the serial ports is the robot? {}", many.join(", ")),
+    }
+}
+
+/// Something that runs in virtual time, with a line to its console.
+trait World {
+    fn now(&self) -> Micros;
+    fn line(&self) -> &Line;
+    fn run(&mut self, until: Micros) -> Result<()>;
+}
+
+struct Simulated<'r> {
+    around: Environment,
+    tasks: Tasks<'r>,
+    line: Line,
+}
+
+impl<'r> Simulated<'r> {
+    fn new(mut robot: Robot<'r>, args: &SourceArgs) -> Result<Self> {
+        robot.fit(false)?;
+        ensure!(robot.has_console(), "this robot has no console in the simulator: see Robot::live");
+        let mut around = Environment::new(robot.description(), args.seed)?;
+        let line = Line::new(&mut around.world, args.baud);
+        around.console = Some(line.clone());
+        let tasks = robot.tasks(&around)?;
+        Ok(Self { around, tasks, line })
+    }
+}
+
+impl World for Simulated<'_> {
+    fn now(&self) -> Micros {
+        self.around.world.now()
+    }
+    fn line(&self) -> &Line {
+        &self.line
+    }
+    fn run(&mut self, until: Micros) -> Result<()> {
+        self.around.run(&mut self.tasks, until);
+        // What was on the wires is not read.
+        self.around.wires.iter().for_each(|wire| drop(wire.take_trace()));
+        Ok(())
+    }
+}
+
+struct Emulated<'r> {
+    emulation: Emulation<'r>,
+    line: Line,
+}
+
+impl<'r> Emulated<'r> {
+    fn new(
+        mut robot: Robot<'r>,
+        elf: Option<PathBuf>,
+        args: &SourceArgs,
+    ) -> Result<(Self, PathBuf)> {
+        robot.fit(false)?;
+        let path = match (elf, robot.description().firmware) {
+            (Some(path), _) => path,
+            (None, Some(build)) => build()?,
+            (None, None) => bail!("this robot does not say how to build a firmware: --emu ELF"),
+        };
+        let program = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        let setup = Setup { seed: args.seed, console: Some(args.baud), ..Setup::default() };
+        let named = || path.display().to_string();
+        let emulation = Emulation::new(&program, robot, &setup).with_context(named)?;
+        let line = emulation.console.clone().context("no console")?;
+        Ok((Self { emulation, line }, path))
+    }
+}
+
+impl World for Emulated<'_> {
+    fn now(&self) -> Micros {
+        self.emulation.rig.machine.now().micros()
+    }
+    fn line(&self) -> &Line {
+        &self.line
+    }
+    fn run(&mut self, until: Micros) -> Result<()> {
+        self.emulation.run(until.into())
+    }
+}
+
+/// A world that does not go faster than the clock on the wall.
+struct Paced<W> {
+    world: W,
+    /// When the world began, by this clock; it is moved when the world cannot follow.
+    began: Option<Instant>,
+}
+
+/// The time of one exchange.
+const STEP: Micros = Micros::from_millis(4);
+/// A world that is further behind stays so: it does not hurry.
+const BEHIND: Duration = Duration::from_millis(100);
+
+impl<W: World> Paced<W> {
+    fn new(world: W, paced: bool) -> Self {
+        Self { world, began: paced.then(Instant::now) }
+    }
+}
+
+impl<W: World> Source for Paced<W> {
+    fn exchange(&mut self, out: &[u8]) -> Result<(Vec<u8>, Micros)> {
+        self.world.line().send(out);
+        let until = self.world.now() + STEP;
+        self.world.run(until)?;
+        if let Some(began) = &mut self.began {
+            let due = *began + Duration::from_micros(until.get());
+            let now = Instant::now();
+            if now > due + BEHIND {
+                *began += now - due;
+            } else {
+                std::thread::sleep(due.saturating_duration_since(now));
+            }
+        }
+        Ok((self.world.line().take(), until))
+    }
+}
+
+/// Bytes in both directions; a read waits for a few milliseconds.
+trait Port: Read + Write {}
+impl<T: Read + Write> Port for T {}
+
+/// How long a read waits.
+const PATIENCE: Duration = Duration::from_millis(4);
+/// From one try to open a port that is gone to the next.
+const AGAIN: Duration = Duration::from_millis(500);
+
+/// A port, which may go and come back.
+struct Wire<F> {
+    open: F,
+    port: Option<Box<dyn Port>>,
+    trouble: Option<String>,
+    tried: Instant,
+    began: Instant,
+}
+
+impl<F: Fn() -> Result<Box<dyn Port>>> Wire<F> {
+    fn new(open: F) -> Result<Self> {
+        let port = Some(open()?);
+        let now = Instant::now();
+        Ok(Self { open, port, trouble: None, tried: now, began: now })
+    }
+
+    fn try_exchange(&mut self, out: &[u8], bytes: &mut Vec<u8>) -> io::Result<()> {
+        let Some(port) = &mut self.port else { return Ok(()) };
+        port.write_all(out)?;
+        let mut buffer = [0; 4096];
+        match port.read(&mut buffer) {
+            Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
+            Ok(count) => {
+                bytes.extend(&buffer[..count]);
+                Ok(())
+            }
+            Err(error) => match error.kind() {
+                ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted => Ok(()),
+                _ => Err(error),
+            },
+        }
+    }
+}
+
+impl<F: Fn() -> Result<Box<dyn Port>>> Source for Wire<F> {
+    fn exchange(&mut self, out: &[u8]) -> Result<(Vec<u8>, Micros)> {
+        let mut bytes = Vec::new();
+        if let Err(error) = self.try_exchange(out, &mut bytes) {
+            self.port = None;
+            self.trouble = Some(format!("the port is gone ({error}); it is tried again and again"));
+            self.tried = Instant::now();
+        }
+        if self.port.is_none() {
+            std::thread::sleep(PATIENCE);
+            if self.tried.elapsed() >= AGAIN {
+                self.tried = Instant::now();
+                match (self.open)() {
+                    Ok(port) => (self.port, self.trouble) = (Some(port), None),
+                    Err(error) => self.trouble = Some(format!("{error:#}")),
+                }
+            }
+        }
+        let now = self.began.elapsed().as_micros();
+        Ok((bytes, Micros::new(u64::try_from(now).unwrap_or(u64::MAX))))
+    }
+
+    fn trouble(&self) -> Option<&str> {
+        self.trouble.as_deref()
+    }
+}
+
+fn tcp(address: &str) -> Result<Box<dyn Port>> {
+    let mut found = address
+        .to_socket_addrs()
+        .with_context(|| format!("tcp:{address}: it is to be tcp:HOST:PORT"))?;
+    let found = found.next().with_context(|| format!("tcp:{address}: there is no such host"))?;
+    let stream = TcpStream::connect_timeout(&found, Duration::from_secs(2));
+    let stream = stream.with_context(|| format!("tcp:{address}: nothing answers there"))?;
+    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_nodelay(true)?;
+    Ok(Box::new(stream))
+}
+
+fn serial(name: &str, baud: u32) -> Result<Box<dyn Port>> {
+    match serialport::new(name, baud).timeout(PATIENCE).open() {
+        Ok(port) => Ok(Box::new(port)),
+        Err(error) => bail!("{}", refusal(name, &error)),
+    }
+}
+
+/// Why a serial port cannot be opened, and what helps.
+fn refusal(name: &str, error: &serialport::Error) -> String {
+    use serialport::ErrorKind as Kind;
+    let text = error.to_string().to_lowercase();
+    match error.kind() {
+        Kind::Io(ErrorKind::PermissionDenied) if cfg!(windows) => {
+            format!("{name}: another program has it open")
+        }
+        Kind::Io(ErrorKind::PermissionDenied) => format!(
+            "{name}: no permission. Once: sudo usermod -aG dialout $USER, and log in again; or a udev \
+             rule: SUBSYSTEM==\"tty\", MODE=\"0666\" in /etc/udev/rules.d/60-rc10.rules"
+        ),
+        Kind::NoDevice | Kind::Io(ErrorKind::NotFound) => {
+            if text.contains("busy") || text.contains("lock") {
+                format!("{name}: another program has it open")
+            } else {
+                format!("{name}: there is no such port")
+            }
+        }
+        _ if text.contains("busy") => format!("{name}: another program has it open"),
+        _ => format!("{name}: {error}"),
+    }
+}
