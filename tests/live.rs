@@ -1,14 +1,21 @@
 //! A PC at the robot's console, in virtual time: what it is told, what it changes, what it loses.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::float_cmp,
+    reason = "a test may panic, and compares what was set"
+)]
 
-use rc10_can::Micros;
+use rc10_can::embedded_can::StandardId;
+use rc10_can::{CanFrame, Micros};
 use rc10_cli::environment::Environment;
+use rc10_cli::live::wire::Line;
 use rc10_cli::live::{Answer, Client, Sample};
 use rc10_cli::team;
 use rc10_motor::{ArmState, Names};
-use rc10_robot::table::Name;
+use rc10_robot::table::{Name, WHEELS};
 use rc10_robot::{Motors, Ports, Shared};
 use rc10_sim::Tasks;
+use rc10_tasks::live;
 
 const BAUD: u32 = 921_600;
 
@@ -66,6 +73,123 @@ fn with_scene(baud: u32, test: impl FnOnce(&mut Scene<'_>, &Shared<'_>)) {
 }
 
 #[test]
+fn a_teams_own_values_are_shown_and_changed() {
+    with_scene(BAUD, |scene, shared| {
+        scene.run(3000);
+        let feeder = scene.parameter("feeder speed", "value");
+        assert_eq!((feeder.value, feeder.range), (300.0, [0.0, 450.0]));
+        let id = scene.client.set(&[(feeder.index, 120.0)]).unwrap();
+        assert_eq!(scene.ask(id), Answer::Done);
+        assert_eq!(shared.live.feeder.get(), 120.0);
+        let id = scene.client.set(&[(feeder.index, 451.0)]).unwrap();
+        assert!(matches!(scene.ask(id), Answer::Refused(_)));
+        assert_eq!(shared.live.feeder.get(), 120.0);
+        let tilt = scene.signal("lift tilt", "value");
+        scene.client.watch(0, 10, [tilt].into_iter());
+        scene.run(100);
+        let sample = scene.client.take_samples().pop().unwrap();
+        assert_eq!(sample.values.len(), 1);
+        assert!((sample.values[0].1 - shared.live.tilt.get()).abs() < 1.0);
+    });
+}
+
+/// The largest step of a wheel's command from one frame to the next, as a share of full scale.
+fn largest_step(scene: &Scene<'_>, last: &mut [Option<i16>; 4]) -> f64 {
+    let mut largest = 0.0_f64;
+    for entry in scene.around.wires[0].take_trace() {
+        let id = CanFrame::key_of(StandardId::new(0x200).unwrap());
+        if !entry.from_controller || entry.frame.key() != id {
+            continue;
+        }
+        for (lane, last) in entry.frame.bytes().as_chunks::<2>().0.iter().zip(&mut *last) {
+            let raw = i16::from_be_bytes(*lane);
+            // The script also stops the robot: then all goes to zero at once, as it must.
+            let before = last.replace(raw).filter(|_| raw != 0).unwrap_or(raw);
+            largest = largest.max((f64::from(raw) - f64::from(before)).abs() / 16384.0);
+        }
+    }
+    largest
+}
+
+#[test]
+fn a_thousand_changes_of_gains_never_kick_a_wheel() {
+    with_scene(BAUD, |scene, shared| {
+        scene.run(400);
+        let wheels = WHEELS.map(Name::label);
+        let gains: Vec<_> = wheels
+            .iter()
+            .flat_map(|label| ["speed_kp", "speed_ki"].map(|name| scene.parameter(label, name)))
+            .collect();
+        let (mut last, mut largest, mut state) = ([None; 4], 0.0_f64, 7_u32);
+        let mut changed = 0;
+        while changed < 1000 {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let gain = &gains[(state >> 8) as usize % gains.len()];
+            // Between a third and three times what it is declared as.
+            let factor = (((state >> 16) as f32 / 65536.0) * 2.0 - 1.0) * 3.0_f32.ln();
+            let id = scene.client.set(&[(gain.index, gain.initial * factor.exp())]).unwrap();
+            assert_eq!(scene.ask(id), Answer::Done);
+            largest = largest.max(largest_step(scene, &mut last));
+            changed += 1;
+        }
+        println!("largest step {:.1} % of full scale", 100.0 * largest);
+        // A tenth, in whole steps of the device.
+        assert!(largest > 0.0 && largest <= 0.1 + 1.0 / 16384.0, "{largest}");
+        for name in Name::ALL {
+            let feedback = shared.motor(*name).status().feedback;
+            assert!(feedback.speed.is_finite() && feedback.readings()[0].is_finite());
+        }
+    });
+}
+
+#[test]
+fn two_pcs_that_set_at_once_come_one_after_the_other_and_both_are_told() {
+    let ports = Ports::new();
+    let shared = Shared::new(&ports);
+    let mut motors = Motors::new();
+    let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
+    let mut around = Environment::new(robot.description(), 1).unwrap().with_console(BAUD);
+    let second = Line::new(&mut around.world, BAUD);
+    let mut tasks = robot.tasks(&around).unwrap();
+    let (port, seen) = (second.port(), live::Robot::new(&shared, &shared.live));
+    tasks.add(async move {
+        let link = live::Link::new(port.clone());
+        link.serve(&seen, port, embassy_time::Instant::from_ticks(0)).await;
+    });
+    let mut scene = Scene { around, tasks, client: Client::new() };
+    let mut other = Client::new();
+    let run = |scene: &mut Scene<'_>, other: &mut Client, millis: u64| {
+        for _ in 0..millis {
+            other.step(scene.now());
+            second.send(&other.take_out());
+            scene.run(1);
+            other.hear(&second.take(), scene.now());
+        }
+    };
+    run(&mut scene, &mut other, 500);
+    assert!(scene.client.is_described() && other.is_described());
+    let label = Name::ALL[0].label();
+    let all = ["speed_kp", "speed_ki", "angle_kp", "limit"];
+    let indexes = all.map(|name| scene.parameter(label, name).index);
+    for round in 0..50 {
+        let values = |low: f32| indexes.map(|index| (index, low + round as f32 * 0.01));
+        let ids = (scene.client.set(&values(1.0)).unwrap(), other.set(&values(2.0)).unwrap());
+        run(&mut scene, &mut other, 30);
+        assert_eq!(scene.client.answer(ids.0), Some(Answer::Done));
+        assert_eq!(other.answer(ids.1), Some(Answer::Done));
+        let now = shared.motor(Name::ALL[0]).tuning().unwrap()[1];
+        let now = [now.speed.kp, now.speed.ki, now.angle.kp, now.limit];
+        // All of one of them.
+        assert!(now.iter().all(|value| value.to_bits() == now[0].to_bits()), "{now:?}");
+        run(&mut scene, &mut other, 300);
+        for client in [&scene.client, &other] {
+            let told = client.parameters().find(|it| it.index == indexes[0]).unwrap();
+            assert_eq!(told.value, now[0], "round {round}");
+        }
+    }
+}
+
+#[test]
 fn a_robot_describes_itself_and_shows_what_it_does() {
     with_scene(BAUD, |scene, shared| {
         scene.run(400);
@@ -73,7 +197,9 @@ fn a_robot_describes_itself_and_shows_what_it_does() {
         let motors = Name::ALL.len();
         let of_motors = scene.client.signals().filter(|(_, it)| it.folder == "motors");
         assert_eq!(of_motors.count() % motors, 0);
-        assert_eq!(scene.client.parameters().count(), 7 * motors - 1);
+        // The effort of one is a share of the voltage, which nothing limits.
+        let gains = scene.client.parameters().filter(|it| it.folder == "motors");
+        assert_eq!(gains.count(), 7 * motors - 1);
         let label = Name::ALL[0].label();
         let (speed, target) = (scene.signal(label, "speed"), scene.signal(label, "target"));
         let arm = scene.signal("", "arm");

@@ -2,22 +2,28 @@
 
 use rc10_can::Micros;
 use rc10_cli::emulate::{Emulation, Setup};
-use rc10_cli::live::{Action, Answer, Client, Sample};
+use rc10_cli::live::{Answer, Client, Sample};
 use rc10_emu::Figures;
 use rc10_motor::Names;
 use rc10_robot::table::Name;
-use rc10_sim::Nanos;
+use rc10_sim::{Nanos, UartFault};
 
 use super::{is_clean, keeps_its_period, log, run, setup};
 
 /// The console's.
 const BAUD: u32 = 2_000_000;
+/// Instructions of a second with 66 signals at 500 Hz.
+const SECOND: u64 = 15_000_000;
+/// Instructions of one more signal in a sample.
+const SIGNAL: u64 = 60;
 
 /// The firmware with a PC.
 struct Watched<'e, 'r> {
     emulation: &'e mut Emulation<'r>,
     client: Client,
     samples: Vec<Sample>,
+    /// What came, whatever it is.
+    heard: Vec<u8>,
 }
 
 impl Watched<'_, '_> {
@@ -27,16 +33,29 @@ impl Watched<'_, '_> {
 
     /// Lets time pass, and the PC speak every millisecond.
     fn run(&mut self, millis: u64) {
+        (0..millis).for_each(|_| self.run_with(&[]));
+    }
+
+    /// A millisecond in which the PC also says this.
+    fn run_with(&mut self, more: &[u8]) {
         let line = self.emulation.console.clone().unwrap();
-        for _ in 0..millis {
-            let now = self.now();
-            self.client.step(now);
-            line.send(&self.client.take_out());
-            let next: Nanos = (now + Micros::from_millis(1)).into();
-            self.emulation.run(next).unwrap();
-            self.client.hear(&line.take(), next.micros());
-            self.samples.extend(self.client.take_samples());
-        }
+        let now = self.now();
+        self.client.step(now);
+        line.send(&self.client.take_out());
+        line.send(more);
+        let next: Nanos = (now + Micros::from_millis(1)).into();
+        self.emulation.run(next).unwrap();
+        let heard = line.take();
+        self.client.hear(&heard, next.micros());
+        self.heard.extend(heard);
+        self.samples.extend(self.client.take_samples());
+    }
+
+    /// Lets time pass; the PC is silent.
+    fn listen(&mut self, millis: u64) {
+        let now = self.now();
+        self.emulation.run((now + Micros::from_millis(millis)).into()).unwrap();
+        self.heard.extend(self.emulation.console.clone().unwrap().take());
     }
 
     fn ask(&mut self, id: u16) -> Answer {
@@ -54,59 +73,167 @@ impl Watched<'_, '_> {
         let all = all.filter(|(_, it)| it.folder == "motors" && names.contains(&it.name.as_str()));
         all.map(|(index, _)| index).collect()
     }
+
+    fn parameter(&self, label: &str, name: &str) -> (u16, f32) {
+        let mut all = self.client.parameters();
+        let found = all.find(|it| it.label == label && it.name == name).unwrap();
+        (found.index, found.value)
+    }
+
+    fn is_undisturbed(&self) {
+        let figures = Figures::of(&self.emulation.rig);
+        is_clean(&self.emulation.rig, &figures);
+        keeps_its_period(&figures);
+    }
 }
 
-fn watched(baud: u32, scenario: impl FnOnce(&mut Watched<'_, '_>)) {
-    let setup = Setup { console: Some(baud), ..setup(&[]) };
+fn watched(scenario: impl FnOnce(&mut Watched<'_, '_>)) {
+    let setup = Setup { console: Some(BAUD), ..setup(&[]) };
     run(&setup, |emulation| {
-        let mut watched = Watched { emulation, client: Client::new(), samples: Vec::new() };
+        let (client, samples, heard) = (Client::new(), Vec::new(), Vec::new());
+        let mut watched = Watched { emulation, client, samples, heard };
+        watched.run(600);
+        assert!(watched.client.is_described(), "{}", log(watched.emulation));
         scenario(&mut watched);
+    });
+}
+
+/// Instructions of a second in which some signals of every motor are watched at 500 Hz, and the number
+/// of values.
+fn second(names: &[&str]) -> [u64; 2] {
+    let mut spent = [0; 2];
+    watched(|pc| {
+        let signals = pc.signals(names);
+        pc.client.watch(0, 2, signals.iter().copied());
+        pc.run(100);
+        pc.samples.clear();
+        let before = Figures::of(&pc.emulation.rig).instructions;
+        pc.run(1000);
+        let instructions = Figures::of(&pc.emulation.rig).instructions - before;
+        assert_eq!(pc.samples.len(), if names.is_empty() { 0 } else { 500 });
+        assert_eq!(pc.client.losses(), <_>::default());
+        pc.is_undisturbed();
+        spent = [instructions, 500 * signals.len() as u64];
+    });
+    spent
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn being_watched_costs_little() {
+    const ALL: [&str; 6] = ["target", "measured", "speed", "total_angle", "current", "temperature"];
+    let [none, _] = second(&[]);
+    let [half, fewer] = second(&ALL[..3]);
+    let [all, many] = second(&ALL);
+    assert_eq!(many, 500 * 6 * Name::ALL.len() as u64);
+    let each = (all - half) / (many - fewer);
+    println!("a second with a PC that watches nothing {none:>9} instructions");
+    println!("a second with 66 signals at 500 Hz      {all:>9} instructions, budget {SECOND}");
+    println!("one more signal in a sample             {each:>9} instructions, budget {SIGNAL}");
+    println!("all in, by the number of values         {:>9}", (all - none) / many);
+    assert!(all <= SECOND && each <= SIGNAL);
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn what_is_shown_is_what_is_there_and_a_gain_changes_the_response() {
+    let mut errors = Vec::new();
+    for factor in [1.0, 0.25] {
+        watched(|pc| {
+            let label = Name::ALL[0].label();
+            let (kp, value) = pc.parameter(label, "speed_kp");
+            if factor != 1.0 {
+                let id = pc.client.set(&[(kp, factor * value)]).unwrap();
+                assert_eq!(pc.ask(id), Answer::Done);
+            }
+            let signals = pc.signals(&["target", "measured", "speed"]);
+            pc.client.watch(0, 2, signals.iter().take(3).copied());
+            let (mut worst, mut squares, mut count) = (0.0_f64, 0.0, 0.0);
+            for _ in 0..1500 {
+                pc.run(1);
+                let Some(sample) = pc.samples.pop() else { continue };
+                let [target, measured, speed] = [0, 1, 2].map(|at| f64::from(sample.values[at].1));
+                let there = pc.emulation.motors[0].state().output_rpm;
+                // A sample is at most two milliseconds old, and so is the feedback in it.
+                worst = worst.max((speed - there).abs());
+                squares += (target - measured).powi(2);
+                count += 1.0;
+            }
+            println!("kp x {factor}: the speed shown is at most {worst:.2} rpm off");
+            assert!(worst < 8.0);
+            errors.push((squares / count).sqrt());
+        });
+    }
+    println!(
+        "error of the wheel: {:.2} rpm, {:.2} rpm with a quarter of the gain",
+        errors[0], errors[1]
+    );
+    assert!(errors[1] > 1.5 * errors[0]);
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_full_line_and_garbage_disturb_no_bus() {
+    watched(|pc| {
+        // Three times what the line carries, and all that it carries the other way.
+        let signals: Vec<_> = pc.client.signals().map(|(index, _)| index).collect();
+        for (group, some) in signals.chunks(150).take(4).enumerate() {
+            pc.client.watch(group, 1, some.iter().copied());
+        }
+        let mut state = 1_u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            // Some of it looks as a frame begins.
+            if state >> 28 == 0 { 0xE7 } else { (state >> 20) as u8 }
+        };
+        for _ in 0..1000 {
+            let garbage: Vec<u8> = (0..150).map(|_| noise()).collect();
+            pc.run_with(&garbage);
+        }
+        let losses = pc.client.losses();
+        println!("{losses:?}");
+        assert!(losses.skipped > 1000 && losses.samples == 0, "{losses:?}");
+        pc.is_undisturbed();
+        pc.run(500);
+        assert!(pc.client.is_up(pc.now()), "it is heard again when the garbage ends");
     });
 }
 
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
-fn it_is_watched_at_full_rate_and_keeps_its_period() {
-    let mut unheard = 0;
-    let mut costs: Vec<std::collections::BTreeMap<String, u64>> = Vec::new();
-    for heard in [false, true] {
-        watched(BAUD, |pc| {
-            pc.run(600);
-            assert!(pc.client.is_described(), "{}", log(pc.emulation));
-            let names = ["target", "measured", "speed", "total_angle", "current", "temperature"];
-            let signals = pc.signals(&names);
-            assert_eq!(signals.len(), 6 * Name::ALL.len());
-            if heard {
-                pc.client.watch(0, 2, signals.iter().copied());
+fn a_cable_pulled_at_any_byte_is_no_harm_and_the_text_comes_back() {
+    watched(|pc| {
+        let signals = pc.signals(&["target", "measured", "speed"]);
+        pc.client.watch(0, 2, signals.iter().copied());
+        let line = pc.emulation.console.clone().unwrap();
+        for pull in 0..40_u64 {
+            // At another byte each time: one lasts 5 us.
+            let now: Nanos = pc.now().into();
+            pc.emulation.run(now + Nanos::new(pull * 5_300)).unwrap();
+            line.serial().set_cut(true);
+            if pull % 4 == 0 {
+                line.serial().inject(UartFault::ALL[(pull / 4) as usize % 5]);
             }
-            pc.run(100);
-            pc.emulation.rig.machine.restart_profile();
-            let before = 0;
-            pc.samples.clear();
-            pc.run(1000);
-            let after = Figures::of(&pc.emulation.rig).instructions;
-            let instructions = after - before;
-            println!("{} samples, {instructions} instructions", pc.samples.len());
-            let losses = pc.client.losses();
-            println!("{losses:?}");
-            if heard {
-                let samples = 66 * pc.samples.len() as u64;
-                println!("{} instructions a sample", (instructions - unheard) / samples);
-            }
-            unheard = instructions;
-            let image = rc10_emu::Image::parse(super::firmware()).unwrap();
-            let by = pc.emulation.rig.machine.profile().by_function(&image);
-            costs.push(by.into_iter().map(|(n, c)| (n.to_owned(), c)).collect());
-            is_clean(&pc.emulation.rig, &Figures::of(&pc.emulation.rig));
-            keeps_its_period(&Figures::of(&pc.emulation.rig));
-        });
-    }
-    let mut diff: Vec<_> = costs[1]
-        .iter()
-        .map(|(n, c)| (*c as i64 - costs[0].get(n).copied().unwrap_or(0) as i64, n))
-        .collect();
-    diff.sort();
-    for (d, n) in diff.iter().rev().take(30) {
-        println!("{d} {n}");
-    }
+            pc.run(3);
+            line.serial().set_cut(false);
+            pc.run(7);
+        }
+        pc.run(500);
+        assert!(pc.client.is_up(pc.now()));
+        pc.samples.clear();
+        pc.run(100);
+        assert_eq!(pc.samples.len(), 50);
+        pc.is_undisturbed();
+        // Nothing is sent to a PC that is gone, and a second later people can read again.
+        line.serial().set_cut(true);
+        pc.listen(1200);
+        line.serial().set_cut(false);
+        pc.heard.clear();
+        pc.listen(300);
+        let text = String::from_utf8(pc.heard.clone()).unwrap();
+        assert!(text.contains("11 of 11 motors online"), "{text}");
+        pc.heard.clear();
+        pc.run(400);
+        assert!(pc.client.is_up(pc.now()), "and it hears the next PC");
+    });
 }

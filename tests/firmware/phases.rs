@@ -5,12 +5,15 @@
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::StandardId;
 use rc10_cli::emulate::Emulation;
+use rc10_cli::live::{Action, Client};
 use rc10_emu::Rig;
 use rc10_sim::remote::{Controls, Switch};
 use rc10_sim::{Nanos, TraceEntry};
 
 use super::{Setup, commands, is_zero, micros, millis, run};
 
+/// Bits a second of the console, at which a PC is that says nothing unless it is told to.
+const CONSOLE: u32 = 2_000_000;
 const PHASES: u64 = 50;
 /// The robot drives by then.
 const STRIKES: Nanos = millis(240);
@@ -41,8 +44,8 @@ fn at_every_phase<const N: usize>(
         let fault = fault.replace("{}", &micros(at)).replace("{+}", &micros(heals(phase)));
         let faults = (!fault.is_empty()).then(|| fault.parse().unwrap());
         // The world's own phases, too.
-        let setup =
-            Setup { seed: phase + 1, faults: faults.into_iter().collect(), ..Setup::default() };
+        let faults = faults.into_iter().collect();
+        let setup = Setup { seed: phase + 1, faults, console: Some(CONSOLE), ..Setup::default() };
         let took = run(&setup, |emulation| scenario(emulation, phase));
         for (span, took) in spans.iter_mut().zip(took) {
             *span = (span.0.min(took), span.1.max(took));
@@ -191,5 +194,23 @@ fn of_a_lost_remote() {
         emulation.run(strikes(phase) + millis(125)).unwrap();
         let last_byte = emulation.remote.as_ref().unwrap().remote.sent().last_live.unwrap();
         [since(coast(&emulation.rig, &[0], last_byte), last_byte)]
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn of_a_stop_by_a_pc() {
+    let name = ["stop by a PC: wheels coast after its last byte by"];
+    at_every_phase("", name, [(0.0, 5.0)], |emulation, phase| {
+        let line = emulation.console.clone().unwrap();
+        let mut client = Client::new();
+        emulation.run(strikes(phase)).unwrap();
+        client.act(Action::Stop);
+        let bytes = client.take_out();
+        line.send(&bytes);
+        let heard =
+            strikes(phase) + Nanos::new(bytes.len() as u64 * 10_000_000_000 / u64::from(CONSOLE));
+        emulation.run(heard + millis(8)).unwrap();
+        [since(coast(&emulation.rig, &[0], heard), heard)]
     });
 }

@@ -164,7 +164,8 @@ impl CascadeState {
     }
 
     /// The gains have changed: no derivative reaches back before that, and no integral stays that
-    /// nothing can move.
+    /// nothing can move. What the new gains make of the error now is approached softly, as after a
+    /// start.
     pub fn change_gains(&mut self, config: &Cascade, measured: f32) {
         self.last_speed = measured;
         if config.speed.ki <= 0.0 {
@@ -172,6 +173,13 @@ impl CascadeState {
         }
         if config.angle.ki <= 0.0 {
             self.angle.drop_integral();
+        }
+        if matches!(self.active, Active::Speed | Active::Angle) {
+            (self.active, self.starting) = (Active::Nothing, self.active);
+            self.ticks_left = 0;
+        }
+        if self.starting != Active::Nothing {
+            self.soft_time_left = SOFT_TIME;
         }
     }
 

@@ -61,7 +61,12 @@ fn new_gains_neither_reach_back_nor_leave_an_integral_behind() {
     assert!(state.effort() > 9.0);
     let damped = cascade(PidConfig::new(0.0, 0.0, 0.02, FULL), NO_GAINS);
     state.change_gains(&damped, 200.0);
-    state.seek_speed(&damped, 10.0, 200.0, FULL, MS);
+    // Softly: by at most a tenth of full scale in a tick.
+    for _ in 0..20 {
+        let before = state.effort();
+        state.seek_speed(&damped, 10.0, 200.0, FULL, MS);
+        assert!((state.effort() - before).abs() <= 0.1 * FULL + 1e-4);
+    }
     near(state.effort(), 0.0);
 
     // The same for the angle loop: no speed is asked for by an integral that is off.

@@ -3,7 +3,7 @@
 mod operator;
 
 use anyhow::{Context, Result};
-use rc10_motor::{ArmState, MotorBus, Started};
+use rc10_motor::{MotorBus, Started};
 use rc10_robot::table::{BASE, BUSES, LIFT, LIFT_TOP, Name, RECEIVER, WHEELS};
 use rc10_robot::{Shared, chassis, driver, imu, mechanisms};
 use rc10_sim::imu::Hwt101;
@@ -73,15 +73,7 @@ pub fn robot<'r>(io: &'r Shared<'_>, buses: [MotorBus<'r>; BUSES]) -> Robot<'r> 
         .task(driver::run(io))
         .task(status::run(io, [("IMU", &io.imu_reception)]))
         .serial(&io.imu_reception, async |port| imu::run(io, port).await)
-        .signal("lift tilt", "deg", |_| {
-            // They stand anywhere until each has been set to zero at the bottom.
-            if io.switch.state() == ArmState::Disarmed {
-                return None;
-            }
-            let angles = LIFT.map(|name| io.motor(name).status().feedback.total_angle);
-            let [lowest, highest] = [angles.iter().min()?, angles.iter().max()?];
-            Some(highest.minus(*lowest).microdegrees() as f64 * 1e-6)
-        })
+        .live(&io.common, &io.live)
         .yaw(|now| {
             let heading = io.heading.read()?.value.total(now)?;
             Some(heading.microdegrees() as f64 * 1e-6)

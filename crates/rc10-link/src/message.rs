@@ -35,7 +35,7 @@ pub enum Ask {
         group: u8,
         /// Time from one sample to the next, ms: 1 to 1000; 0 switches the group off.
         period: u16,
-        /// The signals in it.
+        /// The signals in it; none switches it off, too.
         signals: Bits,
     },
     /// Changes parameters, all of them or none. [`Tell::Answer`] is the answer.
@@ -113,10 +113,10 @@ impl Bits {
         self.0.get(at).copied().unwrap_or_default()
     }
 
-    /// How many they are.
+    /// Whether there is none.
     #[must_use]
-    pub fn count(&self) -> usize {
-        self.0.iter().map(|word| word.count_ones() as usize).sum()
+    pub fn is_empty(&self) -> bool {
+        self.0.iter().all(|word| *word == 0)
     }
 
     /// Their numbers.

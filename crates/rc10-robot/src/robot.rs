@@ -6,7 +6,7 @@ use rc10_module::Reception;
 use rc10_module::imu::Heading;
 use rc10_tasks::Common;
 
-use crate::table::{BUSES, Name};
+use crate::table::{BUSES, FEEDER, Name};
 
 /// The robot's buses as its tasks see them, and its motors by name.
 pub type Ports = rc10_motor::embassy::Ports<Name, BUSES>;
@@ -26,6 +26,21 @@ pub struct Shared<'p> {
     pub mechanisms: Latest<MechanismCommand, 1>,
     /// Timing of the chassis task.
     pub chassis_timing: Statistics,
+    /// What a PC may watch and tune beside the motors.
+    pub live: Live,
+}
+
+rc10_tasks::live! {
+    /// What a PC may watch and tune beside the motors.
+    pub struct Live {
+        signals {
+            tilt: "lift tilt", "deg";
+            heading: "heading", "deg";
+        }
+        parameters {
+            feeder: "feeder speed", "rpm", FEEDER.get(), [0.0, 450.0];
+        }
+    }
 }
 
 impl<'p> Deref for Shared<'p> {
@@ -81,6 +96,7 @@ impl<'p> Shared<'p> {
             motion: Latest::new(),
             mechanisms: Latest::new(),
             chassis_timing: Statistics::new(),
+            live: Live::new(),
         }
     }
 }

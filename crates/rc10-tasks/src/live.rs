@@ -257,7 +257,8 @@ impl State {
     fn watch(&self, group: u8, period: u16, signals: Bits, now: u64) {
         let mut groups = self.groups.borrow_mut();
         let Some(place) = groups.get_mut(usize::from(group)) else { return };
-        let period = u64::from(period.min(1000)) * 1000;
+        // Nothing is not sampled.
+        let period = if signals.is_empty() { 0 } else { u64::from(period.min(1000)) * 1000 };
         // Said again and again, in case it was lost.
         if place.period == period && place.signals == signals {
             return;
