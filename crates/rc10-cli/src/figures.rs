@@ -262,6 +262,8 @@ pub fn motor_table(recording: &Recording, figures: &Figures) -> Table {
     };
     match recording.source {
         Source::Simulation => table,
+        // It knows what it has heard.
+        Source::Robot => table.without(&["loop", "overwritten"]),
         // The chip alone knows these.
         Source::Emulation => table.without(&["drive", "target", "RMS error", "refused"]),
         Source::Capture => table.without(&[
@@ -321,8 +323,22 @@ pub fn bus_table(recording: &Recording) -> Table {
         words: 2,
         rows: rows.collect(),
     };
-    let hidden = ["rx lost", "replaced", "refused", "overruns", "tick period: min", "mean", "max"];
-    if recording.source.is_told() { table } else { table.without(&hidden) }
+    match recording.source {
+        Source::Simulation => table,
+        // It does not count what others say on its wires.
+        Source::Robot => {
+            table.without(&["measured", "frames", "tick period: min", "mean", "max"])
+        }
+        Source::Emulation | Source::Capture => table.without(&[
+            "rx lost",
+            "replaced",
+            "refused",
+            "overruns",
+            "tick period: min",
+            "mean",
+            "max",
+        ]),
+    }
 }
 
 /// A line per RS-485 line; `None` for a robot without any.

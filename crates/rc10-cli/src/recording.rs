@@ -64,13 +64,21 @@ pub enum Source {
     Emulation,
     /// A capture of a real robot's buses: what was on the wires.
     Capture,
+    /// A robot that ran and told of itself: what it believed.
+    Robot,
 }
 
 impl Source {
     /// Whether it is known what the robot believed, and what its motors were told.
     #[must_use]
     pub const fn is_told(self) -> bool {
-        matches!(self, Self::Simulation)
+        matches!(self, Self::Simulation | Self::Robot)
+    }
+
+    /// Whether all chance in it is of a seed, and its time is virtual.
+    #[must_use]
+    pub const fn is_simulated(self) -> bool {
+        matches!(self, Self::Simulation | Self::Emulation)
     }
 }
 

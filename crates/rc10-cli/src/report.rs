@@ -42,13 +42,14 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
     };
     let main = motion.len().min(1);
     let (seed, is_capture) = (recording.seed, recording.source == Source::Capture);
+    let is_real = !recording.source.is_simulated();
     format!(
         include_str!("report.html"),
         style = include_str!("report.css"),
         script = include_str!("report.js"),
-        seed = if is_capture { String::new() } else { format!("seed <b>{seed}</b> · ") },
-        seed_in_title = if is_capture { String::new() } else { format!(", seed {seed}") },
-        virtual_time = if is_capture { "" } else { " of virtual time" },
+        seed = if is_real { String::new() } else { format!("seed <b>{seed}</b> · ") },
+        seed_in_title = if is_real { String::new() } else { format!(", seed {seed}") },
+        virtual_time = if is_real { "" } else { " of virtual time" },
         length = seconds(recording.length),
         motors = recording.motors.len(),
         buses = recording.buses.len(),
@@ -62,6 +63,7 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
             Source::Simulation => "simulated run",
             Source::Emulation => "run on an emulated chip",
             Source::Capture => "capture of its buses",
+            Source::Robot => "run",
         },
         tiles = tiles(recording),
         losses = losses(recording),
@@ -123,7 +125,11 @@ fn tiles(recording: &Recording) -> String {
         (optional(busiest, 1, " %"), "load of the busiest bus"),
         (optional(current, 1, " A"), "largest current"),
     ];
-    if let Some(longest) = longest.filter(|_| recording.source.is_told()) {
+    if recording.source == Source::Robot {
+        // It does not count what others say on its wires.
+        tiles.drain(1..3);
+    }
+    if let Some(longest) = longest.filter(|_| recording.source == Source::Simulation) {
         let period = optional(Some(longest.into()), 0, " µs");
         tiles.push((period, "longest tick period, 1000 µs planned"));
     }
@@ -498,7 +504,7 @@ fn current_charts(recording: &Recording) -> Vec<Chart> {
         });
         let body = curves(stride, "A", 2, 0.2, series.collect());
         let note = match recording.source {
-            Source::Capture => "current by feedback, where it is told",
+            Source::Capture | Source::Robot => "current by feedback, where it is told",
             _ => "current in the windings",
         };
         Chart { title: format!("Bus {}", bus.number), note, body }

@@ -187,7 +187,7 @@ pub(crate) fn print(
              on the chip: cargo xtask count.\n"
         )?;
     }
-    if recording.source != Source::Capture {
+    if recording.source.is_simulated() {
         writeln!(out, "trace {}", recording.trace_hash())?;
     }
     print_files(recording, folder, out)?;

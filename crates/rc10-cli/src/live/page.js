@@ -115,7 +115,7 @@ function tables() {
   });
   const buses = $('buses'); buses.replaceChildren();
   row = buses.insertRow();
-  for (const head of ['bus', 'state', 'planned %', 'received', 'missed', 'lost', 'longest tick, µs']) { const th = document.createElement('th'); th.textContent = head; row.append(th); }
+  for (const head of ['bus', 'state', 'planned %', 'received', 'missed', 'lost', 'tick, µs']) { const th = document.createElement('th'); th.textContent = head; row.append(th); }
   for (const label of labels('buses')) {
     row = buses.insertRow();
     cell(row, label);

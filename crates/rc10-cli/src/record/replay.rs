@@ -15,8 +15,8 @@ use mcap::read::{ChunkFlattener, Options};
 use mcap::records::Record;
 use rc10_can::Micros;
 use rc10_module::Counters;
-use rc10_motor::Fault as MotorFault;
 use rc10_motor::embassy::Rs485Status;
+use rc10_motor::{DriveMode, Fault as MotorFault, TargetKind};
 
 use super::fields::{BUS, Field, LINE, LOSS, MOTOR, MOTOR_HEALTH, PART, REMOTE, ROBOT};
 use super::{CDR, END, LAYOUT, VALUE, VERSION, topic};
@@ -25,7 +25,7 @@ use crate::environment::Environment;
 use crate::figures::{Figures, to_json};
 use crate::look::{BusLook, Moment, MotorLook};
 use crate::recorder::{Recorder, WireEnd};
-use crate::recording::{Recording, Source};
+use crate::recording::{Recording, SAMPLE_PERIOD, Source};
 use crate::remote::{Loss, Lost, Receiver};
 use crate::robot::Robot;
 use crate::run::{make_folder, print, write_file, write_files};
@@ -90,7 +90,7 @@ pub fn report(args: &ReportArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
         writeln!(out, "{}", to_json(&recording, &figures, None))?;
     } else {
         let seed = match recording.source {
-            Source::Capture => String::new(),
+            Source::Capture | Source::Robot => String::new(),
             _ => format!(", seed {}", recording.seed),
         };
         let headline = format!("{length} s of {named}{seed}");
@@ -241,8 +241,9 @@ pub fn replay(bytes: &[u8], mut robot: Robot<'_>) -> Result<(Recording, Option<S
 
     let (description, ports, loops) = (robot.description().clone(), robot.ports(), robot.loops());
     let around = Environment::new(&description, seed)?;
-    let source = match text("emulated") {
-        "true" => Source::Emulation,
+    let source = match (text("source"), text("emulated")) {
+        ("robot", _) => Source::Robot,
+        (_, "true") => Source::Emulation,
         _ => Source::Simulation,
     };
     // An emulated chip's memory is not looked into.
@@ -252,6 +253,8 @@ pub fn replay(bytes: &[u8], mut robot: Robot<'_>) -> Result<(Recording, Option<S
             .with_signals(own),
         channels: BTreeMap::new(),
         at: Micros::ZERO,
+        is_robot: source == Source::Robot,
+        next_sample: Micros::ZERO,
         looks: vec![MotorLook::NEW; description.motors.len()],
         has_looks: false,
         signals: vec![None; own.len()],
@@ -367,6 +370,10 @@ struct Replay<'d> {
     channels: BTreeMap<u16, (About, Rc<[String]>)>,
     /// The time of what follows.
     at: Micros,
+    /// It was told by a robot: seldom, and not at the times of a run.
+    is_robot: bool,
+    /// Of such a one.
+    next_sample: Micros,
     looks: Vec<MotorLook>,
     has_looks: bool,
     signals: Vec<Option<f64>>,
@@ -450,8 +457,31 @@ impl Replay<'_> {
         put(&mut self.moment)
     }
 
+    /// The looks at motors that told of themselves: what is seen of them is what they measure.
+    fn told(&self) -> Vec<MotorLook> {
+        let told = |look: &MotorLook| {
+            let mut look = look.settled();
+            let (seen, feedback) = (&mut look.seen, look.status.feedback);
+            seen.rpm = feedback.speed.get().into();
+            seen.current = feedback.current().map_or(0.0, |current| current.get().into());
+            let follows = matches!(
+                seen.kind,
+                TargetKind::Speed
+                    | TargetKind::Angle
+                    | TargetKind::TotalAngle
+                    | TargetKind::Impedance
+            );
+            seen.target = seen.target.filter(|_| follows && seen.drive == DriveMode::Run);
+            look
+        };
+        self.looks.iter().map(told).collect()
+    }
+
     /// Gives the recorder what belongs to one moment.
     fn flush(&mut self) -> Result<()> {
+        if self.is_robot {
+            return self.flush_robot();
+        }
         if std::mem::take(&mut self.has_signals) {
             self.recorder.signals(self.at, &self.signals)?;
         }
@@ -461,6 +491,26 @@ impl Replay<'_> {
         }
         if std::mem::take(&mut self.has_moment) {
             self.recorder.take_sample(self.at, self.moment.clone())?;
+        }
+        Ok(())
+    }
+}
+
+impl Replay<'_> {
+    /// The same of a robot, in samples that are as far apart as those of a run.
+    fn flush_robot(&mut self) -> Result<()> {
+        if !(self.has_signals || self.has_looks || self.has_moment) {
+            return Ok(());
+        }
+        (self.has_signals, self.has_looks, self.has_moment) = (false, false, false);
+        let looks = self.told();
+        self.recorder.signals(self.at, &self.signals)?;
+        self.recorder.take_look(self.at, &looks)?;
+        while self.next_sample <= self.at {
+            // Where nothing was told it stays as it was.
+            self.recorder.take_look(self.next_sample, &looks)?;
+            self.recorder.take_sample(self.next_sample, self.moment.clone())?;
+            self.next_sample += SAMPLE_PERIOD;
         }
         Ok(())
     }

@@ -76,8 +76,8 @@ const ERRORS: &str = "Active,Warning,Passive,BusOff";
 const REMOTES: &str = "Online,Interrupted,Lost";
 
 signals!(MOTOR, of_motor: MotorStatus {
-    target: "" => |it| target(it);
-    measured: "" => |it| measured(it);
+    target: "rpm or deg" => |it| target(it);
+    measured: "rpm or deg" => |it| measured(it);
     speed: "rpm" => |it| it.feedback.speed.get();
     total_angle: "deg" => |it| degrees(it.feedback.total_angle);
     current: "A" => |it| it.feedback.readings()[0];
@@ -139,7 +139,9 @@ fn measured(status: &MotorStatus) -> f32 {
 
 signals!(BUS, of_bus: BusStatus {
     state: "" of ERRORS => |it| f32::from(it.health.state as u8);
+    planned_least: "%" => |it| it.load.least;
     planned_typical: "%" => |it| it.load.typical;
+    planned_worst: "%" => |it| it.load.worst;
     ticks: "ticks" => |it| count(it.ticks);
     overruns: "ticks" => |it| count(it.overruns);
     submitted: "frames" => |it| count(it.submitted);

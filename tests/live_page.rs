@@ -1,0 +1,253 @@
+//! The page of `rc10 live` in a browser, driven as a person does. Without Chromium and its driver (Debian:
+//! `chromium`, `chromium-driver`) it says so, and nothing is tested.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+#[path = "common/scratch.rs"]
+mod scratch;
+
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use scratch::Scratch;
+use serde_json::{Value, json};
+
+/// A program that ends with the test.
+struct Started(Child);
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Starts a program, and reads its output up to a line that has this in it.
+fn start(command: &mut Command, awaited: &str) -> (Started, String) {
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    let line = lines.find_map(|line| line.ok().filter(|line| line.contains(awaited)));
+    // What it says later must not fill the pipe.
+    std::thread::spawn(move || lines.for_each(drop));
+    let line = line.unwrap_or_else(|| panic!("no {awaited}"));
+    (Started(child), line)
+}
+
+/// One request, and the body of its answer with its status.
+fn http(port: u16, method: &str, path: &str, headers: &str, body: &str) -> (u16, String) {
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    let length = body.len();
+    write!(
+        stream,
+        "{method} {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: {length}\r\n\
+         Connection: close\r\n{headers}\r\n{body}"
+    )
+    .unwrap();
+    let mut reader = BufReader::new(stream);
+    let (mut head, mut line) = (String::new(), String::new());
+    while reader.read_line(&mut line).unwrap() > 2 {
+        head += &std::mem::take(&mut line).to_lowercase();
+    }
+    // The driver does not always hang up.
+    let length = head.lines().find_map(|line| line.strip_prefix("content-length:"));
+    let mut body = vec![0; length.expect("a length").trim().parse().unwrap()];
+    reader.read_exact(&mut body).unwrap();
+    let status = head.split(' ').nth(1).unwrap().parse().unwrap();
+    (status, String::from_utf8(body).unwrap())
+}
+
+const JSON: &str = "Content-Type: application/json\r\n";
+
+/// A browser under remote control.
+struct Browser {
+    port: u16,
+    session: String,
+    _driver: Started,
+}
+
+impl Browser {
+    fn open(url: &str) -> Self {
+        let (driver, line) =
+            start(Command::new("chromedriver").arg("--port=0"), "started successfully on port");
+        let port = line.trim_end_matches('.').rsplit(' ').next().unwrap().parse().unwrap();
+        let options = json!({ "args": [
+            "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
+            "--window-size=1500,950",
+        ]});
+        let wanted =
+            json!({ "capabilities": { "alwaysMatch": { "goog:chromeOptions": options } } });
+        let (_, body) = http(port, "POST", "/session", JSON, &wanted.to_string());
+        let answer: Value = serde_json::from_str(&body).unwrap();
+        let session = answer["value"]["sessionId"].as_str().unwrap_or_else(|| panic!("{answer}"));
+        let browser = Self { port, session: session.to_owned(), _driver: driver };
+        browser.tell("url", &json!({ "url": url }));
+        browser
+    }
+
+    fn tell(&self, command: &str, body: &Value) -> Value {
+        let path = format!("/session/{}/{command}", self.session);
+        let (status, body) = http(self.port, "POST", &path, JSON, &body.to_string());
+        assert_eq!(status, 200, "{body}");
+        serde_json::from_str::<Value>(&body).unwrap()["value"].clone()
+    }
+
+    fn look(&self, script: &str) -> Value {
+        self.tell("execute/sync", &json!({ "script": script, "args": [] }))
+    }
+
+    /// Waits until a script says true.
+    fn until(&self, script: &str) {
+        let begin = Instant::now();
+        while self.look(script) != json!(true) {
+            assert!(begin.elapsed() < Duration::from_secs(90), "never: {script}");
+            sleep(Duration::from_millis(100));
+        }
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        let _ = http(self.port, "DELETE", &format!("/session/{}", self.session), "", "");
+    }
+}
+
+fn has_browser() -> bool {
+    let is_there = |name: &str| Command::new(name).arg("--version").output().is_ok();
+    let both = is_there("chromium") && is_there("chromedriver");
+    if !both {
+        eprintln!("SKIPPED: no chromium and chromedriver on this machine: the page is not tested");
+    }
+    both
+}
+
+/// Opens the page of a robot, and does with it what one does on a test day.
+fn a_test_day(source: &[&str]) {
+    let folder = Scratch::new("live-page");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
+    command.args(["live", "--page", "0", "--out"]).arg(&*folder).args(source);
+    let (_live, line) = start(&mut command, "http://");
+    let url = line.split_whitespace().last().unwrap().to_owned();
+    let port: u16 = url.trim_end_matches('/').rsplit(':').next().unwrap().parse().unwrap();
+    other_sites_are_refused(port);
+    if !has_browser() {
+        return;
+    }
+    let page = Browser::open(&url);
+    // It describes itself, and drives.
+    page.until("return document.querySelectorAll('#motors tr[data-motor]').length === 11");
+    page.until("return [...document.querySelectorAll('#motors tr[data-motor]')].every((row) => row.cells[1].textContent === 'Online')");
+    page.until("return document.querySelector('#arm').textContent === 'Armed'");
+    page.until("return document.querySelectorAll('.plot').length >= 2");
+    page.until("return [...data.values()].some((it) => it.times.length > 50)");
+    // What stands on the page is what the robot says: the lift does not turn by itself.
+    let wheel = "state.signals.find((it) => it.label === 'wheel front left' && it.name === 'speed').value";
+    page.until(&format!("return Math.abs({wheel}) > 50"));
+
+    // A gain, and back.
+    let gain = "document.querySelector('[aria-label=\"wheel_front_left.speed_kp\"]')";
+    let now = "state.parameters.find((it) => it.full === 'wheel_front_left.speed_kp').value";
+    page.look(&format!("{gain}.value = '0.25'; {gain}.dispatchEvent(new Event('change'))"));
+    page.until(&format!("return Math.abs({now} - 0.25) < 1e-6"));
+    page.until("return document.querySelector('tr[data-parameter=\"wheel_front_left.speed_kp\"]').className === 'changed'");
+    page.until("return !document.querySelector('#undo').disabled");
+    page.look("document.querySelector('#undo').click()");
+    page.until(&format!("return Math.abs({now} - 0.4) < 1e-6"));
+    // One that is refused says why, and changes nothing.
+    page.look(&format!("{gain}.value = '-1'; {gain}.dispatchEvent(new Event('change'))"));
+    page.until("return document.querySelector('#refused').textContent.includes('out of its range')");
+    page.until(&format!("return Math.abs({now} - 0.4) < 1e-6"));
+
+    // A record.
+    page.look("document.querySelector('#record').click()");
+    page.until("return state.record !== null && state.record.seconds > 0.5");
+    if let Some(place) = std::env::var_os("RC10_PICTURES") {
+        picture(&page, &Path::new(&place).join("live.png"));
+    }
+    page.look("document.querySelector('#record').click()");
+    page.until("return document.querySelector('#note').textContent.includes('001.mcap')");
+    let record = folder.join("001.mcap");
+    let report = Command::new(env!("CARGO_BIN_EXE_rc10"))
+        .arg("report")
+        .arg(&record)
+        .arg("--out")
+        .arg(folder.join("report"))
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&report.stdout);
+    assert!(report.status.success() && text.contains("wheel front left"), "{text}");
+
+    // The space bar, whatever has the focus.
+    page.look(&format!("{gain}.focus()"));
+    let keys = json!([{ "type": "keyDown", "value": " " }, { "type": "keyUp", "value": " " }]);
+    page.tell("actions", &json!({ "actions": [{ "type": "key", "id": "k", "actions": keys }] }));
+    page.until("return document.querySelector('#arm').textContent === 'EStopped'");
+    // It lasts: the script's hands do not arm a robot that is stopped.
+    sleep(Duration::from_millis(300));
+    page.until("return document.querySelector('#arm').textContent === 'EStopped'");
+
+    // The robot is gone, and the page says so.
+    drop(_live);
+    page.until("return document.querySelector('#trouble').textContent.includes('has ended')");
+}
+
+fn picture(page: &Browser, file: &Path) {
+    let path = format!("/session/{}/screenshot", page.session);
+    let (_, body) = http(page.port, "GET", &path, "", "");
+    let answer: Value = serde_json::from_str(&body).unwrap();
+    let text = answer["value"].as_str().unwrap();
+    // Base64, without another crate.
+    let digit = |letter: u8| match letter {
+        b'A'..=b'Z' => letter - b'A',
+        b'a'..=b'z' => letter - b'a' + 26,
+        b'0'..=b'9' => letter - b'0' + 52,
+        b'+' => 62,
+        _ => 63,
+    };
+    let letters: Vec<u8> = text.bytes().filter(|letter| *letter != b'=').map(digit).collect();
+    let bytes: Vec<u8> = letters
+        .chunks(4)
+        .flat_map(|four| {
+            let bits = four.iter().fold(0_u32, |bits, digit| bits << 6 | u32::from(*digit));
+            let bits = bits << (6 * (4 - four.len()));
+            bits.to_be_bytes()[1..four.len()].to_vec()
+        })
+        .collect();
+    std::fs::write(file, bytes).unwrap();
+}
+
+/// Another site that is open in the same browser reads and does nothing.
+fn other_sites_are_refused(port: u16) {
+    let stop = r#"{"do":"stop"}"#;
+    for headers in [
+        format!("{JSON}Origin: http://example.org\r\n"),
+        format!("{JSON}Origin: http://127.0.0.1:1\r\n"),
+        "Content-Type: text/plain\r\n".to_owned(),
+        String::new(),
+    ] {
+        let (status, body) = http(port, "POST", "/wish", &headers, stop);
+        assert_eq!(status, 403, "{headers}: {body}");
+    }
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    write!(stream, "GET /state HTTP/1.1\r\nHost: example.org\r\nConnection: close\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    assert!(answer.starts_with("HTTP/1.1 403"), "{answer}");
+    let (status, body) = http(port, "POST", "/wish", JSON, "{}");
+    assert!(status == 409 && body.contains("not understood"), "{status} {body}");
+}
+
+#[test]
+fn the_simulated_robot_on_a_page() {
+    a_test_day(&["--sim"]);
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn the_emulated_chip_on_a_page() {
+    let firmware = std::env::var("RC10_FIRMWARE").expect("run this with: cargo xtask emulate");
+    a_test_day(&["--emu", &firmware, "--baud", "2000000"]);
+}
