@@ -144,7 +144,8 @@ fn a_test_day(source: &[&str]) {
     page.until("return document.querySelectorAll('.plot').length >= 2");
     page.until("return [...data.values()].some((it) => it.times.length > 50)");
     // What stands on the page is what the robot says: the lift does not turn by itself.
-    let wheel = "state.signals.find((it) => it.label === 'wheel front left' && it.name === 'speed').value";
+    let wheel =
+        "state.signals.find((it) => it.label === 'wheel front left' && it.name === 'speed').value";
     page.until(&format!("return Math.abs({wheel}) > 50"));
 
     // A gain, and back.
@@ -158,7 +159,9 @@ fn a_test_day(source: &[&str]) {
     page.until(&format!("return Math.abs({now} - 0.4) < 1e-6"));
     // One that is refused says why, and changes nothing.
     page.look(&format!("{gain}.value = '-1'; {gain}.dispatchEvent(new Event('change'))"));
-    page.until("return document.querySelector('#refused').textContent.includes('out of its range')");
+    page.until(
+        "return document.querySelector('#refused').textContent.includes('out of its range')",
+    );
     page.until(&format!("return Math.abs({now} - 0.4) < 1e-6"));
 
     // A record.
@@ -232,7 +235,8 @@ fn other_sites_are_refused(port: u16) {
         assert_eq!(status, 403, "{headers}: {body}");
     }
     let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
-    write!(stream, "GET /state HTTP/1.1\r\nHost: example.org\r\nConnection: close\r\n\r\n").unwrap();
+    write!(stream, "GET /state HTTP/1.1\r\nHost: example.org\r\nConnection: close\r\n\r\n")
+        .unwrap();
     let mut answer = String::new();
     stream.read_to_string(&mut answer).unwrap();
     assert!(answer.starts_with("HTTP/1.1 403"), "{answer}");

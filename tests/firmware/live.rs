@@ -123,10 +123,12 @@ fn second(names: &[&str]) -> [u64; 2] {
 fn being_watched_costs_little() {
     const ALL: [&str; 6] = ["target", "measured", "speed", "total_angle", "current", "temperature"];
     let [none, _] = second(&[]);
-    let [half, fewer] = second(&ALL[..3]);
+    let [first, fewer] = second(&ALL[..3]);
+    let [last, _] = second(&ALL[3..]);
     let [all, many] = second(&ALL);
     assert_eq!(many, 500 * 6 * Name::ALL.len() as u64);
-    let each = (all - half) / (many - fewer);
+    // The dearer half.
+    let each = (all - first.min(last)) / (many - fewer);
     println!("a second with a PC that watches nothing {none:>9} instructions");
     println!("a second with 66 signals at 500 Hz      {all:>9} instructions, budget {SECOND}");
     println!("one more signal in a sample             {each:>9} instructions, budget {SIGNAL}");

@@ -326,9 +326,7 @@ pub fn bus_table(recording: &Recording) -> Table {
     match recording.source {
         Source::Simulation => table,
         // It does not count what others say on its wires.
-        Source::Robot => {
-            table.without(&["measured", "frames", "tick period: min", "mean", "max"])
-        }
+        Source::Robot => table.without(&["measured", "frames", "tick period: min", "mean", "max"]),
         Source::Emulation | Source::Capture => table.without(&[
             "rx lost",
             "replaced",

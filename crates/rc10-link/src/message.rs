@@ -113,6 +113,12 @@ impl Bits {
         self.0.get(at).copied().unwrap_or_default()
     }
 
+    /// Whether all of them are below this number, which is a multiple of 32.
+    #[must_use]
+    pub fn is_below(&self, number: u16) -> bool {
+        self.0.len() <= usize::from(number) / 32
+    }
+
     /// Whether there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {

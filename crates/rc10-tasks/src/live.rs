@@ -106,6 +106,8 @@ struct State {
     /// When a PC said hello last.
     heard: Cell<Option<Instant>>,
     groups: RefCell<[Group; GROUPS]>,
+    /// There may be something to tell beside samples.
+    is_asked: Cell<bool>,
     /// It was said hello to, and has not answered.
     is_greeted: Cell<bool>,
     /// The signals, and the parameters, that are still to be told of.
@@ -162,6 +164,7 @@ impl<W: Write> Link<W> {
             reception: Reception::new(),
             heard: Cell::new(None),
             groups: RefCell::new([Group::OFF; GROUPS]),
+            is_asked: Cell::new(false),
             is_greeted: Cell::new(false),
             signals: Cell::new((0, 0)),
             parameters: Cell::new((0, 0)),
@@ -251,6 +254,7 @@ impl State {
             },
             _ => {}
         }
+        self.is_asked.set(true);
         self.wake.signal(());
     }
 
@@ -276,6 +280,7 @@ impl State {
     fn answer(&self, id: u16, answer: Answer) {
         // A PC that asks without waiting for its answers loses some.
         let _ = self.answers.try_send((id, answer));
+        self.is_asked.set(true);
     }
 
     /// Does one after the other what takes its time.
@@ -319,9 +324,12 @@ impl State {
         if !self.is_up() {
             return false;
         }
-        if let Some(tell) = self.tell(robot) {
-            frame.message(&tell);
-            return true;
+        if self.is_asked.get() {
+            if let Some(tell) = self.tell(robot) {
+                frame.message(&tell);
+                return true;
+            }
+            self.is_asked.set(false);
         }
         let now = Instant::now();
         let since = now.saturating_duration_since(grid).as_micros();

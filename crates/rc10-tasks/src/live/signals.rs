@@ -303,13 +303,15 @@ pub(super) fn sample(wanted: &Bits, robot: &Robot<'_>, room: &mut [[u8; 4]]) -> 
         let now = Whole::of(robot);
         take(word, room, |at| of_robot(at, &now));
     }
-    let mut index = robot.own_signals();
-    robot.own.signals(&mut |signal| {
-        if wanted.contains(index) {
-            put(signal.get(), room);
-        }
-        index += 1;
-    });
+    if !wanted.is_below(robot.own_signals()) {
+        let mut index = robot.own_signals();
+        robot.own.signals(&mut |signal| {
+            if wanted.contains(index) {
+                put(signal.get(), room);
+            }
+            index += 1;
+        });
+    }
     whole - room.len()
 }
 
