@@ -9,6 +9,10 @@ use rc10_app::{
 };
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
+use rc10_link::frame::{AROUND, ASK, BODY, FromPc, FromRobot, Writer};
+use rc10_link::samples::Head;
+use rc10_link::{Ask, Tell};
+use rc10_module::Stream;
 use rc10_motor::damiao::Control;
 use rc10_motor::dji::{self, Dji, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
 use rc10_motor::rc10_app::Cascade;
@@ -34,6 +38,7 @@ pub const TARGETS: &[(&str, Feed)] = &[
     ("cybergear", cybergear),
     ("lk", lk),
     ("odrive", odrive),
+    ("link", link),
     ("action", action),
     ("crsf", crsf),
     ("dbus", dbus),
@@ -46,6 +51,35 @@ pub const TARGETS: &[(&str, Feed)] = &[
     ("vt03", vt03),
     ("wit", wit),
 ];
+
+/// The link to a PC, at both ends: a whole frame is heard behind anything, however it comes in pieces;
+/// what is heard before had a good CRC.
+pub fn link(bytes: &[u8]) {
+    let hello = Ask::Hello { version: 0x4711 };
+    let mut frame = Writer::<{ ASK + AROUND }>::new();
+    frame.message(&hello);
+    // What was begun may claim to be as long as the longest frame.
+    let filler = [0; BODY + AROUND];
+    let whole: Vec<u8> = bytes.iter().chain(frame.bytes()).chain(&filler).copied().collect();
+    let (mut robot, mut pc) = (Stream::new(FromPc), Stream::new(FromRobot));
+    let (mut asked, mut told) = (Vec::new(), Vec::new());
+    let mut rest = whole.as_slice();
+    let mut size = 1;
+    while !rest.is_empty() {
+        let (piece, later) = rest.split_at(size.min(rest.len()));
+        robot.receive(piece, Micros::ZERO, |ask| asked.push(ask));
+        pc.receive(piece, Micros::ZERO, |body| told.push(body));
+        (rest, size) = (later, size * 7 % 61 + 1);
+    }
+    assert!(asked.contains(&hello), "{asked:?}");
+    assert!(told.iter().any(|body| postcard::from_bytes(body) == Ok(hello.clone())));
+    for body in told {
+        if let Some((head, values)) = Head::of(&body) {
+            assert!(head.bytes().len() + 4 * values.len() == body.len());
+        }
+        let _ = postcard::take_from_bytes::<Tell<'_>>(&body);
+    }
+}
 
 /// Bytes, taken one after the other; zeros when there are no more.
 struct Source<'b>(&'b [u8]);

@@ -144,7 +144,7 @@ fn what_is_shown_is_what_is_there_and_a_gain_changes_the_response() {
         watched(|pc| {
             let label = Name::ALL[0].label();
             let (kp, value) = pc.parameter(label, "speed_kp");
-            if factor != 1.0 {
+            if factor < 1.0 {
                 let id = pc.client.set(&[(kp, factor * value)]).unwrap();
                 assert_eq!(pc.ask(id), Answer::Done);
             }
@@ -186,7 +186,7 @@ fn a_full_line_and_garbage_disturb_no_bus() {
         let mut noise = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             // Some of it looks as a frame begins.
-            if state >> 28 == 0 { 0xE7 } else { (state >> 20) as u8 }
+            if state >> 28 == 0 { 0xE7 } else { (state >> 20 & 0xFF) as u8 }
         };
         for _ in 0..1000 {
             let garbage: Vec<u8> = (0..150).map(|_| noise()).collect();

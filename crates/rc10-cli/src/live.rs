@@ -18,7 +18,7 @@ pub mod wire;
 
 pub use client::{Answer, Client, Losses, Parameter, Sample, Signal};
 pub use commands::{GetArgs, ParamsArgs, RecordArgs, SetArgs, get, params, record, set};
-pub use history::History;
+pub use history::{History, POINTS};
 pub use page::{LiveArgs, live};
 pub use plan::{Topic, plan, watch};
 pub use rc10_link::Action;

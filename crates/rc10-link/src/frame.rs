@@ -36,9 +36,9 @@ const TAIL: usize = 4;
 /// not enough registers.
 static REMAINDERS: [[u32; 256]; 4] = {
     let mut tables = [[0; 256]; 4];
-    let mut byte = 0;
+    let (mut byte, mut index) = (0, 0);
     while byte < 256 {
-        let (mut remainder, mut zeros) = (byte as u32, 0);
+        let (mut remainder, mut zeros): (u32, usize) = (byte, 0);
         while zeros < 4 {
             let mut bits = 0;
             while bits < 8 {
@@ -46,10 +46,10 @@ static REMAINDERS: [[u32; 256]; 4] = {
                 remainder = remainder >> 1 ^ carry;
                 bits += 1;
             }
-            tables[zeros][byte] = remainder;
+            tables[zeros][index] = remainder;
             zeros += 1;
         }
-        byte += 1;
+        (byte, index) = (byte + 1, index + 1);
     }
     tables
 };
@@ -97,7 +97,7 @@ impl<const N: usize> Writer<N> {
         Self { bytes: [0; N], length: 0 }
     }
 
-    /// Begins a [sample](crate::samples), and returns where its values go.
+    /// Begins a [sample](samples), and returns where its values go.
     pub fn sample(&mut self, head: samples::Head) -> &mut [[u8; 4]] {
         let (body, _) = self.bytes[HEAD..].split_at_mut(N - AROUND);
         let (place, values) = body.split_at_mut(samples::HEAD);
@@ -173,7 +173,7 @@ impl Protocol for FromPc {
     }
 }
 
-/// What a PC hears: bodies, which are [samples](crate::samples) or a [`Tell`](crate::Tell).
+/// What a PC hears: bodies, which are [samples] or a [`Tell`](crate::Tell).
 #[derive(Debug)]
 pub struct FromRobot;
 

@@ -1,7 +1,7 @@
 //! The messages that a robot and a PC exchange over a serial line, and the frames around them.
 //!
 //! * [`Ask`]: what a PC asks. [`Tell`]: what a robot tells. Both are [postcard](https://postcard.jamesmunns.com)
-//!   messages, so that a new one is one line; but for [samples](samples), which are raw words: they are
+//!   messages, so that a new one is one line; but for [samples], which are raw words: they are
 //!   many, and a robot has few instructions for each.
 //! * [`frame`]: how a message becomes bytes, and how it is found in a stream that also has other bytes.
 //!

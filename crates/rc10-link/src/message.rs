@@ -127,7 +127,7 @@ impl Bits {
 
     /// Their numbers.
     pub fn iter(&self) -> impl Iterator<Item = u16> {
-        (0..SIGNALS as u16).filter(|signal| self.contains(*signal))
+        (0..u16::MAX).take(SIGNALS).filter(|signal| self.contains(*signal))
     }
 }
 

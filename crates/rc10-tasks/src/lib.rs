@@ -4,7 +4,7 @@
 //! * [`Common`]: what they share.
 //! * [`arming`]: the switches of a remote control arm, disarm and stop; its failsafe in two steps.
 //! * [`heading`]: which way the robot looks, counted from where it was armed.
-//! * [`live`]: shows the robot to a PC, and lets it change gains.
+//! * [`mod@live`]: shows the robot to a PC, and lets it change gains.
 //! * [`remote`]: what the remote's receiver says.
 //! * [`status`]: ten times a second, how the robot is; whether every bus ticks, for a watchdog.
 //! * [`status_led`]: the state of the robot on an LED strip.

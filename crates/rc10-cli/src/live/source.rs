@@ -33,7 +33,6 @@ pub struct SourceArgs {
     pub sim: bool,
     /// The robot's firmware on the emulated chip; without ELF it is built first
     #[arg(long, value_name = "ELF", num_args = 0..=1)]
-    #[expect(clippy::option_option, reason = "as clap has it")]
     pub emu: Option<Option<PathBuf>>,
     /// Bits a second of the console: what the robot's firmware has
     #[arg(long, value_name = "N", default_value_t = BAUD, value_parser = clap::value_parser!(u32).range(1200..=12_000_000))]

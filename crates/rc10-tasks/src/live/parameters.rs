@@ -8,6 +8,7 @@ use rc10_motor::{Request, RequestError, Response, TargetKind, Tuning};
 
 use super::Robot;
 use super::own::{count, nth};
+use super::signals::short;
 
 /// Changes that are carried out together.
 pub(super) type Change = Vec<One, 8>;
@@ -88,7 +89,7 @@ const MOTOR: [Field; 7] = [
         units: ["A", "N m", "of full voltage"],
     },
 ];
-const EACH: u16 = MOTOR.len() as u16;
+const EACH: u16 = short(MOTOR.len());
 
 /// A gain that is meant is not larger.
 const MOST: f32 = 1e6;
@@ -117,7 +118,7 @@ impl Part {
 
 /// The number of parameters, those included that a motor has not.
 pub(super) fn parameters(robot: &Robot<'_>) -> u16 {
-    robot.motors.len() as u16 * EACH + count(|see| robot.own.parameters(see))
+    short(robot.motors.len()) * EACH + count(|see| robot.own.parameters(see))
 }
 
 /// The motor's parameter with this number.
@@ -182,7 +183,7 @@ pub(super) fn parameter<'r>(index: u16, robot: &Robot<'r>) -> Option<Tell<'r>> {
             initial: *(field.get)(&mut declared),
         });
     }
-    let first = robot.motors.len() as u16 * EACH;
+    let first = short(robot.motors.len()) * EACH;
     let own = nth(index.checked_sub(first)?, |see| robot.own.parameters(see))?;
     Some(Tell::Parameter {
         index,
@@ -247,7 +248,7 @@ pub(super) async fn set(change: &Change, robot: &Robot<'_>) -> Result<(), Refusa
             return Err(refusal);
         }
     }
-    let first = robot.motors.len() as u16 * EACH;
+    let first = short(robot.motors.len()) * EACH;
     for One { parameter, value } in change {
         let own = parameter.checked_sub(first);
         let own = own.and_then(|at| nth(at, |see| robot.own.parameters(see)));

@@ -207,10 +207,16 @@ const _: () = {
     assert!(MOTOR.len() <= most && BUS.len() <= most && LINE.len() <= most && ROBOT.len() <= most);
 };
 
+/// A number of motors, or of their parameters.
+#[expect(clippy::cast_possible_truncation, reason = "there are fewer: `Robot::new` asserts it")]
+pub(super) const fn short(count: usize) -> u16 {
+    count as u16
+}
+
 impl Robot<'_> {
     /// The number of the first signal of its own.
     fn own_signals(&self) -> u16 {
-        EACH * (self.motors.len() + self.buses.len() + self.lines.len() + 1) as u16
+        EACH * short(self.motors.len() + self.buses.len() + self.lines.len() + 1)
     }
 }
 
