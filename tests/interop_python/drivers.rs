@@ -19,13 +19,13 @@ fn drive(name: &str) -> Option<(Value, String)> {
     let folder = Scratch::new(name);
     let link = folder.join("pty");
     let args = PtyArgs {
-        force: false,
-        bus: 1,
+        bus: Some(1),
         seconds: None,
         lockstep: true,
         alone: true,
         link: Some(link.clone()),
         seed: 3,
+        ..PtyArgs::default()
     };
     let stop = AtomicBool::new(false);
     thread::scope(|scope| {

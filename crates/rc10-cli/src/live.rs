@@ -25,4 +25,4 @@ pub use rc10_link::Action;
 pub use record::LiveRecord;
 pub use server::{Pages, Shown, Wish};
 pub use session::{Session, full_name};
-pub use source::{Source, SourceArgs, Way};
+pub use source::{BAUD, Source, SourceArgs, Way};

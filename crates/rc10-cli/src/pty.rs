@@ -15,6 +15,8 @@
 //! pieces. A client that is quiet is a world that stands still.
 
 #[cfg(unix)]
+mod console;
+#[cfg(unix)]
 mod scene;
 #[cfg(unix)]
 mod terminal;
@@ -28,6 +30,7 @@ use anyhow::Result;
 use clap::Args;
 use rc10_can::Micros;
 
+use crate::live::BAUD;
 use crate::robot::Robot;
 use crate::run::{seconds, seed};
 
@@ -38,12 +41,21 @@ pub use unix::serve;
 pub const STEP: Micros = Micros::from_millis(1);
 
 /// Arguments of `rc10 pty`.
-#[derive(Args, Debug)]
+#[derive(Args, Debug, Default)]
 #[command(allow_negative_numbers = true)]
 pub struct PtyArgs {
     /// Which bus of the robot; the first is 1
-    #[arg(long, value_name = "N")]
-    pub bus: u8,
+    #[arg(long, value_name = "N", required_unless_present = "console")]
+    pub bus: Option<u8>,
+    /// The robot's console instead of a bus: rc10 live at the pseudo-terminal is as at a real one
+    #[arg(long, conflicts_with_all = ["bus", "alone", "lockstep"])]
+    pub console: bool,
+    /// With --console: that of the firmware on the emulated chip; without ELF it is built first
+    #[arg(long, value_name = "ELF", num_args = 0..=1, requires = "console")]
+    pub emu: Option<Option<PathBuf>>,
+    /// With --console: its bits a second
+    #[arg(long, value_name = "N", default_value_t = BAUD, requires = "console")]
+    pub baud: u32,
     /// Ends after this many seconds of virtual time, up to 3600 [default: runs until Ctrl-C]
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<Micros>,
@@ -74,6 +86,9 @@ pub fn pty(args: &PtyArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
     let stop = std::sync::Arc::default();
     for signal in [SIGHUP, SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, std::sync::Arc::clone(&stop))?;
+    }
+    if args.console {
+        return console::serve(args, robot, out, &stop);
     }
     serve(args, robot, out, &stop)
 }

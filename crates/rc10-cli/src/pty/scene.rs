@@ -21,9 +21,10 @@ impl<'r> Scene<'r> {
         }
         let around = Environment::new(robot.description(), args.seed)?;
         let buses = around.wires.len();
-        let client = usize::from(args.bus).checked_sub(1).filter(|&bus| bus < buses);
-        let client = client
-            .with_context(|| format!("--bus {}: the robot has buses 1 to {buses}", args.bus))?;
+        let bus = args.bus.context("--bus says which")?;
+        let client = usize::from(bus).checked_sub(1).filter(|&bus| bus < buses);
+        let client =
+            client.with_context(|| format!("--bus {bus}: the robot has buses 1 to {buses}"))?;
         let tasks = if args.alone { Tasks::new() } else { robot.tasks(&around)? };
         Ok(Self { around, client, tasks })
     }

@@ -36,7 +36,8 @@ pub fn serve(
     out: &mut dyn Write,
     stop: &AtomicBool,
 ) -> Result<()> {
-    let on_bus = robot.description().on_bus(args.bus).count();
+    let number = args.bus.unwrap_or_default();
+    let on_bus = robot.description().on_bus(number).count();
     let scene = Scene::new(args, robot)?;
     let flow = if args.lockstep { Flow::Lossless } else { Flow::Lossy(ROOM) };
     let adapter = Adapter::new(scene.wire().clone(), flow, args.alone);
@@ -47,7 +48,7 @@ pub fn serve(
         out,
         "bus {} with {on_bus} devices, {}, {}; slcan at 1 Mbit/s (S8), for example:\n  \
          can.Bus(interface=\"slcan\", channel=\"{path}\", bitrate=1_000_000)",
-        args.bus,
+        number,
         if args.alone { "without the robot's program" } else { "and the robot's program" },
         if args.lockstep { "in lockstep with the client" } else { "in real time" },
     )?;
@@ -181,7 +182,15 @@ mod tests {
 
     fn args(link: PathBuf, lockstep: bool, seconds: u64) -> PtyArgs {
         let seconds = Some(Micros::from_millis(1000 * seconds));
-        PtyArgs { bus: 1, seconds, lockstep, alone: true, link: Some(link), seed: 7, force: false }
+        PtyArgs {
+            bus: Some(1),
+            seconds,
+            lockstep,
+            alone: true,
+            link: Some(link),
+            seed: 7,
+            ..PtyArgs::default()
+        }
     }
 
     fn link(name: &str) -> PathBuf {
@@ -313,7 +322,7 @@ mod tests {
     fn what_cannot_be_is_refused_in_words() {
         let complaint = |bus, link: Option<PathBuf>| {
             let robot = Robot::new(Description { buses: 2, ..<_>::default() });
-            let args = PtyArgs { bus, link, ..args(PathBuf::new(), true, 1) };
+            let args = PtyArgs { bus: Some(bus), link, ..args(PathBuf::new(), true, 1) };
             let stop = AtomicBool::new(true);
             serve(&args, robot, &mut Vec::new(), &stop).err().map(|error| error.to_string())
         };

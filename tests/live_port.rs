@@ -1,0 +1,144 @@
+//! The commands that speak with a robot at a serial port: a pseudo-terminal with the console of the
+//! simulated robot behind it.
+#![cfg(unix)]
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+#[path = "common/scratch.rs"]
+mod scratch;
+
+use std::io::{BufRead as _, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use scratch::Scratch;
+
+/// A program that ends with the test.
+struct Started(Child);
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        // Gently, so that it removes its link.
+        let _ = Command::new("kill").arg(self.0.id().to_string()).status();
+        let _ = self.0.wait();
+    }
+}
+
+fn rc10() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_rc10"))
+}
+
+/// The robot's console, at this path.
+fn plug_in(link: &Path) -> Started {
+    let mut child = rc10()
+        .args(["pty", "--console", "--link"])
+        .arg(link)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    assert!(lines.next().unwrap().unwrap().starts_with("pty /dev/"));
+    Started(child)
+}
+
+/// What a command prints on both ways, and whether it succeeds.
+fn run(arguments: &[&str], port: &Path) -> (bool, String) {
+    let output = rc10().args(arguments).arg("--port").arg(port).output().unwrap();
+    let text = [output.stdout, output.stderr].concat();
+    (output.status.success(), String::from_utf8(text).unwrap())
+}
+
+#[test]
+fn parameters_are_read_and_set_from_a_shell() {
+    let folder = Scratch::new("live-shell");
+    let link = folder.join("console");
+    let _robot = plug_in(&link);
+    let (done, text) = run(&["params"], &link);
+    assert!(done && text.contains("lift_rear_right.angle_kp = "), "{text}");
+    assert!(text.contains("feeder_speed = 300 rpm  (0 to 450)"), "{text}");
+    let (done, text) = run(&["set", "feeder_speed=200", "feeder.speed_kp=0.5"], &link);
+    assert!(done && text.contains("feeder_speed = 200, before 300"), "{text}");
+    // Another program, another link: the robot has kept it.
+    let (done, text) = run(&["get", "feeder_speed", "feeder.speed_kp"], &link);
+    assert!(done && text == "200\n0.5\n", "{text}");
+    let (_, text) = run(&["params", "--rust"], &link);
+    assert!(text.contains("// feeder.speed_kp:") && text.contains("kp: 0.5,"), "{text}");
+    for (change, why) in [
+        (&["set", "feeder_speed=451"][..], "out of its range"),
+        (&["set", "feeder_speed=100", "feeder.limit=99"], "feeder limit (0 to 10)"),
+        (&["set", "feeder_speed=x"], "`x` is no number"),
+        (&["set", "feeder_speed"], "NAME=VALUE"),
+        (&["set", "nothing=1"], "there is no parameter `nothing`"),
+        (&["set", "speed_kp=1"], "there are wheel_front_left.speed_kp"),
+    ] {
+        let (done, text) = run(change, &link);
+        assert!(!done && text.contains(why), "{change:?}: {text}");
+    }
+    let (_, text) = run(&["get", "feeder_speed"], &link);
+    assert_eq!(text, "200\n");
+}
+
+#[test]
+fn a_port_that_is_not_there_or_taken_is_said_so() {
+    let folder = Scratch::new("live-port");
+    let link = folder.join("console");
+    let (done, text) = run(&["params"], &link);
+    assert!(!done && text.contains("there is no such port"), "{text}");
+    let (done, text) = run(&["params"], Path::new("tcp:nowhere"));
+    assert!(!done && text.contains("tcp:HOST:PORT"), "{text}");
+    let robot = plug_in(&link);
+    let (done, text) = run(&["params", "--baud", "100"], &link);
+    assert!(!done && text.contains("--baud"), "{text}");
+    let mut holder = rc10()
+        .args(["live", "--page", "0", "--port"])
+        .arg(&link)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(holder.stdout.take().unwrap()).lines();
+    assert!(lines.next().unwrap().unwrap().contains("http://"));
+    let holder = Started(holder);
+    let (done, text) = run(&["params"], &link);
+    // Root may open a port that another has to itself.
+    let is_root = text.contains("speed_kp");
+    assert!(is_root || (!done && text.contains("another program has it open")), "{text}");
+    drop((holder, robot));
+    // A port at which nothing speaks.
+    let (done, text) = run(&["params"], Path::new("/dev/null"));
+    assert!(!done, "{text}");
+}
+
+#[test]
+fn a_record_outlives_a_pulled_cable() {
+    let folder = Scratch::new("live-record");
+    let (link, record) = (folder.join("console"), folder.join("run.mcap"));
+    let robot = plug_in(&link);
+    let mut recorder = rc10()
+        .args(["record", "--seconds", "60", "-o"])
+        .arg(&record)
+        .arg("--port")
+        .arg(&link)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(recorder.stderr.take().unwrap()).lines();
+    std::thread::sleep(Duration::from_millis(1500));
+    drop(robot);
+    let line = said.next().unwrap().unwrap();
+    assert!(line.contains("the port is gone") || line.contains("no such port"), "{line}");
+    let _robot = plug_in(&link);
+    let begin = Instant::now();
+    let back = said.find(|line| line.as_ref().unwrap().contains("the robot is back"));
+    assert!(back.is_some() && begin.elapsed() < Duration::from_secs(20));
+    std::thread::sleep(Duration::from_millis(1500));
+    let _ = Command::new("kill").arg(recorder.id().to_string()).status();
+    let output = recorder.wait_with_output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && text.contains("topics"), "{text}");
+    let report =
+        rc10().arg("report").arg(&record).arg("--out").arg(folder.join("report")).output().unwrap();
+    let text = String::from_utf8(report.stdout).unwrap();
+    assert!(report.status.success() && text.contains("wheel front left"), "{text}");
+}
