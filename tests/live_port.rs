@@ -6,7 +6,8 @@
 #[path = "common/scratch.rs"]
 mod scratch;
 
-use std::io::{BufRead as _, BufReader};
+use std::io::{BufRead as _, BufReader, Read as _};
+use std::net::{TcpStream, UdpSocket};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -141,4 +142,76 @@ fn a_record_outlives_a_pulled_cable() {
         rc10().arg("report").arg(&record).arg("--out").arg(folder.join("report")).output().unwrap();
     let text = String::from_utf8(report.stdout).unwrap();
     assert!(report.status.success() && text.contains("wheel front left"), "{text}");
+}
+
+/// The floats of a frame of VOFA+'s `JustFloat`: its document says that a frame ends with
+/// `00 00 80 7F`.
+fn just_float(bytes: &[u8]) -> Vec<f32> {
+    let body = bytes.strip_suffix(&[0x00, 0x00, 0x80, 0x7F]).expect("its tail");
+    assert_eq!(body.len() % 4, 0);
+    body.chunks(4).map(|four| f32::from_le_bytes(four.try_into().unwrap())).collect()
+}
+
+#[test]
+fn other_viewers_get_what_their_documents_say() {
+    let folder = Scratch::new("live-viewers");
+    let link = folder.join("console");
+    let _robot = plug_in(&link);
+    let socket = || {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        socket
+    };
+    let (juggler, vofa) = (socket(), socket());
+    let place = |socket: &UdpSocket| socket.local_addr().unwrap().to_string();
+    let live = |more: &[&str]| {
+        let mut command = rc10();
+        command.args(["live", "--page", "0", "--port"]).arg(&link).args(more);
+        command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    let channels =
+        ["--channel", "wheel_front_left.target", "--channel", "wheel_front_left.measured"];
+    let udp = format!("udp:{}", place(&vofa));
+    let fed = live(&[&["--plotjuggler", &place(&juggler), "--vofa", &udp], &channels[..]].concat());
+    let fed = Started(fed);
+    let mut buffer = [0; 65_536];
+    // PlotJuggler: JSON objects with numbers in them, and the time in seconds as `timestamp`.
+    let (mut last, mut seen) = (0.0, false);
+    for _ in 0..100 {
+        let count = juggler.recv(&mut buffer).unwrap();
+        let sample: serde_json::Value = serde_json::from_slice(&buffer[..count]).unwrap();
+        let time = sample["timestamp"].as_f64().unwrap();
+        assert!(time >= last - 0.11, "{time} after {last}");
+        last = time;
+        seen |=
+            sample["wheel_front_left"]["speed"].is_f64() && sample["feeder"]["current"].is_f64();
+    }
+    assert!(seen);
+    for _ in 0..100 {
+        let count = vofa.recv(&mut buffer).unwrap();
+        assert_eq!(just_float(&buffer[..count]).len(), 2);
+    }
+    drop(fed);
+
+    // By TCP: it waits, and whole frames follow each other.
+    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let fed = Started(live(&[&["--vofa", &format!("tcp:{free}")], &channels[..]].concat()));
+    let begin = Instant::now();
+    let mut reader = loop {
+        match TcpStream::connect(free) {
+            Ok(reader) => break reader,
+            Err(error) => assert!(begin.elapsed() < Duration::from_secs(20), "{error}"),
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    reader.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+    let mut bytes = [0; 12 * 50];
+    reader.read_exact(&mut bytes).unwrap();
+    bytes.chunks(12).for_each(|frame| assert_eq!(just_float(frame).len(), 2));
+    drop(fed);
+
+    let mut wrong = live(&["--vofa", "udp:127.0.0.1:9", "--channel", "wheel_front_left.nothing"]);
+    let mut text = String::new();
+    wrong.stderr.take().unwrap().read_to_string(&mut text).unwrap();
+    assert!(!wrong.wait().unwrap().success() && text.contains("no such signal"), "{text}");
 }

@@ -3,6 +3,7 @@
 //! * [`Client`]: the PC's end of a link, without the port. [`Session`]: with it.
 //! * [`SourceArgs`]: where the robot is. [`wire`]: a simulated console.
 //! * [`plan`]: what is watched how often. [`LiveRecord`]: a record of it.
+//! * [`Viewers`]: other people's.
 //! * [`Pages`]: a web server for this PC alone; [`History`]: the values on its pages.
 
 mod client;
@@ -14,6 +15,7 @@ mod record;
 mod server;
 mod session;
 mod source;
+mod viewers;
 pub mod wire;
 
 pub use client::{Answer, Client, Losses, Parameter, Sample, Signal};
@@ -26,3 +28,4 @@ pub use record::LiveRecord;
 pub use server::{Pages, Shown, Wish};
 pub use session::{Session, full_name};
 pub use source::{BAUD, Source, SourceArgs, Way};
+pub use viewers::{ViewerArgs, Viewers, signal_name};

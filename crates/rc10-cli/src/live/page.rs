@@ -17,6 +17,7 @@ use super::record::LiveRecord;
 use super::server::{Asked, Pages, Wish, look};
 use super::session::{Session, full_name};
 use super::source::SourceArgs;
+use super::viewers::{ViewerArgs, Viewers};
 use crate::description::Description;
 use crate::robot::Robot;
 use crate::run::seconds;
@@ -36,6 +37,9 @@ pub struct LiveArgs {
     /// Folder for records
     #[arg(long, value_name = "DIR", default_value = "target/rc10-live")]
     pub out: PathBuf,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its fields say it")]
+    pub viewers: ViewerArgs,
     /// Ends after this many seconds of the robot's time [default: runs until Ctrl-C]
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<Micros>,
@@ -56,6 +60,7 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     source.port = source.port.or_else(|| args.place.clone());
     let stop = stop()?;
     let session = Session::new(source.open(robot, true)?);
+    let viewers = Viewers::new(&args.viewers)?;
     let pages = Pages::serve(args.page)?;
     writeln!(out, "live  {}\n{}; Ctrl-C ends it", pages.address, session.name())?;
     out.flush()?;
@@ -72,6 +77,7 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         waiting: Vec::new(),
         chosen: (OFTEN, Vec::new()),
         met: false,
+        viewers,
     };
     while !stop.load(Ordering::Relaxed) {
         show.step()?;
@@ -104,6 +110,7 @@ struct Show<'r> {
     chosen: (u16, Vec<u16>),
     /// The robot has described itself, and is watched.
     met: bool,
+    viewers: Viewers,
 }
 
 impl Show<'_> {
@@ -115,11 +122,13 @@ impl Show<'_> {
             if topics != self.topics {
                 (self.topics, self.left) = (topics, left.len());
             }
+            self.viewers.meet(&self.session.client)?;
             watch(&mut self.session.client, &self.topics, OFTEN);
             self.choose();
         }
         self.met = is_described;
         let samples = self.session.client.take_samples();
+        samples.iter().for_each(|sample| self.viewers.take(sample, &self.session.client));
         if let Some((record, path)) = &mut self.record
             && let Err(error) = samples.iter().try_for_each(|sample| record.take(sample))
         {

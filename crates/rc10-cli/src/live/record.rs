@@ -12,13 +12,20 @@ use super::plan::Topic;
 use crate::description::Description;
 use crate::record::RecordFile;
 
+/// A robot whose time goes back by so much was restarted.
+const RESTART: Micros = Micros::from_millis(1000);
+
 /// A record that is being written. The file is there when it is finished.
 pub struct LiveRecord {
     file: RecordFile,
     /// The channel of each topic.
     topics: Vec<(u16, Topic)>,
+    /// The robot's time when the record began, or the robot anew; and that of the newest sample.
     first: Option<Micros>,
+    before: Micros,
+    /// The record's: of the newest sample, and when the robot began to count.
     last: Micros,
+    shift: Micros,
     /// Samples that it holds.
     pub samples: u64,
 }
@@ -52,7 +59,16 @@ impl LiveRecord {
             let channel = file.channel(&schema, &lines.collect::<String>(), &topic.name, &map)?;
             channels.push((channel, topic.clone()));
         }
-        Ok(Self { file, topics: channels, first: None, last: Micros::ZERO, samples: 0 })
+        let (before, last) = (Micros::ZERO, Micros::ZERO);
+        Ok(Self {
+            file,
+            topics: channels,
+            first: None,
+            before,
+            last,
+            shift: Micros::ZERO,
+            samples: 0,
+        })
     }
 
     /// Writes a sample. Those of signals that belong to no topic are left out.
@@ -60,14 +76,20 @@ impl LiveRecord {
     /// # Errors
     /// If the file cannot be written.
     pub fn take(&mut self, sample: &Sample) -> Result<()> {
+        if sample.at + RESTART < self.before {
+            // The robot counts anew: its record goes on.
+            (self.first, self.shift) = (Some(sample.at), self.last);
+        }
         let first = *self.first.get_or_insert(sample.at);
-        self.last = self.last.max(sample.at);
+        self.before = sample.at;
+        // The record begins with its first sample.
+        let at = self.shift + sample.at.since(first);
+        self.last = self.last.max(at);
         let known: BTreeMap<u16, f32> = sample.values.iter().copied().collect();
         for (channel, topic) in self.topics.iter().filter(|(_, it)| it.group == sample.group) {
             let value =
                 |(index, _): &(u16, _)| known.get(index).map_or(f64::NAN, |it| (*it).into());
-            // The record begins with its first sample.
-            self.file.put(*channel, sample.at.since(first), topic.signals.iter().map(value))?;
+            self.file.put(*channel, at, topic.signals.iter().map(value))?;
             self.samples += 1;
         }
         Ok(())
@@ -76,7 +98,7 @@ impl LiveRecord {
     /// The time that it covers.
     #[must_use]
     pub fn length(&self) -> Micros {
-        self.last.since(self.first.unwrap_or_default())
+        self.last
     }
 
     /// Puts the file in its place.

@@ -1,0 +1,183 @@
+//! Other people's viewers, fed while a robot runs.
+//!
+//! | viewer | what it gets | source |
+//! |---|---|---|
+//! | PlotJuggler, "UDP Server" with protocol JSON | a datagram a sample: `{"timestamp": s, "wheel_front_left": {"speed": ..}}` | its page on the UDP plug-in |
+//! | VOFA+, `JustFloat` | the channels' values as `f32`, little endian, then `00 00 80 7F` | its page on data engines |
+//!
+//! A viewer that is not there costs nothing: datagrams get lost. One that does not read its connection loses
+//! it, and may connect again.
+
+use std::collections::BTreeMap;
+use std::io::{ErrorKind, Write as _};
+use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs as _, UdpSocket};
+
+use anyhow::{Context, Result, bail, ensure};
+use clap::Args;
+use serde_json::{Map, Value};
+
+use super::client::{Client, Sample, Signal};
+
+/// Which viewers are fed.
+#[derive(Args, Clone, Debug, Default)]
+pub struct ViewerArgs {
+    /// Feed PlotJuggler's UDP server with JSON [its own port: 9870]
+    #[arg(long, value_name = "HOST:PORT")]
+    pub plotjuggler: Option<String>,
+    /// Feed VOFA+ with JustFloat: udp:HOST:PORT sends there, tcp:HOST:PORT waits there for it
+    #[arg(long, value_name = "udp|tcp:HOST:PORT", requires = "channels")]
+    pub vofa: Option<String>,
+    /// A channel of VOFA+, in their order: a signal as rc10 live names it, such as
+    /// wheel_front_left.speed
+    #[arg(long = "channel", value_name = "NAME")]
+    pub channels: Vec<String>,
+}
+
+/// The end of a frame of `JustFloat`: a NaN that no number is.
+const TAIL: [u8; 4] = [0x00, 0x00, 0x80, 0x7F];
+
+/// Viewers that are fed.
+pub struct Viewers {
+    json: Option<(UdpSocket, SocketAddr)>,
+    floats: Option<Floats>,
+    names: Vec<String>,
+    /// Number and newest value of each channel; `None` until the robot has described itself.
+    channels: Option<Vec<(u16, f32)>>,
+}
+
+enum Floats {
+    Udp(UdpSocket, SocketAddr),
+    Tcp(TcpListener, Vec<TcpStream>),
+}
+
+fn address(text: &str) -> Result<SocketAddr> {
+    let mut found = text.to_socket_addrs().with_context(|| format!("{text}: not HOST:PORT"))?;
+    found.next().with_context(|| format!("{text}: there is no such host"))
+}
+
+fn udp(to: SocketAddr) -> Result<UdpSocket> {
+    let any: SocketAddr =
+        if to.is_ipv4() { ([0, 0, 0, 0], 0).into() } else { ([0_u16; 8], 0).into() };
+    let socket = UdpSocket::bind(any).context("no UDP on this PC")?;
+    socket.set_nonblocking(true)?;
+    Ok(socket)
+}
+
+/// A signal's name for people and for other programs.
+#[must_use]
+pub fn signal_name(signal: &Signal) -> String {
+    let word = |text: &str| text.replace(' ', "_");
+    match (signal.folder.as_str(), signal.label.as_str()) {
+        ("signals", label) => word(label),
+        ("motors", label) => format!("{}.{}", word(label), signal.name),
+        (folder, "") => format!("{folder}.{}", signal.name),
+        (folder, label) => format!("{folder}_{}.{}", word(label), signal.name),
+    }
+}
+
+impl Viewers {
+    /// Those that are asked for.
+    ///
+    /// # Errors
+    /// If an address is none, or cannot be listened at.
+    pub fn new(args: &ViewerArgs) -> Result<Self> {
+        let json = match &args.plotjuggler {
+            Some(text) => {
+                let to = address(text).context("--plotjuggler")?;
+                Some((udp(to)?, to))
+            }
+            None => None,
+        };
+        let floats = match args.vofa.as_deref().map(|text| text.split_once(':')) {
+            None => None,
+            Some(Some(("udp", text))) => {
+                let to = address(text).context("--vofa")?;
+                Some(Floats::Udp(udp(to)?, to))
+            }
+            Some(Some(("tcp", text))) => {
+                let listener = TcpListener::bind(address(text).context("--vofa")?);
+                let listener =
+                    listener.with_context(|| format!("--vofa: cannot wait at {text}"))?;
+                listener.set_nonblocking(true)?;
+                Some(Floats::Tcp(listener, Vec::new()))
+            }
+            Some(_) => bail!("--vofa: it is to be udp:HOST:PORT or tcp:HOST:PORT"),
+        };
+        Ok(Self { json, floats, names: args.channels.clone(), channels: None })
+    }
+
+    /// The robot has described itself: which signals the channels are.
+    ///
+    /// # Errors
+    /// If a channel is no signal of it.
+    pub fn meet(&mut self, client: &Client) -> Result<()> {
+        let all: BTreeMap<String, u16> =
+            client.signals().map(|(index, signal)| (signal_name(signal), index)).collect();
+        let channel = |name: &String| {
+            let found = all.get(name).copied();
+            if found.is_none() {
+                let near: Vec<_> =
+                    all.keys().filter(|known| known.contains(name.as_str())).collect();
+                ensure!(near.is_empty(), "--channel {name}: there are {near:?}");
+            }
+            Ok((
+                found.with_context(|| format!("--channel {name}: there is no such signal"))?,
+                f32::NAN,
+            ))
+        };
+        self.channels = Some(self.names.iter().map(channel).collect::<Result<_>>()?);
+        Ok(())
+    }
+
+    /// Feeds them with a sample.
+    pub fn take(&mut self, sample: &Sample, client: &Client) {
+        if let Some((socket, to)) = &self.json {
+            // Lost, if there is no viewer.
+            let _ = socket.send_to(json(sample, client).as_bytes(), to);
+        }
+        let (Some(floats), Some(channels)) = (&mut self.floats, &mut self.channels) else { return };
+        let mut is_new = false;
+        for (index, value) in &sample.values {
+            for (_, newest) in channels.iter_mut().filter(|(channel, _)| channel == index) {
+                (*newest, is_new) = (*value, true);
+            }
+        }
+        if !is_new {
+            return;
+        }
+        let values = channels.iter().flat_map(|(_, value)| value.to_le_bytes());
+        let frame: Vec<u8> = values.chain(TAIL).collect();
+        match floats {
+            Floats::Udp(socket, to) => drop(socket.send_to(&frame, *to)),
+            Floats::Tcp(listener, readers) => {
+                while let Ok((reader, _)) = listener.accept() {
+                    if reader.set_nonblocking(true).is_ok() {
+                        readers.push(reader);
+                    }
+                }
+                // A frame that fits only in part would shift all that follow.
+                readers.retain_mut(|reader| match reader.write(&frame) {
+                    Ok(count) => count == frame.len(),
+                    Err(error) => error.kind() == ErrorKind::WouldBlock,
+                });
+            }
+        }
+    }
+}
+
+/// A sample as PlotJuggler takes it; what has no value is left out.
+fn json(sample: &Sample, client: &Client) -> String {
+    let names: BTreeMap<u16, &Signal> = client.signals().collect();
+    let mut all = Map::new();
+    all.insert("timestamp".into(), (sample.at.get() as f64 * 1e-6).into());
+    for (index, value) in sample.values.iter().filter(|(_, value)| value.is_finite()) {
+        let Some(signal) = names.get(index) else { continue };
+        let name = signal_name(signal);
+        let (thing, name) = name.split_once('.').unwrap_or((&name, "value"));
+        let thing = all.entry(thing.to_owned()).or_insert_with(|| Value::Object(Map::new()));
+        if let Value::Object(thing) = thing {
+            thing.insert(name.to_owned(), f64::from(*value).into());
+        }
+    }
+    Value::Object(all).to_string()
+}
