@@ -9,12 +9,14 @@ use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 use rc10_cli::environment::Environment;
 use rc10_cli::live::wire::Line;
-use rc10_cli::live::{Answer, Client, Sample};
+use rc10_cli::live::{Action, Answer, Client, Sample};
 use rc10_cli::team;
-use rc10_motor::{ArmState, Names};
+use rc10_motor::rc10_app::Rpm;
+use rc10_motor::{ArmState, DriveMode, Names, Target};
 use rc10_robot::table::{Name, WHEELS};
 use rc10_robot::{Motors, Ports, Shared};
 use rc10_sim::Tasks;
+use rc10_sim::remote::{Controls, Switch};
 use rc10_tasks::live;
 
 const BAUD: u32 = 921_600;
@@ -253,9 +255,131 @@ fn a_pc_stops_the_robot_and_never_arms_it() {
     with_scene(BAUD, |scene, shared| {
         scene.run(1500);
         assert_eq!(shared.switch.state(), ArmState::Armed);
-        let id = scene.client.act(rc10_cli::live::Action::Stop);
+        let id = scene.client.act(Action::Stop);
         scene.run(2);
         assert_eq!(shared.switch.state(), ArmState::EStopped);
         assert_eq!(scene.ask(id), Answer::Done);
+    });
+}
+
+/// The largest current of each wheel's command since the last call, as a share of full scale.
+fn efforts(scene: &Scene<'_>) -> [f64; 4] {
+    let mut largest = [0.0_f64; 4];
+    for entry in scene.around.wires[0].take_trace() {
+        let id = CanFrame::key_of(StandardId::new(0x200).unwrap());
+        if entry.from_controller && entry.frame.key() == id {
+            for (lane, largest) in entry.frame.bytes().as_chunks::<2>().0.iter().zip(&mut largest) {
+                *largest = largest.max(f64::from(i16::from_be_bytes(*lane)).abs() / 16384.0);
+            }
+        }
+    }
+    largest
+}
+
+/// A robot that was armed and is disarmed by the PC, and stands.
+fn disarmed(scene: &mut Scene<'_>, shared: &Shared<'_>) {
+    scene.run(1500);
+    // The hands let go: switches as they are where it is armed, sticks in the middle.
+    scene.around.operator = None;
+    scene.around.remote.as_ref().unwrap().remote.set(Controls::REST);
+    let id = scene.client.act(Action::Disarm);
+    assert_eq!(scene.ask(id), Answer::Done);
+    scene.run(2500);
+    assert_eq!(shared.switch.state(), ArmState::Disarmed);
+    efforts(scene);
+}
+
+/// Holds the button of a motor for some milliseconds; the last answer.
+fn hold(scene: &mut Scene<'_>, motor: u8, tenths: i16, millis: u64) -> Answer {
+    let mut last = Answer::Done;
+    for _ in 0..millis / 25 {
+        let id = scene.client.act(Action::Jog(motor, tenths));
+        scene.run(25);
+        last = scene.client.answer(id).expect("an answer within 25 ms");
+    }
+    last
+}
+
+fn refused(answer: Answer, why: &str) {
+    let Answer::Refused(told) = answer else { panic!("not refused: {why}") };
+    assert!(told.contains(why), "{told}");
+}
+
+#[test]
+fn a_motor_turns_while_its_button_is_held_and_no_other_one() {
+    with_scene(BAUD, |scene, shared| {
+        disarmed(scene, shared);
+        let rpm = |wheel: usize| shared.motor(WHEELS[wheel]).status().feedback.speed.get();
+        assert_eq!(hold(scene, 0, 100, 1000), Answer::Done);
+        assert!((rpm(0) - 10.0).abs() < 1.5, "{}", rpm(0));
+        let efforts_now = efforts(scene);
+        assert!(efforts_now[0] > 0.0 && efforts_now[1..].iter().all(|it| *it == 0.0));
+        assert_eq!(shared.switch.state(), ArmState::Disarmed);
+        // Released: told so, or not told any more.
+        let id = scene.client.act(Action::Jog(0, 0));
+        assert_eq!(scene.ask(id), Answer::Done);
+        scene.run(3);
+        efforts(scene);
+        scene.run(50);
+        assert_eq!(efforts(scene), [0.0; 4]);
+        scene.run(200);
+        assert_eq!(hold(scene, 0, -100, 500), Answer::Done);
+        scene.run(75);
+        efforts(scene);
+        scene.run(50);
+        assert_eq!(efforts(scene), [0.0; 4], "100 ms after the last word of a link that is lost");
+    });
+}
+
+#[test]
+fn what_must_not_turn_is_refused() {
+    with_scene(BAUD, |scene, shared| {
+        scene.run(1500);
+        refused(hold(scene, 0, 50, 25), "disarmed");
+        disarmed(scene, shared);
+        refused(hold(scene, 0, 201, 25), "faster than the robot's table allows");
+        refused(hold(scene, 0, -201, 25), "faster than the robot's table allows");
+        // A lift would fall, and a motor that there is not.
+        refused(hold(scene, Name::LiftFrontLeft.index() as u8, 10, 25), "does not allow");
+        refused(hold(scene, 99, 10, 25), "no motor");
+        assert_eq!(efforts(scene), [0.0; 4]);
+        // A second one, while the first turns.
+        assert_eq!(hold(scene, 0, 50, 100), Answer::Done);
+        refused(hold(scene, 1, 50, 25), "another motor turns");
+        assert_eq!(efforts(scene)[1], 0.0);
+        scene.run(200);
+        assert_eq!(hold(scene, 1, 50, 100), Answer::Done);
+        // A task of the robot commands it: that ends the jog, and the next one is refused.
+        shared.command(WHEELS[1], Target::Speed(Rpm::new(300.0)));
+        refused(hold(scene, 1, 50, 25), "carried out");
+        efforts(scene);
+        scene.run(60);
+        assert_eq!(efforts(scene), [0.0; 4]);
+        // A stop.
+        scene.run(200);
+        assert_eq!(hold(scene, 0, 50, 300), Answer::Done);
+        shared.switch.emergency_stop();
+        scene.run(2);
+        efforts(scene);
+        refused(hold(scene, 0, 50, 100), "disarmed");
+        assert_eq!(efforts(scene), [0.0; 4]);
+    });
+}
+
+#[test]
+fn arming_ends_a_jog_and_follows_nothing_of_it() {
+    with_scene(BAUD, |scene, shared| {
+        disarmed(scene, shared);
+        assert_eq!(hold(scene, 0, 100, 500), Answer::Done);
+        // By hand, at the remote; the button is still held.
+        let remote = scene.around.remote.as_ref().unwrap().remote.clone();
+        remote.set(Controls { right_switch: Switch::Down, ..Controls::REST });
+        assert_eq!(hold(scene, 0, 100, 100), Answer::Done);
+        remote.set(Controls::REST);
+        refused(hold(scene, 0, 100, 200), "disarmed");
+        assert_eq!(shared.switch.state(), ArmState::Armed);
+        // What it follows is its task: the sticks are in the middle.
+        let status = shared.motor(WHEELS[0]).status();
+        assert_eq!((status.drive, status.target), (DriveMode::Run, Target::Speed(Rpm::ZERO)));
     });
 }

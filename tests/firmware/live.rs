@@ -1,14 +1,15 @@
 //! A PC at the console of the flashed firmware.
 
-use rc10_can::Micros;
+use rc10_can::embedded_can::StandardId;
+use rc10_can::{CanFrame, Micros};
 use rc10_cli::emulate::{Emulation, Setup};
-use rc10_cli::live::{Answer, Client, Sample};
+use rc10_cli::live::{Action, Answer, Client, Sample};
 use rc10_emu::Figures;
 use rc10_motor::Names;
 use rc10_robot::table::Name;
 use rc10_sim::{Nanos, UartFault};
 
-use super::{is_clean, keeps_its_period, log, run, setup};
+use super::{commands, is_clean, keeps_its_period, log, run, setup};
 
 /// The console's.
 const BAUD: u32 = 2_000_000;
@@ -237,5 +238,80 @@ fn a_cable_pulled_at_any_byte_is_no_harm_and_the_text_comes_back() {
         pc.heard.clear();
         pc.run(400);
         assert!(pc.client.is_up(pc.now()), "and it hears the next PC");
+    });
+}
+
+/// When a wheel was last commanded a current, in the frames since a time.
+fn last_effort(pc: &Watched<'_, '_>, wheel: usize, from: Micros) -> Option<Nanos> {
+    let entries = commands(&pc.emulation.rig, 0, from.into());
+    let wheels =
+        entries.filter(|it| it.frame.key() == CanFrame::key_of(StandardId::new(0x200).unwrap()));
+    let driven = wheels.filter(|it| it.frame.bytes()[2 * wheel..2 * wheel + 2] != [0; 2]);
+    driven.last().map(|it| it.end)
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_jog_turns_one_motor_of_a_disarmed_robot_and_ends_with_its_link() {
+    watched(|pc| {
+        let refused = |answer: Answer, why: &str| {
+            let Answer::Refused(told) = answer else { panic!("not refused: {why}") };
+            assert!(told.contains(why), "{told}");
+        };
+        let hold = |pc: &mut Watched<'_, '_>, motor: u8, tenths: i16, millis: u64| {
+            let mut last = Answer::Done;
+            for _ in 0..millis / 25 {
+                let id = pc.client.act(Action::Jog(motor, tenths));
+                pc.run(25);
+                last = pc.client.answer(id).expect("an answer within 25 ms");
+            }
+            last
+        };
+        refused(hold(pc, 0, 50, 25), "disarmed");
+        let id = pc.client.act(Action::Disarm);
+        assert_eq!(pc.ask(id), Answer::Done);
+        pc.run(1500);
+        let begin = pc.now();
+        assert_eq!(hold(pc, 0, 100, 600), Answer::Done);
+        let rpm = pc.emulation.motors[0].state().output_rpm;
+        assert!((rpm - 10.0).abs() < 1.5, "{rpm}");
+        refused(hold(pc, 1, 50, 25), "another motor turns");
+        refused(hold(pc, 0, 201, 25), "faster than the robot's table allows");
+        refused(hold(pc, 7, 10, 25), "does not allow");
+        for wheel in 1..4 {
+            assert_eq!(last_effort(pc, wheel, begin), None);
+        }
+        // Released.
+        pc.run(300);
+        assert_eq!(hold(pc, 0, 100, 100), Answer::Done);
+        let id = pc.client.act(Action::Jog(0, 0));
+        let released = pc.now();
+        assert_eq!(pc.ask(id), Answer::Done);
+        pc.run(100);
+        let last = last_effort(pc, 0, released)
+            .map_or(0.0, |at| at.since(released.into()).get() as f64 * 1e-6);
+        println!("released: its last current {last:.2} ms later");
+        assert!(last <= 5.0);
+        // The link is lost, at some times after the last word.
+        let mut latest = 0.0_f64;
+        for phase in 0..5 {
+            pc.run(300);
+            assert_eq!(hold(pc, 0, 100, 200), Answer::Done);
+            pc.client.act(Action::Jog(0, 100));
+            pc.run(1);
+            let said = pc.now();
+            let now: Nanos = said.into();
+            pc.emulation.run(now + Nanos::new(phase * 206_000)).unwrap();
+            let line = pc.emulation.console.clone().unwrap();
+            line.serial().set_cut(true);
+            pc.listen(150);
+            line.serial().set_cut(false);
+            let last = last_effort(pc, 0, said).unwrap().since(said.into());
+            latest = latest.max(last.get() as f64 * 1e-6);
+            pc.run(200);
+        }
+        println!("link lost: its last current {latest:.2} ms after the last word");
+        assert!(latest <= 100.0);
+        pc.is_undisturbed();
     });
 }

@@ -77,6 +77,9 @@ pub enum Action {
     ClearFault(u8),
     /// Reads a register of a motor's device: [`Outcome::Register`].
     ReadRegister(u8, u16),
+    /// Turns a motor of a disarmed robot at this speed, tenths of rpm, where the robot allows it: for
+    /// 80 ms, so it is repeated while a button is held. Zero ends it at once.
+    Jog(u8, i16),
 }
 
 /// Some of a robot's signals.

@@ -58,6 +58,8 @@ pub use check::{SetupError, Unsound, assert_sound, check};
 pub use device::{Device, OtherDevice, Wiring};
 pub use slots::{Held, Place, Placed, Slot, Started, numbers, place, prepare, slots};
 
+use rc10_app::Rpm;
+
 use crate::supervision::Safety;
 
 /// A line of a declaration: a motor, where it is plugged in, and how it is set up.
@@ -71,12 +73,14 @@ pub struct Entry<C> {
     pub config: C,
     /// Its safe state, and how long a command holds.
     pub safety: Safety,
+    /// The largest speed at which a PC may turn it while the robot is disarmed; `None`: it may not.
+    pub jog: Option<Rpm>,
 }
 
 impl<C: Copy> Entry<C> {
     /// A motor that coasts when it may not follow its target.
     pub const fn new(label: &'static str, on: Place, config: C) -> Self {
-        Self { label, on, config, safety: Safety::COAST }
+        Self { label, on, config, safety: Safety::COAST, jog: None }
     }
 
     /// With another safe state.
@@ -86,10 +90,22 @@ impl<C: Copy> Entry<C> {
         self
     }
 
+    /// A PC may turn it, up to this speed, while the robot is disarmed: to find out which motor it is, and
+    /// which way it turns. Only where nothing is in the way, and nothing falls.
+    ///
+    /// # Panics
+    /// If the speed is not above zero; in a `const` that is a compile error.
+    #[must_use]
+    pub const fn with_jog(mut self, fastest: Rpm) -> Self {
+        assert!(fastest.get() > 0.0 && fastest.get() < f32::MAX, "a jog has a speed above zero");
+        self.jog = Some(fastest);
+        self
+    }
+
     /// The same, of a configuration in another form.
     pub const fn with_config<D: Copy>(self, config: D) -> Entry<D> {
-        let Self { label, on, safety, .. } = self;
-        Entry { label, on, config, safety }
+        let Self { label, on, safety, jog, .. } = self;
+        Entry { label, on, config, safety, jog }
     }
 }
 

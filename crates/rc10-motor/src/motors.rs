@@ -6,7 +6,7 @@ use heapless::Vec;
 use rc10_app::{Seconds, Text};
 use rc10_can::Micros;
 
-use crate::arm::ArmSwitch;
+use crate::arm::{ArmState, ArmSwitch};
 use crate::can_ids::{Clash, MotorName};
 use crate::motor::{DriveMode, FrameError, FrameKind, Loops, Motor, Tick};
 use crate::request::{Request, RequestError, Response};
@@ -226,6 +226,10 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
             self.slots.iter_mut().for_each(|slot| slot.supervision.forget());
         }
         let arm = self.switch.for_motors();
+        // A robot that was stopped while it was disarmed is both; a jog ends all the same.
+        if arm == ArmState::Disarmed && self.switch.state() != ArmState::Disarmed {
+            self.slots.iter_mut().for_each(|slot| slot.supervision.end_jog());
+        }
         self.ticks = self.ticks.wrapping_add(1);
         let mut tick = Tick { dt, mode: DriveMode::Off, link: Link::Online, count: self.ticks };
         for (index, slot) in self.slots.iter_mut().enumerate() {
@@ -268,8 +272,13 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
     /// # Errors
     /// [`RequestError`]; nothing changed.
     pub fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
+        let (arm, now) = (self.switch.state(), self.last_tick.unwrap_or_default());
         let slot = self.slot_mut(motor).ok_or(RequestError::NoSuchMotor)?;
-        slot.supervision.request(&mut *slot.motor, request)
+        let Slot { motor, supervision } = slot;
+        match request {
+            Request::Jog(speed) => supervision.jog(&mut **motor, speed, arm, now),
+            _ => supervision.request(&mut **motor, request),
+        }
     }
 
     /// The outcome of a request that was [`Pending`](Response::Pending), once it is known; told

@@ -1,6 +1,6 @@
 use core::fmt;
 
-use rc10_app::{Amps, ConfigError, NewtonMetres};
+use rc10_app::{Amps, ConfigError, NewtonMetres, Rpm};
 
 /// The gains of one loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,6 +40,10 @@ pub enum Request {
     /// Writes four bytes, little endian, into a register of the device, until power-off. Only while
     /// the robot is disarmed.
     WriteRegister(u16, u32),
+    /// Turns slowly while the robot is disarmed, and only this motor: for 80 ms at this speed, or not at
+    /// all any more at zero; repeat it. A target from a task ends it, as does arming, a stop, a fault,
+    /// or a lost link. Refused while a task commands the motor ([`RequestError::Busy`]).
+    Jog(Rpm),
     /// The device keeps its registers also after power-off. Only while the robot is disarmed: its
     /// flash wears, and its loops stop meanwhile.
     SaveRegisters,

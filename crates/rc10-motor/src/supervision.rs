@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use rc10_app::Rpm;
 use rc10_can::Micros;
 
 use crate::arm::ArmState;
@@ -198,8 +199,14 @@ pub(crate) struct Supervision {
     faulted: bool,
     /// Clearing it has been asked for, and the device has not answered yet.
     clearing: bool,
+    /// It turns by [`Request::Jog`] while the robot is disarmed, as asked for last at this time.
+    jogged: bool,
+    jogged_at: u32,
     counters: MotorCounters,
 }
+
+/// How long a [`Request::Jog`] holds.
+const JOG: Micros = Micros::from_millis(80);
 
 impl Supervision {
     /// Of a motor that was never heard; `safety` is valid.
@@ -215,6 +222,8 @@ impl Supervision {
             fresh: false,
             faulted: false,
             clearing: false,
+            jogged: false,
+            jogged_at: 0,
             counters: MotorCounters::default(),
         }
     }
@@ -233,7 +242,48 @@ impl Supervision {
         }
         self.commanded_at = low(now);
         self.fresh = true;
+        self.jogged = false;
         Ok(())
+    }
+
+    /// Turns the motor slowly though the robot is disarmed.
+    pub(crate) fn jog(
+        &mut self,
+        motor: &mut (impl Motor + ?Sized),
+        speed: Rpm,
+        arm: ArmState,
+        now: Micros,
+    ) -> Result<Response, RequestError> {
+        // Whatever comes of it, what was asked for before is over.
+        self.jogged = false;
+        if arm != ArmState::Disarmed {
+            return Err(RequestError::NotWhileArmed);
+        }
+        if speed.get() == 0.0 {
+            return Ok(Response::Done);
+        }
+        if self.link(now) != Link::Online {
+            return Err(RequestError::NoFeedback);
+        }
+        let is_commanded = self.fresh && since(self.commanded_at, now) < self.command_expiry;
+        if is_commanded || self.faulted {
+            return Err(RequestError::Busy);
+        }
+        motor.set_target(Target::Speed(speed)).map_err(|_| RequestError::Unsupported)?;
+        (self.jogged, self.jogged_at) = (true, low(now));
+        Ok(Response::Done)
+    }
+
+    /// Nothing of a jog goes on.
+    pub(crate) const fn end_jog(&mut self) {
+        self.jogged = false;
+    }
+
+    fn is_jogged(&self, arm: ArmState, now: Micros) -> bool {
+        self.jogged
+            && arm == ArmState::Disarmed
+            && !self.faulted
+            && since(self.jogged_at, now) < micros(JOG)
     }
 
     pub(crate) fn request(
@@ -295,7 +345,7 @@ impl Supervision {
 
     /// Nothing from before a long pause holds any more.
     pub(crate) fn forget(&mut self) {
-        self.fresh = false;
+        (self.fresh, self.jogged) = (false, false);
         self.drive = DriveMode::Off;
         if self.link == Link::Online {
             self.link = Link::Lost;
@@ -353,7 +403,10 @@ impl Supervision {
     fn change(&mut self, arm: ArmState, now: Micros) -> DriveMode {
         let online = self.link(now) == Link::Online;
         let fresh = self.fresh && since(self.commanded_at, now) < self.command_expiry;
+        let jogs = self.is_jogged(arm, now);
+        let jogged = core::mem::replace(&mut self.jogged, jogs);
         let drive = match arm {
+            ArmState::Disarmed if self.jogged && online => DriveMode::Run,
             ArmState::Disarmed => DriveMode::Off,
             _ if !online => DriveMode::Coast,
             ArmState::Armed if fresh && !self.faulted => DriveMode::Run,
@@ -362,7 +415,7 @@ impl Supervision {
         if self.link == Link::Online && !online {
             self.link = Link::Lost;
             count(&mut self.counters.lost);
-        } else if self.drive == DriveMode::Run && arm == ArmState::Armed && !fresh {
+        } else if self.drive == DriveMode::Run && arm == ArmState::Armed && !fresh && !jogged {
             count(&mut self.counters.expired);
         }
         (self.drive, self.fresh) = (drive, fresh);

@@ -464,3 +464,79 @@ fn a_frame_that_waits_before_the_bus_runs_cannot_speak_in_a_motors_name() {
     assert_eq!(shared.status().refused, 1);
     assert!(shared.send(&command).is_err());
 }
+
+/// A jog drives one motor of a disarmed robot, and nothing else does.
+#[test]
+fn a_jog_ends_in_time_and_by_everything_that_matters_more() {
+    /// One tick in which the motor is heard, and maybe asked to jog: what it may do, and the answer.
+    fn turn(
+        bus: &mut MotorBus<'_>,
+        now: u64,
+        rpm: Option<f32>,
+        byte: u8,
+    ) -> (DriveMode, Option<Result<Response, RequestError>>) {
+        // It was heard in the tick before, too.
+        let before = Micros::from_millis(now - 1);
+        bus.on_frame(&says(1, if byte == 1 { 2 } else { byte }), before);
+        bus.tick(before, MS, &mut TxBatch::new()).unwrap();
+        let now = Micros::from_millis(now);
+        bus.on_frame(&says(1, byte), now);
+        let answer = rpm.map(|rpm| bus.request(nth(0), Request::Jog(Rpm::new(rpm))));
+        bus.tick(now, MS, &mut TxBatch::new()).unwrap();
+        (bus.status(nth(0), now).unwrap().drive, answer)
+    }
+    const DONE: Option<Result<Response, RequestError>> = Some(Ok(Response::Done));
+    let armed = Some(Err(RequestError::NotWhileArmed));
+    let switch = ArmSwitch::new();
+    let (mut first, mut other) = (dummy(1), dummy(2));
+    let mut bus = MotorBus::new(&switch);
+    bus.attach(&mut first, Safety::COAST).unwrap();
+    bus.attach(&mut other, Safety::COAST).unwrap();
+    let (off, run) = (DriveMode::Off, DriveMode::Run);
+    // Not before it was heard.
+    let early = bus.request(nth(0), Request::Jog(Rpm::new(5.0)));
+    assert_eq!(early, Err(RequestError::NoFeedback));
+    assert_eq!(turn(&mut bus, 1, None, 0).0, off);
+    // For 80 ms, and the other motor not at all.
+    assert_eq!(turn(&mut bus, 2, Some(5.0), 0), (run, DONE));
+    assert_eq!(bus.status(nth(1), Micros::from_millis(2)).unwrap().drive, off);
+    assert!((3..80).all(|now| turn(&mut bus, now, None, 0).0 == run));
+    assert!((83..90).all(|now| turn(&mut bus, now, None, 0).0 == off));
+    // Released.
+    assert_eq!(turn(&mut bus, 90, Some(5.0), 0), (run, DONE));
+    assert_eq!(turn(&mut bus, 91, Some(0.0), 0), (off, DONE));
+    // A link that is lost.
+    assert_eq!(turn(&mut bus, 100, Some(5.0), 0), (run, DONE));
+    let late = Micros::from_millis(130);
+    bus.tick(late, MS, &mut TxBatch::new()).unwrap();
+    assert_eq!(bus.status(nth(0), late).unwrap().drive, off);
+    // A fault.
+    assert_eq!(turn(&mut bus, 140, Some(5.0), 0), (run, DONE));
+    assert_eq!(turn(&mut bus, 141, None, 1).0, off);
+    assert_eq!(turn(&mut bus, 142, Some(5.0), 1), (off, Some(Err(RequestError::Busy))));
+    let _ = bus.request(nth(0), Request::ClearFault);
+    bus.on_frame(&says(1, 3), Micros::from_millis(143));
+    while bus.response(nth(0)).is_some() {}
+    // Arming: the motor has no command, and what the jog told it is not one.
+    assert_eq!(turn(&mut bus, 150, Some(5.0), 0), (run, DONE));
+    switch.arm().unwrap();
+    assert_eq!(turn(&mut bus, 151, Some(5.0), 0), (DriveMode::Coast, armed));
+    assert_eq!(turn(&mut bus, 152, None, 0).0, DriveMode::Coast);
+    // Disarmed again: it does not go on by itself.
+    switch.disarm();
+    assert_eq!(turn(&mut bus, 153, None, 0).0, off);
+    // A stop.
+    assert_eq!(turn(&mut bus, 160, Some(5.0), 0), (run, DONE));
+    switch.emergency_stop();
+    assert_eq!(turn(&mut bus, 161, Some(5.0), 0), (off, armed));
+    switch.reset();
+    // A task's command ends it, and the next one is refused while that holds.
+    assert_eq!(turn(&mut bus, 170, Some(5.0), 0), (run, DONE));
+    bus.command(nth(0), Target::Speed(Rpm::new(900.0)), Micros::from_millis(171)).unwrap();
+    assert_eq!(turn(&mut bus, 171, None, 0).0, off);
+    assert_eq!(turn(&mut bus, 172, Some(5.0), 0), (off, Some(Err(RequestError::Busy))));
+    assert_eq!(turn(&mut bus, 230, Some(5.0), 0), (run, DONE));
+    assert_eq!(bus.status(nth(0), Micros::from_millis(230)).unwrap().counters.expired, 0);
+    // A speed that is none.
+    assert_eq!(turn(&mut bus, 231, Some(f32::NAN), 0), (off, Some(Err(RequestError::Unsupported))));
+}

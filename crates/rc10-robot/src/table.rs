@@ -15,10 +15,10 @@ rc10_motor::motors! {
     pub struct Motors;
     buses: [100.0; BUSES];
     lines: 0;
-    FrontLeft: Dji = Entry::new("wheel front left", Bus(1), Config::new(&M3508, 1)),
-    FrontRight: Dji = Entry::new("wheel front right", Bus(1), mirrored(2)),
-    RearLeft: Dji = Entry::new("wheel rear left", Bus(1), Config::new(&M3508, 3)),
-    RearRight: Dji = Entry::new("wheel rear right", Bus(1), mirrored(4)),
+    FrontLeft: Dji = wheel("wheel front left", Config::new(&M3508, 1)),
+    FrontRight: Dji = wheel("wheel front right", mirrored(2)),
+    RearLeft: Dji = wheel("wheel rear left", Config::new(&M3508, 3)),
+    RearRight: Dji = wheel("wheel rear right", mirrored(4)),
     Yaw: Dji = Entry::new("gimbal yaw", Bus(2), Config::new(&GM6020_CURRENT, 1)),
     Pitch: Dji = Entry::new("gimbal pitch", Bus(2), Config::new(&GM6020_VOLTAGE, 2)),
     Feeder: Dji = Entry::new("feeder", Bus(2), Config::new(&M2006, 3)),
@@ -26,6 +26,11 @@ rc10_motor::motors! {
     LiftFrontRight: Dji = lift("lift front right", mirrored(2)),
     LiftRearLeft: Dji = lift("lift rear left", Config::new(&M3508, 3)),
     LiftRearRight: Dji = lift("lift rear right", mirrored(4)),
+}
+
+/// On blocks, a PC may turn it: to see which one it is, and which way it turns.
+const fn wheel(label: &'static str, config: Config) -> Entry<Config> {
+    Entry::new(label, Bus(1), config).with_jog(Rpm::new(20.0))
 }
 
 /// Mounted the other way round.

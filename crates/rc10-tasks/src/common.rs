@@ -1,9 +1,10 @@
 //! The state that tasks of every robot share.
 
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex::Mutex;
+use rc10_can::Micros;
 use rc10_message::{Cycles, Latest, Topic};
 use rc10_module::Reception;
 use rc10_module::remote::{Remote, RemoteLink};
@@ -43,11 +44,38 @@ pub struct Changes {
     count: AtomicU32,
     /// Held while a change is carried out.
     pub(crate) turn: Mutex<CriticalSectionRawMutex, ()>,
+    /// The motor that a PC turns, or [`NO_MOTOR`]; and when it asked for it last, the low half of the time.
+    jogged: AtomicU8,
+    jogged_at: AtomicU32,
 }
+
+const NO_MOTOR: u8 = u8::MAX;
+/// Longer than any motor still turns by what was asked for last, µs.
+const JOG: u32 = 150_000;
 
 impl Changes {
     const fn new() -> Self {
-        Self { count: AtomicU32::new(0), turn: Mutex::new(()) }
+        Self {
+            count: AtomicU32::new(0),
+            turn: Mutex::new(()),
+            jogged: AtomicU8::new(NO_MOTOR),
+            jogged_at: AtomicU32::new(0),
+        }
+    }
+
+    /// Whether a PC may turn this motor now: no other one turns. `goes_on` says whether it wants to.
+    /// All PCs are served in thread mode, one after the other.
+    pub(crate) fn may_jog(&self, motor: u8, goes_on: bool, now: Micros) -> bool {
+        #[expect(clippy::cast_possible_truncation, reason = "the low half is what is wanted")]
+        let now = now.get() as u32;
+        let other = self.jogged.load(Ordering::Relaxed);
+        let is_old = now.wrapping_sub(self.jogged_at.load(Ordering::Relaxed)) > JOG;
+        if other != motor && other != NO_MOTOR && !is_old {
+            return false;
+        }
+        self.jogged.store(if goes_on { motor } else { NO_MOTOR }, Ordering::Relaxed);
+        self.jogged_at.store(now, Ordering::Relaxed);
+        true
     }
 
     /// How many there were.

@@ -8,7 +8,7 @@
 //! the PC is gone. It takes no time of the buses: it runs in thread mode, samples what the ports of the
 //! motors have, and sends as fast as the line is. What does not fit is not sampled, and counted.
 //!
-//! **From a PC no motor is armed.** It may stop and disarm the robot, and change what a
+//! **A PC never arms the robot.** It may stop and disarm the robot, and change what a
 //! [`Parameter`] allows. A parameter has its value until power-off.
 
 mod own;
@@ -26,6 +26,7 @@ use embassy_sync::signal::Signal as Wake;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
 use heapless::Vec;
+use rc10_app::Rpm;
 use rc10_link::frame::{AROUND, BODY, FromPc, Writer};
 use rc10_link::samples::{HEAD, Head, VALUES};
 use rc10_link::{AT_ONCE, Action, Ask, Bits, GROUPS, Outcome, SIGNALS, SILENCE, Tell, VERSION};
@@ -250,6 +251,10 @@ impl State {
                 Action::ReadRegister(motor, register) => {
                     self.queue(id, Job::Ask(motor, Request::ReadRegister(register)));
                 }
+                Action::Jog(motor, tenths) => match jog(robot, motor, tenths) {
+                    Ok(speed) => self.queue(id, Job::Ask(motor, Request::Jog(speed))),
+                    Err(why) => self.answer(id, Answer::Refused(why)),
+                },
                 _ => self.answer(id, Answer::Refused(Refusal::UNKNOWN)),
             },
             _ => {}
@@ -382,6 +387,26 @@ impl State {
         }
         pop(&self.parameters).and_then(|index| parameter(index, robot))
     }
+}
+
+/// The speed at which a PC may turn a motor now, if it may.
+fn jog(robot: &Robot<'_>, motor: u8, tenths: i16) -> Result<Rpm, Refusal> {
+    let refused = |why| Err(Refusal::because(None, why));
+    let Some(slot) = robot.slots.get(usize::from(motor)) else { return Err(Refusal::NO_MOTOR) };
+    let Some(fastest) = slot.jog else {
+        return refused("the robot's table does not allow to turn this motor");
+    };
+    let speed = Rpm::new(f32::from(tenths) / 10.0);
+    if speed.get().abs() > fastest.get() {
+        return refused("faster than the robot's table allows");
+    }
+    if robot.switch.unfit().is_some() {
+        return refused("the robot is not fit to be armed");
+    }
+    if !robot.changes.may_jog(motor, tenths != 0, rc10_message::now()) {
+        return refused("another motor turns");
+    }
+    Ok(speed)
 }
 
 /// Those that are told at once: then samples have their turn.

@@ -96,23 +96,55 @@ function problems() {
   return found;
 }
 
+function buttons(place, motor) {
+  const add = (text, title) => { const button = place.appendChild(document.createElement('button')); button.textContent = text; button.title = title; button.style.padding = '0 5px'; return button; };
+  for (const [text, action, title] of [['0', 'zero', 'The angle now is zero'], ['✓', 'clear', 'Clear the fault']])
+    add(text, title).onclick = () => attempt({ do: action, motor }).catch(() => {});
+  for (const [text, way] of [['−', -1], ['+', 1]]) {
+    const button = add(text, 'Turns slowly while it is held, if the robot is disarmed and its table allows it');
+    button.onpointerdown = (event) => { button.setPointerCapture(event.pointerId); jog(motor, way * $('jog').value); };
+    for (const end of ['pointerup', 'pointercancel', 'lostpointercapture']) button.addEventListener(end, () => jog(motor, 0));
+    button.oncontextmenu = (event) => event.preventDefault();
+  }
+}
+
+// The robot turns the motor for 80 ms: it is told again and again while the button is held.
+let held = null;
+async function jog(motor, speed) {
+  const mine = speed ? {} : null;
+  if (!speed && held === null) return;
+  held = mine;
+  do {
+    try { await attempt({ do: 'jog', motor, speed }); } catch { held = null; return; }
+    if (mine) await new Promise((go) => setTimeout(go, 25));
+  } while (mine && held === mine);
+  if (mine) await post({ do: 'jog', motor, speed: 0 }).catch(() => {});
+}
+window.addEventListener('blur', () => { held = null; });
+
 function tables() {
-  const motors = $('motors'); motors.replaceChildren();
-  let row = motors.insertRow();
-  for (const head of ['motor', 'link', 'drive', 'target', 'measured', 'A', '°C', '']) { const th = document.createElement('th'); th.textContent = head; row.append(th); }
+  // Rows stay, because a button may be held.
+  const motors = $('motors');
+  let row;
+  if (!motors.rows.length) {
+    row = motors.insertRow();
+    for (const head of ['motor', 'link', 'drive', 'target', 'measured', 'A', '°C', '']) { const th = document.createElement('th'); th.textContent = head; row.append(th); }
+  }
+  const have = new Map([...motors.rows].slice(1).map((row) => [row.dataset.motor, row]));
   labels('motors').forEach((label, motor) => {
-    row = motors.insertRow(); row.dataset.motor = label;
-    cell(row, label);
-    const link = named(label, 'link'); cell(row, link, link === 'Online' ? '' : 'bad');
-    cell(row, named(label, 'drive'));
-    for (const name of ['target', 'measured', 'current', 'temperature']) cell(row, number(value(label, name)));
-    const buttons = cell(row, '');
-    for (const [text, action, title] of [['0', 'zero', 'The angle now is zero'], ['✓', 'clear', 'Clear the fault']]) {
-      const button = buttons.appendChild(document.createElement('button'));
-      button.textContent = text; button.title = title; button.style.padding = '0 6px';
-      button.onclick = () => attempt({ do: action, motor }).catch(() => {});
+    row = have.get(label); have.delete(label);
+    if (!row) {
+      row = motors.insertRow(); row.dataset.motor = label;
+      for (let count = 0; count < 8; count += 1) cell(row, '');
+      row.cells[0].textContent = label;
+      buttons(row.cells[7], motor);
     }
+    const link = named(label, 'link');
+    row.cells[1].textContent = link; row.cells[1].className = link === 'Online' ? '' : 'bad';
+    row.cells[2].textContent = named(label, 'drive');
+    ['target', 'measured', 'current', 'temperature'].forEach((name, at) => { row.cells[3 + at].textContent = number(value(label, name)); });
   });
+  for (const row of have.values()) row.remove();
   const buses = $('buses'); buses.replaceChildren();
   row = buses.insertRow();
   for (const head of ['bus', 'state', 'planned %', 'received', 'missed', 'lost', 'tick, µs']) { const th = document.createElement('th'); th.textContent = head; row.append(th); }

@@ -92,6 +92,11 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     Ok(())
 }
 
+/// A speed as a jog has it: faster than any is allowed to be is refused by the robot.
+fn tenths(rpm: f32) -> i16 {
+    (rpm * 10.0).round().clamp(-32_767.0, 32_767.0) as i16
+}
+
 /// What is between the robot and the pages.
 struct Show<'r> {
     session: Session<'r>,
@@ -191,7 +196,8 @@ impl Show<'_> {
                 return;
             }
             Wish::Set(changes) => client.set(&changes),
-            Wish::Do(action, motor) => match action.as_str() {
+            Wish::Do(action, motor, speed) => match action.as_str() {
+                "jog" => Some(client.act(Action::Jog(motor, tenths(speed)))),
                 "stop" => Some(client.act(Action::Stop)),
                 "disarm" => Some(client.act(Action::Disarm)),
                 "zero" => Some(client.act(Action::Zero(motor))),

@@ -20,8 +20,8 @@ pub enum Wish {
     Watch(u16, Vec<u16>),
     /// To change parameters.
     Set(Vec<(u16, f32)>),
-    /// Something done: its name, and the motor's number.
-    Do(String, u8),
+    /// Something done: its name, the motor's number, and a speed in rpm.
+    Do(String, u8, f32),
     /// A record to begin, or to end.
     Record(bool),
 }
@@ -214,7 +214,8 @@ fn parse(value: &Value) -> Option<Wish> {
     }
     if let Some(action) = value.get("do") {
         let motor = value.get("motor").and_then(Value::as_u64).unwrap_or_default();
-        return Some(Wish::Do(action.as_str()?.into(), u8::try_from(motor).ok()?));
+        let speed = value.get("speed").and_then(Value::as_f64).unwrap_or_default() as f32;
+        return Some(Wish::Do(action.as_str()?.into(), u8::try_from(motor).ok()?, speed));
     }
     Some(Wish::Record(value.get("record")?.as_bool()?))
 }
@@ -234,7 +235,7 @@ mod tests {
         let read = |text: &str| parse(&serde_json::from_str(text).unwrap());
         assert_eq!(read(r#"{"set":[[3,0.5]]}"#), Some(Wish::Set(vec![(3, 0.5)])));
         assert_eq!(read(r#"{"watch":[1,2],"period":5}"#), Some(Wish::Watch(5, vec![1, 2])));
-        assert_eq!(read(r#"{"do":"zero","motor":2}"#), Some(Wish::Do("zero".into(), 2)));
+        assert_eq!(read(r#"{"do":"zero","motor":2}"#), Some(Wish::Do("zero".into(), 2, 0.0)));
         assert_eq!(read(r#"{"record":true}"#), Some(Wish::Record(true)));
         for bad in ["{}", "[]", r#"{"set":[[70000,1]]}"#, r#"{"set":[[1,null]]}"#, r#"{"do":3}"#] {
             assert_eq!(read(bad), None, "{bad}");

@@ -3,7 +3,7 @@
 use core::fmt;
 
 use heapless::Vec;
-use rc10_app::ConfigError;
+use rc10_app::{ConfigError, Rpm};
 
 use super::{Device, Entry, Names, SetupError, Unsound};
 use crate::arm::ArmSwitch;
@@ -62,7 +62,7 @@ impl fmt::Display for Place {
 }
 
 /// Label and place of a motor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slot {
     /// Its label.
     pub label: &'static str,
@@ -70,23 +70,25 @@ pub struct Slot {
     pub on: Place,
     /// Its number there: as many motors of that place stand before it in the declaration.
     pub motor: MotorId,
+    /// The largest speed at which a PC may turn it, if it may.
+    pub jog: Option<Rpm>,
 }
 
 /// Label and place of each motor of a declaration. Motors beyond the 256th of a place have the
 /// number of its last; none holds that many.
 #[must_use]
 pub const fn slots<const N: usize>(entries: &[Entry<Device>]) -> [Slot; N] {
-    let nowhere = Slot { label: "", on: Place::Bus(0), motor: MotorId::new(0) };
+    let nowhere = Slot { label: "", on: Place::Bus(0), motor: MotorId::new(0), jog: None };
     let mut slots = [nowhere; N];
     let mut at = 0;
     while at < N && at < entries.len() {
-        let Entry { label, on, .. } = entries[at];
+        let Entry { label, on, jog, .. } = entries[at];
         let (mut before, mut number) = (0, 0_u8);
         while before < at {
             number = number.saturating_add(entries[before].on.is(on) as u8);
             before += 1;
         }
-        slots[at] = Slot { label, on, motor: MotorId::new(number) };
+        slots[at] = Slot { label, on, motor: MotorId::new(number), jog };
         at += 1;
     }
     slots

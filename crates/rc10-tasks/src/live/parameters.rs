@@ -26,7 +26,7 @@ impl Refusal {
     pub const BUSY: Self = Self::because(None, "too many requests at once");
     pub const NO_MOTOR: Self = Self::because(None, "there is no motor with this number");
 
-    const fn because(parameter: Option<u16>, why: &'static str) -> Self {
+    pub const fn because(parameter: Option<u16>, why: &'static str) -> Self {
         Self { parameter, why, detail: "" }
     }
 
