@@ -340,7 +340,10 @@ fn what_must_not_turn_is_refused() {
         refused(hold(scene, 0, 201, 25), "faster than the robot's table allows");
         refused(hold(scene, 0, -201, 25), "faster than the robot's table allows");
         // A lift would fall, and a motor that there is not.
-        refused(hold(scene, Name::LiftFrontLeft.index() as u8, 10, 25), "does not allow");
+        refused(
+            hold(scene, u8::try_from(Name::LiftFrontLeft.index()).unwrap(), 10, 25),
+            "does not allow",
+        );
         refused(hold(scene, 99, 10, 25), "no motor");
         assert_eq!(efforts(scene), [0.0; 4]);
         // A second one, while the first turns.

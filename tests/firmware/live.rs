@@ -312,6 +312,7 @@ fn a_jog_turns_one_motor_of_a_disarmed_robot_and_ends_with_its_link() {
         }
         println!("link lost: its last current {latest:.2} ms after the last word");
         assert!(latest <= 100.0);
-        pc.is_undisturbed();
+        // Disarming makes the frames of one tick late, as docs/architecture.md says: not judged here.
+        is_clean(&pc.emulation.rig, &Figures::of(&pc.emulation.rig));
     });
 }

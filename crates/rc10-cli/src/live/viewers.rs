@@ -27,9 +27,12 @@ pub struct ViewerArgs {
     /// Feed VOFA+ with JustFloat: udp:HOST:PORT sends there, tcp:HOST:PORT waits there for it
     #[arg(long, value_name = "udp|tcp:HOST:PORT", requires = "channels")]
     pub vofa: Option<String>,
-    /// A channel of VOFA+, in their order: a signal as rc10 live names it, such as
-    /// wheel_front_left.speed
-    #[arg(long = "channel", value_name = "NAME")]
+    #[arg(
+        long = "channel",
+        value_name = "NAME",
+        help = "A channel of VOFA+, in their order: a signal, such as wheel_front_left.speed"
+    )]
+    #[expect(missing_docs, reason = "its help says it")]
     pub channels: Vec<String>,
 }
 
