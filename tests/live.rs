@@ -386,3 +386,32 @@ fn arming_ends_a_jog_and_follows_nothing_of_it() {
         assert_eq!((status.drive, status.target), (DriveMode::Run, Target::Speed(Rpm::ZERO)));
     });
 }
+
+#[test]
+fn on_a_line_that_is_too_slow_each_group_has_its_turn_and_all_is_counted() {
+    with_scene(115_200, |scene, _| {
+        scene.run(5000);
+        assert!(scene.client.is_described());
+        let signals: Vec<u16> = scene.client.signals().map(|(index, _)| index).collect();
+        for (group, some) in signals.chunks(signals.len().div_ceil(4)).enumerate() {
+            let period = [1, 2, 5, 10][group];
+            scene.client.watch(group, period, some.iter().copied());
+        }
+        scene.run(500);
+        let (_, before) = (scene.client.take_samples(), scene.client.losses());
+        scene.run(2000);
+        let samples = scene.client.take_samples();
+        let counts =
+            [0, 1, 2, 3].map(|group| samples.iter().filter(|it| it.group == group).count());
+        let (least, most) = (counts.iter().min().unwrap(), counts.iter().max().unwrap());
+        println!("{counts:?}");
+        assert!(*least > 10 && most - least <= 2, "{counts:?}");
+        // Nothing is lost that is not counted: each is taken or skipped.
+        let losses = scene.client.losses();
+        let skipped = losses.skipped - before.skipped;
+        let taken: usize = counts.iter().sum();
+        let due = 2000 + 1000 + 400 + 200;
+        assert!((skipped + taken as u64).abs_diff(due) <= 80, "{skipped} + {taken}");
+        assert_eq!(losses.samples, 0);
+    });
+}

@@ -129,6 +129,8 @@ const WAITING: usize = 4;
 enum Job {
     Set(Change),
     Ask(u8, Request),
+    /// Asked for at this time.
+    Jog(u8, Rpm, Instant),
 }
 
 #[derive(Clone, Copy)]
@@ -252,7 +254,7 @@ impl State {
                     self.queue(id, Job::Ask(motor, Request::ReadRegister(register)));
                 }
                 Action::Jog(motor, tenths) => match jog(robot, motor, tenths) {
-                    Ok(speed) => self.queue(id, Job::Ask(motor, Request::Jog(speed))),
+                    Ok(speed) => self.queue(id, Job::Jog(motor, speed, Instant::now())),
                     Err(why) => self.answer(id, Answer::Refused(why)),
                 },
                 _ => self.answer(id, Answer::Refused(Refusal::UNKNOWN)),
@@ -294,14 +296,12 @@ impl State {
             let (id, job) = self.jobs.receive().await;
             let outcome = match job {
                 Job::Set(change) => set(&change, robot).await.map(|()| Answer::Done),
-                Job::Ask(motor, request) => match robot.motor(motor.into()) {
-                    None => Err(Refusal::NO_MOTOR),
-                    Some(port) => match port.request(request).await {
-                        Ok(Response::Register(value)) => Ok(Answer::Register(value)),
-                        Ok(_) => Ok(Answer::Done),
-                        Err(why) => Err(Refusal::of(None, why)),
-                    },
-                },
+                Job::Ask(motor, request) => ask(robot, motor, request).await,
+                // It waited behind something slow: the button may have been let go long ago.
+                Job::Jog(_, speed, at) if speed.get() != 0.0 && at.elapsed() > JOG_WAITS => {
+                    Err(Refusal::BUSY)
+                }
+                Job::Jog(motor, speed, _) => ask(robot, motor, Request::Jog(speed)).await,
             };
             self.answer(id, outcome.unwrap_or_else(Answer::Refused));
             self.wake.signal(());
@@ -339,7 +339,9 @@ impl State {
         let now = Instant::now();
         let since = now.saturating_duration_since(grid).as_micros();
         let mut groups = self.groups.borrow_mut();
-        let Some(group) = groups.iter_mut().find(|it| it.period > 0 && it.next <= since) else {
+        // The one that waits longest: on a line that is too slow each has its turn.
+        let due = groups.iter_mut().filter(|it| it.period > 0 && it.next <= since);
+        let Some(group) = due.min_by_key(|it| it.next) else {
             return false;
         };
         group.next += group.period;
@@ -386,6 +388,19 @@ impl State {
             return Some(signal(index, robot));
         }
         pop(&self.parameters).and_then(|index| parameter(index, robot))
+    }
+}
+
+/// How long a jog may wait: it ends 80 ms later, and so within 100 ms after the last word.
+const JOG_WAITS: Duration = Duration::from_millis(15);
+
+/// Asks something of a motor.
+async fn ask(robot: &Robot<'_>, motor: u8, request: Request) -> Result<Answer, Refusal> {
+    let port = robot.motor(motor.into()).ok_or(Refusal::NO_MOTOR)?;
+    match port.request(request).await {
+        Ok(Response::Register(value)) => Ok(Answer::Register(value)),
+        Ok(_) => Ok(Answer::Done),
+        Err(why) => Err(Refusal::of(None, why)),
     }
 }
 
