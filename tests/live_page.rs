@@ -253,5 +253,5 @@ fn the_simulated_robot_on_a_page() {
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn the_emulated_chip_on_a_page() {
     let firmware = std::env::var("RC10_FIRMWARE").expect("run this with: cargo xtask emulate");
-    a_test_day(&["--emu", &firmware, "--baud", "2000000"]);
+    a_test_day(&["--emu", &firmware]);
 }

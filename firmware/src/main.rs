@@ -28,7 +28,7 @@ use rc10_firmware::robot::{self, Unstartable};
 use rc10_message::Cycles;
 use rc10_module::led::ws2812::BITS;
 use rc10_motor::MotorBus;
-use rc10_robot::table::{BUSES, LEDS, RECEIVER};
+use rc10_robot::table::{BUSES, CONSOLE, LEDS, RECEIVER};
 use rc10_robot::{Motors, Ports, Shared};
 use static_cell::{ConstStaticCell, StaticCell};
 
@@ -109,7 +109,7 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     let strip = PulseOutput::start(timer, pin, stream, Irqs, period, buffer, PERIPHERALS);
     spawner.spawn(tasks::tenth_of_a_second(shared, strip)?);
 
-    let text = robot::console_port(board.text, Irqs, PERIPHERALS, 2_000_000)?;
+    let text = robot::console_port(board.text, Irqs, PERIPHERALS, CONSOLE)?;
     spawner.spawn(tasks::console(shared, text, started + BETWEEN)?);
     // Rings hold what comes in 5 ms twice over, at the highest rate of what may be there.
     let (ring, buffer) = (dma_buffer!(u8; 128), dma_buffer!(u8; 32));

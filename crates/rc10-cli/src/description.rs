@@ -27,6 +27,8 @@ pub struct Description {
     pub remote: Option<RemoteControl>,
     /// The other parts on its UARTs.
     pub serials: Vec<SerialPart>,
+    /// Bits a second of its firmware's console, if not 921,600.
+    pub console: Option<u32>,
     /// Its script, for reports.
     pub script: Script,
     /// Builds its firmware and says where the ELF file is. `None`: `rc10 emu` must be told.

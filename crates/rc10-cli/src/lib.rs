@@ -124,6 +124,9 @@ Examples:
   rc10 run --remote sbus --fault remote-lost@4s..4.5s
                                          another receiver, and its radio link breaks
   rc10 emu --fault cut:2@0.3s..0.5s      the firmware's ELF, with bus 2 unplugged for a while
+  rc10 live --sim                        plots and gains of the simulated robot, in the browser
+  rc10 live                              of the robot at the only serial port; --emu: of its firmware
+  rc10 set feeder_speed=200              a parameter of the robot that runs; rc10 params lists them
   rc10 run --record tonight.mcap         every millisecond, for PlotJuggler, Foxglove, and:
   rc10 report tonight.mcap               its tables, and target/rc10-report/report.html
   rc10 report can0.log --bus can0=2      what a capture of bus 2 tells, as such a report

@@ -30,7 +30,6 @@ use anyhow::Result;
 use clap::Args;
 use rc10_can::Micros;
 
-use crate::live::BAUD;
 use crate::robot::Robot;
 use crate::run::{seconds, seed};
 
@@ -53,9 +52,9 @@ pub struct PtyArgs {
     /// With --console: that of the firmware on the emulated chip; without ELF it is built first
     #[arg(long, value_name = "ELF", num_args = 0..=1, requires = "console")]
     pub emu: Option<Option<PathBuf>>,
-    /// With --console: its bits a second
-    #[arg(long, value_name = "N", default_value_t = BAUD, requires = "console")]
-    pub baud: u32,
+    /// With --console: its bits a second [default: what this robot's firmware has]
+    #[arg(long, value_name = "N", requires = "console")]
+    pub baud: Option<u32>,
     /// Ends after this many seconds of virtual time, up to 3600 [default: runs until Ctrl-C]
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<Micros>,

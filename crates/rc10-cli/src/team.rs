@@ -4,7 +4,7 @@ mod operator;
 
 use anyhow::{Context, Result};
 use rc10_motor::{MotorBus, Started};
-use rc10_robot::table::{BASE, BUSES, LIFT, LIFT_TOP, Name, RECEIVER, WHEELS};
+use rc10_robot::table::{BASE, BUSES, CONSOLE, LIFT, LIFT_TOP, Name, RECEIVER, WHEELS};
 use rc10_robot::{Shared, chassis, driver, imu, mechanisms};
 use rc10_sim::imu::Hwt101;
 use rc10_sim::{Chassis, Nanos, Serial, World};
@@ -36,6 +36,7 @@ pub fn description() -> Description {
             Some(operator::SCRIPT_LENGTH),
         )),
         serials: vec![SerialPart { label: "IMU", uart: IMU_UART, twin: imu_twin }],
+        console: Some(CONSOLE),
         firmware: Some(build_firmware),
         ..Description::of(plant)
     }

@@ -69,6 +69,9 @@ pub const RECEIVER: Receiver = Receiver::Dr16;
 /// [`driver`](crate::driver): change it together with this, and the simulated operator's script.
 pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);
 
+/// Bits a second of the console: what a USB adapter for it must be able to.
+pub const CONSOLE: u32 = 2_000_000;
+
 /// LEDs of the strip that shows how the robot is.
 pub const LEDS: usize = 8;
 

@@ -17,6 +17,9 @@ use crate::run::seconds;
 /// Arguments of `rc10 params`.
 #[derive(Args, Debug)]
 pub struct ParamsArgs {
+    /// The robot's serial port, or tcp:HOST:PORT; the same as --port
+    #[arg(value_name = "PORT", conflicts_with_all = ["port", "sim", "emu"])]
+    pub place: Option<String>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "its fields say it")]
     pub source: SourceArgs,
@@ -50,6 +53,9 @@ pub struct SetArgs {
 /// Arguments of `rc10 record`.
 #[derive(Args, Debug)]
 pub struct RecordArgs {
+    /// The robot's serial port, or tcp:HOST:PORT; the same as --port
+    #[arg(value_name = "PORT", conflicts_with_all = ["port", "sim", "emu"])]
+    pub place: Option<String>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "its fields say it")]
     pub source: SourceArgs,
@@ -69,7 +75,8 @@ pub struct RecordArgs {
 /// # Errors
 /// If there is no robot.
 pub fn params(args: &ParamsArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let mut session = Session::new(args.source.open(robot, false)?);
+    let source = args.source.at(args.place.as_deref());
+    let mut session = Session::new(source.open(robot, false)?);
     session.meet()?;
     if args.rust {
         let changed =
@@ -140,7 +147,8 @@ pub fn set(args: &SetArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> 
 pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let description = robot.description().clone();
     let stop = stop()?;
-    let mut session = Session::new(args.source.open(robot, false)?);
+    let source = args.source.at(args.place.as_deref());
+    let mut session = Session::new(source.open(robot, false)?);
     session.meet()?;
     let (topics, left) = plan(&session.client);
     if let Some(first) = left.first() {

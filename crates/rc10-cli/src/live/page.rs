@@ -56,8 +56,7 @@ type Waiting = (u16, std::sync::mpsc::Sender<Result<Value, String>>);
 /// If there is no way to the robot, or the page cannot be served.
 pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
     let description = robot.description().clone();
-    let mut source = args.source.clone();
-    source.port = source.port.or_else(|| args.place.clone());
+    let source = args.source.at(args.place.as_deref());
     let stop = stop()?;
     let session = Session::new(source.open(robot, true)?);
     let viewers = Viewers::new(&args.viewers)?;

@@ -18,7 +18,7 @@ use crate::environment::Environment;
 use crate::robot::Robot;
 use crate::run::seed;
 
-/// The console's bit rate, unless told otherwise.
+/// A console's bit rate, unless the robot's description has another one: what every USB adapter can.
 pub const BAUD: u32 = 921_600;
 
 /// Where the robot is.
@@ -34,9 +34,9 @@ pub struct SourceArgs {
     /// The robot's firmware on the emulated chip; without ELF it is built first
     #[arg(long, value_name = "ELF", num_args = 0..=1)]
     pub emu: Option<Option<PathBuf>>,
-    /// Bits a second of the console: what the robot's firmware has
-    #[arg(long, value_name = "N", default_value_t = BAUD, value_parser = clap::value_parser!(u32).range(1200..=12_000_000))]
-    pub baud: u32,
+    /// Bits a second of the console [default: what this robot's firmware has]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1200..=12_000_000))]
+    pub baud: Option<u32>,
     /// Seed of everything random in the world
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed)]
     pub seed: u64,
@@ -66,6 +66,19 @@ pub struct Way<'r> {
 }
 
 impl SourceArgs {
+    /// The same, at this port if one is named.
+    #[must_use]
+    pub fn at(&self, place: Option<&str>) -> Self {
+        let port = place.map(Into::into).or_else(|| self.port.clone());
+        Self { port, ..self.clone() }
+    }
+
+    /// Bits a second of a robot's console.
+    #[must_use]
+    pub fn baud_of(&self, robot: &Robot<'_>) -> u32 {
+        self.baud.or(robot.description().console).unwrap_or(BAUD)
+    }
+
     /// Opens it. In the simulator and on the emulated chip time goes as fast as it can, unless `paced`:
     /// then not faster than here.
     ///
@@ -85,7 +98,7 @@ impl SourceArgs {
             Some(name) => name.clone(),
             None => only_port()?,
         };
-        let (port, baud) = (name.clone(), self.baud);
+        let (port, baud) = (name.clone(), self.baud_of(&robot));
         let open = move || match port.strip_prefix("tcp:") {
             Some(address) => tcp(address),
             None => serial(&port, baud),
@@ -124,7 +137,7 @@ impl<'r> Simulated<'r> {
         robot.fit(false)?;
         ensure!(robot.has_console(), "this robot has no console in the simulator: see Robot::live");
         let mut around = Environment::new(robot.description(), args.seed)?;
-        let line = Line::new(&mut around.world, args.baud);
+        let line = Line::new(&mut around.world, args.baud_of(&robot));
         around.console = Some(line.clone());
         let tasks = robot.tasks(&around)?;
         Ok(Self { around, tasks, line })
@@ -164,7 +177,8 @@ impl<'r> Emulated<'r> {
             (None, None) => bail!("this robot does not say how to build a firmware: --emu ELF"),
         };
         let program = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
-        let setup = Setup { seed: args.seed, console: Some(args.baud), ..Setup::default() };
+        let console = Some(args.baud_of(&robot));
+        let setup = Setup { seed: args.seed, console, ..Setup::default() };
         let named = || path.display().to_string();
         let emulation = Emulation::new(&program, robot, &setup).with_context(named)?;
         let line = emulation.console.clone().context("no console")?;

@@ -32,10 +32,11 @@ pub(super) fn serve(
         baud: args.baud,
         seed: args.seed,
     };
+    let baud = place.baud_of(&robot);
     let mut way = place.open(robot, true)?;
     let terminal = Terminal::new(args.link.as_deref())?;
     let path = terminal.path().display();
-    let (name, baud) = (&way.name, args.baud);
+    let name = &way.name;
     writeln!(
         out,
         "pty {path}\nthe console of {name}, for example:\n  rc10 live {path} --baud {baud}"
