@@ -448,3 +448,73 @@ impl Client {
         self.out.extend(frame.bytes());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rc10_link::Topic;
+    use rc10_link::frame::{BEGIN, crc};
+
+    use super::*;
+
+    /// A frame of any body, by what its page says.
+    fn frame(body: &[u8]) -> Vec<u8> {
+        let [low, high] = u16::try_from(body.len()).unwrap().to_le_bytes();
+        let head = [BEGIN, low, high, BEGIN ^ low ^ high ^ 0xFF];
+        [&head[..], body, &crc(body).to_le_bytes()].concat()
+    }
+
+    fn told(tell: &Tell<'_>, more: &[u8]) -> Vec<u8> {
+        let mut body = postcard::to_slice(tell, &mut [0; 256]).unwrap().to_vec();
+        body.extend(more);
+        frame(&body)
+    }
+
+    const fn welcome(version: u16, signals: u16, at: u64) -> Tell<'static> {
+        let (parameters, changes, damaged, skipped) = (0, 0, [0; 3], 0);
+        Tell::Welcome { version, signals, parameters, at, changes, damaged, skipped }
+    }
+
+    /// Messages and fields are only ever added: what is new is skipped, and counted.
+    #[test]
+    fn a_tool_of_today_reads_a_robot_of_tomorrow() {
+        let (mut client, now) = (Client::new(), Micros::from_millis(10));
+        client.step(now);
+        client.hear(&told(&welcome(VERSION + 1, 1, 7), &[1, 2, 3]), now);
+        assert!(client.is_up(now) && client.version() == VERSION + 1);
+        let topic = Topic { folder: "motors", label: "arm" };
+        let signal = Tell::Signal { index: 0, topic, name: "flux", unit: "Wb", states: "" };
+        client.hear(&told(&signal, b"a field of tomorrow"), now);
+        assert!(client.is_described());
+        assert_eq!(client.signals().next().unwrap().1.name, "flux");
+        // A message of tomorrow, and a sample of a shape that there is not.
+        client.hear(&frame(&[200, 1, 2, 3]), now);
+        client.hear(&frame(&[0, 1, 2]), now);
+        assert_eq!(client.losses().unknown, 2);
+        // Garbage, a damaged frame, and text around a good one.
+        let mut bytes = b"armed, 11 of 11 motors online\r\n".to_vec();
+        let mut damaged = told(&signal, &[]);
+        damaged[9] ^= 0x40;
+        bytes.extend(damaged);
+        bytes.extend(told(&welcome(VERSION, 1, 8), &[]));
+        client.hear(&bytes, now);
+        assert_eq!((client.version(), client.losses().damaged), (VERSION, 1));
+    }
+
+    #[test]
+    fn a_robot_that_restarts_is_asked_for_everything_again() {
+        let (mut client, now) = (Client::new(), Micros::from_millis(10));
+        client.hear(&told(&welcome(VERSION, 1, 5_000_000), &[]), now);
+        let topic = Topic { folder: "motors", label: "arm" };
+        let signal = Tell::Signal { index: 0, topic, name: "speed", unit: "rpm", states: "" };
+        client.hear(&told(&signal, &[]), now);
+        assert!(client.is_described());
+        client.hear(&told(&welcome(VERSION, 1, 3_000), &[]), now);
+        assert!(!client.is_described());
+        // What it was stays until it says otherwise.
+        assert_eq!(client.signals().count(), 1);
+        client.hear(&told(&signal, &[]), now);
+        assert!(client.is_described());
+        // One that is silent is gone.
+        assert!(!client.is_up(Micros::from_millis(1100)));
+    }
+}
