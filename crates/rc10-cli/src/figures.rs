@@ -40,7 +40,8 @@ impl Figures {
     /// Of a run.
     #[must_use]
     pub fn of(recording: &Recording) -> Self {
-        let motors = recording.motors.iter().map(MotorFigures::of);
+        let motors = recording.motors.iter();
+        let motors = motors.map(|track| MotorFigures::of(track, recording.source));
         Self { motors: motors.collect(), problems: problems(recording) }
     }
 
@@ -57,8 +58,10 @@ impl Figures {
 }
 
 impl MotorFigures {
-    fn of(track: &MotorTrack) -> Self {
+    fn of(track: &MotorTrack, source: Source) -> Self {
         let last = track.samples.last();
+        // A device that tells a torque has no current to be seen from outside.
+        let has_current = source.is_simulated() || track.last.feedback.current().is_some();
         let mut tracking = track.tracking.clone();
         // Stable: the first of two that are as long is the one that came first.
         tracking.sort_by_key(|tracking| std::cmp::Reverse(tracking.looks));
@@ -67,7 +70,7 @@ impl MotorFigures {
             target: last.and_then(|sample| sample.target),
             measured: last.map(|sample| sample.measured),
             tracking,
-            peak_current: (!track.samples.is_empty()).then_some(track.peak_current),
+            peak_current: (has_current && !track.samples.is_empty()).then_some(track.peak_current),
             loops: match &track.effort {
                 None => "not judged",
                 Some(effort) if effort.windows == 0 => "not driven",
