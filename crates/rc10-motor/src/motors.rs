@@ -150,6 +150,8 @@ pub struct Motors<'m, M: ?Sized, const N: usize> {
     slots: Vec<Slot<'m, M>, N>,
     last_tick: Option<Micros>,
     ticks: u32,
+    /// After a longer pause between two ticks it is looked closer: zero since a motor was jogged.
+    pause: Micros,
 }
 
 struct Slot<'m, M: ?Sized> {
@@ -162,7 +164,7 @@ const LONGEST_PAUSE: Micros = Micros::from_millis(1000);
 
 impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
     pub(crate) const fn new(switch: &'m ArmSwitch) -> Self {
-        Self { switch, slots: Vec::new(), last_tick: None, ticks: 0 }
+        Self { switch, slots: Vec::new(), last_tick: None, ticks: 0, pause: LONGEST_PAUSE }
     }
 
     pub(crate) fn attach(
@@ -222,14 +224,10 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
     ) {
         let dt = Seconds::new(if dt.get() > 0.0 { dt.get().min(0.010) } else { 0.001 });
         let last = self.last_tick.replace(now);
-        if last.is_some_and(|last| now.since(last) > LONGEST_PAUSE) {
-            self.slots.iter_mut().for_each(|slot| slot.supervision.forget());
+        if let Some(pause) = last.map(|last| now.since(last)).filter(|it| *it > self.pause) {
+            self.look_closer(pause);
         }
         let arm = self.switch.for_motors();
-        // A robot that was stopped while it was disarmed is both; a jog ends all the same.
-        if arm == ArmState::Disarmed && self.switch.state() != ArmState::Disarmed {
-            self.slots.iter_mut().for_each(|slot| slot.supervision.end_jog());
-        }
         self.ticks = self.ticks.wrapping_add(1);
         let mut tick = Tick { dt, mode: DriveMode::Off, link: Link::Online, count: self.ticks };
         for (index, slot) in self.slots.iter_mut().enumerate() {
@@ -239,6 +237,19 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
             send(index, slot.motor, &tick);
             // Each has its own beat.
             tick.count = tick.count.wrapping_add(1);
+        }
+    }
+
+    /// What is not done in every tick: after a long pause nothing holds any more; and a stop ends every
+    /// jog, also of a robot that was disarmed, which for its motors it still is.
+    #[cold]
+    fn look_closer(&mut self, pause: Micros) {
+        if pause > LONGEST_PAUSE {
+            self.slots.iter_mut().for_each(|slot| slot.supervision.forget());
+        }
+        if self.switch.state() != ArmState::Disarmed {
+            self.slots.iter_mut().for_each(|slot| slot.supervision.end_jog());
+            self.pause = LONGEST_PAUSE;
         }
     }
 
@@ -273,6 +284,9 @@ impl<'m, M: Motor + ?Sized, const N: usize> Motors<'m, M, N> {
     /// [`RequestError`]; nothing changed.
     pub fn request(&mut self, motor: MotorId, request: Request) -> Result<Response, RequestError> {
         let (arm, now) = (self.switch.state(), self.last_tick.unwrap_or_default());
+        if let Request::Jog(_) = request {
+            self.pause = Micros::ZERO;
+        }
         let slot = self.slot_mut(motor).ok_or(RequestError::NoSuchMotor)?;
         let Slot { motor, supervision } = slot;
         match request {

@@ -199,14 +199,15 @@ pub(crate) struct Supervision {
     faulted: bool,
     /// Clearing it has been asked for, and the device has not answered yet.
     clearing: bool,
-    /// It turns by [`Request::Jog`] while the robot is disarmed, as asked for last at this time.
+    /// It turns by [`Request::Jog`] while the robot is disarmed, as asked for last at this time: the low
+    /// bits of the milliseconds, for which there is room beside the others.
     jogged: bool,
-    jogged_at: u32,
+    jogged_at: u16,
     counters: MotorCounters,
 }
 
-/// How long a [`Request::Jog`] holds.
-const JOG: Micros = Micros::from_millis(80);
+/// How long a [`Request::Jog`] holds, ms.
+const JOG: u16 = 80;
 
 impl Supervision {
     /// Of a motor that was never heard; `safety` is valid.
@@ -242,7 +243,6 @@ impl Supervision {
         }
         self.commanded_at = low(now);
         self.fresh = true;
-        self.jogged = false;
         Ok(())
     }
 
@@ -270,20 +270,22 @@ impl Supervision {
             return Err(RequestError::Busy);
         }
         motor.set_target(Target::Speed(speed)).map_err(|_| RequestError::Unsupported)?;
-        (self.jogged, self.jogged_at) = (true, low(now));
+        (self.jogged, self.jogged_at) = (true, millis(now));
         Ok(Response::Done)
     }
 
-    /// Nothing of a jog goes on.
-    pub(crate) const fn end_jog(&mut self) {
-        self.jogged = false;
+    /// Nothing of a jog goes on. That is no command that has expired.
+    pub(crate) fn end_jog(&mut self) {
+        if core::mem::take(&mut self.jogged) {
+            self.drive = DriveMode::Off;
+        }
     }
 
     fn is_jogged(&self, arm: ArmState, now: Micros) -> bool {
         self.jogged
             && arm == ArmState::Disarmed
             && !self.faulted
-            && since(self.jogged_at, now) < micros(JOG)
+            && millis(now).wrapping_sub(self.jogged_at) < JOG
     }
 
     pub(crate) fn request(
@@ -403,7 +405,8 @@ impl Supervision {
     fn change(&mut self, arm: ArmState, now: Micros) -> DriveMode {
         let online = self.link(now) == Link::Online;
         let fresh = self.fresh && since(self.commanded_at, now) < self.command_expiry;
-        let jogs = self.is_jogged(arm, now);
+        // A command ends it for good: the target is another one.
+        let jogs = !fresh && self.is_jogged(arm, now);
         let jogged = core::mem::replace(&mut self.jogged, jogs);
         let drive = match arm {
             ArmState::Disarmed if self.jogged && online => DriveMode::Run,
@@ -428,6 +431,12 @@ impl Supervision {
 #[expect(clippy::cast_possible_truncation, reason = "the low half is what is wanted")]
 const fn low(time: Micros) -> u32 {
     time.get() as u32
+}
+
+/// The low bits of a time in milliseconds.
+#[expect(clippy::cast_possible_truncation, reason = "the low bits are what is wanted")]
+const fn millis(time: Micros) -> u16 {
+    (time.get() / 1000) as u16
 }
 
 /// Microseconds from a time kept by its low half to `now`, and [`SKEW`]: a time a little in the
