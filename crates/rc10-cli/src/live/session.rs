@@ -18,7 +18,7 @@ pub struct Session<'r> {
 }
 
 /// How long a robot may take to answer.
-const PATIENCE: Micros = Micros::from_millis(3000);
+const PATIENCE: Micros = Micros::from_millis(5000);
 
 impl<'r> Session<'r> {
     /// On a line that is open.
