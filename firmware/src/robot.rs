@@ -160,7 +160,7 @@ pub fn line(
     run_rs485(port, motors, shared)
 }
 
-/// The console, at so many bits a second: 921,600, which every USB adapter can, or 2,000,000.
+/// The console, at `baud` bits a second: 921,600, which every USB adapter can, or 2,000,000.
 ///
 /// # Errors
 /// If the UART cannot have its bit rate.

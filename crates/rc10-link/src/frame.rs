@@ -105,7 +105,7 @@ impl<const N: usize> Writer<N> {
         values.as_chunks_mut().0
     }
 
-    /// Ends it, with so many values.
+    /// Ends it, with this number of values.
     pub fn end_sample(&mut self, values: usize) {
         self.end((samples::HEAD + 4 * values).min(N - AROUND));
     }

@@ -25,10 +25,10 @@ pub use message::{Action, Ask, Bits, CHANGES, Change, GROUPS, Outcome, SIGNALS, 
 /// The version of these messages.
 pub const VERSION: u16 = 1;
 
-/// A link is down when it has been silent for so long, in microseconds. A PC says hello at least every
+/// A link is down after this silence, in microseconds. A PC says hello at least every
 /// quarter of it.
 pub const SILENCE: u64 = 1_000_000;
 
-/// Signals and parameters come in pages of so many: [`Ask::Signals`] and [`Ask::Parameters`] get those up
+/// Signals and parameters come in pages of this size: [`Ask::Signals`] and [`Ask::Parameters`] get those up
 /// to the next multiple of it.
 pub const AT_ONCE: u16 = 8;

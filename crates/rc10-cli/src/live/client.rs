@@ -223,6 +223,12 @@ impl Client {
         known.filter(|(_, row): &(u16, &Signal)| !row.name.is_empty())
     }
 
+    /// A signal by its number, if it is known.
+    #[must_use]
+    pub fn signal(&self, index: u16) -> Option<&Signal> {
+        self.signals.rows.get(usize::from(index))?.as_ref()
+    }
+
     /// The robot's parameters, as far as they are known.
     pub fn parameters(&self) -> impl Iterator<Item = &Parameter> {
         self.parameters.rows.iter().flatten().filter(|row| !row.name.is_empty())
@@ -245,7 +251,7 @@ impl Client {
         }
     }
 
-    /// Watches some signals from now on, in one group, every so many milliseconds. Those beyond a
+    /// Watches some signals from now on, in one group, every `period` milliseconds. Those beyond a
     /// frame's room are not watched; returns how many are.
     pub fn watch(
         &mut self,

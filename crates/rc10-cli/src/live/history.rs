@@ -48,7 +48,7 @@ impl History {
         self.series.get(&signal)?.back().copied()
     }
 
-    /// The points of a signal in a span of time that is so many columns wide: at most [`POINTS`] in each,
+    /// The points of a signal in a span of time of this number of columns: at most [`POINTS`] in each,
     /// in the order of time. NaN is kept as a gap.
     #[must_use]
     pub fn points(&self, signal: u16, span: [Micros; 2], columns: u32) -> Vec<(Micros, f32)> {

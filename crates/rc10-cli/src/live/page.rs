@@ -47,6 +47,8 @@ pub struct LiveArgs {
 
 /// From one sample of the motors to the next, ms, while a page asks for none faster.
 const OFTEN: u16 = 10;
+/// From one look of the pages at the state to the next.
+const TELL: Micros = Micros::from_millis(50);
 /// Wishes that wait for the robot's answer.
 type Waiting = (u16, std::sync::mpsc::Sender<Result<Value, String>>);
 
@@ -77,6 +79,7 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         chosen: (OFTEN, Vec::new()),
         met: false,
         viewers,
+        told: None,
     };
     while !stop.load(Ordering::Relaxed) {
         show.step()?;
@@ -115,6 +118,8 @@ struct Show<'r> {
     /// The robot has described itself, and is watched.
     met: bool,
     viewers: Viewers,
+    /// When the state was told last.
+    told: Option<Micros>,
 }
 
 impl Show<'_> {
@@ -139,7 +144,10 @@ impl Show<'_> {
             self.note = Some(format!("the record {} has ended: {error:#}", path.display()));
             self.record = None;
         }
-        let state = self.state();
+        // Pages ask five times a second: it need not be made in every step.
+        let now = self.session.now();
+        let is_due = self.told.is_none_or(|told| now.since(told) >= TELL);
+        let state = is_due.then(|| self.state());
         let mut shown = look(&self.pages.shown);
         for sample in &samples {
             if sample.at < shown.now && shown.now.since(sample.at) > Micros::from_millis(1000) {
@@ -152,7 +160,9 @@ impl Show<'_> {
                 shown.history.push(*signal, sample.at, *value);
             }
         }
-        shown.state = state;
+        if let Some(state) = state {
+            (shown.state, self.told) = (state, Some(now));
+        }
         drop(shown);
         while let Ok(asked) = self.pages.wishes.try_recv() {
             self.grant(asked);

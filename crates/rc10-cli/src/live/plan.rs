@@ -81,7 +81,7 @@ pub fn plan(client: &Client) -> (Vec<Topic>, Vec<Signal>) {
     (planned, left)
 }
 
-/// Has a client watch topics: what is watched often every so many ms.
+/// Has a client watch topics: what is watched often every `period` ms.
 pub fn watch(client: &mut Client, topics: &[Topic], period: u16) {
     for group in FIRST..GROUPS {
         let of_group = || topics.iter().filter(|topic| topic.group == group);

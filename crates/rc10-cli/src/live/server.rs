@@ -16,7 +16,7 @@ use super::history::History;
 /// What a page wants.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wish {
-    /// To see these signals often: every so many ms.
+    /// To see these signals often: the period in ms, and their numbers.
     Watch(u16, Vec<u16>),
     /// To change parameters.
     Set(Vec<(u16, f32)>),

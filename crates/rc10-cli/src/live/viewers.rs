@@ -170,11 +170,10 @@ impl Viewers {
 
 /// A sample as PlotJuggler takes it; what has no value is left out.
 fn json(sample: &Sample, client: &Client) -> String {
-    let names: BTreeMap<u16, &Signal> = client.signals().collect();
     let mut all = Map::new();
     all.insert("timestamp".into(), (sample.at.get() as f64 * 1e-6).into());
     for (index, value) in sample.values.iter().filter(|(_, value)| value.is_finite()) {
-        let Some(signal) = names.get(index) else { continue };
+        let Some(signal) = client.signal(*index) else { continue };
         let name = signal_name(signal);
         let (thing, name) = name.split_once('.').unwrap_or((&name, "value"));
         let thing = all.entry(thing.to_owned()).or_insert_with(|| Value::Object(Map::new()));

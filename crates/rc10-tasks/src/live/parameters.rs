@@ -11,7 +11,7 @@ use super::own::{count, nth};
 use super::signals::short;
 
 /// Changes that are carried out together.
-pub(super) type Change = Vec<One, 8>;
+pub(super) type Change = Vec<One, { rc10_link::CHANGES }>;
 
 /// Why a request was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -198,7 +198,7 @@ signals!(ROBOT, of_robot: Whole {
 /// Buses and lines are counted from 1.
 const NUMBERS: [&str; 9] = ["1", "2", "3", "4", "5", "6", "7", "8", "9"];
 
-/// A motor, a bus, a line, the robot as a whole: each has so many numbers, not all of them in use. So its
+/// A motor, a bus, a line, the robot as a whole: each has this many numbers, not all in use. So its
 /// signals are those of one word of [`Bits`](rc10_link::Bits).
 const EACH: u16 = 32;
 
