@@ -255,3 +255,58 @@ fn the_emulated_chip_on_a_page() {
     let firmware = std::env::var("RC10_FIRMWARE").expect("run this with: cargo xtask emulate");
     a_test_day(&["--emu", &firmware]);
 }
+
+/// What problems are about, and of which kind, of a report or of a page.
+fn problems(told: &Value) -> Vec<String> {
+    let told = told["problems"].as_array().unwrap().iter();
+    let mut told: Vec<_> = told.map(|it| format!("{} {}", it["about"], it["kind"])).collect();
+    told.sort();
+    told
+}
+
+/// Robots with something wrong: the page says what a report of the same time says.
+#[test]
+fn problems_are_those_of_a_report() {
+    let folder = Scratch::new("live-problems");
+    let wrong: [&[&str]; 4] = [
+        &[],
+        &["--mistake", "direction:wheel-front-left"],
+        &["--mistake", "id:feeder=7"],
+        &["--fault", "power:2@1s..500s"],
+    ];
+    let pages = wrong.map(|wrong| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
+        start(command.args(["live", "--page", "0", "--sim"]).args(wrong), "http://")
+    });
+    for (number, (wrong, (_live, line))) in wrong.iter().zip(&pages).enumerate() {
+        let file = folder.join(format!("{number}.mcap"));
+        let rc10 = || Command::new(env!("CARGO_BIN_EXE_rc10"));
+        let record = rc10()
+            .args(["record", "--sim", "--seconds", "12", "-o"])
+            .arg(&file)
+            .args(*wrong)
+            .output()
+            .unwrap();
+        assert!(record.status.success(), "{record:?}");
+        let report = rc10()
+            .args(["report", "--json", "--out"])
+            .arg(folder.join("report"))
+            .arg(&file)
+            .output()
+            .unwrap();
+        let wanted = problems(&serde_json::from_slice(&report.stdout).unwrap());
+        assert_eq!(wanted.iter().any(|it| !it.starts_with("\"robot\"")), number > 1, "{wanted:?}");
+        let url = line.split_whitespace().last().unwrap().trim_end_matches('/');
+        let port = url.rsplit(':').next().unwrap().parse().unwrap();
+        let begin = Instant::now();
+        loop {
+            let (_, body) = http(port, "GET", "/state", "", "");
+            let state: Value = serde_json::from_str(&body).unwrap_or_default();
+            if state["whole"] == json!(true) && problems(&state) == wanted {
+                break;
+            }
+            assert!(begin.elapsed() < Duration::from_secs(90), "{wanted:?} {}", state["problems"]);
+            sleep(Duration::from_millis(200));
+        }
+    }
+}

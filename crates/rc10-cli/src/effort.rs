@@ -94,6 +94,7 @@ impl EffortTrack {
 }
 
 /// Looks at the effort of one motor.
+#[derive(Clone)]
 pub struct EffortWatch {
     track: EffortTrack,
     window: Vec<f64>,

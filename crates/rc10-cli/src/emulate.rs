@@ -18,7 +18,7 @@ use rc10_can::Micros;
 use rc10_emu::{Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::{Loops, MotorBus, MotorStatus};
-use rc10_sim::fault::{self, Fault, Kind};
+use rc10_sim::fault::{Fault, Kind};
 use rc10_sim::{Esc, Nanos, TraceEntry};
 use sha2::{Digest, Sha256};
 
@@ -29,14 +29,16 @@ use crate::environment::{Environment, RemoteLink, operate};
 use crate::figures::{Figures, verdict};
 use crate::live::wire::{CONSOLE, Line};
 use crate::look::{BusLook, Moment, RobotLook};
-use crate::mistake::{self, Mistake};
+use crate::mistake::Mistake;
 use crate::motor::{Device, Place};
 use crate::record::{Heading, RecordWriter};
 use crate::recorder::Recorder;
 use crate::recording::{PathPoint, Recording, Source, hex_digits};
 use crate::remote::{Operator, ReceiverWire, Sight, Watch};
 use crate::robot::Robot;
-use crate::run::{check_end, make_folder, print_files, seconds, seed, write_file, write_files};
+use crate::run::{
+    Injected, check_end, make_folder, print_files, seconds, seed, write_file, write_files,
+};
 
 /// Arguments of `rc10 emu`.
 #[derive(Args, Debug)]
@@ -54,12 +56,9 @@ pub struct EmuArgs {
     /// a Cortex-M4 would]
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub mips: Option<u64>,
-    #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
-    #[expect(missing_docs, reason = "its help says it")]
-    pub faults: Vec<Fault>,
-    #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]
-    #[expect(missing_docs, reason = "its help says it")]
-    pub mistakes: Vec<Mistake>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its fields say it")]
+    pub injected: Injected,
     /// Folder for report.html, the bus logs and what the chip's UARTs said
     #[arg(long, value_name = "DIR", default_value = "target/rc10-emu")]
     pub out: PathBuf,
@@ -318,7 +317,7 @@ impl<'r> Emulation<'r> {
 /// If there is no program, or it is none, or one for another chip; if a fault cannot happen; if the
 /// robot's motors do not fit on their buses; if the folder cannot be written.
 pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
-    check_end(&args.faults, args.seconds)?;
+    check_end(&args.injected.faults, args.seconds)?;
     robot.fit(args.force)?;
     let path = match (&args.elf, robot.description().firmware) {
         (Some(path), _) => path.clone(),
@@ -330,8 +329,8 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
         seed: args.seed,
         speed: args.mips.map(|mips| mips * 1_000_000),
         rate: None,
-        faults: args.faults.clone(),
-        mistakes: args.mistakes.clone(),
+        faults: args.injected.faults.clone(),
+        mistakes: args.injected.mistakes.clone(),
         console: None,
     };
     let started = Instant::now();
@@ -345,7 +344,7 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     let (mut emulation, mut recording) =
         emulation.record_into(args.seconds, record).with_context(named)?;
     let took = started.elapsed();
-    recording.faults.clone_from(&args.faults);
+    recording.faults.clone_from(&args.injected.faults);
     let mut figures = Figures::of(&recording);
     let Emulation { rig, description, .. } = &emulation;
     problems::search(rig, description, &recording, &mut figures.problems);
@@ -356,7 +355,7 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
         write_file(&args.out, &text.file_name(), text.lines.as_bytes())?;
     }
     let log = emulation.rig.machine.take_log();
-    let outcome = Outcome::new(&emulation.rig, &recording, &figures, &args.faults, &log);
+    let outcome = Outcome::new(&emulation.rig, &recording, &figures, &args.injected.faults, &log);
     if args.json {
         writeln!(out, "{:#}", outcome.to_json())?;
     } else {

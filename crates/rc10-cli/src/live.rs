@@ -3,12 +3,14 @@
 //! * [`Client`]: the PC's end of a link, without the port. [`Session`]: with it.
 //! * [`SourceArgs`]: where the robot is. [`wire`]: a simulated console.
 //! * [`plan`]: what is watched how often. [`LiveRecord`]: a record of it.
+//! * [`Judge`]: its problems, as a report has them.
 //! * [`Viewers`]: other people's.
 //! * [`Pages`]: a web server for this PC alone; [`History`]: the values on its pages.
 
 mod client;
 mod commands;
 mod history;
+mod judge;
 mod page;
 mod plan;
 mod record;
@@ -21,6 +23,7 @@ pub mod wire;
 pub use client::{Answer, Client, Losses, Parameter, Sample, Signal};
 pub use commands::{GetArgs, ParamsArgs, RecordArgs, SetArgs, get, params, record, set};
 pub use history::{History, POINTS};
+pub use judge::Judge;
 pub use page::{LiveArgs, live};
 pub use plan::{Topic, plan, watch};
 pub use rc10_link::Action;

@@ -26,8 +26,9 @@ pub struct Ports<'r> {
     pub parts: Vec<&'r Reception>,
     /// Signals of its own.
     pub signals: Vec<Signal<'r>>,
-    /// Which way it looks by its IMU at this time: degrees counter-clockwise, all turns counted.
-    pub yaw: Option<Yaw<'r>>,
+    /// Which way it looks by its IMU at this time: degrees counter-clockwise, all turns counted; and the
+    /// label of the signal that says the same of the robot that really runs.
+    pub yaw: Option<(&'static str, Yaw<'r>)>,
 }
 
 /// Which way a robot looks at a time, if it knows.

@@ -15,7 +15,9 @@ use serde_json::{Value, json};
 use crate::effort::{self, EffortTrack, IN_A_ROW, WINDOW};
 use crate::margin;
 use crate::motor::Place;
-use crate::recording::{BusTrack, MotorSample, MotorTrack, PartTrack, Recording, SAMPLE_PERIOD};
+use crate::recording::{
+    BusTrack, MotorSample, MotorTrack, PartTrack, Recording, SAMPLE_PERIOD, Source,
+};
 use crate::remote::{Loss, Receiver, RemoteTrack};
 
 /// The severity of a finding.
@@ -272,7 +274,9 @@ fn robot(recording: &Recording, found: &mut Vec<Problem>) {
     let forbids = |kind: &FaultKind| {
         matches!(kind, FaultKind::RemoteLost | FaultKind::CrystalDead | FaultKind::CrystalStops)
     };
-    let has_reason = recording.faults.iter().any(|fault| forbids(&fault.kind));
+    // A robot that really runs may rest.
+    let has_reason = recording.source == Source::Robot
+        || recording.faults.iter().any(|fault| forbids(&fault.kind));
     if never_armed && recording.length >= UNARMED_FOR && !has_reason && !recording.motors.is_empty()
     {
         let text = "was never armed: no motor was driven".to_owned();

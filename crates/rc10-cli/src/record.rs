@@ -31,7 +31,7 @@ use crate::run::beside;
 use crate::script::Event;
 use crate::signal::Signal;
 
-pub use replay::{CsvArgs, ReportArgs, csv, replay, report};
+pub use replay::{CsvArgs, Kit, Replay, ReportArgs, csv, replay, report};
 
 /// What the layout of a record is called in its metadata, and its version: readers of another one
 /// refuse it. Fields may be added without a new one.
@@ -42,6 +42,13 @@ pub(crate) const END: &str = "rc10-end";
 
 /// Bytes before the fields of a message: CDR, little endian.
 pub(crate) const CDR: [u8; 4] = [0, 1, 0, 0];
+
+/// Makes a message of numbers.
+pub(crate) fn pack(values: impl Iterator<Item = f64>, bytes: &mut Vec<u8>) {
+    bytes.clear();
+    bytes.extend(CDR);
+    values.for_each(|value| bytes.extend(value.to_le_bytes()));
+}
 
 /// Writes what was seen in a run as a record.
 pub struct RecordWriter {
@@ -89,25 +96,27 @@ impl RecordFile {
     }
 
     /// Writes a message of numbers.
-    pub(crate) fn put(
+    fn put(
         &mut self,
         channel_id: u16,
         now: Micros,
         values: impl Iterator<Item = f64>,
     ) -> Result<()> {
-        self.bytes.clear();
-        self.bytes.extend(CDR);
-        values.for_each(|value| self.bytes.extend(value.to_le_bytes()));
-        self.put_bytes(channel_id, now)
+        let mut bytes = std::mem::take(&mut self.bytes);
+        pack(values, &mut bytes);
+        let outcome = self.put_bytes(channel_id, now, &bytes);
+        self.bytes = bytes;
+        outcome
     }
 
-    fn put_bytes(&mut self, channel_id: u16, now: Micros) -> Result<()> {
+    /// Writes a message.
+    pub(crate) fn put_bytes(&mut self, channel_id: u16, now: Micros, bytes: &[u8]) -> Result<()> {
         self.count = self.count.wrapping_add(1);
         let time = now.get() * 1000;
         let header =
             MessageHeader { channel_id, sequence: self.count, log_time: time, publish_time: time };
         let cannot = || format!("cannot write {}", self.path.display());
-        self.file.write_to_known_channel(&header, &self.bytes).with_context(cannot)
+        self.file.write_to_known_channel(&header, bytes).with_context(cannot)
     }
 
     /// Ends it, and puts the file in its place; `end` are the metadata of its end.
@@ -285,12 +294,10 @@ impl RecordWriter {
             self.write(self.topics.losses, loss.lost.from, LOSS, loss)?;
         }
         for event in events {
-            let bytes = &mut self.file.bytes;
-            bytes.clear();
-            bytes.extend(CDR);
+            let mut bytes = CDR.to_vec();
             bytes.extend((event.label.len() as u32 + 1).to_le_bytes());
             bytes.extend(event.label.bytes().chain([0]));
-            self.file.put_bytes(self.topics.events, event.at)?;
+            self.file.put_bytes(self.topics.events, event.at, &bytes)?;
         }
         let mut end = BTreeMap::from([("length_us".to_owned(), length.get().to_string())]);
         for (number, wire) in (1..).zip(wires) {

@@ -38,7 +38,27 @@ pub struct Recorder<'d> {
     record: Option<RecordWriter>,
 }
 
-#[derive(Default)]
+/// The copy writes no record.
+impl Clone for Recorder<'_> {
+    fn clone(&self) -> Self {
+        Self {
+            description: self.description,
+            seed: self.seed,
+            source: self.source,
+            motors: self.motors.clone(),
+            buses: self.buses.clone(),
+            arm: self.arm.clone(),
+            path: self.path.clone(),
+            heard: self.heard.clone(),
+            remote: self.remote.clone(),
+            signals: self.signals.clone(),
+            moment: self.moment.clone(),
+            record: None,
+        }
+    }
+}
+
+#[derive(Clone, Default)]
 struct BusRecorder {
     log: String,
     /// Of what was in the log before, if that is not kept.
@@ -324,6 +344,7 @@ impl<'d> Recorder<'d> {
 }
 
 /// Samples of one motor in this run, and what the next one is made of.
+#[derive(Clone)]
 struct MotorRecorder {
     samples: Vec<MotorSample>,
     tracking: Vec<Tracking>,

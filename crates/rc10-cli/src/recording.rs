@@ -183,7 +183,7 @@ impl Cell {
 }
 
 /// Values on their way to a [`Cell`].
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct Sum {
     count: u32,
     sum: f64,

@@ -136,10 +136,11 @@ impl<'r> Robot<'r> {
     }
 
     /// Says which way its IMU says that it looks, degrees counter-clockwise with all turns counted:
-    /// so that a run can compare its wheels with that.
+    /// so that a run can compare its wheels with that. `signal` is the label of the signal of its own that
+    /// says the same of the robot that really runs.
     #[must_use]
-    pub fn yaw(mut self, yaw: impl Fn(Micros) -> Option<f64> + 'r) -> Self {
-        self.ports.yaw = Some(Rc::new(yaw));
+    pub fn yaw(mut self, signal: &'static str, yaw: impl Fn(Micros) -> Option<f64> + 'r) -> Self {
+        self.ports.yaw = Some((signal, Rc::new(yaw)));
         self
     }
 

@@ -22,6 +22,37 @@ use crate::robot::Robot;
 use crate::signal::signal_table;
 use crate::simulate::simulate_into;
 
+/// What goes wrong on purpose.
+#[derive(Args, Clone, Debug, Default)]
+pub struct Injected {
+    #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
+    pub faults: Vec<Fault>,
+    #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]
+    #[expect(missing_docs, reason = "its help says it")]
+    pub mistakes: Vec<Mistake>,
+}
+
+impl Injected {
+    /// Puts it into a robot that is to be simulated by `command`.
+    ///
+    /// # Errors
+    /// If that cannot happen to the robot, or there is no chip that it could happen to.
+    pub fn put_into(&self, robot: &mut Robot<'_>, command: &str) -> Result<()> {
+        if let Some(Fault { kind, .. }) = self.faults.iter().find(|fault| fault.kind.is_of_chip()) {
+            bail!("--fault {kind}: {command} has no chip to do that to; rc10 emu does it");
+        }
+        robot.set_faults(&self.faults)?;
+        robot.set_mistakes(&self.mistakes)
+    }
+
+    /// Whether nothing does.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.faults.is_empty() && self.mistakes.is_empty()
+    }
+}
+
 /// Arguments of `rc10 run`.
 #[derive(Args, Debug)]
 #[command(allow_negative_numbers = true)]
@@ -35,12 +66,9 @@ pub struct RunArgs {
     /// The receiver of the robot's remote control [default: the one that the robot names]
     #[arg(long, value_name = "RECEIVER", value_parser = remote::parser(), ignore_case = true)]
     pub remote: Option<Receiver>,
-    #[arg(long = "fault", value_name = "FAULT", help = fault::HELP)]
-    #[expect(missing_docs, reason = "its help says it")]
-    pub faults: Vec<Fault>,
-    #[arg(long = "mistake", value_name = "MISTAKE", help = mistake::HELP)]
-    #[expect(missing_docs, reason = "its help says it")]
-    pub mistakes: Vec<Mistake>,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its fields say it")]
+    pub injected: Injected,
     /// Folder for report.html and the bus logs
     #[arg(long, value_name = "DIR", default_value = "target/rc10")]
     pub out: PathBuf,
@@ -72,8 +100,7 @@ impl Default for RunArgs {
             seconds: Micros::from_millis(10_000),
             seed: 1,
             remote: None,
-            faults: Vec::new(),
-            mistakes: Vec::new(),
+            injected: Injected::default(),
             out: "target/rc10".into(),
             record: None,
             no_logs: false,
@@ -115,15 +142,11 @@ pub(crate) fn seed(text: &str) -> Result<u64, &'static str> {
 /// If the folder cannot be written, the robot is not as described, or its motors do not fit on
 /// their buses.
 pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<bool> {
-    check_end(&args.faults, args.seconds)?;
-    if let Some(Fault { kind, .. }) = args.faults.iter().find(|fault| fault.kind.is_of_chip()) {
-        bail!("--fault {kind}: rc10 run has no chip to do that to; rc10 emu does it");
-    }
+    check_end(&args.injected.faults, args.seconds)?;
     if let Some(receiver) = args.remote {
         robot.set_remote(receiver)?;
     }
-    robot.set_faults(&args.faults)?;
-    robot.set_mistakes(&args.mistakes)?;
+    args.injected.put_into(&mut robot, "rc10 run")?;
     robot.fit(args.force)?;
     robot.set_no_logs(args.no_logs);
     // Before the work, so that a wrong folder is known at once.
@@ -138,7 +161,7 @@ pub fn run(args: &RunArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Result<
         None => None,
     };
     let mut recording = simulate_into(robot, args.seed, args.seconds, record)?;
-    recording.faults.clone_from(&args.faults);
+    recording.faults.clone_from(&args.injected.faults);
     let wall = started.elapsed().as_secs_f64();
     let figures = Figures::of(&recording);
     write_files(&recording, &figures, &args.out)?;

@@ -40,7 +40,7 @@ pub struct SignalTrack {
 }
 
 /// Records one signal.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct SignalRecorder {
     track: SignalTrack,
     /// Since the last sample.

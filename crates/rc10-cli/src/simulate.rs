@@ -86,7 +86,7 @@ pub fn simulate_into(
         let robot = RobotLook {
             arm: arm(),
             pose: PathPoint::of(around.base.as_ref()),
-            yaw: ports.yaw.as_ref().and_then(|yaw| yaw(now)),
+            yaw: ports.yaw.as_ref().and_then(|(_, yaw)| yaw(now)),
         };
         let moment = Moment {
             robot,
@@ -101,7 +101,7 @@ pub fn simulate_into(
 }
 
 /// The first whole microsecond that is not before it: tasks know no finer time.
-const fn rounded_up(time: Nanos) -> Micros {
+pub(crate) const fn rounded_up(time: Nanos) -> Micros {
     Micros::new(time.get().div_ceil(1000))
 }
 

@@ -75,7 +75,7 @@ pub fn robot<'r>(io: &'r Shared<'_>, buses: [MotorBus<'r>; BUSES]) -> Robot<'r> 
         .task(status::run(io, [("IMU", &io.imu_reception)]))
         .serial(&io.imu_reception, async |port| imu::run(io, port).await)
         .live(&io.common, &io.live)
-        .yaw(|now| {
+        .yaw("heading", |now| {
             let heading = io.heading.read()?.value.total(now)?;
             Some(heading.microdegrees() as f64 * 1e-6)
         })

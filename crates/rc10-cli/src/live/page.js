@@ -74,28 +74,6 @@ function tree() {
 
 const watch = () => post({ watch: [...chosen], period: +$('period').value }).catch(() => {});
 
-// Problems that can be seen at this moment.
-function problems() {
-  const found = [];
-  if (state.trouble) found.push(state.trouble);
-  for (const label of labels('motors')) {
-    const link = named(label, 'link'), fault = value(label, 'fault'), condition = named(label, 'condition');
-    if (link === 'Lost') found.push(label + ' is not heard any more');
-    if (link === 'NeverSeen') found.push(label + ' was never heard: power, cable, identifier?');
-    if (fault !== null) found.push(label + ' reports fault ' + fault);
-    if (link === 'Online' && !['Ready', 'Starting', '–'].includes(condition)) found.push(label + ': ' + condition);
-    if (value(label, 'turn_gaps') > 0) found.push(label + ': turns were estimated ' + value(label, 'turn_gaps') + ' times');
-  }
-  for (const label of labels('buses')) {
-    const errors = named(label, 'state');
-    if (errors !== 'Active' && errors !== '–') found.push('bus ' + label + ' is ' + errors);
-    for (const [name, what] of [['overruns', 'ticks missed'], ['receive_lost', 'frames lost'], ['bus_offs', 'times bus-off'], ['stalls', 'times stalled']])
-      if (value(label, name) > 0) found.push('bus ' + label + ': ' + value(label, name) + ' ' + what);
-  }
-  if (['Interrupted', 'Lost'].includes(named('', 'remote'))) found.push('the remote control is not heard');
-  return found;
-}
-
 function buttons(place, motor) {
   const add = (text, title) => { const button = place.appendChild(document.createElement('button')); button.textContent = text; button.title = title; button.style.padding = '0 5px'; return button; };
   for (const [text, action, title] of [['0', 'zero', 'The angle now is zero'], ['✓', 'clear', 'Clear the fault']])
@@ -154,9 +132,9 @@ function tables() {
     const errors = named(label, 'state'); cell(row, errors, errors === 'Active' ? '' : 'bad');
     for (const name of ['planned_typical', 'received', 'overruns', 'receive_lost', 'execution_max']) cell(row, number(value(label, name)));
   }
-  const list = problems();
-  $('problems').replaceChildren(...(list.length ? list : ['none']).map((text) => {
-    const li = document.createElement('li'); li.textContent = text; if (!list.length) li.className = 'none'; return li;
+  const list = [state.trouble, state.stranger].filter(Boolean).map((text) => ({ text, severity: 'problem' })).concat(state.problems || []);
+  $('problems').replaceChildren(...(list.length ? list : [{ text: 'none', severity: 'none' }]).map((it) => {
+    const li = document.createElement('li'); li.className = it.severity; li.textContent = (it.about ? it.about + ': ' : '') + it.text; return li;
   }));
 }
 

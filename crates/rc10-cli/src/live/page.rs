@@ -12,13 +12,15 @@ use serde_json::{Value, json};
 
 use super::client::{Answer, Client};
 use super::commands::stop;
+use super::judge::Judge;
 use super::plan::{Topic, plan, watch};
 use super::record::LiveRecord;
 use super::server::{Asked, Pages, Wish, look};
 use super::session::{Session, full_name};
 use super::source::SourceArgs;
 use super::viewers::{ViewerArgs, Viewers};
-use crate::description::Description;
+use crate::problems::Problem;
+use crate::record::Kit;
 use crate::robot::Robot;
 use crate::run::seconds;
 
@@ -57,7 +59,7 @@ type Waiting = (u16, std::sync::mpsc::Sender<Result<Value, String>>);
 /// # Errors
 /// If there is no way to the robot, or the page cannot be served.
 pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()> {
-    let description = robot.description().clone();
+    let kit = Kit::of(&robot);
     let source = args.source.at(args.place.as_deref());
     let stop = stop()?;
     let session = Session::new(source.open(robot, true)?);
@@ -69,7 +71,9 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
         session,
         pages,
         folder: args.out.clone(),
-        description,
+        judge: Judge::new(&kit),
+        kit: &kit,
+        stranger: None,
         topics: Vec::new(),
         left: 0,
         record: None,
@@ -100,11 +104,14 @@ fn tenths(rpm: f32) -> i16 {
 }
 
 /// What is between the robot and the pages.
-struct Show<'r> {
+struct Show<'r, 'k> {
     session: Session<'r>,
     pages: Pages,
     folder: PathBuf,
-    description: Description,
+    kit: &'k Kit<'k>,
+    judge: Judge<'k>,
+    /// Why it is not judged.
+    stranger: Option<String>,
     topics: Vec<Topic>,
     /// Signals for which there is no room.
     left: usize,
@@ -122,7 +129,7 @@ struct Show<'r> {
     told: Option<Micros>,
 }
 
-impl Show<'_> {
+impl Show<'_, '_> {
     fn step(&mut self) -> Result<()> {
         self.session.step()?;
         let is_described = self.session.client.is_described();
@@ -130,6 +137,8 @@ impl Show<'_> {
             let (topics, left) = plan(&self.session.client);
             if topics != self.topics {
                 (self.topics, self.left) = (topics, left.len());
+                self.judge = Judge::new(self.kit);
+                self.stranger = self.judge.stranger(&self.topics);
             }
             self.viewers.meet(&self.session.client)?;
             watch(&mut self.session.client, &self.topics, OFTEN);
@@ -143,6 +152,9 @@ impl Show<'_> {
         {
             self.note = Some(format!("the record {} has ended: {error:#}", path.display()));
             self.record = None;
+        }
+        if self.stranger.is_none() {
+            samples.iter().try_for_each(|sample| self.judge.take(&self.topics, sample))?;
         }
         // Pages ask five times a second: it need not be made in every step.
         let now = self.session.now();
@@ -243,7 +255,7 @@ impl Show<'_> {
                     break path;
                 }
             };
-            let record = LiveRecord::new(&path, &self.topics, &self.description)?;
+            let record = LiveRecord::new(&path, &self.topics, self.kit.description())?;
             self.record = Some((record, path));
         }
         Ok(Value::Null)
@@ -273,6 +285,8 @@ impl Show<'_> {
         });
         let is_whole = client.is_described();
         json!({
+            "problems": self.judge.found.iter().map(Problem::to_json).collect::<Vec<_>>(),
+            "stranger": self.stranger,
             "name": session.name(),
             "trouble": session.trouble(),
             "note": self.note,

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use anyhow::Result;
 use rc10_link::GROUPS;
 use rc10_link::samples::VALUES;
 
-use super::client::{Client, Signal};
+use super::client::{Client, Sample, Signal};
 use crate::record::fields::{MOTOR, names};
-use crate::record::topic;
+use crate::record::{pack, topic};
 
 /// A group of signals that a page or a record is made of. The first group is for what a page asks for
 /// beside.
@@ -30,6 +31,50 @@ pub struct Topic {
     pub group: usize,
     /// Its signals with their names, by number.
     pub signals: Vec<(u16, Signal)>,
+}
+
+impl Topic {
+    /// What its messages are made of, as a `ros2msg` schema.
+    #[must_use]
+    pub fn schema(&self) -> String {
+        let line = |(_, signal): &(u16, Signal)| {
+            let mut about = vec![signal.unit.clone(), signal.states.join(", ")];
+            about.retain(|text| !text.is_empty());
+            format!("float64 {}  # {}\n", signal.name, about.join(", "))
+        };
+        self.signals.iter().map(line).collect()
+    }
+
+    /// The name of that schema.
+    #[must_use]
+    pub fn schema_name(&self) -> String {
+        format!("rc10/msg{}", self.name.replace('/', "_"))
+    }
+
+    /// The names of its numbers.
+    #[must_use]
+    pub fn columns(&self) -> Vec<String> {
+        self.signals.iter().map(|(_, signal)| signal.name.clone()).collect()
+    }
+}
+
+/// Makes a message of each topic that a sample is of; NaN stands for what it does not have.
+///
+/// # Errors
+/// Those of `take`, which gets the topic's place and its message.
+pub fn messages(
+    topics: &[Topic],
+    sample: &Sample,
+    mut take: impl FnMut(usize, &[u8]) -> Result<()>,
+) -> Result<()> {
+    let known: BTreeMap<u16, f32> = sample.values.iter().copied().collect();
+    let mut bytes = Vec::new();
+    for (at, topic) in topics.iter().enumerate().filter(|(_, it)| it.group == sample.group) {
+        let value = |(index, _): &(u16, _)| known.get(index).map_or(f64::NAN, |it| (*it).into());
+        pack(topic.signals.iter().map(value), &mut bytes);
+        take(at, &bytes)?;
+    }
+    Ok(())
 }
 
 /// The topics of a robot, and the signals for which there is no room.

@@ -8,18 +8,19 @@ use anyhow::Result;
 use rc10_can::Micros;
 
 use super::client::Sample;
-use super::plan::Topic;
+use super::plan::{Topic, messages};
 use crate::description::Description;
 use crate::record::RecordFile;
 
 /// A robot whose time goes back by so much was restarted.
-const RESTART: Micros = Micros::from_millis(1000);
+pub const RESTART: Micros = Micros::from_millis(1000);
 
 /// A record that is being written. The file is there when it is finished.
 pub struct LiveRecord {
     file: RecordFile,
-    /// The channel of each topic.
-    topics: Vec<(u16, Topic)>,
+    topics: Vec<Topic>,
+    /// The channel of each.
+    channels: Vec<u16>,
     /// The robot's time when the record began, or the robot anew; and that of the newest sample.
     first: Option<Micros>,
     before: Micros,
@@ -50,19 +51,14 @@ impl LiveRecord {
                 map.insert("model".to_owned(), motor.name().to_string());
                 map.insert("on".to_owned(), motor.on.to_string());
             }
-            let lines = topic.signals.iter().map(|(_, signal)| {
-                let mut about = vec![signal.unit.clone(), signal.states.join(", ")];
-                about.retain(|text| !text.is_empty());
-                format!("float64 {}  # {}\n", signal.name, about.join(", "))
-            });
-            let schema = format!("rc10/msg{}", topic.name.replace('/', "_"));
-            let channel = file.channel(&schema, &lines.collect::<String>(), &topic.name, &map)?;
-            channels.push((channel, topic.clone()));
+            let (name, schema) = (topic.schema_name(), topic.schema());
+            channels.push(file.channel(&name, &schema, &topic.name, &map)?);
         }
         let (before, last) = (Micros::ZERO, Micros::ZERO);
         Ok(Self {
             file,
-            topics: channels,
+            topics: topics.to_vec(),
+            channels,
             first: None,
             before,
             last,
@@ -85,14 +81,11 @@ impl LiveRecord {
         // The record begins with its first sample.
         let at = self.shift + sample.at.since(first);
         self.last = self.last.max(at);
-        let known: BTreeMap<u16, f32> = sample.values.iter().copied().collect();
-        for (channel, topic) in self.topics.iter().filter(|(_, it)| it.group == sample.group) {
-            let value =
-                |(index, _): &(u16, _)| known.get(index).map_or(f64::NAN, |it| (*it).into());
-            self.file.put(*channel, at, topic.signals.iter().map(value))?;
-            self.samples += 1;
-        }
-        Ok(())
+        let Self { file, topics, channels, samples, .. } = self;
+        messages(topics, sample, |topic, bytes| {
+            *samples += 1;
+            file.put_bytes(channels[topic], at, bytes)
+        })
     }
 
     /// The time that it covers.

@@ -104,7 +104,9 @@ fn text(status: u16, body: Vec<u8>, kind: &str) -> Bytes {
         ("X-Content-Type-Options", "nosniff"),
         ("Content-Security-Policy", "default-src 'self' 'unsafe-inline'; frame-ancestors 'none'"),
     ];
-    let response = Response::from_data(body).with_status_code(status);
+    // Its length is known.
+    let response =
+        Response::from_data(body).with_status_code(status).with_chunked_threshold(usize::MAX);
     headers.iter().fold(response, |response, (name, value)| {
         match Header::from_bytes(name.as_bytes(), value.as_bytes()) {
             Ok(header) => response.with_header(header),

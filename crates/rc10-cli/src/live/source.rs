@@ -10,13 +10,14 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_sim::Tasks;
+use rc10_sim::{Faults, Tasks};
 
 use super::wire::Line;
 use crate::emulate::{Emulation, Setup};
 use crate::environment::Environment;
 use crate::robot::Robot;
-use crate::run::seed;
+use crate::run::{Injected, seed};
+use crate::simulate::rounded_up;
 
 /// A console's bit rate, unless the robot's description has another one: what every USB adapter can.
 pub const BAUD: u32 = 921_600;
@@ -40,6 +41,9 @@ pub struct SourceArgs {
     /// Seed of everything random in the world
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = seed)]
     pub seed: u64,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its fields say it")]
+    pub injected: Injected,
 }
 
 /// A line to a robot.
@@ -94,6 +98,10 @@ impl SourceArgs {
             let name = format!("{} on the emulated chip", path.display());
             return Ok(Way { source: Box::new(Paced::new(emulated, paced)), name });
         }
+        ensure!(
+            self.injected.is_empty(),
+            "--fault and --mistake are for --sim and --emu: a real robot needs no such help"
+        );
         let name = match &self.port {
             Some(name) => name.clone(),
             None => only_port()?,
@@ -129,18 +137,21 @@ trait World {
 struct Simulated<'r> {
     around: Environment,
     tasks: Tasks<'r>,
+    faults: Faults,
     line: Line,
 }
 
 impl<'r> Simulated<'r> {
     fn new(mut robot: Robot<'r>, args: &SourceArgs) -> Result<Self> {
+        args.injected.put_into(&mut robot, "--sim")?;
         robot.fit(false)?;
         ensure!(robot.has_console(), "this robot has no console in the simulator: see Robot::live");
         let mut around = Environment::new(robot.description(), args.seed)?;
         let line = Line::new(&mut around.world, args.baud_of(&robot));
         around.console = Some(line.clone());
+        let faults = Faults::new(&around.wires, &around.lines, &robot.description().faults)?;
         let tasks = robot.tasks(&around)?;
-        Ok(Self { around, tasks, line })
+        Ok(Self { around, tasks, faults, line })
     }
 }
 
@@ -152,9 +163,16 @@ impl World for Simulated<'_> {
         &self.line
     }
     fn run(&mut self, until: Micros) -> Result<()> {
-        self.around.run(&mut self.tasks, until);
-        // What was on the wires is not read.
-        self.around.wires.iter().for_each(|wire| drop(wire.take_trace()));
+        while self.now() < until {
+            let fault = self.faults.next(self.around.world.now_ns());
+            let next = fault.map_or(until, rounded_up).min(until);
+            self.around.run(&mut self.tasks, next);
+            for (bus, wire) in self.around.wires.iter().enumerate() {
+                self.faults.heard(bus, &wire.take_trace());
+            }
+            // As in a run: the remote's are in its operator's hands.
+            let _ = self.faults.act(self.now().into());
+        }
         Ok(())
     }
 }
@@ -178,7 +196,8 @@ impl<'r> Emulated<'r> {
         };
         let program = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
         let console = Some(args.baud_of(&robot));
-        let setup = Setup { seed: args.seed, console, ..Setup::default() };
+        let Injected { faults, mistakes } = args.injected.clone();
+        let setup = Setup { seed: args.seed, console, faults, mistakes, ..Setup::default() };
         let named = || path.display().to_string();
         let emulation = Emulation::new(&program, robot, &setup).with_context(named)?;
         let line = emulation.console.clone().context("no console")?;

@@ -26,11 +26,11 @@ pub(super) fn serve(
     stop: &AtomicBool,
 ) -> Result<()> {
     let place = SourceArgs {
-        port: None,
         sim: args.emu.is_none(),
         emu: args.emu.clone(),
         baud: args.baud,
         seed: args.seed,
+        ..SourceArgs::default()
     };
     let baud = place.baud_of(&robot);
     let mut way = place.open(robot, true)?;

@@ -16,19 +16,22 @@ use mcap::records::Record;
 use rc10_can::Micros;
 use rc10_module::Counters;
 use rc10_motor::embassy::Rs485Status;
-use rc10_motor::{DriveMode, Fault as MotorFault, TargetKind};
+use rc10_motor::{DriveMode, Fault as MotorFault, Loops, TargetKind};
 
 use super::fields::{BUS, Field, LINE, LOSS, MOTOR, MOTOR_HEALTH, PART, REMOTE, ROBOT};
 use super::{CDR, END, LAYOUT, VALUE, VERSION, topic};
 use crate::decode::{BusOfChannel, hear};
+use crate::description::Description;
 use crate::environment::Environment;
 use crate::figures::{Figures, to_json};
 use crate::look::{BusLook, Moment, MotorLook};
+use crate::ports::Ports;
 use crate::recorder::{Recorder, WireEnd};
 use crate::recording::{Recording, SAMPLE_PERIOD, Source};
 use crate::remote::{Loss, Lost, Receiver};
 use crate::robot::Robot;
 use crate::run::{make_folder, print, write_file, write_files};
+use crate::signal::Signal;
 
 /// Arguments of `rc10 report`.
 #[derive(Args, Debug)]
@@ -239,36 +242,13 @@ pub fn replay(bytes: &[u8], mut robot: Robot<'_>) -> Result<(Recording, Option<S
     prepare(&mut robot, &text)?;
     is_of(&robot, &found)?;
 
-    let (description, ports, loops) = (robot.description().clone(), robot.ports(), robot.loops());
-    let around = Environment::new(&description, seed)?;
     let source = match (text("source"), text("emulated")) {
         ("robot", _) => Source::Robot,
         (_, "true") => Source::Emulation,
         _ => Source::Simulation,
     };
-    // An emulated chip's memory is not looked into.
-    let own = if source.is_told() { &ports.signals } else { &[][..] };
-    let mut state = Replay {
-        recorder: Recorder::new(&description, seed, &loops, &around.motors, source)
-            .with_signals(own),
-        channels: BTreeMap::new(),
-        at: Micros::ZERO,
-        is_robot: source == Source::Robot,
-        next_sample: Micros::ZERO,
-        looks: vec![MotorLook::NEW; description.motors.len()],
-        has_looks: false,
-        signals: vec![None; own.len()],
-        has_signals: false,
-        moment: Moment {
-            buses: vec![BusLook::default(); description.buses.into()],
-            lines: vec![Rs485Status::default(); description.lines.len()],
-            ..Moment::default()
-        },
-        has_moment: false,
-        wires: vec![WireEnd::default(); description.buses.into()],
-        losses: Vec::new(),
-        faults: vec![""; description.motors.len()],
-    };
+    let kit = Kit::of(&robot);
+    let mut state = Replay::new(&kit, seed, source)?;
     for (number, wire) in (1..).zip(&mut state.wires) {
         wire.log_hash = end.get(&format!("log_hash_{number}")).cloned().unwrap_or_default();
     }
@@ -278,29 +258,20 @@ pub fn replay(bytes: &[u8], mut robot: Robot<'_>) -> Result<(Recording, Option<S
             *fault = String::leak(text.clone());
         }
     }
-    let names = description.motors.iter().map(|motor| topic("motors", motor.label));
-    let motors: Vec<_> = names.collect();
-    let parts = description.serials.iter().map(|part| topic("parts", part.label));
-    let parts: Vec<_> = parts.collect();
-    let signals: Vec<_> = own.iter().map(|signal| topic("signals", signal.label)).collect();
-    let about = |name: &str| about(name, &motors, &parts, &signals);
     let cut = walk(bytes, |item| match item {
-        Item::Channel(id, channel) => {
-            let about = about(&channel.topic);
-            state.channels.insert(id, (about, channel.columns.unwrap_or_default().into()));
+        Item::Channel(id, Channel { topic, columns, .. }) => {
+            state.channel(id, &topic, columns.unwrap_or_default());
             Ok(())
         }
         Item::Message(id, time, bytes) => state.take(id, Micros::new(time / 1000), bytes),
         Item::Metadata(..) => Ok(()),
     })?;
-    state.flush()?;
-    let Replay { recorder, at, wires, losses, .. } = state;
     let length = match end.get("length_us") {
-        Some(text) => Micros::new(text.parse().context("its length is no number")?),
-        None => at,
+        Some(text) => Some(Micros::new(text.parse().context("its length is no number")?)),
+        None => None,
     };
-    let mut recording = recorder.finish_with(length, wires, losses)?;
-    recording.faults.clone_from(&description.faults);
+    let mut recording = state.finish(length)?;
+    recording.faults.clone_from(&kit.description.faults);
     recording.no_logs = true;
     let cut = cut.or_else(|| end.is_empty().then(|| "its end is missing".into()));
     Ok((recording, cut))
@@ -343,7 +314,7 @@ fn is_of(robot: &Robot<'_>, found: &BTreeMap<String, BTreeMap<String, String>>) 
 }
 
 /// What a topic is about.
-fn about(name: &str, motors: &[String], parts: &[String], signals: &[String]) -> About {
+fn about(name: &str, Names { motors, parts, signals }: &Names) -> About {
     let place = |names: &[String], name: &str| names.iter().position(|one| one == name);
     let number = |rest: &str| rest.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
     let numbered = |folder: &str| name.strip_prefix(folder);
@@ -364,14 +335,51 @@ fn about(name: &str, motors: &[String], parts: &[String], signals: &[String]) ->
         .unwrap_or(About::Other)
 }
 
-/// A recording on its way.
-struct Replay<'d> {
+/// Names of the topics of things that have a label.
+#[derive(Clone)]
+struct Names {
+    motors: Vec<String>,
+    parts: Vec<String>,
+    signals: Vec<String>,
+}
+
+/// What a robot's records are judged by.
+pub struct Kit<'r> {
+    description: Description,
+    loops: Vec<Option<Loops>>,
+    signals: Vec<Signal<'r>>,
+    /// Label of the one that is its heading.
+    heading: Option<&'static str>,
+}
+
+impl<'r> Kit<'r> {
+    /// Of this robot.
+    #[must_use]
+    pub fn of(robot: &Robot<'r>) -> Self {
+        let Ports { signals, yaw, .. } = robot.ports();
+        let (description, loops) = (robot.description().clone(), robot.loops());
+        Self { description, loops, signals, heading: yaw.map(|(label, _)| label) }
+    }
+
+    /// Its description.
+    #[must_use]
+    pub const fn description(&self) -> &Description {
+        &self.description
+    }
+}
+
+/// A recording on its way: messages of a record, or of a robot that runs, become one.
+#[derive(Clone)]
+pub struct Replay<'d> {
     recorder: Recorder<'d>,
+    names: Names,
     channels: BTreeMap<u16, (About, Rc<[String]>)>,
     /// The time of what follows.
     at: Micros,
     /// It was told by a robot: seldom, and not at the times of a run.
     is_robot: bool,
+    /// Which signal is the heading of such a one.
+    heading: Option<usize>,
     /// Of such a one.
     next_sample: Micros,
     looks: Vec<MotorLook>,
@@ -385,8 +393,68 @@ struct Replay<'d> {
     faults: Vec<&'static str>,
 }
 
-impl Replay<'_> {
-    fn take(&mut self, id: u16, now: Micros, bytes: &[u8]) -> Result<()> {
+impl<'d> Replay<'d> {
+    /// Before its first message.
+    ///
+    /// # Errors
+    /// If the robot cannot be simulated: its twins are what loops are judged by.
+    pub fn new(kit: &'d Kit<'_>, seed: u64, source: Source) -> Result<Self> {
+        let Kit { description, loops, signals, heading } = kit;
+        let around = Environment::new(description, seed)?;
+        // An emulated chip's memory is not looked into.
+        let own = if source.is_told() { signals } else { &[][..] };
+        let motors = description.motors.iter().map(|motor| topic("motors", motor.label));
+        let parts = description.serials.iter().map(|part| topic("parts", part.label));
+        let names = Names {
+            motors: motors.collect(),
+            parts: parts.collect(),
+            signals: own.iter().map(|signal| topic("signals", signal.label)).collect(),
+        };
+        Ok(Self {
+            recorder: Recorder::new(description, seed, loops, &around.motors, source)
+                .with_signals(own),
+            names,
+            channels: BTreeMap::new(),
+            at: Micros::ZERO,
+            is_robot: source == Source::Robot,
+            heading: own.iter().position(|signal| Some(signal.label) == *heading),
+            next_sample: Micros::ZERO,
+            looks: vec![MotorLook::NEW; description.motors.len()],
+            has_looks: false,
+            signals: vec![None; own.len()],
+            has_signals: false,
+            moment: Moment {
+                buses: vec![BusLook::default(); description.buses.into()],
+                lines: vec![Rs485Status::default(); description.lines.len()],
+                ..Moment::default()
+            },
+            has_moment: false,
+            wires: vec![WireEnd::default(); description.buses.into()],
+            losses: Vec::new(),
+            faults: vec![""; description.motors.len()],
+        })
+    }
+
+    /// Messages of this number are of this topic, and are made of these numbers.
+    pub fn channel(&mut self, id: u16, topic: &str, columns: Vec<String>) {
+        self.channels.insert(id, (about(topic, &self.names), columns.into()));
+    }
+
+    /// The recording of what was taken; `length` is its time, if that is known.
+    ///
+    /// # Errors
+    /// None, so far: nothing is written.
+    pub fn finish(mut self, length: Option<Micros>) -> Result<Recording> {
+        self.flush()?;
+        let Self { recorder, at, wires, losses, .. } = self;
+        recorder.finish_with(length.unwrap_or(at), wires, losses)
+    }
+
+    /// Takes a message.
+    ///
+    /// # Errors
+    /// If its channel is not known, or it is none of numbers.
+    pub fn take(&mut self, id: u16, now: Micros, bytes: &[u8]) -> Result<()> {
         let Some((about, columns)) = self.channels.get(&id) else {
             bail!("a message of a channel that is not declared");
         };
@@ -429,6 +497,9 @@ impl Replay<'_> {
                 let mut value = f64::NAN;
                 unpack(VALUE, &columns, bytes, &mut value)?;
                 self.signals[at] = (!value.is_nan()).then_some(value);
+                if self.is_robot && self.heading == Some(at) {
+                    self.moment.robot.yaw = self.signals[at];
+                }
                 Ok(())
             }
             About::Bus(at) => self.with_moment(|moment| {
