@@ -9,6 +9,11 @@
 
 mod client;
 mod commands;
+#[cfg(feature = "viewers")]
+mod foxglove;
+#[cfg(not(feature = "viewers"))]
+#[path = "live/no_foxglove.rs"]
+mod foxglove;
 mod history;
 mod judge;
 mod page;

@@ -65,6 +65,9 @@ pub fn live(args: &LiveArgs, robot: Robot<'_>, out: &mut dyn Write) -> Result<()
     let session = Session::new(source.open(robot, true)?);
     let viewers = Viewers::new(&args.viewers)?;
     let pages = Pages::serve(args.page)?;
+    if let Some(address) = viewers.address() {
+        writeln!(out, "foxglove  {address}")?;
+    }
     writeln!(out, "live  {}\n{}; Ctrl-C ends it", pages.address, session.name())?;
     out.flush()?;
     let mut show = Show {
@@ -140,7 +143,7 @@ impl Show<'_, '_> {
                 self.judge = Judge::new(self.kit);
                 self.stranger = self.judge.stranger(&self.topics);
             }
-            self.viewers.meet(&self.session.client)?;
+            self.viewers.meet(&self.session.client, &self.topics)?;
             watch(&mut self.session.client, &self.topics, OFTEN);
             self.choose();
         }

@@ -3,6 +3,7 @@
 //! | viewer | what it gets | source |
 //! |---|---|---|
 //! | PlotJuggler, "UDP Server" with protocol JSON | a datagram a sample: `{"timestamp": s, "wheel_front_left": {"speed": ..}}` | its page on the UDP plug-in |
+//! | Foxglove, "Foxglove WebSocket" | the topics of a record, as `ros2msg` and CDR; nothing can be changed from there | its SDK, in the feature `viewers` |
 //! | VOFA+, `JustFloat` | the channels' values as `f32`, little endian, then `00 00 80 7F` | its page on data engines |
 //!
 //! A viewer that is not there costs nothing: datagrams get lost. One that does not read its connection loses
@@ -17,6 +18,8 @@ use clap::Args;
 use serde_json::{Map, Value};
 
 use super::client::{Client, Sample, Signal};
+use super::foxglove::Foxglove;
+use super::plan::Topic;
 
 /// Which viewers are fed.
 #[derive(Args, Clone, Debug, Default)]
@@ -27,6 +30,16 @@ pub struct ViewerArgs {
     /// Feed VOFA+ with JustFloat: udp:HOST:PORT sends there, tcp:HOST:PORT waits there for it
     #[arg(long, value_name = "udp|tcp:HOST:PORT", requires = "channels")]
     pub vofa: Option<String>,
+    /// Feed Foxglove, which opens ws://127.0.0.1:N [N: 8765 unless told]; needs a build with --features
+    /// viewers
+    #[arg(
+        long,
+        value_name = "N",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "8765"
+    )]
+    pub foxglove: Option<u16>,
     #[arg(
         long = "channel",
         value_name = "NAME",
@@ -43,6 +56,7 @@ const TAIL: [u8; 4] = [0x00, 0x00, 0x80, 0x7F];
 pub struct Viewers {
     json: Option<(UdpSocket, SocketAddr)>,
     floats: Option<Floats>,
+    foxglove: Option<Foxglove>,
     names: Vec<String>,
     /// Number and newest value of each channel; `None` until the robot has described itself.
     channels: Option<Vec<(u16, f32)>>,
@@ -106,14 +120,24 @@ impl Viewers {
             }
             Some(_) => bail!("--vofa: it is to be udp:HOST:PORT or tcp:HOST:PORT"),
         };
-        Ok(Self { json, floats, names: args.channels.clone(), channels: None })
+        let foxglove = args.foxglove.map(Foxglove::new).transpose()?;
+        Ok(Self { json, floats, foxglove, names: args.channels.clone(), channels: None })
     }
 
-    /// The robot has described itself: which signals the channels are.
+    /// Where Foxglove finds the robot, if that is asked for.
+    #[must_use]
+    pub fn address(&self) -> Option<String> {
+        self.foxglove.as_ref().map(Foxglove::address)
+    }
+
+    /// The robot has described itself: which signals the channels are, and which topics there are.
     ///
     /// # Errors
     /// If a channel is no signal of it.
-    pub fn meet(&mut self, client: &Client) -> Result<()> {
+    pub fn meet(&mut self, client: &Client, topics: &[Topic]) -> Result<()> {
+        if let Some(foxglove) = &mut self.foxglove {
+            foxglove.meet(topics)?;
+        }
         let all: BTreeMap<String, u16> =
             client.signals().map(|(index, signal)| (signal_name(signal), index)).collect();
         let channel = |name: &String| {
@@ -137,6 +161,9 @@ impl Viewers {
         if let Some((socket, to)) = &self.json {
             // Lost, if there is no viewer.
             let _ = socket.send_to(json(sample, client).as_bytes(), to);
+        }
+        if let Some(foxglove) = &mut self.foxglove {
+            foxglove.take(sample);
         }
         let (Some(floats), Some(channels)) = (&mut self.floats, &mut self.channels) else { return };
         let mut is_new = false;
