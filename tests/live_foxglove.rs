@@ -63,7 +63,8 @@ fn foxglove_sees_what_the_robot_says() {
         while let Ok(count) = udp.recv(&mut bytes) {
             let value: Value = serde_json::from_slice(&bytes[..count]).unwrap();
             let at = (value["timestamp"].as_f64().unwrap() * 1e6).round() as u64;
-            if let Some(wheel) = value.get("wheel_front_left").filter(|it| it["speed"].is_number()) {
+            if let Some(wheel) = value.get("wheel_front_left").filter(|it| it["speed"].is_number())
+            {
                 told.insert(at, wheel.clone());
             }
         }
@@ -100,7 +101,13 @@ fn foxglove_sees_what_the_robot_says() {
     assert!(compared > 200 && fastest > 50.0, "{compared} messages, {fastest} rpm, {topics:?}");
     // Motors often, all else now and then.
     let count = |topic: &str| topics.get(topic).copied().unwrap_or(0);
-    assert_eq!(topics.keys().filter(|it| it.matches('/').count() == 2 && it.starts_with("/motors/")).count(), 11);
+    assert_eq!(
+        topics
+            .keys()
+            .filter(|it| it.matches('/').count() == 2 && it.starts_with("/motors/"))
+            .count(),
+        11
+    );
     for slow in ["/robot", "/buses/1", "/motors/gimbal_yaw/health"] {
         assert!((15..=60).contains(&count(slow)), "{slow}: {topics:?}");
     }

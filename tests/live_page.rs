@@ -5,6 +5,7 @@
 #[path = "common/scratch.rs"]
 mod scratch;
 
+use std::ffi::OsStr;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::path::Path;
@@ -125,8 +126,8 @@ fn has_browser() -> bool {
 }
 
 /// Opens the page of a robot, and does with it what one does on a test day.
-fn a_test_day(source: &[&str]) {
-    let folder = Scratch::new("live-page");
+fn a_test_day(name: &str, source: &[&OsStr]) {
+    let folder = Scratch::new(name);
     let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
     command.args(["live", "--page", "0", "--out"]).arg(&*folder).args(source);
     let (_live, line) = start(&mut command, "http://");
@@ -166,21 +167,25 @@ fn a_test_day(source: &[&str]) {
 
     // A record.
     page.look("document.querySelector('#record').click()");
-    page.until("return state.record !== null && state.record.seconds > 0.5");
-    if let Some(place) = std::env::var_os("RC10_PICTURES") {
-        picture(&page, &Path::new(&place).join("live.png"));
-    }
+    page.until("return state.record !== null && state.record.seconds > 3");
+    let pictured = |picture_name| {
+        if source == ["--sim"] {
+            picture(&page, picture_name);
+        }
+    };
+    pictured("live.png");
     page.look("document.querySelector('#record').click()");
     page.until("return document.querySelector('#note').textContent.includes('001.mcap')");
     let record = folder.join("001.mcap");
     let report = Command::new(env!("CARGO_BIN_EXE_rc10"))
-        .arg("report")
+        .args(["report", "--strict"])
         .arg(&record)
         .arg("--out")
         .arg(folder.join("report"))
         .output()
         .unwrap();
     let text = String::from_utf8_lossy(&report.stdout);
+    // It begins long after the robot did: what was counted before is none of its problems.
     assert!(report.status.success() && text.contains("wheel front left"), "{text}");
 
     // The space bar, whatever has the focus.
@@ -188,6 +193,7 @@ fn a_test_day(source: &[&str]) {
     let keys = json!([{ "type": "keyDown", "value": " " }, { "type": "keyUp", "value": " " }]);
     page.tell("actions", &json!({ "actions": [{ "type": "key", "id": "k", "actions": keys }] }));
     page.until("return document.querySelector('#arm').textContent === 'EStopped'");
+    page.until("return document.querySelector('#happened').textContent.includes('emergency stop')");
     // It lasts: the script's hands do not arm a robot that is stopped.
     sleep(Duration::from_millis(300));
     page.until("return document.querySelector('#arm').textContent === 'EStopped'");
@@ -195,9 +201,17 @@ fn a_test_day(source: &[&str]) {
     // The robot is gone, and the page says so.
     drop(_live);
     page.until("return document.querySelector('#trouble').textContent.includes('has ended')");
+
+    // A look at what was recorded.
+    let report = folder.join("report/report.html");
+    page.tell("url", &json!({ "url": format!("file://{}", report.display()) }));
+    page.until("return document.querySelectorAll('canvas').length > 3");
+    pictured("report.png");
 }
 
-fn picture(page: &Browser, file: &Path) {
+/// Makes a picture of the documentation, in `target/pictures`: it is to be copied to `docs/pictures` when the
+/// page has changed. That one must be there, and as large.
+fn picture(page: &Browser, name: &str) {
     let path = format!("/session/{}/screenshot", page.session);
     let (_, body) = http(page.port, "GET", &path, "", "");
     let answer: Value = serde_json::from_str(&body).unwrap();
@@ -219,7 +233,13 @@ fn picture(page: &Browser, file: &Path) {
             bits.to_be_bytes()[1..four.len()].to_vec()
         })
         .collect();
-    std::fs::write(file, bytes).unwrap();
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("pictures");
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join(name), &bytes).unwrap();
+    let of_docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/pictures").join(name);
+    let of_docs = std::fs::read(&of_docs).unwrap_or_else(|_| panic!("{name}: docs have none"));
+    // Where a PNG says its width and height.
+    assert_eq!(bytes[16..24], of_docs[16..24], "{name}: docs have an old one");
 }
 
 /// Another site that is open in the same browser reads and does nothing.
@@ -246,14 +266,28 @@ fn other_sites_are_refused(port: u16) {
 
 #[test]
 fn the_simulated_robot_on_a_page() {
-    a_test_day(&["--sim"]);
+    a_test_day("live-sim", &["--sim".as_ref()]);
 }
 
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn the_emulated_chip_on_a_page() {
     let firmware = std::env::var("RC10_FIRMWARE").expect("run this with: cargo xtask emulate");
-    a_test_day(&["--emu", &firmware]);
+    a_test_day("live-emu", &["--emu".as_ref(), firmware.as_ref()]);
+}
+
+/// The tool and the chip know of each other by the bytes at a port alone.
+#[test]
+#[cfg(unix)]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn the_emulated_chip_behind_a_serial_port() {
+    let firmware = std::env::var("RC10_FIRMWARE").expect("run this with: cargo xtask emulate");
+    let folder = Scratch::new("live-terminal");
+    let link = folder.join("console");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rc10"));
+    command.args(["pty", "--console", "--emu", &firmware, "--link"]).arg(&link);
+    let _chip = start(&mut command, "pty ");
+    a_test_day("live-port", &["--port".as_ref(), link.as_os_str()]);
 }
 
 /// What problems are about, and of which kind, of a report or of a page.
@@ -303,6 +337,9 @@ fn problems_are_those_of_a_report() {
             let (_, body) = http(port, "GET", "/state", "", "");
             let state: Value = serde_json::from_str(&body).unwrap_or_default();
             if state["whole"] == json!(true) && problems(&state) == wanted {
+                let happened = state["happened"].to_string();
+                let is_cut = wrong.contains(&"power:2@1s..500s");
+                assert_eq!(happened.contains("gimbal yaw lost"), is_cut, "{happened}");
                 break;
             }
             assert!(begin.elapsed() < Duration::from_secs(90), "{wanted:?} {}", state["problems"]);

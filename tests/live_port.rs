@@ -142,6 +142,8 @@ fn a_record_outlives_a_pulled_cable() {
         rc10().arg("report").arg(&record).arg("--out").arg(folder.join("report")).output().unwrap();
     let text = String::from_utf8(report.stdout).unwrap();
     assert!(report.status.success() && text.contains("wheel front left"), "{text}");
+    // The robot was restarted, and counts anew: the record goes on.
+    assert!(!text.contains("answers twice") && !text.contains("missed"), "{text}");
 }
 
 /// The floats of a frame of VOFA+'s `JustFloat`: its document says that a frame ends with

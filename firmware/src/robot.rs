@@ -11,7 +11,7 @@ use embassy_stm32::interrupt::Priority;
 use embassy_stm32::interrupt::typelevel::{self, Binding};
 use embassy_stm32::peripherals::{DMA1_CH0, DMA1_CH1, DMA1_CH2, IWDG1, UART5, USART1};
 use embassy_time::{Duration, Instant, Ticker, Timer};
-use embedded_io_async::Write;
+use embedded_io_async::{Read, Write};
 use heapless::String;
 use rc10_bsp::can::FdcanPort;
 use rc10_bsp::crash;
@@ -235,20 +235,20 @@ pub async fn tend<N: Names, const BUSES: usize, const LINES: usize>(
     quiet: Instant,
 ) {
     let (watch, tell) = (watch(watchdog, shared.ports), status::run(shared, []));
-    join3(watch, tell, console(shared, own, text, quiet)).await;
+    join3(watch, tell, console(shared, own, text.split(), quiet)).await;
 }
 
 /// Writes the status, ten times a second, as a line of text: to the console, unless a PC is there that
 /// speaks as [`rc10_link`](rc10_tasks::live) does, and into the debug probe's buffer. Never faster,
 /// because writing there blocks interrupts; and the text is made before, so that they wait for a copy of
-/// it only, and written whole milliseconds after `quiet`, when no bus is about to send.
+/// it only, and written whole milliseconds after `quiet`, when no bus is about to send. The console is any
+/// port in its two halves.
 pub async fn console<N: Names, const BUSES: usize, const LINES: usize>(
     shared: &Common<'_, N, BUSES, LINES>,
     own: &dyn Live,
-    port: Serial,
+    (receiver, transmitter): (impl Read, impl Write),
     quiet: Instant,
 ) {
-    let (receiver, transmitter) = port.split();
     let (link, robot) = (Link::new(transmitter), live::Robot::new(shared, own));
     join(link.serve(&robot, receiver, quiet), lines(shared, &link, quiet)).await;
 }

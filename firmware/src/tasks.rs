@@ -55,7 +55,7 @@ async fn show(shared: &Shared<'_>, mut output: PulseOutput) -> ! {
 /// The console.
 #[embassy_executor::task]
 pub async fn console(shared: &'static Shared<'static>, port: Serial, quiet: Instant) {
-    robot::console(shared, &shared.live, port, quiet).await;
+    robot::console(shared, &shared.live, port.split(), quiet).await;
 }
 
 /// Listens to the remote control's receiver.

@@ -19,21 +19,30 @@ const SECOND: u64 = 15_000_000;
 const SIGNAL: u64 = 60;
 
 /// The firmware with a PC.
-struct Watched<'e, 'r> {
-    emulation: &'e mut Emulation<'r>,
-    client: Client,
-    samples: Vec<Sample>,
+pub(super) struct Watched<'e, 'r> {
+    pub(super) emulation: &'e mut Emulation<'r>,
+    pub(super) client: Client,
+    pub(super) samples: Vec<Sample>,
     /// What came, whatever it is.
     heard: Vec<u8>,
 }
 
-impl Watched<'_, '_> {
+impl<'e, 'r> Watched<'e, 'r> {
+    /// From now on, until it has described itself.
+    pub(super) fn new(emulation: &'e mut Emulation<'r>) -> Self {
+        let (client, samples, heard) = (Client::new(), Vec::new(), Vec::new());
+        let mut watched = Self { emulation, client, samples, heard };
+        watched.run(600);
+        assert!(watched.client.is_described(), "{}", log(watched.emulation));
+        watched
+    }
+
     fn now(&self) -> Micros {
         self.emulation.rig.machine.now().micros()
     }
 
     /// Lets time pass, and the PC speak every millisecond.
-    fn run(&mut self, millis: u64) {
+    pub(super) fn run(&mut self, millis: u64) {
         (0..millis).for_each(|_| self.run_with(&[]));
     }
 
@@ -59,7 +68,7 @@ impl Watched<'_, '_> {
         self.heard.extend(self.emulation.console.clone().unwrap().take());
     }
 
-    fn ask(&mut self, id: u16) -> Answer {
+    pub(super) fn ask(&mut self, id: u16) -> Answer {
         for _ in 0..200 {
             if let Some(answer) = self.client.answer(id) {
                 return answer;
@@ -69,13 +78,13 @@ impl Watched<'_, '_> {
         panic!("no answer");
     }
 
-    fn signals(&self, names: &[&str]) -> Vec<u16> {
+    pub(super) fn signals(&self, names: &[&str]) -> Vec<u16> {
         let all = self.client.signals();
         let all = all.filter(|(_, it)| it.folder == "motors" && names.contains(&it.name.as_str()));
         all.map(|(index, _)| index).collect()
     }
 
-    fn parameter(&self, label: &str, name: &str) -> (u16, f32) {
+    pub(super) fn parameter(&self, label: &str, name: &str) -> (u16, f32) {
         let mut all = self.client.parameters();
         let found = all.find(|it| it.label == label && it.name == name).unwrap();
         (found.index, found.value)
@@ -91,11 +100,7 @@ impl Watched<'_, '_> {
 fn watched(scenario: impl FnOnce(&mut Watched<'_, '_>)) {
     let setup = Setup { console: Some(BAUD), ..setup(&[]) };
     run(&setup, |emulation| {
-        let (client, samples, heard) = (Client::new(), Vec::new(), Vec::new());
-        let mut watched = Watched { emulation, client, samples, heard };
-        watched.run(600);
-        assert!(watched.client.is_described(), "{}", log(watched.emulation));
-        scenario(&mut watched);
+        scenario(&mut Watched::new(emulation));
     });
 }
 

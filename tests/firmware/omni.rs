@@ -6,11 +6,13 @@ use omni::{Motors, Name, Ports, Shared, simulation};
 use rc10_can::Micros;
 use rc10_cli::emulate::{Emulation, Setup};
 use rc10_cli::figures::{self, to_json};
+use rc10_cli::live::{Answer, BAUD, Losses};
 use rc10_cli::record::{RecordWriter, replay};
 use rc10_cli::recording::{Recording, Source};
 use rc10_emu::Figures;
 use rc10_motor::{Link, Names};
 
+use super::live::Watched;
 use super::scratch::Scratch;
 use super::{is_clean, keeps_its_period, log, program, setup};
 
@@ -58,6 +60,44 @@ fn it_drives_by_its_remote_and_keeps_its_period() {
         let log = log(emulation);
         assert!(log.lines().last().unwrap().contains("armed, 7 of 7 motors online;"), "{log}");
     });
+}
+
+/// A console of 921,600 baud, which every USB adapter can.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_pc_watches_and_tunes_it() {
+    let ports = Ports::new();
+    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    let setup = Setup { console: Some(BAUD), ..setup(&[]) };
+    let mut emulation = Emulation::new(&program("omni-firmware"), robot, &setup).unwrap();
+    let mut pc = Watched::new(&mut emulation);
+    let signals = pc.signals(&["target", "speed", "current"]);
+    assert_eq!(signals.len(), 3 * Name::ALL.len());
+    pc.client.watch(0, 2, signals.iter().copied());
+    pc.run(100);
+    pc.samples.clear();
+    pc.run(1000);
+    assert_eq!((pc.samples.len(), pc.client.losses()), (500, Losses::default()));
+    // What it says of a wheel is what the wheel does.
+    let (number, _) = pc
+        .client
+        .signals()
+        .find(|(_, it)| it.label == "wheel front left" && it.name == "speed")
+        .unwrap();
+    let told = pc.samples.last().unwrap().values.iter().find(|(index, _)| *index == number);
+    let told = f64::from(told.unwrap().1);
+    let shaft = pc.emulation.motors[Name::FrontLeft.index()].state().output_rpm;
+    let difference = (told.abs() - shaft.abs()).abs();
+    assert!(difference < 4.0 && told.abs() > 20.0, "{told} rpm, {shaft} by the shaft");
+    let (gain, value) = pc.parameter("wheel front left", "speed_kp");
+    let id = pc.client.set(&[(gain, value * 0.5)]).unwrap();
+    assert_eq!(pc.ask(id), Answer::Done);
+    pc.run(100);
+    let (_, now) = pc.parameter("wheel front left", "speed_kp");
+    assert!((now - value * 0.5).abs() < 1e-6 && value > 0.0, "{value} -> {now}");
+    is_clean(&emulation.rig, &Figures::of(&emulation.rig));
+    is_punctual(&emulation);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::env;
 use std::fmt;
 use std::path::PathBuf;
+use std::process::Command;
 use std::time::Instant;
 
 use anyhow::{Result, bail};
@@ -17,6 +18,9 @@ use crate::{count, emulate, scaffold, size};
 
 /// A robot outside the workspace, as a user has it. It shares the target directory.
 const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";
+
+/// PCs that the tools are for, beside the one that they are tested on: there they are compiled.
+const OTHER_PCS: [&str; 2] = ["x86_64-pc-windows-gnu", "aarch64-apple-darwin"];
 
 /// All of `rc10-bsp`'s.
 const CHIP_FEATURES: &str = "stm32h723,usb,defmt,freeze-watchdog";
@@ -114,6 +118,8 @@ pub fn run() -> Result<()> {
             run_command(&mut host("clippy --workspace --all-targets -- -D warnings"))?;
             // Alone, without its feature `embassy`, as other firmware uses it.
             run_command(&mut host("clippy --package rc10-motor -- -D warnings"))?;
+            // With Foxglove's SDK, which a plain build does not have.
+            run_command(&mut host("clippy --package rc10-cli --features viewers -- -D warnings"))?;
             run_command(&mut host(&format!("clippy {TWO_WHEELS} --all-targets -- -D warnings")))
         })
     });
@@ -129,6 +135,11 @@ pub fn run() -> Result<()> {
         _ => Outcome::Skipped("the active toolchain's clippy has no chip target".to_owned()),
     });
     report.step("test", || run_command(&mut host("test --workspace")).into());
+    report.step("viewers", || {
+        run_command(&mut host("test --features viewers --test live_foxglove -- --show-output"))
+            .into()
+    });
+    report.step("other PCs", || OTHER_PCS.into_iter().try_for_each(compiles_for).into());
     report.step("robots", || {
         let run = |(package, robot): (&str, &str)| {
             let arguments = format!("run --strict --out target/rc10-{robot}");
@@ -172,6 +183,17 @@ fn two_wheels() -> Result<()> {
     run_command(&mut host(&format!("test --locked {TWO_WHEELS}")))?;
     let arguments = "run --strict --seconds 2 --out target/two-wheels";
     run_command(&mut host(&format!("run --locked {TWO_WHEELS} -- {arguments}")))
+}
+
+/// The compiler has no complaint about the tools on another PC.
+fn compiles_for(target: &str) -> Result<()> {
+    match run_command(Command::new("rustup").args(["target", "add", target])) {
+        Ok(()) => run_command(&mut host(&format!("check --package rc10 --target {target}"))),
+        Err(error) => {
+            println!("NOT COMPILED for {target}: {error:#}");
+            Ok(())
+        }
+    }
 }
 
 fn with_component(name: &str, work: impl FnOnce() -> Result<()>) -> Outcome {

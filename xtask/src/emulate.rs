@@ -1,4 +1,5 @@
-//! The firmware on an emulated chip: the scenarios of tests/firmware.rs.
+//! The firmware on an emulated chip: the scenarios of tests/firmware.rs, and the page of tests/live_page.rs
+//! before it.
 
 use std::path::Path;
 
@@ -11,6 +12,10 @@ use crate::cargo::{host, run as run_command};
 /// # Errors
 /// If one of them fails.
 pub fn run(program: &Path, module: Option<&str>) -> Result<()> {
-    let test = "test --test firmware -- --include-ignored --show-output";
-    run_command(host(test).args(module).env("RC10_FIRMWARE", program))
+    let run = |test: &str| {
+        let test = format!("test --test {test} -- --include-ignored --show-output");
+        run_command(host(&test).args(module).env("RC10_FIRMWARE", program))
+    };
+    run("firmware")?;
+    if module.is_none() { run("live_page") } else { Ok(()) }
 }

@@ -17,7 +17,8 @@
 //! * [`look`]: what is seen of a robot at one moment. [`recorder`]: takes looks down. [`record`]: looks
 //!   in a file, and a recording of them again.
 //! * [`simulate`]: runs the robot's own tasks, on this machine.
-//! * [`recording`]: what is left of a run. [`figures`] and [`report`] are made from it.
+//! * [`recording`]: what is left of a run. [`figures`], [`problems`], [`happened`] and [`report`] are made
+//!   from it.
 //! * [`run`], [`emulate`], [`decode`], [`dbc`], [`pty`]: the commands. [`candump`]: logs, read and
 //!   written. [`slcan`]: what a pseudo-terminal speaks.
 #![forbid(unsafe_code)]
@@ -34,6 +35,7 @@ pub mod effort;
 pub mod emulate;
 pub mod environment;
 pub mod figures;
+pub mod happened;
 pub mod live;
 pub mod look;
 pub mod margin;

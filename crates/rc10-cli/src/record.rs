@@ -318,6 +318,7 @@ pub(crate) const VALUE: &[&[Field<f64>]] = &[&[Field {
     about: "NaN while there is none",
     get: |value| *value,
     set: |value, number| *value = number,
+    counts: false,
 }]];
 
 fn metadata(name: &str, metadata: BTreeMap<String, String>) -> Metadata {

@@ -282,7 +282,9 @@ impl<'d> Recorder<'d> {
         wires: Vec<WireEnd>,
         losses: Vec<Loss>,
     ) -> Result<Recording> {
-        let events = self.description.events(length);
+        // A robot that really runs follows its driver, and no script.
+        let is_scripted = self.source != Source::Robot;
+        let events = if is_scripted { self.description.events(length) } else { Vec::new() };
         if let Some(record) = self.record.take() {
             let faults = self.motors.iter().map(|motor| motor.last.status.fault);
             record.finish(length, &wires, &losses, &events, faults)?;

@@ -13,6 +13,7 @@ use crate::figures::{
     Entry, Figures, Table, bus_table, grouped, headline, line_table, motor_table, optional,
     part_table, sentence,
 };
+use crate::happened::happened;
 use crate::motor::Place;
 use crate::problems::{Problem, Severity, seconds};
 use crate::recording::{
@@ -134,7 +135,12 @@ fn tiles(recording: &Recording) -> String {
         tiles.push((period, "longest tick period, 1000 µs planned"));
     }
     if let Some(base) = &recording.base {
-        tiles.push((optional(Some(driven(&base.path)), 1, " m"), "driven by the base"));
+        // A robot does not see itself from above.
+        let (path, by) = match recording.source {
+            Source::Robot => (&base.by_wheels(), "driven by the base, as its wheels say"),
+            _ => (&base.path, "driven by the base"),
+        };
+        tiles.push((optional(Some(driven(path)), 1, " m"), by));
     }
     tiles
         .iter()
@@ -157,16 +163,20 @@ fn driven(path: &[PathPoint]) -> f64 {
     steps.filter(|metres| metres.is_finite()).sum()
 }
 
-/// The driver's events; what happened at the same time is one.
+/// The driver's events, or what happened to a robot that really ran; what happened at the same time is one.
 fn merged_events(recording: &Recording) -> Vec<(Micros, String)> {
     let mut merged: Vec<(Micros, String)> = Vec::new();
-    for event in &recording.events {
+    let events = match recording.source {
+        Source::Robot => happened(recording),
+        _ => recording.events.iter().map(|event| (event.at, event.label.to_owned())).collect(),
+    };
+    for (at, what) in events {
         match merged.last_mut() {
-            Some((at, label)) if *at == event.at => {
+            Some((before, label)) if *before == at => {
                 label.push_str(" + ");
-                label.push_str(event.label);
+                label.push_str(&what);
             }
-            _ => merged.push((event.at, event.label.to_owned())),
+            _ => merged.push((at, what)),
         }
     }
     merged

@@ -1,19 +1,22 @@
-//! A board that is a serial port on USB: it sends back what it hears, and once a second says how much
-//! of what it has sent unheard. Not for a robot: a first look at a board, and at the port.
+//! A board whose USB port is a robot's console, without its buses: all motors are there, and none is ever
+//! heard. Not for a robot: a first look at a board and at its port, and how a robot has its console there.
 //!
-//! `cargo run --release --package usb` flashes it. On Linux the port is `/dev/ttyACM0`.
+//! `cargo run --release --package usb` flashes it, `rc10 live /dev/ttyACM0` looks at it. It is compiled in
+//! every check, and has not run: neither a board nor an emulated USB was at hand.
 #![no_std]
 #![no_main]
 
 use defmt_rtt as _;
 use embassy_executor::Spawner;
-use embassy_futures::select::{Either, select};
+use embassy_futures::join::join;
 use embassy_stm32::bind_interrupts;
 use embassy_stm32::interrupt::Priority;
-use embassy_time::{Duration, Ticker};
-use embedded_io_async::{Read, Write};
+use embassy_time::Instant;
 use rc10_bsp::usb::{self, UsbConfig, UsbDevice, UsbMemory};
 use rc10_firmware::board::Board;
+use rc10_firmware::robot;
+use rc10_robot::{Ports, Shared};
+use rc10_tasks::status;
 use static_cell::StaticCell;
 
 rc10_bsp::crash_handlers!();
@@ -22,6 +25,8 @@ bind_interrupts!(struct Irqs {
     OTG_HS => usb::Interrupt;
 });
 
+static PORTS: StaticCell<Ports> = StaticCell::new();
+static SHARED: StaticCell<Shared<'static>> = StaticCell::new();
 static MEMORY: StaticCell<UsbMemory> = StaticCell::new();
 
 /// Vendor and product of <https://pid.codes/1209/0001/>: for tests, not to be given to others.
@@ -42,7 +47,7 @@ async fn main(spawner: Spawner) {
     let board = Board::new(rc10_bsp::initialise());
     let memory = MEMORY.init(UsbMemory::new());
     let parts = board.usb;
-    let (task, mut receiver, mut transmitter) = usb::start(
+    let (task, receiver, transmitter) = usb::start(
         parts.peripheral,
         parts.plus,
         parts.minus,
@@ -55,16 +60,7 @@ async fn main(spawner: Spawner) {
         Ok(task) => spawner.spawn(task),
         Err(_) => defmt::panic!("there is room for one task"),
     }
-    let mut ticker = Ticker::every(Duration::from_secs(1));
-    let mut buffer = [0; 64];
-    loop {
-        match select(receiver.read(&mut buffer), ticker.next()).await {
-            Either::First(Ok(count)) => {
-                let Ok(()) = transmitter.write_all(&buffer[..count]).await;
-            }
-            Either::Second(()) => {
-                defmt::info!("heard {}, {} bytes lost", transmitter.is_heard(), transmitter.lost());
-            }
-        }
-    }
+    let shared = SHARED.init_with(|| Shared::new(robot::ports(&PORTS)));
+    let console = robot::console(shared, &shared.live, (receiver, transmitter), Instant::now());
+    join(status::run(shared, []), console).await.0
 }

@@ -2,6 +2,8 @@
 
 use std::io::Write;
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
@@ -162,7 +164,7 @@ pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
     let mut record = LiveRecord::new(&args.output, &topics, &description)?;
     watch(&mut session.client, &topics, args.period);
     let (mut was_up, begin) = (true, session.now());
-    while !stop.load(std::sync::atomic::Ordering::Relaxed) {
+    while !stop.load(Ordering::Relaxed) {
         session.step()?;
         for sample in session.client.take_samples() {
             record.take(&sample)?;
@@ -202,11 +204,16 @@ pub fn record(args: &RecordArgs, robot: Robot<'_>, out: &mut dyn Write) -> Resul
 }
 
 /// Set by Ctrl-C.
-pub(super) fn stop() -> Result<std::sync::Arc<std::sync::atomic::AtomicBool>> {
-    let stop = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
+pub(super) fn stop() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
     #[cfg(unix)]
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        signal_hook::flag::register(signal, std::sync::Arc::clone(&stop))?;
+        signal_hook::flag::register(signal, Arc::clone(&stop))?;
+    }
+    #[cfg(windows)]
+    {
+        let stop = Arc::clone(&stop);
+        ctrlc::set_handler(move || stop.store(true, Ordering::Relaxed))?;
     }
     Ok(stop)
 }

@@ -8,6 +8,7 @@ use rc10_can::Micros;
 use super::client::Sample;
 use super::plan::{Topic, messages};
 use super::record::RESTART;
+use crate::happened::happened;
 use crate::problems::{Problem, problems};
 use crate::record::{Kit, Replay};
 use crate::recording::Source;
@@ -28,14 +29,22 @@ pub struct Judge<'k> {
     judged: Option<Micros>,
     /// What was found last.
     pub found: Vec<Problem>,
+    /// What happened meanwhile, in the robot's time.
+    pub happened: Vec<(Micros, String)>,
 }
 
 impl<'k> Judge<'k> {
     /// One that has heard nothing.
     #[must_use]
     pub const fn new(kit: &'k Kit<'k>) -> Self {
-        let (before, judged) = (Micros::ZERO, None);
-        Self { kit, recordings: VecDeque::new(), before, judged, found: Vec::new() }
+        Self {
+            kit,
+            recordings: VecDeque::new(),
+            before: Micros::ZERO,
+            judged: None,
+            found: Vec::new(),
+            happened: Vec::new(),
+        }
     }
 
     /// Why the robot that describes itself so is none that this program can judge; `None` if it is its own.
@@ -83,7 +92,10 @@ impl<'k> Judge<'k> {
         let is_due = self.judged.is_none_or(|judged| self.before.since(judged) >= OFTEN);
         match self.recordings.front() {
             Some((begun, replay)) if is_due && self.before.since(*begun) >= LEAST => {
-                self.found = problems(&replay.clone().finish(None)?);
+                let recording = replay.clone().finish(None)?;
+                let happened = happened(&recording).into_iter();
+                self.happened = happened.map(|(at, what)| (*begun + at, what)).collect();
+                self.found = problems(&recording);
                 self.judged = Some(self.before);
             }
             _ => {}

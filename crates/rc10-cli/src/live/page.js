@@ -133,9 +133,14 @@ function tables() {
     for (const name of ['planned_typical', 'received', 'overruns', 'receive_lost', 'execution_max']) cell(row, number(value(label, name)));
   }
   const list = [state.trouble, state.stranger].filter(Boolean).map((text) => ({ text, severity: 'problem' })).concat(state.problems || []);
-  $('problems').replaceChildren(...(list.length ? list : [{ text: 'none', severity: 'none' }]).map((it) => {
-    const li = document.createElement('li'); li.className = it.severity; li.textContent = (it.about ? it.about + ': ' : '') + it.text; return li;
-  }));
+  const bad = list.filter((it) => it.severity === 'problem'), known = list.filter((it) => it.severity !== 'problem');
+  const items = (all) => all.map((it) => { const li = document.createElement('li'); li.className = it.severity; li.textContent = (it.about ? it.about + ': ' : '') + it.text; return li; });
+  $('problems').replaceChildren(...items(bad.length ? bad : [{ text: 'none', severity: 'none' }]));
+  $('known').replaceChildren(...items(known));
+  const lately = (state.happened || []).slice(-8).reverse();
+  $('happened').replaceChildren(...lately.map(([at, what]) => { const li = document.createElement('li'); li.textContent = at.toFixed(2) + ' s  ' + what; return li; }));
+  $('happened').previousElementSibling.hidden = !lately.length;
+  $('known').parentNode.hidden = !known.length; $('count').textContent = known.length;
 }
 
 // Rows stay where they are, so that one may type while values change.

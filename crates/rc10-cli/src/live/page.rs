@@ -289,6 +289,8 @@ impl Show<'_, '_> {
         let is_whole = client.is_described();
         json!({
             "problems": self.judge.found.iter().map(Problem::to_json).collect::<Vec<_>>(),
+            "happened": self.judge.happened.iter()
+                .map(|(at, what)| json!([at.get() as f64 * 1e-6, what])).collect::<Vec<_>>(),
             "stranger": self.stranger,
             "name": session.name(),
             "trouble": session.trouble(),

@@ -20,6 +20,13 @@ pub struct Field<T> {
     pub get: fn(&T) -> f64,
     /// Puts it back.
     pub set: fn(&mut T, f64),
+    /// Whether it counts since power-on.
+    pub counts: bool,
+}
+
+/// Whether a field of this type counts.
+const fn counts<T, N: Number>(_: fn(&T) -> N) -> bool {
+    N::COUNTS
 }
 
 /// The names of a table's fields.
@@ -31,6 +38,8 @@ pub(crate) fn names<T: 'static>(
 
 /// A value that stands in a field.
 pub trait Number: Copy {
+    /// Whether it counts since power-on.
+    const COUNTS: bool = false;
     /// As a number; NaN if there is none.
     fn number(self) -> f64;
     /// Of a number: the nearest that there is.
@@ -56,8 +65,9 @@ impl Number for f32 {
 }
 
 macro_rules! whole_numbers {
-    ($($whole:ty),+) => {
+    ($($whole:ty: $counts:literal),+) => {
         $(impl Number for $whole {
+            const COUNTS: bool = $counts;
             fn number(self) -> f64 {
                 self as f64
             }
@@ -67,7 +77,7 @@ macro_rules! whole_numbers {
         })+
     };
 }
-whole_numbers!(u8, u32, u64);
+whole_numbers!(u8: false, u32: true, u64: true);
 
 impl Number for bool {
     fn number(self) -> f64 {
@@ -133,6 +143,7 @@ macro_rules! fields {
                 about: $about,
                 get: |it| it.$($place).+.number(),
                 set: |it, number| it.$($place).+ = Number::of(number),
+                counts: counts(|it: &$of| it.$($place).+),
             }),*],
             $($($more),+)?
         ];
@@ -159,6 +170,7 @@ macro_rules! timing {
                 parts[$part] = number as u64;
                 it.$($place).+ = Timing::from_parts(parts);
             },
+            counts: false,
         }
     };
 }
@@ -174,6 +186,7 @@ macro_rules! reading {
                 let feedback: &mut Feedback = it.feedback_mut();
                 *feedback = feedback.$with($unit::new(number as f32));
             },
+            counts: false,
         }
     };
 }
@@ -193,6 +206,7 @@ fields!(MOTOR: MotorLook {
         about: "speed by its feedback, rpm",
         get: |it| it.feedback().speed.get().number(),
         set: |it, number| it.feedback_mut().speed = rc10_app::Rpm::new(number as f32),
+        counts: false,
     },
     Field {
         name: "total_angle",
@@ -202,6 +216,7 @@ fields!(MOTOR: MotorLook {
             it.feedback_mut().total_angle =
                 TotalAngle::from_microdegrees((number * 1e6).round() as i64);
         },
+        counts: false,
     },
     reading!("current", "current by its feedback, A", current, with_current, Amps),
     reading!("torque", "torque by its feedback, N m", torque, with_torque, NewtonMetres),
@@ -228,6 +243,7 @@ fields!(MOTOR_HEALTH: MotorLook {
         set: |it, number| {
             it.status.fault = Option::<u32>::of(number).map(|code| Fault::new(code, ""));
         },
+        counts: false,
     },
     reading!("temperature", "of the motor, degrees Celsius", temperature, with_temperature, Celsius),
     reading!(

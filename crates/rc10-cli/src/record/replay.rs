@@ -186,14 +186,52 @@ fn numbers(bytes: &[u8]) -> Result<impl Iterator<Item = f64>> {
 }
 
 /// Puts a message into what it is about.
-fn unpack<T>(fields: &[&[Field<T>]], columns: &[String], bytes: &[u8], it: &mut T) -> Result<()> {
-    for (name, value) in columns.iter().zip(numbers(bytes)?) {
+fn unpack<T>(fields: &[&[Field<T>]], columns: &[String], values: &[f64], it: &mut T) {
+    for (name, value) in columns.iter().zip(values) {
         // One that a newer writer has added says nothing here.
         if let Some(field) = fields.iter().copied().flatten().find(|field| field.name == name) {
-            (field.set)(it, value);
+            (field.set)(it, *value);
         }
     }
-    Ok(())
+}
+
+/// Whether a number of such a message counts since power-on.
+fn counts(about: About, name: &str) -> bool {
+    fn of<T>(fields: &[&[Field<T>]], name: &str) -> bool {
+        fields.iter().copied().flatten().any(|field| field.name == name && field.counts)
+    }
+    match about {
+        About::Motor(_) => of(MOTOR, name),
+        About::Health(_) => of(MOTOR_HEALTH, name),
+        About::Bus(_) => of(BUS, name),
+        About::Line(_) => of(LINE, name),
+        About::Part(_) => of(PART, name),
+        About::Remote => of(REMOTE, name),
+        _ => false,
+    }
+}
+
+/// A counter of a robot whose record begins later than the robot does: from there on.
+#[derive(Clone, Copy, Default)]
+struct Count {
+    first: Option<f64>,
+    last: f64,
+    /// Before it began again.
+    before: f64,
+}
+
+/// Where a robot's counters begin again: their steps stay whole in 32 bits.
+const TURN: f64 = (1 << 24) as f64;
+
+impl Count {
+    fn since_begin(&mut self, value: f64) -> f64 {
+        if value < self.last {
+            // At its end; or the robot was restarted.
+            self.before += if self.last - value > TURN / 2.0 { TURN } else { self.last };
+        }
+        self.last = value;
+        self.before + value - *self.first.get_or_insert(value)
+    }
 }
 
 /// What the messages of a channel are about.
@@ -335,6 +373,15 @@ fn about(name: &str, Names { motors, parts, signals }: &Names) -> About {
         .unwrap_or(About::Other)
 }
 
+/// A channel of messages.
+#[derive(Clone)]
+struct Messages {
+    about: About,
+    columns: Rc<[String]>,
+    /// Those of its numbers that count from the begin of the record on.
+    counts: Vec<(usize, Count)>,
+}
+
 /// Names of the topics of things that have a label.
 #[derive(Clone)]
 struct Names {
@@ -373,7 +420,7 @@ impl<'r> Kit<'r> {
 pub struct Replay<'d> {
     recorder: Recorder<'d>,
     names: Names,
-    channels: BTreeMap<u16, (About, Rc<[String]>)>,
+    channels: BTreeMap<u16, Messages>,
     /// The time of what follows.
     at: Micros,
     /// It was told by a robot: seldom, and not at the times of a run.
@@ -437,7 +484,11 @@ impl<'d> Replay<'d> {
 
     /// Messages of this number are of this topic, and are made of these numbers.
     pub fn channel(&mut self, id: u16, topic: &str, columns: Vec<String>) {
-        self.channels.insert(id, (about(topic, &self.names), columns.into()));
+        let about = about(topic, &self.names);
+        let numbered = columns.iter().enumerate();
+        let counting = numbered.filter(|(_, name)| self.is_robot && counts(about, name));
+        let counts = counting.map(|(at, _)| (at, Count::default())).collect();
+        self.channels.insert(id, Messages { about, columns: columns.into(), counts });
     }
 
     /// The recording of what was taken; `length` is its time, if that is known.
@@ -455,12 +506,21 @@ impl<'d> Replay<'d> {
     /// # Errors
     /// If its channel is not known, or it is none of numbers.
     pub fn take(&mut self, id: u16, now: Micros, bytes: &[u8]) -> Result<()> {
-        let Some((about, columns)) = self.channels.get(&id) else {
+        let Some(channel) = self.channels.get_mut(&id) else {
             bail!("a message of a channel that is not declared");
         };
-        let (about, columns) = (*about, Rc::clone(columns));
+        let (about, columns) = (channel.about, Rc::clone(&channel.columns));
+        if matches!(about, About::Other) {
+            return Ok(());
+        }
+        let mut values: Vec<f64> = numbers(bytes)?.collect();
+        for (at, count) in &mut channel.counts {
+            if let Some(value) = values.get_mut(*at).filter(|value| value.is_finite()) {
+                *value = count.since_begin(*value);
+            }
+        }
         // Those were written when all was over, and belong to no moment.
-        let is_late = matches!(about, About::Window(_) | About::Loss | About::Other);
+        let is_late = matches!(about, About::Window(_) | About::Loss);
         if !is_late && now != self.at {
             self.flush()?;
             self.at = now;
@@ -468,64 +528,67 @@ impl<'d> Replay<'d> {
         match about {
             About::Window(at) => {
                 let mut load = 0.0;
-                unpack(VALUE, &columns, bytes, &mut load)?;
+                unpack(VALUE, &columns, &values, &mut load);
                 if let Some(wire) = self.wires.get_mut(at) {
                     wire.load_windows.push(load);
                 }
-                Ok(())
             }
             About::Loss => {
                 let mut loss = Loss::new(Lost { from: Micros::ZERO, until: None });
-                unpack(LOSS, &columns, bytes, &mut loss)?;
+                unpack(LOSS, &columns, &values, &mut loss);
                 self.losses.push(loss);
-                Ok(())
             }
             About::Motor(at) => {
                 self.has_looks = true;
-                unpack(MOTOR, &columns, bytes, &mut self.looks[at])
+                unpack(MOTOR, &columns, &values, &mut self.looks[at]);
             }
             About::Health(at) => {
                 self.has_moment = true;
                 let (look, text) = (&mut self.looks[at], self.faults[at]);
-                unpack(MOTOR_HEALTH, &columns, bytes, look)?;
+                unpack(MOTOR_HEALTH, &columns, &values, look);
                 let fault = look.status.fault.map(|fault| MotorFault::new(fault.code, text));
                 look.status.fault = fault;
-                Ok(())
             }
             About::Signal(at) => {
                 self.has_signals = true;
                 let mut value = f64::NAN;
-                unpack(VALUE, &columns, bytes, &mut value)?;
+                unpack(VALUE, &columns, &values, &mut value);
                 self.signals[at] = (!value.is_nan()).then_some(value);
                 if self.is_robot && self.heading == Some(at) {
                     self.moment.robot.yaw = self.signals[at];
                 }
-                Ok(())
             }
             About::Bus(at) => self.with_moment(|moment| {
-                moment.buses.get_mut(at).map_or(Ok(()), |bus| unpack(BUS, &columns, bytes, bus))
+                if let Some(bus) = moment.buses.get_mut(at) {
+                    unpack(BUS, &columns, &values, bus);
+                }
             }),
             About::Line(at) => self.with_moment(|moment| {
-                moment.lines.get_mut(at).map_or(Ok(()), |line| unpack(LINE, &columns, bytes, line))
+                if let Some(line) = moment.lines.get_mut(at) {
+                    unpack(LINE, &columns, &values, line);
+                }
             }),
             About::Part(at) => self.with_moment(|moment| {
                 let count = moment.parts.len().max(at + 1);
                 moment.parts.resize(count, Counters::default());
-                unpack(PART, &columns, bytes, &mut moment.parts[at])
+                unpack(PART, &columns, &values, &mut moment.parts[at]);
             }),
             About::Robot => {
-                self.with_moment(|moment| unpack(ROBOT, &columns, bytes, &mut moment.robot))
+                self.with_moment(|moment| {
+                    unpack(ROBOT, &columns, &values, &mut moment.robot);
+                });
             }
             About::Remote => self.with_moment(|moment| {
-                unpack(REMOTE, &columns, bytes, moment.remote.get_or_insert_default())
+                unpack(REMOTE, &columns, &values, moment.remote.get_or_insert_default());
             }),
-            About::Other => Ok(()),
+            About::Other => {}
         }
+        Ok(())
     }
 
-    fn with_moment(&mut self, put: impl FnOnce(&mut Moment) -> Result<()>) -> Result<()> {
+    fn with_moment(&mut self, put: impl FnOnce(&mut Moment)) {
         self.has_moment = true;
-        put(&mut self.moment)
+        put(&mut self.moment);
     }
 
     /// The looks at motors that told of themselves: what is seen of them is what they measure.
