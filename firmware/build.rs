@@ -1,12 +1,6 @@
-//! Puts the memory map where the linker looks for it, and asks for defmt's linker script.
-
-use std::path::PathBuf;
-use std::{env, fs};
+//! Asks for defmt's linker script.
 
 fn main() {
-    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    fs::copy("../memory.x", out.join("memory.x")).expect("../memory.x is there");
-    println!("cargo:rustc-link-search={}", out.display());
-    println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
-    println!("cargo:rerun-if-changed=../memory.x");
+    println!("cargo::rustc-link-arg-bins=-Tdefmt.x");
+    println!("cargo::rerun-if-changed=build.rs");
 }

@@ -8,7 +8,7 @@ use rc10_bsp::TIMER_CLOCK;
 use rc10_bsp::pulse_input::PulseInput;
 use rc10_bsp::pulse_output::PulseOutput;
 use rc10_bsp::serial::{Serial, SerialReceiver};
-use rc10_firmware::robot;
+use rc10_board::robot;
 use rc10_module::led::ws2812::{PulseTiming, Pulses, Strip};
 use rc10_robot::table::{LED_BRIGHTNESS, LEDS, RECEIVER};
 use rc10_robot::{Shared, chassis, driver, imu, mechanisms};

@@ -9,7 +9,7 @@ use embedded_hal_async::spi::SpiBus;
 use rc10_bsp::dma_buffer;
 use rc10_bsp::i2c::{I2cBus, I2cError};
 use rc10_bsp::spi::DmaSpi;
-use rc10_firmware::board::{I2cParts, SpiParts};
+use rc10_board::board::{I2cParts, SpiParts};
 
 use crate::report::Outcome;
 use crate::{Irqs, PRIORITY, say, want};

@@ -23,7 +23,7 @@ use embassy_stm32::peripherals::{
 use embassy_stm32::{bind_interrupts, dma, exti, i2c, timer};
 use rc10_bsp::serial::{Serial, SerialConfig};
 use rc10_bsp::{dma_buffer, pulse_input, pulse_output, serial};
-use rc10_firmware::board::Board;
+use rc10_board::board::Board;
 
 use crate::report::Report;
 

@@ -16,7 +16,7 @@ use rc10_bsp::dma_buffer;
 use rc10_bsp::pulse_input::PulseInput;
 use rc10_bsp::pulse_output::{PulseError, PulseOutput};
 use rc10_bsp::quadrature::{QuadratureCounter, QuadratureTimer};
-use rc10_firmware::board::{
+use rc10_board::board::{
     CaptureParts, EncoderParts, PulseParts, ServoParts, StripParts, SwitchParts,
 };
 use rc10_module::encoder::Counter;

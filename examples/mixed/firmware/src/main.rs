@@ -1,107 +1,16 @@
-//! The mixed robot on the chip: eight motors on an RS-485 line, six more on two CAN buses.
-//!
-//! Priorities, most urgent first: the interrupt of time (P0); the supervisor (P3); the buses, on an
-//! executor of their own (P6); the line, on an executor of its own with the interrupts of its UART
-//! (P7); everything else, in thread mode. The line waits for the buses, a few microseconds of each
-//! tick, and for nothing else: each exchange of a motor waits for the one before.
+//! The mixed robot on the chip: eight motors on an RS-485 line, six more on two CAN buses. The line waits
+//! for the buses, a few microseconds of each tick, and for nothing else: each exchange of a motor waits for
+//! the one before.
 #![no_std]
 #![no_main]
 
 use defmt_rtt as _;
-use embassy_executor::Spawner;
-use embassy_futures::join::join3;
-use embassy_stm32::interrupt::{InterruptExt, Priority};
-use embassy_stm32::peripherals::{IWDG1, UART5, USART1, USART2};
-use embassy_stm32::{Peri, bind_interrupts, interrupt};
-use embassy_time::Instant;
-use mixed_robot::table::{BUSES, RECEIVER, REPLY};
-use mixed_robot::{Motors, Ports, Shared, task};
-use rc10_bsp::can::Bus;
-use rc10_bsp::serial::{self, Serial, SerialConfig, SerialReceiver};
-use rc10_bsp::{dma_buffer, supervisor};
-use rc10_firmware::board::Board;
-use rc10_firmware::robot::{self, Unstartable};
-use rc10_motor::MotorBus;
-use rc10_motor::unitree::Rs485Bus;
-use rc10_tasks::remote;
-use static_cell::{ConstStaticCell, StaticCell};
+use mixed_robot::{table::REPLY, task};
 
-rc10_bsp::crash_handlers!();
-
-bind_interrupts!(struct Irqs {
-    TIM7 => supervisor::Interrupt;
-    USART1 => serial::Interrupt<USART1>;
-    DMA1_STREAM0 => serial::Interrupt<USART1>;
-    DMA1_STREAM1 => serial::Interrupt<USART1>;
-    USART2 => serial::Interrupt<USART2>;
-    DMA2_STREAM2 => serial::Interrupt<USART2>;
-    DMA2_STREAM3 => serial::Interrupt<USART2>;
-    UART5 => serial::Interrupt<UART5>;
-    DMA1_STREAM2 => serial::Interrupt<UART5>;
-});
-
-/// Of the line's executor and all UARTs.
-const LINE: Priority = Priority::P7;
-/// What the motors speak: 8N1.
-const BAUD: SerialConfig = SerialConfig::new(4_000_000);
-
-// Large values are made where they stay: moved, they would go over the stack.
-static PORTS: StaticCell<Ports> = StaticCell::new();
-static SHARED: StaticCell<Shared<'static>> = StaticCell::new();
-static MOTORS: ConstStaticCell<Motors> = ConstStaticCell::new(Motors::new());
-static MOTOR_BUSES: [StaticCell<MotorBus<'static>>; BUSES] = [const { StaticCell::new() }; BUSES];
-static MOTOR_LINE: StaticCell<Rs485Bus<'static>> = StaticCell::new();
-
-rc10_firmware::executor! {
-    /// Runs the buses.
-    CONTROL on UART9
-}
-rc10_firmware::executor! {
-    /// Runs the line.
-    LINE_CONTROL on UART8
-}
-
-#[embassy_executor::main]
-async fn main(spawner: Spawner) {
-    if let Err(why) = start(spawner, robot::begin()) {
-        why.tell();
-    }
-}
-
-// Not inlined, so that its stack is free again when the tasks run.
-#[inline(never)]
-fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
-    let shared = &*SHARED.init_with(|| Shared::new(robot::ports(&PORTS)));
-    robot::check_crystal(&shared.switch);
-    let mut motors = robot::buses(&MOTOR_BUSES, &shared.switch);
-    let line = MOTOR_LINE.init(Rs485Bus::new(&shared.switch).with_reply_timeout(REPLY)?);
-    MOTORS.take().attach(&mut motors.each_mut().map(|bus| &mut **bus), &mut [line])?;
-
-    interrupt::UART9.set_priority(Priority::P6);
-    let ports = [Bus::start(board.bus_1), Bus::start(board.bus_2)];
-    let started = Instant::now();
-    CONTROL.start(interrupt::UART9).spawn(robot::two_buses(ports, motors, &shared.ports.buses)?);
-    supervisor::start(board.supervisor, Irqs, Priority::P3);
-
-    let (ring, buffer) = (dma_buffer!(u8; 256), dma_buffer!(u8; 32));
-    let uart = Serial::start(board.rs485, Irqs, &BAUD, ring, buffer, LINE)?;
-    interrupt::UART8.set_priority(LINE);
-    LINE_CONTROL.start(interrupt::UART8).spawn(robot::line(uart, line, &shared.ports.lines[0])?);
-
-    let text = robot::console_port(board.text, Irqs, LINE, 921_600)?;
-    let remote = robot::remote(board.remote, Irqs, RECEIVER, LINE)?;
-    spawner.spawn(others(shared, board.watchdog, text, started, remote)?);
-    Ok(())
-}
-
-#[embassy_executor::task]
-async fn others(
-    shared: &'static Shared<'static>,
-    watchdog: Peri<'static, IWDG1>,
-    text: Serial,
-    quiet: Instant,
-    receiver: SerialReceiver,
-) {
-    let tend = robot::tend(shared, &(), watchdog, text, quiet);
-    join3(task::run(shared), remote::listen(shared, RECEIVER, receiver), tend).await;
+rc10_board::robot! {
+    robot: mixed_robot;
+    buses: two_buses(bus_1, bus_2);
+    line: rs485 at 4_000_000, replies in REPLY;
+    console: 921_600;
+    tasks: |shared| task::run(shared);
 }

@@ -1,0 +1,33 @@
+//! Puts the memory map where the linker finds it, for every program that has this crate; and says what that
+//! program's workspace lacks, because a program without it links, and does nothing or says nothing.
+
+use std::path::PathBuf;
+use std::{env, fs};
+
+fn main() {
+    println!("cargo::rerun-if-changed=memory.x");
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    fs::copy("memory.x", out.join("memory.x")).expect("memory.x is there");
+    println!("cargo::rustc-link-search={}", out.display());
+
+    let is_chip = env::var("TARGET").is_ok_and(|target| target == "thumbv7em-none-eabihf");
+    let flags = env::var("CARGO_ENCODED_RUSTFLAGS").unwrap_or_default();
+    for (holds, missing) in [
+        (is_chip, "it is compiled for a PC: [build] target = \"thumbv7em-none-eabihf\""),
+        (
+            flags.contains("-Tlink.x"),
+            "the linker is not told where the chip's memory is: [target.thumbv7em-none-eabihf] \
+             rustflags = [\"-C\", \"link-arg=-Tlink.x\", \"-C\", \"link-arg=--nmagic\"]",
+        ),
+        (
+            env::var_os("DEFMT_LOG").is_some(),
+            "the log would be empty but for errors: [env] DEFMT_LOG = \"info\"",
+        ),
+    ] {
+        if !holds {
+            println!(
+                "cargo::error={missing}, in .cargo/config.toml beside the firmware's Cargo.toml"
+            );
+        }
+    }
+}
