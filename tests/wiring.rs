@@ -1,13 +1,15 @@
-//! `docs/wiring.md` against `firmware/src/board.rs`: the same pins, peripherals and DMA streams, and
+//! `docs/wiring.md` against `firmware/board/src/board.rs`: the same pins, peripherals and DMA streams, and
 //! the programs that use them.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::collections::{BTreeMap, BTreeSet};
 
 const PAGE: &str = include_str!("../docs/wiring.md");
-const BOARD: &str = include_str!("../firmware/src/board.rs");
+const BOARD: &str = include_str!("../firmware/board/src/board.rs");
 const ROBOT: &str = include_str!("../firmware/src/main.rs");
 const SELF_TEST: &str = include_str!("../firmware/selftest/src/main.rs");
+/// What it calls, and its own words: the parts of its buses and its line.
+const PROGRAM: &str = include_str!("../firmware/board/src/program.rs");
 const MIXED: &str = include_str!("../examples/mixed/firmware/src/main.rs");
 const USB: &str = include_str!("../firmware/usb/src/main.rs");
 /// The signals of each pin of the emulated chip, by alternate function.
@@ -143,8 +145,14 @@ fn who_uses_a_part_is_true() {
                 behind.is_some_and(|next| !next.is_alphanumeric() && next != '_')
             })
         };
-        let programs = [("R", ROBOT), ("S", SELF_TEST), ("M", MIXED), ("U", USB)];
-        let takers = programs.into_iter().filter(|(_, code)| takes(code)).map(|(letter, _)| letter);
+        let names = |code: &str| code.split([' ', '(', ')', ',']).any(|word| word == part);
+        let programs = [
+            ("R", takes(ROBOT)),
+            ("S", takes(SELF_TEST)),
+            ("M", takes(PROGRAM) || names(MIXED)),
+            ("U", takes(USB)),
+        ];
+        let takers = programs.into_iter().filter(|(_, takes)| *takes).map(|(letter, _)| letter);
         let expected = takers.collect::<Vec<_>>().join(" ");
         assert_eq!(users, expected, "who uses `{part}` ({pin})");
         assert!(matches!(source, "T" | "P"), "{pin}: {source}");

@@ -2,13 +2,14 @@
 
 use std::env;
 use std::fmt;
-use std::path::PathBuf;
-use std::process::Command;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{self, Command};
 use std::time::Instant;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 
-use crate::cargo::{chip, host, run as run_command};
+use crate::cargo::{chip, host, root, run as run_command};
 use crate::firmware::{
     EXAMPLES, build_count_with, build_interop_with, build_package_with, build_selftest_with,
     build_usb_with, build_with,
@@ -150,6 +151,7 @@ pub fn run() -> Result<()> {
         robots.into_iter().try_for_each(run).into()
     });
     report.step("two wheels", || two_wheels().into());
+    report.step("new robot", || new_robot(rustc.is_ok()).into());
     report.step("scaffold", || scaffold::run().into());
     report.step("docs", || {
         run_command(host("doc --workspace --no-deps").env("RUSTDOCFLAGS", "-Dwarnings")).into()
@@ -183,6 +185,46 @@ fn two_wheels() -> Result<()> {
     run_command(&mut host(&format!("test --locked {TWO_WHEELS}")))?;
     let arguments = "run --strict --seconds 2 --out target/two-wheels";
     run_command(&mut host(&format!("run --locked {TWO_WHEELS} -- {arguments}")))
+}
+
+/// A robot of one's own, outside this tree: from its first command to its firmware on the emulated chip.
+fn new_robot(has_chip: bool) -> Result<()> {
+    let place = env::temp_dir().join(format!("rc10-new-{}", process::id()));
+    fs::create_dir_all(&place)?;
+    let made = || -> Result<()> {
+        let manifest = root().join("Cargo.toml");
+        let new = format!("run --release --manifest-path {} -- new demo", manifest.display());
+        run_command(host(&new).current_dir(&place))?;
+        add_a_motor(&place.join("demo"))?;
+        let own = |arguments: &str| {
+            let target = root().join("target");
+            let demo = place.join("demo");
+            run_command(host(arguments).current_dir(demo).env("CARGO_TARGET_DIR", target))
+        };
+        own("run --release -- run --strict --seconds 5")?;
+        own("test --release")?;
+        if has_chip { own("run --release -- emu --strict --seconds 2") } else { Ok(()) }
+    };
+    let outcome = made();
+    fs::remove_dir_all(&place)?;
+    outcome
+}
+
+/// Adds a motor to a robot, by the lines that the docs say.
+fn add_a_motor(robot: &Path) -> Result<()> {
+    let page = fs::read_to_string(root().join("docs/new-robot.md"))?;
+    for (file, begin, before) in [
+        ("robot/src/table.rs", "    Loader: Dji = ", "}\n\n/// On blocks"),
+        ("robot/src/task.rs", "    shared.command(Name::Loader", "    let feeder = "),
+    ] {
+        let line = page.lines().find(|line| line.starts_with(begin));
+        let line = line.with_context(|| format!("docs/new-robot.md has no line {begin}"))?;
+        let path = robot.join(file);
+        let text = fs::read_to_string(&path)?;
+        ensure!(text.matches(before).count() == 1, "{file} has no {before:?}");
+        fs::write(&path, text.replace(before, &format!("{line}\n{before}")))?;
+    }
+    Ok(())
 }
 
 /// The compiler has no complaint about the tools on another PC.

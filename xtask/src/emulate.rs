@@ -1,4 +1,4 @@
-//! The firmware on an emulated chip: the scenarios of tests/firmware.rs, and the page of tests/live_page.rs
+//! The firmware on an emulated chip: the scenarios of `tests/firmware.rs`, and the page of `tests/live_page.rs`
 //! before it.
 
 use std::path::Path;

@@ -66,7 +66,7 @@ pub fn build_package_with(package: &str, rustc: Option<&Path>) -> Result<PathBuf
 }
 
 /// The firmware of the examples.
-pub const EXAMPLES: [&str; 2] = ["mixed-firmware", "omni-firmware"];
+pub const EXAMPLES: [&str; 3] = ["mixed-firmware", "omni-firmware", "starter-firmware"];
 
 fn elf(name: &str) -> PathBuf {
     let target =

@@ -402,6 +402,36 @@ pub fn build_firmware_of(package: &str) -> Result<PathBuf> {
     }
 }
 
+/// Builds the program in the folder `firmware` of a robot's own repository, by its own settings; says where
+/// its ELF file is.
+///
+/// # Errors
+/// If there is none, or it cannot be built.
+pub fn build_firmware_in(repository: &str) -> Result<PathBuf> {
+    let folder = Path::new(repository).join("firmware");
+    ensure!(
+        folder.is_dir(),
+        "there is no {} to build: say which ELF file to run",
+        folder.display()
+    );
+    let output = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+        .args(["build", "--release", "--message-format=json-render-diagnostics"])
+        .current_dir(&folder)
+        .stderr(Stdio::inherit())
+        .output()
+        .context("cannot start cargo to build the firmware")?;
+    ensure!(
+        output.status.success(),
+        "the firmware cannot be built; if the chip's target is missing: rustup target add \
+         thumbv7em-none-eabihf"
+    );
+    let messages = String::from_utf8_lossy(&output.stdout);
+    let messages =
+        messages.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
+    let mut programs = messages.filter_map(|it| Some(PathBuf::from(it["executable"].as_str()?)));
+    programs.next_back().with_context(|| format!("{} has no program", folder.display()))
+}
+
 /// SHA-256 over identifier, length and data of all frames in the order of the wire, bus by bus.
 #[must_use]
 pub fn content_hash(rig: &Rig) -> String {

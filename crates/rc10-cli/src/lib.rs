@@ -19,7 +19,7 @@
 //! * [`simulate`]: runs the robot's own tasks, on this machine.
 //! * [`recording`]: what is left of a run. [`figures`], [`problems`], [`happened`] and [`report`] are made
 //!   from it.
-//! * [`run`], [`emulate`], [`decode`], [`dbc`], [`pty`]: the commands. [`candump`]: logs, read and
+//! * [`run`], [`emulate`], [`live`], [`decode`], [`dbc`], [`new`], [`pty`]: the commands. [`candump`]: logs, read and
 //!   written. [`slcan`]: what a pseudo-terminal speaks.
 #![forbid(unsafe_code)]
 // Figures for people and plots: a rounded digit does no harm here.
@@ -41,6 +41,7 @@ pub mod look;
 pub mod margin;
 pub mod mistake;
 pub mod motor;
+pub mod new;
 pub mod ports;
 pub mod problems;
 pub mod pty;
@@ -67,6 +68,7 @@ use dbc::DbcArgs;
 use decode::DecodeArgs;
 use emulate::EmuArgs;
 use live::{GetArgs, LiveArgs, ParamsArgs, RecordArgs, SetArgs};
+use new::NewArgs;
 use pty::PtyArgs;
 use record::{CsvArgs, ReportArgs};
 use run::RunArgs;
@@ -111,6 +113,8 @@ enum Command {
     Decode(DecodeArgs),
     /// Writes what stands in the frames of each bus as a DBC file
     Dbc(DbcArgs),
+    /// Makes a robot of your own: a folder with its table, its simulation and its firmware
+    New(NewArgs),
     /// Puts a simulated bus on a pseudo-terminal, as an slcan adapter (Unix)
     Pty(PtyArgs),
 }
@@ -193,6 +197,7 @@ impl CommandLine {
                 u8::from(broken)
             }
             Command::Dbc(args) => dbc::dbc(&args, robot.description(), out).map(|()| 0)?,
+            Command::New(args) => new::new(&args, out).map(|()| 0)?,
             Command::Pty(args) => pty::pty(&args, robot, out).map(|()| 0)?,
         })
     }

@@ -6,10 +6,10 @@ use embassy_stm32::time::Hertz;
 use embassy_time::{Duration, Instant, with_timeout};
 use embedded_hal_async::i2c::I2c as _;
 use embedded_hal_async::spi::SpiBus;
+use rc10_board::board::{I2cParts, SpiParts};
 use rc10_bsp::dma_buffer;
 use rc10_bsp::i2c::{I2cBus, I2cError};
 use rc10_bsp::spi::DmaSpi;
-use rc10_board::board::{I2cParts, SpiParts};
 
 use crate::report::Outcome;
 use crate::{Irqs, PRIORITY, say, want};

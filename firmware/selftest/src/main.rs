@@ -21,9 +21,9 @@ use embassy_stm32::peripherals::{
     DMA1_CH7, DMA2_CH4, DMA2_CH5, DMA2_CH6, DMA2_CH7, I2C2, TIM24, USART1, USART2, USART3, USART10,
 };
 use embassy_stm32::{bind_interrupts, dma, exti, i2c, timer};
+use rc10_board::board::Board;
 use rc10_bsp::serial::{Serial, SerialConfig};
 use rc10_bsp::{dma_buffer, pulse_input, pulse_output, serial};
-use rc10_board::board::Board;
 
 use crate::report::Report;
 

@@ -12,13 +12,13 @@ use embassy_stm32::timer::simple_pwm::{PwmPin, SimplePwm};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_time::{Duration, Ticker, Timer, with_timeout};
+use rc10_board::board::{
+    CaptureParts, EncoderParts, PulseParts, ServoParts, StripParts, SwitchParts,
+};
 use rc10_bsp::dma_buffer;
 use rc10_bsp::pulse_input::PulseInput;
 use rc10_bsp::pulse_output::{PulseError, PulseOutput};
 use rc10_bsp::quadrature::{QuadratureCounter, QuadratureTimer};
-use rc10_board::board::{
-    CaptureParts, EncoderParts, PulseParts, ServoParts, StripParts, SwitchParts,
-};
 use rc10_module::encoder::Counter;
 use rc10_module::led::ws2812::{BITS, PulseTiming, Pulses, Strip};
 use rc10_module::limit_switch::{Active, Config, Position, watch};

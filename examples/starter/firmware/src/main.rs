@@ -1,0 +1,13 @@
+//! The robot on the chip.
+#![no_std]
+#![no_main]
+
+use defmt_rtt as _;
+use starter_robot::task;
+
+rc10_board::robot! {
+    robot: starter_robot;
+    buses: two_buses(bus_1, bus_2);
+    console: 921_600;
+    tasks: |shared| task::run(shared);
+}

@@ -1,0 +1,64 @@
+//! The motor table: bus, identifier, gains and safe state of each motor; and the robot's measures.
+
+use rc10_app::{Mecanum, Rpm, Twist, TwistLimits};
+use rc10_module::remote::Receiver;
+use rc10_motor::Entry;
+use rc10_motor::Place::Bus;
+use rc10_motor::dji::{Config, Dji, M2006, M3508};
+use rc10_motor::rc10_app::Direction;
+use rc10_tasks::ArmingConfig;
+
+rc10_motor::motors! {
+    /// Names of the motors.
+    pub enum Name;
+    /// The robot's motors: they stand here, and the buses borrow them.
+    pub struct Motors;
+    buses: [100.0; BUSES];
+    lines: 0;
+    FrontLeft: Dji = wheel("wheel front left", Config::new(&M3508, 1)),
+    FrontRight: Dji = wheel("wheel front right", mirrored(2)),
+    RearLeft: Dji = wheel("wheel rear left", Config::new(&M3508, 3)),
+    RearRight: Dji = wheel("wheel rear right", mirrored(4)),
+    Feeder: Dji = Entry::new("feeder", Bus(2), Config::new(&M2006, 1)),
+}
+
+/// On blocks, `rc10 live` may turn it: to see which one it is, and which way it turns.
+const fn wheel(label: &'static str, config: Config) -> Entry<Config> {
+    Entry::new(label, Bus(1), config).with_jog(Rpm::new(20.0))
+}
+
+/// Mounted the other way round.
+const fn mirrored(id: u8) -> Config {
+    Config::new(&M3508, id).with_direction(Direction::Reversed)
+}
+
+/// The buses that are used, of the three that the board has.
+pub const BUSES: usize = 2;
+
+/// The wheels, in the order of [`Mecanum`].
+pub const WHEELS: [Name; 4] = [Name::FrontLeft, Name::FrontRight, Name::RearLeft, Name::RearRight];
+
+/// The base: wheels of 76 mm radius, 400 mm by 440 mm apart. The wheels stay below the 480 rpm that
+/// an M3508 reaches unloaded.
+pub const BASE: Mecanum = Mecanum {
+    wheel_radius: 0.076,
+    half_wheelbase: 0.20,
+    half_track: 0.22,
+    max_wheel_speed: Rpm::new(400.0),
+};
+
+/// The receiver of the remote control.
+pub const RECEIVER: Receiver = Receiver::Dr16;
+
+/// Right switch down disarms, left switch down stops.
+pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);
+
+/// Speed of the base with the sticks at their ends: m/s and rad/s.
+pub const FULL_STICK: Twist = Twist::new(1.5, 1.5, 4.0);
+
+/// Largest accelerations of the base at which its wheels do not slip: m/s² and rad/s².
+pub const BASE_LIMITS: TwistLimits =
+    TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
+
+/// Speed of the feeder while it is switched on.
+pub const FEEDING: Rpm = Rpm::new(200.0);

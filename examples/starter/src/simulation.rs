@@ -1,0 +1,66 @@
+//! The robot as the tools see it: its tasks, what is on its motors' shafts, and what hands do with the remote.
+
+use rc10_can::Micros;
+use rc10_cli::description::Base;
+use rc10_cli::emulate::build_firmware_in;
+use rc10_cli::remote::Line;
+use rc10_cli::{Description, Plant, RemoteControl, Robot};
+use rc10_sim::Chassis;
+use rc10_sim::remote::{Controls, Stick, Switch};
+use rc10_tasks::status;
+
+use crate::table::{BASE, Name, RECEIVER, WHEELS};
+use crate::{Motors, Shared, task};
+
+/// Its description.
+#[must_use]
+pub fn description() -> Description {
+    let chassis = Chassis {
+        wheel_radius: BASE.wheel_radius.into(),
+        half_length: BASE.half_wheelbase.into(),
+        half_width: BASE.half_track.into(),
+        ..Chassis::default()
+    };
+    Description {
+        base: Some(Base::new(WHEELS, chassis)),
+        remote: Some(RemoteControl::new(RECEIVER, &SCRIPT, Some(Micros::from_millis(5000)))),
+        firmware: Some(|| build_firmware_in(env!("CARGO_MANIFEST_DIR"))),
+        ..Description::of(plant)
+    }
+}
+
+/// The robot with its tasks, before it runs.
+///
+/// # Errors
+/// None that this declaration has.
+pub fn robot<'r>(shared: &'r Shared<'_>, motors: &'r mut Motors) -> anyhow::Result<Robot<'r>> {
+    let robot = Robot::of(description(), motors.start(&shared.switch)?, shared);
+    Ok(robot.task(task::run(shared)).task(status::run(shared, [])))
+}
+
+/// kg m² and N m at the output shaft. The wheels get theirs from the base.
+fn plant(name: Name) -> Plant {
+    match name {
+        Name::Feeder => Plant::inertia(0.002),
+        _ => Plant::default(),
+    }
+}
+
+/// What hands do, from when on.
+const SCRIPT: [Line; 6] = [
+    at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
+    at(100, "arm", ARMED),
+    at(200, "forward", Controls { left: Stick { x: 0.0, y: 0.6 }, ..ARMED }),
+    at(1200, "to the left", Controls { left: Stick { x: -0.6, y: 0.0 }, ..ARMED }),
+    at(2200, "spin, feed", Controls { right: SPIN, left_switch: Switch::Up, ..ARMED }),
+    at(3200, "stand", ARMED),
+];
+
+/// Armed, sticks let go.
+const ARMED: Controls = Controls::REST;
+/// Counter-clockwise.
+const SPIN: Stick = Stick { x: -0.5, y: 0.0 };
+
+const fn at(millis: u64, label: &'static str, controls: Controls) -> Line {
+    Line { at: Micros::from_millis(millis), label, controls }
+}
