@@ -14,7 +14,7 @@ use super::client::{Answer, Client};
 use super::commands::stop;
 use super::judge::Judge;
 use super::plan::{Topic, plan, watch};
-use super::record::LiveRecord;
+use super::record::{LiveRecord, RESTART};
 use super::server::{Asked, Pages, Wish, look};
 use super::session::{Session, full_name};
 use super::source::SourceArgs;
@@ -165,7 +165,7 @@ impl Show<'_, '_> {
         let state = is_due.then(|| self.state());
         let mut shown = look(&self.pages.shown);
         for sample in &samples {
-            if sample.at < shown.now && shown.now.since(sample.at) > Micros::from_millis(1000) {
+            if sample.at + RESTART < shown.now {
                 // The robot was restarted.
                 shown.history.clear();
                 shown.now = Micros::ZERO;

@@ -13,7 +13,7 @@ use crate::description::Description;
 use crate::record::RecordFile;
 
 /// A robot whose time goes back by so much was restarted.
-pub const RESTART: Micros = Micros::from_millis(1000);
+pub const RESTART: Micros = Micros::from_millis(200);
 
 /// A record that is being written. The file is there when it is finished.
 pub struct LiveRecord {

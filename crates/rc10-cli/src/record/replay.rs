@@ -214,9 +214,12 @@ fn counts(about: About, name: &str) -> bool {
 /// A counter of a robot whose record begins later than the robot does: from there on.
 #[derive(Clone, Copy, Default)]
 struct Count {
+    /// Its value when it was first heard of, or of the robot anew.
     first: Option<f64>,
     last: f64,
-    /// Before it began again.
+    /// What it lost at its end.
+    turned: f64,
+    /// Until the robot was restarted.
     before: f64,
 }
 
@@ -225,12 +228,16 @@ const TURN: f64 = (1 << 24) as f64;
 
 impl Count {
     fn since_begin(&mut self, value: f64) -> f64 {
-        if value < self.last {
-            // At its end; or the robot was restarted.
-            self.before += if self.last - value > TURN / 2.0 { TURN } else { self.last };
+        let mut first = *self.first.get_or_insert(value);
+        if self.last - value > TURN / 2.0 {
+            self.turned += TURN;
+        } else if value < self.last {
+            // The robot was restarted; what it has counted since, while it was not heard, is left out.
+            self.before += self.turned + self.last - first;
+            (first, self.first, self.turned) = (value, Some(value), 0.0);
         }
         self.last = value;
-        self.before + value - *self.first.get_or_insert(value)
+        self.before + self.turned + value - first
     }
 }
 
@@ -703,4 +710,27 @@ pub fn csv(args: &CsvArgs, out: &mut dyn Write) -> Result<()> {
 fn label(bytes: &[u8]) -> String {
     let text = bytes.get(8..bytes.len().saturating_sub(1)).unwrap_or_default();
     String::from_utf8_lossy(text).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counters_count_from_the_begin_of_a_record() {
+        let mut count = Count::default();
+        let counted = |count: &mut Count, values: &[f64]| -> Vec<f64> {
+            values.iter().map(|value| count.since_begin(*value)).collect()
+        };
+        assert_eq!(counted(&mut count, &[5000.0, 5000.0, 5010.0]), [0.0, 0.0, 10.0]);
+        // Restarted, and heard again when it had counted 300.
+        assert_eq!(counted(&mut count, &[300.0, 350.0]), [10.0, 60.0]);
+        // Over its end, and restarted once more.
+        let mut count = Count::default();
+        let near = TURN - 10.0;
+        assert_eq!(
+            counted(&mut count, &[near, 5.0, 20.0, 3.0, 4.0]),
+            [0.0, 15.0, 30.0, 30.0, 31.0]
+        );
+    }
 }
