@@ -76,7 +76,7 @@ fn it_may_point_at_a_commit() {
     assert!(done, "{text}");
     for file in ["Cargo.toml", "firmware/Cargo.toml"] {
         let text = fs::read_to_string(folder.join("owl").join(file)).unwrap();
-        let wanted = "rc10-motor = { git = \"https://example.org/rc10.git\", rev = \"0123abc\" }";
+        let wanted = "rc10-motor = { git = \"https://example.org/rc10.git\", rev = \"0123abc\"";
         assert!(text.contains(wanted) && !text.contains("path = \"/"), "{file}: {text}");
     }
     let (done, text) = new(&folder, &["other", "--git", "https://example.org/rc10.git"]);

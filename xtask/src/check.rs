@@ -23,6 +23,20 @@ const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";
 /// PCs that the tools are for, beside the one that they are tested on: there they are compiled.
 const OTHER_PCS: [&str; 2] = ["x86_64-pc-windows-gnu", "aarch64-apple-darwin"];
 
+/// The libraries: ready to be published.
+const PUBLISHED: [&str; 10] = [
+    "rc10-can",
+    "rc10-app",
+    "rc10-message",
+    "rc10-motor",
+    "rc10-module",
+    "rc10-link",
+    "rc10-tasks",
+    "rc10-sim",
+    "rc10-conformance",
+    "rc10-bsp",
+];
+
 /// All of `rc10-bsp`'s.
 const CHIP_FEATURES: &str = "stm32h723,usb,defmt,freeze-watchdog";
 
@@ -152,6 +166,10 @@ pub fn run() -> Result<()> {
     });
     report.step("two wheels", || two_wheels().into());
     report.step("new robot", || new_robot(rustc.is_ok()).into());
+    report.step("package", || {
+        let packages = PUBLISHED.map(|name| format!(" --package {name}")).concat();
+        run_command(&mut host(&format!("package --allow-dirty --quiet{packages}"))).into()
+    });
     report.step("scaffold", || scaffold::run().into());
     report.step("docs", || {
         run_command(host("doc --workspace --no-deps").env("RUSTDOCFLAGS", "-Dwarnings")).into()
@@ -203,11 +221,34 @@ fn new_robot(has_chip: bool) -> Result<()> {
         };
         own("run --release -- run --strict --seconds 5")?;
         own("test --release")?;
-        if has_chip { own("run --release -- emu --strict --seconds 2") } else { Ok(()) }
+        if !has_chip {
+            return Ok(());
+        }
+        own("run --release -- emu --strict --seconds 2")?;
+        is_told(&place.join("demo"), ".cargo/config.toml", "-Tlink.x")?;
+        is_told(&place.join("demo"), "firmware/.cargo/config.toml", "DEFMT_LOG")
     };
     let outcome = made();
     fs::remove_dir_all(&place)?;
     outcome
+}
+
+/// A line that a firmware's settings lack is named by the compiler.
+fn is_told(robot: &Path, settings: &str, word: &str) -> Result<()> {
+    let settings = robot.join(settings);
+    let whole = fs::read_to_string(&settings)?;
+    let without: Vec<_> = whole.lines().filter(|line| !line.contains(word)).collect();
+    fs::write(&settings, without.join("\n"))?;
+    let mut build = host("build --release");
+    let output = build
+        .current_dir(robot.join("firmware"))
+        .env("CARGO_TARGET_DIR", root().join("target"))
+        .output()?;
+    fs::write(&settings, whole)?;
+    let text = String::from_utf8_lossy(&output.stderr);
+    ensure!(!output.status.success() && text.contains(word), "without {word}: {text}");
+    println!("without {word} it does not compile, and the error names it");
+    Ok(())
 }
 
 /// Adds a motor to a robot, by the lines that the docs say.
