@@ -206,7 +206,10 @@ fn two_wheels() -> Result<()> {
 }
 
 /// A robot of one's own, outside this tree: from its first command to its firmware on the emulated chip.
-fn new_robot(has_chip: bool) -> Result<()> {
+///
+/// # Errors
+/// If something of it fails.
+pub fn new_robot(has_chip: bool) -> Result<()> {
     let place = env::temp_dir().join(format!("rc10-new-{}", process::id()));
     fs::create_dir_all(&place)?;
     let made = || -> Result<()> {

@@ -24,6 +24,7 @@ cargo xtask phases  the least and the most of what faults cost, over fifty phase
 cargo xtask size    flash and RAM of the firmware, against their budgets
 cargo xtask count   instructions of the control loop and of every codec, against their budgets
 cargo xtask scaffold   lines that the examples cost beside table, kinematics and tasks
+cargo xtask new-robot   rc10 new outside the tree: compiled, driven, tested, on the emulated chip
 cargo xtask fuzz [seconds] [target ..]   throws bytes at every decoder, 60 s each; needs nightly";
 
 fn main() -> ExitCode {
@@ -42,6 +43,7 @@ fn main() -> ExitCode {
             Ok(())
         },
         Some("scaffold") => scaffold::run,
+        Some("new-robot") => || check::new_robot(setup::chip_toolchain().is_ok()),
         Some("emulate") => || {
             let firmware = firmware::build()?;
             firmware::build_interop()?;
