@@ -63,11 +63,14 @@ const RESERVED: [&str; 52] = [
 /// # Errors
 /// If the name is none, the folder is there already or cannot be written, or the checkout has gone.
 pub fn new(args: &NewArgs, out: &mut dyn Write) -> Result<()> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let root = root.canonicalize().with_context(|| {
-        format!("the checkout that this rc10 was built from is gone: {}", root.display())
-    })?;
-    let checkout = Checkout { root, git: args.git.clone().zip(args.rev.clone()) };
+    // Two folders up; it is absolute, and as people wrote it.
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap_or(Path::new("."));
+    ensure!(
+        root.join("examples/starter").is_dir(),
+        "the checkout that this rc10 was built from is gone: {}",
+        root.display()
+    );
+    let checkout = Checkout { root: root.to_owned(), git: args.git.clone().zip(args.rev.clone()) };
     let name = args.name.as_str();
     let locked = checkout.read("Cargo.lock")?;
     check_name(name, &locked)?;
@@ -236,9 +239,11 @@ impl Checkout {
         let place = match &self.git {
             Some((url, rev)) => format!("git = {url:?}, rev = {rev:?}"),
             None => {
-                let path = self.root.join(folder).join(path);
-                let path = path.canonicalize().with_context(|| path.display().to_string())?;
-                format!("path = {:?}", path.display().to_string())
+                let place = match path.strip_prefix("../") {
+                    Some(path) => self.root.join(path),
+                    None => self.root.join(folder).join(path),
+                };
+                format!("path = {:?}", place.display().to_string())
             }
         };
         Ok(format!("{before}{place}{after}"))
