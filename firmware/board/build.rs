@@ -6,6 +6,7 @@ use std::{env, fs};
 
 fn main() {
     println!("cargo::rerun-if-changed=memory.x");
+    println!("cargo::rerun-if-env-changed=DEFMT_LOG");
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     fs::copy("memory.x", out.join("memory.x")).expect("memory.x is there");
     println!("cargo::rustc-link-search={}", out.display());
@@ -16,8 +17,13 @@ fn main() {
         (is_chip, "it is compiled for a PC: [build] target = \"thumbv7em-none-eabihf\""),
         (
             flags.contains("-Tlink.x"),
-            "the linker is not told where the chip's memory is: [target.thumbv7em-none-eabihf] \
+            "the linker is not told how the chip's memory is used: [target.thumbv7em-none-eabihf] \
              rustflags = [\"-C\", \"link-arg=-Tlink.x\", \"-C\", \"link-arg=--nmagic\"]",
+        ),
+        (
+            flags.matches("-Tlink.x").count() < 2,
+            "-Tlink.x is told twice: by this folder's .cargo/config.toml, and by that of a folder above; move the \
+             robot elsewhere. One is enough",
         ),
         (
             env::var_os("DEFMT_LOG").is_some(),
@@ -26,7 +32,7 @@ fn main() {
     ] {
         if !holds {
             println!(
-                "cargo::error={missing}, in .cargo/config.toml beside the firmware's Cargo.toml"
+                "cargo::error={missing}, in .cargo/config.toml of the robot or of its firmware"
             );
         }
     }

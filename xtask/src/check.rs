@@ -228,8 +228,8 @@ pub fn new_robot(has_chip: bool) -> Result<()> {
             return Ok(());
         }
         own("run --release -- emu --strict --seconds 2")?;
-        is_told(&place.join("demo"), ".cargo/config.toml", "-Tlink.x")?;
-        is_told(&place.join("demo"), "firmware/.cargo/config.toml", "DEFMT_LOG")
+        is_told(&place.join("demo"), "firmware/.cargo/config.toml", "DEFMT_LOG")?;
+        is_told(&place.join("demo"), ".cargo/config.toml", "-Tlink.x")
     };
     let outcome = made();
     fs::remove_dir_all(&place)?;

@@ -8,30 +8,19 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use clap::{Args, ValueEnum};
+use clap::Args;
 
 /// Arguments of `rc10 new`.
 #[derive(Args, Debug)]
 pub struct NewArgs {
     /// Name of the robot, and of the folder that is made here: small letters, digits and hyphens
     pub name: String,
-    /// The board that it runs on
-    #[arg(long, value_name = "BOARD", default_value = "h723zg")]
-    pub board: Board,
     /// RC10 from this repository, and not from the checkout that this program was built from
     #[arg(long, value_name = "URL", requires = "rev")]
     pub git: Option<String>,
     /// The commit of it
     #[arg(long, value_name = "COMMIT", requires = "git")]
     pub rev: Option<String>,
-}
-
-/// A board that firmware is made for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Board {
-    /// STM32H723ZG with a crystal of 25 MHz
-    #[value(name = "h723zg")]
-    H723zg,
 }
 
 /// What is copied as it is, but for the name.
@@ -49,14 +38,11 @@ const FILES: [&str; 11] = [
     "firmware/.cargo/config.toml",
 ];
 
-/// Words of the language, and crates that are always there.
-const RESERVED: [&str; 52] = [
-    "abstract", "alloc", "as", "async", "await", "become", "box", "break", "const", "continue",
-    "core", "crate", "do", "dyn", "else", "enum", "extern", "false", "final", "fn", "for", "gen",
-    "if", "impl", "in", "let", "loop", "macro", "match", "mod", "move", "mut", "override", "priv",
-    "pub", "ref", "return", "self", "static", "std", "struct", "super", "test", "trait", "true",
-    "try", "type", "typeof", "unsafe", "use", "where", "while",
-];
+/// Words of the language, crates that are always there, and what cargo or Windows has under such a name.
+const RESERVED: &str = "abstract alloc as async aux await become box break build con const continue core crate \
+    deps do dyn else enum examples extern false final fn for gen if impl in incremental let loop macro match mod \
+    move mut nul override prn priv pub ref return self simulation static std struct super test trait true try \
+    type typeof unsafe use where while";
 
 /// Makes the folder, whole or not at all.
 ///
@@ -70,6 +56,11 @@ pub fn new(args: &NewArgs, out: &mut dyn Write) -> Result<()> {
         "the checkout that this rc10 was built from is gone: {}",
         root.display()
     );
+    let here = std::env::current_dir().and_then(|here| here.canonicalize());
+    let here = here.with_context(|| format!("cannot write the folder {} here", args.name))?;
+    // Its settings would be joined with those of the checkout, and nothing would link.
+    let is_inside = root.canonicalize().is_ok_and(|root| here.starts_with(root));
+    ensure!(!is_inside, "here is inside RC10's checkout: make your robot beside it, such as in ..");
     let checkout = Checkout { root: root.to_owned(), git: args.git.clone().zip(args.rev.clone()) };
     let name = args.name.as_str();
     let locked = checkout.read("Cargo.lock")?;
@@ -125,7 +116,8 @@ fn check_name(name: &str, locked: &str) -> Result<()> {
         is_word && name.len() <= 40,
         "`{name}` is no name for a robot: small letters, digits and single hyphens, a letter first, at most 40"
     );
-    ensure!(!RESERVED.contains(&name), "`{name}` is a word of Rust: another name");
+    let is_reserved = RESERVED.split_whitespace().any(|word| word == name);
+    ensure!(!is_reserved, "`{name}` means something else to Rust or its tools: another name");
     for package in [name.to_owned(), format!("{name}-robot"), format!("{name}-firmware")] {
         let is_taken = locked.contains(&format!("\nname = \"{package}\"\n"));
         ensure!(!is_taken, "`{name}`: there is a package {package} that robots use: another name");
@@ -149,7 +141,6 @@ impl Checkout {
     fn files(&self, name: &str) -> Result<Vec<(String, String)>> {
         let word = name.replace('-', "_");
         let renamed = |file: &str, text: &str| {
-            let text = text.replace("starter-", &format!("{name}-"));
             text.replace("starter", if file.ends_with(".rs") { &word } else { name })
         };
         let mut files = Vec::new();
@@ -173,7 +164,7 @@ impl Checkout {
             "Cargo.toml".into(),
             renamed("Cargo.toml", &(head.to_owned() + &heading + &simulation)),
         ));
-        let heading = self.workspace("firmware/Cargo.toml", "firmware", &[&robot, &firmware])?;
+        let heading = self.workspace("firmware/Cargo.toml", "firmware", &[&firmware])?;
         let head = "[workspace]\nresolver = \"3\"\n\n";
         files.push((
             "firmware/Cargo.toml".into(),

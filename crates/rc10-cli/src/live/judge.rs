@@ -70,9 +70,9 @@ impl<'k> Judge<'k> {
     /// # Errors
     /// If the robot cannot be simulated.
     pub fn take(&mut self, topics: &[Topic], sample: &Sample) -> Result<()> {
-        if sample.at + RESTART < self.before {
-            // The robot counts anew.
-            (self.recordings, self.judged) = (VecDeque::new(), None);
+        if sample.at + RESTART < self.before || sample.at.since(self.before) >= SPAN {
+            // The robot counts anew, or was unheard: what was is no more.
+            *self = Self::new(self.kit);
         }
         self.before = sample.at;
         if self.recordings.back().is_none_or(|(begun, _)| sample.at.since(*begun) >= SPAN) {

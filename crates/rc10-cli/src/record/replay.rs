@@ -225,11 +225,14 @@ struct Count {
 
 /// Where a robot's counters begin again: their steps stay whole in 32 bits.
 const TURN: f64 = (1 << 24) as f64;
+/// Counts from one sample to the next, at most.
+const NEAR: f64 = 65_536.0;
 
 impl Count {
     fn since_begin(&mut self, value: f64) -> f64 {
         let mut first = *self.first.get_or_insert(value);
-        if self.last - value > TURN / 2.0 {
+        // At its end it is within what is counted from one sample to the next.
+        if self.last > TURN - NEAR && value < NEAR {
             self.turned += TURN;
         } else if value < self.last {
             // The robot was restarted; what it has counted since, while it was not heard, is left out.
@@ -434,8 +437,9 @@ pub struct Replay<'d> {
     is_robot: bool,
     /// Which signal is the heading of such a one.
     heading: Option<usize>,
-    /// Of such a one.
+    /// Of such a one; and whether its motors, and all else, have been told.
     next_sample: Micros,
+    has_told: [bool; 2],
     looks: Vec<MotorLook>,
     has_looks: bool,
     signals: Vec<Option<f64>>,
@@ -473,6 +477,7 @@ impl<'d> Replay<'d> {
             is_robot: source == Source::Robot,
             heading: own.iter().position(|signal| Some(signal.label) == *heading),
             next_sample: Micros::ZERO,
+            has_told: [false; 2],
             looks: vec![MotorLook::NEW; description.motors.len()],
             has_looks: false,
             signals: vec![None; own.len()],
@@ -643,7 +648,12 @@ impl Replay<'_> {
         if !(self.has_signals || self.has_looks || self.has_moment) {
             return Ok(());
         }
+        // Before everything was told once there is nothing to be seen.
+        self.has_told = [self.has_told[0] || self.has_looks, self.has_told[1] || self.has_moment];
         (self.has_signals, self.has_looks, self.has_moment) = (false, false, false);
+        if self.has_told != [true; 2] {
+            return Ok(());
+        }
         let looks = self.told();
         self.recorder.signals(self.at, &self.signals)?;
         self.recorder.take_look(self.at, &looks)?;
