@@ -214,8 +214,8 @@ pub fn new_robot(has_chip: bool) -> Result<()> {
     fs::create_dir_all(&place)?;
     let made = || -> Result<()> {
         let manifest = root().join("Cargo.toml");
-        let new = format!("run --release --manifest-path {} -- new demo", manifest.display());
-        run_command(host(&new).current_dir(&place))?;
+        let mut new = host("run --release --manifest-path");
+        run_command(new.arg(manifest).args(["--", "new", "demo"]).current_dir(&place))?;
         add_a_motor(&place.join("demo"))?;
         let own = |arguments: &str| {
             let target = root().join("target");

@@ -76,6 +76,18 @@ impl Base {
     pub fn new<N: Names>(wheels: [N; 4], chassis: rc10_sim::Chassis) -> Self {
         Self { wheels: wheels.map(Names::index), chassis }
     }
+
+    /// The same, of the measures that the robot itself has; its masses are those of `Chassis::default`.
+    #[must_use]
+    pub fn of<N: Names>(wheels: [N; 4], base: &rc10_app::Mecanum) -> Self {
+        let chassis = rc10_sim::Chassis {
+            wheel_radius: base.wheel_radius.into(),
+            half_length: base.half_wheelbase.into(),
+            half_width: base.half_track.into(),
+            ..rc10_sim::Chassis::default()
+        };
+        Self::new(wheels, chassis)
+    }
 }
 
 /// The number of times that a text names a motor: `M3508 id 1` is not in `M3508 id 12`.

@@ -7,7 +7,7 @@ use rc10_motor::{MotorBus, Started};
 use rc10_robot::table::{BASE, BUSES, CONSOLE, LIFT, LIFT_TOP, Name, RECEIVER, WHEELS};
 use rc10_robot::{Shared, chassis, driver, imu, mechanisms};
 use rc10_sim::imu::Hwt101;
-use rc10_sim::{Chassis, Nanos, Serial, World};
+use rc10_sim::{Nanos, Serial, World};
 use rc10_tasks::status;
 
 use crate::description::{Base, Description, SerialPart};
@@ -22,14 +22,8 @@ const IMU_UART: u8 = 7;
 /// The description of the team's robot.
 #[must_use]
 pub fn description() -> Description {
-    let chassis = Chassis {
-        wheel_radius: BASE.wheel_radius.into(),
-        half_length: BASE.half_wheelbase.into(),
-        half_width: BASE.half_track.into(),
-        ..Chassis::default()
-    };
     Description {
-        base: Some(Base::new(WHEELS, chassis)),
+        base: Some(Base::of(WHEELS, &BASE)),
         remote: Some(RemoteControl::new(
             RECEIVER,
             &operator::SCRIPT,

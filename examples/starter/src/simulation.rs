@@ -5,7 +5,6 @@ use rc10_cli::description::Base;
 use rc10_cli::emulate::build_firmware_in;
 use rc10_cli::remote::Line;
 use rc10_cli::{Description, Plant, RemoteControl, Robot};
-use rc10_sim::Chassis;
 use rc10_sim::remote::{Controls, Stick, Switch};
 use rc10_tasks::status;
 
@@ -15,14 +14,8 @@ use crate::{Motors, Shared, task};
 /// Its description.
 #[must_use]
 pub fn description() -> Description {
-    let chassis = Chassis {
-        wheel_radius: BASE.wheel_radius.into(),
-        half_length: BASE.half_wheelbase.into(),
-        half_width: BASE.half_track.into(),
-        ..Chassis::default()
-    };
     Description {
-        base: Some(Base::new(WHEELS, chassis)),
+        base: Some(Base::of(WHEELS, &BASE)),
         remote: Some(RemoteControl::new(RECEIVER, &SCRIPT, Some(Micros::from_millis(5000)))),
         firmware: Some(|| build_firmware_in(env!("CARGO_MANIFEST_DIR"))),
         ..Description::of(plant)

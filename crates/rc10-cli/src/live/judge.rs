@@ -85,10 +85,11 @@ impl<'k> Judge<'k> {
                 self.recordings.pop_front();
             }
         }
-        for (begun, replay) in &mut self.recordings {
-            let at = sample.at.since(*begun);
-            messages(topics, sample, |topic, bytes| replay.take(topic as u16, at, bytes))?;
-        }
+        messages(topics, sample, |topic, bytes| {
+            self.recordings.iter_mut().try_for_each(|(begun, replay)| {
+                replay.take(topic as u16, sample.at.since(*begun), bytes)
+            })
+        })?;
         let is_due = self.judged.is_none_or(|judged| self.before.since(judged) >= OFTEN);
         match self.recordings.front() {
             Some((begun, replay)) if is_due && self.before.since(*begun) >= LEAST => {
