@@ -11,6 +11,18 @@ fn main() {
     fs::copy("memory.x", out.join("memory.x")).expect("memory.x is there");
     println!("cargo::rustc-link-search={}", out.display());
 
+    let has = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
+    match (has("H723ZG"), has("DM_MC02")) {
+        (true, false) | (false, true) => {}
+        (true, true) => {
+            println!("cargo::error=rc10-board is for one board: h723zg or dm-mc02, not both");
+        }
+        (false, false) => println!(
+            "cargo::error=which board is this for? rc10-board wants the feature h723zg or dm-mc02, and embassy-stm32 that of \
+             its chip: stm32h723zg or stm32h723vg"
+        ),
+    }
+
     let is_chip = env::var("TARGET").is_ok_and(|target| target == "thumbv7em-none-eabihf");
     let flags = env::var("CARGO_ENCODED_RUSTFLAGS").unwrap_or_default();
     for (holds, missing) in [

@@ -91,7 +91,7 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     let shared = SHARED.init_with(|| Shared::new(robot::ports(&PORTS)));
     shared.common.bus_cycles = Some(&TICKS);
     let shared = &*shared;
-    robot::check_crystal(&shared.switch);
+    robot::check_chip(&shared.switch);
     let mut motors = robot::buses(&MOTOR_BUSES, &shared.switch);
     MOTORS.take().attach(&mut motors.each_mut().map(|bus| &mut **bus), &mut [])?;
 

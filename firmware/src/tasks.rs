@@ -43,7 +43,7 @@ pub async fn ten_milliseconds(
 /// Publishes the status, and shows it on the LED strip.
 #[embassy_executor::task]
 pub async fn tenth_of_a_second(shared: &'static Shared<'static>, strip: PulseOutput) -> ! {
-    join(status::run(shared, [("IMU", &shared.imu_reception)]), show(shared, strip)).await.0
+    join(status::run(shared), show(shared, strip)).await.0
 }
 
 async fn show(shared: &Shared<'_>, mut output: PulseOutput) -> ! {

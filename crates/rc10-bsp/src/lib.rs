@@ -14,6 +14,7 @@ mod stm32h723;
 pub use stm32h723::usb;
 #[cfg(feature = "stm32h723")]
 pub use stm32h723::{
-    CORE_CLOCK, FDCAN_CLOCK, TIMER_CLOCK, can, clocks, crash, cycle_count, dma, has_crystal, i2c,
-    initialise, pulse_input, pulse_output, quadrature, serial, spi, supervisor, watchdog,
+    CORE_CLOCK, Crystal, CrystalState, FDCAN_CLOCK, TIMER_CLOCK, can, clocks, crash, crystal,
+    cycle_count, dma, i2c, initialise, other_chip, pulse_input, pulse_output, pwm, quadrature,
+    serial, spi, supervisor, watchdog,
 };

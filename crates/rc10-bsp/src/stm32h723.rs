@@ -1,12 +1,13 @@
 //! The chip side: STM32H723, on embassy-stm32. Facts are from RM0468 (the reference manual) and
 //! from the board's `CubeMX` project unless said otherwise.
 //!
-//! * [`initialise`]: clocks and caches; [`has_crystal`]: whether the crystal works.
+//! * [`initialise`]: clocks and caches, of a board's [`Crystal`]; [`crystal()`]: whether that works;
+//!   [`other_chip`]: whether this is an STM32H723 at all.
 //! * [`cycle_count`]: the core's cycle counter.
 //! * [`can`]: the three FDCAN ports, and [`can::Bus::start`].
 //! * [`serial`]: UARTs; [`dma`]: the memory that a DMA reaches.
 //! * [`i2c`] with timeouts and recovery; [`spi`] through that memory.
-//! * [`pulse_output`] for LED strips, [`pulse_input`] for PPM, [`quadrature`] for encoders.
+//! * [`pwm`] with a bound, [`pulse_output`] for LED strips, [`pulse_input`] for PPM, [`quadrature`] for encoders.
 //! * `usb`: a serial port on USB, with the feature of that name.
 //! * [`supervisor`]: makes the motors of a bus safe that does not tick.
 //! * [`watchdog`]: fed only while everything that must tick ticks.
@@ -21,6 +22,7 @@ pub mod dma;
 pub mod i2c;
 pub mod pulse_input;
 pub mod pulse_output;
+pub mod pwm;
 pub mod quadrature;
 pub mod serial;
 pub mod spi;
@@ -30,10 +32,10 @@ mod supply;
 pub mod usb;
 pub mod watchdog;
 
-pub use crystal::has_crystal;
+pub use crystal::{Crystal, CrystalState, crystal};
 
 use cortex_m::peripheral::DWT;
-use embassy_stm32::rcc::mux::Fdcansel;
+use embassy_stm32::rcc::mux::{Adcsel, Fdcansel};
 use embassy_stm32::rcc::{
     AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllDiv, PllMul, PllPreDiv, PllSource, Sysclk,
 };
@@ -57,19 +59,21 @@ const _: () = assert!(FDCAN_CLOCK.0 < APB_CLOCK.0 && FDCAN_CLOCK.0 <= 125_000_00
 /// The clock of the timers, unless a prescaler divides it.
 pub const TIMER_CLOCK: Hertz = Hertz(240_000_000);
 
-/// The board's clocks: 25 MHz crystal / 5 x 96 = 480 MHz for the core, half of it for AHB (limit
-/// 275 MHz), a quarter for every APB (limit 137.5 MHz), a sixth from PLL1 Q for the FDCANs.
+/// The clocks, made of a board's crystal: 480 MHz for the core (25 MHz / 5 x 96, 24 MHz / 4 x 80), half of it for
+/// AHB (limit 275 MHz), a quarter for every APB (limit 137.5 MHz), a sixth from PLL1 Q for the FDCANs.
 ///
 /// The timers run at 240 MHz: the time driver wants a whole number of megahertz.
 #[must_use]
-pub fn clocks() -> Config {
+pub fn clocks(crystal: Crystal) -> Config {
+    let (divider, multiplier) = crystal.pll();
     let mut config = Config::default();
     let clocks = &mut config.rcc;
-    clocks.hse = Some(Hse { freq: Hertz(25_000_000), mode: HseMode::Oscillator });
+    clocks.hse = Some(Hse { freq: Hertz(crystal.hz()), mode: HseMode::Oscillator });
     clocks.pll1 = Some(Pll {
         source: PllSource::HSE,
-        prediv: PllPreDiv::DIV5,
-        mul: PllMul::MUL96,
+        prediv: PllPreDiv::from_bits(divider),
+        // Its field holds one less.
+        mul: PllMul::from_bits(multiplier - 1),
         divp: Some(PllDiv::DIV1),
         divq: Some(PllDiv::DIV6),
         divr: None,
@@ -82,6 +86,8 @@ pub fn clocks() -> Config {
     clocks.apb4_pre = APBPrescaler::DIV2;
     // embassy's default is the crystal itself.
     clocks.mux.fdcansel = Fdcansel::PLL1_Q;
+    // HSI: embassy's default is a PLL that does not run.
+    clocks.mux.adcsel = Adcsel::PER;
     #[cfg(feature = "usb")]
     {
         use embassy_stm32::rcc::{Hsi48Config, mux::Usbsel};
@@ -131,8 +137,17 @@ pub fn cycle_count() -> u32 {
     DWT::cycle_count()
 }
 
+/// The chip's identity, if it is another than the STM32H723's: `DEV_ID` of `DBGMCU_IDCODE` (RM0468: 0x483 for
+/// STM32H723, 725, 730, 733 and 735). Zero, which is no identity, counts as not known.
+#[must_use]
+pub fn other_chip() -> Option<u16> {
+    const OURS: u16 = 0x483;
+    let id = pac::DBGMCU.idc().read().dev_id();
+    (id != OURS && id != 0).then_some(id)
+}
+
 /// Starts the chip: [`clocks`], instruction cache on, data cache off, cycle counter on. A crystal that does not start
-/// within 100 ms is replaced ([`has_crystal`]); one that stops later is a
+/// within 100 ms, or has another frequency, is replaced ([`crystal()`]); one that stops later is a
 /// [crash](crash::LastCrash::CrystalStopped), if [`crash_handlers!`](crate::crash_handlers) are there.
 ///
 /// The data cache stays off because stack and statics live in DTCM, which is as fast as a cache,
@@ -142,8 +157,8 @@ pub fn cycle_count() -> u32 {
 /// If called twice.
 #[must_use]
 #[inline(never)]
-pub fn initialise() -> Peripherals {
-    let peripherals = crystal::start(clocks());
+pub fn initialise(crystal: Crystal) -> Peripherals {
+    let peripherals = crystal::start(crystal, clocks(crystal));
     // SAFETY: the core's peripherals are not touched elsewhere; `init` above panics if this
     // function runs a second time.
     let mut core = unsafe { cortex_m::Peripherals::steal() };

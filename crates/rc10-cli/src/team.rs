@@ -66,7 +66,7 @@ pub fn robot<'r>(io: &'r Shared<'_>, buses: [MotorBus<'r>; BUSES]) -> Robot<'r> 
         .task(chassis::run(io))
         .task(mechanisms::run(io))
         .task(driver::run(io))
-        .task(status::run(io, [("IMU", &io.imu_reception)]))
+        .task(status::run(io))
         .serial(&io.imu_reception, async |port| imu::run(io, port).await)
         .live(&io.common, &io.live)
         .yaw("heading", |now| {

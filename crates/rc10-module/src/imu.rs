@@ -7,6 +7,7 @@
 pub mod attitude;
 pub mod bmi088;
 mod heading;
+pub mod heater;
 pub mod wit;
 
 pub use heading::{FRESH_FOR, Heading};

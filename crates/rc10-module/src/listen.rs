@@ -27,6 +27,11 @@ impl Reception {
         self.0.lock(Cell::get)
     }
 
+    /// Says how it goes to a sensor that is read, not listened to: samples, samples that it spoilt, errors of the port.
+    pub fn count(&self, frames: u32, damaged: u32, port_errors: u32) {
+        self.write(Counters { frames, damaged, skipped: 0, port_errors });
+    }
+
     pub(crate) fn write(&self, counters: Counters) {
         self.0.lock(|cell| cell.set(counters));
     }

@@ -53,9 +53,10 @@ const STOPPED: u8 = 2;
 /// Stopped, and without torque: it was not armed, or has been disarmed since.
 const STOPPED_OFF: u8 = 3;
 const SUSPENDED: u8 = 4;
-/// Disarmed until the next start: [`Unfit::Overload`], [`Unfit::Clock`].
+/// Disarmed until the next start: [`Unfit::Overload`], [`Unfit::Clock`], [`Unfit::Chip`].
 const OVERLOAD: u8 = 5;
 const CLOCK: u8 = 6;
+const CHIP: u8 = 7;
 
 /// Why a robot cannot be armed until it is started again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,15 +64,18 @@ const CLOCK: u8 = 6;
 pub enum Unfit {
     /// The motors of a bus need more than the bus has: frames would be lost.
     Overload,
-    /// The crystal does not work: bit rates and times are not exact.
+    /// The crystal does not work, or is not the one that the program is for: bit rates and times are not exact.
     Clock,
+    /// The program is for another chip.
+    Chip,
 }
 
 impl fmt::Display for Unfit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Overload => "the motors of a bus do not fit on it",
-            Self::Clock => "the crystal does not work",
+            Self::Clock => "the crystal does not work or is another",
+            Self::Chip => "the program is for another chip",
         })
     }
 }
@@ -108,7 +112,7 @@ impl ArmSwitch {
     pub fn state(&self) -> ArmState {
         match self.0.load(Ordering::Acquire) {
             ARMED => ArmState::Armed,
-            DISARMED | OVERLOAD | CLOCK => ArmState::Disarmed,
+            DISARMED | OVERLOAD | CLOCK | CHIP => ArmState::Disarmed,
             SUSPENDED => ArmState::Suspended,
             _ => ArmState::EStopped,
         }
@@ -134,6 +138,7 @@ impl ArmSwitch {
         let unfit = match why {
             Unfit::Overload => OVERLOAD,
             Unfit::Clock => CLOCK,
+            Unfit::Chip => CHIP,
         };
         self.always(|_| unfit);
     }
@@ -143,6 +148,7 @@ impl ArmSwitch {
         match self.0.load(Ordering::Acquire) {
             OVERLOAD => Some(Unfit::Overload),
             CLOCK => Some(Unfit::Clock),
+            CHIP => Some(Unfit::Chip),
             _ => None,
         }
     }

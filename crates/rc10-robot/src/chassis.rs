@@ -19,6 +19,9 @@ pub async fn run(shared: &Shared<'_>) -> ! {
     // In whose axes the limiter is, while the base is driven.
     let mut driven = None;
     periodic(PERIOD, Overrun::Skip, &shared.chassis_timing, async |tick| {
+        let heard = shared.heading.read().map(|heard| heard.value);
+        let yaw = heard.and_then(|heading| heading.total(tick.now));
+        shared.live.heading.set(yaw.map_or(f32::NAN, |yaw| yaw.degrees().get()));
         // Without a fresh wish the wheels get no commands: their bus makes them safe.
         let armed = shared.switch.state() == ArmState::Armed;
         let wish = shared.motion.newer_than(OLDEST_MOTION, tick.now).filter(|_| armed);
@@ -29,7 +32,7 @@ pub async fn run(shared: &Shared<'_>) -> ! {
         let heading = match wish.axes {
             Axes::Robot => Radians::ZERO,
             Axes::World => {
-                match shared.heading.read().and_then(|heard| heard.value.direction(tick.now)) {
+                match heard.and_then(|heading| heading.direction(tick.now)) {
                     Some(heading) => heading,
                     // Without a heading "forward" is not known: the base stops.
                     None => {

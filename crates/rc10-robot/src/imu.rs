@@ -9,8 +9,6 @@ use crate::robot::Shared;
 pub async fn run(shared: &Shared<'_>, port: impl Read) -> ! {
     listen_to_wit(port, &shared.switch, &shared.imu_reception, |heading, at| {
         shared.heading.set(heading, at);
-        let yaw = heading.total(at).map_or(f32::NAN, |yaw| yaw.degrees().get());
-        shared.live.heading.set(yaw);
     })
     .await
 }

@@ -2,8 +2,6 @@ use core::ops::Deref;
 
 use rc10_app::{Degrees, Rpm, TotalAngle, Twist};
 use rc10_message::{Latest, Statistics};
-use rc10_module::Reception;
-use rc10_module::imu::Heading;
 use rc10_tasks::Common;
 
 use crate::table::{BUSES, FEEDER, Name};
@@ -15,11 +13,6 @@ pub type Ports = rc10_motor::embassy::Ports<Name, BUSES>;
 pub struct Shared<'p> {
     /// The switch, the ports, the remote and the status.
     pub common: Common<'p, Name, BUSES>,
-    /// The heading of the robot in the world, by its IMU: [`imu::run`](crate::imu::run) says from
-    /// where that counts.
-    pub heading: Latest<Heading, 1>,
-    /// Counters of the IMU's bytes and frames.
-    pub imu_reception: Reception,
     /// Commanded motion of the base.
     pub motion: Latest<BaseCommand, 1>,
     /// Setpoints of the mechanisms: angles of the gimbal, speed of the feeder, height of the lift.
@@ -91,8 +84,6 @@ impl<'p> Shared<'p> {
     pub const fn new(ports: &'p Ports) -> Self {
         Self {
             common: Common::new(ports),
-            heading: Latest::new(),
-            imu_reception: Reception::new(),
             motion: Latest::new(),
             mechanisms: Latest::new(),
             chassis_timing: Statistics::new(),

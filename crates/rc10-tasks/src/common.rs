@@ -7,11 +7,13 @@ use embassy_sync::mutex::Mutex;
 use rc10_can::Micros;
 use rc10_message::{Cycles, Latest, Topic};
 use rc10_module::Reception;
+use rc10_module::imu::Heading;
 use rc10_module::remote::{Remote, RemoteLink};
 use rc10_motor::embassy::{MotorPort, Ports};
 use rc10_motor::{ArmSwitch, Names, Target, TargetError};
 
 use crate::status::RobotStatus;
+use crate::supply::Supply;
 
 /// The state that tasks of every robot share: what a robot has beside it is fields of its own type,
 /// with this among them.
@@ -37,6 +39,14 @@ pub struct Common<'p, N: Names, const BUSES: usize, const LINES: usize = 0> {
     pub bus_cycles: Option<&'p Cycles>,
     /// Changes of parameters by PCs.
     pub changes: Changes,
+    /// The heading of the robot in the world, by its IMU: [`heading`](crate::heading) says from where that counts.
+    pub heading: Latest<Heading, 1>,
+    /// Counters of the IMU's frames or samples.
+    pub imu_reception: Reception,
+    /// The supply, of a board that measures it.
+    pub supply: Latest<Supply, 1>,
+    /// Until then motors that have not been heard yet are not missing: their supply has just been switched on.
+    pub settled: Latest<Micros, 1>,
 }
 
 /// Counts the changes of parameters, and keeps those of two PCs from mixing.
@@ -104,6 +114,10 @@ impl<'p, N: Names, const BUSES: usize, const LINES: usize> Common<'p, N, BUSES, 
             status: Topic::new(),
             bus_cycles: None,
             changes: Changes::new(),
+            heading: Latest::new(),
+            imu_reception: Reception::new(),
+            supply: Latest::new(),
+            settled: Latest::new(),
         }
     }
 

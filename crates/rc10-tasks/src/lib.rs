@@ -18,7 +18,9 @@ pub mod live;
 pub mod remote;
 pub mod status;
 pub mod status_led;
+mod supply;
 
 pub use arming::{Arming, ArmingConfig, ArmingError, SwitchAt, SwitchName};
 pub use common::{Changes, Common};
 pub use status::{BusSummary, LineSummary, RobotStatus, TickWatch};
+pub use supply::Supply;

@@ -4,15 +4,15 @@
 use core::fmt;
 
 use embassy_time::{Duration, Ticker};
-use heapless::Vec;
 use rc10_can::{ErrorState, Micros, Timing};
 use rc10_message::{CycleCount, Cycles};
+use rc10_module::Counters;
 use rc10_module::remote::RemoteLink;
-use rc10_module::{Counters, Reception};
 use rc10_motor::embassy::{BusPort, BusStatus, Ports, Rs485Port, Rs485Status};
 use rc10_motor::{ArmState, Link, Names, TargetError, Unfit};
 
 use crate::common::Common;
+use crate::supply::Supply;
 
 /// Status of a robot.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,18 +31,20 @@ pub struct RobotStatus<N, const BUSES: usize, const LINES: usize = 0> {
     pub last_refused: Option<(N, TargetError)>,
     /// Whether the remote control is heard; `None` of a robot that listens to none.
     pub remote: Option<RemoteLink>,
-    /// Counters of the bytes and frames of its receiver, and of other parts.
-    pub receptions: Vec<(&'static str, Counters), PARTS>,
+    /// Counters of the bytes and frames of its receiver, and of the IMU.
+    pub receptions: [(&'static str, Counters); PARTS],
     /// Status of each bus.
     pub buses: [BusSummary; BUSES],
     /// Status of each line.
     pub lines: [LineSummary; LINES],
+    /// The supply, of a board that measures it.
+    pub supply: Option<Supply>,
     /// Cycles of the core that a tick of a bus takes, of any bus; `None` where no chip counts them.
     pub bus_cycles: Option<CycleCount>,
 }
 
-/// Parts whose reception is told, the remote's receiver among them.
-pub const PARTS: usize = 4;
+/// Parts whose reception is told: the remote's receiver, and the IMU.
+pub const PARTS: usize = 2;
 
 /// For people: what is as it should be takes few words.
 impl<N: Names, const BUSES: usize, const LINES: usize> fmt::Display
@@ -64,6 +66,12 @@ impl<N: Names, const BUSES: usize, const LINES: usize> fmt::Display
             None | Some(RemoteLink::Online) => {}
             Some(RemoteLink::Interrupted) => write!(f, ", remote missing")?,
             Some(RemoteLink::Lost) => write!(f, ", no remote")?,
+        }
+        if let Some(supply) = self.supply {
+            write!(f, ", {supply}")?;
+            if supply.is_low() {
+                write!(f, " (low)")?;
+            }
         }
         for (name, counters) in &self.receptions {
             let Counters { damaged, skipped, port_errors, .. } = counters;
@@ -91,17 +99,14 @@ impl<N: Names, const BUSES: usize, const LINES: usize> fmt::Display
     }
 }
 
-/// The status task: tells it ten times a second. `parts` are those whose reception is told beside the
-/// remote's, with their labels.
-pub async fn run<N: Names, const BUSES: usize, const LINES: usize, const MORE: usize>(
+/// The status task: tells it ten times a second.
+pub async fn run<N: Names, const BUSES: usize, const LINES: usize>(
     shared: &Common<'_, N, BUSES, LINES>,
-    parts: [(&'static str, &Reception); MORE],
 ) -> ! {
-    const { assert!(MORE < PARTS, "the status has no room for so many parts") };
     let mut ticker = Ticker::every(Duration::from_millis(100));
     loop {
         ticker.next().await;
-        shared.status.publish(now(shared, &parts));
+        shared.status.publish(now(shared));
     }
 }
 
@@ -109,7 +114,6 @@ pub async fn run<N: Names, const BUSES: usize, const LINES: usize, const MORE: u
 #[must_use]
 pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
     shared: &Common<'_, N, BUSES, LINES>,
-    parts: &[(&'static str, &Reception)],
 ) -> RobotStatus<N, BUSES, LINES> {
     let (mut online, mut refused) = (0, 0_u32);
     for name in N::ALL {
@@ -117,8 +121,8 @@ pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
         online += u8::from(status.link == Link::Online);
         refused = refused.saturating_add(status.counters.refused.total());
     }
-    let remote = ("remote", &shared.remote_reception);
-    let receptions = core::iter::once(&remote).chain(parts).take(PARTS);
+    let receptions: [_; PARTS] =
+        [("remote", &shared.remote_reception), ("IMU", &shared.imu_reception)];
     RobotStatus {
         at: rc10_message::now(),
         arm: shared.switch.state(),
@@ -127,9 +131,10 @@ pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
         refused,
         last_refused: shared.refused.read().map(|refused| refused.value),
         remote: shared.remote_link.read().map(|freshness| freshness.value),
-        receptions: receptions.map(|(label, reception)| (*label, reception.read())).collect(),
+        receptions: receptions.map(|(label, reception)| (label, reception.read())),
         buses: shared.ports.buses.each_ref().map(|bus| bus.status().into()),
         lines: shared.ports.lines.each_ref().map(|line| line.status().into()),
+        supply: shared.supply.read().map(|supply| supply.value),
         bus_cycles: shared.bus_cycles.and_then(Cycles::read),
     }
 }
@@ -316,9 +321,10 @@ mod tests {
             refused: 9800,
             last_refused: Some((Name::FrontLeft, TargetError::NotFinite(TargetKind::Speed))),
             remote: Some(RemoteLink::Online),
-            receptions: Vec::new(),
+            receptions: [("remote", Counters::default()); PARTS],
             buses: [BusSummary::default(); 3],
             lines: [],
+            supply: None,
             bus_cycles: Some(CycleCount { mean: 7_740, most: 11_772, a_second: 480_000_000 }),
         };
         let expected = "disarmed, cannot be armed: the motors of a bus do not fit on it, 1 of 1 \

@@ -33,12 +33,17 @@ pub fn state<N: Names, const BUSES: usize, const LINES: usize>(
 ) -> State {
     let remote = shared.remote_link.read().map_or(RemoteLink::Lost, |link| link.value);
     let mut motors = N::ALL.iter().map(|name| shared.motor(*name).status());
-    let is_well = |status: MotorStatus| status.link == Link::Online && status.fault.is_none();
+    let until = shared.settled.read().map(|settled| settled.value);
+    let settles = until.is_some_and(|until| rc10_message::now() < until);
+    let is_there = |link: Link| link == Link::Online || (settles && link == Link::NeverSeen);
+    let is_well = |status: MotorStatus| is_there(status.link) && status.fault.is_none();
+    let is_low = shared.supply.read().is_some_and(|supply| supply.value.is_low());
     match (shared.switch.state(), remote) {
         (ArmState::EStopped, _) => State::Stopped,
         (_, RemoteLink::Lost) => State::LinkLost,
         (ArmState::Suspended, _) | (_, RemoteLink::Interrupted) => State::Suspended,
         _ if !motors.all(is_well) => State::Fault,
+        _ if is_low => State::LowSupply,
         (ArmState::Armed, _) => State::Armed,
         (ArmState::Disarmed, _) => State::Disarmed,
     }

@@ -45,5 +45,5 @@ pub fn with<'r>(
     let Started { buses, lines: [line] } = started;
     let started = Started { buses, lines: [line.with_reply_timeout(REPLY)?] };
     let robot = Robot::of(description(), started, shared);
-    Ok(robot.task(task::run(shared)).task(status::run(shared, [])))
+    Ok(robot.task(task::run(shared)).task(status::run(shared)))
 }

@@ -25,5 +25,5 @@ pub fn description() -> Description {
 /// None that this declaration has.
 pub fn robot<'r>(shared: &'r Shared<'_>, motors: &'r mut Motors) -> anyhow::Result<Robot<'r>> {
     let robot = Robot::of(description(), motors.start(&shared.switch)?, shared);
-    Ok(robot.task(task::run(shared)).task(status::run(shared, [])))
+    Ok(robot.task(task::run(shared)).task(status::run(shared)))
 }

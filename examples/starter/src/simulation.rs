@@ -28,7 +28,7 @@ pub fn description() -> Description {
 /// None that this declaration has.
 pub fn robot<'r>(shared: &'r Shared<'_>, motors: &'r mut Motors) -> anyhow::Result<Robot<'r>> {
     let robot = Robot::of(description(), motors.start(&shared.switch)?, shared);
-    Ok(robot.task(task::run(shared)).task(status::run(shared, [])))
+    Ok(robot.task(task::run(shared)).task(status::run(shared)))
 }
 
 /// kg m² and N m at the output shaft. The wheels get theirs from the base.

@@ -1,16 +1,32 @@
-//! The board with the STM32H723ZG, and a robot's program on it.
+//! The boards, and a robot's program on one of them.
+//!
+//! | feature | board | chip | crystal |
+//! |---|---|---|---|
+//! | `h723zg` | the team's, with every pin of ours: [wiring](https://docs.rs/rc10-board) | STM32H723ZG | 25 MHz |
+//! | `dm-mc02` | Damiao DM-MC02 | STM32H723VG | 24 MHz |
 //!
 //! * [`robot!`]: the whole program, of a robot and its tasks.
-//! * [`board`]: the pins, by what they are for. [`robot`](mod@robot): what every robot does on them; a
-//!   program that needs more than [`robot!`] has calls it by itself, as that of `rc10-robot` does.
+//! * [`board`](mod@board): the pins, by what they are for, the crystal, and what is soldered on. [`robot`](mod@robot): what
+//!   every robot does on them; a program that needs more than [`robot!`] has calls it by itself, as that of
+//!   `rc10-robot` does.
 //!
 //! The memory map comes with this crate. What a program's own package must have besides stands in its
 //! `.cargo/config.toml`; without it nothing is compiled, and the error says what is missing.
 #![no_std]
 
-pub mod board;
+#[cfg(feature = "dm-mc02")]
+pub mod dm_mc02;
+#[cfg(feature = "h723zg")]
+pub mod h723zg;
+mod note;
 mod program;
 pub mod robot;
+
+/// The board of this program.
+#[cfg(feature = "dm-mc02")]
+pub use dm_mc02 as board;
+#[cfg(feature = "h723zg")]
+pub use h723zg as board;
 
 #[doc(hidden)]
 pub use {embassy_futures, rc10_bsp, rc10_motor, rc10_tasks, static_cell};

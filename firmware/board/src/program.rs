@@ -12,6 +12,9 @@
 /// }
 /// ```
 ///
+/// Of a board with outputs of supply that are switched, all are switched on when everything else runs; or these only:
+/// `outputs: [First];` behind the console.
+///
 /// An RS-485 line stands between the buses and the console: `line: rs485 at 4_000_000, replies in REPLY;`.
 ///
 /// The robot's crate has `Ports`, `Motors` and `table::{BUSES, RECEIVER}`, as `rc10_motor::motors!` and its
@@ -36,13 +39,15 @@ macro_rules! robot {
         buses: $buses:ident($($bus:ident),+);
         $(line: $line:ident at $baud:expr, replies in $reply:expr;)?
         console: $console:expr;
+        $(outputs: [$($output:ident),*];)?
         $(live: |$of:ident| $live:expr;)?
         tasks: |$shared:ident| $tasks:expr;
     ) => {
         $crate::rc10_bsp::crash_handlers!();
 
         mod program {
-            use $crate::embassy_futures::join::join3;
+            use $crate::board::Soldered;
+            use $crate::embassy_futures::join::join4;
             use $crate::rc10_bsp::serial::{self, Serial, SerialReceiver};
             use $crate::rc10_bsp::{can::Bus, supervisor};
             use $crate::rc10_motor::MotorBus;
@@ -97,7 +102,7 @@ macro_rules! robot {
             #[inline(never)]
             fn start(spawner: Spawner, board: $crate::board::Board) -> Result<(), Unstartable> {
                 let shared = &*SHARED.init_with(|| Shared::new($crate::robot::ports(&PORTS)));
-                $crate::robot::check_crystal(&shared.switch);
+                $crate::robot::check_chip(&shared.switch);
                 let mut motors = $crate::robot::buses(&MOTOR_BUSES, &shared.switch);
                 let mut lines = $crate::motor_lines!(shared $(, $reply)?);
                 MOTORS.take().attach(
@@ -115,7 +120,8 @@ macro_rules! robot {
 
                 let text = $crate::robot::console_port(board.text, Irqs, Priority::P7, $console)?;
                 let remote = $crate::robot::remote(board.remote, Irqs, RECEIVER, Priority::P7)?;
-                spawner.spawn(others(shared, board.watchdog, text, started, remote)?);
+                let soldered = board.soldered;
+                spawner.spawn(others(shared, board.watchdog, text, started, remote, soldered)?);
                 Ok(())
             }
 
@@ -126,10 +132,13 @@ macro_rules! robot {
                 text: Serial,
                 quiet: Instant,
                 receiver: SerialReceiver,
+                soldered: Soldered,
             ) {
                 let own: &dyn Live = $crate::own!($shared $(, |$of| $live)?);
                 let tend = $crate::robot::tend($shared, own, watchdog, text, quiet);
-                join3($tasks, remote::listen($shared, RECEIVER, receiver), tend).await;
+                let outputs = $crate::outputs!($([$($output),*])?);
+                let serve = $crate::board::serve($shared, soldered, outputs);
+                join4($tasks, remote::listen($shared, RECEIVER, receiver), tend, serve).await;
             }
         }
     };
@@ -178,6 +187,18 @@ macro_rules! start_line {
         let [line] = $lines;
         let task = $crate::robot::line(uart, line, &$shared.ports.lines[0])?;
         LINE_CONTROL.start(interrupt::UART8).spawn(task);
+    };
+}
+
+/// The outputs of supply that are switched on: these, or all.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! outputs {
+    () => {
+        $crate::board::Output::ALL
+    };
+    ([$($output:ident),*]) => {
+        &[$($crate::board::Output::$output),*]
     };
 }
 

@@ -3,6 +3,7 @@
 //! starting.
 
 use core::fmt::Write as _;
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_executor::SpawnError;
 use embassy_futures::join::{join, join3};
@@ -14,13 +15,13 @@ use embassy_time::{Duration, Instant, Ticker, Timer};
 use embedded_io_async::{Read, Write};
 use heapless::String;
 use rc10_bsp::can::FdcanPort;
-use rc10_bsp::crash;
 use rc10_bsp::dma_buffer;
 use rc10_bsp::serial::{
     self, BaudError, Parity, ReceiverParts, Serial, SerialConfig, SerialParts, SerialReceiver,
     StopBits,
 };
 use rc10_bsp::watchdog::Watchdog;
+use rc10_bsp::{CrystalState, crash};
 use rc10_module::remote::{self, Receiver, SerialSettings};
 use rc10_motor::embassy::{BusPort, Ports, Rs485Port, Runner, run_buses, run_rs485};
 use rc10_motor::rc10_app::ConfigError;
@@ -30,7 +31,7 @@ use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, TickWatch, status};
 use static_cell::StaticCell;
 
-use crate::board::{Board, REMOTE_HAS_INVERTER};
+use crate::board::{Board, CRYSTAL, NAME, REMOTE_HAS_INVERTER};
 
 /// The chip restarts within 100 ms if a bus does not tick, or if the tasks in thread mode do not
 /// run: up to 10 ms go by before that shows, and the watchdog's own clock may be 9 % slow.
@@ -47,20 +48,52 @@ type BusRunner = Runner<'static, 'static, FdcanPort, &'static mut MotorBus<'stat
 /// The chip with its clocks, and its board; the log says how the last run ended.
 #[must_use]
 pub fn begin() -> Board {
-    let board = Board::new(rc10_bsp::initialise());
+    let board = Board::new(rc10_bsp::initialise(CRYSTAL));
     match crash::take_last() {
-        Some(cause) => defmt::error!("the last run ended in a crash: {}", cause),
+        Some(cause) => {
+            HAS_CRASHED.store(true, Ordering::Relaxed);
+            defmt::error!("the last run ended in a crash: {}", cause);
+        }
         None => defmt::info!("start"),
     }
     board
 }
 
-/// Forbids arming without the crystal: the buses' bit rate is wrong then.
-pub fn check_crystal(switch: &ArmSwitch) {
-    if !rc10_bsp::has_crystal() {
-        defmt::error!("the crystal does not start: the robot cannot be armed");
-        switch.forbid(Unfit::Clock);
+static HAS_CRASHED: AtomicBool = AtomicBool::new(false);
+
+/// Whether the last run ended in a crash, as [`begin`] has found.
+pub fn has_crashed() -> bool {
+    HAS_CRASHED.load(Ordering::Relaxed)
+}
+
+/// Forbids arming on another chip than the board's, and without its crystal: the buses' bit rate is wrong then.
+pub fn check_chip(switch: &ArmSwitch) {
+    if let Some(id) = rc10_bsp::other_chip() {
+        defmt::error!(
+            "this chip is no STM32H723 but has DEV_ID {=u16:#x}: the robot cannot be armed",
+            id
+        );
+        switch.forbid(Unfit::Chip);
     }
+    match rc10_bsp::crystal() {
+        CrystalState::Works => return,
+        CrystalState::Dead => {
+            defmt::error!("the crystal does not start: the robot cannot be armed");
+        }
+        CrystalState::Other { hz } => {
+            let (khz, wanted) = (hz / 1000, CRYSTAL.hz() / 1000);
+            let rate = CRYSTAL.bit_rate_with(hz) / 1000;
+            defmt::error!(
+                "the crystal has {=u32} kHz, within 1 %, and this program is for one of {=u32} kHz ({=str}): \
+                 with it the buses would run at {=u32} kbit/s; the robot cannot be armed",
+                khz,
+                wanted,
+                NAME,
+                rate
+            );
+        }
+    }
+    switch.forbid(Unfit::Clock);
 }
 
 /// An executor on an interrupt, which is that of a peripheral that the board does not use.
@@ -234,7 +267,7 @@ pub async fn tend<N: Names, const BUSES: usize, const LINES: usize>(
     text: Serial,
     quiet: Instant,
 ) {
-    let (watch, tell) = (watch(watchdog, shared.ports), status::run(shared, []));
+    let (watch, tell) = (watch(watchdog, shared.ports), status::run(shared));
     join3(watch, tell, console(shared, own, text.split(), quiet)).await;
 }
 

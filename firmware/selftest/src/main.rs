@@ -60,7 +60,7 @@ const PRIORITY: Priority = Priority::P7;
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    let board = Board::new(rc10_bsp::initialise());
+    let board = Board::new(rc10_bsp::initialise(rc10_board::board::CRYSTAL));
     // embassy-stm32 leaves its own drivers' at the most urgent.
     interrupt::DMA2_STREAM4.set_priority(PRIORITY);
     interrupt::DMA2_STREAM5.set_priority(PRIORITY);

@@ -44,7 +44,7 @@ async fn device(mut device: UsbDevice) -> ! {
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    let board = Board::new(rc10_bsp::initialise());
+    let board = Board::new(rc10_bsp::initialise(rc10_board::board::CRYSTAL));
     let memory = MEMORY.init(UsbMemory::new());
     let parts = board.usb;
     let (task, receiver, transmitter) = usb::start(
@@ -62,5 +62,5 @@ async fn main(spawner: Spawner) {
     }
     let shared = SHARED.init_with(|| Shared::new(robot::ports(&PORTS)));
     let console = robot::console(shared, &shared.live, (receiver, transmitter), Instant::now());
-    join(status::run(shared, []), console).await.0
+    join(status::run(shared), console).await.0
 }

@@ -5,14 +5,43 @@
 //! before, but within 1 % only (STM32H723 data sheet, HSI characteristics, 0 to 85 °C). The bit timing
 //! follows a node that is 1.9 % off, if the others are exact: the coast image gets through, as far as
 //! numbers tell. Nothing more is built on that: a robot without its crystal must not be armed
-//! ([`has_crystal`]).
+//! ([`CrystalState`]).
+//!
+//! A crystal of another frequency than the program's is one that does not work, too: with 24 MHz instead of 25
+//! every bus would run at 960 kbit/s, and the console be noise. It is measured before anything is built on it:
+//! TIM17 counts HSI, and captures the crystal divided to 1 MHz. Measuring takes 0.5 ms.
+
+mod pll;
+
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::peripheral::syst::SystClkSource;
-use embassy_stm32::pac::RCC;
+use embassy_stm32::pac::timer::{Tim1ch, vals::CcmrInputCcs};
+use embassy_stm32::pac::{RCC, TIM17};
 use embassy_stm32::rcc::{Pll, PllMul, PllPreDiv, PllSource, Sysclk};
 use embassy_stm32::{Config, Peripherals};
 
-// 64 MHz / 16 x 120 is 25 MHz / 5 x 96.
+pub use pll::Crystal;
+
+/// The state of the crystal, as the program found it at its start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CrystalState {
+    /// The clocks come from it.
+    Works,
+    /// It does not swing. The chip's own oscillator stands in for it: times and bit rates are 1 % off, and motors
+    /// must stay without torque.
+    Dead,
+    /// It has another frequency than the program is made for. As if it were dead.
+    Other {
+        /// The measured one, within 1 %: hertz.
+        hz: u32,
+    },
+}
+
+/// The frequency of a crystal that is another one, or 0.
+static OTHER: AtomicU32 = AtomicU32::new(0);
+
+// 64 MHz / 16 x 120 is 480 MHz.
 const HSI_DIVIDER: PllPreDiv = PllPreDiv::DIV16;
 const HSI_MULTIPLIER: PllMul = PllMul::MUL120;
 
@@ -26,7 +55,7 @@ const HSI_CYCLES_A_MILLISECOND: u32 = 64_000;
 
 /// Waits for a flag, `milliseconds` (up to 262) at most, of a core on HSI. Its clock is `SysTick`,
 /// which nothing else uses: embassy's does not run yet, or runs wrong.
-fn comes(flag: impl Fn() -> bool, milliseconds: u32) -> bool {
+fn comes(mut flag: impl FnMut() -> bool, milliseconds: u32) -> bool {
     // SAFETY: called before anything else runs, and by an exception that does not return.
     let mut clock = unsafe { cortex_m::Peripherals::steal() }.SYST;
     clock.set_clock_source(SystClkSource::Core);
@@ -45,29 +74,94 @@ fn comes(flag: impl Fn() -> bool, milliseconds: u32) -> bool {
     is_there
 }
 
-/// Starts embassy-stm32 on the crystal, or on HSI if that does not start within 100 ms.
-pub(super) fn start(mut config: Config) -> Peripherals {
+/// Periods of the divided crystal from one capture to the next, which is the most that the timer offers; captures;
+/// and the time that they may take, in milliseconds: 0.5 with the right crystal.
+const PERIODS: u32 = 8;
+const CAPTURES: u32 = 64;
+const MEASURE: u32 = 10;
+
+/// The frequency of a crystal that swings, by HSI: hertz. `None` if that cannot be measured: nothing is said of
+/// the crystal then.
+///
+/// RM0468: TIM17's first input can be HSE divided by `RTCPRE`. Before the PLL runs, its clock is HSI.
+fn measure(crystal: Crystal) -> Option<u32> {
+    // Its register TISEL is where the timers with one channel have theirs; the PAC has it for those only.
+    // SAFETY: it is at this address, and nothing else uses the timer now.
+    let inputs = unsafe { Tim1ch::from_ptr(TIM17.as_ptr()) };
+    let divider = crystal.megahertz();
+    RCC.cfgr().modify(|w| w.set_rtcpre(divider as u8));
+    RCC.apb2enr().modify(|w| w.set_tim17en(true));
+    // RM0468, RCC: two cycles of the bus go by before a peripheral can be written.
+    let _ = RCC.apb2enr().read();
+    inputs.tisel().write(|w| w.set_tisel(0, HSE_DIVIDED));
+    TIM17.ccmr_input(0).write(|w| {
+        w.set_ccs(0, CcmrInputCcs::TI4);
+        w.set_icpsc(0, EVERY_EIGHTH);
+    });
+    TIM17.ccer().write(|w| w.set_cce(0, true));
+    TIM17.cr1().write(|w| w.set_cen(true));
+    let (mut captures, mut last, mut ticks) = (0, 0, 0_u32);
+    let is_done = comes(
+        || {
+            if !TIM17.sr().read().ccif(0) {
+                return false;
+            }
+            // Reading it clears the flag.
+            let now = TIM17.ccr(0).read().ccr();
+            if captures > 0 {
+                ticks += u32::from(now.wrapping_sub(last));
+            }
+            last = now;
+            captures += 1;
+            captures > CAPTURES
+        },
+        MEASURE,
+    );
+    let is_overrun = TIM17.sr().read().ccof(0);
+    RCC.apb2rstr().modify(|w| w.set_tim17rst(true));
+    RCC.apb2rstr().modify(|w| w.set_tim17rst(false));
+    RCC.apb2enr().modify(|w| w.set_tim17en(false));
+    RCC.cfgr().modify(|w| w.set_rtcpre(0));
+    if !is_done || is_overrun {
+        return None;
+    }
+    pll::frequency(CAPTURES * PERIODS * divider, ticks)
+}
+
+/// `TIM17_TISEL`, TI1SEL: HSE divided by `RTCPRE` (RM0468; `HSE_1MHz` in its table).
+const HSE_DIVIDED: u8 = 2;
+/// `TIM17_CCMR1`, IC1PSC.
+const EVERY_EIGHTH: u8 = 3;
+
+/// Starts embassy-stm32 on the crystal, or on HSI if that does not start within 100 ms or is another one.
+pub(super) fn start(crystal: Crystal, mut config: Config) -> Peripherals {
     RCC.cr().modify(|w| w.set_hseon(true));
     let swings = comes(|| RCC.cr().read().hserdy(), START);
-    if !swings {
+    let other = if swings { measure(crystal).filter(|hz| crystal.is_other(*hz)) } else { None };
+    let is_right = swings && other.is_none();
+    if !is_right {
         config.rcc.hse = None;
         let on_hsi =
             |pll| Pll { source: PllSource::HSI, prediv: HSI_DIVIDER, mul: HSI_MULTIPLIER, ..pll };
         config.rcc.pll1 = config.rcc.pll1.map(on_hsi);
     }
     let peripherals = embassy_stm32::init(config);
-    if swings {
+    OTHER.store(other.unwrap_or_default(), Ordering::Relaxed);
+    if is_right {
         // From now on a crystal that stops raises an NMI.
         RCC.cr().modify(|w| w.set_hsecsson(true));
     }
     peripherals
 }
 
-/// Whether the clocks come from the crystal. If not, the chip's own oscillator stands in for one that
-/// does not work: times and bit rates are 1 % off, and motors must stay without torque.
+/// The state of the crystal.
 #[must_use]
-pub fn has_crystal() -> bool {
-    RCC.pllckselr().read().pllsrc() == PllSource::HSE
+pub fn crystal() -> CrystalState {
+    match OTHER.load(Ordering::Relaxed) {
+        _ if RCC.pllckselr().read().pllsrc() == PllSource::HSE => CrystalState::Works,
+        0 => CrystalState::Dead,
+        hz => CrystalState::Other { hz },
+    }
 }
 
 /// Whether the NMI says that the crystal has stopped; forgets it.

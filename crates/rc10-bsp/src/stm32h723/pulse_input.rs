@@ -1,16 +1,16 @@
 //! Times of the rising edges of an input, to the microsecond: for a PPM receiver.
 //!
-//! TIM13 notes the time of each rising edge at PF8 in hardware, so that no interrupt's delay is in
+//! TIM13 notes the time of each rising edge at PA6 or PF8 in hardware, so that no interrupt's delay is in
 //! it. Its 16 bits are extended by counting their rounds. The interrupt hands the times over through
 //! a channel of [`HELD`] edges.
 
 use core::cell::Cell;
 
-use embassy_stm32::gpio::{AfType, Flex, Pull};
+use embassy_stm32::gpio::{AfType, Flex, Pin, Pull};
 use embassy_stm32::interrupt::Priority;
 use embassy_stm32::interrupt::typelevel::{self, Binding, Handler};
 use embassy_stm32::pac::timer::{regs, vals};
-use embassy_stm32::peripherals::{PF8, TIM13};
+use embassy_stm32::peripherals::TIM13;
 use embassy_stm32::{Peri, pac, rcc};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -23,8 +23,9 @@ use crate::dma::enable;
 /// Edges that wait for their reader: three frames of eight channels.
 pub const HELD: usize = 32;
 
-/// TIM13's channel 1 at PF8. Source: stm32-metapac; embassy-stm32 has no pin trait for timers of one
-/// channel.
+/// TIM13's channel 1 at these pins: port A is 0. Source: stm32-metapac; embassy-stm32 has no pin trait for timers of
+/// one channel.
+const PINS: [(u8, u8); 2] = [(0, 6), (5, 8)];
 const ALTERNATE_FUNCTION: u8 = 9;
 /// Makes microseconds of [`TIMER_CLOCK`].
 const DIVISOR: u16 = 240;
@@ -74,18 +75,22 @@ impl Handler<typelevel::TIM8_UP_TIM13> for Interrupt {
     }
 }
 
-/// The rising edges at PF8.
+/// The rising edges at a pin.
 pub struct PulseInput(());
 
 impl PulseInput {
     /// Starts the timer. `priority` is that of its interrupt, which must not be held off for 32 ms.
     /// An open pin is pulled down; what is shorter than 33 ns is no edge.
+    ///
+    /// # Panics
+    /// If the timer is not at this pin: it is at PA6 and PF8.
     pub fn start(
         _timer: Peri<'static, TIM13>,
-        pin: Peri<'static, PF8>,
+        pin: Peri<'static, impl Pin>,
         _interrupt: impl Binding<typelevel::TIM8_UP_TIM13, Interrupt>,
         priority: Priority,
     ) -> Self {
+        assert!(PINS.contains(&(pin.port(), pin.pin())), "TIM13 is at PA6 and PF8 alone");
         let mut pin = Flex::new(pin);
         pin.set_as_af_unchecked(ALTERNATE_FUNCTION, AfType::input(Pull::Down));
         // Dropped, it would disconnect.

@@ -1,29 +1,29 @@
 //! Pulses of given widths, one per period, without a gap: what an LED strip of WS2812 listens to.
 //!
-//! TIM23 makes a PWM on channel 4, and at each of its updates a DMA brings the next compare value,
-//! which the one after takes over. TIM23, because of the timers at PF9 it is the one that can ask a
-//! DMA. It counts at [`TIMER_CLOCK`](crate::TIMER_CLOCK).
+//! A timer makes a PWM on one of its channels, and at each of its updates a DMA brings the next compare value,
+//! which the one after takes over. It counts at [`TIMER_CLOCK`](crate::TIMER_CLOCK). Of the timers at a pin only
+//! some can ask a DMA: TIM23 at PF9 ([`Ordinary`]), TIM8 by the complement of its channel 1 at PA7 ([`Complement`]).
 //!
-//! The values are words, for the timer is one of 32 bits: the bus doubles a half word that is
+//! The values are words, for a timer may be one of 32 bits: the bus doubles a half word that is
 //! written to a whole register (RM0468, AHB-to-APB bridges), and the pulse would last for minutes.
 
 use core::fmt;
 use core::marker::PhantomData;
 
-use embassy_stm32::gpio::{AfType, Flex, OutputType, Speed};
+use embassy_stm32::gpio::{AfType, Flex, OutputType, Pin, Speed};
 use embassy_stm32::interrupt::Priority;
 use embassy_stm32::interrupt::typelevel::{Binding, Handler};
-use embassy_stm32::pac::timer::vals;
-use embassy_stm32::peripherals::TIM23;
-use embassy_stm32::timer::{Ch4, TimerPin, UpDma};
-use embassy_stm32::{Peri, pac, rcc};
+use embassy_stm32::pac::timer::{TimAdv, TimGp32, vals};
+use embassy_stm32::timer::{
+    AdvancedInstance4Channel, GeneralInstance4Channel, TimerChannel, TimerComplementaryPin,
+    TimerPin, UpDma,
+};
+use embassy_stm32::{Peri, rcc};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 
 use crate::dma::{DmaBuffer, DmaMemory, DmaStream, Stream, Transfer, enable};
 
-/// Channel 4, counted from zero.
-const CHANNEL: usize = 3;
 /// Values of zero behind the last pulse: the DMA brings the second when the first takes effect.
 const SILENT: usize = 2;
 
@@ -70,8 +70,54 @@ impl fmt::Display for PulseError {
 
 impl core::error::Error for PulseError {}
 
+/// The output of a timer's channel.
+pub struct Ordinary;
+
+/// The complement of an advanced timer's channel: the channel's own signal, while that has no pin (RM0468, output
+/// control bits for complementary channels).
+pub struct Complement;
+
+/// A pin at which a timer can make pulses.
+pub trait PulsePin<T, C, O>: Pin {
+    /// The pin's alternate function.
+    fn function(&self) -> u8;
+
+    /// Lets the channel out of the timer.
+    fn enable(timer: TimGp32, channel: usize);
+}
+
+impl<T: GeneralInstance4Channel, C: TimerChannel, P: TimerPin<T, C>> PulsePin<T, C, Ordinary>
+    for P
+{
+    fn function(&self) -> u8 {
+        self.af_num()
+    }
+
+    fn enable(timer: TimGp32, channel: usize) {
+        timer.ccer().modify(|w| w.set_cce(channel, true));
+    }
+}
+
+impl<T: AdvancedInstance4Channel, C: TimerChannel, P: TimerComplementaryPin<T, C>>
+    PulsePin<T, C, Complement> for P
+{
+    fn function(&self) -> u8 {
+        self.af_num()
+    }
+
+    fn enable(timer: TimGp32, channel: usize) {
+        // SAFETY: these are the registers of an advanced timer, as `T` says.
+        let timer = unsafe { TimAdv::from_ptr(timer.as_ptr()) };
+        timer.ccer().modify(|w| w.set_ccne(channel, true));
+        timer.bdtr().modify(|w| w.set_moe(true));
+    }
+}
+
 /// An output that is low, but for the pulses it is told to send.
 pub struct PulseOutput {
+    /// The registers that are used here are at the same places in all timers.
+    timer: TimGp32,
+    channel: usize,
     stream: Stream,
     request: u8,
     memory: DmaMemory<u32>,
@@ -82,37 +128,44 @@ impl PulseOutput {
     /// two values more than pulses that are sent at once.
     ///
     /// `priority` is that of the stream's interrupt.
-    pub fn start<P: TimerPin<TIM23, Ch4>, D: DmaStream + UpDma<TIM23>, const N: usize>(
-        _timer: Peri<'static, TIM23>,
+    pub fn start<T, C: TimerChannel, P: PulsePin<T, C, O>, O, D, const N: usize>(
+        _timer: Peri<'static, T>,
         pin: Peri<'static, P>,
         stream: Peri<'static, D>,
         _interrupt: impl Binding<D::Interrupt, Interrupt<D>>,
         period: u16,
         buffer: DmaBuffer<u32, N>,
         priority: Priority,
-    ) -> Self {
+    ) -> Self
+    where
+        T: GeneralInstance4Channel,
+        D: DmaStream + UpDma<T>,
+    {
         const { assert!(N > SILENT, "no room for a pulse") };
-        rcc::enable_and_reset::<TIM23>();
-        let timer = pac::TIM23;
+        rcc::enable_and_reset::<T>();
+        // SAFETY: the registers of a timer, of which those are used that every timer with this channel has.
+        let timer = unsafe { TimGp32::from_ptr(T::regs()) };
+        let channel = C::CHANNEL.index();
         timer.arr().write_value(u32::from(period.max(2)) - 1);
-        timer.ccmr_output(CHANNEL / 2).modify(|w| {
-            w.set_ocm(CHANNEL % 2, vals::OcmGp::PWM_MODE1);
-            w.set_ocpe(CHANNEL % 2, true);
+        timer.ccmr_output(channel / 2).modify(|w| {
+            w.set_ocm(channel % 2, vals::OcmGp::PWM_MODE1);
+            w.set_ocpe(channel % 2, true);
         });
-        timer.ccer().modify(|w| w.set_cce(CHANNEL, true));
+        P::enable(timer, channel);
         timer.cr1().modify(|w| w.set_arpe(true));
         // Takes the registers over: the compare value is 0, so the output stays low.
         timer.egr().write(|w| w.set_ug(true));
         timer.cr1().modify(|w| w.set_cen(true));
 
         // The pin only now: the timer behind it says low.
-        let function = pin.af_num();
+        let function = pin.function();
         let mut pin = Flex::new(pin);
         pin.set_as_af_unchecked(function, AfType::output(OutputType::PushPull, Speed::Medium));
         // Dropped, it would disconnect.
         core::mem::forget(pin);
         enable::<D::Interrupt>(priority);
-        Self { stream: D::STREAM, request: stream.request(), memory: buffer.memory() }
+        let (request, memory) = (stream.request(), buffer.memory());
+        Self { timer, channel, stream: D::STREAM, request, memory }
     }
 
     /// Sends a pulse for each value, as many of the timer's clocks wide; returns when the last one is
@@ -133,20 +186,20 @@ impl PulseOutput {
         let count = self.memory.fill(values);
         let transfer = Transfer {
             request: self.request,
-            peripheral: pac::TIM23.ccr(CHANNEL).as_ptr() as u32,
+            peripheral: self.timer.ccr(self.channel).as_ptr() as u32,
             to_peripheral: true,
             circular: false,
             is_serial: false,
         };
         // Off and on: a request of before is void.
-        pac::TIM23.dier().modify(|w| w.set_ude(false));
+        self.timer.dier().modify(|w| w.set_ude(false));
         self.stream.start(&transfer, &self.memory, count);
-        pac::TIM23.dier().modify(|w| w.set_ude(true));
+        self.timer.dier().modify(|w| w.set_ude(true));
         if OVER.wait().await {
             return Ok(());
         }
         // Not for ever what the failed transfer brought last.
-        pac::TIM23.ccr(CHANNEL).write_value(0);
+        self.timer.ccr(self.channel).write_value(0);
         Err(PulseError::Dma)
     }
 }

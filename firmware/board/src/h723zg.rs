@@ -1,4 +1,4 @@
-//! The pins of the board. Every pin is checked against its peripheral when this is compiled; so is
+//! The board with the STM32H723ZG: its pins. Every pin is checked against its peripheral when this is compiled; so is
 //! every DMA stream, and that nothing is used twice. `docs/wiring.md` says the same for people.
 //!
 //! Sources: the team's `CubeMX` project for the STM32H723ZGT6 board has the CAN buses, USART1, the
@@ -13,12 +13,44 @@ use embassy_stm32::peripherals::{
     TIM23, TIM24, UART5, UART7, USART1, USART2, USART3, USART10, USB_OTG_HS,
 };
 use embassy_stm32::{Peri, Peripherals};
+use rc10_bsp::Crystal;
 use rc10_bsp::can::BusParts;
 use rc10_bsp::serial::{ReceiverParts, SerialParts};
+use rc10_motor::Names;
+use rc10_tasks::Common;
+
+/// Its name, as the tools know it.
+pub const NAME: &str = "h723zg";
+
+/// Its chip.
+pub const CHIP: &str = "STM32H723ZG";
+
+/// Its crystal.
+pub const CRYSTAL: Crystal = Crystal::new(25_000_000);
 
 /// Whether there is an inverter between the remote's receiver and the pin, as on boards with a DBUS
 /// socket. Here the UART inverts, where the receiver needs it.
 pub const REMOTE_HAS_INVERTER: bool = false;
+
+/// What is soldered on and needs a program: nothing.
+pub struct Soldered;
+
+/// An output of supply that the program switches: there is none.
+#[derive(Clone, Copy, Debug)]
+pub enum Output {}
+
+impl Output {
+    /// All of them.
+    pub const ALL: &'static [Self] = &[];
+}
+
+/// Serves what is soldered on.
+pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
+    _shared: &Common<'_, N, BUSES, LINES>,
+    _soldered: Soldered,
+    _outputs: &[Output],
+) {
+}
 
 /// The board's parts, by what they are for.
 pub struct Board {
@@ -61,6 +93,8 @@ pub struct Board {
     pub switches: SwitchParts,
     /// USB, as a device of full speed.
     pub usb: UsbParts,
+    /// Nothing.
+    pub soldered: Soldered,
     /// A timer that drives no pin.
     pub supervisor: Peri<'static, TIM7>,
     /// The independent watchdog.
@@ -223,6 +257,7 @@ impl Board {
             },
             switches: SwitchParts { first: (p.PG2, p.EXTI2), second: (p.PG3, p.EXTI3) },
             usb: UsbParts { peripheral: p.USB_OTG_HS, plus: p.PA12, minus: p.PA11 },
+            soldered: Soldered,
             supervisor: p.TIM7,
             watchdog: p.IWDG1,
         }

@@ -1,0 +1,95 @@
+//! A crystal's numbers: PLL1's settings for it, and whether a measured one is another. Knows no register, so
+//! that it can be tested on a PC.
+
+/// The core's clock, which PLL1 makes: hertz.
+const CORE: u32 = 480_000_000;
+/// The chip's own oscillator (HSI).
+const HSI: u32 = 64_000_000;
+
+/// A board's crystal, and the settings by which PLL1 makes 480 MHz of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crystal {
+    hz: u32,
+    divider: u8,
+    multiplier: u16,
+}
+
+// STM32H723 data sheet, HSE oscillator characteristics.
+const LOWEST: u32 = 4_000_000;
+const HIGHEST: u32 = 50_000_000;
+/// PLL1's input, hertz: the range that also has HSI / 16, so that the PLL can go on from that without another
+/// setting (RM0468, `RCC_PLLCFGR`, PLL1RGE).
+const INPUT: core::ops::Range<u32> = 4_000_000..8_000_000;
+
+/// A crystal that differs by more, in thousandths, is another one. HSI, which measures it, is itself within 10
+/// (data sheet, 0 to 85 °C); crystals of 24 and 25 MHz are 40 apart.
+const APART: u32 = 25;
+
+impl Crystal {
+    /// A crystal of `hz` hertz, 4 ..= 50 MHz. Meant for constants: 8, 12, 16, 20, 24, 25 MHz and many others.
+    ///
+    /// # Panics
+    /// If the PLL cannot make exactly 480 MHz of it.
+    #[must_use]
+    pub const fn new(hz: u32) -> Self {
+        assert!(hz >= LOWEST && hz <= HIGHEST, "a crystal has 4 to 50 MHz");
+        let mut divider = 1;
+        while divider < 64 {
+            let input = hz / divider as u32;
+            let is_whole = hz.is_multiple_of(divider as u32) && CORE.is_multiple_of(input);
+            if is_whole && input >= INPUT.start && input < INPUT.end {
+                // At most 120.
+                return Self { hz, divider, multiplier: (CORE / input) as u16 };
+            }
+            divider += 1;
+        }
+        panic!("PLL1 cannot make 480 MHz of this crystal");
+    }
+
+    /// Its frequency in hertz.
+    #[must_use]
+    pub const fn hz(self) -> u32 {
+        self.hz
+    }
+
+    /// PLL1's settings: the divider before it, and its multiplier.
+    #[must_use]
+    pub const fn pll(self) -> (u8, u16) {
+        (self.divider, self.multiplier)
+    }
+
+    /// By which `RCC_CFGR.RTCPRE` divides it for the measurement: to 1 MHz at most, as the manual wants.
+    pub(super) const fn megahertz(self) -> u32 {
+        self.hz.div_ceil(1_000_000)
+    }
+
+    /// Whether a crystal of this frequency, as HSI measures it, is another one than this.
+    #[must_use]
+    pub const fn is_other(self, measured: u32) -> bool {
+        measured.abs_diff(self.hz) > self.hz / 1000 * APART
+    }
+
+    /// The bit rate of a bus whose bits are counted in this crystal's clock, where 1 Mbit/s was meant, and another
+    /// crystal is in its place: bits a second.
+    #[must_use]
+    pub const fn bit_rate_with(self, measured: u32) -> u32 {
+        let bits = measured as u64 * 1_000_000 / self.hz as u64;
+        // Both are below 64 MHz.
+        bits as u32
+    }
+}
+
+/// The frequency of which `periods` took this many ticks of HSI; `None` if no crystal has it: then the
+/// measurement failed.
+pub(super) const fn frequency(periods: u32, ticks: u32) -> Option<u32> {
+    if ticks == 0 {
+        return None;
+    }
+    let hz = HSI as u64 * periods as u64 / ticks as u64;
+    // HSI is within 1 %, so a real crystal of 50 MHz is seen at 50.5 at most.
+    if hz < LOWEST as u64 * 98 / 100 || hz > HIGHEST as u64 * 102 / 100 {
+        None
+    } else {
+        Some(hz as u32)
+    }
+}

@@ -1,0 +1,59 @@
+//! A PWM that is never high for longer than it may: for a heater, which would burn, and a buzzer, whose
+//! transistor would.
+
+use embassy_stm32::Peri;
+use embassy_stm32::gpio::{AfType, Flex, OutputType, Speed};
+use embassy_stm32::time::Hertz;
+use embassy_stm32::timer::low_level::{OutputCompareMode, RoundTo, Timer};
+use embassy_stm32::timer::{Channel, GeneralInstance4Channel, TimerChannel, TimerPin};
+
+/// Of [`PwmOutput::set`].
+pub const WHOLE: u16 = 1000;
+
+/// The output of one timer at one pin: low, until it is told another share. While the program hangs, or crashes,
+/// it goes on with the share that it has; a reset makes the pin an input.
+pub struct PwmOutput<T: GeneralInstance4Channel> {
+    timer: Timer<'static, T>,
+    channel: Channel,
+    /// Of the counter, in whole periods.
+    period: u32,
+    most: u16,
+}
+
+impl<T: GeneralInstance4Channel> PwmOutput<T> {
+    /// Starts the timer, with this many periods a second. `most` is the largest share of time, in thousandths, for
+    /// which the pin may be high.
+    pub fn start<C: TimerChannel>(
+        timer: Peri<'static, T>,
+        pin: Peri<'static, impl TimerPin<T, C>>,
+        frequency: Hertz,
+        most: u16,
+    ) -> Self {
+        let timer = Timer::new(timer);
+        timer.set_frequency(frequency, RoundTo::Slower);
+        timer.set_output_compare_mode(C::CHANNEL, OutputCompareMode::PwmMode1);
+        timer.set_output_compare_preload(C::CHANNEL, true);
+        timer.set_compare_value(C::CHANNEL, 0_u16.into());
+        timer.enable_channel(C::CHANNEL, true);
+        timer.enable_outputs();
+        timer.generate_update_event();
+        timer.start();
+        // The pin only now: the timer behind it says low.
+        let function = pin.af_num();
+        let mut pin = Flex::new(pin);
+        pin.set_as_af_unchecked(function, AfType::output(OutputType::PushPull, Speed::Low));
+        // Dropped, it would disconnect.
+        core::mem::forget(pin);
+        let period = timer.get_max_compare_value().into() + 1;
+        Self { timer, channel: C::CHANNEL, period, most }
+    }
+
+    /// The share of time for which the pin is high, in thousandths; the largest allowed one instead of a larger.
+    /// From the next period on.
+    pub fn set(&mut self, share: u16) {
+        let ticks = self.period * u32::from(share.min(self.most)) / u32::from(WHOLE);
+        // Less than the period, which the timer's word holds, unless all of it is allowed.
+        let ticks = u16::try_from(ticks).unwrap_or(u16::MAX);
+        self.timer.set_compare_value(self.channel, ticks.into());
+    }
+}

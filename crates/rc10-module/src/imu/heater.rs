@@ -1,0 +1,72 @@
+//! Heats an IMU's die to a steady temperature, so that its bias stays what it was when it was learned.
+//!
+//! The heater is resistors on the supply: its power goes with the square of the voltage, and at full duty it is
+//! more than they bear (DM-MC02: 47 ohms, 12 W at 24 V). So the loop asks for a power, and its share of time
+//! follows from the measured voltage. It is off whenever the temperature or the voltage is not known.
+
+use rc10_app::Seconds;
+
+/// A heater: what is soldered on, and how warm the die shall be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeaterConfig {
+    /// Resistance, ohms.
+    pub resistance: f32,
+    /// The largest share of time for which it may be on, thousandths.
+    pub most: u16,
+    /// The largest mean power, W.
+    pub most_power: f32,
+    /// Temperature of the die, °C: some degrees above what it reaches without.
+    pub target: f32,
+}
+
+/// W for each degree that is missing, and for each degree and second. A die that is warmed by 3 W to 20 degrees
+/// above the air within minutes follows without overshoot (`tests/heater.rs`).
+const PROPORTIONAL: f32 = 0.4;
+const INTEGRAL: f32 = 0.004;
+/// A die outside of these does not exist, °C: the sensor's operating range (BMI088 data sheet, 1).
+const PLAUSIBLE: core::ops::RangeInclusive<f32> = -40.0..=85.0;
+/// Supplies outside of these do not exist, V: below, a heater would not help; above, the board is broken.
+const SUPPLIES: core::ops::RangeInclusive<f32> = 9.0..=30.0;
+
+/// The loop that heats. Feed it with what is known now: a value that is too old is not known.
+#[derive(Clone, Copy, Debug)]
+pub struct Heater {
+    config: HeaterConfig,
+    /// W.
+    integral: f32,
+}
+
+impl Heater {
+    /// A cold one.
+    #[must_use]
+    pub const fn new(config: HeaterConfig) -> Self {
+        Self { config, integral: 0.0 }
+    }
+
+    /// The share of time for which to heat from now on, in thousandths. `temperature` is the die's in °C, `supply` the
+    /// voltage at the heater; `None`, or outside of what can be: not known.
+    pub fn update(&mut self, temperature: Option<f32>, supply: Option<f32>, step: Seconds) -> u16 {
+        let known = temperature
+            .filter(|now| PLAUSIBLE.contains(now))
+            .zip(supply.filter(|volts| SUPPLIES.contains(volts)));
+        let Some((temperature, volts)) = known else {
+            self.integral = 0.0;
+            return 0;
+        };
+        let HeaterConfig { resistance, most, most_power, target } = self.config;
+        let full = volts * volts / resistance;
+        let share = f32::from(most) / 1000.0;
+        let bound = most_power.min(full * share);
+        let missing = target - temperature;
+        let wanted = PROPORTIONAL * missing + self.integral;
+        // What the heater cannot do is not asked for more and more.
+        let is_bounded = (wanted > bound && missing > 0.0) || (wanted < 0.0 && missing < 0.0);
+        if !is_bounded {
+            self.integral = (self.integral + INTEGRAL * missing * step.get()).clamp(0.0, bound);
+        }
+        let power = wanted.clamp(0.0, bound);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 ..= 1000")]
+        let share = (power / full * 1000.0) as u16;
+        share.min(most)
+    }
+}

@@ -1,0 +1,198 @@
+//! The Damiao DM-MC02: its pins, and what is soldered on.
+//!
+//! Source: the maker's schematic of 2024-01-24, pin map of 2024-01-27 and manual 1.1, which agree with the projects of
+//! a dozen teams (`docs/boards.md` has the table). It has an STM32H723VGT6, three CAN transceivers without a standby
+//! pin and with 120 ohms each, and an inverter before the remote's UART. Nothing here was tried on the board.
+
+mod soldered;
+
+use embassy_stm32::peripherals::{
+    ADC1, DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, DMA1_CH7, DMA2_CH0,
+    DMA2_CH1, DMA2_CH2, DMA2_CH3, DMA2_CH4, DMA2_CH5, EXTI15, FDCAN1, FDCAN2, FDCAN3, IWDG1, PA0,
+    PA2, PA7, PA11, PA12, PA15, PB1, PB13, PB15, PC0, PC1, PC2, PC3, PC4, PC13, PC14, PC15, PE9,
+    PE13, SPI2, TIM1, TIM3, TIM5, TIM7, TIM8, TIM12, UART5, UART7, USART1, USART2, USART3, USART10,
+    USB_OTG_HS,
+};
+use embassy_stm32::{Peri, Peripherals, pac};
+use rc10_bsp::Crystal;
+use rc10_bsp::can::BusParts;
+use rc10_bsp::serial::{ReceiverParts, SerialParts};
+
+pub use soldered::{SETTLING, serve};
+
+/// Its name, as the tools know it.
+pub const NAME: &str = "dm-mc02";
+
+/// Its chip.
+pub const CHIP: &str = "STM32H723VG";
+
+/// Its crystal.
+pub const CRYSTAL: Crystal = Crystal::new(24_000_000);
+
+/// The remote's socket is for DBUS and SBUS, with an NPN inverter before the pin.
+pub const REMOTE_HAS_INVERTER: bool = true;
+
+/// The board's parts, by what they are for.
+pub struct Board {
+    /// FDCAN1: receive PD0, transmit PD1.
+    pub bus_1: BusParts<FDCAN1>,
+    /// FDCAN2: receive PB5, transmit PB6.
+    pub bus_2: BusParts<FDCAN2>,
+    /// FDCAN3: receive PD12, transmit PD13.
+    pub bus_3: BusParts<FDCAN3>,
+    /// A line of text for people, or a link to another computer.
+    pub text: SerialParts<USART1, DMA1_CH0, DMA1_CH1>,
+    /// The receiver of a remote control that speaks serially. It only talks.
+    pub remote: ReceiverParts<UART5, DMA1_CH2>,
+    /// RS-485 with driver enable: Unitree motors. The maker's "485-2".
+    pub rs485: SerialParts<USART2, DMA2_CH2, DMA2_CH3>,
+    /// The other one, "485-1".
+    pub rs485_2: SerialParts<USART3, DMA1_CH3, DMA1_CH4>,
+    /// UART7, with the switched 5 V.
+    pub uart_7: SerialParts<UART7, DMA1_CH5, DMA1_CH6>,
+    /// USART10, with the switched 5 V.
+    pub uart_10: SerialParts<USART10, DMA2_CH0, DMA2_CH1>,
+    /// Servos, with the switched 5 V.
+    pub servos: ServoParts,
+    /// USB, as a device of full speed.
+    pub usb: UsbParts,
+    /// What is soldered on, for [`serve`].
+    pub soldered: Soldered,
+    /// A timer that drives no pin.
+    pub supervisor: Peri<'static, TIM7>,
+    /// The independent watchdog.
+    pub watchdog: Peri<'static, IWDG1>,
+}
+
+/// TIM1, channels 1 and 3, and TIM5, channels 1 and 3. (TIM2, which the maker's examples use on PA0 and PA2, keeps the
+/// time.)
+pub struct ServoParts {
+    /// It makes the pulses of the first two.
+    pub timer: Peri<'static, TIM1>,
+    /// Channel 1.
+    pub first: Peri<'static, PE9>,
+    /// Channel 3.
+    pub second: Peri<'static, PE13>,
+    /// It makes those of the other two.
+    pub other: Peri<'static, TIM5>,
+    /// Channel 1.
+    pub third: Peri<'static, PA0>,
+    /// Channel 3.
+    pub fourth: Peri<'static, PA2>,
+}
+
+/// USB OTG HS with its own full-speed transceiver.
+pub struct UsbParts {
+    /// The controller.
+    pub peripheral: Peri<'static, USB_OTG_HS>,
+    /// D+.
+    pub plus: Peri<'static, PA12>,
+    /// D-.
+    pub minus: Peri<'static, PA11>,
+}
+
+/// What is soldered on and needs a program.
+pub struct Soldered {
+    imu: ImuParts,
+    heater: (Peri<'static, TIM3>, Peri<'static, PB1>),
+    lamp: (Peri<'static, TIM8>, Peri<'static, PA7>, Peri<'static, DMA1_CH7>),
+    buzzer: (Peri<'static, TIM12>, Peri<'static, PB15>),
+    supply: (Peri<'static, ADC1>, Peri<'static, PC4>),
+    key: (Peri<'static, PA15>, Peri<'static, EXTI15>),
+    outputs: OutputPins,
+}
+
+/// Those of [`Output::ALL`].
+type OutputPins = (Peri<'static, PC14>, Peri<'static, PC13>, Peri<'static, PC15>);
+
+/// A BMI088 on SPI2, and its chip selects.
+struct ImuParts {
+    peripheral: Peri<'static, SPI2>,
+    clock: Peri<'static, PB13>,
+    receive: Peri<'static, PC2>,
+    transmit: Peri<'static, PC1>,
+    receive_stream: Peri<'static, DMA2_CH4>,
+    transmit_stream: Peri<'static, DMA2_CH5>,
+    accelerometer: Peri<'static, PC0>,
+    gyroscope: Peri<'static, PC3>,
+}
+
+/// An output of supply that the program switches. All are off until it does so, and while the chip restarts: 1 kOhm pulls
+/// each switch down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// The supply, 12 to 24 V, at the XT30 with CAN1: 5 A.
+    First,
+    /// The same at the XT30 with CAN2: 5 A.
+    Second,
+    /// 5 V for servos, UART7, USART10 and the socket of CAN3: 2 A, of the supply only.
+    FiveVolts,
+}
+
+impl Output {
+    /// All of them.
+    pub const ALL: &'static [Self] = &[Self::First, Self::Second, Self::FiveVolts];
+}
+
+impl Board {
+    /// Hands out the pins. Nothing is switched on; RS-485's driver enable is pulled to receive.
+    #[must_use]
+    pub fn new(p: Peripherals) -> Self {
+        close_analogue_switches();
+        Self {
+            bus_1: BusParts::new(p.FDCAN1, p.PD0, p.PD1),
+            bus_2: BusParts::new(p.FDCAN2, p.PB5, p.PB6),
+            bus_3: BusParts::new(p.FDCAN3, p.PD12, p.PD13),
+            // UART, receive pin, transmit pin, stream that receives, stream that sends.
+            text: SerialParts::new(p.USART1, p.PA10, p.PA9, p.DMA1_CH0, p.DMA1_CH1),
+            remote: ReceiverParts::new(p.UART5, p.PD2, p.DMA1_CH2),
+            rs485: SerialParts::new(p.USART2, p.PD6, p.PD5, p.DMA2_CH2, p.DMA2_CH3)
+                .with_driver_enable(p.PD4),
+            rs485_2: SerialParts::new(p.USART3, p.PD9, p.PD8, p.DMA1_CH3, p.DMA1_CH4)
+                .with_driver_enable(p.PB14),
+            uart_7: SerialParts::new(p.UART7, p.PE7, p.PE8, p.DMA1_CH5, p.DMA1_CH6),
+            uart_10: SerialParts::new(p.USART10, p.PE2, p.PE3, p.DMA2_CH0, p.DMA2_CH1),
+            servos: ServoParts {
+                timer: p.TIM1,
+                first: p.PE9,
+                second: p.PE13,
+                other: p.TIM5,
+                third: p.PA0,
+                fourth: p.PA2,
+            },
+            usb: UsbParts { peripheral: p.USB_OTG_HS, plus: p.PA12, minus: p.PA11 },
+            soldered: Soldered {
+                imu: ImuParts {
+                    peripheral: p.SPI2,
+                    clock: p.PB13,
+                    receive: p.PC2,
+                    transmit: p.PC1,
+                    receive_stream: p.DMA2_CH4,
+                    transmit_stream: p.DMA2_CH5,
+                    accelerometer: p.PC0,
+                    gyroscope: p.PC3,
+                },
+                heater: (p.TIM3, p.PB1),
+                lamp: (p.TIM8, p.PA7, p.DMA1_CH7),
+                buzzer: (p.TIM12, p.PB15),
+                supply: (p.ADC1, p.PC4),
+                key: (p.PA15, p.EXTI15),
+                outputs: (p.PC14, p.PC13, p.PC15),
+            },
+            supervisor: p.TIM7,
+            watchdog: p.IWDG1,
+        }
+    }
+}
+
+/// The package has `PC2_C` and `PC3_C` only: pads of the ADC, which a switch in the chip connects to PC2 and PC3. It must be
+/// closed, which is zero (RM0468, `SYSCFG_PMCR`), for MISO and the gyroscope's chip select. It is so after a reset; who
+/// started this program may have opened it.
+fn close_analogue_switches() {
+    pac::RCC.apb4enr().modify(|w| w.set_syscfgen(true));
+    let _ = pac::RCC.apb4enr().read();
+    pac::SYSCFG.pmcr().modify(|w| {
+        w.set_pc2so(false);
+        w.set_pc3so(false);
+    });
+}

@@ -1,0 +1,215 @@
+//! What is soldered on a DM-MC02 and needs a program: power outputs, IMU with heater, status lamp, buzzer, key, supply.
+
+use core::cell::Cell;
+
+use embassy_embedded_hal::shared_bus::asynch::spi::SpiDevice;
+use embassy_futures::join::{join, join5};
+use embassy_stm32::adc::{Adc, SampleTime};
+use embassy_stm32::exti::{self, ExtiInput};
+use embassy_stm32::gpio::{self, Level, Pull, Speed};
+use embassy_stm32::interrupt::typelevel;
+use embassy_stm32::interrupt::{self, InterruptExt, Priority};
+use embassy_stm32::peripherals::{DMA1_CH7, DMA2_CH4, DMA2_CH5};
+use embassy_stm32::spi::{self, Spi};
+use embassy_stm32::time::Hertz;
+use embassy_stm32::{bind_interrupts, dma};
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::mutex::Mutex;
+use embassy_time::{Delay, Duration, Ticker, Timer};
+use rc10_bsp::pulse_output::{self, PulseOutput};
+use rc10_bsp::pwm::PwmOutput;
+use rc10_bsp::spi::DmaSpi;
+use rc10_bsp::{TIMER_CLOCK, dma_buffer};
+use rc10_can::Micros;
+use rc10_module::imu::bmi088::{Bmi088, Config};
+use rc10_module::imu::heater::{Heater, HeaterConfig};
+use rc10_module::led::ws2812::{BITS, PulseTiming, Pulses, Strip};
+use rc10_motor::Names;
+use rc10_motor::rc10_app::Seconds;
+use rc10_tasks::{Common, Supply, heading, status_led};
+
+use super::{ImuParts, Output, OutputPins, Soldered};
+use crate::robot::has_crashed;
+
+bind_interrupts!(struct Irqs {
+    DMA1_STREAM7 => pulse_output::Interrupt<DMA1_CH7>;
+    DMA2_STREAM4 => dma::InterruptHandler<DMA2_CH4>;
+    DMA2_STREAM5 => dma::InterruptHandler<DMA2_CH5>;
+    EXTI15_10 => exti::InterruptHandler<typelevel::EXTI15_10>;
+});
+
+/// Of all that is no motor.
+const PRIORITY: Priority = Priority::P7;
+
+/// For this time after the outputs are switched on a motor that has not been heard is not missing: its ESC starts.
+/// Nothing tells how long one takes; the slowest that we know of play a tune of some 2 s first.
+pub const SETTLING: Duration = Duration::from_secs(3);
+
+/// The IMU's clock: half of what it takes. 80 MHz / 16.
+const IMU_CLOCK: Hertz = Hertz(5_000_000);
+
+/// The heater: ten resistors of 470 ohms in parallel on the supply, 12 W at 24 V. A quarter of the time is what
+/// teams found enough for 40 °C, and what the resistors have borne.
+const HEATER: HeaterConfig =
+    HeaterConfig { resistance: 47.0, most: 250, most_power: 3.4, target: 45.0 };
+/// Far above what the transistor and the die notice, far below what the gate's resistor follows.
+const HEATER_RATE: Hertz = Hertz(1_000);
+/// Period of its loop, and of measuring the supply.
+const TENTH: Duration = Duration::from_millis(100);
+/// Up to which a temperature and a supply are known.
+const OLDEST: Micros = Micros::from_millis(500);
+
+/// 3.3 V and the divider of 100 and 10 kOhm before the pin: the full scale of 16 bits, mV.
+const SUPPLY_SCALE: u32 = 3_300 * 11;
+
+/// What the buzzer is tuned to. Its transistor has 22 ohms before the base: half of the time is the most that it
+/// is ever high.
+const TONE: Hertz = Hertz(4_000);
+const HALF: u16 = 500;
+const BEEP: Duration = Duration::from_millis(60);
+
+/// The lamp's pulses, and two without.
+const LAMP: PulseTiming = match PulseTiming::new(TIMER_CLOCK.0) {
+    Ok(timing) => timing,
+    Err(_) => panic!("the timer's clock hits no pulse width of a WS2812"),
+};
+/// It is on a table before eyes.
+const BRIGHTNESS: u8 = 24;
+
+/// Serves what is soldered on, for ever: switches the outputs on; tells the heading by the IMU, and keeps that warm;
+/// shows the state on the lamp; measures the supply; beeps once at a start, three times after a crash; stops the
+/// robot when the key is pressed.
+pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
+    shared: &Common<'_, N, BUSES, LINES>,
+    soldered: Soldered,
+    outputs: &[Output],
+) {
+    let Soldered { imu, heater, lamp, buzzer, supply, key, outputs: pins } = soldered;
+    switch_on(pins, outputs);
+    shared
+        .settled
+        .set(rc10_message::now() + Micros::new(SETTLING.as_micros()), rc10_message::now());
+
+    let temperature = Cell::new(None);
+    let heat = async {
+        let mut output = PwmOutput::start(heater.0, heater.1, HEATER_RATE, HEATER.most);
+        let (mut heater, mut ticker) = (Heater::new(HEATER), Ticker::every(TENTH));
+        loop {
+            ticker.next().await;
+            let now = rc10_message::now();
+            let temperature = temperature
+                .get()
+                .and_then(|(degrees, at)| (now.since(at) <= OLDEST).then_some(degrees));
+            let supply = shared.supply.newer_than(OLDEST, now);
+            let volts = supply.map(|supply| f32::from(supply.millivolts) / 1000.0);
+            output.set(heater.update(temperature, volts, Seconds::from_micros(TENTH.as_micros())));
+        }
+    };
+    let lamp = async {
+        let buffer = dma_buffer!(u32; BITS + 2);
+        let (timer, pin, stream) = lamp;
+        let mut output =
+            PulseOutput::start(timer, pin, stream, Irqs, LAMP.period, buffer, PRIORITY);
+        let pulses = Pulses::new(LAMP, async |widths: &[u16]| output.send(widths).await);
+        status_led::run(shared, Strip::<_, 1>::new(pulses).with_brightness(BRIGHTNESS), 1).await;
+    };
+    let measure = async {
+        let (mut adc, mut pin) = (Adc::new(supply.0), supply.1);
+        let mut ticker = Ticker::every(TENTH);
+        loop {
+            let raw = adc.blocking_read(&mut pin, SampleTime::CYCLES810_5);
+            let millivolts = u32::from(raw) * SUPPLY_SCALE / u32::from(u16::MAX);
+            let before = shared.supply.read().map(|supply| supply.value);
+            let millivolts = u16::try_from(millivolts).unwrap_or(u16::MAX);
+            shared.supply.set(Supply::now(millivolts, before), rc10_message::now());
+            ticker.next().await;
+        }
+    };
+    let beep = async {
+        let mut output = PwmOutput::start(buzzer.0, buzzer.1, TONE, HALF);
+        for _ in 0..if has_crashed() { 3 } else { 1 } {
+            output.set(HALF);
+            Timer::after(BEEP).await;
+            output.set(0);
+            Timer::after(BEEP).await;
+        }
+    };
+    let stop = async {
+        interrupt::EXTI15_10.set_priority(PRIORITY);
+        // The board has a pull-up of its own.
+        let mut key = ExtiInput::new(key.0, key.1, Pull::None, Irqs);
+        loop {
+            key.wait_for_low().await;
+            shared.switch.emergency_stop();
+            key.wait_for_high().await;
+        }
+    };
+    join(join5(tell_heading(shared, imu, &temperature), heat, lamp, measure, beep), stop).await;
+}
+
+/// Switches these outputs on, for good.
+fn switch_on((first, second, five_volts): OutputPins, outputs: &[Output]) {
+    let level = |output| Level::from(outputs.contains(&output));
+    // PC13 to PC15 drive little, and slowly (data sheet: 3 mA, 2 MHz).
+    let pins = [
+        gpio::Output::new(first, level(Output::First), Speed::Low),
+        gpio::Output::new(second, level(Output::Second), Speed::Low),
+        gpio::Output::new(five_volts, level(Output::FiveVolts), Speed::Low),
+    ];
+    // Dropped, they would be inputs again.
+    core::mem::forget(pins);
+}
+
+/// Reads the IMU, and tells the heading; keeps the temperature of its die and when that was read.
+async fn tell_heading<N: Names, const BUSES: usize, const LINES: usize>(
+    shared: &Common<'_, N, BUSES, LINES>,
+    parts: ImuParts,
+    temperature: &Cell<Option<(f32, Micros)>>,
+) {
+    interrupt::DMA2_STREAM4.set_priority(PRIORITY);
+    interrupt::DMA2_STREAM5.set_priority(PRIORITY);
+    let mut config = spi::Config::default();
+    config.frequency = IMU_CLOCK;
+    config.mode = spi::MODE_3;
+    let ImuParts { peripheral, clock, receive, transmit, .. } = parts;
+    let (receive_stream, transmit_stream) = (parts.receive_stream, parts.transmit_stream);
+    let bus = Spi::new(
+        peripheral,
+        clock,
+        transmit,
+        receive,
+        transmit_stream,
+        receive_stream,
+        Irqs,
+        config,
+    );
+    let bus = Mutex::<NoopRawMutex, _>::new(DmaSpi::new(bus, dma_buffer!(u8; 64)));
+    let accelerometer =
+        SpiDevice::new(&bus, gpio::Output::new(parts.accelerometer, Level::High, Speed::Medium));
+    let gyroscope =
+        SpiDevice::new(&bus, gpio::Output::new(parts.gyroscope, Level::High, Speed::Medium));
+    let imu = Bmi088::new(accelerometer, gyroscope, Delay, Config::default());
+    let mut is_well = true;
+    heading::measure(
+        imu,
+        &shared.switch,
+        &shared.imu_reception,
+        |heading, at| shared.heading.set(heading, at),
+        |sample, at| match sample {
+            Ok(sample) => {
+                temperature.set(sample.temperature.map(|degrees| (degrees, at)));
+                if !is_well {
+                    defmt::info!("the IMU is back");
+                }
+                is_well = true;
+            }
+            Err(error) => {
+                if is_well {
+                    defmt::warn!("no IMU: {}", defmt::Display2Format(error));
+                }
+                is_well = false;
+            }
+        },
+    )
+    .await;
+}

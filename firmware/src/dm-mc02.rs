@@ -1,0 +1,15 @@
+//! The robot of `rc10-robot` on a DM-MC02, which has its IMU and its status lamp on board.
+#![no_std]
+#![no_main]
+
+use defmt_rtt as _;
+use embassy_futures::join::join3;
+use rc10_robot::{chassis, driver, mechanisms, table};
+
+rc10_board::robot! {
+    robot: rc10_robot;
+    buses: three_buses(bus_1, bus_2, bus_3);
+    console: table::CONSOLE;
+    live: |shared| &shared.live;
+    tasks: |shared| join3(chassis::run(shared), mechanisms::run(shared), driver::run(shared));
+}
