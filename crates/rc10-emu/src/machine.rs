@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use anyhow::{Context, Result, ensure};
 use rc10_sim::{Line, Nanos, Pulses, Serial, World};
 
+use crate::board::Board;
 use crate::core::{Core, Interpreter, Step, Wiring};
 use crate::fdcan::{Fdcans, Node};
 use crate::image::Image;
@@ -106,6 +107,12 @@ pub struct Options {
     /// Whether RAM written before the supply is configured is reported: forbidden (RM0468, power
     /// control), and done by every start-up code, ST's own too. `false` if not said.
     pub reports_early_ram: bool,
+    /// The board that the chip is on: its crystal, and the pins that lead outside. The team's own if not
+    /// said.
+    pub board: Board,
+    /// How much too fast the chip's own oscillator (HSI) is, in millionths: a real one is up to 1 % off
+    /// (data sheet, HSI characteristics). 0 if not said.
+    pub hsi_deviation_ppm: i32,
     /// Seed of the noise that is in all RAM when power comes, the FDCANs' too. 1 if not said.
     pub seed: u64,
 }
@@ -113,7 +120,14 @@ pub struct Options {
 impl Default for Options {
     /// The stricter reading of what can be read in two ways.
     fn default() -> Self {
-        Self { calibration_needed: true, removal_stays: true, reports_early_ram: false, seed: 1 }
+        Self {
+            calibration_needed: true,
+            removal_stays: true,
+            reports_early_ram: false,
+            board: Board::H723ZG,
+            hsi_deviation_ppm: 0,
+            seed: 1,
+        }
     }
 }
 
@@ -181,7 +195,8 @@ impl Machine {
         let mut fdcan = Fdcans::new(options.seed);
         fdcan.set_calibration_needed(options.calibration_needed);
         let fdcan = Arc::new(Mutex::new(fdcan));
-        let mut soc = Soc::new(Arc::clone(&fdcan), memory.clone());
+        let mut soc =
+            Soc::on(options.board, options.hsi_deviation_ppm, Arc::clone(&fdcan), memory.clone());
         soc.set_removal_stays(options.removal_stays);
         soc.set_guards_ram(options.reports_early_ram);
         let wiring = Wiring {

@@ -15,7 +15,9 @@
 use rc10_sim::Nanos;
 
 use super::access::{Refusal, Write};
-use super::clocks::{self, CSI_HZ, Clocks, HSE_HZ, HSI_HZ, LSE_HZ, Pll, Settings, Sources, field};
+use super::clocks::{
+    self, CSI_HZ, Clocks, HSI_HZ, LSE_HZ, Pll, PllInput, Settings, Sources, field,
+};
 use super::registers::{Register, Registers, masked, plain};
 
 /// Cause of a reset.
@@ -140,6 +142,9 @@ pub(super) struct Rcc {
     registers: Registers,
     /// Time at which each source becomes ready, by its bit in CR.
     ready: [Option<Nanos>; 34],
+    /// Frequency of the board's crystal, and HSI's, hertz.
+    crystal_hz: u64,
+    hsi_hz: u64,
     /// Whether the crystal swings when it is asked to.
     crystal: bool,
     /// Whether RMVF stays set until the program clears it, and holds the reset flags at zero.
@@ -152,7 +157,13 @@ pub(super) struct Rcc {
 }
 
 impl Rcc {
-    pub(super) fn new() -> Self {
+    /// `hsi_ppm`: how much too fast HSI is, in millionths.
+    pub(super) fn new(crystal_hz: u64, hsi_ppm: i32) -> Self {
+        let off = i64::try_from(HSI_HZ).unwrap_or(0) / 1_000_000 * i64::from(hsi_ppm);
+        Self::of(crystal_hz, HSI_HZ.saturating_add_signed(off))
+    }
+
+    fn of(crystal_hz: u64, hsi_hz: u64) -> Self {
         let mut ready = [None; 34];
         ready[HSI as usize] = Some(Nanos::ZERO);
         let mut registers = Registers::new(TABLE);
@@ -160,6 +171,8 @@ impl Rcc {
         Self {
             registers,
             ready,
+            crystal_hz,
+            hsi_hz,
             crystal: true,
             removal_stays: true,
             source: 0,
@@ -173,7 +186,8 @@ impl Rcc {
         let (flags, backup) = (self.registers.value(RSR), self.registers.value(BDCR));
         let lse = self.ready[LSE];
         let (crystal, removal_stays) = (self.crystal, self.removal_stays);
-        *self = Self { crystal, removal_stays, settled: now, ..Self::new() };
+        *self =
+            Self { crystal, removal_stays, settled: now, ..Self::of(self.crystal_hz, self.hsi_hz) };
         if cause != ResetCause::PowerOn {
             let held = flags & REMOVE != 0;
             self.registers.set(RSR, if held { REMOVE } else { flags | cause.flags() });
@@ -393,17 +407,22 @@ impl Rcc {
     }
 
     /// Frequency at the PLLs' input, running or not.
-    fn pll_input(&self) -> u64 {
+    fn pll_input(&self) -> PllInput {
         match field(self.registers.value(PLLCKSELR), 0, 2) {
-            0 => self.hsi(),
-            1 => CSI_HZ,
-            2 => HSE_HZ,
-            _ => 0,
+            0 => PllInput { nominal: HSI_HZ >> self.hsi_shift(), actual: self.hsi() },
+            1 => PllInput::exact(CSI_HZ),
+            2 => PllInput::exact(self.crystal_hz),
+            _ => PllInput::default(),
         }
     }
 
     fn hsi(&self) -> u64 {
-        HSI_HZ >> field(self.registers.value(CR), 3, 2)
+        self.hsi_hz >> self.hsi_shift()
+    }
+
+    /// HSIDIV.
+    fn hsi_shift(&self) -> u32 {
+        field(self.registers.value(CR), 3, 2)
     }
 
     fn pll(&self, pll: u32) -> Pll {
@@ -460,7 +479,7 @@ impl Rcc {
         let sources = Sources {
             hsi: if_ready(HSI as usize, self.hsi()),
             csi: if_ready(CSI as usize, CSI_HZ),
-            hse: if_ready(HSE as usize, HSE_HZ),
+            hse: if_ready(HSE as usize, self.crystal_hz),
             lse: if_ready(LSE, LSE_HZ),
             plls: [0, 1, 2].map(output),
         };
