@@ -65,7 +65,8 @@ pub enum Injection {
     MaskInterrupts(bool),
 }
 
-/// An access to something that does not exist, or has no clock; or a core that locked up.
+/// An access to something that does not exist, or has no clock; a pin that leads nowhere; a bit rate
+/// that is not the bus's; or a core that locked up.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Report {
     /// Time since power-on.
@@ -139,6 +140,8 @@ pub struct Machine {
     core: Interpreter,
     wiring: Wiring,
     fdcan: Arc<Mutex<Fdcans>>,
+    /// Buses with the index of their FDCAN, until a wrong bit rate is told.
+    buses: RefCell<Vec<(usize, rc10_sim::Bus)>>,
     links: Links,
     memory: Memory,
     image: Image,
@@ -210,6 +213,7 @@ impl Machine {
             core,
             wiring,
             fdcan,
+            buses: RefCell::default(),
             links: Links::default(),
             memory,
             image,
@@ -236,6 +240,7 @@ impl Machine {
     /// Puts FDCAN `index` (0 is FDCAN1) on a bus.
     pub fn connect(&self, index: usize, bus: &rc10_sim::Bus) {
         bus.attach(Rc::new(RefCell::new(Node::new(Arc::clone(&self.fdcan), index))));
+        self.buses.borrow_mut().push((index, bus.clone()));
     }
 
     /// Puts a UART (1 for USART1 ..= 10 for USART10) on a serial link: bytes at the exact nanosecond,
@@ -570,6 +575,7 @@ impl Machine {
             self.next_log = now + LOG_PERIOD;
             let messages = self.log.messages(&self.memory)?;
             self.lines.extend(messages.into_iter().map(|text| LogLine { at: now, text }));
+            self.compare_bit_rates();
         }
         if let Some(cause) = cause {
             self.restarts.push(Restart { at: now, cause });
@@ -581,6 +587,22 @@ impl Machine {
             (self.is_mask_due, self.is_locked_up) = (false, false);
         }
         Ok(())
+    }
+
+    /// Tells, once for each bus, that a controller's bits have another length than its bus's.
+    fn compare_bit_rates(&mut self) {
+        let mut texts = Vec::new();
+        let rates = [0, 1, 2].map(|index| self.fdcan().bit_rate(index));
+        self.buses.get_mut().retain(|(index, bus)| {
+            let Some(&Some((own, bit))) = rates.get(*index) else { return true };
+            if !bus.follows(bit) {
+                let of_bus = 1_000_000_000 / bus.bit_time_ns().max(1);
+                let (number, own, of_bus) = (index + 1, kilobits(own), kilobits(of_bus));
+                texts.push(format!("FDCAN{number} runs at {own}, its bus at {of_bus}"));
+            }
+            bus.follows(bit)
+        });
+        texts.into_iter().for_each(|text| self.report(text));
     }
 
     fn report(&mut self, text: String) {
@@ -598,6 +620,15 @@ impl Machine {
             self.report(format!("{access} by {function}, before {address:#010x}"));
         }
         !accesses.is_empty()
+    }
+}
+
+/// Bits a second in kbit/s, with one decimal where there is one.
+fn kilobits(bits_per_second: u64) -> String {
+    let tenths = (bits_per_second + 50) / 100;
+    match tenths % 10 {
+        0 => format!("{} kbit/s", tenths / 10),
+        tenth => format!("{}.{tenth} kbit/s", tenths / 10),
     }
 }
 

@@ -1,6 +1,7 @@
 //! The whole chip with programs of a few instructions: what it refuses, and what becomes of it.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+mod bit_rates;
 mod links;
 
 use rc10_emu::peripherals::{ResetCause, Width};
