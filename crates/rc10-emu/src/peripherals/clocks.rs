@@ -29,6 +29,33 @@ pub struct Clocks {
     pub i2cs: u64,
 }
 
+/// A clock that goes somewhere as a signal: a frequency and what divides it, so that nothing is rounded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Tone {
+    /// Not zero.
+    pub hz: u64,
+    /// Not zero.
+    pub divider: u64,
+}
+
+impl Tone {
+    /// `None`: it stands.
+    pub(super) fn new(hz: u64, divider: u32) -> Option<Self> {
+        (hz > 0 && divider > 0).then_some(Self { hz, divider: divider.into() })
+    }
+}
+
+/// Clocks that timers' inputs can be connected to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Tones {
+    pub lsi: Option<Tone>,
+    pub lse: Option<Tone>,
+    /// HSE behind `RCC_CFGR.RTCPRE`.
+    pub hse: Option<Tone>,
+    /// MCO1.
+    pub output: Option<Tone>,
+}
+
 /// Frequencies of what the tree starts from: 0 if not running.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Sources {

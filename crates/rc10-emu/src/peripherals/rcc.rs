@@ -9,14 +9,15 @@
 //! again: what a PLL without its reference does the manual leaves open. Whether its ready flags fall,
 //! too: here they do. A failure is detected at once.
 //!
-//! Only stored: MCO outputs, ready interrupts, clock security of LSE, calibration, low-power gates.
+//! Of the MCO outputs only MCO1 goes anywhere: to TIM17. Only stored: ready interrupts, clock security of LSE, calibration, low-power gates.
 //! A `CPURST` does nothing.
 
 use rc10_sim::Nanos;
 
 use super::access::{Refusal, Write};
 use super::clocks::{
-    self, CSI_HZ, Clocks, HSI_HZ, LSE_HZ, Pll, PllInput, Settings, Sources, field,
+    self, CSI_HZ, Clocks, HSI_HZ, LSE_HZ, LSI_HZ, Pll, PllInput, Settings, Sources, Tone, Tones,
+    field,
 };
 use super::registers::{Register, Registers, masked, plain};
 
@@ -113,11 +114,13 @@ const TABLE: &[Register] = &[
 const STARTERS: [(u32, u32, Nanos); 4] = [
     (HSI, 2, Nanos::new(2_000)),
     (CSI, 8, Nanos::new(2_000)),
-    (12, 13, Nanos::new(3_500)), // HSI48
+    (HSI48, 13, Nanos::new(3_500)),
     (HSE, 17, Nanos::new(2_000_000)),
 ];
 const HSI: u32 = 0;
 const CSI: u32 = 7;
+const HSI48: u32 = 12;
+const HSI48_HZ: u64 = 48_000_000;
 const HSE: u32 = 16;
 /// HSECSSON in CR; HSECSSF in CIFR, HSECSSC in CICR.
 const SECURITY: u32 = 1 << 19;
@@ -470,18 +473,46 @@ impl Rcc {
         }
     }
 
+    /// Clocks that go to timers' inputs.
+    pub(super) fn tones(&self) -> Tones {
+        let if_ready = |index: usize, hz| if self.is_ready(index) { hz } else { 0 };
+        let config = self.registers.value(CFGR);
+        let hse = if_ready(HSE as usize, self.crystal_hz);
+        // RM0468, RCC_CFGR.RTCPRE: 0 and 1 are no clock.
+        let for_rtc = field(config, 8, 6);
+        let lse = if_ready(LSE, LSE_HZ);
+        // MCO1, MCO1PRE: 0 is no clock.
+        let output = match field(config, 22, 3) {
+            0 => if_ready(HSI as usize, self.hsi()),
+            1 => lse,
+            2 => hse,
+            3 => self.pll_outputs(0)[1],
+            4 => if_ready(HSI48 as usize, HSI48_HZ),
+            _ => 0,
+        };
+        Tones {
+            lsi: Tone::new(if_ready(LSI, LSI_HZ), 1),
+            lse: Tone::new(lse, 1),
+            hse: Tone::new(hse, for_rtc).filter(|_| for_rtc > 1),
+            output: Tone::new(output, field(config, 18, 4)),
+        }
+    }
+
+    /// P, Q and R of a PLL, as far as it runs.
+    fn pll_outputs(&self, pll: u32) -> [u64; 3] {
+        let outputs = clocks::pll(self.pll_input(), &self.pll(pll)).unwrap_or_default();
+        let runs = self.is_ready((PLL + 2 * pll) as usize);
+        outputs.map(|hz| if runs { hz } else { 0 })
+    }
+
     pub(super) fn clocks(&self) -> Clocks {
         let if_ready = |index: usize, hz| if self.is_ready(index) { hz } else { 0 };
-        let output = |pll: u32| {
-            let outputs = clocks::pll(self.pll_input(), &self.pll(pll)).unwrap_or_default();
-            outputs.map(|hz| if_ready((PLL + 2 * pll) as usize, hz))
-        };
         let sources = Sources {
             hsi: if_ready(HSI as usize, self.hsi()),
             csi: if_ready(CSI as usize, CSI_HZ),
             hse: if_ready(HSE as usize, self.crystal_hz),
             lse: if_ready(LSE, LSE_HZ),
-            plls: [0, 1, 2].map(output),
+            plls: [0, 1, 2].map(|pll| self.pll_outputs(pll)),
         };
         let settings = Settings {
             source: self.source,

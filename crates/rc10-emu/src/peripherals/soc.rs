@@ -611,10 +611,15 @@ impl Soc {
             self.fdcans().set_kernel_clock(clocks.fdcan);
         }
         self.clocks = clocks;
+        let tones = self.rcc.tones();
         for (row, &running) in MAP.iter().zip(&self.running) {
             let gated = |hz| if running { hz } else { 0 };
             match row.block {
-                Block::Timer(timer) => self.timers[timer].set_clock(gated(clocks.timers[0]), now),
+                Block::Timer(timer) => {
+                    let hz = clocks.timers[TIMERS[timer].bus];
+                    self.timers[timer].set_clock(gated(hz), now);
+                    self.timers[timer].set_tones(tones, now);
+                }
                 Block::Usart(usart) => {
                     let hz = clocks.usarts[USARTS[usart].bus];
                     self.usarts[usart].set_clock(gated(hz), now);
@@ -740,7 +745,7 @@ impl Soc {
         self.record(now);
         self.wants_reset |= self.watchdog.take_bite();
         let mut levels = [0; INTERRUPT_WORDS];
-        let timers = self.timers.iter().filter_map(Timer::interrupt);
+        let timers = self.timers.iter().flat_map(Timer::interrupts);
         let usarts = self.usarts.iter().filter_map(Usart::interrupt);
         let spis = self.spis.iter().filter_map(Spi::interrupt);
         let i2cs = self.i2cs.iter().flat_map(I2c::interrupts);

@@ -68,7 +68,7 @@ impl Chip {
         let range = if first < 4 { 3 } else { 2 };
         self.set(RCC + 0x28, 0x3F << 4 | 3, first << 4 | 2);
         self.set(RCC + 0x2C, 0b1111 | 7 << 16, range << 2 | 0b011 << 16);
-        self.write(RCC + 0x30, multiplier - 1 | (divider - 1) << 16 | 1 << 24);
+        self.write(RCC + 0x30, (multiplier - 1) | (divider - 1) << 16 | 1 << 24);
         self.set(RCC, 1 << 24, 1 << 24);
         self.wait(RCC, 1 << 25);
         // It switches the other PLLs off like this.
