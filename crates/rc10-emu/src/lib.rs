@@ -1,6 +1,7 @@
 //! An emulated STM32H723 that runs the firmware's ELF unchanged, on the wires of `rc10-sim`.
 #![forbid(unsafe_code)]
 
+pub mod board;
 pub mod core;
 pub mod fdcan;
 mod figures;
@@ -13,6 +14,7 @@ pub mod peripherals;
 pub mod profile;
 mod rig;
 
+pub use board::{Board, Package};
 pub use figures::{BusFigures, Figures, Spread};
 pub use image::{Image, Static};
 pub use machine::{Injection, LogLine, Machine, Options, Report, Restart};

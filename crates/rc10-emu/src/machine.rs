@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use anyhow::{Context, Result, ensure};
 use rc10_sim::{Line, Nanos, Pulses, Serial, World};
 
+use crate::board::Board;
 use crate::core::{Core, Interpreter, Step, Wiring};
 use crate::fdcan::{Fdcans, Node};
 use crate::image::Image;
@@ -64,7 +65,8 @@ pub enum Injection {
     MaskInterrupts(bool),
 }
 
-/// An access to something that does not exist, or has no clock; or a core that locked up.
+/// An access to something that does not exist, or has no clock; a pin that leads nowhere; a bit rate
+/// that is not the bus's; or a core that locked up.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Report {
     /// Time since power-on.
@@ -106,6 +108,12 @@ pub struct Options {
     /// Whether RAM written before the supply is configured is reported: forbidden (RM0468, power
     /// control), and done by every start-up code, ST's own too. `false` if not said.
     pub reports_early_ram: bool,
+    /// The board that the chip is on: its crystal, and the pins that lead outside. The team's own if not
+    /// said.
+    pub board: Board,
+    /// How much too fast the chip's own oscillator (HSI) is, in millionths: a real one is up to 1 % off
+    /// (data sheet, HSI characteristics). 0 if not said.
+    pub hsi_deviation_ppm: i32,
     /// Seed of the noise that is in all RAM when power comes, the FDCANs' too. 1 if not said.
     pub seed: u64,
 }
@@ -113,7 +121,14 @@ pub struct Options {
 impl Default for Options {
     /// The stricter reading of what can be read in two ways.
     fn default() -> Self {
-        Self { calibration_needed: true, removal_stays: true, reports_early_ram: false, seed: 1 }
+        Self {
+            calibration_needed: true,
+            removal_stays: true,
+            reports_early_ram: false,
+            board: Board::H723ZG,
+            hsi_deviation_ppm: 0,
+            seed: 1,
+        }
     }
 }
 
@@ -125,6 +140,8 @@ pub struct Machine {
     core: Interpreter,
     wiring: Wiring,
     fdcan: Arc<Mutex<Fdcans>>,
+    /// Buses with the index of their FDCAN, until a wrong bit rate is told.
+    buses: RefCell<Vec<(usize, rc10_sim::Bus)>>,
     links: Links,
     memory: Memory,
     image: Image,
@@ -181,7 +198,8 @@ impl Machine {
         let mut fdcan = Fdcans::new(options.seed);
         fdcan.set_calibration_needed(options.calibration_needed);
         let fdcan = Arc::new(Mutex::new(fdcan));
-        let mut soc = Soc::new(Arc::clone(&fdcan), memory.clone());
+        let mut soc =
+            Soc::on(options.board, options.hsi_deviation_ppm, Arc::clone(&fdcan), memory.clone());
         soc.set_removal_stays(options.removal_stays);
         soc.set_guards_ram(options.reports_early_ram);
         let wiring = Wiring {
@@ -195,6 +213,7 @@ impl Machine {
             core,
             wiring,
             fdcan,
+            buses: RefCell::default(),
             links: Links::default(),
             memory,
             image,
@@ -221,6 +240,7 @@ impl Machine {
     /// Puts FDCAN `index` (0 is FDCAN1) on a bus.
     pub fn connect(&self, index: usize, bus: &rc10_sim::Bus) {
         bus.attach(Rc::new(RefCell::new(Node::new(Arc::clone(&self.fdcan), index))));
+        self.buses.borrow_mut().push((index, bus.clone()));
     }
 
     /// Puts a UART (1 for USART1 ..= 10 for USART10) on a serial link: bytes at the exact nanosecond,
@@ -555,6 +575,7 @@ impl Machine {
             self.next_log = now + LOG_PERIOD;
             let messages = self.log.messages(&self.memory)?;
             self.lines.extend(messages.into_iter().map(|text| LogLine { at: now, text }));
+            self.compare_bit_rates();
         }
         if let Some(cause) = cause {
             self.restarts.push(Restart { at: now, cause });
@@ -566,6 +587,22 @@ impl Machine {
             (self.is_mask_due, self.is_locked_up) = (false, false);
         }
         Ok(())
+    }
+
+    /// Tells, once for each bus, that a controller's bits have another length than its bus's.
+    fn compare_bit_rates(&mut self) {
+        let mut texts = Vec::new();
+        let rates = [0, 1, 2].map(|index| self.fdcan().bit_rate(index));
+        self.buses.get_mut().retain(|(index, bus)| {
+            let Some(&Some((own, bit))) = rates.get(*index) else { return true };
+            if !bus.follows(bit) {
+                let of_bus = 1_000_000_000 / bus.bit_time_ns().max(1);
+                let (number, own, of_bus) = (index + 1, kilobits(own), kilobits(of_bus));
+                texts.push(format!("FDCAN{number} runs at {own}, its bus at {of_bus}"));
+            }
+            bus.follows(bit)
+        });
+        texts.into_iter().for_each(|text| self.report(text));
     }
 
     fn report(&mut self, text: String) {
@@ -583,6 +620,15 @@ impl Machine {
             self.report(format!("{access} by {function}, before {address:#010x}"));
         }
         !accesses.is_empty()
+    }
+}
+
+/// Bits a second in kbit/s, with one decimal where there is one.
+fn kilobits(bits_per_second: u64) -> String {
+    let tenths = (bits_per_second + 50) / 100;
+    match tenths % 10 {
+        0 => format!("{} kbit/s", tenths / 10),
+        tenth => format!("{}.{tenth} kbit/s", tenths / 10),
     }
 }
 

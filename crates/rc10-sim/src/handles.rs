@@ -135,6 +135,19 @@ impl Bus {
         self.with_wire(|wire, now| wire.occupancy.windows(now))
     }
 
+    /// Length of a bit, nanoseconds.
+    #[must_use]
+    pub fn bit_time_ns(&self) -> u64 {
+        self.with_wire(|wire, _| wire.bit_time_ns())
+    }
+
+    /// Whether the nodes understand a controller with bits of this length, and it them: up to half a
+    /// per cent off they do.
+    #[must_use]
+    pub fn follows(&self, bit_time_ns: u32) -> bool {
+        self.with_wire(|wire, _| wire.follows(bit_time_ns))
+    }
+
     /// Counters since the world began.
     #[must_use]
     pub fn counters(&self) -> BusCounters {

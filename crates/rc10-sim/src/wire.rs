@@ -363,9 +363,16 @@ impl Wire {
     }
 
     fn is_off_clock(&self, controller: &dyn Controller) -> bool {
-        controller.bit_time_ns().is_some_and(|bit_time_ns| {
-            u64::from(bit_time_ns).abs_diff(self.bit_time_ns) * CLOCK_TOLERANCE > self.bit_time_ns
-        })
+        controller.bit_time_ns().is_some_and(|bit_time_ns| !self.follows(bit_time_ns))
+    }
+
+    /// Whether the nodes follow, and are followed by, one with bits of this length.
+    pub(crate) fn follows(&self, bit_time_ns: u32) -> bool {
+        u64::from(bit_time_ns).abs_diff(self.bit_time_ns) * CLOCK_TOLERANCE <= self.bit_time_ns
+    }
+
+    pub(crate) const fn bit_time_ns(&self) -> u64 {
+        self.bit_time_ns
     }
 
     /// Whatever frame is on the wire is none any more.

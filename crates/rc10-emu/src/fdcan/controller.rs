@@ -243,6 +243,12 @@ impl Controller {
         self.link.is_joined() && self.kernel_hz > 0 && !self.loops_back()
     }
 
+    /// Its nominal bit, once it takes part, or did until it went bus-off.
+    pub fn bit_in_use(&self) -> Option<Period> {
+        let takes_part = !self.is(cccr::INIT) || self.errors.is_bus_off();
+        self.bit().filter(|_| takes_part && self.is_connected() && !self.loops_back())
+    }
+
     pub const fn is_connected(&self) -> bool {
         self.pins.0 && self.pins.1
     }

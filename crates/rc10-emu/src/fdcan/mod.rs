@@ -152,6 +152,14 @@ impl Fdcans {
         self.controllers.get(index).map_or(&Counters::NONE, |one| &one.counters)
     }
 
+    /// Bits a second of a controller, and the length of one in nanoseconds; `None` while it takes no
+    /// part in its bus.
+    #[must_use]
+    pub fn bit_rate(&self, index: usize) -> Option<(u64, u32)> {
+        let bit = self.controllers.get(index)?.bit_in_use()?;
+        Some((bit.rate(), bit.nanos()))
+    }
+
     /// Starts [`Counters::tick_period`] anew, for all controllers.
     pub fn restart_ticks(&mut self) {
         self.controllers.iter_mut().for_each(|one| one.counters.restart_ticks());

@@ -31,6 +31,11 @@ impl Period {
         Self { cycles: self.cycles * factor as u64, ..self }
     }
 
+    /// Periods a second, to the nearest.
+    pub fn rate(self) -> u64 {
+        (self.hz + self.cycles / 2) / self.cycles
+    }
+
     /// To the nearest nanosecond.
     pub fn nanos(self) -> u32 {
         let half = u128::from(self.hz / 2);

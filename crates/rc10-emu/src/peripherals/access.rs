@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::clocks::TooFast;
+use crate::board::Board;
 
 /// Width of an access.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +56,35 @@ pub enum AccessKind {
     BeforeSupply,
     /// The written value makes a clock faster than its consumers can be.
     TooFast(TooFast),
+    /// A pin is set up as an output or for an alternate function, and does not lead outside. Reported
+    /// once for each pin and reason.
+    Pin(PinFault),
+}
+
+/// A pin that does not lead outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PinFault {
+    /// Port and number.
+    pub pin: (char, usize),
+    /// Board that the chip is on.
+    pub board: Board,
+    /// Whether the package bonds it out, behind a switch that is open now.
+    pub is_switch_open: bool,
+}
+
+impl fmt::Display for PinFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { pin: (port, pin), board, is_switch_open } = self;
+        if *is_switch_open {
+            return write!(
+                f,
+                "P{port}{pin} is used while its switch to P{port}{pin}_C is open \
+                 (SYSCFG_PMCR.P{port}{pin}SO)"
+            );
+        }
+        let package = board.package.name();
+        write!(f, "P{port}{pin} is not bonded out on the {} ({package})", board.chip)
+    }
 }
 
 /// A reported access.
@@ -92,6 +122,7 @@ impl fmt::Display for Access {
                 );
             }
             AccessKind::BeforeSupply => "before the supply is configured (PWR_CSR1.ACTVOSRDY)",
+            AccessKind::Pin(pin) => return write!(f, "{pin}"),
             AccessKind::TooFast(clock) => {
                 return write!(f, "{verb} {:#010x} ({name}): {clock}", self.address);
             }
@@ -121,6 +152,8 @@ pub struct Counts {
     pub before_supply: u64,
     /// [`AccessKind::TooFast`].
     pub too_fast: u64,
+    /// [`AccessKind::Pin`].
+    pub pins: u64,
 }
 
 impl Counts {
@@ -135,6 +168,7 @@ impl Counts {
             AccessKind::Locked => &mut self.locked,
             AccessKind::BeforeSupply => &mut self.before_supply,
             AccessKind::TooFast(_) => &mut self.too_fast,
+            AccessKind::Pin(_) => &mut self.pins,
         };
         *count += 1;
     }

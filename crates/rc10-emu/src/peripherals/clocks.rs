@@ -3,8 +3,6 @@
 
 use std::fmt;
 
-/// The board's crystal. Source: the team's `CubeMX` project.
-pub const HSE_HZ: u64 = 25_000_000;
 pub(super) const HSI_HZ: u64 = 64_000_000;
 pub(super) const CSI_HZ: u64 = 4_000_000;
 pub(super) const LSI_HZ: u64 = 32_000;
@@ -29,6 +27,33 @@ pub struct Clocks {
     pub spis: [u64; 2],
     /// Kernel clock of I2C1, 2, 3 and 5.
     pub i2cs: u64,
+}
+
+/// A clock that goes somewhere as a signal: a frequency and what divides it, so that nothing is rounded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Tone {
+    /// Not zero.
+    pub hz: u64,
+    /// Not zero.
+    pub divider: u64,
+}
+
+impl Tone {
+    /// `None`: it stands.
+    pub(super) fn new(hz: u64, divider: u32) -> Option<Self> {
+        (hz > 0 && divider > 0).then_some(Self { hz, divider: divider.into() })
+    }
+}
+
+/// Clocks that timers' inputs can be connected to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Tones {
+    pub lsi: Option<Tone>,
+    pub lse: Option<Tone>,
+    /// HSE behind `RCC_CFGR.RTCPRE`.
+    pub hse: Option<Tone>,
+    /// MCO1.
+    pub output: Option<Tone>,
 }
 
 /// Frequencies of what the tree starts from: 0 if not running.
@@ -151,8 +176,10 @@ fn apb_divider(bits: u32) -> u64 {
 ///
 /// `fraction` is in 1/8192; `wide` is VCOSEL = 0, 192 ..= 836 MHz, otherwise 150 ..= 420 MHz;
 /// `range` is RGE. Limits: RM0468, RCC chapter, PLL section, and the data sheet's PLL table.
-pub(super) fn pll(input: u64, settings: &Pll) -> Option<[u64; 3]> {
-    let reference = input.checked_div(u64::from(settings.pre_divider))?;
+///
+/// The limits are those of the input's nominal frequency: what an oscillator is off by does not matter.
+pub(super) fn pll(input: PllInput, settings: &Pll) -> Option<[u64; 3]> {
+    let reference = input.nominal.checked_div(u64::from(settings.pre_divider))?;
     let allowed = match settings.range {
         0 => 1_000_000..=2_000_000,
         1 => 2_000_000..=4_000_000,
@@ -166,7 +193,27 @@ pub(super) fn pll(input: u64, settings: &Pll) -> Option<[u64; 3]> {
     if !allowed.contains(&reference) || !reachable.contains(&oscillator) {
         return None;
     }
-    Some(settings.dividers.map(|divider| divider.map_or(0, |divider| oscillator / divider)))
+    // Rounded once: what a clock is off by must not grow.
+    let oscillator = u128::from(input.actual) * u128::from(multiplier);
+    let output = |divider: u64| {
+        let divider = u128::from(divider) * u128::from(settings.pre_divider) * 8192;
+        u64::try_from(oscillator / divider).unwrap_or(u64::MAX)
+    };
+    Some(settings.dividers.map(|divider| divider.map_or(0, output)))
+}
+
+/// Frequency at the PLLs' input, hertz: as it should be, and as it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct PllInput {
+    pub nominal: u64,
+    pub actual: u64,
+}
+
+impl PllInput {
+    /// One that is what it should be.
+    pub(super) const fn exact(hz: u64) -> Self {
+        Self { nominal: hz, actual: hz }
+    }
 }
 
 /// A clock that is too fast for what it drives.
@@ -216,12 +263,12 @@ pub(super) struct Used {
 /// Highest frequencies of the core, of AXI and AHB, and of the APBs, by voltage scale 0 to 3; the core
 /// without the option byte that boosts it. Source: STM32H723 data sheet, general operating conditions;
 /// the same in embassy-stm32's `rcc/h.rs`. But that APBs may have 42.5 MHz at scale 3 cannot be meant of
-/// the state after a reset, where they have HSI's 64 MHz: so they may here.
+/// the state after a reset, where they have HSI's 64 MHz, within 1 %: so they may here.
 const BUS_LIMITS: [[u64; 3]; 4] = [
     [520_000_000, 275_000_000, 137_500_000],
     [400_000_000, 200_000_000, 100_000_000],
     [300_000_000, 150_000_000, 75_000_000],
-    [170_000_000, 85_000_000, HSI_HZ],
+    [170_000_000, 85_000_000, HSI_HZ / 100 * 101],
 ];
 /// FDCAN's kernel clock at scale 0 (RM0399, kernel clock distribution; Zephyr's
 /// `can_stm32h7_fdcan.c`). At lower voltage the APB's limit is the smaller one.
@@ -286,6 +333,8 @@ pub(super) struct Pll {
 mod tests {
     use super::*;
 
+    const HSE_HZ: u64 = 25_000_000;
+
     const RC10: Pll = Pll {
         pre_divider: 5,
         multiplier: 96,
@@ -297,17 +346,25 @@ mod tests {
 
     #[test]
     fn a_pll_multiplies() {
-        assert_eq!(pll(HSE_HZ, &RC10), Some([480_000_000, 120_000_000, 0]));
+        assert_eq!(pll(PllInput::exact(HSE_HZ), &RC10), Some([480_000_000, 120_000_000, 0]));
         let half = Pll { fraction: 4096, ..RC10 };
-        assert_eq!(pll(HSE_HZ, &half), Some([482_500_000, 120_625_000, 0]));
+        assert_eq!(pll(PllInput::exact(HSE_HZ), &half), Some([482_500_000, 120_625_000, 0]));
+    }
+
+    #[test]
+    fn a_pll_follows_an_oscillator_that_is_off() {
+        // HSI / 16 x 120 at the edge of its range, 1 % slow.
+        let input = PllInput { nominal: 64_000_000, actual: 63_360_000 };
+        let on_hsi = Pll { pre_divider: 16, multiplier: 120, ..RC10 };
+        assert_eq!(pll(input, &on_hsi), Some([475_200_000, 118_800_000, 0]));
     }
 
     #[test]
     fn a_pll_outside_its_limits_does_not_lock() {
-        assert_eq!(pll(0, &RC10), None);
-        assert_eq!(pll(HSE_HZ, &Pll { pre_divider: 0, ..RC10 }), None);
-        assert_eq!(pll(HSE_HZ, &Pll { range: 3, ..RC10 }), None);
-        assert_eq!(pll(HSE_HZ, &Pll { multiplier: 200, ..RC10 }), None);
+        assert_eq!(pll(PllInput::exact(0), &RC10), None);
+        assert_eq!(pll(PllInput::exact(HSE_HZ), &Pll { pre_divider: 0, ..RC10 }), None);
+        assert_eq!(pll(PllInput::exact(HSE_HZ), &Pll { range: 3, ..RC10 }), None);
+        assert_eq!(pll(PllInput::exact(HSE_HZ), &Pll { multiplier: 200, ..RC10 }), None);
     }
 
     #[test]

@@ -26,6 +26,8 @@ pub(super) struct Port {
     /// Pins that something outside drives, and to which level.
     driven: u32,
     levels: u32,
+    /// Pins that do not lead outside.
+    cut: u32,
 }
 
 impl Port {
@@ -42,27 +44,48 @@ impl Port {
             alternate: [0; 2],
             driven: 0,
             levels: 0,
+            cut: 0,
         }
     }
 
     /// The outside stays as it is.
     pub(super) fn reset(&mut self) {
-        let (driven, levels) = (self.driven, self.levels);
-        *self = Self { driven, levels, ..Self::new(self.index) };
+        let Self { driven, levels, cut, .. } = *self;
+        *self = Self { driven, levels, cut, ..Self::new(self.index) };
     }
 
     fn mode(&self, pin: usize) -> u32 {
         self.mode >> (2 * pin) & 3
     }
 
-    /// Alternate function in use at a pin.
-    pub(super) fn alternate(&self, pin: usize) -> Option<u32> {
-        let function = self.alternate[pin / 8 % 2] >> (4 * (pin % 8)) & 0xF;
-        (self.mode(pin) == ALTERNATE).then_some(function)
+    /// Pins that do not lead outside from now on, a bit each.
+    pub(super) const fn set_cut(&mut self, pins: u32) {
+        self.cut = pins;
     }
 
-    /// The level that the port itself drives, if it is a general-purpose output.
+    const fn is_cut(&self, pin: usize) -> bool {
+        self.cut >> pin & 1 != 0
+    }
+
+    /// Pins that are outputs or have an alternate function, and do not lead outside, a bit each.
+    pub(super) fn cut_in_use(&self) -> u32 {
+        let is_used =
+            |pin: &usize| self.is_cut(*pin) && matches!(self.mode(*pin), OUTPUT | ALTERNATE);
+        (0..PINS).filter(is_used).map(|pin| 1 << pin).sum()
+    }
+
+    /// Alternate function in use at a pin that leads outside.
+    pub(super) fn alternate(&self, pin: usize) -> Option<u32> {
+        let function = self.alternate[pin / 8 % 2] >> (4 * (pin % 8)) & 0xF;
+        (self.mode(pin) == ALTERNATE && !self.is_cut(pin)).then_some(function)
+    }
+
+    /// The level that the port itself drives outside, if it is a general-purpose output.
     pub(super) fn output(&self, pin: usize) -> Option<bool> {
+        self.own_output(pin).filter(|_| !self.is_cut(pin))
+    }
+
+    fn own_output(&self, pin: usize) -> Option<bool> {
         let high = self.output >> pin & 1 != 0;
         let releases = high && self.open_drain >> pin & 1 != 0;
         (self.mode(pin) == OUTPUT && !releases).then_some(high)
@@ -73,9 +96,10 @@ impl Port {
         if self.mode(pin) == ANALOG {
             return false;
         }
-        let outside = (self.driven >> pin & 1 != 0).then_some(self.levels >> pin & 1 != 0);
+        let outside = (self.driven >> pin & 1 != 0 && !self.is_cut(pin))
+            .then_some(self.levels >> pin & 1 != 0);
         let pull_up = self.pull >> (2 * pin) & 3 == 1;
-        self.output(pin).or(outside).unwrap_or(pull_up)
+        self.own_output(pin).or(outside).unwrap_or(pull_up)
     }
 
     /// Something outside drives a pin, or lets go of it.

@@ -45,8 +45,8 @@ mod timer;
 mod usart;
 mod watchdog;
 
-pub use access::{Access, AccessKind, BusFault, Counts, Width};
-pub use clocks::{Clocks, HSE_HZ, Limit, TooFast};
+pub use access::{Access, AccessKind, BusFault, Counts, PinFault, Width};
+pub use clocks::{Clocks, Limit, TooFast};
 pub use i2c::I2cDevice;
 pub use outside::Edge;
 pub use rcc::ResetCause;

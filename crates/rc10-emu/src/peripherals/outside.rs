@@ -78,6 +78,7 @@ impl Soc {
     fn output_at(&self, (port, pin): (usize, usize)) -> Option<bool> {
         match signal_at(&self.ports, port, pin) {
             Some(Signal::Timer(timer, channel)) => self.timers[timer].output(channel),
+            Some(Signal::TimerComplement(timer, channel)) => self.timers[timer].complement(channel),
             Some(Signal::SerialEnable(usart)) => self.usarts[usart].driver_level(),
             _ => self.ports[port].output(pin),
         }
@@ -155,7 +156,10 @@ impl Soc {
         let mut watched = [0_u32; TIMERS.len()];
         let looked_at = self.recorders.iter().map(|recorder| recorder.pin);
         for (port, pin) in looked_at.chain(self.jumpers.iter().map(|jumper| jumper.from)) {
-            if let Some(Signal::Timer(timer, channel)) = signal_at(&self.ports, port, pin) {
+            let signal = signal_at(&self.ports, port, pin);
+            if let Some(Signal::Timer(timer, channel) | Signal::TimerComplement(timer, channel)) =
+                signal
+            {
                 watched[timer] |= 1 << channel;
             }
         }

@@ -9,13 +9,16 @@
 //! again: what a PLL without its reference does the manual leaves open. Whether its ready flags fall,
 //! too: here they do. A failure is detected at once.
 //!
-//! Only stored: MCO outputs, ready interrupts, clock security of LSE, calibration, low-power gates.
+//! Of the MCO outputs only MCO1 goes anywhere: to TIM17. Only stored: ready interrupts, clock security of LSE, calibration, low-power gates.
 //! A `CPURST` does nothing.
 
 use rc10_sim::Nanos;
 
 use super::access::{Refusal, Write};
-use super::clocks::{self, CSI_HZ, Clocks, HSE_HZ, HSI_HZ, LSE_HZ, Pll, Settings, Sources, field};
+use super::clocks::{
+    self, CSI_HZ, Clocks, HSI_HZ, LSE_HZ, LSI_HZ, Pll, PllInput, Settings, Sources, Tone, Tones,
+    field,
+};
 use super::registers::{Register, Registers, masked, plain};
 
 /// Cause of a reset.
@@ -111,11 +114,13 @@ const TABLE: &[Register] = &[
 const STARTERS: [(u32, u32, Nanos); 4] = [
     (HSI, 2, Nanos::new(2_000)),
     (CSI, 8, Nanos::new(2_000)),
-    (12, 13, Nanos::new(3_500)), // HSI48
+    (HSI48, 13, Nanos::new(3_500)),
     (HSE, 17, Nanos::new(2_000_000)),
 ];
 const HSI: u32 = 0;
 const CSI: u32 = 7;
+const HSI48: u32 = 12;
+const HSI48_HZ: u64 = 48_000_000;
 const HSE: u32 = 16;
 /// HSECSSON in CR; HSECSSF in CIFR, HSECSSC in CICR.
 const SECURITY: u32 = 1 << 19;
@@ -140,6 +145,9 @@ pub(super) struct Rcc {
     registers: Registers,
     /// Time at which each source becomes ready, by its bit in CR.
     ready: [Option<Nanos>; 34],
+    /// Frequency of the board's crystal, and HSI's, hertz.
+    crystal_hz: u64,
+    hsi_hz: u64,
     /// Whether the crystal swings when it is asked to.
     crystal: bool,
     /// Whether RMVF stays set until the program clears it, and holds the reset flags at zero.
@@ -152,7 +160,13 @@ pub(super) struct Rcc {
 }
 
 impl Rcc {
-    pub(super) fn new() -> Self {
+    /// `hsi_ppm`: how much too fast HSI is, in millionths.
+    pub(super) fn new(crystal_hz: u64, hsi_ppm: i32) -> Self {
+        let off = i64::try_from(HSI_HZ).unwrap_or(0) / 1_000_000 * i64::from(hsi_ppm);
+        Self::of(crystal_hz, HSI_HZ.saturating_add_signed(off))
+    }
+
+    fn of(crystal_hz: u64, hsi_hz: u64) -> Self {
         let mut ready = [None; 34];
         ready[HSI as usize] = Some(Nanos::ZERO);
         let mut registers = Registers::new(TABLE);
@@ -160,6 +174,8 @@ impl Rcc {
         Self {
             registers,
             ready,
+            crystal_hz,
+            hsi_hz,
             crystal: true,
             removal_stays: true,
             source: 0,
@@ -173,7 +189,8 @@ impl Rcc {
         let (flags, backup) = (self.registers.value(RSR), self.registers.value(BDCR));
         let lse = self.ready[LSE];
         let (crystal, removal_stays) = (self.crystal, self.removal_stays);
-        *self = Self { crystal, removal_stays, settled: now, ..Self::new() };
+        *self =
+            Self { crystal, removal_stays, settled: now, ..Self::of(self.crystal_hz, self.hsi_hz) };
         if cause != ResetCause::PowerOn {
             let held = flags & REMOVE != 0;
             self.registers.set(RSR, if held { REMOVE } else { flags | cause.flags() });
@@ -393,17 +410,22 @@ impl Rcc {
     }
 
     /// Frequency at the PLLs' input, running or not.
-    fn pll_input(&self) -> u64 {
+    fn pll_input(&self) -> PllInput {
         match field(self.registers.value(PLLCKSELR), 0, 2) {
-            0 => self.hsi(),
-            1 => CSI_HZ,
-            2 => HSE_HZ,
-            _ => 0,
+            0 => PllInput { nominal: HSI_HZ >> self.hsi_shift(), actual: self.hsi() },
+            1 => PllInput::exact(CSI_HZ),
+            2 => PllInput::exact(self.crystal_hz),
+            _ => PllInput::default(),
         }
     }
 
     fn hsi(&self) -> u64 {
-        HSI_HZ >> field(self.registers.value(CR), 3, 2)
+        self.hsi_hz >> self.hsi_shift()
+    }
+
+    /// HSIDIV.
+    fn hsi_shift(&self) -> u32 {
+        field(self.registers.value(CR), 3, 2)
     }
 
     fn pll(&self, pll: u32) -> Pll {
@@ -451,18 +473,46 @@ impl Rcc {
         }
     }
 
+    /// Clocks that go to timers' inputs.
+    pub(super) fn tones(&self) -> Tones {
+        let if_ready = |index: usize, hz| if self.is_ready(index) { hz } else { 0 };
+        let config = self.registers.value(CFGR);
+        let hse = if_ready(HSE as usize, self.crystal_hz);
+        // RM0468, RCC_CFGR.RTCPRE: 0 and 1 are no clock.
+        let for_rtc = field(config, 8, 6);
+        let lse = if_ready(LSE, LSE_HZ);
+        // MCO1, MCO1PRE: 0 is no clock.
+        let output = match field(config, 22, 3) {
+            0 => if_ready(HSI as usize, self.hsi()),
+            1 => lse,
+            2 => hse,
+            3 => self.pll_outputs(0)[1],
+            4 => if_ready(HSI48 as usize, HSI48_HZ),
+            _ => 0,
+        };
+        Tones {
+            lsi: Tone::new(if_ready(LSI, LSI_HZ), 1),
+            lse: Tone::new(lse, 1),
+            hse: Tone::new(hse, for_rtc).filter(|_| for_rtc > 1),
+            output: Tone::new(output, field(config, 18, 4)),
+        }
+    }
+
+    /// P, Q and R of a PLL, as far as it runs.
+    fn pll_outputs(&self, pll: u32) -> [u64; 3] {
+        let outputs = clocks::pll(self.pll_input(), &self.pll(pll)).unwrap_or_default();
+        let runs = self.is_ready((PLL + 2 * pll) as usize);
+        outputs.map(|hz| if runs { hz } else { 0 })
+    }
+
     pub(super) fn clocks(&self) -> Clocks {
         let if_ready = |index: usize, hz| if self.is_ready(index) { hz } else { 0 };
-        let output = |pll: u32| {
-            let outputs = clocks::pll(self.pll_input(), &self.pll(pll)).unwrap_or_default();
-            outputs.map(|hz| if_ready((PLL + 2 * pll) as usize, hz))
-        };
         let sources = Sources {
             hsi: if_ready(HSI as usize, self.hsi()),
             csi: if_ready(CSI as usize, CSI_HZ),
-            hse: if_ready(HSE as usize, HSE_HZ),
+            hse: if_ready(HSE as usize, self.crystal_hz),
             lse: if_ready(LSE, LSE_HZ),
-            plls: [0, 1, 2].map(output),
+            plls: [0, 1, 2].map(|pll| self.pll_outputs(pll)),
         };
         let settings = Settings {
             source: self.source,

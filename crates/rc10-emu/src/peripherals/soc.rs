@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rc10_sim::Nanos;
 
-use super::access::{Access, AccessKind, BusFault, Counts, Refusal, Width, Write};
+use super::access::{Access, AccessKind, BusFault, Counts, PinFault, Refusal, Width, Write};
 use super::clocks::{self, Clocks, TooFast, Used};
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
 use super::exti::Exti;
@@ -21,6 +21,7 @@ use super::spi::{self, SPIS, Spi};
 use super::timer::{TIMERS, Timer};
 use super::usart::{self, USARTS, Usart};
 use super::watchdog::Watchdog;
+use crate::board::Board;
 use crate::fdcan::Fdcans;
 use crate::memory::{FLASH, Memory, PERIPHERALS};
 
@@ -30,6 +31,8 @@ const INTERRUPT_WORDS: usize = 6;
 const PORTS: usize = 11;
 /// Line 0 and line 1 of FDCAN1, FDCAN2, FDCAN3. Source: stm32-metapac.
 const FDCAN_INTERRUPTS: [[usize; 2]; 3] = [[19, 21], [20, 22], [159, 160]];
+/// First port's mode register.
+const GPIO: u32 = 0x5802_0000;
 /// Refused accesses kept until they are taken; more are only counted.
 const REPORTS: usize = 256;
 
@@ -41,6 +44,7 @@ pub struct Soc {
     /// not.
     pub fdcan: Arc<Mutex<Fdcans>>,
     memory: Memory,
+    board: Board,
     rcc: Rcc,
     power: Power,
     flash: Registers,
@@ -73,6 +77,8 @@ pub struct Soc {
     wants_reset: bool,
     reports: Vec<Access>,
     counts: Counts,
+    /// Pins in use that do not lead outside, a bit each: told already.
+    pins_told: [u32; PORTS],
 }
 
 impl fmt::Debug for Soc {
@@ -82,13 +88,22 @@ impl fmt::Debug for Soc {
 }
 
 impl Soc {
-    /// Peripherals as power-on leaves them, at time zero. `memory` is what the DMAs see.
+    /// Peripherals as power-on leaves them, at time zero, on the team's own board. `memory` is what the
+    /// DMAs see.
     #[must_use]
     pub fn new(fdcan: Arc<Mutex<Fdcans>>, memory: Memory) -> Self {
+        Self::on(Board::H723ZG, 0, fdcan, memory)
+    }
+
+    /// The same on another board. `hsi_ppm`: how much too fast the chip's own oscillator is, in
+    /// millionths.
+    #[must_use]
+    pub fn on(board: Board, hsi_ppm: i32, fdcan: Arc<Mutex<Fdcans>>, memory: Memory) -> Self {
         let mut soc = Self {
             fdcan,
             memory,
-            rcc: Rcc::new(),
+            board,
+            rcc: Rcc::new(board.crystal_hz, hsi_ppm),
             power: Power::new(),
             flash: Registers::new(power::FLASH),
             syscfg: Registers::new(registers::SYSCFG),
@@ -117,9 +132,11 @@ impl Soc {
             wants_reset: false,
             reports: Vec::new(),
             counts: Counts::default(),
+            pins_told: [0; PORTS],
         };
         soc.apply_switches();
         soc.apply_clocks(Nanos::ZERO);
+        soc.connect_pins(Nanos::ZERO);
         soc.settle(Nanos::ZERO);
         soc
     }
@@ -478,8 +495,9 @@ impl Soc {
             Block::Power => self.power.write(write, now),
             Block::Flash => self.flash.write(write.at(write.offset & !0x100)),
             Block::Syscfg => {
-                self.pins_changed = true;
-                self.syscfg.write(write)
+                let written = self.syscfg.write(write);
+                self.connect_pins(now);
+                written
             }
             Block::Exti => self.exti.write(write),
             Block::Debug => self.debug.write(write),
@@ -593,10 +611,15 @@ impl Soc {
             self.fdcans().set_kernel_clock(clocks.fdcan);
         }
         self.clocks = clocks;
+        let tones = self.rcc.tones();
         for (row, &running) in MAP.iter().zip(&self.running) {
             let gated = |hz| if running { hz } else { 0 };
             match row.block {
-                Block::Timer(timer) => self.timers[timer].set_clock(gated(clocks.timers[0]), now),
+                Block::Timer(timer) => {
+                    let hz = clocks.timers[TIMERS[timer].bus];
+                    self.timers[timer].set_clock(gated(hz), now);
+                    self.timers[timer].set_tones(tones, now);
+                }
                 Block::Usart(usart) => {
                     let hz = clocks.usarts[USARTS[usart].bus];
                     self.usarts[usart].set_clock(gated(hz), now);
@@ -613,6 +636,7 @@ impl Soc {
     /// Tells peripherals which of their pins lead outside.
     fn connect_pins(&mut self, now: Nanos) {
         self.pins_changed = true;
+        self.cut_pins();
         let ports = &self.ports;
         let connected = |signal| is_connected(ports, signal);
         let can = [0, 1, 2].map(|index| {
@@ -640,6 +664,39 @@ impl Soc {
         for (index, (receive, transmit)) in can.into_iter().enumerate() {
             fdcans.set_pins(index, receive, transmit);
         }
+    }
+
+    /// Tells the ports which of their pins do not lead outside; reports those that are used.
+    fn cut_pins(&mut self) {
+        let package = self.board.package;
+        for (index, letter) in (0..PORTS).zip('A'..) {
+            let pins = |holds: &dyn Fn(usize) -> bool| -> u32 {
+                (0..PINS).filter(|&pin| holds(pin)).map(|pin| 1 << pin).sum()
+            };
+            let absent = pins(&|pin| !package.bonds(letter, pin));
+            // PC2SO is bit 26, PC3SO bit 27.
+            let switches = self.syscfg.value(registers::PMCR) >> 24;
+            let open =
+                pins(&|pin| package.is_behind_switch(letter, pin) && switches >> pin & 1 != 0);
+            self.ports[index].set_cut(absent | open);
+            let used = self.ports[index].cut_in_use();
+            let new = used & !self.pins_told[index];
+            self.pins_told[index] |= new;
+            // A switch that was closed may be opened again.
+            self.pins_told[index] &= absent | used;
+            for pin in (0..PINS).filter(|pin| new >> pin & 1 != 0) {
+                let is_switch_open = open >> pin & 1 != 0;
+                let fault = PinFault { pin: (letter, pin), board: self.board, is_switch_open };
+                let register = GPIO + 0x400 * u32::try_from(index).unwrap_or(0);
+                self.report(register, true, AccessKind::Pin(fault));
+            }
+        }
+    }
+
+    /// The board that the chip is on.
+    #[must_use]
+    pub const fn board(&self) -> Board {
+        self.board
     }
 
     /// Reports once when the flash becomes too slow for its clock.
@@ -688,7 +745,7 @@ impl Soc {
         self.record(now);
         self.wants_reset |= self.watchdog.take_bite();
         let mut levels = [0; INTERRUPT_WORDS];
-        let timers = self.timers.iter().filter_map(Timer::interrupt);
+        let timers = self.timers.iter().flat_map(Timer::interrupts);
         let usarts = self.usarts.iter().filter_map(Usart::interrupt);
         let spis = self.spis.iter().filter_map(Spi::interrupt);
         let i2cs = self.i2cs.iter().flat_map(I2c::interrupts);

@@ -1,6 +1,7 @@
 //! The whole chip with programs of a few instructions: what it refuses, and what becomes of it.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+mod bit_rates;
 mod links;
 
 use rc10_emu::peripherals::{ResetCause, Width};
@@ -251,7 +252,7 @@ fn use_crystal(machine: &mut Machine, world: &mut World) {
     write(machine, 0, 1 << 16 | 1);
     write(machine, 0x10, 2);
     machine.run(world, micros(3000)).unwrap();
-    assert_eq!(machine.soc().core_clock_hz(), rc10_emu::peripherals::HSE_HZ);
+    assert_eq!(machine.soc().core_clock_hz(), rc10_emu::Board::H723ZG.crystal_hz);
 }
 
 /// The core takes the NMI at once, and does so again and again until the flag is cleared.

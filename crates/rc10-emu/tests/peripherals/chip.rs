@@ -2,9 +2,9 @@
 
 use std::sync::{Arc, Mutex};
 
-use rc10_emu::Memory;
 use rc10_emu::fdcan::Fdcans;
 use rc10_emu::peripherals::{AccessKind, Soc, Width};
+use rc10_emu::{Board, Memory};
 use rc10_sim::Nanos;
 
 pub const RCC: u32 = 0x5802_4400;
@@ -27,8 +27,13 @@ pub struct Chip {
 
 impl Chip {
     pub fn new() -> Self {
+        Self::on(Board::H723ZG, 0)
+    }
+
+    pub fn on(board: Board, hsi_ppm: i32) -> Self {
         let memory = Memory::new(1);
-        let soc = Soc::new(Arc::new(Mutex::new(Fdcans::new(1))), memory.clone());
+        let fdcans = Arc::new(Mutex::new(Fdcans::new(1)));
+        let soc = Soc::on(board, hsi_ppm, fdcans, memory.clone());
         Self { soc, memory, now: 0 }
     }
 
@@ -46,6 +51,11 @@ impl Chip {
 
     /// The writes of embassy-stm32 0.6.0 for `rc10_bsp::clocks()`, with its waiting loops.
     pub fn start_clocks(&mut self, divider: u32) {
+        self.start_clocks_with(5, 96, divider);
+    }
+
+    /// The same with another first divider and multiplier of PLL1.
+    pub fn start_clocks_with(&mut self, first: u32, multiplier: u32, divider: u32) {
         self.set(PWR + 0x0C, 0b111, 0b010);
         self.wait(PWR + 0x04, 1 << 13);
         self.set(PWR + 0x18, 3 << 14, 0);
@@ -54,10 +64,11 @@ impl Chip {
         self.wait(RCC, 1 << 2);
         self.set(RCC, 1 << 16, 1 << 16);
         self.wait(RCC, 1 << 17);
-        // HSE / 5 x 96, P / 1.
-        self.set(RCC + 0x28, 0x3F << 4 | 3, 5 << 4 | 2);
-        self.set(RCC + 0x2C, 0b1111 | 7 << 16, 0b10 << 2 | 0b011 << 16);
-        self.write(RCC + 0x30, 95 | (divider - 1) << 16 | 1 << 24);
+        // P / 1; RGE: 4 to 8, 8 to 16 MHz.
+        let range = if first < 4 { 3 } else { 2 };
+        self.set(RCC + 0x28, 0x3F << 4 | 3, first << 4 | 2);
+        self.set(RCC + 0x2C, 0b1111 | 7 << 16, range << 2 | 0b011 << 16);
+        self.write(RCC + 0x30, (multiplier - 1) | (divider - 1) << 16 | 1 << 24);
         self.set(RCC, 1 << 24, 1 << 24);
         self.wait(RCC, 1 << 25);
         // It switches the other PLLs off like this.

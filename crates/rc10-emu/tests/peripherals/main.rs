@@ -3,6 +3,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+mod advanced;
+mod boards;
 mod capture;
 mod chip;
 mod clocks;
@@ -11,6 +13,7 @@ mod drivers;
 mod formats;
 mod i2c;
 mod interrupts;
+mod measure;
 mod pins;
 mod refusals;
 mod serial;

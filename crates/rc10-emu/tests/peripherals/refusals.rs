@@ -4,7 +4,7 @@ use rc10_sim::Nanos;
 use crate::chip::{APB1HENR, APB1LENR, APB4ENR, Chip, RCC};
 
 const TIM2: u32 = 0x4000_0000;
-const TIM1: u32 = 0x4001_0000;
+const TIM15: u32 = 0x4001_4000;
 
 #[test]
 fn without_clock_it_reads_zero_and_is_counted() {
@@ -49,9 +49,9 @@ fn nobody_answers_with_a_bus_fault() {
 #[test]
 fn what_is_not_modelled_says_so() {
     let mut chip = Chip::running();
-    chip.write(crate::chip::APB2ENR, 1);
-    assert_eq!(chip.read(TIM1), 0);
-    chip.write(TIM1, 1);
+    chip.write(crate::chip::APB2ENR, 1 << 16);
+    assert_eq!(chip.read(TIM15), 0);
+    chip.write(TIM15, 1);
     assert_eq!(chip.kinds(), [AccessKind::Unmodelled; 2]);
 }
 

@@ -4,6 +4,7 @@ use crate::chip::{AHB1ENR, APB1HENR, Chip, RCC};
 
 const TIM23: u32 = 0x4000_E000;
 const DMA1: u32 = 0x4002_0000;
+const PF9: (char, usize) = ('F', 9);
 /// Stream 7.
 const CR: u32 = DMA1 + 0x10 + 7 * 0x18;
 const WIDTHS: u32 = 0x3000_0000;
@@ -46,8 +47,8 @@ fn send(chip: &mut Chip, request: u32, enable: u32, widths: &[u32]) {
 }
 
 /// Start, high time and low time of each pulse, nanoseconds; the last one's low time is 0.
-fn pulses(chip: &mut Chip) -> Vec<(u64, u64, u64)> {
-    let edges = chip.soc.take_edges('F', 9);
+pub fn pulses(chip: &mut Chip, (port, pin): (char, usize)) -> Vec<(u64, u64, u64)> {
+    let edges = chip.soc.take_edges(port, pin);
     assert!(edges.iter().enumerate().all(|(index, edge)| edge.high == (index % 2 == 0)));
     let time = |index: usize| edges.get(index).map(|edge| edge.at.get());
     (0..edges.len())
@@ -60,7 +61,7 @@ fn pulses(chip: &mut Chip) -> Vec<(u64, u64, u64)> {
 }
 
 /// A WS2812's reading of pulses: 24 bits a colour, green first.
-fn colours(pulses: &[(u64, u64, u64)]) -> Vec<u32> {
+pub fn colours(pulses: &[(u64, u64, u64)]) -> Vec<u32> {
     let bits = pulses.iter().map(|&(_, high, low)| {
         // Data sheet: 0.3 us and 0.8 us high, each +- 0.15 us.
         assert!((150..=450).contains(&high) || (650..=950).contains(&high), "{high}");
@@ -83,7 +84,7 @@ fn colours_come_out_as_they_were_put_in() {
     send(&mut chip, 130, 1 << 8, &widths);
     assert!(chip.until_interrupt(47, start + 1_000_000).is_some());
     chip.run_to(start + 1_000_000);
-    let pulses = pulses(&mut chip);
+    let pulses = pulses(&mut chip, PF9);
     assert_eq!(colours(&pulses), wanted);
     assert_eq!((pulses[0].1, pulses[8].1), (800, 800));
     assert_eq!(chip.kinds(), []);
@@ -98,7 +99,7 @@ fn a_width_counts_from_the_next_period_on() {
     let start = chip.now;
     send(&mut chip, 130, 1 << 8, &[ONE, ZERO, 0]);
     chip.run_to(start + 100_000);
-    let pulses = pulses(&mut chip);
+    let pulses = pulses(&mut chip, PF9);
     assert_eq!(pulses, [(start + 2500, 800, 450), (start + 3750, 300, 0)]);
 }
 
@@ -110,7 +111,7 @@ fn the_channel_asks_too() {
         let start = chip.now;
         send(&mut chip, 129, 1 << 12, &[ONE, ZERO, ONE, 0]);
         chip.run_to(start + 100_000);
-        let widths: Vec<_> = pulses(&mut chip).iter().map(|pulse| pulse.1).collect();
+        let widths: Vec<_> = pulses(&mut chip, PF9).iter().map(|pulse| pulse.1).collect();
         assert_eq!(widths, [800, 300, 800], "{control}");
     }
 }
@@ -127,7 +128,7 @@ fn nothing_comes_out_of_another_alternate_function_or_without_cc4e() {
         let start = chip.now;
         send(&mut chip, 130, 1 << 8, &[ONE, ONE, 0]);
         chip.run_to(start + 100_000);
-        assert_eq!(pulses(&mut chip), []);
+        assert_eq!(pulses(&mut chip, PF9), []);
     }
 }
 

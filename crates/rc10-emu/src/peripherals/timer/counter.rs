@@ -13,7 +13,7 @@ impl Timer {
     }
 
     /// Whether time moves it.
-    const fn runs(&self) -> bool {
+    pub(super) const fn runs(&self) -> bool {
         // RM0468, TIMx_ARR: the counter is blocked while the auto-reload value is null.
         self.control & ENABLE != 0
             && self.hz != 0
@@ -21,12 +21,12 @@ impl Timer {
             && !self.is_encoder()
     }
 
-    const fn divider(&self) -> u64 {
+    pub(super) const fn divider(&self) -> u64 {
         self.prescaler.in_force as u64 + 1
     }
 
     /// Clocks since the anchor, what the prescaler had already counted included.
-    fn clocks(&self, now: Nanos) -> u64 {
+    pub(super) fn clocks(&self, now: Nanos) -> u64 {
         let clocks = u128::from(now.since(self.anchor).get()) * u128::from(self.hz) / 1_000_000_000;
         u64::try_from(clocks).unwrap_or(u64::MAX).saturating_add(self.phase)
     }
@@ -91,6 +91,7 @@ impl Timer {
     }
 
     pub(in super::super) fn advance(&mut self, now: Nanos) {
+        self.capture_tones(now);
         while let Some(at) = self.next_pass().filter(|&at| at <= now) {
             self.count_to(at);
             self.pass_due(at);
@@ -99,8 +100,13 @@ impl Timer {
     }
 
     fn count_to(&mut self, now: Nanos) {
+        self.count_clocks(|timer| timer.clocks(now));
+    }
+
+    /// Counts up to a number of clocks since the anchor, which may move meanwhile.
+    pub(super) fn count_clocks(&mut self, clocks: impl Fn(&Self) -> u64) {
         while self.runs() {
-            let total = self.clocks(now) / self.divider();
+            let total = clocks(self) / self.divider();
             let mut left = total - self.ticks.min(total);
             let anchor = self.anchor;
             while left > 0 && self.anchor == anchor && self.runs() {
@@ -126,7 +132,7 @@ impl Timer {
         }
         self.ticks += 1;
         self.counter = 0;
-        self.update(true, self.time_of(self.ticks));
+        self.overflow(self.time_of(self.ticks));
         self.arrive(|value| value == 0);
         let period = u64::from(self.reload.in_force) + 1;
         let whole = (ticks - to_overflow) / period * period;
@@ -138,7 +144,37 @@ impl Timer {
         let last = self.reload.in_force;
         self.arrive(|value| value <= last);
         self.ticks += whole;
+        self.overflow_again(whole / period);
         to_overflow + whole
+    }
+
+    /// An overflow: an update, unless it only counts as a repetition.
+    pub(super) fn overflow(&mut self, at: Nanos) {
+        if let Some(left) = self.repetitions_left.checked_sub(1) {
+            self.repetitions_left = left;
+            return;
+        }
+        self.repetitions_left = self.repetitions.written;
+        self.update(true, at);
+    }
+
+    /// More overflows, while no value waits for an update.
+    fn overflow_again(&mut self, overflows: u64) {
+        let left = u64::from(self.repetitions_left);
+        if overflows <= left {
+            // Fits: it is not more than there were.
+            self.repetitions_left -= u32::try_from(overflows).unwrap_or(0);
+            return;
+        }
+        let every = u64::from(self.repetitions.written) + 1;
+        let beyond = (overflows - left - 1) % every;
+        self.repetitions_left = u32::try_from(every - 1 - beyond).unwrap_or(0);
+        self.update(true, self.anchor);
+    }
+
+    /// Overflows to the next update, that one included.
+    fn overflows_to_update(&self) -> u64 {
+        u64::from(self.repetitions_left) + 1
     }
 
     fn waits(&self) -> bool {
@@ -178,7 +214,7 @@ impl Timer {
     /// Time at which a flag rises whose interrupt or transfer is wanted, a waiting value comes into
     /// force, a level passes a filter, or an observed output changes.
     pub(in super::super) fn next_event(&self) -> Option<Nanos> {
-        let passes = self.next_pass();
+        let passes = self.next_pass().into_iter().chain(self.next_tone()).min();
         if !self.runs() {
             return passes;
         }
@@ -196,7 +232,10 @@ impl Timer {
             wanted & 2 << channel != 0 && compare.in_force <= self.reload.in_force
         });
         let ticks = compares.map(|(_, compare)| self.ticks_to(compare.in_force));
-        let ticks = ticks.chain(updates.then_some(to_overflow)).chain(self.ticks_to_change());
+        // What waits may change the period.
+        let period = u64::from(self.reload.in_force) + 1;
+        let to_update = to_overflow + (self.overflows_to_update() - 1) * period;
+        let ticks = ticks.chain(updates.then_some(to_update)).chain(self.ticks_to_change());
         let counted = ticks.min().map(|ticks| self.time_of(self.ticks + ticks));
         counted.into_iter().chain(passes).min()
     }

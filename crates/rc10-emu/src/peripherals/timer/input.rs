@@ -47,7 +47,7 @@ impl Timer {
         matches!(self.slave_mode & 7, 1..=ENCODER_MODES)
     }
 
-    fn captures(&self, channel: usize) -> bool {
+    pub(super) fn captures(&self, channel: usize) -> bool {
         let selected = self.mode(channel) & 3;
         (selected == 1 || selected == 2) && self.outputs >> (4 * channel) & 1 != 0
     }
@@ -57,7 +57,8 @@ impl Timer {
     pub(in super::super) fn look(&mut self, levels: u32, fresh: bool, now: Nanos) {
         self.advance(now);
         for input in 0..CHANNELS {
-            let level = levels >> input & 1 != 0;
+            // A clock of the chip has the pin's place.
+            let level = levels >> input & 1 != 0 && !(input == 0 && self.input_select != 0);
             let delay = self.filter_delay(input);
             let state = &mut self.inputs[input];
             if fresh {
@@ -168,7 +169,7 @@ impl Timer {
         let (end, begin) = if up { (last, 0) } else { (0, last) };
         if self.counter == end {
             self.counter = begin;
-            self.update(true, self.anchor);
+            self.overflow(self.anchor);
         } else {
             self.counter = if up { self.counter + 1 } else { self.counter - 1 } & self.largest();
         }

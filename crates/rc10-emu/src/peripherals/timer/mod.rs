@@ -2,24 +2,30 @@
 //!
 //! Modelled: prescaler, reload and compare values with their preload, update and compare flags,
 //! one-pulse mode, software events, outputs in all plain modes, capture with filter and prescaler,
-//! the encoder interface, DMA requests. Compare flags rise when the counter arrives at the value.
+//! the encoder interface, DMA requests; of TIM1, 8, 16 and 17 repetitions, the main output enable and
+//! complementary outputs; of TIM16 and 17 capture of the chip's own clocks (TISEL). Compare flags rise
+//! when the counter arrives at the value.
 //! Not modelled, and reported when asked for: counting down by time, the other slave modes, external
-//! triggers, combined output modes, DMA bursts.
+//! triggers, combined output modes, DMA bursts, breaks, dead times, locks.
 //!
 //! | file | what |
 //! |---|---|
 //! | `counter` | counting and updates |
 //! | `input` | filters, capture, encoder |
+//! | `tone` | capture of the chip's own clocks |
 //! | `output` | what the compare channels do to their pins |
 
 mod counter;
 mod input;
 mod output;
+mod tone;
 
 use rc10_sim::Nanos;
 
 use super::access::{Refusal, Write};
+use super::clocks::Tones;
 use input::Input;
+use tone::Listener;
 
 /// Constants of one timer.
 #[derive(Debug)]
@@ -28,22 +34,52 @@ pub(super) struct Facts {
     pub bits: u32,
     /// Compare channels.
     pub channels: usize,
-    /// Number of its interrupt.
-    pub interrupt: usize,
+    /// Numbers of its interrupts of an update and of the channels: often one.
+    pub interrupts: [usize; 2],
     /// DMAMUX1's numbers of its requests: update, then channels 1 to 4; 0: it has none.
     pub requests: [u32; 1 + CHANNELS],
+    /// 0: on APB1, 1: on APB2.
+    pub bus: usize,
+    /// Channels with a complementary output: then it has `BDTR` and `RCR`, too.
+    pub complements: usize,
+    /// The clocks that `TISEL.TI1SEL` = 1, 2, .. connects its first input to.
+    pub tones: &'static [Source],
+}
+
+/// A clock of the chip at a timer's input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Source {
+    Lsi,
+    Lse,
+    Hse,
+    Mco1,
+    /// A signal that this model does not have.
+    Unmodelled,
 }
 
 /// Channels of a timer, at most.
 pub(super) const CHANNELS: usize = 4;
 
 const fn facts(bits: u32, channels: usize, interrupt: usize, requests: [u32; 5]) -> Facts {
-    Facts { bits, channels, interrupt, requests }
+    let interrupts = [interrupt; 2];
+    Facts { bits, channels, interrupts, requests, bus: 0, complements: 0, tones: &[] }
 }
 
-/// TIM2, 3, 4, 5, 6, 7, 12, 13, 14, 23, 24, all on APB1. Source: RM0468; interrupt and request
-/// numbers from stm32-metapac.
-pub(super) const TIMERS: [Facts; 11] = [
+/// One on APB2 with complementary outputs.
+const fn advanced(
+    channels: usize,
+    interrupts: [usize; 2],
+    requests: [u32; 5],
+    complements: usize,
+    tones: &'static [Source],
+) -> Facts {
+    Facts { bits: 16, channels, interrupts, requests, bus: 1, complements, tones }
+}
+
+/// TIM2, 3, 4, 5, 6, 7, 12, 13, 14, 23, 24 on APB1, TIM1, 8, 16, 17 on APB2. Source: RM0468; interrupt
+/// and request numbers from stm32-metapac; inputs from RM0468, `TIMx_TISEL`, and ST's
+/// `stm32h7xx_hal_tim_ex.h`.
+pub(super) const TIMERS: [Facts; 15] = [
     facts(32, 4, 28, [22, 18, 19, 20, 21]),
     facts(16, 4, 29, [27, 23, 24, 25, 26]),
     facts(16, 4, 30, [32, 29, 30, 31, 0]),
@@ -55,6 +91,10 @@ pub(super) const TIMERS: [Facts; 11] = [
     facts(16, 1, 45, [0; 5]),
     facts(32, 4, 161, [130, 126, 127, 128, 129]),
     facts(32, 4, 162, [136, 132, 133, 134, 135]),
+    advanced(4, [25, 27], [15, 11, 12, 13, 14], 3, &[]),
+    advanced(4, [44, 46], [51, 47, 48, 49, 50], 3, &[]),
+    advanced(1, [117; 2], [110, 109, 0, 0, 0], 1, &[Source::Lsi, Source::Lse, Source::Unmodelled]),
+    advanced(1, [118; 2], [112, 111, 0, 0, 0], 1, &[Source::Unmodelled, Source::Hse, Source::Mco1]),
 ];
 
 // CR1.
@@ -67,6 +107,14 @@ const DIRECTION: u32 = 1 << 4;
 const OTHER_DIRECTIONS: u32 = 0b111 << 4;
 const RELOAD_PRELOAD: u32 = 1 << 7;
 const FLAG_IN_COUNTER: u32 = 1 << 11;
+
+// BDTR.
+const MAIN_OUTPUT: u32 = 1 << 15;
+const OFF_STATE_IDLE: u32 = 1 << 10;
+const OFF_STATE_RUN: u32 = 1 << 11;
+const OFF_STATES: u32 = OFF_STATE_IDLE | OFF_STATE_RUN;
+/// BKP, BK2P.
+const BREAK_POLARITIES: u32 = 1 << 13 | 1 << 25;
 
 /// The last of SMCR's encoder modes.
 const ENCODER_MODES: u32 = 3;
@@ -115,6 +163,15 @@ pub(super) struct Timer {
     counts_down: bool,
     /// Channels whose pins are observed, a bit each.
     watched: u32,
+    /// BDTR.
+    breaks: u32,
+    /// RCR: overflows to an update, less one; and those still to come.
+    repetitions: Preloaded,
+    repetitions_left: u32,
+    /// TISEL.
+    input_select: u32,
+    tones: Tones,
+    listener: Option<Listener>,
     counter: u32,
     hz: u64,
     /// The counter's ticks are counted from here, where the prescaler had counted `phase` clocks;
@@ -143,6 +200,12 @@ impl Timer {
             inputs: [Input::default(); CHANNELS],
             counts_down: false,
             watched: 0,
+            breaks: 0,
+            repetitions: Preloaded::new(0),
+            repetitions_left: 0,
+            input_select: 0,
+            tones: Tones::default(),
+            listener: None,
             counter: 0,
             hz: 0,
             anchor: Nanos::ZERO,
@@ -152,8 +215,8 @@ impl Timer {
     }
 
     pub(super) fn reset(&mut self, now: Nanos) {
-        let Self { hz, watched, .. } = *self;
-        *self = Self { hz, watched, anchor: now, ..Self::new(self.facts) };
+        let Self { hz, watched, tones, .. } = *self;
+        *self = Self { hz, watched, tones, anchor: now, ..Self::new(self.facts) };
     }
 
     /// Its clock from now on; 0 if gated.
@@ -165,14 +228,34 @@ impl Timer {
         }
     }
 
+    /// Whether it has a main output enable.
+    const fn is_advanced(&self) -> bool {
+        self.facts.complements > 0
+    }
+
+    /// BDTR.
+    fn write_breaks(&mut self, write: Write) -> Result<(), Refusal> {
+        let wanted = write.over(self.breaks);
+        self.breaks = wanted & (MAIN_OUTPUT | OFF_STATES);
+        // Dead time, locks, breaks and their filters; polarities of breaks that are off do nothing.
+        let harmless = MAIN_OUTPUT | OFF_STATES | BREAK_POLARITIES;
+        if wanted & !harmless != 0 { Err(Refusal::Unmodelled) } else { Ok(()) }
+    }
+
     /// The channel's byte in CCMR1 or CCMR2.
     const fn mode(&self, channel: usize) -> u32 {
         self.modes[channel / 2] >> (8 * (channel % 2)) & 0xFF
     }
 
-    /// Number of its interrupt, if it is asked for.
-    pub(super) fn interrupt(&self) -> Option<usize> {
-        (self.flags & self.interrupts & 0xFF != 0).then_some(self.facts.interrupt)
+    /// Numbers of its interrupts that are asked for.
+    pub(super) fn interrupts(&self) -> impl Iterator<Item = usize> + use<> {
+        let asked = self.flags & self.interrupts & 0xFF;
+        let asks = [asked & UPDATE != 0, asked & !UPDATE != 0];
+        self.facts
+            .interrupts
+            .into_iter()
+            .zip(asks)
+            .filter_map(|(number, asks)| asks.then_some(number))
     }
 
     /// Its request with this number in DMAMUX1.
@@ -230,6 +313,9 @@ impl Timer {
             0x24 => self.counter,
             0x28 => self.prescaler.written,
             0x2C => self.reload.written,
+            0x30 if self.is_advanced() => self.repetitions.written,
+            0x44 if self.is_advanced() => self.breaks,
+            0x68 if !self.facts.tones.is_empty() => self.input_select,
             _ => match self.channel_of(offset) {
                 Some(channel) => {
                     if self.mode(channel) & 3 != 0 {
@@ -278,8 +364,30 @@ impl Timer {
             }
             0x10 => self.flags &= !write.zeros(),
             0x14 => self.event(write.ones(), now),
-            0x18 | 0x1C if has_channels => return self.write_mode(write),
-            0x20 if has_channels => self.outputs = write.over(self.outputs),
+            0x18 | 0x1C if has_channels => {
+                let written = self.write_mode(write);
+                self.listen(now);
+                return written;
+            }
+            0x20 if has_channels => {
+                self.outputs = write.over(self.outputs);
+                self.listen(now);
+            }
+            0x30 if self.is_advanced() => {
+                // 16 bits in TIM1 and TIM8, 8 in the others.
+                let mask = if self.facts.channels > 1 { 0xFFFF } else { 0xFF };
+                self.repetitions.written = write.over(self.repetitions.written) & mask;
+            }
+            0x44 if self.is_advanced() => return self.write_breaks(write),
+            0x68 if !self.facts.tones.is_empty() => {
+                self.input_select = write.over(self.input_select) & 0xF;
+                self.listen(now);
+                let source = self.source();
+                if source == Some(Source::Unmodelled) || source.is_none() && self.input_select != 0
+                {
+                    return Err(Refusal::Unmodelled);
+                }
+            }
             0x24 => self.counter = write.over(self.counter) & self.largest(),
             0x28 => self.prescaler.written = write.over(self.prescaler.written) & 0xFFFF,
             0x2C => {
@@ -322,6 +430,7 @@ impl Timer {
             self.rebase(now);
             self.phase = 0;
             self.counter = 0;
+            self.repetitions_left = self.repetitions.written;
             // No compare flag, also where zero is compared with: embassy's time would start at
             // 65.5 ms, and on chips it starts at zero.
             self.update(false, now);

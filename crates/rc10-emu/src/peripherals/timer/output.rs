@@ -1,6 +1,6 @@
 //! Outputs of a timer: what its compare channels do to their pins.
 
-use super::{CHANNELS, Timer};
+use super::{CHANNELS, MAIN_OUTPUT, OFF_STATE_IDLE, OFF_STATE_RUN, Timer};
 
 /// `OCxM`.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -33,18 +33,46 @@ const fn mode_of(bits: u32) -> Mode {
 impl Timer {
     /// The level at a channel's pin; `None` if the channel does not drive it.
     pub(in super::super) fn output(&self, channel: usize) -> Option<bool> {
+        self.level(channel, false)
+    }
+
+    /// The level at the pin of a channel's complementary output; `None` if nothing drives it.
+    pub(in super::super) fn complement(&self, channel: usize) -> Option<bool> {
+        if channel < self.facts.complements { self.level(channel, true) } else { None }
+    }
+
+    /// RM0468, TIM1 and TIM8 chapter, output control bits for complementary channels, without dead time.
+    fn level(&self, channel: usize, complement: bool) -> Option<bool> {
         let bits = self.mode(channel);
-        // CCxE, CCxP.
-        let enables = self.outputs >> (4 * channel);
-        if channel >= self.facts.channels || bits & 3 != 0 || enables & 1 == 0 {
+        if channel >= self.facts.channels || bits & 3 != 0 {
             return None;
+        }
+        // CCxE, CCxP; CCxNE, CCxNP.
+        let enables = self.outputs >> (4 * channel);
+        let (main, other) =
+            (enables & 1 != 0, enables & 4 != 0 && channel < self.facts.complements);
+        let (enabled, inverts) =
+            if complement { (other, enables & 8 != 0) } else { (main, enables & 2 != 0) };
+        if !main && !other {
+            return None;
+        }
+        if self.is_advanced() && self.breaks & MAIN_OUTPUT == 0 {
+            // OISx, OISxN.
+            let idle = self.control_2 >> (8 + 2 * channel + usize::from(complement)) & 1 != 0;
+            return (self.breaks & OFF_STATE_IDLE != 0).then_some(idle);
+        }
+        if !enabled {
+            // Its inactive level, or not driven.
+            return (self.is_advanced() && self.breaks & OFF_STATE_RUN != 0).then_some(inverts);
         }
         let active = match mode_of(bits) {
             Mode::Forced(active) => active,
             Mode::Pwm { below } => (self.counter < self.compare[channel].in_force) == below,
             Mode::Frozen | Mode::Match(_) | Mode::Toggle => self.references[channel],
         };
-        Some(active != (enables & 2 != 0))
+        // Alone, a complementary output carries the reference itself.
+        let opposite = complement && main && other;
+        Some(active != (inverts != opposite))
     }
 
     /// The counter has arrived at these channels' values, a bit each.
@@ -68,8 +96,10 @@ impl Timer {
         if self.watched == 0 {
             return None;
         }
-        let channels = (0..CHANNELS.min(self.facts.channels))
-            .filter(|channel| self.watched >> channel & 1 != 0 && self.output(*channel).is_some());
+        let channels = (0..CHANNELS.min(self.facts.channels)).filter(|channel| {
+            self.watched >> channel & 1 != 0
+                && (self.output(*channel).is_some() || self.complement(*channel).is_some())
+        });
         let ticks = channels.filter_map(|channel| {
             let value = self.compare[channel].in_force;
             let modulates = matches!(mode_of(self.mode(channel)), Mode::Pwm { .. });

@@ -1,0 +1,110 @@
+//! Boards that carry the chip: what is soldered, and which of the chip's pins lead outside.
+
+/// A case, and the pins that it bonds out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Package {
+    /// 100 pins: STM32H723V.
+    Lqfp100,
+    /// 144 pins: STM32H723Z.
+    Lqfp144,
+}
+
+impl Package {
+    /// Its name in the data sheet.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Lqfp100 => "LQFP100",
+            Self::Lqfp144 => "LQFP144",
+        }
+    }
+
+    /// Whether it bonds a pin out (port 'A' ..= 'K', 0 ..= 15), be it behind a switch. Source: the pin
+    /// lists of stm32-metapac 21.0.0, STM32H723VG and STM32H723ZG.
+    #[must_use]
+    pub const fn bonds(self, port: char, pin: usize) -> bool {
+        match port {
+            'A'..='E' => pin < 16,
+            'F' | 'G' => matches!(self, Self::Lqfp144) && pin < 16,
+            'H' => pin < 2,
+            _ => false,
+        }
+    }
+
+    /// Whether a pin is bonded out as its analog pad only: PC2 as `PC2_C`, PC3 as `PC3_C`. Its digital
+    /// part reaches that pad while the switch between them is closed. Source: data sheet DS13313, pin
+    /// definitions, of both packages.
+    #[must_use]
+    pub const fn is_behind_switch(self, port: char, pin: usize) -> bool {
+        port == 'C' && (pin == 2 || pin == 3)
+    }
+}
+
+/// A board with an STM32H723.
+///
+/// Another crystal than its own, soldered by mistake, is
+/// `Board { crystal_hz: 25_000_000, ..Board::DM_MC02 }`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Board {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// The chip's name.
+    pub chip: &'static str,
+    /// The chip's case.
+    pub package: Package,
+    /// The crystal at HSE, hertz.
+    pub crystal_hz: u64,
+}
+
+impl Board {
+    /// The team's own: STM32H723ZGT6, 25 MHz. Source: the team's `CubeMX` project.
+    pub const H723ZG: Self = Self {
+        name: "h723zg",
+        chip: "STM32H723ZG",
+        package: Package::Lqfp144,
+        crystal_hz: 25_000_000,
+    };
+    /// Damiao DM-MC02: STM32H723VGT6, 24 MHz. Source: the vendor's schematic of 2024-01-24.
+    pub const DM_MC02: Self = Self {
+        name: "dm-mc02",
+        chip: "STM32H723VG",
+        package: Package::Lqfp100,
+        crystal_hz: 24_000_000,
+    };
+    /// All boards.
+    pub const ALL: [Self; 2] = [Self::H723ZG, Self::DM_MC02];
+
+    /// The board of a name; `None`: there is no such board.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|board| board.name == name)
+    }
+}
+
+impl Default for Board {
+    /// The team's own.
+    fn default() -> Self {
+        Self::H723ZG
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boards_have_names() {
+        assert_eq!(Board::named("dm-mc02"), Some(Board::DM_MC02));
+        assert_eq!(Board::named("h723zg"), Some(Board::H723ZG));
+        assert_eq!(Board::named("nucleo"), None);
+    }
+
+    #[test]
+    fn packages_bond_their_pins() {
+        let count = |package: Package| {
+            let pins = ('A'..='K').flat_map(|port| (0..16).map(move |pin| (port, pin)));
+            pins.filter(|&(port, pin)| package.bonds(port, pin)).count()
+        };
+        assert_eq!((count(Package::Lqfp100), count(Package::Lqfp144)), (82, 114));
+    }
+}
