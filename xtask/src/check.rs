@@ -10,10 +10,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail, ensure};
 
 use crate::cargo::{chip, host, root, run as run_command};
-use crate::firmware::{
-    EXAMPLES, build_count_with, build_interop_with, build_package_with, build_selftest_with,
-    build_usb_with, build_with,
-};
+use crate::firmware::{DM_MC02, ON_DM_MC02, build_all, build_with};
 use crate::setup::{TARGET, chip_toolchain, component, python};
 use crate::{count, emulate, scaffold, size};
 
@@ -37,8 +34,8 @@ const PUBLISHED: [&str; 10] = [
     "rc10-bsp",
 ];
 
-/// All of `rc10-bsp`'s.
-const CHIP_FEATURES: &str = "stm32h723,usb,defmt,freeze-watchdog";
+/// All of `rc10-bsp`'s, and a chip.
+const CHIP_FEATURES: &str = "stm32h723,usb,defmt,freeze-watchdog,embassy-stm32/stm32h723zg";
 
 enum Outcome {
     Passed,
@@ -144,6 +141,14 @@ pub fn run() -> Result<()> {
             let bsp = format!("--package rc10-bsp --features {CHIP_FEATURES} --target {TARGET}");
             run_command(&mut host(&format!("clippy {bsp} -- -D warnings")))?;
             run_command(&mut chip("clippy --workspace --release -- -D warnings", None))?;
+            // A build has one chip, so the other board comes by itself.
+            let packages = ON_DM_MC02.map(|name| format!(" --package {name}")).concat();
+            let packages = format!("--package rc10-board{packages}");
+            let board = format!("--no-default-features --features {DM_MC02}");
+            run_command(&mut chip(
+                &format!("clippy --release {packages} {board} -- -D warnings"),
+                None,
+            ))?;
             let docs = format!("doc --no-deps {bsp}");
             run_command(host(&docs).env("RUSTDOCFLAGS", "-Dwarnings"))
         }),
@@ -177,13 +182,8 @@ pub fn run() -> Result<()> {
     let mut program = None;
     report.step("firmware", || {
         with_chip(&rustc, |rustc| {
-            program = Some(build_with(rustc)?);
-            build_interop_with(rustc)?;
-            build_usb_with(rustc)?;
-            for package in EXAMPLES {
-                build_package_with(package, rustc)?;
-            }
-            build_selftest_with(rustc)
+            program = Some(build_all(rustc)?);
+            build_with("usb", None, rustc).map(drop)
         })
     });
     report.step("size", || match &program {
@@ -194,7 +194,9 @@ pub fn run() -> Result<()> {
         Some(program) => emulate::run(program, None).into(),
         None => Outcome::Skipped("no firmware".to_owned()),
     });
-    report.step("count", || with_chip(&rustc, |rustc| count::run(&build_count_with(rustc)?)));
+    report.step("count", || {
+        with_chip(&rustc, |rustc| count::run(&build_with("count", None, rustc)?))
+    });
     report.conclude()
 }
 

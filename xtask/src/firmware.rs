@@ -1,72 +1,58 @@
 //! Building the chip's programs.
 
 use std::env;
+use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 
 use crate::cargo::{chip, root, run};
 use crate::setup::{TARGET, chip_toolchain};
 
-/// Builds the firmware for release; says where its ELF file is.
-pub fn build() -> Result<PathBuf> {
-    build_with(chip_toolchain()?.as_deref())
-}
-
-/// Builds the programs on other people's drivers, beside the firmware.
-pub fn build_interop() -> Result<()> {
-    build_interop_with(chip_toolchain()?.as_deref())
-}
-
-/// Builds the program that drives what the firmware does not, beside it.
-pub fn build_selftest() -> Result<()> {
-    build_selftest_with(chip_toolchain()?.as_deref())
-}
-
-/// Builds a program of the workspace `firmware/`; says where its ELF file is.
-pub fn build_package(package: &str) -> Result<PathBuf> {
-    build_package_with(package, chip_toolchain()?.as_deref())
-}
-
-/// Builds the serial port on USB, beside it.
-pub fn build_usb_with(rustc: Option<&Path>) -> Result<()> {
-    // By itself: features unify over packages that are built together.
-    run(&mut chip("build --release --package usb", rustc))
-}
-
-/// Builds the program that [`count`](crate::count) runs; says where its ELF file is.
-pub fn build_count() -> Result<PathBuf> {
-    build_count_with(chip_toolchain()?.as_deref())
-}
-
-pub fn build_with(rustc: Option<&Path>) -> Result<PathBuf> {
-    run(&mut chip("build --release", rustc))?;
-    Ok(elf("rc10-firmware"))
-}
-
-pub fn build_count_with(rustc: Option<&Path>) -> Result<PathBuf> {
-    // By itself: features unify over packages that are built together.
-    run(&mut chip("build --release --package count", rustc))?;
-    Ok(elf("count"))
-}
-
-pub fn build_interop_with(rustc: Option<&Path>) -> Result<()> {
-    run(&mut chip("build --release --package interop", rustc))
-}
-
-pub fn build_selftest_with(rustc: Option<&Path>) -> Result<()> {
-    // By itself: features unify over packages that are built together.
-    run(&mut chip("build --release --package selftest", rustc))
-}
-
-pub fn build_package_with(package: &str, rustc: Option<&Path>) -> Result<PathBuf> {
-    // By itself: features unify over packages that are built together.
-    run(&mut chip(&format!("build --release --package {package}"), rustc))?;
-    Ok(elf(package))
-}
-
+/// The team's robot.
+pub const TEAM: &str = "rc10-firmware";
 /// The firmware of the examples.
 pub const EXAMPLES: [&str; 3] = ["mixed-firmware", "omni-firmware", "starter-firmware"];
+/// The board that is not the default one, and the programs that are run on it.
+pub const DM_MC02: &str = "dm-mc02";
+pub const ON_DM_MC02: [&str; 2] = [TEAM, "omni-firmware"];
+
+/// Builds a program of the workspace `firmware/` for release, for its default board or another one; says where
+/// its ELF file is.
+pub fn build(package: &str, board: Option<&str>) -> Result<PathBuf> {
+    build_with(package, board, chip_toolchain()?.as_deref())
+}
+
+/// The same with this compiler, if not the active toolchain's.
+pub fn build_with(package: &str, board: Option<&str>, rustc: Option<&Path>) -> Result<PathBuf> {
+    // By itself: features unify over packages that are built together.
+    let arguments = format!("build --release --package {package}");
+    let default = elf(package);
+    let Some(board) = board.filter(|board| *board != "h723zg") else {
+        run(&mut chip(&arguments, rustc))?;
+        return Ok(default);
+    };
+    let features = format!("--no-default-features --features {board}");
+    run(&mut chip(&format!("{arguments} {features}"), rustc))?;
+    let own = elf(&format!("{package}-{board}"));
+    // The team's robot has a program of its own for each board. Others have one, whose file the next build for
+    // another board replaces.
+    if package != TEAM {
+        fs::copy(&default, &own).with_context(|| format!("cannot copy {}", default.display()))?;
+    }
+    Ok(own)
+}
+
+/// Builds everything that `emulate` runs; says where the team's ELF file is.
+pub fn build_all(rustc: Option<&Path>) -> Result<PathBuf> {
+    for package in ON_DM_MC02 {
+        build_with(package, Some(DM_MC02), rustc)?;
+    }
+    for package in EXAMPLES.into_iter().chain(["interop", "selftest"]) {
+        build_with(package, None, rustc)?;
+    }
+    build_with(TEAM, None, rustc)
+}
 
 fn elf(name: &str) -> PathBuf {
     let target =

@@ -18,7 +18,8 @@ use anyhow::Result;
 const USAGE: &str = "\
 cargo xtask setup   make this machine able to build for the chip, and to test against Python
 cargo xtask check   everything that must hold before a commit
-cargo xtask firmware [PACKAGE]   build the firmware, say where it is; an example's, such as mixed-firmware
+cargo xtask firmware [PACKAGE [BOARD]]   build the firmware, say where it is; an example's, such as mixed-firmware;
+                    for another board: dm-mc02
 cargo xtask emulate   the firmware on an emulated chip: every scenario, against its budgets
 cargo xtask phases  the least and the most of what faults cost, over fifty phases
 cargo xtask size    flash and RAM of the firmware, against their budgets
@@ -35,27 +36,22 @@ fn main() -> ExitCode {
         },
         Some("check") => check::run,
         Some("firmware") => || {
-            let elf = match std::env::args().nth(2).as_deref() {
-                None => firmware::build()?,
-                Some(package) => firmware::build_package(package)?,
-            };
+            let (package, board) = (std::env::args().nth(2), std::env::args().nth(3));
+            let package = package.as_deref().unwrap_or(firmware::TEAM);
+            let elf = firmware::build(package, board.as_deref())?;
             println!("{}", elf.display());
             Ok(())
         },
         Some("scaffold") => scaffold::run,
         Some("new-robot") => || check::new_robot(setup::chip_toolchain().is_ok()),
-        Some("emulate") => || {
-            let firmware = firmware::build()?;
-            firmware::build_interop()?;
-            firmware::build_selftest()?;
-            for package in firmware::EXAMPLES {
-                firmware::build_package(package)?;
-            }
-            emulate::run(&firmware, None)
-        },
-        Some("phases") => || emulate::run(&firmware::build()?, Some("phases::")),
-        Some("size") => || size::run(&firmware::build()?),
-        Some("count") => || count::run(&firmware::build_count()?),
+        Some("emulate") => {
+            || emulate::run(&firmware::build_all(setup::chip_toolchain()?.as_deref())?, None)
+        }
+        Some("phases") => {
+            || emulate::run(&firmware::build(firmware::TEAM, None)?, Some("phases::"))
+        }
+        Some("size") => || size::run(&firmware::build(firmware::TEAM, None)?),
+        Some("count") => || count::run(&firmware::build("count", None)?),
         Some("fuzz") => || fuzz::run(std::env::args().skip(2)),
         _ => {
             eprintln!("{USAGE}");

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
 use rc10_can::Micros;
+use rc10_emu::Board;
 use rc10_motor::{MotorId, Names, numbers};
 use rc10_sim::{Fault, Serial, World};
 
@@ -32,7 +33,7 @@ pub struct Description {
     /// Its script, for reports.
     pub script: Script,
     /// Builds its firmware and says where the ELF file is. `None`: `rc10 emu` must be told.
-    pub firmware: Option<fn() -> Result<PathBuf>>,
+    pub firmware: Option<fn(Option<Board>) -> Result<PathBuf>>,
     /// Faults that are injected in this run: [`Robot::set_faults`](crate::Robot::set_faults).
     pub faults: Vec<Fault>,
     /// Differences between the world and this description:

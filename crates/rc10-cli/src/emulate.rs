@@ -1,5 +1,6 @@
 //! `rc10 emu`: runs the firmware itself, on an emulated chip, in the robot's environment.
 
+mod board;
 mod foreign;
 mod line;
 mod output;
@@ -15,7 +16,7 @@ use std::{env, fs};
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use rc10_can::Micros;
-use rc10_emu::{Machine, Options, Rig};
+use rc10_emu::{Board, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_motor::{Loops, MotorBus, MotorStatus};
 use rc10_sim::fault::{Fault, Kind};
@@ -56,6 +57,12 @@ pub struct EmuArgs {
     /// a Cortex-M4 would]
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub mips: Option<u64>,
+    /// The board [default: the one that the program is for]; without a program, that to build it for
+    #[arg(long, value_name = "NAME", value_parser = board::named)]
+    pub board: Option<Board>,
+    /// Its crystal, if another one is soldered on by mistake
+    #[arg(long, value_name = "MHZ", value_parser = board::crystal)]
+    pub crystal: Option<u64>,
     #[command(flatten)]
     #[expect(missing_docs, reason = "its fields say it")]
     pub injected: Injected,
@@ -92,6 +99,10 @@ pub struct Setup {
     pub mistakes: Vec<Mistake>,
     /// Bits a second of a PC at its console, if there is to be one.
     pub console: Option<u32>,
+    /// The board that the chip is on, if not the one that the program is for.
+    pub board: Option<Board>,
+    /// Its crystal, if it has another than its own: hertz.
+    pub crystal: Option<u64>,
 }
 
 /// A chip in a robot's environment, and what the robot's own code on this machine hears on the
@@ -145,8 +156,9 @@ impl<'r> Emulation<'r> {
         let Environment { world, wires, lines: ends, motors, base, serials, .. } = around;
         let (remote, operator, console) = (around.remote, around.operator, around.console);
         ensure!(wires.len() <= 3, "the chip has three buses, the robot {}", wires.len());
-        let mut machine =
-            Machine::with(program, Options { seed: setup.seed, ..Options::default() })?;
+        let board = board::of(program, setup)?;
+        let options = Options { seed: setup.seed, board, ..Options::default() };
+        let mut machine = Machine::with(program, options)?;
         if let Some(speed) = setup.speed {
             machine.set_speed(speed);
         }
@@ -160,6 +172,7 @@ impl<'r> Emulation<'r> {
             match &link.wire {
                 ReceiverWire::Serial(wire) => {
                     let inverted = link.receiver.serial().is_some_and(|serial| serial.inverted);
+                    let inverted = inverted && !board.inverts_remote;
                     machine.connect_serial(control.uart, wire, inverted)
                 }
                 ReceiverWire::Pulses(wire) => machine.connect_pulses(control.pulse_pin, wire),
@@ -321,7 +334,7 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     robot.fit(args.force)?;
     let path = match (&args.elf, robot.description().firmware) {
         (Some(path), _) => path.clone(),
-        (None, Some(build)) => build()?,
+        (None, Some(build)) => build(args.board)?,
         (None, None) => bail!("this robot does not say how to build a firmware: name an ELF file"),
     };
     let program = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -332,6 +345,8 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
         faults: args.injected.faults.clone(),
         mistakes: args.injected.mistakes.clone(),
         console: None,
+        board: args.board,
+        crystal: args.crystal,
     };
     let started = Instant::now();
     let named = || path.display().to_string();
@@ -369,20 +384,12 @@ pub fn emulate(args: &EmuArgs, mut robot: Robot<'_>, out: &mut dyn Write) -> Res
     Ok(figures.any_problems())
 }
 
-/// Builds the firmware of the team's robot; says where its ELF file is.
-///
-/// # Errors
-/// As [`build_firmware_of`].
-pub fn build_firmware() -> Result<PathBuf> {
-    build_firmware_of("rc10-firmware")
-}
-
-/// Builds a program of this checkout's `firmware/`, by the name of its package; says where its ELF file
-/// is.
+/// Builds a program of this checkout's `firmware/`, by the name of its package, for a board or the one that it
+/// is for by itself; says where its ELF file is.
 ///
 /// # Errors
 /// If there is no checkout, or the program cannot be built.
-pub fn build_firmware_of(package: &str) -> Result<PathBuf> {
+pub fn build_firmware_of(package: &str, board: Option<Board>) -> Result<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     ensure!(
         root.join("firmware").is_dir(),
@@ -390,6 +397,7 @@ pub fn build_firmware_of(package: &str) -> Result<PathBuf> {
     );
     let output = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
         .args(["xtask", "firmware", package])
+        .args(board.map(|board| board.name))
         .current_dir(&root)
         .stderr(Stdio::inherit())
         .output()
@@ -402,20 +410,22 @@ pub fn build_firmware_of(package: &str) -> Result<PathBuf> {
     }
 }
 
-/// Builds the program in the folder `firmware` of a robot's own repository, by its own settings; says where
-/// its ELF file is.
+/// Builds the program in the folder `firmware` of a robot's own repository, by its own settings, for a board or
+/// the one that it is for by itself; says where its ELF file is.
 ///
 /// # Errors
 /// If there is none, or it cannot be built.
-pub fn build_firmware_in(repository: &str) -> Result<PathBuf> {
+pub fn build_firmware_in(repository: &str, board: Option<Board>) -> Result<PathBuf> {
     let folder = Path::new(repository).join("firmware");
     ensure!(
         folder.is_dir(),
         "there is no {} to build: say which ELF file to run",
         folder.display()
     );
+    let features = board.map(|board| ["--no-default-features", "--features", board.name]);
     let output = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
         .args(["build", "--release", "--message-format=json-render-diagnostics"])
+        .args(features.into_iter().flatten())
         .current_dir(&folder)
         .stderr(Stdio::inherit())
         .output()

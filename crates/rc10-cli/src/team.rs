@@ -11,7 +11,7 @@ use rc10_sim::{Nanos, Serial, World};
 use rc10_tasks::status;
 
 use crate::description::{Base, Description, SerialPart};
-use crate::emulate::build_firmware;
+use crate::emulate::build_firmware_of;
 use crate::motor::Plant;
 use crate::remote::RemoteControl;
 use crate::robot::Robot;
@@ -31,7 +31,7 @@ pub fn description() -> Description {
         )),
         serials: vec![SerialPart { label: "IMU", uart: IMU_UART, twin: imu_twin }],
         console: Some(CONSOLE),
-        firmware: Some(build_firmware),
+        firmware: Some(|board| build_firmware_of("rc10-firmware", board)),
         ..Description::of(plant)
     }
 }

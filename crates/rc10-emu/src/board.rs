@@ -54,6 +54,8 @@ pub struct Board {
     pub package: Package,
     /// The crystal at HSE, hertz.
     pub crystal_hz: u64,
+    /// Whether there is an inverter between the remote's receiver and the chip.
+    pub inverts_remote: bool,
 }
 
 impl Board {
@@ -63,6 +65,7 @@ impl Board {
         chip: "STM32H723ZG",
         package: Package::Lqfp144,
         crystal_hz: 25_000_000,
+        inverts_remote: false,
     };
     /// Damiao DM-MC02: STM32H723VGT6, 24 MHz. Source: the vendor's schematic of 2024-01-24.
     pub const DM_MC02: Self = Self {
@@ -70,6 +73,7 @@ impl Board {
         chip: "STM32H723VG",
         package: Package::Lqfp100,
         crystal_hz: 24_000_000,
+        inverts_remote: true,
     };
     /// All boards.
     pub const ALL: [Self; 2] = [Self::H723ZG, Self::DM_MC02];

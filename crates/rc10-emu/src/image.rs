@@ -40,6 +40,33 @@ pub struct Image {
     pub ram: u32,
     /// The compiler and its version, if the file says: `rustc version 1.95.0 (..)`.
     pub compiler: Option<String>,
+    /// The board that it is for, if the file says.
+    pub made_for: Option<MadeFor>,
+}
+
+/// The board that a program is for: section `.rc10.board` of its file, as `rc10-board` writes it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MadeFor {
+    /// Name of the board.
+    pub board: String,
+    /// Name of its chip.
+    pub chip: String,
+    /// Its crystal, hertz.
+    pub crystal_hz: u64,
+}
+
+impl MadeFor {
+    /// Of 36 bytes: two texts of 16 that end in zeros, and a number, the low byte first.
+    fn parse(bytes: &[u8]) -> Option<Self> {
+        let (board, rest) = bytes.split_at_checked(16)?;
+        let (chip, hz) = rest.split_at_checked(16)?;
+        let text = |bytes: &[u8]| {
+            let text = bytes.split(|&byte| byte == 0).next()?;
+            Some(std::str::from_utf8(text).ok()?.to_owned())
+        };
+        let crystal_hz = u32::from_le_bytes(hz.try_into().ok()?).into();
+        Some(Self { board: text(board)?, chip: text(chip)?, crystal_hz })
+    }
 }
 
 impl Image {
@@ -63,7 +90,7 @@ impl Image {
         ensure!(!segments.is_empty(), "nothing in it is to be loaded");
         let sections = header.sections(endian, file)?;
         let (mut flash, mut ram) = (0, 0);
-        let mut compiler = None;
+        let (mut compiler, mut made_for) = (None, None);
         let mut places = BTreeMap::new();
         for section in sections.iter() {
             let name = sections.section_name(endian, section)?;
@@ -72,6 +99,9 @@ impl Image {
                 let comments = comments.filter_map(|comment| std::str::from_utf8(comment).ok());
                 let mut compilers = comments.filter(|comment| comment.starts_with("rustc"));
                 compiler = compilers.next().map(str::to_owned);
+            }
+            if name == b".rc10.board" {
+                made_for = MadeFor::parse(section.data(endian, file)?);
             }
             let bytes = section.sh_size(endian);
             if section.sh_flags(endian) & SHF_ALLOC == 0 {
@@ -105,7 +135,7 @@ impl Image {
             symbols.insert(name.to_owned(), address);
         }
         let sections = places;
-        Ok(Self { segments, functions, symbols, statics, sections, flash, ram, compiler })
+        Ok(Self { segments, functions, symbols, statics, sections, flash, ram, compiler, made_for })
     }
 
     /// The value of a symbol.

@@ -16,7 +16,7 @@ mod rig;
 
 pub use board::{Board, Package};
 pub use figures::{BusFigures, Figures, Spread};
-pub use image::{Image, Static};
+pub use image::{Image, MadeFor, Static};
 pub use machine::{Injection, LogLine, Machine, Options, Report, Restart};
 pub use memory::Memory;
 pub use profile::{ExceptionCost, Profile};

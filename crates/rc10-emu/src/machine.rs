@@ -145,6 +145,7 @@ pub struct Machine {
     links: Links,
     memory: Memory,
     image: Image,
+    board: Board,
     log: Log,
     lines: Vec<LogLine>,
     next_log: Nanos,
@@ -217,6 +218,7 @@ impl Machine {
             links: Links::default(),
             memory,
             image,
+            board: options.board,
             log,
             lines: Vec::new(),
             next_log: LOG_PERIOD,
@@ -304,6 +306,12 @@ impl Machine {
     #[must_use]
     pub const fn now(&self) -> Nanos {
         Nanos::new(self.now)
+    }
+
+    /// The board that it is on.
+    #[must_use]
+    pub const fn board(&self) -> Board {
+        self.board
     }
 
     /// The program.

@@ -21,7 +21,7 @@ pub fn description() -> Description {
     Description {
         script: Script { events: SCRIPT.iter().map(event).collect(), repeats_after: None },
         remote: Some(RemoteControl::new(RECEIVER, &HANDS, None)),
-        firmware: Some(|| build_firmware_of("mixed-firmware")),
+        firmware: Some(|board| build_firmware_of("mixed-firmware", board)),
         ..Description::of(plant)
     }
 }

@@ -14,7 +14,7 @@ use crate::{Motors, Shared, task};
 pub fn description() -> Description {
     Description {
         remote: Some(RemoteControl::new(RECEIVER, &SCRIPT, Some(Micros::from_millis(5000)))),
-        firmware: Some(|| build_firmware_of("omni-firmware")),
+        firmware: Some(|board| build_firmware_of("omni-firmware", board)),
         ..Description::of(plant)
     }
 }

@@ -17,7 +17,7 @@ pub fn description() -> Description {
     Description {
         base: Some(Base::of(WHEELS, &BASE)),
         remote: Some(RemoteControl::new(RECEIVER, &SCRIPT, Some(Micros::from_millis(5000)))),
-        firmware: Some(|| build_firmware_in(env!("CARGO_MANIFEST_DIR"))),
+        firmware: Some(|board| build_firmware_in(env!("CARGO_MANIFEST_DIR"), board)),
         ..Description::of(plant)
     }
 }

@@ -98,6 +98,8 @@ impl<'a> Outcome<'a> {
         let functions = machine.profile().by_function(machine.image());
         json!({
             "seed": recording.seed,
+            "board": machine.board().name,
+            "crystal_hz": machine.board().crystal_hz,
             "virtual_seconds": seconds(figures.length),
             "frames": figures.buses.iter().map(|bus| bus.frames).sum::<u64>(),
             "content_hash": content_hash(rig),
@@ -165,10 +167,13 @@ impl<'a> Outcome<'a> {
         }
         let virtual_seconds = seconds(self.figures.length);
         let took = took.as_secs_f64();
-        let seed = self.recording.seed;
+        let (seed, board) = (self.recording.seed, self.rig.machine.board());
         writeln!(
             text,
-            "\n{virtual_seconds:.3} s on the emulated chip in {took:.1} s, seed {seed}\n"
+            "\n{virtual_seconds:.3} s on the emulated chip in {took:.1} s, seed {seed}; board {}, {} with {} MHz\n",
+            board.name,
+            board.chip,
+            board.crystal_hz as f64 * 1e-6,
         )?;
         writeln!(text, "{}", motor_table(self.recording, self.run).text())?;
         self.write_buses(text)?;

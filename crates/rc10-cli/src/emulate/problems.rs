@@ -3,6 +3,7 @@
 use rc10_emu::{Figures, Rig};
 use rc10_sim::fault::Kind;
 
+use super::board;
 use crate::description::Description;
 use crate::motor::Place;
 use crate::problems::{About, Problem, is_excused};
@@ -17,6 +18,10 @@ pub(super) fn search(
 ) {
     let figures = Figures::of(rig);
     let mut problem = |about, kind, text| found.push(Problem::new(about, kind, text));
+    let made_for = rig.machine.image().made_for.as_ref();
+    if let Some(text) = board::mismatch(made_for, &rig.machine.board()) {
+        problem(About::Chip, "wrong-board", text);
+    }
     if figures.boot.is_none() {
         let text = "a bus has seen no frame from it".to_owned();
         problem(About::Chip, "silent", text);

@@ -191,7 +191,7 @@ impl<'r> Emulated<'r> {
         robot.fit(false)?;
         let path = match (elf, robot.description().firmware) {
             (Some(path), _) => path,
-            (None, Some(build)) => build()?,
+            (None, Some(build)) => build(None)?,
             (None, None) => bail!("this robot does not say how to build a firmware: --emu ELF"),
         };
         let program = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
