@@ -10,8 +10,8 @@ use rc10_emu::Figures;
 use rc10_robot::table::{BASE, FULL_STICK, LED_BRIGHTNESS, LEDS, WHEELS};
 use rc10_sim::{Nanos, UartFault};
 
-use crate::wires::pictures;
 use crate::{give, is_clean, keeps_its_period, log, millis, run, setup};
+use rc10_emu::strip::pictures;
 
 /// Drives forward, loses the remote for a time, and goes on until `length`, in milliseconds.
 fn lose(fault: &str, length: u64, judge: impl FnOnce(Loss, Recording, String)) {
@@ -117,7 +117,7 @@ fn the_strip_shows_how_the_robot_is() {
         for number in 0..16 {
             emulation.run(millis(60 + 100 * number)).unwrap();
             let edges = emulation.rig.machine.soc().take_edges('F', 9);
-            seen.extend(pictures(&edges));
+            seen.extend(pictures(&edges).unwrap());
         }
         is_clean(&emulation.rig, &Figures::of(&emulation.rig));
         assert!(seen.iter().all(|picture| picture.len() == LEDS));

@@ -9,7 +9,7 @@ use rc10_sim::{
     UartFault, World,
 };
 
-use super::wires::{Bmi088, Echo, Listener, Registers, Sleeper, pictures};
+use super::wires::{Bmi088, Echo, Listener, Registers, Sleeper};
 use super::{millis, priorities, program};
 
 /// The self-test takes less than 2 s.
@@ -389,7 +389,7 @@ fn every_driver_passes_its_self_test() {
     // A remote at rest: eight channels in the middle of 22 ms.
     assert!(text[9].contains("ok, 1500 .. 10000 us apart"), "{}", text[9]);
     let (first, second) = ([0x12, 0x34, 0x56], [0xA5, 0x5A, 0xC3]);
-    let shown = pictures(&bench.edges(STRIP));
+    let shown = rc10_emu::strip::pictures(&bench.edges(STRIP)).unwrap();
     assert_eq!(shown, [vec![first, second], vec![second, first], vec![first, second, second]]);
 }
 

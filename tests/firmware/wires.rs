@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use rc10_emu::peripherals::{Edge, I2cDevice, SpiDevice};
+use rc10_emu::peripherals::{I2cDevice, SpiDevice};
 use rc10_sim::{Nanos, SerialDevice};
 
 /// Keeps what it hears.
@@ -164,34 +164,4 @@ impl I2cDevice for Sleeper {
     fn stretch(&self) -> Nanos {
         Nanos::new(u64::MAX)
     }
-}
-
-/// The pictures on a strip of WS2812, each LED as red, green, blue. Widths, period and silence are
-/// what all its data sheets agree on.
-pub fn pictures(edges: &[Edge]) -> Vec<Vec<[u8; 3]>> {
-    let mut bits: Vec<Vec<bool>> = Vec::new();
-    let mut last_rise = None;
-    for pulse in edges.chunks(2) {
-        let [rise, fall] = pulse else { panic!("the strip's pin stays high") };
-        assert!(rise.high && !fall.high);
-        let pause = last_rise.replace(rise.at).map(|last| rise.at.since(last).get());
-        match pause {
-            // A byte that waits for others to end begins some microseconds later.
-            Some(1200..=1350 | 2_400..=30_000) => {}
-            None | Some(280_000..) => bits.push(Vec::new()),
-            Some(other) => panic!("a pulse {other} ns behind the last one"),
-        }
-        let bit = match fall.at.since(rise.at).get() {
-            250..=380 => false,
-            650..=850 => true,
-            other => panic!("a pulse of {other} ns"),
-        };
-        bits.last_mut().unwrap().push(bit);
-    }
-    let byte = |bits: &[bool]| bits.iter().fold(0, |byte, &bit| byte << 1 | u8::from(bit));
-    let led = |led: &[bool]| {
-        let [green, red, blue] = [0, 8, 16].map(|from| byte(&led[from..from + 8]));
-        [red, green, blue]
-    };
-    bits.iter().map(|picture| picture.chunks(24).map(led).collect()).collect()
 }

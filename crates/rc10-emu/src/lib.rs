@@ -13,6 +13,7 @@ pub mod memory;
 pub mod peripherals;
 pub mod profile;
 mod rig;
+pub mod strip;
 
 pub use board::{Board, Package};
 pub use figures::{BusFigures, Figures, Spread};

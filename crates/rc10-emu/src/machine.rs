@@ -16,7 +16,7 @@ use crate::image::Image;
 use crate::links::Links;
 use crate::log::Log;
 use crate::memory::{FLASH, Memory};
-use crate::peripherals::{ResetCause, Soc};
+use crate::peripherals::{Edge, PinTime, ResetCause, Soc};
 use crate::profile::Profile;
 
 /// Core clock at which [`Machine::set_speed`]'s figure holds: what RC10's firmware runs at.
@@ -278,6 +278,42 @@ impl Machine {
         let connected = self.links.connect_pulses(&mut self.wiring.soc(), pin, pulses, now);
         ensure!(connected, "there is no pin P{}{}", pin.0, pin.1);
         Ok(())
+    }
+
+    /// Sums up from now on how long the chip holds a pin (port 'A' ..= 'K', 0 ..= 15) high.
+    ///
+    /// # Errors
+    /// If the chip has no such pin.
+    pub fn watch_pin(&mut self, port: char, pin: usize) -> Result<()> {
+        let now = self.now();
+        ensure!(self.wiring.soc().watch_pin(port, pin, now), "there is no pin P{port}{pin}");
+        Ok(())
+    }
+
+    /// What a watched pin did since the last call, or since it is watched; `None`: it is not.
+    pub fn take_pin_time(&mut self, port: char, pin: usize) -> Option<PinTime> {
+        let now = self.now();
+        self.wiring.soc().take_pin_time(port, pin, now)
+    }
+
+    /// Keeps from now on every edge of a pin that the chip drives.
+    ///
+    /// # Errors
+    /// If the chip has no such pin.
+    pub fn record_pin(&mut self, port: char, pin: usize) -> Result<()> {
+        ensure!(self.wiring.soc().record_pin(port, pin), "there is no pin P{port}{pin}");
+        Ok(())
+    }
+
+    /// The edges of a recorded pin since the last call.
+    pub fn take_edges(&mut self, port: char, pin: usize) -> Vec<Edge> {
+        self.wiring.soc().take_edges(port, pin)
+    }
+
+    /// The level that the chip drives a pin to now; `None` if it does not.
+    #[must_use]
+    pub fn pin_level(&self, port: char, pin: usize) -> Option<bool> {
+        self.wiring.soc().pin_output(port, pin)
     }
 
     /// Characters that a UART has sent and its far end could not read: another rate, another format.

@@ -48,7 +48,7 @@ mod watchdog;
 pub use access::{Access, AccessKind, BusFault, Counts, PinFault, Width};
 pub use clocks::{Clocks, Limit, TooFast};
 pub use i2c::I2cDevice;
-pub use outside::Edge;
+pub use outside::{Edge, PinTime};
 pub use rcc::ResetCause;
 pub use soc::Soc;
 pub use spi::SpiDevice;

@@ -19,11 +19,70 @@ pub struct Edge {
     pub high: bool,
 }
 
-/// Recorder of the edges at a pin.
+/// What a pin did in a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PinTime {
+    /// Begin of that time.
+    pub since: Nanos,
+    /// Its end.
+    pub until: Nanos,
+    /// How long the pin was high.
+    pub high: Nanos,
+    /// How often it rose.
+    pub rises: u64,
+    /// The longest time that it was high without a pause, also if that began earlier.
+    pub longest_high: Nanos,
+}
+
+impl PinTime {
+    /// Share of the time that the pin was high, 0 ..= 1; 0 of no time.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        let time = self.until.since(self.since).get();
+        if time == 0 { 0.0 } else { self.high.get() as f64 / time as f64 }
+    }
+}
+
+impl From<Nanos> for PinTime {
+    /// None yet, from then on.
+    fn from(since: Nanos) -> Self {
+        let (high, longest_high) = (Nanos::ZERO, Nanos::ZERO);
+        Self { since, until: since, high, rises: 0, longest_high }
+    }
+}
+
+/// Recorder of what a pin does.
 pub(super) struct Recorder {
     pin: (usize, usize),
+    /// What the pin carries as it is set up now.
+    signal: Option<Signal>,
     high: bool,
-    edges: Vec<Edge>,
+    /// The edges, if they are kept.
+    edges: Option<Vec<Edge>>,
+    /// Time of the last rise.
+    rose: Nanos,
+    /// `until` is the time up to which `high` is summed up.
+    time: PinTime,
+}
+
+impl Recorder {
+    fn go_on(&mut self, high: bool, now: Nanos) {
+        if self.high {
+            self.time.high = self.time.high + now.since(self.time.until);
+            self.time.longest_high = self.time.longest_high.max(now.since(self.rose));
+        }
+        self.time.until = now;
+        if std::mem::replace(&mut self.high, high) == high {
+            return;
+        }
+        if high {
+            self.rose = now;
+            self.time.rises += 1;
+        }
+        if let Some(edges) = &mut self.edges {
+            edges.push(Edge { at: now, high });
+        }
+    }
 }
 
 /// A wire between two pins of the chip.
@@ -76,7 +135,11 @@ impl Soc {
     }
 
     fn output_at(&self, (port, pin): (usize, usize)) -> Option<bool> {
-        match signal_at(&self.ports, port, pin) {
+        self.output_of((port, pin), signal_at(&self.ports, port, pin))
+    }
+
+    fn output_of(&self, (port, pin): (usize, usize), signal: Option<Signal>) -> Option<bool> {
+        match signal {
             Some(Signal::Timer(timer, channel)) => self.timers[timer].output(channel),
             Some(Signal::TimerComplement(timer, channel)) => self.timers[timer].complement(channel),
             Some(Signal::SerialEnable(usart)) => self.usarts[usart].driver_level(),
@@ -97,30 +160,70 @@ impl Soc {
     /// Writes down from now on whenever the chip changes the level of a pin; one that it does not
     /// drive counts as low. `false`: there is no such pin.
     pub fn record_pin(&mut self, port: char, pin: usize) -> bool {
-        let Some(pin) = pin_at((port, pin)) else { return false };
-        if self.recorders.iter().all(|recorder| recorder.pin != pin) {
-            let high = self.output_at(pin) == Some(true);
-            self.recorders.push(Recorder { pin, high, edges: Vec::new() });
-        }
+        let Some(recorder) = self.recorder(port, pin) else { return false };
+        recorder.edges.get_or_insert_default();
         self.watch();
         self.schedule();
         true
+    }
+
+    /// Sums up from now on how long the chip holds a pin high, without keeping its edges; one that it
+    /// does not drive counts as low. `false`: there is no such pin.
+    pub fn watch_pin(&mut self, port: char, pin: usize, now: Nanos) -> bool {
+        self.advance(now);
+        let Some(recorder) = self.recorder(port, pin) else { return false };
+        recorder.go_on(recorder.high, now);
+        recorder.time = PinTime::from(now);
+        self.watch();
+        self.schedule();
+        true
+    }
+
+    /// What a watched pin did since the last call, or since it is watched; `None`: it is not.
+    pub fn take_pin_time(&mut self, port: char, pin: usize, now: Nanos) -> Option<PinTime> {
+        self.advance(now);
+        let pin = pin_at((port, pin))?;
+        let recorder = self.recorders.iter_mut().find(|recorder| recorder.pin == pin)?;
+        recorder.go_on(recorder.high, now);
+        Some(std::mem::replace(&mut recorder.time, PinTime::from(now)))
+    }
+
+    /// The recorder of a pin, a new one if need be.
+    fn recorder(&mut self, port: char, pin: usize) -> Option<&mut Recorder> {
+        let pin = pin_at((port, pin))?;
+        let known = self.recorders.iter().position(|recorder| recorder.pin == pin);
+        let index = known.unwrap_or_else(|| {
+            let signal = signal_at(&self.ports, pin.0, pin.1);
+            let high = self.output_of(pin, signal) == Some(true);
+            let (rose, time) = (Nanos::ZERO, PinTime::from(Nanos::ZERO));
+            self.recorders.push(Recorder { pin, signal, high, edges: None, rose, time });
+            self.recorders.len() - 1
+        });
+        self.recorders.get_mut(index)
     }
 
     /// The edges of a recorded pin since the last call.
     pub fn take_edges(&mut self, port: char, pin: usize) -> Vec<Edge> {
         let mut recorders = self.recorders.iter_mut();
         let of_pin = recorders.find(|recorder| Some(recorder.pin) == pin_at((port, pin)));
-        of_pin.map(|recorder| std::mem::take(&mut recorder.edges)).unwrap_or_default()
+        let edges = of_pin.and_then(|recorder| recorder.edges.as_mut());
+        edges.map(std::mem::take).unwrap_or_default()
     }
 
     pub(super) fn record(&mut self, now: Nanos) {
         for index in 0..self.recorders.len() {
-            let high = self.output_at(self.recorders[index].pin) == Some(true);
-            let recorder = &mut self.recorders[index];
-            if std::mem::replace(&mut recorder.high, high) != high {
-                recorder.edges.push(Edge { at: now, high });
+            let Recorder { pin, signal, high: before, .. } = self.recorders[index];
+            let high = self.output_of(pin, signal) == Some(true);
+            if high != before {
+                self.recorders[index].go_on(high, now);
             }
+        }
+    }
+
+    /// Pins may carry other signals from now on.
+    pub(super) fn find_signals(&mut self) {
+        for recorder in &mut self.recorders {
+            recorder.signal = signal_at(&self.ports, recorder.pin.0, recorder.pin.1);
         }
     }
 
@@ -154,9 +257,12 @@ impl Soc {
     /// Tells the timers which of their channels are observed.
     fn watch(&mut self) {
         let mut watched = [0_u32; TIMERS.len()];
-        let looked_at = self.recorders.iter().map(|recorder| recorder.pin);
-        for (port, pin) in looked_at.chain(self.jumpers.iter().map(|jumper| jumper.from)) {
-            let signal = signal_at(&self.ports, port, pin);
+        let recorded = self.recorders.iter().map(|recorder| recorder.signal);
+        let joined = self
+            .jumpers
+            .iter()
+            .map(|Jumper { from: (port, pin), .. }| signal_at(&self.ports, *port, *pin));
+        for signal in recorded.chain(joined) {
             if let Some(Signal::Timer(timer, channel) | Signal::TimerComplement(timer, channel)) =
                 signal
             {

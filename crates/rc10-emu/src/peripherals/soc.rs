@@ -637,6 +637,7 @@ impl Soc {
     fn connect_pins(&mut self, now: Nanos) {
         self.pins_changed = true;
         self.cut_pins();
+        self.find_signals();
         let ports = &self.ports;
         let connected = |signal| is_connected(ports, signal);
         let can = [0, 1, 2].map(|index| {

@@ -21,3 +21,4 @@ mod spi;
 mod strip;
 mod timers;
 mod watchdog;
+mod watching;
