@@ -9,6 +9,7 @@
 //! * [`i2c`] with timeouts and recovery; [`spi`] through that memory.
 //! * [`pwm`] with a bound, [`pulse_output`] for LED strips, [`pulse_input`] for PPM, [`quadrature`] for encoders.
 //! * `usb`: a serial port on USB, with the feature of that name.
+//! * [`voltage`] of a supply.
 //! * [`supervisor`]: makes the motors of a bus safe that does not tick.
 //! * [`watchdog`]: fed only while everything that must tick ticks.
 //! * [`crash`]: what happens after a panic or a fault: the motors are made safe by registers, the
@@ -30,6 +31,7 @@ pub mod supervisor;
 mod supply;
 #[cfg(feature = "usb")]
 pub mod usb;
+pub mod voltage;
 pub mod watchdog;
 
 pub use crystal::{Crystal, CrystalState, crystal};

@@ -110,6 +110,9 @@ pub async fn run<N: Names, const BUSES: usize, const LINES: usize>(
     }
 }
 
+/// Up to which a supply is known: it is measured ten times a second.
+const OLDEST_SUPPLY: Micros = Micros::from_millis(500);
+
 /// The status of the robot now.
 #[must_use]
 pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
@@ -123,8 +126,9 @@ pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
     }
     let receptions: [_; PARTS] =
         [("remote", &shared.remote_reception), ("IMU", &shared.imu_reception)];
+    let at = rc10_message::now();
     RobotStatus {
-        at: rc10_message::now(),
+        at,
         arm: shared.switch.state(),
         unfit: shared.switch.unfit(),
         online,
@@ -134,7 +138,7 @@ pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
         receptions: receptions.map(|(label, reception)| (label, reception.read())),
         buses: shared.ports.buses.each_ref().map(|bus| bus.status().into()),
         lines: shared.ports.lines.each_ref().map(|line| line.status().into()),
-        supply: shared.supply.read().map(|supply| supply.value),
+        supply: shared.supply.newer_than(OLDEST_SUPPLY, at),
         bus_cycles: shared.bus_cycles.and_then(Cycles::read),
     }
 }

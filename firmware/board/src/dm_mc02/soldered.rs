@@ -4,7 +4,6 @@ use core::cell::Cell;
 
 use embassy_embedded_hal::shared_bus::asynch::spi::SpiDevice;
 use embassy_futures::join::{join, join5};
-use embassy_stm32::adc::{Adc, SampleTime};
 use embassy_stm32::exti::{self, ExtiInput};
 use embassy_stm32::gpio::{self, Level, Pull, Speed};
 use embassy_stm32::interrupt::typelevel;
@@ -19,6 +18,7 @@ use embassy_time::{Delay, Duration, Ticker, Timer};
 use rc10_bsp::pulse_output::{self, PulseOutput};
 use rc10_bsp::pwm::PwmOutput;
 use rc10_bsp::spi::DmaSpi;
+use rc10_bsp::voltage::VoltageInput;
 use rc10_bsp::{TIMER_CLOCK, dma_buffer};
 use rc10_can::Micros;
 use rc10_module::imu::bmi088::{Bmi088, Config};
@@ -114,14 +114,15 @@ pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
         status_led::run(shared, Strip::<_, 1>::new(pulses).with_brightness(BRIGHTNESS), 1).await;
     };
     let measure = async {
-        let (mut adc, mut pin) = (Adc::new(supply.0), supply.1);
+        let mut input = VoltageInput::new(supply.0, supply.1);
         let mut ticker = Ticker::every(TENTH);
         loop {
-            let raw = adc.blocking_read(&mut pin, SampleTime::CYCLES810_5);
-            let millivolts = u32::from(raw) * SUPPLY_SCALE / u32::from(u16::MAX);
-            let before = shared.supply.read().map(|supply| supply.value);
-            let millivolts = u16::try_from(millivolts).unwrap_or(u16::MAX);
-            shared.supply.set(Supply::now(millivolts, before), rc10_message::now());
+            if let Some(raw) = input.read().await {
+                let millivolts = u32::from(raw) * SUPPLY_SCALE / u32::from(u16::MAX);
+                let before = shared.supply.read().map(|supply| supply.value);
+                let millivolts = u16::try_from(millivolts).unwrap_or(u16::MAX);
+                shared.supply.set(Supply::now(millivolts, before), rc10_message::now());
+            }
             ticker.next().await;
         }
     };
