@@ -54,6 +54,17 @@ pub struct Board {
     pub package: Package,
     /// The crystal at HSE, hertz.
     pub crystal_hz: u64,
+    /// Where the chip measures the board's supply.
+    pub supply_sense: Option<SupplySense>,
+}
+
+/// A voltage divider from the board's supply to a pin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SupplySense {
+    /// Port and number.
+    pub pin: (char, usize),
+    /// The supply is so many times the pin's voltage.
+    pub divider: u32,
 }
 
 impl Board {
@@ -63,6 +74,7 @@ impl Board {
         chip: "STM32H723ZG",
         package: Package::Lqfp144,
         crystal_hz: 25_000_000,
+        supply_sense: None,
     };
     /// Damiao DM-MC02: STM32H723VGT6, 24 MHz. Source: the vendor's schematic of 2024-01-24.
     pub const DM_MC02: Self = Self {
@@ -70,6 +82,8 @@ impl Board {
         chip: "STM32H723VG",
         package: Package::Lqfp100,
         crystal_hz: 24_000_000,
+        // 100 and 10 kilohms at ADC1_INP4, from VIN: USB does not count.
+        supply_sense: Some(SupplySense { pin: ('C', 4), divider: 11 }),
     };
     /// All boards.
     pub const ALL: [Self; 2] = [Self::H723ZG, Self::DM_MC02];
