@@ -56,6 +56,17 @@ pub struct Board {
     pub crystal_hz: u64,
     /// Whether there is an inverter between the remote's receiver and the chip.
     pub inverts_remote: bool,
+    /// Where the chip measures the board's supply.
+    pub supply_sense: Option<SupplySense>,
+}
+
+/// A voltage divider from the board's supply to a pin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SupplySense {
+    /// Port and number.
+    pub pin: (char, usize),
+    /// The supply is so many times the pin's voltage.
+    pub divider: u32,
 }
 
 impl Board {
@@ -66,6 +77,7 @@ impl Board {
         package: Package::Lqfp144,
         crystal_hz: 25_000_000,
         inverts_remote: false,
+        supply_sense: None,
     };
     /// Damiao DM-MC02: STM32H723VGT6, 24 MHz. Source: the vendor's schematic of 2024-01-24.
     pub const DM_MC02: Self = Self {
@@ -74,6 +86,8 @@ impl Board {
         package: Package::Lqfp100,
         crystal_hz: 24_000_000,
         inverts_remote: true,
+        // 100 and 10 kilohms at ADC1_INP4, from VIN: USB does not count.
+        supply_sense: Some(SupplySense { pin: ('C', 4), divider: 11 }),
     };
     /// All boards.
     pub const ALL: [Self; 2] = [Self::H723ZG, Self::DM_MC02];

@@ -15,7 +15,7 @@ pub mod profile;
 mod rig;
 pub mod strip;
 
-pub use board::{Board, Package};
+pub use board::{Board, Package, SupplySense};
 pub use figures::{BusFigures, Figures, Spread};
 pub use image::{Image, MadeFor, Static};
 pub use machine::{Injection, LogLine, Machine, Options, Report, Restart};

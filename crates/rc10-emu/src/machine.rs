@@ -470,6 +470,29 @@ impl Machine {
         self.core.set_nmi(soc.nmi());
     }
 
+    /// The voltage at a pin from outside, in microvolts, from now on.
+    ///
+    /// # Errors
+    /// If the pin does not lead outside, or to no converter that is modelled.
+    pub fn set_voltage(&mut self, port: char, pin: usize, microvolts: u32) -> Result<()> {
+        let now = self.now();
+        let known = self.wiring.soc().set_voltage(port, pin, microvolts, now);
+        ensure!(known, "no converter measures at P{port}{pin}");
+        Ok(())
+    }
+
+    /// The board's supply (VIN) in millivolts, from now on, where the chip measures it.
+    ///
+    /// # Errors
+    /// If the chip does not, on this board.
+    pub fn set_supply(&mut self, millivolts: u32) -> Result<()> {
+        let now = self.now();
+        let mut soc = self.wiring.soc();
+        let name = soc.board().name;
+        ensure!(soc.set_supply(millivolts, now), "the chip on {name} does not measure its supply");
+        Ok(())
+    }
+
     /// Lets chip and world go on up to a time.
     ///
     /// # Errors

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::adc::AdcFault;
 use super::clocks::TooFast;
 use crate::board::Board;
 
@@ -59,6 +60,8 @@ pub enum AccessKind {
     /// A pin is set up as an output or for an alternate function, and does not lead outside. Reported
     /// once for each pin and reason.
     Pin(PinFault),
+    /// ADC1 is used against the manual.
+    Adc(AdcFault),
 }
 
 /// A pin that does not lead outside.
@@ -123,6 +126,7 @@ impl fmt::Display for Access {
             }
             AccessKind::BeforeSupply => "before the supply is configured (PWR_CSR1.ACTVOSRDY)",
             AccessKind::Pin(pin) => return write!(f, "{pin}"),
+            AccessKind::Adc(fault) => return write!(f, "{fault}"),
             AccessKind::TooFast(clock) => {
                 return write!(f, "{verb} {:#010x} ({name}): {clock}", self.address);
             }
@@ -154,6 +158,8 @@ pub struct Counts {
     pub too_fast: u64,
     /// [`AccessKind::Pin`].
     pub pins: u64,
+    /// [`AccessKind::Adc`].
+    pub adc: u64,
 }
 
 impl Counts {
@@ -169,6 +175,7 @@ impl Counts {
             AccessKind::BeforeSupply => &mut self.before_supply,
             AccessKind::TooFast(_) => &mut self.too_fast,
             AccessKind::Pin(_) => &mut self.pins,
+            AccessKind::Adc(_) => &mut self.adc,
         };
         *count += 1;
     }
@@ -191,6 +198,7 @@ impl std::error::Error for BusFault {}
 pub(super) enum Refusal {
     Unmodelled,
     Protected,
+    Adc(AdcFault),
 }
 
 impl From<Refusal> for AccessKind {
@@ -198,6 +206,7 @@ impl From<Refusal> for AccessKind {
         match refusal {
             Refusal::Unmodelled => Self::Unmodelled,
             Refusal::Protected => Self::Protected,
+            Refusal::Adc(fault) => Self::Adc(fault),
         }
     }
 }

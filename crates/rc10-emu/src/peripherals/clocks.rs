@@ -27,6 +27,8 @@ pub struct Clocks {
     pub spis: [u64; 2],
     /// Kernel clock of I2C1, 2, 3 and 5.
     pub i2cs: u64,
+    /// Kernel clock of the ADCs.
+    pub adc: u64,
 }
 
 /// A clock that goes somewhere as a signal: a frequency and what divides it, so that nothing is rounded.
@@ -78,9 +80,10 @@ pub(super) struct Settings {
     pub d1ccipr: u32,
     pub d2ccip1r: u32,
     pub d2ccip2r: u32,
+    pub d3ccipr: u32,
 }
 
-pub(super) fn field(register: u32, shift: u32, bits: u32) -> u32 {
+pub(super) const fn field(register: u32, shift: u32, bits: u32) -> u32 {
     register >> shift & ((1 << bits) - 1)
 }
 
@@ -154,7 +157,14 @@ impl Clocks {
             2 => sources.hsi,
             _ => sources.csi,
         };
-        Self { core, bus, apb, timers, fdcan, usarts, spis, i2cs }
+        // ADCSEL.
+        let adc = match field(settings.d3ccipr, 16, 2) {
+            0 => sources.plls[1][0],
+            1 => sources.plls[2][2],
+            2 => per,
+            _ => 0,
+        };
+        Self { core, bus, apb, timers, fdcan, usarts, spis, i2cs, adc }
     }
 }
 
@@ -234,6 +244,8 @@ pub enum Limit {
     AtMost(u64),
     /// Slower than APB1, which has this frequency.
     BelowApb1(u64),
+    /// At most this, as the converter's `BOOST` is set.
+    Boost(u64),
 }
 
 impl fmt::Display for TooFast {
@@ -243,6 +255,9 @@ impl fmt::Display for TooFast {
         match self.limit {
             Limit::AtMost(limit) => {
                 write!(f, "{clock} is {hz} MHz, at this voltage {} are allowed", mhz(limit))
+            }
+            Limit::Boost(limit) => {
+                write!(f, "{clock} is {hz} MHz, with this BOOST {} are allowed", mhz(limit))
             }
             Limit::BelowApb1(apb) => {
                 write!(f, "{clock} is {hz} MHz, and must be below APB1's {} MHz", mhz(apb))
@@ -421,6 +436,7 @@ mod tests {
             d1ccipr: 0,
             d2ccip1r: 0,
             d2ccip2r: 0,
+            d3ccipr: 0,
         };
         let clocks = Clocks::new(&sources, &settings);
         assert_eq!((clocks.core, clocks.bus), (32_000_000, 8_000_000));
@@ -438,6 +454,7 @@ mod tests {
                 d1ccipr: 0,
                 d2ccip1r: 0,
                 d2ccip2r: 0,
+                d3ccipr: 0,
             };
             Clocks::new(&sources, &settings).timers[0]
         };

@@ -49,6 +49,10 @@ pub enum Block {
     FdcanRam,
     /// Clock calibration unit of the FDCANs.
     FdcanCalibration,
+    /// ADC1.
+    Adc,
+    /// What ADC1 shares with ADC2.
+    AdcCommon,
     /// The chip has it, the model does not.
     Unmodelled,
 }
@@ -179,9 +183,9 @@ pub const MAP: &[Row] = &[
     row("DMA1", 0x4002_0000, 0x400, ahb1(0), Block::Dma(0)),
     row("DMA2", 0x4002_0400, 0x400, ahb1(1), Block::Dma(1)),
     row("DMAMUX1", 0x4002_0800, 0x400, DMA_MUX_GATE, Block::DmaMux),
-    row("ADC1", 0x4002_2000, 0x100, ahb1(5), Unmodelled),
+    row("ADC1", 0x4002_2000, 0x100, ahb1(5), Block::Adc),
     row("ADC2", 0x4002_2100, 0x200, ahb1(5), Unmodelled),
-    row("ADC12_COMMON", 0x4002_2300, 0x100, ahb1(5), Unmodelled),
+    row("ADC12_COMMON", 0x4002_2300, 0x100, ahb1(5), Block::AdcCommon),
     row("ETH", 0x4002_8000, 0x1400, ahb1(15), Unmodelled),
     row("USB_OTG_HS", 0x4004_0000, 0x40000, ahb1(25), Unmodelled),
     row("DCMI", 0x4802_0000, 0x400, ahb2(0), Unmodelled),

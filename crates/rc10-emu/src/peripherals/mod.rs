@@ -16,10 +16,11 @@
 //! | `power` | PWR: supply and voltage scaling; wait states of the flash |
 //! | `gpio`, `pins` | ports; which pin carries which signal with which alternate function |
 //! | `exti` | edges on pins, software triggers |
-//! | `timer` | TIM2-7, 12-14, 23, 24: counting, compare, outputs, capture, encoder |
+//! | `timer` | TIM1-8, 12-14, 16, 17, 23, 24: counting, compare, outputs, capture, encoder |
 //! | `usart` | USART1-3, 6, 10 and UART4, 5, 7-9, which sample levels on a wire |
 //! | `spi`, `i2c` | SPI1-5, I2C1-3 and 5 as masters, with devices |
 //! | `dma` | DMA1, DMA2 and DMAMUX1 |
+//! | `adc` | ADC1 |
 //! | `watchdog` | IWDG1 |
 //! | `outside` | the world at the pins: levels, characters, devices, injected faults |
 //! | `registers` | a block's registers as a table; blocks that only store |
@@ -28,6 +29,7 @@
 //! in [`map::Block`], a row in [`map::MAP`], and an arm in `Soc`'s matches on the block.
 
 mod access;
+mod adc;
 mod clocks;
 mod dma;
 mod exti;
@@ -46,6 +48,7 @@ mod usart;
 mod watchdog;
 
 pub use access::{Access, AccessKind, BusFault, Counts, PinFault, Width};
+pub use adc::AdcFault;
 pub use clocks::{Clocks, Limit, TooFast};
 pub use i2c::I2cDevice;
 pub use outside::{Edge, PinTime};

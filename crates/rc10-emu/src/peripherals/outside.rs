@@ -9,6 +9,7 @@ use super::soc::{Soc, port_index};
 use super::spi::SpiDevice;
 use super::timer::{CHANNELS, TIMERS};
 use super::usart::{Character, Format, Outgoing, SentByte, USARTS};
+use crate::board::SupplySense;
 
 /// A change of a pin's level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -298,6 +299,25 @@ impl Soc {
         });
         let levels = levels.sum();
         self.timers[timer].look(levels, fresh, now);
+    }
+}
+
+/// Voltages.
+impl Soc {
+    /// The voltage at a pin from outside, in microvolts, from now on; 0 before. `false`: the pin does not
+    /// lead outside, or to no converter that is modelled.
+    pub fn set_voltage(&mut self, port: char, pin: usize, microvolts: u32, now: Nanos) -> bool {
+        self.advance(now);
+        self.board().package.bonds(port, pin) && self.adc.set_voltage((port, pin), microvolts)
+    }
+
+    /// The board's supply (VIN) in millivolts, from now on, where the chip measures it. `false`: it does
+    /// not on this board.
+    pub fn set_supply(&mut self, millivolts: u32, now: Nanos) -> bool {
+        self.board().supply_sense.is_some_and(|SupplySense { pin: (port, pin), divider }| {
+            let microvolts = u64::from(millivolts) * 1000 / u64::from(divider.max(1));
+            self.set_voltage(port, pin, u32::try_from(microvolts).unwrap_or(u32::MAX), now)
+        })
     }
 }
 

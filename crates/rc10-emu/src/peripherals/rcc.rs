@@ -60,6 +60,7 @@ const PLLCFGR: u32 = 0x2C;
 const D1CCIPR: u32 = 0x4C;
 const D2CCIP1R: u32 = 0x50;
 const D2CCIP2R: u32 = 0x54;
+const D3CCIPR: u32 = 0x58;
 const CIFR: u32 = 0x64;
 const CICR: u32 = 0x68;
 const BDCR: u32 = 0x70;
@@ -91,7 +92,7 @@ const TABLE: &[Register] = &[
     masked(divider(1), 0x0101_0280, 0x7F7F_FFFF), masked(fraction(1), 0, 0xFFF8),
     masked(divider(2), 0x0101_0280, 0x7F7F_FFFF), masked(fraction(2), 0, 0xFFF8),
     masked(D1CCIPR, 0, 0x3001_0133), masked(D2CCIP1R, 0, 0xB137_71C7),
-    masked(D2CCIP2R, 0, 0x70F0_333F), masked(0x58, 0, 0x7FE3_FF07),
+    masked(D2CCIP2R, 0, 0x70F0_333F), masked(D3CCIPR, 0, 0x7FE3_FF07),
     masked(0x60, 0, 0x27F), masked(CIFR, 0, 0), masked(CICR, 0, 0),
     masked(BDCR, 0, 0x1_833D), masked(CSR, 0, 1),
     masked(0x7C, 0, 0x80E9_5031), masked(0x80, 0, 0x0A00_C023), masked(0x84, 0, 0x0003_0271),
@@ -522,6 +523,7 @@ impl Rcc {
             d1ccipr: self.registers.value(D1CCIPR),
             d2ccip1r: self.registers.value(D2CCIP1R),
             d2ccip2r: self.registers.value(D2CCIP2R),
+            d3ccipr: self.registers.value(D3CCIPR),
         };
         Clocks::new(&sources, &settings)
     }

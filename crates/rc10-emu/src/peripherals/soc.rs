@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use rc10_sim::Nanos;
 
 use super::access::{Access, AccessKind, BusFault, Counts, PinFault, Refusal, Width, Write};
+use super::adc::Adc;
 use super::clocks::{self, Clocks, TooFast, Used};
 use super::dma::{self, Dma, DmaMux, Transfer, UNREACHABLE};
 use super::exti::Exti;
@@ -56,6 +57,7 @@ pub struct Soc {
     pub(super) usarts: [Usart; USARTS.len()],
     pub(super) spis: [Spi; SPIS.len()],
     pub(super) i2cs: [I2c; I2CS.len()],
+    pub(super) adc: Adc,
     pub(super) dmas: [Dma; 2],
     mux: DmaMux,
     watchdog: Watchdog,
@@ -114,6 +116,7 @@ impl Soc {
             usarts: USARTS.each_ref().map(Usart::new),
             spis: SPIS.each_ref().map(Spi::new),
             i2cs: I2CS.each_ref().map(I2c::new),
+            adc: Adc::new(),
             dmas: [Dma::new(0), Dma::new(1)],
             mux: DmaMux::default(),
             watchdog: Watchdog::new(),
@@ -179,7 +182,7 @@ impl Soc {
         if let Some((_, row)) = row_of(address)
             && matches!(
                 row.block,
-                Block::Usart(_) | Block::Spi(_) | Block::I2c(_) | Block::Timer(_)
+                Block::Usart(_) | Block::Spi(_) | Block::I2c(_) | Block::Timer(_) | Block::Adc
             )
         {
             // Reading data clears flags.
@@ -240,6 +243,7 @@ impl Soc {
             self.usarts.iter_mut().for_each(|usart| usart.advance(at));
             self.spis.iter_mut().for_each(|spi| spi.advance(at));
             self.i2cs.iter_mut().for_each(|i2c| i2c.advance(at));
+            self.adc.advance(at);
             self.settle(at);
         }
     }
@@ -438,7 +442,8 @@ impl Soc {
             if matches!(row.block, Block::Rcc | Block::Power | Block::Flash) {
                 self.check_flash(address, now);
             }
-            if matches!(row.block, Block::Rcc | Block::Power | Block::FdcanCalibration) {
+            if matches!(row.block, Block::Rcc | Block::Power | Block::FdcanCalibration | Block::Adc)
+            {
                 self.check_clocks(address, now);
             }
         }
@@ -474,6 +479,8 @@ impl Soc {
             Block::Usart(usart) => self.usarts[usart].read(offset, now),
             Block::Spi(spi) => self.spis[spi].read(offset, width, now),
             Block::I2c(i2c) => self.i2cs[i2c].read(offset, now),
+            Block::Adc => self.adc.read(offset, now),
+            Block::AdcCommon => self.adc.read_common(offset),
             Block::Dma(dma) => self.dmas[dma].read(offset),
             Block::DmaMux => self.mux.read(offset),
             Block::Fdcan(index) => {
@@ -522,6 +529,8 @@ impl Soc {
             Block::Usart(usart) => self.usarts[usart].write(write.repeated(), now),
             Block::Spi(spi) => self.spis[spi].write(write, now),
             Block::I2c(i2c) => self.i2cs[i2c].write(write.repeated(), now),
+            Block::Adc => self.adc.write(write, now),
+            Block::AdcCommon => self.adc.write_common(write),
             Block::Dma(dma) => self.dmas[dma].write(write),
             Block::DmaMux => self.mux.write(write),
             // Registers are words: a part of one writes zeros to the rest.
@@ -578,6 +587,7 @@ impl Soc {
             Block::Usart(usart) => self.usarts[usart].reset(now),
             Block::Spi(spi) => self.spis[spi].reset(),
             Block::I2c(i2c) => self.i2cs[i2c].reset(now),
+            Block::Adc => self.adc.reset(),
             Block::Dma(dma) => self.dmas[dma].reset(),
             // One bit resets all three and the calibration unit: once is enough.
             Block::Fdcan(0) => self.fdcans().reset(),
@@ -592,6 +602,7 @@ impl Soc {
             | Block::Fdcan(_)
             | Block::FdcanRam
             | Block::FdcanCalibration
+            | Block::AdcCommon
             | Block::Unmodelled => {}
         }
     }
@@ -628,6 +639,7 @@ impl Soc {
                     self.spis[spi].set_clock(gated(clocks.spis[SPIS[spi].clock]));
                 }
                 Block::I2c(i2c) => self.i2cs[i2c].set_clock(gated(clocks.i2cs)),
+                Block::Adc => self.adc.set_clocks(&clocks, running),
                 _ => {}
             }
         }
@@ -724,7 +736,8 @@ impl Soc {
         }
         let time_quantum = self.fdcans().time_quantum_hz();
         let scale = self.power.scale(now);
-        let too_fast: Vec<_> = clocks::too_fast(&self.clocks, time_quantum, used, scale).collect();
+        let too_fast = clocks::too_fast(&self.clocks, time_quantum, used, scale);
+        let too_fast: Vec<_> = too_fast.chain(self.adc.too_fast()).collect();
         let before = std::mem::replace(&mut self.too_fast, too_fast.clone());
         for clock in too_fast.into_iter().filter(|clock| !before.contains(clock)) {
             self.report(address, true, AccessKind::TooFast(clock));
@@ -751,7 +764,8 @@ impl Soc {
         let spis = self.spis.iter().filter_map(Spi::interrupt);
         let i2cs = self.i2cs.iter().flat_map(I2c::interrupts);
         let dmas = self.dmas.iter().flat_map(Dma::interrupts);
-        let devices = timers.chain(usarts).chain(spis).chain(i2cs).chain(dmas);
+        let adc = self.adc.interrupt();
+        let devices = timers.chain(adc).chain(usarts).chain(spis).chain(i2cs).chain(dmas);
         for number in self.exti.interrupts().chain(devices) {
             raise(&mut levels, number);
         }
@@ -764,7 +778,8 @@ impl Soc {
         let usarts = self.usarts.iter().filter_map(Usart::next_event);
         let spis = self.spis.iter().filter_map(Spi::next_event);
         let i2cs = self.i2cs.iter().filter_map(I2c::next_event);
-        let others = [self.rcc.next_event(), self.watchdog.next_event()].into_iter().flatten();
+        let others = [self.rcc.next_event(), self.watchdog.next_event(), self.adc.next_event()];
+        let others = others.into_iter().flatten();
         self.next = timers.chain(usarts).chain(spis).chain(i2cs).chain(others).min();
     }
 
@@ -867,6 +882,7 @@ impl Soc {
             || self.timers.iter().any(|timer| timer.requests(request))
             || self.spis.iter().any(|spi| spi.requests(request))
             || self.i2cs.iter().any(|i2c| i2c.requests(request))
+            || self.adc.requests(request)
     }
 
     /// Whether a DMA reaches a memory address. One without clock, out of its reach, or not `known`

@@ -20,6 +20,7 @@ fn our_firmwares_clocks() {
         usarts: [120_000_000; 2],
         spis: [80_000_000, 120_000_000],
         i2cs: 120_000_000,
+        adc: 0,
     };
     assert_eq!(chip.soc.clocks(), expected);
     assert_eq!(chip.soc.core_clock_hz(), 480_000_000);
