@@ -230,6 +230,7 @@ pub fn new_robot(has_chip: bool) -> Result<()> {
             return Ok(());
         }
         own("run --release -- emu --strict --seconds 2")?;
+        own("run --release -- emu --strict --seconds 2 --board dm-mc02")?;
         is_told(&place.join("demo"), "firmware/.cargo/config.toml", "DEFMT_LOG")?;
         is_told(&place.join("demo"), ".cargo/config.toml", "-Tlink.x")
     };

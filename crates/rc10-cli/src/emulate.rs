@@ -1,6 +1,6 @@
 //! `rc10 emu`: runs the firmware itself, on an emulated chip, in the robot's environment.
 
-mod board;
+pub(crate) mod board;
 mod foreign;
 mod line;
 mod output;

@@ -9,12 +9,18 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
+use rc10_emu::Board;
+
+use crate::emulate::board;
 
 /// Arguments of `rc10 new`.
 #[derive(Args, Debug)]
 pub struct NewArgs {
     /// Name of the robot, and of the folder that is made here: small letters, digits and hyphens
     pub name: String,
+    /// The board that its firmware is for, if nothing else is said
+    #[arg(long, value_name = "NAME", default_value = "h723zg", value_parser = board::named)]
+    pub board: Board,
     /// RC10 from this repository, and not from the checkout that this program was built from
     #[arg(long, value_name = "URL", requires = "rev")]
     pub git: Option<String>,
@@ -61,7 +67,8 @@ pub fn new(args: &NewArgs, out: &mut dyn Write) -> Result<()> {
     // Its settings would be joined with those of the checkout, and nothing would link.
     let is_inside = root.canonicalize().is_ok_and(|root| here.starts_with(root));
     ensure!(!is_inside, "here is inside RC10's checkout: make your robot beside it, such as in ..");
-    let checkout = Checkout { root: root.to_owned(), git: args.git.clone().zip(args.rev.clone()) };
+    let (git, board) = (args.git.clone().zip(args.rev.clone()), args.board);
+    let checkout = Checkout { root: root.to_owned(), git, board };
     let name = args.name.as_str();
     let locked = checkout.read("Cargo.lock")?;
     check_name(name, &locked)?;
@@ -88,12 +95,13 @@ pub fn new(args: &NewArgs, out: &mut dyn Write) -> Result<()> {
     fs::rename(&beside.0, &place).with_context(cannot)?;
     writeln!(
         out,
-        "{name}  a robot on four mecanum wheels with a feeder, for the board with the STM32H723ZG; next:\n  \
+        "{name}  a robot on four mecanum wheels with a feeder, for the board {} with an {}; next:\n  \
          cd {name}\n  \
          cargo run --release               ten seconds in the simulator, and its report\n  \
          cargo test                        the robot does what hands tell it\n  \
          cargo run --release -- emu        the firmware itself, on the emulated chip\n  \
-         robot/src/table.rs                its motors: a line each"
+         robot/src/table.rs                its motors: a line each",
+        args.board.name, args.board.chip
     )?;
     Ok(())
 }
@@ -129,6 +137,7 @@ fn check_name(name: &str, locked: &str) -> Result<()> {
 struct Checkout {
     root: PathBuf,
     git: Option<(String, String)>,
+    board: Board,
 }
 
 impl Checkout {
@@ -156,6 +165,11 @@ impl Checkout {
         own.retain(|line| !line.starts_with("workspace = \"") && !line.starts_with("build = "));
         own.retain(|line| !line.starts_with('#'));
         let own = own.join("\n") + "\n";
+        let own = replaced(
+            &own,
+            "default = [\"h723zg\"]",
+            &format!("default = [{:?}]", self.board.name),
+        )?;
 
         let heading = self.workspace("Cargo.toml", "", &[&robot, &simulation])?;
         let head = "[workspace]\nmembers = [\"robot\"]\n# It has another target, and another set of features.\n\
@@ -178,6 +192,8 @@ impl Checkout {
         let config = self.read(".cargo/config.toml")?;
         let config = sections(&config).into_iter().filter(|(name, _)| *name != "alias");
         let config: String = config.map(|(_, text)| text).collect();
+        let chip = |board: Board| format!("--chip {}Tx ", board.chip);
+        let config = replaced(&config, &chip(Board::default()), &chip(self.board))?;
         files.push((".cargo/config.toml".into(), config));
         files.push((".gitignore".into(), "target/\n".into()));
         Ok(files)
@@ -239,6 +255,12 @@ impl Checkout {
         };
         Ok(format!("{before}{place}{after}"))
     }
+}
+
+/// A text with one word, which stands there once, for another.
+fn replaced(text: &str, word: &str, other: &str) -> Result<String> {
+    ensure!(text.matches(word).count() == 1, "not understood: where is {word}?");
+    Ok(text.replace(word, other))
 }
 
 /// The sections of a TOML file, each with the comments before it.

@@ -8,7 +8,7 @@ use rc10_emu::{Board, Image, MadeFor};
 use super::Setup;
 
 /// A board, by its name on the command line.
-pub(super) fn named(name: &str) -> Result<Board, String> {
+pub(crate) fn named(name: &str) -> Result<Board, String> {
     Board::named(name).ok_or_else(|| {
         let names = Board::ALL.map(|board| board.name);
         format!("there is no such board: {}", names.join(", "))

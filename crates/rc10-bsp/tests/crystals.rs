@@ -1,0 +1,91 @@
+//! PLL1's settings for a crystal, and when a measured one is another.
+#![cfg(test)]
+
+#[path = "../src/stm32h723/crystal/pll.rs"]
+mod pll;
+
+use pll::{Crystal, frequency};
+
+/// Computed when this is compiled, as a board's is.
+const BOARDS: [Crystal; 4] = [
+    Crystal::new(8_000_000),
+    Crystal::new(16_000_000),
+    Crystal::new(24_000_000),
+    Crystal::new(25_000_000),
+];
+
+#[test]
+fn every_crystal_makes_480_megahertz_within_the_plls_limits() {
+    assert_eq!(BOARDS.map(Crystal::pll), [(2, 120), (4, 120), (4, 80), (5, 96)]);
+    for hz in 4_000_000..=50_000_000_u32 {
+        // Most have no such setting: those are refused.
+        if !hz.is_multiple_of(100_000) || (1..64).all(|by| !480_000_000_u32.is_multiple_of(hz / by))
+        {
+            continue;
+        }
+        let Ok(crystal) = std::panic::catch_unwind(|| Crystal::new(hz)) else { continue };
+        let (divider, multiplier) = crystal.pll();
+        assert_eq!(u64::from(hz) * u64::from(multiplier), 480_000_000 * u64::from(divider), "{hz}");
+        // RM0468: DIVM1 1 to 63, DIVN1 4 to 512, the input in the range that `PLL1RGE` = 2 is for, the VCO's
+        // 480 MHz in 192 to 836.
+        assert!((1..=63).contains(&divider) && (4..=512).contains(&multiplier), "{hz}");
+        assert!((4_000_000..8_000_000).contains(&(hz / u32::from(divider))), "{hz}");
+        assert!(hz / crystal.megahertz() <= 1_000_000 && crystal.megahertz() < 64, "{hz}");
+    }
+}
+
+#[test]
+fn a_crystal_that_cannot_be_is_refused() {
+    for hz in [0, 3_999_999, 50_000_001, u32::MAX, 11_059_200, 25_000_001] {
+        assert!(std::panic::catch_unwind(|| Crystal::new(hz)).is_err(), "{hz}");
+    }
+}
+
+/// HSI is within 1 % (0 to 85 °C), and the count within one tick of it.
+#[test]
+fn another_crystal_is_told_from_a_chip_that_is_off() {
+    let measured = |crystal: u32, hsi: f64| {
+        let divider = 25;
+        let periods = 64 * 8 * divider;
+        let ticks = f64::from(periods) / f64::from(crystal) * 64e6 * hsi;
+        frequency(periods, ticks.round() as u32).unwrap()
+    };
+    let known = [8_000_000, 12_000_000, 16_000_000, 20_000_000, 24_000_000, 25_000_000, 26_000_000];
+    for own in BOARDS {
+        for other in known {
+            for hsi in [0.99, 1.0, 1.01] {
+                let seen = measured(other, hsi);
+                let is_other = own.is_other(seen);
+                assert_eq!(is_other, other != own.hz(), "{} for {other}, {hsi}: {seen}", own.hz());
+            }
+        }
+    }
+    // Of a hot chip, whose HSI is off by more, the right crystal is still right.
+    for own in BOARDS {
+        assert!(!own.is_other(measured(own.hz(), 0.98)) && !own.is_other(measured(own.hz(), 1.02)));
+    }
+    // The bound is 2.5 %, either way.
+    let own = Crystal::new(24_000_000);
+    for (off, is_other) in [(599_999, false), (600_001, true)] {
+        assert_eq!(own.is_other(24_000_000 + off), is_other);
+        assert_eq!(own.is_other(24_000_000 - off), is_other);
+    }
+}
+
+/// What no crystal can be says that the measurement failed: a timer that captures each period and not each eighth,
+/// or none.
+#[test]
+fn nonsense_is_no_crystal() {
+    assert_eq!(frequency(12_800, 0), None);
+    assert_eq!(frequency(12_800, 1), None);
+    assert_eq!(frequency(12_800, 32_768 / 8), None);
+    assert_eq!(frequency(12_800, 32_768 * 8), None);
+    assert_eq!(frequency(12_800, 32_768), Some(25_000_000));
+}
+
+#[test]
+fn a_wrong_crystal_says_its_bit_rate() {
+    assert_eq!(Crystal::new(25_000_000).bit_rate_with(24_000_000), 960_000);
+    assert_eq!(Crystal::new(24_000_000).bit_rate_with(25_000_000), 1_041_666);
+    assert_eq!(Crystal::new(8_000_000).bit_rate_with(50_000_000), 6_250_000);
+}
