@@ -16,7 +16,7 @@ use rc10_can::Micros;
 use rc10_cli::emulate::{Emulation, Setup, content_hash};
 use rc10_cli::team;
 use rc10_emu::peripherals::{ResetCause, Width};
-use rc10_emu::{Figures, Image, Machine, Options, Rig};
+use rc10_emu::{Board, Figures, Image, Machine, Options, Rig};
 use rc10_motor::dji::FeedbackRate;
 use rc10_robot::table::Name;
 use rc10_robot::{Motors, Shared};
@@ -25,6 +25,10 @@ use serde_json::Value;
 
 #[path = "firmware/budgets.rs"]
 mod budgets;
+#[path = "firmware/crystal.rs"]
+mod crystal;
+#[path = "firmware/dm_mc02.rs"]
+mod dm_mc02;
 #[path = "firmware/dma_memory.rs"]
 mod dma_memory;
 #[path = "firmware/line.rs"]
@@ -65,7 +69,7 @@ fn micros(time: Nanos) -> f64 {
     time.get() as f64 * 1e-3
 }
 
-/// The robot's firmware in the robot's environment.
+/// The robot's firmware for its board, in the robot's environment.
 fn run<R>(setup: &Setup, scenario: impl FnOnce(&mut Emulation<'_>) -> R) -> R {
     give(setup, |mut emulation| scenario(&mut emulation))
 }
@@ -76,12 +80,21 @@ fn give<R>(setup: &Setup, scenario: impl FnOnce(Emulation<'_>) -> R) -> R {
     let shared = Shared::new(&ports);
     let mut motors = Motors::new();
     let robot = team::robot(&shared, motors.start(&shared.switch).unwrap().buses);
-    scenario(Emulation::new(firmware(), robot, setup).unwrap())
+    let file = match setup.board {
+        Some(Board::DM_MC02) => &program("rc10-firmware-dm-mc02"),
+        _ => firmware(),
+    };
+    scenario(Emulation::new(file, robot, setup).unwrap())
 }
 
 fn setup(faults: &[&str]) -> Setup {
     let faults = faults.iter().map(|fault| fault.parse().unwrap()).collect();
     Setup { seed: 1, faults, ..Setup::default() }
+}
+
+/// The same on another board, by the program for that.
+fn setup_on(board: Board, faults: &[&str]) -> Setup {
+    Setup { board: Some(board), ..setup(faults) }
 }
 
 fn log(emulation: &mut Emulation<'_>) -> String {
@@ -443,7 +456,11 @@ fn coasts(rig: &Rig, struck: Nanos, armed: Nanos) -> Nanos {
 /// After a crash every bus carries its coast image, nothing else; the restarted program knows why,
 /// and asks for no torque until it is armed.
 fn crashes_safely(fault: &str, within: Nanos, cause: ResetCause, words: &[&str]) {
-    run(&setup(&[fault]), |emulation| {
+    crashes_safely_on(Board::H723ZG, fault, within, cause, words);
+}
+
+fn crashes_safely_on(board: Board, fault: &str, within: Nanos, cause: ResetCause, words: &[&str]) {
+    run(&setup_on(board, &[fault]), |emulation| {
         emulation.run(millis(700)).unwrap();
         let rig = &emulation.rig;
         // A fault that needs no instruction to be executed strikes when it is due: see the callers.
@@ -483,34 +500,9 @@ fn a_crystal_that_stops_makes_every_bus_safe() {
     let words = [
         "the last run ended in a crash: CrystalStopped",
         "the crystal does not start",
-        "disarmed, cannot be armed: the crystal does not work, 11 of 11 motors online",
+        "disarmed, cannot be armed: the crystal does not work or is another, 11 of 11 motors online",
     ];
     crashes_safely("crystal-stops@0.4s", millis(2), ResetCause::Software, &words);
-}
-
-/// The firmware runs all the same, at the same frequencies, and reports the cause; no motor gets
-/// torque.
-#[test]
-#[ignore = "needs the firmware: cargo xtask emulate"]
-fn a_robot_whose_crystal_is_dead_starts_and_cannot_be_armed() {
-    run(&setup(&["crystal-dead"]), |emulation| {
-        emulation.run(millis(700)).unwrap();
-        let rig = &emulation.rig;
-        let clocks = rig.machine.soc().clocks();
-        assert_eq!((clocks.core, clocks.fdcan), (480_000_000, 80_000_000));
-        let first = (0..3).map(|bus| commands(rig, bus, Nanos::ZERO).next().unwrap().start).max();
-        println!("first frames after {:.1} ms", micros(first.unwrap()) * 1e-3);
-        assert!(first <= Some(millis(200)), "{first:?}");
-        for bus in 0..3 {
-            let torque = commands(rig, bus, Nanos::ZERO).find(|entry| !is_zero(entry));
-            assert!(torque.is_none(), "bus {}: {torque:?}", bus + 1);
-        }
-        assert!(rig.machine.restarts().is_empty(), "{:?}", rig.machine.restarts());
-        let log = log(emulation);
-        for said in ["the crystal does not start", "cannot be armed: the crystal does not work"] {
-            assert!(log.contains(said), "{said} is not in:\n{log}");
-        }
-    });
 }
 
 #[test]

@@ -1,11 +1,32 @@
-//! `docs/wiring.md` against `firmware/board/src/board.rs`: the same pins, peripherals and DMA streams, and
-//! the programs that use them.
+//! The pages of the boards against `firmware/board`: the same pins, peripherals and DMA streams, and of the team's
+//! board the programs that use them.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::collections::{BTreeMap, BTreeSet};
 
-const PAGE: &str = include_str!("../docs/wiring.md");
-const BOARD: &str = include_str!("../firmware/board/src/board.rs");
+/// A board: its page, its code, and how many pins and streams it has at least.
+struct Board {
+    page: &'static str,
+    code: &'static str,
+    pins: usize,
+    streams: usize,
+}
+
+const OURS: Board = Board {
+    page: include_str!("../docs/wiring.md"),
+    code: include_str!("../firmware/board/src/h723zg.rs"),
+    pins: 40,
+    streams: 16,
+};
+const BOARDS: [Board; 2] = [
+    OURS,
+    Board {
+        page: include_str!("../docs/dm-mc02.md"),
+        code: include_str!("../firmware/board/src/dm_mc02.rs"),
+        pins: 38,
+        streams: 14,
+    },
+];
 const ROBOT: &str = include_str!("../firmware/src/main.rs");
 const SELF_TEST: &str = include_str!("../firmware/selftest/src/main.rs");
 /// What it calls, and its own words: the parts of its buses and its line.
@@ -15,22 +36,23 @@ const USB: &str = include_str!("../firmware/usb/src/main.rs");
 /// The signals of each pin of the emulated chip, by alternate function.
 const PINS: &str = include_str!("../crates/rc10-emu/src/peripherals/pins.rs");
 
-/// A line of the table, or what `board.rs` says of a pin.
+/// A line of the table, or what the code says of a pin.
 #[derive(Debug, PartialEq)]
 struct Pin<'t> {
     part: &'t str,
     peripheral: &'t str,
 }
 
-/// The page's table, by pin: part, signal, alternate function, streams, source, users.
-fn table() -> BTreeMap<&'static str, [&'static str; 6]> {
+/// The page's table, by pin: part, signal, alternate function, streams, source, users if it says them.
+fn table(board: &Board) -> BTreeMap<&'static str, [&'static str; 6]> {
     let mut table = BTreeMap::new();
-    let (_, lines) = PAGE.split_once("| part | pin |").unwrap();
+    let (_, lines) = board.page.split_once("| part | pin |").unwrap();
     for line in lines.lines().skip(2).take_while(|line| line.starts_with("| `")) {
         let cells: Vec<_> = line.trim_matches('|').split('|').map(str::trim).collect();
-        let [part, pin, signal, function, streams, source, users] = cells[..] else {
+        let [part, pin, signal, function, streams, source, ref users @ ..] = cells[..] else {
             panic!("a line of other columns: {line}");
         };
+        let users = users.first().copied().unwrap_or_default();
         let part = part.trim_matches('`');
         let before = table.insert(pin, [part, signal, function, streams, source, users]);
         assert_eq!(before, None, "{pin} stands there twice");
@@ -39,8 +61,9 @@ fn table() -> BTreeMap<&'static str, [&'static str; 6]> {
 }
 
 /// The parts of `Board::new`: each part and the names behind `p.` in it, in their order.
-fn board() -> Vec<(&'static str, Vec<&'static str>)> {
-    let code = BOARD.split_once("pub fn new(p: Peripherals)").unwrap().1;
+fn parts(board: &Board) -> Vec<(&'static str, Vec<&'static str>)> {
+    let code = board.code.split_once("pub fn new(p: Peripherals)").unwrap().1;
+    let code = code.split_once("\n    }\n").unwrap().0;
     let mut parts: Vec<(&str, Vec<&str>)> = Vec::new();
     for line in code.lines() {
         // A field of `Board` is indented by three steps.
@@ -65,8 +88,14 @@ fn is_pin(name: &str) -> bool {
 
 #[test]
 fn every_pin_stands_in_the_table_and_the_other_way_round() {
+    for board in &BOARDS {
+        every_pin_stands_in_the_table_of(board);
+    }
+}
+
+fn every_pin_stands_in_the_table_of(board: &Board) {
     let mut wired = BTreeMap::new();
-    for (part, names) in board() {
+    for (part, names) in parts(board) {
         for (at, name) in names.iter().enumerate().filter(|(_, name)| is_pin(name)) {
             // An interrupt line stands behind its pin, any other peripheral before.
             let line = names.get(at + 1).filter(|next| next.starts_with("EXTI"));
@@ -77,27 +106,33 @@ fn every_pin_stands_in_the_table_and_the_other_way_round() {
             assert_eq!(again, None, "{name} is used twice");
         }
     }
-    assert!(wired.len() >= 40, "only {} pins found in board.rs", wired.len());
-    let told: BTreeMap<_, _> = table()
+    assert!(wired.len() >= board.pins, "only {} pins found", wired.len());
+    let told: BTreeMap<_, _> = table(board)
         .into_iter()
         .map(|(pin, [part, signal, ..])| {
             (pin, Pin { part, peripheral: signal.split(' ').next().unwrap() })
         })
         .collect();
     for (pin, wired) in &wired {
-        assert_eq!(told.get(pin), Some(wired), "what docs/wiring.md and board.rs say of {pin}");
+        assert_eq!(told.get(pin), Some(wired), "what page and code say of {pin}");
     }
     for pin in told.keys() {
-        assert!(wired.contains_key(pin), "{pin} of docs/wiring.md is not in board.rs");
+        assert!(wired.contains_key(pin), "{pin} of the page is not in the code");
     }
 }
 
 #[test]
 fn streams_stand_at_the_pins_of_their_part() {
+    for board in &BOARDS {
+        streams_stand_at_the_pins_of(board);
+    }
+}
+
+fn streams_stand_at_the_pins_of(board: &Board) {
     let is_stream = |name: &&str| name.starts_with("DMA");
-    let told = table();
+    let told = table(board);
     let mut all = BTreeSet::new();
-    for (part, names) in board() {
+    for (part, names) in parts(board) {
         let streams: BTreeSet<_> = names.into_iter().filter(is_stream).collect();
         let of_part = told.values().filter(|line| line[0] == part);
         let said: Vec<_> = of_part.flat_map(|line| line[3].split(' ')).filter(is_stream).collect();
@@ -106,14 +141,15 @@ fn streams_stand_at_the_pins_of_their_part() {
             assert!(all.insert(stream), "{stream} stands there twice");
         }
     }
-    assert_eq!(all.len(), 16, "both DMAs have eight streams");
+    assert_eq!(all.len(), board.streams);
 }
 
 /// As the emulator has it, whose table is made of the chip's data.
 #[test]
 fn alternate_functions_are_those_of_the_chip() {
     let mut checked = 0;
-    for (pin, [_, signal, function, ..]) in table() {
+    let tables = BOARDS.iter().flat_map(table);
+    for (pin, [_, signal, function, ..]) in tables {
         let (peripheral, what) = signal.split_once(' ').unwrap();
         let kind = match peripheral.trim_end_matches(char::is_numeric) {
             "FDCAN" if what != "standby" => "Can",
@@ -132,12 +168,12 @@ fn alternate_functions_are_those_of_the_chip() {
         assert!(lines.count() >= 1, "{pin} is not {signal} by alternate function {function}");
         checked += 1;
     }
-    assert!(checked >= 34, "{checked}");
+    assert!(checked >= 62, "{checked}");
 }
 
 #[test]
 fn who_uses_a_part_is_true() {
-    for (pin, [part, .., source, users]) in table() {
+    for (pin, [part, .., source, users]) in table(&OURS) {
         let takes = |code: &str| {
             let part = format!("board.{part}");
             code.match_indices(&part).any(|(at, _)| {

@@ -172,7 +172,7 @@ impl<'r> Emulation<'r> {
             match &link.wire {
                 ReceiverWire::Serial(wire) => {
                     let inverted = link.receiver.serial().is_some_and(|serial| serial.inverted);
-                    let inverted = inverted && !board.inverts_remote;
+                    let inverted = inverted != board.inverts_remote;
                     machine.connect_serial(control.uart, wire, inverted)
                 }
                 ReceiverWire::Pulses(wire) => machine.connect_pulses(control.pulse_pin, wire),

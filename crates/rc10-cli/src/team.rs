@@ -16,7 +16,7 @@ use crate::motor::Plant;
 use crate::remote::RemoteControl;
 use crate::robot::Robot;
 
-/// Its IMU is there: `firmware/src/board.rs`.
+/// Its IMU is there: `firmware/board/src/h723zg.rs`.
 const IMU_UART: u8 = 7;
 
 /// The description of the team's robot.

@@ -1,7 +1,7 @@
 //! The Damiao DM-MC02: its pins, and what is soldered on.
 //!
 //! Source: the maker's schematic of 2024-01-24, pin map of 2024-01-27 and manual 1.1, which agree with the projects of
-//! a dozen teams (`docs/boards.md` has the table). It has an STM32H723VGT6, three CAN transceivers without a standby
+//! a dozen teams (`docs/dm-mc02.md`). It has an STM32H723VGT6, three CAN transceivers without a standby
 //! pin and with 120 ohms each, and an inverter before the remote's UART. Nothing here was tried on the board.
 
 mod soldered;
@@ -93,13 +93,13 @@ pub struct UsbParts {
 
 /// What is soldered on and needs a program.
 pub struct Soldered {
+    outputs: OutputPins,
     imu: ImuParts,
     heater: (Peri<'static, TIM3>, Peri<'static, PB1>),
     lamp: (Peri<'static, TIM8>, Peri<'static, PA7>, Peri<'static, DMA1_CH7>),
     buzzer: (Peri<'static, TIM12>, Peri<'static, PB15>),
     supply: (Peri<'static, ADC1>, Peri<'static, PC4>),
     key: (Peri<'static, PA15>, Peri<'static, EXTI15>),
-    outputs: OutputPins,
 }
 
 /// Those of [`Output::ALL`].
@@ -162,6 +162,7 @@ impl Board {
             },
             usb: UsbParts { peripheral: p.USB_OTG_HS, plus: p.PA12, minus: p.PA11 },
             soldered: Soldered {
+                outputs: (p.PC14, p.PC13, p.PC15),
                 imu: ImuParts {
                     peripheral: p.SPI2,
                     clock: p.PB13,
@@ -177,7 +178,6 @@ impl Board {
                 buzzer: (p.TIM12, p.PB15),
                 supply: (p.ADC1, p.PC4),
                 key: (p.PA15, p.EXTI15),
-                outputs: (p.PC14, p.PC13, p.PC15),
             },
             supervisor: p.TIM7,
             watchdog: p.IWDG1,

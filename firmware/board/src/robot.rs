@@ -236,7 +236,7 @@ const fn config(settings: SerialSettings) -> SerialConfig {
             remote::Parity::Even => Parity::Even,
         },
         stop_bits: if settings.stop_bits == 1 { StopBits::One } else { StopBits::Two },
-        invert_receive: settings.inverted && !REMOTE_HAS_INVERTER,
+        invert_receive: settings.inverted != REMOTE_HAS_INVERTER,
         invert_transmit: false,
     }
 }

@@ -346,6 +346,12 @@ impl Soc {
         self.power.is_supplied()
     }
 
+    /// The chip's identity, `DBGMCU_IDC`, if not that of an STM32H723: for a program that wants to know on which
+    /// chip it is.
+    pub fn set_identity(&mut self, identity: u32) {
+        self.debug.set(0, identity);
+    }
+
     /// Sets how RSR.RMVF behaves: whether it stays set until it is cleared, and holds the reset flags at
     /// zero as long. It does if never said.
     pub fn set_removal_stays(&mut self, stays: bool) {
