@@ -159,6 +159,9 @@ impl<'r> Emulation<'r> {
         let board = board::of(program, setup)?;
         let options = Options { seed: setup.seed, board, ..Options::default() };
         let mut machine = Machine::with(program, options)?;
+        if let Some(base) = &base {
+            machine.mount_on(base);
+        }
         if let Some(speed) = setup.speed {
             machine.set_speed(speed);
         }

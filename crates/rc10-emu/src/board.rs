@@ -56,8 +56,36 @@ pub struct Board {
     pub crystal_hz: u64,
     /// Whether there is an inverter between the remote's receiver and the chip.
     pub inverts_remote: bool,
-    /// Where the chip measures the board's supply.
+    /// The board's supply (VIN) at power-on, millivolts.
+    pub supply: u32,
+    /// Where the chip measures it.
     pub supply_sense: Option<SupplySense>,
+    /// Its BMI088.
+    pub imu: Option<ImuWiring>,
+    /// The heater of that.
+    pub heater: Option<Heater>,
+    /// Its key, which connects the pin to ground; a pull-up is beside it.
+    pub key: Option<(char, usize)>,
+}
+
+/// Where a BMI088 is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ImuWiring {
+    /// Number of its SPI.
+    pub spi: u8,
+    /// Pin of the accelerometer's chip select.
+    pub accelerometer_select: (char, usize),
+    /// Pin of the gyroscope's.
+    pub gyroscope_select: (char, usize),
+}
+
+/// A resistor between the board's supply and a switch that a pin closes while it is high.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heater {
+    /// Port and number.
+    pub pin: (char, usize),
+    /// Its resistance, ohms.
+    pub ohms: u32,
 }
 
 /// A voltage divider from the board's supply to a pin.
@@ -77,7 +105,11 @@ impl Board {
         package: Package::Lqfp144,
         crystal_hz: 25_000_000,
         inverts_remote: false,
+        supply: 24_000,
         supply_sense: None,
+        imu: None,
+        heater: None,
+        key: None,
     };
     /// Damiao DM-MC02: STM32H723VGT6, 24 MHz. Source: the vendor's schematic of 2024-01-24.
     pub const DM_MC02: Self = Self {
@@ -86,8 +118,13 @@ impl Board {
         package: Package::Lqfp100,
         crystal_hz: 24_000_000,
         inverts_remote: true,
+        supply: 24_000,
         // 100 and 10 kilohms at ADC1_INP4, from VIN: USB does not count.
         supply_sense: Some(SupplySense { pin: ('C', 4), divider: 11 }),
+        imu: Some(ImuWiring { spi: 2, accelerometer_select: ('C', 0), gyroscope_select: ('C', 3) }),
+        // Ten of 470 ohms in parallel.
+        heater: Some(Heater { pin: ('B', 1), ohms: 47 }),
+        key: Some(('A', 15)),
     };
     /// All boards.
     pub const ALL: [Self; 2] = [Self::H723ZG, Self::DM_MC02];

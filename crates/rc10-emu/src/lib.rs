@@ -10,12 +10,13 @@ mod links;
 mod log;
 mod machine;
 pub mod memory;
+pub mod parts;
 pub mod peripherals;
 pub mod profile;
 mod rig;
 pub mod strip;
 
-pub use board::{Board, Package, SupplySense};
+pub use board::{Board, Heater, ImuWiring, Package, SupplySense};
 pub use figures::{BusFigures, Figures, Spread};
 pub use image::{Image, MadeFor, Static};
 pub use machine::{Injection, LogLine, Machine, Options, Report, Restart};

@@ -16,6 +16,7 @@ use crate::image::Image;
 use crate::links::Links;
 use crate::log::Log;
 use crate::memory::{FLASH, Memory};
+use crate::parts::{Imu, Parts, Thermal};
 use crate::peripherals::{Edge, PinTime, ResetCause, Soc};
 use crate::profile::Profile;
 
@@ -142,10 +143,10 @@ pub struct Machine {
     fdcan: Arc<Mutex<Fdcans>>,
     /// Buses with the index of their FDCAN, until a wrong bit rate is told.
     buses: RefCell<Vec<(usize, rc10_sim::Bus)>>,
+    parts: Parts,
     links: Links,
     memory: Memory,
     image: Image,
-    board: Board,
     log: Log,
     lines: Vec<LogLine>,
     next_log: Nanos,
@@ -203,6 +204,10 @@ impl Machine {
             Soc::on(options.board, options.hsi_deviation_ppm, Arc::clone(&fdcan), memory.clone());
         soc.set_removal_stays(options.removal_stays);
         soc.set_guards_ram(options.reports_early_ram);
+        let parts = Parts::new(&options.board, &mut soc);
+        if let Some((port, pin)) = options.board.key {
+            soc.drive_pin(port, pin, Some(true), Nanos::ZERO);
+        }
         let wiring = Wiring {
             soc: Arc::new(Mutex::new(soc)),
             now: Arc::default(),
@@ -215,10 +220,10 @@ impl Machine {
             wiring,
             fdcan,
             buses: RefCell::default(),
+            parts,
             links: Links::default(),
             memory,
             image,
-            board: options.board,
             log,
             lines: Vec::new(),
             next_log: LOG_PERIOD,
@@ -346,8 +351,8 @@ impl Machine {
 
     /// The board that it is on.
     #[must_use]
-    pub const fn board(&self) -> Board {
-        self.board
+    pub fn board(&self) -> Board {
+        self.wiring.soc().board()
     }
 
     /// The program.
@@ -490,6 +495,37 @@ impl Machine {
         let mut soc = self.wiring.soc();
         let name = soc.board().name;
         ensure!(soc.set_supply(millivolts, now), "the chip on {name} does not measure its supply");
+        self.parts.advance(&mut soc, now);
+        self.parts.supply = millivolts;
+        Ok(())
+    }
+
+    /// The board's BMI088; `None`: it has none.
+    #[must_use]
+    pub const fn imu(&self) -> Option<&Imu> {
+        self.parts.imu.as_ref()
+    }
+
+    /// The board's IMU is in the middle of a base from now on, level.
+    pub fn mount_on(&mut self, base: &rc10_sim::Base) {
+        self.parts.base = Some(base.clone());
+    }
+
+    /// How the board's heater warms its IMU, from now on.
+    pub const fn set_thermal(&mut self, thermal: Thermal) {
+        self.parts.thermal = thermal;
+    }
+
+    /// Presses the board's key, or lets go of it.
+    ///
+    /// # Errors
+    /// If the board has none.
+    pub fn press_key(&mut self, pressed: bool) -> Result<()> {
+        let now = self.now();
+        let mut soc = self.wiring.soc();
+        let board = soc.board();
+        let (port, pin) = board.key.with_context(|| format!("{} has no key", board.name))?;
+        soc.drive_pin(port, pin, Some(!pressed), now);
         Ok(())
     }
 
@@ -643,6 +679,7 @@ impl Machine {
             let messages = self.log.messages(&self.memory)?;
             self.lines.extend(messages.into_iter().map(|text| LogLine { at: now, text }));
             self.compare_bit_rates();
+            self.parts.advance(&mut self.wiring.soc(), now);
         }
         if let Some(cause) = cause {
             self.restarts.push(Restart { at: now, cause });

@@ -8,7 +8,7 @@ use crate::device::Unit;
 use crate::motor::STEP;
 
 /// Standard gravity, m/s².
-const GRAVITY: f64 = 9.806_65;
+pub(crate) const GRAVITY: f64 = 9.806_65;
 
 /// The body and its wheels, in SI units. x is forward, y is left, yaw is counter-clockwise.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,4 +1,6 @@
-//! IMUs on a base.
+//! IMUs on a base: [`Hwt101`] on a serial line, [`bmi088`] on an SPI.
+
+pub mod bmi088;
 
 use std::collections::VecDeque;
 use std::f64::consts::PI;

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::adc::AdcFault;
 use super::clocks::TooFast;
-use crate::board::Board;
+use crate::board::Package;
 
 /// Width of an access.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,15 +69,17 @@ pub enum AccessKind {
 pub struct PinFault {
     /// Port and number.
     pub pin: (char, usize),
-    /// Board that the chip is on.
-    pub board: Board,
+    /// The chip.
+    pub chip: &'static str,
+    /// The case.
+    pub package: Package,
     /// Whether the package bonds it out, behind a switch that is open now.
     pub is_switch_open: bool,
 }
 
 impl fmt::Display for PinFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { pin: (port, pin), board, is_switch_open } = self;
+        let Self { pin: (port, pin), chip, package, is_switch_open } = self;
         if *is_switch_open {
             return write!(
                 f,
@@ -85,8 +87,7 @@ impl fmt::Display for PinFault {
                  (SYSCFG_PMCR.P{port}{pin}SO)"
             );
         }
-        let package = board.package.name();
-        write!(f, "P{port}{pin} is not bonded out on the {} ({package})", board.chip)
+        write!(f, "P{port}{pin} is not bonded out on the {chip} ({})", package.name())
     }
 }
 

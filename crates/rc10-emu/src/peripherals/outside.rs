@@ -62,6 +62,8 @@ pub(super) struct Recorder {
     edges: Option<Vec<Edge>>,
     /// Time of the last rise.
     rose: Nanos,
+    /// How long it was high, up to `time.until`.
+    total: Nanos,
     /// `until` is the time up to which `high` is summed up.
     time: PinTime,
 }
@@ -70,6 +72,7 @@ impl Recorder {
     fn go_on(&mut self, high: bool, now: Nanos) {
         if self.high {
             self.time.high = self.time.high + now.since(self.time.until);
+            self.total = self.total + now.since(self.time.until);
             self.time.longest_high = self.time.longest_high.max(now.since(self.rose));
         }
         self.time.until = now;
@@ -189,6 +192,14 @@ impl Soc {
         Some(std::mem::replace(&mut recorder.time, PinTime::from(now)))
     }
 
+    /// How long a watched pin was high in all; `None`: it is not.
+    pub(crate) fn high_time(&mut self, port: char, pin: usize, now: Nanos) -> Option<Nanos> {
+        let pin = pin_at((port, pin))?;
+        let recorder = self.recorders.iter_mut().find(|recorder| recorder.pin == pin)?;
+        recorder.go_on(recorder.high, now);
+        Some(recorder.total)
+    }
+
     /// The recorder of a pin, a new one if need be.
     fn recorder(&mut self, port: char, pin: usize) -> Option<&mut Recorder> {
         let pin = pin_at((port, pin))?;
@@ -196,8 +207,8 @@ impl Soc {
         let index = known.unwrap_or_else(|| {
             let signal = signal_at(&self.ports, pin.0, pin.1);
             let high = self.output_of(pin, signal) == Some(true);
-            let (rose, time) = (Nanos::ZERO, PinTime::from(Nanos::ZERO));
-            self.recorders.push(Recorder { pin, signal, high, edges: None, rose, time });
+            let (rose, total, time) = (Nanos::ZERO, Nanos::ZERO, PinTime::from(Nanos::ZERO));
+            self.recorders.push(Recorder { pin, signal, high, edges: None, rose, total, time });
             self.recorders.len() - 1
         });
         self.recorders.get_mut(index)

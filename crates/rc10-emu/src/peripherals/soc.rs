@@ -705,7 +705,8 @@ impl Soc {
             self.pins_told[index] &= absent | used;
             for pin in (0..PINS).filter(|pin| new >> pin & 1 != 0) {
                 let is_switch_open = open >> pin & 1 != 0;
-                let fault = PinFault { pin: (letter, pin), board: self.board, is_switch_open };
+                let (pin, chip) = ((letter, pin), self.board.chip);
+                let fault = PinFault { pin, chip, package, is_switch_open };
                 let register = GPIO + 0x400 * u32::try_from(index).unwrap_or(0);
                 self.report(register, true, AccessKind::Pin(fault));
             }

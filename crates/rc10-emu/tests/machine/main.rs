@@ -3,6 +3,7 @@
 
 mod bit_rates;
 mod links;
+mod parts;
 
 use rc10_emu::peripherals::{ResetCause, Width};
 use rc10_emu::{Injection, Machine, Options};

@@ -195,6 +195,8 @@ fn temperatures_are_those_of_the_data_sheet() {
     let mut bench = Bench::new(Config::default());
     for celsius in [85.0, 23.375, 23.25, 23.125, 23.0, 22.875, -40.0] {
         bench.package.with(|package| package.celsius = celsius);
+        // It is measured every 1.28 s.
+        bench.package.with(|package| package.now += 1_280_000_000);
         let read = bench.read().unwrap().temperature.map(f64::from);
         assert_eq!(read, Some(celsius));
     }

@@ -1,0 +1,517 @@
+//! A Bosch BMI088 from its own side: what its two chips do with the bytes that come in while their chip
+//! selects are low. Written from the data sheet BST-BMI088-DS001; it shares nothing with a driver.
+//!
+//! Modelled: the accelerometer's way from I²C to SPI and its dummy byte, start-up and suspend times,
+//! ranges, data rates, sensor time, temperature, resets. Both chips are exact but for their 16 bits and a
+//! noise of one digit. Not modelled: their filters and drift, interrupts, FIFOs, the self-test.
+
+use crate::base::GRAVITY;
+use crate::{Base, Nanos};
+
+/// What the sensor feels, in its own axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// m/s²: gravity shows as an acceleration upwards.
+    pub acceleration: [f64; 3],
+    /// rad/s.
+    pub rotation: [f64; 3],
+}
+
+impl Motion {
+    /// Level and at rest.
+    pub const REST: Self = Self { acceleration: [0.0, 0.0, GRAVITY], rotation: [0.0; 3] };
+
+    /// Level in the middle of a base now, z up: gravity and the base's yaw rate. How the base gathers
+    /// speed is left out.
+    #[must_use]
+    pub fn of(base: &Base) -> Self {
+        Self { rotation: [0.0, 0.0, base.twist().yaw], ..Self::REST }
+    }
+}
+
+impl Default for Motion {
+    fn default() -> Self {
+        Self::REST
+    }
+}
+
+/// One of the two chips in the package.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// With the temperature sensor.
+    Accelerometer,
+    /// The other.
+    Gyroscope,
+}
+
+/// Bytes exchanged since a chip select fell, and the first of them.
+#[derive(Clone, Copy, Debug, Default)]
+struct Transaction {
+    bytes: u8,
+    address: u8,
+}
+
+/// The accelerometer: what is not as it should be.
+#[derive(Clone, Debug)]
+pub struct Accelerometer {
+    /// `ACC_CHIP_ID`: 0x1E of a good one.
+    pub id: u8,
+    /// `ACC_ERR_REG`: 0 of a good one.
+    pub errors: u8,
+    /// A reset takes it back to I²C: the data sheet says no, users say that it does.
+    pub reset_forgets_spi: bool,
+    /// A register that takes nothing.
+    pub deaf: Option<u8>,
+    /// It measures nothing new.
+    pub is_frozen: bool,
+    registers: [u8; 128],
+    speaks_spi: bool,
+    ready: Nanos,
+    awake: Option<Nanos>,
+    written: Option<Nanos>,
+    /// Number of the latest measurement in the registers, and of the latest of the temperature.
+    measured: Option<u64>,
+    warmth: Option<u64>,
+    transaction: Transaction,
+}
+
+/// The gyroscope: what is not as it should be.
+#[derive(Clone, Debug)]
+pub struct Gyroscope {
+    /// `GYRO_CHIP_ID`: 0x0F of a good one.
+    pub id: u8,
+    /// A register that takes nothing.
+    pub deaf: Option<u8>,
+    /// It measures nothing new.
+    pub is_frozen: bool,
+    registers: [u8; 128],
+    ready: Nanos,
+    measured: Option<u64>,
+    transaction: Transaction,
+}
+
+/// Data sheet, 5.2 and 5.5: addresses of the registers that do something here.
+mod accelerometer {
+    pub const ID: u8 = 0x00;
+    pub const ERRORS: u8 = 0x02;
+    pub const DATA: u8 = 0x12;
+    pub const TIME: u8 = 0x18;
+    pub const TEMPERATURE: u8 = 0x22;
+    pub const CONFIG: u8 = 0x40;
+    pub const RANGE: u8 = 0x41;
+    /// Pins and routes of interrupts, and the self-test: only stored.
+    pub const STORED: [u8; 4] = [0x53, 0x54, 0x58, 0x6D];
+    pub const POWER_CONFIG: u8 = 0x7C;
+    pub const POWER: u8 = 0x7D;
+    pub const RESET: u8 = 0x7E;
+}
+mod gyroscope {
+    pub const ID: u8 = 0x00;
+    pub const DATA: u8 = 0x02;
+    pub const RANGE: u8 = 0x0F;
+    pub const BANDWIDTH: u8 = 0x10;
+    pub const POWER: u8 = 0x11;
+    pub const RESET: u8 = 0x14;
+    /// Interrupts: only stored.
+    pub const STORED: [u8; 3] = [0x15, 0x16, 0x18];
+}
+/// The value that resets either chip.
+const SOFT_RESET: u8 = 0xB6;
+/// Start-up times: data sheet, 3 and 6.1.
+const ACCELEROMETER_STARTS: Nanos = Nanos::new(1_000_000);
+const GYROSCOPE_STARTS: Nanos = Nanos::new(30_000_000);
+/// After a write in suspend mode comes that long nothing, and so it takes to wake up: data sheet, 6.1 and
+/// 4.1.1.
+const WAKE_UP: Nanos = Nanos::new(450_000);
+/// A tick of the sensor time: data sheet, 5.3.6.
+const TICK_NS: u64 = 39_062;
+/// Period of the temperature's measurements: data sheet, 5.3.7.
+const WARMTH_NS: u64 = 1_280_000_000;
+/// Periods of the accelerometer's data rates from 12.5 Hz (5) to 1600 Hz (12): data sheet, 5.3.10.
+const SLOWEST_NS: u64 = 80_000_000;
+/// Data rates by bandwidth setting: data sheet, 5.5.5.
+const RATES: [u64; 8] = [2000, 2000, 1000, 400, 200, 100, 200, 100];
+
+/// The package with both chips.
+#[derive(Clone, Debug)]
+pub struct Bmi088 {
+    /// What it feels now.
+    pub motion: Motion,
+    /// Temperature of the die, degrees Celsius.
+    pub celsius: f64,
+    /// The accelerometer.
+    pub accelerometer: Accelerometer,
+    /// The gyroscope.
+    pub gyroscope: Gyroscope,
+    noise: u64,
+}
+
+impl Default for Bmi088 {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Bmi088 {
+    /// Switched on at time zero, level and at rest, 25 °C.
+    #[must_use]
+    pub fn new() -> Self {
+        let accelerometer = Accelerometer {
+            id: 0x1E,
+            errors: 0,
+            reset_forgets_spi: false,
+            deaf: None,
+            is_frozen: false,
+            registers: [0; 128],
+            speaks_spi: false,
+            ready: Nanos::ZERO,
+            awake: None,
+            written: None,
+            measured: None,
+            warmth: None,
+            transaction: Transaction::default(),
+        };
+        let gyroscope = Gyroscope {
+            id: 0x0F,
+            deaf: None,
+            is_frozen: false,
+            registers: [0; 128],
+            ready: Nanos::ZERO,
+            measured: None,
+            transaction: Transaction::default(),
+        };
+        let noise = 0x9E37_79B9_7F4A_7C15;
+        let motion = Motion::REST;
+        let mut package = Self { motion, celsius: 25.0, accelerometer, gyroscope, noise };
+        package.lose_supply(Nanos::ZERO);
+        package
+    }
+
+    /// Whether it follows an SPI clock of this mode (0 to 3) and frequency: data sheet, 6.1.
+    #[must_use]
+    pub const fn understands(mode: u8, clock_hz: u64) -> bool {
+        (mode == 0 || mode == 3) && clock_hz <= 10_000_000
+    }
+
+    /// The supply goes and comes back at once.
+    pub fn lose_supply(&mut self, now: Nanos) {
+        self.accelerometer.speaks_spi = false;
+        self.reset_accelerometer(now);
+        self.reset_gyroscope(now);
+    }
+
+    /// It starts again on its own, the gyroscope does not.
+    pub fn reset_accelerometer(&mut self, now: Nanos) {
+        let chip = &mut self.accelerometer;
+        chip.registers = [0; 128];
+        // Reset values of the register map, 5.2: 100 Hz, 6 g, suspended.
+        for (register, value) in [
+            (accelerometer::CONFIG, 0xA8),
+            (accelerometer::RANGE, 0x01),
+            (accelerometer::POWER_CONFIG, 0x03),
+        ] {
+            chip.registers[usize::from(register)] = value;
+        }
+        (chip.ready, chip.awake, chip.written) = (now + ACCELEROMETER_STARTS, None, None);
+        (chip.measured, chip.warmth) = (None, None);
+    }
+
+    fn reset_gyroscope(&mut self, now: Nanos) {
+        let chip = &mut self.gyroscope;
+        chip.registers = [0; 128];
+        chip.registers[usize::from(gyroscope::BANDWIDTH)] = 0x80;
+        (chip.ready, chip.measured) = (now + GYROSCOPE_STARTS, None);
+    }
+
+    /// A chip select fell.
+    pub fn select(&mut self, part: Part) {
+        *self.transaction(part) = Transaction::default();
+    }
+
+    /// A chip select rose. The first time that it does, the accelerometer begins to speak SPI, once it has
+    /// started: data sheet, 6.1.
+    pub fn deselect(&mut self, part: Part, now: Nanos) {
+        if part == Part::Accelerometer && now >= self.accelerometer.ready {
+            self.accelerometer.speaks_spi = true;
+        }
+    }
+
+    /// A byte in, and the one that goes out meanwhile.
+    pub fn exchange(&mut self, part: Part, sent: u8, now: Nanos) -> u8 {
+        let transaction = self.transaction(part);
+        if transaction.bytes == 0 {
+            transaction.address = sent;
+        }
+        let Transaction { bytes: before, address } = *transaction;
+        // The address goes round: so may the count.
+        transaction.bytes = before.checked_add(1).unwrap_or(128);
+        if part == Part::Accelerometer && !self.accelerometer.speaks_spi {
+            // MISO is not driven.
+            return 0xFF;
+        }
+        let is_read = address & 0x80 != 0;
+        // The accelerometer sends a byte of no meaning before a register's contents.
+        let first = if is_read && part == Part::Accelerometer { 2 } else { 1 };
+        let Some(offset) = before.checked_sub(first) else { return 0xA5 };
+        let register = (address & 0x7F).wrapping_add(offset) & 0x7F;
+        match (part, is_read) {
+            (Part::Accelerometer, true) => return self.read_accelerometer(register, now),
+            (Part::Gyroscope, true) => return self.read_gyroscope(register, now),
+            (Part::Accelerometer, false) => self.write_accelerometer(register, sent, now),
+            (Part::Gyroscope, false) => self.write_gyroscope(register, sent, now),
+        }
+        0
+    }
+
+    const fn transaction(&mut self, part: Part) -> &mut Transaction {
+        match part {
+            Part::Accelerometer => &mut self.accelerometer.transaction,
+            Part::Gyroscope => &mut self.gyroscope.transaction,
+        }
+    }
+
+    /// -1, 0 or 1.
+    const fn noise(&mut self) -> f64 {
+        self.noise ^= self.noise << 13;
+        self.noise ^= self.noise >> 7;
+        self.noise ^= self.noise << 17;
+        match self.noise % 3 {
+            0 => -1.0,
+            1 => 0.0,
+            _ => 1.0,
+        }
+    }
+
+    fn axes(&mut self, values: [f64; 3], one: f64) -> [u8; 6] {
+        let mut bytes = [0; 6];
+        for (axis, value) in bytes.chunks_exact_mut(2).zip(values) {
+            let raw = (value / one).round() + self.noise();
+            #[expect(clippy::cast_possible_truncation, reason = "clamped to its range")]
+            let raw = raw.clamp(-32_768.0, 32_767.0) as i16;
+            axis.copy_from_slice(&raw.to_le_bytes());
+        }
+        bytes
+    }
+
+    fn read_accelerometer(&mut self, register: u8, now: Nanos) -> u8 {
+        if now < self.accelerometer.ready {
+            return 0;
+        }
+        let chip = &self.accelerometer;
+        let is_on = chip.registers[usize::from(accelerometer::POWER)] == 0x04
+            && chip.registers[usize::from(accelerometer::POWER_CONFIG)] == 0x00;
+        let is_awake = is_on && chip.awake.is_some_and(|awake| now >= awake);
+        match register {
+            accelerometer::ID => return chip.id,
+            accelerometer::ERRORS => return chip.errors,
+            // The first byte of a burst latches them all.
+            accelerometer::DATA if is_awake && !chip.is_frozen => {
+                self.measure_acceleration(now);
+                self.latch_time(now);
+            }
+            accelerometer::TIME if is_awake && !chip.is_frozen => self.latch_time(now),
+            // It says that there is none.
+            accelerometer::TEMPERATURE if !is_awake => return 0x80,
+            accelerometer::TEMPERATURE => self.measure_warmth(now),
+            _ => {}
+        }
+        self.accelerometer.registers[usize::from(register)]
+    }
+
+    fn measure_acceleration(&mut self, now: Nanos) {
+        let registers = &self.accelerometer.registers;
+        let rate = registers[usize::from(accelerometer::CONFIG)] & 0xF;
+        let period = SLOWEST_NS >> rate.clamp(5, 12).abs_diff(5);
+        let range = f64::from(3_u8 << (registers[usize::from(accelerometer::RANGE)] & 3));
+        let measured = Some(now.get() / period);
+        if self.accelerometer.measured != measured {
+            self.accelerometer.measured = measured;
+            let bytes = self.axes(self.motion.acceleration, range * GRAVITY / 32_768.0);
+            let data = usize::from(accelerometer::DATA);
+            self.accelerometer.registers[data..data + 6].copy_from_slice(&bytes);
+        }
+    }
+
+    fn latch_time(&mut self, now: Nanos) {
+        let ticks = (now.get() / TICK_NS).to_le_bytes();
+        let time = usize::from(accelerometer::TIME);
+        self.accelerometer.registers[time..time + 3].copy_from_slice(&ticks[..3]);
+    }
+
+    fn measure_warmth(&mut self, now: Nanos) {
+        let number = Some(now.get() / WARMTH_NS);
+        if self.accelerometer.warmth == number {
+            return;
+        }
+        self.accelerometer.warmth = number;
+        // 11 bits of 1/8 degree from 23 °C on.
+        let eighths = ((self.celsius - 23.0) * 8.0).round().clamp(-1023.0, 1023.0);
+        #[expect(clippy::cast_possible_truncation, reason = "clamped to its range")]
+        let bytes = ((eighths as i16) << 5).to_be_bytes();
+        let temperature = usize::from(accelerometer::TEMPERATURE);
+        self.accelerometer.registers[temperature..temperature + 2].copy_from_slice(&bytes);
+    }
+
+    fn write_accelerometer(&mut self, register: u8, value: u8, now: Nanos) {
+        let chip = &mut self.accelerometer;
+        let is_suspended = chip.registers[usize::from(accelerometer::POWER_CONFIG)] == 0x03;
+        // A write within the pause after another is lost.
+        let is_too_soon = chip.written.is_some_and(|written| now < written + WAKE_UP);
+        if now < chip.ready || is_too_soon || chip.deaf == Some(register) {
+            return;
+        }
+        if is_suspended {
+            chip.written = Some(now);
+        }
+        match (register, value) {
+            (accelerometer::RESET, SOFT_RESET) => {
+                chip.speaks_spi &= !chip.reset_forgets_spi;
+                return self.reset_accelerometer(now);
+            }
+            // Configuration registers take nothing while the chip sleeps.
+            (accelerometer::CONFIG | accelerometer::RANGE, _) if is_suspended => return,
+            (accelerometer::POWER, 0x04) => chip.awake = Some(now + WAKE_UP),
+            _ => {}
+        }
+        let is_kept = matches!(
+            register,
+            accelerometer::CONFIG
+                | accelerometer::RANGE
+                | accelerometer::POWER_CONFIG
+                | accelerometer::POWER
+        );
+        if is_kept || accelerometer::STORED.contains(&register) {
+            chip.registers[usize::from(register)] = value;
+        }
+    }
+
+    fn read_gyroscope(&mut self, register: u8, now: Nanos) -> u8 {
+        if now < self.gyroscope.ready {
+            return 0;
+        }
+        match register {
+            gyroscope::ID => return self.gyroscope.id,
+            // The first byte of a burst latches them all.
+            gyroscope::DATA => self.measure_rotation(now),
+            _ => {}
+        }
+        let value = self.gyroscope.registers[usize::from(register)];
+        if register == gyroscope::BANDWIDTH { value | 0x80 } else { value }
+    }
+
+    fn measure_rotation(&mut self, now: Nanos) {
+        let registers = &self.gyroscope.registers;
+        let bandwidth = registers[usize::from(gyroscope::BANDWIDTH)] & 7;
+        let measured = Some(now.get() / (1_000_000_000 / RATES[usize::from(bandwidth)]));
+        // Suspended, or deeply so.
+        let sleeps = registers[usize::from(gyroscope::POWER)] & 0xA0 != 0;
+        if measured == self.gyroscope.measured || self.gyroscope.is_frozen || sleeps {
+            return;
+        }
+        self.gyroscope.measured = measured;
+        let range = 2000_u16 >> (registers[usize::from(gyroscope::RANGE)] & 7);
+        let bytes = self.axes(self.motion.rotation, f64::from(range).to_radians() / 32_767.0);
+        let data = usize::from(gyroscope::DATA);
+        self.gyroscope.registers[data..data + 6].copy_from_slice(&bytes);
+    }
+
+    fn write_gyroscope(&mut self, register: u8, value: u8, now: Nanos) {
+        if now < self.gyroscope.ready || self.gyroscope.deaf == Some(register) {
+            return;
+        }
+        match (register, value) {
+            (gyroscope::RESET, SOFT_RESET) => self.reset_gyroscope(now),
+            (gyroscope::RANGE..=gyroscope::POWER, _) => {
+                self.gyroscope.registers[usize::from(register)] = value;
+            }
+            _ if gyroscope::STORED.contains(&register) => {
+                self.gyroscope.registers[usize::from(register)] = value;
+            }
+            _ => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    /// One transaction; what came in.
+    fn transfer(package: &mut Bmi088, part: Part, sent: &[u8], now: u64) -> Vec<u8> {
+        package.select(part);
+        let now = Nanos::new(now);
+        let heard = sent.iter().map(|&byte| package.exchange(part, byte, now)).collect();
+        package.deselect(part, now);
+        heard
+    }
+
+    fn running() -> Bmi088 {
+        let mut package = Bmi088::new();
+        // To SPI; out of suspend, on.
+        transfer(&mut package, Part::Accelerometer, &[0x80, 0], 40 * MS);
+        for (at, bytes) in [(41, [0x7C, 0x00]), (42, [0x7D, 0x04]), (43, [0x40, 0xAC])] {
+            transfer(&mut package, Part::Accelerometer, &bytes, at * MS);
+        }
+        package
+    }
+
+    #[test]
+    fn identities_after_the_start_and_the_first_select() {
+        let mut package = Bmi088::new();
+        let id = |package: &mut Bmi088, part, now| {
+            *transfer(package, part, &[0x80, 0, 0], now).last().unwrap_or(&0)
+        };
+        assert_eq!(id(&mut package, Part::Accelerometer, 2 * MS), 0xFF, "I2C");
+        assert_eq!(id(&mut package, Part::Accelerometer, 3 * MS), 0x1E);
+        assert_eq!(transfer(&mut package, Part::Gyroscope, &[0x80, 0], 29 * MS), [0xA5, 0]);
+        assert_eq!(transfer(&mut package, Part::Gyroscope, &[0x80, 0], 30 * MS), [0xA5, 0x0F]);
+    }
+
+    #[test]
+    fn gravity_and_turning_in_digits() {
+        let mut package = running();
+        package.motion.rotation = [0.0, 0.0, 1000.0_f64.to_radians()];
+        let read = [0x92, 0, 0, 0, 0, 0, 0, 0];
+        let heard = transfer(&mut package, Part::Accelerometer, &read, 50 * MS);
+        let z = i16::from_le_bytes([heard[6], heard[7]]);
+        assert!((5460..=5462).contains(&z), "a g of 6: {z}");
+        let heard = transfer(&mut package, Part::Gyroscope, &[0x82, 0, 0, 0, 0, 0, 0], 50 * MS);
+        let z = i16::from_le_bytes([heard[5], heard[6]]);
+        assert!((16383..=16385).contains(&z), "half of 2000 degrees a second: {z}");
+    }
+
+    #[test]
+    fn each_chip_has_its_data_rate() {
+        let mut package = running();
+        let mut read = |part, now| {
+            let sent = if part == Part::Gyroscope { [0x82, 0, 0, 0] } else { [0x92, 0, 0, 0] };
+            package.motion.acceleration[0] += 1.0;
+            package.motion.rotation[0] += 1.0;
+            transfer(&mut package, part, &sent, now)
+        };
+        // 1600 Hz: a new one at every 625 us.
+        let first = read(Part::Accelerometer, 50 * MS);
+        assert_eq!(read(Part::Accelerometer, 50 * MS + 624_999), first);
+        assert_ne!(read(Part::Accelerometer, 50 * MS + 625_000), first);
+        // 2000 Hz.
+        let first = read(Part::Gyroscope, 50 * MS);
+        assert_eq!(read(Part::Gyroscope, 50 * MS + 499_999), first);
+        assert_ne!(read(Part::Gyroscope, 50 * MS + 500_000), first);
+    }
+
+    #[test]
+    fn the_temperature_is_measured_every_1_28_seconds() {
+        let mut package = running();
+        let mut read = |celsius, now| {
+            package.celsius = celsius;
+            let heard = transfer(&mut package, Part::Accelerometer, &[0xA2, 0, 0, 0], now);
+            [heard[2], heard[3]]
+        };
+        assert_eq!(read(40.125, 60 * MS), [17, 1 << 5]);
+        assert_eq!(read(10.0, 1279 * MS), [17, 1 << 5]);
+        assert_eq!(read(10.0, 1280 * MS), [0xF3, 0]);
+        assert_eq!(read(-40.0, 2560 * MS), [0xC1, 0]);
+    }
+}
