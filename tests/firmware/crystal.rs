@@ -65,7 +65,8 @@ fn the_right_crystal_is_right_whatever_measures_it() {
         for (board, name) in
             [(Board::H723ZG, "rc10-firmware"), (Board::DM_MC02, "rc10-firmware-dm-mc02")]
         {
-            let told = alone(name, Options { board, hsi_deviation_ppm: deviation, ..Options::default() });
+            let told =
+                alone(name, Options { board, hsi_deviation_ppm: deviation, ..Options::default() });
             assert!(!told.contains("crystal"), "{name}, {deviation} ppm: {told}");
             assert!(told.contains("start"), "{told}");
         }
@@ -73,7 +74,10 @@ fn the_right_crystal_is_right_whatever_measures_it() {
     // By a chip at the end of its 1 %, another one is seen too.
     for deviation in [-10_000, 10_000] {
         let board = Board { crystal_hz: 24_000_000, ..Board::H723ZG };
-        let told = alone("rc10-firmware", Options { board, hsi_deviation_ppm: deviation, ..Options::default() });
+        let told = alone(
+            "rc10-firmware",
+            Options { board, hsi_deviation_ppm: deviation, ..Options::default() },
+        );
         assert!(told.contains("the crystal has 2"), "{deviation} ppm: {told}");
     }
 }
@@ -102,10 +106,15 @@ fn said(name: &str, options: Options, prepare: impl FnOnce(&Machine)) -> String 
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn another_chip_is_told() {
-    let of = |identity| said("rc10-firmware", Options::default(), |machine| machine.soc().set_identity(identity));
+    let of = |identity| {
+        said("rc10-firmware", Options::default(), |machine| machine.soc().set_identity(identity))
+    };
     let told = of(0x2003_6450);
     let words = "this chip is no STM32H723 but has DEV_ID 0x450: the robot cannot be armed";
-    assert!(told.contains(words) && told.contains("cannot be armed: the program is for another chip"), "{told}");
+    assert!(
+        told.contains(words) && told.contains("cannot be armed: the program is for another chip"),
+        "{told}"
+    );
     // One that does not say: nothing is known.
     let told = of(0);
     assert!(!told.contains("DEV_ID") && !told.contains("cannot be armed"), "{told}");

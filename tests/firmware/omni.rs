@@ -9,20 +9,28 @@ use rc10_cli::figures::{self, to_json};
 use rc10_cli::live::{Answer, BAUD, Losses};
 use rc10_cli::record::{RecordWriter, replay};
 use rc10_cli::recording::{Recording, Source};
-use rc10_emu::Figures;
+use rc10_emu::{Board, Figures};
 use rc10_motor::{Link, Names};
 
 use super::live::Watched;
 use super::scratch::Scratch;
-use super::{is_clean, keeps_its_period, log, program, setup};
+use super::{is_clean, keeps_its_period, log, program, setup, setup_on};
 
 /// Runs it with faults for a time, in milliseconds.
 fn record(faults: &[&str], length: u64, judge: impl FnOnce(&mut Emulation<'_>, Recording)) {
+    record_by("omni-firmware", &setup(faults), length, judge);
+}
+
+fn record_by(
+    name: &str,
+    setup: &Setup,
+    length: u64,
+    judge: impl FnOnce(&mut Emulation<'_>, Recording),
+) {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
     let robot = simulation::robot(&shared, &mut motors).unwrap();
-    let setup: Setup = setup(faults);
-    let emulation = Emulation::new(&program("omni-firmware"), robot, &setup).unwrap();
+    let emulation = Emulation::new(&program(name), robot, setup).unwrap();
     let (mut emulation, recording) = emulation.record(Micros::from_millis(length)).unwrap();
     judge(&mut emulation, recording);
 }
@@ -43,7 +51,11 @@ fn current(recording: &Recording, name: Name, millis: std::ops::Range<usize>) ->
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn it_drives_by_its_remote_and_keeps_its_period() {
-    record(&[], 3600, |emulation, recording| {
+    drives("omni-firmware", Board::H723ZG);
+}
+
+pub(super) fn drives(name: &str, board: Board) {
+    record_by(name, &setup_on(board, &[]), 3600, |emulation, recording| {
         is_clean(&emulation.rig, &Figures::of(&emulation.rig));
         is_punctual(emulation);
         let rpm =
@@ -58,7 +70,7 @@ fn it_drives_by_its_remote_and_keeps_its_period() {
         let flywheel = rpm(Name::Flywheel, 3550);
         assert!((flywheel - 1500.0).abs() < 45.0, "{flywheel}");
         let log = log(emulation);
-        assert!(log.lines().last().unwrap().contains("armed, 7 of 7 motors online;"), "{log}");
+        assert!(log.lines().last().unwrap().contains("armed, 7 of 7 motors online"), "{log}");
     });
 }
 

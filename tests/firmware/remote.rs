@@ -3,7 +3,7 @@
 //! disturbed.
 
 use rc10_can::Micros;
-use rc10_cli::emulate::Emulation;
+use rc10_cli::emulate::{Emulation, Setup};
 use rc10_cli::recording::Recording;
 use rc10_cli::remote::{Loss, ReceiverWire};
 use rc10_emu::Figures;
@@ -15,13 +15,17 @@ use rc10_emu::strip::pictures;
 
 /// Drives forward, loses the remote for a time, and goes on until `length`, in milliseconds.
 fn lose(fault: &str, length: u64, judge: impl FnOnce(Loss, Recording, String)) {
-    give(&setup(&[fault]), |emulation| {
+    lose_with(&setup(&[fault]), length, judge);
+}
+
+fn lose_with(setup: &Setup, length: u64, judge: impl FnOnce(Loss, Recording, String)) {
+    give(setup, |emulation| {
         let (mut emulation, recording) = emulation.record(Micros::from_millis(length)).unwrap();
         let figures = Figures::of(&emulation.rig);
         is_clean(&emulation.rig, &figures);
         let [loss] = recording.remote.as_ref().unwrap().losses[..] else { panic!("one loss") };
         let reaction = loss.reaction().unwrap();
-        println!("{fault}: all coast {reaction} after the last good frame; {loss:?}");
+        println!("{:?}: all coast {reaction} after the last good frame; {loss:?}", setup.faults);
         assert!(reaction <= Micros::from_millis(120), "{reaction}");
         assert!(reaction >= Micros::from_millis(75), "not by every hiccup: {reaction}");
         let driven = fastest(&recording, 0..600);
@@ -40,7 +44,11 @@ fn fastest(recording: &Recording, millis: std::ops::Range<usize>) -> f64 {
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn a_remote_that_comes_back_is_followed_again_without_a_jump() {
-    lose("remote-lost@0.6s..1s", 1600, |loss, recording, log| {
+    is_lost_and_comes_back(&setup(&["remote-lost@0.6s..1s"]));
+}
+
+pub(super) fn is_lost_and_comes_back(setup: &Setup) {
+    lose_with(setup, 1600, |loss, recording, log| {
         assert_eq!(loss.disarmed, None);
         let resumed = loss.resumed.unwrap().since(loss.back.unwrap());
         assert!(resumed <= Micros::from_millis(30), "{resumed}");

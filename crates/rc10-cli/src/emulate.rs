@@ -210,6 +210,12 @@ impl<'r> Emulation<'r> {
         })
     }
 
+    /// The base on its wheels, if that is simulated.
+    #[must_use]
+    pub const fn base(&self) -> Option<&rc10_sim::Base> {
+        self.base.as_ref()
+    }
+
     /// Lets everything go on up to a time since power-on.
     ///
     /// # Errors

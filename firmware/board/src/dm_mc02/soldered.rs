@@ -26,7 +26,7 @@ use rc10_module::imu::heater::{Heater, HeaterConfig};
 use rc10_module::led::ws2812::{BITS, PulseTiming, Pulses, Strip};
 use rc10_motor::Names;
 use rc10_motor::rc10_app::Seconds;
-use rc10_tasks::{Common, Supply, heading, status_led};
+use rc10_tasks::{Common, Supply, TickWatch, heading, status_led};
 
 use super::{ImuParts, Output, OutputPins, Soldered};
 use crate::robot::has_crashed;
@@ -44,6 +44,9 @@ const PRIORITY: Priority = Priority::P7;
 /// For this time after the outputs are switched on a motor that has not been heard is not missing: its ESC starts.
 /// Nothing tells how long one takes; the slowest that we know of play a tune of some 2 s first.
 pub const SETTLING: Duration = Duration::from_secs(3);
+
+/// Longer than from one tick of a bus to the next.
+const TICKS: Duration = Duration::from_millis(2);
 
 /// The IMU's clock: half of what it takes. 80 MHz / 16.
 const IMU_CLOCK: Hertz = Hertz(5_000_000);
@@ -85,6 +88,14 @@ pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
     outputs: &[Output],
 ) {
     let Soldered { imu, heater, lamp, buzzer, supply, key, outputs: pins } = soldered;
+    // When the buses run, and with them all that keeps motors safe.
+    let mut ticks = TickWatch::new(shared.ports);
+    loop {
+        Timer::after(TICKS).await;
+        if ticks.have_all_ticked(shared.ports) {
+            break;
+        }
+    }
     switch_on(pins, outputs);
     shared
         .settled

@@ -1,0 +1,277 @@
+//! The firmware for the DM-MC02, on that board: what `docs/dm-mc02.md` promises of it.
+
+use rc10_cli::emulate::{Emulation, Setup};
+use rc10_emu::parts::Thermal;
+use rc10_emu::peripherals::ResetCause;
+use rc10_emu::strip::pictures;
+use rc10_emu::{Board, Figures};
+use rc10_sim::Nanos;
+
+use super::live::Watched;
+use super::{
+    crashes_safely_on, is_clean, keeps_its_period, log, millis, omni_robot, remote, run, setup_on,
+};
+
+const BOARD: Board = Board::DM_MC02;
+
+fn on_board<R>(faults: &[&str], scenario: impl FnOnce(&mut Emulation<'_>) -> R) -> R {
+    run(&setup_on(BOARD, faults), scenario)
+}
+
+/// Boots, is armed by its remote, drives, and keeps the period of every bus while it reads its IMU a thousand times a
+/// second.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn it_drives_by_its_own_imu() {
+    let setup = Setup { console: Some(rc10_robot::table::CONSOLE), ..setup_on(BOARD, &[]) };
+    run(&setup, |emulation| {
+        let mut pc = Watched::new(emulation);
+        let (heading, _) = pc.client.signals().find(|(_, it)| it.label == "heading").unwrap();
+        pc.client.watch(0, 2, [heading].into_iter());
+        // The gyroscope is selected once for every sample.
+        pc.emulation.rig.machine.watch_pin('C', 3).unwrap();
+        let (mut worst, mut turned) = (0.0_f64, 0.0_f64);
+        // It spins from 3.8 s on.
+        for _ in 0..82 {
+            pc.run(50);
+            let Some(sample) = pc.samples.last() else { continue };
+            let told = f64::from(sample.values[0].1);
+            let yaw = pc.emulation.base().unwrap().pose().yaw.to_degrees();
+            worst = worst.max((told - yaw).abs());
+            turned = turned.max(yaw.abs());
+        }
+        println!("heading at most {worst:.2} degrees off, after {turned:.1} degrees");
+        assert!(turned > 90.0, "the robot turned by {turned} degrees only");
+        assert!(worst < 2.0, "{worst} degrees");
+        let samples = emulation.rig.machine.take_pin_time('C', 3).unwrap().rises;
+        println!("{samples} samples in 4.1 s");
+        assert!((4095..=4101).contains(&samples), "{samples}");
+        let figures = Figures::of(&emulation.rig);
+        keeps_its_period(&figures);
+        is_clean(&emulation.rig, &figures);
+        let log = log(emulation);
+        let last = log.lines().last().unwrap();
+        assert!(last.contains("armed, 11 of 11 motors online, 24.0 V; bus 1"), "{last}");
+    });
+}
+
+/// One that does not answer is told, and costs the buses nothing.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn an_imu_that_does_not_answer_is_told_once() {
+    on_board(&[], |emulation| {
+        emulation.rig.machine.imu().unwrap().with(|imu| imu.gyroscope.id = 0);
+        emulation.run(millis(800)).unwrap();
+        let figures = Figures::of(&emulation.rig);
+        keeps_its_period(&figures);
+        is_clean(&emulation.rig, &figures);
+        let text = log(emulation);
+        assert_eq!(
+            text.matches("no IMU: the BMI088 gyroscope says it is 0x00").count(),
+            1,
+            "{text}"
+        );
+        assert!(
+            text.lines().last().unwrap().contains("armed, 11 of 11 motors online, 24.0 V, IMU: "),
+            "{text}"
+        );
+        emulation.rig.machine.imu().unwrap().with(|imu| imu.gyroscope.id = 0x0F);
+        emulation.run(millis(1200)).unwrap();
+        assert!(log(emulation).contains("the IMU is back"));
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_bus_that_is_cut_comes_back() {
+    on_board(&["cut:1@0.25s..0.45s"], |emulation| {
+        emulation.run(millis(900)).unwrap();
+        keeps_its_period(&Figures::of(&emulation.rig));
+        let log = log(emulation);
+        assert!(log.contains("armed, 7 of 11 motors online"), "{log}");
+        assert!(log.lines().last().unwrap().contains("armed, 11 of 11 motors online"), "{log}");
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn crashes_make_every_bus_safe() {
+    let (soft, watchdog) = (ResetCause::Software, ResetCause::Watchdog);
+    crashes_safely_on(BOARD, "panic@0.4s", millis(2), soft, &["ended in a crash: Panic"]);
+    crashes_safely_on(BOARD, "hardfault@0.4s", millis(2), soft, &["ended in a crash: Fault"]);
+    crashes_safely_on(BOARD, "hang@0.4s", millis(10), watchdog, &["ended in a crash: Watchdog"]);
+    let stopped = ["ended in a crash: CrystalStopped", "the crystal does not start"];
+    crashes_safely_on(BOARD, "crystal-stops@0.4s", millis(2), soft, &stopped);
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_remote_that_is_lost_stops_it() {
+    remote::is_lost_and_comes_back(&setup_on(BOARD, &["remote-lost@0.6s..1s"]));
+}
+
+/// Off until everything else runs, on then; off while the chip restarts.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn outputs_come_on_last() {
+    on_board(&["panic@0.4s"], |emulation| {
+        let pins = [('C', 14), ('C', 13), ('C', 15)];
+        for (port, pin) in pins {
+            emulation.rig.machine.record_pin(port, pin).unwrap();
+        }
+        emulation.run(millis(600)).unwrap();
+        let struck = emulation.rig.machine.struck().unwrap();
+        let restart = emulation.rig.machine.restarts()[0].at;
+        for (port, pin) in pins {
+            let edges = emulation.rig.machine.take_edges(port, pin);
+            let [on, off, again] = edges[..] else { panic!("P{port}{pin}: {edges:?}") };
+            assert!(on.high && !off.high && again.high, "{edges:?}");
+            let first = emulation.rig.logs()[0].frames.iter().find(|entry| entry.from_controller);
+            assert!(on.at > first.unwrap().start, "on after {}, before the buses", on.at);
+            assert_eq!(off.at, restart, "struck at {struck}");
+            let without = again.at.since(off.at);
+            println!("P{port}{pin}: on after {}, off for {without} in a restart", on.at);
+            assert!(on.at < millis(10) && without < millis(20), "{without}");
+        }
+        // Its pins alone are no reason to say anything.
+        assert!(
+            emulation.rig.machine.reports().is_empty(),
+            "{:?}",
+            emulation.rig.machine.reports()
+        );
+    });
+}
+
+/// The share of time, in thousandths, for which the heater was on in each of these hundreds of milliseconds.
+fn heated(emulation: &mut Emulation<'_>, tenths: u64) -> Vec<f64> {
+    let begin = emulation.rig.machine.now();
+    (1..=tenths)
+        .map(|tenth| {
+            let _ = emulation.rig.machine.take_pin_time('B', 1);
+            emulation.run(begin + millis(100 * tenth)).unwrap();
+            emulation.rig.machine.take_pin_time('B', 1).unwrap().share() * 1000.0
+        })
+        .collect()
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn the_heater_keeps_its_bounds() {
+    on_board(&[], |emulation| {
+        // A die that gets warm a hundred times as fast as a real one.
+        let thermal = Thermal { ambient: 30.0, kelvin_per_watt: 12.0, time_constant: 0.3 };
+        emulation.rig.machine.set_thermal(thermal);
+        emulation.rig.machine.watch_pin('B', 1).unwrap();
+        let shares = heated(emulation, 30);
+        let most = shares.iter().copied().fold(0.0, f64::max);
+        println!("heater: {shares:.0?}");
+        // Nothing before the supply and the IMU are known; a quarter at most; less as it gets warm.
+        assert!(shares[0] < 1.0 && most > 200.0 && most <= 250.5, "{shares:?}");
+        assert!(shares.last().unwrap() < &most, "{shares:?}");
+        // 30 V: less than a quarter, by the bound of the power.
+        emulation.rig.machine.imu().unwrap().with(|imu| imu.celsius = 20.0);
+        let cold = Thermal { ambient: 10.0, kelvin_per_watt: 0.1, time_constant: 0.3 };
+        emulation.rig.machine.set_thermal(cold);
+        emulation.rig.machine.set_supply(30_000).unwrap();
+        let shares = heated(emulation, 16);
+        println!("heater at 30 V: {shares:.0?}");
+        assert!((170.0..=178.0).contains(shares.last().unwrap()), "{shares:?}");
+        // No supply, or one that cannot be: off.
+        emulation.rig.machine.set_supply(5_000).unwrap();
+        let shares = heated(emulation, 3);
+        assert!(shares.last().unwrap() < &0.1, "{shares:?}");
+        emulation.rig.machine.set_supply(24_000).unwrap();
+        assert!(heated(emulation, 3).last().unwrap() > &200.0);
+        // The IMU falls silent: off within 0.7 s.
+        emulation.rig.machine.imu().unwrap().with(|imu| imu.accelerometer.id = 0);
+        let shares = heated(emulation, 8);
+        println!("heater without IMU: {shares:.0?}");
+        assert!(shares[7] < 0.1, "{shares:?}");
+        is_clean(&emulation.rig, &Figures::of(&emulation.rig));
+    });
+}
+
+/// In a hang it goes on as it was, until the watchdog restarts the chip.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_hang_does_not_heat_more() {
+    on_board(&["mask@0.5s"], |emulation| {
+        emulation.rig.machine.watch_pin('B', 1).unwrap();
+        let shares = heated(emulation, 8);
+        println!("heater, hung at 0.5 s: {shares:.0?}");
+        assert!(shares[4] > 200.0 && shares.iter().all(|share| *share <= 250.5), "{shares:?}");
+        assert_eq!(emulation.rig.machine.restarts().len(), 1);
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn the_buzzer_is_never_held_high() {
+    on_board(&["panic@0.4s"], |emulation| {
+        emulation.rig.machine.watch_pin('B', 15).unwrap();
+        let mut beeps = Vec::new();
+        for step in 1..=100_u64 {
+            let _ = emulation.rig.machine.take_pin_time('B', 15);
+            emulation.run(millis(10 * step)).unwrap();
+            let time = emulation.rig.machine.take_pin_time('B', 15).unwrap();
+            // Half of a period of 4 kHz.
+            assert!(time.longest_high <= Nanos::new(126_000), "{time:?}");
+            beeps.push(time.share() > 0.4);
+        }
+        beeps.dedup();
+        // One at the start; three after the crash.
+        let count = beeps.iter().filter(|beep| **beep).count();
+        assert_eq!(count, 4, "{beeps:?}");
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn the_lamp_shows_the_state() {
+    on_board(&[], |emulation| {
+        emulation.rig.machine.record_pin('A', 7).unwrap();
+        let mut colours = Vec::new();
+        for number in 0..28 {
+            if number == 6 {
+                emulation.rig.machine.set_supply(20_000).unwrap();
+            }
+            emulation.run(millis(60 + 100 * number)).unwrap();
+            let edges = emulation.rig.machine.take_edges('A', 7);
+            for picture in pictures(&edges).unwrap() {
+                assert_eq!(picture.len(), 1);
+                assert!(picture[0].iter().all(|channel| *channel <= 24), "{picture:?}");
+                if picture[0] != [0; 3] {
+                    colours.push(picture[0].map(|channel| channel > 0));
+                }
+            }
+        }
+        colours.dedup();
+        // No remote for a moment, disarmed, armed, and then the battery is nearly empty.
+        let [magenta, blue, green, yellow] =
+            [[true, false, true], [false, false, true], [false, true, false], [true, true, false]];
+        assert_eq!(colours, [magenta, blue, green, yellow]);
+        assert!(log(emulation).contains("20.0 V (low)"));
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn the_key_stops() {
+    on_board(&[], |emulation| {
+        emulation.run(millis(400)).unwrap();
+        emulation.rig.machine.press_key(true).unwrap();
+        emulation.run(millis(420)).unwrap();
+        emulation.rig.machine.press_key(false).unwrap();
+        emulation.run(millis(700)).unwrap();
+        let log = log(emulation);
+        assert!(log.lines().any(|line| line.contains(" armed, 11 of 11")), "{log}");
+        assert!(log.lines().last().unwrap().contains("emergency stop"), "{log}");
+    });
+}
+
+/// The omni robot, by the same ten lines as on the team's board.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn the_omni_robot_drives_on_it() {
+    omni_robot::drives("omni-firmware-dm-mc02", BOARD);
+}
