@@ -53,6 +53,29 @@ fn the_most_urgent_frame_leaves_first() {
 }
 
 #[test]
+fn the_mailboxes_hold_the_most_urgent_frames_for_a_handler_that_is_late() {
+    on_both(|_, mut bench| {
+        bench.port.set_latency(Some(400_000));
+        for id in [0x301, 0x310, 0x320] {
+            let _ = bench.port.submit(&frame(id, 0));
+        }
+        bench.pass(50);
+        // One is on the wire, one makes room.
+        let _ = bench.port.submit(&frame(0x305, 0));
+        bench.pass(450);
+        assert_eq!(ids(&bench), [0x301, 0x305, 0x310]);
+        bench.pass(500);
+        assert_eq!(ids(&bench), [0x320]);
+        // All three are filled each time.
+        for id in 0x300..0x30C {
+            let _ = bench.port.submit(&frame(id, 0));
+        }
+        bench.pass(3_000);
+        assert_eq!(ids(&bench), (0x300..0x30C).collect::<Vec<_>>());
+    });
+}
+
+#[test]
 fn a_stream_of_changing_identifiers_keeps_its_order_under_noise() {
     on_both(|_, mut bench| {
         // The handler comes so late that frames wait in mailboxes that are free.

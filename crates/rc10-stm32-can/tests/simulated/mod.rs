@@ -322,7 +322,10 @@ impl Controller for Chip {
     fn next_event(&self) -> Option<Nanos> {
         let registers = self.registers.borrow();
         let aborts = registers.mailboxes.iter().filter_map(|mailbox| mailbox.aborted_at);
-        aborts.chain(self.handler).chain(registers.recovered_at()).min()
+        // Of what the program did, between the wire's events.
+        let requested = registers.interrupt && self.latency.is_some() && self.handler.is_none();
+        let requested = requested.then_some(Nanos::ZERO);
+        aborts.chain(self.handler).chain(registers.recovered_at()).chain(requested).min()
     }
 
     fn advance(&mut self, now: Nanos) {
