@@ -1,4 +1,4 @@
-//! The small FDCAN (RM0440, FDCAN chapter), whose message RAM has a fixed layout: G4, G0, H5, L5, U5
+//! The small FDCAN (RM0440, FDCAN chapter), whose message RAM has a fixed layout: G4, H5, L5, U5
 //! and other chips; not the H7, for which `rc10-bsp` is.
 
 use core::marker::PhantomData;

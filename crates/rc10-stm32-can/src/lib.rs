@@ -6,7 +6,7 @@
 //! * [`Hardware`]: what a controller with three transmit mailboxes does for it.
 //! * [`Shared`] and [`Port`]: a driver that an interrupt and a task share; the port is an
 //!   [`rc10_can::CanPort`], for `rc10_motor::embassy::Runner`.
-//! * `bxcan`, with the feature of that name: F4, F7, F3, L4. `fdcan`: G4, G0, H5.
+//! * `bxcan`, with the feature of that name: F4, F7, F3, L4. `fdcan`: G4, H5, L5, U5.
 //!
 //! ```ignore
 //! rc10_stm32_can::bxcan_bus!(Drive on CAN1);

@@ -402,3 +402,25 @@ fn each_policy_for_bus_off_is_kept() {
         });
     }
 }
+
+/// What the examples' panic handlers count on: they only restart the chip.
+#[test]
+fn a_robot_that_starts_sends_zeros_from_its_first_millisecond_on() {
+    on_both(|_, mut bench| {
+        let switch = ArmSwitch::new();
+        let mut wheel = Dji::new(Config::new(&M3508, 1)).unwrap();
+        let mut bus = MotorBus::new(&switch);
+        bus.attach(&mut wheel, Safety::COAST).unwrap();
+        let shared = BusPort::new();
+        let mut runner = Runner::new(bench.port.clone(), bus, &shared, bench.world.now());
+        while runner.next() <= Micros::from_millis(10) {
+            bench.world.advance(runner.next());
+            runner.tick(rc10_sim::now);
+        }
+        bench.pass(500);
+        let sent = bench.sent();
+        assert_eq!(sent.len(), 10);
+        assert!(sent[0].end.micros() < Micros::from_millis(2));
+        assert!(sent.iter().all(|entry| entry.frame == frame(0x200, 0)), "{sent:?}");
+    });
+}
