@@ -6,6 +6,7 @@
 //! * [`Hardware`]: what a controller with three transmit mailboxes does for it.
 //! * [`Shared`] and [`Port`]: a driver that an interrupt and a task share; the port is an
 //!   [`rc10_can::CanPort`], for `rc10_motor::embassy::Runner`.
+//! * [`layout`]: frames and filters in bxCAN's registers; those of FDCAN are in [`rc10_can::m_can`].
 //! * `bxcan`, with the feature of that name: F4, F7, F3, L4. `fdcan`: G4, H5, L5, U5.
 //!
 //! ```ignore
@@ -20,7 +21,7 @@
 //! **Beside embassy-stm32's driver.** The pins, the clock and the interrupts are embassy's; the
 //! controller is set up here. `embassy_stm32::can::Can` and `CanConfigurator` are not used: their
 //! interrupt handlers must be bound, and they clear the flags by which one sees what became of a
-//! frame, stop the receive interrupt until somebody reads, and bring the bus back by themselves after
+//! frame, stop the receive interrupt until a task reads, and bring the bus back by themselves after
 //! bus-off. `start` takes the peripheral, so there is no second driver on it.
 #![no_std]
 #![cfg_attr(not(any(feature = "bxcan", feature = "fdcan")), forbid(unsafe_code))]

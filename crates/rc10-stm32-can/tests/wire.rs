@@ -1,4 +1,4 @@
-//! The driver on the simulated wire: order, replacement, what is lost, bus-off.
+//! The port on the simulated wire: order, replacement, what is lost, bus-off.
 #![cfg(test)]
 
 mod simulated;
@@ -55,7 +55,7 @@ fn the_most_urgent_frame_leaves_first() {
 #[test]
 fn the_mailboxes_hold_the_most_urgent_frames_for_a_handler_that_is_late() {
     on_both(|_, mut bench| {
-        bench.port.set_latency(Some(400_000));
+        bench.set_latency(Some(400_000));
         for id in [0x301, 0x310, 0x320] {
             let _ = bench.port.submit(&frame(id, 0));
         }
@@ -83,8 +83,8 @@ fn a_stream_of_changing_identifiers_keeps_its_order_under_noise() {
         for (latency, abort) in
             latencies.into_iter().flat_map(|latency| [(latency, 0), (latency, 300)])
         {
-            bench.port.set_latency(latency);
-            bench.port.set_abort_time(abort);
+            bench.set_latency(latency);
+            bench.set_abort_time(abort);
             let mut chance = 12_345_u64;
             let mut next = || {
                 chance = chance.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -215,7 +215,7 @@ fn a_full_bus_loses_nothing_between_two_ticks() {
 fn frames_that_the_hardware_had_no_room_for_are_counted() {
     on_both(|kind, mut bench| {
         // Interrupts are masked: a full FIFO keeps three of the five.
-        bench.port.set_latency(None);
+        bench.set_latency(None);
         for count in 0..5 {
             bench.bus.inject(&frame(0x100, count));
         }
@@ -328,7 +328,7 @@ fn after_bus_off_nothing_leaves_until_it_is_asked_back_and_then_nothing_old() {
 
         bench.port.recover();
         assert_eq!(bench.port.submit(&frame(0x300, 3)), Submitted::Queued);
-        // 128 times 11 bits, of which the end of a frame has one: nobody acknowledges the C620, so it
+        // 128 times 11 bits, of which the end of a frame has one: the C620 is not acknowledged, so it
         // repeats its frame all the time.
         bench.pass(10_000);
         assert_eq!((bench.port.health().state, bench.sent()), (ErrorState::BusOff, vec![]));
@@ -363,16 +363,16 @@ fn each_policy_for_bus_off_is_kept() {
         (BusOffPolicy::Manual, false, Armed),
         (BusOffPolicy::Latched, true, EStopped),
     ] {
-        on_both(|_, mut bench| {
+        on_both(|_, bench| {
+            let (mut bench, port) = bench.give_port();
             let switch = ArmSwitch::new();
             let mut wheel = Dji::new(Config::new(&M3508, 1)).unwrap();
             let mut bus = MotorBus::new(&switch);
             bus.attach(&mut wheel, Safety::COAST).unwrap();
             let shared = BusPort::new();
             let start = bench.world.now();
-            let mut runner =
-                Runner::new(bench.port.clone(), bus, &shared, start).with_bus_off(policy);
-            let mut millis = |bench: &mut Bench, millis: u64| {
+            let mut runner = Runner::new(port, bus, &shared, start).with_bus_off(policy);
+            let mut millis = |bench: &mut Bench<()>, millis: u64| {
                 let end = bench.world.now() + Micros::from_millis(millis);
                 while runner.next() <= end {
                     bench.world.advance(runner.next());
@@ -406,13 +406,14 @@ fn each_policy_for_bus_off_is_kept() {
 /// What the examples' panic handlers count on: they only restart the chip.
 #[test]
 fn a_robot_that_starts_sends_zeros_from_its_first_millisecond_on() {
-    on_both(|_, mut bench| {
+    on_both(|_, bench| {
+        let (mut bench, port) = bench.give_port();
         let switch = ArmSwitch::new();
         let mut wheel = Dji::new(Config::new(&M3508, 1)).unwrap();
         let mut bus = MotorBus::new(&switch);
         bus.attach(&mut wheel, Safety::COAST).unwrap();
         let shared = BusPort::new();
-        let mut runner = Runner::new(bench.port.clone(), bus, &shared, bench.world.now());
+        let mut runner = Runner::new(port, bus, &shared, bench.world.now());
         while runner.next() <= Micros::from_millis(10) {
             bench.world.advance(runner.next());
             runner.tick(rc10_sim::now);

@@ -3,12 +3,13 @@
 
 use std::cell::RefCell;
 use std::rc::Rc;
+use std::sync::{Arc, Mutex, MutexGuard};
 
-use rc10_can::{BusError, CanFrame, CanPort, ErrorState, Health, IdPattern, Micros, Submitted};
+use rc10_can::{BusError, CanFrame, ErrorState, IdPattern, Micros};
 use rc10_sim::{
     Activity, Bus, BusConfig, Controller, EscConfig, Model, Nanos, Outcome, TraceEntry, World,
 };
-use rc10_stm32_can::{Driver, Ended, Errors, Hardware, MAILBOXES};
+use rc10_stm32_can::{Ended, Errors, Hardware, MAILBOXES, Port, Shared};
 
 /// Places for received frames, of both.
 const FIFO: usize = 3;
@@ -121,9 +122,15 @@ impl Registers {
 
 /// What a program sees of the registers.
 pub struct Wired {
-    registers: Rc<RefCell<Registers>>,
+    registers: Arc<Mutex<Registers>>,
     /// bxCAN: it was restarted, and BOFF was not seen clear since.
     returning: bool,
+}
+
+impl Wired {
+    fn registers(&self) -> MutexGuard<'_, Registers> {
+        self.registers.lock().unwrap()
+    }
 }
 
 impl Hardware for Wired {
@@ -132,13 +139,13 @@ impl Hardware for Wired {
     }
 
     fn load(&mut self, mailbox: usize, frame: &CanFrame) {
-        let mailbox = &mut self.registers.borrow_mut().mailboxes[mailbox];
+        let mailbox = &mut self.registers().mailboxes[mailbox];
         assert!(mailbox.pending.is_none(), "written while a frame is pending");
         *mailbox = Mailbox { pending: Some(*frame), ..Mailbox::EMPTY };
     }
 
     fn abort(&mut self, mailbox: usize) {
-        let mut registers = self.registers.borrow_mut();
+        let mut registers = self.registers();
         let Mailbox { pending, on_wire, .. } = registers.mailboxes[mailbox];
         match (pending, on_wire) {
             (Some(_), true) => registers.mailboxes[mailbox].abort = true,
@@ -154,30 +161,31 @@ impl Hardware for Wired {
     }
 
     fn ended(&mut self, mailbox: usize) -> Option<Ended> {
-        self.registers.borrow_mut().mailboxes[mailbox].ended.take()
+        self.registers().mailboxes[mailbox].ended.take()
     }
 
     fn receive(&mut self) -> Option<CanFrame> {
-        let fifo = &mut self.registers.borrow_mut().fifo;
+        let fifo = &mut self.registers().fifo;
         (!fifo.is_empty()).then(|| fifo.remove(0))
     }
 
     fn overrun(&mut self) -> bool {
-        std::mem::take(&mut self.registers.borrow_mut().overrun)
+        std::mem::take(&mut self.registers().overrun)
     }
 
     fn is_off(&mut self) -> bool {
-        let mut registers = self.registers.borrow_mut();
+        let mut registers = self.registers();
         if registers.kind == Kind::Fdcan {
             return registers.told_off;
         }
-        let fell = std::mem::take(&mut registers.told_off);
-        self.returning &= registers.bus_off && !fell;
-        registers.bus_off && !self.returning
+        let (off, fell) = (registers.bus_off, std::mem::take(&mut registers.told_off));
+        drop(registers);
+        self.returning &= off && !fell;
+        off && !self.returning
     }
 
     fn errors(&mut self) -> Errors {
-        let mut registers = self.registers.borrow_mut();
+        let mut registers = self.registers();
         let Registers { transmit_errors, receive_errors, last_error, .. } = *registers;
         if registers.kind == Kind::Fdcan {
             // Reading PSR clears LEC.
@@ -198,30 +206,35 @@ impl Hardware for Wired {
     }
 
     fn restart(&mut self) -> bool {
-        let mut registers = self.registers.borrow_mut();
+        let mut registers = self.registers();
         registers.told_off = false;
         registers.missing = registers.bus_off.then_some(RECOVERY);
+        drop(registers);
         self.returning = true;
         true
     }
 
     fn accept(&mut self, patterns: &[IdPattern]) {
-        self.registers.borrow_mut().patterns = Some(patterns.to_vec());
+        self.registers().patterns = Some(patterns.to_vec());
     }
 }
 
 /// A chip: its controller and its processor, which comes to the interrupt late.
 pub struct Chip {
-    registers: Rc<RefCell<Registers>>,
-    driver: Driver<Wired>,
+    registers: Arc<Mutex<Registers>>,
+    shared: &'static Shared<Wired>,
     /// From an event to the interrupt's handler; `None`: it is never called.
     latency: Option<Nanos>,
     handler: Option<Nanos>,
 }
 
 impl Chip {
+    fn registers(&self) -> MutexGuard<'_, Registers> {
+        self.registers.lock().unwrap()
+    }
+
     fn interrupted(&mut self, at: Nanos) {
-        if std::mem::take(&mut self.registers.borrow_mut().interrupt)
+        if std::mem::take(&mut self.registers().interrupt)
             && let Some(latency) = self.latency
         {
             self.handler.get_or_insert(at + latency);
@@ -231,11 +244,11 @@ impl Chip {
 
 impl Controller for Chip {
     fn is_on_bus(&self) -> bool {
-        !self.registers.borrow().bus_off
+        !self.registers().bus_off
     }
 
     fn offer(&mut self, _now: Nanos) -> Option<CanFrame> {
-        let mut registers = self.registers.borrow_mut();
+        let mut registers = self.registers();
         let pending = |index: &usize| {
             let Mailbox { pending, aborted_at, .. } = registers.mailboxes[*index];
             pending.filter(|_| aborted_at.is_none())
@@ -250,14 +263,14 @@ impl Controller for Chip {
     }
 
     fn sending(&mut self, _start: Nanos) {
-        let mut registers = self.registers.borrow_mut();
+        let mut registers = self.registers();
         let offered = registers.offered.expect("it offered one");
         registers.mailboxes[offered].on_wire = true;
     }
 
     fn sent(&mut self, outcome: Outcome, end: Nanos) {
         {
-            let mut registers = self.registers.borrow_mut();
+            let mut registers = self.registers();
             let sent = registers.mailboxes.iter().position(|mailbox| mailbox.on_wire);
             let sent = sent.expect("one is on the wire");
             registers.mailboxes[sent].on_wire = false;
@@ -280,7 +293,7 @@ impl Controller for Chip {
 
     fn received(&mut self, frame: &CanFrame, _start: Nanos, end: Nanos) {
         {
-            let mut registers = self.registers.borrow_mut();
+            let mut registers = self.registers();
             registers.receive_errors = registers.receive_errors.saturating_sub(1);
             let wanted = |patterns: &Vec<IdPattern>| patterns.iter().any(|p| p.matches(frame));
             if !registers.patterns.as_ref().is_none_or(wanted) {
@@ -302,13 +315,13 @@ impl Controller for Chip {
     }
 
     fn disturbed(&mut self, error: BusError, _at: Nanos) {
-        let mut registers = self.registers.borrow_mut();
+        let mut registers = self.registers();
         registers.receive_errors += 1;
         registers.last_error = Some(error);
     }
 
     fn wire_is(&mut self, activity: Activity, at: Nanos) {
-        let mut registers = self.registers.borrow_mut();
+        let mut registers = self.registers();
         let counted = match (activity, registers.idle_since) {
             (Activity::Idle, _) => 1,
             (Activity::Busy, Some(since)) => at.since(since).get() / SEQUENCE_NS,
@@ -320,7 +333,7 @@ impl Controller for Chip {
     }
 
     fn next_event(&self) -> Option<Nanos> {
-        let registers = self.registers.borrow();
+        let registers = self.registers();
         let aborts = registers.mailboxes.iter().filter_map(|mailbox| mailbox.aborted_at);
         // Of what the program did, between the wire's events.
         let requested = registers.interrupt && self.latency.is_some() && self.handler.is_none();
@@ -330,7 +343,7 @@ impl Controller for Chip {
 
     fn advance(&mut self, now: Nanos) {
         {
-            let mut registers = self.registers.borrow_mut();
+            let mut registers = self.registers();
             registers.recover(now);
             for mailbox in 0..MAILBOXES {
                 if registers.mailboxes[mailbox].aborted_at.is_some_and(|at| at <= now) {
@@ -341,64 +354,19 @@ impl Controller for Chip {
         self.interrupted(now);
         if self.handler.is_some_and(|at| at <= now) {
             self.handler = None;
-            self.driver.serve();
+            self.shared.on_interrupt();
             // An abort in the handler is nothing that is still to be told.
-            self.registers.borrow_mut().interrupt = false;
+            self.registers().interrupt = false;
         }
     }
 }
 
-/// The chip's port, as `rc10_stm32_can::Port` is one.
-#[derive(Clone)]
-pub struct ChipPort(Rc<RefCell<Chip>>);
-
-impl ChipPort {
-    pub fn unreplaced(&self) -> u32 {
-        self.0.borrow().driver.unreplaced()
-    }
-
-    /// From the request until the abort of a frame that is not on the wire can be seen.
-    pub fn set_abort_time(&self, nanos: u64) {
-        self.0.borrow().registers.borrow_mut().abort_time = Nanos::new(nanos);
-    }
-
-    /// From an event to the interrupt's handler.
-    pub fn set_latency(&self, latency: Option<u64>) {
-        self.0.borrow_mut().latency = latency.map(Nanos::new);
-    }
-}
-
-impl CanPort for ChipPort {
-    fn receive(&mut self) -> Option<(CanFrame, Micros)> {
-        self.0.borrow_mut().driver.receive()
-    }
-
-    fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
-        self.0.borrow_mut().driver.submit_as(frame, stream)
-    }
-
-    fn cancel_pending(&mut self) -> u8 {
-        self.0.borrow_mut().driver.cancel_pending()
-    }
-
-    fn health(&self) -> Health {
-        self.0.borrow_mut().driver.health()
-    }
-
-    fn accept(&mut self, patterns: &[IdPattern]) {
-        self.0.borrow_mut().driver.accept(patterns);
-    }
-
-    fn recover(&mut self) {
-        self.0.borrow_mut().driver.recover();
-    }
-}
-
 /// A chip and one C620 on a wire.
-pub struct Bench {
+pub struct Bench<P = Port<Wired>> {
     pub world: World,
     pub bus: Bus,
-    pub port: ChipPort,
+    pub port: P,
+    chip: Rc<RefCell<Chip>>,
 }
 
 impl Bench {
@@ -407,17 +375,33 @@ impl Bench {
         let mut world = World::new(1);
         let bus = world.add_bus(BusConfig::default());
         bus.add_esc(EscConfig::new(Model::C620, 1)).unwrap();
-        let registers = Rc::new(RefCell::new(Registers::new(kind)));
-        let wired = Wired { registers: Rc::clone(&registers), returning: false };
-        let chip = Rc::new(RefCell::new(Chip {
-            registers,
-            driver: Driver::new(wired),
-            latency: Some(Nanos::new(2_000)),
-            handler: None,
-        }));
+        let registers = Arc::new(Mutex::new(Registers::new(kind)));
+        // As the static that it is on a chip.
+        let shared: &'static Shared<Wired> = Box::leak(Box::new(Shared::new()));
+        let port = shared.start(Wired { registers: Arc::clone(&registers), returning: false });
+        let latency = Some(Nanos::new(2_000));
+        let chip = Rc::new(RefCell::new(Chip { registers, shared, latency, handler: None }));
         let controller: Rc<RefCell<dyn Controller>> = Rc::<RefCell<Chip>>::clone(&chip);
         bus.attach(controller);
-        Self { world, bus, port: ChipPort(chip) }
+        Self { world, bus, port, chip }
+    }
+
+    /// The port by itself, for a runner.
+    pub fn give_port(self) -> (Bench<()>, Port<Wired>) {
+        let Self { world, bus, port, chip } = self;
+        (Bench { world, bus, port: (), chip }, port)
+    }
+}
+
+impl<P> Bench<P> {
+    /// From an event to the interrupt's handler.
+    pub fn set_latency(&self, latency: Option<u64>) {
+        self.chip.borrow_mut().latency = latency.map(Nanos::new);
+    }
+
+    /// From the request until the abort of a frame that is not on the wire can be seen.
+    pub fn set_abort_time(&self, nanos: u64) {
+        self.chip.borrow().registers().abort_time = Nanos::new(nanos);
     }
 
     /// Lets this many microseconds pass.
