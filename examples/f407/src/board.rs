@@ -31,7 +31,7 @@ pub struct Board {
     pub high: SendSpawner,
     /// Restarts the chip 100 ms after it was petted last. Not unleashed yet.
     pub watchdog: IndependentWatchdog<'static, peripherals::IWDG>,
-    /// Not restarted by a panic or the watchdog: then a robot must not arm itself.
+    /// Restarted by neither a panic nor the watchdog: then a robot must not arm itself.
     pub was_switched_on: bool,
 }
 
@@ -58,7 +58,7 @@ impl Board {
             port: port.expect("42 MHz make 1 Mbit/s"),
             high: HIGH.start(interrupt::UART5),
             watchdog: IndependentWatchdog::new(p.IWDG, 100_000),
-            was_switched_on: !reset.sftrstf() && !reset.wdgrstf(),
+            was_switched_on: !reset.wwdgrstf() && !reset.wdgrstf(),
         }
     }
 }
@@ -80,6 +80,16 @@ fn clocks() -> Config {
     config.rcc.apb1_pre = APBPrescaler::DIV4;
     config.rcc.apb2_pre = APBPrescaler::DIV2;
     config
+}
+
+/// Restarts the chip at once. By the window watchdog, for its flag: a debugger's reset has the one of
+/// the core's own reset.
+pub fn restart() -> ! {
+    pac::RCC.apb1enr().modify(|w| w.set_wwdgen(true));
+    loop {
+        // A counter below 64 is one that has run out. The first write may come before the clock.
+        pac::WWDG.cr().write(|w| w.set_wdga(true));
+    }
 }
 
 /// The time since the start.

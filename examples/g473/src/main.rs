@@ -68,5 +68,5 @@ async fn main(_spawner: Spawner) {
 /// Starts over. Disarmed, the bus sends zeros from its first millisecond on.
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
-    cortex_m::peripheral::SCB::sys_reset()
+    board::restart()
 }
