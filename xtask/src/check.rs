@@ -17,11 +17,18 @@ use crate::{count, emulate, scaffold, size};
 /// A robot outside the workspace, as a user has it. It shares the target directory.
 const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";
 
+/// Robots on other chips, each a workspace of its own with its own settings, and the features with
+/// which `rc10-stm32-can` is for its chip. They share the target directory.
+const OTHER_CHIPS: [(&str, &str); 2] = [
+    ("examples/f407", "bxcan,embassy-stm32/stm32f407vg"),
+    ("examples/g473", "fdcan,embassy-stm32/stm32g473ve,embassy-stm32/dual-bank"),
+];
+
 /// PCs that the tools are for, beside the one that they are tested on: there they are compiled.
 const OTHER_PCS: [&str; 2] = ["x86_64-pc-windows-gnu", "aarch64-apple-darwin"];
 
 /// The libraries: ready to be published.
-const PUBLISHED: [&str; 10] = [
+const PUBLISHED: [&str; 11] = [
     "rc10-can",
     "rc10-app",
     "rc10-message",
@@ -32,6 +39,7 @@ const PUBLISHED: [&str; 10] = [
     "rc10-sim",
     "rc10-conformance",
     "rc10-bsp",
+    "rc10-stm32-can",
 ];
 
 /// All of `rc10-bsp`'s, and a chip.
@@ -122,6 +130,11 @@ pub fn run() -> Result<()> {
         with_component("fmt", || {
             run_command(&mut host("fmt --all --check"))?;
             run_command(&mut host(&format!("fmt {TWO_WHEELS} --check")))?;
+            for (folder, _) in OTHER_CHIPS {
+                run_command(&mut host(&format!(
+                    "fmt --manifest-path {folder}/Cargo.toml --check"
+                )))?;
+            }
             run_command(&mut chip("fmt --all --check", None))
         })
     });
@@ -194,6 +207,7 @@ pub fn run() -> Result<()> {
         Some(program) => emulate::run(program, None).into(),
         None => Outcome::Skipped("no firmware".to_owned()),
     });
+    report.step("other chips", || with_chip(&rustc, other_chips));
     report.step("count", || {
         with_chip(&rustc, |rustc| count::run(&build_with("count", None, rustc)?))
     });
@@ -205,6 +219,25 @@ fn two_wheels() -> Result<()> {
     run_command(&mut host(&format!("test --locked {TWO_WHEELS}")))?;
     let arguments = "run --strict --seconds 2 --out target/two-wheels";
     run_command(&mut host(&format!("run --locked {TWO_WHEELS} -- {arguments}")))
+}
+
+/// Builds the robots on other chips with their own lock files. With the active toolchain's compiler
+/// it lints them, and what `rc10-stm32-can` has for their chips: clippy knows only its own targets.
+fn other_chips(rustc: Option<&Path>) -> Result<()> {
+    let lints = rustc.is_none() && component("clippy");
+    for (folder, features) in OTHER_CHIPS {
+        let own =
+            |arguments: &str| run_command(chip(arguments, rustc).current_dir(root().join(folder)));
+        own("build --release --locked")?;
+        if lints {
+            own("clippy --release --locked -- -D warnings")?;
+            let port = format!("--package rc10-stm32-can --features {features} --target {TARGET}");
+            run_command(&mut host(&format!("clippy {port} -- -D warnings")))?;
+            let docs = format!("doc --no-deps {port}");
+            run_command(host(&docs).env("RUSTDOCFLAGS", "-Dwarnings"))?;
+        }
+    }
+    Ok(())
 }
 
 /// A robot of one's own, outside this tree: from its first command to its firmware on the emulated chip.

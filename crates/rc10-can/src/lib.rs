@@ -8,20 +8,25 @@
 //!   [`embedded_can::nb::Can`]; [`Mailboxes`] is the "newest frame per stream" store that
 //!   ports are built on.
 //! * [`Health`]: how a bus is, and what was lost on it; [`BusOffPolicy`]: who brings it back.
+//! * [`BitTiming`]: a bit's quanta from a clock; [`m_can`]: frames and filters in the memory of the
+//!   controller that many chips have.
 //! * [`Micros`], [`Schedule`], [`Timing`]: time is an integer count of microseconds.
 //!
 //! The crate has no clock, no I/O and no allocation.
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod bit_timing;
 mod bus_off;
 mod frame;
 mod health;
 mod length;
+pub mod m_can;
 mod pattern;
 mod port;
 mod time;
 
+pub use bit_timing::{BitTiming, BitTimingError, BitTimingLimits};
 pub use bus_off::BusOffPolicy;
 pub use embedded_can;
 pub use frame::{CanFrame, FrameTooLong};

@@ -144,6 +144,12 @@ impl<const N: usize> Mailboxes<N> {
         u8::try_from(count).unwrap_or(u8::MAX)
     }
 
+    /// Whether a frame of the stream waits.
+    #[must_use]
+    pub fn holds(&self, stream: u32) -> bool {
+        self.frames.iter().any(|waiting| waiting.stream == stream)
+    }
+
     /// Number of frames that wait.
     #[must_use]
     pub fn len(&self) -> usize {

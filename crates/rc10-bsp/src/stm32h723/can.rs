@@ -25,10 +25,8 @@
 mod bus;
 mod clock;
 mod controller;
-mod element;
 mod filter;
 mod port;
-mod timing;
 
 pub use bus::{Bus, BusParts};
 pub use controller::{COAST_FRAMES, HARDWARE_RECEIVE};

@@ -4,11 +4,10 @@ use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 use embassy_stm32::pac;
 use embassy_stm32::pac::can::regs;
-use rc10_can::{BusError, CanFrame, ErrorState, IdPattern};
+use rc10_can::m_can::{ELEMENT, encode};
+use rc10_can::{BitTiming, BitTimingLimits, BusError, CanFrame, ErrorState, IdPattern};
 
-use super::element::{ELEMENT, encode};
 use super::filter;
-use super::timing::BitTiming;
 use crate::FDCAN_CLOCK;
 
 /// Wanted frames that a controller holds until they are taken, the most that the hardware
@@ -36,7 +35,7 @@ const _: () = assert!(3 * SHARE <= 2560, "the three FDCANs share 2560 words");
 
 /// Bits a second, of all buses.
 const BIT_RATE: u32 = 1_000_000;
-const BIT_TIMING: BitTiming = BitTiming::exact(FDCAN_CLOCK.0, BIT_RATE);
+const BIT_TIMING: BitTiming = BitTiming::exact(FDCAN_CLOCK.0, BIT_RATE, BitTimingLimits::FDCAN);
 
 /// CCFG of the clock calibration unit (RM0468, FDCAN; base `0x4000_A800` in ST's `stm32h723xx.h`).
 const CALIBRATION: *mut u32 = 0x4000_A804 as *mut u32;

@@ -3,11 +3,11 @@ use core::fmt;
 
 use embassy_stm32::can::Instance;
 use embassy_stm32::peripherals::{FDCAN1, FDCAN2, FDCAN3};
+use rc10_can::m_can::{decode, time_stamp};
 use rc10_can::{BusError, CanFrame, CanPort, Health, IdPattern, Micros, Submitted};
 
 use super::clock::Clock;
 use super::controller::{ALL, COAST_FRAMES, COMMAND_MASK, COMMANDS, Controller, Fifo};
-use super::element::{decode, time_stamp};
 
 /// FDCAN1, FDCAN2 or FDCAN3.
 pub trait BusPeripheral: Instance {

@@ -2,12 +2,9 @@
 //! and "Tx buffer element").
 #![cfg(test)]
 
-#[path = "../src/stm32h723/can/element.rs"]
-mod element;
-
-use element::{decode, encode, time_stamp};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, StandardId};
+use rc10_can::m_can::{decode, encode, time_stamp};
 
 fn standard(raw: u16) -> StandardId {
     StandardId::new(raw).unwrap()

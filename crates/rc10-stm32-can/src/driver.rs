@@ -1,0 +1,272 @@
+use core::fmt;
+
+use heapless::Deque;
+use rc10_can::embedded_can::Id;
+use rc10_can::{CanFrame, Health, IdPattern, Mailboxes, Micros, Queued, Submitted};
+
+use crate::hardware::{Ended, Hardware, MAILBOXES};
+
+/// Unsent frames at most, those in the mailboxes included: as many streams.
+pub const TRANSMIT_QUEUE: usize = 24;
+/// Received frames that wait for the task: 3 ms of the shortest frames, 7 ms of frames of eight
+/// bytes, of a full bus at 1 Mbit/s.
+pub const RECEIVE_QUEUE: usize = 64;
+
+/// A controller, the frames that wait for it, and those that wait for the task.
+///
+/// The most urgent of the unsent frames are in the mailboxes, the others here. A mailbox whose frame
+/// is less urgent than one that waits here is emptied for it. So frames leave in the order of
+/// arbitration, by streams: of each stream the newest frame only.
+pub struct Driver<H> {
+    hardware: H,
+    mailboxes: [Option<Loaded>; MAILBOXES],
+    waiting: Mailboxes<TRANSMIT_QUEUE>,
+    received: Deque<(CanFrame, Micros), RECEIVE_QUEUE>,
+    health: Health,
+    unreplaced: u32,
+    /// The controller has left the bus, and has not been told to go back.
+    off: bool,
+}
+
+/// A frame in a mailbox of the hardware.
+#[derive(Clone, Copy)]
+struct Loaded {
+    queued: Queued,
+    purpose: Purpose,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    /// It is to be sent.
+    Send,
+    /// It is being aborted to make room for a more urgent one; then it waits again.
+    MakeRoom,
+    /// It is being aborted: there is a newer one of its stream.
+    Superseded,
+    /// It is being aborted: nothing of it is wanted any more.
+    Cancelled,
+}
+
+impl Loaded {
+    /// Whether it is still to be sent, now or later.
+    fn is_wanted(&self) -> bool {
+        matches!(self.purpose, Purpose::Send | Purpose::MakeRoom)
+    }
+}
+
+impl<H: Hardware> Driver<H> {
+    /// Of a controller that was just started, with empty mailboxes.
+    pub const fn new(hardware: H) -> Self {
+        Self {
+            hardware,
+            mailboxes: [None; MAILBOXES],
+            waiting: Mailboxes::new(),
+            received: Deque::new(),
+            health: Health::NEW,
+            unreplaced: 0,
+            off: false,
+        }
+    }
+
+    /// The controller.
+    pub const fn hardware(&mut self) -> &mut H {
+        &mut self.hardware
+    }
+
+    /// For each interrupt of the controller: takes what was received, and fills the mailboxes.
+    pub fn serve(&mut self) {
+        self.hardware.acknowledge();
+        self.take_received();
+        if !self.off && self.hardware.is_off() {
+            self.leave_bus();
+        }
+        if self.hardware.leave_restricted() {
+            count(&mut self.health.restrictions);
+        }
+        self.settle_all();
+        self.fill();
+    }
+
+    /// As [`CanPort::receive`](rc10_can::CanPort::receive). The arrival time is the time at which
+    /// the frame was taken from the hardware.
+    pub fn receive(&mut self) -> Option<(CanFrame, Micros)> {
+        if self.received.is_empty() {
+            // Also where interrupts are masked, or come too late.
+            self.serve();
+        }
+        self.received.pop_front()
+    }
+
+    /// As [`CanPort::submit_as`](rc10_can::CanPort::submit_as). A frame that is on the wire cannot
+    /// be replaced any more: then the answer is [`Submitted::Queued`], and the newer one follows.
+    pub fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
+        if self.off {
+            return Submitted::Refused;
+        }
+        self.settle_all();
+        let older = self.mailboxes.iter().position(|loaded| {
+            loaded.is_some_and(|loaded| loaded.is_wanted() && loaded.queued.stream == stream)
+        });
+        let replaces = older.is_some() || self.waiting.holds(stream);
+        if !replaces && self.unsent() >= TRANSMIT_QUEUE {
+            return Submitted::Refused;
+        }
+        let aborted = older.and_then(|mailbox| self.abort(mailbox, Purpose::Superseded));
+        let submitted = self.waiting.put(Queued { frame: *frame, stream });
+        self.fill();
+        if aborted == Some(Ended::Aborted) { Submitted::Replaced } else { submitted }
+    }
+
+    /// As [`CanPort::cancel_pending`](rc10_can::CanPort::cancel_pending). A frame that is on the
+    /// wire is not repeated if it fails, and not among those that it says.
+    pub fn cancel_pending(&mut self) -> u8 {
+        self.settle_all();
+        let mut cancelled = self.waiting.clear();
+        for mailbox in 0..MAILBOXES {
+            if self.mailboxes[mailbox].is_some_and(|loaded| loaded.is_wanted())
+                && self.abort(mailbox, Purpose::Cancelled) == Some(Ended::Aborted)
+            {
+                cancelled = cancelled.saturating_add(1);
+            }
+        }
+        cancelled
+    }
+
+    /// As [`CanPort::health`](rc10_can::CanPort::health).
+    pub fn health(&mut self) -> Health {
+        let errors = self.hardware.errors();
+        self.health.state = errors.state;
+        self.health.transmit_errors = errors.transmit;
+        self.health.receive_errors = errors.receive;
+        if errors.last.is_some() {
+            self.health.last_error = errors.last;
+        }
+        self.health
+    }
+
+    /// Frames that left although a newer one of their stream was there already: they were on the
+    /// wire, where no hardware takes them back.
+    pub const fn unreplaced(&self) -> u32 {
+        self.unreplaced
+    }
+
+    /// As [`CanPort::accept`](rc10_can::CanPort::accept).
+    pub fn accept(&mut self, patterns: &[IdPattern]) {
+        self.hardware.accept(patterns);
+    }
+
+    /// As [`CanPort::recover`](rc10_can::CanPort::recover).
+    pub fn recover(&mut self) {
+        if self.off {
+            self.cancel_pending();
+            self.off = !self.hardware.restart();
+        }
+    }
+
+    fn take_received(&mut self) {
+        while let Some(frame) = self.hardware.receive() {
+            if self.received.push_back((frame, self.hardware.now())).is_err() {
+                count(&mut self.health.receive_lost);
+            }
+        }
+        if self.hardware.overrun() {
+            count(&mut self.health.receive_lost);
+        }
+    }
+
+    #[cold]
+    fn leave_bus(&mut self) {
+        self.off = true;
+        count(&mut self.health.bus_offs);
+        self.settle_all();
+        let unsent = u32::try_from(self.unsent()).unwrap_or(u32::MAX);
+        self.health.transmit_lost = self.health.transmit_lost.saturating_add(unsent);
+        self.cancel_pending();
+    }
+
+    /// Frames that are still to be sent.
+    fn unsent(&self) -> usize {
+        let loaded = self.mailboxes.iter().flatten().filter(|loaded| loaded.is_wanted());
+        self.waiting.len() + loaded.count()
+    }
+
+    /// Aborts the frame in a mailbox; says how it ended, if that is known at once.
+    fn abort(&mut self, mailbox: usize, purpose: Purpose) -> Option<Ended> {
+        self.mailboxes[mailbox].as_mut()?.purpose = purpose;
+        self.hardware.abort(mailbox);
+        self.settle(mailbox)
+    }
+
+    fn settle_all(&mut self) {
+        for mailbox in 0..MAILBOXES {
+            self.settle(mailbox);
+        }
+    }
+
+    /// Looks what became of the frame in a mailbox.
+    fn settle(&mut self, mailbox: usize) -> Option<Ended> {
+        let loaded = self.mailboxes[mailbox]?;
+        let ended = self.hardware.ended(mailbox)?;
+        self.mailboxes[mailbox] = None;
+        match ended {
+            Ended::Sent if loaded.purpose == Purpose::Superseded => count(&mut self.unreplaced),
+            Ended::Aborted if loaded.is_wanted() => {
+                // There is room: `unsent` counted it.
+                if self.waiting.put_back(loaded.queued) == Submitted::Refused {
+                    count(&mut self.health.transmit_lost);
+                }
+            }
+            Ended::Sent | Ended::Aborted => (),
+        }
+        Some(ended)
+    }
+
+    /// Loads the most urgent of the frames that wait.
+    fn fill(&mut self) {
+        while let Some(next) = self.waiting.peek().copied() {
+            let mailbox = match self.mailboxes.iter().position(Option::is_none) {
+                Some(free) => free,
+                None => match self.make_room(&next) {
+                    Some(free) => free,
+                    None => return,
+                },
+            };
+            // The frame that made room may be back by now, and is not more urgent.
+            let Some(queued) = self.waiting.pop() else { return };
+            self.hardware.load(mailbox, &queued.frame);
+            self.mailboxes[mailbox] = Some(Loaded { queued, purpose: Purpose::Send });
+        }
+    }
+
+    /// All mailboxes are taken: empties the one with the least urgent frame, if that is less urgent
+    /// than `next`. Which one is free, if it is at once.
+    fn make_room(&mut self, next: &Queued) -> Option<usize> {
+        let loaded = || self.mailboxes.iter().flatten();
+        if loaded().any(|loaded| loaded.purpose != Purpose::Send) {
+            // Room is being made.
+            return None;
+        }
+        let least = (0..MAILBOXES)
+            .max_by_key(|&mailbox| self.mailboxes[mailbox].map(|loaded| urgency(&loaded.queued)))?;
+        if urgency(&self.mailboxes[least]?.queued) <= urgency(next) {
+            return None;
+        }
+        self.abort(least, Purpose::MakeRoom).map(|_| least)
+    }
+}
+
+impl<H> fmt::Debug for Driver<H> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Driver").field("waiting", &self.waiting).finish_non_exhaustive()
+    }
+}
+
+/// Lowest leaves first. `Id`'s order is arbitration order; a data frame goes before a remote one of
+/// the same id.
+fn urgency(queued: &Queued) -> (Id, bool) {
+    (queued.frame.id(), queued.frame.is_remote())
+}
+
+fn count(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
+}

@@ -1,0 +1,322 @@
+//! The small FDCAN (RM0440, FDCAN chapter), whose message RAM has a fixed layout: G4, H5, L5, U5
+//! and other chips; not the H7, for which `rc10-bsp` is.
+
+use core::marker::PhantomData;
+
+use embassy_stm32::can::{Instance, RxPin, TxPin};
+use embassy_stm32::gpio::Flex;
+use embassy_stm32::interrupt::typelevel::{Binding, Handler, Interrupt};
+use embassy_stm32::pac::can::Fdcan as Registers;
+use embassy_stm32::pac::can::regs::{Txbar, Txbcie, Txbcr, Txbtie};
+use embassy_stm32::pac::can::vals::{Anfe, Anfs, Lec, Tfqm};
+use embassy_stm32::pac::fdcanram::Fdcanram;
+use embassy_stm32::{Peri, rcc};
+use embassy_time::Instant;
+use rc10_can::m_can::{EXTENDED_FILTER, decode, encode, filters};
+use rc10_can::{BitTiming, BitTimingLimits, BusError, CanFrame, ErrorState, IdPattern, Micros};
+
+use crate::start::{connect, wait_for};
+use crate::{Ended, Errors, Hardware, MAILBOXES, Port, Shared, StartError};
+
+// Filters of a controller (RM0440, "Message RAM").
+const STANDARD_FILTERS: usize = 28;
+const EXTENDED_FILTERS: usize = 8;
+/// Words of a frame's element, which has room for 64 bytes.
+const ELEMENT: usize = 18;
+
+/// The transmit buffers as a register mask.
+const BUFFERS: u32 = (1 << MAILBOXES) - 1;
+
+/// A bus, as [`fdcan_bus`](crate::fdcan_bus) declares it.
+pub trait Bus: 'static {
+    /// Its peripheral.
+    type Peripheral: Instance;
+
+    #[doc(hidden)]
+    fn controller() -> Fdcan;
+
+    #[doc(hidden)]
+    fn shared() -> &'static Shared<Fdcan>;
+}
+
+/// Declares a bus: a type for [`start`](crate::fdcan::start) and
+/// [`InterruptHandler`](crate::fdcan::InterruptHandler), and the place where its driver stands.
+/// `fdcan_bus!(Drive on FDCAN1);`
+#[macro_export]
+macro_rules! fdcan_bus {
+    ($(#[$attribute:meta])* $visibility:vis $name:ident on FDCAN) => {
+        $crate::fdcan_bus!(@ [$(#[$attribute])* $visibility] $name FDCAN FDCANRAM);
+    };
+    ($(#[$attribute:meta])* $visibility:vis $name:ident on FDCAN1) => {
+        $crate::fdcan_bus!(@ [$(#[$attribute])* $visibility] $name FDCAN1 FDCANRAM1);
+    };
+    ($(#[$attribute:meta])* $visibility:vis $name:ident on FDCAN2) => {
+        $crate::fdcan_bus!(@ [$(#[$attribute])* $visibility] $name FDCAN2 FDCANRAM2);
+    };
+    ($(#[$attribute:meta])* $visibility:vis $name:ident on FDCAN3) => {
+        $crate::fdcan_bus!(@ [$(#[$attribute])* $visibility] $name FDCAN3 FDCANRAM3);
+    };
+    (@ [$($head:tt)*] $name:ident $peripheral:ident $memory:ident) => {
+        $($head)* enum $name {}
+
+        impl $crate::fdcan::Bus for $name {
+            type Peripheral = $crate::embassy_stm32::peripherals::$peripheral;
+
+            fn controller() -> $crate::fdcan::Fdcan {
+                use $crate::embassy_stm32::pac;
+                $crate::fdcan::Fdcan::new(pac::$peripheral, pac::$memory)
+            }
+
+            fn shared() -> &'static $crate::Shared<$crate::fdcan::Fdcan> {
+                static SHARED: $crate::Shared<$crate::fdcan::Fdcan> = $crate::Shared::new();
+                &SHARED
+            }
+        }
+    };
+}
+
+/// For the bus's interrupt `IT0`, in `bind_interrupts!`. `IT1` is not used.
+pub struct InterruptHandler<B>(PhantomData<B>);
+
+impl<B: Bus, I: Interrupt> Handler<I> for InterruptHandler<B> {
+    #[expect(unsafe_code, reason = "embassy-stm32's trait has it so; nothing here is unsafe")]
+    unsafe fn on_interrupt() {
+        B::shared().on_interrupt();
+    }
+}
+
+/// Starts a bus at a bit rate; it lets all frames in. The pins are checked against the peripheral
+/// when this is compiled. The kernel clock is what `rcc.mux.fdcansel` of embassy-stm32's
+/// configuration says; until it is set, the crystal.
+///
+/// Set the priority of its interrupt above that of everything that takes longer than the three
+/// shortest frames, 140 µs at 1 Mbit/s.
+///
+/// # Errors
+/// [`StartError`].
+pub fn start<B: Bus>(
+    _peripheral: Peri<'static, B::Peripheral>,
+    receive: Peri<'static, impl RxPin<B::Peripheral>>,
+    transmit: Peri<'static, impl TxPin<B::Peripheral>>,
+    _interrupts: impl Binding<<B::Peripheral as Instance>::IT0Interrupt, InterruptHandler<B>>,
+    bits_per_second: u32,
+) -> Result<Port<Fdcan>, StartError> {
+    let clock = rcc::frequency::<B::Peripheral>().0;
+    let timing = BitTiming::find(clock, bits_per_second, BitTimingLimits::FDCAN)?;
+    // The controllers of a chip have one reset in common; embassy does it before the first only.
+    rcc::enable_and_reset::<B::Peripheral>();
+    let functions = (receive.af_num(), transmit.af_num());
+    connect((Flex::new(receive), functions.0), (Flex::new(transmit), functions.1));
+    let mut controller = B::controller();
+    controller.configure(timing)?;
+    let port = B::shared().start(controller);
+    // SAFETY: its handler is bound, as the arguments prove, and what it looks at is there.
+    #[expect(unsafe_code, reason = "the interrupt begins here")]
+    unsafe {
+        <B::Peripheral as Instance>::IT0Interrupt::enable();
+    }
+    Ok(port)
+}
+
+/// The registers of one FDCAN, and its message RAM.
+pub struct Fdcan {
+    registers: Registers,
+    memory: Fdcanram,
+}
+
+impl Fdcan {
+    #[doc(hidden)]
+    #[must_use]
+    pub const fn new(registers: Registers, memory: Fdcanram) -> Self {
+        Self { registers, memory }
+    }
+
+    /// Configures the controller, and goes on the bus.
+    fn configure(&mut self, timing: BitTiming) -> Result<(), StartError> {
+        let can = self.registers;
+        can.cccr().modify(|w| w.set_init(true));
+        if !wait_for(|| can.cccr().read().init()) {
+            return Err(StartError::NoAnswer);
+        }
+        can.cccr().modify(|w| w.set_cce(true));
+        // What it holds after power-on is anything.
+        for word in 0..MAILBOXES * ELEMENT {
+            self.memory.txbuf(word).write_value(0);
+            self.memory.rxfifo0(word).write_value(0);
+        }
+        // The register holds each value less one.
+        can.nbtp().write(|w| {
+            w.set_nbrp(timing.prescaler - 1);
+            w.set_ntseg1(byte(usize::from(timing.before) - 1));
+            w.set_ntseg2(byte(usize::from(timing.after) - 1));
+            w.set_nsjw(byte(usize::from(timing.after) - 1));
+        });
+        can.rxgfc().write(|w| {
+            w.set_lss(byte(STANDARD_FILTERS));
+            w.set_lse(byte(EXTENDED_FILTERS));
+            w.set_anfs(Anfs::REJECT);
+            w.set_anfe(Anfe::REJECT);
+        });
+        self.accept(&[IdPattern::any_standard(), IdPattern::any_extended()]);
+        // Of the transmit buffers the most urgent frame leaves first. "The application may use
+        // TXBRP instead of the put index": so each buffer can be chosen.
+        can.txbc().write(|w| w.set_tfqm(Tfqm::QUEUE));
+        can.txbtie().write_value(Txbtie(BUFFERS));
+        can.txbcie().write_value(Txbcie(BUFFERS));
+        can.ie().write(|w| {
+            w.set_rfne(0, true);
+            w.set_tce(true);
+            w.set_tcfe(true);
+            w.set_boe(true);
+        });
+        // All of them are line 0's.
+        can.ile().write(|w| w.set_eint0(true));
+        self.go_on_bus();
+        Ok(())
+    }
+
+    /// Takes part in the bus: after the configuration, and after bus-off, when the hardware itself
+    /// waits for the recessive bits that ISO 11898-1 asks for.
+    fn go_on_bus(&self) {
+        let can = self.registers;
+        can.cccr().modify(|w| {
+            w.set_cce(false);
+            w.set_init(false);
+        });
+        // Until the other clock has it: INIT would look like a bus-off.
+        let _ = wait_for(|| !can.cccr().read().init());
+    }
+
+    fn is_pending(&self, mailbox: usize) -> bool {
+        // A new request may stay in TXBAR while the controller looks for its most urgent frame.
+        self.registers.txbar().read().ar(mailbox) || self.registers.txbrp().read().trp(mailbox)
+    }
+}
+
+impl Hardware for Fdcan {
+    fn now(&self) -> Micros {
+        Micros::new(Instant::now().as_micros())
+    }
+
+    fn acknowledge(&mut self) {
+        // Cleared by ones. What was lost, and the message RAM's failures, are looked at later.
+        self.registers.ir().write(|w| {
+            w.set_rfn(0, true);
+            w.set_tc(true);
+            w.set_tcf(true);
+            w.set_bo(true);
+        });
+    }
+
+    fn load(&mut self, mailbox: usize, frame: &CanFrame) {
+        let at = mailbox * ELEMENT;
+        for (word, value) in encode(frame).into_iter().enumerate() {
+            self.memory.txbuf(at + word).write_value(value);
+        }
+        self.registers.txbar().write_value(Txbar(1 << mailbox));
+    }
+
+    fn abort(&mut self, mailbox: usize) {
+        self.registers.txbcr().write_value(Txbcr(1 << mailbox));
+        // At once, unless it is on the wire.
+        let _ = (0..ABORT_PATIENCE).any(|_| !self.is_pending(mailbox));
+    }
+
+    fn ended(&mut self, mailbox: usize) -> Option<Ended> {
+        if self.is_pending(mailbox) {
+            return None;
+        }
+        let sent = self.registers.txbto().read().to(mailbox);
+        Some(if sent { Ended::Sent } else { Ended::Aborted })
+    }
+
+    fn receive(&mut self) -> Option<CanFrame> {
+        let status = self.registers.rxfs(0).read();
+        if status.ffl() == 0 {
+            return None;
+        }
+        let at = usize::from(status.fgi()) * ELEMENT;
+        let read = |word| self.memory.rxfifo0(at + word).read();
+        let frame = decode([read(0), read(1), read(2), read(3)]);
+        self.registers.rxfa(0).write(|w| w.set_fai(status.fgi()));
+        Some(frame)
+    }
+
+    fn overrun(&mut self) -> bool {
+        let raised = self.registers.ir().read();
+        // FIFO 0 was full, or the message RAM too slow.
+        let overrun = raised.rfl(0) || raised.mraf();
+        if overrun {
+            self.registers.ir().write(|w| {
+                w.set_rfl(0, true);
+                w.set_mraf(true);
+            });
+        }
+        overrun
+    }
+
+    fn is_off(&mut self) -> bool {
+        // Since the start only the hardware sets it, as it goes bus-off.
+        self.registers.cccr().read().init()
+    }
+
+    fn errors(&mut self) -> Errors {
+        // Reading it clears the last error.
+        let status = self.registers.psr().read();
+        let state = match (status.bo(), status.ep(), status.ew()) {
+            (true, _, _) => ErrorState::BusOff,
+            (_, true, _) => ErrorState::Passive,
+            (_, _, true) => ErrorState::Warning,
+            _ => ErrorState::Active,
+        };
+        let last = match status.lec() {
+            // On its way back the hardware notes a bit error for every 11 recessive bits.
+            _ if status.bo() => None,
+            Lec::STUFF => Some(BusError::Stuff),
+            Lec::FORM => Some(BusError::Form),
+            Lec::ACK => Some(BusError::Acknowledge),
+            Lec::BIT_1 | Lec::BIT_0 => Some(BusError::Bit),
+            Lec::CRC => Some(BusError::Crc),
+            _ => None,
+        };
+        let counters = self.registers.ecr().read();
+        Errors { state, transmit: counters.tec(), receive: counters.rec(), last }
+    }
+
+    fn restart(&mut self) -> bool {
+        self.go_on_bus();
+        true
+    }
+
+    fn leave_restricted(&mut self) -> bool {
+        // The message RAM was too slow for a frame, and that is over.
+        let restricted = self.registers.cccr().read().asm();
+        if restricted {
+            self.registers.cccr().modify(|w| w.set_asm(false));
+        }
+        restricted
+    }
+
+    /// Rewrites the filters, also of a controller on the bus: the hardware reads them one by one,
+    /// and a filter that stays where it was never changes.
+    fn accept(&mut self, patterns: &[IdPattern]) {
+        let mut standard = [0; STANDARD_FILTERS];
+        let mut extended = [0; EXTENDED_FILTERS * EXTENDED_FILTER];
+        filters(patterns, &mut standard, &mut extended);
+        for (word, value) in standard.into_iter().enumerate() {
+            self.memory.flssa(word).write_value(value);
+        }
+        for (word, value) in extended.into_iter().enumerate() {
+            self.memory.flesa(word).write_value(value);
+        }
+    }
+}
+
+/// Reads of a register until a buffer that is not on the wire must have been cancelled.
+const ABORT_PATIENCE: u32 = 16;
+
+/// A number of quanta or filters as a register field takes it.
+#[expect(clippy::cast_possible_truncation, reason = "at most 255")]
+const fn byte(count: usize) -> u8 {
+    count as u8
+}

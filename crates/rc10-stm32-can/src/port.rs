@@ -1,0 +1,106 @@
+use core::cell::RefCell;
+use core::fmt;
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use rc10_can::{CanFrame, CanPort, Health, IdPattern, Micros, Submitted};
+
+use crate::{Driver, Hardware};
+
+/// A [`Driver`] for an interrupt and a task: each has it in a critical section, for the few
+/// microseconds that its methods take.
+pub struct Shared<H>(Mutex<CriticalSectionRawMutex, RefCell<Option<Driver<H>>>>);
+
+impl<H: Hardware> Shared<H> {
+    /// Without a controller yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(Mutex::new(RefCell::new(None)))
+    }
+
+    /// With a controller that was just started; its port.
+    pub fn start(&'static self, hardware: H) -> Port<H> {
+        self.0.lock(|driver| *driver.borrow_mut() = Some(Driver::new(hardware)));
+        Port { shared: self }
+    }
+
+    /// For each interrupt of the controller.
+    pub fn on_interrupt(&self) {
+        self.with(Driver::serve);
+    }
+
+    /// `None` while there is no controller.
+    fn with<T>(&self, work: impl FnOnce(&mut Driver<H>) -> T) -> Option<T> {
+        self.0.lock(|driver| driver.borrow_mut().as_mut().map(work))
+    }
+}
+
+impl<H: Hardware> Default for Shared<H> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<H> fmt::Debug for Shared<H> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Shared").finish_non_exhaustive()
+    }
+}
+
+/// A [`CanPort`] on one controller.
+///
+/// * **Received frames** are taken by the interrupt, and wait in a queue of
+///   [`RECEIVE_QUEUE`](crate::RECEIVE_QUEUE). Their arrival time is the interrupt's: later than the
+///   frame's end by as long as interrupts were masked. [`Health::receive_lost`] counts each frame
+///   that found the queue full, and each overrun of the hardware as one, because it does not say how
+///   many it cost.
+/// * **Sent frames**: see [`Driver`]. [`Submitted::Replaced`] means that the older frame did not
+///   leave and will not. Where it was on the wire already the answer is [`Submitted::Queued`], and
+///   [`unreplaced`](Self::unreplaced) counts it if it was acknowledged.
+/// * **After bus-off** what is unsent is taken back and counted ([`Health::transmit_lost`]), and new
+///   frames are refused, until [`recover`](CanPort::recover).
+pub struct Port<H: 'static> {
+    shared: &'static Shared<H>,
+}
+
+impl<H: Hardware> Port<H> {
+    /// Frames that left although a newer one of their stream was there already: see
+    /// [`Driver::unreplaced`].
+    #[must_use]
+    pub fn unreplaced(&self) -> u32 {
+        self.shared.with(|driver| driver.unreplaced()).unwrap_or_default()
+    }
+}
+
+impl<H: Hardware> CanPort for Port<H> {
+    fn receive(&mut self) -> Option<(CanFrame, Micros)> {
+        self.shared.with(Driver::receive).flatten()
+    }
+
+    fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
+        let submitted = self.shared.with(|driver| driver.submit_as(frame, stream));
+        submitted.unwrap_or(Submitted::Refused)
+    }
+
+    fn cancel_pending(&mut self) -> u8 {
+        self.shared.with(Driver::cancel_pending).unwrap_or_default()
+    }
+
+    fn health(&self) -> Health {
+        self.shared.with(Driver::health).unwrap_or_default()
+    }
+
+    fn accept(&mut self, patterns: &[IdPattern]) {
+        self.shared.with(|driver| driver.accept(patterns));
+    }
+
+    fn recover(&mut self) {
+        self.shared.with(Driver::recover);
+    }
+}
+
+impl<H> fmt::Debug for Port<H> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Port").finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,54 @@
+use core::fmt;
+
+use embassy_stm32::gpio::{AfType, Flex, OutputType, Pull, Speed};
+use rc10_can::BitTimingError;
+
+/// Why a bus was not started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StartError {
+    /// The controller's clock cannot make the bit rate.
+    BitTiming(BitTimingError),
+    /// The controller did not go into its configuration mode: it has no clock.
+    NoAnswer,
+    /// bxCAN: the controller whose filters it shares was not started before.
+    NoFilters,
+}
+
+impl From<BitTimingError> for StartError {
+    fn from(error: BitTimingError) -> Self {
+        Self::BitTiming(error)
+    }
+}
+
+impl fmt::Display for StartError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::BitTiming(error) => error.fmt(f),
+            Self::NoAnswer => f.write_str("the CAN controller has no clock"),
+            Self::NoFilters => f.write_str("the controller that has the filters starts first"),
+        }
+    }
+}
+
+impl core::error::Error for StartError {}
+
+/// Reads of a register until the controller must have answered: tens of microseconds.
+const PATIENCE: u32 = 1000;
+
+/// Waits until something is so, but not for long; whether it is.
+pub fn wait_for(mut is_so: impl FnMut() -> bool) -> bool {
+    (0..PATIENCE).any(|_| is_so())
+}
+
+/// Gives the pins to the controller, each with its alternate function. Only when it is reset: a
+/// transmit pin without a controller behind it could hold the bus low.
+pub fn connect(receive: (Flex<'static>, u8), transmit: (Flex<'static>, u8)) {
+    let (mut receive, function) = receive;
+    // Pulled to recessive: a transceiver without supply would leave it to the noise.
+    receive.set_as_af_unchecked(function, AfType::input(Pull::Up));
+    let (mut transmit, function) = transmit;
+    let push_pull = AfType::output(OutputType::PushPull, Speed::VeryHigh);
+    transmit.set_as_af_unchecked(function, push_pull);
+    // Dropped, they would disconnect.
+    core::mem::forget((receive, transmit));
+}

@@ -1,0 +1,72 @@
+//! Two M3508 on FDCAN1 of an STM32G473: armed one second after power-on, they turn at 100 rpm. Give
+//! them room.
+#![no_std]
+#![no_main]
+
+mod board;
+
+use embassy_executor::Spawner;
+use embassy_time::{Duration, Ticker};
+use rc10_motor::Place::Bus;
+use rc10_motor::dji::{Config, Dji, M3508};
+use rc10_motor::embassy::{Ports, Runner, run_buses};
+use rc10_motor::rc10_app::{Direction, Rpm};
+use rc10_motor::{ArmSwitch, Entry, Names, Started, Target, motors};
+use static_cell::StaticCell;
+
+use board::{Board, Port};
+
+motors! {
+    /// Names of the wheels.
+    pub enum Name;
+    /// Where their motors stand.
+    pub struct Motors;
+    buses: [100.0];
+    lines: 0;
+    Left: Dji = Entry::new("wheel left", Bus(1), Config::new(&M3508, 1)),
+    Right: Dji = Entry::new(
+        "wheel right",
+        Bus(1),
+        Config::new(&M3508, 2).with_direction(Direction::Reversed),
+    ),
+}
+
+static SWITCH: ArmSwitch = ArmSwitch::new();
+static PORTS: Ports<Name, 1> = Ports::new();
+static MOTORS: StaticCell<Motors> = StaticCell::new();
+
+/// The bus, every millisecond: it comes before everything in `main`.
+#[embassy_executor::task]
+async fn run(bus: Runner<'static, 'static, Port>) {
+    run_buses([bus]).await;
+}
+
+#[embassy_executor::main]
+async fn main(_spawner: Spawner) {
+    let mut board = Board::start();
+    let started = MOTORS.init(Motors::new()).start(&SWITCH);
+    let Started { buses: [bus], .. } = started.expect("checked when it was compiled");
+    let runner = Runner::new(board.port, bus, &PORTS.buses[0], board::now());
+    board.high.spawn(run(runner).expect("spawned once"));
+
+    board.watchdog.unleash();
+    let mut ticker = Ticker::every(Duration::from_millis(10));
+    for tick in 0_u64.. {
+        ticker.next().await;
+        board.watchdog.pet();
+        if tick == 100 && board.was_switched_on {
+            // Refused if the motors do not fit on the bus: it stays disarmed then.
+            let _ = SWITCH.arm();
+        }
+        for wheel in Name::ALL {
+            // A motor that does not take speeds counts it in its status.
+            let _ = PORTS.motor(*wheel).command(Target::Speed(Rpm::new(100.0)));
+        }
+    }
+}
+
+/// Starts over. Disarmed, the bus sends zeros from its first millisecond on.
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    board::restart()
+}
