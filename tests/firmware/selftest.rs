@@ -1,7 +1,9 @@
 //! The self-test program on the emulated chip, with a device at the other end of every wire.
 
+use rc10_emu::parts::Imu;
 use rc10_emu::peripherals::{Edge, Width};
 use rc10_emu::{Injection, Machine};
+use rc10_sim::imu::bmi088::Part;
 use rc10_sim::remote::{Ppm, Remote};
 use rc10_sim::unitree_line::{GoM8010, plant};
 use rc10_sim::{
@@ -9,7 +11,7 @@ use rc10_sim::{
     UartFault, World,
 };
 
-use super::wires::{Bmi088, Echo, Listener, Registers, Sleeper};
+use super::wires::{Echo, Listener, Registers, Sleeper};
 use super::{millis, priorities, program};
 
 /// The self-test takes less than 2 s.
@@ -89,8 +91,10 @@ impl Bench {
         let pulses = world.add_pulses(Ppm::new(&Remote::new(), phase));
         machine.connect_pulses(PULSES, &pulses).unwrap();
         let mut soc = machine.soc();
-        assert!(soc.attach_spi(1, ('C', 4), Box::new(Bmi088::accelerometer())));
-        assert!(soc.attach_spi(1, ('C', 5), Box::new(Bmi088::gyroscope())));
+        let imu = Imu::new();
+        for (pin, part) in [(4, Part::Accelerometer), (5, Part::Gyroscope)] {
+            assert!(soc.attach_spi(1, ('C', pin), Box::new(imu.half(part))));
+        }
         assert!(soc.attach_i2c(2, Box::new(Registers::new())));
         assert!(soc.attach_i2c(2, Box::new(Sleeper)));
         assert!(soc.join_pins(SERVOS[0], CAPTURE, Nanos::ZERO));

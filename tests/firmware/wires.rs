@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use rc10_emu::peripherals::{I2cDevice, SpiDevice};
+use rc10_emu::peripherals::I2cDevice;
 use rc10_sim::{Nanos, SerialDevice};
 
 /// Keeps what it hears.
@@ -46,54 +46,6 @@ impl SerialDevice for Echo {
 
     fn receive(&mut self, byte: u8, _now: Nanos) {
         self.waiting.push_back(byte);
-    }
-}
-
-/// One half of a BMI088, with its identity register. Source: its data sheet, SPI interface.
-pub struct Bmi088 {
-    identity: u8,
-    /// Bytes of no meaning before a register's contents.
-    dummies: usize,
-    /// The accelerometer speaks I2C until it is selected for the first time.
-    speaks_spi: bool,
-    transferred: usize,
-    register: Option<u8>,
-}
-
-impl Bmi088 {
-    pub const fn accelerometer() -> Self {
-        Self { identity: 0x1E, dummies: 1, speaks_spi: false, transferred: 0, register: None }
-    }
-
-    pub const fn gyroscope() -> Self {
-        Self { identity: 0x0F, dummies: 0, speaks_spi: true, transferred: 0, register: None }
-    }
-}
-
-impl SpiDevice for Bmi088 {
-    fn understands(&self, mode: u8, clock_hz: u64) -> bool {
-        (mode == 0 || mode == 3) && clock_hz <= 10_000_000
-    }
-
-    fn select(&mut self, _now: Nanos) {
-        (self.transferred, self.register) = (0, None);
-    }
-
-    fn deselect(&mut self, _now: Nanos) {
-        self.speaks_spi = true;
-    }
-
-    fn exchange(&mut self, sent: u16, _now: Nanos) -> u16 {
-        let before = self.transferred;
-        self.transferred += 1;
-        let Some(register) = self.register.filter(|_| self.speaks_spi) else {
-            // Bit 7: read.
-            self.register = u8::try_from(sent).ok().filter(|byte| byte & 0x80 != 0);
-            return 0xFF;
-        };
-        let Some(offset) = before.checked_sub(1 + self.dummies) else { return 0xFF };
-        let is_identity = usize::from(register & 0x7F) + offset == 0;
-        if is_identity { self.identity.into() } else { 0xA5 }
     }
 }
 
