@@ -102,7 +102,7 @@ fn said(name: &str, options: Options, prepare: impl FnOnce(&Machine)) -> String 
     lines.iter().map(|line| format!("{} {}\n", line.at, line.text)).collect()
 }
 
-/// Of another line of STM32H7, with the same peripherals: DEV_ID 0x450 is the STM32H743's (RM0433).
+/// Of another line of STM32H7, with the same peripherals: `DEV_ID` 0x450 is the STM32H743's (RM0433).
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn another_chip_is_told() {

@@ -41,9 +41,9 @@ pub enum CrystalState {
 /// The frequency of a crystal that is another one, or 0.
 static OTHER: AtomicU32 = AtomicU32::new(0);
 
-// 64 MHz / 16 x 120 is 480 MHz.
-const HSI_DIVIDER: PllPreDiv = PllPreDiv::DIV16;
-const HSI_MULTIPLIER: PllMul = PllMul::MUL120;
+// 64 MHz / 10 x 75 is 480 MHz. At 6.4 MHz the PLL's input stays in its range, 4 to 8 MHz, also of a HSI that is off.
+const HSI_DIVIDER: PllPreDiv = PllPreDiv::DIV10;
+const HSI_MULTIPLIER: PllMul = PllMul::MUL75;
 
 /// The time that the crystal may take, in milliseconds: what ST's HAL gives it
 /// (`HSE_STARTUP_TIMEOUT`). A good one takes about 2.

@@ -17,7 +17,7 @@ pub struct Crystal {
 // STM32H723 data sheet, HSE oscillator characteristics.
 const LOWEST: u32 = 4_000_000;
 const HIGHEST: u32 = 50_000_000;
-/// PLL1's input, hertz: the range that also has HSI / 16, so that the PLL can go on from that without another
+/// PLL1's input, hertz: the range that also has HSI / 10, so that the PLL can go on from that without another
 /// setting (RM0468, `RCC_PLLCFGR`, PLL1RGE).
 const INPUT: core::ops::Range<u32> = 4_000_000..8_000_000;
 
