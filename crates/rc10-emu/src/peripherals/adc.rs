@@ -54,7 +54,9 @@ const BOOSTS: [u64; 4] = [6_250_000, 12_500_000, 25_000_000, 50_000_000];
 
 /// Time until the regulator is up: data sheet, ADC characteristics, `tADCVREG_STUP`, maximum.
 const REGULATOR: Nanos = Nanos::new(10_000);
-/// Clocks of a calibration: of the offset, and of linearity, too. Data sheet, ADC characteristics.
+/// Clocks of a calibration: of the offset, and of linearity, too. Data sheet, ADC characteristics, quoted
+/// from memory; the time limit of ST's HAL (633,600,000 clocks of a core that is 3840 times faster)
+/// reckons with 165,000. Another source has 16,384.
 const CALIBRATION: u64 = 1_280;
 const LINEARITY: u64 = 165_010;
 /// Clocks from ADEN to ADRDY: "one conversion cycle", data sheet, ADC characteristics, `tSTAB`.
@@ -198,7 +200,8 @@ impl Adc {
 
     /// Half clocks a second of its analog part, whose clock is half of what it is given.
     ///
-    /// RM0468, ADC clocks: "a fixed frequency ratio of 2"; so does ST's HAL for all but the first revision.
+    /// RM0468, ADC clocks, quoted from memory; ST's HAL halves it, too, when it chooses BOOST, for all but
+    /// the first revision of the STM32H743.
     fn half_clocks_hz(&self) -> u64 {
         match field(self.common, 16, 2) {
             0 => {
