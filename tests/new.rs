@@ -88,6 +88,36 @@ fn a_robot_has_its_own_name_throughout() {
     assert!(lines("firmware/src/main.rs") <= 40 && sum <= 150, "{sum} lines");
 }
 
+/// What differs is the board's feature and the probe's name of the chip: two lines.
+#[test]
+fn it_may_be_for_the_other_board() {
+    let folder = Scratch::new("new-board");
+    let (done, text) = new(&folder, &["owl", "--board", "dm-mc02"]);
+    assert!(done && text.contains("for the board dm-mc02 with an STM32H723VG"), "{text}");
+    let (done, text) = new(&folder, &["elk"]);
+    assert!(done && text.contains("for the board h723zg with an STM32H723ZG"), "{text}");
+    let differences = |file: &str| {
+        let [owl, elk] = ["owl", "elk"].map(|name| {
+            let text = fs::read_to_string(folder.join(name).join(file)).unwrap();
+            text.replace(name, "NAME").lines().map(str::to_owned).collect::<Vec<_>>()
+        });
+        assert_eq!(owl.len(), elk.len(), "{file}");
+        let pairs = owl.into_iter().zip(elk);
+        pairs.filter(|(owl, elk)| owl != elk).collect::<Vec<_>>()
+    };
+    let pair = |owl: &str, elk: &str| vec![(owl.to_owned(), elk.to_owned())];
+    let board = pair("default = [\"dm-mc02\"]", "default = [\"h723zg\"]");
+    assert_eq!(differences("firmware/Cargo.toml"), board);
+    let [(owl, elk)] = &differences(".cargo/config.toml")[..] else { panic!("one line") };
+    assert!(owl.contains("--chip STM32H723VGTx ") && elk.contains("--chip STM32H723ZGTx "));
+    for file in ["Cargo.toml", "firmware/src/main.rs", "firmware/.cargo/config.toml"] {
+        assert!(differences(file).is_empty(), "{file}");
+    }
+    let (done, text) = new(&folder, &["bat", "--board", "nucleo"]);
+    assert!(!done && text.contains("there is no such board: h723zg, dm-mc02"), "{text}");
+    assert_eq!(names(&folder), ["elk", "owl"]);
+}
+
 #[test]
 fn it_may_point_at_a_commit() {
     let folder = Scratch::new("new-git");

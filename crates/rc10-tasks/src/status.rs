@@ -12,7 +12,7 @@ use rc10_motor::embassy::{BusPort, BusStatus, Ports, Rs485Port, Rs485Status};
 use rc10_motor::{ArmState, Link, Names, TargetError, Unfit};
 
 use crate::common::Common;
-use crate::supply::Supply;
+use crate::supply::{OLDEST_SUPPLY, Supply};
 
 /// Status of a robot.
 #[derive(Clone, Debug, PartialEq)]
@@ -109,9 +109,6 @@ pub async fn run<N: Names, const BUSES: usize, const LINES: usize>(
         shared.status.publish(now(shared));
     }
 }
-
-/// Up to which a supply is known: it is measured ten times a second.
-const OLDEST_SUPPLY: Micros = Micros::from_millis(500);
 
 /// The status of the robot now.
 #[must_use]

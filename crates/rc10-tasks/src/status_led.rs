@@ -7,6 +7,7 @@ use rc10_motor::{ArmState, Link, MotorStatus, Names};
 use smart_leds_trait::{RGB8, SmartLedsWriteAsync};
 
 use crate::common::Common;
+use crate::supply::OLDEST_SUPPLY;
 
 /// Period in which the strip is written: a beat of its rhythms.
 const PERIOD: Duration = Duration::from_millis(100);
@@ -33,11 +34,12 @@ pub fn state<N: Names, const BUSES: usize, const LINES: usize>(
 ) -> State {
     let remote = shared.remote_link.read().map_or(RemoteLink::Lost, |link| link.value);
     let mut motors = N::ALL.iter().map(|name| shared.motor(*name).status());
-    let until = shared.settled.read().map(|settled| settled.value);
-    let settles = until.is_some_and(|until| rc10_message::now() < until);
+    let now = rc10_message::now();
+    let settles = shared.settled.read().is_some_and(|settled| now < settled.value);
     let is_there = |link: Link| link == Link::Online || (settles && link == Link::NeverSeen);
     let is_well = |status: MotorStatus| is_there(status.link) && status.fault.is_none();
-    let is_low = shared.supply.read().is_some_and(|supply| supply.value.is_low());
+    let supply = shared.supply.newer_than(OLDEST_SUPPLY, now);
+    let is_low = supply.is_some_and(|supply| supply.is_low());
     match (shared.switch.state(), remote) {
         (ArmState::EStopped, _) => State::Stopped,
         (_, RemoteLink::Lost) => State::LinkLost,

@@ -2,6 +2,11 @@
 
 use core::fmt;
 
+use rc10_can::Micros;
+
+/// Up to which a supply is known: it is measured ten times a second.
+pub(crate) const OLDEST_SUPPLY: Micros = Micros::from_millis(500);
+
 /// A lithium cell is full at this voltage and, loaded, nearly empty at that one: millivolts.
 const FULL: u16 = 4_300;
 const EMPTY: u16 = 3_500;
