@@ -75,10 +75,10 @@ fn comes(mut flag: impl FnMut() -> bool, milliseconds: u32) -> bool {
 }
 
 /// Periods of the divided crystal from one capture to the next, which is the most that the timer offers; captures;
-/// and the time that they may take, in milliseconds: 0.5 with the right crystal.
+/// and the time that they may take, in milliseconds: 0.5 with the right crystal, 3.2 with one of 4 MHz instead of 25.
 const PERIODS: u32 = 8;
 const CAPTURES: u32 = 64;
-const MEASURE: u32 = 10;
+const MEASURE: u32 = 5;
 
 /// The frequency of a crystal that swings, by HSI: hertz. `None` if that cannot be measured: nothing is said of
 /// the crystal then.
