@@ -10,6 +10,8 @@ rc10_board::robot! {
     robot: rc10_robot;
     buses: three_buses(bus_1, bus_2, bus_3);
     console: table::CONSOLE;
+    // The switched 5 V feed nothing of this robot.
+    outputs: [First, Second];
     live: |shared| &shared.live;
     tasks: |shared| join3(chassis::run(shared), mechanisms::run(shared), driver::run(shared));
 }

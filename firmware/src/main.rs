@@ -105,7 +105,7 @@ fn start(spawner: Spawner, board: Board) -> Result<(), Unstartable> {
     spawner.spawn(tasks::ten_milliseconds(shared, board.watchdog)?);
     spawner.spawn(tasks::chassis(shared)?);
     let (StripParts { timer, pin, stream }, buffer) = (board.strip, dma_buffer!(u32; PULSES));
-    let period = tasks::STRIP.period;
+    let period = robot::WS2812.period;
     let strip = PulseOutput::start(timer, pin, stream, Irqs, period, buffer, PERIPHERALS);
     spawner.spawn(tasks::tenth_of_a_second(shared, strip)?);
 

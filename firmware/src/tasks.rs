@@ -4,21 +4,14 @@ use embassy_futures::join::{join, join3};
 use embassy_stm32::Peri;
 use embassy_stm32::peripherals::IWDG1;
 use embassy_time::Instant;
-use rc10_board::robot;
-use rc10_bsp::TIMER_CLOCK;
+use rc10_board::robot::{self, WS2812};
 use rc10_bsp::pulse_input::PulseInput;
 use rc10_bsp::pulse_output::PulseOutput;
 use rc10_bsp::serial::{Serial, SerialReceiver};
-use rc10_module::led::ws2812::{PulseTiming, Pulses, Strip};
+use rc10_module::led::ws2812::{Pulses, Strip};
 use rc10_robot::table::{LED_BRIGHTNESS, LEDS, RECEIVER};
 use rc10_robot::{Shared, chassis, driver, imu, mechanisms};
 use rc10_tasks::{remote, status, status_led};
-
-/// The pulses of the LED strip.
-pub const STRIP: PulseTiming = match PulseTiming::new(TIMER_CLOCK.0) {
-    Ok(timing) => timing,
-    Err(_) => panic!("the timer's clock hits no pulse width of a WS2812"),
-};
 
 /// The base.
 #[embassy_executor::task]
@@ -47,7 +40,7 @@ pub async fn tenth_of_a_second(shared: &'static Shared<'static>, strip: PulseOut
 }
 
 async fn show(shared: &Shared<'_>, mut output: PulseOutput) -> ! {
-    let pulses = Pulses::new(STRIP, async |widths: &[u16]| output.send(widths).await);
+    let pulses = Pulses::new(WS2812, async |widths: &[u16]| output.send(widths).await);
     let strip = Strip::<_, LEDS>::new(pulses).with_brightness(LED_BRIGHTNESS);
     status_led::run(shared, strip, LEDS).await
 }

@@ -55,10 +55,11 @@ fn it_drives_by_its_own_imu() {
     });
 }
 
-/// One that does not answer is told, and costs the buses nothing.
+/// One that does not answer is told, and costs the buses nothing; when it is back, it is read as often as before and no
+/// more.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
-fn an_imu_that_does_not_answer_is_told_once() {
+fn an_imu_that_does_not_answer_is_told() {
     on_board(&[], |emulation| {
         emulation.rig.machine.imu().unwrap().with(|imu| imu.gyroscope.id = 0);
         emulation.run(millis(800)).unwrap();
@@ -66,18 +67,17 @@ fn an_imu_that_does_not_answer_is_told_once() {
         keeps_its_period(&figures);
         is_clean(&emulation.rig, &figures);
         let text = log(emulation);
-        assert_eq!(
-            text.matches("no IMU: the BMI088 gyroscope says it is 0x00").count(),
-            1,
-            "{text}"
-        );
-        assert!(
-            text.lines().last().unwrap().contains("armed, 11 of 11 motors online, 24.0 V, IMU: "),
-            "{text}"
-        );
+        let words = "armed, 11 of 11 motors online, IMU does not answer, 24.0 V, IMU: ";
+        assert!(text.lines().last().unwrap().contains(words), "{text}");
         emulation.rig.machine.imu().unwrap().with(|imu| imu.gyroscope.id = 0x0F);
-        emulation.run(millis(1200)).unwrap();
-        assert!(log(emulation).contains("the IMU is back"));
+        // It is set up, and then selected once a millisecond: none of those missed is made up for.
+        emulation.run(millis(1000)).unwrap();
+        emulation.rig.machine.watch_pin('C', 3).unwrap();
+        let _ = emulation.rig.machine.take_pin_time('C', 3);
+        emulation.run(millis(1210)).unwrap();
+        let samples = emulation.rig.machine.take_pin_time('C', 3).unwrap().rises;
+        assert!((209..=211).contains(&samples), "{samples} samples in 210 ms");
+        assert!(!log(emulation).lines().last().unwrap().contains("does not answer"));
     });
 }
 
@@ -115,19 +115,23 @@ fn a_remote_that_is_lost_stops_it() {
 #[ignore = "needs the firmware: cargo xtask emulate"]
 fn outputs_come_on_last() {
     on_board(&["panic@0.4s"], |emulation| {
-        let pins = [('C', 14), ('C', 13), ('C', 15)];
-        for (port, pin) in pins {
+        let pins = [('C', 14), ('C', 13)];
+        for (port, pin) in pins.into_iter().chain([('C', 15)]) {
             emulation.rig.machine.record_pin(port, pin).unwrap();
         }
         emulation.run(millis(600)).unwrap();
+        // The program says that the switched 5 V stay off.
+        assert!(emulation.rig.machine.take_edges('C', 15).is_empty());
         let struck = emulation.rig.machine.struck().unwrap();
         let restart = emulation.rig.machine.restarts()[0].at;
         for (port, pin) in pins {
             let edges = emulation.rig.machine.take_edges(port, pin);
             let [on, off, again] = edges[..] else { panic!("P{port}{pin}: {edges:?}") };
             assert!(on.high && !off.high && again.high, "{edges:?}");
-            let first = emulation.rig.logs()[0].frames.iter().find(|entry| entry.from_controller);
-            assert!(on.at > first.unwrap().start, "on after {}, before the buses", on.at);
+            for log in emulation.rig.logs() {
+                let first = log.frames.iter().find(|entry| entry.from_controller).unwrap();
+                assert!(on.at > first.start, "on after {}, before a bus", on.at);
+            }
             assert_eq!(off.at, restart, "struck at {struck}");
             let without = again.at.since(off.at);
             println!("P{port}{pin}: on after {}, off for {without} in a restart", on.at);
@@ -167,7 +171,7 @@ fn the_heater_keeps_its_bounds() {
         println!("heater: {shares:.0?}");
         // Nothing before the supply and the IMU are known; a quarter at most; less as it gets warm.
         assert!(shares[0] < 1.0 && most > 200.0 && most <= 250.5, "{shares:?}");
-        assert!(shares.last().unwrap() < &most, "{shares:?}");
+        assert!(shares.iter().skip(10).any(|share| *share < 50.0), "{shares:?}");
         // 30 V: less than a quarter, by the bound of the power.
         emulation.rig.machine.imu().unwrap().with(|imu| imu.celsius = 20.0);
         let cold = Thermal { ambient: 10.0, kelvin_per_watt: 0.1, time_constant: 0.3 };
@@ -251,6 +255,30 @@ fn the_lamp_shows_the_state() {
             [[true, false, true], [false, false, true], [false, true, false], [true, true, false]];
         assert_eq!(colours, [magenta, blue, green, yellow]);
         assert!(log(emulation).contains("20.0 V (low)"));
+    });
+}
+
+/// A motor that has not been heard yet is not missing while its ESC starts, and is after 3 s.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_motor_that_starts_slowly_is_no_fault_at_first() {
+    // Never any power for those of bus 2.
+    on_board(&["power:2@0s..9s"], |emulation| {
+        emulation.rig.machine.record_pin('A', 7).unwrap();
+        let mut white_at = None;
+        // It flashes in the first half of every second second.
+        for tenth in 1..=43 {
+            emulation.run(millis(100 * tenth)).unwrap();
+            let edges = emulation.rig.machine.take_edges('A', 7);
+            let is_white = |picture: &Vec<[u8; 3]>| picture[0].iter().all(|channel| *channel > 0);
+            if white_at.is_none() && pictures(&edges).unwrap().iter().any(is_white) {
+                white_at = Some(tenth);
+            }
+        }
+        let white_at = white_at.expect("it shows the fault");
+        println!("the lamp shows a motor that was never heard after {white_at}00 ms");
+        assert!((31..=43).contains(&white_at), "{white_at}");
+        assert!(log(emulation).contains("8 of 11 motors online"));
     });
 }
 

@@ -105,7 +105,8 @@ fn a_pc_watches_and_tunes_it() {
     let (gain, value) = pc.parameter("wheel front left", "speed_kp");
     let id = pc.client.set(&[(gain, value * 0.5)]).unwrap();
     assert_eq!(pc.ask(id), Answer::Done);
-    pc.run(100);
+    // It hears of the change with the next hello.
+    pc.run(300);
     let (_, now) = pc.parameter("wheel front left", "speed_kp");
     assert!((now - value * 0.5).abs() < 1e-6 && value > 0.0, "{value} -> {now}");
     is_clean(&emulation.rig, &Figures::of(&emulation.rig));

@@ -248,22 +248,29 @@ pub fn new_robot(has_chip: bool) -> Result<()> {
     let place = env::temp_dir().join(format!("rc10-new-{}", process::id()));
     fs::create_dir_all(&place)?;
     let made = || -> Result<()> {
-        let manifest = root().join("Cargo.toml");
-        let mut new = host("run --release --manifest-path");
-        run_command(new.arg(manifest).args(["--", "new", "demo"]).current_dir(&place))?;
-        add_a_motor(&place.join("demo"))?;
-        let own = |arguments: &str| {
-            let target = root().join("target");
-            let demo = place.join("demo");
-            run_command(host(arguments).current_dir(demo).env("CARGO_TARGET_DIR", target))
+        let new = |arguments: &[&str]| {
+            let mut new = host("run --release --manifest-path");
+            new.arg(root().join("Cargo.toml")).args(["--", "new"]).args(arguments);
+            run_command(new.current_dir(&place))
         };
+        let in_folder = |name: &str, arguments: &str| {
+            let (target, folder) = (root().join("target"), place.join(name));
+            run_command(host(arguments).current_dir(folder).env("CARGO_TARGET_DIR", target))
+        };
+        new(&["demo"])?;
+        add_a_motor(&place.join("demo"))?;
+        let own = |arguments: &str| in_folder("demo", arguments);
         own("run --release -- run --strict --seconds 5")?;
         own("test --release")?;
         if !has_chip {
             return Ok(());
         }
         own("run --release -- emu --strict --seconds 2")?;
-        own("run --release -- emu --strict --seconds 2 --board dm-mc02")?;
+        // For the other board: made for it, and built for it.
+        new(&["owl", "--board", DM_MC02])?;
+        in_folder("owl", "test --release")?;
+        in_folder("owl", "run --release -- emu --strict --seconds 1")?;
+        own(&format!("run --release -- emu --strict --seconds 1 --board {DM_MC02}"))?;
         is_told(&place.join("demo"), "firmware/.cargo/config.toml", "DEFMT_LOG")?;
         is_told(&place.join("demo"), ".cargo/config.toml", "-Tlink.x")
     };

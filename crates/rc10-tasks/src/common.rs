@@ -41,6 +41,8 @@ pub struct Common<'p, N: Names, const BUSES: usize, const LINES: usize = 0> {
     pub changes: Changes,
     /// The heading of the robot in the world, by its IMU: [`heading`](crate::heading) says from where that counts.
     pub heading: Latest<Heading, 1>,
+    /// What is wrong with the IMU, in a few words behind that word, of a board that reads one.
+    pub imu_trouble: Latest<Option<&'static str>, 1>,
     /// Counters of the IMU's frames or samples.
     pub imu_reception: Reception,
     /// The supply, of a board that measures it.
@@ -115,6 +117,7 @@ impl<'p, N: Names, const BUSES: usize, const LINES: usize> Common<'p, N, BUSES, 
             bus_cycles: None,
             changes: Changes::new(),
             heading: Latest::new(),
+            imu_trouble: Latest::new(),
             imu_reception: Reception::new(),
             supply: Latest::new(),
             settled: Latest::new(),

@@ -6,14 +6,14 @@
 
 use core::fmt;
 
-use embassy_time::{Duration, Ticker};
+use embassy_time::{Duration, Ticker, TimeoutError, with_timeout};
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::spi::SpiDevice;
 use embedded_io_async::Read;
 use rc10_app::{Degrees, Seconds};
 use rc10_can::Micros;
 use rc10_module::imu::attitude::Attitude;
-use rc10_module::imu::bmi088::{self, Bmi088, Error};
+use rc10_module::imu::bmi088::{self, Bmi088};
 use rc10_module::imu::{Heading, Sample, Wit, wit};
 use rc10_module::{Reception, listen};
 use rc10_motor::{ArmState, ArmSwitch};
@@ -68,7 +68,10 @@ pub async fn listen_to_wit(
     .await
 }
 
-/// Reads a BMI088 once a millisecond, for ever; hands on each heading, each sample or why there is none, and its time.
+/// Setting it up takes 0.12 s.
+const LONGEST_READ: Duration = Duration::from_millis(250);
+
+/// Reads a BMI088 once a millisecond, for ever; hands on each heading, each sample or in words why there is none, and its time.
 ///
 /// `reception` counts samples as frames, those that the chips spoilt as damaged, and errors of the SPI bus as errors of
 /// the port. The sensor lies flat, its z axis up. Where the robot does not stand still for a second after power-on, its heading
@@ -78,7 +81,7 @@ pub async fn measure<A, G, D>(
     switch: &ArmSwitch,
     reception: &Reception,
     mut hear: impl FnMut(Heading, Micros),
-    mut tell: impl FnMut(Result<&Sample, &Error<A::Error>>, Micros),
+    mut tell: impl FnMut(Result<&Sample, &'static str>, Micros),
 ) -> !
 where
     A: SpiDevice<Error: fmt::Debug>,
@@ -90,12 +93,28 @@ where
     let mut last = rc10_message::now();
     loop {
         ticker.next().await;
-        let sample = imu.read().await;
+        let asked = rc10_message::now();
+        // A bus that stands still ends, too.
+        let sample = with_timeout(LONGEST_READ, imu.read()).await;
         let at = rc10_message::now();
+        if at.since(asked) > Micros::from_millis(1) {
+            // Set up anew: what was not read meanwhile is not read later.
+            ticker.reset();
+        }
         let bmi088::Counters { samples, spi_errors, refused, .. } = imu.counters();
         reception.count(samples, refused, spi_errors);
-        tell(sample.as_ref(), at);
-        let Ok(sample) = sample else { continue };
+        let sample = match sample {
+            Ok(Ok(sample)) => sample,
+            Ok(Err(error)) => {
+                tell(Err(error.words()), at);
+                continue;
+            }
+            Err(TimeoutError) => {
+                tell(Err("does not end a transfer"), at);
+                continue;
+            }
+        };
+        tell(Ok(&sample), at);
         let step = Seconds::from_micros(at.since(last).get());
         last = at;
         // One that is refused is a rotation that was missed, which the attitude counts.

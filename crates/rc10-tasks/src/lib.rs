@@ -18,7 +18,7 @@ pub mod live;
 pub mod remote;
 pub mod status;
 pub mod status_led;
-mod supply;
+pub mod supply;
 
 pub use arming::{Arming, ArmingConfig, ArmingError, SwitchAt, SwitchName};
 pub use common::{Changes, Common};

@@ -37,6 +37,8 @@ pub struct RobotStatus<N, const BUSES: usize, const LINES: usize = 0> {
     pub buses: [BusSummary; BUSES],
     /// Status of each line.
     pub lines: [LineSummary; LINES],
+    /// What is wrong with the IMU, in a few words behind that word.
+    pub imu_trouble: Option<&'static str>,
     /// The supply, of a board that measures it.
     pub supply: Option<Supply>,
     /// Cycles of the core that a tick of a bus takes, of any bus; `None` where no chip counts them.
@@ -66,6 +68,9 @@ impl<N: Names, const BUSES: usize, const LINES: usize> fmt::Display
             None | Some(RemoteLink::Online) => {}
             Some(RemoteLink::Interrupted) => write!(f, ", remote missing")?,
             Some(RemoteLink::Lost) => write!(f, ", no remote")?,
+        }
+        if let Some(trouble) = self.imu_trouble {
+            write!(f, ", IMU {trouble}")?;
         }
         if let Some(supply) = self.supply {
             write!(f, ", {supply}")?;
@@ -135,6 +140,7 @@ pub fn now<N: Names, const BUSES: usize, const LINES: usize>(
         receptions: receptions.map(|(label, reception)| (label, reception.read())),
         buses: shared.ports.buses.each_ref().map(|bus| bus.status().into()),
         lines: shared.ports.lines.each_ref().map(|line| line.status().into()),
+        imu_trouble: shared.imu_trouble.read().and_then(|trouble| trouble.value),
         supply: shared.supply.newer_than(OLDEST_SUPPLY, at),
         bus_cycles: shared.bus_cycles.and_then(Cycles::read),
     }
@@ -325,6 +331,7 @@ mod tests {
             receptions: [("remote", Counters::default()); PARTS],
             buses: [BusSummary::default(); 3],
             lines: [],
+            imu_trouble: None,
             supply: None,
             bus_cycles: Some(CycleCount { mean: 7_740, most: 11_772, a_second: 480_000_000 }),
         };

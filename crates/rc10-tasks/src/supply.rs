@@ -5,33 +5,28 @@ use core::fmt;
 use rc10_can::Micros;
 
 /// Up to which a supply is known: it is measured ten times a second.
-pub(crate) const OLDEST_SUPPLY: Micros = Micros::from_millis(500);
+pub const OLDEST_SUPPLY: Micros = Micros::from_millis(500);
 
-/// A lithium cell is full at this voltage and, loaded, nearly empty at that one: millivolts.
-const FULL: u16 = 4_300;
+/// A lithium cell is nearly empty at this voltage, loaded: mV.
 const EMPTY: u16 = 3_500;
+/// Packs that teams have: from these voltages on a supply is one of as many cells in series, mV. Below is none: USB, or
+/// a bench that is off.
+const PACKS: [(u16, u16); 3] = [(17_200, 6), (12_900, 4), (6_000, 3)];
 
-/// The supply of a robot: a battery of lithium cells, or what stands in for one.
+/// The supply of a robot: a battery of 3, 4 or 6 lithium cells in series, or what stands in for one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Supply {
     /// Its voltage, mV.
     pub millivolts: u16,
-    /// Cells in series, as many as it had at least at the highest voltage so far.
-    pub cells: u8,
 }
 
 impl Supply {
-    /// The supply that has this voltage now, in mV, and was this before.
+    /// Whether the battery is nearly empty: below 3.5 V a cell. Which pack it is, its voltage says: one that is emptier
+    /// than that (6 cells below 17.2 V) looks like the next smaller one.
     #[must_use]
-    pub fn now(millivolts: u16, before: Option<Self>) -> Self {
-        let cells = u8::try_from(millivolts.div_ceil(FULL)).unwrap_or(u8::MAX);
-        Self { millivolts, cells: before.map_or(cells, |before| before.cells.max(cells)) }
-    }
-
-    /// Whether the battery is nearly empty: below 3.5 V a cell.
-    #[must_use]
-    pub fn is_low(&self) -> bool {
-        self.millivolts < u16::from(self.cells).saturating_mul(EMPTY)
+    pub fn is_low(self) -> bool {
+        let pack = PACKS.into_iter().find(|(from, _)| self.millivolts >= *from);
+        pack.is_some_and(|(_, cells)| self.millivolts < cells * EMPTY)
     }
 }
 
@@ -53,18 +48,26 @@ mod tests {
 
     #[test]
     fn a_battery_is_low_at_three_and_a_half_volts_a_cell() {
-        let full = Supply::now(25_200, None);
-        assert_eq!((full.cells, full.is_low(), full.to_string()), (6, false, "25.2 V".into()));
-        // Its cells stay what they were while the voltage falls.
-        let used = Supply::now(21_000, Some(full));
-        assert_eq!((used.cells, used.is_low()), (6, false));
-        let empty = Supply::now(20_950, Some(used));
-        assert_eq!((empty.is_low(), empty.to_string()), (true, "21.0 V".into()));
-        // One that was read while it came up.
-        let first = Supply::now(3_000, None);
-        assert_eq!(Supply::now(24_000, Some(first)).cells, 6);
-        // No battery: all zero, on USB alone.
-        assert!(!Supply::now(0, None).is_low());
-        assert_eq!(Supply::now(u16::MAX, None).cells, 16);
+        let lows = |millivolts: &[u16]| {
+            let supplies = millivolts.iter().map(|&millivolts| Supply { millivolts });
+            supplies.map(Supply::is_low).collect::<std::vec::Vec<_>>()
+        };
+        // Six cells: full, while it brakes, at its limit, below, at power-on too.
+        assert_eq!(
+            lows(&[25_200, 26_500, 21_000, 20_999, 17_200]),
+            [false, false, false, true, true]
+        );
+        assert_eq!(lows(&[16_800, 14_000, 13_999, 12_900]), [false, false, true, true]);
+        assert_eq!(lows(&[12_600, 10_500, 10_499, 6_000]), [false, false, true, true]);
+        // USB alone leaves some millivolts.
+        assert_eq!(lows(&[0, 5, 40, 5_100, 5_999]), [false; 5]);
+        assert_eq!(lows(&[u16::MAX]), [false]);
+    }
+
+    #[test]
+    fn it_is_told_in_volts() {
+        for (millivolts, text) in [(25_200, "25.2 V"), (20_950, "21.0 V"), (49, "0.0 V")] {
+            assert_eq!(Supply { millivolts }.to_string(), text);
+        }
     }
 }

@@ -102,7 +102,8 @@ pub struct Soldered {
     key: (Peri<'static, PA15>, Peri<'static, EXTI15>),
 }
 
-/// Those of [`Output::ALL`].
+/// Those of [`Output::ALL`]: 1 kOhm pulls each switch down, so all are off until the program switches them on, and while
+/// the chip restarts.
 type OutputPins = (Peri<'static, PC14>, Peri<'static, PC13>, Peri<'static, PC15>);
 
 /// A BMI088 on SPI2, and its chip selects.
@@ -115,23 +116,6 @@ struct ImuParts {
     transmit_stream: Peri<'static, DMA2_CH5>,
     accelerometer: Peri<'static, PC0>,
     gyroscope: Peri<'static, PC3>,
-}
-
-/// An output of supply that the program switches. All are off until it does so, and while the chip restarts: 1 kOhm pulls
-/// each switch down.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Output {
-    /// The supply, 12 to 24 V, at the XT30 with CAN1: 5 A.
-    First,
-    /// The same at the XT30 with CAN2: 5 A.
-    Second,
-    /// 5 V for servos, UART7, USART10 and the socket of CAN3: 2 A, of the supply only.
-    FiveVolts,
-}
-
-impl Output {
-    /// All of them.
-    pub const ALL: &'static [Self] = &[Self::First, Self::Second, Self::FiveVolts];
 }
 
 impl Board {

@@ -19,6 +19,8 @@ use rc10_bsp::serial::{ReceiverParts, SerialParts};
 use rc10_motor::Names;
 use rc10_tasks::Common;
 
+use crate::Output;
+
 /// Its name, as the tools know it.
 pub const NAME: &str = "h723zg";
 
@@ -34,15 +36,6 @@ pub const REMOTE_HAS_INVERTER: bool = false;
 
 /// What is soldered on and needs a program: nothing.
 pub struct Soldered;
-
-/// An output of supply that the program switches: there is none.
-#[derive(Clone, Copy, Debug)]
-pub enum Output {}
-
-impl Output {
-    /// All of them.
-    pub const ALL: &'static [Self] = &[];
-}
 
 /// Serves what is soldered on.
 pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(

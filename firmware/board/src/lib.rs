@@ -28,5 +28,21 @@ pub use dm_mc02 as board;
 #[cfg(feature = "h723zg")]
 pub use h723zg as board;
 
+/// An output of supply that the program switches, of a board that has them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// DM-MC02: the supply, 12 to 24 V, at the XT30 with CAN1: 5 A.
+    First,
+    /// DM-MC02: the same at the XT30 with CAN2: 5 A.
+    Second,
+    /// DM-MC02: 5 V for servos, UART7, USART10 and the socket of CAN3: 2 A, of the supply only.
+    FiveVolts,
+}
+
+impl Output {
+    /// All of them.
+    pub const ALL: &'static [Self] = &[Self::First, Self::Second, Self::FiveVolts];
+}
+
 #[doc(hidden)]
 pub use {embassy_futures, rc10_bsp, rc10_motor, rc10_tasks, static_cell};

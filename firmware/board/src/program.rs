@@ -13,9 +13,9 @@
 /// ```
 ///
 /// Of a board with outputs of supply that are switched, all are switched on when everything else runs; or these only:
-/// `outputs: [First];` behind the console.
+/// `outputs: [First];` behind the console. A board without such outputs takes no notice of it.
 ///
-/// An RS-485 line stands between the buses and the console: `line: rs485 at 4_000_000, replies in REPLY;`.
+/// An RS-485 line, the board's part `rs485`, stands between the buses and the console: `line: rs485 at 4_000_000, replies in REPLY;`.
 ///
 /// The robot's crate has `Ports`, `Motors` and `table::{BUSES, RECEIVER}`, as `rc10_motor::motors!` and its
 /// table make them, and `Shared`, which is [`rc10_tasks::Common`] or dereferences to it.
@@ -195,10 +195,10 @@ macro_rules! start_line {
 #[macro_export]
 macro_rules! outputs {
     () => {
-        $crate::board::Output::ALL
+        $crate::Output::ALL
     };
     ([$($output:ident),*]) => {
-        &[$($crate::board::Output::$output),*]
+        &[$($crate::Output::$output),*]
     };
 }
 

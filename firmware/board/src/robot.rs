@@ -21,7 +21,8 @@ use rc10_bsp::serial::{
     StopBits,
 };
 use rc10_bsp::watchdog::Watchdog;
-use rc10_bsp::{CrystalState, crash};
+use rc10_bsp::{CrystalState, TIMER_CLOCK, crash};
+use rc10_module::led::ws2812::PulseTiming;
 use rc10_module::remote::{self, Receiver, SerialSettings};
 use rc10_motor::embassy::{BusPort, Ports, Rs485Port, Runner, run_buses, run_rs485};
 use rc10_motor::rc10_app::ConfigError;
@@ -38,6 +39,12 @@ use crate::board::{Board, CRYSTAL, NAME, REMOTE_HAS_INVERTER};
 const WATCHDOG: Duration = Duration::from_millis(80);
 /// Period of feeding it.
 const FEED: Duration = Duration::from_millis(10);
+
+/// The pulses of a WS2812, made by any timer.
+pub const WS2812: PulseTiming = match PulseTiming::new(TIMER_CLOCK.0) {
+    Ok(timing) => timing,
+    Err(_) => panic!("the timers' clock hits no pulse width of a WS2812"),
+};
 
 /// The longest line of text, its end included.
 const LINE: usize = 512;
@@ -77,6 +84,12 @@ pub fn check_chip(switch: &ArmSwitch) {
     }
     match rc10_bsp::crystal() {
         CrystalState::Works => return,
+        CrystalState::Unmeasured => {
+            defmt::warn!(
+                "the crystal could not be measured: whether it is the right one is not known"
+            );
+            return;
+        }
         CrystalState::Dead => {
             defmt::error!("the crystal does not start: the robot cannot be armed");
         }

@@ -200,6 +200,11 @@ impl Stream {
         Self { controller, index, router }
     }
 
+    /// 0 ..= 15, over both controllers.
+    pub(super) const fn number(self) -> usize {
+        self.router
+    }
+
     /// Starts a transfer of the first `items` elements of `memory`. The caller owns stream and
     /// memory, and keeps both until it has ended.
     pub(super) fn start<T: Element>(

@@ -1,8 +1,9 @@
 //! Pulses of given widths, one per period, without a gap: what an LED strip of WS2812 listens to.
 //!
 //! A timer makes a PWM on one of its channels, and at each of its updates a DMA brings the next compare value,
-//! which the one after takes over. It counts at [`TIMER_CLOCK`](crate::TIMER_CLOCK). Of the timers at a pin only
-//! some can ask a DMA: TIM23 at PF9 ([`Ordinary`]), TIM8 by the complement of its channel 1 at PA7 ([`Complement`]).
+//! which the one after takes over. It counts at [`TIMER_CLOCK`](crate::TIMER_CLOCK). Not every timer at a pin can ask
+//! a DMA; the compiler says so. At PF9 TIM23 can ([`Ordinary`]), at PA7 TIM8 by the complement of its channel 1
+//! ([`Complement`]).
 //!
 //! The values are words, for a timer may be one of 32 bits: the bus doubles a half word that is
 //! written to a whole register (RM0468, AHB-to-APB bridges), and the pulse would last for minutes.
@@ -10,15 +11,16 @@
 use core::fmt;
 use core::marker::PhantomData;
 
+use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AfType, Flex, OutputType, Pin, Speed};
 use embassy_stm32::interrupt::Priority;
 use embassy_stm32::interrupt::typelevel::{Binding, Handler};
 use embassy_stm32::pac::timer::{TimAdv, TimGp32, vals};
+use embassy_stm32::timer::low_level::Timer;
 use embassy_stm32::timer::{
     AdvancedInstance4Channel, GeneralInstance4Channel, TimerChannel, TimerComplementaryPin,
     TimerPin, UpDma,
 };
-use embassy_stm32::{Peri, rcc};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 
@@ -27,8 +29,8 @@ use crate::dma::{DmaBuffer, DmaMemory, DmaStream, Stream, Transfer, enable};
 /// Values of zero behind the last pulse: the DMA brings the second when the first takes effect.
 const SILENT: usize = 2;
 
-/// Told by the interrupt when a transfer is over: whether it worked.
-static OVER: Signal<CriticalSectionRawMutex, bool> = Signal::new();
+/// Told by the interrupt of a stream when a transfer is over: whether it worked.
+static OVER: [Signal<CriticalSectionRawMutex, bool>; 16] = [const { Signal::new() }; 16];
 
 /// The interrupt handler, for `bind_interrupts!`: of the DMA stream.
 pub struct Interrupt<D>(PhantomData<D>);
@@ -37,7 +39,7 @@ impl<D: DmaStream> Handler<D::Interrupt> for Interrupt<D> {
     unsafe fn on_interrupt() {
         let events = D::STREAM.take_events();
         if events.error || events.complete {
-            OVER.signal(!events.error);
+            OVER[D::STREAM.number()].signal(!events.error);
         }
     }
 }
@@ -109,7 +111,6 @@ impl<T: AdvancedInstance4Channel, C: TimerChannel, P: TimerComplementaryPin<T, C
         // SAFETY: these are the registers of an advanced timer, as `T` says.
         let timer = unsafe { TimAdv::from_ptr(timer.as_ptr()) };
         timer.ccer().modify(|w| w.set_ccne(channel, true));
-        timer.bdtr().modify(|w| w.set_moe(true));
     }
 }
 
@@ -129,7 +130,7 @@ impl PulseOutput {
     ///
     /// `priority` is that of the stream's interrupt.
     pub fn start<T, C: TimerChannel, P: PulsePin<T, C, O>, O, D, const N: usize>(
-        _timer: Peri<'static, T>,
+        timer: Peri<'static, T>,
         pin: Peri<'static, P>,
         stream: Peri<'static, D>,
         _interrupt: impl Binding<D::Interrupt, Interrupt<D>>,
@@ -142,7 +143,11 @@ impl PulseOutput {
         D: DmaStream + UpDma<T>,
     {
         const { assert!(N > SILENT, "no room for a pulse") };
-        rcc::enable_and_reset::<T>();
+        // Its clock, and the main output of one that has that.
+        let started = Timer::new(timer);
+        started.enable_outputs();
+        // Dropped, it would stop.
+        core::mem::forget(started);
         // SAFETY: the registers of a timer, of which those are used that every timer with this channel has.
         let timer = unsafe { TimGp32::from_ptr(T::regs()) };
         let channel = C::CHANNEL.index();
@@ -178,10 +183,11 @@ impl PulseOutput {
         if widths.len() > room {
             return Err(PulseError::TooMany { pulses: widths.len(), room });
         }
+        let over = &OVER[self.stream.number()];
         if self.stream.is_running() {
-            OVER.wait().await;
+            over.wait().await;
         }
-        OVER.reset();
+        over.reset();
         let values = widths.iter().map(|&width| u32::from(width)).chain([0; SILENT]);
         let count = self.memory.fill(values);
         let transfer = Transfer {
@@ -195,7 +201,7 @@ impl PulseOutput {
         self.timer.dier().modify(|w| w.set_ude(false));
         self.stream.start(&transfer, &self.memory, count);
         self.timer.dier().modify(|w| w.set_ude(true));
-        if OVER.wait().await {
+        if over.wait().await {
             return Ok(());
         }
         // Not for ever what the failed transfer brought last.

@@ -1,6 +1,8 @@
 //! A PWM that is never high for longer than it may: for a heater, which would burn, and a buzzer, whose
 //! transistor would.
 
+use core::mem::ManuallyDrop;
+
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AfType, Flex, OutputType, Speed};
 use embassy_stm32::time::Hertz;
@@ -13,7 +15,8 @@ pub const WHOLE: u16 = 1000;
 /// The output of one timer at one pin: low, until it is told another share. While the program hangs, or crashes,
 /// it goes on with the share that it has; a reset makes the pin an input.
 pub struct PwmOutput<T: GeneralInstance4Channel> {
-    timer: Timer<'static, T>,
+    /// Never dropped: without its clock it would leave the pin as it is at that moment.
+    timer: ManuallyDrop<Timer<'static, T>>,
     channel: Channel,
     /// Of the counter, in whole periods.
     period: u32,
@@ -45,15 +48,17 @@ impl<T: GeneralInstance4Channel> PwmOutput<T> {
         // Dropped, it would disconnect.
         core::mem::forget(pin);
         let period = timer.get_max_compare_value().into() + 1;
+        let timer = ManuallyDrop::new(timer);
         Self { timer, channel: C::CHANNEL, period, most }
     }
 
     /// The share of time for which the pin is high, in thousandths; the largest allowed one instead of a larger.
     /// From the next period on.
     pub fn set(&mut self, share: u16) {
-        let ticks = self.period * u32::from(share.min(self.most)) / u32::from(WHOLE);
-        // Less than the period, which the timer's word holds, unless all of it is allowed.
-        let ticks = u16::try_from(ticks).unwrap_or(u16::MAX);
-        self.timer.set_compare_value(self.channel, ticks.into());
+        let share = u64::from(share.min(self.most).min(WHOLE));
+        let ticks = u64::from(self.period) * share / u64::from(WHOLE);
+        // At most the period, which is one more than its word may hold.
+        let ticks = T::Word::try_from(ticks).unwrap_or_else(|_| u16::MAX.into());
+        self.timer.set_compare_value(self.channel, ticks);
     }
 }

@@ -5,28 +5,31 @@
 
 use embassy_stm32::adc::AdcChannel;
 use embassy_stm32::gpio::{Flex, Pin};
-use embassy_stm32::pac::adc::vals::{Boost, Pcsel, SampleTime};
+use embassy_stm32::pac::adc::vals::{Boost, Ovrmod, Pcsel, SampleTime};
 use embassy_stm32::pac::adccommon::vals::Presc;
-use embassy_stm32::pac::{ADC1, ADC12_COMMON};
+use embassy_stm32::pac::{ADC1, ADC12_COMMON, RCC};
 use embassy_stm32::peripherals;
 use embassy_stm32::{Peri, rcc};
 use embassy_time::Timer;
 
-// The ADC's clock is HSI / 4, 16 MHz (see `clocks`), for which `BOOST` has a range of its own. A calibration without
-// linearity takes 0.1 ms at that (data sheet, ADC characteristics), one conversion 51 us: 810.5 periods
-// of sampling, for a pin behind a divider of many kiloohms, and 8.5 for 16 bits.
+// The ADC's clock is HSI / 4 (see `clocks`), and half of that behind the prescaler, which this line of chips halves
+// once more (ST's HAL, `ADC_VER_V5_V90`): 8 MHz, for which `BOOST` has a range. A calibration without linearity takes
+// some 0.2 ms at that, one conversion 102 us: 810.5 periods of sampling, for a pin behind a divider of
+// many kiloohms, and 8.5 for 16 bits.
 const DIVIDER: Presc = Presc::DIV4;
-const BOOST: Boost = Boost::LT25;
+const BOOST: Boost = Boost::LT12_5;
 /// Until the regulator is up: 10 us at most.
 const REGULATOR: u64 = 50;
 const CALIBRATION: u64 = 1_000;
 const ENABLING: u64 = 100;
-const CONVERSION: u64 = 200;
+const CONVERSION: u64 = 300;
 
 /// A voltage at one pin.
 pub struct VoltageInput {
     channel: u8,
     is_ready: bool,
+    /// It has not been set up yet.
+    is_fresh: bool,
 }
 
 impl VoltageInput {
@@ -35,16 +38,17 @@ impl VoltageInput {
     where
         Peri<'static, P>: AdcChannel<peripherals::ADC1>,
     {
+        rcc::enable_and_reset::<peripherals::ADC1>();
         // SAFETY: this second one is gone at the end of the line, and has nothing but the channel's number read.
         let channel = unsafe { pin.clone_unchecked() }.degrade_adc().get_hw_channel();
         let mut pin = Flex::new(pin);
         pin.set_as_analog();
         core::mem::forget(pin);
-        Self { channel, is_ready: false }
+        Self { channel, is_ready: false, is_fresh: true }
     }
 
     /// The voltage in 65,535ths of the ADC's reference; `None` if the ADC does not measure. It is set up anew then,
-    /// by the next call. Takes 0.2 ms, and 1.2 more where it has to be set up.
+    /// by the next call. Takes 0.3 ms, and 1.2 more where it has to be set up.
     pub async fn read(&mut self) -> Option<u16> {
         if !self.is_ready {
             self.start().await?;
@@ -63,7 +67,11 @@ impl VoltageInput {
 
     /// RM0468, ADC: out of deep power-down, regulator, calibration, ready.
     async fn start(&mut self) -> Option<()> {
-        rcc::enable_and_reset::<peripherals::ADC1>();
+        if !core::mem::take(&mut self.is_fresh) {
+            // From wherever it is stuck. (embassy resets it for its first user only.) ADC2 is reset with it.
+            RCC.ahb1rstr().modify(|w| w.set_adc12rst(true));
+            RCC.ahb1rstr().modify(|w| w.set_adc12rst(false));
+        }
         ADC12_COMMON.ccr().modify(|w| w.set_presc(DIVIDER));
         ADC1.cr().modify(|w| w.set_boost(BOOST));
         ADC1.cr().modify(|w| {
@@ -86,7 +94,7 @@ impl VoltageInput {
         ADC1.pcsel().write(|w| w.set_pcsel(channel, Pcsel::PRESELECTED));
         ADC1.smpr(channel / 10).modify(|w| w.set_smp(channel % 10, SampleTime::CYCLES810_5));
         ADC1.sqr1().write(|w| w.set_sq(0, self.channel));
-        ADC1.cfgr().modify(|w| w.set_ovrmod(embassy_stm32::pac::adc::vals::Ovrmod::OVERWRITE));
+        ADC1.cfgr().modify(|w| w.set_ovrmod(Ovrmod::OVERWRITE));
         self.is_ready = true;
         Some(())
     }

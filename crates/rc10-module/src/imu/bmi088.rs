@@ -94,6 +94,21 @@ pub enum Error<E> {
     Stuck(Part),
 }
 
+impl<E> Error<E> {
+    /// The kind of error in a few words, behind "IMU": for a status line, which has no room for more.
+    #[must_use]
+    pub const fn words(&self) -> &'static str {
+        match self {
+            Self::Spi(..) => "has errors of its SPI bus",
+            Self::WrongChip { read: 0x00 | 0xFF, .. } => "does not answer",
+            Self::WrongChip { .. } => "is another chip, or its selects are swapped",
+            Self::NotKept { .. } => "has lost its settings",
+            Self::Broken { .. } => "reports an error of its own",
+            Self::Stuck(_) => "measures nothing new",
+        }
+    }
+}
+
 impl<E: fmt::Debug> fmt::Display for Error<E> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

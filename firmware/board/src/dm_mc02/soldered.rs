@@ -15,21 +15,23 @@ use embassy_stm32::{bind_interrupts, dma};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
 use embassy_time::{Delay, Duration, Ticker, Timer};
+use rc10_bsp::dma_buffer;
 use rc10_bsp::pulse_output::{self, PulseOutput};
 use rc10_bsp::pwm::PwmOutput;
 use rc10_bsp::spi::DmaSpi;
 use rc10_bsp::voltage::VoltageInput;
-use rc10_bsp::{TIMER_CLOCK, dma_buffer};
 use rc10_can::Micros;
 use rc10_module::imu::bmi088::{Bmi088, Config};
 use rc10_module::imu::heater::{Heater, HeaterConfig};
-use rc10_module::led::ws2812::{BITS, PulseTiming, Pulses, Strip};
+use rc10_module::led::ws2812::{BITS, Pulses, Strip};
 use rc10_motor::Names;
 use rc10_motor::rc10_app::Seconds;
+use rc10_tasks::supply::OLDEST_SUPPLY;
 use rc10_tasks::{Common, Supply, TickWatch, heading, status_led};
 
-use super::{ImuParts, Output, OutputPins, Soldered};
-use crate::robot::has_crashed;
+use super::{ImuParts, OutputPins, Soldered};
+use crate::Output;
+use crate::robot::{WS2812, has_crashed};
 
 bind_interrupts!(struct Irqs {
     DMA1_STREAM7 => pulse_output::Interrupt<DMA1_CH7>;
@@ -59,8 +61,6 @@ const HEATER: HeaterConfig =
 const HEATER_RATE: Hertz = Hertz(1_000);
 /// Period of its loop, and of measuring the supply.
 const TENTH: Duration = Duration::from_millis(100);
-/// Up to which a temperature and a supply are known.
-const OLDEST: Micros = Micros::from_millis(500);
 
 /// 3.3 V and the divider of 100 and 10 kOhm before the pin: the full scale of 16 bits, mV.
 const SUPPLY_SCALE: u32 = 3_300 * 11;
@@ -71,11 +71,6 @@ const TONE: Hertz = Hertz(4_000);
 const HALF: u16 = 500;
 const BEEP: Duration = Duration::from_millis(60);
 
-/// The lamp's pulses, and two without.
-const LAMP: PulseTiming = match PulseTiming::new(TIMER_CLOCK.0) {
-    Ok(timing) => timing,
-    Err(_) => panic!("the timer's clock hits no pulse width of a WS2812"),
-};
 /// It is on a table before eyes.
 const BRIGHTNESS: u8 = 24;
 
@@ -110,8 +105,8 @@ pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
             let now = rc10_message::now();
             let temperature = temperature
                 .get()
-                .and_then(|(degrees, at)| (now.since(at) <= OLDEST).then_some(degrees));
-            let supply = shared.supply.newer_than(OLDEST, now);
+                .and_then(|(degrees, at)| (now.since(at) <= OLDEST_SUPPLY).then_some(degrees));
+            let supply = shared.supply.newer_than(OLDEST_SUPPLY, now);
             let volts = supply.map(|supply| f32::from(supply.millivolts) / 1000.0);
             output.set(heater.update(temperature, volts, Seconds::from_micros(TENTH.as_micros())));
         }
@@ -120,8 +115,8 @@ pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
         let buffer = dma_buffer!(u32; BITS + 2);
         let (timer, pin, stream) = lamp;
         let mut output =
-            PulseOutput::start(timer, pin, stream, Irqs, LAMP.period, buffer, PRIORITY);
-        let pulses = Pulses::new(LAMP, async |widths: &[u16]| output.send(widths).await);
+            PulseOutput::start(timer, pin, stream, Irqs, WS2812.period, buffer, PRIORITY);
+        let pulses = Pulses::new(WS2812, async |widths: &[u16]| output.send(widths).await);
         status_led::run(shared, Strip::<_, 1>::new(pulses).with_brightness(BRIGHTNESS), 1).await;
     };
     let measure = async {
@@ -130,9 +125,8 @@ pub async fn serve<N: Names, const BUSES: usize, const LINES: usize>(
         loop {
             if let Some(raw) = input.read().await {
                 let millivolts = u32::from(raw) * SUPPLY_SCALE / u32::from(u16::MAX);
-                let before = shared.supply.read().map(|supply| supply.value);
                 let millivolts = u16::try_from(millivolts).unwrap_or(u16::MAX);
-                shared.supply.set(Supply::now(millivolts, before), rc10_message::now());
+                shared.supply.set(Supply { millivolts }, rc10_message::now());
             }
             ticker.next().await;
         }
@@ -201,25 +195,15 @@ async fn tell_heading<N: Names, const BUSES: usize, const LINES: usize>(
     let gyroscope =
         SpiDevice::new(&bus, gpio::Output::new(parts.gyroscope, Level::High, Speed::Medium));
     let imu = Bmi088::new(accelerometer, gyroscope, Delay, Config::default());
-    let mut is_well = true;
     heading::measure(
         imu,
         &shared.switch,
         &shared.imu_reception,
         |heading, at| shared.heading.set(heading, at),
-        |sample, at| match sample {
-            Ok(sample) => {
+        |sample, at| {
+            shared.imu_trouble.set(sample.err(), at);
+            if let Ok(sample) = sample {
                 temperature.set(sample.temperature.map(|degrees| (degrees, at)));
-                if !is_well {
-                    defmt::info!("the IMU is back");
-                }
-                is_well = true;
-            }
-            Err(error) => {
-                if is_well {
-                    defmt::warn!("no IMU: {}", defmt::Display2Format(error));
-                }
-                is_well = false;
             }
         },
     )

@@ -58,11 +58,6 @@ impl Crystal {
         (self.divider, self.multiplier)
     }
 
-    /// By which `RCC_CFGR.RTCPRE` divides it for the measurement: to 1 MHz at most, as the manual wants.
-    pub(super) const fn megahertz(self) -> u32 {
-        self.hz.div_ceil(1_000_000)
-    }
-
     /// Whether a crystal of this frequency, as HSI measures it, is another one than this.
     #[must_use]
     pub const fn is_other(self, measured: u32) -> bool {
@@ -79,13 +74,19 @@ impl Crystal {
     }
 }
 
-/// The frequency of which `periods` took this many ticks of HSI; `None` if no crystal has it: then the
-/// measurement failed.
-pub(super) const fn frequency(periods: u32, ticks: u32) -> Option<u32> {
+/// By which `RCC_CFGR.RTCPRE` divides any crystal for the measurement: the most, which makes less than 1 MHz of 50, as
+/// the manual wants.
+pub(super) const DIVIDER: u8 = 63;
+/// The timer captures each eighth period of that.
+const EIGHTH: u64 = 8;
+
+/// The frequency of a crystal of which this many captures took this many ticks of HSI; `None` if no crystal has it: then
+/// the measurement failed.
+pub(super) const fn frequency(captures: u32, ticks: u32) -> Option<u32> {
     if ticks == 0 {
         return None;
     }
-    let hz = HSI as u64 * periods as u64 / ticks as u64;
+    let hz = HSI as u64 * captures as u64 * EIGHTH * DIVIDER as u64 / ticks as u64;
     // HSI is within 1 %, so a real crystal of 50 MHz is seen at 50.5 at most.
     if hz < LOWEST as u64 * 98 / 100 || hz > HIGHEST as u64 * 102 / 100 {
         None
