@@ -55,7 +55,9 @@ fn another_crystal_is_told_from_a_chip_that_is_off() {
         let ticks = periods / f64::from(crystal) * 64e6 * hsi;
         // From one capture to the next the timer's 16 bits are enough.
         assert!(ticks / f64::from(CAPTURES) < 65_536.0);
-        frequency(CAPTURES, ticks.round() as u32).unwrap()
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some 10^5")]
+        let ticks = ticks.round() as u32;
+        frequency(CAPTURES, ticks).unwrap()
     };
     let known = [
         4_000_000, 8_000_000, 12_000_000, 16_000_000, 20_000_000, 24_000_000, 25_000_000,
