@@ -62,7 +62,8 @@ impl VoltageInput {
             return None;
         }
         self.is_ready = true;
-        Some(ADC1.dr().read().0 as u16)
+        // 16 bits of resolution.
+        u16::try_from(ADC1.dr().read().0).ok()
     }
 
     /// RM0468, ADC: out of deep power-down, regulator, calibration, ready.
