@@ -6,7 +6,7 @@ use rc10_can::{CanFrame, Health, IdPattern, Mailboxes, Micros, Queued, Submitted
 
 use crate::hardware::{Ended, Hardware, MAILBOXES};
 
-/// Unsent frames at most, those in the mailboxes included: as many streams.
+/// Unsent frames at most, those in the mailboxes included: one frame a stream.
 pub const TRANSMIT_QUEUE: usize = 24;
 /// Received frames that wait for the task: 3 ms of the shortest frames, 7 ms of frames of eight
 /// bytes, of a full bus at 1 Mbit/s.
@@ -200,6 +200,10 @@ impl<H: Hardware> Driver<H> {
     fn settle_all(&mut self) {
         for mailbox in 0..MAILBOXES {
             self.settle(mailbox);
+            if self.mailboxes[mailbox].is_some_and(|loaded| loaded.purpose != Purpose::Send) {
+                // The hardware may have missed the request: asked twice it does no more than once.
+                self.hardware.abort(mailbox);
+            }
         }
     }
 

@@ -177,6 +177,23 @@ fn a_frame_on_the_wire_is_not_replaced_and_that_is_counted() {
 }
 
 #[test]
+fn an_abort_that_was_lost_is_requested_again() {
+    on_both(|_, mut bench| {
+        let _ = bench.port.submit(&frame(0x300, 1));
+        let _ = bench.port.submit(&frame(0x301, 1));
+        bench.pass(50);
+        // 0x300 is on the wire, 0x301 waits for it.
+        bench.lose_aborts(1);
+        assert_eq!(bench.port.submit(&frame(0x301, 2)), Submitted::Queued);
+        assert_eq!(bench.port.receive(), None);
+        bench.pass(1_000);
+        let sent: Vec<_> = bench.sent().iter().map(|entry| entry.frame).collect();
+        assert_eq!(sent, [frame(0x300, 1), frame(0x301, 2)]);
+        assert_eq!(bench.port.unreplaced(), 0);
+    });
+}
+
+#[test]
 fn a_frame_that_fails_on_the_wire_is_replaced_after_all() {
     on_both(|_, mut bench| {
         let _ = bench.port.submit(&frame(0x300, 1));

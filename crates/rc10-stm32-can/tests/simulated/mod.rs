@@ -65,6 +65,8 @@ pub struct Registers {
     idle_since: Option<Nanos>,
     patterns: Option<Vec<IdPattern>>,
     interrupt: bool,
+    /// Requests of aborts that have no effect, from now on.
+    lost_aborts: u32,
 }
 
 impl Registers {
@@ -85,6 +87,7 @@ impl Registers {
             idle_since: None,
             patterns: None,
             interrupt: false,
+            lost_aborts: 0,
         }
     }
 
@@ -147,6 +150,10 @@ impl Hardware for Wired {
     fn abort(&mut self, mailbox: usize) {
         let mut registers = self.registers();
         let Mailbox { pending, on_wire, .. } = registers.mailboxes[mailbox];
+        if registers.lost_aborts > 0 {
+            registers.lost_aborts -= 1;
+            return;
+        }
         match (pending, on_wire) {
             (Some(_), true) => registers.mailboxes[mailbox].abort = true,
             (Some(_), false) if registers.abort_time == Nanos::ZERO => {
@@ -402,6 +409,11 @@ impl<P> Bench<P> {
     /// From the request until the abort of a frame that is not on the wire can be seen.
     pub fn set_abort_time(&self, nanos: u64) {
         self.chip.borrow().registers().abort_time = Nanos::new(nanos);
+    }
+
+    /// The next requests of aborts have no effect.
+    pub fn lose_aborts(&self, count: u32) {
+        self.chip.borrow().registers().lost_aborts = count;
     }
 
     /// Lets this many microseconds pass.
