@@ -15,7 +15,7 @@ use embassy_time::Instant;
 use rc10_can::m_can::{EXTENDED_FILTER, decode, encode, filters};
 use rc10_can::{BitTiming, BitTimingLimits, BusError, CanFrame, ErrorState, IdPattern, Micros};
 
-use crate::start::{connect, wait_for};
+use crate::start::{connect, wait_briefly, wait_for};
 use crate::{Ended, Errors, Hardware, MAILBOXES, Port, Shared, StartError};
 
 // Filters of a controller (RM0440, "Message RAM").
@@ -219,7 +219,7 @@ impl Hardware for Fdcan {
     fn abort(&mut self, mailbox: usize) {
         self.registers.txbcr().write_value(Txbcr(1 << mailbox));
         // At once, unless it is on the wire.
-        let _ = (0..ABORT_PATIENCE).any(|_| !self.is_pending(mailbox));
+        let _ = wait_briefly(|| !self.is_pending(mailbox));
     }
 
     fn ended(&mut self, mailbox: usize) -> Option<Ended> {
@@ -284,6 +284,10 @@ impl Hardware for Fdcan {
     }
 
     fn restart(&mut self) -> bool {
+        // RM0440, CCE: it resets TXBRP, TXBTO and TXBCF, so that nothing leaves that was cancelled
+        // while the controller was off. It resets RXF0S, too. INIT, which must be set before, is since
+        // bus-off.
+        self.registers.cccr().modify(|w| w.set_cce(true));
         self.go_on_bus();
         true
     }
@@ -311,9 +315,6 @@ impl Hardware for Fdcan {
         }
     }
 }
-
-/// Reads of a register until a buffer that is not on the wire must have been cancelled.
-const ABORT_PATIENCE: u32 = 16;
 
 /// A number of quanta or filters as a register field takes it.
 #[expect(clippy::cast_possible_truncation, reason = "at most 255")]

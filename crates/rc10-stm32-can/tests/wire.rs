@@ -358,6 +358,30 @@ fn after_bus_off_nothing_leaves_until_it_is_asked_back_and_then_nothing_old() {
 }
 
 #[test]
+fn a_way_back_that_cannot_begin_at_once_begins_later() {
+    on_both(|_, mut bench| {
+        let _ = bench.port.submit(&frame(0x300, 1));
+        bench.bus.set_shorted(true);
+        bench.pass(5_000);
+        assert_eq!(bench.port.receive(), None);
+        bench.bus.set_shorted(false);
+        bench.delay_restarts(2);
+        bench.port.recover();
+        assert_eq!(bench.port.submit(&frame(0x300, 2)), Submitted::Refused);
+        // It is not asked for a second time.
+        assert_eq!(bench.port.receive(), None);
+        assert_eq!(bench.port.submit(&frame(0x300, 3)), Submitted::Refused);
+        assert_eq!(bench.port.receive(), None);
+        assert_eq!(bench.port.submit(&frame(0x300, 4)), Submitted::Queued);
+        bench.pass(20_000);
+        let sent: Vec<_> = bench.sent().iter().map(|entry| entry.frame).collect();
+        assert_eq!(sent, [frame(0x300, 4)]);
+        let health = bench.port.health();
+        assert_eq!((health.state, health.bus_offs), (ErrorState::Active, 1));
+    });
+}
+
+#[test]
 fn a_bus_that_goes_off_again_as_soon_as_it_is_back_is_seen_each_time() {
     on_both(|_, mut bench| {
         bench.bus.set_shorted(true);
