@@ -301,17 +301,27 @@ impl Hardware for Fdcan {
         restricted
     }
 
-    /// Rewrites the filters, also of a controller on the bus: the hardware reads them one by one,
-    /// and a filter that stays where it was never changes.
+    /// Rewrites the filters, also of a controller on the bus, which reads them at any time: the first
+    /// of each size lets everything in while the others change, and changes last.
     fn accept(&mut self, patterns: &[IdPattern]) {
         let mut standard = [0; STANDARD_FILTERS];
         let mut extended = [0; EXTENDED_FILTERS * EXTENDED_FILTER];
         filters(patterns, &mut standard, &mut extended);
-        for (word, value) in standard.into_iter().enumerate() {
-            self.memory.flssa(word).write_value(value);
+        let (mut any_standard, mut any_extended) = ([0; 1], [0; EXTENDED_FILTER]);
+        let any = [IdPattern::any_standard(), IdPattern::any_extended()];
+        filters(&any, &mut any_standard, &mut any_extended);
+
+        self.memory.flssa(0).write_value(any_standard[0]);
+        for place in (0..STANDARD_FILTERS).rev() {
+            self.memory.flssa(place).write_value(standard[place]);
         }
-        for (word, value) in extended.into_iter().enumerate() {
-            self.memory.flesa(word).write_value(value);
+        // The mask is in the second word: first it grows, at last it shrinks.
+        self.memory.flesa(1).write_value(any_extended[1]);
+        self.memory.flesa(0).write_value(any_extended[0]);
+        for place in (0..EXTENDED_FILTERS).rev() {
+            let at = EXTENDED_FILTER * place;
+            self.memory.flesa(at).write_value(extended[at]);
+            self.memory.flesa(at + 1).write_value(extended[at + 1]);
         }
     }
 }
