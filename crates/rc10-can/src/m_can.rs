@@ -112,7 +112,7 @@ pub const EXTENDED_FILTER: usize = 2;
 
 /// Writes all filters of both sizes, one for each pattern, in the patterns' order; the others are
 /// none. Where there are more patterns than filters of a size, the last one lets every identifier of
-/// that size in: rather too much than too little. `standard` has one word a filter and `extended`
+/// that size in: it lets in too much, never too little. `standard` has one word a filter and `extended`
 /// has [`EXTENDED_FILTER`], each for one filter at least.
 pub fn filters(patterns: &[IdPattern], standard: &mut [u32], extended: &mut [u32]) {
     standard.fill(0);
@@ -143,4 +143,80 @@ const fn place(used: &mut usize, most: usize, mask: u32) -> (usize, u32) {
     }
     *used += 1;
     (*used - 1, mask)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the hardware does with an identifier (RM0468, as above).
+    fn is_let_in(id: Id, standard: &[u32], extended: &[u32]) -> bool {
+        match id {
+            Id::Standard(id) => standard.iter().any(|filter| {
+                let matches = (filter >> 16 ^ u32::from(id.as_raw())) & filter & 0x7FF == 0;
+                filter >> 27 == 0b10_001 && matches
+            }),
+            Id::Extended(id) => extended.chunks(EXTENDED_FILTER).any(|filter| {
+                let matches = (filter[0] ^ id.as_raw()) & filter[1] & 0x1FFF_FFFF == 0;
+                filter[0] >> 29 == 0b001 && filter[1] >> 30 == 0b10 && matches
+            }),
+        }
+    }
+
+    fn ids() -> impl Iterator<Item = Id> {
+        let raws = [0, 0x005, 0x105, 0x200, 0x201, 0x205, 0x20F, 0x210, 0x7FF];
+        let extended = [0x0800, 0x1ABC_DEF0, 0x1FFF_FFFF].into_iter();
+        let standard = raws.into_iter().map(|raw| Id::Standard(StandardId::new(raw).unwrap()));
+        let extended = raws.into_iter().map(u32::from).chain(extended);
+        standard.chain(extended.map(|raw| Id::Extended(ExtendedId::new(raw).unwrap())))
+    }
+
+    #[test]
+    fn a_filter_is_an_identifier_and_a_mask_to_fifo_0_and_the_others_are_none() {
+        let (mut standard, mut extended) = ([!0; 3], [!0; 4]);
+        let patterns = [IdPattern::extended(0x1ABC_DEF0), IdPattern::standard(0x205).under(0x7F0)];
+        filters(&patterns, &mut standard, &mut extended);
+        // SFT = mask, SFEC = FIFO 0, SFID1, SFID2.
+        assert_eq!(standard, [0x8A05_07F0, 0, 0]);
+        // EFEC = FIFO 0, EFID1; EFT = mask, EFID2.
+        assert_eq!(extended, [0x3ABC_DEF0, 0x9FFF_FFFF, 0, 0]);
+    }
+
+    #[test]
+    fn filters_let_in_what_their_patterns_match_and_nothing_without_patterns() {
+        let all = [
+            IdPattern::standard(0x205),
+            IdPattern::standard(0x200).under(0x7F0),
+            IdPattern::extended(0x205),
+            IdPattern::extended(0x005).under(0x0FF),
+        ];
+        let any = [IdPattern::any_standard(), IdPattern::any_extended()];
+        for patterns in [&all[..], &all[..1], &all[2..], &any, &any[..1], &any[1..], &[]] {
+            let (mut standard, mut extended) = ([!0; 3], [!0; 6]);
+            filters(patterns, &mut standard, &mut extended);
+            for id in ids() {
+                let frame = CanFrame::eight_bytes(id, [0; 8]);
+                let is_wanted = patterns.iter().any(|pattern| pattern.matches(&frame));
+                assert_eq!(is_let_in(id, &standard, &extended), is_wanted, "{id:?} {patterns:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn with_more_patterns_than_filters_every_identifier_of_that_size_comes_in() {
+        let three = |pattern: fn(u16) -> IdPattern| [0x201, 0x202, 0x203].map(pattern);
+        let standards = three(IdPattern::standard);
+        let extendeds = three(|raw| IdPattern::extended(raw.into()));
+        for (patterns, is_extended) in [(standards, false), (extendeds, true)] {
+            let (mut standard, mut extended) = ([0; 2], [0; 4]);
+            filters(&patterns, &mut standard, &mut extended);
+            for id in ids() {
+                let is_of_that_size = matches!(id, Id::Extended(_)) == is_extended;
+                assert_eq!(is_let_in(id, &standard, &extended), is_of_that_size, "{id:?}");
+            }
+            // As many as there are filters are exact.
+            filters(&patterns[..2], &mut standard, &mut extended);
+            assert_eq!(ids().filter(|id| is_let_in(*id, &standard, &extended)).count(), 1);
+        }
+    }
 }

@@ -67,6 +67,6 @@ fn what_cannot_be_made_says_why() {
 
 #[test]
 #[should_panic(expected = "too few quanta")]
-fn a_constant_that_cannot_be_does_not_compile() {
+fn an_exact_timing_that_cannot_be_panics() {
     let _ = BitTiming::exact(4_000_000, 1_000_000, FDCAN);
 }

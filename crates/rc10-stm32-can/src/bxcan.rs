@@ -10,15 +10,19 @@ use embassy_stm32::pac::can::Can;
 use embassy_stm32::pac::can::regs::{Fr1, Fr2, Tdhr, Tdlr, Tdtr, Tir};
 use embassy_stm32::pac::can::vals::Lec;
 use embassy_stm32::{Peri, rcc};
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Instant;
 use rc10_can::{BitTiming, BitTimingLimits, BusError, CanFrame, ErrorState, IdPattern, Micros};
 
 use crate::layout::{REQUEST, decode, encode, filter};
-use crate::start::{connect, wait_for};
-use crate::{Ended, Errors, Hardware, Port, Shared, StartError};
+use crate::start::{connect, wait_briefly, wait_for};
+use crate::{BusOff, Ended, Errors, Hardware, Port, Shared, StartError};
 
 /// Filter banks of a controller: half of the 28 that two share, or all that one has.
 const BANKS: usize = 14;
+/// Two controllers have their filters in the registers of one, and may be started by two tasks.
+static FILTERS: Mutex<CriticalSectionRawMutex, ()> = Mutex::new(());
 /// The longest synchronisation jump, quanta.
 const LONGEST_JUMP: u16 = 4;
 
@@ -38,7 +42,8 @@ pub trait Bus: 'static {
 /// [`InterruptHandler`](crate::bxcan::InterruptHandler), and the place where its driver stands.
 ///
 /// `bxcan_bus!(Drive on CAN1);` is one with filters of its own. CAN2 has its filters in CAN1, which
-/// must be started first: `bxcan_bus!(Turret on CAN2, filters of CAN1);`.
+/// must be started first: `bxcan_bus!(Turret on CAN2, filters of CAN1);`. Start all buses before
+/// the runners: while the filters of one are set up, the other receives nothing.
 #[macro_export]
 macro_rules! bxcan_bus {
     ($(#[$attribute:meta])* $visibility:vis $name:ident on $peripheral:ident) => {
@@ -116,15 +121,14 @@ pub struct BxCan {
     /// The registers that have the filters: its own, or those of CAN1.
     filters: Can,
     first_bank: usize,
-    /// It was restarted after bus-off, and was not seen off the way since.
-    returning: bool,
+    bus_off: BusOff,
 }
 
 impl BxCan {
     #[doc(hidden)]
     #[must_use]
     pub const fn new(registers: Can, filters: Can, first_bank: usize) -> Self {
-        Self { registers, filters, first_bank, returning: false }
+        Self { registers, filters, first_bank, bus_off: BusOff::new() }
     }
 
     /// Configures a controller that was just reset, and goes on the bus.
@@ -137,8 +141,16 @@ impl BxCan {
         can.mcr().modify(|w| {
             w.set_sleep(false);
             w.set_inrq(true);
+            // It is set by a reset. While a debugger holds the core, the controller goes on, as the
+            // FDCAN of a G4 does: it acknowledges the ESCs' frames, and sends what is in its
+            // mailboxes.
+            w.set_dbf(false);
         });
-        if !wait_for(|| can.msr().read().inak()) {
+        let is_ready = || {
+            let status = can.msr().read();
+            status.inak() && !status.slak()
+        };
+        if !wait_for(is_ready) {
             return Err(StartError::NoAnswer);
         }
         // The register holds each value less one.
@@ -148,9 +160,9 @@ impl BxCan {
             w.set_ts(1, byte(timing.after - 1));
             w.set_sjw(byte(timing.after.min(LONGEST_JUMP) - 1));
         });
-        // What the reset left, zero, is right for all else: mailboxes go by identifier, frames are
+        // All else in MCR is zero after the reset, and right: mailboxes go by identifier, frames are
         // sent again until acknowledged, and it stays off after bus-off.
-        self.open_filters();
+        FILTERS.lock(|()| self.open_filters());
         can.ier().write(|w| {
             w.set_tmeie(true);
             w.set_fmpie(0, true);
@@ -204,7 +216,7 @@ impl Hardware for BxCan {
         // All other bits are cleared by ones.
         status.write(|w| w.set_abrq(mailbox, true));
         // At once, unless it is on the wire.
-        let _ = (0..ABORT_PATIENCE).any(|_| status.read().rqcp(mailbox));
+        let _ = wait_briefly(|| status.read().rqcp(mailbox));
     }
 
     fn ended(&mut self, mailbox: usize) -> Option<Ended> {
@@ -245,14 +257,11 @@ impl Hardware for BxCan {
 
     fn is_off(&mut self) -> bool {
         let off = self.registers.esr().read().boff();
-        // It goes off again while it is still thought to be on its way back: BOFF alone does not
-        // tell that.
         let fell = self.registers.msr().read().erri();
         if fell {
             self.registers.msr().write(|w| w.set_erri(true));
         }
-        self.returning &= off && !fell;
-        off && !self.returning
+        self.bus_off.is_off(off, fell)
     }
 
     fn errors(&mut self) -> Errors {
@@ -280,12 +289,15 @@ impl Hardware for BxCan {
 
     fn restart(&mut self) -> bool {
         let can = self.registers;
-        // RM0090: software has it enter and leave initialization mode; then it counts by itself.
+        // RM0090: software has it enter and leave initialization mode; then it counts by itself. It
+        // enters when the frame that others are sending is over: until then the request stays.
         can.mcr().modify(|w| w.set_inrq(true));
-        let entered = wait_for(|| can.msr().read().inak());
+        if !wait_briefly(|| can.msr().read().inak()) {
+            return false;
+        }
         can.mcr().modify(|w| w.set_inrq(false));
-        self.returning = entered;
-        entered
+        self.bus_off.restarted();
+        true
     }
 
     fn accept(&mut self, patterns: &[IdPattern]) {
@@ -299,9 +311,6 @@ impl Hardware for BxCan {
         }
     }
 }
-
-/// Reads of a register until a mailbox that is not on the wire must have been aborted.
-const ABORT_PATIENCE: u32 = 16;
 
 /// A part of a bit as the register field takes it.
 #[expect(clippy::cast_possible_truncation, reason = "at most 15")]

@@ -6,7 +6,7 @@ use rc10_can::{CanFrame, Health, IdPattern, Mailboxes, Micros, Queued, Submitted
 
 use crate::hardware::{Ended, Hardware, MAILBOXES};
 
-/// Unsent frames at most, those in the mailboxes included: as many streams.
+/// Unsent frames at most, those in the mailboxes included: one frame a stream.
 pub const TRANSMIT_QUEUE: usize = 24;
 /// Received frames that wait for the task: 3 ms of the shortest frames, 7 ms of frames of eight
 /// bytes, of a full bus at 1 Mbit/s.
@@ -24,8 +24,18 @@ pub struct Driver<H> {
     received: Deque<(CanFrame, Micros), RECEIVE_QUEUE>,
     health: Health,
     unreplaced: u32,
-    /// The controller has left the bus, and has not been told to go back.
-    off: bool,
+    presence: Presence,
+}
+
+/// Whether the controller takes part in the bus.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Presence {
+    /// It does, or is on its way back.
+    On,
+    /// It has left, and has not been told to go back.
+    Off,
+    /// It has left, and has not begun the way back that was asked for.
+    Asked,
 }
 
 /// A frame in a mailbox of the hardware.
@@ -64,7 +74,7 @@ impl<H: Hardware> Driver<H> {
             received: Deque::new(),
             health: Health::NEW,
             unreplaced: 0,
-            off: false,
+            presence: Presence::On,
         }
     }
 
@@ -77,8 +87,10 @@ impl<H: Hardware> Driver<H> {
     pub fn serve(&mut self) {
         self.hardware.acknowledge();
         self.take_received();
-        if !self.off && self.hardware.is_off() {
-            self.leave_bus();
+        match self.presence {
+            Presence::On if self.hardware.is_off() => self.leave_bus(),
+            Presence::Asked => self.go_back(),
+            Presence::On | Presence::Off => (),
         }
         if self.hardware.leave_restricted() {
             count(&mut self.health.restrictions);
@@ -100,7 +112,7 @@ impl<H: Hardware> Driver<H> {
     /// As [`CanPort::submit_as`](rc10_can::CanPort::submit_as). A frame that is on the wire cannot
     /// be replaced any more: then the answer is [`Submitted::Queued`], and the newer one follows.
     pub fn submit_as(&mut self, frame: &CanFrame, stream: u32) -> Submitted {
-        if self.off {
+        if self.presence != Presence::On {
             return Submitted::Refused;
         }
         self.settle_all();
@@ -155,12 +167,20 @@ impl<H: Hardware> Driver<H> {
         self.hardware.accept(patterns);
     }
 
-    /// As [`CanPort::recover`](rc10_can::CanPort::recover).
+    /// As [`CanPort::recover`](rc10_can::CanPort::recover). A controller that cannot begin at once
+    /// is asked again by [`serve`](Self::serve); until it has begun, frames are refused.
     pub fn recover(&mut self) {
-        if self.off {
+        if self.presence != Presence::On {
+            self.take_received();
             self.cancel_pending();
-            self.off = !self.hardware.restart();
+            self.go_back();
         }
+    }
+
+    /// What was received must have been taken.
+    #[cold]
+    fn go_back(&mut self) {
+        self.presence = if self.hardware.restart() { Presence::On } else { Presence::Asked };
     }
 
     fn take_received(&mut self) {
@@ -176,7 +196,7 @@ impl<H: Hardware> Driver<H> {
 
     #[cold]
     fn leave_bus(&mut self) {
-        self.off = true;
+        self.presence = Presence::Off;
         count(&mut self.health.bus_offs);
         self.settle_all();
         let unsent = u32::try_from(self.unsent()).unwrap_or(u32::MAX);
@@ -200,6 +220,10 @@ impl<H: Hardware> Driver<H> {
     fn settle_all(&mut self) {
         for mailbox in 0..MAILBOXES {
             self.settle(mailbox);
+            if self.mailboxes[mailbox].is_some_and(|loaded| loaded.purpose != Purpose::Send) {
+                // The hardware may have missed the request: asked twice it does no more than once.
+                self.hardware.abort(mailbox);
+            }
         }
     }
 

@@ -15,7 +15,7 @@ use embassy_time::Instant;
 use rc10_can::m_can::{EXTENDED_FILTER, decode, encode, filters};
 use rc10_can::{BitTiming, BitTimingLimits, BusError, CanFrame, ErrorState, IdPattern, Micros};
 
-use crate::start::{connect, wait_for};
+use crate::start::{connect, wait_briefly, wait_for};
 use crate::{Ended, Errors, Hardware, MAILBOXES, Port, Shared, StartError};
 
 // Filters of a controller (RM0440, "Message RAM").
@@ -219,7 +219,7 @@ impl Hardware for Fdcan {
     fn abort(&mut self, mailbox: usize) {
         self.registers.txbcr().write_value(Txbcr(1 << mailbox));
         // At once, unless it is on the wire.
-        let _ = (0..ABORT_PATIENCE).any(|_| !self.is_pending(mailbox));
+        let _ = wait_briefly(|| !self.is_pending(mailbox));
     }
 
     fn ended(&mut self, mailbox: usize) -> Option<Ended> {
@@ -284,6 +284,10 @@ impl Hardware for Fdcan {
     }
 
     fn restart(&mut self) -> bool {
+        // RM0440, CCE: it resets TXBRP, TXBTO and TXBCF, so that nothing leaves that was cancelled
+        // while the controller was off. It resets RXF0S, too. INIT, which must be set before, is since
+        // bus-off.
+        self.registers.cccr().modify(|w| w.set_cce(true));
         self.go_on_bus();
         true
     }
@@ -297,23 +301,30 @@ impl Hardware for Fdcan {
         restricted
     }
 
-    /// Rewrites the filters, also of a controller on the bus: the hardware reads them one by one,
-    /// and a filter that stays where it was never changes.
+    /// Rewrites the filters, also of a controller on the bus, which reads them at any time: the first
+    /// of each size lets everything in while the others change, and changes last.
     fn accept(&mut self, patterns: &[IdPattern]) {
         let mut standard = [0; STANDARD_FILTERS];
         let mut extended = [0; EXTENDED_FILTERS * EXTENDED_FILTER];
         filters(patterns, &mut standard, &mut extended);
-        for (word, value) in standard.into_iter().enumerate() {
-            self.memory.flssa(word).write_value(value);
+        let (mut any_standard, mut any_extended) = ([0; 1], [0; EXTENDED_FILTER]);
+        let any = [IdPattern::any_standard(), IdPattern::any_extended()];
+        filters(&any, &mut any_standard, &mut any_extended);
+
+        self.memory.flssa(0).write_value(any_standard[0]);
+        for place in (0..STANDARD_FILTERS).rev() {
+            self.memory.flssa(place).write_value(standard[place]);
         }
-        for (word, value) in extended.into_iter().enumerate() {
-            self.memory.flesa(word).write_value(value);
+        // The mask is in the second word: first it grows, at last it shrinks.
+        self.memory.flesa(1).write_value(any_extended[1]);
+        self.memory.flesa(0).write_value(any_extended[0]);
+        for place in (0..EXTENDED_FILTERS).rev() {
+            let at = EXTENDED_FILTER * place;
+            self.memory.flesa(at).write_value(extended[at]);
+            self.memory.flesa(at + 1).write_value(extended[at + 1]);
         }
     }
 }
-
-/// Reads of a register until a buffer that is not on the wire must have been cancelled.
-const ABORT_PATIENCE: u32 = 16;
 
 /// A number of quanta or filters as a register field takes it.
 #[expect(clippy::cast_possible_truncation, reason = "at most 255")]

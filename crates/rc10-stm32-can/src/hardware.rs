@@ -61,7 +61,8 @@ pub trait Hardware {
     fn errors(&mut self) -> Errors;
 
     /// Begins the way back from bus-off, at the end of which it has seen 128 times 11 recessive
-    /// bits. Whether that was begun; if not, it is to be tried again.
+    /// bits. Whether that was begun; if not, it is to be called again. What was received and not
+    /// taken may be lost.
     fn restart(&mut self) -> bool;
 
     /// Whether the controller had put itself into restricted operation, in which it sends nothing;

@@ -4,6 +4,7 @@
 //! * [`Driver`]: everything that is decided: which frame goes into which mailbox, what a newer frame
 //!   replaces, what is lost, bus-off. It knows no register and runs on a PC.
 //! * [`Hardware`]: what a controller with three transmit mailboxes does for it.
+//! * [`BusOff`]: what bxCAN's registers tell of bus-off.
 //! * [`Shared`] and [`Port`]: a driver that an interrupt and a task share; the port is an
 //!   [`rc10_can::CanPort`], for `rc10_motor::embassy::Runner`.
 //! * [`layout`]: frames and filters in bxCAN's registers; those of FDCAN are in [`rc10_can::m_can`].
@@ -26,6 +27,10 @@
 #![no_std]
 #![cfg_attr(not(any(feature = "bxcan", feature = "fdcan")), forbid(unsafe_code))]
 
+#[cfg(all(feature = "bxcan", feature = "fdcan"))]
+compile_error!("choose the feature bxcan or fdcan, not both: a chip has one of them");
+
+mod bus_off;
 #[cfg(feature = "bxcan")]
 pub mod bxcan;
 mod driver;
@@ -37,6 +42,7 @@ mod port;
 #[cfg(any(feature = "bxcan", feature = "fdcan"))]
 mod start;
 
+pub use bus_off::BusOff;
 pub use driver::{Driver, RECEIVE_QUEUE, TRANSMIT_QUEUE};
 #[cfg(any(feature = "bxcan", feature = "fdcan"))]
 #[doc(hidden)]

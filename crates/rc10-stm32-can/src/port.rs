@@ -55,8 +55,9 @@ impl<H> fmt::Debug for Shared<H> {
 ///   that found the queue full, and each overrun of the hardware as one, because it does not say how
 ///   many it cost.
 /// * **Sent frames**: see [`Driver`]. [`Submitted::Replaced`] means that the older frame did not
-///   leave and will not. Where it was on the wire already the answer is [`Submitted::Queued`], and
-///   [`unreplaced`](Self::unreplaced) counts it if it was acknowledged.
+///   leave and will not. Where it was on the wire already, or the hardware confirms the abort only
+///   later, the answer is [`Submitted::Queued`], and [`unreplaced`](Self::unreplaced) counts it if
+///   it was acknowledged.
 /// * **After bus-off** what is unsent is taken back and counted ([`Health::transmit_lost`]), and new
 ///   frames are refused, until [`recover`](CanPort::recover).
 pub struct Port<H: 'static> {

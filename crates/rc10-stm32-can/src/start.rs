@@ -8,7 +8,8 @@ use rc10_can::BitTimingError;
 pub enum StartError {
     /// The controller's clock cannot make the bit rate.
     BitTiming(BitTimingError),
-    /// The controller did not go into its configuration mode: it has no clock.
+    /// The controller did not go into its configuration mode within 1000 reads of its register;
+    /// most likely it has no clock.
     NoAnswer,
     /// bxCAN: the controller whose filters it shares was not started before.
     NoFilters,
@@ -24,7 +25,7 @@ impl fmt::Display for StartError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::BitTiming(error) => error.fmt(f),
-            Self::NoAnswer => f.write_str("the CAN controller has no clock"),
+            Self::NoAnswer => f.write_str("the CAN controller does not answer"),
             Self::NoFilters => f.write_str("the controller that has the filters starts first"),
         }
     }
@@ -35,9 +36,17 @@ impl core::error::Error for StartError {}
 /// Reads of a register until the controller must have answered: tens of microseconds.
 const PATIENCE: u32 = 1000;
 
+/// Reads of a register until a controller that has only to notice must have: a microsecond.
+const BRIEF: u32 = 16;
+
 /// Waits until something is so, but not for long; whether it is.
 pub fn wait_for(mut is_so: impl FnMut() -> bool) -> bool {
     (0..PATIENCE).any(|_| is_so())
+}
+
+/// The same, for critical sections.
+pub fn wait_briefly(mut is_so: impl FnMut() -> bool) -> bool {
+    (0..BRIEF).any(|_| is_so())
 }
 
 /// Gives the pins to the controller, each with its alternate function. Only when it is reset: a

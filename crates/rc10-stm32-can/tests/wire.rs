@@ -177,6 +177,23 @@ fn a_frame_on_the_wire_is_not_replaced_and_that_is_counted() {
 }
 
 #[test]
+fn an_abort_that_was_lost_is_requested_again() {
+    on_both(|_, mut bench| {
+        let _ = bench.port.submit(&frame(0x300, 1));
+        let _ = bench.port.submit(&frame(0x301, 1));
+        bench.pass(50);
+        // 0x300 is on the wire, 0x301 waits for it.
+        bench.lose_aborts(1);
+        assert_eq!(bench.port.submit(&frame(0x301, 2)), Submitted::Queued);
+        assert_eq!(bench.port.receive(), None);
+        bench.pass(1_000);
+        let sent: Vec<_> = bench.sent().iter().map(|entry| entry.frame).collect();
+        assert_eq!(sent, [frame(0x300, 1), frame(0x301, 2)]);
+        assert_eq!(bench.port.unreplaced(), 0);
+    });
+}
+
+#[test]
 fn a_frame_that_fails_on_the_wire_is_replaced_after_all() {
     on_both(|_, mut bench| {
         let _ = bench.port.submit(&frame(0x300, 1));
@@ -335,6 +352,30 @@ fn after_bus_off_nothing_leaves_until_it_is_asked_back_and_then_nothing_old() {
         bench.pass(10_000);
         let sent: Vec<_> = bench.sent().iter().map(|entry| entry.frame).collect();
         assert_eq!(sent, [frame(0x300, 3)]);
+        let health = bench.port.health();
+        assert_eq!((health.state, health.bus_offs), (ErrorState::Active, 1));
+    });
+}
+
+#[test]
+fn a_way_back_that_cannot_begin_at_once_begins_later() {
+    on_both(|_, mut bench| {
+        let _ = bench.port.submit(&frame(0x300, 1));
+        bench.bus.set_shorted(true);
+        bench.pass(5_000);
+        assert_eq!(bench.port.receive(), None);
+        bench.bus.set_shorted(false);
+        bench.delay_restarts(2);
+        bench.port.recover();
+        assert_eq!(bench.port.submit(&frame(0x300, 2)), Submitted::Refused);
+        // It is not asked for a second time.
+        assert_eq!(bench.port.receive(), None);
+        assert_eq!(bench.port.submit(&frame(0x300, 3)), Submitted::Refused);
+        assert_eq!(bench.port.receive(), None);
+        assert_eq!(bench.port.submit(&frame(0x300, 4)), Submitted::Queued);
+        bench.pass(20_000);
+        let sent: Vec<_> = bench.sent().iter().map(|entry| entry.frame).collect();
+        assert_eq!(sent, [frame(0x300, 4)]);
         let health = bench.port.health();
         assert_eq!((health.state, health.bus_offs), (ErrorState::Active, 1));
     });

@@ -5,6 +5,7 @@
 
 mod board;
 
+use cortex_m_rt::exception;
 use embassy_executor::Spawner;
 use embassy_time::{Duration, Ticker};
 use rc10_motor::Place::Bus;
@@ -50,10 +51,15 @@ async fn main(_spawner: Spawner) {
     board.high.spawn(run(runner).expect("spawned once"));
 
     board.watchdog.unleash();
+    let mut bus_ticks = 0;
     let mut ticker = Ticker::every(Duration::from_millis(10));
     for tick in 0_u64.. {
         ticker.next().await;
-        board.watchdog.pet();
+        // Of the bus and this loop, either one that hangs restarts the chip.
+        let now = PORTS.buses[0].ticks();
+        if core::mem::replace(&mut bus_ticks, now) != now {
+            board.watchdog.pet();
+        }
         if tick == 100 && board.was_switched_on {
             // Refused if the motors do not fit on the bus: it stays disarmed then.
             let _ = SWITCH.arm();
@@ -68,5 +74,19 @@ async fn main(_spawner: Spawner) {
 /// Starts over. Disarmed, the bus sends zeros from its first millisecond on.
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    board::restart()
+}
+
+/// A fault: cortex-m-rt's own handler would stay here, and the ESCs would keep their last current.
+// SAFETY: it uses no memory but the stack, and does not return.
+#[exception(trampoline = false)]
+unsafe fn HardFault() -> ! {
+    board::restart()
+}
+
+/// An interrupt or exception without a handler.
+// SAFETY: as above.
+#[exception]
+unsafe fn DefaultHandler(_number: i16) -> ! {
     board::restart()
 }

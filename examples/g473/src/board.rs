@@ -29,7 +29,8 @@ pub struct Board {
     pub high: SendSpawner,
     /// Restarts the chip 100 ms after it was petted last. Not unleashed yet.
     pub watchdog: IndependentWatchdog<'static, peripherals::IWDG>,
-    /// Restarted by neither a panic nor the watchdog: then a robot must not arm itself.
+    /// Restarted by neither a panic, nor a fault, nor the watchdog: after those a robot must not arm
+    /// itself.
     pub was_switched_on: bool,
 }
 
@@ -47,6 +48,8 @@ impl Board {
     pub fn start() -> Self {
         let reset = pac::RCC.csr().read();
         pac::RCC.csr().modify(|w| w.set_rmvf(true));
+        // If it stayed set, it would hide the next cause.
+        pac::RCC.csr().modify(|w| w.set_rmvf(false));
         let p = embassy_stm32::init(clocks());
         interrupt::FDCAN1_IT0.set_priority(Priority::P1);
         interrupt::UART5.set_priority(Priority::P6);

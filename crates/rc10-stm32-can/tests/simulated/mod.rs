@@ -9,7 +9,7 @@ use rc10_can::{BusError, CanFrame, ErrorState, IdPattern, Micros};
 use rc10_sim::{
     Activity, Bus, BusConfig, Controller, EscConfig, Model, Nanos, Outcome, TraceEntry, World,
 };
-use rc10_stm32_can::{Ended, Errors, Hardware, MAILBOXES, Port, Shared};
+use rc10_stm32_can::{BusOff, Ended, Errors, Hardware, MAILBOXES, Port, Shared};
 
 /// Places for received frames, of both.
 const FIFO: usize = 3;
@@ -65,6 +65,10 @@ pub struct Registers {
     idle_since: Option<Nanos>,
     patterns: Option<Vec<IdPattern>>,
     interrupt: bool,
+    /// Requests of aborts that have no effect, from now on.
+    lost_aborts: u32,
+    /// Restarts that are not begun, from now on: INAK does not come.
+    late_restarts: u32,
 }
 
 impl Registers {
@@ -85,6 +89,8 @@ impl Registers {
             idle_since: None,
             patterns: None,
             interrupt: false,
+            lost_aborts: 0,
+            late_restarts: 0,
         }
     }
 
@@ -123,8 +129,7 @@ impl Registers {
 /// What a program sees of the registers.
 pub struct Wired {
     registers: Arc<Mutex<Registers>>,
-    /// bxCAN: it was restarted, and BOFF was not seen clear since.
-    returning: bool,
+    bus_off: BusOff,
 }
 
 impl Wired {
@@ -147,6 +152,14 @@ impl Hardware for Wired {
     fn abort(&mut self, mailbox: usize) {
         let mut registers = self.registers();
         let Mailbox { pending, on_wire, .. } = registers.mailboxes[mailbox];
+        if registers.lost_aborts > 0 {
+            registers.lost_aborts -= 1;
+            return;
+        }
+        if registers.kind == Kind::Fdcan && registers.bus_off {
+            // Nothing says that INIT lets cancellations through.
+            return;
+        }
         match (pending, on_wire) {
             (Some(_), true) => registers.mailboxes[mailbox].abort = true,
             (Some(_), false) if registers.abort_time == Nanos::ZERO => {
@@ -180,8 +193,7 @@ impl Hardware for Wired {
         }
         let (off, fell) = (registers.bus_off, std::mem::take(&mut registers.told_off));
         drop(registers);
-        self.returning &= off && !fell;
-        off && !self.returning
+        self.bus_off.is_off(off, fell)
     }
 
     fn errors(&mut self) -> Errors {
@@ -207,10 +219,23 @@ impl Hardware for Wired {
 
     fn restart(&mut self) -> bool {
         let mut registers = self.registers();
+        if registers.late_restarts > 0 {
+            registers.late_restarts -= 1;
+            return false;
+        }
+        if registers.kind == Kind::Fdcan {
+            // Setting CCE resets TXBRP, TXBTO and RXF0S.
+            for mailbox in 0..MAILBOXES {
+                if registers.mailboxes[mailbox].pending.is_some() {
+                    registers.end(mailbox, Ended::Aborted);
+                }
+            }
+            registers.fifo.clear();
+        }
         registers.told_off = false;
         registers.missing = registers.bus_off.then_some(RECOVERY);
         drop(registers);
-        self.returning = true;
+        self.bus_off.restarted();
         true
     }
 
@@ -378,7 +403,8 @@ impl Bench {
         let registers = Arc::new(Mutex::new(Registers::new(kind)));
         // As the static that it is on a chip.
         let shared: &'static Shared<Wired> = Box::leak(Box::new(Shared::new()));
-        let port = shared.start(Wired { registers: Arc::clone(&registers), returning: false });
+        let port =
+            shared.start(Wired { registers: Arc::clone(&registers), bus_off: BusOff::new() });
         let latency = Some(Nanos::new(2_000));
         let chip = Rc::new(RefCell::new(Chip { registers, shared, latency, handler: None }));
         let controller: Rc<RefCell<dyn Controller>> = Rc::<RefCell<Chip>>::clone(&chip);
@@ -402,6 +428,16 @@ impl<P> Bench<P> {
     /// From the request until the abort of a frame that is not on the wire can be seen.
     pub fn set_abort_time(&self, nanos: u64) {
         self.chip.borrow().registers().abort_time = Nanos::new(nanos);
+    }
+
+    /// The next requests of aborts have no effect.
+    pub fn lose_aborts(&self, count: u32) {
+        self.chip.borrow().registers().lost_aborts = count;
+    }
+
+    /// The next restarts are not begun.
+    pub fn delay_restarts(&self, count: u32) {
+        self.chip.borrow().registers().late_restarts = count;
     }
 
     /// Lets this many microseconds pass.
