@@ -306,7 +306,8 @@ impl Machine {
     /// # Errors
     /// If the chip has no such pin.
     pub fn record_pin(&mut self, port: char, pin: usize) -> Result<()> {
-        ensure!(self.wiring.soc().record_pin(port, pin), "there is no pin P{port}{pin}");
+        let now = self.now();
+        ensure!(self.wiring.soc().record_pin(port, pin, now), "there is no pin P{port}{pin}");
         Ok(())
     }
 
