@@ -224,11 +224,8 @@ mod tests {
 
     #[test]
     fn a_program_says_which_board_it_is_for() {
-        let expected = MadeFor {
-            board: "dm-mc02".into(),
-            chip: "STM32H723VG".into(),
-            crystal_hz: 24_000_000,
-        };
+        let expected =
+            MadeFor { board: "dm-mc02".into(), chip: "STM32H723VG".into(), crystal_hz: 24_000_000 };
         let file = file_with(&note(b"dm-mc02", b"STM32H723VG", 24_000_000));
         assert_eq!(Image::parse(&file).map(|image| image.made_for).ok(), Some(Some(expected)));
         // All sixteen bytes of a name may be used.
@@ -248,7 +245,10 @@ mod tests {
         ] {
             let error = Image::parse(&file_with(&note)).err().map(|error| format!("{error:#}"));
             let error = error.unwrap_or_default();
-            assert!(error.starts_with(".rc10.board makes no sense") && error.contains(why), "{error}");
+            assert!(
+                error.starts_with(".rc10.board makes no sense") && error.contains(why),
+                "{error}"
+            );
         }
     }
 }
