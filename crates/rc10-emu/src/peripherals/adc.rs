@@ -224,22 +224,26 @@ impl Adc {
     /// Source: RM0433 Rev 7, figure 136, as stm32h7xx-hal's `adc.rs` quotes it; ST's HAL halves it, too,
     /// for every STM32H72x and H73x (`ADC_ConfigureBoostMode`).
     fn half_clocks_hz(&self) -> u64 {
+        self.half_clocks_of(self.bus_hz, self.kernel_hz)
+    }
+
+    fn half_clocks_of(&self, bus_hz: u64, kernel_hz: u64) -> u64 {
         match field(self.common, 16, 2) {
             0 => {
                 let prescaler = PRESCALERS.get(field(self.common, 18, 4) as usize);
-                prescaler.map_or(0, |prescaler| self.kernel_hz / prescaler)
+                prescaler.map_or(0, |prescaler| kernel_hz / prescaler)
             }
-            1 => self.bus_hz,
-            2 => self.bus_hz / 2,
-            _ => self.bus_hz / 4,
+            1 => bus_hz,
+            2 => bus_hz / 2,
+            _ => bus_hz / 4,
         }
     }
 
-    /// Its clock, if it is too fast for it.
-    pub(super) fn too_fast(&self) -> Option<TooFast> {
-        let hz = self.half_clocks_hz() / 2;
+    /// Its nominal clock, if that is too fast for it.
+    pub(super) fn too_fast(&self, nominal: &Clocks) -> Option<TooFast> {
+        let hz = self.half_clocks_of(nominal.bus, nominal.adc) / 2;
         let limit = BOOSTS[field(self.control, 8, 2) as usize % BOOSTS.len()];
-        let is_on = self.control & ADEN != 0;
+        let is_on = self.control & ADEN != 0 && self.half_clocks_hz() > 0;
         let clock = "ADC1's clock";
         (is_on && hz > limit).then_some(TooFast { clock, hz, limit: Limit::Boost(limit) })
     }

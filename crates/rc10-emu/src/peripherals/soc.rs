@@ -352,8 +352,8 @@ impl Soc {
         self.power.is_supplied()
     }
 
-    /// The chip's identity, `DBGMCU_IDC`, if not that of an STM32H723: for a program that wants to know on which
-    /// chip it is.
+    /// The chip's identity, `DBGMCU_IDC`, if not that of an STM32H723: for a program that wants to know
+    /// on which chip it is.
     pub fn set_identity(&mut self, identity: u32) {
         self.debug.set(0, identity);
     }
@@ -785,10 +785,11 @@ impl Soc {
                 _ => {}
             }
         }
-        let time_quantum = self.fdcans().time_quantum_hz();
+        let nominal = self.rcc.nominal_clocks();
+        let time_quantum = self.fdcans().time_quantum_of(nominal.fdcan);
         let scale = self.power.scale(now);
-        let too_fast = clocks::too_fast(&self.clocks, time_quantum, used, scale);
-        let too_fast: Vec<_> = too_fast.chain(self.adc.too_fast()).collect();
+        let too_fast = clocks::too_fast(&nominal, time_quantum, used, scale);
+        let too_fast: Vec<_> = too_fast.chain(self.adc.too_fast(&nominal)).collect();
         let before = std::mem::replace(&mut self.too_fast, too_fast.clone());
         for clock in too_fast.into_iter().filter(|clock| !before.contains(clock)) {
             self.report(address, true, AccessKind::TooFast(clock));
