@@ -99,7 +99,7 @@ impl Bench {
         assert!(soc.attach_i2c(2, Box::new(Sleeper)));
         assert!(soc.join_pins(SERVOS[0], CAPTURE, Nanos::ZERO));
         for (port, pin) in SERVOS.into_iter().chain([STRIP, STANDBY]) {
-            assert!(soc.record_pin(port, pin));
+            assert!(soc.record_pin(port, pin, Nanos::ZERO));
         }
         // Pull-ups, switches that are released; encoders.
         let high = [I2C_CLOCK, I2C_DATA, SWITCHES[0], SWITCHES[1]];

@@ -57,15 +57,23 @@ pub struct MadeFor {
 
 impl MadeFor {
     /// Of 36 bytes: two texts of 16 that end in zeros, and a number, the low byte first.
-    fn parse(bytes: &[u8]) -> Option<Self> {
-        let (board, rest) = bytes.split_at_checked(16)?;
-        let (chip, hz) = rest.split_at_checked(16)?;
+    ///
+    /// # Errors
+    /// If there are more or fewer bytes, or a text is not UTF-8.
+    fn parse(bytes: &[u8]) -> Result<Self> {
+        let note: &[u8; 36] = bytes
+            .try_into()
+            .with_context(|| format!("it has {} bytes, and not 36", bytes.len()))?;
+        let (board, rest) = note.split_at(16);
+        let (chip, hz) = rest.split_at(16);
         let text = |bytes: &[u8]| {
-            let text = bytes.split(|&byte| byte == 0).next()?;
-            Some(std::str::from_utf8(text).ok()?.to_owned())
+            let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
+            std::str::from_utf8(&bytes[..end]).map(str::to_owned)
         };
-        let crystal_hz = u32::from_le_bytes(hz.try_into().ok()?).into();
-        Some(Self { board: text(board)?, chip: text(chip)?, crystal_hz })
+        let crystal_hz = u32::from_le_bytes(hz.try_into()?).into();
+        let board = text(board).context("the board's name is not UTF-8")?;
+        let chip = text(chip).context("the chip's name is not UTF-8")?;
+        Ok(Self { board, chip, crystal_hz })
     }
 }
 
@@ -73,7 +81,7 @@ impl Image {
     /// Reads an ELF file for a 32-bit Arm.
     ///
     /// # Errors
-    /// If it is none, or is cut short.
+    /// If it is none, is cut short, or says nonsense about its board.
     pub fn parse(file: &[u8]) -> Result<Self> {
         let header = FileHeader32::<Endianness>::parse(file).context("no 32-bit ELF file")?;
         let endian = header.endian()?;
@@ -101,7 +109,8 @@ impl Image {
                 compiler = compilers.next().map(str::to_owned);
             }
             if name == b".rc10.board" {
-                made_for = MadeFor::parse(section.data(endian, file)?);
+                let note = MadeFor::parse(section.data(endian, file)?);
+                made_for = Some(note.context(".rc10.board makes no sense")?);
             }
             let bytes = section.sh_size(endian);
             if section.sh_flags(endian) & SHF_ALLOC == 0 {
@@ -167,5 +176,79 @@ impl Image {
     /// If the program does not say.
     pub fn stack(&self) -> Result<Range<u32>> {
         Ok(self.symbol("_stack_end")?..self.symbol("_stack_start")?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn note(board: &[u8], chip: &[u8], crystal_hz: u32) -> Vec<u8> {
+        let mut note = vec![0; 36];
+        note[..board.len()].copy_from_slice(board);
+        note[16..16 + chip.len()].copy_from_slice(chip);
+        note[32..].copy_from_slice(&crystal_hz.to_le_bytes());
+        note
+    }
+
+    /// An ELF file for Arm with one byte to be loaded and a section `.rc10.board`.
+    fn file_with(note: &[u8]) -> Vec<u8> {
+        let names = b"\0.rc10.board\0.names\0";
+        let (header, segment, section) = (52, 32, 40);
+        let at_note = header + segment;
+        let at_names = at_note + note.len();
+        let at_sections = (at_names + names.len()).next_multiple_of(4);
+        let word = |value: usize| u32::try_from(value).unwrap_or(0).to_le_bytes();
+        let half = |value: usize| u16::try_from(value).unwrap_or(0).to_le_bytes();
+        let mut file = b"\x7FELF\x01\x01\x01".to_vec();
+        file.resize(16, 0);
+        // Executable, Arm.
+        file.extend([half(2), half(40)].concat());
+        file.extend([word(1), word(0), word(header), word(at_sections), word(0)].concat());
+        let counts = [header, segment, 1, section, 3, 2];
+        file.extend(counts.iter().flat_map(|&count| half(count)));
+        let load = [1, 0, 0x0800_0000, 0x0800_0000, 1, 1, 5, 1];
+        file.extend(load.iter().flat_map(|&value| word(value)));
+        file.extend(note);
+        file.extend(names);
+        file.resize(at_sections + section, 0);
+        // PROGBITS, STRTAB.
+        for [name, kind, place, length] in
+            [[1, 1, at_note, note.len()], [13, 3, at_names, names.len()]]
+        {
+            let fields = [name, kind, 0, 0, place, length, 0, 0, 1, 0];
+            file.extend(fields.iter().flat_map(|&value| word(value)));
+        }
+        file
+    }
+
+    #[test]
+    fn a_program_says_which_board_it_is_for() {
+        let expected =
+            MadeFor { board: "dm-mc02".into(), chip: "STM32H723VG".into(), crystal_hz: 24_000_000 };
+        let file = file_with(&note(b"dm-mc02", b"STM32H723VG", 24_000_000));
+        assert_eq!(Image::parse(&file).map(|image| image.made_for).ok(), Some(Some(expected)));
+        // All sixteen bytes of a name may be used.
+        let full = MadeFor::parse(&note(&[b'x'; 16], &[b'y'; 16], 1));
+        assert_eq!(full.map(|full| (full.board.len(), full.chip.len())).ok(), Some((16, 16)));
+    }
+
+    #[test]
+    fn a_note_that_makes_no_sense_is_an_error() {
+        let good = note(b"dm-mc02", b"STM32H723VG", 24_000_000);
+        for (note, why) in [
+            (good[..35].to_vec(), "it has 35 bytes, and not 36"),
+            ([&good[..], &good].concat(), "it has 72 bytes, and not 36"),
+            (vec![], "it has 0 bytes, and not 36"),
+            (note(b"\xFF", b"", 1), "the board's name is not UTF-8"),
+            (note(b"", b"\xFF", 1), "the chip's name is not UTF-8"),
+        ] {
+            let error = Image::parse(&file_with(&note)).err().map(|error| format!("{error:#}"));
+            let error = error.unwrap_or_default();
+            assert!(
+                error.starts_with(".rc10.board makes no sense") && error.contains(why),
+                "{error}"
+            );
+        }
     }
 }

@@ -115,6 +115,14 @@ pub struct Options {
     /// How much too fast the chip's own oscillator (HSI) is, in millionths: a real one is up to 1 % off
     /// (data sheet, HSI characteristics). 0 if not said.
     pub hsi_deviation_ppm: i32,
+    /// Whether the switches of PC2 and PC3 (`SYSCFG_PMCR`) are closed after a reset: RM0468 leaves it to
+    /// the package. A program that needs these pins closes them itself: `false` shows whether it does.
+    /// `true` if not said.
+    pub switches_closed: bool,
+    /// Names (`map::MAP`) of peripherals that say nothing, as in an emulator that does not have them:
+    /// their registers read as zero, take nothing, and nothing is reported. `ADC1` stands for its common
+    /// registers, too. None if not said.
+    pub silent: &'static [&'static str],
     /// Seed of the noise that is in all RAM when power comes, the FDCANs' too. 1 if not said.
     pub seed: u64,
 }
@@ -128,6 +136,8 @@ impl Default for Options {
             reports_early_ram: false,
             board: Board::H723ZG,
             hsi_deviation_ppm: 0,
+            switches_closed: true,
+            silent: &[],
             seed: 1,
         }
     }
@@ -178,7 +188,8 @@ impl Machine {
     /// A chip with the program of an ELF file in its flash, just switched on.
     ///
     /// # Errors
-    /// If the file is no program, or does not fit into the chip's memories.
+    /// If the file is no program, does not fit into the chip's memories, or says nonsense about its
+    /// board.
     pub fn new(file: &[u8]) -> Result<Self> {
         Self::with(file, Options::default())
     }
@@ -186,7 +197,7 @@ impl Machine {
     /// As [`new`](Self::new), but not the strictest chip.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// As [`new`](Self::new); if a peripheral that is to be silent does not exist.
     pub fn with(file: &[u8], options: Options) -> Result<Self> {
         let image = Image::parse(file)?;
         let log = Log::new(file, &image)?;
@@ -204,6 +215,10 @@ impl Machine {
             Soc::on(options.board, options.hsi_deviation_ppm, Arc::clone(&fdcan), memory.clone());
         soc.set_removal_stays(options.removal_stays);
         soc.set_guards_ram(options.reports_early_ram);
+        soc.set_switches_closed(options.switches_closed, Nanos::ZERO);
+        for name in options.silent {
+            ensure!(soc.silence(name), "there is no peripheral {name}");
+        }
         let parts = Parts::new(&options.board, &mut soc);
         if let Some((port, pin)) = options.board.key {
             soc.drive_pin(port, pin, Some(true), Nanos::ZERO);
@@ -306,7 +321,8 @@ impl Machine {
     /// # Errors
     /// If the chip has no such pin.
     pub fn record_pin(&mut self, port: char, pin: usize) -> Result<()> {
-        ensure!(self.wiring.soc().record_pin(port, pin), "there is no pin P{port}{pin}");
+        let now = self.now();
+        ensure!(self.wiring.soc().record_pin(port, pin, now), "there is no pin P{port}{pin}");
         Ok(())
     }
 
@@ -473,6 +489,13 @@ impl Machine {
         let mut soc = self.wiring.soc();
         soc.set_crystal(alive, now);
         self.core.set_nmi(soc.nmi());
+    }
+
+    /// Whether ADC1 fails from now on: no conversion, no calibration and no start of it ends. Flags that
+    /// are set stay; what would have ended meanwhile ends as soon as it does not fail any more.
+    pub fn set_adc_fails(&mut self, fails: bool) {
+        let now = self.now();
+        self.wiring.soc().set_adc_fails(fails, now);
     }
 
     /// The voltage at a pin from outside, in microvolts, from now on.
@@ -696,16 +719,18 @@ impl Machine {
     /// Tells, once for each bus, that a controller's bits have another length than its bus's.
     fn compare_bit_rates(&mut self) {
         let mut texts = Vec::new();
-        let rates = [0, 1, 2].map(|index| self.fdcan().bit_rate(index));
+        let fdcan = self.fdcan.lock().unwrap_or_else(PoisonError::into_inner);
         self.buses.get_mut().retain(|(index, bus)| {
-            let Some(&Some((own, bit))) = rates.get(*index) else { return true };
-            if !bus.follows(bit) {
+            let Some((own, bit)) = fdcan.bit_rate(*index) else { return true };
+            let follows = bus.follows(bit);
+            if !follows {
                 let of_bus = 1_000_000_000 / bus.bit_time_ns().max(1);
                 let (number, own, of_bus) = (index + 1, kilobits(own), kilobits(of_bus));
                 texts.push(format!("FDCAN{number} runs at {own}, its bus at {of_bus}"));
             }
-            bus.follows(bit)
+            follows
         });
+        drop(fdcan);
         texts.into_iter().for_each(|text| self.report(text));
     }
 

@@ -124,7 +124,12 @@ impl Fdcans {
     /// The kernel clock behind the calibration unit's divider, hertz.
     #[must_use]
     pub const fn time_quantum_hz(&self) -> u64 {
-        self.kernel_hz / self.calibration.divider()
+        self.time_quantum_of(self.kernel_hz)
+    }
+
+    /// The same, if the kernel clock had another frequency.
+    pub(crate) const fn time_quantum_of(&self, kernel_hz: u64) -> u64 {
+        kernel_hz / self.calibration.divider()
     }
 
     fn apply_clock(&mut self) {

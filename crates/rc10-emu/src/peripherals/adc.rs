@@ -2,11 +2,14 @@
 //!
 //! Modelled: deep power-down, the regulator's and the converter's start, calibration times, channel
 //! preselection, sampling times, resolutions, sequences of up to 16 channels, once or continuously,
-//! oversampling without shifts to the left, overrun, DMA requests. A converter is exact; calibration
-//! changes nothing but the time.
-//! Not modelled, and reported when asked for: triggers, injected channels, differential inputs, watchdogs,
-//! offsets, discontinuous mode, the wait for a reader (AUTDLY), dual mode, ADC2 and ADC3, the channels
-//! inside of the chip.
+//! oversampling without shifts to the left, overrun, DMA requests. A converter is exact;
+//! calibration changes nothing but the time. Each conversion is an event, also of a sequence that
+//! goes on for ever.
+//! Not modelled, and reported when asked for: triggers, injected channels, differential inputs,
+//! watchdogs, offsets, discontinuous mode, the wait for a reader (AUTDLY), dual mode, ADC2 and ADC3,
+//! the channels inside of the chip.
+//! Not modelled, and not reported: the mode of an input's pin, which should be analog, and the
+//! switches of PC2 and PC3 (`PMCR`), which lead to inputs 12 and 13: voltages always come in.
 
 use std::fmt;
 
@@ -21,7 +24,8 @@ const REQUEST: u32 = 9;
 /// The reference: VDDA, in microvolts.
 const REFERENCE: u64 = 3_300_000;
 
-/// Pins of its inputs `INP0` ..= `INP19`. Source: stm32-metapac; 0 and 1 are pads of larger packages.
+/// Pins of its inputs `INP0` ..= `INP19`. Source: stm32-metapac; 0 and 1 are pads of larger
+/// packages.
 const INPUTS: [Option<(char, usize)>; 20] = [
     None,
     None,
@@ -52,14 +56,17 @@ const PRESCALERS: [u64; 12] = [1, 2, 4, 6, 8, 10, 12, 16, 32, 64, 128, 256];
 /// Highest clock by `BOOST`, hertz. Source: RM0468, `ADC_CR`.
 const BOOSTS: [u64; 4] = [6_250_000, 12_500_000, 25_000_000, 50_000_000];
 
-/// Time until the regulator is up: data sheet, ADC characteristics, `tADCVREG_STUP`, maximum.
+/// Time until the regulator is up: data sheet, ADC characteristics, `tADCVREG_STUP`, maximum; quoted
+/// from memory.
 const REGULATOR: Nanos = Nanos::new(10_000);
-/// Clocks of a calibration: of the offset, and of linearity, too. Data sheet, ADC characteristics, quoted
-/// from memory; the time limit of ST's HAL (633,600,000 clocks of a core that is 3840 times faster)
-/// reckons with 165,000. Another source has 16,384.
+/// Clocks of a calibration of the offset: not confirmed. Quoted from memory of the data sheet's ADC
+/// characteristics; ST's drivers for Linux and U-Boot have 20 (`STM32H7_ADC_CALIB_TIMEOUT_US`).
 const CALIBRATION: u64 = 1_280;
+/// The same with linearity, at most. Source: ST's HAL, `ADC_CALIBRATION_TIMEOUT` of
+/// `stm32h7xx_hal_adc_ex.c`. ST's drivers have 131,072 for Linux and 16,384 for U-Boot.
 const LINEARITY: u64 = 165_010;
-/// Clocks from ADEN to ADRDY: "one conversion cycle", data sheet, ADC characteristics, `tSTAB`.
+/// Clocks from ADEN to ADRDY: "one conversion cycle", data sheet, ADC characteristics, `tSTAB`;
+/// quoted from memory.
 const STABLE: u64 = 10;
 
 // CR.
@@ -86,9 +93,8 @@ const LDORDY: u32 = 1 << 12;
 const EXTEN: u32 = 3 << 10;
 const OVRMOD: u32 = 1 << 12;
 const CONT: u32 = 1 << 13;
-/// AUTDLY, DISCEN, AWD1EN, JAWD1EN, JAUTO, JDISCEN, JQM.
-const CFGR_UNMODELLED: u32 =
-    EXTEN | 1 << 14 | 1 << 16 | 1 << 20 | 0x3F << 21 & !(1 << 22) | 1 << 23;
+/// AUTDLY; DISCEN; JDISCEN, JQM; AWD1EN, JAWD1EN, JAUTO.
+const CFGR_UNMODELLED: u32 = EXTEN | 1 << 14 | 1 << 16 | 3 << 20 | 7 << 23;
 // CFGR2.
 const ROVSE: u32 = 1 << 0;
 /// JOVSE, TROVS, ROVSM, RSHIFT1 to 4, LSHIFT.
@@ -158,6 +164,8 @@ pub(super) struct Adc {
     kernel_hz: u64,
     /// Voltages at the inputs, in microvolts.
     inputs: [u32; INPUTS.len()],
+    /// It ends nothing that it has begun.
+    fails: bool,
 }
 
 impl Adc {
@@ -178,13 +186,26 @@ impl Adc {
             bus_hz: 0,
             kernel_hz: 0,
             inputs: [0; INPUTS.len()],
+            fails: false,
         }
     }
 
-    /// The voltages outside stay.
+    /// The voltages outside stay, and a defect.
     pub(super) fn reset(&mut self) {
-        let Self { bus_hz, kernel_hz, inputs, .. } = *self;
-        *self = Self { bus_hz, kernel_hz, inputs, ..Self::new() };
+        let Self { bus_hz, kernel_hz, inputs, fails, .. } = *self;
+        *self = Self { bus_hz, kernel_hz, inputs, fails, ..Self::new() };
+    }
+
+    /// From now on it ends no conversion, no calibration and no start, or does again: then what would
+    /// have ended meanwhile ends at once.
+    pub(super) fn set_fails(&mut self, fails: bool, now: Nanos) {
+        self.fails = fails;
+        if let State::Calibrates { until }
+        | State::Starts { until }
+        | State::Converts { until, .. } = &mut self.state
+        {
+            *until = now.max(*until);
+        }
     }
 
     /// Its clocks from now on. One that changes counts for what begins then.
@@ -200,25 +221,29 @@ impl Adc {
 
     /// Half clocks a second of its analog part, whose clock is half of what it is given.
     ///
-    /// RM0468, ADC clocks, quoted from memory; ST's HAL halves it, too, when it chooses BOOST, for all but
-    /// the first revision of the STM32H743.
+    /// Source: RM0433 Rev 7, figure 136, as stm32h7xx-hal's `adc.rs` quotes it; ST's HAL halves it, too,
+    /// for every STM32H72x and H73x (`ADC_ConfigureBoostMode`).
     fn half_clocks_hz(&self) -> u64 {
+        self.half_clocks_of(self.bus_hz, self.kernel_hz)
+    }
+
+    fn half_clocks_of(&self, bus_hz: u64, kernel_hz: u64) -> u64 {
         match field(self.common, 16, 2) {
             0 => {
                 let prescaler = PRESCALERS.get(field(self.common, 18, 4) as usize);
-                prescaler.map_or(0, |prescaler| self.kernel_hz / prescaler)
+                prescaler.map_or(0, |prescaler| kernel_hz / prescaler)
             }
-            1 => self.bus_hz,
-            2 => self.bus_hz / 2,
-            _ => self.bus_hz / 4,
+            1 => bus_hz,
+            2 => bus_hz / 2,
+            _ => bus_hz / 4,
         }
     }
 
-    /// Its clock, if it is too fast for it.
-    pub(super) fn too_fast(&self) -> Option<TooFast> {
-        let hz = self.half_clocks_hz() / 2;
+    /// Its nominal clock, if that is too fast for it.
+    pub(super) fn too_fast(&self, nominal: &Clocks) -> Option<TooFast> {
+        let hz = self.half_clocks_of(nominal.bus, nominal.adc) / 2;
         let limit = BOOSTS[field(self.control, 8, 2) as usize % BOOSTS.len()];
-        let is_on = self.control & ADEN != 0;
+        let is_on = self.control & ADEN != 0 && self.half_clocks_hz() > 0;
         let clock = "ADC1's clock";
         (is_on && hz > limit).then_some(TooFast { clock, hz, limit: Limit::Boost(limit) })
     }
@@ -466,6 +491,7 @@ impl Adc {
     pub(super) const fn next_event(&self) -> Option<Nanos> {
         match self.state {
             State::Idle => None,
+            _ if self.fails => None,
             State::Calibrates { until }
             | State::Starts { until }
             | State::Converts { until, .. } => Some(until),

@@ -278,12 +278,12 @@ pub(super) struct Used {
 /// Highest frequencies of the core, of AXI and AHB, and of the APBs, by voltage scale 0 to 3; the core
 /// without the option byte that boosts it. Source: STM32H723 data sheet, general operating conditions;
 /// the same in embassy-stm32's `rcc/h.rs`. But that APBs may have 42.5 MHz at scale 3 cannot be meant of
-/// the state after a reset, where they have HSI's 64 MHz, within 1 %: so they may here.
+/// the state after a reset, where they have HSI's 64 MHz: so they may here.
 const BUS_LIMITS: [[u64; 3]; 4] = [
     [520_000_000, 275_000_000, 137_500_000],
     [400_000_000, 200_000_000, 100_000_000],
     [300_000_000, 150_000_000, 75_000_000],
-    [170_000_000, 85_000_000, HSI_HZ / 100 * 101],
+    [170_000_000, 85_000_000, HSI_HZ],
 ];
 /// FDCAN's kernel clock at scale 0 (RM0399, kernel clock distribution; Zephyr's
 /// `can_stm32h7_fdcan.c`). At lower voltage the APB's limit is the smaller one.
@@ -292,7 +292,8 @@ const FDCAN_LIMIT: u64 = 125_000_000;
 const SPI123_LIMIT: u64 = 200_000_000;
 
 /// The clocks that are too fast. Kernel clocks that the documents at hand give no figure for are held
-/// to the limit of the bus that their peripheral is on.
+/// to the limit of the bus that their peripheral is on. All of them are nominal: what an oscillator
+/// is off by does not matter.
 ///
 /// `time_quantum` is FDCAN's clock behind the calibration unit's divider. RM0399 59.4.5 says that it
 /// must be "always below or equal to" APB's and prints `fdcan_tq_ck < fdcan_pclk` beside it: here the

@@ -31,7 +31,8 @@ pub struct PinTime {
     pub high: Nanos,
     /// How often it rose.
     pub rises: u64,
-    /// The longest time that it was high without a pause, also if that began earlier.
+    /// The longest time that it was high without a pause, also if that began earlier: as far as it was
+    /// watched or recorded.
     pub longest_high: Nanos,
 }
 
@@ -60,10 +61,12 @@ pub(super) struct Recorder {
     high: bool,
     /// The edges, if they are kept.
     edges: Option<Vec<Edge>>,
-    /// Time of the last rise.
+    /// Time of the last rise; of the recorder's begin, if the pin was high then.
     rose: Nanos,
-    /// How long it was high, up to `time.until`.
+    /// How long it was high since the recorder is there, up to `time.until`.
     total: Nanos,
+    /// Whether its time is asked for: `watch_pin`.
+    is_watched: bool,
     /// `until` is the time up to which `high` is summed up.
     time: PinTime,
 }
@@ -163,8 +166,9 @@ impl Soc {
 
     /// Writes down from now on whenever the chip changes the level of a pin; one that it does not
     /// drive counts as low. `false`: there is no such pin.
-    pub fn record_pin(&mut self, port: char, pin: usize) -> bool {
-        let Some(recorder) = self.recorder(port, pin) else { return false };
+    pub fn record_pin(&mut self, port: char, pin: usize, now: Nanos) -> bool {
+        self.advance(now);
+        let Some(recorder) = self.recorder(port, pin, now) else { return false };
         recorder.edges.get_or_insert_default();
         self.watch();
         self.schedule();
@@ -175,9 +179,10 @@ impl Soc {
     /// does not drive counts as low. `false`: there is no such pin.
     pub fn watch_pin(&mut self, port: char, pin: usize, now: Nanos) -> bool {
         self.advance(now);
-        let Some(recorder) = self.recorder(port, pin) else { return false };
+        let Some(recorder) = self.recorder(port, pin, now) else { return false };
         recorder.go_on(recorder.high, now);
         recorder.time = PinTime::from(now);
+        recorder.is_watched = true;
         self.watch();
         self.schedule();
         true
@@ -187,7 +192,7 @@ impl Soc {
     pub fn take_pin_time(&mut self, port: char, pin: usize, now: Nanos) -> Option<PinTime> {
         self.advance(now);
         let pin = pin_at((port, pin))?;
-        let recorder = self.recorders.iter_mut().find(|recorder| recorder.pin == pin)?;
+        let recorder = self.watched(pin)?;
         recorder.go_on(recorder.high, now);
         Some(std::mem::replace(&mut recorder.time, PinTime::from(now)))
     }
@@ -195,20 +200,33 @@ impl Soc {
     /// How long a watched pin was high in all; `None`: it is not.
     pub(crate) fn high_time(&mut self, port: char, pin: usize, now: Nanos) -> Option<Nanos> {
         let pin = pin_at((port, pin))?;
-        let recorder = self.recorders.iter_mut().find(|recorder| recorder.pin == pin)?;
+        let recorder = self.watched(pin)?;
         recorder.go_on(recorder.high, now);
         Some(recorder.total)
     }
 
+    /// The recorder of a pin that is watched.
+    fn watched(&mut self, pin: (usize, usize)) -> Option<&mut Recorder> {
+        self.recorders.iter_mut().find(|recorder| recorder.pin == pin && recorder.is_watched)
+    }
+
     /// The recorder of a pin, a new one if need be.
-    fn recorder(&mut self, port: char, pin: usize) -> Option<&mut Recorder> {
+    fn recorder(&mut self, port: char, pin: usize, now: Nanos) -> Option<&mut Recorder> {
         let pin = pin_at((port, pin))?;
         let known = self.recorders.iter().position(|recorder| recorder.pin == pin);
         let index = known.unwrap_or_else(|| {
             let signal = signal_at(&self.ports, pin.0, pin.1);
             let high = self.output_of(pin, signal) == Some(true);
-            let (rose, total, time) = (Nanos::ZERO, Nanos::ZERO, PinTime::from(Nanos::ZERO));
-            self.recorders.push(Recorder { pin, signal, high, edges: None, rose, total, time });
+            self.recorders.push(Recorder {
+                pin,
+                signal,
+                high,
+                edges: None,
+                rose: now,
+                total: Nanos::ZERO,
+                is_watched: false,
+                time: PinTime::from(now),
+            });
             self.recorders.len() - 1
         });
         self.recorders.get_mut(index)

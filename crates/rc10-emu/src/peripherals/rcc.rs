@@ -9,8 +9,8 @@
 //! again: what a PLL without its reference does the manual leaves open. Whether its ready flags fall,
 //! too: here they do. A failure is detected at once.
 //!
-//! Of the MCO outputs only MCO1 goes anywhere: to TIM17. Only stored: ready interrupts, clock security of LSE, calibration, low-power gates.
-//! A `CPURST` does nothing.
+//! Of the MCO outputs only MCO1 goes anywhere: to TIM17. Only stored: ready interrupts, clock security
+//! of LSE, calibration, low-power gates. A `CPURST` does nothing.
 
 use rc10_sim::Nanos;
 
@@ -402,7 +402,7 @@ impl Rcc {
                 _ => None,
             };
             let input = input.and_then(|input| self.ready[input as usize]);
-            let locks = clocks::pll(self.pll_input(), &self.pll(pll)).is_some();
+            let locks = clocks::pll(self.pll_input(self.hsi_hz), &self.pll(pll)).is_some();
             let at = input.filter(|_| locks).map(|input| now.max(input) + LOCK);
             let ready = &mut self.ready[bit as usize];
             *ready = if control & 1 << bit != 0 { ready.or(at) } else { None };
@@ -410,18 +410,17 @@ impl Rcc {
         self.advance(now);
     }
 
-    /// Frequency at the PLLs' input, running or not.
-    fn pll_input(&self) -> PllInput {
+    /// Frequency at the PLLs' input, running or not, with an HSI of this frequency.
+    fn pll_input(&self, hsi_hz: u64) -> PllInput {
         match field(self.registers.value(PLLCKSELR), 0, 2) {
-            0 => PllInput { nominal: HSI_HZ >> self.hsi_shift(), actual: self.hsi() },
+            0 => {
+                let [nominal, actual] = [HSI_HZ, hsi_hz].map(|hz| hz >> self.hsi_shift());
+                PllInput { nominal, actual }
+            }
             1 => PllInput::exact(CSI_HZ),
             2 => PllInput::exact(self.crystal_hz),
             _ => PllInput::default(),
         }
-    }
-
-    fn hsi(&self) -> u64 {
-        self.hsi_hz >> self.hsi_shift()
     }
 
     /// HSIDIV.
@@ -484,10 +483,10 @@ impl Rcc {
         let lse = if_ready(LSE, LSE_HZ);
         // MCO1, MCO1PRE: 0 is no clock.
         let output = match field(config, 22, 3) {
-            0 => if_ready(HSI as usize, self.hsi()),
+            0 => if_ready(HSI as usize, self.hsi_hz >> self.hsi_shift()),
             1 => lse,
             2 => hse,
-            3 => self.pll_outputs(0)[1],
+            3 => self.pll_outputs(0, self.hsi_hz)[1],
             4 => if_ready(HSI48 as usize, HSI48_HZ),
             _ => 0,
         };
@@ -500,20 +499,29 @@ impl Rcc {
     }
 
     /// P, Q and R of a PLL, as far as it runs.
-    fn pll_outputs(&self, pll: u32) -> [u64; 3] {
-        let outputs = clocks::pll(self.pll_input(), &self.pll(pll)).unwrap_or_default();
+    fn pll_outputs(&self, pll: u32, hsi_hz: u64) -> [u64; 3] {
+        let outputs = clocks::pll(self.pll_input(hsi_hz), &self.pll(pll)).unwrap_or_default();
         let runs = self.is_ready((PLL + 2 * pll) as usize);
         outputs.map(|hz| if runs { hz } else { 0 })
     }
 
     pub(super) fn clocks(&self) -> Clocks {
+        self.clocks_with(self.hsi_hz)
+    }
+
+    /// The clocks if HSI were not off: limits are those of nominal frequencies.
+    pub(super) fn nominal_clocks(&self) -> Clocks {
+        self.clocks_with(HSI_HZ)
+    }
+
+    fn clocks_with(&self, hsi_hz: u64) -> Clocks {
         let if_ready = |index: usize, hz| if self.is_ready(index) { hz } else { 0 };
         let sources = Sources {
-            hsi: if_ready(HSI as usize, self.hsi()),
+            hsi: if_ready(HSI as usize, hsi_hz >> self.hsi_shift()),
             csi: if_ready(CSI as usize, CSI_HZ),
             hse: if_ready(HSE as usize, self.crystal_hz),
             lse: if_ready(LSE, LSE_HZ),
-            plls: [0, 1, 2].map(|pll| self.pll_outputs(pll)),
+            plls: [0, 1, 2].map(|pll| self.pll_outputs(pll, hsi_hz)),
         };
         let settings = Settings {
             source: self.source,

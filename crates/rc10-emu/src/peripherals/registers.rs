@@ -90,14 +90,15 @@ pub(super) const DEBUG: &[Register] = &[
 
 /// SYSCFG's `PMCR`: the switch of PC2 is bit 26, of PC3 bit 27; 0 is closed (RM0468, `PCxSO`).
 pub(super) const PMCR: u32 = 0x04;
+pub(super) const SWITCHES: u32 = 3 << 26;
 
 /// System configuration. `EXTICR` routes pins to EXTI; the compensation cell's ready flag is added
 /// where it is read; the rest only stores. User registers `UR0` ..= `UR18`: as after a reset with
 /// factory option bytes (`UR18`: no frequency boost).
 ///
-/// `PMCR` after a reset: the switches of pins that both packages bond out as their analog pad only, PC2
-/// and PC3, are closed (0), the others open. RM0468 leaves it to the package; boards with DM-MC02's
-/// wiring run programs that never touch them.
+/// `PMCR` after a reset: the switches of pins that both packages bond out as their analog pad only,
+/// PC2 and PC3, are closed (0), the others open. An assumption: RM0468 leaves it to the package, and
+/// programs are told to run on DM-MC02 that never touch them. `Soc::set_switches_closed` has the other.
 pub(super) const SYSCFG: &[Register] = &[
     masked(PMCR, 0x0300_0000, 0x0FE0_03FF),
     masked(0x08, 0, 0xFFFF),

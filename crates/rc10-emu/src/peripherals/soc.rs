@@ -81,6 +81,10 @@ pub struct Soc {
     counts: Counts,
     /// Pins in use that do not lead outside, a bit each: told already.
     pins_told: [u32; PORTS],
+    /// Whether the switches of PC2 and PC3 are closed after a reset.
+    switches_closed: bool,
+    /// Rows of the map whose devices say nothing.
+    silent: Vec<bool>,
 }
 
 impl fmt::Debug for Soc {
@@ -136,6 +140,8 @@ impl Soc {
             reports: Vec::new(),
             counts: Counts::default(),
             pins_told: [0; PORTS],
+            switches_closed: true,
+            silent: vec![false; MAP.len()],
         };
         soc.apply_switches();
         soc.apply_clocks(Nanos::ZERO);
@@ -346,8 +352,8 @@ impl Soc {
         self.power.is_supplied()
     }
 
-    /// The chip's identity, `DBGMCU_IDC`, if not that of an STM32H723: for a program that wants to know on which
-    /// chip it is.
+    /// The chip's identity, `DBGMCU_IDC`, if not that of an STM32H723: for a program that wants to know
+    /// on which chip it is.
     pub fn set_identity(&mut self, identity: u32) {
         self.debug.set(0, identity);
     }
@@ -356,6 +362,36 @@ impl Soc {
     /// zero as long. It does if never said.
     pub fn set_removal_stays(&mut self, stays: bool) {
         self.rcc.removal_stays = stays;
+    }
+
+    /// Sets whether the switches of PC2 and PC3 are closed after a reset, and lets them be so now. They are
+    /// if never said.
+    pub fn set_switches_closed(&mut self, closed: bool, now: Nanos) {
+        self.advance(now);
+        self.switches_closed = closed;
+        self.reset_syscfg();
+        self.connect_pins(now);
+        self.settle(now);
+    }
+
+    /// A peripheral, by its name in [`map::MAP`], says nothing from now on, as if the program ran on an
+    /// emulator that does not have it: its registers read as zero, take nothing, and nothing is reported.
+    /// `ADC1` stands for its common registers, too. `false`: there is none of this name.
+    pub fn silence(&mut self, name: &str) -> bool {
+        let is_meant =
+            |row: &Row| row.name == name || name == "ADC1" && row.block == Block::AdcCommon;
+        for (silent, row) in self.silent.iter_mut().zip(MAP) {
+            *silent |= is_meant(row);
+        }
+        MAP.iter().any(is_meant)
+    }
+
+    /// Whether ADC1 fails from now on: no conversion, no calibration and no start of it ends. Flags that
+    /// are set stay.
+    pub fn set_adc_fails(&mut self, fails: bool, now: Nanos) {
+        self.advance(now);
+        self.adc.set_fails(fails, now);
+        self.settle(now);
     }
 
     /// RAM that is written before the supply is configured is to be reported.
@@ -401,7 +437,7 @@ impl Soc {
         }
     }
 
-    /// The row of an aligned access, if it has a clock.
+    /// The row of an aligned access, and whether it answers: it has a clock.
     fn owner(
         &mut self,
         address: u32,
@@ -412,16 +448,16 @@ impl Soc {
         else {
             return Err(self.refuse(address, write));
         };
-        let running = self.running[index];
-        if !running {
+        let answers = self.running[index] && !self.silent[index];
+        if !answers && !self.silent[index] {
             self.report(address, write, AccessKind::Gated);
         }
-        Ok((row, running))
+        Ok((row, answers))
     }
 
     fn access_read(&mut self, address: u32, width: Width, now: Nanos) -> Result<u32, BusFault> {
-        let (row, running) = self.owner(address, width, false)?;
-        if !running {
+        let (row, answers) = self.owner(address, width, false)?;
+        if !answers {
             return Ok(0);
         }
         let offset = (address - row.base) & !3;
@@ -439,8 +475,8 @@ impl Soc {
         value: u32,
         now: Nanos,
     ) -> Result<Block, BusFault> {
-        let (row, running) = self.owner(address, width, true)?;
-        if running {
+        let (row, answers) = self.owner(address, width, true)?;
+        if answers {
             let write = Write::new(address - row.base, width, value);
             if let Err(refusal) = self.write_block(row.block, write, now) {
                 self.report(address, true, refusal.into());
@@ -587,7 +623,7 @@ impl Soc {
 
     fn reset_block(&mut self, row: &Row, now: Nanos) {
         match row.block {
-            Block::Syscfg => self.syscfg.reset(),
+            Block::Syscfg => self.reset_syscfg(),
             Block::Gpio(port) => self.ports[port].reset(),
             Block::Timer(timer) => self.timers[timer].reset(now),
             Block::Usart(usart) => self.usarts[usart].reset(now),
@@ -610,6 +646,14 @@ impl Soc {
             | Block::FdcanCalibration
             | Block::AdcCommon
             | Block::Unmodelled => {}
+        }
+    }
+
+    fn reset_syscfg(&mut self) {
+        self.syscfg.reset();
+        if !self.switches_closed {
+            let reset = self.syscfg.value(registers::PMCR);
+            self.syscfg.set(registers::PMCR, reset | registers::SWITCHES);
         }
     }
 
@@ -741,10 +785,11 @@ impl Soc {
                 _ => {}
             }
         }
-        let time_quantum = self.fdcans().time_quantum_hz();
+        let nominal = self.rcc.nominal_clocks();
+        let time_quantum = self.fdcans().time_quantum_of(nominal.fdcan);
         let scale = self.power.scale(now);
-        let too_fast = clocks::too_fast(&self.clocks, time_quantum, used, scale);
-        let too_fast: Vec<_> = too_fast.chain(self.adc.too_fast()).collect();
+        let too_fast = clocks::too_fast(&nominal, time_quantum, used, scale);
+        let too_fast: Vec<_> = too_fast.chain(self.adc.too_fast(&nominal)).collect();
         let before = std::mem::replace(&mut self.too_fast, too_fast.clone());
         for clock in too_fast.into_iter().filter(|clock| !before.contains(clock)) {
             self.report(address, true, AccessKind::TooFast(clock));

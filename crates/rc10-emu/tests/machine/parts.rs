@@ -204,6 +204,46 @@ fn a_heater_keeps_its_imu_warm() {
     assert_eq!(reports(&bench.machine), [""; 0]);
 }
 
+/// The chip as a firmware's test may ask for it.
+#[test]
+fn options_and_faults_reach_the_chip() {
+    let options = Options { board: Board::DM_MC02, ..Options::default() };
+    let program = program(WFI, START, HANDLER);
+    let read = |machine: &Machine, address| {
+        machine.soc().read(address, Width::Word, machine.now()).unwrap()
+    };
+    let write = |machine: &Machine, address, value| {
+        machine.soc().write(address, Width::Word, value, machine.now()).unwrap();
+    };
+    for (switches_closed, value) in [(true, 0), (false, 3)] {
+        let machine = Machine::with(&program, Options { switches_closed, ..options }).unwrap();
+        write(&machine, RCC + 0xF4, 1 << 1);
+        assert_eq!(read(&machine, SYSCFG + 4) >> 26 & 3, value);
+    }
+    let silent = Options { silent: &["TIM17"], ..options };
+    let machine = Machine::with(&program, silent).unwrap();
+    write(&machine, 0x4001_482C, 7);
+    assert_eq!((read(&machine, 0x4001_482C), machine.soc().gated()), (0, 0));
+    let unknown = Options { silent: &["TIM99"], ..options };
+    let error = Machine::with(&program, unknown).err().unwrap().to_string();
+    assert_eq!(error, "there is no peripheral TIM99");
+    // ADC1's regulator, PER as its clock, ADEN, and no ADRDY as long as it fails.
+    let mut machine = Machine::with(&program, options).unwrap();
+    let mut world = World::new(1);
+    write(&machine, RCC + 0xD8, 1 << 5);
+    write(&machine, RCC + 0x58, 2 << 16);
+    write(&machine, 0x4002_2308, 3 << 18);
+    write(&machine, 0x4002_2008, 3 << 8 | 1 << 28);
+    machine.run(&mut world, micros(20)).unwrap();
+    machine.set_adc_fails(true);
+    write(&machine, 0x4002_2008, 3 << 8 | 1 << 28 | 1);
+    machine.run(&mut world, micros(5_000)).unwrap();
+    assert_eq!(read(&machine, 0x4002_2000) & 1, 0);
+    machine.set_adc_fails(false);
+    machine.run(&mut world, micros(5_010)).unwrap();
+    assert_eq!(read(&machine, 0x4002_2000) & 1, 1);
+}
+
 #[test]
 fn a_key_is_low_while_it_is_pressed() {
     let mut bench = Bench::new(Board::DM_MC02);

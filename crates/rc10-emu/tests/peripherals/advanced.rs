@@ -37,7 +37,7 @@ fn tim8(ccer: u32, bdtr: u32) -> Chip {
     chip.write(TIM8 + CCER, ccer);
     chip.write(TIM8 + BDTR, bdtr);
     chip.write(TIM8 + EGR, 1);
-    assert!(chip.soc.record_pin('A', 7) && chip.soc.record_pin('C', 6));
+    assert!(chip.record('A', 7) && chip.record('C', 6));
     chip.write(TIM8 + CR1, 1);
     chip
 }
@@ -145,7 +145,7 @@ fn servos_on_channels_1_and_3_of_tim1() {
     chip.write(TIM1 + CCR3, 2_000);
     chip.write(TIM1 + CCER, 0x0101);
     chip.write(TIM1 + EGR, 1);
-    assert!(chip.soc.record_pin('E', 9) && chip.soc.record_pin('E', 13));
+    assert!(chip.record('E', 9) && chip.record('E', 13));
     chip.write(TIM1 + BDTR, MOE);
     chip.write(TIM1 + CR1, 1);
     let start = chip.now;
@@ -180,7 +180,7 @@ fn colours_come_out_of_the_complementary_output() {
     chip.write(TIM8 + EGR, 1);
     chip.write(TIM8 + SR, 0);
     chip.write(TIM8 + BDTR, MOE);
-    assert!(chip.soc.record_pin('A', 7));
+    assert!(chip.record('A', 7));
     for (address, width) in (WIDTHS..).step_by(2).zip(&widths) {
         chip.memory.write(address, &width.to_le_bytes()).unwrap();
     }

@@ -1,9 +1,10 @@
 //! The boards: crystals, pins that lead nowhere, switches of pads.
 
 use rc10_emu::Board;
-use rc10_emu::peripherals::AccessKind;
+use rc10_emu::peripherals::{AccessKind, ResetCause};
+use rc10_sim::Nanos;
 
-use crate::chip::{AHB4ENR, APB1LENR, APB4ENR, Chip, RCC};
+use crate::chip::{AHB1ENR, AHB4ENR, APB1LENR, APB2ENR, APB4ENR, Chip, RCC};
 
 const GPIOC: u32 = 0x5802_0800;
 const GPIOF: u32 = 0x5802_1400;
@@ -88,7 +89,7 @@ fn pc3_reaches_its_pad_while_its_switch_is_closed() {
     assert_eq!((chip.soc.pin_output('C', 3), chip.kinds()), (Some(true), vec![]));
     // Neither does a level come in.
     chip.write(GPIOC, 0xFFFF_FFCF);
-    assert!(chip.soc.drive_pin('C', 2, Some(true), rc10_sim::Nanos::new(chip.now)));
+    assert!(chip.soc.drive_pin('C', 2, Some(true), Nanos::new(chip.now)));
     assert_eq!(chip.read(GPIOC + 0x10) & 4, 4);
     chip.set(PMCR, 1 << 26, 1 << 26);
     assert_eq!(chip.read(GPIOC + 0x10) & 4, 0);
@@ -104,4 +105,50 @@ fn an_open_switch_takes_a_pin_from_its_spi() {
     chip.set(PMCR, 1 << 26, 1 << 26);
     chip.alternate(2, 2, 5);
     assert!(matches!(chip.kinds()[..], [AccessKind::Pin(fault)] if fault.pin == ('C', 2)));
+}
+
+/// The same chip where both switches are open after a reset: the program has to close them.
+#[test]
+fn switches_may_be_open_after_a_reset() {
+    let mut chip = Chip::on(Board::DM_MC02, 0);
+    chip.soc.set_switches_closed(false, Nanos::ZERO);
+    for _ in 0..2 {
+        chip.write(AHB4ENR, 1 << 2);
+        chip.write(APB4ENR, 1 << 1);
+        assert_eq!(chip.read(PMCR) >> 26 & 3, 3);
+        chip.write(GPIOC + 0x18, 1 << 3);
+        chip.write(GPIOC, 0xFFFF_FF4F);
+        let report = "PC3 is used while its switch to PC3_C is open (SYSCFG_PMCR.PC3SO)";
+        assert_eq!((chip.soc.pin_output('C', 3), said(&mut chip)), (None, vec![report.into()]));
+        assert!(chip.soc.drive_pin('C', 2, Some(true), Nanos::new(chip.now)));
+        assert_eq!(chip.read(GPIOC + 0x10) & 4, 0);
+        chip.set(PMCR, 3 << 26, 0);
+        assert_eq!((chip.soc.pin_output('C', 3), chip.kinds()), (Some(true), vec![]));
+        assert_eq!(chip.read(GPIOC + 0x10) & 4, 4);
+        chip.soc.reset(ResetCause::Software, Nanos::new(chip.now));
+    }
+}
+
+#[test]
+fn a_silent_peripheral_is_as_good_as_none() {
+    let mut chip = Chip::on(Board::DM_MC02, 0);
+    for name in ["TIM17", "TIM8", "SPI2", "ADC1"] {
+        assert!(chip.soc.silence(name), "{name}");
+    }
+    assert!(!chip.soc.silence("TIM99"));
+    // Without a clock, and with one: CR1 of two timers, CFG1, SQR1, ADC12_COMMON's CCR.
+    for clocks in [0, u32::MAX] {
+        chip.write(AHB1ENR, clocks & 1 << 5);
+        chip.write(APB1LENR, clocks & 1 << 14);
+        chip.write(APB2ENR, clocks & (1 << 18 | 1 << 17 | 1 << 1));
+        let silent = [0x4001_4800, 0x4001_0400, 0x4000_3808, 0x4002_2030, 0x4002_2308];
+        for address in silent {
+            chip.write(address, 7);
+            assert_eq!(chip.read(address), 0, "{address:#x}");
+        }
+        assert_eq!((chip.kinds(), chip.soc.next_event()), (vec![], None));
+    }
+    // TIM16, beside them, says something.
+    chip.write(0x4001_442C, 7);
+    assert_eq!(chip.read(0x4001_442C), 7);
 }

@@ -257,7 +257,7 @@ fn four_outputs_have_their_widths() {
     for channel in 0..4 {
         chip.alternate(3, 12 + channel, 2);
         chip.write(TIM4 + CCR1 + 4 * channel, 1_000 + 250 * channel);
-        assert!(chip.soc.record_pin('D', 12 + channel as usize));
+        assert!(chip.record('D', 12 + channel as usize));
     }
     chip.write(TIM4 + EGR, 1);
     chip.write(TIM4 + CR1, 1);

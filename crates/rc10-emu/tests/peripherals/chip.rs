@@ -92,6 +92,10 @@ impl Chip {
             .expect("somebody is there");
     }
 
+    pub fn record(&mut self, port: char, pin: usize) -> bool {
+        self.soc.record_pin(port, pin, Nanos::new(self.now))
+    }
+
     pub fn set(&mut self, address: u32, mask: u32, value: u32) {
         let old = self.read(address);
         self.write(address, old & !mask | value);

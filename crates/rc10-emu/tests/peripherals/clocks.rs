@@ -272,6 +272,30 @@ fn kernel_clocks_have_limits_too() {
     assert_eq!(chip.soc.counts().too_fast, 4, "{:?}", reports(&mut chip));
 }
 
+/// After a reset the APBs have HSI's 64 MHz at the lowest voltage, and a little more if HSI is off.
+/// A PLL that is set to 64.6 MHz is no such case.
+#[test]
+fn an_oscillator_may_be_off_and_a_setting_may_not() {
+    let mut chip = Chip::on(rc10_emu::Board::H723ZG, 10_000);
+    chip.set(RCC + 0x10, 0, 0);
+    assert_eq!((chip.soc.clocks().apb[0], chip.kinds()), (64_640_000, vec![]));
+    for (multiplier, told) in [(320, 0), (323, 2)] {
+        let mut chip = Chip::on(rc10_emu::Board::DM_MC02, 0);
+        chip.set(RCC, 1 << 16, 1 << 16);
+        chip.wait(RCC, 1 << 17);
+        // HSE / 20 x N / 6.
+        chip.set(RCC + 0x28, 0x3F << 4 | 3, 20 << 4 | 2);
+        chip.set(RCC + 0x2C, 0xF | 7 << 16, 1 << 16);
+        chip.write(RCC + 0x30, (multiplier - 1) | 5 << 9);
+        chip.set(RCC, 1 << 24, 1 << 24);
+        chip.wait(RCC, 1 << 25);
+        chip.set(RCC + 0x10, 7, 3);
+        chip.wait(RCC + 0x10, 3 << 3);
+        assert_eq!(chip.soc.clocks().apb[0], u64::from(multiplier) * 200_000);
+        assert_eq!(chip.soc.counts().too_fast, told, "{:?}", reports(&mut chip));
+    }
+}
+
 /// "Set and reset by software": while it is set, no flag is.
 #[test]
 fn rmvf_holds_the_flags_until_it_is_cleared_or_clears_itself() {

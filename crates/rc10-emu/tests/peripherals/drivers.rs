@@ -17,7 +17,7 @@ fn usart(deat: u32, dedt: u32, cr3: u32) -> Chip {
     chip.alternate(3, 5, 7);
     chip.write(USART2 + 0x0C, 30);
     chip.write(USART2 + 0x08, cr3);
-    assert!(chip.soc.record_pin('D', 4));
+    assert!(chip.record('D', 4));
     chip.write(USART2, deat << 21 | dedt << 16);
     chip.write(USART2, deat << 21 | dedt << 16 | UE_TE);
     chip

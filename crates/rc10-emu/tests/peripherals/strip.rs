@@ -27,7 +27,7 @@ fn strip(control: u32) -> Chip {
     chip.write(TIM23 + 0x04, control);
     chip.write(TIM23 + 0x14, 1);
     chip.write(TIM23 + 0x10, 0);
-    assert!(chip.soc.record_pin('F', 9));
+    assert!(chip.record('F', 9));
     chip
 }
 

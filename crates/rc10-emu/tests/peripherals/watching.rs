@@ -1,4 +1,4 @@
-//! Outputs as somebody with an oscilloscope sees them: PWM's share, longest pulse, levels.
+//! Outputs as an oscilloscope shows them: PWM's share, longest pulse, levels.
 
 use rc10_emu::Board;
 use rc10_emu::peripherals::PinTime;
@@ -121,4 +121,34 @@ fn switches_are_on_or_off() {
     assert_eq!(chip.soc.pin_output('C', 14), Some(false));
     assert!(chip.soc.take_pin_time('C', 12, now).is_none(), "not watched");
     assert!(!chip.soc.watch_pin('Z', 1, now));
+}
+
+#[test]
+fn a_pin_that_is_high_already_counts_from_the_begin_of_watching() {
+    let mut chip = Chip::on(Board::DM_MC02, 0);
+    chip.write(AHB4ENR, 1 << 2);
+    chip.write(GPIOC + 0x18, 1 << 14 | 1 << 15);
+    chip.write(GPIOC, 0x57FF_FFFF);
+    chip.run_to(50 * MILLISECOND);
+    // PC15 is recorded first, and watched later: its rise is not known either.
+    assert!(chip.record('C', 15));
+    assert!(chip.soc.watch_pin('C', 14, Nanos::new(chip.now)));
+    chip.run_to(52 * MILLISECOND);
+    assert!(chip.soc.watch_pin('C', 15, Nanos::new(chip.now)));
+    chip.run_to(53 * MILLISECOND);
+    let now = Nanos::new(chip.now);
+    let times = [14, 15].map(|pin| chip.soc.take_pin_time('C', pin, now).unwrap());
+    let figures = times.map(|time| (time.high.get(), time.longest_high.get(), time.rises));
+    let both = [(3 * MILLISECOND, 3 * MILLISECOND, 0), (MILLISECOND, 3 * MILLISECOND, 0)];
+    assert_eq!(figures, both);
+}
+
+#[test]
+fn a_pin_that_is_only_recorded_has_no_time() {
+    let mut chip = Chip::on(Board::DM_MC02, 0);
+    assert!(chip.record('C', 14));
+    let now = Nanos::new(chip.now);
+    assert!(chip.soc.take_pin_time('C', 14, now).is_none());
+    assert!(chip.soc.watch_pin('C', 14, now));
+    assert!(chip.soc.take_pin_time('C', 14, now).is_some());
 }

@@ -1,9 +1,15 @@
 //! A Bosch BMI088 from its own side: what its two chips do with the bytes that come in while their chip
-//! selects are low. Written from the data sheet BST-BMI088-DS001; it shares nothing with a driver.
+//! selects are low. It began as the model in the tests of `rc10-module`'s driver, by the same reader of
+//! the data sheet BST-BMI088-DS001: it shares no code with the driver, and may share its mistakes.
 //!
 //! Modelled: the accelerometer's way from I²C to SPI and its dummy byte, start-up and suspend times,
-//! ranges, data rates, sensor time, temperature, resets. Both chips are exact but for their 16 bits and a
-//! noise of one digit. Not modelled: their filters and drift, interrupts, FIFOs, the self-test.
+//! ranges, data rates, sensor time, temperature, resets. Both chips are exact but for their 16 bits
+//! and a noise of one digit. Not modelled: their filters and drift, interrupts, FIFOs, the self-test.
+//!
+//! Belief, neither in the data sheet nor measured: that the accelerometer's `ACC_CONF` and `ACC_RANGE`
+//! take nothing while it is suspended; that 0x80, which says that there is no temperature, stands in
+//! the first of its two bytes only; that a reset keeps SPI ([`Accelerometer::reset_forgets_spi`] has
+//! the other); that the 450 µs until it measures begin with the later of "on" and "not suspended".
 
 use crate::base::GRAVITY;
 use crate::{Base, Nanos};
@@ -58,7 +64,7 @@ pub struct Accelerometer {
     pub id: u8,
     /// `ACC_ERR_REG`: 0 of a good one.
     pub errors: u8,
-    /// A reset takes it back to I²C: the data sheet says no, users say that it does.
+    /// A reset takes it back to I²C: the data sheet is read as saying no, users say that it does.
     pub reset_forgets_spi: bool,
     /// A register that takes nothing.
     pub deaf: Option<u8>,
@@ -67,6 +73,7 @@ pub struct Accelerometer {
     registers: [u8; 128],
     speaks_spi: bool,
     ready: Nanos,
+    /// Time at which it measures: some time after it is on and not suspended.
     awake: Option<Nanos>,
     written: Option<Nanos>,
     /// Number of the latest measurement in the registers, and of the latest of the temperature.
@@ -123,8 +130,8 @@ const GYROSCOPE_STARTS: Nanos = Nanos::new(30_000_000);
 /// After a write in suspend mode comes that long nothing, and so it takes to wake up: data sheet, 6.1 and
 /// 4.1.1.
 const WAKE_UP: Nanos = Nanos::new(450_000);
-/// A tick of the sensor time: data sheet, 5.3.6.
-const TICK_NS: u64 = 39_062;
+/// Sixteen ticks of the sensor time, 39.0625 µs each: data sheet, 5.3.6.
+const SIXTEEN_TICKS_NS: u64 = 625_000;
 /// Period of the temperature's measurements: data sheet, 5.3.7.
 const WARMTH_NS: u64 = 1_280_000_000;
 /// Periods of the accelerometer's data rates from 12.5 Hz (5) to 1600 Hz (12): data sheet, 5.3.10.
@@ -298,9 +305,7 @@ impl Bmi088 {
             return 0;
         }
         let chip = &self.accelerometer;
-        let is_on = chip.registers[usize::from(accelerometer::POWER)] == 0x04
-            && chip.registers[usize::from(accelerometer::POWER_CONFIG)] == 0x00;
-        let is_awake = is_on && chip.awake.is_some_and(|awake| now >= awake);
+        let is_awake = chip.awake.is_some_and(|awake| now >= awake);
         match register {
             accelerometer::ID => return chip.id,
             accelerometer::ERRORS => return chip.errors,
@@ -333,7 +338,7 @@ impl Bmi088 {
     }
 
     fn latch_time(&mut self, now: Nanos) {
-        let ticks = (now.get() / TICK_NS).to_le_bytes();
+        let ticks = (now.get() * 16 / SIXTEEN_TICKS_NS).to_le_bytes();
         let time = usize::from(accelerometer::TIME);
         self.accelerometer.registers[time..time + 3].copy_from_slice(&ticks[..3]);
     }
@@ -370,7 +375,6 @@ impl Bmi088 {
             }
             // Configuration registers take nothing while the chip sleeps.
             (accelerometer::CONFIG | accelerometer::RANGE, _) if is_suspended => return,
-            (accelerometer::POWER, 0x04) => chip.awake = Some(now + WAKE_UP),
             _ => {}
         }
         let is_kept = matches!(
@@ -383,6 +387,10 @@ impl Bmi088 {
         if is_kept || accelerometer::STORED.contains(&register) {
             chip.registers[usize::from(register)] = value;
         }
+        // On, and not suspended.
+        let is_on = chip.registers[usize::from(accelerometer::POWER)] == 0x04
+            && chip.registers[usize::from(accelerometer::POWER_CONFIG)] == 0x00;
+        chip.awake = is_on.then(|| chip.awake.unwrap_or(now + WAKE_UP));
     }
 
     fn read_gyroscope(&mut self, register: u8, now: Nanos) -> u8 {
@@ -480,6 +488,36 @@ mod tests {
         let heard = transfer(&mut package, Part::Gyroscope, &[0x82, 0, 0, 0, 0, 0, 0], 50 * MS);
         let z = i16::from_le_bytes([heard[5], heard[6]]);
         assert!((16383..=16385).contains(&z), "half of 2000 degrees a second: {z}");
+    }
+
+    /// 450 us after the later of both writes, in either order; a second "on" is none.
+    #[test]
+    fn it_wakes_up_when_it_is_on_and_not_suspended() {
+        for order in [[[0x7C, 0x00], [0x7D, 0x04]], [[0x7D, 0x04], [0x7C, 0x00]]] {
+            let mut package = Bmi088::new();
+            transfer(&mut package, Part::Accelerometer, &[0x80, 0], 40 * MS);
+            for (at, bytes) in [41, 42].into_iter().zip(order) {
+                transfer(&mut package, Part::Accelerometer, &bytes, at * MS);
+            }
+            let mut warmth =
+                |now| transfer(&mut package, Part::Accelerometer, &[0xA2, 0, 0], now)[2];
+            assert_eq!((warmth(42 * MS + 449_999), warmth(42 * MS + 450_000)), (0x80, 2));
+            transfer(&mut package, Part::Accelerometer, &[0x7D, 0x04], 43 * MS);
+            let mut warmth =
+                |now| transfer(&mut package, Part::Accelerometer, &[0xA2, 0, 0], now)[2];
+            assert_eq!(warmth(43 * MS + 1), 2);
+        }
+    }
+
+    #[test]
+    fn sixteen_ticks_of_the_sensor_time_are_625_microseconds() {
+        let mut package = running();
+        let mut time = |now| {
+            let heard = transfer(&mut package, Part::Accelerometer, &[0x98, 0, 0, 0, 0], now);
+            u32::from_le_bytes([heard[2], heard[3], heard[4], 0])
+        };
+        assert_eq!(time(100 * MS), 2_560);
+        assert_eq!((time(600_000 * MS - 1), time(600_000 * MS)), (15_359_999, 15_360_000));
     }
 
     #[test]
