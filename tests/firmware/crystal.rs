@@ -82,6 +82,15 @@ fn the_right_crystal_is_right_whatever_measures_it() {
     }
 }
 
+/// Where TIM17 captures nothing, nothing is known, and nothing said against the crystal.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn a_crystal_that_cannot_be_measured_is_taken_as_it_is() {
+    let told = alone("rc10-firmware", Options { silent: &["TIM17"], ..Options::default() });
+    assert!(told.contains("the crystal could not be measured"), "{told}");
+    assert!(!told.contains("cannot be armed"), "{told}");
+}
+
 /// What a program on a chip without motors says in its first 130 ms.
 fn alone(name: &str, options: Options) -> String {
     said(name, options, |_| ())

@@ -195,6 +195,58 @@ fn the_heater_keeps_its_bounds() {
     });
 }
 
+/// The heater is off without it, and it is told again when the ADC works again.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn an_adc_that_fails_is_no_voltage() {
+    on_board(&[], |emulation| {
+        emulation.rig.machine.watch_pin('B', 1).unwrap();
+        emulation.run(millis(400)).unwrap();
+        assert!(log(emulation).lines().last().unwrap().contains("online, 24.0 V;"));
+        emulation.rig.machine.set_adc_fails(true);
+        let shares = heated(emulation, 8);
+        println!("heater without a voltage: {shares:.0?}");
+        assert!(shares[0] > 200.0 && shares[7] < 0.1, "{shares:?}");
+        assert!(log(emulation).lines().last().unwrap().contains("armed, 11 of 11 motors online;"));
+        emulation.rig.machine.set_adc_fails(false);
+        let shares = heated(emulation, 4);
+        assert!(shares[3] > 200.0, "{shares:?}");
+        assert!(log(emulation).lines().last().unwrap().contains("online, 24.0 V;"));
+        is_clean(&emulation.rig, &Figures::of(&emulation.rig));
+    });
+}
+
+/// What a peripheral does not do costs that, and not the robot: on a chip, or an emulator, on which these say nothing.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn it_drives_without_what_is_no_motor() {
+    on_board(&[], |emulation| {
+        for name in ["TIM17", "ADC1", "SPI2", "TIM3", "TIM8", "TIM12"] {
+            assert!(emulation.rig.machine.soc().silence(name), "{name}");
+        }
+        emulation.run(millis(900)).unwrap();
+        keeps_its_period(&Figures::of(&emulation.rig));
+        assert!(emulation.rig.machine.restarts().is_empty());
+        let log = log(emulation);
+        assert!(log.contains("the crystal could not be measured"), "{log}");
+        let last = log.lines().last().unwrap();
+        assert!(last.contains("armed, 11 of 11 motors online, IMU does not"), "{last}");
+    });
+}
+
+/// The pads of PC2 and PC3 are connected by the program, whatever they are after a reset.
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn it_closes_the_switches_of_its_imu() {
+    on_board(&[], |emulation| {
+        emulation.rig.machine.soc().set_switches_closed(false, Nanos::ZERO);
+        emulation.run(millis(400)).unwrap();
+        is_clean(&emulation.rig, &Figures::of(&emulation.rig));
+        let log = log(emulation);
+        assert!(log.lines().last().unwrap().contains("online, 24.0 V;"), "{log}");
+    });
+}
+
 /// In a hang it goes on as it was, until the watchdog restarts the chip.
 #[test]
 #[ignore = "needs the firmware: cargo xtask emulate"]
