@@ -19,8 +19,8 @@ impl Package {
         }
     }
 
-    /// Whether it bonds a pin out (port 'A' ..= 'K', 0 ..= 15), be it behind a switch. Source: the pin
-    /// lists of stm32-metapac 21.0.0, STM32H723VG and STM32H723ZG.
+    /// Whether it bonds a pin out (port 'A' ..= 'K', 0 ..= 15), be it behind a switch. Source: the
+    /// pin lists of stm32-metapac 21.0.0, STM32H723VG and STM32H723ZG.
     #[must_use]
     pub const fn bonds(self, port: char, pin: usize) -> bool {
         match port {
@@ -31,9 +31,9 @@ impl Package {
         }
     }
 
-    /// Whether a pin is bonded out as its analog pad only: PC2 as `PC2_C`, PC3 as `PC3_C`. Its digital
-    /// part reaches that pad while the switch between them is closed. Source: data sheet DS13313, pin
-    /// definitions, of both packages.
+    /// Whether a pin is bonded out as its analog pad only: PC2 as `PC2_C`, PC3 as `PC3_C`. Its
+    /// digital part reaches that pad while the switch between them is closed. Source: data sheet
+    /// DS13313, pin definitions, of both packages.
     #[must_use]
     pub const fn is_behind_switch(self, port: char, pin: usize) -> bool {
         port == 'C' && (pin == 2 || pin == 3)
@@ -93,7 +93,7 @@ pub struct Heater {
 pub struct SupplySense {
     /// Port and number.
     pub pin: (char, usize),
-    /// The supply is so many times the pin's voltage.
+    /// The supply divided by the pin's voltage.
     pub divider: u32,
 }
 

@@ -66,8 +66,8 @@ pub enum Injection {
     MaskInterrupts(bool),
 }
 
-/// An access to something that does not exist, or has no clock; a pin that leads nowhere; a bit rate
-/// that is not the bus's; or a core that locked up.
+/// An access to something that does not exist, or has no clock; a pin that leads nowhere; a bit
+/// rate that is not the bus's; or a core that locked up.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Report {
     /// Time since power-on.
@@ -103,25 +103,27 @@ pub struct Options {
     /// Whether the FDCANs' clock calibration unit has to be bypassed before a controller may send.
     /// RM0399 59.4.5 says so; ST's HAL leaves it alone, and works. `true` if not said.
     pub calibration_needed: bool,
-    /// Whether `RCC_RSR.RMVF` stays set until the program clears it, and holds the reset flags at zero.
-    /// The register's text says "set and reset by software"; ST's HAL only sets it. `true` if not said.
+    /// Whether `RCC_RSR.RMVF` stays set until the program clears it, and holds the reset flags at
+    /// zero. The register's text says "set and reset by software"; ST's HAL only sets it. `true` if
+    /// not said.
     pub removal_stays: bool,
     /// Whether RAM written before the supply is configured is reported: forbidden (RM0468, power
     /// control), and done by every start-up code, ST's own too. `false` if not said.
     pub reports_early_ram: bool,
-    /// The board that the chip is on: its crystal, and the pins that lead outside. The team's own if not
-    /// said.
+    /// The board that the chip is on: its crystal, and the pins that lead outside. The team's own
+    /// if not said.
     pub board: Board,
-    /// How much too fast the chip's own oscillator (HSI) is, in millionths: a real one is up to 1 % off
-    /// (data sheet, HSI characteristics). 0 if not said.
+    /// How much too fast the chip's own oscillator (HSI) is, in millionths: a real one is up to 1 %
+    /// off (data sheet, HSI characteristics). 0 if not said.
     pub hsi_deviation_ppm: i32,
-    /// Whether the switches of PC2 and PC3 (`SYSCFG_PMCR`) are closed after a reset: RM0468 leaves it to
-    /// the package. A program that needs these pins closes them itself: `false` shows whether it does.
+    /// Whether the switches of PC2 and PC3 (`SYSCFG_PMCR`) are closed after a reset: RM0468 leaves
+    /// it to the package. A program that needs these pins closes them itself: `false` shows whether
+    /// it does.
     /// `true` if not said.
     pub switches_closed: bool,
-    /// Names (`map::MAP`) of peripherals that say nothing, as in an emulator that does not have them:
-    /// their registers read as zero, take nothing, and nothing is reported. `ADC1` stands for its common
-    /// registers, too. None if not said.
+    /// Names (`map::MAP`) of peripherals that say nothing, as in an emulator that does not have
+    /// them: their registers read as zero, take nothing, and nothing is reported. `ADC1` stands for
+    /// its common registers, too. None if not said.
     pub silent: &'static [&'static str],
     /// Seed of the noise that is in all RAM when power comes, the FDCANs' too. 1 if not said.
     pub seed: u64,
@@ -146,7 +148,8 @@ impl Default for Options {
 /// An emulated STM32H723 with a program in its flash.
 ///
 /// It has no wires of its own: [`connect`](Self::connect) puts its FDCANs on buses of a [`World`],
-/// [`connect_serial`](Self::connect_serial) and its like its UARTs and pins on lines, and [`run`](Self::run) lets chip and world go through time together.
+/// [`connect_serial`](Self::connect_serial) and its like its UARTs and pins on lines, and
+/// [`run`](Self::run) lets chip and world go through time together.
 pub struct Machine {
     core: Interpreter,
     wiring: Wiring,
@@ -265,8 +268,9 @@ impl Machine {
         self.buses.borrow_mut().push((index, bus.clone()));
     }
 
-    /// Puts a UART (1 for USART1 ..= 10 for USART10) on a serial link: bytes at the exact nanosecond,
-    /// as levels of the link's rate, with characters of 10 bits as 8N1, of 11 as 8E1, of 12 as 8E2.
+    /// Puts a UART (1 for USART1 ..= 10 for USART10) on a serial link: bytes at the exact
+    /// nanosecond, as levels of the link's rate, with characters of 10 bits as 8N1, of 11 as 8E1,
+    /// of 12 as 8E2.
     /// `inverted`: the line idles low, as that of SBUS does.
     ///
     /// # Errors
@@ -337,14 +341,15 @@ impl Machine {
         self.wiring.soc().pin_output(port, pin)
     }
 
-    /// Characters that a UART has sent and its far end could not read: another rate, another format.
+    /// Characters that a UART has sent and its far end could not read: another rate, another
+    /// format.
     #[must_use]
     pub fn garbled(&self, uart: u8) -> u64 {
         self.links.garbled(uart)
     }
 
-    /// The priority of an external interrupt as it is set now: 0 is the most urgent, the chip has 16
-    /// of them.
+    /// The priority of an external interrupt as it is set now: 0 is the most urgent, the chip has
+    /// 16 of them.
     #[must_use]
     pub fn priority(&self, interrupt: u16) -> u8 {
         // 16 exceptions of the core come before; of eight bits the upper four exist.
@@ -353,8 +358,8 @@ impl Machine {
 
     /// Instructions a second of the core when its clock is 480 MHz; in proportion
     /// less while it is slower. If never said, each takes the clocks that the interpreter reckons:
-    /// those of a Cortex-M4, which waits for one instruction to end before the next begins. What buses
-    /// take on the way to a peripheral comes on top of either.
+    /// those of a Cortex-M4, which waits for one instruction to end before the next begins. What
+    /// buses take on the way to a peripheral comes on top of either.
     pub fn set_speed(&mut self, instructions_per_second: u64) {
         (self.speed, self.part) = (Some(instructions_per_second.max(1)), 0);
     }
@@ -491,8 +496,9 @@ impl Machine {
         self.core.set_nmi(soc.nmi());
     }
 
-    /// Whether ADC1 fails from now on: no conversion, no calibration and no start of it ends. Flags that
-    /// are set stay; what would have ended meanwhile ends as soon as it does not fail any more.
+    /// Whether ADC1 fails from now on: no conversion, no calibration and no start of it ends. Flags
+    /// that are set stay; what would have ended meanwhile ends as soon as it does not fail any
+    /// more.
     pub fn set_adc_fails(&mut self, fails: bool) {
         let now = self.now();
         self.wiring.soc().set_adc_fails(fails, now);

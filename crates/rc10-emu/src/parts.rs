@@ -1,4 +1,7 @@
 //! What is soldered on a board beside the chip: an IMU, a heater for it, a key.
+//!
+//! Motion and temperature change once a millisecond, with the log, and when something is reported
+//! or restarts the chip.
 
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -61,9 +64,9 @@ impl SpiDevice for Half {
     }
 }
 
-/// How an IMU beside a heater gets warm: a first-order law. These numbers are assumptions; none was
-/// measured. They fit what users of DM-MC02 tell: at 24 V a duty of 5 % is not enough for 40 °C, 25 %
-/// is.
+/// How an IMU beside a heater gets warm: a first-order law. These numbers are assumptions, not
+/// measured. They fit the notes of `COD_UniFramework_H7` (P in DM-MC02's facts sheet): a duty of 5 %
+/// was too little for 40 °C, 25 % enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thermal {
     /// °C of everything around, and of the die at power-on.
@@ -128,7 +131,7 @@ impl Parts {
         Self { imu, heater: board.heater, thermal, supply: board.supply, base: None, heated }
     }
 
-    /// What the IMU feels, and how warm it is, now.
+    /// What the IMU feels, and how warm it is, now: called once a millisecond.
     pub fn advance(&mut self, soc: &mut Soc, now: Nanos) {
         let Some(imu) = &self.imu else { return };
         if let Some(base) = &self.base {

@@ -9,11 +9,11 @@ use crate::peripherals::Edge;
 pub enum BadPulse {
     /// The pin stays high at the end.
     StaysHigh,
-    /// A pulse begins so many nanoseconds behind the last one.
+    /// A pulse begins at a wrong distance from the last one's begin. Length in nanoseconds.
     Pause(u64),
-    /// A pulse is so many nanoseconds long.
+    /// A pulse is neither a 0 nor a 1. Length in nanoseconds.
     Width(u64),
-    /// The last LED of a picture gets so many bits, and not 24.
+    /// The last LED of a picture does not get 24 bits. Number of bits.
     Bits(usize),
 }
 
@@ -30,8 +30,8 @@ impl fmt::Display for BadPulse {
 
 impl std::error::Error for BadPulse {}
 
-/// The pictures on a strip of WS2812, each LED as red, green, blue. Widths, period and silence are what
-/// all its data sheets agree on. The first edge must be a rise.
+/// The pictures on a strip of WS2812, each LED as red, green, blue. Widths, period and silence are
+/// what all its data sheets agree on. The first edge must be a rise.
 ///
 /// # Errors
 /// The first pulse that is none of a WS2812.

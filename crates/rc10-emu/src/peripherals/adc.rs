@@ -6,8 +6,8 @@
 //! calibration changes nothing but the time. Each conversion is an event, also of a sequence that
 //! goes on for ever.
 //! Not modelled, and reported when asked for: triggers, injected channels, differential inputs,
-//! watchdogs, offsets, discontinuous mode, the wait for a reader (AUTDLY), dual mode, ADC2 and ADC3,
-//! the channels inside of the chip.
+//! watchdogs, offsets, discontinuous mode, the wait for a reader (AUTDLY), dual mode, ADC2 and
+//! ADC3, the channels inside of the chip.
 //! Not modelled, and not reported: the mode of an input's pin, which should be analog, and the
 //! switches of PC2 and PC3 (`PMCR`), which lead to inputs 12 and 13: voltages always come in.
 
@@ -56,8 +56,8 @@ const PRESCALERS: [u64; 12] = [1, 2, 4, 6, 8, 10, 12, 16, 32, 64, 128, 256];
 /// Highest clock by `BOOST`, hertz. Source: RM0468, `ADC_CR`.
 const BOOSTS: [u64; 4] = [6_250_000, 12_500_000, 25_000_000, 50_000_000];
 
-/// Time until the regulator is up: data sheet, ADC characteristics, `tADCVREG_STUP`, maximum; quoted
-/// from memory.
+/// Time until the regulator is up: data sheet, ADC characteristics, `tADCVREG_STUP`, maximum;
+/// quoted from memory.
 const REGULATOR: Nanos = Nanos::new(10_000);
 /// Clocks of a calibration of the offset: not confirmed. Quoted from memory of the data sheet's ADC
 /// characteristics; ST's drivers for Linux and U-Boot have 20 (`STM32H7_ADC_CALIB_TIMEOUT_US`).
@@ -196,8 +196,8 @@ impl Adc {
         *self = Self { bus_hz, kernel_hz, inputs, fails, ..Self::new() };
     }
 
-    /// From now on it ends no conversion, no calibration and no start, or does again: then what would
-    /// have ended meanwhile ends at once.
+    /// From now on it ends no conversion, no calibration and no start, or does again: then what
+    /// would have ended meanwhile ends at once.
     pub(super) fn set_fails(&mut self, fails: bool, now: Nanos) {
         self.fails = fails;
         if let State::Calibrates { until }
@@ -221,8 +221,8 @@ impl Adc {
 
     /// Half clocks a second of its analog part, whose clock is half of what it is given.
     ///
-    /// Source: RM0433 Rev 7, figure 136, as stm32h7xx-hal's `adc.rs` quotes it; ST's HAL halves it, too,
-    /// for every STM32H72x and H73x (`ADC_ConfigureBoostMode`).
+    /// Source: RM0433 Rev 7, figure 136, as stm32h7xx-hal's `adc.rs` quotes it; ST's HAL halves it,
+    /// too, for every `STM32H72x` and `STM32H73x` (`ADC_ConfigureBoostMode`).
     fn half_clocks_hz(&self) -> u64 {
         self.half_clocks_of(self.bus_hz, self.kernel_hz)
     }

@@ -31,7 +31,8 @@ pub struct Clocks {
     pub adc: u64,
 }
 
-/// A clock that goes somewhere as a signal: a frequency and what divides it, so that nothing is rounded.
+/// A clock that goes somewhere as a signal: a frequency and what divides it, so that nothing is
+/// rounded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Tone {
     /// Not zero.
@@ -187,7 +188,8 @@ fn apb_divider(bits: u32) -> u64 {
 /// `fraction` is in 1/8192; `wide` is VCOSEL = 0, 192 ..= 836 MHz, otherwise 150 ..= 420 MHz;
 /// `range` is RGE. Limits: RM0468, RCC chapter, PLL section, and the data sheet's PLL table.
 ///
-/// The limits are those of the input's nominal frequency: what an oscillator is off by does not matter.
+/// The limits are those of the input's nominal frequency: what an oscillator is off by does not
+/// matter.
 pub(super) fn pll(input: PllInput, settings: &Pll) -> Option<[u64; 3]> {
     let reference = input.nominal.checked_div(u64::from(settings.pre_divider))?;
     let allowed = match settings.range {
@@ -275,10 +277,10 @@ pub(super) struct Used {
     pub i2cs: bool,
 }
 
-/// Highest frequencies of the core, of AXI and AHB, and of the APBs, by voltage scale 0 to 3; the core
-/// without the option byte that boosts it. Source: STM32H723 data sheet, general operating conditions;
-/// the same in embassy-stm32's `rcc/h.rs`. But that APBs may have 42.5 MHz at scale 3 cannot be meant of
-/// the state after a reset, where they have HSI's 64 MHz: so they may here.
+/// Highest frequencies of the core, of AXI and AHB, and of the APBs, by voltage scale 0 to 3; the
+/// core without the option byte that boosts it. Source: STM32H723 data sheet, general operating
+/// conditions; the same in embassy-stm32's `rcc/h.rs`. But that APBs may have 42.5 MHz at scale 3
+/// cannot be meant of the state after a reset, where they have HSI's 64 MHz: so they may here.
 const BUS_LIMITS: [[u64; 3]; 4] = [
     [520_000_000, 275_000_000, 137_500_000],
     [400_000_000, 200_000_000, 100_000_000],
@@ -288,16 +290,17 @@ const BUS_LIMITS: [[u64; 3]; 4] = [
 /// FDCAN's kernel clock at scale 0 (RM0399, kernel clock distribution; Zephyr's
 /// `can_stm32h7_fdcan.c`). At lower voltage the APB's limit is the smaller one.
 const FDCAN_LIMIT: u64 = 125_000_000;
-/// SPI1 to SPI3's at scale 0 (data sheet, SPI characteristics). At lower voltage we take AXI's limit.
+/// SPI1 to SPI3's at scale 0 (data sheet, SPI characteristics). At lower voltage we take AXI's
+/// limit.
 const SPI123_LIMIT: u64 = 200_000_000;
 
-/// The clocks that are too fast. Kernel clocks that the documents at hand give no figure for are held
-/// to the limit of the bus that their peripheral is on. All of them are nominal: what an oscillator
-/// is off by does not matter.
+/// The clocks that are too fast. Kernel clocks that the documents at hand give no figure for are
+/// held to the limit of the bus that their peripheral is on. All of them are nominal: what an
+/// oscillator is off by does not matter.
 ///
-/// `time_quantum` is FDCAN's clock behind the calibration unit's divider. RM0399 59.4.5 says that it
-/// must be "always below or equal to" APB's and prints `fdcan_tq_ck < fdcan_pclk` beside it: here the
-/// formula holds.
+/// `time_quantum` is FDCAN's clock behind the calibration unit's divider. RM0399 59.4.5 says that
+/// it must be "always below or equal to" APB's and prints `fdcan_tq_ck < fdcan_pclk` beside it:
+/// here the formula holds.
 pub(super) fn too_fast(
     clocks: &Clocks,
     time_quantum: u64,

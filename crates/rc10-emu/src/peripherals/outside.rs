@@ -31,8 +31,8 @@ pub struct PinTime {
     pub high: Nanos,
     /// How often it rose.
     pub rises: u64,
-    /// The longest time that it was high without a pause, also if that began earlier: as far as it was
-    /// watched or recorded.
+    /// The longest time that it was high without a pause, also if that began earlier: as far as it
+    /// was watched or recorded.
     pub longest_high: Nanos,
 }
 
@@ -175,8 +175,8 @@ impl Soc {
         true
     }
 
-    /// Sums up from now on how long the chip holds a pin high, without keeping its edges; one that it
-    /// does not drive counts as low. `false`: there is no such pin.
+    /// Sums up from now on how long the chip holds a pin high, without keeping its edges; one that
+    /// it does not drive counts as low. `false`: there is no such pin.
     pub fn watch_pin(&mut self, port: char, pin: usize, now: Nanos) -> bool {
         self.advance(now);
         let Some(recorder) = self.recorder(port, pin, now) else { return false };
@@ -257,8 +257,8 @@ impl Soc {
         }
     }
 
-    /// Puts a wire from one pin, which the chip drives, to another, which listens. `false`: there is
-    /// no such pin.
+    /// Puts a wire from one pin, which the chip drives, to another, which listens. `false`: there
+    /// is no such pin.
     pub fn join_pins(&mut self, from: (char, usize), to: (char, usize), now: Nanos) -> bool {
         self.advance(now);
         let (Some(from), Some(to)) = (pin_at(from), pin_at(to)) else { return false };
@@ -333,15 +333,15 @@ impl Soc {
 
 /// Voltages.
 impl Soc {
-    /// The voltage at a pin from outside, in microvolts, from now on; 0 before. `false`: the pin does not
-    /// lead outside, or to no converter that is modelled.
+    /// The voltage at a pin from outside, in microvolts, from now on; 0 before. `false`: the pin
+    /// does not lead outside, or to no converter that is modelled.
     pub fn set_voltage(&mut self, port: char, pin: usize, microvolts: u32, now: Nanos) -> bool {
         self.advance(now);
         self.board().package.bonds(port, pin) && self.adc.set_voltage((port, pin), microvolts)
     }
 
-    /// The board's supply (VIN) in millivolts, from now on, where the chip measures it. `false`: it does
-    /// not on this board.
+    /// The board's supply (VIN) in millivolts, from now on, where the chip measures it. `false`: it
+    /// does not on this board.
     pub fn set_supply(&mut self, millivolts: u32, now: Nanos) -> bool {
         self.board().supply_sense.is_some_and(|SupplySense { pin: (port, pin), divider }| {
             let microvolts = u64::from(millivolts) * 1000 / u64::from(divider.max(1));
@@ -362,8 +362,8 @@ impl Soc {
 
     /// Bytes come in at a UART's receive pin (1 for USART1 ..= 10), one right after the other, the
     /// first start bit at `start`, which must be after the bits fed before. `bits` is a frame's
-    /// length with start, parity and stop bits: 10 for 8N1, 11 for 8E1, 12 for 8E2. `false`: no such
-    /// UART, no such length, or no such baud rate.
+    /// length with start, parity and stop bits: 10 for 8N1, 11 for 8E1, 12 for 8E2. `false`: no
+    /// such UART, no such length, or no such baud rate.
     pub fn feed_serial(
         &mut self,
         uart: u8,
@@ -382,7 +382,8 @@ impl Soc {
         }) && usart_of(uart).is_some()
     }
 
-    /// A character comes in at a UART's receive pin, now or later, after those that were fed before.
+    /// A character comes in at a UART's receive pin, now or later, after those that were fed
+    /// before.
     /// `false`: there is no such UART.
     pub fn feed_character(&mut self, uart: u8, character: Character) -> bool {
         let Some(usart) = usart_of(uart) else { return false };
@@ -391,8 +392,8 @@ impl Soc {
         true
     }
 
-    /// Something damages the character that comes in at a UART's receive pin; if none does, it looks
-    /// like `otherwise`, damaged. `false`: there is no such UART.
+    /// Something damages the character that comes in at a UART's receive pin; if none does, it
+    /// looks like `otherwise`, damaged. `false`: there is no such UART.
     pub fn disturb_serial(
         &mut self,
         uart: u8,
@@ -426,8 +427,8 @@ impl Soc {
         usart_of(uart).map(|usart| self.usarts[usart].take_outgoing()).unwrap_or_default()
     }
 
-    /// The level of a UART's driver enable pin; `None` if it has none: not enabled, or no pin set up
-    /// for it.
+    /// The level of a UART's driver enable pin; `None` if it has none: not enabled, or no pin set
+    /// up for it.
     #[must_use]
     pub fn driver_enable(&self, uart: u8) -> Option<bool> {
         let usart = usart_of(uart)?;
@@ -469,8 +470,8 @@ impl Soc {
     }
 
     /// A device holds an I2C's data line low, as one does that lost a clock, until it has seen so
-    /// many clocks from the clock pin as a general-purpose output. Both lines have pull-ups from now
-    /// on. `false`: no such I2C, or no such pins.
+    /// many clocks from the clock pin as a general-purpose output. Both lines have pull-ups from
+    /// now on. `false`: no such I2C, or no such pins.
     pub fn hold_data(
         &mut self,
         i2c: u8,
@@ -516,8 +517,8 @@ impl Soc {
         self.pins_changed = true;
     }
 
-    /// The next item of a stream (DMA 1 or 2, stream 0 to 7) fails: a transfer error. `false`: there
-    /// is no such stream.
+    /// The next item of a stream (DMA 1 or 2, stream 0 to 7) fails: a transfer error. `false`:
+    /// there is no such stream.
     pub fn inject_dma_error(&mut self, dma: usize, stream: usize) -> bool {
         let dma = dma.checked_sub(1).and_then(|index| self.dmas.get_mut(index));
         dma.is_some_and(|dma| dma.fail(stream))

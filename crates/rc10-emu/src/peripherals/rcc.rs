@@ -4,13 +4,13 @@
 //! While a PLL is on, its input and its dividers are locked: writes to them change nothing, and are
 //! not reported, because embassy writes there at every boot and relies on it.
 //!
-//! A crystal may be dead or die. With clock security on (`CR.HSECSSON`) the chip then switches to HSI
-//! and raises an NMI; without it everything that comes from the crystal stands still until it swings
-//! again: what a PLL without its reference does the manual leaves open. Whether its ready flags fall,
-//! too: here they do. A failure is detected at once.
+//! A crystal may be dead or die. With clock security on (`CR.HSECSSON`) the chip then switches to
+//! HSI and raises an NMI; without it everything that comes from the crystal stands still until it
+//! swings again: what a PLL without its reference does the manual leaves open. Whether its ready
+//! flags fall, too: here they do. A failure is detected at once.
 //!
-//! Of the MCO outputs only MCO1 goes anywhere: to TIM17. Only stored: ready interrupts, clock security
-//! of LSE, calibration, low-power gates. A `CPURST` does nothing.
+//! Of the MCO outputs only MCO1 goes anywhere: to TIM17. Only stored: ready interrupts, clock
+//! security of LSE, calibration, low-power gates. A `CPURST` does nothing.
 
 use rc10_sim::Nanos;
 

@@ -97,8 +97,9 @@ pub(super) const SWITCHES: u32 = 3 << 26;
 /// factory option bytes (`UR18`: no frequency boost).
 ///
 /// `PMCR` after a reset: the switches of pins that both packages bond out as their analog pad only,
-/// PC2 and PC3, are closed (0), the others open. An assumption: RM0468 leaves it to the package, and
-/// programs are told to run on DM-MC02 that never touch them. `Soc::set_switches_closed` has the other.
+/// PC2 and PC3, are closed (0), the others open. An assumption: RM0468 leaves it to the package,
+/// and programs are told to run on DM-MC02 that never touch them. `Soc::set_switches_closed` has
+/// the other.
 pub(super) const SYSCFG: &[Register] = &[
     masked(PMCR, 0x0300_0000, 0x0FE0_03FF),
     masked(0x08, 0, 0xFFFF),

@@ -94,8 +94,8 @@ impl fmt::Debug for Soc {
 }
 
 impl Soc {
-    /// Peripherals as power-on leaves them, at time zero, on the team's own board. `memory` is what the
-    /// DMAs see.
+    /// Peripherals as power-on leaves them, at time zero, on the team's own board. `memory` is what
+    /// the DMAs see.
     #[must_use]
     pub fn new(fdcan: Arc<Mutex<Fdcans>>, memory: Memory) -> Self {
         Self::on(Board::H723ZG, 0, fdcan, memory)
@@ -267,9 +267,9 @@ impl Soc {
         levels
     }
 
-    /// Clocks of the core that its access to a peripheral takes beyond the instruction's own. A write
-    /// counts as a read does: it may be posted, but the next access waits for it. APB2 to APB4 count
-    /// as fast as APB1.
+    /// Clocks of the core that its access to a peripheral takes beyond the instruction's own. A
+    /// write counts as a read does: it may be posted, but the next access waits for it. APB2 to
+    /// APB4 count as fast as APB1.
     #[must_use]
     pub fn access_clocks(&self, address: u32) -> u64 {
         if !is_peripheral(address) {
@@ -352,20 +352,20 @@ impl Soc {
         self.power.is_supplied()
     }
 
-    /// The chip's identity, `DBGMCU_IDC`, if not that of an STM32H723: for a program that wants to know
-    /// on which chip it is.
+    /// The chip's identity, `DBGMCU_IDC`, if not that of an STM32H723: for a program that wants to
+    /// know on which chip it is.
     pub fn set_identity(&mut self, identity: u32) {
         self.debug.set(0, identity);
     }
 
-    /// Sets how RSR.RMVF behaves: whether it stays set until it is cleared, and holds the reset flags at
-    /// zero as long. It does if never said.
+    /// Sets how RSR.RMVF behaves: whether it stays set until it is cleared, and holds the reset
+    /// flags at zero as long. It does if never said.
     pub fn set_removal_stays(&mut self, stays: bool) {
         self.rcc.removal_stays = stays;
     }
 
-    /// Sets whether the switches of PC2 and PC3 are closed after a reset, and lets them be so now. They are
-    /// if never said.
+    /// Sets whether the switches of PC2 and PC3 are closed after a reset, and lets them be so now.
+    /// They are if never said.
     pub fn set_switches_closed(&mut self, closed: bool, now: Nanos) {
         self.advance(now);
         self.switches_closed = closed;
@@ -374,8 +374,9 @@ impl Soc {
         self.settle(now);
     }
 
-    /// A peripheral, by its name in [`map::MAP`], says nothing from now on, as if the program ran on an
-    /// emulator that does not have it: its registers read as zero, take nothing, and nothing is reported.
+    /// A peripheral, by its name in [`map::MAP`], says nothing from now on, as if the program ran
+    /// on an emulator that does not have it: its registers read as zero, take nothing, and nothing
+    /// is reported.
     /// `ADC1` stands for its common registers, too. `false`: there is none of this name.
     pub fn silence(&mut self, name: &str) -> bool {
         let is_meant =
@@ -386,8 +387,8 @@ impl Soc {
         MAP.iter().any(is_meant)
     }
 
-    /// Whether ADC1 fails from now on: no conversion, no calibration and no start of it ends. Flags that
-    /// are set stay.
+    /// Whether ADC1 fails from now on: no conversion, no calibration and no start of it ends. Flags
+    /// that are set stay.
     pub fn set_adc_fails(&mut self, fails: bool, now: Nanos) {
         self.advance(now);
         self.adc.set_fails(fails, now);
@@ -404,7 +405,8 @@ impl Soc {
         self.guards_ram && !self.is_supplied()
     }
 
-    /// A write to a RAM that the core is kept from: told, the first time, and done. `false`: it is none.
+    /// A write to a RAM that the core is kept from: told, the first time, and done. `false`: it is
+    /// none.
     pub(crate) fn write_early(&mut self, address: u32, bytes: &[u8]) -> bool {
         let is_ram = address >> 24 != FLASH >> 24 && !self.is_gated_memory(address);
         if !self.guards_ram() || !is_ram || self.memory.write(address, bytes).is_err() {

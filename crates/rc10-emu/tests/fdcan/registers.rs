@@ -49,8 +49,8 @@ fn what_is_not_there_is_told() {
     assert_eq!(bench.fdcans().read(3, CCCR, now), None);
     assert!(!bench.fdcans().write(3, CCCR, 0, now));
     assert_eq!(bench.fdcans().counters(3).sent, 0);
-    let mut nobody = rc10_emu::fdcan::Node::new(bench.fdcans.clone(), 3);
-    assert!(!nobody.is_on_bus() && nobody.offer(now).is_none());
+    let mut absent = rc10_emu::fdcan::Node::new(bench.fdcans.clone(), 3);
+    assert!(!absent.is_on_bus() && absent.offer(now).is_none());
 }
 
 #[test]

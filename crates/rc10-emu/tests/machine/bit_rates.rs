@@ -11,8 +11,8 @@ const GPIOD: u32 = 0x5802_0C00;
 const FDCAN1: u32 = 0x4000_A000;
 const FDCANRAM: u32 = 0x4000_AC00;
 
-/// A chip whose FDCAN1 is set up for 1 Mbit/s on PD0 and PD1, from a crystal of `reckoned` MHz, and sends
-/// a frame. Its board has another, perhaps.
+/// A chip whose FDCAN1 is set up for 1 Mbit/s on PD0 and PD1, from a crystal of `reckoned` MHz, and
+/// sends a frame. Its board has another, perhaps.
 fn started(board: Board, reckoned: u32) -> (World, rc10_sim::Bus, Machine) {
     let mut world = World::new(1);
     let bus = world.add_bus(BusConfig::default());
@@ -29,7 +29,8 @@ fn started(board: Board, reckoned: u32) -> (World, rc10_sim::Bus, Machine) {
     write(&machine, 0x5802_4818, 0);
     write(&machine, RCC, 1 << 16 | 1);
     machine.run(&mut world, micros(2_500)).unwrap();
-    // HSE / 5 or 6 x 80: 400 or 320 MHz with the crystal that is reckoned with; Q is 80 MHz of both.
+    // HSE / 5 or 6 x 80: 400 or 320 MHz with the crystal that is reckoned with; Q is 80 MHz of
+    // both.
     let (first, times, q) = if reckoned == 25 { (5, 80, 5) } else { (6, 80, 4) };
     write(&machine, RCC + 0x28, first << 4 | 2);
     write(&machine, RCC + 0x2C, 2 << 2 | 3 << 16);

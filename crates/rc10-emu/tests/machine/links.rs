@@ -317,7 +317,7 @@ fn another_rate_on_a_line_is_garbage_at_both_ends() {
     let heard = line.take_trace();
     assert_eq!(heard.len() as u64 + bench.machine.garbled(2), 17);
     assert!(bench.machine.garbled(2) > 0 && motor.state().commands == 0);
-    assert_eq!(bench.remaining(), 64, "nobody has answered");
+    assert_eq!(bench.remaining(), 64, "no answer");
     // Another master polls at the right rate.
     line.inject(&QUESTION);
     bench.run_to(1_000_000);

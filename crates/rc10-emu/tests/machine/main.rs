@@ -78,7 +78,7 @@ fn busiest(machine: &Machine) -> &str {
 }
 
 #[test]
-fn what_nobody_owns_is_counted_wherever_it_is() {
+fn what_has_no_owner_is_counted_wherever_it_is() {
     // Behind the flash, the bootloader's memory, behind DTCM, behind the peripherals.
     for address in [0x0810_0000, 0x1FF1_E800, STACK, 0x6000_0000, 0x9000_0000, 0xFFFF_FFF0] {
         for instruction in [LOAD, STORE, BRANCH] {

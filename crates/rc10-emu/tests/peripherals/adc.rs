@@ -66,8 +66,8 @@ fn it_starts_as_the_manual_says() {
     assert_eq!(chip.read(ISR) >> 12 & 1, 0, "LDORDY");
     chip.run_to(start + 10_000);
     assert_eq!(chip.read(ISR) >> 12 & 1, 1);
-    // Of 16 MHz: with linearity 16,384 to 165,010 clocks, without 20 to 1280. That is the span of
-    // what ST's own drivers and its data sheet are quoted with.
+    // Of 16 MHz: with linearity 16,384 to 165,010 clocks, without 20 to 1280: from the least to
+    // the most of what sources say (`adc.rs`).
     for (linearity, shortest, longest) in [(ADCALLIN, 1_024_000, 10_313_125), (0, 1_250, 80_000)] {
         let start = chip.now;
         chip.write(CR, BOOST | ADVREGEN | linearity);
@@ -137,7 +137,7 @@ fn sequences_oversampling_and_overrun() {
     }
     assert_eq!(results, [43_329, 32_768, 43_329]);
     assert_eq!(chip.read(ISR) & OVR, 0);
-    // No one reads: the first stays, or with OVRMOD the last.
+    // Unread: the first stays, or with OVRMOD the last.
     for (mode, code) in [(0, 43_329), (1 << 12, 32_768)] {
         chip.write(ISR, u32::MAX);
         chip.write(CFGR, 1 << 31 | mode);

@@ -72,7 +72,7 @@ fn a_rising_edge_is_timed() {
 }
 
 #[test]
-fn one_that_nobody_took_is_overwritten_and_told() {
+fn one_that_was_not_taken_is_overwritten_and_told() {
     let (mut chip, start) = ppm(0);
     for nanos in [1_000_000, 2_000_000] {
         chip.run_to(start + nanos);

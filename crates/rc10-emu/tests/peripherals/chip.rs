@@ -83,13 +83,13 @@ impl Chip {
     }
 
     pub fn read(&mut self, address: u32) -> u32 {
-        self.soc.read(address, Width::Word, Nanos::new(self.now)).expect("somebody is there")
+        self.soc.read(address, Width::Word, Nanos::new(self.now)).expect("a device is there")
     }
 
     pub fn write(&mut self, address: u32, value: u32) {
         self.soc
             .write(address, Width::Word, value, Nanos::new(self.now))
-            .expect("somebody is there");
+            .expect("a device is there");
     }
 
     pub fn record(&mut self, port: char, pin: usize) -> bool {

@@ -76,7 +76,7 @@ fn it_may_be_low_or_not_there() {
     chip.write(USART2 + 0x28, 1);
     chip.run_to(start + 100 * BIT);
     assert_eq!((chip.soc.driver_enable(2), edges(&mut chip)), (None, vec![]));
-    assert_eq!(chip.soc.take_sent()[0].start.get(), start, "nobody to wait for");
+    assert_eq!(chip.soc.take_sent()[0].start.get(), start, "nothing to wait for");
 
     // Another alternate function: nothing leads outside.
     let mut chip = usart(0, 0, DEM);

@@ -173,7 +173,7 @@ fn a_write_a_repeated_start_and_a_read() {
 }
 
 #[test]
-fn nobody_at_the_address_is_a_nack_and_a_stop() {
+fn an_address_without_a_device_is_a_nack_and_a_stop() {
     let (mut chip, device) = i2c();
     chip.write(CR2, 0x44 << 1 | 1 << 16 | START);
     chip.run_to(chip.now + 20 * BIT);

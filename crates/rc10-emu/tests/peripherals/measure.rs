@@ -99,7 +99,7 @@ fn no_divider_no_crystal_or_another_input_and_nothing_is_captured() {
 }
 
 #[test]
-fn captures_that_nobody_takes_are_told_and_cost_nothing() {
+fn captures_that_are_not_taken_are_told_and_cost_nothing() {
     let mut chip = listening(Board::DM_MC02, 0, TIM17, 2, 24, 0);
     let next = chip.soc.next_event().map(Nanos::get);
     assert!(next.is_none_or(|next| next > chip.now + 1_000_000_000), "{next:?}");

@@ -34,7 +34,7 @@ fn a_peripheral_held_in_reset_has_its_reset_values_afterwards() {
 }
 
 #[test]
-fn nobody_answers_with_a_bus_fault() {
+fn an_address_without_a_device_is_a_bus_fault() {
     let mut chip = Chip::running();
     let now = Nanos::new(chip.now);
     for address in [0x4000_7000, 0x4FFF_FFFC, 0x5802_2000, 0x5FFF_FFFC] {

@@ -146,7 +146,7 @@ fn a_frame_takes_its_bits() {
 }
 
 #[test]
-fn without_its_pins_its_select_its_mode_or_its_speed_nobody_answers() {
+fn without_its_pins_its_select_its_mode_or_its_speed_a_device_is_silent() {
     let ask = |chip: &mut Chip| exchange(chip, &[0x90, 0])[1];
     // MISO, then SCK, without their alternate function.
     for pin in [6, 5] {
@@ -235,7 +235,7 @@ fn dma_reads_a_size() {
 }
 
 #[test]
-fn an_answer_that_nobody_takes_overruns() {
+fn an_answer_that_is_not_taken_overruns() {
     let (mut chip, _) = spi(0, 0);
     chip.write(CR1, SPE);
     chip.set(CR1, CSTART, CSTART);

@@ -133,7 +133,7 @@ fn nothing_comes_out_of_another_alternate_function_or_without_cc4e() {
 }
 
 #[test]
-fn nobody_to_serve_it_costs_one_event() {
+fn a_request_without_a_stream_costs_one_event() {
     let mut chip = strip(0);
     chip.write(TIM23 + 0x0C, 1 << 8);
     chip.set(TIM23, 1, 1);

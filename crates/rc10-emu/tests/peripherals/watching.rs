@@ -11,8 +11,8 @@ const TIM12: u32 = 0x4000_1800;
 const GPIOC: u32 = 0x5802_0800;
 const MILLISECOND: u64 = 1_000_000;
 
-/// DM-MC02 with its heater on TIM3's channel 4 (PB1), 1 kHz, and its buzzer on TIM12's channel 2 (PB15),
-/// 4 kHz; both off.
+/// DM-MC02 with its heater on TIM3's channel 4 (PB1), 1 kHz, and its buzzer on TIM12's channel 2
+/// (PB15), 4 kHz; both off.
 fn board() -> Chip {
     let mut chip = Chip::on(Board::DM_MC02, 0);
     chip.start_clocks_with(2, 40, 6);

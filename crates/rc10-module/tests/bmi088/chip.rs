@@ -1,4 +1,4 @@
-//! A BMI088 behind an SPI in virtual time: the simulator's, which shares nothing with the driver.
+//! A BMI088 behind an SPI in virtual time: the simulator's, which shares no code with the driver.
 
 use std::cell::RefCell;
 use std::ops::{Deref, DerefMut};

@@ -1,15 +1,17 @@
-//! A Bosch BMI088 from its own side: what its two chips do with the bytes that come in while their chip
-//! selects are low. It began as the model in the tests of `rc10-module`'s driver, by the same reader of
-//! the data sheet BST-BMI088-DS001: it shares no code with the driver, and may share its mistakes.
+//! A Bosch BMI088 from its own side: what its two chips do with the bytes that come in while their
+//! chip selects are low. It began as the model in the tests of `rc10-module`'s driver, by the same
+//! reader of the data sheet BST-BMI088-DS001: it shares no code with the driver, and may share its
+//! mistakes.
 //!
-//! Modelled: the accelerometer's way from I²C to SPI and its dummy byte, start-up and suspend times,
-//! ranges, data rates, sensor time, temperature, resets. Both chips are exact but for their 16 bits
-//! and a noise of one digit. Not modelled: their filters and drift, interrupts, FIFOs, the self-test.
+//! Modelled: the accelerometer's way from I²C to SPI and its dummy byte, start-up and suspend
+//! times, ranges, data rates, sensor time, temperature, resets. Both chips are exact but for their
+//! 16 bits and a noise of one digit. Not modelled: their filters and drift, interrupts, FIFOs, the
+//! self-test.
 //!
-//! Belief, neither in the data sheet nor measured: that the accelerometer's `ACC_CONF` and `ACC_RANGE`
-//! take nothing while it is suspended; that 0x80, which says that there is no temperature, stands in
-//! the first of its two bytes only; that a reset keeps SPI ([`Accelerometer::reset_forgets_spi`] has
-//! the other); that the 450 µs until it measures begin with the later of "on" and "not suspended".
+//! Belief only, not measured: that the accelerometer's `ACC_CONF` and `ACC_RANGE` take nothing
+//! while it is suspended; that 0x80, which says that there is no temperature, stands in the first
+//! of its two bytes only; whether a reset keeps SPI ([`Accelerometer::reset_forgets_spi`]); that
+//! the 450 µs until it measures begin when it is both on and not suspended.
 
 use crate::base::GRAVITY;
 use crate::{Base, Nanos};
@@ -27,8 +29,8 @@ impl Motion {
     /// Level and at rest.
     pub const REST: Self = Self { acceleration: [0.0, 0.0, GRAVITY], rotation: [0.0; 3] };
 
-    /// Level in the middle of a base now, z up: gravity and the base's yaw rate. How the base gathers
-    /// speed is left out.
+    /// Level in the middle of a base now, z up: gravity and the base's yaw rate. How the base
+    /// gathers speed is left out.
     #[must_use]
     pub fn of(base: &Base) -> Self {
         Self { rotation: [0.0, 0.0, base.twist().yaw], ..Self::REST }
@@ -64,7 +66,7 @@ pub struct Accelerometer {
     pub id: u8,
     /// `ACC_ERR_REG`: 0 of a good one.
     pub errors: u8,
-    /// A reset takes it back to I²C: the data sheet is read as saying no, users say that it does.
+    /// A reset takes it back to I²C: the data sheet seems to say no, users say that it does.
     pub reset_forgets_spi: bool,
     /// A register that takes nothing.
     pub deaf: Option<u8>,
@@ -127,8 +129,8 @@ const SOFT_RESET: u8 = 0xB6;
 /// Start-up times: data sheet, 3 and 6.1.
 const ACCELEROMETER_STARTS: Nanos = Nanos::new(1_000_000);
 const GYROSCOPE_STARTS: Nanos = Nanos::new(30_000_000);
-/// After a write in suspend mode comes that long nothing, and so it takes to wake up: data sheet, 6.1 and
-/// 4.1.1.
+/// After a write in suspend mode comes that long nothing, and so it takes to wake up: data sheet,
+/// 6.1 and 4.1.1.
 const WAKE_UP: Nanos = Nanos::new(450_000);
 /// Sixteen ticks of the sensor time, 39.0625 µs each: data sheet, 5.3.6.
 const SIXTEEN_TICKS_NS: u64 = 625_000;
@@ -235,8 +237,8 @@ impl Bmi088 {
         *self.transaction(part) = Transaction::default();
     }
 
-    /// A chip select rose. The first time that it does, the accelerometer begins to speak SPI, once it has
-    /// started: data sheet, 6.1.
+    /// A chip select rose. The first time that it does, the accelerometer begins to speak SPI, once
+    /// it has started: data sheet, 6.1.
     pub fn deselect(&mut self, part: Part, now: Nanos) {
         if part == Part::Accelerometer && now >= self.accelerometer.ready {
             self.accelerometer.speaks_spi = true;

@@ -1,7 +1,7 @@
 //! Capture of the chip's own clocks, in exact numbers: no edge is an event of its own.
 //!
-//! The filter delays every edge alike: it is left out. An input that TISEL connects to a clock counts only
-//! in capture of channel 1 from its own input (CC1S = 1).
+//! The filter delays every edge alike: it is left out. An input that TISEL connects to a clock
+//! counts only in capture of channel 1 from its own input (CC1S = 1).
 
 use rc10_sim::Nanos;
 
@@ -98,7 +98,7 @@ impl Timer {
             return;
         }
         if captures > listener.captures + 1 {
-            // Nobody can have read the one before.
+            // No time to read the one before.
             self.capture(0);
         }
         self.count_clocks(|timer| timer.clocks_at(&listener, captures));
@@ -117,7 +117,7 @@ impl Timer {
         u64::try_from(clocks).unwrap_or(u64::MAX).saturating_add(self.phase)
     }
 
-    /// Time of the next capture that somebody waits for.
+    /// Time of the next capture that an interrupt or a DMA waits for.
     pub(super) fn next_tone(&self) -> Option<Nanos> {
         let listener = self.listener?;
         // CC1IE, CC1DE.
