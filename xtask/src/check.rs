@@ -10,7 +10,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail, ensure};
 
 use crate::cargo::{chip, host, root, run as run_command};
-use crate::firmware::{DM_MC02, ON_DM_MC02, build_all, build_with};
+use crate::firmware::{DM_MC02, ON_DM_MC02, build_all, build_with, flash_nothing};
 use crate::setup::{TARGET, chip_toolchain, component, python};
 use crate::{count, emulate, scaffold, size};
 
@@ -196,6 +196,7 @@ pub fn run() -> Result<()> {
     report.step("firmware", || {
         with_chip(&rustc, |rustc| {
             program = Some(build_all(rustc)?);
+            flash_nothing(rustc)?;
             build_with("usb", None, rustc).map(drop)
         })
     });

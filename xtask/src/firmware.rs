@@ -54,6 +54,14 @@ pub fn build_all(rustc: Option<&Path>) -> Result<PathBuf> {
     build_with(TEAM, None, rustc)
 }
 
+/// Does what flashes a board, with nothing in the probe's place: the program is the one that is meant.
+pub fn flash_nothing(rustc: Option<&Path>) -> Result<()> {
+    let nothing = format!("run --release --config target.{TARGET}.runner=\"true\"");
+    run(&mut chip(&nothing, rustc))?;
+    let other = format!("--no-default-features --features {DM_MC02} --bin {TEAM}-{DM_MC02}");
+    run(&mut chip(&format!("{nothing} {other}"), rustc))
+}
+
 fn elf(name: &str) -> PathBuf {
     let target =
         env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);

@@ -6,6 +6,7 @@ mod check;
 mod count;
 mod emulate;
 mod firmware;
+mod first;
 mod fuzz;
 mod scaffold;
 mod setup;
@@ -24,6 +25,7 @@ cargo xtask emulate   the firmware on an emulated chip: every scenario, against 
 cargo xtask phases  the least and the most of what faults cost, over fifty phases
 cargo xtask size    flash and RAM of the firmware, against their budgets
 cargo xtask count   instructions of the control loop and of every codec, against their budgets
+cargo xtask first   CPU seconds of the first compile, that of cargo run --release
 cargo xtask scaffold   lines that the examples cost beside table, kinematics and tasks
 cargo xtask new-robot   rc10 new outside the tree: compiled, driven, tested, on the emulated chip
 cargo xtask fuzz [seconds] [target ..]   throws bytes at every decoder, 60 s each; needs nightly";
@@ -43,6 +45,7 @@ fn main() -> ExitCode {
             Ok(())
         },
         Some("scaffold") => scaffold::run,
+        Some("first") => first::run,
         Some("new-robot") => || check::new_robot(setup::chip_toolchain().is_ok()),
         Some("emulate") => {
             || emulate::run(&firmware::build_all(setup::chip_toolchain()?.as_deref())?, None)

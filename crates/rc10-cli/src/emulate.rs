@@ -57,7 +57,7 @@ pub struct EmuArgs {
     /// a Cortex-M4 would]
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub mips: Option<u64>,
-    /// The board [default: the one that the program is for]; without a program, that to build it for
+    /// The board, h723zg or dm-mc02 [default: the one that the program is for]; without a program, the one to build it for
     #[arg(long, value_name = "NAME", value_parser = board::named)]
     pub board: Option<Board>,
     /// Its crystal, if another one is soldered on by mistake

@@ -18,7 +18,7 @@ use crate::emulate::board;
 pub struct NewArgs {
     /// Name of the robot, and of the folder that is made here: small letters, digits and hyphens
     pub name: String,
-    /// The board that its firmware is for, if nothing else is said
+    /// The board that its firmware is for: h723zg or dm-mc02
     #[arg(long, value_name = "NAME", default_value = "h723zg", value_parser = board::named)]
     pub board: Board,
     /// RC10 from this repository, and not from the checkout that this program was built from
