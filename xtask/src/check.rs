@@ -163,7 +163,13 @@ pub fn run() -> Result<()> {
                 None,
             ))?;
             let docs = format!("doc --no-deps {bsp}");
-            run_command(host(&docs).env("RUSTDOCFLAGS", "-Dwarnings"))
+            run_command(host(&docs).env("RUSTDOCFLAGS", "-Dwarnings"))?;
+            for (board, chip_name) in [("h723zg", "stm32h723zg"), (DM_MC02, "stm32h723vg")] {
+                let features = format!("--features {board},embassy-stm32/{chip_name}");
+                let docs = format!("doc --no-deps --package rc10-board {features}");
+                run_command(chip(&docs, None).env("RUSTDOCFLAGS", "-Dwarnings"))?;
+            }
+            Ok(())
         }),
         _ => Outcome::Skipped("the active toolchain's clippy has no chip target".to_owned()),
     });

@@ -2,8 +2,8 @@
 //!
 //! | feature | board | chip | crystal |
 //! |---|---|---|---|
-//! | `h723zg` | the team's, with every pin of ours: [wiring](https://docs.rs/rc10-board) | STM32H723ZG | 25 MHz |
-//! | `dm-mc02` | Damiao DM-MC02 | STM32H723VG | 24 MHz |
+//! | `h723zg` | the team's: `docs/wiring.md` | STM32H723ZG | 25 MHz |
+//! | `dm-mc02` | Damiao DM-MC02: `docs/dm-mc02.md` | STM32H723VG | 24 MHz |
 //!
 //! * [`robot!`]: the whole program, of a robot and its tasks.
 //! * [`board`](mod@board): the pins, by what they are for, the crystal, and what is soldered on. [`robot`](mod@robot): what

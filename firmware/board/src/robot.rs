@@ -285,7 +285,7 @@ pub async fn tend<N: Names, const BUSES: usize, const LINES: usize>(
 }
 
 /// Writes the status, ten times a second, as a line of text: to the console, unless a PC is there that
-/// speaks as [`rc10_link`](rc10_tasks::live) does, and into the debug probe's buffer. Never faster,
+/// speaks as [`rc10_link`](mod@rc10_tasks::live) does, and into the debug probe's buffer. Never faster,
 /// because writing there blocks interrupts; and the text is made before, so that they wait for a copy of
 /// it only, and written whole milliseconds after `quiet`, when no bus is about to send. The console is any
 /// port in its two halves.
