@@ -15,7 +15,7 @@ use rc10_link::{Ask, Tell};
 use rc10_module::Stream;
 use rc10_motor::damiao::Control;
 use rc10_motor::dji::{self, Dji, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
-use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::unitree::wire::line::{Command, Parser, Reply};
 use rc10_motor::unitree::{GoM8010, GoModule, LineConfig, ModuleConfig, Rs485Bus, Step};
 use rc10_motor::{
@@ -335,7 +335,7 @@ const CASCADE: Cascade = Cascade {
     angle: PidConfig::new(2.0, 0.0, 0.0, 100.0),
     outer_divider: 1,
     acceleration: RpmPerSecond::new(1000.0),
-    feed_forward: 0.0,
+    feed_forward: FeedForward::NONE,
 };
 
 /// Damiao, in each of its modes.

@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU8;
 
-use rc10_app::{Amps, Cascade, Gear, PidConfig, RpmPerSecond};
+use rc10_app::{Amps, Cascade, FeedForward, Gear, PidConfig, RpmPerSecond};
 use rc10_cli::dbc::Node;
 use rc10_cli::description::Description;
 use rc10_cli::motor::{Motor, Place};
@@ -61,7 +61,7 @@ fn damiao() -> Motor {
         angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     });
     let config = damiao::Config::new(J4310, DAMIAO_ID.into(), DAMIAO_MASTER, control);
     Motor::new("joint", Place::Bus(1), config.device())

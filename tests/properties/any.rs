@@ -4,7 +4,10 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::RngSeed;
-use rc10_app::{Amps, CountsPerTurn, Degrees, Gear, PidConfig, Rpm, RpmPerSecond, TotalAngle};
+use rc10_app::{
+    Amps, CountsPerTurn, Degrees, FeedForward, Gear, Gravity, PidConfig, Rpm, RpmPerSecond,
+    TotalAngle,
+};
 use rc10_can::CanFrame;
 use rc10_can::embedded_can::{ExtendedId, Id, StandardId};
 use rc10_motor::dji::{
@@ -12,7 +15,7 @@ use rc10_motor::dji::{
 };
 use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::{Gains, Request, Target};
+use rc10_motor::{Gains, Motion, Request, Target};
 
 /// A number of cases, from the same seed in every run.
 pub fn cases(cases: u32) -> ProptestConfig {
@@ -88,6 +91,8 @@ fn cascade() -> impl Strategy<Value = Cascade> {
     let pid = || {
         (finite(), finite(), finite(), finite(), finite(), any::<bool>()).prop_map(
             |(kp, ki, kd, limit, integral_limit, separated)| PidConfig {
+                derivative_filter: if separated { 0.01 } else { 0.0 },
+                tracking: if separated { 20.0 } else { 0.0 },
                 integral_limit: integral_limit.abs(),
                 integral_separation: if separated { 10.0 } else { f32::INFINITY },
                 deadband: if separated { 0.5 } else { 0.0 },
@@ -95,7 +100,22 @@ fn cascade() -> impl Strategy<Value = Cascade> {
             },
         )
     };
-    (pid(), pid(), any::<u8>(), finite(), finite()).prop_map(
+    let gravity = (0..3_u8, finite(), number()).prop_map(|(kind, effort, level)| match kind {
+        0 => Gravity::None,
+        1 => Gravity::Lift(effort),
+        _ => {
+            let level = if level.is_finite() { level } else { 0.0 };
+            Gravity::Arm { effort, level: Degrees::new(level) }
+        }
+    });
+    let feed_forward = (any::<bool>(), finite(), finite(), finite(), gravity).prop_map(
+        |(is_plain, friction, speed, acceleration, gravity)| {
+            let (friction, acceleration) = (friction.abs(), acceleration.abs());
+            let whole = FeedForward { friction, speed, acceleration, gravity };
+            if is_plain { FeedForward::of_speed(speed) } else { whole }
+        },
+    );
+    (pid(), pid(), any::<u8>(), finite(), feed_forward).prop_map(
         |(speed, angle, outer_divider, acceleration, feed_forward)| Cascade {
             speed,
             angle,
@@ -156,6 +176,12 @@ pub fn target() -> impl Strategy<Value = Target> {
         number().prop_map(|rpm| Target::Speed(Rpm::new(rpm))),
         number().prop_map(|degrees| Target::Angle(Degrees::new(degrees))),
         total_angle().prop_map(Target::TotalAngle),
+        (proptest::option::of(total_angle()), number(), number(), number()).prop_map(
+            |(angle, speed, acceleration, effort)| {
+                let (speed, acceleration) = (Rpm::new(speed), RpmPerSecond::new(acceleration));
+                Target::Motion(Motion { angle, speed, acceleration, effort })
+            }
+        ),
     ]
 }
 

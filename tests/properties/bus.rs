@@ -229,6 +229,7 @@ impl<'m> Bench<'m> {
             Target::Duty(duty) => (voltage, duty.is_finite()),
             Target::Speed(rpm) => (true, rpm.get().is_finite()),
             Target::Angle(degrees) => (true, degrees.get().is_finite()),
+            Target::Motion(motion) => (true, motion.is_finite()),
             _ => (false, false),
         };
         let before = self.bus.status(id, now).unwrap().target;

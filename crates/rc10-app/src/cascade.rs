@@ -3,15 +3,17 @@
 //!
 //! * The angle loop asks for a speed, never for one it could not brake from in time.
 //! * The speed reference moves at a limited acceleration and starts at the measured speed.
+//! * A motion that is known in advance (where, how fast, how fast that changes) is followed by
+//!   [`FeedForward`]; the loops correct what it does not know.
 //! * Switching between kinds of target, and coming back after a pause, gives no kick.
 //!
 //! The **effort** that comes out is in the unit that the actuator takes: amperes, or a share of the
 //! full voltage.
 
-use crate::config::{finite, positive};
+use crate::config::positive;
 use crate::maths::{fast_sqrt, within};
 use crate::ok;
-use crate::{ConfigError, PidConfig, PidInput, PidState, RpmPerSecond, Seconds};
+use crate::{ConfigError, FeedForward, PidConfig, PidInput, PidState, RpmPerSecond, Seconds};
 
 /// Gains and limits of both loops.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,8 +26,8 @@ pub struct Cascade {
     pub outer_divider: u8,
     /// The largest rate of change of the speed reference, and the deceleration of the angle loop.
     pub acceleration: RpmPerSecond,
-    /// Effort added per rpm of speed reference: what viscous friction or the back-EMF takes.
-    pub feed_forward: f32,
+    /// Effort that the motion of the reference takes, added to that of the loops.
+    pub feed_forward: FeedForward,
 }
 
 impl Cascade {
@@ -37,7 +39,13 @@ impl Cascade {
         ok!(self.speed.validate(), in "speed");
         ok!(self.angle.validate(), in "angle");
         ok!(positive("acceleration", self.acceleration.get()));
-        finite("feed_forward", self.feed_forward)
+        // The speed reference is ramped, and an angle has no setpoint of its own: a way is left.
+        ok!(unweighted(&self.speed), in "speed");
+        ok!(unweighted(&self.angle), in "angle");
+        match self.feed_forward.validate() {
+            Ok(()) => Ok(()),
+            Err(error) => Err(error.in_part("feed_forward")),
+        }
     }
 
     /// From the tick `count` to the next one in which the angle loop runs: 1 ..= divider.
@@ -46,6 +54,11 @@ impl Cascade {
         #[expect(clippy::cast_possible_truncation, reason = "a remainder of a u8")]
         return divider - (count % divider as u32) as u8;
     }
+}
+
+const fn unweighted(pid: &PidConfig) -> Result<(), ConfigError> {
+    let weight = pid.setpoint_weight;
+    ConfigError::check(weight == 1.0, "setpoint_weight", weight, "1 in a cascade")
 }
 
 /// 1 rpm in degrees a second.
@@ -107,6 +120,40 @@ enum Active {
     Effort,
     Speed,
     Angle,
+    Motion,
+}
+
+/// What a step of a cascade seeks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Seek {
+    /// A speed, rpm, at the cascade's own acceleration.
+    Speed(f32),
+    /// An angle that is so many degrees away, by the angle loop.
+    Angle(f32),
+    /// A motion that is known. It should not accelerate by more than the cascade does.
+    Motion {
+        /// Degrees to where it is now; `None`: its speed is all that counts.
+        way: Option<f32>,
+        /// Its speed, rpm.
+        speed: f32,
+        /// Its acceleration, rpm/s.
+        acceleration: f32,
+    },
+}
+
+/// The measurements and limits of a step of a cascade.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Measured speed, rpm.
+    pub measured: f32,
+    /// Effort that is needed beside that of the motion: a weight.
+    pub load: f32,
+    /// Full scale of the effort.
+    pub full: f32,
+    /// Time since the last step.
+    pub dt: Seconds,
+    /// Counts ticks: the angle loop runs where it is a multiple of the divider.
+    pub count: u32,
 }
 
 impl CascadeState {
@@ -174,7 +221,7 @@ impl CascadeState {
         if config.angle.ki <= 0.0 {
             self.angle.drop_integral();
         }
-        if matches!(self.active, Active::Speed | Active::Angle) {
+        if matches!(self.active, Active::Speed | Active::Angle | Active::Motion) {
             (self.active, self.starting) = (Active::Nothing, self.active);
             self.ticks_left = 0;
         }
@@ -191,11 +238,17 @@ impl CascadeState {
         if self.active == Active::Effort {
             self.speed.preset(effort);
         } else {
-            self.start(Active::Effort, 0.0, full, dt, |state, _| state.speed.preset(effort));
+            let last = self.effort();
+            let goes_on = self.enter(Active::Effort, 0.0);
+            self.speed.preset(effort);
+            if !goes_on {
+                self.soften(last, full, dt);
+            }
         }
     }
 
-    /// One step towards a speed. `target` and `measured` in rpm.
+    /// One step towards a speed. `target` and `measured` in rpm. Its feed-forward is that of the speed
+    /// alone: [`seek`](Self::seek) has all of it.
     #[inline]
     pub fn seek_speed(
         &mut self,
@@ -208,9 +261,7 @@ impl CascadeState {
         if self.active == Active::Speed {
             self.speed_loop(config, target, measured, dt);
         } else {
-            self.start(Active::Speed, measured, full, dt, |state, _| {
-                state.speed_loop(config, target, measured, dt);
-            });
+            self.start_speed(config, target, measured, full, dt);
         }
     }
 
@@ -229,7 +280,7 @@ impl CascadeState {
 
     /// One step towards an angle that is `way` degrees away. `measured` in rpm. `count` counts ticks:
     /// the angle loop runs where it is a multiple of the divider, so that cascades with other
-    /// counts take other ticks.
+    /// counts take other ticks. Its feed-forward is that of the speed alone.
     #[inline]
     pub fn seek_angle(
         &mut self,
@@ -240,34 +291,97 @@ impl CascadeState {
         dt: Seconds,
         count: u32,
     ) {
-        let ticks = config.ticks_to_next(count);
         if self.active == Active::Angle {
-            self.angle_loop(config, way, measured, ticks, dt);
+            self.angle_loop(config, way, measured, config.ticks_to_next(count), dt);
         } else {
-            self.start(Active::Angle, measured, full, dt, |state, goes_on| {
-                // During a soft start it runs in every tick.
-                state.angle_loop(config, way, measured, if goes_on { ticks } else { 1 }, dt);
-            });
+            self.start_angle(config, way, measured, full, dt, count);
         }
     }
 
-    /// One step of a loop that did not run before: softly, if nothing drove. `step` is told whether
-    /// driving simply goes on.
+    /// Out of line, and with nothing that goes over the stack: in the usual tick nothing starts.
     #[cold]
     #[inline(never)]
-    fn start(
+    fn start_speed(
         &mut self,
-        next: Active,
+        config: &Cascade,
+        target: f32,
         measured: f32,
         full: f32,
         dt: Seconds,
-        step: impl FnOnce(&mut Self, bool),
     ) {
+        self.seek(config, &Seek::Speed(target), &Step { measured, load: 0.0, full, dt, count: 0 });
+    }
+
+    /// As [`start_speed`](Self::start_speed).
+    #[cold]
+    #[inline(never)]
+    fn start_angle(
+        &mut self,
+        config: &Cascade,
+        way: f32,
+        measured: f32,
+        full: f32,
+        dt: Seconds,
+        count: u32,
+    ) {
+        self.seek(config, &Seek::Angle(way), &Step { measured, load: 0.0, full, dt, count });
+    }
+
+    /// One step towards anything, with the whole feed-forward. What did not drive before starts
+    /// softly.
+    #[inline(never)]
+    pub fn seek(&mut self, config: &Cascade, seek: &Seek, step: &Step) {
+        let &Step { measured, load, full, dt, count } = step;
         let last = self.effort();
-        let goes_on = self.enter(next, measured);
-        step(self, goes_on);
+        let goes_on = self.enter(
+            match seek {
+                Seek::Speed(_) => Active::Speed,
+                Seek::Angle(_) => Active::Angle,
+                Seek::Motion { .. } => Active::Motion,
+            },
+            measured,
+        );
+        let acceleration = match *seek {
+            Seek::Speed(target) => self.approach(config, target, dt),
+            Seek::Angle(way) => {
+                // During a soft start it runs in every tick.
+                if self.ticks_left > 0 {
+                    self.ticks_left -= 1;
+                } else {
+                    let ticks = if goes_on { config.ticks_to_next(count) } else { 1 };
+                    let _ = self.ask(config, way, measured, ticks, dt);
+                }
+                self.approach(config, self.asked, dt)
+            }
+            Seek::Motion { way, speed, acceleration } => {
+                // By how much the shaft moves otherwise than the motion.
+                let aside = measured - speed;
+                let asked = way.map_or(0.0, |way| self.ask(config, way, aside, 1, dt));
+                // What is far away is approached as gently as any other angle.
+                let ramped = self.approach(config, speed + asked, dt);
+                if ramped == 0.0 { acceleration } else { ramped }
+            }
+        };
+        // A reference that moves is no load.
+        let integrate = acceleration == 0.0;
+        let feed_forward = config.feed_forward.of_motion(self.reference, acceleration) + load;
+        self.follow(config, measured, feed_forward, integrate, dt);
         if !goes_on {
             self.soften(last, full, dt);
+        }
+    }
+
+    /// Moves the reference towards a speed as fast as it may; returns by how much a second, where it
+    /// is on the way.
+    fn approach(&mut self, config: &Cascade, target: f32, dt: Seconds) -> f32 {
+        let most = config.acceleration.get();
+        let (gap, step) = (target - self.reference, most * dt.get());
+        if gap.abs() > step {
+            self.reference = nearer(self.reference, gap, step);
+            most.copysign(gap)
+        } else {
+            self.reference = target;
+            0.0
         }
     }
 
@@ -275,18 +389,26 @@ impl CascadeState {
     /// speed: a new angle to seek is none.
     #[inline]
     fn angle_loop(&mut self, config: &Cascade, way: f32, measured: f32, ticks: u8, dt: Seconds) {
+        let asked = self.ask(config, way, measured, ticks, dt);
+        self.speed_loop(config, asked, measured, dt);
+    }
+
+    /// The angle loop asks for a speed.
+    #[inline]
+    fn ask(&mut self, config: &Cascade, way: f32, measured: f32, ticks: u8, dt: Seconds) -> f32 {
         self.ticks_left = ticks - 1;
         let input = PidInput { error: way, feed_forward: 0.0, integrate: true };
         let since = dt * f32::from(ticks);
         let turned = || measured * DEGREES_PER_SECOND * since.get();
         let asked = self.angle.update_error(&config.angle, input, turned, since);
-        self.asked =
-            if asked.abs() * DEGREES_PER_SECOND * config.angle.kp <= config.acceleration.get() {
-                asked
-            } else {
-                brake_in_time(config, way, asked)
-            };
-        self.speed_loop(config, self.asked, measured, dt);
+        let steepest = config.acceleration.get();
+        let asked = if asked.abs() * DEGREES_PER_SECOND * config.angle.kp <= steepest {
+            asked
+        } else {
+            brake_in_time(config, way, asked)
+        };
+        self.asked = asked;
+        asked
     }
 
     #[inline(always)]
@@ -297,7 +419,7 @@ impl CascadeState {
             return self.ramp(config, gap, step, measured, dt);
         }
         self.reference = target;
-        self.follow(config, measured, true, dt);
+        self.follow(config, measured, config.feed_forward.speed * target, true, dt);
     }
 
     /// The speed loop while its reference is on the way to the target.
@@ -305,13 +427,20 @@ impl CascadeState {
     fn ramp(&mut self, config: &Cascade, gap: f32, step: f32, measured: f32, dt: Seconds) {
         self.reference = nearer(self.reference, gap, step);
         // The lag behind a moving reference is no load: integrating it would overshoot.
-        self.follow(config, measured, false, dt);
+        self.follow(config, measured, config.feed_forward.speed * self.reference, false, dt);
     }
 
     #[inline(always)]
-    fn follow(&mut self, config: &Cascade, measured: f32, integrate: bool, dt: Seconds) {
+    fn follow(
+        &mut self,
+        config: &Cascade,
+        measured: f32,
+        feed_forward: f32,
+        integrate: bool,
+        dt: Seconds,
+    ) {
         let Self { speed, last_speed, reference, .. } = self;
-        let (error, feed_forward) = (*reference - measured, config.feed_forward * *reference);
+        let error = *reference - measured;
         let change = || measured - core::mem::replace(last_speed, measured);
         let input = PidInput { error, feed_forward, integrate };
         speed.update_error(&config.speed, input, change, dt);
@@ -368,7 +497,7 @@ mod tests {
         angle: PidConfig::new(1.3, 0.0, 0.0, 400.0),
         outer_divider: 10,
         acceleration: RpmPerSecond::new(1000.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     };
 
     #[test]
@@ -436,11 +565,58 @@ mod tests {
         }
     }
 
+    /// A rotor of 0.01 rpm/s per unit of effort, without friction.
+    fn follow(config: &Cascade, motion: impl Fn(f32) -> (f32, f32, f32)) -> f32 {
+        let (mut state, mut rpm, mut degrees) = (CascadeState::new(), 0.0_f32, 0.0_f32);
+        let mut worst = 0.0_f32;
+        for tick in 0..1000_u16 {
+            let (angle, speed, acceleration) = motion(f32::from(tick) * 1e-3);
+            worst = worst.max((angle - degrees).abs());
+            let seek = Seek::Motion { way: Some(angle - degrees), speed, acceleration };
+            let step = Step { measured: rpm, load: 0.0, full: 20.0, dt: MS, count: 0 };
+            state.seek(config, &seek, &step);
+            rpm += state.effort() * 100.0 * 1e-3;
+            degrees += 6.0 * rpm * 1e-3;
+        }
+        worst
+    }
+
+    #[test]
+    fn a_known_motion_is_followed_without_lag() {
+        // 0.5 s up to 100 rpm, then on.
+        let motion = |t: f32| {
+            let a = if t < 0.5 { 200.0 } else { 0.0 };
+            let early = t.min(0.5);
+            let angle = 6.0 * (100.0 * early * early + 100.0 * (t - early));
+            (angle, 200.0 * early, a)
+        };
+        let known = FeedForward { acceleration: 0.01, ..FeedForward::NONE };
+        let (with, without) =
+            (follow(&Cascade { feed_forward: known, ..CONFIG }, motion), follow(&CONFIG, motion));
+        // The soft start takes a part of the first 20 ms.
+        assert!(with < 0.5 && without > 3.0 * with, "{with} with, {without} without");
+    }
+
+    #[test]
+    fn a_motion_that_rests_far_away_is_an_angle_that_is_sought() {
+        let (mut state, mut last) = (CascadeState::new(), 0.0);
+        for _ in 0..100 {
+            let seek = Seek::Motion { way: Some(90.0), speed: 0.0, acceleration: 0.0 };
+            let step = Step { measured: 0.0, load: 0.0, full: 20.0, dt: MS, count: 0 };
+            state.seek(&CONFIG, &seek, &step);
+            assert!((state.reference() - last).abs() <= 1.001, "1000 rpm/s");
+            last = state.reference();
+        }
+        assert!(last > 99.0);
+    }
+
     #[test]
     fn a_cascade_that_cannot_work_is_named() {
         let wrong = Cascade { acceleration: RpmPerSecond::ZERO, ..CONFIG };
         assert_eq!(wrong.validate().unwrap_err().field, "acceleration");
         let wrong = Cascade { speed: PidConfig { kp: f32::NAN, ..CONFIG.speed }, ..CONFIG };
         assert_eq!(wrong.validate().unwrap_err().field, "kp");
+        let wrong = Cascade { speed: PidConfig { setpoint_weight: 0.5, ..CONFIG.speed }, ..CONFIG };
+        assert_eq!(wrong.validate().unwrap_err().field, "setpoint_weight");
     }
 }

@@ -8,6 +8,8 @@
 //! | [`units`] | [`Rpm`], [`RotorRpm`], [`Degrees`], [`Amps`], [`Seconds`] …: units are types, and the two sides of a gearbox are two types |
 //! | [`angle`] | [`TotalAngle`]: an exact angle of many turns; shortest way round a circle |
 //! | [`pid`] | positional PID |
+//! | [`cascade`] | angle loop around speed loop, for any motor |
+//! | [`feed_forward`] | the effort that a known motion takes |
 //! | [`incremental`] | incremental PID |
 //! | [`differentiator`] | second-order tracking differentiator |
 //! | [`low_pass`], [`ramp`] | first-order low-pass, rate limit |
@@ -20,6 +22,7 @@ pub mod angle;
 pub mod cascade;
 pub mod chassis;
 pub mod differentiator;
+pub mod feed_forward;
 pub mod incremental;
 pub mod low_pass;
 pub mod maths;
@@ -36,6 +39,7 @@ pub use cascade::{Cascade, CascadeState};
 pub use chassis::{Mecanum, Twist, TwistLimiter, TwistLimits, TwistNotFinite, WheelSpeeds};
 pub use config::ConfigError;
 pub use differentiator::{Differentiator, DifferentiatorConfig};
+pub use feed_forward::{FeedForward, Gravity};
 pub use incremental::{IncrementalPidConfig, IncrementalPidState};
 pub use low_pass::{LowPass, LowPassConfig};
 pub use pid::{PidConfig, PidInput, PidState};

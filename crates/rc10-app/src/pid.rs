@@ -1,8 +1,11 @@
 //! Positional PID controller.
 //!
-//! Anti-windup is conditional integration: while the output is limited, the integral takes no step
-//! that would push it further into the limit. It needs no tuning, and when the error turns round
-//! the output follows at once.
+//! The derivative is that of the measurement, through a first-order filter; the proportional part may
+//! weight the setpoint. Anti-windup is conditional integration: while the output is limited, the
+//! integral takes no step that would push it further into the limit. It needs no tuning, and when the
+//! error turns round the output follows at once. With [`PidConfig::tracking`] it is back-calculation
+//! instead: the integral is drawn to where the output is just at its limit, which keeps what the
+//! integral knows of a load (K. Åström, T. Hägglund, *Advanced PID Control*, 2006, section 3.5).
 //!
 //! ```
 //! use rc10_app::{PidConfig, PidState, Seconds};
@@ -42,6 +45,14 @@ pub struct PidConfig {
     /// The measurement lies on a circle of this size (360 for degrees), and the error goes the
     /// shorter way round; infinite: it lies on a line.
     pub turn: f32,
+    /// Time constant of the filter of the derivative, s; 0: none. A tenth of kd / kp is usual.
+    pub derivative_filter: f32,
+    /// The share of the setpoint on which `kp` acts, 0 ..= 1: below 1 a step of the setpoint
+    /// overshoots less, and a load is answered as before.
+    pub setpoint_weight: f32,
+    /// Rate at which the integral is drawn back while the output is limited (back-calculation), 1/s;
+    /// 0: conditional integration instead. Usual is 1 to 10 times ki / kp.
+    pub tracking: f32,
 }
 
 impl PidConfig {
@@ -51,6 +62,9 @@ impl PidConfig {
             kp,
             ki,
             kd,
+            derivative_filter: 0.0,
+            setpoint_weight: 1.0,
+            tracking: 0.0,
             output_limit,
             integral_limit: output_limit,
             integral_separation: f32::INFINITY,
@@ -68,18 +82,17 @@ impl PidConfig {
         ok!(not_negative("kp", self.kp));
         ok!(not_negative("ki", self.ki));
         ok!(not_negative("kd", self.kd));
+        ok!(not_negative("derivative_filter", self.derivative_filter));
+        let weight = self.setpoint_weight;
+        let is_share = weight >= 0.0 && weight <= 1.0;
+        ok!(ConfigError::check(is_share, "setpoint_weight", weight, "0 to 1"));
+        ok!(not_negative("tracking", self.tracking));
         ok!(positive("output_limit", self.output_limit));
         ok!(not_negative("integral_limit", self.integral_limit));
         ok!(positive_or_unlimited("integral_separation", self.integral_separation));
         ok!(not_negative("deadband", self.deadband));
         positive_or_unlimited("turn", self.turn)
     }
-}
-
-/// Out of line: a division takes as long as all the rest, and most loops have no derivative.
-#[cold]
-fn derivative(kd: f32, change: f32, dt: f32) -> f32 {
-    kd * change / dt
 }
 
 /// Out of line: a moving thing is seldom within its deadband.
@@ -104,14 +117,16 @@ pub struct PidInput {
 pub struct PidState {
     integral: f32,
     last_error: f32,
-    last_measured: Option<f32>,
     output: f32,
+    last_measured: Option<f32>,
+    /// Filtered rate of change of the measurement.
+    rate: f32,
 }
 
 impl PidState {
     /// Nothing integrated, nothing measured.
     pub const fn new() -> Self {
-        Self { integral: 0.0, last_error: 0.0, last_measured: None, output: 0.0 }
+        Self { integral: 0.0, last_error: 0.0, last_measured: None, rate: 0.0, output: 0.0 }
     }
 
     /// Starts over so that the first output, at error zero, is `output`: switching over from
@@ -169,6 +184,12 @@ impl PidState {
         }
         let change = self.last_measured.map_or(0.0, |last| way(last, measured));
         let error = way(measured, setpoint);
+        // What the weight takes from the proportional part is the same in every step.
+        let feed_forward = if config.setpoint_weight < 1.0 {
+            feed_forward - config.kp * (1.0 - config.setpoint_weight) * setpoint
+        } else {
+            feed_forward
+        };
         let input = PidInput { error, feed_forward, integrate: true };
         let output = self.update_error(config, input, || change, dt);
         if measured.is_finite() {
@@ -180,7 +201,9 @@ impl PidState {
     /// One step for callers that know the error and the change of the measurement exactly, such as
     /// an integer encoder. `change` tells how far the measurement moved since the last step, and is
     /// asked only if there is a derivative. As [`update`](Self::update) otherwise, but
-    /// [`PidConfig::turn`] is not used, and the caller checks that `dt` is positive and finite.
+    /// [`PidConfig::turn`] and [`PidConfig::setpoint_weight`] are not used, and the caller checks that
+    /// `dt` is positive and finite.
+    #[inline(always)]
     pub fn update_error(
         &mut self,
         config: &PidConfig,
@@ -199,7 +222,7 @@ impl PidState {
         let integral = within(self.integral + step, config.integral_limit);
         let mut wanted = feed_forward + config.kp * error + integral;
         if config.kd != 0.0 {
-            wanted -= derivative(config.kd, change(), dt);
+            wanted -= config.kd * self.derivative(config.derivative_filter, change(), dt);
         }
         // The usual case costs one comparison, which is false for NaN too.
         if wanted.abs() <= config.output_limit {
@@ -208,18 +231,42 @@ impl PidState {
             self.last_error = error;
             wanted
         } else {
-            self.saturate(config.output_limit, wanted, integral, step, error)
+            self.saturate(config, wanted, integral, (step, error), dt)
         }
+    }
+
+    /// The filtered rate of change: the backward difference of `time constant · rate' + rate = change
+    /// / dt`. Out of line: a division takes as long as all the rest, and most loops have no derivative.
+    #[cold]
+    fn derivative(&mut self, time_constant: f32, change: f32, dt: f32) -> f32 {
+        let rate = (time_constant * self.rate + change) / (time_constant + dt);
+        if rate.is_finite() {
+            self.rate = rate;
+        }
+        rate
     }
 
     /// The output is limited, or something was not finite.
     #[cold]
     #[inline(never)]
-    fn saturate(&mut self, limit: f32, wanted: f32, integral: f32, step: f32, error: f32) -> f32 {
+    fn saturate(
+        &mut self,
+        config: &PidConfig,
+        wanted: f32,
+        integral: f32,
+        (step, error): (f32, f32),
+        dt: f32,
+    ) -> f32 {
+        let limit = config.output_limit;
         if wanted.is_finite() {
             self.output = within(wanted, limit);
-            // Away from the limit the integral may move, further into it not.
-            if wanted * step <= 0.0 {
+            if config.tracking > 0.0 {
+                // A share of the way in a step, and never beyond.
+                let share = (config.tracking * dt).min(1.0);
+                let drawn = integral + share * (self.output - wanted);
+                self.integral = within(drawn, config.integral_limit);
+            } else if wanted * step <= 0.0 {
+                // Away from the limit the integral may move, further into it not.
                 self.integral = integral;
             }
             self.last_error = error;
@@ -254,6 +301,51 @@ mod tests {
         assert!(state.update(&config, 0.0, 5.0, 0.0, MS).abs() < f32::EPSILON);
         assert!(state.update(&config, 100.0, 5.0, 0.0, MS).abs() < f32::EPSILON);
         assert!((state.update(&config, 100.0, 5.1, 0.0, MS) + 100.0).abs() < 0.1);
+    }
+
+    #[test]
+    fn the_derivative_is_filtered() {
+        let config = PidConfig { derivative_filter: 0.009, ..PidConfig::new(0.0, 0.0, 1.0, 1e6) };
+        let mut state = PidState::new();
+        state.update(&config, 0.0, 0.0, 0.0, MS);
+        // A step of 1 in 1 ms is a rate of 1000; a tenth of it comes through, and decays by 0.9.
+        let first = state.update(&config, 0.0, 1.0, 0.0, MS);
+        let second = state.update(&config, 0.0, 1.0, 0.0, MS);
+        assert!((first + 100.0).abs() < 1e-3 && (second + 90.0).abs() < 1e-3, "{first} {second}");
+    }
+
+    #[test]
+    fn a_weighted_setpoint_pushes_less_and_settles_the_same() {
+        let config = PidConfig { setpoint_weight: 0.25, ..PidConfig::new(2.0, 10.0, 0.0, 1e3) };
+        let mut state = PidState::new();
+        let first = state.update(&config, 100.0, 0.0, 0.0, MS);
+        assert!((first - 50.5).abs() < 1e-3, "{first}");
+        // A first-order plant settles without an error all the same.
+        let (mut state, mut measured) = (PidState::new(), 0.0_f32);
+        for _ in 0..20_000 {
+            let effort = state.update(&config, 100.0, measured, 0.0, MS);
+            measured += 0.01 * (effort - measured);
+        }
+        assert!((measured - 100.0).abs() < 0.05, "{measured}");
+    }
+
+    #[test]
+    fn back_calculation_holds_the_output_near_its_limit() {
+        let config = PidConfig { tracking: 50.0, ..PidConfig::new(1.0, 20.0, 0.0, 50.0) };
+        let mut state = PidState::new();
+        for _ in 0..2000 {
+            state.update(&config, 100.0, 0.0, 0.0, MS);
+        }
+        // Where it settles: ki · error = tracking · (wanted - limit), so 40 beyond the limit; the
+        // integral of a step is 2.
+        let beyond = 100.0 + (state.integral() + 2.0) - 50.0;
+        assert!((beyond - 40.0).abs() < 0.5, "{beyond}");
+        // Rates beyond a step each are a whole step.
+        let config = PidConfig { tracking: 1e9, ..config };
+        for _ in 0..100 {
+            state.update(&config, 100.0, 0.0, 0.0, MS);
+        }
+        assert!((state.integral() + 50.0).abs() < 0.1, "{}", state.integral());
     }
 
     /// `RC10_LIB`: the threshold 0 that its own demo passes kept the integral at 0 for ever.

@@ -9,7 +9,13 @@ const NO_GAINS: PidConfig = PidConfig::new(0.0, 0.0, 0.0, 400.0);
 /// Its speed reference follows at once.
 fn cascade(speed: PidConfig, angle: PidConfig) -> Cascade {
     let acceleration = RpmPerSecond::new(1e6);
-    Cascade { speed, angle, outer_divider: 10, acceleration, feed_forward: 0.0 }
+    Cascade {
+        speed,
+        angle,
+        outer_divider: 10,
+        acceleration,
+        feed_forward: rc10_app::FeedForward::NONE,
+    }
 }
 
 fn near(measured: f32, expected: f32) {

@@ -122,7 +122,10 @@ fn runaway(recording: &Recording, track: &MotorTrack) -> Option<Problem> {
     if is_excused(recording, track.motor.on, end) {
         return None;
     }
-    let unit = if last.kind == TargetKind::Speed { "rpm" } else { "degrees" };
+    let unit = match last.kind {
+        TargetKind::Speed | TargetKind::SpeedMotion => "rpm",
+        _ => "degrees",
+    };
     let text = format!(
         "runs away: at {:.2} s it is at {:.0} {unit}, its target is {:.0}, and it drives on: its \
          feedback counts against its commands",
@@ -135,9 +138,9 @@ fn runaway(recording: &Recording, track: &MotorTrack) -> Option<Problem> {
 
 fn is_away(samples: &[MotorSample]) -> bool {
     let kind = samples[0].kind;
-    let is_angle =
-        matches!(kind, TargetKind::Angle | TargetKind::TotalAngle | TargetKind::Impedance);
-    if !is_angle && kind != TargetKind::Speed {
+    use TargetKind::{Angle, Impedance, Motion, Speed, SpeedMotion, TotalAngle};
+    let is_angle = matches!(kind, Angle | TotalAngle | Impedance | Motion);
+    if !is_angle && !matches!(kind, Speed | SpeedMotion) {
         return false;
     }
     let error = |sample: &MotorSample| {

@@ -96,7 +96,9 @@ impl MotorFigures {
 #[must_use]
 pub const fn unit(kind: TargetKind) -> &'static str {
     match kind {
-        TargetKind::Angle | TargetKind::TotalAngle | TargetKind::Impedance => "deg",
+        TargetKind::Angle | TargetKind::TotalAngle | TargetKind::Impedance | TargetKind::Motion => {
+            "deg"
+        }
         _ => "rpm",
     }
 }
@@ -106,6 +108,7 @@ const fn noun(kind: TargetKind) -> &'static str {
         TargetKind::Angle => "angle",
         TargetKind::TotalAngle => "total angle",
         TargetKind::Impedance => "impedance",
+        TargetKind::Motion => "motion",
         _ => "speed",
     }
 }

@@ -6,7 +6,7 @@ use rc10_app::angle::shortest_way_degrees;
 use rc10_module::Counters;
 use rc10_motor::embassy::{BusStatus, Rs485Status};
 use rc10_motor::{
-    ArmState, DriveMode, Feedback, Link, Loops, MotorBus, MotorStatus, Target, TargetKind,
+    ArmState, DriveMode, Feedback, Link, Loops, Motion, MotorBus, MotorStatus, Target, TargetKind,
 };
 use rc10_sim::Esc;
 use rc10_sim::remote::Sent;
@@ -161,7 +161,7 @@ fn sample(motor: &Motor, status: &MotorStatus, esc: &Esc) -> MotorSample {
                 f64::from(if way.is_finite() { wanted.get() + way } else { measured }),
             )
         }
-        Target::TotalAngle(wanted) => {
+        Target::TotalAngle(wanted) | Target::Motion(Motion { angle: Some(wanted), .. }) => {
             let degrees = |angle: TotalAngle| angle.microdegrees() as f64 * 1e-6;
             (Some(degrees(wanted)), degrees(feedback.total_angle))
         }
@@ -170,7 +170,9 @@ fn sample(motor: &Motor, status: &MotorStatus, esc: &Esc) -> MotorSample {
             let measured = feedback.total_angle.degrees();
             (Some(wanted.angle.get().into()), measured.get().into())
         }
-        Target::Speed(wanted) => (Some(wanted.get().into()), feedback.speed.get().into()),
+        Target::Speed(wanted) | Target::Motion(Motion { angle: None, speed: wanted, .. }) => {
+            (Some(wanted.get().into()), feedback.speed.get().into())
+        }
         _ => (None, feedback.speed.get().into()),
     };
     let state = esc.state();

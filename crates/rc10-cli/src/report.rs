@@ -305,8 +305,11 @@ impl Scale {
         let kind = track.samples.iter().find(|sample| sample.target.is_some());
         match kind.map_or(TargetKind::Speed, |sample| sample.kind) {
             kind @ TargetKind::Angle => Self { kind, noun: "angle", unit: "°", wraps: true },
-            kind @ (TargetKind::TotalAngle | TargetKind::Impedance) => {
+            kind @ (TargetKind::TotalAngle | TargetKind::Impedance | TargetKind::Motion) => {
                 Self { kind, noun: "angle", unit: "°", wraps: false }
+            }
+            kind @ TargetKind::SpeedMotion => {
+                Self { kind, noun: "speed", unit: "rpm", wraps: false }
             }
             _ => Self { kind: TargetKind::Speed, noun: "speed", unit: "rpm", wraps: false },
         }
@@ -317,7 +320,7 @@ impl Scale {
     fn measured(self, sample: &MotorSample) -> Cell {
         match self.kind {
             kind if kind == sample.kind => sample.measured_cell,
-            TargetKind::Speed => sample.rpm_cell,
+            TargetKind::Speed | TargetKind::SpeedMotion => sample.rpm_cell,
             _ => Cell::of(f64::NAN),
         }
     }

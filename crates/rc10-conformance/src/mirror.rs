@@ -2,7 +2,7 @@
 
 use rc10_app::{Degrees, TotalAngle};
 use rc10_motor::rc10_app::Direction;
-use rc10_motor::{Feedback, Impedance, MotorStatus, Target};
+use rc10_motor::{Feedback, Impedance, Motion, MotorStatus, Target};
 
 /// Turns the numbers of a reversed motor round; those of a forward one stay.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +32,14 @@ impl Mirror {
                     torque: -torque,
                     kp,
                     kd,
+                })
+            }
+            Target::Motion(Motion { angle, speed, acceleration, effort }) => {
+                Target::Motion(Motion {
+                    angle: angle.map(negated),
+                    speed: -speed,
+                    acceleration: -acceleration,
+                    effort: -effort,
                 })
             }
             // What brakes has no sign.

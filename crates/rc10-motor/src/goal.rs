@@ -1,8 +1,8 @@
 use rc10_app::maths::round_to_i32;
-use rc10_app::{Degrees, TotalAngle};
+use rc10_app::{Degrees, Rpm, RpmPerSecond, Seconds, TotalAngle};
 
 use crate::motor::DriveMode;
-use crate::target::{Target, TargetError, TargetSet};
+use crate::target::{Motion, Target, TargetError, TargetSet};
 
 const TURN: i32 = 360_000_000;
 
@@ -19,6 +19,8 @@ pub(crate) enum Goal {
     Total(TotalAngle),
     /// Exactly there; the rest stands in the target.
     Impedance(TotalAngle),
+    /// It stands in the target.
+    Motion,
 }
 
 impl Goal {
@@ -35,6 +37,7 @@ impl Goal {
                 let angle = TotalAngle::try_from_degrees(impedance.angle).ok_or(out_of_range)?;
                 Self::Impedance(angle)
             }
+            Target::Motion(_) => Self::Motion,
             // The others are the motor's own.
             _ => Self::Rest,
         })
@@ -49,11 +52,26 @@ pub(crate) struct Goals {
     goal: Goal,
     /// The angle to keep while the bus says hold.
     held: Option<TotalAngle>,
+    /// Seconds since the newest motion was given.
+    since: f32,
+}
+
+/// A motion goes on with its acceleration for so many seconds, then at the speed that it has.
+const LONGEST_ACCELERATION: f32 = 0.05;
+/// No command is valid for longer, s.
+const LONGEST_MOTION: f32 = 1.0;
+/// 1 rpm in degrees a second.
+const DEGREES_PER_SECOND: f32 = 6.0;
+
+/// A motion in one tick, and the way that it has gone since it was given, in degrees.
+pub(crate) struct Moment {
+    pub(crate) motion: Motion,
+    pub(crate) gone: f32,
 }
 
 impl Goals {
     pub(crate) const fn new(supports: TargetSet) -> Self {
-        Self { supports, target: Target::Coast, goal: Goal::Rest, held: None }
+        Self { supports, target: Target::Coast, goal: Goal::Rest, held: None, since: 0.0 }
     }
 
     pub(crate) const fn supports(&self) -> TargetSet {
@@ -65,6 +83,7 @@ impl Goals {
     /// # Errors
     /// [`TargetError`]; the old target stays.
     pub(crate) fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
+        self.since = 0.0;
         // The usual case is the same target again.
         if target != self.target {
             self.supports.accepts(&target)?;
@@ -74,8 +93,16 @@ impl Goals {
         Ok(())
     }
 
-    pub(crate) const fn target(&self) -> Target {
-        self.target
+    /// The target; of a motion, where it is now.
+    pub(crate) fn target(&self) -> Target {
+        if matches!(self.target, Target::Motion(_)) { self.moving_target() } else { self.target }
+    }
+
+    #[cold]
+    fn moving_target(&self) -> Target {
+        let Moment { motion, gone } = self.moment();
+        let gone = TotalAngle::try_from_degrees(Degrees::new(gone)).unwrap_or(TotalAngle::ZERO);
+        Target::Motion(Motion { angle: motion.angle.map(|angle| angle.plus(gone)), ..motion })
     }
 
     pub(crate) const fn goal(&self) -> &Goal {
@@ -102,8 +129,47 @@ impl Goals {
                     impedance.angle = moved.degrees();
                 }
             }
+            Goal::Motion => {
+                if let Target::Motion(Motion { angle: Some(angle), .. }) = &mut self.target {
+                    *angle = angle.minus(zero);
+                }
+            }
             Goal::Rest | Goal::Effort(_) | Goal::Speed(_) => (),
         }
+    }
+
+    /// The motion that was given; at rest for any other target.
+    pub(crate) const fn motion(&self) -> Motion {
+        match self.target {
+            Target::Motion(motion) => motion,
+            _ => Motion {
+                angle: None,
+                speed: Rpm::ZERO,
+                acceleration: RpmPerSecond::ZERO,
+                effort: 0.0,
+            },
+        }
+    }
+
+    /// Where a motion is after one more tick.
+    pub(crate) fn advance(&mut self, dt: Seconds) -> Moment {
+        self.since = (self.since + dt.get().max(0.0)).min(LONGEST_MOTION);
+        self.moment()
+    }
+
+    fn moment(&self) -> Moment {
+        let Motion { angle, speed, acceleration, effort } = self.motion();
+        let accelerated = self.since.min(LONGEST_ACCELERATION);
+        let gained = acceleration.get() * accelerated;
+        let gone = speed.get() * self.since + gained * (self.since - 0.5 * accelerated);
+        let is_over = self.since >= LONGEST_ACCELERATION;
+        let motion = Motion {
+            angle,
+            speed: Rpm::new(speed.get() + gained),
+            acceleration: if is_over { RpmPerSecond::ZERO } else { acceleration },
+            effort,
+        };
+        Moment { motion, gone: gone * DEGREES_PER_SECOND }
     }
 
     /// The goal of a tick; `stand` is the angle at which the shaft comes to a stand, if that is

@@ -103,6 +103,6 @@ pub use motor::{
 pub use motors::{AttachError, CommandError, MotorId, Motors};
 pub use request::{Gains, Request, RequestError, Response};
 pub use supervision::{Link, MotorCounters, MotorStatus, Refusals, Safety};
-pub use target::{Impedance, Target, TargetError, TargetKind, TargetSet};
+pub use target::{Impedance, Motion, Target, TargetError, TargetKind, TargetSet};
 // Whose types stand in the signatures of the above: who uses the crate needs no other.
 pub use {rc10_app, rc10_can};

@@ -12,7 +12,7 @@ use crate::servo::{Servo, Spring, SpringRange};
 use crate::shaft::Shaft;
 use crate::signals::Signal;
 use crate::supervision::Link;
-use crate::target::{Target, TargetError, TargetKind};
+use crate::target::{Motion, Target, TargetError, TargetKind};
 
 /// A setpoint for the drive's own loop, at the output shaft: torque = `kp` (`position` -
 /// measured) + `kd` (`velocity` - measured) + `torque`.
@@ -344,7 +344,9 @@ impl RangedPosition {
     /// [`TargetError::OutOfRange`].
     pub(crate) fn check(&self, shaft: &Shaft, target: &Target) -> Result<(), TargetError> {
         let angle = match target {
-            Target::TotalAngle(angle) => Some(*angle),
+            Target::TotalAngle(angle) | Target::Motion(Motion { angle: Some(angle), .. }) => {
+                Some(*angle)
+            }
             Target::Impedance(_) if self.is_beyond() => None,
             Target::Impedance(impedance) => TotalAngle::try_from_degrees(impedance.angle),
             _ => return Ok(()),

@@ -173,7 +173,8 @@ pub trait Motor: Send {
     /// [`TargetError`]; the old target stays.
     fn set_target(&mut self, target: Target) -> Result<(), TargetError>;
 
-    /// The target it has. After [`Request::SetZero`] it is told from the new zero.
+    /// The target it has; of a motion, where it is now. After [`Request::SetZero`] it is told from the
+    /// new zero.
     fn target(&self) -> Target;
 
     /// The newest measurements; all zero before the first feedback.

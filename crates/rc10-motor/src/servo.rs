@@ -3,7 +3,7 @@
 //! it.
 //!
 //! ```
-//! use rc10_app::{Cascade, Direction, Gear, PidConfig, Rpm, RpmPerSecond};
+//! use rc10_app::{Cascade, Direction, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond};
 //! use rc10_can::Micros;
 //! use rc10_motor::servo::Servo;
 //! use rc10_motor::shaft::Shaft;
@@ -15,7 +15,7 @@
 //!     angle: PidConfig::new(3.0, 0.0, 0.0, 100.0),
 //!     outer_divider: 1,
 //!     acceleration: RpmPerSecond::new(500.0),
-//!     feed_forward: 0.0,
+//!     feed_forward: FeedForward::NONE,
 //! };
 //! let mut servo = Servo::new(TargetKind::Torque, cascade)?;
 //! servo.set_target(Target::Speed(Rpm::new(60.0)))?;
@@ -30,11 +30,12 @@
 
 use core::f32::consts::TAU;
 
-use rc10_app::angle::shortest_way;
+use rc10_app::angle::{degrees_within_turn, shortest_way};
+use rc10_app::cascade::{Seek, Step};
 use rc10_app::maths::{round_to_i32, within};
 use rc10_app::{Cascade, CascadeState, ConfigError, Degrees, PidConfig, Rpm, Seconds, TotalAngle};
 
-use crate::goal::{Goal, Goals};
+use crate::goal::{Goal, Goals, Moment};
 use crate::motor::{DriveMode, Loops, Tick};
 use crate::request::{Gains, Request, RequestError, Response};
 use crate::shaft::Shaft;
@@ -57,6 +58,8 @@ pub struct Servo {
     limit: f32,
     /// Whether it followed its target in the last tick.
     ran: bool,
+    /// Whether it did so with a feed-forward of the speed alone, which takes few instructions.
+    is_plain: bool,
     state: CascadeState,
     /// The springs that the device can make, if it can make any.
     springs: Option<SpringRange>,
@@ -110,16 +113,18 @@ impl Servo {
 
     /// The same with gains that are known to be good.
     pub(crate) const fn of(effort: TargetKind, cascade: Cascade) -> Self {
-        use TargetKind::{Angle, Coast, Speed, TotalAngle};
+        use TargetKind::{Angle, Coast, Motion, Speed, SpeedMotion, TotalAngle};
+        let kinds = [Coast, effort, Speed, Angle, TotalAngle, Motion, SpeedMotion];
         let full = cascade.speed.output_limit;
         Self {
             effort,
-            goals: Goals::new(TargetSet::of(&[Coast, effort, Speed, Angle, TotalAngle])),
+            goals: Goals::new(TargetSet::of(&kinds)),
             cascade,
             full,
             loop_limit: full,
             limit: full,
             ran: false,
+            is_plain: false,
             state: CascadeState::new(),
             springs: None,
             spring: None,
@@ -143,7 +148,7 @@ impl Servo {
         self
     }
 
-    /// Coasting, the effort itself, speeds and angles; impedances [if its device makes
+    /// Coasting, the effort itself, speeds, angles and motions; impedances [if its device makes
     /// springs](Self::with_springs).
     pub const fn supports(&self) -> TargetSet {
         self.goals.supports()
@@ -167,7 +172,7 @@ impl Servo {
     }
 
     /// The target it has.
-    pub const fn target(&self) -> Target {
+    pub fn target(&self) -> Target {
         self.goals.target()
     }
 
@@ -183,7 +188,7 @@ impl Servo {
 
     /// One step. A shaft that was never measured gets no effort.
     pub fn update(&mut self, tick: &Tick, shaft: &Shaft) {
-        if tick.mode != DriveMode::Run || !self.ran {
+        if tick.mode != DriveMode::Run || !self.is_plain {
             return self.pursue(tick, shaft);
         }
         // The usual cases, in few instructions.
@@ -207,14 +212,17 @@ impl Servo {
     /// One step in [`DriveMode::Run`] towards an angle that stands for the one of the target: for a
     /// device that may have to go the longer way round. The shaft has been measured.
     pub(crate) fn update_towards(&mut self, tick: &Tick, shaft: &Shaft, angle: TotalAngle) {
-        self.ran = true;
+        (self.ran, self.is_plain) = (true, false);
         self.goals.rest();
+        self.seek(&Seek::Angle(way(&Goal::Total(angle), shaft)), 0.0, tick, shaft);
+    }
+
+    /// One step with the whole feed-forward, and an effort on top.
+    fn seek(&mut self, seek: &Seek, effort: f32, tick: &Tick, shaft: &Shaft) {
         let Self { state, cascade, limit, .. } = self;
-        let speed = shaft.speed().get();
-        if !state.keep_seeking_angle(cascade, speed, tick.dt) {
-            let way = way(&Goal::Total(angle), shaft);
-            state.seek_angle(cascade, way, speed, *limit, tick.dt, tick.count);
-        }
+        let load = effort + cascade.feed_forward.gravity.at(degrees_within_turn(shaft.phase()));
+        let (measured, full, dt, count) = (shaft.speed().get(), *limit, tick.dt, tick.count);
+        state.seek(cascade, seek, &Step { measured, load, full, dt, count });
     }
 
     /// One step with the angle loop.
@@ -232,6 +240,7 @@ impl Servo {
             return self.rest();
         }
         let ran = core::mem::replace(&mut self.ran, tick.mode == DriveMode::Run);
+        self.is_plain = self.ran && self.cascade.feed_forward.is_of_speed_alone();
         if ran && matches!(tick.mode, DriveMode::Brake | DriveMode::Hold) {
             self.state.start_over(tick.mode == DriveMode::Hold);
         }
@@ -240,25 +249,30 @@ impl Servo {
         }
         let acceleration = self.cascade.acceleration.get();
         let goal = self.goals.update(tick.mode, || Some(stand(shaft, acceleration)));
-        let (speed, dt) = (shaft.speed().get(), tick.dt);
-        let Self { state, cascade, limit, .. } = self;
         match goal {
-            Goal::Rest => state.rest(),
-            Goal::Effort(effort) => state.give(effort, *limit, dt),
-            Goal::Speed(rpm) => state.seek_speed(cascade, rpm, speed, *limit, dt),
+            Goal::Rest => self.state.rest(),
+            Goal::Effort(effort) => self.state.give(effort, self.limit, tick.dt),
+            Goal::Speed(rpm) => self.seek(&Seek::Speed(rpm), 0.0, tick, shaft),
             Goal::Angle(_) | Goal::Total(_) => {
-                if !state.keep_seeking_angle(cascade, speed, dt) {
-                    let way = way(&goal, shaft);
-                    state.seek_angle(cascade, way, speed, *limit, dt, tick.count);
-                }
+                self.seek(&Seek::Angle(way(&goal, shaft)), 0.0, tick, shaft);
             }
-            Goal::Impedance(_) => self.impede(way(&goal, shaft), speed, dt),
+            Goal::Impedance(_) => self.impede(way(&goal, shaft), shaft.speed().get(), tick.dt),
+            Goal::Motion => {
+                let way = self.goals.motion().angle.map(|angle| way(&Goal::Total(angle), shaft));
+                let Moment { motion, gone } = self.goals.advance(tick.dt);
+                let seek = Seek::Motion {
+                    way: way.map(|way| way + gone),
+                    speed: motion.speed.get(),
+                    acceleration: motion.acceleration.get(),
+                };
+                self.seek(&seek, motion.effort, tick, shaft);
+            }
         }
     }
 
     /// No effort, and whatever drives next starts softly: while the device cannot follow.
     pub fn rest(&mut self) {
-        (self.ran, self.spring) = (false, None);
+        (self.ran, self.is_plain, self.spring) = (false, false, None);
         self.goals.rest();
         self.state.rest();
     }
@@ -380,7 +394,7 @@ fn way(goal: &Goal, shaft: &Shaft) -> f32 {
             i32::try_from(way).unwrap_or(if way < 0 { i32::MIN } else { i32::MAX })
         }
         Goal::Angle(phase) => shortest_way(shaft.phase(), phase, TURN),
-        Goal::Rest | Goal::Effort(_) | Goal::Speed(_) => 0,
+        Goal::Rest | Goal::Effort(_) | Goal::Speed(_) | Goal::Motion => 0,
     };
     #[expect(clippy::cast_precision_loss, reason = "a part in 2^24 of the way to go")]
     return way as f32 * 1e-6;
@@ -408,7 +422,7 @@ mod tests {
             angle: PidConfig::new(3.0, 0.0, 0.0, 100.0),
             outer_divider: 1,
             acceleration: RpmPerSecond::new(1e5),
-            feed_forward: 0.0,
+            feed_forward: rc10_app::FeedForward::NONE,
         };
         Servo::new(TargetKind::Torque, cascade).unwrap()
     }

@@ -1,6 +1,6 @@
 use core::fmt;
 
-use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
+use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, RpmPerSecond, TotalAngle};
 
 /// A setpoint for one motor. All values are at the output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -26,6 +26,8 @@ pub enum Target {
     /// A spring and a damper between the shaft and a moving point, and a torque on top ("MIT
     /// mode").
     Impedance(Impedance),
+    /// A motion that is known in advance: angle, speed, acceleration and effort at once.
+    Motion(Motion),
     /// A current that brakes whichever way the shaft turns, 0 or more; none at standstill.
     Brake(Amps),
     /// A current that holds the rotor where it stands, 0 or more: it locks a field, and heats.
@@ -64,6 +66,65 @@ impl Impedance {
     }
 }
 
+/// The values of a [`Target::Motion`]: where the shaft shall be when the target is given, and how it
+/// moves on from there.
+///
+/// Until the next one comes, the motion goes on: with its acceleration for at most 50 ms, then at the
+/// speed that it has. So a task that commands every 5 or 10 ms makes a motion without steps.
+///
+/// The motor adds what it knows of itself, the feed-forward of its
+/// [`Cascade`](rc10_app::Cascade): a task gives an `effort` only for what the motor cannot know.
+///
+/// ```
+/// use rc10_motor::rc10_app::{Rpm, RpmPerSecond, TotalAngle};
+/// use rc10_motor::{Motion, Target};
+/// // A wheel that speeds up; where it is does not matter.
+/// let wheel = Target::Motion(Motion {
+///     speed: Rpm::new(120.0),
+///     acceleration: RpmPerSecond::new(300.0),
+///     ..Motion::default()
+/// });
+/// let gimbal = Motion { angle: Some(TotalAngle::from_degrees(90)), ..Motion::default() };
+/// assert_ne!(wheel.kind(), Target::Motion(gimbal).kind());
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Motion {
+    /// The angle, over many turns; `None`: only the speed counts.
+    pub angle: Option<TotalAngle>,
+    /// The speed.
+    pub speed: Rpm,
+    /// The rate of change of the speed. Not above the acceleration of the motor's loops, which limits
+    /// it.
+    pub acceleration: RpmPerSecond,
+    /// Effort on top, in the unit of the motor's own ([`Loops::effort`](crate::Loops::effort)): A, N m,
+    /// or a share of the full voltage.
+    pub effort: f32,
+}
+
+impl Motion {
+    /// Whether every number in it is finite.
+    pub const fn is_finite(&self) -> bool {
+        let Self { angle: _, speed, acceleration, effort } = self;
+        speed.is_finite() && acceleration.is_finite() && effort.is_finite()
+    }
+}
+
+/// `Ok` for a target of these kinds, but no motion with an effort: for a device that closes its own
+/// loops and takes none.
+///
+/// # Errors
+/// [`TargetError`].
+pub(crate) fn without_effort(kinds: TargetSet, target: &Target) -> Result<(), TargetError> {
+    kinds.accepts(target)?;
+    match target {
+        Target::Motion(motion) if motion.effort != 0.0 => {
+            Err(TargetError::OutOfRange(target.kind()))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// The kinds of [`Target`], without their values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -90,6 +151,10 @@ pub enum TargetKind {
     Brake,
     /// [`Target::Handbrake`].
     Handbrake,
+    /// [`Target::Motion`] with an angle.
+    Motion,
+    /// [`Target::Motion`] of a speed alone.
+    SpeedMotion,
 }
 
 impl Target {
@@ -104,6 +169,8 @@ impl Target {
             Self::TotalAngle(_) => TargetKind::TotalAngle,
             Self::Torque(_) => TargetKind::Torque,
             Self::Impedance(_) => TargetKind::Impedance,
+            Self::Motion(Motion { angle: Some(_), .. }) => TargetKind::Motion,
+            Self::Motion(Motion { angle: None, .. }) => TargetKind::SpeedMotion,
             Self::Brake(_) => TargetKind::Brake,
             Self::Handbrake(_) => TargetKind::Handbrake,
         }
@@ -117,6 +184,7 @@ impl Target {
             Self::Duty(share) => share.is_finite(),
             Self::Torque(torque) => torque.is_finite(),
             Self::Impedance(impedance) => impedance.is_finite(),
+            Self::Motion(motion) => motion.is_finite(),
             Self::Speed(rpm) => rpm.is_finite(),
             Self::Angle(degrees) => degrees.is_finite(),
         }

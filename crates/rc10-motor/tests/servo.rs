@@ -1,7 +1,8 @@
 //! A servo through its public interface: stops, zeros, limits and springs.
 
 use rc10_motor::rc10_app::{
-    Amps, Cascade, Degrees, Direction, Gear, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle,
+    Amps, Cascade, Degrees, Direction, FeedForward, Gear, NewtonMetres, PidConfig, Rpm,
+    RpmPerSecond, TotalAngle,
 };
 use rc10_motor::rc10_can::Micros;
 use rc10_motor::servo::{Servo, Spring, SpringRange};
@@ -18,7 +19,7 @@ fn cascade() -> Cascade {
         angle: PidConfig::new(3.0, 0.0, 0.0, 100.0),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(600.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     }
 }
 

@@ -616,6 +616,8 @@ impl<'d> Replay<'d> {
                     | TargetKind::Angle
                     | TargetKind::TotalAngle
                     | TargetKind::Impedance
+                    | TargetKind::Motion
+                    | TargetKind::SpeedMotion
             );
             seen.target = seen.target.filter(|_| follows && seen.drive == DriveMode::Run);
             look

@@ -1,17 +1,23 @@
-use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
-use rc10_motor::{Impedance, Target, TargetKind};
+use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, RpmPerSecond, TotalAngle};
+use rc10_motor::{Impedance, Motion, Target, TargetKind};
 
 use crate::case::{Case, Findings};
 use crate::declaration::Claim;
 
 /// A target of every kind, with `number` wherever one stands.
-pub(super) fn every_kind(number: f32) -> [Target; 10] {
+pub(super) fn every_kind(number: f32) -> [Target; 12] {
     let impedance = Impedance {
         angle: Degrees::new(number),
         speed: Rpm::new(number),
         torque: NewtonMetres::new(number),
         kp: number,
         kd: number,
+    };
+    let motion = Motion {
+        angle: None,
+        speed: Rpm::new(number),
+        acceleration: RpmPerSecond::new(number),
+        effort: number,
     };
     [
         Target::Coast,
@@ -24,6 +30,8 @@ pub(super) fn every_kind(number: f32) -> [Target; 10] {
         Target::Impedance(impedance),
         Target::Brake(Amps::new(number)),
         Target::Handbrake(Amps::new(number)),
+        Target::Motion(motion),
+        Target::Motion(Motion { angle: Some(TotalAngle::ZERO), ..motion }),
     ]
 }
 
@@ -31,12 +39,20 @@ pub(super) fn every_target_is_tried(case: &Case<'_>, found: &mut Findings) {
     let declared = case.declared;
     let supports = case.motor().supports();
     for kind in every_kind(0.0).map(|target| target.kind()) {
-        let is_tried = declared.trials.iter().any(|trial| trial.target.kind() == kind);
+        // A motion is tried with the speeds and angles of the others.
+        let tried = match kind {
+            TargetKind::SpeedMotion => TargetKind::Speed,
+            TargetKind::Motion => TargetKind::TotalAngle,
+            kind => kind,
+        };
+        let is_tried = declared.trials.iter().any(|trial| trial.target.kind() == tried);
         match (supports.contains(kind), is_tried) {
             (true, false) if kind != TargetKind::Coast => {
                 found.add(None, format!("it takes a {kind:?} target, and no trial has one"));
             }
-            (false, true) => found.add(None, format!("it takes no {kind:?} target to be tried")),
+            (false, true) if kind == tried => {
+                found.add(None, format!("it takes no {kind:?} target to be tried"))
+            }
             _ => (),
         }
     }

@@ -115,6 +115,11 @@ pub const RULES: &[Rule] = &[
         targets::follows,
     ),
     rule(
+        "follows-motions",
+        "A motion that is commanded every 10 ms is followed evenly and without a lag.",
+        targets::follows_motions,
+    ),
+    rule(
         "strange-steps",
         "A time step of zero, of seconds, backwards or NaN makes it neither panic nor leap.",
         targets::strange_steps,

@@ -1,5 +1,5 @@
-use rc10_app::{Seconds, TotalAngle};
-use rc10_motor::{Condition, DriveMode, SafeState, Target, TargetError, TargetKind, Tick};
+use rc10_app::{Degrees, Rpm, Seconds, TotalAngle};
+use rc10_motor::{Condition, DriveMode, Motion, SafeState, Target, TargetError, TargetKind, Tick};
 
 use super::declared::every_kind;
 use crate::case::{Case, Findings, Halt, Outcome, broken};
@@ -86,9 +86,66 @@ pub(super) fn gets_going(case: &Case<'_>, found: &mut Findings) {
 }
 
 pub(super) fn follows(case: &Case<'_>, found: &mut Findings) {
-    for trial in &case.declared.trials {
-        found.note(case.alone(SafeState::Coast, |rig| reaches(rig, trial)));
+    let supports = case.motor().supports();
+    let trials = case.declared.trials.iter().copied();
+    // The same as a motion, at rest or at a steady speed, where it takes one.
+    let as_motions = trials.clone().filter_map(|trial| {
+        let motion = match trial.target {
+            Target::Speed(speed) => Motion { speed, ..Motion::default() },
+            Target::TotalAngle(angle) => Motion { angle: Some(angle), ..Motion::default() },
+            _ => return None,
+        };
+        let target = Target::Motion(motion);
+        supports.contains(target.kind()).then_some(Trial { target, ..trial })
+    });
+    for trial in trials.chain(as_motions) {
+        found.note(case.alone(SafeState::Coast, |rig| reaches(rig, &trial)));
     }
+}
+
+/// A motion that goes on between two commands, which come every 10 ms, is followed with no more of a
+/// lag than its loops make of nothing: it is not a stair of angles that are sought.
+pub(super) fn follows_motions(case: &Case<'_>, found: &mut Findings) {
+    if !case.motor().supports().contains(TargetKind::Motion) {
+        return;
+    }
+    found.note(case.alone(SafeState::Coast, |rig| {
+        rig.is_heard().map_err(|_| Halt::Stuck)?;
+        let _ = rig.switch.arm();
+        let speed = Rpm::new(0.5 * rig.declared.cruise.get());
+        let here = rig.status().feedback.total_angle;
+        let gone = |ticks: u32| {
+            let degrees = speed.get() * 6.0e-3 * ticks as f32;
+            here.plus(TotalAngle::try_from_degrees(Degrees::new(degrees)).unwrap_or_default())
+        };
+        let motion = |angle| Target::Motion(Motion { angle: Some(angle), speed, ..<_>::default() });
+        let settle = rig.declared.enables_within + 2000;
+        let mut fastest = 0.0_f64;
+        let mut slowest = f64::INFINITY;
+        for tick in 0..settle + 500 {
+            let target = tick.is_multiple_of(10).then(|| motion(gone(tick)));
+            rig.tick(target);
+            if tick >= settle {
+                let rpm = rig.esc.state().output_rpm;
+                (fastest, slowest) = (fastest.max(rpm), slowest.min(rpm));
+            }
+        }
+        let wanted = f64::from(speed.get());
+        if (slowest - wanted).abs().max((fastest - wanted).abs()) > 0.1 * wanted {
+            let what =
+                format!("a motion at {wanted:.1} rpm turns it at {slowest:.1} to {fastest:.1}");
+            return broken(rig.now(), what);
+        }
+        let off = rig.status().feedback.total_angle.minus(gone(settle + 499)).degrees().get();
+        // As far as it turns in 20 ms.
+        if f64::from(off.abs()) > wanted * 0.12 + 1.0 {
+            return broken(
+                rig.now(),
+                format!("it is {off:.1} degrees off a motion at {wanted:.1} rpm"),
+            );
+        }
+        Ok(())
+    }));
 }
 
 /// Ticks for which a target has to be kept.
@@ -162,14 +219,16 @@ fn off_by(rig: &Rig<'_>, trial: &Trial) -> f64 {
     // Here the tolerance is what the speed must not be below.
     let turns = |number: f32| 2.0 * trial.tolerance - state.output_rpm * f64::from(number.signum());
     match trial.target {
-        Target::Speed(rpm) => (state.output_rpm - f64::from(rpm.get())).abs(),
+        Target::Speed(rpm) | Target::Motion(Motion { angle: None, speed: rpm, .. }) => {
+            (state.output_rpm - f64::from(rpm.get())).abs()
+        }
         Target::Current(amps) => (state.current - f64::from(amps.get())).abs(),
         Target::Torque(torque) => (state.torque - f64::from(torque.get())).abs(),
         Target::Angle(degrees) => {
             let off = f64::from(feedback.angle.get() - degrees.get()).rem_euclid(360.0);
             off.min(360.0 - off)
         }
-        Target::TotalAngle(angle) => way(angle),
+        Target::TotalAngle(angle) | Target::Motion(Motion { angle: Some(angle), .. }) => way(angle),
         Target::Impedance(impedance) => {
             TotalAngle::try_from_degrees(impedance.angle).map_or(f64::INFINITY, way)
         }

@@ -1,5 +1,5 @@
 use rc10_app::{Degrees, TotalAngle};
-use rc10_motor::{Impedance, Request, Response, SafeState, Safety, Target, TargetKind};
+use rc10_motor::{Impedance, Motion, Request, Response, SafeState, Safety, Target, TargetKind};
 
 use super::impedance::spring_of;
 use crate::case::{Case, Findings, Halt, Outcome, broken};
@@ -12,6 +12,7 @@ enum Doing {
     Turning,
     Seeking,
     Springing,
+    Moving,
     Holding,
     Braking,
 }
@@ -26,9 +27,11 @@ const AHEAD: i32 = 20;
 fn doings(case: &Case<'_>) -> Vec<Doing> {
     let takes = case.motor().supports();
     let mut doings = vec![Doing::Turning];
-    for (kind, doing) in
-        [(TargetKind::TotalAngle, Doing::Seeking), (TargetKind::Impedance, Doing::Springing)]
-    {
+    for (kind, doing) in [
+        (TargetKind::TotalAngle, Doing::Seeking),
+        (TargetKind::Impedance, Doing::Springing),
+        (TargetKind::Motion, Doing::Moving),
+    ] {
         if takes.contains(kind) {
             doings.push(doing);
         }
@@ -67,6 +70,7 @@ fn start(rig: &mut Rig<'_>, doing: Doing) -> Result<Target, Halt> {
     let target = match doing {
         Doing::Turning | Doing::Holding | Doing::Braking => cruise,
         Doing::Seeking => Target::TotalAngle(ahead),
+        Doing::Moving => Target::Motion(Motion { angle: Some(ahead), ..Motion::default() }),
         Doing::Springing => {
             let spring = spring_of(rig.declared).ok_or(Halt::Stuck)?;
             Target::Impedance(Impedance { angle: ahead.degrees(), ..spring })
@@ -74,7 +78,7 @@ fn start(rig: &mut Rig<'_>, doing: Doing) -> Result<Target, Halt> {
     };
     match doing {
         Doing::Turning => rig.wait(Some(target), 50),
-        Doing::Seeking | Doing::Springing => rig.wait(Some(target), 1500),
+        Doing::Seeking | Doing::Springing | Doing::Moving => rig.wait(Some(target), 1500),
         // Until it has come to a stand.
         Doing::Holding => rig.wait(None, 1000),
         Doing::Braking => rig.wait(None, 150),
@@ -116,7 +120,7 @@ pub(super) fn zero_moves_nothing(case: &Case<'_>, found: &mut Findings) {
                     return broken(rig.now(), what);
                 }
             }
-            if !matches!(doing, Doing::Seeking | Doing::Springing) {
+            if !matches!(doing, Doing::Seeking | Doing::Springing | Doing::Moving) {
                 return Ok(());
             }
             // On the new scale the same number is as far away as the zero was moved.
@@ -136,7 +140,9 @@ pub(super) fn zero_moves_nothing(case: &Case<'_>, found: &mut Findings) {
 /// The angle in a target, degrees.
 fn angle_of(target: Target) -> Option<Degrees> {
     match target {
-        Target::TotalAngle(angle) => Some(angle.degrees()),
+        Target::TotalAngle(angle) | Target::Motion(Motion { angle: Some(angle), .. }) => {
+            Some(angle.degrees())
+        }
         Target::Impedance(impedance) => Some(impedance.angle),
         _ => None,
     }
@@ -148,6 +154,10 @@ fn further(target: Target) -> Target {
         Target::TotalAngle(angle) => {
             Target::TotalAngle(angle.plus(TotalAngle::from_degrees(AHEAD)))
         }
+        Target::Motion(Motion { angle: Some(angle), .. }) => {
+            let angle = Some(angle.plus(TotalAngle::from_degrees(AHEAD)));
+            Target::Motion(Motion { angle, ..Motion::default() })
+        }
         Target::Impedance(spring) => {
             let angle = spring.angle + TotalAngle::from_degrees(AHEAD).degrees();
             Target::Impedance(Impedance { angle, ..spring })
@@ -158,7 +168,7 @@ fn further(target: Target) -> Target {
 
 pub(super) fn target_is_on_the_new_scale(case: &Case<'_>, found: &mut Findings) {
     for doing in doings(case) {
-        if !matches!(doing, Doing::Seeking | Doing::Springing) {
+        if !matches!(doing, Doing::Seeking | Doing::Springing | Doing::Moving) {
             continue;
         }
         found.note(scenario(case, doing, |rig| {

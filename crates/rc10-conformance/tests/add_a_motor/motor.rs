@@ -2,7 +2,7 @@
 
 use rc10_app::maths::round_to_i16;
 use rc10_app::{
-    Amps, Cascade, ConfigError, Direction, Gear, NewtonMetres, PidConfig, RpmPerSecond,
+    Amps, Cascade, ConfigError, Direction, FeedForward, Gear, NewtonMetres, PidConfig, RpmPerSecond,
 };
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, IdPattern, Micros};
@@ -102,7 +102,7 @@ const CASCADE: Cascade = Cascade {
     angle: PidConfig::new(3.0, 0.0, 0.0, 300.0),
     outer_divider: 5,
     acceleration: RpmPerSecond::new(1000.0),
-    feed_forward: 0.0,
+    feed_forward: FeedForward::NONE,
 };
 
 /// One Finch F10.

@@ -2,9 +2,9 @@
 
 use std::collections::VecDeque;
 
-use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, TotalAngle};
+use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, RpmPerSecond, TotalAngle};
 use rc10_conformance::{Declaration, Trial};
-use rc10_motor::{Condition, Gains, Impedance, Link, Request, Response, SafeState, Target};
+use rc10_motor::{Condition, Gains, Impedance, Link, Motion, Request, Response, SafeState, Target};
 use rc10_sim::EscFault;
 
 use crate::random::Random;
@@ -413,7 +413,7 @@ fn any_number(random: &mut Random, usual: f32) -> f32 {
 
 fn any_target(random: &mut Random, declared: &Declaration) -> Target {
     let full = declared.full_torque.get();
-    match random.below(10) {
+    match random.below(12) {
         0 => Target::Coast,
         1 => Target::Current(Amps::new(any_number(random, 10.0))),
         2 => Target::Duty(any_number(random, 1.0)),
@@ -432,6 +432,16 @@ fn any_target(random: &mut Random, declared: &Declaration) -> Target {
             kd: any_number(random, 2.0).abs(),
         }),
         8 => Target::Brake(Amps::new(any_number(random, 20.0))),
+        9 | 10 => {
+            let far = random.pick(&[i64::MAX, i64::MIN, 0, 1_000_000, -500_000_000]);
+            let acceleration = RpmPerSecond::new(any_number(random, 1000.0));
+            Target::Motion(Motion {
+                angle: random.one_in(2).then(|| TotalAngle::from_microdegrees(far)),
+                speed: Rpm::new(any_number(random, 2.0 * declared.cruise.get())),
+                acceleration,
+                effort: if random.one_in(2) { 0.0 } else { any_number(random, full) },
+            })
+        }
         _ => Target::Handbrake(Amps::new(any_number(random, 20.0))),
     }
 }

@@ -1,8 +1,8 @@
 use rc10_app::{Degrees, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle};
 use rc10_conformance::{Declaration, Trial};
 use rc10_motor::damiao::{Config, Control, Damiao, models};
-use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
+use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::{Impedance, Target};
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
 
@@ -55,7 +55,7 @@ pub fn j4310_mit(direction: Direction) -> Result<(), Report> {
         angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     };
     let spring = Impedance { angle: Degrees::new(90.0), kp: 8.0, kd: 0.8, ..Impedance::default() };
     let declared = declared().with_trials(&[

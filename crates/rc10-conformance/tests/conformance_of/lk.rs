@@ -3,8 +3,8 @@ use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
 use rc10_motor::lk::models::{MF9025, MG4010E_I10};
 use rc10_motor::lk::{Commands, Config, Lk};
-use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
+use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_sim::EscFault;
 use rc10_sim::lk::{Drive, Settings, mf9025, mg4010e_i10};
 
@@ -26,7 +26,7 @@ pub fn mg4010e(direction: Direction) -> Result<(), Report> {
         angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
         outer_divider: 5,
         acceleration: RpmPerSecond::new(1000.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     };
     let declared = Declaration::new([1, 2], Rpm::new(60.0), NewtonMetres::new(3.5))
         .with_trials(&trials(60.0))
@@ -56,7 +56,7 @@ pub fn mf9025_multi_motor(direction: Direction) -> Result<(), Report> {
         angle: PidConfig::new(2.0, 0.0, 0.0, 200.0),
         outer_divider: 5,
         acceleration: RpmPerSecond::new(2000.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     };
     let faults = [
         EscFault::OverTemperature,

@@ -2,8 +2,8 @@ use rc10_app::{Amps, Degrees, Gear, NewtonMetres, PidConfig, Rpm, RpmPerSecond, 
 use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
 use rc10_motor::odrive::{Config, Control, Firmware, InputMode, Limits, ODrive, Rates};
-use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
+use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_sim::odrive::{Axis, Settings, d6374_8to1};
 
 use crate::{Report, check};
@@ -51,7 +51,7 @@ pub fn torque(direction: Direction) -> Result<(), Report> {
         angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
         outer_divider: 5,
         acceleration: RpmPerSecond::new(1500.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     };
     let torque = Trial::new(Target::Torque(NewtonMetres::new(-4.0)), 0.1, 100);
     let declared = declared().with_trials(&[torque]).with_trials(&SPEEDS).with_trials(&ANGLES);

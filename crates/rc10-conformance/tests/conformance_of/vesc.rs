@@ -4,8 +4,8 @@ use rc10_app::{Amps, Degrees, Gear, NewtonMetres, PidConfig, Rpm, RpmPerSecond, 
 use rc10_can::Micros;
 use rc10_conformance::{Claim, Declaration, Trial};
 use rc10_motor::Target;
-use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
+use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::vesc::{Config, Currents, ElectricalScale, Vesc};
 use rc10_sim::vesc::{VescConfig, outrunner_270_kv};
 use rc10_sim::{EscFault, Plant};
@@ -108,7 +108,7 @@ pub fn vesc_with_servo(direction: Direction) -> Result<(), Report> {
         angle: PidConfig::new(2.0, 0.0, 0.0, 120.0),
         outer_divider: 5,
         acceleration: RpmPerSecond::new(400.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     };
     let declared = Declaration::new([1, 2], Rpm::new(60.0), NewtonMetres::new(26.0))
         .with_trials(&ALIKE)

@@ -9,7 +9,7 @@ use rc10_motor::damiao::{self, Control, Damiao};
 use rc10_motor::dji::{self, Dji};
 use rc10_motor::lk::{self, Commands, Lk};
 use rc10_motor::odrive::{self, Firmware, InputMode, Limits, ODrive, Rates};
-use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::unitree::{GoM8010, GoModule, LineConfig, ModuleConfig};
 use rc10_motor::vesc::{self, Currents, Vesc};
 use rc10_motor::{ArmSwitch, CanMotor, Motor, MotorBus, Safety, TargetKind, TargetSet};
@@ -21,7 +21,7 @@ const CASCADE: Cascade = Cascade {
     angle: PidConfig::new(1.0, 0.0, 0.0, 100.0),
     outer_divider: 5,
     acceleration: RpmPerSecond::new(500.0),
-    feed_forward: 0.0,
+    feed_forward: FeedForward::NONE,
 };
 
 fn dji(model: &'static dji::Model, id: u8) -> Dji {

@@ -4,7 +4,7 @@ use rc10_app::{PidConfig, RpmPerSecond};
 use rc10_can::CanFrame;
 use rc10_motor::lk::models::MG4010E_I10;
 use rc10_motor::lk::{Commands, Config, DriveId, Health, Motion, Reply};
-use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::{Cascade, FeedForward};
 
 /// The drive whose frames these are.
 pub const ID: u8 = 3;
@@ -16,7 +16,7 @@ pub fn config() -> Config {
         angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
         outer_divider: 5,
         acceleration: RpmPerSecond::new(1000.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     };
     Config::new(MG4010E_I10, 3, cascade).with_commands(Commands::MultiMotor)
 }

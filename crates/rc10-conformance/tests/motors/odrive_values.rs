@@ -3,7 +3,7 @@
 use rc10_app::{Amps, PidConfig, Rpm, RpmPerSecond};
 use rc10_can::CanFrame;
 use rc10_motor::odrive::{Config, Control, Firmware, Limits, Message, Node, Rates, Temperatures};
-use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::{Cascade, FeedForward};
 
 /// The axis whose frames these are.
 pub const NODE: u8 = 5;
@@ -15,7 +15,7 @@ pub fn config() -> Config {
         angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
         outer_divider: 5,
         acceleration: RpmPerSecond::new(1500.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     };
     let rates = Rates { currents: 100, temperatures: 10, supply: 10, ..Rates::new(500, 50) };
     Config::new(NODE, Firmware::V0_6, Control::Torque(cascade), rates)

@@ -7,8 +7,8 @@ use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, IdPattern, Micros};
 use rc10_motor::{
     CanIds, CanMotor, Condition, DriveMode, Fault, Feedback, FrameError, FrameKind, Frames, Guard,
-    Link, Motor, MotorName, Ownership, Rate, Request, RequestError, Response, Target, TargetError,
-    TargetKind, TargetSet, Tick, TxBatch, TxFull,
+    Link, Motion, Motor, MotorName, Ownership, Rate, Request, RequestError, Response, Target,
+    TargetError, TargetKind, TargetSet, Tick, TxBatch, TxFull,
 };
 
 use crate::motor::{Command, Finch};
@@ -195,7 +195,14 @@ impl Motor for Spoiled {
         if self.is(Spoil::TakesInfinity) && !target.is_finite() {
             return Ok(());
         }
-        self.good.set_target(target)?;
+        let taken = match target {
+            // Angles without a speed: a stair.
+            Target::Motion(motion @ Motion { angle: Some(_), .. }) if self.is(Spoil::Stairs) => {
+                Target::Motion(Motion { speed: Rpm::ZERO, ..motion })
+            }
+            target => target,
+        };
+        self.good.set_target(taken)?;
         self.asked = target;
         Ok(())
     }

@@ -1,6 +1,8 @@
 //! A motor that obeys impedances, but for one thing.
 
-use rc10_app::{Cascade, Degrees, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle};
+use rc10_app::{
+    Cascade, Degrees, FeedForward, NewtonMetres, PidConfig, Rpm, RpmPerSecond, TotalAngle,
+};
 use rc10_can::{CanFrame, Micros};
 use rc10_conformance::{Declaration, Report, Trial, check};
 use rc10_motor::damiao::{Config, Control, Damiao, models};
@@ -161,7 +163,7 @@ pub fn check_sprung(slip: Slip) -> Result<(), Report> {
         angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     };
     let ids = |id: u8| (u16::from(id), u16::from(id) + 0x20);
     check(

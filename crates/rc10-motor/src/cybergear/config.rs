@@ -1,6 +1,6 @@
 //! Models and addresses: ranges, and what the fault bits mean.
 
-use rc10_app::{Cascade, ConfigError, Direction, PidConfig, RpmPerSecond, ok};
+use rc10_app::{Cascade, ConfigError, Direction, FeedForward, PidConfig, RpmPerSecond, ok};
 use rc10_can::IdPattern;
 
 use super::wire::Address;
@@ -84,7 +84,7 @@ const fn cascade(limits: &Limits) -> Cascade {
         angle: PidConfig::new(1.3, 0.0, 0.0, limits.rpm() * (2.0 / 3.0)),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     }
 }
 

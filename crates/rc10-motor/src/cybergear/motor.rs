@@ -256,7 +256,7 @@ impl Motor for CyberGear {
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
         // The usual case is the same target again.
         if target == self.servo.target() {
-            return Ok(());
+            return self.servo.set_target(target);
         }
         self.supports().accepts(&target)?;
         self.position.check(&self.shaft, &target)?;

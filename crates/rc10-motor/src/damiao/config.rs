@@ -8,7 +8,7 @@ use crate::can_ids::{CanIds, Frames, Guard, MotorName, Ownership, Rate};
 use crate::goal::Goals;
 use crate::mit::{Limits, RPM_PER_RADIAN_PER_SECOND};
 use crate::servo::Servo;
-use crate::target::{Target, TargetError, TargetKind, TargetSet};
+use crate::target::{Target, TargetError, TargetKind, TargetSet, without_effort};
 
 /// A model and its factory limits. They are settings (registers 21 to 23), and what the vendor
 /// ships has changed over the years: compare them with the registers before moving anything.
@@ -249,7 +249,7 @@ pub(super) enum Controller {
 impl Controller {
     /// Of a control that can be used.
     pub(super) fn new(control: Control, limits: &Limits) -> Self {
-        use TargetKind::{Angle, Coast, Speed, TotalAngle};
+        use TargetKind::{Angle, Coast, Speed, SpeedMotion, TotalAngle};
         let own = |kinds: &[TargetKind], speed: Rpm, torque_share| Self::Own {
             mode: control.mode(),
             goals: Goals::new(TargetSet::of(kinds)),
@@ -258,7 +258,7 @@ impl Controller {
         };
         match control {
             Control::Mit(cascade) => Self::Mit(limits.servo(cascade)),
-            Control::Velocity => own(&[Coast, Speed], Rpm::ZERO, 1.0),
+            Control::Velocity => own(&[Coast, Speed, SpeedMotion], Rpm::ZERO, 1.0),
             Control::PositionVelocity { speed } => own(&[Coast, Angle, TotalAngle], speed, 1.0),
             Control::ForcePosition { speed, torque_share } => {
                 own(&[Coast, Angle, TotalAngle], speed, torque_share)
@@ -283,7 +283,10 @@ impl Controller {
     pub(super) fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
         match self {
             Self::Mit(servo) => servo.set_target(target),
-            Self::Own { goals, .. } => goals.set_target(target),
+            Self::Own { goals, .. } => {
+                without_effort(goals.supports(), &target)?;
+                goals.set_target(target)
+            }
         }
     }
 

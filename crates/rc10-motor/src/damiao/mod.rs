@@ -40,7 +40,7 @@
 //!   Saving makes it deaf for up to 30 ms: it is lost for a moment.
 //!
 //! ```
-//! use rc10_motor::rc10_app::Cascade;
+//! use rc10_motor::rc10_app::{Cascade, FeedForward};
 //! use rc10_motor::damiao::{Config, Control, Damiao, models};
 //! use rc10_motor::rc10_app::{PidConfig, RpmPerSecond};
 //!
@@ -51,7 +51,7 @@
 //!     angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
 //!     outer_divider: 1,
 //!     acceleration: RpmPerSecond::new(1000.0),
-//!     feed_forward: 0.0,
+//!     feed_forward: FeedForward::NONE,
 //! };
 //! let arm = Damiao::new(Config::new(models::J4310, 0x11, 0x31, Control::Mit(cascade)))?;
 //! // The same low byte twice: it would answer itself.

@@ -160,10 +160,11 @@ impl Damiao {
             }
             Controller::Own { mode: Mode::Velocity, goals, .. } => {
                 let rpm = match *goals.goal() {
-                    Goal::Speed(rpm) if runs => shaft.sign() * rpm,
+                    Goal::Speed(rpm) if runs => rpm,
+                    Goal::Motion if runs => goals.advance(tick.dt).motion.speed.get(),
                     _ => 0.0,
                 };
-                wire::velocity(self.id, rpm / RPM_PER_RADIAN_PER_SECOND)
+                wire::velocity(self.id, shaft.sign() * rpm / RPM_PER_RADIAN_PER_SECOND)
             }
             Controller::Own { mode, goals, velocity, torque_share } => {
                 let sought = match *goals.goal() {
@@ -347,14 +348,21 @@ impl Motor for Damiao {
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
         // The usual case is the same target again.
         if target == self.controller.goals().target() {
-            return Ok(());
+            return self.controller.set_target(target);
         }
         self.supports().accepts(&target)?;
         let is_in_range = match Goal::of(target)? {
             // The device cannot tell of a higher speed either.
             Goal::Speed(rpm) => rpm.abs() <= self.model.limits.rpm(),
             Goal::Angle(phase) => nearest(&self.position, &self.shaft, phase).is_some(),
-            _ => self.position.check(&self.shaft, &target).is_ok(),
+            _ => {
+                let rpm = match target {
+                    Target::Motion(motion) => motion.speed.get(),
+                    _ => 0.0,
+                };
+                rpm.abs() <= self.model.limits.rpm()
+                    && self.position.check(&self.shaft, &target).is_ok()
+            }
         };
         if !is_in_range {
             return Err(TargetError::OutOfRange(target.kind()));

@@ -1,7 +1,7 @@
 //! Models of DJI motors, the settings of their controllers, and a motor as it is set up.
 
 use embedded_can::StandardId;
-use rc10_app::{Cascade, ConfigError, Direction, Gear, PidConfig, RpmPerSecond, ok};
+use rc10_app::{Cascade, ConfigError, Direction, FeedForward, Gear, PidConfig, RpmPerSecond, ok};
 use rc10_can::IdPattern;
 
 use crate::can_ids::{CanIds, Frames, MotorName, Ownership, Rate};
@@ -71,7 +71,7 @@ const fn cascade(speed: [f32; 3], angle: [f32; 2], acceleration: f32) -> Cascade
         angle: PidConfig::new(angle_kp, 0.0, 0.0, rpm),
         outer_divider: 10,
         acceleration: RpmPerSecond::new(acceleration),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     }
 }
 
@@ -128,7 +128,7 @@ pub const GM6020_VOLTAGE: Model = Model {
     full_scale: 25000,
     cascade: Cascade {
         // 320 rpm at full voltage without load; less, so that a weak motor is not overdriven.
-        feed_forward: 0.7 / 320.0,
+        feed_forward: FeedForward::of_speed(0.7 / 320.0),
         ..cascade([0.003, 0.06, 1.0], [0.8, 250.0], 500.0)
     },
     ..GM6020_CURRENT
@@ -214,7 +214,7 @@ impl Config {
         self.cascade.speed.kp *= factor;
         self.cascade.speed.ki *= factor;
         self.cascade.speed.kd *= factor;
-        self.cascade.feed_forward *= factor;
+        self.cascade.feed_forward = self.cascade.feed_forward.geared(factor);
         self.cascade.angle.output_limit /= factor;
         self.cascade.acceleration = RpmPerSecond::new(self.cascade.acceleration.get() / factor);
         self.gear = gear;

@@ -27,7 +27,7 @@
 //! 100 ticks.
 //!
 //! ```
-//! use rc10_app::{Cascade, PidConfig, Rpm, RpmPerSecond};
+//! use rc10_app::{Cascade, FeedForward, PidConfig, Rpm, RpmPerSecond};
 //! use rc10_motor::lk::{Config, Lk, models};
 //! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target};
 //! use rc10_can::Micros;
@@ -38,7 +38,7 @@
 //!     angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
 //!     outer_divider: 5,
 //!     acceleration: RpmPerSecond::new(1000.0),
-//!     feed_forward: 0.0,
+//!     feed_forward: FeedForward::NONE,
 //! };
 //! let mut joint = Lk::new(Config::new(models::MG4010E_I10, 1, cascade))?;
 //! let switch = ArmSwitch::new();

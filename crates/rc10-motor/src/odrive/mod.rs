@@ -27,7 +27,7 @@
 //! loops run here and the axis gets torques, or it closes them itself ([`Control`]).
 //!
 //! ```
-//! use rc10_app::{Cascade, Gear, PidConfig, Rpm, RpmPerSecond};
+//! use rc10_app::{Cascade, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond};
 //! use rc10_can::Micros;
 //! use rc10_motor::odrive::{Config, Control, Firmware, ODrive, Rates};
 //! use rc10_motor::{ArmSwitch, MotorBus, Safety, Target};
@@ -38,7 +38,7 @@
 //!     angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
 //!     outer_divider: 5,
 //!     acceleration: RpmPerSecond::new(1500.0),
-//!     feed_forward: 0.0,
+//!     feed_forward: FeedForward::NONE,
 //! };
 //! // Estimates at 500 Hz, heartbeats at 50 Hz, as set in the axis.
 //! let config = Config::new(3, Firmware::V0_6, Control::Torque(cascade), Rates::new(500, 50))

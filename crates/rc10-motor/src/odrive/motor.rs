@@ -12,14 +12,14 @@ use super::wire::{
 use crate::batch::{TxBatch, TxFull};
 use crate::can_ids::{CanIds, MotorName};
 use crate::feedback::{Condition, Fault, Feedback};
-use crate::goal::{Goal, Goals};
+use crate::goal::{Goal, Goals, Moment};
 use crate::motor::{self, CanMotor, DriveMode, FrameError, FrameKind, Motor, Tick};
 use crate::pending::{Pending, Retry};
 use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::shaft::Shaft;
 use crate::supervision::Link;
-use crate::target::{Target, TargetError, TargetKind, TargetSet};
+use crate::target::{Motion, Target, TargetError, TargetKind, TargetSet, without_effort};
 
 /// From here on an f32 does not tell one turn from the next.
 const MAX_TURNS: f32 = 16_777_216.0;
@@ -68,8 +68,18 @@ enum Step {
 enum Loops {
     /// This crate: the axis gets torques.
     Here(Servo),
-    /// The axis: `input` is its velocity (turns a second) or its position (turns).
-    Axis { goals: Goals, input: f32 },
+    /// The axis: `input` is its velocity (turns a second) or its position (turns); `beside` what it
+    /// gets with it.
+    Axis { goals: Goals, input: f32, beside: Beside },
+}
+
+/// What the loops of an axis add to their own, of a motion that is known.
+#[derive(Clone, Copy, Debug, Default)]
+struct Beside {
+    /// Beside a position, turns a second.
+    velocity: f32,
+    /// N m at the motor.
+    torque: f32,
 }
 
 /// One axis of an `ODrive`.
@@ -117,10 +127,13 @@ impl ODrive {
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
-        use TargetKind::{Angle, Coast, Speed, TotalAngle};
+        use TargetKind::{Angle, Coast, Motion, Speed, SpeedMotion, TotalAngle};
         config.validate()?;
         let node = config.checked_node()?;
-        let in_axis = |kinds| Loops::Axis { goals: Goals::new(TargetSet::of(kinds)), input: 0.0 };
+        let in_axis = |kinds| {
+            let goals = Goals::new(TargetSet::of(kinds));
+            Loops::Axis { goals, input: 0.0, beside: Beside::default() }
+        };
         Ok(Self {
             node,
             firmware: config.firmware,
@@ -134,7 +147,11 @@ impl ODrive {
             shaft: Shaft::new(TURN.unsigned_abs(), config.gear, config.direction),
             loops: match config.control {
                 Control::Torque(cascade) => Loops::Here(Servo::of(TargetKind::Torque, cascade)),
-                Control::Velocity(_) => in_axis(&[Coast, Speed]),
+                Control::Velocity(_) => in_axis(&[Coast, Speed, SpeedMotion]),
+                // The others make a motion of their own on the way.
+                Control::Position(InputMode::Passthrough) => {
+                    in_axis(&[Coast, Angle, TotalAngle, Motion])
+                }
                 Control::Position(_) => in_axis(&[Coast, Angle, TotalAngle]),
             },
             estimates: Estimates { position: 0.0, velocity: 0.0 },
@@ -298,15 +315,19 @@ impl ODrive {
 
     /// The input that was decided in this tick.
     fn input(&self) -> Command {
-        let torque = NewtonMetres::ZERO;
         match (&self.loops, self.modes.0) {
             (Loops::Here(servo), _) => {
                 Command::Torque(NewtonMetres::new(servo.effort() / self.ratio))
             }
-            (&Loops::Axis { input, .. }, ControlMode::Position) => {
-                Command::Position { position: input, velocity: 0.0, torque }
+            (&Loops::Axis { input, beside, .. }, ControlMode::Position) => {
+                let Beside { velocity, torque } = beside;
+                let torque = NewtonMetres::new(torque);
+                Command::Position { position: input, velocity, torque }
             }
-            (&Loops::Axis { input, .. }, _) => Command::Velocity { velocity: input, torque },
+            (&Loops::Axis { input, beside, .. }, _) => {
+                let torque = NewtonMetres::new(beside.torque);
+                Command::Velocity { velocity: input, torque }
+            }
         }
     }
 
@@ -361,7 +382,13 @@ impl Motor for ODrive {
     fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
         match &mut self.loops {
             Loops::Here(servo) => servo.set_target(target),
-            Loops::Axis { goals, .. } => goals.set_target(target),
+            Loops::Axis { goals, .. } => {
+                // A ramp of the axis's own leaves an effort out.
+                if self.modes.1 != InputMode::Passthrough {
+                    without_effort(goals.supports(), &target)?;
+                }
+                goals.set_target(target)
+            }
         }
     }
 
@@ -411,28 +438,49 @@ impl Motor for ODrive {
         match (&mut self.loops, self.modes.0) {
             (Loops::Here(servo), _) if runs => servo.update(tick, shaft),
             (Loops::Here(servo), _) => servo.rest(),
-            (Loops::Axis { goals, input }, ControlMode::Position) if runs => {
+            (Loops::Axis { goals, input, beside }, ControlMode::Position) if runs => {
+                *beside = Beside::default();
                 // To stand still is to hold.
                 let mode = if tick.mode == DriveMode::Run { tick.mode } else { DriveMode::Hold };
                 let error = match goals.update(mode, || Some(shaft.angle())) {
                     Goal::Total(angle) => angle.minus(shaft.angle()).microdegrees(),
                     Goal::Angle(phase) => shortest_way(shaft.phase(), phase, TURN).into(),
+                    Goal::Motion => match goals.motion().angle {
+                        Some(angle) => angle.minus(shaft.angle()).microdegrees(),
+                        None => 0,
+                    },
                     _ => 0,
                 };
                 #[expect(clippy::cast_precision_loss, reason = "exact once it is short")]
                 let turns = error as f32 * (self.ratio / TURN as f32);
                 *input = position + turns;
+                if let (DriveMode::Run, Goal::Motion) = (tick.mode, goals.goal()) {
+                    let Moment { motion, gone } = goals.advance(tick.dt);
+                    *input += gone * (self.ratio / 360.0);
+                    *beside = Beside {
+                        velocity: motion.speed.get() * (self.ratio / 60.0),
+                        torque: motion.effort / self.ratio,
+                    };
+                }
             }
-            (Loops::Axis { goals, input }, _) if runs => {
+            (Loops::Axis { goals, input, beside }, _) if runs => {
+                *beside = Beside::default();
                 // A velocity loop holds no angle.
-                *input = match goals.update(tick.mode, || None) {
-                    Goal::Speed(rpm) => rpm * self.ratio / 60.0,
+                let rpm = match goals.update(tick.mode, || None) {
+                    Goal::Speed(rpm) => rpm,
+                    Goal::Motion => {
+                        let Motion { speed, effort, .. } = goals.advance(tick.dt).motion;
+                        beside.torque = effort / self.ratio;
+                        speed.get()
+                    }
                     _ => 0.0,
                 };
+                *input = rpm * self.ratio / 60.0;
             }
             // While it starts: what changes nothing in how the shaft moves now.
-            (Loops::Axis { goals, input }, control) => {
+            (Loops::Axis { goals, input, beside }, control) => {
                 goals.rest();
+                *beside = Beside::default();
                 *input = if control == ControlMode::Position { position } else { velocity };
             }
         }

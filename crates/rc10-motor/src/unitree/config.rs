@@ -1,6 +1,8 @@
 //! Properties of the motor, its stock gains, and how it is set up.
 
-use rc10_app::{Cascade, ConfigError, Direction, NewtonMetres, PidConfig, Rpm, RpmPerSecond, ok};
+use rc10_app::{
+    Cascade, ConfigError, Direction, FeedForward, NewtonMetres, PidConfig, Rpm, RpmPerSecond, ok,
+};
 use rc10_can::IdPattern;
 
 use crate::can_ids::{CanIds, Frames, MotorName, Rate};
@@ -20,7 +22,7 @@ pub const CASCADE: Cascade = Cascade {
     angle: PidConfig::new(1.1, 0.0, 0.0, 200.0),
     outer_divider: 1,
     acceleration: RpmPerSecond::new(800.0),
-    feed_forward: 0.0,
+    feed_forward: FeedForward::NONE,
 };
 
 /// The springs that the controller makes at the output shaft.

@@ -2,7 +2,7 @@
 
 use rc10_app::angle::shortest_way;
 use rc10_app::maths::{round_to_i32, within};
-use rc10_app::{Amps, Celsius, ConfigError, Degrees, ElectricalRpm, Gear, Volts};
+use rc10_app::{Amps, Celsius, ConfigError, Degrees, ElectricalRpm, Gear, Seconds, Volts};
 use rc10_can::{CanFrame, Micros};
 
 use super::config::{Config, VescId};
@@ -18,7 +18,7 @@ use crate::request::{Request, RequestError, Response};
 use crate::servo::Servo;
 use crate::shaft::Shaft;
 use crate::supervision::Link;
-use crate::target::{Target, TargetError, TargetKind, TargetSet};
+use crate::target::{Motion, Target, TargetError, TargetKind, TargetSet, without_effort};
 
 /// After driving starts, a current rises to what was asked for within this time, s …
 const SOFT_TIME: f32 = 0.020;
@@ -99,17 +99,18 @@ impl Vesc {
     /// # Errors
     /// [`ConfigError`], naming the field that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
-        use TargetKind::{Angle, Brake, Coast, Current, Duty, Handbrake, Speed};
+        use TargetKind::{Angle, Brake, Coast, Current, Duty, Handbrake, Speed, SpeedMotion};
         config.validate()?;
         let id = config.vesc_id()?;
-        let mut supports = TargetSet::of(&[Coast, Current, Duty, Speed, Brake, Handbrake]);
+        let kinds = [Coast, Current, Duty, Speed, SpeedMotion, Brake, Handbrake];
+        let mut supports = TargetSet::of(&kinds);
         if config.encoder_on_shaft || config.angle_loops.is_some() {
             supports = supports.with(Angle);
         }
         let limit = config.currents.limit.get();
         let mut servo = None;
         if let Some(cascade) = config.angle_loops {
-            supports = supports.with(TargetKind::TotalAngle);
+            supports = supports.with(TargetKind::TotalAngle).with(TargetKind::Motion);
             servo = Some(Servo::new(Current, cascade)?);
         }
         if let Some(servo) = &mut servo {
@@ -180,7 +181,7 @@ impl Vesc {
                 Command::Handbrake(currents.handbrake)
             }
             DriveMode::Brake | DriveMode::Hold => Command::Brake(currents.brake),
-            DriveMode::Run => self.followed(),
+            DriveMode::Run => self.followed(tick.dt),
         };
         let drives = runs && self.goals.target() != Target::Coast;
         let command = self.soften(command, drives, tick.dt.get());
@@ -203,12 +204,16 @@ impl Vesc {
     }
 
     /// The command by which the VESC follows the target.
-    fn followed(&self) -> Command {
+    fn followed(&mut self, dt: Seconds) -> Command {
         let sign = self.shaft.sign();
         match self.goals.target() {
             Target::Current(amps) => Command::Current(amps * sign),
             Target::Duty(duty) => Command::Duty(sign * within(duty, 1.0)),
             Target::Speed(rpm) => Command::Speed(self.config.scale.to_electrical(rpm * sign)),
+            Target::Motion(_) => {
+                let rpm = self.goals.advance(dt).motion.speed;
+                Command::Speed(self.config.scale.to_electrical(rpm * sign))
+            }
             Target::Brake(amps) => Command::Brake(amps),
             Target::Handbrake(amps) => Command::Handbrake(amps),
             Target::Angle(_) => Command::Position(self.position()),
@@ -273,7 +278,7 @@ impl Vesc {
     /// Whether the target is for our own angle loops.
     fn is_servos(&self) -> bool {
         match self.goals.target().kind() {
-            TargetKind::TotalAngle => true,
+            TargetKind::TotalAngle | TargetKind::Motion => true,
             TargetKind::Angle => !self.config.encoder_on_shaft,
             _ => false,
         }
@@ -405,6 +410,10 @@ impl Motor for Vesc {
                 return Err(TargetError::OutOfRange(target.kind()));
             }
         }
+        if target.kind() == TargetKind::SpeedMotion {
+            // Its speed loop takes none.
+            without_effort(self.goals.supports(), &target)?;
+        }
         self.goals.set_target(target)?;
         let is_servos = self.is_servos();
         match &mut self.servo {
@@ -476,7 +485,9 @@ impl Motor for Vesc {
 
     fn condition(&self) -> Condition {
         let is_regulated = match self.goals.target() {
-            Target::Speed(rpm) => self.config.scale.regulates(rpm),
+            Target::Speed(rpm) | Target::Motion(Motion { angle: None, speed: rpm, .. }) => {
+                self.config.scale.regulates(rpm)
+            }
             _ => true,
         };
         self.watch.condition(self.mode, is_regulated, self.is_servos() && self.is_blind())

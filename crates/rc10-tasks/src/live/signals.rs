@@ -6,7 +6,7 @@ use rc10_can::Timing;
 use rc10_link::{Bits, Tell, Topic};
 use rc10_module::remote::{Remote, RemoteLink};
 use rc10_motor::embassy::{BusStatus, MotorPort, Rs485Status};
-use rc10_motor::{ArmState, Fault, MotorStatus, Target};
+use rc10_motor::{ArmState, Fault, Motion, MotorStatus, Target};
 
 use super::Robot;
 use super::own::{count as count_of, nth};
@@ -113,6 +113,7 @@ fn target(status: &MotorStatus) -> f32 {
         Target::Angle(it) => it.get(),
         Target::TotalAngle(it) => degrees(it),
         Target::Impedance(it) => it.angle.get(),
+        Target::Motion(it) => it.angle.map_or(it.speed.get(), degrees),
         Target::Current(it) | Target::Brake(it) | Target::Handbrake(it) => it.get(),
         Target::Duty(it) => it,
         Target::Torque(it) => it.get(),
@@ -128,7 +129,9 @@ fn measured(status: &MotorStatus) -> f32 {
             let way = shortest_way_degrees(wanted, feedback.angle).get();
             if way.is_finite() { wanted.get() + way } else { feedback.angle.get() }
         }
-        Target::TotalAngle(_) | Target::Impedance(_) => degrees(feedback.total_angle),
+        Target::TotalAngle(_)
+        | Target::Impedance(_)
+        | Target::Motion(Motion { angle: Some(_), .. }) => degrees(feedback.total_angle),
         Target::Current(_) | Target::Brake(_) | Target::Handbrake(_) => {
             known(feedback.current().map(|it| it.get()))
         }

@@ -8,7 +8,7 @@ use rc10_motor::cybergear::{self, CyberGear};
 use rc10_motor::damiao::{self, Damiao};
 use rc10_motor::lk::{self, Lk};
 use rc10_motor::odrive::{self, ODrive};
-use rc10_motor::rc10_app::{Amps, Cascade, Gear, PidConfig, Rpm, RpmPerSecond};
+use rc10_motor::rc10_app::{Amps, Cascade, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond};
 use rc10_motor::rc10_can::Micros;
 use rc10_motor::unitree::{GoM8010, GoModule, LineConfig, ModuleConfig};
 use rc10_motor::vesc::{self, Currents, ElectricalScale, Vesc};
@@ -75,7 +75,7 @@ pub const ARM: damiao::Config = damiao::Config::new(
         angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     }),
 );
 
@@ -94,7 +94,7 @@ pub const TURRET: lk::Config = lk::Config::new(
         angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
         outer_divider: 5,
         acceleration: RpmPerSecond::new(1000.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     },
 );
 
@@ -107,7 +107,7 @@ pub const FLYWHEEL: odrive::Config = odrive::Config::new(
         angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
         outer_divider: 5,
         acceleration: RpmPerSecond::new(1500.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     }),
     odrive::Rates::new(1000, 100),
 )

@@ -2,7 +2,9 @@
 
 use core::num::NonZeroU8;
 
-use rc10_app::{Amps, Cascade, Gear, PidConfig, Rpm, RpmPerSecond, Twist, TwistLimits};
+use rc10_app::{
+    Amps, Cascade, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond, Twist, TwistLimits,
+};
 use rc10_module::remote::Receiver;
 use rc10_motor::Place::Bus;
 use rc10_motor::damiao::{self, Damiao};
@@ -47,7 +49,7 @@ pub const ARM: damiao::Config = damiao::Config::new(
         angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     }),
 );
 

@@ -10,7 +10,7 @@ mod table;
 use rc10_app::{PidConfig, Rpm, RpmPerSecond};
 use rc10_conformance::Bench;
 use rc10_motor::damiao::{Config, Control, Damiao, models};
-use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::{ArmSwitch, Link, MotorId, MotorStatus, Safety};
 use rc10_sim::Esc;
 use rc10_sim::damiao::{Damiao as Device, DamiaoConfig, Mode};
@@ -30,7 +30,7 @@ pub fn cascade() -> Cascade {
         angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     }
 }
 

@@ -12,7 +12,7 @@ use rc10_app::{PidConfig, RpmPerSecond};
 use rc10_conformance::Bench;
 use rc10_motor::lk::models::{MF9025, MG4010E_I10};
 use rc10_motor::lk::{Config, Lk};
-use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::{ArmSwitch, MotorId, Safety};
 use rc10_sim::lk::{Drive, Settings, mf9025, mg4010e_i10};
 use rc10_sim::{Esc, Plant};
@@ -25,7 +25,7 @@ pub const JOINT: Cascade = Cascade {
     angle: PidConfig::new(3.0, 0.0, 0.0, 200.0),
     outer_divider: 5,
     acceleration: RpmPerSecond::new(1000.0),
-    feed_forward: 0.0,
+    feed_forward: FeedForward::NONE,
 };
 
 /// For an MF9025 with a wheel of 0.005 kg m².
@@ -34,7 +34,7 @@ pub const WHEEL: Cascade = Cascade {
     angle: PidConfig::new(1.0, 0.0, 0.0, 200.0),
     outer_divider: 5,
     acceleration: RpmPerSecond::new(2000.0),
-    feed_forward: 0.0,
+    feed_forward: FeedForward::NONE,
 };
 
 pub fn joint() -> Config {

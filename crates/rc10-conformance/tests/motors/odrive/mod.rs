@@ -11,7 +11,7 @@ mod values;
 use rc10_app::{Amps, Gear, PidConfig, Rpm, RpmPerSecond};
 use rc10_conformance::Bench;
 use rc10_motor::odrive::{Config, Control, Firmware, Limits, ODrive, Rates};
-use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::{ArmSwitch, MotorId, Safety};
 use rc10_sim::odrive::{Axis, Settings, State, d6374_8to1};
 use rc10_sim::{Esc, Plant};
@@ -24,7 +24,7 @@ pub const WHEEL: Cascade = Cascade {
     angle: PidConfig::new(3.0, 0.0, 0.0, 250.0),
     outer_divider: 5,
     acceleration: RpmPerSecond::new(1500.0),
-    feed_forward: 0.0,
+    feed_forward: FeedForward::NONE,
 };
 
 pub const NODE: u8 = 3;

@@ -1,8 +1,8 @@
 //! What each target does to a simulated motor.
 
 use rc10_app::{Amps, Degrees, PidConfig, Rpm, RpmPerSecond, TotalAngle};
-use rc10_motor::rc10_app::Cascade;
 use rc10_motor::rc10_app::Direction;
+use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::vesc::Setting;
 use rc10_motor::{Condition, DriveMode, Request, RequestError, Target, TargetError, TargetKind};
 use rc10_sim::vesc::Mode;
@@ -222,7 +222,7 @@ fn lift() -> (Vesc, VescConfig) {
         angle: PidConfig::new(2.0, 0.0, 0.0, 120.0),
         outer_divider: 5,
         acceleration: RpmPerSecond::new(400.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     };
     let mut theirs = device(1);
     let plant = &mut theirs.plant;
@@ -293,7 +293,7 @@ fn hasty(config: Config) -> Vesc {
         angle: PidConfig::new(2.0, 0.0, 0.0, 120.0),
         outer_divider: 5,
         acceleration: RpmPerSecond::new(4000.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     };
     Vesc::new(config.with_angle_loops(cascade)).unwrap()
 }

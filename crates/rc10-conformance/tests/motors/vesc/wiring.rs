@@ -4,7 +4,7 @@ use rc10_app::{Amps, ConfigError, Degrees, Direction, PidConfig, Rpm, RpmPerSeco
 use rc10_can::embedded_can::{ExtendedId, StandardId};
 use rc10_can::{CanFrame, IdPattern};
 use rc10_motor::dji::{self, Dji, FeedbackRate, M3508};
-use rc10_motor::rc10_app::Cascade;
+use rc10_motor::rc10_app::{Cascade, FeedForward};
 use rc10_motor::vesc::{ElectricalRpm, StatusRates};
 use rc10_motor::{
     AttachError, CanIds, CanMotor, Clash, DriveMode, FrameError, FrameKind, Frames, Link, Motor,
@@ -72,7 +72,7 @@ fn a_configuration_that_cannot_be_is_refused_by_name() {
         angle: PidConfig::new(1.0, 0.0, 0.0, 100.0),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(100.0),
-        feed_forward: 0.0,
+        feed_forward: FeedForward::NONE,
     };
     let mut slow = good;
     slow.status.status_5 = 100;

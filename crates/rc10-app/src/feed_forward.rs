@@ -1,0 +1,181 @@
+//! Feed-forward: the effort that a known motion takes, before any error is seen.
+//!
+//! effort = `friction` · sign(speed) + `speed` · speed + `acceleration` · acceleration + gravity
+//!
+//! These are the ks, kv, ka and kg of other libraries. The loops then only correct what the model does
+//! not know: an error of 30 % in `acceleration` leaves them 30 % of the effort, not all of it.
+//!
+//! ```
+//! use rc10_app::{Degrees, FeedForward, Gravity, Rpm, RpmPerSecond};
+//! // An arm that weighs 0.8 A when it is level, which is at 30 degrees.
+//! let arm = FeedForward {
+//!     friction: 0.3,
+//!     acceleration: 0.01,
+//!     gravity: Gravity::Arm { effort: 0.8, level: Degrees::new(30.0) },
+//!     ..FeedForward::NONE
+//! };
+//! let effort = arm.effort(Rpm::new(60.0), RpmPerSecond::new(100.0), Degrees::new(90.0));
+//! assert!((effort - (0.3 + 1.0 + 0.4)).abs() < 1e-5);
+//! ```
+
+use crate::config::{ConfigError, finite, not_negative};
+use crate::maths;
+use crate::ok;
+use crate::units::{Degrees, Rpm, RpmPerSecond};
+
+/// What a motion takes, in the unit of the actuator's effort: amperes, newton metres or a share of the
+/// full voltage.
+///
+/// Measure it: `friction` and `speed` are the efforts at two slow, steady speeds; `gravity` is the
+/// effort that holds the mechanism; `acceleration` is its inertia over the torque constant, or what
+/// makes the measured speed follow a ramp.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FeedForward {
+    /// Effort against dry friction, whichever way it moves; ks, 0 or more.
+    pub friction: f32,
+    /// Effort per rpm: viscous friction, or the back-EMF where the effort is a voltage; kv.
+    pub speed: f32,
+    /// Effort per rpm/s: the inertia; ka, 0 or more.
+    pub acceleration: f32,
+    /// Effort against the weight.
+    pub gravity: Gravity,
+}
+
+/// The effort that holds a mechanism against its weight; kg.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Gravity {
+    /// Nothing hangs on it, or it turns upright.
+    #[default]
+    None,
+    /// The same everywhere: a lift on a rope or a screw.
+    Lift(f32),
+    /// An arm: `effort` where it is level, and less with the cosine of the angle from there.
+    Arm {
+        /// The effort that holds it level.
+        effort: f32,
+        /// The angle of the shaft at which it is level.
+        level: Degrees,
+    },
+}
+
+impl Gravity {
+    /// The effort at an angle of the shaft.
+    #[must_use]
+    pub fn at(&self, angle: Degrees) -> f32 {
+        match *self {
+            Self::None => 0.0,
+            Self::Lift(effort) => effort,
+            Self::Arm { effort, level } => {
+                let (_, cos) = maths::sin_cos((angle - level).get().to_radians());
+                effort * cos
+            }
+        }
+    }
+
+    const fn validate(&self) -> Result<(), ConfigError> {
+        match self {
+            Self::None => Ok(()),
+            Self::Lift(effort) => finite("gravity", *effort),
+            Self::Arm { effort, level } => {
+                ok!(finite("gravity.effort", *effort));
+                finite("gravity.level", level.get())
+            }
+        }
+    }
+}
+
+impl FeedForward {
+    /// No effort.
+    pub const NONE: Self =
+        Self { friction: 0.0, speed: 0.0, acceleration: 0.0, gravity: Gravity::None };
+
+    /// Of the speed alone: effort per rpm.
+    #[must_use]
+    pub const fn of_speed(speed: f32) -> Self {
+        Self { speed, ..Self::NONE }
+    }
+
+    /// Whether every field can be used.
+    ///
+    /// # Errors
+    /// The first field that cannot, and what it must be.
+    pub const fn validate(&self) -> Result<(), ConfigError> {
+        ok!(not_negative("friction", self.friction));
+        ok!(finite("speed", self.speed));
+        ok!(not_negative("acceleration", self.acceleration));
+        self.gravity.validate()
+    }
+
+    /// The effort of a motion.
+    #[must_use]
+    pub fn effort(&self, speed: Rpm, acceleration: RpmPerSecond, angle: Degrees) -> f32 {
+        self.of_motion(speed.get(), acceleration.get()) + self.gravity.at(angle)
+    }
+
+    /// Without gravity; rpm and rpm/s.
+    pub(crate) fn of_motion(&self, speed: f32, acceleration: f32) -> f32 {
+        let friction = if speed == 0.0 { 0.0 } else { self.friction.copysign(speed) };
+        friction + self.speed * speed + self.acceleration * acceleration
+    }
+
+    /// Whether the speed is all that it looks at.
+    #[must_use]
+    pub const fn is_of_speed_alone(&self) -> bool {
+        self.friction == 0.0 && self.acceleration == 0.0 && matches!(self.gravity, Gravity::None)
+    }
+
+    /// The same behind another gearbox, of which the output shaft turns `factor` times slower: the
+    /// rotor is driven as before, and the weight at the output shaft stays.
+    #[must_use]
+    pub const fn geared(mut self, factor: f32) -> Self {
+        self.speed *= factor;
+        self.acceleration *= factor;
+        self.gravity = match self.gravity {
+            Gravity::None => Gravity::None,
+            Gravity::Lift(effort) => Gravity::Lift(effort / factor),
+            Gravity::Arm { effort, level } => Gravity::Arm { effort: effort / factor, level },
+        };
+        self
+    }
+}
+
+impl Default for FeedForward {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn friction_is_against_the_motion_and_nothing_at_rest() {
+        let friction = FeedForward { friction: 0.5, ..FeedForward::NONE };
+        for (rpm, effort) in [(3.0, 0.5), (-0.01, -0.5), (0.0, 0.0), (-0.0, 0.0)] {
+            assert!((friction.of_motion(rpm, 0.0) - effort).abs() < 1e-6, "{rpm}");
+        }
+    }
+
+    #[test]
+    fn an_arm_weighs_most_where_it_is_level() {
+        let arm = Gravity::Arm { effort: 2.0, level: Degrees::new(90.0) };
+        for (degrees, effort) in [(90.0, 2.0), (0.0, 0.0), (150.0, 1.0), (270.0, -2.0)] {
+            assert!((arm.at(Degrees::new(degrees)) - effort).abs() < 1e-5, "{degrees}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_is_named() {
+        let field = |feed_forward: FeedForward| feed_forward.validate().unwrap_err().field;
+        let none = FeedForward::NONE;
+        assert_eq!(none.validate(), Ok(()));
+        assert_eq!(field(FeedForward { friction: -1.0, ..none }), "friction");
+        assert_eq!(field(FeedForward { speed: f32::NAN, ..none }), "speed");
+        assert_eq!(field(FeedForward { acceleration: f32::INFINITY, ..none }), "acceleration");
+        let gravity = Gravity::Lift(f32::NAN);
+        assert_eq!(field(FeedForward { gravity, ..none }), "gravity");
+        let gravity = Gravity::Arm { effort: 1.0, level: Degrees::new(f32::NAN) };
+        assert_eq!(field(FeedForward { gravity, ..none }), "gravity.level");
+    }
+}
