@@ -83,13 +83,13 @@ impl Goals {
     /// # Errors
     /// [`TargetError`]; the old target stays.
     pub(crate) fn set_target(&mut self, target: Target) -> Result<(), TargetError> {
-        self.since = 0.0;
         // The usual case is the same target again.
         if target != self.target {
             self.supports.accepts(&target)?;
             self.goal = Goal::of(target)?;
             self.target = target;
         }
+        self.since = 0.0;
         Ok(())
     }
 
