@@ -58,7 +58,7 @@ impl Cascade {
 
 const fn unweighted(pid: &PidConfig) -> Result<(), ConfigError> {
     let weight = pid.setpoint_weight;
-    ConfigError::check(weight == 1.0, "setpoint_weight", weight, "1 in a cascade")
+    ConfigError::check(weight >= 1.0, "setpoint_weight", weight, "1 in a cascade")
 }
 
 /// 1 rpm in degrees a second.

@@ -232,6 +232,7 @@ const fn register(low: u8, len: u8) -> Frames {
 const FASTEST_FORCE_POSITION: f32 = 100.0;
 
 /// What follows the targets.
+#[expect(clippy::large_enum_variant, reason = "without a heap there is no other place")]
 #[derive(Clone, Debug)]
 pub(super) enum Controller {
     /// Our loops, and the device's spring.

@@ -4,7 +4,6 @@ use crate::can_ids::{CanIds, MotorName};
 use crate::{cybergear, damiao, dji, lk, odrive, unitree, vesc};
 
 /// The device of a motor with its configuration, whatever its vendor: for checks and tools.
-#[expect(clippy::large_enum_variant, reason = "for constants")]
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Device {

@@ -64,6 +64,7 @@ enum Step {
 }
 
 /// The side that closes the loops: this crate or the axis.
+#[expect(clippy::large_enum_variant, reason = "without a heap there is no other place")]
 #[derive(Clone, Copy, Debug)]
 enum Loops {
     /// This crate: the axis gets torques.
