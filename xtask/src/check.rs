@@ -12,7 +12,7 @@ use anyhow::{Context, Result, bail, ensure};
 use crate::cargo::{chip, host, root, run as run_command};
 use crate::firmware::{DM_MC02, ON_DM_MC02, build_all, build_with, flash_nothing};
 use crate::setup::{TARGET, chip_toolchain, component, python};
-use crate::{count, emulate, scaffold, size};
+use crate::{count, emulate, golden, scaffold, size};
 
 /// A robot outside the workspace, as a user has it. It shares the target directory.
 const TWO_WHEELS: &str = "--manifest-path examples/two-wheels/Cargo.toml";
@@ -174,6 +174,10 @@ pub fn run() -> Result<()> {
         _ => Outcome::Skipped("the active toolchain's clippy has no chip target".to_owned()),
     });
     report.step("test", || run_command(&mut host("test --workspace")).into());
+    report.step("golden", || match golden::python() {
+        Ok(_) => golden::run(true).into(),
+        Err(error) => Outcome::Skipped(format!("no numpy, scipy and ruckig here: {error:#}")),
+    });
     report.step("viewers", || {
         run_command(&mut host("test --features viewers --test live_foxglove -- --show-output"))
             .into()

@@ -8,6 +8,7 @@ mod emulate;
 mod firmware;
 mod first;
 mod fuzz;
+mod golden;
 mod scaffold;
 mod setup;
 mod size;
@@ -26,6 +27,7 @@ cargo xtask phases  the least and the most of what faults cost, over fifty phase
 cargo xtask size    flash and RAM of the firmware, against their budgets
 cargo xtask count   instructions of the control loop and of every codec, against their budgets
 cargo xtask first   CPU seconds of the first compile, that of cargo run --release
+cargo xtask golden [check]   makes the golden files of rc10-app anew, with numpy, scipy and ruckig; or compares them
 cargo xtask scaffold   lines that the examples cost beside table, kinematics and tasks
 cargo xtask new-robot   rc10 new outside the tree: compiled, driven, tested, on the emulated chip
 cargo xtask fuzz [seconds] [target ..]   throws bytes at every decoder, 60 s each; needs nightly";
@@ -55,6 +57,7 @@ fn main() -> ExitCode {
         }
         Some("size") => || size::run(&firmware::build(firmware::TEAM, None)?),
         Some("count") => || count::run(&firmware::build("count", None)?),
+        Some("golden") => || golden::run(std::env::args().nth(2).as_deref() == Some("check")),
         Some("fuzz") => || fuzz::run(std::env::args().skip(2)),
         _ => {
             eprintln!("{USAGE}");

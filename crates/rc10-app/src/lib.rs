@@ -7,7 +7,7 @@
 //! |---|---|
 //! | [`units`] | [`Rpm`], [`RotorRpm`], [`Degrees`], [`Amps`], [`Seconds`] …: units are types, and the two sides of a gearbox are two types |
 //! | [`angle`] | [`TotalAngle`]: an exact angle of many turns; shortest way round a circle |
-//! | [`pid`] | positional PID |
+//! | [`pid`], [`schedule`] | positional PID; gains that depend on something |
 //! | [`cascade`] | angle loop around speed loop, for any motor |
 //! | [`feed_forward`] | the effort that a known motion takes |
 //! | [`incremental`] | incremental PID |
@@ -28,6 +28,7 @@ pub mod low_pass;
 pub mod maths;
 pub mod pid;
 pub mod ramp;
+pub mod schedule;
 mod text;
 pub mod transform;
 pub mod units;
@@ -44,6 +45,7 @@ pub use incremental::{IncrementalPidConfig, IncrementalPidState};
 pub use low_pass::{LowPass, LowPassConfig};
 pub use pid::{PidConfig, PidInput, PidState};
 pub use ramp::{Ramp, RampConfig};
+pub use schedule::{GainSchedule, Gains};
 pub use text::Text;
 pub use transform::Pose;
 pub use units::{

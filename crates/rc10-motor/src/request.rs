@@ -1,18 +1,7 @@
 use core::fmt;
 
+pub use rc10_app::Gains;
 use rc10_app::{Amps, ConfigError, NewtonMetres, Rpm};
-
-/// The gains of one loop.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Gains {
-    /// Proportional.
-    pub kp: f32,
-    /// Integral, per second.
-    pub ki: f32,
-    /// Derivative, times seconds.
-    pub kd: f32,
-}
 
 /// A request to a motor beside its targets.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -403,10 +403,9 @@ fn way(goal: &Goal, shaft: &Shaft) -> f32 {
 const TURN: i32 = 360_000_000;
 
 fn with_gains(pid: &mut PidConfig, gains: Gains) -> Result<(), ConfigError> {
-    let Gains { kp, ki, kd } = gains;
     // Its limits stand already; one of them may be zero.
-    PidConfig::new(kp, ki, kd, 1.0).validate()?;
-    *pid = PidConfig { kp, ki, kd, ..*pid };
+    PidConfig::new(0.0, 0.0, 0.0, 1.0).with_gains(gains).validate()?;
+    *pid = pid.with_gains(gains);
     Ok(())
 }
 

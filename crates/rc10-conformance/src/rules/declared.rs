@@ -51,7 +51,7 @@ pub(super) fn every_target_is_tried(case: &Case<'_>, found: &mut Findings) {
                 found.add(None, format!("it takes a {kind:?} target, and no trial has one"));
             }
             (false, true) if kind == tried => {
-                found.add(None, format!("it takes no {kind:?} target to be tried"))
+                found.add(None, format!("it takes no {kind:?} target to be tried"));
             }
             _ => (),
         }

@@ -1,0 +1,136 @@
+//! Gain schedule: gains that depend on something measured, such as a speed or a load.
+//!
+//! ```
+//! use rc10_app::{GainSchedule, Gains};
+//! // Gentle while the base stands, so that it does not hunt on its wheels; firm at 1 m/s and above.
+//! const HEADING: GainSchedule<2> = GainSchedule::checked([
+//!     (0.0, Gains { kp: 2.0, ki: 0.0, kd: 0.0 }),
+//!     (1.0, Gains { kp: 6.0, ki: 0.0, kd: 0.1 }),
+//! ]);
+//! assert_eq!(HEADING.at(0.5), Gains { kp: 4.0, ki: 0.0, kd: 0.05 });
+//! assert_eq!(HEADING.at(3.0).kp, 6.0);
+//! ```
+
+use crate::config::{ConfigError, finite};
+use crate::ok;
+use crate::pid::PidConfig;
+
+/// The gains of one loop.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Gains {
+    /// Proportional, 0 or more.
+    pub kp: f32,
+    /// Integral, per second, 0 or more.
+    pub ki: f32,
+    /// Derivative, times seconds, 0 or more.
+    pub kd: f32,
+}
+
+/// Gains at N values of what they depend on, and straight lines between them; beyond the first and the
+/// last the gains are those of the end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GainSchedule<const N: usize> {
+    points: [(f32, Gains); N],
+}
+
+impl<const N: usize> GainSchedule<N> {
+    /// Of at least one point; their values rise.
+    ///
+    /// # Errors
+    /// The first value or gain that cannot be used.
+    pub const fn new(points: [(f32, Gains); N]) -> Result<Self, ConfigError> {
+        ok!(ConfigError::check(N > 0, "points", 0.0, "at least one"));
+        let mut index = 0;
+        while index < N {
+            let (value, Gains { kp, ki, kd }) = points[index];
+            ok!(finite("points", value));
+            let rises = index == 0 || points[index - 1].0 < value;
+            ok!(ConfigError::check(rises, "points", value, "above the value before it"));
+            ok!(PidConfig::new(kp, ki, kd, 1.0).validate());
+            index += 1;
+        }
+        Ok(Self { points })
+    }
+
+    /// The same for a constant: what cannot be used is an error of the compiler.
+    ///
+    /// # Panics
+    /// Where [`new`](Self::new) has an error.
+    #[must_use]
+    pub const fn checked(points: [(f32, Gains); N]) -> Self {
+        match Self::new(points) {
+            Ok(schedule) => schedule,
+            Err(error) => panic!("{}", error.text().as_str()),
+        }
+    }
+
+    /// The gains at a value; those of the first point for NaN.
+    #[must_use]
+    pub fn at(&self, value: f32) -> Gains {
+        let mut before = self.points[0];
+        for &after in &self.points[1..] {
+            if value < after.0 {
+                let share =
+                    if value > before.0 { (value - before.0) / (after.0 - before.0) } else { 0.0 };
+                let between = |from: f32, to: f32| from + share * (to - from);
+                return Gains {
+                    kp: between(before.1.kp, after.1.kp),
+                    ki: between(before.1.ki, after.1.ki),
+                    kd: between(before.1.kd, after.1.kd),
+                };
+            }
+            if value >= after.0 {
+                before = after;
+            }
+        }
+        before.1
+    }
+}
+
+impl PidConfig {
+    /// The same with other gains.
+    #[must_use]
+    pub const fn with_gains(self, gains: Gains) -> Self {
+        let Gains { kp, ki, kd } = gains;
+        Self { kp, ki, kd, ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn kp(kp: f32) -> Gains {
+        Gains { kp, ki: 0.0, kd: 0.0 }
+    }
+
+    #[test]
+    fn it_goes_straight_from_point_to_point() {
+        let schedule = GainSchedule::checked([(-1.0, kp(4.0)), (1.0, kp(2.0)), (2.0, kp(10.0))]);
+        for (value, gain) in [
+            (-5.0, 4.0),
+            (-1.0, 4.0),
+            (0.0, 3.0),
+            (1.0, 2.0),
+            (1.5, 6.0),
+            (2.0, 10.0),
+            (1e30, 10.0),
+            (f32::NAN, 4.0),
+            (f32::NEG_INFINITY, 4.0),
+            (f32::INFINITY, 10.0),
+        ] {
+            assert!((schedule.at(value).kp - gain).abs() < 1e-6, "{value}");
+        }
+        assert_eq!(GainSchedule::checked([(0.0, kp(1.0))]).at(7.0), kp(1.0));
+    }
+
+    #[test]
+    fn what_cannot_be_is_named() {
+        let error = |points: [(f32, Gains); 2]| GainSchedule::new(points).unwrap_err();
+        assert_eq!(error([(1.0, kp(1.0)), (1.0, kp(1.0))]).must_be, "above the value before it");
+        assert_eq!(error([(f32::NAN, kp(1.0)), (1.0, kp(1.0))]).field, "points");
+        assert_eq!(error([(0.0, kp(1.0)), (1.0, kp(-1.0))]).field, "kp");
+        assert!(GainSchedule::<0>::new([]).is_err());
+    }
+}
