@@ -4,6 +4,8 @@
 //! a measurement: from each call to its return the instructions are counted, and reported per
 //! call and per unit. The program calls them as often as it likes and ends in `count_done`.
 //!
+//! It also takes the walks through rc10-app: this PC takes them too, and both must see the same bits.
+//!
 //! Instructions, not cycles: the same on every machine, and so a budget that can be kept. A
 //! Cortex-M7 does up to two of them in a cycle.
 
@@ -15,9 +17,18 @@ use anyhow::{Context, Result, bail, ensure};
 use rc10_emu::core::{Core as _, Step, bare};
 use rc10_emu::{Image, Memory};
 
+#[path = "../../crates/rc10-app/tests/walk/mod.rs"]
+mod walk;
+
 /// Budgets: the beginning of a measurement's name, the instructions that a unit of it may cost at
 /// most, and whether that goes for the mean of all calls or for the worst one.
-const BUDGETS: [(&str, u64, Of); 7] = [
+const BUDGETS: [(&str, u64, Of); 10] = [
+    // A step of a PID controller: proportional and integral part, deadband, limits, anti-windup.
+    ("pid plain", 60, Of::Worst),
+    // With filtered derivative and weighted setpoint.
+    ("pid whole", 90, Of::Worst),
+    // At its limit, with back-calculation.
+    ("limited pid", 170, Of::Worst),
     // One motor in one tick: a received frame, a cascade, its share of a group frame.
     ("motor", 300, Of::Mean),
     // Angle loops run in other ticks for each motor of a bus.
@@ -43,7 +54,7 @@ enum Of {
 }
 
 /// A program that takes longer than this has lost its way.
-const INSTRUCTION_LIMIT: u64 = 50_000_000;
+const INSTRUCTION_LIMIT: u64 = 500_000_000;
 
 /// Cost of the calls of one function, in instructions.
 #[derive(Clone, Debug, Default)]
@@ -84,7 +95,7 @@ impl Measurement {
 pub fn run(program: &Path) -> Result<()> {
     let file = fs::read(program).with_context(|| format!("{}", program.display()))?;
     let program = Program::parse(&file)?;
-    let measurements = program.run()?;
+    let (measurements, walked) = program.run()?;
     ensure!(!measurements.is_empty(), "the program calls nothing that is named count_*");
     println!("{:<32}{:>8}{:>8}{:>8}{:>10}", "instructions", "calls", "mean", "worst", "per unit");
     for one in &measurements {
@@ -101,6 +112,18 @@ pub fn run(program: &Path) -> Result<()> {
         complaints.push(format!("{} (at most {budget} per unit)", measurement.name));
     }
     ensure!(complaints.is_empty(), "too many instructions: {}", complaints.join(", "));
+    same_walks(&walked)
+}
+
+/// # Errors
+/// If the chip saw other bits than this PC does.
+fn same_walks(walked: &[(u32, u64)]) -> Result<()> {
+    ensure!(walked.len() == walk::WALKS.len(), "{} walks were taken", walked.len());
+    for ((name, walk), (_, chip)) in walk::WALKS.into_iter().zip(walked) {
+        let pc = walk::hash(walk);
+        ensure!(pc == *chip, "rc10-app, {name}: the chip computes {chip:016x}, this PC {pc:016x}");
+        println!("rc10-app, {name}: chip and PC compute the same bits, {pc:016x}");
+    }
     Ok(())
 }
 
@@ -110,6 +133,7 @@ struct Program {
     /// Entry address of every function to measure: name and units.
     measured: BTreeMap<u32, (String, u64)>,
     done: u32,
+    walked: u32,
 }
 
 impl Program {
@@ -126,14 +150,16 @@ impl Program {
             measured.insert(address, (title.replace('_', " "), units));
         }
         let done = image.symbol("count_done")? & !1;
-        Ok(Self { image, measured, done })
+        let walked = image.symbol("walked")? & !1;
+        Ok(Self { image, measured, done, walked })
     }
 
-    fn run(&self) -> Result<Vec<Measurement>> {
+    fn run(&self) -> Result<(Vec<Measurement>, Vec<(u32, u64)>)> {
         let mut core = bare(&Memory::with(&self.image, 1)?)?;
         let mut results: BTreeMap<u32, Measurement> = BTreeMap::new();
         // The call being measured: its entry, its return address, and its instructions so far.
         let mut call: Option<(u32, u32, u64)> = None;
+        let mut walked = Vec::new();
         for _ in 0..INSTRUCTION_LIMIT {
             let at = core.program_counter();
             if let Some((entry, back, taken)) = call
@@ -150,7 +176,11 @@ impl Program {
                     let (name, units) = self.measured[&entry].clone();
                     Measurement { name, units, ..result }
                 });
-                return Ok(named.collect());
+                return Ok((named.collect(), walked));
+            }
+            if at == self.walked {
+                let [number, high, low] = core.arguments();
+                walked.push((number, u64::from(high) << 32 | u64::from(low)));
             }
             if call.is_none() && self.measured.contains_key(&at) {
                 call = Some((at, core.link_register() & !1, 0));

@@ -101,6 +101,20 @@ const fn no_error() -> f32 {
     0.0
 }
 
+/// The backward difference of `time_constant` · rate' + rate = change / dt.
+fn filtered(time_constant: f32, rate: f32, change: f32, dt: f32) -> f32 {
+    (time_constant * rate + change) / (time_constant + dt)
+}
+
+/// What a step has seen of the measurement itself.
+#[derive(Clone, Copy)]
+enum Seen {
+    Nothing,
+    Measured(f32),
+    /// With its filtered rate of change.
+    Moved(f32, f32),
+}
+
 /// The input of one step of a PID controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PidInput {
@@ -113,20 +127,38 @@ pub struct PidInput {
 }
 
 /// State of a PID controller.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub struct PidState {
     integral: f32,
     last_error: f32,
     output: f32,
-    last_measured: Option<f32>,
+    /// NaN before the first step.
+    last_measured: f32,
     /// Filtered rate of change of the measurement.
     rate: f32,
+}
+
+impl Default for PidState {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl PartialEq for PidState {
+    /// To the bit: the same answers to the same inputs.
+    fn eq(&self, other: &Self) -> bool {
+        let bits = |state: &Self| {
+            let Self { integral, last_error, output, last_measured, rate } = *state;
+            [integral, last_error, output, last_measured, rate].map(f32::to_bits)
+        };
+        bits(self) == bits(other)
+    }
 }
 
 impl PidState {
     /// Nothing integrated, nothing measured.
     pub const fn new() -> Self {
-        Self { integral: 0.0, last_error: 0.0, last_measured: None, rate: 0.0, output: 0.0 }
+        Self { integral: 0.0, last_error: 0.0, last_measured: f32::NAN, rate: 0.0, output: 0.0 }
     }
 
     /// Starts over so that the first output, at error zero, is `output`: switching over from
@@ -164,6 +196,7 @@ impl PidState {
     /// One step from setpoint and measurement. `feed_forward` is added to the output before it is
     /// limited. Any input that is not finite leaves everything as it was, and the last output is
     /// returned again.
+    #[inline(always)]
     pub fn update(
         &mut self,
         config: &PidConfig,
@@ -172,30 +205,75 @@ impl PidState {
         feed_forward: f32,
         dt: Seconds,
     ) -> f32 {
-        let way = |from, to| {
-            if config.turn < f32::INFINITY {
-                shortest_way_f32(from, to, config.turn)
-            } else {
-                to - from
-            }
-        };
+        // Positive and finite, in one comparison.
+        let is_step = dt.get().to_bits().wrapping_sub(1) < f32::INFINITY.to_bits() - 1;
+        let on_line = config.turn.to_bits() == f32::INFINITY.to_bits();
+        if is_step && on_line {
+            self.step(config, setpoint, setpoint - measured, measured, feed_forward, dt.get())
+        } else {
+            self.step_on_circle(config, setpoint, measured, feed_forward, dt)
+        }
+    }
+
+    /// Out of line: most measurements lie on a line.
+    #[cold]
+    #[inline(never)]
+    fn step_on_circle(
+        &mut self,
+        config: &PidConfig,
+        setpoint: f32,
+        measured: f32,
+        feed_forward: f32,
+        dt: Seconds,
+    ) -> f32 {
         if !dt.is_step() {
             return self.output;
         }
-        let change = self.last_measured.map_or(0.0, |last| way(last, measured));
-        let error = way(measured, setpoint);
-        // What the weight takes from the proportional part is the same in every step.
-        let feed_forward = if config.setpoint_weight < 1.0 {
-            feed_forward - config.kp * (1.0 - config.setpoint_weight) * setpoint
-        } else {
-            feed_forward
-        };
-        let input = PidInput { error, feed_forward, integrate: true };
-        let output = self.update_error(config, input, || change, dt);
-        if measured.is_finite() {
-            self.last_measured = Some(measured);
+        let error = shortest_way_f32(measured, setpoint, config.turn);
+        let before = self.last_measured;
+        // The measurement before, on the turn of this one.
+        let near = measured - shortest_way_f32(before, measured, config.turn);
+        self.last_measured = if near.is_nan() { before } else { near };
+        self.step(config, setpoint, error, measured, feed_forward, dt.get())
+    }
+
+    #[inline(always)]
+    fn step(
+        &mut self,
+        config: &PidConfig,
+        setpoint: f32,
+        error: f32,
+        measured: f32,
+        feed_forward: f32,
+        dt: f32,
+    ) -> f32 {
+        let mut beside = feed_forward;
+        if config.setpoint_weight.to_bits() != 1.0_f32.to_bits() {
+            beside -= config.kp * ((1.0 - config.setpoint_weight) * setpoint);
         }
-        output
+        if config.kd == 0.0 {
+            self.integrate_and_limit(config, error, beside, true, dt, Seen::Measured(measured))
+        } else {
+            self.step_with_derivative(config, error, beside, measured, dt)
+        }
+    }
+
+    /// Out of line: a division takes as long as all the rest, and most loops have no derivative.
+    #[inline(never)]
+    fn step_with_derivative(
+        &mut self,
+        config: &PidConfig,
+        error: f32,
+        beside: f32,
+        measured: f32,
+        dt: f32,
+    ) -> f32 {
+        let last = self.last_measured;
+        // Nothing was measured before the first step, so nothing has moved.
+        let change = if last.is_nan() { 0.0 } else { measured - last };
+        let rate = filtered(config.derivative_filter, self.rate, change, dt);
+        let beside = beside - config.kd * rate;
+        self.integrate_and_limit(config, error, beside, true, dt, Seen::Moved(measured, rate))
     }
 
     /// One step for callers that know the error and the change of the measurement exactly, such as
@@ -211,51 +289,78 @@ impl PidState {
         change: impl FnOnce() -> f32,
         dt: Seconds,
     ) -> f32 {
-        let PidInput { error, feed_forward, integrate } = input;
-        let dt = dt.get();
-        let error = if error.abs() <= config.deadband { no_error() } else { error };
-        let mut step = 0.0;
-        if integrate && error.abs() <= config.integral_separation {
-            // Trapezoidal rule: exact for an error that changes linearly between two steps.
-            step = config.ki * (0.5 * dt) * (error + self.last_error);
-        }
-        let integral = within(self.integral + step, config.integral_limit);
-        let mut wanted = feed_forward + config.kp * error + integral;
+        let PidInput { error, mut feed_forward, integrate } = input;
         if config.kd != 0.0 {
-            wanted -= config.kd * self.derivative(config.derivative_filter, change(), dt);
+            feed_forward -= config.kd * self.derivative(config.derivative_filter, change(), dt);
         }
-        // The usual case costs one comparison, which is false for NaN too.
-        if wanted.abs() <= config.output_limit {
-            self.integral = integral;
-            self.output = wanted;
-            self.last_error = error;
-            wanted
-        } else {
-            self.saturate(config, wanted, integral, (step, error), dt)
-        }
+        self.integrate_and_limit(config, error, feed_forward, integrate, dt.get(), Seen::Nothing)
     }
 
-    /// The filtered rate of change: the backward difference of `time constant · rate' + rate = change
-    /// / dt`. Out of line: a division takes as long as all the rest, and most loops have no derivative.
+    /// Out of line: a division takes as long as all the rest, and most loops have no derivative.
     #[cold]
-    fn derivative(&mut self, time_constant: f32, change: f32, dt: f32) -> f32 {
-        let rate = (time_constant * self.rate + change) / (time_constant + dt);
+    fn derivative(&mut self, time_constant: f32, change: f32, dt: Seconds) -> f32 {
+        let rate = filtered(time_constant, self.rate, change, dt.get());
         if rate.is_finite() {
             self.rate = rate;
         }
         rate
     }
 
-    /// The output is limited, or something was not finite.
+    /// The integral, the proportional part, and the limit; `seen` is to be kept with the rest.
+    #[inline(always)]
+    fn integrate_and_limit(
+        &mut self,
+        config: &PidConfig,
+        error: f32,
+        beside: f32,
+        integrate: bool,
+        dt: f32,
+        seen: Seen,
+    ) -> f32 {
+        let size = error.abs();
+        let error = if size <= config.deadband { no_error() } else { error };
+        let mut step = 0.0;
+        if integrate && size <= config.integral_separation {
+            // Trapezoidal rule: exact for an error that changes linearly between two steps.
+            step = config.ki * (0.5 * dt) * (error + self.last_error);
+        }
+        let integral = within(self.integral + step, config.integral_limit);
+        let wanted = beside + config.kp * error + integral;
+        // The usual case costs one comparison, which is false for NaN too.
+        if wanted.abs() <= config.output_limit {
+            self.integral = integral;
+            self.output = wanted;
+            self.last_error = error;
+            match seen {
+                Seen::Nothing => (),
+                Seen::Measured(measured) => self.last_measured = measured,
+                Seen::Moved(measured, rate) => (self.last_measured, self.rate) = (measured, rate),
+            }
+            wanted
+        } else {
+            let (measured, rate) = match seen {
+                Seen::Nothing => (self.last_measured, self.rate),
+                Seen::Measured(measured) => (measured, self.rate),
+                Seen::Moved(measured, rate) => (measured, rate),
+            };
+            self.saturate(config, wanted, integral, step, error, dt, measured, rate)
+        }
+    }
+
+    /// The output is limited, or something was not finite: then everything stays as it was.
     #[cold]
     #[inline(never)]
+    #[expect(clippy::too_many_arguments, reason = "in registers: the usual step needs no stack")]
     fn saturate(
         &mut self,
         config: &PidConfig,
         wanted: f32,
         integral: f32,
-        (step, error): (f32, f32),
+        step: f32,
+        error: f32,
         dt: f32,
+        measured: f32,
+        rate: f32,
     ) -> f32 {
         let limit = config.output_limit;
         if wanted.is_finite() {
@@ -270,6 +375,7 @@ impl PidState {
                 self.integral = integral;
             }
             self.last_error = error;
+            (self.last_measured, self.rate) = (measured, rate);
         }
         // Even an output that stays as it was obeys a limit that has been lowered.
         self.output = within(self.output, limit);

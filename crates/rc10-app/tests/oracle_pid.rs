@@ -45,19 +45,19 @@ fn every_part_is_the_linear_filter_that_it_says() {
 
 #[test]
 fn a_closed_loop_responds_as_its_transfer_function() {
-    let (mut case, mut state, mut y, mut step, mut compared) = ("", PidState::new(), 0.0, 0, 0);
+    let (mut case, mut state, mut y, mut step, mut compared) = ("", PidState::new(), 0.0, 0.0, 0);
     let (a, gain) = ((-0.01_f64).exp(), 2.0);
     #[expect(clippy::cast_possible_truncation, reason = "the plant in f32, too")]
     let (a, b) = (a as f32, (gain * (1.0 - a)) as f32);
     for row in rows().filter(|row| row.case.starts_with("closed")) {
         if row.case != case {
-            (case, state, y, step) = (row.case, PidState::new(), 0.0, 0);
+            (case, state, y, step) = (row.case, PidState::new(), 0.0, 0.0);
             // scipy's derivative knows that nothing was measured before: so does this one now.
             state.update(&row.config, 0.0, 0.0, 0.0, Seconds::new(row.dt));
         }
-        while step < row.output as u32 {
+        while step < row.output {
             y = a * y + b * state.update(&row.config, row.setpoint, y, 0.0, Seconds::new(row.dt));
-            step += 1;
+            step += 1.0;
         }
         assert!((y - row.measured).abs() < 2e-4, "{case} step {step}: {y}, scipy {}", row.measured);
         compared += 1;

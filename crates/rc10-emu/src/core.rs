@@ -75,6 +75,8 @@ pub trait Core {
     fn stack_pointer(&self) -> u32;
     /// Return address of the executed function, at its first instruction.
     fn link_register(&self) -> u32;
+    /// The first arguments of the executed function, at its first instruction.
+    fn arguments(&self) -> [u32; 3];
     /// Goes on at an address, with the first registers set to `arguments`: for injected faults.
     fn call(&mut self, address: u32, arguments: [u32; 3]);
     /// Goes on at an address, which is to be an endless loop, with all interrupts masked (PRIMASK),
@@ -436,6 +438,10 @@ impl Core for Interpreter {
 
     fn link_register(&self) -> u32 {
         self.core.reg(14)
+    }
+
+    fn arguments(&self) -> [u32; 3] {
+        [0, 1, 2].map(|register| self.core.reg(register))
     }
 
     fn call(&mut self, address: u32, arguments: [u32; 3]) {

@@ -3,11 +3,17 @@
 //!
 //! Every function whose symbol is `count_<units>_<name>` is a measurement: the instructions from
 //! its call to its return, per call and per unit. `count_done` ends the run.
+//!
+//! It also takes the walks through rc10-app, and tells the hash of each by `walked`: a PC must have the
+//! same.
 #![no_std]
 #![no_main]
 
 mod codecs;
+mod control;
 mod streams;
+#[path = "../../../crates/rc10-app/tests/walk/mod.rs"]
+mod walk;
 
 use core::hint::black_box;
 
@@ -42,6 +48,11 @@ fn main() -> ! {
     measure(|_, _| Target::Coast, coasting_tick);
     codecs::measure();
     streams::measure();
+    control::measure();
+    for (number, (_, walk)) in (0..).zip(walk::WALKS) {
+        let hash = walk::hash(black_box(walk));
+        walked(number, (hash >> 32) as u32, hash as u32);
+    }
     done()
 }
 
@@ -153,6 +164,14 @@ measured! {
 measured! {
     /// The receiving half alone.
     "count_8_frame_received", frames, receive
+}
+
+/// A walk is over: its number, and its hash.
+// SAFETY: nothing else has this name.
+#[unsafe(export_name = "walked")]
+#[inline(never)]
+extern "C" fn walked(number: u32, high: u32, low: u32) {
+    black_box((number, high, low));
 }
 
 // SAFETY: nothing else has this name.

@@ -1,0 +1,30 @@
+//! The walks through all of rc10-app that a PC and the chip must agree on, on this PC: they see numbers,
+//! and are the same twice. `cargo xtask count` compares them with the chip's.
+
+mod walk;
+
+#[test]
+fn a_walk_sees_numbers_and_is_the_same_twice() {
+    for (name, walk) in walk::WALKS {
+        let (mut seen, mut nothing) = (0, 0);
+        walk(&mut |value| {
+            seen += 1;
+            nothing += u32::from(!value.is_finite());
+        });
+        assert!(seen > 1000, "{name} sees {seen} numbers");
+        assert!(nothing * 10 < seen, "{name}: {nothing} of {seen} are no finite numbers");
+        assert_eq!(walk::hash(walk), walk::hash(walk), "{name}");
+    }
+}
+
+/// One bit of one number is another hash.
+#[test]
+fn a_hash_sees_every_bit() {
+    fn three(put: &mut dyn FnMut(f32)) {
+        [1.0, 2.0, 3.0].map(put);
+    }
+    fn nearly(put: &mut dyn FnMut(f32)) {
+        [1.0, f32::from_bits(2.0_f32.to_bits() + 1), 3.0].map(put);
+    }
+    assert_ne!(walk::hash(three), walk::hash(nearly));
+}
