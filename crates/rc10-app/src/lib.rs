@@ -12,6 +12,7 @@
 //! | [`differentiator`] | second-order tracking differentiator |
 //! | [`low_pass`], [`ramp`] | first-order low-pass, rate limit |
 //! | [`transform`] | poses in the plane, SE(2) |
+//! | [`mechanism`] | homing, soft limits, jams, axes of several motors, feeders that count |
 //! | [`chassis`] | twists, mecanum wheels, desaturation, acceleration limit |
 #![no_std]
 #![forbid(unsafe_code)]
@@ -23,6 +24,7 @@ pub mod differentiator;
 pub mod incremental;
 pub mod low_pass;
 pub mod maths;
+pub mod mechanism;
 pub mod pid;
 pub mod ramp;
 mod text;
