@@ -67,7 +67,7 @@ pub enum AxesFailure {
     },
     /// The motors are too far apart, or the setpoint had to wait for too long.
     Lags {
-        /// The motor that is furthest from the common setpoint.
+        /// The hindmost motor; where the setpoint stands, the one that is furthest from it.
         motor: usize,
         /// The difference at that time.
         difference: Degrees,
@@ -175,7 +175,7 @@ impl<const N: usize> Axes<N> {
         self.difference = difference(&off);
         self.pace = config.pace(self.difference);
         self.waiting = if self.pace < WAITING { self.waiting + dt.get() } else { 0.0 };
-        self.failure = self.fails(config, motors, &off);
+        self.failure = self.fails(config, speed, motors, &off);
         if self.failure.is_some() {
             self.pace = 0.0;
             self.commands = [Command::Coast; N];
@@ -194,6 +194,7 @@ impl<const N: usize> Axes<N> {
     fn fails(
         &mut self,
         config: &AxesConfig,
+        speed: Rpm,
         motors: &[Measured; N],
         off: &[f32; N],
     ) -> Option<AxesFailure> {
@@ -204,9 +205,13 @@ impl<const N: usize> Axes<N> {
             }
         }
         let is_level = self.difference < config.stop.get() && self.waiting <= config.patience.get();
-        let further = |worst: usize, index: usize| {
-            if off[index].abs() > off[worst].abs() { index } else { worst }
+        // How far a motor is behind.
+        let behind = |motor: usize| match speed.get() {
+            up if up > 0.0 => -off[motor],
+            down if down < 0.0 => off[motor],
+            _ => off[motor].abs(),
         };
+        let further = |most, motor| if behind(motor) > behind(most) { motor } else { most };
         (!is_level).then(|| AxesFailure::Lags {
             motor: (0..N).fold(0, further),
             difference: self.difference(),
@@ -241,7 +246,11 @@ mod tests {
     }
 
     fn step<const N: usize>(axes: &mut Axes<N>, degrees: [i32; N]) -> [Command; N] {
-        let speed = Rpm::new(20.0);
+        step_at(20.0, axes, degrees)
+    }
+
+    fn step_at<const N: usize>(rpm: f32, axes: &mut Axes<N>, degrees: [i32; N]) -> [Command; N] {
+        let speed = Rpm::new(rpm);
         axes.update(&CONFIG, TotalAngle::from_degrees(100), speed, &motors(degrees), DT)
     }
 
@@ -262,9 +271,14 @@ mod tests {
 
     #[test]
     fn beyond_the_second_bound_all_stop_and_it_says_which_lags() {
-        for (degrees, motor) in [([100, 70, 99, 101], 1), ([100, 101, 131, 101], 2)] {
+        for (degrees, rpm, motor) in [
+            ([100, 70, 99, 101], 20.0, 1),
+            ([100, 70, 99, 101], -20.0, 3),
+            ([101, 131, 100, 101], 20.0, 2),
+            ([101, 131, 100, 101], 0.0, 1),
+        ] {
             let mut axes = Axes::<4>::new();
-            assert_eq!(step(&mut axes, degrees), [Command::Coast; 4]);
+            assert_eq!(step_at(rpm, &mut axes, degrees), [Command::Coast; 4]);
             let Some(AxesFailure::Lags { motor: named, difference }) = axes.failure() else {
                 panic!("{axes:?}");
             };

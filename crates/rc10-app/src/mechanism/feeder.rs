@@ -18,8 +18,8 @@ pub struct FeederConfig {
     /// A piece is fed so far before its pocket has arrived; 0 or more, less than half a piece. More
     /// than the motor is off where it holds an angle.
     pub tolerance: Degrees,
-    /// Its jams. The following error must be less than a piece: the angle asked for is never further
-    /// ahead.
+    /// Its jams. The following error must be at most the tolerance: so a piece that is not fed is
+    /// a jam.
     pub jam: JamConfig,
 }
 
@@ -36,8 +36,8 @@ impl FeederConfig {
         let is_small = tolerance < 0.5 * piece;
         ok!(ConfigError::check(is_small, "tolerance", tolerance, "less than half a piece"));
         ok!(self.jam.validate(), in "jam");
-        let is_small = error < piece;
-        let check = ConfigError::check(is_small, "following_error", error, "less than a piece");
+        let is_seen = error <= tolerance;
+        let check = ConfigError::check(is_seen, "following_error", error, "at most `tolerance`");
         check.map_err(|error| error.in_part("jam"))
     }
 
@@ -72,7 +72,7 @@ impl FeederConfig {
 ///     tolerance: Degrees::new(2.0),
 ///     jam: JamConfig {
 ///         stall: Stall { effort: 6.0, standstill: Rpm::new(5.0), time: Seconds::new(0.2) },
-///         following_error: Degrees::new(10.0),
+///         following_error: Degrees::new(2.0),
 ///         reverse: Degrees::new(30.0),
 ///         reverse_speed: Rpm::new(60.0),
 ///         reverse_time: Seconds::new(0.5),
@@ -260,7 +260,7 @@ mod tests {
         tolerance: Degrees::new(2.0),
         jam: JamConfig {
             stall: Stall { effort: 6.0, standstill: Rpm::new(5.0), time: Seconds::new(0.095) },
-            following_error: Degrees::new(10.0),
+            following_error: Degrees::new(2.0),
             reverse: Degrees::new(30.0),
             reverse_speed: Rpm::new(60.0),
             reverse_time: Seconds::new(0.05),
@@ -358,7 +358,7 @@ mod tests {
     #[test]
     fn the_configuration_is_checked() {
         assert_eq!(CONFIG.validate(), Ok(()));
-        let jam = JamConfig { following_error: Degrees::new(52.0), ..CONFIG.jam };
+        let jam = JamConfig { following_error: Degrees::new(2.1), ..CONFIG.jam };
         for (bad, part, field) in [
             (FeederConfig { rate: 0.0, ..CONFIG }, "", "rate"),
             (FeederConfig { tolerance: Degrees::new(26.0), ..CONFIG }, "", "tolerance"),
