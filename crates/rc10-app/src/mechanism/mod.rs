@@ -184,7 +184,7 @@ impl Braking {
     }
 
     /// The largest speed from which the way to a stand is no longer than `way`: the inverse of
-    /// [`way`](Self::way). Zero for a way that is not positive.
+    /// [`way`](Self::way). Zero for a way that is not finite and positive.
     ///
     /// ```
     /// use rc10_app::mechanism::Braking;
@@ -198,13 +198,16 @@ impl Braking {
     #[must_use]
     pub fn speed(&self, way: Degrees) -> Rpm {
         let (way, reaction) = (way.get(), self.reaction.get());
-        if way.is_nan() || way <= 0.0 {
+        if !way.is_finite() || way <= 0.0 {
             return Rpm::ZERO;
         }
         let acceleration = self.acceleration.get() * DEGREES_PER_SECOND;
-        // The positive root of v·t + v² / 2a = way.
-        let time = fast_sqrt(reaction * reaction + 2.0 * way / acceleration) - reaction;
-        Rpm::new(self.acceleration.get() * time.max(0.0))
+        // The positive root of v·t + v² / 2a = way, without a difference of nearly equal numbers.
+        let square = 2.0 * way / acceleration;
+        let root = fast_sqrt(reaction * reaction + square) + reaction;
+        // A way too short to compute with is none.
+        let time = if root > 0.0 { square / root } else { 0.0 };
+        Rpm::new(self.acceleration.get() * time)
     }
 }
 
@@ -294,7 +297,7 @@ mod tests {
         }
         let braking =
             Braking { acceleration: RpmPerSecond::new(500.0), reaction: Seconds::new(0.01) };
-        for no_way in [0.0, -1.0, f32::NAN] {
+        for no_way in [0.0, -1.0, 1e-45, f32::NAN, f32::INFINITY] {
             assert_eq!(braking.speed(Degrees::new(no_way)), Rpm::ZERO);
         }
     }

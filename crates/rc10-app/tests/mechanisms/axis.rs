@@ -185,7 +185,7 @@ impl Axis {
         if self.health == Health::Ready {
             self.drive();
         } else {
-            (self.effort, self.integral) = (0.0, 0.0);
+            (self.effort, self.integral, self.reference) = (0.0, 0.0, self.speed);
         }
         let dt = STEP / PARTS as f64;
         for _ in 0..PARTS {

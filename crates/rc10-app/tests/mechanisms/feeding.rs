@@ -122,7 +122,7 @@ impl Hopper {
 #[test]
 fn pieces_are_counted_right_through_jams() {
     let (mut jams, mut total, mut given_up) = (0, 0, 0);
-    for seed in 0..500 {
+    for seed in 0..300 {
         let mut random = Random(seed);
         let (period, dt) = period(&mut random);
         let direction = [Direction::Forward, Direction::Reversed][random.below(2)];
@@ -131,6 +131,7 @@ fn pieces_are_counted_right_through_jams() {
             pieces: CountsPerTurn::new(3 + random.below(7) as u32, 1 + random.below(2) as u32),
             direction,
             rate: random.between(2.0, 8.0) as f32,
+            acceleration: BRAKING.acceleration,
             tolerance: Degrees::new(3.0),
             jam: JAM,
         };
@@ -180,7 +181,7 @@ fn pieces_are_counted_right_through_jams() {
         (jams, total) = (jams + hopper.jams, total + ordered);
     }
     println!("{total} pieces, {jams} jams, {given_up} times given up");
-    assert!(jams > 300 && total > 5000, "{jams} {total}");
+    assert!(jams > 300 && total > 3000, "{jams} {total}");
 }
 
 #[test]
@@ -192,6 +193,7 @@ fn a_feeder_that_gave_up_feeds_the_rest_after_a_reset() {
             pieces: CountsPerTurn::new(7, 1),
             direction: Direction::Forward,
             rate: 6.0,
+            acceleration: BRAKING.acceleration,
             tolerance: Degrees::new(3.0),
             jam: JAM,
         };
@@ -226,8 +228,7 @@ fn a_feeder_that_gave_up_feeds_the_rest_after_a_reset() {
 fn a_speed_within_soft_limits_never_leaves_them() {
     for seed in 0..500 {
         let mut random = Random(seed);
-        let (period, dt) = period(&mut random);
-        let _ = dt;
+        let (period, _) = period(&mut random);
         let mut axis = Axis::random(&mut random, 0.0);
         let limits = SoftLimits {
             lower: TotalAngle::from_degrees(-200),
