@@ -20,8 +20,8 @@ pub struct AxesConfig {
     /// All stop also if the common setpoint had to go at less than a tenth of its speed for longer than
     /// this; > 0.
     pub patience: Seconds,
-    /// Cross-coupling: by so many degrees a motor's setpoint is moved for each degree that it is away
-    /// from the mean of all; 0 or more. 0.5 is mild; above the quotient of the gains of speed and angle
+    /// Cross-coupling: degrees by which a motor's setpoint is moved for each degree that the motor is
+    /// away from the mean of all; 0 or more. 0.5 is mild; above the quotient of the gains of speed and angle
     /// loop it oscillates.
     pub coupling: f32,
     /// A motor's setpoint is moved no further than this; 0 or more.
@@ -267,6 +267,12 @@ mod tests {
             }
         }
         assert_eq!(axes.failure(), None);
+        // 4 degrees behind, the mean 1: the others give way by a half, it is hurried by one and a half.
+        let moved = step(&mut axes, [100, 100, 96, 100]).map(|command| match command {
+            Command::Angle { angle, .. } => angle.microdegrees() - 100_000_000,
+            _ => panic!("{command:?}"),
+        });
+        assert_eq!(moved, [-500_000, -500_000, 1_500_000, -500_000]);
     }
 
     #[test]

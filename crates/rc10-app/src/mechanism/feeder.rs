@@ -20,8 +20,8 @@ pub struct FeederConfig {
     /// Acceleration of the angle asked for; > 0. What the motor reaches for sure: faster, and it feeds
     /// more than it was asked to.
     pub acceleration: RpmPerSecond,
-    /// A piece is fed so far before its pocket has arrived; 0 or more, less than half a piece. More
-    /// than the motor is off where it holds an angle.
+    /// How far before the angle of its pocket a piece counts as fed; 0 or more, less than half a piece.
+    /// More than the motor is off where it holds an angle.
     pub tolerance: Degrees,
     /// Its jams. The following error must be at most the tolerance: so a piece that is not fed is
     /// a jam.
@@ -115,11 +115,11 @@ pub struct Feeder {
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Order {
-    /// So many pieces since the beginning.
+    /// A number of pieces since the beginning.
     Total(i64),
-    /// The piece in which it can brake, and so many more.
+    /// The piece in which it can brake, and a number of pieces more.
     Whole(i64),
-    /// As many a second, until told otherwise.
+    /// Pieces a second, until told otherwise.
     Rate(f32),
 }
 

@@ -1,5 +1,6 @@
 //! Homing: the zero of an axis, found by a hard stop, a switch or an index.
 
+use super::contact::Debounce;
 use super::{Braking, Command, Measured, Stall, StallTimer, Trouble, way};
 use crate::TotalAngle;
 use crate::config::{ConfigError, not_negative, positive};
@@ -32,7 +33,7 @@ pub struct HomingConfig {
     pub fast: Rpm,
     /// Speed of the second touch; > 0, at most `fast`, and above the standstill of a stall.
     pub slow: Rpm,
-    /// Back off so far from the first touch; > 0. A contact must be open there.
+    /// How far it backs off from the first touch; > 0. A contact must be open there.
     pub back_off: Degrees,
     /// The touches differ by no more than this; > 0 and less than `back_off`. Includes how far a stop
     /// gives way, or the hysteresis of a switch.
@@ -116,7 +117,7 @@ pub enum HomingFailure {
     /// The travel has come to its end: there is no reference, or the motor slips past it. The phase
     /// it was in.
     Travel(Phase),
-    /// The contact stayed closed, although the axis backed off.
+    /// The contact stayed closed while the axis backed off, to the end of its way, time or travel.
     NeverOpened,
     /// The touches are too far apart.
     TouchesDiffer {
@@ -375,85 +376,97 @@ impl Homing {
     }
 }
 
-/// A contact that bounces.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Debounce {
-    /// Closed or open; `None` before it has been one of both for long enough.
-    state: Option<bool>,
-    /// What it was in the last step, and for how long without a break.
-    last: (bool, f32),
-    /// Where it left its state, until it is back for long enough.
-    edge: Option<TotalAngle>,
-}
-
-/// A change of a contact.
-#[derive(Clone, Copy)]
-struct Edge {
-    closed: bool,
-    /// Where the change began.
-    angle: TotalAngle,
-    /// Its state before was open, not unknown.
-    was_open: bool,
-}
-
-impl Debounce {
-    const NEW: Self = Self { state: None, last: (false, 0.0), edge: None };
-
-    fn update(
-        &mut self,
-        debounce: Seconds,
-        closed: bool,
-        angle: TotalAngle,
-        dt: Seconds,
-    ) -> Option<Edge> {
-        let (last, lasted) = self.last;
-        let lasted = if closed == last { lasted + dt.get() } else { dt.get() };
-        self.last = (closed, lasted);
-        let is_steady = lasted >= debounce.get();
-        if self.state == Some(closed) {
-            if is_steady {
-                self.edge = None;
-            }
-            return None;
-        }
-        let angle = *self.edge.get_or_insert(angle);
-        if !is_steady {
-            return None;
-        }
-        self.edge = None;
-        let was_open = self.state.replace(closed) == Some(false);
-        Some(Edge { closed, angle, was_open })
-    }
-
-    /// Closed, and it does not bounce.
-    const fn is_steadily_closed(&self) -> bool {
-        matches!(self.state, Some(true)) && self.edge.is_none()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const DT: Seconds = Seconds::new(0.01);
 
-    /// Feeds a contact whose axis moves 1 degree a step; the edges: closed, degrees.
-    fn edges(contact: &str) -> impl Iterator<Item = (bool, i64)> {
-        let mut debounce = Debounce::NEW;
-        contact.chars().zip(0_i32..).filter_map(move |(state, at)| {
-            let angle = TotalAngle::from_degrees(at);
-            let edge = debounce.update(Seconds::new(0.025), state == '#', angle, DT)?;
-            Some((edge.closed, edge.angle.microdegrees() / 1_000_000))
-        })
+    const CONFIG: HomingConfig = HomingConfig {
+        reference: Reference::Contact { debounce: Seconds::new(0.015) },
+        direction: Direction::Forward,
+        fast: Rpm::new(60.0),
+        slow: Rpm::new(10.0),
+        back_off: Degrees::new(20.0),
+        tolerance: Degrees::new(5.0),
+        touch_at: TotalAngle::ZERO,
+        travel: Degrees::new(100.0),
+        braking: Braking {
+            acceleration: crate::units::RpmPerSecond::new(500.0),
+            reaction: Seconds::new(0.02),
+        },
+        phase_timeout: Seconds::new(2.0),
+        timeout: Seconds::new(3.0),
+    };
+
+    /// Steps at these angles, until something is asked for that is not `command`.
+    fn while_asked(homing: &mut Homing, degrees: i32, closed: bool, command: Command) -> u32 {
+        let angle = TotalAngle::from_degrees(degrees);
+        let measured = Measured { angle, ..Measured::default() };
+        let is_other = |_: &u32| homing.update(&CONFIG, &measured, closed, DT) != command;
+        (0..1000).find(is_other).unwrap()
     }
 
     #[test]
-    fn an_edge_is_where_it_began_to_bounce() {
-        assert!(edges("......#.#.##.#####").eq([(false, 0), (true, 6)]));
-        assert!(edges("####.#..#.....").eq([(true, 0), (false, 4)]));
-        // Noise is no edge, and does not shift the one that follows.
-        assert!(edges("......#.#.........######").eq([(false, 0), (true, 18)]));
-        // As long as it bounces it is neither.
-        assert!(edges("#.#.#.##..##..#.#.").eq([]));
+    fn the_whole_has_a_time_out_too() {
+        let mut homing = Homing::new();
+        let fast = Command::Speed(Rpm::new(60.0));
+        while_asked(&mut homing, 0, false, Command::STOP);
+        // 1.5 s, then the touch at 50; 1.5 s of backing off are too much together.
+        for _ in 0..150 {
+            let measured = Measured::default();
+            assert_eq!(homing.update(&CONFIG, &measured, false, DT), fast);
+        }
+        while_asked(&mut homing, 50, true, fast);
+        assert_eq!(homing.status(), HomingStatus::Running(Phase::Touched));
+        let back = Command::Speed(Rpm::new(-60.0));
+        assert_eq!(while_asked(&mut homing, 50, true, Command::STOP), 0);
+        let steps = while_asked(&mut homing, 50, true, back);
+        assert!((140..150).contains(&steps), "{steps}");
+        // A contact that is still closed is why.
+        let failure = HomingFailure::NeverOpened;
+        assert_eq!(homing.status(), HomingStatus::Failed(failure));
+    }
+
+    #[test]
+    fn bad_input_changes_nothing_or_ends_it() {
+        let mut homing = Homing::new();
+        while_asked(&mut homing, 0, false, Command::STOP);
+        let (before, measured) = (homing, Measured::default());
+        for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+            let command = homing.update(&CONFIG, &measured, true, Seconds::new(bad));
+            assert_eq!((homing, command), (before, Command::Speed(CONFIG.fast)));
+        }
+        let blind = Measured { speed: Rpm::new(f32::NAN), ..measured };
+        assert_eq!(homing.update(&CONFIG, &blind, false, DT), Command::Coast);
+        let failure = HomingFailure::Motor(Trouble::NotFinite);
+        assert_eq!(homing.status(), HomingStatus::Failed(failure));
+        assert_eq!(homing.update(&CONFIG, &measured, false, DT), Command::STOP);
+    }
+
+    #[test]
+    fn the_configuration_is_checked() {
+        let time = Seconds::new(0.1);
+        let stall = Stall { effort: 5.0, standstill: Rpm::new(3.0), time };
+        let of = |stall| HomingConfig { reference: Reference::Stop(stall), ..CONFIG };
+        let zero = Seconds::ZERO;
+        assert_eq!(CONFIG.validate(), Ok(()));
+        assert_eq!(of(stall).validate(), Ok(()));
+        let debounce = Seconds::new(f32::NAN);
+        for (bad, field) in [
+            (of(Stall { effort: 0.0, ..stall }), "effort"),
+            (of(Stall { standstill: Rpm::new(10.0), ..stall }), "standstill"),
+            (of(Stall { time: zero, ..stall }), "time"),
+            (HomingConfig { reference: Reference::Contact { debounce }, ..CONFIG }, "debounce"),
+            (HomingConfig { fast: Rpm::ZERO, ..CONFIG }, "fast"),
+            (HomingConfig { slow: Rpm::new(61.0), ..CONFIG }, "slow"),
+            (HomingConfig { back_off: Degrees::ZERO, ..CONFIG }, "back_off"),
+            (HomingConfig { tolerance: CONFIG.back_off, ..CONFIG }, "tolerance"),
+            (HomingConfig { travel: CONFIG.back_off, ..CONFIG }, "travel"),
+            (HomingConfig { phase_timeout: zero, ..CONFIG }, "phase_timeout"),
+            (HomingConfig { timeout: zero, ..CONFIG }, "timeout"),
+        ] {
+            assert_eq!(bad.validate().unwrap_err().field, field);
+        }
     }
 }

@@ -15,14 +15,14 @@ pub struct JamConfig {
     /// A motor that seeks an angle is to move if the angle is further away than this; 0 or more. More
     /// than a load pulls it away from an angle that it holds.
     pub following_error: Degrees,
-    /// Reverses so far from where it jammed; > 0.
+    /// How far it reverses from where it jammed; > 0.
     pub reverse: Degrees,
     /// Speed of reversing; > 0.
     pub reverse_speed: Rpm,
     /// Reverses no longer than this; > 0. It ends where the motor is blocked both ways.
     pub reverse_time: Seconds,
-    /// Reverses so often before it gives up. The count begins anew once the motor is past the jam by
-    /// `reverse`.
+    /// How often it reverses before it gives up. The count begins anew once the motor is past the jam
+    /// by `reverse`.
     pub tries: u8,
 }
 

@@ -18,6 +18,7 @@
 
 mod axes;
 mod axes_homing;
+mod contact;
 mod feeder;
 mod homing;
 mod jam;

@@ -156,7 +156,9 @@ fn pieces_are_counted_right_through_jams() {
             axis.health = if offline_for > 0 { Health::Offline } else { Health::Ready };
             offline_for = u32::saturating_sub(offline_for, 1);
             if ms % period == 0 {
+                let before = feeder.fed();
                 axis.command(feeder.update(&config, &axis.measured(), dt));
+                assert!(feeder.fed() >= before, "{seed}: a piece came back");
             }
             axis.step(&mut random);
             hopper.step(&mut axis, sign, 0.0003, false, &mut random);
