@@ -14,6 +14,7 @@
 //! | [`differentiator`] | second-order tracking differentiator |
 //! | [`low_pass`], [`ramp`] | first-order low-pass, rate limit |
 //! | [`transform`] | poses in the plane, SE(2) |
+//! | [`mechanism`] | homing, soft limits, jams, axes of several motors, feeders that count |
 //! | [`chassis`] | twists, mecanum wheels, desaturation, acceleration limit |
 #![no_std]
 #![forbid(unsafe_code)]
@@ -26,6 +27,7 @@ pub mod feed_forward;
 pub mod incremental;
 pub mod low_pass;
 pub mod maths;
+pub mod mechanism;
 pub mod pid;
 pub mod ramp;
 pub mod schedule;

@@ -1,0 +1,328 @@
+//! Jams: detected, cleared by reversing, given up after some tries.
+
+use super::{Command, Measured, Stall, StallTimer, way};
+use crate::TotalAngle;
+use crate::config::{ConfigError, not_negative, positive};
+use crate::ok;
+use crate::units::{Degrees, Direction, Rpm, Seconds};
+
+/// When a motor counts as jammed, and how it is cleared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JamConfig {
+    /// It stalls although it is to move. An effort of 0 for a motor that does not tell its effort: then
+    /// it is its speed and its following error alone.
+    pub stall: Stall,
+    /// A motor that seeks an angle is to move if the angle is further away than this; 0 or more. More
+    /// than a load pulls it away from an angle that it holds.
+    pub following_error: Degrees,
+    /// How far it reverses from where it jammed; > 0.
+    pub reverse: Degrees,
+    /// Speed of reversing; > 0.
+    pub reverse_speed: Rpm,
+    /// Reverses no longer than this; > 0. It ends where the motor is blocked both ways.
+    pub reverse_time: Seconds,
+    /// How often it reverses before it gives up. The count begins anew once the motor is past the jam
+    /// by `reverse`.
+    pub tries: u8,
+}
+
+impl JamConfig {
+    /// Whether every field can be used.
+    ///
+    /// # Errors
+    /// The first field that cannot, and what it must be.
+    pub const fn validate(&self) -> Result<(), ConfigError> {
+        ok!(self.stall.validate(), in "stall");
+        ok!(not_negative("following_error", self.following_error.get()));
+        ok!(positive("reverse", self.reverse.get()));
+        ok!(positive("reverse_speed", self.reverse_speed.get()));
+        positive("reverse_time", self.reverse_time.get())
+    }
+
+    /// Where the motor is to turn, if it is to move.
+    fn towards(&self, wanted: Command, measured: &Measured) -> Option<Direction> {
+        let (amount, least) = match wanted {
+            Command::Coast => return None,
+            Command::Speed(speed) => (speed.get(), 0.0),
+            Command::Angle { angle, .. } => {
+                (angle.minus(measured.angle).degrees().get(), self.following_error.get())
+            }
+        };
+        let towards = if amount < 0.0 { Direction::Reversed } else { Direction::Forward };
+        (amount.abs() > least).then_some(towards)
+    }
+}
+
+/// Whether a motor is jammed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum JamStatus {
+    /// It is not.
+    #[default]
+    Free,
+    /// It reverses.
+    Clearing,
+    /// It stands until [`Jam::reset`]: no try has helped.
+    GivenUp,
+}
+
+/// State of the jam detection of one motor: commands go through it.
+///
+/// ```
+/// use rc10_app::mechanism::{Command, Jam, JamConfig, JamStatus, Measured, Stall};
+/// use rc10_app::{Degrees, Rpm, Seconds};
+/// let time = Seconds::new(0.2);
+/// let config = JamConfig {
+///     stall: Stall { effort: 6.0, standstill: Rpm::new(5.0), time }, // A
+///     following_error: Degrees::new(3.0),
+///     reverse: Degrees::new(30.0),
+///     reverse_speed: Rpm::new(60.0),
+///     reverse_time: Seconds::new(0.5),
+///     tries: 3,
+/// };
+/// assert_eq!(config.validate(), Ok(()));
+/// let mut jam = Jam::new();
+/// let (wanted, dt) = (Command::Speed(Rpm::new(120.0)), Seconds::new(0.01));
+/// let stuck = Measured { effort: 10.0, ..Measured::default() };
+/// for _ in 0..19 {
+///     assert_eq!(jam.update(&config, wanted, &stuck, dt), wanted);
+/// }
+/// assert_eq!(jam.update(&config, wanted, &stuck, dt), Command::Speed(Rpm::new(-60.0)));
+/// assert_eq!((jam.status(), jam.count()), (JamStatus::Clearing, 1));
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Jam {
+    status: JamStatus,
+    stall: StallTimer,
+    /// Where the motor was to turn in the last step.
+    towards: Option<Direction>,
+    /// The newest jam that the motor has not passed yet: where, and which way it was to turn.
+    jam: Option<(TotalAngle, Direction)>,
+    /// Tries at it so far.
+    tries: u8,
+    /// For how long it has been reversing.
+    time: f32,
+    count: u32,
+    command: Command,
+}
+
+impl Jam {
+    /// Free.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Whether it is jammed.
+    pub const fn status(&self) -> JamStatus {
+        self.status
+    }
+
+    /// Jams detected so far; those of one place are counted each time.
+    pub const fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// Free again, after it has given up. The count stays.
+    pub fn reset(&mut self) {
+        *self = Self { count: self.count, ..Self::default() };
+    }
+
+    /// One step: `wanted` while it is free, else a command of its own. While the motor cannot be used,
+    /// time stands still here.
+    ///
+    /// A `dt` that is not finite and positive changes nothing, and the last command is returned again.
+    pub fn update(
+        &mut self,
+        config: &JamConfig,
+        wanted: Command,
+        measured: &Measured,
+        dt: Seconds,
+    ) -> Command {
+        if !dt.is_step() {
+            return self.command;
+        }
+        let usable = measured.usable().is_ok();
+        self.command = match self.status {
+            JamStatus::GivenUp => Command::STOP,
+            JamStatus::Free if usable => self.watch(config, wanted, measured, dt),
+            JamStatus::Free => {
+                self.stall = StallTimer::default();
+                wanted
+            }
+            JamStatus::Clearing if usable => self.clear(config, wanted, measured, dt),
+            JamStatus::Clearing => Command::STOP,
+        };
+        self.command
+    }
+
+    fn watch(
+        &mut self,
+        config: &JamConfig,
+        wanted: Command,
+        measured: &Measured,
+        dt: Seconds,
+    ) -> Command {
+        let is_past = |(at, towards)| way(at, measured.angle, towards) > config.reverse.get();
+        if self.jam.is_some_and(is_past) {
+            (self.jam, self.tries) = (None, 0);
+        }
+        let towards = config.towards(wanted, measured);
+        if towards != self.towards {
+            (self.towards, self.stall) = (towards, StallTimer::default());
+        }
+        let stalled = self.stall.update(&config.stall, measured, towards, dt);
+        let (Some(_), Some(towards)) = (stalled, towards) else {
+            return wanted;
+        };
+        self.count = self.count.saturating_add(1);
+        self.stall = StallTimer::default();
+        if self.tries >= config.tries {
+            self.status = JamStatus::GivenUp;
+            return Command::Coast;
+        }
+        self.jam = Some((measured.angle, towards));
+        self.tries += 1;
+        self.time = 0.0;
+        self.status = JamStatus::Clearing;
+        reverse(config, towards)
+    }
+
+    fn clear(
+        &mut self,
+        config: &JamConfig,
+        wanted: Command,
+        measured: &Measured,
+        dt: Seconds,
+    ) -> Command {
+        self.time += dt.get();
+        let left = self.jam.filter(|(at, towards)| {
+            let so_far = -way(*at, measured.angle, *towards);
+            so_far < config.reverse.get() && self.time < config.reverse_time.get()
+        });
+        if let Some((_, towards)) = left {
+            return reverse(config, towards);
+        }
+        (self.status, self.towards) = (JamStatus::Free, None);
+        wanted
+    }
+}
+
+fn reverse(config: &JamConfig, towards: Direction) -> Command {
+    Command::Speed(config.reverse_speed * -f32::from(towards.sign()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DT: Seconds = Seconds::new(0.01);
+    const CONFIG: JamConfig = JamConfig {
+        stall: Stall { effort: 6.0, standstill: Rpm::new(5.0), time: Seconds::new(0.095) },
+        following_error: Degrees::new(3.0),
+        reverse: Degrees::new(30.0),
+        reverse_speed: Rpm::new(60.0),
+        reverse_time: Seconds::new(0.045),
+        tries: 2,
+    };
+    const BACK: Command = Command::Speed(Rpm::new(-60.0));
+
+    fn at(degrees: i32, effort: f32) -> Measured {
+        Measured { angle: TotalAngle::from_degrees(degrees), effort, ..Measured::default() }
+    }
+
+    #[test]
+    fn holding_a_load_is_no_jam_but_missing_an_angle_is() {
+        let mut jam = Jam::new();
+        let hold = Command::hold(TotalAngle::from_degrees(2));
+        for _ in 0..1000 {
+            assert_eq!(jam.update(&CONFIG, hold, &at(0, 19.0), DT), hold);
+            assert_eq!(jam.update(&CONFIG, Command::STOP, &at(0, 19.0), DT), Command::STOP);
+        }
+        let hold = Command::hold(TotalAngle::from_degrees(4));
+        // Pushing the other way is a load that helps.
+        for _ in 0..1000 {
+            assert_eq!(jam.update(&CONFIG, hold, &at(0, -19.0), DT), hold);
+        }
+        let steps = (1..).find(|_| jam.update(&CONFIG, hold, &at(0, 19.0), DT) == BACK);
+        assert_eq!(steps, Some(10));
+    }
+
+    #[test]
+    fn it_gives_up_after_its_tries_and_stands_until_reset() {
+        let mut jam = Jam::new();
+        let wanted = Command::Speed(Rpm::new(100.0));
+        let run = |jam: &mut Jam| {
+            let commands = core::array::from_fn(|_| jam.update(&CONFIG, wanted, &at(0, 19.0), DT));
+            let commands: [Command; 100] = commands;
+            commands.iter().filter(|command| **command == BACK).count()
+        };
+        // Blocked both ways: each try ends by its time, 5 steps.
+        assert_eq!(run(&mut jam), 2 * 5);
+        assert_eq!((jam.status(), jam.count()), (JamStatus::GivenUp, 3));
+        assert_eq!(run(&mut jam), 0);
+        assert_eq!(jam.update(&CONFIG, wanted, &at(0, 0.0), DT), Command::STOP);
+        jam.reset();
+        assert_eq!(run(&mut jam), 2 * 5);
+        assert_eq!(jam.count(), 6);
+    }
+
+    #[test]
+    fn tries_begin_anew_past_the_jam() {
+        let mut jam = Jam::new();
+        let wanted = Command::Speed(Rpm::new(100.0));
+        for place in 0..50 {
+            // Each 31 degrees further; reversing is done in one step.
+            for _ in 0..10 {
+                jam.update(&CONFIG, wanted, &at(31 * place, 19.0), DT);
+            }
+            assert_eq!(jam.status(), JamStatus::Clearing);
+            assert_eq!(jam.update(&CONFIG, wanted, &at(31 * place - 30, 0.0), DT), wanted);
+        }
+        assert_eq!(jam.count(), 50);
+        // Within 30 degrees it is the same jam.
+        let mut jam = Jam::new();
+        for place in 0..3 {
+            for _ in 0..10 {
+                jam.update(&CONFIG, wanted, &at(29 * place, 19.0), DT);
+            }
+            jam.update(&CONFIG, wanted, &at(29 * place - 30, 0.0), DT);
+        }
+        assert_eq!(jam.status(), JamStatus::GivenUp);
+    }
+
+    #[test]
+    fn bad_input_changes_nothing() {
+        let mut jam = Jam::new();
+        let wanted = Command::Speed(Rpm::new(100.0));
+        jam.update(&CONFIG, wanted, &at(0, 19.0), DT);
+        let before = jam;
+        for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+            jam.update(&CONFIG, Command::Coast, &at(0, 19.0), Seconds::new(bad));
+        }
+        assert_eq!(jam, before);
+        for _ in 0..1000 {
+            assert_eq!(jam.update(&CONFIG, wanted, &at(0, f32::NAN), DT), wanted);
+            let not_a_speed = Command::Speed(Rpm::new(f32::NAN));
+            jam.update(&CONFIG, not_a_speed, &at(0, 19.0), DT);
+        }
+        assert_eq!(jam.status(), JamStatus::Free);
+    }
+
+    #[test]
+    fn the_configuration_is_checked() {
+        assert_eq!(CONFIG.validate(), Ok(()));
+        let zero = Seconds::ZERO;
+        let stall = Stall { time: zero, ..CONFIG.stall };
+        for (bad, part, field) in [
+            (JamConfig { stall, ..CONFIG }, "stall", "time"),
+            (JamConfig { following_error: Degrees::new(-1.0), ..CONFIG }, "", "following_error"),
+            (JamConfig { reverse: Degrees::ZERO, ..CONFIG }, "", "reverse"),
+            (JamConfig { reverse_speed: Rpm::ZERO, ..CONFIG }, "", "reverse_speed"),
+            (JamConfig { reverse_time: zero, ..CONFIG }, "", "reverse_time"),
+        ] {
+            let error = bad.validate().unwrap_err();
+            assert_eq!((error.part, error.field), (part, field));
+        }
+    }
+}
