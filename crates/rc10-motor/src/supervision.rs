@@ -2,7 +2,8 @@
 
 use core::fmt;
 
-use rc10_app::Rpm;
+use rc10_app::mechanism::{Health, Measured};
+use rc10_app::{Amps, NewtonMetres, Rpm};
 use rc10_can::Micros;
 
 use crate::arm::ArmState;
@@ -159,6 +160,21 @@ pub struct MotorStatus {
 }
 
 impl MotorStatus {
+    /// What a [mechanism](rc10_app::mechanism) wants to know of it. The effort is the current in A where
+    /// the device tells one, else the torque in N m, else 0.
+    #[must_use]
+    pub fn measured(&self) -> Measured {
+        let Feedback { total_angle: angle, speed, turn_gaps: gaps, .. } = self.feedback;
+        let torque = || self.feedback.torque().map(NewtonMetres::get);
+        let effort = self.feedback.current().map(Amps::get).or_else(torque).unwrap_or_default();
+        let health = match (self.link, self.fault) {
+            (Link::Online, None) => Health::Ready,
+            (Link::Online, Some(_)) => Health::Faulty,
+            (Link::NeverSeen | Link::Lost, _) => Health::Offline,
+        };
+        Measured { angle, speed, effort, gaps, health }
+    }
+
     /// Of a motor that was never heard.
     pub const NEW: Self = Self {
         link: Link::NeverSeen,

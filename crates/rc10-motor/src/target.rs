@@ -1,5 +1,6 @@
 use core::fmt;
 
+use rc10_app::mechanism::Command;
 use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, RpmPerSecond, TotalAngle};
 
 /// A setpoint for one motor. All values are at the output shaft.
@@ -107,6 +108,19 @@ impl Motion {
     pub const fn is_finite(&self) -> bool {
         let Self { angle: _, speed, acceleration, effort } = self;
         speed.is_finite() && acceleration.is_finite() && effort.is_finite()
+    }
+}
+
+/// The command of a mechanism: an angle is a motion.
+impl From<Command> for Target {
+    fn from(command: Command) -> Self {
+        match command {
+            Command::Coast => Self::Coast,
+            Command::Speed(speed) => Self::Speed(speed),
+            Command::Angle { angle, speed } => {
+                Self::Motion(Motion { angle: Some(angle), speed, ..Motion::default() })
+            }
+        }
     }
 }
 

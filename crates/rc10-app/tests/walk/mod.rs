@@ -2,12 +2,13 @@
 //! them on both, and compares. Nothing of `std` is used here, and no f64.
 
 pub mod control;
+pub mod mechanisms;
 
 /// A walk gives every result that it sees to a function.
 pub type Walk = fn(&mut dyn FnMut(f32));
 
 /// All walks, by their names.
-pub const WALKS: [(&str, Walk); 1] = [("control", control::walk)];
+pub const WALKS: [(&str, Walk); 2] = [("control", control::walk), ("mechanisms", mechanisms::walk)];
 
 /// The hash of everything that a walk sees: FNV-1a over the bits.
 #[must_use]
