@@ -1,6 +1,8 @@
 //! Walks through all of rc10-app that give the same bits on a PC and on the chip: `cargo xtask count` takes
 //! them on both, and compares. Nothing of `std` is used here, and no f64.
 
+#![allow(clippy::cast_possible_truncation, reason = "numbers by chance")]
+
 pub mod control;
 pub mod mechanisms;
 
