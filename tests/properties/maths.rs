@@ -3,7 +3,7 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 use rc10_app::angle::{nearest_movement, shortest_way, shortest_way_degrees};
-use rc10_app::{CountsPerTurn, Degrees, Mecanum, Radians, Rpm, TotalAngle, Twist};
+use rc10_app::{CountsPerTurn, Degrees, Field, Mecanum, Radians, Rpm, TotalAngle, Twist};
 use rc10_module::encoder::Counter;
 
 use crate::any;
@@ -135,7 +135,7 @@ proptest! {
             prop_assert!(off <= 2e-6 * size + 1e-30, "{:?} is {} off", wheels, off);
         }
         prop_assert!(chassis.forward(wheels.speeds).is_finite());
-        let there = Twist::new(vx, vy, wz).into_frame(Radians::new(1.0));
+        let there = Twist::<Field>::new(vx, vy, wz).into_frame(Radians::new(1.0));
         prop_assert!(there.wz.to_bits() == wz.to_bits());
     }
 }

@@ -1,107 +1,13 @@
-//! Chassis kinematics: twists, mecanum wheels, wheel speed limit, acceleration limit.
-//!
-//! A [`Twist`] is how the robot moves. The usual way from a driver's stick to four wheels:
-//! [`TwistLimiter::update`] (no acceleration that makes wheels slip), [`Twist::into_frame`] if the
-//! driver thinks in field coordinates, [`Mecanum::inverse`] (wheel speeds, never above the limit).
+//! Chassis kinematics: mecanum wheels and their speed limit.
 
 use core::f32::consts::PI;
-use core::fmt;
-use core::ops::{Add, Mul, Sub};
 
 use crate::config::{ConfigError, positive};
-use crate::maths;
-use crate::transform::rotate;
-use crate::units::{Radians, Rpm, Seconds};
+use crate::twist::{Twist, TwistNotFinite};
+use crate::units::Rpm;
 
 /// Radians per second in one revolution per minute.
 const RADIANS_PER_SECOND: f32 = PI / 30.0;
-
-/// Motion in the plane: x forward, y left, yaw counter-clockwise.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Twist {
-    /// Speed forward, in m/s.
-    pub vx: f32,
-    /// Speed to the left, in m/s.
-    pub vy: f32,
-    /// Yaw rate, counter-clockwise, in rad/s.
-    pub wz: f32,
-}
-
-impl Twist {
-    /// No motion.
-    pub const STOP: Self = Self::new(0.0, 0.0, 0.0);
-
-    /// m/s forward, m/s to the left, rad/s counter-clockwise.
-    pub const fn new(vx: f32, vy: f32, wz: f32) -> Self {
-        Self { vx, vy, wz }
-    }
-
-    /// Whether no component is infinite or NaN.
-    #[must_use]
-    pub const fn is_finite(self) -> bool {
-        self.vx.is_finite() && self.vy.is_finite() && self.wz.is_finite()
-    }
-
-    /// From the field's axes to those of a robot with this heading in the field: what the driver
-    /// means by "away from me" becomes what the robot has to do.
-    ///
-    /// ```
-    /// use core::f32::consts::FRAC_PI_2;
-    /// use rc10_app::{Radians, chassis::Twist};
-    /// // A robot that looks to the driver's left has to move to its own right.
-    /// let robot = Twist::new(1.0, 0.0, 0.0).into_frame(Radians::new(FRAC_PI_2));
-    /// assert!((robot.vy + 1.0).abs() < 1e-6 && robot.vx.abs() < 1e-6);
-    /// ```
-    #[must_use]
-    pub fn into_frame(self, heading: Radians) -> Self {
-        self.out_of_frame(-heading)
-    }
-
-    /// From the axes of a robot with this heading to the field's: the inverse of
-    /// [`into_frame`](Self::into_frame).
-    #[must_use]
-    pub fn out_of_frame(self, heading: Radians) -> Self {
-        let (vx, vy) = rotate((self.vx, self.vy), heading);
-        Self { vx, vy, ..self }
-    }
-}
-
-impl Add for Twist {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        Self::new(self.vx + other.vx, self.vy + other.vy, self.wz + other.wz)
-    }
-}
-
-impl Sub for Twist {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        Self::new(self.vx - other.vx, self.vy - other.vy, self.wz - other.wz)
-    }
-}
-
-impl Mul<f32> for Twist {
-    type Output = Self;
-    fn mul(self, factor: f32) -> Self {
-        Self::new(self.vx * factor, self.vy * factor, self.wz * factor)
-    }
-}
-
-/// A twist with a component that is infinite, NaN, or too large to compute with.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TwistNotFinite(
-    /// The twist as it was given.
-    pub Twist,
-);
-
-impl fmt::Display for TwistNotFinite {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Twist { vx, vy, wz } = self.0;
-        write!(f, "not a usable twist: vx {vx} m/s, vy {vy} m/s, wz {wz} rad/s")
-    }
-}
-
-impl core::error::Error for TwistNotFinite {}
 
 /// A chassis on four mecanum wheels whose rollers form an X when seen from above.
 ///
@@ -110,8 +16,7 @@ impl core::error::Error for TwistNotFinite {}
 /// configured.)
 ///
 /// ```
-/// use rc10_app::Rpm;
-/// use rc10_app::chassis::{Mecanum, Twist};
+/// use rc10_app::{Mecanum, Rpm, Twist};
 /// let chassis = Mecanum {
 ///     wheel_radius: 0.076,
 ///     half_wheelbase: 0.20,
@@ -122,7 +27,7 @@ impl core::error::Error for TwistNotFinite {}
 /// let wheels = chassis.inverse(Twist::new(5.0, 0.0, 0.0))?;
 /// assert_eq!(wheels.speeds, [Rpm::new(450.0); 4]); // 628 rpm would be needed
 /// assert!((wheels.scale - 0.716).abs() < 1e-3);
-/// # Ok::<(), rc10_app::chassis::TwistNotFinite>(())
+/// # Ok::<(), rc10_app::TwistNotFinite>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mecanum {
@@ -165,12 +70,12 @@ impl Mecanum {
     /// # Errors
     /// [`TwistNotFinite`] if the twist, or a wheel speed computed from it, is infinite or NaN.
     pub fn inverse(&self, twist: Twist) -> Result<WheelSpeeds, TwistNotFinite> {
-        let Twist { vx, vy, wz } = twist;
+        let Twist { vx, vy, wz, .. } = twist;
         let turn = self.lever() * wz;
         let wanted = [vx - vy - turn, vx + vy + turn, vx + vy - turn, vx - vy + turn]
             .map(|speed| speed / (self.wheel_radius * RADIANS_PER_SECOND));
         if !wanted.iter().all(|speed| speed.is_finite()) {
-            return Err(TwistNotFinite(twist));
+            return Err(TwistNotFinite::of(twist));
         }
         let fastest = wanted.iter().fold(0.0_f32, |fastest, speed| fastest.max(speed.abs()));
         // A limit that is negative or not a number becomes 0: the robot stands.
@@ -200,105 +105,11 @@ impl Mecanum {
     }
 }
 
-/// Largest accelerations of a [`TwistLimiter`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TwistLimits {
-    /// Largest change of the velocity vector (vx, vy), in m/s²; > 0. Rubber on a field gives
-    /// the coefficient of friction times 9.81 m/s² in any direction.
-    pub linear_acceleration: f32,
-    /// Largest change of the yaw rate, in rad/s²; > 0.
-    pub angular_acceleration: f32,
-}
-
-impl TwistLimits {
-    /// Checks the ranges.
-    ///
-    /// # Errors
-    /// Names the field that is not finite or not positive.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        positive("linear_acceleration", self.linear_acceleration)?;
-        positive("angular_acceleration", self.angular_acceleration)
-    }
-}
-
-/// State of an acceleration limiter for twists.
-///
-/// The linear acceleration is limited as a vector (the friction circle), so the velocity goes
-/// straight to its target instead of finishing one axis first. Give it twists in the field's axes
-/// where there is a heading: in the robot's axes the velocity of a robot that turns while it
-/// drives stands still although the robot accelerates.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct TwistLimiter {
-    twist: Twist,
-}
-
-impl TwistLimiter {
-    /// Standing still.
-    pub const fn new() -> Self {
-        Self { twist: Twist::STOP }
-    }
-
-    /// The last twist it gave.
-    pub const fn twist(&self) -> Twist {
-        self.twist
-    }
-
-    /// Goes on from a measured twist; one that is not finite is ignored.
-    pub const fn reset(&mut self, measured: Twist) {
-        if measured.is_finite() {
-            self.twist = measured;
-        }
-    }
-
-    /// Moves towards `target` for `dt` and returns the new twist. The last step lands exactly on
-    /// the target. A `dt` that is not finite and positive changes nothing. To stop within the
-    /// limits, give it [`Twist::STOP`].
-    ///
-    /// # Errors
-    /// [`TwistNotFinite`] if the target is infinite, NaN, or too far away to compute with; the
-    /// state stays unchanged.
-    pub fn update(
-        &mut self,
-        limits: &TwistLimits,
-        target: Twist,
-        dt: Seconds,
-    ) -> Result<Twist, TwistNotFinite> {
-        let change = target - self.twist;
-        let distance = maths::hypot(change.vx, change.vy);
-        if !(change.is_finite() && distance.is_finite()) {
-            return Err(TwistNotFinite(target));
-        }
-        if dt.is_step() {
-            let linear = step_share(distance, limits.linear_acceleration * dt.get());
-            let angular = step_share(change.wz.abs(), limits.angular_acceleration * dt.get());
-            self.twist = Twist {
-                vx: towards(self.twist.vx, target.vx, linear),
-                vy: towards(self.twist.vy, target.vy, linear),
-                wz: towards(self.twist.wz, target.wz, angular),
-            };
-        }
-        Ok(self.twist)
-    }
-}
-
-/// The share of `distance` that one step may go, 0 ..= 1. A step that is negative or not a number
-/// is no step.
-fn step_share(distance: f32, step: f32) -> f32 {
-    let step = step.max(0.0);
-    if distance <= step { 1.0 } else { step / distance }
-}
-
-/// The point `share` of the way; exactly the end if the share is 1.
-fn towards(from: f32, to: f32, share: f32) -> f32 {
-    if share < 1.0 { from + (to - from) * share } else { to }
-}
-
 #[cfg(test)]
 mod tests {
     extern crate std;
     use super::*;
     use crate::transform::tests::Random;
-    use core::f32::consts::FRAC_PI_2;
     use std::string::ToString;
 
     const CHASSIS: Mecanum = Mecanum {
@@ -307,7 +118,6 @@ mod tests {
         half_track: 0.25,
         max_wheel_speed: Rpm::new(450.0),
     };
-    const DT: Seconds = Seconds::new(0.001);
 
     fn random_twist(random: &mut Random, size: f32) -> Twist {
         Twist::new(random.within(size), random.within(size), random.within(2.0 * size))
@@ -397,11 +207,11 @@ mod tests {
             for twist in
                 [Twist::new(bad, 0.0, 0.0), Twist::new(0.0, bad, 0.0), Twist::new(0.0, 0.0, bad)]
             {
-                let TwistNotFinite(named) = CHASSIS.inverse(twist).unwrap_err();
+                let named = CHASSIS.inverse(twist).unwrap_err();
                 assert_eq!(named.vx.to_bits(), twist.vx.to_bits());
             }
         }
-        let message = TwistNotFinite(Twist::new(f32::NAN, 0.5, 1.0)).to_string();
+        let message = TwistNotFinite { vx: f32::NAN, vy: 0.5, wz: 1.0 }.to_string();
         assert_eq!(message, "not a usable twist: vx NaN m/s, vy 0.5 m/s, wz 1 rad/s");
     }
 
@@ -424,92 +234,6 @@ mod tests {
             assert_eq!(field(Mecanum { half_track: bad, ..CHASSIS }), "half_track");
             let speed = Mecanum { max_wheel_speed: Rpm::new(bad), ..CHASSIS };
             assert_eq!(field(speed), "max_wheel_speed");
-            assert!(
-                TwistLimits { linear_acceleration: bad, angular_acceleration: 1.0 }
-                    .validate()
-                    .is_err()
-            );
-            assert!(
-                TwistLimits { linear_acceleration: 1.0, angular_acceleration: bad }
-                    .validate()
-                    .is_err()
-            );
         }
-        assert_eq!(
-            TwistLimits { linear_acceleration: 3.0, angular_acceleration: 10.0 }.validate(),
-            Ok(())
-        );
-    }
-
-    #[test]
-    fn field_and_robot_axes() {
-        // The robot looks along the field's y axis: the field's x is to its right.
-        let heading = Radians::new(FRAC_PI_2);
-        let field = Twist::new(1.0, 0.0, 0.7);
-        near(field.into_frame(heading), Twist::new(0.0, -1.0, 0.7), 1e-6);
-        let mut random = Random(12);
-        for _ in 0..1000 {
-            let (twist, heading) =
-                (random_twist(&mut random, 3.0), Radians::new(random.within(7.0)));
-            near(twist.into_frame(heading).out_of_frame(heading), twist, 1e-5);
-        }
-    }
-
-    #[test]
-    fn the_acceleration_is_never_exceeded_and_the_change_is_straight() {
-        let limits = TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
-        let (mut random, mut limiter) = (Random(13), TwistLimiter::new());
-        let mut target = Twist::STOP;
-        for step in 0..20_000 {
-            if step % 500 == 0 {
-                target = random_twist(&mut random, 2.0);
-            }
-            let seconds = 0.001 + random.within(0.000_5);
-            let before = limiter.twist();
-            let after = limiter.update(&limits, target, Seconds::new(seconds)).unwrap();
-            let (change, way) = (after - before, target - before);
-            let linear = maths::hypot(change.vx, change.vy);
-            assert!(linear <= 3.0 * seconds + 1e-6, "{linear} m/s in {seconds} s");
-            assert!(change.wz.abs() <= 12.0 * seconds + 1e-6, "{change:?} in {seconds} s");
-            // Parallel to the way: no cross product.
-            assert!((change.vx * way.vy - change.vy * way.vx).abs() < 2e-6, "{change:?} {way:?}");
-        }
-    }
-
-    #[test]
-    fn the_limiter_takes_the_shortest_time_and_arrives_exactly() {
-        let limits = TwistLimits { linear_acceleration: 5.0, angular_acceleration: 10.0 };
-        let mut limiter = TwistLimiter::new();
-        let target = Twist::new(3.0, -4.0, 2.0);
-        let mut step = 0;
-        while limiter.update(&limits, target, DT).unwrap() != target {
-            step += 1;
-            assert!(step < 1010, "{limiter:?}");
-        }
-        assert!(step > 990, "{step} ms for 5 m/s at 5 m/s²");
-        assert_eq!(limiter.update(&limits, target, DT), Ok(target));
-        // Next to nothing: adding the rounded difference would end at 0.
-        let creep = Twist::new(1e-9, 0.0, -1e-9);
-        assert_eq!(limiter.update(&limits, creep, Seconds::new(10.0)), Ok(creep));
-    }
-
-    #[test]
-    fn a_bad_target_or_time_leaves_the_limiter_unchanged() {
-        let limits = TwistLimits { linear_acceleration: 5.0, angular_acceleration: 10.0 };
-        let mut limiter = TwistLimiter::new();
-        limiter.reset(Twist::new(1.0, 0.5, -1.0));
-        let before = limiter;
-        for bad in [f32::NAN, f32::INFINITY] {
-            assert!(limiter.update(&limits, Twist::new(bad, 0.0, 0.0), DT).is_err());
-            assert!(limiter.update(&limits, Twist::new(0.0, 0.0, bad), DT).is_err());
-            limiter.reset(Twist::new(0.0, bad, 0.0));
-        }
-        assert!(limiter.update(&limits, Twist::new(f32::MAX, f32::MAX, 0.0), DT).is_err());
-        for dt in [0.0, -0.001, f32::NAN, f32::INFINITY] {
-            assert_eq!(limiter.update(&limits, Twist::STOP, Seconds::new(dt)), Ok(before.twist()));
-        }
-        let broken = TwistLimits { linear_acceleration: f32::NAN, angular_acceleration: -1.0 };
-        assert_eq!(limiter.update(&broken, Twist::STOP, DT), Ok(before.twist()));
-        assert_eq!(limiter, before);
     }
 }

@@ -11,8 +11,9 @@
 //! | [`incremental`] | incremental PID |
 //! | [`differentiator`] | second-order tracking differentiator |
 //! | [`low_pass`], [`ramp`] | first-order low-pass, rate limit |
-//! | [`transform`] | poses in the plane, SE(2) |
-//! | [`chassis`] | twists, mecanum wheels, desaturation, acceleration limit |
+//! | [`transform`] | frames, points and poses in the plane, SE(2) |
+//! | [`twist`] | motion in the plane, acceleration limit |
+//! | [`chassis`] | mecanum wheels, desaturation |
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -27,13 +28,14 @@ pub mod pid;
 pub mod ramp;
 mod text;
 pub mod transform;
+pub mod twist;
 pub mod units;
 
 mod config;
 
 pub use angle::{CountsPerTurn, TotalAngle};
 pub use cascade::{Cascade, CascadeState};
-pub use chassis::{Mecanum, Twist, TwistLimiter, TwistLimits, TwistNotFinite, WheelSpeeds};
+pub use chassis::{Mecanum, WheelSpeeds};
 pub use config::ConfigError;
 pub use differentiator::{Differentiator, DifferentiatorConfig};
 pub use incremental::{IncrementalPidConfig, IncrementalPidState};
@@ -41,7 +43,8 @@ pub use low_pass::{LowPass, LowPassConfig};
 pub use pid::{PidConfig, PidInput, PidState};
 pub use ramp::{Ramp, RampConfig};
 pub use text::Text;
-pub use transform::Pose;
+pub use transform::{Field, Frame, Point, Pose, Robot};
+pub use twist::{Twist, TwistLimiter, TwistLimits, TwistNotFinite};
 pub use units::{
     Amps, Celsius, Degrees, Direction, ElectricalRpm, Gear, NewtonMetres, Radians, RotorRpm, Rpm,
     RpmPerSecond, Seconds, Volts,
