@@ -13,11 +13,13 @@
 //! | [`low_pass`], [`ramp`] | first-order low-pass, rate limit |
 //! | [`transform`] | frames, points and poses in the plane, SE(2) |
 //! | [`twist`] | motion in the plane, acceleration limit |
+//! | [`base`] | bases on wheels: mecanum, omni, differential, any list; desaturation, residual |
 //! | [`chassis`] | mecanum wheels, desaturation |
 #![no_std]
 #![forbid(unsafe_code)]
 
 pub mod angle;
+pub mod base;
 pub mod cascade;
 pub mod chassis;
 pub mod differentiator;
@@ -34,6 +36,7 @@ pub mod units;
 mod config;
 
 pub use angle::{CountsPerTurn, TotalAngle};
+pub use base::{Base, BaseError, Motion, Tread, Wheel};
 pub use cascade::{Cascade, CascadeState};
 pub use chassis::{Mecanum, WheelSpeeds};
 pub use config::ConfigError;
