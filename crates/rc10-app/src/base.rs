@@ -248,7 +248,7 @@ impl<const N: usize> Base<N> {
             fastest = if speed > fastest { speed } else { fastest };
             sum += speed;
         }
-        if !(sum < f32::INFINITY) {
+        if !sum.is_finite() {
             return Err(TwistNotFinite::of(twist));
         }
         let sideways = product(self.sideways, twist);

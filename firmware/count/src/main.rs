@@ -6,6 +6,7 @@
 #![no_std]
 #![no_main]
 
+mod bases;
 mod codecs;
 mod streams;
 
@@ -40,6 +41,7 @@ fn main() -> ! {
     measure(|degrees, _| Target::Angle(degrees), angle_tick);
     measure(|_, rpm| Target::Speed(rpm), frames);
     measure(|_, _| Target::Coast, coasting_tick);
+    bases::measure();
     codecs::measure();
     streams::measure();
     done()

@@ -72,8 +72,7 @@ impl BaseError {
 }
 
 const fn point(text: Text, x: f32, y: f32) -> Text {
-    // Adding zero takes the sign from a zero.
-    text.push("(").push_float(x + 0.0).push(", ").push_float(y + 0.0).push(")")
+    text.push("(").push_float(x).push(", ").push_float(y).push(")")
 }
 
 /// `wheels 0 and 1 have no rollers and do not roll in parallel: they drag each other sideways`

@@ -175,11 +175,17 @@ impl Plain {
         let length = sqrt(x * x + y * y);
         #[expect(clippy::cast_possible_truncation, reason = "for a message")]
         if turn.abs() * size * 1e3 > length {
-            BaseError::CannotTurn { about: Point::new((-y / turn) as f32, (x / turn) as f32) }
+            let about = Point::new(tidy(-y / turn) as f32, tidy(x / turn) as f32);
+            BaseError::CannotTurn { about }
         } else {
-            BaseError::CannotMove { along: [(x / length) as f32, (y / length) as f32] }
+            BaseError::CannotMove { along: [tidy(x / length) as f32, tidy(y / length) as f32] }
         }
     }
+}
+
+/// Without rounding errors around zero.
+const fn tidy(x: f64) -> f64 {
+    if x.abs() < 1e-9 { 0.0 } else { x }
 }
 
 /// A motion that turns no wheel, or hardly: the eigenvector of the smallest eigenvalue.
@@ -241,7 +247,7 @@ const fn others(index: usize) -> [usize; 2] {
 
 /// Square root by Newton's method, which doubles the digits each time; 0 below zero.
 pub(super) const fn sqrt(x: f64) -> f64 {
-    if !(x > 0.0) {
+    if x <= 0.0 || x.is_nan() {
         return 0.0;
     }
     // Half the exponent is a guess that is within 6 %.
