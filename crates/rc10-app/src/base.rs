@@ -69,9 +69,6 @@ pub struct WheelSpeeds<const N: usize> {
     /// The share of the twist that this is: 1 unless a wheel had to be limited, then 0 .. 1. The
     /// direction and the radius of the path are those asked for in any case.
     pub scale: f32,
-    /// Speed across plain wheels that was asked for and that they cannot do, in m/s, to their
-    /// left; 0 for a base without plain wheels. The rest of the twist is done.
-    pub sideways: f32,
 }
 
 /// A motion measured by its wheels, from [`Base::forward`].
@@ -235,29 +232,28 @@ impl<const N: usize> Base<N> {
 
     /// The wheel speeds that make the robot move with `twist`. If a wheel would have to turn faster
     /// than it may, all are slowed down by one factor, so the robot still goes the way it was told,
-    /// only slower. Plain wheels do not move sideways: that part of the twist is left out and
-    /// reported.
+    /// only slower. Plain wheels do not move sideways: that part of the twist is left out, and
+    /// [`sideways`](Self::sideways) tells how much it is.
     ///
     /// # Errors
     /// [`TwistNotFinite`] if the twist, or a wheel speed computed from it, is infinite or NaN.
     pub fn inverse(&self, twist: Twist) -> Result<WheelSpeeds<N>, TwistNotFinite> {
-        let wanted = self.inverse.map(|row| product(row, twist));
-        let (mut fastest, mut sum) = (0.0, 0.0);
-        for speed in wanted {
-            let speed = speed.abs();
-            fastest = if speed > fastest { speed } else { fastest };
-            sum += speed;
-        }
-        if !sum.is_finite() {
-            return Err(TwistNotFinite::of(twist));
-        }
-        let sideways = product(self.sideways, twist);
+        let mut speeds = [Rpm::ZERO; N];
         let limit = self.max_wheel_speed.get();
-        if fastest <= limit {
-            return Ok(WheelSpeeds { speeds: wanted.map(Rpm::new), scale: 1.0, sideways });
-        }
-        let scale = limit / fastest * BELOW_ONE;
-        Ok(WheelSpeeds { speeds: wanted.map(|speed| Rpm::new(speed * scale)), scale, sideways })
+        let scale = match (self.inverse.as_slice().try_into(), speeds.as_mut_slice().try_into()) {
+            (Ok(rows), Ok(speeds)) => four(rows, limit, twist, speeds),
+            _ => limited(&self.inverse, limit, twist, &mut speeds),
+        };
+        let wheels = scale.map(|scale| WheelSpeeds { speeds, scale });
+        wheels.ok_or(TwistNotFinite::of(twist))
+    }
+
+    /// The part of `twist` that plain wheels cannot do: speed across them, in m/s, to the left of
+    /// where the first of them rolls. [`inverse`](Self::inverse) leaves it out. 0 for a base
+    /// without plain wheels.
+    #[must_use]
+    pub fn sideways(&self, twist: Twist) -> f32 {
+        product(self.sideways, twist)
     }
 
     /// The accelerations of the wheels while the twist of the robot, in its own axes, changes by
@@ -320,6 +316,35 @@ impl<const N: usize> Base<N> {
 /// A little below one, so that rounding does not put the fastest wheel above its limit: four
 /// roundings of half a step each.
 const BELOW_ONE: f32 = 1.0 - 2.0 * f32::EPSILON;
+
+/// Wheel speeds for `twist`, none above `limit`, and their share of the wanted ones; `None` if
+/// those are not finite.
+#[inline(always)]
+fn limited<const N: usize>(
+    rows: &[[f32; 3]; N],
+    limit: f32,
+    twist: Twist,
+    speeds: &mut [Rpm; N],
+) -> Option<f32> {
+    let wanted = rows.map(|row| product(row, twist));
+    let sizes = wanted.map(f32::abs);
+    if !sizes.into_iter().sum::<f32>().is_finite() {
+        return None;
+    }
+    let mut fastest = *sizes.first()?;
+    for size in sizes {
+        fastest = if size > fastest { size } else { fastest };
+    }
+    let scale = if fastest <= limit { 1.0 } else { limit / fastest * BELOW_ONE };
+    *speeds = wanted.map(|speed| Rpm::new(speed * scale));
+    Some(scale)
+}
+
+/// [`limited`] for the usual number of wheels: not generic, so it is compiled for speed with this
+/// crate, not for size with the robot's.
+fn four(rows: &[[f32; 3]; 4], limit: f32, twist: Twist, speeds: &mut [Rpm; 4]) -> Option<f32> {
+    limited(rows, limit, twist, speeds)
+}
 
 fn product([x, y, turn]: [f32; 3], twist: Twist) -> f32 {
     x * twist.vx + y * twist.vy + turn * twist.wz
