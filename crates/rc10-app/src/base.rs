@@ -181,7 +181,7 @@ impl<const N: usize> Base<N> {
     /// parallel, or a motion that no wheel makes or holds.
     pub const fn new(wheels: [Wheel; N], max_wheel_speed: Rpm) -> Result<Self, BaseError> {
         if let Err(error) = positive("max_wheel_speed", max_wheel_speed.get()) {
-            return Err(BaseError::Limit(error));
+            return Err(BaseError::Config(error));
         }
         let solution = ok!(solve::solve(&wheels));
         let mut base = Self {

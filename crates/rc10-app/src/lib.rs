@@ -11,6 +11,9 @@
 //! | [`incremental`] | incremental PID |
 //! | [`differentiator`] | second-order tracking differentiator |
 //! | [`low_pass`], [`ramp`] | first-order low-pass, rate limit |
+//! | [`swerve`] | bases on steered wheels |
+//! | [`heading_hold`] | keeps the heading while the driver turns nothing |
+//! | [`odometry`] | pose by wheels and gyro, with its covariance |
 //! | [`transform`] | frames, points and poses in the plane, SE(2) |
 //! | [`twist`] | motion in the plane, acceleration limit |
 //! | [`base`] | bases on wheels: mecanum, omni, differential, any list; desaturation, residual |
@@ -23,11 +26,14 @@ pub mod base;
 pub mod cascade;
 pub mod chassis;
 pub mod differentiator;
+pub mod heading_hold;
 pub mod incremental;
 pub mod low_pass;
 pub mod maths;
+pub mod odometry;
 pub mod pid;
 pub mod ramp;
+pub mod swerve;
 mod text;
 pub mod transform;
 pub mod twist;
@@ -41,10 +47,13 @@ pub use cascade::{Cascade, CascadeState};
 pub use chassis::{Mecanum, WheelSpeeds};
 pub use config::ConfigError;
 pub use differentiator::{Differentiator, DifferentiatorConfig};
+pub use heading_hold::{HeadingHold, HeadingHoldConfig};
 pub use incremental::{IncrementalPidConfig, IncrementalPidState};
 pub use low_pass::{LowPass, LowPassConfig};
+pub use odometry::{Covariance, Odometry, OdometryConfig, OdometryInput};
 pub use pid::{PidConfig, PidInput, PidState};
 pub use ramp::{Ramp, RampConfig};
+pub use swerve::{Steering, Swerve, SwerveState};
 pub use text::Text;
 pub use transform::{Field, Frame, Point, Pose, Robot};
 pub use twist::{Twist, TwistLimiter, TwistLimits, TwistNotFinite};

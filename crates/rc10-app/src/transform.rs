@@ -44,7 +44,9 @@ use core::fmt;
 use core::marker::PhantomData;
 
 use crate::angle::shortest_way_f32;
+use crate::config::{ConfigError, finite};
 use crate::maths;
+use crate::ok;
 use crate::units::Radians;
 
 /// A frame of reference, as a type: its origin and its axes.
@@ -75,6 +77,13 @@ impl<F: Frame> Point<F> {
     /// Metres along x and y.
     pub const fn new(x: f32, y: f32) -> Self {
         Self { x, y, frame: PhantomData }
+    }
+
+    /// Whether both coordinates are finite.
+    pub(crate) const fn check(&self) -> Result<(), ConfigError> {
+        ok!(finite("x", self.x), in "place");
+        ok!(finite("y", self.y), in "place");
+        Ok(())
     }
 }
 

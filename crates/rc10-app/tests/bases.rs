@@ -237,7 +237,7 @@ fn an_unsound_base_is_refused_with_the_reason() {
         let mut wheels = mecanum;
         wheels[1].radius = bad;
         assert!(why(wheels).starts_with("wheel 1: `radius` is "), "{}", why(wheels));
-        assert!(matches!(Base::new(mecanum, Rpm::new(bad)), Err(BaseError::Limit(_))));
+        assert!(matches!(Base::new(mecanum, Rpm::new(bad)), Err(BaseError::Config(_))));
     }
     let mut wheels = mecanum;
     wheels[3].place.y = f32::NAN;

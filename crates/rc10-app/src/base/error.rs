@@ -14,8 +14,8 @@ pub enum BaseError {
         /// Its field.
         error: ConfigError,
     },
-    /// The limit of the wheels' speeds cannot be used.
-    Limit(ConfigError),
+    /// A number of the base that cannot be used.
+    Config(ConfigError),
     /// The rollers of a wheel lie along its axle, within 5 degrees: it cannot push.
     RollersAlongAxle {
         /// The wheel.
@@ -48,7 +48,7 @@ impl BaseError {
             Self::Wheel { wheel, error } => {
                 error.add_to(text.push("wheel ").push_number(*wheel as u64).push(": "))
             }
-            Self::Limit(error) => error.add_to(text),
+            Self::Config(error) => error.add_to(text),
             Self::RollersAlongAxle { wheel } => text
                 .push("the rollers of wheel ")
                 .push_number(*wheel as u64)

@@ -81,8 +81,7 @@ pub(super) const fn solve<const N: usize>(wheels: &[Wheel; N]) -> Result<Solutio
 
 /// Whether the numbers of a wheel can be used.
 const fn check(wheel: &Wheel) -> Result<(), ConfigError> {
-    ok!(finite("place.x", wheel.place.x));
-    ok!(finite("place.y", wheel.place.y));
+    ok!(wheel.place.check());
     ok!(finite("direction", wheel.direction.get()));
     if let Tread::Rollers(angle) = wheel.tread {
         ok!(finite("tread", angle.get()));
