@@ -17,13 +17,18 @@ use rc10_emu::{Image, Memory};
 
 /// Budgets: the beginning of a measurement's name, the instructions that a unit of it may cost at
 /// most, and whether that goes for the mean of all calls or for the worst one.
-const BUDGETS: [(&str, u64, Of); 8] = [
+const BUDGETS: [(&str, u64, Of); 11] = [
     // One motor in one tick: a received frame, a cascade, its share of a group frame.
     ("motor", 300, Of::Mean),
     // Angle loops run in other ticks for each motor of a bus.
     ("motor", 320, Of::Worst),
     // Wheel speeds of a base on four wheels, refused and limited ones as well.
     ("base", 80, Of::Worst),
+    // Four steered wheels.
+    ("swerve", 1200, Of::Worst),
+    // A step of odometry; and one over the seam of the circle, with slip.
+    ("odometry", 200, Of::Mean),
+    ("odometry", 220, Of::Worst),
     // A frame packed or unpacked.
     ("codec", 150, Of::Worst),
     // The same with a CRC in software.

@@ -112,8 +112,8 @@ impl TotalAngle {
         degrees_within_turn(self.microdegrees_within_turn())
     }
 
-    /// The same as whole microdegrees. A Cortex-M7 has no division of 64 bits: a guess in f32 of the
-    /// number of turns takes a tenth of the instructions, and the rest is exact.
+    /// The same as whole microdegrees. A Cortex-M7 has no division of 64 bits. So the number of
+    /// turns is guessed in f32, and what remains is exact.
     const fn microdegrees_within_turn(self) -> i32 {
         const TURN: i32 = 360_000_000;
         // To 4 million turns the guess is within one.

@@ -2,14 +2,18 @@
 //! the same bits, and cheap forms for the control tick.
 
 /// Sine and cosine of an angle in radians, each within 1.2e-7 for angles up to 1000 rad. (`libm`
-/// computes them in f64, which a chip built for f32 does in software: fifteen times the
-/// instructions.) Beyond 8192 rad, and for what is not finite, it is `libm`'s.
+/// computes them in f64, which a chip built for f32 does in software.) Beyond 8192 rad, and for what is not finite, it is `libm`'s.
 pub fn sin_cos(radians: f32) -> (f32, f32) {
-    /// π/2 in three parts; a whole number of up to 13 bits times the first or second is exact.
-    const PARTS: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
     if radians.is_nan() || radians.abs() > 8192.0 {
         return beyond(radians);
     }
+    near_sin_cos(radians)
+}
+
+/// [`sin_cos`] of an angle that is known to be within ±8192 rad.
+pub(crate) fn near_sin_cos(radians: f32) -> (f32, f32) {
+    /// π/2 in three parts; a whole number of up to 13 bits times the first or second is exact.
+    const PARTS: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
     let (quarters, whole) = nearest_whole(radians * core::f32::consts::FRAC_2_PI);
     let x = ((radians - quarters * PARTS[0]) - quarters * PARTS[1]) - quarters * PARTS[2];
     // Polynomials of Cephes (S. Moshier, sinf.c), least error within ±π/4.
@@ -36,16 +40,20 @@ const fn nearest_whole(x: f32) -> (f32, u32) {
 }
 
 /// The angle of the vector (x, y) from the x axis, counter-clockwise, −π ..= π, within 3e-7; 0 for
-/// the zero vector. Takes a fifth of the instructions of `libm`'s.
+/// the zero vector.
 pub fn atan2(y: f32, x: f32) -> f32 {
+    let long = if x.abs() >= y.abs() { x.abs() } else { y.abs() };
+    // Also false for NaN.
+    if long > 0.0 && long < 1e38 { usual_atan2(y, x) } else { unusual(y, x) }
+}
+
+/// [`atan2`] of a vector that is known to be neither zero nor longer than 1e38.
+pub(crate) fn usual_atan2(y: f32, x: f32) -> f32 {
     use core::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
     /// tan(π/8).
     const EIGHTH: f32 = 0.414_213_57;
     let (along, across) = (x.abs(), y.abs());
     let (long, short) = if along >= across { (along, across) } else { (across, along) };
-    if long.is_nan() || long == 0.0 || long > 1e38 {
-        return unusual(y, x);
-    }
     // tan(a − π/4) = (tan a − 1) / (tan a + 1): a division for both cases.
     let (numerator, denominator, start) = if short > EIGHTH * long {
         (short - long, short + long, FRAC_PI_4)
@@ -100,9 +108,12 @@ pub fn round(x: f32) -> f32 {
 /// Square root to within 0.0005 % for normal positive numbers, 0 otherwise: about 15 instructions
 /// on a Cortex-M7, where a correctly rounded one without the hardware instruction takes 200.
 pub fn fast_sqrt(x: f32) -> f32 {
-    if x.is_nan() || x < f32::MIN_POSITIVE {
-        return 0.0;
-    }
+    // One comparison, which is false for NaN.
+    if x >= f32::MIN_POSITIVE { normal_sqrt(x) } else { 0.0 }
+}
+
+#[inline]
+fn normal_sqrt(x: f32) -> f32 {
     // Halving the exponent gives a first guess of 1/√x within 3.5 %; two Newton steps follow.
     let mut inverse = f32::from_bits(0x5F37_59DF - (x.to_bits() >> 1));
     inverse *= 1.5 - 0.5 * x * inverse * inverse;

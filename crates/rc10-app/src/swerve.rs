@@ -4,7 +4,7 @@
 //! then rolls the other way. While it is not there yet its wheel rolls only as fast as it helps the
 //! motion, which is the cosine of what is left. When the robot stands, the modules stay as they are.
 
-use core::f64::consts::PI;
+use core::f32::consts::PI;
 
 use crate::angle::TotalAngle;
 use crate::base::{BaseError, Motion};
@@ -13,10 +13,12 @@ use crate::maths;
 use crate::ok;
 use crate::transform::{Point, Robot};
 use crate::twist::{Twist, TwistNotFinite};
-use crate::units::{Radians, Rpm};
+use crate::units::Rpm;
 
 /// Radians per second in one revolution per minute.
-const RADIANS_PER_SECOND: f64 = PI / 30.0;
+const RADIANS_PER_SECOND: f64 = core::f64::consts::PI / 30.0;
+/// Millionths of a degree in a radian.
+const MICRODEGREES: f32 = 180e6 / PI;
 /// A rim that shall be slower than this, in m/s, stands, and does not steer. Ours: a stick at rest
 /// gives less; it is a crawl of a millimetre a second.
 const STANDING: f32 = 1e-3;
@@ -278,7 +280,8 @@ fn steered_within(
     // Within a quarter turn of the wheel, whichever way it then rolls.
     let turn =
         if along < 0.0 { maths::atan2(-across, -along) } else { maths::atan2(across, along) };
-    let turn = maths::round_to_i32(turn.to_degrees() * 1e6);
+    #[expect(clippy::cast_possible_truncation, reason = "at most 90 million")]
+    let turn = (turn * MICRODEGREES) as i32;
     let angle = measured.plus(TotalAngle::from_microdegrees(turn.into()));
     let angle = match steering {
         Steering::Endless => angle,
@@ -303,20 +306,33 @@ fn steered<const N: usize>(
 
 /// The nearest angle within the range that differs by whole half turns.
 fn within(angle: TotalAngle, least: TotalAngle, most: TotalAngle) -> TotalAngle {
+    const HALF_TURN: TotalAngle = TotalAngle::from_degrees(180);
+    // One is enough for a module that is within its range, for it turns by a quarter at most.
+    let inside = if angle < least {
+        angle.plus(HALF_TURN)
+    } else if angle > most {
+        angle.minus(HALF_TURN)
+    } else {
+        return angle;
+    };
+    if least <= inside && inside <= most { inside } else { far(angle, least, most) }
+}
+
+/// Turned out of its range by hand, or counted from another zero.
+#[cold]
+fn far(angle: TotalAngle, least: TotalAngle, most: TotalAngle) -> TotalAngle {
     let (angle, least, most) = (angle.microdegrees(), least.microdegrees(), most.microdegrees());
     let inside = if angle < least {
-        least + (angle - least).rem_euclid(HALF_TURN)
-    } else if angle > most {
-        most - (most - angle).rem_euclid(HALF_TURN)
+        least.saturating_add(angle.saturating_sub(least).rem_euclid(HALF_TURN))
     } else {
-        angle
+        most.saturating_sub(most.saturating_sub(angle).rem_euclid(HALF_TURN))
     };
     TotalAngle::from_microdegrees(inside)
 }
 
 /// Sine and cosine of a total angle.
 fn direction(angle: TotalAngle) -> (f32, f32) {
-    maths::sin_cos(Radians::from(angle.within_turn()).get())
+    maths::near_sin_cos(angle.within_turn().get() * (PI / 180.0))
 }
 
 /// Velocity of a place on the robot.
