@@ -232,6 +232,14 @@ mod tests {
 
     #[test]
     fn the_angle_within_a_turn_is_exact() {
+        // Next to whole turns, where a guess may be one off.
+        for turns in 1..3_100_000_i64 {
+            for off in [-1, 1] {
+                let angle = TotalAngle::from_microdegrees(turns * off * TotalAngle::TURN.0 + off);
+                let exact = angle.0.rem_euclid(TotalAngle::TURN.0);
+                assert_eq!(i64::from(angle.microdegrees_within_turn()), exact, "{angle:?}");
+            }
+        }
         let mut angle = 1_i64;
         while angle < i64::MAX / 3 {
             for angle in [angle, -angle, angle / 360 * 360, angle / 360_000_000 * 360_000_000] {

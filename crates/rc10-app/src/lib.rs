@@ -17,14 +17,12 @@
 //! | [`transform`] | frames, points and poses in the plane, SE(2) |
 //! | [`twist`] | motion in the plane, acceleration limit |
 //! | [`base`] | bases on wheels: mecanum, omni, differential, any list; desaturation, residual |
-//! | [`chassis`] | mecanum wheels, desaturation |
 #![no_std]
 #![forbid(unsafe_code)]
 
 pub mod angle;
 pub mod base;
 pub mod cascade;
-pub mod chassis;
 pub mod differentiator;
 pub mod heading_hold;
 pub mod incremental;
@@ -42,9 +40,8 @@ pub mod units;
 mod config;
 
 pub use angle::{CountsPerTurn, TotalAngle};
-pub use base::{Base, BaseError, Motion, Tread, Wheel};
+pub use base::{Base, BaseError, Motion, Tread, Wheel, WheelSpeeds};
 pub use cascade::{Cascade, CascadeState};
-pub use chassis::{Mecanum, WheelSpeeds};
 pub use config::ConfigError;
 pub use differentiator::{Differentiator, DifferentiatorConfig};
 pub use heading_hold::{HeadingHold, HeadingHoldConfig};

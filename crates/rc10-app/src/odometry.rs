@@ -296,6 +296,17 @@ mod tests {
     }
 
     #[test]
+    fn thousands_of_turns_do_not_drift() {
+        let mut odometry = Odometry::new(Pose::IDENTITY);
+        driven(&mut odometry, Twist::new(0.0, 0.0, 0.5), 20_000, Seconds::new(1.0));
+        let exact = 10_000.0_f64 % core::f64::consts::TAU;
+        let heading = f64::from(odometry.pose().heading.get());
+        // A step of 0.5 rad is rounded to 3e-8; without the excess of 2π it would be 2.8e-4.
+        let off = heading - exact;
+        assert!(off.sin().abs() < 1e-5 && off.cos() > 0.0, "{heading} {exact}");
+    }
+
+    #[test]
     fn circles_close_however_long_the_steps_are() {
         for (steps, turns) in [(7_u16, 1.0), (20, 1.0), (1000, 1.0), (60_000, 100.0)] {
             let mut odometry = Odometry::new(Pose::new(1.0, 2.0, Radians::new(0.3)));

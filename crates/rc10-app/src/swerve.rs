@@ -278,8 +278,8 @@ fn steered_within(
     let (sin, cos) = direction(measured);
     let (along, across) = (x * cos + y * sin, y * cos - x * sin);
     // Within a quarter turn of the wheel, whichever way it then rolls.
-    let turn =
-        if along < 0.0 { maths::atan2(-across, -along) } else { maths::atan2(across, along) };
+    let across = if along < 0.0 { -across } else { across };
+    let turn = maths::usual_atan2(across, along.abs());
     #[expect(clippy::cast_possible_truncation, reason = "at most 90 million")]
     let turn = (turn * MICRODEGREES) as i32;
     let angle = measured.plus(TotalAngle::from_microdegrees(turn.into()));

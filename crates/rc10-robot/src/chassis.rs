@@ -71,5 +71,5 @@ fn begun<F: Frame>(motion: Twist<F>) -> TwistLimiter<F> {
 
 /// Measured motion of the base, by its wheels.
 fn measured(shared: &Shared<'_>) -> Twist {
-    BASE.forward(WHEELS.map(|name| shared.motor(name).status().feedback.speed))
+    BASE.forward(WHEELS.map(|name| shared.motor(name).status().feedback.speed)).twist
 }
