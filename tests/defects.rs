@@ -13,7 +13,7 @@ use std::sync::Mutex;
 
 use common::{Bench, motor, twin};
 use rc10_app::{
-    Amps, CountsPerTurn, Direction, Gear, IncrementalPidConfig, IncrementalPidState, Mecanum,
+    Amps, Base, CountsPerTurn, Direction, Gear, IncrementalPidConfig, IncrementalPidState,
     PidConfig, PidState, Rpm, Seconds, Twist,
 };
 use rc10_can::embedded_can::{Id, StandardId};
@@ -213,16 +213,11 @@ fn r11_currents_are_limited_before_they_become_integers_and_reported_in_amperes(
 /// The limited wheel speeds were computed and thrown away.
 #[test]
 fn r13_no_wheel_is_asked_for_more_than_its_limit() {
-    let base = Mecanum {
-        wheel_radius: 0.076,
-        half_wheelbase: 0.20,
-        half_track: 0.22,
-        max_wheel_speed: Rpm::new(400.0),
-    };
+    let base = Base::mecanum(0.076, 0.20, 0.22, Rpm::new(400.0));
     let wanted = Twist::new(3.0, 2.0, 5.0);
     let wheels = base.inverse(wanted).unwrap();
     assert!(wheels.speeds.iter().all(|speed| speed.get().abs() <= 400.0));
-    let got = base.forward(wheels.speeds);
+    let got = base.forward(wheels.speeds).twist;
     // The direction is the one that was asked for.
     for (got, wanted) in [(got.vx, wanted.vx), (got.vy, wanted.vy), (got.wz, wanted.wz)] {
         assert!((got - wanted * wheels.scale).abs() < 1e-4);

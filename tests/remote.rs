@@ -415,8 +415,7 @@ fn wheels_begin_at_rest_whatever_was_wished_for_while_disarmed() {
     scene(Receiver::Sbus, 4, |mut scene| {
         let wish = |scene: &mut Scene<'_>, ms: u32| {
             for _ in 0..ms {
-                let twist = Twist::new(1.0, 0.0, 0.0);
-                let motion = BaseCommand { twist, ..BaseCommand::default() };
+                let motion = BaseCommand::Robot(Twist::new(1.0, 0.0, 0.0));
                 scene.shared.motion.set(motion, scene.now());
                 scene.run(millis(1));
             }

@@ -52,7 +52,7 @@ pub(super) fn is_lost_and_comes_back(setup: &Setup) {
         assert_eq!(loss.disarmed, None);
         let resumed = loss.resumed.unwrap().since(loss.back.unwrap());
         assert!(resumed <= Micros::from_millis(30), "{resumed}");
-        let full = f64::from(FULL_STICK.vx / BASE.wheel_radius) * 30.0 / std::f64::consts::PI;
+        let full = f64::from(FULL_STICK.vx / BASE.wheels()[0].radius) * 30.0 / std::f64::consts::PI;
         for name in WHEELS {
             for pair in recording.motors[name as usize].samples.windows(2) {
                 let [before, after] = [&pair[0], &pair[1]].map(|sample| sample.measured);

@@ -3,7 +3,7 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 use rc10_app::angle::{nearest_movement, shortest_way, shortest_way_degrees};
-use rc10_app::{CountsPerTurn, Degrees, Mecanum, Radians, Rpm, TotalAngle, Twist};
+use rc10_app::{Base, CountsPerTurn, Degrees, Field, Radians, Rpm, TotalAngle, Twist};
 use rc10_module::encoder::Counter;
 
 use crate::any;
@@ -99,7 +99,7 @@ proptest! {
         }
     }
 
-    /// A chassis that cannot go as fast as it shall still goes where it shall.
+    /// A base that cannot go as fast as it shall still goes where it shall.
     #[test]
     fn limited_wheels_keep_the_direction(
         vx in any::number(),
@@ -110,9 +110,8 @@ proptest! {
         width in 0.05..1.0_f32,
         most in 1.0..10_000.0_f32,
     ) {
-        let chassis = Mecanum { wheel_radius: radius, half_wheelbase: length, half_track: width, max_wheel_speed: Rpm::new(most) };
-        prop_assert_eq!(chassis.validate(), Ok(()));
-        let Ok(wheels) = chassis.inverse(Twist::new(vx, vy, wz)) else {
+        let base = Base::mecanum(radius, length, width, Rpm::new(most));
+        let Ok(wheels) = base.inverse(Twist::new(vx, vy, wz)) else {
             // Only what cannot be computed with is refused.
             let sum = f64::from(vx.abs()) + f64::from(vy.abs()) + f64::from(wz.abs()) * 2.0;
             prop_assert!(!sum.is_finite() || sum / f64::from(radius) > 1e37);
@@ -134,8 +133,8 @@ proptest! {
             let off = (wanted * per_speed - f64::from(speed)).abs();
             prop_assert!(off <= 2e-6 * size + 1e-30, "{:?} is {} off", wheels, off);
         }
-        prop_assert!(chassis.forward(wheels.speeds).is_finite());
-        let there = Twist::new(vx, vy, wz).into_frame(Radians::new(1.0));
+        prop_assert!(base.forward(wheels.speeds).twist.is_finite());
+        let there = Twist::<Field>::new(vx, vy, wz).into_frame(Radians::new(1.0));
         prop_assert!(there.wz.to_bits() == wz.to_bits());
     }
 }

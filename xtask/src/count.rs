@@ -22,7 +22,7 @@ mod walk;
 
 /// Budgets: the beginning of a measurement's name, the instructions that a unit of it may cost at
 /// most, and whether that goes for the mean of all calls or for the worst one.
-const BUDGETS: [(&str, u64, Of); 10] = [
+const BUDGETS: &[(&str, u64, Of)] = &[
     // A step of a PID controller: proportional and integral part, deadband, limits, anti-windup.
     ("pid plain", 60, Of::Worst),
     // With filtered derivative and weighted setpoint.
@@ -33,6 +33,13 @@ const BUDGETS: [(&str, u64, Of); 10] = [
     ("motor", 300, Of::Mean),
     // Angle loops run in other ticks for each motor of a bus.
     ("motor", 320, Of::Worst),
+    // Wheel speeds of a base on four wheels, refused and limited ones as well.
+    ("base", 80, Of::Worst),
+    // Four steered wheels.
+    ("swerve", 1200, Of::Worst),
+    // A step of odometry; and one over the seam of the circle, with slip.
+    ("odometry", 200, Of::Mean),
+    ("odometry", 220, Of::Worst),
     // A frame packed or unpacked.
     ("codec", 150, Of::Worst),
     // The same with a CRC in software.
@@ -95,7 +102,7 @@ impl Measurement {
 pub fn run(program: &Path) -> Result<()> {
     let file = fs::read(program).with_context(|| format!("{}", program.display()))?;
     let program = Program::parse(&file)?;
-    let (measurements, walked) = program.run()?;
+    let Ran { measurements, walked } = program.run()?;
     ensure!(!measurements.is_empty(), "the program calls nothing that is named count_*");
     println!("{:<32}{:>8}{:>8}{:>8}{:>10}", "instructions", "calls", "mean", "worst", "per unit");
     for one in &measurements {
@@ -119,12 +126,19 @@ pub fn run(program: &Path) -> Result<()> {
 /// If the chip saw other bits than this PC does.
 fn same_walks(walked: &[(u32, u64)]) -> Result<()> {
     ensure!(walked.len() == walk::WALKS.len(), "{} walks were taken", walked.len());
-    for ((name, walk), (_, chip)) in walk::WALKS.into_iter().zip(walked) {
+    for (&(name, walk), (_, chip)) in walk::WALKS.iter().zip(walked) {
         let pc = walk::hash(walk);
         ensure!(pc == *chip, "rc10-app, {name}: the chip computes {chip:016x}, this PC {pc:016x}");
         println!("rc10-app, {name}: chip and PC compute the same bits, {pc:016x}");
     }
     Ok(())
+}
+
+/// What a run of the program told.
+struct Ran {
+    measurements: Vec<Measurement>,
+    /// The numbers of the walks, and their hashes.
+    walked: Vec<(u32, u64)>,
 }
 
 /// The program, and what in it is to be measured.
@@ -154,7 +168,7 @@ impl Program {
         Ok(Self { image, measured, done, walked })
     }
 
-    fn run(&self) -> Result<(Vec<Measurement>, Vec<(u32, u64)>)> {
+    fn run(&self) -> Result<Ran> {
         let mut core = bare(&Memory::with(&self.image, 1)?)?;
         let mut results: BTreeMap<u32, Measurement> = BTreeMap::new();
         // The call being measured: its entry, its return address, and its instructions so far.
@@ -176,7 +190,7 @@ impl Program {
                     let (name, units) = self.measured[&entry].clone();
                     Measurement { name, units, ..result }
                 });
-                return Ok((named.collect(), walked));
+                return Ok(Ran { measurements: named.collect(), walked });
             }
             if at == self.walked {
                 let [number, high, low] = core.arguments();

@@ -109,8 +109,34 @@ impl TotalAngle {
     /// The angle within its turn, 0 ..< 360 degrees.
     #[must_use]
     pub const fn within_turn(self) -> Degrees {
-        #[expect(clippy::cast_possible_truncation, reason = "less than a turn")]
-        degrees_within_turn(self.0.rem_euclid(Self::TURN.0) as i32)
+        degrees_within_turn(self.microdegrees_within_turn())
+    }
+
+    /// The same as whole microdegrees. A Cortex-M7 has no division of 64 bits. So the number of
+    /// turns is guessed in f32, and what remains is exact.
+    const fn microdegrees_within_turn(self) -> i32 {
+        const TURN: i32 = 360_000_000;
+        // To 4 million turns the guess is within one.
+        if self.0.unsigned_abs() >> 50 != 0 {
+            #[expect(clippy::cast_possible_truncation, reason = "less than a turn")]
+            return self.0.rem_euclid(Self::TURN.0) as i32;
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "the halves of 64 bits, a few million")]
+        #[expect(clippy::cast_precision_loss, clippy::cast_sign_loss, reason = "a guess")]
+        let turns = {
+            let (high, low) = ((self.0 >> 32) as i32, self.0 as u32);
+            ((high as f32 * 4_294_967_296.0 + low as f32) * (1.0 / TURN as f32)) as i32
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "less than three turns")]
+        let rest = (self.0 - turns as i64 * Self::TURN.0) as i32;
+        if rest < 0 {
+            let rest = rest + TURN;
+            if rest < 0 { rest + TURN } else { rest }
+        } else if rest >= TURN {
+            rest - TURN
+        } else {
+            rest
+        }
     }
 
     /// This angle and another added; saturating.
@@ -203,6 +229,29 @@ pub(crate) fn shortest_way_f32(from: f32, to: f32, turn: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_angle_within_a_turn_is_exact() {
+        // Next to whole turns, where a guess may be one off.
+        for turns in 1..3_100_000_i64 {
+            for off in [-1, 1] {
+                let angle = TotalAngle::from_microdegrees(turns * off * TotalAngle::TURN.0 + off);
+                let exact = angle.0.rem_euclid(TotalAngle::TURN.0);
+                assert_eq!(i64::from(angle.microdegrees_within_turn()), exact, "{angle:?}");
+            }
+        }
+        let mut angle = 1_i64;
+        while angle < i64::MAX / 3 {
+            for angle in [angle, -angle, angle / 360 * 360, angle / 360_000_000 * 360_000_000] {
+                for off in [-1, 0, 1] {
+                    let angle = TotalAngle::from_microdegrees(angle + off);
+                    let exact = angle.0.rem_euclid(TotalAngle::TURN.0);
+                    assert_eq!(i64::from(angle.microdegrees_within_turn()), exact, "{angle:?}");
+                }
+            }
+            angle += angle / 97 + 1;
+        }
+    }
 
     #[test]
     fn counts_are_the_nearest_however_long_they_are() {

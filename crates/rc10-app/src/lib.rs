@@ -13,43 +13,55 @@
 //! | [`incremental`] | incremental PID |
 //! | [`differentiator`] | second-order tracking differentiator |
 //! | [`low_pass`], [`ramp`] | first-order low-pass, rate limit |
-//! | [`transform`] | poses in the plane, SE(2) |
 //! | [`mechanism`] | homing, soft limits, jams, axes of several motors, feeders that count |
-//! | [`chassis`] | twists, mecanum wheels, desaturation, acceleration limit |
+//! | [`swerve`] | bases on steered wheels |
+//! | [`heading_hold`] | keeps the heading while the driver turns nothing |
+//! | [`odometry`] | pose by wheels and gyro, with its covariance |
+//! | [`transform`] | frames, points and poses in the plane, SE(2) |
+//! | [`twist`] | motion in the plane, acceleration limit |
+//! | [`base`] | bases on wheels: mecanum, omni, differential, any list; desaturation, residual |
 #![no_std]
 #![forbid(unsafe_code)]
 
 pub mod angle;
+pub mod base;
 pub mod cascade;
-pub mod chassis;
 pub mod differentiator;
 pub mod feed_forward;
+pub mod heading_hold;
 pub mod incremental;
 pub mod low_pass;
 pub mod maths;
 pub mod mechanism;
+pub mod odometry;
 pub mod pid;
 pub mod ramp;
 pub mod schedule;
+pub mod swerve;
 mod text;
 pub mod transform;
+pub mod twist;
 pub mod units;
 
 mod config;
 
 pub use angle::{CountsPerTurn, TotalAngle};
+pub use base::{Base, BaseError, Motion, Tread, Wheel, WheelSpeeds};
 pub use cascade::{Cascade, CascadeState};
-pub use chassis::{Mecanum, Twist, TwistLimiter, TwistLimits, TwistNotFinite, WheelSpeeds};
 pub use config::ConfigError;
 pub use differentiator::{Differentiator, DifferentiatorConfig};
 pub use feed_forward::{FeedForward, Gravity};
+pub use heading_hold::{HeadingHold, HeadingHoldConfig};
 pub use incremental::{IncrementalPidConfig, IncrementalPidState};
 pub use low_pass::{LowPass, LowPassConfig};
+pub use odometry::{Covariance, Odometry, OdometryConfig, OdometryInput};
 pub use pid::{PidConfig, PidInput, PidState};
 pub use ramp::{Ramp, RampConfig};
 pub use schedule::{GainSchedule, Gains};
+pub use swerve::{Steering, Swerve, SwerveState};
 pub use text::Text;
-pub use transform::Pose;
+pub use transform::{Field, Frame, Point, Pose, Robot};
+pub use twist::{Twist, TwistLimiter, TwistLimits, TwistNotFinite};
 pub use units::{
     Amps, Celsius, Degrees, Direction, ElectricalRpm, Gear, NewtonMetres, Radians, RotorRpm, Rpm,
     RpmPerSecond, Seconds, Volts,

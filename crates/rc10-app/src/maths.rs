@@ -1,9 +1,79 @@
 //! The few functions that `core` lacks: `libm` behind one door, so that the chip and a PC compute
 //! the same bits, and cheap forms for the control tick.
 
-/// Sine and cosine of an angle in radians.
+/// Sine and cosine of an angle in radians, each within 1.2e-7 for angles up to 1000 rad. (`libm`
+/// computes them in f64, which a chip built for f32 does in software.) Beyond 8192 rad, and for what is not finite, it is `libm`'s.
 pub fn sin_cos(radians: f32) -> (f32, f32) {
+    if radians.is_nan() || radians.abs() > 8192.0 {
+        return beyond(radians);
+    }
+    near_sin_cos(radians)
+}
+
+/// [`sin_cos`] of an angle that is known to be within ±8192 rad.
+pub(crate) fn near_sin_cos(radians: f32) -> (f32, f32) {
+    /// π/2 in three parts; a whole number of up to 13 bits times the first or second is exact.
+    const PARTS: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
+    let (quarters, whole) = nearest_whole(radians * core::f32::consts::FRAC_2_PI);
+    let x = ((radians - quarters * PARTS[0]) - quarters * PARTS[1]) - quarters * PARTS[2];
+    // Polynomials of Cephes (S. Moshier, sinf.c), least error within ±π/4.
+    let z = x * x;
+    let sin = ((-1.951_529_6e-4 * z + 8.332_161e-3) * z - 1.666_665_5e-1) * z * x + x;
+    let cos = ((2.443_315_7e-5 * z - 1.388_731_6e-3) * z + 4.166_664_6e-2) * z * z - 0.5 * z + 1.0;
+    let (sin, cos) = if whole & 1 == 0 { (sin, cos) } else { (cos, sin) };
+    let negative = |x: f32, bit: u32| f32::from_bits(x.to_bits() ^ ((bit & 2) << 30));
+    (negative(sin, whole), negative(cos, whole.wrapping_add(1)))
+}
+
+#[cold]
+fn beyond(radians: f32) -> (f32, f32) {
     libm::sincosf(radians)
+}
+
+/// 1.5 times 2^23: the sum's last place is 1, and its low bits are the integer in two's complement.
+const LAST_PLACE_IS_ONE: f32 = 12_582_912.0;
+
+/// The nearest whole number to one within ±2^21 (halves to the even one), and its low bits.
+const fn nearest_whole(x: f32) -> (f32, u32) {
+    let sum = x + LAST_PLACE_IS_ONE;
+    (sum - LAST_PLACE_IS_ONE, sum.to_bits())
+}
+
+/// The angle of the vector (x, y) from the x axis, counter-clockwise, −π ..= π, within 3e-7; 0 for
+/// the zero vector.
+pub fn atan2(y: f32, x: f32) -> f32 {
+    let long = if x.abs() >= y.abs() { x.abs() } else { y.abs() };
+    // Also false for NaN.
+    if long > 0.0 && long < 1e38 { usual_atan2(y, x) } else { unusual(y, x) }
+}
+
+/// [`atan2`] of a vector that is known to be neither zero nor longer than 1e38.
+pub(crate) fn usual_atan2(y: f32, x: f32) -> f32 {
+    use core::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+    /// tan(π/8).
+    const EIGHTH: f32 = 0.414_213_57;
+    let (along, across) = (x.abs(), y.abs());
+    let (long, short) = if along >= across { (along, across) } else { (across, along) };
+    // tan(a − π/4) = (tan a − 1) / (tan a + 1): a division for both cases.
+    let (numerator, denominator, start) = if short > EIGHTH * long {
+        (short - long, short + long, FRAC_PI_4)
+    } else {
+        (short, long, 0.0)
+    };
+    let t = numerator / denominator;
+    // Polynomial of Cephes (S. Moshier, atanf.c), least error within ±tan(π/8).
+    let z = t * t;
+    let series = ((8.053_744_5e-2 * z - 1.387_768_6e-1) * z + 1.997_771e-1) * z - 3.333_295e-1;
+    let octant = start + (series * z * t + t);
+    let quadrant = if along >= across { octant } else { FRAC_PI_2 - octant };
+    let half = if x < 0.0 { PI - quadrant } else { quadrant };
+    half.copysign(y)
+}
+
+/// Zero, as good as infinite, or not a number.
+#[cold]
+fn unusual(y: f32, x: f32) -> f32 {
+    if x == 0.0 && y == 0.0 { 0.0 } else { libm::atan2f(y, x) }
 }
 
 /// Square root, correctly rounded; NaN below zero.
@@ -38,9 +108,12 @@ pub fn round(x: f32) -> f32 {
 /// Square root to within 0.0005 % for normal positive numbers, 0 otherwise: about 15 instructions
 /// on a Cortex-M7, where a correctly rounded one without the hardware instruction takes 200.
 pub fn fast_sqrt(x: f32) -> f32 {
-    if x.is_nan() || x < f32::MIN_POSITIVE {
-        return 0.0;
-    }
+    // One comparison, which is false for NaN.
+    if x >= f32::MIN_POSITIVE { normal_sqrt(x) } else { 0.0 }
+}
+
+#[inline]
+fn normal_sqrt(x: f32) -> f32 {
     // Halving the exponent gives a first guess of 1/√x within 3.5 %; two Newton steps follow.
     let mut inverse = f32::from_bits(0x5F37_59DF - (x.to_bits() >> 1));
     inverse *= 1.5 - 0.5 * x * inverse * inverse;
@@ -62,9 +135,6 @@ fn limited(x: f32, limit: f32) -> f32 {
 /// The nearest integer (halves to the even one), saturating at i16's ends; 0 for NaN. This is how a
 /// scaled value goes onto a wire: it never wraps.
 pub fn round_to_i16(x: f32) -> i16 {
-    /// 1.5 times 2^23: the sum's last place is 1, and its low bits are the integer in two's
-    /// complement.
-    const LAST_PLACE_IS_ONE: f32 = 12_582_912.0;
     if x.abs() <= 32767.0 {
         #[expect(clippy::cast_possible_truncation, reason = "the low bits are the integer")]
         return (x + LAST_PLACE_IS_ONE).to_bits() as i16;
@@ -132,6 +202,47 @@ mod tests {
         for bad in [f32::NAN, -1.0, 0.0, -0.0, f32::NEG_INFINITY] {
             assert_eq!(fast_sqrt(bad).to_bits(), 0, "{bad}");
         }
+    }
+
+    #[test]
+    #[expect(clippy::cast_possible_truncation, reason = "the nearest f32")]
+    fn sine_and_cosine_are_those_of_f64() {
+        extern crate std;
+        let mut worst = 0.0_f64;
+        for step in -4_000_000..=4_000_000_i32 {
+            // To 1000 rad, in steps that fall on no multiple of anything.
+            let x = (f64::from(step) * 2.5e-4 * 1.000_037) as f32;
+            let ((s, c), (sin, cos)) = (sin_cos(x), f64::from(x).sin_cos());
+            worst = worst.max((f64::from(s) - sin).abs()).max((f64::from(c) - cos).abs());
+        }
+        assert!(worst < 1.2e-7, "{worst}");
+        for x in [8000.0_f32, -8191.5, 8193.0, 1e9, -3e20] {
+            let ((s, c), (sin, cos)) = (sin_cos(x), f64::from(x).sin_cos());
+            assert!((f64::from(s) - sin).abs() < 1e-6 && (f64::from(c) - cos).abs() < 1e-6, "{x}");
+        }
+        assert_eq!(sin_cos(0.0), (0.0, 1.0));
+        assert!(sin_cos(f32::NAN).0.is_nan() && sin_cos(f32::INFINITY).1.is_nan());
+    }
+
+    #[test]
+    #[expect(clippy::cast_possible_truncation, reason = "the nearest f32")]
+    fn the_angle_of_a_vector_is_that_of_f64() {
+        extern crate std;
+        let mut worst = 0.0_f64;
+        for step in 0..2_000_000_u32 {
+            let (sin, cos) = (f64::from(step) * core::f64::consts::PI * 1e-6).sin_cos();
+            for size in [1e-20, 1e-3, 1.0, 7e7] {
+                let (y, x) = ((sin * size) as f32, (cos * size) as f32);
+                let exact = f64::from(y).atan2(f64::from(x));
+                worst = worst.max((f64::from(atan2(y, x)) - exact).abs());
+            }
+        }
+        assert!(worst < 3e-7, "{worst}");
+        for (y, x) in [(0.0, 0.0), (-0.0, 0.0), (0.0, -0.0), (0.0, 5.0)] {
+            assert!(atan2(y, x).abs() < f32::EPSILON, "{y} {x}");
+        }
+        assert!((atan2(f32::INFINITY, 1.0) - core::f32::consts::FRAC_PI_2).abs() < 1e-6);
+        assert!(atan2(f32::NAN, 1.0).is_nan() && atan2(1.0, f32::NAN).is_nan());
     }
 
     #[test]

@@ -1,75 +1,163 @@
-//! Planar rigid transforms, SE(2): where something is on the field and which way it looks.
+//! Planar rigid transforms, SE(2), whose frames do not mix.
 //!
 //! Frames are right-handed: x forward, y left, heading counter-clockwise from x. A [`Pose`] of a
-//! frame B in a frame A takes coordinates in B to coordinates in A.
+//! frame B in a frame A takes coordinates in B to coordinates in A. Frames are types, so a pose of
+//! B in A composes with a pose of something in B and with nothing else, and a point on the field
+//! is not taken for a point that the robot sees. They cost nothing at run time.
+//!
+//! ```
+//! use rc10_app::{Frame, Point, Pose, Radians, Robot};
+//! /// A camera on the robot: a frame is a type with nothing in it.
+//! #[derive(Clone, Copy, Debug, Default, PartialEq)]
+//! struct Camera;
+//! impl Frame for Camera {}
+//!
+//! let robot: Pose = Pose::new(2.0, 1.0, Radians::new(0.0)); // of the robot in the field
+//! let camera: Pose<Camera, Robot> = Pose::new(0.3, 0.0, Radians::new(0.0));
+//! let ball: Point<Camera> = Point::new(1.0, 0.0);
+//! let on_field = robot.compose(camera).apply(ball); // a Point<Field>
+//! assert!((on_field.x - 3.3).abs() < 1e-6);
+//! ```
+//!
+//! Composed the wrong way round, they do not compile:
+//!
+//! ```compile_fail,E0308
+//! # use rc10_app::{Frame, Pose, Radians, Robot};
+//! # #[derive(Clone, Copy, Debug, Default, PartialEq)]
+//! # struct Camera;
+//! # impl Frame for Camera {}
+//! let robot: Pose = Pose::new(2.0, 1.0, Radians::new(0.0));
+//! let camera: Pose<Camera, Robot> = Pose::new(0.3, 0.0, Radians::new(0.0));
+//! camera.compose(robot);
+//! ```
+//!
+//! Nor does a point of the field where the robot's are wanted:
+//!
+//! ```compile_fail,E0308
+//! # use rc10_app::{Field, Point, Pose, Radians};
+//! let robot: Pose = Pose::new(2.0, 1.0, Radians::new(0.0));
+//! let goal: Point<Field> = Point::new(5.0, 0.0);
+//! robot.apply(goal);
+//! ```
+
+use core::fmt;
+use core::marker::PhantomData;
 
 use crate::angle::shortest_way_f32;
+use crate::config::{ConfigError, finite};
 use crate::maths;
+use crate::ok;
 use crate::units::Radians;
 
-/// Position and heading of one frame in another.
+/// A frame of reference, as a type: its origin and its axes.
+pub trait Frame: Copy + fmt::Debug + Default + PartialEq {}
+
+/// The field's frame, which stands still.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Field;
+
+/// The robot's frame: x is where it looks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Robot;
+
+impl Frame for Field {}
+impl Frame for Robot {}
+
+/// A point in the coordinates of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Point<F: Frame = Field> {
+    /// Along x, in metres.
+    pub x: f32,
+    /// Along y, in metres.
+    pub y: f32,
+    frame: PhantomData<F>,
+}
+
+impl<F: Frame> Point<F> {
+    /// Metres along x and y.
+    pub const fn new(x: f32, y: f32) -> Self {
+        Self { x, y, frame: PhantomData }
+    }
+
+    /// Whether both coordinates are finite.
+    pub(crate) const fn check(&self) -> Result<(), ConfigError> {
+        ok!(finite("x", self.x), in "place");
+        ok!(finite("y", self.y), in "place");
+        Ok(())
+    }
+}
+
+/// Position and heading of the frame `Of` in the frame `In`: of the robot in the field, if nothing
+/// else is said.
 ///
 /// ```
 /// use core::f32::consts::FRAC_PI_2;
-/// use rc10_app::{Radians, transform::Pose};
+/// use rc10_app::{Point, Pose, Radians};
 /// // The robot stands at (2, 1) and looks along the field's y axis; a ball lies 3 m ahead of it.
-/// let robot = Pose::new(2.0, 1.0, Radians::new(FRAC_PI_2));
-/// let (x, y) = robot.apply((3.0, 0.0));
-/// assert!((x - 2.0).abs() < 1e-6 && (y - 4.0).abs() < 1e-6);
+/// let robot: Pose = Pose::new(2.0, 1.0, Radians::new(FRAC_PI_2));
+/// let ball = robot.apply(Point::new(3.0, 0.0));
+/// assert!((ball.x - 2.0).abs() < 1e-6 && (ball.y - 4.0).abs() < 1e-6);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Pose {
+pub struct Pose<Of: Frame = Robot, In: Frame = Field> {
     /// Position along x, in metres.
     pub x: f32,
     /// Position along y, in metres.
     pub y: f32,
     /// Heading, counter-clockwise from the x axis. What this file computes is within −π ..= π.
     pub heading: Radians,
+    frames: PhantomData<(Of, In)>,
 }
 
-impl Pose {
+impl<Of: Frame, In: Frame> Pose<Of, In> {
     /// A frame that coincides with the one it is given in.
     pub const IDENTITY: Self = Self::new(0.0, 0.0, Radians::new(0.0));
 
     /// A position in metres and a heading.
     pub const fn new(x: f32, y: f32, heading: Radians) -> Self {
-        Self { x, y, heading }
+        Self { x, y, heading, frames: PhantomData }
+    }
+
+    /// The origin of the frame, which is its position.
+    #[must_use]
+    pub const fn origin(self) -> Point<In> {
+        Point::new(self.x, self.y)
     }
 
     /// The pose in A of what has the pose `inner` in B, if `self` is the pose of B in A.
     /// [`IDENTITY`](Self::IDENTITY) on either side changes nothing, not even a bit.
     #[must_use]
-    pub fn compose(self, inner: Self) -> Self {
-        let (x, y) = self.apply((inner.x, inner.y));
-        Self::new(x, y, wrapped(self.heading + inner.heading))
+    pub fn compose<Inner: Frame>(self, inner: Pose<Inner, Of>) -> Pose<Inner, In> {
+        let Point { x, y, .. } = self.apply(inner.origin());
+        Pose::new(x, y, wrapped(self.heading + inner.heading))
     }
 
     /// The pose of A in B, if `self` is the pose of B in A.
     #[must_use]
-    pub fn inverse(self) -> Self {
+    pub fn inverse(self) -> Pose<In, Of> {
         let (x, y) = rotate((-self.x, -self.y), -self.heading);
-        Self::new(x, y, wrapped(-self.heading))
+        Pose::new(x, y, wrapped(-self.heading))
     }
 
     /// The pose of `other` as seen from here, both given in one common frame:
     /// `self.compose(result)` is `other`.
     #[must_use]
-    pub fn between(self, other: Self) -> Self {
+    pub fn between<Other: Frame>(self, other: Pose<Other, In>) -> Pose<Other, Of> {
         // Not inverse().compose(): the difference first keeps the digits when both are far away.
         let (x, y) = rotate((other.x - self.x, other.y - self.y), -self.heading);
-        Self::new(x, y, wrapped(other.heading - self.heading))
+        Pose::new(x, y, wrapped(other.heading - self.heading))
     }
 
-    /// Takes a point, in metres, from this frame to the one the pose is given in.
+    /// Takes a point from this frame to the one the pose is given in.
     #[must_use]
-    pub fn apply(self, point: (f32, f32)) -> (f32, f32) {
-        let (x, y) = rotate(point, self.heading);
-        (self.x + x, self.y + y)
+    pub fn apply(self, point: Point<Of>) -> Point<In> {
+        let (x, y) = rotate((point.x, point.y), self.heading);
+        Point::new(self.x + x, self.y + y)
     }
 }
 
 /// Turns a vector (x, y) counter-clockwise.
-pub fn rotate((x, y): (f32, f32), by: Radians) -> (f32, f32) {
+pub(crate) fn rotate((x, y): (f32, f32), by: Radians) -> (f32, f32) {
     let (sin, cos) = maths::sin_cos(by.get());
     (x * cos - y * sin, x * sin + y * cos)
 }
@@ -98,13 +186,13 @@ pub(crate) mod tests {
             size * (f32::from(top) / 32768.0 - 1.0)
         }
 
-        fn pose(&mut self) -> Pose {
+        fn pose(&mut self) -> Pose<Field> {
             Pose::new(self.within(12.0), self.within(12.0), Radians::new(self.within(PI)))
         }
     }
 
     #[track_caller]
-    fn near(actual: Pose, expected: Pose) {
+    fn near(actual: Pose<Field>, expected: Pose<Field>) {
         let angle = wrapped(actual.heading - expected.heading).get();
         let distance = maths::hypot(actual.x - expected.x, actual.y - expected.y);
         assert!(distance < 2e-5 && angle.abs() < 2e-6, "{actual:?} is not {expected:?}");
@@ -119,10 +207,10 @@ pub(crate) mod tests {
             assert_eq!(pose.compose(Pose::IDENTITY), pose);
             assert_eq!(Pose::IDENTITY.between(pose), pose);
             assert_eq!(pose.between(pose), Pose::IDENTITY);
-            assert_eq!(Pose::IDENTITY.apply((pose.x, pose.y)), (pose.x, pose.y));
+            assert_eq!(Pose::IDENTITY.apply(pose.origin()), pose.origin());
         }
-        assert_eq!(Pose::IDENTITY.inverse(), Pose::IDENTITY);
-        assert_eq!(Pose::default(), Pose::IDENTITY);
+        assert_eq!(Pose::<Robot>::IDENTITY.inverse(), Pose::IDENTITY);
+        assert_eq!(Pose::<Robot>::default(), Pose::IDENTITY);
     }
 
     #[test]
@@ -145,20 +233,17 @@ pub(crate) mod tests {
         let mut random = Random(3);
         for _ in 0..1000 {
             let (a, b, c) = (random.pose(), random.pose(), random.pose());
-            let (p, q) = ((b.x, b.y), (c.x, c.y));
-            let (at_once, in_turn) = (a.compose(b).apply(q), a.apply(b.apply(q)));
-            assert!(maths::hypot(at_once.0 - in_turn.0, at_once.1 - in_turn.1) < 2e-5);
-            let (moved_p, moved_q) = (a.apply(p), a.apply(q));
-            let before = maths::hypot(p.0 - q.0, p.1 - q.1);
-            let after = maths::hypot(moved_p.0 - moved_q.0, moved_p.1 - moved_q.1);
-            assert!((before - after).abs() < 2e-5);
+            let (p, q) = (b.origin(), c.origin());
+            let distance = |p: Point, q: Point| maths::hypot(p.x - q.x, p.y - q.y);
+            assert!(distance(a.compose(b).apply(q), a.apply(b.apply(q))) < 2e-5);
+            assert!((distance(p, q) - distance(a.apply(p), a.apply(q))).abs() < 2e-5);
         }
     }
 
     #[test]
     fn a_quarter_turn_is_counter_clockwise() {
-        let robot = Pose::new(1.0, 2.0, Radians::new(FRAC_PI_2));
-        let (x, y) = robot.apply((1.0, 0.0));
+        let robot = Pose::<Field>::new(1.0, 2.0, Radians::new(FRAC_PI_2));
+        let Point { x, y, .. } = robot.apply(Point::new(1.0, 0.0));
         assert!((x - 1.0).abs() < 1e-6 && (y - 3.0).abs() < 1e-6);
         // What is on the field at (0, 2) is 1 m to its left.
         near(
@@ -176,10 +261,10 @@ pub(crate) mod tests {
             assert!(pose.heading.get().abs() <= PI);
         }
         near(pose, Pose::IDENTITY);
-        let (a, b) =
-            (Pose::new(0.0, 0.0, Radians::new(-3.0)), Pose::new(0.0, 0.0, Radians::new(3.0)));
+        let turned = |heading| Pose::<Field>::new(0.0, 0.0, Radians::new(heading));
+        let (a, b) = (turned(-3.0), turned(3.0));
         near(a.between(b), Pose::new(0.0, 0.0, Radians::new(6.0 - 2.0 * PI)));
         assert!(a.between(b).heading.get().abs() <= PI);
-        assert!(Pose::new(0.0, 0.0, Radians::new(4.0)).inverse().heading.get().abs() <= PI);
+        assert!(turned(4.0).inverse().heading.get().abs() <= PI);
     }
 }

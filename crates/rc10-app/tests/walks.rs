@@ -5,7 +5,7 @@ mod walk;
 
 #[test]
 fn a_walk_sees_numbers_and_is_the_same_twice() {
-    for (name, walk) in walk::WALKS {
+    for &(name, walk) in walk::WALKS {
         let (mut seen, mut nothing) = (0, 0);
         walk(&mut |value| {
             seen += 1;

@@ -78,13 +78,14 @@ impl Base {
         Self { wheels: wheels.map(Names::index), chassis }
     }
 
-    /// The same, of the measures that the robot itself has; its masses are those of `Chassis::default`.
+    /// The same, of the measures that the robot itself has, which is on mecanum wheels; its masses are those of `Chassis::default`.
     #[must_use]
-    pub fn of<N: Names>(wheels: [N; 4], base: &rc10_app::Mecanum) -> Self {
+    pub fn of<N: Names>(wheels: [N; 4], base: &rc10_app::Base<4>) -> Self {
+        let [front_left, ..] = base.wheels();
         let chassis = rc10_sim::Chassis {
-            wheel_radius: base.wheel_radius.into(),
-            half_length: base.half_wheelbase.into(),
-            half_width: base.half_track.into(),
+            wheel_radius: front_left.radius.into(),
+            half_length: front_left.place.x.into(),
+            half_width: front_left.place.y.into(),
             ..rc10_sim::Chassis::default()
         };
         Self::new(wheels, chassis)

@@ -1,11 +1,11 @@
 //! The chassis task: from the motion of the base to the speeds of its wheels.
 
-use rc10_app::{Radians, Rpm, Seconds, Twist, TwistLimiter};
+use rc10_app::{Field, Frame, Rpm, Seconds, Twist, TwistLimiter};
 use rc10_can::Micros;
 use rc10_message::{Overrun, periodic};
 use rc10_motor::{ArmState, Target};
 
-use crate::robot::{Axes, BaseCommand, Shared};
+use crate::robot::{BaseCommand, Shared};
 use crate::table::{BASE, BASE_LIMITS, WHEELS};
 
 /// Period of the chassis task.
@@ -15,9 +15,9 @@ const OLDEST_MOTION: Micros = Micros::from_millis(100);
 
 /// The chassis task.
 pub async fn run(shared: &Shared<'_>) -> ! {
-    let mut limiter = TwistLimiter::new();
-    // In whose axes the limiter is, while the base is driven.
-    let mut driven = None;
+    // While the base is driven in these axes.
+    let mut robot_axes: Option<TwistLimiter> = None;
+    let mut world_axes: Option<TwistLimiter<Field>> = None;
     periodic(PERIOD, Overrun::Skip, &shared.chassis_timing, async |tick| {
         let heard = shared.heading.read().map(|heard| heard.value);
         let yaw = heard.and_then(|heading| heading.total(tick.now));
@@ -25,31 +25,34 @@ pub async fn run(shared: &Shared<'_>) -> ! {
         // Without a fresh wish the wheels get no commands: their bus makes them safe.
         let armed = shared.switch.state() == ArmState::Armed;
         let wish = shared.motion.newer_than(OLDEST_MOTION, tick.now).filter(|_| armed);
-        let Some(mut wish) = wish else {
-            driven = None;
+        let Some(wish) = wish else {
+            (robot_axes, world_axes) = (None, None);
             return;
         };
-        let heading = match wish.axes {
-            Axes::Robot => Radians::ZERO,
-            Axes::World => {
+        let dt = Seconds::from_micros(tick.since_last.get());
+        // It may be rolling: the wheels begin with the speeds that they have.
+        let mut robot_twist = |wish| {
+            world_axes = None;
+            let limiter = robot_axes.get_or_insert_with(|| begun(measured(shared)));
+            limiter.update(&BASE_LIMITS, wish, dt)
+        };
+        let limited = match wish {
+            BaseCommand::Robot(wish) => robot_twist(wish),
+            BaseCommand::World(wish) => {
                 match heard.and_then(|heading| heading.direction(tick.now)) {
-                    Some(heading) => heading,
-                    // Without a heading "forward" is not known: the base stops.
-                    None => {
-                        wish = BaseCommand::default();
-                        Radians::ZERO
+                    Some(heading) => {
+                        robot_axes = None;
+                        let begin = || begun(measured(shared).out_of_frame(heading));
+                        let limiter = world_axes.get_or_insert_with(begin);
+                        let limited = limiter.update(&BASE_LIMITS, wish, dt);
+                        limited.map(|twist| twist.into_frame(heading))
                     }
+                    // Without a heading "forward" is not known: the base stops.
+                    None => robot_twist(Twist::STOP),
                 }
             }
         };
-        if driven != Some(wish.axes) {
-            // It may be rolling: the wheels begin with the speeds that they have.
-            limiter.reset(measured(shared).out_of_frame(heading));
-            driven = Some(wish.axes);
-        }
-        let dt = Seconds::from_micros(tick.since_last.get());
-        let limited = limiter.update(&BASE_LIMITS, wish.twist, dt);
-        let wheels = limited.and_then(|twist| BASE.inverse(twist.into_frame(heading)));
+        let wheels = limited.and_then(|twist| BASE.inverse(twist));
         // Without a result there is no speed either: the wheels refuse it, and that is counted.
         let speeds = wheels.map_or([Rpm::new(f32::NAN); WHEELS.len()], |wheels| wheels.speeds);
         for (name, speed) in WHEELS.into_iter().zip(speeds) {
@@ -59,7 +62,14 @@ pub async fn run(shared: &Shared<'_>) -> ! {
     .await
 }
 
+/// A limiter that goes on from this motion.
+fn begun<F: Frame>(motion: Twist<F>) -> TwistLimiter<F> {
+    let mut limiter = TwistLimiter::new();
+    limiter.reset(motion);
+    limiter
+}
+
 /// Measured motion of the base, by its wheels.
 fn measured(shared: &Shared<'_>) -> Twist {
-    BASE.forward(WHEELS.map(|name| shared.motor(name).status().feedback.speed))
+    BASE.forward(WHEELS.map(|name| shared.motor(name).status().feedback.speed)).twist
 }

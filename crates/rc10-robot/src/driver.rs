@@ -22,7 +22,7 @@ use rc10_module::remote::{Remote, RemoteLink, Switch};
 use rc10_motor::{ArmState, ArmSwitch};
 use rc10_tasks::Arming;
 
-use crate::robot::{Axes, BaseCommand, MechanismCommand, Shared};
+use crate::robot::{BaseCommand, MechanismCommand, Shared};
 use crate::table::{
     ARMING, FEEDER, FULL_STICK, GIMBAL_AHEAD, GIMBAL_RATES, LIFT, LIFT_RATE, LIFT_TOP,
 };
@@ -103,17 +103,19 @@ impl Driver {
     }
 
     fn follow_sticks(&mut self, remote: &Remote) -> BaseCommand {
-        let axes = if remote.right_switch == Switch::Up { Axes::World } else { Axes::Robot };
+        let command = |[vx, vy, wz]: [f32; 3]| match remote.right_switch {
+            Switch::Up => BaseCommand::World(Twist::new(vx, vy, wz)),
+            _ => BaseCommand::Robot(Twist::new(vx, vy, wz)),
+        };
         if remote.left_switch != Switch::Up {
             self.mechanisms.feeder = Rpm::ZERO;
             let full = FULL_STICK;
             // Sticks count to the right, the robot to the left.
-            let twist = Twist::new(
+            return command([
                 remote.left.y * full.vx,
                 -remote.left.x * full.vy,
                 -remote.right.x * full.wz,
-            );
-            return BaseCommand { twist, axes };
+            ]);
         }
         let seconds = PERIOD.get() as f32 * 1e-6;
         let turned = |angle: Degrees, stick: f32, rate: f32| {
@@ -130,7 +132,7 @@ impl Driver {
         let (bottom, top) = (0, TotalAngle::from_degrees(LIFT_TOP).microdegrees());
         let lift = (self.mechanisms.lift.microdegrees() + step).clamp(bottom, top);
         self.mechanisms.lift = TotalAngle::from_microdegrees(lift);
-        BaseCommand { twist: Twist::STOP, axes }
+        command([0.0; 3])
     }
 }
 
@@ -190,14 +192,14 @@ mod tests {
         let mut scene = Scene::armed();
         scene.remote.left = Stick { x: 0.5, y: 1.0 };
         scene.remote.right = Stick { x: -1.0, y: 0.0 };
-        let twist = Twist::new(FULL_STICK.vx, -0.5 * FULL_STICK.vy, FULL_STICK.wz);
-        assert_eq!(scene.step(1), Some(BaseCommand { twist, axes: Axes::Robot }));
+        let (vx, vy, wz) = (FULL_STICK.vx, -0.5 * FULL_STICK.vy, FULL_STICK.wz);
+        assert_eq!(scene.step(1), Some(BaseCommand::Robot(Twist::new(vx, vy, wz))));
         scene.remote.right_switch = Switch::Up;
-        assert_eq!(scene.step(1), Some(BaseCommand { twist, axes: Axes::World }));
+        assert_eq!(scene.step(1), Some(BaseCommand::World(Twist::new(vx, vy, wz))));
 
         scene.remote.left_switch = Switch::Up;
         scene.remote.right.y = -1.0;
-        assert_eq!(scene.step(100).unwrap().twist, Twist::STOP);
+        assert_eq!(scene.step(100), Some(BaseCommand::World(Twist::STOP)));
         let command = scene.driver.mechanisms();
         let [yaw, pitch] = GIMBAL_RATES;
         let ahead = GIMBAL_AHEAD.get();

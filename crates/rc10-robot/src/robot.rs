@@ -1,6 +1,6 @@
 use core::ops::Deref;
 
-use rc10_app::{Degrees, Rpm, TotalAngle, Twist};
+use rc10_app::{Degrees, Field, Rpm, TotalAngle, Twist};
 use rc10_message::{Latest, Statistics};
 use rc10_tasks::Common;
 
@@ -44,23 +44,13 @@ impl<'p> Deref for Shared<'p> {
     }
 }
 
-/// A motion command for the base.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BaseCommand {
-    /// Forward, to the left, and turning.
-    pub twist: Twist,
-    /// The axes of the twist: the robot's or the world's.
-    pub axes: Axes,
-}
-
-/// Frame of reference of a motion.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Axes {
-    /// The robot's: forward is where it looks.
-    #[default]
-    Robot,
-    /// The world's: forward is where the robot looked when it was armed.
-    World,
+/// A motion command for the base: forward, to the left, and turning.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BaseCommand {
+    /// In the robot's axes: forward is where it looks.
+    Robot(Twist),
+    /// In the world's: forward is where the robot looked when it was armed.
+    World(Twist<Field>),
 }
 
 /// Setpoints of the mechanisms on the base.

@@ -1,7 +1,7 @@
 //! The robot in simulation: it does what the sticks say, and stops when they are not heard.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use omni::{Motors, Name, Ports, Shared, base, simulation};
+use omni::{Motors, Name, Ports, Shared, simulation};
 use rc10_can::Micros;
 use rc10_cli::recording::Recording;
 use rc10_cli::simulate::simulate;
@@ -23,7 +23,7 @@ fn it_does_what_the_sticks_say() {
     #[expect(clippy::cast_possible_truncation, reason = "a speed")]
     let motion = |millis| {
         let rpm = |name| rc10_motor::rc10_app::Rpm::new(sample(name, millis).rpm as f32);
-        base::motion(omni::table::WHEELS.map(rpm))
+        omni::table::BASE.forward(omni::table::WHEELS.map(rpm)).twist
     };
     for (millis, [forward, left, turn]) in
         [(950, [1.0, 0.0, 0.0]), (1750, [0.0, 1.0, 0.0]), (2550, [0.0, 0.0, 2.0])]

@@ -9,6 +9,7 @@
 #![no_std]
 #![no_main]
 
+mod bases;
 mod codecs;
 mod control;
 mod streams;
@@ -46,10 +47,11 @@ fn main() -> ! {
     measure(|degrees, _| Target::Angle(degrees), angle_tick);
     measure(|_, rpm| Target::Speed(rpm), frames);
     measure(|_, _| Target::Coast, coasting_tick);
+    bases::measure();
     codecs::measure();
     streams::measure();
     control::measure();
-    for (number, (_, walk)) in (0..).zip(walk::WALKS) {
+    for (number, &(_, walk)) in (0..).zip(walk::WALKS) {
         let hash = walk::hash(black_box(walk));
         walked(number, (hash >> 32) as u32, hash as u32);
     }

@@ -3,6 +3,7 @@
 
 #![allow(clippy::cast_possible_truncation, reason = "numbers by chance")]
 
+pub mod bases;
 pub mod control;
 pub mod mechanisms;
 
@@ -10,7 +11,8 @@ pub mod mechanisms;
 pub type Walk = fn(&mut dyn FnMut(f32));
 
 /// All walks, by their names.
-pub const WALKS: [(&str, Walk); 2] = [("control", control::walk), ("mechanisms", mechanisms::walk)];
+pub const WALKS: &[(&str, Walk)] =
+    &[("control", control::walk), ("bases", bases::walk), ("mechanisms", mechanisms::walk)];
 
 /// The hash of everything that a walk sees: FNV-1a over the bits.
 #[must_use]

@@ -61,8 +61,8 @@ impl Heading {
         self.is_fresh(now).then(|| TotalAngle::from_microdegrees(turns * i64::from(TURN) + way))
     }
 
-    /// Which way it looks, -π ..= π, as [`rotate`](rc10_app::transform::rotate) takes it; `None`
-    /// if that is not known.
+    /// Which way it looks, -π ..= π, as [`Twist::into_frame`](rc10_app::Twist::into_frame) takes
+    /// it; `None` if that is not known.
     #[must_use]
     pub fn direction(&self, now: Micros) -> Option<Radians> {
         let way = shortest_way(self.zero, self.yaw, TURN);

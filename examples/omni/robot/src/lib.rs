@@ -2,12 +2,10 @@
 //! a VESC, driven by a DR16. The same on a PC and on the chip.
 //!
 //! * [`table`]: its motors, and its measures.
-//! * [`base`]: from the motion of the base to the speeds of its wheels.
 //! * [`task`]: what the remote control makes of it.
 #![no_std]
 #![forbid(unsafe_code)]
 
-pub mod base;
 pub mod table;
 pub mod task;
 

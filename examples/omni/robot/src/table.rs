@@ -3,7 +3,7 @@
 use core::num::NonZeroU8;
 
 use rc10_app::{
-    Amps, Cascade, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond, Twist, TwistLimits,
+    Amps, Base, Cascade, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond, Twist, TwistLimits,
 };
 use rc10_module::remote::Receiver;
 use rc10_motor::Place::Bus;
@@ -32,7 +32,7 @@ rc10_motor::motors! {
 /// The buses of the board.
 pub const BUSES: usize = 3;
 
-/// The wheels, counter-clockwise from the front left.
+/// The wheels, in the order of [`Base::omni_4`].
 pub const WHEELS: [Name; 4] = [Name::FrontLeft, Name::RearLeft, Name::RearRight, Name::FrontRight];
 
 const fn wheel(label: &'static str, id: u8) -> Entry<dji::Config> {
@@ -66,10 +66,9 @@ pub const RECEIVER: Receiver = Receiver::Dr16;
 /// Right switch down disarms, left switch down stops.
 pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);
 
-/// Radius of the wheels, and their distance from the middle, metres.
-pub const WHEEL_RADIUS: f32 = 0.076;
-/// See [`WHEEL_RADIUS`].
-pub const WHEEL_DISTANCE: f32 = 0.25;
+/// The base: omni wheels of 76 mm radius, 250 mm from the middle. The wheels stay below the 480 rpm
+/// that an M3508 reaches unloaded.
+pub const BASE: Base<4> = Base::omni_4(0.076, 0.25, Rpm::new(400.0));
 
 /// Speed of the base with the sticks at their ends.
 pub const FULL_STICK: Twist = Twist::new(1.5, 1.5, 4.0);

@@ -11,15 +11,15 @@
 //! [`rc10_tasks::arming`] says how it is armed, and what happens when the remote is lost.
 
 use embassy_time::{Duration, Ticker};
-use rc10_app::{Degrees, Seconds, Twist, TwistLimiter};
+use rc10_app::{Degrees, Rpm, Seconds, Twist, TwistLimiter};
 use rc10_module::remote::{Remote, Switch};
 use rc10_motor::{ArmState, Target};
 use rc10_tasks::Arming;
 
+use crate::Shared;
 use crate::table::{
-    ARM_RANGE, ARM_RATE, ARMING, BASE_LIMITS, FULL_STICK, Name, SHOOTING, TURRET_RATE, WHEELS,
+    ARM_RANGE, ARM_RATE, ARMING, BASE, BASE_LIMITS, FULL_STICK, Name, SHOOTING, TURRET_RATE, WHEELS,
 };
-use crate::{Shared, base};
 
 /// Period of the task, ms.
 pub const PERIOD: u64 = 10;
@@ -56,7 +56,8 @@ pub async fn run(shared: &Shared<'_>) -> ! {
 fn begin(shared: &Shared<'_>) -> Wish {
     let angle = |name| shared.motor(name).status().feedback.angle.get();
     let mut limiter = TwistLimiter::new();
-    limiter.reset(base::motion(WHEELS.map(|name| shared.motor(name).status().feedback.speed)));
+    let speeds = WHEELS.map(|name| shared.motor(name).status().feedback.speed);
+    limiter.reset(BASE.forward(speeds).twist);
     let arm = angle(Name::Arm);
     let arm = if arm > 180.0 { arm - 360.0 } else { arm };
     Wish { limiter, arm: arm.clamp(ARM_RANGE[0], ARM_RANGE[1]), turret: angle(Name::Turret) }
@@ -70,8 +71,11 @@ impl Wish {
             -remote.left.x * FULL_STICK.vy,
             -remote.right.x * FULL_STICK.wz,
         );
-        let twist = self.limiter.update(&BASE_LIMITS, twist, DT).unwrap_or(Twist::STOP);
-        for (name, speed) in WHEELS.into_iter().zip(base::wheels(twist)) {
+        let limited = self.limiter.update(&BASE_LIMITS, twist, DT);
+        let wheels = limited.and_then(|twist| BASE.inverse(twist));
+        // Without a result there is no speed either: the wheels refuse it, and that is counted.
+        let speeds = wheels.map_or([Rpm::new(f32::NAN); WHEELS.len()], |wheels| wheels.speeds);
+        for (name, speed) in WHEELS.into_iter().zip(speeds) {
             shared.command(name, Target::Speed(speed));
         }
         self.arm += remote.right.y * ARM_RATE * DT.get();

@@ -1,6 +1,6 @@
 //! The motor table: bus, identifier, gains and safe state of each motor; and the robot's measures.
 
-use rc10_app::{Mecanum, Rpm, Twist, TwistLimits};
+use rc10_app::{Base, Rpm, Twist, TwistLimits};
 use rc10_module::remote::Receiver;
 use rc10_motor::Entry;
 use rc10_motor::Place::Bus;
@@ -35,17 +35,12 @@ const fn mirrored(id: u8) -> Config {
 /// The buses that are used, of the three that the board has.
 pub const BUSES: usize = 2;
 
-/// The wheels, in the order of [`Mecanum`].
+/// The wheels, in the order of [`Base::mecanum`].
 pub const WHEELS: [Name; 4] = [Name::FrontLeft, Name::FrontRight, Name::RearLeft, Name::RearRight];
 
 /// The base: wheels of 76 mm radius, 400 mm by 440 mm apart. The wheels stay below the 480 rpm that
 /// an M3508 reaches unloaded.
-pub const BASE: Mecanum = Mecanum {
-    wheel_radius: 0.076,
-    half_wheelbase: 0.20,
-    half_track: 0.22,
-    max_wheel_speed: Rpm::new(400.0),
-};
+pub const BASE: Base<4> = Base::mecanum(0.076, 0.20, 0.22, Rpm::new(400.0));
 
 /// The receiver of the remote control.
 pub const RECEIVER: Receiver = Receiver::Dr16;

@@ -38,7 +38,7 @@ pub async fn run(shared: &Shared<'_>) -> ! {
         if before != ArmState::Armed {
             // It may be rolling: the wheels begin with the speeds that they have.
             let speed = |name| shared.motor(name).status().feedback.speed;
-            limiter.reset(BASE.forward(WHEELS.map(speed)));
+            limiter.reset(BASE.forward(WHEELS.map(speed)).twist);
         }
         drive(&remote, &mut limiter, shared);
     }

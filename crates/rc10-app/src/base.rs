@@ -1,0 +1,356 @@
+//! Bases on wheels: mecanum, omni wheels, differential, and any other list of wheels, by the same
+//! mathematics.
+//!
+//! Each [`Wheel`] makes one row of a matrix: the speed of its rim for a [`Twist`]. [`Base::inverse`]
+//! multiplies by that matrix, [`Base::forward`] by its least-squares inverse. Both are solved where
+//! the base is declared; on the chip there are only products and sums.
+
+mod error;
+mod solve;
+mod wheel;
+
+pub use error::BaseError;
+pub use wheel::{Tread, Wheel};
+
+use core::f64::consts::PI;
+
+use crate::config::{ConfigError, positive};
+use crate::ok;
+use crate::transform::Point;
+use crate::twist::{Twist, TwistLimits, TwistNotFinite};
+use crate::units::{Degrees, Rpm, RpmPerSecond};
+
+/// Radians per second in one revolution per minute.
+const RADIANS_PER_SECOND: f64 = PI / 30.0;
+
+/// A base on `N` wheels.
+///
+/// In a robot's table it is a constant, and one that cannot work does not compile:
+///
+/// ```
+/// use rc10_app::{Base, Rpm, Twist};
+/// pub const BASE: Base<4> = Base::mecanum(0.076, 0.20, 0.25, Rpm::new(450.0));
+///
+/// let wheels = BASE.inverse(Twist::new(5.0, 0.0, 0.0))?;
+/// assert!((wheels.speeds[0].get() - 450.0).abs() < 1e-3); // 628 rpm would be needed
+/// assert!((wheels.scale - 0.716).abs() < 1e-3);
+///
+/// let motion = BASE.forward([Rpm::new(100.0); 4]);
+/// assert!((motion.twist.vx - 0.796).abs() < 1e-3 && motion.slip() < 1e-6);
+/// # Ok::<(), rc10_app::TwistNotFinite>(())
+/// ```
+///
+/// ```compile_fail,E0080
+/// # use rc10_app::{Base, Degrees, Rpm, base::{Tread, Wheel}};
+/// # const WHEEL: Wheel = *Base::differential(0.05, 0.2, Rpm::new(400.0)).wheels().first().unwrap();
+/// const ACROSS: Wheel = Wheel { direction: Degrees::new(90.0), ..WHEEL };
+/// // wheels 0 and 1 have no rollers and do not roll in parallel: they drag each other sideways
+/// const BASE: Base<2> = Base::sound([WHEEL, ACROSS], Rpm::new(400.0));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Base<const N: usize> {
+    wheels: [Wheel; N],
+    max_wheel_speed: Rpm,
+    /// rpm of each wheel for (vx, vy, wz).
+    inverse: [[f32; 3]; N],
+    /// (vx, vy, wz) of 1 rpm of each wheel.
+    forward: [[f32; 3]; N],
+    /// m/s at the rim for 1 rpm.
+    rim: [f32; N],
+    /// The row of the sideways speed that plain wheels refuse; zero without any.
+    sideways: [f32; 3],
+}
+
+/// Wheel speeds from [`Base::inverse`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WheelSpeeds<const N: usize> {
+    /// Each within ± the base's limit.
+    pub speeds: [Rpm; N],
+    /// The share of the twist that this is: 1 unless a wheel had to be limited, then 0 .. 1. The
+    /// direction and the radius of the path are those asked for in any case.
+    pub scale: f32,
+}
+
+/// A motion measured by its wheels, from [`Base::forward`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion<const N: usize> {
+    /// The motion that explains the wheels' speeds best.
+    pub twist: Twist,
+    /// Speed of each wheel's rim that this motion does not explain, in m/s: measured less
+    /// explained.
+    pub residual: [f32; N],
+}
+
+impl<const N: usize> Motion<N> {
+    /// The largest residual, in m/s: 0 if the wheels agree. NaN if a speed was not finite.
+    ///
+    /// A wheel that is reversed, dead or slips is seen here if the base has more wheels than ways to
+    /// move. It is **not** seen with three omni wheels, nor with two of a differential base: any
+    /// speeds of those are a motion. There compare the yaw rate with a gyro's, as
+    /// [`Odometry`](crate::Odometry) does. Nor is it seen while the speeds, wrong as they are, happen
+    /// to make a motion: a dead wheel while it should stand still.
+    #[must_use]
+    pub fn slip(&self) -> f32 {
+        self.residual.iter().fold(0.0, |most, one| {
+            // The comparison is false for NaN on either side.
+            if one.abs() <= most { most } else { most + (one.abs() - most) }
+        })
+    }
+}
+
+impl Base<4> {
+    /// Four mecanum wheels in the order front left, front right, rear left, rear right. Seen from
+    /// above, their rollers form an X. A positive speed drives the robot forward. (Motors on the
+    /// right are mirrored: turn their sign where the motor is configured.)
+    ///
+    /// Radius of a wheel over its rollers, half the distance between front and rear axle, half the
+    /// distance between the left and the right wheels' centres: metres.
+    ///
+    /// # Panics
+    /// As [`sound`](Base::sound).
+    #[must_use]
+    pub const fn mecanum(
+        radius: f32,
+        half_wheelbase: f32,
+        half_track: f32,
+        max_wheel_speed: Rpm,
+    ) -> Self {
+        Self::sound(wheel::mecanum(radius, half_wheelbase, half_track), max_wheel_speed)
+    }
+
+    /// Four omni wheels counter-clockwise, the first 45 degrees to the left of ahead, at this
+    /// `distance` from the middle. A positive speed of all turns the base counter-clockwise. Radius
+    /// and distance in metres.
+    ///
+    /// # Panics
+    /// As [`sound`](Base::sound).
+    #[must_use]
+    pub const fn omni_4(radius: f32, distance: f32, max_wheel_speed: Rpm) -> Self {
+        Self::sound(wheel::ring(radius, distance, Degrees::new(45.0)), max_wheel_speed)
+    }
+
+    /// Four plain wheels in the order front left, front right, rear left, rear right, that all roll
+    /// forward. They slip sideways when the base turns: its motion is exact only straight ahead.
+    /// Arguments as those of [`mecanum`](Base::mecanum).
+    ///
+    /// # Panics
+    /// As [`sound`](Base::sound).
+    #[must_use]
+    pub const fn skid_steer(
+        radius: f32,
+        half_wheelbase: f32,
+        half_track: f32,
+        max_wheel_speed: Rpm,
+    ) -> Self {
+        let (x, y) = (half_wheelbase, half_track);
+        let places = [Point::new(x, y), Point::new(x, -y), Point::new(-x, y), Point::new(-x, -y)];
+        Self::sound(wheel::parallel(radius, places), max_wheel_speed)
+    }
+}
+
+impl Base<3> {
+    /// Three omni wheels counter-clockwise, the first 60 degrees to the left of ahead, so that the
+    /// second is at the rear. Arguments as those of [`omni_4`](Base::omni_4).
+    ///
+    /// # Panics
+    /// As [`sound`](Base::sound).
+    #[must_use]
+    pub const fn omni_3(radius: f32, distance: f32, max_wheel_speed: Rpm) -> Self {
+        Self::sound(wheel::ring(radius, distance, Degrees::new(60.0)), max_wheel_speed)
+    }
+}
+
+impl Base<2> {
+    /// Two plain wheels on one axle through the origin, left and right, that roll forward. Radius
+    /// and half the distance between the wheels in metres.
+    ///
+    /// # Panics
+    /// As [`sound`](Base::sound).
+    #[must_use]
+    pub const fn differential(radius: f32, half_track: f32, max_wheel_speed: Rpm) -> Self {
+        let places = [Point::new(0.0, half_track), Point::new(0.0, -half_track)];
+        Self::sound(wheel::parallel(radius, places), max_wheel_speed)
+    }
+}
+
+impl<const N: usize> Base<N> {
+    /// A base on these wheels, none of which is ever asked to turn faster than `max_wheel_speed`.
+    ///
+    /// # Errors
+    /// Why these wheels are no base: a number that cannot be used, plain wheels that do not roll in
+    /// parallel, or a motion that no wheel makes or holds.
+    pub const fn new(wheels: [Wheel; N], max_wheel_speed: Rpm) -> Result<Self, BaseError> {
+        if let Err(error) = positive("max_wheel_speed", max_wheel_speed.get()) {
+            return Err(BaseError::Config(error));
+        }
+        let solution = ok!(solve::solve(&wheels));
+        let mut base = Self {
+            wheels,
+            max_wheel_speed,
+            inverse: [[0.0; 3]; N],
+            forward: [[0.0; 3]; N],
+            rim: [0.0; N],
+            sideways: narrow(solution.refused.0, 1.0),
+        };
+        let mut at = 0;
+        while at < N {
+            let rim = wheels[at].radius as f64 * RADIANS_PER_SECOND;
+            base.inverse[at] = narrow(solution.inverse[at], 1.0 / rim);
+            base.forward[at] = narrow(solution.forward[at], rim);
+            #[expect(clippy::cast_possible_truncation, reason = "the nearest f32")]
+            let rim = rim as f32;
+            base.rim[at] = rim;
+            at += 1;
+        }
+        Ok(base)
+    }
+
+    /// As [`new`](Self::new), for a constant, where an unsound base is a compile error with the
+    /// reason.
+    ///
+    /// # Panics
+    /// If it is not sound.
+    #[must_use]
+    pub const fn sound(wheels: [Wheel; N], max_wheel_speed: Rpm) -> Self {
+        match Self::new(wheels, max_wheel_speed) {
+            Ok(base) => base,
+            Err(error) => panic!("{}", error.text().as_str()),
+        }
+    }
+
+    /// The wheels, as they were given.
+    #[must_use]
+    pub const fn wheels(&self) -> &[Wheel; N] {
+        &self.wheels
+    }
+
+    /// No wheel is ever asked to turn faster than this.
+    #[must_use]
+    pub const fn max_wheel_speed(&self) -> Rpm {
+        self.max_wheel_speed
+    }
+
+    /// The wheel speeds that make the robot move with `twist`. If a wheel would have to turn faster
+    /// than it may, all are slowed down by one factor, so the robot still goes the way it was told,
+    /// only slower. Plain wheels do not move sideways: that part of the twist is left out, and
+    /// [`sideways`](Self::sideways) tells how much it is.
+    ///
+    /// # Errors
+    /// [`TwistNotFinite`] if the twist, or a wheel speed computed from it, is infinite or NaN.
+    pub fn inverse(&self, twist: Twist) -> Result<WheelSpeeds<N>, TwistNotFinite> {
+        let mut speeds = [Rpm::ZERO; N];
+        let limit = self.max_wheel_speed.get();
+        let scale = match (self.inverse.as_slice().try_into(), speeds.as_mut_slice().try_into()) {
+            (Ok(rows), Ok(speeds)) => four(rows, limit, twist, speeds),
+            _ => limited(&self.inverse, limit, twist, &mut speeds),
+        };
+        let wheels = scale.map(|scale| WheelSpeeds { speeds, scale });
+        wheels.ok_or(TwistNotFinite::of(twist))
+    }
+
+    /// The part of `twist` that plain wheels cannot do: speed across them, in m/s, to the left of
+    /// where the first of them rolls. [`inverse`](Self::inverse) leaves it out. 0 for a base
+    /// without plain wheels.
+    #[must_use]
+    pub fn sideways(&self, twist: Twist) -> f32 {
+        product(self.sideways, twist)
+    }
+
+    /// The accelerations of the wheels while the twist of the robot, in its own axes, changes by
+    /// `change` a second. (Of a twist in the field's axes that is kept while the robot turns, the
+    /// robot's axes see a change too.)
+    #[must_use]
+    pub fn accelerations(&self, change: Twist) -> [RpmPerSecond; N] {
+        self.inverse.map(|row| RpmPerSecond::new(product(row, change)))
+    }
+
+    /// The motion of the robot for measured speeds of its wheels: the least-squares answer, each
+    /// wheel's error counted in m/s at its rim, and what it leaves unexplained. A speed that is not
+    /// finite gives a twist that is not finite.
+    ///
+    /// **Which wheel** is wrong, four wheels do not tell: the residual is then the same pattern
+    /// whichever it is, larger or smaller. A reversed wheel is the one whose speed, turned round,
+    /// leaves no residual for any motion. A dead or slipping one is the one that differs from the
+    /// speed it was given.
+    #[must_use]
+    pub fn forward(&self, speeds: [Rpm; N]) -> Motion<N> {
+        let mut twist = Twist::STOP;
+        for ([vx, vy, wz], speed) in self.forward.into_iter().zip(speeds) {
+            twist = twist + Twist::new(vx, vy, wz) * speed.get();
+        }
+        let mut residual = [0.0; N];
+        for (at, residual) in residual.iter_mut().enumerate() {
+            *residual = (speeds[at].get() - product(self.inverse[at], twist)) * self.rim[at];
+        }
+        Motion { twist, residual }
+    }
+
+    /// Whether wheels that accelerate by at most `most` keep these limits in every direction, both
+    /// at once: for the axes of the robot, and those of the field while it does not turn.
+    ///
+    /// # Errors
+    /// The acceleration that a wheel would need, if it is more; or the limit that cannot be used.
+    pub const fn validate_limits(
+        &self,
+        limits: &TwistLimits,
+        most: RpmPerSecond,
+    ) -> Result<(), ConfigError> {
+        ok!(limits.validate());
+        let mut at = 0;
+        while at < N {
+            let [x, y, turn] = self.inverse[at];
+            let along = solve::sqrt(x as f64 * x as f64 + y as f64 * y as f64);
+            let linear = along * limits.linear_acceleration as f64;
+            let angular = turn.abs() as f64 * limits.angular_acceleration as f64;
+            #[expect(clippy::cast_possible_truncation, reason = "the nearest f32")]
+            let needed = (linear + angular) as f32;
+            let is_kept = needed <= most.get();
+            let must_be = "within what the wheels accelerate by";
+            ok!(ConfigError::check(is_kept, "wheel acceleration, rpm/s", needed, must_be));
+            at += 1;
+        }
+        Ok(())
+    }
+}
+
+/// A little below one, so that rounding does not put the fastest wheel above its limit: four
+/// roundings of half a step each.
+const BELOW_ONE: f32 = 1.0 - 2.0 * f32::EPSILON;
+
+/// Wheel speeds for `twist`, none above `limit`, and their share of the wanted ones; `None` if
+/// those are not finite.
+#[inline(always)]
+fn limited<const N: usize>(
+    rows: &[[f32; 3]; N],
+    limit: f32,
+    twist: Twist,
+    speeds: &mut [Rpm; N],
+) -> Option<f32> {
+    let wanted = rows.map(|row| product(row, twist));
+    let sizes = wanted.map(f32::abs);
+    if !sizes.into_iter().sum::<f32>().is_finite() {
+        return None;
+    }
+    let mut fastest = *sizes.first()?;
+    for size in sizes {
+        fastest = if size > fastest { size } else { fastest };
+    }
+    let scale = if fastest <= limit { 1.0 } else { limit / fastest * BELOW_ONE };
+    *speeds = wanted.map(|speed| Rpm::new(speed * scale));
+    Some(scale)
+}
+
+/// [`limited`] for the usual number of wheels: not generic, so it is compiled for speed with this
+/// crate, not for size with the robot's.
+fn four(rows: &[[f32; 3]; 4], limit: f32, twist: Twist, speeds: &mut [Rpm; 4]) -> Option<f32> {
+    limited(rows, limit, twist, speeds)
+}
+
+fn product([x, y, turn]: [f32; 3], twist: Twist) -> f32 {
+    x * twist.vx + y * twist.vy + turn * twist.wz
+}
+
+const fn narrow([x, y, turn]: [f64; 3], factor: f64) -> [f32; 3] {
+    #[expect(clippy::cast_possible_truncation, reason = "the nearest f32")]
+    return [(x * factor) as f32, (y * factor) as f32, (turn * factor) as f32];
+}

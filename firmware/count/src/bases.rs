@@ -1,0 +1,93 @@
+//! Bases: inverse kinematics, steered wheels, odometry.
+
+use core::hint::black_box;
+
+use rc10_app::base::WheelSpeeds;
+use rc10_app::swerve::{Modules, Steering, Swerve, SwerveState};
+use rc10_app::{
+    Base, Odometry, OdometryConfig, OdometryInput, Point, Pose, Rpm, Seconds, TotalAngle, Twist,
+    TwistNotFinite,
+};
+
+const LIMIT: Rpm = Rpm::new(400.0);
+
+/// The last but one is limited, the last is refused.
+const TWISTS: [Twist; 5] = [
+    Twist::STOP,
+    Twist::new(1.0, 0.5, -2.0),
+    Twist::new(-0.3, 1.5, 1.0),
+    Twist::new(6.0, -2.0, 8.0),
+    Twist::new(1.0, f32::NAN, 0.0),
+];
+
+/// Measures all of it.
+pub fn measure() {
+    let (mecanum, omni) =
+        (Base::mecanum(0.076, 0.20, 0.22, LIMIT), Base::omni_4(0.076, 0.25, LIMIT));
+    for twist in TWISTS {
+        for base in [&mecanum, &omni] {
+            black_box(inverse(black_box(base), black_box(twist)).is_ok());
+        }
+    }
+    swerves();
+    odometries();
+}
+
+// SAFETY: nothing else has this name.
+#[unsafe(export_name = "count_1_base_inverse")]
+#[inline(never)]
+fn inverse(base: &Base<4>, twist: Twist) -> Result<WheelSpeeds<4>, TwistNotFinite> {
+    base.inverse(twist)
+}
+
+/// Steered wheels: endless, and within a range that is reached.
+fn swerves() {
+    let place = |x, y| Point::new(x, y);
+    let places = [place(0.2, 0.2), place(-0.2, 0.2), place(-0.2, -0.2), place(0.2, -0.2)];
+    let quarter = |quarters| TotalAngle::from_degrees(90 * quarters);
+    let cables = Steering::Between(quarter(-1), quarter(1));
+    // A module that is turns beyond its range costs 120 more, until it is within.
+    for (steering, turned) in [(Steering::Endless, 12_345), (cables, 1)] {
+        let Ok(base) = Swerve::new(places, 0.05, LIMIT, steering) else { cortex_m::asm::udf() };
+        let mut state = SwerveState::new();
+        let mut measured = [quarter(0), quarter(1), quarter(-1), quarter(turned)];
+        for twist in TWISTS {
+            let input = black_box((twist, measured));
+            if let Ok(modules) = swerve(black_box(&base), &mut state, &input) {
+                measured = modules.modules.map(|module| module.angle);
+            }
+        }
+    }
+}
+
+type SwerveInput = (Twist, [TotalAngle; 4]);
+
+// SAFETY: nothing else has this name.
+#[unsafe(export_name = "count_1_swerve")]
+#[inline(never)]
+fn swerve(
+    base: &Swerve<4>,
+    state: &mut SwerveState<4>,
+    (twist, measured): &SwerveInput,
+) -> Result<Modules<4>, TwistNotFinite> {
+    state.update(base, *twist, *measured)
+}
+
+/// Arcs, with a gyro and without, with slip and over the seam of the circle.
+fn odometries() {
+    let mut odometry = Odometry::new(Pose::IDENTITY);
+    for step in 0..200_i32 {
+        let twist = TWISTS[step as usize % 4];
+        let heading = (step % 3 > 0).then_some(TotalAngle::from_degrees(3 * step));
+        let slip = if step % 5 == 0 { 0.5 } else { 0.0 };
+        let input = black_box(OdometryInput { twist, slip, heading });
+        odometry_step(black_box(&mut odometry), black_box(&OdometryConfig::DEFAULT), &input);
+    }
+}
+
+// SAFETY: nothing else has this name.
+#[unsafe(export_name = "count_1_odometry")]
+#[inline(never)]
+fn odometry_step(odometry: &mut Odometry, config: &OdometryConfig, input: &OdometryInput) {
+    odometry.update(config, *input, Seconds::new(0.005));
+}
