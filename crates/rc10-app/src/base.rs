@@ -18,7 +18,7 @@ use crate::config::{ConfigError, positive};
 use crate::ok;
 use crate::transform::Point;
 use crate::twist::{Twist, TwistLimits, TwistNotFinite};
-use crate::units::{Degrees, Rpm, RpmPerSecond};
+use crate::units::{Degrees, NewtonMetres, Rpm, RpmPerSecond};
 
 /// Radians per second in one revolution per minute.
 const RADIANS_PER_SECOND: f64 = PI / 30.0;
@@ -59,6 +59,16 @@ pub struct Base<const N: usize> {
     rim: [f32; N],
     /// The row of the sideways speed that plain wheels refuse; zero without any.
     sideways: [f32; 3],
+}
+
+/// The body of a robot, all that moves with it included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body {
+    /// kg.
+    pub mass: f32,
+    /// kg m² about the vertical axis through the middle of the base. A box of length `l` and width `w`
+    /// has `mass` · (`l`² + `w`²) / 12.
+    pub yaw_inertia: f32,
 }
 
 /// Wheel speeds from [`Base::inverse`].
@@ -262,6 +272,22 @@ impl<const N: usize> Base<N> {
     #[must_use]
     pub fn accelerations(&self, change: Twist) -> [RpmPerSecond; N] {
         self.inverse.map(|row| RpmPerSecond::new(product(row, change)))
+    }
+
+    /// The torques of the wheels that accelerate the robot's body while its `twist`, in its own axes,
+    /// changes by `change` a second. They come on top of what the wheels' own inertia takes. Where more
+    /// wheels push than there are ways to move, none pushes against another.
+    ///
+    /// By virtual work: the power of the torques at the wheels is that of the forces on the body.
+    #[must_use]
+    pub fn torques(&self, body: &Body, twist: Twist, change: Twist) -> [NewtonMetres; N] {
+        // The axes turn with the robot.
+        let x = body.mass * (change.vx - twist.wz * twist.vy);
+        let y = body.mass * (change.vy + twist.wz * twist.vx);
+        let turn = body.yaw_inertia * change.wz;
+        #[expect(clippy::cast_possible_truncation, reason = "a constant")]
+        const RPM: f32 = (1.0 / RADIANS_PER_SECOND) as f32;
+        self.forward.map(|row| NewtonMetres::new(product(row, Twist::new(x, y, turn)) * RPM))
     }
 
     /// The motion of the robot for measured speeds of its wheels: the least-squares answer, each

@@ -46,7 +46,7 @@ pub mod units;
 mod config;
 
 pub use angle::{CountsPerTurn, TotalAngle};
-pub use base::{Base, BaseError, Motion, Tread, Wheel, WheelSpeeds};
+pub use base::{Base, BaseError, Body, Motion, Tread, Wheel, WheelSpeeds};
 pub use cascade::{Cascade, CascadeState};
 pub use config::ConfigError;
 pub use differentiator::{Differentiator, DifferentiatorConfig};

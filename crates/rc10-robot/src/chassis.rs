@@ -1,12 +1,12 @@
 //! The chassis task: from the motion of the base to the speeds of its wheels.
 
-use rc10_app::{Field, Frame, Rpm, Seconds, Twist, TwistLimiter};
+use rc10_app::{Field, Frame, Rpm, RpmPerSecond, Seconds, Twist, TwistLimiter};
 use rc10_can::Micros;
 use rc10_message::{Overrun, periodic};
-use rc10_motor::{ArmState, Target};
+use rc10_motor::{ArmState, Motion, Target};
 
 use crate::robot::{BaseCommand, Shared};
-use crate::table::{BASE, BASE_LIMITS, WHEELS};
+use crate::table::{BASE, BASE_LIMITS, BODY, WHEEL_TORQUE, WHEELS};
 
 /// Period of the chassis task.
 pub const PERIOD: Micros = Micros::from_millis(5);
@@ -18,6 +18,7 @@ pub async fn run(shared: &Shared<'_>) -> ! {
     // While the base is driven in these axes.
     let mut robot_axes: Option<TwistLimiter> = None;
     let mut world_axes: Option<TwistLimiter<Field>> = None;
+    let mut before: Option<Twist> = None;
     periodic(PERIOD, Overrun::Skip, &shared.chassis_timing, async |tick| {
         let heard = shared.heading.read().map(|heard| heard.value);
         let yaw = heard.and_then(|heading| heading.total(tick.now));
@@ -26,7 +27,7 @@ pub async fn run(shared: &Shared<'_>) -> ! {
         let armed = shared.switch.state() == ArmState::Armed;
         let wish = shared.motion.newer_than(OLDEST_MOTION, tick.now).filter(|_| armed);
         let Some(wish) = wish else {
-            (robot_axes, world_axes) = (None, None);
+            (robot_axes, world_axes, before) = (None, None, None);
             return;
         };
         let dt = Seconds::from_micros(tick.since_last.get());
@@ -52,14 +53,30 @@ pub async fn run(shared: &Shared<'_>) -> ! {
                 }
             }
         };
-        let wheels = limited.and_then(|twist| BASE.inverse(twist));
-        // Without a result there is no speed either: the wheels refuse it, and that is counted.
-        let speeds = wheels.map_or([Rpm::new(f32::NAN); WHEELS.len()], |wheels| wheels.speeds);
-        for (name, speed) in WHEELS.into_iter().zip(speeds) {
-            shared.command(name, Target::Speed(speed));
-        }
+        // Without a twist there is no speed either: the wheels refuse it, and that is counted.
+        let twist = limited.unwrap_or(Twist::new(f32::NAN, f32::NAN, f32::NAN));
+        let before = core::mem::replace(before.get_or_insert_with(|| measured(shared)), twist);
+        drive(shared, before, twist, dt);
     })
     .await
+}
+
+/// Takes the base from one twist to another within a period, without a step.
+fn drive(shared: &Shared<'_>, from: Twist, to: Twist, dt: Seconds) {
+    let change = (to - from) * (1.0 / dt.get());
+    let wheels = BASE.inverse(from);
+    let speeds = wheels.map_or([Rpm::new(f32::NAN); WHEELS.len()], |wheels| wheels.speeds);
+    let accelerations = BASE.accelerations(change);
+    let torques = BASE.torques(&BODY, from, change);
+    for (at, name) in WHEELS.into_iter().enumerate() {
+        let motion = Motion {
+            angle: None,
+            speed: speeds[at],
+            acceleration: accelerations[at],
+            effort: torques[at].get() / WHEEL_TORQUE,
+        };
+        shared.command(name, Target::Motion(motion));
+    }
 }
 
 /// A limiter that goes on from this motion.

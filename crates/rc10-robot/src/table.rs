@@ -1,6 +1,6 @@
 //! The motor table: bus, id, gains and safe state of each motor; and the robot's measures.
 
-use rc10_app::{Base, Degrees, Rpm, Twist, TwistLimits};
+use rc10_app::{Base, Body, Degrees, FeedForward, Gravity, Rpm, Twist, TwistLimits};
 use rc10_module::remote::Receiver;
 use rc10_motor::Place::Bus;
 use rc10_motor::dji::{Config, Dji, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
@@ -30,8 +30,13 @@ rc10_motor::motors! {
 
 /// On blocks, a PC may turn it: to see which one it is, and which way it turns.
 const fn wheel(label: &'static str, config: Config) -> Entry<Config> {
-    Entry::new(label, Bus(1), config).with_jog(Rpm::new(20.0))
+    Entry::new(label, Bus(1), config.with_feed_forward(ROLLING)).with_jog(Rpm::new(20.0))
 }
+
+/// What a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and rotor are 0.0052
+/// kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is [`BODY`].
+const ROLLING: FeedForward =
+    FeedForward { friction: 0.5, speed: 0.001, acceleration: 0.0018, gravity: Gravity::None };
 
 /// Mounted the other way round.
 const fn mirrored(id: u8) -> Config {
@@ -56,6 +61,12 @@ pub const LIFT: [Name; 4] =
 /// The base: wheels of 76 mm radius, 400 mm by 440 mm apart. The wheels stay below the 480 rpm that
 /// an M3508 reaches unloaded.
 pub const BASE: Base<4> = Base::mecanum(0.076, 0.20, 0.22, Rpm::new(400.0));
+
+/// The robot with everything on it.
+pub const BODY: Body = Body { mass: 20.0, yaw_inertia: 1.2 };
+
+/// A wheel's motor, N m/A.
+pub const WHEEL_TORQUE: f32 = Config::new(&M3508, 1).torque_constant();
 
 /// The receiver of the remote control that is plugged in.
 pub const RECEIVER: Receiver = Receiver::Dr16;

@@ -235,6 +235,19 @@ impl Config {
         self
     }
 
+    /// With what is on its shaft: the effort that moving it takes. After [`with_gear`](Self::with_gear).
+    #[must_use]
+    pub const fn with_feed_forward(mut self, feed_forward: FeedForward) -> Self {
+        self.cascade.feed_forward = feed_forward;
+        self
+    }
+
+    /// Torque at the output shaft per ampere, N m/A.
+    #[must_use]
+    pub const fn torque_constant(&self) -> f32 {
+        self.model.rotor_torque_constant * self.gear.ratio()
+    }
+
     /// With gains of your own.
     #[must_use]
     pub const fn with_cascade(mut self, cascade: Cascade) -> Self {
