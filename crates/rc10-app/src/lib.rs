@@ -8,9 +8,8 @@
 //! | [`units`] | [`Rpm`], [`RotorRpm`], [`Degrees`], [`Amps`], [`Seconds`] …: units are types, and the two sides of a gearbox are two types |
 //! | [`angle`] | [`TotalAngle`]: an exact angle of many turns; shortest way round a circle |
 //! | [`pid`] | positional PID |
-//! | [`incremental`] | incremental PID |
-//! | [`differentiator`] | second-order tracking differentiator |
-//! | [`low_pass`], [`ramp`] | first-order low-pass, rate limit |
+//! | [`profile`] | motion profiles within limits of velocity, acceleration and jerk |
+//! | [`low_pass`] | first-order low-pass |
 //! | [`transform`] | poses in the plane, SE(2) |
 //! | [`chassis`] | twists, mecanum wheels, desaturation, acceleration limit |
 #![no_std]
@@ -19,12 +18,10 @@
 pub mod angle;
 pub mod cascade;
 pub mod chassis;
-pub mod differentiator;
-pub mod incremental;
 pub mod low_pass;
 pub mod maths;
 pub mod pid;
-pub mod ramp;
+pub mod profile;
 mod text;
 pub mod transform;
 pub mod units;
@@ -35,11 +32,9 @@ pub use angle::{CountsPerTurn, TotalAngle};
 pub use cascade::{Cascade, CascadeState};
 pub use chassis::{Mecanum, Twist, TwistLimiter, TwistLimits, TwistNotFinite, WheelSpeeds};
 pub use config::ConfigError;
-pub use differentiator::{Differentiator, DifferentiatorConfig};
-pub use incremental::{IncrementalPidConfig, IncrementalPidState};
 pub use low_pass::{LowPass, LowPassConfig};
 pub use pid::{PidConfig, PidInput, PidState};
-pub use ramp::{Ramp, RampConfig};
+pub use profile::{AngleProfile, AngleSetpoint, Profile, ProfileLimits, Setpoint};
 pub use text::Text;
 pub use transform::Pose;
 pub use units::{
