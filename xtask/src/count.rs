@@ -17,7 +17,7 @@ use rc10_emu::{Image, Memory};
 
 /// Budgets: the beginning of a measurement's name, the instructions that a unit of it may cost at
 /// most, and whether that goes for the mean of all calls or for the worst one.
-const BUDGETS: [(&str, u64, Of); 7] = [
+const BUDGETS: [(&str, u64, Of); 9] = [
     // One motor in one tick: a received frame, a cascade, its share of a group frame.
     ("motor", 300, Of::Mean),
     // Angle loops run in other ticks for each motor of a bus.
@@ -33,6 +33,10 @@ const BUDGETS: [(&str, u64, Of); 7] = [
     // One byte of what takes a parser longest: the beginning of a frame, again and again. Every one
     // is a frame until its checksum says otherwise, so this bounds what garbage can do.
     ("garbage", 750, Of::Worst),
+    // A tick of a motion profile on its way.
+    ("follow", 400, Of::Worst),
+    // A new target for one, at any state.
+    ("plan", 4000, Of::Worst),
 ];
 
 /// The value that a budget bounds.

@@ -7,6 +7,7 @@
 #![no_main]
 
 mod codecs;
+mod profiles;
 mod streams;
 
 use core::hint::black_box;
@@ -41,6 +42,7 @@ fn main() -> ! {
     measure(|_, rpm| Target::Speed(rpm), frames);
     measure(|_, _| Target::Coast, coasting_tick);
     codecs::measure();
+    profiles::measure();
     streams::measure();
     done()
 }
