@@ -39,7 +39,7 @@ impl Course {
 }
 
 /// Evaluations of a course after which a search takes the best that it has.
-const TRIES: u32 = 10;
+const TRIES: u32 = 9;
 /// A course that ends this share of all distances involved short of its target or beyond it is as
 /// good as exact: rounding errors are of this size.
 const EXACT: f32 = 1e-6;
