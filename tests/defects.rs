@@ -13,8 +13,7 @@ use std::sync::Mutex;
 
 use common::{Bench, motor, twin};
 use rc10_app::{
-    Amps, Base, CountsPerTurn, Direction, Gear, IncrementalPidConfig, IncrementalPidState,
-    PidConfig, PidState, Rpm, Seconds, Twist,
+    Amps, Base, CountsPerTurn, Direction, Gear, PidConfig, PidState, Rpm, Seconds, Twist,
 };
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, CanPort, Health, Micros, Submitted};
@@ -264,17 +263,4 @@ fn r15_periodic_work_does_not_drift() {
     assert_eq!(count.get(), 10_001);
     let load = statistics.read();
     assert_eq!((load.period.min(), load.period.max()), (Some(10_000), Some(10_000)));
-}
-
-/// Its integral and derivative ignored the time step, and the first step took the whole uptime.
-#[test]
-fn r15_incremental_pid_takes_time_into_account() {
-    let config = IncrementalPidConfig::new(0.0, 2.0, 0.0, 1e6);
-    let after_one_second = |steps: u16| {
-        let mut state = IncrementalPidState::new();
-        let dt = Seconds::new(1.0 / f32::from(steps));
-        (0..steps).map(|_| state.update(&config, 1.0, 0.0, dt)).last().unwrap()
-    };
-    assert!((after_one_second(100) - after_one_second(1000)).abs() < 0.01);
-    assert!((after_one_second(1000) - 2.0).abs() < 0.01);
 }

@@ -51,6 +51,10 @@ const BUDGETS: &[(&str, u64, Of)] = &[
     // One byte of what takes a parser longest: the beginning of a frame, again and again. Every one
     // is a frame until its checksum says otherwise, so this bounds what garbage can do.
     ("garbage", 750, Of::Worst),
+    // A tick of a motion profile on its way.
+    ("follow", 400, Of::Worst),
+    // A new target for one, at any state.
+    ("plan", 4000, Of::Worst),
 ];
 
 /// The value that a budget bounds.

@@ -247,6 +247,7 @@ impl<const N: usize> Base<N> {
     ///
     /// # Errors
     /// [`TwistNotFinite`] if the twist, or a wheel speed computed from it, is infinite or NaN.
+    #[inline(always)] // Generic, so compiled for size where it is used; what takes time is not.
     pub fn inverse(&self, twist: Twist) -> Result<WheelSpeeds<N>, TwistNotFinite> {
         let mut speeds = [Rpm::ZERO; N];
         let limit = self.max_wheel_speed.get();

@@ -10,9 +10,6 @@
 //! | [`pid`], [`schedule`] | positional PID; gains that depend on something |
 //! | [`cascade`] | angle loop around speed loop, for any motor |
 //! | [`feed_forward`] | the effort that a known motion takes |
-//! | [`incremental`] | incremental PID |
-//! | [`differentiator`] | second-order tracking differentiator |
-//! | [`low_pass`], [`ramp`] | first-order low-pass, rate limit |
 //! | [`mechanism`] | homing, soft limits, jams, axes of several motors, feeders that count |
 //! | [`swerve`] | bases on steered wheels |
 //! | [`heading_hold`] | keeps the heading while the driver turns nothing |
@@ -20,22 +17,20 @@
 //! | [`transform`] | frames, points and poses in the plane, SE(2) |
 //! | [`twist`] | motion in the plane, acceleration limit |
 //! | [`base`] | bases on wheels: mecanum, omni, differential, any list; desaturation, residual |
+//! | [`profile`] | motion profiles within limits of velocity, acceleration and jerk |
 #![no_std]
 #![forbid(unsafe_code)]
 
 pub mod angle;
 pub mod base;
 pub mod cascade;
-pub mod differentiator;
 pub mod feed_forward;
 pub mod heading_hold;
-pub mod incremental;
-pub mod low_pass;
 pub mod maths;
 pub mod mechanism;
 pub mod odometry;
 pub mod pid;
-pub mod ramp;
+pub mod profile;
 pub mod schedule;
 pub mod swerve;
 mod text;
@@ -49,14 +44,11 @@ pub use angle::{CountsPerTurn, TotalAngle};
 pub use base::{Base, BaseError, Body, Motion, Tread, Wheel, WheelSpeeds};
 pub use cascade::{Cascade, CascadeState};
 pub use config::ConfigError;
-pub use differentiator::{Differentiator, DifferentiatorConfig};
 pub use feed_forward::{FeedForward, Gravity};
 pub use heading_hold::{HeadingHold, HeadingHoldConfig};
-pub use incremental::{IncrementalPidConfig, IncrementalPidState};
-pub use low_pass::{LowPass, LowPassConfig};
 pub use odometry::{Covariance, Odometry, OdometryConfig, OdometryInput};
 pub use pid::{PidConfig, PidInput, PidState};
-pub use ramp::{Ramp, RampConfig};
+pub use profile::{AngleProfile, AngleSetpoint, Profile, ProfileLimits, Setpoint};
 pub use schedule::{GainSchedule, Gains};
 pub use swerve::{Steering, Swerve, SwerveState};
 pub use text::Text;

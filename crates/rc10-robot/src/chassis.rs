@@ -1,6 +1,6 @@
 //! The chassis task: from the motion of the base to the speeds of its wheels.
 
-use rc10_app::{Field, Frame, Rpm, RpmPerSecond, Seconds, Twist, TwistLimiter};
+use rc10_app::{Field, Frame, Rpm, Seconds, Twist, TwistLimiter};
 use rc10_can::Micros;
 use rc10_message::{Overrun, periodic};
 use rc10_motor::{ArmState, Motion, Target};

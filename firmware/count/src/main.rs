@@ -12,6 +12,7 @@
 mod bases;
 mod codecs;
 mod control;
+mod profiles;
 mod streams;
 #[path = "../../../crates/rc10-app/tests/walk/mod.rs"]
 mod walk;
@@ -49,6 +50,7 @@ fn main() -> ! {
     measure(|_, _| Target::Coast, coasting_tick);
     bases::measure();
     codecs::measure();
+    profiles::measure();
     streams::measure();
     control::measure();
     for (number, &(_, walk)) in (0..).zip(walk::WALKS) {

@@ -6,13 +6,18 @@
 pub mod bases;
 pub mod control;
 pub mod mechanisms;
+pub mod profiles;
 
 /// A walk gives every result that it sees to a function.
 pub type Walk = fn(&mut dyn FnMut(f32));
 
 /// All walks, by their names.
-pub const WALKS: &[(&str, Walk)] =
-    &[("control", control::walk), ("bases", bases::walk), ("mechanisms", mechanisms::walk)];
+pub const WALKS: &[(&str, Walk)] = &[
+    ("control", control::walk),
+    ("bases", bases::walk),
+    ("mechanisms", mechanisms::walk),
+    ("profiles", profiles::walk),
+];
 
 /// The hash of everything that a walk sees: FNV-1a over the bits.
 #[must_use]

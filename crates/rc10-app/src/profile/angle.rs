@@ -1,0 +1,149 @@
+//! Profiles of a shaft that turns without end.
+
+use super::double::Double;
+use super::{Goal, Profile, ProfileLimits, Setpoint};
+use crate::config::ConfigError;
+use crate::maths;
+use crate::{Rpm, RpmPerSecond, Seconds, TotalAngle};
+
+/// The way of a shaft with 1 rpm in a second is 6 degrees. With it as the unit of the axis, the
+/// velocity is in rpm.
+const MICRODEGREES_PER_UNIT: i64 = 6_000_000;
+
+/// What a shaft shall do now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AngleSetpoint {
+    /// Angle of the output shaft.
+    pub angle: TotalAngle,
+    /// Its speed.
+    pub speed: Rpm,
+    /// Its acceleration: for feed-forward.
+    pub acceleration: RpmPerSecond,
+}
+
+/// A [`Profile`] whose position is a [`TotalAngle`]. Its limits are in rpm, rpm/s and rpm/s².
+///
+/// It lands on the microdegree within 10⁸ degrees of where it began.
+///
+/// ```
+/// use rc10_app::{AngleProfile, ProfileLimits, Rpm, Seconds, TotalAngle};
+/// let limits = ProfileLimits { velocity: 100.0, acceleration: 1000.0, jerk: 20_000.0 };
+/// let here = TotalAngle::from_degrees(3_600_000); // 10,000 turns
+/// let target = here.plus(TotalAngle::from_degrees(90));
+/// let mut gimbal = AngleProfile::at(here);
+/// gimbal.set_target(&limits, target, Rpm::ZERO)?;
+/// while !gimbal.has_arrived() {
+///     gimbal.update(Seconds::new(0.001));
+/// }
+/// assert_eq!(gimbal.setpoint().angle, target);
+/// # Ok::<(), rc10_app::ConfigError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AngleProfile {
+    /// Where it was made. The profile counts from here.
+    zero: TotalAngle,
+    profile: Profile,
+}
+
+impl AngleProfile {
+    /// At rest at an angle.
+    pub const fn at(angle: TotalAngle) -> Self {
+        let (speed, acceleration) = (Rpm::ZERO, RpmPerSecond::ZERO);
+        Self::from_setpoint(AngleSetpoint { angle, speed, acceleration })
+    }
+
+    /// See [`Profile::from_setpoint`].
+    pub const fn from_setpoint(setpoint: AngleSetpoint) -> Self {
+        let AngleSetpoint { angle, speed, acceleration } = setpoint;
+        let (velocity, acceleration) = (speed.get(), acceleration.get());
+        let setpoint = Setpoint { position: 0.0, velocity, acceleration };
+        Self { zero: angle, profile: Profile::from_setpoint(setpoint) }
+    }
+
+    /// See [`Profile::set_target`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn set_target(
+        &mut self,
+        limits: &ProfileLimits,
+        angle: TotalAngle,
+        speed: Rpm,
+    ) -> Result<(), ConfigError> {
+        self.profile.set(limits, Goal::Place(self.place(angle), speed.get()))
+    }
+
+    /// See [`Profile::follow`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn follow(
+        &mut self,
+        limits: &ProfileLimits,
+        angle: TotalAngle,
+        speed: Rpm,
+    ) -> Result<(), ConfigError> {
+        self.profile.set(limits, Goal::Moving(self.place(angle), speed.get()))
+    }
+
+    /// See [`Profile::set_velocity`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn set_speed(&mut self, limits: &ProfileLimits, speed: Rpm) -> Result<(), ConfigError> {
+        self.profile.set_velocity(limits, speed.get())
+    }
+
+    /// The setpoint a time `dt` later. A `dt` that is not finite and positive changes nothing.
+    pub fn update(&mut self, dt: Seconds) -> AngleSetpoint {
+        self.profile.update(dt);
+        self.setpoint()
+    }
+
+    /// The newest setpoint.
+    #[must_use]
+    pub fn setpoint(&self) -> AngleSetpoint {
+        let Profile { position, velocity, acceleration, .. } = self.profile;
+        let (high, low) = position.parts();
+        #[expect(clippy::cast_possible_truncation, reason = "saturation is the purpose")]
+        let whole = high as i32;
+        #[expect(clippy::cast_precision_loss, reason = "it came from this f32: exact")]
+        let fraction = high - whole as f32 + low;
+        #[expect(clippy::cast_precision_loss, reason = "exact")]
+        let fraction = maths::round_to_i32(fraction * MICRODEGREES_PER_UNIT as f32);
+        let microdegrees = i64::from(whole) * MICRODEGREES_PER_UNIT + i64::from(fraction);
+        AngleSetpoint {
+            angle: self.zero.plus(TotalAngle::from_microdegrees(microdegrees)),
+            speed: Rpm::new(velocity),
+            acceleration: RpmPerSecond::new(acceleration),
+        }
+    }
+
+    /// See [`Profile::has_arrived`].
+    #[must_use]
+    pub const fn has_arrived(&self) -> bool {
+        self.profile.has_arrived()
+    }
+
+    /// See [`Profile::remaining`].
+    #[must_use]
+    pub const fn remaining(&self) -> Seconds {
+        self.profile.remaining()
+    }
+
+    /// An angle in the unit of the profile.
+    fn place(&self, angle: TotalAngle) -> Double {
+        let way = angle.minus(self.zero).microdegrees();
+        let (whole, rest) = (way / MICRODEGREES_PER_UNIT, way % MICRODEGREES_PER_UNIT);
+        #[expect(clippy::cast_precision_loss, reason = "exact in the range that is documented")]
+        let (whole, rest) = (whole as f32, rest as f32 / MICRODEGREES_PER_UNIT as f32);
+        Double::new(whole).plus(rest)
+    }
+}
+
+/// For [`synchronise`](super::synchronise).
+impl AsMut<Profile> for AngleProfile {
+    fn as_mut(&mut self) -> &mut Profile {
+        &mut self.profile
+    }
+}
