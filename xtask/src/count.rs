@@ -17,13 +17,17 @@ use rc10_emu::{Image, Memory};
 
 /// Budgets: the beginning of a measurement's name, the instructions that a unit of it may cost at
 /// most, and whether that goes for the mean of all calls or for the worst one.
-const BUDGETS: [(&str, u64, Of); 8] = [
+const BUDGETS: [(&str, u64, Of); 10] = [
     // One motor in one tick: a received frame, a cascade, its share of a group frame.
     ("motor", 300, Of::Mean),
     // Angle loops run in other ticks for each motor of a bus.
     ("motor", 320, Of::Worst),
     // Wheel speeds of a base on four wheels, refused and limited ones as well.
     ("base", 80, Of::Worst),
+    // A tick of a base on four wheels that follows its path.
+    ("path", 1_000, Of::Worst),
+    // What one tick does of a plan.
+    ("plan portion", 20_000, Of::Worst),
     // A frame packed or unpacked.
     ("codec", 150, Of::Worst),
     // The same with a CRC in software.

@@ -230,6 +230,11 @@ impl<const N: usize> Base<N> {
         self.max_wheel_speed
     }
 
+    /// rpm of each wheel for (vx, vy, wz).
+    pub(crate) const fn rows(&self) -> &[[f32; 3]; N] {
+        &self.inverse
+    }
+
     /// The wheel speeds that make the robot move with `twist`. If a wheel would have to turn faster
     /// than it may, all are slowed down by one factor, so the robot still goes the way it was told,
     /// only slower. Plain wheels do not move sideways: that part of the twist is left out, and

@@ -14,6 +14,7 @@
 //! | [`swerve`] | bases on steered wheels |
 //! | [`heading_hold`] | keeps the heading while the driver turns nothing |
 //! | [`odometry`] | pose by wheels and gyro, with its covariance |
+//! | [`path`] | paths by waypoints, timed within the wheels' limits, and a follower |
 //! | [`transform`] | frames, points and poses in the plane, SE(2) |
 //! | [`twist`] | motion in the plane, acceleration limit |
 //! | [`base`] | bases on wheels: mecanum, omni, differential, any list; desaturation, residual |
@@ -31,6 +32,7 @@ pub mod incremental;
 pub mod low_pass;
 pub mod maths;
 pub mod odometry;
+pub mod path;
 pub mod pid;
 pub mod ramp;
 pub mod swerve;

@@ -8,6 +8,7 @@
 
 mod bases;
 mod codecs;
+mod paths;
 mod streams;
 
 use core::hint::black_box;
@@ -43,6 +44,7 @@ fn main() -> ! {
     measure(|_, _| Target::Coast, coasting_tick);
     bases::measure();
     codecs::measure();
+    paths::measure();
     streams::measure();
     done()
 }
