@@ -40,6 +40,10 @@ const BUDGETS: &[(&str, u64, Of)] = &[
     // A step of odometry; and one over the seam of the circle, with slip.
     ("odometry", 200, Of::Mean),
     ("odometry", 220, Of::Worst),
+    // A tick of a base on four wheels that follows its path.
+    ("path", 1_000, Of::Worst),
+    // What one tick does of a plan.
+    ("plan portion", 20_000, Of::Worst),
     // A frame packed or unpacked.
     ("codec", 150, Of::Worst),
     // The same with a CRC in software.
@@ -54,7 +58,8 @@ const BUDGETS: &[(&str, u64, Of)] = &[
     // A tick of a motion profile on its way.
     ("follow", 400, Of::Worst),
     // A new target for one, at any state.
-    ("plan", 4000, Of::Worst),
+    ("plan target", 4000, Of::Worst),
+    ("plan moving target", 4000, Of::Worst),
 ];
 
 /// The value that a budget bounds.

@@ -83,7 +83,7 @@ pub struct WheelSpeeds<const N: usize> {
 
 /// A motion measured by its wheels, from [`Base::forward`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Motion<const N: usize> {
+pub struct BaseMotion<const N: usize> {
     /// The motion that explains the wheels' speeds best.
     pub twist: Twist,
     /// Speed of each wheel's rim that this motion does not explain, in m/s: measured less
@@ -91,7 +91,7 @@ pub struct Motion<const N: usize> {
     pub residual: [f32; N],
 }
 
-impl<const N: usize> Motion<N> {
+impl<const N: usize> BaseMotion<N> {
     /// The largest residual, in m/s: 0 if the wheels agree. NaN if a speed was not finite.
     ///
     /// A wheel that is reversed, dead or slips is seen here if the base has more wheels than ways to
@@ -240,6 +240,11 @@ impl<const N: usize> Base<N> {
         self.max_wheel_speed
     }
 
+    /// rpm of each wheel for (vx, vy, wz).
+    pub(crate) const fn rows(&self) -> &[[f32; 3]; N] {
+        &self.inverse
+    }
+
     /// The wheel speeds that make the robot move with `twist`. If a wheel would have to turn faster
     /// than it may, all are slowed down by one factor, so the robot still goes the way it was told,
     /// only slower. Plain wheels do not move sideways: that part of the twist is left out, and
@@ -300,7 +305,7 @@ impl<const N: usize> Base<N> {
     /// leaves no residual for any motion. A dead or slipping one is the one that differs from the
     /// speed it was given.
     #[must_use]
-    pub fn forward(&self, speeds: [Rpm; N]) -> Motion<N> {
+    pub fn forward(&self, speeds: [Rpm; N]) -> BaseMotion<N> {
         let mut twist = Twist::STOP;
         for ([vx, vy, wz], speed) in self.forward.into_iter().zip(speeds) {
             twist = twist + Twist::new(vx, vy, wz) * speed.get();
@@ -309,7 +314,7 @@ impl<const N: usize> Base<N> {
         for (at, residual) in residual.iter_mut().enumerate() {
             *residual = (speeds[at].get() - product(self.inverse[at], twist)) * self.rim[at];
         }
-        Motion { twist, residual }
+        BaseMotion { twist, residual }
     }
 
     /// Whether wheels that accelerate by at most `most` keep these limits in every direction, both

@@ -14,6 +14,7 @@
 //! | [`swerve`] | bases on steered wheels |
 //! | [`heading_hold`] | keeps the heading while the driver turns nothing |
 //! | [`odometry`] | pose by wheels and gyro, with its covariance |
+//! | [`path`] | paths by waypoints, timed within the wheels' limits, and a follower |
 //! | [`transform`] | frames, points and poses in the plane, SE(2) |
 //! | [`twist`] | motion in the plane, acceleration limit |
 //! | [`base`] | bases on wheels: mecanum, omni, differential, any list; desaturation, residual |
@@ -29,6 +30,7 @@ pub mod heading_hold;
 pub mod maths;
 pub mod mechanism;
 pub mod odometry;
+pub mod path;
 pub mod pid;
 pub mod profile;
 pub mod schedule;
@@ -41,7 +43,7 @@ pub mod units;
 mod config;
 
 pub use angle::{CountsPerTurn, TotalAngle};
-pub use base::{Base, BaseError, Body, Motion, Tread, Wheel, WheelSpeeds};
+pub use base::{Base, BaseError, BaseMotion, Body, Tread, Wheel, WheelSpeeds};
 pub use cascade::{Cascade, CascadeState};
 pub use config::ConfigError;
 pub use feed_forward::{FeedForward, Gravity};

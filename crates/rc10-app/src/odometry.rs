@@ -6,7 +6,7 @@
 //!
 //! How wrong the pose may be stands in its [`Covariance`], which grows with the way, with turning,
 //! with time on a gyro that drifts, and with measured slip: what the wheels contradict each other
-//! ([`Motion::slip`](crate::Motion::slip)), and where they contradict the gyro. Slip that neither
+//! ([`BaseMotion::slip`](crate::BaseMotion::slip)), and where they contradict the gyro. Slip that neither
 //! shows is not in it.
 //!
 //! ```
@@ -101,7 +101,7 @@ pub struct Covariance {
 pub struct OdometryInput {
     /// The motion by the wheels.
     pub twist: Twist,
-    /// What the wheels contradict each other, in m/s: [`Motion::slip`](crate::Motion::slip); 0 if
+    /// What the wheels contradict each other, in m/s: [`BaseMotion::slip`](crate::BaseMotion::slip); 0 if
     /// it is not known.
     pub slip: f32,
     /// The heading of a gyro, from any zero; `None` without one, or while it is not heard. Then the

@@ -7,7 +7,7 @@
 use core::f32::consts::PI;
 
 use crate::angle::TotalAngle;
-use crate::base::{BaseError, Motion};
+use crate::base::{BaseError, BaseMotion};
 use crate::config::{ConfigError, positive};
 use crate::maths;
 use crate::ok;
@@ -173,7 +173,7 @@ impl<const N: usize> Swerve<N> {
     /// wheel that is reversed, dead or slips, or a module that is steered wrong. A speed that is not
     /// finite gives a twist that is not finite.
     #[must_use]
-    pub fn forward(&self, measured: [Module; N]) -> Motion<N> {
+    pub fn forward(&self, measured: [Module; N]) -> BaseMotion<N> {
         let velocities = measured.map(|module| {
             let speed = module.speed.get() * self.rim;
             let (sin, cos) = direction(module.angle);
@@ -195,7 +195,7 @@ impl<const N: usize> Swerve<N> {
             let [explained_x, explained_y] = at_place(twist, self.places[at]);
             residual[at] = maths::hypot(x - explained_x, y - explained_y);
         }
-        Motion { twist, residual }
+        BaseMotion { twist, residual }
     }
 }
 

@@ -13,6 +13,7 @@ mod bases;
 mod codecs;
 mod control;
 mod profiles;
+mod paths;
 mod streams;
 #[path = "../../../crates/rc10-app/tests/walk/mod.rs"]
 mod walk;
@@ -51,6 +52,7 @@ fn main() -> ! {
     bases::measure();
     codecs::measure();
     profiles::measure();
+    paths::measure();
     streams::measure();
     control::measure();
     for (number, &(_, walk)) in (0..).zip(walk::WALKS) {

@@ -1,7 +1,7 @@
 //! Drives bases, twists, poses, swerve, heading hold and odometry with random input, and gives away
 //! every result: the chip's bits shall be the PC's.
 
-use rc10_app::base::{Base, Motion, Tread, Wheel};
+use rc10_app::base::{Base, BaseMotion, Tread, Wheel};
 use rc10_app::swerve::{Module, Steering, Swerve, SwerveState};
 use rc10_app::{
     Degrees, Direction, Field, HeadingHold, HeadingHoldConfig, Odometry, OdometryConfig,
@@ -99,7 +99,7 @@ fn poses(random: &mut Random, put: &mut dyn FnMut(f32)) {
     }
 }
 
-fn put_motion<const N: usize>(motion: &Motion<N>, put: &mut dyn FnMut(f32)) {
+fn put_motion<const N: usize>(motion: &BaseMotion<N>, put: &mut dyn FnMut(f32)) {
     put_twist(motion.twist, put);
     motion.residual.into_iter().for_each(&mut *put);
     put(motion.slip());

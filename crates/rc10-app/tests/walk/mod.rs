@@ -6,6 +6,7 @@
 pub mod bases;
 pub mod control;
 pub mod mechanisms;
+pub mod paths;
 pub mod profiles;
 
 /// A walk gives every result that it sees to a function.
@@ -17,6 +18,7 @@ pub const WALKS: &[(&str, Walk)] = &[
     ("bases", bases::walk),
     ("mechanisms", mechanisms::walk),
     ("profiles", profiles::walk),
+    ("paths", paths::walk),
 ];
 
 /// The hash of everything that a walk sees: FNV-1a over the bits.

@@ -1,0 +1,105 @@
+use core::fmt;
+
+use crate::config::ConfigError;
+use crate::text::Text;
+
+/// Why waypoints are no path. They are counted from 0, as in the list.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PathError {
+    /// A path has two waypoints at least.
+    TooFewWaypoints,
+    /// A number of a waypoint that cannot be used.
+    Waypoint {
+        /// The waypoint.
+        waypoint: usize,
+        /// Its field.
+        error: ConfigError,
+    },
+    /// A waypoint less than a millimetre from the one before.
+    SamePlace {
+        /// The later of the two.
+        waypoint: usize,
+    },
+    /// An arc, or two with one leg between them, that takes more of a leg than there is.
+    ArcTooWide {
+        /// The waypoint with the wider arc.
+        waypoint: usize,
+        /// What the arcs take, in metres.
+        takes: f32,
+        /// The leg's length, in metres.
+        length: f32,
+    },
+    /// An arc where the path goes back by the way it came, within 10 degrees: only a stop is
+    /// possible there, so its radius must be 0.
+    TurnsBack {
+        /// The waypoint.
+        waypoint: usize,
+    },
+}
+
+impl PathError {
+    /// What it says: for a `const`, which cannot use [`Display`](fmt::Display).
+    #[must_use]
+    pub const fn text(&self) -> Text {
+        let (waypoint, text) = match self {
+            Self::TooFewWaypoints => {
+                return Text::new().push("a path has two waypoints at least");
+            }
+            Self::Waypoint { waypoint, .. }
+            | Self::SamePlace { waypoint }
+            | Self::ArcTooWide { waypoint, .. }
+            | Self::TurnsBack { waypoint } => (*waypoint, Text::new().push("waypoint ")),
+        };
+        let text = text.push_number(waypoint as u64).push(": ");
+        match self {
+            Self::TooFewWaypoints => text,
+            Self::Waypoint { error, .. } => error.add_to(text),
+            Self::SamePlace { .. } => text.push("at the place of the one before"),
+            Self::ArcTooWide { takes, length, .. } => text
+                .push("its arc takes ")
+                .push_float(*takes)
+                .push(" m of a leg of ")
+                .push_float(*length)
+                .push(" m, with the arc at the leg's other end"),
+            Self::TurnsBack { .. } => text.push("the path turns back, which no arc can round off"),
+        }
+    }
+}
+
+/// `waypoint 2: at the place of the one before`
+impl fmt::Display for PathError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.text().fmt(f)
+    }
+}
+
+impl core::error::Error for PathError {}
+
+/// Why a base cannot drive along a path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PlanError {
+    /// The base has plain wheels, as a differential one. It cannot move sideways, so it cannot have
+    /// a heading that is not the path's direction.
+    CannotMoveSideways,
+    /// A limit that cannot be used.
+    Limits(ConfigError),
+    /// It starts faster than it could slow down within the limits.
+    TooFast {
+        /// Highest speed at the start, in m/s.
+        allowed: f32,
+    },
+}
+
+impl fmt::Display for PlanError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::CannotMoveSideways => f.write_str("a base that cannot move sideways"),
+            Self::Limits(error) => error.fmt(f),
+            Self::TooFast { allowed } => {
+                write!(f, "faster at the start than the path allows, {allowed} m/s")
+            }
+        }
+    }
+}
+
+impl core::error::Error for PlanError {}
