@@ -252,7 +252,6 @@ impl<const N: usize> Base<N> {
     ///
     /// # Errors
     /// [`TwistNotFinite`] if the twist, or a wheel speed computed from it, is infinite or NaN.
-    #[inline(always)] // Generic, so compiled for size where it is used; what takes time is not.
     pub fn inverse(&self, twist: Twist) -> Result<WheelSpeeds<N>, TwistNotFinite> {
         let mut speeds = [Rpm::ZERO; N];
         let limit = self.max_wheel_speed.get();
@@ -364,7 +363,7 @@ fn limited<const N: usize>(
         return None;
     }
     let mut fastest = *sizes.first()?;
-    for size in sizes {
+    for size in sizes.into_iter().skip(1) {
         fastest = if size > fastest { size } else { fastest };
     }
     let scale = if fastest <= limit { 1.0 } else { limit / fastest * BELOW_ONE };
