@@ -104,7 +104,6 @@ impl Motor {
     }
 
     pub(crate) fn step(&mut self, winding: Winding) {
-        let plant = &self.plant;
         let settled = self.settled_current(winding);
         self.current = match winding {
             Winding::Open => 0.0,

@@ -125,6 +125,9 @@ pub(crate) struct Body {
     pub(crate) motion: Rc<Cell<Motion>>,
 }
 
+/// A unit, and how its motor is mounted.
+pub(crate) type Mounted = (usize, Mounting);
+
 /// A wheel on the floor.
 struct Contact {
     wheel: Wheel,
@@ -170,7 +173,7 @@ impl Body {
     /// With each wheel's unit and mounting, and those of its steering.
     pub(crate) fn new(
         chassis: Chassis,
-        motors: &[((usize, Mounting), Option<(usize, Mounting)>)],
+        motors: &[(Mounted, Option<Mounted>)],
         units: &mut [Unit],
     ) -> Self {
         let load = chassis.wheel_load();
@@ -254,8 +257,8 @@ impl Body {
     }
 }
 
-/// The most that the forces of all contacts together move the points where they act, 1/kg, whatever the
-/// wheels' steering angles: a bound of the largest eigenvalue of `M^-1/2 · Rᵀ·R · M^-1/2` by its rows'
+/// The most that the forces of all contacts together move the points where they act, 1/kg, at any
+/// steering angle of plain wheels: a bound of the largest eigenvalue of `M^-1/2 · Rᵀ·R · M^-1/2` by its rows'
 /// sums (Gershgorin), exact where the rows `R` are at right angles, as of mecanum wheels in a rectangle.
 fn mobility(chassis: &Chassis, contacts: &[Contact]) -> f64 {
     let masses = [chassis.mass, chassis.mass, chassis.yaw_inertia];
