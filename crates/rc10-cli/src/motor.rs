@@ -219,3 +219,37 @@ impl Motor {
         Ok(twin)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rc10_motor::dji::M3508;
+    use rc10_sim::{BusConfig, World};
+
+    use super::*;
+
+    /// An arm is the same arm when its motor looks the other way: what it counts is negative then.
+    #[test]
+    fn a_weight_pulls_down_whichever_way_its_motor_looks() {
+        let nonlinear = Nonlinear {
+            gravity_torque: 1.0,
+            gravity_offset: 30.0,
+            backlash: 2.0,
+            ..Nonlinear::NONE
+        };
+        let fall = |direction| {
+            let mut world = World::new(1);
+            let wire = world.add_bus(BusConfig::default());
+            let plant = Plant { nonlinear, ..Plant::inertia(0.05) };
+            let arm = Motor { plant, direction, ..Motor::dji_on("arm", 1, &M3508, 1) };
+            let twin = arm.plug_in(&[wire], &[]).unwrap();
+            world.advance(rc10_can::Micros::from_millis(300));
+            let state = twin.state();
+            [state.load_degrees, state.output_degrees].map(|degrees| arm.sign() * degrees)
+        };
+        let [load, shaft] = fall(Direction::Forward);
+        // It began 30 degrees over the horizontal.
+        assert!(load < -20.0 && (shaft - load - 1.0).abs() < 1e-6, "{load} {shaft}");
+        let other = fall(Direction::Reversed);
+        assert!((other[0] - load).abs() < 1e-6 && (other[1] - shaft).abs() < 1e-6, "{other:?}");
+    }
+}

@@ -157,6 +157,7 @@ mod tests {
         near(&three.motion(&[0.5, -1.0, 0.5]), &[0.0, 1.0, 0.0]);
         let differential = Wheels::new(&Chassis::differential(0.05, 0.4), &[]);
         near(&differential.motion(&[0.8, 1.2]), &[1.0, 0.0, 1.0]);
+        near(&[differential.ahead()], &[2.0]);
         let swerve = Chassis::swerve(0.05, 0.2, 0.3, Steering::default());
         near(&Wheels::new(&swerve, &[90.0; 4]).motion(&[1.0; 4]), &[0.0, 1.0, 0.0]);
         // Along the circle around the middle.
@@ -167,6 +168,9 @@ mod tests {
         let spin = Wheels::new(&swerve, &angles);
         near(&spin.motion(&[far; 4]), &[0.0, 0.0, 1.0]);
         near(&[spin.slip(&[far; 4])], &[0.0]);
+        // Three go ahead, the fourth looks to the left and stands: it is dragged across.
+        let dragged = Wheels::new(&swerve, &[0.0, 0.0, 0.0, 90.0]);
+        assert!(dragged.slip(&[1.0, 1.0, 1.0, 0.0]) > 0.2);
     }
 
     #[test]
