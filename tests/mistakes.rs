@@ -160,7 +160,8 @@ fn the_path_is_that_of_the_world() {
     let end = |mistake: &str, millis: u64| {
         let run = run(mistake, millis);
         let base = run.base.unwrap();
-        let wheels = base.heard.last().unwrap().wheels.map(|wheel| wheel.angle);
+        let wheels = base.heard.last().unwrap().wheels.iter().map(|wheel| wheel.angle);
+        let wheels: Vec<f64> = wheels.collect();
         // The robot's own measurement of the same.
         let believed = base.by_wheels().last().copied().unwrap();
         assert_eq!(base.path.len(), base.heard.len());

@@ -37,7 +37,7 @@ impl Built {
     pub fn new(description: &Description) -> Result<Self> {
         let mut built = Self {
             motors: description.motors.clone(),
-            chassis: description.base.map(|base| base.chassis),
+            chassis: description.base.as_ref().map(|base| base.chassis.clone()),
             changes: Vec::new(),
         };
         for mistake in &description.mistakes {
@@ -81,11 +81,13 @@ impl Built {
             Mistake::Radius(factor) | Mistake::Track(factor) | Mistake::Wheelbase(factor) => {
                 let chassis =
                     self.chassis.as_mut().context("this robot has no base that is simulated")?;
-                *match mistake {
-                    Mistake::Radius(_) => &mut chassis.wheel_radius,
-                    Mistake::Track(_) => &mut chassis.half_width,
-                    _ => &mut chassis.half_length,
-                } *= factor;
+                for wheel in &mut chassis.wheels {
+                    *match mistake {
+                        Mistake::Radius(_) => &mut wheel.radius,
+                        Mistake::Track(_) => &mut wheel.y,
+                        _ => &mut wheel.x,
+                    } *= factor;
+                }
             }
         }
         Ok(())
@@ -165,7 +167,11 @@ mod tests {
                 Motor::dji_on("arm", 2, &dji::M2006, 1),
             ],
             buses: 2,
-            base: Some(Base { wheels: [0; 4], chassis: Chassis::default() }),
+            base: Some(Base {
+                wheels: vec![0; 4],
+                steering: Vec::new(),
+                chassis: Chassis::mecanum(0.08, 0.2, 0.25),
+            }),
             mistakes: vec![mistake.parse().unwrap()],
             ..Description::default()
         }
@@ -192,9 +198,9 @@ mod tests {
         assert_eq!(swapped, [("wheel left", 2, Forward), ("wheel right", 1, Reversed), plain[2]]);
         let chassis = sound.base.unwrap().chassis;
         for (mistake, other) in [
-            ("radius:x2", Chassis { wheel_radius: 2.0 * chassis.wheel_radius, ..chassis }),
-            ("track:x0.5", Chassis { half_width: 0.5 * chassis.half_width, ..chassis }),
-            ("wheelbase:x3", Chassis { half_length: 3.0 * chassis.half_length, ..chassis }),
+            ("radius:x2", Chassis::mecanum(0.16, 0.2, 0.25)),
+            ("track:x0.5", Chassis::mecanum(0.08, 0.2, 0.125)),
+            ("wheelbase:x2", Chassis::mecanum(0.08, 0.4, 0.25)),
             ("direction:arm", chassis),
         ] {
             assert_eq!(built(mistake).chassis, Some(other), "{mistake}");

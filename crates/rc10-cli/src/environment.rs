@@ -3,11 +3,11 @@
 use std::convert::Infallible;
 use std::pin::Pin;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use rc10_can::Micros;
 use rc10_motor::rc10_app::Direction;
 use rc10_sim::remote::Remote;
-use rc10_sim::{Base, BusConfig, Esc, LineConfig, Mounting, Serial, Tasks, Wheels, World};
+use rc10_sim::{Base, BusConfig, Esc, LineConfig, Mounting, Serial, Tasks, WheelMotors, World};
 
 use crate::built::Built;
 use crate::description::Description;
@@ -52,7 +52,7 @@ impl Environment {
     ///
     /// # Errors
     /// If a mistake cannot be made; if a motor has no simulated ESC, or is on a bus that the robot
-    /// does not have; or if the four wheels of the base are not four motors.
+    /// does not have; or if the wheels of the base are not as many motors, one each.
     pub fn new(description: &Description, seed: u64) -> Result<Self> {
         let mut world = World::new(seed);
         let wires: Vec<_> =
@@ -69,7 +69,7 @@ impl Environment {
         }
         let mut base = None;
         if let Some((under, chassis)) = description.base.as_ref().zip(built.chassis) {
-            let wheel = |line: usize| {
+            let mounted = |line: usize| {
                 let motor = built.motors.get(line).zip(motors.get(line));
                 let (motor, esc) =
                     motor.with_context(|| format!("base: there is no motor in line {line}"))?;
@@ -79,13 +79,21 @@ impl Environment {
                 };
                 anyhow::Ok((esc, mounting))
             };
-            let [front_left, front_right, rear_left, rear_right] = under.wheels;
-            let wheels = Wheels {
-                front_left: wheel(front_left)?,
-                front_right: wheel(front_right)?,
-                rear_left: wheel(rear_left)?,
-                rear_right: wheel(rear_right)?,
-            };
+            let mut steering = under.steering.iter();
+            let mut wheels = Vec::new();
+            for (line, wheel) in under.wheels.iter().zip(&chassis.wheels) {
+                let steers = wheel.steering.and_then(|_| steering.next());
+                let steering = steers.map(|line| mounted(*line)).transpose()?;
+                wheels.push(WheelMotors { drive: mounted(*line)?, steering });
+            }
+            let is_whole = under.wheels.len() == chassis.wheels.len() && steering.next().is_none();
+            ensure!(
+                is_whole,
+                "base: {} motors turn and {} steer, but that is not what its {} wheels need",
+                under.wheels.len(),
+                under.steering.len(),
+                chassis.wheels.len()
+            );
             base = Some(world.add_base(chassis, wheels).context("base")?);
         }
         let mut serials = Vec::new();
@@ -157,8 +165,12 @@ mod tests {
     #[test]
     fn what_cannot_be_built_is_named() {
         const OTHER: dji::Model = dji::Model { name: "M3508 without gearbox", ..dji::M3508 };
-        let complaint = |motor: Motor, wheels: Option<[usize; 4]>| {
-            let base = wheels.map(|wheels| Base { wheels, chassis: <_>::default() });
+        let complaint = |motor: Motor, wheels: Option<&[usize]>| {
+            let base = wheels.map(|wheels| Base {
+                wheels: wheels.into(),
+                steering: Vec::new(),
+                chassis: <_>::default(),
+            });
             let description =
                 Description { motors: vec![motor; 4], buses: 2, base, ..<_>::default() };
             Environment::new(&description, 1).err().map(|error| format!("{error:#}"))
@@ -182,11 +194,16 @@ mod tests {
                 "motor table, arm: there is no simulated M3508 without gearbox: give the motor a \
                  twin of its own, by `Plant::with_twin`",
             ),
-            (arm.clone(), Some([0, 1, 2, 4]), "base: there is no motor in line 4"),
+            (arm.clone(), Some(&[0, 1, 2, 4][..]), "base: there is no motor in line 4"),
+            (
+                arm.clone(),
+                Some(&[0, 1, 2][..]),
+                "base: 3 motors turn and 0 steer, but that is not what its 4 wheels need",
+            ),
         ] {
             assert_eq!(complaint(motor, wheels).as_deref(), Some(words));
         }
         assert!(complaint(Motor::dji_on("arm", 2, &dji::M2006, 9), None).is_some());
-        assert!(complaint(arm, Some([0, 1, 2, 2])).is_some());
+        assert!(complaint(arm, Some(&[0, 1, 2, 2])).is_some());
     }
 }

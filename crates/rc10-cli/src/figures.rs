@@ -7,6 +7,7 @@ use rc10_module::Counters;
 use rc10_motor::{DriveMode, Link, TargetKind, Verdict};
 use serde_json::{Value, json};
 
+use crate::path::PathFigures;
 use crate::problems::{Problem, Severity, any, problems, seconds};
 use crate::recording::{MotorTrack, PartTrack, Recording, Source, Tracking};
 use crate::remote::{Loss, RemoteTrack};
@@ -16,6 +17,8 @@ use crate::signal::signals_json;
 pub struct Figures {
     /// One per motor, in the order of the robot's table.
     pub motors: Vec<MotorFigures>,
+    /// Its path against what the robot says of it, if it says that.
+    pub path: Option<PathFigures>,
     /// Its problems, and the information.
     pub problems: Vec<Problem>,
 }
@@ -42,7 +45,8 @@ impl Figures {
     pub fn of(recording: &Recording) -> Self {
         let motors = recording.motors.iter();
         let motors = motors.map(|track| MotorFigures::of(track, recording.source));
-        Self { motors: motors.collect(), problems: problems(recording) }
+        let path = PathFigures::of(recording);
+        Self { motors: motors.collect(), path, problems: problems(recording) }
     }
 
     /// Whether there is something to mend.
@@ -652,6 +656,7 @@ pub fn to_json(recording: &Recording, figures: &Figures, wall: Option<f64>) -> V
         "remote": remote_json(recording),
         "parts": parts_json(recording),
         "signals": signals_json(recording),
+        "path": figures.path.as_ref().map(PathFigures::to_json),
         "problems": problems_json(figures),
     })
 }

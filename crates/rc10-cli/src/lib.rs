@@ -17,8 +17,8 @@
 //! * [`look`]: what is seen of a robot at one moment. [`recorder`]: takes looks down. [`record`]: looks
 //!   in a file, and a recording of them again.
 //! * [`simulate`]: runs the robot's own tasks, on this machine.
-//! * [`recording`]: what is left of a run. [`figures`], [`problems`], [`happened`] and [`report`] are made
-//!   from it.
+//! * [`recording`]: what is left of a run. [`figures`], [`problems`], [`happened`], [`path`] and [`report`]
+//!   are made from it. [`wheels`]: what a base's wheels say of its motion.
 //! * [`run`], [`emulate`], [`live`], [`decode`], [`dbc`], [`new`], [`pty`]: the commands. [`candump`]: logs, read and
 //!   written. [`slcan`]: what a pseudo-terminal speaks.
 #![forbid(unsafe_code)]
@@ -42,6 +42,7 @@ pub mod margin;
 pub mod mistake;
 pub mod motor;
 pub mod new;
+pub mod path;
 pub mod ports;
 pub mod problems;
 pub mod pty;
@@ -57,6 +58,7 @@ pub mod signal;
 pub mod simulate;
 pub mod slcan;
 pub mod team;
+pub mod wheels;
 
 use std::ffi::OsString;
 use std::io::{self, Write};

@@ -15,6 +15,7 @@ use rc10_motor::{Loops, TargetKind};
 use rc10_sim::{Esc, Plant};
 
 use crate::description::Description;
+use crate::wheels::Wheels;
 
 /// From a measurement to the effort that it causes: half a feedback period, half a tick of holding,
 /// and up to a tick on the bus and in the ESC.
@@ -72,8 +73,13 @@ impl Margins {
         if plant.load_inertia <= 0.0 {
             return None;
         }
-        if let Some(base) = robot.base.filter(|base| base.wheels.contains(&line)) {
-            plant.load_inertia += base.chassis.mass * base.chassis.wheel_radius.powi(2) / 4.0;
+        if let Some(base) = &robot.base
+            && let Some(wheel) = base.wheels.iter().position(|wheel| *wheel == line)
+            && let Some(wheel) = base.chassis.wheels.get(wheel)
+        {
+            // Its share of what all of them move as the base goes ahead.
+            let shares = Wheels::new(&base.chassis, &[]).ahead();
+            plant.load_inertia += base.chassis.mass * wheel.radius.powi(2) / shares;
         }
         Some(Self::of(loops, &plant))
     }

@@ -12,7 +12,7 @@ use rc10_motor::rc10_app::Direction;
 use rc10_motor::signals::Message;
 pub use rc10_motor::{Device, Place};
 use rc10_motor::{Entry, MotorName, SafeState};
-use rc10_sim::Esc;
+use rc10_sim::{Esc, Nonlinear};
 
 /// One motor of a robot, and what is on its shaft.
 #[derive(Clone, Debug)]
@@ -37,6 +37,10 @@ pub struct Motor {
 /// use rc10_cli::Plant;
 /// // An arm that stands in its own way, and weighs 2 N m.
 /// let arm = Plant { load: -2.0, travel: Some([-10.0, 95.0]), ..Plant::inertia(0.02) };
+/// // One whose weight depends on its angle, level at power-on, with half a degree of play.
+/// use rc10_sim::Nonlinear;
+/// let nonlinear = Nonlinear { gravity_torque: 2.0, backlash: 0.5, ..Nonlinear::NONE };
+/// let swinging = Plant { nonlinear, ..Plant::inertia(0.02) };
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Plant {
@@ -44,6 +48,8 @@ pub struct Plant {
     pub inertia: f64,
     /// Constant torque from outside, such as a weight, N m; positive the way the robot counts.
     pub load: f64,
+    /// Gravity by angle, cogging and backlash, the way the robot counts; all off at first.
+    pub nonlinear: Nonlinear,
     /// Hard stops of a motor on a bus: the angles between which the shaft turns, degrees since
     /// power-on the way the robot counts. The floor under a lift, for example. `None`: for ever.
     pub travel: Option<[f64; 2]>,
@@ -66,7 +72,7 @@ impl Plant {
     /// Nothing but an inertia, kg m².
     #[must_use]
     pub const fn inertia(inertia: f64) -> Self {
-        Self { inertia, load: 0.0, travel: None, own: None }
+        Self { inertia, load: 0.0, nonlinear: Nonlinear::NONE, travel: None, own: None }
     }
 
     /// With a twin of one's own: `twin` puts it on a wire, with this inertia (kg m²) on its shaft.
@@ -179,7 +185,7 @@ impl Motor {
     /// If there is no such bus or line, the device is not made for it, there is no simulated twin
     /// for it, or its identifier is none.
     pub fn plug_in(&self, wires: &[rc10_sim::Bus], lines: &[rc10_sim::Line]) -> Result<Esc> {
-        let Plant { inertia, load, travel, own } = &self.plant;
+        let Plant { inertia, load, nonlinear, travel, own } = &self.plant;
         let index = |number: u8| usize::from(number).checked_sub(1);
         let nowhere = || format!("there is no {}", self.on);
         let twin = match self.on {
@@ -196,11 +202,54 @@ impl Motor {
             }
         };
         twin.set_load(self.sign() * load);
+        if *nonlinear != Nonlinear::NONE {
+            // Seen from the other side an angle and a torque change their signs.
+            let nonlinear = Nonlinear {
+                gravity_torque: self.sign() * nonlinear.gravity_torque,
+                gravity_offset: self.sign() * nonlinear.gravity_offset,
+                ..*nonlinear
+            };
+            twin.set_plant(rc10_sim::Plant { nonlinear, ..twin.plant() });
+        }
         if let Some(travel) = travel {
             let mut travel = travel.map(|end| self.sign() * end);
             travel.sort_by(f64::total_cmp);
             twin.set_travel(Some(travel));
         }
         Ok(twin)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rc10_motor::dji::M3508;
+    use rc10_sim::{BusConfig, World};
+
+    use super::*;
+
+    /// An arm is the same arm when its motor looks the other way: what it counts is negative then.
+    #[test]
+    fn a_weight_pulls_down_whichever_way_its_motor_looks() {
+        let nonlinear = Nonlinear {
+            gravity_torque: 1.0,
+            gravity_offset: 30.0,
+            backlash: 2.0,
+            ..Nonlinear::NONE
+        };
+        let fall = |direction| {
+            let mut world = World::new(1);
+            let wire = world.add_bus(BusConfig::default());
+            let plant = Plant { nonlinear, ..Plant::inertia(0.05) };
+            let arm = Motor { plant, direction, ..Motor::dji_on("arm", 1, &M3508, 1) };
+            let twin = arm.plug_in(&[wire], &[]).unwrap();
+            world.advance(rc10_can::Micros::from_millis(300));
+            let state = twin.state();
+            [state.load_degrees, state.output_degrees].map(|degrees| arm.sign() * degrees)
+        };
+        let [load, shaft] = fall(Direction::Forward);
+        // It began 30 degrees over the horizontal.
+        assert!(load < -20.0 && (shaft - load - 1.0).abs() < 1e-6, "{load} {shaft}");
+        let other = fall(Direction::Reversed);
+        assert!((other[0] - load).abs() < 1e-6 && (other[1] - shaft).abs() < 1e-6, "{other:?}");
     }
 }

@@ -7,7 +7,7 @@ use rc10_sim::{Esc, TraceEntry};
 use sha2::{Digest, Sha256};
 
 use crate::candump;
-use crate::description::Description;
+use crate::description::{Base, Description, PoseSignals};
 use crate::effort::EffortWatch;
 use crate::look::{Moment, MotorLook};
 use crate::margin::Margins;
@@ -19,6 +19,9 @@ use crate::recording::{
 use crate::remote::{Loss, RemoteSample, RemoteTrack};
 use crate::signal::{Signal, SignalRecorder};
 
+/// A shaft that steers does not turn further than this between two samples, degrees: 1000 rpm.
+const STEERED_ANEW: f64 = 60.0;
+
 /// Recorder of what a robot does. It sees the wires and the shafts for itself; what the robot
 /// believes of its motors and buses it must be told. Looks that were recorded before it takes as well.
 pub struct Recorder<'d> {
@@ -29,7 +32,11 @@ pub struct Recorder<'d> {
     buses: Vec<BusRecorder>,
     arm: Vec<ArmState>,
     path: Vec<PathPoint>,
+    estimate: Vec<PathPoint>,
+    reference: Vec<PathPoint>,
     heard: Vec<BaseHeard>,
+    /// The newest angles of the motors that steer, degrees; `None` of one that is not heard.
+    steers: Vec<Option<f64>>,
     remote: Vec<RemoteSample>,
     signals: Vec<SignalRecorder>,
     /// The last one.
@@ -49,7 +56,10 @@ impl Clone for Recorder<'_> {
             buses: self.buses.clone(),
             arm: self.arm.clone(),
             path: self.path.clone(),
+            estimate: self.estimate.clone(),
+            reference: self.reference.clone(),
             heard: self.heard.clone(),
+            steers: self.steers.clone(),
             remote: self.remote.clone(),
             signals: self.signals.clone(),
             moment: self.moment.clone(),
@@ -111,7 +121,10 @@ impl<'d> Recorder<'d> {
             buses: (0..description.buses).map(|_| BusRecorder::default()).collect(),
             arm: Vec::new(),
             path: Vec::new(),
+            estimate: Vec::new(),
+            reference: Vec::new(),
             heard: Vec::new(),
+            steers: Vec::new(),
             remote: Vec::new(),
             signals: Vec::new(),
             moment: Moment::default(),
@@ -235,22 +248,74 @@ impl<'d> Recorder<'d> {
         self.remote.extend(moment.remote.map(|look| look.sample));
         if let Some(base) = &self.description.base {
             self.path.push(moment.robot.pose);
-            let wheels = base.wheels.map(|line| {
-                let MotorStatus { link, drive, feedback, .. } =
-                    self.motors.get(line).map_or(MotorStatus::NEW, |motor| motor.last.status);
-                WheelHeard {
-                    angle: feedback.total_angle.microdegrees() as f64 * 1e-6,
-                    current: feedback.current().map(|current| current.get().into()),
-                    follows: link == Link::Online && drive == DriveMode::Run,
-                }
-            });
+            let wheels = self.wheels(base);
             self.heard.push(BaseHeard { wheels, yaw: moment.robot.yaw });
+            let Description { estimate, reference, .. } = self.description;
+            self.estimate.extend(estimate.map(|labels| self.pose(labels)));
+            self.reference.extend(reference.map(|labels| self.pose(labels)));
         }
         if let Some(record) = &mut self.record {
             record.sample(now, self.motors.iter().map(|motor| &motor.last), &moment)?;
         }
         self.moment = moment;
         Ok(())
+    }
+
+    /// What the motors of a base's wheels say.
+    fn wheels(&mut self, base: &Base) -> Vec<WheelHeard> {
+        let status =
+            |line: usize| self.motors.get(line).map_or(MotorStatus::NEW, |motor| motor.last.status);
+        let follows =
+            |status: &MotorStatus| status.link == Link::Online && status.drive == DriveMode::Run;
+        let degrees =
+            |status: &MotorStatus| status.feedback.total_angle.microdegrees() as f64 * 1e-6;
+        let mut steering = base.steering.iter();
+        let mut steers = Vec::new();
+        let wheels = base.wheels.iter().zip(&base.chassis.wheels).enumerate();
+        let wheels = wheels.map(|(index, (line, wheel))| {
+            let motor = status(*line);
+            let mut heard = WheelHeard {
+                angle: degrees(&motor),
+                current: motor.feedback.current().map(|current| current.get().into()),
+                follows: follows(&motor),
+                steered: 0.0,
+            };
+            let gear = wheel.steering.and_then(|gear| Some((gear.gear, *steering.next()?)));
+            let Some((gear, line)) = gear else { return heard };
+            let motor = status(line);
+            heard.follows &= follows(&motor);
+            let shaft = (motor.link == Link::Online).then(|| degrees(&motor));
+            let last = self.steers.get(steers.len()).copied().flatten();
+            heard.steered = if self.source.is_simulated() {
+                // From where the wheels look at first, whatever the motor's own angle is there; one that
+                // jumps was set to zero.
+                let before = self.heard.last().and_then(|heard| heard.wheels.get(index));
+                let step = shaft.zip(last).map_or(0.0, |(now, last)| now - last);
+                let step = if step.abs() < STEERED_ANEW { step } else { 0.0 };
+                before.map_or(0.0, |before| before.steered) + step / gear
+            } else {
+                shaft.unwrap_or_default() / gear
+            };
+            steers.push(shaft.or(last));
+            heard
+        });
+        let wheels = wheels.collect();
+        self.steers = steers;
+        wheels
+    }
+
+    /// The pose that three of the robot's own signals are.
+    fn pose(&self, labels: PoseSignals) -> PathPoint {
+        let value = |label: &str| {
+            let signals = self.signals.iter().map(SignalRecorder::newest);
+            let (_, unit, value) = signals.into_iter().find(|(name, ..)| *name == label)?;
+            value.map(|value| (unit, value))
+        };
+        let [x, y, yaw] = labels.map(value);
+        let (Some((_, x)), Some((_, y)), Some((unit, yaw))) = (x, y, yaw) else {
+            return PathPoint::NOWHERE;
+        };
+        PathPoint { x, y, yaw: if unit == "rad" { yaw } else { yaw.to_radians() } }
     }
 
     /// The recording. `losses` are those of the remote.
@@ -311,7 +376,7 @@ impl<'d> Recorder<'d> {
             log_hash: wire.log_hash,
             log: wire.log,
         });
-        let (base, control) = (self.description.base, self.description.remote.as_ref());
+        let (base, control) = (self.description.base.as_ref(), self.description.remote.as_ref());
         let parts = self.description.serials.iter().zip(parts);
         Ok(Recording {
             seed: self.seed,
@@ -320,9 +385,12 @@ impl<'d> Recorder<'d> {
             buses: buses.collect(),
             lines,
             base: base.map(|base| BaseTrack {
-                wheels: base.wheels,
+                wheels: base.wheels.clone(),
+                steering: base.steering.clone(),
                 path: self.path,
-                chassis: base.chassis,
+                estimate: self.estimate,
+                reference: self.reference,
+                chassis: base.chassis.clone(),
                 heard: self.heard,
             }),
             events,

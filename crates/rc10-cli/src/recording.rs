@@ -14,6 +14,7 @@ use crate::motor::Motor;
 use crate::remote::RemoteTrack;
 use crate::script::Event;
 use crate::signal::SignalTrack;
+use crate::wheels::Wheels;
 
 /// Samples are taken this far apart.
 pub const SAMPLE_PERIOD: Micros = Micros::from_millis(10);
@@ -294,9 +295,16 @@ impl BusSample {
 /// The track of a base.
 pub struct BaseTrack {
     /// Its wheels: places in [`Recording::motors`].
-    pub wheels: [usize; 4],
+    pub wheels: Vec<usize>,
+    /// The motors that steer them. The same.
+    pub steering: Vec<usize>,
     /// Path of the base, a point per sample.
     pub path: Vec<PathPoint>,
+    /// Where the robot believed to be, in its own axes, and where it was to be, a point per sample; NaN
+    /// where it did not say, and empty if it never does.
+    pub estimate: Vec<PathPoint>,
+    /// See [`estimate`](Self::estimate).
+    pub reference: Vec<PathPoint>,
     /// Its measures, as the robot's table has them.
     pub chassis: Chassis,
     /// Measurements of its sensors, per sample.
@@ -305,20 +313,19 @@ pub struct BaseTrack {
 
 impl BaseTrack {
     /// Path of the base by the robot's wheels, a point per sample: their turns, by the robot's
-    /// measures.
+    /// measures and least squares.
     #[must_use]
     pub fn by_wheels(&self) -> Vec<PathPoint> {
-        let Chassis { wheel_radius, half_length, half_width, .. } = self.chassis;
+        let fixed = Wheels::new(&self.chassis, &[]);
         let mut at = PathPoint { x: 0.0, y: 0.0, yaw: 0.0 };
         let before = self.heard.first().into_iter().chain(&self.heard);
         let step = |(before, now): (&BaseHeard, &BaseHeard)| {
-            let rim = |wheel: usize| {
-                let degrees = now.wheels[wheel].angle - before.wheels[wheel].angle;
-                degrees.to_radians() * wheel_radius / 4.0
+            let ways = self.ways(before, now);
+            let [forward, left, turn] = if self.steering.is_empty() {
+                fixed.motion(&ways)
+            } else {
+                Wheels::new(&self.chassis, &BaseHeard::steered(before, now)).motion(&ways)
             };
-            let [fl, fr, rl, rr] = [rim(0), rim(1), rim(2), rim(3)];
-            let (forward, left) = (fl + fr + rl + rr, -fl + fr + rl - rr);
-            let turn = (-fl + fr - rl + rr) / (half_length + half_width);
             let (sin, cos) = (at.yaw + turn / 2.0).sin_cos();
             at.x += forward * cos - left * sin;
             at.y += forward * sin + left * cos;
@@ -327,15 +334,32 @@ impl BaseTrack {
         };
         before.zip(&self.heard).map(step).collect()
     }
+
+    /// The way of each wheel's rim from one moment to another, by the robot's measures, m.
+    #[must_use]
+    pub fn ways(&self, from: &BaseHeard, to: &BaseHeard) -> Vec<f64> {
+        let angles = from.wheels.iter().zip(&to.wheels).map(|(from, to)| to.angle - from.angle);
+        let ways = angles.zip(&self.chassis.wheels);
+        ways.map(|(degrees, wheel)| degrees.to_radians() * wheel.radius).collect()
+    }
 }
 
 /// Measurements of a base by the robot's own sensors at one moment.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct BaseHeard {
     /// Its wheels, in the order of [`BaseTrack::wheels`].
-    pub wheels: [WheelHeard; 4],
+    pub wheels: Vec<WheelHeard>,
     /// Heading by its IMU, degrees counter-clockwise, all turns counted.
     pub yaw: Option<f64>,
+}
+
+impl BaseHeard {
+    /// The steering angles of the wheels between two moments, degrees.
+    #[must_use]
+    pub fn steered(from: &Self, to: &Self) -> Vec<f64> {
+        let pairs = from.wheels.iter().zip(&to.wheels);
+        pairs.map(|(from, to)| f64::midpoint(from.steered, to.steered)).collect()
+    }
 }
 
 /// Feedback of a wheel's motor, as the robot counts.
@@ -345,15 +369,23 @@ pub struct WheelHeard {
     pub angle: f64,
     /// Current in the winding, A, if the device tells it.
     pub current: Option<f64>,
-    /// It is heard, and follows a target.
+    /// It is heard, and follows a target; so does the motor that steers it.
     pub follows: bool,
+    /// The angle by which the wheel is steered, degrees.
+    pub steered: f64,
 }
 
 impl PathPoint {
+    /// Not known.
+    pub(crate) const NOWHERE: Self = Self { x: f64::NAN, y: f64::NAN, yaw: f64::NAN };
+
     /// Of a base; NaN without one.
     pub(crate) fn of(base: Option<&Base>) -> Self {
-        let nowhere = Self { x: f64::NAN, y: f64::NAN, yaw: f64::NAN };
-        base.map(Base::pose).map_or(nowhere, |pose| Self { x: pose.x, y: pose.y, yaw: pose.yaw })
+        base.map(Base::pose).map_or(Self::NOWHERE, |pose| Self {
+            x: pose.x,
+            y: pose.y,
+            yaw: pose.yaw,
+        })
     }
 }
 

@@ -384,13 +384,22 @@
     constructor(canvas) {
       this.canvas = canvas;
       this.dot = element("div", canvas.parentElement, "dot");
-      this.output = element("output", element("span", canvas.closest("figure").querySelector(".legend"), "whole"));
+      const legend = canvas.closest("figure").querySelector(".legend");
+      const item = (name, paint) => {
+        const span = element("span", legend);
+        element("i", span).style.background = `var(--${paint})`;
+        span.append(name);
+      };
+      if (data.path.x.some((metres) => metres != null)) item("the base", "line-0");
+      data.path.lines.forEach(({ name, paint }) => item(name + " (dashed)", paint));
+      this.output = element("output", element("span", legend, "whole"));
     }
     draw() {
-      const { pen, width, height } = open(this.canvas), { from, step, x: xs, y: ys, yaw, believed } = data.path;
+      const { pen, width, height } = open(this.canvas), { from, step, x: xs, y: ys, yaw, lines } = data.path;
       const box = { left: 40, top: 18, right: width - 8, bottom: height - 36 };
       const extent = (all) => all.reduce(([low, high], value) => [Math.min(low, value ?? 0), Math.max(high, value ?? 0)], [0, 0]);
-      const [left, right] = extent(xs.concat(believed.x)), [low, high] = extent(ys.concat(believed.y)), air = 0.12 * Math.max(right - left, high - low, 0.5);
+      const all = (axis) => extent(data.path[axis].concat(...lines.map((line) => line[axis])));
+      const [left, right] = all("x"), [low, high] = all("y"), air = 0.12 * Math.max(right - left, high - low, 0.5);
       // Metres are as long one way as the other.
       const scale = Math.min((box.right - box.left) / (right - left + 2 * air), (box.bottom - box.top) / (high - low + 2 * air));
       const middle = [(box.left + box.right) / 2, (box.top + box.bottom) / 2];
@@ -415,10 +424,11 @@
       const first = Math.max(0, Math.floor((view[0] - from) / step)), last = Math.ceil((view[1] - from) / step);
       this.trace(pen, 0, xs.length - 1, "rule");
       this.trace(pen, first, Math.min(last, xs.length - 1), "line-0");
-      // Where its wheels say that it was.
       pen.setLineDash([5, 4]);
-      const spots = believed.x.map((metres, index) => [metres, believed.y[index]]).slice(first, last + 1);
-      stroke(pen, spots.filter((spot) => spot.every((metres) => metres != null)).map(([a, b]) => [x(a), y(b)]), style("muted"), 1.5);
+      lines.forEach((line) => {
+        const spots = line.x.map((metres, index) => [metres, line.y[index]]).slice(first, last + 1);
+        stroke(pen, spots.filter((spot) => spot.every((metres) => metres != null)).map(([a, b]) => [x(a), y(b)]), style(line.paint), 1.5);
+      });
       pen.setLineDash([]);
       const every = Math.max(1, Math.round(0.5 / step));
       for (let index = 0; index < xs.length; index += every) {

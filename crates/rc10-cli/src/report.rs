@@ -15,9 +15,10 @@ use crate::figures::{
 };
 use crate::happened::happened;
 use crate::motor::Place;
+use crate::path::{Apart, PathFigures, Paths};
 use crate::problems::{Problem, Severity, seconds};
 use crate::recording::{
-    BaseTrack, BusTrack, Cell, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD, Source,
+    BusTrack, Cell, MotorSample, MotorTrack, PathPoint, Recording, SAMPLE_PERIOD, Source,
 };
 use crate::remote::{RemoteSample, RemoteTrack};
 use crate::signal::{SignalTrack, signal_table};
@@ -66,7 +67,7 @@ pub fn report(recording: &Recording, figures: &Figures) -> String {
             Source::Capture => "capture of its buses",
             Source::Robot => "run",
         },
-        tiles = tiles(recording),
+        tiles = tiles(recording, figures),
         losses = losses(recording),
         events = events(recording),
         stopped = match recording.base {
@@ -114,7 +115,7 @@ fn verdict(recording: &Recording, figures: &Figures) -> String {
     html
 }
 
-fn tiles(recording: &Recording) -> String {
+fn tiles(recording: &Recording, figures: &Figures) -> String {
     let online = recording.motors.iter().filter(|track| track.last.link == Link::Online).count();
     let frames: u64 = recording.buses.iter().map(|track| track.frames).sum();
     let busiest = recording.buses.iter().map(|track| track.load).reduce(f64::max);
@@ -141,6 +142,17 @@ fn tiles(recording: &Recording) -> String {
             _ => (&base.path, "driven by the base"),
         };
         tiles.push((optional(Some(driven(path)), 1, " m"), by));
+    }
+    if let Some(PathFigures { is_true, furthest, end, estimate }) = figures.path {
+        let metres = |apart: Apart| optional(Some(apart.metres), 3, " m");
+        let [furthest_is, end_is] = if is_true {
+            ["furthest from its reference path", "from its reference at the end"]
+        } else {
+            ["furthest from its reference path, by its estimate", "at the end, by its estimate"]
+        };
+        tiles.extend(furthest.map(|apart| (metres(apart), furthest_is)));
+        tiles.extend(end.map(|apart| (metres(apart), end_is)));
+        tiles.extend(estimate.map(|apart| (metres(apart), "its odometry is off at the end")));
     }
     tiles
         .iter()
@@ -433,7 +445,7 @@ fn figure(number: usize, chart: &Chart) -> String {
 
 /// The plot of the path, which has no time axis.
 const PATH: &str = "<figure>
-<figcaption><h3>Path of the base <small>seen from above, an arrow each 0.5 s · dashed: where its wheels say that it was</small></h3></figcaption>
+<figcaption><h3>Path of the base <small>seen from above, an arrow each 0.5 s</small></h3></figcaption>
 <div class=\"legend\"></div>
 <div class=\"plot\"><canvas data-plot=\"path\" role=\"img\" aria-label=\"Path of the base in the plane, in metres\"></canvas></div>
 </figure>
@@ -564,8 +576,6 @@ fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> S
     let stride = stride(recording);
     let path =
         |of: fn(&PathPoint) -> f64| numbers(path(recording).iter().step_by(stride).map(of), 3);
-    let by_wheels = recording.base.as_ref().map_or_else(Vec::new, BaseTrack::by_wheels);
-    let believed = || by_wheels.iter().step_by(stride);
     let data = json!({
         "length": seconds(recording.length),
         "period": periods(1),
@@ -581,14 +591,32 @@ fn data<'c>(recording: &Recording, charts: impl Iterator<Item = &'c Chart>) -> S
             "x": path(|at| at.x),
             "y": path(|at| at.y),
             "yaw": path(|at| at.yaw),
-            "believed": {
-                "x": numbers(believed().map(|at| at.x), 3),
-                "y": numbers(believed().map(|at| at.y), 3),
-            },
+            "lines": path_lines(recording, stride),
         },
     });
     // Inside strings only, because JSON has no such sign elsewhere.
     data.to_string().replace('<', "\\u003c")
+}
+
+/// The other lines in the picture of the path: where its wheels say that it was, where the robot
+/// believed to be, and where it was to be; `report.css` has the colours.
+fn path_lines(recording: &Recording, stride: usize) -> Vec<Value> {
+    let Some(base) = &recording.base else { return Vec::new() };
+    let Paths { estimate, reference } = Paths::of(base);
+    let line = |(name, paint, points): (&str, &str, Vec<PathPoint>)| {
+        let numbers = |of: fn(&PathPoint) -> f64| numbers(points.iter().step_by(stride).map(of), 3);
+        (!points.is_empty()).then(|| {
+            json!({ "name": name, "paint": paint, "x": numbers(|at| at.x), "y": numbers(|at| at.y) })
+        })
+    };
+    [
+        ("by its wheels", "muted", base.by_wheels()),
+        ("by its own estimate", "line-1", estimate),
+        ("its reference", "line-2", reference),
+    ]
+    .into_iter()
+    .filter_map(line)
+    .collect()
 }
 
 /// States that can be seen of a motor, a robot, and a remote; `report.css` has a colour for each.
@@ -699,7 +727,7 @@ mod tests {
     use rc10_sim::remote::Sent;
 
     use super::*;
-    use crate::recording::{PartTrack, Tracking};
+    use crate::recording::{BaseTrack, PartTrack, Tracking};
     use crate::remote::{Loss, Lost, Receiver};
     use crate::script::Event;
     use crate::team;
@@ -766,8 +794,11 @@ mod tests {
             buses: (1..=3).map(bus).collect(),
             lines: Vec::new(),
             base: Some(BaseTrack {
-                wheels: [0, 1, 2, 3],
+                wheels: vec![0, 1, 2, 3],
+                steering: Vec::new(),
                 path: (0..samples).map(path).collect(),
+                estimate: Vec::new(),
+                reference: Vec::new(),
                 chassis: rc10_sim::Chassis::default(),
                 heard: Vec::new(),
             }),
@@ -915,6 +946,33 @@ mod tests {
         for text in ["data-plot=\"path\"", "driven by the base", "the wheels do not follow"] {
             assert!(with.contains(text) && !without.contains(text), "{text}");
         }
+    }
+
+    #[test]
+    fn the_path_has_lines_for_what_its_robot_says() {
+        let mut recording = two_seconds();
+        assert_eq!(embedded(&page_of(&recording))["path"]["lines"], json!([]));
+        let base = recording.base.as_mut().unwrap();
+        let moved = |by: f64| base.path.iter().map(move |at| PathPoint { y: at.y + by, ..*at });
+        // Where it begins its estimate is right.
+        base.estimate = moved(0.0)
+            .enumerate()
+            .map(|(index, at)| PathPoint { y: at.y + if index > 100 { 0.02 } else { 0.0 }, ..at })
+            .collect();
+        base.reference = moved(0.25).collect();
+        let page = page_of(&recording);
+        for text in [
+            "<b>0.250 m</b><span>furthest from its reference path",
+            "<b>0.250 m</b><span>from its reference at the end",
+            "<b>0.020 m</b><span>its odometry is off at the end",
+        ] {
+            assert!(page.contains(text), "{text}");
+        }
+        let lines = &embedded(&page)["path"]["lines"];
+        let names: Vec<_> = (0..2).map(|index| &lines[index]["name"]).collect();
+        assert_eq!(names, ["by its own estimate", "its reference"]);
+        assert_eq!((&lines[0]["y"][150], &lines[1]["y"][150]), (&json!(0.52), &json!(0.75)));
+        assert_eq!(lines[1]["x"].as_array().unwrap().len(), 200);
     }
 
     #[test]

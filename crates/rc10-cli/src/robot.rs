@@ -17,7 +17,7 @@ use rc10_tasks::live::{self, Link, Live};
 use rc10_tasks::{Common, remote};
 
 use crate::built::Built;
-use crate::description::Description;
+use crate::description::{Description, PoseSignals};
 use crate::environment::Environment;
 use crate::live::wire::ConsolePort;
 use crate::mistake::Mistake;
@@ -141,6 +141,33 @@ impl<'r> Robot<'r> {
     #[must_use]
     pub fn yaw(mut self, signal: &'static str, yaw: impl Fn(Micros) -> Option<f64> + 'r) -> Self {
         self.ports.yaw = Some((signal, Rc::new(yaw)));
+        self
+    }
+
+    /// Says which signals of its own are its pose by its odometry, so that a run can compare that with
+    /// where the base is: labels of x and y in m, and of the way it looks, in rad if that is the
+    /// signal's unit, else in degrees. Where it says something first, it is taken to be right.
+    ///
+    /// ```
+    /// # use rc10_cli::{Description, Robot};
+    /// # let (robot, x, y, heading) = (Robot::new(Description::default()), 0.0, 0.0, 0.0);
+    /// let robot = robot
+    ///     .signal("odometry x", "m", move |_| Some(x))
+    ///     .signal("odometry y", "m", move |_| Some(y))
+    ///     .signal("odometry yaw", "rad", move |_| Some(heading))
+    ///     .estimate(["odometry x", "odometry y", "odometry yaw"]);
+    /// ```
+    #[must_use]
+    pub const fn estimate(mut self, signals: PoseSignals) -> Self {
+        self.description.estimate = Some(signals);
+        self
+    }
+
+    /// Says which signals of its own are the pose that its base is to have now, in the axes of its
+    /// [`estimate`](Self::estimate), so that a run can compare its path with that. The same labels.
+    #[must_use]
+    pub const fn reference(mut self, signals: PoseSignals) -> Self {
+        self.description.reference = Some(signals);
         self
     }
 
@@ -371,6 +398,11 @@ impl<'r> Robot<'r> {
             let is_new = signals[..index].iter().all(|other| other.label != *label);
             ensure!(is_new, "two signals are called `{label}`");
         }
+        let Description { estimate, reference, .. } = &self.description;
+        for label in estimate.iter().chain(reference).flatten() {
+            let is_there = signals.iter().any(|signal| signal.label == *label);
+            ensure!(is_there, "its pose is said by a signal `{label}`, which there is not");
+        }
         for (number, bus) in (1..=u8::MAX).zip(&self.buses) {
             let fits = bus.load(BITS_PER_SECOND).verdict() != Verdict::DoesNotFit;
             ensure!(
@@ -468,5 +500,9 @@ mod tests {
             .fold(robot, |robot, label| robot.signal(label, "", |_| None));
         let error = robot.into_buses().err().map(|error| error.to_string());
         assert_eq!(error.as_deref(), Some("two signals are called `wall`"));
+        let robot = Robot::new(Description::default()).signal("x", "m", |_| None);
+        let error = robot.estimate(["x", "y", "yaw"]).into_buses().err().map(|it| it.to_string());
+        let missing = "its pose is said by a signal `y`, which there is not";
+        assert_eq!(error.as_deref(), Some(missing));
     }
 }

@@ -203,6 +203,9 @@ pub(crate) fn print(
     for table in [part_table(recording), signal_table(recording)].iter().flatten() {
         writeln!(out, "{}", table.text())?;
     }
+    if let Some(path) = &figures.path {
+        writeln!(out, "{}", path.lines())?;
+    }
     if recording.source == Source::Simulation {
         writeln!(
             out,

@@ -66,6 +66,11 @@ impl SignalRecorder {
         }
     }
 
+    /// Its label and unit, and its newest value.
+    pub(crate) const fn newest(&self) -> (&'static str, &'static str, Option<f64>) {
+        (self.track.label, self.track.unit, self.track.last)
+    }
+
     pub(crate) fn sample(&mut self) {
         self.track.samples.push(std::mem::take(&mut self.newest).cell());
     }

@@ -6,7 +6,8 @@ use rc10_can::{CanFrame, Micros};
 
 use crate::Nanos;
 use crate::line::{Heard, LineDevice};
-use crate::motor::{Motor, Plant};
+use crate::motor::Motor;
+use crate::plant::Plant;
 use crate::random::Random;
 
 /// An ESC's electronics and firmware, from the device's side: what it takes from the bus, what it
@@ -211,7 +212,7 @@ pub(crate) struct Unit {
     electronics: Electronics,
     pub(crate) motor: Motor,
     pub(crate) place: Place,
-    /// Carries a wheel of a base.
+    /// Turns or steers a wheel of a base.
     pub(crate) is_wheel: bool,
     powered: bool,
     /// Its data lines are unplugged.
@@ -374,6 +375,8 @@ impl Unit {
             rotor_rpm: self.motor.rotor_rpm(),
             output_rpm: self.motor.output_rpm(),
             output_degrees: self.motor.output_degrees(),
+            load_rpm: self.motor.load_rpm(),
+            load_degrees: self.motor.load_degrees(),
             current: self.motor.current,
             torque: self.motor.plant().torque_constant * self.motor.current,
             temperature: self.motor.temperature,
@@ -399,6 +402,10 @@ pub struct EscState {
     pub output_rpm: f64,
     /// Angle of the output shaft since the start of the world, degrees, over many turns.
     pub output_degrees: f64,
+    /// Speed of the load, rpm: the output shaft's, unless there is backlash between them.
+    pub load_rpm: f64,
+    /// Angle of the load since the start of the world, degrees. The same.
+    pub load_degrees: f64,
     /// Torque current, A.
     pub current: f64,
     /// Torque of the winding at the output shaft, N·m.

@@ -9,7 +9,7 @@ use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, Micros};
 
 use crate::device::{Device, Outbox, Shaft, Taken, Winding};
-use crate::motor::Plant;
+use crate::plant::Plant;
 
 /// ESC and mode.
 ///

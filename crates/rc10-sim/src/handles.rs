@@ -11,7 +11,8 @@ use crate::base::{Motion, Pose, Twist};
 use crate::device::{Device, Electronics, EscFault, EscState, Place, Unit};
 use crate::dji::{Dji, EscConfig, IdOutOfRange};
 use crate::host::Host;
-use crate::motor::{Motor, Plant};
+use crate::motor::Motor;
+use crate::plant::Plant;
 use crate::time::Clock;
 use crate::wire::{BusCounters, TraceEntry, Wire};
 use crate::world::Inner;
@@ -303,25 +304,33 @@ impl Esc {
         self.inner.borrow_mut().units[self.index].motor.set_gear(ratio);
     }
 
+    /// Puts another motor, gearbox or load in the place of its own; what turned turns on, and the load
+    /// begins in the middle of its play. With backlash, cogging and a weight, for example:
+    /// `esc.set_plant(esc.plant().with_backlash(0.5))`. Of a wheel, [`plant`](Self::plant) has its
+    /// inertia.
+    pub fn set_plant(&self, plant: Plant) {
+        self.inner.borrow_mut().units[self.index].motor.set_plant(plant);
+    }
+
     /// A look into its electronics, or a hand: `None` if it is not a `D`.
     pub fn with<D: Any, T>(&self, look: impl FnOnce(&mut D) -> T) -> Option<T> {
         self.inner.borrow_mut().units[self.index].device().downcast_mut().map(look)
     }
 
-    /// A constant torque on the output shaft from outside, N·m, positive in the motor's positive
+    /// A constant torque on the load from outside, N·m, positive in the motor's positive
     /// direction: the weight on a lift, for example.
     pub fn set_load(&self, torque: f64) {
         self.inner.borrow_mut().units[self.index].motor.load = torque;
     }
 
-    /// Hard stops: the output shaft turns between these two angles, in degrees since the start. The
+    /// Hard stops: the load turns between these two angles, in degrees since the start. The
     /// floor under a lift, for example. `None`: it turns for ever.
     pub fn set_travel(&self, travel: Option<[f64; 2]>) {
         self.inner.borrow_mut().units[self.index].motor.travel = travel;
     }
 }
 
-/// A mecanum base. What stands on it, an IMU for example, keeps a handle to see how it moves.
+/// A base on its wheels. What stands on it, an IMU for example, keeps a handle to see how it moves.
 #[derive(Clone)]
 pub struct Base {
     pub(crate) motion: Rc<Cell<Motion>>,

@@ -1,5 +1,5 @@
 //! A robot's buses without the robot: simulated ESCs and motors of many vendors, CAN wires with true
-//! arbitration and bit lengths, RS-485 lines, a mecanum base, and virtual time behind `embassy-time`.
+//! arbitration and bit lengths, RS-485 lines, a base on wheels, and virtual time behind `embassy-time`.
 //!
 //! * [`World`]: holds everything and lets time pass. [`World::run`] runs a future, as the robot's
 //!   own tasks are; [`World::advance`] is for a plain loop.
@@ -13,7 +13,7 @@
 //!   [`Pulses`] and its [`PulsePort`]: a line on which one [`PulseDevice`] sends pulses.
 //! * [`fault`]: what goes wrong, as a user writes it; [`Faults`] does it to buses and lines.
 //! * [`remote`]: remote controls with their receivers. [`imu`]: which way a base looks.
-//! * [`Base`]: four motors under a body that rolls and slides.
+//! * [`Base`]: motors under a body that rolls and slides, on wheels of any kind ([`Chassis`]).
 //!
 //! | vendor | devices |
 //! |---|---|
@@ -61,7 +61,7 @@
 //! ```
 //!
 //! Not simulated: start-up time of an ESC, protections of DJI's (the others' trip when told to,
-//! [`Esc::inject`], or as their modules say), clock drift, measurement noise, cogging and gear play; error counters and bus-off of an ESC, which repeats a frame until it is
+//! [`Esc::inject`], or as their modules say), clock drift, measurement noise; error counters and bus-off of an ESC, which repeats a frame until it is
 //! heard or a newer one takes its place; suspended transmission and passive error frames.
 #![forbid(unsafe_code)]
 
@@ -82,6 +82,7 @@ pub mod lk;
 mod motor;
 mod occupancy;
 pub mod odrive;
+mod plant;
 mod pulses;
 mod random;
 pub mod remote;
@@ -96,7 +97,7 @@ pub mod vesc;
 mod wire;
 mod world;
 
-pub use base::{Chassis, Mounting, Pose, Twist, WheelError, Wheels};
+pub use base::{Chassis, Mounting, Pose, Steering, Tread, Twist, Wheel, WheelError, WheelMotors};
 pub use controller::{Activity, Controller, Nanos, Outcome};
 pub use device::{Device, EscFault, EscState, Outbox, Shaft, Taken, Winding};
 pub use dji::{EscConfig, FeedbackRate, IdOutOfRange, Model};
@@ -105,7 +106,7 @@ pub use faults::Faults;
 pub use handles::{Base, Bus, Esc, SimPort};
 pub use line::{Heard, LineConfig, LineCounters, LineDevice, LineEntry};
 pub use line_handles::{Line, SerialPort};
-pub use motor::{Plant, Scale};
+pub use plant::{Nonlinear, Plant, Scale};
 pub use pulses::{PulseDevice, PulseEnd, PulsePort, Pulses};
 pub use serial::{SerialConfig, SerialCounters, SerialDevice, SerialEnd, UartFault};
 pub use serial_handles::{Serial, UartPort};

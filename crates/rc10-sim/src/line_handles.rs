@@ -12,7 +12,7 @@ use crate::Nanos;
 use crate::device::{Electronics, Place};
 use crate::handles::Esc;
 use crate::line::{self, LineCounters, LineDevice, LineEntry};
-use crate::motor::Plant;
+use crate::plant::Plant;
 use crate::serial::SerialEnd;
 use crate::world::Inner;
 

@@ -11,7 +11,7 @@ use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, Micros};
 
 use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
-use crate::motor::Plant;
+use crate::plant::{Nonlinear, Plant};
 
 pub use codec::{Order, State, decode, encode_echo, encode_health, encode_state};
 
@@ -374,6 +374,7 @@ pub const fn mg4010e_i10() -> Plant {
         ambient: 25.0,
         thermal_resistance: 4.0,
         thermal_time_constant: 250.0,
+        nonlinear: Nonlinear::NONE,
     }
     .with_no_load_speed(3200.0)
 }
@@ -399,5 +400,6 @@ pub const fn mf9025() -> Plant {
         ambient: 25.0,
         thermal_resistance: 2.0,
         thermal_time_constant: 400.0,
+        nonlinear: Nonlinear::NONE,
     }
 }

@@ -14,7 +14,7 @@ mod controller;
 use rc10_can::{CanFrame, Micros};
 
 use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
-use crate::motor::Plant;
+use crate::plant::{Nonlinear, Plant};
 
 pub use codec::{
     Order, decode, encode_currents, encode_estimates, encode_heartbeat, encode_supply,
@@ -405,6 +405,7 @@ pub const fn d6374_8to1() -> Plant {
         ambient: 25.0,
         thermal_resistance: 1.5,
         thermal_time_constant: 500.0,
+        nonlinear: Nonlinear::NONE,
     }
     .with_no_load_speed(3500.0)
 }

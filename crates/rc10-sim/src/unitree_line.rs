@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use crate::Nanos;
 use crate::device::{EscFault, Shaft, Winding};
 use crate::line::{Heard, LineDevice};
-use crate::motor::Plant;
+use crate::plant::{Nonlinear, Plant};
 
 /// Bytes of a command and of an answer.
 const COMMAND: usize = 17;
@@ -162,6 +162,7 @@ pub const fn plant() -> Plant {
         ambient: 25.0,
         thermal_resistance: 1.0,
         thermal_time_constant: 200.0,
+        nonlinear: Nonlinear::NONE,
     }
     .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
 }

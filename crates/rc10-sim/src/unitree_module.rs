@@ -29,7 +29,7 @@ use rc10_can::{CanFrame, Micros};
 
 pub use self::codec::{Asked, Command, Gains, Malformed, Motion, Report, Told};
 use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
-use crate::motor::Plant;
+use crate::plant::{Nonlinear, Plant};
 
 /// Rotor turns per turn of the output shaft (user manual).
 const GEAR: f64 = 6.33;
@@ -64,6 +64,7 @@ pub const fn plant() -> Plant {
         ambient: 25.0,
         thermal_resistance: 1.5,
         thermal_time_constant: 300.0,
+        nonlinear: Nonlinear::NONE,
     }
     .with_no_load_speed(30.0 * GEAR * 60.0 / TAU)
 }

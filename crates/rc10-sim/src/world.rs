@@ -8,7 +8,7 @@ use std::task::{Context, Poll, Waker};
 use rc10_can::Micros;
 
 use crate::Nanos;
-use crate::base::{Body, Chassis, Mounting, WheelError, Wheels};
+use crate::base::{Body, Chassis, Mounting, WheelError, WheelMotors};
 use crate::device::{Place, Unit};
 use crate::handles::{Base, Bus, Esc};
 use crate::line::{self, LineConfig};
@@ -207,28 +207,50 @@ impl World {
         Nanos::new(self.inner.borrow_mut().random.below(end.get()))
     }
 
-    /// Puts four motors under a base. Each gets the wheel's inertia and rolling friction.
+    /// Puts motors under a base, in the order of its wheels. Each gets the wheel's inertia and rolling
+    /// friction; one that steers gets the fork's inertia and the scrubbing of the wheel.
+    ///
+    /// ```
+    /// use rc10_sim::{BusConfig, Chassis, EscConfig, Model, Mounting, World};
+    /// let mut world = World::new(1);
+    /// let bus = world.add_bus(BusConfig::default());
+    /// let [left, right] = [1, 2].map(|id| bus.add_esc(EscConfig::new(Model::C620, id)).unwrap());
+    /// let wheels = [(&left, Mounting::Normal), (&right, Mounting::Mirrored)];
+    /// let base = world.add_base(Chassis::differential(0.05, 0.4), wheels).unwrap();
+    /// assert_eq!(base.pose().x, 0.0);
+    /// ```
     ///
     /// # Errors
-    /// [`WheelError`] if a motor belongs to another world or carries a wheel already.
-    pub fn add_base(
+    /// [`WheelError`] if a motor belongs to another world or turns or steers a wheel already, or if the
+    /// motors are not those that the wheels need.
+    pub fn add_base<'e, M: Into<WheelMotors<'e>>>(
         &mut self,
         chassis: Chassis,
-        wheels: Wheels<(&Esc, Mounting)>,
+        motors: impl IntoIterator<Item = M>,
     ) -> Result<Base, WheelError> {
         let mut inner = self.inner.borrow_mut();
-        let wheels = wheels.into_array();
-        for (position, (esc, _)) in wheels.iter().enumerate() {
-            if !Rc::ptr_eq(&esc.inner, &self.inner) {
-                return Err(WheelError::OtherWorld);
+        let motors: Vec<WheelMotors<'_>> = motors.into_iter().map(Into::into).collect();
+        if motors.len() != chassis.wheels.len() {
+            return Err(WheelError::Count);
+        }
+        let mut seen = Vec::new();
+        for (motors, wheel) in motors.iter().zip(&chassis.wheels) {
+            if motors.steering.is_some() != wheel.steering.is_some() {
+                return Err(WheelError::Steering);
             }
-            let twice = wheels[..position].iter().any(|(e, _)| e.index == esc.index);
-            if twice || inner.units[esc.index].is_wheel {
-                return Err(WheelError::Taken);
+            for (esc, _) in [Some(motors.drive), motors.steering].into_iter().flatten() {
+                if !Rc::ptr_eq(&esc.inner, &self.inner) {
+                    return Err(WheelError::OtherWorld);
+                }
+                if seen.contains(&esc.index) || inner.units[esc.index].is_wheel {
+                    return Err(WheelError::Taken);
+                }
+                seen.push(esc.index);
             }
         }
-        let wheels = wheels.map(|(esc, mounting)| (esc.index, mounting));
-        let body = Body::new(chassis, wheels, &mut inner.units);
+        let place = |(esc, mounting): (&Esc, Mounting)| (esc.index, mounting);
+        let motors = motors.iter().map(|motors| (place(motors.drive), motors.steering.map(place)));
+        let body = Body::new(chassis, &motors.collect::<Vec<_>>(), &mut inner.units);
         let base = Base { motion: Rc::clone(&body.motion) };
         inner.bodies.push(body);
         Ok(base)

@@ -3,9 +3,7 @@
 
 use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, CanPort, Micros};
-use rc10_sim::{
-    Base, Bus, BusConfig, Chassis, Esc, EscConfig, Model, Mounting, WheelError, Wheels, World,
-};
+use rc10_sim::{Base, Bus, BusConfig, Chassis, Esc, EscConfig, Model, Mounting, WheelError, World};
 
 /// The right side's motors look the other way.
 const MOUNTINGS: [Mounting; 4] =
@@ -23,12 +21,7 @@ impl Robot {
         let mut world = World::new(4);
         let bus = world.add_bus(BusConfig::default());
         let escs = [1, 2, 3, 4].map(|id| bus.add_esc(EscConfig::new(Model::C620, id)).unwrap());
-        let wheels = Wheels {
-            front_left: (&escs[0], MOUNTINGS[0]),
-            front_right: (&escs[1], MOUNTINGS[1]),
-            rear_left: (&escs[2], MOUNTINGS[2]),
-            rear_right: (&escs[3], MOUNTINGS[3]),
-        };
+        let wheels = escs.iter().zip(MOUNTINGS);
         let base = world.add_base(chassis, wheels).unwrap();
         Self { world, bus, base, escs }
     }
@@ -112,12 +105,12 @@ fn forward_is_where_it_looks() {
 
 #[test]
 fn a_contact_too_stiff_for_the_step_does_not_swing() {
-    let stiff = Chassis { stiffness: 1e9, ..Chassis::default() };
-    let rigid = Robot::new(stiff).drive([2000; 4], 500).base.twist().x;
+    let stiff = || Chassis { stiffness: 1e9, ..Chassis::default() };
+    let rigid = Robot::new(stiff()).drive([2000; 4], 500).base.twist().x;
     let usual = drive([2000; 4], 500).base.twist().x;
     assert!((rigid / usual - 1.0).abs() < 0.05, "{rigid} {usual}");
     // The wheels roll steadily: in a step they gain what the base's acceleration gives them.
-    let mut robot = Robot::new(stiff).drive([2000; 4], 500);
+    let mut robot = Robot::new(stiff()).drive([2000; 4], 500);
     let mut rim = robot.escs[0].state().output_rpm / 60.0 * 0.4775;
     for _ in 0..10 {
         robot.world.advance(robot.world.now() + Micros::new(100));
@@ -162,14 +155,8 @@ fn a_motor_carries_one_wheel_in_its_own_world() {
     let esc = |id| bus.add_esc(EscConfig::new(Model::C620, id)).unwrap();
     let escs = [1, 2, 3, 4].map(esc);
     let stranger = other_bus.add_esc(EscConfig::new(Model::C620, 1)).unwrap();
-    let wheels = |last| Wheels {
-        front_left: (&escs[0], Mounting::Normal),
-        front_right: (&escs[1], Mounting::Normal),
-        rear_left: (&escs[2], Mounting::Normal),
-        rear_right: (last, Mounting::Normal),
-    };
-    let chassis = Chassis::default();
-    let mut add = |last| world.add_base(chassis, wheels(last)).err();
+    let wheels = |last| [&escs[0], &escs[1], &escs[2], last].map(|esc| (esc, Mounting::Normal));
+    let mut add = |last| world.add_base(Chassis::default(), wheels(last)).err();
     assert_eq!(add(&stranger), Some(WheelError::OtherWorld));
     assert_eq!(add(&escs[0]), Some(WheelError::Taken));
     assert_eq!(add(&escs[3]), None);

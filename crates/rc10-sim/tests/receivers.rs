@@ -12,9 +12,7 @@ use rc10_can::embedded_can::StandardId;
 use rc10_can::{CanFrame, CanPort, Micros};
 use rc10_sim::imu::Hwt101;
 use rc10_sim::remote::{Controls, Crsf, Dr16, Failsafe, Ppm, Remote, Sbus, Stick, Switch};
-use rc10_sim::{
-    BusConfig, Chassis, EscConfig, Model, Mounting, Nanos, Serial, UartPort, Wheels, World,
-};
+use rc10_sim::{BusConfig, Chassis, EscConfig, Model, Mounting, Nanos, Serial, UartPort, World};
 
 const PHASE: Nanos = Nanos::new(1_000_000);
 const STICKS: Controls = Controls {
@@ -170,13 +168,7 @@ fn turning() -> Turning {
     let mut world = World::new(4);
     let bus = world.add_bus(BusConfig::default());
     let escs = [1, 2, 3, 4].map(|id| bus.add_esc(EscConfig::new(Model::C620, id)).unwrap());
-    let wheel = |index: usize| (&escs[index], Mounting::Normal);
-    let wheels = Wheels {
-        front_left: wheel(0),
-        front_right: wheel(1),
-        rear_left: wheel(2),
-        rear_right: wheel(3),
-    };
+    let wheels = escs.iter().map(|esc| (esc, Mounting::Normal));
     let base = world.add_base(Chassis::default(), wheels).unwrap();
     let uart = world.add_serial(Hwt101::SERIAL, Hwt101::new(&base, PHASE));
     // Left backward, right forward: counter-clockwise.

@@ -3,19 +3,27 @@
 use rc10_can::Micros;
 use rc10_cli::Plant;
 use rc10_cli::remote::Line;
+use rc10_sim::Nonlinear;
 use rc10_sim::remote::{Controls, Stick, Switch};
 
 use crate::table::{FULL_STICK, Name};
 
-/// At the output shaft; our estimates. A wheel carries a quarter of 12 kg.
+/// Of the robot, kg; our estimate.
+pub const MASS: f64 = 12.0;
+
+/// At the output shaft; our estimates. The wheels get theirs from the base.
 #[must_use]
 pub fn plant(name: Name) -> Plant {
     match name {
-        // It stands on a stop at zero, and its weight pulls it there.
-        Name::Arm => Plant { load: -0.5, travel: Some([-5.0, 130.0]), ..Plant::inertia(0.02) },
+        // Level at zero, on a stop, where its weight pulls it to.
+        Name::Arm => Plant {
+            nonlinear: Nonlinear { gravity_torque: 0.5, ..Nonlinear::NONE },
+            travel: Some([-5.0, 130.0]),
+            ..Plant::inertia(0.02)
+        },
         Name::Turret => Plant::inertia(0.02),
         Name::Flywheel => Plant::inertia(0.001),
-        _ => Plant::inertia(0.017),
+        _ => Plant::default(),
     }
 }
 

@@ -2,17 +2,18 @@
 
 use rc10_can::Micros;
 use rc10_cli::emulate::build_firmware_of;
-use rc10_cli::{Description, RemoteControl, Robot};
+use rc10_cli::{Base, Description, RemoteControl, Robot};
 use rc10_tasks::status;
 
-use crate::plant::{SCRIPT, plant};
-use crate::table::RECEIVER;
+use crate::plant::{MASS, SCRIPT, plant};
+use crate::table::{BASE, RECEIVER, WHEELS};
 use crate::{Motors, Shared, task};
 
 /// Its description.
 #[must_use]
 pub fn description() -> Description {
     Description {
+        base: Some(Base::of(WHEELS, &BASE).with_mass(MASS)),
         remote: Some(RemoteControl::new(RECEIVER, &SCRIPT, Some(Micros::from_millis(5000)))),
         firmware: Some(|board| build_firmware_of("omni-firmware", board)),
         ..Description::of(plant)

@@ -2,7 +2,7 @@
 
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, Micros};
-use rc10_sim::{Bus, Device, Esc, EscFault, Outbox, Plant, Shaft, Taken, Winding};
+use rc10_sim::{Bus, Device, Esc, EscFault, Nonlinear, Outbox, Plant, Shaft, Taken, Winding};
 
 /// Longest time without a command; then it opens its bridge.
 const PATIENCE: Micros = Micros::from_millis(100);
@@ -124,6 +124,7 @@ pub const PLANT: Plant = Plant {
     ambient: 25.0,
     thermal_resistance: 3.0,
     thermal_time_constant: 200.0,
+    nonlinear: Nonlinear::NONE,
 };
 
 /// Puts one on a wire.

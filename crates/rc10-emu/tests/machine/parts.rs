@@ -148,9 +148,7 @@ fn an_imu_on_a_base_turns_with_it() {
         let config = rc10_sim::EscConfig::new(rc10_sim::Model::C620, id);
         bus.add_esc(config).unwrap()
     });
-    let [front_left, front_right, rear_left, rear_right] =
-        motors.each_ref().map(|motor| (motor, rc10_sim::Mounting::Normal));
-    let wheels = rc10_sim::Wheels { front_left, front_right, rear_left, rear_right };
+    let wheels = motors.iter().map(|motor| (motor, rc10_sim::Mounting::Normal));
     let base = bench.world.add_base(rc10_sim::Chassis::default(), wheels).unwrap();
     bench.machine.mount_on(&base);
     // All wheels the same way turn it: those on the right roll backwards.

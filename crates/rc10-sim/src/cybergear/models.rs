@@ -1,4 +1,4 @@
-use crate::motor::Plant;
+use crate::plant::{Nonlinear, Plant};
 
 /// Differences between the models.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -126,6 +126,7 @@ impl Model {
             ambient: 25.0,
             thermal_resistance: 1.5,
             thermal_time_constant: 200.0,
+            nonlinear: Nonlinear::NONE,
         }
         .with_no_load_speed(self.no_load_rpm * self.gear)
     }

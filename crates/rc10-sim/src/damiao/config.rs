@@ -1,7 +1,7 @@
 //! The setup of a motor, and the values of its data sheet.
 
 use super::codec::{Limits, Mode};
-use crate::motor::Plant;
+use crate::plant::{Nonlinear, Plant};
 
 /// Reports beyond ±PMAX: no source tells of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -93,6 +93,7 @@ const fn j4310() -> Plant {
         ambient: 25.0,
         thermal_resistance: 4.0,
         thermal_time_constant: 200.0,
+        nonlinear: Nonlinear::NONE,
     }
     .with_no_load_speed(2000.0)
 }
@@ -116,6 +117,7 @@ const fn j8009() -> Plant {
         ambient: 25.0,
         thermal_resistance: 1.5,
         thermal_time_constant: 400.0,
+        nonlinear: Nonlinear::NONE,
     }
     .with_no_load_speed(3015.0)
 }

@@ -1,7 +1,8 @@
 //! The loops of an axis: position around velocity around torque.
 
 use super::codec::Order;
-use crate::motor::{Plant, STEP};
+use crate::motor::STEP;
+use crate::plant::Plant;
 
 /// As the firmware's factory settings go: turns/s, turns/s².
 const VELOCITY_RAMP: f64 = 50.0;

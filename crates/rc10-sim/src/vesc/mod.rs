@@ -19,7 +19,8 @@ pub use control::Mode;
 pub use wire::{NoOrder, Order, Report, Stored};
 
 use crate::device::{Device, EscFault, Outbox, Shaft, Taken, Winding};
-use crate::motor::{Plant, STEP};
+use crate::motor::STEP;
+use crate::plant::{Nonlinear, Plant};
 use control::Control;
 
 /// Configuration of a VESC.
@@ -143,6 +144,7 @@ pub const fn outrunner_270_kv() -> Plant {
         ambient: 25.0,
         thermal_resistance: 1.5,
         thermal_time_constant: 200.0,
+        nonlinear: Nonlinear::NONE,
     }
 }
 
