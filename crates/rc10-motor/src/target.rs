@@ -1,7 +1,7 @@
 use core::fmt;
 
 use rc10_app::mechanism::Command;
-use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, RpmPerSecond, TotalAngle};
+use rc10_app::{Amps, AngleSetpoint, Degrees, NewtonMetres, Rpm, RpmPerSecond, TotalAngle};
 
 /// A setpoint for one motor. All values are at the output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -108,6 +108,13 @@ impl Motion {
     pub const fn is_finite(&self) -> bool {
         let Self { angle: _, speed, acceleration, effort } = self;
         speed.is_finite() && acceleration.is_finite() && effort.is_finite()
+    }
+}
+
+/// The setpoint of a profile.
+impl From<AngleSetpoint> for Motion {
+    fn from(AngleSetpoint { angle, speed, acceleration }: AngleSetpoint) -> Self {
+        Self { angle: Some(angle), speed, acceleration, effort: 0.0 }
     }
 }
 

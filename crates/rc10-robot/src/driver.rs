@@ -15,7 +15,8 @@
 //! [`rc10_tasks::arming`] says how the robot is armed, and what happens when the remote is lost.
 
 use embassy_time::{Duration, Ticker};
-use rc10_app::{Degrees, Rpm, TotalAngle, Twist};
+use rc10_app::angle::shortest_way_degrees;
+use rc10_app::{Rpm, TotalAngle, Twist};
 use rc10_can::Micros;
 use rc10_message::Stamped;
 use rc10_module::remote::{Remote, RemoteLink, Switch};
@@ -24,7 +25,7 @@ use rc10_tasks::Arming;
 
 use crate::robot::{BaseCommand, MechanismCommand, Shared};
 use crate::table::{
-    ARMING, FEEDER, FULL_STICK, GIMBAL_AHEAD, GIMBAL_RATES, LIFT, LIFT_RATE, LIFT_TOP,
+    ARMING, FEEDER, FULL_STICK, GIMBAL_AHEAD, GIMBAL_RATES, LIFT, LIFT_RATE, LIFT_TOP, Name,
 };
 
 /// Period of the driver task.
@@ -42,7 +43,8 @@ pub async fn run(shared: &Shared<'_>) -> ! {
         shared.remote_link.set(driver.remote_link(), now);
         let Some(motion) = wish else { continue };
         if before == ArmState::Disarmed {
-            driver.begin(lift_height(shared));
+            let angle = |motor| shared.motor(motor).status().feedback.total_angle;
+            driver.begin([angle(Name::Yaw), angle(Name::Pitch)], lift_height(shared));
         }
         shared.motion.set(motion, now);
         shared.mechanisms.set(driver.mechanisms, now);
@@ -82,9 +84,14 @@ impl Driver {
         &self.mechanisms
     }
 
-    /// The robot has just been armed: the gimbal looks ahead, the lift stays where it is.
-    pub const fn begin(&mut self, lift: TotalAngle) {
-        self.mechanisms = MechanismCommand { lift, ..HOME };
+    /// The robot has just been armed: the gimbal, which stands at these angles, looks ahead by the
+    /// shorter way; the lift stays where it is.
+    pub fn begin(&mut self, gimbal: [TotalAngle; 2], lift: TotalAngle) {
+        let [yaw, pitch] = gimbal.map(|angle| {
+            let way = shortest_way_degrees(angle.within_turn(), GIMBAL_AHEAD);
+            angle.plus(TotalAngle::try_from_degrees(way).unwrap_or_default())
+        });
+        self.mechanisms = MechanismCommand { yaw, pitch, lift, ..HOME };
     }
 
     /// Decides every [`PERIOD`], from the newest that the remote said; how the base shall move, if
@@ -117,21 +124,18 @@ impl Driver {
                 -remote.right.x * full.wz,
             ]);
         }
-        let seconds = PERIOD.get() as f32 * 1e-6;
-        let turned = |angle: Degrees, stick: f32, rate: f32| {
-            let angle = angle.get() + stick * rate * seconds;
-            let turns = if angle < 0.0 { 1.0 } else { -f32::from(u8::from(angle >= 360.0)) };
-            Degrees::new(angle + 360.0 * turns)
+        // Degrees a second and microseconds make microdegrees.
+        #[expect(clippy::cast_possible_truncation, reason = "a few degrees")]
+        let moved = |angle: TotalAngle, stick: f32, rate: f32| {
+            let step = (stick * rate * PERIOD.get() as f32) as i64;
+            angle.plus(TotalAngle::from_microdegrees(step))
         };
         let [yaw, pitch] = GIMBAL_RATES;
-        self.mechanisms.yaw = turned(self.mechanisms.yaw, -remote.right.x, yaw);
-        self.mechanisms.pitch = turned(self.mechanisms.pitch, remote.right.y, pitch);
+        self.mechanisms.yaw = moved(self.mechanisms.yaw, -remote.right.x, yaw);
+        self.mechanisms.pitch = moved(self.mechanisms.pitch, remote.right.y, pitch);
         self.mechanisms.feeder = Rpm::new(remote.left.y * FEEDER.get());
-        #[expect(clippy::cast_possible_truncation, reason = "a few degrees")]
-        let step = (remote.left.x * LIFT_RATE * PERIOD.get() as f32) as i64;
-        let (bottom, top) = (0, TotalAngle::from_degrees(LIFT_TOP).microdegrees());
-        let lift = (self.mechanisms.lift.microdegrees() + step).clamp(bottom, top);
-        self.mechanisms.lift = TotalAngle::from_microdegrees(lift);
+        let lift = moved(self.mechanisms.lift, remote.left.x, LIFT_RATE);
+        self.mechanisms.lift = lift.clamp(TotalAngle::ZERO, TotalAngle::from_degrees(LIFT_TOP));
         command([0.0; 3])
     }
 }
@@ -144,8 +148,8 @@ impl Default for Driver {
 
 /// The command before the first motion.
 const HOME: MechanismCommand = MechanismCommand {
-    yaw: GIMBAL_AHEAD,
-    pitch: GIMBAL_AHEAD,
+    yaw: TotalAngle::ZERO,
+    pitch: TotalAngle::ZERO,
     feeder: Rpm::ZERO,
     lift: TotalAngle::ZERO,
 };
@@ -188,6 +192,15 @@ mod tests {
     }
 
     #[test]
+    fn armed_the_gimbal_looks_ahead_by_the_shorter_way() {
+        let mut driver = Driver::new();
+        let degrees = TotalAngle::from_degrees;
+        driver.begin([degrees(350), degrees(-700)], degrees(5));
+        let MechanismCommand { yaw, pitch, lift, .. } = *driver.mechanisms();
+        assert_eq!([yaw, pitch, lift], [180, -540, 5].map(degrees));
+    }
+
+    #[test]
     fn sticks_move_the_base_or_the_mechanisms() {
         let mut scene = Scene::armed();
         scene.remote.left = Stick { x: 0.5, y: 1.0 };
@@ -202,9 +215,8 @@ mod tests {
         assert_eq!(scene.step(100), Some(BaseCommand::World(Twist::STOP)));
         let command = scene.driver.mechanisms();
         let [yaw, pitch] = GIMBAL_RATES;
-        let ahead = GIMBAL_AHEAD.get();
-        assert!((command.yaw.get() - (ahead + yaw) % 360.0).abs() < 0.1, "{command:?}");
-        assert!((command.pitch.get() - (ahead - pitch)).abs() < 0.1, "{command:?}");
+        assert!((command.yaw.degrees().get() - yaw).abs() < 0.1, "{command:?}");
+        assert!((command.pitch.degrees().get() + pitch).abs() < 0.1, "{command:?}");
         assert_eq!(command.feeder, FEEDER);
         assert!((command.lift.degrees().get() - 0.5 * LIFT_RATE).abs() < 0.1, "{command:?}");
         scene.remote.left.x = 1.0;
@@ -213,8 +225,6 @@ mod tests {
         scene.remote.left.x = -1.0;
         scene.step(1000);
         assert_eq!(scene.driver.mechanisms().lift, TotalAngle::ZERO);
-        let yaw = scene.driver.mechanisms().yaw.get();
-        assert!((0.0..360.0).contains(&yaw), "{yaw}");
         // The feeder stands still while driving.
         scene.remote.left_switch = Switch::Middle;
         scene.step(1);

@@ -1,24 +1,29 @@
-//! The mechanisms task: gimbal, feeder and lift.
+//! The mechanisms task: gimbal, feeder and lift. Gimbal and lift follow profiles, so that they arrive
+//! without a swing, and know in advance what effort that takes.
 
-use embassy_time::{Duration, Ticker};
-use rc10_app::Rpm;
+use rc10_app::{
+    AngleProfile, AngleSetpoint, ProfileLimits, Rpm, RpmPerSecond, Seconds, TotalAngle,
+};
 use rc10_can::Micros;
-use rc10_motor::{ArmState, Link, Request, Target};
+use rc10_message::{Overrun, Statistics, periodic};
+use rc10_motor::{ArmState, Link, MotorStatus, Request, Target};
 
 use crate::robot::Shared;
-use crate::table::{FEEDER, LIFT, Name};
+use crate::table::{FEEDER, GIMBAL_LIMITS, LIFT, LIFT_LIMITS, Name};
 
+/// Period of the mechanisms' task.
+pub const PERIOD: Micros = Micros::from_millis(10);
 /// Longest age of a command that is followed.
 const OLDEST_COMMAND: Micros = Micros::from_millis(100);
 
 /// The mechanisms' task.
 pub async fn run(shared: &Shared<'_>) -> ! {
-    let mut ticker = Ticker::every(Duration::from_millis(10));
     // The lift stands on its bottom at power-on. A motor that was not heard yet has no zero, and
     // does not move before it has one.
     let mut zeroed = [false; LIFT.len()];
-    loop {
-        ticker.next().await;
+    let (mut yaw, mut pitch, mut lift) = (None, None, None);
+    let timing = Statistics::new();
+    periodic(PERIOD, Overrun::Skip, &timing, async |tick| {
         for (motor, zeroed) in LIFT.into_iter().zip(&mut zeroed) {
             if *zeroed {
                 continue;
@@ -28,20 +33,57 @@ pub async fn run(shared: &Shared<'_>) -> ! {
             *zeroed = is_online && port.request(Request::SetZero).await.is_ok();
         }
         shared.live.tilt.set(tilt(shared).unwrap_or(f32::NAN));
-        let Some(wish) = shared.mechanisms.newer_than(OLDEST_COMMAND, rc10_message::now()) else {
-            continue;
+        let Some(wish) = shared.mechanisms.newer_than(OLDEST_COMMAND, tick.now) else {
+            (yaw, pitch, lift) = (None, None, None);
+            return;
         };
-        shared.command(Name::Yaw, Target::Angle(wish.yaw));
-        shared.command(Name::Pitch, Target::Angle(wish.pitch));
+        let dt = Seconds::from_micros(tick.since_last.get());
+        for (motor, profile, target) in
+            [(Name::Yaw, &mut yaw, wish.yaw), (Name::Pitch, &mut pitch, wish.pitch)]
+        {
+            let setpoint =
+                follow(profile, [shared.motor(motor).status()], &GIMBAL_LIMITS, target, dt);
+            shared.command(motor, Target::Motion(setpoint.into()));
+        }
         // At its fastest as a PC has set it.
         let feeder = wish.feeder.get() / FEEDER.get() * shared.live.feeder.get();
         shared.command(Name::Feeder, Target::Speed(Rpm::new(feeder)));
+        let motors = LIFT.map(|motor| shared.motor(motor).status());
+        let setpoint = follow(&mut lift, motors, &LIFT_LIMITS, wish.lift, dt);
         for (motor, zeroed) in LIFT.into_iter().zip(zeroed) {
             if zeroed {
-                shared.command(motor, Target::TotalAngle(wish.lift));
+                shared.command(motor, Target::Motion(setpoint.into()));
             }
         }
+    })
+    .await
+}
+
+/// The setpoint of motors that move together, on their way to a target. The way begins where they
+/// are, in the mean, as fast as they move.
+fn follow<const N: usize>(
+    profile: &mut Option<AngleProfile>,
+    motors: [MotorStatus; N],
+    limits: &ProfileLimits,
+    target: TotalAngle,
+    dt: Seconds,
+) -> AngleSetpoint {
+    let begins = profile.is_none();
+    let profile = profile.get_or_insert_with(|| {
+        let angle: i64 = motors.iter().map(|it| it.feedback.total_angle.microdegrees()).sum();
+        let speed: f32 = motors.iter().map(|it| it.feedback.speed.get()).sum();
+        AngleProfile::from_setpoint(AngleSetpoint {
+            angle: TotalAngle::from_microdegrees(angle / N as i64),
+            speed: Rpm::new(speed / N as f32),
+            acceleration: RpmPerSecond::ZERO,
+        })
+    });
+    if !begins {
+        profile.update(dt);
     }
+    // Limits that stand in the table can be used, and its angles are finite.
+    let _ = profile.set_target(limits, target, Rpm::ZERO);
+    profile.setpoint()
 }
 
 /// How far the lift is from level, in degrees of its shafts: they stand anywhere until each has been set

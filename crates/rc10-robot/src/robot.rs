@@ -1,6 +1,6 @@
 use core::ops::Deref;
 
-use rc10_app::{Degrees, Field, Rpm, TotalAngle, Twist};
+use rc10_app::{Field, Rpm, TotalAngle, Twist};
 use rc10_message::{Latest, Statistics};
 use rc10_tasks::Common;
 
@@ -56,10 +56,10 @@ pub enum BaseCommand {
 /// Setpoints of the mechanisms on the base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MechanismCommand {
-    /// Gimbal yaw, 0 ..< 360 degrees.
-    pub yaw: Degrees,
-    /// Gimbal pitch, 0 ..< 360 degrees.
-    pub pitch: Degrees,
+    /// Gimbal yaw, over many turns.
+    pub yaw: TotalAngle,
+    /// Gimbal pitch, over many turns.
+    pub pitch: TotalAngle,
     /// Feeder speed.
     pub feeder: Rpm,
     /// Lift: the angle of its shafts above the bottom.
