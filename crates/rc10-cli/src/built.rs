@@ -5,10 +5,10 @@ use rc10_motor::rc10_app::Direction;
 use rc10_sim::lk::Drive;
 use rc10_sim::odrive::Axis;
 use rc10_sim::vesc::Vesc;
-use rc10_sim::{Chassis, Esc};
+use rc10_sim::{Chassis, Esc, Scale};
 
 use crate::description::Description;
-use crate::mistake::Mistake;
+use crate::mistake::{Mistake, Quantity};
 use crate::motor::{Device, Motor};
 
 /// The robot as it is really built: the description's motors and base, but for the mistakes.
@@ -26,6 +26,7 @@ enum Change {
     Gear(f64),
     PolePairs(u8),
     Id(u8),
+    Scale(Scale),
 }
 
 impl Built {
@@ -78,6 +79,28 @@ impl Built {
                 (self.motors[first].on, self.motors[first].device) = other;
                 (self.motors[second].on, self.motors[second].device) = one;
             }
+            Mistake::Mass(factor) => {
+                let chassis =
+                    self.chassis.take().context("this robot has no base that is simulated")?;
+                let mass = chassis.mass * factor;
+                self.chassis = Some(chassis.with_mass(mass));
+            }
+            Mistake::Shaft(quantity, name, factor) => {
+                for at in motors_named(description, name)? {
+                    let scale = match quantity {
+                        Quantity::Inertia => Scale { inertia: *factor, ..Scale::default() },
+                        Quantity::Friction => Scale { friction: *factor, ..Scale::default() },
+                        Quantity::Torque => Scale { torque_constant: *factor, ..Scale::default() },
+                        Quantity::Load => {
+                            let plant = &mut self.motors[at].plant;
+                            plant.load *= factor;
+                            plant.nonlinear.gravity_torque *= factor;
+                            continue;
+                        }
+                    };
+                    self.changes.push((at, Change::Scale(scale)));
+                }
+            }
             Mistake::Radius(factor) | Mistake::Track(factor) | Mistake::Wheelbase(factor) => {
                 let chassis =
                     self.chassis.as_mut().context("this robot has no base that is simulated")?;
@@ -114,6 +137,7 @@ impl Built {
                 Change::PolePairs(pairs) => twin
                     .with(|vesc: &mut Vesc| vesc.set_pole_pairs(*pairs))
                     .with_context(|| format!("no pole pairs of a {model} stand in the table"))?,
+                Change::Scale(by) => twin.set_plant(twin.plant().scaled(*by)),
                 Change::Id(id) => ensure!(
                     twin.set_id(*id),
                     "a simulated {model} cannot be set to the identifier {id}"
@@ -126,29 +150,33 @@ impl Built {
 
 /// The motor with this label, or the only one whose label begins so; `-` stands for a space.
 fn motor_named(description: &Description, name: &str) -> Result<usize> {
+    let found = motors_named(description, name)?;
+    match found.as_slice() {
+        [one] => Ok(*one),
+        more => bail!("`{name}` may be {}", labels(description, more)),
+    }
+}
+
+/// The motor with this label, or all whose labels begin so.
+fn motors_named(description: &Description, name: &str) -> Result<Vec<usize>> {
     let plain = |text: &str| text.to_lowercase().replace('-', " ");
     let wanted = plain(name);
-    let labels = || description.motors.iter().map(|motor| motor.label);
-    if let Some(exact) = labels().position(|label| plain(label) == wanted) {
-        return Ok(exact);
+    let all = || (0..).zip(description.motors.iter().map(|motor| plain(motor.label)));
+    if let Some((exact, _)) = all().find(|(_, label)| *label == wanted) {
+        return Ok(vec![exact]);
     }
-    let begins: Vec<usize> = (0..)
-        .zip(labels())
-        .filter(|(_, label)| plain(label).starts_with(&wanted))
-        .map(|it| it.0)
-        .collect();
-    let list = |indices: &[usize]| {
-        let labels = indices.iter().map(|index| description.motors[*index].label);
-        labels.collect::<Vec<_>>().join(", ")
-    };
-    match begins.as_slice() {
-        [one] => Ok(*one),
-        [] => {
-            let all: Vec<usize> = (0..description.motors.len()).collect();
-            bail!("there is no motor `{name}`; there are: {}", list(&all))
-        }
-        more => bail!("`{name}` may be {}", list(more)),
+    let begins: Vec<usize> =
+        all().filter(|(_, label)| label.starts_with(&wanted)).map(|(at, _)| at).collect();
+    if begins.is_empty() {
+        let all: Vec<usize> = (0..description.motors.len()).collect();
+        bail!("there is no motor `{name}`; there are: {}", labels(description, &all))
     }
+    Ok(begins)
+}
+
+fn labels(description: &Description, motors: &[usize]) -> String {
+    let labels = motors.iter().map(|index| description.motors[*index].label);
+    labels.collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

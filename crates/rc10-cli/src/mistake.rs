@@ -7,7 +7,8 @@ use std::str::FromStr;
 /// Help text of the command line's argument.
 pub const HELP: &str = "\
 The world differs from the robot's table: direction:NAME gear:NAME=19.2 pole-pairs:NAME=14 \
-swap:NAME,NAME id:NAME=3 radius:x2 track:x1.1 wheelbase:x0.9; a name is a motor's label or its \
+swap:NAME,NAME id:NAME=3 radius:x2 track:x1.1 wheelbase:x0.9 mass:x1.3, and of all motors whose \
+labels begin so inertia:NAME=x1.3 friction:NAME=x0.7 torque:NAME=x0.7 load:NAME=x2; a name is a motor's label or its \
 beginning, with - for spaces; repeat for more";
 
 /// One thing that is not as the robot's table says.
@@ -30,6 +31,36 @@ pub enum Mistake {
     Track(f64),
     /// `wheelbase:xF`: the axles are `F` times as far apart.
     Wheelbase(f64),
+    /// `mass:xF`: the robot is `F` times as heavy.
+    Mass(f64),
+    /// `inertia:NAME=xF`, and what else is on a shaft: of all motors whose labels begin so.
+    Shaft(Quantity, String, f64),
+}
+
+/// A quantity of a motor and its load, on which a factor can be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// `inertia`: of rotor and load.
+    Inertia,
+    /// `friction`: viscous, dry and at rest.
+    Friction,
+    /// `torque`: per ampere, and the back-EMF with it.
+    Torque,
+    /// `load`: the torque from outside, such as a weight.
+    Load,
+}
+
+impl Quantity {
+    const ALL: [(&str, Self); 4] = [
+        ("inertia", Self::Inertia),
+        ("friction", Self::Friction),
+        ("torque", Self::Torque),
+        ("load", Self::Load),
+    ];
+
+    fn word(self) -> &'static str {
+        Self::ALL.into_iter().find(|(_, it)| *it == self).map_or("", |(word, _)| word)
+    }
 }
 
 impl fmt::Display for Mistake {
@@ -44,6 +75,10 @@ impl fmt::Display for Mistake {
             Self::Radius(factor) => write!(f, "radius:x{factor}"),
             Self::Track(factor) => write!(f, "track:x{factor}"),
             Self::Wheelbase(factor) => write!(f, "wheelbase:x{factor}"),
+            Self::Mass(factor) => write!(f, "mass:x{factor}"),
+            Self::Shaft(quantity, name, factor) => {
+                write!(f, "{}:{name}=x{factor}", quantity.word())
+            }
         }
     }
 }
@@ -61,7 +96,8 @@ impl fmt::Display for NoMistake {
 impl std::error::Error for NoMistake {}
 
 const KINDS: &str = "direction:NAME gear:NAME=n pole-pairs:NAME=n swap:NAME,NAME id:NAME=n \
-                     radius:xF track:xF wheelbase:xF";
+                     radius:xF track:xF wheelbase:xF mass:xF inertia:NAME=xF friction:NAME=xF \
+                     torque:NAME=xF load:NAME=xF";
 
 impl FromStr for Mistake {
     type Err = NoMistake;
@@ -115,7 +151,15 @@ fn mistake_of(text: &str) -> Result<Mistake, String> {
         "radius" => factor().map(Mistake::Radius),
         "track" => factor().map(Mistake::Track),
         "wheelbase" => factor().map(Mistake::Wheelbase),
-        _ => Err(format!("there is no such mistake; there are: {KINDS}")),
+        "mass" => factor().map(Mistake::Mass),
+        _ => {
+            let known = Quantity::ALL.into_iter().find(|(word, _)| *word == kind);
+            let unknown = || format!("there is no such mistake; there are: {KINDS}");
+            let (_, quantity) = known.ok_or_else(unknown)?;
+            let (name, factor) = pair('=', "lift=x1.3")?;
+            let number = factor.strip_prefix('x').unwrap_or_default();
+            Ok(Mistake::Shaft(quantity, name, positive(number, "lift=x1.3")?))
+        }
     }
 }
 
@@ -134,6 +178,11 @@ mod tests {
             "radius:x2",
             "track:x1.1",
             "wheelbase:x0.5",
+            "mass:x1.5",
+            "inertia:lift=x1.3",
+            "friction:wheel=x0.7",
+            "torque:gimbal yaw=x0.7",
+            "load:lift=x2",
         ] {
             assert_eq!(text.parse::<Mistake>().unwrap().to_string(), text);
         }
@@ -157,6 +206,9 @@ mod tests {
             ("radius:x-2", "no number"),
             ("radius:xinf", "no number"),
             ("weight:x2", "there are: direction:NAME"),
+            ("inertia:lift", "write inertia:lift=x1.3"),
+            ("inertia:lift=1.3", "no number"),
+            ("mass:1.3", "mass:x2"),
         ] {
             let error = text.parse::<Mistake>().unwrap_err().to_string();
             assert!(error.contains(why) && error.contains(text), "{error}");
