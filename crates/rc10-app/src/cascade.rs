@@ -89,6 +89,13 @@ const SOFT_SLOPE: f32 = 100.0;
 /// Length of a soft start in seconds: 20 ms, and half a tick more for rounding.
 const SOFT_TIME: f32 = 0.0205;
 
+/// Share of full scale below which the effort of an acceleration tells nothing of the load.
+const LEAST_LOAD: f32 = 0.01;
+/// What a load may be learned to be, as a share above what the feed-forward says.
+const LIGHTEST: f32 = -0.8;
+/// See [`LIGHTEST`].
+const HEAVIEST: f32 = 2.0;
+
 /// The state of a cascade between two steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CascadeState {
@@ -98,6 +105,8 @@ pub struct CascadeState {
     asked: f32,
     /// Speed reference after the acceleration limit.
     reference: f32,
+    /// By which share the load is heavier than the feed-forward says.
+    learned: f32,
     /// For the derivative alone, and only kept up if there is one.
     last_speed: f32,
     /// Seconds for which the effort may only change slowly yet, because driving has just begun.
@@ -146,8 +155,10 @@ pub enum Seek {
 pub struct Step {
     /// Measured speed, rpm.
     pub measured: f32,
-    /// Effort that is needed beside that of the motion: a weight.
+    /// Effort that is needed whether it moves or not: a weight.
     pub load: f32,
+    /// Effort that the motion takes beside what the feed-forward says of it.
+    pub effort: f32,
     /// Full scale of the effort.
     pub full: f32,
     /// Time since the last step.
@@ -164,6 +175,7 @@ impl CascadeState {
             angle: PidState::new(),
             asked: 0.0,
             reference: 0.0,
+            learned: 0.0,
             last_speed: 0.0,
             soft_time_left: 0.0,
             active: Active::Nothing,
@@ -309,7 +321,11 @@ impl CascadeState {
         full: f32,
         dt: Seconds,
     ) {
-        self.seek(config, &Seek::Speed(target), &Step { measured, load: 0.0, full, dt, count: 0 });
+        self.seek(
+            config,
+            &Seek::Speed(target),
+            &Step { measured, load: 0.0, effort: 0.0, full, dt, count: 0 },
+        );
     }
 
     /// As [`start_speed`](Self::start_speed).
@@ -324,14 +340,18 @@ impl CascadeState {
         dt: Seconds,
         count: u32,
     ) {
-        self.seek(config, &Seek::Angle(way), &Step { measured, load: 0.0, full, dt, count });
+        self.seek(
+            config,
+            &Seek::Angle(way),
+            &Step { measured, load: 0.0, effort: 0.0, full, dt, count },
+        );
     }
 
     /// One step towards anything, with the whole feed-forward. What did not drive before starts
     /// softly.
     #[inline(never)]
     pub fn seek(&mut self, config: &Cascade, seek: &Seek, step: &Step) {
-        let &Step { measured, load, full, dt, count } = step;
+        let &Step { measured, load, effort, full, dt, count } = step;
         let last = self.effort();
         let goes_on = self.enter(
             match seek {
@@ -364,10 +384,29 @@ impl CascadeState {
         };
         // A reference that moves is no load.
         let integrate = acceleration == 0.0;
-        let feed_forward = config.feed_forward.of_motion(self.reference, acceleration) + load;
+        let by_inertia = config.feed_forward.acceleration * acceleration + effort;
+        if acceleration != 0.0 {
+            self.learn(config, by_inertia, measured, full, dt);
+        }
+        let of_speed = config.feed_forward.of_motion(self.reference, 0.0);
+        let feed_forward = of_speed + by_inertia * (1.0 + self.learned) + load;
         self.follow(config, measured, feed_forward, integrate, dt);
         if !goes_on {
             self.soften(last, full, dt);
+        }
+    }
+
+    /// While a motion accelerates, the integral learns instead by how much its load is heavier or
+    /// lighter than the feed-forward says. That counts wherever it accelerates, and nowhere else: so
+    /// nothing is left that would overshoot when the acceleration ends.
+    fn learn(&mut self, config: &Cascade, by_inertia: f32, measured: f32, full: f32, dt: Seconds) {
+        let tells = by_inertia.abs() > LEAST_LOAD * full;
+        if tells && self.effort().abs() < config.speed.output_limit {
+            let step = config.speed.ki * dt.get() * (self.reference - measured) / by_inertia;
+            let learned = self.learned + step;
+            if learned.is_finite() {
+                self.learned = learned.clamp(LIGHTEST, HEAVIEST);
+            }
         }
     }
 
@@ -573,7 +612,7 @@ mod tests {
             let (angle, speed, acceleration) = motion(f32::from(tick) * 1e-3);
             worst = worst.max((angle - degrees).abs());
             let seek = Seek::Motion { way: Some(angle - degrees), speed, acceleration };
-            let step = Step { measured: rpm, load: 0.0, full: 20.0, dt: MS, count: 0 };
+            let step = Step { measured: rpm, load: 0.0, effort: 0.0, full: 20.0, dt: MS, count: 0 };
             state.seek(config, &seek, &step);
             rpm += state.effort() * 100.0 * 1e-3;
             degrees += 6.0 * rpm * 1e-3;
@@ -602,7 +641,7 @@ mod tests {
         let (mut state, mut last) = (CascadeState::new(), 0.0);
         for _ in 0..100 {
             let seek = Seek::Motion { way: Some(90.0), speed: 0.0, acceleration: 0.0 };
-            let step = Step { measured: 0.0, load: 0.0, full: 20.0, dt: MS, count: 0 };
+            let step = Step { measured: 0.0, load: 0.0, effort: 0.0, full: 20.0, dt: MS, count: 0 };
             state.seek(&CONFIG, &seek, &step);
             assert!((state.reference() - last).abs() <= 1.001, "1000 rpm/s");
             last = state.reference();

@@ -220,9 +220,9 @@ impl Servo {
     /// One step with the whole feed-forward, and an effort on top.
     fn seek(&mut self, seek: &Seek, effort: f32, tick: &Tick, shaft: &Shaft) {
         let Self { state, cascade, limit, .. } = self;
-        let load = effort + cascade.feed_forward.gravity.at(degrees_within_turn(shaft.phase()));
+        let load = cascade.feed_forward.gravity.at(degrees_within_turn(shaft.phase()));
         let (measured, full, dt, count) = (shaft.speed().get(), *limit, tick.dt, tick.count);
-        state.seek(cascade, seek, &Step { measured, load, full, dt, count });
+        state.seek(cascade, seek, &Step { measured, load, effort, full, dt, count });
     }
 
     /// One step with the angle loop.
