@@ -62,7 +62,17 @@ fn imu_twin(world: &mut World, base: Option<&rc10_sim::Base>) -> Result<Serial> 
 /// The robot with all its tasks, before it runs.
 #[must_use]
 pub fn robot<'r>(io: &'r Shared<'_>, buses: [MotorBus<'r>; BUSES]) -> Robot<'r> {
-    Robot::of(description(), Started { buses, lines: [] }, &io.common)
+    robot_of(description(), io, buses)
+}
+
+/// The same of another description: with another script, for example.
+#[must_use]
+pub fn robot_of<'r>(
+    description: Description,
+    io: &'r Shared<'_>,
+    buses: [MotorBus<'r>; BUSES],
+) -> Robot<'r> {
+    Robot::of(description, Started { buses, lines: [] }, &io.common)
         .task(chassis::run(io))
         .task(mechanisms::run(io))
         .task(driver::run(io))

@@ -1,6 +1,9 @@
 //! The motor table: bus, id, gains and safe state of each motor; and the robot's measures.
 
-use rc10_app::{Base, Body, Degrees, FeedForward, Gravity, ProfileLimits, Rpm, Twist, TwistLimits};
+use rc10_app::{
+    Base, Body, Cascade, Degrees, FeedForward, Gravity, PidConfig, ProfileLimits, Rpm, Twist,
+    TwistLimits,
+};
 use rc10_module::remote::Receiver;
 use rc10_motor::Place::Bus;
 use rc10_motor::dji::{Config, Dji, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
@@ -30,8 +33,12 @@ rc10_motor::motors! {
 
 /// On blocks, a PC may turn it: to see which one it is, and which way it turns.
 const fn wheel(label: &'static str, config: Config) -> Entry<Config> {
-    Entry::new(label, Bus(1), config.with_feed_forward(ROLLING)).with_jog(Rpm::new(20.0))
+    let cascade = Cascade { feed_forward: ROLLING, ..LOADED };
+    Entry::new(label, Bus(1), config.with_cascade(cascade)).with_jog(Rpm::new(20.0))
 }
+
+/// An M3508's loops with an integral that is firmer than a bare motor's: it also learns the load.
+const LOADED: Cascade = Cascade { speed: PidConfig::new(0.4, 4.0, 0.0, 20.0), ..M3508.cascade };
 
 /// What a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and rotor are 0.0052
 /// kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is [`BODY`].
@@ -45,7 +52,8 @@ const fn mirrored(id: u8) -> Config {
 
 /// A lift that coasts falls.
 const fn lift(label: &'static str, config: Config) -> Entry<Config> {
-    Entry::new(label, Bus(3), config.with_feed_forward(LIFTING)).with_safety(Safety::HOLD)
+    let cascade = Cascade { feed_forward: LIFTING, ..LOADED };
+    Entry::new(label, Bus(3), config.with_cascade(cascade)).with_safety(Safety::HOLD)
 }
 
 /// What a shaft of the lift takes, in A: 1 N m of weight and 0.0137 kg m², by an M3508's 0.3 N m/A.
@@ -56,20 +64,30 @@ const LIFTING: FeedForward = FeedForward {
     gravity: Gravity::Lift(3.33),
 };
 
-/// 0.0204 kg m² on 0.741 N m/A.
-const YAW: Config = Config::new(&GM6020_CURRENT, 1).with_feed_forward(FeedForward {
-    friction: 0.054,
-    speed: 0.000_14,
-    acceleration: 0.0029,
-    gravity: Gravity::None,
+/// 0.0204 kg m² on 0.741 N m/A: loaded, the loops can be firmer than those of a bare motor.
+const YAW: Config = Config::new(&GM6020_CURRENT, 1).with_cascade(Cascade {
+    speed: PidConfig::new(0.12, 0.6, 0.0, 3.0),
+    angle: PidConfig::new(1.5, 0.0, 0.0, 250.0),
+    feed_forward: FeedForward {
+        friction: 0.054,
+        speed: 0.000_14,
+        acceleration: 0.0029,
+        gravity: Gravity::None,
+    },
+    ..GM6020_CURRENT.cascade
 });
 
 /// The same as shares of 24 V: back-EMF of 0.741 V s/rad, and 1.8 ohms for the current.
-const PITCH: Config = Config::new(&GM6020_VOLTAGE, 2).with_feed_forward(FeedForward {
-    friction: 0.004,
-    speed: 0.003_24,
-    acceleration: 0.000_11,
-    gravity: Gravity::None,
+const PITCH: Config = Config::new(&GM6020_VOLTAGE, 2).with_cascade(Cascade {
+    speed: PidConfig::new(0.006, 0.06, 0.0, 1.0),
+    angle: PidConfig::new(1.2, 0.0, 0.0, 250.0),
+    feed_forward: FeedForward {
+        friction: 0.004,
+        speed: 0.003_24,
+        acceleration: 0.000_11,
+        gravity: Gravity::None,
+    },
+    ..GM6020_VOLTAGE.cascade
 });
 
 /// The buses of the board.
