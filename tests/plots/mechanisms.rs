@@ -83,6 +83,9 @@ fn lifted(config: &AxesConfig) -> Vec<(f32, f32)> {
             points.push((f32::from(tick) * DT.get(), difference));
         }
     }
+    assert!(
+        axes.failure().is_none() && motors.iter().all(|motor| (motor.angle - 1000.0).abs() < 2.0)
+    );
     points
 }
 
