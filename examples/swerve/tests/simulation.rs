@@ -132,7 +132,7 @@ fn a_start_turns_each_module_by_a_quarter_at_most_and_a_reversal_none() {
     assert!(quarter.iter().all(|way| (*way - 90.0).abs() < 2.0), "{quarter:?}");
 }
 
-/// After 4 m in 6 s, and two turns of the whole way round.
+/// After some 3.5 m and half a turn.
 #[test]
 fn its_odometry_ends_where_it_is() {
     let worst = (1..=8).fold([0.0_f64; 2], |[metres, degrees], seed| {

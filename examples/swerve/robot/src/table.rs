@@ -102,3 +102,5 @@ pub const BASE_LIMITS: TwistLimits =
 /// It keeps looking where it looks by its wheels: the robot has no IMU.
 pub const HEADING_HOLD: HeadingHoldConfig =
     HeadingHoldConfig { kp: 5.0, kd: 0.1, max_rate: 2.0, deceleration: 6.0, deadband: 0.05 };
+
+const _: () = assert!(BASE_LIMITS.validate().is_ok() && HEADING_HOLD.validate().is_ok());
