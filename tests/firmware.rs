@@ -45,6 +45,8 @@ mod priorities;
 mod remote;
 #[path = "firmware/selftest.rs"]
 mod selftest;
+#[path = "firmware/swerve.rs"]
+mod swerve_robot;
 #[path = "firmware/wires.rs"]
 mod wires;
 

@@ -53,6 +53,8 @@ pub struct Plant {
     /// Hard stops of a motor on a bus: the angles between which the shaft turns, degrees since
     /// power-on the way the robot counts. The floor under a lift, for example. `None`: for ever.
     pub travel: Option<[f64; 2]>,
+    /// Angle of the rotor in its turn at power-on, as the encoder on it says, degrees. `None`: by chance.
+    pub rotor: Option<f64>,
     /// A twin of one's own, and its messages: for a device that this crate does not know.
     pub own: Option<OwnTwin>,
 }
@@ -72,7 +74,14 @@ impl Plant {
     /// Nothing but an inertia, kg m².
     #[must_use]
     pub const fn inertia(inertia: f64) -> Self {
-        Self { inertia, load: 0.0, nonlinear: Nonlinear::NONE, travel: None, own: None }
+        Self {
+            inertia,
+            load: 0.0,
+            nonlinear: Nonlinear::NONE,
+            travel: None,
+            rotor: None,
+            own: None,
+        }
     }
 
     /// With a twin of one's own: `twin` puts it on a wire, with this inertia (kg m²) on its shaft.
@@ -185,7 +194,7 @@ impl Motor {
     /// If there is no such bus or line, the device is not made for it, there is no simulated twin
     /// for it, or its identifier is none.
     pub fn plug_in(&self, wires: &[rc10_sim::Bus], lines: &[rc10_sim::Line]) -> Result<Esc> {
-        let Plant { inertia, load, nonlinear, travel, own } = &self.plant;
+        let Plant { inertia, load, nonlinear, travel, rotor, own } = &self.plant;
         let index = |number: u8| usize::from(number).checked_sub(1);
         let nowhere = || format!("there is no {}", self.on);
         let twin = match self.on {
@@ -215,6 +224,9 @@ impl Motor {
             let mut travel = travel.map(|end| self.sign() * end);
             travel.sort_by(f64::total_cmp);
             twin.set_travel(Some(travel));
+        }
+        if let Some(degrees) = rotor {
+            twin.set_rotor_angle(*degrees);
         }
         Ok(twin)
     }

@@ -312,6 +312,12 @@ impl Esc {
         self.inner.borrow_mut().units[self.index].motor.set_plant(plant);
     }
 
+    /// Turns what its encoder says: this angle of the rotor in its turn now, degrees, where at first
+    /// chance decides. So one can know how a device with an absolute encoder stands at power-on.
+    pub fn set_rotor_angle(&self, degrees: f64) {
+        self.inner.borrow_mut().units[self.index].motor.set_rotor_angle(degrees / 360.0);
+    }
+
     /// A look into its electronics, or a hand: `None` if it is not a `D`.
     pub fn with<D: Any, T>(&self, look: impl FnOnce(&mut D) -> T) -> Option<T> {
         self.inner.borrow_mut().units[self.index].device().downcast_mut().map(look)

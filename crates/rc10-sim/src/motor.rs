@@ -74,6 +74,11 @@ impl Motor {
         self.plant = self.plant.with_gear(ratio);
     }
 
+    /// Turns of the rotor, of which the whole ones do not matter.
+    pub(crate) fn set_rotor_angle(&mut self, turns: f64) {
+        self.offset = (turns - self.fraction).rem_euclid(1.0);
+    }
+
     pub(crate) const fn add_load_inertia(&mut self, inertia: f64) {
         self.plant.load_inertia += inertia;
     }

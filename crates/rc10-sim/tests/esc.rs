@@ -141,6 +141,17 @@ fn feedback_reports_rotor_speed_and_rotor_angle() {
 }
 
 #[test]
+fn an_absolute_encoder_says_where_its_rotor_was_put() {
+    let (mut world, bus, esc) = one(Model::Gm6020Current, 1);
+    esc.set_rotor_angle(-90.0);
+    world.advance(Micros::from_millis(3));
+    let feedback = bus.take_trace().pop().unwrap().frame;
+    assert_eq!(feedback.bytes()[..2], 6144_u16.to_be_bytes());
+    // The shaft did not turn by that.
+    assert!(esc.state().output_degrees.abs() < 1e-9, "{:?}", esc.state());
+}
+
+#[test]
 fn feedback_comes_at_the_set_rate_with_a_phase_of_its_own() {
     let mut world = World::new(9);
     let bus = world.add_bus(BusConfig::default());

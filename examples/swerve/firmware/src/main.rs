@@ -1,0 +1,14 @@
+//! The swerve robot on the chip.
+#![no_std]
+#![no_main]
+
+use defmt_rtt as _;
+use swerve_robot::task;
+
+rc10_board::robot! {
+    robot: swerve_robot;
+    buses: two_buses(bus_1, bus_2);
+    console: 921_600;
+    live: |shared| &shared.live;
+    tasks: |shared| task::run(shared);
+}

@@ -1,0 +1,106 @@
+//! The motor table: bus, id, gains and safe state of each motor; and the robot's measures.
+
+use rc10_app::{
+    Body, Cascade, FeedForward, Gravity, HeadingHoldConfig, PidConfig, Point, Robot, Rpm,
+    RpmPerSecond, Steering, Swerve, TotalAngle, Twist, TwistLimits,
+};
+use rc10_module::remote::Receiver;
+use rc10_motor::Entry;
+use rc10_motor::Place::Bus;
+use rc10_motor::dji::{Config, Dji, GM6020_CURRENT, M3508};
+use rc10_tasks::ArmingConfig;
+
+rc10_motor::motors! {
+    /// Names of the motors.
+    pub enum Name;
+    /// The robot's motors: they stand here, and the buses borrow them.
+    pub struct Motors;
+    buses: [100.0; BUSES];
+    lines: 0;
+    DriveFrontLeft: Dji = drive("drive front left", 1),
+    DriveFrontRight: Dji = drive("drive front right", 2),
+    DriveRearLeft: Dji = drive("drive rear left", 3),
+    DriveRearRight: Dji = drive("drive rear right", 4),
+    SteerFrontLeft: Dji = steer("steer front left", 1),
+    SteerFrontRight: Dji = steer("steer front right", 2),
+    SteerRearLeft: Dji = steer("steer rear left", 3),
+    SteerRearRight: Dji = steer("steer rear right", 4),
+}
+
+/// The buses that are used, of the three that the board has.
+pub const BUSES: usize = 2;
+
+/// The motors that turn the wheels, in the order of [`BASE`].
+pub const DRIVES: [Name; 4] =
+    [Name::DriveFrontLeft, Name::DriveFrontRight, Name::DriveRearLeft, Name::DriveRearRight];
+
+/// The motors that steer them, in the same order.
+pub const STEERS: [Name; 4] =
+    [Name::SteerFrontLeft, Name::SteerFrontRight, Name::SteerRearLeft, Name::SteerRearRight];
+
+/// Total angles of the steering motors while their wheels look ahead, read once on the robot.
+///
+/// A GM6020 sits on the steering axis without a gear, and its encoder is absolute within the turn. So
+/// these hold after every power-on, however the wheels then look. (With a gear, or an M2006, a module
+/// needs a switch or a stop to find its zero.)
+pub const AHEAD: [TotalAngle; 4] = [
+    TotalAngle::from_degrees(35),
+    TotalAngle::from_degrees(212),
+    TotalAngle::from_degrees(301),
+    TotalAngle::from_degrees(98),
+];
+
+const fn drive(label: &'static str, id: u8) -> Entry<Config> {
+    let config = Config::new(&M3508, id).with_feed_forward(ROLLING);
+    Entry::new(label, Bus(1), config).with_jog(Rpm::new(20.0))
+}
+
+/// What a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and rotor are 0.0052
+/// kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is [`BODY`].
+const ROLLING: FeedForward =
+    FeedForward { friction: 0.4, speed: 0.001, acceleration: 0.0018, gravity: Gravity::None };
+
+const fn steer(label: &'static str, id: u8) -> Entry<Config> {
+    Entry::new(label, Bus(2), Config::new(&GM6020_CURRENT, id).with_cascade(STEERING))
+}
+
+/// A fork with its wheel and the rotor are 0.0024 kg m², and a GM6020 makes 0.741 N m/A: stiffer than
+/// the gains that it comes with, which are for a turret.
+const STEERING: Cascade = Cascade {
+    speed: PidConfig::new(0.04, 0.5, 0.0, 3.0),
+    angle: PidConfig::new(4.0, 0.0, 0.0, 250.0),
+    outer_divider: 1,
+    acceleration: RpmPerSecond::new(3000.0),
+    feed_forward: FeedForward { friction: 0.15, acceleration: 0.00034, ..FeedForward::NONE },
+};
+
+/// The base: wheels of 60 mm radius in a square of 400 mm, that are steered through any number of
+/// turns. The wheels stay below the 480 rpm that an M3508 reaches unloaded.
+pub const BASE: Swerve<4> = Swerve::sound(PLACES, 0.06, Rpm::new(450.0), Steering::Endless);
+
+/// Front left, front right, rear left, rear right.
+const PLACES: [Point<Robot>; 4] =
+    [Point::new(0.2, 0.2), Point::new(0.2, -0.2), Point::new(-0.2, 0.2), Point::new(-0.2, -0.2)];
+
+/// The robot with all that is on it, wheels included; our estimate.
+pub const BODY: Body = Body { mass: 20.0, yaw_inertia: 1.2 };
+
+/// The receiver of the remote control.
+pub const RECEIVER: Receiver = Receiver::Dr16;
+
+/// Right switch down disarms, left switch down stops.
+pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);
+
+/// Speed of the base with the sticks at their ends: 430 rpm of the fastest wheel with all of them.
+pub const FULL_STICK: Twist = Twist::new(1.3, 1.3, 3.0);
+
+/// Largest accelerations of the base: 5 m/s² of a wheel with both, below what it slips at and below the
+/// 6.3 m/s² to which the loops of its motor keep it.
+pub const BASE_LIMITS: TwistLimits =
+    TwistLimits { linear_acceleration: 3.0, angular_acceleration: 7.0 };
+
+/// It keeps looking where it looks by its wheels: the robot has no IMU.
+pub const HEADING_HOLD: HeadingHoldConfig =
+    HeadingHoldConfig { kp: 5.0, kd: 0.1, max_rate: 2.0, deceleration: 6.0, deadband: 0.05 };
+
+const _: () = assert!(BASE_LIMITS.validate().is_ok() && HEADING_HOLD.validate().is_ok());
