@@ -64,7 +64,14 @@ fn behind(feed_forward: FeedForward, along: bool) -> Vec<(f32, f32)> {
         } else {
             Seek::Angle(way)
         };
-        let step = Step { measured: speed, load: 0.0, full: 10.0, dt: DT, count: tick.into() };
+        let step = Step {
+            measured: speed,
+            load: 0.0,
+            effort: 0.0,
+            full: 10.0,
+            dt: DT,
+            count: tick.into(),
+        };
         state.seek(&config, &seek, &step);
         if tick % 3 == 0 {
             points.push((f32::from(tick) * DT.get(), way));

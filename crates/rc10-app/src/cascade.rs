@@ -353,14 +353,12 @@ impl CascadeState {
     pub fn seek(&mut self, config: &Cascade, seek: &Seek, step: &Step) {
         let &Step { measured, load, effort, full, dt, count } = step;
         let last = self.effort();
-        let goes_on = self.enter(
-            match seek {
-                Seek::Speed(_) => Active::Speed,
-                Seek::Angle(_) => Active::Angle,
-                Seek::Motion { .. } => Active::Motion,
-            },
-            measured,
-        );
+        let next = match seek {
+            Seek::Speed(_) => Active::Speed,
+            Seek::Angle(_) => Active::Angle,
+            Seek::Motion { .. } => Active::Motion,
+        };
+        let goes_on = self.active == next || self.enter(next, measured);
         let acceleration = match *seek {
             Seek::Speed(target) => self.approach(config, target, dt),
             Seek::Angle(way) => {

@@ -52,8 +52,10 @@ pub(crate) struct Goals {
     goal: Goal,
     /// The angle to keep while the bus says hold.
     held: Option<TotalAngle>,
-    /// Seconds since the newest motion was given.
+    /// Seconds since the newest motion was given, and what it has gained since: rpm and degrees.
     since: f32,
+    gained: f32,
+    gone: f32,
 }
 
 /// A motion goes on with its acceleration for so many seconds, then at the speed that it has.
@@ -71,7 +73,15 @@ pub(crate) struct Moment {
 
 impl Goals {
     pub(crate) const fn new(supports: TargetSet) -> Self {
-        Self { supports, target: Target::Coast, goal: Goal::Rest, held: None, since: 0.0 }
+        Self {
+            supports,
+            target: Target::Coast,
+            goal: Goal::Rest,
+            held: None,
+            since: 0.0,
+            gained: 0.0,
+            gone: 0.0,
+        }
     }
 
     pub(crate) const fn supports(&self) -> TargetSet {
@@ -89,7 +99,7 @@ impl Goals {
             self.goal = Goal::of(target)?;
             self.target = target;
         }
-        self.since = 0.0;
+        (self.since, self.gained, self.gone) = (0.0, 0.0, 0.0);
         Ok(())
     }
 
@@ -98,11 +108,14 @@ impl Goals {
         if matches!(self.target, Target::Motion(_)) { self.moving_target() } else { self.target }
     }
 
-    #[cold]
     fn moving_target(&self) -> Target {
-        let Moment { motion, gone } = self.moment();
-        let gone = TotalAngle::try_from_degrees(Degrees::new(gone)).unwrap_or(TotalAngle::ZERO);
-        Target::Motion(Motion { angle: motion.angle.map(|angle| angle.plus(gone)), ..motion })
+        let mut motion = self.motion();
+        motion.speed = motion.speed + Rpm::new(self.gained);
+        if let Some(angle) = &mut motion.angle {
+            let gone = round_to_i32(self.gone * 1e6);
+            *angle = angle.plus(TotalAngle::from_microdegrees(gone.into()));
+        }
+        Target::Motion(motion)
     }
 
     pub(crate) const fn goal(&self) -> &Goal {
@@ -153,23 +166,22 @@ impl Goals {
 
     /// Where a motion is after one more tick.
     pub(crate) fn advance(&mut self, dt: Seconds) -> Moment {
-        self.since = (self.since + dt.get().max(0.0)).min(LONGEST_MOTION);
-        self.moment()
-    }
-
-    fn moment(&self) -> Moment {
+        // No comparison is true for NaN, and nothing goes back.
+        let since = self.since + if dt.get() > 0.0 { dt.get() } else { 0.0 };
+        self.since = if since < LONGEST_MOTION { since } else { LONGEST_MOTION };
         let Motion { angle, speed, acceleration, effort } = self.motion();
-        let accelerated = self.since.min(LONGEST_ACCELERATION);
-        let gained = acceleration.get() * accelerated;
-        let gone = speed.get() * self.since + gained * (self.since - 0.5 * accelerated);
         let is_over = self.since >= LONGEST_ACCELERATION;
+        let accelerated = if is_over { LONGEST_ACCELERATION } else { self.since };
+        self.gained = acceleration.get() * accelerated;
+        let way = speed.get() * self.since + self.gained * (self.since - 0.5 * accelerated);
+        self.gone = way * DEGREES_PER_SECOND;
         let motion = Motion {
             angle,
-            speed: Rpm::new(speed.get() + gained),
+            speed: Rpm::new(speed.get() + self.gained),
             acceleration: if is_over { RpmPerSecond::ZERO } else { acceleration },
             effort,
         };
-        Moment { motion, gone: gone * DEGREES_PER_SECOND }
+        Moment { motion, gone: self.gone }
     }
 
     /// The goal of a tick; `stand` is the angle at which the shaft comes to a stand, if that is

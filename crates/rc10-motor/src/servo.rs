@@ -33,7 +33,9 @@ use core::f32::consts::TAU;
 use rc10_app::angle::{degrees_within_turn, shortest_way};
 use rc10_app::cascade::{Seek, Step};
 use rc10_app::maths::{round_to_i32, within};
-use rc10_app::{Cascade, CascadeState, ConfigError, Degrees, PidConfig, Rpm, Seconds, TotalAngle};
+use rc10_app::{
+    Cascade, CascadeState, ConfigError, Degrees, Gravity, PidConfig, Rpm, Seconds, TotalAngle,
+};
 
 use crate::goal::{Goal, Goals, Moment};
 use crate::motor::{DriveMode, Loops, Tick};
@@ -220,7 +222,10 @@ impl Servo {
     /// One step with the whole feed-forward, and an effort on top.
     fn seek(&mut self, seek: &Seek, effort: f32, tick: &Tick, shaft: &Shaft) {
         let Self { state, cascade, limit, .. } = self;
-        let load = cascade.feed_forward.gravity.at(degrees_within_turn(shaft.phase()));
+        let load = match cascade.feed_forward.gravity {
+            Gravity::None => 0.0,
+            gravity => gravity.at(degrees_within_turn(shaft.phase())),
+        };
         let (measured, full, dt, count) = (shaft.speed().get(), *limit, tick.dt, tick.count);
         state.seek(cascade, seek, &Step { measured, load, effort, full, dt, count });
     }
@@ -236,6 +241,9 @@ impl Servo {
     /// One step, whatever is sought.
     #[inline(never)] // Inlined, the usual tick saves its registers too.
     fn pursue(&mut self, tick: &Tick, shaft: &Shaft) {
+        if self.ran && tick.mode == DriveMode::Run && *self.goals.goal() == Goal::Motion {
+            return self.follow(tick, shaft);
+        }
         if !shaft.is_known() {
             return self.rest();
         }
@@ -257,17 +265,19 @@ impl Servo {
                 self.seek(&Seek::Angle(way(&goal, shaft)), 0.0, tick, shaft);
             }
             Goal::Impedance(_) => self.impede(way(&goal, shaft), shaft.speed().get(), tick.dt),
-            Goal::Motion => {
-                let way = self.goals.motion().angle.map(|angle| way(&Goal::Total(angle), shaft));
-                let Moment { motion, gone } = self.goals.advance(tick.dt);
-                let seek = Seek::Motion {
-                    way: way.map(|way| way + gone),
-                    speed: motion.speed.get(),
-                    acceleration: motion.acceleration.get(),
-                };
-                self.seek(&seek, motion.effort, tick, shaft);
-            }
+            Goal::Motion => self.follow(tick, shaft),
         }
+    }
+
+    /// One step along a motion.
+    fn follow(&mut self, tick: &Tick, shaft: &Shaft) {
+        let Moment { motion, gone } = self.goals.advance(tick.dt);
+        let seek = Seek::Motion {
+            way: motion.angle.map(|angle| way(&Goal::Total(angle), shaft) + gone),
+            speed: motion.speed.get(),
+            acceleration: motion.acceleration.get(),
+        };
+        self.seek(&seek, motion.effort, tick, shaft);
     }
 
     /// No effort, and whatever drives next starts softly: while the device cannot follow.

@@ -6,7 +6,7 @@ use rc10_app::{
 };
 use rc10_can::Micros;
 use rc10_message::{Overrun, Statistics, periodic};
-use rc10_motor::{ArmState, Link, MotorStatus, Request, Target};
+use rc10_motor::{ArmState, Link, Request, Target};
 
 use crate::robot::Shared;
 use crate::table::{FEEDER, GIMBAL_LIMITS, LIFT, LIFT_LIMITS, Name};
@@ -41,15 +41,13 @@ pub async fn run(shared: &Shared<'_>) -> ! {
         for (motor, profile, target) in
             [(Name::Yaw, &mut yaw, wish.yaw), (Name::Pitch, &mut pitch, wish.pitch)]
         {
-            let setpoint =
-                follow(profile, [shared.motor(motor).status()], &GIMBAL_LIMITS, target, dt);
+            let setpoint = follow(profile, shared, &[motor], &GIMBAL_LIMITS, target, dt);
             shared.command(motor, Target::Motion(setpoint.into()));
         }
         // At its fastest as a PC has set it.
         let feeder = wish.feeder.get() / FEEDER.get() * shared.live.feeder.get();
         shared.command(Name::Feeder, Target::Speed(Rpm::new(feeder)));
-        let motors = LIFT.map(|motor| shared.motor(motor).status());
-        let setpoint = follow(&mut lift, motors, &LIFT_LIMITS, wish.lift, dt);
+        let setpoint = follow(&mut lift, shared, &LIFT, &LIFT_LIMITS, wish.lift, dt);
         for (motor, zeroed) in LIFT.into_iter().zip(zeroed) {
             if zeroed {
                 shared.command(motor, Target::Motion(setpoint.into()));
@@ -61,29 +59,38 @@ pub async fn run(shared: &Shared<'_>) -> ! {
 
 /// The setpoint of motors that move together, on their way to a target. The way begins where they
 /// are, in the mean, as fast as they move.
-fn follow<const N: usize>(
+#[inline(never)]
+fn follow(
     profile: &mut Option<AngleProfile>,
-    motors: [MotorStatus; N],
+    shared: &Shared<'_>,
+    motors: &[Name],
     limits: &ProfileLimits,
     target: TotalAngle,
     dt: Seconds,
 ) -> AngleSetpoint {
     let begins = profile.is_none();
-    let profile = profile.get_or_insert_with(|| {
-        let angle: i64 = motors.iter().map(|it| it.feedback.total_angle.microdegrees()).sum();
-        let speed: f32 = motors.iter().map(|it| it.feedback.speed.get()).sum();
-        AngleProfile::from_setpoint(AngleSetpoint {
-            angle: TotalAngle::from_microdegrees(angle / N as i64),
-            speed: Rpm::new(speed / N as f32),
-            acceleration: RpmPerSecond::ZERO,
-        })
-    });
+    let profile = profile.get_or_insert_with(|| begin(shared, motors));
     if !begins {
         profile.update(dt);
     }
     // Limits that stand in the table can be used, and its angles are finite.
     let _ = profile.set_target(limits, target, Rpm::ZERO);
     profile.setpoint()
+}
+
+/// Where motors are, in the mean, and as fast as they move.
+fn begin(shared: &Shared<'_>, motors: &[Name]) -> AngleProfile {
+    let (mut angle, mut speed) = (0, 0.0);
+    for motor in motors {
+        let feedback = shared.motor(*motor).status().feedback;
+        angle += feedback.total_angle.microdegrees();
+        speed += feedback.speed.get();
+    }
+    AngleProfile::from_setpoint(AngleSetpoint {
+        angle: TotalAngle::from_microdegrees(angle / motors.len() as i64),
+        speed: Rpm::new(speed / motors.len() as f32),
+        acceleration: RpmPerSecond::ZERO,
+    })
 }
 
 /// How far the lift is from level, in degrees of its shafts: they stand anywhere until each has been set
