@@ -12,8 +12,8 @@
 mod bases;
 mod codecs;
 mod control;
-mod profiles;
 mod paths;
+mod profiles;
 mod streams;
 #[path = "../../../crates/rc10-app/tests/walk/mod.rs"]
 mod walk;
