@@ -103,6 +103,23 @@ fn it_does_what_the_sticks_say() {
 }
 
 #[test]
+fn it_keeps_its_heading_by_hand() {
+    const AHEAD: [Line; 4] = [
+        PATH[0],
+        PATH[1],
+        at(300, "ahead", Controls { left: stick(0.0, 1.0), ..ARMED }),
+        at(2300, "stand", ARMED),
+    ];
+    let mut world = operated(&AHEAD);
+    // A worn wheel: of itself, the base turns by 2.4 degrees on 2 m.
+    world.base.as_mut().unwrap().chassis.wheels[0].radius *= 0.97;
+    let run = run_in(world, 1, None, 3000);
+    let [metres, degrees] = apart(pose(&run, 3000), pose(&run, 200));
+    println!("{degrees:.2} degrees after {metres:.2} m");
+    assert!(metres > 1.8 && degrees < 0.6, "{metres} {degrees}");
+}
+
+#[test]
 fn arm_and_turret_go_where_their_profiles_do() {
     let run = run(None, 9000);
     for (name, most) in [(Name::Arm, 0.5), (Name::Turret, 1.5)] {
