@@ -108,8 +108,8 @@ pub const HOLD: HeadingHoldConfig = HeadingHoldConfig {
     deadband: 0.05,
 };
 
-/// The path: a rectangle of 1.8 m by 1.2 m with round corners, once around, back to the middle of the
-/// side where it begins. On the way it turns once to the left.
+/// The path: once around a rectangle of 1.8 m by 1.2 m with round corners. It begins and ends on a side,
+/// and on the way the robot turns once to the left.
 pub const PATH: Path<6> = Path::sound([
     Waypoint::new(0.0, 0.0, Radians::new(0.0)),
     Waypoint::new(1.2, 0.0, Radians::new(0.0)).rounded(0.4),
@@ -146,3 +146,11 @@ pub const TURRET_LIMITS: ProfileLimits =
     ProfileLimits { velocity: TURRET_RATE.get(), acceleration: 150.0, jerk: 3000.0 };
 /// Speed of the flywheel while it is switched on.
 pub const SHOOTING: Rpm = Rpm::new(1500.0);
+
+const _: () = assert!(
+    FOLLOWER.validate().is_ok()
+        && PATH_LIMITS.validate().is_ok()
+        && HOLD.validate().is_ok()
+        && ARM_LIMITS.validate().is_ok()
+        && TURRET_LIMITS.validate().is_ok()
+);
