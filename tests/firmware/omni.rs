@@ -1,9 +1,12 @@
-//! The firmware of `examples/omni`: motors of three vendors on three buses, and a remote control.
+//! The firmware of `examples/omni`: motors of three vendors on three buses, an IMU, a remote control,
+//! and a path.
 
 use std::fs;
 
+use omni::plant::{ALONG, ARMED, at};
 use omni::{Motors, Name, Ports, Shared, simulation};
 use rc10_can::Micros;
+use rc10_cli::Description;
 use rc10_cli::emulate::{Emulation, Setup};
 use rc10_cli::figures::{self, to_json};
 use rc10_cli::live::{Answer, BAUD, Losses};
@@ -11,6 +14,7 @@ use rc10_cli::record::{RecordWriter, replay};
 use rc10_cli::recording::{Recording, Source};
 use rc10_emu::{Board, Figures};
 use rc10_motor::{Link, Names};
+use rc10_sim::remote::{Controls, Switch};
 
 use super::live::Watched;
 use super::scratch::Scratch;
@@ -27,9 +31,19 @@ fn record_by(
     length: u64,
     judge: impl FnOnce(&mut Emulation<'_>, Recording),
 ) {
+    record_in(simulation::description(), name, setup, length, judge);
+}
+
+fn record_in(
+    world: Description,
+    name: &str,
+    setup: &Setup,
+    length: u64,
+    judge: impl FnOnce(&mut Emulation<'_>, Recording),
+) {
     let ports = Ports::new();
     let (shared, mut motors) = (Shared::new(&ports), Motors::new());
-    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    let robot = simulation::robot_in(world, &shared, &mut motors).unwrap();
     let emulation = Emulation::new(&program(name), robot, setup).unwrap();
     let (mut emulation, recording) = emulation.record(Micros::from_millis(length)).unwrap();
     judge(&mut emulation, recording);
@@ -71,6 +85,30 @@ pub(super) fn drives(name: &str, board: Board) {
         assert!((flywheel - 1500.0).abs() < 45.0, "{flywheel}");
         let log = log(emulation);
         assert!(log.lines().last().unwrap().contains("armed, 7 of 7 motors online"), "{log}");
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn it_follows_its_path_and_comes_back() {
+    let disarmed = Controls { right_switch: Switch::Down, ..ARMED };
+    let mut world = simulation::description();
+    let remote = world.remote.as_mut().unwrap();
+    remote.script =
+        vec![at(0, "down", disarmed), at(100, "arm", ARMED), at(200, "along the path", ALONG)];
+    remote.repeats_after = None;
+    record_in(world, "omni-firmware", &setup(&[]), 6500, |emulation, recording| {
+        is_clean(&emulation.rig, &Figures::of(&emulation.rig));
+        is_punctual(emulation);
+        let path = &recording.base.as_ref().unwrap().path;
+        let from = |millis: usize| {
+            let (start, here) = (path[19], path[millis / 10 - 1]);
+            (here.x - start.x).hypot(here.y - start.y)
+        };
+        println!("{:.3} m from where it began; {:.2} m on the way", from(6500), from(3000));
+        assert!(from(6500) < 0.03 && from(3000) > 1.0, "{} {}", from(6500), from(3000));
+        let turned = (path[649].yaw - path[19].yaw).to_degrees();
+        assert!((turned - 360.0).abs() < 1.0, "{turned}: once around, to the left");
     });
 }
 

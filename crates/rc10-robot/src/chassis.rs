@@ -1,12 +1,12 @@
 //! The chassis task: from the motion of the base to the speeds of its wheels.
 
-use rc10_app::{Field, Frame, Rpm, Seconds, Twist, TwistLimiter};
+use rc10_app::{Field, Frame, Seconds, Twist, TwistLimiter};
 use rc10_can::Micros;
 use rc10_message::{Overrun, periodic};
-use rc10_motor::{ArmState, Motion, Target};
+use rc10_motor::ArmState;
 
 use crate::robot::{BaseCommand, Shared};
-use crate::table::{BASE, BASE_LIMITS, BODY, WHEEL_TORQUE, WHEELS};
+use crate::table::{BASE_LIMITS, DRIVEN};
 
 /// Period of the chassis task.
 pub const PERIOD: Micros = Micros::from_millis(5);
@@ -31,10 +31,11 @@ pub async fn run(shared: &Shared<'_>) -> ! {
             return;
         };
         let dt = Seconds::from_micros(tick.since_last.get());
+        let measured = || DRIVEN.measured(shared).twist;
         // It may be rolling: the wheels begin with the speeds that they have.
         let mut robot_twist = |wish| {
             world_axes = None;
-            let limiter = robot_axes.get_or_insert_with(|| begun(measured(shared)));
+            let limiter = robot_axes.get_or_insert_with(|| begun(measured()));
             limiter.update(&BASE_LIMITS, wish, dt)
         };
         let limited = match wish {
@@ -43,7 +44,7 @@ pub async fn run(shared: &Shared<'_>) -> ! {
                 match heard.and_then(|heading| heading.direction(tick.now)) {
                     Some(heading) => {
                         robot_axes = None;
-                        let begin = || begun(measured(shared).out_of_frame(heading));
+                        let begin = || begun(measured().out_of_frame(heading));
                         let limiter = world_axes.get_or_insert_with(begin);
                         let limited = limiter.update(&BASE_LIMITS, wish, dt);
                         limited.map(|twist| twist.into_frame(heading))
@@ -55,28 +56,10 @@ pub async fn run(shared: &Shared<'_>) -> ! {
         };
         // Without a twist there is no speed either: the wheels refuse it, and that is counted.
         let twist = limited.unwrap_or(Twist::new(f32::NAN, f32::NAN, f32::NAN));
-        let before = core::mem::replace(before.get_or_insert_with(|| measured(shared)), twist);
-        drive(shared, before, twist, dt);
+        let before = core::mem::replace(before.get_or_insert_with(measured), twist);
+        DRIVEN.drive(shared, before, (twist - before) * (1.0 / dt.get()));
     })
     .await
-}
-
-/// Takes the base from one twist to another within a period, without a step.
-fn drive(shared: &Shared<'_>, from: Twist, to: Twist, dt: Seconds) {
-    let change = (to - from) * (1.0 / dt.get());
-    let wheels = BASE.inverse(from);
-    let speeds = wheels.map_or([Rpm::new(f32::NAN); WHEELS.len()], |wheels| wheels.speeds);
-    let accelerations = BASE.accelerations(change);
-    let torques = BASE.torques(&BODY, from, change);
-    for (at, name) in WHEELS.into_iter().enumerate() {
-        let motion = Motion {
-            angle: None,
-            speed: speeds[at],
-            acceleration: accelerations[at],
-            effort: torques[at].get() / WHEEL_TORQUE,
-        };
-        shared.command(name, Target::Motion(motion));
-    }
 }
 
 /// A limiter that goes on from this motion.
@@ -84,9 +67,4 @@ fn begun<F: Frame>(motion: Twist<F>) -> TwistLimiter<F> {
     let mut limiter = TwistLimiter::new();
     limiter.reset(motion);
     limiter
-}
-
-/// Measured motion of the base, by its wheels.
-fn measured(shared: &Shared<'_>) -> Twist {
-    BASE.forward(WHEELS.map(|name| shared.motor(name).status().feedback.speed)).twist
 }

@@ -9,7 +9,7 @@ use rc10_motor::Place::Bus;
 use rc10_motor::dji::{Config, Dji, GM6020_CURRENT, GM6020_VOLTAGE, M2006, M3508};
 use rc10_motor::rc10_app::Direction;
 use rc10_motor::{Entry, Safety};
-use rc10_tasks::ArmingConfig;
+use rc10_tasks::{ArmingConfig, DrivenBase};
 
 rc10_motor::motors! {
     /// Names of the motors.
@@ -107,8 +107,13 @@ pub const BASE: Base<4> = Base::mecanum(0.076, 0.20, 0.22, Rpm::new(400.0));
 /// The robot with everything on it.
 pub const BODY: Body = Body { mass: 20.0, yaw_inertia: 1.2 };
 
-/// A wheel's motor, N m/A.
-pub const WHEEL_TORQUE: f32 = Config::new(&M3508, 1).torque_constant();
+/// The base with its motors.
+pub const DRIVEN: DrivenBase<Name, 4> = DrivenBase {
+    wheels: WHEELS,
+    base: BASE,
+    body: BODY,
+    torque_constant: Config::new(&M3508, 1).torque_constant(),
+};
 
 /// The receiver of the remote control that is plugged in.
 pub const RECEIVER: Receiver = Receiver::Dr16;

@@ -16,7 +16,9 @@ use rc10_module::imu::attitude::Attitude;
 use rc10_module::imu::bmi088::{self, Bmi088};
 use rc10_module::imu::{Heading, Sample, Wit, wit};
 use rc10_module::{Reception, listen};
-use rc10_motor::{ArmState, ArmSwitch};
+use rc10_motor::{ArmState, ArmSwitch, Names};
+
+use crate::common::Common;
 
 /// A heading that is zero where the robot looked when it was armed.
 #[derive(Default)]
@@ -64,6 +66,17 @@ pub async fn listen_to_wit(
         if let Some(heading) = zeroed.hear(yaw, 0, switch, at) {
             hear(heading, at);
         }
+    })
+    .await
+}
+
+/// Listens to an HWT101 or WT901 on a serial port, for ever: the heading that all tasks share.
+pub async fn listen_for<N: Names, const BUSES: usize, const LINES: usize>(
+    shared: &Common<'_, N, BUSES, LINES>,
+    port: impl Read,
+) -> ! {
+    listen_to_wit(port, &shared.switch, &shared.imu_reception, |heading, at| {
+        shared.heading.set(heading, at);
     })
     .await
 }

@@ -3,6 +3,7 @@
 //!
 //! * [`Common`]: what they share.
 //! * [`arming`]: the switches of a remote control arm, disarm and stop; its failsafe in two steps.
+//! * [`DrivenBase`]: a base, its wheels, and the motors that turn them.
 //! * [`heading`]: which way the robot looks, counted from where it was armed.
 //! * [`mod@live`]: shows the robot to a PC, and lets it change gains.
 //! * [`remote`]: what the remote's receiver says.
@@ -12,6 +13,7 @@
 #![forbid(unsafe_code)]
 
 pub mod arming;
+mod base;
 mod common;
 pub mod heading;
 pub mod live;
@@ -21,6 +23,7 @@ pub mod status_led;
 pub mod supply;
 
 pub use arming::{Arming, ArmingConfig, ArmingError, SwitchAt, SwitchName};
+pub use base::DrivenBase;
 pub use common::{Changes, Common};
 pub use status::{BusSummary, LineSummary, RobotStatus, TickWatch};
 pub use supply::Supply;

@@ -5,4 +5,4 @@
 pub mod plant;
 pub mod simulation;
 
-pub use omni_robot::{Motors, Name, Ports, Shared, table, task};
+pub use omni_robot::{Motors, Name, Ports, Shared, base, table, task};

@@ -1,10 +1,12 @@
 //! What is on the motors' shafts, and what hands do with the remote.
 
+use anyhow::{Context, Result};
 use rc10_can::Micros;
 use rc10_cli::Plant;
 use rc10_cli::remote::Line;
-use rc10_sim::Nonlinear;
+use rc10_sim::imu::Hwt101;
 use rc10_sim::remote::{Controls, Stick, Switch};
+use rc10_sim::{Base, Nanos, Nonlinear, Serial, World};
 
 use crate::table::{FULL_STICK, Name};
 
@@ -27,27 +29,49 @@ pub fn plant(name: Name) -> Plant {
     }
 }
 
+/// Its IMU, on the base.
+///
+/// # Errors
+/// Without a base.
+pub fn imu(world: &mut World, base: Option<&Base>) -> Result<Serial> {
+    let phase = world.chance(Nanos::new(5_000_000));
+    let base = base.context("it must stand on a base")?;
+    Ok(world.add_serial(Hwt101::SERIAL, Hwt101::new(base, phase)))
+}
+
+/// It begins again after this.
+pub const SCRIPT_LENGTH: Micros = Micros::from_millis(10_000);
+
 /// What hands do, from when on.
-pub const SCRIPT: [Line; 8] = [
+pub const SCRIPT: [Line; 11] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm", ARMED),
     at(200, "forward", Controls { left: stick(0.0, 1.0), ..ARMED }),
     at(1000, "to the left", Controls { left: stick(-1.0, 0.0), ..ARMED }),
     at(1800, "spin, arm up", Controls { right: stick(-2.0, 90.0), ..ARMED }),
-    at(2600, "flywheel and turret", Controls { left_switch: Switch::Up, dial: 0.5, ..ARMED }),
-    at(4000, "arm down", Controls { right: stick(0.0, -90.0), ..ARMED }),
-    at(4800, "stand", ARMED),
+    at(2600, "flywheel and turret", SHOOTING),
+    at(3000, "along the path", Controls { right_switch: Switch::Up, ..SHOOTING }),
+    at(4000, "arm down", Controls { right: stick(0.0, -90.0), ..ALONG }),
+    at(4800, "arm stays", ALONG),
+    at(9200, "by hand: back", Controls { left: stick(0.0, -0.5), ..ARMED }),
+    at(9600, "stand", ARMED),
 ];
 
 /// Armed, sticks let go.
-const ARMED: Controls = Controls::REST;
+pub const ARMED: Controls = Controls { right_switch: Switch::Middle, ..Controls::REST };
+/// Along the path.
+pub const ALONG: Controls = Controls { right_switch: Switch::Up, ..ARMED };
+const SHOOTING: Controls = Controls { left_switch: Switch::Up, dial: 0.5, ..ARMED };
 
-const fn at(millis: u64, label: &'static str, controls: Controls) -> Line {
+/// A line of a script, for a world of one's own.
+#[must_use]
+pub const fn at(millis: u64, label: &'static str, controls: Controls) -> Line {
     Line { at: Micros::from_millis(millis), label, controls }
 }
 
-/// To the side and away: m/s for the left stick; rad/s and degrees per second for the right one.
-const fn stick(side: f64, away: f64) -> Stick {
+/// A stick: to the side and away: m/s for the left stick; rad/s and degrees per second for the right one.
+#[must_use]
+pub const fn stick(side: f64, away: f64) -> Stick {
     let full = if away.abs() > 2.0 { [FULL_STICK.wz as f64, 90.0] } else { [1.5, 1.5] };
     Stick { x: side / full[0], y: away / full[1] }
 }

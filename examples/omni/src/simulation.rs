@@ -1,11 +1,10 @@
 //! The robot as the tools see it, and with its tasks in a simulated world.
 
-use rc10_can::Micros;
 use rc10_cli::emulate::build_firmware_of;
-use rc10_cli::{Base, Description, RemoteControl, Robot};
-use rc10_tasks::status;
+use rc10_cli::{Base, Description, RemoteControl, Robot, SerialPart};
+use rc10_tasks::{heading, status};
 
-use crate::plant::{MASS, SCRIPT, plant};
+use crate::plant::{MASS, SCRIPT, SCRIPT_LENGTH, imu, plant};
 use crate::table::{BASE, RECEIVER, WHEELS};
 use crate::{Motors, Shared, task};
 
@@ -14,7 +13,8 @@ use crate::{Motors, Shared, task};
 pub fn description() -> Description {
     Description {
         base: Some(Base::of(WHEELS, &BASE).with_mass(MASS)),
-        remote: Some(RemoteControl::new(RECEIVER, &SCRIPT, Some(Micros::from_millis(5000)))),
+        remote: Some(RemoteControl::new(RECEIVER, &SCRIPT, Some(SCRIPT_LENGTH))),
+        serials: vec![SerialPart { label: "IMU", uart: 7, twin: imu }],
         firmware: Some(|board| build_firmware_of("omni-firmware", board)),
         ..Description::of(plant)
     }
@@ -25,6 +25,25 @@ pub fn description() -> Description {
 /// # Errors
 /// None that this declaration has.
 pub fn robot<'r>(shared: &'r Shared<'_>, motors: &'r mut Motors) -> anyhow::Result<Robot<'r>> {
-    let robot = Robot::of(description(), motors.start(&shared.switch)?, shared);
+    robot_in(description(), shared, motors)
+}
+
+/// The same in another world: heavier, or with another operator.
+///
+/// # Errors
+/// As those of [`robot`].
+pub fn robot_in<'r>(
+    world: Description,
+    shared: &'r Shared<'_>,
+    motors: &'r mut Motors,
+) -> anyhow::Result<Robot<'r>> {
+    let robot = Robot::of(world, motors.start(&shared.switch)?, &shared.common)
+        .serial(&shared.imu_reception, async |port| heading::listen_for(shared, port).await)
+        .live(&shared.common, &shared.live)
+        .yaw("heading", |_| {
+            Some(f64::from(shared.live.heading.get())).filter(|yaw| yaw.is_finite())
+        })
+        .estimate(["odometry x", "odometry y", "odometry heading"])
+        .reference(["path x", "path y", "path heading"]);
     Ok(robot.task(task::run(shared)).task(status::run(shared)))
 }

@@ -7,6 +7,7 @@
 ///     robot: my_robot;                              // its crate
 ///     buses: three_buses(bus_1, bus_2, bus_3);      // or: two_buses(bus_1, bus_2)
 ///     console: 921_600;                             // baud
+///     imu: wit;                                     // an HWT101 or WT901 on a serial port: may be left out
 ///     live: |shared| &shared.live;                  // of a robot with signals of its own: may be left out
 ///     tasks: |shared| task::run(shared);            // a future: several of them by `join`
 /// }
@@ -14,6 +15,8 @@
 ///
 /// Of a board with outputs of supply that are switched, all are switched on when everything else runs; or these only:
 /// `outputs: [First];` behind the console. A board without such outputs takes no notice of it.
+///
+/// The IMU is on the serial port that the board has for it. A board with an IMU soldered on takes no notice of it.
 ///
 /// An RS-485 line, the board's part `rs485`, stands between the buses and the console: `line: rs485 at 4_000_000, replies in REPLY;`.
 ///
@@ -39,6 +42,7 @@ macro_rules! robot {
         buses: $buses:ident($($bus:ident),+);
         $(line: $line:ident at $baud:expr, replies in $reply:expr;)?
         console: $console:expr;
+        $(imu: $imu:ident;)?
         $(outputs: [$($output:ident),*];)?
         $(live: |$of:ident| $live:expr;)?
         tasks: |$shared:ident| $tasks:expr;
@@ -119,6 +123,7 @@ macro_rules! robot {
                 $($crate::start_line!(shared, lines, board.$line, $baud);)?
 
                 let text = $crate::robot::console_port(board.text, Irqs, Priority::P7, $console)?;
+                $($crate::start_imu!(shared, spawner, board, $imu);)?
                 let remote = $crate::robot::remote(board.remote, Irqs, RECEIVER, Priority::P7)?;
                 let soldered = board.soldered;
                 spawner.spawn(others(shared, board.watchdog, text, started, remote, soldered)?);
@@ -188,6 +193,43 @@ macro_rules! start_line {
         let task = $crate::robot::line(uart, line, &$shared.ports.lines[0])?;
         LINE_CONTROL.start(interrupt::UART8).spawn(task);
     };
+}
+
+/// Listens to the IMU, at the rate that it is sold with.
+#[cfg(feature = "h723zg")]
+#[doc(hidden)]
+#[macro_export]
+macro_rules! start_imu {
+    ($shared:ident, $spawner:ident, $board:ident, wit) => {
+        use ::embassy_stm32::peripherals::UART7;
+
+        bind_interrupts!(struct OfImu {
+            UART7 => serial::Interrupt<UART7>;
+            DMA1_STREAM5 => serial::Interrupt<UART7>;
+            DMA1_STREAM6 => serial::Interrupt<UART7>;
+        });
+
+        #[::embassy_executor::task]
+        async fn imu(shared: &'static Shared<'static>, port: Serial) {
+            $crate::rc10_tasks::heading::listen_for(shared, port).await;
+        }
+
+        let config = serial::SerialConfig::new(115_200);
+        let (ring, buffer) = (
+            $crate::rc10_bsp::dma_buffer!(u8; 128),
+            $crate::rc10_bsp::dma_buffer!(u8; 32),
+        );
+        let port = Serial::start($board.imu, OfImu, &config, ring, buffer, Priority::P7)?;
+        $spawner.spawn(imu($shared, port)?);
+    };
+}
+
+/// Its IMU is soldered on.
+#[cfg(feature = "dm-mc02")]
+#[doc(hidden)]
+#[macro_export]
+macro_rules! start_imu {
+    ($shared:ident, $spawner:ident, $board:ident, wit) => {};
 }
 
 /// The outputs of supply that are switched on: these, or all.

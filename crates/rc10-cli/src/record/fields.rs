@@ -127,7 +127,8 @@ macro_rules! states {
 states! {
     Link: NeverSeen, Online, Lost;
     DriveMode: Off, Coast, Brake, Hold, Run;
-    TargetKind: Coast, Current, Duty, Speed, Angle, TotalAngle, Torque, Impedance, Brake, Handbrake;
+    TargetKind: Coast, Current, Duty, Speed, Angle, TotalAngle, Torque, Impedance, Brake, Handbrake,
+        Motion, SpeedMotion;
     Condition: Ready, Starting, Unregulated, SlowFeedback, NoReports, NotFollowing;
     ArmState: Disarmed, Armed, Suspended, EStopped;
     ErrorState: Active, Warning, Passive, BusOff;
@@ -385,7 +386,9 @@ mod tests {
         assert_eq!(Option::<u32>::of(Option::<u32>::None.number()), None);
         assert_eq!(Option::<ArmState>::of(f64::NAN), None);
         assert_eq!(Option::<ArmState>::of(3.0), Some(ArmState::EStopped));
-        assert_eq!(TargetKind::of(TargetKind::Handbrake.number()), TargetKind::Handbrake);
+        for kind in [TargetKind::Handbrake, TargetKind::Motion, TargetKind::SpeedMotion] {
+            assert_eq!(TargetKind::of(kind.number()), kind);
+        }
         assert_eq!(Micros::of(Micros::new(3_600_000_001).number()), Micros::new(3_600_000_001));
     }
 }

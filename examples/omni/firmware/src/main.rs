@@ -9,5 +9,7 @@ rc10_board::robot! {
     robot: omni_robot;
     buses: three_buses(bus_1, bus_2, bus_3);
     console: 921_600;
+    imu: wit;
+    live: |shared| &shared.live;
     tasks: |shared| task::run(shared);
 }

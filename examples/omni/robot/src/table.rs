@@ -1,9 +1,12 @@
-//! The motor table: bus, id, gains and safe state of each motor; and the robot's measures.
+//! The motor table: bus, id, gains and safe state of each motor; the robot's measures, and its path.
 
+use core::f32::consts::{FRAC_PI_2, PI};
 use core::num::NonZeroU8;
 
+use rc10_app::path::{FollowerConfig, Path, PathLimits, Waypoint};
 use rc10_app::{
-    Amps, Base, Cascade, FeedForward, Gear, PidConfig, Rpm, RpmPerSecond, Twist, TwistLimits,
+    Amps, Base, Body, Cascade, Degrees, FeedForward, Gear, Gravity, HeadingHoldConfig, PidConfig,
+    ProfileLimits, Radians, Rpm, RpmPerSecond, Seconds, Twist, TwistLimits,
 };
 use rc10_module::remote::Receiver;
 use rc10_motor::Place::Bus;
@@ -11,7 +14,7 @@ use rc10_motor::damiao::{self, Damiao};
 use rc10_motor::dji::{self, Dji, GM6020_VOLTAGE, M3508};
 use rc10_motor::vesc::{self, Currents, ElectricalScale, Vesc};
 use rc10_motor::{Entry, Safety};
-use rc10_tasks::ArmingConfig;
+use rc10_tasks::{ArmingConfig, DrivenBase};
 
 rc10_motor::motors! {
     /// Names of the motors.
@@ -36,8 +39,13 @@ pub const BUSES: usize = 3;
 pub const WHEELS: [Name; 4] = [Name::FrontLeft, Name::RearLeft, Name::RearRight, Name::FrontRight];
 
 const fn wheel(label: &'static str, id: u8) -> Entry<dji::Config> {
-    Entry::new(label, Bus(1), dji::Config::new(&M3508, id))
+    Entry::new(label, Bus(1), dji::Config::new(&M3508, id).with_feed_forward(ROLLING))
 }
+
+/// What a wheel itself takes, in A: friction in its gearbox and on the floor; wheel and rotor are 0.0052
+/// kg m², and an M3508 makes 0.3 N m/A. What the robot on it takes is [`BODY`].
+const ROLLING: FeedForward =
+    FeedForward { friction: 0.4, speed: 0.001, acceleration: 0.0018, gravity: Gravity::None };
 
 /// In MIT mode; efforts in N m. The low byte of its identifier is beyond those of DJI's feedback.
 pub const ARM: damiao::Config = damiao::Config::new(
@@ -49,7 +57,12 @@ pub const ARM: damiao::Config = damiao::Config::new(
         angle: PidConfig::new(1.3, 0.0, 0.0, 150.0),
         outer_divider: 1,
         acceleration: RpmPerSecond::new(1000.0),
-        feed_forward: FeedForward::NONE,
+        // It weighs 0.5 N m where it is level, and has 0.02 kg m².
+        feed_forward: FeedForward {
+            acceleration: 0.002,
+            gravity: Gravity::Arm { effort: 0.5, level: Degrees::new(0.0) },
+            ..FeedForward::NONE
+        },
     }),
 );
 
@@ -70,17 +83,74 @@ pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);
 /// that an M3508 reaches unloaded.
 pub const BASE: Base<4> = Base::omni_4(0.076, 0.25, Rpm::new(400.0));
 
+/// The robot with everything on it.
+pub const BODY: Body = Body { mass: 12.0, yaw_inertia: 0.7 };
+
+/// The base with its motors.
+pub const DRIVEN: DrivenBase<Name, 4> = DrivenBase {
+    wheels: WHEELS,
+    base: BASE,
+    body: BODY,
+    torque_constant: dji::Config::new(&M3508, 1).torque_constant(),
+};
+
 /// Speed of the base with the sticks at their ends.
 pub const FULL_STICK: Twist = Twist::new(1.5, 1.5, 4.0);
 /// Largest accelerations of the base at which its wheels do not slip.
 pub const BASE_LIMITS: TwistLimits =
     TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
+/// How it keeps its heading while it is driven by hand.
+pub const HOLD: HeadingHoldConfig = HeadingHoldConfig {
+    kp: 4.0,
+    kd: 0.0,
+    max_rate: 2.0,
+    deceleration: BASE_LIMITS.angular_acceleration,
+    deadband: 0.05,
+};
 
-/// Speed of the arm with the stick at its end, degrees per second, and the angles that it may take.
-pub const ARM_RATE: f32 = 90.0;
-/// See [`ARM_RATE`].
-pub const ARM_RANGE: [f32; 2] = [0.0, 120.0];
-/// Speed of the turret with the stick at its end, degrees per second.
-pub const TURRET_RATE: f32 = 180.0;
+/// The path: once around a rectangle of 1.8 m by 1.2 m with round corners. It begins and ends on a side,
+/// and on the way the robot turns once to the left.
+pub const PATH: Path<6> = Path::sound([
+    Waypoint::new(0.0, 0.0, Radians::new(0.0)),
+    Waypoint::new(1.2, 0.0, Radians::new(0.0)).rounded(0.4),
+    Waypoint::new(1.2, 1.2, Radians::new(FRAC_PI_2)).rounded(0.4),
+    Waypoint::new(-0.6, 1.2, Radians::new(PI)).rounded(0.4),
+    Waypoint::new(-0.6, 0.0, Radians::new(-FRAC_PI_2)).rounded(0.4),
+    Waypoint::new(0.0, 0.0, Radians::new(0.0)),
+]);
+/// Slower than by hand: the follower shall have something to correct with.
+pub const PATH_LIMITS: PathLimits = PathLimits {
+    twist: TwistLimits { linear_acceleration: 2.0, angular_acceleration: 8.0 },
+    max_speed: 1.5,
+    wheel_share: 0.9,
+};
+/// How it follows.
+pub const FOLLOWER: FollowerConfig = FollowerConfig::DEFAULT;
+/// It gives its path up when it has waited for so long in all, or is not there so long after the path's
+/// end.
+pub const PATIENCE: Seconds = Seconds::new(1.5);
+/// A stick that is moved farther than this share takes over.
+pub const TAKES_OVER: f32 = 0.1;
+
+/// Speed of the arm with the stick at its end: 90 degrees per second.
+pub const ARM_RATE: Rpm = Rpm::new(15.0);
+/// The angles that it may take, degrees.
+pub const ARM_RANGE: [i32; 2] = [0, 120];
+/// Of its motion, in rpm.
+pub const ARM_LIMITS: ProfileLimits =
+    ProfileLimits { velocity: ARM_RATE.get(), acceleration: 200.0, jerk: 4000.0 };
+/// Speed of the turret with the dial at its end: 180 degrees per second.
+pub const TURRET_RATE: Rpm = Rpm::new(30.0);
+/// Of its motion, in rpm.
+pub const TURRET_LIMITS: ProfileLimits =
+    ProfileLimits { velocity: TURRET_RATE.get(), acceleration: 150.0, jerk: 3000.0 };
 /// Speed of the flywheel while it is switched on.
 pub const SHOOTING: Rpm = Rpm::new(1500.0);
+
+const _: () = assert!(
+    FOLLOWER.validate().is_ok()
+        && PATH_LIMITS.validate().is_ok()
+        && HOLD.validate().is_ok()
+        && ARM_LIMITS.validate().is_ok()
+        && TURRET_LIMITS.validate().is_ok()
+);

@@ -1,0 +1,212 @@
+//! The base: by hand, or along [`PATH`].
+//!
+//! The path is driven in portions: while the base comes to a stand its plan is made, a leg a tick, and
+//! then it is followed by the pose of the odometry, from where the base stands. It is given up when the
+//! switch is moved back or a stick is moved, when the robot is not armed any more, when it is too far
+//! from the path, and when it is later than [`PATIENCE`].
+
+use rc10_app::path::{Follower, PathStatus, Plan, Planner};
+use rc10_app::{
+    Field, HeadingHold, Odometry, OdometryConfig, OdometryInput, Pose, Seconds, Twist, TwistLimiter,
+};
+use rc10_module::remote::{Remote, Switch};
+
+use crate::Shared;
+use crate::table::{
+    BASE, BASE_LIMITS, DRIVEN, FOLLOWER, FULL_STICK, HOLD, PATH, PATH_LIMITS, PATIENCE, TAKES_OVER,
+};
+
+/// What the base does: the value of the signal "activity". Without a robot that is armed and a remote
+/// that is heard there is none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Activity {
+    /// It is driven by hand.
+    ByHand = 0,
+    /// It comes to a stand, and plans its path.
+    Planning = 1,
+    /// It follows its path.
+    Following = 2,
+    /// It is behind, and its path waits for it.
+    Waiting = 3,
+    /// It is at the end of its path, and held there.
+    Arrived = 4,
+    /// It gave its path up, and stands until the switch or a stick is moved.
+    GaveUp = 5,
+}
+
+/// Where it is by its wheels, and by its IMU where it has one.
+#[derive(Default)]
+pub struct Navigation(Odometry);
+
+impl Navigation {
+    /// A step further, in every tick. The heading is zeroed when the robot is armed: before, it does not
+    /// count.
+    pub fn step(&mut self, shared: &Shared<'_>, is_armed: bool, dt: Seconds) -> Pose {
+        let motion = DRIVEN.measured(shared);
+        let heard = shared.heading.read();
+        let heading = heard.and_then(|heading| heading.value.total(rc10_message::now()));
+        shared.live.heading.set(heading.map_or(f32::NAN, |heading| heading.degrees().get()));
+        let heading = heading.filter(|_| is_armed);
+        let input = OdometryInput { twist: motion.twist, slip: motion.slip(), heading };
+        self.0.update(&OdometryConfig::DEFAULT, input, dt);
+        let pose = self.0.pose();
+        shared.live.x.set(pose.x);
+        shared.live.y.set(pose.y);
+        shared.live.yaw.set(pose.heading.get());
+        pose
+    }
+}
+
+/// A base that is driven, while the robot is armed.
+pub struct Driver {
+    limiter: TwistLimiter,
+    hold: HeadingHold,
+    course: Course,
+}
+
+/// What it is about, with what that takes.
+enum Course {
+    /// `is_ready` for a path: the switch was seen in another position.
+    ByHand {
+        is_ready: bool,
+    },
+    Planning(Planner<'static, { PATH.waypoints().len() }>),
+    Along(Along),
+    GaveUp,
+}
+
+/// A path that is followed.
+struct Along {
+    plan: Plan<{ PATH.waypoints().len() }>,
+    follower: Follower,
+    /// Where its axes are in those of the odometry: where the robot stood.
+    start: Pose<Field>,
+    /// How much later it may still become.
+    patience: f32,
+}
+
+impl Driver {
+    /// Goes on from how the base moves.
+    #[must_use]
+    pub fn new(shared: &Shared<'_>) -> Self {
+        let mut limiter = TwistLimiter::new();
+        limiter.reset(DRIVEN.measured(shared).twist);
+        // A switch that was left there starts nothing by itself.
+        Self { limiter, hold: HeadingHold::new(), course: Course::ByHand { is_ready: false } }
+    }
+
+    /// Drives for the coming `dt`, from this pose.
+    pub fn step(&mut self, shared: &Shared<'_>, remote: &Remote, pose: Pose, dt: Seconds) {
+        self.choose(remote);
+        let (activity, target, [twist, change]) = self.go_on(shared, remote, pose, dt);
+        DRIVEN.drive(shared, twist, change);
+        tell(shared, Some(activity), target);
+    }
+
+    /// What the operator wants.
+    fn choose(&mut self, remote: &Remote) {
+        let sticks = [remote.left.x, remote.left.y, remote.right.x];
+        let is_by_hand = matches!(self.course, Course::ByHand { .. });
+        if remote.right_switch != Switch::Up {
+            self.course = Course::ByHand { is_ready: true };
+        } else if !is_by_hand && sticks.iter().any(|stick| stick.abs() > TAKES_OVER) {
+            self.course = Course::ByHand { is_ready: false };
+        } else if matches!(self.course, Course::ByHand { is_ready: true }) {
+            let planner = Planner::new(&PATH, &BASE, &PATH_LIMITS, 0.0);
+            self.course = planner.map_or(Course::GaveUp, Course::Planning);
+            self.hold.release();
+        }
+    }
+
+    /// What it does, where it is to be, how it moves now, and how that changes in a second.
+    fn go_on(
+        &mut self,
+        shared: &Shared<'_>,
+        remote: &Remote,
+        pose: Pose,
+        dt: Seconds,
+    ) -> (Activity, Option<Pose>, [Twist; 2]) {
+        match &mut self.course {
+            Course::ByHand { .. } => {
+                // Sticks count to the right, the robot to the left.
+                let turn = -remote.right.x * FULL_STICK.wz;
+                let rate = DRIVEN.measured(shared).twist.wz;
+                let twist = Twist::new(
+                    remote.left.y * FULL_STICK.vx,
+                    -remote.left.x * FULL_STICK.vy,
+                    self.hold.update(&HOLD, turn, pose.heading, rate),
+                );
+                (Activity::ByHand, None, self.towards(twist, dt))
+            }
+            Course::Planning(planner) => {
+                if self.limiter.twist() == Twist::STOP {
+                    match planner.step() {
+                        Ok(None) => {}
+                        Ok(Some(plan)) => self.course = Course::Along(Along::new(plan, pose)),
+                        Err(_) => self.course = Course::GaveUp,
+                    }
+                }
+                (Activity::Planning, None, self.towards(Twist::STOP, dt))
+            }
+            Course::Along(along) => match along.step(pose, dt) {
+                (Activity::GaveUp, _, _) => {
+                    self.course = Course::GaveUp;
+                    (Activity::GaveUp, None, self.towards(Twist::STOP, dt))
+                }
+                (activity, target, [twist, change]) => {
+                    let half = change * (0.5 * dt.get());
+                    self.limiter.reset(twist + half);
+                    (activity, Some(target), [twist - half, change])
+                }
+            },
+            Course::GaveUp => (Activity::GaveUp, None, self.towards(Twist::STOP, dt)),
+        }
+    }
+
+    /// Towards a twist, as fast as the wheels grip.
+    fn towards(&mut self, twist: Twist, dt: Seconds) -> [Twist; 2] {
+        let from = self.limiter.twist();
+        let to = self.limiter.update(&BASE_LIMITS, twist, dt);
+        // Without a twist there is no motion either: the wheels refuse it.
+        let to = to.unwrap_or(Twist::new(f32::NAN, f32::NAN, f32::NAN));
+        [from, (to - from) * (1.0 / dt.get())]
+    }
+}
+
+impl Along {
+    fn new(plan: Plan<{ PATH.waypoints().len() }>, pose: Pose) -> Self {
+        let start = Pose::new(pose.x, pose.y, pose.heading);
+        Self { plan, follower: Follower::new(), start, patience: PATIENCE.get() }
+    }
+
+    /// What it does, where it is to be, its mean twist in the coming step, and how that changes.
+    fn step(&mut self, pose: Pose, dt: Seconds) -> (Activity, Pose, [Twist; 2]) {
+        let here = self.start.between(pose);
+        let Ok(step) = self.follower.update(&FOLLOWER, &self.plan, here, dt) else {
+            return (Activity::GaveUp, pose, [Twist::STOP; 2]);
+        };
+        let activity = match step.status {
+            PathStatus::Following => Activity::Following,
+            PathStatus::Waiting => Activity::Waiting,
+            PathStatus::Done => Activity::Arrived,
+            PathStatus::GaveUp => Activity::GaveUp,
+        };
+        let is_at_end = activity == Activity::Following && step.target == self.plan.end();
+        if is_at_end || activity == Activity::Waiting {
+            self.patience -= dt.get();
+        }
+        let activity = if self.patience > 0.0 { activity } else { Activity::GaveUp };
+        (activity, self.start.compose(step.target), [step.twist, step.acceleration])
+    }
+}
+
+/// Says what the base does, and where it is to be.
+pub fn tell(shared: &Shared<'_>, activity: Option<Activity>, target: Option<Pose>) {
+    let live = &shared.live;
+    live.activity.set(activity.map_or(f32::NAN, |activity| f32::from(activity as u8)));
+    let [x, y, heading] =
+        target.map_or([f32::NAN; 3], |target| [target.x, target.y, target.heading.get()]);
+    live.path_x.set(x);
+    live.path_y.set(y);
+    live.path_yaw.set(heading);
+}
