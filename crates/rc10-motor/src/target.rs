@@ -1,7 +1,7 @@
 use core::fmt;
 
 use rc10_app::mechanism::Command;
-use rc10_app::{Amps, Degrees, NewtonMetres, Rpm, RpmPerSecond, TotalAngle};
+use rc10_app::{Amps, AngleSetpoint, Degrees, NewtonMetres, Rpm, RpmPerSecond, TotalAngle};
 
 /// A setpoint for one motor. All values are at the output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -117,8 +117,8 @@ impl From<Command> for Target {
         match command {
             Command::Coast => Self::Coast,
             Command::Speed(speed) => Self::Speed(speed),
-            Command::Angle { angle, speed } => {
-                Self::Motion(Motion { angle: Some(angle), speed, ..Motion::default() })
+            Command::Angle(AngleSetpoint { angle, speed, acceleration }) => {
+                Self::Motion(Motion { angle: Some(angle), speed, acceleration, effort: 0.0 })
             }
         }
     }
