@@ -189,7 +189,12 @@ pub fn run() -> Result<()> {
             run_command(&mut host(&format!("run --release {package} -- {arguments}")))
         };
         // A newcomer's first command names no package.
-        let robots = [("", "team"), ("--package mixed", "mixed"), ("--package omni", "omni")];
+        let robots = [
+            ("", "team"),
+            ("--package lift", "lift"),
+            ("--package mixed", "mixed"),
+            ("--package omni", "omni"),
+        ];
         robots.into_iter().try_for_each(run).into()
     });
     report.step("two wheels", || two_wheels().into());
