@@ -48,7 +48,7 @@ fn it_finds_its_bottom_from_wherever_it_begins() {
                 worst = errors.iter().fold(worst, |worst, error| worst.max(error.abs()));
                 longest = longest.max(took);
                 tilt = tilt.max(bench.tilt - (heights[0] - heights[1]).abs());
-                assert_eq!(bench.shared.live.blamed.get(), 0.0);
+                assert_eq!(bench.blamed(), None);
             });
         }
     }
@@ -74,9 +74,9 @@ fn it_follows_its_profile_and_stays_level_whatever_it_weighs() {
                         [inertia, weight, friction].map(turned)
                     };
                     armed(1, [60.0, 45.0], |bench| {
-                        for motor in 0..2 {
+                        for (motor, name) in LIFT.into_iter().enumerate() {
                             let [inertia, weight, friction] = of(motor);
-                            let esc = bench.motor(LIFT[motor]);
+                            let esc = bench.motor(name);
                             let by = Scale { inertia, friction, ..Scale::default() };
                             esc.set_plant(esc.plant().scaled(by));
                             bench.set_weight(motor, weight);
@@ -99,9 +99,9 @@ fn it_follows_its_profile_and_stays_level_whatever_it_weighs() {
 #[test]
 fn a_weak_motor_does_not_tilt_it() {
     let (mut rms, mut tilt) = (0.0_f64, 0.0_f64);
-    for weak in 0..2 {
+    for weak in LIFT {
         armed(1, [60.0, 45.0], |bench| {
-            let esc = bench.motor(LIFT[weak]);
+            let esc = bench.motor(weak);
             esc.set_plant(esc.plant().scaled(Scale { torque_constant: 0.7, ..Scale::default() }));
             bench.home();
             bench.forget();
@@ -130,7 +130,7 @@ fn a_blocked_motor_stops_it_and_is_named() {
                     bench.set_travel(blocked, Some([at, at]));
                     bench.forget();
                     longest = longest.max(bench.until(1, |bench| bench.stage() == Stage::Failed));
-                    assert_eq!(bench.shared.live.blamed.get(), blocked as f32 + 1.0);
+                    assert_eq!(bench.blamed(), Some(blocked));
                     // It stands and stays, whatever hands do.
                     bench.hands(HIGHEST, 500);
                     let stands = bench.heights();
@@ -162,7 +162,7 @@ fn one_that_is_blocked_on_the_way_to_the_bottom_is_named_too() {
             let at = bench.heights()[blocked];
             bench.set_travel(blocked, Some([at, at]));
             bench.until(2, |bench| bench.stage() == Stage::Failed);
-            assert_eq!(bench.shared.live.blamed.get(), blocked as f32 + 1.0);
+            assert_eq!(bench.blamed(), Some(blocked));
             bench.run(500);
             println!("tilt {:.2} degrees", bench.tilt);
             assert!(bench.tilt < 40.0, "{}", bench.tilt);
@@ -218,16 +218,16 @@ fn stopped_it_hangs_and_armed_again_it_knows_its_bottom() {
 
 #[test]
 fn a_motor_without_power_stops_it_and_it_finds_its_bottom_again() {
-    for lost in 0..2 {
+    for (lost, name) in LIFT.into_iter().enumerate() {
         armed(1, [30.0, 20.0], |bench| {
             bench.home();
             bench.hands(MIDDLE, 50);
             bench.hands(ARMED, 600);
-            bench.motor(LIFT[lost]).set_power(false);
+            bench.motor(name).set_power(false);
             bench.until(1, |bench| bench.stage() == Stage::Failed);
-            assert_eq!(bench.shared.live.blamed.get(), lost as f32 + 1.0);
+            assert_eq!(bench.blamed(), Some(lost));
             bench.hands(DISARMED, 1000);
-            bench.motor(LIFT[lost]).set_power(true);
+            bench.motor(name).set_power(true);
             bench.hands(DISARMED, 200);
             bench.hands(ARMED, 20);
             assert_eq!(bench.stage(), Stage::Homing);
@@ -238,9 +238,9 @@ fn a_motor_without_power_stops_it_and_it_finds_its_bottom_again() {
         armed(1, [30.0, 20.0], |bench| {
             bench.home();
             bench.hands(DISARMED, 100);
-            bench.motor(LIFT[lost]).set_power(false);
+            bench.motor(name).set_power(false);
             bench.run(1000);
-            bench.motor(LIFT[lost]).set_power(true);
+            bench.motor(name).set_power(true);
             bench.run(200);
             bench.hands(ARMED, 20);
             assert_eq!(bench.stage(), Stage::Homing);
@@ -284,7 +284,7 @@ fn ten_pieces_are_ten_pieces_with_a_jam_in_between() {
                 let at = began + jammed_at;
                 bench.motor(Name::Feeder).set_travel(Some([-1e6, at]));
                 feed(bench, 10);
-                let is_jammed = |bench: &Bench<'_>| bench.shared.live.jams.get() > 0.0;
+                let is_jammed = |bench: &Bench<'_>| bench.jams() > 0;
                 if jammed_at < 448.0 {
                     bench.until(6, is_jammed);
                     bench.until(1, |bench| turned(bench) < at - 10.0);
@@ -293,13 +293,9 @@ fn ten_pieces_are_ten_pieces_with_a_jam_in_between() {
                 bench.run(4000);
                 let pieces = (turned(bench) - began) / 45.0;
                 let tolerance = f64::from(FEEDER.tolerance.get()) / 45.0;
-                assert_eq!(bench.shared.live.fed.get(), 10.0);
-                assert!(
-                    (pieces - 10.0).abs() < tolerance,
-                    "jam at {jammed_at}: {pieces} by its shaft, {}",
-                    bench.shared.live.jams.get()
-                );
-                assert_eq!(bench.shared.live.jams.get() > 0.0, jammed_at < 448.0);
+                assert_eq!(bench.fed(), 10);
+                assert!((pieces - 10.0).abs() < tolerance, "{pieces} by its shaft");
+                assert_eq!(bench.jams() > 0, jammed_at < 448.0);
             });
         }
     }
@@ -314,8 +310,8 @@ fn a_jam_that_does_not_clear_is_given_up_and_the_lift_goes_on() {
         feed(bench, 3);
         bench.run(5000);
         // The first, and one for each try.
-        let jams = f32::from(FEEDER.jam.tries) + 1.0;
-        assert_eq!((bench.shared.live.fed.get(), bench.shared.live.jams.get()), (2.0, jams));
+        let jams = u64::from(FEEDER.jam.tries) + 1;
+        assert_eq!((bench.fed(), bench.jams()), (2, jams));
         ride(bench);
         // Armed again it finishes the third, and feeds what it is asked for from then on.
         bench.motor(Name::Feeder).set_travel(None);
@@ -323,6 +319,6 @@ fn a_jam_that_does_not_clear_is_given_up_and_the_lift_goes_on() {
         bench.hands(ARMED, 500);
         feed(bench, 1);
         bench.run(1000);
-        assert_eq!(bench.shared.live.fed.get(), 4.0);
+        assert_eq!(bench.fed(), 4);
     });
 }

@@ -8,6 +8,7 @@ use rc10_cli::environment::Environment;
 use rc10_motor::{Motion, Names, Target};
 use rc10_sim::Tasks;
 use rc10_sim::remote::{Controls, Stick, Switch};
+use rc10_tasks::live::Signal;
 
 /// A robot that runs.
 pub struct Bench<'r> {
@@ -131,8 +132,21 @@ impl Bench<'_> {
 
     pub fn stage(&self) -> Stage {
         let stages = [Stage::Idle, Stage::Homing, Stage::Ready, Stage::Failed];
-        let told = self.shared.live.stage.get();
-        stages.into_iter().find(|stage| f32::from(*stage as u8) == told).unwrap_or(Stage::Idle)
+        let told = number(&self.shared.live.stage);
+        stages.into_iter().find(|stage| u64::from(*stage as u8) == told).unwrap()
+    }
+
+    /// The motor of the lift that it blames, if it does.
+    pub fn blamed(&self) -> Option<usize> {
+        usize::try_from(number(&self.shared.live.blamed)).unwrap().checked_sub(1)
+    }
+
+    pub fn fed(&self) -> u64 {
+        number(&self.shared.live.fed)
+    }
+
+    pub fn jams(&self) -> u64 {
+        number(&self.shared.live.jams)
     }
 
     /// Above the bottom.
@@ -180,4 +194,10 @@ impl Bench<'_> {
         self.squares += before.map(|at| (profile - at).powi(2)).iter().sum::<f64>();
         self.looks += 2.0;
     }
+}
+
+/// A signal that counts; 0 before it has been set.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
+fn number(signal: &Signal) -> u64 {
+    signal.get() as u64
 }
