@@ -92,7 +92,7 @@ fn it_follows_its_profile_and_stays_level_whatever_it_weighs() {
         }
     }
     println!("{rms:.2} degrees RMS, tilt {tilt:.2} degrees");
-    assert!(rms < 5.0, "{rms}");
+    assert!(rms < 2.0, "{rms}");
     assert!(tilt < 5.0, "{tilt}");
 }
 
@@ -111,7 +111,7 @@ fn a_weak_motor_does_not_tilt_it() {
         });
     }
     println!("{rms:.2} degrees RMS, tilt {tilt:.2} degrees");
-    assert!(rms < 5.0, "{rms}");
+    assert!(rms < 2.0, "{rms}");
     assert!(tilt < 5.0, "{tilt}");
 }
 
