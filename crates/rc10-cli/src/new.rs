@@ -223,7 +223,13 @@ impl Checkout {
                 name.strip_prefix("profile.").and_then(|name| name.split_once(".package."))
             {
                 // Of those that a robot has.
-                let own = ["rc10-firmware", "lift-firmware", "omni-firmware", "mixed-firmware", "foxglove"];
+                let own = [
+                    "rc10-firmware",
+                    "lift-firmware",
+                    "omni-firmware",
+                    "mixed-firmware",
+                    "foxglove",
+                ];
                 if !own.contains(&package.1) {
                     head += text;
                 }
