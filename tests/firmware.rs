@@ -31,6 +31,8 @@ mod crystal;
 mod dm_mc02;
 #[path = "firmware/dma_memory.rs"]
 mod dma_memory;
+#[path = "firmware/lift.rs"]
+mod lift_robot;
 #[path = "firmware/line.rs"]
 mod line;
 #[path = "firmware/live.rs"]

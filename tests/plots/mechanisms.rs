@@ -2,7 +2,7 @@
 
 use plotters::chart::SeriesLabelPosition::UpperRight;
 use rc10_app::mechanism::{Axes, AxesConfig, Homing, HomingConfig, HomingStatus, Reference, Stall};
-use rc10_app::{Degrees, Direction, Profile, ProfileLimits, Rpm, Seconds, TotalAngle};
+use rc10_app::{AngleProfile, Degrees, Direction, ProfileLimits, Rpm, Seconds, TotalAngle};
 
 use crate::axis::{Axis, BRAKING, Random, Stop};
 use crate::drawing::{BLUE, GREEN, GREY, ORANGE, Panel, line};
@@ -63,17 +63,15 @@ fn lifted(config: &AxesConfig) -> Vec<(f32, f32)> {
         (motor.gain, motor.load, motor.friction) = (600.0, 3.0, 0.5);
     }
     motors[1].strength = 0.22;
-    let limits = ProfileLimits { velocity: 480.0, acceleration: 2000.0, jerk: f32::INFINITY };
-    let mut profile = Profile::at(0.0);
-    profile.set_target(&limits, 1000.0, 0.0).unwrap();
+    let limits = ProfileLimits { velocity: 80.0, acceleration: 333.0, jerk: f32::INFINITY };
+    let mut profile = AngleProfile::at(TotalAngle::ZERO);
+    profile.set_target(&limits, TotalAngle::from_degrees(1000), Rpm::ZERO).unwrap();
     let mut axes = Axes::<2>::new();
     let mut points = Vec::new();
     for tick in 0..3500_u16 {
         let setpoint = profile.update(DT * axes.pace());
-        #[expect(clippy::cast_possible_truncation, reason = "some turns")]
-        let angle = TotalAngle::from_microdegrees((f64::from(setpoint.position) * 1e6) as i64);
         let measured = std::array::from_fn(|at: usize| motors[at].measured());
-        let commands = axes.update(config, angle, Rpm::new(setpoint.velocity / 6.0), &measured, DT);
+        let commands = axes.update(config, &setpoint, &measured, DT);
         for (motor, command) in motors.iter_mut().zip(commands) {
             motor.command(command);
             motor.step(&mut random);

@@ -191,6 +191,7 @@ pub fn run() -> Result<()> {
         // A newcomer's first command names no package.
         let robots = [
             ("", "team"),
+            ("--package lift", "lift"),
             ("--package mixed", "mixed"),
             ("--package omni", "omni"),
             ("--package swerve", "swerve"),

@@ -12,8 +12,8 @@ use crate::setup::{TARGET, chip_toolchain};
 /// The team's robot.
 pub const TEAM: &str = "rc10-firmware";
 /// The firmware of the examples.
-pub const EXAMPLES: [&str; 4] =
-    ["mixed-firmware", "omni-firmware", "starter-firmware", "swerve-firmware"];
+pub const EXAMPLES: [&str; 5] =
+    ["lift-firmware", "mixed-firmware", "omni-firmware", "starter-firmware", "swerve-firmware"];
 /// The board that is not the default one, and the programs that are run on it.
 pub const DM_MC02: &str = "dm-mc02";
 pub const ON_DM_MC02: [&str; 2] = [TEAM, "omni-firmware"];

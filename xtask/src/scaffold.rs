@@ -22,7 +22,7 @@ const MOST: usize = 150;
 /// are others than the docs say.
 pub fn run() -> Result<()> {
     let page = fs::read_to_string(root().join("docs/declaration.md"))?;
-    for example in ["mixed", "omni", "starter", "swerve"] {
+    for example in ["lift", "mixed", "omni", "starter", "swerve"] {
         let (mut sum, mut parts) = (0, [0; 3]);
         for (file, what) in FILES {
             let path = root().join("examples").join(example).join(file);

@@ -225,6 +225,7 @@ impl Checkout {
                 // Of those that a robot has.
                 let own = [
                     "rc10-firmware",
+                    "lift-firmware",
                     "omni-firmware",
                     "mixed-firmware",
                     "swerve-firmware",

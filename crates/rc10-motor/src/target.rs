@@ -119,13 +119,24 @@ impl From<AngleSetpoint> for Motion {
 }
 
 /// The command of a mechanism: an angle is a motion.
+///
+/// ```
+/// use rc10_motor::rc10_app::mechanism::Command;
+/// use rc10_motor::rc10_app::{AngleSetpoint, Rpm, RpmPerSecond, TotalAngle};
+/// use rc10_motor::{Motion, Target};
+/// let (speed, acceleration) = (Rpm::new(60.0), RpmPerSecond::new(300.0));
+/// let angle = TotalAngle::from_degrees(90);
+/// let command = Command::Angle(AngleSetpoint { angle, speed, acceleration });
+/// let motion = Motion { angle: Some(angle), speed, acceleration, effort: 0.0 };
+/// assert_eq!(Target::from(command), Target::Motion(motion));
+/// ```
 impl From<Command> for Target {
     fn from(command: Command) -> Self {
         match command {
             Command::Coast => Self::Coast,
             Command::Speed(speed) => Self::Speed(speed),
-            Command::Angle { angle, speed } => {
-                Self::Motion(Motion { angle: Some(angle), speed, ..Motion::default() })
+            Command::Angle(AngleSetpoint { angle, speed, acceleration }) => {
+                Self::Motion(Motion { angle: Some(angle), speed, acceleration, effort: 0.0 })
             }
         }
     }

@@ -1,10 +1,10 @@
 //! Axes of two or more motors that drive one thing.
 
 use super::{Command, Measured, Trouble, small_angle};
-use crate::TotalAngle;
 use crate::config::{ConfigError, not_negative, positive};
 use crate::maths::within;
 use crate::ok;
+use crate::profile::AngleSetpoint;
 use crate::units::{Degrees, Rpm, Seconds};
 
 /// How far the motors may drift apart, and how they are brought together.
@@ -82,7 +82,7 @@ pub enum AxesFailure {
 ///
 /// ```
 /// use rc10_app::mechanism::{Axes, AxesConfig, Command, Measured};
-/// use rc10_app::{Degrees, Rpm, Seconds, TotalAngle};
+/// use rc10_app::{AngleSetpoint, Degrees, Rpm, Seconds, TotalAngle};
 /// let config = AxesConfig {
 ///     wait: Degrees::new(10.0),
 ///     stop: Degrees::new(30.0),
@@ -95,12 +95,12 @@ pub enum AxesFailure {
 /// let degrees = TotalAngle::from_degrees;
 /// // The second motor is 16 degrees behind.
 /// let motors = [100, 84].map(|at| Measured { angle: degrees(at), ..Measured::default() });
-/// let (speed, dt) = (Rpm::new(50.0), Seconds::new(0.01));
-/// let commands = lift.update(&config, degrees(102), speed, &motors, dt);
+/// let setpoint = AngleSetpoint { speed: Rpm::new(50.0), ..AngleSetpoint::at(degrees(102)) };
+/// let commands = lift.update(&config, &setpoint, &motors, Seconds::new(0.01));
 /// assert!((lift.pace() - 0.4).abs() < 1e-6);
-/// let slower = Rpm::new(50.0) * lift.pace();
-/// assert_eq!(commands[0], Command::Angle { angle: degrees(98), speed: slower });
-/// assert_eq!(commands[1], Command::Angle { angle: degrees(106), speed: slower });
+/// let slower = AngleSetpoint { speed: Rpm::new(50.0) * lift.pace(), ..setpoint };
+/// assert_eq!(commands[0], Command::Angle(AngleSetpoint { angle: degrees(98), ..slower }));
+/// assert_eq!(commands[1], Command::Angle(AngleSetpoint { angle: degrees(106), ..slower }));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axes<const N: usize> {
@@ -152,21 +152,22 @@ impl<const N: usize> Axes<N> {
         *self = Self::new();
     }
 
-    /// One step towards the common setpoint: its angle, and its speed at full pace.
+    /// One step towards the common setpoint, whose speed and acceleration are those at full pace: at
+    /// a pace p the motors are told p times the speed, and p² times the acceleration.
     ///
-    /// A `dt` that is not finite and positive, or a speed that is not finite, changes nothing, and the
-    /// last commands are returned again.
+    /// A `dt` that is not finite and positive, or a setpoint that is not finite, changes nothing, and
+    /// the last commands are returned again.
     pub fn update(
         &mut self,
         config: &AxesConfig,
-        angle: TotalAngle,
-        speed: Rpm,
+        setpoint: &AngleSetpoint,
         motors: &[Measured; N],
         dt: Seconds,
     ) -> [Command; N] {
-        if !(dt.is_step() && speed.is_finite()) {
+        if !(dt.is_step() && setpoint.is_finite()) {
             return self.commands;
         }
+        let &AngleSetpoint { angle, speed, acceleration } = setpoint;
         if self.failure.is_some() {
             self.commands = [Command::STOP; N];
             return self.commands;
@@ -184,9 +185,11 @@ impl<const N: usize> Axes<N> {
         #[expect(clippy::cast_precision_loss, reason = "a few motors")]
         let mean = off.iter().sum::<f32>() / N as f32;
         let speed = speed * self.pace;
+        let acceleration = acceleration * (self.pace * self.pace);
         self.commands = off.map(|off| {
             let correction = within(config.coupling * (mean - off), config.correction.get());
-            Command::Angle { angle: angle.plus(small_angle(correction)), speed }
+            let angle = angle.plus(small_angle(correction));
+            Command::Angle(AngleSetpoint { angle, speed, acceleration })
         });
         self.commands
     }
@@ -231,6 +234,8 @@ pub(super) fn difference<const N: usize>(degrees: &[f32; N]) -> f32 {
 mod tests {
     use super::super::Health;
     use super::*;
+    use crate::TotalAngle;
+    use crate::units::RpmPerSecond;
 
     const DT: Seconds = Seconds::new(0.01);
     const CONFIG: AxesConfig = AxesConfig {
@@ -250,8 +255,12 @@ mod tests {
     }
 
     fn step_at<const N: usize>(rpm: f32, axes: &mut Axes<N>, degrees: [i32; N]) -> [Command; N] {
-        let speed = Rpm::new(rpm);
-        axes.update(&CONFIG, TotalAngle::from_degrees(100), speed, &motors(degrees), DT)
+        axes.update(&CONFIG, &setpoint(rpm), &motors(degrees), DT)
+    }
+
+    fn setpoint(rpm: f32) -> AngleSetpoint {
+        let (speed, acceleration) = (Rpm::new(rpm), RpmPerSecond::new(200.0));
+        AngleSetpoint { angle: TotalAngle::from_degrees(100), speed, acceleration }
     }
 
     #[test]
@@ -261,15 +270,16 @@ mod tests {
             let commands = step(&mut axes, [100, 100, hindmost, 100]);
             assert!((axes.pace() - pace).abs() < 1e-6);
             for command in commands {
-                let Command::Angle { angle, speed } = command else { panic!("{command:?}") };
-                let correction = angle.minus(TotalAngle::from_degrees(100)).degrees().get();
-                assert!((speed.get() - 20.0 * pace).abs() < 1e-4 && correction.abs() <= 4.0);
+                let Command::Angle(told) = command else { panic!("{command:?}") };
+                let correction = told.angle.minus(TotalAngle::from_degrees(100)).degrees().get();
+                assert!((told.speed.get() - 20.0 * pace).abs() < 1e-4 && correction.abs() <= 4.0);
+                assert!((told.acceleration.get() - 200.0 * pace * pace).abs() < 1e-3);
             }
         }
         assert_eq!(axes.failure(), None);
         // 4 degrees behind, the mean 1: the others give way by a half, it is hurried by one and a half.
         let moved = step(&mut axes, [100, 100, 96, 100]).map(|command| match command {
-            Command::Angle { angle, .. } => angle.microdegrees() - 100_000_000,
+            Command::Angle(told) => told.angle.microdegrees() - 100_000_000,
             _ => panic!("{command:?}"),
         });
         assert_eq!(moved, [-500_000, -500_000, 1_500_000, -500_000]);
@@ -291,10 +301,7 @@ mod tests {
             assert_eq!((named, difference), (motor, Degrees::new(31.0)));
             assert_eq!(step(&mut axes, [100; 4]), [Command::STOP; 4]);
             axes.reset();
-            assert_eq!(
-                step(&mut axes, [100; 4])[0],
-                Command::Angle { angle: TotalAngle::from_degrees(100), speed: Rpm::new(20.0) }
-            );
+            assert_eq!(step(&mut axes, [100; 4])[0], Command::Angle(setpoint(20.0)));
         }
     }
 
@@ -324,7 +331,7 @@ mod tests {
             let mut axes = Axes::<2>::new();
             let mut step = |second| {
                 let motors = [good[0], second];
-                axes.update(&CONFIG, good[0].angle, Rpm::ZERO, &motors, DT);
+                axes.update(&CONFIG, &AngleSetpoint::at(good[0].angle), &motors, DT);
                 axes.failure()
             };
             assert_eq!(step(good[1]), None);
@@ -338,10 +345,10 @@ mod tests {
         step(&mut axes, [100, 90]);
         let before = axes;
         for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-            let (zero, motors) = (TotalAngle::ZERO, motors([0, 90]));
-            axes.update(&CONFIG, zero, Rpm::ZERO, &motors, Seconds::new(bad));
+            let zero = AngleSetpoint::at(TotalAngle::ZERO);
+            axes.update(&CONFIG, &zero, &motors([0, 90]), Seconds::new(bad));
         }
-        axes.update(&CONFIG, TotalAngle::ZERO, Rpm::new(f32::NAN), &motors([0, 90]), DT);
+        axes.update(&CONFIG, &setpoint(f32::NAN), &motors([0, 90]), DT);
         assert_eq!(axes, before);
     }
 

@@ -6,6 +6,7 @@ use super::{
 use crate::angle::{CountsPerTurn, TotalAngle};
 use crate::config::{ConfigError, not_negative, positive};
 use crate::ok;
+use crate::profile::AngleSetpoint;
 use crate::units::{Degrees, Direction, Rpm, RpmPerSecond, Seconds};
 
 /// What a feeder is like.
@@ -70,7 +71,9 @@ impl FeederConfig {
 ///
 /// ```
 /// use rc10_app::mechanism::{Command, Feeder, FeederConfig, JamConfig, Measured, Stall};
-/// use rc10_app::{CountsPerTurn, Degrees, Direction, Rpm, RpmPerSecond, Seconds, TotalAngle};
+/// use rc10_app::{
+///     AngleSetpoint, CountsPerTurn, Degrees, Direction, Rpm, RpmPerSecond, Seconds, TotalAngle,
+/// };
 /// let config = FeederConfig {
 ///     pieces: CountsPerTurn::new(8, 1),
 ///     direction: Direction::Forward,
@@ -92,7 +95,7 @@ impl FeederConfig {
 /// let mut motor = Measured::default();
 /// for _ in 0..100 {
 ///     // A motor that follows at once.
-///     if let Command::Angle { angle, .. } = feeder.update(&config, &motor, Seconds::new(0.01)) {
+///     if let Command::Angle(AngleSetpoint { angle, .. }) = feeder.update(&config, &motor, Seconds::new(0.01)) {
 ///         motor.angle = angle;
 ///     }
 /// }
@@ -238,12 +241,9 @@ impl Feeder {
         self.setpoint = next;
         let sign = f32::from(config.direction.sign());
         let angle = began.plus(forward(self.setpoint));
-        self.jam.update(
-            &config.jam,
-            Command::Angle { angle, speed: self.speed * sign },
-            measured,
-            dt,
-        )
+        let speed = self.speed * sign;
+        let wanted = Command::Angle(AngleSetpoint { speed, ..AngleSetpoint::at(angle) });
+        self.jam.update(&config.jam, wanted, measured, dt)
     }
 
     /// Pieces a second, and the angle to stop at.
@@ -296,7 +296,9 @@ mod tests {
     impl Ideal {
         fn run(&mut self, steps: u32) {
             for _ in 0..steps {
-                if let Command::Angle { angle, .. } = self.0.update(&CONFIG, &self.1, DT) {
+                if let Command::Angle(AngleSetpoint { angle, .. }) =
+                    self.0.update(&CONFIG, &self.1, DT)
+                {
                     self.1.angle = angle;
                 }
             }

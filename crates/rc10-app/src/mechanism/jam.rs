@@ -4,6 +4,7 @@ use super::{Command, Measured, Stall, StallTimer, way};
 use crate::TotalAngle;
 use crate::config::{ConfigError, not_negative, positive};
 use crate::ok;
+use crate::profile::AngleSetpoint;
 use crate::units::{Degrees, Direction, Rpm, Seconds};
 
 /// When a motor counts as jammed, and how it is cleared.
@@ -44,7 +45,7 @@ impl JamConfig {
         let (amount, least) = match wanted {
             Command::Coast => return None,
             Command::Speed(speed) => (speed.get(), 0.0),
-            Command::Angle { angle, .. } => {
+            Command::Angle(AngleSetpoint { angle, .. }) => {
                 (angle.minus(measured.angle).degrees().get(), self.following_error.get())
             }
         };

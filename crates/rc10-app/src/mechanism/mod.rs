@@ -34,6 +34,7 @@ pub use soft_limits::{Limit, Limited, SoftLimits};
 use crate::config::{ConfigError, not_negative, positive};
 use crate::maths::fast_sqrt;
 use crate::ok;
+use crate::profile::AngleSetpoint;
 use crate::units::{Degrees, Direction, Rpm, RpmPerSecond, Seconds};
 use crate::{TotalAngle, maths};
 
@@ -49,13 +50,8 @@ pub enum Command {
     Coast,
     /// A speed.
     Speed(Rpm),
-    /// An angle that moves: where it is now, and its speed.
-    Angle {
-        /// The angle.
-        angle: TotalAngle,
-        /// Its speed, for feed-forward; zero for an angle that stands.
-        speed: Rpm,
-    },
+    /// An angle that moves: where it is now, and for feed-forward its speed and acceleration.
+    Angle(AngleSetpoint),
 }
 
 impl Command {
@@ -64,7 +60,7 @@ impl Command {
 
     /// An angle that stands.
     pub const fn hold(angle: TotalAngle) -> Self {
-        Self::Angle { angle, speed: Rpm::ZERO }
+        Self::Angle(AngleSetpoint::at(angle))
     }
 
     /// A command that counts angles from `zero`, as the motor counts them.
@@ -80,7 +76,9 @@ impl Command {
     pub const fn shifted(self, zero: TotalAngle) -> Self {
         match self {
             Self::Coast | Self::Speed(_) => self,
-            Self::Angle { angle, speed } => Self::Angle { angle: angle.plus(zero), speed },
+            Self::Angle(setpoint) => {
+                Self::Angle(AngleSetpoint { angle: setpoint.angle.plus(zero), ..setpoint })
+            }
         }
     }
 }

@@ -5,6 +5,7 @@ use crate::TotalAngle;
 use crate::config::{ConfigError, not_negative};
 use crate::maths::within;
 use crate::ok;
+use crate::profile::AngleSetpoint;
 use crate::units::Rpm;
 
 /// The range of an axis.
@@ -52,7 +53,7 @@ pub enum Limit {
     Upper,
     /// The axis has no zero yet.
     NotHomed,
-    /// The speed asked for is infinite or NaN.
+    /// The speed asked for is infinite or NaN, or its change is.
     NotFinite,
 }
 
@@ -88,21 +89,24 @@ impl SoftLimits {
     pub fn limit(&self, wanted: Command, position: Option<TotalAngle>) -> Limited {
         let (command, by) = match (wanted, position) {
             (Command::Coast, _) => (wanted, None),
-            (Command::Speed(speed) | Command::Angle { speed, .. }, _) if !speed.is_finite() => {
+            (Command::Speed(speed), _) if !speed.is_finite() => {
                 (Command::STOP, Some(Limit::NotFinite))
             }
-            (Command::Angle { .. }, None) => (Command::STOP, Some(Limit::NotHomed)),
+            (Command::Angle(setpoint), _) if !setpoint.is_finite() => {
+                (Command::STOP, Some(Limit::NotFinite))
+            }
+            (Command::Angle(_), None) => (Command::STOP, Some(Limit::NotHomed)),
             (Command::Speed(speed), None) => {
                 let slow = Rpm::new(within(speed.get(), self.not_homed.get().max(0.0)));
                 (Command::Speed(slow), Some(Limit::NotHomed))
             }
-            (Command::Angle { angle, .. }, Some(_)) if angle < self.lower => {
+            (Command::Angle(AngleSetpoint { angle, .. }), Some(_)) if angle < self.lower => {
                 (Command::hold(self.lower), Some(Limit::Lower))
             }
-            (Command::Angle { angle, .. }, Some(_)) if angle > self.upper => {
+            (Command::Angle(AngleSetpoint { angle, .. }), Some(_)) if angle > self.upper => {
                 (Command::hold(self.upper), Some(Limit::Upper))
             }
-            (Command::Angle { .. }, Some(_)) => (wanted, None),
+            (Command::Angle(_), Some(_)) => (wanted, None),
             (Command::Speed(speed), Some(position)) => {
                 let up = self.braking.speed(self.upper.minus(position).degrees()).get();
                 let down = -self.braking.speed(position.minus(self.lower).degrees()).get();
@@ -162,8 +166,11 @@ mod tests {
     fn what_is_not_finite_or_not_homed_stands() {
         let at = Some(TotalAngle::ZERO);
         for bad in [f32::NAN, f32::INFINITY] {
-            let angle = Command::Angle { angle: TotalAngle::ZERO, speed: Rpm::new(bad) };
-            for wanted in [Command::Speed(Rpm::new(bad)), angle] {
+            let still = AngleSetpoint::at(TotalAngle::ZERO);
+            let speed = Command::Angle(AngleSetpoint { speed: Rpm::new(bad), ..still });
+            let acceleration = RpmPerSecond::new(bad);
+            let acceleration = Command::Angle(AngleSetpoint { acceleration, ..still });
+            for wanted in [Command::Speed(Rpm::new(bad)), speed, acceleration] {
                 let limited = RANGE.limit(wanted, at);
                 assert_eq!(limited.by, Some(Limit::NotFinite));
                 assert_eq!(limited.command, Command::STOP);

@@ -11,7 +11,8 @@ use crate::{Rpm, RpmPerSecond, Seconds, TotalAngle};
 const MICRODEGREES_PER_UNIT: i64 = 6_000_000;
 
 /// What a shaft shall do now.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AngleSetpoint {
     /// Angle of the output shaft.
     pub angle: TotalAngle,
@@ -19,6 +20,20 @@ pub struct AngleSetpoint {
     pub speed: Rpm,
     /// Its acceleration: for feed-forward.
     pub acceleration: RpmPerSecond,
+}
+
+impl AngleSetpoint {
+    /// At rest at an angle.
+    #[must_use]
+    pub const fn at(angle: TotalAngle) -> Self {
+        Self { angle, speed: Rpm::ZERO, acceleration: RpmPerSecond::ZERO }
+    }
+
+    /// Whether every number in it is finite.
+    #[must_use]
+    pub const fn is_finite(&self) -> bool {
+        self.speed.is_finite() && self.acceleration.is_finite()
+    }
 }
 
 /// A [`Profile`] whose position is a [`TotalAngle`]. Its limits are in rpm, rpm/s and rpm/s².
@@ -48,8 +63,7 @@ pub struct AngleProfile {
 impl AngleProfile {
     /// At rest at an angle.
     pub const fn at(angle: TotalAngle) -> Self {
-        let (speed, acceleration) = (Rpm::ZERO, RpmPerSecond::ZERO);
-        Self::from_setpoint(AngleSetpoint { angle, speed, acceleration })
+        Self::from_setpoint(AngleSetpoint::at(angle))
     }
 
     /// See [`Profile::from_setpoint`].

@@ -1,7 +1,7 @@
 //! A simulated motor with its loops, on an axis. Degrees, seconds; efforts in A.
 
 use rc10_app::mechanism::{Braking, Command, Health, Measured};
-use rc10_app::{Rpm, RpmPerSecond, Seconds, TotalAngle};
+use rc10_app::{AngleSetpoint, Rpm, RpmPerSecond, Seconds, TotalAngle};
 
 /// A repeatable generator (`SplitMix64`).
 pub struct Random(pub u64);
@@ -163,7 +163,7 @@ impl Axis {
                 return;
             }
             Command::Speed(speed) => f64::from(speed.get()) * 6.0,
-            Command::Angle { angle, speed } => {
+            Command::Angle(AngleSetpoint { angle, speed, .. }) => {
                 let way = angle.microdegrees() as f64 * 1e-6 - self.counted();
                 let brakes = (ACCELERATION * way.abs()).sqrt();
                 f64::from(speed.get()) * 6.0 + (12.0 * way).clamp(-brakes, brakes)

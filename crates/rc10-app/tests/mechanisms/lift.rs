@@ -6,7 +6,7 @@ use rc10_app::mechanism::{
     Axes, AxesConfig, AxesFailure, AxesHoming, AxesHomingConfig, AxesHomingFailure,
     AxesHomingStatus, Command, Health, HomingConfig, HomingFailure, Reference, Stall, Trouble,
 };
-use rc10_app::{Degrees, Direction, Rpm, Seconds, TotalAngle};
+use rc10_app::{AngleSetpoint, Degrees, Direction, Rpm, Seconds, TotalAngle};
 
 use crate::axis::{Axis, BRAKING, Random, Stop};
 
@@ -133,7 +133,8 @@ fn ride<const N: usize>(random: &mut Random, fault: Fault, bad: usize) -> Ride {
             let angle = TotalAngle::from_microdegrees((profile.at * 1e6) as i64);
             let speed = Rpm::new((profile.speed / 6.0) as f32);
             let measured = std::array::from_fn(|motor: usize| motors[motor].measured());
-            let commands = axes.update(&AXES, angle, speed, &measured, dt);
+            let setpoint = AngleSetpoint { speed, ..AngleSetpoint::at(angle) };
+            let commands = axes.update(&AXES, &setpoint, &measured, dt);
             for (motor, command) in motors.iter_mut().zip(commands) {
                 motor.command(command);
             }

@@ -6,7 +6,9 @@ use rc10_app::mechanism::{
     FeederConfig, Health, Homing, HomingConfig, HomingStatus, Jam, JamConfig, Limited, Measured,
     Reference, SoftLimits, Stall,
 };
-use rc10_app::{CountsPerTurn, Degrees, Direction, Rpm, RpmPerSecond, Seconds, TotalAngle};
+use rc10_app::{
+    AngleSetpoint, CountsPerTurn, Degrees, Direction, Rpm, RpmPerSecond, Seconds, TotalAngle,
+};
 
 /// A repeatable generator (`SplitMix64`).
 struct Random(u64);
@@ -77,7 +79,7 @@ impl Motor {
         let asked = match command {
             Command::Coast => 0.0,
             Command::Speed(speed) => speed.get(),
-            Command::Angle { angle: to, speed } => {
+            Command::Angle(AngleSetpoint { angle: to, speed, .. }) => {
                 speed.get() + (to.minus(angle).degrees().get() * 2.0).clamp(-80.0, 80.0)
             }
         };
@@ -103,9 +105,10 @@ fn put_command(put: &mut dyn FnMut(f32), command: Command) {
     match command {
         Command::Coast => put(-1.0),
         Command::Speed(speed) => put(speed.get()),
-        Command::Angle { angle, speed } => {
+        Command::Angle(AngleSetpoint { angle, speed, acceleration }) => {
             put_angle(put, angle);
             put(speed.get());
+            put(acceleration.get());
         }
     }
 }
@@ -163,7 +166,9 @@ fn walk_axes(put: &mut dyn FnMut(f32), random: &mut Random) {
         at += speed * axes.pace() * 0.03;
         let angle = TotalAngle::from_microdegrees((at * 1e6) as i64);
         let measured = [0, 1, 2, 3].map(|index: usize| motors[index].measured);
-        let commands = axes.update(&config, angle, Rpm::new(speed), &measured, DT);
+        let (speed, acceleration) = (Rpm::new(speed), RpmPerSecond::new(random.within(200.0)));
+        let setpoint = AngleSetpoint { angle, speed, acceleration };
+        let commands = axes.update(&config, &setpoint, &measured, DT);
         for (motor, command) in motors.iter_mut().zip(commands) {
             put_command(put, command);
             if !random.one_in(4) {

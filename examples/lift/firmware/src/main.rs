@@ -1,0 +1,14 @@
+//! The lift on the chip.
+#![no_std]
+#![no_main]
+
+use defmt_rtt as _;
+use lift_robot::task;
+
+rc10_board::robot! {
+    robot: lift_robot;
+    buses: two_buses(bus_1, bus_2);
+    console: 921_600;
+    live: |shared| &shared.live;
+    tasks: |shared| task::run(shared);
+}

@@ -1,0 +1,141 @@
+//! The motor table: bus, id, gains and safe state of each motor; and the robot's measures.
+
+use rc10_app::mechanism::{
+    AxesConfig, AxesHomingConfig, Braking, FeederConfig, HomingConfig, JamConfig, Reference,
+    SoftLimits, Stall,
+};
+use rc10_app::{
+    CountsPerTurn, Degrees, Direction, FeedForward, Gravity, ProfileLimits, Rpm, RpmPerSecond,
+    Seconds, TotalAngle,
+};
+use rc10_module::remote::Receiver;
+use rc10_motor::Place::Bus;
+use rc10_motor::dji::{Config, Dji, M2006, M3508};
+use rc10_motor::{Entry, Safety};
+use rc10_tasks::ArmingConfig;
+
+rc10_motor::motors! {
+    /// Names of the motors.
+    pub enum Name;
+    /// The robot's motors: they stand here, and the buses borrow them.
+    pub struct Motors;
+    buses: [100.0; BUSES];
+    lines: 0;
+    LiftLeft: Dji = lift("lift left", Config::new(&M3508, 1)),
+    LiftRight: Dji = lift("lift right", Config::new(&M3508, 2).with_direction(Direction::Reversed)),
+    Feeder: Dji = Entry::new("feeder", Bus(2), Config::new(&M2006, 1).with_feed_forward(FEEDING)),
+}
+
+/// A lift that coasts falls. Both motors count upwards: the right one looks the other way.
+const fn lift(label: &'static str, config: Config) -> Entry<Config> {
+    Entry::new(label, Bus(1), config.with_feed_forward(LIFTING)).with_safety(Safety::HOLD)
+}
+
+/// The buses that are used, of the three that the board has.
+pub const BUSES: usize = 2;
+
+/// The lift's motors.
+pub const LIFT: [Name; 2] = [Name::LiftLeft, Name::LiftRight];
+
+/// The weight on each shaft, N m, and the inertia that it moves with its rotor, kg m².
+pub const WEIGHT: f32 = 1.0;
+/// See [`WEIGHT`].
+pub const INERTIA: f32 = 0.0137;
+
+/// 1 rpm in rad/s.
+const RADIANS: f32 = core::f32::consts::TAU / 60.0;
+/// Of a motor of the lift, N m/A.
+const TORQUE: f32 = Config::new(&M3508, 1).torque_constant();
+
+/// What a shaft of the lift takes, in A: friction of the gearbox, inertia and weight.
+const LIFTING: FeedForward = FeedForward {
+    friction: 0.1 / TORQUE,
+    speed: 0.0026 * RADIANS / TORQUE,
+    acceleration: INERTIA * RADIANS / TORQUE,
+    gravity: Gravity::Lift(WEIGHT / TORQUE),
+};
+
+/// What the feeder takes, in A: friction of the gearbox.
+const FEEDING: FeedForward = FeedForward { friction: 0.28, ..FeedForward::NONE };
+
+/// The bottom is found by running onto it, with both motors.
+pub const HOMING: AxesHomingConfig = AxesHomingConfig {
+    homing: HomingConfig {
+        reference: Reference::Stop(Stall {
+            // A. Lowering takes an upward current: downward there is none before the stop.
+            effort: 2.0,
+            standstill: Rpm::new(2.0),
+            time: Seconds::new(0.06),
+        }),
+        direction: Direction::Reversed,
+        fast: Rpm::new(30.0),
+        slow: Rpm::new(6.0),
+        back_off: Degrees::new(20.0),
+        tolerance: Degrees::new(3.0),
+        touch_at: TotalAngle::ZERO,
+        travel: Degrees::new(1300.0),
+        braking: BRAKING,
+        phase_timeout: Seconds::new(10.0),
+        timeout: Seconds::new(15.0),
+    },
+    spread: Degrees::new(30.0),
+};
+
+/// Half of what the motors can, and within two periods of the task.
+const BRAKING: Braking =
+    Braking { acceleration: RpmPerSecond::new(500.0), reaction: Seconds::new(0.012) };
+
+/// The range of the shafts above the bottom.
+pub const RANGE: SoftLimits = SoftLimits {
+    lower: TotalAngle::ZERO,
+    upper: TotalAngle::from_degrees(1080),
+    braking: BRAKING,
+    not_homed: Rpm::ZERO,
+};
+
+/// Three heights: above the bottom, in the middle, below the top.
+pub const HEIGHTS: [TotalAngle; 3] =
+    [TotalAngle::from_degrees(20), TotalAngle::from_degrees(540), TotalAngle::from_degrees(1060)];
+
+/// How the lift moves: 80 rpm, reached in 0.3 s. The motors' loops reach 1000 rpm/s.
+pub const LIFT_LIMITS: ProfileLimits =
+    ProfileLimits { velocity: 80.0, acceleration: 400.0, jerk: 5000.0 };
+
+/// How the two motors are kept together.
+pub const TOGETHER: AxesConfig = AxesConfig {
+    wait: Degrees::new(5.0),
+    stop: Degrees::new(15.0),
+    patience: Seconds::new(0.5),
+    coupling: 0.5,
+    correction: Degrees::new(5.0),
+};
+
+/// A wheel of eight pockets, four pieces a second.
+pub const FEEDER: FeederConfig = FeederConfig {
+    pieces: CountsPerTurn::new(8, 1),
+    direction: Direction::Forward,
+    rate: 4.0,
+    acceleration: RpmPerSecond::new(500.0),
+    tolerance: Degrees::new(4.0),
+    jam: JamConfig {
+        stall: Stall { effort: 3.0, standstill: Rpm::new(3.0), time: Seconds::new(0.2) },
+        following_error: Degrees::new(4.0),
+        reverse: Degrees::new(20.0),
+        reverse_speed: Rpm::new(30.0),
+        reverse_time: Seconds::new(0.5),
+        tries: 3,
+    },
+};
+
+const _: () = assert!(
+    HOMING.validate().is_ok()
+        && RANGE.validate().is_ok()
+        && LIFT_LIMITS.validate().is_ok()
+        && TOGETHER.validate().is_ok()
+);
+
+/// The receiver of the remote control.
+pub const RECEIVER: Receiver = Receiver::Dr16;
+
+/// Right switch down disarms, left switch down stops.
+pub const ARMING: ArmingConfig = ArmingConfig::DEFAULT.checked(RECEIVER);

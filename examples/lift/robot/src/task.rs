@@ -1,0 +1,115 @@
+//! The task: the remote control decides what the robot does.
+//!
+//! | control | the robot |
+//! |---|---|
+//! | right switch | down: disarmed; else armed: the lift homes, and then obeys |
+//! | left switch | to up: feeds one piece; down: emergency stop |
+//! | left stick | away and back: raises and lowers the lift |
+//! | right stick | back, to the right, away: the lift goes to its lowest, middle, highest height |
+//!
+//! [`rc10_tasks::arming`] says how it is armed, and what happens when the remote is lost.
+
+use embassy_time::{Duration, Ticker};
+use rc10_app::Seconds;
+use rc10_app::mechanism::{Feeder, Measured};
+use rc10_module::remote::{Remote, Switch};
+use rc10_motor::{ArmState, Target};
+use rc10_tasks::Arming;
+
+use crate::lift::{Goal, Lift};
+use crate::table::{ARMING, FEEDER, HEIGHTS, LIFT, Name};
+use crate::{Live, Shared};
+
+/// Period of the task, ms.
+pub const PERIOD: u64 = 5;
+const DT: Seconds = Seconds::new(PERIOD as f32 * 1e-3);
+
+/// A stick that is out by less is let go.
+const REST: f32 = 0.1;
+/// A stick that is out by more chooses a height.
+const CHOICE: f32 = 0.7;
+
+/// Arms the robot, and drives it, every 5 ms.
+pub async fn run(shared: &Shared<'_>) -> ! {
+    let mut arming = Arming::new(ARMING);
+    let mut machine = Machine::default();
+    let mut ticker = Ticker::every(Duration::from_millis(PERIOD));
+    loop {
+        ticker.next().await;
+        let now = rc10_message::now();
+        let before = shared.switch.state();
+        let obeyed = arming.step(shared.remote.read(), &shared.switch, now);
+        shared.remote_link.set(arming.link(), now);
+        let motors = LIFT.map(|name| shared.motor(name).status().measured());
+        // Without a remote no motor is commanded: 50 ms later each is safe.
+        if let Some(remote) = obeyed {
+            if before != ArmState::Armed {
+                machine.begin(&motors, &remote);
+            }
+            machine.follow(&remote, &motors, shared);
+        }
+        machine.tell(&motors, &shared.live);
+    }
+}
+
+/// The lift, the feeder, and what the remote has told them.
+#[derive(Default)]
+struct Machine {
+    lift: Lift,
+    goal: Goal,
+    feeder: Feeder,
+    /// The left switch was up already.
+    feeds: bool,
+}
+
+impl Machine {
+    /// After a pause: the lift stays where it is. A piece that was begun is finished, and no other is
+    /// fed that was asked for before.
+    fn begin(&mut self, motors: &[Measured; 2], remote: &Remote) {
+        self.lift.begin(motors);
+        self.goal = Goal::Stand;
+        self.feeder.reset();
+        self.feeder.stop();
+        self.feeds = remote.left_switch == Switch::Up;
+    }
+
+    fn follow(&mut self, remote: &Remote, motors: &[Measured; 2], shared: &Shared<'_>) {
+        self.goal = chosen(remote, self.goal);
+        let commands = self.lift.step(self.goal, motors, DT);
+        for (name, command) in LIFT.into_iter().zip(commands) {
+            shared.command(name, command.into());
+        }
+        let feeds = remote.left_switch == Switch::Up;
+        if feeds && !core::mem::replace(&mut self.feeds, feeds) {
+            self.feeder.feed(1);
+        }
+        self.feeds = feeds;
+        let feeder = shared.motor(Name::Feeder).status().measured();
+        let command = self.feeder.update(&FEEDER, &feeder, DT);
+        shared.command(Name::Feeder, Target::from(command));
+    }
+
+    fn tell(&self, motors: &[Measured; 2], live: &Live) {
+        live.stage.set(f32::from(self.lift.stage() as u8));
+        // Counted from 1, as in the table.
+        live.blamed.set(self.lift.blamed().map_or(0.0, |motor| motor as f32 + 1.0));
+        let [height, tilt] = self.lift.place(motors).unwrap_or([f32::NAN; 2]);
+        live.height.set(height);
+        live.tilt.set(tilt);
+        live.fed.set(self.feeder.fed() as f32);
+        live.jams.set(self.feeder.jam().count() as f32);
+    }
+}
+
+/// Where the lift is to go; `so_far` if nothing else is chosen.
+fn chosen(remote: &Remote, so_far: Goal) -> Goal {
+    let [lowest, middle, highest] = HEIGHTS;
+    match (remote.left.y, remote.right.x, remote.right.y) {
+        (up, _, _) if up.abs() > REST => Goal::Move(up),
+        (_, _, away) if away > CHOICE => Goal::Height(highest),
+        (_, _, away) if away < -CHOICE => Goal::Height(lowest),
+        (_, side, _) if side > CHOICE => Goal::Height(middle),
+        _ if matches!(so_far, Goal::Move(_)) => Goal::Stand,
+        _ => so_far,
+    }
+}

@@ -1,0 +1,61 @@
+//! What is on the motors' shafts, and what hands do with the remote.
+
+use rc10_can::Micros;
+use rc10_cli::Plant;
+use rc10_cli::remote::Line;
+use rc10_sim::Nonlinear;
+use rc10_sim::remote::{Controls, Stick, Switch};
+
+use crate::table::{Name, WEIGHT};
+
+/// Where the bottom is, in degrees since power-on: the lift begins above it, and not level.
+#[must_use]
+pub const fn bottom(name: Name) -> f64 {
+    match name {
+        Name::LiftLeft => -60.0,
+        _ => -45.0,
+    }
+}
+
+/// Between the bottom and the upper stop, degrees.
+pub const TRAVEL: f64 = 1100.0;
+
+/// At the output shaft; our estimates.
+#[must_use]
+pub fn plant(name: Name) -> Plant {
+    match name {
+        Name::Feeder => Plant::inertia(0.002),
+        lift => Plant {
+            load: -f64::from(WEIGHT),
+            nonlinear: Nonlinear { backlash: 0.3, ..Nonlinear::NONE },
+            travel: Some([bottom(lift), bottom(lift) + TRAVEL]),
+            ..Plant::inertia(0.01)
+        },
+    }
+}
+
+/// What hands do, from when on.
+pub const SCRIPT: [Line; 13] = [
+    at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
+    at(100, "arm: it homes", ARMED),
+    at(2000, "to the middle", Controls { right: Stick { x: 1.0, y: 0.0 }, ..ARMED }),
+    at(2100, "stick let go", ARMED),
+    at(3600, "feed", FEED),
+    at(3700, "switch back", ARMED),
+    at(4100, "to the top", Controls { right: Stick { x: 0.0, y: 1.0 }, ..ARMED }),
+    at(4200, "feed", FEED),
+    at(4300, "switch back", ARMED),
+    at(5600, "lower slowly", Controls { left: Stick { x: 0.0, y: -0.4 }, ..ARMED }),
+    at(6600, "stay", ARMED),
+    at(7000, "to the bottom", Controls { right: Stick { x: 0.0, y: -1.0 }, ..ARMED }),
+    at(7100, "stick let go", ARMED),
+];
+
+/// Armed, sticks let go.
+const ARMED: Controls = Controls::REST;
+
+const FEED: Controls = Controls { left_switch: Switch::Up, ..ARMED };
+
+const fn at(millis: u64, label: &'static str, controls: Controls) -> Line {
+    Line { at: Micros::from_millis(millis), label, controls }
+}

@@ -1,0 +1,61 @@
+//! The firmware of `examples/lift`: two motors that find the bottom together, and a feeder.
+
+use lift::table::{HEIGHTS, LIFT};
+use lift::{Motors, Name, Ports, Shared, plant, simulation};
+use rc10_can::Micros;
+use rc10_cli::emulate::Emulation;
+use rc10_cli::recording::Recording;
+use rc10_emu::Figures;
+use rc10_motor::Names;
+
+use super::{is_clean, keeps_its_period, log, program, setup};
+
+/// Runs it for a time, in milliseconds.
+fn record(length: u64, judge: impl FnOnce(&mut Emulation<'_>, Recording)) {
+    let ports = Ports::new();
+    let (shared, mut motors) = (Shared::new(&ports), Motors::new());
+    let robot = simulation::robot(&shared, &mut motors).unwrap();
+    let emulation = Emulation::new(&program("lift-firmware"), robot, &setup(&[])).unwrap();
+    let (mut emulation, recording) = emulation.record(Micros::from_millis(length)).unwrap();
+    judge(&mut emulation, recording);
+}
+
+/// True heights of the lift's shafts above their bottoms, degrees.
+fn heights(emulation: &Emulation<'_>) -> [f64; 2] {
+    LIFT.map(|name| {
+        let degrees = emulation.motors[name.index()].state().load_degrees;
+        // The right one is mounted the other way round.
+        let up = if name == Name::LiftLeft { degrees } else { -degrees };
+        up - plant::bottom(name)
+    })
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn it_finds_its_bottom() {
+    record(1900, |emulation, recording| {
+        is_clean(&emulation.rig, &Figures::of(&emulation.rig));
+        keeps_its_period(&Figures::of(&emulation.rig));
+        let heights = heights(emulation);
+        assert!(heights.iter().all(|height| height.abs() < 0.2), "{heights:?}");
+        // It was there, let go, and came back slowly.
+        for name in LIFT {
+            let rpm = recording.motors[name.index()].samples.iter().map(|sample| sample.rpm);
+            let [least, most] = [f64::min, f64::max].map(|of| rpm.clone().fold(0.0, of));
+            assert!(least < -25.0 && most > 25.0, "{name:?}: {least} to {most} rpm");
+        }
+        let log = log(emulation);
+        assert!(log.lines().last().unwrap().contains("armed, 3 of 3 motors online"), "{log}");
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware: cargo xtask emulate"]
+fn then_it_goes_to_a_height_and_is_level() {
+    record(3600, |emulation, _| {
+        let middle = HEIGHTS[1].microdegrees() as f64 * 1e-6;
+        let heights = heights(emulation);
+        assert!(heights.iter().all(|height| (height - middle).abs() < 1.0), "{heights:?}");
+        assert!((heights[0] - heights[1]).abs() < 0.5, "{heights:?}");
+    });
+}
