@@ -8,9 +8,9 @@ use rc10_emu::{Figures, Image};
 /// Static RAM and the deepest stack together, bytes.
 const RAM: u32 = 64 * 1024;
 /// Flash, bytes.
-const FLASH: u32 = 160 * 1024;
+const FLASH: u32 = 192 * 1024;
 /// Instructions of all in one second with eleven motors at 1 kHz.
-pub const SECOND: u64 = 12_500_000;
+pub const SECOND: u64 = 15_500_000;
 /// Instructions of one more received frame.
 const FRAME: u64 = 160;
 /// A tick that takes this many more instructions than it took with this compiler is too long; one

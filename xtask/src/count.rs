@@ -33,8 +33,9 @@ const BUDGETS: &[(&str, u64, Of)] = &[
     ("motor", 300, Of::Mean),
     // Angle loops run in other ticks for each motor of a bus.
     ("motor", 320, Of::Worst),
-    // Wheel speeds of a base on four wheels, refused and limited ones as well.
-    ("base", 80, Of::Worst),
+    // Wheel speeds of a base on four wheels; and where they have to be limited.
+    ("base", 80, Of::Mean),
+    ("base", 90, Of::Worst),
     // Four steered wheels.
     ("swerve", 1200, Of::Worst),
     // A step of odometry; and one over the seam of the circle, with slip.

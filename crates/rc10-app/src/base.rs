@@ -359,14 +359,20 @@ fn limited<const N: usize>(
 ) -> Option<f32> {
     let wanted = rows.map(|row| product(row, twist));
     let sizes = wanted.map(f32::abs);
-    if !sizes.into_iter().sum::<f32>().is_finite() {
+    // False for NaN, too.
+    let is_finite = sizes.into_iter().sum::<f32>() < f32::INFINITY;
+    if !is_finite {
         return None;
     }
     let mut fastest = *sizes.first()?;
-    for size in sizes.into_iter().skip(1) {
+    for size in sizes {
         fastest = if size > fastest { size } else { fastest };
     }
-    let scale = if fastest <= limit { 1.0 } else { limit / fastest * BELOW_ONE };
+    if fastest <= limit {
+        *speeds = wanted.map(Rpm::new);
+        return Some(1.0);
+    }
+    let scale = limit / fastest * BELOW_ONE;
     *speeds = wanted.map(|speed| Rpm::new(speed * scale));
     Some(scale)
 }

@@ -67,17 +67,20 @@ impl<const N: usize> GainSchedule<N> {
 
     /// The gains at a value; those of the first point for NaN.
     #[must_use]
-    pub fn at(&self, value: f32) -> Gains {
+    pub const fn at(&self, value: f32) -> Gains {
         let mut before = self.points[0];
-        for &after in &self.points[1..] {
+        let mut index = 1;
+        while index < N {
+            let after = self.points[index];
+            index += 1;
             if value < after.0 {
                 let share =
                     if value > before.0 { (value - before.0) / (after.0 - before.0) } else { 0.0 };
-                let between = |from: f32, to: f32| from + share * (to - from);
+                let (from, to) = (before.1, after.1);
                 return Gains {
-                    kp: between(before.1.kp, after.1.kp),
-                    ki: between(before.1.ki, after.1.ki),
-                    kd: between(before.1.kd, after.1.kd),
+                    kp: from.kp + share * (to.kp - from.kp),
+                    ki: from.ki + share * (to.ki - from.ki),
+                    kd: from.kd + share * (to.kd - from.kd),
                 };
             }
             if value >= after.0 {

@@ -191,6 +191,10 @@ impl Servo {
     /// One step. A shaft that was never measured gets no effort.
     pub fn update(&mut self, tick: &Tick, shaft: &Shaft) {
         if tick.mode != DriveMode::Run || !self.is_plain {
+            let follows = self.ran && *self.goals.goal() == Goal::Motion;
+            if follows && tick.mode == DriveMode::Run {
+                return self.follow(tick, shaft);
+            }
             return self.pursue(tick, shaft);
         }
         // The usual cases, in few instructions.
@@ -241,9 +245,6 @@ impl Servo {
     /// One step, whatever is sought.
     #[inline(never)] // Inlined, the usual tick saves its registers too.
     fn pursue(&mut self, tick: &Tick, shaft: &Shaft) {
-        if self.ran && tick.mode == DriveMode::Run && *self.goals.goal() == Goal::Motion {
-            return self.follow(tick, shaft);
-        }
         if !shaft.is_known() {
             return self.rest();
         }
@@ -270,6 +271,7 @@ impl Servo {
     }
 
     /// One step along a motion.
+    #[inline(never)]
     fn follow(&mut self, tick: &Tick, shaft: &Shaft) {
         let Moment { motion, gone } = self.goals.advance(tick.dt);
         let seek = Seek::Motion {

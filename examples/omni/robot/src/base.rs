@@ -5,15 +5,18 @@
 //! switch is moved back or a stick is moved, when the robot is not armed any more, when it is too far
 //! from the path, and when it is later than [`PATIENCE`].
 
+use rc10_app::maths::hypot;
 use rc10_app::path::{Follower, PathStatus, Plan, Planner};
 use rc10_app::{
-    Field, HeadingHold, Odometry, OdometryConfig, OdometryInput, Pose, Seconds, Twist, TwistLimiter,
+    Field, HeadingHold, HeadingHoldConfig, Odometry, OdometryConfig, OdometryInput, Pose, Seconds,
+    Twist, TwistLimiter,
 };
 use rc10_module::remote::{Remote, Switch};
 
 use crate::Shared;
 use crate::table::{
-    BASE, BASE_LIMITS, DRIVEN, FOLLOWER, FULL_STICK, HOLD, PATH, PATH_LIMITS, PATIENCE, TAKES_OVER,
+    BASE, BASE_LIMITS, DRIVEN, FOLLOWER, FULL_STICK, HOLD, HOLD_GAINS, PATH, PATH_LIMITS, PATIENCE,
+    TAKES_OVER,
 };
 
 /// What the base does: the value of the signal "activity". Without a robot that is armed and a remote
@@ -130,11 +133,13 @@ impl Driver {
             Course::ByHand { .. } => {
                 // Sticks count to the right, the robot to the left.
                 let turn = -remote.right.x * FULL_STICK.wz;
-                let rate = DRIVEN.measured(shared).twist.wz;
+                let measured = DRIVEN.measured(shared).twist;
+                let gains = HOLD_GAINS.at(hypot(measured.vx, measured.vy));
+                let hold = HeadingHoldConfig { kp: gains.kp, kd: gains.kd, ..HOLD };
                 let twist = Twist::new(
                     remote.left.y * FULL_STICK.vx,
                     -remote.left.x * FULL_STICK.vy,
-                    self.hold.update(&HOLD, turn, pose.heading, rate),
+                    self.hold.update(&hold, turn, pose.heading, measured.wz),
                 );
                 (Activity::ByHand, None, self.towards(twist, dt))
             }

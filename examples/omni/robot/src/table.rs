@@ -5,8 +5,9 @@ use core::num::NonZeroU8;
 
 use rc10_app::path::{FollowerConfig, Path, PathLimits, Waypoint};
 use rc10_app::{
-    Amps, Base, Body, Cascade, Degrees, FeedForward, Gear, Gravity, HeadingHoldConfig, PidConfig,
-    ProfileLimits, Radians, Rpm, RpmPerSecond, Seconds, Twist, TwistLimits,
+    Amps, Base, Body, Cascade, Degrees, FeedForward, GainSchedule, Gains, Gear, Gravity,
+    HeadingHoldConfig, PidConfig, ProfileLimits, Radians, Rpm, RpmPerSecond, Seconds, Twist,
+    TwistLimits,
 };
 use rc10_module::remote::Receiver;
 use rc10_motor::Place::Bus;
@@ -99,9 +100,16 @@ pub const FULL_STICK: Twist = Twist::new(1.5, 1.5, 4.0);
 /// Largest accelerations of the base at which its wheels do not slip.
 pub const BASE_LIMITS: TwistLimits =
     TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
-/// How it keeps its heading while it is driven by hand.
+/// How firmly it keeps its heading, by its speed in m/s: gently while it stands, so that it does not hunt
+/// on its rollers.
+pub const HOLD_GAINS: GainSchedule<2> = GainSchedule::checked([
+    (0.0, Gains { kp: 2.5, ki: 0.0, kd: 0.0 }),
+    (0.5, Gains { kp: 5.0, ki: 0.0, kd: 0.0 }),
+]);
+
+/// How it keeps its heading while it is driven by hand; its `kp` is that of [`HOLD_GAINS`].
 pub const HOLD: HeadingHoldConfig = HeadingHoldConfig {
-    kp: 4.0,
+    kp: HOLD_GAINS.at(0.0).kp,
     kd: 0.0,
     max_rate: 2.0,
     deceleration: BASE_LIMITS.angular_acceleration,
