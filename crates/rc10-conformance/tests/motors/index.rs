@@ -64,7 +64,7 @@ fn odrive(node: u8, control: odrive::Control) -> ODrive {
 }
 
 /// As the page calls them.
-const KINDS: [(TargetKind, &str); 10] = [
+const KINDS: [(TargetKind, &str); 12] = [
     (TargetKind::Coast, "coast"),
     (TargetKind::Current, "current"),
     (TargetKind::Duty, "duty"),
@@ -75,6 +75,8 @@ const KINDS: [(TargetKind, &str); 10] = [
     (TargetKind::Impedance, "impedance"),
     (TargetKind::Brake, "brake"),
     (TargetKind::Handbrake, "handbrake"),
+    (TargetKind::Motion, "motion"),
+    (TargetKind::SpeedMotion, "speed motion"),
 ];
 
 /// The cell of a motor's row; the first column is 0.
@@ -120,7 +122,7 @@ fn targets_and_loads_are_those_of_the_page() {
         ("LK, multi-motor frame", Box::new(lk(1, Commands::MultiMotor))),
         ("ODrive, torque", of_odrive(odrive::Control::Torque(CASCADE))),
         ("ODrive, velocity", of_odrive(odrive::Control::Velocity(InputMode::VelocityRamp))),
-        ("ODrive, position", of_odrive(odrive::Control::Position(InputMode::Trapezoid))),
+        ("ODrive, position", of_odrive(odrive::Control::Position(InputMode::Passthrough))),
     ];
     let switch = ArmSwitch::new();
     for (row, mut motor) in rows {
