@@ -383,7 +383,10 @@ fn arming_ends_a_jog_and_follows_nothing_of_it() {
         assert_eq!(shared.switch.state(), ArmState::Armed);
         // What it follows is its task: the sticks are in the middle.
         let status = shared.motor(WHEELS[0]).status();
-        assert_eq!((status.drive, status.target), (DriveMode::Run, Target::Speed(Rpm::ZERO)));
+        assert_eq!(
+            (status.drive, status.target),
+            (DriveMode::Run, Target::Motion(Motion::default()))
+        );
     });
 }
 

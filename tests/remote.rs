@@ -425,11 +425,11 @@ fn wheels_begin_at_rest_whatever_was_wished_for_while_disarmed() {
         scene.shared.switch.arm().unwrap();
         wish(&mut scene, 8);
         let target = scene.shared.motor(Name::FrontLeft).status().target;
-        let Target::Speed(first) = target else { panic!("{target:?}") };
-        assert!(first.get() < 20.0, "{first}");
+        let Target::Motion(first) = target else { panic!("{target:?}") };
+        assert!(first.speed.get() < 20.0, "{first:?}");
         wish(&mut scene, 1000);
         let target = scene.shared.motor(Name::FrontLeft).status().target;
-        let Target::Speed(last) = target else { panic!("{target:?}") };
-        assert!(last.get() > 100.0, "{last}");
+        let Target::Motion(last) = target else { panic!("{target:?}") };
+        assert!(last.speed.get() > 100.0, "{last:?}");
     });
 }

@@ -60,18 +60,11 @@ fn behind(feed_forward: FeedForward, along: bool) -> Vec<(f32, f32)> {
         let way = setpoint.angle.degrees().get() - angle;
         let seek = if along {
             let (speed, acceleration) = (setpoint.speed.get(), setpoint.acceleration.get());
-            Seek::Motion { way: Some(way), speed, acceleration }
+            Seek::Motion { way: Some(way), speed, acceleration, inertia: 0.0 }
         } else {
             Seek::Angle(way)
         };
-        let step = Step {
-            measured: speed,
-            load: 0.0,
-            effort: 0.0,
-            full: 10.0,
-            dt: DT,
-            count: tick.into(),
-        };
+        let step = Step { measured: speed, load: 0.0, full: 10.0, dt: DT, count: tick.into() };
         state.seek(&config, &seek, &step);
         if tick % 3 == 0 {
             points.push((f32::from(tick) * DT.get(), way));

@@ -179,7 +179,7 @@ pub fn target() -> impl Strategy<Value = Target> {
         (proptest::option::of(total_angle()), number(), number(), number()).prop_map(
             |(angle, speed, acceleration, effort)| {
                 let (speed, acceleration) = (Rpm::new(speed), RpmPerSecond::new(acceleration));
-                Target::Motion(Motion { angle, speed, acceleration, effort })
+                Target::Motion(Motion { angle, speed, acceleration, inertia: 0.5 * effort, effort })
             }
         ),
     ]

@@ -91,6 +91,8 @@ const SOFT_TIME: f32 = 0.0205;
 
 /// Share of full scale below which the effort of an acceleration tells nothing of the load.
 const LEAST_LOAD: f32 = 0.01;
+/// Share of full scale from which on it tells all of it.
+const TELLING_LOAD: f32 = 0.05;
 /// What a load may be learned to be, as a share above what the feed-forward says.
 const LIGHTEST: f32 = -0.8;
 /// See [`LIGHTEST`].
@@ -147,6 +149,8 @@ pub enum Seek {
         speed: f32,
         /// Its acceleration, rpm/s.
         acceleration: f32,
+        /// Effort that this acceleration takes beside what the feed-forward says of it.
+        inertia: f32,
     },
 }
 
@@ -155,10 +159,8 @@ pub enum Seek {
 pub struct Step {
     /// Measured speed, rpm.
     pub measured: f32,
-    /// Effort that is needed whether it moves or not: a weight.
+    /// Effort that is needed whether it accelerates or not: a weight.
     pub load: f32,
-    /// Effort that the motion takes beside what the feed-forward says of it.
-    pub effort: f32,
     /// Full scale of the effort.
     pub full: f32,
     /// Time since the last step.
@@ -218,6 +220,7 @@ impl CascadeState {
         let before = if self.active == Active::Nothing { self.starting } else { self.active };
         self.ticks_left = 0;
         if !keep_load || before == Active::Effort {
+            self.learned = 0.0;
             (self.active, self.starting) = (Active::Nothing, Active::Nothing);
         }
     }
@@ -321,11 +324,7 @@ impl CascadeState {
         full: f32,
         dt: Seconds,
     ) {
-        self.seek(
-            config,
-            &Seek::Speed(target),
-            &Step { measured, load: 0.0, effort: 0.0, full, dt, count: 0 },
-        );
+        self.seek(config, &Seek::Speed(target), &Step { measured, load: 0.0, full, dt, count: 0 });
     }
 
     /// As [`start_speed`](Self::start_speed).
@@ -340,18 +339,14 @@ impl CascadeState {
         dt: Seconds,
         count: u32,
     ) {
-        self.seek(
-            config,
-            &Seek::Angle(way),
-            &Step { measured, load: 0.0, effort: 0.0, full, dt, count },
-        );
+        self.seek(config, &Seek::Angle(way), &Step { measured, load: 0.0, full, dt, count });
     }
 
     /// One step towards anything, with the whole feed-forward. What did not drive before starts
     /// softly.
     #[inline(never)]
     pub fn seek(&mut self, config: &Cascade, seek: &Seek, step: &Step) {
-        let &Step { measured, load, effort, full, dt, count } = step;
+        let &Step { measured, load, full, dt, count } = step;
         let last = self.effort();
         let next = match seek {
             Seek::Speed(_) => Active::Speed,
@@ -359,8 +354,11 @@ impl CascadeState {
             Seek::Motion { .. } => Active::Motion,
         };
         let goes_on = self.active == next || self.enter(next, measured);
-        let acceleration = match *seek {
-            Seek::Speed(target) => self.approach(config, target, dt),
+        let (ramps, acceleration, inertia) = match *seek {
+            Seek::Speed(target) => {
+                let ramped = self.approach(config, target, dt);
+                (ramped != 0.0, ramped, 0.0)
+            }
             Seek::Angle(way) => {
                 // During a soft start it runs in every tick.
                 if self.ticks_left > 0 {
@@ -369,23 +367,26 @@ impl CascadeState {
                     let ticks = if goes_on { config.ticks_to_next(count) } else { 1 };
                     let _ = self.ask(config, way, measured, ticks, dt);
                 }
-                self.approach(config, self.asked, dt)
+                let ramped = self.approach(config, self.asked, dt);
+                (ramped != 0.0, ramped, 0.0)
             }
-            Seek::Motion { way, speed, acceleration } => {
+            Seek::Motion { way, speed, acceleration, inertia } => {
                 // By how much the shaft moves otherwise than the motion.
                 let aside = measured - speed;
                 let asked = way.map_or(0.0, |way| self.ask(config, way, aside, 1, dt));
                 // What is far away is approached as gently as any other angle.
                 let ramped = self.approach(config, speed + asked, dt);
-                if ramped == 0.0 { acceleration } else { ramped }
+                let ramps = ramped != 0.0;
+                (ramps, if ramps { ramped } else { acceleration }, inertia)
             }
         };
-        // A reference that moves is no load.
-        let integrate = acceleration == 0.0;
-        let by_inertia = config.feed_forward.acceleration * acceleration + effort;
-        if acceleration != 0.0 {
+        let by_inertia = config.feed_forward.acceleration * acceleration + inertia;
+        let tells = by_inertia.abs() > LEAST_LOAD * full;
+        if tells {
             self.learn(config, by_inertia, measured, full, dt);
         }
+        // The lag behind a reference that is ramped is no load; what an acceleration leaves is learned.
+        let integrate = !ramps && !tells;
         let of_speed = config.feed_forward.of_motion(self.reference, 0.0);
         let feed_forward = of_speed + by_inertia * (1.0 + self.learned) + load;
         self.follow(config, measured, feed_forward, integrate, dt);
@@ -398,13 +399,21 @@ impl CascadeState {
     /// lighter than the feed-forward says. That counts wherever it accelerates, and nowhere else: so
     /// nothing is left that would overshoot when the acceleration ends.
     fn learn(&mut self, config: &Cascade, by_inertia: f32, measured: f32, full: f32, dt: Seconds) {
-        let tells = by_inertia.abs() > LEAST_LOAD * full;
-        if tells && self.effort().abs() < config.speed.output_limit {
-            let step = config.speed.ki * dt.get() * (self.reference - measured) / by_inertia;
-            let learned = self.learned + step;
-            if learned.is_finite() {
-                self.learned = learned.clamp(LIGHTEST, HEAVIEST);
-            }
+        // A start is soft: what lags then is no load.
+        if self.soft_time_left > 0.0 && self.active == Active::Nothing {
+            return;
+        }
+        // A small acceleration tells less.
+        let least = TELLING_LOAD * full;
+        let size = by_inertia.abs();
+        let by_inertia = if size > least { 1.0 / by_inertia } else { by_inertia / (least * least) };
+        let step = config.speed.ki * dt.get() * (self.reference - measured) * by_inertia;
+        let effort = self.effort();
+        let is_limited = effort.abs() >= config.speed.output_limit;
+        // At the limit only what leads away from it is learned.
+        let learned = self.learned + step;
+        if learned.is_finite() && !(is_limited && step * by_inertia * effort > 0.0) {
+            self.learned = learned.clamp(LIGHTEST, HEAVIEST);
         }
     }
 
@@ -513,6 +522,7 @@ impl CascadeState {
             self.speed.preset(if before == Active::Effort { self.effort() } else { 0.0 });
             self.reference = measured;
             self.last_speed = measured;
+            self.learned = 0.0;
         }
         if next != before {
             self.angle = PidState::new();
@@ -609,8 +619,9 @@ mod tests {
         for tick in 0..1000_u16 {
             let (angle, speed, acceleration) = motion(f32::from(tick) * 1e-3);
             worst = worst.max((angle - degrees).abs());
-            let seek = Seek::Motion { way: Some(angle - degrees), speed, acceleration };
-            let step = Step { measured: rpm, load: 0.0, effort: 0.0, full: 20.0, dt: MS, count: 0 };
+            let seek =
+                Seek::Motion { way: Some(angle - degrees), speed, acceleration, inertia: 0.0 };
+            let step = Step { measured: rpm, load: 0.0, full: 20.0, dt: MS, count: 0 };
             state.seek(config, &seek, &step);
             rpm += state.effort() * 100.0 * 1e-3;
             degrees += 6.0 * rpm * 1e-3;
@@ -638,8 +649,9 @@ mod tests {
     fn a_motion_that_rests_far_away_is_an_angle_that_is_sought() {
         let (mut state, mut last) = (CascadeState::new(), 0.0);
         for _ in 0..100 {
-            let seek = Seek::Motion { way: Some(90.0), speed: 0.0, acceleration: 0.0 };
-            let step = Step { measured: 0.0, load: 0.0, effort: 0.0, full: 20.0, dt: MS, count: 0 };
+            let seek =
+                Seek::Motion { way: Some(90.0), speed: 0.0, acceleration: 0.0, inertia: 0.0 };
+            let step = Step { measured: 0.0, load: 0.0, full: 20.0, dt: MS, count: 0 };
             state.seek(&CONFIG, &seek, &step);
             assert!((state.reference() - last).abs() <= 1.001, "1000 rpm/s");
             last = state.reference();

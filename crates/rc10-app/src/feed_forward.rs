@@ -19,7 +19,7 @@
 //! ```
 
 use crate::config::{ConfigError, finite, not_negative};
-use crate::maths;
+use crate::maths::{self, within};
 use crate::ok;
 use crate::units::{Degrees, Rpm, RpmPerSecond};
 
@@ -31,7 +31,7 @@ use crate::units::{Degrees, Rpm, RpmPerSecond};
 /// makes the measured speed follow a ramp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeedForward {
-    /// Effort against dry friction, whichever way it moves; ks, 0 or more.
+    /// Effort against dry friction, whichever way it moves; ks, 0 or more. All of it from 1 rpm on.
     pub friction: f32,
     /// Effort per rpm: viscous friction, or the back-EMF where the effort is a voltage; kv.
     pub speed: f32,
@@ -114,8 +114,8 @@ impl FeedForward {
 
     /// Without gravity; rpm and rpm/s.
     pub(crate) fn of_motion(&self, speed: f32, acceleration: f32) -> f32 {
-        let friction = if speed == 0.0 { 0.0 } else { self.friction.copysign(speed) };
-        friction + self.speed * speed + self.acceleration * acceleration
+        // All of it from 1 rpm on: a reference that trembles about zero is no motion.
+        self.friction * within(speed, 1.0) + self.speed * speed + self.acceleration * acceleration
     }
 
     /// Whether the speed is all that it looks at.
@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn friction_is_against_the_motion_and_nothing_at_rest() {
         let friction = FeedForward { friction: 0.5, ..FeedForward::NONE };
-        for (rpm, effort) in [(3.0, 0.5), (-0.01, -0.5), (0.0, 0.0), (-0.0, 0.0)] {
+        for (rpm, effort) in [(3.0, 0.5), (-0.1, -0.05), (0.0, 0.0), (-0.0, 0.0)] {
             assert!((friction.of_motion(rpm, 0.0) - effort).abs() < 1e-6, "{rpm}");
         }
     }

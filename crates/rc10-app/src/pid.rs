@@ -91,6 +91,9 @@ impl PidConfig {
         ok!(not_negative("integral_limit", self.integral_limit));
         ok!(positive_or_unlimited("integral_separation", self.integral_separation));
         ok!(not_negative("deadband", self.deadband));
+        // The way round a circle is known, but not from where the setpoint counts.
+        let is_whole = weight >= 1.0 || self.turn == f32::INFINITY;
+        ok!(ConfigError::check(is_whole, "setpoint_weight", weight, "1 on a circle"));
         positive_or_unlimited("turn", self.turn)
     }
 }
@@ -365,7 +368,7 @@ impl PidState {
         let limit = config.output_limit;
         if wanted.is_finite() {
             self.output = within(wanted, limit);
-            if config.tracking > 0.0 {
+            if config.tracking > 0.0 && step != 0.0 {
                 // A share of the way in a step, and never beyond.
                 let share = (config.tracking * dt).min(1.0);
                 let drawn = integral + share * (self.output - wanted);

@@ -34,11 +34,12 @@ impl Mirror {
                     kd,
                 })
             }
-            Target::Motion(Motion { angle, speed, acceleration, effort }) => {
+            Target::Motion(Motion { angle, speed, acceleration, inertia, effort }) => {
                 Target::Motion(Motion {
                     angle: angle.map(negated),
                     speed: -speed,
                     acceleration: -acceleration,
+                    inertia: -inertia,
                     effort: -effort,
                 })
             }

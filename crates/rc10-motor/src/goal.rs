@@ -159,6 +159,7 @@ impl Goals {
                 angle: None,
                 speed: Rpm::ZERO,
                 acceleration: RpmPerSecond::ZERO,
+                inertia: 0.0,
                 effort: 0.0,
             },
         }
@@ -169,9 +170,13 @@ impl Goals {
         // No comparison is true for NaN, and nothing goes back.
         let since = self.since + if dt.get() > 0.0 { dt.get() } else { 0.0 };
         self.since = if since < LONGEST_MOTION { since } else { LONGEST_MOTION };
-        let Motion { angle, speed, acceleration, effort } = self.motion();
-        let is_over = self.since >= LONGEST_ACCELERATION;
-        let accelerated = if is_over { LONGEST_ACCELERATION } else { self.since };
+        let Motion { angle, speed, acceleration, inertia, effort } = self.motion();
+        // What slows down comes to a stand, and does not turn back.
+        let left = -speed.get() / acceleration.get();
+        let longest =
+            if left > 0.0 && left < LONGEST_ACCELERATION { left } else { LONGEST_ACCELERATION };
+        let is_over = self.since >= longest;
+        let accelerated = if is_over { longest } else { self.since };
         self.gained = acceleration.get() * accelerated;
         let way = speed.get() * self.since + self.gained * (self.since - 0.5 * accelerated);
         self.gone = way * DEGREES_PER_SECOND;
@@ -179,6 +184,7 @@ impl Goals {
             angle,
             speed: Rpm::new(speed.get() + self.gained),
             acceleration: if is_over { RpmPerSecond::ZERO } else { acceleration },
+            inertia: if is_over { 0.0 } else { inertia },
             effort,
         };
         Moment { motion, gone: self.gone }

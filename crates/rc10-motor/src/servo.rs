@@ -226,12 +226,13 @@ impl Servo {
     /// One step with the whole feed-forward, and an effort on top.
     fn seek(&mut self, seek: &Seek, effort: f32, tick: &Tick, shaft: &Shaft) {
         let Self { state, cascade, limit, .. } = self;
-        let load = match cascade.feed_forward.gravity {
+        let weight = match cascade.feed_forward.gravity {
             Gravity::None => 0.0,
             gravity => gravity.at(degrees_within_turn(shaft.phase())),
         };
+        let load = effort + weight;
         let (measured, full, dt, count) = (shaft.speed().get(), *limit, tick.dt, tick.count);
-        state.seek(cascade, seek, &Step { measured, load, effort, full, dt, count });
+        state.seek(cascade, seek, &Step { measured, load, full, dt, count });
     }
 
     /// One step with the angle loop.
@@ -278,6 +279,7 @@ impl Servo {
             way: motion.angle.map(|angle| way(&Goal::Total(angle), shaft) + gone),
             speed: motion.speed.get(),
             acceleration: motion.acceleration.get(),
+            inertia: motion.inertia,
         };
         self.seek(&seek, motion.effort, tick, shaft);
     }

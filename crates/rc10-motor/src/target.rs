@@ -95,26 +95,30 @@ pub struct Motion {
     pub angle: Option<TotalAngle>,
     /// The speed.
     pub speed: Rpm,
-    /// The rate of change of the speed. Not above the acceleration of the motor's loops, which limits
-    /// it.
+    /// The rate of change of the speed. Loops that run here limit it to their own acceleration; a
+    /// device's take it as it is.
     pub acceleration: RpmPerSecond,
-    /// Effort on top, in the unit of the motor's own ([`Loops::effort`](crate::Loops::effort)): A, N m,
-    /// or a share of the full voltage.
+    /// Effort that the acceleration takes beside what the motor itself knows of it: that of the robot on
+    /// a wheel, for example. In the unit of the motor's own ([`Loops::effort`](crate::Loops::effort)): A,
+    /// N m, or a share of the full voltage. It ends with the acceleration, and is scaled by what the
+    /// motor has learned of its load. A device whose own loop has no input for it does without.
+    pub inertia: f32,
+    /// Effort on top that the motor cannot know, in the same unit: a piece that it carries.
     pub effort: f32,
 }
 
 impl Motion {
     /// Whether every number in it is finite.
     pub const fn is_finite(&self) -> bool {
-        let Self { angle: _, speed, acceleration, effort } = self;
-        speed.is_finite() && acceleration.is_finite() && effort.is_finite()
+        let Self { angle: _, speed, acceleration, inertia, effort } = self;
+        speed.is_finite() && acceleration.is_finite() && inertia.is_finite() && effort.is_finite()
     }
 }
 
 /// The setpoint of a profile.
 impl From<AngleSetpoint> for Motion {
     fn from(AngleSetpoint { angle, speed, acceleration }: AngleSetpoint) -> Self {
-        Self { angle: Some(angle), speed, acceleration, effort: 0.0 }
+        Self { angle: Some(angle), speed, acceleration, ..Self::default() }
     }
 }
 
@@ -127,7 +131,7 @@ impl From<AngleSetpoint> for Motion {
 /// let (speed, acceleration) = (Rpm::new(60.0), RpmPerSecond::new(300.0));
 /// let angle = TotalAngle::from_degrees(90);
 /// let command = Command::Angle(AngleSetpoint { angle, speed, acceleration });
-/// let motion = Motion { angle: Some(angle), speed, acceleration, effort: 0.0 };
+/// let motion = Motion { angle: Some(angle), speed, acceleration, ..Motion::default() };
 /// assert_eq!(Target::from(command), Target::Motion(motion));
 /// ```
 impl From<Command> for Target {
@@ -136,7 +140,7 @@ impl From<Command> for Target {
             Command::Coast => Self::Coast,
             Command::Speed(speed) => Self::Speed(speed),
             Command::Angle(AngleSetpoint { angle, speed, acceleration }) => {
-                Self::Motion(Motion { angle: Some(angle), speed, acceleration, effort: 0.0 })
+                Self::Motion(AngleSetpoint { angle, speed, acceleration }.into())
             }
         }
     }

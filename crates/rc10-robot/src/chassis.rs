@@ -31,11 +31,12 @@ pub async fn run(shared: &Shared<'_>) -> ! {
             return;
         };
         let dt = Seconds::from_micros(tick.since_last.get());
-        let measured = || DRIVEN.measured(shared).twist;
-        // It may be rolling: the wheels begin with the speeds that they have.
+        // It may be rolling: the wheels begin with the speeds that they have. Other axes go on with those
+        // that were commanded.
+        let from = before.unwrap_or_else(|| DRIVEN.measured(shared).twist);
         let mut robot_twist = |wish| {
             world_axes = None;
-            let limiter = robot_axes.get_or_insert_with(|| begun(measured()));
+            let limiter = robot_axes.get_or_insert_with(|| begun(from));
             limiter.update(&BASE_LIMITS, wish, dt)
         };
         let limited = match wish {
@@ -44,7 +45,7 @@ pub async fn run(shared: &Shared<'_>) -> ! {
                 match heard.and_then(|heading| heading.direction(tick.now)) {
                     Some(heading) => {
                         robot_axes = None;
-                        let begin = || begun(measured().out_of_frame(heading));
+                        let begin = || begun(from.out_of_frame(heading));
                         let limiter = world_axes.get_or_insert_with(begin);
                         let limited = limiter.update(&BASE_LIMITS, wish, dt);
                         limited.map(|twist| twist.into_frame(heading))
@@ -56,8 +57,8 @@ pub async fn run(shared: &Shared<'_>) -> ! {
         };
         // Without a twist there is no speed either: the wheels refuse it, and that is counted.
         let twist = limited.unwrap_or(Twist::new(f32::NAN, f32::NAN, f32::NAN));
-        let before = core::mem::replace(before.get_or_insert_with(measured), twist);
-        DRIVEN.drive(shared, before, (twist - before) * (1.0 / dt.get()));
+        before = Some(if twist.is_finite() { twist } else { from });
+        DRIVEN.drive(shared, from, (twist - from) * (1.0 / dt.get()));
     })
     .await
 }

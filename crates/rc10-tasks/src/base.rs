@@ -68,7 +68,8 @@ impl<N: Names, const WHEELS: usize> DrivenBase<N, WHEELS> {
                 angle: None,
                 speed: speeds[at],
                 acceleration: accelerations[at],
-                effort: torques[at].get() / self.torque_constant,
+                inertia: torques[at].get() / self.torque_constant,
+                effort: 0.0,
             };
             shared.command(name, Target::Motion(motion));
         }

@@ -110,10 +110,10 @@ fn cascade(chance: &mut Chance, put: &mut dyn FnMut(f32)) {
             3 => {
                 let load =
                     feed_forward.effort(Rpm::new(rpm), RpmPerSecond::ZERO, Degrees::new(degrees));
-                let step =
-                    Step { measured: rpm, load, effort: chance.within(1.0), full: 20.0, dt, count };
+                let step = Step { measured: rpm, load, full: 20.0, dt, count };
                 let speed = chance.within(50.0);
-                seek = Seek::Motion { way: Some(way), speed, acceleration: chance.within(500.0) };
+                let (acceleration, inertia) = (chance.within(500.0), chance.within(2.0));
+                seek = Seek::Motion { way: Some(way), speed, acceleration, inertia };
                 state.seek(&config, &seek, &step);
             }
             _ => state.rest(),

@@ -17,6 +17,7 @@ pub(super) fn every_kind(number: f32) -> [Target; 12] {
         angle: None,
         speed: Rpm::new(number),
         acceleration: RpmPerSecond::new(number),
+        inertia: number,
         effort: number,
     };
     [

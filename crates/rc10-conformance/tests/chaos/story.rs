@@ -439,6 +439,7 @@ fn any_target(random: &mut Random, declared: &Declaration) -> Target {
                 angle: random.one_in(2).then(|| TotalAngle::from_microdegrees(far)),
                 speed: Rpm::new(any_number(random, 2.0 * declared.cruise.get())),
                 acceleration,
+                inertia: any_number(random, full),
                 effort: if random.one_in(2) { 0.0 } else { any_number(random, full) },
             })
         }

@@ -2,6 +2,7 @@
 
 use embedded_can::StandardId;
 use rc10_app::angle::shortest_way;
+use rc10_app::maths::within;
 use rc10_app::{ConfigError, NewtonMetres, TotalAngle};
 use rc10_can::{CanFrame, Micros};
 
@@ -161,7 +162,9 @@ impl Damiao {
             Controller::Own { mode: Mode::Velocity, goals, .. } => {
                 let rpm = match *goals.goal() {
                     Goal::Speed(rpm) if runs => rpm,
-                    Goal::Motion if runs => goals.advance(tick.dt).motion.speed.get(),
+                    Goal::Motion if runs => {
+                        within(goals.advance(tick.dt).motion.speed.get(), limits.rpm())
+                    }
                     _ => 0.0,
                 };
                 wire::velocity(self.id, shaft.sign() * rpm / RPM_PER_RADIAN_PER_SECOND)

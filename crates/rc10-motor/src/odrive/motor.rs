@@ -38,6 +38,9 @@ const REMIND_EVERY: u8 = 10;
 const START_STEPS: u8 = 4;
 /// A multiple of both.
 const BEATS: u8 = 20;
+/// Largest velocity and torque beside a position, turns a second and N m at the motor: an i16 of
+/// thousandths.
+const MAX_BESIDE: f32 = 32.767;
 /// New limits are not answered, so they are sent three times.
 const LIMIT_FRAMES: u8 = 3;
 /// An axis that closes its own loops gets its current in this many ticks: else it would come back
@@ -388,6 +391,14 @@ impl Motor for ODrive {
                 if self.modes.1 != InputMode::Passthrough {
                     without_effort(goals.supports(), &target)?;
                 }
+                if let (ControlMode::Position, Target::Motion(motion)) = (self.modes.0, target) {
+                    goals.supports().accepts(&target)?;
+                    let velocity = motion.speed.get() * self.ratio / 60.0;
+                    let torque = (motion.effort + motion.inertia) / self.ratio;
+                    if velocity.abs().max(torque.abs()) > MAX_BESIDE {
+                        return Err(TargetError::OutOfRange(target.kind()));
+                    }
+                }
                 goals.set_target(target)
             }
         }
@@ -460,7 +471,7 @@ impl Motor for ODrive {
                     *input += gone * (self.ratio / 360.0);
                     *beside = Beside {
                         velocity: motion.speed.get() * (self.ratio / 60.0),
-                        torque: motion.effort / self.ratio,
+                        torque: (motion.effort + motion.inertia) / self.ratio,
                     };
                 }
             }
@@ -470,8 +481,8 @@ impl Motor for ODrive {
                 let rpm = match goals.update(tick.mode, || None) {
                     Goal::Speed(rpm) => rpm,
                     Goal::Motion => {
-                        let Motion { speed, effort, .. } = goals.advance(tick.dt).motion;
-                        beside.torque = effort / self.ratio;
+                        let Motion { speed, inertia, effort, .. } = goals.advance(tick.dt).motion;
+                        beside.torque = (effort + inertia) / self.ratio;
                         speed.get()
                     }
                     _ => 0.0,

@@ -42,12 +42,7 @@ impl Mechanisms {
         for (name, profile) in [(Name::Arm, &mut self.arm), (Name::Turret, &mut self.turret)] {
             let setpoint = profile.setpoint();
             profile.update(dt);
-            let motion = Motion {
-                angle: Some(setpoint.angle),
-                speed: setpoint.speed,
-                acceleration: setpoint.acceleration,
-                effort: 0.0,
-            };
+            let motion = Motion::from(setpoint);
             shared.command(name, Target::Motion(motion));
         }
         let flywheel = match remote.left_switch {

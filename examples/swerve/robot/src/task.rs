@@ -142,7 +142,8 @@ fn rolling(place: Point<Robot>, twist: Twist, change: Twist, angle: TotalAngle) 
     let [push_x, push_y] = at_place(push(twist, change), place);
     Motion {
         acceleration: RpmPerSecond::new((x * cos + y * sin) / BASE.radius() * RPM),
-        effort: (push_x * cos + push_y * sin) * BASE.radius() / DRIVE_TORQUE,
+        effort: 0.0,
+        inertia: (push_x * cos + push_y * sin) * BASE.radius() / DRIVE_TORQUE,
         ..Motion::default()
     }
 }
