@@ -12,7 +12,7 @@ use rc10_cli::live::wire::Line;
 use rc10_cli::live::{Action, Answer, Client, Sample};
 use rc10_cli::team;
 use rc10_motor::rc10_app::Rpm;
-use rc10_motor::{ArmState, DriveMode, Names, Target};
+use rc10_motor::{ArmState, DriveMode, Motion, Names, Target};
 use rc10_robot::table::{Name, WHEELS};
 use rc10_robot::{Motors, Ports, Shared};
 use rc10_sim::Tasks;
