@@ -101,7 +101,7 @@ fn targets_and_loads_are_those_of_the_page() {
     let speed = Rpm::new(50.0);
     let of_damiao = |control| Box::new(damiao(0x11, 0x31, control).unwrap());
     let of_odrive = |control| Box::new(odrive(3, control));
-    let rows: [(&str, Box<dyn CanMotor>); 18] = [
+    let rows: [(&str, Box<dyn CanMotor>); 19] = [
         ("M3508 with C620", Box::new(dji(&dji::M3508, 1))),
         ("M2006 with C610", Box::new(dji(&dji::M2006, 1))),
         ("GM6020, current mode", Box::new(dji(&dji::GM6020_CURRENT, 1))),
@@ -122,7 +122,14 @@ fn targets_and_loads_are_those_of_the_page() {
         ("LK, multi-motor frame", Box::new(lk(1, Commands::MultiMotor))),
         ("ODrive, torque", of_odrive(odrive::Control::Torque(CASCADE))),
         ("ODrive, velocity", of_odrive(odrive::Control::Velocity(InputMode::VelocityRamp))),
-        ("ODrive, position", of_odrive(odrive::Control::Position(InputMode::Passthrough))),
+        (
+            "ODrive, position (Passthrough)",
+            of_odrive(odrive::Control::Position(InputMode::Passthrough)),
+        ),
+        (
+            "ODrive, position (other modes)",
+            of_odrive(odrive::Control::Position(InputMode::Trapezoid)),
+        ),
     ];
     let switch = ArmSwitch::new();
     for (row, mut motor) in rows {
