@@ -23,7 +23,7 @@ use rc10_module::remote::{Remote, RemoteLink, Switch};
 use rc10_motor::{ArmState, ArmSwitch};
 use rc10_tasks::Arming;
 
-use crate::robot::{BaseCommand, MechanismCommand, Shared};
+use crate::robot::{BaseCommand, Goal, MechanismCommand, Shared};
 use crate::table::{
     ARMING, FEEDER, FULL_STICK, GIMBAL_AHEAD, GIMBAL_RATES, LIFT, LIFT_RATE, LIFT_TOP, Name,
 };
@@ -89,9 +89,9 @@ impl Driver {
     pub fn begin(&mut self, gimbal: [TotalAngle; 2], lift: TotalAngle) {
         let [yaw, pitch] = gimbal.map(|angle| {
             let way = shortest_way_degrees(angle.within_turn(), GIMBAL_AHEAD);
-            angle.plus(TotalAngle::try_from_degrees(way).unwrap_or_default())
+            stands(angle.plus(TotalAngle::try_from_degrees(way).unwrap_or_default()))
         });
-        self.mechanisms = MechanismCommand { yaw, pitch, lift, ..HOME };
+        self.mechanisms = MechanismCommand { yaw, pitch, lift: stands(lift), ..HOME };
     }
 
     /// Decides every [`PERIOD`], from the newest that the remote said; how the base shall move, if
@@ -104,9 +104,16 @@ impl Driver {
     ) -> Option<BaseCommand> {
         let obeyed = self.arming.step(remote, switch, now);
         if obeyed.is_none() {
-            self.mechanisms.feeder = Rpm::ZERO;
+            self.rest();
         }
         obeyed.map(|remote| self.follow_sticks(&remote))
+    }
+
+    /// No stick moves a mechanism.
+    const fn rest(&mut self) {
+        let MechanismCommand { yaw, pitch, lift, .. } = self.mechanisms;
+        let [yaw, pitch, lift] = [stands(yaw.angle), stands(pitch.angle), stands(lift.angle)];
+        self.mechanisms = MechanismCommand { yaw, pitch, lift, feeder: Rpm::ZERO };
     }
 
     fn follow_sticks(&mut self, remote: &Remote) -> BaseCommand {
@@ -115,7 +122,7 @@ impl Driver {
             _ => BaseCommand::Robot(Twist::new(vx, vy, wz)),
         };
         if remote.left_switch != Switch::Up {
-            self.mechanisms.feeder = Rpm::ZERO;
+            self.rest();
             let full = FULL_STICK;
             // Sticks count to the right, the robot to the left.
             return command([
@@ -126,16 +133,19 @@ impl Driver {
         }
         // Degrees a second and microseconds make microdegrees.
         #[expect(clippy::cast_possible_truncation, reason = "a few degrees")]
-        let moved = |angle: TotalAngle, stick: f32, rate: f32| {
+        let moved = |goal: Goal, stick: f32, rate: f32| {
             let step = (stick * rate * PERIOD.get() as f32) as i64;
-            angle.plus(TotalAngle::from_microdegrees(step))
+            let angle = goal.angle.plus(TotalAngle::from_microdegrees(step));
+            // 6 degrees a second are 1 rpm.
+            Goal { angle, speed: Rpm::new(stick * rate / 6.0) }
         };
         let [yaw, pitch] = GIMBAL_RATES;
         self.mechanisms.yaw = moved(self.mechanisms.yaw, -remote.right.x, yaw);
         self.mechanisms.pitch = moved(self.mechanisms.pitch, remote.right.y, pitch);
         self.mechanisms.feeder = Rpm::new(remote.left.y * FEEDER.get());
         let lift = moved(self.mechanisms.lift, remote.left.x, LIFT_RATE);
-        self.mechanisms.lift = lift.clamp(TotalAngle::ZERO, TotalAngle::from_degrees(LIFT_TOP));
+        let within = lift.angle.clamp(TotalAngle::ZERO, TotalAngle::from_degrees(LIFT_TOP));
+        self.mechanisms.lift = if within == lift.angle { lift } else { stands(within) };
         command([0.0; 3])
     }
 }
@@ -146,12 +156,17 @@ impl Default for Driver {
     }
 }
 
+/// A shaft that no stick moves.
+const fn stands(angle: TotalAngle) -> Goal {
+    Goal { angle, speed: Rpm::ZERO }
+}
+
 /// The command before the first motion.
 const HOME: MechanismCommand = MechanismCommand {
-    yaw: TotalAngle::ZERO,
-    pitch: TotalAngle::ZERO,
+    yaw: stands(TotalAngle::ZERO),
+    pitch: stands(TotalAngle::ZERO),
     feeder: Rpm::ZERO,
-    lift: TotalAngle::ZERO,
+    lift: stands(TotalAngle::ZERO),
 };
 
 #[cfg(test)]
@@ -197,7 +212,7 @@ mod tests {
         let degrees = TotalAngle::from_degrees;
         driver.begin([degrees(350), degrees(-700)], degrees(5));
         let MechanismCommand { yaw, pitch, lift, .. } = *driver.mechanisms();
-        assert_eq!([yaw, pitch, lift], [180, -540, 5].map(degrees));
+        assert_eq!([yaw, pitch, lift], [180, -540, 5].map(degrees).map(stands));
     }
 
     #[test]
@@ -215,16 +230,16 @@ mod tests {
         assert_eq!(scene.step(100), Some(BaseCommand::World(Twist::STOP)));
         let command = scene.driver.mechanisms();
         let [yaw, pitch] = GIMBAL_RATES;
-        assert!((command.yaw.degrees().get() - yaw).abs() < 0.1, "{command:?}");
-        assert!((command.pitch.degrees().get() + pitch).abs() < 0.1, "{command:?}");
+        assert!((command.yaw.angle.degrees().get() - yaw).abs() < 0.1, "{command:?}");
+        assert!((command.pitch.angle.degrees().get() + pitch).abs() < 0.1, "{command:?}");
         assert_eq!(command.feeder, FEEDER);
-        assert!((command.lift.degrees().get() - 0.5 * LIFT_RATE).abs() < 0.1, "{command:?}");
+        assert!((command.lift.angle.degrees().get() - 0.5 * LIFT_RATE).abs() < 0.1, "{command:?}");
         scene.remote.left.x = 1.0;
         scene.step(1000);
-        assert_eq!(scene.driver.mechanisms().lift, TotalAngle::from_degrees(LIFT_TOP));
+        assert_eq!(scene.driver.mechanisms().lift, stands(TotalAngle::from_degrees(LIFT_TOP)));
         scene.remote.left.x = -1.0;
         scene.step(1000);
-        assert_eq!(scene.driver.mechanisms().lift, TotalAngle::ZERO);
+        assert_eq!(scene.driver.mechanisms().lift, stands(TotalAngle::ZERO));
         // The feeder stands still while driving.
         scene.remote.left_switch = Switch::Middle;
         scene.step(1);

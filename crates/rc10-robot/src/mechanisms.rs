@@ -8,7 +8,7 @@ use rc10_can::Micros;
 use rc10_message::{Overrun, Statistics, periodic};
 use rc10_motor::{ArmState, Link, Request, Target};
 
-use crate::robot::Shared;
+use crate::robot::{Goal, Shared};
 use crate::table::{FEEDER, GIMBAL_LIMITS, LIFT, LIFT_LIMITS, Name};
 
 /// Period of the mechanisms' task.
@@ -65,7 +65,7 @@ fn follow(
     shared: &Shared<'_>,
     motors: &[Name],
     limits: &ProfileLimits,
-    target: TotalAngle,
+    goal: Goal,
     dt: Seconds,
 ) -> AngleSetpoint {
     let begins = profile.is_none();
@@ -74,7 +74,12 @@ fn follow(
         profile.update(dt);
     }
     // Limits that stand in the table can be used, and its angles are finite.
-    let _ = profile.set_target(limits, target, Rpm::ZERO);
+    let _ = if goal.speed == Rpm::ZERO {
+        profile.set_target(limits, goal.angle, Rpm::ZERO)
+    } else {
+        // It is as far behind as it takes to stop: let go, it comes to a stand where the stick brought it.
+        profile.set_speed(limits, goal.speed)
+    };
     profile.setpoint()
 }
 

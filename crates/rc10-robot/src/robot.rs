@@ -57,13 +57,22 @@ pub enum BaseCommand {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MechanismCommand {
     /// Gimbal yaw, over many turns.
-    pub yaw: TotalAngle,
+    pub yaw: Goal,
     /// Gimbal pitch, over many turns.
-    pub pitch: TotalAngle,
+    pub pitch: Goal,
     /// Feeder speed.
     pub feeder: Rpm,
     /// Lift: the angle of its shafts above the bottom.
-    pub lift: TotalAngle,
+    pub lift: Goal,
+}
+
+/// Where a stick has brought a shaft, and how fast it still moves it there.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Goal {
+    /// The angle.
+    pub angle: TotalAngle,
+    /// Its speed; zero as soon as the stick is let go.
+    pub speed: Rpm,
 }
 
 impl<'p> Shared<'p> {
