@@ -45,7 +45,8 @@ fn a_mistake_that_sensors_know_is_named() {
         ("radius:x0.5", "the wheels' radius were 0.50 times that of the table"),
         ("radius:x1.1", "the wheels' radius were 1.10 times that of the table"),
         ("track:x1.5", "wheelbase and track together 1.2"),
-        ("swap:wheel-front-l,wheel-rear-l", "wheel front left and wheel rear left were exchanged"),
+        // They follow their commands though the floor drags them: that the base does not is all that is known.
+        ("swap:wheel-front-l,wheel-rear-l", "the base does not do what its wheels say"),
         (
             "swap:wheel-front-l,wheel-front-r",
             "wheel front left and wheel front right were exchanged",
