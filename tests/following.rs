@@ -31,12 +31,12 @@ fn track(run: &Recording, name: Name) -> &MotorTrack {
 }
 
 /// Factors within ±30 %: all at their worst first, then by chance.
-fn factor(seed: u64, part: u64) -> f64 {
+fn factor(seed: u64, part: usize) -> f64 {
     match seed {
         0 => 1.0,
-        1 => [1.3, 1.3, 0.7, 1.3][part as usize],
-        2 => [0.7, 0.7, 1.3, 0.7][part as usize],
-        _ => 0.7 + ((seed * 7919 + part * 104_729) % 61) as f64 * 0.01,
+        1 => [1.3, 1.3, 0.7, 1.3][part],
+        2 => [0.7, 0.7, 1.3, 0.7][part],
+        _ => 0.7 + ((seed * 7919 + part as u64 * 104_729) % 61) as f64 * 0.01,
     }
 }
 

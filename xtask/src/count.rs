@@ -61,6 +61,8 @@ const BUDGETS: &[(&str, u64, Of)] = &[
     // A new target for one, at any state.
     ("plan target", 4000, Of::Worst),
     ("plan moving target", 4000, Of::Worst),
+    ("plan angle", 4000, Of::Worst),
+    ("plan velocity", 4000, Of::Worst),
 ];
 
 /// The value that a budget bounds.

@@ -6,7 +6,7 @@ mod random;
 mod walk;
 
 use random::Random;
-use rc10_app::base::{Base, BaseError, Tread, Wheel};
+use rc10_app::base::{Base, BaseError, Body, Tread, Wheel};
 use rc10_app::{Degrees, Direction, Point, Rpm, RpmPerSecond, Twist, TwistLimits};
 
 const LIMIT: Rpm = Rpm::new(450.0);
@@ -69,6 +69,33 @@ fn wheel_speeds_have_the_right_size() {
     let [left, right] = DIFFERENTIAL.accelerations(turn);
     // 2 rad/s² · 0.2 m / 0.05 m = 8 rad/s².
     assert!((right.get() - 76.394).abs() < 1e-2 && (left.get() + 76.394).abs() < 1e-2);
+}
+
+/// The wheels' power is that of the forces on the body, whatever the base: also with the axes that turn.
+#[test]
+fn the_power_of_the_torques_is_that_of_the_body() {
+    fn power<const N: usize>(base: &Base<N>, twist: Twist, change: Twist) -> [f32; 2] {
+        let body = Body { mass: 17.0, yaw_inertia: 0.9 };
+        let speeds = base.inverse(twist).unwrap();
+        assert!((speeds.scale - 1.0).abs() < 1e-6, "meant to be within the limit");
+        let torques = base.torques(&body, twist, change);
+        let of_wheels = torques
+            .iter()
+            .zip(speeds.speeds)
+            .map(|(torque, speed)| torque.get() * speed.get() * core::f32::consts::PI / 30.0);
+        // The turning of the axes does no work on the velocity.
+        let of_body = body.mass * (twist.vx * change.vx + twist.vy * change.vy)
+            + body.yaw_inertia * twist.wz * change.wz;
+        [of_wheels.sum(), of_body]
+    }
+    let mut random = Random(23);
+    for _ in 0..500 {
+        let [twist, change] = [0.5, 3.0]
+            .map(|size| Twist::new(random.within(size), random.within(size), random.within(size)));
+        for [wheels, body] in [power(&MECANUM, twist, change), power(&OMNI_4, twist, change)] {
+            assert!((wheels - body).abs() < 1e-3 * body.abs().max(1.0), "{wheels} W, {body} W");
+        }
+    }
 }
 
 /// A wheel in a random place, as wheels are.

@@ -1,7 +1,7 @@
 //! Drives bases, twists, poses, swerve, heading hold and odometry with random input, and gives away
 //! every result: the chip's bits shall be the PC's.
 
-use rc10_app::base::{Base, BaseMotion, Tread, Wheel};
+use rc10_app::base::{Base, BaseMotion, Body, Tread, Wheel};
 use rc10_app::swerve::{Module, Steering, Swerve, SwerveState};
 use rc10_app::{
     Degrees, Direction, Field, HeadingHold, HeadingHoldConfig, Odometry, OdometryConfig,
@@ -113,7 +113,10 @@ fn any<const N: usize>(base: &Base<N>, random: &mut Random, put: &mut dyn FnMut(
             put(wheels.scale);
         }
         put(base.sideways(twist));
-        base.accelerations(random.twist()).into_iter().for_each(|one| put(one.get()));
+        let change = random.twist();
+        base.accelerations(change).into_iter().for_each(|one| put(one.get()));
+        let body = Body { mass: 20.0, yaw_inertia: 1.2 };
+        base.torques(&body, twist, change).into_iter().for_each(|one| put(one.get()));
         put_motion(&base.forward([(); N].map(|()| Rpm::new(random.within(400.0)))), put);
     }
 }
