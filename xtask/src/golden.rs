@@ -54,7 +54,8 @@ fn compare(there: &str, made: &str) -> Result<()> {
         let same = |(old, new): (&str, &str)| {
             let numbers = old.parse::<f64>().ok().zip(new.parse::<f64>().ok());
             numbers.map_or(old == new, |(old, new)| {
-                (old - new).abs() <= DIFFERS * old.abs().max(1.0) || old.is_nan() && new.is_nan()
+                let near = (old - new).abs() <= DIFFERS * old.abs().max(1.0);
+                near || old.total_cmp(&new).is_eq()
             })
         };
         let is_same = old.split(',').count() == new.split(',').count()
