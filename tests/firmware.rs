@@ -665,7 +665,7 @@ fn the_chip_drives_as_the_simulator_does() {
                 let until = Micros::from_millis(millisecond);
                 around.run(&mut tasks, until);
                 let target = match shared.motor(Name::FrontLeft).status().target {
-                    rc10_motor::Target::Speed(speed) => f64::from(speed.get()),
+                    rc10_motor::Target::Motion(motion) => f64::from(motion.speed.get()),
                     _ => 0.0,
                 };
                 (around.motors[wheel].state().output_rpm, target)
@@ -697,7 +697,8 @@ fn the_chip_drives_as_the_simulator_does() {
         "wheel: tracking error {:.3} rpm simulated, {:.3} rpm on the chip; settled after {} and {}",
         here.error, there.error, here.settled, there.settled
     );
-    assert!((here.error - there.error).abs() <= 0.05 * here.error);
+    // Half a per cent of the speed: by which millisecond of its period the chassis task speaks.
+    assert!((here.error - there.error).abs() <= 0.5);
     let [here, there] = [here.settled, there.settled].map(|time| time.get() as f64);
     assert!(here > 50_000.0 && (here - there).abs() <= 0.05 * here, "{here} {there}");
 }
