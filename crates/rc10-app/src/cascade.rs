@@ -645,6 +645,37 @@ mod tests {
         assert!(with < 0.5 && without > 3.0 * with, "{with} with, {without} without");
     }
 
+    /// What is learned while it accelerates at 500 rpm/s for 0.3 s, `inertia` times as heavy as known.
+    fn learned(inertia: f32) -> CascadeState {
+        let known = FeedForward { acceleration: 0.01, ..FeedForward::NONE };
+        let config = Cascade { feed_forward: known, ..CONFIG };
+        let (mut state, mut rpm) = (CascadeState::new(), 0.0_f32);
+        for tick in 0..300_u16 {
+            let speed = 0.5 * f32::from(tick);
+            let seek = Seek::Motion { way: None, speed, acceleration: 500.0, inertia: 0.0 };
+            let step = Step { measured: rpm, load: 0.0, full: 20.0, dt: MS, count: 0 };
+            state.seek(&config, &seek, &step);
+            rpm += state.effort() / (0.01 * inertia) * 1e-3;
+        }
+        state
+    }
+
+    #[test]
+    fn a_heavier_or_lighter_load_is_learned() {
+        assert!(learned(1.0).learned.abs() < 0.05, "{}", learned(1.0).learned);
+        assert!(learned(1.5).learned > 0.2 && learned(0.6).learned < -0.2);
+    }
+
+    #[test]
+    fn what_is_learned_of_a_blocked_shaft_is_bounded_and_forgotten_in_a_stop() {
+        let mut state = learned(1e9);
+        assert!(state.learned > 0.2 && state.learned <= HEAVIEST, "{}", state.learned);
+        state.start_over(true);
+        assert!(state.learned > 0.2, "it holds: the load is still there");
+        state.start_over(false);
+        assert!(state.learned.abs() < f32::EPSILON);
+    }
+
     #[test]
     fn a_motion_that_rests_far_away_is_an_angle_that_is_sought() {
         let (mut state, mut last) = (CascadeState::new(), 0.0);
