@@ -42,10 +42,8 @@ impl Cascade {
         // The speed reference is ramped, and an angle has no setpoint of its own: a way is left.
         ok!(unweighted(&self.speed), in "speed");
         ok!(unweighted(&self.angle), in "angle");
-        match self.feed_forward.validate() {
-            Ok(()) => Ok(()),
-            Err(error) => Err(error.in_part("feed_forward")),
-        }
+        ok!(self.feed_forward.validate(), in "feed_forward");
+        Ok(())
     }
 
     /// From the tick `count` to the next one in which the angle loop runs: 1 ..= divider.
@@ -406,13 +404,13 @@ impl CascadeState {
         // A small acceleration tells less.
         let least = TELLING_LOAD * full;
         let size = by_inertia.abs();
-        let by_inertia = if size > least { 1.0 / by_inertia } else { by_inertia / (least * least) };
-        let step = config.speed.ki * dt.get() * (self.reference - measured) * by_inertia;
+        let per_effort = if size > least { 1.0 / by_inertia } else { by_inertia / (least * least) };
+        let step = config.speed.ki * dt.get() * (self.reference - measured) * per_effort;
         let effort = self.effort();
         let is_limited = effort.abs() >= config.speed.output_limit;
         // At the limit only what leads away from it is learned.
         let learned = self.learned + step;
-        if learned.is_finite() && !(is_limited && step * by_inertia * effort > 0.0) {
+        if learned.is_finite() && !(is_limited && step * per_effort * effort > 0.0) {
             self.learned = learned.clamp(LIGHTEST, HEAVIEST);
         }
     }

@@ -82,7 +82,7 @@ impl HeadingHold {
     }
 
     /// The yaw rate to command, in rad/s, for the driver's `stick` and the measured `yaw_rate`, both
-    /// rad/s. `heading` is any angle: what is left goes the shorter way. Where something is not
+    /// rad/s. `heading` is any angle: the error goes the shorter way. Where something is not
     /// finite the state stays unchanged, and the stick passes through.
     pub fn update(
         &mut self,
@@ -103,7 +103,7 @@ impl HeadingHold {
             Radians::new(shortest_way_f32(0.0, heading.get() + stops_after, TAU))
         });
         let left = shortest_way_f32(heading.get(), held.get(), TAU);
-        // The speed from which it stops in what is left.
+        // The speed from which it stops within the error.
         let can_stop = maths::fast_sqrt(2.0 * config.deceleration * left.abs());
         let back = maths::within(config.kp * left, can_stop.min(config.max_rate));
         maths::within(back - config.kd * yaw_rate, config.max_rate)

@@ -2,7 +2,8 @@
 //!
 //! A module turns the shorter way, by a quarter turn at most where it may turn endlessly: its wheel
 //! then rolls the other way. While it is not there yet its wheel rolls only as fast as it helps the
-//! motion, which is the cosine of what is left. When the robot stands, the modules stay as they are.
+//! motion, which is the cosine of the angle that remains. When the robot stands, the modules stay as
+//! they are.
 
 use core::f32::consts::PI;
 

@@ -17,7 +17,7 @@
 //! * [`look`]: what is seen of a robot at one moment. [`recorder`]: takes looks down. [`record`]: looks
 //!   in a file, and a recording of them again.
 //! * [`simulate`]: runs the robot's own tasks, on this machine.
-//! * [`recording`]: what is left of a run. [`figures`], [`problems`], [`happened`], [`path`] and [`report`]
+//! * [`recording`]: the recording of a run. [`figures`], [`problems`], [`happened`], [`path`] and [`report`]
 //!   are made from it. [`wheels`]: what a base's wheels say of its motion.
 //! * [`run`], [`emulate`], [`live`], [`decode`], [`dbc`], [`new`], [`pty`]: the commands. [`candump`]: logs, read and
 //!   written. [`slcan`]: what a pseudo-terminal speaks.

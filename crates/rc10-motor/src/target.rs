@@ -139,9 +139,7 @@ impl From<Command> for Target {
         match command {
             Command::Coast => Self::Coast,
             Command::Speed(speed) => Self::Speed(speed),
-            Command::Angle(AngleSetpoint { angle, speed, acceleration }) => {
-                Self::Motion(AngleSetpoint { angle, speed, acceleration }.into())
-            }
+            Command::Angle(setpoint) => Self::Motion(setpoint.into()),
         }
     }
 }

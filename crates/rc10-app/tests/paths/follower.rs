@@ -148,7 +148,7 @@ fn the_path_waits_for_a_base_that_is_blocked() {
     robot.wheels = [0.0; 4];
     let mut blocked = robot.follow(&mut follower, &plan, 1000);
     assert_eq!(blocked.status, PathStatus::Waiting);
-    // The lag is bounded, the plan stands, and what is left is the correction.
+    // The lag is bounded, the plan stands, and the rest is the correction.
     assert!(blocked.along > 0.15 && blocked.along <= 0.201, "{blocked:?}");
     assert!((blocked.twist.vx.hypot(blocked.twist.vy) - 0.5).abs() < 0.01, "{blocked:?}");
     // Free again: what the base is asked for grows within the limits, and the path goes on.
