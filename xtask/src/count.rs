@@ -33,14 +33,12 @@ const BUDGETS: &[(&str, u64, Of)] = &[
     ("motor", 300, Of::Mean),
     // Angle loops run in other ticks for each motor of a bus.
     ("motor", 320, Of::Worst),
-    // Wheel speeds of a base on four wheels; and where they have to be limited.
-    ("base", 80, Of::Mean),
-    ("base", 90, Of::Worst),
+    // Wheel speeds of a base on four wheels, limited where they have to be.
+    ("base", 80, Of::Worst),
     // Four steered wheels.
     ("swerve", 1200, Of::Worst),
-    // A step of odometry; and one over the seam of the circle, with slip.
-    ("odometry", 200, Of::Mean),
-    ("odometry", 220, Of::Worst),
+    // A step of odometry, with a gyro, slip and all.
+    ("odometry", 200, Of::Worst),
     // A tick of a base on four wheels that follows its path.
     ("path", 1_000, Of::Worst),
     // What one tick does of a plan.

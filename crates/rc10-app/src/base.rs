@@ -358,21 +358,19 @@ fn limited<const N: usize>(
     speeds: &mut [Rpm; N],
 ) -> Option<f32> {
     let wanted = rows.map(|row| product(row, twist));
-    let sizes = wanted.map(f32::abs);
-    // False for NaN, too.
-    let is_finite = sizes.into_iter().sum::<f32>() < f32::INFINITY;
-    if !is_finite {
-        return None;
-    }
-    let mut fastest = *sizes.first()?;
-    for size in sizes {
+    // Sizes are ordered as their bits are, and what is not finite is above all others.
+    let mut fastest = 0;
+    for size in wanted.map(|speed| speed.abs().to_bits()) {
         fastest = if size > fastest { size } else { fastest };
     }
-    if fastest <= limit {
+    if fastest <= limit.to_bits() {
         *speeds = wanted.map(Rpm::new);
         return Some(1.0);
     }
-    let scale = limit / fastest * BELOW_ONE;
+    if fastest >= f32::INFINITY.to_bits() {
+        return None;
+    }
+    let scale = limit / f32::from_bits(fastest) * BELOW_ONE;
     *speeds = wanted.map(|speed| Rpm::new(speed * scale));
     Some(scale)
 }

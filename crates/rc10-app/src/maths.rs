@@ -12,17 +12,36 @@ pub fn sin_cos(radians: f32) -> (f32, f32) {
 
 /// [`sin_cos`] of an angle that is known to be within ±8192 rad.
 pub(crate) fn near_sin_cos(radians: f32) -> (f32, f32) {
-    /// π/2 in three parts; a whole number of up to 13 bits times the first or second is exact.
-    const PARTS: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
+    /// π/2 in two parts; a whole number of up to 13 bits times the first is exact.
+    const PARTS: [f32; 2] = [1.570_312_5, 4.838_268e-4];
     let (quarters, whole) = nearest_whole(radians * core::f32::consts::FRAC_2_PI);
-    let x = ((radians - quarters * PARTS[0]) - quarters * PARTS[1]) - quarters * PARTS[2];
+    let x = (radians - quarters * PARTS[0]) - quarters * PARTS[1];
+    quarters_and(x, whole)
+}
+
+/// Radians in 2⁻³² turns.
+pub(crate) const RADIANS_PER_PART: f32 = core::f32::consts::TAU / 4_294_967_296.0;
+
+/// Sine and cosine of an angle in 2⁻³² turns, each within 1.2e-7.
+pub(crate) fn sin_cos_of_parts(parts: i32) -> (f32, f32) {
+    // An eighth of a turn more, and the upper bits are the nearest quarter.
+    #[expect(clippy::cast_sign_loss, reason = "bits")]
+    let whole = parts.wrapping_add(1 << 29) as u32 >> 30;
+    #[expect(clippy::cast_precision_loss, reason = "within an eighth of a turn: seven digits")]
+    let x = parts.wrapping_sub((whole << 30).cast_signed()) as f32 * RADIANS_PER_PART;
+    quarters_and(x, whole)
+}
+
+/// Sine and cosine of `x`, within ±π/4, and as many quarters of a turn.
+#[inline(always)]
+fn quarters_and(x: f32, quarters: u32) -> (f32, f32) {
     // Polynomials of Cephes (S. Moshier, sinf.c), least error within ±π/4.
     let z = x * x;
     let sin = ((-1.951_529_6e-4 * z + 8.332_161e-3) * z - 1.666_665_5e-1) * z * x + x;
     let cos = ((2.443_315_7e-5 * z - 1.388_731_6e-3) * z + 4.166_664_6e-2) * z * z - 0.5 * z + 1.0;
-    let (sin, cos) = if whole & 1 == 0 { (sin, cos) } else { (cos, sin) };
+    let (sin, cos) = if quarters & 1 == 0 { (sin, cos) } else { (cos, sin) };
     let negative = |x: f32, bit: u32| f32::from_bits(x.to_bits() ^ ((bit & 2) << 30));
-    (negative(sin, whole), negative(cos, whole.wrapping_add(1)))
+    (negative(sin, quarters), negative(cos, quarters.wrapping_add(1)))
 }
 
 #[cold]
@@ -238,6 +257,14 @@ mod tests {
             assert!((f64::from(s) - sin).abs() < 1e-6 && (f64::from(c) - cos).abs() < 1e-6, "{x}");
         }
         assert_eq!(sin_cos(0.0), (0.0, 1.0));
+        let mut worst = 0.0_f64;
+        for step in 0..1_000_000_i32 {
+            let parts = step.wrapping_mul(4294).wrapping_add(step);
+            let exact = (f64::from(parts) * core::f64::consts::TAU / 4_294_967_296.0).sin_cos();
+            let (s, c) = sin_cos_of_parts(parts);
+            worst = worst.max((f64::from(s) - exact.0).abs()).max((f64::from(c) - exact.1).abs());
+        }
+        assert!(worst < 1.2e-7, "{worst}");
         assert!(sin_cos(f32::NAN).0.is_nan() && sin_cos(f32::INFINITY).1.is_nan());
     }
 

@@ -76,7 +76,7 @@ fn swerve(
 /// Arcs, with a gyro and without, with slip and over the seam of the circle.
 fn odometries() {
     let mut odometry = Odometry::new(Pose::IDENTITY);
-    for step in 0..200_i32 {
+    for step in 0..3_000_i32 {
         let twist = TWISTS[step as usize % 4];
         let heading = (step % 3 > 0).then_some(TotalAngle::from_degrees(3 * step));
         let slip = if step % 5 == 0 { 0.5 } else { 0.0 };
