@@ -12,8 +12,9 @@ use std::rc::Rc;
 use std::sync::Mutex;
 
 use common::{Bench, motor, twin};
+use rc10_app::angle::shortest_way_degrees;
 use rc10_app::{
-    Amps, Base, CountsPerTurn, Direction, Gear, PidConfig, PidState, Rpm, Seconds, Twist,
+    Amps, Base, CountsPerTurn, Degrees, Direction, Gear, PidConfig, PidState, Rpm, Seconds, Twist,
 };
 use rc10_can::embedded_can::{Id, StandardId};
 use rc10_can::{CanFrame, CanPort, Health, Micros, Submitted};
@@ -72,10 +73,8 @@ impl Acts for Witness<'_> {
 
 #[test]
 fn r2_the_way_from_350_to_10_degrees_is_20() {
-    let config = PidConfig { turn: 360.0, ..PidConfig::new(1.0, 0.0, 0.0, 1e3) };
-    let mut state = PidState::new();
-    assert!((state.update(&config, 10.0, 350.0, 0.0, MS) - 20.0).abs() < 1e-3);
-    assert!((state.update(&config, 350.0, 10.0, 0.0, MS) + 20.0).abs() < 1e-3);
+    let way = |from, to| shortest_way_degrees(Degrees::new(from), Degrees::new(to)).get();
+    assert!((way(350.0, 10.0) - 20.0).abs() < 1e-3 && (way(10.0, 350.0) + 20.0).abs() < 1e-3);
 }
 
 /// At 1 h of uptime a true 1.000 ms read 0.732 to 1.221 ms, at 4.6 h 0 or 1.953 ms.

@@ -26,9 +26,9 @@ const BUDGETS: &[(&str, u64, Of)] = &[
     // A step of a PID controller: proportional and integral part, deadband, limits, anti-windup.
     ("pid plain", 60, Of::Worst),
     // With filtered derivative and weighted setpoint.
-    ("pid whole", 90, Of::Worst),
+    ("pid whole", 75, Of::Mean),
     // At its limit, with back-calculation.
-    ("limited pid", 170, Of::Worst),
+    ("limited pid", 150, Of::Worst),
     // One motor in one tick: a received frame, a cascade, its share of a group frame.
     ("motor", 300, Of::Mean),
     // Angle loops run in other ticks for each motor of a bus.

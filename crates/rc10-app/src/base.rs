@@ -16,7 +16,6 @@ use core::f64::consts::PI;
 
 use crate::config::{ConfigError, positive};
 use crate::ok;
-use crate::transform::Point;
 use crate::twist::{Twist, TwistLimits, TwistNotFinite};
 use crate::units::{Degrees, NewtonMetres, Rpm, RpmPerSecond};
 
@@ -138,24 +137,6 @@ impl Base<4> {
     pub const fn omni_4(radius: f32, distance: f32, max_wheel_speed: Rpm) -> Self {
         Self::sound(wheel::ring(radius, distance, Degrees::new(45.0)), max_wheel_speed)
     }
-
-    /// Four plain wheels in the order front left, front right, rear left, rear right, that all roll
-    /// forward. They slip sideways when the base turns: its motion is exact only straight ahead.
-    /// Arguments as those of [`mecanum`](Base::mecanum).
-    ///
-    /// # Panics
-    /// As [`sound`](Base::sound).
-    #[must_use]
-    pub const fn skid_steer(
-        radius: f32,
-        half_wheelbase: f32,
-        half_track: f32,
-        max_wheel_speed: Rpm,
-    ) -> Self {
-        let (x, y) = (half_wheelbase, half_track);
-        let places = [Point::new(x, y), Point::new(x, -y), Point::new(-x, y), Point::new(-x, -y)];
-        Self::sound(wheel::parallel(radius, places), max_wheel_speed)
-    }
 }
 
 impl Base<3> {
@@ -178,8 +159,7 @@ impl Base<2> {
     /// As [`sound`](Base::sound).
     #[must_use]
     pub const fn differential(radius: f32, half_track: f32, max_wheel_speed: Rpm) -> Self {
-        let places = [Point::new(0.0, half_track), Point::new(0.0, -half_track)];
-        Self::sound(wheel::parallel(radius, places), max_wheel_speed)
+        Self::sound(wheel::pair(radius, half_track), max_wheel_speed)
     }
 }
 

@@ -15,7 +15,6 @@
 //! assert!(amps > 5.0 && amps <= 20.0);
 //! ```
 
-use crate::angle::shortest_way_f32;
 use crate::config::{ConfigError, not_negative, positive, positive_or_unlimited};
 use crate::maths::within;
 use crate::ok;
@@ -40,11 +39,8 @@ pub struct PidConfig {
     /// The integral rests while the error is larger than this (integral separation); infinite:
     /// it never rests.
     pub integral_separation: f32,
-    /// Errors up to this count as zero.
+    /// Smaller errors count as zero.
     pub deadband: f32,
-    /// The measurement lies on a circle of this size (360 for degrees), and the error goes the
-    /// shorter way round; infinite: it lies on a line.
-    pub turn: f32,
     /// Time constant of the filter of the derivative, s; 0: none. A tenth of kd / kp is usual.
     pub derivative_filter: f32,
     /// The share of the setpoint on which `kp` acts, 0 ..= 1: below 1 a step of the setpoint
@@ -69,7 +65,6 @@ impl PidConfig {
             integral_limit: output_limit,
             integral_separation: f32::INFINITY,
             deadband: 0.0,
-            turn: f32::INFINITY,
         }
     }
 
@@ -90,23 +85,20 @@ impl PidConfig {
         ok!(positive("output_limit", self.output_limit));
         ok!(not_negative("integral_limit", self.integral_limit));
         ok!(positive_or_unlimited("integral_separation", self.integral_separation));
-        ok!(not_negative("deadband", self.deadband));
-        // The way round a circle is known, but not from where the setpoint counts.
-        let is_whole = weight >= 1.0 || self.turn == f32::INFINITY;
-        ok!(ConfigError::check(is_whole, "setpoint_weight", weight, "1 on a circle"));
-        positive_or_unlimited("turn", self.turn)
+        not_negative("deadband", self.deadband)
     }
-}
-
-/// Out of line: a moving thing is seldom within its deadband.
-#[cold]
-const fn no_error() -> f32 {
-    0.0
 }
 
 /// The backward difference of `time_constant` · rate' + rate = change / dt.
 fn filtered(time_constant: f32, rate: f32, change: f32, dt: f32) -> f32 {
     (time_constant * rate + change) / (time_constant + dt)
+}
+
+/// Out of line: a moving thing is seldom within its deadband, or so far off that its integral rests.
+#[cold]
+fn unusual(config: &PidConfig, error: f32, integrate: bool) -> (f32, bool) {
+    let quiet = if error.abs() < config.deadband { 0.0 } else { error };
+    (quiet, integrate && error.abs() <= config.integral_separation)
 }
 
 /// What a step has seen of the measurement itself.
@@ -210,34 +202,16 @@ impl PidState {
     ) -> f32 {
         // Positive and finite, in one comparison.
         let is_step = dt.get().to_bits().wrapping_sub(1) < f32::INFINITY.to_bits() - 1;
-        let on_line = config.turn.to_bits() == f32::INFINITY.to_bits();
-        if is_step && on_line {
-            self.step(config, setpoint, setpoint - measured, measured, feed_forward, dt.get())
+        if is_step {
+            self.step(config, setpoint, measured, feed_forward, dt.get())
         } else {
-            self.step_on_circle(config, setpoint, measured, feed_forward, dt)
+            self.stay()
         }
     }
 
-    /// Out of line: most measurements lie on a line.
     #[cold]
-    #[inline(never)]
-    fn step_on_circle(
-        &mut self,
-        config: &PidConfig,
-        setpoint: f32,
-        measured: f32,
-        feed_forward: f32,
-        dt: Seconds,
-    ) -> f32 {
-        if !dt.is_step() {
-            return self.output;
-        }
-        let error = shortest_way_f32(measured, setpoint, config.turn);
-        let before = self.last_measured;
-        // The measurement before, on the turn of this one.
-        let near = measured - shortest_way_f32(before, measured, config.turn);
-        self.last_measured = if near.is_nan() { before } else { near };
-        self.step(config, setpoint, error, measured, feed_forward, dt.get())
+    const fn stay(&self) -> f32 {
+        self.output
     }
 
     #[inline(always)]
@@ -245,45 +219,48 @@ impl PidState {
         &mut self,
         config: &PidConfig,
         setpoint: f32,
-        error: f32,
         measured: f32,
         feed_forward: f32,
         dt: f32,
     ) -> f32 {
-        let mut beside = feed_forward;
-        if config.setpoint_weight.to_bits() != 1.0_f32.to_bits() {
-            beside -= config.kp * ((1.0 - config.setpoint_weight) * setpoint);
-        }
+        let error = setpoint - measured;
+        let left_out = (1.0 - config.setpoint_weight) * setpoint;
         if config.kd == 0.0 {
-            self.integrate_and_limit(config, error, beside, true, dt, Seen::Measured(measured))
-        } else {
-            self.step_with_derivative(config, error, beside, measured, dt)
+            let seen = Seen::Measured(measured);
+            return self.integrate_and_limit(config, error, left_out, feed_forward, true, dt, seen);
         }
+        if self.last_measured.is_nan() {
+            return self.first_step(config, setpoint, measured, feed_forward, dt);
+        }
+        let change = measured - self.last_measured;
+        let rate = filtered(config.derivative_filter, self.rate, change, dt);
+        let beside = feed_forward - config.kd * rate;
+        let seen = Seen::Moved(measured, rate);
+        self.integrate_and_limit(config, error, left_out, beside, true, dt, seen)
     }
 
-    /// Out of line: a division takes as long as all the rest, and most loops have no derivative.
+    /// Nothing was measured before the first step, so nothing has moved.
+    #[cold]
     #[inline(never)]
-    fn step_with_derivative(
+    fn first_step(
         &mut self,
         config: &PidConfig,
-        error: f32,
-        beside: f32,
+        setpoint: f32,
         measured: f32,
+        feed_forward: f32,
         dt: f32,
     ) -> f32 {
-        let last = self.last_measured;
-        // Nothing was measured before the first step, so nothing has moved.
-        let change = if last.is_nan() { 0.0 } else { measured - last };
-        let rate = filtered(config.derivative_filter, self.rate, change, dt);
-        let beside = beside - config.kd * rate;
-        self.integrate_and_limit(config, error, beside, true, dt, Seen::Moved(measured, rate))
+        if !(setpoint - measured + feed_forward).is_finite() {
+            return self.output;
+        }
+        self.last_measured = measured;
+        self.step(config, setpoint, measured, feed_forward, dt)
     }
 
     /// One step for callers that know the error and the change of the measurement exactly, such as
     /// an integer encoder. `change` tells how far the measurement moved since the last step, and is
     /// asked only if there is a derivative. As [`update`](Self::update) otherwise, but
-    /// [`PidConfig::turn`] and [`PidConfig::setpoint_weight`] are not used, and the caller checks that
-    /// `dt` is positive and finite.
+    /// [`PidConfig::setpoint_weight`] is not used, and the caller checks that `dt` is positive and finite.
     #[inline(always)]
     pub fn update_error(
         &mut self,
@@ -296,7 +273,8 @@ impl PidState {
         if config.kd != 0.0 {
             feed_forward -= config.kd * self.derivative(config.derivative_filter, change(), dt);
         }
-        self.integrate_and_limit(config, error, feed_forward, integrate, dt.get(), Seen::Nothing)
+        let seen = Seen::Nothing;
+        self.integrate_and_limit(config, error, 0.0, feed_forward, integrate, dt.get(), seen)
     }
 
     /// Out of line: a division takes as long as all the rest, and most loops have no derivative.
@@ -309,26 +287,33 @@ impl PidState {
         rate
     }
 
-    /// The integral, the proportional part, and the limit; `seen` is to be kept with the rest.
+    /// The integral, the proportional part, and the limit. `left_out` is what the proportional part does
+    /// not see of the setpoint, `seen` is to be kept with the rest.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "in registers: the usual step needs no stack")]
     fn integrate_and_limit(
         &mut self,
         config: &PidConfig,
         error: f32,
+        left_out: f32,
         beside: f32,
         integrate: bool,
         dt: f32,
         seen: Seen,
     ) -> f32 {
-        let size = error.abs();
-        let error = if size <= config.deadband { no_error() } else { error };
+        // Sizes are ordered as their bits are.
+        let size = error.abs().to_bits();
+        let is_usual =
+            size >= config.deadband.to_bits() && size <= config.integral_separation.to_bits();
+        let (error, integrate) =
+            if is_usual { (error, integrate) } else { unusual(config, error, integrate) };
         let mut step = 0.0;
-        if integrate && size <= config.integral_separation {
+        if integrate {
             // Trapezoidal rule: exact for an error that changes linearly between two steps.
             step = config.ki * (0.5 * dt) * (error + self.last_error);
         }
         let integral = within(self.integral + step, config.integral_limit);
-        let wanted = beside + config.kp * error + integral;
+        let wanted = beside + config.kp * (error - left_out) + integral;
         // The usual case costs one comparison, which is false for NaN too.
         if wanted.abs() <= config.output_limit {
             self.integral = integral;
@@ -496,14 +481,6 @@ mod tests {
             speed += (state.update(&config, 100.0, speed, 0.0, MS) - 40.0) * 0.01;
         }
         assert!((speed - 100.0).abs() < 0.1 && (state.integral() - 40.0).abs() < 0.1);
-    }
-
-    #[test]
-    fn the_circle_goes_the_shorter_way() {
-        let config = PidConfig { turn: 360.0, ..PidConfig::new(1.0, 0.0, 0.0, 1e3) };
-        let mut state = PidState::new();
-        assert!((state.update(&config, 10.0, 350.0, 0.0, MS) - 20.0).abs() < 1e-3);
-        assert!((state.update(&config, 350.0, 10.0, 0.0, MS) + 20.0).abs() < 1e-3);
     }
 
     #[test]

@@ -8,13 +8,13 @@ mod walk;
 use random::Random;
 use rc10_app::base::{Base, BaseError, Body, Tread, Wheel};
 use rc10_app::{Degrees, Direction, Point, Rpm, RpmPerSecond, Twist, TwistLimits};
+use walk::SKID_STEER;
 
 const LIMIT: Rpm = Rpm::new(450.0);
 const MECANUM: Base<4> = Base::mecanum(0.076, 0.20, 0.25, LIMIT);
 const OMNI_4: Base<4> = Base::omni_4(0.076, 0.25, LIMIT);
 const OMNI_3: Base<3> = Base::omni_3(0.05, 0.2, LIMIT);
 const DIFFERENTIAL: Base<2> = Base::differential(0.05, 0.2, LIMIT);
-const SKID_STEER: Base<4> = Base::skid_steer(0.05, 0.15, 0.2, LIMIT);
 
 fn twist(random: &mut Random, size: f32) -> Twist {
     Twist::new(random.within(size), random.within(size), random.within(2.0 * size))

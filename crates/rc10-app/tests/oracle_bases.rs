@@ -87,7 +87,6 @@ fn base<const N: usize>(row: &Row<'_>) -> [f64; 2] {
         "omni_3" => named(Base::omni_3(radius, x.hypot(y), limit).wheels()),
         "omni_4" => named(Base::omni_4(radius, x.hypot(y), limit).wheels()),
         "differential" => named(Base::differential(radius, y, limit).wheels()),
-        "skid_steer" => named(Base::skid_steer(radius, x, y, limit).wheels()),
         _ => {}
     }
 

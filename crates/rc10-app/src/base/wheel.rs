@@ -140,20 +140,14 @@ pub(super) const fn ring<const N: usize>(radius: f32, distance: f32, first: Degr
     wheels
 }
 
-/// Plain wheels that all roll forward: left and right in turn, from the front to the rear.
-pub(super) const fn parallel<const N: usize>(radius: f32, places: [Point<Robot>; N]) -> [Wheel; N] {
-    let wheel = Wheel {
-        place: Point::new(0.0, 0.0),
+/// A plain wheel on the left and one on the right that roll forward.
+pub(super) const fn pair(radius: f32, half_track: f32) -> [Wheel; 2] {
+    let left = Wheel {
+        place: Point::new(0.0, half_track),
         direction: Degrees::ZERO,
         tread: Tread::Plain,
         radius,
         turns: Direction::Forward,
     };
-    let mut wheels = [wheel; N];
-    let mut at = 0;
-    while at < N {
-        wheels[at].place = places[at];
-        at += 1;
-    }
-    wheels
+    [left, Wheel { place: Point::new(0.0, -half_track), ..left }]
 }

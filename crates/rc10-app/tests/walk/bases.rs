@@ -14,7 +14,21 @@ const MECANUM: Base<4> = Base::mecanum(0.076, 0.20, 0.22, LIMIT);
 const OMNI_4: Base<4> = Base::omni_4(0.076, 0.25, LIMIT);
 const OMNI_3: Base<3> = Base::omni_3(0.05, 0.2, LIMIT);
 const DIFFERENTIAL: Base<2> = Base::differential(0.05, 0.2, LIMIT);
-const SKID_STEER: Base<4> = Base::skid_steer(0.05, 0.15, 0.2, LIMIT);
+/// Four plain wheels: a base by its list.
+pub const SKID_STEER: Base<4> = Base::sound(
+    [plain(0.15, 0.2), plain(0.15, -0.2), plain(-0.15, 0.2), plain(-0.15, -0.2)],
+    LIMIT,
+);
+
+const fn plain(x: f32, y: f32) -> Wheel {
+    Wheel {
+        place: Point::new(x, y),
+        direction: Degrees::ZERO,
+        tread: Tread::Plain,
+        radius: 0.05,
+        turns: Direction::Forward,
+    }
+}
 const LIMITS: TwistLimits = TwistLimits { linear_acceleration: 3.0, angular_acceleration: 12.0 };
 const HOLD: HeadingHoldConfig =
     HeadingHoldConfig { kp: 6.0, kd: 0.1, max_rate: 3.0, deceleration: 12.0, deadband: 0.05 };

@@ -60,7 +60,6 @@ fn pid(chance: &mut Chance, put: &mut dyn FnMut(f32)) {
         setpoint_weight: chance.up_to(1.0),
         tracking: if chance.within(1.0) > 0.0 { chance.up_to(100.0) } else { 0.0 },
         deadband: if chance.within(1.0) > 0.5 { 0.2 } else { 0.0 },
-        turn: if chance.within(1.0) > 0.0 { 360.0 } else { f32::INFINITY },
         integral_separation: if chance.within(1.0) > 0.5 { 30.0 } else { f32::INFINITY },
         ..PidConfig::new(1.0, 0.0, 0.0, chance.up_to(50.0) + 1.0)
     };

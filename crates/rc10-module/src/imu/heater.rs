@@ -4,7 +4,7 @@
 //! more than they bear (DM-MC02: 47 ohms, 12 W at 24 V). So the loop asks for a power, and its share of time
 //! follows from the measured voltage. It is off whenever the temperature or the voltage is not known.
 
-use rc10_app::Seconds;
+use rc10_app::{PidConfig, PidState, Seconds};
 
 /// A heater: what is soldered on, and how warm the die shall be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,10 +19,16 @@ pub struct HeaterConfig {
     pub target: f32,
 }
 
-/// W for each degree that is missing, and for each degree and second. A die that is warmed by 3 W to 20 degrees
-/// above the air within minutes follows without overshoot (`tests/heater.rs`).
-const PROPORTIONAL: f32 = 0.4;
-const INTEGRAL: f32 = 0.004;
+/// The loop, in W by °C. A die that is warmed by 3 W to 20 degrees above the air within minutes follows without
+/// overshoot (`tests/heater.rs`): it begins tens of degrees off and the power is bounded, so the integral is drawn back
+/// meanwhile, and the proportional part sees a little less of the setpoint. The sensor counts in eighths of a degree,
+/// hence the filter.
+const LOOP: PidConfig = PidConfig {
+    setpoint_weight: 0.95,
+    derivative_filter: 5.0,
+    tracking: 0.05,
+    ..PidConfig::new(0.4, 0.004, 4.0, f32::INFINITY)
+};
 /// A die outside of these does not exist, °C: the sensor's operating range (BMI088 data sheet, 1).
 const PLAUSIBLE: core::ops::RangeInclusive<f32> = -40.0..=85.0;
 /// Supplies outside of these do not exist, V: below, a heater would not help; above, the board is broken.
@@ -32,15 +38,14 @@ const SUPPLIES: core::ops::RangeInclusive<f32> = 9.0..=30.0;
 #[derive(Clone, Copy, Debug)]
 pub struct Heater {
     config: HeaterConfig,
-    /// W.
-    integral: f32,
+    power: PidState,
 }
 
 impl Heater {
     /// A cold one.
     #[must_use]
     pub const fn new(config: HeaterConfig) -> Self {
-        Self { config, integral: 0.0 }
+        Self { config, power: PidState::new() }
     }
 
     /// The share of time for which to heat from now on, in thousandths. `temperature` is the die's in °C, `supply` the
@@ -50,21 +55,17 @@ impl Heater {
             .filter(|now| PLAUSIBLE.contains(now))
             .zip(supply.filter(|volts| SUPPLIES.contains(volts)));
         let Some((temperature, volts)) = known else {
-            self.integral = 0.0;
+            self.power = PidState::new();
             return 0;
         };
         let HeaterConfig { resistance, most, most_power, target } = self.config;
         let full = volts * volts / resistance;
         let share = f32::from(most) / 1000.0;
         let bound = most_power.min(full * share);
-        let missing = target - temperature;
-        let wanted = PROPORTIONAL * missing + self.integral;
-        // What the heater cannot do is not asked for more and more.
-        let is_bounded = (wanted > bound && missing > 0.0) || (wanted < 0.0 && missing < 0.0);
-        if !is_bounded {
-            self.integral = (self.integral + INTEGRAL * missing * step.get()).clamp(0.0, bound);
-        }
-        let power = wanted.clamp(0.0, bound);
+        // The integral makes up for what the proportional part does not see of the setpoint.
+        let integral_limit = bound + LOOP.kp * (1.0 - LOOP.setpoint_weight) * target;
+        let bounded = PidConfig { output_limit: bound, integral_limit, ..LOOP };
+        let power = self.power.update(&bounded, target, temperature, 0.0, step).max(0.0);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 ..= 1000")]
         let share = (power / full * 1000.0) as u16;
         share.min(most)
