@@ -43,7 +43,7 @@ pub fn imu(world: &mut World, base: Option<&Base>) -> Result<Serial> {
 pub const SCRIPT_LENGTH: Micros = Micros::from_millis(10_000);
 
 /// What hands do, from when on.
-pub const SCRIPT: [Line; 11] = [
+pub const SCRIPT: [Line; 12] = [
     at(0, "switches down", Controls { right_switch: Switch::Down, ..ARMED }),
     at(100, "arm", ARMED),
     at(200, "forward", Controls { left: stick(0.0, 1.0), ..ARMED }),
@@ -51,8 +51,13 @@ pub const SCRIPT: [Line; 11] = [
     at(1800, "spin, arm up", Controls { right: stick(-2.0, 90.0), ..ARMED }),
     at(2600, "flywheel and turret", SHOOTING),
     at(3000, "along the path", Controls { right_switch: Switch::Up, ..SHOOTING }),
-    at(4000, "arm down", Controls { right: stick(0.0, -90.0), ..ALONG }),
-    at(4800, "arm stays", ALONG),
+    at(
+        4000,
+        "arm down",
+        Controls { right: stick(0.0, -90.0), right_switch: Switch::Up, ..SHOOTING },
+    ),
+    at(4400, "arm stays", Controls { dial: 0.5, left_switch: Switch::Up, ..ALONG }),
+    at(7000, "flywheel off, arm and turret home", ALONG),
     at(9200, "by hand: back", Controls { left: stick(0.0, -0.5), ..ARMED }),
     at(9600, "stand", ARMED),
 ];

@@ -131,6 +131,22 @@ fn arm_and_turret_go_where_their_profiles_do() {
 }
 
 #[test]
+fn arm_and_turret_go_home_together() {
+    let run = run(None, 9000);
+    // From when on their profiles are there, ms: the switch is moved at 7000.
+    let arrived = [Name::Arm, Name::Turret].map(|name| {
+        let samples = &run.motors[name.index()].samples;
+        let end = samples[samples.len() - 1];
+        let off = (end.measured + 180.0).rem_euclid(360.0) - 180.0;
+        let moving = samples.iter().rposition(|sample| sample.target != end.target).unwrap();
+        println!("{name:?}: moves until {} ms; at last {off:.2} degrees off", (moving + 1) * 10);
+        assert!(off.abs() < 0.5, "{name:?}: {off}");
+        (moving + 1) * 10
+    });
+    assert!(arrived[0] > 7200 && arrived[0].abs_diff(arrived[1]) <= 10, "{arrived:?}");
+}
+
+#[test]
 fn it_comes_back_to_where_it_began() {
     let (mut far, mut end) = (0.0_f64, [0.0_f64; 2]);
     // Masses of 8 to 20 kg and grips of 70 to 130 %, each with each other's.

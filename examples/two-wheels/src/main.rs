@@ -40,23 +40,30 @@ fn description() -> Description {
 #[cfg(test)]
 mod tests {
     use rc10_cli::simulate::simulate;
+    use rc10_motor::rc10_app::Rpm;
     use rc10_motor::rc10_can::Micros;
 
     use super::*;
+    use crate::robot::BASE;
 
     #[test]
     fn both_wheels_reach_every_speed_of_the_script() {
         let (shared, mut motors) = (Shared::new(), Motors::new());
         let run =
             simulate(ready(&shared, &mut motors).unwrap(), 1, Micros::from_millis(2000)).unwrap();
-        for (millis, speeds) in [(950, [200.0, 200.0]), (1450, [-60.0, 60.0]), (2000, [120.0; 2])] {
-            for (wheel, rpm) in run.motors.iter().zip(speeds) {
+        for (millis, (_, _, twist)) in [950, 1450, 2000].into_iter().zip(SCRIPT) {
+            let speeds = BASE.inverse(twist).unwrap().speeds;
+            for (wheel, rpm) in run.motors.iter().zip(speeds.map(Rpm::get)) {
                 // The motion of the simulated shaft, not the robot's feedback.
                 let real = wheel.samples[millis / 10 - 1].rpm;
-                assert!((real - rpm).abs() < 4.0, "{} at {millis} ms: {real}", wheel.motor.label);
+                assert!(
+                    (real - f64::from(rpm)).abs() < 4.0,
+                    "{} at {millis} ms: {real}",
+                    wheel.motor.label
+                );
             }
         }
-        // 0.9 s forward at 200 rpm, half a second turning, half a second at 120 rpm.
+        // 0.9 s forward at 1.6 m/s, half a second turning, half a second at 0.9 m/s.
         let metres = run.signals[0].last.unwrap();
         assert!((1.3..2.0).contains(&metres), "{metres} m");
         let lost = run.buses[0].last.refused + run.buses[0].last.replaced;

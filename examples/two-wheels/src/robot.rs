@@ -4,7 +4,7 @@ use rc10_message::{Overrun, Statistics, periodic};
 use rc10_motor::Place::Bus;
 use rc10_motor::dji::{Config, Dji, M3508};
 use rc10_motor::embassy::Ports;
-use rc10_motor::rc10_app::{Direction, Rpm};
+use rc10_motor::rc10_app::{Base, Direction, Rpm, Twist};
 use rc10_motor::rc10_can::Micros;
 use rc10_motor::{ArmSwitch, Entry, Link, Names, Target, motors};
 
@@ -24,14 +24,17 @@ motors! {
 }
 
 /// Radius of the wheels, metres.
-pub const WHEEL_RADIUS: f64 = 0.076;
+pub const WHEEL_RADIUS: f32 = 0.076;
 
-/// The script: from when on, the name of the motion, and the speeds of the wheels in rpm.
-pub const SCRIPT: [(Micros, &str, [f32; 2]); 4] = [
-    (Micros::from_millis(100), "forward", [200.0, 200.0]),
-    (Micros::from_millis(1000), "turn left", [-60.0, 60.0]),
-    (Micros::from_millis(1500), "forward again", [120.0, 120.0]),
-    (Micros::from_millis(5000), "stand", [0.0, 0.0]),
+/// The base: its wheels are 400 mm apart, and stay below the 480 rpm that an M3508 reaches unloaded.
+pub const BASE: Base<2> = Base::differential(WHEEL_RADIUS, 0.2, Rpm::new(450.0));
+
+/// The script: from when on, the name of the motion, and the motion: m/s ahead, and rad/s to the left.
+pub const SCRIPT: [(Micros, &str, Twist); 4] = [
+    (Micros::from_millis(100), "forward", Twist::new(1.6, 0.0, 0.0)),
+    (Micros::from_millis(1000), "turn left", Twist::new(0.0, 0.0, 2.4)),
+    (Micros::from_millis(1500), "forward again", Twist::new(0.9, 0.0, 0.0)),
+    (Micros::from_millis(5000), "stand", Twist::STOP),
 ];
 
 /// Everything that its tasks share.
@@ -60,7 +63,7 @@ impl Shared {
                 return None;
             }
             let degrees = status.feedback.total_angle.microdegrees() as f64 * 1e-6;
-            metres += degrees.to_radians() * WHEEL_RADIUS / Name::ALL.len() as f64;
+            metres += degrees.to_radians() * f64::from(WHEEL_RADIUS) / Name::ALL.len() as f64;
         }
         Some(metres)
     }
@@ -72,10 +75,10 @@ pub async fn drive(shared: &Shared) -> ! {
     let _ = shared.switch.arm();
     periodic(Micros::from_millis(10), Overrun::Skip, &shared.timing, async |tick| {
         let line = SCRIPT.iter().rev().find(|(from, ..)| *from <= tick.now);
-        let Some((_, _, [left, right])) = line else { return };
-        for (wheel, rpm) in [(Name::Left, left), (Name::Right, right)] {
-            let target = Target::Speed(Rpm::new(*rpm));
-            if shared.ports.motor(wheel).command(target).is_err() {
+        // A twist that is not finite has no wheel speeds.
+        let Some(Ok(wheels)) = line.map(|(_, _, twist)| BASE.inverse(*twist)) else { return };
+        for (wheel, speed) in [Name::Left, Name::Right].into_iter().zip(wheels.speeds) {
+            if shared.ports.motor(wheel).command(Target::Speed(speed)).is_err() {
                 // A mistake in this program: rather none drives than one alone. The motor's status
                 // counts it by reason.
                 shared.switch.emergency_stop();

@@ -1,11 +1,14 @@
 //! What is on the base: an arm, a turret and a flywheel.
 
+use rc10_app::profile::synchronise;
 use rc10_app::{AngleProfile, ProfileLimits, Rpm, Seconds, TotalAngle};
 use rc10_module::remote::{Remote, Switch};
 use rc10_motor::{Motion, Target};
 
 use crate::Shared;
-use crate::table::{ARM_LIMITS, ARM_RANGE, ARM_RATE, Name, SHOOTING, TURRET_LIMITS, TURRET_RATE};
+use crate::table::{
+    ARM_LIMITS, ARM_RANGE, ARM_RATE, Name, REST, SHOOTING, TURRET_LIMITS, TURRET_RATE,
+};
 
 /// Mechanisms that are driven, while the robot is armed.
 pub struct Mechanisms {
@@ -15,6 +18,10 @@ pub struct Mechanisms {
     /// The arm's newest stick.
     raised: f32,
     turret: AngleProfile,
+    /// The turret's newest dial.
+    dialled: f32,
+    /// The flywheel turns.
+    shoots: bool,
 }
 
 impl Mechanisms {
@@ -24,32 +31,39 @@ impl Mechanisms {
         let angle = |name| shared.motor(name).status().feedback.total_angle;
         let here = angle(Name::Arm);
         // The turns that are counted with it: an arm below the level has nearly turned once.
-        let turn = TotalAngle::TURN.microdegrees();
-        let turns = (here.microdegrees() + turn / 2).div_euclid(turn);
-        let level = TotalAngle::from_microdegrees(turns * turn);
+        let level = whole_turns(here);
         let range = ARM_RANGE.map(|end| level.plus(TotalAngle::from_degrees(end)));
         let mut arm = AngleProfile::at(here);
         let _ = arm.set_target(&ARM_LIMITS, here.clamp(range[0], range[1]), Rpm::ZERO);
         let turret = AngleProfile::at(angle(Name::Turret));
-        Self { arm, range, raised: 0.0, turret }
+        Self { arm, range, raised: 0.0, turret, dialled: 0.0, shoots: false }
     }
 
     /// Drives them for the coming `dt`.
     pub fn step(&mut self, shared: &Shared<'_>, remote: &Remote, dt: Seconds) {
         // A limit is refused only if it is not above zero and finite: then the profile goes on as it was.
-        self.raise(remote.right.y);
-        let _ = self.turret.set_speed(&TURRET_LIMITS, Rpm::new(-remote.dial * TURRET_RATE.get()));
+        self.raise(moved(remote.right.y));
+        self.turn(moved(remote.dial));
+        let shoots = remote.left_switch == Switch::Up;
+        if core::mem::replace(&mut self.shoots, shoots) && !shoots {
+            self.stow();
+        }
         for (name, profile) in [(Name::Arm, &mut self.arm), (Name::Turret, &mut self.turret)] {
             let setpoint = profile.setpoint();
             profile.update(dt);
             let motion = Motion::from(setpoint);
             shared.command(name, Target::Motion(motion));
         }
-        let flywheel = match remote.left_switch {
-            Switch::Up => Target::Speed(SHOOTING),
-            _ => Target::Coast,
-        };
+        let flywheel = if shoots { Target::Speed(SHOOTING) } else { Target::Coast };
         shared.command(Name::Flywheel, flywheel);
+    }
+
+    /// The arm to its bottom and the turret ahead, so that both arrive together.
+    fn stow(&mut self) {
+        let ahead = whole_turns(self.turret.setpoint().angle);
+        let _ = self.arm.set_target(&ARM_LIMITS, self.range[0], Rpm::ZERO);
+        let _ = self.turret.set_target(&TURRET_LIMITS, ahead, Rpm::ZERO);
+        synchronise(&mut [self.arm.as_mut(), self.turret.as_mut()]);
     }
 
     /// Away, the stick raises the arm: to the top, as fast as it is moved.
@@ -64,4 +78,24 @@ impl Mechanisms {
             };
         }
     }
+
+    /// Moved, the dial turns the turret.
+    fn turn(&mut self, dial: f32) {
+        if (dial - self.dialled).abs() > 0.0 {
+            self.dialled = dial;
+            let _ = self.turret.set_speed(&TURRET_LIMITS, Rpm::new(-dial * TURRET_RATE.get()));
+        }
+    }
+}
+
+/// A stick that is let go does not stand still at zero.
+fn moved(stick: f32) -> f32 {
+    if stick.abs() < REST { 0.0 } else { stick }
+}
+
+/// The nearest whole number of turns.
+fn whole_turns(angle: TotalAngle) -> TotalAngle {
+    let turn = TotalAngle::TURN.microdegrees();
+    let turns = (angle.microdegrees() + turn / 2).div_euclid(turn);
+    TotalAngle::from_microdegrees(turns * turn)
 }

@@ -139,6 +139,8 @@ pub const FOLLOWER: FollowerConfig = FollowerConfig::DEFAULT;
 pub const PATIENCE: Seconds = Seconds::new(1.5);
 /// A stick that is moved farther than this share takes over.
 pub const TAKES_OVER: f32 = 0.1;
+/// One that is out by less is let go.
+pub const REST: f32 = 0.02;
 
 /// Speed of the arm with the stick at its end: 90 degrees per second.
 pub const ARM_RATE: Rpm = Rpm::new(15.0);

@@ -3,7 +3,7 @@
 //! | control | the robot |
 //! |---|---|
 //! | right switch | down: disarmed; middle: armed, by hand; up: along its path, once |
-//! | left switch | up: the flywheel turns; middle: it coasts; down: emergency stop |
+//! | left switch | up: the flywheel turns; back to the middle: it coasts, arm and turret go home together; down: emergency stop |
 //! | left stick | moves the base, and takes over from the path |
 //! | right stick | to the side: turns the base, and takes over; away: raises the arm |
 //! | dial | turns the turret |
