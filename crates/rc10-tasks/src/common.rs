@@ -12,6 +12,7 @@ use rc10_module::remote::{Remote, RemoteLink};
 use rc10_motor::embassy::{MotorPort, Ports};
 use rc10_motor::{ArmSwitch, Names, Target, TargetError};
 
+use crate::Arming;
 use crate::status::RobotStatus;
 use crate::supply::Supply;
 
@@ -122,6 +123,15 @@ impl<'p, N: Names, const BUSES: usize, const LINES: usize> Common<'p, N, BUSES, 
             supply: Latest::new(),
             settled: Latest::new(),
         }
+    }
+
+    /// Lets the remote arm, disarm and stop the robot, at least every 20 ms, and tells the status how well
+    /// it is heard. The remote, if the robot is armed and is to do what its sticks say.
+    pub fn obey(&self, arming: &mut Arming) -> Option<Remote> {
+        let now = rc10_message::now();
+        let obeyed = arming.step(self.remote.read(), &self.switch, now);
+        self.remote_link.set(arming.link(), now);
+        obeyed
     }
 
     /// The port of a motor.

@@ -82,12 +82,10 @@ pub async fn run(shared: &Shared<'_>) -> ! {
     let mut ticker = Ticker::every(Duration::from_millis(10));
     loop {
         ticker.next().await;
-        let now = rc10_message::now();
-        let obeyed = arming.step(shared.remote.read(), &shared.switch, now);
-        shared.remote_link.set(arming.link(), now);
-        if obeyed.is_none() {
+        if shared.obey(&mut arming).is_none() {
             continue;
         }
+        let now = rc10_message::now();
         let begun = SCRIPT.iter().filter(|(at, ..)| Micros::from_millis((*at).into()) <= now);
         for name in Name::ALL {
             let mut said = begun.clone().flat_map(|(_, _, targets)| targets.iter());

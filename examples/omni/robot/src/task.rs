@@ -36,8 +36,7 @@ pub async fn run(shared: &Shared<'_>) -> ! {
         let dt = Seconds::from_micros(now.since(last).get());
         last = now;
         let was_armed = shared.switch.state() == ArmState::Armed;
-        let obeyed = arming.step(shared.remote.read(), &shared.switch, now);
-        shared.remote_link.set(arming.link(), now);
+        let obeyed = shared.obey(&mut arming);
         let pose = navigation.step(shared, was_armed, dt);
         if !was_armed {
             driven = None;

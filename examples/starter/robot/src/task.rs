@@ -29,12 +29,9 @@ pub async fn run(shared: &Shared<'_>) -> ! {
     let mut ticker = Ticker::every(Duration::from_millis(PERIOD));
     loop {
         ticker.next().await;
-        let now = rc10_message::now();
         let before = shared.switch.state();
-        let obeyed = arming.step(shared.remote.read(), &shared.switch, now);
-        shared.remote_link.set(arming.link(), now);
         // Without a remote no motor is commanded: 50 ms later each is safe.
-        let Some(remote) = obeyed else { continue };
+        let Some(remote) = shared.obey(&mut arming) else { continue };
         if before != ArmState::Armed {
             // It may be rolling: the wheels begin with the speeds that they have.
             let speed = |name| shared.motor(name).status().feedback.speed;

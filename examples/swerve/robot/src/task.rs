@@ -57,12 +57,9 @@ pub async fn run(shared: &Shared<'_>) -> ! {
         if DRIVES.into_iter().chain(STEERS).all(|name| is_heard(shared, name)) {
             count(&mut odometry, &motion, shared);
         }
-        let now = rc10_message::now();
         let before = shared.switch.state();
-        let obeyed = arming.step(shared.remote.read(), &shared.switch, now);
-        shared.remote_link.set(arming.link(), now);
         // Without a remote no motor is commanded: 50 ms later each is safe.
-        let Some(remote) = obeyed else { continue };
+        let Some(remote) = shared.obey(&mut arming) else { continue };
         if before != ArmState::Armed {
             drive = None;
         }
